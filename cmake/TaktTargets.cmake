@@ -1,0 +1,67 @@
+# How every target of the project is compiled: one place for language, warnings, determinism and sanitizers.
+
+set(CMAKE_CXX_STANDARD 23)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)
+
+set(TAKT_SANITIZE "" CACHE STRING "Sanitizers for every target: empty, \"address,undefined\" or \"thread\"")
+
+find_program(TAKT_CCACHE ccache)
+if(TAKT_CCACHE)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${TAKT_CCACHE})
+endif()
+
+add_library(takt_options INTERFACE)
+target_include_directories(takt_options INTERFACE ${CMAKE_SOURCE_DIR} ${CMAKE_BINARY_DIR}/generated)
+target_compile_options(takt_options INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wnon-virtual-dtor -Wold-style-cast
+  -Wcast-align -Woverloaded-virtual -Wformat=2 -Wimplicit-fallthrough -Wswitch-enum -Werror
+  # Replay promises equal bits: no contraction into fused multiply-add, no value-changing optimisation.
+  -ffp-contract=off -fno-fast-math)
+if(TAKT_SANITIZE)
+  # Instrumented code makes g++ see uninitialised values in <regex> and <functional> that are none.
+  target_compile_options(takt_options INTERFACE -fsanitize=${TAKT_SANITIZE} -fno-omit-frame-pointer
+    -fno-sanitize-recover=all $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
+  target_link_options(takt_options INTERFACE -fsanitize=${TAKT_SANITIZE})
+endif()
+
+# takt_library(NAME SOURCES... DEPENDS...) ; without sources it is header-only.
+function(takt_library name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS;PRIVATE_DEPENDS" ${ARGN})
+  if(ARG_SOURCES)
+    add_library(${name} STATIC ${ARG_SOURCES})
+    set_target_properties(${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+    target_link_libraries(${name} PUBLIC takt_options ${ARG_DEPENDS} PRIVATE ${ARG_PRIVATE_DEPENDS})
+  else()
+    add_library(${name} INTERFACE)
+    target_link_libraries(${name} INTERFACE takt_options ${ARG_DEPENDS})
+  endif()
+endfunction()
+
+function(takt_program name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE takt_options ${ARG_DEPENDS})
+  install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+endfunction()
+
+# takt_test(NAME SOURCES... DEPENDS... LABELS...): one GoogleTest program, one CTest entry.
+# Labels: `tsan` tests also run under ThreadSanitizer; `process` tests start real processes.
+function(takt_test name)
+  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;DEPENDS;LABELS" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE takt_options ${ARG_DEPENDS} GTest::gtest GTest::gtest_main)
+  add_test(NAME ${name} COMMAND ${name} WORKING_DIRECTORY ${CMAKE_SOURCE_DIR})
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 120)
+  endif()
+  if(TAKT_SANITIZE AND "process" IN_LIST ARG_LABELS)
+    set_target_properties(${name} PROPERTIES EXCLUDE_FROM_ALL ON)
+  endif()
+  if("tsan" IN_LIST ARG_LABELS)
+    set_property(GLOBAL APPEND PROPERTY TAKT_TSAN_TESTS ${name})
+  endif()
+  set_tests_properties(${name} PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT ${ARG_TIMEOUT})
+endfunction()
