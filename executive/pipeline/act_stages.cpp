@@ -1,0 +1,169 @@
+// constrain, stabilise, clamp_output, publish, record: from what is asked to what leaves.
+#include <algorithm>
+#include <array>
+
+#include "executive/pipeline/envelope.hpp"
+#include "executive/pipeline/gravity_model.hpp"
+#include "executive/pipeline/mode_machine.hpp"
+#include "executive/pipeline/reference_limits.hpp"
+#include "executive/pipeline/stabiliser.hpp"
+#include "executive/pipeline/stages.hpp"
+
+namespace takt::pipeline {
+namespace {
+
+ReferenceStep next_reference(const JointState& joint, const JointTarget& target, float q_measured, Reference how,
+                             const JointLimits& limits, double dt) {
+  const ReferenceState& from = joint.reference;
+  switch (how) {
+    case Reference::follow_measured:
+      return {{static_cast<double>(std::clamp(q_measured, limits.q_min, limits.q_max)), 0.0}, 0};
+    case Reference::brake:
+      return step_braking(from, limits, dt);
+    case Reference::follow_target:
+      return step_towards(from, target.q, target.dq, target.speed, limits, dt);
+  }
+  return {from, 0};
+}
+
+void add_gravity(const GravityModel& model, const TickConfig& config, TickRecord& record) {
+  std::array<float, kMaxJoints> q, torques;
+  for (std::size_t j = 0; j < config.joint_count; ++j) q[j] = record.joints[j].q_estimate;
+  model.torques(q, torques);
+  for (std::size_t j = 0; j < config.joint_count; ++j) record.joints[j].tau_gravity = torques[j];
+}
+
+// Our own arithmetic failed: nothing leaves, and references restart from what is measured.
+void stop_for_internal_error(TickState& state, const TickConfig& config, TickOutput& output) {
+  TickRecordHeader& header = output.record.header;
+  header.causes_active |= bit(Cause::internal_error);
+  const Transition transition = decide(state.mode.mode, bit(Cause::internal_error));
+  if (transition.cause != Cause::none) {
+    enter(state, transition.to, header.now, config.freshness);
+    header.mode = transition.to;
+    header.cause = transition.cause;
+  }
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    output.setpoints[j] = {};
+    output.record.joints[j].tau_total = 0.0F;
+    state.joints[j].reference = {};
+  }
+}
+
+}  // namespace
+
+void constrain(TickState& state, const Choice& choice, std::span<const JointTarget> targets, const TickConfig& config,
+               TickRecord& record) {
+  const double dt = config.period.seconds();
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    JointState& joint = state.joints[j];
+    JointRecord& out = record.joints[j];
+    const ReferenceStep step =
+        next_reference(joint, targets[j], out.q_estimate, choice.reference, config.joints[j].limits, dt);
+    joint.reference = step.next;
+    out.q_reference = static_cast<float>(step.next.q);
+    out.dq_reference = static_cast<float>(step.next.dq);
+    out.interventions = step.interventions;
+  }
+}
+
+void stabilise(const TickState& state, const Choice& choice, std::span<const JointTarget> targets,
+               const TickConfig& config, TickOutput& output) {
+  if (config.gravity_compensation) add_gravity(state.gravity, config, output.record);
+  const float dt = period_seconds(config);
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    JointRecord& joint = output.record.joints[j];
+    if (choice.limp) {
+      output.setpoints[j] = {joint.q_reference, 0.0F, 0.0F, 0.0F, 0.0F};
+      continue;
+    }
+    const StabiliserOutput stable = stabilise_joint({{joint.q_reference, joint.dq_reference},
+                                                     {joint.q_estimate, joint.dq_estimate},
+                                                     targets[j].kp,
+                                                     targets[j].kd,
+                                                     targets[j].tau_ff,
+                                                     choice.gravity ? joint.tau_gravity : 0.0F,
+                                                     state.joints[j].tau_last,
+                                                     choice.barriers},
+                                                    config.joints[j], dt);
+    output.setpoints[j] = stable.setpoint;
+    joint.interventions = static_cast<InterventionMask>(joint.interventions | stable.interventions);
+  }
+}
+
+void clamp_output(TickState& state, const TickConfig& config, TickOutput& output) {
+  bool finite = true;
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    JointRecord& joint = output.record.joints[j];
+    switch (clamp_to_envelope(output.setpoints[j], joint.tau_total, joint.q_estimate, joint.dq_estimate,
+                              config.joints[j].limits)) {
+      case EnvelopeVerdict::inside:
+        break;
+      case EnvelopeVerdict::clamped:
+        joint.interventions = static_cast<InterventionMask>(joint.interventions | bit(Intervention::envelope_clamp));
+        break;
+      case EnvelopeVerdict::not_finite:
+        joint.interventions = static_cast<InterventionMask>(joint.interventions | bit(Intervention::envelope_clamp));
+        finite = false;
+        break;
+    }
+  }
+  if (!finite) stop_for_internal_error(state, config, output);
+}
+
+void publish(TickState& state, const TickConfig& config, TickOutput& output) {
+  TickRecordHeader& header = output.record.header;
+  output.observation_due = false;
+  const std::uint64_t ordinal = header.tick / std::max<std::uint32_t>(config.observation_every_ticks, 1);
+  if (ordinal < state.counters.next_observation_ordinal) return;
+  MonoTime oldest = header.now;
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    const MonoTime sampled_at = state.joints[j].observer.sampled_at;
+    if (!sampled_at.is_set()) return;  // a joint that never replied: there is nothing to observe yet
+    oldest = std::min(oldest, sampled_at);
+  }
+  state.counters.next_observation_ordinal = ordinal + 1;
+  Observation& observation = output.observation;
+  observation.id = header.observation_published = state.memory.remember(oldest, header.now);
+  observation.tick = header.tick;
+  observation.oldest_sensed_at = oldest;
+  observation.published_at = header.now;
+  observation.period = config.period * std::max<std::uint32_t>(config.observation_every_ticks, 1);
+  observation.joint_count = config.joint_count;
+  observation.mode = static_cast<std::uint8_t>(state.mode.mode);
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    const JointRecord& joint = output.record.joints[j];
+    observation.q[j] = joint.q_estimate;
+    observation.dq[j] = joint.dq_estimate;
+    observation.tau[j] = joint.feedback.tau;
+    observation.q_setpoint[j] = output.setpoints[j].q;
+  }
+  output.observation_due = true;
+}
+
+void record(TickState& state, const Choice& choice, const TickConfig& config, TickOutput& output) {
+  TickRecordHeader& header = output.record.header;
+  if (header.freshness != Freshness::missing) header.age = state.command.age_parts(header.now);
+  header.command_sequence = state.command.sequence;
+  header.observation_answered = state.command.observation_id;
+  header.window_misses = state.misses.count();
+  header.window_ticks = state.misses.seen();
+  header.integration_errors = state.counters.integration_errors;
+  header.refused_commands = state.counters.refused_commands;
+  header.chunk_step = choice.step;
+  output.drives_enabled = state.mode.mode != Mode::standby;
+  header.drives_enabled = output.drives_enabled ? 1 : 0;
+  output.command_budget = choice.playing ? config.freshness.max_age - header.age.total() : Duration{};
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    JointRecord& joint = output.record.joints[j];
+    const JointSetpoint& setpoint = output.setpoints[j];
+    joint.q_command = setpoint.q;
+    joint.dq_command = setpoint.dq;
+    joint.kp_command = setpoint.kp;
+    joint.kd_command = setpoint.kd;
+    joint.tau_command = setpoint.tau;
+    state.joints[j].tau_last = joint.tau_total;
+  }
+}
+
+}  // namespace takt::pipeline

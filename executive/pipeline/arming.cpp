@@ -1,0 +1,74 @@
+// arming_blockers: the one list behind the operator's arm request, the `takt arm` refusal and `takt status`.
+#include <cmath>
+
+#include "executive/pipeline/control_tick.hpp"
+#include "executive/pipeline/freshness.hpp"
+#include "executive/pipeline/mode_machine.hpp"
+#include "executive/pipeline/velocity_observer.hpp"
+
+namespace takt::pipeline {
+namespace {
+
+class BlockerList {
+ public:
+  explicit BlockerList(std::span<ArmingBlocker> out) : out_(out) {}
+  void add_if(bool blocked, std::string_view what, std::int32_t joint = -1) {
+    if (blocked && count_ < out_.size()) out_[count_++] = {what, joint};
+  }
+  [[nodiscard]] std::size_t count() const { return count_; }
+
+ private:
+  std::span<ArmingBlocker> out_;
+  std::size_t count_ = 0;
+};
+
+std::string_view mode_blocker(Mode mode) {
+  switch (mode) {
+    case Mode::standby:
+      return {};
+    case Mode::arming:
+    case Mode::tracking:
+    case Mode::degraded:
+      return "already armed";
+    case Mode::damped_stop:
+      return "in a damped stop: reset first, once the robot rests";
+    case Mode::fault_latched:
+      return "a fault is latched: clear it and reset first";
+  }
+  return "in an invalid mode";
+}
+
+void list_joint(const JointRecord& joint, std::int32_t index, MonoTime now, const TickConfig& config,
+                BlockerList& list) {
+  const JointFeedback& feedback = joint.feedback;
+  const bool missing =
+      !feedback.received_at.is_set() || now - feedback.received_at > config.feedback_timeout || !is_plausible(feedback);
+  list.add_if(missing, "no recent feedback from the drive", index);
+  if (missing) return;
+  const JointLimits& limits = config.joints[static_cast<std::size_t>(index)].limits;
+  list.add_if(feedback.drive_state == DriveState::fault || feedback.error_code != 0, "the drive reports a fault",
+              index);
+  list.add_if(feedback.q < limits.q_min - limits.q_hard_margin || feedback.q > limits.q_max + limits.q_hard_margin,
+              "outside its position limits: move it by hand", index);
+  list.add_if(std::abs(joint.dq_estimate) > limits.velocity, "moving too fast", index);
+}
+
+}  // namespace
+
+std::size_t arming_blockers(const TickRecord& latest, const TickConfig& config, std::span<ArmingBlocker> out) noexcept {
+  const TickRecordHeader& header = latest.header;
+  BlockerList list(out);
+  const std::string_view mode = mode_blocker(header.mode);
+  list.add_if(!mode.empty(), mode);
+  list.add_if(!is_usable(header.freshness), "no fresh command: is the policy host running?");
+  list.add_if((header.causes_active & bit(Cause::bad_commands)) != 0, "commands are being refused");
+  list.add_if((header.causes_active & bit(Cause::overrun)) != 0, "the control loop overruns its period");
+  list.add_if((header.causes_active & bit(Cause::internal_error)) != 0, "internal error");
+  list.add_if((header.causes_active & bit(Cause::bus_off)) != 0, "a CAN bus is off");
+  list.add_if((header.causes_active & bit(Cause::bus_down)) != 0, "a CAN interface is down");
+  for (std::size_t j = 0; j < header.joint_count && j < config.joint_count; ++j)
+    list_joint(latest.joints[j], static_cast<std::int32_t>(j), header.now, config, list);
+  return list.count();
+}
+
+}  // namespace takt::pipeline

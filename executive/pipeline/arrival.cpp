@@ -1,0 +1,124 @@
+#include "executive/pipeline/arrival.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+
+namespace takt::pipeline {
+namespace {
+
+bool is_well_shaped(const CommandChunk& chunk, std::size_t bytes, const TickConfig& config) {
+  if (bytes < sizeof(CommandHeader) || bytes > sizeof(CommandChunk)) return false;
+  const CommandHeader& header = chunk.header;
+  if (header.step_count < 1 || header.step_count > kMaxChunkSteps) return false;
+  if (header.joint_count != config.joint_count) return false;
+  if ((header.fields & static_cast<unsigned>(CommandField::q)) == 0 || header.fields > kAllCommandFields) return false;
+  if (!std::all_of(std::begin(header.reserved), std::end(header.reserved), [](std::uint8_t b) { return b == 0; }))
+    return false;
+  if (header.step_period <= Duration{0} || header.step_period > kLongestStepPeriod) return false;
+  return bytes == chunk.used_bytes();
+}
+
+Arrival judge_observation(ObservationMemory::Recall recall) {
+  switch (recall) {
+    case ObservationMemory::Recall::known:
+      return Arrival::accepted;
+    case ObservationMemory::Recall::never_published:
+      return Arrival::unknown_observation;
+    case ObservationMemory::Recall::not_yet_published:
+      return Arrival::future_observation;
+    case ObservationMemory::Recall::forgotten:
+      return Arrival::expired_observation;
+  }
+  return Arrival::unknown_observation;
+}
+
+// A tick's instant is its wake-up, and the mailbox is read somewhat later: a prompt policy may have published in
+// between. More than a period ahead is a lie.
+bool claims_the_future(const CommandHeader& header, MonoTime now, Duration period) {
+  return std::max({header.outside_sensed_at, header.dequeued_at, header.infer_started_at, header.infer_ended_at,
+                   header.published_at}) > now + period;
+}
+
+bool runs_backwards(const CommandHeader& header, MonoTime observed_at) {
+  return header.dequeued_at < observed_at || header.infer_started_at < header.dequeued_at ||
+         header.infer_ended_at < header.infer_started_at || header.published_at < header.infer_ended_at;
+}
+
+bool all_finite(std::span<const float> values) {
+  return std::all_of(values.begin(), values.end(), [](float value) { return std::isfinite(value); });
+}
+
+struct Range {
+  float low, high;
+};
+
+Range tolerated(CommandField field, const JointLimits& limits) {
+  switch (field) {
+    case CommandField::q:
+      return {limits.q_min - limits.q_hard_margin, limits.q_max + limits.q_hard_margin};
+    case CommandField::dq:
+      return {-limits.velocity_hard, limits.velocity_hard};
+    case CommandField::kp:
+      return {0.0F, kGainTolerance * limits.kp_max};
+    case CommandField::kd:
+      return {0.0F, kGainTolerance * limits.kd_max};
+    case CommandField::tau_ff:
+      return {-limits.torque, limits.torque};
+  }
+  return {0.0F, 0.0F};
+}
+
+bool all_in_range(const CommandChunk& chunk, const TickConfig& config) {
+  const CommandHeader& header = chunk.header;
+  for (unsigned bit = 0; bit < kCommandFieldCount; ++bit) {
+    if ((header.fields >> bit & 1U) == 0) continue;
+    const auto field = static_cast<CommandField>(1U << bit);
+    const std::size_t stride = field_count(header.fields) * header.joint_count;
+    for (std::size_t joint = 0; joint < header.joint_count; ++joint) {
+      const Range range = tolerated(field, config.joints[joint].limits);
+      const float* value = chunk.values + value_index(header, field, 0, joint);
+      for (std::size_t step = 0; step < header.step_count; ++step, value += stride)
+        if (*value < range.low || *value > range.high) return false;
+    }
+  }
+  return true;
+}
+
+CommandInUse believed(const CommandHeader& header, const RememberedObservation& observation, MonoTime now) {
+  CommandInUse command;
+  command.sequence = header.sequence;
+  command.observation_id = observation.id;
+  command.sensed_at = observation.oldest_sensed_at;
+  if (header.outside_sensed_at.is_set()) command.sensed_at = std::min(command.sensed_at, header.outside_sensed_at);
+  command.observed_at = observation.published_at;
+  command.infer_started_at = std::clamp(header.infer_started_at, command.observed_at, now);
+  command.infer_ended_at = std::clamp(header.infer_ended_at, command.infer_started_at, now);
+  command.first_used_at = now;
+  return command;
+}
+
+}  // namespace
+
+ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoTime now, std::uint64_t last_sequence,
+                             const ObservationMemory& memory, const TickConfig& config) {
+  const auto refused = [](Arrival why, bool backwards = false) { return ArrivalVerdict{why, backwards, {}}; };
+  if (!is_well_shaped(chunk, bytes, config)) return refused(Arrival::wrong_shape);
+  const CommandHeader& header = chunk.header;
+  if (config.policy_hash != 0 && header.policy_hash != config.policy_hash) return refused(Arrival::wrong_policy);
+  if (header.sequence <= last_sequence) return refused(Arrival::repeated_sequence);
+  RememberedObservation observation;
+  if (const Arrival known = judge_observation(memory.recall(header.observation_id, observation));
+      known != Arrival::accepted)
+    return refused(known);
+  if (claims_the_future(header, now, config.period)) return refused(Arrival::future_observation);
+  const bool backwards = runs_backwards(header, observation.published_at);
+  if (!all_finite({chunk.values, chunk.value_count()})) return refused(Arrival::not_finite, backwards);
+  if (!all_in_range(chunk, config)) return refused(Arrival::out_of_range, backwards);
+  const CommandInUse command = believed(header, observation, now);
+  // Compared as instants: a claimed stamp may be so far back that its age would overflow.
+  if (command.sensed_at < now - config.freshness.max_age) return refused(Arrival::expired_observation, backwards);
+  return {Arrival::accepted, backwards, command};
+}
+
+}  // namespace takt::pipeline

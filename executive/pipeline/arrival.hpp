@@ -1,0 +1,40 @@
+// Judges one message from a policy, in a fixed order; the first failing check names the refusal:
+//
+//  1 wrong_shape          byte count, step and joint counts, field mask, reserved bytes, step period (0, 10 s]
+//  2 wrong_policy         hash differs from the configured one (0 accepts any)
+//  3 repeated_sequence    not greater than the last accepted one of this policy session
+//  4 unknown_observation  id 0; future_observation: an id not published yet; expired_observation: a forgotten one
+//  5 future_observation   any stamp later than now
+//  6 not_finite           NaN or infinity among the values
+//  7 out_of_range         q outside the limits by more than the hard margin, |dq| above the hard velocity, kp or kd
+//                         negative or above kGainTolerance times its maximum, |tau_ff| above the torque limit
+//  8 expired_observation  older than max_age on arrival
+//
+// Stamps that run backwards are clamped and counted, not refused: they spoil the decomposition, never the total.
+// An outside sensor's stamp can only make the command older. Pure; reads values only after the shape was found sound.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "executive/contract/command_chunk.hpp"
+#include "executive/contract/verdict.hpp"
+#include "executive/pipeline/command_in_use.hpp"
+#include "executive/pipeline/observation_memory.hpp"
+#include "executive/pipeline/tick_config.hpp"
+
+namespace takt::pipeline {
+
+inline constexpr float kGainTolerance = 2.0F;  // up to it a gain is clamped (gain_limit) rather than refused
+inline constexpr Duration kLongestStepPeriod = seconds(10);
+
+struct ArrivalVerdict {
+  Arrival arrival = Arrival::none;
+  bool stamps_ran_backwards = false;
+  CommandInUse command;  // meaningful when accepted
+};
+
+ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoTime now, std::uint64_t last_sequence,
+                             const ObservationMemory& memory, const TickConfig& config);
+
+}  // namespace takt::pipeline

@@ -1,0 +1,99 @@
+#include "executive/pipeline/causes.hpp"
+
+#include <array>
+#include <cmath>
+
+namespace takt::pipeline {
+namespace {
+
+constexpr CauseMask when(bool holds, Cause cause) {
+  return holds ? bit(cause) : 0;
+}
+
+bool is_outside_hard_envelope(const JointRecord& joint, const JointLimits& limits) {
+  const float q = joint.feedback.q;
+  return q < limits.q_min - limits.q_hard_margin || q > limits.q_max + limits.q_hard_margin ||
+         std::abs(joint.dq_estimate) > limits.velocity_hard;
+}
+
+struct DriveSummary {
+  bool any_lost = false, any_fault = false, any_disabled = false, any_outside = false, all_enabled = true;
+};
+
+DriveSummary summarise(const TickState& state, const TickRecord& record, const TickConfig& config) {
+  DriveSummary sum;
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    const JointRecord& joint = record.joints[j];
+    const MonoTime sampled_at = state.joints[j].observer.sampled_at;
+    const bool seen = sampled_at.is_set();
+    sum.any_lost |= !seen || record.header.now - sampled_at > config.feedback_timeout;
+    sum.any_fault |= joint.feedback.drive_state == DriveState::fault || joint.feedback.error_code != 0;
+    sum.any_disabled |= joint.feedback.drive_state == DriveState::disabled;
+    sum.all_enabled &= joint.feedback.drive_state == DriveState::enabled;
+    sum.any_outside |= seen && is_outside_hard_envelope(joint, config.joints[j].limits);
+  }
+  return sum;
+}
+
+CauseMask of_buses(const TickRecord& record) {
+  CauseMask active = 0;
+  for (std::size_t b = 0; b < record.header.bus_count; ++b) {
+    active |= when(record.header.buses[b].state == BusState::bus_off, Cause::bus_off);
+    active |= when(record.header.buses[b].state == BusState::down, Cause::bus_down);
+  }
+  return active;
+}
+
+CauseMask of_drives(const TickState& state, const TickRecord& record, const TickConfig& config) {
+  const DriveSummary sum = summarise(state, record, config);
+  const bool arming = state.mode.mode == Mode::arming;
+  // Tracking begins with a usable command only; until then arming waits, within enable_timeout.
+  const bool ready = sum.all_enabled && is_usable(record.header.freshness);
+  return when(sum.any_lost, Cause::feedback_lost) | when(sum.any_fault, Cause::drive_fault) |
+         when(sum.any_disabled && state.mode.drives_enabled != 0, Cause::drive_disabled) |
+         when(sum.any_outside, Cause::envelope_exceeded) | when(arming && ready, Cause::drives_enabled) |
+         when(arming && !ready && record.header.now - state.mode.armed_at > config.enable_timeout,
+              Cause::enable_timeout);
+}
+
+CauseMask of_commands(const TickState& state, MonoTime now, const FreshnessContract& contract) {
+  CauseMask active = when(state.refusals.count() > contract.bad_command_limit, Cause::bad_commands);
+  const Mode mode = state.mode.mode;
+  const bool counting = mode == Mode::tracking || mode == Mode::degraded;
+  if (!counting && mode != Mode::arming) return active;
+  active |= when(is_command_lost(state.recovery, now, contract), Cause::command_lost);
+  active |= when(counting && is_violated(state.misses.count(), contract), Cause::contract_violated);
+  return active | when(mode == Mode::degraded && is_restored(state.recovery, now, contract), Cause::contract_restored);
+}
+
+}  // namespace
+
+CauseMask conditions(const TickState& state, const TickRecord& record, const TickConfig& config) {
+  const bool late = config.overrun_limit != 0 && state.mode.consecutive_late >= config.overrun_limit;
+  return of_buses(record) | of_drives(state, record, config) | of_commands(state, record.header.now, config.freshness) |
+         when(late, Cause::overrun);
+}
+
+CauseMask granted_request(const TickState& state, const TickRecord& record, CauseMask active,
+                          const TickConfig& config) {
+  switch (record.header.operator_request) {
+    case OperatorRequest::none:
+      return 0;
+    case OperatorRequest::arm: {
+      std::array<ArmingBlocker, 1> first;
+      return when(arming_blockers(record, config, first) == 0, Cause::operator_arm);
+    }
+    case OperatorRequest::stop:
+      return bit(Cause::operator_stop);
+    case OperatorRequest::reset: {
+      const bool at_rest = state.mode.mode == Mode::damped_stop && state.mode.resting != 0;
+      const bool fault_gone = state.mode.mode == Mode::fault_latched && (active & kLastingFaults) == 0;
+      return when(at_rest || fault_gone, Cause::operator_reset);
+    }
+    case OperatorRequest::shutdown:
+      return bit(Cause::shutdown);
+  }
+  return 0;
+}
+
+}  // namespace takt::pipeline

@@ -1,0 +1,20 @@
+// Which causes hold in this tick, as bits: measured conditions, timers, and the operator's requests where granted.
+// Conditions of drives, buses and feedback hold in every mode (in standby they block arming); the others only where
+// they can mean something. Reads this tick's record as far as it is filled in (inputs, estimates, freshness).
+#pragma once
+
+#include "executive/contract/tick_record.hpp"
+#include "executive/pipeline/mode_machine.hpp"
+#include "executive/pipeline/tick_config.hpp"
+#include "executive/pipeline/tick_state.hpp"
+
+namespace takt::pipeline {
+
+// Operator requests aside.
+CauseMask conditions(const TickState& state, const TickRecord& record, const TickConfig& config);
+
+// The cause of the operator's request if it is granted, else 0. Arming: from standby with no blocker. Reset: from a
+// damped stop at rest, or from a latched fault none of whose lasting conditions is among `active`.
+CauseMask granted_request(const TickState& state, const TickRecord& record, CauseMask active, const TickConfig& config);
+
+}  // namespace takt::pipeline

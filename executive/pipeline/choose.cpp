@@ -1,0 +1,75 @@
+#include "executive/pipeline/choose.hpp"
+
+namespace takt::pipeline {
+namespace {
+
+// Gains and speed that apply unless the chunk says otherwise. q stays at the reference: no motion asked for.
+void default_targets(const TickState& state, const TickConfig& config, bool damping_only,
+                     std::span<JointTarget> targets) {
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    const JointConfig& joint = config.joints[j];
+    targets[j] = {static_cast<float>(state.joints[j].reference.q), 0.0F, damping_only ? 0.0F : joint.kp,
+                  damping_only ? joint.damping : joint.kd,         0.0F, joint.limits.velocity};
+  }
+}
+
+void scale_speed(float scale, const TickConfig& config, std::span<JointTarget> targets) {
+  for (std::size_t j = 0; j < config.joint_count; ++j) targets[j].speed *= scale;
+}
+
+Choice play_or_brake(const TickState& state, Freshness freshness, MonoTime now, const TickConfig& config,
+                     std::span<JointTarget> targets) {
+  Choice choice{Reference::brake, false, true, true, false, 0};
+  if (!is_usable(freshness)) return choice;
+  choice.step = play(state.chunk, state.command.observed_at, now, config, targets);
+  choice.reference = Reference::follow_target;
+  choice.playing = true;
+  return choice;
+}
+
+Choice go_to_fallback(const TickConfig& config, std::span<JointTarget> targets) {
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    targets[j].q = config.joints[j].fallback_pose;
+    targets[j].speed = config.joints[j].fallback_speed;
+  }
+  return {Reference::follow_target, false, true, true, false, 0};
+}
+
+Choice choose_degraded(const TickState& state, Freshness freshness, MonoTime now, const TickConfig& config,
+                       std::span<JointTarget> targets) {
+  switch (config.degraded) {
+    case DegradedBehaviour::hold:
+      return {Reference::brake, false, true, true, false, 0};
+    case DegradedBehaviour::slow:
+      scale_speed(config.degraded_speed_scale, config, targets);
+      return play_or_brake(state, freshness, now, config, targets);
+    case DegradedBehaviour::fallback:
+      return go_to_fallback(config, targets);
+  }
+  return {Reference::brake, false, true, true, false, 0};
+}
+
+}  // namespace
+
+Choice choose(const TickState& state, Freshness freshness, MonoTime now, const TickConfig& config,
+              std::span<JointTarget> targets) {
+  const Mode mode = state.mode.mode;
+  const bool resting = state.mode.resting != 0;
+  default_targets(state, config, mode == Mode::fault_latched || (mode == Mode::damped_stop && !resting), targets);
+  switch (mode) {
+    case Mode::standby:
+    case Mode::arming:
+      return {};
+    case Mode::tracking:
+      return play_or_brake(state, freshness, now, config, targets);
+    case Mode::degraded:
+      return choose_degraded(state, freshness, now, config, targets);
+    case Mode::damped_stop:
+      return {resting ? Reference::brake : Reference::follow_measured, false, true, true, false, 0};
+    case Mode::fault_latched:
+      return {Reference::follow_measured, false, false, false, false, 0};
+  }
+  return {};
+}
+
+}  // namespace takt::pipeline

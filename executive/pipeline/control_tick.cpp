@@ -1,0 +1,54 @@
+#include "executive/pipeline/control_tick.hpp"
+
+#include <algorithm>
+#include <array>
+
+#include "executive/pipeline/stages.hpp"
+#include "executive/pipeline/tick_state.hpp"
+
+namespace takt::pipeline {
+
+void control_tick(TickState& state, const TickInput& input, const TickConfig& config, TickOutput& output) noexcept {
+  std::array<JointTarget, kMaxJoints> targets;  // uninitialised: choose fills joint_count entries
+  observe(state, input, config, output.record);
+  estimate(state, config, output.record);
+  judge(state, input, config, output.record);
+  const Choice choice = choose(state, output.record.header.freshness, input.now, config, targets);
+  constrain(state, choice, targets, config, output.record);
+  stabilise(state, choice, targets, config, output);
+  clamp_output(state, config, output);
+  publish(state, config, output);
+  record(state, choice, config, output);
+}
+
+TickInput input_of(const TickRecord& record, const CommandChunk* command, std::size_t command_bytes) noexcept {
+  const TickRecordHeader& header = record.header;
+  TickInput input;
+  input.tick = header.tick;
+  input.now = header.now;
+  input.lateness = header.lateness;
+  input.last_duration = header.last_duration;
+  input.skipped_periods = header.skipped_periods;
+  input.overrun_cause = header.overrun_cause;
+  input.operator_request = header.operator_request;
+  input.mailbox = header.mailbox;
+  input.policy_session = header.policy_session;
+  input.command = command;
+  input.command_bytes = command == nullptr ? 0 : command_bytes;
+  std::copy_n(header.buses, kMaxBuses, input.buses);
+  for (std::size_t j = 0; j < header.joint_count && j < kMaxJoints; ++j) input.joints[j] = record.joints[j].feedback;
+  return input;
+}
+
+TickStatePtr make_tick_state(const TickConfig& config) {
+  TickStatePtr state(new TickState{});
+  state->shape = {config.joint_count, config.freshness.window_ticks};
+  state->gravity = GravityModel(config);
+  return state;
+}
+
+void TickStateDeleter::operator()(TickState* state) const noexcept {
+  delete state;
+}
+
+}  // namespace takt::pipeline

@@ -1,0 +1,82 @@
+// The 1 kHz decision, as a pure function: no clock, input, output, lock, allocation or random source inside.
+//
+// The same function runs in the real-time loop, in virtual time, in replay and under fuzzing; equal state, input and
+// configuration give equal bits. TickInput carries everything a decision reads. Before any valid input the output
+// is: standby, drives disabled, zero gains and torques.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <expected>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "executive/contract/command_chunk.hpp"
+#include "executive/contract/feedback.hpp"
+#include "executive/contract/observation.hpp"
+#include "executive/contract/tick_record.hpp"
+#include "executive/pipeline/tick_config.hpp"
+
+namespace takt::pipeline {
+
+struct TickInput {
+  std::uint64_t tick = 0;
+  MonoTime now;
+  Duration lateness;
+  Duration last_duration;
+  std::uint64_t skipped_periods = 0;
+  OverrunCause overrun_cause = OverrunCause::none;
+  OperatorRequest operator_request = OperatorRequest::none;
+  // What the command mailbox gave: none, contended, corrupt, or accepted when `command` points to a private copy.
+  Arrival mailbox = Arrival::none;
+  // Differs from the previous tick's when another policy's mailbox is read from now on: sequences start over.
+  std::uint8_t policy_session = 0;
+  const CommandChunk* command = nullptr;  // not judged yet; valid during the call only
+  std::size_t command_bytes = 0;          // bytes that were read into it
+  BusHealth buses[kMaxBuses];
+  JointFeedback joints[kMaxJoints];
+};
+
+struct JointSetpoint {  // joint side; what the encoder turns into one drive's frame
+  float q = 0, dq = 0, kp = 0, kd = 0, tau = 0;
+};
+
+struct TickOutput {
+  bool drives_enabled = false;
+  bool observation_due = false;
+  Duration command_budget;  // how much longer the command in use may live: for drive-side watchdogs; 0: none in use
+  JointSetpoint setpoints[kMaxJoints];
+  Observation observation;  // meaningful when observation_due
+  TickRecord record;        // this tick, inputs and outputs
+};
+
+// Opaque to callers; defined in tick_state.hpp. Plain value, about 120 KiB: keep it off the stack.
+struct TickState;
+
+struct TickStateDeleter {
+  void operator()(TickState* state) const noexcept;
+};
+using TickStatePtr = std::unique_ptr<TickState, TickStateDeleter>;
+TickStatePtr make_tick_state(const TickConfig& config);  // allocates; before the loop starts
+
+void control_tick(TickState& state, const TickInput& input, const TickConfig& config, TickOutput& output) noexcept;
+
+// What an operator still misses before arming can be granted; returns how many were written, 0 when nothing is missing.
+// Pure.
+struct ArmingBlocker {
+  std::string_view what;    // "no fresh command: ...", "no recent feedback from the drive", ...
+  std::int32_t joint = -1;  // -1: the whole robot
+};
+std::size_t arming_blockers(const TickRecord& latest, const TickConfig& config, std::span<ArmingBlocker> out) noexcept;
+
+// Keyframes: the state's used part, so that replay can start anywhere. save returns the bytes written
+// (out.size() >= kMaxKeyframeBytes always suffices); load refuses anything inconsistent with one sentence.
+std::size_t save(const TickState& state, std::span<std::byte> out) noexcept;
+std::expected<void, std::string> load(TickState& state, const TickConfig& config, std::span<const std::byte> bytes);
+
+// Rebuilds the tick's input from its record (the command, if any, is supplied by the caller).
+TickInput input_of(const TickRecord& record, const CommandChunk* command, std::size_t command_bytes) noexcept;
+
+}  // namespace takt::pipeline

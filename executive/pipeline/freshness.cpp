@@ -1,0 +1,45 @@
+#include "executive/pipeline/freshness.hpp"
+
+#include <algorithm>
+
+namespace takt::pipeline {
+
+Freshness freshness_of(const CommandInUse& command, const CommandHeader& header, MonoTime now,
+                       const FreshnessContract& contract) {
+  if (command.sequence == 0) return Freshness::missing;
+  const Duration age = command.age(now);
+  if (age > contract.max_age) return Freshness::stale;
+  if (now - command.observed_at >= header.step_period * header.step_count) return Freshness::missing;
+  const double aging_from = static_cast<double>(contract.aging_fraction) * static_cast<double>(contract.max_age.ns);
+  return static_cast<double>(age.ns) <= aging_from ? Freshness::fresh : Freshness::aging;
+}
+
+void note_freshness(Recovery& recovery, Freshness freshness, MonoTime now) {
+  if (!is_usable(freshness)) {
+    recovery.usable_since = {};
+    return;
+  }
+  if (!recovery.usable_since.is_set()) recovery.usable_since = now;
+  recovery.last_usable_at = now;
+}
+
+void note_degraded(Recovery& recovery, MonoTime now, const FreshnessContract& contract) {
+  const bool relapse = recovery.restored_at.is_set() && now - recovery.restored_at <= contract.flap_memory;
+  recovery.relapses = relapse ? std::min(recovery.relapses + 1, kMaxDoublings) : 0;
+  recovery.usable_since = {};
+}
+
+void note_restored(Recovery& recovery, MonoTime now) {
+  recovery.restored_at = now;
+}
+
+bool is_restored(const Recovery& recovery, MonoTime now, const FreshnessContract& contract) {
+  const Duration needed = contract.recover_after * (std::int64_t{1} << recovery.relapses);
+  return recovery.usable_since.is_set() && now - recovery.usable_since >= needed;
+}
+
+bool is_command_lost(const Recovery& recovery, MonoTime now, const FreshnessContract& contract) {
+  return now - recovery.last_usable_at >= contract.stop_after;
+}
+
+}  // namespace takt::pipeline

@@ -1,0 +1,48 @@
+// The freshness contract inside the loop: each tick's verdict, the exact count of misses, and the hysteresis between
+// tracking and degraded mode, in which flapping loses.
+//
+// A tick misses when the command in use is missing or stale. Ticks count while tracking or degraded only.
+// Violated: misses among the last `window_ticks` exceed epsilon * window_ticks. The bound is that of the full window
+// from the first tick on: ticks not seen yet count as met. Restored: usable at every tick for recover_after, doubled
+// for each relapse that came within flap_memory of the previous restoration, up to 16 times; the window then restarts.
+#pragma once
+
+#include <cstdint>
+
+#include "executive/contract/command_chunk.hpp"
+#include "executive/contract/verdict.hpp"
+#include "executive/pipeline/command_in_use.hpp"
+#include "executive/pipeline/tick_config.hpp"
+
+namespace takt::pipeline {
+
+inline constexpr std::uint32_t kMaxDoublings = 4;
+
+// Verdict on the command in use. `header` is its header; a stale command stays stale, a spent chunk counts as missing.
+Freshness freshness_of(const CommandInUse& command, const CommandHeader& header, MonoTime now,
+                       const FreshnessContract& contract);
+
+constexpr bool is_usable(Freshness freshness) {
+  return freshness == Freshness::fresh || freshness == Freshness::aging;
+}
+
+constexpr bool is_violated(std::uint32_t misses, const FreshnessContract& contract) {
+  return static_cast<double>(misses) > contract.epsilon * static_cast<double>(contract.window_ticks);
+}
+
+// Memory of the hysteresis.
+struct Recovery {
+  MonoTime usable_since;    // start of the present unbroken run of usable ticks; unset while broken
+  MonoTime last_usable_at;  // newest tick with a usable command; unset before the first
+  MonoTime restored_at;     // newest restoration; unset when none since arming
+  std::uint32_t relapses = 0;
+  std::uint32_t reserved = 0;
+};
+
+void note_freshness(Recovery& recovery, Freshness freshness, MonoTime now);
+void note_degraded(Recovery& recovery, MonoTime now, const FreshnessContract& contract);
+void note_restored(Recovery& recovery, MonoTime now);
+bool is_restored(const Recovery& recovery, MonoTime now, const FreshnessContract& contract);
+bool is_command_lost(const Recovery& recovery, MonoTime now, const FreshnessContract& contract);
+
+}  // namespace takt::pipeline

@@ -1,0 +1,143 @@
+// save and load of TickState's used part.
+//
+// A keyframe is a KeyframeHeader, the fixed pieces, the words that the configured window uses, joint_count JointStates,
+// and the used bytes of the chunk in use (none while there is no command). The checksum covers everything after the
+// header. Little-endian, this ABI only: the magic and the layout refuse another.
+#include <bit>
+#include <cstring>
+#include <string>
+
+#include "executive/contract/layout.hpp"
+#include "executive/pipeline/tick_state.hpp"
+
+namespace takt::pipeline {
+namespace {
+
+struct KeyframeHeader {
+  std::uint64_t magic = kMagic;
+  std::uint64_t layout = 0;
+  std::uint64_t checksum = 0;
+  std::uint32_t bytes = 0;  // whole keyframe
+  std::uint32_t joint_count = 0;
+  std::uint32_t window_ticks = 0;
+  std::uint32_t chunk_bytes = 0;
+};
+static_assert(sizeof(KeyframeHeader) == 40);
+
+constexpr std::uint64_t kStateLayout = layout_hash({{kAbiVersion, sizeof(TickState)},
+                                                    {offsetof(TickState, mode), sizeof(ModeState)},
+                                                    {offsetof(TickState, counters), sizeof(Counters)},
+                                                    {offsetof(TickState, recovery), sizeof(Recovery)},
+                                                    {offsetof(TickState, command), sizeof(CommandInUse)},
+                                                    {offsetof(TickState, memory), sizeof(ObservationMemory)},
+                                                    {offsetof(TickState, misses), sizeof(TickWindow)},
+                                                    {offsetof(TickState, joints), sizeof(JointState)},
+                                                    {offsetof(TickState, chunk), sizeof(CommandChunk)}});
+
+std::size_t fixed_bytes(std::uint32_t joint_count, std::uint32_t window_ticks) {
+  return sizeof(KeyframeHeader) + sizeof(ModeState) + sizeof(Counters) + sizeof(Recovery) + sizeof(CommandInUse) +
+         sizeof(ObservationMemory) + 2 * TickWindow::saved_bytes(window_ticks) + joint_count * sizeof(JointState);
+}
+
+std::size_t chunk_bytes(const TickState& state) {
+  return state.command.sequence == 0 ? 0 : state.chunk.used_bytes();
+}
+
+// Word-wise multiply and rotate: catches damage, not malice; cheap enough for the control thread.
+std::uint64_t checksum(std::span<const std::byte> bytes) {
+  std::uint64_t sum = 0x9E37'79B9'7F4A'7C15ULL ^ bytes.size();
+  const auto mix = [&sum](std::uint64_t word) { sum = std::rotl((sum ^ word) * 0x0000'0100'0000'01B3ULL, 29) + word; };
+  std::size_t at = 0;
+  for (; at + 8 <= bytes.size(); at += 8) {
+    std::uint64_t word = 0;
+    std::memcpy(&word, bytes.data() + at, 8);
+    mix(word);
+  }
+  for (; at < bytes.size(); ++at) mix(std::to_integer<std::uint64_t>(bytes[at]));
+  return sum;
+}
+
+// Walks the pieces of a keyframe once, for saving and for loading, so that the two cannot disagree.
+template <class State, class Piece>
+void walk(State& state, std::uint32_t joint_count, std::uint32_t window_ticks, std::size_t chunk, Piece&& piece) {
+  piece(&state.mode, sizeof(state.mode));
+  piece(&state.counters, sizeof(state.counters));
+  piece(&state.recovery, sizeof(state.recovery));
+  piece(&state.command, sizeof(state.command));
+  piece(&state.memory, sizeof(state.memory));
+  piece(&state.misses, TickWindow::saved_bytes(window_ticks));
+  piece(&state.refusals, TickWindow::saved_bytes(window_ticks));
+  piece(&state.joints[0], joint_count * sizeof(JointState));
+  piece(&state.chunk, chunk);
+}
+
+std::string refuse(const char* what) {
+  return std::string("keyframe: ") + what + "; replay from another keyframe, or with the Takt that made this run";
+}
+
+const char* damage_in(const KeyframeHeader& header, const TickConfig& config, std::span<const std::byte> bytes) {
+  if (header.magic != kMagic) return "not a keyframe";
+  if (header.layout != kStateLayout) return "made by a different version of the pipeline";
+  if (header.joint_count != config.joint_count) return "joint count differs from the configuration's";
+  if (header.window_ticks != config.freshness.window_ticks) return "freshness window differs from the configuration's";
+  if (header.chunk_bytes > sizeof(CommandChunk) ||
+      header.bytes != fixed_bytes(header.joint_count, header.window_ticks) + header.chunk_bytes)
+    return "sizes do not add up";
+  if (bytes.size() < header.bytes) return "cut short";
+  if (checksum(bytes.subspan(sizeof(header), header.bytes - sizeof(header))) != header.checksum)
+    return "checksum does not match";
+  return nullptr;
+}
+
+bool is_consistent(const TickState& state, const TickConfig& config, std::size_t chunk) {
+  const CommandHeader& header = state.chunk.header;
+  const bool chunk_fits = state.command.sequence == 0
+                              ? chunk == 0
+                              : chunk >= sizeof(CommandHeader) && header.step_count >= 1 &&
+                                    header.step_count <= kMaxChunkSteps && header.joint_count == config.joint_count &&
+                                    header.step_period > Duration{0} && state.chunk.used_bytes() == chunk;
+  return chunk_fits && static_cast<std::size_t>(state.mode.mode) < kModeCount &&
+         state.recovery.relapses <= kMaxDoublings && state.misses.fits(config.freshness.window_ticks) &&
+         state.refusals.fits(config.freshness.window_ticks);
+}
+
+}  // namespace
+
+std::size_t save(const TickState& state, std::span<std::byte> out) noexcept {
+  const std::size_t chunk = chunk_bytes(state);
+  const std::size_t total = fixed_bytes(state.shape.joint_count, state.shape.window_ticks) + chunk;
+  if (out.size() < total) return 0;
+  std::size_t at = sizeof(KeyframeHeader);
+  walk(state, state.shape.joint_count, state.shape.window_ticks, chunk, [&](const void* piece, std::size_t size) {
+    std::memcpy(out.data() + at, piece, size);
+    at += size;
+  });
+  KeyframeHeader header;
+  header.layout = kStateLayout;
+  header.bytes = static_cast<std::uint32_t>(total);
+  header.joint_count = state.shape.joint_count;
+  header.window_ticks = state.shape.window_ticks;
+  header.chunk_bytes = static_cast<std::uint32_t>(chunk);
+  header.checksum = checksum(out.subspan(sizeof(header), total - sizeof(header)));
+  std::memcpy(out.data(), &header, sizeof(header));
+  return total;
+}
+
+std::expected<void, std::string> load(TickState& state, const TickConfig& config, std::span<const std::byte> bytes) {
+  KeyframeHeader header;
+  if (bytes.size() < sizeof(header)) return std::unexpected(refuse("cut short"));
+  std::memcpy(&header, bytes.data(), sizeof(header));
+  if (const char* what = damage_in(header, config, bytes); what != nullptr) return std::unexpected(refuse(what));
+  const TickStatePtr loaded = make_tick_state(config);
+  std::size_t at = sizeof(header);
+  walk(*loaded, header.joint_count, header.window_ticks, header.chunk_bytes, [&](void* piece, std::size_t size) {
+    std::memcpy(piece, bytes.data() + at, size);
+    at += size;
+  });
+  if (!is_consistent(*loaded, config, header.chunk_bytes))
+    return std::unexpected(refuse("contents contradict themselves"));
+  state = *loaded;
+  return {};
+}
+
+}  // namespace takt::pipeline

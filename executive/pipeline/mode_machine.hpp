@@ -1,0 +1,138 @@
+// Cause -> reaction, in one place. Each row says how severe the cause is, which mode it leads to from each mode
+// (the mode itself: no reaction there), and what clears it. Of all causes that hold in a tick, the most severe one
+// that reacts in the present mode decides.
+//
+// Requests and faults enter as causes; whether a request is granted (arming blockers, rest before a reset) is judged
+// before it becomes a cause: see causes.hpp.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+
+#include "executive/contract/mode.hpp"
+
+namespace takt::pipeline {
+
+using CauseMask = std::uint64_t;
+
+constexpr CauseMask bit(Cause cause) {
+  return CauseMask{1} << static_cast<unsigned>(cause);
+}
+
+struct Reaction {
+  Cause cause = Cause::none;
+  std::uint8_t severity = 0;          // unique among causes that react
+  std::array<Mode, kModeCount> to{};  // from standby, arming, tracking, degraded, damped_stop, fault_latched
+  std::string_view clears_when;
+  [[nodiscard]] constexpr Mode from(Mode mode) const { return to[static_cast<std::size_t>(mode)]; }
+};
+
+namespace reaction_detail {
+inline constexpr Mode S = Mode::standby, A = Mode::arming, T = Mode::tracking, D = Mode::degraded,
+                      P = Mode::damped_stop, F = Mode::fault_latched;
+}
+
+// clang-format off
+inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
+  using namespace reaction_detail;
+  return std::array<Reaction, kCauseCount>{{
+    // cause                    severity  S  A  T  D  P  F   clears when
+    {Cause::none,                  0,  {S, A, T, D, P, F}, "always"},
+    {Cause::operator_arm,         10,  {A, A, T, D, P, F}, "request, one tick; granted when nothing blocks arming"},
+    {Cause::operator_stop,        60,  {S, P, P, P, P, F}, "request, one tick; then operator reset"},
+    {Cause::operator_reset,        5,  {S, A, T, D, S, S}, "request, one tick; granted at rest, or when the fault is gone"},
+    {Cause::shutdown,             61,  {S, P, P, P, P, F}, "never: the process ends"},
+    {Cause::drives_enabled,       15,  {S, T, T, D, P, F}, "the tick after"},
+    {Cause::enable_timeout,       70,  {S, F, T, D, P, F}, "operator reset"},
+    {Cause::contract_violated,    30,  {S, A, D, D, P, F}, "misses in the window fall to the bound; mode: contract_restored"},
+    {Cause::contract_restored,    20,  {S, A, T, T, P, F}, "the tick after"},
+    {Cause::command_lost,         50,  {S, P, P, P, P, F}, "a usable command; mode: operator reset"},
+    {Cause::bad_commands,         55,  {S, P, P, P, P, F}, "refusals in the window fall to the limit; mode: operator reset"},
+    {Cause::feedback_lost,        80,  {S, F, F, F, F, F}, "every joint replies again; mode: operator reset"},
+    {Cause::drive_fault,          85,  {S, F, F, F, F, F}, "operator reset disables and clears the drive; blocks arming until clear"},
+    {Cause::drive_disabled,       75,  {S, A, F, F, F, F}, "operator reset"},
+    {Cause::bus_off,              90,  {S, F, F, F, F, F}, "the controller left bus-off; mode: operator reset"},
+    {Cause::bus_down,             91,  {S, F, F, F, F, F}, "the interface is up; mode: operator reset"},
+    {Cause::envelope_exceeded,    65,  {S, P, P, P, P, F}, "position and speed inside the hard envelope; mode: operator reset"},
+    {Cause::overrun,              58,  {S, P, P, P, P, F}, "one tick in time; mode: operator reset"},
+    {Cause::internal_error,      100,  {S, F, F, F, F, F}, "operator reset; report it"},
+  }};
+}();
+// clang-format on
+
+constexpr const Reaction& reaction(Cause cause) {
+  return kReactions[static_cast<std::size_t>(cause)];
+}
+
+// A latched mode is left by the operator only.
+constexpr bool is_latched(Mode mode) {
+  return mode == Mode::damped_stop || mode == Mode::fault_latched;
+}
+
+struct Transition {
+  Mode to = Mode::standby;
+  Cause cause = Cause::none;  // none: no transition
+};
+
+constexpr Transition decide(Mode mode, CauseMask active) {
+  Transition worst{mode, Cause::none};
+  std::uint8_t worst_severity = 0;
+  for (CauseMask left = active & ((CauseMask{1} << kCauseCount) - 1); left != 0; left &= left - 1) {
+    const Reaction& row = kReactions[static_cast<std::size_t>(std::countr_zero(left))];
+    if (row.from(mode) == mode || row.severity <= worst_severity) continue;
+    worst = {row.from(mode), row.cause};
+    worst_severity = row.severity;
+  }
+  return worst;
+}
+
+// Conditions that must be gone before a latched fault may be reset. A drive's own fault is not among them: disabling
+// the drive, which is what standby does, clears it; until it is clear it blocks arming.
+inline constexpr CauseMask kLastingFaults = bit(Cause::feedback_lost) | bit(Cause::bus_off) | bit(Cause::bus_down);
+
+namespace reaction_detail {
+constexpr bool rows_are_in_order() {
+  for (std::size_t i = 0; i < kCauseCount; ++i)
+    if (static_cast<std::size_t>(kReactions[i].cause) != i || kReactions[i].clears_when.empty()) return false;
+  return true;
+}
+constexpr bool severities_differ() {
+  for (std::size_t i = 0; i < kCauseCount; ++i)
+    for (std::size_t k = i + 1; k < kCauseCount; ++k)
+      if (kReactions[i].severity == kReactions[k].severity) return false;
+  return true;
+}
+constexpr bool only(Cause cause, Mode from, Mode to) {
+  for (const Reaction& row : kReactions)
+    if (row.from(from) != from && row.from(from) == to && row.cause != cause) return false;
+  return true;
+}
+constexpr bool standby_is_left_by_arming_only() {
+  for (const Reaction& row : kReactions)
+    if (row.from(S) != S && !(row.cause == Cause::operator_arm && row.from(S) == A)) return false;
+  return true;
+}
+constexpr bool latched_modes_never_rearm() {
+  for (const Reaction& row : kReactions)
+    for (const Mode mode : {P, F})
+      if (const Mode to = row.from(mode); !is_latched(to) && !(row.cause == Cause::operator_reset && to == S))
+        return false;
+  return true;
+}
+constexpr bool faults_never_heal_into_a_stop() {
+  for (const Reaction& row : kReactions)
+    if (row.from(F) == P) return false;
+  return true;
+}
+static_assert(rows_are_in_order());
+static_assert(severities_differ());
+static_assert(standby_is_left_by_arming_only());
+static_assert(only(Cause::drives_enabled, A, T) && only(Cause::contract_restored, D, T));
+static_assert(latched_modes_never_rearm());
+static_assert(faults_never_heal_into_a_stop());
+}  // namespace reaction_detail
+
+}  // namespace takt::pipeline

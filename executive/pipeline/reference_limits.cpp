@@ -1,0 +1,104 @@
+#include "executive/pipeline/reference_limits.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace takt::pipeline {
+namespace {
+
+// The limits the step works with, widened once.
+struct Wide {
+  double q_min, q_max, velocity, acceleration;
+  explicit Wide(const JointLimits& limits)
+      : q_min(static_cast<double>(limits.q_min)),
+        q_max(static_cast<double>(limits.q_max)),
+        velocity(static_cast<double>(limits.velocity)),
+        acceleration(static_cast<double>(limits.acceleration)) {}
+};
+
+// Distance in units of a dt^2, speed in units of a dt: n whole braking steps and a remainder r in [0, 1).
+double unit_stopping_speed(double x) {
+  const double n = std::floor((std::sqrt(1.0 + 8.0 * x) - 1.0) * 0.5);
+  const double r = (x - n * (n + 1.0) * 0.5) / (n + 1.0);
+  return n + std::clamp(r, 0.0, 1.0);
+}
+
+double unit_stopping_distance(double u) {
+  const double n = std::floor(u);
+  return (n + 1.0) * (n * 0.5 + (u - n));
+}
+
+// The barrier: cuts `speed` (>= 0, towards a limit `distance` away). The root is needed only near the limit.
+bool cut_to_stop(double& speed, double distance, double acceleration, double dt) {
+  const double room = std::max(distance, 0.0);
+  // speed^2 / 2a + speed dt + a dt^2 / 8 < room, without the division
+  if (speed * (speed + 2.0 * acceleration * dt) + acceleration * acceleration * dt * dt < 2.0 * acceleration * room)
+    return false;
+  const double allowed = stopping_speed(room, acceleration, dt);
+  if (speed <= allowed) return false;
+  speed = allowed;
+  return true;
+}
+
+// Speed that closes the gap without overshooting: all of it at once when one step suffices.
+double closing_speed(double gap, double acceleration, double dt) {
+  const double distance = std::abs(gap);
+  const double one_step = acceleration * dt * dt;
+  const double speed = distance <= one_step ? distance / dt : stopping_speed(distance, acceleration, dt);
+  return std::copysign(speed, gap);
+}
+
+ReferenceStep step(const ReferenceState& from, double wanted, double speed, const Wide& limits, double dt) {
+  ReferenceStep step;
+  const double change = limits.acceleration * dt;
+  // A speed limit that was lowered is approached by braking, never by a jump.
+  const double top = std::min(std::max(speed, std::abs(from.dq) - change), limits.velocity);
+  double v = std::clamp(wanted, -top, top);
+  if (v != wanted) step.interventions |= bit(Intervention::velocity_limit);
+  const double reachable = std::clamp(v, from.dq - change, from.dq + change);
+  if (reachable != v) step.interventions |= bit(Intervention::acceleration_limit);
+  v = reachable;
+  double magnitude = std::abs(v);
+  const double room = v > 0.0 ? limits.q_max - from.q : from.q - limits.q_min;
+  if (magnitude > 0.0 && cut_to_stop(magnitude, room, limits.acceleration, dt)) {
+    step.interventions |= bit(Intervention::braking_distance);
+    v = std::copysign(magnitude, v);
+  }
+  step.next = {std::clamp(from.q + v * dt, limits.q_min, limits.q_max), v};
+  return step;
+}
+
+}  // namespace
+
+double stopping_speed(double distance, double acceleration, double dt) {
+  const double unit = acceleration * dt;
+  return unit * unit_stopping_speed(distance / (unit * dt));
+}
+
+double stopping_distance(double speed, double acceleration, double dt) {
+  const double unit = acceleration * dt;
+  return unit * dt * unit_stopping_distance(speed / unit);
+}
+
+ReferenceStep step_towards(const ReferenceState& from, float q_target, float dq_target, float speed,
+                           const JointLimits& limits, double dt) {
+  const Wide wide(limits);
+  const double asked = static_cast<double>(q_target);
+  const double target = std::clamp(asked, wide.q_min, wide.q_max);
+  const bool cut = target != asked;
+  const double path = cut ? 0.0 : static_cast<double>(dq_target);
+  // Where the path was one step ago, so that following it exactly means moving with it.
+  const double gap = target - path * dt - from.q;
+  ReferenceStep result =
+      step(from, path + closing_speed(gap, wide.acceleration, dt), static_cast<double>(speed), wide, dt);
+  if (cut) result.interventions |= bit(Intervention::position_limit);
+  return result;
+}
+
+ReferenceStep step_braking(const ReferenceState& from, const JointLimits& limits, double dt) {
+  const Wide wide(limits);
+  const double slower = std::max(std::abs(from.dq) - wide.acceleration * dt, 0.0);
+  return step(from, std::copysign(slower, from.dq), wide.velocity, wide, dt);
+}
+
+}  // namespace takt::pipeline

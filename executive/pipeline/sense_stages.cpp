@@ -1,0 +1,148 @@
+// observe, estimate, judge: from what arrived to the mode of this tick.
+#include <algorithm>
+#include <cmath>
+
+#include "executive/pipeline/arrival.hpp"
+#include "executive/pipeline/causes.hpp"
+#include "executive/pipeline/freshness.hpp"
+#include "executive/pipeline/mode_machine.hpp"
+#include "executive/pipeline/stages.hpp"
+#include "executive/pipeline/velocity_observer.hpp"
+
+namespace takt::pipeline {
+namespace {
+
+std::uint64_t sequence_seen(const TickInput& input) {
+  const bool readable =
+      input.mailbox == Arrival::accepted && input.command != nullptr && input.command_bytes >= sizeof(CommandHeader);
+  return readable ? input.command->header.sequence : 0;
+}
+
+void accept(TickState& state, const CommandChunk& chunk, const CommandInUse& command) {
+  state.command = command;
+  state.counters.last_sequence = command.sequence;
+  state.chunk.header = chunk.header;
+  std::copy_n(chunk.values, chunk.value_count(), state.chunk.values);
+}
+
+Arrival take_message(TickState& state, const TickInput& input, const TickConfig& config) {
+  if (input.policy_session != state.mode.policy_session) {
+    state.mode.policy_session = input.policy_session;
+    state.counters.last_sequence = 0;
+  }
+  if (input.mailbox == Arrival::contended || input.mailbox == Arrival::corrupt) return input.mailbox;
+  if (input.mailbox != Arrival::accepted || input.command == nullptr) return Arrival::none;
+  const ArrivalVerdict verdict =
+      judge_arrival(*input.command, input.command_bytes, input.now, state.counters.last_sequence, state.memory, config);
+  state.counters.integration_errors += verdict.stamps_ran_backwards ? 1U : 0U;
+  if (verdict.arrival == Arrival::accepted) accept(state, *input.command, verdict.command);
+  return verdict.arrival;
+}
+
+bool is_refusal(Arrival arrival) {
+  return arrival != Arrival::none && arrival != Arrival::accepted;
+}
+
+// The damped stop holds position once every joint has been slow for this long: an instant at rest is a turning point.
+constexpr Duration kRestDwell = milliseconds(100);
+
+void watch_for_rest(TickState& state, const TickRecord& record, const TickConfig& config) {
+  if (state.mode.mode != Mode::damped_stop || state.mode.resting != 0) return;
+  const bool slow = std::all_of(record.joints, record.joints + config.joint_count, [&](const JointRecord& joint) {
+    return std::abs(joint.dq_estimate) < config.rest_velocity;
+  });
+  if (!slow) {
+    state.mode.slow_since = {};
+  } else if (!state.mode.slow_since.is_set()) {
+    state.mode.slow_since = record.header.now;
+  } else if (record.header.now - state.mode.slow_since >= kRestDwell) {
+    state.mode.resting = 1;
+  }
+}
+
+}  // namespace
+
+void observe(TickState& state, const TickInput& input, const TickConfig& config, TickRecord& record) {
+  record.header = TickRecordHeader{};
+  TickRecordHeader& header = record.header;
+  header.tick = input.tick;
+  header.now = input.now;
+  header.lateness = input.lateness;
+  header.last_duration = input.last_duration;
+  header.skipped_periods = input.skipped_periods;
+  header.overrun_cause = input.overrun_cause;
+  header.operator_request = input.operator_request;
+  header.mailbox = input.mailbox;
+  header.policy_session = input.policy_session;
+  header.command_sequence_seen = sequence_seen(input);
+  header.bus_count = static_cast<std::uint8_t>(config.bus_count);
+  header.joint_count = config.joint_count;
+  std::copy_n(input.buses, config.bus_count, header.buses);
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    record.joints[j] = JointRecord{};
+    record.joints[j].feedback = input.joints[j];
+    take_reply(state.joints[j].observer, input.joints[j], config.joints[j].observer_bandwidth);
+  }
+  const bool late = input.overrun_cause != OverrunCause::none || input.lateness >= config.period;
+  state.mode.consecutive_late = late ? state.mode.consecutive_late + 1 : 0;
+}
+
+void estimate(const TickState& state, const TickConfig& config, TickRecord& record) {
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    const JointMotion now = estimate_at(state.joints[j].observer, record.header.now, config.feedback_timeout);
+    record.joints[j].q_estimate = now.q;
+    record.joints[j].dq_estimate = now.dq;
+  }
+}
+
+void judge(TickState& state, const TickInput& input, const TickConfig& config, TickRecord& record) {
+  const FreshnessContract& contract = config.freshness;
+  TickRecordHeader& header = record.header;
+  header.arrival = take_message(state, input, config);
+  header.freshness = freshness_of(state.command, state.chunk.header, input.now, contract);
+  note_freshness(state.recovery, header.freshness, input.now);
+  state.refusals.push(is_refusal(header.arrival), contract.window_ticks);
+  state.counters.refused_commands += is_refusal(header.arrival) ? 1U : 0U;
+  if (state.mode.mode == Mode::tracking || state.mode.mode == Mode::degraded)
+    state.misses.push(!is_usable(header.freshness), contract.window_ticks);
+  watch_for_rest(state, record, config);
+
+  header.mode = header.previous_mode = state.mode.mode;
+  header.causes_active = conditions(state, record, config);
+  header.causes_active |= granted_request(state, record, header.causes_active, config);
+  const Transition transition = decide(state.mode.mode, header.causes_active);
+  header.cause = transition.cause;
+  header.mode = transition.to;
+  if (transition.cause != Cause::none) enter(state, transition.to, input.now, contract);
+}
+
+void enter(TickState& state, Mode mode, MonoTime now, const FreshnessContract& contract) {
+  const Mode left = state.mode.mode;
+  state.mode.mode = mode;
+  switch (mode) {
+    case Mode::standby:
+      state.mode.drives_enabled = 0;
+      return;
+    case Mode::arming:
+      state.mode.armed_at = now;
+      state.recovery.restored_at = {};
+      state.recovery.relapses = 0;
+      return;
+    case Mode::tracking:
+      state.mode.drives_enabled = 1;
+      state.misses.restart();
+      if (left == Mode::degraded) note_restored(state.recovery, now);
+      return;
+    case Mode::degraded:
+      note_degraded(state.recovery, now, contract);
+      return;
+    case Mode::damped_stop:
+      state.mode.resting = 0;
+      state.mode.slow_since = {};
+      return;
+    case Mode::fault_latched:
+      return;
+  }
+}
+
+}  // namespace takt::pipeline

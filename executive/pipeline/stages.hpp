@@ -1,0 +1,39 @@
+// The stages of one tick over all joints, in the order control_tick calls them. Each reads what the earlier ones left
+// in the state and in this tick's record, and writes its own share of both.
+#pragma once
+
+#include <span>
+
+#include "executive/pipeline/choose.hpp"
+#include "executive/pipeline/control_tick.hpp"
+#include "executive/pipeline/tick_state.hpp"
+
+namespace takt::pipeline {
+
+// Inputs into the record, replies into the observers, lateness counted.
+void observe(TickState& state, const TickInput& input, const TickConfig& config, TickRecord& record);
+// Position and velocity of every joint at `now`.
+void estimate(const TickState& state, const TickConfig& config, TickRecord& record);
+// The message that arrived, the command in use, the contract, the causes, and the mode that follows from them.
+void judge(TickState& state, const TickInput& input, const TickConfig& config, TickRecord& record);
+// References: inside position, velocity and acceleration limits.
+void constrain(TickState& state, const Choice& choice, std::span<const JointTarget> targets, const TickConfig& config,
+               TickRecord& record);
+// Gravity model and impedance law, barriers, torque limits: one setpoint per joint.
+void stabilise(const TickState& state, const Choice& choice, std::span<const JointTarget> targets,
+               const TickConfig& config, TickOutput& output);
+// The last clamp. Results that are not finite: internal_error, nothing leaves, fault latched if armed.
+void clamp_output(TickState& state, const TickConfig& config, TickOutput& output);
+// The observation, when one is due.
+void publish(TickState& state, const TickConfig& config, TickOutput& output);
+// Outcome into the record and the state of the next tick.
+void record(TickState& state, const Choice& choice, const TickConfig& config, TickOutput& output);
+
+// Changes the mode and does what entering it needs.
+void enter(TickState& state, Mode mode, MonoTime now, const FreshnessContract& contract);
+
+inline float period_seconds(const TickConfig& config) {
+  return static_cast<float>(config.period.ns) * 1.0e-9F;
+}
+
+}  // namespace takt::pipeline

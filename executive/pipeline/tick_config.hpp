@@ -1,0 +1,79 @@
+// Everything the tick needs to know about the robot, resolved, validated and in SI units. Filled once at load from
+// the robot's configuration (config/tick_config_of.hpp); never changes while a run lasts. Plain value, no pointers.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "executive/contract/joints.hpp"
+#include "executive/contract/mono_time.hpp"
+
+namespace takt::pipeline {
+
+struct JointLimits {
+  float q_min = 0, q_max = 0;  // rad, q_min < q_max
+  float velocity = 0;          // rad/s > 0
+  float acceleration = 0;      // rad/s^2 > 0, also the braking deceleration
+  float torque = 0;            // Nm > 0
+  float torque_rate = 0;       // Nm/s > 0
+  float kp_max = 0, kd_max = 0;
+  float q_hard_margin = 0;  // rad: measured position this far outside q_min..q_max is a fault
+  float velocity_hard = 0;  // rad/s: measured speed above it is a fault, >= velocity
+};
+
+struct JointConfig {
+  JointLimits limits;
+  float kp = 0, kd = 0;          // default impedance
+  float damping = 0;             // Nm s/rad in damped stop and fault
+  float inertia = 0;             // kg m^2, effective, lower bound; used by the torque barriers
+  float home = 0;                // rad
+  float fallback_pose = 0;       // rad, where the fallback policy goes
+  float fallback_speed = 0;      // rad/s
+  float observer_bandwidth = 0;  // rad/s of the velocity observer
+  std::uint8_t bus = 0;
+};
+
+// One link of the kinematic tree for gravity compensation. Joint j moves link j.
+struct LinkModel {
+  std::int32_t parent = -1;           // link index < own index, or -1 for the base
+  std::array<float, 3> origin_xyz{};  // m, joint frame in the parent's link frame at q = 0
+  std::array<float, 9> origin_rotation{1, 0, 0, 0, 1, 0, 0, 0, 1};  // row-major
+  std::array<float, 3> axis{0, 0, 1};                               // unit vector in the joint frame
+  float mass = 0;                                                   // kg
+  std::array<float, 3> com{};                                       // m, in the link frame
+};
+
+struct FreshnessContract {
+  Duration max_age;
+  float aging_fraction = 0.8F;          // of max_age
+  double epsilon = 0.01;                // Pr(age > max_age) <= epsilon
+  std::uint32_t window_ticks = 0;       // 1..kMaxWindowTicks
+  Duration recover_after;               // uninterrupted fresh time that restores tracking
+  Duration flap_memory;                 // each relapse within it doubles the next recovery time, up to 16x
+  Duration stop_after;                  // no usable command for this long: damped stop
+  std::uint32_t bad_command_limit = 0;  // refused messages within the window that count as an integration error
+};
+inline constexpr std::uint32_t kMaxWindowTicks = 8192;
+
+enum class DegradedBehaviour : std::uint8_t { hold, slow, fallback };
+
+struct TickConfig {
+  Duration period;  // of the control loop
+  std::uint32_t joint_count = 0;
+  std::uint32_t bus_count = 0;
+  std::uint32_t observation_every_ticks = 0;
+  std::uint64_t policy_hash = 0;  // 0: any
+  FreshnessContract freshness;
+  DegradedBehaviour degraded = DegradedBehaviour::hold;
+  float degraded_speed_scale = 0.3F;
+  Duration feedback_timeout;                   // a joint silent for longer: feedback_lost
+  Duration enable_timeout;                     // arming must succeed within it
+  std::uint32_t overrun_limit = 0;             // consecutive late ticks: overrun
+  float rest_velocity = 0.02F;                 // rad/s: below it the damped stop holds position
+  std::array<float, 3> gravity{0, 0, -9.81F};  // m/s^2 in the base frame
+  bool gravity_compensation = false;
+  std::array<JointConfig, kMaxJoints> joints{};
+  std::array<LinkModel, kMaxJoints> links{};
+};
+
+}  // namespace takt::pipeline

@@ -1,0 +1,73 @@
+// Everything the tick remembers from one call to the next. Plain value; keyframe.cpp saves and loads its used part, so
+// whatever is added here must be added there.
+#pragma once
+
+#include <cstdint>
+#include <type_traits>
+
+#include "executive/contract/command_chunk.hpp"
+#include "executive/contract/joints.hpp"
+#include "executive/contract/mode.hpp"
+#include "executive/contract/mono_time.hpp"
+#include "executive/pipeline/command_in_use.hpp"
+#include "executive/pipeline/control_tick.hpp"
+#include "executive/pipeline/freshness.hpp"
+#include "executive/pipeline/gravity_model.hpp"
+#include "executive/pipeline/observation_memory.hpp"
+#include "executive/pipeline/reference_limits.hpp"
+#include "executive/pipeline/tick_window.hpp"
+#include "executive/pipeline/velocity_observer.hpp"
+
+namespace takt::pipeline {
+
+struct JointState {
+  ObserverState observer;
+  ReferenceState reference;  // inside the limits once armed
+  float tau_last = 0;        // Nm, torque of the previous tick's setpoint: start of this tick's slew
+  float reserved = 0;
+};
+
+struct ModeState {
+  MonoTime armed_at;    // start of the present arming
+  MonoTime slow_since;  // damped stop: every joint below the rest velocity since; unset while one is not
+  Mode mode = Mode::standby;
+  std::uint8_t resting = 0;         // damped stop: 1 once at rest; from then on it holds position
+  std::uint8_t drives_enabled = 0;  // 1 once every drive reported enabled in this arming
+  std::uint8_t policy_session = 0;
+  std::uint32_t consecutive_late = 0;
+};
+
+struct Counters {
+  std::uint64_t last_sequence = 0;             // of the last accepted command of this policy session
+  std::uint64_t next_observation_ordinal = 0;  // tick / observation_every_ticks at which the next one is due
+  std::uint32_t integration_errors = 0;
+  std::uint32_t refused_commands = 0;
+};
+
+// What keyframes need to know about the configuration the state was made for.
+struct StateShape {
+  std::uint32_t joint_count = 0;
+  std::uint32_t window_ticks = 0;
+};
+
+struct TickState {
+  StateShape shape;
+  GravityModel gravity;  // constants of the configuration, not in keyframes
+  ModeState mode;
+  Counters counters;
+  Recovery recovery;
+  CommandInUse command;
+  ObservationMemory memory;
+  TickWindow misses;
+  TickWindow refusals;
+  JointState joints[kMaxJoints];
+  CommandChunk chunk;  // of the command in use; only its used part is ever written or read
+};
+
+static_assert(std::is_trivially_copyable_v<TickState>);
+// No hidden padding: keyframes of equal states are equal bytes.
+static_assert(sizeof(JointState) == sizeof(ObserverState) + sizeof(ReferenceState) + 8 && sizeof(ObserverState) == 16);
+static_assert(sizeof(ModeState) == 24 && sizeof(Counters) == 24 && sizeof(Recovery) == 32);
+static_assert(sizeof(CommandInUse) == 56 && sizeof(ObservationMemory) == 8 + 24 * ObservationMemory::kDepth);
+
+}  // namespace takt::pipeline

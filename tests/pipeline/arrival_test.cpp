@@ -1,0 +1,189 @@
+// Goal: each kind of bad message is refused by its own name, in the documented order, and no message can make itself
+// younger. Method: one sound message, one thing spoilt at a time; pairs of faults for the order.
+#include "executive/pipeline/arrival.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <string_view>
+#include <vector>
+
+#include "tests/pipeline/rig.hpp"
+
+namespace takt::pipeline {
+namespace {
+
+constexpr MonoTime kSensed{1'000'000'000}, kPublished{1'001'000'000}, kNow{1'030'000'000};
+constexpr std::uint64_t kLastSequence = 41;
+
+struct Case {
+  TickConfig config = testing::robot(3);
+  ObservationMemory memory;
+  CommandChunk chunk;
+  std::size_t bytes = 0;
+  MonoTime now = kNow;
+
+  Case() {
+    config.policy_hash = 77;
+    for (int i = 0; i < 100; ++i) memory.remember(kSensed - milliseconds(99 - i), kPublished - milliseconds(99 - i));
+    chunk = testing::chunk_for(config, 100, kPublished, kNow, kLastSequence + 1, 0.1F, 4);
+    bytes = chunk.used_bytes();
+  }
+  [[nodiscard]] ArrivalVerdict judge() const { return judge_arrival(chunk, bytes, now, kLastSequence, memory, config); }
+  void give(CommandField field, float value) {
+    chunk.header.fields = static_cast<std::uint8_t>(chunk.header.fields | static_cast<unsigned>(field));
+    for (std::size_t i = 0; i < chunk.value_count(); ++i) chunk.values[i] = 0.0F;
+    chunk.values[value_index(chunk.header, field, 3, 2)] = value;
+    bytes = chunk.used_bytes();
+  }
+};
+
+TEST(Arrival, ASoundMessageIsAccepted) {
+  const ArrivalVerdict verdict = Case{}.judge();
+  EXPECT_EQ(verdict.arrival, Arrival::accepted);
+  EXPECT_FALSE(verdict.stamps_ran_backwards);
+  EXPECT_EQ(verdict.command.sensed_at, kSensed);
+  EXPECT_EQ(verdict.command.observed_at, kPublished);
+  EXPECT_EQ(verdict.command.age_parts(kNow).total(), kNow - kSensed);
+}
+
+struct Spoilt {
+  std::string_view when;
+  Arrival expected;
+  std::function<void(Case&)> spoil;
+};
+
+// In the order of the checks: each row must win over all rows below it that spoil something else.
+const std::vector<Spoilt>& spoilt_messages() {
+  static const std::vector<Spoilt> rows{
+      {"no bytes", Arrival::wrong_shape, [](Case& c) { c.bytes = 0; }},
+      {"header only", Arrival::wrong_shape, [](Case& c) { c.bytes = sizeof(CommandHeader); }},
+      {"one byte short", Arrival::wrong_shape, [](Case& c) { c.bytes -= 1; }},
+      {"one byte long", Arrival::wrong_shape, [](Case& c) { c.bytes += 1; }},
+      {"no steps", Arrival::wrong_shape, [](Case& c) { c.chunk.header.step_count = 0; }},
+      {"65 steps", Arrival::wrong_shape, [](Case& c) { c.chunk.header.step_count = kMaxChunkSteps + 1; }},
+      {"a joint too many", Arrival::wrong_shape, [](Case& c) { c.chunk.header.joint_count = 4; }},
+      {"no q", Arrival::wrong_shape, [](Case& c) { c.chunk.header.fields = 2; }},
+      {"unknown field", Arrival::wrong_shape, [](Case& c) { c.chunk.header.fields |= 32; }},
+      {"reserved byte set", Arrival::wrong_shape, [](Case& c) { c.chunk.header.reserved[6] = 1; }},
+      {"no step period", Arrival::wrong_shape, [](Case& c) { c.chunk.header.step_period = {}; }},
+      {"negative step period", Arrival::wrong_shape, [](Case& c) { c.chunk.header.step_period = {-1}; }},
+      {"huge step period", Arrival::wrong_shape, [](Case& c) { c.chunk.header.step_period = {INT64_MAX}; }},
+      {"another policy", Arrival::wrong_policy, [](Case& c) { c.chunk.header.policy_hash = 78; }},
+      {"same sequence", Arrival::repeated_sequence, [](Case& c) { c.chunk.header.sequence = kLastSequence; }},
+      {"older sequence", Arrival::repeated_sequence, [](Case& c) { c.chunk.header.sequence = 0; }},
+      {"no observation", Arrival::unknown_observation, [](Case& c) { c.chunk.header.observation_id = 0; }},
+      {"next observation", Arrival::future_observation, [](Case& c) { c.chunk.header.observation_id = 101; }},
+      {"far observation", Arrival::future_observation, [](Case& c) { c.chunk.header.observation_id = UINT64_MAX; }},
+      {"just forgotten", Arrival::expired_observation, [](Case& c) { c.chunk.header.observation_id = 36; }},
+      {"sensor ahead of now", Arrival::future_observation,
+       [](Case& c) { c.chunk.header.outside_sensed_at = kNow + c.config.period + nanoseconds(1); }},
+      {"published ahead of now", Arrival::future_observation,
+       [](Case& c) { c.chunk.header.published_at = {INT64_MAX}; }},
+      {"not a number", Arrival::not_finite, [](Case& c) { c.chunk.values[5] = NAN; }},
+      {"infinite", Arrival::not_finite, [](Case& c) { c.chunk.values[11] = -INFINITY; }},
+      {"q beyond the margin", Arrival::out_of_range, [](Case& c) { c.chunk.values[0] = 1.4F + 0.151F; }},
+      {"dq beyond hard", Arrival::out_of_range, [](Case& c) { c.give(CommandField::dq, 8.9F); }},
+      {"negative kp", Arrival::out_of_range, [](Case& c) { c.give(CommandField::kp, -0.1F); }},
+      {"kp far too big", Arrival::out_of_range, [](Case& c) { c.give(CommandField::kp, 401.0F); }},
+      {"kd far too big", Arrival::out_of_range, [](Case& c) { c.give(CommandField::kd, 12.1F); }},
+      {"torque too big", Arrival::out_of_range, [](Case& c) { c.give(CommandField::tau_ff, -33.1F); }},
+      {"older than max_age", Arrival::expired_observation,
+       [](Case& c) { c.now = kSensed + milliseconds(100) + nanoseconds(1); }},
+      {"sensor older than max_age", Arrival::expired_observation,
+       [](Case& c) { c.chunk.header.outside_sensed_at = kNow - milliseconds(101); }},
+      {"sensor before time began", Arrival::expired_observation,
+       [](Case& c) { c.chunk.header.outside_sensed_at = {INT64_MIN}; }},
+  };
+  return rows;
+}
+
+TEST(Arrival, EachFaultHasItsName) {
+  for (const Spoilt& row : spoilt_messages()) {
+    Case message;
+    row.spoil(message);
+    EXPECT_EQ(name(message.judge().arrival), name(row.expected)) << row.when;
+  }
+}
+
+TEST(Arrival, ChecksRunInTheDocumentedOrder) {
+  // Shape before policy before sequence before observation before stamps before values.
+  const std::vector<std::pair<std::string_view, std::string_view>> pairs{
+      {"unknown field", "another policy"},
+      {"another policy", "same sequence"},
+      {"same sequence", "no observation"},
+      {"just forgotten", "sensor ahead of now"},
+      {"sensor ahead of now", "infinite"},
+      {"not a number", "q beyond the margin"},
+      {"q beyond the margin", "sensor older than max_age"}};
+  const auto row = [](std::string_view when) -> const Spoilt& {
+    for (const Spoilt& candidate : spoilt_messages())
+      if (candidate.when == when) return candidate;
+    throw std::logic_error("no such row");
+  };
+  for (const auto& [first, second] : pairs) {
+    Case message;
+    row(second).spoil(message);
+    row(first).spoil(message);
+    EXPECT_EQ(name(message.judge().arrival), name(row(first).expected)) << first << " and " << second;
+  }
+}
+
+TEST(Arrival, ToleratedMarginsAreStillAccepted) {
+  Case message;
+  message.chunk.values[0] = 1.4F + 0.149F;
+  EXPECT_EQ(message.judge().arrival, Arrival::accepted);
+  message.give(CommandField::kp, 399.0F);
+  EXPECT_EQ(message.judge().arrival, Arrival::accepted);
+  message.now = kSensed + milliseconds(100);
+  EXPECT_EQ(message.judge().arrival, Arrival::accepted) << "exactly max_age old";
+  message.now = message.chunk.header.published_at - message.config.period;
+  EXPECT_EQ(message.judge().arrival, Arrival::accepted) << "published between the tick's wake-up and its look";
+  EXPECT_EQ(message.judge().command.age_parts(message.now).total(), message.now - kSensed);
+}
+
+TEST(Arrival, OutsideSensorsOnlyMakeOlder) {
+  Case message;
+  message.chunk.header.outside_sensed_at = kPublished;  // younger than the observation
+  EXPECT_EQ(message.judge().command.sensed_at, kSensed);
+  message.chunk.header.outside_sensed_at = kSensed - milliseconds(30);
+  EXPECT_EQ(message.judge().command.sensed_at, kSensed - milliseconds(30));
+}
+
+TEST(Arrival, BackwardStampsAreClampedAndCounted) {
+  const std::vector<std::pair<MonoTime, MonoTime>> claims{
+      {{0}, {0}}, {{INT64_MIN}, kNow}, {kNow, kPublished}, {kPublished - nanoseconds(1), kNow}};
+  for (const auto& [started, ended] : claims) {
+    Case message;
+    message.chunk.header.infer_started_at = started;
+    message.chunk.header.infer_ended_at = ended;
+    const ArrivalVerdict verdict = message.judge();
+    EXPECT_EQ(verdict.arrival, Arrival::accepted);
+    EXPECT_TRUE(verdict.stamps_ran_backwards);
+    const AgeParts parts = verdict.command.age_parts(kNow);
+    EXPECT_GE(parts.queue.ns, 0);
+    EXPECT_GE(parts.infer.ns, 0);
+    EXPECT_GE(parts.publish.ns, 0);
+    EXPECT_EQ(parts.total(), kNow - kSensed);
+  }
+}
+
+TEST(ObservationMemory, RemembersTheNewest64) {
+  ObservationMemory memory;
+  RememberedObservation found;
+  EXPECT_EQ(memory.recall(1, found), ObservationMemory::Recall::not_yet_published);
+  for (std::int64_t i = 1; i <= 1000; ++i) {
+    EXPECT_EQ(memory.remember({i}, {i + 1}), static_cast<std::uint64_t>(i));
+    for (std::uint64_t id = 1; id <= static_cast<std::uint64_t>(i); ++id) {
+      const bool known = id + ObservationMemory::kDepth > static_cast<std::uint64_t>(i);
+      ASSERT_EQ(memory.recall(id, found) == ObservationMemory::Recall::known, known) << id << " of " << i;
+      if (known) {
+        ASSERT_EQ(found.oldest_sensed_at.ns, static_cast<std::int64_t>(id));
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace takt::pipeline

@@ -1,0 +1,408 @@
+// Goal: the tick as a whole does what the mode table and the freshness contract promise. Method: scenarios in virtual
+// time on a simulated robot, one promise each.
+#include "executive/pipeline/control_tick.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "executive/pipeline/mode_machine.hpp"
+#include "tests/pipeline/rig.hpp"
+
+namespace takt::pipeline {
+namespace {
+
+using testing::chunk_for;
+using testing::Rig;
+using testing::robot;
+
+std::vector<std::string> blockers(const Rig& rig) {
+  std::array<ArmingBlocker, 200> list;
+  const std::size_t count = arming_blockers(rig.out->record, rig.config, list);
+  std::vector<std::string> texts;
+  for (std::size_t i = 0; i < count; ++i) texts.emplace_back(list[i].what);
+  return texts;
+}
+
+bool blocks(const Rig& rig, std::string_view what) {
+  const auto texts = blockers(rig);
+  return std::any_of(texts.begin(), texts.end(),
+                     [&](const std::string& text) { return text.find(what) != std::string::npos; });
+}
+
+TEST(Standby, BeforeAnyInputNothingMoves) {
+  Rig rig(robot(6));
+  for (auto& drive : rig.drives) drive.silent = true;
+  rig.tick();
+  EXPECT_EQ(rig.mode(), Mode::standby);
+  EXPECT_FALSE(rig.out->drives_enabled);
+  EXPECT_FALSE(rig.out->observation_due) << "nothing was observed yet";
+  for (std::size_t j = 0; j < 6; ++j) {
+    EXPECT_EQ(rig.out->setpoints[j].kp, 0.0F);
+    EXPECT_EQ(rig.out->setpoints[j].kd, 0.0F);
+    EXPECT_EQ(rig.out->setpoints[j].tau, 0.0F);
+  }
+}
+
+TEST(Standby, ListsWhatArmingMisses) {
+  Rig rig(robot(3));
+  rig.drives[1].silent = true;
+  rig.drives[2].fault = true;
+  rig.drives[0].q = 2.0F;
+  rig.input.buses[0].state = BusState::bus_off;
+  rig.tick();
+  EXPECT_TRUE(blocks(rig, "no fresh command"));
+  EXPECT_TRUE(blocks(rig, "no recent feedback"));
+  EXPECT_TRUE(blocks(rig, "reports a fault"));
+  EXPECT_TRUE(blocks(rig, "outside its position limits"));
+  EXPECT_TRUE(blocks(rig, "CAN bus is off"));
+  EXPECT_EQ(blockers(rig).size(), 5U);
+  rig.tick(nullptr, OperatorRequest::arm);
+  EXPECT_EQ(rig.mode(), Mode::standby);
+  EXPECT_EQ(rig.header().causes_active & bit(Cause::operator_arm), 0U) << "not granted";
+}
+
+TEST(Arming, EnablesLimpAndTracksOnceAllDrivesAreEnabled) {
+  Rig rig(robot(3));
+  rig.run_with_policy(40, 0.5F);
+  EXPECT_TRUE(blockers(rig).empty());
+  rig.tick_with_policy(0.5F, OperatorRequest::arm);
+  ASSERT_EQ(rig.mode(), Mode::arming);
+  EXPECT_EQ(rig.header().cause, Cause::operator_arm);
+  EXPECT_TRUE(rig.out->drives_enabled);
+  EXPECT_EQ(rig.out->setpoints[0].kp, 0.0F);
+  EXPECT_TRUE(blocks(rig, "already armed"));
+  rig.run_with_policy(20, 0.5F);
+  EXPECT_EQ(rig.mode(), Mode::tracking);
+  EXPECT_GT(rig.out->setpoints[0].kp, 0.0F);
+  EXPECT_GT(rig.out->command_budget.ns, 0);
+}
+
+TEST(Arming, GivesUpOnADriveThatDoesNotEnable) {
+  Rig rig(robot(3));
+  rig.drives[2].never_enables = true;
+  rig.run_with_policy(40, 0.0F);
+  rig.tick_with_policy(0.0F, OperatorRequest::arm);
+  int ticks = 0;
+  for (; ticks < 1000 && rig.mode() == Mode::arming; ++ticks) rig.tick_with_policy(0.0F);
+  EXPECT_EQ(rig.mode(), Mode::fault_latched);
+  EXPECT_EQ(rig.header().cause, Cause::enable_timeout);
+  EXPECT_EQ(ticks, 301) << "enable_timeout is 300 ms";
+}
+
+TEST(Tracking, ReachesTheTargetThePolicyAsksFor) {
+  Rig rig(robot(6));
+  rig.arm(0.6F);
+  rig.run_with_policy(2000, 0.6F);
+  EXPECT_EQ(rig.mode(), Mode::tracking);
+  for (std::size_t j = 0; j < 6; ++j) EXPECT_NEAR(rig.drives[j].q, 0.6F, 0.01F);
+  EXPECT_EQ(rig.header().window_misses, 0U);
+}
+
+TEST(Tracking, GravityIsCarriedByTheModel) {
+  TickConfig config = robot(6);
+  config.gravity_compensation = true;
+  Rig rig(config);
+  rig.arm(0.4F);
+  rig.run_with_policy(3000, 0.4F);
+  ASSERT_EQ(rig.mode(), Mode::tracking);
+  float heaviest = 0;
+  for (std::size_t j = 0; j < 6; ++j) {
+    EXPECT_NEAR(rig.drives[j].q, 0.4F, 0.01F);
+    heaviest = std::max(heaviest, std::abs(rig.out->record.joints[j].tau_gravity));
+  }
+  EXPECT_GT(heaviest, 1.0F);
+}
+
+TEST(Age, PartsAddUpAndHoldGrows) {
+  Rig rig(robot(2));
+  rig.arm();
+  rig.run_with_policy(100, 0.0F);
+  for (int i = 0; i < 60; ++i) {
+    rig.tick_with_policy(0.0F);
+    const TickRecordHeader& header = rig.header();
+    ASSERT_EQ(header.age.total(), header.now - rig.sensed_at[header.observation_answered]);
+    EXPECT_EQ(header.age.hold.ns % 1'000'000, 0);
+    EXPECT_EQ(rig.out->command_budget, rig.config.freshness.max_age - header.age.total());
+  }
+}
+
+TEST(Freshness, PolicyDeathDegradesThenStopsWithinItsBound) {
+  Rig rig(robot(3));
+  rig.arm(0.5F);
+  rig.run_with_policy(1000, 0.5F);
+  MonoTime last_usable = rig.now, degraded_at, stopped_at;
+  for (int i = 0; i < 1000; ++i) {
+    rig.tick();
+    if (rig.header().freshness == Freshness::fresh || rig.header().freshness == Freshness::aging) last_usable = rig.now;
+    if (rig.header().cause == Cause::contract_violated) degraded_at = rig.now;
+    if (rig.header().cause == Cause::command_lost) stopped_at = rig.now;
+  }
+  EXPECT_EQ(degraded_at - last_usable, milliseconds(11)) << "10 misses of 1000 are allowed";
+  EXPECT_EQ(stopped_at - last_usable, rig.config.freshness.stop_after);
+  EXPECT_EQ(rig.mode(), Mode::damped_stop);
+}
+
+TEST(Freshness, AFreezeDegradesAndRecovers) {
+  Rig rig(robot(3));
+  rig.arm(0.2F);
+  rig.run_with_policy(1000, 0.2F);
+  rig.run(300);
+  EXPECT_EQ(rig.mode(), Mode::degraded);
+  int ticks = 0;
+  for (; ticks < 2000 && rig.mode() == Mode::degraded; ++ticks) rig.tick_with_policy(0.2F);
+  EXPECT_EQ(rig.mode(), Mode::tracking);
+  EXPECT_EQ(rig.header().cause, Cause::contract_restored);
+  EXPECT_EQ(rig.header().window_misses, 0U) << "the window starts again";
+  EXPECT_GE(ticks, 200);
+  EXPECT_LE(ticks, 240);
+}
+
+TEST(Degraded, HoldBrakesToRestAndIgnoresThePolicy) {
+  Rig rig(robot(1));
+  rig.arm(0.0F);
+  rig.run_with_policy(200, 1.2F);
+  ASSERT_GT(rig.out->record.joints[0].dq_reference, 0.5F);
+  rig.run(350);
+  ASSERT_EQ(rig.mode(), Mode::degraded);
+  const float held = rig.out->record.joints[0].q_reference;
+  rig.run_with_policy(100, -1.0F);
+  EXPECT_EQ(rig.mode(), Mode::degraded);
+  EXPECT_EQ(rig.out->record.joints[0].q_reference, held);
+  EXPECT_EQ(rig.out->command_budget.ns, 0);
+}
+
+TEST(Degraded, SlowPlaysOnAtReducedSpeedWhileFresh) {
+  TickConfig config = robot(1);
+  config.degraded = DegradedBehaviour::slow;
+  config.degraded_speed_scale = 0.1F;
+  config.freshness.recover_after = seconds(5);
+  Rig rig(config);
+  rig.arm(0.0F);
+  rig.run_with_policy(100, 0.0F);
+  rig.run(150);
+  ASSERT_EQ(rig.mode(), Mode::degraded);
+  rig.run_with_policy(40, 1.0F);
+  float fastest = 0;
+  for (int i = 0; i < 1000; ++i) {
+    rig.tick_with_policy(1.0F);
+    fastest = std::max(fastest, rig.out->record.joints[0].dq_reference);
+  }
+  EXPECT_EQ(rig.mode(), Mode::degraded);
+  EXPECT_NEAR(fastest, 0.3F, 1e-3F);
+  EXPECT_NEAR(rig.out->record.joints[0].q_reference, 0.3F, 0.02F);
+}
+
+TEST(Degraded, FallbackGoesToItsPoseAtItsSpeed) {
+  TickConfig config = robot(1);
+  config.degraded = DegradedBehaviour::fallback;
+  config.freshness.stop_after = seconds(60);
+  Rig rig(config);
+  rig.arm(-0.4F);
+  rig.run_with_policy(1500, -0.4F);
+  float fastest = 0;
+  for (int i = 0; i < 4000; ++i) {
+    rig.tick();
+    if (rig.mode() == Mode::degraded) fastest = std::max(fastest, rig.out->record.joints[0].dq_reference);
+  }
+  EXPECT_NEAR(rig.drives[0].q, 0.2F, 0.01F);
+  EXPECT_LE(fastest, 0.3F + 1e-6F);
+}
+
+TEST(DampedStop, ComesToRestHoldsAndWaitsForTheOperator) {
+  TickConfig config = robot(3);
+  config.gravity_compensation = true;
+  Rig rig(config);
+  rig.arm(0.0F);
+  rig.run_with_policy(300, 1.2F);
+  ASSERT_GT(std::abs(rig.drives[0].dq), 0.5F);
+  rig.tick_with_policy(1.2F, OperatorRequest::stop);
+  ASSERT_EQ(rig.mode(), Mode::damped_stop);
+  rig.tick_with_policy(1.2F, OperatorRequest::reset);
+  EXPECT_EQ(rig.mode(), Mode::damped_stop) << "still moving";
+  rig.run_with_policy(2000, 1.2F);
+  EXPECT_EQ(rig.mode(), Mode::damped_stop);
+  EXPECT_GT(rig.out->setpoints[0].kp, 0.0F) << "holds position once at rest";
+  const float held = rig.drives[0].q;
+  rig.run(1000);
+  EXPECT_NEAR(rig.drives[0].q, held, 1e-3F);
+  rig.tick(nullptr, OperatorRequest::arm);
+  EXPECT_EQ(rig.mode(), Mode::damped_stop);
+  rig.tick(nullptr, OperatorRequest::reset);
+  EXPECT_EQ(rig.mode(), Mode::standby);
+  EXPECT_FALSE(rig.out->drives_enabled);
+}
+
+TEST(Shutdown, StopsAnArmedRobotAndLeavesStandbyAlone) {
+  Rig rig(robot(1));
+  rig.run_with_policy(50, 0.0F);
+  rig.tick(nullptr, OperatorRequest::shutdown);
+  EXPECT_EQ(rig.mode(), Mode::standby);
+  rig.arm();
+  rig.tick(nullptr, OperatorRequest::shutdown);
+  EXPECT_EQ(rig.mode(), Mode::damped_stop);
+  EXPECT_EQ(rig.header().cause, Cause::shutdown);
+}
+
+struct FaultCase {
+  const char* when;
+  void (*cause)(Rig&);
+  Cause expected;
+  Mode mode;
+};
+
+TEST(Faults, EachLeadsToItsMode) {
+  const FaultCase cases[] = {
+      {"silent joint", [](Rig& r) { r.drives[1].silent = true; }, Cause::feedback_lost, Mode::fault_latched},
+      {"drive fault", [](Rig& r) { r.drives[2].fault = true; }, Cause::drive_fault, Mode::fault_latched},
+      {"drive disabled", [](Rig& r) { r.drives[0].drops_out = true; }, Cause::drive_disabled, Mode::fault_latched},
+      {"bus off", [](Rig& r) { r.input.buses[0].state = BusState::bus_off; }, Cause::bus_off, Mode::fault_latched},
+      {"bus down", [](Rig& r) { r.input.buses[0].state = BusState::down; }, Cause::bus_down, Mode::fault_latched},
+      {"thrown out", [](Rig& r) { r.drives[0].q = 1.7F; }, Cause::envelope_exceeded, Mode::damped_stop},
+      {"late ticks", [](Rig& r) { r.input.lateness = milliseconds(3); }, Cause::overrun, Mode::damped_stop},
+      {"overruns", [](Rig& r) { r.input.overrun_cause = OverrunCause::preempted; }, Cause::overrun, Mode::damped_stop},
+  };
+  for (const FaultCase& fault : cases) {
+    Rig rig(robot(3));
+    rig.arm(0.3F);
+    rig.run_with_policy(500, 0.3F);
+    ASSERT_EQ(rig.mode(), Mode::tracking) << fault.when;
+    fault.cause(rig);
+    for (int i = 0; i < 40 && rig.mode() == Mode::tracking; ++i) rig.tick_with_policy(0.3F);
+    EXPECT_EQ(name(rig.mode()), name(fault.mode)) << fault.when;
+    EXPECT_EQ(name(rig.header().cause), name(fault.expected)) << fault.when;
+    rig.run_with_policy(5, 0.3F);
+    if (fault.mode == Mode::fault_latched) {
+      EXPECT_EQ(rig.out->setpoints[0].kp, 0.0F) << fault.when;
+      EXPECT_EQ(rig.out->setpoints[0].kd, rig.config.joints[0].damping) << fault.when;
+    }
+  }
+}
+
+TEST(Faults, ErrorPassiveAndUnknownDrivesAreNoFaults) {
+  Rig rig(robot(3));
+  rig.arm(0.3F);
+  rig.input.buses[0].state = BusState::error_passive;
+  rig.run_with_policy(100, 0.3F);
+  EXPECT_EQ(rig.mode(), Mode::tracking);
+}
+
+TEST(Faults, ResetWaitsUntilTheConditionIsGone) {
+  Rig rig(robot(2));
+  rig.arm();
+  rig.input.buses[0].state = BusState::bus_off;
+  rig.run_with_policy(50, 0.0F);
+  rig.tick(nullptr, OperatorRequest::reset);
+  EXPECT_EQ(rig.mode(), Mode::fault_latched);
+  rig.input.buses[0].state = BusState::up;
+  rig.tick(nullptr, OperatorRequest::reset);
+  EXPECT_EQ(rig.mode(), Mode::standby);
+}
+
+TEST(Faults, StandbyReportsButNeverLatches) {
+  Rig rig(robot(2));
+  rig.drives[0].silent = true;
+  rig.input.buses[0].state = BusState::down;
+  rig.run(50);
+  EXPECT_EQ(rig.mode(), Mode::standby);
+  EXPECT_NE(rig.header().causes_active & bit(Cause::feedback_lost), 0U);
+  EXPECT_NE(rig.header().causes_active & bit(Cause::bus_down), 0U);
+}
+
+TEST(Commands, RepeatedRefusalsStopTheRobot) {
+  Rig rig(robot(2));
+  rig.arm();
+  rig.run_with_policy(100, 0.0F);
+  CommandChunk chunk = chunk_for(rig.config, rig.newest_observation, rig.now, rig.now, ++rig.sequence, NAN);
+  std::uint32_t sent = 0;
+  while (rig.mode() == Mode::tracking && sent < 50) {
+    chunk.header.sequence = ++rig.sequence;
+    rig.tick(&chunk);
+    ++sent;
+    EXPECT_EQ(rig.header().arrival, Arrival::not_finite);
+  }
+  EXPECT_EQ(rig.header().cause, Cause::bad_commands);
+  EXPECT_EQ(sent, rig.config.freshness.bad_command_limit + 1);
+  EXPECT_EQ(rig.header().refused_commands, sent);
+}
+
+TEST(Commands, ContendedAndCorruptReadsAreRefusalsOfTheirOwnName) {
+  Rig rig(robot(2));
+  rig.tick(nullptr, OperatorRequest::none, Arrival::contended);
+  EXPECT_EQ(rig.header().arrival, Arrival::contended);
+  rig.tick(nullptr, OperatorRequest::none, Arrival::corrupt);
+  EXPECT_EQ(rig.header().arrival, Arrival::corrupt);
+  EXPECT_EQ(rig.header().refused_commands, 2U);
+}
+
+TEST(Commands, ARepeatedMessageDoesNotRejuvenate) {
+  Rig rig(robot(2));
+  rig.arm();
+  rig.run_with_policy(100, 0.0F);
+  while (!rig.out->observation_due) rig.tick();
+  const CommandChunk chunk = chunk_for(rig.config, rig.newest_observation, rig.now, rig.now, ++rig.sequence, 0.1F);
+  rig.tick(&chunk);
+  ASSERT_EQ(rig.header().arrival, Arrival::accepted);
+  const MonoTime sensed = rig.sensed_at[chunk.header.observation_id];
+  for (int i = 0; i < 15; ++i) {
+    rig.tick(&chunk);
+    EXPECT_EQ(rig.header().arrival, Arrival::repeated_sequence);
+    EXPECT_EQ(rig.header().age.total(), rig.now - sensed);
+  }
+}
+
+TEST(Commands, ANewPolicySessionMayCountFromOneAgain) {
+  Rig rig(robot(2));
+  rig.arm();
+  rig.run_with_policy(100, 0.0F);
+  const CommandChunk first =
+      chunk_for(rig.config, rig.newest_observation, rig.published_at[rig.newest_observation], rig.now, 1, 0.0F);
+  rig.tick(&first);
+  EXPECT_EQ(rig.header().arrival, Arrival::repeated_sequence);
+  rig.input.policy_session = 9;
+  rig.tick(&first);
+  EXPECT_EQ(rig.header().arrival, Arrival::accepted);
+  rig.tick(&first);
+  EXPECT_EQ(rig.header().arrival, Arrival::repeated_sequence);
+}
+
+TEST(Observation, IsPublishedEveryPeriodWithTheOldestSample) {
+  Rig rig(robot(3));
+  rig.run(5);
+  rig.drives[1].silent = true;
+  const MonoTime last_reply = rig.input.joints[1].received_at;
+  int due = 0;
+  for (int i = 0; i < 100; ++i) {
+    rig.tick();
+    if (!rig.out->observation_due) continue;
+    ++due;
+    EXPECT_EQ(rig.out->observation.oldest_sensed_at, last_reply);
+    EXPECT_EQ(rig.out->observation.published_at, rig.now);
+    EXPECT_EQ(rig.out->observation.id, rig.header().observation_published);
+  }
+  EXPECT_EQ(due, 5);
+}
+
+TEST(InternalError, ResultsThatAreNotFiniteNeverLeave) {
+  Rig rig(robot(3));
+  rig.arm();
+  rig.run_with_policy(100, 0.0F);
+  rig.config.joints[1].kd = NAN;
+  rig.tick_with_policy(0.0F);
+  EXPECT_EQ(rig.mode(), Mode::fault_latched);
+  EXPECT_EQ(rig.header().cause, Cause::internal_error);
+  for (std::size_t j = 0; j < 3; ++j) {
+    EXPECT_EQ(rig.out->setpoints[j].kp, 0.0F);
+    EXPECT_EQ(rig.out->setpoints[j].kd, 0.0F);
+    EXPECT_EQ(rig.out->setpoints[j].tau, 0.0F);
+  }
+  rig.tick();
+  EXPECT_EQ(rig.out->setpoints[0].kd, rig.config.joints[0].damping) << "damping again once finite";
+}
+
+}  // namespace
+}  // namespace takt::pipeline

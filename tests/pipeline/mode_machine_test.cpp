@@ -1,0 +1,86 @@
+// Goal: every mode x cause reacts as written down here a second time, the worst cause wins, and no set of causes breaks
+// the latch. Method: full enumeration of single causes and pairs; random sets for the rest.
+#include "executive/pipeline/mode_machine.hpp"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <map>
+#include <string>
+
+namespace takt::pipeline {
+namespace {
+
+// From standby, arming, tracking, degraded, damped_stop, fault_latched. '.': no reaction.
+const std::map<Cause, std::string>& expected() {
+  static const std::map<Cause, std::string> rows{
+      {Cause::none, "......"},           {Cause::operator_arm, "a....."},      {Cause::operator_stop, ".ppp.."},
+      {Cause::operator_reset, "....ss"}, {Cause::shutdown, ".ppp.."},          {Cause::drives_enabled, ".t...."},
+      {Cause::enable_timeout, ".f...."}, {Cause::contract_violated, "..d..."}, {Cause::contract_restored, "...t.."},
+      {Cause::command_lost, ".ppp.."},   {Cause::bad_commands, ".ppp.."},      {Cause::feedback_lost, ".ffff."},
+      {Cause::drive_fault, ".ffff."},    {Cause::drive_disabled, "..fff."},    {Cause::bus_off, ".ffff."},
+      {Cause::bus_down, ".ffff."},       {Cause::envelope_exceeded, ".ppp.."}, {Cause::overrun, ".ppp.."},
+      {Cause::internal_error, ".ffff."}};
+  return rows;
+}
+
+Mode mode_of(char letter, Mode present) {
+  switch (letter) {
+    case 's':
+      return Mode::standby;
+    case 'a':
+      return Mode::arming;
+    case 't':
+      return Mode::tracking;
+    case 'd':
+      return Mode::degraded;
+    case 'p':
+      return Mode::damped_stop;
+    case 'f':
+      return Mode::fault_latched;
+    default:
+      return present;
+  }
+}
+
+TEST(ModeMachine, EveryModeAndCauseReactsAsWritten) {
+  ASSERT_EQ(expected().size(), kCauseCount);
+  for (const auto& [cause, row] : expected()) {
+    for (std::size_t m = 0; m < kModeCount; ++m) {
+      const auto mode = static_cast<Mode>(m);
+      const Transition transition = decide(mode, bit(cause));
+      EXPECT_EQ(name(transition.to), name(mode_of(row[m], mode))) << name(cause) << " in " << name(mode);
+      EXPECT_EQ(name(transition.cause), row[m] == '.' ? "none" : name(cause)) << name(cause) << " in " << name(mode);
+    }
+  }
+}
+
+TEST(ModeMachine, TheMoreSevereOfTwoWins) {
+  for (const Reaction& a : kReactions) {
+    for (const Reaction& b : kReactions) {
+      for (std::size_t m = 0; m < kModeCount; ++m) {
+        const auto mode = static_cast<Mode>(m);
+        const Transition transition = decide(mode, bit(a.cause) | bit(b.cause));
+        const bool a_reacts = a.from(mode) != mode, b_reacts = b.from(mode) != mode;
+        const Reaction& winner = !b_reacts || (a_reacts && a.severity > b.severity) ? a : b;
+        EXPECT_EQ(name(transition.to), name(winner.from(mode)))
+            << name(a.cause) << " and " << name(b.cause) << " in " << name(mode);
+      }
+    }
+  }
+}
+
+RC_GTEST_PROP(ModeMachine, NoSetOfCausesBreaksALatch, (CauseMask causes)) {
+  const CauseMask without_reset = causes & ~bit(Cause::operator_reset);
+  RC_ASSERT(is_latched(decide(Mode::damped_stop, without_reset).to));
+  RC_ASSERT(decide(Mode::fault_latched, without_reset).to == Mode::fault_latched);
+  RC_ASSERT(decide(Mode::standby, causes & ~bit(Cause::operator_arm)).to == Mode::standby);
+}
+
+TEST(ModeMachine, AFaultWinsOverTheResetThatCameWithIt) {
+  EXPECT_EQ(decide(Mode::damped_stop, bit(Cause::operator_reset) | bit(Cause::feedback_lost)).to, Mode::fault_latched);
+  EXPECT_EQ(decide(Mode::arming, bit(Cause::drives_enabled) | bit(Cause::operator_stop)).to, Mode::damped_stop);
+}
+
+}  // namespace
+}  // namespace takt::pipeline

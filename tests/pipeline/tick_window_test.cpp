@@ -1,0 +1,41 @@
+// Goal: the sliding window counts exactly, whatever its length. Method: random marks against a plain list.
+#include "executive/pipeline/tick_window.hpp"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <algorithm>
+#include <deque>
+#include <memory>
+
+namespace takt::pipeline {
+namespace {
+
+RC_GTEST_PROP(TickWindow, CountsWhatAPlainListCounts, ()) {
+  const auto length = static_cast<std::uint32_t>(*rc::gen::inRange(1, 300));
+  const auto marks = *rc::gen::container<std::vector<bool>>(1000, rc::gen::arbitrary<bool>());
+  const auto restart_at = static_cast<std::size_t>(*rc::gen::inRange(0, 1000));
+  const auto window = std::make_unique<TickWindow>();
+  std::deque<bool> plain;
+  for (std::size_t i = 0; i < marks.size(); ++i) {
+    if (i == restart_at) {
+      window->restart();
+      plain.clear();
+    }
+    window->push(marks[i], length);
+    plain.push_back(marks[i]);
+    if (plain.size() > length) plain.pop_front();
+    RC_ASSERT(window->count() == static_cast<std::uint32_t>(std::count(plain.begin(), plain.end(), true)));
+    RC_ASSERT(window->seen() == plain.size());
+    RC_ASSERT(window->fits(length));
+  }
+}
+
+TEST(TickWindow, HoldsItsLargestLength) {
+  const auto window = std::make_unique<TickWindow>();
+  for (std::uint32_t i = 0; i < 3 * kMaxWindowTicks; ++i) window->push(i >= 2 * kMaxWindowTicks, kMaxWindowTicks);
+  EXPECT_EQ(window->count(), kMaxWindowTicks);
+}
+
+}  // namespace
+}  // namespace takt::pipeline
