@@ -1,0 +1,36 @@
+// What no single key can know: relations between keys. Each complaint states its formula with the numbers in it.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "config/document.hpp"
+#include "config/reader.hpp"
+#include "config/robot_config.hpp"
+
+namespace takt::config {
+
+// Precondition: every key was read without a complaint. Problems are added at the place of the key to mend.
+void check(const RobotConfig& robot, const Places& places, Problems& problems);
+
+// Collects complaints about keys by their path.
+class Checker {
+ public:
+  Checker(const Places& places, Problems& problems) : places_(places), problems_(problems) {}
+  // `holds` false: complains at `path`, "path: sentence".
+  void require(bool holds, const std::string& path, std::string_view sentence);
+
+ private:
+  const Places& places_;
+  Problems& problems_;
+};
+
+void check_timing(const RobotConfig& robot, Checker& checker);
+void check_buses_and_ids(const RobotConfig& robot, Checker& checker);
+void check_joints(const RobotConfig& robot, Checker& checker);
+void check_model(const RobotConfig& robot, Checker& checker);
+void check_policy(const RobotConfig& robot, Checker& checker);
+void check_fallbacks(const RobotConfig& robot, Checker& checker);
+void check_simulation(const RobotConfig& robot, Checker& checker);
+
+}  // namespace takt::config

@@ -1,0 +1,142 @@
+// Relations inside buses, joints and the model.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "config/checks.hpp"
+
+namespace takt::config {
+namespace {
+
+constexpr std::uint32_t kDamiaoRegisterId = 0x7FF;
+
+std::string joint_path(std::size_t index, std::string_view key) {
+  return fmt::format("joints[{}].{}", index, key);
+}
+
+// Which drive sent a reply is told by the reply's id and by the id bits inside it: 4 for damiao, 8 for tmotor.
+bool replies_are_told_apart(const Drive& a, const Drive& b) {
+  const std::uint32_t mask = a.variant == "damiao" || b.variant == "damiao" ? 0xFU : 0xFFU;
+  return a.reply_id != b.reply_id || (a.id & mask) != (b.id & mask);
+}
+
+void check_pair_on_bus(const RobotConfig& robot, std::size_t i, std::size_t k, Checker& checker) {
+  const Joint& a = robot.joints[i];
+  const Joint& b = robot.joints[k];
+  if (a.bus != b.bus) return;
+  const std::string& bus = robot.buses[a.bus].name;
+  const std::string id = joint_path(i, "drive.id");
+  checker.require(
+      a.drive.id != b.drive.id, id,
+      fmt::format("CAN id 0x{:x} is already {}'s on bus {}; give each drive its own", a.drive.id, b.name, bus));
+  checker.require(a.drive.id != b.drive.reply_id, id,
+                  fmt::format("CAN id 0x{:x} is {}'s reply_id on bus {}; choose another", a.drive.id, b.name, bus));
+  checker.require(a.drive.reply_id != b.drive.id, joint_path(i, "drive.reply_id"),
+                  fmt::format("CAN id 0x{:x} is {}'s id on bus {}; choose another", a.drive.reply_id, b.name, bus));
+  checker.require(a.drive.id == b.drive.id || replies_are_told_apart(a.drive, b.drive), joint_path(i, "drive.reply_id"),
+                  fmt::format("replies of {} and {} on bus {} cannot be told apart; give each its own reply_id", b.name,
+                              a.name, bus));
+}
+
+void check_drive(const Joint& joint, std::size_t i, Checker& checker) {
+  const Drive& drive = joint.drive;
+  checker.require(drive.direction != 0, joint_path(i, "drive.direction"), "0 is no direction; write 1 or -1");
+  checker.require(drive.id != drive.reply_id, joint_path(i, "drive.reply_id"),
+                  fmt::format("0x{:x} is the drive's own id; choose another", drive.reply_id));
+  if (drive.variant == "damiao")
+    checker.require(drive.id != kDamiaoRegisterId && drive.reply_id != kDamiaoRegisterId, joint_path(i, "drive.id"),
+                    "0x7FF is the register channel of damiao drives; choose another");
+}
+
+// What the drive can express must contain what the joint is allowed to do.
+void check_drive_ranges(const Joint& joint, std::size_t i, Checker& checker) {
+  const Drive& drive = joint.drive;
+  const Limits& limits = joint.limits;
+  const double gear = drive.gear_ratio;
+  const double farthest = std::max(std::abs(limits.q_min - limits.position_margin - drive.offset),
+                                   std::abs(limits.q_max + limits.position_margin - drive.offset));
+  const auto require = [&](double needed, double range, std::string_view key, std::string_view formula,
+                           std::string_view unit) {
+    checker.require(
+        needed <= range, joint_path(i, key),
+        fmt::format("{} = {:.6g} {} exceeds the drive's range {:.6g} {}; narrow the limit or check the model", formula,
+                    needed, unit, range, unit));
+  };
+  require(farthest * gear, drive.position_range, "limits.position", "(|position| + margin - offset) * gear_ratio",
+          "rad");
+  require(limits.velocity_hard * gear, drive.velocity_range, "limits.velocity_hard", "velocity_hard * gear_ratio",
+          "rad/s");
+  require(limits.torque / gear, drive.torque_range, "limits.torque", "torque / gear_ratio", "Nm");
+  require(limits.kp / (gear * gear), drive.kp_range, "limits.kp", "kp / gear_ratio^2", "Nm/rad");
+  require(limits.kd / (gear * gear), drive.kd_range, "limits.kd", "kd / gear_ratio^2", "Nms/rad");
+}
+
+void check_limits_and_gains(const Joint& joint, std::size_t i, Checker& checker) {
+  const Limits& limits = joint.limits;
+  checker.require(limits.velocity_hard >= limits.velocity, joint_path(i, "limits.velocity_hard"),
+                  fmt::format("{} rad/s is below velocity {} rad/s; raise it", limits.velocity_hard, limits.velocity));
+  const double braking = limits.velocity * limits.velocity / (2 * limits.acceleration);
+  checker.require(
+      braking <= limits.q_max - limits.q_min, joint_path(i, "limits.acceleration"),
+      fmt::format("velocity^2 / (2 * acceleration) = {:.4g} rad of braking exceeds the range of {:.4g} rad; "
+                  "raise it or lower velocity",
+                  braking, limits.q_max - limits.q_min));
+  checker.require(joint.home >= limits.q_min && joint.home <= limits.q_max, joint_path(i, "home"),
+                  fmt::format("{} rad is outside limits.position [{:.4g}, {:.4g}] rad; move it inside", joint.home,
+                              limits.q_min, limits.q_max));
+  checker.require(joint.kp <= limits.kp, joint_path(i, "gains.kp"),
+                  fmt::format("{} exceeds limits.kp {} Nm/rad; lower it or raise the limit", joint.kp, limits.kp));
+  checker.require(joint.kd <= limits.kd, joint_path(i, "gains.kd"),
+                  fmt::format("{} exceeds limits.kd {} Nms/rad; lower it or raise the limit", joint.kd, limits.kd));
+  checker.require(
+      joint.damping <= limits.kd, joint_path(i, "gains.damping"),
+      fmt::format("{} exceeds limits.kd {} Nms/rad; lower it or raise the limit", joint.damping, limits.kd));
+}
+
+void check_link(const Link& link, std::size_t i, Checker& checker) {
+  const std::string path = fmt::format("model.links[{}]", i);
+  checker.require(std::hypot(link.axis[0], link.axis[1], link.axis[2]) > 1e-6, path + ".axis",
+                  "has no direction; write a vector such as [0, 0, 1]");
+  const double sum = link.inertia[0] + link.inertia[1] + link.inertia[2];
+  checker.require(std::ranges::all_of(link.inertia, [sum](double one) { return 2 * one <= sum * (1 + 1e-9); }),
+                  path + ".inertia",
+                  "one moment exceeds the sum of the other two, which no body has; check the numbers");
+}
+
+}  // namespace
+
+void check_buses_and_ids(const RobotConfig& robot, Checker& checker) {
+  for (std::size_t i = 0; i < robot.buses.size(); ++i)
+    for (std::size_t k = 0; k < i; ++k)
+      checker.require(robot.buses[i].interface != robot.buses[k].interface, fmt::format("buses[{}].interface", i),
+                      fmt::format("interface `{}` already belongs to bus `{}`; each bus needs its own",
+                                  robot.buses[i].interface, robot.buses[k].name));
+  for (std::size_t i = 0; i < robot.joints.size(); ++i)
+    for (std::size_t k = 0; k < i; ++k) check_pair_on_bus(robot, i, k, checker);
+}
+
+void check_joints(const RobotConfig& robot, Checker& checker) {
+  for (std::size_t i = 0; i < robot.joints.size(); ++i) {
+    const Joint& joint = robot.joints[i];
+    check_drive(joint, i, checker);
+    check_drive_ranges(joint, i, checker);
+    check_limits_and_gains(joint, i, checker);
+  }
+}
+
+void check_model(const RobotConfig& robot, Checker& checker) {
+  if (!robot.model) return;
+  const std::vector<Link>& links = robot.model->links;
+  checker.require(links.size() == robot.joints.size(), "model.links",
+                  fmt::format("has {} links for {} joints; write one per joint", links.size(), robot.joints.size()));
+  for (std::size_t i = 0; i < links.size(); ++i) {
+    check_link(links[i], i, checker);
+    if (i < robot.joints.size())
+      checker.require(
+          links[i].joint == robot.joints[i].name, fmt::format("model.links[{}].joint", i),
+          fmt::format("`{}` stands where `{}` belongs; keep the joints' order", links[i].joint, robot.joints[i].name));
+  }
+}
+
+}  // namespace takt::config

@@ -1,0 +1,60 @@
+// Relations inside the policy: timing, shapes, the order of joints.
+#include <fmt/format.h>
+
+#include "config/checks.hpp"
+#include "config/observation_shape.hpp"
+#include "config/units.hpp"
+
+namespace takt::config {
+namespace {
+
+void check_periods(const RobotConfig& robot, const Policy& policy, Checker& checker) {
+  const Duration period = robot.control.period;
+  checker.require(policy.period.ns % period.ns == 0, "policy.period",
+                  fmt::format("{} is no whole number of control periods of {}; choose a multiple",
+                              format_duration(policy.period), format_duration(period)));
+  checker.require(robot.freshness.max_age > policy.period, "freshness.max_age",
+                  fmt::format("{} must exceed policy.period {}: commands age that much before the next; raise it",
+                              format_duration(robot.freshness.max_age), format_duration(policy.period)));
+  const Duration horizon = policy.step_period * policy.steps;
+  checker.require(horizon > policy.period, "policy.step_period",
+                  fmt::format("steps * step_period = {} must exceed policy.period {}: chunks would end before the next "
+                              "arrives; raise one",
+                              format_duration(horizon), format_duration(policy.period)));
+}
+
+void check_terms(const RobotConfig& robot, const Policy& policy, Checker& checker) {
+  for (std::size_t i = 0; i < policy.observation.size(); ++i) {
+    const ObservationTerm& term = policy.observation[i];
+    const std::size_t width = term_width(robot, term);
+    checker.require(term.scale.size() == 1 || term.scale.size() == width,
+                    fmt::format("policy.observation[{}].scale", i),
+                    fmt::format("has {} values for a term of {}; write one, or {}", term.scale.size(), width, width));
+    if (policy.history_layout == "by_time")
+      checker.require(term.history == policy.observation[0].history, fmt::format("policy.observation[{}].history", i),
+                      fmt::format("{} differs from the first term's {}; by_time needs equal histories", term.history,
+                                  policy.observation[0].history));
+  }
+}
+
+void check_action(const RobotConfig& robot, const Action& action, Checker& checker) {
+  const std::size_t outputs = outputs_per_step(robot);
+  checker.require(action.scale.size() == 1 || action.scale.size() == outputs, "policy.action.scale",
+                  fmt::format("has {} values for {} outputs; write one, or {}", action.scale.size(), outputs, outputs));
+  if (action.offset == OffsetKind::values)
+    checker.require(action.offset_values.size() == outputs, "policy.action.offset",
+                    fmt::format("has {} values for {} outputs; write one per output, or `home`",
+                                action.offset_values.size(), outputs));
+}
+
+}  // namespace
+
+void check_policy(const RobotConfig& robot, Checker& checker) {
+  if (!robot.policy) return;
+  const Policy& policy = *robot.policy;
+  check_periods(robot, policy, checker);
+  check_terms(robot, policy, checker);
+  check_action(robot, policy.action, checker);
+}
+
+}  // namespace takt::config

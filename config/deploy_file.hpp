@@ -1,0 +1,39 @@
+// The deploy.yaml that Isaac Lab based tools (Unitree RL Lab's exporter) write beside an exported policy: what it says,
+// as values. Python tags in it are data and are never executed.
+//
+// Orders, as that exporter writes them: `joint_ids_map[k]` is the robot's index of the policy's joint k; stiffness and
+// damping are in the robot's order; default_joint_pos, action scale and offset are in the policy's. Angles rad, gains
+// Nm/rad and Nms/rad, step_dt s. Errors: one line per problem, "file:line:column: what; how to mend".
+#pragma once
+
+#include <expected>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "executive/contract/mono_time.hpp"
+
+namespace takt::config {
+
+struct DeployTerm {
+  std::string name;           // "joint_pos_rel"
+  std::vector<double> scale;  // one per value
+  std::uint32_t history = 1;
+};
+
+struct DeployFile {
+  std::vector<std::size_t> robot_joint;  // of each policy joint; a permutation
+  Duration step_dt;
+  std::vector<double> stiffness, damping;  // robot's order
+  std::vector<double> default_position;    // policy's order
+  std::vector<double> action_scale, action_offset;
+  std::vector<DeployTerm> terms;
+  std::vector<std::pair<std::string, std::pair<double, double>>> command_ranges;  // "lin_vel_x", [min, max]
+  std::vector<std::string> notes;  // what the file asks for and an import does not carry over
+};
+
+std::expected<DeployFile, std::string> read_deploy_file(std::string_view text, const std::string& name_for_messages);
+
+}  // namespace takt::config

@@ -1,0 +1,233 @@
+#include "config/document.hpp"
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <yaml-cpp/eventhandler.h>
+#include <yaml-cpp/exceptions.h>
+#include <yaml-cpp/parser.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <sstream>
+#include <streambuf>
+
+namespace takt::config {
+namespace {
+
+constexpr std::size_t kMaxBytes = 1U << 20U;
+
+Place place_of(const YAML::Mark& mark) {
+  if (mark.line < 0) return {};
+  return {mark.line + 1, mark.column + 1};
+}
+
+Node node_at(const YAML::Mark& mark, Node::Kind kind) {
+  Node node;
+  node.kind = kind;
+  node.place = place_of(mark);
+  return node;
+}
+
+// Builds the tree from the parser's events; the parser's own tree forgets aliases and duplicates.
+class TreeBuilder : public YAML::EventHandler {
+ public:
+  TreeBuilder(Tags tags, Problems& problems) : tags_(tags), problems_(problems) {}
+
+  void OnDocumentStart(const YAML::Mark&) override {}
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark& mark, YAML::anchor_t anchor) override {
+    refuse_anchor(mark, anchor);
+    place_value(node_at(mark, Node::Kind::null));
+  }
+  void OnAlias(const YAML::Mark& mark, YAML::anchor_t) override {
+    problems_.add(place_of(mark), "an alias (*name) is not allowed; write the value out");
+    place_value(node_at(mark, Node::Kind::null));
+  }
+  void OnScalar(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
+                const std::string& value) override {
+    refuse_anchor(mark, anchor);
+    const bool quoted = tag == "!";
+    Node node = node_at(mark, Node::Kind::scalar);
+    node.text = value;
+    node.quoted = quoted;
+    read_tag(mark, tag, node);
+    if (!quoted && (value.empty() || value == "~" || value == "null")) node.kind = Node::Kind::null;
+    place_value(std::move(node));
+  }
+  void OnSequenceStart(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
+                       YAML::EmitterStyle::value) override {
+    open(Node::Kind::sequence, mark, tag, anchor);
+  }
+  void OnSequenceEnd() override { close(); }
+  void OnMapStart(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
+                  YAML::EmitterStyle::value) override {
+    open(Node::Kind::map, mark, tag, anchor);
+  }
+  void OnMapEnd() override { close(); }
+
+  Node take_root() { return std::move(root_); }
+
+ private:
+  struct Open {
+    Node node;
+    Node key;
+    bool has_key = false;
+  };
+
+  void refuse_anchor(const YAML::Mark& mark, YAML::anchor_t anchor) {
+    if (anchor != YAML::NullAnchor)
+      problems_.add(place_of(mark), "an anchor (&name) is not allowed; write the value out where it is used");
+  }
+  void read_tag(const YAML::Mark& mark, const std::string& tag, Node& node) {
+    if (tag.empty() || tag == "?" || tag == "!") return;
+    if (tags_ == Tags::refuse)
+      problems_.add(place_of(mark), fmt::format("the tag `{}` is not allowed; remove it", tag));
+    else
+      node.tag = tag;
+  }
+  void open(Node::Kind kind, const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor) {
+    refuse_anchor(mark, anchor);
+    Node node = node_at(mark, kind);
+    read_tag(mark, tag, node);
+    open_.push_back({.node = std::move(node), .key = {}});
+  }
+  void close() {
+    Node done = std::move(open_.back().node);
+    open_.pop_back();
+    place_value(std::move(done));
+  }
+  void place_value(Node node) {
+    if (open_.empty()) {
+      root_ = std::move(node);
+      return;
+    }
+    Open& parent = open_.back();
+    if (parent.node.kind == Node::Kind::sequence) {
+      parent.node.items.push_back(std::move(node));
+    } else if (!parent.has_key) {
+      parent.key = std::move(node);
+      parent.has_key = true;
+    } else {
+      parent.has_key = false;
+      add_entry(parent.node, std::move(parent.key), std::move(node));
+    }
+  }
+  void add_entry(Node& map, Node key, Node value) {
+    if (key.kind != Node::Kind::scalar) {
+      problems_.add(key.place, "a key must be a plain word; write `name: value`");
+      return;
+    }
+    if (key.text == "<<") {
+      problems_.add(key.place, "a merge key (<<) is not allowed; write the values out");
+      return;
+    }
+    const auto same = std::ranges::find_if(map.entries, [&](const auto& entry) { return entry.key.text == key.text; });
+    if (same != map.entries.end()) {
+      problems_.add(key.place, fmt::format("duplicate key `{}`, first written in line {}; keep one of the two",
+                                           key.text, same->key.place.line));
+      return;
+    }
+    if (value.kind == Node::Kind::null) value.place = key.place;  // the parser's mark is behind it
+    map.entries.push_back({std::move(key), std::move(value)});
+  }
+
+  Tags tags_;
+  Problems& problems_;
+  std::vector<Open> open_;
+  Node root_;
+};
+
+bool refuse_characters(std::string_view text, Problems& problems) {
+  Place place{1, 1};
+  bool fine = true;
+  for (const char c : text) {
+    if (c == '\t') {
+      problems.add(place, "tab character; indent and separate with spaces");
+      fine = false;
+    } else if ((static_cast<unsigned char>(c) < 0x20 && c != '\n' && c != '\r') || c == '\x7f') {
+      problems.add(place, fmt::format("control character 0x{:02x}; remove it", static_cast<unsigned char>(c)));
+      fine = false;
+    }
+    place = c == '\n' ? Place{place.line + 1, 1} : Place{place.line, place.column + 1};
+  }
+  return fine;
+}
+
+}  // namespace
+
+void Problems::add(Place place, std::string_view sentence) {
+  found_.emplace_back(place, sentence);
+}
+
+std::string Problems::text() const {
+  auto sorted = found_;
+  std::ranges::stable_sort(sorted, {}, [](const auto& problem) { return problem.first; });
+  std::string all;
+  for (const auto& [place, sentence] : sorted) {
+    if (!all.empty()) all += '\n';
+    all += place.line == 0 ? fmt::format("{}: {}", file_, sentence)
+                           : fmt::format("{}:{}:{}: {}", file_, place.line, place.column, sentence);
+  }
+  return all;
+}
+
+const Node* Node::find(std::string_view key) const {
+  const auto entry = std::ranges::find_if(entries, [&](const auto& e) { return e.key.text == key; });
+  return entry == entries.end() ? nullptr : &entry->value;
+}
+
+Node read_document(std::string_view text, Tags tags, Problems& problems) {
+  if (text.size() > kMaxBytes) {
+    problems.add({}, fmt::format("holds {} bytes; a robot file has at most {}", text.size(), kMaxBytes));
+    return {};
+  }
+  if (!refuse_characters(text, problems)) return {};
+  std::istringstream stream{std::string(text)};
+  TreeBuilder builder(tags, problems);
+  try {
+    YAML::Parser parser(stream);
+    if (!parser.HandleNextDocument(builder)) return {};
+    Node root = builder.take_root();
+    TreeBuilder second(tags, problems);
+    if (parser.HandleNextDocument(second))
+      problems.add(second.take_root().place, "a second document begins (---); keep one per file");
+    return root;
+  } catch (const YAML::Exception& error) {
+    problems.add(place_of(error.mark), fmt::format("YAML cannot be read: {}; mend the syntax here", error.msg));
+    return {};
+  }
+}
+
+std::expected<std::string, std::string> read_file(const std::string& path) {
+  struct stat status {};
+  if (stat(path.c_str(), &status) != 0)
+    return std::unexpected(fmt::format("{}: cannot be read: {}; check the path", path, std::strerror(errno)));
+  if (!S_ISREG(status.st_mode))
+    return std::unexpected(fmt::format("{}: is not a regular file; give a YAML file", path));
+  if (status.st_size > static_cast<off_t>(kMaxBytes))
+    return std::unexpected(fmt::format("{}: holds {} bytes; at most {} are read: is this the right file?", path,
+                                       status.st_size, kMaxBytes));
+  std::ifstream stream(path, std::ios::binary);
+  std::string text{std::istreambuf_iterator<char>(stream), {}};
+  if (!stream)
+    return std::unexpected(fmt::format("{}: cannot be read: {}; check its permissions", path, std::strerror(errno)));
+  return text;
+}
+
+std::string_view kind_name(Node::Kind kind) {
+  switch (kind) {
+    case Node::Kind::null:
+      return "nothing";
+    case Node::Kind::scalar:
+      return "a single value";
+    case Node::Kind::sequence:
+      return "a list";
+    case Node::Kind::map:
+      return "a section";
+  }
+  return "nothing";
+}
+
+}  // namespace takt::config

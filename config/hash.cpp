@@ -1,0 +1,77 @@
+#include "config/hash.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <openssl/evp.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <cstring>
+#include <memory>
+
+#include "config/load.hpp"
+
+namespace takt::config {
+namespace {
+
+class Sha256 {
+ public:
+  Sha256() : context_(EVP_MD_CTX_new(), EVP_MD_CTX_free) { EVP_DigestInit_ex(context_.get(), EVP_sha256(), nullptr); }
+  void add(const void* data, std::size_t size) { EVP_DigestUpdate(context_.get(), data, size); }
+  std::string hex() {
+    std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
+    unsigned int size = 0;
+    EVP_DigestFinal_ex(context_.get(), digest.data(), &size);
+    std::string text;
+    for (unsigned int i = 0; i < size; ++i) text += fmt::format("{:02x}", digest[i]);
+    return text;
+  }
+
+ private:
+  std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context_;
+};
+
+}  // namespace
+
+std::string sha256_hex(std::string_view bytes) {
+  Sha256 sha;
+  sha.add(bytes.data(), bytes.size());
+  return sha.hex();
+}
+
+std::uint64_t leading_64_bits(std::string_view sha256_hex) {
+  std::uint64_t value = 0;
+  std::from_chars(sha256_hex.data(), sha256_hex.data() + std::min<std::size_t>(16, sha256_hex.size()), value, 16);
+  return value;
+}
+
+std::uint64_t joint_names_hash(const RobotConfig& robot) {
+  std::uint64_t hash = 0xCBF2'9CE4'8422'2325ULL;
+  const auto mix = [&hash](unsigned char byte) { hash = (hash ^ byte) * 0x0000'0100'0000'01B3ULL; };
+  for (const Joint& joint : robot.joints) {
+    for (const char c : joint.name) mix(static_cast<unsigned char>(c));
+    mix(0);  // ["ab", "c"] and ["a", "bc"] differ
+  }
+  return hash;
+}
+
+std::expected<std::uint64_t, std::string> policy_hash(const std::string& path) {
+  const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const auto refuse = [&] {
+    return std::unexpected(fmt::format("policy file {}: {}; check `policy.file`", path, std::strerror(errno)));
+  };
+  if (fd < 0) return refuse();
+  Sha256 sha;
+  std::array<char, 65536> buffer{};
+  ssize_t got = 0;
+  while ((got = read(fd, buffer.data(), buffer.size())) > 0) sha.add(buffer.data(), static_cast<std::size_t>(got));
+  const int error = errno;
+  close(fd);
+  errno = error;
+  if (got < 0) return refuse();
+  return leading_64_bits(sha.hex());
+}
+
+}  // namespace takt::config

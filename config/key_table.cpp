@@ -1,0 +1,123 @@
+#include "config/key_table.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cmath>
+#include <vector>
+
+#include "config/fields.hpp"
+#include "config/schema.hpp"
+
+namespace takt::config {
+namespace {
+
+std::string range_text(Range range, Dimension dimension) {
+  const std::string low = std::isfinite(range.low)
+                              ? fmt::format("{} {}", range.low_open ? ">" : "≥", format_quantity(range.low, dimension))
+                              : "";
+  const std::string high = std::isfinite(range.high) ? fmt::format("{} {}", range.high_open ? "<" : "≤",
+                                                                   format_quantity(range.high, dimension))
+                                                     : "";
+  return low.empty() || high.empty() ? low + high : low + ", " + high;
+}
+
+std::string unit_text(Dimension dimension) {
+  return dimension == Dimension::none ? "number" : fmt::format("{}", symbols(dimension));
+}
+
+// One row per key; sections give a row and a longer path.
+class TableMaker final : public Fields {
+ public:
+  std::string result() { return fmt::format("| key | value | default | meaning |\n|---|---|---|---|\n{}", rows_); }
+
+  void quantity(const Key& key, double&, Dimension dimension, Range range) override {
+    row(key, joined(unit_text(dimension), range_text(range, dimension)));
+  }
+  void duration(const Key& key, Duration&, Duration low, Duration high) override {
+    row(key, joined("time", fmt::format("{} to {}", format_duration(low), format_duration(high))));
+  }
+  void whole(const Key& key, std::int64_t&, std::int64_t low, std::int64_t high) override {
+    row(key, high == std::numeric_limits<std::int64_t>::max() ? fmt::format("whole number, ≥ {}", low)
+                                                              : fmt::format("whole number, {} to {}", low, high));
+  }
+  void whole_or_none(const Key& key, std::optional<int>&, int low, int high) override {
+    row(key, fmt::format("whole number, {} to {}, or none", low, high));
+  }
+  void flag(const Key& key, bool&) override { row(key, "true, false"); }
+  void identifier(const Key& key, std::string&) override { row(key, "name"); }
+  void text(const Key& key, std::string&) override { row(key, "text"); }
+  void one_of(const Key& key, std::string&, Words words, std::string_view what, std::string_view none_word) override {
+    std::string choices = words.empty() ? fmt::format("name of a {}", what) : fmt::format("{}", fmt::join(words, ", "));
+    row(key, none_word.empty() ? choices : fmt::format("{}, {}", choices, none_word));
+  }
+  void quantities(const Key& key, std::vector<double>&, Dimension dimension, Range range, Count count) override {
+    const std::string list = count.of == "joint"    ? "list, one per joint"
+                             : count.of == "axis"   ? "list of 3"
+                             : count.single_allowed ? "one value or a list"
+                                                    : "list";
+    row(key, joined(fmt::format("{}, {}", list, unit_text(dimension)), range_text(range, dimension)));
+  }
+  void interval(const Key& key, double&, double&, Dimension dimension, Range) override {
+    row(key, fmt::format("[min, max], {}", unit_text(dimension)));
+  }
+  void names(const Key& key, std::vector<std::string>&, Words, std::string_view what) override {
+    row(key, fmt::format("list of names of {}s", what));
+  }
+  void word_or_quantities(const Key& key, std::size_t&, Words words, std::vector<double>&, Dimension dimension, Range,
+                          Count) override {
+    row(key, fmt::format("{}, or a list, {}", fmt::join(words, ", "), unit_text(dimension)));
+  }
+  void section(const Key& key, const Body& body) override {
+    row(key, "section");
+    inside(fmt::format("{}{}.", prefix_, key.name), body);
+  }
+  void optional_section(const Key& key, bool&, const Body& body) override {
+    row({key.name, key.doc, "absent"}, "section");
+    inside(fmt::format("{}{}.", prefix_, key.name), body);
+  }
+  void sequence(const Key& key, std::size_t, std::size_t most, const std::function<void(std::size_t)>& resize,
+                const ItemBody& item) override {
+    row(key, fmt::format("list of sections, at most {}", most));
+    resize(1);
+    inside(fmt::format("{}{}[].", prefix_, key.name), [&](Fields& f) { item(f, 0); });
+    resize(0);
+  }
+  void named_sections(const Key& key, std::vector<std::string>,
+                      const std::function<void(const std::vector<std::string>&)>& set_names,
+                      const ItemBody& item) override {
+    row(key, "named sections");
+    set_names({"NAME"});
+    inside(fmt::format("{}{}.NAME.", prefix_, key.name), [&](Fields& f) { item(f, 0); });
+    set_names({});
+  }
+  [[nodiscard]] bool shows_all() const override { return true; }
+
+ private:
+  static std::string joined(const std::string& what, const std::string& range) {
+    return range.empty() ? what : what + ", " + range;
+  }
+  void row(const Key& key, const std::string& value) {
+    rows_ += fmt::format("| `{}{}` | {} | {} | {} |\n", prefix_, key.name, value,
+                         key.otherwise ? fmt::format("`{}`", *key.otherwise) : "required", key.doc);
+  }
+  void inside(std::string prefix, const Body& body) {
+    prefix.swap(prefix_);
+    body(*this);
+    prefix_ = std::move(prefix);
+  }
+
+  std::string prefix_;
+  std::string rows_;
+};
+
+}  // namespace
+
+std::string key_table() {
+  TableMaker table;
+  RobotConfig robot;
+  describe(table, robot);
+  return table.result();
+}
+
+}  // namespace takt::config

@@ -1,0 +1,26 @@
+// Loads a robot file. Strict: unknown or duplicate keys, missing units, YAML octals and booleans-by-accident, reversed
+// ranges and count mismatches are refused with one line "file:line:column: what; how to mend".
+#pragma once
+
+#include <expected>
+#include <string>
+#include <string_view>
+
+#include "config/robot_config.hpp"
+
+namespace takt::config {
+
+// Exit code of every Takt program for a refused configuration.
+inline constexpr int kExitBadConfiguration = 65;
+
+// All problems found, one per line, in file order.
+std::expected<RobotConfig, std::string> load(const std::string& path);
+std::expected<RobotConfig, std::string> parse(std::string_view text, const std::string& name_for_messages);
+
+// Stable over processes: FNV-1a over the joint names in order.
+std::uint64_t joint_names_hash(const RobotConfig& robot);
+// First 8 bytes of the file's SHA-256, big-endian; the sentence says why it could not be read.
+std::expected<std::uint64_t, std::string> policy_hash(const std::string& path);
+std::string sha256_hex(std::string_view bytes);
+
+}  // namespace takt::config

@@ -1,0 +1,40 @@
+#include "config/observation_shape.hpp"
+
+#include <algorithm>
+
+namespace takt::config {
+
+std::size_t observed_joints(const RobotConfig& robot) {
+  return robot.policy->joint_order.empty() ? robot.joints.size() : robot.policy->joint_order.size();
+}
+
+std::size_t outputs_per_step(const RobotConfig& robot) {
+  const auto& driven = robot.policy->action.joint_of_output;
+  return driven.empty() ? robot.joints.size() : driven.size();
+}
+
+std::size_t term_width(const RobotConfig& robot, const ObservationTerm& term) {
+  switch (term.kind) {
+    case TermKind::joint_position_relative:
+    case TermKind::joint_position:
+    case TermKind::joint_velocity:
+      return observed_joints(robot);
+    case TermKind::last_action:
+      return outputs_per_step(robot);
+    case TermKind::sensor: {
+      const auto sensor = std::ranges::find(robot.sensors, term.sensor, &Sensor::name);
+      return sensor == robot.sensors.end() ? 0 : sensor->values;
+    }
+    case TermKind::constant:
+      return term.constant.size();
+  }
+  return 0;
+}
+
+std::size_t observation_width(const RobotConfig& robot) {
+  std::size_t width = 0;
+  for (const ObservationTerm& term : robot.policy->observation) width += term_width(robot, term) * term.history;
+  return width;
+}
+
+}  // namespace takt::config

@@ -1,0 +1,194 @@
+// A robot, as its configuration file describes it: parsed strictly, validated, in SI units. Read by every process;
+// all of them must hold the same hash. Source of every number: the robot file, with file:line:column in any complaint.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "executive/contract/mono_time.hpp"
+
+namespace takt::config {
+
+enum class WakeMode : std::uint8_t { sleep, hybrid };
+enum class WhenBusMissing : std::uint8_t { refuse, loopback };
+enum class Degraded : std::uint8_t { hold, slow, fallback };
+enum class TermKind : std::uint8_t {
+  joint_position_relative,
+  joint_position,
+  joint_velocity,
+  sensor,
+  last_action,
+  constant
+};
+enum class OffsetKind : std::uint8_t { zero, home, values };
+
+struct Control {
+  Duration period;
+  int priority = 0;  // SCHED_FIFO, 1..99
+  std::optional<int> cpu;
+  WakeMode wake = WakeMode::sleep;
+  Duration spin;
+  std::uint32_t overrun_limit = 0;
+};
+
+// The sliding window's capacity in the tick.
+inline constexpr std::int64_t kMaxWindowTicks = 8192;
+
+struct Freshness {
+  Duration max_age;
+  double aging_fraction = 0;  // (0, 1)
+  double epsilon = 0;         // (0, 1)
+  double confidence = 0;      // (0, 1)
+  Duration window;
+  Duration recover_after;
+  Duration flap_memory;
+  Duration stop_after;
+  std::uint32_t bad_command_limit = 0;
+};
+
+struct Fallback {
+  std::string name;
+  double speed = 0;          // rad/s
+  std::vector<double> pose;  // rad, one per joint
+};
+
+struct DegradedConfig {
+  Degraded behaviour = Degraded::hold;
+  double speed_scale = 0;  // (0, 1]
+  std::string fallback;    // empty: none
+};
+
+struct FeedbackConfig {
+  Duration timeout;
+  Duration enable_timeout;
+  double rest_velocity = 0;  // rad/s
+};
+
+struct Bus {
+  std::string name;
+  std::string interface;
+  std::uint32_t bitrate = 0;  // bit/s
+  bool fd = false;
+  WhenBusMissing when_missing = WhenBusMissing::refuse;
+};
+
+struct Drive {
+  std::string protocol;  // "mit"
+  std::string variant;   // "tmotor" (6-byte reply) | "damiao" (8-byte reply)
+  std::string model;     // preset name; empty when the ranges below are given in full
+  std::uint32_t id = 0;
+  std::uint32_t reply_id = 0;
+  int direction = 1;      // +1 or -1
+  double offset = 0;      // rad, joint side: q_joint = direction * q_motor / gear_ratio + offset
+  double gear_ratio = 1;  // motor turns per joint turn beyond what the drive already accounts for
+  // Ranges of the packed fields, motor side; from the preset unless given.
+  double position_range = 0, velocity_range = 0, torque_range = 0, kp_range = 0, kd_range = 0;
+};
+
+struct Limits {
+  double q_min = 0, q_max = 0, position_margin = 0, velocity = 0, velocity_hard = 0, acceleration = 0, torque = 0,
+         torque_rate = 0, kp = 0, kd = 0;
+};
+
+struct Joint {
+  std::string name;
+  std::size_t bus = 0;  // index into buses
+  Drive drive;
+  Limits limits;
+  double kp = 0, kd = 0, damping = 0;
+  double inertia = 0;             // kg m^2
+  double observer_bandwidth = 0;  // rad/s
+  double home = 0;                // rad
+};
+
+using Vector3 = std::array<double, 3>;
+
+struct Link {
+  std::string joint;
+  int parent = -1;  // link index, -1: base
+  Vector3 origin_xyz{}, origin_rpy{}, axis{}, com{}, inertia{};
+  double mass = 0;
+};
+
+struct Model {
+  Vector3 gravity{};
+  std::vector<Link> links;  // same order as joints
+  int tool_link = -1;
+  Vector3 tool_xyz{};
+};
+
+struct ObservationTerm {
+  TermKind kind = TermKind::joint_position;
+  std::string sensor;            // TermKind::sensor only
+  std::vector<double> scale;     // one, or one per value
+  std::vector<double> constant;  // TermKind::constant only
+  std::uint32_t history = 1;     // oldest first, newest last
+};
+
+struct Action {
+  std::vector<double> scale;  // one, or one per policy output
+  OffsetKind offset = OffsetKind::home;
+  std::vector<double> offset_values;
+  std::vector<std::size_t> joint_of_output;  // policy output i drives this joint; empty: identity
+};
+
+struct Policy {
+  std::string file;  // absolute after load
+  Duration period;
+  Duration step_period;
+  std::uint32_t steps = 0;
+  std::string input, output;  // tensor names
+  int nice = 0;
+  std::vector<ObservationTerm> observation;
+  Action action;
+  std::string history_layout;            // "by_term": each term's history together | "by_time": all terms per instant
+  std::vector<std::size_t> joint_order;  // policy's joint k is this joint; empty: identity
+};
+
+struct Sensor {
+  std::string name;
+  std::uint32_t values = 0;
+  Duration timeout;
+};
+
+struct Record {
+  std::string directory;  // absolute after load
+  Duration keyframe_period;
+};
+
+struct Simulation {
+  Duration step;
+  double viscous = 0, coulomb = 0;  // Nm s/rad, Nm
+  double encoder_step = 0;          // rad
+  Duration torque_delay;
+  Duration drive_watchdog;
+  std::uint64_t seed = 0;
+  std::string camera_sensor;
+  Duration camera_period, camera_delay, camera_jitter;
+  Vector3 target_centre{}, target_amplitude{}, target_frequency{};  // m, m, Hz
+};
+
+struct RobotConfig {
+  std::string file;  // as given, for messages
+  std::string robot;
+  Control control;
+  Freshness freshness;
+  DegradedConfig degraded;
+  std::vector<Fallback> fallbacks;
+  FeedbackConfig feedback;
+  std::vector<Bus> buses;
+  std::vector<Joint> joints;
+  std::optional<Model> model;  // absent: no gravity compensation, no simulation
+  std::optional<Policy> policy;
+  std::vector<Sensor> sensors;
+  Record record;
+  std::optional<Simulation> simulation;
+  std::string resolved;    // canonical YAML text, every default written out
+  std::string sha256;      // of `resolved`, hex
+  std::uint64_t hash = 0;  // first 8 bytes of it, big-endian
+};
+
+}  // namespace takt::config

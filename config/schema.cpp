@@ -1,0 +1,24 @@
+#include "config/schema.hpp"
+
+#include <array>
+
+namespace takt::config {
+
+void describe(Fields& fields, RobotConfig& robot) {
+  constexpr std::array kSchemas{kSchemaName};
+  std::string schema(kSchemaName);
+  fields.one_of({"schema", "format of this file"}, schema, kSchemas, "schema");
+  fields.identifier({"robot", "name of the robot; its runtime directory is /run/takt/NAME"}, robot.robot);
+  describe_timing(fields, robot);
+  describe_machine(fields, robot);
+  describe_policy(fields, robot);
+  describe_evidence(fields, robot);
+}
+
+std::vector<std::string_view> joint_names(const RobotConfig& robot) {
+  std::vector<std::string_view> names;
+  for (const Joint& joint : robot.joints) names.push_back(joint.name);
+  return names;
+}
+
+}  // namespace takt::config

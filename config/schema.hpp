@@ -1,0 +1,22 @@
+// The keys of a robot file: their names, units, ranges, defaults and meaning, declared once.
+#pragma once
+
+#include "config/fields.hpp"
+#include "config/robot_config.hpp"
+
+namespace takt::config {
+
+inline constexpr std::string_view kSchemaName = "takt.robot/1";
+
+// Walks every key of `robot`: a reader fills it, a writer prints it, the key table lists it.
+void describe(Fields& fields, RobotConfig& robot);
+
+// Parts of it, by topic.
+void describe_timing(Fields& fields, RobotConfig& robot);    // control, freshness, feedback
+void describe_machine(Fields& fields, RobotConfig& robot);   // buses, joints, model
+void describe_policy(Fields& fields, RobotConfig& robot);    // sensors, policy, fallbacks, degraded
+void describe_evidence(Fields& fields, RobotConfig& robot);  // record, simulation
+
+std::vector<std::string_view> joint_names(const RobotConfig& robot);
+
+}  // namespace takt::config

@@ -1,0 +1,156 @@
+// Keys: buses, joints, model.
+#include <array>
+#include <cmath>
+
+#include "config/mit_presets.hpp"
+#include "config/schema.hpp"
+#include "executive/contract/joints.hpp"
+
+namespace takt::config {
+namespace {
+
+constexpr std::array<std::string_view, 2> kWhenMissing{"refuse", "loopback"};
+constexpr std::array<std::string_view, 1> kProtocols{"mit"};
+constexpr std::array<std::string_view, 2> kVariants{"tmotor", "damiao"};
+constexpr double kMaxCanId = 0x7FF;
+
+void describe_bus(Fields& fields, Bus& bus) {
+  fields.identifier({"name", "how joints refer to this bus"}, bus.name);
+  fields.identifier({"interface", "CAN network interface"}, bus.interface);
+  double bitrate = bus.bitrate;
+  fields.quantity({"bitrate", "nominal bit rate", "1 Mbit/s"}, bitrate, Dimension::bit_rate, between(10e3, 1e6));
+  bus.bitrate = static_cast<std::uint32_t>(std::lround(bitrate));
+  fields.flag({"fd", "frames may be CAN FD", "false"}, bus.fd);
+  fields.choice({"when_missing", "interface absent: refuse to start, or use the built-in loopback bus", "refuse"},
+                bus.when_missing, kWhenMissing);
+}
+
+void describe_mit_ranges(Fields& fields, Drive& drive) {
+  const MitPreset* preset = find_mit_preset(drive.model);
+  const bool names_model = !drive.model.empty();  // an unknown one too: it is complained about where it stands
+  const std::optional<std::string_view> otherwise =
+      names_model || fields.shows_all() ? std::optional<std::string_view>("the model's") : std::nullopt;
+  const auto range = [&](std::string_view name, std::string_view doc, double& value, double from_preset,
+                         Dimension dimension) {
+    if (preset && value == 0) value = from_preset;
+    fields.quantity({name, doc, otherwise, names_model}, value, dimension, above(0, 1e6));
+  };
+  constexpr MitPreset kNone{};
+  const MitPreset& from = preset ? *preset : kNone;
+  range("position_range", "mit: packed position spans +- this, motor side", drive.position_range, from.position,
+        Dimension::angle);
+  range("velocity_range", "mit: packed velocity spans +- this, motor side", drive.velocity_range, from.velocity,
+        Dimension::angular_velocity);
+  range("torque_range", "mit: packed torque spans +- this, motor side", drive.torque_range, from.torque,
+        Dimension::torque);
+  range("kp_range", "mit: packed stiffness spans 0 to this", drive.kp_range, from.kp, Dimension::stiffness);
+  range("kd_range", "mit: packed damping spans 0 to this", drive.kd_range, from.kd, Dimension::damping);
+}
+
+void describe_drive(Fields& fields, Drive& drive) {
+  fields.one_of({"protocol", "what the drive speaks"}, drive.protocol, kProtocols, "protocol");
+  fields.one_of({"variant", "mit: tmotor replies with 6 bytes, damiao with 8"}, drive.variant, kVariants, "variant");
+  fields.one_of({"model", "drive model whose ranges apply, or none: then all five ranges are required", "none"},
+                drive.model, kMitModels, "drive model", "none");
+  fields.integer({"id", "CAN id of the drive's commands"}, drive.id, 1, static_cast<std::int64_t>(kMaxCanId));
+  fields.integer({"reply_id", "CAN id of the drive's replies"}, drive.reply_id, 0,
+                 static_cast<std::int64_t>(kMaxCanId));
+  fields.integer({"direction", "1 or -1: q_joint = direction * q_motor / gear_ratio + offset", "1"}, drive.direction,
+                 -1, 1);
+  fields.quantity({"offset", "joint angle where the motor reads zero", "0 rad"}, drive.offset, Dimension::angle,
+                  between(-100, 100));
+  fields.quantity({"gear_ratio", "motor turns per joint turn, beyond what the drive accounts for", "1"},
+                  drive.gear_ratio, Dimension::none, above(0, 1000));
+  describe_mit_ranges(fields, drive);
+}
+
+void describe_limits(Fields& fields, Limits& limits) {
+  fields.interval({"position", "lowest and highest joint angle"}, limits.q_min, limits.q_max, Dimension::angle,
+                  between(-1000, 1000));
+  fields.quantity({"position_margin", "measured angle this far outside is a fault"}, limits.position_margin,
+                  Dimension::angle, between(0, 10));
+  fields.quantity({"velocity", "reference velocity never exceeds it"}, limits.velocity, Dimension::angular_velocity,
+                  above(0, 1000));
+  fields.quantity({"velocity_hard", "measured velocity above it is a fault"}, limits.velocity_hard,
+                  Dimension::angular_velocity, above(0, 1000));
+  fields.quantity({"acceleration", "of the reference, also its braking deceleration"}, limits.acceleration,
+                  Dimension::angular_acceleration, above(0, 1e5));
+  fields.quantity({"torque", "commanded torque never exceeds it"}, limits.torque, Dimension::torque, above(0, 1e5));
+  fields.quantity({"torque_rate", "commanded torque never changes faster"}, limits.torque_rate, Dimension::torque_rate,
+                  above(0, 1e8));
+  fields.quantity({"kp", "highest stiffness a policy may ask for"}, limits.kp, Dimension::stiffness, between(0, 1e5));
+  fields.quantity({"kd", "highest damping a policy may ask for"}, limits.kd, Dimension::damping, between(0, 1e4));
+}
+
+void describe_joint(Fields& fields, Joint& joint, Words buses) {
+  fields.identifier({"name", "unique name of the joint"}, joint.name);
+  fields.reference({"bus", "name of the bus its drive is on"}, joint.bus, buses, "bus");
+  fields.section({"drive", "the drive behind the joint"}, [&](Fields& f) { describe_drive(f, joint.drive); });
+  fields.section({"limits", "the envelope no command leaves"}, [&](Fields& f) { describe_limits(f, joint.limits); });
+  fields.section({"gains", "impedance when the policy sends none"}, [&](Fields& f) {
+    f.quantity({"kp", "stiffness"}, joint.kp, Dimension::stiffness, between(0, 1e5));
+    f.quantity({"kd", "damping"}, joint.kd, Dimension::damping, between(0, 1e4));
+    f.quantity({"damping", "damping in a damped stop and in a fault"}, joint.damping, Dimension::damping,
+               above(0, 1e4));
+  });
+  fields.quantity({"inertia", "effective inertia at the joint, lower bound; the torque barriers use it"}, joint.inertia,
+                  Dimension::inertia, above(0, 1e4));
+  fields.quantity({"observer_bandwidth", "of the velocity observer", "200 rad/s"}, joint.observer_bandwidth,
+                  Dimension::angular_velocity, above(0, 1e4));
+  fields.quantity({"home", "zero of relative joint positions", "0 rad"}, joint.home, Dimension::angle,
+                  between(-1000, 1000));
+}
+
+void describe_link(Fields& fields, Link& link, Words joints, Words earlier) {
+  fields.one_of({"joint", "joint that moves this link"}, link.joint, joints, "joint");
+  std::string parent = link.parent < 0 ? "base" : std::string(earlier[static_cast<std::size_t>(link.parent) + 1]);
+  fields.one_of({"parent", "base, or the joint of an earlier link"}, parent, earlier, "earlier link");
+  link.parent = -1;
+  for (std::size_t i = 1; i < earlier.size(); ++i)
+    if (earlier[i] == parent) link.parent = static_cast<int>(i) - 1;
+  fields.section({"origin", "joint frame in the parent's frame at zero angle"}, [&](Fields& f) {
+    f.vector3({"xyz", "position"}, link.origin_xyz, Dimension::length);
+    f.vector3({"rpy", "fixed-axis roll, pitch, yaw", "[0 rad, 0 rad, 0 rad]"}, link.origin_rpy, Dimension::angle);
+  });
+  fields.vector3({"axis", "joint axis in the joint frame; made a unit vector"}, link.axis, Dimension::none);
+  fields.quantity({"mass", "of the link"}, link.mass, Dimension::mass, between(0, 1e4));
+  fields.vector3({"com", "centre of mass in the link frame"}, link.com, Dimension::length);
+  fields.vector3({"inertia", "principal moments about the centre of mass, along the link frame's axes"}, link.inertia,
+                 Dimension::inertia, at_least(0));
+}
+
+void describe_model(Fields& fields, Model& model, Words joints) {
+  fields.vector3({"gravity", "in the base frame", "[0 m/s2, 0 m/s2, -9.81 m/s2]"}, model.gravity,
+                 Dimension::acceleration);
+  fields.sequence(
+      {"links", "one per joint, in the joints' order"}, model.links.size(), kMaxJoints,
+      [&](std::size_t count) { model.links.resize(count); },
+      [&](Fields& f, std::size_t i) {
+        std::vector<std::string_view> earlier{"base"};
+        for (std::size_t k = 0; k < i; ++k) earlier.emplace_back(model.links[k].joint);
+        describe_link(f, model.links[i], joints, earlier);
+      });
+  std::vector<std::string_view> links{};
+  for (const Link& link : model.links) links.emplace_back(link.joint);
+  fields.section({"tool", "point the simulated task is about"}, [&](Fields& f) {
+    f.reference({"link", "joint of the link that carries it"}, model.tool_link, links, "link");
+    f.vector3({"xyz", "position in that link's frame"}, model.tool_xyz, Dimension::length);
+  });
+}
+
+}  // namespace
+
+void describe_machine(Fields& fields, RobotConfig& robot) {
+  fields.each({"buses", "CAN buses", {}}, robot.buses, kMaxBuses, describe_bus);
+  std::vector<std::string_view> buses;
+  for (const Bus& bus : robot.buses) buses.emplace_back(bus.name);
+  fields.each({"joints", "joints, in the order every vector of joints uses"}, robot.joints, kMaxJoints,
+              [&](Fields& f, Joint& joint) { describe_joint(f, joint, buses); });
+  bool present = robot.model.has_value();
+  fields.optional_section({"model", "rigid bodies: gravity compensation and simulation"}, present, [&](Fields& f) {
+    if (!robot.model) robot.model.emplace();
+    describe_model(f, *robot.model, joint_names(robot));
+  });
+}
+
+}  // namespace takt::config

@@ -1,0 +1,110 @@
+// Keys: sensors, policy, fallbacks, degraded.
+#include <array>
+
+#include "config/schema.hpp"
+#include "executive/contract/joints.hpp"
+
+namespace takt::config {
+namespace {
+
+constexpr std::array<std::string_view, 6> kTerms{
+    "joint_position_relative", "joint_position", "joint_velocity", "sensor", "last_action", "constant"};
+constexpr std::array<std::string_view, 3> kDegraded{"hold", "slow", "fallback"};
+constexpr std::array<std::string_view, 2> kLayouts{"by_term", "by_time"};
+constexpr std::array<std::string_view, 1> kFallbackKinds{"pose"};
+constexpr std::array<std::string_view, 1> kActionKinds{"joint_position"};
+constexpr std::size_t kMaxTerms = 32;
+constexpr std::size_t kMaxSensors = 16;
+
+void describe_sensor(Fields& fields, Sensor& sensor) {
+  fields.identifier({"name", "its socket is sensor-NAME.sock in the runtime directory"}, sensor.name);
+  fields.integer({"values", "numbers per sample"}, sensor.values, 1, kMaxSensorValues);
+  fields.duration({"timeout", "a sample older than this is not used"}, sensor.timeout, milliseconds(1), seconds(60));
+}
+
+void describe_term(Fields& fields, ObservationTerm& term, Words sensors) {
+  fields.choice({"term", "what is observed"}, term.kind, kTerms);
+  if (term.kind == TermKind::sensor || fields.shows_all())
+    fields.one_of({"sensor", "term sensor: name of an entry in sensors"}, term.sensor, sensors, "sensor");
+  if (term.kind == TermKind::constant || fields.shows_all())
+    fields.quantities({"values", "term constant: the numbers themselves"}, term.constant, Dimension::none, any_value(),
+                      {.low = 1, .high = kMaxSensorValues});
+  fields.quantities({"scale", "factor, one for all values or one each", "1"}, term.scale, Dimension::none, any_value(),
+                    {.low = 1, .high = kMaxSensorValues, .single_allowed = true});
+  fields.integer({"history", "how many instants, oldest first", "1"}, term.history, 1, 64);
+}
+
+void describe_action(Fields& fields, Action& action, Words joints) {
+  constexpr std::array<std::string_view, 2> kOffsets{"zero", "home"};
+  std::string kind(kActionKinds[0]);
+  fields.one_of({"kind", "what the outputs mean: q target = offset + scale * output", "joint_position"}, kind,
+                kActionKinds, "action");
+  fields.quantities({"scale", "factor in rad, one for all outputs or one each", "1"}, action.scale, Dimension::none,
+                    any_value(), {.low = 1, .high = kMaxJoints, .single_allowed = true});
+  auto offset = static_cast<std::size_t>(action.offset);
+  fields.word_or_quantities({"offset", "home, zero, or one angle per output", "home"}, offset, kOffsets,
+                            action.offset_values, Dimension::angle, any_value(), {.low = 1, .high = kMaxJoints});
+  action.offset = static_cast<OffsetKind>(offset);
+  fields.references({"joints", "joint of each output; empty: as joint_order", "[]"}, action.joint_of_output, joints,
+                    "joint");
+}
+
+void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& robot) {
+  const auto joints = joint_names(robot);
+  std::vector<std::string_view> sensors;
+  for (const Sensor& sensor : robot.sensors) sensors.emplace_back(sensor.name);
+  fields.text({"file", "ONNX file; a relative path starts at this file's folder"}, policy.file);
+  fields.duration({"period", "an observation is published this often; a whole number of control periods"},
+                  policy.period, microseconds(100), seconds(10));
+  fields.duration({"step_period", "time between two steps of an action chunk"}, policy.step_period, microseconds(100),
+                  seconds(10));
+  fields.integer({"steps", "steps of an action chunk", "1"}, policy.steps, 1, kMaxChunkSteps);
+  fields.text({"input", "name of the model's input", "obs"}, policy.input);
+  fields.text({"output", "name of the model's output", "actions"}, policy.output);
+  fields.integer({"nice", "niceness of the policy host", "0"}, policy.nice, -20, 19);
+  fields.references({"joint_order", "the policy's order of joints; empty: this file's", "[]"}, policy.joint_order,
+                    joints, "joint");
+  fields.one_of({"history_layout", "by_term: each term's history together; by_time: all terms of one instant together",
+                 "by_term"},
+                policy.history_layout, kLayouts, "layout");
+  fields.each({"observation", "terms, in the order of the model's input"}, policy.observation, kMaxTerms,
+              [&](Fields& f, ObservationTerm& term) { describe_term(f, term, sensors); });
+  fields.section({"action", "how outputs become joint targets", "{}"},
+                 [&](Fields& f) { describe_action(f, policy.action, joints); });
+}
+
+void describe_fallback(Fields& fields, Fallback& fallback, std::size_t joint_count) {
+  std::string kind(kFallbackKinds[0]);
+  fields.one_of({"kind", "pose: move to a fixed pose"}, kind, kFallbackKinds, "fallback");
+  fields.quantity({"speed", "joint speed on the way"}, fallback.speed, Dimension::angular_velocity, above(0, 100));
+  fields.quantities({"pose", "one angle per joint"}, fallback.pose, Dimension::angle, between(-1000, 1000),
+                    {.low = joint_count, .high = joint_count, .of = "joint"});
+}
+
+void describe_degraded(Fields& fields, DegradedConfig& degraded, const std::vector<Fallback>& fallbacks) {
+  std::vector<std::string_view> names;
+  for (const Fallback& fallback : fallbacks) names.emplace_back(fallback.name);
+  fields.choice({"behaviour", "hold position, slow the policy down, or hand over to a fallback"}, degraded.behaviour,
+                kDegraded);
+  fields.quantity({"speed_scale", "slow: velocity limits are multiplied by it", "0.3"}, degraded.speed_scale,
+                  Dimension::none, above(0, 1));
+  fields.one_of({"fallback", "fallback: name of an entry in fallbacks, or none", "none"}, degraded.fallback, names,
+                "fallback", "none");
+}
+
+}  // namespace
+
+void describe_policy(Fields& fields, RobotConfig& robot) {
+  fields.each_named({"fallbacks", "simple policies to hand over to, by name", "{}"}, robot.fallbacks,
+                    [&](Fields& f, Fallback& fallback) { describe_fallback(f, fallback, robot.joints.size()); });
+  fields.section({"degraded", "what happens when the freshness contract is violated"},
+                 [&](Fields& f) { describe_degraded(f, robot.degraded, robot.fallbacks); });
+  fields.each({"sensors", "outside sensors the policy reads", "[]"}, robot.sensors, kMaxSensors, describe_sensor);
+  bool present = robot.policy.has_value();
+  fields.optional_section({"policy", "the learned policy"}, present, [&](Fields& f) {
+    if (!robot.policy) robot.policy.emplace();
+    describe_policy_section(f, *robot.policy, robot);
+  });
+}
+
+}  // namespace takt::config

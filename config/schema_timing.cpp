@@ -1,0 +1,63 @@
+// Keys: control, freshness, feedback.
+#include <array>
+
+#include "config/schema.hpp"
+
+namespace takt::config {
+namespace {
+
+constexpr std::array<std::string_view, 2> kWakeModes{"sleep", "hybrid"};
+
+void describe_control(Fields& fields, Control& control) {
+  fields.duration({"period", "time from one control tick to the next", "1 ms"}, control.period, microseconds(100),
+                  milliseconds(100));
+  fields.integer({"priority", "SCHED_FIFO priority of the control thread", "80"}, control.priority, 1, 99);
+  fields.whole_or_none({"cpu", "core the control thread is pinned to, or none", "none"}, control.cpu, 0, 1023);
+  fields.choice({"wake", "sleep until the tick, or sleep and spin for its last part", "sleep"}, control.wake,
+                kWakeModes);
+  fields.duration({"spin", "hybrid: spin for this long before the tick", "100 us"}, control.spin, microseconds(1),
+                  milliseconds(50));
+  fields.integer({"overrun_limit", "consecutive late ticks that cause a damped stop", "50"}, control.overrun_limit, 1,
+                 1'000'000);
+}
+
+void describe_freshness(Fields& fields, Freshness& freshness) {
+  fields.duration({"max_age", "a command older than this is not played"}, freshness.max_age, milliseconds(1),
+                  seconds(60));
+  fields.quantity({"aging_fraction", "past this part of max_age a fresh command counts as aging", "0.8"},
+                  freshness.aging_fraction, Dimension::none, inside(0, 1));
+  fields.quantity({"epsilon", "contract: Pr(age > max_age) <= epsilon"}, freshness.epsilon, Dimension::none,
+                  inside(0, 1));
+  fields.quantity({"confidence", "one-sided confidence of the reported miss rate's bound", "0.95"},
+                  freshness.confidence, Dimension::none, inside(0, 1));
+  fields.duration({"window", "sliding window over which misses are counted"}, freshness.window, milliseconds(1),
+                  seconds(600));
+  fields.duration({"recover_after", "uninterrupted fresh time that ends degraded mode"}, freshness.recover_after,
+                  milliseconds(1), seconds(600));
+  fields.duration(
+      {"flap_memory", "each relapse within this time doubles the next recovery time, up to 16 times", "10 s"},
+      freshness.flap_memory, milliseconds(0), seconds(3600));
+  fields.duration({"stop_after", "no usable command for this long causes a damped stop"}, freshness.stop_after,
+                  milliseconds(1), seconds(600));
+  fields.integer({"bad_command_limit", "refused messages within the window that count as an integration error", "25"},
+                 freshness.bad_command_limit, 1, 1'000'000);
+}
+
+void describe_feedback(Fields& fields, FeedbackConfig& feedback) {
+  fields.duration({"timeout", "a joint silent for longer causes a fault"}, feedback.timeout, microseconds(100),
+                  seconds(10));
+  fields.duration({"enable_timeout", "every drive must report enabled within this time of arming", "500 ms"},
+                  feedback.enable_timeout, milliseconds(1), seconds(60));
+  fields.quantity({"rest_velocity", "below it a joint counts as resting; a damped stop then holds", "0.02 rad/s"},
+                  feedback.rest_velocity, Dimension::angular_velocity, above(0, 10));
+}
+
+}  // namespace
+
+void describe_timing(Fields& fields, RobotConfig& robot) {
+  fields.section({"control", "the control loop", "{}"}, [&](Fields& f) { describe_control(f, robot.control); });
+  fields.section({"freshness", "how old a command may be"}, [&](Fields& f) { describe_freshness(f, robot.freshness); });
+  fields.section({"feedback", "what the drives owe"}, [&](Fields& f) { describe_feedback(f, robot.feedback); });
+}
+
+}  // namespace takt::config

@@ -1,0 +1,128 @@
+#include "config/tick_config_of.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace takt::config {
+namespace {
+
+static_assert(kMaxWindowTicks == pipeline::kMaxWindowTicks);
+
+float narrow(double value) {
+  return static_cast<float>(value);
+}
+
+std::array<float, 3> narrow(const Vector3& v) {
+  return {narrow(v[0]), narrow(v[1]), narrow(v[2])};
+}
+
+// Fixed-axis roll, pitch, yaw: R = Rz(yaw) Ry(pitch) Rx(roll), row-major.
+std::array<float, 9> rotation_of(const Vector3& rpy) {
+  const double cr = std::cos(rpy[0]), sr = std::sin(rpy[0]);
+  const double cp = std::cos(rpy[1]), sp = std::sin(rpy[1]);
+  const double cy = std::cos(rpy[2]), sy = std::sin(rpy[2]);
+  return {narrow(cy * cp),
+          narrow(cy * sp * sr - sy * cr),
+          narrow(cy * sp * cr + sy * sr),
+          narrow(sy * cp),
+          narrow(sy * sp * sr + cy * cr),
+          narrow(sy * sp * cr - cy * sr),
+          narrow(-sp),
+          narrow(cp * sr),
+          narrow(cp * cr)};
+}
+
+pipeline::JointConfig joint_of(const Joint& from) {
+  pipeline::JointConfig to;
+  to.limits = {.q_min = narrow(from.limits.q_min),
+               .q_max = narrow(from.limits.q_max),
+               .velocity = narrow(from.limits.velocity),
+               .acceleration = narrow(from.limits.acceleration),
+               .torque = narrow(from.limits.torque),
+               .torque_rate = narrow(from.limits.torque_rate),
+               .kp_max = narrow(from.limits.kp),
+               .kd_max = narrow(from.limits.kd),
+               .q_hard_margin = narrow(from.limits.position_margin),
+               .velocity_hard = narrow(from.limits.velocity_hard)};
+  to.kp = narrow(from.kp);
+  to.kd = narrow(from.kd);
+  to.damping = narrow(from.damping);
+  to.inertia = narrow(from.inertia);
+  to.home = narrow(from.home);
+  to.fallback_pose = to.home;
+  to.observer_bandwidth = narrow(from.observer_bandwidth);
+  to.bus = static_cast<std::uint8_t>(from.bus);
+  return to;
+}
+
+pipeline::LinkModel link_of(const Link& from) {
+  const double length = std::hypot(from.axis[0], from.axis[1], from.axis[2]);
+  const Vector3 unit_axis{from.axis[0] / length, from.axis[1] / length, from.axis[2] / length};
+  return {.parent = from.parent,
+          .origin_xyz = narrow(from.origin_xyz),
+          .origin_rotation = rotation_of(from.origin_rpy),
+          .axis = narrow(unit_axis),
+          .mass = narrow(from.mass),
+          .com = narrow(from.com)};
+}
+
+pipeline::FreshnessContract contract_of(const Freshness& from, Duration period) {
+  return {.max_age = from.max_age,
+          .aging_fraction = narrow(from.aging_fraction),
+          .epsilon = from.epsilon,
+          .window_ticks = static_cast<std::uint32_t>(from.window.ns / period.ns),
+          .recover_after = from.recover_after,
+          .flap_memory = from.flap_memory,
+          .stop_after = from.stop_after,
+          .bad_command_limit = from.bad_command_limit};
+}
+
+pipeline::DegradedBehaviour behaviour_of(Degraded behaviour) {
+  switch (behaviour) {
+    case Degraded::hold:
+      return pipeline::DegradedBehaviour::hold;
+    case Degraded::slow:
+      return pipeline::DegradedBehaviour::slow;
+    case Degraded::fallback:
+      return pipeline::DegradedBehaviour::fallback;
+  }
+  return pipeline::DegradedBehaviour::hold;
+}
+
+void set_fallback(const RobotConfig& robot, pipeline::TickConfig& tick) {
+  const auto chosen = std::ranges::find(robot.fallbacks, robot.degraded.fallback, &Fallback::name);
+  if (chosen == robot.fallbacks.end()) return;
+  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+    tick.joints[j].fallback_pose = narrow(chosen->pose[j]);
+    tick.joints[j].fallback_speed = narrow(chosen->speed);
+  }
+}
+
+}  // namespace
+
+pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t policy_hash) {
+  pipeline::TickConfig tick;
+  tick.period = robot.control.period;
+  tick.joint_count = static_cast<std::uint32_t>(robot.joints.size());
+  tick.bus_count = static_cast<std::uint32_t>(robot.buses.size());
+  if (robot.policy)
+    tick.observation_every_ticks = static_cast<std::uint32_t>(robot.policy->period.ns / robot.control.period.ns);
+  tick.policy_hash = policy_hash;
+  tick.freshness = contract_of(robot.freshness, robot.control.period);
+  tick.degraded = behaviour_of(robot.degraded.behaviour);
+  tick.degraded_speed_scale = narrow(robot.degraded.speed_scale);
+  tick.feedback_timeout = robot.feedback.timeout;
+  tick.enable_timeout = robot.feedback.enable_timeout;
+  tick.overrun_limit = robot.control.overrun_limit;
+  tick.rest_velocity = narrow(robot.feedback.rest_velocity);
+  for (std::size_t j = 0; j < robot.joints.size(); ++j) tick.joints[j] = joint_of(robot.joints[j]);
+  set_fallback(robot, tick);
+  if (robot.model) {
+    tick.gravity = narrow(robot.model->gravity);
+    tick.gravity_compensation = true;
+    for (std::size_t j = 0; j < robot.model->links.size(); ++j) tick.links[j] = link_of(robot.model->links[j]);
+  }
+  return tick;
+}
+
+}  // namespace takt::config

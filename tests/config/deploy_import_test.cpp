@@ -1,0 +1,179 @@
+// Goal: a robot file imported from a deploy.yaml carries exactly what the export says, and nothing it does not say.
+// Method: a small export written here, and Unitree's published G1 export where it is present; the FILL_INs are
+// replaced by values made up for the test.
+#include "config/deploy_import.hpp"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <regex>
+
+#include "config/load.hpp"
+#include "config/observation_shape.hpp"
+
+namespace takt::config {
+namespace {
+
+constexpr std::string_view kDeploy = R"(joint_ids_map: [1, 0]
+step_dt: 0.02
+stiffness: [100.0, 40.0]
+damping: [2.0, 1.0]
+default_joint_pos: [-0.5, 0.3]
+commands:
+  base_velocity:
+    ranges: { lin_vel_x: [-0.5, 1.0], ang_vel_z: [0.1, 0.2], heading: null }
+actions:
+  JointPositionAction:
+    clip: null
+    scale: [0.25, 0.5]
+    offset: [-0.5, 0.3]
+    joint_ids: !!python/object/apply:builtins.slice [null, null, null]
+observations:
+  base_ang_vel: { params: {}, clip: null, scale: [0.2, 0.2, 0.2], history_length: 5 }
+  velocity_commands: { params: {}, clip: [-1, 1], scale: [1.0, 2.0], history_length: 5 }
+  joint_pos_rel: { params: {}, clip: null, scale: [1.0, 1.0], history_length: 5 }
+  last_action: { params: {}, clip: null, scale: [1.0, 1.0], history_length: 1 }
+)";
+
+std::string import(std::string_view deploy_text, std::vector<std::string> names = {}) {
+  const auto deploy = read_deploy_file(deploy_text, "deploy.yaml");
+  EXPECT_TRUE(deploy.has_value()) << deploy.error();
+  if (!deploy) return {};
+  const auto text = import_deploy_file(
+      *deploy,
+      {.robot = "walker", .policy_file = "policy.onnx", .joint_names = std::move(names), .source = "deploy.yaml"});
+  EXPECT_TRUE(text.has_value()) << text.error();
+  return text.value_or("");
+}
+
+// What a person would write in place of each FILL_IN; one bus is enough for a loader.
+std::string filled_in(std::string text) {
+  const std::vector<std::pair<std::string, std::string>> values{{"protocol", "mit"},
+                                                                {"variant", "tmotor"},
+                                                                {"model", "AK80-64, kd_range: 20 Nms/rad"},
+                                                                {"max_age", "70 ms"},
+                                                                {"epsilon", "0.01"},
+                                                                {"recover_after", "200 ms"},
+                                                                {"stop_after", "300 ms"},
+                                                                {"behaviour", "hold"},
+                                                                {"timeout", "100 ms"},
+                                                                {"position_margin", "0.1 rad"},
+                                                                {"velocity_hard", "7 rad/s"},
+                                                                {"velocity", "5 rad/s"},
+                                                                {"acceleration", "50 rad/s2"},
+                                                                {"torque_rate", "9000 Nm/s"},
+                                                                {"torque", "100 Nm"},
+                                                                {"inertia", "0.1 kgm2"},
+                                                                {"interface", "can0"},
+                                                                {"name", "bus0"},
+                                                                {"bus", "bus0"},
+                                                                {"reply_id", "0"}};
+  for (const auto& [key, value] : values)
+    text = std::regex_replace(text, std::regex("\\b" + key + ": FILL_IN"), key + ": " + value);
+  text = std::regex_replace(text, std::regex("\\[FILL_IN, FILL_IN\\]"), "[-3 rad, 3 rad]");
+  for (int id = 1; text.find("id: FILL_IN") != std::string::npos; ++id)
+    text.replace(text.find("id: FILL_IN"), 11, "id: " + std::to_string(id));
+  return text;
+}
+
+TEST(DeployImport, CarriesGainsPoseAndMapIntoTheRobotsOrder) {
+  const auto robot = parse(filled_in(import(kDeploy, {"hip", "knee"})), "r");
+  ASSERT_TRUE(robot.has_value()) << robot.error();
+  EXPECT_EQ(robot->joints[0].name, "hip");
+  EXPECT_EQ(robot->joints[0].kp, 100) << "gains are in the robot's order";
+  EXPECT_EQ(robot->joints[1].kd, 1);
+  EXPECT_EQ(robot->joints[0].home, 0.3) << "the policy's joint 1 is the robot's joint 0";
+  EXPECT_EQ(robot->joints[1].home, -0.5);
+  const Policy& policy = *robot->policy;
+  EXPECT_EQ(policy.joint_order, (std::vector<std::size_t>{1, 0}));
+  EXPECT_EQ(policy.action.joint_of_output, policy.joint_order);
+  EXPECT_EQ(policy.action.scale, (std::vector<double>{0.25, 0.5})) << "in the policy's order";
+  EXPECT_EQ(policy.action.offset, OffsetKind::home);
+  EXPECT_EQ(policy.period, milliseconds(20));
+}
+
+TEST(DeployImport, CarriesTermsInOrderWithScaleAndHistory) {
+  const auto robot = parse(filled_in(import(kDeploy)), "r");
+  ASSERT_TRUE(robot.has_value()) << robot.error();
+  const auto& terms = robot->policy->observation;
+  ASSERT_EQ(terms.size(), 4U);
+  EXPECT_EQ(terms[0].kind, TermKind::sensor);
+  EXPECT_EQ(terms[0].sensor, "base_ang_vel");
+  EXPECT_EQ(terms[0].scale, std::vector<double>{0.2});
+  EXPECT_EQ(terms[0].history, 5U);
+  EXPECT_EQ(terms[1].kind, TermKind::constant);
+  EXPECT_EQ(terms[1].constant, (std::vector<double>{0, 0.1})) << "zero, or what of the range is nearest to it";
+  EXPECT_EQ(terms[1].scale, (std::vector<double>{1, 2}));
+  EXPECT_EQ(terms[2].kind, TermKind::joint_position_relative);
+  EXPECT_EQ(terms[3].kind, TermKind::last_action);
+  EXPECT_EQ(robot->policy->history_layout, "by_term");
+  EXPECT_EQ(observation_width(*robot), 3U * 5 + 2 * 5 + 2 * 5 + 2);
+}
+
+TEST(DeployImport, WhatTheExportCannotKnowIsNamedNotInvented) {
+  const auto robot = parse(import(kDeploy), "walker.yaml");
+  ASSERT_FALSE(robot.has_value());
+  for (const char* key : {"freshness.max_age", "freshness.epsilon", "degraded.behaviour", "joints[0].drive.id",
+                          "joints[1].limits.torque", "joints[1].limits.position", "joints[0].inertia", "joints[0].bus"})
+    EXPECT_NE(robot.error().find(std::string(key) + ": is still FILL_IN"), std::string::npos) << key << "\n"
+                                                                                              << robot.error();
+}
+
+TEST(DeployImport, WhatIsNotCarriedOverIsSaid) {
+  EXPECT_NE(import(kDeploy).find("# Not carried over: velocity_commands: clip"), std::string::npos);
+}
+
+struct BadDeploy {
+  const char* when;
+  const char* from;
+  const char* to;
+  const char* complaint;
+};
+
+TEST(DeployFile, RefusesWhatDoesNotFitTogether) {
+  for (const BadDeploy& bad :
+       {BadDeploy{"a map that is no permutation", "[1, 0]", "[1, 1]",
+                  "d:1:16: joint_ids_map must name each of 0..1 once"},
+        BadDeploy{"a count that differs", "[100.0, 40.0]", "[100.0]",
+                  "d:3:12: `stiffness` has 1 values, joint_ids_map 2"},
+        BadDeploy{"another action", "JointPositionAction:", "JointEffortAction:", "d:10:3: action `JointEffortAction`"},
+        BadDeploy{"no period", "step_dt: 0.02\n", "", "`step_dt` is missing"},
+        BadDeploy{"a word for a number", "[2.0, 1.0]", "[2.0, high]", "d:4:16: is not a number"}}) {
+    std::string text(kDeploy);
+    text.replace(text.find(bad.from), std::string_view(bad.from).size(), bad.to);
+    const auto deploy = read_deploy_file(text, "d");
+    ASSERT_FALSE(deploy.has_value()) << bad.when;
+    EXPECT_NE(deploy.error().find(bad.complaint), std::string::npos) << bad.when << ": " << deploy.error();
+  }
+}
+
+TEST(DeployImport, RefusesNamesThatDoNotFit) {
+  const auto deploy = read_deploy_file(kDeploy, "d");
+  ASSERT_TRUE(deploy.has_value());
+  EXPECT_FALSE(import_deploy_file(*deploy, {.robot = "w", .policy_file = "p", .joint_names = {"a"}, .source = "d"}));
+  EXPECT_FALSE(
+      import_deploy_file(*deploy, {.robot = "w", .policy_file = "p", .joint_names = {"a", "a"}, .source = "d"}));
+  EXPECT_FALSE(import_deploy_file(*deploy, {.robot = "no name", .policy_file = "p", .joint_names = {}, .source = "d"}));
+}
+
+// Unitree's G1: 480 inputs, 29 outputs, as the published model has.
+TEST(DeployImport, UnitreeG1GivesTheModelsShape) {
+  const char* path = "../shared/policies/g1_velocity/deploy.yaml";
+  if (!std::filesystem::exists(path)) GTEST_SKIP() << "NOT TESTED: " << path << " is absent";
+  std::ifstream file(path);
+  const auto robot = parse(filled_in(import(std::string{std::istreambuf_iterator<char>(file), {}})), "g1.yaml");
+  ASSERT_TRUE(robot.has_value()) << robot.error();
+  EXPECT_EQ(observation_width(*robot), 480U);
+  EXPECT_EQ(outputs_per_step(*robot), 29U);
+  EXPECT_EQ(robot->policy->joint_order[1], 6U) << "the policy's second joint is the right hip";
+  EXPECT_EQ(robot->joints[3].kp, 150) << "left knee";
+  EXPECT_EQ(robot->joints[3].home, 0.3) << "left knee";
+  EXPECT_EQ(robot->joints[13].kd, 5) << "waist";
+  EXPECT_EQ(robot->sensors.size(), 2U) << "angular velocity and gravity direction";
+  EXPECT_EQ(robot->policy->observation[2].constant.size(), 3U) << "velocity command";
+}
+
+}  // namespace
+}  // namespace takt::config

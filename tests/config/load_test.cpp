@@ -1,0 +1,199 @@
+// Goal: a robot file means what it says, or is refused with the place and the remedy. Method: a table of broken files
+// with the exact complaint; properties of the canonical dump; the committed demo robot.
+#include "config/load.hpp"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+
+#include "config/key_table.hpp"
+#include "tests/config/refusals.hpp"
+#include "tests/config/small_robot.hpp"
+
+namespace takt::config {
+namespace {
+
+using test::kSmallRobot;
+using test::with;
+
+class EveryRefusal : public testing::TestWithParam<test::Refusal> {};
+
+TEST_P(EveryRefusal, NamesThePlaceTheMistakeAndTheRemedy) {
+  const test::Refusal& refusal = GetParam();
+  const auto robot = parse(with(refusal.from, refusal.to), "robot.yaml");
+  ASSERT_FALSE(robot.has_value());
+  std::string complaint = robot.error();
+  for (std::size_t at = 0; (at = complaint.find("robot.yaml:", at)) != std::string::npos;)
+    complaint.erase(at, std::string_view("robot.yaml:").size());
+  EXPECT_EQ(complaint, refusal.complaint);
+}
+
+INSTANTIATE_TEST_SUITE_P(Load, EveryRefusal, testing::ValuesIn(test::kRefusals), [](const auto& row) {
+  std::string name(row.param.when);
+  std::ranges::replace_if(
+      name, [](char c) { return std::isalnum(static_cast<unsigned char>(c)) == 0; }, '_');
+  return name;
+});
+
+TEST(Load, AllProblemsAreCollectedInFileOrder) {
+  std::string text = with("epsilon: 0.01", "epsilon: 2");
+  text.replace(text.find("torque: 12 Nm"), 13, "torque: 12");
+  const auto robot = parse(text, "r");
+  ASSERT_FALSE(robot.has_value());
+  EXPECT_EQ(robot.error(),
+            "r:6:12: freshness.epsilon: 2 is out of range; write above 0 and below 1\n"
+            "r:26:15: joints[0].limits.torque: 12 has no unit; write `12 Nm`");
+}
+
+TEST(Load, ConvertsUnitsAndFillsDefaults) {
+  const auto robot = parse(kSmallRobot, "robot.yaml");
+  ASSERT_TRUE(robot.has_value()) << robot.error();
+  constexpr double kPi = 3.141592653589793;
+  EXPECT_EQ(robot->joints[1].limits.q_min, -kPi / 2);
+  EXPECT_DOUBLE_EQ(robot->fallbacks[0].pose[1], kPi / 18);
+  EXPECT_EQ(robot->model->links[0].origin_xyz[2], 0.1);
+  EXPECT_EQ(robot->freshness.max_age, milliseconds(120));
+  EXPECT_EQ(robot->simulation->step, microseconds(500));
+  EXPECT_EQ(robot->buses[0].bitrate, 1'000'000U);
+  EXPECT_EQ(robot->control.cpu, std::nullopt);
+  EXPECT_EQ(robot->control.overrun_limit, 50U) << "default";
+  EXPECT_EQ(robot->joints[0].observer_bandwidth, 200) << "default";
+  EXPECT_EQ(robot->policy->input, "obs") << "default";
+  EXPECT_EQ(robot->joints[1].drive.id, 2U) << "hexadecimal";
+  EXPECT_EQ(robot->degraded.fallback, "tuck");
+  EXPECT_EQ(robot->model->links[1].parent, 0);
+  EXPECT_EQ(robot->policy->joint_order, (std::vector<std::size_t>{1, 0}));
+  EXPECT_EQ(robot->policy->action.joint_of_output, robot->policy->joint_order) << "outputs follow the joint order";
+}
+
+TEST(Load, ModelGivesRangesAndExplicitOnesOverrideThem) {
+  const auto named = parse(kSmallRobot, "r");
+  ASSERT_TRUE(named.has_value());
+  const Drive& preset = named->joints[0].drive;
+  EXPECT_EQ(preset.position_range, 12.5);
+  EXPECT_EQ(preset.velocity_range, 50);
+  EXPECT_EQ(preset.torque_range, 18);
+  EXPECT_EQ(preset.kp_range, 500);
+  EXPECT_EQ(preset.kd_range, 5);
+  const auto overridden = parse(with("model: AK80-9,", "model: AK80-9, torque_range: 17 Nm,"), "r");
+  ASSERT_TRUE(overridden.has_value());
+  EXPECT_EQ(overridden->joints[0].drive.torque_range, 17);
+  EXPECT_EQ(overridden->joints[0].drive.velocity_range, 50);
+}
+
+TEST(Load, PathsStartAtTheRobotFilesFolder) {
+  const auto robot = parse(kSmallRobot, "/somewhere/robots/r.yaml");
+  ASSERT_TRUE(robot.has_value());
+  EXPECT_EQ(robot->policy->file, "/somewhere/robots/small.onnx");
+  EXPECT_EQ(robot->record.directory, "/somewhere/robots/runs");
+}
+
+TEST(Load, DemoRobotIsValid) {
+  const auto robot = load("config/arm6.yaml");
+  ASSERT_TRUE(robot.has_value()) << robot.error();
+  EXPECT_EQ(robot->joints.size(), 6U);
+  EXPECT_EQ(robot->policy->steps, 16U);
+}
+
+TEST(Load, FileThatCannotBeReadSaysWhy) {
+  EXPECT_EQ(load("no/such/robot.yaml").error(),
+            "no/such/robot.yaml: cannot be read: No such file or directory; check the path");
+  EXPECT_EQ(load("config").error(), "config: is not a regular file; give a YAML file");
+  const auto huge = std::filesystem::path(testing::TempDir()) / "huge.yaml";
+  std::ofstream(huge) << std::string((1U << 20U) + 1, '#');
+  EXPECT_NE(load(huge.string()).error().find("at most 1048576 are read"), std::string::npos);
+  std::filesystem::remove(huge);
+  EXPECT_EQ(parse("", "r").error(), "r: holds no robot; begin with `schema: takt.robot/1`");
+  EXPECT_EQ(parse("- 1\n", "r").error(), "r:1:1: holds no robot; begin with `schema: takt.robot/1`");
+}
+
+TEST(Load, DeepNestingIsRefusedNotRecursedInto) {
+  const auto robot = parse(std::string(100'000, '['), "r");
+  ASSERT_FALSE(robot.has_value());
+}
+
+// The hash says "same robot": the canonical text must read back to itself, wherever the file lies.
+TEST(Resolved, ReadsBackToTheSameHash) {
+  for (const std::string_view text : {kSmallRobot}) {
+    const auto robot = parse(text, "/a/r.yaml");
+    ASSERT_TRUE(robot.has_value());
+    const auto again = parse(robot->resolved, "/elsewhere/run/config.yaml");
+    ASSERT_TRUE(again.has_value()) << again.error();
+    EXPECT_EQ(again->resolved, robot->resolved);
+    EXPECT_EQ(again->hash, robot->hash);
+    EXPECT_EQ(again->sha256, robot->sha256);
+  }
+}
+
+RC_GTEST_PROP(Resolved, ReadsBackToTheSameHashWhateverTheNumbers, ()) {
+  const auto number = [](double low, double high) {
+    const auto part = *rc::gen::inRange<std::int64_t>(0, 1'000'000'000'000);
+    return low + (high - low) * static_cast<double>(part) / 1e12;
+  };
+  const auto print = [](double value) {
+    char text[64];
+    std::snprintf(text, sizeof text, "%.17g", value);
+    return std::string(text);
+  };
+  std::string text =
+      with("[-90 deg, 90 deg]", "[" + print(number(-300, -20)) + " deg, " + print(number(20, 300)) + " deg]");
+  const auto put = [&](std::string_view from, const std::string& to) {
+    text.replace(text.find(from), from.size(), to);
+  };
+  put("inertia: 0.05 kgm2", "inertia: " + print(number(1e-6, 10)) + " kgm2");
+  put("epsilon: 0.01", "epsilon: " + print(number(1e-9, 0.999)));
+  put("max_age: 120 ms", "max_age: " + print(number(100, 500)) + " ms");
+  put("scale: [0.25, 0.5]", "scale: [" + print(number(-1e6, 1e6)) + ", " + print(number(-1e-6, 1e-6)) + "]");
+  const auto robot = parse(text, "r");
+  RC_ASSERT(robot.has_value());
+  const auto again = parse(robot->resolved, "r");
+  RC_ASSERT(again.has_value());
+  RC_ASSERT(again->hash == robot->hash);
+  RC_ASSERT(again->joints[1].limits.q_min == robot->joints[1].limits.q_min);
+  RC_ASSERT(again->freshness.max_age == robot->freshness.max_age);
+}
+
+TEST(Resolved, AnyChangedValueChangesTheHash) {
+  const auto robot = parse(kSmallRobot, "r");
+  const auto other = parse(with("torque: 12 Nm", "torque: 12.0001 Nm"), "r");
+  ASSERT_TRUE(robot && other);
+  EXPECT_NE(robot->hash, other->hash);
+  const auto spelled_differently = parse(with("120 ms", "0.12 s"), "r");
+  ASSERT_TRUE(spelled_differently.has_value());
+  EXPECT_EQ(robot->hash, spelled_differently->hash);
+}
+
+// FIPS 180-2's example, and FNV-1a by its definition.
+TEST(Hash, KnownAnswers) {
+  EXPECT_EQ(sha256_hex("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+  const auto robot = parse(kSmallRobot, "r");
+  ASSERT_TRUE(robot.has_value());
+  std::uint64_t expected = 0xCBF29CE484222325ULL;
+  for (const char c : std::string_view("hip\0knee\0", 9))
+    expected = (expected ^ static_cast<unsigned char>(c)) * 0x100000001B3ULL;
+  EXPECT_EQ(joint_names_hash(*robot), expected);
+}
+
+TEST(Hash, PolicyFileIsHashedWholeAndItsAbsenceIsASentence) {
+  const auto file = std::filesystem::path(testing::TempDir()) / "policy.bin";
+  std::ofstream(file) << "abc";
+  const auto hash = policy_hash(file.string());
+  ASSERT_TRUE(hash.has_value());
+  EXPECT_EQ(*hash, 0xba7816bf8f01cfeaULL);
+  std::filesystem::remove(file);
+  EXPECT_NE(policy_hash(file.string()).error().find("No such file"), std::string::npos);
+}
+
+// The reference in the documentation is this table, word for word.
+TEST(KeyTable, DocumentationListsEveryKey) {
+  std::ifstream file("docs/configuration.md");
+  const std::string page{std::istreambuf_iterator<char>(file), {}};
+  EXPECT_NE(page.find(key_table()), std::string::npos)
+      << "docs/configuration.md is out of date; put in the output of `takt config keys`";
+}
+
+}  // namespace
+}  // namespace takt::config

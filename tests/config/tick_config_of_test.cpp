@@ -1,0 +1,72 @@
+// Goal: the tick runs with the numbers the file says. Method: the small robot's values, in float32, and the rotation of
+// a frame against vectors turned by hand.
+#include "config/tick_config_of.hpp"
+
+#include <gtest/gtest.h>
+
+#include "config/load.hpp"
+#include "tests/config/small_robot.hpp"
+
+namespace takt::config {
+namespace {
+
+pipeline::TickConfig tick_of(std::string_view text) {
+  const auto robot = parse(text, "r");
+  EXPECT_TRUE(robot.has_value()) << robot.error();
+  return tick_config_of(*robot, 7);
+}
+
+TEST(TickConfigOf, CarriesTimingContractAndCounts) {
+  const auto tick = tick_of(test::kSmallRobot);
+  EXPECT_EQ(tick.period, milliseconds(1));
+  EXPECT_EQ(tick.joint_count, 2U);
+  EXPECT_EQ(tick.bus_count, 1U);
+  EXPECT_EQ(tick.observation_every_ticks, 20U);
+  EXPECT_EQ(tick.policy_hash, 7U);
+  EXPECT_EQ(tick.freshness.max_age, milliseconds(120));
+  EXPECT_EQ(tick.freshness.window_ticks, 1000U);
+  EXPECT_EQ(tick.freshness.stop_after, milliseconds(600));
+  EXPECT_EQ(tick.degraded, pipeline::DegradedBehaviour::fallback);
+}
+
+TEST(TickConfigOf, OnlyTheConfiguredFallbackGivesPoseAndSpeed) {
+  const auto tuck = tick_of(test::kSmallRobot);
+  EXPECT_FLOAT_EQ(tuck.joints[1].fallback_pose, 0.17453293F);
+  EXPECT_FLOAT_EQ(tuck.joints[1].fallback_speed, 0.5F);
+  const auto hold = tick_of(test::with("behaviour: fallback, fallback: tuck", "behaviour: hold"));
+  EXPECT_FLOAT_EQ(hold.joints[1].fallback_pose, 0.2F) << "home";
+  EXPECT_FLOAT_EQ(hold.joints[1].fallback_speed, 0.0F);
+}
+
+TEST(TickConfigOf, JointsCarryLimitsAndGains) {
+  const auto hip = tick_of(test::kSmallRobot).joints[0];
+  EXPECT_FLOAT_EQ(hip.limits.q_max, 1.0F);
+  EXPECT_FLOAT_EQ(hip.limits.torque_rate, 900.0F);
+  EXPECT_FLOAT_EQ(hip.limits.q_hard_margin, 0.1F);
+  EXPECT_FLOAT_EQ(hip.kp, 60.0F);
+  EXPECT_FLOAT_EQ(hip.inertia, 0.1F);
+}
+
+// Roll by 90 deg takes y to z and z to -y.
+TEST(TickConfigOf, RotationIsFixedAxisRollPitchYawAndAxesAreUnit) {
+  const auto tick = tick_of(test::kSmallRobot);
+  const auto& r = tick.links[1].origin_rotation;
+  const std::array<float, 9> expected{1, 0, 0, 0, 0, -1, 0, 1, 0};
+  for (std::size_t i = 0; i < 9; ++i) EXPECT_NEAR(r[i], expected[i], 1e-6F) << i;
+  EXPECT_FLOAT_EQ(tick.links[0].axis[1], 1.0F) << "[0, 2, 0] is made a unit vector";
+  EXPECT_TRUE(tick.gravity_compensation);
+  // Yaw after roll: Rz(90) Rx(90) takes y to z, and x to y.
+  const auto turned = tick_of(test::with("rpy: [90 deg, 0 deg, 0 deg]", "rpy: [90 deg, 0 deg, 90 deg]")).links[1];
+  EXPECT_NEAR(turned.origin_rotation[3], 1.0F, 1e-6F);
+  EXPECT_NEAR(turned.origin_rotation[7], 1.0F, 1e-6F);
+}
+
+TEST(TickConfigOf, NoModelMeansNoGravityCompensation) {
+  std::string text(test::kSmallRobot);
+  text.erase(text.find("model:\n"), text.find("sensors:") - text.find("model:\n"));
+  text.erase(text.find("simulation:"));
+  EXPECT_FALSE(tick_of(text).gravity_compensation);
+}
+
+}  // namespace
+}  // namespace takt::config

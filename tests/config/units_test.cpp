@@ -1,0 +1,39 @@
+// Goal: quantities keep their value on the way in and out. Method: a table, and the round trip of random doubles.
+#include "config/units.hpp"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <bit>
+#include <cmath>
+
+namespace takt::config {
+namespace {
+
+TEST(Units, EveryUnitIsReadInItsBase) {
+  for (const Unit& unit : units()) {
+    const auto value = parse_quantity("2.5 " + std::string(unit.symbol), unit.dimension);
+    ASSERT_TRUE(value.has_value()) << unit.symbol;
+    EXPECT_EQ(*value, 2.5 * unit.factor) << unit.symbol;
+  }
+}
+
+TEST(Units, DurationsUseTheLargestWholeUnit) {
+  EXPECT_EQ(format_duration(seconds(2)), "2 s");
+  EXPECT_EQ(format_duration(milliseconds(2500)), "2500 ms");
+  EXPECT_EQ(format_duration(microseconds(100)), "100 us");
+  EXPECT_EQ(format_duration({1}), "1 ns");
+  EXPECT_EQ(format_duration({0}), "0 ms");
+}
+
+RC_GTEST_PROP(Units, FormattedQuantitiesReadBackToTheSameBits, ()) {
+  const auto bits = *rc::gen::inRange<std::uint64_t>(0, ~std::uint64_t{0});
+  const auto value = std::bit_cast<double>(bits);
+  RC_PRE(std::isnormal(value));
+  const auto read = parse_quantity(format_quantity(value, Dimension::torque), Dimension::torque);
+  RC_ASSERT(read.has_value());
+  RC_ASSERT(std::bit_cast<std::uint64_t>(*read) == bits);
+}
+
+}  // namespace
+}  // namespace takt::config
