@@ -1,0 +1,35 @@
+// Can a bus carry what its drives say every tick? Worst-case bits on the wire, stuffing included. Pure.
+//
+// A classic data frame of n bytes has 47 + 8n bits (67 + 8n with a 29-bit id), inter-frame space included; the 34 + 8n
+// (54 + 8n) bits from start of frame to checksum take a stuff bit after every four in the worst case: 111..135 bits for
+// 8 bytes and an 11-bit id. Source: ISO 11898-1.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <expected>
+#include <string>
+#include <vector>
+
+#include "config/robot_config.hpp"
+
+namespace takt::drivers {
+
+// 0..8 bytes.
+std::uint32_t least_frame_bits(std::size_t bytes, bool extended);  // no stuff bits
+std::uint32_t most_frame_bits(std::size_t bytes, bool extended);   // worst stuffing
+
+// Above this share of the bit rate a late frame no longer finds its gap before the next tick.
+inline constexpr double kMaxBusLoad = 0.9;
+
+struct BusLoad {
+  std::string bus;
+  std::size_t drives = 0;
+  std::uint32_t bits_per_tick = 0;  // worst case, commands and replies
+  double load = 0;                  // share of the bit rate, 1 = all of it
+};
+
+// One entry per bus, or one sentence that shows the arithmetic of the first bus that is overloaded.
+std::expected<std::vector<BusLoad>, std::string> check_bus_load(const config::RobotConfig& robot);
+
+}  // namespace takt::drivers

@@ -1,0 +1,60 @@
+// The wire of a loopback bus: passes every frame a node sends on to every other node. It belongs to takt-plant, which
+// is a node itself: the hub is the plant's own CanBus.
+//
+// Bounded: at most kMaxNodes nodes; what does not fit into a slow node's socket buffer is dropped for that node alone
+// and counted. A node that sends anything but a struct canfd_frame is disconnected.
+// Thread rule: one thread at a time, which must call receive() or pump() regularly; nothing moves in between.
+#pragma once
+
+#include <expected>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "drivers/bus_options.hpp"
+#include "drivers/can_bus.hpp"
+#include "drivers/file_handle.hpp"
+#include "drivers/id_filter.hpp"
+#include "drivers/message_batch.hpp"
+
+namespace takt::drivers {
+
+class LoopbackHub final : public CanBus {
+ public:
+  static constexpr std::size_t kMaxNodes = 16;
+
+  // Makes the directory if absent; replaces a dead predecessor's socket, respects a live one.
+  static std::expected<std::unique_ptr<LoopbackHub>, std::string> listen(const std::string& socket_path,
+                                                                         const BusOptions& own_node);
+  ~LoopbackHub() override;
+  LoopbackHub(const LoopbackHub&) = delete;
+  LoopbackHub& operator=(const LoopbackHub&) = delete;
+
+  // As the hub's own node. Received frames were passed on to the others when this returns; frames for which `out` has
+  // no room stay in their sender's queue.
+  SendResult send(const CanFrame& frame) noexcept override;
+  std::size_t receive(std::span<ReceivedFrame> out) noexcept override;
+  [[nodiscard]] BusHealth health() const noexcept override { return health_; }  // tx_dropped: over all nodes
+
+  // Without a node of its own: waits at most `timeout` for frames and passes them on. Returns how many.
+  std::size_t pump(Duration timeout) noexcept;
+  [[nodiscard]] std::size_t node_count() const { return nodes_.size(); }
+
+ private:
+  LoopbackHub(FileHandle listener, FileHandle poll, std::string path, const BusOptions& own_node);
+  void accept_nodes() noexcept;
+  void disconnect(int socket) noexcept;
+  void pass_on(const canfd_frame& frame, int from) noexcept;
+  std::size_t serve(int socket, std::span<ReceivedFrame> out) noexcept;
+  std::size_t serve_ready(int timeout_ms, std::span<ReceivedFrame> out) noexcept;
+
+  FileHandle listener_;
+  FileHandle poll_;
+  std::string path_;
+  IdFilter filter_;
+  std::vector<FileHandle> nodes_;  // reserved for kMaxNodes
+  MessageBatch batch_;
+  BusHealth health_;
+};
+
+}  // namespace takt::drivers

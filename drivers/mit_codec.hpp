@@ -1,0 +1,61 @@
+// The MIT mini-cheetah protocol, host side (T-Motor AK, Damiao DM): one 8-byte classic frame commands position,
+// velocity, stiffness, damping and torque; one reply reports position, velocity and torque. Pure.
+//
+// Command, standard id = motor id, big-endian bits p16 | v12 | kp12 | kd12 | t12. Reply on the master id: motor id,
+// p16, v12, t12; Damiao puts its state into the id byte's upper half and appends two temperatures. The reply is sent
+// before the command is read: it reports the earlier state. Units: motor side, rad, rad/s, Nm/rad, Nm s/rad, Nm. Zero
+// is not representable: over symmetric ranges it comes out half a quantum below. Sources: bgkatz/motorcontrol
+// Core/Src/can.c, math_ops.c; enactic/openarm_can dm_motor_control.cpp; neurobionics/TMotorCANControl mit_can.py.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+
+#include "drivers/can_bus.hpp"
+
+namespace takt::drivers {
+
+// What the packed fields span: +-p, +-v, +-t, 0..kp, 0..kd; each finite and > 0. Must equal what the drive was set to.
+struct MitRange {
+  float p = 0, v = 0, kp = 0, kd = 0, t = 0;
+};
+
+struct MitCommand {
+  float p = 0, v = 0, kp = 0, kd = 0, t = 0;
+};
+
+using MitPayload = std::array<std::uint8_t, 8>;
+
+// Clamps to the range, then truncates in float32 as the firmware does. A command with a value that is not finite
+// becomes "no stiffness, no torque" with what damping it has. Never yields seven FF, which would start a special frame:
+// such a command loses one quantum of damping.
+MitPayload encode_mit_command(const MitRange& range, const MitCommand& command) noexcept;
+
+// The last byte after seven FF.
+enum class MitSpecial : std::uint8_t {
+  clear_error = 0xFB,  // Damiao only
+  enter_motor_mode = 0xFC,
+  exit_motor_mode = 0xFD,
+  set_zero = 0xFE
+};
+MitPayload encode_mit_special(MitSpecial special) noexcept;
+
+enum class MitVariant : std::uint8_t { tmotor, damiao };
+
+struct MitReply {
+  std::uint8_t id = 0;  // Damiao: the lower four bits only
+  float p = 0, v = 0, t = 0;
+  // Damiao's state (0 disabled, 1 enabled, 8.. errors); T-Motor's error code when the reply has 8 bytes, else 0.
+  std::uint8_t status = 0;
+  float temperature_C = 0;  // the hotter of what is reported; 0 when nothing is
+};
+// T-Motor: 6 bytes, or 8 with temperature and error code. Damiao: 8 bytes. Anything else is no reply.
+std::optional<MitReply> decode_mit_reply(const MitRange& range, MitVariant variant, const CanFrame& frame) noexcept;
+
+// Damiao states; values of the protocol.
+inline constexpr std::uint8_t kDamiaoDisabled = 0x0;
+inline constexpr std::uint8_t kDamiaoEnabled = 0x1;
+
+}  // namespace takt::drivers

@@ -1,0 +1,56 @@
+// One MIT drive, host side: joint units in, frames out, replies in.
+//
+// enable false: exit motor mode every tick, which also makes the drive report; a Damiao drive that reports an error is
+//   told to clear it every other tick.
+// enable rising: enter motor mode every tick until the drive reports that it is enabled. A T-Motor drive has no state
+// in
+//   its reply and counts as enabled, or disabled, by the first reply after the frame that asks for it.
+// enabled once: motion commands only. A drive that leaves motor mode by itself is not brought back before `enable` was
+//   false in between: that is the operator's decision.
+//
+// Joint and motor side: q = direction * q_motor / gear + offset, tau = direction * gear * tau_motor, gains / gear^2.
+// Before the first reply feedback().received_at is unset and drive_state unknown. Values are clamped to the packed
+// ranges; the joint's own limits are not this class's business. Thread rule: as JointDriver.
+#pragma once
+
+#include "drivers/joint_driver.hpp"
+#include "drivers/mit_codec.hpp"
+
+namespace takt::drivers {
+
+struct MitDriveSettings {
+  MitRange range;
+  MitVariant variant = MitVariant::damiao;
+  std::uint32_t id = 0, reply_id = 0;
+  float direction = 1;   // +1 or -1
+  float offset = 0;      // rad, joint side
+  float gear_ratio = 1;  // > 0
+};
+
+class MitDriver final : public JointDriver {
+ public:
+  explicit MitDriver(const MitDriveSettings& settings) noexcept : settings_(settings) {}
+
+  std::size_t encode(bool enable, const DriveSetpoint& setpoint, Duration budget,
+                     std::span<CanFrame> out) noexcept override;
+  bool decode(const ReceivedFrame& received) noexcept override;
+  [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }
+  // Frames on the reply id that are no reply of this protocol.
+  [[nodiscard]] std::uint64_t malformed_frames() const { return malformed_frames_; }
+
+ private:
+  MitPayload payload_for(bool enable, const DriveSetpoint& setpoint) noexcept;
+  [[nodiscard]] MitCommand to_motor(const DriveSetpoint& setpoint) const noexcept;
+  void take(const MitReply& reply, MonoTime received_at) noexcept;
+  [[nodiscard]] DriveState state_of(const MitReply& reply) const noexcept;
+
+  MitDriveSettings settings_;
+  JointFeedback feedback_;
+  std::uint64_t malformed_frames_ = 0;
+  enum class Wish : std::uint8_t { disable, enter, drive };
+  Wish wish_ = Wish::disable;
+  bool anything_sent_ = false;
+  bool clear_next_ = false;
+};
+
+}  // namespace takt::drivers

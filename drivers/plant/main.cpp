@@ -1,0 +1,194 @@
+// takt-plant: the device side of a simulated robot. Drives on the CAN buses, a rigid-body arm behind them, a camera.
+// Exit codes: 0 ended by a signal, 64 usage, 65 configuration refused, 69 a bus or socket is not to be had, 70
+// internal.
+#include <sched.h>
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+#include <sys/prctl.h>
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <ctime>
+#include <optional>
+
+#include "config/load.hpp"
+#include "config/paths.hpp"
+#include "drivers/plant/arm_plant.hpp"
+#include "drivers/plant/camera.hpp"
+#include "drivers/plant/pacer.hpp"
+#include "drivers/plant/plant_buses.hpp"
+#include "drivers/plant/sensor_server.hpp"
+#include "drivers/plant/truth_log.hpp"
+#include "drivers/receive_stamp.hpp"
+
+namespace takt::plant {
+namespace {
+
+constexpr int kExitUsage = 64, kExitUnavailable = 69, kExitInternal = 70;
+constexpr int kPriority = 10;  // SCHED_FIFO
+constexpr Duration kTruthPeriod = milliseconds(10);
+constexpr Duration kReportPeriod = seconds(1);
+
+struct Options {
+  std::string robot, runtime_directory, truth_file;
+  std::optional<std::uint64_t> seed;
+  bool debug = false;
+};
+
+std::atomic<bool> g_stop = false;
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+void stop_on_signals() {
+  struct sigaction action {};
+  action.sa_handler = [](int) { g_stop = true; };
+  sigaction(SIGTERM, &action, nullptr);
+  sigaction(SIGINT, &action, nullptr);
+}
+
+int refuse(int exit_code, const std::string& sentence) {
+  std::fprintf(stderr, "%s\n", sentence.c_str());
+  return exit_code;
+}
+
+MonoTime clock_now() {
+  return drivers::sample_clocks().monotonic;
+}
+
+// Drives and arms do not wait for a CPU: their double should not either. Far below the executive; the work per turn is
+// bounded. Calling thread only.
+void ask_for_punctuality() {
+  ::prctl(PR_SET_TIMERSLACK, 1'000UL);  // ns; the default of 50 us is a twentieth of a step
+  const sched_param wanted{.sched_priority = kPriority};
+  if (::sched_setscheduler(0, SCHED_FIFO, &wanted) != 0)
+    spdlog::info("no real-time priority to be had: on a busy machine the simulated drives will answer late");
+}
+
+void sleep_until(MonoTime wake) {
+  const timespec at{wake.ns / 1'000'000'000, wake.ns % 1'000'000'000};
+  ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, nullptr);  // a signal wakes early: the caller looks again
+}
+
+struct Outputs {
+  std::unique_ptr<SensorServer> sensor;
+  std::optional<TruthLog> truth;
+};
+
+// What happens beside the simulation itself: camera samples, the truth file, a line per second.
+class Observer {
+ public:
+  Observer(const config::Simulation& simulation, MonoTime started, Outputs outputs)
+      : simulation_(simulation),
+        started_(started),
+        camera_(simulation, started),
+        outputs_(std::move(outputs)),
+        next_truth_(started),
+        next_report_(started) {}
+
+  void look(ArmPlant& arm, const Pacer& pacer, MonoTime now) {
+    if (outputs_.sensor) {
+      if (const auto sample = camera_.poll(now)) outputs_.sensor->publish(*sample);
+    }
+    if (outputs_.truth && now >= next_truth_) {
+      next_truth_ = now + kTruthPeriod;
+      outputs_.truth->write(truth_of(arm, now));
+    }
+    if (now < next_report_) return;
+    next_report_ = now + kReportPeriod;
+    if (outputs_.truth) outputs_.truth->flush();
+    spdlog::debug("tool to target {:.1f} mm, {} steps skipped", 1e3 * tool_error(truth_of(arm, now)), pacer.skipped());
+  }
+
+ private:
+  [[nodiscard]] Truth truth_of(ArmPlant& arm, MonoTime now) const {
+    return {now, arm.state(), arm.tool_position(), target_at(simulation_, now - started_)};
+  }
+
+  const config::Simulation& simulation_;
+  MonoTime started_;
+  Camera camera_;
+  Outputs outputs_;
+  MonoTime next_truth_, next_report_;
+};
+
+void simulate(ArmPlant& arm, PlantBuses& buses, Observer& observer, Pacer& pacer) {
+  while (!g_stop) {
+    sleep_until(pacer.next_wake());
+    const MonoTime now = clock_now();
+    const int steps = pacer.steps_due(now);
+    if (steps == 0) continue;
+    if (const MonoTime newest = buses.exchange(arm); newest.is_set()) pacer.follow(newest);
+    for (int i = 0; i < steps; ++i) arm.step();
+    observer.look(arm, pacer, now);
+  }
+}
+
+std::expected<Outputs, std::string> open_outputs(const config::RobotConfig& robot, const std::string& directory,
+                                                 const std::string& truth_file) {
+  Outputs outputs;
+  if (!robot.simulation->camera_sensor.empty()) {
+    auto sensor = SensorServer::start(config::sensor_socket(directory, robot.simulation->camera_sensor));
+    if (!sensor) return std::unexpected(sensor.error());
+    outputs.sensor = std::move(*sensor);
+  }
+  if (!truth_file.empty()) {
+    auto truth = TruthLog::create(truth_file);
+    if (!truth) return std::unexpected(truth.error());
+    outputs.truth = std::move(*truth);
+  }
+  return outputs;
+}
+
+int run(const Options& options) {
+  auto robot = config::load(options.robot);
+  if (!robot) return refuse(config::kExitBadConfiguration, robot.error());
+  auto arm = ArmPlant::make(*robot);
+  if (!arm) return refuse(config::kExitBadConfiguration, arm.error());
+  if (options.seed) robot->simulation->seed = *options.seed;
+  const std::string directory =
+      options.runtime_directory.empty() ? config::default_runtime_directory(robot->robot) : options.runtime_directory;
+  stop_on_signals();
+  auto outputs = open_outputs(*robot, directory, options.truth_file);
+  if (!outputs) return refuse(kExitUnavailable, outputs.error());
+  auto buses = PlantBuses::open(*robot, directory);
+  if (!buses) return refuse(kExitUnavailable, buses.error());
+  for (const std::string& description : buses->descriptions()) spdlog::info("bus {}", description);
+  spdlog::info("{} joints at home, stepping every {:.3f} ms, seed {}", arm->joint_count(),
+               arm->step_length().milliseconds(), robot->simulation->seed);
+
+  ask_for_punctuality();
+  const MonoTime started = clock_now();
+  Observer observer(*robot->simulation, started, std::move(*outputs));
+  Pacer pacer(arm->step_length(), started + arm->step_length());
+  simulate(*arm, *buses, observer, pacer);
+  spdlog::info("ending after {} skipped steps", pacer.skipped());
+  return 0;
+}
+
+}  // namespace
+}  // namespace takt::plant
+
+int main(int argc, char** argv) {
+  takt::plant::Options options;
+  CLI::App app("Simulated drives, arm and camera of one robot.\nExample: takt-plant --robot config/arm6.yaml");
+  app.add_option("--robot", options.robot, "robot file with `model` and `simulation`")->required();
+  app.add_option("--runtime-dir", options.runtime_directory, "where sockets live (default /run/takt/<robot>)");
+  app.add_option("--seed", options.seed, "instead of simulation.seed");
+  app.add_option("--truth", options.truth_file, "write what the arm really did to this file, as JSON lines");
+  app.add_flag("--debug", options.debug, "log the distance from tool to target once per second");
+  app.set_version_flag("--version", TAKT_VERSION);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : takt::plant::kExitUsage;
+  }
+  try {
+    spdlog::set_default_logger(spdlog::stderr_logger_mt("takt-plant"));
+    spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%e %n %l: %v");
+    if (options.debug) spdlog::set_level(spdlog::level::debug);
+    return takt::plant::run(options);
+  } catch (const std::exception& error) {
+    return takt::plant::refuse(takt::plant::kExitInternal, std::string("internal error: ") + error.what());
+  }
+}

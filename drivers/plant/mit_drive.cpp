@@ -1,0 +1,148 @@
+#include "drivers/plant/mit_drive.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace takt::plant {
+namespace {
+
+constexpr double kAmbient_C = 25;
+constexpr double kFullTorqueRise_C = 60;  // above ambient, at the torque range for ever
+constexpr double kThermalTime_s = 40;
+
+// Bits [from, from + count) of eight bytes, counted from the first byte's most significant bit.
+std::uint64_t bits(const std::uint8_t* data, unsigned from, unsigned count) {
+  std::uint64_t word = 0;
+  for (unsigned i = 0; i < 8; ++i) word |= std::uint64_t{data[i]} << (56 - 8 * i);
+  return word << from >> (64 - count);
+}
+
+double spread(std::uint64_t code, unsigned count, double low, double high) {
+  return low + (high - low) * static_cast<double>(code) / (std::exp2(count) - 1);
+}
+
+// As the firmware: saturating, then cut off.
+std::uint64_t squeeze(double value, unsigned count, double limit) {
+  const double share = (std::clamp(value, -limit, limit) + limit) / (2 * limit);
+  return static_cast<std::uint64_t>(share * (std::exp2(count) - 1));
+}
+
+std::uint8_t whole_degrees(double celsius) {
+  return static_cast<std::uint8_t>(std::clamp(celsius, 0.0, 255.0));
+}
+
+}  // namespace
+
+MitDrive::MitDrive(const config::Drive& drive, Duration watchdog)
+    : drive_(drive), damiao_(drive.variant == "damiao"), watchdog_(watchdog), winding_C_(kAmbient_C) {}
+
+std::optional<drivers::CanFrame> MitDrive::receive(const drivers::CanFrame& frame, MonoTime now) {
+  if (frame.id != drive_.id || frame.extended || frame.fd || frame.remote || frame.length != 8) return std::nullopt;
+  const drivers::CanFrame answer = report();
+  obey(frame, now);
+  if (silent_) return std::nullopt;
+  return answer;
+}
+
+void MitDrive::obey(const drivers::CanFrame& frame, MonoTime now) {
+  constexpr std::uint64_t kSevenFf = 0xFF'FFFF'FFFF'FFFF;
+  const std::uint8_t last = frame.data[7];
+  if (bits(frame.data, 0, 56) == kSevenFf && last >= 0xFB && last <= 0xFE) {
+    obey_special(last, now);
+    return;
+  }
+  command_ = unpack(frame.data);
+  commanded_at_ = now;
+}
+
+void MitDrive::obey_special(std::uint8_t code, MonoTime now) {
+  switch (code) {
+    case 0xFB:
+      if (damiao_ && (state_ == State::error || state_ == State::lost)) state_ = State::disabled;
+      break;
+    case 0xFC:
+      if (state_ != State::disabled) break;
+      state_ = State::enabled;
+      command_ = {};
+      commanded_at_ = now;
+      break;
+    case 0xFD:
+      if (state_ == State::enabled || (state_ == State::lost && !damiao_)) state_ = State::disabled;
+      break;
+    case 0xFE:
+      zero_ += reading_.position;
+      reading_.position = 0;
+      break;
+    default:
+      break;
+  }
+}
+
+MitDrive::Command MitDrive::unpack(const std::uint8_t* data) const {
+  return {.p = spread(bits(data, 0, 16), 16, -drive_.position_range, drive_.position_range),
+          .v = spread(bits(data, 16, 12), 12, -drive_.velocity_range, drive_.velocity_range),
+          .kp = spread(bits(data, 28, 12), 12, 0, drive_.kp_range),
+          .kd = spread(bits(data, 40, 12), 12, 0, drive_.kd_range),
+          .t = spread(bits(data, 52, 12), 12, -drive_.torque_range, drive_.torque_range)};
+}
+
+double MitDrive::update(MotorReading reading, MonoTime now, Duration step) {
+  reading_ = {reading.position - zero_, reading.velocity};
+  if (state_ == State::enabled && now - commanded_at_ > watchdog_) state_ = State::lost;
+  double wanted = 0;
+  switch (state_) {
+    case State::enabled:
+      wanted =
+          command_.kp * (command_.p - reading_.position) + command_.kd * (command_.v - reading_.velocity) + command_.t;
+      break;
+    case State::lost:
+      wanted = -kLostDamping * reading_.velocity;
+      break;
+    case State::disabled:
+    case State::error:
+      break;
+  }
+  torque_ = std::clamp(wanted, -drive_.torque_range, drive_.torque_range);
+  const double share = torque_ / drive_.torque_range;
+  const double target_C = kAmbient_C + kFullTorqueRise_C * share * share;
+  winding_C_ += (target_C - winding_C_) * step.seconds() / kThermalTime_s;
+  return torque_;
+}
+
+void MitDrive::inject_error(std::uint8_t code) {
+  state_ = State::error;
+  error_ = code;
+}
+
+std::uint8_t MitDrive::status() const {
+  switch (state_) {
+    case State::disabled:
+      return 0x0;
+    case State::enabled:
+      return 0x1;
+    case State::lost:
+      return 0xD;
+    case State::error:
+      return error_;
+  }
+  return 0x0;
+}
+
+drivers::CanFrame MitDrive::report() const {
+  const std::uint64_t fields = squeeze(reading_.position, 16, drive_.position_range) << 24U |
+                               squeeze(reading_.velocity, 12, drive_.velocity_range) << 12U |
+                               squeeze(torque_, 12, drive_.torque_range);
+  drivers::CanFrame frame;
+  frame.id = drive_.reply_id;
+  frame.length = damiao_ ? 8 : 6;
+  const std::uint32_t first = damiao_ ? (drive_.id & 0xFU) | std::uint32_t{status()} << 4U : drive_.id;
+  frame.data[0] = static_cast<std::uint8_t>(first);
+  for (unsigned i = 0; i < 5; ++i) frame.data[1 + i] = static_cast<std::uint8_t>(fields >> (32 - 8 * i) & 0xFFU);
+  if (damiao_) {
+    frame.data[6] = whole_degrees((winding_C_ + kAmbient_C) / 2);  // the output stage stays cooler than the winding
+    frame.data[7] = whole_degrees(winding_C_);
+  }
+  return frame;
+}
+
+}  // namespace takt::plant

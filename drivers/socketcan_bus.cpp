@@ -1,0 +1,147 @@
+#include "drivers/socketcan_bus.hpp"
+
+#include <linux/can/raw.h>
+#include <net/if.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "drivers/can_frame.hpp"
+#include "drivers/error_frame.hpp"
+
+namespace takt::drivers {
+namespace {
+
+using SetUp = std::expected<void, std::string>;
+
+constexpr int kBatchesPerCall = 4;
+
+std::unexpected<std::string> refusal(const std::string& interface, const std::string& what, const std::string& mend) {
+  return std::unexpected(interface + ": " + what + (errno != 0 ? " (" + std::string(std::strerror(errno)) + ")" : "") +
+                         ": " + mend);
+}
+
+SetUp check_interface(int socket, const BusOptions& options, std::uint32_t bitrate) {
+  ifreq request{};
+  std::strncpy(request.ifr_name, options.interface.c_str(), IFNAMSIZ - 1);
+  errno = 0;
+  if (::ioctl(socket, SIOCGIFFLAGS, &request) != 0 || (request.ifr_flags & IFF_UP) == 0)
+    return refusal(options.interface, "interface is down",
+                   "ip link set " + options.interface + " up type can bitrate " + std::to_string(bitrate));
+  if (!options.fd) return {};
+  if (::ioctl(socket, SIOCGIFMTU, &request) != 0 || request.ifr_mtu != CANFD_MTU)
+    return refusal(options.interface, "fd: true, but the interface carries classic frames only",
+                   "switch it to CAN FD (ip link set ... fd on) or set fd: false");
+  return {};
+}
+
+SetUp set_options(int socket, const BusOptions& options) {
+  const auto set = [socket](int level, int name, const void* value, std::size_t size) {
+    return ::setsockopt(socket, level, name, value, static_cast<socklen_t>(size)) == 0;
+  };
+  std::vector<can_filter> filters;
+  for (const std::uint32_t id : options.receive_ids)
+    filters.push_back({id, CAN_SFF_MASK | CAN_EFF_FLAG | CAN_RTR_FLAG});
+  const can_err_mask_t errors = error_classes();
+  const int on = 1;
+  const int off = 0;
+  errno = 0;
+  if ((filters.empty() || set(SOL_CAN_RAW, CAN_RAW_FILTER, filters.data(), filters.size() * sizeof(can_filter))) &&
+      set(SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors) &&
+      set(SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &off, sizeof off) &&
+      set(SOL_CAN_RAW, CAN_RAW_FD_FRAMES, options.fd ? &on : &off, sizeof on) &&
+      set(SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on) && set(SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on))
+    return {};
+  return refusal(options.interface, "the kernel refuses an option of the raw CAN socket", "needs Linux 3.6 or newer");
+}
+
+SetUp bind_to(int socket, const std::string& interface) {
+  sockaddr_can address{};
+  address.can_family = AF_CAN;
+  address.can_ifindex = static_cast<int>(::if_nametoindex(interface.c_str()));
+  sockaddr_storage any{};
+  std::memcpy(&any, &address, sizeof address);
+  errno = 0;
+  if (address.can_ifindex == 0 || ::bind(socket, reinterpret_cast<const sockaddr*>(&any), sizeof address) != 0)
+    return refusal(interface, "not a CAN interface", "name one that `ip -details link show type can` lists");
+  return {};
+}
+
+}  // namespace
+
+bool SocketCanBus::interface_exists(const std::string& interface) {
+  return ::if_nametoindex(interface.c_str()) != 0;
+}
+
+std::expected<std::unique_ptr<SocketCanBus>, std::string> SocketCanBus::open(const BusOptions& options,
+                                                                             std::uint32_t bitrate) {
+  errno = 0;
+  FileHandle socket(::socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW));
+  if (!socket.is_open())
+    return refusal(options.interface, "no raw CAN socket to be had",
+                   "load the kernel modules can, can_raw and the adapter's driver");
+  // The interface's own state first: binding says less about what is wrong.
+  if (const SetUp done = bind_to(socket.get(), options.interface); !done) return std::unexpected(done.error());
+  if (const SetUp done = check_interface(socket.get(), options, bitrate); !done) return std::unexpected(done.error());
+  if (const SetUp done = set_options(socket.get(), options); !done) return std::unexpected(done.error());
+  return std::make_unique<SocketCanBus>(std::move(socket));
+}
+
+SendResult SocketCanBus::send(const CanFrame& frame) noexcept {
+  if (health_.state == BusState::bus_off) {
+    ++health_.tx_dropped;
+    return SendResult::bus_down;
+  }
+  const canfd_frame raw = to_kernel(frame);
+  if (::send(socket_.get(), &raw, frame.fd ? CANFD_MTU : CAN_MTU, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0) {
+    if (health_.state == BusState::down) health_.state = BusState::up;
+    return SendResult::sent;
+  }
+  const SendFailure failure = read_send_error(errno);
+  ++health_.tx_dropped;
+  if (failure.state) health_.state = *failure.state;
+  return failure.result;
+}
+
+std::size_t SocketCanBus::receive(std::span<ReceivedFrame> out) noexcept {
+  std::size_t filled = 0;
+  for (int batch = 0; batch < kBatchesPerCall && filled < out.size(); ++batch) {
+    const std::size_t wanted = std::min(out.size() - filled, MessageBatch::kBatch);
+    const MessageBatch::Result fetched = batch_.fetch(socket_.get(), wanted);
+    if (fetched.error != 0) health_.state = BusState::down;
+    if (fetched.count == 0) break;
+    const ClockPair clocks = sample_clocks();
+    for (std::size_t i = 0; i < fetched.count; ++i)
+      if (take(i, clocks, out[filled])) ++filled;
+    if (fetched.count < wanted) break;
+  }
+  return filled;
+}
+
+bool SocketCanBus::take(std::size_t index, const ClockPair& clocks, ReceivedFrame& out) noexcept {
+  const ControlMessages control = batch_.control(index);
+  if (control.kernel_dropped) health_.rx_dropped = *control.kernel_dropped;
+  canfd_frame raw = batch_.frame(index);
+  // The size tells the kind; kernels before 6.2 leave the FDF flag out, and a classic frame's byte 5 is no flag.
+  if (batch_.size(index) != CAN_MTU && batch_.size(index) != CANFD_MTU) return false;
+  raw.flags = batch_.size(index) == CANFD_MTU ? static_cast<std::uint8_t>(raw.flags | CANFD_FDF) : std::uint8_t{0};
+  const std::optional<CanFrame> frame = from_kernel(raw);
+  if (!frame) return false;
+  if (frame->error) {
+    note_error_frame(*frame);
+    return false;
+  }
+  out.frame = *frame;
+  out.received_at = control.realtime_ns ? to_monotonic(*control.realtime_ns, clocks) : clocks.monotonic;
+  return true;
+}
+
+void SocketCanBus::note_error_frame(const CanFrame& error) noexcept {
+  const BusEvent event = read_error_frame(error);
+  if (event.state) health_.state = *event.state;
+  if (event.frame_lost) ++health_.tx_dropped;
+}
+
+}  // namespace takt::drivers

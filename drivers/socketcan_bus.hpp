@@ -1,0 +1,41 @@
+// A real CAN interface through a non-blocking raw socket.
+//
+// Set-up: kernel filters for the wanted ids only, error frames for bus-off, error-passive, transmit time-out and
+// restart, kernel receive stamps and drop counts, no own messages. Afterwards one system call per sent frame, one per
+// 32 received. While the bus is off nothing is queued: a restarted controller would deliver stale setpoints.
+// Errors of open(): one sentence. Thread rule: as CanBus; open() is set-up. Source: Documentation/networking/can.rst.
+#pragma once
+
+#include <expected>
+#include <memory>
+#include <string>
+
+#include "drivers/bus_options.hpp"
+#include "drivers/can_bus.hpp"
+#include "drivers/file_handle.hpp"
+#include "drivers/message_batch.hpp"
+
+namespace takt::drivers {
+
+class SocketCanBus final : public CanBus {
+ public:
+  static bool interface_exists(const std::string& interface);
+  static std::expected<std::unique_ptr<SocketCanBus>, std::string> open(const BusOptions& options,
+                                                                        std::uint32_t bitrate);
+  // Takes a socket that is already set up (tests use a socket pair: there, as here, one message is one frame).
+  explicit SocketCanBus(FileHandle socket) : socket_(std::move(socket)) {}
+
+  SendResult send(const CanFrame& frame) noexcept override;
+  std::size_t receive(std::span<ReceivedFrame> out) noexcept override;
+  [[nodiscard]] BusHealth health() const noexcept override { return health_; }
+
+ private:
+  bool take(std::size_t index, const ClockPair& clocks, ReceivedFrame& out) noexcept;
+  void note_error_frame(const CanFrame& error) noexcept;
+
+  FileHandle socket_;
+  MessageBatch batch_;
+  BusHealth health_;
+};
+
+}  // namespace takt::drivers

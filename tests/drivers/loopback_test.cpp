@@ -1,0 +1,267 @@
+// Goal: the loopback bus is a bus: every node hears every other, a slow or dead node harms nobody, a dead hub is
+// noticed. Method: real sockets; three nodes in three processes for the exchange, the rest in one thread that pumps by
+// hand.
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <filesystem>
+#include <thread>
+
+#include "drivers/loopback_bus.hpp"
+#include "drivers/loopback_hub.hpp"
+#include "drivers/loopback_socket.hpp"
+
+namespace takt::drivers {
+namespace {
+
+std::string fresh_path(const char* name) {
+  const std::filesystem::path directory = std::filesystem::path(testing::TempDir()) / "takt_loopback";
+  std::filesystem::create_directories(directory);
+  const std::string path = directory / name;
+  std::filesystem::remove(path);
+  return path;
+}
+
+CanFrame numbered(std::uint32_t id, std::uint8_t number) {
+  CanFrame frame;
+  frame.id = id;
+  frame.length = 1;
+  frame.data[0] = number;
+  return frame;
+}
+
+class Loopback : public testing::Test {
+ protected:
+  void listen(const char* name, const BusOptions& options = {}) {
+    path = fresh_path(name);
+    auto made = LoopbackHub::listen(path, options);
+    ASSERT_TRUE(made) << made.error();
+    hub = std::move(*made);
+  }
+  std::unique_ptr<LoopbackBus> node(std::vector<std::uint32_t> ids = {}) {
+    auto made = LoopbackBus::connect(path, {"can0", false, std::move(ids)});
+    EXPECT_TRUE(made) << made.error();
+    hub->pump({});
+    return made ? std::move(*made) : nullptr;
+  }
+
+  std::string path;
+  std::unique_ptr<LoopbackHub> hub;
+  std::array<ReceivedFrame, 64> got;
+};
+
+TEST_F(Loopback, EveryOtherNodeHearsAFrameAndTheSenderDoesNot) {
+  listen("others");
+  const auto a = node();
+  const auto b = node();
+  EXPECT_EQ(a->send(numbered(0x10, 1)), SendResult::sent);
+  ASSERT_EQ(hub->receive(got), 1U) << "the hub's own node is one of the others";
+  EXPECT_EQ(got[0].frame.id, 0x10U);
+  ASSERT_EQ(b->receive(got), 1U);
+  EXPECT_EQ(got[0].frame.data[0], 1);
+  EXPECT_TRUE(got[0].received_at.is_set());
+  EXPECT_LE(got[0].received_at, sample_clocks().monotonic);
+  EXPECT_EQ(a->receive(got), 0U);
+  hub->send(numbered(0x20, 2));
+  EXPECT_EQ(a->receive(got), 1U);
+  EXPECT_EQ(b->receive(got), 1U);
+}
+
+TEST_F(Loopback, CarriesFdFramesAndKeepsTheOrder) {
+  listen("order");
+  const auto a = node();
+  const auto b = node();
+  CanFrame fd = numbered(0x10, 0);
+  fd.fd = fd.bit_rate_switch = true;
+  fd.length = 64;
+  fd.data[63] = 99;
+  a->send(fd);
+  for (std::uint8_t i = 1; i < 40; ++i) a->send(numbered(0x10, i));
+  std::size_t passed = 0;
+  for (int turn = 0; turn < 10 && passed < 40; ++turn) passed += hub->pump({});
+  EXPECT_EQ(passed, 40U);
+  ASSERT_EQ(b->receive(got), 40U);
+  EXPECT_TRUE(got[0].frame.fd && got[0].frame.bit_rate_switch);
+  EXPECT_EQ(got[0].frame.data[63], 99);
+  for (std::uint8_t i = 1; i < 40; ++i) EXPECT_EQ(got[i].frame.data[0], i);
+}
+
+TEST_F(Loopback, ANodeSeesOnlyTheIdsItAskedForAndCountsTheRest) {
+  listen("filter", {"can0", false, {0x30}});
+  const auto a = node();
+  const auto b = node({0x10});
+  a->send(numbered(0x10, 1));
+  a->send(numbered(0x30, 2));
+  CanFrame extended = numbered(0x10, 3);
+  extended.extended = true;
+  a->send(extended);
+  EXPECT_EQ(hub->receive(got), 1U);
+  EXPECT_EQ(got[0].frame.id, 0x30U);
+  EXPECT_EQ(hub->health().foreign_frames, 2U);
+  EXPECT_EQ(b->receive(got), 1U);
+  EXPECT_EQ(got[0].frame.data[0], 1);
+  EXPECT_EQ(b->health().foreign_frames, 2U);
+}
+
+TEST_F(Loopback, ANodeThatDoesNotReadLosesFramesForItselfOnly) {
+  listen("slow");
+  const auto talker = node();
+  const auto slow = node();
+  const auto quick = node();
+  std::size_t heard = 0;
+  constexpr std::size_t kFrames = 3000;
+  for (std::size_t i = 0; i < kFrames; ++i) {
+    ASSERT_EQ(talker->send(numbered(0x10, 1)), SendResult::sent);
+    hub->pump({});
+    heard += quick->receive(got);
+  }
+  EXPECT_EQ(heard, kFrames);
+  EXPECT_GT(hub->health().tx_dropped, 0U);
+  std::size_t kept = 0;
+  for (std::size_t n = slow->receive(got); n > 0; n = slow->receive(got)) kept += n;
+  EXPECT_EQ(kept + hub->health().tx_dropped, kFrames) << "every frame is either delivered or counted";
+}
+
+TEST_F(Loopback, AHubThatDoesNotPumpFillsTheSendersQueue) {
+  listen("full");
+  const auto a = node();
+  SendResult result = SendResult::sent;
+  for (int i = 0; i < 100'000 && result == SendResult::sent; ++i) result = a->send(numbered(0x10, 1));
+  EXPECT_EQ(result, SendResult::queue_full);
+  EXPECT_EQ(a->health().state, BusState::up);
+  EXPECT_EQ(a->health().tx_dropped, 1U);
+}
+
+TEST_F(Loopback, AFullOutputLeavesTheRestForNextTime) {
+  listen("room");
+  const auto a = node();
+  for (std::uint8_t i = 0; i < 10; ++i) a->send(numbered(0x10, i));
+  std::array<ReceivedFrame, 4> four;
+  EXPECT_EQ(hub->receive(four), 4U);
+  EXPECT_EQ(hub->receive(four), 4U);
+  EXPECT_EQ(four[0].frame.data[0], 4);
+  EXPECT_EQ(hub->receive(four), 2U);
+}
+
+TEST_F(Loopback, ADeadHubIsABusThatIsDown) {
+  listen("dead");
+  const auto reader = node();
+  const auto writer = node();
+  hub.reset();
+  EXPECT_EQ(reader->receive(got), 0U);
+  EXPECT_EQ(reader->health().state, BusState::down);
+  EXPECT_EQ(writer->send({}), SendResult::bus_down);
+  EXPECT_EQ(writer->health().state, BusState::down);
+  EXPECT_EQ(writer->receive(got), 0U);
+}
+
+TEST_F(Loopback, ANodeThatSendsNonsenseIsDisconnected) {
+  listen("nonsense");
+  const auto witness = node();
+  FileHandle rogue = open_loopback_socket();
+  const auto address = loopback_address(path);
+  ASSERT_EQ(::connect(rogue.get(), reinterpret_cast<const sockaddr*>(&*address), sizeof *address), 0);
+  hub->pump({});
+  EXPECT_EQ(hub->node_count(), 2U);
+  ASSERT_EQ(::send(rogue.get(), "hello", 5, 0), 5);
+  hub->pump({});
+  EXPECT_EQ(hub->node_count(), 1U);
+  EXPECT_EQ(witness->receive(got), 0U);
+}
+
+TEST_F(Loopback, HoldsAtMostItsNumberOfNodes) {
+  listen("crowd");
+  std::vector<std::unique_ptr<LoopbackBus>> nodes;
+  for (std::size_t i = 0; i < LoopbackHub::kMaxNodes + 2; ++i) nodes.push_back(node());
+  EXPECT_EQ(hub->node_count(), LoopbackHub::kMaxNodes);
+  EXPECT_EQ(nodes.back()->receive(got), 0U);
+  EXPECT_EQ(nodes.back()->health().state, BusState::down);
+}
+
+TEST_F(Loopback, ALiveHubsSocketIsRespectedADeadOnesReplaced) {
+  listen("twice");
+  EXPECT_FALSE(LoopbackHub::listen(path, {}));
+  // A hub that died without cleaning up: its socket file is there, nobody answers.
+  const std::string stale = fresh_path("stale");
+  const auto address = loopback_address(stale);
+  {
+    const FileHandle left_behind = open_loopback_socket();
+    ASSERT_EQ(::bind(left_behind.get(), reinterpret_cast<const sockaddr*>(&*address), sizeof *address), 0);
+  }
+  EXPECT_TRUE(LoopbackHub::listen(stale, {}));
+}
+
+TEST_F(Loopback, TooLongAPathIsASentence) {
+  const auto made = LoopbackHub::listen("/tmp/" + std::string(200, 'x'), {});
+  ASSERT_FALSE(made);
+  EXPECT_NE(made.error().find("shorter --runtime-dir"), std::string::npos);
+}
+
+// A node in a process of its own: says its number once all are there, and waits for the two others' numbers.
+[[noreturn]] void be_a_node(const std::string& path, std::uint8_t number) {
+  auto bus = LoopbackBus::connect(path, {"can0", false, {}});
+  if (!bus) ::_exit(10);
+  std::array<ReceivedFrame, 8> heard;
+  unsigned seen = 0;
+  for (int turn = 0; turn < 2000; ++turn) {
+    (*bus)->send(numbered(0x100U + number, number));
+    const std::size_t count = (*bus)->receive(heard);
+    for (std::size_t i = 0; i < count; ++i) seen |= 1U << heard[i].frame.data[0];
+    if ((seen & (1U << number)) != 0) ::_exit(11);  // heard itself
+    if (seen == (0b111U & ~(1U << number)) && turn > 50) ::_exit(0);
+    ::poll(nullptr, 0, 5);
+  }
+  ::_exit(12);
+}
+
+TEST_F(Loopback, ThreeProcessesHearEachOther) {
+  listen("processes");
+  std::vector<pid_t> children;
+  for (std::uint8_t number = 0; number < 3; ++number) {
+    const pid_t child = ::fork();
+    if (child == 0) be_a_node(path, number);
+    children.push_back(child);
+  }
+  for (const pid_t child : children) {
+    int status = 0;
+    while (::waitpid(child, &status, WNOHANG) == 0) hub->pump(milliseconds(20));
+    EXPECT_TRUE(WIFEXITED(status));
+    EXPECT_EQ(WEXITSTATUS(status), 0) << "see be_a_node";
+  }
+}
+
+// The hub pumped in a thread of its own while two nodes talk from theirs: for ThreadSanitizer.
+TEST_F(Loopback, HubAndNodesInThreeThreads) {
+  listen("threads");
+  const auto a = node();
+  const auto b = node();
+  std::jthread pump([this](const std::stop_token& stop) {
+    while (!stop.stop_requested()) hub->pump(milliseconds(2));
+  });
+  constexpr std::size_t kFrames = 500;
+  const auto talk = [](LoopbackBus& bus) {
+    std::array<ReceivedFrame, 64> heard;
+    std::size_t count = 0;
+    std::size_t sent = 0;
+    for (int turn = 0; turn < 20'000 && (count < kFrames || sent < kFrames); ++turn) {
+      // A few at a time, so that nobody's queue overflows.
+      for (int burst = 0; burst < 4 && sent < kFrames && sent < count + 64; ++burst)
+        sent += bus.send(numbered(0x10, 1)) == SendResult::sent ? 1U : 0U;
+      count += bus.receive(heard);
+      ::poll(nullptr, 0, 1);
+    }
+    return count;
+  };
+  std::size_t heard_by_b = 0;
+  std::jthread other([&] { heard_by_b = talk(*b); });
+  EXPECT_EQ(talk(*a), kFrames);
+  other.join();
+  EXPECT_EQ(heard_by_b, kFrames);
+}
+
+}  // namespace
+}  // namespace takt::drivers

@@ -1,0 +1,55 @@
+// Goal: a joint's configuration becomes a driver, or one sentence that names the joint.
+#include "drivers/make_driver.hpp"
+
+#include <gtest/gtest.h>
+
+#include <array>
+
+#include "config/load.hpp"
+
+namespace takt::drivers {
+namespace {
+
+TEST(MakeDriver, BuildsEveryJointOfTheDemoArm) {
+  const auto robot = config::load("config/arm6.yaml");
+  ASSERT_TRUE(robot) << robot.error();
+  for (const config::Joint& joint : robot->joints) {
+    const auto driver = make_joint_driver(joint);
+    ASSERT_TRUE(driver) << driver.error();
+    std::array<CanFrame, 2> out;
+    ASSERT_EQ((*driver)->encode(false, {}, {}, out), 1U);
+    EXPECT_EQ(out[0].id, joint.drive.id);
+  }
+}
+
+TEST(MakeDriver, RefusesWhatItCannotBuild) {
+  config::Joint good;
+  good.name = "elbow";
+  good.drive.protocol = "mit";
+  good.drive.variant = "tmotor";
+  good.drive.id = 1;
+  good.drive.position_range = 12.5;
+  good.drive.velocity_range = 50;
+  good.drive.torque_range = 18;
+  good.drive.kp_range = 500;
+  good.drive.kd_range = 5;
+  ASSERT_TRUE(make_joint_driver(good));
+  const auto refused_for = [&good](auto spoil) {
+    config::Joint bad = good;
+    spoil(bad.drive);
+    const auto driver = make_joint_driver(bad);
+    return driver ? std::string("accepted") : driver.error();
+  };
+  using config::Drive;
+  EXPECT_EQ(refused_for([](Drive& d) { d.protocol = "morse"; }),
+            "joint elbow: drive protocol 'morse' is unknown: this build speaks mit");
+  EXPECT_EQ(refused_for([](Drive& d) { d.variant = "x"; }),
+            "joint elbow: mit variant 'x' is unknown: write tmotor or damiao");
+  EXPECT_NE(refused_for([](Drive& d) { d.torque_range = 0; }).find("ranges"), std::string::npos);
+  EXPECT_NE(refused_for([](Drive& d) { d.id = 0x800; }).find("11-bit"), std::string::npos);
+  EXPECT_NE(refused_for([](Drive& d) { d.direction = 2; }).find("direction"), std::string::npos);
+  EXPECT_NE(refused_for([](Drive& d) { d.gear_ratio = 0; }).find("gear_ratio"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace takt::drivers

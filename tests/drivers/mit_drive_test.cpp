@@ -1,0 +1,180 @@
+// Goal: the simulated drive keeps the device side of the protocol: bytes, states, watchdog, answers that lag one frame.
+// Method: frames written out by hand from the protocol's facts; the host's codec is not used here.
+#include "drivers/plant/mit_drive.hpp"
+
+#include <gtest/gtest.h>
+
+namespace takt::plant {
+namespace {
+
+config::Drive damiao(std::string variant = "damiao") {
+  config::Drive drive;
+  drive.protocol = "mit";
+  drive.variant = std::move(variant);
+  drive.id = 4;
+  drive.reply_id = 0x14;
+  drive.position_range = 12.5;
+  drive.velocity_range = 30;
+  drive.torque_range = 10;
+  drive.kp_range = 500;
+  drive.kd_range = 5;
+  return drive;
+}
+
+drivers::CanFrame command(std::uint64_t eight_bytes, std::uint32_t id = 4) {
+  drivers::CanFrame frame;
+  frame.id = id;
+  frame.length = 8;
+  for (unsigned i = 0; i < 8; ++i) frame.data[i] = static_cast<std::uint8_t>(eight_bytes >> (56 - 8 * i));
+  return frame;
+}
+
+constexpr std::uint64_t kEnter = 0xFFFFFFFFFFFFFFFC, kExit = 0xFFFFFFFFFFFFFFFD, kSetZero = 0xFFFFFFFFFFFFFFFE,
+                        kClear = 0xFFFFFFFFFFFFFFFB;
+// DM4310: p 0.5, v 1.0, kp 20, kd 0.5, t -2.0 (vector of the protocol's notes).
+constexpr std::uint64_t kMotion = 0x851e8430a3199666;
+constexpr Duration kWatchdog = milliseconds(100);
+
+class SimulatedDrive : public testing::Test {
+ protected:
+  int status_of(std::uint64_t bytes) {
+    const auto answer = drive.receive(command(bytes), now);
+    EXPECT_TRUE(answer);
+    return answer ? answer->data[0] >> 4 : -1;
+  }
+  double update(double position = 0, double velocity = 0) {
+    now = now + milliseconds(1);
+    return drive.update({position, velocity}, now, milliseconds(1));
+  }
+  MitDrive drive{damiao(), kWatchdog};
+  MonoTime now{1};
+};
+
+TEST_F(SimulatedDrive, AnswersTellTheEarlierState) {
+  EXPECT_EQ(status_of(kEnter), 0);
+  EXPECT_EQ(status_of(kMotion), 1);
+  EXPECT_EQ(status_of(kExit), 1);
+  EXPECT_EQ(status_of(kExit), 0);
+}
+
+TEST_F(SimulatedDrive, TheReplyIsPackedAsTheProtocolSays) {
+  update(0.5, 1.0);
+  const auto answer = drive.receive(command(kExit), now);
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->id, 0x14U);
+  EXPECT_EQ(answer->length, 8);
+  // (0.5 + 12.5) * 65535 / 25 = 34078.2 = 0x851E; (1 + 30) * 4095 / 60 = 2115.7 = 0x843; torque 0: 2047.5 = 0x7FF.
+  const std::uint8_t expected[8]{0x04, 0x85, 0x1E, 0x84, 0x37, 0xFF, 25, 25};
+  for (int i = 0; i < 8; ++i) EXPECT_EQ(answer->data[i], expected[i]) << i;
+}
+
+TEST_F(SimulatedDrive, ATMotorReplyHasSixBytesAndNoState) {
+  MitDrive tmotor(damiao("tmotor"), kWatchdog);
+  const auto answer = tmotor.receive(command(kEnter), now);
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->length, 6);
+  EXPECT_EQ(answer->data[0], 4);
+}
+
+TEST_F(SimulatedDrive, TorqueIsTheImpedanceLawWhenEnabledOnly) {
+  drive.receive(command(kMotion), now);
+  EXPECT_EQ(update(), 0) << "disabled";
+  EXPECT_TRUE(drive.brake_engaged());
+  drive.receive(command(kEnter), now);
+  EXPECT_FALSE(drive.brake_engaged());
+  EXPECT_EQ(update(), 0) << "entering motor mode forgets older commands";
+  drive.receive(command(kMotion), now);
+  // kp (p - q) + kd (v - dq) + t, with the fields' quanta.
+  EXPECT_NEAR(update(0.2, -1), 20 * 0.3 + 0.5 * 2 - 2, 0.06);
+  EXPECT_EQ(update(-10, 0), 10) << "clamped to the drive's torque";
+}
+
+TEST_F(SimulatedDrive, TheWatchdogTripsOnMissingMotionCommandsOnly) {
+  drive.receive(command(kEnter), now);
+  drive.receive(command(kMotion), now);
+  for (int ms = 0; ms < 100; ++ms) update();
+  EXPECT_EQ(drive.state(), MitDrive::State::enabled) << "exactly at the limit";
+  update();
+  EXPECT_EQ(drive.state(), MitDrive::State::lost);
+  EXPECT_LT(update(0, 2), 0) << "brakes";
+  EXPECT_GT(update(0, -2), 0) << "both ways";
+  EXPECT_EQ(update(3, 0), 0) << "and pushes nowhere";
+  EXPECT_EQ(status_of(kMotion), 0xD);
+  EXPECT_EQ(status_of(kEnter), 0xD) << "a motion command does not bring it back";
+  EXPECT_EQ(status_of(kExit), 0xD) << "nor does entering motor mode";
+  EXPECT_EQ(status_of(kClear), 0xD);
+  EXPECT_EQ(status_of(kEnter), 0) << "cleared";
+  EXPECT_EQ(status_of(kEnter), 1);
+}
+
+TEST_F(SimulatedDrive, TelemetryTrafficDoesNotFeedTheWatchdog) {
+  drive.receive(command(kEnter), now);
+  for (int ms = 0; ms <= 100; ++ms) {
+    drive.receive(command(kEnter), now);
+    update();
+  }
+  EXPECT_EQ(drive.state(), MitDrive::State::lost);
+}
+
+TEST_F(SimulatedDrive, ALostTMotorDriveComesBackThroughExitAndEnter) {
+  MitDrive tmotor(damiao("tmotor"), kWatchdog);
+  tmotor.receive(command(kEnter), now);
+  now = now + milliseconds(200);
+  tmotor.update({}, now, milliseconds(1));
+  EXPECT_EQ(tmotor.state(), MitDrive::State::lost);
+  tmotor.receive(command(kExit), now);
+  tmotor.receive(command(kEnter), now);
+  EXPECT_EQ(tmotor.state(), MitDrive::State::enabled);
+}
+
+TEST_F(SimulatedDrive, SetZeroMovesTheOrigin) {
+  update(1.5);
+  drive.receive(command(kSetZero), now);
+  drive.receive(command(kEnter), now);
+  drive.receive(command(0x80008000'00000800 | 0), now);  // p just above 0, no gains
+  update(1.5);
+  const auto answer = drive.receive(command(kEnter), now);
+  EXPECT_EQ(answer->data[1] << 8 | answer->data[2], 0x7FFF) << "the old 1.5 rad is the new zero";
+}
+
+TEST_F(SimulatedDrive, InjectedErrorsAreReportedUntilCleared) {
+  drive.receive(command(kEnter), now);
+  drive.inject_error(0xA);
+  EXPECT_EQ(update(-1), 0);
+  EXPECT_TRUE(drive.brake_engaged());
+  EXPECT_EQ(status_of(kEnter), 0xA);
+  EXPECT_EQ(status_of(kClear), 0xA);
+  EXPECT_EQ(status_of(kExit), 0);
+}
+
+TEST_F(SimulatedDrive, ASilentDriveObeysWithoutAnswering) {
+  drive.set_silent(true);
+  EXPECT_FALSE(drive.receive(command(kEnter), now));
+  EXPECT_EQ(drive.state(), MitDrive::State::enabled);
+}
+
+TEST_F(SimulatedDrive, FramesThatAreNotForItAreNotAnswered) {
+  EXPECT_FALSE(drive.receive(command(kEnter, 5), now));
+  drivers::CanFrame odd = command(kEnter);
+  odd.length = 7;
+  EXPECT_FALSE(drive.receive(odd, now));
+  odd = command(kEnter);
+  odd.extended = true;
+  EXPECT_FALSE(drive.receive(odd, now));
+  EXPECT_EQ(drive.state(), MitDrive::State::disabled);
+}
+
+TEST_F(SimulatedDrive, HardWorkWarmsTheWinding) {
+  drive.receive(command(kEnter), now);
+  for (int s = 0; s < 200; ++s) {
+    drive.receive(command(0x80007FF0000007FFU | 0xFFF), now);  // full torque
+    now = now + milliseconds(50);
+    drive.update({}, now, seconds(1));
+  }
+  const auto answer = drive.receive(command(kExit), now);
+  EXPECT_GT(answer->data[7], 75) << "close to the final 85 degrees";
+  EXPECT_LT(answer->data[6], answer->data[7]);
+}
+
+}  // namespace
+}  // namespace takt::plant
