@@ -1,0 +1,55 @@
+// A command chunk from the network's output: joint target = offset + scale * output, mapped to the robot's joints.
+//
+// Shapes: the output is steps * outputs_per_step values, step by step. Joints that no output drives are told to stay at
+// home. Only the q field is filled (rad). Step k is due k * step_period after the answered observation's publication.
+// Pure: no clock, no I/O, no allocation after construction. Thread rule: one thread.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "config/robot_config.hpp"
+#include "executive/contract/command_chunk.hpp"
+#include "executive/contract/observation.hpp"
+
+namespace takt::policy_host {
+
+class ChunkBuilder {
+ public:
+  // Precondition: check_policy_section(robot) passed.
+  ChunkBuilder(const config::RobotConfig& robot, std::uint64_t policy_hash);
+
+  // Fills everything but the stamps, sequence and drop count. Precondition: outputs.size() == steps * outputs per step.
+  void fill(CommandChunk& chunk, const Observation& answered, std::span<const float> outputs) const;
+
+ private:
+  struct Output {
+    std::size_t joint;
+    float scale;
+    float offset;  // rad
+  };
+  std::vector<Output> outputs_;
+  std::vector<float> home_;  // rad, per joint
+  CommandHeader header_;     // the constant part
+};
+
+// What the `last_action` term shows: the raw outputs of the previous chunk's step that is due when the new observation
+// is published (the nearest one; the last one once the chunk is spent). For a policy without chunks that is simply its
+// previous output. Zeros before the first chunk and after forget().
+class LastAction {
+ public:
+  LastAction(const config::Policy& policy, std::size_t outputs_per_step);
+  void remember(const Observation& answered, std::span<const float> outputs);
+  void forget();
+  [[nodiscard]] std::span<const float> due_at(MonoTime published_at) const;
+
+ private:
+  Duration step_period_;
+  std::size_t width_;
+  MonoTime answered_;  // published_at of the observation answered; unset: nothing remembered
+  std::vector<float> outputs_;
+};
+
+}  // namespace takt::policy_host

@@ -1,0 +1,56 @@
+// The policy host's shell: attaches, waits for observations, answers them, publishes, says how it goes.
+//
+// The executive and the sensors may start, stop and restart at any time and in any order; the host attaches again with
+// a fresh session. Without a usable sample of every sensor in use it publishes nothing: the executive's freshness
+// contract deals with the silence. Thread rule: one thread, SCHED_OTHER.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "config/robot_config.hpp"
+#include "executive/trace/trace.hpp"
+#include "policy_host/executive_link.hpp"
+#include "policy_host/host_statistics.hpp"
+#include "policy_host/notice.hpp"
+#include "policy_host/policy.hpp"
+#include "policy_host/responder.hpp"
+#include "policy_host/sensor_link.hpp"
+
+namespace takt::policy_host {
+
+class Host {
+ public:
+  // Precondition: check_policy_section and check_fit passed. `robot` and `policy` outlive this.
+  Host(const config::RobotConfig& robot, const std::string& runtime_directory, std::uint64_t policy_hash,
+       Policy& policy);
+  // Returns within half a second after `stop` turns true.
+  void run(const std::atomic<bool>& stop);
+
+ private:
+  void attach(MonoTime now);
+  void look(MonoTime now);
+  void answer(const Observation& observation, MonoTime dequeued_at);
+  void report(MonoTime now);
+
+  const config::RobotConfig& robot_;
+  std::string socket_;
+  Hello hello_;
+  trace::Introduction introduction_;
+  Responder responder_;
+  std::vector<std::size_t> sensors_in_use_;
+  std::vector<SensorLink> sensors_;    // one per sensor in use
+  std::vector<SensorSample> samples_;  // one per sensor of the robot file
+  std::optional<ExecutiveLink> executive_;
+  MonoTime observed_;              // published_at of the newest observation; unset: none in this session
+  std::uint64_t observed_id_ = 0;  // its id
+  bool looked_since_due_ = false;
+  HostStatistics statistics_;
+  MonoTime reported_;
+  Notice no_executive_, no_sensor_;
+};
+
+}  // namespace takt::policy_host

@@ -1,0 +1,86 @@
+// takt-policy-host: runs the learned policy of a robot file beside the executive, which does not trust it.
+// Exit codes: 0 ended by a signal, 64 usage, 65 configuration or policy refused.
+#include <fmt/format.h>
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+#include <sys/resource.h>
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <string>
+
+#include "config/load.hpp"
+#include "config/observation_shape.hpp"
+#include "config/paths.hpp"
+#include "policy_host/host.hpp"
+#include "policy_host/onnx_policy.hpp"
+#include "policy_host/policy_fit.hpp"
+
+namespace {
+
+constexpr int kExitUsage = 64;
+
+std::atomic<bool> g_stop = false;
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+void stop_on_signals() {
+  struct sigaction action {};
+  action.sa_handler = [](int) { g_stop = true; };
+  sigaction(SIGTERM, &action, nullptr);
+  sigaction(SIGINT, &action, nullptr);
+}
+
+int refuse(const std::string& sentence) {
+  fmt::print(stderr, "{}\n", sentence);
+  return takt::config::kExitBadConfiguration;
+}
+
+void be_nice(int level) {
+  if (setpriority(PRIO_PROCESS, 0, level) != 0) {
+    spdlog::warn("policy.nice {} was not granted: {}; the host runs at the default level", level, std::strerror(errno));
+  }
+}
+
+int serve(const std::string& robot_file, std::string runtime_directory) {
+  using namespace takt;
+  const auto robot = config::load(robot_file);
+  if (!robot) return refuse(robot.error());
+  if (const auto fine = policy_host::check_policy_section(*robot); !fine) return refuse(fine.error());
+  const config::Policy& section = *robot->policy;
+  const auto hash = config::policy_hash(section.file);
+  if (!hash) return refuse(hash.error());
+  const auto policy = policy_host::load_onnx_policy(section.file, section.input, section.output);
+  if (!policy) return refuse(policy.error());
+  if (const auto fits = policy_host::check_fit(*robot, **policy); !fits) return refuse(fits.error());
+
+  if (runtime_directory.empty()) runtime_directory = config::default_runtime_directory(robot->robot);
+  be_nice(section.nice);
+  spdlog::info("policy {} ({:016x}) for robot {}: {} values in, {} steps of {} out", section.file, *hash, robot->robot,
+               (*policy)->input_size(), section.steps, config::outputs_per_step(*robot));
+  policy_host::Host(*robot, runtime_directory, *hash, **policy).run(g_stop);
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"Runs a robot's learned policy: waits for observations, infers, publishes action chunks."};
+  std::string robot_file, runtime_directory;
+  app.add_option("--robot", robot_file, "robot file")->required();
+  app.add_option("--runtime-dir", runtime_directory, "where the robot's sockets are (default /run/takt/<robot>)");
+  app.footer(
+      "Example: takt-policy-host --robot config/arm6.yaml --runtime-dir /run/takt/arm6\n"
+      "Exit codes: 0 ended by a signal, 64 usage, 65 configuration or policy refused.");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kExitUsage;
+  }
+  spdlog::set_default_logger(spdlog::stderr_logger_st("policy-host"));
+  stop_on_signals();
+  return serve(robot_file, runtime_directory);
+}

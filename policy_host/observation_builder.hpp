@@ -1,0 +1,58 @@
+// The network's input vector from an observation, as the robot file's terms describe it: scale, history, joint order.
+//
+// Shapes: input_size() values; histories oldest first, newest last, laid out by term (each term's history together) or
+// by time (all terms of an instant together). Joint terms and last_action gain one history entry per observation; a
+// sensor gains one per new sample, so that a slow camera's history holds distinct frames. After reset() the first
+// values fill the whole history. Units: rad, rad/s, a sensor's own, each times its scale.
+// Pure: no clock, no I/O; allocates nothing after construction. Thread rule: one thread.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "config/robot_config.hpp"
+#include "executive/contract/observation.hpp"
+#include "executive/contract/sensor_sample.hpp"
+
+namespace takt::policy_host {
+
+class ObservationBuilder {
+ public:
+  // Precondition: check_policy_section(robot) passed.
+  explicit ObservationBuilder(const config::RobotConfig& robot);
+
+  [[nodiscard]] std::size_t input_size() const { return input_size_; }
+  void reset();
+  // `samples`: one per sensor of the robot file, in its order; those that no term uses may be empty. `last_action`: raw
+  // outputs of one step. The result is valid until the next call.
+  std::span<const float> build(const Observation& observation, std::span<const SensorSample> samples,
+                               std::span<const float> last_action);
+
+ private:
+  struct Term {
+    config::TermKind kind = config::TermKind::constant;
+    std::size_t sensor = 0;  // index into the robot's sensors
+    std::size_t width = 0;
+    std::size_t history = 1;
+    std::vector<float> scale;     // width values
+    std::vector<float> constant;  // TermKind::constant only
+    std::vector<float> past;      // history * width, oldest first
+    std::uint64_t sample_seen = 0;
+    bool filled = false;
+  };
+  void read(const Term& term, const Observation& observation, std::span<const SensorSample> samples,
+            std::span<const float> last_action);
+  static void remember(Term& term, std::span<const float> newest);
+
+  std::vector<Term> terms_;
+  std::vector<std::size_t> joints_;  // policy's joint k is this joint
+  std::vector<float> home_;
+  bool by_time_ = false;
+  std::size_t input_size_ = 0;
+  std::vector<float> newest_;  // values of the term being read
+  std::vector<float> input_;
+};
+
+}  // namespace takt::policy_host

@@ -1,0 +1,94 @@
+// Turns the nodes of a screened graph into a Program, one after the other.
+//
+// Every value has its final shape and address as soon as it exists. Integers are always known at load, which is what
+// makes shape arithmetic (Shape, Gather, Concat, Reshape ...) vanish; float work whose sources are all constant runs
+// once, here. A refusal is an exception: it can only happen at load, and load() turns it into its error.
+#pragma once
+
+#include <concepts>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "policy_host/onnx/program.hpp"
+#include "policy_host/onnx/tensor.hpp"
+
+namespace takt::onnx_engine {
+
+class Refusal : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+enum class ElementType : std::uint8_t { float32, int64 };
+
+struct Value {
+  ElementType type = ElementType::float32;
+  Shape shape;
+  bool constant = false;
+  float* floats = nullptr;             // float32 only; owned by the Program
+  std::vector<std::int64_t> integers;  // int64 only
+};
+
+class Builder {
+ public:
+  Builder(Program& program, std::int64_t opset) : program_(program), opset_(opset) {}
+
+  std::int64_t opset() const { return opset_; }
+  const Value* find(std::string_view name) const;
+
+  // New values. A name may be defined once; an output nobody asked for has an empty name and cannot be found.
+  Value& define_floats(const std::string& name, const Shape& shape);
+  Value& define_integers(const std::string& name, const Shape& shape, std::vector<std::int64_t> integers);
+  // The same elements in the same order under another name and shape.
+  Value& define_view(const std::string& name, const Shape& shape, const Value& source);
+
+  // Storage the program keeps: for scratch and packed weights.
+  float* allocate(std::size_t floats);
+  // Counts index tables against the cap of a model.
+  void charge(std::size_t bytes);
+
+  // Work for every run.
+  template <std::invocable Work>
+  void each_run(Work work) {
+    program_.steps.push_back(std::make_unique<WorkStep<Work>>(std::move(work)));
+  }
+  // Work that fills `result`: done here and now if the sources are constants, else on every run.
+  template <std::invocable Work>
+  void compute(Value& result, const std::vector<const Value*>& sources, Work work) {
+    bool constant = true;
+    for (const Value* source : sources) constant = constant && source->constant;
+    result.constant = constant;
+    if (constant) {
+      work();
+    } else {
+      each_run(std::move(work));
+    }
+  }
+
+ private:
+  template <std::invocable Work>
+  class WorkStep final : public Step {
+   public:
+    explicit WorkStep(Work work) : work_(std::move(work)) {}
+    void run() noexcept override { work_(); }
+
+   private:
+    Work work_;
+  };
+
+  Value& insert(const std::string& name, Value value);
+
+  Program& program_;
+  std::int64_t opset_;
+  std::size_t bytes_ = 0;
+  std::map<std::string, Value, std::less<>> values_;
+  std::vector<std::unique_ptr<Value>> unnamed_;
+};
+
+}  // namespace takt::onnx_engine

@@ -1,0 +1,103 @@
+// Operators whose result is known at load: Constant, ConstantOfShape, Shape, and Cast between the two element types.
+#include <fmt/format.h>
+#include <onnx/onnx_pb.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "policy_host/onnx/operators.hpp"
+#include "policy_host/onnx/screen.hpp"
+
+namespace takt::onnx_engine {
+
+namespace {
+
+void define_numbers(Builder& builder, const std::string& name, const Shape& shape, const std::vector<float>& numbers) {
+  Value& value = builder.define_floats(name, shape);
+  std::ranges::copy(numbers, value.floats);
+  value.constant = true;
+}
+
+Shape vector_shape(std::size_t size) {
+  return {static_cast<std::int64_t>(size)};
+}
+
+}  // namespace
+
+void build_constant(Builder& builder, const Node& node) {
+  if (const onnx::AttributeProto* value = node.find_attribute("value")) {
+    define_constant(builder, node.output(), value->t());
+  } else if (node.has_attribute("value_float")) {
+    define_numbers(builder, node.output(), {}, {node.number("value_float", 0.0F)});
+  } else if (node.has_attribute("value_floats")) {
+    const std::vector<float> numbers = node.numbers("value_floats");
+    define_numbers(builder, node.output(), vector_shape(numbers.size()), numbers);
+  } else if (node.has_attribute("value_int")) {
+    builder.define_integers(node.output(), {}, {node.integer("value_int", 0)});
+  } else if (const std::optional<std::vector<std::int64_t>> integers = node.integers("value_ints")) {
+    builder.define_integers(node.output(), vector_shape(integers->size()), *integers);
+  } else {
+    node.refuse("only tensors, numbers and integers are supported as its value");
+  }
+}
+
+void build_constant_of_shape(Builder& builder, const Node& node) {
+  const Shape& shape = node.integer_input(0);
+  const std::int64_t count = checked_elements(shape);
+  if (count < 0) node.refuse(fmt::format("shape {} is too large", to_text(shape)));
+  Value fill{.type = ElementType::float32, .shape = {1}, .integers = {}};
+  float zero = 0.0F;
+  fill.floats = &zero;
+  if (const onnx::AttributeProto* value = node.find_attribute("value")) {
+    fill = define_constant(builder, "", value->t());
+    if (elements(fill.shape) != 1) node.refuse("its value must be one element");
+  }
+  if (fill.type == ElementType::int64) {
+    builder.charge(static_cast<std::size_t>(count) * sizeof(std::int64_t));
+    builder.define_integers(node.output(), shape,
+                            std::vector<std::int64_t>(static_cast<std::size_t>(count), fill.integers[0]));
+    return;
+  }
+  Value& out = builder.define_floats(node.output(), shape);
+  std::fill_n(out.floats, count, *fill.floats);
+  out.constant = true;
+}
+
+void build_shape(Builder& builder, const Node& node) {
+  const Shape& shape = node.input(0).shape;
+  const auto rank = static_cast<std::int64_t>(shape.size());
+  // Part of the shape since opset 15; bounds are clamped.
+  const auto bound = [rank](std::int64_t at) { return std::clamp<std::int64_t>(at < 0 ? at + rank : at, 0, rank); };
+  const std::int64_t start = bound(node.integer("start", 0));
+  const std::int64_t end = std::max(start, bound(node.integer("end", rank)));
+  std::vector<std::int64_t> part(shape.begin() + start, shape.begin() + end);
+  const Shape result = vector_shape(part.size());
+  builder.define_integers(node.output(), result, std::move(part));
+}
+
+void build_cast(Builder& builder, const Node& node) {
+  const Value& in = node.input(0);
+  const std::int64_t target = node.integer("to", 0);
+  const bool to_float = target == onnx::TensorProto_DataType_FLOAT;
+  if (!to_float && target != onnx::TensorProto_DataType_INT64)
+    node.refuse("casts only to FLOAT and INT64 are supported");
+  if (to_float == (in.type == ElementType::float32)) {
+    builder.define_view(node.output(), in.shape, in);
+  } else if (to_float) {
+    std::vector<float> numbers(in.integers.size());
+    std::ranges::transform(in.integers, numbers.begin(), [](std::int64_t i) { return static_cast<float>(i); });
+    define_numbers(builder, node.output(), in.shape, numbers);
+  } else {
+    if (!in.constant) node.refuse("a cast to INT64 is supported for constants only");
+    std::vector<std::int64_t> integers;
+    for (std::size_t i = 0; i < elements(in.shape); ++i) {
+      constexpr float beyond = 9.2e18F;
+      if (!(std::abs(in.floats[i]) < beyond)) node.refuse("its input does not fit into INT64");
+      integers.push_back(static_cast<std::int64_t>(in.floats[i]));
+    }
+    builder.define_integers(node.output(), in.shape, std::move(integers));
+  }
+}
+
+}  // namespace takt::onnx_engine

@@ -1,0 +1,180 @@
+// From bytes to a Program: parse, screen, settle the batch, let libonnx check and infer, compile, compare.
+#include <fmt/format.h>
+#include <onnx/checker.h>
+#include <onnx/onnx_pb.h>
+#include <onnx/shape_inference/implementation.h>
+
+#include <algorithm>
+#include <cctype>
+#include <exception>
+#include <fstream>
+#include <set>
+#include <system_error>
+
+#include "policy_host/onnx/builder.hpp"
+#include "policy_host/onnx/model.hpp"
+#include "policy_host/onnx/node.hpp"
+#include "policy_host/onnx/operators.hpp"
+#include "policy_host/onnx/program.hpp"
+#include "policy_host/onnx/screen.hpp"
+
+namespace takt::onnx_engine {
+
+namespace {
+
+using Names = std::set<std::string, std::less<>>;
+
+bool speaks_of_batch(std::string name) {
+  std::ranges::transform(name, name.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return name.find("batch") != std::string::npos;
+}
+
+// A dimension counts as the batch if it leads an input or is called so; it becomes 1. No other one may be symbolic.
+void settle_batch(onnx::GraphProto& graph, const Names& constants) {
+  for (onnx::ValueInfoProto& input : *graph.mutable_input()) {
+    if (constants.contains(input.name())) continue;
+    if (!input.type().has_tensor_type() || input.type().tensor_type().elem_type() != onnx::TensorProto_DataType_FLOAT) {
+      throw Refusal(fmt::format("input '{}' is not a float32 tensor, the only kind supported", input.name()));
+    }
+    if (!input.type().tensor_type().has_shape()) throw Refusal(fmt::format("input '{}' has no shape", input.name()));
+    auto& dims = *input.mutable_type()->mutable_tensor_type()->mutable_shape()->mutable_dim();
+    for (int d = 0; d < dims.size(); ++d) {
+      if (dims[d].has_dim_value() && dims[d].dim_value() > 0) continue;
+      if (d != 0 && !speaks_of_batch(dims[d].dim_param())) {
+        throw Refusal(fmt::format("input '{}' has a dynamic dimension {} ('{}'); export it with a fixed size",
+                                  input.name(), d, dims[d].dim_param()));
+      }
+      dims[d].set_dim_value(1);
+    }
+  }
+}
+
+// What the exporter says of other shapes may speak of symbols settled since, or (an output of no dimensions) may only
+// be there because the checker wants some shape. What remains is compared with what libonnx infers.
+void forget_open_claims(onnx::GraphProto& graph) {
+  graph.clear_value_info();
+  for (onnx::ValueInfoProto& output : *graph.mutable_output()) {
+    if (!output.type().has_tensor_type()) continue;
+    auto& tensor = *output.mutable_type()->mutable_tensor_type();
+    if (tensor.shape().dim_size() == 0) tensor.clear_shape();
+    for (int d = 0; d < tensor.shape().dim_size(); ++d) {
+      auto& dim = *tensor.mutable_shape()->mutable_dim(d);
+      if (!dim.has_dim_value()) dim.clear_value();
+    }
+  }
+}
+
+void define_inputs(const onnx::GraphProto& graph, const Names& constants, Builder& builder, Program& program) {
+  for (const onnx::ValueInfoProto& input : graph.input()) {
+    if (constants.contains(input.name())) continue;
+    Shape shape;
+    for (const auto& dim : input.type().tensor_type().shape().dim()) shape.push_back(dim.dim_value());
+    const Value& value = builder.define_floats(input.name(), shape);
+    program.input_info.push_back({input.name(), shape});
+    program.inputs.emplace_back(value.floats, elements(shape));
+  }
+}
+
+void define_outputs(const onnx::GraphProto& graph, Builder& builder, Program& program) {
+  for (const onnx::ValueInfoProto& output : graph.output()) {
+    const Value* value = builder.find(output.name());
+    if (value == nullptr) throw Refusal(fmt::format("no node makes output '{}'", output.name()));
+    if (value->type != ElementType::float32) {
+      throw Refusal(fmt::format("output '{}' is int64; only float32 outputs are supported", output.name()));
+    }
+    const std::size_t count = elements(value->shape);
+    program.output_info.push_back({output.name(), value->shape});
+    // A copy, so that an output that is only another name for an input does not change when the input is written.
+    float* copy = builder.allocate(count);
+    builder.each_run([from = value->floats, copy, count]() noexcept { std::copy_n(from, count, copy); });
+    program.outputs.emplace_back(copy, count);
+  }
+}
+
+// Two readings of the same specification: a difference is a bug here or there, and no basis for moving a robot.
+void compare_shapes(const onnx::ValueInfoProto& inferred, const Builder& builder) {
+  const Value* value = builder.find(inferred.name());
+  if (value == nullptr || !inferred.type().has_tensor_type() || !inferred.type().tensor_type().has_shape()) return;
+  const auto& dims = inferred.type().tensor_type().shape().dim();
+  bool same = static_cast<std::size_t>(dims.size()) == value->shape.size();
+  for (int d = 0; same && d < dims.size(); ++d) {
+    same = !dims[d].has_dim_value() || dims[d].dim_value() == value->shape[static_cast<std::size_t>(d)];
+  }
+  if (!same) {
+    throw Refusal(fmt::format("value '{}' has shape {} by its operators, but the file or libonnx says otherwise",
+                              inferred.name(), to_text(value->shape)));
+  }
+}
+
+std::unique_ptr<Program> compile(onnx::ModelProto& model) {
+  screen_model(model);
+  Names constants;
+  for (const onnx::TensorProto& tensor : model.graph().initializer()) constants.insert(tensor.name());
+  settle_batch(*model.mutable_graph(), constants);
+  onnx::checker::check_model(model);
+  forget_open_claims(*model.mutable_graph());
+  onnx::shape_inference::InferShapes(model, onnx::OpSchemaRegistry::Instance(), {true, 1, true});
+
+  auto program = std::make_unique<Program>();
+  Builder builder(*program, opset_of(model));
+  const onnx::GraphProto& graph = model.graph();
+  for (const onnx::TensorProto& tensor : graph.initializer()) define_constant(builder, tensor.name(), tensor);
+  define_inputs(graph, constants, builder, *program);
+  for (const onnx::NodeProto& proto : graph.node()) {
+    find_operator(proto.op_type())(builder, Node(proto, builder));
+  }
+  define_outputs(graph, builder, *program);
+  for (const onnx::ValueInfoProto& inferred : graph.value_info()) compare_shapes(inferred, builder);
+  for (const onnx::ValueInfoProto& inferred : graph.output()) compare_shapes(inferred, builder);
+  return program;
+}
+
+// Names inside the file are not ours: the message stays one printable line of a sane length.
+std::string one_line(std::string_view name, std::string_view why) {
+  constexpr std::size_t longest = 600;
+  std::string line = fmt::format("{}: {}", name, why);
+  std::ranges::replace_if(
+      line, [](unsigned char c) { return std::iscntrl(c) != 0; }, ' ');
+  if (line.size() > longest) line = line.substr(0, longest) + "...";
+  return line;
+}
+
+}  // namespace
+
+std::expected<Model, std::string> load(std::span<const std::byte> bytes, std::string_view name) {
+  if (bytes.size() > max_model_bytes) {
+    return std::unexpected(one_line(name, fmt::format("larger than {} MiB", max_model_bytes >> 20)));
+  }
+  try {
+    onnx::ModelProto model;
+    if (!model.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
+      return std::unexpected(one_line(name, "not an ONNX model, or cut short"));
+    }
+    return Model(compile(model));
+  } catch (const Refusal& refusal) {
+    return std::unexpected(one_line(name, refusal.what()));
+  } catch (const std::bad_alloc&) {
+    return std::unexpected(one_line(name, "not enough memory to load it"));
+  } catch (const std::exception& error) {
+    return std::unexpected(one_line(name, fmt::format("libonnx finds it invalid: {}", error.what())));
+  }
+}
+
+std::expected<Model, std::string> load(const std::filesystem::path& file) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(file, error)) {
+    return std::unexpected(one_line(file.string(), "no such file"));
+  }
+  const std::uintmax_t size = std::filesystem::file_size(file, error);
+  if (error || size > max_model_bytes) {
+    return std::unexpected(one_line(file.string(), fmt::format("larger than {} MiB", max_model_bytes >> 20)));
+  }
+  std::vector<char> bytes(static_cast<std::size_t>(size));
+  std::ifstream stream(file, std::ios::binary);
+  if (!stream.read(bytes.data(), static_cast<std::streamsize>(bytes.size()))) {
+    return std::unexpected(one_line(file.string(), "cannot be read; check its permissions"));
+  }
+  return load(std::as_bytes(std::span(bytes)), file.string());
+}
+
+}  // namespace takt::onnx_engine

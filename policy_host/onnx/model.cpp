@@ -1,0 +1,31 @@
+#include "policy_host/onnx/model.hpp"
+
+#include <utility>
+
+#include "policy_host/onnx/program.hpp"
+
+namespace takt::onnx_engine {
+
+Model::Model(std::unique_ptr<Program> program) noexcept : program_(std::move(program)) {}
+Model::Model(Model&&) noexcept = default;
+Model& Model::operator=(Model&&) noexcept = default;
+Model::~Model() = default;
+
+std::span<const TensorInfo> Model::inputs() const noexcept {
+  return program_->input_info;
+}
+std::span<const TensorInfo> Model::outputs() const noexcept {
+  return program_->output_info;
+}
+std::span<float> Model::input(std::size_t i) noexcept {
+  return program_->inputs[i];
+}
+std::span<const float> Model::output(std::size_t i) const noexcept {
+  return program_->outputs[i];
+}
+
+void Model::run() noexcept {
+  for (const std::unique_ptr<Step>& step : program_->steps) step->run();
+}
+
+}  // namespace takt::onnx_engine

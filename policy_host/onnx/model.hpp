@@ -1,0 +1,67 @@
+// Built-in ONNX engine: loads a policy network once, then evaluates it with the same bits for the same input.
+//
+//   auto model = onnx_engine::load("policy.onnx");          // std::expected: the error is one line, with the cure
+//   std::ranges::copy(observation, model->input(0).begin());
+//   model->run();
+//   use(model->output(0));
+//
+// Shapes: fixed at load; a symbolic batch dimension becomes 1. Tensors are row-major float32 at the boundary; integers
+// live only inside, as constants. Memory of one model is capped at 1 GiB. Input elements are zero until written.
+//
+// Operators: ONNX opset 8 to 17, those that operators.cpp lists. Anything else is refused at load, never at run().
+// Not a number in an input reaches every output that depends on it: no operator swallows it.
+//
+// Threads: one thread at a time per Model. run() allocates nothing, takes no lock and cannot fail.
+//
+// Bits: every sum runs in ascending index order, one rounding per product and one per addition; exp, tanh and the
+// logistic function are polynomials evaluated in the same registers for every element. One binary gives the same bits
+// on every x86-64 machine, except for Erf and for Pow with an exponent other than 0.5, 1 and 2, which call the C
+// library.
+//
+// Trust: the file is screened, checked by libonnx and only then compiled; a hostile file is refused with a sentence.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <expected>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace takt::onnx_engine {
+
+struct TensorInfo {
+  std::string name;
+  std::vector<std::int64_t> shape;  // row-major, every dimension known and at least 1
+};
+
+struct Program;
+
+class Model {
+ public:
+  explicit Model(std::unique_ptr<Program> program) noexcept;
+  Model(Model&&) noexcept;
+  Model& operator=(Model&&) noexcept;
+  ~Model();
+
+  std::span<const TensorInfo> inputs() const noexcept;
+  std::span<const TensorInfo> outputs() const noexcept;
+
+  // Where to write input `i` before run(); its size is the product of the shape. run() leaves it as it is.
+  std::span<float> input(std::size_t i) noexcept;
+  void run() noexcept;
+  // Output `i` of the latest run(); unspecified before the first.
+  std::span<const float> output(std::size_t i) const noexcept;
+
+ private:
+  std::unique_ptr<Program> program_;
+};
+
+std::expected<Model, std::string> load(const std::filesystem::path& file);
+// The same from memory; `name` stands for the file in error messages.
+std::expected<Model, std::string> load(std::span<const std::byte> bytes, std::string_view name);
+
+}  // namespace takt::onnx_engine

@@ -1,0 +1,127 @@
+// Reductions and normalisations over some axes: ReduceMean, Softmax, LayerNormalization. Sums run in ascending order.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "policy_host/onnx/lanes.hpp"
+#include "policy_host/onnx/operators.hpp"
+#include "policy_host/onnx/strides.hpp"
+
+namespace takt::onnx_engine {
+
+namespace {
+
+// One row of a softmax, in `row`; the largest element is subtracted first, so that exp cannot overflow.
+void softmax_row(float* row, std::size_t length) noexcept {
+  float largest = row[0];
+  for (std::size_t i = 1; i < length; ++i) largest = std::max(largest, row[i]);
+  map_lanes(row, row, length, [largest](const Lane& x) noexcept { return lane_exp(x - largest); });
+  float sum = 0.0F;
+  for (std::size_t i = 0; i < length; ++i) sum += row[i];
+  for (std::size_t i = 0; i < length; ++i) row[i] /= sum;
+}
+
+void normalise_row(const float* in, float* out, std::size_t length, float epsilon) noexcept {
+  const auto count = static_cast<float>(length);
+  float sum = 0.0F;
+  for (std::size_t i = 0; i < length; ++i) sum += in[i];
+  const float mean = sum / count;
+  float squares = 0.0F;
+  for (std::size_t i = 0; i < length; ++i) {
+    out[i] = in[i] - mean;
+    squares += out[i] * out[i];
+  }
+  const float deviation = std::sqrt(squares / count + epsilon);
+  for (std::size_t i = 0; i < length; ++i) out[i] /= deviation;
+}
+
+}  // namespace
+
+void build_reduce_mean(Builder& builder, const Node& node) {
+  const Value& in = node.float_input(0);
+  const std::vector<std::int64_t> axes = node.axes(1).value_or(std::vector<std::int64_t>{});
+  if (axes.empty() && node.integer("noop_with_empty_axes", 0) != 0) {
+    builder.define_view(node.output(), in.shape, in);
+    return;
+  }
+  std::vector<bool> reduced(in.shape.size(), axes.empty());
+  for (const std::int64_t axis : axes) reduced[node.axis(axis, in.shape.size())] = true;
+
+  const std::vector<std::int64_t> steps = row_major_steps(in.shape);
+  const bool keep = node.integer("keepdims", 1) != 0;
+  Shape shape, kept, summed;
+  std::vector<std::int64_t> kept_steps, summed_steps;
+  for (std::size_t d = 0; d < reduced.size(); ++d) {
+    (reduced[d] ? summed : kept).push_back(in.shape[d]);
+    (reduced[d] ? summed_steps : kept_steps).push_back(steps[d]);
+    if (!reduced[d] || keep) shape.push_back(reduced[d] ? 1 : in.shape[d]);
+  }
+  builder.charge((elements(kept) + elements(summed)) * sizeof(std::uint32_t));
+  Value& out = builder.define_floats(node.output(), shape);
+  builder.compute(out, {&in},
+                  [from = in.floats, to = out.floats, starts = strided_offsets(kept, kept_steps, 0),
+                   terms = strided_offsets(summed, summed_steps, 0)]() noexcept {
+                    for (std::size_t i = 0; i < starts.size(); ++i) {
+                      float sum = 0.0F;
+                      for (const std::uint32_t term : terms) sum += from[starts[i] + term];
+                      to[i] = sum / static_cast<float>(terms.size());
+                    }
+                  });
+}
+
+void build_softmax(Builder& builder, const Node& node) {
+  const Value& in = node.float_input(0);
+  const std::size_t rank = in.shape.size();
+  // Before opset 13 everything from the axis on is one row; since then the axis alone is.
+  const bool rest_is_row = builder.opset() < 13;
+  const std::size_t axis = node.axis(node.integer("axis", rest_is_row ? 1 : -1), rank);
+  const std::size_t after = rest_is_row ? rank : axis + 1;
+  const std::size_t outer = elements_between(in.shape, 0, axis);
+  const std::size_t length = elements_between(in.shape, axis, after);
+  const std::size_t inner = elements_between(in.shape, after, rank);
+  float* row = builder.allocate(length);
+  Value& out = builder.define_floats(node.output(), in.shape);
+  builder.compute(out, {&in}, [from = in.floats, to = out.floats, row, outer, length, inner]() noexcept {
+    for (std::size_t o = 0; o < outer; ++o) {
+      for (std::size_t i = 0; i < inner; ++i) {
+        const std::size_t first = o * length * inner + i;
+        for (std::size_t k = 0; k < length; ++k) row[k] = from[first + k * inner];
+        softmax_row(row, length);
+        for (std::size_t k = 0; k < length; ++k) to[first + k * inner] = row[k];
+      }
+    }
+  });
+}
+
+void build_layer_normalization(Builder& builder, const Node& node) {
+  const Value& in = node.float_input(0);
+  const Value& scale = node.float_input(1);
+  const Value* bias = node.has_input(2) ? &node.float_input(2) : nullptr;
+  if (node.has_output(1) || node.has_output(2)) node.refuse("its mean and deviation as outputs are not supported");
+  const std::size_t rank = in.shape.size();
+  const std::size_t axis = node.axis(node.integer("axis", -1), rank);
+  const std::size_t rows = elements_between(in.shape, 0, axis);
+  const std::size_t length = elements_between(in.shape, axis, rank);
+  for (const Value* factor : {&scale, bias}) {
+    if (factor != nullptr && elements(factor->shape) != length) {
+      node.refuse(fmt::format("scale or bias of shape {} does not fit rows of {}", to_text(factor->shape), length));
+    }
+  }
+  Value& out = builder.define_floats(node.output(), in.shape);
+  std::vector<const Value*> sources{&in, &scale};
+  if (bias != nullptr) sources.push_back(bias);
+  builder.compute(out, sources,
+                  [from = in.floats, to = out.floats, gain = scale.floats, offset = bias ? bias->floats : nullptr, rows,
+                   length, epsilon = node.number("epsilon", 1e-5F)]() noexcept {
+                    for (std::size_t r = 0; r < rows; ++r) {
+                      float* row = to + r * length;
+                      normalise_row(from + r * length, row, length, epsilon);
+                      for (std::size_t i = 0; i < length; ++i) row[i] *= gain[i];
+                      for (std::size_t i = 0; offset != nullptr && i < length; ++i) row[i] += offset[i];
+                    }
+                  });
+}
+
+}  // namespace takt::onnx_engine

@@ -1,0 +1,213 @@
+// Operators that move elements without changing them: Transpose, Slice, Gather, Expand, Concat.
+//
+// All but Concat are one table: for each element of the result, where it comes from.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include "policy_host/onnx/broadcast.hpp"
+#include "policy_host/onnx/operators.hpp"
+#include "policy_host/onnx/strides.hpp"
+
+namespace takt::onnx_engine {
+
+namespace {
+
+// result[i] = in[from[i]]
+void rearrange(Builder& builder, const Node& node, const Value& in, const Shape& shape,
+               std::vector<std::uint32_t> from) {
+  if (in.type == ElementType::int64) {
+    std::vector<std::int64_t> moved;
+    for (const std::uint32_t i : from) moved.push_back(in.integers[i]);
+    builder.define_integers(node.output(), shape, std::move(moved));
+    return;
+  }
+  Value& out = builder.define_floats(node.output(), shape);
+  builder.compute(out, {&in}, [from = std::move(from), source = in.floats, to = out.floats]() noexcept {
+    for (std::size_t i = 0; i < from.size(); ++i) to[i] = source[from[i]];
+  });
+}
+
+// Before a table of this many entries is made.
+void charge_table(Builder& builder, const Node& node, const Shape& shape) {
+  const std::int64_t count = checked_elements(shape);
+  if (count < 0) node.refuse(fmt::format("a result of shape {} is too large", to_text(shape)));
+  builder.charge(static_cast<std::size_t>(count) * sizeof(std::uint32_t));
+}
+
+void rearrange_strided(Builder& builder, const Node& node, const Value& in, const Shape& shape,
+                       const std::vector<std::int64_t>& steps, std::int64_t first) {
+  charge_table(builder, node, shape);
+  rearrange(builder, node, in, shape, strided_offsets(shape, steps, first));
+}
+
+struct Cut {
+  std::int64_t first;
+  std::int64_t count;
+  std::int64_t step;
+};
+
+// The elements start, start + step, ... before end of a dimension, out-of-range bounds clamped as NumPy does.
+Cut cut(std::int64_t start, std::int64_t end, std::int64_t step, std::int64_t size) {
+  if (size == 0) return {0, 0, 1};
+  const bool forward = step > 0;
+  const std::int64_t highest = forward ? size : size - 1;
+  start = std::clamp<std::int64_t>(start < 0 ? start + size : start, 0, highest);
+  end = std::clamp<std::int64_t>(end < 0 ? end + size : end, forward ? 0 : -1, highest);
+  const std::int64_t distance = forward ? end - start : start - end;
+  if (distance <= 0) return {0, 0, 1};
+  // A step beyond the dimension takes one element, however far it goes.
+  step = std::clamp(step, -size, size);
+  return {start, (distance - 1) / (forward ? step : -step) + 1, step};
+}
+
+std::vector<std::int64_t> slice_parameter(const Node& node, std::size_t input, std::string_view attribute) {
+  if (node.has_input(input)) return node.integer_input(input);
+  return node.integers(attribute).value_or(std::vector<std::int64_t>{});
+}
+
+template <class Element>
+struct Block {
+  const Element* from;
+  std::size_t length;  // elements it gives to each row of the result
+};
+
+template <class Element>
+void join(const std::vector<Block<Element>>& blocks, std::size_t rows, Element* to) noexcept {
+  for (std::size_t r = 0; r < rows; ++r) {
+    for (const Block<Element>& block : blocks) {
+      to = std::copy_n(block.from + r * block.length, block.length, to);
+    }
+  }
+}
+
+}  // namespace
+
+void build_transpose(Builder& builder, const Node& node) {
+  const Value& in = node.input(0);
+  const std::size_t rank = in.shape.size();
+  std::vector<std::int64_t> order(rank);
+  for (std::size_t d = 0; d < rank; ++d) order[d] = static_cast<std::int64_t>(rank - 1 - d);
+  order = node.integers("perm").value_or(order);
+  if (order.size() != rank) node.refuse("its permutation has another rank than its input");
+  const std::vector<std::int64_t> source_steps = row_major_steps(in.shape);
+  Shape shape;
+  std::vector<std::int64_t> steps;
+  std::vector<bool> seen(rank, false);
+  for (const std::int64_t axis : order) {
+    const std::size_t d = node.axis(axis, rank);
+    if (seen[d]) node.refuse("its permutation names an axis twice");
+    seen[d] = true;
+    shape.push_back(in.shape[d]);
+    steps.push_back(source_steps[d]);
+  }
+  rearrange_strided(builder, node, in, shape, steps, 0);
+}
+
+void build_slice(Builder& builder, const Node& node) {
+  const Value& in = node.input(0);
+  // Inputs since opset 10, attributes before.
+  const std::vector<std::int64_t> starts = slice_parameter(node, 1, "starts");
+  const std::vector<std::int64_t> ends = slice_parameter(node, 2, "ends");
+  std::vector<std::int64_t> axes = slice_parameter(node, 3, "axes");
+  std::vector<std::int64_t> given_steps = slice_parameter(node, 4, "steps");
+  if (starts.size() > in.shape.size()) node.refuse("it cuts more axes than its input has");
+  for (std::size_t i = axes.size(); i < starts.size(); ++i) axes.push_back(static_cast<std::int64_t>(i));
+  given_steps.resize(given_steps.empty() ? starts.size() : given_steps.size(), 1);
+  if (ends.size() != starts.size() || axes.size() != starts.size() || given_steps.size() != starts.size()) {
+    node.refuse("its starts, ends, axes and steps differ in number");
+  }
+  Shape shape = in.shape;
+  std::vector<std::int64_t> steps = row_major_steps(in.shape);
+  std::vector<bool> seen(shape.size(), false);
+  std::int64_t first = 0;
+  for (std::size_t i = 0; i < starts.size(); ++i) {
+    const std::size_t d = node.axis(axes[i], shape.size());
+    if (seen[d] || given_steps[i] == 0) node.refuse("it cuts an axis twice, or with a step of 0");
+    seen[d] = true;
+    const Cut part = cut(starts[i], ends[i], given_steps[i], shape[d]);
+    shape[d] = part.count;
+    first += part.first * steps[d];
+    steps[d] *= part.step;
+  }
+  rearrange_strided(builder, node, in, shape, steps, first);
+}
+
+void build_gather(Builder& builder, const Node& node) {
+  const Value& in = node.input(0);
+  const Value& indices = node.input(1);
+  const std::size_t axis = node.axis(node.integer("axis", 0), in.shape.size());
+  std::vector<std::size_t> rows;
+  for (const std::int64_t index : node.integer_input(1)) {
+    const std::int64_t size = in.shape[axis];
+    if (index < -size || index >= size) node.refuse(fmt::format("index {} is outside 0..{}", index, size - 1));
+    rows.push_back(static_cast<std::size_t>(index < 0 ? index + size : index));
+  }
+  const auto split = in.shape.begin() + static_cast<std::ptrdiff_t>(axis);
+  Shape shape(in.shape.begin(), split);
+  shape.insert(shape.end(), indices.shape.begin(), indices.shape.end());
+  shape.insert(shape.end(), split + 1, in.shape.end());
+  charge_table(builder, node, shape);
+
+  const std::size_t inner = elements_between(in.shape, axis + 1, in.shape.size());
+  const std::size_t size = static_cast<std::size_t>(in.shape[axis]);
+  std::vector<std::uint32_t> from;
+  for (std::size_t o = 0; o < elements_between(in.shape, 0, axis); ++o) {
+    for (const std::size_t row : rows) {
+      for (std::size_t i = 0; i < inner; ++i) from.push_back(static_cast<std::uint32_t>((o * size + row) * inner + i));
+    }
+  }
+  rearrange(builder, node, in, shape, std::move(from));
+}
+
+void build_expand(Builder& builder, const Node& node) {
+  const Value& in = node.input(0);
+  const std::optional<Shape> shape = broadcast_shape(in.shape, node.integer_input(1));
+  if (!shape) node.refuse(fmt::format("{} does not expand to {}", to_text(in.shape), to_text(node.integer_input(1))));
+  // Dimensions the input lacks, and those of 1 that grow, are walked without moving in the source.
+  std::vector<std::int64_t> steps = row_major_steps(in.shape);
+  for (std::size_t d = 0; d < steps.size(); ++d) {
+    if (in.shape[d] == 1) steps[d] = 0;
+  }
+  steps.insert(steps.begin(), shape->size() - steps.size(), 0);
+  rearrange_strided(builder, node, in, *shape, steps, 0);
+}
+
+void build_concat(Builder& builder, const Node& node) {
+  const Value& first = node.input(0);
+  const std::size_t axis = node.axis(node.integer("axis", 1), first.shape.size());
+  Shape shape = first.shape;
+  shape[axis] = 0;
+  std::vector<const Value*> sources;
+  std::vector<Block<float>> floats;
+  std::vector<Block<std::int64_t>> integers;
+  for (std::size_t i = 0; i < node.input_count(); ++i) {
+    const Value& in = node.input(i);
+    if (in.type != first.type) node.refuse("its inputs differ in data type");
+    for (std::size_t d = 0; d < std::max(in.shape.size(), shape.size()); ++d) {
+      if (in.shape.size() != shape.size() || (d != axis && in.shape[d] != shape[d])) {
+        node.refuse(fmt::format("{} does not join {}", to_text(in.shape), to_text(first.shape)));
+      }
+    }
+    shape[axis] += in.shape[axis];
+    if (checked_elements(shape) < 0) node.refuse("its result is too large");
+    const std::size_t length = elements_between(in.shape, axis, in.shape.size());
+    sources.push_back(&in);
+    floats.push_back({in.floats, length});
+    integers.push_back({in.integers.data(), length});
+  }
+  const std::size_t rows = elements_between(shape, 0, axis);
+  if (first.type == ElementType::int64) {
+    std::vector<std::int64_t> joined(elements(shape));
+    join(integers, rows, joined.data());
+    builder.define_integers(node.output(), shape, std::move(joined));
+    return;
+  }
+  Value& out = builder.define_floats(node.output(), shape);
+  builder.compute(out, sources,
+                  [floats = std::move(floats), rows, to = out.floats]() noexcept { join(floats, rows, to); });
+}
+
+}  // namespace takt::onnx_engine

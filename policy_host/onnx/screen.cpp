@@ -1,0 +1,149 @@
+#include "policy_host/onnx/screen.hpp"
+
+#include <fmt/format.h>
+#include <onnx/defs/schema.h>
+#include <onnx/onnx_pb.h>
+
+#include <algorithm>
+#include <cstring>
+
+#include "policy_host/onnx/node.hpp"
+#include "policy_host/onnx/operators.hpp"
+
+namespace takt::onnx_engine {
+
+namespace {
+
+constexpr std::int64_t oldest_opset = 8;
+constexpr std::int64_t newest_opset = 18;
+constexpr int most_nodes = 100'000;
+
+bool standard_domain(const std::string& domain) {
+  return domain.empty() || domain == "ai.onnx";
+}
+
+std::int64_t newest_checked_opset() {
+  const auto& known = onnx::OpSchemaRegistry::DomainToVersionRange::Instance().Map();
+  const auto standard = known.find(onnx::ONNX_DOMAIN);
+  return standard == known.end() ? newest_opset : std::min<std::int64_t>(newest_opset, standard->second.second);
+}
+
+std::string type_name(std::int32_t type) {
+  return onnx::TensorProto_DataType_IsValid(type)
+             ? onnx::TensorProto_DataType_Name(static_cast<onnx::TensorProto_DataType>(type))
+             : fmt::format("number {}", type);
+}
+
+Shape shape_of(const onnx::TensorProto& tensor) {
+  return {tensor.dims().begin(), tensor.dims().end()};
+}
+
+void screen_tensor(const onnx::TensorProto& tensor, const std::string& where) {
+  const bool floats = tensor.data_type() == onnx::TensorProto_DataType_FLOAT;
+  if (!floats && tensor.data_type() != onnx::TensorProto_DataType_INT64) {
+    throw Refusal(fmt::format("{} has data type {}; this engine takes FLOAT and INT64, export the model in float32",
+                              where, type_name(tensor.data_type())));
+  }
+  if (tensor.data_location() == onnx::TensorProto_DataLocation_EXTERNAL || tensor.external_data_size() > 0) {
+    throw Refusal(fmt::format("{} keeps its data in another file; save the model as a single file", where));
+  }
+  if (tensor.has_segment()) throw Refusal(fmt::format("{} is segmented, which is not supported", where));
+  const std::int64_t count = checked_elements(shape_of(tensor));
+  if (count < 0) {
+    throw Refusal(fmt::format("{} of shape {} is larger than this engine holds ({} MiB, {} dimensions)", where,
+                              to_text(shape_of(tensor)), max_model_bytes >> 20, max_rank));
+  }
+  const auto expected = static_cast<std::size_t>(count);
+  const auto stored = tensor.has_raw_data()
+                          ? tensor.raw_data().size()
+                          : (floats ? sizeof(float) * static_cast<std::size_t>(tensor.float_data_size())
+                                    : sizeof(std::int64_t) * static_cast<std::size_t>(tensor.int64_data_size()));
+  if (stored != expected * (floats ? sizeof(float) : sizeof(std::int64_t))) {
+    throw Refusal(fmt::format("{} of shape {} holds {} bytes of data: the file is damaged", where,
+                              to_text(shape_of(tensor)), stored));
+  }
+}
+
+void screen_attribute(const onnx::NodeProto& node, const onnx::AttributeProto& attribute) {
+  switch (attribute.type()) {
+    case onnx::AttributeProto_AttributeType_TENSOR:
+      screen_tensor(attribute.t(), fmt::format("{}: attribute '{}'", describe(node), attribute.name()));
+      return;
+    case onnx::AttributeProto_AttributeType_FLOAT:
+    case onnx::AttributeProto_AttributeType_INT:
+    case onnx::AttributeProto_AttributeType_STRING:
+    case onnx::AttributeProto_AttributeType_FLOATS:
+    case onnx::AttributeProto_AttributeType_INTS:
+    case onnx::AttributeProto_AttributeType_STRINGS:
+      return;
+    case onnx::AttributeProto_AttributeType_UNDEFINED:
+    case onnx::AttributeProto_AttributeType_GRAPH:
+    case onnx::AttributeProto_AttributeType_SPARSE_TENSOR:
+    case onnx::AttributeProto_AttributeType_TYPE_PROTO:
+    case onnx::AttributeProto_AttributeType_TENSORS:
+    case onnx::AttributeProto_AttributeType_GRAPHS:
+    case onnx::AttributeProto_AttributeType_SPARSE_TENSORS:
+    case onnx::AttributeProto_AttributeType_TYPE_PROTOS:
+      break;
+  }
+  throw Refusal(fmt::format("{}: attribute '{}' is of a kind that is not supported", describe(node), attribute.name()));
+}
+
+void screen_node(const onnx::NodeProto& node) {
+  if (!standard_domain(node.domain()) || find_operator(node.op_type()) == nullptr) {
+    throw Refusal(fmt::format("{} is not supported{}; supported operators: {}", describe(node),
+                              standard_domain(node.domain()) ? "" : " (domain " + node.domain() + ")",
+                              supported_operators()));
+  }
+  for (const onnx::AttributeProto& attribute : node.attribute()) screen_attribute(node, attribute);
+}
+
+}  // namespace
+
+std::int64_t opset_of(const onnx::ModelProto& model) {
+  std::int64_t version = 0;
+  for (const onnx::OperatorSetIdProto& opset : model.opset_import()) {
+    if (standard_domain(opset.domain())) version = opset.version();
+  }
+  return version;
+}
+
+void screen_model(const onnx::ModelProto& model) {
+  if (!model.has_graph() || model.graph().node_size() == 0) throw Refusal("it has no graph: is it an ONNX model?");
+  const std::int64_t opset = opset_of(model);
+  if (opset < oldest_opset || opset > newest_checked_opset()) {
+    throw Refusal(fmt::format("its opset is {}; this engine takes {} to {}, export it for one of those", opset,
+                              oldest_opset, newest_checked_opset()));
+  }
+  const onnx::GraphProto& graph = model.graph();
+  if (model.functions_size() > 0) throw Refusal("it defines functions of its own, which is not supported");
+  if (graph.sparse_initializer_size() > 0) throw Refusal("it has sparse initializers, which is not supported");
+  if (graph.node_size() > most_nodes) throw Refusal(fmt::format("it has more than {} nodes", most_nodes));
+  for (const onnx::TensorProto& tensor : graph.initializer()) {
+    screen_tensor(tensor, fmt::format("initializer '{}'", tensor.name()));
+  }
+  for (const onnx::NodeProto& node : graph.node()) screen_node(node);
+}
+
+Value& define_constant(Builder& builder, const std::string& name, const onnx::TensorProto& tensor) {
+  const Shape shape = shape_of(tensor);
+  const auto count = static_cast<std::size_t>(checked_elements(shape));
+  if (tensor.data_type() == onnx::TensorProto_DataType_INT64) {
+    std::vector<std::int64_t> integers(tensor.int64_data().begin(), tensor.int64_data().end());
+    if (tensor.has_raw_data()) {
+      integers.resize(count);
+      if (count > 0) std::memcpy(integers.data(), tensor.raw_data().data(), count * sizeof(std::int64_t));
+    }
+    return builder.define_integers(name, shape, std::move(integers));
+  }
+  Value& value = builder.define_floats(name, shape);
+  if (tensor.has_raw_data()) {
+    std::memcpy(value.floats, tensor.raw_data().data(), count * sizeof(float));
+  } else {
+    std::ranges::copy(tensor.float_data(), value.floats);
+  }
+  value.constant = true;
+  return value;
+}
+
+}  // namespace takt::onnx_engine

@@ -1,0 +1,145 @@
+#include "policy_host/policy_fit.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <string_view>
+#include <vector>
+
+#include "config/observation_shape.hpp"
+#include "executive/contract/joints.hpp"
+
+namespace takt::policy_host {
+namespace {
+
+using config::ObservationTerm;
+using config::outputs_per_step;
+using config::RobotConfig;
+using config::term_width;
+using config::TermKind;
+
+std::string term_name(const ObservationTerm& term) {
+  switch (term.kind) {
+    case TermKind::joint_position_relative:
+      return "joint_position_relative";
+    case TermKind::joint_position:
+      return "joint_position";
+    case TermKind::joint_velocity:
+      return "joint_velocity";
+    case TermKind::sensor:
+      return "sensor " + term.sensor;
+    case TermKind::last_action:
+      return "last_action";
+    case TermKind::constant:
+      return "constant";
+  }
+  return "invalid";
+}
+
+std::unexpected<std::string> refuse(const RobotConfig& robot, const std::string& what) {
+  return std::unexpected(robot.file + ": " + what);
+}
+
+// A list of joint indices: within range, none twice.
+bool is_selection(const std::vector<std::size_t>& joints, std::size_t joint_count) {
+  std::vector<bool> seen(joint_count, false);
+  for (const std::size_t joint : joints) {
+    if (joint >= joint_count || seen[joint]) return false;
+    seen[joint] = true;
+  }
+  return true;
+}
+
+bool one_or(std::size_t count, std::size_t wanted) {
+  return count == 1 || count == wanted;
+}
+
+std::expected<void, std::string> check_term(const RobotConfig& robot, const ObservationTerm& term) {
+  const std::string name = term_name(term);
+  const bool known = std::ranges::any_of(robot.sensors, [&](const auto& sensor) { return sensor.name == term.sensor; });
+  if (term.kind == TermKind::sensor && !known) {
+    return refuse(robot, fmt::format("policy.observation uses sensor '{}', which `sensors` does not list; add it there",
+                                     term.sensor));
+  }
+  if (term.history < 1) return refuse(robot, fmt::format("policy.observation {}: history must be at least 1", name));
+  const std::size_t width = term_width(robot, term);
+  if (width == 0) return refuse(robot, fmt::format("policy.observation {} has no values; give some or drop it", name));
+  if (!one_or(term.scale.size(), width)) {
+    return refuse(robot, fmt::format("policy.observation {} has {} scales for {} values; give one, or one per value",
+                                     name, term.scale.size(), width));
+  }
+  return {};
+}
+
+std::expected<void, std::string> check_action(const RobotConfig& robot) {
+  const config::Action& action = robot.policy->action;
+  const std::size_t outputs = outputs_per_step(robot);
+  if (!is_selection(action.joint_of_output, robot.joints.size())) {
+    return refuse(robot, fmt::format("policy.action names a joint twice or one beyond the robot's {}; list each once",
+                                     robot.joints.size()));
+  }
+  if (!one_or(action.scale.size(), outputs)) {
+    return refuse(robot, fmt::format("policy.action has {} scales for {} outputs; give one, or one per output",
+                                     action.scale.size(), outputs));
+  }
+  if (action.offset == config::OffsetKind::values && action.offset_values.size() != outputs) {
+    return refuse(robot, fmt::format("policy.action has {} offsets for {} outputs; give one per output",
+                                     action.offset_values.size(), outputs));
+  }
+  return {};
+}
+
+}  // namespace
+
+std::expected<void, std::string> check_policy_section(const RobotConfig& robot) {
+  if (!robot.policy) return refuse(robot, "there is no `policy` section; a policy host needs one");
+  const config::Policy& policy = *robot.policy;
+  if (robot.joints.empty() || robot.joints.size() > kMaxJoints) {
+    return refuse(robot, fmt::format("{} joints; a command chunk holds 1 to {}", robot.joints.size(), kMaxJoints));
+  }
+  if (policy.steps < 1 || policy.steps > kMaxChunkSteps) {
+    return refuse(robot,
+                  fmt::format("policy.steps is {}; a command chunk holds 1 to {}", policy.steps, kMaxChunkSteps));
+  }
+  if (!is_selection(policy.joint_order, robot.joints.size())) {
+    return refuse(robot,
+                  fmt::format("policy.joint_order names a joint twice or one beyond the robot's {}; list each once",
+                              robot.joints.size()));
+  }
+  for (const ObservationTerm& term : policy.observation) {
+    if (auto fine = check_term(robot, term); !fine) return fine;
+  }
+  const auto same_history = [&](const auto& term) { return term.history == policy.observation.front().history; };
+  if (policy.history_layout == "by_time" && !std::ranges::all_of(policy.observation, same_history)) {
+    return refuse(robot, "policy.history_layout by_time needs the same history in every term; make them equal");
+  }
+  return check_action(robot);
+}
+
+std::expected<void, std::string> check_fit(const RobotConfig& robot, const Policy& policy) {
+  const config::Policy& section = *robot.policy;
+  const std::size_t input = config::observation_width(robot);
+  std::string sum;
+  for (const ObservationTerm& term : section.observation) {
+    const std::size_t width = term_width(robot, term);
+    sum += fmt::format("{}{} {}", sum.empty() ? "" : " + ", term_name(term), width);
+    if (term.history > 1) sum += fmt::format(" x {}", term.history);
+  }
+  if (input != policy.input_size()) {
+    return std::unexpected(
+        fmt::format("{}: {} wants {} values, the configuration's terms give {}: {}; mend "
+                    "policy.observation in {}",
+                    section.file, section.input, policy.input_size(), input, sum, robot.file));
+  }
+  const std::size_t output = section.steps * outputs_per_step(robot);
+  if (output != policy.output_size()) {
+    return std::unexpected(
+        fmt::format("{}: {} gives {} values, the configuration wants {}: {} steps x {} outputs; mend "
+                    "policy.steps or policy.action in {}",
+                    section.file, section.output, policy.output_size(), output, section.steps, outputs_per_step(robot),
+                    robot.file));
+  }
+  return {};
+}
+
+}  // namespace takt::policy_host

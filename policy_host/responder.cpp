@@ -1,0 +1,71 @@
+#include "policy_host/responder.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "config/observation_shape.hpp"
+#include "executive/trace/trace.hpp"
+#include "policy_host/sensor_link.hpp"
+
+namespace takt::policy_host {
+
+Responder::Responder(const config::RobotConfig& robot, std::uint64_t policy_hash, Policy& policy)
+    : policy_(policy),
+      input_(robot),
+      chunk_builder_(robot, policy_hash),
+      last_action_(*robot.policy, config::outputs_per_step(robot)),
+      sensors_(sensors_in_use(robot)),
+      output_(policy.output_size()) {}
+
+void Responder::start_session() {
+  forget();
+  sequence_ = 0;
+  last_id_ = 0;
+}
+
+void Responder::forget() {
+  input_.reset();
+  last_action_.forget();
+  policy_.reset();
+}
+
+bool Responder::continues(const Observation& observation) const {
+  const bool starts_arming = observation.mode == static_cast<std::uint8_t>(Mode::arming) && last_mode_ != Mode::arming;
+  return observation.id > last_id_ && observation.id - last_id_ <= 1 + kMaxGap && !starts_arming;
+}
+
+const CommandChunk& Responder::answer(const Observation& observation, std::span<const SensorSample> samples,
+                                      MonoTime dequeued_at, Clock clock) {
+  if (!continues(observation)) forget();
+  const bool skipped = last_id_ != 0 && observation.id > last_id_;
+  const std::uint64_t dropped = skipped ? observation.id - last_id_ - 1 : 0;
+  last_id_ = observation.id;
+  last_mode_ = static_cast<Mode>(observation.mode);
+
+  const auto last_action = last_action_.due_at(observation.published_at);
+  const std::uint64_t sequence = ++sequence_;
+  trace::infer_begin(observation.id, sequence);
+  const MonoTime started = clock();
+  policy_.infer(input_.build(observation, samples, last_action), output_);
+  const MonoTime ended = clock();
+  trace::infer_end(observation.id, sequence);
+  chunk_builder_.fill(chunk_, observation, output_);
+  last_action_.remember(observation, output_);
+  // The executive refuses and names such a chunk; what must not happen is that it stays in the policy's memory.
+  if (!std::ranges::all_of(output_, [](float value) { return std::isfinite(value); })) forget();
+
+  CommandHeader& header = chunk_.header;
+  header.sequence = sequence;
+  header.dropped_observations = static_cast<std::uint32_t>(std::min<std::uint64_t>(dropped, UINT32_MAX));
+  for (const std::size_t sensor : sensors_) {
+    const MonoTime sensed = samples[sensor].sensed_at;
+    if (!header.outside_sensed_at.is_set() || sensed < header.outside_sensed_at) header.outside_sensed_at = sensed;
+  }
+  header.dequeued_at = dequeued_at;
+  header.infer_started_at = started;
+  header.infer_ended_at = ended;
+  header.published_at = clock();
+  return chunk_;
+}
+
+}  // namespace takt::policy_host

@@ -1,0 +1,56 @@
+// One observation in, one command chunk out: input vector, inference, joint targets, stamps. Everything a policy host
+// does between reading and publishing, without the reading and publishing.
+//
+// Forgets the past (histories, last action, hidden state) at the start of a session, when observation ids run backwards
+// or skip more than kMaxGap, when the robot starts arming, and after an output that is not finite; a short gap only
+// counts as dropped observations. Time comes from the clock passed in. Thread rule: one thread; no allocation.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "config/robot_config.hpp"
+#include "executive/contract/command_chunk.hpp"
+#include "executive/contract/mode.hpp"
+#include "executive/contract/observation.hpp"
+#include "executive/contract/sensor_sample.hpp"
+#include "policy_host/chunk_builder.hpp"
+#include "policy_host/observation_builder.hpp"
+#include "policy_host/policy.hpp"
+
+namespace takt::policy_host {
+
+using Clock = MonoTime (*)();
+
+class Responder {
+ public:
+  static constexpr std::uint64_t kMaxGap = 5;  // observations missed in a row before history is worthless
+
+  // Precondition: check_policy_section and check_fit passed. `policy` outlives this.
+  Responder(const config::RobotConfig& robot, std::uint64_t policy_hash, Policy& policy);
+
+  // A new lease: sequences start at 1 again.
+  void start_session();
+  // `samples`: one per sensor of the robot file, judged usable. outside_sensed_at is the oldest among the newest
+  // samples of the sensors in use; older samples kept as history do not count. The chunk is valid until the next call.
+  const CommandChunk& answer(const Observation& observation, std::span<const SensorSample> samples,
+                             MonoTime dequeued_at, Clock clock);
+
+ private:
+  void forget();
+  [[nodiscard]] bool continues(const Observation& observation) const;
+
+  Policy& policy_;
+  ObservationBuilder input_;
+  ChunkBuilder chunk_builder_;
+  LastAction last_action_;
+  std::vector<std::size_t> sensors_;
+  std::vector<float> output_;
+  CommandChunk chunk_;
+  std::uint64_t sequence_ = 0;
+  std::uint64_t last_id_ = 0;  // 0: none answered in this session
+  Mode last_mode_ = Mode::standby;
+};
+
+}  // namespace takt::policy_host

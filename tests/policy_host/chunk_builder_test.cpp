@@ -1,0 +1,89 @@
+// Goal: outputs become the right joint's target, and `last_action` is the output that is due. Method: distinct numbers
+// per step and output, checked by their place in the chunk.
+#include "policy_host/chunk_builder.hpp"
+
+#include <gtest/gtest.h>
+
+#include <numeric>
+
+#include "tests/policy_host/small_robot.hpp"
+
+namespace takt::policy_host {
+namespace {
+
+float q(const CommandChunk& chunk, std::size_t step, std::size_t joint) {
+  return chunk.values[value_index(chunk.header, CommandField::q, step, joint)];
+}
+
+std::vector<float> counting(std::size_t count) {
+  std::vector<float> values(count);
+  std::iota(values.begin(), values.end(), 0.0F);
+  return values;
+}
+
+TEST(ChunkBuilder, FillsTheShapeAndOnlyPositions) {
+  CommandChunk chunk;
+  chunk.header.sequence = 77;  // left over from another chunk
+  ChunkBuilder(small_robot(), 0xABCD).fill(chunk, small_observation(9), counting(12));
+  EXPECT_EQ(chunk.header.observation_id, 9U);
+  EXPECT_EQ(chunk.header.policy_hash, 0xABCDU);
+  EXPECT_EQ(chunk.header.step_period, milliseconds(10));
+  EXPECT_EQ(chunk.header.step_count, 4);
+  EXPECT_EQ(chunk.header.joint_count, 3);
+  EXPECT_EQ(chunk.header.fields, static_cast<std::uint8_t>(CommandField::q));
+  EXPECT_EQ(chunk.header.sequence, 0U);
+  EXPECT_EQ(chunk.value_count(), 12U);
+}
+
+TEST(ChunkBuilder, AddsHomeAndScales) {
+  auto robot = small_robot();
+  robot.policy->action.scale = {1, 10, 100};
+  CommandChunk chunk;
+  ChunkBuilder(robot, 0).fill(chunk, small_observation(1), counting(12));
+  EXPECT_FLOAT_EQ(q(chunk, 0, 0), 1 + 0);
+  EXPECT_FLOAT_EQ(q(chunk, 0, 2), 3 + 100 * 2);
+  EXPECT_FLOAT_EQ(q(chunk, 3, 1), 2 + 10 * 10);
+}
+
+TEST(ChunkBuilder, OffsetMayBeZeroOrGivenPerOutput) {
+  auto robot = small_robot();
+  robot.policy->action.offset = config::OffsetKind::zero;
+  CommandChunk chunk;
+  ChunkBuilder(robot, 0).fill(chunk, small_observation(1), counting(12));
+  EXPECT_FLOAT_EQ(q(chunk, 1, 0), 3);
+  robot.policy->action.offset = config::OffsetKind::values;
+  robot.policy->action.offset_values = {0.5, 0.25, 0.125};
+  ChunkBuilder(robot, 0).fill(chunk, small_observation(1), counting(12));
+  EXPECT_FLOAT_EQ(q(chunk, 1, 2), 5.125);
+}
+
+TEST(ChunkBuilder, MapsOutputsToJointsAndKeepsTheOthersAtHome) {
+  auto robot = small_robot();
+  robot.policy->action.joint_of_output = {2, 0};
+  robot.policy->action.offset = config::OffsetKind::values;
+  robot.policy->action.offset_values = {100, 200};
+  CommandChunk chunk;
+  ChunkBuilder(robot, 0).fill(chunk, small_observation(1), counting(8));
+  EXPECT_FLOAT_EQ(q(chunk, 1, 2), 100 + 2) << "first output drives joint 2, with its own offset";
+  EXPECT_FLOAT_EQ(q(chunk, 1, 0), 200 + 3);
+  EXPECT_FLOAT_EQ(q(chunk, 1, 1), 2) << "home";
+}
+
+TEST(LastAction, IsTheStepDueAtTheNextObservation) {
+  LastAction last(*small_robot().policy, 3);
+  const auto answered = small_observation(1);  // published at 20 ms
+  const auto first_due_at = [&](std::int64_t us) { return last.due_at(MonoTime{} + microseconds(us))[0]; };
+  EXPECT_EQ(first_due_at(40'000), 0.0F) << "nothing remembered";
+  last.remember(answered, counting(12));
+  EXPECT_EQ(first_due_at(20'000), 0.0F);
+  EXPECT_EQ(first_due_at(30'000), 3.0F);
+  EXPECT_EQ(first_due_at(39'950), 6.0F) << "the nearest step: the executive's period jitters";
+  EXPECT_EQ(first_due_at(40'050), 6.0F);
+  EXPECT_EQ(first_due_at(900'000), 9.0F) << "spent: the last step";
+  EXPECT_EQ(first_due_at(0), 0.0F) << "time ran backwards: the first step";
+  last.forget();
+  EXPECT_EQ(first_due_at(40'000), 0.0F);
+}
+
+}  // namespace
+}  // namespace takt::policy_host

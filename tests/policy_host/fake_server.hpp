@@ -1,0 +1,130 @@
+// The other ends of the policy host's links, over real sockets and mailboxes: a sensor, and an executive that publishes
+// observations when told and reads commands.
+#pragma once
+
+#include <gtest/gtest.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "executive/contract/contract_layout.hpp"
+#include "executive/ipc/executive_segments.hpp"
+#include "executive/ipc/rendezvous.hpp"
+#include "executive/ipc/segment.hpp"
+#include "executive/ipc/slot_ring.hpp"
+
+namespace takt::policy_host {
+
+class TemporaryDirectory {
+ public:
+  TemporaryDirectory() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "takt-policy-host.XXXXXX").string();
+    path_ = mkdtemp(pattern.data());
+  }
+  TemporaryDirectory(const TemporaryDirectory&) = delete;
+  TemporaryDirectory& operator=(const TemporaryDirectory&) = delete;
+  ~TemporaryDirectory() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  [[nodiscard]] const std::string& path() const { return path_; }
+  [[nodiscard]] std::string path(const std::string& file) const { return path_ + "/" + file; }
+
+ private:
+  std::string path_;
+};
+
+template <class Value>
+Value must(std::expected<Value, std::string> result) {
+  if (!result) throw std::runtime_error(result.error());
+  return std::move(*result);
+}
+
+// Serves one socket from a thread of its own until destroyed.
+class Serving {
+ public:
+  Serving(const std::string& socket, ipc::RendezvousServer::Handlers handlers)
+      : server_(must(ipc::RendezvousServer::listen(socket, getuid(), std::move(handlers)))), thread_([this] {
+          while (!stop_) server_.serve(std::chrono::milliseconds(5));
+        }) {}
+  ~Serving() {
+    stop_ = true;
+    thread_.join();
+  }
+  Serving(const Serving&) = delete;
+  Serving& operator=(const Serving&) = delete;
+
+ private:
+  std::atomic<bool> stop_ = false;
+  ipc::RendezvousServer server_;
+  std::thread thread_;
+};
+
+class FakeSensor {
+ public:
+  explicit FakeSensor(const std::string& socket)
+      : segment_(must(ipc::Segment::create("sensor", ipc::ring_bytes(ipc::sensor_mailbox()), true))),
+        writer_(segment_.writable(), ipc::sensor_mailbox()),
+        serving_(socket, {.admit =
+                              [this](const ipc::Peer&) {
+                                return ipc::Admission{{}, {segment_.fd()}};
+                              },
+                          .acknowledged = [](const ipc::Peer&) {},
+                          .left = [](const ipc::Peer&) {},
+                          .request = {}}) {}
+  void publish(const SensorSample& sample) { writer_.publish(std::as_bytes(std::span(&sample, 1))); }
+
+ private:
+  ipc::Segment segment_;
+  ipc::SlotWriter writer_;
+  Serving serving_;
+};
+
+class FakeExecutive {
+ public:
+  explicit FakeExecutive(const std::string& socket)
+      : observations_(must(ipc::Segment::create("observations", ipc::ring_bytes(ipc::observation_mailbox()), true))),
+        commands_(must(ipc::Segment::create("commands", ipc::ring_bytes(ipc::command_mailbox()), false))),
+        writer_(observations_.writable(), ipc::observation_mailbox()),
+        serving_(socket, {.admit = [this](const ipc::Peer& peer) { return admit(peer); },
+                          .acknowledged = [this](const ipc::Peer&) { acknowledged_ = true; },
+                          .left = [](const ipc::Peer&) {},
+                          .request = {}}) {}
+
+  // The policy mapped its mailbox: from now on commands can be read. Called by the test's thread only.
+  bool acknowledged() {
+    if (!acknowledged_) return false;
+    if (!reader_) {
+      if (!commands_.seal_against_new_writers() || !commands_.map_read_only()) return false;
+      reader_.emplace(must(ipc::SlotReader::attach(commands_.readable(), ipc::command_mailbox())));
+    }
+    return true;
+  }
+  void publish(const Observation& observation) { writer_.publish(std::as_bytes(std::span(&observation, 1))); }
+  ipc::ReadResult look(CommandChunk& chunk) {
+    return reader_->read_latest(std::as_writable_bytes(std::span(&chunk, 1)));
+  }
+  bool read(CommandChunk& chunk) { return look(chunk).status == ipc::ReadStatus::fresh; }
+  [[nodiscard]] Hello hello() const { return hello_; }  // meaningful once acknowledged
+
+ private:
+  ipc::Admission admit(const ipc::Peer& peer) {
+    hello_ = peer.hello;
+    return {{}, {observations_.fd(), commands_.fd()}};
+  }
+
+  ipc::Segment observations_;
+  ipc::Segment commands_;
+  ipc::SlotWriter writer_;
+  std::optional<ipc::SlotReader> reader_;
+  Hello hello_;
+  std::atomic<bool> acknowledged_ = false;
+  Serving serving_;
+};
+
+}  // namespace takt::policy_host

@@ -1,0 +1,139 @@
+// Goal: the host finds the executive and the sensor in any order of starting, answers observations, is silent without
+// its sensor, and attaches again after the executive went away. Method: the real host in a thread, over real sockets
+// and mailboxes; the test publishes observations until what it waits for happens, and fails only after a long limit.
+#include "policy_host/host.hpp"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <memory>
+#include <thread>
+
+#include "config/load.hpp"
+#include "config/paths.hpp"
+#include "policy_host/monotonic_clock.hpp"
+#include "tests/policy_host/fake_server.hpp"
+#include "tests/policy_host/scripted_policy.hpp"
+#include "tests/policy_host/small_robot.hpp"
+
+namespace takt::policy_host {
+namespace {
+
+constexpr Duration kLimit = seconds(30);
+
+config::RobotConfig hashed_robot() {
+  auto robot = small_robot();
+  robot.hash = 42;
+  return robot;
+}
+
+class HostTest : public testing::Test {
+ protected:
+  HostTest() : robot_(hashed_robot()), policy_(10, 12), host_(robot_, directory_.path(), 0xABCD, policy_) {}
+  ~HostTest() override { end(); }
+
+  void start() {
+    thread_ = std::thread([this] { host_.run(stop_); });
+  }
+  void end() {
+    stop_ = true;
+    if (thread_.joinable()) thread_.join();
+  }
+  std::unique_ptr<FakeExecutive> start_executive() {
+    return std::make_unique<FakeExecutive>(config::executive_socket(directory_.path()));
+  }
+  std::unique_ptr<FakeSensor> start_sensor() {
+    return std::make_unique<FakeSensor>(config::sensor_socket(directory_.path(), "eye"));
+  }
+  static bool wait_for(const std::function<bool()>& holds) {
+    const MonoTime give_up = monotonic_now() + kLimit;
+    while (monotonic_now() < give_up) {
+      if (holds()) return true;
+      sleep_until(monotonic_now() + milliseconds(5));
+    }
+    return false;
+  }
+  // Publishes observations, and samples when there is a sensor, until a command comes back.
+  bool exchange(FakeExecutive& executive, FakeSensor* sensor, CommandChunk& chunk) {
+    return wait_for([&] {
+      publish(executive, sensor);
+      return executive.read(chunk);
+    });
+  }
+  void publish(FakeExecutive& executive, FakeSensor* sensor) {
+    if (sensor != nullptr) {
+      auto sample = small_sample(++sample_sequence_, 1, 2);
+      sample.sensed_at = monotonic_now();
+      sensor->publish(sample);
+    }
+    auto observation = small_observation(++observation_id_);
+    observation.published_at = monotonic_now();
+    executive.publish(observation);
+  }
+
+  TemporaryDirectory directory_;
+  config::RobotConfig robot_;
+  ScriptedPolicy policy_;
+  Host host_;
+  std::atomic<bool> stop_ = false;
+  std::thread thread_;
+  std::uint64_t observation_id_ = 0;
+  std::uint64_t sample_sequence_ = 0;
+};
+
+TEST_F(HostTest, AnswersOnceExecutiveAndSensorAreThere) {
+  start();
+  const auto executive = start_executive();
+  ASSERT_TRUE(wait_for([&] { return executive->acknowledged(); }));
+  EXPECT_EQ(executive->hello().role, Role::policy);
+  EXPECT_EQ(executive->hello().config_hash, 42U);
+  EXPECT_EQ(executive->hello().policy_hash, 0xABCDU);
+  EXPECT_EQ(executive->hello().joint_names_hash, config::joint_names_hash(robot_));
+  EXPECT_EQ(executive->hello().joint_count, 3U);
+  EXPECT_EQ(executive->hello().step_count, 4U);
+  const auto sensor = start_sensor();
+  CommandChunk chunk;
+  ASSERT_TRUE(exchange(*executive, sensor.get(), chunk));
+  EXPECT_EQ(chunk.header.policy_hash, 0xABCDU);
+  EXPECT_GE(chunk.header.observation_id, 1U);
+  EXPECT_LE(chunk.header.observation_id, observation_id_);
+  EXPECT_TRUE(chunk.header.outside_sensed_at.is_set());
+  EXPECT_LE(chunk.header.dequeued_at, chunk.header.infer_started_at);
+  EXPECT_LE(chunk.header.infer_started_at, chunk.header.infer_ended_at);
+  EXPECT_LE(chunk.header.infer_ended_at, chunk.header.published_at);
+  EXPECT_FLOAT_EQ(chunk.values[0], 1.0F + static_cast<float>(chunk.header.sequence)) << "home plus the policy's output";
+}
+
+TEST_F(HostTest, IsSilentWithoutItsSensor) {
+  const auto executive = start_executive();
+  start();
+  ASSERT_TRUE(wait_for([&] { return executive->acknowledged(); }));
+  CommandChunk chunk;
+  for (int i = 0; i < 20; ++i) {
+    publish(*executive, nullptr);
+    sleep_until(monotonic_now() + milliseconds(20));
+  }
+  EXPECT_FALSE(executive->read(chunk));
+  end();
+  EXPECT_EQ(policy_.calls, 0) << "no inference on half an input";
+}
+
+TEST_F(HostTest, AttachesAgainWithAFreshSession) {
+  start();
+  const auto sensor = start_sensor();
+  auto executive = start_executive();
+  ASSERT_TRUE(wait_for([&] { return executive->acknowledged(); }));
+  CommandChunk chunk;
+  ASSERT_TRUE(exchange(*executive, sensor.get(), chunk));
+  ASSERT_TRUE(exchange(*executive, sensor.get(), chunk));
+  EXPECT_GE(chunk.header.sequence, 2U);
+  executive.reset();
+  executive = start_executive();
+  ASSERT_TRUE(wait_for([&] { return executive->acknowledged(); }));
+  observation_id_ = 0;
+  ASSERT_TRUE(exchange(*executive, sensor.get(), chunk));
+  EXPECT_LE(chunk.header.sequence, observation_id_) << "counted from 1 again";
+}
+
+}  // namespace
+}  // namespace takt::policy_host

@@ -1,0 +1,91 @@
+// Goal: the network sees exactly the numbers, in exactly the order, that the robot file describes. Method: a
+// three-joint robot whose input vector is worked out by hand, one property per test.
+#include "policy_host/observation_builder.hpp"
+
+#include <gtest/gtest.h>
+
+#include "tests/policy_host/small_robot.hpp"
+
+namespace takt::policy_host {
+namespace {
+
+using config::TermKind;
+using Values = std::vector<float>;
+
+Values build(ObservationBuilder& builder, const Observation& observation, const SensorSample& sample,
+             const Values& last_action) {
+  const auto input = builder.build(observation, std::span(&sample, 1), last_action);
+  return {input.begin(), input.end()};
+}
+
+TEST(ObservationBuilder, FollowsTheTermsInOrderWithTheirScales) {
+  auto robot = small_robot();
+  auto constant = term(TermKind::constant, 2);
+  constant.constant = {7, 8};
+  auto position = term(TermKind::joint_position, 1);
+  position.scale = {1, 10, 100};
+  robot.policy->observation = {constant,
+                               term(TermKind::joint_velocity, 0.1),
+                               position,
+                               term(TermKind::joint_position_relative, 2),
+                               term(TermKind::last_action, 3),
+                               term(TermKind::sensor, -1)};
+  ObservationBuilder builder(robot);
+  EXPECT_EQ(builder.input_size(), 2U + 3U + 3U + 3U + 3U + 2U);
+  const Values input = build(builder, small_observation(1), small_sample(1, 5, 6), {0.1F, 0.2F, 0.3F});
+  const Values expected{14, 16, 1, 2, 3, 1.5F, 25, 350, 1, 1, 1, 0.3F, 0.6F, 0.9F, -5, -6};
+  ASSERT_EQ(input.size(), expected.size());
+  for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_FLOAT_EQ(input[i], expected[i]) << "value " << i;
+}
+
+TEST(ObservationBuilder, JointOrderSelectsAndPermutes) {
+  auto robot = small_robot();
+  robot.policy->joint_order = {2, 0};
+  robot.policy->observation = {term(TermKind::joint_velocity, 1)};
+  ObservationBuilder builder(robot);
+  EXPECT_EQ(build(builder, small_observation(1), {}, {}), (Values{30, 10}));
+}
+
+TEST(ObservationBuilder, FirstValueFillsTheHistoryAndTheNewestComesLast) {
+  auto robot = small_robot();
+  robot.policy->observation = {term(TermKind::last_action, 1, 3)};
+  ObservationBuilder builder(robot);
+  EXPECT_EQ(build(builder, small_observation(1), {}, {1, 1, 1}), (Values{1, 1, 1, 1, 1, 1, 1, 1, 1}));
+  EXPECT_EQ(build(builder, small_observation(2), {}, {2, 2, 2}), (Values{1, 1, 1, 1, 1, 1, 2, 2, 2}));
+  EXPECT_EQ(build(builder, small_observation(3), {}, {3, 3, 3}), (Values{1, 1, 1, 2, 2, 2, 3, 3, 3}));
+  builder.reset();
+  EXPECT_EQ(build(builder, small_observation(4), {}, {4, 4, 4}), (Values{4, 4, 4, 4, 4, 4, 4, 4, 4}));
+}
+
+TEST(ObservationBuilder, SensorHistoryGrowsPerSampleNotPerObservation) {
+  auto robot = small_robot();
+  robot.policy->observation = {term(TermKind::sensor, 1, 2)};
+  ObservationBuilder builder(robot);
+  EXPECT_EQ(build(builder, small_observation(1), small_sample(5, 1, 2), {}), (Values{1, 2, 1, 2}));
+  EXPECT_EQ(build(builder, small_observation(2), small_sample(6, 3, 4), {}), (Values{1, 2, 3, 4}));
+  EXPECT_EQ(build(builder, small_observation(3), small_sample(6, 3, 4), {}), (Values{1, 2, 3, 4}));
+  EXPECT_EQ(build(builder, small_observation(4), small_sample(7, 5, 6), {}), (Values{3, 4, 5, 6}));
+  // The sensor's process restarted: its sequences start over, its samples are still news.
+  EXPECT_EQ(build(builder, small_observation(5), small_sample(1, 7, 8), {}), (Values{5, 6, 7, 8}));
+}
+
+TEST(ObservationBuilder, ByTimeInterleavesTheTermsOfAnInstant) {
+  auto robot = small_robot();
+  robot.policy->observation = {term(TermKind::joint_velocity, 1, 2), term(TermKind::last_action, 1, 2)};
+  robot.policy->joint_order = {0};
+  robot.policy->action.joint_of_output = {0};
+  auto second = small_observation(2);
+  second.dq[0] = 11;
+  {
+    ObservationBuilder builder(robot);
+    build(builder, small_observation(1), {}, {1});
+    EXPECT_EQ(build(builder, second, {}, {2}), (Values{10, 11, 1, 2}));
+  }
+  robot.policy->history_layout = "by_time";
+  ObservationBuilder builder(robot);
+  build(builder, small_observation(1), {}, {1});
+  EXPECT_EQ(build(builder, second, {}, {2}), (Values{10, 1, 11, 2}));
+}
+
+}  // namespace
+}  // namespace takt::policy_host

@@ -1,0 +1,210 @@
+// Goal: what cannot be evaluated is refused at load with one sentence that names the trouble, and a damaged or hostile
+// file never does worse than that. Method: one good model, spoilt in one way per test; then thousands of random
+// mutations, to be run under AddressSanitizer as well.
+#include <filesystem>
+#include <fstream>
+#include <random>
+
+#include "tests/policy_host/onnx_graph_maker.hpp"
+
+namespace takt::onnx_engine {
+namespace {
+
+GraphMaker small_policy() {
+  GraphMaker maker;
+  maker.input("obs", {1, 2}).output("action").floats("w", {2, 2}, {1, 2, 3, 4}).floats("bias", {2}, {1, 1});
+  maker.node("Gemm", {"obs", "w", "bias"}, {"hidden"});
+  maker.node("Tanh", {"hidden"}, {"action"});
+  return maker;
+}
+
+onnx::TensorProto& weights(GraphMaker& maker) {
+  return *maker.graph().mutable_initializer(0);
+}
+
+void expect_sentence(const std::string& refusal, const std::vector<std::string>& parts) {
+  EXPECT_FALSE(refusal.empty()) << "was accepted";
+  EXPECT_EQ(refusal.find('\n'), std::string::npos) << refusal;
+  for (const std::string& part : parts)
+    EXPECT_NE(refusal.find(part), std::string::npos) << part << " not in: " << refusal;
+}
+
+TEST(Refusal, TheUnspoiltModelLoads) {
+  EXPECT_EQ(small_policy().refusal(), "");
+}
+
+TEST(Refusal, UnsupportedOperatorNamesNodeOperatorAndTheSupportedOnes) {
+  GraphMaker maker = small_policy();
+  maker.graph().mutable_node(1)->set_op_type("Cosh");
+  expect_sentence(maker.refusal(), {"Cosh node 'the_Tanh'", "supported operators: Add, Cast,", "Tanh, Transpose"});
+}
+
+TEST(Refusal, ForeignDomain) {
+  GraphMaker maker = small_policy();
+  maker.graph().mutable_node(1)->set_domain("com.example");
+  expect_sentence(maker.refusal(), {"com.example"});
+}
+
+TEST(Refusal, UnsupportedDataType) {
+  GraphMaker maker = small_policy();
+  weights(maker).set_data_type(onnx::TensorProto_DataType_DOUBLE);
+  expect_sentence(maker.refusal(), {"initializer 'w'", "DOUBLE", "float32"});
+  weights(maker).set_data_type(4242);
+  expect_sentence(maker.refusal(), {"4242"});
+}
+
+TEST(Refusal, IntegerInput) {
+  GraphMaker maker = small_policy();
+  maker.graph().mutable_input(0)->mutable_type()->mutable_tensor_type()->set_elem_type(
+      onnx::TensorProto_DataType_INT64);
+  expect_sentence(maker.refusal(), {"input 'obs'", "float32"});
+}
+
+TEST(Refusal, DynamicShapeExceptTheBatch) {
+  GraphMaker maker = small_policy();
+  auto& shape = *maker.graph().mutable_input(0)->mutable_type()->mutable_tensor_type()->mutable_shape();
+  shape.mutable_dim(0)->set_dim_param("batch");
+  const auto model = maker.load();
+  ASSERT_TRUE(model) << model.error();
+  EXPECT_EQ(model->inputs()[0].shape, (Dims{1, 2}));
+  EXPECT_EQ(model->outputs()[0].shape, (Dims{1, 2}));
+
+  shape.mutable_dim(1)->set_dim_param("length");
+  expect_sentence(maker.refusal(), {"input 'obs'", "dynamic dimension 1 ('length')"});
+}
+
+TEST(Refusal, ExternalData) {
+  GraphMaker maker = small_policy();
+  weights(maker).set_data_location(onnx::TensorProto_DataLocation_EXTERNAL);
+  expect_sentence(maker.refusal(), {"initializer 'w'", "another file"});
+}
+
+TEST(Refusal, Cycle) {
+  GraphMaker maker = small_policy();
+  maker.graph().mutable_node(0)->set_input(2, "action");
+  expect_sentence(maker.refusal(), {"sorted"});
+}
+
+TEST(Refusal, AbsurdSizes) {
+  GraphMaker weight = small_policy();
+  weights(weight).set_dims(0, std::int64_t{1} << 40);
+  expect_sentence(weight.refusal(), {"initializer 'w'", "larger"});
+
+  GraphMaker overflow = small_policy();
+  for (const int d : {0, 1}) weights(overflow).set_dims(d, std::int64_t{1} << 33);  // 2^66 elements
+  expect_sentence(overflow.refusal(), {"larger"});
+
+  // Small file, large tensor: each fits, together they do not.
+  GraphMaker expand;
+  expand.input("x", {1}).output("y").integers("shape", {1}, {200'000'000});
+  expand.node("Expand", {"x", "shape"}, {"a"});
+  expand.node("Expand", {"x", "shape"}, {"y"});
+  expect_sentence(expand.refusal(), {"1024 MiB"});
+}
+
+TEST(Refusal, DataThatDoesNotFillItsShape) {
+  GraphMaker maker = small_policy();
+  weights(maker).mutable_float_data()->RemoveLast();
+  expect_sentence(maker.refusal(), {"initializer 'w'", "damaged"});
+}
+
+TEST(Refusal, OpsetTooOldOrTooNew) {
+  for (const std::int64_t opset : {std::int64_t{1}, std::int64_t{7}, std::int64_t{99}}) {
+    GraphMaker maker = small_policy();
+    maker.model.mutable_opset_import(0)->set_version(opset);
+    expect_sentence(maker.refusal(), {"opset"});
+  }
+}
+
+TEST(Refusal, ADeclaredOutputShapeThatTheOperatorsContradict) {
+  GraphMaker maker = small_policy();
+  auto& shape = *maker.graph().mutable_output(0)->mutable_type()->mutable_tensor_type()->mutable_shape();
+  for (const std::int64_t dim : {1, 7}) shape.add_dim()->set_dim_value(dim);
+  EXPECT_NE(maker.refusal(), "");
+}
+
+TEST(Refusal, NamesFromTheFileCannotForgeALogLine) {
+  GraphMaker maker = small_policy();
+  maker.graph().mutable_node(1)->set_op_type("Bad");
+  maker.graph().mutable_node(1)->set_name("x\n2026-01-01 all is well\x1b[2J");
+  const std::string refusal = maker.refusal();
+  EXPECT_EQ(refusal.find_first_of("\n\x1b"), std::string::npos);
+}
+
+TEST(Refusal, FilesThatAreMissingEmptyOrSomethingElse) {
+  expect_sentence(load(std::filesystem::path("no/such/policy.onnx")).error(), {"no/such/policy.onnx", "no such file"});
+  const auto file = std::filesystem::path(testing::TempDir()) / "takt_not_a_model.onnx";
+  std::ofstream(file) << "robot: arm6\n";
+  expect_sentence(load(file).error(), {"not an ONNX model"});
+  std::ofstream(file, std::ios::trunc).flush();
+  EXPECT_FALSE(load(file));
+  std::filesystem::remove(file);
+}
+
+// ---- mutations
+
+// One of each family, so that a mutation can reach every operator.
+std::vector<std::string> seeds() {
+  std::vector<std::string> bytes{small_policy().model.SerializeAsString()};
+  GraphMaker shapes;
+  shapes.input("x", {2, 3})
+      .output("y")
+      .integers("start", {1}, {0})
+      .integers("end", {1}, {2})
+      .integers("axis", {1}, {1});
+  shapes.integers("shape", {2}, {-1, 2}).integers("index", {1}, {1});
+  shapes.node("Slice", {"x", "start", "end", "axis"}, {"s"});
+  shapes.node("Transpose", {"s"}, {"t"}).with("perm", Dims{1, 0});
+  shapes.node("Reshape", {"t", "shape"}, {"r"});
+  shapes.node("Gather", {"r", "index"}, {"g"}).with("axis", std::int64_t{0});
+  shapes.node("Concat", {"g", "r"}, {"c"}).with("axis", std::int64_t{0});
+  shapes.node("ReduceMean", {"c"}, {"m"}).with("axes", Dims{1});
+  shapes.node("Sub", {"c", "m"}, {"d"});
+  shapes.node("Softmax", {"d"}, {"y"});
+  bytes.push_back(shapes.model.SerializeAsString());
+  GraphMaker recurrent(14);
+  recurrent.input("x", {2, 1, 2}).output("y").floats("w", {1, 4, 2}, std::vector<float>(8, 0.1F));
+  recurrent.floats("r", {1, 4, 1}, std::vector<float>(4, 0.1F)).floats("b", {1, 8}, std::vector<float>(8, 0.1F));
+  recurrent.node("LSTM", {"x", "w", "r", "b"}, {"h"}).with("hidden_size", std::int64_t{1});
+  recurrent.node("Squeeze", {"h"}, {"y"});
+  bytes.push_back(recurrent.model.SerializeAsString());
+  return bytes;
+}
+
+void load_and_run(const std::string& bytes) {
+  auto model = load(std::as_bytes(std::span(bytes)), "mutant");
+  if (model) model->run();
+}
+
+TEST(Mutation, EveryTruncationIsSurvived) {
+  for (const std::string& seed : seeds()) {
+    for (std::size_t length = 0; length < seed.size(); ++length) load_and_run(seed.substr(0, length));
+  }
+}
+
+TEST(Mutation, RandomBytesAreSurvived) {
+  constexpr unsigned rounds = 3000;
+  int accepted = 0;
+  for (const std::string& seed : seeds()) {
+    for (unsigned round = 0; round < rounds; ++round) {
+      std::mt19937 random(round);
+      std::string bytes = seed;
+      const unsigned changes = 1 + random() % 4;
+      for (unsigned i = 0; i < changes; ++i) {
+        char& byte = bytes[random() % bytes.size()];
+        byte = random() % 2 == 0 ? static_cast<char>(random()) : static_cast<char>(byte ^ (1 << (random() % 8)));
+      }
+      auto model = load(std::as_bytes(std::span(bytes)), "mutant");
+      if (!model) {
+        EXPECT_FALSE(model.error().empty()) << "round " << round;
+        continue;
+      }
+      ++accepted;
+      model->run();
+    }
+  }
+  EXPECT_GT(accepted, 0) << "no mutant got past the checks: the test reaches too little";
+}
+
+}  // namespace
+}  // namespace takt::onnx_engine

@@ -1,0 +1,137 @@
+// Goal: the committed network, its training report and the robot file belong together. Method: hash the network, write
+// down again every number of the robot file that training read, and run the report's own examples through our engine.
+// When this fails after a change to config/arm6.yaml: train again, the report holds the command.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "config/load.hpp"
+#include "policy_host/onnx_policy.hpp"
+#include "policy_host/policy_fit.hpp"
+
+namespace takt::policy_host {
+namespace {
+
+constexpr char kRobot[] = "config/arm6.yaml";
+constexpr char kReport[] = "config/arm6_reach.training.json";
+
+std::string text_of(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+std::string numbers(std::initializer_list<double> values) {
+  std::string line;
+  for (const double value : values) line += fmt::format(" {:.9g}", value);
+  return line;
+}
+
+std::string numbers(const config::Vector3& v) {
+  return numbers({v[0], v[1], v[2]});
+}
+
+const char* term_word(config::TermKind kind) {
+  switch (kind) {
+    case config::TermKind::joint_position_relative:
+      return "joint_position_relative";
+    case config::TermKind::joint_position:
+      return "joint_position";
+    case config::TermKind::joint_velocity:
+      return "joint_velocity";
+    case config::TermKind::sensor:
+      return "sensor";
+    case config::TermKind::last_action:
+      return "last_action";
+    case config::TermKind::constant:
+      return "constant";
+  }
+  return "invalid";
+}
+
+// The lines that train_reach.py's facts() writes.
+std::vector<std::string> facts(const config::RobotConfig& robot) {
+  std::vector<std::string> lines;
+  for (const config::Joint& joint : robot.joints) {
+    const config::Limits& limits = joint.limits;
+    lines.push_back("joint " + joint.name +
+                    numbers({joint.home, limits.q_min + limits.position_margin, limits.q_max - limits.position_margin,
+                             limits.velocity}));
+  }
+  for (const config::Link& link : robot.model->links) {
+    lines.push_back(fmt::format("link {} {}", link.joint, link.parent) + numbers(link.origin_xyz) +
+                    numbers(link.origin_rpy) + numbers(link.axis));
+  }
+  lines.push_back(fmt::format("tool {}", robot.model->tool_link) + numbers(robot.model->tool_xyz));
+  const config::Policy& policy = *robot.policy;
+  lines.push_back("policy" + numbers({policy.period.seconds(), policy.step_period.seconds()}) +
+                  fmt::format(" {} {} {}", policy.steps, policy.input, policy.output));
+  for (const config::ObservationTerm& term : policy.observation) {
+    lines.push_back(fmt::format("term {} {}", term_word(term.kind), term.sensor.empty() ? "-" : term.sensor) +
+                    numbers({term.scale.front()}) + fmt::format(" {}", term.history));
+  }
+  const config::Simulation& simulation = *robot.simulation;
+  lines.push_back("camera" + numbers({simulation.camera_period.seconds(), simulation.camera_delay.seconds(),
+                                      simulation.camera_jitter.seconds()}));
+  lines.push_back("centre" + numbers(simulation.target_centre));
+  lines.push_back("amplitude" + numbers(simulation.target_amplitude));
+  lines.push_back("frequency" + numbers(simulation.target_frequency));
+  return lines;
+}
+
+class TrainingReport : public testing::Test {
+ protected:
+  void SetUp() override {
+    auto robot = config::load(kRobot);
+    ASSERT_TRUE(robot) << robot.error();
+    robot_ = *std::move(robot);
+    ASSERT_NO_THROW(report_ = nlohmann::json::parse(text_of(kReport)));
+  }
+  config::RobotConfig robot_;
+  nlohmann::json report_;
+};
+
+TEST_F(TrainingReport, DescribesThisNetwork) {
+  EXPECT_EQ(config::sha256_hex(text_of(robot_.policy->file)), report_["onnx_sha256"].get<std::string>());
+}
+
+TEST_F(TrainingReport, DescribesThisRobot) {
+  const auto lines = facts(robot_);
+  EXPECT_EQ(lines, report_["configuration"].get<std::vector<std::string>>());
+  std::string joined;
+  for (const std::string& line : lines) joined += (joined.empty() ? "" : "\n") + line;
+  EXPECT_EQ(config::sha256_hex(joined), report_["configuration_sha256"].get<std::string>());
+}
+
+TEST_F(TrainingReport, ItsExamplesComeOutOfOurEngine) {
+  ASSERT_TRUE(check_policy_section(robot_));
+  auto policy = load_onnx_policy(robot_.policy->file, robot_.policy->input, robot_.policy->output);
+  ASSERT_TRUE(policy) << policy.error();
+  const auto fits = check_fit(robot_, **policy);
+  ASSERT_TRUE(fits) << fits.error();
+  const auto inputs = report_["examples"]["inputs"].get<std::vector<std::vector<float>>>();
+  const auto outputs = report_["examples"]["outputs"].get<std::vector<std::vector<double>>>();
+  ASSERT_GE(inputs.size(), 4U);
+  ASSERT_EQ(inputs.size(), outputs.size());
+  std::vector<float> result((*policy)->output_size());
+  for (std::size_t example = 0; example < inputs.size(); ++example) {
+    (*policy)->infer(inputs[example], result);
+    ASSERT_EQ(outputs[example].size(), result.size());
+    for (std::size_t i = 0; i < result.size(); ++i) {
+      EXPECT_NEAR(static_cast<double>(result[i]), outputs[example][i], 1e-5) << "example " << example << " value " << i;
+    }
+  }
+}
+
+TEST_F(TrainingReport, ClaimsATrackingPolicy) {
+  const auto& evaluation = report_["evaluation"]["robot_file_target"];
+  EXPECT_LT(evaluation["policy"]["median_m"].get<double>(), 0.02);
+  EXPECT_LT(evaluation["policy"]["median_m"].get<double>(), 0.1 * evaluation["hold_home"]["median_m"].get<double>());
+}
+
+}  // namespace
+}  // namespace takt::policy_host
