@@ -1,0 +1,36 @@
+// What the drives and the buses report, decoded at the edge and handed to the tick as values.
+#pragma once
+
+#include <cstdint>
+#include <type_traits>
+
+#include "executive/contract/mono_time.hpp"
+
+namespace takt {
+
+enum class DriveState : std::uint8_t { unknown, disabled, enabled, fault };
+
+struct JointFeedback {
+  MonoTime received_at;          // kernel receive stamp of the newest reply; unset before the first
+  float q = 0.0F;                // rad, joint side (direction, offset and gear applied)
+  float dq = 0.0F;               // rad/s, as the drive reports it
+  float tau = 0.0F;              // Nm, joint side
+  float temperature_C = 0.0F;    // hottest part the drive reports; 0 when it reports none
+  std::uint32_t error_code = 0;  // protocol's own code; 0 none
+  DriveState drive_state = DriveState::unknown;
+  std::uint8_t reserved[3] = {};
+};
+static_assert(std::is_standard_layout_v<JointFeedback> && sizeof(JointFeedback) == 32);
+
+enum class BusState : std::uint8_t { up, error_passive, bus_off, down };
+
+struct BusHealth {
+  std::uint32_t tx_dropped = 0;      // frames the kernel queue refused, since start
+  std::uint32_t rx_dropped = 0;      // frames lost on receive (SO_RXQ_OVFL), since start
+  std::uint32_t foreign_frames = 0;  // frames nobody here expects, since start
+  BusState state = BusState::up;
+  std::uint8_t reserved[3] = {};
+};
+static_assert(std::is_standard_layout_v<BusHealth> && sizeof(BusHealth) == 16);
+
+}  // namespace takt

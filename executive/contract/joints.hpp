@@ -1,0 +1,41 @@
+// Joint-space vectors whose unit is part of the type, and the fixed capacities every process agrees on.
+//
+// A JointVector always has room for kMaxJoints; how many entries are in use is said by the joint count of the
+// structure around it. Entries beyond that count are zero. Values are float32: drives resolve 16 bits or fewer.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <type_traits>
+
+namespace takt {
+
+inline constexpr std::size_t kMaxJoints = 64;
+inline constexpr std::size_t kMaxChunkSteps = 64;
+inline constexpr std::size_t kMaxBuses = 8;
+inline constexpr std::size_t kMaxSensorValues = 64;
+
+namespace unit {
+struct Radian;                   // joint position
+struct RadianPerSecond;          // joint velocity
+struct NewtonMetre;              // joint torque
+struct NewtonMetrePerRadian;     // stiffness, kp
+struct NewtonMetreSecondPerRad;  // damping, kd
+}  // namespace unit
+
+template <class Unit>
+struct JointVector {
+  std::array<float, kMaxJoints> at{};
+  constexpr float& operator[](std::size_t joint) { return at[joint]; }
+  constexpr float operator[](std::size_t joint) const { return at[joint]; }
+};
+
+using Positions = JointVector<unit::Radian>;
+using Velocities = JointVector<unit::RadianPerSecond>;
+using Torques = JointVector<unit::NewtonMetre>;
+using Stiffnesses = JointVector<unit::NewtonMetrePerRadian>;
+using Dampings = JointVector<unit::NewtonMetreSecondPerRad>;
+
+static_assert(std::is_standard_layout_v<Positions> && sizeof(Positions) == 4 * kMaxJoints);
+
+}  // namespace takt

@@ -1,0 +1,62 @@
+// Modes of the executive and the causes that move it between them. The reaction table lives in pipeline/mode_machine.
+//
+// mode           who enters                          drives meanwhile
+// standby        start, operator reset               disabled; polled for feedback
+// arming         operator arm                        being enabled; zero gains, zero torque, reference held
+// tracking       every drive enabled, fresh command  impedance law on the played chunk
+// degraded       contract violated repeatedly        as configured: hold, slow down, or a named fallback
+// damped_stop    stop request, command lost, ...     damping and gravity compensation until the robot rests, then hold
+// fault_latched  drive, bus or feedback fault        pure damping where a drive still listens; operator reset needed
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+
+namespace takt {
+
+enum class Mode : std::uint8_t { standby, arming, tracking, degraded, damped_stop, fault_latched };
+inline constexpr std::size_t kModeCount = 6;
+
+enum class Cause : std::uint8_t {
+  none,
+  operator_arm,       // person asks to arm
+  operator_stop,      // person asks to stop
+  operator_reset,     // person clears a latched stop or fault
+  shutdown,           // SIGTERM / SIGINT: damped stop, then exit
+  drives_enabled,     // every drive reports enabled
+  enable_timeout,     // some drive did not enable in time
+  contract_violated,  // misses in the window exceed epsilon
+  contract_restored,  // fresh without interruption for long enough
+  command_lost,       // no usable command for stop_after
+  bad_commands,       // refused messages repeatedly: integration error
+  feedback_lost,      // a joint's feedback is older than its limit
+  drive_fault,        // a drive reports an error
+  drive_disabled,     // a drive left the enabled state by itself
+  bus_off,            // CAN controller bus-off
+  bus_down,           // CAN interface down or gone
+  envelope_exceeded,  // measured position, velocity or torque outside the hard envelope
+  overrun,            // too many consecutive overruns
+  internal_error,     // our own bug: an assertion failed
+};
+inline constexpr std::size_t kCauseCount = 19;
+
+constexpr std::string_view name(Mode mode) {
+  constexpr std::array<std::string_view, kModeCount> names{"standby",  "arming",      "tracking",
+                                                           "degraded", "damped_stop", "fault_latched"};
+  const auto index = static_cast<std::size_t>(mode);
+  return index < names.size() ? names[index] : "invalid";
+}
+
+constexpr std::string_view name(Cause cause) {
+  constexpr std::array<std::string_view, kCauseCount> names{
+      "none",           "operator_arm",      "operator_stop",     "operator_reset",    "shutdown",
+      "drives_enabled", "enable_timeout",    "contract_violated", "contract_restored", "command_lost",
+      "bad_commands",   "feedback_lost",     "drive_fault",       "drive_disabled",    "bus_off",
+      "bus_down",       "envelope_exceeded", "overrun",           "internal_error"};
+  const auto index = static_cast<std::size_t>(cause);
+  return index < names.size() ? names[index] : "invalid";
+}
+
+}  // namespace takt

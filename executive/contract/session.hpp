@@ -1,0 +1,81 @@
+// The first words exchanged on a rendezvous socket, and the operator's requests. Plain structures over SOCK_SEQPACKET;
+// strings are zero-terminated and zero-padded. Thread rule: none of this ever reaches the control thread.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string_view>
+#include <type_traits>
+
+#include "executive/contract/layout.hpp"
+#include "executive/contract/mode.hpp"
+#include "executive/contract/tick_record.hpp"
+
+namespace takt {
+
+// One lease per role and server: a second holder is refused with a sentence that names the first.
+// `operator_console` leases are short: a connection per request.
+enum class Role : std::uint8_t { policy, monitor, operator_console, sensor_reader };
+inline constexpr std::size_t kRoleCount = 4;
+
+constexpr std::string_view name(Role role) {
+  constexpr std::array<std::string_view, kRoleCount> names{"policy", "monitor", "operator", "sensor reader"};
+  const auto index = static_cast<std::size_t>(role);
+  return index < names.size() ? names[index] : "invalid";
+}
+
+struct Hello {
+  std::uint64_t magic = kMagic;
+  std::uint32_t abi_version = kAbiVersion;
+  Role role = Role::policy;
+  std::uint8_t reserved[3] = {};
+  std::uint64_t layout = 0;            // contract_layout()
+  std::uint64_t config_hash = 0;       // first 8 bytes of the resolved configuration's SHA-256; 0: not claimed
+  std::uint64_t policy_hash = 0;       // policy role: as in CommandHeader
+  std::uint64_t joint_names_hash = 0;  // policy role: layout-independent hash of the joint names in order
+  std::uint32_t joint_count = 0;       // policy role
+  std::uint32_t step_count = 0;        // policy role
+  char program[40] = {};
+};
+static_assert(std::is_standard_layout_v<Hello> && sizeof(Hello) == 96);
+
+enum class WelcomeStatus : std::uint8_t { accepted, refused };
+struct Welcome {
+  std::uint64_t magic = kMagic;
+  WelcomeStatus status = WelcomeStatus::refused;
+  std::uint8_t descriptor_count = 0;  // file descriptors that came along (SCM_RIGHTS)
+  std::uint8_t reserved[6] = {};
+  char sentence[496] = {};  // why refused, or empty
+};
+static_assert(std::is_standard_layout_v<Welcome> && sizeof(Welcome) == 512);
+
+enum class OperatorVerb : std::uint8_t { status, arm, stop, reset };
+struct OperatorMessage {
+  std::uint64_t magic = kMagic;
+  OperatorVerb verb = OperatorVerb::status;
+  std::uint8_t reserved[7] = {};
+};
+static_assert(std::is_standard_layout_v<OperatorMessage> && sizeof(OperatorMessage) == 16);
+
+// The loop's state as the control thread last published it, plus what the service thread knows.
+struct StatusSnapshot {
+  TickRecordHeader tick;
+  std::uint64_t ticks = 0;
+  std::uint64_t overruns[kOverrunCauseCount] = {};
+  std::uint64_t arrivals[kArrivalCount] = {};
+  std::uint64_t policy_pid = 0;   // 0: no policy attached
+  std::uint64_t monitor_pid = 0;  // 0: no monitor attached
+  std::uint8_t realtime = 0;      // 1 when the whole real-time set-up succeeded
+  std::uint8_t reserved[7] = {};
+};
+
+struct OperatorReply {
+  std::uint64_t magic = kMagic;
+  std::uint8_t done = 0;  // 1: request carried out or under way
+  std::uint8_t reserved[7] = {};
+  StatusSnapshot status;
+  char sentences[2048] = {};  // one per line: why not, or what is missing
+};
+static_assert(std::is_standard_layout_v<OperatorReply> && std::is_trivially_copyable_v<OperatorReply>);
+
+}  // namespace takt

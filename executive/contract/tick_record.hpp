@@ -1,0 +1,128 @@
+// One tick, whole: every input the decision read and every output it produced, so that replay can recompute it.
+//
+// A record is a TickRecordHeader followed by joint_count JointRecords. The new command, when one arrived, and the
+// periodic TickState keyframe travel in rings of their own, tied to the tick number.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+
+#include "executive/contract/feedback.hpp"
+#include "executive/contract/intervention.hpp"
+#include "executive/contract/joints.hpp"
+#include "executive/contract/layout.hpp"
+#include "executive/contract/mode.hpp"
+#include "executive/contract/mono_time.hpp"
+#include "executive/contract/overrun.hpp"
+#include "executive/contract/verdict.hpp"
+
+namespace takt {
+
+enum class OperatorRequest : std::uint8_t { none, arm, stop, reset, shutdown };
+
+// Age of the command in use, in parts that add up exactly: total = sense + queue + infer + publish + hold.
+struct AgeParts {
+  Duration sense;    // oldest sample -> observation published
+  Duration queue;    // observation published -> inference started
+  Duration infer;    // inference started -> ended
+  Duration publish;  // inference ended -> first tick that used the command
+  Duration hold;     // first use -> now
+  [[nodiscard]] constexpr Duration total() const { return sense + queue + infer + publish + hold; }
+};
+
+struct TickRecordHeader {
+  // inputs
+  std::uint64_t tick = 0;
+  MonoTime now;                       // scheduled-and-woken instant of this tick
+  Duration lateness;                  // now - scheduled wake-up
+  Duration last_duration;             // how long the previous tick worked
+  std::uint64_t skipped_periods = 0;  // since start
+  BusHealth buses[kMaxBuses];
+  std::uint64_t command_sequence_seen = 0;  // sequence of the message read this tick; 0 none
+  OperatorRequest operator_request = OperatorRequest::none;
+  OverrunCause overrun_cause = OverrunCause::none;  // of the previous period
+  Arrival mailbox = Arrival::none;                  // none, contended, corrupt; accepted means: a message was read
+  std::uint8_t bus_count = 0;
+  std::uint32_t joint_count = 0;
+  // outputs
+  AgeParts age;                        // all zero while freshness is missing
+  std::uint64_t command_sequence = 0;  // command in use; 0 none
+  std::uint64_t observation_answered = 0;
+  std::uint64_t observation_published = 0;  // id published this tick; 0 none
+  std::uint32_t window_misses = 0;          // exact count over the sliding window
+  std::uint32_t window_ticks = 0;
+  std::uint32_t integration_errors = 0;  // stamps that ran backwards, since start
+  std::uint32_t refused_commands = 0;    // since start
+  Mode mode = Mode::standby;             // after this tick
+  Mode previous_mode = Mode::standby;
+  Cause cause = Cause::none;  // of the transition, if one happened this tick
+  Arrival arrival = Arrival::none;
+  Freshness freshness = Freshness::missing;
+  std::uint8_t chunk_step = 0;      // step being played
+  std::uint8_t drives_enabled = 0;  // 1 when drives are told to be enabled
+  std::uint8_t policy_session = 0;  // input: differs from the previous tick's when another policy's mailbox is read now
+  std::uint64_t causes_active = 0;  // bit per Cause that holds this tick
+};
+
+struct JointRecord {
+  JointFeedback feedback;     // input
+  float q_estimate = 0.0F;    // rad
+  float dq_estimate = 0.0F;   // rad/s
+  float q_reference = 0.0F;   // rad, constrained reference
+  float dq_reference = 0.0F;  // rad/s
+  float tau_gravity = 0.0F;   // Nm, model
+  float tau_total = 0.0F;     // Nm, torque the drive will produce at this feedback
+  float q_command = 0.0F;     // to the drive, joint side: rad
+  float dq_command = 0.0F;    // rad/s
+  float kp_command = 0.0F;    // Nm/rad
+  float kd_command = 0.0F;    // Nm s/rad
+  float tau_command = 0.0F;   // Nm, feed-forward
+  InterventionMask interventions = 0;
+  std::uint16_t reserved = 0;
+};
+
+static_assert(std::is_standard_layout_v<AgeParts> && sizeof(AgeParts) == 40);
+static_assert(std::is_standard_layout_v<TickRecordHeader> && std::is_trivially_copyable_v<TickRecordHeader>);
+static_assert(sizeof(TickRecordHeader) == 40 + 16 * kMaxBuses + 16 + 40 + 24 + 16 + 16);
+static_assert(std::is_standard_layout_v<JointRecord> && sizeof(JointRecord) == 80);
+
+// Room for the largest record; only used_bytes() of it travel.
+struct TickRecord {
+  TickRecordHeader header;
+  JointRecord joints[kMaxJoints];
+  [[nodiscard]] constexpr std::size_t used_bytes() const { return used_bytes(header.joint_count); }
+  static constexpr std::size_t used_bytes(std::size_t joint_count) {
+    return sizeof(TickRecordHeader) + joint_count * sizeof(JointRecord);
+  }
+};
+
+inline constexpr std::uint64_t kTickRecordLayout =
+    layout_hash({TAKT_FIELD(TickRecordHeader, buses), TAKT_FIELD(TickRecordHeader, operator_request),
+                 TAKT_FIELD(TickRecordHeader, joint_count), TAKT_FIELD(TickRecordHeader, age),
+                 TAKT_FIELD(TickRecordHeader, window_misses), TAKT_FIELD(TickRecordHeader, mode),
+                 TAKT_FIELD(TickRecordHeader, causes_active), TAKT_FIELD(JointRecord, feedback),
+                 TAKT_FIELD(JointRecord, q_estimate), TAKT_FIELD(JointRecord, tau_command),
+                 TAKT_FIELD(JointRecord, interventions)});
+
+// One CAN frame as it crossed the edge, for the run's candump log. Mirrors struct canfd_frame's content.
+enum class FrameDirection : std::uint8_t { received, sent };
+struct FrameRecord {
+  MonoTime stamp;  // receive: kernel stamp; send: just before the write
+  std::uint64_t tick = 0;
+  std::uint32_t can_id = 0;  // with CAN_EFF_FLAG / CAN_RTR_FLAG / CAN_ERR_FLAG
+  std::uint8_t bus = 0;      // index into the configuration's buses
+  FrameDirection direction = FrameDirection::received;
+  std::uint8_t length = 0;    // 0..64
+  std::uint8_t fd_flags = 0;  // CANFD_* flags; 0x80 marks an FD frame
+  std::uint8_t data[64] = {};
+};
+static_assert(std::is_standard_layout_v<FrameRecord> && sizeof(FrameRecord) == 88);
+
+// Prefix of the command and keyframe rings' payloads; the chunk's or the state's used bytes follow.
+struct TickTag {
+  std::uint64_t tick = 0;
+};
+static_assert(sizeof(TickTag) == 8);
+
+}  // namespace takt

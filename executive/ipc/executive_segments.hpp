@@ -1,0 +1,50 @@
+// Which segments the executive hands to which role, in descriptor order, and the shape of each ring.
+//
+//   policy:  [0] observation mailbox (read-only)   [1] command mailbox (writable, until sealed)
+//   monitor: [0] tick records  [1] accepted and refused commands  [2] keyframes  [3] CAN frames   (all read-only)
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "executive/contract/command_chunk.hpp"
+#include "executive/contract/contract_layout.hpp"
+#include "executive/ipc/slot_ring.hpp"
+
+namespace takt::ipc {
+
+inline constexpr std::size_t kObservationDescriptor = 0;
+inline constexpr std::size_t kCommandDescriptor = 1;
+
+inline constexpr std::size_t kTickRingDescriptor = 0;
+inline constexpr std::size_t kCommandRingDescriptor = 1;
+inline constexpr std::size_t kKeyframeRingDescriptor = 2;
+inline constexpr std::size_t kFrameRingDescriptor = 3;
+
+inline constexpr std::uint32_t kMaxKeyframeBytes = 160 * 1024;
+
+constexpr RingShape observation_mailbox() {
+  return {kMailboxSlots, sizeof(Observation), kObservationLayout};
+}
+constexpr RingShape command_mailbox() {
+  return {kMailboxSlots, sizeof(CommandChunk), kCommandLayout};
+}
+constexpr RingShape sensor_mailbox() {
+  return {kMailboxSlots, sizeof(SensorSample), kSensorSampleLayout};
+}
+
+// At 1 kHz: 8 s of ticks, 2.5 s of commands at 50 Hz, 8 keyframes, 2.7 s of frames at 24 per tick.
+constexpr RingShape tick_ring(std::size_t joint_count) {
+  return {8192, static_cast<std::uint32_t>(TickRecord::used_bytes(joint_count)), kTickRecordLayout};
+}
+constexpr RingShape command_ring() {
+  return {128, static_cast<std::uint32_t>(sizeof(TickTag) + sizeof(CommandChunk)), kCommandLayout};
+}
+constexpr RingShape keyframe_ring() {
+  return {8, kMaxKeyframeBytes, kTickRecordLayout};
+}
+constexpr RingShape frame_ring() {
+  return {65536, sizeof(FrameRecord), kTickRecordLayout};
+}
+
+}  // namespace takt::ipc

@@ -1,0 +1,99 @@
+// Where processes meet: a Unix SOCK_SEQPACKET socket on which a server hands out segments, one lease per role.
+//
+// Exchange: client sends Hello -> server checks magic, ABI, layout and SO_PEERCRED, then the lease table, then lets the
+// owner decide -> Welcome with descriptors, or Welcome(refused) with a sentence ("policy is leased by pid 412
+// (takt-policy-host) since 3 s: stop it first"). A lease ends when its connection closes. For the policy role the
+// client acknowledges (one byte) once it has mapped its mailbox; only then does the server seal and read it.
+// Policy and monitor leases are exclusive. A sensor mailbox may have several readers, and operator connections, which
+// last for one request, may overlap.
+// Nothing blocks: the server is driven by poll(); connects have a deadline. Whoever speaks out of turn is disconnected.
+// Thread rule: service threads only; a server and its handlers belong to one thread.
+#pragma once
+
+#include <sys/types.h>
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <expected>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "executive/contract/session.hpp"
+#include "executive/ipc/descriptor.hpp"
+
+namespace takt::ipc {
+
+// At most this many connections are held at once; one more is refused with a sentence.
+inline constexpr std::size_t kMaxConnections = 32;
+// A client that connected must speak within this time, an operator must ask within it.
+inline constexpr std::chrono::milliseconds kGreetingTimeout{1000};
+inline constexpr std::size_t kMaxDescriptors = 8;
+
+struct Peer {
+  Hello hello;    // claims; program is zero-terminated and printable
+  pid_t pid = 0;  // SO_PEERCRED: what the kernel says, not what the peer claims
+  uid_t uid = 0;
+};
+
+// What the server's owner answers to an admissible Hello.
+struct Admission {
+  std::string refusal;           // non-empty: refused with this sentence
+  std::vector<int> descriptors;  // borrowed; duplicated into the peer
+};
+
+class RendezvousServer {
+ public:
+  // What was turned away since the start.
+  struct Refusals {
+    std::uint64_t malformed = 0;  // hello or message of a wrong size, magic, ABI, layout or role
+    std::uint64_t silent = 0;     // connected, but said nothing in time
+    std::uint64_t unwelcome = 0;  // well-formed, but of another user, too many, role leased, or refused by the owner
+  };
+  // admit is mandatory; an absent other handler ignores its event. A handler may call holder() and evict().
+  struct Handlers {
+    std::function<Admission(const Peer&)> admit;                                // lease is free: may it have it?
+    std::function<void(const Peer&)> acknowledged;                              // policy mapped its mailbox
+    std::function<void(const Peer&)> left;                                      // lease over
+    std::function<OperatorReply(const Peer&, const OperatorMessage&)> request;  // operator role only
+  };
+  // Creates the socket with mode 0660 (its directory made with mode 0750 if absent, a dead predecessor's socket
+  // replaced, a live one refused with its sentence). `allowed_uid`: peers of any other uid but root are refused; when
+  // it is not our own, socket and a directory made here are given to it.
+  static std::expected<RendezvousServer, std::string> listen(const std::string& path, uid_t allowed_uid,
+                                                             Handlers handlers);
+  RendezvousServer(RendezvousServer&&) noexcept;
+  RendezvousServer& operator=(RendezvousServer&&) noexcept;
+  ~RendezvousServer();  // closes everything and unlinks the path
+
+  // Handles whatever is ready, waiting at most `timeout` for it.
+  void serve(std::chrono::milliseconds timeout);
+  [[nodiscard]] const Peer* holder(Role role) const;  // nullptr: lease free; valid until the next serve() or evict()
+  void evict(Role role);                              // closes the connection of every holder; `left` is called
+  [[nodiscard]] Refusals refusals() const;
+
+ private:
+  class State;
+  explicit RendezvousServer(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+// A client's lease: keep it alive for as long as the role is held.
+struct Lease {
+  Descriptor connection;
+  std::vector<Descriptor> descriptors;
+};
+
+// Connects, says hello, waits at most `timeout`. The error is the server's sentence or what went wrong on the way.
+// A layout of 0 in `hello` is filled in with contract_layout().
+std::expected<Lease, std::string> attach(const std::string& path, const Hello& hello,
+                                         std::chrono::milliseconds timeout);
+std::expected<void, std::string> acknowledge(const Lease& lease);
+// True once the server closed the connection or died.
+bool is_over(const Lease& lease);
+std::expected<OperatorReply, std::string> ask(const std::string& path, OperatorVerb verb,
+                                              std::chrono::milliseconds timeout);
+
+}  // namespace takt::ipc

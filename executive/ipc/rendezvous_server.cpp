@@ -1,0 +1,282 @@
+#include <poll.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <list>
+#include <utility>
+
+#include "executive/ipc/hello_check.hpp"
+#include "executive/ipc/rendezvous.hpp"
+#include "executive/ipc/socket_claim.hpp"
+#include "executive/ipc/unix_socket.hpp"
+
+namespace takt::ipc {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr bool is_exclusive(Role role) {
+  switch (role) {
+    case Role::policy:
+    case Role::monitor:
+      return true;
+    case Role::operator_console:
+    case Role::sensor_reader:
+      return false;
+  }
+  return true;
+}
+
+bool send_welcome(int socket, const std::string& refusal, std::span<const int> descriptors) {
+  Welcome welcome;
+  welcome.status = refusal.empty() ? WelcomeStatus::accepted : WelcomeStatus::refused;
+  welcome.descriptor_count = static_cast<std::uint8_t>(descriptors.size());
+  refusal.copy(welcome.sentence, sizeof welcome.sentence - 1);
+  return send_message(socket, std::as_bytes(std::span(&welcome, 1)), descriptors);
+}
+
+// A Unix socket that is closed with unread messages makes the peer's next read fail, although our refusal is waiting
+// for it there. Stop the peer from sending, take what it sent, then close.
+void close_politely(Descriptor& socket) {
+  shutdown(socket.get(), SHUT_RD);
+  std::byte ignored{};
+  while (recv(socket.get(), &ignored, sizeof ignored, MSG_DONTWAIT) > 0) {
+  }
+  socket.close();
+}
+
+}  // namespace
+
+class RendezvousServer::State {
+ public:
+  State(SocketClaim claim, uid_t allowed_uid, Handlers handlers)
+      : claim_(std::move(claim)), allowed_uid_(allowed_uid), handlers_(std::move(handlers)) {}
+  ~State();
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
+
+  void serve(std::chrono::milliseconds timeout);
+  const Peer* holder(Role role) const;
+  void evict(Role role);
+  Refusals refusals() const { return refusals_; }
+
+ private:
+  enum class Stage : std::uint8_t { greeting, leased, closed };
+  struct Connection {
+    Descriptor socket;
+    Peer peer;
+    Stage stage = Stage::greeting;
+    bool has_spoken = false;  // since the lease began: acknowledged, or asked
+    Clock::time_point since;  // of this stage
+  };
+
+  int wait_time(std::chrono::milliseconds timeout) const;
+  static bool must_speak(const Connection& connection);
+  void accept_newcomer();
+  void hear(Connection& connection);
+  void greet(Connection& connection, Hello hello, ssize_t size);
+  std::string lease_conflict(Role role) const;
+  void answer(Connection& connection, const OperatorMessage& message, ssize_t size);
+  void take_acknowledgement(Connection& connection, ssize_t size);
+  void refuse(Connection& connection, std::uint64_t& counter, const std::string& sentence);
+  void drop(Connection& connection);
+  void drop_silent();
+
+  SocketClaim claim_;
+  uid_t allowed_uid_;
+  Handlers handlers_;
+  Refusals refusals_;
+  std::list<Connection> connections_;  // a list: holder() hands out addresses
+};
+
+RendezvousServer::State::~State() {
+  for (Connection& connection : connections_) {
+    if (connection.stage != Stage::closed) close_politely(connection.socket);
+  }
+}
+
+bool RendezvousServer::State::must_speak(const Connection& connection) {
+  return connection.stage == Stage::greeting ||
+         (connection.stage == Stage::leased && connection.peer.hello.role == Role::operator_console);
+}
+
+int RendezvousServer::State::wait_time(std::chrono::milliseconds timeout) const {
+  const Clock::time_point now = Clock::now();
+  for (const Connection& connection : connections_) {
+    if (!must_speak(connection)) continue;
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(connection.since + kGreetingTimeout - now);
+    timeout = std::clamp(left, std::chrono::milliseconds(0), timeout);
+  }
+  return static_cast<int>(timeout.count());
+}
+
+void RendezvousServer::State::serve(std::chrono::milliseconds timeout) {
+  connections_.remove_if([](const Connection& connection) { return connection.stage == Stage::closed; });
+  std::vector<pollfd> polled{{claim_.listener(), POLLIN, 0}};
+  std::vector<Connection*> polled_connections;
+  for (Connection& connection : connections_) {
+    polled.push_back({connection.socket.get(), POLLIN, 0});
+    polled_connections.push_back(&connection);
+  }
+  const bool any_ready = poll(polled.data(), polled.size(), wait_time(timeout)) > 0;
+  const auto is_ready = [&](std::size_t i, int events) {
+    return any_ready && (polled[i + 1].revents & events) != 0 && polled_connections[i]->stage != Stage::closed;
+  };
+  // Departures first, so that a lease is free again for whoever comes right after its holder.
+  for (std::size_t i = 0; i < polled_connections.size(); ++i) {
+    if (is_ready(i, POLLHUP | POLLERR)) drop(*polled_connections[i]);
+  }
+  for (std::size_t i = 0; i < polled_connections.size(); ++i) {
+    if (is_ready(i, POLLIN)) hear(*polled_connections[i]);
+  }
+  if (any_ready && polled.front().revents != 0) accept_newcomer();
+  drop_silent();
+}
+
+// One per round: whoever hung up before this newcomer connected has been noticed, and gave room.
+void RendezvousServer::State::accept_newcomer() {
+  Descriptor socket(accept4(claim_.listener(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+  if (!socket.is_open()) return;
+  const auto held = std::ranges::count_if(connections_, [](const Connection& c) { return c.stage != Stage::closed; });
+  const Credentials credentials = peer_of(socket.get());
+  Connection& connection = connections_.emplace_back();
+  connection.socket = std::move(socket);
+  connection.peer.pid = credentials.pid;
+  connection.peer.uid = credentials.uid;
+  connection.since = Clock::now();
+  if (static_cast<std::size_t>(held) >= kMaxConnections) {
+    refuse(connection, refusals_.unwelcome,
+           "the server holds " + std::to_string(kMaxConnections) + " connections already: close some, then try again");
+  }
+}
+
+void RendezvousServer::State::hear(Connection& connection) {
+  // Room for one byte more than the largest message expected: a longer one shows by its size.
+  union {
+    Hello hello;
+    OperatorMessage request;
+    std::byte bytes[sizeof(Hello) + 1];
+  } message{};
+  const ssize_t size = recv(connection.socket.get(), message.bytes, sizeof message.bytes, MSG_DONTWAIT | MSG_TRUNC);
+  if (size < 0) return;  // nothing after all; a broken connection hangs up at the next poll
+  if (size == 0) return drop(connection);
+  if (connection.stage == Stage::greeting) return greet(connection, message.hello, size);
+  switch (connection.peer.hello.role) {
+    case Role::operator_console:
+      return answer(connection, message.request, size);
+    case Role::policy:
+      return take_acknowledgement(connection, size);
+    case Role::monitor:
+    case Role::sensor_reader:
+      return refuse(connection, refusals_.malformed, "this role has nothing to say after its hello");
+  }
+}
+
+void RendezvousServer::State::greet(Connection& connection, Hello hello, ssize_t size) {
+  if (connection.peer.uid != allowed_uid_ && connection.peer.uid != 0) {
+    return refuse(connection, refusals_.unwelcome,
+                  "user " + std::to_string(connection.peer.uid) + " may not connect: run as user " +
+                      std::to_string(allowed_uid_) + " or root");
+  }
+  if (const std::string fault = fault_in(hello, size); !fault.empty()) {
+    return refuse(connection, refusals_.malformed, fault);
+  }
+  make_printable(hello);
+  if (const std::string conflict = lease_conflict(hello.role); !conflict.empty()) {
+    return refuse(connection, refusals_.unwelcome, conflict);
+  }
+  connection.peer.hello = hello;
+  const Admission admission = handlers_.admit(connection.peer);
+  if (!admission.refusal.empty()) return refuse(connection, refusals_.unwelcome, admission.refusal);
+  connection.stage = Stage::leased;
+  connection.since = Clock::now();
+  if (!send_welcome(connection.socket.get(), {}, admission.descriptors)) drop(connection);
+}
+
+std::string RendezvousServer::State::lease_conflict(Role role) const {
+  const Peer* const other = holder(role);
+  if (other == nullptr || !is_exclusive(role)) return {};
+  const std::string pid = std::to_string(other->pid);
+  return std::string(name(role)) + " is leased by pid " + pid + " (" + other->hello.program +
+         "): stop it first (kill " + pid + ") or wait until it ends";
+}
+
+void RendezvousServer::State::take_acknowledgement(Connection& connection, ssize_t size) {
+  if (size != 1 || connection.has_spoken) {
+    return refuse(connection, refusals_.malformed, "expected one byte once: the mailbox is mapped");
+  }
+  connection.has_spoken = true;
+  if (handlers_.acknowledged) handlers_.acknowledged(connection.peer);
+}
+
+void RendezvousServer::State::answer(Connection& connection, const OperatorMessage& message, ssize_t size) {
+  const bool is_known = size == sizeof message && message.magic == kMagic && message.verb <= OperatorVerb::reset;
+  if (!is_known || !handlers_.request) return refuse(connection, refusals_.malformed, "not an operator's request");
+  connection.has_spoken = true;
+  connection.since = Clock::now();
+  const OperatorReply reply = handlers_.request(connection.peer, message);
+  if (!send_message(connection.socket.get(), std::as_bytes(std::span(&reply, 1)), {})) drop(connection);
+}
+
+void RendezvousServer::State::refuse(Connection& connection, std::uint64_t& counter, const std::string& sentence) {
+  ++counter;
+  if (connection.stage != Stage::closed) send_welcome(connection.socket.get(), sentence, {});
+  drop(connection);
+}
+
+void RendezvousServer::State::drop(Connection& connection) {
+  if (connection.stage == Stage::closed) return;
+  const bool was_leased = std::exchange(connection.stage, Stage::closed) == Stage::leased;
+  close_politely(connection.socket);
+  if (was_leased && handlers_.left) handlers_.left(connection.peer);
+}
+
+void RendezvousServer::State::drop_silent() {
+  const Clock::time_point now = Clock::now();
+  for (Connection& connection : connections_) {
+    if (!must_speak(connection) || now < connection.since + kGreetingTimeout) continue;
+    if (!connection.has_spoken) ++refusals_.silent;
+    drop(connection);
+  }
+}
+
+const Peer* RendezvousServer::State::holder(Role role) const {
+  const auto found = std::ranges::find_if(connections_, [role](const Connection& connection) {
+    return connection.stage == Stage::leased && connection.peer.hello.role == role;
+  });
+  return found == connections_.end() ? nullptr : &found->peer;
+}
+
+void RendezvousServer::State::evict(Role role) {
+  for (Connection& connection : connections_) {
+    if (connection.stage == Stage::leased && connection.peer.hello.role == role) drop(connection);
+  }
+}
+
+std::expected<RendezvousServer, std::string> RendezvousServer::listen(const std::string& path, uid_t allowed_uid,
+                                                                      Handlers handlers) {
+  if (!handlers.admit) return std::unexpected("rendezvous: no admit handler: fix the caller");
+  auto claim = SocketClaim::make(path, allowed_uid);
+  if (!claim) return std::unexpected(claim.error());
+  return RendezvousServer(std::make_unique<State>(std::move(*claim), allowed_uid, std::move(handlers)));
+}
+
+RendezvousServer::RendezvousServer(std::unique_ptr<State> state) : state_(std::move(state)) {}
+RendezvousServer::RendezvousServer(RendezvousServer&&) noexcept = default;
+RendezvousServer& RendezvousServer::operator=(RendezvousServer&&) noexcept = default;
+RendezvousServer::~RendezvousServer() = default;
+
+void RendezvousServer::serve(std::chrono::milliseconds timeout) {
+  state_->serve(timeout);
+}
+const Peer* RendezvousServer::holder(Role role) const {
+  return state_->holder(role);
+}
+void RendezvousServer::evict(Role role) {
+  state_->evict(role);
+}
+RendezvousServer::Refusals RendezvousServer::refusals() const {
+  return state_->refusals();
+}
+
+}  // namespace takt::ipc

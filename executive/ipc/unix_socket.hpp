@@ -1,0 +1,44 @@
+// The few operations on SOCK_SEQPACKET Unix sockets that both ends of a rendezvous need.
+// Errors are errno's text with the path. Thread rule: service threads only.
+#pragma once
+
+#include <sys/types.h>
+
+#include <cstddef>
+#include <expected>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "executive/ipc/descriptor.hpp"
+
+namespace takt::ipc {
+
+struct Credentials {
+  pid_t pid = 0;
+  uid_t uid = 0;
+};
+
+std::string errno_text();
+
+// A socket bound to `path` and listening. The caller made sure that the path is free.
+std::expected<Descriptor, std::string> listen_at(const std::string& path);
+// EAGAIN in errno when the backlog stayed full for the socket's send timeout.
+bool connect_to(const Descriptor& socket, const std::string& path);
+Descriptor open_seqpacket(int flags = 0);  // flags: SOCK_NONBLOCK or 0
+std::expected<void, std::string> check_path(const std::string& path);
+// What the kernel says about the other end (SO_PEERCRED); pid 0 when it says nothing.
+Credentials peer_of(int socket);
+
+// One message with descriptors attached. False: the peer is gone or will not take it (errno says why). Never raises
+// SIGPIPE.
+bool send_message(int socket, std::span<const std::byte> message, std::span<const int> descriptors);
+
+// One message; `size` is its true size, also when it did not fit; 0: the peer closed. -1: nothing came (errno).
+struct Received {
+  ssize_t size = -1;
+  std::vector<Descriptor> descriptors;
+};
+Received receive_message(int socket, std::span<std::byte> into, int flags);
+
+}  // namespace takt::ipc

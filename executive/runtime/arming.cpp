@@ -1,0 +1,51 @@
+#include "executive/runtime/arming.hpp"
+
+#include <array>
+#include <span>
+
+#include "executive/pipeline/control_tick.hpp"
+
+namespace takt::runtime {
+namespace {
+
+// Some causes per joint, and a few of the whole robot.
+constexpr std::size_t kMaxBlockers = 4 * kMaxJoints;
+
+std::string sentence_of(const pipeline::ArmingBlocker& blocker, const std::vector<config::Joint>& joints) {
+  std::string what(blocker.what);
+  if (blocker.joint < 0) return what;
+  const auto joint = static_cast<std::size_t>(blocker.joint);
+  return "joint " + (joint < joints.size() ? joints[joint].name : std::to_string(joint)) + ": " + what;
+}
+
+}  // namespace
+
+std::vector<std::string> missing_for_arming(const TickRecord& latest, const pipeline::TickConfig& config,
+                                            const std::vector<config::Joint>& joints,
+                                            const ArmingSituation& situation) {
+  if (situation.shutting_down) return {"the executive is shutting down: start it again"};
+  std::vector<std::string> sentences;
+  if (!situation.realtime && !situation.allow_non_realtime) {
+    sentences.emplace_back("real-time set-up is incomplete: mend it, or start with --allow-non-realtime");
+  }
+  if (!situation.policy_attached) sentences.emplace_back("no policy is attached: start takt-policy-host");
+  if (latest.header.tick == 0) sentences.emplace_back("the control loop has not run yet: try again");
+  std::array<pipeline::ArmingBlocker, kMaxBlockers> blockers{};
+  const std::size_t count = pipeline::arming_blockers(latest, config, blockers);
+  for (const auto& blocker : std::span(blockers).first(std::min(count, blockers.size()))) {
+    sentences.push_back(sentence_of(blocker, joints));
+  }
+  return sentences;
+}
+
+std::string active_causes(const TickRecordHeader& tick) {
+  std::string names;
+  for (std::size_t cause = 1; cause < kCauseCount; ++cause) {
+    if ((tick.causes_active >> cause & 1U) == 0) continue;
+    if (!names.empty()) names += ", ";
+    names += name(static_cast<Cause>(cause));
+  }
+  return names;
+}
+
+}  // namespace takt::runtime

@@ -1,0 +1,28 @@
+// What an operator is told: why arming is refused, joint by name, and which causes keep a stop latched. Pure.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "config/robot_config.hpp"
+#include "executive/contract/tick_record.hpp"
+#include "executive/pipeline/tick_config.hpp"
+
+namespace takt::runtime {
+
+// What the service thread knows and the tick does not.
+struct ArmingSituation {
+  bool policy_attached = false;
+  bool realtime = false;
+  bool allow_non_realtime = false;
+  bool shutting_down = false;
+};
+
+// One sentence each; empty: may be armed.
+std::vector<std::string> missing_for_arming(const TickRecord& latest, const pipeline::TickConfig& config,
+                                            const std::vector<config::Joint>& joints, const ArmingSituation& situation);
+
+// "drive_fault, bus_off": names of the causes that hold in this tick.
+std::string active_causes(const TickRecordHeader& tick);
+
+}  // namespace takt::runtime

@@ -1,0 +1,130 @@
+#include "executive/runtime/cyclic_loop.hpp"
+
+#include <span>
+
+#include "executive/ipc/executive_segments.hpp"
+#include "executive/runtime/overrun.hpp"
+#include "executive/trace/trace.hpp"
+
+namespace takt::runtime {
+namespace {
+
+constexpr Arrival arrival_of(ipc::ReadStatus status) noexcept {
+  switch (status) {
+    case ipc::ReadStatus::fresh:
+      return Arrival::accepted;
+    case ipc::ReadStatus::nothing_new:
+      return Arrival::none;
+    case ipc::ReadStatus::contended:
+      return Arrival::contended;
+    case ipc::ReadStatus::corrupt:
+      return Arrival::corrupt;
+  }
+  return Arrival::none;
+}
+
+}  // namespace
+
+CyclicLoop::CyclicLoop(const LoopParts& parts, const LoopTiming& timing)
+    : parts_(parts),
+      timing_(timing),
+      wakeup_(parts.clock, timing.wake, timing.spin),
+      state_(pipeline::make_tick_state(parts.config)),
+      command_(std::make_unique<CommandChunk>()),
+      keyframe_(ipc::kMaxKeyframeBytes - sizeof(TickTag)) {}
+
+void CyclicLoop::run(const EvidenceSource& evidence, std::uint64_t ticks) noexcept {
+  Pace pace(parts_.clock.now() + parts_.config.period, parts_.config.period);
+  Evidence before = evidence.read();
+  MonoTime ended = parts_.clock.now();
+  while (input_.tick < ticks && !finishing_.load(std::memory_order_acquire)) {
+    const MonoTime due = pace.due();
+    const bool sleeps = ended < due - wakeup_.spin();
+    const MonoTime woken = wakeup_.wait_until(due);
+
+    const std::size_t frames = tick(woken, woken - due);
+
+    // After the bus write: what follows delays nobody.
+    const Duration work = parts_.clock.now() - woken;
+    const Evidence after = evidence.read();
+    ended = parts_.clock.now();
+    const bool follows_long_tick = input_.last_duration * 2 > parts_.config.period;
+    input_.last_duration = work;
+    input_.overrun_cause = OverrunCause::none;
+    if (pace.advance(ended) != 0) {
+      input_.overrun_cause =
+          attribute({woken - due, ended - woken, wakeup_.spin(), sleeps, frames, follows_long_tick, after - before});
+      ++status_.overruns[static_cast<std::size_t>(input_.overrun_cause)];
+      input_.skipped_periods = pace.skipped();
+    }
+    before = after;
+  }
+  say_farewell(pace);
+}
+
+std::size_t CyclicLoop::tick(MonoTime woken, Duration lateness) noexcept {
+  ++input_.tick;
+  input_.now = woken;
+  input_.lateness = lateness;
+  trace::tick_begin(input_.tick, woken, lateness);
+  const std::size_t frames = parts_.edge.receive(input_, parts_.published);
+  read_command();
+  input_.operator_request = parts_.requests.take();
+  pipeline::control_tick(*state_, input_, parts_.config, output_);
+  parts_.edge.send(input_.tick, output_.drives_enabled, output_.setpoints, output_.command_budget, parts_.clock,
+                   parts_.published);
+  if (output_.observation_due) {
+    parts_.published.observation(output_.observation);
+    trace::observation_published(output_.observation);
+  }
+  if (input_.command != nullptr) trace::command_consumed(output_.record.header);
+  record();
+  publish_status();
+  trace::tick_end(output_.record.header);
+  return frames;
+}
+
+void CyclicLoop::read_command() noexcept {
+  input_.mailbox = Arrival::none;
+  input_.command = nullptr;
+  input_.command_bytes = 0;
+  CommandMailbox* const mailbox = parts_.mailboxes.current();
+  if (mailbox == nullptr) return;
+  input_.policy_session = mailbox->session;
+  const ipc::ReadResult result = mailbox->reader.read_latest(std::as_writable_bytes(std::span(command_.get(), 1)));
+  input_.mailbox = arrival_of(result.status);
+  if (input_.mailbox != Arrival::accepted) return;
+  input_.command = command_.get();
+  input_.command_bytes = result.size;
+}
+
+void CyclicLoop::record() noexcept {
+  parts_.published.tick(output_.record);
+  if (input_.command != nullptr) {
+    const auto message = std::as_bytes(std::span(command_.get(), 1)).first(input_.command_bytes);
+    parts_.published.command(input_.tick, message);
+  }
+  if (input_.tick % timing_.keyframe_every_ticks == 0) {
+    const std::size_t size = pipeline::save(*state_, keyframe_);
+    parts_.published.keyframe(input_.tick, std::span(keyframe_).first(size));
+  }
+}
+
+void CyclicLoop::publish_status() noexcept {
+  status_.tick = output_.record.header;
+  status_.ticks = input_.tick;
+  ++status_.arrivals[static_cast<std::size_t>(output_.record.header.arrival)];
+  parts_.board.publish(status_);
+}
+
+void CyclicLoop::say_farewell(Pace& pace) noexcept {
+  constexpr std::array<pipeline::JointSetpoint, kMaxJoints> kNothing{};
+  for (int i = 0; i < kFarewellTicks; ++i) {
+    wakeup_.wait_until(pace.due());
+    parts_.edge.receive(input_, parts_.published);
+    parts_.edge.send(input_.tick, false, kNothing, {}, parts_.clock, parts_.published);
+    pace.advance(parts_.clock.now());
+  }
+}
+
+}  // namespace takt::runtime

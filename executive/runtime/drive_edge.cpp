@@ -1,0 +1,61 @@
+#include "executive/runtime/drive_edge.hpp"
+
+#include <utility>
+
+#include "drivers/can_frame.hpp"
+
+namespace takt::runtime {
+
+DriveEdge::DriveEdge(std::vector<std::unique_ptr<drivers::CanBus>> buses, std::vector<JointOnBus> joints)
+    : buses_(std::move(buses)),
+      joints_(std::move(joints)),
+      joints_of_bus_(buses_.size()),
+      foreign_frames_(buses_.size()),
+      received_(kMaxFramesPerBus),
+      encoded_(kMaxFramesPerDrive) {
+  for (std::size_t joint = 0; joint < joints_.size(); ++joint) joints_of_bus_.at(joints_[joint].bus).push_back(joint);
+}
+
+void DriveEdge::offer(std::size_t bus, const drivers::ReceivedFrame& received) noexcept {
+  for (const std::size_t joint : joints_of_bus_[bus]) {
+    if (joints_[joint].driver->decode(received)) return;
+  }
+  ++foreign_frames_[bus];
+}
+
+std::size_t DriveEdge::receive(pipeline::TickInput& input, PublishedSegments& records) noexcept {
+  std::size_t total = 0;
+  for (std::size_t bus = 0; bus < buses_.size(); ++bus) {
+    const std::size_t count = buses_[bus]->receive(received_);
+    total += count;
+    for (std::size_t i = 0; i < count; ++i) {
+      const drivers::ReceivedFrame& received = received_[i];
+      offer(bus, received);
+      records.frame(drivers::to_record(received.frame, received.received_at, input.tick, static_cast<std::uint8_t>(bus),
+                                       FrameDirection::received));
+    }
+    input.buses[bus] = buses_[bus]->health();
+    input.buses[bus].foreign_frames += foreign_frames_[bus];
+  }
+  for (std::size_t joint = 0; joint < joints_.size(); ++joint) input.joints[joint] = joints_[joint].driver->feedback();
+  return total;
+}
+
+void DriveEdge::send(std::uint64_t tick, bool enable, std::span<const pipeline::JointSetpoint> setpoints,
+                     Duration budget, Clock& clock, PublishedSegments& records) noexcept {
+  for (std::size_t bus = 0; bus < buses_.size(); ++bus) {
+    for (const std::size_t joint : joints_of_bus_[bus]) {
+      const pipeline::JointSetpoint& wanted = setpoints[joint];
+      const drivers::DriveSetpoint setpoint{wanted.q, wanted.dq, wanted.kp, wanted.kd, wanted.tau};
+      const std::size_t count = joints_[joint].driver->encode(enable, setpoint, budget, encoded_);
+      for (std::size_t i = 0; i < count; ++i) {
+        const MonoTime stamp = clock.now();
+        if (buses_[bus]->send(encoded_[i]) != drivers::SendResult::sent) continue;  // counted in the bus's health
+        records.frame(
+            drivers::to_record(encoded_[i], stamp, tick, static_cast<std::uint8_t>(bus), FrameDirection::sent));
+      }
+    }
+  }
+}
+
+}  // namespace takt::runtime

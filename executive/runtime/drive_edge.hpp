@@ -1,0 +1,53 @@
+// The edge to the drives: frames in become feedback, setpoints become frames. Every frame that crosses is recorded.
+//
+// Order on the wire, every tick: bus by bus in configuration order, on each bus its joints in configuration order, each
+// joint's frames in the order its driver wrote them. Receiving is bounded: at most kMaxFramesPerBus per bus and tick;
+// the rest waits in the kernel's queue for the next tick. Thread rule: control thread, after construction. No
+// allocation or lock; system calls: the buses' send and receive.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "drivers/can_bus.hpp"
+#include "drivers/joint_driver.hpp"
+#include "executive/pipeline/control_tick.hpp"
+#include "executive/runtime/clock.hpp"
+#include "executive/runtime/published_segments.hpp"
+
+namespace takt::runtime {
+
+inline constexpr std::size_t kMaxFramesPerBus = 64;
+inline constexpr std::size_t kMaxFramesPerDrive = 4;
+
+struct JointOnBus {
+  std::unique_ptr<drivers::JointDriver> driver;
+  std::size_t bus = 0;
+};
+
+class DriveEdge {
+ public:
+  // Preconditions: at most kMaxBuses buses and kMaxJoints joints, every joint's bus exists.
+  DriveEdge(std::vector<std::unique_ptr<drivers::CanBus>> buses, std::vector<JointOnBus> joints);
+
+  // Everything that arrived, decoded into input.joints and input.buses. Returns the number of frames.
+  std::size_t receive(pipeline::TickInput& input, PublishedSegments& records) noexcept;
+  // One setpoint per joint. `enable` false keeps the drives disabled and reporting.
+  void send(std::uint64_t tick, bool enable, std::span<const pipeline::JointSetpoint> setpoints, Duration budget,
+            Clock& clock, PublishedSegments& records) noexcept;
+
+ private:
+  void offer(std::size_t bus, const drivers::ReceivedFrame& received) noexcept;
+
+  std::vector<std::unique_ptr<drivers::CanBus>> buses_;
+  std::vector<JointOnBus> joints_;
+  std::vector<std::vector<std::size_t>> joints_of_bus_;
+  std::vector<std::uint32_t> foreign_frames_;  // per bus, since start
+  std::vector<drivers::ReceivedFrame> received_;
+  std::vector<drivers::CanFrame> encoded_;
+};
+
+}  // namespace takt::runtime

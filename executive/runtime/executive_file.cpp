@@ -1,0 +1,71 @@
+#include "executive/runtime/executive_file.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <system_error>
+#include <utility>
+
+namespace takt::runtime {
+namespace {
+
+template <class Clock>
+std::int64_t nanoseconds_of() {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now().time_since_epoch()).count();
+}
+
+nlohmann::ordered_json json_of(const ExecutiveFacts& facts) {
+  nlohmann::ordered_json steps = nlohmann::ordered_json::array();
+  for (const SetupStep& step : facts.steps) {
+    steps.push_back({{"name", step.name}, {"ok", step.ok}, {"essential", step.essential}, {"detail", step.detail}});
+  }
+  nlohmann::ordered_json buses = nlohmann::ordered_json::array();
+  for (std::size_t i = 0; i < facts.robot.buses.size(); ++i) {
+    const config::Bus& bus = facts.robot.buses[i];
+    buses.push_back({{"name", bus.name}, {"interface", bus.interface}, {"description", facts.bus_descriptions.at(i)}});
+  }
+  return {{"schema", "takt.executive/1"},
+          {"pid", getpid()},
+          {"version", TAKT_VERSION},
+          {"robot", facts.robot.robot},
+          {"config_sha256", facts.robot.sha256},
+          {"config_hash", fmt::format("{:016x}", facts.robot.hash)},
+          {"policy_hash", fmt::format("{:016x}", facts.policy_hash)},
+          {"realtime", is_realtime(facts.steps)},
+          {"allow_non_realtime", facts.allow_non_realtime},
+          {"realtime_steps", std::move(steps)},
+          {"buses", std::move(buses)},
+          {"wake", facts.robot.control.wake == config::WakeMode::hybrid ? "hybrid" : "sleep"},
+          {"period_ns", facts.robot.control.period.ns},
+          {"started",
+           {{"monotonic_ns", nanoseconds_of<std::chrono::steady_clock>()},
+            {"realtime_ns", nanoseconds_of<std::chrono::system_clock>()}}}};
+}
+
+}  // namespace
+
+std::expected<ExecutiveFile, std::string> ExecutiveFile::write(const std::string& runtime_directory,
+                                                               const ExecutiveFacts& facts) {
+  const std::string path = runtime_directory + "/executive.json";
+  const std::string draft = path + ".new";
+  std::ofstream file(draft, std::ios::trunc);
+  file << json_of(facts).dump(2) << '\n';
+  file.close();
+  if (!file || rename(draft.c_str(), path.c_str()) != 0) {
+    return std::unexpected(path + ": " + std::generic_category().message(errno) +
+                           ": make the runtime directory writable for this user");
+  }
+  return ExecutiveFile(path);
+}
+
+ExecutiveFile::ExecutiveFile(ExecutiveFile&& other) noexcept : path_(std::exchange(other.path_, {})) {}
+
+ExecutiveFile::~ExecutiveFile() {
+  if (!path_.empty()) unlink(path_.c_str());
+}
+
+}  // namespace takt::runtime

@@ -1,0 +1,40 @@
+// <runtime-dir>/executive.json: what the executive is and under which conditions it runs. Written once it runs, removed
+// when it ends; the monitor copies it into the run's manifest. Schema takt.executive/1:
+//   pid, version, robot, config_sha256, config_hash, policy_hash ("0000..." = any), realtime, allow_non_realtime,
+//   realtime_steps [{name, ok, essential, detail}], buses [{name, interface, description}], wake, period_ns,
+//   started {monotonic_ns, realtime_ns}. Hashes are hexadecimal text.
+#pragma once
+
+#include <cstdint>
+#include <expected>
+#include <string>
+#include <vector>
+
+#include "config/robot_config.hpp"
+#include "executive/runtime/realtime_setup.hpp"
+
+namespace takt::runtime {
+
+struct ExecutiveFacts {
+  const config::RobotConfig& robot;
+  std::uint64_t policy_hash = 0;
+  bool allow_non_realtime = false;
+  std::vector<SetupStep> steps;
+  std::vector<std::string> bus_descriptions;  // one per bus, in configuration order
+};
+
+class ExecutiveFile {
+ public:
+  // Written beside and renamed, so that a reader sees all of it or none.
+  static std::expected<ExecutiveFile, std::string> write(const std::string& runtime_directory,
+                                                         const ExecutiveFacts& facts);
+  ExecutiveFile(ExecutiveFile&& other) noexcept;
+  ExecutiveFile& operator=(ExecutiveFile&&) = delete;
+  ~ExecutiveFile();  // removes it
+
+ private:
+  explicit ExecutiveFile(std::string path) : path_(std::move(path)) {}
+  std::string path_;
+};
+
+}  // namespace takt::runtime

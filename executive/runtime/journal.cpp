@@ -1,0 +1,51 @@
+#include "executive/runtime/journal.hpp"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <string>
+
+namespace takt::runtime {
+namespace {
+
+// "wrong_shape 25, corrupt 1": counts that grew, from index `first` on.
+template <class Cause, std::size_t N>
+std::string growth(const std::uint64_t (&now)[N], const std::uint64_t (&before)[N], std::size_t first) {
+  std::string text;
+  for (std::size_t i = first; i < N; ++i) {
+    if (now[i] == before[i]) continue;
+    if (!text.empty()) text += ", ";
+    text += fmt::format("{} {}", name(static_cast<Cause>(i)), now[i] - before[i]);
+  }
+  return text;
+}
+
+}  // namespace
+
+void Journal::transition(const TickRecordHeader& tick) {
+  const bool expected = tick.cause == Cause::operator_arm || tick.cause == Cause::drives_enabled ||
+                        tick.cause == Cause::operator_reset || tick.cause == Cause::contract_restored;
+  spdlog::log(expected ? spdlog::level::info : spdlog::level::warn,
+              "{} -> {}: {} (tick {}, age {:.1f} ms, misses {} of {})", name(tick.previous_mode), name(tick.mode),
+              name(tick.cause), tick.tick, tick.age.total().milliseconds(), tick.window_misses, tick.window_ticks);
+}
+
+void Journal::summarise(MonoTime now, const StatusSnapshot& status) {
+  if (now - spoke_at_ < seconds(1)) return;
+  if (const auto missed = growth<OverrunCause>(status.overruns, said_.overruns, 1); !missed.empty()) {
+    spdlog::warn("missed periods: {} (skipped {} since start)", missed, status.tick.skipped_periods);
+  }
+  constexpr auto kFirstRefusal = static_cast<std::size_t>(Arrival::contended);
+  if (const auto refused = growth<Arrival>(status.arrivals, said_.arrivals, kFirstRefusal); !refused.empty()) {
+    spdlog::warn("commands refused: {}", refused);
+  }
+  spoke_at_ = now;
+  said_ = status;
+}
+
+std::string status_line(const StatusSnapshot& status) {
+  return fmt::format("{}, command {}, skipped periods {}", name(status.tick.mode), name(status.tick.freshness),
+                     status.tick.skipped_periods);
+}
+
+}  // namespace takt::runtime

@@ -1,0 +1,68 @@
+// Gives the control thread another policy's command mailbox, and takes the old one back, without either thread waiting.
+//
+//   service thread                        control thread, once per tick
+//   wanted = B          (S1, release) --> now = wanted            (C1, acquire)
+//   ... A still lives ...                 reads from now for the whole tick
+//   in_use == B ?       (S2, acquire) <-- in_use = now            (C2, release)
+//   only then: free A
+//
+// The bad interleaving is C1 loading A just before S1, and A freed before that tick ends. S2 rules it out: in_use only
+// becomes B after the tick in which C1 saw B began, and A can then never be loaded again. For the same to hold for the
+// next change, `wanted` is changed again only after in_use has caught up; what is asked for in between waits its turn.
+// A control thread that stands still keeps its mailbox: nothing is freed.
+//
+// Thread rules: current() control thread; everything else the service thread. The control thread never frees.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <expected>
+#include <memory>
+#include <string>
+
+#include "executive/ipc/segment.hpp"
+#include "executive/ipc/slot_ring.hpp"
+
+namespace takt::runtime {
+
+// One policy session's commands, as the executive reads them.
+struct CommandMailbox {
+  ipc::Segment segment;
+  ipc::SlotReader reader;    // control thread
+  std::uint8_t session = 0;  // differs from the previous session's
+
+  // Seals the segment, which the policy has mapped, against further writers, maps it read-only and checks its header.
+  static std::expected<std::unique_ptr<CommandMailbox>, std::string> seal(ipc::Segment mapped_by_policy,
+                                                                          std::uint8_t session);
+};
+
+class MailboxHandover {
+ public:
+  MailboxHandover() = default;
+  MailboxHandover(const MailboxHandover&) = delete;
+  MailboxHandover& operator=(const MailboxHandover&) = delete;
+
+  // Reads from `mailbox` as soon as possible; null: from none.
+  void want(std::unique_ptr<CommandMailbox> mailbox);
+  // Frees what the control thread has let go of. Call it now and then.
+  void settle();
+  // The control thread reads what was last asked for, and nothing else is kept.
+  [[nodiscard]] bool is_settled() const;
+
+  // Null: none. Valid until the next call.
+  CommandMailbox* current() noexcept {
+    CommandMailbox* const now = wanted_.load(std::memory_order_acquire);
+    in_use_.store(now, std::memory_order_release);
+    return now;
+  }
+
+ private:
+  std::atomic<CommandMailbox*> wanted_ = nullptr;
+  std::atomic<CommandMailbox*> in_use_ = nullptr;
+  std::unique_ptr<CommandMailbox> published_;  // behind wanted_
+  std::unique_ptr<CommandMailbox> retired_;    // published before, perhaps still read
+  std::unique_ptr<CommandMailbox> next_;
+  bool has_next_ = false;
+};
+
+}  // namespace takt::runtime

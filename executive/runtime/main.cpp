@@ -1,0 +1,148 @@
+// takt-executive: the only place where the executive's parts are put together.
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+
+#include "config/load.hpp"
+#include "config/paths.hpp"
+#include "config/tick_config_of.hpp"
+#include "drivers/bus_load.hpp"
+#include "executive/runtime/control_thread.hpp"
+#include "executive/runtime/executive_file.hpp"
+#include "executive/runtime/exit_codes.hpp"
+#include "executive/runtime/journal.hpp"
+#include "executive/runtime/open_edge.hpp"
+#include "executive/runtime/reception.hpp"
+#include "executive/runtime/service.hpp"
+#include "executive/trace/trace.hpp"
+
+namespace takt::runtime {
+namespace {
+
+using namespace std::chrono_literals;
+
+struct Options {
+  std::string robot;
+  std::string runtime_directory;
+  bool allow_non_realtime = false;
+};
+
+int refuse(int exit_code, const std::string& sentence) {
+  std::fprintf(stderr, "%s\n", sentence.c_str());
+  return exit_code;
+}
+
+void log_steps(const std::vector<SetupStep>& steps) {
+  for (const SetupStep& step : steps) {
+    if (step.ok) {
+      spdlog::info("set-up {}: {}", step.name, step.detail);
+    } else {
+      spdlog::warn("set-up {} FAILED{}: {}", step.name, step.essential ? "" : " (not essential)", step.detail);
+    }
+  }
+}
+
+std::string essential_failures(const std::vector<SetupStep>& steps) {
+  std::string sentence = "refusing to run without real-time guarantees (--allow-non-realtime overrides):";
+  for (const SetupStep& step : steps) {
+    if (step.essential && !step.ok) sentence += "\n  " + step.name + ": " + step.detail;
+  }
+  return sentence;
+}
+
+std::uint32_t keyframe_ticks(const config::RobotConfig& robot) {
+  const std::int64_t ticks = robot.record.keyframe_period.ns / robot.control.period.ns;
+  return static_cast<std::uint32_t>(std::max<std::int64_t>(1, ticks));
+}
+
+int run(const Options& options) {
+  const auto robot = config::load(options.robot);
+  if (!robot) return refuse(config::kExitBadConfiguration, robot.error());
+  if (const auto loads = drivers::check_bus_load(*robot); !loads)
+    return refuse(config::kExitBadConfiguration, loads.error());
+  std::uint64_t policy_hash = 0;
+  if (robot->policy) {
+    const auto hash = config::policy_hash(robot->policy->file);
+    if (!hash) return refuse(config::kExitBadConfiguration, hash.error());
+    policy_hash = *hash;
+  }
+  const std::string directory =
+      options.runtime_directory.empty() ? config::default_runtime_directory(robot->robot) : options.runtime_directory;
+  const auto tick_config = std::make_unique<pipeline::TickConfig>(config::tick_config_of(*robot, policy_hash));
+
+  block_shutdown_signals();
+  ProcessSetup process = prepare_process(robot->control);
+  auto published = PublishedSegments::create(robot->joints.size());
+  if (!published) return refuse(kExitSetUpRefused, published.error());
+  MailboxHandover mailboxes;
+  OperatorInbox requests;
+  StatusBoard board;
+  TickFollower follower(published->tick_reader(), tick_config->rest_velocity, Journal::transition);
+
+  // The socket first: a second executive is turned away before it touches a bus.
+  auto reception = Reception::open(
+      config::executive_socket(directory),
+      {*robot, *tick_config, admission_rules(*robot, policy_hash), *published, mailboxes, requests, board, follower});
+  if (!reception) return refuse(kExitSetUpRefused, reception.error());
+  auto opened = open_edge(*robot, directory, 5s);
+  if (!opened) return refuse(kExitUnavailable, opened.error());
+
+  SystemClock clock;
+  CyclicLoop loop({*tick_config, clock, opened->edge, mailboxes, requests, *published, board},
+                  {robot->control.wake, robot->control.spin, keyframe_ticks(*robot)});
+  auto thread = ControlThread::start(robot->control, loop);
+  if (!thread) return refuse(kExitSetUpRefused, thread.error());
+
+  std::vector<SetupStep> steps = process.steps;
+  steps.insert(steps.end(), thread->steps().begin(), thread->steps().end());
+  log_steps(steps);
+  const bool realtime = is_realtime(steps);
+  if (!realtime && !options.allow_non_realtime) return refuse(kExitSetUpRefused, essential_failures(steps));
+  if (!realtime) spdlog::warn("running WITHOUT real-time guarantees, as asked: every artifact says so");
+  (*reception)->set_realtime(realtime, options.allow_non_realtime);
+  auto file = ExecutiveFile::write(directory,
+                                   {*robot, policy_hash, options.allow_non_realtime, steps, opened->bus_descriptions});
+  if (!file) return refuse(kExitSetUpRefused, file.error());
+  for (const std::string& bus : opened->bus_descriptions) spdlog::info("bus {}", bus);
+
+  trace::Introduction introduction("takt-executive", robot->hash, policy_hash, robot->joints);
+  thread->go();
+  serve(**reception, follower, board, requests, introduction);
+  if (!thread->finish(1s)) {
+    // Its memory is still in use: nothing may be destroyed. The socket stays behind; the next executive replaces it.
+    spdlog::critical("the control thread hangs: ending without it");
+    std::_Exit(kExitInternal);
+  }
+  spdlog::info("drives disabled, ending");
+  return 0;
+}
+
+}  // namespace
+}  // namespace takt::runtime
+
+int main(int argc, char** argv) {
+  takt::runtime::Options options;
+  CLI::App app("Takt's real-time control loop for one robot.\nExample: takt-executive --robot config/arm6.yaml");
+  app.add_option("--robot", options.robot, "robot file")->required();
+  app.add_option("--runtime-dir", options.runtime_directory, "where sockets live (default /run/takt/<robot>)");
+  app.add_flag("--allow-non-realtime", options.allow_non_realtime,
+               "run although real-time set-up failed; every artifact says so");
+  app.set_version_flag("--version", TAKT_VERSION);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : takt::runtime::kExitUsage;
+  }
+  try {
+    spdlog::set_default_logger(spdlog::stderr_logger_mt("takt-executive"));
+    spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%e %n %l: %v");
+    return takt::runtime::run(options);
+  } catch (const std::exception& error) {
+    return takt::runtime::refuse(takt::runtime::kExitInternal, std::string("internal error: ") + error.what());
+  }
+}

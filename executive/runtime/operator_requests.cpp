@@ -1,0 +1,105 @@
+// The operator's half of the reception: status, arm, stop, reset.
+#include <spdlog/spdlog.h>
+
+#include <string_view>
+#include <thread>
+
+#include "executive/runtime/arming.hpp"
+#include "executive/runtime/reception.hpp"
+
+namespace takt::runtime {
+namespace {
+
+// One sentence per line; what does not fit is dropped whole.
+void say(OperatorReply& reply, std::string_view sentence) {
+  const std::string_view said(reply.sentences);
+  const std::size_t separator = said.empty() ? 0 : 1;
+  if (said.size() + separator + sentence.size() >= sizeof reply.sentences) return;
+  if (separator != 0) reply.sentences[said.size()] = '\n';
+  sentence.copy(reply.sentences + said.size() + separator, sentence.size());
+}
+
+constexpr std::string_view kNotNoticed = "the control thread did not answer in time: is it running? see takt status";
+
+}  // namespace
+
+OperatorReply Reception::answer(OperatorVerb verb) {
+  OperatorReply reply;
+  switch (verb) {
+    case OperatorVerb::status:
+      reply.done = 1;
+      break;
+    case OperatorVerb::arm:
+      arm(reply);
+      break;
+    case OperatorVerb::stop:
+      stop(reply);
+      break;
+    case OperatorVerb::reset:
+      reset(reply);
+      break;
+  }
+  reply.status = status();
+  return reply;
+}
+
+bool Reception::wait_for(OperatorRequest request, std::uint64_t after_tick) {
+  const auto give_up_at = std::chrono::steady_clock::now() + kRequestPatience;
+  while (std::chrono::steady_clock::now() < give_up_at) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    parts_.follower.catch_up();
+    if (parts_.follower.noticed(request, after_tick)) return true;
+  }
+  return false;
+}
+
+void Reception::arm(OperatorReply& reply) {
+  parts_.follower.catch_up();
+  const TickRecord& latest = parts_.follower.latest();
+  const auto missing = missing_for_arming(latest, parts_.config, parts_.robot.joints,
+                                          {policy_attached_, realtime_, allow_non_realtime_, shutting_down_});
+  for (const std::string& sentence : missing) say(reply, sentence);
+  if (!missing.empty()) {
+    spdlog::info("arming refused: {}", missing.front());
+    return;
+  }
+  const std::uint64_t tick = latest.header.tick;
+  parts_.requests.arm();
+  if (!wait_for(OperatorRequest::arm, tick)) return say(reply, kNotNoticed);
+  const Mode mode = parts_.follower.latest().header.mode;
+  reply.done = mode == Mode::arming || mode == Mode::tracking || mode == Mode::degraded ? 1 : 0;
+  if (reply.done == 0) {
+    say(reply, "something came between: " + active_causes(parts_.follower.latest().header) + ": try again");
+  }
+}
+
+void Reception::stop(OperatorReply& reply) {
+  const std::uint64_t tick = parts_.follower.latest().header.tick;
+  parts_.requests.stop();
+  spdlog::warn("operator stop");
+  reply.done = 1;
+  if (!wait_for(OperatorRequest::stop, tick)) say(reply, kNotNoticed);
+}
+
+void Reception::reset(OperatorReply& reply) {
+  const std::uint64_t tick = parts_.follower.latest().header.tick;
+  parts_.requests.reset();
+  if (!wait_for(OperatorRequest::reset, tick)) return say(reply, kNotNoticed);
+  const TickRecordHeader& now = parts_.follower.latest().header;
+  reply.done = now.mode == Mode::standby ? 1 : 0;
+  if (reply.done != 0) return;
+  switch (now.mode) {
+    case Mode::damped_stop:
+      return say(reply, "the robot still moves: wait until it rests, then reset");
+    case Mode::fault_latched:
+      return say(reply, "the fault still holds: " + active_causes(now) + ": mend it, then reset");
+    case Mode::arming:
+    case Mode::tracking:
+    case Mode::degraded:
+      return say(reply, "the robot is armed: stop it first");
+    case Mode::standby:
+      return;
+  }
+}
+
+}  // namespace takt::runtime

@@ -1,0 +1,104 @@
+#include "executive/runtime/reception.hpp"
+
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <thread>
+#include <utility>
+
+#include "executive/ipc/executive_segments.hpp"
+
+namespace takt::runtime {
+
+std::expected<std::unique_ptr<Reception>, std::string> Reception::open(const std::string& socket_path,
+                                                                       const ReceptionParts& parts) {
+  std::unique_ptr<Reception> reception(new Reception(parts));
+  auto server = ipc::RendezvousServer::listen(socket_path, geteuid(), reception->handlers());
+  if (!server) return std::unexpected(server.error());
+  reception->server_ = std::make_unique<ipc::RendezvousServer>(std::move(*server));
+  return reception;
+}
+
+ipc::RendezvousServer::Handlers Reception::handlers() {
+  return {.admit = [this](const ipc::Peer& peer) { return admit(peer); },
+          .acknowledged = [this](const ipc::Peer& peer) { hand_over(peer); },
+          .left = [this](const ipc::Peer& peer) { take_leave(peer); },
+          .request = [this](const ipc::Peer&, const OperatorMessage& message) { return answer(message.verb); }};
+}
+
+void Reception::set_realtime(bool realtime, bool allow_non_realtime) {
+  realtime_ = realtime;
+  allow_non_realtime_ = allow_non_realtime;
+}
+
+void Reception::serve(std::chrono::milliseconds timeout) {
+  server_->serve(timeout);
+  parts_.mailboxes.settle();
+}
+
+ipc::Admission Reception::admit(const ipc::Peer& peer) {
+  ipc::Admission admission;
+  switch (peer.hello.role) {
+    case Role::policy:
+      admission = admit_policy(peer);
+      break;
+    case Role::monitor:
+      admission.refusal = refusal_of_monitor(peer.hello, parts_.rules);
+      if (admission.refusal.empty()) admission.descriptors = parts_.published.monitor_descriptors();
+      break;
+    case Role::operator_console:
+      return admission;
+    case Role::sensor_reader:
+      admission.refusal = "the executive serves no sensor: connect to sensor-<name>.sock in the same directory";
+      break;
+  }
+  if (admission.refusal.empty()) {
+    spdlog::info("{} admitted: pid {} ({})", name(peer.hello.role), peer.pid, peer.hello.program);
+  } else {
+    spdlog::warn("{} refused: pid {} ({}): {}", name(peer.hello.role), peer.pid, peer.hello.program, admission.refusal);
+  }
+  return admission;
+}
+
+ipc::Admission Reception::admit_policy(const ipc::Peer& peer) {
+  if (auto refusal = refusal_of_policy(peer.hello, parts_.rules); !refusal.empty()) return {std::move(refusal), {}};
+  // Unmapped here until the policy has mapped it: see the sealing order in ipc/segment.hpp.
+  auto segment = ipc::Segment::create("takt-command", ipc::ring_bytes(ipc::command_mailbox()), false);
+  if (!segment) return {segment.error(), {}};
+  offered_ = std::move(*segment);
+  return {{}, {parts_.published.observation_descriptor(), offered_->fd()}};
+}
+
+void Reception::hand_over(const ipc::Peer& peer) {
+  if (!offered_) return;
+  ipc::Segment mapped = std::move(*offered_);
+  offered_.reset();
+  auto mailbox = CommandMailbox::seal(std::move(mapped), ++session_);
+  if (!mailbox) {
+    spdlog::error("policy pid {}: {}", peer.pid, mailbox.error());
+    return;  // never read; the policy's commands go nowhere until it attaches again
+  }
+  parts_.mailboxes.want(std::move(*mailbox));
+  policy_attached_ = true;
+  spdlog::info("policy pid {}: mailbox sealed, session {}", peer.pid, session_);
+}
+
+void Reception::take_leave(const ipc::Peer& peer) {
+  if (peer.hello.role == Role::operator_console) return;
+  spdlog::info("{} left: pid {}", name(peer.hello.role), peer.pid);
+  if (peer.hello.role != Role::policy) return;
+  offered_.reset();
+  if (std::exchange(policy_attached_, false)) parts_.mailboxes.want(nullptr);
+}
+
+StatusSnapshot Reception::status() {
+  StatusSnapshot status = parts_.board.read();
+  const ipc::Peer* const policy = server_->holder(Role::policy);
+  const ipc::Peer* const monitor = server_->holder(Role::monitor);
+  status.policy_pid = policy != nullptr ? static_cast<std::uint64_t>(policy->pid) : 0;
+  status.monitor_pid = monitor != nullptr ? static_cast<std::uint64_t>(monitor->pid) : 0;
+  status.realtime = realtime_ ? 1 : 0;
+  return status;
+}
+
+}  // namespace takt::runtime

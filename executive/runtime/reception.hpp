@@ -1,0 +1,88 @@
+// Who comes to the executive's socket, and what they get: a policy its two mailboxes, a monitor the record rings, an
+// operator an answer. Policies are admitted by admission.hpp; requests reach the control thread through the operator
+// inbox.
+//
+// A policy session: admitted -> a new command segment goes out -> the policy maps it and acknowledges -> the segment is
+// sealed and handed to the control thread -> the connection ends -> the mailbox is taken back. The command in use lives
+// on until its own age ends it: a departure has no path of its own through the decision. Thread rule: service thread.
+// Allocates, logs, waits up to kRequestPatience inside a request.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <expected>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "config/robot_config.hpp"
+#include "executive/ipc/rendezvous.hpp"
+#include "executive/ipc/segment.hpp"
+#include "executive/pipeline/tick_config.hpp"
+#include "executive/runtime/admission.hpp"
+#include "executive/runtime/mailbox_handover.hpp"
+#include "executive/runtime/operator_inbox.hpp"
+#include "executive/runtime/published_segments.hpp"
+#include "executive/runtime/status_board.hpp"
+#include "executive/runtime/tick_follower.hpp"
+
+namespace takt::runtime {
+
+// A request is reported on when the tick that read it is over, or after this long.
+inline constexpr std::chrono::milliseconds kRequestPatience{100};
+
+// All of it outlives the reception.
+struct ReceptionParts {
+  const config::RobotConfig& robot;
+  const pipeline::TickConfig& config;
+  AdmissionRules rules;
+  PublishedSegments& published;
+  MailboxHandover& mailboxes;
+  OperatorInbox& requests;
+  StatusBoard& board;
+  TickFollower& follower;
+};
+
+class Reception {
+ public:
+  // Refused when another executive serves the socket.
+  static std::expected<std::unique_ptr<Reception>, std::string> open(const std::string& socket_path,
+                                                                     const ReceptionParts& parts);
+  Reception(const Reception&) = delete;
+  Reception& operator=(const Reception&) = delete;
+
+  // Known once the control thread prepared itself; before that nobody can arm.
+  void set_realtime(bool realtime, bool allow_non_realtime);
+  void begin_shutdown() { shutting_down_ = true; }
+  // Handles whoever is there, waiting at most `timeout` for somebody.
+  void serve(std::chrono::milliseconds timeout);
+
+ private:
+  explicit Reception(const ReceptionParts& parts) : parts_(parts) {}
+  ipc::RendezvousServer::Handlers handlers();
+
+  ipc::Admission admit(const ipc::Peer& peer);
+  ipc::Admission admit_policy(const ipc::Peer& peer);
+  void hand_over(const ipc::Peer& peer);
+  void take_leave(const ipc::Peer& peer);
+
+  OperatorReply answer(OperatorVerb verb);
+  void arm(OperatorReply& reply);
+  void stop(OperatorReply& reply);
+  void reset(OperatorReply& reply);
+  // True when a tick that read `request` is over.
+  bool wait_for(OperatorRequest request, std::uint64_t after_tick);
+  StatusSnapshot status();
+
+  ReceptionParts parts_;
+  std::unique_ptr<ipc::RendezvousServer> server_;
+  std::optional<ipc::Segment> offered_;  // to a policy that has not acknowledged yet
+  bool policy_attached_ = false;         // acknowledged, sealed and handed over
+  std::uint8_t session_ = 0;
+  bool realtime_ = false;
+  bool allow_non_realtime_ = false;
+  bool shutting_down_ = false;
+};
+
+}  // namespace takt::runtime

@@ -1,0 +1,33 @@
+// From the first SIGTERM to the end of the loop: damped stop, until the robot rests, then the drives are disabled.
+//
+// The loop may end when the executive is in standby, or has stopped or faulted and the robot rests, or kLongestStop
+// after the first signal, or at the second signal. Pure value: time and state are passed in.
+#pragma once
+
+#include "executive/contract/mode.hpp"
+#include "executive/contract/mono_time.hpp"
+
+namespace takt::runtime {
+
+inline constexpr Duration kLongestStop = seconds(3);
+
+class Shutdown {
+ public:
+  void signal(MonoTime now) noexcept {
+    hurry_ = began_.is_set();
+    if (!began_.is_set()) began_ = now;
+  }
+  [[nodiscard]] bool is_requested() const noexcept { return began_.is_set(); }
+  // `noticed`: a tick that read the request is over; `mode` and `rests` are of that tick or later.
+  [[nodiscard]] bool may_end(MonoTime now, bool noticed, Mode mode, bool rests) const noexcept {
+    if (!is_requested()) return false;
+    if (hurry_ || now - began_ >= kLongestStop) return true;
+    return noticed && (mode == Mode::standby || (rests && (mode == Mode::damped_stop || mode == Mode::fault_latched)));
+  }
+
+ private:
+  MonoTime began_;
+  bool hurry_ = false;
+};
+
+}  // namespace takt::runtime

@@ -1,0 +1,49 @@
+// The service thread's view of the ticks: reads the executive's own tick ring behind the control thread's back, finds
+// mode transitions, and watches whether the robot rests. Thread rule: service thread.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+
+#include "executive/contract/tick_record.hpp"
+#include "executive/ipc/slot_ring.hpp"
+
+namespace takt::runtime {
+
+inline constexpr std::size_t kOperatorRequestCount = 5;
+static_assert(static_cast<std::size_t>(OperatorRequest::shutdown) == kOperatorRequestCount - 1);
+
+class TickFollower {
+ public:
+  using OnTransition = std::function<void(const TickRecordHeader&)>;
+
+  // `rest_velocity` in rad/s. on_transition is called for every record in which the mode changed.
+  TickFollower(ipc::SlotReader ticks, float rest_velocity, OnTransition on_transition);
+
+  // Reads everything published so far.
+  void catch_up();
+  // All zero before the first tick.
+  [[nodiscard]] const TickRecord& latest() const { return latest_; }
+  // Every joint has been slower than rest_velocity for kRestFor, without interruption.
+  [[nodiscard]] bool rests() const;
+  // A tick later than `after_tick` read this request.
+  [[nodiscard]] bool noticed(OperatorRequest request, std::uint64_t after_tick) const;
+  // Records overwritten before they were read.
+  [[nodiscard]] std::uint64_t lost() const { return lost_; }
+
+ private:
+  void follow();
+
+  ipc::SlotReader ticks_;
+  float rest_velocity_;
+  OnTransition on_transition_;
+  TickRecord latest_{};
+  MonoTime slow_since_;
+  std::array<std::uint64_t, kOperatorRequestCount> last_read_{};  // tick that last read each request; 0 never
+  std::uint64_t lost_ = 0;
+};
+
+inline constexpr Duration kRestFor = milliseconds(100);
+
+}  // namespace takt::runtime

@@ -1,0 +1,212 @@
+// Goal: the shell around the tick: phase, order on the wire, bounded receiving, records, requests, the last frames.
+// Method: the real loop in virtual time between fake buses.
+#include "executive/runtime/cyclic_loop.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstring>
+
+#include "tests/runtime/loop_rig.hpp"
+
+namespace takt::runtime::test {
+namespace {
+
+TEST(CyclicLoop, EveryTickIsRecordedOnAGridOfOnePeriod) {
+  LoopRig rig;
+  rig.run(50);
+  const auto records = rig.records();
+  ASSERT_EQ(records.size(), 50U);
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    const TickRecordHeader& tick = records[i].header;
+    EXPECT_EQ(tick.tick, i + 1);
+    EXPECT_EQ(tick.overrun_cause, OverrunCause::none);
+    const MonoTime due = tick.now - tick.lateness;
+    EXPECT_EQ((due - (records[0].header.now - records[0].header.lateness)).ns,
+              milliseconds(1).ns * static_cast<std::int64_t>(i));
+  }
+}
+
+TEST(CyclicLoop, AnOverrunSkipsPeriodsKeepsPhaseAndIsCountedOnce) {
+  LoopRig rig;
+  int frames = 0;
+  rig.buses[0]->on_send = [&] {
+    if (++frames == 20) rig.clock.pass(microseconds(3'400));  // in some tick, the work takes 3.4 ms longer
+  };
+  rig.run(40);
+  const auto records = rig.records();
+  const auto late =
+      std::ranges::find_if(records, [](const TickRecord& r) { return r.header.overrun_cause != OverrunCause::none; });
+  ASSERT_NE(late, records.end());
+  EXPECT_EQ(late->header.skipped_periods, 3U);
+  EXPECT_EQ(late->header.tick, (late - 1)->header.tick + 1) << "skipped periods have no tick";
+  EXPECT_EQ((late->header.now - late->header.lateness) - ((late - 1)->header.now - (late - 1)->header.lateness),
+            milliseconds(4));
+  EXPECT_GT(late->header.last_duration, milliseconds(3));
+  EXPECT_EQ(records.back().header.skipped_periods, 3U);
+  const auto blamed =
+      std::ranges::count_if(records, [](const TickRecord& r) { return r.header.overrun_cause != OverrunCause::none; });
+  EXPECT_EQ(blamed, 1);
+  const StatusSnapshot& status = rig.board.read();
+  EXPECT_EQ(status.overruns[static_cast<std::size_t>(late->header.overrun_cause)], 1U);
+}
+
+TEST(CyclicLoop, ALateWakeUpIsSeenByTheTick) {
+  LoopRig rig;
+  rig.clock.wake_delay = microseconds(137);
+  rig.run(3);
+  for (const TickRecord& record : rig.records()) EXPECT_GE(record.header.lateness, microseconds(137));
+}
+
+TEST(CyclicLoop, FramesLeaveBusByBusAndInJointOrder) {
+  LoopRig rig(5, 2);  // bus 0: joints 0, 2, 4; bus 1: joints 1, 3
+  rig.run(2);
+  ASSERT_GE(rig.sent.size(), 10U);
+  const std::uint32_t order[] = {1, 3, 5, 2, 4};
+  for (std::size_t i = 0; i < 10; ++i) {
+    EXPECT_EQ(rig.sent[i].frame.id, order[i % 5]);
+    EXPECT_EQ(rig.sent[i].bus, i % 5 < 3 ? 0U : 1U);
+  }
+}
+
+TEST(CyclicLoop, FeedbackReachesTheTickAndForeignFramesAreCounted) {
+  LoopRig rig;
+  drivers::ReceivedFrame reply;
+  reply.frame.id = 0x102;  // joint 2, on bus 0
+  reply.frame.length = 1;
+  reply.frame.data[0] = 1;
+  reply.received_at = MonoTime{123};
+  drivers::ReceivedFrame foreign = reply;
+  foreign.frame.id = 0x555;
+  rig.buses[0]->arriving = {foreign, reply};
+  rig.buses[1]->arriving = {reply};  // joint 2 is not on bus 1
+  rig.run(1);
+  const TickRecord record = rig.records().at(0);
+  EXPECT_EQ(record.joints[2].feedback.received_at, MonoTime{123});
+  EXPECT_EQ(record.joints[2].feedback.q, 1.0F);
+  EXPECT_FALSE(record.joints[1].feedback.received_at.is_set());
+  EXPECT_EQ(record.header.buses[0].foreign_frames, 1U);
+  EXPECT_EQ(record.header.buses[1].foreign_frames, 1U);
+}
+
+TEST(CyclicLoop, AFloodedBusDelaysNothingBeyondItsBound) {
+  LoopRig rig;
+  rig.buses[0]->arriving.resize(3 * kMaxFramesPerBus);
+  rig.run(2);
+  EXPECT_EQ(rig.buses[0]->arriving.size(), 0U) << "two ticks and the farewell took three portions";
+  EXPECT_EQ(rig.records().at(1).header.buses[0].foreign_frames, 2 * kMaxFramesPerBus);
+}
+
+TEST(CyclicLoop, EveryFrameThatCrossesIsRecordedAndARefusedOneIsNot) {
+  LoopRig rig(2, 2);
+  rig.buses[0]->arriving.resize(1);
+  rig.buses[0]->arriving[0].frame.id = 0x123;
+  rig.buses[1]->refuses = true;
+  rig.run(1);
+  auto segment = ipc::Segment::adopt_read_only(dup(rig.published.monitor_descriptors()[ipc::kFrameRingDescriptor]),
+                                               ipc::ring_bytes(ipc::frame_ring()));
+  ASSERT_TRUE(segment) << segment.error();
+  auto reader = ipc::SlotReader::attach(segment->readable(), ipc::frame_ring()).value();
+  std::vector<FrameRecord> frames;
+  FrameRecord frame;
+  while (reader.read_next(std::as_writable_bytes(std::span(&frame, 1))).status == ipc::ReadStatus::fresh) {
+    frames.push_back(frame);
+  }
+  ASSERT_EQ(frames.size(), 1U + 1U + kFarewellTicks);
+  EXPECT_EQ(frames[0].direction, FrameDirection::received);
+  EXPECT_EQ(frames[0].can_id, 0x123U);
+  for (std::size_t i = 1; i < frames.size(); ++i) {
+    EXPECT_EQ(frames[i].direction, FrameDirection::sent);
+    EXPECT_EQ(frames[i].bus, 0);
+    EXPECT_EQ(frames[i].can_id, 1U);
+    EXPECT_EQ(frames[i].tick, 1U);
+  }
+}
+
+TEST(CyclicLoop, TheLastFramesDisableTheDrives) {
+  LoopRig rig(3, 2);
+  rig.run(5);
+  ASSERT_EQ(rig.sent.size(), 3U * (5 + kFarewellTicks));
+  EXPECT_EQ(rig.records().size(), 5U);
+  for (auto frame = rig.sent.end() - 3 * kFarewellTicks; frame != rig.sent.end(); ++frame) {
+    EXPECT_EQ(frame->frame.data[0], 0);
+  }
+}
+
+TEST(CyclicLoop, FinishEndsIt) {
+  LoopRig rig;
+  int frames = 0;
+  rig.buses[0]->on_send = [&] {
+    if (++frames == 10) rig.loop.finish();
+  };
+  rig.run(1'000'000);
+  EXPECT_LT(rig.records().size(), 20U);
+}
+
+TEST(CyclicLoop, ARequestIsReadOnceAndStopWinsOverArm) {
+  LoopRig rig;
+  rig.requests.arm();
+  rig.requests.stop();
+  rig.run(3);
+  const auto records = rig.records();
+  EXPECT_EQ(records.at(0).header.operator_request, OperatorRequest::stop);
+  EXPECT_EQ(records.at(1).header.operator_request, OperatorRequest::none);
+}
+
+TEST(CyclicLoop, AShutdownRequestStays) {
+  LoopRig rig;
+  rig.requests.shut_down();
+  rig.requests.arm();
+  rig.run(3);
+  for (const TickRecord& record : rig.records()) {
+    EXPECT_EQ(record.header.operator_request, OperatorRequest::shutdown);
+  }
+}
+
+TEST(CyclicLoop, AMessageFromThePolicyIsReadRecordedAndJudged) {
+  LoopRig rig;
+  auto segment = ipc::Segment::create("test-command", ipc::ring_bytes(ipc::command_mailbox()), false).value();
+  auto policy_side = ipc::Segment::adopt_writable(dup(segment.fd()), segment.size()).value();
+  ipc::SlotWriter writer(policy_side.writable(), ipc::command_mailbox());
+  rig.mailboxes.want(CommandMailbox::seal(std::move(segment), 7).value());
+  CommandHeader header;  // answers nothing: to be refused, and recorded all the same
+  header.sequence = 41;
+  writer.publish(std::as_bytes(std::span(&header, 1)));
+  rig.run(2);
+
+  const auto records = rig.records();
+  EXPECT_EQ(records.at(0).header.mailbox, Arrival::accepted);
+  EXPECT_EQ(records.at(0).header.command_sequence_seen, 41U);
+  EXPECT_EQ(records.at(0).header.policy_session, 7);
+  EXPECT_NE(records.at(0).header.arrival, Arrival::accepted);
+  EXPECT_EQ(records.at(1).header.mailbox, Arrival::none);
+  auto ring = ipc::Segment::adopt_read_only(dup(rig.published.monitor_descriptors()[ipc::kCommandRingDescriptor]),
+                                            ipc::ring_bytes(ipc::command_ring()))
+                  .value();
+  auto reader = ipc::SlotReader::attach(ring.readable(), ipc::command_ring()).value();
+  std::vector<std::byte> payload(ipc::command_ring().payload_capacity);
+  const auto result = reader.read_next(payload);
+  ASSERT_EQ(result.status, ipc::ReadStatus::fresh);
+  ASSERT_EQ(result.size, sizeof(TickTag) + sizeof(CommandHeader));
+  EXPECT_EQ(std::memcmp(payload.data() + sizeof(TickTag), &header, sizeof header), 0);
+}
+
+TEST(CyclicLoop, AKeyframeFollowsEveryPeriodOfIts) {
+  LoopRig rig(3, 2, {{}, {}, 25});
+  rig.run(60);
+  auto ring = ipc::Segment::adopt_read_only(dup(rig.published.monitor_descriptors()[ipc::kKeyframeRingDescriptor]),
+                                            ipc::ring_bytes(ipc::keyframe_ring()))
+                  .value();
+  auto reader = ipc::SlotReader::attach(ring.readable(), ipc::keyframe_ring()).value();
+  std::vector<std::byte> payload(ipc::kMaxKeyframeBytes);
+  for (const std::uint64_t expected : {25U, 50U}) {
+    ASSERT_EQ(reader.read_next(payload).status, ipc::ReadStatus::fresh);
+    TickTag tag;
+    std::memcpy(&tag, payload.data(), sizeof tag);
+    EXPECT_EQ(tag.tick, expected);
+  }
+  EXPECT_EQ(reader.read_next(payload).status, ipc::ReadStatus::nothing_new);
+}
+
+}  // namespace
+}  // namespace takt::runtime::test

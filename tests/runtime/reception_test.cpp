@@ -1,0 +1,244 @@
+// Goal: each role gets what is its own, a refusal says why, and requests reach the loop. Method: the real socket served
+// by the real reception in a thread, with a real loop in virtual drives' company; clients as the other programs are.
+#include "executive/runtime/reception.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <thread>
+
+#include "config/load.hpp"
+#include "config/tick_config_of.hpp"
+#include "executive/runtime/control_thread.hpp"
+#include "executive/runtime/open_edge.hpp"
+#include "tests/runtime/holding_policy.hpp"
+#include "tests/runtime/simulated_drives.hpp"
+
+namespace takt::runtime::test {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+
+constexpr std::uint64_t kPolicyHash = 0x1122334455667788;
+
+// An executive but for main(): a loop without real-time scheduling, and its reception.
+class ReceptionTest : public testing::Test {
+ protected:
+  ReceptionTest() {
+    // The loop runs without real-time scheduling here: limits that a busy machine does not reach.
+    config_->feedback_timeout = seconds(1);
+    config_->enable_timeout = seconds(10);
+    config_->overrun_limit = 1'000'000;
+    config_->freshness.max_age = seconds(2);
+    config_->freshness.stop_after = seconds(3);
+    EXPECT_NE(mkdtemp(directory_.data()), nullptr);
+    drives_ = std::make_unique<SimulatedDrives>(robot_, directory_);
+    edge_ = std::make_unique<DriveEdge>(open_edge(robot_, directory_, 5s).value().edge);
+    loop_ = std::make_unique<CyclicLoop>(LoopParts{*config_, clock_, *edge_, mailboxes_, requests_, published_, board_},
+                                         LoopTiming{{}, {}, 1000});
+    follower_ = std::make_unique<TickFollower>(published_.tick_reader(), config_->rest_velocity,
+                                               [](const TickRecordHeader&) {});
+    auto opened = Reception::open(path(), {robot_, *config_, admission_rules(robot_, kPolicyHash), published_,
+                                           mailboxes_, requests_, board_, *follower_});
+    EXPECT_TRUE(opened) << opened.error();
+    reception_ = std::move(*opened);
+    reception_->set_realtime(true, false);
+    control_ = std::thread([this] { loop_->run(EvidenceSource::open().value()); });
+    service_ = std::thread([this] {
+      while (!done_) {
+        reception_->serve(2ms);
+        follower_->catch_up();
+      }
+    });
+  }
+  ~ReceptionTest() override {
+    done_ = true;
+    service_.join();
+    loop_->finish();
+    control_.join();
+    drives_.reset();
+    reception_.reset();
+    std::filesystem::remove_all(directory_);
+  }
+
+  [[nodiscard]] std::string path() const { return config::executive_socket(directory_); }
+  [[nodiscard]] Hello hello(Role role) const {
+    Hello hello;
+    hello.role = role;
+    hello.config_hash = robot_.hash;
+    hello.policy_hash = kPolicyHash;
+    hello.joint_names_hash = config::joint_names_hash(robot_);
+    hello.joint_count = static_cast<std::uint32_t>(robot_.joints.size());
+    hello.step_count = robot_.policy->steps;
+    return hello;
+  }
+  [[nodiscard]] OperatorReply ask(OperatorVerb verb) const {
+    auto reply = ipc::ask(path(), verb, 5s);
+    EXPECT_TRUE(reply) << reply.error();
+    return reply.value_or(OperatorReply{});
+  }
+  // Polls for a state; the bound only ends a broken run.
+  bool until(const std::function<bool(const StatusSnapshot&)>& holds) const {
+    for (int i = 0; i < 2000; ++i) {
+      if (holds(ask(OperatorVerb::status).status)) return true;
+      std::this_thread::sleep_for(5ms);
+    }
+    return false;
+  }
+  // Attaches, plays, and has it acknowledged.
+  struct Attached {
+    ipc::Lease lease;
+    std::unique_ptr<HoldingPolicy> policy;
+  };
+  Attached attach_policy() const {
+    Attached attached;
+    attached.lease = ipc::attach(path(), hello(Role::policy), 5s).value();
+    attached.policy =
+        std::make_unique<HoldingPolicy>(attached.lease.descriptors.at(ipc::kObservationDescriptor).get(),
+                                        attached.lease.descriptors.at(ipc::kCommandDescriptor).get(), kPolicyHash,
+                                        static_cast<std::uint16_t>(robot_.policy->steps), robot_.policy->step_period);
+    EXPECT_TRUE(ipc::acknowledge(attached.lease));
+    attached.policy->start();
+    return attached;
+  }
+  std::string arm_until_granted() const {
+    OperatorReply reply;
+    for (int i = 0; i < 400; ++i) {
+      reply = ask(OperatorVerb::arm);
+      if (reply.done != 0) return {};
+      std::this_thread::sleep_for(10ms);
+    }
+    return reply.sentences;
+  }
+
+  std::string directory_ = testing::TempDir() + "takt-reception-XXXXXX";
+  config::RobotConfig robot_ = config::load("config/arm6.yaml").value();
+  std::unique_ptr<pipeline::TickConfig> config_ =
+      std::make_unique<pipeline::TickConfig>(config::tick_config_of(robot_, kPolicyHash));
+  std::unique_ptr<SimulatedDrives> drives_;
+  std::unique_ptr<DriveEdge> edge_;
+  SystemClock clock_;
+  MailboxHandover mailboxes_;
+  OperatorInbox requests_;
+  StatusBoard board_;
+  PublishedSegments published_ = PublishedSegments::create(robot_.joints.size()).value();
+  std::unique_ptr<CyclicLoop> loop_;
+  std::unique_ptr<TickFollower> follower_;
+  std::unique_ptr<Reception> reception_;
+  std::atomic<bool> done_ = false;
+  std::thread control_, service_;
+};
+
+TEST_F(ReceptionTest, ASecondExecutiveIsTurnedAway) {
+  auto second = Reception::open(path(), {robot_, *config_, admission_rules(robot_, kPolicyHash), published_, mailboxes_,
+                                         requests_, board_, *follower_});
+  ASSERT_FALSE(second);
+  EXPECT_THAT(second.error(), HasSubstr(path()));
+}
+
+TEST_F(ReceptionTest, AMonitorGetsFourRingsItCannotWrite) {
+  const auto lease = ipc::attach(path(), hello(Role::monitor), 5s);
+  ASSERT_TRUE(lease) << lease.error();
+  ASSERT_EQ(lease->descriptors.size(), 4U);
+  const auto shape = ipc::tick_ring(robot_.joints.size());
+  const int ticks = lease->descriptors[ipc::kTickRingDescriptor].get();
+  EXPECT_FALSE(ipc::Segment::adopt_writable(dup(ticks), ipc::ring_bytes(shape))) << "sealed against writers";
+  const auto segment = ipc::Segment::adopt_read_only(dup(ticks), ipc::ring_bytes(shape));
+  ASSERT_TRUE(segment) << segment.error();
+  EXPECT_TRUE(ipc::SlotReader::attach(segment->readable(), shape));
+  EXPECT_TRUE(until([](const StatusSnapshot& s) { return s.monitor_pid == static_cast<std::uint64_t>(getpid()); }));
+}
+
+TEST_F(ReceptionTest, AnInadmissiblePolicyHearsWhy) {
+  Hello wrong = hello(Role::policy);
+  wrong.joint_count = 7;
+  const auto lease = ipc::attach(path(), wrong, 5s);
+  ASSERT_FALSE(lease);
+  EXPECT_THAT(lease.error(), HasSubstr("7 joints, the robot has 6"));
+}
+
+TEST_F(ReceptionTest, ASensorReaderIsSentElsewhere) {
+  const auto lease = ipc::attach(path(), hello(Role::sensor_reader), 5s);
+  ASSERT_FALSE(lease);
+  EXPECT_THAT(lease.error(), HasSubstr("sensor-<name>.sock"));
+}
+
+TEST_F(ReceptionTest, ArmingIsRefusedWithTheListOfWhatIsMissing) {
+  ASSERT_TRUE(until([](const StatusSnapshot& status) { return status.ticks > 50; }));
+  drives_->stop();
+  ASSERT_TRUE(until([](const StatusSnapshot& status) { return status.tick.buses[0].state == BusState::down; }));
+  constexpr std::uint64_t kFeedbackLost = std::uint64_t{1} << static_cast<unsigned>(Cause::feedback_lost);
+  ASSERT_TRUE(until([](const StatusSnapshot& status) { return (status.tick.causes_active & kFeedbackLost) != 0; }));
+  const OperatorReply reply = ask(OperatorVerb::arm);
+  EXPECT_EQ(reply.done, 0);
+  const std::string sentences = reply.sentences;
+  EXPECT_THAT(sentences, HasSubstr("no policy is attached"));
+  for (const config::Joint& joint : robot_.joints) EXPECT_THAT(sentences, HasSubstr("joint " + joint.name + ": "));
+  EXPECT_EQ(ask(OperatorVerb::status).status.tick.mode, Mode::standby);
+}
+
+TEST_F(ReceptionTest, APolicyIsPlayedThenStoppedAndReset) {
+  Attached attached = attach_policy();
+  EXPECT_EQ(arm_until_granted(), "");
+  EXPECT_TRUE(until([](const StatusSnapshot& status) { return status.tick.mode == Mode::tracking; }));
+  EXPECT_TRUE(drives_->all_enabled());
+  EXPECT_GT(ask(OperatorVerb::status).status.arrivals[static_cast<std::size_t>(Arrival::accepted)], 0U);
+
+  const OperatorReply again = ask(OperatorVerb::arm);
+  EXPECT_EQ(again.done, 0);
+  EXPECT_THAT(again.sentences, HasSubstr("already armed"));
+  const OperatorReply early = ask(OperatorVerb::reset);
+  EXPECT_EQ(early.done, 0);
+  EXPECT_THAT(early.sentences, HasSubstr("stop it first"));
+
+  EXPECT_EQ(ask(OperatorVerb::stop).done, 1);
+  EXPECT_EQ(ask(OperatorVerb::status).status.tick.mode, Mode::damped_stop);
+  ASSERT_TRUE(until([this](const StatusSnapshot&) { return ask(OperatorVerb::reset).done == 1; }));
+  EXPECT_EQ(ask(OperatorVerb::status).status.tick.mode, Mode::standby);
+  EXPECT_TRUE(until([this](const StatusSnapshot&) { return drives_->all_disabled(); }));
+}
+
+TEST_F(ReceptionTest, ASecondPolicyHearsWhoHoldsTheRoleAndASuccessorMayCountFromOne) {
+  {
+    const Attached first = attach_policy();
+    const auto second = ipc::attach(path(), hello(Role::policy), 5s);
+    ASSERT_FALSE(second);
+    EXPECT_THAT(second.error(), HasSubstr(std::to_string(getpid())));
+    ASSERT_TRUE(until([](const StatusSnapshot& status) {
+      return status.tick.policy_session == 1 && status.tick.command_sequence > 5;
+    }));
+  }
+  ASSERT_TRUE(until([](const StatusSnapshot& status) { return status.policy_pid == 0; }));
+  const Attached successor = attach_policy();
+  EXPECT_TRUE(until([](const StatusSnapshot& status) {
+    return status.tick.policy_session == 2 && status.tick.freshness == Freshness::fresh;
+  }));
+  EXPECT_EQ(ask(OperatorVerb::status).status.arrivals[static_cast<std::size_t>(Arrival::repeated_sequence)], 0U);
+}
+
+TEST_F(ReceptionTest, ADepartedPolicysCommandsAreNoLongerRead) {
+  Attached attached = attach_policy();
+  ASSERT_EQ(arm_until_granted(), "");
+  attached.lease = {};  // the connection ends; the mapping is still writable, and the policy goes on writing
+  EXPECT_TRUE(until([](const StatusSnapshot& status) { return status.tick.mode == Mode::damped_stop; }))
+      << "age alone ends what was asked for last";
+}
+
+TEST_F(ReceptionTest, WithoutRealTimeNobodyArmsUnlessAllowed) {
+  done_ = true;
+  service_.join();
+  reception_->set_realtime(false, false);
+  done_ = false;
+  service_ = std::thread([this] {
+    while (!done_) reception_->serve(2ms);
+  });
+  const OperatorReply reply = ask(OperatorVerb::arm);
+  EXPECT_EQ(reply.done, 0);
+  EXPECT_THAT(reply.sentences, HasSubstr("--allow-non-realtime"));
+  EXPECT_EQ(reply.status.realtime, 0);
+}
+
+}  // namespace
+}  // namespace takt::runtime::test

@@ -1,0 +1,79 @@
+// Goal: the service thread sees every transition and every request that was read, and calls the robot at rest only
+// after it has been slow for long enough without interruption. Method: ticks published by hand into a real ring.
+#include "executive/runtime/tick_follower.hpp"
+
+#include <gtest/gtest.h>
+
+#include "executive/runtime/published_segments.hpp"
+
+namespace takt::runtime {
+namespace {
+
+class TickFollowerTest : public testing::Test {
+ protected:
+  void publish(Mode mode, float speed, OperatorRequest request = OperatorRequest::none) {
+    TickRecord record{};
+    record.header.joint_count = 2;
+    record.header.tick = ++tick_;
+    record.header.now = MonoTime{} + milliseconds(static_cast<std::int64_t>(1000 + tick_));
+    record.header.previous_mode = mode_;
+    record.header.mode = mode_ = mode;
+    record.header.operator_request = request;
+    record.joints[1].dq_estimate = -speed;
+    published_.tick(record);
+  }
+  PublishedSegments published_ = PublishedSegments::create(2).value();
+  std::vector<Mode> entered_;
+  TickFollower follower_{published_.tick_reader(), 0.02F,
+                         [this](const TickRecordHeader& tick) { entered_.push_back(tick.mode); }};
+  std::uint64_t tick_ = 0;
+  Mode mode_ = Mode::standby;
+};
+
+TEST_F(TickFollowerTest, BeforeTheFirstTickThereIsNothing) {
+  follower_.catch_up();
+  EXPECT_EQ(follower_.latest().header.tick, 0U);
+  EXPECT_FALSE(follower_.rests());
+}
+
+TEST_F(TickFollowerTest, EveryTransitionIsSeenOnce) {
+  for (const Mode mode : {Mode::standby, Mode::arming, Mode::arming, Mode::tracking, Mode::degraded, Mode::tracking}) {
+    publish(mode, 0);
+  }
+  follower_.catch_up();
+  follower_.catch_up();
+  EXPECT_EQ(entered_, (std::vector{Mode::arming, Mode::tracking, Mode::degraded, Mode::tracking}));
+  EXPECT_EQ(follower_.latest().header.tick, 6U);
+}
+
+TEST_F(TickFollowerTest, RestNeedsAHundredMillisecondsWithoutInterruption) {
+  for (int i = 0; i < 100; ++i) publish(Mode::damped_stop, 0.019F);
+  follower_.catch_up();
+  EXPECT_FALSE(follower_.rests()) << "99 ms";
+  publish(Mode::damped_stop, 0.019F);
+  follower_.catch_up();
+  EXPECT_TRUE(follower_.rests());
+  publish(Mode::damped_stop, 0.021F);
+  publish(Mode::damped_stop, 0.0F);
+  follower_.catch_up();
+  EXPECT_FALSE(follower_.rests()) << "a joint that swings through zero does not rest";
+}
+
+TEST_F(TickFollowerTest, ASpeedThatIsNoNumberIsNoRest) {
+  for (int i = 0; i < 200; ++i) publish(Mode::damped_stop, std::numeric_limits<float>::quiet_NaN());
+  follower_.catch_up();
+  EXPECT_FALSE(follower_.rests());
+}
+
+TEST_F(TickFollowerTest, ARequestIsNoticedByTheTickThatReadItOnly) {
+  publish(Mode::standby, 0);
+  publish(Mode::standby, 0, OperatorRequest::arm);
+  publish(Mode::arming, 0);
+  follower_.catch_up();
+  EXPECT_TRUE(follower_.noticed(OperatorRequest::arm, 1));
+  EXPECT_FALSE(follower_.noticed(OperatorRequest::arm, 2)) << "an earlier request is no answer to a later one";
+  EXPECT_FALSE(follower_.noticed(OperatorRequest::stop, 0));
+}
+
+}  // namespace
+}  // namespace takt::runtime
