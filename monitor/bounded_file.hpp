@@ -1,0 +1,50 @@
+// A file that grows by whole pieces, up to a limit, and says once why it stopped.
+//
+// append() writes all of a piece or none: after a short write (disk full, RLIMIT_FSIZE, limit reached) the file is cut
+// back to the last whole piece, failure() holds one sentence, and every later append is refused. Nothing here blocks
+// longer than the file system does. Thread rule: one thread.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <expected>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace takt::monitor {
+
+class BoundedFile {
+ public:
+  // The file must not exist yet. `max_bytes`: append refuses to grow the file beyond it.
+  static std::expected<BoundedFile, std::string> create(const std::string& path, std::uint64_t max_bytes);
+  BoundedFile(BoundedFile&& other) noexcept;
+  BoundedFile& operator=(BoundedFile&&) = delete;
+  BoundedFile(const BoundedFile&) = delete;
+  BoundedFile& operator=(const BoundedFile&) = delete;
+  ~BoundedFile();
+
+  bool append(std::span<const std::byte> piece);
+  bool append(std::string_view text) { return append(std::as_bytes(std::span(text))); }
+  // A failed file may take pieces again, up to `max_bytes`: for the closing words once room was made.
+  void reopen(std::uint64_t max_bytes);
+  void sync();  // to the medium
+  [[nodiscard]] std::uint64_t size() const { return size_; }
+  [[nodiscard]] const std::string& failure() const { return failure_; }
+  [[nodiscard]] const std::string& path() const { return path_; }
+
+ private:
+  BoundedFile(std::string path, int fd, std::uint64_t max_bytes)
+      : path_(std::move(path)), fd_(fd), max_bytes_(max_bytes) {}
+  std::string path_;
+  int fd_;
+  std::uint64_t max_bytes_;
+  std::uint64_t size_ = 0;
+  std::string failure_;
+};
+
+// Replaces `path` by `text` so that a reader sees the old or the new content, never a part; synced.
+std::expected<void, std::string> replace_file(const std::string& path, std::string_view text);
+std::expected<std::string, std::string> read_file(const std::string& path);
+
+}  // namespace takt::monitor

@@ -1,0 +1,22 @@
+#include "monitor/cli/checked_robot.hpp"
+
+#include <fmt/format.h>
+
+#include "config/load.hpp"
+
+namespace takt::cli {
+
+std::expected<CheckedRobot, std::string> check_robot_file(const std::string& path) {
+  auto robot = config::load(path);
+  if (!robot) return std::unexpected(robot.error());
+  std::string problems;
+  if (robot->policy)
+    if (const auto hash = config::policy_hash(robot->policy->file); !hash)
+      problems = fmt::format("{}: {}", path, hash.error());
+  auto loads = drivers::check_bus_load(*robot);
+  if (!loads) problems += fmt::format("{}{}: {}", problems.empty() ? "" : "\n", path, loads.error());
+  if (!problems.empty()) return std::unexpected(problems);
+  return CheckedRobot{std::move(*robot), std::move(*loads)};
+}
+
+}  // namespace takt::cli

@@ -1,0 +1,22 @@
+// A robot file that is valid in itself and fits what lies around it: its policy can be read, its buses carry their
+// load.
+#pragma once
+
+#include <expected>
+#include <string>
+#include <vector>
+
+#include "config/robot_config.hpp"
+#include "drivers/bus_load.hpp"
+
+namespace takt::cli {
+
+struct CheckedRobot {
+  config::RobotConfig robot;
+  std::vector<drivers::BusLoad> loads;
+};
+
+// The error: one problem per line; exit code config::kExitBadConfiguration.
+std::expected<CheckedRobot, std::string> check_robot_file(const std::string& path);
+
+}  // namespace takt::cli

@@ -1,0 +1,126 @@
+#include "monitor/cli/child_process.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <deque>
+#include <fstream>
+#include <thread>
+#include <utility>
+
+namespace takt::cli {
+namespace {
+
+constexpr std::size_t kLastWords = 5;
+
+[[noreturn]] void become(const ChildProcess::Options& options, char* const* argv, pid_t parent) {
+  setpgid(0, 0);
+  prctl(PR_SET_PDEATHSIG, options.parent_death_signal);
+  if (getppid() != parent) _exit(1);  // the parent died before the line above took effect
+  sigset_t none;
+  sigemptyset(&none);
+  sigprocmask(SIG_SETMASK, &none, nullptr);
+  const int null = open("/dev/null", O_RDONLY | O_CLOEXEC);
+  const int log = open(options.log_path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+  if (null < 0 || log < 0) _exit(1);
+  dup2(null, STDIN_FILENO);
+  dup2(log, STDOUT_FILENO);
+  dup2(log, STDERR_FILENO);
+  // A tracing daemon that hangs must not delay a robot's start (docs/tracing.md). NOLINTNEXTLINE(concurrency-mt-unsafe)
+  setenv("LTTNG_UST_REGISTER_TIMEOUT", "0", 0);
+  execv(argv[0], argv);
+  dprintf(STDERR_FILENO, "%s: %s\n", argv[0], std::strerror(errno));
+  _exit(127);
+}
+
+}  // namespace
+
+std::expected<ChildProcess, std::string> ChildProcess::start(Options options) {
+  std::vector<char*> argv;
+  for (std::string& argument : options.arguments) argv.push_back(argument.data());
+  argv.push_back(nullptr);
+  const pid_t parent = getpid();
+  const pid_t pid = fork();
+  if (pid < 0)
+    return std::unexpected(
+        fmt::format("{} could not be started: {}; free some processes", options.name, std::strerror(errno)));
+  if (pid == 0) become(options, argv.data(), parent);
+  return ChildProcess(std::move(options), pid);
+}
+
+ChildProcess::ChildProcess(ChildProcess&& other) noexcept
+    : options_(std::move(other.options_)),
+      pid_(std::exchange(other.pid_, -1)),
+      wait_status_(std::exchange(other.wait_status_, std::nullopt)) {}
+
+ChildProcess& ChildProcess::operator=(ChildProcess&& other) noexcept {
+  std::swap(options_, other.options_);
+  std::swap(pid_, other.pid_);
+  std::swap(wait_status_, other.wait_status_);
+  return *this;
+}
+
+ChildProcess::~ChildProcess() {
+  if (pid_ <= 0 || !alive()) return;
+  kill(pid_, SIGKILL);
+  reap(0);
+}
+
+bool ChildProcess::reap(int flags) {
+  int status = 0;
+  if (wait_status_ || waitpid(pid_, &status, flags) != pid_) return wait_status_.has_value();
+  wait_status_ = status;
+  return true;
+}
+
+bool ChildProcess::alive() {
+  return !reap(WNOHANG);
+}
+
+void ChildProcess::signal(int number) const {
+  if (pid_ > 0 && !wait_status_) kill(pid_, number);
+}
+
+void ChildProcess::end(std::chrono::milliseconds limit) {
+  constexpr auto kPollEvery = std::chrono::milliseconds(5);
+  signal(SIGTERM);
+  signal(SIGCONT);
+  for (auto waited = std::chrono::milliseconds(0); waited < limit && alive(); waited += kPollEvery)
+    std::this_thread::sleep_for(kPollEvery);
+  if (!alive()) return;
+  signal(SIGKILL);
+  reap(0);
+}
+
+std::string ChildProcess::how_it_ended() const {
+  if (!wait_status_) return {};
+  if (WIFEXITED(*wait_status_)) return fmt::format("exited with {}", WEXITSTATUS(*wait_status_));
+  const char* abbreviation = sigabbrev_np(WTERMSIG(*wait_status_));
+  return fmt::format("was killed by SIG{}", abbreviation ? abbreviation : "?");
+}
+
+std::optional<int> ChildProcess::exit_code() const {
+  if (!wait_status_) return std::nullopt;
+  return WIFEXITED(*wait_status_) ? WEXITSTATUS(*wait_status_) : 128 + WTERMSIG(*wait_status_);
+}
+
+std::string ChildProcess::last_words() const {
+  std::ifstream log(options_.log_path);
+  std::deque<std::string> lines;
+  for (std::string line; std::getline(log, line);) {
+    lines.push_back("  " + line + "\n");
+    if (lines.size() > kLastWords) lines.pop_front();
+  }
+  std::string text;
+  for (const std::string& line : lines) text += line;
+  return text;
+}
+
+}  // namespace takt::cli

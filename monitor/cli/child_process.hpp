@@ -1,0 +1,54 @@
+// One program that `takt run` started and answers for: it dies with its parent, runs in a process group of its own (so
+// that Ctrl-C reaches the supervisor only), writes its output to a log file, and is killed and reaped at the latest
+// when this object goes. Thread rule: one thread, the one that started it (PR_SET_PDEATHSIG is tied to it).
+#pragma once
+
+#include <sys/types.h>
+
+#include <chrono>
+#include <expected>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace takt::cli {
+
+class ChildProcess {
+ public:
+  struct Options {
+    std::string name;                    // for messages: "policy host"
+    std::vector<std::string> arguments;  // [0]: path of the program
+    std::string log_path;                // appended to
+    int parent_death_signal = 0;         // what it gets when the supervisor dies
+  };
+  static std::expected<ChildProcess, std::string> start(Options options);
+
+  ChildProcess(ChildProcess&& other) noexcept;
+  ChildProcess& operator=(ChildProcess&& other) noexcept;
+  ChildProcess(const ChildProcess&) = delete;
+  ChildProcess& operator=(const ChildProcess&) = delete;
+  ~ChildProcess();
+
+  // Reaps it if it died; true while it lives.
+  bool alive();
+  // SIGTERM (and SIGCONT, in case it is frozen); SIGKILL after `limit`. Reaps it.
+  void end(std::chrono::milliseconds limit);
+  void signal(int number) const;  // no effect once it died
+  [[nodiscard]] pid_t pid() const { return pid_; }
+  [[nodiscard]] const Options& options() const { return options_; }
+  // "exited with 70", "killed by SIGKILL"; empty while it lives.
+  [[nodiscard]] std::string how_it_ended() const;
+  // Exit status, 128 + signal number, or nothing while it lives.
+  [[nodiscard]] std::optional<int> exit_code() const;
+  // Last lines of its log, indented, for messages.
+  [[nodiscard]] std::string last_words() const;
+
+ private:
+  ChildProcess(Options options, pid_t pid) : options_(std::move(options)), pid_(pid) {}
+  bool reap(int flags);
+  Options options_;
+  pid_t pid_ = -1;
+  std::optional<int> wait_status_;
+};
+
+}  // namespace takt::cli

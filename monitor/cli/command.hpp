@@ -1,0 +1,37 @@
+// The subcommands of `takt`: one file each, listed in one table (commands.cpp).
+//
+// An AddCommand adds its subcommand to the application; when the user picked it, the subcommand's callback runs the
+// command and stores the exit code. To add a command: write its file, declare it here, add one line to the table.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <span>
+
+namespace takt::cli {
+
+// Same numbers in every Takt program (docs/exit-codes.md).
+inline constexpr int kExitOk = 0;
+inline constexpr int kExitFailed = 1;        // the check failed, the request was refused
+inline constexpr int kExitUsage = 64;        // command line
+inline constexpr int kExitUnavailable = 69;  // a needed process, socket or bus is not there
+inline constexpr int kExitInternal = 70;     // our own bug
+
+using AddCommand = void (*)(CLI::App& app, int& exit_code);
+
+void add_run(CLI::App& app, int& exit_code);
+void add_arm(CLI::App& app, int& exit_code);
+void add_stop(CLI::App& app, int& exit_code);
+void add_reset(CLI::App& app, int& exit_code);
+void add_status(CLI::App& app, int& exit_code);
+void add_report(CLI::App& app, int& exit_code);
+void add_replay(CLI::App& app, int& exit_code);
+void add_trace(CLI::App& app, int& exit_code);
+void add_config(CLI::App& app, int& exit_code);
+void add_config_import(CLI::App& config, int& exit_code);  // below add_config's
+
+std::span<const AddCommand> commands();
+
+// Parses, runs, returns the exit code.
+int run_command_line(int argc, const char* const* argv);
+
+}  // namespace takt::cli

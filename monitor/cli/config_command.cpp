@@ -1,0 +1,97 @@
+// takt config check | show | keys: what a robot file says, what is wrong with it, and what it may say.
+#include <fmt/format.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "config/key_table.hpp"
+#include "config/load.hpp"
+#include "monitor/cli/checked_robot.hpp"
+#include "monitor/cli/command.hpp"
+
+namespace takt::cli {
+namespace {
+
+struct Options {
+  std::string file;
+  bool json = false;
+};
+
+int refuse(const std::string& problems, bool json) {
+  if (json) {
+    nlohmann::json lines = nlohmann::json::array();
+    for (std::size_t begin = 0; begin < problems.size();) {
+      const std::size_t end = std::min(problems.find('\n', begin), problems.size());
+      lines.push_back(problems.substr(begin, end - begin));
+      begin = end + 1;
+    }
+    fmt::print("{}\n", nlohmann::json{{"valid", false}, {"problems", lines}}.dump());
+  } else {
+    fmt::print(stderr, "{}\n", problems);
+  }
+  return config::kExitBadConfiguration;
+}
+
+int check(const Options& options) {
+  const auto checked = check_robot_file(options.file);
+  if (!checked) return refuse(checked.error(), options.json);
+  const config::RobotConfig& robot = checked->robot;
+  if (options.json) {
+    nlohmann::json buses = nlohmann::json::array();
+    for (const drivers::BusLoad& load : checked->loads)
+      buses.push_back({{"bus", load.bus}, {"drives", load.drives}, {"load", load.load}});
+    const nlohmann::json json{{"valid", true},
+                              {"robot", robot.robot},
+                              {"joints", robot.joints.size()},
+                              {"buses", buses},
+                              {"sha256", robot.sha256}};
+    fmt::print("{}\n", json.dump());
+    return kExitOk;
+  }
+  fmt::print("{}: robot {}, {} joints, sha256 {}\n", options.file, robot.robot, robot.joints.size(), robot.sha256);
+  for (const drivers::BusLoad& load : checked->loads)
+    fmt::print("bus {}: {} drives, {:.0f} % of its bit rate at worst\n", load.bus, load.drives, 100 * load.load);
+  return kExitOk;
+}
+
+int show(const Options& options) {
+  const auto robot = config::load(options.file);
+  if (!robot) return refuse(robot.error(), options.json);
+  if (options.json)
+    fmt::print("{}\n", nlohmann::json{{"sha256", robot->sha256}, {"resolved", robot->resolved}}.dump());
+  else
+    fmt::print("{}", robot->resolved);
+  return kExitOk;
+}
+
+void add_file_command(CLI::App& parent, int& exit_code, const char* word, const char* what, const char* footer,
+                      int (*run)(const Options&)) {
+  CLI::App* command = parent.add_subcommand(word, what);
+  auto options = std::make_shared<Options>();
+  command->add_option("FILE", options->file, "robot file")->required();
+  command->add_flag("--json", options->json, "one line of JSON");
+  command->footer(footer);
+  command->callback([run, options, &exit_code] { exit_code = run(*options); });
+}
+
+}  // namespace
+
+void add_config(CLI::App& app, int& exit_code) {
+  CLI::App* parent = app.add_subcommand("config", "Check, show or import a robot file.");
+  parent->require_subcommand(1);
+  add_file_command(*parent, exit_code, "check", "Say what is wrong with a robot file, or that nothing is.",
+                   "Example: takt config check config/arm6.yaml\n"
+                   "Exit codes: 0 valid, 65 not (one line per problem: file:line:column: what; how to mend).",
+                   check);
+  add_file_command(*parent, exit_code, "show", "Print the file with every default written out, in base units.",
+                   "Example: takt config show config/arm6.yaml\nExit codes: 0 shown, 65 not valid.", show);
+  CLI::App* keys = parent->add_subcommand("keys", "Print the reference of every key, as a Markdown table.");
+  keys->footer("Example: takt config keys | grep freshness\nExit codes: 0.");
+  keys->callback([&exit_code] {
+    fmt::print("{}", config::key_table());
+    exit_code = kExitOk;
+  });
+  add_config_import(*parent, exit_code);
+}
+
+}  // namespace takt::cli

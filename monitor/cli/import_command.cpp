@@ -1,0 +1,77 @@
+// takt config import: a robot file to fill in, from what an Isaac Lab / Unitree export knows.
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <fstream>
+#include <memory>
+
+#include "config/deploy_import.hpp"
+#include "config/document.hpp"
+#include "config/load.hpp"
+#include "monitor/cli/command.hpp"
+
+namespace takt::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Given {
+  std::string deploy_file, policy_file, robot, out;
+  std::vector<std::string> joint_names;
+};
+
+int refuse(int exit_code, const std::string& sentence) {
+  fmt::print(stderr, "{}\n", sentence);
+  return exit_code;
+}
+
+// As it is best written in `out`: relative to its folder, when both are given so.
+std::string path_from(const std::string& out, const std::string& file) {
+  if (fs::path(file).is_absolute()) return file;
+  return fs::relative(file, fs::absolute(out).parent_path()).string();
+}
+
+int import(const Given& given) {
+  const auto text = config::read_file(given.deploy_file);
+  if (!text) return refuse(config::kExitBadConfiguration, text.error());
+  const auto deploy = config::read_deploy_file(*text, given.deploy_file);
+  if (!deploy) return refuse(config::kExitBadConfiguration, deploy.error());
+  if (const auto hash = config::policy_hash(given.policy_file); !hash)
+    return refuse(config::kExitBadConfiguration, hash.error());
+  const auto robot = config::import_deploy_file(*deploy, {.robot = given.robot,
+                                                          .policy_file = path_from(given.out, given.policy_file),
+                                                          .joint_names = given.joint_names,
+                                                          .source = fs::path(given.deploy_file).filename().string()});
+  if (!robot) return refuse(kExitUsage, robot.error());
+  if (fs::exists(given.out))
+    return refuse(kExitFailed, fmt::format("{} exists already; choose another -o, or remove it", given.out));
+  std::ofstream file(given.out);
+  file << *robot;
+  if (!file.flush()) return refuse(kExitFailed, fmt::format("{} cannot be written; choose another -o", given.out));
+  for (const std::string& note : deploy->notes) fmt::print(stderr, "not carried over: {}\n", note);
+  fmt::print("{}: {} joints, {} observation terms; replace each FILL_IN, then: takt config check {}\n", given.out,
+             deploy->robot_joint.size(), deploy->terms.size(), given.out);
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_config_import(CLI::App& config, int& exit_code) {
+  CLI::App* command = config.add_subcommand("import", "Begin a robot file from an Isaac Lab / Unitree deploy.yaml.");
+  auto given = std::make_shared<Given>();
+  command->add_option("DEPLOY", given->deploy_file, "deploy.yaml; its Python tags are data, never executed")
+      ->required();
+  command->add_option("--policy", given->policy_file, "the exported ONNX file")->required();
+  command->add_option("--robot", given->robot, "name of the robot")->required();
+  command->add_option("-o,--output", given->out, "robot file to write; must not exist yet")->required();
+  command->add_option("--joint-names", given->joint_names, "joints in the robot's own order, separated by commas")
+      ->delimiter(',');
+  command->footer(
+      "Example: takt config import deploy.yaml --policy policy.onnx --robot g1 -o g1.yaml\n"
+      "What the export cannot know is written as FILL_IN; `takt config check` names what is left.\n"
+      "Exit codes: 0 written, 1 the output exists or cannot be written, 64 command line, 65 the export cannot be "
+      "read.");
+  command->callback([given, &exit_code] { exit_code = import(*given); });
+}
+
+}  // namespace takt::cli

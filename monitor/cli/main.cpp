@@ -1,0 +1,5 @@
+#include "monitor/cli/command.hpp"
+
+int main(int argc, char** argv) {
+  return takt::cli::run_command_line(argc, argv);
+}

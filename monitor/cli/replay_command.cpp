@@ -1,0 +1,52 @@
+// takt replay: does every recorded tick come out of the decision again, bit for bit?
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "monitor/cli/command.hpp"
+#include "monitor/replay.hpp"
+
+namespace takt::cli {
+namespace {
+
+struct Options {
+  std::string directory;
+  std::uint64_t from = 1;
+  bool json = false;
+};
+
+int fail(const std::string& sentence) {
+  fmt::print(stderr, "takt replay: {}\n", sentence);
+  return kExitFailed;
+}
+
+int replay(const Options& options) {
+  const auto run = monitor::open_run(options.directory);
+  if (!run) return fail(run.error());
+  const auto report = monitor::replay(*run, options.from);
+  if (!report) return fail(report.error());
+  if (options.json) {
+    fmt::print("{}\n", monitor::to_json(*report).dump());
+  } else {
+    fmt::print("{}", monitor::replay_text(*report));
+  }
+  return report->reproduces() ? kExitOk : kExitFailed;
+}
+
+}  // namespace
+
+void add_replay(CLI::App& app, int& exit_code) {
+  CLI::App* command = app.add_subcommand("replay", "Feed a run's recorded inputs through the decision again.");
+  auto options = std::make_shared<Options>();
+  command->add_option("DIR", options->directory, "run folder")->required();
+  command->add_option("--from", options->from, "first tick to judge; replay starts at the keyframe before it");
+  command->add_flag("--json", options->json, "one line of JSON");
+  command->footer(
+      "Example: takt replay runs/20261121T093300Z-arm6-3f9a2c --from 12000\n"
+      "Exit codes: 0 every judged tick reproduces bit for bit; 1 one does not (tick, field and both values are "
+      "named),\n"
+      "or nothing could be judged.");
+  command->callback([options, &exit_code] { exit_code = replay(*options); });
+}
+
+}  // namespace takt::cli

@@ -1,0 +1,172 @@
+#include "monitor/cli/robot_processes.hpp"
+
+#include <fmt/format.h>
+#include <signal.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstring>
+#include <filesystem>
+
+#include "config/paths.hpp"
+#include "executive/ipc/rendezvous.hpp"
+
+namespace takt::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::array<std::string_view, kProcessCount> kPrograms{"takt-plant", "takt-executive", "takt-monitor",
+                                                                "takt-policy-host"};
+// A damped stop may take a while; the recorder compresses what is left.
+constexpr auto kExecutiveEndsWithin = std::chrono::seconds(15);
+constexpr auto kOthersEndWithin = std::chrono::seconds(5);
+constexpr auto kMonitorEndsWithin = std::chrono::seconds(20);
+
+std::string beside_this_program(std::string_view program_name) {
+  std::error_code error;
+  const fs::path self = fs::read_symlink("/proc/self/exe", error);
+  return (self.parent_path() / program_name).string();
+}
+
+// When the supervisor dies: the executive stops softly and the recorder closes its files; a policy host may be frozen
+// and a simulator has nothing to lose.
+int parent_death_signal(ProcessName process) {
+  switch (process) {
+    case ProcessName::executive:
+    case ProcessName::monitor:
+      return SIGTERM;
+    case ProcessName::plant:
+    case ProcessName::policy:
+      return SIGKILL;
+  }
+  return SIGKILL;
+}
+
+bool somebody_listens(const std::string& path) {
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  if (path.size() >= sizeof address.sun_path) return false;
+  path.copy(address.sun_path, sizeof address.sun_path - 1);
+  const int fd = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  if (fd < 0) return false;
+  const bool connected =
+      connect(fd, static_cast<const sockaddr*>(static_cast<const void*>(&address)), sizeof address) == 0;
+  close(fd);
+  return connected;
+}
+
+}  // namespace
+
+std::string_view program(ProcessName process) {
+  return kPrograms[static_cast<std::size_t>(process)];
+}
+
+RobotProcesses::RobotProcesses(const config::RobotConfig& robot, const RobotPlace& place)
+    : robot_(robot), place_(place) {}
+
+std::vector<ProcessName> RobotProcesses::wanted() const {
+  std::vector<ProcessName> processes;
+  if (robot_.simulation) processes.push_back(ProcessName::plant);
+  processes.push_back(ProcessName::executive);
+  processes.push_back(ProcessName::monitor);
+  if (robot_.policy) processes.push_back(ProcessName::policy);
+  return processes;
+}
+
+std::string RobotProcesses::log_directory() const {
+  return place_.runtime_directory + "/logs";
+}
+
+std::expected<void, std::string> RobotProcesses::start(ProcessName process) {
+  std::error_code error;
+  fs::create_directories(log_directory(), error);
+  if (error)
+    return std::unexpected(
+        fmt::format("{} cannot be made: {}; choose another --runtime-dir", log_directory(), error.message()));
+  ChildProcess::Options options;
+  options.name = program(process);
+  options.arguments = {beside_this_program(program(process)), "--robot", place_.robot_file, "--runtime-dir",
+                       place_.runtime_directory};
+  if (access(options.arguments[0].c_str(), X_OK) != 0)
+    return std::unexpected(fmt::format("{} is not there: {}; build or install it beside takt", options.arguments[0],
+                                       std::strerror(errno)));
+  if (process == ProcessName::executive && place_.allow_non_realtime)
+    options.arguments.emplace_back("--allow-non-realtime");
+  if (process == ProcessName::monitor) {
+    options.arguments.emplace_back("--run-dir");
+    options.arguments.push_back(place_.run_directory);
+  }
+  options.log_path = fmt::format("{}/{}.log", log_directory(), program(process));
+  options.parent_death_signal = parent_death_signal(process);
+  std::optional<ChildProcess>& child = children_[static_cast<std::size_t>(process)];
+  if (!child) fs::remove(options.log_path, error);  // of an earlier run; a restart adds to this run's
+  auto started = ChildProcess::start(std::move(options));
+  if (!started) return std::unexpected(started.error());
+  child = std::move(*started);
+  return {};
+}
+
+bool RobotProcesses::is_ready(ProcessName process, const std::optional<StatusSnapshot>& status) const {
+  const auto is_pid = [&](std::uint64_t pid) {
+    const auto& child = children_[static_cast<std::size_t>(process)];
+    return child && pid == static_cast<std::uint64_t>(child->pid());
+  };
+  switch (process) {
+    case ProcessName::plant: {
+      const bool buses = std::ranges::all_of(robot_.buses, [&](const config::Bus& bus) {
+        return fs::exists("/sys/class/net/" + bus.interface) ||
+               somebody_listens(config::loopback_socket(place_.runtime_directory, bus.interface));
+      });
+      const std::string& camera = robot_.simulation->camera_sensor;
+      return buses && (camera.empty() || somebody_listens(config::sensor_socket(place_.runtime_directory, camera)));
+    }
+    case ProcessName::executive:
+      return status.has_value();
+    case ProcessName::monitor:
+      return status && is_pid(status->monitor_pid);
+    case ProcessName::policy:
+      return status && is_pid(status->policy_pid);
+  }
+  return false;
+}
+
+ChildProcess* RobotProcesses::find(ProcessName process) {
+  auto& child = children_[static_cast<std::size_t>(process)];
+  return child ? &*child : nullptr;
+}
+
+void RobotProcesses::end_all() {
+  const auto end = [this](ProcessName process, std::chrono::milliseconds limit) {
+    if (ChildProcess* child = find(process)) child->end(limit);
+  };
+  end(ProcessName::executive, kExecutiveEndsWithin);
+  end(ProcessName::policy, kOthersEndWithin);
+  end(ProcessName::plant, kOthersEndWithin);
+  end(ProcessName::monitor, kMonitorEndsWithin);
+}
+
+std::string RobotProcesses::settle_logs() const {
+  std::error_code error;
+  std::string there = place_.run_directory + "/logs";
+  if (!fs::is_directory(place_.run_directory, error)) return log_directory();
+  fs::copy(log_directory(), there, fs::copy_options::recursive, error);
+  if (error) return log_directory();
+  fs::remove_all(log_directory(), error);
+  return there;
+}
+
+std::optional<StatusSnapshot> RobotProcesses::ask_status() const {
+  const auto reply = ask(OperatorVerb::status);
+  if (!reply) return std::nullopt;
+  return reply->status;
+}
+
+std::expected<OperatorReply, std::string> RobotProcesses::ask(OperatorVerb verb) const {
+  const auto patience = std::chrono::milliseconds(verb == OperatorVerb::status ? 200 : 2000);
+  return ipc::ask(config::executive_socket(place_.runtime_directory), verb, patience);
+}
+
+}  // namespace takt::cli

@@ -1,0 +1,56 @@
+// The processes of one robot, as `takt run` starts and ends them: takt-plant (when the robot file has `simulation`),
+// takt-executive, takt-monitor, takt-policy-host (when it has `policy`), all found beside the `takt` program.
+// Thread rule: one thread.
+#pragma once
+
+#include <array>
+#include <expected>
+#include <optional>
+#include <string>
+
+#include "config/robot_config.hpp"
+#include "executive/contract/session.hpp"
+#include "monitor/cli/child_process.hpp"
+#include "monitor/cli/scenario.hpp"
+
+namespace takt::cli {
+
+struct RobotPlace {
+  std::string robot_file;
+  std::string runtime_directory;
+  std::string run_directory;  // must not exist yet: the monitor makes it
+  bool allow_non_realtime = false;
+};
+
+class RobotProcesses {
+ public:
+  // Both outlive this object.
+  RobotProcesses(const config::RobotConfig& robot, const RobotPlace& place);
+
+  // In the order in which they start; only those the robot has.
+  [[nodiscard]] std::vector<ProcessName> wanted() const;
+  // Replaces a dead predecessor.
+  std::expected<void, std::string> start(ProcessName process);
+  // Does it serve, as far as can be seen from outside? `status`: the executive's, if it answers.
+  [[nodiscard]] bool is_ready(ProcessName process, const std::optional<StatusSnapshot>& status) const;
+  // nullptr: never started.
+  [[nodiscard]] ChildProcess* find(ProcessName process);
+  // The executive first (damped stop), then policy host, plant, and the monitor last, so that it records the end.
+  void end_all();
+  // Log files move into the run folder, if there is one; returns the folder they are in now.
+  [[nodiscard]] std::string settle_logs() const;
+
+  [[nodiscard]] std::optional<StatusSnapshot> ask_status() const;
+  [[nodiscard]] std::expected<OperatorReply, std::string> ask(OperatorVerb verb) const;
+
+ private:
+  [[nodiscard]] std::string log_directory() const;
+  const config::RobotConfig& robot_;
+  const RobotPlace& place_;
+  std::array<std::optional<ChildProcess>, kProcessCount> children_;
+};
+
+// "takt-policy-host"
+std::string_view program(ProcessName process);
+
+}  // namespace takt::cli

@@ -1,0 +1,94 @@
+// takt run: options, what can be refused before anything starts, and the supervisor.
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+
+#include "config/load.hpp"
+#include "config/paths.hpp"
+#include "executive/ipc/rendezvous.hpp"
+#include "monitor/cli/checked_robot.hpp"
+#include "monitor/cli/command.hpp"
+#include "monitor/cli/supervisor.hpp"
+#include "monitor/run_folder.hpp"
+
+namespace takt::cli {
+namespace {
+
+constexpr const char* kFooter =
+    "Example: takt run config/arm6.yaml --arm --duration 20s --at '8s: freeze policy 300ms' --at '15s: kill policy'\n"
+    "Actions of --at: freeze PROCESS DURATION, kill PROCESS, arm, stop, reset; PROCESS: policy, monitor, plant, "
+    "executive.\n"
+    "The run ends after --duration, on SIGINT or SIGTERM, or once the robot rests after a scripted stop or kill of the "
+    "policy.\n"
+    "Exit codes: 0 ended as asked, 1 arming refused or a process failed, 64 command line, 65 configuration,\n"
+    "69 a process or bus is missing, 70 bug, 71 set-up refused (real time, permissions).";
+
+struct Given {
+  std::string robot_file, runtime_dir, run_dir, duration;
+  std::vector<std::string> at;
+  bool arm = false, allow_non_realtime = false, restart = false;
+};
+
+int refuse(int exit_code, const std::string& sentence) {
+  std::fprintf(stderr, "%s\n", sentence.c_str());
+  return exit_code;
+}
+
+std::string new_run_directory(const config::RobotConfig& robot) {
+  const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
+  return robot.record.directory + "/" + monitor::new_run_id(robot.robot, since_epoch / std::chrono::nanoseconds(1));
+}
+
+int run(const Given& given) {
+  const auto checked = check_robot_file(given.robot_file);
+  if (!checked) return refuse(config::kExitBadConfiguration, checked.error());
+  const config::RobotConfig& robot = checked->robot;
+
+  RunOptions options;
+  options.arm = given.arm;
+  options.restart = given.restart;
+  auto events = parse_scenario(given.at);
+  if (!events) return refuse(kExitUsage, events.error());
+  options.events = std::move(*events);
+  if (!given.duration.empty()) {
+    const auto duration = parse_duration(given.duration);
+    if (!duration) return refuse(kExitUsage, "--duration " + duration.error());
+    options.duration = *duration;
+  }
+  options.place = {.robot_file = given.robot_file,
+                   .runtime_directory =
+                       given.runtime_dir.empty() ? config::default_runtime_directory(robot.robot) : given.runtime_dir,
+                   .run_directory = given.run_dir.empty() ? new_run_directory(robot) : given.run_dir,
+                   .allow_non_realtime = given.allow_non_realtime};
+  if (std::filesystem::exists(options.place.run_directory))
+    return refuse(kExitUsage,
+                  fmt::format("--run-dir {} exists already; name a new folder", options.place.run_directory));
+  if (ipc::ask(config::executive_socket(options.place.runtime_directory), OperatorVerb::status,
+               std::chrono::milliseconds(500)))
+    return refuse(kExitFailed, fmt::format("a robot already runs in {}; end it first or choose another --runtime-dir",
+                                           options.place.runtime_directory));
+  return Supervisor(robot, std::move(options)).run();
+}
+
+}  // namespace
+
+void add_run(CLI::App& app, int& exit_code) {
+  CLI::App* command =
+      app.add_subcommand("run", "Start all processes of a robot, supervise them, and end them together.");
+  auto given = std::make_shared<Given>();
+  command->add_option("ROBOT", given->robot_file, "robot file")->required();
+  command->add_option("--runtime-dir", given->runtime_dir, "where its sockets live; default /run/takt/NAME");
+  command->add_option("--run-dir", given->run_dir, "run folder to make; default: a new one in record.directory");
+  command->add_option("--duration", given->duration, "end after this long, such as 20s");
+  command->add_option("--at", given->at, "scripted event 'T: ACTION', T after tracking began")->allow_extra_args(false);
+  command->add_flag("--arm", given->arm, "arm as soon as nothing is missing");
+  command->add_flag("--restart", given->restart, "restart a policy host or monitor that died");
+  command->add_flag("--allow-non-realtime", given->allow_non_realtime, "run even without real-time guarantees");
+  command->footer(kFooter);
+  command->callback([given, &exit_code] { exit_code = run(*given); });
+}
+
+}  // namespace takt::cli

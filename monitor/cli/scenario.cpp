@@ -1,0 +1,100 @@
+#include "monitor/cli/scenario.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <sstream>
+
+#include "config/units.hpp"
+
+namespace takt::cli {
+namespace {
+
+constexpr std::array<std::string_view, kProcessCount> kProcesses{"plant", "executive", "monitor", "policy"};
+constexpr std::string_view kGrammar =
+    "write 'T: ACTION', ACTION one of `freeze PROCESS DURATION`, `kill PROCESS`, `arm`, `stop`, `reset`; PROCESS one "
+    "of "
+    "policy, monitor, plant, executive";
+
+std::optional<ProcessName> find_process(const std::string& word) {
+  const auto found = std::ranges::find(kProcesses, word);
+  if (found == kProcesses.end()) return std::nullopt;
+  return static_cast<ProcessName>(found - kProcesses.begin());
+}
+
+std::optional<ActionKind> find_request(const std::string& word) {
+  if (word == "arm") return ActionKind::arm;
+  if (word == "stop") return ActionKind::stop;
+  if (word == "reset") return ActionKind::reset;
+  return std::nullopt;
+}
+
+std::string rest_of(std::istringstream& words) {
+  std::string rest;
+  std::getline(words >> std::ws, rest);
+  return rest;
+}
+
+std::expected<void, std::string> add_event(const std::string& line, std::vector<Event>& events) {
+  const auto refuse = [&](std::string_view why) { return std::unexpected(fmt::format("--at '{}': {}", line, why)); };
+  const std::size_t colon = line.find(':');
+  if (colon == std::string::npos) return refuse(kGrammar);
+  const auto at = parse_duration(std::string_view(line).substr(0, colon));
+  if (!at) return refuse(at.error());
+  std::istringstream words(line.substr(colon + 1));
+  std::string verb, target;
+  words >> verb;
+  if (const auto request = find_request(verb)) {
+    if (!rest_of(words).empty()) return refuse(kGrammar);
+    events.push_back({*at, *request, ProcessName::executive, verb});
+    return {};
+  }
+  words >> target;
+  const auto process = find_process(target);
+  const std::string rest = rest_of(words);
+  if (!process) return refuse(kGrammar);
+  if (verb == "kill" && rest.empty()) {
+    events.push_back({*at, ActionKind::kill, *process, fmt::format("kill {}", target)});
+    return {};
+  }
+  if (verb != "freeze") return refuse(kGrammar);
+  const auto span = parse_duration(rest);
+  if (!span) return refuse(span.error());
+  events.push_back(
+      {*at, ActionKind::freeze, *process, fmt::format("freeze {} for {}", target, config::format_duration(*span))});
+  events.push_back({*at + *span, ActionKind::thaw, *process, fmt::format("thaw {}", target)});
+  return {};
+}
+
+}  // namespace
+
+std::string_view name(ProcessName process) {
+  return kProcesses[static_cast<std::size_t>(process)];
+}
+
+std::expected<Duration, std::string> parse_duration(std::string_view text) {
+  const auto trim = [](std::string_view t) {
+    while (t.starts_with(' ')) t.remove_prefix(1);
+    while (t.ends_with(' ')) t.remove_suffix(1);
+    return t;
+  };
+  const std::string_view trimmed = trim(text);
+  const std::size_t digits = std::min(trimmed.find_first_not_of("0123456789."), trimmed.size());
+  const auto quantity = config::parse_quantity(
+      fmt::format("{} {}", trimmed.substr(0, digits), trim(trimmed.substr(digits))), config::Dimension::time);
+  if (!quantity) return std::unexpected(fmt::format("`{}` is not a time; write such as 300ms or 20s", text));
+  return Duration{std::llround(*quantity)};
+}
+
+std::expected<std::vector<Event>, std::string> parse_scenario(const std::vector<std::string>& lines) {
+  std::vector<Event> events;
+  for (const std::string& line : lines)
+    if (auto added = add_event(line, events); !added) return std::unexpected(added.error());
+  std::ranges::stable_sort(events, {}, &Event::at);
+  return events;
+}
+
+}  // namespace takt::cli

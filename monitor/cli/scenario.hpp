@@ -1,0 +1,32 @@
+// What `takt run --at 'T: ACTION'` makes happen, T after tracking began. Actions: `freeze PROCESS DURATION` (SIGSTOP,
+// then SIGCONT), `kill PROCESS` (SIGKILL), `arm`, `stop`, `reset`; processes: policy, monitor, plant, executive.
+#pragma once
+
+#include <cstdint>
+#include <expected>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "executive/contract/mono_time.hpp"
+
+namespace takt::cli {
+
+enum class ActionKind : std::uint8_t { freeze, thaw, kill, arm, stop, reset };
+enum class ProcessName : std::uint8_t { plant, executive, monitor, policy };
+inline constexpr std::size_t kProcessCount = 4;
+std::string_view name(ProcessName process);
+
+struct Event {
+  Duration at;
+  ActionKind action = ActionKind::stop;
+  ProcessName process = ProcessName::policy;  // freeze, thaw, kill
+  std::string text;                           // for messages: "freeze policy 300 ms"
+};
+
+// "300ms", "300 ms", "20 s". The error says how to write it.
+std::expected<Duration, std::string> parse_duration(std::string_view text);
+// In order of time; a freeze brings its thaw along.
+std::expected<std::vector<Event>, std::string> parse_scenario(const std::vector<std::string>& lines);
+
+}  // namespace takt::cli

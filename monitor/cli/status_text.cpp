@@ -1,0 +1,107 @@
+#include "monitor/cli/status_text.hpp"
+
+#include <fmt/format.h>
+
+#include <cstring>
+#include <nlohmann/json.hpp>
+
+namespace takt::cli {
+namespace {
+
+std::string age_text(const TickRecordHeader& tick) {
+  if (tick.freshness == Freshness::missing) return "none";
+  return fmt::format("{:.1f} ms", tick.age.total().milliseconds());
+}
+
+std::string peer_text(std::uint64_t pid) {
+  return pid == 0 ? "not attached" : fmt::format("pid {}", pid);
+}
+
+}  // namespace
+
+std::vector<std::string> sentences_of(const OperatorReply& reply) {
+  const std::string_view all(reply.sentences, strnlen(reply.sentences, sizeof(reply.sentences)));
+  std::vector<std::string> sentences;
+  for (std::size_t begin = 0; begin < all.size();) {
+    const std::size_t end = std::min(all.find('\n', begin), all.size());
+    if (end > begin) sentences.emplace_back(all.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  return sentences;
+}
+
+std::uint64_t overruns_of(const StatusSnapshot& status) {
+  std::uint64_t sum = 0;
+  for (std::size_t cause = 1; cause < kOverrunCauseCount; ++cause) sum += status.overruns[cause];
+  return sum;
+}
+
+std::uint64_t refused_of(const StatusSnapshot& status) {
+  std::uint64_t sum = 0;
+  for (std::size_t arrival = 0; arrival < kArrivalCount; ++arrival)
+    if (arrival != static_cast<std::size_t>(Arrival::none) && arrival != static_cast<std::size_t>(Arrival::accepted))
+      sum += status.arrivals[arrival];
+  return sum;
+}
+
+std::string status_text(const StatusSnapshot& status) {
+  const TickRecordHeader& tick = status.tick;
+  std::string text = fmt::format("mode       {}\n", name(tick.mode));
+  text += fmt::format("command    {}, age {}\n", name(tick.freshness), age_text(tick));
+  text += fmt::format("misses     {} of the last {} ticks\n", tick.window_misses, tick.window_ticks);
+  text += fmt::format("ticks      {}, {} overruns, {} periods skipped\n", status.ticks, overruns_of(status),
+                      tick.skipped_periods);
+  for (std::size_t cause = 1; cause < kOverrunCauseCount; ++cause)
+    if (status.overruns[cause] != 0)
+      text += fmt::format("           {} {}\n", status.overruns[cause], name(static_cast<OverrunCause>(cause)));
+  text += fmt::format("messages   {} accepted, {} refused, {} integration errors\n",
+                      status.arrivals[static_cast<std::size_t>(Arrival::accepted)], refused_of(status),
+                      tick.integration_errors);
+  for (std::size_t arrival = 2; arrival < kArrivalCount; ++arrival)
+    if (status.arrivals[arrival] != 0)
+      text += fmt::format("           {} {}\n", status.arrivals[arrival], name(static_cast<Arrival>(arrival)));
+  text += fmt::format("drives     {}\n", tick.drives_enabled != 0 ? "enabled" : "disabled");
+  text += fmt::format("policy     {}\n", peer_text(status.policy_pid));
+  text += fmt::format("monitor    {}\n", peer_text(status.monitor_pid));
+  text += fmt::format("real time  {}\n", status.realtime != 0 ? "yes" : "no (--allow-non-realtime)");
+  return text;
+}
+
+std::string status_line(const StatusSnapshot& status, Duration max_age) {
+  const TickRecordHeader& tick = status.tick;
+  std::string limit = max_age.ns > 0 ? fmt::format(" / {:.0f} ms", max_age.milliseconds()) : "";
+  return fmt::format("{:<13} age {:>9}{}  {:<7}  misses {}/{}  overruns {}{}", name(tick.mode), age_text(tick), limit,
+                     name(tick.freshness), tick.window_misses, tick.window_ticks, overruns_of(status),
+                     status.realtime != 0 ? "" : "  (not real time)");
+}
+
+nlohmann::json status_json(const StatusSnapshot& status) {
+  const TickRecordHeader& tick = status.tick;
+  nlohmann::json overruns;
+  for (std::size_t cause = 1; cause < kOverrunCauseCount; ++cause)
+    overruns[std::string(name(static_cast<OverrunCause>(cause)))] = status.overruns[cause];
+  nlohmann::json arrivals;
+  for (std::size_t arrival = 1; arrival < kArrivalCount; ++arrival)
+    arrivals[std::string(name(static_cast<Arrival>(arrival)))] = status.arrivals[arrival];
+  nlohmann::json active = nlohmann::json::array();
+  for (std::size_t cause = 1; cause < kCauseCount; ++cause)
+    if ((tick.causes_active >> cause & 1U) != 0) active.push_back(name(static_cast<Cause>(cause)));
+  const bool has_age = tick.freshness != Freshness::missing;
+  return {{"mode", name(tick.mode)},
+          {"freshness", name(tick.freshness)},
+          {"age_ns", has_age ? nlohmann::json(tick.age.total().ns) : nlohmann::json()},
+          {"window_misses", tick.window_misses},
+          {"window_ticks", tick.window_ticks},
+          {"ticks", status.ticks},
+          {"skipped_periods", tick.skipped_periods},
+          {"overruns", overruns},
+          {"arrivals", arrivals},
+          {"integration_errors", tick.integration_errors},
+          {"causes_active", active},
+          {"drives_enabled", tick.drives_enabled != 0},
+          {"policy_pid", status.policy_pid},
+          {"monitor_pid", status.monitor_pid},
+          {"realtime", status.realtime != 0}};
+}
+
+}  // namespace takt::cli

@@ -1,0 +1,25 @@
+// The executive's status as a person and as a script wants to read it.
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "executive/contract/session.hpp"
+
+namespace takt::cli {
+
+// The reply's sentences, one each; copes with a text that fills the field without a terminator.
+std::vector<std::string> sentences_of(const OperatorReply& reply);
+
+std::uint64_t overruns_of(const StatusSnapshot& status);
+std::uint64_t refused_of(const StatusSnapshot& status);  // messages not accepted, whatever the reason
+
+// Several lines, for `takt status`.
+std::string status_text(const StatusSnapshot& status);
+// One line, for the live display. `max_age`: the configured limit; 0 when unknown.
+std::string status_line(const StatusSnapshot& status, Duration max_age);
+nlohmann::json status_json(const StatusSnapshot& status);
+
+}  // namespace takt::cli

@@ -1,0 +1,248 @@
+#include "monitor/cli/supervisor.hpp"
+
+#include <fmt/format.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+
+#include "monitor/cli/command.hpp"
+#include "monitor/cli/status_text.hpp"
+
+namespace takt::cli {
+namespace {
+
+constexpr Duration kReadyWithin = seconds(15);
+constexpr Duration kArmedWithin = seconds(10);
+constexpr Duration kTrackingWithin = seconds(10);
+constexpr Duration kPollEvery = milliseconds(20);
+constexpr Duration kDisplayEvery = milliseconds(100);
+constexpr Duration kRestRecorded = milliseconds(1500);  // of a stopped robot, before a scripted run ends
+
+Duration steady_now() {
+  return {std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1)};
+}
+
+bool is_stopped(Mode mode) {
+  switch (mode) {
+    case Mode::damped_stop:
+    case Mode::fault_latched:
+    case Mode::standby:
+      return true;
+    case Mode::arming:
+    case Mode::tracking:
+    case Mode::degraded:
+      return false;
+  }
+  return false;
+}
+
+bool is_essential(ProcessName process) {
+  return process == ProcessName::executive || process == ProcessName::plant;
+}
+
+// A program's own exit code says more than ours when it is one of the documented ones.
+int exit_code_for(const ChildProcess& child) {
+  const int code = child.exit_code().value_or(kExitFailed);
+  if (code == 127) return kExitUnavailable;
+  return code >= kExitUsage && code <= 71 ? code : kExitFailed;
+}
+
+}  // namespace
+
+Supervisor::Supervisor(const config::RobotConfig& robot, RunOptions options)
+    : robot_(robot),
+      options_(std::move(options)),
+      processes_(robot_, options_.place),
+      display_(robot.freshness.max_age),
+      made_at_(steady_now()) {
+  sigset_t watched;
+  sigemptyset(&watched);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGCHLD}) sigaddset(&watched, signal);
+  sigprocmask(SIG_BLOCK, &watched, nullptr);
+  signals_ = signalfd(-1, &watched, SFD_CLOEXEC | SFD_NONBLOCK);
+}
+
+Supervisor::~Supervisor() {
+  close(signals_);
+}
+
+Duration Supervisor::now() const {
+  return steady_now() - made_at_;
+}
+
+int Supervisor::run() {
+  Outcome outcome = start_all();
+  if (outcome && options_.arm) outcome = arm();
+  if (outcome) outcome = follow();
+  display_.finish();
+  End end = outcome.error();  // follow() always ends with one
+  if (!end.sentence.empty()) std::fprintf(end.exit_code == 0 ? stdout : stderr, "%s\n", end.sentence.c_str());
+  processes_.end_all();
+  const ChildProcess* executive = processes_.find(ProcessName::executive);
+  if (end.exit_code == kExitOk && executive && executive->exit_code() != 0) {
+    std::fprintf(stderr, "takt-executive %s while ending\n%s", executive->how_it_ended().c_str(),
+                 executive->last_words().c_str());
+    end.exit_code = exit_code_for(*executive);
+  }
+  const std::string logs = processes_.settle_logs();
+  const bool recorded = access(options_.place.run_directory.c_str(), F_OK) == 0;
+  std::printf("%s %s\n", recorded ? "run folder:" : "no run folder was written; logs:",
+              recorded ? options_.place.run_directory.c_str() : logs.c_str());
+  return end.exit_code;
+}
+
+Supervisor::Outcome Supervisor::start_all() {
+  for (const ProcessName process : processes_.wanted()) {
+    if (auto started = processes_.start(process); !started)
+      return std::unexpected(End{kExitUnavailable, started.error()});
+    if (auto ready = wait_ready(process); !ready) return ready;
+  }
+  ready_at_ = now();
+  return {};
+}
+
+Supervisor::Outcome Supervisor::wait_ready(ProcessName process) {
+  for (const Duration give_up = now() + kReadyWithin; now() < give_up;) {
+    if (auto alive = look_after_children(); !alive) return alive;
+    if (ChildProcess* child = processes_.find(process); !child->alive())
+      return std::unexpected(End{exit_code_for(*child), fmt::format("{} {} before it was ready\n{}", program(process),
+                                                                    child->how_it_ended(), child->last_words())});
+    if (processes_.is_ready(process, processes_.ask_status())) return {};
+    if (auto paused = pause(now() + kPollEvery); !paused) return paused;
+  }
+  return std::unexpected(
+      End{kExitUnavailable, fmt::format("{} was not ready within {} s\n{}", program(process),
+                                        kReadyWithin.ns / seconds(1).ns, processes_.find(process)->last_words())});
+}
+
+Supervisor::Outcome Supervisor::arm() {
+  std::string missing = "no answer from the executive";
+  for (const Duration give_up = now() + kArmedWithin; now() < give_up;) {
+    const auto reply = processes_.ask(OperatorVerb::arm);
+    if (reply && reply->done != 0) return {};
+    if (reply) {
+      missing.clear();
+      for (const std::string& sentence : sentences_of(*reply)) missing += "\n  " + sentence;
+    }
+    if (auto alive = look_after_children(); !alive) return alive;
+    if (auto paused = pause(now() + kPollEvery); !paused) return paused;
+  }
+  return std::unexpected(End{kExitFailed, "arming was refused: " + missing});
+}
+
+Supervisor::Outcome Supervisor::follow() {
+  const Duration armed_at = now();
+  for (Duration next_display = now();;) {
+    if (auto alive = look_after_children(); !alive) return alive;
+    if (auto fired = fire_due_events(); !fired) return fired;
+    if (now() >= next_display) {
+      next_display = now() + kDisplayEvery;
+      if (const auto status = processes_.ask_status()) {
+        const bool tracks = status->tick.mode == Mode::tracking || status->tick.mode == Mode::degraded;
+        if (!tracking_since_ && tracks) tracking_since_ = now();
+        display_.show(now() - tracking_since_.value_or(*ready_at_), *status);
+        if (auto goes_on = judge_progress(*status); !goes_on) return goes_on;
+      }
+    }
+    if (options_.arm && !tracking_since_ && now() > armed_at + kTrackingWithin)
+      return std::unexpected(End{kExitFailed, "armed, but tracking did not begin; see the mode above"});
+    Duration wake = next_display;
+    if (tracking_since_ && next_event_ < options_.events.size())
+      wake = std::min(wake, *tracking_since_ + options_.events[next_event_].at);
+    if (auto paused = pause(wake); !paused) return paused;
+  }
+}
+
+Supervisor::Outcome Supervisor::judge_progress(const StatusSnapshot& status) {
+  const auto origin = options_.arm ? tracking_since_ : ready_at_;
+  if (options_.duration && origin && now() >= *origin + *options_.duration) return std::unexpected(End{});
+  if (script_ends_run_ && next_event_ == options_.events.size() && is_stopped(status.tick.mode)) {
+    if (!stopped_at_) stopped_at_ = now();
+    if (now() >= *stopped_at_ + kRestRecorded)
+      return std::unexpected(
+          End{kExitOk, fmt::format("the robot stopped ({}); nothing is left to do", name(status.tick.mode))});
+  } else {
+    stopped_at_.reset();
+  }
+  return {};
+}
+
+Supervisor::Outcome Supervisor::look_after_children() {
+  for (const ProcessName process : processes_.wanted()) {
+    ChildProcess* child = processes_.find(process);
+    if (!child || child->alive() || !ready_at_) continue;
+    if (!reported_dead_.insert(process).second) continue;
+    display_.note(fmt::format("{} {}", program(process), child->how_it_ended()));
+    if (is_essential(process))
+      return std::unexpected(
+          End{std::max(exit_code_for(*child), kExitFailed),
+              fmt::format("{} {}: the run ends\n{}", program(process), child->how_it_ended(), child->last_words())});
+    if (!options_.restart) continue;
+    if (auto started = processes_.start(process); started) {
+      reported_dead_.erase(process);
+      display_.note(fmt::format("{} restarted", program(process)));
+    } else {
+      display_.note(started.error());
+    }
+  }
+  return {};
+}
+
+Supervisor::Outcome Supervisor::fire_due_events() {
+  while (tracking_since_ && next_event_ < options_.events.size() &&
+         now() >= *tracking_since_ + options_.events[next_event_].at) {
+    const Event& event = options_.events[next_event_++];
+    display_.note(fmt::format("{:6.1f} s  script: {}", event.at.seconds(), event.text));
+    fire(event);
+  }
+  return {};
+}
+
+void Supervisor::fire(const Event& event) {
+  ChildProcess* child = processes_.find(event.process);
+  switch (event.action) {
+    case ActionKind::freeze:
+      if (child) child->signal(SIGSTOP);
+      return;
+    case ActionKind::thaw:
+      if (child) child->signal(SIGCONT);
+      return;
+    case ActionKind::kill:
+      if (child) child->signal(SIGKILL);
+      script_ends_run_ |= event.process == ProcessName::policy && !options_.restart;
+      return;
+    case ActionKind::arm:
+      return request(OperatorVerb::arm);
+    case ActionKind::reset:
+      return request(OperatorVerb::reset);
+    case ActionKind::stop:
+      script_ends_run_ = true;
+      return request(OperatorVerb::stop);
+  }
+}
+
+void Supervisor::request(OperatorVerb verb) {
+  const auto reply = processes_.ask(verb);
+  if (!reply) return display_.note(reply.error());
+  for (const std::string& sentence : sentences_of(*reply)) display_.note(sentence);
+}
+
+Supervisor::Outcome Supervisor::pause(Duration until) {
+  const std::int64_t wait_ns = std::max<std::int64_t>(0, (until - now()).ns);
+  const timespec timeout{.tv_sec = wait_ns / seconds(1).ns, .tv_nsec = wait_ns % seconds(1).ns};
+  pollfd waiting{.fd = signals_, .events = POLLIN, .revents = 0};
+  if (ppoll(&waiting, 1, &timeout, nullptr) <= 0) return {};
+  signalfd_siginfo signal{};
+  while (read(signals_, &signal, sizeof signal) == static_cast<ssize_t>(sizeof signal))
+    if (signal.ssi_signo != SIGCHLD)
+      return std::unexpected(
+          End{kExitOk, fmt::format("SIG{}: ending", sigabbrev_np(static_cast<int>(signal.ssi_signo)))});
+  return {};
+}
+
+}  // namespace takt::cli

@@ -1,0 +1,72 @@
+// `takt run` from start to end: starts a robot's processes and waits for each, arms, follows the run and its scenario,
+// and ends everything in the order that loses neither the robot nor the evidence. Nothing outlives it.
+//
+// A policy host or monitor that dies is reported (and restarted, when asked for); the executive or the plant dying ends
+// the run. Times of the scenario and the duration count from the moment tracking began (without `arm` the duration
+// counts from readiness). Thread rule: one thread, which has SIGINT, SIGTERM, SIGHUP and SIGCHLD blocked.
+#pragma once
+
+#include <array>
+#include <expected>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "monitor/cli/live_display.hpp"
+#include "monitor/cli/robot_processes.hpp"
+#include "monitor/cli/scenario.hpp"
+
+namespace takt::cli {
+
+struct RunOptions {
+  RobotPlace place;
+  std::optional<Duration> duration;
+  std::vector<Event> events;  // in order of time
+  bool arm = false;
+  bool restart = false;
+};
+
+class Supervisor {
+ public:
+  Supervisor(const config::RobotConfig& robot, RunOptions options);
+  ~Supervisor();
+  Supervisor(const Supervisor&) = delete;
+  Supervisor& operator=(const Supervisor&) = delete;
+  // Exit code.
+  int run();
+
+ private:
+  // Why the run ended, or is to end.
+  struct End {
+    int exit_code = 0;
+    std::string sentence;
+  };
+  using Outcome = std::expected<void, End>;
+
+  Outcome start_all();
+  Outcome wait_ready(ProcessName process);
+  Outcome arm();
+  Outcome follow();
+  Outcome look_after_children();
+  Outcome fire_due_events();
+  void fire(const Event& event);
+  void request(OperatorVerb verb);
+  Outcome judge_progress(const StatusSnapshot& status);
+  // Sleeps until `until`, a child's death or a signal; an error when asked to end.
+  Outcome pause(Duration until);
+  [[nodiscard]] Duration now() const;  // since the supervisor was made
+
+  const config::RobotConfig& robot_;
+  RunOptions options_;
+  RobotProcesses processes_;
+  LiveDisplay display_;
+  int signals_ = -1;  // signalfd
+  Duration made_at_;
+  std::size_t next_event_ = 0;
+  std::optional<Duration> ready_at_, tracking_since_, stopped_at_;
+  std::set<ProcessName> reported_dead_;
+  bool script_ends_run_ = false;  // it killed the policy or asked for a stop
+};
+
+}  // namespace takt::cli

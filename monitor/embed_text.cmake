@@ -1,0 +1,15 @@
+# cmake -DOUT=file.cpp "-DFILES=name=path;name=path" -P embed_text.cmake
+# Writes the files into a C++ source as string views of takt::monitor::assets.
+set(source "#include \"monitor/report_assets.hpp\"\n\nnamespace takt::monitor::assets {\nnamespace {\n")
+set(views "")
+foreach(entry IN LISTS FILES)
+  string(REGEX MATCH "^([^=]+)=(.+)$" matched "${entry}")
+  set(name ${CMAKE_MATCH_1})
+  file(READ "${CMAKE_MATCH_2}" bytes HEX)
+  string(LENGTH "${bytes}" digits)
+  math(EXPR size "${digits} / 2")
+  string(REGEX REPLACE "(..)" "'\\\\x\\1'," bytes "${bytes}")
+  string(APPEND source "constexpr char ${name}_text[] = {${bytes}'\\0'};\n")
+  string(APPEND views "extern const std::string_view ${name};\nconst std::string_view ${name}(${name}_text, ${size});\n")
+endforeach()
+file(WRITE "${OUT}" "${source}}  // namespace\n${views}}  // namespace takt::monitor::assets\n")

@@ -1,0 +1,42 @@
+// The monitor's hold on a running executive: the lease, its four rings mapped read-only, and what is known about the
+// process at the other end. Letting go of it is closing the connection; the executive's loop notices neither.
+#pragma once
+
+#include <sys/types.h>
+
+#include <chrono>
+#include <expected>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "config/robot_config.hpp"
+#include "executive/ipc/rendezvous.hpp"
+#include "executive/ipc/segment.hpp"
+#include "monitor/record_stream.hpp"
+#include "monitor/run_manifest.hpp"
+
+namespace takt::monitor {
+
+class ExecutiveSession {
+ public:
+  // The error is one sentence: nobody listens, the role is taken, versions differ.
+  static std::expected<ExecutiveSession, std::string> attach(const std::string& runtime_directory,
+                                                             const config::RobotConfig& robot,
+                                                             std::chrono::milliseconds timeout);
+  [[nodiscard]] bool is_over() const { return ipc::is_over(lease_); }
+  [[nodiscard]] RingMemories rings() const;
+  [[nodiscard]] pid_t pid() const { return pid_; }
+
+ private:
+  ExecutiveSession() = default;
+  ipc::Lease lease_;
+  std::vector<ipc::Segment> segments_;
+  pid_t pid_ = 0;  // what the kernel says about the listener
+};
+
+// What the manifest says about the session: identities, hashes, host, clock. Slow (hashes files): not while recording.
+RunManifest describe(const ExecutiveSession& session, const config::RobotConfig& robot,
+                     const std::string& runtime_directory, MonoTime now, std::int64_t unix_ns);
+
+}  // namespace takt::monitor

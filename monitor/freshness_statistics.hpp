@@ -1,0 +1,55 @@
+// Statistics of command ages, exact over every sample.
+//
+// Quantiles follow the exclusive definition: with n sorted samples the p-quantile sits at rank p (n + 1), linearly
+// interpolated between neighbours and, at the ends, extrapolated from the two outermost samples, which is what
+// Python's statistics.quantiles(method='exclusive') computes. With few samples p95 may thus exceed the maximum.
+// Miss rates carry the one-sided upper Clopper-Pearson bound: the largest rate that would still produce at most this
+// many misses with probability 1 - confidence. It presumes independent samples; consecutive ticks share a command and
+// are not, so a per-tick bound is optimistic and a per-command one is the one to quote.
+// Sources: Hyndman & Fan 1996, definition 6; Clopper & Pearson 1934.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "executive/contract/mono_time.hpp"
+
+namespace takt::monitor {
+
+struct Quantiles {
+  std::uint64_t count = 0;
+  double p50 = 0, p95 = 0, p99 = 0, p999 = 0, max = 0;  // unit of the samples; all zero without samples
+};
+
+// Exclusive quantile, 0 < p < 1, of sorted samples; one sample is its own quantile. Precondition: not empty.
+double exclusive_quantile(std::span<const std::int64_t> sorted, double p);
+// Sorts `samples` in place.
+Quantiles quantiles_of(std::vector<std::int64_t>& samples);
+
+// Upper end of the one-sided Clopper-Pearson interval; 1 when misses == count, also without samples.
+double clopper_pearson_upper(std::uint64_t misses, std::uint64_t count, double confidence);
+// Regularised incomplete beta function I_x(a, b), a, b > 0, 0 <= x <= 1.
+double incomplete_beta(double a, double b, double x);
+
+enum class Verdict : std::uint8_t {
+  held,       // the bound is within epsilon
+  undecided,  // the rate is, its bound is not: too few samples to claim it
+  violated,   // the rate itself exceeds epsilon
+};
+
+struct MissRate {
+  std::uint64_t misses = 0;
+  std::uint64_t count = 0;
+  double rate = 0;
+  double upper_bound = 1;
+  Verdict verdict = Verdict::undecided;
+};
+MissRate miss_rate(std::uint64_t misses, std::uint64_t count, double epsilon, double confidence);
+
+// The deployment rule of the worked example: a stack whose p95 age is past its limit belongs in degraded mode.
+constexpr bool should_degrade(const Quantiles& ages, double max_age) {
+  return ages.count != 0 && ages.p95 > max_age;
+}
+
+}  // namespace takt::monitor

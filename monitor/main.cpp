@@ -1,0 +1,161 @@
+// takt-monitor: records what an executive does into run folders. Reads only; the executive's loop waits for nothing
+// here. Exit codes: 0 ended by a signal, 64 usage, 65 configuration refused, 71 the run folder cannot be written.
+#include <fmt/format.h>
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+#include <time.h>
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <string>
+
+#include "config/load.hpp"
+#include "config/paths.hpp"
+#include "executive/trace/trace.hpp"
+#include "monitor/executive_session.hpp"
+#include "monitor/record_stream.hpp"
+#include "monitor/recorder.hpp"
+#include "monitor/run_metrics.hpp"
+
+namespace {
+
+using namespace takt;
+using namespace takt::monitor;
+
+constexpr int kExitUsage = 64;
+constexpr int kExitSetUp = 71;
+constexpr Duration kDrainPeriod = milliseconds(20);
+constexpr Duration kAttachPeriod = milliseconds(200);
+
+std::atomic<bool> g_stop = false;
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+struct Options {
+  std::string robot_file, runtime_directory, run_directory;
+  std::uint64_t max_file_mib = kDefaultMaxFileBytes >> 20U;
+};
+
+void stop_on_signals() {
+  struct sigaction action {};
+  action.sa_handler = [](int) { g_stop = true; };
+  sigaction(SIGTERM, &action, nullptr);
+  sigaction(SIGINT, &action, nullptr);
+  action.sa_handler = SIG_IGN;  // a file at its size limit is an error of the write, not the end of the process
+  sigaction(SIGXFSZ, &action, nullptr);
+}
+
+std::int64_t clock_ns(clockid_t clock) {
+  timespec time{};
+  clock_gettime(clock, &time);
+  return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
+}
+
+MonoTime monotonic_now() {
+  return {clock_ns(CLOCK_MONOTONIC)};
+}
+
+// Absolute, so that the pace does not depend on how long the work took. A signal ends the wait early.
+void sleep_until(MonoTime when) {
+  const timespec time{when.ns / 1'000'000'000, when.ns % 1'000'000'000};
+  clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &time, nullptr);
+}
+
+std::string wanted_folder(const Options& options, const config::RobotConfig& robot, const std::string& run_id) {
+  return options.run_directory.empty() ? robot.record.directory + "/" + run_id : options.run_directory;
+}
+
+void write_review(const RunFolder& folder) {
+  const auto run = open_run(folder.path());
+  const auto metrics = run ? write_metrics(*run) : std::unexpected(run.error());
+  if (!metrics) spdlog::warn("metrics.json is missing: {}", metrics.error());
+}
+
+// One session of the executive, from attach to its end or ours. False: the folder cannot be written.
+bool record_session(const ExecutiveSession& session, const Options& options, const config::RobotConfig& robot,
+                    trace::Introduction& introduction) {
+  const RunManifest manifest =
+      describe(session, robot, options.runtime_directory, monotonic_now(), clock_ns(CLOCK_REALTIME));
+  const auto folder = RunFolder::create(wanted_folder(options, robot, manifest.run_id));
+  auto recorder =
+      folder ? Recorder::start(*folder, manifest, robot, options.max_file_mib << 20U) : std::unexpected(folder.error());
+  auto stream = RecordStream::attach(session.rings(), robot.joints.size());
+  if (!recorder || !stream) {
+    spdlog::error("{}", recorder ? stream.error() : recorder.error());
+    return false;
+  }
+  spdlog::info("recording into {}", folder->path());
+  bool said_stopped = false;
+  MonoTime next = monotonic_now();
+  while (!g_stop && !session.is_over()) {
+    introduction.when_traced(monotonic_now());
+    trace::drain_begin((*recorder)->manifest().last_tick);
+    stream->drain((*recorder)->sink(), false);
+    trace::drain_end((*recorder)->manifest().last_tick, (*recorder)->manifest().ticks);
+    (*recorder)->flush_if_due(monotonic_now());
+    if (!said_stopped && !(*recorder)->stop_reason().empty()) {
+      said_stopped = true;
+      spdlog::error("recording stopped: {}; the robot runs on unrecorded", (*recorder)->stop_reason());
+    }
+    next = std::max(next + kDrainPeriod, monotonic_now());
+    sleep_until(next);
+  }
+  stream->drain((*recorder)->sink(), true);
+  const char* why = g_stop ? "monitor told to end" : "executive ended";
+  if (const auto written = (*recorder)->finish(monotonic_now(), why); !written) spdlog::error("{}", written.error());
+  write_review(*folder);
+  spdlog::info("run of {} ticks closed: {}", (*recorder)->manifest().ticks, why);
+  return true;
+}
+
+int monitor_robot(Options options) {
+  const auto robot = config::load(options.robot_file);
+  if (!robot) {
+    fmt::print(stderr, "{}\n", robot.error());
+    return config::kExitBadConfiguration;
+  }
+  if (options.runtime_directory.empty()) options.runtime_directory = config::default_runtime_directory(robot->robot);
+  std::uint64_t policy_hash = 0;
+  if (robot->policy) policy_hash = config::policy_hash(robot->policy->file).value_or(0);
+  trace::Introduction introduction("takt-monitor", robot->hash, policy_hash, robot->joints);
+  std::string said;
+  while (!g_stop) {
+    const auto session = ExecutiveSession::attach(options.runtime_directory, *robot, std::chrono::milliseconds(500));
+    if (session) {
+      said.clear();
+      if (!record_session(*session, options, *robot, introduction)) return kExitSetUp;
+    } else if (session.error() != said) {
+      said = session.error();
+      spdlog::info("waiting for the executive: {}", said);
+    }
+    if (!g_stop) sleep_until(monotonic_now() + kAttachPeriod);
+  }
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  spdlog::set_default_logger(spdlog::stderr_logger_mt("takt-monitor"));
+  Options options;
+  CLI::App app("Records a running executive into run folders.", "takt-monitor");
+  app.add_option("--robot", options.robot_file, "robot file")->required();
+  app.add_option("--runtime-dir", options.runtime_directory, "default /run/takt/<robot>");
+  app.add_option("--run-dir", options.run_directory,
+                 "run folder; default <record.directory>/<UTC time>-<robot>-<id>; a second session gets .2 behind it");
+  app.add_option("--max-file-mib", options.max_file_mib, "recording stops when ticks.mcap or can.log reaches it")
+      ->capture_default_str()
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 30U));
+  app.footer(
+      "Example: takt-monitor --robot config/arm6.yaml --runtime-dir /run/takt/arm6\n"
+      "Exit codes: 0 ended by a signal, 64 usage, 65 configuration, 71 run folder cannot be written.");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kExitUsage;
+  }
+  stop_on_signals();
+  return monitor_robot(std::move(options));
+}

@@ -1,0 +1,166 @@
+#include "monitor/mcap_reader.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <zstd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "monitor/mcap_format.hpp"
+
+namespace takt::monitor {
+namespace {
+
+using mcap::Opcode;
+using mcap::Parser;
+
+constexpr std::uint64_t kLargestChunk = 256U << 20U;  // uncompressed bytes; a lying header must not exhaust memory
+
+struct Channel {
+  std::string topic, schema_name;
+};
+
+class Scan {
+ public:
+  explicit Scan(const std::function<bool(const McapMessage&)>& on_message) : on_message_(on_message) {}
+  McapReport report;
+
+  // Returns false when the scan is over: end of data, damage, or the caller has had enough.
+  bool record(Opcode opcode, std::span<const std::byte> content) {
+    Parser parser(content);
+    switch (opcode) {
+      case Opcode::schema: {
+        const auto id = parser.get<std::uint16_t>();
+        schemas_[id] = parser.text();
+        return parser.ok();
+      }
+      case Opcode::channel: {
+        const auto id = parser.get<std::uint16_t>();
+        const auto schema = parser.get<std::uint16_t>();
+        channels_[id] = {parser.text(), schemas_[schema]};
+        return parser.ok();
+      }
+      case Opcode::message:
+        return message(parser);
+      case Opcode::chunk:
+        return chunk(parser);
+      case Opcode::metadata:
+        (void)parser.text();
+        report.metadata.merge(parser.map());
+        return true;
+      case Opcode::footer:
+        report.finished = true;
+        return false;
+      case Opcode::header:
+      case Opcode::message_index:
+      case Opcode::chunk_index:
+      case Opcode::attachment:
+      case Opcode::attachment_index:
+      case Opcode::statistics:
+      case Opcode::metadata_index:
+      case Opcode::summary_offset:
+      case Opcode::data_end:
+        return true;
+    }
+    return true;  // opcodes of later versions are skipped, as the specification asks
+  }
+
+  // Walks whole records; returns what is left behind them.
+  std::span<const std::byte> records(std::span<const std::byte> in) {
+    while (in.size() >= mcap::kRecordHead) {
+      Parser head(in);
+      const auto opcode = static_cast<Opcode>(head.get<std::uint8_t>());
+      const auto length = head.get<std::uint64_t>();
+      if (length > in.size() - mcap::kRecordHead) break;
+      const auto content = in.subspan(mcap::kRecordHead, static_cast<std::size_t>(length));
+      in = in.subspan(mcap::kRecordHead + content.size());
+      if (!record(opcode, content)) {
+        stopped_ = true;
+        break;
+      }
+    }
+    return in;
+  }
+  [[nodiscard]] bool stopped() const { return stopped_; }
+
+ private:
+  bool message(Parser& parser) {
+    const auto channel = channels_.find(parser.get<std::uint16_t>());
+    (void)parser.get<std::uint32_t>();
+    const auto log_time = parser.get<std::uint64_t>();
+    (void)parser.get<std::uint64_t>();
+    if (!parser.ok() || channel == channels_.end()) return true;
+    return on_message_({channel->second.topic, channel->second.schema_name, log_time, parser.rest()});
+  }
+
+  bool chunk(Parser& parser) {
+    (void)parser.get<std::uint64_t>();
+    (void)parser.get<std::uint64_t>();
+    const auto size = parser.get<std::uint64_t>();
+    const auto crc = parser.get<std::uint32_t>();
+    const std::string compression = parser.text();
+    const auto stored = parser.take(parser.get<std::uint64_t>());
+    if (!parser.ok() || size > kLargestChunk) return damaged();
+    Bytes plain;
+    std::span<const std::byte> content = stored;
+    if (compression == "zstd") {
+      plain.resize(static_cast<std::size_t>(size));
+      if (ZSTD_decompress(plain.data(), plain.size(), stored.data(), stored.size()) != plain.size()) return damaged();
+      content = plain;
+    } else if (!compression.empty()) {
+      return damaged();
+    }
+    if (crc != 0 && mcap::crc32(content) != crc) return damaged();
+    records(content);
+    return !stopped_;
+  }
+
+  bool damaged() {
+    ++report.damaged_chunks;
+    return true;
+  }
+
+  const std::function<bool(const McapMessage&)>& on_message_;
+  std::map<std::uint16_t, std::string> schemas_;
+  std::map<std::uint16_t, Channel> channels_;
+  bool stopped_ = false;
+};
+
+}  // namespace
+
+std::expected<McapReader, std::string> McapReader::open(const std::string& path) {
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0) return std::unexpected(fmt::format("cannot open {}: {}", path, std::strerror(errno)));
+  struct stat status {};
+  const bool known = ::fstat(fd, &status) == 0;
+  const auto size = known ? static_cast<std::size_t>(status.st_size) : 0;
+  void* data = size >= mcap::kMagic.size() ? ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, fd, 0) : MAP_FAILED;
+  ::close(fd);
+  if (data == MAP_FAILED) return std::unexpected(fmt::format("{} is too short to be an MCAP file", path));
+  McapReader reader({static_cast<const std::byte*>(data), size});
+  if (std::memcmp(data, mcap::kMagic.data(), mcap::kMagic.size()) != 0) {
+    return std::unexpected(fmt::format("{} is not an MCAP file: its first bytes are wrong", path));
+  }
+  return reader;
+}
+
+McapReader::McapReader(McapReader&& other) noexcept : content_(std::exchange(other.content_, {})) {}
+
+McapReader::~McapReader() {
+  // munmap wants the pointer mmap gave, which was not const.
+  if (!content_.empty()) ::munmap(const_cast<std::byte*>(content_.data()), content_.size());
+}
+
+McapReport McapReader::scan(const std::function<bool(const McapMessage&)>& on_message) const {
+  Scan scan(on_message);
+  const auto left = scan.records(content_.subspan(mcap::kMagic.size()));
+  if (!scan.stopped()) scan.report.unread_bytes = left.size();
+  return scan.report;
+}
+
+}  // namespace takt::monitor

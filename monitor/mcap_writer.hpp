@@ -1,0 +1,77 @@
+// Writes an MCAP file that survives being cut off: schemas and channels first, then zstd chunks that are each whole on
+// disk, then, when finish() is reached, message counts, indexes and the footer that make it quick to open.
+//
+// Profile "ros2", schema encoding "ros2msg", message encoding "cdr". Times are nanoseconds of the caller's log clock.
+// Memory is bounded by one chunk plus the index: about 200 bytes per chunk. Thread rule: one thread.
+// Source: the MCAP specification, version 0 of the format (mcap.dev/spec).
+#pragma once
+
+#include <cstdint>
+#include <expected>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "monitor/bounded_file.hpp"
+#include "monitor/bytes.hpp"
+
+namespace takt::monitor {
+
+struct McapTopic {
+  std::string topic;        // "/takt/tick"
+  std::string schema_name;  // "takt_msgs/msg/Tick"
+  std::string schema;       // ros2msg text
+};
+
+class McapWriter {
+ public:
+  // Channel ids are 1, 2, ... in the order of `topics`; `metadata` becomes one metadata record called "takt".
+  static std::expected<McapWriter, std::string> create(const std::string& path, std::uint64_t max_bytes,
+                                                       const std::vector<McapTopic>& topics,
+                                                       const std::map<std::string, std::string>& metadata);
+
+  // Into the open chunk, in memory. The caller flushes when pending_bytes() has grown to what it likes for a chunk.
+  void write(std::uint16_t channel, std::uint64_t log_time, std::span<const std::byte> message);
+  [[nodiscard]] std::size_t pending_bytes() const { return chunk_.size(); }
+  // Closes the chunk, if it holds anything, and hands it to the medium. False once the file takes no more;
+  // file().failure() says why, and the chunk's messages are gone.
+  bool flush();
+  // Forgets the messages of the open chunk.
+  void discard_pending();
+  // Closes the last chunk and writes summary and footer.
+  bool finish();
+
+  [[nodiscard]] BoundedFile& file() { return file_; }
+
+ private:
+  struct IndexEntry {
+    std::uint64_t log_time, offset;
+  };
+  struct ChunkIndex {
+    std::uint64_t first_time, last_time, offset, length, index_length, compressed, uncompressed;
+    std::map<std::uint16_t, std::uint64_t> index_offsets;
+  };
+
+  explicit McapWriter(BoundedFile file) : file_(std::move(file)) {}
+  Bytes chunk_record(ChunkIndex& index) const;
+  Bytes summary(std::uint64_t start) const;
+  void put_statistics(Bytes& out) const;
+
+  BoundedFile file_;
+  Bytes definitions_;  // schema and channel records, repeated in the summary
+  std::size_t schema_bytes_ = 0;
+  std::uint64_t metadata_offset_ = 0, metadata_length_ = 0;
+  std::size_t topic_count_ = 0;
+
+  Bytes chunk_;
+  std::size_t pending_messages_ = 0;
+  std::uint64_t chunk_first_ = 0, chunk_last_ = 0;
+  std::map<std::uint16_t, std::vector<IndexEntry>> chunk_entries_;
+
+  std::vector<ChunkIndex> chunks_;
+  std::map<std::uint16_t, std::uint64_t> counts_;  // messages that reached the file
+  std::map<std::uint16_t, std::uint32_t> sequences_;
+};
+
+}  // namespace takt::monitor

@@ -1,0 +1,39 @@
+// A run folder, opened for review: its manifest, its configuration (which must be the one the manifest names), and its
+// recorded messages in order. Works on unfinished and cut-off runs. Errors are one sentence.
+#pragma once
+
+#include <cstdint>
+#include <expected>
+#include <functional>
+#include <string>
+
+#include "config/robot_config.hpp"
+#include "monitor/mcap_reader.hpp"
+#include "monitor/run_folder.hpp"
+#include "monitor/run_messages.hpp"
+#include "monitor/tick_schema.hpp"
+
+namespace takt::monitor {
+
+struct RecordedRun {
+  RunFolder folder;
+  RunManifest manifest;
+  config::RobotConfig robot;
+};
+std::expected<RecordedRun, std::string> open_run(const std::string& directory);
+
+// What a scan calls, in file order: a tick's command, the tick, its keyframe. Empty functions are skipped.
+struct RunVisitor {
+  std::function<void(const RecordedTick&)> tick;
+  std::function<void(const RecordedCommand&)> command;
+  std::function<void(const RecordedKeyframe&)> keyframe;
+  std::function<void(const Loss&)> loss;
+};
+
+struct ScanReport {
+  McapReport file;
+  std::uint64_t undecodable = 0;  // messages of a known topic that are not what they should be
+};
+std::expected<ScanReport, std::string> scan_run(const RecordedRun& run, const RunVisitor& visitor);
+
+}  // namespace takt::monitor

@@ -1,0 +1,196 @@
+#include "monitor/recorder.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "drivers/candump.hpp"
+#include "monitor/tick_schema.hpp"
+
+namespace takt::monitor {
+namespace {
+
+constexpr Duration kFlushPeriod = milliseconds(500);
+constexpr Duration kJointStatePeriod = milliseconds(10);
+constexpr std::uint64_t kReserveBytes = 1U << 20U;
+constexpr std::size_t kChunkBytes = 1U << 20U;  // uncompressed, unless half a second passes first
+constexpr std::size_t kFrameTextBytes = 64 * 1024;
+
+// Room for the closing words of a full disk. Best effort: on a disk without room for it there is none to keep.
+void reserve(const std::string& path) {
+  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+  if (fd < 0) return;
+  (void)::posix_fallocate(fd, 0, kReserveBytes);
+  ::close(fd);
+}
+
+std::map<std::string, std::string> metadata_of(const RunManifest& manifest) {
+  return {{"run_id", manifest.run_id},
+          {"robot", manifest.robot},
+          {"config_sha256", manifest.config_sha256},
+          {"log_time", "CLOCK_MONOTONIC + monotonic_to_unix_ns; stamps inside messages are CLOCK_MONOTONIC"},
+          {"monotonic_to_unix_ns", std::to_string(manifest.clock.monotonic_to_unix_ns)}};
+}
+
+}  // namespace
+
+std::expected<std::unique_ptr<Recorder>, std::string> Recorder::start(const RunFolder& folder, RunManifest manifest,
+                                                                      const config::RobotConfig& robot,
+                                                                      std::uint64_t max_file_bytes) {
+  if (auto written = replace_file(folder.config(), robot.resolved); !written) return std::unexpected(written.error());
+  if (auto written = folder.write_manifest(manifest); !written) return std::unexpected(written.error());
+  auto ticks = McapWriter::create(folder.ticks(), max_file_bytes, run_topics(), metadata_of(manifest));
+  if (!ticks) return std::unexpected(ticks.error());
+  auto frames = BoundedFile::create(folder.frames(), max_file_bytes);
+  if (!frames) return std::unexpected(frames.error());
+  auto transitions = BoundedFile::create(folder.transitions(), max_file_bytes);
+  if (!transitions) return std::unexpected(transitions.error());
+  reserve(folder.reserve());
+  return std::unique_ptr<Recorder>(
+      new Recorder(folder, std::move(manifest), robot, std::move(*ticks), std::move(*frames), std::move(*transitions)));
+}
+
+Recorder::Recorder(const RunFolder& folder, RunManifest manifest, const config::RobotConfig& robot, McapWriter ticks,
+                   BoundedFile frames, BoundedFile transitions)
+    : folder_(folder),
+      manifest_(std::move(manifest)),
+      ticks_(std::move(ticks)),
+      frames_(std::move(frames)),
+      transitions_(std::move(transitions)),
+      flushed_at_(manifest_.started_at),
+      joint_state_every_(static_cast<std::uint64_t>(
+          std::max<std::int64_t>(kJointStatePeriod.ns / std::max<std::int64_t>(robot.control.period.ns, 1), 1))) {
+  now_ = manifest_.started_at;
+  sink_ = {
+      .command =
+          [this](const RecordedCommand& command) {
+            encode_command(command, message_);
+            write(Topic::command, now_);
+          },
+      .tick = [this](const TickRecord& record) { tick(record); },
+      .keyframe =
+          [this](const RecordedKeyframe& keyframe) {
+            encode_keyframe(keyframe, message_);
+            write(Topic::keyframe, now_);
+          },
+      .frame = [this](const FrameRecord& record) { frame(record); },
+      .loss = [this](const Loss& lost) { loss(lost); },
+  };
+}
+
+void Recorder::write(Topic topic, MonoTime at) {
+  if (!stop_reason().empty()) return;
+  const std::int64_t unix_ns = std::max<std::int64_t>(at.ns + manifest_.clock.monotonic_to_unix_ns, 0);
+  ticks_.write(static_cast<std::uint16_t>(topic), static_cast<std::uint64_t>(unix_ns), message_.bytes());
+}
+
+void Recorder::tick(const TickRecord& record) {
+  now_ = record.header.now;
+  if (!stop_reason().empty()) {
+    ++manifest_.unrecorded_ticks;
+    return;
+  }
+  encode_tick(record, crc_of(record), message_);
+  write(Topic::tick, now_);
+  if (manifest_.ticks == 0) manifest_.first_tick = record.header.tick;
+  manifest_.last_tick = record.header.tick;
+  ++manifest_.ticks;
+  if (record.header.tick % joint_state_every_ == 0 && record.header.joint_count == manifest_.joints.size()) {
+    encode_joint_state(record, now_.ns + manifest_.clock.monotonic_to_unix_ns, manifest_.joints, message_);
+    write(Topic::joint_states, now_);
+  }
+  if (record.header.mode != record.header.previous_mode) transition(record);
+  if (ticks_.pending_bytes() >= kChunkBytes) flush_ticks();
+}
+
+void Recorder::transition(const TickRecord& record) {
+  const TickRecordHeader& header = record.header;
+  encode_transition({header.tick, header.now, header.previous_mode, header.mode, header.cause}, message_);
+  write(Topic::transition, now_);
+  const nlohmann::ordered_json line{{"tick", header.tick},
+                                    {"monotonic_ns", header.now.ns},
+                                    {"utc", utc_text(header.now.ns + manifest_.clock.monotonic_to_unix_ns)},
+                                    {"from", name(header.previous_mode)},
+                                    {"to", name(header.mode)},
+                                    {"cause", name(header.cause)},
+                                    {"age_ns", header.age.total().ns}};
+  if (stop_reason().empty() && !transitions_.append(line.dump() + "\n")) stop(transitions_.failure());
+}
+
+void Recorder::frame(const FrameRecord& record) {
+  if (!stop_reason().empty()) return;
+  const std::string& bus = record.bus < manifest_.buses.size() ? manifest_.buses[record.bus] : "unknown";
+  drivers::append_candump_line(frame_text_, record, bus, manifest_.clock.monotonic_to_unix_ns);
+  if (frame_text_.size() >= kFrameTextBytes) write_frames();
+}
+
+void Recorder::write_frames() {
+  if (!stop_reason().empty()) return;
+  if (!frames_.append(frame_text_)) stop(frames_.failure());
+  frame_text_.clear();
+}
+
+void Recorder::loss(const Loss& lost) {
+  manifest_.losses[lost.ring + " " + lost.reason] += lost.count;
+  if (manifest_.first_losses.size() < kListedLosses) manifest_.first_losses.push_back(lost);
+  encode_loss(lost, message_);
+  write(Topic::loss, now_);
+}
+
+void Recorder::flush_ticks() {
+  if (!stop_reason().empty()) return;
+  if (!ticks_.flush()) {
+    stop(ticks_.file().failure());
+    return;
+  }
+  flushed_ticks_ = manifest_.ticks;
+  flushed_tick_ = manifest_.last_tick;
+}
+
+void Recorder::flush() {
+  flush_ticks();
+  write_frames();
+  frames_.sync();
+  transitions_.sync();
+}
+
+void Recorder::flush_if_due(MonoTime now) {
+  if (now - flushed_at_ < kFlushPeriod) return;
+  flushed_at_ = now;
+  flush();
+}
+
+// The chunk that did not fit is gone; what was flushed before is what the run has. The freed reserve takes the loss,
+// the index and the manifest.
+void Recorder::stop(std::string because) {
+  if (!stop_reason().empty()) return;
+  std::error_code ignored;
+  std::filesystem::remove(folder_.reserve(), ignored);
+  manifest_.unrecorded_ticks += manifest_.ticks - flushed_ticks_;
+  manifest_.ticks = flushed_ticks_;
+  manifest_.last_tick = flushed_tick_;
+  ticks_.discard_pending();
+  ticks_.file().reopen(ticks_.file().size() + kReserveBytes);
+  const Loss stopped{"tick", "recording_stopped", 0, flushed_tick_, 0};
+  manifest_.first_losses.push_back(stopped);
+  encode_loss(stopped, message_);
+  write(Topic::loss, now_);
+  manifest_.stopped_because = std::move(because);
+  (void)ticks_.finish();  // without its index the file still reads from the front
+  (void)folder_.write_manifest(manifest_);
+}
+
+std::expected<void, std::string> Recorder::finish(MonoTime now, const std::string& because) {
+  flush();
+  manifest_.complete = stop_reason().empty() && ticks_.finish();
+  manifest_.ended_at = now;
+  manifest_.ended_because = because;
+  std::error_code ignored;
+  std::filesystem::remove(folder_.reserve(), ignored);
+  return folder_.write_manifest(manifest_);
+}
+
+}  // namespace takt::monitor

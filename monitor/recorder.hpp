@@ -1,0 +1,67 @@
+// Writes one run folder: ticks.mcap, transitions.jsonl, can.log, config.yaml and manifest.json.
+//
+// flush_if_due() hands everything older than half a second to the medium, so that a power cut loses at most the last
+// second. When a file takes no more data (disk full, size limit) recording stops: room kept in reserve is freed for the
+// words that declare it, stop_reason() says why, and the recorder goes on counting what it no longer writes.
+// Thread rule: one thread. Errors of start() are one sentence.
+#pragma once
+
+#include <cstdint>
+#include <expected>
+#include <memory>
+#include <string>
+
+#include "config/robot_config.hpp"
+#include "monitor/bounded_file.hpp"
+#include "monitor/mcap_writer.hpp"
+#include "monitor/record_stream.hpp"
+#include "monitor/run_folder.hpp"
+
+namespace takt::monitor {
+
+inline constexpr std::uint64_t kDefaultMaxFileBytes = std::uint64_t{64} << 30U;  // each of ticks.mcap and can.log
+
+class Recorder {
+ public:
+  // `manifest` says what is known at the start; the recorder keeps it up to date and writes it.
+  static std::expected<std::unique_ptr<Recorder>, std::string> start(const RunFolder& folder, RunManifest manifest,
+                                                                     const config::RobotConfig& robot,
+                                                                     std::uint64_t max_file_bytes);
+
+  // What a RecordStream hands on goes in here. Valid as long as the recorder.
+  [[nodiscard]] const RecordSink& sink() const { return sink_; }
+  void flush_if_due(MonoTime now);
+  // Last words. Afterwards nothing may be recorded.
+  std::expected<void, std::string> finish(MonoTime now, const std::string& because);
+
+  [[nodiscard]] const std::string& stop_reason() const { return manifest_.stopped_because; }  // empty: recording
+  [[nodiscard]] const RunManifest& manifest() const { return manifest_; }
+
+ private:
+  Recorder(const RunFolder& folder, RunManifest manifest, const config::RobotConfig& robot, McapWriter ticks,
+           BoundedFile frames, BoundedFile transitions);
+  void tick(const TickRecord& record);
+  void transition(const TickRecord& record);
+  void frame(const FrameRecord& frame);
+  void loss(const Loss& loss);
+  void write(Topic topic, MonoTime at);
+  void write_frames();
+  void flush_ticks();
+  void flush();
+  void stop(std::string because);  // by value: it may be the text of the failure that gets cleared
+
+  RunFolder folder_;
+  RunManifest manifest_;
+  McapWriter ticks_;
+  BoundedFile frames_;
+  BoundedFile transitions_;
+  RecordSink sink_;
+  CdrWriter message_;
+  std::string frame_text_;  // lines not yet in can.log
+  MonoTime now_;            // of the newest tick: log time of what has none of its own
+  MonoTime flushed_at_;
+  std::uint64_t joint_state_every_;                     // ticks
+  std::uint64_t flushed_ticks_ = 0, flushed_tick_ = 0;  // what is on the medium
+};
+
+}  // namespace takt::monitor

@@ -1,0 +1,221 @@
+#include "monitor/replay.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+#include <memory>
+#include <utility>
+
+#include "config/tick_config_of.hpp"
+#include "executive/ipc/crc32c.hpp"
+#include "executive/ipc/executive_segments.hpp"
+#include "executive/pipeline/control_tick.hpp"
+
+namespace takt::monitor {
+namespace {
+
+// The policy the executive admitted, as it wrote it down itself; a run without that word admitted the configured one.
+std::uint64_t policy_hash_of(const RunManifest& manifest) {
+  std::string text = manifest.policy_sha256.substr(0, 16);
+  if (manifest.executive.is_object() && manifest.executive.contains("policy_hash")) {
+    text = manifest.executive.at("policy_hash").get<std::string>();
+  }
+  return text.empty() ? 0 : std::stoull(text, nullptr, 16);
+}
+
+std::string where_of(const FieldPlace& place, const RunManifest& manifest) {
+  switch (place.group) {
+    case FieldPlace::Group::header:
+      return {};
+    case FieldPlace::Group::bus:
+      return place.index < manifest.buses.size() ? manifest.buses[place.index] : fmt::format("bus {}", place.index);
+    case FieldPlace::Group::joint:
+      return place.index < manifest.joints.size() ? manifest.joints[place.index] : fmt::format("joint {}", place.index);
+  }
+  return {};
+}
+
+class Replayer {
+ public:
+  Replayer(const RecordedRun& run, std::uint64_t from, std::uint64_t start_behind)
+      : run_(run),
+        config_(config::tick_config_of(run.robot, policy_hash_of(run.manifest))),
+        state_(pipeline::make_tick_state(config_)),
+        from_(from),
+        start_behind_(start_behind),
+        ready_(start_behind == 0) {}
+
+  void command(const RecordedCommand& command) {
+    if (command.tick <= start_behind_) return;
+    pending_ = command;
+    if (ipc::crc32c(command.payload) == command.crc) return;
+    const auto field = mend_flipped_bit(*pending_);
+    note({command.tick, field ? "command " + *field : "command (more than one bit altered)", {}, {}, {}, true});
+    altered_tick_ = command.tick;
+    if (!field) pending_.reset();
+  }
+
+  void tick(const RecordedTick& recorded) {
+    const std::uint64_t number = recorded.record.header.tick;
+    if (number <= start_behind_) return;
+    if (number >= from_) ++report_.ticks;
+    RecordedTick tick = recorded;
+    const bool whole = crc_of(recorded.record) == recorded.crc || mend(tick);
+    if (tick.record.header.tick != at_ + 1) lose_track();
+    if (!take_command(tick.record.header)) lose_track();
+    at_ = tick.record.header.tick;
+    if (!ready_) {
+      if (number >= from_) ++report_.not_judged;
+      return;
+    }
+    if (report_.started_at == 0 && number >= from_) report_.started_at = number;
+    recompute(tick.record);
+    if (!whole || !is_equal(tick.record)) {
+      blame(tick.record, !whole);
+      ready_ = false;
+    }
+    if (number < from_) return;
+    // A mended bit leaves a tick that reproduces, but not the one in the file.
+    if (altered_tick_ == number || !ready_) {
+      ++report_.mismatches;
+    } else {
+      ++report_.identical;
+    }
+  }
+
+  std::expected<void, std::string> keyframe(const RecordedKeyframe& keyframe) {
+    if (keyframe.tick < start_behind_) return {};
+    if (ready_ && keyframe.tick == at_ && is_state(keyframe)) return {};
+    if (auto loaded = pipeline::load(*state_, config_, keyframe.state); !loaded) return loaded;
+    at_ = keyframe.tick;
+    ready_ = true;
+    return {};
+  }
+
+  [[nodiscard]] ReplayReport take_report() { return std::move(report_); }
+
+ private:
+  // Puts a single flipped bit right, so that the ticks behind it can still be judged.
+  bool mend(RecordedTick& tick) {
+    TickRecord mended;
+    const auto place = locate_flipped_bit(tick, mended);
+    if (!place) return false;
+    note({tick.record.header.tick, std::string(place->field->name), where_of(*place, run_.manifest),
+          value_text(tick.record, *place), value_text(mended, *place), true});
+    altered_tick_ = tick.record.header.tick;
+    tick.record = mended;
+    return true;
+  }
+
+  void lose_track() {
+    if (ready_ && at_ != 0) ++report_.gaps;
+    ready_ = false;
+  }
+
+  // False when the tick read a message that is not in the recording.
+  bool take_command(const TickRecordHeader& header) {
+    command_bytes_ = 0;
+    const bool there = pending_ && pending_->tick == header.tick;
+    if (there) {
+      chunk_ = std::make_unique<CommandChunk>();
+      command_bytes_ = std::min(pending_->payload.size(), sizeof(CommandChunk));
+      std::memcpy(chunk_.get(), pending_->payload.data(), command_bytes_);
+      pending_.reset();
+    }
+    return there == (header.mailbox == Arrival::accepted);
+  }
+
+  void recompute(const TickRecord& recorded) {
+    const CommandChunk* command = recorded.header.mailbox == Arrival::accepted ? chunk_.get() : nullptr;
+    pipeline::control_tick(*state_, pipeline::input_of(recorded, command, command_bytes_), config_, *output_);
+  }
+
+  [[nodiscard]] bool is_equal(const TickRecord& recorded) const {
+    return recorded.header.joint_count == output_->record.header.joint_count &&
+           std::memcmp(&recorded, &output_->record, recorded.used_bytes()) == 0;
+  }
+
+  void blame(const TickRecord& recorded, bool altered) {
+    const auto place = first_difference(recorded, output_->record);
+    if (!place) {
+      note({recorded.header.tick, "reserved bytes", {}, {}, {}, altered});
+      return;
+    }
+    note({recorded.header.tick, std::string(place->field->name), where_of(*place, run_.manifest),
+          value_text(recorded, *place), value_text(output_->record, *place), altered});
+  }
+
+  bool is_state(const RecordedKeyframe& keyframe) {
+    saved_.resize(ipc::kMaxKeyframeBytes);
+    saved_.resize(pipeline::save(*state_, saved_));
+    const bool equal = saved_ == keyframe.state;
+    if (equal) {
+      ++report_.keyframes;
+    } else {
+      ++report_.mismatches;
+      note({keyframe.tick, "keyframe", {}, {}, {}, false});
+    }
+    return equal;
+  }
+
+  void note(Mismatch mismatch) {
+    if (mismatch.tick >= from_ && !report_.first) report_.first = std::move(mismatch);
+  }
+
+  const RecordedRun& run_;
+  pipeline::TickConfig config_;
+  pipeline::TickStatePtr state_;
+  std::unique_ptr<pipeline::TickOutput> output_ = std::make_unique<pipeline::TickOutput>();
+  std::unique_ptr<CommandChunk> chunk_;
+  std::size_t command_bytes_ = 0;
+  std::optional<RecordedCommand> pending_;
+  Bytes saved_;
+  ReplayReport report_;
+  std::uint64_t from_, start_behind_;
+  std::uint64_t at_ = 0;            // tick the state is behind
+  std::uint64_t altered_tick_ = 0;  // newest tick whose record or command was altered
+  bool ready_;                      // the state is the one behind tick at_
+};
+
+// Last keyframe before `from`; 0 when replay can, or must, begin with the file.
+std::expected<std::uint64_t, std::string> start_behind(const RecordedRun& run, std::uint64_t from) {
+  std::uint64_t keyframe = 0;
+  const auto scanned = scan_run(run, {.tick = {},
+                                      .command = {},
+                                      .keyframe =
+                                          [&](const RecordedKeyframe& each) {
+                                            if (each.tick < from) keyframe = std::max(keyframe, each.tick);
+                                          },
+                                      .loss = {}});
+  if (!scanned) return std::unexpected(scanned.error());
+  return keyframe;
+}
+
+}  // namespace
+
+std::expected<ReplayReport, std::string> replay(const RecordedRun& run, std::uint64_t from) {
+  std::uint64_t behind = 0;
+  if (from > 1) {
+    const auto found = start_behind(run, from);
+    if (!found) return std::unexpected(found.error());
+    behind = *found;
+  }
+  Replayer replayer(run, from, behind);
+  std::string refusal;
+  const auto scanned = scan_run(run, {.tick = [&](const RecordedTick& tick) { replayer.tick(tick); },
+                                      .command = [&](const RecordedCommand& command) { replayer.command(command); },
+                                      .keyframe =
+                                          [&](const RecordedKeyframe& keyframe) {
+                                            const auto loaded = replayer.keyframe(keyframe);
+                                            if (!loaded) refusal = loaded.error();
+                                          },
+                                      .loss = {}});
+  if (!scanned) return std::unexpected(scanned.error());
+  ReplayReport report = replayer.take_report();
+  report.file = scanned->file;
+  if (report.identical + report.mismatches == 0 && !refusal.empty()) return std::unexpected(refusal);
+  return report;
+}
+
+}  // namespace takt::monitor

@@ -1,0 +1,47 @@
+// Replay: recorded inputs go through the same pure decision again, and every byte of every record must come out.
+//
+// It starts from the state before tick 1 when the recording has it, else from a keyframe, and starts again at the next
+// keyframe behind a gap or a mismatch; ticks between are counted as not judged. Every keyframe met on the way must
+// equal the recomputed state. Each record also carries a checksum made when it was recorded, so that an altered record
+// is found even where the decision does not depend on the altered field; one flipped bit is located and named.
+#pragma once
+
+#include <cstdint>
+#include <expected>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "monitor/recorded_run.hpp"
+
+namespace takt::monitor {
+
+struct Mismatch {
+  std::uint64_t tick = 0;
+  std::string field;       // "q_estimate", "command values[3]", "keyframe"
+  std::string where;       // joint or bus name; empty: the tick's own field
+  std::string recorded;    // value in the file
+  std::string recomputed;  // what replay got, or what the checksum says it was; empty: unknown
+  bool altered = false;    // the file was changed after recording; else the decision differs
+};
+
+struct ReplayReport {
+  std::uint64_t ticks = 0;       // recorded, from the starting tick on
+  std::uint64_t identical = 0;   // reproduced bit for bit
+  std::uint64_t mismatches = 0;  // ticks that did not
+  std::uint64_t not_judged = 0;  // behind a gap or a mismatch, before the next keyframe
+  std::uint64_t gaps = 0;        // breaks in the recorded ticks or their commands
+  std::uint64_t keyframes = 0;   // compared with the recomputed state, equal
+  std::uint64_t started_at = 0;  // first tick judged; 0 none
+  std::optional<Mismatch> first;
+  McapReport file;
+  [[nodiscard]] bool reproduces() const { return mismatches == 0 && identical > 0 && file.damaged_chunks == 0; }
+};
+
+// `from`: first tick of interest; replay starts at the last keyframe before it. The error is one sentence.
+std::expected<ReplayReport, std::string> replay(const RecordedRun& run, std::uint64_t from);
+
+std::string replay_text(const ReplayReport& report);
+nlohmann::ordered_json to_json(const ReplayReport& report);
+
+}  // namespace takt::monitor

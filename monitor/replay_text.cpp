@@ -1,0 +1,64 @@
+#include <fmt/format.h>
+
+#include "monitor/replay.hpp"
+
+namespace takt::monitor {
+namespace {
+
+std::string mismatch_text(const Mismatch& mismatch) {
+  std::string text = fmt::format("tick {}: {}", mismatch.tick, mismatch.field);
+  if (!mismatch.where.empty()) text += fmt::format(" of {}", mismatch.where);
+  if (!mismatch.recorded.empty()) {
+    text += fmt::format(" is recorded as {}, {} {}", mismatch.recorded,
+                        mismatch.altered ? "its checksum was made for" : "recomputed as", mismatch.recomputed);
+  }
+  return text + (mismatch.altered ? " (altered after recording)" : "");
+}
+
+}  // namespace
+
+std::string replay_text(const ReplayReport& report) {
+  std::string text = fmt::format("{} of {} ticks reproduce bit for bit", report.identical, report.ticks);
+  if (report.keyframes != 0) text += fmt::format("; {} keyframes equal the recomputed state", report.keyframes);
+  text += '\n';
+  if (report.not_judged != 0) {
+    text += fmt::format("{} ticks could not be judged: {} gaps; replay starts again at the next keyframe\n",
+                        report.not_judged, report.gaps);
+  }
+  if (report.file.damaged_chunks != 0) {
+    text += fmt::format("{} chunks of ticks.mcap are damaged and were skipped\n", report.file.damaged_chunks);
+  }
+  if (!report.file.finished) {
+    text +=
+        fmt::format("ticks.mcap was not closed: {} bytes at its end are no whole record\n", report.file.unread_bytes);
+  }
+  if (report.mismatches != 0) text += fmt::format("{} do not reproduce; the first:\n", report.mismatches);
+  if (report.first) text += "  " + mismatch_text(*report.first) + "\n";
+  return text;
+}
+
+nlohmann::ordered_json to_json(const ReplayReport& report) {
+  nlohmann::ordered_json json{{"schema", "takt.replay/1"},
+                              {"reproduces", report.reproduces()},
+                              {"ticks", report.ticks},
+                              {"identical", report.identical},
+                              {"mismatches", report.mismatches},
+                              {"not_judged", report.not_judged},
+                              {"gaps", report.gaps},
+                              {"keyframes_equal", report.keyframes},
+                              {"started_at", report.started_at},
+                              {"file_finished", report.file.finished},
+                              {"damaged_chunks", report.file.damaged_chunks},
+                              {"first_mismatch", nullptr}};
+  if (report.first) {
+    json["first_mismatch"] = {{"tick", report.first->tick},
+                              {"field", report.first->field},
+                              {"where", report.first->where},
+                              {"recorded", report.first->recorded},
+                              {"recomputed", report.first->recomputed},
+                              {"altered", report.first->altered}};
+  }
+  return json;
+}
+
+}  // namespace takt::monitor

@@ -1,0 +1,127 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <numeric>
+
+#include "monitor/report.hpp"
+
+namespace takt::monitor {
+namespace {
+
+double ms(double ns) {
+  return ns * 1e-6;
+}
+
+double percent(std::uint64_t part, std::uint64_t whole) {
+  return whole == 0 ? 0.0 : 100.0 * static_cast<double>(part) / static_cast<double>(whole);
+}
+
+std::string age_row(std::string_view label, const Quantiles& q) {
+  return fmt::format("  {:<8}{:>10.3f}{:>10.3f}{:>10.3f}{:>10.3f}{:>10.3f}\n", label, ms(q.p50), ms(q.p95), ms(q.p99),
+                     ms(q.p999), ms(q.max));
+}
+
+std::string age_table(std::string_view title, const std::array<Quantiles, kAgePartCount>& parts, std::size_t rows) {
+  if (parts.back().count == 0) return fmt::format("{}: none\n", title);
+  std::string text = fmt::format("{} ({}), ms\n  {:<8}{:>10}{:>10}{:>10}{:>10}{:>10}\n", title, parts.back().count, "",
+                                 "p50", "p95", "p99", "p99.9", "max");
+  for (std::size_t part = 0; part < rows; ++part) text += age_row(kAgePartNames[part], parts[part]);
+  return text + age_row(kAgePartNames.back(), parts.back());
+}
+
+std::string miss_row(std::string_view label, const MissRate& misses, double confidence) {
+  if (misses.count == 0) return fmt::format("  {:<12} nothing to judge\n", label);
+  return fmt::format("  {:<12} {} of {} missed = {:.3f} %, at most {:.3f} % with {:.0f} % confidence: {}\n", label,
+                     misses.misses, misses.count, 100 * misses.rate, 100 * misses.upper_bound, 100 * confidence,
+                     name(misses.verdict));
+}
+
+// "a 3, b 1" of the non-zero counts from `first` on; "none" without any.
+template <class NameOf, std::size_t size>
+std::string counted(const std::array<std::uint64_t, size>& counts, std::size_t first, const NameOf& name_of) {
+  std::string text;
+  for (std::size_t index = first; index < size; ++index) {
+    if (counts[index] == 0) continue;
+    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", name_of(index), counts[index]);
+  }
+  return text.empty() ? "none" : text;
+}
+
+std::string modes_line(const RunMetrics& metrics) {
+  std::string text;
+  for (std::size_t mode = 0; mode < kModeCount; ++mode) {
+    if (metrics.ticks_in_mode[mode] == 0) continue;
+    text += fmt::format("{}{} {:.1f} %", text.empty() ? "" : ", ", takt::name(static_cast<Mode>(mode)),
+                        percent(metrics.ticks_in_mode[mode], metrics.ticks));
+  }
+  return text;
+}
+
+std::string transitions(const RunMetrics& metrics, std::size_t most) {
+  if (metrics.transition_count == 0) return "transitions   none\n";
+  std::string text = fmt::format("transitions   {}\n", metrics.transition_count);
+  const Transition& first = metrics.transitions.front();
+  for (std::size_t index = 0; index < std::min(most, metrics.transitions.size()); ++index) {
+    const Transition& each = metrics.transitions[index];
+    text += fmt::format("  tick {:>9}  {:>+10.3f} s  {:<13} -> {:<13} {}\n", each.tick, (each.at - first.at).seconds(),
+                        takt::name(each.from), takt::name(each.to), takt::name(each.cause));
+  }
+  if (metrics.transition_count > most) text += fmt::format("  and {} more\n", metrics.transition_count - most);
+  return text;
+}
+
+std::string losses(const RunMetrics& metrics, const RecordedRun& run) {
+  std::string text;
+  for (const auto& [what, count] : metrics.losses) {
+    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", what, count == 0 ? "from then on" : std::to_string(count));
+  }
+  if (metrics.missing_ticks != 0)
+    text += fmt::format("{}{} ticks", text.empty() ? "" : "; in all ", metrics.missing_ticks);
+  text = fmt::format("losses        {}\n", text.empty() ? "none" : text);
+  if (!run.manifest.stopped_because.empty()) {
+    text += fmt::format("              recording stopped: {}\n", run.manifest.stopped_because);
+  }
+  if (!metrics.file.finished) text += "              ticks.mcap was not closed: the monitor was cut off\n";
+  if (metrics.file.damaged_chunks != 0) {
+    text += fmt::format("              {} damaged chunks skipped\n", metrics.file.damaged_chunks);
+  }
+  return text;
+}
+
+std::string_view realtime_word(const RunManifest& manifest) {
+  if (!manifest.executive.is_object() || !manifest.executive.contains("realtime")) return "unknown";
+  return manifest.executive.at("realtime").get<bool>() ? "yes" : "NO: figures do not stand for a real-time machine";
+}
+
+}  // namespace
+
+std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::size_t most_transitions) {
+  const config::Freshness& contract = run.robot.freshness;
+  std::string text = fmt::format("run           {}  robot {}  {:.1f} s  {} ticks\n", run.manifest.run_id,
+                                 run.manifest.robot, metrics.span.seconds(), metrics.ticks);
+  text += fmt::format("real-time     {}\n", realtime_word(run.manifest));
+  text += fmt::format("contract      Pr(age > {:g} ms) <= {:g} %\n\n", contract.max_age.milliseconds(),
+                      100 * contract.epsilon);
+  text += age_table("age per tick that relied on the policy", metrics.age_per_tick, kAgePartCount - 1);
+  text += age_table("age per command at first use", metrics.age_per_command, kAgePartCount - 2);
+  text += "\ndeadline misses\n" + miss_row("per tick", metrics.misses_per_tick, contract.confidence) +
+          miss_row("per command", metrics.misses_per_command, contract.confidence);
+  text += "  consecutive ticks share a command: the per-tick bound is optimistic, quote the one per command\n\n";
+  text += fmt::format("modes         {}\n", modes_line(metrics)) + transitions(metrics, most_transitions);
+  const auto arrival = [](std::size_t index) { return takt::name(static_cast<Arrival>(index)); };
+  text += fmt::format("commands      accepted {}; refused: {}\n",
+                      metrics.arrivals[static_cast<std::size_t>(Arrival::accepted)],
+                      counted(metrics.arrivals, static_cast<std::size_t>(Arrival::accepted) + 1, arrival));
+  text += fmt::format("interventions {} (joint-ticks)\n",
+                      counted(metrics.interventions, 0, [](std::size_t index) { return kInterventionNames[index]; }));
+  text += fmt::format(
+      "overruns      {}; {} periods skipped\n",
+      counted(metrics.overruns, 1, [](std::size_t index) { return takt::name(static_cast<OverrunCause>(index)); }),
+      metrics.skipped_periods);
+  text += fmt::format("wake-up late  p50 {:.1f} us, p99 {:.1f} us; work per tick p50 {:.1f} us, p99 {:.1f} us\n",
+                      metrics.lateness.p50 * 1e-3, metrics.lateness.p99 * 1e-3, metrics.work.p50 * 1e-3,
+                      metrics.work.p99 * 1e-3);
+  return text + losses(metrics, run);
+}
+
+}  // namespace takt::monitor

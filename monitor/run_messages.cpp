@@ -1,0 +1,248 @@
+#include "monitor/run_messages.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "executive/ipc/crc32c.hpp"
+#include "monitor/tick_schema.hpp"
+
+namespace takt::monitor {
+namespace {
+
+using enum FieldType;
+constexpr FieldRole in = FieldRole::input;
+
+#define HEADER(member) offsetof(CommandHeader, member)
+constexpr TickField kCommandFields[] = {
+    {"observation_id", u64, HEADER(observation_id), in, ""},
+    {"sequence", u64, HEADER(sequence), in, ""},
+    {"policy_hash", u64, HEADER(policy_hash), in, ""},
+    {"outside_sensed_at", i64, HEADER(outside_sensed_at), in, ""},
+    {"dequeued_at", i64, HEADER(dequeued_at), in, ""},
+    {"infer_started_at", i64, HEADER(infer_started_at), in, ""},
+    {"infer_ended_at", i64, HEADER(infer_ended_at), in, ""},
+    {"published_at", i64, HEADER(published_at), in, ""},
+    {"step_period", i64, HEADER(step_period), in, ""},
+    {"dropped_observations", u32, HEADER(dropped_observations), in, ""},
+    {"step_count", u16, HEADER(step_count), in, ""},
+    {"joint_count", u16, HEADER(joint_count), in, ""},
+    {"fields", u8, HEADER(fields), in, ""},
+};
+#undef HEADER
+constexpr std::size_t kReservedAt = offsetof(CommandHeader, reserved);
+
+constexpr std::string_view kCommandSchema =
+    R"(# A policy's message as the executive read it, before any judgement; the verdict is in the tick's `arrival`.
+uint64 tick
+uint32 byte_count             # of the message; fewer than a header's when it was cut short
+uint64 observation_id
+uint64 sequence
+uint64 policy_hash
+int64 outside_sensed_at       # ns, CLOCK_MONOTONIC, like all stamps; claims of the policy host
+int64 dequeued_at
+int64 infer_started_at
+int64 infer_ended_at
+int64 published_at
+int64 step_period             # ns
+uint32 dropped_observations
+uint16 step_count
+uint16 joint_count
+uint8 fields                  # 1 q, 2 dq, 4 kp, 8 kd, 16 tau_ff
+uint8[7] reserved
+float32[] values              # step by step, within a step field by field
+uint8[] rest                  # bytes that make no whole float
+uint32 crc                    # CRC-32C of the message
+)";
+
+constexpr std::string_view kKeyframeSchema =
+    "uint64 tick    # the state is the one after this tick\n"
+    "uint8[] state  # opaque; see pipeline::save\n"
+    "uint32 crc     # CRC-32C of the state\n";
+
+constexpr std::string_view kTransitionSchema =
+    "uint64 tick\n"
+    "int64 now   # ns, CLOCK_MONOTONIC\n"
+    "uint8 from  # Tick's MODE values\n"
+    "uint8 to\n"
+    "uint8 cause # Tick's CAUSE values\n"
+    "string text\n";
+
+constexpr std::string_view kLossSchema =
+    "string ring         # tick, command, keyframe or frame\n"
+    "string reason       # overwritten, before_attach, unreadable or recording_stopped\n"
+    "uint64 count        # entries\n"
+    "uint64 after_tick   # last tick recorded before the gap; 0 none\n"
+    "uint64 before_tick  # first tick recorded after it; 0 none\n";
+
+// The layout of ROS 2's standard message; comments are ours.
+constexpr std::string_view kJointStateSchema =
+    "std_msgs/Header header\n"
+    "string[] name\n"
+    "float64[] position  # rad, measured\n"
+    "float64[] velocity  # rad/s, estimated\n"
+    "float64[] effort    # Nm, measured\n"
+    "================================================================================\n"
+    "MSG: std_msgs/Header\n"
+    "builtin_interfaces/Time stamp\n"
+    "string frame_id\n"
+    "================================================================================\n"
+    "MSG: builtin_interfaces/Time\n"
+    "int32 sec\n"
+    "uint32 nanosec\n";
+
+void put_doubles(CdrWriter& out, const TickRecord& record, float (*value)(const JointRecord&)) {
+  out.put_count(record.header.joint_count);
+  for (std::size_t joint = 0; joint < record.header.joint_count; ++joint) {
+    out.put(static_cast<double>(value(record.joints[joint])));
+  }
+}
+
+std::string place_in_command(std::size_t at) {
+  if (at >= sizeof(CommandHeader)) return fmt::format("values[{}]", (at - sizeof(CommandHeader)) / 4);
+  for (const TickField& field : kCommandFields) {
+    if (at >= field.offset && at < field.offset + size_of(field.type)) return std::string(field.name);
+  }
+  return "reserved";
+}
+
+}  // namespace
+
+std::string_view topic_name(Topic topic) {
+  switch (topic) {
+    case Topic::tick:
+      return "/takt/tick";
+    case Topic::command:
+      return "/takt/command";
+    case Topic::keyframe:
+      return "/takt/keyframe";
+    case Topic::transition:
+      return "/takt/transition";
+    case Topic::loss:
+      return "/takt/loss";
+    case Topic::joint_states:
+      return "/joint_states";
+  }
+  return "";
+}
+
+std::vector<McapTopic> run_topics() {
+  const auto topic = [](Topic which, std::string_view schema_name, std::string schema) {
+    return McapTopic{std::string(topic_name(which)), std::string(schema_name), std::move(schema)};
+  };
+  return {topic(Topic::tick, "takt_msgs/msg/Tick", tick_schema()),
+          topic(Topic::command, "takt_msgs/msg/Command", std::string(kCommandSchema)),
+          topic(Topic::keyframe, "takt_msgs/msg/Keyframe", std::string(kKeyframeSchema)),
+          topic(Topic::transition, "takt_msgs/msg/Transition", std::string(kTransitionSchema)),
+          topic(Topic::loss, "takt_msgs/msg/Loss", std::string(kLossSchema)),
+          topic(Topic::joint_states, "sensor_msgs/msg/JointState", std::string(kJointStateSchema))};
+}
+
+void encode_command(const RecordedCommand& command, CdrWriter& out) {
+  std::byte header[sizeof(CommandHeader)] = {};
+  std::copy_n(command.payload.begin(), std::min(command.payload.size(), sizeof header), header);
+  out.clear();
+  out.put(command.tick);
+  out.put_count(command.payload.size());
+  for (const TickField& field : kCommandFields) out.put_raw(header + field.offset, size_of(field.type));
+  for (std::size_t at = kReservedAt; at < sizeof header; ++at) out.put_raw(header + at, 1);
+  const std::size_t behind = command.payload.size() - std::min(command.payload.size(), sizeof header);
+  out.put_count(behind / 4);
+  std::size_t at = sizeof header;
+  for (std::size_t value = 0; value < behind / 4; ++value, at += 4) out.put_raw(&command.payload[at], 4);
+  out.put_octets(behind % 4 == 0 ? std::span<const std::byte>{} : std::span(command.payload).subspan(at));
+  out.put(command.crc);
+}
+
+bool decode_command(std::span<const std::byte> message, RecordedCommand& out) {
+  CdrReader reader(message);
+  out.tick = reader.get<std::uint64_t>();
+  const std::size_t byte_count = reader.get_count(sizeof(CommandChunk));
+  out.payload.assign(sizeof(CommandHeader), std::byte{0});
+  for (const TickField& field : kCommandFields) reader.get_raw(&out.payload[field.offset], size_of(field.type));
+  for (std::size_t at = kReservedAt; at < sizeof(CommandHeader); ++at) reader.get_raw(&out.payload[at], 1);
+  const std::size_t values = reader.get_count(kMaxChunkValues);
+  out.payload.resize(sizeof(CommandHeader) + 4 * values);
+  for (std::size_t value = 0; value < values; ++value) {
+    reader.get_raw(&out.payload[sizeof(CommandHeader) + 4 * value], 4);
+  }
+  const auto rest = reader.get_octets();
+  out.payload.insert(out.payload.end(), rest.begin(), rest.end());
+  out.crc = reader.get<std::uint32_t>();
+  if (!reader.ok() || byte_count > out.payload.size()) return false;
+  out.payload.resize(byte_count);
+  return true;
+}
+
+std::optional<std::string> mend_flipped_bit(RecordedCommand& command) {
+  constexpr std::size_t kSearchedBytes = 4096;  // the search is quadratic in the size
+  Bytes& payload = command.payload;
+  if (payload.size() > kSearchedBytes) return std::nullopt;
+  for (std::size_t bit = 0; bit < 8 * payload.size(); ++bit) {
+    const std::byte mask{static_cast<unsigned char>(1U << (bit % 8))};
+    payload[bit / 8] ^= mask;
+    if (ipc::crc32c(payload) == command.crc) return place_in_command(bit / 8);
+    payload[bit / 8] ^= mask;
+  }
+  return std::nullopt;
+}
+
+void encode_keyframe(const RecordedKeyframe& keyframe, CdrWriter& out) {
+  out.clear();
+  out.put(keyframe.tick);
+  out.put_octets(keyframe.state);
+  out.put(ipc::crc32c(keyframe.state));
+}
+
+bool decode_keyframe(std::span<const std::byte> message, RecordedKeyframe& out) {
+  CdrReader reader(message);
+  out.tick = reader.get<std::uint64_t>();
+  const auto state = reader.get_octets();
+  out.state.assign(state.begin(), state.end());
+  const auto crc = reader.get<std::uint32_t>();
+  return reader.ok() && crc == ipc::crc32c(out.state);
+}
+
+void encode_transition(const Transition& transition, CdrWriter& out) {
+  out.clear();
+  out.put(transition.tick);
+  out.put(transition.at.ns);
+  out.put(static_cast<std::uint8_t>(transition.from));
+  out.put(static_cast<std::uint8_t>(transition.to));
+  out.put(static_cast<std::uint8_t>(transition.cause));
+  out.put_string(fmt::format("{} -> {}: {}", name(transition.from), name(transition.to), name(transition.cause)));
+}
+
+void encode_loss(const Loss& loss, CdrWriter& out) {
+  out.clear();
+  out.put_string(loss.ring);
+  out.put_string(loss.reason);
+  out.put(loss.count);
+  out.put(loss.after_tick);
+  out.put(loss.before_tick);
+}
+
+bool decode_loss(std::span<const std::byte> message, Loss& out) {
+  CdrReader reader(message);
+  out.ring = reader.get_string();
+  out.reason = reader.get_string();
+  out.count = reader.get<std::uint64_t>();
+  out.after_tick = reader.get<std::uint64_t>();
+  out.before_tick = reader.get<std::uint64_t>();
+  return reader.ok();
+}
+
+void encode_joint_state(const TickRecord& record, std::int64_t unix_ns, std::span<const std::string> names,
+                        CdrWriter& out) {
+  out.clear();
+  out.put(static_cast<std::int32_t>(unix_ns / 1'000'000'000));
+  out.put(static_cast<std::uint32_t>(unix_ns % 1'000'000'000));
+  out.put_string("");
+  out.put_count(names.size());
+  for (const std::string& each : names) out.put_string(each);
+  put_doubles(out, record, [](const JointRecord& joint) { return joint.feedback.q; });
+  put_doubles(out, record, [](const JointRecord& joint) { return joint.dq_estimate; });
+  put_doubles(out, record, [](const JointRecord& joint) { return joint.feedback.tau; });
+}
+
+}  // namespace takt::monitor

@@ -1,0 +1,73 @@
+// The messages of a recorded run beside the tick itself: what they hold, their ros2msg text, their CDR form.
+//
+//   /takt/tick        takt_msgs/msg/Tick        every control tick (tick_schema.hpp)
+//   /takt/command     takt_msgs/msg/Command     every message read from a policy, refused ones included, byte for byte
+//   /takt/keyframe    takt_msgs/msg/Keyframe    the decision's saved state after a tick: replay starts there
+//   /takt/transition  takt_msgs/msg/Transition  a change of mode and its cause
+//   /takt/loss        takt_msgs/msg/Loss        what was not recorded, and why
+//   /joint_states     sensor_msgs/msg/JointState  decimated, for the usual viewers
+// In the file a tick's command comes before the tick, its keyframe and transition behind it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "executive/contract/command_chunk.hpp"
+#include "executive/contract/tick_record.hpp"
+#include "monitor/cdr.hpp"
+#include "monitor/mcap_writer.hpp"
+
+namespace takt::monitor {
+
+enum class Topic : std::uint16_t { tick = 1, command, keyframe, transition, loss, joint_states };
+
+// In the order of Topic, so that channel ids are Topic values.
+std::vector<McapTopic> run_topics();
+std::string_view topic_name(Topic topic);
+
+struct RecordedCommand {
+  std::uint64_t tick = 0;  // that read it
+  Bytes payload;           // as read from the mailbox, never more than a CommandChunk
+  std::uint32_t crc = 0;   // CRC-32C of the payload when it was recorded
+};
+void encode_command(const RecordedCommand& command, CdrWriter& out);
+bool decode_command(std::span<const std::byte> message, RecordedCommand& out);
+// When one flipped bit explains a checksum that does not match: puts it right and names its place, "infer_ended_at" or
+// "values[3]". Searches messages of up to 4 KiB.
+std::optional<std::string> mend_flipped_bit(RecordedCommand& command);
+
+struct RecordedKeyframe {
+  std::uint64_t tick = 0;  // the state is the one after this tick
+  Bytes state;             // pipeline::save
+};
+void encode_keyframe(const RecordedKeyframe& keyframe, CdrWriter& out);
+bool decode_keyframe(std::span<const std::byte> message, RecordedKeyframe& out);
+
+struct Transition {
+  std::uint64_t tick = 0;
+  MonoTime at;
+  Mode from = Mode::standby;
+  Mode to = Mode::standby;
+  Cause cause = Cause::none;
+};
+void encode_transition(const Transition& transition, CdrWriter& out);
+
+struct Loss {
+  std::string ring;               // "tick", "command", "keyframe", "frame"
+  std::string reason;             // "overwritten", "before_attach", "unreadable", "recording_stopped"
+  std::uint64_t count = 0;        // entries of the ring
+  std::uint64_t after_tick = 0;   // last tick recorded before the gap; 0 none
+  std::uint64_t before_tick = 0;  // first tick recorded after it; 0 none
+};
+void encode_loss(const Loss& loss, CdrWriter& out);
+bool decode_loss(std::span<const std::byte> message, Loss& out);
+
+void encode_joint_state(const TickRecord& record, std::int64_t unix_ns, std::span<const std::string> names,
+                        CdrWriter& out);
+
+}  // namespace takt::monitor

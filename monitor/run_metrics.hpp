@@ -1,0 +1,59 @@
+// The numbers of a run, computed from its recorded ticks alone: metrics.json, the terminal report and the HTML report
+// all show these.
+//
+// Ages and miss rates are over the ticks that relied on the policy (the mode before the tick was tracking or degraded).
+// Per tick: age of the command in use at each such tick; a miss is a tick whose command was stale or missing.
+// Per command: age at first use (sense + queue + infer + publish); a miss is a command that grew past max_age, or ran
+// out of steps, while it was the one in use, so that a stall of the policy is one miss; commands refused because their
+// observation had expired are misses as well. Times are nanoseconds.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <expected>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "monitor/freshness_statistics.hpp"
+#include "monitor/recorded_run.hpp"
+
+namespace takt::monitor {
+
+inline constexpr std::size_t kAgePartCount = 6;
+inline constexpr std::array<std::string_view, kAgePartCount> kAgePartNames{"sense",   "queue", "infer",
+                                                                           "publish", "hold",  "total"};
+
+struct RunMetrics {
+  std::uint64_t ticks = 0, first_tick = 0, last_tick = 0;
+  MonoTime start;  // of the first recorded tick
+  Mode last_mode = Mode::standby;
+  Duration span;                   // first to last recorded tick
+  std::uint64_t relied_ticks = 0;  // that relied on the policy
+  std::array<Quantiles, kAgePartCount> age_per_tick;
+  std::array<Quantiles, kAgePartCount> age_per_command;  // hold is zero by definition
+  MissRate misses_per_tick, misses_per_command;
+  Quantiles lateness, work;  // of every tick
+  std::array<std::uint64_t, kModeCount> ticks_in_mode{};
+  std::array<std::uint64_t, kArrivalCount> arrivals{};
+  std::array<std::uint64_t, kOverrunCauseCount> overruns{};
+  std::uint64_t skipped_periods = 0, integration_errors = 0;      // within the recorded part
+  std::array<std::uint64_t, kInterventionCount> interventions{};  // joint-ticks
+  std::vector<Transition> transitions;
+  std::uint64_t transition_count = 0;           // transitions holds the first kListedTransitions
+  std::map<std::string, std::uint64_t> losses;  // "tick overwritten" -> entries
+  std::uint64_t missing_ticks = 0;              // gaps in the tick numbers
+  McapReport file;
+};
+inline constexpr std::size_t kListedTransitions = 1000;
+
+std::expected<RunMetrics, std::string> metrics_of(const RecordedRun& run);
+nlohmann::ordered_json to_json(const RunMetrics& metrics, const RecordedRun& run);
+// Computes and writes metrics.json.
+std::expected<RunMetrics, std::string> write_metrics(const RecordedRun& run);
+
+std::string_view name(Verdict verdict);
+
+}  // namespace takt::monitor

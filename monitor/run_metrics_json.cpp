@@ -1,0 +1,110 @@
+// metrics.json: the numbers of run_metrics.hpp under stable names. Times in nanoseconds.
+#include "monitor/bounded_file.hpp"
+#include "monitor/run_metrics.hpp"
+
+namespace takt::monitor {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json quantiles_json(const Quantiles& quantiles) {
+  return {{"count", quantiles.count}, {"p50", quantiles.p50},    {"p95", quantiles.p95},
+          {"p99", quantiles.p99},     {"p99.9", quantiles.p999}, {"max", quantiles.max}};
+}
+
+Json age_json(const std::array<Quantiles, kAgePartCount>& parts) {
+  Json json;
+  for (std::size_t part = 0; part < kAgePartCount; ++part) json[kAgePartNames[part]] = quantiles_json(parts[part]);
+  return json;
+}
+
+Json misses_json(const MissRate& misses) {
+  return {{"misses", misses.misses},
+          {"count", misses.count},
+          {"rate", misses.rate},
+          {"upper_bound", misses.upper_bound},
+          {"verdict", name(misses.verdict)}};
+}
+
+// {"fresh": 12, ...} for an array counted by an enum with name().
+template <class Enum, std::size_t size>
+Json counts_json(const std::array<std::uint64_t, size>& counts) {
+  Json json;
+  for (std::size_t value = 0; value < size; ++value)
+    json[std::string(takt::name(static_cast<Enum>(value)))] = counts[value];
+  return json;
+}
+
+}  // namespace
+
+std::string_view name(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::held:
+      return "held";
+    case Verdict::undecided:
+      return "undecided";
+    case Verdict::violated:
+      return "violated";
+  }
+  return "invalid";
+}
+
+Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
+  const config::Freshness& freshness = run.robot.freshness;
+  Json json;
+  json["schema"] = "takt.metrics/1";
+  json["run_id"] = run.manifest.run_id;
+  json["robot"] = run.manifest.robot;
+  json["contract"] = {
+      {"max_age_ns", freshness.max_age.ns}, {"epsilon", freshness.epsilon}, {"confidence", freshness.confidence}};
+  json["ticks"] = {{"recorded", metrics.ticks},
+                   {"first", metrics.first_tick},
+                   {"last", metrics.last_tick},
+                   {"missing", metrics.missing_ticks},
+                   {"relied_on_policy", metrics.relied_ticks},
+                   {"span_ns", metrics.span.ns}};
+  json["quantile_method"] = "exclusive";
+  json["bound_method"] = "one-sided Clopper-Pearson";
+  json["age_ns"] = {{"per_tick", age_json(metrics.age_per_tick)}, {"per_command", age_json(metrics.age_per_command)}};
+  json["deadline_misses"] = {{"per_tick", misses_json(metrics.misses_per_tick)},
+                             {"per_command", misses_json(metrics.misses_per_command)}};
+  json["degraded_by_p95"] = should_degrade(metrics.age_per_tick.back(), static_cast<double>(freshness.max_age.ns));
+  json["lateness_ns"] = quantiles_json(metrics.lateness);
+  json["work_ns"] = quantiles_json(metrics.work);
+  json["ticks_in_mode"] = counts_json<Mode>(metrics.ticks_in_mode);
+  json["arrivals"] = counts_json<Arrival>(metrics.arrivals);
+  json["overruns"] = counts_json<OverrunCause>(metrics.overruns);
+  json["skipped_periods"] = metrics.skipped_periods;
+  json["integration_errors"] = metrics.integration_errors;
+  for (std::size_t index = 0; index < kInterventionCount; ++index) {
+    json["interventions"][std::string(kInterventionNames[index])] = metrics.interventions[index];
+  }
+  json["transition_count"] = metrics.transition_count;
+  json["transitions"] = Json::array();
+  for (const Transition& each : metrics.transitions) {
+    json["transitions"].push_back({{"tick", each.tick},
+                                   {"monotonic_ns", each.at.ns},
+                                   {"from", takt::name(each.from)},
+                                   {"to", takt::name(each.to)},
+                                   {"cause", takt::name(each.cause)}});
+  }
+  json["losses"] = metrics.losses;
+  json["file"] = {{"finished", metrics.file.finished},
+                  {"unread_bytes", metrics.file.unread_bytes},
+                  {"damaged_chunks", metrics.file.damaged_chunks}};
+  json["recording_stopped"] = run.manifest.stopped_because.empty() ? Json(nullptr) : Json(run.manifest.stopped_because);
+  json["realtime"] = run.manifest.executive.is_object() && run.manifest.executive.contains("realtime")
+                         ? run.manifest.executive.at("realtime")
+                         : Json(nullptr);
+  return json;
+}
+
+std::expected<RunMetrics, std::string> write_metrics(const RecordedRun& run) {
+  auto metrics = metrics_of(run);
+  if (!metrics) return metrics;
+  const auto written = replace_file(run.folder.metrics(), to_json(*metrics, run).dump(2) + "\n");
+  if (!written) return std::unexpected(written.error());
+  return metrics;
+}
+
+}  // namespace takt::monitor

@@ -1,0 +1,129 @@
+#include "monitor/tick_schema.hpp"
+
+#include <array>
+
+namespace takt::monitor {
+namespace {
+
+using enum FieldType;
+constexpr FieldRole in = FieldRole::input;
+constexpr FieldRole out = FieldRole::output;
+
+// Names of an enum's values in order, from its own name() function.
+template <class Enum, std::size_t count>
+constexpr std::array<std::string_view, count> names_of() {
+  std::array<std::string_view, count> names{};
+  for (std::size_t value = 0; value < count; ++value) names[value] = name(static_cast<Enum>(value));
+  return names;
+}
+
+constexpr auto kModes = names_of<Mode, kModeCount>();
+constexpr auto kCauses = names_of<Cause, kCauseCount>();
+constexpr auto kArrivals = names_of<Arrival, kArrivalCount>();
+constexpr auto kFreshnesses = names_of<Freshness, kFreshnessCount>();
+constexpr auto kOverruns = names_of<OverrunCause, kOverrunCauseCount>();
+constexpr std::array<std::string_view, 5> kRequests{"none", "arm", "stop", "reset", "shutdown"};
+constexpr std::array<std::string_view, 4> kBusStates{"up", "error_passive", "bus_off", "down"};
+constexpr std::array<std::string_view, 4> kDriveStates{"unknown", "disabled", "enabled", "fault"};
+
+#define HEADER(member) offsetof(TickRecordHeader, member)
+constexpr TickField kHeaderFields[] = {
+    {"tick", u64, HEADER(tick), in, "control period counter"},
+    {"now", i64, HEADER(now), in, "ns, CLOCK_MONOTONIC"},
+    {"lateness", i64, HEADER(lateness), in, "ns, wake-up after its schedule"},
+    {"last_duration", i64, HEADER(last_duration), in, "ns, work of the previous tick"},
+    {"skipped_periods", u64, HEADER(skipped_periods), in, "since start"},
+    {"command_sequence_seen", u64, HEADER(command_sequence_seen), in, "of the message read; 0 none"},
+    {"operator_request", u8, HEADER(operator_request), in, "", kRequests},
+    {"overrun_cause", u8, HEADER(overrun_cause), in, "of the previous period", kOverruns},
+    {"mailbox", u8, HEADER(mailbox), in, "ARRIVAL values; accepted: a message was read"},
+    {"bus_count", u8, HEADER(bus_count), in, ""},
+    {"joint_count", u32, HEADER(joint_count), in, ""},
+    {"age_sense", i64, HEADER(age) + offsetof(AgeParts, sense), out, "ns"},
+    {"age_queue", i64, HEADER(age) + offsetof(AgeParts, queue), out, "ns"},
+    {"age_infer", i64, HEADER(age) + offsetof(AgeParts, infer), out, "ns"},
+    {"age_publish", i64, HEADER(age) + offsetof(AgeParts, publish), out, "ns"},
+    {"age_hold", i64, HEADER(age) + offsetof(AgeParts, hold), out, "ns"},
+    {"command_sequence", u64, HEADER(command_sequence), out, "command in use; 0 none"},
+    {"observation_answered", u64, HEADER(observation_answered), out, ""},
+    {"observation_published", u64, HEADER(observation_published), out, "0 none"},
+    {"window_misses", u32, HEADER(window_misses), out, "exact count over the sliding window"},
+    {"window_ticks", u32, HEADER(window_ticks), out, ""},
+    {"integration_errors", u32, HEADER(integration_errors), out, "stamps that ran backwards, since start"},
+    {"refused_commands", u32, HEADER(refused_commands), out, "since start"},
+    {"mode", u8, HEADER(mode), out, "after this tick", kModes},
+    {"previous_mode", u8, HEADER(previous_mode), out, "MODE values"},
+    {"cause", u8, HEADER(cause), out, "of the transition, if any", kCauses},
+    {"arrival", u8, HEADER(arrival), out, "verdict on the message read", kArrivals},
+    {"freshness", u8, HEADER(freshness), out, "of the command in use", kFreshnesses},
+    {"chunk_step", u8, HEADER(chunk_step), out, "step being played"},
+    {"drives_enabled", u8, HEADER(drives_enabled), out, "1: drives are told to be enabled"},
+    {"policy_session", u8, HEADER(policy_session), in, "changes when another policy's mailbox is read"},
+    {"causes_active", u64, HEADER(causes_active), out, "bit per CAUSE value"},
+};
+#undef HEADER
+
+#define BUS(member) offsetof(BusHealth, member)
+constexpr TickField kBusFields[] = {
+    {"bus_tx_dropped", u32, BUS(tx_dropped), in, "frames, since start"},
+    {"bus_rx_dropped", u32, BUS(rx_dropped), in, "frames, since start"},
+    {"bus_foreign_frames", u32, BUS(foreign_frames), in, "frames, since start"},
+    {"bus_state", u8, BUS(state), in, "", kBusStates},
+};
+#undef BUS
+
+#define FEEDBACK(member) offsetof(JointRecord, feedback) + offsetof(JointFeedback, member)
+#define JOINT(member) offsetof(JointRecord, member)
+constexpr TickField kJointFields[] = {
+    {"feedback_received_at", i64, FEEDBACK(received_at), in, "ns, CLOCK_MONOTONIC"},
+    {"feedback_q", f32, FEEDBACK(q), in, "rad"},
+    {"feedback_dq", f32, FEEDBACK(dq), in, "rad/s"},
+    {"feedback_tau", f32, FEEDBACK(tau), in, "Nm"},
+    {"feedback_temperature", f32, FEEDBACK(temperature_C), in, "degrees Celsius"},
+    {"feedback_error_code", u32, FEEDBACK(error_code), in, "the drive protocol's own code"},
+    {"feedback_drive_state", u8, FEEDBACK(drive_state), in, "", kDriveStates},
+    {"q_estimate", f32, JOINT(q_estimate), out, "rad"},
+    {"dq_estimate", f32, JOINT(dq_estimate), out, "rad/s"},
+    {"q_reference", f32, JOINT(q_reference), out, "rad"},
+    {"dq_reference", f32, JOINT(dq_reference), out, "rad/s"},
+    {"tau_gravity", f32, JOINT(tau_gravity), out, "Nm"},
+    {"tau_total", f32, JOINT(tau_total), out, "Nm"},
+    {"q_command", f32, JOINT(q_command), out, "rad"},
+    {"dq_command", f32, JOINT(dq_command), out, "rad/s"},
+    {"kp_command", f32, JOINT(kp_command), out, "Nm/rad"},
+    {"kd_command", f32, JOINT(kd_command), out, "Nm s/rad"},
+    {"tau_command", f32, JOINT(tau_command), out, "Nm"},
+    {"interventions", u16, JOINT(interventions), out, "bit mask, see INTERVENTION constants"},
+};
+#undef FEEDBACK
+#undef JOINT
+
+}  // namespace
+
+std::size_t size_of(FieldType type) {
+  switch (type) {
+    case u8:
+      return 1;
+    case u16:
+      return 2;
+    case u32:
+    case f32:
+      return 4;
+    case u64:
+    case i64:
+      return 8;
+  }
+  return 0;
+}
+
+std::span<const TickField> header_fields() {
+  return kHeaderFields;
+}
+std::span<const TickField> bus_fields() {
+  return kBusFields;
+}
+std::span<const TickField> joint_fields() {
+  return kJointFields;
+}
+
+}  // namespace takt::monitor

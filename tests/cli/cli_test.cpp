@@ -1,0 +1,254 @@
+// Goal: the `takt` program does what its help says and ends with the documented exit codes. Method: the real binary, in
+// a directory of its own; `takt run` with the real processes of the demo robot, after which nothing may be left
+// running.
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+
+namespace takt::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Ended {
+  int exit_code = -1;
+  std::string output;  // stdout and stderr together
+};
+
+// Bounded wait for what other processes do.
+bool poll_until(const auto& holds) {
+  for (int poll = 0; poll < 1500 && !holds(); ++poll) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  return holds();
+}
+
+// A program of ours that runs while this lives.
+class Background {
+ public:
+  Background(const std::string& command, const std::string& log) : pid_(fork()) {
+    if (pid_ != 0) return;
+    const std::string line = "exec " + std::string(TAKT_BIN_DIR) + "/" + command + " >" + log + " 2>&1";
+    execl("/bin/sh", "sh", "-c", line.c_str(), nullptr);
+    _exit(127);
+  }
+  ~Background() {
+    if (pid_ <= 0) return;
+    kill(pid_, SIGKILL);
+    waitpid(pid_, nullptr, 0);
+  }
+  Background(const Background&) = delete;
+  Background& operator=(const Background&) = delete;
+
+ private:
+  pid_t pid_;
+};
+
+class Cli : public testing::Test {
+ protected:
+  Cli() {
+    std::string pattern = (fs::temp_directory_path() / "takt-cli.XXXXXX").string();
+    directory_ = mkdtemp(pattern.data());
+  }
+  ~Cli() override {
+    std::error_code ignored;
+    fs::remove_all(directory_, ignored);
+  }
+  static std::string takt() { return std::string(TAKT_BIN_DIR) + "/takt "; }
+  static Ended run(const std::string& arguments) { return run_shell(takt() + arguments + " 2>&1"); }
+  static Ended run_shell(const std::string& command) {
+    FILE* pipe = popen(command.c_str(), "r");
+    if (!pipe) return {};
+    Ended ended;
+    std::array<char, 4096> buffer{};
+    while (const std::size_t got = fread(buffer.data(), 1, buffer.size(), pipe))
+      ended.output.append(buffer.data(), got);
+    ended.exit_code = WEXITSTATUS(pclose(pipe));
+    return ended;
+  }
+  [[nodiscard]] std::string in(const std::string& name) const { return directory_ + "/" + name; }
+  [[nodiscard]] std::string run_arguments(const std::string& more) const {
+    return "run config/arm6.yaml --allow-non-realtime --runtime-dir " + directory_ + " --run-dir " + in("run") + " " +
+           more;
+  }
+  // Processes whose command line names this test's directory.
+  [[nodiscard]] int left_running() const {
+    int count = 0;
+    for (const auto& entry : fs::directory_iterator("/proc")) {
+      std::ifstream file(entry.path() / "cmdline");
+      const std::string line{std::istreambuf_iterator<char>(file), {}};
+      if (line.find(directory_) != std::string::npos && line.find("takt") != std::string::npos) ++count;
+    }
+    return count;
+  }
+  std::string directory_;
+};
+
+TEST_F(Cli, HelpOfEveryCommandHasAnExampleAndItsExitCodes) {
+  for (const char* command : {"run", "arm", "stop", "reset", "status", "report", "replay", "config check",
+                              "config show", "config keys", "config import"}) {
+    const Ended help = run(std::string(command) + " --help");
+    EXPECT_EQ(help.exit_code, 0) << command;
+    EXPECT_NE(help.output.find("Example: takt "), std::string::npos) << command << "\n" << help.output;
+    EXPECT_NE(help.output.find("Exit codes:"), std::string::npos) << command;
+  }
+  EXPECT_EQ(run("--version").output.find("takt "), 0U);
+}
+
+TEST_F(Cli, WrongCommandLinesEndWith64) {
+  EXPECT_EQ(run("").exit_code, 64);
+  EXPECT_EQ(run("fly").exit_code, 64);
+  EXPECT_EQ(run("status").exit_code, 64) << "which robot?";
+  EXPECT_EQ(run(run_arguments("--at 'soon: stop'")).exit_code, 64);
+  EXPECT_EQ(run(run_arguments("--duration 20")).exit_code, 64);
+}
+
+TEST_F(Cli, ConfigCheckNamesProblemsAndEndsWith65) {
+  EXPECT_EQ(run("config check config/arm6.yaml").exit_code, 0);
+  std::ofstream(in("bad.yaml")) << "schema: takt.robot/1\nrobot: x\nrobot: y\n";
+  const Ended text = run("config check " + in("bad.yaml"));
+  EXPECT_EQ(text.exit_code, 65);
+  EXPECT_EQ(text.output,
+            in("bad.yaml") + ":3:1: duplicate key `robot`, first written in line 2; keep one of the two\n");
+  const Ended json = run("config check --json " + in("bad.yaml"));
+  EXPECT_EQ(json.exit_code, 65);
+  EXPECT_EQ(nlohmann::json::parse(json.output)["problems"].size(), 1U);
+}
+
+TEST_F(Cli, ConfigCheckLooksForThePolicyFile) {
+  fs::copy("config/arm6.yaml", in("arm6.yaml"));
+  const Ended ended = run("config check " + in("arm6.yaml"));
+  EXPECT_EQ(ended.exit_code, 65);
+  EXPECT_NE(ended.output.find("arm6_reach.onnx: No such file"), std::string::npos) << ended.output;
+}
+
+TEST_F(Cli, ConfigShowPrintsWhatReadsBackToTheSameHash) {
+  const Ended shown = run("config show config/arm6.yaml --json");
+  ASSERT_EQ(shown.exit_code, 0);
+  const auto json = nlohmann::json::parse(shown.output);
+  std::ofstream(in("again.yaml")) << json["resolved"].get<std::string>();
+  const auto again = nlohmann::json::parse(run("config show --json " + in("again.yaml")).output);
+  EXPECT_EQ(again["sha256"], json["sha256"]);
+}
+
+TEST_F(Cli, ImportRefusesToOverwrite) {
+  const std::string deploy = "../shared/policies/g1_velocity/deploy.yaml";
+  if (!fs::exists(deploy)) GTEST_SKIP() << "NOT TESTED: " << deploy << " is absent";
+  const std::string command =
+      "config import " + deploy + " --policy ../shared/policies/g1_velocity/policy.onnx --robot g1 -o " + in("g1.yaml");
+  EXPECT_EQ(run(command).exit_code, 0);
+  EXPECT_EQ(run(command).exit_code, 1);
+  const Ended check = run("config check " + in("g1.yaml"));
+  EXPECT_EQ(check.exit_code, 65);
+  EXPECT_NE(check.output.find("joints[28].limits.torque: is still FILL_IN"), std::string::npos);
+}
+
+TEST_F(Cli, WithoutAnExecutiveRequestsEndWith69) {
+  for (const char* verb : {"arm", "stop", "reset", "status"}) {
+    const Ended ended = run(std::string(verb) + " --runtime-dir " + directory_);
+    EXPECT_EQ(ended.exit_code, 69) << verb;
+    EXPECT_NE(ended.output.find("no executive answers in"), std::string::npos);
+  }
+  EXPECT_FALSE(nlohmann::json::parse(run("status --json --runtime-dir " + directory_).output)["done"].get<bool>());
+}
+
+TEST_F(Cli, RunRefusesABadConfigurationAndStartsNothing) {
+  std::ofstream(in("bad.yaml")) << "robot: x\n";
+  EXPECT_EQ(run("run " + in("bad.yaml") + " --runtime-dir " + in("rt")).exit_code, 65);
+  EXPECT_FALSE(fs::exists(in("rt")));
+}
+
+TEST_F(Cli, RunFollowsItsScriptAndLeavesOnlyTheRunFolder) {
+  const Ended ended =
+      run(run_arguments("--arm --duration 60s --at '0.5s: freeze policy 200ms' --at '2s: kill policy'"));
+  EXPECT_EQ(ended.exit_code, 0) << ended.output;
+  for (const char* expected : {"tracking", "script: freeze policy", "script: kill policy",
+                               "takt-policy-host was killed by SIGKILL", "damped_stop", "run folder: "})
+    EXPECT_NE(ended.output.find(expected), std::string::npos) << expected << " is missing in\n" << ended.output;
+  EXPECT_EQ(ended.output.find('\x1b'), std::string::npos) << "no control sequences without a terminal";
+  for (const char* file : {"manifest.json", "ticks.mcap", "transitions.jsonl", "logs/takt-executive.log"})
+    EXPECT_TRUE(fs::exists(in("run/" + std::string(file)))) << file;
+  EXPECT_EQ(left_running(), 0);
+  EXPECT_EQ(run("replay " + in("run")).exit_code, 0);
+}
+
+// A real terminal on stdout (script's): the state is one line, written over.
+TEST_F(Cli, OnATerminalTheStateIsOneLineWrittenOver) {
+  const std::string command =
+      "script -qec '" + takt() + run_arguments("--arm --duration 1s") + "' /dev/null </dev/null 2>&1";
+  const Ended ended = run_shell(command);
+  EXPECT_EQ(ended.exit_code, 0) << ended.output;
+  EXPECT_NE(ended.output.find("\r\x1b[K"), std::string::npos) << ended.output;
+}
+
+// Only the arm and the executive run: a second robot in the same place is refused, and so is arming without a policy.
+TEST_F(Cli, ALiveExecutiveRefusesToArmAndKeepsItsPlace) {
+  const std::string place = " --robot config/arm6.yaml --runtime-dir " + directory_;
+  const Background plant("takt-plant" + place, in("plant.log"));
+  const Background executive("takt-executive --allow-non-realtime" + place, in("executive.log"));
+  const std::string where = " --runtime-dir " + directory_;
+  ASSERT_TRUE(poll_until([&] { return run("status" + where).exit_code == 0; }));
+
+  const Ended armed = run("arm" + where);
+  EXPECT_EQ(armed.exit_code, 1);
+  EXPECT_NE(armed.output.find("no policy is attached: start takt-policy-host\n"), std::string::npos) << armed.output;
+  const auto json = nlohmann::json::parse(run("arm --json" + where).output);
+  EXPECT_FALSE(json["done"].get<bool>());
+  EXPECT_GE(json["sentences"].size(), 1U);
+  EXPECT_EQ(json["status"]["mode"], "standby");
+
+  const Ended second = run(run_arguments("--arm"));
+  EXPECT_EQ(second.exit_code, 1);
+  EXPECT_NE(second.output.find("a robot already runs in " + directory_), std::string::npos) << second.output;
+  EXPECT_FALSE(fs::exists(in("run")));
+  EXPECT_EQ(run("status" + where).exit_code, 0) << "the first one is not disturbed";
+}
+
+TEST_F(Cli, RunRestartsWhatMayBeRestarted) {
+  const Ended ended =
+      run(run_arguments("--arm --restart --duration 5s --at '0.5s: kill monitor' --at '1s: kill policy'"));
+  EXPECT_EQ(ended.exit_code, 0) << ended.output;
+  EXPECT_NE(ended.output.find("takt-monitor restarted"), std::string::npos) << ended.output;
+  EXPECT_NE(ended.output.find("takt-policy-host restarted"), std::string::npos) << ended.output;
+  EXPECT_EQ(left_running(), 0);
+}
+
+TEST_F(Cli, ExecutiveDyingEndsTheRunWithAFailure) {
+  const Ended ended = run(run_arguments("--arm --duration 60s --at '0.3s: kill executive'"));
+  EXPECT_EQ(ended.exit_code, 1) << ended.output;
+  EXPECT_NE(ended.output.find("takt-executive was killed by SIGKILL: the run ends"), std::string::npos) << ended.output;
+  EXPECT_EQ(left_running(), 0);
+}
+
+// The supervisor itself killed: its children must not outlive it (bounded wait: the executive stops softly first).
+TEST_F(Cli, NothingOutlivesAKilledSupervisor) {
+  const pid_t supervisor = fork();
+  ASSERT_GE(supervisor, 0);
+  if (supervisor == 0) {
+    const std::string program = std::string(TAKT_BIN_DIR) + "/takt";
+    const std::string log = in("takt.log");
+    if (!freopen(log.c_str(), "w", stdout)) _exit(1);
+    execl(program.c_str(), "takt", "run", "config/arm6.yaml", "--allow-non-realtime", "--runtime-dir",
+          directory_.c_str(), "--run-dir", in("run").c_str(), "--arm", nullptr);
+    _exit(127);
+  }
+  EXPECT_TRUE(poll_until([this] {
+    std::ifstream file(in("takt.log"));
+    const std::string text{std::istreambuf_iterator<char>(file), {}};
+    return text.find("tracking") != std::string::npos;
+  }));
+  kill(supervisor, SIGKILL);
+  waitpid(supervisor, nullptr, 0);
+  EXPECT_TRUE(poll_until([this] { return left_running() == 0; })) << left_running() << " processes are left";
+}
+
+}  // namespace
+}  // namespace takt::cli

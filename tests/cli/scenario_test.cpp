@@ -1,0 +1,39 @@
+// Goal: --at lines mean what they say or are refused with the grammar. Method: tables.
+#include "monitor/cli/scenario.hpp"
+
+#include <gtest/gtest.h>
+
+namespace takt::cli {
+namespace {
+
+TEST(Scenario, EventsComeInOrderOfTimeAndAFreezeBringsItsThaw) {
+  const auto events = parse_scenario({"14s: kill policy", "8 s: freeze policy 300ms", "1.5s: stop"});
+  ASSERT_TRUE(events.has_value()) << events.error();
+  ASSERT_EQ(events->size(), 4U);
+  EXPECT_EQ((*events)[0].action, ActionKind::stop);
+  EXPECT_EQ((*events)[0].at, milliseconds(1500));
+  EXPECT_EQ((*events)[1].action, ActionKind::freeze);
+  EXPECT_EQ((*events)[2].action, ActionKind::thaw);
+  EXPECT_EQ((*events)[2].at, milliseconds(8300));
+  EXPECT_EQ((*events)[3].action, ActionKind::kill);
+  EXPECT_EQ((*events)[3].process, ProcessName::policy);
+}
+
+TEST(Scenario, RefusesWhatItDoesNotUnderstand) {
+  for (const char* line : {"kill policy", "8: kill policy", "8s kill policy", "8s: kill camera", "8s: freeze policy",
+                           "8s: freeze policy soon", "8s: kill policy now", "8s: stop it", "8s:", "-1s: stop"}) {
+    const auto events = parse_scenario({line});
+    ASSERT_FALSE(events.has_value()) << line;
+    EXPECT_EQ(events.error().find("--at '" + std::string(line) + "': "), 0U) << events.error();
+  }
+}
+
+TEST(Scenario, DurationsMayOmitTheSpace) {
+  EXPECT_EQ(parse_duration("20s"), seconds(20));
+  EXPECT_EQ(parse_duration(" 300 ms "), milliseconds(300));
+  EXPECT_FALSE(parse_duration("20").has_value());
+  EXPECT_FALSE(parse_duration("20 m").has_value());
+}
+
+}  // namespace
+}  // namespace takt::cli

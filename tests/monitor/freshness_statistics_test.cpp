@@ -1,0 +1,89 @@
+// Goal: the review's numbers are the ones a statistician would compute. Method: the worked example of the mission,
+// values computed with Python's statistics and SciPy-independent closed forms, and properties of the bound.
+#include "monitor/freshness_statistics.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace takt::monitor {
+namespace {
+
+// The worked example: ten ages in ms against a limit of 40 ms.
+TEST(FreshnessStatistics, WorkedExampleDegradesOnItsTail) {
+  std::vector<std::int64_t> ages{28, 32, 35, 31, 40, 29, 36, 34, 52, 33};
+  const auto over = static_cast<std::uint64_t>(std::count_if(ages.begin(), ages.end(), [](auto a) { return a > 40; }));
+  const MissRate misses = miss_rate(over, ages.size(), 0.01, 0.95);
+  const Quantiles quantiles = quantiles_of(ages);
+  EXPECT_DOUBLE_EQ(std::round(quantiles.p95 * 10) / 10, 57.4);
+  EXPECT_NEAR(quantiles.p95, 57.4, 1e-12);
+  EXPECT_DOUBLE_EQ(misses.rate, 0.1);
+  EXPECT_TRUE(should_degrade(quantiles, 40));
+  EXPECT_EQ(misses.verdict, Verdict::violated);
+  EXPECT_DOUBLE_EQ(quantiles.max, 52);
+}
+
+// Python: statistics.quantiles(range(1, 101), n=100, method='exclusive')[k - 1] == 1.01 k.
+TEST(FreshnessStatistics, ExclusiveQuantilesOfOneToHundred) {
+  std::vector<std::int64_t> samples;
+  for (std::int64_t value = 100; value >= 1; --value) samples.push_back(value);
+  const Quantiles quantiles = quantiles_of(samples);
+  EXPECT_NEAR(quantiles.p50, 50.5, 1e-9);
+  EXPECT_NEAR(quantiles.p95, 95.95, 1e-9);
+  EXPECT_NEAR(quantiles.p99, 99.99, 1e-9);
+  EXPECT_EQ(quantiles.count, 100U);
+}
+
+TEST(FreshnessStatistics, OneSampleIsEveryQuantileAndNoneIsZero) {
+  std::vector<std::int64_t> one{7};
+  EXPECT_EQ(quantiles_of(one).p999, 7);
+  std::vector<std::int64_t> none;
+  EXPECT_EQ(quantiles_of(none).count, 0U);
+  EXPECT_FALSE(should_degrade(quantiles_of(none), 40));
+}
+
+// Closed forms: no miss in n gives 1 - (1 - confidence)^(1/n); all but one give confidence^(1/n).
+TEST(FreshnessStatistics, BoundMatchesClosedForms) {
+  for (const std::uint64_t n : {1U, 10U, 300U, 20'000U, 3'600'000U}) {
+    const double exponent = 1.0 / static_cast<double>(n);
+    EXPECT_NEAR(clopper_pearson_upper(0, n, 0.95) / -std::expm1(std::log(0.05) * exponent), 1, 1e-6) << n;
+    EXPECT_NEAR(clopper_pearson_upper(n - 1, n, 0.95), std::pow(0.95, exponent), 1e-6) << n;
+  }
+  EXPECT_EQ(clopper_pearson_upper(5, 5, 0.95), 1);
+  EXPECT_EQ(clopper_pearson_upper(0, 0, 0.95), 1);
+}
+
+// The definition itself: at the bound, at most k misses happen with probability 1 - confidence (binomial sum).
+TEST(FreshnessStatistics, BoundMeetsItsDefinition) {
+  for (const std::uint64_t misses : {1U, 3U, 8U}) {
+    const double p = clopper_pearson_upper(misses, 20, 0.95);
+    double tail = 0, term = std::pow(1 - p, 20);
+    for (std::uint64_t k = 0; k <= misses; ++k) {
+      tail += term;
+      term *= static_cast<double>(20 - k) / static_cast<double>(k + 1) * p / (1 - p);
+    }
+    EXPECT_NEAR(tail, 0.05, 1e-9) << misses;
+  }
+}
+
+TEST(FreshnessStatistics, VerdictNeedsEvidenceToHold) {
+  EXPECT_EQ(miss_rate(0, 10, 0.01, 0.95).verdict, Verdict::undecided);
+  EXPECT_EQ(miss_rate(0, 1'000, 0.01, 0.95).verdict, Verdict::held);
+  EXPECT_EQ(miss_rate(20, 1'000, 0.01, 0.95).verdict, Verdict::violated);
+  EXPECT_EQ(miss_rate(0, 0, 0.01, 0.95).verdict, Verdict::undecided);
+}
+
+// Millions of ticks stay exact: a known permutation of 0..3599999.
+TEST(FreshnessStatistics, AnHourOfTicksIsExact) {
+  constexpr std::int64_t count = 3'600'000;
+  std::vector<std::int64_t> samples(count);
+  for (std::int64_t index = 0; index < count; ++index) {
+    samples[static_cast<std::size_t>(index)] = (index * 1'000'003) % count;
+  }
+  const Quantiles quantiles = quantiles_of(samples);
+  EXPECT_NEAR(quantiles.p50, (count - 1) / 2.0, 1e-6);
+  EXPECT_NEAR(quantiles.p99, 0.99 * (count + 1) - 1, 1e-6);
+}
+
+}  // namespace
+}  // namespace takt::monitor

@@ -1,0 +1,142 @@
+// Goal: what was written is read back, whatever happened to the file in between. Method: a small recording, cut off at
+// every length, damaged at every byte, and stopped by a size limit.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <map>
+
+#include "monitor/mcap_format.hpp"
+#include "monitor/mcap_reader.hpp"
+#include "monitor/mcap_writer.hpp"
+#include "tests/monitor/temporary_folder.hpp"
+
+namespace takt::monitor {
+namespace {
+
+constexpr std::uint64_t kMessages = 30;
+constexpr std::uint64_t kPerChunk = 10;
+
+class McapTest : public TemporaryFolder {
+ protected:
+  const std::string file_ = path("ticks.mcap");
+  std::vector<std::uint64_t> ends_;  // file size after each chunk
+
+  void record(std::uint64_t max_bytes = 1U << 20U) {
+    auto writer = McapWriter::create(file_, max_bytes, {{"/a", "pkg/msg/A", "uint64 a\n"}, {"/b", "pkg/msg/B", ""}},
+                                     {{"run_id", "r1"}});
+    ASSERT_TRUE(writer) << writer.error();
+    ends_.push_back(writer->file().size());
+    for (std::uint64_t message = 0; message < kMessages; ++message) {
+      writer->write(static_cast<std::uint16_t>(1 + message % 2), 100 + message, bytes_of(message));
+      if (message % kPerChunk == kPerChunk - 1 && writer->flush()) ends_.push_back(writer->file().size());
+    }
+    finished_ = writer->finish();
+  }
+
+  // Number of messages given back, after checking that they are the first ones, in order and unharmed.
+  static std::uint64_t read(const std::string& file, McapReport* report = nullptr) {
+    const auto reader = McapReader::open(file);
+    if (!reader) return 0;
+    std::uint64_t count = 0;
+    const McapReport result = reader->scan([&](const McapMessage& message) {
+      std::uint64_t value = 0;
+      EXPECT_EQ(message.data.size(), sizeof value);
+      std::memcpy(&value, message.data.data(), sizeof value);
+      EXPECT_EQ(value, count);
+      EXPECT_EQ(message.log_time, 100 + count);
+      EXPECT_EQ(message.topic, count % 2 == 0 ? "/a" : "/b");
+      EXPECT_EQ(message.schema_name, count % 2 == 0 ? "pkg/msg/A" : "pkg/msg/B");
+      ++count;
+      return true;
+    });
+    if (report != nullptr) *report = result;
+    return count;
+  }
+  bool finished_ = false;
+};
+
+TEST_F(McapTest, GivesBackWhatWasWritten) {
+  record();
+  McapReport report;
+  EXPECT_TRUE(finished_);
+  EXPECT_EQ(read(file_, &report), kMessages);
+  EXPECT_TRUE(report.finished);
+  EXPECT_EQ(report.metadata.at("run_id"), "r1");
+  EXPECT_EQ(report.damaged_chunks, 0U);
+}
+
+TEST_F(McapTest, CutAnywhereItGivesBackEveryWholeChunk) {
+  record();
+  for (std::uint64_t length = std::filesystem::file_size(file_) - 1; length > 0; --length) {
+    std::filesystem::resize_file(file_, length);
+    const auto whole = static_cast<std::uint64_t>(
+        std::count_if(ends_.begin() + 1, ends_.end(), [&](std::uint64_t end) { return end <= length; }));
+    const std::uint64_t count = read(file_);
+    // A chunk's messages are there as soon as the chunk is, even when the index behind it is cut.
+    ASSERT_GE(count, whole * kPerChunk) << length;
+    ASSERT_LE(count, (whole + 1) * kPerChunk) << length;
+    ASSERT_EQ(count % kPerChunk, 0U) << length;
+  }
+}
+
+// Whatever byte is wrong, no message comes back altered: the checks inside read() would see it.
+TEST_F(McapTest, ADamagedByteNeverAltersAMessage) {
+  record();
+  const auto size = std::filesystem::file_size(file_);
+  for (std::uint64_t at = ends_.front(); at < size; ++at) {
+    std::fstream file(file_, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekg(static_cast<std::streamoff>(at));
+    const auto byte = static_cast<char>(file.get() ^ 0x10);
+    file.seekp(static_cast<std::streamoff>(at));
+    file.put(byte);
+    file.close();
+    const auto reader = McapReader::open(file_);
+    ASSERT_TRUE(reader);
+    std::uint64_t count = 0;
+    (void)reader->scan([&](const McapMessage& message) {
+      std::uint64_t value = 0;
+      std::memcpy(&value, message.data.data(), std::min(message.data.size(), sizeof value));
+      EXPECT_EQ(value + 100, message.log_time);
+      return ++count <= kMessages;
+    });
+    EXPECT_LE(count, kMessages);
+    std::fstream mend(file_, std::ios::in | std::ios::out | std::ios::binary);
+    mend.seekp(static_cast<std::streamoff>(at));
+    mend.put(static_cast<char>(byte ^ 0x10));
+  }
+}
+
+// The size limit keeps whole chunks and says why; what is there can be read.
+TEST_F(McapTest, ASizeLimitKeepsWholeChunks) {
+  record();
+  const std::uint64_t limit = ends_[2] + 5;
+  std::filesystem::remove(file_);
+  ends_.clear();
+  record(limit);
+  EXPECT_FALSE(finished_);
+  EXPECT_EQ(std::filesystem::file_size(file_), ends_.back());
+  EXPECT_EQ(read(file_), 2 * kPerChunk);
+}
+
+TEST_F(McapTest, AnythingElseIsRefusedInOneSentence) {
+  EXPECT_NE(McapReader::open(path("absent")).error().find("cannot open"), std::string::npos);
+  std::ofstream(path("text")) << "this is not a recording";
+  EXPECT_NE(McapReader::open(path("text")).error().find("not an MCAP file"), std::string::npos);
+  std::ofstream(path("empty"));
+  EXPECT_NE(McapReader::open(path("empty")).error().find("too short"), std::string::npos);
+}
+
+TEST_F(McapTest, AnExistingFileIsNeverOverwritten) {
+  record();
+  EXPECT_FALSE(McapWriter::create(file_, 1U << 20U, {}, {}));
+}
+
+// Check value of CRC-32/ISO-HDLC.
+TEST(McapFormat, ChecksumIsTheCommonCrc32) {
+  const std::string_view text = "123456789";
+  EXPECT_EQ(mcap::crc32(std::as_bytes(std::span(text))), 0xCBF4'3926U);
+}
+
+}  // namespace
+}  // namespace takt::monitor

@@ -1,0 +1,24 @@
+// A short recorded run of the virtual robot: arming, tracking, a policy that stalls and comes back, and is lost.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "monitor/recorded_run.hpp"
+#include "monitor/recorder.hpp"
+#include "tests/monitor/virtual_robot.hpp"
+
+namespace takt::monitor {
+
+inline constexpr std::uint64_t kDemoTicks = 4'000;
+
+// Records kDemoTicks ticks into `directory` and returns the run, opened.
+RecordedRun record_demo(const std::string& directory);
+
+// Copies `run` into `directory`, with `alter` applied to every tick and command on the way; checksums stay as recorded.
+RecordedRun altered_copy(const RecordedRun& run, const std::string& directory,
+                         const std::function<void(TickRecord&)>& alter_tick,
+                         const std::function<void(RecordedCommand&)>& alter_command,
+                         const std::function<bool(std::uint64_t tick)>& keep_tick);
+
+}  // namespace takt::monitor

@@ -1,0 +1,229 @@
+// Goal: whatever happens to the monitor or its disk, what was recorded is right, and what was not is declared.
+// Method: the virtual robot's rings, drained at different paces; files that stop growing; folders that exist already.
+#include "monitor/recorder.hpp"
+
+#include <gtest/gtest.h>
+#include <sys/mount.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+
+#include "drivers/candump.hpp"
+#include "monitor/replay.hpp"
+#include "monitor/report.hpp"
+#include "tests/monitor/recorded_demo.hpp"
+#include "tests/monitor/temporary_folder.hpp"
+
+namespace takt::monitor {
+namespace {
+
+class RecorderTest : public TemporaryFolder {
+ protected:
+  std::unique_ptr<Recorder> start(const std::string& directory, std::uint64_t max_file_bytes = 1U << 30U) {
+    const auto folder = RunFolder::create(directory);
+    EXPECT_TRUE(folder) << folder.error();
+    auto recorder = Recorder::start(*folder, robot_.manifest(), demo_robot(), max_file_bytes);
+    EXPECT_TRUE(recorder) << recorder.error();
+    return recorder ? std::move(*recorder) : nullptr;
+  }
+  RecordStream attach() { return RecordStream::attach(robot_.rings(), demo_robot().joints.size()).value(); }
+
+  // Runs and drains in steps of 50 ticks.
+  void record(RecordStream& stream, Recorder& recorder, std::uint64_t ticks) {
+    for (std::uint64_t tick = 0; tick < ticks; tick += 50) {
+      robot_.run(50);
+      stream.drain(recorder.sink(), false);
+      recorder.flush_if_due(robot_.latest().header.now);
+    }
+  }
+  void finish(RecordStream& stream, Recorder& recorder) {
+    stream.drain(recorder.sink(), true);
+    const auto done = recorder.finish(robot_.latest().header.now, "test over");
+    EXPECT_TRUE(done) << done.error();
+  }
+  static RecordedRun opened(const std::string& directory) {
+    auto run = open_run(directory);
+    if (!run) throw std::runtime_error(run.error());
+    return *run;
+  }
+  static std::vector<std::uint64_t> ticks_in(const RecordedRun& run) {
+    std::vector<std::uint64_t> ticks;
+    (void)scan_run(run, {.tick = [&](const RecordedTick& tick) { ticks.push_back(tick.record.header.tick); },
+                         .command = {},
+                         .keyframe = {},
+                         .loss = {}});
+    return ticks;
+  }
+  // Stops recording by whatever limit is in force, and checks that everything about it is declared.
+  void expect_declared_stop(const std::string& directory, Recorder& recorder, RecordStream& stream) {
+    record(stream, recorder, 3'000);
+    EXPECT_NE(recorder.stop_reason(), "");
+    record(stream, recorder, 500);  // stays alive, goes on counting
+    finish(stream, recorder);
+    const RecordedRun run = opened(directory);
+    EXPECT_FALSE(run.manifest.complete);
+    EXPECT_EQ(run.manifest.stopped_because, recorder.stop_reason());
+    const auto ticks = ticks_in(run);
+    ASSERT_FALSE(ticks.empty());
+    EXPECT_EQ(run.manifest.ticks, ticks.size());
+    EXPECT_EQ(run.manifest.last_tick, ticks.back());
+    EXPECT_EQ(run.manifest.ticks + run.manifest.unrecorded_ticks, 3'500U);
+    EXPECT_TRUE(std::any_of(run.manifest.first_losses.begin(), run.manifest.first_losses.end(), [&](const Loss& loss) {
+      return loss.reason == "recording_stopped" && loss.after_tick == ticks.back();
+    }));
+    const auto report = replay(run, 1);
+    ASSERT_TRUE(report);
+    EXPECT_EQ(report->identical, ticks.size()) << "what is there still reproduces";
+  }
+
+  VirtualRobot robot_;
+};
+
+TEST_F(RecorderTest, AnUndisturbedRunIsWholeAndSaysSo) {
+  auto stream = attach();
+  const auto recorder = start(path("run"));
+  EXPECT_FALSE(opened(path("run")).manifest.complete) << "a run that is going on is not complete";
+  record(stream, *recorder, 2'000);
+  finish(stream, *recorder);
+  const RecordedRun run = opened(path("run"));
+  EXPECT_TRUE(run.manifest.complete);
+  EXPECT_EQ(run.manifest.ticks, 2'000U);
+  EXPECT_TRUE(run.manifest.losses.empty());
+  EXPECT_EQ(run.robot.sha256, demo_robot().sha256) << "the recorded configuration is the robot's";
+  EXPECT_FALSE(std::filesystem::exists(run.folder.reserve()));
+
+  // transitions.jsonl tells what the ticks tell.
+  const auto metrics = metrics_of(run);
+  ASSERT_TRUE(metrics);
+  std::ifstream lines(run.folder.transitions());
+  std::size_t count = 0;
+  for (std::string line; std::getline(lines, line); ++count) {
+    const auto json = nlohmann::json::parse(line);
+    ASSERT_LT(count, metrics->transitions.size());
+    EXPECT_EQ(json.at("tick"), metrics->transitions[count].tick);
+    EXPECT_EQ(json.at("cause"), name(metrics->transitions[count].cause));
+  }
+  EXPECT_EQ(count, metrics->transition_count);
+
+  // Every line of can.log is candump's, at the tick's Unix time.
+  std::ifstream log(run.folder.frames());
+  std::size_t frames = 0;
+  for (std::string line; std::getline(log, line); ++frames) {
+    const auto frame = drivers::parse_candump_line(line);
+    ASSERT_TRUE(frame) << frame.error();
+    EXPECT_EQ(frame->interface, "can0");
+    EXPECT_EQ(frame->frame.id, 0x123U);
+  }
+  EXPECT_EQ(frames, 2'000U);
+}
+
+// A monitor that slept for longer than the ring is long: what it missed is declared, the rest is right and replays.
+TEST_F(RecorderTest, ASlowMonitorDeclaresWhatItMissed) {
+  auto stream = attach();
+  const auto recorder = start(path("run"));
+  record(stream, *recorder, 1'000);
+  robot_.run(10'000);
+  record(stream, *recorder, 1'000);
+  finish(stream, *recorder);
+  const RecordedRun run = opened(path("run"));
+  const auto ticks = ticks_in(run);
+  EXPECT_GT(run.manifest.losses.at("tick overwritten"), 1'000U);
+  EXPECT_EQ(run.manifest.losses.at("tick overwritten") + ticks.size(), 12'000U);
+  const auto metrics = metrics_of(run);
+  ASSERT_TRUE(metrics);
+  EXPECT_EQ(metrics->missing_ticks, 12'000U - ticks.size());
+  EXPECT_EQ(metrics->losses, run.manifest.losses) << "the losses stand in ticks.mcap as well";
+  EXPECT_NE(report_text(*metrics, run).find("tick overwritten"), std::string::npos);
+  const auto report = replay(run, 1);
+  ASSERT_TRUE(report);
+  EXPECT_TRUE(report->reproduces()) << replay_text(*report);
+  EXPECT_GE(report->gaps, 1U);
+  EXPECT_GT(report->not_judged, 0U);
+}
+
+// A monitor that comes late, or again, records what the rings still hold and says what they do not.
+TEST_F(RecorderTest, ALateMonitorBeginsWithWhatTheRingsHold) {
+  robot_.run(9'000);
+  auto stream = attach();
+  const auto recorder = start(path("run"));
+  record(stream, *recorder, 500);
+  finish(stream, *recorder);
+  const RecordedRun run = opened(path("run"));
+  EXPECT_EQ(run.manifest.losses.at("tick before_attach"), run.manifest.first_tick - 1);
+  EXPECT_EQ(run.manifest.last_tick, 9'500U);
+  const auto report = replay(run, 1);
+  ASSERT_TRUE(report);
+  EXPECT_TRUE(report->reproduces()) << replay_text(*report);
+}
+
+TEST_F(RecorderTest, TheSizeLimitStopsRecordingWithADeclaredLoss) {
+  auto stream = attach();
+  const auto recorder = start(path("run"), 300'000);
+  expect_declared_stop(path("run"), *recorder, stream);
+  EXPECT_NE(recorder->stop_reason().find("limit of 300000 bytes"), std::string::npos) << recorder->stop_reason();
+}
+
+// The kernel's own refusal: no file of this process may grow beyond the limit. Nothing may grow, not even the reserve's
+// room helps: the manifest, which is small, still tells.
+TEST_F(RecorderTest, AKernelLimitStopsRecordingWithADeclaredLoss) {
+  auto stream = attach();
+  const auto recorder = start(path("run"));
+  rlimit before{};
+  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
+  std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit tight{300'000, before.rlim_max};
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &tight), 0);
+  expect_declared_stop(path("run"), *recorder, stream);
+  ::setrlimit(RLIMIT_FSIZE, &before);
+  EXPECT_NE(recorder->stop_reason().find("File too large"), std::string::npos) << recorder->stop_reason();
+}
+
+// A disk that is really full: the reserve makes room for the closing words.
+TEST_F(RecorderTest, AFullDiskStopsRecordingWithADeclaredLoss) {
+  const std::string disk = path("disk");
+  std::filesystem::create_directory(disk);
+  if (::mount("tmpfs", disk.c_str(), "tmpfs", 0, "size=2m") != 0) GTEST_SKIP() << "SKIPPED: may not mount a tmpfs";
+  {
+    auto stream = attach();
+    const auto recorder = start(disk + "/run");
+    std::ofstream(disk + "/filler") << std::string(600'000, 'x');  // somebody else's file
+    expect_declared_stop(disk + "/run", *recorder, stream);
+    EXPECT_NE(recorder->stop_reason().find("No space left"), std::string::npos) << recorder->stop_reason();
+    EXPECT_TRUE(replay(opened(disk + "/run"), 1)->file.finished) << "the reserve had room for the index";
+  }
+  EXPECT_EQ(::umount(disk.c_str()), 0);
+}
+
+TEST_F(RecorderTest, AnExistingRunIsNeverWrittenInto) {
+  const auto first = RunFolder::create(path("run"));
+  const auto second = RunFolder::create(path("run"));
+  const auto third = RunFolder::create(path("run"));
+  ASSERT_TRUE(first && second && third);
+  EXPECT_EQ(first->path(), path("run"));
+  EXPECT_EQ(second->path(), path("run") + ".2");
+  EXPECT_EQ(third->path(), path("run") + ".3");
+}
+
+// Power cut: the file ends somewhere. All but the last second of ticks come back, and they reproduce.
+TEST_F(RecorderTest, ARunCutOffLosesAtMostItsLastSecond) {
+  auto stream = attach();
+  const auto recorder = start(path("run"));
+  record(stream, *recorder, 3'350);
+  // Not finished: what a killed monitor leaves. Then a torn write.
+  std::ofstream(path("run") + "/ticks.mcap", std::ios::app | std::ios::binary) << "\x06torn chunk";
+  const RecordedRun run = opened(path("run"));
+  EXPECT_FALSE(run.manifest.complete);
+  const auto ticks = ticks_in(run);
+  EXPECT_GE(ticks.size(), 3'350U - 1'000U);
+  const auto report = replay(run, 1);
+  ASSERT_TRUE(report);
+  EXPECT_EQ(report->identical, ticks.size());
+  EXPECT_FALSE(report->file.finished);
+  EXPECT_NE(replay_text(*report).find("was not closed"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace takt::monitor

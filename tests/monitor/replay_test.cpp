@@ -1,0 +1,143 @@
+// Goal: a recorded run reproduces bit for bit, and nothing that was changed in it goes unnoticed or unnamed.
+// Method: a run recorded in virtual time, replayed as it is, from the middle, with ticks missing, and with one bit of
+// one field flipped, for fields the decision depends on and fields it does not.
+#include "monitor/replay.hpp"
+
+#include <gtest/gtest.h>
+
+#include <bit>
+
+#include "tests/monitor/recorded_demo.hpp"
+#include "tests/monitor/temporary_folder.hpp"
+
+namespace takt::monitor {
+namespace {
+
+float flip(float value, int bit) {
+  return std::bit_cast<float>(std::bit_cast<std::uint32_t>(value) ^ (1U << bit));
+}
+
+class ReplayTest : public TemporaryFolder {
+ protected:
+  static void leave(TickRecord&) {}
+  static void leave_command(RecordedCommand&) {}
+  static bool keep(std::uint64_t) { return true; }
+
+  ReplayReport replay_altered(const std::function<void(TickRecord&)>& alter) {
+    const auto report = replay(altered_copy(run_, path(std::to_string(++copies_)), alter, leave_command, keep), 1);
+    EXPECT_TRUE(report) << report.error();
+    return report ? *report : ReplayReport{};
+  }
+  const RecordedRun run_ = record_demo(path("run"));
+  int copies_ = 0;
+};
+
+TEST_F(ReplayTest, EveryTickReproducesBitForBit) {
+  const auto report = replay(run_, 1);
+  ASSERT_TRUE(report) << report.error();
+  EXPECT_TRUE(report->reproduces()) << replay_text(*report);
+  EXPECT_EQ(report->ticks, kDemoTicks);
+  EXPECT_EQ(report->identical, kDemoTicks);
+  EXPECT_EQ(report->not_judged, 0U);
+  EXPECT_EQ(report->keyframes, kDemoTicks / VirtualRobot::kKeyframeEvery);
+  EXPECT_EQ(replay_text(*report).substr(0, 45), "4000 of 4000 ticks reproduce bit for bit; 20 ");
+}
+
+TEST_F(ReplayTest, StartsAtTheLastKeyframeBeforeATick) {
+  const auto report = replay(run_, 2'345);
+  ASSERT_TRUE(report) << report.error();
+  EXPECT_TRUE(report->reproduces()) << replay_text(*report);
+  EXPECT_EQ(report->started_at, 2'345U);
+  EXPECT_EQ(report->identical, kDemoTicks - 2'344);
+}
+
+// One bit of one recorded input, whether the decision depends on it (q, received_at) or not (temperature,
+// last_duration).
+TEST_F(ReplayTest, OneFlippedBitNamesTickAndField) {
+  struct Case {
+    const char* field;
+    const char* where;
+    void (*alter)(TickRecord&);
+  };
+  const Case cases[] = {
+      {"feedback_q", "elbow", [](TickRecord& r) { r.joints[2].feedback.q = flip(r.joints[2].feedback.q, 0); }},
+      {"feedback_q", "base_yaw", [](TickRecord& r) { r.joints[0].feedback.q = flip(r.joints[0].feedback.q, 31); }},
+      {"feedback_temperature", "wrist_yaw",
+       [](TickRecord& r) { r.joints[5].feedback.temperature_C = flip(r.joints[5].feedback.temperature_C, 20); }},
+      {"feedback_received_at", "shoulder", [](TickRecord& r) { r.joints[1].feedback.received_at.ns ^= 1; }},
+      {"feedback_drive_state", "wrist_roll",
+       [](TickRecord& r) { r.joints[3].feedback.drive_state = DriveState::fault; }},
+      {"bus_tx_dropped", "can1", [](TickRecord& r) { r.header.buses[1].tx_dropped ^= 4; }},
+      {"now", "", [](TickRecord& r) { r.header.now.ns ^= 1 << 10; }},
+      {"last_duration", "", [](TickRecord& r) { r.header.last_duration.ns ^= 1; }},
+      {"operator_request", "", [](TickRecord& r) { r.header.operator_request = OperatorRequest::stop; }},
+      {"tau_command", "wrist_pitch", [](TickRecord& r) { r.joints[4].tau_command = flip(r.joints[4].tau_command, 3); }},
+  };
+  constexpr std::uint64_t at = 1'234;
+  for (const Case& each : cases) {
+    const ReplayReport report = replay_altered([&](TickRecord& record) {
+      if (record.header.tick == at) each.alter(record);
+    });
+    EXPECT_FALSE(report.reproduces()) << each.field;
+    ASSERT_TRUE(report.first) << each.field;
+    EXPECT_EQ(report.first->tick, at) << each.field;
+    EXPECT_EQ(report.first->field, each.field);
+    EXPECT_EQ(report.first->where, each.where) << each.field;
+    EXPECT_TRUE(report.first->altered) << each.field;
+    EXPECT_NE(report.first->recorded, report.first->recomputed) << each.field;
+    EXPECT_EQ(report.mismatches, 1U) << each.field;
+    EXPECT_EQ(report.identical, kDemoTicks - 1) << each.field;
+  }
+}
+
+TEST_F(ReplayTest, AFlippedBitInACommandIsNamed) {
+  std::uint64_t altered_tick = 0;
+  const auto alter = [&](RecordedCommand& command) {
+    if (altered_tick != 0 || command.tick < 700) return;
+    altered_tick = command.tick;
+    command.payload[sizeof(CommandHeader) + 4 * 7] ^= std::byte{1};
+  };
+  const auto report = replay(altered_copy(run_, path("altered"), leave, alter, keep), 1);
+  ASSERT_TRUE(report) << report.error();
+  ASSERT_TRUE(report->first);
+  EXPECT_EQ(report->first->tick, altered_tick);
+  EXPECT_EQ(report->first->field, "command values[7]");
+  EXPECT_EQ(report->mismatches, 1U);
+}
+
+// More than a bit: the checksum says that something is wrong, the decision says where.
+TEST_F(ReplayTest, AForgedInputIsFoundByTheDecisionItself) {
+  const ReplayReport report = replay_altered([](TickRecord& record) {
+    if (record.header.tick == 1'010) record.joints[1].feedback.q += 0.0123F;
+  });
+  ASSERT_TRUE(report.first);
+  EXPECT_EQ(report.first->tick, 1'010U);
+  EXPECT_EQ(report.first->field, "q_estimate");
+  EXPECT_EQ(report.first->where, "shoulder");
+  EXPECT_GT(report.mismatches, 0U);
+  EXPECT_GT(report.not_judged, 0U) << "until the next keyframe the state is unknown";
+}
+
+TEST_F(ReplayTest, BehindAGapItStartsAgainAtTheNextKeyframe) {
+  const auto gone = [](std::uint64_t tick) { return tick < 1'050 || tick > 1'060; };
+  const auto report = replay(altered_copy(run_, path("gap"), leave, leave_command, gone), 1);
+  ASSERT_TRUE(report) << report.error();
+  EXPECT_TRUE(report->reproduces()) << replay_text(*report);
+  EXPECT_EQ(report->gaps, 1U);
+  EXPECT_EQ(report->not_judged, 1'200U - 1'060U);
+  EXPECT_EQ(report->identical, kDemoTicks - 11 - 140);
+}
+
+// A configuration that is not the run's is refused before anything is compared.
+TEST_F(ReplayTest, AnAlteredConfigurationIsRefused) {
+  std::FILE* file = std::fopen(run_.folder.config().c_str(), "a");
+  ASSERT_NE(file, nullptr);
+  std::fputs("# altered\n", file);
+  std::fclose(file);
+  const auto opened = open_run(run_.folder.path());
+  ASSERT_FALSE(opened);
+  EXPECT_NE(opened.error().find("was altered"), std::string::npos) << opened.error();
+}
+
+}  // namespace
+}  // namespace takt::monitor

@@ -1,0 +1,96 @@
+// Goal: the review's numbers are what the recorded ticks say. Method: the recorded demo, whose two stalls are known,
+// against counts made here straight from the ticks.
+#include "monitor/run_metrics.hpp"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <numeric>
+
+#include "monitor/report.hpp"
+#include "tests/monitor/recorded_demo.hpp"
+#include "tests/monitor/temporary_folder.hpp"
+
+namespace takt::monitor {
+namespace {
+
+class RunMetricsTest : public TemporaryFolder {
+ protected:
+  const RecordedRun run_ = record_demo(path("run"));
+};
+
+TEST_F(RunMetricsTest, CountsAreTheTicksOwn) {
+  const auto metrics = metrics_of(run_);
+  ASSERT_TRUE(metrics) << metrics.error();
+  std::uint64_t relied = 0, missed = 0, accepted = 0;
+  std::int64_t oldest = 0;
+  (void)scan_run(run_, {.tick =
+                            [&](const RecordedTick& tick) {
+                              const TickRecordHeader& header = tick.record.header;
+                              accepted += header.arrival == Arrival::accepted ? 1U : 0U;
+                              if (header.previous_mode != Mode::tracking && header.previous_mode != Mode::degraded)
+                                return;
+                              ++relied;
+                              const bool usable =
+                                  header.freshness == Freshness::fresh || header.freshness == Freshness::aging;
+                              missed += usable ? 0U : 1U;
+                              oldest = std::max(oldest, header.age.total().ns);
+                            },
+                        .command = {},
+                        .keyframe = {},
+                        .loss = {}});
+  EXPECT_EQ(metrics->ticks, kDemoTicks);
+  EXPECT_EQ(metrics->relied_ticks, relied);
+  EXPECT_EQ(metrics->misses_per_tick.misses, missed);
+  EXPECT_EQ(metrics->misses_per_tick.verdict, Verdict::violated);
+  EXPECT_EQ(metrics->arrivals[static_cast<std::size_t>(Arrival::accepted)], accepted);
+  EXPECT_EQ(metrics->age_per_tick.back().max, static_cast<double>(oldest));
+  EXPECT_EQ(std::accumulate(metrics->ticks_in_mode.begin(), metrics->ticks_in_mode.end(), std::uint64_t{0}),
+            kDemoTicks);
+}
+
+// The policy stalls twice: hundreds of ticks miss, but they are the fault of two commands.
+TEST_F(RunMetricsTest, AStallIsOneMissedCommand) {
+  const auto metrics = metrics_of(run_);
+  ASSERT_TRUE(metrics);
+  EXPECT_EQ(metrics->misses_per_command.misses, 2U);
+  EXPECT_GT(metrics->misses_per_tick.misses, 500U);
+  // The virtual policy's stages: camera 25 ms before, start after 2 ms, 7 ms of inference, used 3 ms later.
+  EXPECT_EQ(metrics->age_per_command[0].p50, 25e6);
+  EXPECT_EQ(metrics->age_per_command[1].p50, 2e6);
+  EXPECT_EQ(metrics->age_per_command[2].p50, 7e6);
+  EXPECT_EQ(metrics->age_per_command[3].p50, 3e6);
+  EXPECT_EQ(metrics->age_per_command[5].p50, 37e6);
+}
+
+TEST_F(RunMetricsTest, MetricsFileAndReportSayTheSame) {
+  const auto metrics = write_metrics(run_);
+  ASSERT_TRUE(metrics);
+  std::ifstream file(run_.folder.metrics());
+  const auto json = nlohmann::json::parse(file);
+  EXPECT_EQ(json.at("schema"), "takt.metrics/1");
+  EXPECT_EQ(json.at("deadline_misses").at("per_tick").at("misses"), metrics->misses_per_tick.misses);
+  EXPECT_EQ(json.at("age_ns").at("per_command").at("total").at("p50"), 37e6);
+  EXPECT_EQ(json.at("degraded_by_p95"), true);
+  const std::string text = report_text(*metrics, run_);
+  EXPECT_NE(text.find("command_lost"), std::string::npos) << text;
+  EXPECT_NE(text.find("violated"), std::string::npos) << text;
+}
+
+// An hour must not make the report larger: samples are thinned, the oldest command stays visible.
+TEST_F(RunMetricsTest, ChartsKeepTheExtremes) {
+  const auto metrics = metrics_of(run_);
+  ASSERT_TRUE(metrics);
+  auto thin = *metrics;
+  thin.ticks = 3'600'000;  // as if the run were an hour long: buckets of 1440 ticks
+  const auto series = series_of(run_, thin);
+  ASSERT_TRUE(series);
+  EXPECT_LE(series->age.size(), 2 * (kDemoTicks / series->bucket_ticks + 1));
+  double oldest = 0;
+  for (const auto& sample : series->age) oldest = std::max(oldest, sample.total_ms);
+  EXPECT_GE(oldest * 1e6, metrics->age_per_tick.back().max);
+  for (const auto& sample : series->stages) EXPECT_GE(sample.part_ms[2], 7.0);
+}
+
+}  // namespace
+}  // namespace takt::monitor
