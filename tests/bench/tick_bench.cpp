@@ -1,0 +1,266 @@
+// What one tick costs at 1 kHz: wake up, read the command mailbox, decide, push the records. Bus input and output and
+// tracing are not in it.
+//
+// Method: per repetition and size a forked real-time process paces itself with absolute sleeps, pinned, SCHED_FIFO,
+// locked memory; another process answers observations at 50 Hz through a real mailbox. The section measured is mailbox
+// read, control_tick, and the pushes of tick record, command and observation. Ticks alternate between gravity model off
+// and on: the share of the model is on minus off within one run. Sizes are interleaved over the repetitions; figures
+// are medians over repetitions of each repetition's p50 and p99.
+#include <fmt/format.h>
+#include <sys/mman.h>
+#include <time.h>
+
+#include <CLI/CLI.hpp>
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+
+#include "executive/ipc/executive_segments.hpp"
+#include "executive/ipc/slot_ring.hpp"
+#include "executive/pipeline/control_tick.hpp"
+#include "tests/bench/bench.hpp"
+#include "tests/pipeline/rig.hpp"
+
+namespace takt::bench {
+namespace {
+
+constexpr std::array<std::uint32_t, 4> kSizes{6, 12, 32, 64};
+constexpr int kPriority = 80;
+constexpr int kWarmUpTicks = 200;
+constexpr std::size_t kMaxSamples = 20'000;
+
+MonoTime monotonic_now() {
+  timespec now{};
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return {std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec};
+}
+
+void sleep_until(MonoTime instant) {
+  const timespec until{.tv_sec = instant.ns / 1'000'000'000, .tv_nsec = instant.ns % 1'000'000'000};
+  clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr);
+}
+
+// Zeroed memory that forked children share, as large as a ring needs.
+class RingMemory {
+ public:
+  explicit RingMemory(const ipc::RingShape& shape) : size_(ipc::ring_bytes(shape)) {
+    void* const at = mmap(nullptr, size_, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS | MAP_POPULATE, -1, 0);
+    if (at == MAP_FAILED) throw std::bad_alloc();
+    data_ = static_cast<std::byte*>(at);
+  }
+  RingMemory(const RingMemory&) = delete;
+  RingMemory& operator=(const RingMemory&) = delete;
+  ~RingMemory() { munmap(data_, size_); }
+  [[nodiscard]] std::span<std::byte> bytes() const { return {data_, size_}; }
+
+ private:
+  std::size_t size_;
+  std::byte* data_;
+};
+
+struct Rings {
+  explicit Rings(std::uint32_t joints)
+      : observations(ipc::observation_mailbox()),
+        commands(ipc::command_mailbox()),
+        ticks(ipc::tick_ring(joints)),
+        messages(ipc::command_ring()) {}
+  RingMemory observations, commands, ticks, messages;
+};
+
+struct Samples {
+  std::atomic<bool> stop{false};  // the loop is done: the policy may leave
+  bool is_realtime = false;
+  std::uint32_t tracking = 0;  // measured ticks that were spent tracking
+  std::array<std::uint32_t, 2> count{};
+  std::array<std::array<std::int64_t, kMaxSamples>, 2> ticks{};  // gravity off, on
+};
+
+template <class Value>
+std::span<std::byte> writable_bytes(Value& value) {
+  return std::as_writable_bytes(std::span(&value, 1));
+}
+
+// The other process: answers each observation with 16 steps of joint targets, as a policy at 50 Hz does.
+void answer_observations(const pipeline::TickConfig& config, const Rings& rings, const Samples& samples) {
+  const auto observation = std::make_unique<Observation>();
+  const auto chunk = std::make_unique<CommandChunk>();
+  ipc::SlotWriter commands(rings.commands.bytes(), ipc::command_mailbox());
+  std::uint64_t sequence = 0;
+  while (!samples.stop.load(std::memory_order_relaxed)) {
+    sleep_until(monotonic_now() + milliseconds(2));
+    auto reader = ipc::SlotReader::attach(rings.observations.bytes(), ipc::observation_mailbox());
+    if (!reader) continue;  // the loop has not formatted it yet
+    while (!samples.stop.load(std::memory_order_relaxed)) {
+      sleep_until(monotonic_now() + milliseconds(2));
+      if (reader->read_latest(writable_bytes(*observation)).status != ipc::ReadStatus::fresh) continue;
+      const float target = 0.3F * std::sin(0.05F * static_cast<float>(sequence));
+      *chunk = pipeline::testing::chunk_for(config, observation->id, observation->published_at, monotonic_now(),
+                                            ++sequence, target);
+      commands.publish(writable_bytes(*chunk).first(chunk->used_bytes()));
+    }
+  }
+}
+
+class Loop {
+ public:
+  Loop(std::uint32_t joints, const Rings& rings)
+      : joints_(joints),
+        rings_(rings),
+        config_{pipeline::testing::robot(joints), pipeline::testing::robot(joints)},
+        state_(pipeline::make_tick_state(config_[0])),
+        observations_(rings.observations.bytes(), ipc::observation_mailbox()),
+        ticks_(rings.ticks.bytes(), ipc::tick_ring(joints)),
+        messages_(rings.messages.bytes(), ipc::command_ring()) {
+    config_[1].gravity_compensation = true;
+    for (pipeline::TickConfig& config : config_) config.observation_every_ticks = 20;
+  }
+
+  void run(int measured_ticks, Samples& samples) {
+    MonoTime due = monotonic_now() + config_[0].period;
+    for (int i = 0; i < kWarmUpTicks + measured_ticks; ++i, due = due + config_[0].period) {
+      sleep_until(due);
+      prepare(monotonic_now());
+      const std::size_t gravity = static_cast<std::size_t>(i) % 2;
+      const std::int64_t begin = ticks();
+      tick(config_[gravity]);
+      const std::int64_t spent = ticks() - begin;
+      if (i < kWarmUpTicks) continue;
+      samples.ticks[gravity][samples.count[gravity]++] = spent;
+      samples.tracking += output_->record.header.mode == Mode::tracking ? 1U : 0U;
+    }
+  }
+
+ private:
+  // What the bus edge does: drives that follow their setpoints at once. Not measured.
+  void prepare(MonoTime now) {
+    ++input_.tick;
+    input_.now = now;
+    input_.operator_request =
+        output_->record.header.mode == Mode::standby ? OperatorRequest::arm : OperatorRequest::none;
+    for (std::size_t j = 0; j < joints_; ++j) {
+      input_.joints[j].received_at = now - microseconds(200);
+      input_.joints[j].q = output_->setpoints[j].q;
+      input_.joints[j].drive_state = DriveState::enabled;
+    }
+    if (!commands_) {
+      auto reader = ipc::SlotReader::attach(rings_.commands.bytes(), ipc::command_mailbox());
+      if (reader) commands_ = *reader;
+    }
+  }
+
+  void tick(const pipeline::TickConfig& config) {
+    read_command();
+    pipeline::control_tick(*state_, input_, config, *output_);
+    if (output_->observation_due) observations_.publish(writable_bytes(output_->observation));
+    ticks_.publish(writable_bytes(output_->record).first(output_->record.used_bytes()));
+    if (input_.command != nullptr) {
+      TickTag tag{input_.tick};
+      messages_.publish(writable_bytes(tag), writable_bytes(*chunk_).first(input_.command_bytes));
+    }
+  }
+
+  void read_command() {
+    input_.mailbox = Arrival::none;
+    input_.command = nullptr;
+    input_.command_bytes = 0;
+    if (!commands_) return;
+    const ipc::ReadResult result = commands_->read_latest(writable_bytes(*chunk_));
+    if (result.status != ipc::ReadStatus::fresh) return;
+    input_.mailbox = Arrival::accepted;
+    input_.command = chunk_.get();
+    input_.command_bytes = result.size;
+  }
+
+  std::uint32_t joints_;
+  const Rings& rings_;
+  std::array<pipeline::TickConfig, 2> config_;
+  pipeline::TickStatePtr state_;
+  ipc::SlotWriter observations_, ticks_, messages_;
+  std::optional<ipc::SlotReader> commands_;
+  pipeline::TickInput input_;
+  std::unique_ptr<pipeline::TickOutput> output_ = std::make_unique<pipeline::TickOutput>();
+  std::unique_ptr<CommandChunk> chunk_ = std::make_unique<CommandChunk>();
+};
+
+// p50 and p99 of one repetition, or medians of them, gravity model off and on.
+struct Figures {
+  std::array<std::vector<double>, 2> p50, p99;
+};
+
+// False: the robot was not tracking, so the figures would be of another robot.
+bool measure(std::uint32_t joints, int measured_ticks, Figures& figures, bool& is_realtime) {
+  const Rings rings(joints);
+  const Shared<Samples> samples;
+  const std::vector<int> cpus = allowed_cpus();
+  ChildProcess policy([&] {
+    run_on(std::vector<int>(cpus.begin(), cpus.size() > 1 ? cpus.end() - 1 : cpus.end()));
+    answer_observations(pipeline::testing::robot(joints), rings, *samples);
+  });
+  ChildProcess loop([&] {
+    mlockall(MCL_CURRENT | MCL_FUTURE);
+    Loop body(joints, rings);
+    const Pinned pinned(cpus.back(), kPriority);
+    samples->is_realtime = pinned.is_realtime();
+    body.run(measured_ticks, *samples);
+  });
+  loop.wait();
+  samples->stop = true;
+  policy.wait();
+  is_realtime &= samples->is_realtime;
+  for (std::size_t gravity = 0; gravity < 2; ++gravity) {
+    std::vector<double> ns;
+    for (std::uint32_t i = 0; i < samples->count[gravity]; ++i)
+      ns.push_back(static_cast<double>(samples->ticks[gravity][i]) * ns_per_tick());
+    figures.p50[gravity].push_back(percentile(ns, 0.50));
+    figures.p99[gravity].push_back(percentile(ns, 0.99));
+  }
+  return samples->tracking * 10 >= static_cast<std::uint32_t>(measured_ticks) * 9;
+}
+
+void print(const Report& report, const char* what, std::uint32_t joints, double p50, double p99) {
+  report.figure(fmt::format("{:<14} {:>2} joints   p50 {:>6.0f} ns   p99 {:>6.0f} ns", what, joints, p50, p99),
+                {{"what", what}, {"joints", joints}, {"p50_ns", std::round(p50)}, {"p99_ns", std::round(p99)}});
+}
+
+int run(bool as_json, int repetitions, int measured_ticks) {
+  const Report report(as_json);
+  ns_per_tick();
+  std::map<std::uint32_t, Figures> figures;
+  bool is_realtime = true;
+  for (int repetition = 0; repetition < repetitions; ++repetition) {
+    for (const std::uint32_t joints : kSizes) {
+      if (measure(joints, measured_ticks, figures[joints], is_realtime)) continue;
+      report.remark("the robot was not tracking: is another load starving the policy process?");
+      return 1;
+    }
+  }
+  if (!is_realtime) report.remark("no real-time rights: figures are of an ordinary process");
+  for (const std::uint32_t joints : kSizes)
+    print(report, "tick", joints, median(figures[joints].p50[0]), median(figures[joints].p99[0]));
+  for (const std::uint32_t joints : kSizes) {
+    const Figures& f = figures[joints];
+    print(report, "gravity_model", joints, median(f.p50[1]) - median(f.p50[0]), median(f.p99[1]) - median(f.p99[0]));
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace takt::bench
+
+int main(int argc, char** argv) {
+  CLI::App app{"Cost of one tick at 1 kHz: mailbox read, every stage, record push. Example: takt-bench-tick --json"};
+  bool as_json = false;
+  int repetitions = 5;
+  int measured_ticks = 1200;
+  app.add_flag("--json", as_json, "one JSON row per figure: what, joints, p50_ns, p99_ns");
+  app.add_option("--repetitions", repetitions, "interleaved repetitions; figures are medians")
+      ->check(CLI::Range(1, 99));
+  app.add_option("--ticks", measured_ticks, "measured ticks per repetition and size, half with the gravity model")
+      ->check(CLI::Range(100, 2 * static_cast<int>(takt::bench::kMaxSamples)));
+  CLI11_PARSE(app, argc, argv);
+  return takt::bench::run(as_json, repetitions, measured_ticks);
+}

@@ -1,0 +1,351 @@
+// Goal: one lease per role, refusals that tell a person what to do, and a server that no client can hold up. Method: a
+// served socket in a temporary directory, real clients through the public functions, rude ones through raw sockets.
+#include "executive/ipc/rendezvous.hpp"
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cstring>
+#include <mutex>
+#include <random>
+
+#include "executive/contract/contract_layout.hpp"
+#include "executive/ipc/segment.hpp"
+#include "executive/ipc/unix_socket.hpp"
+#include "tests/ipc/rendezvous_server_thread.hpp"
+
+namespace takt::ipc {
+namespace {
+
+constexpr std::chrono::milliseconds kTimeout{5000};
+using Handlers = RendezvousServer::Handlers;
+
+Hello hello_of(Role role, const char* program = "takt-test") {
+  Hello hello;
+  hello.role = role;
+  hello.layout = contract_layout();
+  std::strncpy(hello.program, program, sizeof hello.program - 1);
+  return hello;
+}
+
+Handlers admit_all() {
+  return {.admit = [](const Peer&) { return Admission{}; }, .acknowledged = {}, .left = {}, .request = {}};
+}
+
+bool contains(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
+// Connects without saying anything.
+Descriptor raw_client(const std::string& path) {
+  Descriptor socket = open_seqpacket();
+  EXPECT_TRUE(connect_to(socket, path)) << std::strerror(errno);
+  return socket;
+}
+
+void say(const Descriptor& socket, const void* what, std::size_t bytes) {
+  EXPECT_TRUE(send_message(socket.get(), std::span(static_cast<const std::byte*>(what), bytes), {}));
+}
+
+// What the server answered to a raw client before it hung up.
+struct Answer {
+  WelcomeStatus status = WelcomeStatus::accepted;
+  std::string sentence;
+  bool hung_up = false;
+};
+Answer answer_to(const Descriptor& socket) {
+  Welcome welcome;
+  EXPECT_EQ(recv(socket.get(), &welcome, sizeof welcome, 0), static_cast<ssize_t>(sizeof welcome));
+  std::byte next{};
+  return {welcome.status, welcome.sentence, recv(socket.get(), &next, 1, 0) <= 0};
+}
+
+class Rendezvous : public testing::Test {
+ protected:
+  TemporaryDirectory directory_;
+  std::string path_ = directory_ / "run/arm/executive.sock";
+};
+
+TEST_F(Rendezvous, MakesItsDirectoryAndCleansUp) {
+  {
+    const ServerThread server(path_, admit_all());
+    struct stat status {};
+    ASSERT_EQ(stat((directory_ / "run/arm").c_str(), &status), 0);
+    EXPECT_EQ(status.st_mode & 0777, 0750U);
+    ASSERT_EQ(lstat(path_.c_str(), &status), 0);
+    EXPECT_EQ(status.st_mode & 0777, 0660U);
+  }
+  EXPECT_FALSE(std::filesystem::exists(path_));
+}
+
+TEST_F(Rendezvous, ReplacesADeadServersSocketButRespectsALiveOne) {
+  std::filesystem::create_directories(directory_ / "run/arm");
+  { const auto dead = listen_at(path_); }  // closed without unlinking, as a killed process leaves it
+  ASSERT_TRUE(std::filesystem::exists(path_));
+  const ServerThread server(path_, admit_all());
+  const auto second = RendezvousServer::listen(path_, geteuid(), admit_all());
+  ASSERT_FALSE(second);
+  EXPECT_TRUE(contains(second.error(), "another server is live at " + path_)) << second.error();
+  EXPECT_TRUE(attach(path_, hello_of(Role::policy), kTimeout)) << "the first server was disturbed";
+}
+
+TEST_F(Rendezvous, LeavesForeignFilesAndSuccessorsAlone) {
+  std::filesystem::create_directories(path_);
+  EXPECT_FALSE(RendezvousServer::listen(path_, geteuid(), admit_all()));
+  EXPECT_TRUE(std::filesystem::is_directory(path_));
+  std::filesystem::remove(path_);
+  {
+    const ServerThread server(path_, admit_all());
+    std::filesystem::remove(path_);
+    std::filesystem::create_directory(path_);
+  }
+  EXPECT_TRUE(std::filesystem::exists(path_)) << "removed what was not its own";
+}
+
+TEST_F(Rendezvous, TooLongPathIsRefusedWithItsLength) {
+  const auto server = RendezvousServer::listen(directory_ / std::string(120, 'x'), geteuid(), admit_all());
+  ASSERT_FALSE(server);
+  EXPECT_TRUE(contains(server.error(), "--runtime-dir")) << server.error();
+}
+
+TEST_F(Rendezvous, HandsOutDescriptorsAndHearsTheAcknowledgement) {
+  auto segment = Segment::create("takt-test", 4096, true);
+  ASSERT_TRUE(segment);
+  segment->writable()[5] = std::byte{55};
+  std::atomic<pid_t> acknowledged_by = 0;
+  Handlers handlers = admit_all();
+  handlers.admit = [&](const Peer& peer) {
+    EXPECT_EQ(peer.pid, getpid());
+    EXPECT_EQ(peer.uid, geteuid());
+    EXPECT_STREQ(peer.hello.program, "takt-policy-host");
+    return Admission{{}, {segment->fd(), segment->fd()}};
+  };
+  handlers.acknowledged = [&](const Peer& peer) { acknowledged_by = peer.pid; };
+  ServerThread server(path_, handlers);
+  auto lease = attach(path_, hello_of(Role::policy, "takt-policy-host"), kTimeout);
+  ASSERT_TRUE(lease) << lease.error();
+  ASSERT_EQ(lease->descriptors.size(), 2U);
+  auto theirs = Segment::adopt_read_only(lease->descriptors[1].release(), 4096);
+  ASSERT_TRUE(theirs) << theirs.error();
+  EXPECT_EQ(theirs->readable()[5], std::byte{55});
+  ASSERT_TRUE(acknowledge(*lease));
+  while (acknowledged_by == 0) std::this_thread::yield();
+  EXPECT_EQ(acknowledged_by, getpid());
+  EXPECT_FALSE(is_over(*lease));
+}
+
+TEST_F(Rendezvous, SecondHolderIsToldWhoHoldsTheLeaseAndHowToMend) {
+  const ServerThread server(path_, admit_all());
+  for (const Role role : {Role::policy, Role::monitor}) {
+    const auto first = attach(path_, hello_of(role, "first-holder"), kTimeout);
+    ASSERT_TRUE(first) << first.error();
+    const auto second = attach(path_, hello_of(role, "second"), kTimeout);
+    ASSERT_FALSE(second);
+    const std::string pid = std::to_string(getpid());
+    EXPECT_TRUE(contains(second.error(), std::string(name(role)) + " is leased by pid " + pid + " (first-holder)"))
+        << second.error();
+    EXPECT_TRUE(contains(second.error(), "stop it first (kill " + pid + ")")) << second.error();
+    EXPECT_FALSE(is_over(*first));
+  }
+}
+
+TEST_F(Rendezvous, LeaseIsFreeOnceItsConnectionCloses) {
+  std::atomic<int> departures = 0;
+  Handlers handlers = admit_all();
+  handlers.left = [&](const Peer&) { ++departures; };
+  ServerThread server(path_, handlers);
+  for (int i = 0; i < 20; ++i) {
+    ASSERT_TRUE(attach(path_, hello_of(Role::policy), kTimeout)) << "round " << i;
+  }
+  EXPECT_GE(departures, 19);
+}
+
+TEST_F(Rendezvous, SensorMailboxHasSeveralReaders) {
+  const ServerThread server(path_, admit_all());
+  const auto first = attach(path_, hello_of(Role::sensor_reader), kTimeout);
+  const auto second = attach(path_, hello_of(Role::sensor_reader), kTimeout);
+  EXPECT_TRUE(first && second);
+}
+
+TEST_F(Rendezvous, OwnersRefusalReachesTheClient) {
+  Handlers handlers = admit_all();
+  handlers.admit = [](const Peer& peer) {
+    return Admission{"policy expects " + std::to_string(peer.hello.joint_count) + " joints", {}};
+  };
+  ServerThread server(path_, handlers);
+  Hello hello = hello_of(Role::policy);
+  hello.joint_count = 12;
+  const auto lease = attach(path_, hello, kTimeout);
+  ASSERT_FALSE(lease);
+  EXPECT_EQ(lease.error(), "policy expects 12 joints");
+  EXPECT_EQ(server.stopped().refusals().unwelcome, 1U);
+  EXPECT_EQ(server.stopped().holder(Role::policy), nullptr);
+}
+
+TEST_F(Rendezvous, MalformedHellosAreRefusedWithASentenceAndCounted) {
+  ServerThread server(path_, admit_all());
+  const auto refused = [&](const void* what, std::size_t bytes, const char* because) {
+    const Descriptor client = raw_client(path_);
+    say(client, what, bytes);
+    const Answer answer = answer_to(client);
+    EXPECT_EQ(answer.status, WelcomeStatus::refused);
+    EXPECT_TRUE(contains(answer.sentence, because)) << answer.sentence;
+    EXPECT_TRUE(answer.hung_up);
+  };
+  const auto refused_hello = [&](auto change, const char* because) {
+    Hello hello = hello_of(Role::policy);
+    change(hello);
+    refused(&hello, sizeof hello, because);
+  };
+  refused_hello([](Hello& hello) { hello.magic ^= 1; }, "magic");
+  refused_hello([](Hello& hello) { hello.abi_version = 99; }, "client has ABI version 99");
+  refused_hello([](Hello& hello) { hello.layout ^= 1; }, "layout");
+  refused_hello([](Hello& hello) { hello.role = static_cast<Role>(9); }, "role 9");
+  refused_hello([](Hello& hello) { hello.reserved[1] = 1; }, "reserved");
+  const Hello whole = hello_of(Role::policy);
+  refused(&whole, sizeof whole - 1, "95 bytes");
+  refused(&whole, 1, "1 bytes");
+  std::vector<char> longer(3000, 'x');
+  refused(longer.data(), longer.size(), "3000 bytes");
+  std::mt19937 random(3);
+  for (char& c : longer) c = static_cast<char>(random());
+  refused(longer.data(), sizeof whole, "magic");
+  EXPECT_EQ(server.stopped().refusals().malformed, 9U);
+}
+
+TEST_F(Rendezvous, ProgramNamesArePrintable) {
+  std::mutex mutex;
+  std::string seen;
+  Handlers handlers = admit_all();
+  handlers.admit = [&](const Peer& peer) {
+    const std::lock_guard lock(mutex);
+    seen = peer.hello.program;
+    return Admission{};
+  };
+  const ServerThread server(path_, handlers);
+  Hello hello = hello_of(Role::monitor);
+  std::memset(hello.program, 'a', sizeof hello.program);
+  hello.program[0] = '\n';
+  hello.program[1] = '\x1b';
+  ASSERT_TRUE(attach(path_, hello, kTimeout));
+  const std::lock_guard lock(mutex);
+  EXPECT_EQ(seen, "??" + std::string(sizeof hello.program - 3, 'a'));
+}
+
+TEST_F(Rendezvous, SilentClientsAreDroppedAndCounted) {
+  ServerThread server(path_, admit_all());
+  const Descriptor silent = raw_client(path_);
+  std::byte byte{};
+  EXPECT_LE(recv(silent.get(), &byte, 1, 0), 0) << "waits for the hang-up";
+  EXPECT_EQ(server.stopped().refusals().silent, 1U);
+}
+
+TEST_F(Rendezvous, SpeakingOutOfTurnEndsTheLease) {
+  std::atomic<int> acknowledgements = 0;
+  Handlers handlers = admit_all();
+  handlers.acknowledged = [&](const Peer&) { ++acknowledgements; };
+  ServerThread server(path_, handlers);
+  for (const Role role : {Role::policy, Role::monitor, Role::sensor_reader}) {
+    const auto lease = attach(path_, hello_of(role), kTimeout);
+    ASSERT_TRUE(lease) << lease.error();
+    const char chatter[] = "hello again";
+    say(lease->connection, chatter, sizeof chatter);
+    EXPECT_TRUE(answer_to(lease->connection).hung_up);
+    EXPECT_TRUE(is_over(*lease));
+  }
+  const auto twice = attach(path_, hello_of(Role::policy), kTimeout);
+  ASSERT_TRUE(acknowledge(*twice));
+  acknowledge(*twice);  // may find the connection closed already
+  EXPECT_EQ(answer_to(twice->connection).status, WelcomeStatus::refused);
+  EXPECT_EQ(server.stopped().refusals().malformed, 4U);
+  EXPECT_EQ(acknowledgements, 1);
+}
+
+TEST_F(Rendezvous, ConnectionsAreBounded) {
+  const ServerThread server(path_, admit_all());
+  std::vector<Lease> leases;
+  for (std::size_t i = 0; i < kMaxConnections; ++i) {
+    auto lease = attach(path_, hello_of(Role::sensor_reader), kTimeout);
+    ASSERT_TRUE(lease) << i << ": " << lease.error();
+    leases.push_back(std::move(*lease));
+  }
+  const auto one_more = attach(path_, hello_of(Role::policy), kTimeout);
+  ASSERT_FALSE(one_more);
+  EXPECT_TRUE(contains(one_more.error(), "32 connections")) << one_more.error();
+  leases.pop_back();
+  // The departed is noticed before the newcomer is heard.
+  EXPECT_TRUE(attach(path_, hello_of(Role::policy), kTimeout));
+}
+
+TEST_F(Rendezvous, OperatorsAskAndOverlap) {
+  Handlers handlers = admit_all();
+  handlers.request = [](const Peer&, const OperatorMessage& message) {
+    OperatorReply reply;
+    reply.done = message.verb == OperatorVerb::arm ? 1 : 0;
+    reply.status.ticks = 1234;
+    std::strncpy(reply.sentences, "no policy attached", sizeof reply.sentences - 1);
+    return reply;
+  };
+  const ServerThread server(path_, handlers);
+  const auto idle = attach(path_, hello_of(Role::operator_console), kTimeout);
+  ASSERT_TRUE(idle);
+  const auto armed = ask(path_, OperatorVerb::arm, kTimeout);
+  ASSERT_TRUE(armed) << armed.error();
+  EXPECT_EQ(armed->done, 1);
+  EXPECT_EQ(armed->status.ticks, 1234U);
+  const auto stopped = ask(path_, OperatorVerb::stop, kTimeout);
+  ASSERT_TRUE(stopped) << stopped.error();
+  EXPECT_EQ(stopped->done, 0);
+  EXPECT_STREQ(stopped->sentences, "no policy attached");
+}
+
+TEST_F(Rendezvous, EvictionEndsTheLeaseAtOnce) {
+  std::atomic<int> departures = 0;
+  Handlers handlers = admit_all();
+  handlers.left = [&](const Peer&) { ++departures; };
+  ServerThread server(path_, handlers);
+  const auto lease = attach(path_, hello_of(Role::policy), kTimeout);
+  ASSERT_TRUE(lease);
+  RendezvousServer& inspected = server.stopped();
+  ASSERT_NE(inspected.holder(Role::policy), nullptr);
+  EXPECT_EQ(inspected.holder(Role::monitor), nullptr);
+  inspected.evict(Role::policy);
+  EXPECT_EQ(inspected.holder(Role::policy), nullptr);
+  EXPECT_EQ(departures, 1);
+  EXPECT_TRUE(is_over(*lease));
+}
+
+TEST_F(Rendezvous, OtherUsersAreRefused) {
+  if (geteuid() != 0) GTEST_SKIP() << "SKIPPED: only root can connect as another user";
+  const ServerThread server(path_, admit_all());
+  // Credentials are those of connect(): this thread connects as nobody, then becomes root again.
+  std::filesystem::permissions(path_, std::filesystem::perms::all);
+  for (const char* open : {"", "/run", "/run/arm"}) {
+    std::filesystem::permissions(directory_ / open, std::filesystem::perms::all);
+  }
+  ASSERT_EQ(seteuid(65534), 0);
+  const auto lease = attach(path_, hello_of(Role::policy), kTimeout);
+  ASSERT_EQ(seteuid(0), 0);
+  ASSERT_FALSE(lease);
+  EXPECT_TRUE(contains(lease.error(), "user 65534 may not connect")) << lease.error();
+}
+
+TEST_F(Rendezvous, ClientSaysWhatIsWrongWithoutAServer) {
+  const auto absent = attach(path_, hello_of(Role::policy), kTimeout);
+  ASSERT_FALSE(absent);
+  EXPECT_TRUE(contains(absent.error(), "nobody listens at " + path_)) << absent.error();
+
+  // A server that never answers: its backlog takes the connection, nobody serves.
+  auto idle = RendezvousServer::listen(path_, geteuid(), admit_all());
+  ASSERT_TRUE(idle);
+  const auto unanswered = attach(path_, hello_of(Role::policy), std::chrono::milliseconds(20));
+  ASSERT_FALSE(unanswered);
+  EXPECT_TRUE(contains(unanswered.error(), "did not answer in time")) << unanswered.error();
+}
+
+}  // namespace
+}  // namespace takt::ipc

@@ -1,0 +1,153 @@
+// Goal: whatever the policy's process does, the executive keeps its period, names the cause, and no frame leaves the
+// envelope. Method: real processes on the loopback bus; the policy is killed, frozen, or replaced by one that lies in a
+// named way; afterwards the run folder is judged: causes, frames (independent decoder), losses, and replay.
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <ostream>
+#include <string>
+
+#include "config/load.hpp"
+#include "tests/process/running_robot.hpp"
+#include "tests/process/sent_frames.hpp"
+
+namespace takt::test {
+namespace {
+
+std::string text_of(const std::string& path) {
+  std::ifstream file(path);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+// What must be true of every run, however the policy behaved.
+void expect_sound_evidence(RunningRobot& robot, const std::string& expected_cause) {
+  const auto status = robot.status();
+  ASSERT_TRUE(status.has_value()) << robot.logs();
+  const auto overruns = [&](OverrunCause cause) { return status->status.overruns[static_cast<std::size_t>(cause)]; };
+  EXPECT_EQ(overruns(OverrunCause::blocked), 0U) << "the loop slept inside a tick";
+  // A virtual machine that stalls twice in a row looks like slow work once; a loop that is too slow is so every tick.
+  EXPECT_LE(overruns(OverrunCause::own_overrun), 2U) << "ticks work for longer than their period";
+
+  ASSERT_TRUE(robot.finish()) << robot.logs();
+  const std::string transitions = text_of(robot.run_directory() + "/transitions.jsonl");
+  EXPECT_NE(transitions.find(expected_cause), std::string::npos) << "no " << expected_cause << " in\n" << transitions;
+
+  const auto config = config::load("config/arm6.yaml");
+  ASSERT_TRUE(config.has_value()) << config.error();
+  const SentFrames frames = judge_sent_frames(robot.run_directory() + "/can.log", *config);
+  EXPECT_GT(frames.motion_commands, 1000U) << "the robot never moved: nothing was tested";
+  EXPECT_EQ(frames.first_violation, "");
+
+  Child replay({"takt", "replay", robot.run_directory()}, robot.directory() + "/replay.log");
+  EXPECT_EQ(replay.wait(std::chrono::seconds(60)), 0) << text_of(robot.directory() + "/replay.log");
+}
+
+void arm_and_track(RunningRobot& robot) {
+  ASSERT_EQ(robot.arm(), "") << robot.logs();
+  ASSERT_TRUE(robot.wait_for_mode(Mode::tracking)) << robot.logs();
+}
+
+TEST(PolicyFaults, KilledPolicyEndsInADampedStop) {
+  RunningRobot robot;
+  Child policy = robot.start_policy_host();
+  arm_and_track(robot);
+  policy.signal(SIGKILL);
+  ASSERT_TRUE(robot.wait_for_mode(Mode::damped_stop)) << robot.logs();
+  expect_sound_evidence(robot, "command_lost");
+}
+
+TEST(PolicyFaults, FrozenPolicyDegradesAndRecoversWhenItWakes) {
+  RunningRobot robot;
+  Child policy = robot.start_policy_host();
+  arm_and_track(robot);
+  policy.signal(SIGSTOP);
+  ASSERT_TRUE(robot.wait_for_mode(Mode::degraded)) << robot.logs();
+  policy.signal(SIGCONT);
+  ASSERT_TRUE(robot.wait_for_mode(Mode::tracking)) << robot.logs();
+  expect_sound_evidence(robot, "contract_restored");
+}
+
+TEST(PolicyFaults, SecondPolicyHostIsRefusedByName) {
+  RunningRobot robot;
+  const Child policy = robot.start_policy_host();
+  arm_and_track(robot);
+  Child second = robot.start_rogue("nan", "1 s");
+  EXPECT_EQ(second.wait(std::chrono::seconds(20)), 69);
+  const std::string said = text_of(robot.directory() + "/rogue.log");
+  EXPECT_NE(said.find("takt-policy-host"), std::string::npos) << said;
+  EXPECT_NE(said.find(std::to_string(policy.pid())), std::string::npos) << said;
+  const auto status = robot.status();
+  ASSERT_TRUE(status.has_value());
+  EXPECT_EQ(status->status.policy_pid, static_cast<std::uint64_t>(policy.pid())) << "the first lease must survive";
+}
+
+TEST(MonitorFaults, KilledMonitorCostsTheLoopNothingAndMayComeBack) {
+  RunningRobot robot;
+  const Child policy = robot.start_policy_host();
+  arm_and_track(robot);
+  robot.monitor().signal(SIGKILL);
+  EXPECT_EQ(robot.monitor().wait(std::chrono::seconds(20)), 128 + SIGKILL);
+  const auto before = robot.status();
+  ASSERT_TRUE(before.has_value());
+  // 500 more ticks without a monitor, and still in tracking.
+  const auto after = robot.wait_until([&](const StatusSnapshot& s) { return s.ticks > before->status.ticks + 500; });
+  ASSERT_TRUE(after.has_value());
+  EXPECT_EQ(after->status.tick.mode, Mode::tracking);
+  robot.monitor() = robot.start_monitor("run");
+  const auto attached = robot.wait_until([](const StatusSnapshot& s) { return s.monitor_pid != 0; });
+  ASSERT_TRUE(attached && attached->status.monitor_pid != 0) << robot.logs();
+}
+
+struct Lie {
+  const char* when;    // rogue's behaviour by name
+  Arrival refused_as;  // counted refusal; none: no refusal expected
+  const char* cause;   // in transitions.jsonl
+  friend void PrintTo(const Lie& lie, std::ostream* out) { *out << lie.when; }
+};
+
+class LyingPolicy : public testing::TestWithParam<Lie> {};
+
+TEST_P(LyingPolicy, IsNamedAndTheRobotStops) {
+  const Lie& lie = GetParam();
+  RunningRobot robot;
+  const Child rogue = robot.start_rogue(lie.when, "2 s");
+  arm_and_track(robot);
+  ASSERT_TRUE(robot.wait_for_mode(Mode::damped_stop)) << robot.logs();
+  if (lie.refused_as != Arrival::none) {
+    const auto index = static_cast<std::size_t>(lie.refused_as);
+    const auto status = robot.wait_until([index](const StatusSnapshot& s) { return s.arrivals[index] > 0; });
+    ASSERT_TRUE(status.has_value());
+    EXPECT_GT(status->status.arrivals[index], 0U) << name(lie.refused_as) << " was never counted";
+  }
+  expect_sound_evidence(robot, lie.cause);
+}
+
+INSTANTIATE_TEST_SUITE_P(EveryLie, LyingPolicy,
+                         testing::Values(Lie{"nan", Arrival::not_finite, "bad_commands"},
+                                         Lie{"inf", Arrival::not_finite, "bad_commands"},
+                                         Lie{"wrong_shape", Arrival::wrong_shape, "bad_commands"},
+                                         Lie{"old_observation", Arrival::expired_observation, "bad_commands"},
+                                         Lie{"future_observation", Arrival::future_observation, "bad_commands"},
+                                         Lie{"repeated_sequence", Arrival::repeated_sequence, "bad_commands"},
+                                         Lie{"out_of_range", Arrival::out_of_range, "bad_commands"},
+                                         Lie{"wrong_policy", Arrival::wrong_policy, "bad_commands"},
+                                         Lie{"random_bytes", Arrival::none, "damped_stop"},
+                                         Lie{"frozen", Arrival::none, "command_lost"},
+                                         Lie{"torn", Arrival::none, "command_lost"}),
+                         [](const testing::TestParamInfo<Lie>& lie) { return std::string(lie.param.when); });
+
+TEST(LyingPolicy, BackwardStampsAreCountedAsIntegrationErrors) {
+  RunningRobot robot;
+  const Child rogue = robot.start_rogue("backward_stamps", "2 s");
+  arm_and_track(robot);
+  const auto status = robot.wait_until([](const StatusSnapshot& s) { return s.tick.integration_errors > 0; });
+  ASSERT_TRUE(status.has_value());
+  EXPECT_GT(status->status.tick.integration_errors, 0U);
+  ASSERT_TRUE(robot.finish()) << robot.logs();
+}
+
+}  // namespace
+}  // namespace takt::test

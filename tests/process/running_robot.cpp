@@ -1,0 +1,163 @@
+#include "tests/process/running_robot.hpp"
+
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+#include <thread>
+#include <utility>
+
+#include "config/paths.hpp"
+#include "executive/ipc/rendezvous.hpp"
+
+namespace takt::test {
+
+namespace {
+
+constexpr auto kPollEvery = std::chrono::milliseconds(20);
+constexpr int kPolls = 1000;  // times kPollEvery: 20 s
+
+}  // namespace
+
+Child::Child(std::vector<std::string> arguments, const std::string& log_path) {
+  arguments[0] = std::string(TAKT_BIN_DIR) + "/" + arguments[0];
+  std::vector<char*> argv;
+  for (std::string& argument : arguments) argv.push_back(argument.data());
+  argv.push_back(nullptr);
+  pid_ = fork();
+  if (pid_ < 0) throw std::runtime_error("fork failed");
+  if (pid_ == 0) {
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    const int log = open(log_path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+    dup2(log, STDOUT_FILENO);
+    dup2(log, STDERR_FILENO);
+    execv(argv[0], argv.data());
+    _exit(127);
+  }
+}
+
+Child::Child(Child&& other) noexcept : pid_(std::exchange(other.pid_, -1)) {}
+
+Child& Child::operator=(Child&& other) noexcept {
+  std::swap(pid_, other.pid_);
+  return *this;
+}
+
+Child::~Child() {
+  if (pid_ <= 0) return;
+  kill(pid_, SIGKILL);
+  waitpid(pid_, nullptr, 0);
+}
+
+void Child::signal(int number) const {
+  kill(pid_, number);
+}
+
+std::optional<int> Child::wait(std::chrono::seconds limit) {
+  for (auto waited = std::chrono::milliseconds(0); waited < limit; waited += kPollEvery) {
+    int status = 0;
+    if (waitpid(pid_, &status, WNOHANG) == pid_) {
+      pid_ = -1;
+      return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+    }
+    std::this_thread::sleep_for(kPollEvery);
+  }
+  return std::nullopt;
+}
+
+RunningRobot::RunningRobot() {
+  std::string pattern = (std::filesystem::temp_directory_path() / "takt-test.XXXXXX").string();
+  directory_ = mkdtemp(pattern.data());
+  plant_ = start("takt-plant", {}, "plant");
+  executive_ = start("takt-executive", {"--allow-non-realtime"}, "executive");
+  monitor_ = start_monitor("run");
+}
+
+RunningRobot::~RunningRobot() {
+  monitor_.reset();
+  executive_.reset();
+  plant_.reset();
+  std::error_code ignored;
+  std::filesystem::remove_all(directory_, ignored);
+}
+
+Child RunningRobot::start(const std::string& program, std::vector<std::string> extra,
+                          const std::string& log_name) const {
+  std::vector<std::string> arguments{program, "--robot", "config/arm6.yaml", "--runtime-dir", directory_};
+  arguments.insert(arguments.end(), extra.begin(), extra.end());
+  return Child(std::move(arguments), directory_ + "/" + log_name + ".log");
+}
+
+Child RunningRobot::start_policy_host() {
+  return start("takt-policy-host", {}, "policy-host");
+}
+
+Child RunningRobot::start_rogue(const std::string& behaviour, const std::string& healthy_for) {
+  return start("takt-rogue-policy", {"--behaviour", behaviour, "--healthy-for", healthy_for}, "rogue");
+}
+
+Child RunningRobot::start_monitor(const std::string& run_directory_name) {
+  return start("takt-monitor", {"--run-dir", directory_ + "/" + run_directory_name}, "monitor");
+}
+
+std::optional<OperatorReply> RunningRobot::status() const {
+  auto reply = ipc::ask(config::executive_socket(directory_), OperatorVerb::status, std::chrono::milliseconds(500));
+  if (!reply) return std::nullopt;
+  return *reply;
+}
+
+std::optional<OperatorReply> RunningRobot::wait_until(const std::function<bool(const StatusSnapshot&)>& holds) const {
+  std::optional<OperatorReply> last;
+  for (int poll = 0; poll < kPolls; ++poll) {
+    if (auto reply = status()) {
+      last = reply;
+      if (holds(reply->status)) return last;
+    }
+    std::this_thread::sleep_for(kPollEvery);
+  }
+  return last;
+}
+
+bool RunningRobot::wait_for_mode(Mode mode) const {
+  const auto last = wait_until([mode](const StatusSnapshot& status) { return status.tick.mode == mode; });
+  return last && last->status.tick.mode == mode;
+}
+
+std::string RunningRobot::arm() const {
+  std::string refusal = "the executive never answered";
+  for (int poll = 0; poll < kPolls; ++poll) {
+    const auto reply =
+        ipc::ask(config::executive_socket(directory_), OperatorVerb::arm, std::chrono::milliseconds(2000));
+    if (reply && reply->done != 0) return {};
+    refusal = reply ? reply->sentences : reply.error();
+    std::this_thread::sleep_for(kPollEvery);
+  }
+  return refusal;
+}
+
+bool RunningRobot::finish() {
+  executive_->signal(SIGTERM);
+  const auto executive = executive_->wait(std::chrono::seconds(20));
+  monitor_->signal(SIGTERM);
+  const auto monitor = monitor_->wait(std::chrono::seconds(20));
+  return executive == 0 && monitor == 0;
+}
+
+std::string RunningRobot::logs() const {
+  std::string all;
+  for (const auto& entry : std::filesystem::directory_iterator(directory_)) {
+    if (entry.path().extension() != ".log") continue;
+    std::ifstream file(entry.path());
+    all += "--- " + entry.path().filename().string() + "\n";
+    all.append(std::istreambuf_iterator<char>(file), {});
+  }
+  return all;
+}
+
+}  // namespace takt::test

@@ -1,0 +1,73 @@
+// A whole robot in real processes, for tests: starts programs of this build in a runtime directory of their own, asks
+// the executive for its status, and leaves nothing running. Waits are bounded polls for a state, never sleeps to be
+// right.
+#pragma once
+
+#include <sys/types.h>
+
+#include <chrono>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "executive/contract/session.hpp"
+
+namespace takt::test {
+
+// One child process; killed and reaped when it goes out of scope.
+class Child {
+ public:
+  // argv[0] is the name of a program of this build. Output goes to `log_path`.
+  Child(std::vector<std::string> arguments, const std::string& log_path);
+  Child(Child&& other) noexcept;
+  Child& operator=(Child&& other) noexcept;
+  Child(const Child&) = delete;
+  Child& operator=(const Child&) = delete;
+  ~Child();
+  void signal(int number) const;
+  // Exit status as the shell would say it (128 + signal), or nothing if it still ran after `limit`.
+  std::optional<int> wait(std::chrono::seconds limit);
+  [[nodiscard]] pid_t pid() const { return pid_; }
+
+ private:
+  pid_t pid_ = -1;
+};
+
+class RunningRobot {
+ public:
+  // Starts takt-plant, takt-executive and takt-monitor for config/arm6.yaml; no policy yet.
+  RunningRobot();
+  ~RunningRobot();
+  RunningRobot(const RunningRobot&) = delete;
+  RunningRobot& operator=(const RunningRobot&) = delete;
+
+  Child start_policy_host();
+  Child start_rogue(const std::string& behaviour, const std::string& healthy_for);
+  Child start_monitor(const std::string& run_directory_name);
+
+  // Polls the executive until `holds` or 20 s passed; returns the last status.
+  std::optional<OperatorReply> wait_until(const std::function<bool(const StatusSnapshot&)>& holds) const;
+  bool wait_for_mode(Mode mode) const;
+  // Asks until armed or 20 s passed; returns the last refusal, empty when armed.
+  std::string arm() const;
+  [[nodiscard]] std::optional<OperatorReply> status() const;
+
+  // Ends executive, then monitor (so that the run folder is complete). True when both exited with 0.
+  bool finish();
+
+  [[nodiscard]] std::string run_directory() const { return directory_ + "/run"; }
+  [[nodiscard]] const std::string& directory() const { return directory_; }
+  // Everything the programs logged, for failure messages.
+  [[nodiscard]] std::string logs() const;
+  Child& executive() { return *executive_; }
+  Child& monitor() { return *monitor_; }
+
+ private:
+  [[nodiscard]] Child start(const std::string& program, std::vector<std::string> extra,
+                            const std::string& log_name) const;
+  std::string directory_;
+  std::optional<Child> plant_, executive_, monitor_;
+};
+
+}  // namespace takt::test

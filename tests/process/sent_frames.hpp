@@ -1,0 +1,19 @@
+// Reads the commands a run sent to its drives back from can.log, with a decoder of its own written from the protocol
+// description, and says whether any of them left the robot's envelope.
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+#include "config/robot_config.hpp"
+
+namespace takt::test {
+
+struct SentFrames {
+  std::size_t motion_commands = 0;  // frames that were neither enable, disable nor zero
+  std::string first_violation;      // empty: every command was inside
+};
+
+SentFrames judge_sent_frames(const std::string& can_log, const config::RobotConfig& robot);
+
+}  // namespace takt::test
