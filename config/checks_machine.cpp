@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "config/checks.hpp"
+#include "config/drive_ids.hpp"
 
 namespace takt::config {
 namespace {
@@ -21,11 +22,7 @@ bool replies_are_told_apart(const Drive& a, const Drive& b) {
   return a.reply_id != b.reply_id || (a.id & mask) != (b.id & mask);
 }
 
-void check_pair_on_bus(const RobotConfig& robot, std::size_t i, std::size_t k, Checker& checker) {
-  const Joint& a = robot.joints[i];
-  const Joint& b = robot.joints[k];
-  if (a.bus != b.bus) return;
-  const std::string& bus = robot.buses[a.bus].name;
+void check_mit_pair(const Joint& a, const Joint& b, std::size_t i, const std::string& bus, Checker& checker) {
   const std::string id = joint_path(i, "drive.id");
   checker.require(
       a.drive.id != b.drive.id, id,
@@ -39,9 +36,41 @@ void check_pair_on_bus(const RobotConfig& robot, std::size_t i, std::size_t k, C
                               a.name, bus));
 }
 
+std::vector<IdPattern> all_of(const DriveIds& ids, bool with_broadcasts) {
+  std::vector<IdPattern> all = ids.commands;
+  all.insert(all.end(), ids.replies.begin(), ids.replies.end());
+  if (with_broadcasts) all.insert(all.end(), ids.broadcasts.begin(), ids.broadcasts.end());
+  return all;
+}
+
+// Drives of one protocol share its broadcasts; those of different protocols must share nothing.
+const IdPattern* first_clash(const std::vector<IdPattern>& ours, const std::vector<IdPattern>& theirs) {
+  for (const IdPattern& one : ours)
+    for (const IdPattern& other : theirs)
+      if (overlap(one, other)) return &one;
+  return nullptr;
+}
+
+void check_pair_on_bus(const RobotConfig& robot, std::size_t i, std::size_t k, Checker& checker) {
+  const Joint& a = robot.joints[i];
+  const Joint& b = robot.joints[k];
+  if (a.bus != b.bus) return;
+  const std::string& bus = robot.buses[a.bus].name;
+  if (a.drive.protocol == DriveProtocol::mit && b.drive.protocol == DriveProtocol::mit)
+    return check_mit_pair(a, b, i, bus, checker);
+  const bool mixed = a.drive.protocol != b.drive.protocol;
+  const std::vector<IdPattern> ours = all_of(ids_of(a.drive), mixed);
+  const IdPattern* const clash = first_clash(ours, all_of(ids_of(b.drive), mixed));
+  if (clash == nullptr) return;
+  checker.require(false, joint_path(i, "drive.id"),
+                  fmt::format("{} and {} on bus {} both use CAN id 0x{:x}{}; give one of them another id or bus",
+                              b.name, a.name, bus, clash->id, clash->extended ? " (29 bits)" : ""));
+}
+
 void check_drive(const Joint& joint, std::size_t i, Checker& checker) {
   const Drive& drive = joint.drive;
   checker.require(drive.direction != 0, joint_path(i, "drive.direction"), "0 is no direction; write 1 or -1");
+  if (drive.protocol != DriveProtocol::mit) return;
   checker.require(drive.id != drive.reply_id, joint_path(i, "drive.reply_id"),
                   fmt::format("0x{:x} is the drive's own id; choose another", drive.reply_id));
   if (drive.variant == "damiao")
@@ -63,11 +92,12 @@ void check_drive_ranges(const Joint& joint, std::size_t i, Checker& checker) {
         fmt::format("{} = {:.6g} {} exceeds the drive's range {:.6g} {}; narrow the limit or check the model", formula,
                     needed, unit, range, unit));
   };
+  require(limits.torque / gear, drive.torque_range, "limits.torque", "torque / gear_ratio", "Nm");
+  if (!has_packed_ranges(drive.protocol)) return;
   require(farthest * gear, drive.position_range, "limits.position", "(|position| + margin - offset) * gear_ratio",
           "rad");
   require(limits.velocity_hard * gear, drive.velocity_range, "limits.velocity_hard", "velocity_hard * gear_ratio",
           "rad/s");
-  require(limits.torque / gear, drive.torque_range, "limits.torque", "torque / gear_ratio", "Nm");
   require(limits.kp / (gear * gear), drive.kp_range, "limits.kp", "kp / gear_ratio^2", "Nm/rad");
   require(limits.kd / (gear * gear), drive.kd_range, "limits.kd", "kd / gear_ratio^2", "Nms/rad");
 }

@@ -6,12 +6,15 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "executive/contract/mono_time.hpp"
 
 namespace takt::config {
 
+enum class DriveProtocol : std::uint8_t { mit, robstride, odrive, moteus, cia402 };
+enum class Cia402Mode : std::uint8_t { csp, csv, cst };
 enum class WakeMode : std::uint8_t { sleep, hybrid };
 enum class WhenBusMissing : std::uint8_t { refuse, loopback };
 enum class Degraded : std::uint8_t { hold, slow, fallback };
@@ -72,20 +75,31 @@ struct Bus {
   std::string interface;
   std::uint32_t bitrate = 0;  // bit/s
   bool fd = false;
+  std::uint32_t data_bitrate = 0;  // bit/s of FD frames' data phase; fd only
   WhenBusMissing when_missing = WhenBusMissing::refuse;
 };
 
 struct Drive {
-  std::string protocol;  // "mit"
-  std::string variant;   // "tmotor" (6-byte reply) | "damiao" (8-byte reply)
-  std::string model;     // preset name; empty when the ranges below are given in full
-  std::uint32_t id = 0;
+  DriveProtocol protocol = DriveProtocol::mit;
+  std::uint32_t id = 0;     // mit: CAN id of commands; the others: node, motor or device number
+  int direction = 1;        // +1 or -1
+  double offset = 0;        // rad, joint side: q_joint = direction * q_motor / gear_ratio + offset
+  double gear_ratio = 1;    // motor turns per joint turn beyond what the drive already accounts for
+  double torque_range = 0;  // Nm, motor side: no frame ever asks for more
+  // mit, robstride: what the packed fields span, motor side; from the model unless given.
+  std::string model;  // empty when the ranges are given in full
+  double position_range = 0, velocity_range = 0, kp_range = 0, kd_range = 0;
+  // mit
+  std::string variant;  // "tmotor" (6-byte reply) | "damiao" (8-byte reply)
   std::uint32_t reply_id = 0;
-  int direction = 1;      // +1 or -1
-  double offset = 0;      // rad, joint side: q_joint = direction * q_motor / gear_ratio + offset
-  double gear_ratio = 1;  // motor turns per joint turn beyond what the drive already accounts for
-  // Ranges of the packed fields, motor side; from the preset unless given.
-  double position_range = 0, velocity_range = 0, torque_range = 0, kp_range = 0, kd_range = 0;
+  // robstride: our own number on the bus
+  std::uint32_t host_id = 0;
+  // moteus: the drive's own servo.pid_position gains, which commands scale by 0..1
+  double servo_kp = 0, servo_kd = 0;  // Nm/rad, Nm s/rad, motor side
+  // cia402
+  Cia402Mode mode = Cia402Mode::cst;
+  std::uint32_t counts_per_turn = 0;  // position units of object 6064 per motor turn
+  double rated_torque = 0;            // Nm, object 6076: 1000 per mille
 };
 
 struct Limits {
@@ -170,6 +184,27 @@ struct Simulation {
   Duration camera_period, camera_delay, camera_jitter;
   Vector3 target_centre{}, target_amplitude{}, target_frequency{};  // m, m, Hz
 };
+
+constexpr std::string_view name(DriveProtocol protocol) {
+  switch (protocol) {
+    case DriveProtocol::mit:
+      return "mit";
+    case DriveProtocol::robstride:
+      return "robstride";
+    case DriveProtocol::odrive:
+      return "odrive";
+    case DriveProtocol::moteus:
+      return "moteus";
+    case DriveProtocol::cia402:
+      return "cia402";
+  }
+  return "invalid";
+}
+
+// mit and robstride pack a whole impedance command into ranged integers; the others have units of their own.
+constexpr bool has_packed_ranges(DriveProtocol protocol) {
+  return protocol == DriveProtocol::mit || protocol == DriveProtocol::robstride;
+}
 
 struct RobotConfig {
   std::string file;  // as given, for messages

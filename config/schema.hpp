@@ -14,6 +14,7 @@ void describe(Fields& fields, RobotConfig& robot);
 // Parts of it, by topic.
 void describe_timing(Fields& fields, RobotConfig& robot);    // control, freshness, feedback
 void describe_machine(Fields& fields, RobotConfig& robot);   // buses, joints, model
+void describe_drive(Fields& fields, Drive& drive);           // joints[].drive
 void describe_policy(Fields& fields, RobotConfig& robot);    // sensors, policy, fallbacks, degraded
 void describe_evidence(Fields& fields, RobotConfig& robot);  // record, simulation
 

@@ -2,7 +2,6 @@
 #include <array>
 #include <cmath>
 
-#include "config/mit_presets.hpp"
 #include "config/schema.hpp"
 #include "executive/contract/joints.hpp"
 
@@ -10,9 +9,6 @@ namespace takt::config {
 namespace {
 
 constexpr std::array<std::string_view, 2> kWhenMissing{"refuse", "loopback"};
-constexpr std::array<std::string_view, 1> kProtocols{"mit"};
-constexpr std::array<std::string_view, 2> kVariants{"tmotor", "damiao"};
-constexpr double kMaxCanId = 0x7FF;
 
 void describe_bus(Fields& fields, Bus& bus) {
   fields.identifier({"name", "how joints refer to this bus"}, bus.name);
@@ -21,47 +17,14 @@ void describe_bus(Fields& fields, Bus& bus) {
   fields.quantity({"bitrate", "nominal bit rate", "1 Mbit/s"}, bitrate, Dimension::bit_rate, between(10e3, 1e6));
   bus.bitrate = static_cast<std::uint32_t>(std::lround(bitrate));
   fields.flag({"fd", "frames may be CAN FD", "false"}, bus.fd);
+  if (bus.fd || fields.shows_all()) {
+    double data_bitrate = bus.data_bitrate;
+    fields.quantity({"data_bitrate", "fd: bit rate of the data phase", "5 Mbit/s"}, data_bitrate, Dimension::bit_rate,
+                    between(10e3, 10e6));
+    bus.data_bitrate = static_cast<std::uint32_t>(std::lround(data_bitrate));
+  }
   fields.choice({"when_missing", "interface absent: refuse to start, or use the built-in loopback bus", "refuse"},
                 bus.when_missing, kWhenMissing);
-}
-
-void describe_mit_ranges(Fields& fields, Drive& drive) {
-  const MitPreset* preset = find_mit_preset(drive.model);
-  const bool names_model = !drive.model.empty();  // an unknown one too: it is complained about where it stands
-  const std::optional<std::string_view> otherwise =
-      names_model || fields.shows_all() ? std::optional<std::string_view>("the model's") : std::nullopt;
-  const auto range = [&](std::string_view name, std::string_view doc, double& value, double from_preset,
-                         Dimension dimension) {
-    if (preset && value == 0) value = from_preset;
-    fields.quantity({name, doc, otherwise, names_model}, value, dimension, above(0, 1e6));
-  };
-  constexpr MitPreset kNone{};
-  const MitPreset& from = preset ? *preset : kNone;
-  range("position_range", "mit: packed position spans +- this, motor side", drive.position_range, from.position,
-        Dimension::angle);
-  range("velocity_range", "mit: packed velocity spans +- this, motor side", drive.velocity_range, from.velocity,
-        Dimension::angular_velocity);
-  range("torque_range", "mit: packed torque spans +- this, motor side", drive.torque_range, from.torque,
-        Dimension::torque);
-  range("kp_range", "mit: packed stiffness spans 0 to this", drive.kp_range, from.kp, Dimension::stiffness);
-  range("kd_range", "mit: packed damping spans 0 to this", drive.kd_range, from.kd, Dimension::damping);
-}
-
-void describe_drive(Fields& fields, Drive& drive) {
-  fields.one_of({"protocol", "what the drive speaks"}, drive.protocol, kProtocols, "protocol");
-  fields.one_of({"variant", "mit: tmotor replies with 6 bytes, damiao with 8"}, drive.variant, kVariants, "variant");
-  fields.one_of({"model", "drive model whose ranges apply, or none: then all five ranges are required", "none"},
-                drive.model, kMitModels, "drive model", "none");
-  fields.integer({"id", "CAN id of the drive's commands"}, drive.id, 1, static_cast<std::int64_t>(kMaxCanId));
-  fields.integer({"reply_id", "CAN id of the drive's replies"}, drive.reply_id, 0,
-                 static_cast<std::int64_t>(kMaxCanId));
-  fields.integer({"direction", "1 or -1: q_joint = direction * q_motor / gear_ratio + offset", "1"}, drive.direction,
-                 -1, 1);
-  fields.quantity({"offset", "joint angle where the motor reads zero", "0 rad"}, drive.offset, Dimension::angle,
-                  between(-100, 100));
-  fields.quantity({"gear_ratio", "motor turns per joint turn, beyond what the drive accounts for", "1"},
-                  drive.gear_ratio, Dimension::none, above(0, 1000));
-  describe_mit_ranges(fields, drive);
 }
 
 void describe_limits(Fields& fields, Limits& limits) {

@@ -1,6 +1,9 @@
 #include "drivers/bus_load.hpp"
 
+#include <cmath>
 #include <cstdio>
+
+#include "drivers/protocol_table.hpp"
 
 namespace takt::drivers {
 namespace {
@@ -9,10 +12,11 @@ std::uint32_t stuffable_bits(std::size_t bytes, bool extended) {
   return (extended ? 54U : 34U) + 8U * static_cast<std::uint32_t>(bytes);
 }
 
-constexpr std::size_t kMitCommandBytes = 8;
-
-std::size_t reply_bytes(const config::Drive& drive) {
-  return drive.variant == "tmotor" ? 6 : 8;
+// In bit times of the arbitration phase.
+double bits_of(const FrameTraffic& frame, const config::Bus& bus) {
+  if (!frame.fd) return frame.per_tick * most_frame_bits(frame.bytes, frame.extended);
+  const FdFrameBits bits = most_fd_frame_bits(frame.bytes, frame.extended);
+  return frame.per_tick * (bits.arbitration + bits.data * static_cast<double>(bus.bitrate) / bus.data_bitrate);
 }
 
 std::string overload_sentence(const config::RobotConfig& robot, const config::Bus& bus, const BusLoad& load) {
@@ -38,17 +42,28 @@ std::uint32_t most_frame_bits(std::size_t bytes, bool extended) {
   return least_frame_bits(bytes, extended) + (stuffable_bits(bytes, extended) - 1) / 4;
 }
 
+FdFrameBits most_fd_frame_bits(std::size_t bytes, bool extended) {
+  const std::uint32_t head = extended ? 36 : 17;  // start of frame to the bit that switches the rate
+  const std::uint32_t tail = 12;                  // acknowledgement, end of frame, pause
+  const auto payload = static_cast<std::uint32_t>(5 + 8 * bytes);
+  const std::uint32_t check = 4 + (bytes > 16 ? 21U : 17U);
+  return {head + (head - 1) / 4 + tail, payload + payload / 4 + check + (check + 3) / 4 + 1};
+}
+
 std::expected<std::vector<BusLoad>, std::string> check_bus_load(const config::RobotConfig& robot) {
   std::vector<BusLoad> loads;
   for (std::size_t index = 0; index < robot.buses.size(); ++index) {
     const config::Bus& bus = robot.buses[index];
     BusLoad load;
     load.bus = bus.name;
-    for (const config::Joint& joint : robot.joints) {
-      if (joint.bus != index) continue;
+    double bits = 0;
+    for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
+      const Protocol* const protocol = find_protocol(robot.joints[joint].drive.protocol);
+      if (robot.joints[joint].bus != index || protocol == nullptr) continue;
       ++load.drives;
-      load.bits_per_tick += most_frame_bits(kMitCommandBytes, false) + most_frame_bits(reply_bytes(joint.drive), false);
+      for (const FrameTraffic& frame : protocol->traffic(robot, joint)) bits += bits_of(frame, bus);
     }
+    load.bits_per_tick = static_cast<std::uint32_t>(std::ceil(bits));
     load.load = load.bits_per_tick / (robot.control.period.seconds() * bus.bitrate);
     if (load.load > kMaxBusLoad) return std::unexpected(overload_sentence(robot, bus, load));
     loads.push_back(std::move(load));

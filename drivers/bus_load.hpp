@@ -1,8 +1,13 @@
 // Can a bus carry what its drives say every tick? Worst-case bits on the wire, stuffing included. Pure.
 //
+// What a drive says is told by its protocol's row (protocol_table.hpp). FD frames switch to the data bit rate; their
+// data phase counts as the arbitration bits that would take as long.
+//
 // A classic data frame of n bytes has 47 + 8n bits (67 + 8n with a 29-bit id), inter-frame space included; the 34 + 8n
 // (54 + 8n) bits from start of frame to checksum take a stuff bit after every four in the worst case: 111..135 bits for
-// 8 bytes and an 11-bit id. Source: ISO 11898-1.
+// 8 bytes and an 11-bit id. An FD frame has 29 (48) bits at the arbitration rate and, at the data rate, 5 + 8n bits,
+// then 4 + 17 (more than 16 bytes: 21) of stuff count and checksum with a fixed stuff bit before every four, and a
+// delimiter. Source: ISO 11898-1.
 #pragma once
 
 #include <cstddef>
@@ -15,9 +20,15 @@
 
 namespace takt::drivers {
 
-// 0..8 bytes.
+// Classic, 0..8 bytes.
 std::uint32_t least_frame_bits(std::size_t bytes, bool extended);  // no stuff bits
 std::uint32_t most_frame_bits(std::size_t bytes, bool extended);   // worst stuffing
+
+// Worst stuffing, 0..64 bytes, with bit rate switch.
+struct FdFrameBits {
+  std::uint32_t arbitration = 0, data = 0;
+};
+FdFrameBits most_fd_frame_bits(std::size_t bytes, bool extended);
 
 // Above this share of the bit rate a late frame no longer finds its gap before the next tick.
 inline constexpr double kMaxBusLoad = 0.9;

@@ -5,14 +5,16 @@
 #include <string>
 #include <vector>
 
+#include "config/drive_ids.hpp"
+
 namespace takt::drivers {
 
 struct BusOptions {
   std::string interface;
   bool fd = false;
-  // Standard ids wanted; empty: every frame. SocketCAN filters in the kernel, so that others are never seen; the
-  // loopback bus filters on receive and counts them as foreign.
-  std::vector<std::uint32_t> receive_ids;
+  // Ids wanted; empty: every frame. Others are never seen: SocketCAN filters in the kernel, the loopback bus on
+  // receive.
+  std::vector<config::IdPattern> receive;
 };
 
 }  // namespace takt::drivers

@@ -1,29 +1,24 @@
-// The standard ids a node wants to see, as a bit per id: constant time, no allocation. Nothing named: everything
-// wanted.
+// The ids a node wants to see. Nothing named: everything wanted. No allocation after construction.
 #pragma once
 
-#include <bitset>
-#include <cstddef>
-#include <cstdint>
-#include <span>
+#include <algorithm>
+#include <vector>
 
+#include "config/drive_ids.hpp"
 #include "drivers/can_bus.hpp"
 
 namespace takt::drivers {
 
 class IdFilter {
  public:
-  explicit IdFilter(std::span<const std::uint32_t> standard_ids) : everything_(standard_ids.empty()) {
-    for (const std::uint32_t id : standard_ids)
-      if (id < wanted_.size()) wanted_.set(id);
-  }
+  explicit IdFilter(std::vector<config::IdPattern> wanted) : wanted_(std::move(wanted)) {}
   [[nodiscard]] bool wants(const CanFrame& frame) const {
-    return everything_ || (!frame.extended && frame.id < wanted_.size() && wanted_.test(frame.id));
+    return wanted_.empty() ||
+           std::ranges::any_of(wanted_, [&frame](const auto& one) { return one.matches(frame.id, frame.extended); });
   }
 
  private:
-  bool everything_;
-  std::bitset<0x800> wanted_;
+  std::vector<config::IdPattern> wanted_;
 };
 
 }  // namespace takt::drivers

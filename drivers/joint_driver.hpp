@@ -15,16 +15,52 @@
 
 namespace takt::drivers {
 
+inline constexpr std::size_t kMaxFramesPerDrive = 4;
+
 // Joint side; same meaning as pipeline::JointSetpoint, which this room does not know.
 struct DriveSetpoint {
   float q = 0, dq = 0, kp = 0, kd = 0, tau = 0;
 };
 
+// JointFeedback::error_code of what a driver finds out by itself, whatever the protocol; DriveState::fault goes with
+// it. Drives' own codes stay below.
+enum class SetupFault : std::uint32_t {
+  settings_differ = 0x8000'0001,  // read back, and not what the robot file says
+  settings_unread,                // the drive does not answer the question
+  setup_refused,                  // the drive did not take a setting
+};
+
+// q_joint = direction * q_motor / gear_ratio + offset; torque the other way round, gains by the ratio's square.
+struct JointMapping {
+  float ratio = 1;   // direction * gear_ratio: motor angle per joint angle
+  float offset = 0;  // rad, joint side
+};
+
+// Side of the motor: rad, rad/s, Nm, Nm/rad, Nm s/rad.
+constexpr DriveSetpoint to_motor(const JointMapping& mapping, const DriveSetpoint& joint) noexcept {
+  return {.q = (joint.q - mapping.offset) * mapping.ratio,
+          .dq = joint.dq * mapping.ratio,
+          .kp = joint.kp / (mapping.ratio * mapping.ratio),
+          .kd = joint.kd / (mapping.ratio * mapping.ratio),
+          .tau = joint.tau / mapping.ratio};
+}
+
+// What the drive measured, motor side, becomes the joint's feedback, and counts as one more reply.
+constexpr void take_reading(const JointMapping& mapping, float q, float dq, float tau, MonoTime received_at,
+                            JointFeedback& feedback) noexcept {
+  feedback.received_at = received_at;
+  feedback.q = q / mapping.ratio + mapping.offset;
+  feedback.dq = dq / mapping.ratio;
+  feedback.tau = tau * mapping.ratio;
+  ++feedback.replies;
+}
+
 class JointDriver {
  public:
   virtual ~JointDriver() = default;
-  // Frames for this tick; returns how many were written (at most out.size(), at least 2). `enable` false: whatever
-  // keeps the drive disabled and makes it report. `budget`: remaining life of the command, for a drive-side watchdog.
+  // Frames for this tick; returns how many were written: at most kMaxFramesPerDrive, which `out` has room for.
+  // `enable` false: whatever keeps the drive disabled and makes it report. `budget`: remaining life of the command, for
+  // a drive-side watchdog.
   virtual std::size_t encode(bool enable, const DriveSetpoint& setpoint, Duration budget,
                              std::span<CanFrame> out) noexcept = 0;
   // True when the frame is this drive's; updates feedback.

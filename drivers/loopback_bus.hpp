@@ -27,8 +27,7 @@ class LoopbackBus final : public CanBus {
   [[nodiscard]] BusHealth health() const noexcept override { return health_; }
 
  private:
-  LoopbackBus(FileHandle socket, const BusOptions& options)
-      : socket_(std::move(socket)), filter_(options.receive_ids) {}
+  LoopbackBus(FileHandle socket, const BusOptions& options) : socket_(std::move(socket)), filter_(options.receive) {}
   std::size_t take(std::size_t fetched, std::span<ReceivedFrame> out) noexcept;
 
   FileHandle socket_;

@@ -61,7 +61,7 @@ std::expected<std::unique_ptr<LoopbackHub>, std::string> LoopbackHub::listen(con
 }
 
 LoopbackHub::LoopbackHub(FileHandle listener, FileHandle poll, std::string path, const BusOptions& own_node)
-    : listener_(std::move(listener)), poll_(std::move(poll)), path_(std::move(path)), filter_(own_node.receive_ids) {
+    : listener_(std::move(listener)), poll_(std::move(poll)), path_(std::move(path)), filter_(own_node.receive) {
   nodes_.reserve(kMaxNodes);
 }
 
@@ -110,10 +110,7 @@ std::size_t LoopbackHub::serve(int socket, std::span<ReceivedFrame> out) noexcep
       return filled;
     }
     pass_on(batch_.frame(i), socket);
-    if (filter_.wants(received->frame))
-      out[filled++] = *received;
-    else
-      ++health_.foreign_frames;
+    if (filter_.wants(received->frame)) out[filled++] = *received;
   }
   if (fetched.error != 0) disconnect(socket);
   return filled;

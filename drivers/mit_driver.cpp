@@ -1,8 +1,17 @@
 #include "drivers/mit_driver.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 
 namespace takt::drivers {
+namespace {
+
+bool is_positive(float x) {
+  return std::isfinite(x) && x > 0;
+}
+
+}  // namespace
 
 std::size_t MitDriver::encode(bool enable, const DriveSetpoint& setpoint, Duration /*budget*/,
                               std::span<CanFrame> out) noexcept {
@@ -29,17 +38,9 @@ MitPayload MitDriver::payload_for(bool enable, const DriveSetpoint& setpoint) no
   }
   if (wish_ == Wish::enter && feedback_.drive_state == DriveState::enabled) wish_ = Wish::drive;
   if (wish_ == Wish::enter) return encode_mit_special(MitSpecial::enter_motor_mode);
-  return encode_mit_command(settings_.range, to_motor(setpoint));
-}
-
-MitCommand MitDriver::to_motor(const DriveSetpoint& setpoint) const noexcept {
-  const float ratio = settings_.direction * settings_.gear_ratio;
-  const float squared = settings_.gear_ratio * settings_.gear_ratio;
-  return {.p = (setpoint.q - settings_.offset) * ratio,
-          .v = setpoint.dq * ratio,
-          .kp = setpoint.kp / squared,
-          .kd = setpoint.kd / squared,
-          .t = setpoint.tau / ratio};
+  const DriveSetpoint motor = to_motor(settings_.mapping, setpoint);
+  return encode_mit_command(settings_.range,
+                            {.p = motor.q, .v = motor.dq, .kp = motor.kp, .kd = motor.kd, .t = motor.tau});
 }
 
 bool MitDriver::decode(const ReceivedFrame& received) noexcept {
@@ -58,11 +59,7 @@ bool MitDriver::decode(const ReceivedFrame& received) noexcept {
 }
 
 void MitDriver::take(const MitReply& reply, MonoTime received_at) noexcept {
-  const float ratio = settings_.direction * settings_.gear_ratio;
-  feedback_.received_at = received_at;
-  feedback_.q = reply.p / ratio + settings_.offset;
-  feedback_.dq = reply.v / ratio;
-  feedback_.tau = reply.t * ratio;
+  take_reading(settings_.mapping, reply.p, reply.v, reply.t, received_at, feedback_);
   feedback_.temperature_C = reply.temperature_C;
   feedback_.drive_state = state_of(reply);
   feedback_.error_code = feedback_.drive_state == DriveState::fault ? reply.status : 0;
@@ -79,6 +76,46 @@ DriveState MitDriver::state_of(const MitReply& reply) const noexcept {
       return wish_ == Wish::disable ? DriveState::disabled : DriveState::enabled;
   }
   return DriveState::unknown;
+}
+
+std::expected<std::unique_ptr<JointDriver>, std::string> make_mit_driver(const config::RobotConfig& robot,
+                                                                         std::size_t joint) {
+  const config::Drive& drive = robot.joints[joint].drive;
+  MitDriveSettings settings;
+  if (drive.variant == "damiao")
+    settings.variant = MitVariant::damiao;
+  else if (drive.variant == "tmotor")
+    settings.variant = MitVariant::tmotor;
+  else
+    return std::unexpected("mit variant '" + drive.variant + "' is unknown: write tmotor or damiao");
+  settings.range = {static_cast<float>(drive.position_range), static_cast<float>(drive.velocity_range),
+                    static_cast<float>(drive.kp_range), static_cast<float>(drive.kd_range),
+                    static_cast<float>(drive.torque_range)};
+  const MitRange& range = settings.range;
+  if (!is_positive(range.p) || !is_positive(range.v) || !is_positive(range.kp) || !is_positive(range.kd) ||
+      !is_positive(range.t))
+    return std::unexpected("the drive's packed ranges are not all positive: name a model or give every range");
+  if (drive.id > 0x7FF || drive.reply_id > 0x7FF)
+    return std::unexpected("mit drives have 11-bit ids: id and reply_id must be at most 0x7FF");
+  settings.id = drive.id;
+  settings.reply_id = drive.reply_id;
+  settings.mapping = mapping_of(drive);
+  return std::make_unique<MitDriver>(settings);
+}
+
+std::vector<FrameTraffic> mit_traffic(const config::RobotConfig& robot, std::size_t joint) {
+  const std::size_t reply_bytes = robot.joints[joint].drive.variant == "tmotor" ? 6 : 8;
+  return {{.bytes = 8}, {.bytes = reply_bytes}};
+}
+
+std::string mit_error_name(const config::Drive& drive, std::uint32_t code) {
+  static constexpr std::array<const char*, 7> kTmotor{
+      "", "over-temperature", "over-current", "over-voltage", "under-voltage", "encoder fault", "phase unbalance"};
+  static constexpr std::array<const char*, 7> kDamiaoFrom8{
+      "over-voltage",          "under-voltage",      "over-current", "output stage over-temperature",
+      "coil over-temperature", "communication lost", "overload"};
+  if (drive.variant == "tmotor") return code < kTmotor.size() ? kTmotor[code] : "";
+  return code >= 8 && code - 8 < kDamiaoFrom8.size() ? kDamiaoFrom8[code - 8] : "";
 }
 
 }  // namespace takt::drivers

@@ -8,13 +8,12 @@
 // enabled once: motion commands only. A drive that leaves motor mode by itself is not brought back before `enable` was
 //   false in between: that is the operator's decision.
 //
-// Joint and motor side: q = direction * q_motor / gear + offset, tau = direction * gear * tau_motor, gains / gear^2.
 // Before the first reply feedback().received_at is unset and drive_state unknown. Values are clamped to the packed
 // ranges; the joint's own limits are not this class's business. Thread rule: as JointDriver.
 #pragma once
 
-#include "drivers/joint_driver.hpp"
 #include "drivers/mit_codec.hpp"
+#include "drivers/protocol_table.hpp"
 
 namespace takt::drivers {
 
@@ -22,9 +21,7 @@ struct MitDriveSettings {
   MitRange range;
   MitVariant variant = MitVariant::damiao;
   std::uint32_t id = 0, reply_id = 0;
-  float direction = 1;   // +1 or -1
-  float offset = 0;      // rad, joint side
-  float gear_ratio = 1;  // > 0
+  JointMapping mapping;
 };
 
 class MitDriver final : public JointDriver {
@@ -40,7 +37,6 @@ class MitDriver final : public JointDriver {
 
  private:
   MitPayload payload_for(bool enable, const DriveSetpoint& setpoint) noexcept;
-  [[nodiscard]] MitCommand to_motor(const DriveSetpoint& setpoint) const noexcept;
   void take(const MitReply& reply, MonoTime received_at) noexcept;
   [[nodiscard]] DriveState state_of(const MitReply& reply) const noexcept;
 
@@ -52,5 +48,11 @@ class MitDriver final : public JointDriver {
   bool anything_sent_ = false;
   bool clear_next_ = false;
 };
+
+// The protocol's row in the table.
+std::expected<std::unique_ptr<JointDriver>, std::string> make_mit_driver(const config::RobotConfig& robot,
+                                                                         std::size_t joint);
+std::vector<FrameTraffic> mit_traffic(const config::RobotConfig& robot, std::size_t joint);
+std::string mit_error_name(const config::Drive& drive, std::uint32_t code);
 
 }  // namespace takt::drivers

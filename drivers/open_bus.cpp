@@ -7,18 +7,26 @@
 namespace takt::drivers {
 namespace {
 
-std::vector<std::uint32_t> ids_on(const config::RobotConfig& robot, std::size_t bus, std::uint32_t config::Drive::*id) {
-  std::vector<std::uint32_t> ids;
-  for (const config::Joint& joint : robot.joints)
-    if (joint.bus == bus) ids.push_back(joint.drive.*id);
-  return ids;
+std::vector<config::IdPattern> ids_on(const config::RobotConfig& robot, std::size_t bus, bool replies_too) {
+  std::vector<config::IdPattern> all;
+  const auto add = [&all](const std::vector<config::IdPattern>& some) {
+    all.insert(all.end(), some.begin(), some.end());
+  };
+  for (const config::Joint& joint : robot.joints) {
+    if (joint.bus != bus) continue;
+    const config::DriveIds ids = config::ids_of(joint.drive);
+    add(ids.commands);
+    add(ids.broadcasts);
+    if (replies_too) add(ids.replies);
+  }
+  return all;
 }
 
 }  // namespace
 
 std::expected<OpenedBus, std::string> open_bus(const config::Bus& bus, const std::string& runtime_directory,
-                                               std::span<const std::uint32_t> receive_ids) {
-  const BusOptions options{bus.interface, bus.fd, {receive_ids.begin(), receive_ids.end()}};
+                                               std::vector<config::IdPattern> receive) {
+  const BusOptions options{bus.interface, bus.fd, std::move(receive)};
   if (SocketCanBus::interface_exists(bus.interface)) {
     auto opened = SocketCanBus::open(options, bus.bitrate);
     if (!opened) return std::unexpected(opened.error());
@@ -39,12 +47,12 @@ std::expected<OpenedBus, std::string> open_bus(const config::Bus& bus, const std
   return OpenedBus{std::move(*connected), true, bus.interface + ": loopback hub at " + path};
 }
 
-std::vector<std::uint32_t> reply_ids(const config::RobotConfig& robot, std::size_t bus) {
-  return ids_on(robot, bus, &config::Drive::reply_id);
+std::vector<config::IdPattern> host_ids(const config::RobotConfig& robot, std::size_t bus) {
+  return ids_on(robot, bus, true);
 }
 
-std::vector<std::uint32_t> command_ids(const config::RobotConfig& robot, std::size_t bus) {
-  return ids_on(robot, bus, &config::Drive::id);
+std::vector<config::IdPattern> device_ids(const config::RobotConfig& robot, std::size_t bus) {
+  return ids_on(robot, bus, false);
 }
 
 }  // namespace takt::drivers

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "config/drive_ids.hpp"
 #include "config/robot_config.hpp"
 #include "drivers/can_bus.hpp"
 
@@ -20,12 +21,13 @@ struct OpenedBus {
   std::string description;  // "can0: SocketCAN, classic, 1000000 bit/s" or "can0: loopback hub at <path>"
 };
 
-// `receive_ids`: standard ids wanted; empty: every frame.
+// `receive`: ids wanted; empty: every frame.
 std::expected<OpenedBus, std::string> open_bus(const config::Bus& bus, const std::string& runtime_directory,
-                                               std::span<const std::uint32_t> receive_ids = {});
+                                               std::vector<config::IdPattern> receive = {});
 
-// The host side's ids on that bus: what its drives reply with. And the device side's: what they listen to.
-std::vector<std::uint32_t> reply_ids(const config::RobotConfig& robot, std::size_t bus);
-std::vector<std::uint32_t> command_ids(const config::RobotConfig& robot, std::size_t bus);
+// What the host listens to on that bus: its drives' replies, and their commands too, for those are ours to send: a
+// stranger's are to be noticed. And what the drives listen to.
+std::vector<config::IdPattern> host_ids(const config::RobotConfig& robot, std::size_t bus);
+std::vector<config::IdPattern> device_ids(const config::RobotConfig& robot, std::size_t bus);
 
 }  // namespace takt::drivers

@@ -42,8 +42,8 @@ SetUp set_options(int socket, const BusOptions& options) {
     return ::setsockopt(socket, level, name, value, static_cast<socklen_t>(size)) == 0;
   };
   std::vector<can_filter> filters;
-  for (const std::uint32_t id : options.receive_ids)
-    filters.push_back({id, CAN_SFF_MASK | CAN_EFF_FLAG | CAN_RTR_FLAG});
+  for (const config::IdPattern& one : options.receive)
+    filters.push_back({one.id | (one.extended ? CAN_EFF_FLAG : 0), one.mask | CAN_EFF_FLAG | CAN_RTR_FLAG});
   const can_err_mask_t errors = error_classes();
   const int on = 1;
   const int off = 0;

@@ -9,14 +9,13 @@
 #include <deque>
 #include <expected>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "config/robot_config.hpp"
 #include "drivers/can_bus.hpp"
 #include "drivers/plant/arm_dynamics.hpp"
-#include "drivers/plant/mit_drive.hpp"
+#include "drivers/plant/device.hpp"
 #include "executive/contract/mono_time.hpp"
 
 namespace takt::plant {
@@ -28,8 +27,10 @@ class ArmPlant {
 
   // Advances by simulation.step.
   void step();
-  // What the frame's drive answers; nothing when no drive of that bus has that id.
-  std::optional<drivers::CanFrame> receive(std::size_t bus, const drivers::CanFrame& frame);
+  // Every drive of that bus hears the frame; what they answer is appended to `answers`. True: some drive answered.
+  bool receive(std::size_t bus, const drivers::CanFrame& frame, Frames& answers);
+  // What drives of that bus said by themselves since the last call.
+  void collect(std::size_t bus, Frames& said);
 
   [[nodiscard]] MonoTime now() const { return now_; }  // virtual: 1 ns at start, so that it is set
   [[nodiscard]] Duration step_length() const { return step_; }
@@ -37,18 +38,20 @@ class ArmPlant {
   void set_state(ArmState state) { state_ = std::move(state); }
   [[nodiscard]] config::Vector3 tool_position() { return dynamics_->tool_position(state_.q); }
   [[nodiscard]] ArmDynamics& dynamics() { return *dynamics_; }
-  [[nodiscard]] MitDrive& drive(std::size_t joint) { return drives_[joint]; }
+  [[nodiscard]] Device& drive(std::size_t joint) { return *drives_[joint]; }
   [[nodiscard]] std::size_t joint_count() const { return drives_.size(); }
 
  private:
-  ArmPlant(const config::RobotConfig& robot, std::unique_ptr<ArmDynamics> dynamics);
+  ArmPlant(const config::RobotConfig& robot, std::unique_ptr<ArmDynamics> dynamics,
+           std::vector<std::unique_ptr<Device>> drives);
   [[nodiscard]] MotorReading read_encoder(std::size_t joint) const;
 
   std::vector<config::Joint> joints_;
   config::Simulation simulation_;
   Duration step_;
   std::unique_ptr<ArmDynamics> dynamics_;
-  std::vector<MitDrive> drives_;
+  std::vector<std::unique_ptr<Device>> drives_;
+  std::vector<Frames> said_;  // per bus
   ArmState state_;
   std::deque<Eigen::VectorXd> on_their_way_;  // joint torques that have not reached their joints yet, oldest first
   MonoTime now_{1};

@@ -15,7 +15,7 @@ std::expected<PlantBuses, std::string> PlantBuses::open(const config::RobotConfi
   opened.received_.resize(kMaxFrames);
   for (std::size_t i = 0; i < robot.buses.size(); ++i) {
     const config::Bus& bus = robot.buses[i];
-    const std::vector<std::uint32_t> ids = drivers::command_ids(robot, i);
+    const std::vector<config::IdPattern> ids = drivers::device_ids(robot, i);
     const bool hosts_hub =
         !drivers::SocketCanBus::interface_exists(bus.interface) && bus.when_missing == config::WhenBusMissing::loopback;
     if (hosts_hub) {
@@ -38,12 +38,12 @@ MonoTime PlantBuses::exchange(ArmPlant& arm) {
   MonoTime newest;
   for (std::size_t bus = 0; bus < buses_.size(); ++bus) {
     const std::size_t count = buses_[bus]->receive(received_);
-    for (std::size_t i = 0; i < count; ++i) {
-      const auto answer = arm.receive(bus, received_[i].frame);
-      if (!answer) continue;
-      newest = std::max(newest, received_[i].received_at);
-      buses_[bus]->send(*answer);  // a full queue is the bus's own count; a real drive does not retry either
-    }
+    out_.clear();
+    for (std::size_t i = 0; i < count; ++i)
+      if (arm.receive(bus, received_[i].frame, out_)) newest = std::max(newest, received_[i].received_at);
+    arm.collect(bus, out_);
+    // A full queue is the bus's own count; a real drive does not retry either.
+    for (const drivers::CanFrame& frame : out_) buses_[bus]->send(frame);
   }
   return newest;
 }

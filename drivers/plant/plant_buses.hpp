@@ -17,8 +17,9 @@ class PlantBuses {
  public:
   static std::expected<PlantBuses, std::string> open(const config::RobotConfig& robot,
                                                      const std::string& runtime_directory);
-  // Lets the arm obey everything that arrived and sends its answers. Returns when the newest command arrived, unset if
-  // none did. Bounded: at most kMaxFrames per bus; the rest waits.
+  // Lets the arm obey everything that arrived, sends its answers and what its drives say by themselves. Returns when
+  // the newest frame that a drive answered arrived, unset if none did. Bounded: at most kMaxFrames per bus; the rest
+  // waits.
   MonoTime exchange(ArmPlant& arm);
   [[nodiscard]] const std::vector<std::string>& descriptions() const { return descriptions_; }
 
@@ -27,6 +28,7 @@ class PlantBuses {
   std::vector<std::unique_ptr<drivers::CanBus>> buses_;
   std::vector<std::string> descriptions_;
   std::vector<drivers::ReceivedFrame> received_;
+  Frames out_;
 };
 
 }  // namespace takt::plant

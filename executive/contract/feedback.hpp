@@ -18,7 +18,8 @@ struct JointFeedback {
   float temperature_C = 0.0F;    // hottest part the drive reports; 0 when it reports none
   std::uint32_t error_code = 0;  // protocol's own code; 0 none
   DriveState drive_state = DriveState::unknown;
-  std::uint8_t reserved[3] = {};
+  std::uint8_t replies = 0;  // position reports decoded since start, modulo 256: how the tick tells lost from repeated
+  std::uint8_t reserved[2] = {};
 };
 static_assert(std::is_standard_layout_v<JointFeedback> && sizeof(JointFeedback) == 32);
 
@@ -27,7 +28,7 @@ enum class BusState : std::uint8_t { up, error_passive, bus_off, down };
 struct BusHealth {
   std::uint32_t tx_dropped = 0;      // frames the kernel queue refused, since start
   std::uint32_t rx_dropped = 0;      // frames lost on receive (SO_RXQ_OVFL), since start
-  std::uint32_t foreign_frames = 0;  // frames nobody here expects, since start
+  std::uint32_t foreign_frames = 0;  // frames on our drives' ids that are none of theirs, since start
   BusState state = BusState::up;
   std::uint8_t reserved[3] = {};
 };

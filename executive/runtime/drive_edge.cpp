@@ -12,7 +12,7 @@ DriveEdge::DriveEdge(std::vector<std::unique_ptr<drivers::CanBus>> buses, std::v
       joints_of_bus_(buses_.size()),
       foreign_frames_(buses_.size()),
       received_(kMaxFramesPerBus),
-      encoded_(kMaxFramesPerDrive) {
+      encoded_(drivers::kMaxFramesPerDrive) {
   for (std::size_t joint = 0; joint < joints_.size(); ++joint) joints_of_bus_.at(joints_[joint].bus).push_back(joint);
 }
 

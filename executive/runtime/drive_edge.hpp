@@ -21,7 +21,6 @@
 namespace takt::runtime {
 
 inline constexpr std::size_t kMaxFramesPerBus = 64;
-inline constexpr std::size_t kMaxFramesPerDrive = 4;
 
 struct JointOnBus {
   std::unique_ptr<drivers::JointDriver> driver;

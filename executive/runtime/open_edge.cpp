@@ -3,7 +3,7 @@
 #include <thread>
 #include <utility>
 
-#include "drivers/make_driver.hpp"
+#include "drivers/protocol_table.hpp"
 #include "drivers/open_bus.hpp"
 
 namespace takt::runtime {
@@ -15,7 +15,7 @@ std::expected<drivers::OpenedBus, std::string> open_patiently(const config::Robo
                                                               const std::string& runtime_directory,
                                                               std::chrono::steady_clock::time_point give_up_at) {
   const config::Bus& bus = robot.buses[index];
-  const auto wanted = drivers::reply_ids(robot, index);
+  const auto wanted = drivers::host_ids(robot, index);
   while (true) {
     auto opened = drivers::open_bus(bus, runtime_directory, wanted);
     const bool may_come = bus.when_missing == config::WhenBusMissing::loopback;
@@ -29,10 +29,10 @@ std::expected<drivers::OpenedBus, std::string> open_patiently(const config::Robo
 std::expected<OpenedEdge, std::string> open_edge(const config::RobotConfig& robot, const std::string& runtime_directory,
                                                  std::chrono::milliseconds hub_patience) {
   std::vector<JointOnBus> joints;
-  for (const config::Joint& joint : robot.joints) {
-    auto driver = drivers::make_joint_driver(joint);
+  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
+    auto driver = drivers::make_joint_driver(robot, joint);
     if (!driver) return std::unexpected(driver.error());
-    joints.push_back({std::move(*driver), joint.bus});
+    joints.push_back({std::move(*driver), robot.joints[joint].bus});
   }
   const auto give_up_at = std::chrono::steady_clock::now() + hub_patience;
   std::vector<std::unique_ptr<drivers::CanBus>> buses;

@@ -124,7 +124,7 @@ inline constexpr Refusal kRefusals[] = {
     Refusal{"a word outside a choice", "wake: sleep", "wake: doze",
             "3:57: control.wake: wake `doze` is not known; write one of: sleep, hybrid"},
     Refusal{"ranges missing without a model", ", kd_range: 5 Nms/rad", "",
-            "34:12: key `kd_range` is missing in `joints[1].drive`; add it: mit: packed damping spans 0 to this"},
+            "34:12: key `kd_range` is missing in `joints[1].drive`; add it: mit, robstride: packed damping spans 0 to this"},
     Refusal{"two joints of one name", "name: knee", "name: hip",
             "32:11: joints: `hip` is also the name in line 17; rename one\n"
             "42:16: model.links[1].joint: joint `knee` is not known; write one of: hip, hip\n"

@@ -12,13 +12,13 @@
 #include <limits>
 #include <random>
 
-#include "config/mit_presets.hpp"
+#include "config/drive_presets.hpp"
 
 namespace takt::drivers {
 namespace {
 
 MitRange preset(std::string_view model) {
-  const config::MitPreset* found = config::find_mit_preset(model);
+  const config::DrivePreset* found = config::find_drive_preset(config::DriveProtocol::mit, model);
   return {static_cast<float>(found->position), static_cast<float>(found->velocity), static_cast<float>(found->kp),
           static_cast<float>(found->kd), static_cast<float>(found->torque)};
 }

@@ -48,10 +48,10 @@ class Bench {
 };
 
 MitDriveSettings damiao() {
-  return {.range = kDm4310, .variant = MitVariant::damiao, .id = 4, .reply_id = 0x14};
+  return {.range = kDm4310, .variant = MitVariant::damiao, .id = 4, .reply_id = 0x14, .mapping = {}};
 }
 MitDriveSettings tmotor() {
-  return {.range = kDm4310, .variant = MitVariant::tmotor, .id = 4, .reply_id = 0x14};
+  return {.range = kDm4310, .variant = MitVariant::tmotor, .id = 4, .reply_id = 0x14, .mapping = {}};
 }
 
 constexpr int kDisabled = 0x04, kEnabled = 0x14, kLost = 0xD4;
@@ -141,9 +141,8 @@ TEST(MitDriver, StampsAndTemperatureOfTheNewestReply) {
 // Goal: direction, offset and gear are applied once, both ways, gains squared.
 TEST(MitDriver, ConvertsBetweenJointAndMotor) {
   MitDriveSettings settings = damiao();
-  settings.direction = -1;
-  settings.offset = 0.5F;
-  settings.gear_ratio = 2;
+  settings.mapping.offset = 0.5F;
+  settings.mapping.ratio = -2;
   Bench bench(settings);
   bench.encode(true);
   bench.reply(kEnabled);

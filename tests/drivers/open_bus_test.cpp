@@ -57,9 +57,14 @@ TEST(OpenBus, KnowsWhichIdsEachSideListensTo) {
     robot.joints[i].drive.id = i + 1;
     robot.joints[i].drive.reply_id = i + 0x11;
   }
-  EXPECT_EQ(reply_ids(robot, 0), (std::vector<std::uint32_t>{0x11, 0x12}));
-  EXPECT_EQ(reply_ids(robot, 1), (std::vector<std::uint32_t>{0x13}));
-  EXPECT_EQ(command_ids(robot, 0), (std::vector<std::uint32_t>{1, 2}));
+  const auto ids = [](const std::vector<config::IdPattern>& patterns) {
+    std::vector<std::uint32_t> all;
+    for (const config::IdPattern& one : patterns) all.push_back(one.id);
+    return all;
+  };
+  EXPECT_EQ(ids(host_ids(robot, 0)), (std::vector<std::uint32_t>{1, 0x11, 2, 0x12}));
+  EXPECT_EQ(ids(host_ids(robot, 1)), (std::vector<std::uint32_t>{3, 0x13}));
+  EXPECT_EQ(ids(device_ids(robot, 0)), (std::vector<std::uint32_t>{1, 2}));
 }
 
 }  // namespace

@@ -111,7 +111,7 @@ TEST(SocketCanBus, AFullQueueDropsAndCounts) {
 }
 
 TEST(SocketCanBus, OpeningWhatIsNotThereIsOneClearSentence) {
-  const auto opened = SocketCanBus::open({.interface = "takt-none0", .fd = false, .receive_ids = {}}, 1'000'000);
+  const auto opened = SocketCanBus::open({.interface = "takt-none0", .fd = false, .receive = {}}, 1'000'000);
   ASSERT_FALSE(opened);
   EXPECT_EQ(opened.error().find("takt-none0: "), 0U) << opened.error();
   EXPECT_EQ(opened.error().find('\n'), std::string::npos);

@@ -17,7 +17,7 @@
 
 #include "config/load.hpp"
 #include "config/tick_config_of.hpp"
-#include "drivers/make_driver.hpp"
+#include "drivers/protocol_table.hpp"
 #include "drivers/open_bus.hpp"
 #include "executive/runtime/cyclic_loop.hpp"
 #include "executive/runtime/declared_syscalls.hpp"
@@ -67,12 +67,12 @@ DriveEdge make_edge(const config::RobotConfig& robot, const std::string& directo
                     const std::function<void()>& trouble) {
   std::vector<std::unique_ptr<drivers::CanBus>> buses;
   for (std::size_t i = 0; i < robot.buses.size(); ++i) {
-    buses.push_back(drivers::open_bus(robot.buses[i], directory, drivers::reply_ids(robot, i)).value().bus);
+    buses.push_back(drivers::open_bus(robot.buses[i], directory, drivers::host_ids(robot, i)).value().bus);
   }
   if (trouble) buses[0] = std::make_unique<TroubledBus>(std::move(buses[0]), trouble);
   std::vector<JointOnBus> joints;
-  for (const config::Joint& joint : robot.joints) {
-    joints.push_back({drivers::make_joint_driver(joint).value(), joint.bus});
+  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
+    joints.push_back({drivers::make_joint_driver(robot, joint).value(), robot.joints[joint].bus});
   }
   return DriveEdge(std::move(buses), std::move(joints));
 }

@@ -23,7 +23,7 @@ class SimulatedDrives {
     for (std::size_t bus = 0; bus < robot.buses.size(); ++bus) {
       const auto path = config::loopback_socket(runtime_directory, robot.buses[bus].interface);
       auto hub = drivers::LoopbackHub::listen(
-          path, {robot.buses[bus].interface, robot.buses[bus].fd, drivers::command_ids(robot, bus)});
+          path, {robot.buses[bus].interface, robot.buses[bus].fd, drivers::device_ids(robot, bus)});
       hubs_.push_back(std::move(hub.value()));
     }
     for (const config::Joint& joint : robot.joints) reply_id_[joint.drive.id] = joint.drive.reply_id;

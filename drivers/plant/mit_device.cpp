@@ -1,14 +1,10 @@
-#include "drivers/plant/mit_drive.hpp"
+#include "drivers/plant/mit_device.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 namespace takt::plant {
 namespace {
-
-constexpr double kAmbient_C = 25;
-constexpr double kFullTorqueRise_C = 60;  // above ambient, at the torque range for ever
-constexpr double kThermalTime_s = 40;
 
 // Bits [from, from + count) of eight bytes, counted from the first byte's most significant bit.
 std::uint64_t bits(const std::uint8_t* data, unsigned from, unsigned count) {
@@ -33,18 +29,17 @@ std::uint8_t whole_degrees(double celsius) {
 
 }  // namespace
 
-MitDrive::MitDrive(const config::Drive& drive, Duration watchdog)
-    : drive_(drive), damiao_(drive.variant == "damiao"), watchdog_(watchdog), winding_C_(kAmbient_C) {}
+MitDevice::MitDevice(const config::Drive& drive, Duration watchdog)
+    : drive_(drive), damiao_(drive.variant == "damiao"), watchdog_(watchdog) {}
 
-std::optional<drivers::CanFrame> MitDrive::receive(const drivers::CanFrame& frame, MonoTime now) {
-  if (frame.id != drive_.id || frame.extended || frame.fd || frame.remote || frame.length != 8) return std::nullopt;
-  const drivers::CanFrame answer = report();
+void MitDevice::receive(const drivers::CanFrame& frame, MonoTime now, Frames& out) {
+  if (frame.id != drive_.id || frame.extended || frame.fd || frame.remote || frame.length != 8) return;
+  if (state_ == DeviceState::booting) return;
+  out.push_back(report());
   obey(frame, now);
-  if (silent_) return std::nullopt;
-  return answer;
 }
 
-void MitDrive::obey(const drivers::CanFrame& frame, MonoTime now) {
+void MitDevice::obey(const drivers::CanFrame& frame, MonoTime now) {
   constexpr std::uint64_t kSevenFf = 0xFF'FFFF'FFFF'FFFF;
   const std::uint8_t last = frame.data[7];
   if (bits(frame.data, 0, 56) == kSevenFf && last >= 0xFB && last <= 0xFE) {
@@ -55,19 +50,19 @@ void MitDrive::obey(const drivers::CanFrame& frame, MonoTime now) {
   commanded_at_ = now;
 }
 
-void MitDrive::obey_special(std::uint8_t code, MonoTime now) {
+void MitDevice::obey_special(std::uint8_t code, MonoTime now) {
   switch (code) {
     case 0xFB:
-      if (damiao_ && (state_ == State::error || state_ == State::lost)) state_ = State::disabled;
+      if (damiao_ && (state_ == DeviceState::error || state_ == DeviceState::lost)) state_ = DeviceState::disabled;
       break;
     case 0xFC:
-      if (state_ != State::disabled) break;
-      state_ = State::enabled;
+      if (state_ != DeviceState::disabled) break;
+      state_ = DeviceState::enabled;
       command_ = {};
       commanded_at_ = now;
       break;
     case 0xFD:
-      if (state_ == State::enabled || (state_ == State::lost && !damiao_)) state_ = State::disabled;
+      if (state_ == DeviceState::enabled || (state_ == DeviceState::lost && !damiao_)) state_ = DeviceState::disabled;
       break;
     case 0xFE:
       zero_ += reading_.position;
@@ -78,7 +73,7 @@ void MitDrive::obey_special(std::uint8_t code, MonoTime now) {
   }
 }
 
-MitDrive::Command MitDrive::unpack(const std::uint8_t* data) const {
+MitDevice::Command MitDevice::unpack(const std::uint8_t* data) const {
   return {.p = spread(bits(data, 0, 16), 16, -drive_.position_range, drive_.position_range),
           .v = spread(bits(data, 16, 12), 12, -drive_.velocity_range, drive_.velocity_range),
           .kp = spread(bits(data, 28, 12), 12, 0, drive_.kp_range),
@@ -86,49 +81,75 @@ MitDrive::Command MitDrive::unpack(const std::uint8_t* data) const {
           .t = spread(bits(data, 52, 12), 12, -drive_.torque_range, drive_.torque_range)};
 }
 
-double MitDrive::update(MotorReading reading, MonoTime now, Duration step) {
+double MitDevice::update(MotorReading reading, MonoTime now, Duration step, Frames& /*out*/) {
   reading_ = {reading.position - zero_, reading.velocity};
-  if (state_ == State::enabled && now - commanded_at_ > watchdog_) state_ = State::lost;
+  if (state_ == DeviceState::booting && now >= booted_at_) state_ = DeviceState::disabled;
+  if (state_ == DeviceState::enabled && now - commanded_at_ > watchdog_) state_ = DeviceState::lost;
   double wanted = 0;
   switch (state_) {
-    case State::enabled:
+    case DeviceState::enabled:
       wanted =
           command_.kp * (command_.p - reading_.position) + command_.kd * (command_.v - reading_.velocity) + command_.t;
       break;
-    case State::lost:
+    case DeviceState::lost:
       wanted = -kLostDamping * reading_.velocity;
       break;
-    case State::disabled:
-    case State::error:
+    case DeviceState::booting:
+    case DeviceState::disabled:
+    case DeviceState::error:
       break;
   }
   torque_ = std::clamp(wanted, -drive_.torque_range, drive_.torque_range);
-  const double share = torque_ / drive_.torque_range;
-  const double target_C = kAmbient_C + kFullTorqueRise_C * share * share;
-  winding_C_ += (target_C - winding_C_) * step.seconds() / kThermalTime_s;
+  winding_.update(torque_, drive_.torque_range, step);
   return torque_;
 }
 
-void MitDrive::inject_error(std::uint8_t code) {
-  state_ = State::error;
+bool MitDevice::inject(DeviceFault fault) {
+  const auto code = [&]() -> std::uint8_t {
+    switch (fault) {
+      case DeviceFault::over_temperature:
+        return damiao_ ? 0xB : 1;
+      case DeviceFault::over_current:
+        return damiao_ ? 0xA : 2;
+      case DeviceFault::over_voltage:
+        return damiao_ ? 0x8 : 3;
+      case DeviceFault::under_voltage:
+        return damiao_ ? 0x9 : 4;
+      case DeviceFault::encoder:
+        return damiao_ ? 0 : 5;
+      case DeviceFault::overload:
+        return damiao_ ? 0xE : 0;
+    }
+    return 0;
+  }();
+  if (code == 0) return false;
+  state_ = DeviceState::error;
   error_ = code;
+  return true;
 }
 
-std::uint8_t MitDrive::status() const {
+void MitDevice::power_cycle(MonoTime now) {
+  state_ = DeviceState::booting;
+  booted_at_ = now + kBootTime;
+  command_ = {};
+}
+
+std::uint8_t MitDevice::status() const {
   switch (state_) {
-    case State::disabled:
+    case DeviceState::booting:
+    case DeviceState::disabled:
       return 0x0;
-    case State::enabled:
+    case DeviceState::enabled:
       return 0x1;
-    case State::lost:
+    case DeviceState::lost:
       return 0xD;
-    case State::error:
+    case DeviceState::error:
       return error_;
   }
   return 0x0;
 }
 
-drivers::CanFrame MitDrive::report() const {
+drivers::CanFrame MitDevice::report() const {
   const std::uint64_t fields = squeeze(reading_.position, 16, drive_.position_range) << 24U |
                                squeeze(reading_.velocity, 12, drive_.velocity_range) << 12U |
                                squeeze(torque_, 12, drive_.torque_range);
@@ -139,8 +160,8 @@ drivers::CanFrame MitDrive::report() const {
   frame.data[0] = static_cast<std::uint8_t>(first);
   for (unsigned i = 0; i < 5; ++i) frame.data[1 + i] = static_cast<std::uint8_t>(fields >> (32 - 8 * i) & 0xFFU);
   if (damiao_) {
-    frame.data[6] = whole_degrees((winding_C_ + kAmbient_C) / 2);  // the output stage stays cooler than the winding
-    frame.data[7] = whole_degrees(winding_C_);
+    frame.data[6] = whole_degrees(winding_.stage_C());
+    frame.data[7] = whole_degrees(winding_.winding_C());
   }
   return frame;
 }

@@ -1,15 +1,16 @@
 // Goal: the simulated drive keeps the device side of the protocol: bytes, states, watchdog, answers that lag one frame.
 // Method: frames written out by hand from the protocol's facts; the host's codec is not used here.
-#include "drivers/plant/mit_drive.hpp"
+#include "drivers/plant/mit_device.hpp"
 
 #include <gtest/gtest.h>
+
+#include <optional>
 
 namespace takt::plant {
 namespace {
 
 config::Drive damiao(std::string variant = "damiao") {
   config::Drive drive;
-  drive.protocol = "mit";
   drive.variant = std::move(variant);
   drive.id = 4;
   drive.reply_id = 0x14;
@@ -38,15 +39,22 @@ constexpr Duration kWatchdog = milliseconds(100);
 class SimulatedDrive : public testing::Test {
  protected:
   int status_of(std::uint64_t bytes) {
-    const auto answer = drive.receive(command(bytes), now);
+    const auto answer = answer_of(drive, command(bytes));
     EXPECT_TRUE(answer);
     return answer ? answer->data[0] >> 4 : -1;
   }
   double update(double position = 0, double velocity = 0) {
     now = now + milliseconds(1);
-    return drive.update({position, velocity}, now, milliseconds(1));
+    return drive.update({position, velocity}, now, milliseconds(1), said);
   }
-  MitDrive drive{damiao(), kWatchdog};
+  std::optional<drivers::CanFrame> answer_of(Device& device, const drivers::CanFrame& frame) {
+    Frames answers;
+    device.receive(frame, now, answers);
+    EXPECT_LE(answers.size(), 1U);
+    return answers.empty() ? std::nullopt : std::optional(answers.front());
+  }
+  Frames said;
+  MitDevice drive{damiao(), kWatchdog};
   MonoTime now{1};
 };
 
@@ -59,7 +67,7 @@ TEST_F(SimulatedDrive, AnswersTellTheEarlierState) {
 
 TEST_F(SimulatedDrive, TheReplyIsPackedAsTheProtocolSays) {
   update(0.5, 1.0);
-  const auto answer = drive.receive(command(kExit), now);
+  const auto answer = answer_of(drive, command(kExit));
   ASSERT_TRUE(answer);
   EXPECT_EQ(answer->id, 0x14U);
   EXPECT_EQ(answer->length, 8);
@@ -69,33 +77,33 @@ TEST_F(SimulatedDrive, TheReplyIsPackedAsTheProtocolSays) {
 }
 
 TEST_F(SimulatedDrive, ATMotorReplyHasSixBytesAndNoState) {
-  MitDrive tmotor(damiao("tmotor"), kWatchdog);
-  const auto answer = tmotor.receive(command(kEnter), now);
+  MitDevice tmotor(damiao("tmotor"), kWatchdog);
+  const auto answer = answer_of(tmotor, command(kEnter));
   ASSERT_TRUE(answer);
   EXPECT_EQ(answer->length, 6);
   EXPECT_EQ(answer->data[0], 4);
 }
 
 TEST_F(SimulatedDrive, TorqueIsTheImpedanceLawWhenEnabledOnly) {
-  drive.receive(command(kMotion), now);
+  answer_of(drive, command(kMotion));
   EXPECT_EQ(update(), 0) << "disabled";
   EXPECT_TRUE(drive.brake_engaged());
-  drive.receive(command(kEnter), now);
+  answer_of(drive, command(kEnter));
   EXPECT_FALSE(drive.brake_engaged());
   EXPECT_EQ(update(), 0) << "entering motor mode forgets older commands";
-  drive.receive(command(kMotion), now);
+  answer_of(drive, command(kMotion));
   // kp (p - q) + kd (v - dq) + t, with the fields' quanta.
   EXPECT_NEAR(update(0.2, -1), 20 * 0.3 + 0.5 * 2 - 2, 0.06);
   EXPECT_EQ(update(-10, 0), 10) << "clamped to the drive's torque";
 }
 
 TEST_F(SimulatedDrive, TheWatchdogTripsOnMissingMotionCommandsOnly) {
-  drive.receive(command(kEnter), now);
-  drive.receive(command(kMotion), now);
+  answer_of(drive, command(kEnter));
+  answer_of(drive, command(kMotion));
   for (int ms = 0; ms < 100; ++ms) update();
-  EXPECT_EQ(drive.state(), MitDrive::State::enabled) << "exactly at the limit";
+  EXPECT_EQ(drive.state(), DeviceState::enabled) << "exactly at the limit";
   update();
-  EXPECT_EQ(drive.state(), MitDrive::State::lost);
+  EXPECT_EQ(drive.state(), DeviceState::lost);
   EXPECT_LT(update(0, 2), 0) << "brakes";
   EXPECT_GT(update(0, -2), 0) << "both ways";
   EXPECT_EQ(update(3, 0), 0) << "and pushes nowhere";
@@ -108,38 +116,38 @@ TEST_F(SimulatedDrive, TheWatchdogTripsOnMissingMotionCommandsOnly) {
 }
 
 TEST_F(SimulatedDrive, TelemetryTrafficDoesNotFeedTheWatchdog) {
-  drive.receive(command(kEnter), now);
+  answer_of(drive, command(kEnter));
   for (int ms = 0; ms <= 100; ++ms) {
-    drive.receive(command(kEnter), now);
+    answer_of(drive, command(kEnter));
     update();
   }
-  EXPECT_EQ(drive.state(), MitDrive::State::lost);
+  EXPECT_EQ(drive.state(), DeviceState::lost);
 }
 
 TEST_F(SimulatedDrive, ALostTMotorDriveComesBackThroughExitAndEnter) {
-  MitDrive tmotor(damiao("tmotor"), kWatchdog);
-  tmotor.receive(command(kEnter), now);
+  MitDevice tmotor(damiao("tmotor"), kWatchdog);
+  answer_of(tmotor, command(kEnter));
   now = now + milliseconds(200);
-  tmotor.update({}, now, milliseconds(1));
-  EXPECT_EQ(tmotor.state(), MitDrive::State::lost);
-  tmotor.receive(command(kExit), now);
-  tmotor.receive(command(kEnter), now);
-  EXPECT_EQ(tmotor.state(), MitDrive::State::enabled);
+  tmotor.update({}, now, milliseconds(1), said);
+  EXPECT_EQ(tmotor.state(), DeviceState::lost);
+  answer_of(tmotor, command(kExit));
+  answer_of(tmotor, command(kEnter));
+  EXPECT_EQ(tmotor.state(), DeviceState::enabled);
 }
 
 TEST_F(SimulatedDrive, SetZeroMovesTheOrigin) {
   update(1.5);
-  drive.receive(command(kSetZero), now);
-  drive.receive(command(kEnter), now);
-  drive.receive(command(0x80008000'00000800 | 0), now);  // p just above 0, no gains
+  answer_of(drive, command(kSetZero));
+  answer_of(drive, command(kEnter));
+  answer_of(drive, command(0x80008000'00000800 | 0));  // p just above 0, no gains
   update(1.5);
-  const auto answer = drive.receive(command(kEnter), now);
+  const auto answer = answer_of(drive, command(kEnter));
   EXPECT_EQ(answer->data[1] << 8 | answer->data[2], 0x7FFF) << "the old 1.5 rad is the new zero";
 }
 
 TEST_F(SimulatedDrive, InjectedErrorsAreReportedUntilCleared) {
-  drive.receive(command(kEnter), now);
-  drive.inject_error(0xA);
+  answer_of(drive, command(kEnter));
+  drive.inject(DeviceFault::over_current);
   EXPECT_EQ(update(-1), 0);
   EXPECT_TRUE(drive.brake_engaged());
   EXPECT_EQ(status_of(kEnter), 0xA);
@@ -147,31 +155,35 @@ TEST_F(SimulatedDrive, InjectedErrorsAreReportedUntilCleared) {
   EXPECT_EQ(status_of(kExit), 0);
 }
 
-TEST_F(SimulatedDrive, ASilentDriveObeysWithoutAnswering) {
-  drive.set_silent(true);
-  EXPECT_FALSE(drive.receive(command(kEnter), now));
-  EXPECT_EQ(drive.state(), MitDrive::State::enabled);
+TEST_F(SimulatedDrive, APowerCycleSaysNothingUntilBootedAndForgetsThatItWasEnabled) {
+  answer_of(drive, command(kEnter));
+  drive.power_cycle(now);
+  EXPECT_FALSE(answer_of(drive, command(kEnter)));
+  EXPECT_TRUE(drive.brake_engaged());
+  for (Duration waited; waited < kBootTime; waited = waited + milliseconds(1)) update();
+  EXPECT_EQ(drive.state(), DeviceState::disabled);
+  EXPECT_EQ(status_of(kEnter), 0);
 }
 
 TEST_F(SimulatedDrive, FramesThatAreNotForItAreNotAnswered) {
-  EXPECT_FALSE(drive.receive(command(kEnter, 5), now));
+  EXPECT_FALSE(answer_of(drive, command(kEnter, 5)));
   drivers::CanFrame odd = command(kEnter);
   odd.length = 7;
-  EXPECT_FALSE(drive.receive(odd, now));
+  EXPECT_FALSE(answer_of(drive, odd));
   odd = command(kEnter);
   odd.extended = true;
-  EXPECT_FALSE(drive.receive(odd, now));
-  EXPECT_EQ(drive.state(), MitDrive::State::disabled);
+  EXPECT_FALSE(answer_of(drive, odd));
+  EXPECT_EQ(drive.state(), DeviceState::disabled);
 }
 
 TEST_F(SimulatedDrive, HardWorkWarmsTheWinding) {
-  drive.receive(command(kEnter), now);
+  answer_of(drive, command(kEnter));
   for (int s = 0; s < 200; ++s) {
-    drive.receive(command(0x80007FF0000007FFU | 0xFFF), now);  // full torque
+    answer_of(drive, command(0x80007FF0000007FFU | 0xFFF));  // full torque
     now = now + milliseconds(50);
-    drive.update({}, now, seconds(1));
+    drive.update({}, now, seconds(1), said);
   }
-  const auto answer = drive.receive(command(kExit), now);
+  const auto answer = answer_of(drive, command(kExit));
   EXPECT_GT(answer->data[7], 75) << "close to the final 85 degrees";
   EXPECT_LT(answer->data[6], answer->data[7]);
 }

@@ -1,5 +1,5 @@
 // Goal: a joint's configuration becomes a driver, or one sentence that names the joint.
-#include "drivers/make_driver.hpp"
+#include "drivers/protocol_table.hpp"
 
 #include <gtest/gtest.h>
 
@@ -13,19 +13,18 @@ namespace {
 TEST(MakeDriver, BuildsEveryJointOfTheDemoArm) {
   const auto robot = config::load("config/arm6.yaml");
   ASSERT_TRUE(robot) << robot.error();
-  for (const config::Joint& joint : robot->joints) {
-    const auto driver = make_joint_driver(joint);
+  for (std::size_t joint = 0; joint < robot->joints.size(); ++joint) {
+    const auto driver = make_joint_driver(*robot, joint);
     ASSERT_TRUE(driver) << driver.error();
-    std::array<CanFrame, 2> out;
+    std::array<CanFrame, kMaxFramesPerDrive> out;
     ASSERT_EQ((*driver)->encode(false, {}, {}, out), 1U);
-    EXPECT_EQ(out[0].id, joint.drive.id);
+    EXPECT_EQ(out[0].id, robot->joints[joint].drive.id);
   }
 }
 
 TEST(MakeDriver, RefusesWhatItCannotBuild) {
   config::Joint good;
   good.name = "elbow";
-  good.drive.protocol = "mit";
   good.drive.variant = "tmotor";
   good.drive.id = 1;
   good.drive.position_range = 12.5;
@@ -33,16 +32,17 @@ TEST(MakeDriver, RefusesWhatItCannotBuild) {
   good.drive.torque_range = 18;
   good.drive.kp_range = 500;
   good.drive.kd_range = 5;
-  ASSERT_TRUE(make_joint_driver(good));
+  config::RobotConfig robot;
+  robot.joints = {good};
+  ASSERT_TRUE(make_joint_driver(robot, 0));
   const auto refused_for = [&good](auto spoil) {
-    config::Joint bad = good;
-    spoil(bad.drive);
-    const auto driver = make_joint_driver(bad);
+    config::RobotConfig bad;
+    bad.joints = {good};
+    spoil(bad.joints[0].drive);
+    const auto driver = make_joint_driver(bad, 0);
     return driver ? std::string("accepted") : driver.error();
   };
   using config::Drive;
-  EXPECT_EQ(refused_for([](Drive& d) { d.protocol = "morse"; }),
-            "joint elbow: drive protocol 'morse' is unknown: this build speaks mit");
   EXPECT_EQ(refused_for([](Drive& d) { d.variant = "x"; }),
             "joint elbow: mit variant 'x' is unknown: write tmotor or damiao");
   EXPECT_NE(refused_for([](Drive& d) { d.torque_range = 0; }).find("ranges"), std::string::npos);

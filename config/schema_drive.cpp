@@ -1,0 +1,119 @@
+// Keys: joints[].drive. Some belong to one protocol only, and are neither asked for nor accepted with another.
+#include <algorithm>
+#include <array>
+
+#include "config/drive_presets.hpp"
+#include "config/schema.hpp"
+
+namespace takt::config {
+namespace {
+
+constexpr std::array<std::string_view, 5> kProtocols{"mit", "robstride", "odrive", "moteus", "cia402"};
+constexpr std::array<std::string_view, 2> kVariants{"tmotor", "damiao"};
+constexpr std::array<std::string_view, 3> kCia402Modes{"csp", "csv", "cst"};
+
+// The key table shows the keys of every protocol.
+class Speaks {
+ public:
+  Speaks(const Fields& fields, DriveProtocol protocol) : all_(fields.shows_all()), protocol_(protocol) {}
+  [[nodiscard]] bool any_of(std::initializer_list<DriveProtocol> protocols) const {
+    return all_ || std::ranges::find(protocols, protocol_) != protocols.end();
+  }
+
+ private:
+  bool all_;
+  DriveProtocol protocol_;
+};
+
+std::int64_t highest_id(DriveProtocol protocol) {
+  switch (protocol) {
+    case DriveProtocol::mit:
+      return 0x7FF;
+    case DriveProtocol::odrive:
+      return 63;
+    case DriveProtocol::robstride:
+    case DriveProtocol::moteus:
+    case DriveProtocol::cia402:
+      return 127;
+  }
+  return 0;
+}
+
+std::vector<std::string_view> models_of(const Fields& fields, DriveProtocol protocol) {
+  std::vector<std::string_view> models;
+  for (const DriveProtocol one : {DriveProtocol::mit, DriveProtocol::robstride}) {
+    if (one != protocol && !fields.shows_all()) continue;
+    for (const DrivePreset& preset : presets_of(one)) models.push_back(preset.model);
+  }
+  return models;
+}
+
+void describe_packed_ranges(Fields& fields, Drive& drive) {
+  fields.one_of({"model", "mit, robstride: drive model whose ranges apply, or none: then all five are required", "none"},
+                drive.model, models_of(fields, drive.protocol), "drive model", "none");
+  const DrivePreset* preset = find_drive_preset(drive.protocol, drive.model);
+  const bool names_model = !drive.model.empty();  // an unknown one too: it is complained about where it stands
+  const std::optional<std::string_view> otherwise =
+      names_model || fields.shows_all() ? std::optional<std::string_view>("the model's") : std::nullopt;
+  const auto range = [&](std::string_view name, std::string_view doc, double& value, double from_preset,
+                         Dimension dimension) {
+    if (preset && value == 0) value = from_preset;
+    fields.quantity({name, doc, otherwise, names_model}, value, dimension, above(0, 1e6));
+  };
+  constexpr DrivePreset kNone{};
+  const DrivePreset& from = preset ? *preset : kNone;
+  range("position_range", "mit, robstride: packed position spans +- this, motor side", drive.position_range,
+        from.position, Dimension::angle);
+  range("velocity_range", "mit, robstride: packed velocity spans +- this, motor side", drive.velocity_range,
+        from.velocity, Dimension::angular_velocity);
+  range("torque_range", "largest torque ever asked of the drive, motor side; mit, robstride: what packed torque spans",
+        drive.torque_range, from.torque, Dimension::torque);
+  range("kp_range", "mit, robstride: packed stiffness spans 0 to this", drive.kp_range, from.kp, Dimension::stiffness);
+  range("kd_range", "mit, robstride: packed damping spans 0 to this", drive.kd_range, from.kd, Dimension::damping);
+}
+
+void describe_own_units(Fields& fields, Drive& drive, const Speaks& speaks) {
+  if (!has_packed_ranges(drive.protocol))
+    fields.quantity({"torque_range", "largest torque ever asked of the drive, motor side"}, drive.torque_range,
+                    Dimension::torque, above(0, 1e6));
+  if (speaks.any_of({DriveProtocol::moteus})) {
+    fields.quantity({"servo_kp", "moteus: the drive's own servo.pid_position.kp, per radian"}, drive.servo_kp,
+                    Dimension::stiffness, above(0, 1e6));
+    fields.quantity({"servo_kd", "moteus: the drive's own servo.pid_position.kd, per radian"}, drive.servo_kd,
+                    Dimension::damping, above(0, 1e6));
+  }
+  if (speaks.any_of({DriveProtocol::cia402})) {
+    fields.choice({"mode", "cia402: cyclic synchronous position, velocity or torque", "cst"}, drive.mode, kCia402Modes);
+    fields.integer({"counts_per_turn", "cia402: units of object 6064 per motor turn"}, drive.counts_per_turn, 1,
+                   1LL << 30);
+    fields.quantity({"rated_torque", "cia402: object 6076 of the drive"}, drive.rated_torque, Dimension::torque,
+                    above(0, 1e6));
+  }
+}
+
+}  // namespace
+
+void describe_drive(Fields& fields, Drive& drive) {
+  fields.choice({"protocol", "what the drive speaks"}, drive.protocol, kProtocols);
+  const Speaks speaks(fields, drive.protocol);
+  if (speaks.any_of({DriveProtocol::mit}))
+    fields.one_of({"variant", "mit: tmotor replies with 6 bytes, damiao with 8"}, drive.variant, kVariants, "variant");
+  fields.integer({"id", "mit: CAN id of commands; the others: the drive's number on the bus"}, drive.id,
+                 drive.protocol == DriveProtocol::odrive ? 0 : 1,
+                 highest_id(drive.protocol));
+  if (speaks.any_of({DriveProtocol::mit}))
+    fields.integer({"reply_id", "mit: CAN id of the drive's replies"}, drive.reply_id, 0,
+                   highest_id(DriveProtocol::mit));
+  if (speaks.any_of({DriveProtocol::robstride}))
+    fields.integer({"host_id", "robstride: our own number on the bus", "253"}, drive.host_id, 128, 253);
+  fields.integer({"direction", "1 or -1: q_joint = direction * q_motor / gear_ratio + offset", "1"}, drive.direction,
+                 -1, 1);
+  fields.quantity({"offset", "joint angle where the motor reads zero", "0 rad"}, drive.offset, Dimension::angle,
+                  between(-100, 100));
+  fields.quantity({"gear_ratio", "motor turns per joint turn, beyond what the drive accounts for", "1"},
+                  drive.gear_ratio, Dimension::none, above(0, 1000));
+  if (has_packed_ranges(drive.protocol) || fields.shows_all()) describe_packed_ranges(fields, drive);
+  describe_own_units(fields, drive, speaks);
+}
+
+}  // namespace takt::config

@@ -1,0 +1,20 @@
+#include "drivers/plant/device_table.hpp"
+
+#include "drivers/plant/mit_device.hpp"
+
+namespace takt::plant {
+
+std::unique_ptr<Device> make_device(const config::Drive& drive, Duration watchdog) {
+  switch (drive.protocol) {
+    case config::DriveProtocol::mit:
+      return std::make_unique<MitDevice>(drive, watchdog);
+    case config::DriveProtocol::robstride:
+    case config::DriveProtocol::odrive:
+    case config::DriveProtocol::moteus:
+    case config::DriveProtocol::cia402:
+      return nullptr;
+  }
+  return nullptr;
+}
+
+}  // namespace takt::plant

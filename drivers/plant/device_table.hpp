@@ -1,0 +1,14 @@
+// Which class plays which protocol's drive. Adding a protocol: docs/adding-a-drive.md.
+#pragma once
+
+#include <memory>
+
+#include "config/robot_config.hpp"
+#include "drivers/plant/device.hpp"
+
+namespace takt::plant {
+
+// `watchdog`: without a command for this long an enabled drive is lost. Null: nobody plays this protocol.
+std::unique_ptr<Device> make_device(const config::Drive& drive, Duration watchdog);
+
+}  // namespace takt::plant

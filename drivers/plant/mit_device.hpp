@@ -1,0 +1,47 @@
+// A drive that speaks the MIT protocol.
+//
+// Every 8-byte frame with its id is answered before it is obeyed: the reply tells the state as it was. Seven FF and a
+// code are special: FC enters motor mode, FD leaves it, FE makes the present position zero, FB clears an error
+// (Damiao). Enabled, the torque is kp (p - q) + kd (v - dq) + t; Damiao reports its state as 0 disabled, 1 enabled,
+// D lost, else an error's code. A T-Motor drive has no word for them in its 6 bytes; there FD and FC bring a lost one
+// back. The watchdog counts motion commands only.
+#pragma once
+
+#include "drivers/plant/device.hpp"
+
+namespace takt::plant {
+
+class MitDevice final : public Device {
+ public:
+  MitDevice(const config::Drive& drive, Duration watchdog);
+
+  void receive(const drivers::CanFrame& frame, MonoTime now, Frames& out) override;
+  double update(MotorReading reading, MonoTime now, Duration step, Frames& out) override;
+  [[nodiscard]] DeviceState state() const override { return state_; }
+  bool inject(DeviceFault fault) override;
+  void power_cycle(MonoTime now) override;
+
+ private:
+  struct Command {
+    double p = 0, v = 0, kp = 0, kd = 0, t = 0;
+  };
+  void obey(const drivers::CanFrame& frame, MonoTime now);
+  void obey_special(std::uint8_t code, MonoTime now);
+  [[nodiscard]] Command unpack(const std::uint8_t* data) const;
+  [[nodiscard]] drivers::CanFrame report() const;
+  [[nodiscard]] std::uint8_t status() const;
+
+  config::Drive drive_;
+  bool damiao_;
+  Duration watchdog_;
+  DeviceState state_ = DeviceState::disabled;
+  std::uint8_t error_ = 0;
+  Command command_;
+  MonoTime commanded_at_, booted_at_;
+  MotorReading reading_;  // as reported: relative to the zero that was set
+  double zero_ = 0;
+  double torque_ = 0;
+  Winding winding_;
+};
+
+}  // namespace takt::plant

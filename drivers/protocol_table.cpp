@@ -1,0 +1,63 @@
+#include "drivers/protocol_table.hpp"
+
+#include <array>
+#include <cmath>
+#include <cstdio>
+
+#include "drivers/mit_driver.hpp"
+
+namespace takt::drivers {
+namespace {
+
+// Data path order: commands leave through one of these rows.
+constexpr std::array kProtocols{
+    Protocol{config::DriveProtocol::mit, make_mit_driver, mit_traffic, mit_error_name},
+};
+
+std::string setup_fault_name(std::uint32_t code) {
+  switch (static_cast<SetupFault>(code)) {
+    case SetupFault::settings_differ:
+      return "the drive's own settings differ from the robot file";
+    case SetupFault::settings_unread:
+      return "the drive does not tell its settings";
+    case SetupFault::setup_refused:
+      return "the drive refused its set-up";
+  }
+  return {};
+}
+
+}  // namespace
+
+const Protocol* find_protocol(config::DriveProtocol id) {
+  for (const Protocol& protocol : kProtocols)
+    if (protocol.id == id) return &protocol;
+  return nullptr;
+}
+
+std::expected<std::unique_ptr<JointDriver>, std::string> make_joint_driver(const config::RobotConfig& robot,
+                                                                           std::size_t joint) {
+  const config::Joint& wanted = robot.joints.at(joint);
+  const auto refusal = [&wanted](const std::string& what) {
+    return std::unexpected("joint " + wanted.name + ": " + what);
+  };
+  const config::Drive& drive = wanted.drive;
+  if (std::abs(drive.direction) != 1 || !(drive.gear_ratio > 0))
+    return refusal("direction must be 1 or -1 and gear_ratio positive");
+  const Protocol* const protocol = find_protocol(drive.protocol);
+  if (protocol == nullptr) return refusal("this build does not speak " + std::string(config::name(drive.protocol)));
+  auto driver = protocol->make(robot, joint);
+  if (!driver) return refusal(driver.error());
+  return driver;
+}
+
+std::string error_name(const config::Drive& drive, std::uint32_t code) {
+  std::string name = setup_fault_name(code);
+  if (const Protocol* const protocol = find_protocol(drive.protocol); name.empty() && protocol != nullptr)
+    name = protocol->error_name(drive, code);
+  if (!name.empty()) return name;
+  std::array<char, 32> number{};
+  std::snprintf(number.data(), number.size(), "error code 0x%x", code);
+  return number.data();
+}
+
+}  // namespace takt::drivers
