@@ -69,6 +69,7 @@ constexpr TickField kBusFields[] = {
     {"bus_rx_dropped", u32, BUS(rx_dropped), in, "frames, since start"},
     {"bus_foreign_frames", u32, BUS(foreign_frames), in, "frames, since start"},
     {"bus_state", u8, BUS(state), in, "", kBusStates},
+    {"bus_flooded", u8, BUS(flooded), in, "1: more frames arrived for this tick than our drives can say"},
 };
 #undef BUS
 
@@ -82,6 +83,7 @@ constexpr TickField kJointFields[] = {
     {"feedback_temperature", f32, FEEDBACK(temperature_C), in, "degrees Celsius"},
     {"feedback_error_code", u32, FEEDBACK(error_code), in, "the drive protocol's own code"},
     {"feedback_drive_state", u8, FEEDBACK(drive_state), in, "", kDriveStates},
+    {"feedback_replies", u8, FEEDBACK(replies), in, "position reports since start, modulo 256"},
     {"q_estimate", f32, JOINT(q_estimate), out, "rad"},
     {"dq_estimate", f32, JOINT(dq_estimate), out, "rad/s"},
     {"q_reference", f32, JOINT(q_reference), out, "rad"},
@@ -94,6 +96,7 @@ constexpr TickField kJointFields[] = {
     {"kd_command", f32, JOINT(kd_command), out, "Nm s/rad"},
     {"tau_command", f32, JOINT(tau_command), out, "Nm"},
     {"interventions", u16, JOINT(interventions), out, "bit mask, see INTERVENTION constants"},
+    {"reply_faults", u8, JOINT(reply_faults), out, "bit mask: 1 lost, 2 repeated, 4 delayed"},
 };
 #undef FEEDBACK
 #undef JOINT
