@@ -79,7 +79,9 @@ void PlantBuses::set_faults(std::size_t bus, const BusFaults& faults) {
   if (faults.state == BusState::down) {
     end.hub = nullptr;
     end.bus.reset();  // the nodes see their connection end
+    return;
   }
+  end.hub->report_error_state(faults.state);
 }
 
 }  // namespace takt::plant

@@ -16,7 +16,7 @@ struct LineFaults {
   bool deaf = false;    // hears nothing, so that a watchdog of its own trips
   bool silent = false;  // obeys; nothing it says arrives
   bool repeat = false;  // everything it says arrives twice
-  Duration delay;       // everything it says arrives this much later, in order
+  Duration delay{};     // everything it says arrives this much later, in order
   double drop = 0;      // share of what it says that is lost, 0..1
   bool operator==(const LineFaults&) const = default;
 };

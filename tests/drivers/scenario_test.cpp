@@ -90,7 +90,8 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"an unknown fault", "{ at: 2 s, joint: elbow, fault: silence }",
                 "s:3:37: events[0].fault: fault `silence` is not known; did you mean `silent`?"},
         Refusal{"an unknown error", "{ at: 2 s, joint: elbow, error: over_heat }",
-                "s:3:37: events[0].error: error `over_heat` is not known; did you mean `overload`?"},
+                "s:3:37: events[0].error: error `over_heat` is not known; write one of: over_temperature, "
+                "over_current, over_voltage, under_voltage, encoder, overload"},
         Refusal{"an unknown instant", "{ at: 2 s, after: armed, joint: elbow, fault: silent }",
                 "s:3:23: events[0].after: instant `armed` is not known; write one of: start, enabled"},
         Refusal{"no target", "{ at: 2 s, fault: silent }",
@@ -184,13 +185,13 @@ TEST(Devices, BecomeARobotOfDrivesOnly) {
 TEST(Devices, AreRefusedByTheNamesTheirFileUses) {
   const auto complaint = [](const std::string& text) { return parse_devices(text, "d").error(); };
   EXPECT_EQ(complaint(devices_with("id: 2,", "id: 1,")),
-            "d:10:84: devices[1].drive.id: CAN id 0x1 is already hip's on bus can0; give each drive its own");
+            "d:10:90: devices[1].drive.id: CAN id 0x1 is already hip's on bus can0; give each drive its own");
   EXPECT_EQ(complaint(devices_with("inertia: 0.05 kgm2", "inertia: 0 kgm2")),
             "d:8:14: devices[0].inertia: 0 kgm2 is out of range; write above 0 kgm2 and at most 10000 kgm2");
-  EXPECT_EQ(complaint(devices_with("    position: 0.5 rad\n", "    home: 0.5 rad\n")),
-            "d:9:5: unknown key `home` in `devices[0]`; known here: name, bus, drive, inertia, position");
+  EXPECT_EQ(complaint(devices_with("    position: 0.5 rad\n", "    stiffness: 5\n")),
+            "d:9:5: unknown key `stiffness` in `devices[0]`; known here: name, bus, drive, inertia, position");
   EXPECT_EQ(complaint(devices_with("takt.devices/1", "takt.robot/1")),
-            "d:1:9: schema: schema `takt.robot/1` is not known; did you mean `takt.devices/1`?");
+            "d:1:9: schema: schema `takt.robot/1` is not known; write one of: takt.devices/1");
   EXPECT_EQ(complaint(""), "d: holds no devices; begin with `schema: takt.devices/1`");
 }
 
