@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include "drivers/candump.hpp"
+#include "drivers/cause_detail.hpp"
 #include "monitor/tick_schema.hpp"
 
 namespace takt::monitor {
@@ -56,6 +57,7 @@ std::expected<std::unique_ptr<Recorder>, std::string> Recorder::start(const RunF
 Recorder::Recorder(const RunFolder& folder, RunManifest manifest, const config::RobotConfig& robot, McapWriter ticks,
                    BoundedFile frames, BoundedFile transitions)
     : folder_(folder),
+      robot_(robot),
       manifest_(std::move(manifest)),
       ticks_(std::move(ticks)),
       frames_(std::move(frames)),
@@ -116,6 +118,7 @@ void Recorder::transition(const TickRecord& record) {
                                     {"from", name(header.previous_mode)},
                                     {"to", name(header.mode)},
                                     {"cause", name(header.cause)},
+                                    {"detail", drivers::cause_detail(header.cause, record, robot_)},
                                     {"age_ns", header.age.total().ns}};
   if (stop_reason().empty() && !transitions_.append(line.dump() + "\n")) stop(transitions_.failure());
 }

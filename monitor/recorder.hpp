@@ -51,6 +51,7 @@ class Recorder {
   void stop(std::string because);  // by value: it may be the text of the failure that gets cleared
 
   RunFolder folder_;
+  config::RobotConfig robot_;
   RunManifest manifest_;
   McapWriter ticks_;
   BoundedFile frames_;

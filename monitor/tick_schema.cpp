@@ -82,6 +82,7 @@ constexpr TickField kJointFields[] = {
     {"feedback_temperature", f32, FEEDBACK(temperature_C), in, "degrees Celsius"},
     {"feedback_error_code", u32, FEEDBACK(error_code), in, "the drive protocol's own code"},
     {"feedback_drive_state", u8, FEEDBACK(drive_state), in, "", kDriveStates},
+    {"feedback_replies", u8, FEEDBACK(replies), in, "position reports since start, modulo 256"},
     {"q_estimate", f32, JOINT(q_estimate), out, "rad"},
     {"dq_estimate", f32, JOINT(dq_estimate), out, "rad/s"},
     {"q_reference", f32, JOINT(q_reference), out, "rad"},

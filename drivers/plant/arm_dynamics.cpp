@@ -10,52 +10,35 @@ namespace {
 // Longest sub-step: keeps the explicit part (gravity, Coriolis) accurate, not only stable.
 constexpr Duration kLongestSubStep = microseconds(500);
 
-KDL::Vector vector(const config::Vector3& v) {
-  return {v[0], v[1], v[2]};
-}
-
-// A link's frame sits at its joint; KDL wants joint origin and axis in the parent's frame, inertia in the link's.
-KDL::Segment segment_of(const config::Link& link) {
-  const KDL::Rotation rotation = KDL::Rotation::RPY(link.origin_rpy[0], link.origin_rpy[1], link.origin_rpy[2]);
-  const KDL::Vector origin = vector(link.origin_xyz);
-  const KDL::Joint joint(link.joint, origin, rotation * vector(link.axis), KDL::Joint::RotAxis);
-  const KDL::RotationalInertia about_com(link.inertia[0], link.inertia[1], link.inertia[2]);
-  return KDL::Segment(link.joint, joint, KDL::Frame(rotation, origin),
-                      KDL::RigidBodyInertia(link.mass, vector(link.com), about_com));
-}
-
 }  // namespace
 
 std::expected<std::unique_ptr<ArmDynamics>, std::string> ArmDynamics::make(const config::RobotConfig& robot) {
   if (!robot.model) return std::unexpected(robot.file + ": no `model`: the simulated arm needs its links");
-  KDL::Chain chain;
-  for (std::size_t i = 0; i < robot.model->links.size(); ++i) {
-    const config::Link& link = robot.model->links[i];
-    if (link.parent != static_cast<int>(i) - 1)
-      return std::unexpected(robot.file + ": link " + link.joint +
-                             " is not carried by the link before it: the simulator knows serial arms only");
-    chain.addSegment(segment_of(link));
-  }
-  if (chain.getNrOfJoints() != robot.joints.size() || chain.getNrOfJoints() == 0)
+  const std::span<const config::Link> links = robot.model->links;
+  if (links.size() != robot.joints.size() || links.empty())
     return std::unexpected(robot.file + ": the model must have one link per joint");
-  if (robot.model->tool_link != static_cast<int>(robot.joints.size()) - 1)
-    return std::unexpected(robot.file + ": the tool must sit on the last link: the simulator knows serial arms only");
-  return std::unique_ptr<ArmDynamics>(new ArmDynamics(chain, robot));
+  std::vector<Arm> arms;
+  bool tool_is_last = false;
+  for (std::size_t first = 0, i = 0; i < links.size(); ++i) {
+    if (links[i].parent != -1 && links[i].parent != static_cast<int>(i) - 1)
+      return std::unexpected(robot.file + ": link " + links[i].joint +
+                             " is carried neither by the base nor by the link before it: the simulator knows serial "
+                             "arms only");
+    const bool ends = i + 1 == links.size() || links[i + 1].parent == -1;
+    if (!ends) continue;
+    tool_is_last |= robot.model->tool_link == static_cast<int>(i);
+    arms.push_back({static_cast<Eigen::Index>(first),
+                    std::make_unique<SerialChain>(links.subspan(first, i + 1 - first), robot.model->gravity)});
+    first = i + 1;
+  }
+  if (!tool_is_last) return std::unexpected(robot.file + ": the tool must sit on the last link of an arm");
+  return std::unique_ptr<ArmDynamics>(new ArmDynamics(std::move(arms), robot));
 }
 
-ArmDynamics::ArmDynamics(const KDL::Chain& chain, const config::RobotConfig& robot)
-    : chain_(chain),
-      tool_(vector(robot.model->tool_xyz)),
-      gravity_(vector(robot.model->gravity)),
-      parameters_(chain_, gravity_),
-      inverse_dynamics_(chain_, gravity_),
-      kinematics_(chain_),
-      q_(chain_.getNrOfJoints()),
-      dq_(chain_.getNrOfJoints()),
-      no_acceleration_(chain_.getNrOfJoints()),
-      bias_(chain_.getNrOfJoints()),
-      mass_(static_cast<int>(chain_.getNrOfJoints())),
-      no_forces_(chain_.getNrOfSegments(), KDL::Wrench::Zero()) {
+ArmDynamics::ArmDynamics(std::vector<Arm> arms, const config::RobotConfig& robot)
+    : arms_(std::move(arms)), tool_(robot.model->tool_xyz) {
+  for (std::size_t arm = 0; arm < arms_.size(); ++arm)
+    if (arms_[arm].first <= robot.model->tool_link) tool_arm_ = arm;
   for (const config::Joint& joint : robot.joints) {
     rotor_inertia_.push_back(joint.inertia);
     lower_stop_.push_back(joint.limits.q_min - 2 * joint.limits.position_margin);
@@ -64,20 +47,33 @@ ArmDynamics::ArmDynamics(const KDL::Chain& chain, const config::RobotConfig& rob
 }
 
 Eigen::MatrixXd ArmDynamics::inertia(const Eigen::VectorXd& q) {
-  q_.data = q;
-  parameters_.JntToMass(q_, mass_);
-  Eigen::MatrixXd mass = mass_.data;
-  for (std::size_t i = 0; i < rotor_inertia_.size(); ++i) {
-    const auto row = static_cast<Eigen::Index>(i);
-    mass(row, row) += rotor_inertia_[i];
+  const auto count = static_cast<Eigen::Index>(joint_count());
+  Eigen::MatrixXd mass = Eigen::MatrixXd::Zero(count, count);
+  for (const Arm& arm : arms_) {
+    const Eigen::Index size = arm.chain->size();
+    mass.block(arm.first, arm.first, size, size) = arm.chain->inertia(q.segment(arm.first, size));
   }
+  for (Eigen::Index i = 0; i < count; ++i) mass(i, i) += rotor_inertia_[static_cast<std::size_t>(i)];
   return mass;
 }
 
 Eigen::VectorXd ArmDynamics::gravity_torque(const Eigen::VectorXd& q) {
-  q_.data = q;
-  parameters_.JntToGravity(q_, bias_);
-  return bias_.data;
+  Eigen::VectorXd torque(q.size());
+  for (const Arm& arm : arms_) {
+    const Eigen::Index size = arm.chain->size();
+    torque.segment(arm.first, size) = arm.chain->gravity_torque(q.segment(arm.first, size));
+  }
+  return torque;
+}
+
+Eigen::VectorXd ArmDynamics::bias(const ArmState& state) {
+  Eigen::VectorXd torque(state.q.size());
+  for (const Arm& arm : arms_) {
+    const Eigen::Index size = arm.chain->size();
+    torque.segment(arm.first, size) =
+        arm.chain->bias(state.q.segment(arm.first, size), state.dq.segment(arm.first, size));
+  }
+  return torque;
 }
 
 double ArmDynamics::kinetic_energy(const ArmState& state) {
@@ -85,11 +81,8 @@ double ArmDynamics::kinetic_energy(const ArmState& state) {
 }
 
 config::Vector3 ArmDynamics::tool_position(const Eigen::VectorXd& q) {
-  q_.data = q;
-  KDL::Frame last;
-  kinematics_.JntToCart(q_, last);
-  const KDL::Vector at = (last * tool_).p;
-  return {at.x(), at.y(), at.z()};
+  const Arm& arm = arms_[tool_arm_];
+  return arm.chain->point(q.segment(arm.first, arm.chain->size()), tool_);
 }
 
 void ArmDynamics::integrate(ArmState& state, const Eigen::VectorXd& tau, const std::vector<Friction>& friction,
@@ -98,9 +91,6 @@ void ArmDynamics::integrate(ArmState& state, const Eigen::VectorXd& tau, const s
   const double dt = step.seconds() / sub_steps;
   const Eigen::MatrixXd mass = inertia(state.q);
   for (int turn = 0; turn < sub_steps; ++turn) {
-    q_.data = state.q;
-    dq_.data = state.dq;
-    inverse_dynamics_.CartToJnt(q_, dq_, no_acceleration_, no_forces_, bias_);
     // M (dq' - dq) / dt = tau - bias - D dq', with D the friction's damping at the present speed.
     Eigen::MatrixXd left = mass;
     for (std::size_t i = 0; i < friction.size(); ++i) {
@@ -108,7 +98,7 @@ void ArmDynamics::integrate(ArmState& state, const Eigen::VectorXd& tau, const s
       const double speed = std::max(std::abs(state.dq[row]), kRestSpeed);
       left(row, row) += dt * (friction[i].viscous + friction[i].coulomb / speed);
     }
-    state.dq = left.ldlt().solve(mass * state.dq + dt * (tau - bias_.data));
+    state.dq = left.ldlt().solve(mass * state.dq + dt * (tau - bias(state)));
     state.q += dt * state.dq;
     stop_at_limits(state);
   }

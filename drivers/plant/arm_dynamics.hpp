@@ -1,5 +1,5 @@
-// Rigid-body dynamics of a serial arm, from the configuration's link model: M(q) ddq + c(q, dq) + g(q) + friction =
-// tau.
+// Rigid-body dynamics of one or several serial arms on one base, from the configuration's link model:
+// M(q) ddq + c(q, dq) + g(q) + friction = tau. Arms do not feel one another.
 //
 // M holds the links (KDL) plus each joint's configured `inertia` as the rotor's, reflected through its gear, so that
 // what the configuration calls the lower bound of the effective inertia is one. Friction is viscous and Coulomb.
@@ -7,21 +7,18 @@
 // up to a creep of kRestSpeed. Hard stops lie outside the configured limits by twice their margin; they are inelastic.
 //
 // Shapes: one value per joint. Units: rad, rad/s, Nm, joint side. Errors of make(): one sentence.
-// Thread rule: one thread at a time. Source: Featherstone, Rigid Body Dynamics Algorithms; orocos-kdl ChainDynParam.
+// Thread rule: one thread at a time. Source: Featherstone, Rigid Body Dynamics Algorithms.
 #pragma once
 
 #include <Eigen/Core>
 #include <expected>
-#include <kdl/chain.hpp>
-#include <kdl/chaindynparam.hpp>
-#include <kdl/chainfksolverpos_recursive.hpp>
-#include <kdl/chainidsolver_recursive_newton_euler.hpp>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "config/robot_config.hpp"
 #include "drivers/plant/dynamics.hpp"
+#include "drivers/plant/serial_chain.hpp"
 #include "executive/contract/mono_time.hpp"
 
 namespace takt::plant {
@@ -42,20 +39,18 @@ class ArmDynamics final : public Dynamics {
   [[nodiscard]] double upper_stop(std::size_t joint) const { return upper_stop_[joint]; }
 
  private:
-  ArmDynamics(const KDL::Chain& chain, const config::RobotConfig& robot);
+  struct Arm {
+    Eigen::Index first = 0;  // joint
+    std::unique_ptr<SerialChain> chain;
+  };
+  ArmDynamics(std::vector<Arm> arms, const config::RobotConfig& robot);
+  [[nodiscard]] Eigen::VectorXd bias(const ArmState& state);
   void stop_at_limits(ArmState& state) const;
 
-  KDL::Chain chain_;  // declared before what refers to it
-  KDL::Frame tool_;
-  KDL::Vector gravity_;
-  KDL::ChainDynParam parameters_;
-  KDL::ChainIdSolver_RNE inverse_dynamics_;
-  KDL::ChainFkSolverPos_recursive kinematics_;
+  std::vector<Arm> arms_;
+  std::size_t tool_arm_ = 0;
+  config::Vector3 tool_{};  // in the last link of that arm
   std::vector<double> rotor_inertia_, lower_stop_, upper_stop_;
-  // Work space, sized once.
-  KDL::JntArray q_, dq_, no_acceleration_, bias_;
-  KDL::JntSpaceInertiaMatrix mass_;
-  KDL::Wrenches no_forces_;
 };
 
 }  // namespace takt::plant

@@ -1,5 +1,5 @@
-// A drive as the bus sees it: the other half of a protocol, with a motor behind it. One class per protocol, written from
-// the protocol's facts alone and without the host's codec, so that the two check each other.
+// A drive as the bus sees it: the other half of a protocol, with a motor behind it. One class per protocol, written
+// from the protocol's facts alone and without the host's codec, so that the two check each other.
 //
 // state      entered by                                   torque
 // booting    power_cycle(), for kBootTime                 none, brake engaged; says nothing but its boot message
@@ -24,7 +24,14 @@ namespace takt::plant {
 enum class DeviceState : std::uint8_t { booting, disabled, enabled, lost, error };
 
 // Faults every drive can have; each protocol reports them with a code of its own.
-enum class DeviceFault : std::uint8_t { over_temperature, over_current, over_voltage, under_voltage, encoder, overload };
+enum class DeviceFault : std::uint8_t {
+  over_temperature,
+  over_current,
+  over_voltage,
+  under_voltage,
+  encoder,
+  overload
+};
 
 inline constexpr double kLostDamping = 1.0;  // Nm s/rad
 inline constexpr Duration kBootTime = milliseconds(200);
@@ -48,9 +55,7 @@ class Device {
   virtual bool inject(DeviceFault fault) = 0;
   // Supply off and on: everything that is not stored is forgotten.
   virtual void power_cycle(MonoTime now) = 0;
-  [[nodiscard]] bool brake_engaged() const {
-    return state() != DeviceState::enabled && state() != DeviceState::lost;
-  }
+  [[nodiscard]] bool brake_engaged() const { return state() != DeviceState::enabled && state() != DeviceState::lost; }
 };
 
 // What a motor's torque does to its winding's temperature.

@@ -5,6 +5,7 @@
 
 #include <string>
 
+#include "config/robot_config.hpp"
 #include "executive/contract/mono_time.hpp"
 #include "executive/contract/session.hpp"
 
@@ -12,7 +13,7 @@ namespace takt::runtime {
 
 class Journal {
  public:
-  static void transition(const TickRecordHeader& tick);
+  static void transition(const TickRecord& record, const config::RobotConfig& robot);
   // Call it often; it says what is new since it last spoke.
   void summarise(MonoTime now, const StatusSnapshot& status);
 

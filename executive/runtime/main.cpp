@@ -82,7 +82,8 @@ int run(const Options& options) {
   MailboxHandover mailboxes;
   OperatorInbox requests;
   StatusBoard board;
-  TickFollower follower(published->tick_reader(), tick_config->rest_velocity, Journal::transition);
+  TickFollower follower(published->tick_reader(), tick_config->rest_velocity,
+                        [&robot](const TickRecord& record) { Journal::transition(record, *robot); });
 
   // The socket first: a second executive is turned away before it touches a bus.
   auto reception = Reception::open(

@@ -16,7 +16,7 @@ static_assert(static_cast<std::size_t>(OperatorRequest::shutdown) == kOperatorRe
 
 class TickFollower {
  public:
-  using OnTransition = std::function<void(const TickRecordHeader&)>;
+  using OnTransition = std::function<void(const TickRecord&)>;
 
   // `rest_velocity` in rad/s. on_transition is called for every record in which the mode changed.
   TickFollower(ipc::SlotReader ticks, float rest_velocity, OnTransition on_transition);

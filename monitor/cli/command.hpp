@@ -6,6 +6,7 @@
 
 #include <CLI/CLI.hpp>
 #include <span>
+#include <string>
 
 namespace takt::cli {
 
@@ -15,6 +16,12 @@ inline constexpr int kExitFailed = 1;        // the check failed, the request wa
 inline constexpr int kExitUsage = 64;        // command line
 inline constexpr int kExitUnavailable = 69;  // a needed process, socket or bus is not there
 inline constexpr int kExitInternal = 70;     // our own bug
+
+// Why a command ends before its work, and with which code.
+struct Refusal {
+  int exit_code = kExitFailed;
+  std::string sentence;
+};
 
 using AddCommand = void (*)(CLI::App& app, int& exit_code);
 
@@ -27,6 +34,8 @@ void add_report(CLI::App& app, int& exit_code);
 void add_replay(CLI::App& app, int& exit_code);
 void add_trace(CLI::App& app, int& exit_code);
 void add_config(CLI::App& app, int& exit_code);
+void add_bus(CLI::App& app, int& exit_code);
+void add_joint(CLI::App& app, int& exit_code);
 void add_config_import(CLI::App& config, int& exit_code);  // below add_config's
 
 std::span<const AddCommand> commands();

@@ -23,10 +23,6 @@ constexpr const char* kBufferCount = "--num-subbuf=8";
 // The consumer looks for full buffers by itself: without it the traced thread would wake it with a system call.
 constexpr const char* kReadTimer = "--read-timer=200000";
 
-struct Refusal {
-  int exit_code = kExitFailed;
-  std::string sentence;
-};
 using Done = std::expected<void, Refusal>;
 
 struct Options {

@@ -25,7 +25,7 @@ class TickFollowerTest : public testing::Test {
   PublishedSegments published_ = PublishedSegments::create(2).value();
   std::vector<Mode> entered_;
   TickFollower follower_{published_.tick_reader(), 0.02F,
-                         [this](const TickRecordHeader& tick) { entered_.push_back(tick.mode); }};
+                         [this](const TickRecord& record) { entered_.push_back(record.header.mode); }};
   std::uint64_t tick_ = 0;
   Mode mode_ = Mode::standby;
 };

@@ -1,0 +1,109 @@
+#include "drivers/cause_detail.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+
+#include "drivers/protocol_table.hpp"
+
+namespace takt::drivers {
+namespace {
+
+// What is wrong with a joint or a bus; empty: nothing.
+using OfJoint = std::function<std::string(const JointRecord&, const config::Joint&)>;
+using OfBus = std::function<std::string(const BusHealth&)>;
+
+void add(std::string& text, const std::string& kind, const std::string& name, const std::string& what) {
+  if (what.empty()) return;
+  text += (text.empty() ? "" : "; ") + kind + " " + name + ": " + what;
+}
+
+std::string joints_where(const TickRecord& record, const config::RobotConfig& robot, const OfJoint& wrong) {
+  std::string text;
+  const std::size_t count = std::min<std::size_t>(record.header.joint_count, robot.joints.size());
+  for (std::size_t j = 0; j < count; ++j)
+    add(text, "joint", robot.joints[j].name, wrong(record.joints[j], robot.joints[j]));
+  return text;
+}
+
+std::string buses_where(const TickRecord& record, const config::RobotConfig& robot, const OfBus& wrong) {
+  std::string text;
+  const std::size_t count = std::min<std::size_t>(record.header.bus_count, robot.buses.size());
+  for (std::size_t b = 0; b < count; ++b) add(text, "bus", robot.buses[b].name, wrong(record.header.buses[b]));
+  return text;
+}
+
+std::string digits(double number, int after_point) {
+  std::array<char, 40> text{};
+  std::snprintf(text.data(), text.size(), "%.*f", after_point, number);
+  return text.data();
+}
+
+std::string drive_error(const JointRecord& joint, const config::Joint& known) {
+  const JointFeedback& feedback = joint.feedback;
+  if (feedback.drive_state != DriveState::fault && feedback.error_code == 0) return {};
+  return feedback.error_code == 0 ? "the drive reports a fault" : error_name(known.drive, feedback.error_code);
+}
+
+std::string outside(const JointRecord& joint, const config::Joint& known) {
+  const config::Limits& limits = known.limits;
+  const double q = joint.feedback.q;
+  if (q < limits.q_min - limits.position_margin || q > limits.q_max + limits.position_margin)
+    return "at " + digits(q, 3) + " rad, outside its limits and margin";
+  if (std::abs(joint.dq_estimate) > limits.velocity_hard)
+    return "at " + digits(joint.dq_estimate, 3) + " rad/s, faster than velocity_hard";
+  return {};
+}
+
+std::string silence(const JointFeedback& feedback, MonoTime now, Duration timeout) {
+  if (!feedback.received_at.is_set()) return "never answered";
+  const Duration silent = now - feedback.received_at;
+  return silent > timeout ? "silent for " + digits(silent.milliseconds(), 1) + " ms" : "";
+}
+
+}  // namespace
+
+std::string cause_detail(Cause cause, const TickRecord& record, const config::RobotConfig& robot) {
+  switch (cause) {
+    case Cause::drive_fault:
+      return joints_where(record, robot, drive_error);
+    case Cause::drive_disabled:
+      return joints_where(record, robot, [](const JointRecord& joint, const config::Joint&) {
+        return joint.feedback.drive_state == DriveState::disabled ? "left the enabled state by itself" : "";
+      });
+    case Cause::enable_timeout:
+      return joints_where(record, robot, [](const JointRecord& joint, const config::Joint&) {
+        return joint.feedback.drive_state == DriveState::enabled ? "" : "not enabled in time";
+      });
+    case Cause::feedback_lost:
+      return joints_where(record, robot, [&](const JointRecord& joint, const config::Joint&) {
+        return silence(joint.feedback, record.header.now, robot.feedback.timeout);
+      });
+    case Cause::envelope_exceeded:
+      return joints_where(record, robot, outside);
+    case Cause::bus_off:
+      return buses_where(record, robot,
+                         [](const BusHealth& bus) { return bus.state == BusState::bus_off ? "bus-off" : ""; });
+    case Cause::bus_down:
+      return buses_where(record, robot,
+                         [](const BusHealth& bus) { return bus.state == BusState::down ? "down or gone" : ""; });
+    case Cause::none:
+    case Cause::operator_arm:
+    case Cause::operator_stop:
+    case Cause::operator_reset:
+    case Cause::shutdown:
+    case Cause::drives_enabled:
+    case Cause::contract_violated:
+    case Cause::contract_restored:
+    case Cause::command_lost:
+    case Cause::bad_commands:
+    case Cause::overrun:
+    case Cause::internal_error:
+      return {};
+  }
+  return {};
+}
+
+}  // namespace takt::drivers

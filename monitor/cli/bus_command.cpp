@@ -1,0 +1,94 @@
+// takt bus: what is on a robot's CAN buses.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdio>
+#include <ctime>
+#include <memory>
+
+#include "drivers/receive_stamp.hpp"
+#include "monitor/cli/bus_watch.hpp"
+#include "monitor/cli/command.hpp"
+#include "monitor/cli/direct_bus.hpp"
+
+namespace takt::cli {
+namespace {
+
+struct Options {
+  std::string robot_file, runtime_dir;
+  double seconds = 0;
+  bool json = false;
+};
+
+constexpr long kLookPeriod_ns = 5'000'000;
+constexpr Duration kShowPeriod = milliseconds(500);
+
+volatile std::sig_atomic_t g_interrupted = 0;
+
+MonoTime clock_now() {
+  return drivers::sample_clocks().monotonic;
+}
+
+void pause_a_little() {
+  const timespec pause{0, kLookPeriod_ns};
+  ::nanosleep(&pause, nullptr);
+}
+
+std::expected<int, Refusal> watch(const Options& options) {
+  const auto robot = load_robot(options.robot_file, options.runtime_dir);
+  if (!robot) return std::unexpected(robot.error());
+  std::vector<std::unique_ptr<drivers::CanBus>> buses;
+  for (std::size_t bus = 0; bus < robot->config.buses.size(); ++bus) {
+    auto opened = open_bus(*robot, bus);
+    if (!opened) return std::unexpected(opened.error());
+    buses.push_back(std::move(*opened));
+  }
+  BusWatch watched(robot->config, std::move(buses));
+  std::signal(SIGINT, [](int) { g_interrupted = 1; });
+  const bool redraw = ::isatty(STDOUT_FILENO) != 0 && !options.json;
+  const MonoTime started = clock_now();
+  MonoTime shown = started;
+  const auto over = [&](MonoTime now) {
+    return g_interrupted != 0 || (options.seconds > 0 && (now - started).seconds() >= options.seconds);
+  };
+  watched.count(started);
+  for (MonoTime now = started; !over(now); now = clock_now()) {
+    watched.listen();
+    if (now - shown >= kShowPeriod && redraw) {
+      watched.count(now);
+      fmt::print("\x1b[H\x1b[2J{}", watched.table(now));
+      std::fflush(stdout);
+      shown = now;
+    }
+    pause_a_little();
+  }
+  if (!redraw) watched.count(clock_now());
+  fmt::print("{}{}", options.json ? watched.json(clock_now()) : watched.table(clock_now()), options.json ? "\n" : "");
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_bus(CLI::App& app, int& exit_code) {
+  CLI::App* bus = app.add_subcommand("bus", "What is on a robot's CAN buses.");
+  bus->require_subcommand(1);
+  auto options = std::make_shared<Options>();
+  CLI::App* command = bus->add_subcommand("watch", "What the drives say, decoded, live; sends nothing.");
+  command->add_option("--robot", options->robot_file, "robot file")->required();
+  command->add_option("--runtime-dir", options->runtime_dir, "where loopback buses are (default /run/takt/<robot>)");
+  command->add_option("--seconds", options->seconds, "end after this long; default: at Ctrl-C")
+      ->check(CLI::PositiveNumber);
+  command->add_flag("--json", options->json, "at the end, one line of JSON instead of the table");
+  command->footer(
+      "Example: takt bus watch --robot robot.yaml --seconds 2\n"
+      "Replies per second are over the last half second, with --json or --seconds over the whole time.\n"
+      "Exit codes: 0 watched, 64 command line, 65 configuration, 69 a bus is not there.");
+  command->callback([options, &exit_code] {
+    const auto done = watch(*options);
+    if (!done) fmt::print(stderr, "takt bus watch: {}\n", done.error().sentence);
+    exit_code = done ? *done : done.error().exit_code;
+  });
+}
+
+}  // namespace takt::cli

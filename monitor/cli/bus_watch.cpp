@@ -1,0 +1,114 @@
+#include "monitor/cli/bus_watch.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include "drivers/protocol_table.hpp"
+
+namespace takt::cli {
+namespace {
+
+constexpr std::string_view name(DriveState state) {
+  constexpr std::array<std::string_view, 4> names{"unknown", "disabled", "enabled", "fault"};
+  const auto index = static_cast<std::size_t>(state);
+  return index < names.size() ? names[index] : "invalid";
+}
+
+}  // namespace
+
+BusWatch::BusWatch(const config::RobotConfig& robot, std::vector<std::unique_ptr<drivers::CanBus>> buses)
+    : robot_(robot),
+      buses_(std::move(buses)),
+      received_(64),
+      frames_(robot.buses.size()),
+      strangers_(robot.buses.size()) {
+  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
+    auto driver = drivers::make_joint_driver(robot, joint);
+    if (!driver) throw std::runtime_error(driver.error());
+    joints_.push_back({std::move(*driver)});
+  }
+}
+
+void BusWatch::listen() {
+  for (std::size_t bus = 0; bus < buses_.size(); ++bus) {
+    const std::size_t count = buses_[bus]->receive(received_);
+    frames_[bus] += count;
+    for (std::size_t i = 0; i < count; ++i) {
+      bool known = false;
+      for (std::size_t joint = 0; joint < joints_.size() && !known; ++joint) {
+        if (robot_.joints[joint].bus != bus) continue;
+        drivers::JointDriver& driver = *joints_[joint].driver;
+        const std::uint8_t before = driver.feedback().replies;
+        known = driver.decode(received_[i]);
+        joints_[joint].replies += static_cast<std::uint8_t>(driver.feedback().replies - before);
+      }
+      strangers_[bus] += known ? 0 : 1;
+    }
+  }
+}
+
+void BusWatch::count(MonoTime now) {
+  const double elapsed = counted_at_.is_set() ? (now - counted_at_).seconds() : 0;
+  for (Watched& joint : joints_) {
+    joint.per_second = elapsed > 0 ? static_cast<double>(joint.replies - joint.counted) / elapsed : 0;
+    joint.counted = joint.replies;
+  }
+  counted_at_ = now;
+}
+
+std::string BusWatch::error_of(std::size_t joint) const {
+  const std::uint32_t code = joints_[joint].driver->feedback().error_code;
+  return code == 0 ? "" : drivers::error_name(robot_.joints[joint].drive, code);
+}
+
+std::string BusWatch::table(MonoTime now) const {
+  std::string text = fmt::format("{:<20} {:<8} {:<9} {:<9} {:>9} {:>9} {:>6} {:>9} {:>9}  {}\n", "joint", "bus",
+                                 "protocol", "state", "q [rad]", "tau [Nm]", "[C]", "age [ms]", "replies/s", "error");
+  for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
+    const config::Joint& known = robot_.joints[joint];
+    const JointFeedback& feedback = joints_[joint].driver->feedback();
+    if (!feedback.received_at.is_set()) {
+      text += fmt::format("{:<20} {:<8} {:<9} silent\n", known.name, robot_.buses[known.bus].name,
+                          config::name(known.drive.protocol));
+      continue;
+    }
+    text += fmt::format("{:<20} {:<8} {:<9} {:<9} {:>9.4f} {:>9.3f} {:>6.0f} {:>9.1f} {:>9.0f}  {}\n", known.name,
+                        robot_.buses[known.bus].name, config::name(known.drive.protocol), name(feedback.drive_state),
+                        feedback.q, feedback.tau, feedback.temperature_C, (now - feedback.received_at).milliseconds(),
+                        joints_[joint].per_second, error_of(joint));
+  }
+  for (std::size_t bus = 0; bus < buses_.size(); ++bus) {
+    // Commands are heard too where somebody drives the robot; they are not replies of a drive.
+    text += fmt::format("{}: {} frames, {} of them no drive's word, {} lost on receive\n", robot_.buses[bus].name,
+                        frames_[bus], strangers_[bus], buses_[bus]->health().rx_dropped);
+  }
+  return text;
+}
+
+std::string BusWatch::json(MonoTime now) const {
+  nlohmann::ordered_json joints = nlohmann::ordered_json::array();
+  for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
+    const JointFeedback& feedback = joints_[joint].driver->feedback();
+    const bool seen = feedback.received_at.is_set();
+    joints.push_back({{"joint", robot_.joints[joint].name},
+                      {"protocol", config::name(robot_.joints[joint].drive.protocol)},
+                      {"seen", seen},
+                      {"state", name(feedback.drive_state)},
+                      {"q_rad", feedback.q},
+                      {"tau_Nm", feedback.tau},
+                      {"temperature_C", feedback.temperature_C},
+                      {"age_ms", seen ? nlohmann::ordered_json((now - feedback.received_at).milliseconds())
+                                      : nlohmann::ordered_json()},
+                      {"replies_per_s", joints_[joint].per_second},
+                      {"error", error_of(joint)}});
+  }
+  nlohmann::ordered_json buses = nlohmann::ordered_json::array();
+  for (std::size_t bus = 0; bus < buses_.size(); ++bus)
+    buses.push_back({{"bus", robot_.buses[bus].name}, {"frames", frames_[bus]}, {"no_drives_word", strangers_[bus]}});
+  return nlohmann::ordered_json{{"joints", joints}, {"buses", buses}}.dump();
+}
+
+}  // namespace takt::cli

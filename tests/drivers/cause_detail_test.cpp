@@ -1,0 +1,63 @@
+// Goal: a cause comes with the joint or bus it is about. Method: records made by hand, sentences compared whole.
+#include "drivers/cause_detail.hpp"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+
+#include "config/load.hpp"
+
+namespace takt::drivers {
+namespace {
+
+class CauseDetail : public testing::Test {
+ protected:
+  CauseDetail() {
+    record->header.joint_count = static_cast<std::uint32_t>(robot.joints.size());
+    record->header.bus_count = static_cast<std::uint8_t>(robot.buses.size());
+    record->header.now = MonoTime{} + seconds(5);
+    for (JointRecord& joint : record->joints) {
+      joint.feedback.received_at = record->header.now;
+      joint.feedback.drive_state = DriveState::enabled;
+    }
+  }
+  [[nodiscard]] std::string detail(Cause cause) const { return cause_detail(cause, *record, robot); }
+
+  config::RobotConfig robot = config::load("config/arm6.yaml").value();
+  std::unique_ptr<TickRecord> record = std::make_unique<TickRecord>();
+};
+
+TEST_F(CauseDetail, IsEmptyWhereNothingIsWrongAndForTheRobotAsAWhole) {
+  for (std::size_t cause = 0; cause < kCauseCount; ++cause) EXPECT_EQ(detail(static_cast<Cause>(cause)), "") << cause;
+}
+
+TEST_F(CauseDetail, NamesEveryJointAndWhatItsDriveSays) {
+  record->joints[2].feedback = {.received_at = record->header.now, .error_code = 0xB, .drive_state = DriveState::fault};
+  record->joints[3].feedback.drive_state = DriveState::fault;
+  EXPECT_EQ(detail(Cause::drive_fault),
+            "joint elbow: output stage over-temperature; joint wrist_roll: the drive reports a fault");
+  record->joints[3].feedback.drive_state = DriveState::disabled;
+  EXPECT_EQ(detail(Cause::drive_disabled), "joint wrist_roll: left the enabled state by itself");
+}
+
+TEST_F(CauseDetail, TellsHowLongAJointWasSilent) {
+  record->joints[0].feedback.received_at = record->header.now - milliseconds(21);
+  record->joints[1].feedback.received_at = {};
+  EXPECT_EQ(detail(Cause::feedback_lost), "joint base_yaw: silent for 21.0 ms; joint shoulder: never answered");
+}
+
+TEST_F(CauseDetail, TellsWhereTheEnvelopeWasLeft) {
+  record->joints[4].feedback.q = 2.0F;  // limit 1.8, margin 0.15
+  record->joints[5].dq_estimate = -12.5F;
+  EXPECT_EQ(detail(Cause::envelope_exceeded),
+            "joint wrist_pitch: at 2.000 rad, outside its limits and margin; "
+            "joint wrist_yaw: at -12.500 rad/s, faster than velocity_hard");
+}
+
+TEST_F(CauseDetail, NamesTheBus) {
+  record->header.buses[1].state = BusState::bus_off;
+  EXPECT_EQ(detail(Cause::bus_off), "bus can1: bus-off");
+}
+
+}  // namespace
+}  // namespace takt::drivers

@@ -1,0 +1,110 @@
+// Goal: a jog moves its joint as far as asked and back into the disabled state, never pulls harder than told, and ends
+// with a reason when the drive is not there, does not enable, faults or falls silent. Method: host driver and simulated
+// drive on a free inertia in virtual time.
+#include "drivers/joint_jog.hpp"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+
+#include "drivers/plant/device_table.hpp"
+#include "drivers/protocol_table.hpp"
+#include "tests/drivers/plant_robots.hpp"
+
+namespace takt::drivers {
+namespace {
+
+constexpr double kInertia = 0.02;  // kg m^2
+
+class Jog : public testing::Test {
+ protected:
+  Jog() {
+    plant::Frames said;
+    device_->update({q_, dq_}, now_, {}, said);
+  }
+  void run(const JogWish& wish, Duration limit = seconds(20)) {
+    JointJog jog(joint(), wish, *driver_);
+    while (!jog.ended() && now_ < MonoTime{} + limit) step(jog);
+    EXPECT_TRUE(jog.ended());
+    failure_ = jog.failure();
+    moved_ = jog.moved();
+  }
+  void step(JointJog& jog) {
+    now_ = now_ + milliseconds(1);
+    std::array<CanFrame, kMaxFramesPerDrive> out;
+    plant::Frames answers;
+    const std::size_t sent = jog.tick(now_, out);
+    for (std::size_t i = 0; i < sent && is_there_; ++i) device_->receive(out[i], now_, answers);
+    const double torque = device_->update({q_, dq_}, now_, milliseconds(1), answers);
+    most_torque_ = std::max(most_torque_, std::abs(torque + static_cast<double>(joint().kd) * dq_));
+    if (!is_blocked_) {
+      dq_ = (dq_ + 0.001 * torque / kInertia) * (device_->brake_engaged() ? 0 : 1);
+      q_ += 0.001 * dq_;
+    }
+    for (const CanFrame& answer : answers) driver_->decode({answer, now_});
+    if (jog.phase() == JointJog::Phase::moving && fault_) {
+      device_->inject(*fault_);
+      fault_.reset();
+    }
+  }
+  [[nodiscard]] const config::Joint& joint() const { return robot_.joints[3]; }
+
+  config::RobotConfig robot_ = test::demo_arm();
+  std::unique_ptr<JointDriver> driver_ = make_joint_driver(robot_, 3).value();
+  std::unique_ptr<plant::Device> device_ = plant::make_device(robot_.joints[3].drive, milliseconds(100));
+  MonoTime now_{1};
+  double q_ = 0.3, dq_ = 0, most_torque_ = 0, moved_ = 0;
+  bool is_there_ = true, is_blocked_ = false;
+  std::optional<plant::DeviceFault> fault_;
+  std::string failure_;
+};
+
+TEST_F(Jog, MovesAsFarAsAskedAndLetsGo) {
+  run({.by = 0.1, .speed = 0.2, .torque = 1});
+  EXPECT_EQ(failure_, "");
+  EXPECT_NEAR(q_, 0.4, 0.01);
+  EXPECT_NEAR(moved_, 0.1, 0.01);
+  EXPECT_EQ(device_->state(), plant::DeviceState::disabled);
+}
+
+TEST_F(Jog, NeverPullsHarderThanTold) {
+  is_blocked_ = true;
+  run({.by = -1, .speed = 0.5, .torque = 0.5});
+  EXPECT_GT(most_torque_, 0.4);
+  EXPECT_LT(most_torque_, 0.53) << "the packed fields' quanta aside";
+  EXPECT_NEAR(moved_, 0, 1e-3);
+}
+
+TEST_F(Jog, StaysInsideTheJointsLimits) {
+  q_ = 2.75;
+  run({.by = 1, .speed = 1, .torque = 2});
+  EXPECT_LE(q_, joint().limits.q_max + 0.02);
+}
+
+TEST_F(Jog, SaysWhenNobodyAnswers) {
+  is_there_ = false;
+  run({.by = 0.1, .speed = 0.2, .torque = 1});
+  EXPECT_EQ(failure_, "no answer from its drive: is it powered, and are id and bus right?");
+}
+
+TEST_F(Jog, SaysWhatTheDriveReports) {
+  fault_ = plant::DeviceFault::over_current;
+  run({.by = 0.1, .speed = 0.2, .torque = 1});
+  EXPECT_EQ(failure_, "its drive reports over-current");
+  EXPECT_NE(device_->state(), plant::DeviceState::enabled);
+}
+
+TEST_F(Jog, CanBeStoppedAtAnyTime) {
+  JointJog jog(joint(), {.by = 1, .speed = 0.1, .torque = 1}, *driver_);
+  for (int ms = 0; ms < 1000; ++ms) step(jog);
+  EXPECT_EQ(jog.phase(), JointJog::Phase::moving);
+  jog.stop();
+  for (int ms = 0; ms < 200; ++ms) step(jog);
+  EXPECT_TRUE(jog.ended());
+  EXPECT_EQ(jog.failure(), "");
+  EXPECT_EQ(device_->state(), plant::DeviceState::disabled);
+}
+
+}  // namespace
+}  // namespace takt::drivers
