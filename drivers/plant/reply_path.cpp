@@ -1,7 +1,5 @@
 #include "drivers/plant/reply_path.hpp"
 
-#include <algorithm>
-
 #include "drivers/plant/chance.hpp"
 
 namespace takt::plant {
@@ -13,10 +11,8 @@ bool ReplyPath::is_lost() {
 void ReplyPath::take(const Frames& said, MonoTime now) {
   for (const drivers::CanFrame& frame : said) {
     if (is_lost()) continue;
-    const MonoTime last = on_the_way_.empty() ? now : on_the_way_.back().due;
-    const MonoTime due = std::max(now + faults_.delay, last);
     for (int copy = 0; copy < (faults_.repeat ? 2 : 1); ++copy)
-      if (on_the_way_.size() < kMaxOnTheWay) on_the_way_.push_back({frame, due});
+      if (on_the_way_.size() < kMaxOnTheWay) on_the_way_.push_back({frame, now + faults_.delay});
   }
 }
 

@@ -43,7 +43,7 @@ class ReplyPath {
 
   LineFaults faults_;
   std::mt19937_64 random_;
-  std::deque<OnTheWay> on_the_way_;  // in order of `due`
+  std::deque<OnTheWay> on_the_way_;  // in the order said: who is due waits for those before
 };
 
 }  // namespace takt::plant
