@@ -10,14 +10,17 @@
 namespace takt::config {
 void Checker::require(bool holds, const std::string& path, std::string_view sentence) {
   if (holds) return;
-  const auto place = places_.find(path);
-  problems_.add(place == places_.end() ? Place{} : place->second, fmt::format("{}: {}", path, sentence));
+  constexpr std::string_view kJoints = "joints[";
+  const std::string named = path.starts_with(kJoints) ? joints_key_ + path.substr(kJoints.size() - 1) : path;
+  const auto place = places_.find(named);
+  problems_.add(place == places_.end() ? Place{} : place->second, fmt::format("{}: {}", named, sentence));
 }
 
 void check(const RobotConfig& robot, const Places& places, Problems& problems) {
   Checker checker(places, problems);
   check_timing(robot, checker);
   check_buses_and_ids(robot, checker);
+  check_drives(robot, checker);
   check_joints(robot, checker);
   check_model(robot, checker);
   check_policy(robot, checker);
