@@ -1,5 +1,6 @@
 #include "drivers/plant/device_table.hpp"
 
+#include "drivers/plant/cia402_device.hpp"
 #include "drivers/plant/mit_device.hpp"
 #include "drivers/plant/odrive_device.hpp"
 
@@ -13,8 +14,9 @@ std::unique_ptr<Device> make_device(const config::Drive& drive, Duration watchdo
       return std::make_unique<OdriveDevice>(drive, watchdog);
     case config::DriveProtocol::robstride:
     case config::DriveProtocol::moteus:
-    case config::DriveProtocol::cia402:
       return nullptr;
+    case config::DriveProtocol::cia402:
+      return std::make_unique<Cia402Device>(drive, watchdog);
   }
   return nullptr;
 }
