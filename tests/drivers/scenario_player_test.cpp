@@ -238,6 +238,17 @@ TEST(ScenarioPlayer, ABabblerFillsTheBusWithAnIdThatIsNobodys) {
   EXPECT_EQ(bench.strange_frames, 210U);
 }
 
+TEST(ScenarioPlayer, ABabblerAvoidsTheIdsOfDrives) {
+  config::RobotConfig robot = parse_devices(kDevices, "d").value();
+  robot.joints[kHip].drive.reply_id = 0;
+  BusTrouble trouble(robot, 0);
+  trouble.set({.babble = true});
+  Frames said;
+  trouble.speak(said);
+  ASSERT_FALSE(said.empty());
+  EXPECT_EQ(said[0].id, 3U) << "0 is a reply, 1 and 2 are commands";
+}
+
 TEST(ScenarioPlayer, OverlappingFaultsAddUpAndEndOneByOne) {
   Bench bench(
       "  - { at: 10 ms, bus: can0, fault: error_passive, for: 30 ms }\n"
