@@ -1,6 +1,7 @@
 #include "drivers/plant/device_table.hpp"
 
 #include "drivers/plant/mit_device.hpp"
+#include "drivers/plant/robstride_device.hpp"
 
 namespace takt::plant {
 
@@ -9,6 +10,7 @@ std::unique_ptr<Device> make_device(const config::Drive& drive, Duration watchdo
     case config::DriveProtocol::mit:
       return std::make_unique<MitDevice>(drive, watchdog);
     case config::DriveProtocol::robstride:
+      return std::make_unique<RobstrideDevice>(drive, watchdog);
     case config::DriveProtocol::odrive:
     case config::DriveProtocol::moteus:
     case config::DriveProtocol::cia402:
