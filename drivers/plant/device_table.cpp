@@ -3,6 +3,7 @@
 #include "drivers/plant/cia402_device.hpp"
 #include "drivers/plant/mit_device.hpp"
 #include "drivers/plant/odrive_device.hpp"
+#include "drivers/plant/robstride_device.hpp"
 
 namespace takt::plant {
 
@@ -10,9 +11,10 @@ std::unique_ptr<Device> make_device(const config::Drive& drive, Duration watchdo
   switch (drive.protocol) {
     case config::DriveProtocol::mit:
       return std::make_unique<MitDevice>(drive, watchdog);
+    case config::DriveProtocol::robstride:
+      return std::make_unique<RobstrideDevice>(drive, watchdog);
     case config::DriveProtocol::odrive:
       return std::make_unique<OdriveDevice>(drive, watchdog);
-    case config::DriveProtocol::robstride:
     case config::DriveProtocol::moteus:
       return nullptr;
     case config::DriveProtocol::cia402:
