@@ -57,21 +57,20 @@ TEST_P(MixedDrives, AFailingDriveIsNamedInItsOwnWords) {
   EXPECT_FALSE(transition_to("tracking", robot.run_directory()).is_null()) << "it never tracked: nothing was tested";
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    EveryJoint, MixedDrives,
-    testing::Values(Case{"left_base_yaw", "over_current", "over-current"},
-                    Case{"left_shoulder", "overload", "overload"},
-                    Case{"left_elbow", "over_temperature", "over-temperature"},
-                    Case{"left_wrist_roll", "over_temperature", "over-temperature"},
-                    Case{"left_wrist_pitch", "encoder", "magnetic encoder fault"},
-                    Case{"left_wrist_yaw", "over_voltage", "DC bus over-voltage"},
-                    Case{"right_base_yaw", "over_current", "over-current"},
-                    Case{"right_shoulder", "under_voltage", "under-voltage"},
-                    Case{"right_elbow", "over_temperature", "inverter over-temperature"},
-                    Case{"right_wrist_roll", "encoder", "encoder fault"},
-                    Case{"right_wrist_pitch", "over_voltage", "over-voltage"},
-                    Case{"right_wrist_yaw", "over_temperature", "over-temperature"}),
-    [](const testing::TestParamInfo<Case>& row) { return std::string(row.param.joint); });
+INSTANTIATE_TEST_SUITE_P(EveryJoint, MixedDrives,
+                         testing::Values(Case{"left_base_yaw", "over_current", "over-current"},
+                                         Case{"left_shoulder", "overload", "overload"},
+                                         Case{"left_elbow", "over_temperature", "over-temperature"},
+                                         Case{"left_wrist_roll", "over_temperature", "over-temperature"},
+                                         Case{"left_wrist_pitch", "encoder", "magnetic encoder fault"},
+                                         Case{"left_wrist_yaw", "over_voltage", "DC bus over-voltage"},
+                                         Case{"right_base_yaw", "over_current", "over-current"},
+                                         Case{"right_shoulder", "under_voltage", "under-voltage"},
+                                         Case{"right_elbow", "over_temperature", "inverter over-temperature"},
+                                         Case{"right_wrist_roll", "encoder", "encoder fault"},
+                                         Case{"right_wrist_pitch", "over_voltage", "over-voltage"},
+                                         Case{"right_wrist_yaw", "over_temperature", "over-temperature"}),
+                         [](const testing::TestParamInfo<Case>& row) { return std::string(row.param.joint); });
 
 TEST(MixedDrivesRun, ReplaysBitForBit) {
   RunningRobot robot({}, kRobot);
