@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "drivers/mit_driver.hpp"
+#include "drivers/moteus_driver.hpp"
 #include "drivers/odrive_driver.hpp"
 
 namespace takt::drivers {
@@ -14,6 +15,7 @@ namespace {
 constexpr std::array kProtocols{
     Protocol{config::DriveProtocol::mit, make_mit_driver, mit_traffic, mit_error_name},
     Protocol{config::DriveProtocol::odrive, make_odrive_driver, odrive_traffic, odrive_error_name},
+    Protocol{config::DriveProtocol::moteus, make_moteus_driver, moteus_traffic, moteus_error_name},
 };
 
 std::string setup_fault_name(std::uint32_t code) {

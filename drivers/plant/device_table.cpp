@@ -1,6 +1,7 @@
 #include "drivers/plant/device_table.hpp"
 
 #include "drivers/plant/mit_device.hpp"
+#include "drivers/plant/moteus_device.hpp"
 #include "drivers/plant/odrive_device.hpp"
 
 namespace takt::plant {
@@ -11,8 +12,9 @@ std::unique_ptr<Device> make_device(const config::Drive& drive, Duration watchdo
       return std::make_unique<MitDevice>(drive, watchdog);
     case config::DriveProtocol::odrive:
       return std::make_unique<OdriveDevice>(drive, watchdog);
-    case config::DriveProtocol::robstride:
     case config::DriveProtocol::moteus:
+      return std::make_unique<MoteusDevice>(drive, watchdog);
+    case config::DriveProtocol::robstride:
     case config::DriveProtocol::cia402:
       return nullptr;
   }
