@@ -6,6 +6,7 @@
 
 #include "drivers/cia402_driver.hpp"
 #include "drivers/mit_driver.hpp"
+#include "drivers/moteus_driver.hpp"
 #include "drivers/odrive_driver.hpp"
 #include "drivers/robstride_driver.hpp"
 
@@ -18,6 +19,7 @@ constexpr std::array kProtocols{
     Protocol{config::DriveProtocol::odrive, make_odrive_driver, odrive_traffic, odrive_error_name},
     Protocol{config::DriveProtocol::cia402, make_cia402_driver, cia402_traffic, cia402_error_name},
     Protocol{config::DriveProtocol::robstride, make_robstride_driver, robstride_traffic, robstride_error_name},
+    Protocol{config::DriveProtocol::moteus, make_moteus_driver, moteus_traffic, moteus_error_name},
 };
 
 std::string setup_fault_name(std::uint32_t code) {

@@ -2,6 +2,7 @@
 
 #include "drivers/plant/cia402_device.hpp"
 #include "drivers/plant/mit_device.hpp"
+#include "drivers/plant/moteus_device.hpp"
 #include "drivers/plant/odrive_device.hpp"
 #include "drivers/plant/robstride_device.hpp"
 
@@ -16,7 +17,7 @@ std::unique_ptr<Device> make_device(const config::Drive& drive, Duration watchdo
     case config::DriveProtocol::odrive:
       return std::make_unique<OdriveDevice>(drive, watchdog);
     case config::DriveProtocol::moteus:
-      return nullptr;
+      return std::make_unique<MoteusDevice>(drive, watchdog);
     case config::DriveProtocol::cia402:
       return std::make_unique<Cia402Device>(drive, watchdog);
   }
