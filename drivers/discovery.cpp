@@ -236,12 +236,20 @@ std::optional<CanFrame> BusScan::next_question() {
   return questions_[asked_++];
 }
 
+// An ODrive's heartbeat is known by its id alone, which may be another's answer: it comes last.
+constexpr std::array kMostTellingFirst{config::DriveProtocol::mit, config::DriveProtocol::robstride,
+                                       config::DriveProtocol::moteus, config::DriveProtocol::cia402,
+                                       config::DriveProtocol::odrive};
+
 void BusScan::take(const CanFrame& frame) {
-  for (const config::DriveProtocol protocol : protocols_) {
+  for (const config::DriveProtocol protocol : kMostTellingFirst) {
+    if (!protocols_.contains(protocol)) continue;
     const auto found = read_answer(protocol, frame);
-    if (!found || found->id < first_ || found->id > last_) continue;
+    if (!found) continue;
+    if (found->id < first_ || found->id > last_) return;
     auto& said = found_[{protocol, found->id}];
     if (!found->what.empty()) said.insert(found->what);
+    return;
   }
 }
 

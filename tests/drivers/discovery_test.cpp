@@ -65,7 +65,7 @@ TEST_F(DiscoveryTest, ReadsTheRangesOfDamiaoDrivesBack) {
 }
 
 TEST_F(DiscoveryTest, NumbersBeyondTheLastAreNotReported) {
-  EXPECT_EQ(scan(1, 5), (std::set<Key>{{config::DriveProtocol::robstride, 4}, {config::DriveProtocol::robstride, 5}}));
+  EXPECT_EQ(scan(1, 5), (std::set<Key>{{config::DriveProtocol::robstride, 4}, {config::DriveProtocol::odrive, 5}}));
 }
 
 TEST_F(DiscoveryTest, TheZeroFrameMovesTheDrivesZero) {

@@ -39,7 +39,7 @@ class AbusedDriver {
     frame.fd = (kind & 8U) != 0;
     frame.remote = (kind & 0x70U) == 0x70U;
     constexpr std::array<std::uint8_t, 16> kLengths{0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64};
-    frame.length = kLengths[take<std::uint8_t>(bytes) % (frame.fd ? 16 : 9)];
+    frame.length = kLengths[take<std::uint8_t>(bytes) % (frame.fd ? 16U : 9U)];
     std::memcpy(frame.data, bytes.data(), std::min<std::size_t>(bytes.size(), frame.length));
     driver_->decode(received);
     return wrong_feedback();
