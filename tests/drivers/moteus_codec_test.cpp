@@ -170,14 +170,14 @@ double read_back(const std::string& bytes, Type type, double step) {
 }
 
 TEST(MoteusCodec, WhatTheDriveReadsIsWithinHalfAStep) {
-  rc::check([](std::int16_t tenths) {
+  EXPECT_TRUE(rc::check([](std::int16_t tenths) {
     const Type type = *rc::gen::element(Type::int8, Type::int16, Type::int32, Type::float32);
     const float limit = type == Type::int8 ? 1.2F : 3.2F;  // rev, inside the type's span
     const float wanted = static_cast<float>(tenths) / 32768.0F * limit;
     const double step = type == Type::int8 ? 0.01 : type == Type::int16 ? 1e-4 : type == Type::int32 ? 1e-5 : 0;
     const double read = read_back(one(type, Reg::command_position, {wanted}), type, step);
     RC_ASSERT(std::abs(read - static_cast<double>(wanted)) <= 0.5001 * step);
-  });
+  }));
 }
 
 TEST(MoteusCodec, AMillionRandomPayloadsEndInTime) {

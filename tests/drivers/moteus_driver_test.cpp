@@ -215,7 +215,7 @@ TEST(MoteusDriver, PositionsBeyondThreeTurnsArrive) {
 }
 
 TEST(MoteusDriver, NeverMoreThanTheTorqueRangeWhateverTheSetpoint) {
-  rc::check([] {
+  EXPECT_TRUE(rc::check([] {
     Bench bench({.ratio = *rc::gen::element(1.0F, -1.0F, 9.0F, 1e-3F), .offset = 0.3F});
     bench.enable();
     using test::any_float;
@@ -229,7 +229,7 @@ TEST(MoteusDriver, NeverMoreThanTheTorqueRangeWhateverTheSetpoint) {
     RC_ASSERT(law.watchdog >= 0.02F && law.watchdog <= 1);
     for (const float part : {setpoint.q, setpoint.dq, setpoint.kp, setpoint.kd, setpoint.tau})
       if (!std::isfinite(part)) RC_ASSERT(law.torque == 0 && law.kp_scale == 0 && law.kd_scale == 0);
-  });
+  }));
 }
 
 TEST(MoteusDriver, TakesRepliesWithEitherKindOfId) {

@@ -226,7 +226,7 @@ TEST(OdriveDriver, TheImpedanceLawInJointUnits) {
 }
 
 TEST(OdriveDriver, NeverMoreThanTheTorqueRangeWhateverTheSetpoint) {
-  rc::check([] {
+  EXPECT_TRUE(rc::check([] {
     Bench bench({.ratio = *rc::gen::element(1.0F, -1.0F, 9.0F, 1e-3F), .offset = 0.3F});
     bench.enable();
     bench.encode(true);
@@ -237,7 +237,7 @@ TEST(OdriveDriver, NeverMoreThanTheTorqueRangeWhateverTheSetpoint) {
     RC_ASSERT(std::abs(torque) <= kTorqueRange);
     for (const float part : {setpoint.q, setpoint.dq, setpoint.kp, setpoint.kd, setpoint.tau})
       if (!std::isfinite(part)) RC_ASSERT(torque == 0);
-  });
+  }));
 }
 
 TEST(OdriveDriver, TemperatureIsTheHotterOneThatIsANumber) {
