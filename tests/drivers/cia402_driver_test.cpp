@@ -421,6 +421,18 @@ TEST_F(Cia402Row, SyncIsSentByTheLastOfEachBus) {
   EXPECT_TRUE(sends(3));
 }
 
+TEST_F(Cia402Row, TrafficIsWhatCrossesTheBus) {
+  const auto traffic = cia402_traffic(robot, 0);
+  ASSERT_EQ(traffic.size(), 4U);
+  EXPECT_EQ(traffic[0].bytes, 5U);
+  EXPECT_EQ(traffic[1].bytes, 8U);
+  EXPECT_EQ(traffic[2].bytes, 1U);
+  EXPECT_DOUBLE_EQ(traffic[2].per_tick, 0.01) << "a heartbeat each 100 ms";
+  EXPECT_EQ(traffic[3].bytes, 0U) << "SYNC";
+  robot.joints[0].drive.mode = config::Cia402Mode::csp;
+  EXPECT_EQ(cia402_traffic(robot, 0)[0].bytes, 7U);
+}
+
 TEST_F(Cia402Row, NamesErrors) {
   const config::Drive& drive = robot.joints[0].drive;
   EXPECT_EQ(error_name(drive, 0x2310), "over-current");
