@@ -342,7 +342,7 @@ TEST(Cia402Driver, IgnoresWhatIsNotItsOwnAndCountsWhatIsMalformed) {
 
 // Goal: whatever is commanded and whatever the drive says, no frame asks for more than torque_range.
 TEST(Cia402Driver, NoFrameEverAsksForMoreThanTheTorqueRange) {
-  rc::check([] {
+  EXPECT_TRUE(rc::check([] {
     Bench bench;
     bench.enable();
     const auto any = [] {
@@ -357,7 +357,7 @@ TEST(Cia402Driver, NoFrameEverAsksForMoreThanTheTorqueRange) {
       const auto per_mille = static_cast<std::int16_t>(high << 8 | low);
       RC_ASSERT(per_mille >= -300 && per_mille <= 300);
     }
-  });
+  }));
 }
 
 // Goal: the row: what configuration makes of a drive, and what it refuses.
