@@ -342,7 +342,7 @@ TEST(Cia402Driver, IgnoresWhatIsNotItsOwnAndCountsWhatIsMalformed) {
 
 // Goal: whatever is commanded and whatever the drive says, no frame asks for more than torque_range.
 TEST(Cia402Driver, NoFrameEverAsksForMoreThanTheTorqueRange) {
-  rc::check([] {
+  EXPECT_TRUE(rc::check([] {
     Bench bench;
     bench.enable();
     const auto any = [] {
@@ -357,7 +357,7 @@ TEST(Cia402Driver, NoFrameEverAsksForMoreThanTheTorqueRange) {
       const auto per_mille = static_cast<std::int16_t>(high << 8 | low);
       RC_ASSERT(per_mille >= -300 && per_mille <= 300);
     }
-  });
+  }));
 }
 
 // Goal: the row: what configuration makes of a drive, and what it refuses.
@@ -419,6 +419,18 @@ TEST_F(Cia402Row, SyncIsSentByTheLastOfEachBus) {
   EXPECT_FALSE(sends(1));
   EXPECT_TRUE(sends(2));
   EXPECT_TRUE(sends(3));
+}
+
+TEST_F(Cia402Row, TrafficIsWhatCrossesTheBus) {
+  const auto traffic = cia402_traffic(robot, 0);
+  ASSERT_EQ(traffic.size(), 4U);
+  EXPECT_EQ(traffic[0].bytes, 5U);
+  EXPECT_EQ(traffic[1].bytes, 8U);
+  EXPECT_EQ(traffic[2].bytes, 1U);
+  EXPECT_DOUBLE_EQ(traffic[2].per_tick, 0.01) << "a heartbeat each 100 ms";
+  EXPECT_EQ(traffic[3].bytes, 0U) << "SYNC";
+  robot.joints[0].drive.mode = config::Cia402Mode::csp;
+  EXPECT_EQ(cia402_traffic(robot, 0)[0].bytes, 7U);
 }
 
 TEST_F(Cia402Row, NamesErrors) {

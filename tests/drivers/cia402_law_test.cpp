@@ -34,7 +34,7 @@ TEST(Cia402Law, TorqueIsTheImpedanceLawInPerMille) {
 }
 
 TEST(Cia402Law, TorqueNeverLeavesItsRange) {
-  rc::check([](float q, float dq, float kp, float kd, float tau, float measured_q, float measured_dq) {
+  EXPECT_TRUE(rc::check([](float q, float dq, float kp, float kd, float tau, float measured_q, float measured_dq) {
     const auto hostile = [](float x) {
       return *rc::gen::element(x, x, kNan, kInf, -kInf, std::numeric_limits<float>::max(), 1e30F, -1e30F, 0.0F);
     };
@@ -48,7 +48,7 @@ TEST(Cia402Law, TorqueNeverLeavesItsRange) {
     const bool finite = std::isfinite(setpoint.q) && std::isfinite(setpoint.dq) && std::isfinite(setpoint.kp) &&
                         std::isfinite(setpoint.kd) && std::isfinite(setpoint.tau);
     if (!finite) RC_ASSERT(target == 0);
-  });
+  }));
 }
 
 TEST(Cia402Law, PositionNeedsStiffness) {
@@ -84,7 +84,7 @@ TEST(Cia402Law, CountsSaturateAndComeBack) {
   EXPECT_EQ(to_counts(100, fine), std::numeric_limits<std::int32_t>::max());
   EXPECT_EQ(to_counts(-100, fine), std::numeric_limits<std::int32_t>::min());
   EXPECT_EQ(to_counts(1e300, fine), std::numeric_limits<std::int32_t>::max());
-  rc::check([&fine](std::int32_t counts) { RC_ASSERT(to_counts(to_rad(counts, fine), fine) == counts); });
+  EXPECT_TRUE(rc::check([&fine](std::int32_t counts) { RC_ASSERT(to_counts(to_rad(counts, fine), fine) == counts); }));
 }
 
 }  // namespace
