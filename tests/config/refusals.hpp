@@ -208,7 +208,7 @@ inline constexpr Refusal kRefusals[] = {
             "11:23: bus_faults.window: 9 ms must be at least ten control periods of 1 ms; raise it"},
     Refusal{"a share of nothing", "feedback: { timeout: 20 ms }",
             "feedback: { timeout: 20 ms }\nbus_faults: { foreign_frames: 0 }",
-            "11:31: bus_faults.foreign_frames: 0 is outside"},
+            "11:31: bus_faults.foreign_frames: 0 is out of range; write above 0 and at most 1"},
     Refusal{"feedback timeout too short", "feedback: { timeout: 20 ms }", "feedback: { timeout: 1 ms }",
             "10:22: feedback.timeout: 1 ms must be at least two control periods of 1 ms; raise it"},
     Refusal{"enable_timeout too short", "timeout: 20 ms }", "timeout: 20 ms, enable_timeout: 10 ms }",
