@@ -52,6 +52,9 @@ void check_timing(const RobotConfig& robot, Checker& checker) {
   checker.require(robot.feedback.timeout.ns >= 2 * period.ns, "feedback.timeout",
                   fmt::format("{} must be at least two control periods of {}; raise it", text(robot.feedback.timeout),
                               text(period)));
+  checker.require(robot.bus_faults.window.ns >= 10 * period.ns, "bus_faults.window",
+                  fmt::format("{} must be at least ten control periods of {}; raise it", text(robot.bus_faults.window),
+                              text(period)));
   checker.require(robot.feedback.enable_timeout > robot.feedback.timeout, "feedback.enable_timeout",
                   fmt::format("{} must exceed feedback.timeout {}; raise it", text(robot.feedback.enable_timeout),
                               text(robot.feedback.timeout)));

@@ -12,7 +12,7 @@ inline constexpr std::string_view kSchemaName = "takt.robot/1";
 void describe(Fields& fields, RobotConfig& robot);
 
 // Parts of it, by topic.
-void describe_timing(Fields& fields, RobotConfig& robot);       // control, freshness, feedback
+void describe_timing(Fields& fields, RobotConfig& robot);       // control, freshness, feedback, bus_faults
 void describe_machine(Fields& fields, RobotConfig& robot);      // buses, joints, model
 void describe_drive(Fields& fields, Drive& drive);              // joints[].drive
 void describe_bus(Fields& fields, Bus& bus);                    // buses[]
