@@ -28,7 +28,8 @@ struct Protocol {
   // Commands and replies alike, while the drive is enabled.
   std::vector<FrameTraffic> (*traffic)(const config::RobotConfig& robot, std::size_t joint) = nullptr;
   // A sentence's worth of JointFeedback::error_code, such as "motor over-temperature"; empty: not a code of this
-  // protocol. Codes that all drivers share are named by error_name() below.
+  // protocol. Codes that all drivers share are named by error_name() below; of those that tell which setting is meant
+  // (setting_of), this one names the setting.
   std::string (*error_name)(const config::Drive& drive, std::uint32_t code) = nullptr;
 };
 

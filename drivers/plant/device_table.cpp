@@ -1,6 +1,10 @@
 #include "drivers/plant/device_table.hpp"
 
+#include "drivers/plant/cia402_device.hpp"
 #include "drivers/plant/mit_device.hpp"
+#include "drivers/plant/moteus_device.hpp"
+#include "drivers/plant/odrive_device.hpp"
+#include "drivers/plant/robstride_device.hpp"
 
 namespace takt::plant {
 
@@ -9,10 +13,13 @@ std::unique_ptr<Device> make_device(const config::Drive& drive, Duration watchdo
     case config::DriveProtocol::mit:
       return std::make_unique<MitDevice>(drive, watchdog);
     case config::DriveProtocol::robstride:
+      return std::make_unique<RobstrideDevice>(drive, watchdog);
     case config::DriveProtocol::odrive:
+      return std::make_unique<OdriveDevice>(drive, watchdog);
     case config::DriveProtocol::moteus:
+      return std::make_unique<MoteusDevice>(drive, watchdog);
     case config::DriveProtocol::cia402:
-      return nullptr;
+      return std::make_unique<Cia402Device>(drive, watchdog);
   }
   return nullptr;
 }

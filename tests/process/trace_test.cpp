@@ -64,12 +64,14 @@ Event parse(const std::string& line) {
   return event;
 }
 
-std::map<std::string, std::vector<Event>> read_trace(const std::string& directory) {
+// Of these processes only: a session daemon traces every robot of the machine.
+std::map<std::string, std::vector<Event>> read_trace(const std::string& directory, const std::set<pid_t>& of) {
   std::map<std::string, std::vector<Event>> events;
   std::istringstream lines(output_of("babeltrace2 '" + directory + "' 2>&1"));
   for (std::string line; std::getline(lines, line);) {
     Event event = parse(line);
-    if (!event.name.empty()) events[event.name].push_back(std::move(event));
+    if (!event.name.empty() && of.contains(static_cast<pid_t>(event.number("vpid"))))
+      events[event.name].push_back(std::move(event));
   }
   return events;
 }
@@ -153,11 +155,12 @@ TEST_F(TraceTest, TellsTheSameStoryAsTheRunFolder) {
   robot.wait_until([until](const StatusSnapshot& status) { return status.ticks >= until; });
   EXPECT_EQ(takt(robot, {"trace", "stop"}), 0) << robot.logs();
   EXPECT_EQ(takt(robot, {"trace", "stop"}), 69) << "no trace runs any more";
+  const std::set<pid_t> robot_processes{robot.executive().pid(), robot.monitor().pid(), policy.pid()};
   policy.signal(SIGTERM);
   EXPECT_EQ(policy.wait(std::chrono::seconds(20)), 0);
   ASSERT_TRUE(robot.finish()) << robot.logs();
 
-  const auto trace = read_trace(directory);
+  const auto trace = read_trace(directory, robot_processes);
   for (const char* name :
        {"init", "tick_begin", "tick_end", "command_consumed", "observation_published", "dequeue_begin", "dequeue_end",
         "infer_begin", "infer_end", "publish_begin", "publish_end", "drain_begin", "drain_end"}) {
@@ -190,10 +193,11 @@ TEST_F(TraceTest, AFlightRecorderWritesOnlyWhenAsked) {
   const std::string directory = robot.directory() + "/flight";
   ASSERT_EQ(takt(robot, {"trace", "start", "--flight-recorder", "--output", directory}), 0) << robot.logs();
   robot.wait_until([](const StatusSnapshot& status) { return status.ticks >= kTracedTicks; });
-  EXPECT_TRUE(read_trace(directory).empty());
+  const std::set<pid_t> executive{robot.executive().pid()};
+  EXPECT_TRUE(read_trace(directory, executive).empty());
   EXPECT_EQ(takt(robot, {"trace", "snapshot"}), 0) << robot.logs();
   EXPECT_EQ(takt(robot, {"trace", "stop"}), 0) << robot.logs();
-  expect_consecutive(read_trace(directory)["tick_end"]);
+  expect_consecutive(read_trace(directory, executive)["tick_end"]);
   EXPECT_NE(robot.logs().find("snapshot in " + directory), std::string::npos) << robot.logs();
 }
 
