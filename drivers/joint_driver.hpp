@@ -72,6 +72,8 @@ class JointDriver {
   // a drive-side watchdog.
   virtual std::size_t encode(bool enable, const DriveSetpoint& setpoint, Duration budget,
                              std::span<CanFrame> out) noexcept = 0;
+  // For a listener beside the host that set the drive up: its reports mean from now on what they mean to that host.
+  virtual void assume_set_up() noexcept {}
   // True when the frame is this drive's; updates feedback.
   virtual bool decode(const ReceivedFrame& received) noexcept = 0;
   [[nodiscard]] virtual const JointFeedback& feedback() const noexcept = 0;

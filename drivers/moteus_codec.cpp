@@ -16,7 +16,7 @@ struct Steps {
   double int8 = 1, int16 = 1, int32 = 1;
 };
 
-Steps steps_of(std::uint32_t reg) noexcept {
+constexpr Steps steps_named(std::uint32_t reg) noexcept {
   switch (static_cast<MoteusRegister>(reg)) {
     case MoteusRegister::position:
     case MoteusRegister::absolute_position:
@@ -53,6 +53,17 @@ Steps steps_of(std::uint32_t reg) noexcept {
       break;
   }
   return {};
+}
+
+// The same as a table: looked up eight times per reply.
+constexpr auto kSteps = [] {
+  std::array<Steps, 0x2A> table{};
+  for (std::uint32_t reg = 0; reg < table.size(); ++reg) table[reg] = steps_named(reg);
+  return table;
+}();
+
+constexpr Steps steps_of(std::uint32_t reg) noexcept {
+  return reg < kSteps.size() ? kSteps[reg] : Steps{};
 }
 
 constexpr std::size_t size_of(MoteusType type) noexcept {
@@ -100,6 +111,7 @@ void put(std::uint8_t* at, MoteusType type, std::uint32_t reg, float value) noex
 }
 
 float get(const std::uint8_t* at, MoteusType type, std::uint32_t reg) noexcept {
+  if (type == MoteusType::float32) return get_f32(at);  // the usual case: no step to look up
   const double step = moteus_step(reg, type);
   switch (type) {
     case MoteusType::int8:
@@ -109,7 +121,7 @@ float get(const std::uint8_t* at, MoteusType type, std::uint32_t reg) noexcept {
     case MoteusType::int32:
       return from_steps(static_cast<std::int32_t>(get_u32(at)), step);
     case MoteusType::float32:
-      return get_f32(at);
+      break;
   }
   return 0;
 }

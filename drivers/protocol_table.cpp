@@ -58,6 +58,13 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_joint_driver(const
   return driver;
 }
 
+std::expected<std::unique_ptr<JointDriver>, std::string> make_lone_driver(const config::RobotConfig& robot,
+                                                                          std::size_t joint) {
+  config::RobotConfig alone = robot;
+  alone.joints = {robot.joints.at(joint)};
+  return make_joint_driver(alone, 0);
+}
+
 std::string error_name(const config::Drive& drive, std::uint32_t code) {
   const Protocol* const protocol = find_protocol(drive.protocol);
   const std::string own_name = protocol == nullptr ? std::string() : protocol->error_name(drive, code);

@@ -44,6 +44,11 @@ const Protocol* find_protocol(config::DriveProtocol id);
 std::expected<std::unique_ptr<JointDriver>, std::string> make_joint_driver(const config::RobotConfig& robot,
                                                                            std::size_t joint);
 
+// The same for a joint that is driven alone, the rest of its bus left in peace: for tools. Where a bus's drives share
+// frames, this driver sends them.
+std::expected<std::unique_ptr<JointDriver>, std::string> make_lone_driver(const config::RobotConfig& robot,
+                                                                          std::size_t joint);
+
 // Never empty: an unknown code comes out as its number.
 std::string error_name(const config::Drive& drive, std::uint32_t code);
 

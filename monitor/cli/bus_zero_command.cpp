@@ -64,7 +64,7 @@ std::expected<int, Refusal> set_zero(const Options& options) {
   if (!index) return std::unexpected(index.error());
   if (const auto free = require_no_executive(*robot); !free) return std::unexpected(free.error());
   const config::Joint& joint = robot->config.joints[*index];
-  auto driver = drivers::make_joint_driver(robot->config, *index);
+  auto driver = drivers::make_lone_driver(robot->config, *index);
   if (!driver) return std::unexpected(Refusal{config::kExitBadConfiguration, driver.error()});
   auto bus = open_bus(*robot, joint.bus);
   if (!bus) return std::unexpected(bus.error());

@@ -75,7 +75,7 @@ TEST_F(BusTools, ZeroSetsOrSaysTheOffset) {
   EXPECT_NE(said.output.find("with --yes"), std::string::npos) << said.output;
   const Ended done = takt({"bus", "zero", "left_shoulder", "--yes"});
   EXPECT_EQ(done.exit_code, 0) << done.output;
-  EXPECT_NE(done.output.find("read 0.600"), std::string::npos) << done.output;
+  EXPECT_NE(done.output.find("and reads -0.000"), std::string::npos) << done.output;
   const Ended offset = takt({"bus", "zero", "right_shoulder"});
   EXPECT_NE(offset.output.find("offset: -0.600"), std::string::npos) << offset.output;
 }
