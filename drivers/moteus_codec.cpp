@@ -57,14 +57,13 @@ constexpr Steps steps_named(std::uint32_t reg) noexcept {
 
 // The same as a table: looked up eight times per reply.
 constexpr auto kSteps = [] {
-  std::array<Steps, 0x2A> table{};
-  for (std::uint32_t reg = 0; reg < table.size(); ++reg) table[reg] = steps_named(reg);
+  std::array<std::array<double, 4>, 0x2A> table{};  // by register and MoteusType
+  for (std::uint32_t reg = 0; reg < table.size(); ++reg) {
+    const Steps steps = steps_named(reg);
+    table[reg] = {steps.int8, steps.int16, steps.int32, 1};
+  }
   return table;
 }();
-
-constexpr Steps steps_of(std::uint32_t reg) noexcept {
-  return reg < kSteps.size() ? kSteps[reg] : Steps{};
-}
 
 constexpr std::size_t size_of(MoteusType type) noexcept {
   switch (type) {
@@ -129,18 +128,7 @@ float get(const std::uint8_t* at, MoteusType type, std::uint32_t reg) noexcept {
 }  // namespace
 
 double moteus_step(std::uint32_t reg, MoteusType type) noexcept {
-  const Steps steps = steps_of(reg);
-  switch (type) {
-    case MoteusType::int8:
-      return steps.int8;
-    case MoteusType::int16:
-      return steps.int16;
-    case MoteusType::int32:
-      return steps.int32;
-    case MoteusType::float32:
-      break;
-  }
-  return 1;
+  return reg < kSteps.size() ? kSteps[reg][static_cast<std::size_t>(type)] : 1;
 }
 
 std::size_t fd_length(std::size_t bytes) noexcept {
@@ -189,14 +177,15 @@ std::size_t MoteusWriter::finish() noexcept {
   return size_;
 }
 
-std::optional<MoteusReader::Value> MoteusReader::next() noexcept {
+bool MoteusReader::next(Value& value) noexcept {
   while (left_ == 0)
-    if (malformed_ || at_ == bytes_.size() || !begin_subframe()) return std::nullopt;
-  const Value value{reg_, get(&bytes_[at_], type_, reg_)};
+    if (malformed_ || at_ == bytes_.size() || !begin_subframe()) return false;
+  value.reg = reg_;
+  value.value = get(&bytes_[at_], type_, reg_);
   at_ += size_of(type_);
   ++reg_;
   --left_;
-  return value;
+  return true;
 }
 
 // Consumes at least one byte.
@@ -205,9 +194,9 @@ bool MoteusReader::begin_subframe() noexcept {
   if (head == kNop) return true;
   if (head == kWriteError || head == kReadError) {
     ++reported_errors_;
-    const bool whole = varuint() && varuint();
-    malformed_ = malformed_ || !whole;
-    return whole;
+    std::uint32_t reg = 0, error = 0;
+    malformed_ = malformed_ || !varuint(reg) || !varuint(error);
+    return !malformed_;
   }
   if ((head & 0xF0U) == kReply) return begin_reply(head);
   malformed_ = true;
@@ -215,27 +204,26 @@ bool MoteusReader::begin_subframe() noexcept {
 }
 
 bool MoteusReader::begin_reply(std::uint8_t head) noexcept {
-  const std::uint32_t short_count = head & 3U;
-  const std::optional<std::uint32_t> count = short_count != 0 ? std::optional(short_count) : varuint();
-  const std::optional<std::uint32_t> first = count ? varuint() : std::nullopt;
+  std::uint32_t count = head & 3U;
   type_ = static_cast<MoteusType>(head >> 2U & 3U);
-  malformed_ = !first || *count > (bytes_.size() - at_) / size_of(type_);
-  if (malformed_) return false;
-  left_ = *count;
-  reg_ = *first;
-  return true;
+  malformed_ = (count == 0 && !varuint(count)) || !varuint(reg_);
+  const std::size_t room = bytes_.size() - at_;
+  malformed_ = malformed_ || count > room || count * size_of(type_) > room;
+  left_ = malformed_ ? 0 : count;
+  return !malformed_;
 }
 
 // At most five bytes of seven bits; what does not fit into 32 bits is none.
-std::optional<std::uint32_t> MoteusReader::varuint() noexcept {
-  std::uint64_t value = 0;
+bool MoteusReader::varuint(std::uint32_t& value) noexcept {
+  std::uint64_t sum = 0;
   for (unsigned shift = 0; shift < 35 && at_ < bytes_.size(); shift += 7) {
     const std::uint8_t byte = bytes_[at_++];
-    value |= std::uint64_t{byte & 0x7FU} << shift;
-    if ((byte & 0x80U) == 0)
-      return value <= 0xFFFF'FFFFU ? std::optional(static_cast<std::uint32_t>(value)) : std::nullopt;
+    sum |= std::uint64_t{byte & 0x7FU} << shift;
+    if ((byte & 0x80U) != 0) continue;
+    value = static_cast<std::uint32_t>(sum);
+    return sum <= 0xFFFF'FFFFU;
   }
-  return std::nullopt;
+  return false;
 }
 
 }  // namespace takt::drivers

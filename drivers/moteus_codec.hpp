@@ -78,16 +78,16 @@ class MoteusReader {
     float value = 0;  // physical units; NaN: the drive has no value
   };
   explicit MoteusReader(std::span<const std::uint8_t> bytes) noexcept : bytes_(bytes) {}
-  // Nothing: the end, or what follows is no reply.
-  std::optional<Value> next() noexcept;
-  // Meaningful when next() gave nothing.
+  // False: the end, or what follows is no reply. (Not an optional: returning one costs as much as reading the value.)
+  bool next(Value& value) noexcept;
+  // Meaningful when next() was false.
   [[nodiscard]] bool malformed() const noexcept { return malformed_; }
   [[nodiscard]] std::size_t reported_errors() const noexcept { return reported_errors_; }
 
  private:
   bool begin_subframe() noexcept;
   bool begin_reply(std::uint8_t head) noexcept;
-  std::optional<std::uint32_t> varuint() noexcept;
+  bool varuint(std::uint32_t& value) noexcept;
 
   std::span<const std::uint8_t> bytes_;
   std::size_t at_ = 0;

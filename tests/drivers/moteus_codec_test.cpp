@@ -36,7 +36,7 @@ std::vector<MoteusReader::Value> values_of(std::string_view bytes, bool malforme
   const CanFrame frame = test::frame_of(0x100, bytes, true);
   MoteusReader reader(std::span(frame.data, frame.length));
   std::vector<MoteusReader::Value> values;
-  while (const auto value = reader.next()) values.push_back(*value);
+  for (MoteusReader::Value value; reader.next(value);) values.push_back(value);
   EXPECT_EQ(reader.malformed(), malformed) << bytes;
   return values;
 }
@@ -146,9 +146,9 @@ TEST(MoteusCodec, ErrorsAreCountedAndSkipped) {
                                         "0a",
                                         true);
   MoteusReader reader(std::span(frame.data, frame.length));
-  const auto value = reader.next();
-  ASSERT_TRUE(value);
-  EXPECT_EQ(value->value, 10);
+  MoteusReader::Value value;
+  ASSERT_TRUE(reader.next(value));
+  EXPECT_EQ(value.value, 10);
   EXPECT_EQ(reader.reported_errors(), 2U);
   EXPECT_FALSE(reader.malformed());
 }
@@ -190,7 +190,7 @@ TEST(MoteusCodec, AMillionRandomPayloadsEndInTime) {
     if ((shape & 0x100U) != 0 && length > 0) bytes[0] = static_cast<std::uint8_t>(0x20U | (bytes[0] & 0x0FU));
     MoteusReader reader(std::span(bytes.data(), length));
     std::size_t values = 0;
-    while (reader.next()) ASSERT_LE(++values, 64U);
+    for (MoteusReader::Value value; reader.next(value);) ASSERT_LE(++values, 64U);
   }
 }
 
