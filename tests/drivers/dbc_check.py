@@ -23,6 +23,13 @@ except ImportError:
 
 # file: [(id, data, {signal: value})]. 1.5 is 3fc00000, -0.25 is be800000, -0.75 is bf400000.
 VECTORS = {
+    # -125 per mille is 0xFF83; positions and words little-endian.
+    "cia402_cst.dbc": [
+        (0x205, "0f000a83ff", {"Controlword": 15, "Mode_of_operation": 10, "Target_torque": -125}),
+        (0x185, "3712feffffff83ff", {"Statusword": 0x1237, "Position_actual": -2, "Torque_actual": -125}),
+        (0x085, "1023030000000000", {"Error_code": 0x2310, "Error_register": 3}),
+        (0x705, "05", {"NMT_state": 5}),
+    ],
     "odrive.dbc": [
         (0x06C, "0000c03f06ffb004", {"Input_Position": 1.5, "Velocity_FF": -0.25, "Torque_FF": 1.2}),
         (0x06E, "000040bf", {"Torque_Setpoint": -0.75}),

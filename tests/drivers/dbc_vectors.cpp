@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <string>
 
+#include "drivers/cia402_codec.hpp"
 #include "drivers/odrive_codec.hpp"
 
 namespace {
@@ -34,8 +35,19 @@ void print_odrive() {
   say(odrive_clear_errors(kNode), "Identify=0");
 }
 
+void print_cia402() {
+  using namespace takt::drivers::cia402;
+  constexpr std::uint32_t kNode = 5;  // the file's example
+  const auto say = [](const CanFrame& frame, const char* signals) { print("cia402_cst.dbc", frame, signals); };
+  say(encode_nmt(NmtCommand::start, kNode), "NMT_command=1 NMT_node=5");
+  say(encode_sync(), "");
+  say(encode_rpdo(takt::config::Cia402Mode::cst, kNode, kShutdown, 250),
+      "Controlword=6 Mode_of_operation=10 Target_torque=250");
+}
+
 }  // namespace
 
 int main() {
+  print_cia402();
   print_odrive();
 }

@@ -1,6 +1,6 @@
 // Goal: a robot of twelve joints on four buses with drives of all five protocols runs the demo policy, and whichever of
 // its drives fails, the cause is named with its joint and in its protocol's words.
-// Method: real processes on the loopback buses; per case one drive's fault strikes 300 ms after it was first enabled.
+// Method: real processes on the loopback buses; per case one drive's fault strikes 800 ms after it was first enabled.
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -38,7 +38,7 @@ class MixedDrives : public testing::TestWithParam<Case> {
  protected:
   static std::string scenario_of(const Case& row) {
     const std::string path = testing::TempDir() + "takt-mixed-" + row.joint + ".yaml";
-    std::ofstream(path) << "schema: takt.scenario/1\nevents:\n  - { after: enabled, at: 300 ms, joint: " << row.joint
+    std::ofstream(path) << "schema: takt.scenario/1\nevents:\n  - { after: enabled, at: 800 ms, joint: " << row.joint
                         << ", " << row.event << " }\n";
     return path;
   }
