@@ -16,7 +16,7 @@ void describe_timing(Fields& fields, RobotConfig& robot);    // control, freshne
 void describe_machine(Fields& fields, RobotConfig& robot);   // buses, joints, model
 void describe_drive(Fields& fields, Drive& drive);           // joints[].drive
 void describe_policy(Fields& fields, RobotConfig& robot);    // sensors, policy, fallbacks, degraded
-void describe_evidence(Fields& fields, RobotConfig& robot);  // record, simulation
+void describe_evidence(Fields& fields, RobotConfig& robot);  // record, dds, simulation
 
 std::vector<std::string_view> joint_names(const RobotConfig& robot);
 

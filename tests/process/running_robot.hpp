@@ -36,8 +36,8 @@ class Child {
 
 class RunningRobot {
  public:
-  // Starts takt-plant, takt-executive and takt-monitor for config/arm6.yaml; no policy yet.
-  RunningRobot();
+  // Starts takt-plant, takt-executive and takt-monitor for the robot file; no policy yet.
+  explicit RunningRobot(std::string robot_file = "config/arm6.yaml");
   ~RunningRobot();
   RunningRobot(const RunningRobot&) = delete;
   RunningRobot& operator=(const RunningRobot&) = delete;
@@ -66,7 +66,7 @@ class RunningRobot {
  private:
   [[nodiscard]] Child start(const std::string& program, std::vector<std::string> extra,
                             const std::string& log_name) const;
-  std::string directory_;
+  std::string robot_file_, directory_;
   std::optional<Child> plant_, executive_, monitor_;
 };
 
