@@ -252,6 +252,16 @@ inline constexpr Refusal kRefusals[] = {
             "55:7: policy.observation[1].history: 1 differs from the first term's 2; by_time needs equal histories\n"
             "56:7: policy.observation[2].history: 1 differs from the first term's 2; by_time needs equal histories\n"
             "57:7: policy.observation[3].history: 1 differs from the first term's 2; by_time needs equal histories"},
+    Refusal{
+        "a network interface that would rewrite the DDS configuration",
+        "sensors:", "dds: { interface: 'lo\"/>', peers: [{ address: '${HOME}' }] }\nsensors:",
+        "44:19: dds.interface: has a character that no interface has; write letters, digits, `.`, `:`, `_` and `-`\n"
+        "44:47: dds.peers[0].address: has a character that no host has; write letters, digits, `.`, `:`, `_` and "
+        "`-`"},
+    Refusal{"a DDS domain nobody can join", "sensors:", "dds: { domain: 233, interface: eth0 }\nsensors:",
+            "44:16: dds.domain: 233 is out of range; write 0 to 232"},
+    Refusal{"an interface without a way to find anybody", "sensors:", "dds: { interface: eth0 }\nsensors:",
+            "44:19: dds.interface: nobody can be found on it; add `peers`, or `multicast: true`"},
 };
 
 }  // namespace takt::config::test
