@@ -52,7 +52,7 @@ class DdsTest : public testing::Test {
             "  allow_requests: " + (allow_requests ? "true" : "false") + "\n";
     file_ = testing::TempDir() + name_ + ".yaml";
     std::ofstream(file_) << text;
-    robot_.emplace(file_);
+    robot_.emplace("", file_);
     policy_.emplace(robot_->start_policy_host());
     peer_.emplace(domain_of_this_test());
     peer_->listen(kStatus, "takt_msgs::msg::dds_::Status_");
