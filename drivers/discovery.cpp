@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "drivers/cia402_codec.hpp"
+#include "drivers/little_endian.hpp"
 #include "drivers/mit_codec.hpp"
 #include "drivers/odrive_codec.hpp"
 #include "drivers/robstride_codec.hpp"
@@ -24,10 +25,6 @@ std::string decimal(double value) {
   std::array<char, 32> digits{};
   std::snprintf(digits.data(), digits.size(), "%g", value);
   return digits.data();
-}
-
-std::uint32_t little_endian(const std::uint8_t* at) {
-  return at[0] | at[1] << 8U | at[2] << 16U | static_cast<std::uint32_t>(at[3]) << 24U;
 }
 
 // --- MIT: Damiao drives answer questions for their registers, on their reply id, wherever that is ---
@@ -56,7 +53,7 @@ std::optional<Found> read_mit(const CanFrame& frame) {
   if (frame.extended || frame.fd || frame.length != 8 || frame.id == kDamiaoRegisters || frame.data[2] != kRead)
     return std::nullopt;
   const std::uint32_t id = frame.data[0] | static_cast<std::uint32_t>(frame.data[1]) << 8U;
-  const std::uint32_t bits = little_endian(frame.data + 4);
+  const std::uint32_t bits = get_u32(frame.data + 4);
   const auto number = static_cast<double>(std::bit_cast<float>(bits));
   switch (frame.data[3]) {
     case kControlMode:
