@@ -120,7 +120,7 @@ bool record_session(const ExecutiveSession& session, const Options& options, con
     sleep_until(next);
   }
   stream->drain(sink, true);
-  if (condenser) condenser->end();
+  if (condenser && session.is_over()) condenser->end();
   const char* why = g_stop ? "monitor told to end" : "executive ended";
   if (const auto written = (*recorder)->finish(monotonic_now(), why); !written) spdlog::error("{}", written.error());
   write_review(*folder);

@@ -55,11 +55,13 @@ Exporter::~Exporter() {
 void Exporter::write_until_closed() {
   std::string said;
   while (!outbox_.is_closed()) {
-    if (const auto participant = Participant::open(robot_)) {
+    const auto participant = Participant::open(robot_);
+    if (participant) {
       spdlog::info("DDS: domain {} on {}{}", robot_.dds->domain, robot_.dds->interface,
                    robot_.dds->allow_requests ? ", requests allowed" : "");
       return write_to(**participant);
-    } else if (participant.error() != said) {
+    }
+    if (participant.error() != said) {
       said = participant.error();
       spdlog::error("DDS: {}; recording goes on, ROS 2 hears nothing, trying again", said);
     }
@@ -102,14 +104,19 @@ void Exporter::write_to(Participant& participant) {
   if (listener.joinable()) listener.join();
 }
 
-// In the order they came: a stop behind a request to arm must find the robot armed.
+// In the order they came: a stop behind a request to arm must find the robot armed. A request repeated in vain is
+// logged once.
 void Exporter::answer_requests(Participant& participant) {
   const std::string socket = config::executive_socket(runtime_directory_);
+  std::string refused;
   while (!outbox_.is_closed()) {
     for (const Request& request : participant.take_requests(kPatience)) {
       RequestAnswer answered = answer(request, socket);
-      spdlog::warn("DDS: {} asked for (request {}): {}", answered.verb, answered.id,
-                   answered.done ? "done" : answered.sentences);
+      if (answered.done)
+        spdlog::warn("DDS: {} (request {})", answered.verb, answered.id);
+      else if (answered.sentences != refused)
+        spdlog::warn("DDS: {} refused (request {}): {}", answered.verb, answered.id, answered.sentences);
+      refused = answered.done ? "" : answered.sentences;
       const std::lock_guard lock(answer_mutex_);
       answer_ = std::move(answered);
       ++answers_;

@@ -6,6 +6,7 @@
 #include <array>
 
 #include "monitor/dds/domain_xml.hpp"
+#include "monitor/dds/requests.hpp"
 #include "monitor/dds/type_hash.hpp"
 #include "monitor/dds/wire.hpp"
 
@@ -84,7 +85,7 @@ class Participant::Entities {
     while (dds_take(reader_, loan, &info, 1, 1) > 0) {
       const auto* const request = static_cast<const takt_msgs_msg_dds__Request_*>(loan[0]);
       if (info.valid_data && request->robot == robot_.robot)
-        requests.push_back({request->robot, request->id, request->verb, info.source_timestamp});
+        requests.push_back({request->robot, request->id, printable(request->verb), info.source_timestamp});
       dds_return_loan(reader_, loan, 1);
       loan[0] = nullptr;
     }

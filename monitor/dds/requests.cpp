@@ -18,4 +18,12 @@ std::expected<OperatorVerb, std::string> judge(const Request& request, std::int6
   return OperatorVerb::arm;
 }
 
+std::string printable(std::string_view word) {
+  constexpr std::size_t kMost = 16;
+  std::string shown(word.substr(0, kMost));
+  for (char& c : shown)
+    if (c < ' ' || c > '~') c = '?';
+  return shown;
+}
+
 }  // namespace takt::monitor::dds

@@ -2,8 +2,8 @@
 #pragma once
 
 #include <expected>
-#include <optional>
 #include <string>
+#include <string_view>
 
 #include "executive/contract/mono_time.hpp"
 #include "monitor/dds/messages.hpp"
@@ -16,5 +16,8 @@ inline constexpr Duration kArmWithin = seconds(2);
 
 // The verb to hand to the executive, or the sentence to answer with.
 std::expected<OperatorVerb, std::string> judge(const Request& request, std::int64_t now_unix_ns);
+
+// A stranger's word, fit for a log: at most 16 printable ASCII characters, others shown as `?`.
+std::string printable(std::string_view word);
 
 }  // namespace takt::monitor::dds

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <optional>
+
 #include "monitor/dds/domain_xml.hpp"
 
 namespace takt::monitor::dds {
@@ -49,6 +51,14 @@ INSTANTIATE_TEST_SUITE_P(
                          "not by DDS: a stop or fault is cleared on the robot's machine, takt reset"},
                     Case{"nothing", "", {}, std::nullopt, "`` is no request; write arm or stop"},
                     Case{"another spelling", "Arm", {}, std::nullopt, "`Arm` is no request; write arm or stop"}));
+
+TEST(Requests, AStrangersWordCannotForgeALine) {
+  EXPECT_EQ(printable("arm"), "arm");
+  EXPECT_EQ(printable("arm\n\x1b[2J\xc3\xa4"), "arm??[2J??");
+  const std::string long_word = printable("stop" + std::string(1000, 'p'));
+  EXPECT_EQ(long_word, "stoppppppppppppp");
+  EXPECT_FALSE(judge({"arm6", 1, long_word, kNow}, kNow).has_value());
+}
 
 TEST(DomainXml, LoopbackNeedsNoMulticastAndFindsThisMachine) {
   config::Dds dds;
