@@ -115,7 +115,7 @@ struct PairKey {
 };
 PairKey pair_key(const RolloutRow& row);
 
-// "reach.slow_infer@0.5.method-a.s7": names the row's post-mortem; unique within an artifact and safe as a file name.
+// "reach.slow_infer@0.5.fast.s7": names the row's post-mortem; unique within an artifact and safe as a file name.
 std::string rollout_id(const RolloutRow& row);
 
 }  // namespace takt::panel
