@@ -32,6 +32,7 @@ void add_reset(CLI::App& app, int& exit_code);
 void add_status(CLI::App& app, int& exit_code);
 void add_report(CLI::App& app, int& exit_code);
 void add_replay(CLI::App& app, int& exit_code);
+void add_panel(CLI::App& app, int& exit_code);
 void add_trace(CLI::App& app, int& exit_code);
 void add_config(CLI::App& app, int& exit_code);
 void add_bus(CLI::App& app, int& exit_code);

@@ -20,6 +20,7 @@ constexpr std::uint64_t kWakeStream = 601;
 constexpr Duration kLeastLateness = microseconds(5), kUsualLateness = microseconds(40);
 constexpr Duration kTickWork = microseconds(25);
 constexpr double kPreemptionsPerSecond = 10;
+constexpr Duration kSettle = seconds(2);  // from power-on to the task: arming, and the way to it
 
 std::expected<std::unique_ptr<World>, std::string> make_world(const RolloutSetup& setup,
                                                               const Disturbance& disturbance) {
@@ -43,11 +44,11 @@ class Rollout {
         bus_(std::move(bus)),
         policy_(setup.robot, setup.policy_hash, setup.policy, setup.timing, disturbance, setup.seed),
         wakes_(setup.seed, kWakeStream),
-        measures_({kStart + (setup.duration - setup.scored), setup.bound_m}, disturbance) {
+        measures_({kStart + kSettle, kStart + (setup.duration - setup.scored), setup.bound_m}, disturbance) {
     input_.last_duration = kTickWork;
   }
 
-  RolloutRow run() {
+  void run(RolloutRow& row) {
     const MonoTime end = kStart + setup_.duration;
     for (MonoTime due = kStart; due < end;) {
       const MonoTime woken = due + lateness(due);
@@ -55,9 +56,7 @@ class Rollout {
       tick(woken, woken - due);
       due = next_due(due, woken + kTickWork);
     }
-    RolloutRow row;
     measures_.finish(setup_.robot.freshness.epsilon, setup_.robot.freshness.confidence, row);
-    return row;
   }
 
  private:
@@ -100,6 +99,7 @@ class Rollout {
     truth.violated = world_.is_violated();
     truth.lost = world_.is_lost();
     measures_.tick(output_->record, truth);
+    if (setup_.on_tick) setup_.on_tick(output_->record);
   }
 
   void publish(const Observation& observation) {
@@ -148,7 +148,7 @@ class Rollout {
 
 }  // namespace
 
-std::expected<RolloutRow, std::string> run_rollout(const RolloutSetup& setup) {
+std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutRow& row) {
   const Disturbance disturbance(setup.perturbation, kStart);
   auto world = make_world(setup, disturbance);
   if (!world) return std::unexpected(world.error());
@@ -156,7 +156,8 @@ std::expected<RolloutRow, std::string> run_rollout(const RolloutSetup& setup) {
   if (!bus) return std::unexpected(bus.error());
   setup.policy.reset();
   Rollout rollout(setup, disturbance, **world, std::move(*bus));
-  return rollout.run();
+  rollout.run(row);
+  return {};
 }
 
 }  // namespace takt::panel

@@ -10,10 +10,12 @@
 #include <array>
 #include <cstdint>
 #include <expected>
+#include <functional>
 #include <string>
 #include <string_view>
 
 #include "config/robot_config.hpp"
+#include "executive/contract/tick_record.hpp"
 #include "monitor/panel/perturbation.hpp"
 #include "monitor/panel/rollout_row.hpp"
 #include "monitor/panel/virtual_policy.hpp"
@@ -36,9 +38,11 @@ struct RolloutSetup {
   Duration duration;
   Duration scored;     // last part of the duration, judged
   double bound_m = 0;  // rms error of the scored part
+  std::function<void(const TickRecord&)> on_tick = {};
 };
 
-// Everything but the row's identity and host fields. The error is one sentence: what the robot lacks for the task.
-std::expected<RolloutRow, std::string> run_rollout(const RolloutSetup& setup);
+// Fills everything of the row but its identity and host fields. The error is one sentence: what the robot lacks for the
+// task.
+std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutRow& row);
 
 }  // namespace takt::panel

@@ -50,8 +50,8 @@ void RolloutMeasures::tick(const TickRecord& record, const TruthOfTick& truth) {
   if (header.now >= score_.begins) {
     errors_nm_.push_back(std::llround(truth.error_m * 1e9));
     square_error_ += truth.error_m * truth.error_m;
-    violations_ += truth.violated ? 1U : 0U;
   }
+  if (header.now >= score_.settled && truth.violated) ++violations_;
   last_ = header.now;
 }
 

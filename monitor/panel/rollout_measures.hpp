@@ -16,7 +16,8 @@ namespace takt::panel {
 
 // What counts as done: the root mean square of the error over the last part of the rollout, and no stop before.
 struct Score {
-  MonoTime begins;     // of the scored part; errors and violations before it do not count
+  MonoTime settled;    // violations of the task's constraints count from here on
+  MonoTime begins;     // of the scored part; errors before it do not count
   double bound_m = 0;  // success: rms error at most this; recovered: error at most this
 };
 

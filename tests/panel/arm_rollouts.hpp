@@ -45,9 +45,9 @@ inline RolloutSetup setup(std::string_view perturbation = "none", std::uint64_t 
 }
 
 inline RolloutRow run(const RolloutSetup& wanted) {
-  auto row = run_rollout(wanted);
-  if (!row) throw std::runtime_error(row.error());
-  return *row;
+  RolloutRow row;
+  if (const auto done = run_rollout(wanted, row); !done) throw std::runtime_error(done.error());
+  return row;
 }
 inline RolloutRow run(std::string_view perturbation, std::uint64_t seed = 1) {
   return run(setup(perturbation, seed));
