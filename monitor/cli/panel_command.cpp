@@ -10,9 +10,9 @@
 #include "config/load.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/panel_progress.hpp"
+#include "monitor/panel/artifact.hpp"
 #include "monitor/panel/panel_plan.hpp"
 #include "monitor/panel/panel_table.hpp"
-#include "monitor/panel/row_file.hpp"
 #include "monitor/panel/worker_pool.hpp"
 
 namespace takt::cli {
@@ -40,7 +40,16 @@ std::optional<panel::Shard> shard_of(const std::string& text) {
   return shard;
 }
 
-void print_summary(const Options& options, const std::vector<panel::RolloutRow>& rows, std::size_t ran) {
+std::expected<panel::ArtifactWriter, std::string> open_writer(const Options& options,
+                                                              const panel::ArtifactManifest& manifest,
+                                                              const std::string& panel_text) {
+  const bool begun = std::filesystem::exists(panel::ArtifactFolder(options.out).manifest());
+  if (options.resume && begun) return panel::ArtifactWriter::resume(options.out, manifest);
+  return panel::ArtifactWriter::create(options.out, manifest, panel_text);
+}
+
+void print_summary(const Options& options, const std::string& id, const std::vector<panel::RolloutRow>& rows,
+                   std::size_t ran) {
   const auto succeeded = std::ranges::count_if(rows, &panel::RolloutRow::success);
   if (options.json) {
     const nlohmann::ordered_json summary{
@@ -48,8 +57,8 @@ void print_summary(const Options& options, const std::vector<panel::RolloutRow>&
     fmt::print("{}\n", summary.dump());
     return;
   }
-  fmt::print("{}{} rollouts, {} of them now, {} succeeded: {}\n", panel::panel_table(rows), rows.size(), ran, succeeded,
-             options.out);
+  fmt::print("{}{} rollouts, {} of them now, {} succeeded: {} in {}\n", panel::panel_table(rows), rows.size(), ran,
+             succeeded, id, options.out);
 }
 
 int run(const Options& options) {
@@ -60,7 +69,7 @@ int run(const Options& options) {
   const auto plan = panel::plan_of(*panel, *shard);
   auto contest = panel::Contest::prepare(std::move(*panel));
   if (!contest) return refuse(config::kExitBadConfiguration, contest.error());
-  auto rows = panel::RowFile::open(options.out, options.resume);
+  auto rows = open_writer(options, contest->manifest(plan.size()), contest->panel().text);
   if (!rows) return refuse(kExitFailed, "takt panel run: " + rows.error());
 
   std::vector<panel::PlannedRollout> todo;
@@ -74,7 +83,9 @@ int run(const Options& options) {
     });
   }();
   if (!done) return refuse(kExitFailed, "takt panel run: " + done.error());
-  print_summary(options, rows->rows(), todo.size());
+  const auto finished = rows->finish();
+  if (!finished) return refuse(kExitFailed, "takt panel run: " + finished.error());
+  print_summary(options, finished->artifact_id, rows->rows(), todo.size());
   return kExitOk;
 }
 

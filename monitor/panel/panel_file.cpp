@@ -40,6 +40,7 @@ void describe_task(Fields& fields, PanelTask& task) {
 
 void describe_method(Fields& fields, PanelMethod& method) {
   fields.identifier({"name", "of the method in rows and tables"}, method.name);
+  fields.text({"description", "in a sentence", "\"-\""}, method.description);
   std::string link(kLinks[method.repeat_last ? 1 : 0]);
   fields.one_of({"link", "what stands between policy and executive", "newest"}, link, kLinks, "link");
   method.repeat_last = link == kLinks[1];
@@ -61,6 +62,12 @@ void describe_perturbation(Fields& fields, PanelPerturbation& one, const Panel& 
                   config::between(kind->least, kind->most));
   fields.duration({"from", "start of its window", "window.from", true}, one.from, {}, kLongest);
   fields.duration({"for", "length of its window", "window.for", true}, one.length, {}, kLongest);
+}
+
+void describe_claims(Fields& fields, Claims& claims) {
+  fields.text({"conceptual", "why a method should help"}, claims.conceptual);
+  fields.text({"systems", "which interface it changes"}, claims.systems);
+  fields.text({"evidence", "which measurement would convince a sceptical builder"}, claims.evidence);
 }
 
 void describe_timing(Fields& fields, PolicyTiming& timing) {
@@ -85,7 +92,10 @@ void describe(Fields& fields, Panel& panel) {
     f.duration({"from", "since the rollout's start", "2 s"}, panel.window_from, {}, kLongest);
     f.duration({"for", "its length", "2 s"}, panel.window_length, {}, kLongest);
   });
-  fields.each({"tasks", "what is to be done, each on its robot"}, panel.tasks, kMost, describe_task);
+  bool claims = false;
+  fields.optional_section({"claims", "what the panel is meant to show"}, claims,
+                          [&](Fields& f) { describe_claims(f, panel.claims); });
+  fields.each({"tasks", "what is to be done, and on which robot; one entry"}, panel.tasks, 1, describe_task);
   fields.each({"methods", "what is compared"}, panel.methods, kMost, describe_method);
   fields.each({"perturbations", "what troubles the rollouts; `none` is the nominal one"}, panel.perturbations, kMost,
               [&](Fields& f, PanelPerturbation& one) { describe_perturbation(f, one, panel); });
@@ -137,6 +147,7 @@ std::expected<Panel, std::string> load_panel(const std::string& path) {
   if (!problems.empty()) return std::unexpected(problems.text());
   Panel panel;
   panel.file = path;
+  panel.text = *text;
   panel.sha256 = config::sha256_hex(*text);
   config::Places places;
   config::Reader reader(root, "", problems, places);

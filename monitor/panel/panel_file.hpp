@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "config/load.hpp"
+#include "monitor/panel/artifact_manifest.hpp"
 #include "monitor/panel/perturbation.hpp"
 #include "monitor/panel/rollout.hpp"
 
@@ -24,7 +25,7 @@ struct PanelTask {
 };
 
 struct PanelMethod {
-  std::string name;
+  std::string name, description;
   bool repeat_last = false;
   std::vector<config::Override> overrides;
 };
@@ -38,15 +39,17 @@ struct PanelPerturbation {
 
 struct Panel {
   std::string file;    // as given, for messages
-  std::string sha256;  // of its bytes
+  std::string text;    // its bytes
+  std::string sha256;  // of them
   std::string name;
   Duration duration;
   std::uint64_t first_seed = 1, seed_count = 1;
   PolicyTiming timing;
   Duration window_from, window_length;  // of perturbations that say nothing else
-  std::vector<PanelTask> tasks;
+  std::vector<PanelTask> tasks;  // one: a method's configuration is a robot's, and an artifact names one per method
   std::vector<PanelMethod> methods;
   std::vector<PanelPerturbation> perturbations;
+  Claims claims;
 };
 
 std::expected<Panel, std::string> load_panel(const std::string& path);

@@ -141,6 +141,29 @@ RolloutRow Contest::identity(const PlannedRollout& planned) const {
   return row;
 }
 
+ArtifactManifest Contest::manifest(std::size_t planned) const {
+  ArtifactManifest made;
+  made.panel = panel_.name;
+  made.panel_sha256 = panel_.sha256;
+  made.script_version = TAKT_VERSION;
+  made.claims = panel_.claims;
+  made.planned_rollouts = planned;
+  const std::uint64_t last = panel_.first_seed + panel_.seed_count - 1;
+  made.seed_plan.rule = fmt::format("seeds {} to {}, the same for every method", panel_.first_seed, last);
+  for (std::uint64_t seed = panel_.first_seed; seed <= last; ++seed) made.seed_plan.seeds.push_back(seed);
+  for (std::size_t task = 0; task < panel_.tasks.size(); ++task) {
+    for (std::size_t method = 0; method < panel_.methods.size(); ++method) {
+      const Contestant& who = contestant({.task = task, .method = method});
+      const config::Freshness& freshness = who.robot.freshness;
+      made.plants[std::string(kTaskNames[static_cast<std::size_t>(panel_.tasks[task].task)])] = who.plant_sha256;
+      made.methods[panel_.methods[method].name] = {
+          panel_.methods[method].description, who.robot.sha256,  who.policy_sha256,
+          freshness.max_age.milliseconds(),   freshness.epsilon, freshness.confidence};
+    }
+  }
+  return made;
+}
+
 std::expected<RolloutRow, std::string> Contest::run(const PlannedRollout& planned) {
   const Contestant& who = contestant(planned);
   const PanelTask& task = panel_.tasks[planned.task];

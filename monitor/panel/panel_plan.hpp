@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
+#include "monitor/panel/artifact_manifest.hpp"
 #include "monitor/panel/panel_file.hpp"
 #include "monitor/panel/rollout_row.hpp"
 #include "policy_host/policy.hpp"
@@ -42,6 +43,8 @@ class Contest {
   static std::expected<Contest, std::string> prepare(Panel panel);
 
   [[nodiscard]] const Panel& panel() const { return panel_; }
+  // Of an artifact that holds `planned` rollouts of the panel.
+  [[nodiscard]] ArtifactManifest manifest(std::size_t planned) const;
   // The whole row, host fields too. The error is one sentence.
   std::expected<RolloutRow, std::string> run(const PlannedRollout& planned);
   // As run() fills it, before anything has run: names the rollout.

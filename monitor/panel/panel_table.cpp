@@ -56,7 +56,7 @@ std::string line(const Group& rows) {
       "{:<12} {:<21} {:>7.4g} {:<8} {:>19} {:>8} {:>8} {:>9.1f} {:>6.2f} {:>6.2f} {:>8} {:>8}\n", first.task,
       first.perturbation, first.dose, first.method, success_text(rows),
       text(median_of(rows, [](const RolloutRow& row) { return row.age_per_tick.total.p99_ms; })),
-      text(median_of(rows, [](const RolloutRow& row) { return std::optional(row.tracking_error_rms_rad); }), 1e3),
+      text(median_of(rows, [](const RolloutRow& row) { return std::optional(row.tracking_error_rms_m); }), 1e3),
       mean_of(rows, [](const RolloutRow& row) { return row.constraint_violations; }),
       mean_of(rows, [](const RolloutRow& row) { return row.safety.entered_degraded; }),
       mean_of(rows,

@@ -51,16 +51,16 @@ void add_outcome(Fields& fields) {
                     at(&RolloutRow::recovery_s),
                     {},
                     kNotNegative});
-  fields.push_back({"tracking_error_rms_rad",
+  fields.push_back({"tracking_error_rms_m",
                     "rad",
                     "over joints and scored ticks",
-                    at(&RolloutRow::tracking_error_rms_rad),
+                    at(&RolloutRow::tracking_error_rms_m),
                     {},
                     kNotNegative});
-  fields.push_back({"tracking_error_p95_rad",
+  fields.push_back({"tracking_error_p95_m",
                     "rad",
                     "p95 over scored ticks of the largest joint error",
-                    at(&RolloutRow::tracking_error_p95_rad),
+                    at(&RolloutRow::tracking_error_p95_m),
                     {},
                     kNotNegative});
   fields.push_back({"constraint_violations", "1", "ticks outside the task's own constraints",

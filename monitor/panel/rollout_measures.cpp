@@ -95,11 +95,11 @@ void RolloutMeasures::add_hash(const TickRecord& record) {
 
 void RolloutMeasures::fill_outcome(RolloutRow& row) {
   const auto scored = static_cast<double>(errors_nm_.size());
-  row.tracking_error_rms_rad = scored > 0 ? std::sqrt(square_error_ / scored) : 0;
-  row.tracking_error_p95_rad = std::max(0.0, monitor::quantiles_of(errors_nm_).p95 * 1e-9);
+  row.tracking_error_rms_m = scored > 0 ? std::sqrt(square_error_ / scored) : 0;
+  row.tracking_error_p95_m = std::max(0.0, monitor::quantiles_of(errors_nm_).p95 * 1e-9);
   row.constraint_violations = violations_;
   if (failure_.empty() && !armed_) failure_ = "not_armed";
-  if (failure_.empty() && row.tracking_error_rms_rad > score_.bound_m) failure_ = "tracking_error";
+  if (failure_.empty() && row.tracking_error_rms_m > score_.bound_m) failure_ = "tracking_error";
   row.failure_label = failure_;
   row.success = failure_.empty();
   row.final_mode = metrics_.last_mode;

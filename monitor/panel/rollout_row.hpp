@@ -80,9 +80,9 @@ struct RolloutRow {
   Mode final_mode = Mode::standby;  // monitor state at the end
   Cause final_cause = Cause::none;  // of the last transition
   std::optional<double>
-      recovery_s;  // end of perturbation -> back in tracking; empty: nothing to recover from, or never
-  double tracking_error_rms_rad = 0;        // over joints and the task's scored ticks
-  double tracking_error_p95_rad = 0;        // of the largest joint error per tick
+      recovery_s;                   // end of perturbation -> back in tracking; empty: nothing to recover from, or never
+  double tracking_error_rms_m = 0;  // of the task's controlled point, over the scored ticks
+  double tracking_error_p95_m = 0;  //
   std::uint64_t constraint_violations = 0;  // ticks outside the task's own constraints
 
   // Latency.
