@@ -32,11 +32,13 @@ std::string small_panel() {
          "  - { kind: push, dose: 12.5, from: 1 s, for: 1 s }\n";
 }
 
-std::string written(const monitor::test::TemporaryFolder& folder, const std::string& text) {
-  const std::string path = folder.path() + "/panel.yaml";
-  std::ofstream(path) << text;
-  return path;
-}
+class PanelFile : public monitor::TemporaryFolder {
+ protected:
+  [[nodiscard]] std::string written(const std::string& text) const {
+    std::ofstream(path("panel.yaml")) << text;
+    return path("panel.yaml");
+  }
+};
 
 std::string with(const std::string& from, const std::string& to) {
   std::string text = small_panel();
@@ -45,9 +47,8 @@ std::string with(const std::string& from, const std::string& to) {
   return text.replace(at, from.size(), to);
 }
 
-TEST(PanelFile, SaysWhatIsRun) {
-  const monitor::test::TemporaryFolder folder;
-  const auto panel = load_panel(written(folder, small_panel()));
+TEST_F(PanelFile, SaysWhatIsRun) {
+  const auto panel = load_panel(written(small_panel()));
   ASSERT_TRUE(panel.has_value()) << panel.error();
   EXPECT_EQ(panel->tasks[0].bound_m, 0.02);
   EXPECT_EQ(panel->perturbations[1].dose, 12.5);
@@ -78,19 +79,17 @@ const Refusal kRefusals[] = {
     {"capital letters", "name: lax", "name: Lax", "has capital letters"},
 };
 
-TEST(PanelFile, RefusesWhatIsWrongWithItsPlace) {
-  const monitor::test::TemporaryFolder folder;
+TEST_F(PanelFile, RefusesWhatIsWrongWithItsPlace) {
   for (const Refusal& refusal : kRefusals) {
-    const auto panel = load_panel(written(folder, with(refusal.from, refusal.to)));
+    const auto panel = load_panel(written(with(refusal.from, refusal.to)));
     ASSERT_FALSE(panel.has_value()) << refusal.when;
     EXPECT_NE(panel.error().find(refusal.complaint), std::string::npos) << refusal.when << ": " << panel.error();
   }
 }
 
-TEST(PanelFile, RefusesOverridesThatTheRobotFileDoesNotKnowOrAllow) {
-  const monitor::test::TemporaryFolder folder;
+TEST_F(PanelFile, RefusesOverridesThatTheRobotFileDoesNotKnowOrAllow) {
   const auto complaint = [&](const std::string& from, const std::string& to) {
-    const auto panel = load_panel(written(folder, with(from, to)));
+    const auto panel = load_panel(written(with(from, to)));
     const auto contest = Contest::prepare(*panel);
     return contest ? std::string("none") : contest.error();
   };
@@ -100,7 +99,7 @@ TEST(PanelFile, RefusesOverridesThatTheRobotFileDoesNotKnowOrAllow) {
   EXPECT_NE(complaint("value: 200 ms", "value: 900 ms").find("900 ms"), std::string::npos);  // beyond stop_after
 }
 
-TEST(PanelFile, CommittedPanelsAreGood) {
+TEST_F(PanelFile, CommittedPanelsAreGood) {
   for (const auto& entry : std::filesystem::directory_iterator("config/panels")) {
     auto panel = load_panel(entry.path().string());
     ASSERT_TRUE(panel.has_value()) << panel.error();

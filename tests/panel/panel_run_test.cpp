@@ -38,22 +38,23 @@ TEST(PanelRun, OneWorkerAndTwoGiveTheSameBytes) {
   EXPECT_EQ(one, lines(3));
 }
 
-TEST(PanelRun, AnInterruptedArtifactResumesToTheSameId) {
+class ResumedPanel : public monitor::TemporaryFolder {};
+
+TEST_F(ResumedPanel, AnInterruptedArtifactResumesToTheSameId) {
   Contest contest = smoke();
   const auto plan = plan_of(contest.panel(), {});
-  const monitor::test::TemporaryFolder folder;
   const auto run_into = [&](ArtifactWriter& writer, std::span<const PlannedRollout> some) {
     return run_in_workers(contest, some, 2, [&](const RolloutRow& row) { return writer.append(row); });
   };
-  auto whole = ArtifactWriter::create(folder.path() + "/whole", contest.manifest(plan.size()), contest.panel().text);
+  auto whole = ArtifactWriter::create(path("whole"), contest.manifest(plan.size()), contest.panel().text);
   ASSERT_TRUE(whole.has_value()) << whole.error();
   ASSERT_TRUE(run_into(*whole, plan).has_value());
   {
-    auto part = ArtifactWriter::create(folder.path() + "/part", contest.manifest(plan.size()), contest.panel().text);
+    auto part = ArtifactWriter::create(path("part"), contest.manifest(plan.size()), contest.panel().text);
     ASSERT_TRUE(part.has_value() && run_into(*part, std::span(plan).first(2)).has_value());
     EXPECT_FALSE(part->finish().has_value());
   }
-  auto again = ArtifactWriter::resume(folder.path() + "/part", contest.manifest(plan.size()));
+  auto again = ArtifactWriter::resume(path("part"), contest.manifest(plan.size()));
   ASSERT_TRUE(again.has_value()) << again.error();
   std::vector<PlannedRollout> todo;
   for (const PlannedRollout& one : plan)
