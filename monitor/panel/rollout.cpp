@@ -27,8 +27,6 @@ std::expected<std::unique_ptr<World>, std::string> make_world(const RolloutSetup
   switch (setup.task) {
     case Task::arm_tracking:
       return ArmWorld::make(setup.robot, disturbance, kStart, setup.seed);
-    case Task::cart_pole:
-      break;
   }
   return std::unexpected("this build does not know the task");
 }

@@ -23,8 +23,8 @@
 
 namespace takt::panel {
 
-enum class Task : std::uint8_t { arm_tracking, cart_pole };
-inline constexpr std::array<std::string_view, 2> kTaskNames{"arm_tracking", "cart_pole"};
+enum class Task : std::uint8_t { arm_tracking };
+inline constexpr std::array<std::string_view, 1> kTaskNames{"arm_tracking"};
 
 struct RolloutSetup {
   const config::RobotConfig& robot;  // as the method wants it

@@ -52,14 +52,14 @@ void add_outcome(Fields& fields) {
                     {},
                     kNotNegative});
   fields.push_back({"tracking_error_rms_m",
-                    "rad",
-                    "over joints and scored ticks",
+                    "m",
+                    "error of the task's controlled point, over scored ticks",
                     at(&RolloutRow::tracking_error_rms_m),
                     {},
                     kNotNegative});
   fields.push_back({"tracking_error_p95_m",
-                    "rad",
-                    "p95 over scored ticks of the largest joint error",
+                    "m",
+                    "the same error, p95 over scored ticks",
                     at(&RolloutRow::tracking_error_p95_m),
                     {},
                     kNotNegative});
