@@ -6,6 +6,7 @@
 #include "config/load.hpp"
 #include "monitor/bounded_file.hpp"
 #include "monitor/cli/command.hpp"
+#include "monitor/fault_classifier.hpp"
 #include "monitor/report.hpp"
 
 namespace takt::cli {
@@ -28,14 +29,18 @@ int report(const Options& options) {
   if (!metrics) return fail(metrics.error());
   const auto series = monitor::series_of(*run, *metrics);
   if (!series) return fail(series.error());
+  const auto faults = monitor::classify_run(*run);
+  if (!faults) return fail(faults.error());
   const std::string path = options.html.empty() ? run->folder.report() : options.html;
   if (auto written = monitor::replace_file(path, monitor::report_html(*metrics, *series, *run)); !written) {
     return fail(written.error());
   }
   if (options.json) {
-    fmt::print("{}\n", monitor::to_json(*metrics, *run).dump());
+    auto json = monitor::to_json(*metrics, *run);
+    json["faults"] = monitor::to_json(*faults);
+    fmt::print("{}\n", json.dump());
   } else {
-    fmt::print("{}charts        {}\n", monitor::report_text(*metrics, *run), path);
+    fmt::print("{}{}charts        {}\n", monitor::report_text(*metrics, *run), monitor::fault_text(*faults), path);
   }
   return kExitOk;
 }

@@ -1,0 +1,269 @@
+#include "monitor/fault_classifier.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+namespace takt::monitor {
+namespace {
+
+constexpr Duration kQuiet = milliseconds(100);      // ends a stretch of trouble
+constexpr Duration kPatience = milliseconds(1000);  // for the command that may explain it
+constexpr std::size_t kRememberedObservations = 4096;
+constexpr std::size_t kEnoughCommands = 20;
+
+bool relied_on_policy(Mode mode) {
+  return mode == Mode::tracking || mode == Mode::degraded;
+}
+
+// The cause speaks of drives or buses, and no person wanted it.
+bool is_drive_or_bus(Cause cause) {
+  switch (cause) {
+    case Cause::enable_timeout:
+    case Cause::feedback_lost:
+    case Cause::drive_fault:
+    case Cause::drive_disabled:
+    case Cause::bus_off:
+    case Cause::bus_down:
+      return true;
+    case Cause::none:
+    case Cause::operator_arm:
+    case Cause::operator_stop:
+    case Cause::operator_reset:
+    case Cause::shutdown:
+    case Cause::drives_enabled:
+    case Cause::contract_violated:
+    case Cause::contract_restored:
+    case Cause::command_lost:
+    case Cause::bad_commands:
+    case Cause::envelope_exceeded:
+    case Cause::overrun:
+    case Cause::internal_error:
+      return false;
+  }
+  return false;
+}
+
+bool is_wish(Cause cause) {
+  return cause == Cause::operator_stop || cause == Cause::shutdown || cause == Cause::operator_reset;
+}
+
+// Refused for what it says or when it was numbered, not for its age.
+bool is_refused_for_content(Arrival arrival) {
+  switch (arrival) {
+    case Arrival::corrupt:
+    case Arrival::wrong_shape:
+    case Arrival::wrong_policy:
+    case Arrival::repeated_sequence:
+    case Arrival::unknown_observation:
+    case Arrival::future_observation:
+    case Arrival::not_finite:
+    case Arrival::out_of_range:
+      return true;
+    case Arrival::none:
+    case Arrival::accepted:
+    case Arrival::contended:
+    case Arrival::expired_observation:
+      return false;
+  }
+  return false;
+}
+
+bool enters_trouble(const TickRecordHeader& header) {
+  if (header.mode == header.previous_mode || is_wish(header.cause)) return false;
+  return header.mode == Mode::degraded || header.mode == Mode::damped_stop || header.mode == Mode::fault_latched;
+}
+
+std::array<Duration, 4> array_of(const AgeParts& parts) {
+  return {parts.sense, parts.queue, parts.infer, parts.publish};
+}
+
+Duration median(std::vector<std::int64_t> samples) {
+  if (samples.empty()) return {};
+  const auto middle = samples.begin() + static_cast<std::ptrdiff_t>(samples.size() / 2);
+  std::nth_element(samples.begin(), middle, samples.end());
+  return {*middle};
+}
+
+}  // namespace
+
+void FaultEvidence::take(const FaultClue& clue) {
+  if (clue.is_trouble) {
+    last_tick = clue.tick;
+    last_trouble = clue.now;
+  }
+  has_miss = has_miss || clue.is_miss || clue.arrival == Arrival::expired_observation;
+  worst_lateness = std::max(worst_lateness, clue.lateness);
+  skipped += clue.skipped;
+  if (clue.overrun != OverrunCause::none && overruns++ == 0) overrun = clue.overrun;
+  if (is_refused_for_content(clue.arrival)) ++refusals[clue.arrival];
+  ran_backwards += clue.ran_backwards;
+  if (clue.command_parts) {
+    const auto parts = array_of(*clue.command_parts);
+    for (std::size_t part = 0; part < parts.size(); ++part)
+      worst_parts[part] = std::max(worst_parts[part], parts[part]);
+  }
+  if (clue.command_before.is_set()) silence = std::max(silence, clue.now - clue.command_before);
+  command_came = command_came || clue.arrival != Arrival::none;
+  if (clue.feedback_age > feedback_age) {
+    feedback_age = clue.feedback_age;
+    feedback_joint = clue.feedback_joint;
+  }
+  replies += clue.replies;
+  replies_due += clue.replies_due;
+  bus_was_bad = bus_was_bad || clue.bus_is_bad;
+  bad_commands = bad_commands || clue.cause == Cause::bad_commands;
+  if (is_drive_or_bus(clue.cause) && fault_cause == Cause::none) fault_cause = clue.cause;
+}
+
+std::optional<AgeParts> FaultClassifier::parts_of_arrival(const TickRecordHeader& header) const {
+  if (header.arrival == Arrival::accepted && header.freshness != Freshness::missing) {
+    AgeParts parts = header.age;
+    parts.hold = {};
+    return parts;
+  }
+  if (header.arrival != Arrival::expired_observation || !command_) return {};
+  const auto known = observations_.find(command_->observation_id);
+  if (known == observations_.end()) return {};
+  const Published& observation = known->second;
+  MonoTime sensed = observation.oldest_feedback;
+  if (command_->outside_sensed_at.is_set()) sensed = std::min(sensed, command_->outside_sensed_at);
+  const MonoTime started = std::clamp(command_->infer_started_at, observation.at, std::max(observation.at, header.now));
+  const MonoTime ended = std::clamp(command_->infer_ended_at, started, std::max(started, header.now));
+  return AgeParts{.sense = observation.at - sensed,
+                  .queue = started - observation.at,
+                  .infer = ended - started,
+                  .publish = header.now - ended,
+                  .hold = {}};
+}
+
+void FaultClassifier::remember_observation(const TickRecord& record, MonoTime oldest_feedback) {
+  if (record.header.observation_published == 0) return;
+  observations_[record.header.observation_published] = {record.header.now, oldest_feedback};
+  if (observations_.size() > kRememberedObservations) observations_.erase(observations_.begin());
+}
+
+FaultClue FaultClassifier::clue_of(const TickRecord& record) {
+  const TickRecordHeader& header = record.header;
+  FaultClue clue;
+  clue.tick = header.tick;
+  clue.now = header.now;
+  clue.lateness = header.lateness;
+  MonoTime oldest = header.now;
+  replies_before_.resize(header.joint_count);
+  for (std::size_t joint = 0; joint < header.joint_count; ++joint) {
+    const JointFeedback& feedback = record.joints[joint].feedback;
+    if (feedback.received_at.is_set() && feedback.received_at < oldest) {
+      oldest = feedback.received_at;
+      clue.feedback_joint = joint;
+    }
+    clue.replies += static_cast<std::uint8_t>(feedback.replies - replies_before_[joint]);
+    replies_before_[joint] = feedback.replies;
+  }
+  clue.feedback_age = header.now - oldest;
+  clue.replies_due = header.joint_count;
+  if (before_) {
+    clue.skipped = header.skipped_periods - before_->skipped_periods;
+    clue.ran_backwards = header.integration_errors - before_->integration_errors;
+  } else {
+    clue.replies = clue.replies_due;  // counters run since start, not since this tick
+  }
+  clue.overrun = header.overrun_cause;
+  clue.arrival = header.arrival;
+  clue.command_parts = parts_of_arrival(header);
+  for (std::size_t bus = 0; bus < header.bus_count; ++bus) {
+    const BusState state = header.buses[bus].state;
+    clue.bus_is_bad = clue.bus_is_bad || state == BusState::bus_off || state == BusState::down;
+  }
+  if (header.mode != header.previous_mode) clue.cause = header.cause;
+  clue.command_before = last_command_;
+  const bool relied = relied_on_policy(header.previous_mode);
+  clue.is_miss = relied && (header.freshness == Freshness::stale || header.freshness == Freshness::missing);
+  const bool refused = header.arrival == Arrival::expired_observation || is_refused_for_content(header.arrival);
+  const bool lost_period = clue.overrun != OverrunCause::none || clue.skipped != 0;
+  clue.is_trouble =
+      enters_trouble(header) || (relied && (clue.is_miss || refused || lost_period || clue.ran_backwards != 0));
+  remember_observation(record, oldest);
+  return clue;
+}
+
+void FaultClassifier::note_baseline(const FaultClue& clue) {
+  if (clue.command_parts && clue.arrival == Arrival::accepted) {
+    const auto parts = array_of(*clue.command_parts);
+    for (std::size_t part = 0; part < parts.size(); ++part) {
+      all_parts_[part].push_back(parts[part].ns);
+      if (!open_) calm_parts_[part].push_back(parts[part].ns);
+    }
+  }
+  if (!open_) calm_feedback_.push_back(clue.feedback_age.ns);
+}
+
+void FaultClassifier::follow(const FaultClue& clue) {
+  if (open_) {
+    open_->take(clue);
+    const Duration quiet = clue.now - open_->last_trouble;
+    if (quiet >= kQuiet && (open_->command_came || quiet >= kPatience)) {
+      closed_.push_back(std::move(*open_));
+      open_.reset();
+      recent_.clear();
+    }
+  } else if (clue.is_trouble) {
+    open_.emplace();
+    open_->first_tick = clue.tick;
+    open_->at = clue.now;
+    for (const FaultClue& earlier : recent_) open_->take(earlier);
+    open_->command_came = false;  // one that came before explains nothing yet
+    open_->take(clue);
+  }
+}
+
+void FaultClassifier::tick(const TickRecord& record) {
+  const FaultClue clue = clue_of(record);
+  follow(clue);
+  note_baseline(clue);
+  if (!open_) recent_.push_back(clue);
+  while (!recent_.empty() && clue.now - recent_.front().now > rules_.max_age) recent_.pop_front();
+  if (clue.arrival != Arrival::none) last_command_ = clue.now;
+  before_ = record.header;
+  command_.reset();
+}
+
+FaultBaseline FaultClassifier::baseline() const {
+  FaultBaseline baseline;
+  const auto& parts = calm_parts_[0].size() >= kEnoughCommands ? calm_parts_ : all_parts_;
+  for (std::size_t part = 0; part < parts.size(); ++part) baseline.parts[part] = median(parts[part]);
+  baseline.feedback_age = median(calm_feedback_);
+  return baseline;
+}
+
+FaultSummary FaultClassifier::finish() {
+  if (open_) closed_.push_back(std::move(*open_));
+  open_.reset();
+  const FaultBaseline usual = baseline();
+  FaultSummary summary;
+  for (const FaultEvidence& evidence : closed_) {
+    FaultVerdict verdict = judge(evidence, usual, rules_);
+    ++summary.counts[static_cast<std::size_t>(verdict.fault)];
+    if (summary.verdicts.size() < kListedVerdicts) summary.verdicts.push_back(std::move(verdict));
+  }
+  return summary;
+}
+
+std::expected<FaultSummary, std::string> classify_run(const RecordedRun& run) {
+  FaultRules rules{.max_age = run.robot.freshness.max_age, .period = run.robot.control.period, .joints = {}};
+  for (const auto& joint : run.robot.joints) rules.joints.push_back(joint.name);
+  FaultClassifier classifier(std::move(rules));
+  const auto scan = scan_run(run, {.tick = [&](const RecordedTick& tick) { classifier.tick(tick.record); },
+                                   .command =
+                                       [&](const RecordedCommand& command) {
+                                         CommandHeader header;
+                                         if (command.payload.size() < sizeof header) return;
+                                         std::memcpy(&header, command.payload.data(), sizeof header);
+                                         classifier.command(header);
+                                       },
+                                   .keyframe = {},
+                                   .loss = {}});
+  if (!scan) return std::unexpected(scan.error());
+  return classifier.finish();
+}
+
+}  // namespace takt::monitor

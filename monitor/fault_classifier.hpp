@@ -1,0 +1,173 @@
+// Why was the deadline missed? Reads a run's ticks and gives every stretch of trouble one verdict with its evidence in
+// a sentence: "inference_stall: tau_infer 212 ms against a median of 14 ms".
+//
+// A stretch begins with a tick that relied on the policy and missed (stale or missing command), refused a command, or
+// lost a period, or that entered degraded, damped_stop or fault_latched by no person's wish. It ends when 100 ms passed
+// without another one; if no command came until then, with the next command or after one second. Its evidence also
+// takes in max_age before it began, because what made a command late happened before it was late.
+//
+// The rules, in order; the first that holds gives the verdict. "Stands out" means: more above its median over the run's
+// untroubled commands than a fifth of max_age, and more than any other part.
+//   1 feedback_lost while at least half of the replies came                 estimator_lag
+//     a drive or bus cause; a bus not up                                    actuator_or_bus_fault
+//   2 a command refused for its content or order, bad_commands, stamps that ran backwards controller_integration_error
+//   3 tau_infer stands out                                                  inference_stall
+//     tau_queue stands out                                                  middleware_queue_growth
+//     tau_publish stands out: if the control thread itself woke late by half of it, as 4; else middleware_queue_growth
+//     tau_sense stands out: if joint feedback was late by half of it        estimator_lag; else sensor_backlog
+//   4 a period was lost: preempted or blocked                               scheduler_preemption
+//     own_overrun                                                           controller_integration_error
+//     page_fault, platform_stall, not known                                 platform_stall
+//   5 no command came for more than max_age                                 inference_stall
+//   6 more than a tenth of the drives' replies did not come                 actuator_or_bus_fault
+//   7 otherwise                                                             unknown
+// What it cannot see: a frozen camera under fresh stamps, replies late on the wire but stamped when they came.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <expected>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "executive/contract/command_chunk.hpp"
+#include "executive/contract/tick_record.hpp"
+#include "monitor/recorded_run.hpp"
+
+namespace takt::monitor {
+
+enum class Fault : std::uint8_t {
+  sensor_backlog,
+  estimator_lag,
+  inference_stall,
+  middleware_queue_growth,
+  scheduler_preemption,
+  controller_integration_error,
+  platform_stall,
+  actuator_or_bus_fault,
+  unknown,
+};
+inline constexpr std::size_t kFaultCount = 9;
+inline constexpr std::array<std::string_view, kFaultCount> kFaultNames{
+    "sensor_backlog",          "estimator_lag",         "inference_stall",
+    "middleware_queue_growth", "scheduler_preemption",  "controller_integration_error",
+    "platform_stall",          "actuator_or_bus_fault", "unknown"};
+constexpr std::string_view name(Fault fault) {
+  return kFaultNames[static_cast<std::size_t>(fault)];
+}
+
+struct FaultVerdict {
+  Fault fault = Fault::unknown;
+  std::uint64_t first_tick = 0, last_tick = 0;  // with trouble
+  MonoTime at;
+  std::string sentence;  // begins with the fault's name
+};
+
+struct FaultSummary {
+  std::array<std::uint64_t, kFaultCount> counts{};
+  std::vector<FaultVerdict> verdicts;  // the first kListedVerdicts
+};
+inline constexpr std::size_t kListedVerdicts = 1000;
+
+struct FaultRules {
+  Duration max_age;
+  Duration period;
+  std::vector<std::string> joints;  // names for sentences; may be empty
+};
+
+// What one tick contributes to a verdict.
+struct FaultClue {
+  std::uint64_t tick = 0;
+  MonoTime now;
+  bool is_trouble = false, is_miss = false;
+  Duration lateness;
+  std::uint64_t skipped = 0;  // periods since the tick before
+  OverrunCause overrun = OverrunCause::none;
+  Arrival arrival = Arrival::none;
+  std::uint64_t ran_backwards = 0;        // commands since the tick before
+  std::optional<AgeParts> command_parts;  // of the command that arrived, hold zero
+  Duration feedback_age;                  // of the oldest joint
+  std::size_t feedback_joint = 0;
+  std::uint64_t replies = 0, replies_due = 0;
+  bool bus_is_bad = false;
+  Cause cause = Cause::none;  // of a transition
+  MonoTime command_before;    // when the newest command before this tick came; unset: none did
+};
+
+// What a stretch of trouble holds, gathered from its clues.
+struct FaultEvidence {
+  std::uint64_t first_tick = 0, last_tick = 0;
+  MonoTime at, last_trouble;
+  bool has_miss = false, command_came = false;
+  std::array<Duration, 4> worst_parts{};  // sense, queue, infer, publish: the largest of each
+  Duration worst_lateness;
+  OverrunCause overrun = OverrunCause::none;  // the first
+  std::uint64_t overruns = 0, skipped = 0;
+  std::map<Arrival, std::uint64_t> refusals;  // for content or order
+  std::uint64_t ran_backwards = 0;
+  Duration feedback_age;
+  std::size_t feedback_joint = 0;
+  std::uint64_t replies = 0, replies_due = 0;
+  bool bus_was_bad = false;
+  Cause fault_cause = Cause::none;  // drive or bus cause of a transition
+  bool bad_commands = false;
+  Duration silence;  // longest time without a command
+  void take(const FaultClue& clue);
+};
+
+struct FaultBaseline {
+  std::array<Duration, 4> parts{};  // medians: sense, queue, infer, publish
+  Duration feedback_age;            // median of the oldest joint's
+};
+
+// The rules, pure.
+FaultVerdict judge(const FaultEvidence& evidence, const FaultBaseline& baseline, const FaultRules& rules);
+
+// Reads ticks in order, each command (optional, but without it commands refused for their age have no parts) before the
+// tick that read it. Memory: two words per command and tick. Thread rule: one thread at a time.
+class FaultClassifier {
+ public:
+  explicit FaultClassifier(FaultRules rules) : rules_(std::move(rules)) {}
+  void command(const CommandHeader& header) { command_ = header; }
+  void tick(const TickRecord& record);
+  // Ends an open stretch and judges them all. Call once.
+  FaultSummary finish();
+
+ private:
+  struct Published {
+    MonoTime at, oldest_feedback;
+  };
+  FaultClue clue_of(const TickRecord& record);
+  [[nodiscard]] std::optional<AgeParts> parts_of_arrival(const TickRecordHeader& header) const;
+  void remember_observation(const TickRecord& record, MonoTime oldest_feedback);
+  void follow(const FaultClue& clue);
+  void note_baseline(const FaultClue& clue);
+  [[nodiscard]] FaultBaseline baseline() const;
+
+  FaultRules rules_;
+  std::optional<CommandHeader> command_;  // read by the tick to come
+  std::map<std::uint64_t, Published> observations_;
+  std::optional<TickRecordHeader> before_;
+  std::vector<std::uint8_t> replies_before_;
+  MonoTime last_command_;
+  std::deque<FaultClue> recent_;  // the last max_age, while nothing is open
+  std::optional<FaultEvidence> open_;
+  std::vector<FaultEvidence> closed_;
+  std::array<std::vector<std::int64_t>, 4> calm_parts_, all_parts_;
+  std::vector<std::int64_t> calm_feedback_;
+};
+
+// All of a recorded run.
+std::expected<FaultSummary, std::string> classify_run(const RecordedRun& run);
+
+// "inference_stall 3, platform_stall 1" and the first sentences; "none" without any.
+std::string fault_text(const FaultSummary& summary, std::size_t most_sentences = 5);
+nlohmann::ordered_json to_json(const FaultSummary& summary);
+
+}  // namespace takt::monitor

@@ -1,0 +1,185 @@
+// The rules of the fault classifier, in the order the header gives them.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <string_view>
+
+#include "monitor/fault_classifier.hpp"
+
+namespace takt::monitor {
+namespace {
+
+constexpr std::array<std::string_view, 4> kParts{"tau_sense", "tau_queue", "tau_infer", "tau_publish"};
+enum Part : std::size_t { sense, queue, infer, publish };
+
+using Judged = std::optional<FaultVerdict>;
+
+Duration half(Duration duration) {
+  return {duration.ns / 2};
+}
+
+struct Case {
+  const FaultEvidence& evidence;
+  const FaultBaseline& baseline;
+  const FaultRules& rules;
+
+  [[nodiscard]] FaultVerdict verdict(Fault fault, const std::string& why) const {
+    return {fault, evidence.first_tick, evidence.last_tick, evidence.at, fmt::format("{}: {}", name(fault), why)};
+  }
+  [[nodiscard]] Duration excess(Part part) const { return evidence.worst_parts[part] - baseline.parts[part]; }
+  [[nodiscard]] std::string part_text(Part part) const {
+    return fmt::format("{} {:.3g} ms against a median of {:.3g} ms", kParts[part],
+                       evidence.worst_parts[part].milliseconds(), baseline.parts[part].milliseconds());
+  }
+  [[nodiscard]] std::string feedback_text() const {
+    const std::string joint = evidence.feedback_joint < rules.joints.size()
+                                  ? rules.joints[evidence.feedback_joint]
+                                  : fmt::format("{}", evidence.feedback_joint);
+    return fmt::format("feedback of joint {} was {:.3g} ms old against a median of {:.3g} ms", joint,
+                       evidence.feedback_age.milliseconds(), baseline.feedback_age.milliseconds());
+  }
+};
+
+Judged drives_and_buses(const Case& c) {
+  const FaultEvidence& evidence = c.evidence;
+  if (evidence.fault_cause == Cause::feedback_lost && !evidence.bus_was_bad &&
+      2 * evidence.replies >= evidence.replies_due) {
+    return c.verdict(Fault::estimator_lag, fmt::format("{}, though {} of {} replies came", c.feedback_text(),
+                                                       evidence.replies, evidence.replies_due));
+  }
+  if (evidence.fault_cause != Cause::none) {
+    return c.verdict(Fault::actuator_or_bus_fault,
+                     fmt::format("the executive reacted to {}, {} of {} replies came", takt::name(evidence.fault_cause),
+                                 evidence.replies, evidence.replies_due));
+  }
+  if (evidence.bus_was_bad) return c.verdict(Fault::actuator_or_bus_fault, "a bus was bus-off or down");
+  return {};
+}
+
+Judged integration(const Case& c) {
+  const FaultEvidence& evidence = c.evidence;
+  if (!evidence.refusals.empty()) {
+    std::string list;
+    for (const auto& [arrival, count] : evidence.refusals) {
+      list += fmt::format("{}{} {}", list.empty() ? "" : ", ", takt::name(arrival), count);
+    }
+    return c.verdict(Fault::controller_integration_error, fmt::format("commands refused: {}", list));
+  }
+  if (evidence.ran_backwards != 0) {
+    return c.verdict(Fault::controller_integration_error,
+                     fmt::format("stamps of {} commands ran backwards", evidence.ran_backwards));
+  }
+  if (evidence.bad_commands)
+    return c.verdict(Fault::controller_integration_error, "the executive gave up on bad commands");
+  return {};
+}
+
+Judged lost_period(const Case& c) {
+  const FaultEvidence& evidence = c.evidence;
+  const std::string what =
+      fmt::format("the control loop woke up to {:.3g} ms late, {} periods skipped, cause recorded: {}",
+                  evidence.worst_lateness.milliseconds(), evidence.skipped, takt::name(evidence.overrun));
+  switch (evidence.overrun) {
+    case OverrunCause::preempted:
+    case OverrunCause::blocked:
+      return c.verdict(Fault::scheduler_preemption, what);
+    case OverrunCause::own_overrun:
+      return c.verdict(Fault::controller_integration_error, what);
+    case OverrunCause::page_fault:
+    case OverrunCause::platform_stall:
+      return c.verdict(Fault::platform_stall, what);
+    case OverrunCause::none:
+      if (evidence.skipped != 0 || evidence.worst_lateness >= c.rules.period) {
+        return c.verdict(Fault::platform_stall, what);
+      }
+      return {};
+  }
+  return {};
+}
+
+Judged age_part(const Case& c) {
+  if (!c.evidence.has_miss) return {};
+  Part worst = sense;
+  for (const Part part : {queue, infer, publish}) worst = c.excess(part) > c.excess(worst) ? part : worst;
+  if (c.excess(worst).ns * 5 < c.rules.max_age.ns) return {};
+  switch (worst) {
+    case infer:
+      return c.verdict(Fault::inference_stall, c.part_text(infer));
+    case queue:
+      return c.verdict(Fault::middleware_queue_growth, c.part_text(queue));
+    case publish:
+      if (c.evidence.worst_lateness >= half(c.excess(publish))) {
+        if (auto lost = lost_period(c)) return lost;
+      }
+      return c.verdict(Fault::middleware_queue_growth, c.part_text(publish));
+    case sense:
+      break;
+  }
+  if (c.evidence.feedback_age - c.baseline.feedback_age >= half(c.excess(sense))) {
+    return c.verdict(Fault::estimator_lag, fmt::format("{}; {}", c.part_text(sense), c.feedback_text()));
+  }
+  return c.verdict(Fault::sensor_backlog, fmt::format("{}, while joint feedback was at most {:.3g} ms old",
+                                                      c.part_text(sense), c.evidence.feedback_age.milliseconds()));
+}
+
+Judged silence(const Case& c) {
+  if (!c.evidence.has_miss || c.evidence.silence <= c.rules.max_age) return {};
+  return c.verdict(Fault::inference_stall,
+                   fmt::format("no command came for {:.3g} ms, max_age is {:.3g} ms", c.evidence.silence.milliseconds(),
+                               c.rules.max_age.milliseconds()));
+}
+
+Judged lost_replies(const Case& c) {
+  const std::uint64_t due = c.evidence.replies_due;
+  const std::uint64_t lost = due - std::min(due, c.evidence.replies);
+  if (lost * 10 <= due) return {};
+  return c.verdict(Fault::actuator_or_bus_fault, fmt::format("{} of {} replies did not come", lost, due));
+}
+
+FaultVerdict unknown(const Case& c) {
+  Part worst = sense;
+  for (const Part part : {queue, infer, publish}) worst = c.excess(part) > c.excess(worst) ? part : worst;
+  return c.verdict(Fault::unknown, fmt::format("nothing stands out; the nearest is {}", c.part_text(worst)));
+}
+
+}  // namespace
+
+FaultVerdict judge(const FaultEvidence& evidence, const FaultBaseline& baseline, const FaultRules& rules) {
+  const Case judged{evidence, baseline, rules};
+  for (const auto rule : {drives_and_buses, integration, age_part, lost_period, silence, lost_replies}) {
+    if (auto verdict = rule(judged)) return std::move(*verdict);
+  }
+  return unknown(judged);
+}
+
+std::string fault_text(const FaultSummary& summary, std::size_t most_sentences) {
+  std::string text;
+  for (std::size_t index = 0; index < kFaultCount; ++index) {
+    if (summary.counts[index] == 0) continue;
+    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", kFaultNames[index], summary.counts[index]);
+  }
+  text = fmt::format("faults        {}\n", text.empty() ? "none" : text);
+  for (std::size_t index = 0; index < std::min(most_sentences, summary.verdicts.size()); ++index) {
+    const FaultVerdict& verdict = summary.verdicts[index];
+    text += fmt::format("  tick {:>9}  {}\n", verdict.first_tick, verdict.sentence);
+  }
+  std::uint64_t all = 0;
+  for (const std::uint64_t count : summary.counts) all += count;
+  if (all > most_sentences) text += fmt::format("  and {} more\n", all - most_sentences);
+  return text;
+}
+
+nlohmann::ordered_json to_json(const FaultSummary& summary) {
+  nlohmann::ordered_json json{{"counts", nlohmann::ordered_json::object()},
+                              {"verdicts", nlohmann::ordered_json::array()}};
+  for (std::size_t index = 0; index < kFaultCount; ++index) json["counts"][kFaultNames[index]] = summary.counts[index];
+  for (const FaultVerdict& verdict : summary.verdicts) {
+    json["verdicts"].push_back({{"fault", name(verdict.fault)},
+                                {"first_tick", verdict.first_tick},
+                                {"last_tick", verdict.last_tick},
+                                {"sentence", verdict.sentence}});
+  }
+  return json;
+}
+
+}  // namespace takt::monitor

@@ -1,0 +1,92 @@
+#include "monitor/panel/artifact.hpp"
+
+#include <fmt/format.h>
+
+#include <string_view>
+
+#include "config/load.hpp"
+#include "monitor/bounded_file.hpp"
+#include "monitor/panel/rollout_json.hpp"
+
+namespace takt::panel {
+namespace {
+
+constexpr std::size_t kIdDigits = 12;
+
+// Rows of `text`, which ends with a line end.
+std::expected<std::vector<RolloutRow>, std::string> rows_of(std::string_view text) {
+  std::vector<RolloutRow> rows;
+  while (!text.empty()) {
+    const std::size_t end = text.find('\n');
+    const std::size_t number = rows.size() + 1;
+    if (end == std::string_view::npos) {
+      return std::unexpected(fmt::format("row {} is cut off; run the panel with --resume to mend it", number));
+    }
+    auto row = row_of(text.substr(0, end));
+    if (!row) return std::unexpected(fmt::format("row {}: {}", number, row.error()));
+    rows.push_back(std::move(*row));
+    text.remove_prefix(end + 1);
+  }
+  return rows;
+}
+
+std::string first_misfit(std::span<const RolloutRow> rows, const ArtifactManifest& manifest) {
+  std::map<std::string, std::size_t> seen;
+  for (std::size_t index = 0; index < rows.size(); ++index) {
+    if (std::string reason = misfit(rows[index], manifest); !reason.empty()) {
+      return fmt::format("row {} {}", index + 1, reason);
+    }
+    const auto [first, is_new] = seen.emplace(rollout_id(rows[index]), index + 1);
+    if (!is_new)
+      return fmt::format("row {} is rollout {}, which row {} is already", index + 1, first->first, first->second);
+  }
+  return {};
+}
+
+}  // namespace
+
+std::string ArtifactFolder::post_mortem(const RolloutRow& row) const {
+  return fmt::format("{}/{}.md", post_mortems(), rollout_id(row));
+}
+
+std::expected<ArtifactManifest, std::string> ArtifactFolder::read_manifest() const {
+  const auto text = monitor::read_file(manifest());
+  if (!text) return std::unexpected(fmt::format("{}: is {} an artifact?", text.error(), path_));
+  const auto json = parse_strict(*text);
+  if (!json) return std::unexpected(fmt::format("{} is {}", manifest(), json.error()));
+  return artifact_manifest_of(*json);
+}
+
+std::expected<void, std::string> ArtifactFolder::write_manifest(const ArtifactManifest& manifest_to_write) const {
+  return monitor::replace_file(manifest(), to_json(manifest_to_write).dump(2) + "\n");
+}
+
+std::expected<Artifact, std::string> open_artifact(const std::string& path) {
+  const ArtifactFolder folder(path);
+  auto manifest = folder.read_manifest();
+  if (!manifest) return std::unexpected(manifest.error());
+  if (manifest->schema_sha256 != rollout_schema_sha256()) {
+    return std::unexpected(
+        fmt::format("{} was written with another row schema; read it with takt {}", path, manifest->script_version));
+  }
+  const auto text = monitor::read_file(folder.rows());
+  if (!text) return std::unexpected(text.error());
+  auto rows = rows_of(*text);
+  if (!rows) return std::unexpected(fmt::format("{}: {}", folder.rows(), rows.error()));
+  if (const std::string reason = first_misfit(*rows, *manifest); !reason.empty()) {
+    return std::unexpected(fmt::format("{}: {}", folder.rows(), reason));
+  }
+  if (manifest->complete && artifact_id_of(*manifest, *rows) != manifest->artifact_id) {
+    return std::unexpected(
+        fmt::format("{}: not the rows that {} was named after", folder.rows(), manifest->artifact_id));
+  }
+  return Artifact{folder, std::move(*manifest), std::move(*rows)};
+}
+
+std::string artifact_id_of(const ArtifactManifest& manifest, std::span<const RolloutRow> rows) {
+  std::string text = manifest.panel_sha256 + "\n";
+  for (const RolloutRow& row : rows) text += row_text(row, HostFields::left_out).value_or("") + "\n";
+  return fmt::format("{}-{}", manifest.panel, config::sha256_hex(text).substr(0, kIdDigits));
+}
+
+}  // namespace takt::panel

@@ -1,0 +1,90 @@
+// The artifact of a panel: one folder that carries success, failure, latency, safety and robustness together.
+//
+//   manifest.json         what the rows were computed from (artifact_manifest.hpp)
+//   panel.yaml            the panel file, byte for byte
+//   rollout.schema.json   JSON Schema of a row
+//   rollouts.jsonl        one line per rollout, appended as they end, each on the medium before the next begins
+//   rollouts.parquet      the same rows as columns; written when the panel is complete
+//   postmortems/ID.md     one per failed rollout
+//
+// Errors are one sentence with the row's number, counted from 1. Thread rule: one thread at a time.
+#pragma once
+
+#include <expected>
+#include <memory>
+#include <set>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "monitor/panel/artifact_manifest.hpp"
+#include "monitor/panel/rollout_row.hpp"
+
+namespace takt::panel {
+
+class ArtifactFolder {
+ public:
+  explicit ArtifactFolder(std::string path) : path_(std::move(path)) {}
+  [[nodiscard]] const std::string& path() const { return path_; }
+  [[nodiscard]] std::string manifest() const { return path_ + "/manifest.json"; }
+  [[nodiscard]] std::string panel() const { return path_ + "/panel.yaml"; }
+  [[nodiscard]] std::string schema() const { return path_ + "/rollout.schema.json"; }
+  [[nodiscard]] std::string rows() const { return path_ + "/rollouts.jsonl"; }
+  [[nodiscard]] std::string parquet() const { return path_ + "/rollouts.parquet"; }
+  [[nodiscard]] std::string post_mortems() const { return path_ + "/postmortems"; }
+  [[nodiscard]] std::string post_mortem(const RolloutRow& row) const;
+
+  [[nodiscard]] std::expected<ArtifactManifest, std::string> read_manifest() const;
+  [[nodiscard]] std::expected<void, std::string> write_manifest(const ArtifactManifest& manifest) const;
+
+ private:
+  std::string path_;
+};
+
+struct Artifact {
+  ArtifactFolder folder;
+  ArtifactManifest manifest;
+  std::vector<RolloutRow> rows;
+};
+
+// Reads an artifact, finished or not. Refuses rows that do not fit the manifest, a rollout that is there twice, another
+// row schema than this program's, and a finished artifact whose rows are no longer those it was named after.
+std::expected<Artifact, std::string> open_artifact(const std::string& path);
+
+// "smoke-3f9a2c41d07b": panel, and the first digits of the SHA-256 over panel hash and all rows without host fields.
+// The same rollouts give the same id on any machine.
+std::string artifact_id_of(const ArtifactManifest& manifest, std::span<const RolloutRow> rows);
+
+// Writes an artifact row by row. A process killed at any instant leaves whole rows and at most one torn line, which
+// resume() cuts off.
+class ArtifactWriter {
+ public:
+  // The folder must not hold an artifact yet; parents are made. Schema hash, start time and host facts that `manifest`
+  // leaves empty are filled in.
+  static std::expected<ArtifactWriter, std::string> create(const std::string& path, ArtifactManifest manifest,
+                                                           std::string_view panel_text);
+  // Goes on with an unfinished artifact; refuses one that was begun with another panel, script, plant or method.
+  static std::expected<ArtifactWriter, std::string> resume(const std::string& path, const ArtifactManifest& manifest);
+
+  // Rows already there, and whether a rollout is among them: what a resumed panel need not run again.
+  [[nodiscard]] const std::vector<RolloutRow>& rows() const { return artifact_.rows; }
+  [[nodiscard]] bool has(const RolloutRow& row) const { return ids_.contains(rollout_id(row)); }
+  [[nodiscard]] const ArtifactFolder& folder() const { return artifact_.folder; }
+
+  // The row is on the medium when this returns.
+  std::expected<void, std::string> append(const RolloutRow& row);
+  // All planned rollouts are there: writes rollouts.parquet, names the artifact and closes the manifest.
+  std::expected<ArtifactManifest, std::string> finish();
+
+ private:
+  ArtifactWriter(Artifact artifact, int fd);
+  struct Closer {
+    void operator()(const int* fd) const;
+  };
+  Artifact artifact_;
+  std::set<std::string> ids_;
+  std::unique_ptr<int, Closer> fd_;  // of rollouts.jsonl, at its end
+};
+
+}  // namespace takt::panel

@@ -1,0 +1,69 @@
+// manifest.json of an artifact: what its rows were computed from. Two artifacts may be compared or merged only where
+// difference_between() finds nothing; the rows of one artifact must all agree with its manifest.
+#pragma once
+
+#include <cstdint>
+#include <expected>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "monitor/panel/rollout_row.hpp"
+
+namespace takt::panel {
+
+inline constexpr const char* kArtifactSchema = "takt.artifact/1";
+
+// Every rollout's seed comes from here, whatever the method: that is what makes rows pairs.
+struct SeedPlan {
+  std::string rule;                  // in words: "seeds 1 to 20, the same for every method"
+  std::vector<std::uint64_t> seeds;  // in plan order
+  friend bool operator==(const SeedPlan&, const SeedPlan&) = default;
+};
+
+struct MethodFacts {
+  std::string description;
+  std::string config_sha256;
+  std::string policy_sha256;  // empty: none
+  // Its freshness contract: Pr(age > max_age) <= epsilon, at this confidence.
+  double max_age_ms = 0, epsilon = 0, confidence = 0;
+  friend bool operator==(const MethodFacts&, const MethodFacts&) = default;
+};
+
+// From the panel file's `claims:`; empty texts are claims not made.
+struct Claims {
+  std::string conceptual;  // why the method should help
+  std::string systems;     // which interface it changes
+  std::string evidence;    // which measurement would convince a sceptical builder
+  friend bool operator==(const Claims&, const Claims&) = default;
+};
+
+struct ArtifactManifest {
+  std::string artifact_id;  // artifact_id_of() all rows; empty until complete
+  std::string panel, panel_sha256;
+  SeedPlan seed_plan;
+  std::string script_version, script_source_sha256;
+  std::string schema_sha256;                   // of rollout_schema()
+  std::map<std::string, std::string> plants;   // task -> SHA-256 of the plant's text
+  std::map<std::string, MethodFacts> methods;  // by name
+  Claims claims;
+  std::uint64_t planned_rollouts = 0;
+  bool complete = false;                                // every planned rollout has its row
+  std::vector<std::string> merged_from;                 // artifact ids
+  nlohmann::ordered_json host = nullptr;                // monitor::host_facts() of the machine that computed it
+  std::int64_t started_unix_ns = 0, ended_unix_ns = 0;  // 0: not yet
+};
+
+nlohmann::ordered_json to_json(const ArtifactManifest& manifest);
+// Strict: a missing, unknown or wrongly typed key is one sentence.
+std::expected<ArtifactManifest, std::string> artifact_manifest_of(const nlohmann::ordered_json& json);
+
+// Why rows of the two must not stand side by side: schema, panel, seed plan, script, plant, in this order. Empty: they
+// may. `a` and `b` are how the sentence names the two.
+std::string difference_between(const ArtifactManifest& a, const ArtifactManifest& b, const std::string& name_a = "A",
+                               const std::string& name_b = "B");
+// Why the row cannot belong to the artifact; empty: it can.
+std::string misfit(const RolloutRow& row, const ArtifactManifest& manifest);
+
+}  // namespace takt::panel

@@ -1,0 +1,174 @@
+#include "monitor/panel/audit.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <map>
+#include <set>
+
+#include "config/load.hpp"
+#include "monitor/bounded_file.hpp"
+#include "monitor/panel/post_mortem.hpp"
+#include "monitor/panel/rollout_parquet.hpp"
+
+namespace takt::panel {
+namespace {
+
+AuditItem metric_contract(const Artifact& artifact) {
+  AuditItem item{.name = "metric contract", .answer = {}, .missing = {}};
+  for (const auto& [name, facts] : artifact.manifest.methods) {
+    item.answer +=
+        fmt::format("{}{}: Pr(age > {:g} ms) <= {:g} % at {:g} % confidence", item.answer.empty() ? "" : "; ", name,
+                    facts.max_age_ms, 100 * facts.epsilon, 100 * facts.confidence);
+    const bool stated = facts.max_age_ms > 0 && facts.epsilon > 0 && facts.confidence > 0;
+    if (!stated) item.missing.push_back(fmt::format("method {} states no freshness contract", name));
+  }
+  if (artifact.manifest.methods.empty()) item.missing.emplace_back("the manifest names no method");
+  return item;
+}
+
+// Every method under every condition, or a comparison is not one row by row.
+void find_holes(const Artifact& artifact, std::vector<std::string>& missing) {
+  std::set<PairKey> keys;
+  std::map<std::string, std::set<PairKey>> of_method;
+  for (const RolloutRow& row : artifact.rows) {
+    keys.insert(pair_key(row));
+    of_method[row.method].insert(pair_key(row));
+  }
+  for (const auto& [name, facts] : artifact.manifest.methods) {
+    const std::size_t holes = keys.size() - of_method[name].size();
+    if (holes != 0) missing.push_back(fmt::format("method {} lacks {} of {} conditions", name, holes, keys.size()));
+  }
+}
+
+AuditItem perturbation_panel(const Artifact& artifact) {
+  const ArtifactManifest& manifest = artifact.manifest;
+  std::map<std::string, std::size_t> perturbations;
+  for (const RolloutRow& row : artifact.rows) ++perturbations[row.perturbation];
+  AuditItem item{.name = "perturbation panel",
+                 .answer = fmt::format("{}, {} seeds ({}):", manifest.panel, manifest.seed_plan.seeds.size(),
+                                       manifest.seed_plan.rule),
+                 .missing = {}};
+  for (const auto& [name, count] : perturbations) item.answer += fmt::format(" {} {},", name, count);
+  item.answer.back() = perturbations.empty() ? ' ' : '.';
+  const bool any = std::ranges::any_of(perturbations, [](const auto& each) { return each.first != "none"; });
+  if (!any) item.missing.emplace_back("no rollout was perturbed");
+  if (!perturbations.contains("none")) item.missing.emplace_back("no rollout was nominal");
+  const auto text = monitor::read_file(artifact.folder.panel());
+  if (!text) {
+    item.missing.emplace_back("panel.yaml is not in the folder");
+  } else if (config::sha256_hex(*text) != manifest.panel_sha256) {
+    item.missing.emplace_back("panel.yaml is not the panel that the manifest names");
+  }
+  find_holes(artifact, item.missing);
+  return item;
+}
+
+AuditItem monitor_state(const Artifact& artifact) {
+  AuditItem item{.name = "monitor state", .answer = {}, .missing = {}};
+  std::map<std::string, std::size_t> ends;
+  std::size_t unhashed = 0;
+  for (const RolloutRow& row : artifact.rows) {
+    ++ends[row.final_mode == Mode::tracking ? std::string(name(row.final_mode))
+                                            : fmt::format("{} ({})", name(row.final_mode), name(row.final_cause))];
+    unhashed += row.replay_hash.empty() ? 1 : 0;
+  }
+  for (const auto& [end, count] : ends) {
+    item.answer += fmt::format("{}{} {}", item.answer.empty() ? "ended in " : ", ", end, count);
+  }
+  if (artifact.rows.empty()) item.missing.emplace_back("there is no row");
+  if (unhashed != 0) item.missing.push_back(fmt::format("{} rows have no replay hash", unhashed));
+  return item;
+}
+
+AuditItem artifact_id(const Artifact& artifact) {
+  const ArtifactManifest& manifest = artifact.manifest;
+  AuditItem item{.name = "artifact id", .answer = manifest.artifact_id, .missing = {}};
+  if (!manifest.complete) {
+    item.missing.push_back(fmt::format("the panel is unfinished: {} of {} planned rollouts", artifact.rows.size(),
+                                       manifest.planned_rollouts));
+    return item;
+  }
+  if (manifest.script_source_sha256.empty()) {
+    item.missing.emplace_back("the script is known by its version only, not by the hash of its sources");
+  }
+  if (monitor::read_file(artifact.folder.parquet()) != rollouts_parquet(artifact.rows, manifest.artifact_id)) {
+    item.missing.emplace_back("rollouts.parquet does not hold the rows of rollouts.jsonl");
+  }
+  return item;
+}
+
+AuditItem claim(std::string_view name, const std::string& text) {
+  AuditItem item{.name = fmt::format("{} claim", name), .answer = text, .missing = {}};
+  if (text.empty()) item.missing.push_back(fmt::format("the panel file has no claims.{}", name));
+  return item;
+}
+
+AuditItem post_mortems(const Artifact& artifact) {
+  AuditItem item{.name = "post-mortems", .answer = {}, .missing = {}};
+  std::size_t failed = 0, completed = 0;
+  for (std::size_t index = 0; index < artifact.rows.size(); ++index) {
+    const RolloutRow& row = artifact.rows[index];
+    if (row.success) continue;
+    ++failed;
+    switch (post_mortem_state(artifact, row)) {
+      case PostMortemState::completed:
+        ++completed;
+        break;
+      case PostMortemState::drafted:
+        item.missing.push_back(fmt::format("row {} failed ({}) and nobody completed postmortems/{}.md", index + 1,
+                                           row.failure_label, rollout_id(row)));
+        break;
+      case PostMortemState::missing:
+        item.missing.push_back(fmt::format("row {} failed ({}) and postmortems/{}.md does not exist", index + 1,
+                                           row.failure_label, rollout_id(row)));
+        break;
+    }
+  }
+  item.answer = failed == 0 ? "no rollout failed" : fmt::format("{} of {} failed rollouts", completed, failed);
+  return item;
+}
+
+}  // namespace
+
+bool Audit::is_ready() const {
+  return std::ranges::all_of(items, [](const AuditItem& item) { return item.missing.empty(); });
+}
+
+Audit audit(const Artifact& artifact) {
+  const Claims& claims = artifact.manifest.claims;
+  return {.artifact_id = artifact.manifest.artifact_id,
+          .items = {metric_contract(artifact), perturbation_panel(artifact), monitor_state(artifact),
+                    artifact_id(artifact), claim("conceptual", claims.conceptual), claim("systems", claims.systems),
+                    claim("evidence", claims.evidence), post_mortems(artifact)}};
+}
+
+std::string audit_text(const Audit& audit) {
+  constexpr std::size_t kListed = 20;
+  std::string text;
+  std::size_t missing = 0;
+  for (const AuditItem& item : audit.items) {
+    text += fmt::format("{:<20}{}\n", item.name, item.answer.empty() ? "none" : item.answer);
+    for (std::size_t index = 0; index < std::min(kListed, item.missing.size()); ++index) {
+      text += fmt::format("{:<20}missing: {}\n", "", item.missing[index]);
+    }
+    if (item.missing.size() > kListed) text += fmt::format("{:<20}and {} more\n", "", item.missing.size() - kListed);
+    missing += item.missing.size();
+  }
+  return text +
+         (audit.is_ready() ? std::string("audit-ready\n") : fmt::format("not audit-ready: {} missing\n", missing));
+}
+
+nlohmann::ordered_json to_json(const Audit& audit) {
+  nlohmann::ordered_json json{{"schema", kAuditSchema},
+                              {"artifact_id", audit.artifact_id},
+                              {"audit_ready", audit.is_ready()},
+                              {"items", nlohmann::ordered_json::array()}};
+  for (const AuditItem& item : audit.items) {
+    json["items"].push_back({{"name", item.name}, {"answer", item.answer}, {"missing", item.missing}});
+  }
+  return json;
+}
+
+}  // namespace takt::panel

@@ -1,0 +1,196 @@
+#include "monitor/panel/compare.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <array>
+#include <map>
+#include <string_view>
+
+#include "monitor/panel/rollout_fields.hpp"
+
+namespace takt::panel {
+namespace {
+
+// The numbers a comparison shows, by their names in the row. Success has its own table.
+constexpr std::array<std::string_view, 18> kComparedMetrics{"age_per_command.total.p50_ms",
+                                                            "age_per_command.total.p95_ms",
+                                                            "age_per_command.total.p99_ms",
+                                                            "age_per_tick.total.p95_ms",
+                                                            "misses_per_command.rate",
+                                                            "misses_per_tick.rate",
+                                                            "tracking_error_rms_m",
+                                                            "tracking_error_p95_m",
+                                                            "constraint_violations",
+                                                            "recovery_s",
+                                                            "safety.entered_degraded",
+                                                            "safety.entered_damped_stop",
+                                                            "safety.entered_fault_latched",
+                                                            "safety.envelope_violations",
+                                                            "interventions.envelope_clamp",
+                                                            "mode_share.tracking",
+                                                            "energy_J",
+                                                            "peak_torque_Nm"};
+
+std::optional<double> number_at(const RolloutField& field, const RolloutRow& row) {
+  const FieldPlace place = place_in(field, row);
+  if (auto* const* number = std::get_if<double*>(&place)) return **number;
+  if (auto* const* count = std::get_if<std::uint64_t*>(&place)) return static_cast<double>(**count);
+  if (auto* const* optional = std::get_if<std::optional<double>*>(&place)) return **optional;
+  return {};
+}
+
+std::vector<const RolloutField*> compared_fields(bool same_contract) {
+  std::vector<const RolloutField*> fields;
+  for (const std::string_view metric : kComparedMetrics) {
+    if (!same_contract && metric.starts_with("misses_")) continue;
+    const auto field = std::ranges::find(rollout_fields(), metric, &RolloutField::name);
+    if (field != rollout_fields().end()) fields.push_back(&*field);
+  }
+  return fields;
+}
+
+MetricDifference metric_difference(const RolloutField& field, std::span<const RowPair* const> pairs) {
+  MetricDifference result{.metric = field.name, .unit = field.unit, .difference = {}};
+  std::vector<double> differences;
+  double sum_a = 0, sum_b = 0;
+  for (const RowPair* pair : pairs) {
+    const auto a = number_at(field, pair->a), b = number_at(field, pair->b);
+    if (!a || !b) {
+      ++result.left_out;
+      continue;
+    }
+    sum_a += *a;
+    sum_b += *b;
+    differences.push_back(*b - *a);
+  }
+  if (!differences.empty()) {
+    result.mean_a = sum_a / static_cast<double>(differences.size());
+    result.mean_b = sum_b / static_cast<double>(differences.size());
+  }
+  result.difference = mean_difference(differences, kBootstrapSeed);
+  return result;
+}
+
+GroupComparison group_of(std::span<const RowPair* const> pairs, std::span<const RolloutField* const> fields) {
+  GroupComparison group;
+  for (const RowPair* pair : pairs) {
+    std::uint64_t& cell = pair->a.success ? (pair->b.success ? group.success.both : group.success.only_a)
+                                          : (pair->b.success ? group.success.only_b : group.success.neither);
+    ++cell;
+  }
+  group.success.p_value = mcnemar_exact_p(group.success.only_a, group.success.only_b);
+  for (const RolloutField* field : fields) group.metrics.push_back(metric_difference(*field, pairs));
+  return group;
+}
+
+// The method to compare, or why it cannot be told.
+std::expected<std::string, std::string> method_of(const Artifact& artifact, const std::string& wanted,
+                                                  std::string_view option) {
+  std::vector<std::string> names;
+  for (const auto& [name, facts] : artifact.manifest.methods) names.push_back(name);
+  if (wanted.empty() && names.size() == 1) return names.front();
+  const std::string known = fmt::format("{}", fmt::join(names, ", "));
+  if (wanted.empty()) {
+    return std::unexpected(fmt::format("{} holds methods {}; say which by {}", artifact.folder.path(), known, option));
+  }
+  if (std::ranges::find(names, wanted) == names.end()) {
+    return std::unexpected(fmt::format("{} holds no method {}, only {}", artifact.folder.path(), wanted, known));
+  }
+  return wanted;
+}
+
+std::map<PairKey, const RolloutRow*> rows_by_key(const Artifact& artifact, const std::string& method) {
+  std::map<PairKey, const RolloutRow*> rows;
+  for (const RolloutRow& row : artifact.rows) {
+    if (row.method == method) rows.emplace(pair_key(row), &row);
+  }
+  return rows;
+}
+
+void pair_rows(const Artifact& a, const Artifact& b, Comparison& out) {
+  const auto rows_a = rows_by_key(a, out.a.method);
+  const auto rows_b = rows_by_key(b, out.b.method);
+  for (const auto& [key, row] : rows_a) {
+    const auto partner = rows_b.find(key);
+    if (partner != rows_b.end()) out.pairs.push_back({*row, *partner->second});
+  }
+  out.a.unpaired = rows_a.size() - out.pairs.size();
+  out.b.unpaired = rows_b.size() - out.pairs.size();
+}
+
+void compare_groups(bool same_contract, Comparison& out) {
+  const auto fields = compared_fields(same_contract);
+  std::vector<const RowPair*> all;
+  std::map<std::tuple<std::string, std::string, double>, std::vector<const RowPair*>> groups;
+  for (const RowPair& pair : out.pairs) {
+    all.push_back(&pair);
+    groups[{pair.a.task, pair.a.perturbation, pair.a.dose}].push_back(&pair);
+  }
+  for (const auto& [key, pairs] : groups) {
+    out.groups.push_back(group_of(pairs, fields));
+    std::tie(out.groups.back().task, out.groups.back().perturbation, out.groups.back().dose) = key;
+  }
+  out.pooled = group_of(all, fields);
+}
+
+std::string contract_text(const MethodFacts& facts) {
+  return fmt::format("Pr(age > {:g} ms) <= {:g} %", facts.max_age_ms, 100 * facts.epsilon);
+}
+
+void add_notes(const MethodFacts& facts_a, const MethodFacts& facts_b, bool same_contract, const Artifact& a,
+               const Artifact& b, Comparison& out) {
+  if (!same_contract) {
+    out.notes.push_back(fmt::format("miss rates are not compared: A's contract is {}, B's is {}",
+                                    contract_text(facts_a), contract_text(facts_b)));
+  }
+  for (const auto& [name, artifact] : {std::pair{"A", &a}, std::pair{"B", &b}}) {
+    if (artifact->manifest.complete) continue;
+    out.notes.push_back(fmt::format("{} is unfinished: {} of {} planned rollouts", name, artifact->rows.size(),
+                                    artifact->manifest.planned_rollouts));
+  }
+  for (const auto& [name, side] : {std::pair{"A", &out.a}, std::pair{"B", &out.b}}) {
+    if (side->unpaired != 0) out.notes.push_back(fmt::format("{} rows of {} have no partner", side->unpaired, name));
+  }
+  if (a.manifest.script_source_sha256.empty()) {
+    out.notes.emplace_back("the script is known by its version only, not by the hash of its sources");
+  }
+}
+
+Side side_of(const Artifact& artifact, std::string method) {
+  return {.artifact_id = artifact.manifest.complete ? artifact.manifest.artifact_id : "incomplete",
+          .folder = artifact.folder.path(),
+          .method = std::move(method)};
+}
+
+}  // namespace
+
+std::expected<Comparison, std::string> compare(const Artifact& a, const Artifact& b, std::string method_a,
+                                               std::string method_b) {
+  if (const std::string reason = difference_between(a.manifest, b.manifest); !reason.empty()) {
+    return std::unexpected(fmt::format("not comparable: {}", reason));
+  }
+  auto name_a = method_of(a, method_a, "--method-a");
+  if (!name_a) return std::unexpected(name_a.error());
+  auto name_b = method_of(b, method_b, "--method-b");
+  if (!name_b) return std::unexpected(name_b.error());
+  if (a.folder.path() == b.folder.path() && *name_a == *name_b) {
+    return std::unexpected(fmt::format("both sides are method {} of {}", *name_a, a.folder.path()));
+  }
+  Comparison out;
+  out.a = side_of(a, *name_a);
+  out.b = side_of(b, *name_b);
+  out.panel = a.manifest.panel;
+  pair_rows(a, b, out);
+  if (out.pairs.empty()) return std::unexpected("not comparable: no row of A has a partner in B");
+  const MethodFacts& facts_a = a.manifest.methods.at(*name_a);
+  const MethodFacts& facts_b = b.manifest.methods.at(*name_b);
+  const bool same_contract = facts_a.max_age_ms == facts_b.max_age_ms && facts_a.epsilon == facts_b.epsilon &&
+                             facts_a.confidence == facts_b.confidence;
+  compare_groups(same_contract, out);
+  add_notes(facts_a, facts_b, same_contract, a, b, out);
+  return out;
+}
+
+}  // namespace takt::panel

@@ -1,0 +1,131 @@
+// A comparison as one HTML file: no script, no request, light and dark.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "monitor/panel/compare.hpp"
+
+namespace takt::panel {
+namespace {
+
+constexpr std::string_view kHead = R"(<!doctype html>
+<html lang="en"><head><meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>takt compare</title>
+<style>
+:root { color-scheme: light dark; font: 15px/1.5 system-ui, sans-serif; }
+body { max-width: 70rem; margin: 2rem auto; padding: 0 1rem; }
+table { border-collapse: collapse; margin: .5rem 0 2rem; }
+th, td { padding: .2rem .7rem; text-align: right; border-bottom: 1px solid #8884; font-variant-numeric: tabular-nums; }
+th:first-child, td:first-child { text-align: left; }
+.clear { font-weight: 600; }
+.note { border-left: 4px solid #c80; padding-left: .8rem; }
+line { stroke: #888; } rect { fill: #38c; } circle { fill: currentColor; }
+</style></head><body>
+)";
+
+std::string escaped(std::string_view text) {
+  std::string out;
+  for (const char c : text) {
+    switch (c) {
+      case '<':
+        out += "&lt;";
+        break;
+      case '&':
+        out += "&amp;";
+        break;
+      case '"':
+        out += "&quot;";
+        break;
+      default:
+        out += c;
+    }
+  }
+  return out;
+}
+
+// The interval as a bar around zero, scaled so that its far end touches the edge.
+std::string bar(const MeanDifference& difference) {
+  if (!difference.interval) return "";
+  constexpr double kHalf = 80;
+  const double far = std::max({std::abs(difference.interval->low), std::abs(difference.interval->high)});
+  if (far == 0) return "";
+  const auto place = [&](double value) { return kHalf + kHalf * value / far; };
+  const double low = place(difference.interval->low), high = place(difference.interval->high);
+  return fmt::format(
+      R"(<svg width="160" height="14" role="img" aria-label="interval"><line x1="80" x2="80" y1="0" y2="14"/>)"
+      R"(<rect x="{:.1f}" y="5" width="{:.1f}" height="4"/><circle cx="{:.1f}" cy="7" r="3"/></svg>)",
+      low, std::max(1.0, high - low), place(difference.mean));
+}
+
+std::string metric_row(const MetricDifference& metric) {
+  const MeanDifference& difference = metric.difference;
+  const bool clear = difference.interval && (difference.interval->low > 0 || difference.interval->high < 0);
+  const std::string unit = metric.unit == "1" ? "" : " [" + metric.unit + "]";
+  if (difference.pairs == 0) {
+    return fmt::format("<tr><td>{}{}</td><td colspan=\"6\">no pair has this number</td></tr>\n", metric.metric, unit);
+  }
+  const std::string interval =
+      difference.interval ? fmt::format("{:.4g} to {:.4g}", difference.interval->low, difference.interval->high)
+                          : "one pair";
+  return fmt::format(
+      "<tr{}><td>{}{}</td><td>{}</td><td>{:.4g}</td><td>{:.4g}</td><td>{:+.4g}</td><td>{}</td><td>{}</td></tr>\n",
+      clear ? " class=\"clear\"" : "", metric.metric, unit, difference.pairs, metric.mean_a, metric.mean_b,
+      difference.mean, interval, bar(difference));
+}
+
+std::string group_html(const GroupComparison& group) {
+  const SuccessTable& success = group.success;
+  std::string html = group.task.empty() ? std::string("<h2>All perturbations together</h2>\n")
+                                        : fmt::format("<h2>{}, {} at dose {:g}</h2>\n", escaped(group.task),
+                                                      escaped(group.perturbation), group.dose);
+  html += fmt::format(
+      "<p>Success: A {} of {}, B {} of {}; only A {}, only B {}, exact McNemar p = "
+      "{:.4g}</p>\n<table><tr><th>metric</th>"
+      "<th>pairs</th><th>A</th><th>B</th><th>B - A</th><th>95 % interval</th><th></th></tr>\n",
+      success.both + success.only_a, success.pairs(), success.both + success.only_b, success.pairs(), success.only_a,
+      success.only_b, success.p_value);
+  for (const MetricDifference& metric : group.metrics) html += metric_row(metric);
+  return html + "</table>\n";
+}
+
+std::string outcome(const RolloutRow& row) {
+  return row.success ? "success" : escaped(row.failure_label);
+}
+
+std::string age(const RolloutRow& row) {
+  const auto& p95 = row.age_per_command.total.p95_ms;
+  return p95 ? fmt::format("{:.2f}", *p95) : "none";
+}
+
+std::string pairs_html(const Comparison& comparison) {
+  std::string html =
+      "<h2>Row by row</h2>\n<table><tr><th>task</th><th>perturbation</th><th>dose</th><th>seed</th><th>A</th><th>B</th>"
+      "<th>p95 age A [ms]</th><th>p95 age B [ms]</th></tr>\n";
+  for (const RowPair& pair : comparison.pairs) {
+    html += fmt::format(
+        "<tr><td>{}</td><td>{}</td><td>{:g}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
+        escaped(pair.a.task), escaped(pair.a.perturbation), pair.a.dose, pair.a.seed, outcome(pair.a), outcome(pair.b),
+        age(pair.a), age(pair.b));
+  }
+  return html + "</table>\n";
+}
+
+}  // namespace
+
+std::string comparison_html(const Comparison& comparison) {
+  std::string html(kHead);
+  html += fmt::format(
+      "<h1>{}: A {} against B {}</h1>\n<p>A from {}, B from {}. {} pairs of task, perturbation, dose and "
+      "seed. Bold: the interval excludes 0; with many lines some do so by chance.</p>\n",
+      escaped(comparison.panel), escaped(comparison.a.method), escaped(comparison.b.method),
+      escaped(comparison.a.artifact_id), escaped(comparison.b.artifact_id), comparison.pairs.size());
+  for (const std::string& note : comparison.notes) html += fmt::format("<p class=\"note\">{}</p>\n", escaped(note));
+  html += group_html(comparison.pooled);
+  for (const GroupComparison& group : comparison.groups) html += group_html(group);
+  return html + pairs_html(comparison) + "</body></html>\n";
+}
+
+}  // namespace takt::panel

@@ -1,0 +1,100 @@
+// A comparison for the terminal and as JSON.
+#include <fmt/format.h>
+
+#include "monitor/panel/compare.hpp"
+
+namespace takt::panel {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+std::string title(const GroupComparison& group) {
+  if (group.task.empty()) return "all perturbations together";
+  if (group.dose == 0) return fmt::format("{}, {}", group.task, group.perturbation);
+  return fmt::format("{}, {} at dose {:g}", group.task, group.perturbation, group.dose);
+}
+
+bool excludes_zero(const MeanDifference& difference) {
+  return difference.interval && (difference.interval->low > 0 || difference.interval->high < 0);
+}
+
+std::string metric_line(const MetricDifference& metric) {
+  const std::string name = metric.unit == "1" ? metric.metric : fmt::format("{} [{}]", metric.metric, metric.unit);
+  if (metric.difference.pairs == 0) return fmt::format("  {:<36} no pair has this number\n", name);
+  const std::string interval =
+      metric.difference.interval
+          ? fmt::format("[{:.4g}, {:.4g}]", metric.difference.interval->low, metric.difference.interval->high)
+          : "one pair";
+  return fmt::format("  {:<36}{:>11.4g}{:>11.4g}{:>+11.4g}  {:<26}{}{}\n", name, metric.mean_a, metric.mean_b,
+                     metric.difference.mean, interval, excludes_zero(metric.difference) ? "*" : " ",
+                     metric.left_out == 0 ? "" : fmt::format(" {} pairs left out", metric.left_out));
+}
+
+std::string group_text(const GroupComparison& group) {
+  const SuccessTable& success = group.success;
+  std::string text = fmt::format("\n{} ({} pairs)\n", title(group), success.pairs());
+  text += fmt::format("  success: A {} of {}, B {} of {}; only A {}, only B {}, exact McNemar p = {:.4g}\n",
+                      success.both + success.only_a, success.pairs(), success.both + success.only_b, success.pairs(),
+                      success.only_a, success.only_b, success.p_value);
+  text += fmt::format("  {:<36}{:>11}{:>11}{:>11}  {}\n", "", "A", "B", "B - A", "95 % interval");
+  for (const MetricDifference& metric : group.metrics) text += metric_line(metric);
+  return text;
+}
+
+Json json_of(const GroupComparison& group) {
+  Json json;
+  if (!group.task.empty()) json = {{"task", group.task}, {"perturbation", group.perturbation}, {"dose", group.dose}};
+  json["pairs"] = group.success.pairs();
+  json["success"] = {{"both", group.success.both},
+                     {"only_a", group.success.only_a},
+                     {"only_b", group.success.only_b},
+                     {"neither", group.success.neither},
+                     {"mcnemar_exact_p", group.success.p_value}};
+  json["metrics"] = Json::array();
+  for (const MetricDifference& metric : group.metrics) {
+    const auto& interval = metric.difference.interval;
+    const bool any = metric.difference.pairs != 0;
+    json["metrics"].push_back({{"metric", metric.metric},
+                               {"unit", metric.unit},
+                               {"pairs", metric.difference.pairs},
+                               {"left_out", metric.left_out},
+                               {"mean_a", any ? Json(metric.mean_a) : Json()},
+                               {"mean_b", any ? Json(metric.mean_b) : Json()},
+                               {"difference", any ? Json(metric.difference.mean) : Json()},
+                               {"interval", interval ? Json{interval->low, interval->high} : Json()}});
+  }
+  return json;
+}
+
+Json json_of(const Side& side) {
+  return {{"artifact_id", side.artifact_id},
+          {"folder", side.folder},
+          {"method", side.method},
+          {"unpaired_rows", side.unpaired}};
+}
+
+}  // namespace
+
+std::string comparison_text(const Comparison& comparison) {
+  std::string text = fmt::format("panel         {}\n", comparison.panel);
+  text += fmt::format("A             {} of {}\n", comparison.a.method, comparison.a.artifact_id);
+  text += fmt::format("B             {} of {}\n", comparison.b.method, comparison.b.artifact_id);
+  for (const std::string& note : comparison.notes) text += fmt::format("note          {}\n", note);
+  text += group_text(comparison.pooled);
+  for (const GroupComparison& group : comparison.groups) text += group_text(group);
+  return text + "\n* the interval excludes 0. With many metrics and perturbations some do so by chance.\n";
+}
+
+Json to_json(const Comparison& comparison) {
+  Json json{{"schema", kComparisonSchema}, {"panel", comparison.panel}};
+  json["a"] = json_of(comparison.a);
+  json["b"] = json_of(comparison.b);
+  json["notes"] = comparison.notes;
+  json["bootstrap"] = {{"resamples", kResamples}, {"confidence", kConfidence}, {"seed", kBootstrapSeed}};
+  json["pooled"] = json_of(comparison.pooled);
+  json["groups"] = Json::array();
+  for (const GroupComparison& group : comparison.groups) json["groups"].push_back(json_of(group));
+  return json;
+}
+
+}  // namespace takt::panel

@@ -1,0 +1,96 @@
+#include "monitor/panel/merge.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+
+#include "monitor/bounded_file.hpp"
+#include "monitor/run_manifest.hpp"
+
+namespace takt::panel {
+namespace {
+
+// Why the artifacts must not become one; empty: they may.
+std::string mixture(std::span<const Artifact> artifacts) {
+  const Artifact& first = artifacts.front();
+  std::map<std::string, std::string> methods_from, rollouts_from;
+  for (const Artifact& artifact : artifacts) {
+    const std::string& folder = artifact.folder.path();
+    if (!artifact.manifest.complete) return fmt::format("{} is unfinished", folder);
+    std::string reason = difference_between(first.manifest, artifact.manifest, first.folder.path(), folder);
+    if (!reason.empty()) return reason;
+    if (artifact.manifest.claims != first.manifest.claims) {
+      return fmt::format("the claims differ between {} and {}", first.folder.path(), folder);
+    }
+    for (const auto& [name, facts] : artifact.manifest.methods) {
+      const auto [owner, is_new] = methods_from.emplace(name, folder);
+      for (const Artifact& other : artifacts) {
+        if (is_new || other.folder.path() != owner->second || other.manifest.methods.at(name) == facts) continue;
+        return fmt::format("method {} has another configuration, policy or contract in {} than in {}", name, folder,
+                           owner->second);
+      }
+    }
+    for (const RolloutRow& row : artifact.rows) {
+      const auto [owner, is_new] = rollouts_from.emplace(rollout_id(row), folder);
+      if (!is_new) return fmt::format("rollout {} is in {} and in {}", owner->first, owner->second, folder);
+    }
+  }
+  return {};
+}
+
+ArtifactManifest merged_manifest(std::span<const Artifact> artifacts) {
+  ArtifactManifest merged = artifacts.front().manifest;
+  merged.artifact_id.clear();
+  merged.complete = false;
+  merged.merged_from.clear();
+  merged.methods.clear();
+  merged.planned_rollouts = 0;
+  merged.host = nlohmann::ordered_json::array();
+  for (const Artifact& artifact : artifacts) {
+    merged.merged_from.push_back(artifact.manifest.artifact_id);
+    merged.methods.insert(artifact.manifest.methods.begin(), artifact.manifest.methods.end());
+    merged.planned_rollouts += artifact.rows.size();
+    merged.host.push_back(artifact.manifest.host);
+    merged.started_unix_ns = std::min(merged.started_unix_ns, artifact.manifest.started_unix_ns);
+  }
+  return merged;
+}
+
+// Post-mortems go along; a row keeps its name in every artifact.
+std::expected<void, std::string> copy_post_mortems(std::span<const Artifact> from, const ArtifactFolder& to) {
+  std::error_code error;
+  for (const Artifact& artifact : from) {
+    if (!std::filesystem::exists(artifact.folder.post_mortems(), error)) continue;
+    std::filesystem::create_directories(to.post_mortems(), error);
+    std::filesystem::copy(artifact.folder.post_mortems(), to.post_mortems(),
+                          std::filesystem::copy_options::skip_existing, error);
+    if (error) return std::unexpected(fmt::format("cannot copy post-mortems: {}", error.message()));
+  }
+  return {};
+}
+
+}  // namespace
+
+std::expected<Artifact, std::string> merge(const std::string& path, std::span<const Artifact> artifacts) {
+  if (artifacts.empty()) return std::unexpected("nothing to merge");
+  if (const std::string reason = mixture(artifacts); !reason.empty()) {
+    return std::unexpected(fmt::format("refusing the mixture: {}", reason));
+  }
+  const auto panel_text = monitor::read_file(artifacts.front().folder.panel());
+  if (!panel_text) return std::unexpected(panel_text.error());
+  auto writer = ArtifactWriter::create(path, merged_manifest(artifacts), *panel_text);
+  if (!writer) return std::unexpected(writer.error());
+  for (const Artifact& artifact : artifacts) {
+    for (RolloutRow row : artifact.rows) {
+      row.run_folder.clear();  // stays where it was recorded: paths are relative to the artifact
+      if (auto done = writer->append(row); !done) return std::unexpected(done.error());
+    }
+  }
+  if (auto done = copy_post_mortems(artifacts, writer->folder()); !done) return std::unexpected(done.error());
+  if (auto done = writer->finish(); !done) return std::unexpected(done.error());
+  return open_artifact(path);
+}
+
+}  // namespace takt::panel

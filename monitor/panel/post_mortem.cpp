@@ -1,0 +1,121 @@
+#include "monitor/panel/post_mortem.hpp"
+
+#include <filesystem>
+
+#include "monitor/bounded_file.hpp"
+#include "monitor/fault_classifier.hpp"
+#include "monitor/recorded_run.hpp"
+
+namespace takt::panel {
+namespace {
+
+constexpr std::string_view kSignature = "completed-by:";
+
+std::string trimmed(std::string_view text) {
+  const std::size_t first = text.find_first_not_of(" \t\r*_");
+  if (first == std::string_view::npos) return {};
+  return std::string(text.substr(first, text.find_last_not_of(" \t\r*_") - first + 1));
+}
+
+int severity(const TickRecordHeader& header) {
+  if (header.mode == header.previous_mode) return 0;
+  switch (header.mode) {
+    case Mode::standby:
+    case Mode::arming:
+    case Mode::tracking:
+      return 0;
+    case Mode::degraded:
+      return 1;
+    case Mode::damped_stop:
+    case Mode::fault_latched:
+      return 2;
+  }
+  return 0;
+}
+
+std::string show_again(const Artifact& artifact, const RolloutRow& row) {
+  if (!row.run_folder.empty()) return "takt replay " + artifact.folder.path() + "/" + row.run_folder;
+  return "takt panel run " + artifact.folder.panel() + " --only " + rollout_id(row);
+}
+
+std::expected<std::string, std::string> draft_of(const Artifact& artifact, std::size_t index) {
+  const RolloutRow& row = artifact.rows[index];
+  PostMortemDraft draft{.row = row,
+                        .row_number = index + 1,
+                        .artifact_id = artifact.manifest.artifact_id,
+                        .show_again = show_again(artifact, row),
+                        .verdicts = {}};
+  if (row.run_folder.empty()) return post_mortem_text(draft);
+  const auto run = monitor::open_run(artifact.folder.path() + "/" + row.run_folder);
+  if (!run) return std::unexpected(run.error());
+  FailureWatch watch;
+  const auto scan = monitor::scan_run(
+      *run,
+      {.tick = [&](const auto& tick) { watch.tick(tick.record.header); }, .command = {}, .keyframe = {}, .loss = {}});
+  if (!scan) return std::unexpected(scan.error());
+  draft.ticks = &watch;
+  const auto faults = monitor::classify_run(*run);
+  if (!faults) return std::unexpected(faults.error());
+  for (const monitor::FaultVerdict& verdict : faults->verdicts) draft.verdicts.push_back(verdict.sentence);
+  return post_mortem_text(draft);
+}
+
+}  // namespace
+
+void FailureWatch::tick(const TickRecordHeader& header) {
+  if (header.mode != header.previous_mode) {
+    ++transition_count_;
+    if (transitions_.size() < monitor::kListedTransitions) {
+      transitions_.push_back({header.tick, header.now, header.previous_mode, header.mode, header.cause});
+    }
+  }
+  latest_.push_back(header);
+  if (latest_.size() > kTicksBefore + 1) latest_.pop_front();
+  if (severity(header) > scene_.severity) {
+    scene_ = {severity(header), {latest_.begin(), latest_.end()}, kTicksAfter};
+  } else if (scene_.missing > 0) {
+    scene_.ticks.push_back(header);
+    --scene_.missing;
+  }
+}
+
+std::vector<TickRecordHeader> FailureWatch::around() const {
+  return scene_.severity > 0 ? scene_.ticks : std::vector<TickRecordHeader>(latest_.begin(), latest_.end());
+}
+
+std::expected<std::size_t, std::string> draft_post_mortems(const Artifact& artifact) {
+  std::size_t drafted = 0;
+  std::error_code error;
+  std::filesystem::create_directories(artifact.folder.post_mortems(), error);
+  if (error) {
+    return std::unexpected("cannot make " + artifact.folder.post_mortems() + ": " + error.message());
+  }
+  for (std::size_t index = 0; index < artifact.rows.size(); ++index) {
+    const RolloutRow& row = artifact.rows[index];
+    const std::string path = artifact.folder.post_mortem(row);
+    if (row.success || std::filesystem::exists(path, error)) continue;
+    const auto text = draft_of(artifact, index);
+    if (!text) return std::unexpected("row " + std::to_string(index + 1) + ": " + text.error());
+    if (auto written = monitor::replace_file(path, *text); !written) return std::unexpected(written.error());
+    ++drafted;
+  }
+  return drafted;
+}
+
+std::string completed_by(std::string_view post_mortem) {
+  for (std::size_t begin = 0; begin < post_mortem.size();) {
+    const std::size_t end = std::min(post_mortem.find('\n', begin), post_mortem.size());
+    const std::string_view line = post_mortem.substr(begin, end - begin);
+    if (line.starts_with(kSignature)) return trimmed(line.substr(kSignature.size()));
+    begin = end + 1;
+  }
+  return {};
+}
+
+PostMortemState post_mortem_state(const Artifact& artifact, const RolloutRow& row) {
+  const auto text = monitor::read_file(artifact.folder.post_mortem(row));
+  if (!text) return PostMortemState::missing;
+  return completed_by(*text).empty() ? PostMortemState::drafted : PostMortemState::completed;
+}
+
+}  // namespace takt::panel

@@ -1,0 +1,143 @@
+// What a row must satisfy before it is written and after it was read.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "monitor/panel/rollout_fields.hpp"
+
+namespace takt::panel {
+namespace {
+
+bool all_of(std::string_view text, bool (*allowed)(char)) {
+  return std::ranges::all_of(text, allowed);
+}
+bool is_digit(char c) {
+  return c >= '0' && c <= '9';
+}
+bool is_lower(char c) {
+  return c >= 'a' && c <= 'z';
+}
+bool is_hex(char c) {
+  return is_digit(c) || (c >= 'a' && c <= 'f');
+}
+bool is_label(char c) {
+  return is_lower(c) || is_digit(c) || c == '_';
+}
+bool is_token(char c) {
+  return is_label(c) || c == '-' || c == '.';
+}
+bool is_graphic(char c) {
+  return c > ' ' && c <= '~';
+}
+bool is_printable(char c) {
+  return c >= ' ' && c <= '~';
+}
+
+constexpr std::size_t kSha256Digits = 64;
+
+struct Checker {
+  const RolloutField& field;
+  std::string reason;  // empty: fine
+
+  void number(double value) {
+    if (!std::isfinite(value)) {
+      reason = fmt::format("{} is not finite", field.name);
+    } else if (value < field.range.low || value > field.range.high) {
+      reason = fmt::format("{} is {}, outside {}", field.name, value, range_text());
+    }
+  }
+  void operator()(const bool* /*place*/) {}
+  void operator()(const std::uint64_t* place) {
+    if (*place > kLargestCount) reason = fmt::format("{} is {}, above 2^53 - 1", field.name, *place);
+  }
+  void operator()(const double* place) { number(*place); }
+  void operator()(const std::optional<double>* place) {
+    if (place->has_value()) number(**place);
+  }
+  void operator()(const std::string* place) {
+    if (!matches(field.format, *place)) {
+      reason = fmt::format("{} is \"{}\", not {}", field.name, *place, pattern_of(field.format));
+    }
+  }
+  void operator()(const Mode* place) {
+    if (static_cast<std::size_t>(*place) >= kModeCount) reason = fmt::format("{} is no mode", field.name);
+  }
+  void operator()(const Cause* place) {
+    if (static_cast<std::size_t>(*place) >= kCauseCount) reason = fmt::format("{} is no cause", field.name);
+  }
+  [[nodiscard]] std::string range_text() const {
+    if (field.range.high == std::numeric_limits<double>::max()) return fmt::format("{} or more", field.range.low);
+    return fmt::format("{}..{}", field.range.low, field.range.high);
+  }
+};
+
+std::string inconsistency(const RolloutRow& row) {
+  if (row.success && !row.failure_label.empty()) return "failure_label is set on a success";
+  if (!row.success && row.failure_label.empty()) return "failure_label is empty on a failure";
+  for (const auto& [name, misses] :
+       {std::pair{"misses_per_command", row.misses_per_command}, std::pair{"misses_per_tick", row.misses_per_tick}}) {
+    if (misses.misses > misses.count) {
+      return fmt::format("{}.misses is {} of only {}", name, misses.misses, misses.count);
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
+bool matches(TextFormat format, std::string_view text) {
+  switch (format) {
+    case TextFormat::schema:
+      return text == kRolloutSchema;
+    case TextFormat::token:
+      return !text.empty() && !text.starts_with('.') && all_of(text, is_token);
+    case TextFormat::label:
+      return all_of(text, is_label);
+    case TextFormat::sha256:
+      return text.size() == kSha256Digits && all_of(text, is_hex);
+    case TextFormat::optional_sha256:
+      return text.empty() || (text.size() == kSha256Digits && all_of(text, is_hex));
+    case TextFormat::hex:
+      return all_of(text, is_hex);
+    case TextFormat::version:
+      return !text.empty() && all_of(text, is_graphic);
+    case TextFormat::path:
+      return all_of(text, is_printable) && !text.starts_with('/') && text.find("..") == std::string_view::npos;
+  }
+  return false;
+}
+
+std::string_view pattern_of(TextFormat format) {
+  switch (format) {
+    case TextFormat::schema:
+      return "^takt\\.rollout/1$";
+    case TextFormat::token:
+      return "^[a-z0-9_-][a-z0-9_.-]*$";
+    case TextFormat::label:
+      return "^[a-z0-9_]*$";
+    case TextFormat::sha256:
+      return "^[0-9a-f]{64}$";
+    case TextFormat::optional_sha256:
+      return "^([0-9a-f]{64})?$";
+    case TextFormat::hex:
+      return "^[0-9a-f]*$";
+    case TextFormat::version:
+      return "^[!-~]+$";
+    case TextFormat::path:
+      return "^(?!/)(?!.*\\.\\.)[ -~]*$";
+  }
+  return "";
+}
+
+std::expected<void, std::string> check(const RolloutRow& row) {
+  for (const RolloutField& field : rollout_fields()) {
+    Checker checker{field, {}};
+    std::visit(checker, place_in(field, row));
+    if (!checker.reason.empty()) return std::unexpected(checker.reason);
+  }
+  if (std::string reason = inconsistency(row); !reason.empty()) return std::unexpected(std::move(reason));
+  return {};
+}
+
+}  // namespace takt::panel

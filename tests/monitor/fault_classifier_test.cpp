@@ -1,0 +1,274 @@
+// Goal: every kind of fault is called by its name with its evidence, and calm runs by none.
+// Method: a synthetic robot of two joints whose policy answers every 20 ms; one thing at a time is made to go wrong.
+// The last tests take the recorded demo, whose policy stalls, and plant mistakes in the evidence.
+#include "monitor/fault_classifier.hpp"
+
+#include <gtest/gtest.h>
+
+#include "tests/monitor/recorded_demo.hpp"
+#include "tests/monitor/temporary_folder.hpp"
+
+namespace takt::monitor {
+namespace {
+
+constexpr Duration kMaxAge = milliseconds(40);
+
+// Ticks every millisecond; a command every 20 ms whose parts are 5 + 1 + 14 + 1 ms old at first use.
+class Robot {
+ public:
+  TickRecord record;
+  FaultClassifier classifier{{.max_age = kMaxAge, .period = milliseconds(1), .joints = {"hip", "knee"}}};
+  AgeParts parts{.sense = milliseconds(5),
+                 .queue = milliseconds(1),
+                 .infer = milliseconds(14),
+                 .publish = milliseconds(1),
+                 .hold = {}};
+  Duration feedback_age = microseconds(300);
+  bool policy_answers = true, drives_reply = true;
+
+  Robot() {
+    record.header.joint_count = 2;
+    record.header.bus_count = 1;
+    record.header.now = MonoTime{1'000'000'000};
+    record.header.mode = record.header.previous_mode = Mode::tracking;
+  }
+
+  // One tick; `change` has the last word on its record.
+  template <class Change>
+  void tick(const Change& change) {
+    TickRecordHeader& header = record.header;
+    ++header.tick;
+    header.now = header.now + milliseconds(1);
+    header.previous_mode = header.mode;
+    header.arrival = Arrival::none;
+    header.overrun_cause = OverrunCause::none;
+    header.lateness = microseconds(5);
+    header.age.hold = header.age.hold + milliseconds(1);
+    if (policy_answers && header.tick % 20 == 0) arrive(parts);
+    header.freshness = header.command_sequence == 0   ? Freshness::missing
+                       : header.age.total() > kMaxAge ? Freshness::stale
+                                                      : Freshness::fresh;
+    for (std::size_t joint = 0; joint < 2; ++joint) {
+      record.joints[joint].feedback.received_at = header.now - feedback_age;
+      if (drives_reply) ++record.joints[joint].feedback.replies;
+    }
+    change(header);
+    classifier.tick(record);
+  }
+  void run(int ticks) {
+    for (int i = 0; i < ticks; ++i) tick([](TickRecordHeader&) {});
+  }
+  void arrive(const AgeParts& with) {
+    record.header.arrival = Arrival::accepted;
+    record.header.age = with;
+    ++record.header.command_sequence;
+  }
+  void enter(Mode mode, Cause cause) {
+    tick([&](TickRecordHeader& header) {
+      header.mode = mode;
+      header.cause = cause;
+    });
+  }
+  std::vector<std::string> sentences() {
+    std::vector<std::string> all;
+    for (const FaultVerdict& verdict : classifier.finish().verdicts) all.push_back(verdict.sentence);
+    return all;
+  }
+};
+using Sentences = std::vector<std::string>;
+
+TEST(FaultClassifier, ACalmRunHasNone) {
+  Robot robot;
+  robot.run(1000);
+  EXPECT_EQ(robot.sentences(), Sentences{});
+  EXPECT_EQ(fault_text({}), "faults        none\n");
+}
+
+TEST(FaultClassifier, AgePartThatStandsOutNamesTheFault) {
+  const auto verdict_with = [](void (*change)(Robot&)) {
+    Robot robot;
+    robot.run(500);
+    change(robot);
+    robot.policy_answers = false;
+    robot.run(50);
+    robot.tick([&](TickRecordHeader& header) {  // the late command, accepted and stale at once
+      robot.arrive(robot.parts);
+      header.freshness = Freshness::stale;
+    });
+    robot.policy_answers = true;
+    robot.parts = Robot().parts;
+    robot.run(300);
+    return robot.sentences();
+  };
+  EXPECT_EQ(verdict_with([](Robot& robot) { robot.parts.infer = milliseconds(212); }),
+            Sentences{"inference_stall: tau_infer 212 ms against a median of 14 ms"});
+  EXPECT_EQ(verdict_with([](Robot& robot) { robot.parts.queue = milliseconds(90); }),
+            Sentences{"middleware_queue_growth: tau_queue 90 ms against a median of 1 ms"});
+  EXPECT_EQ(verdict_with([](Robot& robot) { robot.parts.publish = milliseconds(60); }),
+            Sentences{"middleware_queue_growth: tau_publish 60 ms against a median of 1 ms"});
+  EXPECT_EQ(verdict_with([](Robot& robot) { robot.parts.sense = milliseconds(120); }),
+            Sentences{"sensor_backlog: tau_sense 120 ms against a median of 5 ms, while joint feedback was at most 0.3 "
+                      "ms old"});
+  EXPECT_EQ(verdict_with([](Robot& robot) {
+              robot.parts.sense = milliseconds(45);
+              robot.feedback_age = milliseconds(41);
+            }),
+            Sentences{"estimator_lag: tau_sense 45 ms against a median of 5 ms; feedback of joint hip was 41 ms old "
+                      "against a median of 0.3 ms"});
+}
+
+TEST(FaultClassifier, ASilentPolicyIsAStall) {
+  Robot robot;
+  robot.run(500);
+  robot.policy_answers = false;
+  robot.run(2000);
+  EXPECT_EQ(robot.sentences(), Sentences{"inference_stall: no command came for 2e+03 ms, max_age is 40 ms"});
+}
+
+// The command that explains a stall is refused, so its parts are not in any tick: they come from the command itself.
+TEST(FaultClassifier, ReadsTheCommandThatWasRefusedForItsAge) {
+  Robot robot;
+  robot.run(500);
+  robot.policy_answers = false;
+  const MonoTime observed = robot.record.header.now + milliseconds(1);
+  robot.tick([](TickRecordHeader& header) { header.observation_published = 7; });
+  robot.record.header.observation_published = 0;
+  robot.run(149);
+  CommandHeader late;
+  late.observation_id = 7;
+  late.infer_started_at = observed + milliseconds(2);
+  late.infer_ended_at = observed + milliseconds(149);
+  robot.classifier.command(late);
+  robot.tick([](TickRecordHeader& header) { header.arrival = Arrival::expired_observation; });
+  robot.policy_answers = true;
+  robot.run(300);
+  EXPECT_EQ(robot.sentences(), Sentences{"inference_stall: tau_infer 147 ms against a median of 14 ms"});
+}
+
+TEST(FaultClassifier, LostPeriodsAreTheSchedulersOrThePlatforms) {
+  const auto verdict_with = [](OverrunCause cause) {
+    Robot robot;
+    robot.run(500);
+    robot.tick([&](TickRecordHeader& header) {
+      header.overrun_cause = cause;
+      header.lateness = microseconds(8100);
+      header.skipped_periods += 8;
+    });
+    robot.run(300);
+    return robot.sentences();
+  };
+  const std::string what = ": the control loop woke up to 8.1 ms late, 8 periods skipped, cause recorded: ";
+  EXPECT_EQ(verdict_with(OverrunCause::preempted), Sentences{"scheduler_preemption" + what + "preempted"});
+  EXPECT_EQ(verdict_with(OverrunCause::blocked), Sentences{"scheduler_preemption" + what + "blocked"});
+  EXPECT_EQ(verdict_with(OverrunCause::platform_stall), Sentences{"platform_stall" + what + "platform_stall"});
+  EXPECT_EQ(verdict_with(OverrunCause::page_fault), Sentences{"platform_stall" + what + "page_fault"});
+  EXPECT_EQ(verdict_with(OverrunCause::own_overrun), Sentences{"controller_integration_error" + what + "own_overrun"});
+  EXPECT_EQ(verdict_with(OverrunCause::none), Sentences{"platform_stall" + what + "none"});
+}
+
+// A command that waited for a control thread that did not run is not the middleware's fault.
+TEST(FaultClassifier, ALatePublishOfALateThreadIsTheSchedulers) {
+  Robot robot;
+  robot.run(500);
+  robot.tick([&](TickRecordHeader& header) {
+    AgeParts late = robot.parts;
+    late.publish = milliseconds(61);
+    robot.arrive(late);
+    header.freshness = Freshness::stale;
+    header.lateness = milliseconds(60);
+    header.skipped_periods += 60;
+    header.overrun_cause = OverrunCause::preempted;
+  });
+  robot.run(300);
+  EXPECT_EQ(robot.sentences(), Sentences{"scheduler_preemption: the control loop woke up to 60 ms late, 60 periods "
+                                         "skipped, cause recorded: preempted"});
+}
+
+TEST(FaultClassifier, BadCommandsAreAnIntegrationError) {
+  Robot robot;
+  robot.run(500);
+  robot.tick([](TickRecordHeader& header) { header.arrival = Arrival::not_finite; });
+  robot.tick([](TickRecordHeader& header) { header.arrival = Arrival::wrong_shape; });
+  robot.tick([](TickRecordHeader& header) { header.arrival = Arrival::not_finite; });
+  robot.run(300);
+  robot.tick([](TickRecordHeader& header) { header.integration_errors += 2; });
+  robot.run(300);
+  EXPECT_EQ(robot.sentences(), (Sentences{"controller_integration_error: commands refused: wrong_shape 1, not_finite 2",
+                                          "controller_integration_error: stamps of 2 commands ran backwards"}));
+}
+
+TEST(FaultClassifier, DrivesAndBuses) {
+  {
+    Robot robot;
+    robot.run(500);
+    robot.record.header.buses[0].state = BusState::bus_off;
+    robot.enter(Mode::fault_latched, Cause::bus_off);
+    robot.run(300);
+    EXPECT_EQ(robot.sentences(),
+              Sentences{"actuator_or_bus_fault: the executive reacted to bus_off, 282 of 282 replies came"});
+  }
+  {
+    Robot robot;
+    robot.run(500);
+    robot.drives_reply = false;
+    robot.run(20);
+    robot.enter(Mode::fault_latched, Cause::feedback_lost);
+    robot.run(300);
+    EXPECT_EQ(robot.sentences(),
+              Sentences{"actuator_or_bus_fault: the executive reacted to feedback_lost, 40 of 282 replies came"});
+  }
+  {
+    Robot robot;
+    robot.run(500);
+    robot.feedback_age = milliseconds(25);
+    robot.run(20);
+    robot.enter(Mode::fault_latched, Cause::feedback_lost);
+    robot.run(300);
+    EXPECT_EQ(robot.sentences(), Sentences{"estimator_lag: feedback of joint hip was 25 ms old against a median of 0.3 "
+                                           "ms, though 282 of 282 replies came"});
+  }
+}
+
+TEST(FaultClassifier, AWishIsNoFaultAndTheUnexplainedIsUnknown) {
+  Robot robot;
+  robot.run(500);
+  robot.enter(Mode::damped_stop, Cause::operator_stop);
+  robot.run(300);
+  EXPECT_EQ(robot.sentences(), Sentences{});
+  Robot pushed;
+  pushed.run(500);
+  pushed.enter(Mode::damped_stop, Cause::envelope_exceeded);
+  pushed.run(300);
+  EXPECT_EQ(pushed.sentences(),
+            Sentences{"unknown: nothing stands out; the nearest is tau_sense 5 ms against a median of 5 ms"});
+}
+
+TEST(FaultClassifier, TroublesFarApartAreTwoAndNearOnesAreOne) {
+  Robot robot;
+  robot.run(500);
+  const auto refuse = [](TickRecordHeader& header) { header.arrival = Arrival::corrupt; };
+  robot.tick(refuse);
+  robot.run(90);
+  robot.tick(refuse);
+  robot.run(110);
+  robot.tick(refuse);
+  robot.run(200);
+  EXPECT_EQ(robot.sentences(), (Sentences{"controller_integration_error: commands refused: corrupt 2",
+                                          "controller_integration_error: commands refused: corrupt 1"}));
+}
+
+class FaultsOfARun : public TemporaryFolder {};
+
+TEST_F(FaultsOfARun, TheDemosFrozenPolicyIsAStall) {
+  const RecordedRun run = record_demo(path("run"));
+  const FaultSummary summary = classify_run(run).value();
+  EXPECT_EQ(summary.counts[static_cast<std::size_t>(Fault::inference_stall)], summary.verdicts.size())
+      << fault_text(summary);
+  EXPECT_EQ(summary.verdicts.size(), 2U) << fault_text(summary);
+  EXPECT_TRUE(fault_text(summary, 1).starts_with("faults        inference_stall 2\n  tick "));
+  EXPECT_TRUE(fault_text(summary, 1).ends_with("  and 1 more\n"));
+  EXPECT_EQ(to_json(summary)["counts"]["inference_stall"], 2);
+}
+
+}  // namespace
+}  // namespace takt::monitor

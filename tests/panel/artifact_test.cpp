@@ -1,0 +1,175 @@
+// Goal: an artifact holds exactly the rows that its manifest stands for, through crashes and against mixtures.
+// Method: artifacts written, cut at every byte of a row, resumed; rows and manifests altered by hand.
+#include "monitor/panel/artifact.hpp"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "config/load.hpp"
+#include "monitor/bounded_file.hpp"
+#include "monitor/panel/rollout_json.hpp"
+#include "tests/monitor/temporary_folder.hpp"
+#include "tests/panel/sample_artifact.hpp"
+#include "tests/panel/sample_rows.hpp"
+
+namespace takt::panel {
+namespace {
+
+class ArtifactTest : public monitor::TemporaryFolder {
+ protected:
+  const std::string folder = path("artifact");
+  const ArtifactManifest manifest = sample_manifest({"method-a", "method-b"}, 4);
+  const std::vector<RolloutRow> rows{sample_row("method-a", 1), failed_row("method-a", 2), sample_row("method-b", 1),
+                                     sample_row("method-b", 2)};
+
+  void replace(const std::string& file, const std::string& what, const std::string& by) const {
+    std::string text = monitor::read_file(file).value();
+    const std::size_t place = text.find(what);
+    ASSERT_NE(place, std::string::npos) << what;
+    ASSERT_TRUE(monitor::replace_file(file, text.replace(place, what.size(), by)));
+  }
+  [[nodiscard]] std::string refusal() const {
+    const auto artifact = open_artifact(folder);
+    return artifact ? "opened" : artifact.error();
+  }
+  [[nodiscard]] std::string resume_refusal(const ArtifactManifest& wanted) const {
+    const auto writer = ArtifactWriter::resume(folder, wanted);
+    return writer ? "resumed" : writer.error();
+  }
+};
+
+TEST_F(ArtifactTest, ComesBackAsItWasWritten) {
+  const Artifact artifact = write_artifact(folder, manifest, rows);
+  EXPECT_TRUE(artifact.manifest.complete);
+  EXPECT_EQ(artifact.manifest.artifact_id, artifact_id_of(manifest, rows));
+  EXPECT_TRUE(artifact.manifest.artifact_id.starts_with("smoke-"));
+  EXPECT_GE(artifact.manifest.ended_unix_ns, artifact.manifest.started_unix_ns);
+  EXPECT_EQ(artifact.manifest.methods, manifest.methods);
+  EXPECT_EQ(artifact.manifest.seed_plan, manifest.seed_plan);
+  EXPECT_EQ(artifact.manifest.claims, manifest.claims);
+  ASSERT_EQ(artifact.rows.size(), rows.size());
+  for (std::size_t index = 0; index < rows.size(); ++index) {
+    EXPECT_EQ(row_text(artifact.rows[index]), row_text(rows[index]));
+  }
+  EXPECT_TRUE(std::filesystem::exists(artifact.folder.parquet()));
+  EXPECT_EQ(monitor::read_file(artifact.folder.schema()).value(), rollout_schema());
+}
+
+TEST_F(ArtifactTest, TheIdDependsOnEveryRowButNotOnTheHost) {
+  std::vector<RolloutRow> other = rows;
+  other[3].host.wall_s = 77;
+  EXPECT_EQ(artifact_id_of(manifest, other), artifact_id_of(manifest, rows));
+  other[3].energy_J += 1e-9;
+  EXPECT_NE(artifact_id_of(manifest, other), artifact_id_of(manifest, rows));
+}
+
+// A writer killed inside any write of the third row: the two before it are there, the panel goes on, and the finished
+// bytes are those of a panel that was never interrupted.
+TEST_F(ArtifactTest, ResumesBehindATornRow) {
+  write_artifact(path("whole"), manifest, rows);
+  const std::string whole = monitor::read_file(path("whole") + "/rollouts.jsonl").value();
+  const std::size_t second = whole.find('\n', whole.find('\n') + 1) + 1;
+  const std::size_t third = whole.find('\n', second);
+  write_artifact(folder, manifest, {rows[0], rows[1]});
+  const std::string file = folder + "/rollouts.jsonl";
+  for (std::size_t cut = second; cut <= third; cut += 97) {
+    ASSERT_TRUE(monitor::replace_file(file, whole.substr(0, cut)));
+    if (cut > second) {
+      ASSERT_EQ(refusal(), file + ": row 3 is cut off; run the panel with --resume to mend it");
+    }
+    const auto writer = ArtifactWriter::resume(folder, manifest);
+    ASSERT_TRUE(writer) << writer.error();
+    ASSERT_EQ(writer->rows().size(), 2U);
+    ASSERT_TRUE(writer->has(rows[1]));
+    ASSERT_FALSE(writer->has(rows[2]));
+  }
+  auto writer = ArtifactWriter::resume(folder, manifest);
+  ASSERT_TRUE(writer);
+  EXPECT_EQ(writer->finish().error(), folder + " has 2 of 4 planned rollouts");
+  ASSERT_TRUE(writer->append(rows[2]));
+  ASSERT_TRUE(writer->append(rows[3]));
+  ASSERT_TRUE(writer->finish());
+  EXPECT_EQ(monitor::read_file(file).value(), whole);
+  EXPECT_EQ(resume_refusal(manifest), "cannot go on with " + folder + ": it is complete");
+}
+
+TEST_F(ArtifactTest, RefusesToGoOnWithSomethingElse) {
+  write_artifact(folder, manifest, {rows[0]});
+  EXPECT_EQ(ArtifactWriter::create(folder, manifest, kPanelText).error(),
+            folder + " holds an artifact already; go on with it by --resume, or name another");
+  ArtifactManifest other = manifest;
+  other.panel_sha256 = config::sha256_hex("another");
+  EXPECT_EQ(resume_refusal(other), "cannot go on with " + folder + ": the panel differs: " + folder + " has smoke " +
+                                       manifest.panel_sha256.substr(0, 12) + ", this panel has smoke " +
+                                       other.panel_sha256.substr(0, 12));
+  other = manifest;
+  other.methods["method-b"].config_sha256 = config::sha256_hex("tuned");
+  EXPECT_EQ(resume_refusal(other), "cannot go on with " + folder + ": it was begun with other methods");
+}
+
+TEST_F(ArtifactTest, AppendRefusesWhatDoesNotFit) {
+  auto writer = ArtifactWriter::create(folder, manifest, kPanelText);
+  ASSERT_TRUE(writer) << writer.error();
+  ASSERT_TRUE(writer->append(rows[0]));
+  const auto refused = [&](void (*spoil)(RolloutRow&)) {
+    RolloutRow row = rows[2];
+    spoil(row);
+    const auto done = writer->append(row);
+    return done ? "appended" : done.error();
+  };
+  EXPECT_EQ(refused([](RolloutRow& row) { row = sample_row("method-a", 1); }),
+            "row 2 is rollout reach.none@0.method-a.s1, which is there already");
+  EXPECT_EQ(refused([](RolloutRow& row) { row.energy_J = -1; }), "row 2: energy_J is -1, outside 0 or more");
+  EXPECT_EQ(refused([](RolloutRow& row) { row.seed = 21; }), "row 2 has seed 21, which is not in the seed plan");
+  EXPECT_EQ(refused([](RolloutRow& row) { row.method = "method-c"; }),
+            "row 2 has method method-c, which is not in the manifest");
+  EXPECT_EQ(refused([](RolloutRow& row) { row.plant_sha256 = row.panel_sha256; }), "row 2 comes from another plant");
+  EXPECT_EQ(refused([](RolloutRow& row) { row.script_version = "0.0.9"; }), "row 2 comes from another script");
+  EXPECT_EQ(refused([](RolloutRow& row) { row.panel_sha256 = row.plant_sha256; }), "row 2 comes from another panel");
+  EXPECT_EQ(refused([](RolloutRow& row) { row.config_sha256 = row.plant_sha256; }),
+            "row 2 comes from another configuration of its method");
+  EXPECT_EQ(refused([](RolloutRow& row) { row.policy_sha256.clear(); }),
+            "row 2 comes from another policy file of its method");
+  EXPECT_EQ(writer->rows().size(), 1U);
+  EXPECT_EQ(open_artifact(folder)->rows.size(), 1U);
+}
+
+TEST_F(ArtifactTest, OpeningRefusesAlteredFiles) {
+  write_artifact(folder, manifest, rows);
+  const std::string file = folder + "/rollouts.jsonl";
+  replace(file, "\"energy_J\":12.5", "\"energy_J\":12.25");
+  EXPECT_EQ(refusal(), file + ": not the rows that " + artifact_id_of(manifest, rows) + " was named after");
+  replace(file, "\"energy_J\":12.25", "\"energy_J\":12.5");
+  EXPECT_EQ(refusal(), "opened");
+  replace(file, "\"seed\":2", "\"seed\":1");
+  EXPECT_EQ(refusal(), file + ": row 2 is rollout reach.none@0.method-a.s1, which row 1 is already");
+  replace(folder + "/manifest.json", "\"planned_rollouts\": 4", "\"planned\": 4");
+  EXPECT_EQ(refusal(), "manifest.json is not an artifact's manifest: manifest.planned_rollouts is missing");
+  replace(folder + "/manifest.json", "\"planned\": 4", "\"planned_rollouts\": 4, \"note\": 1");
+  EXPECT_EQ(refusal(), "manifest.json is not an artifact's manifest: manifest.note is unknown");
+}
+
+TEST(ArtifactManifest, NamesTheFirstDifference) {
+  const ArtifactManifest a = sample_manifest({"m"}, 1);
+  const auto difference = [&](void (*change)(ArtifactManifest&)) {
+    ArtifactManifest b = a;
+    change(b);
+    return difference_between(a, b);
+  };
+  const auto digits = [](const std::string& text) { return config::sha256_hex(text).substr(0, 12); };
+  EXPECT_EQ(difference([](ArtifactManifest&) {}), "");
+  EXPECT_EQ(difference([](ArtifactManifest& b) { b.seed_plan.seeds.pop_back(); }),
+            "the seed plan differs: A has 20 seeds, \"seeds 1 to 20, the same for every method\", B has 19 seeds, "
+            "\"seeds 1 to 20, the same for every method\"");
+  EXPECT_EQ(difference([](ArtifactManifest& b) { b.script_version = "0.2.0"; }),
+            "the script differs: A has takt 0.1.0 " + digits("sources") + ", B has takt 0.2.0 " + digits("sources"));
+  EXPECT_EQ(difference([](ArtifactManifest& b) { b.plants["reach"] = config::sha256_hex("moon"); }),
+            "the plant of task reach differs: A has " + digits("plant") + ", B has " + digits("moon"));
+  EXPECT_EQ(difference([](ArtifactManifest& b) { b.plants["walk"] = "x"; }), "the plant of task walk is only in B");
+  EXPECT_EQ(difference([](ArtifactManifest& b) { b.schema_sha256 = "0123456789abcdef"; }),
+            "the row schema differs: A has not known, B has 0123456789ab");
+}
+
+}  // namespace
+}  // namespace takt::panel

@@ -1,0 +1,174 @@
+// Goal: an artifact counts as audit-ready only when nothing that a sceptic asks for is missing.
+// Method: a whole artifact with completed post-mortems is ready; then one thing at a time is taken away.
+#include "monitor/panel/audit.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "monitor/bounded_file.hpp"
+#include "monitor/panel/post_mortem.hpp"
+#include "tests/monitor/recorded_demo.hpp"
+#include "tests/monitor/temporary_folder.hpp"
+#include "tests/panel/sample_artifact.hpp"
+#include "tests/panel/sample_rows.hpp"
+
+namespace takt::panel {
+namespace {
+
+class AuditTest : public monitor::TemporaryFolder {
+ protected:
+  const std::string folder = path("artifact");
+  std::vector<RolloutRow> rows{sample_row("fast", 1), failed_row("fast", 1)};
+  ArtifactManifest manifest = sample_manifest({"fast"}, 2);
+  AuditTest() {
+    rows[0].run_folder.clear();
+    rows[1].run_folder.clear();
+    rows[1].perturbation = "stall";
+    rows[1].dose = 400;
+  }
+  [[nodiscard]] std::string post_mortem() const { return folder + "/postmortems/reach.stall@400.fast.s1.md"; }
+  void sign(const std::string& who) const {
+    std::string text = monitor::read_file(post_mortem()).value();
+    const std::string line = "completed-by:";
+    text.replace(text.find(line), std::string::npos, line + who + "\n");
+    ASSERT_TRUE(monitor::replace_file(post_mortem(), text));
+  }
+  // Drafted and signed.
+  [[nodiscard]] Artifact whole() const {
+    Artifact artifact = write_artifact(folder, manifest, rows);
+    EXPECT_EQ(draft_post_mortems(artifact), 1U);
+    sign(" A. Tester");
+    return artifact;
+  }
+  static std::vector<std::string> missing(const Audit& audit, std::string_view name) {
+    return std::ranges::find(audit.items, name, &AuditItem::name)->missing;
+  }
+  using Missing = std::vector<std::string>;
+};
+
+TEST_F(AuditTest, AWholeArtifactIsReadyAndAnswersByName) {
+  const Artifact artifact = whole();
+  const Audit result = audit(artifact);
+  EXPECT_TRUE(result.is_ready());
+  const std::string id = artifact.manifest.artifact_id;
+  EXPECT_EQ(audit_text(result),
+            "metric contract     fast: Pr(age > 40 ms) <= 5 % at 95 % confidence\n"
+            "perturbation panel  smoke, 20 seeds (seeds 1 to 20, the same for every method): none 1, stall 1.\n"
+            "monitor state       ended in damped_stop (command_lost) 1, tracking 1\n"
+            "artifact id         " +
+                id +
+                "\n"
+                "conceptual claim    late actions destabilise\n"
+                "systems claim       how stale chunks are refused\n"
+                "evidence claim      p95 age and success under stalls\n"
+                "post-mortems        1 of 1 failed rollouts\n"
+                "audit-ready\n");
+  EXPECT_EQ(to_json(result)["audit_ready"], true);
+}
+
+TEST_F(AuditTest, AFailureWithoutACompletedPostMortemIsNotReady) {
+  const Artifact artifact = write_artifact(folder, manifest, rows);
+  EXPECT_EQ(missing(audit(artifact), "post-mortems"),
+            Missing{"row 2 failed (command_lost) and postmortems/reach.stall@400.fast.s1.md does not exist"});
+  ASSERT_EQ(draft_post_mortems(artifact), 1U);
+  const Audit drafted = audit(artifact);
+  EXPECT_EQ(missing(drafted, "post-mortems"),
+            Missing{"row 2 failed (command_lost) and nobody completed postmortems/reach.stall@400.fast.s1.md"});
+  EXPECT_FALSE(drafted.is_ready());
+  EXPECT_TRUE(audit_text(drafted).ends_with("not audit-ready: 1 missing\n"));
+  EXPECT_EQ(to_json(drafted)["audit_ready"], false);
+  sign("  ");
+  EXPECT_FALSE(audit(artifact).is_ready());
+  sign(" A. Tester");
+  EXPECT_TRUE(audit(artifact).is_ready());
+  // What a person wrote stays.
+  EXPECT_EQ(draft_post_mortems(artifact), 0U);
+  EXPECT_EQ(completed_by(monitor::read_file(post_mortem()).value()), "A. Tester");
+}
+
+TEST_F(AuditTest, NamesEveryMissingClaim) {
+  manifest.claims = {};
+  const Audit result = audit(whole());
+  for (const char* claim : {"conceptual", "systems", "evidence"}) {
+    EXPECT_EQ(missing(result, std::string(claim) + " claim"),
+              Missing{std::string("the panel file has no claims.") + claim});
+  }
+}
+
+TEST_F(AuditTest, NamesWhatThePanelLacks) {
+  rows.erase(rows.begin());
+  manifest.planned_rollouts = 1;
+  EXPECT_EQ(missing(audit(whole()), "perturbation panel"), Missing{"no rollout was nominal"});
+  ASSERT_TRUE(monitor::replace_file(folder + "/panel.yaml", "another"));
+  EXPECT_EQ(missing(audit(*open_artifact(folder)), "perturbation panel"),
+            (Missing{"no rollout was nominal", "panel.yaml is not the panel that the manifest names"}));
+  std::filesystem::remove(folder + "/panel.yaml");
+  EXPECT_EQ(missing(audit(*open_artifact(folder)), "perturbation panel").back(), "panel.yaml is not in the folder");
+}
+
+TEST_F(AuditTest, NamesHolesUnfinishedPanelsAndForeignColumns) {
+  manifest = sample_manifest({"fast", "slow"}, 4);
+  manifest.methods.at("slow").epsilon = 0;
+  rows.push_back(sample_row("slow", 1));
+  rows.back().replay_hash.clear();
+  Artifact artifact = write_artifact(folder, manifest, rows);
+  Audit result = audit(artifact);
+  EXPECT_EQ(missing(result, "metric contract"), Missing{"method slow states no freshness contract"});
+  EXPECT_EQ(missing(result, "perturbation panel"), Missing{"method slow lacks 1 of 2 conditions"});
+  EXPECT_EQ(missing(result, "monitor state"), Missing{"1 rows have no replay hash"});
+  EXPECT_EQ(missing(result, "artifact id"), Missing{"the panel is unfinished: 3 of 4 planned rollouts"});
+
+  artifact = write_artifact(path("done"), sample_manifest({"fast"}, 1), {rows[0]});
+  ASSERT_TRUE(monitor::replace_file(artifact.folder.parquet(), "PAR1"));
+  EXPECT_EQ(missing(audit(artifact), "artifact id"),
+            Missing{"rollouts.parquet does not hold the rows of rollouts.jsonl"});
+}
+
+// From records: causes by the classifier, the timeline, twenty ticks around the stop, and the command that replays.
+TEST_F(AuditTest, APostMortemIsDraftedFromTheRunFolder) {
+  rows[1].run_folder = "run";
+  const Artifact artifact = write_artifact(folder, manifest, rows);
+  (void)monitor::record_demo(folder + "/run");
+  ASSERT_EQ(draft_post_mortems(artifact), 1U);
+  const std::string text = monitor::read_file(post_mortem()).value();
+  EXPECT_TRUE(text.starts_with("# Post-mortem: reach.stall@400.fast.s1\n")) << text;
+  EXPECT_TRUE(text.ends_with("\ncompleted-by:\n")) << text;
+  for (const std::string& part :
+       std::vector<std::string>{"| failure | command_lost |", "- inference_stall: ", "| damped_stop | command_lost |",
+                                "| damped_stop (command_lost) |", "takt replay " + folder + "/run\n"}) {
+    EXPECT_NE(text.find(part), std::string::npos) << part << " in\n" << text;
+  }
+  const std::size_t table = text.find("| tick | mode |");
+  EXPECT_EQ(std::count(text.begin() + static_cast<std::ptrdiff_t>(table), text.end(), '|') / 13, 2 + 21);
+}
+
+TEST(FailureWatch, KeepsTheWorstFailureWithTenTicksOnEachSide) {
+  FailureWatch watch;
+  TickRecordHeader header;
+  header.mode = Mode::tracking;
+  for (std::uint64_t tick = 1; tick <= 100; ++tick) {
+    header.tick = tick;
+    header.previous_mode = header.mode;
+    if (tick == 30) header.mode = Mode::degraded;
+    if (tick == 50) header.mode = Mode::damped_stop;
+    if (tick == 70) header.mode = Mode::standby;
+    watch.tick(header);
+  }
+  ASSERT_EQ(watch.around().size(), 21U);
+  EXPECT_EQ(watch.around().front().tick, 40U);
+  EXPECT_EQ(watch.around().back().tick, 60U);
+  EXPECT_EQ(watch.transitions().size(), 3U);
+}
+
+TEST(FailureWatch, WithoutAStopKeepsTheLastTicks) {
+  FailureWatch watch;
+  TickRecordHeader header;
+  for (header.tick = 1; header.tick <= 100; ++header.tick) watch.tick(header);
+  EXPECT_EQ(watch.around().back().tick, 100U);
+  EXPECT_EQ(watch.around().size(), 11U);
+}
+
+}  // namespace
+}  // namespace takt::panel

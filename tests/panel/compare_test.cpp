@@ -1,0 +1,157 @@
+// Goal: methods are compared pair by pair with the right numbers, and mixtures are refused with their reason.
+// Method: artifacts whose differences are known by hand; then one planted difference at a time.
+#include "monitor/panel/compare.hpp"
+
+#include <gtest/gtest.h>
+
+#include "config/load.hpp"
+#include "monitor/panel/merge.hpp"
+#include "tests/monitor/temporary_folder.hpp"
+#include "tests/panel/sample_artifact.hpp"
+#include "tests/panel/sample_rows.hpp"
+
+namespace takt::panel {
+namespace {
+
+class CompareTest : public monitor::TemporaryFolder {
+ protected:
+  // Ten seeds, nominal and stalled. `fails(seed)` decides the stalled rollouts; ages are 20 ms + shift.
+  Artifact artifact_of(const std::string& method, double shift_ms, bool (*fails)(std::uint64_t),
+                       void (*change)(ArtifactManifest&, RolloutRow&) = nullptr) const {
+    ArtifactManifest manifest = sample_manifest({method}, 20);
+    std::vector<RolloutRow> rows;
+    for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+      for (const bool stalled : {false, true}) {
+        RolloutRow row = stalled && fails(seed) ? failed_row(method, seed) : sample_row(method, seed);
+        row.perturbation = stalled ? "stall" : "none";
+        row.dose = stalled ? 400 : 0;
+        row.age_per_command.total.p95_ms = 20 + shift_ms;
+        if (change != nullptr) change(manifest, row);
+        rows.push_back(std::move(row));
+      }
+    }
+    return write_artifact(path(method + std::to_string(folders_++)), manifest, rows);
+  }
+  mutable int folders_ = 0;
+};
+
+bool never(std::uint64_t /*seed*/) {
+  return false;
+}
+bool often(std::uint64_t seed) {
+  return seed > 2;
+}
+
+std::string refusal(const std::expected<Comparison, std::string>& comparison) {
+  return comparison ? "compared" : comparison.error();
+}
+
+const MetricDifference& metric(const GroupComparison& group, std::string_view name) {
+  return *std::ranges::find(group.metrics, name, &MetricDifference::metric);
+}
+
+TEST_F(CompareTest, PairsRowByRow) {
+  const Artifact a = artifact_of("fast", 0, often), b = artifact_of("slow", 5, never);
+  const Comparison result = compare(a, b).value();
+  EXPECT_EQ(result.pairs.size(), 20U);
+  for (const RowPair& pair : result.pairs) EXPECT_EQ(pair_key(pair.a), pair_key(pair.b));
+  ASSERT_EQ(result.groups.size(), 2U);
+  const GroupComparison& stall = result.groups[1];
+  EXPECT_EQ(stall.perturbation, "stall");
+  EXPECT_EQ(stall.success.both, 2U);
+  EXPECT_EQ(stall.success.only_b, 8U);
+  EXPECT_NEAR(stall.success.p_value, 2.0 / 256, 1e-12);
+  EXPECT_EQ(result.groups[0].success.p_value, 1);
+  EXPECT_EQ(result.pooled.success.both, 12U);
+  const MetricDifference& age = metric(result.pooled, "age_per_command.total.p95_ms");
+  EXPECT_DOUBLE_EQ(age.difference.mean, 5);
+  EXPECT_EQ(age.difference.interval, (Interval{5, 5}));
+  EXPECT_EQ(age.difference.pairs, 20U);
+  // Failed rollouts never recovered: left out of that metric, and said so.
+  EXPECT_EQ(metric(stall, "recovery_s").left_out, 8U);
+  EXPECT_EQ(metric(stall, "recovery_s").difference.pairs, 2U);
+  EXPECT_TRUE(result.notes.empty());
+  const std::string text = comparison_text(result);
+  EXPECT_NE(text.find("only A 0, only B 8, exact McNemar p = 0.00781"), std::string::npos) << text;
+  EXPECT_EQ(to_json(result)["groups"][1]["success"]["only_b"], 8);
+  EXPECT_EQ(comparison_html(result).find("<script"), std::string::npos);
+}
+
+TEST_F(CompareTest, ComparesMethodsWithinOneArtifact) {
+  const Artifact a = artifact_of("fast", 0, never), b = artifact_of("slow", 5, never);
+  const std::vector<Artifact> both{a, b};
+  const Artifact merged = merge(path("merged"), both).value();
+  EXPECT_EQ(merged.rows.size(), 40U);
+  EXPECT_EQ(merged.manifest.merged_from.size(), 2U);
+  EXPECT_EQ(refusal(compare(merged, merged)),
+            merged.folder.path() + " holds methods fast, slow; say which by --method-a");
+  EXPECT_EQ(refusal(compare(merged, merged, "fast")),
+            merged.folder.path() + " holds methods fast, slow; say which by --method-b");
+  EXPECT_EQ(refusal(compare(merged, merged, "fast", "fest")),
+            merged.folder.path() + " holds no method fest, only fast, slow");
+  EXPECT_EQ(refusal(compare(merged, merged, "fast", "fast")), "both sides are method fast of " + merged.folder.path());
+  const Comparison result = compare(merged, merged, "fast", "slow").value();
+  EXPECT_EQ(to_json(result)["pooled"], to_json(compare(a, b).value())["pooled"]);
+}
+
+// Every mixture that the rule forbids, planted one at a time, for compare and for merge.
+TEST_F(CompareTest, RefusesMixtures) {
+  const Artifact a = artifact_of("fast", 0, never);
+  const auto digits = [](const std::string& text) { return config::sha256_hex(text).substr(0, 12); };
+  const auto expect_refused = [&](void (*change)(ArtifactManifest&, RolloutRow&), const std::string& what,
+                                  const std::string& in_a, const std::string& in_b) {
+    const Artifact b = artifact_of("slow", 0, never, change);
+    EXPECT_EQ(refusal(compare(a, b)), "not comparable: the " + what + " differs: A has " + in_a + ", B has " + in_b);
+    const std::vector<Artifact> both{a, b};
+    const auto merged = merge(path("mixture"), both);
+    EXPECT_EQ(merged ? "merged" : merged.error(), "refusing the mixture: the " + what + " differs: " + a.folder.path() +
+                                                      " has " + in_a + ", " + b.folder.path() + " has " + in_b);
+  };
+  expect_refused([](ArtifactManifest& manifest, RolloutRow& row) { manifest.panel = row.panel = "other"; }, "panel",
+                 "smoke " + digits("panel"), "other " + digits("panel"));
+  expect_refused(
+      [](ArtifactManifest& manifest, RolloutRow& row) { manifest.script_version = row.script_version = "0.2.0"; },
+      "script", "takt 0.1.0 " + digits("sources"), "takt 0.2.0 " + digits("sources"));
+  expect_refused([](ArtifactManifest& manifest, RolloutRow&) { manifest.seed_plan.rule = "as they come"; }, "seed plan",
+                 "20 seeds, \"seeds 1 to 20, the same for every method\"", "20 seeds, \"as they come\"");
+  expect_refused([](ArtifactManifest& manifest,
+                    RolloutRow& row) { manifest.plants["reach"] = row.plant_sha256 = config::sha256_hex("moon"); },
+                 "plant of task reach", digits("plant"), digits("moon"));
+}
+
+TEST_F(CompareTest, MergeRefusesDoublesAndUnfinishedOnes) {
+  const Artifact a = artifact_of("fast", 0, never), again = artifact_of("fast", 0, never);
+  const auto merged = [&](const Artifact& other) {
+    const std::vector<Artifact> both{a, other};
+    const auto result = merge(path("merged"), both);
+    return result ? "merged" : result.error();
+  };
+  EXPECT_EQ(merged(again), "refusing the mixture: rollout reach.none@0.fast.s1 is in " + a.folder.path() + " and in " +
+                               again.folder.path());
+  const Artifact tuned = artifact_of("fast", 0, never, [](ArtifactManifest& manifest, RolloutRow& row) {
+    manifest.methods.at("fast").config_sha256 = row.config_sha256 = config::sha256_hex("tuned");
+  });
+  EXPECT_EQ(merged(tuned), "refusing the mixture: method fast has another configuration, policy or contract in " +
+                               tuned.folder.path() + " than in " + a.folder.path());
+  const Artifact open = write_artifact(path("open"), sample_manifest({"slow"}, 2), {sample_row("slow", 1)});
+  EXPECT_EQ(merged(open), "refusing the mixture: " + open.folder.path() + " is unfinished");
+}
+
+TEST_F(CompareTest, NotesWhatAReaderMustKnow) {
+  const Artifact a = artifact_of("fast", 0, never);
+  ArtifactManifest manifest = sample_manifest({"slow"}, 2);
+  manifest.methods.at("slow").max_age_ms = 60;
+  const Artifact b = write_artifact(path("b"), manifest, {sample_row("slow", 3)});
+  const Comparison result = compare(a, b).value();
+  EXPECT_EQ(result.notes,
+            (std::vector<std::string>{"miss rates are not compared: A's contract is Pr(age > 40 ms) <= 5 %, B's is "
+                                      "Pr(age > 60 ms) <= 5 %",
+                                      "B is unfinished: 1 of 2 planned rollouts", "19 rows of A have no partner"}));
+  for (const MetricDifference& each : result.pooled.metrics) EXPECT_FALSE(each.metric.starts_with("misses"));
+  EXPECT_EQ(result.pooled.metrics.size(), 16U);
+  const Artifact c = write_artifact(path("c"), sample_manifest({"slow"}, 1), {sample_row("slow", 20)});
+  EXPECT_EQ(refusal(compare(a, c)), "not comparable: no row of A has a partner in B");
+}
+
+}  // namespace
+}  // namespace takt::panel

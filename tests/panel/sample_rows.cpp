@@ -1,0 +1,66 @@
+#include "tests/panel/sample_rows.hpp"
+
+#include "config/load.hpp"
+
+namespace takt::panel {
+namespace {
+
+AgeRow ages(double base) {
+  AgeRow row;
+  double next = base;
+  for (AgeQuantiles* part : {&row.total, &row.sense, &row.queue, &row.infer, &row.publish, &row.hold}) {
+    *part = {.p50_ms = next, .p95_ms = next + 0.1, .p99_ms = next + 0.3};
+    next += 1.0;
+  }
+  return row;
+}
+
+}  // namespace
+
+RolloutRow sample_row(const std::string& method, std::uint64_t seed) {
+  RolloutRow row;
+  row.panel = "smoke";
+  row.panel_sha256 = config::sha256_hex("panel");
+  row.task = "reach";
+  row.method = method;
+  row.seed = seed;
+  row.perturbation = "none";
+  row.config_sha256 = config::sha256_hex("config " + method);
+  row.policy_sha256 = config::sha256_hex("policy");
+  row.plant_sha256 = config::sha256_hex("plant");
+  row.script_version = "0.1.0";
+  row.script_source_sha256 = config::sha256_hex("sources");
+  row.success = true;
+  row.final_mode = Mode::tracking;
+  row.final_cause = Cause::drives_enabled;
+  row.recovery_s = 0.25;
+  row.tracking_error_rms_m = 0.01;
+  row.tracking_error_p95_m = 0.03;
+  row.constraint_violations = 4;
+  row.ticks = 2000;
+  row.age_per_command = ages(20);
+  row.age_per_tick = ages(30);
+  row.misses_per_command = {.misses = 1, .count = 100, .rate = 0.01, .upper_bound = 0.0466};
+  row.misses_per_tick = {.misses = 3, .count = 1000, .rate = 0.003, .upper_bound = 0.0077};
+  row.safety = {1, 2, 3, 4};
+  for (std::size_t kind = 0; kind < kInterventionCount; ++kind) row.interventions[kind] = 100 + kind;
+  row.mode_share = {0.1, 0.05, 0.8, 0.03, 0.02, 0.0};
+  row.energy_J = 12.5;
+  row.peak_torque_Nm = 7.25;
+  row.replay_hash = "00ff17";
+  row.run_folder = "runs/reach-1";
+  row.host = {.wall_s = 0.5, .cpu_s = 0.4, .peak_rss_kib = 20480, .realtime_factor = 4.0};
+  return row;
+}
+
+RolloutRow failed_row(const std::string& method, std::uint64_t seed) {
+  RolloutRow row = sample_row(method, seed);
+  row.success = false;
+  row.failure_label = "command_lost";
+  row.final_mode = Mode::damped_stop;
+  row.final_cause = Cause::command_lost;
+  row.recovery_s.reset();
+  return row;
+}
+
+}  // namespace takt::panel
