@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <string_view>
 
 #include "config/load.hpp"
@@ -84,8 +85,11 @@ std::expected<Artifact, std::string> open_artifact(const std::string& path) {
 }
 
 std::string artifact_id_of(const ArtifactManifest& manifest, std::span<const RolloutRow> rows) {
+  std::vector<std::string> lines;
+  for (const RolloutRow& row : rows) lines.push_back(row_text(row, HostFields::left_out).value_or("") + "\n");
+  std::ranges::sort(lines);
   std::string text = manifest.panel_sha256 + "\n";
-  for (const RolloutRow& row : rows) text += row_text(row, HostFields::left_out).value_or("") + "\n";
+  for (const std::string& line : lines) text += line;
   return fmt::format("{}-{}", manifest.panel, config::sha256_hex(text).substr(0, kIdDigits));
 }
 

@@ -52,8 +52,8 @@ struct Artifact {
 // row schema than this program's, and a finished artifact whose rows are no longer those it was named after.
 std::expected<Artifact, std::string> open_artifact(const std::string& path);
 
-// "smoke-3f9a2c41d07b": panel, and the first digits of the SHA-256 over panel hash and all rows without host fields.
-// The same rollouts give the same id on any machine.
+// "smoke-3f9a2c41d07b": panel, and the first digits of the SHA-256 over panel hash and all rows without host fields,
+// in whatever order. The same rollouts give the same id on any machine, and merged from any shards.
 std::string artifact_id_of(const ArtifactManifest& manifest, std::span<const RolloutRow> rows);
 
 // Writes an artifact row by row. A process killed at any instant leaves whole rows and at most one torn line, which

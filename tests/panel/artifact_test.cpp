@@ -56,9 +56,11 @@ TEST_F(ArtifactTest, ComesBackAsItWasWritten) {
   EXPECT_EQ(monitor::read_file(artifact.folder.schema()).value(), rollout_schema());
 }
 
-TEST_F(ArtifactTest, TheIdDependsOnEveryRowButNotOnTheHost) {
+TEST_F(ArtifactTest, TheIdDependsOnEveryRowButNotOnHostOrOrder) {
   std::vector<RolloutRow> other = rows;
   other[3].host.wall_s = 77;
+  EXPECT_EQ(artifact_id_of(manifest, other), artifact_id_of(manifest, rows));
+  std::swap(other[0], other[2]);
   EXPECT_EQ(artifact_id_of(manifest, other), artifact_id_of(manifest, rows));
   other[3].energy_J += 1e-9;
   EXPECT_NE(artifact_id_of(manifest, other), artifact_id_of(manifest, rows));
