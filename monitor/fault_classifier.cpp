@@ -24,6 +24,14 @@ bool is_drive_or_bus(Cause cause) {
     case Cause::drive_disabled:
     case Cause::bus_off:
     case Cause::bus_down:
+    case Cause::bus_error_passive:
+    case Cause::transmit_queue_full:
+    case Cause::receive_overflow:
+    case Cause::replies_lost:
+    case Cause::replies_repeated:
+    case Cause::replies_delayed:
+    case Cause::foreign_node:
+    case Cause::bus_babble:
       return true;
     case Cause::none:
     case Cause::operator_arm:
