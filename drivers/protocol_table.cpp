@@ -67,7 +67,7 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_lone_driver(const 
 
 std::string error_name(const config::Drive& drive, std::uint32_t code) {
   const Protocol* const protocol = find_protocol(drive.protocol);
-  const std::string own_name = protocol == nullptr ? std::string() : protocol->error_name(drive, code);
+  std::string own_name = protocol == nullptr ? std::string() : protocol->error_name(drive, code);
   if (const std::string name = setup_fault_name(code); !name.empty())
     return setting_of(code) != 0 && !own_name.empty() ? name + ": " + own_name : name;
   if (!own_name.empty()) return own_name;
