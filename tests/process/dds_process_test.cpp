@@ -254,6 +254,15 @@ TEST_F(DdsTest, RequestsArmAndStopWhereTheFileAllowsThem) {
   })) << answer;
   ASSERT_TRUE(until_status([](const FastStatus& status) { return status.mode == "tracking"; })) << robot_->logs();
 
+  // A stop for another robot is not answered, let alone obeyed, for many a status.
+  constexpr std::uint64_t kForAnother = 1'000'000;
+  ASSERT_TRUE(peer_->send(kRequest, encode_request("another-robot", kForAnother, "stop")));
+  int passed = 0;
+  ASSERT_TRUE(until_status([&](const FastStatus& status) {
+    EXPECT_NE(status.request_id, kForAnother);
+    return ++passed > 10;
+  }));
+
   ASSERT_TRUE(peer_->send(kRequest, encode_request(name_, ++id, "stop")));
   const auto stopped =
       until_status([&](const FastStatus& status) { return status.request_id == id && status.mode == "damped_stop"; });
