@@ -10,14 +10,17 @@
 namespace takt::config {
 void Checker::require(bool holds, const std::string& path, std::string_view sentence) {
   if (holds) return;
-  const auto place = places_.find(path);
-  problems_.add(place == places_.end() ? Place{} : place->second, fmt::format("{}: {}", path, sentence));
+  constexpr std::string_view kJoints = "joints[";
+  const std::string named = path.starts_with(kJoints) ? joints_key_ + path.substr(kJoints.size() - 1) : path;
+  const auto place = places_.find(named);
+  problems_.add(place == places_.end() ? Place{} : place->second, fmt::format("{}: {}", named, sentence));
 }
 
 void check(const RobotConfig& robot, const Places& places, Problems& problems) {
   Checker checker(places, problems);
   check_timing(robot, checker);
   check_buses_and_ids(robot, checker);
+  check_drives(robot, checker);
   check_joints(robot, checker);
   check_model(robot, checker);
   check_policy(robot, checker);
@@ -48,6 +51,9 @@ void check_timing(const RobotConfig& robot, Checker& checker) {
       fmt::format("{} / {} = {} ticks; write 1 to {} ticks", text(f.window), text(period), ticks, kMaxWindowTicks));
   checker.require(robot.feedback.timeout.ns >= 2 * period.ns, "feedback.timeout",
                   fmt::format("{} must be at least two control periods of {}; raise it", text(robot.feedback.timeout),
+                              text(period)));
+  checker.require(robot.bus_faults.window.ns >= 10 * period.ns, "bus_faults.window",
+                  fmt::format("{} must be at least ten control periods of {}; raise it", text(robot.bus_faults.window),
                               text(period)));
   checker.require(robot.feedback.enable_timeout > robot.feedback.timeout, "feedback.enable_timeout",
                   fmt::format("{} must exceed feedback.timeout {}; raise it", text(robot.feedback.enable_timeout),

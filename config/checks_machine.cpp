@@ -146,10 +146,13 @@ void check_buses_and_ids(const RobotConfig& robot, Checker& checker) {
     for (std::size_t k = 0; k < i; ++k) check_pair_on_bus(robot, i, k, checker);
 }
 
+void check_drives(const RobotConfig& robot, Checker& checker) {
+  for (std::size_t i = 0; i < robot.joints.size(); ++i) check_drive(robot.joints[i], i, checker);
+}
+
 void check_joints(const RobotConfig& robot, Checker& checker) {
   for (std::size_t i = 0; i < robot.joints.size(); ++i) {
     const Joint& joint = robot.joints[i];
-    check_drive(joint, i, checker);
     check_drive_ranges(joint, i, checker);
     check_limits_and_gains(joint, i, checker);
   }

@@ -1,5 +1,6 @@
 #include "config/load.hpp"
 
+#include <algorithm>
 #include <filesystem>
 
 #include "config/checks.hpp"
@@ -26,15 +27,8 @@ std::string absolute_path(const std::string& written, const std::string& robot_f
   return (folder / written).lexically_normal().string();
 }
 
-}  // namespace
-
-std::expected<RobotConfig, std::string> parse(std::string_view text, const std::string& name_for_messages) {
-  Problems problems(name_for_messages);
-  const Node root = read_document(text, Tags::refuse, problems);
-  if (problems.empty() && root.kind != Node::Kind::map)
-    problems.add(root.place, "holds no robot; begin with `schema: takt.robot/1`");
-  if (!problems.empty()) return std::unexpected(problems.text());
-
+std::expected<RobotConfig, std::string> robot_of(const Node& root, const std::string& name_for_messages,
+                                                 Problems& problems) {
   RobotConfig robot;
   robot.file = name_for_messages;
   Places places;
@@ -51,6 +45,57 @@ std::expected<RobotConfig, std::string> parse(std::string_view text, const std::
   if (robot.policy) robot.policy->file = absolute_path(robot.policy->file, robot.file);
   robot.record.directory = absolute_path(robot.record.directory, robot.file);
   return robot;
+}
+
+// Where they stand in the canonical text helps nobody: complaints name the key instead.
+void forget_places(Node& node) {
+  node.place = {};
+  for (Node& item : node.items) forget_places(item);
+  for (Entry& entry : node.entries) {
+    entry.key.place = {};
+    forget_places(entry.value);
+  }
+}
+
+Node* find_by_path(Node& root, std::string_view path) {
+  Node* at = &root;
+  while (!path.empty()) {
+    const std::string_view key = path.substr(0, path.find('.'));
+    path.remove_prefix(std::min(key.size() + 1, path.size()));
+    const auto entry = std::ranges::find_if(at->entries, [key](const Entry& one) { return one.key.text == key; });
+    if (entry == at->entries.end()) return nullptr;
+    at = &entry->value;
+  }
+  return at;
+}
+
+}  // namespace
+
+std::expected<RobotConfig, std::string> parse(std::string_view text, const std::string& name_for_messages) {
+  Problems problems(name_for_messages);
+  const Node root = read_document(text, Tags::refuse, problems);
+  if (problems.empty() && root.kind != Node::Kind::map)
+    problems.add(root.place, "holds no robot; begin with `schema: takt.robot/1`");
+  if (!problems.empty()) return std::unexpected(problems.text());
+  return robot_of(root, name_for_messages, problems);
+}
+
+std::expected<RobotConfig, std::string> with_overrides(const RobotConfig& robot, std::span<const Override> overrides) {
+  Problems problems(robot.file);
+  Node root = read_document(robot.resolved, Tags::refuse, problems);
+  forget_places(root);
+  for (const Override& one : overrides) {
+    Node* const node = find_by_path(root, one.key);
+    if (node == nullptr || (node->kind != Node::Kind::scalar && node->kind != Node::Kind::null)) {
+      problems.add({}, "`" + one.key + "` is no key with a single value in a robot file; see `takt config keys`");
+      continue;
+    }
+    node->kind = Node::Kind::scalar;
+    node->text = one.value;
+    node->quoted = false;
+  }
+  if (!problems.empty()) return std::unexpected(problems.text());
+  return robot_of(root, robot.file, problems);
 }
 
 std::expected<RobotConfig, std::string> load(const std::string& path) {

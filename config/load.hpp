@@ -3,6 +3,7 @@
 #pragma once
 
 #include <expected>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -16,6 +17,14 @@ inline constexpr int kExitBadConfiguration = 65;
 // All problems found, one per line, in file order.
 std::expected<RobotConfig, std::string> load(const std::string& path);
 std::expected<RobotConfig, std::string> parse(std::string_view text, const std::string& name_for_messages);
+
+// One key of a robot file said otherwise: its dotted path ("freshness.max_age") and its value, as one would write it.
+struct Override {
+  std::string key, value;
+};
+// The same robot with these values instead of its own, judged as a whole again; defaults may be overridden too, entries
+// of lists may not. The error: one problem per line, by dotted path.
+std::expected<RobotConfig, std::string> with_overrides(const RobotConfig& robot, std::span<const Override> overrides);
 
 // Stable over processes: FNV-1a over the joint names in order.
 std::uint64_t joint_names_hash(const RobotConfig& robot);

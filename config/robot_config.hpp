@@ -70,6 +70,13 @@ struct FeedbackConfig {
   double rest_velocity = 0;  // rad/s
 };
 
+// Shares (0, 1] of the ticks in about the last window; 1 switches the fault off.
+struct BusFaults {
+  Duration window;
+  double replies_lost = 0, replies_repeated = 0, replies_delayed = 0;                               // of one joint
+  double transmit_drops = 0, receive_drops = 0, foreign_frames = 0, babble = 0, error_passive = 0;  // of one bus
+};
+
 struct Bus {
   std::string name;
   std::string interface;
@@ -214,6 +221,7 @@ struct RobotConfig {
   DegradedConfig degraded;
   std::vector<Fallback> fallbacks;
   FeedbackConfig feedback;
+  BusFaults bus_faults;
   std::vector<Bus> buses;
   std::vector<Joint> joints;
   std::optional<Model> model;  // absent: no gravity compensation, no simulation

@@ -23,9 +23,9 @@ void describe_target(Fields& fields, Simulation& simulation) {
   fields.vector3({"frequency", "along each axis"}, simulation.target_frequency, Dimension::frequency, between(0, 100));
 }
 
-void describe_simulation(Fields& fields, Simulation& simulation, const RobotConfig& robot) {
-  std::vector<std::string_view> sensors;
-  for (const Sensor& sensor : robot.sensors) sensors.emplace_back(sensor.name);
+}  // namespace
+
+void describe_physics(Fields& fields, Simulation& simulation) {
   fields.duration({"step", "integration step of the dynamics", "1 ms"}, simulation.step, microseconds(10),
                   milliseconds(10));
   fields.section({"joint_friction", "of every joint", "{}"}, [&](Fields& f) {
@@ -39,6 +39,14 @@ void describe_simulation(Fields& fields, Simulation& simulation, const RobotConf
                   simulation.drive_watchdog, milliseconds(1), seconds(10));
   fields.integer({"seed", "of every random choice in the simulation", "1"}, simulation.seed, 0,
                  std::numeric_limits<std::int64_t>::max());
+}
+
+namespace {
+
+void describe_simulation(Fields& fields, Simulation& simulation, const RobotConfig& robot) {
+  std::vector<std::string_view> sensors;
+  for (const Sensor& sensor : robot.sensors) sensors.emplace_back(sensor.name);
+  describe_physics(fields, simulation);
   bool camera = !simulation.camera_sensor.empty();
   fields.optional_section({"camera", "simulated camera that sees the target"}, camera,
                           [&](Fields& f) { describe_camera(f, simulation, sensors); });

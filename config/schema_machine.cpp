@@ -10,6 +10,8 @@ namespace {
 
 constexpr std::array<std::string_view, 2> kWhenMissing{"refuse", "loopback"};
 
+}  // namespace
+
 void describe_bus(Fields& fields, Bus& bus) {
   fields.identifier({"name", "how joints refer to this bus"}, bus.name);
   fields.identifier({"interface", "CAN network interface"}, bus.interface);
@@ -26,6 +28,8 @@ void describe_bus(Fields& fields, Bus& bus) {
   fields.choice({"when_missing", "interface absent: refuse to start, or use the built-in loopback bus", "refuse"},
                 bus.when_missing, kWhenMissing);
 }
+
+namespace {
 
 void describe_limits(Fields& fields, Limits& limits) {
   fields.interval({"position", "lowest and highest joint angle"}, limits.q_min, limits.q_max, Dimension::angle,

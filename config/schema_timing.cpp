@@ -1,4 +1,4 @@
-// Keys: control, freshness, feedback.
+// Keys: control, freshness, feedback, bus_faults.
 #include <array>
 
 #include "config/schema.hpp"
@@ -52,12 +52,32 @@ void describe_feedback(Fields& fields, FeedbackConfig& feedback) {
                   feedback.rest_velocity, Dimension::angular_velocity, above(0, 10));
 }
 
+void describe_bus_faults(Fields& fields, BusFaults& faults) {
+  const auto share = [&fields](const Key& key, double& value) {
+    fields.quantity(key, value, Dimension::none, Range{.low = 0, .high = 1, .low_open = true});
+  };
+  fields.duration(
+      {"window", "about this long is remembered; a share below is of its ticks, and 1 switches a fault off", "1 s"},
+      faults.window, milliseconds(1), seconds(3));
+  share({"replies_lost", "replies a joint owes and never sends", "0.5"}, faults.replies_lost);
+  share({"replies_repeated", "replies a joint sends beyond those it owes", "0.1"}, faults.replies_repeated);
+  share({"replies_delayed", "replies a joint sends more than two ticks late", "0.5"}, faults.replies_delayed);
+  share({"transmit_drops", "ticks in which a bus did not take a frame of ours", "0.05"}, faults.transmit_drops);
+  share({"receive_drops", "ticks in which frames of a bus were lost on this computer", "0.02"}, faults.receive_drops);
+  share({"foreign_frames", "ticks in which somebody else used our drives' ids on a bus", "0.02"},
+        faults.foreign_frames);
+  share({"babble", "ticks in which a bus carried more frames than our drives can say", "0.1"}, faults.babble);
+  share({"error_passive", "ticks in which a bus's controller was error-passive", "0.5"}, faults.error_passive);
+}
+
 }  // namespace
 
 void describe_timing(Fields& fields, RobotConfig& robot) {
   fields.section({"control", "the control loop", "{}"}, [&](Fields& f) { describe_control(f, robot.control); });
   fields.section({"freshness", "how old a command may be"}, [&](Fields& f) { describe_freshness(f, robot.freshness); });
   fields.section({"feedback", "what the drives owe"}, [&](Fields& f) { describe_feedback(f, robot.feedback); });
+  fields.section({"bus_faults", "how much of each bus fault is too much", "{}"},
+                 [&](Fields& f) { describe_bus_faults(f, robot.bus_faults); });
 }
 
 }  // namespace takt::config

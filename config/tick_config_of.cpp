@@ -77,6 +77,20 @@ pipeline::FreshnessContract contract_of(const Freshness& from, Duration period) 
           .bad_command_limit = from.bad_command_limit};
 }
 
+pipeline::BusFaultLimits bus_faults_of(const BusFaults& from, Duration period) {
+  using pipeline::share_of_ticks;
+  return {.window_ticks = static_cast<std::uint32_t>(
+              std::min<std::int64_t>(from.window.ns / period.ns, pipeline::kMaxBusFaultTicks)),
+          .replies_lost = share_of_ticks(from.replies_lost),
+          .replies_repeated = share_of_ticks(from.replies_repeated),
+          .replies_delayed = share_of_ticks(from.replies_delayed),
+          .transmit_drops = share_of_ticks(from.transmit_drops),
+          .receive_drops = share_of_ticks(from.receive_drops),
+          .foreign_frames = share_of_ticks(from.foreign_frames),
+          .babble = share_of_ticks(from.babble),
+          .error_passive = share_of_ticks(from.error_passive)};
+}
+
 pipeline::DegradedBehaviour behaviour_of(Degraded behaviour) {
   switch (behaviour) {
     case Degraded::hold:
@@ -113,6 +127,7 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
   tick.degraded_speed_scale = narrow(robot.degraded.speed_scale);
   tick.feedback_timeout = robot.feedback.timeout;
   tick.enable_timeout = robot.feedback.enable_timeout;
+  tick.bus_faults = bus_faults_of(robot.bus_faults, robot.control.period);
   tick.overrun_limit = robot.control.overrun_limit;
   tick.rest_velocity = narrow(robot.feedback.rest_velocity);
   for (std::size_t j = 0; j < robot.joints.size(); ++j) tick.joints[j] = joint_of(robot.joints[j]);

@@ -63,6 +63,17 @@ std::string silence(const JointFeedback& feedback, MonoTime now, Duration timeou
   return silent > timeout ? "silent for " + digits(silent.milliseconds(), 1) + " ms" : "";
 }
 
+// "12 frames foreign since start"; nothing when there were none.
+std::string counted(std::uint32_t frames, const std::string& what) {
+  return frames == 0 ? "" : std::to_string(frames) + " frames " + what + " since start";
+}
+
+OfJoint replies_with(ReplyFault fault, const std::string& what) {
+  return [fault, what](const JointRecord& joint, const config::Joint&) {
+    return (joint.reply_faults & bit(fault)) != 0 ? what : "";
+  };
+}
+
 }  // namespace
 
 std::string cause_detail(Cause cause, const TickRecord& record, const config::RobotConfig& robot) {
@@ -89,6 +100,27 @@ std::string cause_detail(Cause cause, const TickRecord& record, const config::Ro
     case Cause::bus_down:
       return buses_where(record, robot,
                          [](const BusHealth& bus) { return bus.state == BusState::down ? "down or gone" : ""; });
+    case Cause::bus_error_passive:
+      return buses_where(record, robot, [](const BusHealth& bus) {
+        return bus.state == BusState::error_passive ? "error-passive" : "";
+      });
+    case Cause::bus_babble:
+      return buses_where(record, robot, [](const BusHealth& bus) {
+        return bus.flooded != 0 ? "more frames than our drives say" : "";
+      });
+    case Cause::transmit_queue_full:
+      return buses_where(record, robot, [](const BusHealth& bus) { return counted(bus.tx_dropped, "not sent"); });
+    case Cause::receive_overflow:
+      return buses_where(record, robot,
+                         [](const BusHealth& bus) { return counted(bus.rx_dropped, "lost on receive"); });
+    case Cause::foreign_node:
+      return buses_where(record, robot, [](const BusHealth& bus) { return counted(bus.foreign_frames, "foreign"); });
+    case Cause::replies_lost:
+      return joints_where(record, robot, replies_with(ReplyFault::lost, "replies lost"));
+    case Cause::replies_repeated:
+      return joints_where(record, robot, replies_with(ReplyFault::repeated, "more replies than commands"));
+    case Cause::replies_delayed:
+      return joints_where(record, robot, replies_with(ReplyFault::delayed, "replies late"));
     case Cause::none:
     case Cause::operator_arm:
     case Cause::operator_stop:

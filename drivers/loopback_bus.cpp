@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "drivers/can_frame.hpp"
+#include "drivers/error_frame.hpp"
 #include "drivers/loopback_socket.hpp"
 
 namespace takt::drivers {
@@ -32,6 +33,7 @@ std::expected<std::unique_ptr<LoopbackBus>, std::string> LoopbackBus::connect(co
 
 SendResult LoopbackBus::send(const CanFrame& frame) noexcept {
   if (health_.state == BusState::down) return SendResult::bus_down;
+  if (drops_while_off(health_)) return SendResult::bus_down;
   switch (write_frame(socket_.get(), to_kernel(frame))) {
     case FrameOut::sent:
       return SendResult::sent;
@@ -67,7 +69,11 @@ std::size_t LoopbackBus::take(std::size_t fetched, std::span<ReceivedFrame> out)
       break;
     }
     const std::optional<ReceivedFrame> received = frame_of(batch_, i, clocks);
-    if (received && filter_.wants(received->frame)) out[filled++] = *received;
+    if (!received) continue;
+    if (received->frame.error)
+      note_error_frame(received->frame, health_);
+    else if (filter_.wants(received->frame))
+      out[filled++] = *received;
   }
   return filled;
 }

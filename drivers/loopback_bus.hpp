@@ -1,9 +1,9 @@
 // A CAN bus for machines without one: a node's end of the loopback hub (loopback_hub.hpp), over a Unix SOCK_SEQPACKET
 // socket that carries one struct canfd_frame per message.
 //
-// What it does not model: arbitration, bit timing, error frames. A full queue is `queue_full`, the hub's end is
-// BusState::down for good. Stamps are the kernel's, taken when the hub passed the frame on.
-// Thread rule: as CanBus; connect() is set-up.
+// What it does not model: arbitration, bit timing, error counters. The hub says the controller's error frames (injected
+// there); they act as on a real bus. A full queue is `queue_full`, the hub's end is BusState::down for good. Stamps are
+// the kernel's, taken when the hub passed the frame on. Thread rule: as CanBus; connect() is set-up.
 #pragma once
 
 #include <expected>

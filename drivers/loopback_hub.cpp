@@ -11,6 +11,7 @@
 #include <filesystem>
 
 #include "drivers/can_frame.hpp"
+#include "drivers/error_frame.hpp"
 #include "drivers/loopback_socket.hpp"
 
 namespace takt::drivers {
@@ -70,8 +71,24 @@ LoopbackHub::~LoopbackHub() {
 }
 
 SendResult LoopbackHub::send(const CanFrame& frame) noexcept {
-  pass_on(to_kernel(frame), -1);
+  if (!faults_.drop_to_nodes && !is_off()) pass_on(to_kernel(frame), -1);
   return SendResult::sent;
+}
+
+void LoopbackHub::report_error_state(BusState state) noexcept {
+  if (state == BusState::down) return;
+  health_.state = state;
+  pass_on(to_kernel(make_error_frame({.state = state})), -1);
+}
+
+void LoopbackHub::report_receive_overflow() noexcept {
+  pass_on(to_kernel(make_error_frame({.overflowed = true})), -1);
+}
+
+void LoopbackHub::lose(int from) noexcept {
+  if (!faults_.refuse_transmit || is_off()) return;
+  const canfd_frame told = to_kernel(make_error_frame({.frame_lost = true}));
+  if (write_frame(from, told) == FrameOut::full) ++health_.tx_dropped;
 }
 
 std::size_t LoopbackHub::receive(std::span<ReceivedFrame> out) noexcept {
@@ -91,7 +108,7 @@ std::size_t LoopbackHub::serve_ready(int timeout_ms, std::span<ReceivedFrame> ou
     const int socket = ready[static_cast<std::size_t>(i)].data.fd;
     if (socket == listener_.get())
       accept_nodes();
-    else
+    else if (!faults_.stalled)
       filled += serve(socket, out.subspan(filled));
   }
   return filled;
@@ -105,9 +122,13 @@ std::size_t LoopbackHub::serve(int socket, std::span<ReceivedFrame> out) noexcep
   std::size_t filled = 0;
   for (std::size_t i = 0; i < fetched.count; ++i) {
     const std::optional<ReceivedFrame> received = frame_of(batch_, i, clocks);
-    if (!received) {  // end of stream, or not a frame
+    if (!received || received->frame.error) {  // end of stream, or not a frame
       disconnect(socket);
       return filled;
+    }
+    if (is_off() || faults_.drop_from_nodes || faults_.refuse_transmit) {
+      lose(socket);
+      continue;
     }
     pass_on(batch_.frame(i), socket);
     if (filter_.wants(received->frame)) out[filled++] = *received;

@@ -37,7 +37,7 @@ FrameOut write_frame(int socket, const canfd_frame& frame) noexcept {
 std::optional<ReceivedFrame> frame_of(const MessageBatch& batch, std::size_t index, const ClockPair& clocks) noexcept {
   if (batch.size(index) != sizeof(canfd_frame)) return std::nullopt;
   const std::optional<CanFrame> frame = from_kernel(batch.frame(index));
-  if (!frame || frame->error) return std::nullopt;
+  if (!frame) return std::nullopt;
   const std::optional<std::int64_t> stamp = batch.control(index).realtime_ns;
   return ReceivedFrame{*frame, stamp ? to_monotonic(*stamp, clocks) : clocks.monotonic};
 }

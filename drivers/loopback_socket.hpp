@@ -20,7 +20,7 @@ void ask_for_stamps(int socket);  // SO_TIMESTAMPNS
 enum class FrameOut : std::uint8_t { sent, full, closed };
 FrameOut write_frame(int socket, const canfd_frame& frame) noexcept;
 
-// Message `index` of a batch as a frame with its stamp; nothing when it is no canfd_frame.
+// Message `index` of a batch as a frame (perhaps an error frame) with its stamp; nothing when it is no canfd_frame.
 std::optional<ReceivedFrame> frame_of(const MessageBatch& batch, std::size_t index, const ClockPair& clocks) noexcept;
 
 }  // namespace takt::drivers

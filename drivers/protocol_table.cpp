@@ -4,7 +4,9 @@
 #include <cmath>
 #include <cstdio>
 
+#include "drivers/cia402_driver.hpp"
 #include "drivers/mit_driver.hpp"
+#include "drivers/odrive_driver.hpp"
 
 namespace takt::drivers {
 namespace {
@@ -12,6 +14,8 @@ namespace {
 // Data path order: commands leave through one of these rows.
 constexpr std::array kProtocols{
     Protocol{config::DriveProtocol::mit, make_mit_driver, mit_traffic, mit_error_name},
+    Protocol{config::DriveProtocol::odrive, make_odrive_driver, odrive_traffic, odrive_error_name},
+    Protocol{config::DriveProtocol::cia402, make_cia402_driver, cia402_traffic, cia402_error_name},
 };
 
 std::string setup_fault_name(std::uint32_t code) {

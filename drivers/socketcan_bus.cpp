@@ -90,10 +90,7 @@ std::expected<std::unique_ptr<SocketCanBus>, std::string> SocketCanBus::open(con
 }
 
 SendResult SocketCanBus::send(const CanFrame& frame) noexcept {
-  if (health_.state == BusState::bus_off) {
-    ++health_.tx_dropped;
-    return SendResult::bus_down;
-  }
+  if (drops_while_off(health_)) return SendResult::bus_down;
   const canfd_frame raw = to_kernel(frame);
   if (::send(socket_.get(), &raw, frame.fd ? CANFD_MTU : CAN_MTU, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0) {
     if (health_.state == BusState::down) health_.state = BusState::up;
@@ -122,7 +119,10 @@ std::size_t SocketCanBus::receive(std::span<ReceivedFrame> out) noexcept {
 
 bool SocketCanBus::take(std::size_t index, const ClockPair& clocks, ReceivedFrame& out) noexcept {
   const ControlMessages control = batch_.control(index);
-  if (control.kernel_dropped) health_.rx_dropped = *control.kernel_dropped;
+  if (control.kernel_dropped) {  // the kernel's own total; the controller's overflows are counted beside it
+    health_.rx_dropped += *control.kernel_dropped - kernel_dropped_;
+    kernel_dropped_ = *control.kernel_dropped;
+  }
   canfd_frame raw = batch_.frame(index);
   // The size tells the kind; kernels before 6.2 leave the FDF flag out, and a classic frame's byte 5 is no flag.
   if (batch_.size(index) != CAN_MTU && batch_.size(index) != CANFD_MTU) return false;
@@ -130,18 +130,12 @@ bool SocketCanBus::take(std::size_t index, const ClockPair& clocks, ReceivedFram
   const std::optional<CanFrame> frame = from_kernel(raw);
   if (!frame) return false;
   if (frame->error) {
-    note_error_frame(*frame);
+    note_error_frame(*frame, health_);
     return false;
   }
   out.frame = *frame;
   out.received_at = control.realtime_ns ? to_monotonic(*control.realtime_ns, clocks) : clocks.monotonic;
   return true;
-}
-
-void SocketCanBus::note_error_frame(const CanFrame& error) noexcept {
-  const BusEvent event = read_error_frame(error);
-  if (event.state) health_.state = *event.state;
-  if (event.frame_lost) ++health_.tx_dropped;
 }
 
 }  // namespace takt::drivers

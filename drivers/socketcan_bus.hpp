@@ -31,11 +31,11 @@ class SocketCanBus final : public CanBus {
 
  private:
   bool take(std::size_t index, const ClockPair& clocks, ReceivedFrame& out) noexcept;
-  void note_error_frame(const CanFrame& error) noexcept;
 
   FileHandle socket_;
   MessageBatch batch_;
   BusHealth health_;
+  std::uint32_t kernel_dropped_ = 0;  // SO_RXQ_OVFL's newest total
 };
 
 }  // namespace takt::drivers

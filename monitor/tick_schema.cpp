@@ -69,6 +69,7 @@ constexpr TickField kBusFields[] = {
     {"bus_rx_dropped", u32, BUS(rx_dropped), in, "frames, since start"},
     {"bus_foreign_frames", u32, BUS(foreign_frames), in, "frames, since start"},
     {"bus_state", u8, BUS(state), in, "", kBusStates},
+    {"bus_flooded", u8, BUS(flooded), in, "1: more frames arrived for this tick than our drives can say"},
 };
 #undef BUS
 
@@ -95,6 +96,7 @@ constexpr TickField kJointFields[] = {
     {"kd_command", f32, JOINT(kd_command), out, "Nm s/rad"},
     {"tau_command", f32, JOINT(tau_command), out, "Nm"},
     {"interventions", u16, JOINT(interventions), out, "bit mask, see INTERVENTION constants"},
+    {"reply_faults", u8, JOINT(reply_faults), out, "bit mask: 1 lost, 2 repeated, 4 delayed"},
 };
 #undef FEEDBACK
 #undef JOINT

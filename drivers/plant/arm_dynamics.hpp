@@ -17,30 +17,19 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
+#include "drivers/plant/dynamics.hpp"
 #include "drivers/plant/serial_chain.hpp"
 #include "executive/contract/mono_time.hpp"
 
 namespace takt::plant {
 
-// Below this speed Coulomb friction acts as stiff damping instead of jumping between its two signs.
-inline constexpr double kRestSpeed = 1e-4;  // rad/s
-
-struct Friction {
-  double viscous = 0;  // Nm s/rad
-  double coulomb = 0;  // Nm
-};
-
-struct ArmState {
-  Eigen::VectorXd q, dq;
-};
-
-class ArmDynamics {
+class ArmDynamics final : public Dynamics {
  public:
   static std::expected<std::unique_ptr<ArmDynamics>, std::string> make(const config::RobotConfig& robot);
 
   [[nodiscard]] std::size_t joint_count() const { return lower_stop_.size(); }
-  // One step of at most a few milliseconds under constant torque; `friction` one entry per joint.
-  void integrate(ArmState& state, const Eigen::VectorXd& tau, const std::vector<Friction>& friction, Duration step);
+  void integrate(ArmState& state, const Eigen::VectorXd& tau, const std::vector<Friction>& friction,
+                 Duration step) override;
 
   [[nodiscard]] Eigen::MatrixXd inertia(const Eigen::VectorXd& q);
   [[nodiscard]] Eigen::VectorXd gravity_torque(const Eigen::VectorXd& q);  // what holds the arm still

@@ -1,6 +1,8 @@
 #include "drivers/plant/device_table.hpp"
 
+#include "drivers/plant/cia402_device.hpp"
 #include "drivers/plant/mit_device.hpp"
+#include "drivers/plant/odrive_device.hpp"
 
 namespace takt::plant {
 
@@ -8,11 +10,13 @@ std::unique_ptr<Device> make_device(const config::Drive& drive, Duration watchdo
   switch (drive.protocol) {
     case config::DriveProtocol::mit:
       return std::make_unique<MitDevice>(drive, watchdog);
-    case config::DriveProtocol::robstride:
     case config::DriveProtocol::odrive:
+      return std::make_unique<OdriveDevice>(drive, watchdog);
+    case config::DriveProtocol::robstride:
     case config::DriveProtocol::moteus:
-    case config::DriveProtocol::cia402:
       return nullptr;
+    case config::DriveProtocol::cia402:
+      return std::make_unique<Cia402Device>(drive, watchdog);
   }
   return nullptr;
 }

@@ -1,6 +1,7 @@
-// takt-plant: the device side of a simulated robot. Drives on the CAN buses, a rigid-body arm behind them, a camera.
-// Exit codes: 0 ended by a signal, 64 usage, 65 configuration refused, 69 a bus or socket is not to be had, 70
-// internal.
+// takt-plant: the device side of a simulated robot. Drives on the CAN buses, behind them a rigid-body arm and a camera,
+// or nothing but flywheels; and what a scenario file lets go wrong.
+// Exit codes: 0 ended by a signal, 64 usage, 65 robot, devices or scenario file refused, 69 a bus or socket is not to
+// be had, 70 internal.
 #include <sched.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
@@ -11,14 +12,17 @@
 #include <csignal>
 #include <cstdio>
 #include <ctime>
+#include <functional>
 #include <optional>
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "drivers/plant/arm_plant.hpp"
 #include "drivers/plant/camera.hpp"
+#include "drivers/plant/devices_file.hpp"
 #include "drivers/plant/pacer.hpp"
 #include "drivers/plant/plant_buses.hpp"
+#include "drivers/plant/scenario_player.hpp"
 #include "drivers/plant/sensor_server.hpp"
 #include "drivers/plant/truth_log.hpp"
 #include "drivers/receive_stamp.hpp"
@@ -32,7 +36,7 @@ constexpr Duration kTruthPeriod = milliseconds(10);
 constexpr Duration kReportPeriod = seconds(1);
 
 struct Options {
-  std::string robot, runtime_directory, truth_file;
+  std::string robot, devices, scenario, runtime_directory, truth_file;
   std::optional<std::uint64_t> seed;
   bool debug = false;
 };
@@ -75,7 +79,7 @@ struct Outputs {
   std::optional<TruthLog> truth;
 };
 
-// What happens beside the simulation itself: camera samples, the truth file, a line per second.
+// What happens beside an arm's simulation: camera samples, the truth file, a line per second.
 class Observer {
  public:
   Observer(const config::Simulation& simulation, MonoTime started, Outputs outputs)
@@ -112,15 +116,27 @@ class Observer {
   MonoTime next_truth_, next_report_;
 };
 
-void simulate(ArmPlant& arm, PlantBuses& buses, Observer& observer, Pacer& pacer) {
+struct Stage {
+  Plant& plant;
+  PlantBuses& buses;
+  ScenarioPlayer& scenario;
+  std::size_t bus_count;
+  Pacer& pacer;
+};
+
+void simulate(const Stage& stage, const std::function<void(MonoTime)>& observe) {
   while (!g_stop) {
-    sleep_until(pacer.next_wake());
+    sleep_until(stage.pacer.next_wake());
     const MonoTime now = clock_now();
-    const int steps = pacer.steps_due(now);
+    const int steps = stage.pacer.steps_due(now);
     if (steps == 0) continue;
-    if (const MonoTime newest = buses.exchange(arm); newest.is_set()) pacer.follow(newest);
-    for (int i = 0; i < steps; ++i) arm.step();
-    observer.look(arm, pacer, now);
+    if (const MonoTime newest = stage.buses.exchange(stage.plant, steps); newest.is_set()) stage.pacer.follow(newest);
+    for (int i = 0; i < steps; ++i) {
+      stage.scenario.advance(stage.plant);
+      stage.plant.step();
+    }
+    for (std::size_t bus = 0; bus < stage.bus_count; ++bus) stage.buses.set_faults(bus, stage.scenario.on_bus(bus));
+    observe(now);
   }
 }
 
@@ -140,30 +156,61 @@ std::expected<Outputs, std::string> open_outputs(const config::RobotConfig& robo
   return outputs;
 }
 
-int run(const Options& options) {
-  auto robot = config::load(options.robot);
-  if (!robot) return refuse(config::kExitBadConfiguration, robot.error());
-  auto arm = ArmPlant::make(*robot);
-  if (!arm) return refuse(config::kExitBadConfiguration, arm.error());
-  if (options.seed) robot->simulation->seed = *options.seed;
+// What the scenario wants of a bus that only the loopback hub can do. Empty: nothing amiss.
+std::string unplayable(const Scenario& scenario, const PlantBuses& buses, const std::string& file) {
+  for (const FaultEvent& event : scenario.events) {
+    const bool state =
+        event.kind == FaultKind::error_passive || event.kind == FaultKind::bus_off || event.kind == FaultKind::down;
+    if (state && !buses.has_states(event.target))
+      return file + ": bus " + event.target_name + " is an interface of the kernel; only a loopback bus can be made " +
+             text_of(event) + ": remove the event or the interface";
+  }
+  return {};
+}
+
+int serve(const Options& options, const config::RobotConfig& robot, Scenario scenario, Plant& plant, ArmPlant* arm) {
   const std::string directory =
-      options.runtime_directory.empty() ? config::default_runtime_directory(robot->robot) : options.runtime_directory;
+      options.runtime_directory.empty() ? config::default_runtime_directory(robot.robot) : options.runtime_directory;
   stop_on_signals();
-  auto outputs = open_outputs(*robot, directory, options.truth_file);
+  auto outputs = open_outputs(robot, directory, options.truth_file);
   if (!outputs) return refuse(kExitUnavailable, outputs.error());
-  auto buses = PlantBuses::open(*robot, directory);
+  auto buses = PlantBuses::open(robot, directory);
   if (!buses) return refuse(kExitUnavailable, buses.error());
+  if (const std::string why = unplayable(scenario, *buses, options.scenario); !why.empty())
+    return refuse(config::kExitBadConfiguration, why);
   for (const std::string& description : buses->descriptions()) spdlog::info("bus {}", description);
-  spdlog::info("{} joints at home, stepping every {:.3f} ms, seed {}", arm->joint_count(),
-               arm->step_length().milliseconds(), robot->simulation->seed);
+  spdlog::info("{} {}, stepping every {:.3f} ms, seed {}", plant.joint_count(),
+               arm ? "joints at home" : "devices on flywheels", plant.step_length().milliseconds(),
+               robot.simulation->seed);
 
   ask_for_punctuality();
   const MonoTime started = clock_now();
-  Observer observer(*robot->simulation, started, std::move(*outputs));
-  Pacer pacer(arm->step_length(), started + arm->step_length());
-  simulate(*arm, *buses, observer, pacer);
+  Observer observer(*robot.simulation, started, std::move(*outputs));
+  Pacer pacer(plant.step_length(), started + plant.step_length());
+  ScenarioPlayer player(std::move(scenario), robot.buses.size(),
+                        [](const std::string& line) { spdlog::info("scenario: {}", line); });
+  simulate({plant, *buses, player, robot.buses.size(), pacer}, [&](MonoTime now) {
+    if (arm) observer.look(*arm, pacer, now);
+  });
   spdlog::info("ending after {} skipped steps", pacer.skipped());
   return 0;
+}
+
+int run(const Options& options) {
+  auto robot = options.devices.empty() ? config::load(options.robot) : load_devices(options.devices);
+  if (!robot) return refuse(config::kExitBadConfiguration, robot.error());
+  if (options.seed && robot->simulation) robot->simulation->seed = *options.seed;
+  std::expected<Scenario, std::string> scenario;
+  if (!options.scenario.empty()) scenario = load_scenario(options.scenario, *robot);
+  if (!scenario) return refuse(config::kExitBadConfiguration, scenario.error());
+  if (!options.devices.empty()) {
+    auto plant = Plant::on_free_inertias(*robot);
+    if (!plant) return refuse(config::kExitBadConfiguration, plant.error());
+    return serve(options, *robot, std::move(*scenario), *plant, nullptr);
+  }
+  auto arm = ArmPlant::make(*robot);
+  if (!arm) return refuse(config::kExitBadConfiguration, arm.error());
+  return serve(options, *robot, std::move(*scenario), *arm, &*arm);
 }
 
 }  // namespace
@@ -171,11 +218,22 @@ int run(const Options& options) {
 
 int main(int argc, char** argv) {
   takt::plant::Options options;
-  CLI::App app("Simulated drives, arm and camera of one robot.\nExample: takt-plant --robot config/arm6.yaml");
-  app.add_option("--robot", options.robot, "robot file with `model` and `simulation`")->required();
-  app.add_option("--runtime-dir", options.runtime_directory, "where sockets live (default /run/takt/<robot>)");
+  CLI::App app(
+      "Simulated drives, arm and camera of one robot; or drives alone, each on a flywheel.\n"
+      "Examples:\n"
+      "  takt-plant --robot config/arm6.yaml\n"
+      "  takt-plant --robot config/arm6.yaml --scenario config/scenarios/silent_drive.yaml\n"
+      "  takt-plant --devices config/devices.yaml");
+  auto* const what = app.add_option_group("what to simulate");
+  what->add_option("--robot", options.robot, "robot file with `model` and `simulation`");
+  what->add_option("--devices", options.devices, "devices file (docs/plant-scenarios.md)");
+  what->require_option(1);
+  app.add_option("--scenario", options.scenario, "what goes wrong, and when (docs/plant-scenarios.md)");
+  app.add_option("--runtime-dir", options.runtime_directory,
+                 "where sockets live (default /run/takt/<robot>; --devices: /run/takt/devices)");
   app.add_option("--seed", options.seed, "instead of simulation.seed");
-  app.add_option("--truth", options.truth_file, "write what the arm really did to this file, as JSON lines");
+  app.add_option("--truth", options.truth_file, "--robot: write what the arm really did to this file, as JSON lines")
+      ->excludes("--devices");
   app.add_flag("--debug", options.debug, "log the distance from tool to target once per second");
   app.set_version_flag("--version", TAKT_VERSION);
   try {

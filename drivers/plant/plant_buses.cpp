@@ -1,9 +1,9 @@
 #include "drivers/plant/plant_buses.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "config/paths.hpp"
-#include "drivers/loopback_hub.hpp"
 #include "drivers/open_bus.hpp"
 #include "drivers/socketcan_bus.hpp"
 
@@ -22,30 +22,66 @@ std::expected<PlantBuses, std::string> PlantBuses::open(const config::RobotConfi
       const std::string path = config::loopback_socket(runtime_directory, bus.interface);
       auto hub = drivers::LoopbackHub::listen(path, {bus.interface, bus.fd, ids});
       if (!hub) return std::unexpected(hub.error());
-      opened.buses_.push_back(std::move(*hub));
+      drivers::LoopbackHub* const its_hub = hub->get();
+      opened.ends_.push_back({std::move(*hub), its_hub, BusTrouble(robot, i)});
       opened.descriptions_.push_back(bus.interface + ": loopback hub, served at " + path);
       continue;
     }
     auto node = drivers::open_bus(bus, runtime_directory, ids);
     if (!node) return std::unexpected(node.error());
-    opened.buses_.push_back(std::move(node->bus));
+    opened.ends_.push_back({std::move(node->bus), nullptr, BusTrouble(robot, i)});
     opened.descriptions_.push_back(std::move(node->description));
   }
   return opened;
 }
 
-MonoTime PlantBuses::exchange(ArmPlant& arm) {
+MonoTime PlantBuses::hear(End& end, std::size_t bus, Plant& plant) {
   MonoTime newest;
-  for (std::size_t bus = 0; bus < buses_.size(); ++bus) {
-    const std::size_t count = buses_[bus]->receive(received_);
+  const std::size_t count = end.bus->receive(received_);
+  for (std::size_t i = 0; i < count; ++i)
+    if (!end.trouble.loses() && plant.receive(bus, received_[i].frame, out_))
+      newest = std::max(newest, received_[i].received_at);
+  return newest;
+}
+
+void PlantBuses::let_strangers_speak(End& end, std::size_t bus, Plant& plant, int steps) {
+  strangers_.clear();
+  for (int step = 0; step < steps; ++step) end.trouble.speak(strangers_);
+  for (const drivers::CanFrame& frame : strangers_) {
+    end.bus->send(frame);
+    plant.receive(bus, frame, out_);
+  }
+}
+
+MonoTime PlantBuses::exchange(Plant& plant, int steps) {
+  MonoTime newest;
+  for (std::size_t bus = 0; bus < ends_.size(); ++bus) {
+    End& end = ends_[bus];
     out_.clear();
-    for (std::size_t i = 0; i < count; ++i)
-      if (arm.receive(bus, received_[i].frame, out_)) newest = std::max(newest, received_[i].received_at);
-    arm.collect(bus, out_);
-    // A full queue is the bus's own count; a real drive does not retry either.
-    for (const drivers::CanFrame& frame : out_) buses_[bus]->send(frame);
+    if (end.bus) newest = std::max(newest, hear(end, bus, plant));
+    if (end.bus) let_strangers_speak(end, bus, plant, steps);
+    plant.collect(bus, out_);
+    for (const drivers::CanFrame& frame : out_) {
+      end.trouble.overhear(frame, plant.now());
+      // A full queue is the bus's own count; a real drive does not retry either.
+      if (end.bus && !end.trouble.loses()) end.bus->send(frame);
+    }
   }
   return newest;
+}
+
+void PlantBuses::set_faults(std::size_t bus, const BusFaults& faults) {
+  End& end = ends_[bus];
+  const BusState before = end.trouble.faults().state;
+  if (faults == end.trouble.faults() || before == BusState::down) return;
+  end.trouble.set(faults);
+  if (faults.state == before || end.hub == nullptr) return;
+  if (faults.state == BusState::down) {
+    end.hub = nullptr;
+    end.bus.reset();  // the nodes see their connection end
+    return;
+  }
+  end.hub->report_error_state(faults.state);
 }
 
 }  // namespace takt::plant

@@ -9,26 +9,41 @@
 
 #include "config/robot_config.hpp"
 #include "drivers/can_bus.hpp"
-#include "drivers/plant/arm_plant.hpp"
+#include "drivers/loopback_hub.hpp"
+#include "drivers/plant/bus_trouble.hpp"
+#include "drivers/plant/plant.hpp"
 
 namespace takt::plant {
 
 class PlantBuses {
  public:
+  // `robot` outlives what is returned.
   static std::expected<PlantBuses, std::string> open(const config::RobotConfig& robot,
                                                      const std::string& runtime_directory);
-  // Lets the arm obey everything that arrived, sends its answers and what its drives say by themselves. Returns when
-  // the newest frame that a drive answered arrived, unset if none did. Bounded: at most kMaxFrames per bus; the rest
-  // waits.
-  MonoTime exchange(ArmPlant& arm);
+  // Lets the drives obey everything that arrived, sends their answers and what they say by themselves; strangers, if
+  // there are any, speak for `steps` steps. Returns when the newest frame that a drive answered arrived, unset if none
+  // did. Bounded: at most kMaxFrames per bus; the rest waits.
+  MonoTime exchange(Plant& plant, int steps = 1);
+  // A bus that is down stays down.
+  void set_faults(std::size_t bus, const BusFaults& faults);
+  // Whether set_faults() can put this bus into a state other than up: the hub can, an interface of the kernel cannot.
+  [[nodiscard]] bool has_states(std::size_t bus) const { return ends_[bus].hub != nullptr; }
   [[nodiscard]] const std::vector<std::string>& descriptions() const { return descriptions_; }
 
  private:
   static constexpr std::size_t kMaxFrames = 256;
-  std::vector<std::unique_ptr<drivers::CanBus>> buses_;
+  struct End {
+    std::unique_ptr<drivers::CanBus> bus;  // null: down
+    drivers::LoopbackHub* hub = nullptr;   // the bus, where it is one
+    BusTrouble trouble;
+  };
+  MonoTime hear(End& end, std::size_t bus, Plant& plant);
+  void let_strangers_speak(End& end, std::size_t bus, Plant& plant, int steps);
+
+  std::vector<End> ends_;
   std::vector<std::string> descriptions_;
   std::vector<drivers::ReceivedFrame> received_;
-  Frames out_;
+  Frames out_, strangers_;
 };
 
 }  // namespace takt::plant

@@ -23,14 +23,22 @@ struct JointFeedback {
 };
 static_assert(std::is_standard_layout_v<JointFeedback> && sizeof(JointFeedback) == 32);
 
+// What is wrong with a joint's replies over about the last window: bits, one mask per joint.
+enum class ReplyFault : std::uint8_t { lost = 1U << 0U, repeated = 1U << 1U, delayed = 1U << 2U };
+using ReplyFaultMask = std::uint8_t;
+constexpr ReplyFaultMask bit(ReplyFault fault) {
+  return static_cast<ReplyFaultMask>(fault);
+}
+
 enum class BusState : std::uint8_t { up, error_passive, bus_off, down };
 
 struct BusHealth {
-  std::uint32_t tx_dropped = 0;      // frames the kernel queue refused, since start
-  std::uint32_t rx_dropped = 0;      // frames lost on receive (SO_RXQ_OVFL), since start
+  std::uint32_t tx_dropped = 0;      // frames the kernel queue refused or the controller gave up, since start
+  std::uint32_t rx_dropped = 0;      // frames lost on receive (SO_RXQ_OVFL, controller overflows), since start
   std::uint32_t foreign_frames = 0;  // frames on our drives' ids that are none of theirs, since start
   BusState state = BusState::up;
-  std::uint8_t reserved[3] = {};
+  std::uint8_t flooded = 0;  // 1: more frames arrived for this tick than our drives can say; set at the edge
+  std::uint8_t reserved[2] = {};
 };
 static_assert(std::is_standard_layout_v<BusHealth> && sizeof(BusHealth) == 16);
 

@@ -11,7 +11,7 @@
 namespace takt {
 
 inline constexpr std::uint64_t kMagic = 0x31'30'54'4B'41'54'0A'0DULL;  // "\r\nTAKT01", little-endian
-inline constexpr std::uint32_t kAbiVersion = 1;
+inline constexpr std::uint32_t kAbiVersion = 2;
 
 struct Field {
   std::size_t offset;

@@ -21,26 +21,34 @@ inline constexpr std::size_t kModeCount = 6;
 
 enum class Cause : std::uint8_t {
   none,
-  operator_arm,       // person asks to arm
-  operator_stop,      // person asks to stop
-  operator_reset,     // person clears a latched stop or fault
-  shutdown,           // SIGTERM / SIGINT: damped stop, then exit
-  drives_enabled,     // every drive reports enabled
-  enable_timeout,     // some drive did not enable in time
-  contract_violated,  // misses in the window exceed epsilon
-  contract_restored,  // fresh without interruption for long enough
-  command_lost,       // no usable command for stop_after
-  bad_commands,       // refused messages repeatedly: integration error
-  feedback_lost,      // a joint's feedback is older than its limit
-  drive_fault,        // a drive reports an error
-  drive_disabled,     // a drive left the enabled state by itself
-  bus_off,            // CAN controller bus-off
-  bus_down,           // CAN interface down or gone
-  envelope_exceeded,  // measured position, velocity or torque outside the hard envelope
-  overrun,            // too many consecutive overruns
-  internal_error,     // our own bug: an assertion failed
+  operator_arm,         // person asks to arm
+  operator_stop,        // person asks to stop
+  operator_reset,       // person clears a latched stop or fault
+  shutdown,             // SIGTERM / SIGINT: damped stop, then exit
+  drives_enabled,       // every drive reports enabled
+  enable_timeout,       // some drive did not enable in time
+  contract_violated,    // misses in the window exceed epsilon
+  contract_restored,    // fresh without interruption for long enough
+  command_lost,         // no usable command for stop_after
+  bad_commands,         // refused messages repeatedly: integration error
+  feedback_lost,        // a joint's feedback is older than its limit
+  drive_fault,          // a drive reports an error
+  drive_disabled,       // a drive left the enabled state by itself
+  bus_off,              // CAN controller bus-off
+  bus_down,             // CAN interface down or gone
+  bus_error_passive,    // CAN controller error-passive for too much of the time
+  transmit_queue_full,  // our frames do not get out: dropped before or by the controller
+  receive_overflow,     // frames lost on our side before they could be read
+  replies_lost,         // a drive leaves too many commands unanswered
+  replies_repeated,     // more replies than commands: a frame comes twice, or two drives answer
+  replies_delayed,      // replies come in bunches, later than the tick they were due
+  foreign_node,         // frames on our ids that are none of ours: a second controller, or a malformed answer
+  bus_babble,           // more frames than our drives can say
+  envelope_exceeded,    // measured position, velocity or torque outside the hard envelope
+  overrun,              // too many consecutive overruns
+  internal_error,       // our own bug: an assertion failed
 };
-inline constexpr std::size_t kCauseCount = 19;
+inline constexpr std::size_t kCauseCount = 27;
 
 constexpr std::string_view name(Mode mode) {
   constexpr std::array<std::string_view, kModeCount> names{"standby",  "arming",      "tracking",
@@ -50,11 +58,33 @@ constexpr std::string_view name(Mode mode) {
 }
 
 constexpr std::string_view name(Cause cause) {
-  constexpr std::array<std::string_view, kCauseCount> names{
-      "none",           "operator_arm",      "operator_stop",     "operator_reset",    "shutdown",
-      "drives_enabled", "enable_timeout",    "contract_violated", "contract_restored", "command_lost",
-      "bad_commands",   "feedback_lost",     "drive_fault",       "drive_disabled",    "bus_off",
-      "bus_down",       "envelope_exceeded", "overrun",           "internal_error"};
+  constexpr std::array<std::string_view, kCauseCount> names{"none",
+                                                            "operator_arm",
+                                                            "operator_stop",
+                                                            "operator_reset",
+                                                            "shutdown",
+                                                            "drives_enabled",
+                                                            "enable_timeout",
+                                                            "contract_violated",
+                                                            "contract_restored",
+                                                            "command_lost",
+                                                            "bad_commands",
+                                                            "feedback_lost",
+                                                            "drive_fault",
+                                                            "drive_disabled",
+                                                            "bus_off",
+                                                            "bus_down",
+                                                            "bus_error_passive",
+                                                            "transmit_queue_full",
+                                                            "receive_overflow",
+                                                            "replies_lost",
+                                                            "replies_repeated",
+                                                            "replies_delayed",
+                                                            "foreign_node",
+                                                            "bus_babble",
+                                                            "envelope_exceeded",
+                                                            "overrun",
+                                                            "internal_error"};
   const auto index = static_cast<std::size_t>(cause);
   return index < names.size() ? names[index] : "invalid";
 }

@@ -79,7 +79,8 @@ struct JointRecord {
   float kd_command = 0.0F;    // Nm s/rad
   float tau_command = 0.0F;   // Nm, feed-forward
   InterventionMask interventions = 0;
-  std::uint16_t reserved = 0;
+  ReplyFaultMask reply_faults = 0;
+  std::uint8_t reserved = 0;
 };
 
 static_assert(std::is_standard_layout_v<AgeParts> && sizeof(AgeParts) == 40);
@@ -97,13 +98,13 @@ struct TickRecord {
   }
 };
 
-inline constexpr std::uint64_t kTickRecordLayout =
-    layout_hash({TAKT_FIELD(TickRecordHeader, buses), TAKT_FIELD(TickRecordHeader, operator_request),
-                 TAKT_FIELD(TickRecordHeader, joint_count), TAKT_FIELD(TickRecordHeader, age),
-                 TAKT_FIELD(TickRecordHeader, window_misses), TAKT_FIELD(TickRecordHeader, mode),
-                 TAKT_FIELD(TickRecordHeader, causes_active), TAKT_FIELD(JointRecord, feedback),
-                 TAKT_FIELD(JointRecord, q_estimate), TAKT_FIELD(JointRecord, tau_command),
-                 TAKT_FIELD(JointRecord, interventions)});
+inline constexpr std::uint64_t kTickRecordLayout = layout_hash(
+    {TAKT_FIELD(TickRecordHeader, buses), TAKT_FIELD(TickRecordHeader, operator_request),
+     TAKT_FIELD(TickRecordHeader, joint_count), TAKT_FIELD(TickRecordHeader, age),
+     TAKT_FIELD(TickRecordHeader, window_misses), TAKT_FIELD(TickRecordHeader, mode),
+     TAKT_FIELD(TickRecordHeader, causes_active), TAKT_FIELD(JointRecord, feedback),
+     TAKT_FIELD(JointRecord, q_estimate), TAKT_FIELD(JointRecord, tau_command), TAKT_FIELD(JointRecord, interventions),
+     TAKT_FIELD(JointRecord, reply_faults), TAKT_FIELD(JointFeedback, replies), TAKT_FIELD(BusHealth, flooded)});
 
 // One CAN frame as it crossed the edge, for the run's candump log. Mirrors struct canfd_frame's content.
 enum class FrameDirection : std::uint8_t { received, sent };

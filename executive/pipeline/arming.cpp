@@ -22,6 +22,20 @@ class BlockerList {
   std::size_t count_ = 0;
 };
 
+struct BusBlocker {
+  Cause cause;
+  std::string_view what;
+};
+constexpr BusBlocker kBusBlockers[] = {
+    {Cause::bus_off, "a CAN bus is off"},
+    {Cause::bus_down, "a CAN interface is down"},
+    {Cause::bus_error_passive, "a CAN controller is error-passive: check cable, termination and bit rate"},
+    {Cause::transmit_queue_full, "a CAN bus does not take our frames: is another node there to acknowledge them?"},
+    {Cause::receive_overflow, "frames of a CAN bus are lost on this computer: is it overloaded?"},
+    {Cause::foreign_node, "strange frames on our drives' ids: is a second controller on the bus?"},
+    {Cause::bus_babble, "a CAN bus carries more frames than our drives can say"},
+};
+
 std::string_view mode_blocker(Mode mode) {
   switch (mode) {
     case Mode::standby:
@@ -45,6 +59,10 @@ void list_joint(const JointRecord& joint, std::int32_t index, MonoTime now, cons
       !feedback.received_at.is_set() || now - feedback.received_at > config.feedback_timeout || !is_plausible(feedback);
   list.add_if(missing, "no recent feedback from the drive", index);
   if (missing) return;
+  const auto replies = [&joint](ReplyFault fault) { return (joint.reply_faults & bit(fault)) != 0; };
+  list.add_if(replies(ReplyFault::lost), "the drive leaves commands unanswered", index);
+  list.add_if(replies(ReplyFault::repeated), "more replies than commands: do two drives share the id?", index);
+  list.add_if(replies(ReplyFault::delayed), "the drive's replies come late and in bunches", index);
   const JointLimits& limits = config.joints[static_cast<std::size_t>(index)].limits;
   list.add_if(feedback.drive_state == DriveState::fault || feedback.error_code != 0, "the drive reports a fault",
               index);
@@ -64,8 +82,8 @@ std::size_t arming_blockers(const TickRecord& latest, const TickConfig& config, 
   list.add_if((header.causes_active & bit(Cause::bad_commands)) != 0, "commands are being refused");
   list.add_if((header.causes_active & bit(Cause::overrun)) != 0, "the control loop overruns its period");
   list.add_if((header.causes_active & bit(Cause::internal_error)) != 0, "internal error");
-  list.add_if((header.causes_active & bit(Cause::bus_off)) != 0, "a CAN bus is off");
-  list.add_if((header.causes_active & bit(Cause::bus_down)) != 0, "a CAN interface is down");
+  for (const BusBlocker& blocker : kBusBlockers)
+    list.add_if((header.causes_active & bit(blocker.cause)) != 0, blocker.what);
   for (std::size_t j = 0; j < header.joint_count && j < config.joint_count; ++j)
     list_joint(latest.joints[j], static_cast<std::int32_t>(j), header.now, config, list);
   return list.count();

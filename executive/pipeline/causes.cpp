@@ -3,6 +3,8 @@
 #include <array>
 #include <cmath>
 
+#include "executive/pipeline/bus_watch.hpp"
+
 namespace takt::pipeline {
 namespace {
 
@@ -70,8 +72,8 @@ CauseMask of_commands(const TickState& state, MonoTime now, const FreshnessContr
 
 CauseMask conditions(const TickState& state, const TickRecord& record, const TickConfig& config) {
   const bool late = config.overrun_limit != 0 && state.mode.consecutive_late >= config.overrun_limit;
-  return of_buses(record) | of_drives(state, record, config) | of_commands(state, record.header.now, config.freshness) |
-         when(late, Cause::overrun);
+  return of_buses(record) | link_faults(state.links, record, config) | of_drives(state, record, config) |
+         of_commands(state, record.header.now, config.freshness) | when(late, Cause::overrun);
 }
 
 CauseMask granted_request(const TickState& state, const TickRecord& record, CauseMask active,

@@ -1,6 +1,7 @@
 // save and load of TickState's used part.
 //
-// A keyframe is a KeyframeHeader, the fixed pieces, the words that the configured window uses, joint_count JointStates,
+// A keyframe is a KeyframeHeader, the fixed pieces, the words that the configured window uses, the link watch and
+// joint_count ReplyWatches, joint_count JointStates,
 // and the used bytes of the chunk in use (none while there is no command). The checksum covers everything after the
 // header. Little-endian, this ABI only: the magic and the layout refuse another.
 #include <bit>
@@ -31,12 +32,17 @@ constexpr std::uint64_t kStateLayout = layout_hash({{kAbiVersion, sizeof(TickSta
                                                     {offsetof(TickState, command), sizeof(CommandInUse)},
                                                     {offsetof(TickState, memory), sizeof(ObservationMemory)},
                                                     {offsetof(TickState, misses), sizeof(TickWindow)},
+                                                    {offsetof(TickState, links), sizeof(LinkWatch)},
                                                     {offsetof(TickState, joints), sizeof(JointState)},
                                                     {offsetof(TickState, chunk), sizeof(CommandChunk)}});
 
+// Of the links: everything but the joints, which are as many as the robot has.
+constexpr std::size_t kLinkBytes = offsetof(LinkWatch, joints);
+
 std::size_t fixed_bytes(std::uint32_t joint_count, std::uint32_t window_ticks) {
   return sizeof(KeyframeHeader) + sizeof(ModeState) + sizeof(Counters) + sizeof(Recovery) + sizeof(CommandInUse) +
-         sizeof(ObservationMemory) + 2 * TickWindow::saved_bytes(window_ticks) + joint_count * sizeof(JointState);
+         sizeof(ObservationMemory) + 2 * TickWindow::saved_bytes(window_ticks) + kLinkBytes +
+         joint_count * (sizeof(ReplyWatch) + sizeof(JointState));
 }
 
 std::size_t chunk_bytes(const TickState& state) {
@@ -67,6 +73,8 @@ void walk(State& state, std::uint32_t joint_count, std::uint32_t window_ticks, s
   piece(&state.memory, sizeof(state.memory));
   piece(&state.misses, TickWindow::saved_bytes(window_ticks));
   piece(&state.refusals, TickWindow::saved_bytes(window_ticks));
+  piece(&state.links, kLinkBytes);
+  piece(&state.links.joints[0], joint_count * sizeof(ReplyWatch));
   piece(&state.joints[0], joint_count * sizeof(JointState));
   piece(&state.chunk, chunk);
 }

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "executive/pipeline/arrival.hpp"
+#include "executive/pipeline/bus_watch.hpp"
 #include "executive/pipeline/causes.hpp"
 #include "executive/pipeline/freshness.hpp"
 #include "executive/pipeline/mode_machine.hpp"
@@ -83,6 +84,7 @@ void observe(TickState& state, const TickInput& input, const TickConfig& config,
     record.joints[j].feedback = input.joints[j];
     take_reply(state.joints[j].observer, input.joints[j], config.joints[j].observer_bandwidth);
   }
+  watch_links(state.links, config, record);
   const bool late = input.overrun_cause != OverrunCause::none || input.lateness >= config.period;
   state.mode.consecutive_late = late ? state.mode.consecutive_late + 1 : 0;
 }

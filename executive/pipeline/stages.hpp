@@ -10,7 +10,7 @@
 
 namespace takt::pipeline {
 
-// Inputs into the record, replies into the observers, lateness counted.
+// Inputs into the record, replies into the observers and the bus watch, lateness counted.
 void observe(TickState& state, const TickInput& input, const TickConfig& config, TickRecord& record);
 // Position and velocity of every joint at `now`.
 void estimate(const TickState& state, const TickConfig& config, TickRecord& record);

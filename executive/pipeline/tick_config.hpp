@@ -55,6 +55,24 @@ struct FreshnessContract {
 };
 inline constexpr std::uint32_t kMaxWindowTicks = 8192;
 
+// Shares of the ticks in about the last window, in 1/65536, above which a bus fault holds; kWholeShare: never.
+inline constexpr std::uint32_t kWholeShare = 65536;
+constexpr std::uint32_t share_of_ticks(double share) {
+  return static_cast<std::uint32_t>(share * kWholeShare + 0.5);
+}
+inline constexpr std::uint32_t kMaxBusFaultTicks = 32'767;
+struct BusFaultLimits {
+  std::uint32_t window_ticks = 1000;                     // 1..kMaxBusFaultTicks
+  std::uint32_t replies_lost = share_of_ticks(0.5);      // of the replies one joint owes
+  std::uint32_t replies_repeated = share_of_ticks(0.1);  // replies of one joint beyond those it owes
+  std::uint32_t replies_delayed = share_of_ticks(0.5);   // of the replies one joint owes
+  std::uint32_t transmit_drops = share_of_ticks(0.05);   // the rest: ticks in which it happened on one bus
+  std::uint32_t receive_drops = share_of_ticks(0.02);
+  std::uint32_t foreign_frames = share_of_ticks(0.02);
+  std::uint32_t babble = share_of_ticks(0.1);
+  std::uint32_t error_passive = share_of_ticks(0.5);
+};
+
 enum class DegradedBehaviour : std::uint8_t { hold, slow, fallback };
 
 struct TickConfig {
@@ -66,8 +84,9 @@ struct TickConfig {
   FreshnessContract freshness;
   DegradedBehaviour degraded = DegradedBehaviour::hold;
   float degraded_speed_scale = 0.3F;
-  Duration feedback_timeout;                   // a joint silent for longer: feedback_lost
-  Duration enable_timeout;                     // arming must succeed within it
+  Duration feedback_timeout;  // a joint silent for longer: feedback_lost
+  Duration enable_timeout;    // arming must succeed within it
+  BusFaultLimits bus_faults;
   std::uint32_t overrun_limit = 0;             // consecutive late ticks: overrun
   float rest_velocity = 0.02F;                 // rad/s: below it the damped stop holds position
   std::array<float, 3> gravity{0, 0, -9.81F};  // m/s^2 in the base frame

@@ -9,6 +9,7 @@
 #include "executive/contract/joints.hpp"
 #include "executive/contract/mode.hpp"
 #include "executive/contract/mono_time.hpp"
+#include "executive/pipeline/bus_watch.hpp"
 #include "executive/pipeline/command_in_use.hpp"
 #include "executive/pipeline/control_tick.hpp"
 #include "executive/pipeline/freshness.hpp"
@@ -60,6 +61,7 @@ struct TickState {
   ObservationMemory memory;
   TickWindow misses;
   TickWindow refusals;
+  LinkWatch links;
   JointState joints[kMaxJoints];
   CommandChunk chunk;  // of the command in use; only its used part is ever written or read
 };

@@ -9,7 +9,7 @@ namespace takt::runtime {
 namespace {
 
 // Some causes per joint, and a few of the whole robot.
-constexpr std::size_t kMaxBlockers = 4 * kMaxJoints;
+constexpr std::size_t kMaxBlockers = 8 * kMaxJoints;
 
 std::string sentence_of(const pipeline::ArmingBlocker& blocker, const std::vector<config::Joint>& joints) {
   std::string what(blocker.what);

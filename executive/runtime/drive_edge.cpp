@@ -1,5 +1,6 @@
 #include "executive/runtime/drive_edge.hpp"
 
+#include <algorithm>
 #include <utility>
 
 #include "drivers/can_frame.hpp"
@@ -23,6 +24,10 @@ void DriveEdge::offer(std::size_t bus, const drivers::ReceivedFrame& received) n
   ++foreign_frames_[bus];
 }
 
+bool DriveEdge::is_flood(std::size_t bus, std::size_t frames) const noexcept {
+  return frames > std::min(joints_of_bus_[bus].size() * drivers::kMaxFramesPerDrive, kMaxFramesPerBus - 1);
+}
+
 std::size_t DriveEdge::receive(pipeline::TickInput& input, PublishedSegments& records) noexcept {
   std::size_t total = 0;
   for (std::size_t bus = 0; bus < buses_.size(); ++bus) {
@@ -36,6 +41,7 @@ std::size_t DriveEdge::receive(pipeline::TickInput& input, PublishedSegments& re
     }
     input.buses[bus] = buses_[bus]->health();
     input.buses[bus].foreign_frames += foreign_frames_[bus];
+    input.buses[bus].flooded = is_flood(bus, count) ? 1 : 0;
   }
   for (std::size_t joint = 0; joint < joints_.size(); ++joint) input.joints[joint] = joints_[joint].driver->feedback();
   return total;

@@ -2,7 +2,9 @@
 //
 // Order on the wire, every tick: bus by bus in configuration order, on each bus its joints in configuration order, each
 // joint's frames in the order its driver wrote them. Receiving is bounded: at most kMaxFramesPerBus per bus and tick;
-// the rest waits in the kernel's queue for the next tick. Thread rule: control thread, after construction. No
+// the rest waits in the kernel's queue for the next tick. A drive answers each of its frames once: more than
+// kMaxFramesPerDrive per joint, or a full portion, is more than our drives can say, and the bus's health says `flooded`
+// for that tick. Thread rule: control thread, after construction. No
 // allocation or lock; system calls: the buses' send and receive.
 #pragma once
 
@@ -39,6 +41,7 @@ class DriveEdge {
             Clock& clock, PublishedSegments& records) noexcept;
 
  private:
+  [[nodiscard]] bool is_flood(std::size_t bus, std::size_t frames) const noexcept;
   void offer(std::size_t bus, const drivers::ReceivedFrame& received) noexcept;
 
   std::vector<std::unique_ptr<drivers::CanBus>> buses_;

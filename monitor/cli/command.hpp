@@ -32,13 +32,14 @@ void add_reset(CLI::App& app, int& exit_code);
 void add_status(CLI::App& app, int& exit_code);
 void add_report(CLI::App& app, int& exit_code);
 void add_replay(CLI::App& app, int& exit_code);
+void add_panel(CLI::App& app, int& exit_code);
 void add_trace(CLI::App& app, int& exit_code);
 void add_config(CLI::App& app, int& exit_code);
 void add_bus(CLI::App& app, int& exit_code);
 void add_joint(CLI::App& app, int& exit_code);
 void add_audit(CLI::App& app, int& exit_code);
 void add_compare(CLI::App& app, int& exit_code);
-void add_panel(CLI::App& app, int& exit_code);
+void add_panel_run(CLI::App& panel, int& exit_code);       // below add_panel's
 void add_panel_merge(CLI::App& panel, int& exit_code);     // below add_panel's
 void add_config_import(CLI::App& config, int& exit_code);  // below add_config's
 

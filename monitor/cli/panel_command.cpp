@@ -6,6 +6,7 @@ namespace takt::cli {
 void add_panel(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("panel", "Panels of rollouts and their artifacts.");
   command->require_subcommand(1);
+  add_panel_run(*command, exit_code);
   add_panel_merge(*command, exit_code);
 }
 

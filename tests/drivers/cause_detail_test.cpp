@@ -57,6 +57,11 @@ TEST_F(CauseDetail, TellsWhereTheEnvelopeWasLeft) {
 TEST_F(CauseDetail, NamesTheBus) {
   record->header.buses[1].state = BusState::bus_off;
   EXPECT_EQ(detail(Cause::bus_off), "bus can1: bus-off");
+  record->header.buses[0].foreign_frames = 12;
+  EXPECT_EQ(detail(Cause::foreign_node), "bus can0: 12 frames foreign since start");
+  record->joints[2].reply_faults = bit(ReplyFault::lost) | bit(ReplyFault::delayed);
+  EXPECT_EQ(detail(Cause::replies_delayed), "joint elbow: replies late");
+  EXPECT_EQ(detail(Cause::replies_repeated), "");
 }
 
 }  // namespace

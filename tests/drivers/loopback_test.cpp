@@ -172,6 +172,120 @@ TEST_F(Loopback, ANodeThatSendsNonsenseIsDisconnected) {
   EXPECT_EQ(witness->receive(got), 0U);
 }
 
+TEST_F(Loopback, ControllerStatesActOnANodeAsOnARealBus) {
+  listen("states");
+  const auto a = node();
+  hub->report_error_state(BusState::error_passive);
+  EXPECT_EQ(a->receive(got), 0U) << "error frames do not come out";
+  EXPECT_EQ(a->health().state, BusState::error_passive);
+  EXPECT_EQ(a->send(numbered(0x10, 1)), SendResult::sent) << "an error-passive node still takes part";
+  EXPECT_EQ(hub->receive(got), 1U);
+
+  ASSERT_EQ(a->send(numbered(0x10, 2)), SendResult::sent);
+  hub->report_error_state(BusState::bus_off);
+  hub->send(numbered(0x20, 3));
+  EXPECT_EQ(hub->receive(got), 0U) << "a frame crossed a bus that is off";
+  EXPECT_EQ(a->receive(got), 0U);
+  EXPECT_EQ(a->health().state, BusState::bus_off);
+  EXPECT_EQ(a->health().tx_dropped, 0U);
+  EXPECT_EQ(a->send(numbered(0x10, 4)), SendResult::bus_down);
+  EXPECT_EQ(a->health().tx_dropped, 1U);
+
+  hub->report_error_state(BusState::up);
+  EXPECT_EQ(a->receive(got), 0U);
+  EXPECT_EQ(a->health().state, BusState::up);
+  EXPECT_EQ(a->send(numbered(0x10, 5)), SendResult::sent);
+  ASSERT_EQ(hub->receive(got), 1U);
+  EXPECT_EQ(got[0].frame.data[0], 5) << "a stale frame came out after the restart";
+  hub->report_error_state(BusState::down);
+  a->receive(got);
+  EXPECT_EQ(a->health().state, BusState::up) << "no controller says that";
+}
+
+TEST_F(Loopback, ARestartedControllerIsUpAgain) {
+  listen("restarted");
+  const auto a = node();
+  CanFrame restarted;
+  restarted.error = true;
+  restarted.id = 0x100;
+  restarted.length = 8;
+  hub->report_error_state(BusState::error_passive);
+  hub->send(restarted);
+  EXPECT_EQ(a->receive(got), 0U);
+  EXPECT_EQ(a->health().state, BusState::up);
+}
+
+TEST_F(Loopback, LossesAreCountedWhereAControllerCountsThem) {
+  listen("losses");
+  const auto a = node();
+  const auto b = node();
+  hub->report_receive_overflow();
+  a->receive(got);
+  EXPECT_EQ(a->health().rx_dropped, 1U);
+  hub->inject({.refuse_transmit = true});
+  EXPECT_EQ(a->send(numbered(0x10, 1)), SendResult::sent) << "the controller gives up later";
+  EXPECT_EQ(hub->receive(got), 0U);
+  EXPECT_EQ(a->receive(got), 0U);
+  EXPECT_EQ(a->health().tx_dropped, 1U);
+  EXPECT_EQ(b->receive(got), 0U);
+  EXPECT_EQ(b->health().tx_dropped, 0U) << "the sender's loss only";
+  hub->inject({});
+  a->send(numbered(0x10, 2));
+  EXPECT_EQ(hub->receive(got), 1U);
+}
+
+TEST_F(Loopback, DropsFramesOneWayAtATime) {
+  listen("one_way");
+  const auto a = node();
+  hub->inject({.drop_from_nodes = true});
+  a->send(numbered(0x10, 1));
+  EXPECT_EQ(hub->receive(got), 0U);
+  hub->send(numbered(0x20, 2));
+  EXPECT_EQ(a->receive(got), 1U);
+  EXPECT_EQ(a->health().tx_dropped, 0U) << "lost without a word";
+  hub->inject({.drop_to_nodes = true});
+  hub->send(numbered(0x20, 3));
+  EXPECT_EQ(a->receive(got), 0U);
+  a->send(numbered(0x10, 4));
+  EXPECT_EQ(hub->receive(got), 1U);
+}
+
+TEST_F(Loopback, AStallFillsTheQueuesAndLetsTheBacklogFlowAfterwards) {
+  listen("stall");
+  const auto a = node();
+  hub->inject({.stalled = true});
+  std::size_t queued = 0;
+  while (queued < 100'000 && a->send(numbered(0x10, 1)) == SendResult::sent) {
+    ++queued;
+    if (queued % 64 == 0) {
+      EXPECT_EQ(hub->receive(got), 0U);
+    }
+  }
+  EXPECT_LT(queued, 100'000U);
+  EXPECT_EQ(a->health().tx_dropped, 1U);
+  const auto late = node();
+  EXPECT_EQ(hub->node_count(), 2U) << "a stalled bus still takes nodes";
+  hub->inject({});
+  std::size_t flowed = 0;
+  for (std::size_t n = hub->receive(got); n > 0; n = hub->receive(got)) flowed += n;
+  EXPECT_EQ(flowed, queued);
+}
+
+TEST_F(Loopback, ANodeMayNotSpeakForTheController) {
+  listen("forged");
+  const auto witness = node();
+  const auto rogue = node();
+  CanFrame forged;
+  forged.error = true;
+  forged.id = 0x40;
+  forged.length = 8;
+  rogue->send(forged);
+  hub->pump({});
+  EXPECT_EQ(hub->node_count(), 1U);
+  witness->receive(got);
+  EXPECT_EQ(witness->health().state, BusState::up);
+}
+
 TEST_F(Loopback, HoldsAtMostItsNumberOfNodes) {
   listen("crowd");
   std::vector<std::unique_ptr<LoopbackBus>> nodes;

@@ -101,6 +101,17 @@ TEST(SocketCanBus, BusOffStopsSendingUntilTheControllerRestarts) {
   EXPECT_EQ(pair.bus->send({}), SendResult::sent);
 }
 
+TEST(SocketCanBus, AnOverrunControllerCountsAsReceiveLoss) {
+  Pair pair;
+  canfd_frame overflow = raw_frame(CAN_ERR_FLAG | 0x4, 8);
+  overflow.data[1] = 0x01;
+  pair.arrive(overflow, CAN_MTU);
+  pair.arrive(overflow, CAN_MTU);
+  EXPECT_EQ(pair.receive(), 0U);
+  EXPECT_EQ(pair.bus->health().rx_dropped, 2U);
+  EXPECT_EQ(pair.bus->health().state, BusState::up);
+}
+
 TEST(SocketCanBus, AFullQueueDropsAndCounts) {
   Pair pair;
   SendResult result = SendResult::sent;

@@ -112,10 +112,13 @@ class Session {
     for (std::size_t j = 0; j < kJoints; ++j) {
       JointFeedback& feedback = input_.joints[j];
       feedback.received_at = input_.now - microseconds(source.byte());
+      ++feedback.replies;
       feedback.drive_state = DriveState::enabled;
       feedback.q = output_->setpoints[j].q;
       if (wild) source.copy_to(&feedback.q, sizeof(feedback.q));
+      if (wild) feedback.replies = source.byte();
     }
+    if (wild) source.copy_to(&input_.buses[0], sizeof(BusHealth));
   }
   void give_message(Source& source, bool behind_a_sound_header) {
     CommandHeader& header = chunk_->header;

@@ -76,6 +76,7 @@ void VirtualRobot::sense() {
   for (std::size_t joint = 0; joint < config_.joint_count; ++joint) {
     JointFeedback& feedback = input_->joints[joint];
     feedback.received_at = input_->now - microseconds(300 + static_cast<std::int64_t>(joint));
+    ++feedback.replies;
     feedback.drive_state = output_->drives_enabled ? DriveState::enabled : DriveState::disabled;
     const float step = output_->setpoints[joint].kp > 0 ? 0.02F * (output_->setpoints[joint].q - feedback.q) : 0.0F;
     feedback.q += step;

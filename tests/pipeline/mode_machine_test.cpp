@@ -13,14 +13,33 @@ namespace {
 
 // From standby, arming, tracking, degraded, damped_stop, fault_latched. '.': no reaction.
 const std::map<Cause, std::string>& expected() {
-  static const std::map<Cause, std::string> rows{
-      {Cause::none, "......"},           {Cause::operator_arm, "a....."},      {Cause::operator_stop, ".ppp.."},
-      {Cause::operator_reset, "....ss"}, {Cause::shutdown, ".ppp.."},          {Cause::drives_enabled, ".t...."},
-      {Cause::enable_timeout, ".f...."}, {Cause::contract_violated, "..d..."}, {Cause::contract_restored, "...t.."},
-      {Cause::command_lost, ".ppp.."},   {Cause::bad_commands, ".ppp.."},      {Cause::feedback_lost, ".ffff."},
-      {Cause::drive_fault, ".ffff."},    {Cause::drive_disabled, "..fff."},    {Cause::bus_off, ".ffff."},
-      {Cause::bus_down, ".ffff."},       {Cause::envelope_exceeded, ".ppp.."}, {Cause::overrun, ".ppp.."},
-      {Cause::internal_error, ".ffff."}};
+  static const std::map<Cause, std::string> rows{{Cause::none, "......"},
+                                                 {Cause::operator_arm, "a....."},
+                                                 {Cause::operator_stop, ".ppp.."},
+                                                 {Cause::operator_reset, "....ss"},
+                                                 {Cause::shutdown, ".ppp.."},
+                                                 {Cause::drives_enabled, ".t...."},
+                                                 {Cause::enable_timeout, ".f...."},
+                                                 {Cause::contract_violated, "..d..."},
+                                                 {Cause::contract_restored, "...t.."},
+                                                 {Cause::command_lost, ".ppp.."},
+                                                 {Cause::bad_commands, ".ppp.."},
+                                                 {Cause::feedback_lost, ".ffff."},
+                                                 {Cause::drive_fault, ".ffff."},
+                                                 {Cause::drive_disabled, "..fff."},
+                                                 {Cause::bus_off, ".ffff."},
+                                                 {Cause::bus_down, ".ffff."},
+                                                 {Cause::bus_error_passive, ".ppp.."},
+                                                 {Cause::transmit_queue_full, ".ppp.."},
+                                                 {Cause::receive_overflow, ".ppp.."},
+                                                 {Cause::replies_lost, ".ppp.."},
+                                                 {Cause::replies_repeated, ".ppp.."},
+                                                 {Cause::replies_delayed, ".ppp.."},
+                                                 {Cause::foreign_node, ".ppp.."},
+                                                 {Cause::bus_babble, ".ppp.."},
+                                                 {Cause::envelope_exceeded, ".ppp.."},
+                                                 {Cause::overrun, ".ppp.."},
+                                                 {Cause::internal_error, ".ffff."}};
   return rows;
 }
 
@@ -75,6 +94,20 @@ RC_GTEST_PROP(ModeMachine, NoSetOfCausesBreaksALatch, (CauseMask causes)) {
   RC_ASSERT(is_latched(decide(Mode::damped_stop, without_reset).to));
   RC_ASSERT(decide(Mode::fault_latched, without_reset).to == Mode::fault_latched);
   RC_ASSERT(decide(Mode::standby, causes & ~bit(Cause::operator_arm)).to == Mode::standby);
+}
+
+// Of bus faults at once the one nearest to the root names the transition: babble overflows queues, and that loses
+// replies; a bus that is off or down outweighs them all.
+TEST(ModeMachine, BusFaultsRankByTheirRoot) {
+  const Cause from_leaf_to_root[] = {
+      Cause::bus_error_passive,   Cause::replies_delayed,  Cause::replies_repeated, Cause::replies_lost,
+      Cause::transmit_queue_full, Cause::receive_overflow, Cause::bus_babble,       Cause::foreign_node,
+      Cause::feedback_lost,       Cause::bus_off,          Cause::bus_down};
+  CauseMask together = 0;
+  for (const Cause cause : from_leaf_to_root) {
+    together |= bit(cause);
+    EXPECT_EQ(name(decide(Mode::tracking, together).cause), name(cause));
+  }
 }
 
 TEST(ModeMachine, AFaultWinsOverTheResetThatCameWithIt) {

@@ -82,6 +82,7 @@ void Rig::sense() {
     if (drive.silent) continue;
     JointFeedback& feedback = input.joints[j];
     feedback.received_at = now - microseconds(300);
+    ++feedback.replies;
     feedback.q = drive.q;
     feedback.dq = drive.dq;
     feedback.tau = drive.tau;

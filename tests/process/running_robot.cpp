@@ -71,10 +71,12 @@ std::optional<int> Child::wait(std::chrono::seconds limit) {
   return std::nullopt;
 }
 
-RunningRobot::RunningRobot() {
+RunningRobot::RunningRobot(const std::string& scenario) {
   std::string pattern = (std::filesystem::temp_directory_path() / "takt-test.XXXXXX").string();
   directory_ = mkdtemp(pattern.data());
-  plant_ = start("takt-plant", {}, "plant");
+  std::vector<std::string> faults;
+  if (!scenario.empty()) faults = {"--scenario", scenario};
+  plant_ = start("takt-plant", faults, "plant");
   executive_ = start("takt-executive", {"--allow-non-realtime"}, "executive");
   monitor_ = start_monitor("run");
 }

@@ -36,8 +36,9 @@ class Child {
 
 class RunningRobot {
  public:
-  // Starts takt-plant, takt-executive and takt-monitor for config/arm6.yaml; no policy yet.
-  RunningRobot();
+  // Starts takt-plant, takt-executive and takt-monitor for config/arm6.yaml; no policy yet. `scenario`: file of what
+  // goes wrong in the plant.
+  explicit RunningRobot(const std::string& scenario = {});
   ~RunningRobot();
   RunningRobot(const RunningRobot&) = delete;
   RunningRobot& operator=(const RunningRobot&) = delete;

@@ -1,0 +1,96 @@
+// One CANopen CiA 402 drive, host side: set-up, cyclic process data, joint units in and out.
+//
+// phase      while                         frames per tick (SYNC besides, see below)        drive_state
+// set-up     until the drive is            NMT or one SDO question, at most, and only       unknown; disabled after a
+//            operational as we want it     while `enable` is false                          reboot; fault when it
+//            failed
+// cyclic     its heartbeat says so         one RPDO                                         as the statusword says
+// Back to set-up: the drive boots, or reports another NMT state, or a lost heartbeat is to be cleared.
+//
+// enable false: controlword 00 (disable voltage), with a rising edge of 80 now and then while the drive reports a
+//   fault. RPDO and SYNC go on, so position is reported every tick.
+// enable rising: 06, 07, 0F, each when the statusword asks for it. Until then, and in every frame before operation is
+//   enabled, the target is one that pushes nowhere. Enabled is what the drive calls "operation enabled", nothing less.
+// enabled once: a drive that leaves operation by itself, whatever for, gets 00 until `enable` was false in between.
+// Faults: error_code is the newest EMCY code (kGenericError if none was heard); no heartbeat for three of its periods
+//   is kHeartbeatLost, until set-up went through again; SetupFault as in cia402_setup.hpp.
+//
+// SYNC is the bus's: exactly one driver sends it, after its own frames, in every tick: that of the last cia402 joint on
+// the bus, so that every RPDO of the tick is out before. At most 3 frames per tick.
+// Velocity comes from position: differences over whole ticks, low-passed at velocity_bandwidth. What targets mean:
+// cia402_law.hpp; a reading older than max_reading_ticks turns every target into one that pushes nowhere.
+// `budget` has no field here; see cia402_setup.hpp for the drive's own watchdog. Thread rule: as JointDriver.
+#pragma once
+
+#include "drivers/cia402_codec.hpp"
+#include "drivers/cia402_law.hpp"
+#include "drivers/cia402_setup.hpp"
+#include "drivers/protocol_table.hpp"
+
+namespace takt::drivers {
+
+struct Cia402DriveSettings {
+  cia402::Scale scale;
+  cia402::SetupValues setup;
+  cia402::SetupPatience patience;
+  JointMapping mapping;
+  Duration period = milliseconds(1);  // between calls of encode()
+  float velocity_bandwidth = 200;     // rad/s
+  std::uint32_t max_reading_ticks = 20;
+  std::uint32_t max_heartbeat_ticks = 300;
+  bool sends_sync = true;
+};
+
+class Cia402Driver final : public JointDriver {
+ public:
+  static constexpr std::uint32_t kGenericError = 0x1000, kHeartbeatLost = 0x8130;  // CiA 301 error codes
+
+  explicit Cia402Driver(const Cia402DriveSettings& settings) noexcept;
+
+  std::size_t encode(bool enable, const DriveSetpoint& setpoint, Duration budget,
+                     std::span<CanFrame> out) noexcept override;
+  bool decode(const ReceivedFrame& received) noexcept override;
+  [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }
+  // Frames on the drive's ids that this protocol does not know.
+  [[nodiscard]] std::uint64_t malformed_frames() const noexcept { return malformed_frames_; }
+  // What the drive said to SetupFault::setup_refused; 0: nothing yet.
+  [[nodiscard]] std::uint32_t abort_code() const noexcept { return setup_.abort_code(); }
+  [[nodiscard]] const cia402::Setup& setup() const noexcept { return setup_; }
+
+ private:
+  enum class Wish : std::uint8_t { disable, enter, drive, left };
+  void note_wish(bool enable) noexcept;
+  void note_silence(bool enable) noexcept;
+  [[nodiscard]] CanFrame command(const DriveSetpoint& setpoint) noexcept;
+  std::uint16_t way_down() noexcept;
+  bool obey(const ReceivedFrame& received) noexcept;
+  bool take_report(const ReceivedFrame& received) noexcept;
+  bool take_heartbeat(const CanFrame& frame) noexcept;
+  bool take_emergency(const CanFrame& frame) noexcept;
+  bool take_sdo(const CanFrame& frame) noexcept;
+  void estimate_velocity(std::int32_t position) noexcept;
+  void start_over() noexcept;
+  void refresh_state() noexcept;
+
+  Cia402DriveSettings settings_;
+  cia402::Setup setup_;
+  JointFeedback feedback_;
+  std::uint64_t malformed_frames_ = 0;
+  Wish wish_ = Wish::disable;
+  cia402::PowerState power_ = cia402::PowerState::undefined;  // of the newest TPDO since set-up
+  cia402::Measured measured_;
+  std::uint16_t emergency_ = 0;
+  bool seen_ = false;                                  // the drive was operational once
+  bool heartbeat_lost_ = false;                        // latched until set-up went through again
+  std::uint32_t reading_age_ = 0, heartbeat_age_ = 0;  // ticks
+  bool has_reading_ = false;                           // since set-up
+  std::uint32_t reset_ticks_ = 0;
+};
+
+// The protocol's row in the table.
+std::expected<std::unique_ptr<JointDriver>, std::string> make_cia402_driver(const config::RobotConfig& robot,
+                                                                            std::size_t joint);
+std::vector<FrameTraffic> cia402_traffic(const config::RobotConfig& robot, std::size_t joint);
+std::string cia402_error_name(const config::Drive& drive, std::uint32_t code);
+
+}  // namespace takt::drivers

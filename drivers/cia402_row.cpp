@@ -1,0 +1,156 @@
+// CiA 402's row of the protocol table: configuration to driver, traffic, names of error codes.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "drivers/cia402_driver.hpp"
+
+namespace takt::drivers {
+namespace {
+
+bool is_last_of_its_bus(const config::RobotConfig& robot, std::size_t joint) {
+  for (std::size_t later = joint + 1; later < robot.joints.size(); ++later)
+    if (robot.joints[later].bus == robot.joints[joint].bus &&
+        robot.joints[later].drive.protocol == config::DriveProtocol::cia402)
+      return false;
+  return true;
+}
+
+std::uint32_t ticks_in(Duration span, Duration period) {
+  return static_cast<std::uint32_t>(std::clamp<std::int64_t>((span.ns + period.ns - 1) / period.ns, 1, 1'000'000));
+}
+
+cia402::Scale scale_of(const config::Joint& joint) {
+  const config::Drive& drive = joint.drive;
+  // 1e-9: three tenths are three tenths, however they are stored.
+  const double per_mille = std::floor(1000 * drive.torque_range / drive.rated_torque + 1e-9);
+  return {.mode = drive.mode,
+          .counts_per_turn = static_cast<double>(drive.counts_per_turn),
+          .rated_torque = static_cast<float>(drive.rated_torque),
+          .most_per_mille =
+              static_cast<std::int16_t>(std::clamp(per_mille, 0.0, double{std::numeric_limits<std::int16_t>::max()})),
+          .velocity_limit = static_cast<float>(joint.limits.velocity * drive.gear_ratio)};
+}
+
+const char* wrong_with(const config::Drive& drive) {
+  if (drive.id < 1 || drive.id > 127) return "cia402 node numbers are 1 to 127: correct id";
+  if (drive.counts_per_turn == 0) return "counts_per_turn must be positive: the units of object 6064 per motor turn";
+  const bool positive = std::isfinite(drive.rated_torque) && drive.rated_torque > 0 &&
+                        std::isfinite(drive.torque_range) && drive.torque_range > 0;
+  if (!positive) return "rated_torque and torque_range must be positive";
+  if (drive.rated_torque > 4e6) return "rated_torque does not fit object 6076, which counts mNm in 32 bits";
+  if (drive.torque_range * 1000 < drive.rated_torque)
+    return "torque_range is below a thousandth of rated_torque, the drive's smallest torque: check both";
+  return nullptr;
+}
+
+struct NamedCode {
+  std::uint32_t code;
+  const char* name;
+};
+constexpr std::array kCodes{
+    NamedCode{0x2310, "over-current"},
+    NamedCode{0x2350, "overload (I2t)"},
+    NamedCode{0x3110, "over-voltage of the supply"},
+    NamedCode{0x3120, "under-voltage of the supply"},
+    NamedCode{0x3210, "over-voltage of the DC link"},
+    NamedCode{0x3220, "under-voltage of the DC link"},
+    NamedCode{0x4310, "drive over-temperature"},
+    NamedCode{0x7121, "motor blocked"},
+    NamedCode{0x7305, "encoder"},
+    NamedCode{0x8100, "communication"},
+    NamedCode{0x8110, "CAN overrun"},
+    NamedCode{0x8120, "CAN error passive"},
+    NamedCode{0x8130, "heartbeat lost"},
+    NamedCode{0x8140, "recovered from bus-off"},
+    NamedCode{0x8210, "PDO with too few bytes"},
+    NamedCode{0x8250, "the drive missed its commands (RPDO deadline)"},
+    NamedCode{0x8611, "following error"},
+};
+// By the code's first byte; CiA 301.
+constexpr std::array kClasses{
+    NamedCode{0x10, "generic error"},
+    NamedCode{0x20, "current"},
+    NamedCode{0x21, "input current"},
+    NamedCode{0x22, "current inside the drive"},
+    NamedCode{0x23, "output current"},
+    NamedCode{0x30, "voltage"},
+    NamedCode{0x31, "supply voltage"},
+    NamedCode{0x32, "voltage inside the drive"},
+    NamedCode{0x33, "output voltage"},
+    NamedCode{0x40, "temperature"},
+    NamedCode{0x41, "ambient temperature"},
+    NamedCode{0x42, "temperature of the drive"},
+    NamedCode{0x43, "temperature of the drive"},
+    NamedCode{0x50, "drive hardware"},
+    NamedCode{0x60, "drive software"},
+    NamedCode{0x61, "internal software"},
+    NamedCode{0x62, "user software"},
+    NamedCode{0x63, "data set"},
+    NamedCode{0x70, "additional modules"},
+    NamedCode{0x71, "power section"},
+    NamedCode{0x73, "sensor"},
+    NamedCode{0x80, "monitoring"},
+    NamedCode{0x81, "communication"},
+    NamedCode{0x82, "CANopen protocol"},
+    NamedCode{0x83, "torque control"},
+    NamedCode{0x84, "velocity control"},
+    NamedCode{0x86, "positioning"},
+    NamedCode{0x90, "external error"},
+    NamedCode{0xF0, "additional functions"},
+    NamedCode{0xFF, "maker's own error"},
+};
+
+template <std::size_t kCount>
+const char* name_in(const std::array<NamedCode, kCount>& table, std::uint32_t code) {
+  const auto* found = std::ranges::find(table, code, &NamedCode::code);
+  return found == table.end() ? nullptr : found->name;
+}
+
+}  // namespace
+
+std::expected<std::unique_ptr<JointDriver>, std::string> make_cia402_driver(const config::RobotConfig& robot,
+                                                                            std::size_t joint) {
+  const config::Joint& wanted = robot.joints[joint];
+  const config::Drive& drive = wanted.drive;
+  if (const char* const wrong = wrong_with(drive)) return std::unexpected(wrong);
+  const Duration period = robot.control.period;
+  const auto interpolation = cia402::interpolation_period(period);
+  if (!interpolation)
+    return std::unexpected("control.period does not fit object 60C2 (1 to 255 times a power of ten, in whole us)");
+  Cia402DriveSettings settings;
+  settings.scale = scale_of(wanted);
+  settings.setup = {.node = drive.id,
+                    .mode = drive.mode,
+                    .period = *interpolation,
+                    .rated_torque_mNm = static_cast<std::uint32_t>(std::llround(drive.rated_torque * 1000))};
+  settings.patience = {.answer_ticks = ticks_in(milliseconds(50), period),
+                       .tries = 5,
+                       .pause_ticks = ticks_in(milliseconds(500), period)};
+  settings.mapping = mapping_of(drive);
+  settings.period = period;
+  settings.velocity_bandwidth = static_cast<float>(wanted.observer_bandwidth);
+  settings.max_reading_ticks = ticks_in(robot.feedback.timeout, period);
+  settings.max_heartbeat_ticks = ticks_in(cia402::kHeartbeatPeriod * 3, period);
+  settings.sends_sync = is_last_of_its_bus(robot, joint);
+  return std::make_unique<Cia402Driver>(settings);
+}
+
+std::vector<FrameTraffic> cia402_traffic(const config::RobotConfig& robot, std::size_t joint) {
+  const double heartbeats = robot.control.period.seconds() / cia402::kHeartbeatPeriod.seconds();
+  std::vector<FrameTraffic> traffic{{.bytes = cia402::rpdo_bytes(robot.joints[joint].drive.mode)},
+                                    {.bytes = cia402::kTpdoBytes},
+                                    {.bytes = 1, .per_tick = heartbeats}};
+  if (is_last_of_its_bus(robot, joint)) traffic.push_back({.bytes = 0});
+  return traffic;
+}
+
+std::string cia402_error_name(const config::Drive& /*drive*/, std::uint32_t code) {
+  if (code == 0 || code > 0xFFFF) return {};
+  if (const char* const name = name_in(kCodes, code)) return name;
+  if (const char* const name = name_in(kClasses, code >> 8U)) return name;
+  return {};
+}
+
+}  // namespace takt::drivers

@@ -1,0 +1,83 @@
+// What a drive is told over SDO before it may move, and the stepper that tells it: one object per tick, one question in
+// flight. Everything is written again after each boot of the drive; nothing is stored in it.
+//
+// The watchdog against a silent host is the RPDO's event timer (1400:05, CiA 301: deadline monitoring): no RPDO for
+// kCommandDeadline and the drive itself reports EMCY 8250 and stops as its own settings say. It watches the command
+// stream, which a heartbeat of ours would not; and it is a fixed time, since SDO is too slow to carry a budget per
+// command. A drive without this object is refused: nothing would stop it when this computer dies.
+//
+// Answers that do not come within `answer_ticks` are asked for again, `tries` times in all. Then, or when the drive
+// refuses or differs, fault() says which; the script is run again after `pause_ticks`, and the fault stays until it
+// ends well. Thread rule: control thread only; no allocation.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "drivers/cia402_codec.hpp"
+#include "drivers/joint_driver.hpp"
+
+namespace takt::drivers::cia402 {
+
+inline constexpr Duration kCommandDeadline = milliseconds(50);
+inline constexpr Duration kHeartbeatPeriod = milliseconds(100);  // of the drive, object 1017
+
+// Object 60C2: value * 10^exponent seconds.
+struct InterpolationPeriod {
+  std::uint8_t value = 1;
+  std::int8_t exponent = -3;
+};
+// Nothing: the period has no such form, with 1..255 and whole microseconds.
+std::optional<InterpolationPeriod> interpolation_period(Duration period) noexcept;
+
+struct SetupValues {
+  std::uint32_t node = 0;
+  config::Cia402Mode mode = config::Cia402Mode::cst;
+  InterpolationPeriod period;
+  std::uint32_t rated_torque_mNm = 0;  // compared with object 6076, to half a percent
+};
+
+struct SetupPatience {
+  std::uint32_t answer_ticks = 50, tries = 5, pause_ticks = 500;  // each >= 1
+};
+
+class Setup {
+ public:
+  Setup(const SetupValues& values, const SetupPatience& patience) noexcept : values_(values), patience_(patience) {}
+
+  // From the beginning, such as after a boot message. Keeps fault().
+  void restart() noexcept;
+  // Time passes by one tick; the frame to send in it, if any.
+  std::optional<CanFrame> tick() noexcept;
+  void take(const SdoAnswer& answer) noexcept;
+  // The drive's heartbeat says operational.
+  void take_operational() noexcept;
+
+  // Every object is written, the drive is being started: its TPDO means what the script says, RPDOs may go.
+  [[nodiscard]] bool configured() const noexcept { return phase_ == Phase::starting || phase_ == Phase::done; }
+  [[nodiscard]] bool done() const noexcept { return phase_ == Phase::done; }
+  [[nodiscard]] std::optional<SetupFault> fault() const noexcept { return fault_; }
+  // Of the newest setup_refused: CiA 301 abort code and the object it was about. 0: never.
+  [[nodiscard]] std::uint32_t abort_code() const noexcept { return abort_code_; }
+  [[nodiscard]] ObjectId refused_object() const noexcept { return refused_object_; }
+
+ private:
+  enum class Phase : std::uint8_t { stopping, asking, starting, done, pausing };
+  [[nodiscard]] CanFrame question() const noexcept;
+  std::optional<CanFrame> ask() noexcept;
+  void next() noexcept;
+  void give_up(SetupFault fault) noexcept;
+  void take_abort(const SdoAnswer& answer) noexcept;
+
+  SetupValues values_;
+  SetupPatience patience_;
+  Phase phase_ = Phase::stopping;
+  std::size_t row_ = 0;
+  std::uint32_t asked_ = 0;    // how often this row was asked
+  std::uint32_t waiting_ = 0;  // ticks to wait before asking again
+  std::optional<SetupFault> fault_;
+  std::uint32_t abort_code_ = 0;
+  ObjectId refused_object_;
+};
+
+}  // namespace takt::drivers::cia402

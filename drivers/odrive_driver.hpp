@@ -1,0 +1,91 @@
+// One ODrive (firmware 0.6, CANSimple), host side: joint units in, torques out, broadcasts in.
+//
+// The drive takes torques; the impedance law runs here, on the newest estimates, clamped to +-torque_range. One frame
+// leaves per tick (two in the tick that disables). We ask for nothing: on some firmware any frame, a question too,
+// feeds the drive's watchdog, and a live bus is not a live command. So the drive must be set up to tell by itself:
+//   axis.config.can: encoder_msg_rate_ms = control.period (1), heartbeat_msg_rate_ms 10, torques_msg_rate_ms 10,
+//   temperature_msg_rate_ms 100, error_msg_rate_ms 100, bus_voltage_msg_rate_ms 100 or 0, iq_msg_rate_ms 0;
+//   axis.config: enable_watchdog true, watchdog_timeout as long as a command may live: the protocol has no field for
+//   it.
+// Slower reports work too; the bus load is computed from these. Encoder estimates are the replies that are counted.
+//
+// state        says                                        entered by
+// disabling    idle, torque control, zero torque in turn   enable false (first tick: idle and zero torque at once)
+//              (a faulty drive: clear errors instead)
+// enabling     torque control, zero torque, closed loop,   enable rising; repeated every kAskAgainTicks
+//              then zero torques
+// driving      the impedance law's torque                  a heartbeat since the request says closed loop
+// left         zero torque                                 the drive left closed loop or reported an error by itself:
+//                                                          until enable false
+// The drive's state is its newest heartbeat's: closed loop is enabled, an error is a fault, anything else is disabled.
+// A heartbeat that is older than kOdriveHeartbeatTimeout when an estimate arrives counts as a fault of its own,
+// kOdriveNoHeartbeat, so that a half-dead drive is not taken for enabled; when estimates stop too, the tick's feedback
+// timeout acts. Before the first heartbeat the state is unknown, before the first estimate received_at is unset.
+// Thread rule: as JointDriver.
+#pragma once
+
+#include "drivers/odrive_codec.hpp"
+#include "drivers/protocol_table.hpp"
+
+namespace takt::drivers {
+
+inline constexpr Duration kOdriveHeartbeatTimeout = milliseconds(500);
+// JointFeedback::error_code; no drive sets every bit at once.
+inline constexpr std::uint32_t kOdriveNoHeartbeat = 0x7FFF'FFFF;
+
+struct OdriveDriveSettings {
+  std::uint32_t node = 0;
+  float torque_range = 0;  // Nm, motor side; finite, > 0
+  JointMapping mapping;
+};
+
+class OdriveDriver final : public JointDriver {
+ public:
+  // Asking an enabled axis again may make it stumble: seldom.
+  static constexpr std::uint32_t kAskAgainTicks = 250;
+
+  explicit OdriveDriver(const OdriveDriveSettings& settings) noexcept : settings_(settings) {}
+
+  std::size_t encode(bool enable, const DriveSetpoint& setpoint, Duration budget,
+                     std::span<CanFrame> out) noexcept override;
+  bool decode(const ReceivedFrame& received) noexcept override;
+  [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }
+  // Frames with one of the reports' ids that are no such report, and estimates that are no numbers.
+  [[nodiscard]] std::uint64_t malformed_frames() const { return malformed_frames_; }
+
+ private:
+  enum class Phase : std::uint8_t { disabling, set_mode, zero_torque, request, wait, driving, left };
+  std::size_t encode_disabled(std::span<CanFrame> out) noexcept;
+  CanFrame enabled_frame(const DriveSetpoint& setpoint) noexcept;
+  CanFrame waiting_frame(const DriveSetpoint& setpoint) noexcept;
+  [[nodiscard]] CanFrame torque_frame(const DriveSetpoint& setpoint) const noexcept;
+  bool take(OdriveMessage message, const ReceivedFrame& received) noexcept;
+  bool take_heartbeat(const ReceivedFrame& received) noexcept;
+  bool take_errors(const CanFrame& frame) noexcept;
+  bool take_estimates(const ReceivedFrame& received) noexcept;
+  bool take_temperatures(const CanFrame& frame) noexcept;
+  bool take_torques(const CanFrame& frame) noexcept;
+  void judge_state() noexcept;
+
+  OdriveDriveSettings settings_;
+  JointFeedback feedback_;
+  std::uint64_t malformed_frames_ = 0;
+  Phase phase_ = Phase::disabling;
+  std::uint32_t turn_ = 0;  // disabling: whose turn it is
+  std::uint32_t waited_ticks_ = 0;
+  bool heard_since_request_ = false;
+  // As the drive reported last, motor side.
+  MonoTime heartbeat_at_;
+  std::uint8_t axis_state_ = 0;
+  std::uint32_t active_errors_ = 0, disarm_reason_ = 0;
+  bool heartbeat_missing_ = false;
+  float q_ = 0, dq_ = 0, tau_ = 0;  // rad, rad/s, Nm
+};
+
+// The protocol's row in the table.
+std::expected<std::unique_ptr<JointDriver>, std::string> make_odrive_driver(const config::RobotConfig& robot,
+                                                                            std::size_t joint);
+std::vector<FrameTraffic> odrive_traffic(const config::RobotConfig& robot, std::size_t joint);
+std::string odrive_error_name(const config::Drive& drive, std::uint32_t code);
+
+}  // namespace takt::drivers

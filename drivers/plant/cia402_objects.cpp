@@ -1,0 +1,170 @@
+#include "drivers/plant/cia402_objects.hpp"
+
+namespace takt::plant {
+namespace {
+
+constexpr std::uint8_t kMapEntries = 4;
+constexpr std::uint32_t kPdoOff = 0x8000'0000, kNoRemote = 0x4000'0000, kExtendedId = 0x2000'0000;
+
+std::uint32_t key(std::uint16_t index, std::uint8_t sub) {
+  return std::uint32_t{index} << 8U | sub;
+}
+
+bool within(std::uint16_t index, std::uint16_t from, std::uint16_t to) {
+  return index >= from && index <= to;
+}
+bool is_map(std::uint16_t index) {
+  return within(index, 0x1600, 0x17FF) || within(index, 0x1A00, 0x1BFF);
+}
+bool is_transmit(std::uint16_t index) {
+  return within(index, 0x1800, 0x1BFF);
+}
+
+MappedObject unpack(std::uint32_t mapping) {
+  return {static_cast<std::uint16_t>(mapping >> 16U), static_cast<std::uint8_t>(mapping >> 8U & 0xFFU),
+          (mapping & 0xFFU) / 8};
+}
+
+}  // namespace
+
+Cia402Objects::Cia402Objects(std::uint32_t node, std::uint32_t rated_torque_mNm, std::uint16_t deadline_ms) {
+  using Use = ObjectEntry::Use;
+  const auto add = [this](std::uint16_t index, std::uint8_t sub, unsigned bytes, Use use, std::uint32_t value = 0) {
+    power_on_[key(index, sub)] = {bytes, value, use};
+  };
+  const auto add_pdo = [&add](std::uint16_t communication, std::uint32_t cob_id, std::uint32_t first_object) {
+    const auto map = static_cast<std::uint16_t>(communication + 0x200);
+    add(communication, 0, 1, Use::constant, 5);
+    add(communication, 1, 4, Use::setting, cob_id);
+    add(communication, 2, 1, Use::setting, 255);
+    add(communication, 5, 2, Use::setting);
+    add(map, 0, 1, Use::setting, 1);
+    for (std::uint8_t entry = 1; entry <= kMapEntries; ++entry)
+      add(map, entry, 4, Use::setting, entry == 1 ? first_object : 0);
+  };
+  add(0x1000, 0, 4, Use::constant, 0x0002'0192);  // servo drive of profile 402
+  add(0x1001, 0, 1, Use::from_drive);
+  add(0x1017, 0, 2, Use::setting);
+  // By default the PDOs exist, with the control- and statusword alone.
+  add_pdo(0x1400, 0x200 + node, 0x6040'0010);
+  add_pdo(0x1401, 0x300 + node, 0x6040'0010);
+  add_pdo(0x1800, kNoRemote + 0x180 + node, 0x6041'0010);
+  add_pdo(0x1801, kNoRemote + 0x280 + node, 0x6041'0010);
+  power_on_[key(0x1400, 5)].value = deadline_ms;
+  add(0x603F, 0, 2, Use::from_drive);
+  add(0x6040, 0, 2, Use::to_drive);
+  add(0x6041, 0, 2, Use::from_drive);
+  add(0x6060, 0, 1, Use::to_drive);
+  add(0x6061, 0, 1, Use::from_drive);
+  add(0x6064, 0, 4, Use::from_drive);
+  add(0x606C, 0, 4, Use::from_drive);
+  add(0x6071, 0, 2, Use::to_drive);
+  add(0x6076, 0, 4, Use::constant, rated_torque_mNm);
+  add(0x6077, 0, 2, Use::from_drive);
+  add(0x607A, 0, 4, Use::to_drive);
+  add(0x60C2, 0, 1, Use::constant, 2);
+  add(0x60C2, 1, 1, Use::setting, 1);
+  add(0x60C2, 2, 1, Use::setting, 0xFD);
+  add(0x60FF, 0, 4, Use::to_drive);
+  reset();
+}
+
+void Cia402Objects::reset() {
+  entries_ = power_on_;
+}
+
+void Cia402Objects::reset_communication() {
+  for (const auto& [where, entry] : power_on_)
+    if (where < key(0x2000, 0)) entries_[where] = entry;
+}
+
+SdoAbort Cia402Objects::why_not_readable(std::uint16_t index, std::uint8_t sub) const {
+  if (entries_.contains(key(index, sub))) return SdoAbort::none;
+  const auto next = entries_.lower_bound(key(index, 0));
+  const bool index_exists = next != entries_.end() && next->first >> 8U == index;
+  return index_exists ? SdoAbort::no_such_sub_index : SdoAbort::no_such_object;
+}
+
+SdoAbort Cia402Objects::write(std::uint16_t index, std::uint8_t sub, std::uint32_t value, unsigned bytes,
+                              bool operational) {
+  if (const SdoAbort why = why_not_readable(index, sub); why != SdoAbort::none) return why;
+  ObjectEntry& entry = entries_[key(index, sub)];
+  if (!entry.writable()) return SdoAbort::read_only;
+  if (bytes != 0 && bytes != entry.bytes) return SdoAbort::wrong_length;
+  if (operational && within(index, 0x1400, 0x1BFF)) return SdoAbort::device_state;
+  if (const SdoAbort why = check(index, sub, value); why != SdoAbort::none) return why;
+  entry.value = value;
+  return SdoAbort::none;
+}
+
+const ObjectEntry& Cia402Objects::at(std::uint16_t index, std::uint8_t sub) const {
+  return entries_.at(key(index, sub));
+}
+
+void Cia402Objects::set(std::uint16_t index, std::uint8_t sub, std::uint32_t value) {
+  entries_.at(key(index, sub)).value = value;
+}
+
+bool Cia402Objects::pdo_exists(std::uint16_t communication) const {
+  return (value(communication, 1) & kPdoOff) == 0;
+}
+
+std::uint32_t Cia402Objects::pdo_id(std::uint16_t communication) const {
+  return value(communication, 1) & 0x7FFU;
+}
+
+std::vector<MappedObject> Cia402Objects::pdo_map(std::uint16_t communication) const {
+  const auto map = static_cast<std::uint16_t>(communication + 0x200);
+  std::vector<MappedObject> objects;
+  for (std::uint8_t entry = 1; entry <= value(map, 0); ++entry) objects.push_back(unpack(value(map, entry)));
+  return objects;
+}
+
+SdoAbort Cia402Objects::check(std::uint16_t index, std::uint8_t sub, std::uint32_t value) const {
+  const auto in_range = [](bool yes) { return yes ? SdoAbort::none : SdoAbort::out_of_range; };
+  if (is_map(index)) return check_map(index, sub, value);
+  if (within(index, 0x1400, 0x1BFF)) {
+    if (sub == 1) return check_cob_id(index, value);
+    return in_range(sub != 2 || value <= 240 || value >= 252);
+  }
+  if (index == 0x6060) return in_range(value >= 8 && value <= 10);
+  if (index == 0x60C2) return in_range(sub == 1 ? value >= 1 : value == 0 || value >= 0xFA);
+  return SdoAbort::none;
+}
+
+SdoAbort Cia402Objects::check_cob_id(std::uint16_t index, std::uint32_t value) const {
+  const std::uint32_t id = value & 0x1FFF'FFFF;
+  if ((value & kExtendedId) != 0 || id == 0 || id > 0x7FF) return SdoAbort::out_of_range;
+  if (is_transmit(index) && (value & kNoRemote) == 0) return SdoAbort::out_of_range;
+  const bool stays = pdo_exists(index) && (value & kPdoOff) == 0;
+  return stays && id != pdo_id(index) ? SdoAbort::out_of_range : SdoAbort::none;
+}
+
+SdoAbort Cia402Objects::check_map(std::uint16_t index, std::uint8_t sub, std::uint32_t value) const {
+  if (pdo_exists(static_cast<std::uint16_t>(index - 0x200))) return SdoAbort::unsupported_access;
+  if (sub == 0) return check_count(index, value);
+  if (this->value(index, 0) != 0) return SdoAbort::unsupported_access;
+  return check_entry(index, value);
+}
+
+SdoAbort Cia402Objects::check_entry(std::uint16_t index, std::uint32_t mapping) const {
+  const MappedObject object = unpack(mapping);
+  if (why_not_readable(object.index, object.sub) != SdoAbort::none) return SdoAbort::not_mappable;
+  const ObjectEntry& entry = at(object.index, object.sub);
+  const auto wanted = is_transmit(index) ? ObjectEntry::Use::from_drive : ObjectEntry::Use::to_drive;
+  const bool fits = entry.use == wanted && (mapping & 0xFFU) == entry.bytes * 8;
+  return fits ? SdoAbort::none : SdoAbort::not_mappable;
+}
+
+SdoAbort Cia402Objects::check_count(std::uint16_t index, std::uint32_t count) const {
+  if (count > kMapEntries) return SdoAbort::out_of_range;
+  unsigned bytes = 0;
+  for (std::uint8_t entry = 1; entry <= count; ++entry) {
+    const std::uint32_t mapping = value(index, entry);
+    if (check_entry(index, mapping) != SdoAbort::none) return SdoAbort::not_mappable;
+    bytes += unpack(mapping).bytes;
+  }
+  return bytes > 8 ? SdoAbort::map_too_long : SdoAbort::none;
+}
+
+}  // namespace takt::plant

@@ -1,0 +1,33 @@
+// What the drives' torques move: the port between drives and mechanics. Implementations: ArmDynamics (a rigid-body
+// arm), FreeInertias (one flywheel per drive).
+// Shapes: one value per joint. Units: rad, rad/s, Nm, joint side. Thread rule: one thread at a time.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "executive/contract/mono_time.hpp"
+
+namespace takt::plant {
+
+// Below this speed Coulomb friction acts as stiff damping instead of jumping between its two signs.
+inline constexpr double kRestSpeed = 1e-4;  // rad/s
+
+struct Friction {
+  double viscous = 0;  // Nm s/rad
+  double coulomb = 0;  // Nm
+};
+
+struct ArmState {
+  Eigen::VectorXd q, dq;
+};
+
+class Dynamics {
+ public:
+  virtual ~Dynamics() = default;
+  // One step of at most a few milliseconds under constant torque; `friction` one entry per joint.
+  virtual void integrate(ArmState& state, const Eigen::VectorXd& tau, const std::vector<Friction>& friction,
+                         Duration step) = 0;
+};
+
+}  // namespace takt::plant

@@ -1,0 +1,103 @@
+#include "drivers/plant/plant.hpp"
+
+#include <cmath>
+#include <utility>
+
+#include "drivers/plant/chance.hpp"
+#include "drivers/plant/device_table.hpp"
+#include "drivers/plant/free_inertias.hpp"
+
+namespace takt::plant {
+namespace {
+
+constexpr auto index(std::size_t joint) {
+  return static_cast<Eigen::Index>(joint);
+}
+
+double ratio(const config::Drive& drive) {
+  return drive.direction * drive.gear_ratio;
+}
+
+}  // namespace
+
+std::expected<Plant, std::string> Plant::make(const config::RobotConfig& robot, std::unique_ptr<Dynamics> dynamics) {
+  if (!robot.simulation) return std::unexpected(robot.file + ": no `simulation`: this robot has no simulated double");
+  std::vector<PlantJoint> joints;
+  for (const config::Joint& joint : robot.joints) {
+    std::unique_ptr<Device> device = make_device(joint.drive, robot.simulation->drive_watchdog);
+    if (!device)
+      return std::unexpected(robot.file + ": joint " + joint.name + ": nobody simulates " +
+                             std::string(config::name(joint.drive.protocol)) + " drives");
+    joints.push_back({joint, std::move(device), ReplyPath(seed_for(robot.simulation->seed, joints.size()))});
+  }
+  return Plant(*robot.simulation, std::move(joints), std::move(dynamics));
+}
+
+std::expected<Plant, std::string> Plant::on_free_inertias(const config::RobotConfig& robot) {
+  std::vector<double> inertia;
+  for (const config::Joint& joint : robot.joints) inertia.push_back(joint.inertia);
+  return make(robot, std::make_unique<FreeInertias>(std::move(inertia)));
+}
+
+Plant::Plant(const config::Simulation& simulation, std::vector<PlantJoint> joints, std::unique_ptr<Dynamics> dynamics)
+    : simulation_(simulation), joints_(std::move(joints)), dynamics_(std::move(dynamics)) {
+  const auto count = index(joints_.size());
+  state_ = {Eigen::VectorXd::Zero(count), Eigen::VectorXd::Zero(count)};
+  for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
+    state_.q[index(joint)] = joints_[joint].settings.home;
+    update_drive(joint, Duration{0});
+  }
+  const Duration step = simulation_.step;
+  const auto delay_steps = (simulation_.torque_delay.ns + step.ns / 2) / step.ns;
+  for (std::int64_t i = 0; i < delay_steps; ++i) on_their_way_.push_back(Eigen::VectorXd::Zero(count));
+}
+
+bool Plant::receive(std::size_t bus, const drivers::CanFrame& frame, Frames& answers) {
+  bool answered = false;
+  for (PlantJoint& joint : joints_) {
+    if (joint.settings.bus != bus || joint.replies.faults().deaf) continue;
+    said_.clear();
+    joint.device->receive(frame, now_, said_);
+    answered |= !said_.empty();
+    joint.replies.take(said_, now_);
+    joint.replies.deliver(now_, answers);
+  }
+  return answered;
+}
+
+void Plant::collect(std::size_t bus, Frames& said) {
+  for (PlantJoint& joint : joints_)
+    if (joint.settings.bus == bus) joint.replies.deliver(now_, said);
+}
+
+MotorReading Plant::read_encoder(std::size_t joint) const {
+  const config::Drive& drive = joints_[joint].settings.drive;
+  const double grid = simulation_.encoder_step;
+  const double q = state_.q[index(joint)];
+  const double seen = grid > 0 ? std::round(q / grid) * grid : q;
+  return {(seen - drive.offset) * ratio(drive), state_.dq[index(joint)] * ratio(drive)};
+}
+
+double Plant::update_drive(std::size_t joint, Duration step) {
+  said_.clear();
+  const double torque = joints_[joint].device->update(read_encoder(joint), now_, step, said_);
+  joints_[joint].replies.take(said_, now_);
+  return torque;
+}
+
+void Plant::step() {
+  Eigen::VectorXd torque(index(joints_.size()));
+  std::vector<Friction> friction(joints_.size());
+  for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
+    const config::Joint& settings = joints_[joint].settings;
+    torque[index(joint)] = update_drive(joint, simulation_.step) * ratio(settings.drive);
+    const double brake = joints_[joint].device->brake_engaged() ? settings.limits.torque : 0;
+    friction[joint] = {simulation_.viscous, simulation_.coulomb + brake};
+  }
+  on_their_way_.push_back(std::move(torque));
+  dynamics_->integrate(state_, on_their_way_.front(), friction, simulation_.step);
+  on_their_way_.pop_front();
+  now_ = now_ + simulation_.step;
+}
+
+}  // namespace takt::plant

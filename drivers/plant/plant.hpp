@@ -1,0 +1,67 @@
+// Drives, encoders and gearing in front of some mechanics, stepped in virtual time, without I/O.
+//
+// Each step: encoders are read (quantised), every drive computes its torque from the newest command it has, the torque
+// reaches the joint `simulation.torque_delay` later, the dynamics advance by `simulation.step`.
+// Starts at the home pose, at rest, drives disabled and braked. Same inputs, same bits out.
+// Units: joint side, rad, rad/s. Thread rule: one thread at a time.
+#pragma once
+
+#include <deque>
+#include <expected>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "config/robot_config.hpp"
+#include "drivers/can_bus.hpp"
+#include "drivers/plant/device.hpp"
+#include "drivers/plant/dynamics.hpp"
+#include "drivers/plant/reply_path.hpp"
+#include "executive/contract/mono_time.hpp"
+
+namespace takt::plant {
+
+class Plant {
+ public:
+  // Of `robot`: buses, joints and simulation. The error is one sentence: no simulation, a drive nobody plays.
+  static std::expected<Plant, std::string> make(const config::RobotConfig& robot, std::unique_ptr<Dynamics> dynamics);
+  // Every drive on a flywheel of its joint's `inertia`.
+  static std::expected<Plant, std::string> on_free_inertias(const config::RobotConfig& robot);
+
+  // Advances by simulation.step.
+  void step();
+  // Every drive of that bus hears the frame; what arrives of their answers is appended to `answers`. True: some drive
+  // answered.
+  bool receive(std::size_t bus, const drivers::CanFrame& frame, Frames& answers);
+  // What else drives of that bus said: by themselves, or late.
+  void collect(std::size_t bus, Frames& said);
+  void set_line(std::size_t joint, const LineFaults& faults) { joints_[joint].replies.set(faults); }
+
+  [[nodiscard]] MonoTime now() const { return now_; }  // virtual: 1 ns at start, so that it is set
+  [[nodiscard]] Duration step_length() const { return simulation_.step; }
+  [[nodiscard]] const ArmState& state() const { return state_; }
+  void set_state(ArmState state) { state_ = std::move(state); }
+  [[nodiscard]] Device& drive(std::size_t joint) { return *joints_[joint].device; }
+  [[nodiscard]] std::size_t joint_count() const { return joints_.size(); }
+  [[nodiscard]] std::size_t bus_of(std::size_t joint) const { return joints_[joint].settings.bus; }
+
+ private:
+  struct PlantJoint {
+    config::Joint settings;
+    std::unique_ptr<Device> device;
+    ReplyPath replies;
+  };
+  Plant(const config::Simulation& simulation, std::vector<PlantJoint> joints, std::unique_ptr<Dynamics> dynamics);
+  [[nodiscard]] MotorReading read_encoder(std::size_t joint) const;
+  double update_drive(std::size_t joint, Duration step);  // motor side torque
+
+  config::Simulation simulation_;
+  std::vector<PlantJoint> joints_;
+  std::unique_ptr<Dynamics> dynamics_;
+  Frames said_;  // work space
+  ArmState state_;
+  std::deque<Eigen::VectorXd> on_their_way_;  // joint torques that have not reached their joints yet, oldest first
+  MonoTime now_{1};
+};
+
+}  // namespace takt::plant

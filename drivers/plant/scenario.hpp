@@ -1,0 +1,77 @@
+// What goes wrong in a simulation, and when: a scenario file, read as strictly as a robot file.
+//
+//   schema: takt.scenario/1
+//   events:
+//     - { at: 2 s, joint: elbow, fault: silent, for: 200 ms }
+//     - { after: enabled, at: 1 s, joint: elbow, error: over_temperature }
+//
+// Every key: docs/plant-scenarios.md. Errors: one line per problem, "file:line:column: what; how to mend".
+#pragma once
+
+#include <cstdint>
+#include <expected>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "config/robot_config.hpp"
+#include "drivers/plant/device.hpp"
+#include "executive/contract/mono_time.hpp"
+
+namespace takt::plant {
+
+// fault             of      while it lasts
+// error             joint   the drive found an error; stays until the host clears it, so it has no length
+// power_cycle       joint   supply off; the drive boots when it ends
+// silent            joint   obeys, is not heard
+// deaf              joint   hears nothing
+// repeat            joint   everything it says arrives twice
+// delay             joint   everything it says arrives later
+// drop              both    a share of what it says is lost; on a bus: of everything that crosses it
+// foreign_commands  joint   a second host enables the drive and commands position zero without stiffness
+// error_passive     bus     every controller is error passive
+// bus_off           bus     every controller is off the bus
+// down              bus     the bus is gone, for good
+// babble            bus     a stranger fills the bus with frames nobody listens to
+enum class FaultKind : std::uint8_t {
+  error,
+  power_cycle,
+  silent,
+  deaf,
+  repeat,
+  delay,
+  drop,
+  foreign_commands,
+  error_passive,
+  bus_off,
+  down,
+  babble
+};
+
+struct FaultEvent {
+  Duration at;                    // since the beginning
+  bool after_enabled = false;     // since the drive (every drive of the bus) was first enabled
+  std::optional<Duration> lasts;  // none: to the end
+  bool on_bus = false;
+  std::size_t target = 0;  // joint, or bus
+  std::string target_name;
+  FaultKind kind = FaultKind::error;
+  DeviceFault error = DeviceFault::over_temperature;  // error
+  Duration delay;                                     // delay
+  double share = 0;                                   // drop
+};
+
+struct Scenario {
+  std::vector<FaultEvent> events;  // in file order
+};
+
+// For the joints and buses of `robot`.
+std::expected<Scenario, std::string> load_scenario(const std::string& path, const config::RobotConfig& robot);
+std::expected<Scenario, std::string> parse_scenario(std::string_view text, const std::string& name_for_messages,
+                                                    const config::RobotConfig& robot);
+
+// "silent for 200 ms", "over_temperature", "delay of 3 ms": for logs.
+std::string text_of(const FaultEvent& event);
+
+}  // namespace takt::plant

@@ -1,0 +1,112 @@
+// takt panel run: runs a panel of rollouts in virtual time, into one artifact.
+#include <fmt/format.h>
+
+#include <charconv>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "config/load.hpp"
+#include "monitor/cli/command.hpp"
+#include "monitor/cli/panel_progress.hpp"
+#include "monitor/panel/artifact.hpp"
+#include "monitor/panel/panel_plan.hpp"
+#include "monitor/panel/panel_table.hpp"
+#include "monitor/panel/worker_pool.hpp"
+
+namespace takt::cli {
+namespace {
+
+struct Options {
+  std::string panel, out, shard = "1/1";
+  std::size_t workers = 1;
+  bool resume = false, json = false;
+};
+
+int refuse(int exit_code, const std::string& sentences) {
+  fmt::print(stderr, "{}\n", sentences);
+  return exit_code;
+}
+
+std::optional<panel::Shard> shard_of(const std::string& text) {
+  panel::Shard shard;
+  const char* const end = text.data() + text.size();
+  const auto [slash, first] = std::from_chars(text.data(), end, shard.index);
+  if (first != std::errc{} || slash == end || *slash != '/') return std::nullopt;
+  const auto [last, second] = std::from_chars(slash + 1, end, shard.count);
+  const bool fits = shard.index >= 1 && shard.index <= shard.count && shard.count <= 10'000;
+  if (second != std::errc{} || last != end || !fits) return std::nullopt;
+  return shard;
+}
+
+std::expected<panel::ArtifactWriter, std::string> open_writer(const Options& options,
+                                                              const panel::ArtifactManifest& manifest,
+                                                              const std::string& panel_text) {
+  const bool begun = std::filesystem::exists(panel::ArtifactFolder(options.out).manifest());
+  if (options.resume && begun) return panel::ArtifactWriter::resume(options.out, manifest);
+  return panel::ArtifactWriter::create(options.out, manifest, panel_text);
+}
+
+void print_summary(const Options& options, const std::string& id, const std::vector<panel::RolloutRow>& rows,
+                   std::size_t ran) {
+  const auto succeeded = std::ranges::count_if(rows, &panel::RolloutRow::success);
+  if (options.json) {
+    const nlohmann::ordered_json summary{
+        {"artifact", options.out}, {"rollouts", rows.size()}, {"ran_now", ran}, {"succeeded", succeeded}};
+    fmt::print("{}\n", summary.dump());
+    return;
+  }
+  fmt::print("{}{} rollouts, {} of them now, {} succeeded: {} in {}\n", panel::panel_table(rows), rows.size(), ran,
+             succeeded, id, options.out);
+}
+
+int run(const Options& options) {
+  const auto shard = shard_of(options.shard);
+  if (!shard) return refuse(kExitUsage, "takt panel run: --shard " + options.shard + ": write I/N, such as 1/4");
+  auto panel = panel::load_panel(options.panel);
+  if (!panel) return refuse(config::kExitBadConfiguration, panel.error());
+  const auto plan = panel::plan_of(*panel, *shard);
+  auto contest = panel::Contest::prepare(std::move(*panel));
+  if (!contest) return refuse(config::kExitBadConfiguration, contest.error());
+  auto rows = open_writer(options, contest->manifest(plan.size()), contest->panel().text);
+  if (!rows) return refuse(kExitFailed, "takt panel run: " + rows.error());
+
+  std::vector<panel::PlannedRollout> todo;
+  for (const panel::PlannedRollout& one : plan)
+    if (!rows->has(contest->identity(one))) todo.push_back(one);
+  const auto done = [&] {
+    PanelProgress progress(todo.size());
+    return panel::run_in_workers(*contest, todo, options.workers, [&](const panel::RolloutRow& row) {
+      progress.one_more();
+      return rows->append(row);
+    });
+  }();
+  if (!done) return refuse(kExitFailed, "takt panel run: " + done.error());
+  const auto finished = rows->finish();
+  if (!finished) return refuse(kExitFailed, "takt panel run: " + finished.error());
+  print_summary(options, finished->artifact_id, rows->rows(), todo.size());
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_panel_run(CLI::App& panel, int& exit_code) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command = panel.add_subcommand("run", "Run every rollout of a panel file; write one row each.");
+  command->add_option("PANEL", options->panel, "panel file (docs/panels.md)")->required();
+  command->add_option("--out", options->out, "folder to write the rows into")->required();
+  command->add_option("--workers", options->workers, "processes that share the work; rows do not depend on it")
+      ->check(CLI::Range(1, 1024));
+  command->add_option("--shard", options->shard, "I/N: run only the I-th of N parts of the plan");
+  command->add_flag("--resume", options->resume, "go on with what lies in --out; rollouts already there are skipped");
+  command->add_flag("--json", options->json, "print one line of JSON instead of the table");
+  command->footer(
+      "Example: takt panel run config/panels/smoke.yaml --out runs/smoke --workers 2\n"
+      "Exit codes: 0 every rollout has its row, however it ended; 1 it could not be run or written; 64 command line; "
+      "65 "
+      "panel or robot file.");
+  command->callback([options, &exit_code] { exit_code = run(*options); });
+}
+
+}  // namespace takt::cli

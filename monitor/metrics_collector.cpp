@@ -1,0 +1,111 @@
+#include "monitor/metrics_collector.hpp"
+
+namespace takt::monitor {
+namespace {
+
+using Samples = std::array<std::vector<std::int64_t>, kAgePartCount>;
+
+std::array<std::int64_t, kAgePartCount> parts_of(const AgeParts& age) {
+  return {age.sense.ns, age.queue.ns, age.infer.ns, age.publish.ns, age.hold.ns, age.total().ns};
+}
+
+bool is_stale_or_missing(Freshness freshness) {
+  switch (freshness) {
+    case Freshness::missing:
+    case Freshness::stale:
+      return true;
+    case Freshness::fresh:
+    case Freshness::aging:
+      return false;
+  }
+  return true;
+}
+
+template <std::size_t size, class Enum>
+void count(std::array<std::uint64_t, size>& counts, Enum value) {
+  if (const auto index = static_cast<std::size_t>(value); index < size) ++counts[index];
+}
+
+void add(Samples& samples, const AgeParts& age) {
+  const auto parts = parts_of(age);
+  for (std::size_t part = 0; part < kAgePartCount; ++part) samples[part].push_back(parts[part]);
+}
+
+}  // namespace
+
+void MetricsCollector::tick(const TickRecord& record) {
+  const TickRecordHeader& header = record.header;
+  if (metrics_.ticks == 0) {
+    metrics_.first_tick = header.tick;
+    first_ = header;
+  } else if (header.tick > last_.tick + 1) {
+    metrics_.missing_ticks += header.tick - last_.tick - 1;
+  }
+  ++metrics_.ticks;
+  lateness_.push_back(header.lateness.ns);
+  work_.push_back(header.last_duration.ns);
+  count(metrics_.ticks_in_mode, header.mode);
+  count(metrics_.arrivals, header.arrival);
+  count(metrics_.overruns, header.overrun_cause);
+  for (std::size_t joint = 0; joint < header.joint_count; ++joint) interventions(record.joints[joint].interventions);
+  if (header.mode != header.previous_mode) transition(header);
+  if (header.previous_mode == Mode::tracking || header.previous_mode == Mode::degraded) relied(header);
+  last_ = header;
+}
+
+void MetricsCollector::finish(double epsilon, double confidence) {
+  metrics_.last_tick = last_.tick;
+  metrics_.start = first_.now;
+  metrics_.span = last_.now - first_.now;
+  metrics_.last_mode = last_.mode;
+  metrics_.skipped_periods = last_.skipped_periods - first_.skipped_periods;
+  metrics_.integration_errors = last_.integration_errors - first_.integration_errors;
+  for (std::size_t part = 0; part < kAgePartCount; ++part) {
+    metrics_.age_per_tick[part] = quantiles_of(per_tick_[part]);
+    metrics_.age_per_command[part] = quantiles_of(per_command_[part]);
+  }
+  metrics_.lateness = quantiles_of(lateness_);
+  metrics_.work = quantiles_of(work_);
+  metrics_.misses_per_tick = miss_rate(tick_misses_, metrics_.relied_ticks, epsilon, confidence);
+  metrics_.misses_per_command = miss_rate(command_misses_, commands_, epsilon, confidence);
+}
+
+void MetricsCollector::interventions(InterventionMask mask) {
+  for (std::size_t index = 0; mask != 0 && index < kInterventionCount; ++index) {
+    if ((mask & (1U << index)) != 0) ++metrics_.interventions[index];
+  }
+}
+
+void MetricsCollector::transition(const TickRecordHeader& header) {
+  ++metrics_.transition_count;
+  if (metrics_.transitions.size() < kListedTransitions) {
+    metrics_.transitions.push_back({header.tick, header.now, header.previous_mode, header.mode, header.cause});
+  }
+}
+
+void MetricsCollector::relied(const TickRecordHeader& header) {
+  ++metrics_.relied_ticks;
+  if (is_stale_or_missing(header.freshness)) ++tick_misses_;
+  if (header.freshness != Freshness::missing) add(per_tick_, header.age);
+  if (header.arrival == Arrival::accepted && header.freshness != Freshness::missing) add(per_command_, header.age);
+  command(header);
+}
+
+void MetricsCollector::command(const TickRecordHeader& header) {
+  const std::pair in_use{header.policy_session, header.command_sequence};
+  if (header.command_sequence != 0 && in_use != in_use_) {
+    in_use_ = in_use;
+    in_use_missed_ = false;
+    ++commands_;
+  }
+  if (header.command_sequence != 0 && is_stale_or_missing(header.freshness) && !in_use_missed_) {
+    in_use_missed_ = true;
+    ++command_misses_;
+  }
+  if (header.arrival == Arrival::expired_observation) {
+    ++commands_;
+    ++command_misses_;
+  }
+}
+
+}  // namespace takt::monitor

@@ -1,0 +1,41 @@
+// Tick records in, RunMetrics out: the one place where a run's numbers are computed, for recorded runs and for rollouts
+// in virtual time alike. What they mean: run_metrics.hpp. Keeps every age in memory. Thread rule: one thread at a time.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "executive/contract/tick_record.hpp"
+#include "monitor/run_metrics.hpp"
+
+namespace takt::monitor {
+
+class MetricsCollector {
+ public:
+  // `metrics` outlives this.
+  explicit MetricsCollector(RunMetrics& metrics) : metrics_(metrics) {}
+
+  void tick(const TickRecord& record);
+  // Call once, after at least one tick.
+  void finish(double epsilon, double confidence);
+
+ private:
+  using Samples = std::array<std::vector<std::int64_t>, kAgePartCount>;
+
+  void interventions(InterventionMask mask);
+  void transition(const TickRecordHeader& header);
+  void relied(const TickRecordHeader& header);
+  void command(const TickRecordHeader& header);
+
+  RunMetrics& metrics_;
+  TickRecordHeader first_, last_;
+  Samples per_tick_, per_command_;
+  std::vector<std::int64_t> lateness_, work_;
+  std::uint64_t tick_misses_ = 0, command_misses_ = 0, commands_ = 0;
+  std::pair<std::uint8_t, std::uint64_t> in_use_{};  // session and sequence
+  bool in_use_missed_ = false;
+};
+
+}  // namespace takt::monitor

@@ -1,0 +1,47 @@
+// arm_tracking: an arm whose tool follows a moving target that a simulated camera sees. The seed enters the target's
+// path at a random instant and draws the camera's jitter.
+// Constraints: no joint outside its position limits, tool no faster than kToolSpeedLimit.
+#pragma once
+
+#include <expected>
+#include <memory>
+#include <string>
+
+#include "config/robot_config.hpp"
+#include "drivers/plant/camera.hpp"
+#include "monitor/panel/perturbation.hpp"
+#include "monitor/panel/troubled_dynamics.hpp"
+#include "monitor/panel/world.hpp"
+
+namespace takt::panel {
+
+inline constexpr double kToolSpeedLimit = 0.6;  // m/s; the target of the demo arm stays below 0.3
+
+class ArmWorld final : public World {
+ public:
+  // The error is one sentence: what the robot file lacks. `robot` and `disturbance` outlive this.
+  static std::expected<std::unique_ptr<ArmWorld>, std::string> make(const config::RobotConfig& robot,
+                                                                    const Disturbance& disturbance, MonoTime started,
+                                                                    std::uint64_t seed);
+
+  plant::Plant& plant() override { return plant_; }
+  std::optional<SensorSample> sample(MonoTime now) override { return camera_.poll(now); }
+  double error_m(MonoTime now) override;
+  [[nodiscard]] bool is_violated() const override { return violated_; }
+
+ private:
+  ArmWorld(const config::RobotConfig& robot, plant::Plant plant, TroubledDynamics& dynamics, MonoTime camera_started,
+           std::uint64_t camera_seed);
+
+  const config::RobotConfig& robot_;
+  plant::Plant plant_;
+  TroubledDynamics& dynamics_;  // the plant's
+  config::Simulation simulation_;
+  MonoTime camera_started_;
+  plant::Camera camera_;
+  config::Vector3 tool_{};
+  MonoTime seen_at_;
+  bool violated_ = false;
+};
+
+}  // namespace takt::panel

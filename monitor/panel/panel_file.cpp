@@ -1,0 +1,166 @@
+#include "monitor/panel/panel_file.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <set>
+#include <utility>
+
+#include "config/checks.hpp"
+#include "config/document.hpp"
+#include "config/reader.hpp"
+
+namespace takt::panel {
+namespace {
+
+using config::Dimension;
+using config::Fields;
+
+constexpr std::array<std::string_view, 2> kLinks{"newest", "repeat_last"};
+constexpr Duration kLongest = seconds(3600);
+constexpr std::size_t kMost = 1000;
+constexpr std::int64_t kMostSeed = (std::int64_t{1} << 53) - 1;  // every reader keeps it exact
+
+std::vector<std::string_view> perturbation_names() {
+  std::vector<std::string_view> names;
+  for (const PerturbationKind& kind : perturbation_kinds()) names.push_back(kind.name);
+  return names;
+}
+
+void describe_task(Fields& fields, PanelTask& task) {
+  fields.choice({"task", "what the robot has to do"}, task.task, kTaskNames);
+  fields.text({"robot", "robot file; a relative path starts at this file's folder"}, task.robot);
+  fields.duration({"scored", "the last part of a rollout, by which it is judged"}, task.scored, milliseconds(1),
+                  kLongest);
+  fields.quantity({"bound", "success: root mean square error of the scored part at most this"}, task.bound_m,
+                  Dimension::length, config::above(0));
+}
+
+void describe_method(Fields& fields, PanelMethod& method) {
+  fields.identifier({"name", "of the method in rows and tables"}, method.name);
+  fields.text({"description", "in a sentence", "\"-\""}, method.description);
+  std::string link(kLinks[method.repeat_last ? 1 : 0]);
+  fields.one_of({"link", "what stands between policy and executive", "newest"}, link, kLinks, "link");
+  method.repeat_last = link == kLinks[1];
+  fields.each({"override", "keys of the robot file said otherwise", "[]"}, method.overrides, kMost,
+              [](Fields& f, config::Override& one) {
+                f.text({"key", "dotted path in the robot file"}, one.key);
+                f.text({"value", "as one would write it there"}, one.value);
+              });
+}
+
+void describe_perturbation(Fields& fields, PanelPerturbation& one, const Panel& panel) {
+  fields.one_of({"kind", "name in the table of perturbations"}, one.kind, perturbation_names(), "perturbation");
+  const PerturbationKind* const kind = find_perturbation(one.kind);
+  if (kind == nullptr) return;
+  one.dose = kind->moderate;
+  one.from = panel.window_from;
+  one.length = panel.window_length;
+  fields.quantity({"dose", "in the perturbation's own unit", "the moderate one", true}, one.dose, Dimension::none,
+                  config::between(kind->least, kind->most));
+  fields.duration({"from", "start of its window", "window.from", true}, one.from, {}, kLongest);
+  fields.duration({"for", "length of its window", "window.for", true}, one.length, {}, kLongest);
+}
+
+void describe_claims(Fields& fields, Claims& claims) {
+  fields.text({"conceptual", "why a method should help"}, claims.conceptual);
+  fields.text({"systems", "which interface it changes"}, claims.systems);
+  fields.text({"evidence", "which measurement would convince a sceptical builder"}, claims.evidence);
+}
+
+void describe_timing(Fields& fields, PolicyTiming& timing) {
+  fields.duration({"inference", "mean time of one inference", "8 ms"}, timing.inference, {}, seconds(60));
+  fields.quantity({"spread", "standard deviation of its logarithm; 0: always the mean", "0.25"}, timing.spread,
+                  Dimension::none, config::between(0, 3));
+  fields.duration({"publish", "inference ended to command in the mailbox", "60 us"}, timing.publish, {}, seconds(60));
+}
+
+void describe(Fields& fields, Panel& panel) {
+  constexpr std::array kSchemas{kPanelSchema};
+  std::string schema(kPanelSchema);
+  fields.one_of({"schema", "format of this file"}, schema, kSchemas, "schema");
+  fields.identifier({"panel", "name of the panel"}, panel.name);
+  fields.duration({"duration", "of every rollout"}, panel.duration, milliseconds(100), kLongest);
+  fields.section({"seeds", "the seed plan"}, [&](Fields& f) {
+    f.integer({"first", "first seed", "1"}, panel.first_seed, 0, kMostSeed);
+    f.integer({"count", "how many, one after the other"}, panel.seed_count, 1, 1'000'000);
+  });
+  fields.section({"policy", "when the policy answers", "{}"}, [&](Fields& f) { describe_timing(f, panel.timing); });
+  fields.section({"window", "of perturbations that name none of their own", "{}"}, [&](Fields& f) {
+    f.duration({"from", "since the rollout's start", "2 s"}, panel.window_from, {}, kLongest);
+    f.duration({"for", "its length", "2 s"}, panel.window_length, {}, kLongest);
+  });
+  bool claims = false;
+  fields.optional_section({"claims", "what the panel is meant to show"}, claims,
+                          [&](Fields& f) { describe_claims(f, panel.claims); });
+  fields.each({"tasks", "what is to be done, and on which robot; one entry"}, panel.tasks, 1, describe_task);
+  fields.each({"methods", "what is compared"}, panel.methods, kMost, describe_method);
+  fields.each({"perturbations", "what troubles the rollouts; `none` is the nominal one"}, panel.perturbations, kMost,
+              [&](Fields& f, PanelPerturbation& one) { describe_perturbation(f, one, panel); });
+}
+
+bool is_lower_case(std::string_view name) {
+  return std::ranges::none_of(name, [](char c) { return c >= 'A' && c <= 'Z'; });
+}
+
+void check_tasks_and_methods(const Panel& panel, config::Checker& checker) {
+  checker.require(is_lower_case(panel.name), "panel", "has capital letters; rows hold small ones only");
+  std::set<Task> seen;
+  for (std::size_t i = 0; i < panel.tasks.size(); ++i) {
+    const std::string path = fmt::format("tasks[{}]", i);
+    checker.require(seen.insert(panel.tasks[i].task).second, path + ".task", "is in the list twice; keep one");
+    checker.require(panel.tasks[i].scored <= panel.duration, path + ".scored",
+                    "is longer than the rollout's `duration`; shorten it");
+  }
+  for (std::size_t i = 0; i < panel.methods.size(); ++i)
+    checker.require(is_lower_case(panel.methods[i].name), fmt::format("methods[{}].name", i),
+                    "has capital letters; rows hold small ones only");
+}
+
+void check_perturbations(const Panel& panel, config::Checker& checker) {
+  std::set<std::pair<std::string, double>> seen;
+  for (std::size_t i = 0; i < panel.perturbations.size(); ++i) {
+    const PanelPerturbation& one = panel.perturbations[i];
+    const std::string path = fmt::format("perturbations[{}]", i);
+    checker.require(seen.insert({one.kind, one.dose}).second, path + ".kind",
+                    "is in the list twice with the same dose; keep one");
+    checker.require(one.from + one.length <= panel.duration, path + ".kind",
+                    "its window ends after the rollout's `duration`; move or shorten it");
+  }
+}
+
+std::string beside(const std::string& file, const std::string& written) {
+  return (std::filesystem::path(file).parent_path() / written).lexically_normal().string();
+}
+
+}  // namespace
+
+std::expected<Panel, std::string> load_panel(const std::string& path) {
+  const auto text = config::read_file(path);
+  if (!text) return std::unexpected(text.error());
+  config::Problems problems(path);
+  const config::Node root = config::read_document(*text, config::Tags::refuse, problems);
+  if (problems.empty() && root.kind != config::Node::Kind::map)
+    problems.add(root.place, "holds no panel; begin with `schema: takt.panel/1`");
+  if (!problems.empty()) return std::unexpected(problems.text());
+  Panel panel;
+  panel.file = path;
+  panel.text = *text;
+  panel.sha256 = config::sha256_hex(*text);
+  config::Places places;
+  config::Reader reader(root, "", problems, places);
+  describe(reader, panel);
+  reader.finish();
+  if (problems.empty()) {
+    config::Checker checker(places, problems);
+    check_tasks_and_methods(panel, checker);
+    check_perturbations(panel, checker);
+  }
+  if (!problems.empty()) return std::unexpected(problems.text());
+  for (PanelTask& task : panel.tasks) task.robot = beside(path, task.robot);
+  return panel;
+}
+
+}  // namespace takt::panel

@@ -1,0 +1,57 @@
+// A panel: which tasks, under which perturbations, by which methods, with which seeds. Read from a YAML file as
+// strictly as a robot file (config/document.hpp): every problem in one line "file:line:column: what; how to mend". How
+// to write one: docs/panels.md.
+#pragma once
+
+#include <cstdint>
+#include <expected>
+#include <string>
+#include <vector>
+
+#include "config/load.hpp"
+#include "monitor/panel/artifact_manifest.hpp"
+#include "monitor/panel/perturbation.hpp"
+#include "monitor/panel/rollout.hpp"
+
+namespace takt::panel {
+
+inline constexpr std::string_view kPanelSchema = "takt.panel/1";
+
+struct PanelTask {
+  Task task = Task::arm_tracking;
+  std::string robot;  // path of the robot file, as found from here
+  Duration scored;
+  double bound_m = 0;
+};
+
+struct PanelMethod {
+  std::string name, description;
+  bool repeat_last = false;
+  std::vector<config::Override> overrides;
+};
+
+struct PanelPerturbation {
+  std::string kind{perturbation_kinds().front().name};
+  double dose = 0;
+  Duration from, length;
+  [[nodiscard]] Perturbation resolved() const { return {find_perturbation(kind)->trouble, dose, from, length}; }
+};
+
+struct Panel {
+  std::string file;    // as given, for messages
+  std::string text;    // its bytes
+  std::string sha256;  // of them
+  std::string name;
+  Duration duration;
+  std::uint64_t first_seed = 1, seed_count = 1;
+  PolicyTiming timing;
+  Duration window_from, window_length;  // of perturbations that say nothing else
+  std::vector<PanelTask> tasks;  // one: a method's configuration is a robot's, and an artifact names one per method
+  std::vector<PanelMethod> methods;
+  std::vector<PanelPerturbation> perturbations;
+  Claims claims;
+};
+
+std::expected<Panel, std::string> load_panel(const std::string& path);
+
+}  // namespace takt::panel

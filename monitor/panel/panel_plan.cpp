@@ -1,0 +1,189 @@
+#include "monitor/panel/panel_plan.hpp"
+
+#include <fmt/format.h>
+#include <sys/resource.h>
+#include <time.h>
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+#include <utility>
+
+#include "config/hash.hpp"
+#include "config/load.hpp"
+#include "policy_host/onnx_policy.hpp"
+#include "policy_host/policy_fit.hpp"
+#include "takt_version.hpp"
+
+namespace takt::panel {
+namespace {
+
+// The parts of the canonical robot file that say what the simulated world is, whatever a method overrides elsewhere.
+std::string plant_text(const config::RobotConfig& robot) {
+  std::string text;
+  bool inside = false;
+  for (std::size_t at = 0; at < robot.resolved.size();) {
+    const std::size_t end = std::min(robot.resolved.find('\n', at), robot.resolved.size() - 1);
+    const std::string_view line = std::string_view(robot.resolved).substr(at, end + 1 - at);
+    if (!line.starts_with(' '))
+      inside = line.starts_with("simulation:") || line.starts_with("model:") || line.starts_with("joints:");
+    if (inside) text += line;
+    at = end + 1;
+  }
+  return text;
+}
+
+std::expected<std::string, std::string> sha256_of_file(const std::string& path) {
+  std::ifstream stream(path, std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(stream), {}};
+  if (!stream) return std::unexpected(path + ": cannot be read; check `policy.file`");
+  return config::sha256_hex(bytes);
+}
+
+std::expected<Contestant, std::string> make_contestant(const config::RobotConfig& base, const PanelMethod& method) {
+  auto robot = config::with_overrides(base, method.overrides);
+  if (!robot) return std::unexpected(robot.error());
+  if (const auto fine = policy_host::check_policy_section(*robot); !fine) return std::unexpected(fine.error());
+  Contestant made;
+  made.robot = std::move(*robot);
+  const config::Policy& section = *made.robot.policy;
+  auto sha256 = sha256_of_file(section.file);
+  if (!sha256) return std::unexpected(sha256.error());
+  auto policy = policy_host::load_onnx_policy(section.file, section.input, section.output);
+  if (!policy) return std::unexpected(policy.error());
+  if (const auto fits = policy_host::check_fit(made.robot, **policy); !fits) return std::unexpected(fits.error());
+  made.policy = std::move(*policy);
+  made.policy_sha256 = std::move(*sha256);
+  made.policy_hash = config::leading_64_bits(made.policy_sha256);
+  made.plant_sha256 = config::sha256_hex(plant_text(base));
+  return made;
+}
+
+std::string joints_problem(const Panel& panel, const config::RobotConfig& robot) {
+  const bool rotates =
+      std::ranges::any_of(panel.perturbations, [](const auto& one) { return one.kind == "wrong_joint_order"; });
+  if (!rotates || robot.joints.size() > 1) return {};
+  return robot.file + ": one joint has no order to get wrong; take perturbation `wrong_joint_order` out of the panel";
+}
+
+class HostMeter {
+ public:
+  void fill(Duration simulated, HostMeasured& host) const {
+    host.wall_s = seconds_of(CLOCK_MONOTONIC) - wall_;
+    host.cpu_s = seconds_of(CLOCK_PROCESS_CPUTIME_ID) - cpu_;
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    host.peak_rss_kib = static_cast<std::uint64_t>(usage.ru_maxrss);
+    host.realtime_factor = host.wall_s > 0 ? simulated.seconds() / host.wall_s : 0;
+  }
+
+ private:
+  static double seconds_of(clockid_t clock) {
+    timespec now{};
+    clock_gettime(clock, &now);
+    return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+  }
+  double wall_ = seconds_of(CLOCK_MONOTONIC), cpu_ = seconds_of(CLOCK_PROCESS_CPUTIME_ID);
+};
+
+}  // namespace
+
+std::vector<PlannedRollout> plan_of(const Panel& panel, const Shard& shard) {
+  std::vector<PlannedRollout> plan;
+  std::size_t index = 0;
+  for (std::size_t task = 0; task < panel.tasks.size(); ++task)
+    for (std::size_t perturbation = 0; perturbation < panel.perturbations.size(); ++perturbation)
+      for (std::size_t method = 0; method < panel.methods.size(); ++method)
+        for (std::uint64_t seed = 0; seed < panel.seed_count; ++seed)
+          if (index++ % shard.count == shard.index - 1)
+            plan.push_back({task, perturbation, method, panel.first_seed + seed});
+  return plan;
+}
+
+std::expected<Contest, std::string> Contest::prepare(Panel panel) {
+  Contest contest(std::move(panel));
+  std::string problems;
+  const auto note = [&](const std::string& what) { problems += (problems.empty() ? "" : "\n") + what; };
+  for (const PanelTask& task : contest.panel_.tasks) {
+    const auto robot = config::load(task.robot);
+    if (!robot) {
+      note(robot.error());
+      continue;
+    }
+    if (const std::string problem = joints_problem(contest.panel_, *robot); !problem.empty()) note(problem);
+    for (const PanelMethod& method : contest.panel_.methods) {
+      auto made = make_contestant(*robot, method);
+      if (made)
+        contest.contestants_.push_back(std::move(*made));
+      else
+        note(fmt::format("{}: method {}: {}", contest.panel_.file, method.name, made.error()));
+    }
+  }
+  if (!problems.empty()) return std::unexpected(problems);
+  return contest;
+}
+
+RolloutRow Contest::identity(const PlannedRollout& planned) const {
+  const Contestant& who = contestant(planned);
+  const PanelPerturbation& perturbation = panel_.perturbations[planned.perturbation];
+  RolloutRow row;
+  row.panel = panel_.name;
+  row.panel_sha256 = panel_.sha256;
+  row.task = kTaskNames[static_cast<std::size_t>(panel_.tasks[planned.task].task)];
+  row.method = panel_.methods[planned.method].name;
+  row.seed = planned.seed;
+  row.perturbation = perturbation.kind;
+  row.dose = perturbation.dose;
+  row.config_sha256 = who.robot.sha256;
+  row.policy_sha256 = who.policy_sha256;
+  row.plant_sha256 = who.plant_sha256;
+  row.script_version = TAKT_VERSION;
+  return row;
+}
+
+ArtifactManifest Contest::manifest(std::size_t planned) const {
+  ArtifactManifest made;
+  made.panel = panel_.name;
+  made.panel_sha256 = panel_.sha256;
+  made.script_version = TAKT_VERSION;
+  made.claims = panel_.claims;
+  made.planned_rollouts = planned;
+  const std::uint64_t last = panel_.first_seed + panel_.seed_count - 1;
+  made.seed_plan.rule = fmt::format("seeds {} to {}, the same for every method", panel_.first_seed, last);
+  for (std::uint64_t seed = panel_.first_seed; seed <= last; ++seed) made.seed_plan.seeds.push_back(seed);
+  for (std::size_t task = 0; task < panel_.tasks.size(); ++task) {
+    for (std::size_t method = 0; method < panel_.methods.size(); ++method) {
+      const Contestant& who = contestant({.task = task, .method = method});
+      const config::Freshness& freshness = who.robot.freshness;
+      made.plants[std::string(kTaskNames[static_cast<std::size_t>(panel_.tasks[task].task)])] = who.plant_sha256;
+      made.methods[panel_.methods[method].name] = {
+          panel_.methods[method].description, who.robot.sha256,  who.policy_sha256,
+          freshness.max_age.milliseconds(),   freshness.epsilon, freshness.confidence};
+    }
+  }
+  return made;
+}
+
+std::expected<RolloutRow, std::string> Contest::run(const PlannedRollout& planned) {
+  const Contestant& who = contestant(planned);
+  const PanelTask& task = panel_.tasks[planned.task];
+  const HostMeter meter;
+  RolloutRow row = identity(planned);
+  const auto done = run_rollout({.robot = who.robot,
+                                 .policy = *who.policy,
+                                 .policy_hash = who.policy_hash,
+                                 .task = task.task,
+                                 .timing = panel_.timing,
+                                 .repeat_last = panel_.methods[planned.method].repeat_last,
+                                 .perturbation = panel_.perturbations[planned.perturbation].resolved(),
+                                 .seed = planned.seed,
+                                 .duration = panel_.duration,
+                                 .scored = task.scored,
+                                 .bound_m = task.bound_m},
+                                row);
+  if (!done) return std::unexpected(done.error());
+  meter.fill(panel_.duration, row.host);
+  return row;
+}
+
+}  // namespace takt::panel

@@ -1,0 +1,62 @@
+// What a panel amounts to: every rollout in one order, and everything a rollout needs loaded and checked once. Nothing
+// runs before every robot, override and policy of the panel is known to be good.
+#pragma once
+
+#include <cstdint>
+#include <expected>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "config/robot_config.hpp"
+#include "monitor/panel/artifact_manifest.hpp"
+#include "monitor/panel/panel_file.hpp"
+#include "monitor/panel/rollout_row.hpp"
+#include "policy_host/policy.hpp"
+
+namespace takt::panel {
+
+// Indices into the panel's lists.
+struct PlannedRollout {
+  std::size_t task = 0, perturbation = 0, method = 0;
+  std::uint64_t seed = 0;
+};
+
+// Part `index` (from 1) of `count`: every count-th rollout of the plan, so that parts take equally long.
+struct Shard {
+  std::size_t index = 1, count = 1;
+};
+// Task by task, perturbation by perturbation, method by method, seed by seed.
+std::vector<PlannedRollout> plan_of(const Panel& panel, const Shard& shard);
+
+// One method on one task.
+struct Contestant {
+  config::RobotConfig robot;
+  std::unique_ptr<policy_host::Policy> policy;
+  std::uint64_t policy_hash = 0;
+  std::string policy_sha256, plant_sha256;
+};
+
+class Contest {
+ public:
+  // The error: one problem per line, each naming panel, method and key.
+  static std::expected<Contest, std::string> prepare(Panel panel);
+
+  [[nodiscard]] const Panel& panel() const { return panel_; }
+  // Of an artifact that holds `planned` rollouts of the panel.
+  [[nodiscard]] ArtifactManifest manifest(std::size_t planned) const;
+  // The whole row, host fields too. The error is one sentence.
+  std::expected<RolloutRow, std::string> run(const PlannedRollout& planned);
+  // As run() fills it, before anything has run: names the rollout.
+  [[nodiscard]] RolloutRow identity(const PlannedRollout& planned) const;
+
+ private:
+  explicit Contest(Panel panel) : panel_(std::move(panel)) {}
+  [[nodiscard]] const Contestant& contestant(const PlannedRollout& planned) const {
+    return contestants_[planned.task * panel_.methods.size() + planned.method];
+  }
+  Panel panel_;
+  std::vector<Contestant> contestants_;  // task by task
+};
+
+}  // namespace takt::panel

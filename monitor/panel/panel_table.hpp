@@ -1,0 +1,15 @@
+// The table a person reads after a panel: one line per task, perturbation and method, over all seeds. Pure.
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "monitor/panel/rollout_row.hpp"
+
+namespace takt::panel {
+
+// Success with the exact two-sided 95 % interval of its rate; p99 age per tick, rms error, largest torque and recovery
+// as medians over seeds; ticks that violated the task's constraints, stops and degradations as means.
+std::string panel_table(std::span<const RolloutRow> rows);
+
+}  // namespace takt::panel

@@ -1,0 +1,84 @@
+// What a rollout may be troubled by: one table of named perturbations, each with what it does, the unit of its dose, a
+// moderate dose and the doses that make sense. A perturbation acts inside one window of virtual time; what it draws
+// comes from the rollout's seed. docs/panels.md shows the table.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include "executive/contract/mono_time.hpp"
+
+namespace takt::panel {
+
+enum class Trouble : std::uint8_t {
+  none,
+  sensor_burst,
+  sensor_dropout,
+  camera_freeze,
+  estimator_delay,
+  inference_stall,
+  inference_mean_shift,
+  queue_growth,
+  publish_delay,
+  policy_crash,
+  policy_freeze,
+  bad_actions_nan,
+  bad_actions_range,
+  wrong_joint_order,
+  scheduler_preemption,
+  can_loss,
+  can_delay,
+  bus_off,
+  push,
+  payload,
+  friction,
+};
+inline constexpr std::size_t kTroubleCount = 21;
+
+struct PerturbationKind {
+  Trouble trouble = Trouble::none;
+  std::string_view name;
+  std::string_view effect;
+  std::string_view unit;  // of the dose; empty: it has none
+  double moderate = 0, least = 0, most = 0;
+};
+
+// In the order of Trouble. The first is the nominal rollout.
+std::span<const PerturbationKind> perturbation_kinds();
+// Null: no such name.
+const PerturbationKind* find_perturbation(std::string_view name);
+
+struct Perturbation {
+  Trouble trouble = Trouble::none;
+  double dose = 0;
+  Duration from, length;  // window, since the rollout's start
+};
+// Times at which some perturbations repeat, from the start of the window on.
+inline constexpr Duration kRepeat = seconds(1);
+
+// The perturbation of one rollout at its own instants. Outside the window, and for every other trouble, the dose is 0.
+class Disturbance {
+ public:
+  Disturbance(const Perturbation& perturbation, MonoTime rollout_started);
+
+  [[nodiscard]] Trouble trouble() const { return perturbation_.trouble; }
+  [[nodiscard]] double dose(Trouble trouble, MonoTime at) const {
+    return trouble == perturbation_.trouble && at >= begins_ && at < ends_ ? perturbation_.dose : 0;
+  }
+  // The same as milliseconds.
+  [[nodiscard]] Duration delay(Trouble trouble, MonoTime at) const;
+  // Doses that say "this long out of every second": true for the first `dose` ms of each kRepeat.
+  [[nodiscard]] bool in_first_part(Trouble trouble, MonoTime at) const;
+  // Which kRepeat of the window `at` lies in, from 1; 0 outside.
+  [[nodiscard]] std::int64_t turn(Trouble trouble, MonoTime at) const;
+  [[nodiscard]] MonoTime begins() const { return begins_; }
+  // Crash, freeze and bus-off last as long as their dose says, the others as long as their window.
+  [[nodiscard]] MonoTime ends() const { return ends_; }
+
+ private:
+  Perturbation perturbation_;
+  MonoTime begins_, ends_;
+};
+
+}  // namespace takt::panel

@@ -1,0 +1,66 @@
+#include "monitor/panel/repeat_last.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+
+namespace takt::panel {
+namespace {
+
+// Value of one joint's target `since` the source's observation: linear between steps, the last one for ever.
+float value_at(const CommandChunk& chunk, Duration since, std::size_t joint) {
+  const CommandHeader& header = chunk.header;
+  const std::int64_t last = header.step_count - 1;
+  const std::int64_t ns = std::max<std::int64_t>(since.ns, 0);
+  const std::int64_t step = std::min(ns / header.step_period.ns, last);
+  const std::int64_t next = std::min(step + 1, last);
+  const auto at = [&](std::int64_t k) {
+    return chunk.values[value_index(header, CommandField::q, static_cast<std::size_t>(k), joint)];
+  };
+  if (step == next) return at(last);
+  const auto share = static_cast<float>(ns - step * header.step_period.ns) / static_cast<float>(header.step_period.ns);
+  return at(step) + (at(next) - at(step)) * share;
+}
+
+}  // namespace
+
+void RepeatLast::pass(const ArrivedCommand& command) {
+  CommandChunk& chunk = *command.chunk;
+  chunk.header.sequence = ++sequence_;
+  due_ = false;
+  const std::span values(chunk.values, chunk.value_count());
+  if (!std::ranges::all_of(values, [](float value) { return std::isfinite(value); })) return;
+  source_observed_at_ = command.observed_at;
+  const MonoTime outside = chunk.header.outside_sensed_at;
+  source_sensed_at_ = outside.is_set() ? std::min(outside, command.sensed_at) : command.sensed_at;
+  source_->header = chunk.header;
+  std::ranges::copy(values, source_->values);
+  has_source_ = true;
+}
+
+void RepeatLast::observe(const Observation& observation) {
+  const CommandHeader& from = source_->header;
+  const MonoTime now = observation.published_at;
+  if (!has_source_ || source_observed_at_ + from.step_period * from.step_count > now + observation.period * 2) return;
+  CommandHeader& header = repeated_->header;
+  header = from;
+  header.observation_id = observation.id;
+  header.sequence = ++sequence_;
+  header.outside_sensed_at = source_sensed_at_;
+  header.dequeued_at = header.infer_started_at = header.infer_ended_at = header.published_at = now;
+  header.fields = static_cast<std::uint8_t>(CommandField::q);
+  for (std::size_t step = 0; step < header.step_count; ++step) {
+    const Duration since = now - source_observed_at_ + header.step_period * static_cast<std::int64_t>(step);
+    for (std::size_t joint = 0; joint < header.joint_count; ++joint)
+      repeated_->values[value_index(header, CommandField::q, step, joint)] = value_at(*source_, since, joint);
+  }
+  due_ = true;
+}
+
+const CommandChunk* RepeatLast::read() {
+  if (!due_) return nullptr;
+  due_ = false;
+  return repeated_.get();
+}
+
+}  // namespace takt::panel

@@ -1,0 +1,161 @@
+#include "monitor/panel/rollout.hpp"
+
+#include <array>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "config/tick_config_of.hpp"
+#include "executive/pipeline/control_tick.hpp"
+#include "monitor/panel/arm_world.hpp"
+#include "monitor/panel/repeat_last.hpp"
+#include "monitor/panel/rollout_measures.hpp"
+#include "monitor/panel/virtual_bus.hpp"
+
+namespace takt::panel {
+namespace {
+
+constexpr MonoTime kStart{1'000'000'000'000};  // some 17 minutes after boot
+constexpr std::uint64_t kWakeStream = 601;
+constexpr Duration kLeastLateness = microseconds(5), kUsualLateness = microseconds(40);
+constexpr Duration kTickWork = microseconds(25);
+constexpr double kPreemptionsPerSecond = 10;
+constexpr Duration kSettle = seconds(2);  // from power-on to the task: arming, and the way to it
+
+std::expected<std::unique_ptr<World>, std::string> make_world(const RolloutSetup& setup,
+                                                              const Disturbance& disturbance) {
+  switch (setup.task) {
+    case Task::arm_tracking:
+      return ArmWorld::make(setup.robot, disturbance, kStart, setup.seed);
+  }
+  return std::unexpected("this build does not know the task");
+}
+
+class Rollout {
+ public:
+  Rollout(const RolloutSetup& setup, const Disturbance& disturbance, World& world, VirtualBus bus)
+      : setup_(setup),
+        disturbance_(disturbance),
+        config_(config::tick_config_of(setup.robot, setup.policy_hash)),
+        state_(pipeline::make_tick_state(config_)),
+        world_(world),
+        bus_(std::move(bus)),
+        policy_(setup.robot, setup.policy_hash, setup.policy, setup.timing, disturbance, setup.seed),
+        wakes_(setup.seed, kWakeStream),
+        measures_({kStart + kSettle, kStart + (setup.duration - setup.scored), setup.bound_m}, disturbance) {
+    input_.last_duration = kTickWork;
+  }
+
+  void run(RolloutRow& row) {
+    const MonoTime end = kStart + setup_.duration;
+    for (MonoTime due = kStart; due < end;) {
+      const MonoTime woken = due + lateness(due);
+      step_plant(woken);
+      tick(woken, woken - due);
+      due = next_due(due, woken + kTickWork);
+    }
+    measures_.finish(setup_.robot.freshness.epsilon, setup_.robot.freshness.confidence, row);
+  }
+
+ private:
+  Duration lateness(MonoTime due) {
+    const double usual = wakes_.between(static_cast<double>(kLeastLateness.ns), static_cast<double>(kUsualLateness.ns));
+    const double dose_ms = disturbance_.dose(Trouble::scheduler_preemption, due);
+    const bool preempted = dose_ms > 0 && wakes_.happens(kPreemptionsPerSecond * config_.period.seconds());
+    return {std::llround(usual + (preempted ? dose_ms * 1e6 : 0))};
+  }
+
+  // As runtime/pace: instants of the grid that have passed are skipped.
+  MonoTime next_due(MonoTime due, MonoTime ended) {
+    const MonoTime next = due + config_.period;
+    input_.overrun_cause = OverrunCause::none;
+    if (ended <= next) return next;
+    const std::int64_t missed = ((ended - next).ns + config_.period.ns - 1) / config_.period.ns;
+    input_.overrun_cause = OverrunCause::preempted;
+    input_.skipped_periods += static_cast<std::uint64_t>(missed);
+    return next + config_.period * missed;
+  }
+
+  void step_plant(MonoTime until) {
+    const Duration step = world_.plant().step_length();
+    for (; plant_at_ + step <= until; plant_at_ = plant_at_ + step) world_.plant().step();
+  }
+
+  void tick(MonoTime now, Duration late) {
+    ++input_.tick;
+    input_.now = now;
+    input_.lateness = late;
+    if (const auto sample = world_.sample(now)) policy_.sense(*sample);
+    policy_.run_until(now);
+    bus_.receive(world_.plant(), now, input_);
+    read_command(now);
+    input_.operator_request = request();
+    pipeline::control_tick(*state_, input_, config_, *output_);
+    bus_.send(world_.plant(), now, *output_);
+    if (output_->observation_due) publish(output_->observation);
+    TruthOfTick truth{.error_m = world_.error_m(now)};
+    truth.violated = world_.is_violated();
+    truth.lost = world_.is_lost();
+    measures_.tick(output_->record, truth);
+    if (setup_.on_tick) setup_.on_tick(output_->record);
+  }
+
+  void publish(const Observation& observation) {
+    policy_.observe(observation);
+    if (setup_.repeat_last) repeater_.observe(observation);
+  }
+
+  void read_command(MonoTime now) {
+    const ArrivedCommand* const arrived = policy_.read(now);
+    input_.command = arrived != nullptr ? arrived->chunk.get() : nullptr;
+    input_.policy_session = policy_.session();
+    if (setup_.repeat_last) {
+      if (arrived != nullptr)
+        repeater_.pass(*arrived);
+      else
+        input_.command = repeater_.read();
+      input_.policy_session = 1;
+    }
+    input_.mailbox = input_.command != nullptr ? Arrival::accepted : Arrival::none;
+    input_.command_bytes = input_.command != nullptr ? input_.command->used_bytes() : 0;
+  }
+
+  OperatorRequest request() {
+    if (asked_ || input_.tick == 1) return OperatorRequest::none;
+    std::array<pipeline::ArmingBlocker, 1> first;
+    if (pipeline::arming_blockers(output_->record, config_, first) != 0) return OperatorRequest::none;
+    asked_ = true;
+    return OperatorRequest::arm;
+  }
+
+  const RolloutSetup& setup_;
+  const Disturbance& disturbance_;
+  pipeline::TickConfig config_;
+  pipeline::TickStatePtr state_;
+  World& world_;
+  VirtualBus bus_;
+  VirtualPolicy policy_;
+  RepeatLast repeater_;
+  Random wakes_;
+  RolloutMeasures measures_;
+  pipeline::TickInput input_;
+  std::unique_ptr<pipeline::TickOutput> output_ = std::make_unique<pipeline::TickOutput>();
+  MonoTime plant_at_ = kStart;
+  bool asked_ = false;
+};
+
+}  // namespace
+
+std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutRow& row) {
+  const Disturbance disturbance(setup.perturbation, kStart);
+  auto world = make_world(setup, disturbance);
+  if (!world) return std::unexpected(world.error());
+  auto bus = VirtualBus::make(setup.robot, disturbance, setup.seed);
+  if (!bus) return std::unexpected(bus.error());
+  setup.policy.reset();
+  Rollout rollout(setup, disturbance, **world, std::move(*bus));
+  rollout.run(row);
+  return {};
+}
+
+}  // namespace takt::panel

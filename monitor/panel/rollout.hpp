@@ -1,0 +1,48 @@
+// One rollout in virtual time: the real decision, the real drivers, the real network, against a simulated plant, in one
+// thread and from one seed. The same setup gives the same bytes: of every tick record, and of the row.
+//
+// What is real: pipeline::control_tick with the robot file's configuration, the host side of every drive's protocol,
+// observation, inference and chunk building. What is modelled: when things happen (virtual_policy.hpp, virtual_bus.hpp,
+// the wake-up's lateness), the drives' other side, the mechanics. What is absent: shared memory, sockets, the kernel.
+// A rollout starts disabled at home, arms as soon as nothing blocks it, and never re-arms. Thread rule: one thread.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <expected>
+#include <functional>
+#include <string>
+#include <string_view>
+
+#include "config/robot_config.hpp"
+#include "executive/contract/tick_record.hpp"
+#include "monitor/panel/perturbation.hpp"
+#include "monitor/panel/rollout_row.hpp"
+#include "monitor/panel/virtual_policy.hpp"
+#include "policy_host/policy.hpp"
+
+namespace takt::panel {
+
+enum class Task : std::uint8_t { arm_tracking };
+inline constexpr std::array<std::string_view, 1> kTaskNames{"arm_tracking"};
+
+struct RolloutSetup {
+  const config::RobotConfig& robot;  // as the method wants it
+  policy_host::Policy& policy;       // fits the robot
+  std::uint64_t policy_hash = 0;
+  Task task = Task::arm_tracking;
+  PolicyTiming timing;
+  bool repeat_last = false;  // repeat_last.hpp stands between policy and executive
+  Perturbation perturbation;
+  std::uint64_t seed = 1;
+  Duration duration;
+  Duration scored;     // last part of the duration, judged
+  double bound_m = 0;  // rms error of the scored part
+  std::function<void(const TickRecord&)> on_tick = {};
+};
+
+// Fills everything of the row but its identity and host fields. The error is one sentence: what the robot lacks for the
+// task.
+std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutRow& row);
+
+}  // namespace takt::panel

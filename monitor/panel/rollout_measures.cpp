@@ -1,0 +1,130 @@
+#include "monitor/panel/rollout_measures.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+
+namespace takt::panel {
+namespace {
+
+AgeQuantiles row_of(const monitor::Quantiles& ns) {
+  if (ns.count == 0) return {};
+  return {ns.p50 * 1e-6, ns.p95 * 1e-6, ns.p99 * 1e-6};
+}
+
+AgeRow row_of(const std::array<monitor::Quantiles, monitor::kAgePartCount>& parts) {
+  return {.total = row_of(parts[5]),
+          .sense = row_of(parts[0]),
+          .queue = row_of(parts[1]),
+          .infer = row_of(parts[2]),
+          .publish = row_of(parts[3]),
+          .hold = row_of(parts[4])};
+}
+
+MissRow row_of(const monitor::MissRate& misses) {
+  return {misses.misses, misses.count, misses.rate, misses.upper_bound};
+}
+
+std::uint64_t entered(const monitor::RunMetrics& metrics, Mode mode) {
+  return static_cast<std::uint64_t>(
+      std::ranges::count(metrics.transitions, mode, [](const monitor::Transition& one) { return one.to; }));
+}
+
+bool is_latched(Mode mode) {
+  return mode == Mode::damped_stop || mode == Mode::fault_latched;
+}
+
+}  // namespace
+
+void RolloutMeasures::tick(const TickRecord& record, const TruthOfTick& truth) {
+  const TickRecordHeader& header = record.header;
+  collector_.tick(record);
+  add_hash(record);
+  add_joints(record);
+  note_failure(header, truth);
+  note_recovery(header, truth.error_m);
+  if ((header.causes_active >> static_cast<unsigned>(Cause::envelope_exceeded) & 1U) != 0) ++envelope_violations_;
+  if (header.now >= score_.begins) {
+    errors_nm_.push_back(std::llround(truth.error_m * 1e9));
+    square_error_ += truth.error_m * truth.error_m;
+  }
+  if (header.now >= score_.settled && truth.violated) ++violations_;
+  last_ = header.now;
+}
+
+void RolloutMeasures::note_failure(const TickRecordHeader& header, const TruthOfTick& truth) {
+  if (header.cause != Cause::none) last_cause_ = header.cause;
+  armed_ |= header.mode == Mode::tracking;
+  if (!failure_.empty()) return;
+  if (is_latched(header.mode) && header.mode != header.previous_mode) failure_ = name(header.cause);
+  if (truth.lost) failure_ = "fell";
+}
+
+void RolloutMeasures::note_recovery(const TickRecordHeader& header, double error_m) {
+  const bool well = header.mode == Mode::tracking && error_m <= score_.bound_m;
+  if (!well) {
+    well_since_ = {};
+    was_disturbed_ |= header.now >= disturbance_.begins();
+  } else if (!well_since_.is_set()) {
+    well_since_ = header.now;
+  }
+}
+
+void RolloutMeasures::add_joints(const TickRecord& record) {
+  const double dt = last_.is_set() ? (record.header.now - last_).seconds() : 0;
+  for (std::size_t joint = 0; joint < record.header.joint_count; ++joint) {
+    const JointFeedback& feedback = record.joints[joint].feedback;
+    energy_J_ += std::abs(static_cast<double>(feedback.tau) * static_cast<double>(feedback.dq)) * dt;
+    peak_torque_Nm_ = std::max(peak_torque_Nm_, std::abs(static_cast<double>(feedback.tau)));
+  }
+}
+
+// FNV-1a over words instead of bytes, with a rotation so that high bits reach low ones. Records are whole words.
+void RolloutMeasures::add_hash(const TickRecord& record) {
+  static_assert(sizeof(TickRecordHeader) % 8 == 0 && sizeof(JointRecord) % 8 == 0);
+  const auto* const bytes = reinterpret_cast<const unsigned char*>(&record);
+  for (std::size_t at = 0; at < record.used_bytes(); at += 8) {
+    std::uint64_t word = 0;
+    std::memcpy(&word, bytes + at, sizeof word);
+    hash_ = std::rotl((hash_ ^ word) * 0x0000'0100'0000'01B3ULL, 29);
+  }
+}
+
+void RolloutMeasures::fill_outcome(RolloutRow& row) {
+  const auto scored = static_cast<double>(errors_nm_.size());
+  row.tracking_error_rms_m = scored > 0 ? std::sqrt(square_error_ / scored) : 0;
+  row.tracking_error_p95_m = std::max(0.0, monitor::quantiles_of(errors_nm_).p95 * 1e-9);
+  row.constraint_violations = violations_;
+  if (failure_.empty() && !armed_) failure_ = "not_armed";
+  if (failure_.empty() && row.tracking_error_rms_m > score_.bound_m) failure_ = "tracking_error";
+  row.failure_label = failure_;
+  row.success = failure_.empty();
+  row.final_mode = metrics_.last_mode;
+  row.final_cause = last_cause_;
+  const bool recovered = was_disturbed_ && well_since_.is_set();
+  if (disturbance_.trouble() != Trouble::none && recovered)
+    row.recovery_s = std::max(0.0, (well_since_ - disturbance_.ends()).seconds());
+}
+
+void RolloutMeasures::finish(double epsilon, double confidence, RolloutRow& row) {
+  if (metrics_.ticks != 0) collector_.finish(epsilon, confidence);
+  fill_outcome(row);
+  row.ticks = metrics_.ticks;
+  row.age_per_command = row_of(metrics_.age_per_command);
+  row.age_per_tick = row_of(metrics_.age_per_tick);
+  row.misses_per_command = row_of(metrics_.misses_per_command);
+  row.misses_per_tick = row_of(metrics_.misses_per_tick);
+  row.safety = {entered(metrics_, Mode::degraded), entered(metrics_, Mode::damped_stop),
+                entered(metrics_, Mode::fault_latched), envelope_violations_};
+  row.interventions = metrics_.interventions;
+  for (std::size_t mode = 0; mode < kModeCount && metrics_.ticks != 0; ++mode)
+    row.mode_share[mode] = static_cast<double>(metrics_.ticks_in_mode[mode]) / static_cast<double>(metrics_.ticks);
+  row.energy_J = energy_J_;
+  row.peak_torque_Nm = peak_torque_Nm_;
+  row.replay_hash = fmt::format("{:016x}", hash_);
+}
+
+}  // namespace takt::panel

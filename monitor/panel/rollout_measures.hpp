@@ -1,0 +1,65 @@
+// Everything a row says about how a rollout went, gathered tick by tick: from the tick's record, and from the truth of
+// the simulated world. Thread rule: one thread at a time.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "executive/contract/tick_record.hpp"
+#include "monitor/metrics_collector.hpp"
+#include "monitor/panel/perturbation.hpp"
+#include "monitor/panel/rollout_row.hpp"
+
+namespace takt::panel {
+
+// What counts as done: the root mean square of the error over the last part of the rollout, and no stop before.
+struct Score {
+  MonoTime settled;    // violations of the task's constraints count from here on
+  MonoTime begins;     // of the scored part; errors before it do not count
+  double bound_m = 0;  // success: rms error at most this; recovered: error at most this
+};
+
+struct TruthOfTick {
+  double error_m = 0;
+  bool violated = false;  // the task's constraints
+  bool lost = false;      // beyond help
+};
+
+class RolloutMeasures {
+ public:
+  // `disturbance` outlives this.
+  RolloutMeasures(const Score& score, const Disturbance& disturbance) : score_(score), disturbance_(disturbance) {}
+  RolloutMeasures(const RolloutMeasures&) = delete;
+  RolloutMeasures& operator=(const RolloutMeasures&) = delete;
+
+  void tick(const TickRecord& record, const TruthOfTick& truth);
+  // Fills everything but the row's identity and host fields. Call once, after the last tick.
+  void finish(double epsilon, double confidence, RolloutRow& row);
+
+ private:
+  void note_failure(const TickRecordHeader& header, const TruthOfTick& truth);
+  void note_recovery(const TickRecordHeader& header, double error_m);
+  void add_joints(const TickRecord& record);
+  void add_hash(const TickRecord& record);
+  void fill_outcome(RolloutRow& row);
+
+  const Score score_;
+  const Disturbance& disturbance_;
+  monitor::RunMetrics metrics_;
+  monitor::MetricsCollector collector_{metrics_};
+  std::vector<std::int64_t> errors_nm_;  // of scored ticks
+  double square_error_ = 0;              // m^2, summed over them
+  std::uint64_t violations_ = 0, envelope_violations_ = 0;
+  double energy_J_ = 0, peak_torque_Nm_ = 0;
+  std::string_view failure_;
+  Cause last_cause_ = Cause::none;
+  MonoTime last_;
+  MonoTime well_since_;         // tracking within the bound without a break since then; unset while not
+  bool was_disturbed_ = false;  // left that state since the perturbation began
+  bool armed_ = false;
+  std::uint64_t hash_ = 0xCBF2'9CE4'8422'2325ULL;
+};
+
+}  // namespace takt::panel

@@ -1,0 +1,62 @@
+// The CAN buses of a rollout in virtual time: frames take their time on the wire one after the other, drives answer
+// when the command has crossed, and replies reach the host at an instant of their own.
+//
+// Wire time is the worst case of each frame (drivers/bus_load.hpp). A drive obeys a command within the tick it was sent
+// in. No arbitration, no error frames: a perturbed bus loses frames, delays replies, or carries nothing.
+// Thread rule: one thread at a time.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "config/robot_config.hpp"
+#include "drivers/joint_driver.hpp"
+#include "drivers/plant/plant.hpp"
+#include "executive/pipeline/control_tick.hpp"
+#include "monitor/panel/perturbation.hpp"
+#include "monitor/panel/random.hpp"
+
+namespace takt::panel {
+
+class VirtualBus {
+ public:
+  // The error is one sentence: a protocol this build does not speak. `robot` and `disturbance` outlive this.
+  static std::expected<VirtualBus, std::string> make(const config::RobotConfig& robot, const Disturbance& disturbance,
+                                                     std::uint64_t seed);
+
+  // Everything that has arrived by `now`, decoded into joints and buses.
+  void receive(plant::Plant& plant, MonoTime now, pipeline::TickInput& input);
+  // One setpoint per joint; the first frame starts at `now`.
+  void send(plant::Plant& plant, MonoTime now, const pipeline::TickOutput& output);
+
+ private:
+  struct OnTheWay {
+    drivers::ReceivedFrame received;
+    MonoTime readable_at;
+  };
+  struct Bus {
+    std::vector<std::size_t> joints;
+    std::vector<OnTheWay> on_the_way;
+    MonoTime free_at;  // the wire is taken until then
+    BusHealth health;
+  };
+  VirtualBus(const config::RobotConfig& robot, const Disturbance& disturbance, std::uint64_t seed,
+             std::vector<std::unique_ptr<drivers::JointDriver>> drivers);
+  // False: the frame is lost. Otherwise the wire is taken for the frame's time.
+  bool carry(std::size_t bus, const drivers::CanFrame& frame, MonoTime now);
+  void expect_replies(std::size_t bus, MonoTime now);
+  void decode(Bus& bus, const drivers::ReceivedFrame& received);
+  [[nodiscard]] bool is_off(std::size_t bus, MonoTime now) const;
+
+  const config::RobotConfig& robot_;
+  const Disturbance& disturbance_;
+  Random losses_;
+  std::vector<std::unique_ptr<drivers::JointDriver>> drivers_;
+  std::vector<Bus> buses_;
+  std::vector<drivers::CanFrame> encoded_;
+  plant::Frames said_;
+};
+
+}  // namespace takt::panel

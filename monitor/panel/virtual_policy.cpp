@@ -1,0 +1,184 @@
+#include "monitor/panel/virtual_policy.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "policy_host/pacing.hpp"
+#include "policy_host/sensor_link.hpp"
+
+namespace takt::panel {
+namespace {
+
+constexpr std::uint64_t kPolicyStream = 301;
+constexpr Duration kPollSpread = microseconds(100);
+constexpr Duration kBuildInput = microseconds(20);  // dequeued -> inference starts
+constexpr Duration kCallback = milliseconds(2);
+constexpr float kFarOff = 10.0F;  // rad
+
+// The responder asks a clock three times per answer: inference started, ended, command published.
+struct Script {
+  std::array<MonoTime, 3> stamps;
+  std::size_t next = 0;
+};
+thread_local Script t_script;
+
+MonoTime scripted_clock() {
+  return t_script.stamps[t_script.next++ % t_script.stamps.size()];
+}
+
+Duration scaled(Duration duration, double factor) {
+  return {std::llround(static_cast<double>(duration.ns) * factor)};
+}
+
+void rotate_joints(CommandChunk& chunk, std::size_t places) {
+  const std::size_t joints = chunk.header.joint_count;
+  for (std::size_t step = 0; step < chunk.header.step_count; ++step) {
+    float* const first = &chunk.values[value_index(chunk.header, CommandField::q, step, 0)];
+    std::rotate(first, first + (joints - places % joints), first + joints);
+  }
+}
+
+std::unique_ptr<CommandChunk> copy_of(const CommandChunk& chunk) {
+  auto copy = std::make_unique<CommandChunk>();
+  copy->header = chunk.header;
+  std::copy_n(chunk.values, chunk.value_count(), copy->values);
+  return copy;
+}
+
+}  // namespace
+
+VirtualPolicy::VirtualPolicy(const config::RobotConfig& robot, std::uint64_t policy_hash, policy_host::Policy& policy,
+                             const PolicyTiming& timing, const Disturbance& disturbance, std::uint64_t seed)
+    : robot_(robot),
+      timing_(timing),
+      disturbance_(disturbance),
+      seed_(seed),
+      responder_(robot, policy_hash, policy),
+      feed_(disturbance, seed),
+      sensors_in_use_(policy_host::sensors_in_use(robot)),
+      samples_(robot.sensors.size()) {
+  responder_.start_session();
+}
+
+bool VirtualPolicy::is_dead(MonoTime at) const {
+  return disturbance_.dose(Trouble::policy_crash, at) > 0;
+}
+
+void VirtualPolicy::observe(const Observation& observation) {
+  const MonoTime at = observation.published_at;
+  if (is_dead(at)) return;
+  Random draw(plant::seed_for(seed_, kPolicyStream), observation.id);
+  Duration callbacks;
+  if (const std::int64_t turn = disturbance_.turn(Trouble::queue_growth, at); turn > bursts_) {
+    bursts_ = turn;
+    callbacks = scaled(kCallback, disturbance_.dose(Trouble::queue_growth, at));
+  }
+  waiting_.push_back({observation, at + policy_host::kPublishMargin + scaled(kPollSpread, draw.unit()), callbacks});
+}
+
+void VirtualPolicy::live_through_crash(MonoTime now) {
+  if (disturbance_.trouble() != Trouble::policy_crash || now < disturbance_.begins()) return;
+  if (!crashed_) {
+    crashed_ = true;
+    waiting_.clear();
+    std::erase_if(sent_, [&](const ArrivedCommand& one) { return one.published_at > disturbance_.begins(); });
+    free_at_ = disturbance_.ends();
+  }
+  if (!restarted_ && now >= disturbance_.ends()) {
+    restarted_ = true;
+    responder_.start_session();
+    ++session_;
+  }
+}
+
+// A process that stands still does what it was about to do once it goes on.
+MonoTime VirtualPolicy::awake(MonoTime at) const {
+  return disturbance_.dose(Trouble::policy_freeze, at) > 0 ? disturbance_.ends() : at;
+}
+
+MonoTime VirtualPolicy::end_of(MonoTime start, Duration work) const {
+  const MonoTime end = start + work;
+  const bool frozen_meanwhile =
+      disturbance_.trouble() == Trouble::policy_freeze && start < disturbance_.begins() && end > disturbance_.begins();
+  return frozen_meanwhile ? end + (disturbance_.ends() - disturbance_.begins()) : end;
+}
+
+VirtualPolicy::Waiting VirtualPolicy::next(MonoTime ready) {
+  const bool queue = disturbance_.dose(Trouble::queue_growth, ready) > 0;
+  Waiting taken = std::move(waiting_.front());
+  waiting_.pop_front();
+  while (!queue && !waiting_.empty() && waiting_.front().readable_at <= ready) {
+    taken = std::move(waiting_.front());
+    waiting_.pop_front();
+  }
+  return taken;
+}
+
+void VirtualPolicy::run_until(MonoTime now) {
+  live_through_crash(now);
+  while (!waiting_.empty()) {
+    const MonoTime ready = awake(std::max(free_at_, waiting_.front().readable_at));
+    if (ready > now) return;
+    const Waiting waiting = next(ready);
+    answer(waiting, end_of(ready, waiting.callbacks));
+  }
+}
+
+Duration VirtualPolicy::inference_time(Random& draw, MonoTime started) {
+  const double mean = static_cast<double>(timing_.inference.ns);
+  Duration time{std::llround(timing_.spread > 0 ? draw.lognormal(mean, timing_.spread) : mean)};
+  if (const double factor = disturbance_.dose(Trouble::inference_mean_shift, started); factor > 0)
+    time = scaled(time, factor);
+  if (const std::int64_t turn = disturbance_.turn(Trouble::inference_stall, started); turn > stalls_) {
+    stalls_ = turn;
+    time = time + disturbance_.delay(Trouble::inference_stall, started);
+  }
+  return time;
+}
+
+void VirtualPolicy::spoil(CommandChunk& chunk, Random& draw, MonoTime at) const {
+  const CommandHeader& header = chunk.header;
+  const std::size_t joint = draw.below(header.joint_count);
+  const std::size_t step = draw.below(header.step_count);
+  const double share = draw.unit();
+  if (share < disturbance_.dose(Trouble::bad_actions_nan, at))
+    chunk.values[value_index(header, CommandField::q, step, joint)] = std::numeric_limits<float>::quiet_NaN();
+  if (share < disturbance_.dose(Trouble::bad_actions_range, at))
+    chunk.values[value_index(header, CommandField::q, step, joint)] += kFarOff;
+  if (const double places = disturbance_.dose(Trouble::wrong_joint_order, at); places > 0)
+    rotate_joints(chunk, static_cast<std::size_t>(places));
+}
+
+void VirtualPolicy::answer(const Waiting& waiting, MonoTime dequeued_at) {
+  for (const std::size_t sensor : sensors_in_use_) samples_[sensor] = feed_.newest(dequeued_at);
+  const MonoTime started = dequeued_at + kBuildInput;
+  free_at_ = started;
+  if (!policy_host::unusable(robot_, sensors_in_use_, samples_, dequeued_at).empty()) return;
+  Random draw(plant::seed_for(seed_, kPolicyStream + 1), waiting.observation.id);
+  const MonoTime ended = end_of(started, inference_time(draw, started));
+  const MonoTime published = ended + timing_.publish;
+  free_at_ = published;
+  t_script = {{started, ended, published}, 0};
+  ArrivedCommand command{waiting.observation.oldest_sensed_at, waiting.observation.published_at, published,
+                         published + disturbance_.delay(Trouble::publish_delay, published),
+                         copy_of(responder_.answer(waiting.observation, samples_, dequeued_at, scripted_clock))};
+  spoil(*command.chunk, draw, published);
+  // The way is one queue: what was published later does not arrive earlier.
+  if (!sent_.empty()) command.arrives_at = std::max(command.arrives_at, sent_.back().arrives_at);
+  sent_.push_back(std::move(command));
+}
+
+const ArrivedCommand* VirtualPolicy::read(MonoTime now) {
+  bool fresh = false;
+  while (!sent_.empty() && sent_.front().arrives_at <= now) {
+    newest_ = std::move(sent_.front());
+    sent_.pop_front();
+    fresh = true;
+  }
+  return fresh ? &newest_ : nullptr;
+}
+
+}  // namespace takt::panel

@@ -1,0 +1,88 @@
+// The policy host in virtual time: the real observation builder, network and chunk builder (policy_host/responder),
+// and a model of when things happen around them.
+//
+//   observation published -> readable kPublishMargin later (plus up to 0.1 ms) -> host free -> inference (lognormal) ->
+//   publication -> the first tick afterwards finds the command in the mailbox
+//
+// Mailboxes hold the newest value only, in both directions; queue_growth turns the observations' into a queue. What an
+// inference takes is drawn from the seed and the observation's id, so that rollouts of several methods share it.
+// One policy process stands behind it, which may crash and be replaced (another session) or stand still.
+// Thread rule: one thread at a time.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <vector>
+
+#include "config/robot_config.hpp"
+#include "executive/contract/command_chunk.hpp"
+#include "executive/contract/observation.hpp"
+#include "monitor/panel/perturbation.hpp"
+#include "monitor/panel/sensor_feed.hpp"
+#include "policy_host/policy.hpp"
+#include "policy_host/responder.hpp"
+
+namespace takt::panel {
+
+struct PolicyTiming {
+  Duration inference = milliseconds(8);  // mean
+  double spread = 0.25;                  // standard deviation of the duration's logarithm
+  Duration publish = microseconds(60);   // inference ended -> command in the mailbox
+};
+
+struct ArrivedCommand {
+  MonoTime sensed_at;     // oldest joint sample of the observation it answers
+  MonoTime observed_at;   // publication of that observation
+  MonoTime published_at;  // by the host
+  MonoTime arrives_at;
+  std::unique_ptr<CommandChunk> chunk;
+};
+
+class VirtualPolicy {
+ public:
+  // Preconditions as the responder's. Everything referred to outlives this.
+  VirtualPolicy(const config::RobotConfig& robot, std::uint64_t policy_hash, policy_host::Policy& policy,
+                const PolicyTiming& timing, const Disturbance& disturbance, std::uint64_t seed);
+
+  void observe(const Observation& observation);
+  void sense(const SensorSample& sample) { feed_.take(sample); }
+  // Does everything that the host does up to `now`.
+  void run_until(MonoTime now);
+  // What arrived in the mailbox since the last call, the newest only; null: nothing. Valid until the next call.
+  const ArrivedCommand* read(MonoTime now);
+  [[nodiscard]] std::uint8_t session() const { return session_; }
+
+ private:
+  struct Waiting {
+    Observation observation;
+    MonoTime readable_at;
+    Duration callbacks;  // other work queued up before it
+  };
+  void live_through_crash(MonoTime now);
+  [[nodiscard]] MonoTime awake(MonoTime at) const;
+  [[nodiscard]] MonoTime end_of(MonoTime start, Duration work) const;
+  Waiting next(MonoTime ready);
+  void answer(const Waiting& waiting, MonoTime dequeued_at);
+  [[nodiscard]] Duration inference_time(Random& draw, MonoTime started);
+  void spoil(CommandChunk& chunk, Random& draw, MonoTime at) const;
+  [[nodiscard]] bool is_dead(MonoTime at) const;
+
+  const config::RobotConfig& robot_;
+  const PolicyTiming timing_;
+  const Disturbance& disturbance_;
+  std::uint64_t seed_;
+  policy_host::Responder responder_;
+  SensorFeed feed_;
+  std::vector<std::size_t> sensors_in_use_;
+  std::vector<SensorSample> samples_;
+  std::deque<Waiting> waiting_;
+  std::deque<ArrivedCommand> sent_;
+  ArrivedCommand newest_;
+  MonoTime free_at_;
+  std::int64_t stalls_ = 0, bursts_ = 0;  // turns of the perturbation that are done
+  std::uint8_t session_ = 1;
+  bool crashed_ = false, restarted_ = false;
+};
+
+}  // namespace takt::panel

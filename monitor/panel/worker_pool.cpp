@@ -1,0 +1,143 @@
+#include "monitor/panel/worker_pool.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <deque>
+#include <memory>
+#include <vector>
+
+#include "monitor/panel/rollout_json.hpp"
+
+namespace takt::panel {
+namespace {
+
+constexpr char kErrorMark = '!';  // a line that begins with it is no row but a sentence
+
+bool write_all(int fd, std::string_view text) {
+  while (!text.empty()) {
+    const ssize_t written = ::write(fd, text.data(), text.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) return false;
+    text.remove_prefix(static_cast<std::size_t>(written));
+  }
+  return true;
+}
+
+// In the child. Never returns.
+[[noreturn]] void work(Contest& contest, std::span<const PlannedRollout> rollouts, std::size_t first,
+                       std::size_t stride, int out) {
+  for (std::size_t i = first; i < rollouts.size(); i += stride) {
+    const auto row = contest.run(rollouts[i]);
+    const auto line = row ? row_text(*row) : std::unexpected(row.error());
+    if (!write_all(out, line ? *line + "\n" : kErrorMark + line.error() + "\n") || !line) std::_Exit(1);
+  }
+  std::_Exit(0);
+}
+
+class Worker {
+ public:
+  Worker(pid_t pid, int in) : pid_(pid), in_(in) {}
+  Worker(const Worker&) = delete;
+  Worker& operator=(const Worker&) = delete;
+  ~Worker() {
+    ::close(in_);
+    ::kill(pid_, SIGKILL);
+    ::waitpid(pid_, nullptr, 0);
+  }
+
+  static std::expected<std::unique_ptr<Worker>, std::string> start(Contest& contest,
+                                                                   std::span<const PlannedRollout> rollouts,
+                                                                   std::size_t first, std::size_t stride) {
+    std::array<int, 2> pipe{};
+    if (::pipe2(pipe.data(), O_CLOEXEC) != 0) return refusal("no pipe for a worker");
+    std::fflush(nullptr);
+    const pid_t pid = ::fork();
+    if (pid < 0) return refusal("no worker process");
+    if (pid == 0) {
+      ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+      work(contest, rollouts, first, stride, pipe[1]);
+    }
+    ::close(pipe[1]);
+    return std::make_unique<Worker>(pid, pipe[0]);
+  }
+
+  [[nodiscard]] int descriptor() const { return in_; }
+  // Blocks until something comes; false: nothing more will.
+  bool read_more() {
+    std::array<char, 65536> buffer{};
+    const ssize_t got = ::read(in_, buffer.data(), buffer.size());
+    if (got < 0 && errno == EINTR) return true;
+    if (got <= 0) return false;
+    text_.append(buffer.data(), static_cast<std::size_t>(got));
+    for (std::size_t end = text_.find('\n'); end != std::string::npos; end = text_.find('\n')) {
+      lines_.push_back(text_.substr(0, end));
+      text_.erase(0, end + 1);
+    }
+    return true;
+  }
+  std::deque<std::string>& lines() { return lines_; }
+
+ private:
+  static std::unexpected<std::string> refusal(const char* what) {
+    return std::unexpected(fmt::format("{}: {}", what, std::strerror(errno)));
+  }
+  pid_t pid_;
+  int in_;
+  std::string text_;
+  std::deque<std::string> lines_;
+};
+
+using Workers = std::vector<std::unique_ptr<Worker>>;
+
+// Reads from whichever worker has something to say. False: worker `wanted` will not say anything more.
+bool wait_for(Workers& workers, std::size_t wanted) {
+  std::vector<pollfd> ready;
+  for (const auto& worker : workers) ready.push_back({worker->descriptor(), POLLIN, 0});
+  if (::poll(ready.data(), ready.size(), -1) < 0) return errno == EINTR;
+  for (std::size_t i = 0; i < workers.size(); ++i) {
+    if ((ready[i].revents & (POLLIN | POLLHUP)) == 0) continue;
+    if (!workers[i]->read_more() && i == wanted && workers[i]->lines().empty()) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+std::expected<void, std::string> run_in_workers(Contest& contest, std::span<const PlannedRollout> rollouts,
+                                                std::size_t workers, const DeliverRow& deliver) {
+  const std::size_t count = std::min(std::max<std::size_t>(workers, 1), std::max<std::size_t>(rollouts.size(), 1));
+  Workers running;
+  for (std::size_t i = 0; i < count; ++i) {
+    auto worker = Worker::start(contest, rollouts, i, count);
+    if (!worker) return std::unexpected(worker.error());
+    running.push_back(std::move(*worker));
+  }
+  for (std::size_t i = 0; i < rollouts.size(); ++i) {
+    Worker& worker = *running[i % count];
+    while (worker.lines().empty())
+      if (!wait_for(running, i % count))
+        return std::unexpected(
+            fmt::format("a worker died during rollout {}", rollout_id(contest.identity(rollouts[i]))));
+    const std::string line = std::move(worker.lines().front());
+    worker.lines().pop_front();
+    if (line.starts_with(kErrorMark)) return std::unexpected(line.substr(1));
+    const auto row = row_of(line);
+    if (!row) return std::unexpected(row.error());
+    if (const auto done = deliver(*row); !done) return std::unexpected(done.error());
+  }
+  return {};
+}
+
+}  // namespace takt::panel

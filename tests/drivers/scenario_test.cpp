@@ -1,0 +1,204 @@
+// Goal: a scenario or devices file is read as written, or refused with a line that says what to mend.
+// Method: one table row per mistake with the exact complaint; every example file of config/ is loaded.
+#include "drivers/plant/scenario.hpp"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <ostream>
+
+#include "drivers/plant/devices_file.hpp"
+#include "drivers/plant/plant.hpp"
+#include "tests/drivers/plant_robots.hpp"
+
+namespace takt::plant {
+namespace {
+
+std::string with_event(std::string_view event) {
+  return "schema: takt.scenario/1\nevents:\n  - " + std::string(event) + "\n";
+}
+
+TEST(Scenario, EveryKeyIsRead) {
+  const auto scenario = parse_scenario(
+      "schema: takt.scenario/1\n"
+      "events:\n"
+      "  - { at: 2 s, joint: elbow, fault: silent, for: 500 ms }\n"
+      "  - { after: enabled, at: 0 ms, joint: wrist_roll, error: overload }\n"
+      "  - { at: 1 s, joint: elbow, delay: 3 ms }\n"
+      "  - { at: 1 s, bus: can1, drop: 0.25 }\n"
+      "  - { at: 1 s, bus: can1, fault: down }\n",
+      "s", test::demo_arm());
+  ASSERT_TRUE(scenario.has_value()) << scenario.error();
+  ASSERT_EQ(scenario->events.size(), 5U);
+  const FaultEvent& silent = scenario->events[0];
+  EXPECT_EQ(silent.at, seconds(2));
+  EXPECT_FALSE(silent.after_enabled);
+  EXPECT_EQ(silent.lasts, milliseconds(500));
+  EXPECT_FALSE(silent.on_bus);
+  EXPECT_EQ(silent.target, 2U);
+  EXPECT_EQ(silent.kind, FaultKind::silent);
+  const FaultEvent& overload = scenario->events[1];
+  EXPECT_TRUE(overload.after_enabled);
+  EXPECT_FALSE(overload.lasts.has_value());
+  EXPECT_EQ(overload.kind, FaultKind::error);
+  EXPECT_EQ(overload.error, DeviceFault::overload);
+  EXPECT_EQ(scenario->events[2].kind, FaultKind::delay);
+  EXPECT_EQ(scenario->events[2].delay, milliseconds(3));
+  EXPECT_TRUE(scenario->events[3].on_bus);
+  EXPECT_EQ(scenario->events[3].target, 1U);
+  EXPECT_EQ(scenario->events[3].share, 0.25);
+  EXPECT_EQ(scenario->events[4].kind, FaultKind::down);
+}
+
+TEST(Scenario, TextSaysWhatHappens) {
+  const auto text = [](std::string_view event) {
+    return text_of(parse_scenario(with_event(event), "s", test::demo_arm()).value().events[0]);
+  };
+  EXPECT_EQ(text("{ at: 0 ms, joint: elbow, error: over_current }"), "over_current");
+  EXPECT_EQ(text("{ at: 0 ms, joint: elbow, delay: 3 ms, for: 1 s }"), "delay of 3 ms for 1 s");
+  EXPECT_EQ(text("{ at: 0 ms, bus: can0, drop: 0.3 }"), "drop of 30 %");
+  EXPECT_EQ(text("{ at: 0 ms, bus: can0, fault: bus_off, for: 10 ms }"), "bus_off for 10 ms");
+}
+
+struct Refusal {
+  std::string_view when, event, complaint;
+  friend void PrintTo(const Refusal& refusal, std::ostream* out) { *out << refusal.when; }
+};
+class RefusedEvent : public testing::TestWithParam<Refusal> {};
+
+TEST_P(RefusedEvent, SaysWhereAndWhy) {
+  const auto scenario = parse_scenario(with_event(GetParam().event), "s", test::demo_arm());
+  ASSERT_FALSE(scenario.has_value());
+  EXPECT_EQ(scenario.error(), GetParam().complaint);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Table, RefusedEvent,
+    testing::Values(
+        Refusal{"no begin", "{ joint: elbow, fault: silent }",
+                "s:3:5: key `at` is missing in `events[0]`; add it: when it begins"},
+        Refusal{"no unit", "{ at: 2, joint: elbow, fault: silent }",
+                "s:3:11: events[0].at: 2 has no unit; write `2 ms`"},
+        Refusal{"a length of nothing", "{ at: 2 s, joint: elbow, fault: silent, for: 0 ms }",
+                "s:3:50: events[0].for: 0 ms is out of range; write at least 1 us and at most 1000000 s"},
+        Refusal{"an unknown key", "{ at: 2 s, joint: elbow, fault: silent, fore: 1 s }",
+                "s:3:45: unknown key `fore` in `events[0]`; did you mean `for`?"},
+        Refusal{"an unknown joint", "{ at: 2 s, joint: elbov, fault: silent }",
+                "s:3:23: events[0].joint: joint `elbov` is not known; did you mean `elbow`?"},
+        Refusal{"an unknown bus", "{ at: 2 s, bus: can7, fault: down }",
+                "s:3:21: events[0].bus: bus `can7` is not known; did you mean `can0`?"},
+        Refusal{"an unknown fault", "{ at: 2 s, joint: elbow, fault: silence }",
+                "s:3:37: events[0].fault: fault `silence` is not known; did you mean `silent`?"},
+        Refusal{"an unknown error", "{ at: 2 s, joint: elbow, error: over_heat }",
+                "s:3:37: events[0].error: error `over_heat` is not known; write one of: over_temperature, "
+                "over_current, over_voltage, under_voltage, encoder, overload"},
+        Refusal{"an unknown instant", "{ at: 2 s, after: armed, joint: elbow, fault: silent }",
+                "s:3:23: events[0].after: instant `armed` is not known; write one of: start, enabled"},
+        Refusal{"no target", "{ at: 2 s, fault: silent }",
+                "s:3:5: events[0]: strikes nothing; write `joint: NAME` or `bus: NAME`"},
+        Refusal{"two targets", "{ at: 2 s, joint: elbow, bus: can0, drop: 0.1 }",
+                "s:3:35: events[0].bus: the event names a joint already; keep one of the two"},
+        Refusal{"no fault", "{ at: 2 s, joint: elbow }",
+                "s:3:5: events[0]: has no fault; write one of: fault, error, delay, drop"},
+        Refusal{"two faults", "{ at: 2 s, joint: elbow, fault: repeat, drop: 0.1 }",
+                "s:3:5: events[0]: has 2 faults at once; write an event for each"},
+        Refusal{"a drive's fault on a bus", "{ at: 2 s, bus: can0, fault: deaf }",
+                "s:3:34: events[0].fault: `deaf` strikes a drive, not a bus; write `joint: NAME`"},
+        Refusal{"a drive's error on a bus", "{ at: 2 s, bus: can0, error: overload }",
+                "s:3:34: events[0].error: `error` strikes a drive, not a bus; write `joint: NAME`"},
+        Refusal{"a bus's fault on a drive", "{ at: 2 s, joint: elbow, fault: bus_off }",
+                "s:3:37: events[0].fault: `bus_off` strikes a bus, not a drive; write `bus: NAME`"},
+        Refusal{"an error with an end", "{ at: 2 s, joint: elbow, error: overload, for: 1 s }",
+                "s:3:52: events[0].for: a drive keeps its error until the host clears it; leave `for` out"},
+        Refusal{"a bus that comes back", "{ at: 2 s, bus: can0, fault: down, for: 1 s }",
+                "s:3:45: events[0].for: a bus that is down stays down; leave `for` out"},
+        Refusal{"an error the protocol cannot say", "{ at: 2 s, joint: elbow, error: encoder }",
+                "s:3:37: events[0].error: elbow's drive (mit, damiao) has no code for encoder; choose another error"},
+        Refusal{"a loss beyond all", "{ at: 2 s, joint: elbow, drop: 1.5 }",
+                "s:3:36: events[0].drop: 1.5 is out of range; write above 0 and at most 1"},
+        Refusal{"a loss of nothing", "{ at: 2 s, joint: elbow, drop: 0 }",
+                "s:3:36: events[0].drop: 0 is out of range; write above 0 and at most 1"},
+        Refusal{"too long a delay", "{ at: 2 s, joint: elbow, delay: 2 s }",
+                "s:3:37: events[0].delay: 2 s is out of range; write at least 1 us and at most 1 s"}),
+    [](const testing::TestParamInfo<Refusal>& row) {
+      std::string name(row.param.when);
+      for (char& c : name)
+        if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';
+      return name;
+    });
+
+TEST(Scenario, FilesThatAreNoScenario) {
+  const config::RobotConfig robot = test::demo_arm();
+  EXPECT_EQ(parse_scenario("", "s", robot).error(), "s: holds no scenario; begin with `schema: takt.scenario/1`");
+  EXPECT_EQ(parse_scenario("schema: takt.robot/1\nevents: []\n", "s", robot).error(),
+            "s:1:9: schema: schema `takt.robot/1` is not known; write one of: takt.scenario/1\n"
+            "s:2:9: events: has 0 entries; write 1 to 256");
+  EXPECT_EQ(load_scenario("no/such.yaml", robot).error(),
+            "no/such.yaml: cannot be read: No such file or directory; check the path");
+}
+
+TEST(Scenario, EveryExampleFits) {
+  std::size_t count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator("config/scenarios")) {
+    const auto scenario = load_scenario(entry.path().string(), test::demo_arm());
+    EXPECT_TRUE(scenario.has_value()) << scenario.error();
+    ++count;
+  }
+  EXPECT_EQ(count, 9U) << "docs/plant-scenarios.md lists them";
+}
+
+constexpr std::string_view kDevices =
+    "schema: takt.devices/1\n"
+    "buses:\n"
+    "  - { name: can0, interface: can0 }\n"
+    "devices:\n"
+    "  - name: hip\n"
+    "    bus: can0\n"
+    "    drive: { protocol: mit, variant: damiao, model: DM8009, id: 1, reply_id: 0x11, gear_ratio: 2 }\n"
+    "    inertia: 0.05 kgm2\n"
+    "    position: 0.5 rad\n"
+    "  - { name: knee, bus: can0, drive: { protocol: mit, variant: tmotor, model: AK80-9, id: 2, reply_id: 0x12 }, "
+    "inertia: 0.01 kgm2 }\n";
+
+std::string devices_with(std::string_view from, std::string_view to) {
+  std::string text(kDevices);
+  text.replace(text.find(from), from.size(), to);
+  return text;
+}
+
+TEST(Devices, BecomeARobotOfDrivesOnly) {
+  const auto robot = parse_devices(kDevices, "d");
+  ASSERT_TRUE(robot.has_value()) << robot.error();
+  ASSERT_EQ(robot->joints.size(), 2U);
+  EXPECT_EQ(robot->joints[0].name, "hip");
+  EXPECT_EQ(robot->joints[0].inertia, 0.05);
+  EXPECT_EQ(robot->joints[0].home, 0.5);
+  EXPECT_EQ(robot->joints[0].limits.torque, 2 * robot->joints[0].drive.torque_range) << "what its brake holds";
+  EXPECT_EQ(robot->joints[1].home, 0);
+  EXPECT_EQ(robot->simulation->step, milliseconds(1));
+  EXPECT_EQ(robot->simulation->drive_watchdog, milliseconds(100));
+  auto plant = Plant::on_free_inertias(*robot);
+  ASSERT_TRUE(plant.has_value()) << plant.error();
+  EXPECT_EQ(plant->state().q[0], 0.5);
+}
+
+TEST(Devices, AreRefusedByTheNamesTheirFileUses) {
+  const auto complaint = [](const std::string& text) { return parse_devices(text, "d").error(); };
+  EXPECT_EQ(complaint(devices_with("id: 2,", "id: 1,")),
+            "d:10:90: devices[1].drive.id: CAN id 0x1 is already hip's on bus can0; give each drive its own");
+  EXPECT_EQ(complaint(devices_with("inertia: 0.05 kgm2", "inertia: 0 kgm2")),
+            "d:8:14: devices[0].inertia: 0 kgm2 is out of range; write above 0 kgm2 and at most 10000 kgm2");
+  EXPECT_EQ(complaint(devices_with("    position: 0.5 rad\n", "    stiffness: 5\n")),
+            "d:9:5: unknown key `stiffness` in `devices[0]`; known here: name, bus, drive, inertia, position");
+  EXPECT_EQ(complaint(devices_with("takt.devices/1", "takt.robot/1")),
+            "d:1:9: schema: schema `takt.robot/1` is not known; write one of: takt.devices/1");
+  EXPECT_EQ(complaint(""), "d: holds no devices; begin with `schema: takt.devices/1`");
+}
+
+TEST(Devices, TheExampleFits) {
+  const auto robot = load_devices("config/devices.yaml");
+  EXPECT_TRUE(robot.has_value()) << robot.error();
+}
+
+}  // namespace
+}  // namespace takt::plant

@@ -1,0 +1,113 @@
+// Goal: a panel file means what it says, or is refused with the place and the remedy; a method's overrides reach the
+// robot. Method: a small panel, broken in one place at a time; the committed panels.
+#include "monitor/panel/panel_file.hpp"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "monitor/panel/panel_plan.hpp"
+#include "tests/monitor/temporary_folder.hpp"
+
+namespace takt::panel {
+namespace {
+
+const std::string kRobot = std::filesystem::absolute("config/arm6.yaml").string();
+
+std::string small_panel() {
+  return "schema: takt.panel/1\n"
+         "panel: small\n"
+         "duration: 4 s\n"
+         "seeds: { first: 7, count: 2 }\n"
+         "tasks:\n"
+         "  - { task: arm_tracking, robot: " +
+         kRobot +
+         ", scored: 1 s, bound: 20 mm }\n"
+         "methods:\n"
+         "  - { name: takt }\n"
+         "  - { name: lax, override: [{ key: freshness.max_age, value: 200 ms }] }\n"
+         "perturbations:\n"
+         "  - { kind: none }\n"
+         "  - { kind: push, dose: 12.5, from: 1 s, for: 1 s }\n";
+}
+
+class PanelFile : public monitor::TemporaryFolder {
+ protected:
+  [[nodiscard]] std::string written(const std::string& text) const {
+    std::ofstream(path("panel.yaml")) << text;
+    return path("panel.yaml");
+  }
+};
+
+std::string with(const std::string& from, const std::string& to) {
+  std::string text = small_panel();
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return text.replace(at, from.size(), to);
+}
+
+TEST_F(PanelFile, SaysWhatIsRun) {
+  const auto panel = load_panel(written(small_panel()));
+  ASSERT_TRUE(panel.has_value()) << panel.error();
+  EXPECT_EQ(panel->tasks[0].bound_m, 0.02);
+  EXPECT_EQ(panel->perturbations[1].dose, 12.5);
+  const auto plan = plan_of(*panel, {});
+  ASSERT_EQ(plan.size(), 8U);
+  EXPECT_EQ(plan[0].seed, 7U);
+  EXPECT_EQ(plan[7].seed, 8U);
+  const auto first = plan_of(*panel, {1, 3}), second = plan_of(*panel, {2, 3}), third = plan_of(*panel, {3, 3});
+  EXPECT_EQ(first.size() + second.size() + third.size(), plan.size());
+  const auto contest = Contest::prepare(*panel);
+  ASSERT_TRUE(contest.has_value()) << contest.error();
+  EXPECT_EQ(contest->manifest(8).methods.at("lax").max_age_ms, 200);
+  EXPECT_EQ(contest->manifest(8).methods.at("takt").max_age_ms, 150);
+}
+
+struct Refusal {
+  const char *when, *from, *to, *complaint;
+};
+const Refusal kRefusals[] = {
+    {"unknown key", "panel: small\n", "panel: small\ncolour: red\n", "3:1: unknown key `colour`"},
+    {"unknown perturbation", "kind: push", "kind: pusch",
+     "12:13: perturbations[1].kind: perturbation `pusch` is not known; did you mean `push`?"},
+    {"dose out of range", "dose: 12.5", "dose: -1", "12:25: perturbations[1].dose: -1 is out of range"},
+    {"window past the end", "from: 1 s", "from: 3500 ms", "its window ends after the rollout's `duration`"},
+    {"bound without unit", "bound: 20 mm", "bound: 20", "6:"},
+    {"twice the same", "kind: none }", "kind: push, dose: 12.5, from: 1 s, for: 1 s }", "is in the list twice"},
+    {"scored too long", "scored: 1 s", "scored: 9 s", "is longer than the rollout's `duration`"},
+    {"capital letters", "name: lax", "name: Lax", "has capital letters"},
+};
+
+TEST_F(PanelFile, RefusesWhatIsWrongWithItsPlace) {
+  for (const Refusal& refusal : kRefusals) {
+    const auto panel = load_panel(written(with(refusal.from, refusal.to)));
+    ASSERT_FALSE(panel.has_value()) << refusal.when;
+    EXPECT_NE(panel.error().find(refusal.complaint), std::string::npos) << refusal.when << ": " << panel.error();
+  }
+}
+
+TEST_F(PanelFile, RefusesOverridesThatTheRobotFileDoesNotKnowOrAllow) {
+  const auto complaint = [&](const std::string& from, const std::string& to) {
+    const auto panel = load_panel(written(with(from, to)));
+    const auto contest = Contest::prepare(*panel);
+    return contest ? std::string("none") : contest.error();
+  };
+  EXPECT_NE(complaint("freshness.max_age", "freshness.max_ago").find("method lax: "), std::string::npos);
+  EXPECT_NE(complaint("freshness.max_age", "freshness.max_ago").find("`freshness.max_ago` is no key"),
+            std::string::npos);
+  EXPECT_NE(complaint("value: 200 ms", "value: 900 ms").find("900 ms"), std::string::npos);  // beyond stop_after
+}
+
+TEST_F(PanelFile, CommittedPanelsAreGood) {
+  for (const auto& entry : std::filesystem::directory_iterator("config/panels")) {
+    auto panel = load_panel(entry.path().string());
+    ASSERT_TRUE(panel.has_value()) << panel.error();
+    EXPECT_EQ(panel->name, entry.path().stem().string());
+    const auto contest = Contest::prepare(std::move(*panel));
+    EXPECT_TRUE(contest.has_value()) << contest.error();
+  }
+}
+
+}  // namespace
+}  // namespace takt::panel

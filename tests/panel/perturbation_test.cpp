@@ -1,0 +1,171 @@
+// Goal: each perturbation does what its row of the table says, inside its window and nowhere else. Method: the demo
+// arm's rollout with the moderate dose beside the nominal one of the same seed; records and rows are compared.
+#include "monitor/panel/perturbation.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstring>
+#include <vector>
+
+#include "tests/panel/arm_rollouts.hpp"
+
+namespace takt::panel {
+namespace {
+
+constexpr MonoTime kWindow{1'002'000'000'000};  // start of the window of test::setup()
+
+struct Seen {
+  RolloutRow row;
+  std::vector<std::vector<char>> before;  // every record before the window
+  std::uint64_t replies = 0;              // of the first joint
+  Duration oldest_feedback, latest_wake;
+  int first_ticks_without_reply = 0;  // of the window, in a row
+  TickRecordHeader last;
+};
+
+void look(Seen& seen, const TickRecord& record, std::uint8_t& replies_before, bool& silent) {
+  const JointFeedback& joint = record.joints[0].feedback;
+  const auto* const bytes = reinterpret_cast<const char*>(&record);
+  const bool in_window = record.header.now >= kWindow;
+  if (!in_window) seen.before.emplace_back(bytes, bytes + record.used_bytes());
+  const auto more = static_cast<std::uint8_t>(joint.replies - replies_before);
+  seen.replies += more;
+  silent = in_window ? silent && more == 0 : true;
+  seen.first_ticks_without_reply += in_window && silent ? 1 : 0;
+  replies_before = joint.replies;
+  if (joint.received_at.is_set())
+    seen.oldest_feedback = std::max(seen.oldest_feedback, record.header.now - joint.received_at);
+  seen.latest_wake = std::max(seen.latest_wake, record.header.lateness);
+  seen.last = record.header;
+}
+
+Seen watch(std::string_view perturbation) {
+  Seen seen;
+  std::uint8_t replies = 0;
+  bool silent = true;
+  RolloutSetup wanted = test::setup(perturbation);
+  wanted.on_tick = [&](const TickRecord& record) { look(seen, record, replies, silent); };
+  seen.row = test::run(wanted);
+  return seen;
+}
+
+const Seen& nominal() {
+  static const Seen kSeen = watch("none");
+  return kSeen;
+}
+
+struct Claim {
+  const char* perturbation;
+  const char* when;
+  bool (*holds)(const Seen& with, const Seen& without);
+};
+
+double p99(const AgeQuantiles& age) {
+  return age.p99_ms.value_or(0);
+}
+
+const Claim kClaims[] = {
+    {"sensor_burst", "samples arrive up to a burst late",
+     [](const Seen& with, const Seen& without) {
+       return p99(with.row.age_per_command.sense) > p99(without.row.age_per_command.sense) + 60;
+     }},
+    {"sensor_dropout", "the newest sample is older",
+     [](const Seen& with, const Seen& without) {
+       return p99(with.row.age_per_command.sense) > p99(without.row.age_per_command.sense) + 30;
+     }},
+    {"camera_freeze", "no age shows it, the error does",
+     [](const Seen& with, const Seen& without) {
+       return with.row.age_per_tick == without.row.age_per_tick &&
+              with.row.tracking_error_rms_m > 3 * without.row.tracking_error_rms_m;
+     }},
+    {"estimator_delay", "feedback in use is older by the dose",
+     [](const Seen& with, const Seen& without) {
+       return with.oldest_feedback > without.oldest_feedback + milliseconds(9) && with.first_ticks_without_reply >= 9;
+     }},
+    {"inference_stall", "some inferences last longer",
+     [](const Seen& with, const Seen& without) {
+       return p99(with.row.age_per_tick.total) > p99(without.row.age_per_tick.total) + 300;
+     }},
+    {"inference_mean_shift", "inferences last several times as long",
+     [](const Seen& with, const Seen& without) {
+       return *with.row.age_per_command.infer.p95_ms > 3 * *without.row.age_per_command.infer.p95_ms;
+     }},
+    {"queue_growth", "inference as before, but a long queue and ages past the horizon",
+     [](const Seen& with, const Seen& without) {
+       return std::abs(*with.row.age_per_command.infer.p50_ms - *without.row.age_per_command.infer.p50_ms) < 0.5 &&
+              p99(with.row.age_per_command.queue) > 100 && p99(with.row.age_per_tick.total) > 160;
+     }},
+    {"publish_delay", "the publish part grows by the dose",
+     [](const Seen& with, const Seen&) { return p99(with.row.age_per_command.publish) > 99; }},
+    {"policy_crash", "no command for longer than stop_after: a damped stop that stays",
+     [](const Seen& with, const Seen&) {
+       return with.row.failure_label == "command_lost" && with.row.final_mode == Mode::damped_stop &&
+              with.row.safety.entered_damped_stop == 1;
+     }},
+    {"policy_freeze", "one long gap, then it goes on",
+     [](const Seen& with, const Seen& without) {
+       return p99(with.row.age_per_tick.total) > p99(without.row.age_per_tick.total) + 250 &&
+              with.row.final_mode == Mode::tracking;
+     }},
+    {"bad_actions_nan", "commands are refused",
+     [](const Seen& with, const Seen&) { return with.last.refused_commands > 10; }},
+    {"bad_actions_range", "commands are refused",
+     [](const Seen& with, const Seen&) { return with.last.refused_commands > 10; }},
+    {"wrong_joint_order", "accepted, and wrong",
+     [](const Seen& with, const Seen& without) {
+       return with.last.refused_commands == 0 && with.row.tracking_error_rms_m > 10 * without.row.tracking_error_rms_m;
+     }},
+    {"scheduler_preemption", "ticks are late and periods are lost",
+     [](const Seen& with, const Seen& without) {
+       return with.latest_wake >= milliseconds(8) && with.last.skipped_periods > 50 &&
+              without.last.skipped_periods == 0 && with.row.ticks < without.row.ticks;
+     }},
+    {"can_loss", "replies are lost",
+     [](const Seen& with, const Seen& without) { return with.replies + 200 < without.replies; }},
+    {"can_delay", "nothing arrives for the dose, then everything that much later",
+     [](const Seen& with, const Seen& without) {
+       return with.first_ticks_without_reply >= 3 && without.first_ticks_without_reply == 0;
+     }},
+    {"bus_off", "a fault that stays",
+     [](const Seen& with, const Seen&) {
+       return with.row.failure_label == "bus_off" && with.row.final_mode == Mode::fault_latched;
+     }},
+    {"push", "the tool is pushed away",
+     [](const Seen& with, const Seen& without) {
+       return with.row.tracking_error_p95_m > 5 * without.row.tracking_error_p95_m && with.row.success;
+     }},
+    {"payload", "the tool sags",
+     [](const Seen& with, const Seen& without) {
+       return with.row.tracking_error_rms_m > 3 * without.row.tracking_error_rms_m;
+     }},
+    {"friction", "the arm follows less closely",
+     [](const Seen& with, const Seen& without) {
+       return with.row.tracking_error_rms_m > 1.3 * without.row.tracking_error_rms_m;
+     }},
+};
+
+class EveryPerturbation : public testing::TestWithParam<Claim> {};
+
+TEST_P(EveryPerturbation, DoesWhatItClaimsInsideItsWindowOnly) {
+  const Seen with = watch(GetParam().perturbation);
+  EXPECT_TRUE(GetParam().holds(with, nominal())) << GetParam().when << ", " << with.row.failure_label;
+  EXPECT_NE(with.row.replay_hash, nominal().row.replay_hash);
+  EXPECT_EQ(with.before, nominal().before);
+}
+
+INSTANTIATE_TEST_SUITE_P(Panel, EveryPerturbation, testing::ValuesIn(kClaims),
+                         [](const auto& row) { return std::string(row.param.perturbation); });
+
+TEST(Perturbation, EveryRowOfTheTableHasAClaim) {
+  for (const PerturbationKind& kind : perturbation_kinds().subspan(1)) {
+    EXPECT_EQ(
+        std::ranges::count(kClaims, kind.name, [](const Claim& claim) { return std::string_view(claim.perturbation); }),
+        1)
+        << kind.name;
+    EXPECT_TRUE(kind.least <= kind.moderate && kind.moderate <= kind.most) << kind.name;
+  }
+}
+
+}  // namespace
+}  // namespace takt::panel
