@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 
 #include "config/units.hpp"
@@ -25,6 +26,7 @@ void check(const RobotConfig& robot, const Places& places, Problems& problems) {
   check_model(robot, checker);
   check_policy(robot, checker);
   check_fallbacks(robot, checker);
+  check_dds(robot, checker);
   check_simulation(robot, checker);
 }
 
@@ -76,6 +78,24 @@ void check_fallbacks(const RobotConfig& robot, Checker& checker) {
                                   joint.limits.velocity, joint.name));
     }
   }
+}
+
+// Both end up in Cyclone DDS's configuration text, where other characters would mean something else.
+void check_dds(const RobotConfig& robot, Checker& checker) {
+  if (!robot.dds) return;
+  const Dds& dds = *robot.dds;
+  const auto is_plain = [](std::string_view text) {
+    return std::ranges::all_of(text, [](unsigned char c) {
+      return std::isalnum(c) != 0 || std::string_view(".:_-").find(static_cast<char>(c)) != std::string_view::npos;
+    });
+  };
+  constexpr std::string_view kPlain = "has a character that no {} has; write letters, digits, `.`, `:`, `_` and `-`";
+  checker.require(is_plain(dds.interface), "dds.interface", fmt::format(kPlain, "interface"));
+  for (std::size_t i = 0; i < dds.peers.size(); ++i)
+    checker.require(is_plain(dds.peers[i].address), fmt::format("dds.peers[{}].address", i),
+                    fmt::format(kPlain, "host"));
+  checker.require(dds.multicast || !dds.peers.empty() || dds.interface == "lo", "dds.interface",
+                  "nobody can be found on it; add `peers`, or `multicast: true`");
 }
 
 void check_simulation(const RobotConfig& robot, Checker& checker) {

@@ -35,6 +35,7 @@ void check_joints(const RobotConfig& robot, Checker& checker);
 void check_model(const RobotConfig& robot, Checker& checker);
 void check_policy(const RobotConfig& robot, Checker& checker);
 void check_fallbacks(const RobotConfig& robot, Checker& checker);
+void check_dds(const RobotConfig& robot, Checker& checker);
 void check_simulation(const RobotConfig& robot, Checker& checker);
 
 }  // namespace takt::config

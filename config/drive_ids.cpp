@@ -50,8 +50,7 @@ DriveIds of_moteus(const Drive& drive) {
 
 DriveIds of_cia402(const Drive& drive) {
   const std::uint32_t n = drive.id;
-  return {each_of({0x200 + n, 0x300 + n, 0x400 + n, 0x500 + n, 0x600 + n}),
-          each_of({0x000, 0x080}),
+  return {each_of({0x200 + n, 0x300 + n, 0x400 + n, 0x500 + n, 0x600 + n}), each_of({0x000, 0x080}),
           each_of({0x080 + n, 0x180 + n, 0x280 + n, 0x380 + n, 0x480 + n, 0x580 + n, 0x700 + n})};
 }
 

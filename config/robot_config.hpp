@@ -180,6 +180,20 @@ struct Record {
   Duration keyframe_period;
 };
 
+struct DdsPeer {
+  std::string address;  // name or address of a host
+};
+
+// What the monitor tells ROS 2, and whether it listens (docs/ros2.md).
+struct Dds {
+  std::uint32_t domain = 0;
+  std::string interface;
+  bool multicast = false;
+  std::vector<DdsPeer> peers;
+  double joint_state_rate = 0;  // Hz
+  bool allow_requests = false;
+};
+
 struct Simulation {
   Duration step;
   double viscous = 0, coulomb = 0;  // Nm s/rad, Nm
@@ -228,6 +242,7 @@ struct RobotConfig {
   std::optional<Policy> policy;
   std::vector<Sensor> sensors;
   Record record;
+  std::optional<Dds> dds;  // absent: no DDS at all
   std::optional<Simulation> simulation;
   std::string resolved;    // canonical YAML text, every default written out
   std::string sha256;      // of `resolved`, hex

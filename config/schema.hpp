@@ -18,7 +18,7 @@ void describe_drive(Fields& fields, Drive& drive);              // joints[].driv
 void describe_bus(Fields& fields, Bus& bus);                    // buses[]
 void describe_physics(Fields& fields, Simulation& simulation);  // simulation, without camera and target
 void describe_policy(Fields& fields, RobotConfig& robot);       // sensors, policy, fallbacks, degraded
-void describe_evidence(Fields& fields, RobotConfig& robot);     // record, simulation
+void describe_evidence(Fields& fields, RobotConfig& robot);     // record, dds, simulation
 
 std::vector<std::string_view> joint_names(const RobotConfig& robot);
 

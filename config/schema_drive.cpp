@@ -49,8 +49,9 @@ std::vector<std::string_view> models_of(const Fields& fields, DriveProtocol prot
 }
 
 void describe_packed_ranges(Fields& fields, Drive& drive) {
-  fields.one_of({"model", "mit, robstride: drive model whose ranges apply, or none: then all five are required", "none"},
-                drive.model, models_of(fields, drive.protocol), "drive model", "none");
+  fields.one_of(
+      {"model", "mit, robstride: drive model whose ranges apply, or none: then all five are required", "none"},
+      drive.model, models_of(fields, drive.protocol), "drive model", "none");
   const DrivePreset* preset = find_drive_preset(drive.protocol, drive.model);
   const bool names_model = !drive.model.empty();  // an unknown one too: it is complained about where it stands
   const std::optional<std::string_view> otherwise =
@@ -99,8 +100,7 @@ void describe_drive(Fields& fields, Drive& drive) {
   if (speaks.any_of({DriveProtocol::mit}))
     fields.one_of({"variant", "mit: tmotor replies with 6 bytes, damiao with 8"}, drive.variant, kVariants, "variant");
   fields.integer({"id", "mit: CAN id of commands; the others: the drive's number on the bus"}, drive.id,
-                 drive.protocol == DriveProtocol::odrive ? 0 : 1,
-                 highest_id(drive.protocol));
+                 drive.protocol == DriveProtocol::odrive ? 0 : 1, highest_id(drive.protocol));
   if (speaks.any_of({DriveProtocol::mit}))
     fields.integer({"reply_id", "mit: CAN id of the drive's replies"}, drive.reply_id, 0,
                    highest_id(DriveProtocol::mit));

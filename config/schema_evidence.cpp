@@ -1,4 +1,4 @@
-// Keys: record, simulation.
+// Keys: record, dds, simulation.
 #include <array>
 
 #include "config/schema.hpp"
@@ -54,6 +54,23 @@ void describe_simulation(Fields& fields, Simulation& simulation, const RobotConf
     fields.section({"target", "what the camera sees"}, [&](Fields& f) { describe_target(f, simulation); });
 }
 
+constexpr std::size_t kMostDdsPeers = 32;
+
+void describe_dds(Fields& fields, Dds& dds) {
+  fields.integer({"domain", "DDS domain, ROS_DOMAIN_ID of those who listen", "0"}, dds.domain, 0, 232);
+  fields.text({"interface", "the one network interface used; lo: nobody outside this machine", "lo"}, dds.interface);
+  fields.flag(
+      {"multicast", "false: only the peers are told of us, and this machine where the interface is lo", "false"},
+      dds.multicast);
+  fields.each({"peers", "hosts that are told of us", "[]"}, dds.peers, kMostDdsPeers, [](Fields& f, DdsPeer& peer) {
+    f.text({"address", "name or address of the host"}, peer.address);
+  });
+  fields.quantity({"joint_state_rate", "of joint_states", "100 Hz"}, dds.joint_state_rate, Dimension::frequency,
+                  between(0.1, 1000));
+  fields.flag({"allow_requests", "true: whoever reaches the domain may arm and stop the robot", "false"},
+              dds.allow_requests);
+}
+
 }  // namespace
 
 void describe_evidence(Fields& fields, RobotConfig& robot) {
@@ -62,6 +79,11 @@ void describe_evidence(Fields& fields, RobotConfig& robot) {
            robot.record.directory);
     f.duration({"keyframe_period", "time between two stored states that replay can start from", "1 s"},
                robot.record.keyframe_period, milliseconds(10), seconds(600));
+  });
+  bool exports = robot.dds.has_value();
+  fields.optional_section({"dds", "the monitor talks to ROS 2 (docs/ros2.md)"}, exports, [&](Fields& f) {
+    if (!robot.dds) robot.dds.emplace();
+    describe_dds(f, *robot.dds);
   });
   bool present = robot.simulation.has_value();
   fields.optional_section({"simulation", "how takt-plant behaves"}, present, [&](Fields& f) {

@@ -49,6 +49,7 @@ class Cia402Driver final : public JointDriver {
 
   std::size_t encode(bool enable, const DriveSetpoint& setpoint, Duration budget,
                      std::span<CanFrame> out) noexcept override;
+  void assume_set_up() noexcept override { setup_.assume_done(); }
   bool decode(const ReceivedFrame& received) noexcept override;
   [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }
   // Frames on the drive's ids that this protocol does not know.

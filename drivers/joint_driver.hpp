@@ -30,6 +30,15 @@ enum class SetupFault : std::uint32_t {
   setup_refused,                  // the drive did not take a setting
 };
 
+// Which setting, when the protocol numbers them (1..0xFFFF), stands in bits 8..23.
+constexpr std::uint32_t setup_fault_code(SetupFault fault, std::uint32_t setting = 0) noexcept {
+  return static_cast<std::uint32_t>(fault) | (setting & 0xFFFFU) << 8U;
+}
+// 0: not a SetupFault, or one that names no setting.
+constexpr std::uint32_t setting_of(std::uint32_t error_code) noexcept {
+  return (error_code & 0x8000'0000U) != 0 ? error_code >> 8U & 0xFFFFU : 0;
+}
+
 // q_joint = direction * q_motor / gear_ratio + offset; torque the other way round, gains by the ratio's square.
 struct JointMapping {
   float ratio = 1;   // direction * gear_ratio: motor angle per joint angle
@@ -63,6 +72,8 @@ class JointDriver {
   // a drive-side watchdog.
   virtual std::size_t encode(bool enable, const DriveSetpoint& setpoint, Duration budget,
                              std::span<CanFrame> out) noexcept = 0;
+  // For a listener beside the host that set the drive up: its reports mean from now on what they mean to that host.
+  virtual void assume_set_up() noexcept {}
   // True when the frame is this drive's; updates feedback.
   virtual bool decode(const ReceivedFrame& received) noexcept = 0;
   [[nodiscard]] virtual const JointFeedback& feedback() const noexcept = 0;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 namespace takt::drivers {
 namespace {
@@ -20,24 +21,35 @@ std::size_t MitDriver::encode(bool enable, const DriveSetpoint& setpoint, Durati
   frame = {};
   frame.id = settings_.id;
   frame.length = 8;
-  std::ranges::copy(payload_for(enable, setpoint), frame.data);
+  const bool wanted = enable && may_enable();
+  std::ranges::copy(payload_for(wanted, setpoint), frame.data);
   anything_sent_ = true;
-  return 1;
+  // A drive that is silent has nothing to answer; one that is enabled is left alone.
+  const bool heard = std::exchange(heard_, false);
+  if (wanted || settings_.variant != MitVariant::damiao || !heard || status_ == kDamiaoEnabled) return 1;
+  const std::optional<CanFrame> question = readback_.next();
+  judge();
+  if (!question) return 1;
+  out[1] = *question;
+  return 2;
+}
+
+bool MitDriver::may_enable() const {
+  return settings_.variant != MitVariant::damiao || readback_.may_enable();
 }
 
 MitPayload MitDriver::payload_for(bool enable, const DriveSetpoint& setpoint) noexcept {
   if (!enable) {
     wish_ = Wish::disable;
-    const bool error = settings_.variant == MitVariant::damiao && feedback_.drive_state == DriveState::fault;
+    const bool error = settings_.variant == MitVariant::damiao && reported_state() == DriveState::fault;
     clear_next_ = error && !clear_next_;
     return encode_mit_special(clear_next_ ? MitSpecial::clear_error : MitSpecial::exit_motor_mode);
   }
-  if (wish_ == Wish::disable) {
+  if (wish_ == Wish::enter && feedback_.drive_state == DriveState::enabled) wish_ = Wish::drive;
+  if (wish_ != Wish::drive) {
     wish_ = Wish::enter;
     return encode_mit_special(MitSpecial::enter_motor_mode);
   }
-  if (wish_ == Wish::enter && feedback_.drive_state == DriveState::enabled) wish_ = Wish::drive;
-  if (wish_ == Wish::enter) return encode_mit_special(MitSpecial::enter_motor_mode);
   const DriveSetpoint motor = to_motor(settings_.mapping, setpoint);
   return encode_mit_command(settings_.range,
                             {.p = motor.q, .v = motor.dq, .kp = motor.kp, .kd = motor.kd, .t = motor.tau});
@@ -46,6 +58,13 @@ MitPayload MitDriver::payload_for(bool enable, const DriveSetpoint& setpoint) no
 bool MitDriver::decode(const ReceivedFrame& received) noexcept {
   const CanFrame& frame = received.frame;
   if (frame.id != settings_.reply_id || frame.extended) return false;
+  if (settings_.variant == MitVariant::damiao) {
+    if (const std::optional<DamiaoAnswer> answer = decode_damiao_answer(settings_.id, frame)) {
+      readback_.take(*answer);
+      judge();
+      return true;
+    }
+  }
   const std::optional<MitReply> reply = decode_mit_reply(settings_.range, settings_.variant, frame);
   if (!reply) {
     ++malformed_frames_;
@@ -61,21 +80,36 @@ bool MitDriver::decode(const ReceivedFrame& received) noexcept {
 void MitDriver::take(const MitReply& reply, MonoTime received_at) noexcept {
   take_reading(settings_.mapping, reply.p, reply.v, reply.t, received_at, feedback_);
   feedback_.temperature_C = reply.temperature_C;
-  feedback_.drive_state = state_of(reply);
-  feedback_.error_code = feedback_.drive_state == DriveState::fault ? reply.status : 0;
+  status_ = reply.status;
+  heard_ = true;
+  judge();
 }
 
-DriveState MitDriver::state_of(const MitReply& reply) const noexcept {
+void MitDriver::judge() noexcept {
+  if (!feedback_.received_at.is_set()) return;
+  feedback_.drive_state = reported_state();
+  feedback_.error_code = feedback_.drive_state == DriveState::fault ? status_ : readback_.error_code();
+  if (feedback_.error_code != 0) feedback_.drive_state = DriveState::fault;
+}
+
+DriveState MitDriver::reported_state() const noexcept {
+  if (!feedback_.received_at.is_set()) return DriveState::unknown;
   switch (settings_.variant) {
     case MitVariant::damiao:
-      if (reply.status == kDamiaoDisabled) return DriveState::disabled;
-      return reply.status == kDamiaoEnabled ? DriveState::enabled : DriveState::fault;
+      if (status_ == kDamiaoDisabled) return DriveState::disabled;
+      return status_ == kDamiaoEnabled ? DriveState::enabled : DriveState::fault;
     case MitVariant::tmotor:
-      if (reply.status != 0) return DriveState::fault;
+      if (status_ != 0) return DriveState::fault;
       if (!anything_sent_) return DriveState::unknown;
       return wish_ == Wish::disable ? DriveState::disabled : DriveState::enabled;
   }
   return DriveState::unknown;
+}
+
+std::optional<Duration> MitDriver::stored_timeout() const {
+  const std::optional<std::uint32_t> units = readback_.timeout();
+  if (!units) return std::nullopt;
+  return microseconds(std::int64_t{50} * *units);
 }
 
 std::expected<std::unique_ptr<JointDriver>, std::string> make_mit_driver(const config::RobotConfig& robot,
@@ -114,6 +148,7 @@ std::string mit_error_name(const config::Drive& drive, std::uint32_t code) {
   static constexpr std::array<const char*, 7> kDamiaoFrom8{
       "over-voltage",          "under-voltage",      "over-current", "output stage over-temperature",
       "coil over-temperature", "communication lost", "overload"};
+  if (const std::uint32_t setting = setting_of(code); setting != 0) return damiao_register_name(setting);
   if (drive.variant == "tmotor") return code < kTmotor.size() ? kTmotor[code] : "";
   return code >= 8 && code - 8 < kDamiaoFrom8.size() ? kDamiaoFrom8[code - 8] : "";
 }

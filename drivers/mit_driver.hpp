@@ -1,17 +1,23 @@
 // One MIT drive, host side: joint units in, frames out, replies in.
 //
 // enable false: exit motor mode every tick, which also makes the drive report; a Damiao drive that reports an error is
-//   told to clear it every other tick.
-// enable rising: enter motor mode every tick until the drive reports that it is enabled. A T-Motor drive has no state
-// in
-//   its reply and counts as enabled, or disabled, by the first reply after the frame that asks for it.
+//   told to clear it every other tick. Beside it a Damiao drive's settings are read back (damiao_registers.hpp), one
+//   question every fourth tick. What differs from the robot file, or is not told, shows as a fault of the drive until a
+//   later attempt agrees; clearing errors does not touch it.
+// enable rising: enter motor mode every tick until the drive reports that it is enabled; before its settings are known
+// to
+//   agree, as above. A T-Motor drive has no state in its reply and counts as enabled, or disabled, by the first reply
+//   after the frame that asks for it; its settings cannot be read.
 // enabled once: motion commands only. A drive that leaves motor mode by itself is not brought back before `enable` was
 //   false in between: that is the operator's decision.
 //
-// Before the first reply feedback().received_at is unset and drive_state unknown. Values are clamped to the packed
-// ranges; the joint's own limits are not this class's business. Thread rule: as JointDriver.
+// Limitation: whether a drive stops by itself when commands cease is a setting of the drive; stored_timeout() says what
+// is known of it, and blocks nothing. Before the first reply feedback().received_at is unset and drive_state unknown.
+// Values are clamped to the packed ranges; the joint's own limits are not this class's business. Thread rule: as
+// JointDriver.
 #pragma once
 
+#include "drivers/damiao_registers.hpp"
 #include "drivers/mit_codec.hpp"
 #include "drivers/protocol_table.hpp"
 
@@ -26,7 +32,8 @@ struct MitDriveSettings {
 
 class MitDriver final : public JointDriver {
  public:
-  explicit MitDriver(const MitDriveSettings& settings) noexcept : settings_(settings) {}
+  explicit MitDriver(const MitDriveSettings& settings) noexcept
+      : settings_(settings), readback_(settings.id, settings.range) {}
 
   std::size_t encode(bool enable, const DriveSetpoint& setpoint, Duration budget,
                      std::span<CanFrame> out) noexcept override;
@@ -34,15 +41,22 @@ class MitDriver final : public JointDriver {
   [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }
   // Frames on the reply id that are no reply of this protocol.
   [[nodiscard]] std::uint64_t malformed_frames() const { return malformed_frames_; }
+  // After how long without a command the drive gives up by itself. Zero: never. Nothing: not told (yet).
+  [[nodiscard]] std::optional<Duration> stored_timeout() const;
 
  private:
   MitPayload payload_for(bool enable, const DriveSetpoint& setpoint) noexcept;
+  [[nodiscard]] bool may_enable() const;
   void take(const MitReply& reply, MonoTime received_at) noexcept;
-  [[nodiscard]] DriveState state_of(const MitReply& reply) const noexcept;
+  void judge() noexcept;
+  [[nodiscard]] DriveState reported_state() const noexcept;
 
   MitDriveSettings settings_;
+  DamiaoReadback readback_;  // Damiao only
   JointFeedback feedback_;
   std::uint64_t malformed_frames_ = 0;
+  std::uint8_t status_ = 0;  // of the newest reply
+  bool heard_ = false;       // a reply came since the last tick that was spent disabled
   enum class Wish : std::uint8_t { disable, enter, drive };
   Wish wish_ = Wish::disable;
   bool anything_sent_ = false;

@@ -58,6 +58,7 @@ CanFrame OdriveDriver::enabled_frame(const DriveSetpoint& setpoint) noexcept {
       phase_ = Phase::left;
       break;
     case Phase::left:
+      if (feedback_.drive_state == DriveState::enabled) return odrive_set_axis_state(node, kOdriveIdle);
       break;
   }
   return odrive_input_torque(node, 0);

@@ -15,8 +15,8 @@
 // enabling     torque control, zero torque, closed loop,   enable rising; repeated every kAskAgainTicks
 //              then zero torques
 // driving      the impedance law's torque                  a heartbeat since the request says closed loop
-// left         zero torque                                 the drive left closed loop or reported an error by itself:
-//                                                          until enable false
+// left         zero torque; idle, should the drive report  the drive left closed loop or reported an error by itself:
+//              closed loop again                           until enable false
 // The drive's state is its newest heartbeat's: closed loop is enabled, an error is a fault, anything else is disabled.
 // A heartbeat that is older than kOdriveHeartbeatTimeout when an estimate arrives counts as a fault of its own,
 // kOdriveNoHeartbeat, so that a half-dead drive is not taken for enabled; when estimates stop too, the tick's feedback

@@ -6,7 +6,9 @@
 
 #include "drivers/cia402_driver.hpp"
 #include "drivers/mit_driver.hpp"
+#include "drivers/moteus_driver.hpp"
 #include "drivers/odrive_driver.hpp"
+#include "drivers/robstride_driver.hpp"
 
 namespace takt::drivers {
 namespace {
@@ -16,10 +18,12 @@ constexpr std::array kProtocols{
     Protocol{config::DriveProtocol::mit, make_mit_driver, mit_traffic, mit_error_name},
     Protocol{config::DriveProtocol::odrive, make_odrive_driver, odrive_traffic, odrive_error_name},
     Protocol{config::DriveProtocol::cia402, make_cia402_driver, cia402_traffic, cia402_error_name},
+    Protocol{config::DriveProtocol::robstride, make_robstride_driver, robstride_traffic, robstride_error_name},
+    Protocol{config::DriveProtocol::moteus, make_moteus_driver, moteus_traffic, moteus_error_name},
 };
 
 std::string setup_fault_name(std::uint32_t code) {
-  switch (static_cast<SetupFault>(code)) {
+  switch (static_cast<SetupFault>(code & ~(0xFFFFU << 8U))) {
     case SetupFault::settings_differ:
       return "the drive's own settings differ from the robot file";
     case SetupFault::settings_unread:
@@ -54,11 +58,19 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_joint_driver(const
   return driver;
 }
 
+std::expected<std::unique_ptr<JointDriver>, std::string> make_lone_driver(const config::RobotConfig& robot,
+                                                                          std::size_t joint) {
+  config::RobotConfig alone = robot;
+  alone.joints = {robot.joints.at(joint)};
+  return make_joint_driver(alone, 0);
+}
+
 std::string error_name(const config::Drive& drive, std::uint32_t code) {
-  std::string name = setup_fault_name(code);
-  if (const Protocol* const protocol = find_protocol(drive.protocol); name.empty() && protocol != nullptr)
-    name = protocol->error_name(drive, code);
-  if (!name.empty()) return name;
+  const Protocol* const protocol = find_protocol(drive.protocol);
+  const std::string own_name = protocol == nullptr ? std::string() : protocol->error_name(drive, code);
+  if (const std::string name = setup_fault_name(code); !name.empty())
+    return setting_of(code) != 0 && !own_name.empty() ? name + ": " + own_name : name;
+  if (!own_name.empty()) return own_name;
   std::array<char, 32> number{};
   std::snprintf(number.data(), number.size(), "error code 0x%x", code);
   return number.data();

@@ -28,7 +28,8 @@ struct Protocol {
   // Commands and replies alike, while the drive is enabled.
   std::vector<FrameTraffic> (*traffic)(const config::RobotConfig& robot, std::size_t joint) = nullptr;
   // A sentence's worth of JointFeedback::error_code, such as "motor over-temperature"; empty: not a code of this
-  // protocol. Codes that all drivers share are named by error_name() below.
+  // protocol. Codes that all drivers share are named by error_name() below; of those that tell which setting is meant
+  // (setting_of), this one names the setting.
   std::string (*error_name)(const config::Drive& drive, std::uint32_t code) = nullptr;
 };
 
@@ -42,6 +43,11 @@ const Protocol* find_protocol(config::DriveProtocol id);
 // The error is one sentence that names the joint.
 std::expected<std::unique_ptr<JointDriver>, std::string> make_joint_driver(const config::RobotConfig& robot,
                                                                            std::size_t joint);
+
+// The same for a joint that is driven alone, the rest of its bus left in peace: for tools. Where a bus's drives share
+// frames, this driver sends them.
+std::expected<std::unique_ptr<JointDriver>, std::string> make_lone_driver(const config::RobotConfig& robot,
+                                                                          std::size_t joint);
 
 // Never empty: an unknown code comes out as its number.
 std::string error_name(const config::Drive& drive, std::uint32_t code);

@@ -1,5 +1,6 @@
-// takt-monitor: records what an executive does into run folders. Reads only; the executive's loop waits for nothing
-// here. Exit codes: 0 ended by a signal, 64 usage, 65 configuration refused, 71 the run folder cannot be written.
+// takt-monitor: records what an executive does into run folders, and tells ROS 2 where the robot file has a `dds`
+// section. Reads only, unless that section allows requests; the executive's loop waits for nothing here. Exit codes: 0
+// ended by a signal, 64 usage, 65 configuration refused, 71 the run folder cannot be written.
 #include <fmt/format.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
@@ -10,11 +11,14 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <optional>
 #include <string>
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "executive/trace/trace.hpp"
+#include "monitor/dds/condenser.hpp"
+#include "monitor/dds/exporter.hpp"
 #include "monitor/executive_session.hpp"
 #include "monitor/record_stream.hpp"
 #include "monitor/recorder.hpp"
@@ -73,9 +77,19 @@ void write_review(const RunFolder& folder) {
   if (!metrics) spdlog::warn("metrics.json is missing: {}", metrics.error());
 }
 
+// What is recorded also goes to ROS 2. Both outlive the sink.
+RecordSink also_to(dds::Condenser& condenser, const RecordSink& recorded) {
+  RecordSink both = recorded;
+  both.tick = [&condenser, &recorded](const TickRecord& record) {
+    recorded.tick(record);
+    condenser.tick(record);
+  };
+  return both;
+}
+
 // One session of the executive, from attach to its end or ours. False: the folder cannot be written.
 bool record_session(const ExecutiveSession& session, const Options& options, const config::RobotConfig& robot,
-                    trace::Introduction& introduction) {
+                    trace::Introduction& introduction, std::optional<dds::Exporter>& exporter) {
   const RunManifest manifest =
       describe(session, robot, options.runtime_directory, monotonic_now(), clock_ns(CLOCK_REALTIME));
   const auto folder = RunFolder::create(wanted_folder(options, robot, manifest.run_id));
@@ -87,12 +101,15 @@ bool record_session(const ExecutiveSession& session, const Options& options, con
     return false;
   }
   spdlog::info("recording into {}", folder->path());
+  std::optional<dds::Condenser> condenser;
+  if (exporter) condenser.emplace(robot, manifest.clock.monotonic_to_unix_ns, monotonic_now(), exporter->outbox());
+  const RecordSink sink = condenser ? also_to(*condenser, (*recorder)->sink()) : (*recorder)->sink();
   bool said_stopped = false;
   MonoTime next = monotonic_now();
   while (!g_stop && !session.is_over()) {
     introduction.when_traced(monotonic_now());
     trace::drain_begin((*recorder)->manifest().last_tick);
-    stream->drain((*recorder)->sink(), false);
+    stream->drain(sink, false);
     trace::drain_end((*recorder)->manifest().last_tick, (*recorder)->manifest().ticks);
     (*recorder)->flush_if_due(monotonic_now());
     if (!said_stopped && !(*recorder)->stop_reason().empty()) {
@@ -102,7 +119,8 @@ bool record_session(const ExecutiveSession& session, const Options& options, con
     next = std::max(next + kDrainPeriod, monotonic_now());
     sleep_until(next);
   }
-  stream->drain((*recorder)->sink(), true);
+  stream->drain(sink, true);
+  if (condenser && session.is_over()) condenser->end();
   const char* why = g_stop ? "monitor told to end" : "executive ended";
   if (const auto written = (*recorder)->finish(monotonic_now(), why); !written) spdlog::error("{}", written.error());
   write_review(*folder);
@@ -120,12 +138,14 @@ int monitor_robot(Options options) {
   std::uint64_t policy_hash = 0;
   if (robot->policy) policy_hash = config::policy_hash(robot->policy->file).value_or(0);
   trace::Introduction introduction("takt-monitor", robot->hash, policy_hash, robot->joints);
+  std::optional<dds::Exporter> exporter;
+  if (robot->dds) exporter.emplace(*robot, options.runtime_directory);
   std::string said;
   while (!g_stop) {
     const auto session = ExecutiveSession::attach(options.runtime_directory, *robot, std::chrono::milliseconds(500));
     if (session) {
       said.clear();
-      if (!record_session(*session, options, *robot, introduction)) return kExitSetUp;
+      if (!record_session(*session, options, *robot, introduction, exporter)) return kExitSetUp;
     } else if (session.error() != said) {
       said = session.error();
       spdlog::info("waiting for the executive: {}", said);

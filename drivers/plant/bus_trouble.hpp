@@ -20,8 +20,8 @@ namespace takt::plant {
 struct BusFaults {
   BusState state = BusState::up;
   bool babble = false;
-  double drop = 0;                     // share of frames lost in each direction, 0..1
-  std::vector<std::size_t> rivals_of;  // joints that a second host commands
+  double drop = 0;                       // share of frames lost in each direction, 0..1
+  std::vector<std::size_t> rivals_of{};  // joints that a second host commands
   bool operator==(const BusFaults&) const = default;
 };
 

@@ -7,9 +7,9 @@
 namespace takt::plant {
 namespace {
 
-// Velocity loop: full torque at this joint-side error; it integrates with kIntegral. Position loop: kPosition.
-constexpr double kFullTorqueError = 5;              // rad/s
-constexpr double kPosition = 20, kIntegral = 20;    // 1/s
+// Velocity loop: full torque at this joint-side error, and integrating; position loop around it, slower.
+constexpr double kFullTorqueError = 2;              // rad/s
+constexpr double kPosition = 8, kIntegral = 8;      // 1/s
 constexpr std::uint8_t kCommunicationError = 0x11;  // bits of object 1001
 
 std::uint32_t little_endian(const std::uint8_t* data, unsigned bytes) {
@@ -274,9 +274,10 @@ double Cia402Device::wanted_torque(Duration step) {
 double Cia402Device::torque_for_velocity(double velocity, Duration step) {
   const double gain = drive_.torque_range / (kFullTorqueError * drive_.gear_ratio);
   const double error = velocity - reading_.velocity;
-  velocity_integral_ = std::clamp(velocity_integral_ + kIntegral * gain * error * step.seconds(), -drive_.torque_range,
-                                  drive_.torque_range);
-  return gain * error + velocity_integral_;
+  const double torque = gain * error + velocity_integral_;
+  // Saturated, the integral waits: it would only overshoot.
+  if (std::abs(torque) < drive_.torque_range) velocity_integral_ += kIntegral * gain * error * step.seconds();
+  return torque;
 }
 
 DeviceState Cia402Device::state() const {

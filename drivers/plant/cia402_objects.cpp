@@ -116,7 +116,8 @@ std::uint32_t Cia402Objects::pdo_id(std::uint16_t communication) const {
 std::vector<MappedObject> Cia402Objects::pdo_map(std::uint16_t communication) const {
   const auto map = static_cast<std::uint16_t>(communication + 0x200);
   std::vector<MappedObject> objects;
-  for (std::uint8_t entry = 1; entry <= value(map, 0); ++entry) objects.push_back(unpack(value(map, entry)));
+  const auto count = static_cast<std::uint8_t>(value(map, 0));
+  for (std::uint8_t entry = 1; entry <= count; ++entry) objects.push_back(unpack(value(map, entry)));
   return objects;
 }
 
@@ -159,8 +160,8 @@ SdoAbort Cia402Objects::check_entry(std::uint16_t index, std::uint32_t mapping) 
 SdoAbort Cia402Objects::check_count(std::uint16_t index, std::uint32_t count) const {
   if (count > kMapEntries) return SdoAbort::out_of_range;
   unsigned bytes = 0;
-  for (std::uint8_t entry = 1; entry <= count; ++entry) {
-    const std::uint32_t mapping = value(index, entry);
+  for (std::uint32_t entry = 1; entry <= count; ++entry) {
+    const std::uint32_t mapping = value(index, static_cast<std::uint8_t>(entry));
     if (check_entry(index, mapping) != SdoAbort::none) return SdoAbort::not_mappable;
     bytes += unpack(mapping).bytes;
   }

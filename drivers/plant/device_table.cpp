@@ -2,7 +2,9 @@
 
 #include "drivers/plant/cia402_device.hpp"
 #include "drivers/plant/mit_device.hpp"
+#include "drivers/plant/moteus_device.hpp"
 #include "drivers/plant/odrive_device.hpp"
+#include "drivers/plant/robstride_device.hpp"
 
 namespace takt::plant {
 
@@ -10,11 +12,12 @@ std::unique_ptr<Device> make_device(const config::Drive& drive, Duration watchdo
   switch (drive.protocol) {
     case config::DriveProtocol::mit:
       return std::make_unique<MitDevice>(drive, watchdog);
+    case config::DriveProtocol::robstride:
+      return std::make_unique<RobstrideDevice>(drive, watchdog);
     case config::DriveProtocol::odrive:
       return std::make_unique<OdriveDevice>(drive, watchdog);
-    case config::DriveProtocol::robstride:
     case config::DriveProtocol::moteus:
-      return nullptr;
+      return std::make_unique<MoteusDevice>(drive, watchdog);
     case config::DriveProtocol::cia402:
       return std::make_unique<Cia402Device>(drive, watchdog);
   }

@@ -30,13 +30,35 @@ std::uint8_t whole_degrees(double celsius) {
 }  // namespace
 
 MitDevice::MitDevice(const config::Drive& drive, Duration watchdog)
-    : drive_(drive), damiao_(drive.variant == "damiao"), watchdog_(watchdog) {}
+    : drive_(drive), damiao_(drive.variant == "damiao"), registers_(drive, watchdog) {}
 
 void MitDevice::receive(const drivers::CanFrame& frame, MonoTime now, Frames& out) {
-  if (frame.id != drive_.id || frame.extended || frame.fd || frame.remote || frame.length != 8) return;
+  if (frame.extended || frame.fd || frame.remote || frame.error || frame.length != 8) return;
   if (state_ == DeviceState::booting) return;
+  if (damiao_ && frame.id == DamiaoRegisterFile::kBusId) answer_register(frame, out);
+  if (frame.id != drive_.id) return;
   out.push_back(report());
   obey(frame, now);
+}
+
+void MitDevice::answer_register(const drivers::CanFrame& frame, Frames& out) {
+  if ((frame.data[0] | frame.data[1] << 8) != static_cast<int>(drive_.id)) return;
+  if (frame.data[2] == DamiaoRegisterFile::kRefresh) return out.push_back(report());
+  drivers::CanFrame answer;
+  answer.id = drive_.reply_id;
+  answer.length = 8;
+  const bool enabled = state_ == DeviceState::enabled;
+  if (registers_.serve(std::span(frame.data).first<8>(), enabled, std::span(answer.data).first<8>()))
+    out.push_back(answer);
+}
+
+bool MitDevice::obeys_motion() const {
+  return !damiao_ || registers_.word(DamiaoRegisterFile::kControlMode) == 1;
+}
+
+bool MitDevice::is_silent_for_too_long(MonoTime now) const {
+  const Duration allowed = registers_.watchdog();
+  return allowed.ns != 0 && now - commanded_at_ > allowed;
 }
 
 void MitDevice::obey(const drivers::CanFrame& frame, MonoTime now) {
@@ -46,6 +68,7 @@ void MitDevice::obey(const drivers::CanFrame& frame, MonoTime now) {
     obey_special(last, now);
     return;
   }
+  if (!obeys_motion()) return;
   command_ = unpack(frame.data);
   commanded_at_ = now;
 }
@@ -74,17 +97,18 @@ void MitDevice::obey_special(std::uint8_t code, MonoTime now) {
 }
 
 MitDevice::Command MitDevice::unpack(const std::uint8_t* data) const {
-  return {.p = spread(bits(data, 0, 16), 16, -drive_.position_range, drive_.position_range),
-          .v = spread(bits(data, 16, 12), 12, -drive_.velocity_range, drive_.velocity_range),
+  const MitSpans spans = registers_.spans();
+  return {.p = spread(bits(data, 0, 16), 16, -spans.position, spans.position),
+          .v = spread(bits(data, 16, 12), 12, -spans.velocity, spans.velocity),
           .kp = spread(bits(data, 28, 12), 12, 0, drive_.kp_range),
           .kd = spread(bits(data, 40, 12), 12, 0, drive_.kd_range),
-          .t = spread(bits(data, 52, 12), 12, -drive_.torque_range, drive_.torque_range)};
+          .t = spread(bits(data, 52, 12), 12, -spans.torque, spans.torque)};
 }
 
 double MitDevice::update(MotorReading reading, MonoTime now, Duration step, Frames& /*out*/) {
   reading_ = {reading.position - zero_, reading.velocity};
   if (state_ == DeviceState::booting && now >= booted_at_) state_ = DeviceState::disabled;
-  if (state_ == DeviceState::enabled && now - commanded_at_ > watchdog_) state_ = DeviceState::lost;
+  if (state_ == DeviceState::enabled && is_silent_for_too_long(now)) state_ = DeviceState::lost;
   double wanted = 0;
   switch (state_) {
     case DeviceState::enabled:
@@ -131,6 +155,7 @@ bool MitDevice::inject(DeviceFault fault) {
 void MitDevice::power_cycle(MonoTime now) {
   state_ = DeviceState::booting;
   booted_at_ = now + kBootTime;
+  registers_.restart();
   command_ = {};
 }
 
@@ -150,9 +175,10 @@ std::uint8_t MitDevice::status() const {
 }
 
 drivers::CanFrame MitDevice::report() const {
-  const std::uint64_t fields = squeeze(reading_.position, 16, drive_.position_range) << 24U |
-                               squeeze(reading_.velocity, 12, drive_.velocity_range) << 12U |
-                               squeeze(torque_, 12, drive_.torque_range);
+  const MitSpans spans = registers_.spans();
+  const std::uint64_t fields = squeeze(reading_.position, 16, spans.position) << 24U |
+                               squeeze(reading_.velocity, 12, spans.velocity) << 12U |
+                               squeeze(torque_, 12, spans.torque);
   drivers::CanFrame frame;
   frame.id = drive_.reply_id;
   frame.length = damiao_ ? 8 : 6;

@@ -4,9 +4,11 @@
 // code are special: FC enters motor mode, FD leaves it, FE makes the present position zero, FB clears an error
 // (Damiao). Enabled, the torque is kp (p - q) + kd (v - dq) + t; Damiao reports its state as 0 disabled, 1 enabled,
 // D lost, else an error's code. A T-Motor drive has no word for them in its 6 bytes; there FD and FC bring a lost one
-// back. The watchdog counts motion commands only.
+// back. The watchdog counts motion commands only. A Damiao drive has registers besides (damiao_register_file.hpp),
+// which hold what its fields span, its control mode and its watchdog's time: it obeys motion commands in mode 1 only.
 #pragma once
 
+#include "drivers/plant/damiao_register_file.hpp"
 #include "drivers/plant/device.hpp"
 
 namespace takt::plant {
@@ -28,12 +30,15 @@ class MitDevice final : public Device {
   void obey(const drivers::CanFrame& frame, MonoTime now);
   void obey_special(std::uint8_t code, MonoTime now);
   [[nodiscard]] Command unpack(const std::uint8_t* data) const;
+  void answer_register(const drivers::CanFrame& frame, Frames& out);
+  [[nodiscard]] bool obeys_motion() const;
+  [[nodiscard]] bool is_silent_for_too_long(MonoTime now) const;
   [[nodiscard]] drivers::CanFrame report() const;
   [[nodiscard]] std::uint8_t status() const;
 
   config::Drive drive_;
   bool damiao_;
-  Duration watchdog_;
+  DamiaoRegisterFile registers_;  // a T-Motor drive's never change
   DeviceState state_ = DeviceState::disabled;
   std::uint8_t error_ = 0;
   Command command_;

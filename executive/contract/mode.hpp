@@ -2,7 +2,7 @@
 //
 // mode           who enters                          drives meanwhile
 // standby        start, operator reset               disabled; polled for feedback
-// arming         operator arm                        being enabled; zero gains, zero torque, reference held
+// arming         operator arm                        being enabled; damping and gravity compensation where enabled
 // tracking       every drive enabled, fresh command  impedance law on the played chunk
 // degraded       contract violated repeatedly        as configured: hold, slow down, or a named fallback
 // damped_stop    stop request, command lost, ...     damping and gravity compensation until the robot rests, then hold

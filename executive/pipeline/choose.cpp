@@ -55,11 +55,14 @@ Choice choose(const TickState& state, Freshness freshness, MonoTime now, const T
               std::span<JointTarget> targets) {
   const Mode mode = state.mode.mode;
   const bool resting = state.mode.resting != 0;
-  default_targets(state, config, mode == Mode::fault_latched || (mode == Mode::damped_stop && !resting), targets);
+  const bool damping_only =
+      mode == Mode::arming || mode == Mode::fault_latched || (mode == Mode::damped_stop && !resting);
+  default_targets(state, config, damping_only, targets);
   switch (mode) {
     case Mode::standby:
-    case Mode::arming:
       return {};
+    case Mode::arming:  // drives enable one after another: the first must not let their joints fall
+      return {Reference::follow_measured, false, true, true, false, 0};
     case Mode::tracking:
       return play_or_brake(state, freshness, now, config, targets);
     case Mode::degraded:

@@ -58,7 +58,7 @@ inline constexpr std::uint32_t kMaxWindowTicks = 8192;
 // Shares of the ticks in about the last window, in 1/65536, above which a bus fault holds; kWholeShare: never.
 inline constexpr std::uint32_t kWholeShare = 65536;
 constexpr std::uint32_t share_of_ticks(double share) {
-  return static_cast<std::uint32_t>(share * kWholeShare + 0.5);
+  return static_cast<std::uint32_t>(share * kWholeShare);
 }
 inline constexpr std::uint32_t kMaxBusFaultTicks = 32'767;
 struct BusFaultLimits {

@@ -73,6 +73,8 @@ std::expected<int, Refusal> watch(const Options& options) {
 void add_bus(CLI::App& app, int& exit_code) {
   CLI::App* bus = app.add_subcommand("bus", "What is on a robot's CAN buses.");
   bus->require_subcommand(1);
+  add_bus_scan(*bus, exit_code);
+  add_bus_zero(*bus, exit_code);
   auto options = std::make_shared<Options>();
   CLI::App* command = bus->add_subcommand("watch", "What the drives say, decoded, live; sends nothing.");
   command->add_option("--robot", options->robot_file, "robot file")->required();

@@ -28,6 +28,7 @@ BusWatch::BusWatch(const config::RobotConfig& robot, std::vector<std::unique_ptr
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
     auto driver = drivers::make_joint_driver(robot, joint);
     if (!driver) throw std::runtime_error(driver.error());
+    (*driver)->assume_set_up();
     joints_.push_back({std::move(*driver)});
   }
 }

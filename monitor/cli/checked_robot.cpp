@@ -14,7 +14,7 @@ std::expected<CheckedRobot, std::string> check_robot_file(const std::string& pat
     if (const auto hash = config::policy_hash(robot->policy->file); !hash)
       problems = fmt::format("{}: {}", path, hash.error());
   auto loads = drivers::check_bus_load(*robot);
-  if (!loads) problems += fmt::format("{}{}: {}", problems.empty() ? "" : "\n", path, loads.error());
+  if (!loads) problems += (problems.empty() ? "" : "\n") + loads.error();
   if (!problems.empty()) return std::unexpected(problems);
   return CheckedRobot{std::move(*robot), std::move(*loads)};
 }

@@ -36,6 +36,8 @@ void add_panel(CLI::App& app, int& exit_code);
 void add_trace(CLI::App& app, int& exit_code);
 void add_config(CLI::App& app, int& exit_code);
 void add_bus(CLI::App& app, int& exit_code);
+void add_bus_scan(CLI::App& bus, int& exit_code);  // below add_bus's
+void add_bus_zero(CLI::App& bus, int& exit_code);  // below add_bus's
 void add_joint(CLI::App& app, int& exit_code);
 void add_audit(CLI::App& app, int& exit_code);
 void add_compare(CLI::App& app, int& exit_code);

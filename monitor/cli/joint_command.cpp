@@ -80,7 +80,7 @@ std::expected<int, Refusal> jog(const Options& options) {
   if (torque > most)
     return std::unexpected(
         Refusal{kExitUsage, fmt::format("--torque {} Nm exceeds limits.torque {} Nm of {}", torque, most, joint.name)});
-  auto driver = drivers::make_joint_driver(robot->config, *index);
+  auto driver = drivers::make_lone_driver(robot->config, *index);
   if (!driver) return std::unexpected(Refusal{config::kExitBadConfiguration, driver.error()});
   auto bus = open_bus(*robot, joint.bus);
   if (!bus) return std::unexpected(bus.error());

@@ -27,7 +27,7 @@ constexpr double kTarget_ns = 100;
 class Exchange {
  public:
   Exchange(const config::RobotConfig& robot, std::size_t joint) : protocol_(robot.joints[joint].drive.protocol) {
-    driver_ = drivers::make_joint_driver(robot, joint).value();
+    driver_ = drivers::make_lone_driver(robot, joint).value();
     auto device = plant::make_device(robot.joints[joint].drive, milliseconds(100));
     MonoTime now = MonoTime{} + seconds(1);
     for (int tick = 0; tick < kPatience; ++tick, now = now + milliseconds(1)) {

@@ -48,6 +48,26 @@ TEST(Load, AllProblemsAreCollectedInFileOrder) {
             "r:26:15: joints[0].limits.torque: 12 has no unit; write `12 Nm`");
 }
 
+TEST(Load, DdsIsOffUnlessAskedFor) {
+  const auto silent = parse(kSmallRobot, "r");
+  ASSERT_TRUE(silent.has_value()) << silent.error();
+  EXPECT_FALSE(silent->dds.has_value());
+  EXPECT_EQ(silent->resolved.find("dds"), std::string::npos) << "a robot without DDS keeps its hash";
+  const auto plain = parse(with("sensors:", "dds: {}\nsensors:"), "r");
+  ASSERT_TRUE(plain.has_value()) << plain.error();
+  EXPECT_EQ(plain->dds->interface, "lo");
+  EXPECT_EQ(plain->dds->domain, 0U);
+  EXPECT_EQ(plain->dds->joint_state_rate, 100);
+  EXPECT_FALSE(plain->dds->allow_requests);
+  const auto wide =
+      parse(with("sensors:", "dds: { domain: 7, interface: eth0, peers: [{ address: 10.0.0.2 }] }\nsensors:"), "r");
+  ASSERT_TRUE(wide.has_value()) << wide.error();
+  EXPECT_EQ(wide->dds->peers.at(0).address, "10.0.0.2");
+  const auto again = parse(wide->resolved, "r");
+  ASSERT_TRUE(again.has_value()) << again.error();
+  EXPECT_EQ(again->sha256, wide->sha256);
+}
+
 TEST(Load, ConvertsUnitsAndFillsDefaults) {
   const auto robot = parse(kSmallRobot, "robot.yaml");
   ASSERT_TRUE(robot.has_value()) << robot.error();

@@ -124,7 +124,8 @@ inline constexpr Refusal kRefusals[] = {
     Refusal{"a word outside a choice", "wake: sleep", "wake: doze",
             "3:57: control.wake: wake `doze` is not known; write one of: sleep, hybrid"},
     Refusal{"ranges missing without a model", ", kd_range: 5 Nms/rad", "",
-            "34:12: key `kd_range` is missing in `joints[1].drive`; add it: mit, robstride: packed damping spans 0 to this"},
+            "34:12: key `kd_range` is missing in `joints[1].drive`; add it: mit, robstride: packed damping spans 0 to "
+            "this"},
     Refusal{"two joints of one name", "name: knee", "name: hip",
             "32:11: joints: `hip` is also the name in line 17; rename one\n"
             "42:16: model.links[1].joint: joint `knee` is not known; write one of: hip, hip\n"
@@ -202,6 +203,12 @@ inline constexpr Refusal kRefusals[] = {
     Refusal{"chunks too short for the policy period", "steps: 8", "steps: 2",
             "49:16: policy.step_period: steps * step_period = 20 ms must exceed policy.period 20 ms: chunks would end "
             "before the next arrives; raise one"},
+    Refusal{"bus fault window too short", "feedback: { timeout: 20 ms }",
+            "feedback: { timeout: 20 ms }\nbus_faults: { window: 9 ms }",
+            "11:23: bus_faults.window: 9 ms must be at least ten control periods of 1 ms; raise it"},
+    Refusal{"a share of nothing", "feedback: { timeout: 20 ms }",
+            "feedback: { timeout: 20 ms }\nbus_faults: { foreign_frames: 0 }",
+            "11:31: bus_faults.foreign_frames: 0 is out of range; write above 0 and at most 1"},
     Refusal{"feedback timeout too short", "feedback: { timeout: 20 ms }", "feedback: { timeout: 1 ms }",
             "10:22: feedback.timeout: 1 ms must be at least two control periods of 1 ms; raise it"},
     Refusal{"enable_timeout too short", "timeout: 20 ms }", "timeout: 20 ms, enable_timeout: 10 ms }",
@@ -245,6 +252,16 @@ inline constexpr Refusal kRefusals[] = {
             "55:7: policy.observation[1].history: 1 differs from the first term's 2; by_time needs equal histories\n"
             "56:7: policy.observation[2].history: 1 differs from the first term's 2; by_time needs equal histories\n"
             "57:7: policy.observation[3].history: 1 differs from the first term's 2; by_time needs equal histories"},
+    Refusal{
+        "a network interface that would rewrite the DDS configuration",
+        "sensors:", "dds: { interface: 'lo\"/>', peers: [{ address: '${HOME}' }] }\nsensors:",
+        "44:19: dds.interface: has a character that no interface has; write letters, digits, `.`, `:`, `_` and `-`\n"
+        "44:47: dds.peers[0].address: has a character that no host has; write letters, digits, `.`, `:`, `_` and "
+        "`-`"},
+    Refusal{"a DDS domain nobody can join", "sensors:", "dds: { domain: 233, interface: eth0 }\nsensors:",
+            "44:16: dds.domain: 233 is out of range; write 0 to 232"},
+    Refusal{"an interface without a way to find anybody", "sensors:", "dds: { interface: eth0 }\nsensors:",
+            "44:19: dds.interface: nobody can be found on it; add `peers`, or `multicast: true`"},
 };
 
 }  // namespace takt::config::test

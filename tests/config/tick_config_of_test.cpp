@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cstring>
+
 #include "config/load.hpp"
 #include "tests/config/small_robot.hpp"
 
@@ -27,6 +29,27 @@ TEST(TickConfigOf, CarriesTimingContractAndCounts) {
   EXPECT_EQ(tick.freshness.window_ticks, 1000U);
   EXPECT_EQ(tick.freshness.stop_after, milliseconds(600));
   EXPECT_EQ(tick.degraded, pipeline::DegradedBehaviour::fallback);
+}
+
+TEST(TickConfigOf, BusFaultsHaveDefaultsAndBecomeTicksAndShares) {
+  const pipeline::BusFaultLimits none = tick_of(test::kSmallRobot).bus_faults;
+  const pipeline::BusFaultLimits defaults;
+  EXPECT_EQ(std::memcmp(&none, &defaults, sizeof none), 0) << "the tick's own defaults are the file's";
+  const auto given =
+      tick_of(test::with("feedback: { timeout: 20 ms }\n",
+                         "feedback: { timeout: 20 ms }\nbus_faults: { window: 250 ms, replies_lost: 0.25, "
+                         "replies_repeated: 0.5, replies_delayed: 1, transmit_drops: 0.125, receive_drops: 0.0625, "
+                         "foreign_frames: 0.75, babble: 0.375, error_passive: 0.875 }\n"))
+          .bus_faults;
+  EXPECT_EQ(given.window_ticks, 250U);
+  EXPECT_EQ(given.replies_lost, 16384U);
+  EXPECT_EQ(given.replies_repeated, 32768U);
+  EXPECT_EQ(given.replies_delayed, pipeline::kWholeShare);
+  EXPECT_EQ(given.transmit_drops, 8192U);
+  EXPECT_EQ(given.receive_drops, 4096U);
+  EXPECT_EQ(given.foreign_frames, 49152U);
+  EXPECT_EQ(given.babble, 24576U);
+  EXPECT_EQ(given.error_passive, 57344U);
 }
 
 TEST(TickConfigOf, OnlyTheConfiguredFallbackGivesPoseAndSpeed) {

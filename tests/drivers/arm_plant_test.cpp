@@ -22,14 +22,16 @@ class Loop {
   explicit Loop(const config::RobotConfig& robot) : robot_(robot), arm(std::move(*ArmPlant::make(robot))) {
     for (std::size_t joint = 0; joint < robot_.joints.size(); ++joint)
       hosts.push_back(std::move(*drivers::make_joint_driver(robot_, joint)));
+    // Standby, until the drives' settings have been read back.
+    for (int ms = 0; ms < 30; ++ms) tick(false, std::vector<drivers::DriveSetpoint>(hosts.size()));
   }
   // One millisecond: commands out, answers in, arm forward.
   void tick(bool enable, const std::vector<drivers::DriveSetpoint>& setpoints) {
     for (std::size_t joint = 0; joint < hosts.size(); ++joint) {
       std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out;
-      hosts[joint]->encode(enable, setpoints[joint], {}, out);
+      const std::size_t count = hosts[joint]->encode(enable, setpoints[joint], {}, out);
       Frames answers;
-      arm.receive(robot_.joints[joint].bus, out[0], answers);
+      for (std::size_t i = 0; i < count; ++i) arm.receive(robot_.joints[joint].bus, out[i], answers);
       for (const drivers::CanFrame& answer : answers) hosts[joint]->decode({answer, arm.now()});
     }
     arm.step();

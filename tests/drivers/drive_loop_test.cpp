@@ -12,6 +12,7 @@ namespace {
 using test::DriveLoop;
 
 struct Row {
+  const char* name;
   config::Drive drive;
   std::uint32_t over_temperature;  // error codes as the host reports them
   std::uint32_t watchdog_expired;
@@ -29,7 +30,15 @@ config::Drive common(config::DriveProtocol protocol) {
 }
 
 Row odrive() {
-  return {common(config::DriveProtocol::odrive), 0x2000, 0x0100'0000};
+  return {"odrive", common(config::DriveProtocol::odrive), 0x2000, 0x0100'0000};
+}
+
+// Wanted are 10 Nm/rad and 0.75 Nm s/rad at the motor: within the servo's gains, and beyond them.
+Row moteus(const char* name, double servo_kp, double servo_kd) {
+  Row row{name, common(config::DriveProtocol::moteus), 38, 11};
+  row.drive.servo_kp = servo_kp;
+  row.drive.servo_kd = servo_kd;
+  return row;
 }
 
 class DriveLoopTest : public testing::TestWithParam<Row> {
@@ -133,8 +142,9 @@ TEST_P(DriveLoopTest, ADriveThatRestartedIsNotEnabledAgain) {
   enable();
 }
 
-INSTANTIATE_TEST_SUITE_P(EveryProtocol, DriveLoopTest, testing::Values(odrive()),
-                         [](const auto& row) { return std::string(config::name(row.param.drive.protocol)); });
+INSTANTIATE_TEST_SUITE_P(EveryProtocol, DriveLoopTest,
+                         testing::Values(odrive(), moteus("moteus", 20, 1), moteus("moteus_with_weak_gains", 7, 0.5)),
+                         [](const auto& row) { return row.param.name; });
 
 }  // namespace
 }  // namespace takt::drivers

@@ -83,11 +83,11 @@ TEST(MitCodec, ASaturatedCommandIsNeverASpecialFrame) {
 }
 
 TEST(MitCodec, NeverASpecialFrameWhateverTheCommand) {
-  rc::check([](float p, float v, float kp, float kd, float t) {
+  EXPECT_TRUE(rc::check([](float p, float v, float kp, float kd, float t) {
     const auto extreme = [](float x) { return *rc::gen::element(x, 1e9F, -1e9F, 12.5F, 5.0F, 500.0F, 45.0F, 54.0F); };
     const MitCommand command{extreme(p), extreme(v), extreme(kp), extreme(kd), extreme(t)};
     RC_ASSERT(!seven_ff(encode_mit_command(preset("DM8009"), command)));
-  });
+  }));
 }
 
 TEST(MitCodec, NotFiniteMeansNoStiffnessAndNoTorque) {
@@ -121,7 +121,7 @@ MitCommand read_back(const MitRange& range, const MitPayload& payload) {
 }
 
 TEST(MitCodec, WhatTheDriveReadsIsWithinOneQuantum) {
-  rc::check([](std::uint16_t a, std::uint16_t b, std::uint16_t c, std::uint16_t d, std::uint16_t e) {
+  EXPECT_TRUE(rc::check([](std::uint16_t a, std::uint16_t b, std::uint16_t c, std::uint16_t d, std::uint16_t e) {
     const std::size_t model = *rc::gen::inRange<std::size_t>(0, config::kMitPresets.size());
     const MitRange range = preset(config::kMitPresets[model].model);
     const auto symmetric = [](std::uint16_t x, float limit) { return (static_cast<float>(x) / 32767.5F - 1) * limit; };
@@ -137,7 +137,7 @@ TEST(MitCodec, WhatTheDriveReadsIsWithinOneQuantum) {
     RC_ASSERT(within(sent.kp, read.kp, range.kp, 4095));
     RC_ASSERT(within(sent.kd, read.kd, range.kd, 4095));
     RC_ASSERT(within(sent.t, read.t, 2 * range.t, 4095));
-  });
+  }));
 }
 
 TEST(MitCodec, DecodesASixByteReply) {

@@ -165,6 +165,67 @@ TEST_F(SimulatedDrive, APowerCycleSaysNothingUntilBootedAndForgetsThatItWasEnabl
   EXPECT_EQ(status_of(kEnter), 0);
 }
 
+// [drive low, drive high, operation, register, value low first] on 0x7FF.
+TEST_F(SimulatedDrive, TellsItsSettings) {
+  const auto value = [this](std::uint64_t question) {
+    const auto answer = answer_of(drive, command(question, 0x7FF));
+    EXPECT_TRUE(answer);
+    if (!answer) return std::uint64_t{0};
+    EXPECT_EQ(answer->id, 0x14U);
+    std::uint64_t all = 0;
+    for (int i = 0; i < 8; ++i) all = all << 8U | answer->data[i];
+    return all;
+  };
+  EXPECT_EQ(value(0x0400331500000000), 0x0400331500004841U) << "12.5 = 41480000";
+  EXPECT_EQ(value(0x0400331600000000), 0x040033160000f041U) << "30 = 41F00000";
+  EXPECT_EQ(value(0x0400331700000000), 0x0400331700002041U) << "10 = 41200000";
+  EXPECT_EQ(value(0x0400330a00000000), 0x0400330a01000000U) << "MIT mode";
+  EXPECT_EQ(value(0x0400330900000000), 0x04003309d0070000U) << "100 ms = 2000 units of 50 us";
+  EXPECT_FALSE(answer_of(drive, command(0x0500331500000000, 0x7FF))) << "another drive's";
+  EXPECT_FALSE(answer_of(drive, command(0x0400336300000000, 0x7FF))) << "no such register";
+  EXPECT_EQ(value(0x0400CC0000000000) >> 56U, 0x04U) << "refresh: a report, disabled";
+  MitDevice tmotor(damiao("tmotor"), kWatchdog);
+  EXPECT_FALSE(answer_of(tmotor, command(0x0400331500000000, 0x7FF)));
+}
+
+TEST_F(SimulatedDrive, ObeysItsSettings) {
+  answer_of(drive, command(0x04005517'0000a041, 0x7FF));  // torque range 20
+  answer_of(drive, command(kEnter));
+  answer_of(drive, command(kMotion));
+  EXPECT_NEAR(update(0.5, 1.0), -4, 0.06) << "the code that meant -2 Nm means twice that";
+  EXPECT_FALSE(answer_of(drive, command(0x04005517'00002041, 0x7FF))) << "not while enabled";
+  answer_of(drive, command(kExit));
+  answer_of(drive, command(0x04005509'00000000, 0x7FF));  // time-out off
+  answer_of(drive, command(kEnter));
+  answer_of(drive, command(kMotion));
+  for (int ms = 0; ms < 500; ++ms) update(0.5, 1.0);
+  EXPECT_EQ(drive.state(), DeviceState::enabled);
+  answer_of(drive, command(kExit));
+  answer_of(drive, command(0x0400550a'02000000, 0x7FF));  // position and velocity mode
+  answer_of(drive, command(kEnter));
+  answer_of(drive, command(kMotion));
+  EXPECT_EQ(update(0.5, 1.0), 0) << "motion commands mean nothing in another mode";
+}
+
+TEST_F(SimulatedDrive, WrittenSettingsOutliveThePowerOnlyWhenStored) {
+  const auto torque_range = [this] {
+    const auto answer = answer_of(drive, command(0x0400331700000000, 0x7FF));
+    return answer ? answer->data[6] << 8 | answer->data[7] : 0;
+  };
+  const auto power_cycle = [this] {
+    drive.power_cycle(now);
+    for (int ms = 0; ms < 300; ++ms) update();
+  };
+  answer_of(drive, command(0x04005517'0000a041, 0x7FF));
+  EXPECT_EQ(torque_range(), 0xa041);
+  power_cycle();
+  EXPECT_EQ(torque_range(), 0x2041) << "forgotten";
+  answer_of(drive, command(0x04005517'0000a041, 0x7FF));
+  answer_of(drive, command(0x0400aa01'00000000, 0x7FF));
+  power_cycle();
+  EXPECT_EQ(torque_range(), 0xa041) << "stored";
+}
+
 TEST_F(SimulatedDrive, FramesThatAreNotForItAreNotAnswered) {
   EXPECT_FALSE(answer_of(drive, command(kEnter, 5)));
   drivers::CanFrame odd = command(kEnter);

@@ -1,11 +1,16 @@
 // Goal: the driver enables, drives and disables as its header promises, in joint units.
-// Method: the drive's replies are written by hand, byte for byte, and the frames that come out are read.
+// Method: the drive's replies and answers are written by hand, byte for byte, and the frames that come out are read.
 #include "drivers/mit_driver.hpp"
 
 #include <gtest/gtest.h>
 
 #include <array>
+#include <bit>
 #include <cmath>
+#include <limits>
+#include <map>
+#include <optional>
+#include <vector>
 
 namespace takt::drivers {
 namespace {
@@ -16,11 +21,14 @@ class Bench {
  public:
   explicit Bench(MitDriveSettings settings) : driver(settings), settings_(settings) {}
 
+  // The command; a question beside it is kept in `question`.
   CanFrame encode(bool enable, const DriveSetpoint& setpoint = {}) {
-    std::array<CanFrame, 2> out;
-    EXPECT_EQ(driver.encode(enable, setpoint, milliseconds(10), out), 1U);
+    std::array<CanFrame, kMaxFramesPerDrive> out;
+    const std::size_t count = driver.encode(enable, setpoint, milliseconds(10), out);
+    EXPECT_TRUE(count == 1 || count == 2);
     EXPECT_EQ(out[0].id, settings_.id);
     EXPECT_EQ(out[0].length, 8);
+    question = count == 2 ? std::optional(out[1]) : std::nullopt;
     return out[0];
   }
   int code_after_seven_ff(bool enable) {
@@ -29,6 +37,45 @@ class Bench {
       if (frame.data[i] != 0xFF) return -1;
     return frame.data[7];
   }
+  // A Damiao drive's answer to a question about a register.
+  bool answer(int register_number, std::uint32_t value, int operation = 0x33, std::uint32_t drive = 4) {
+    ReceivedFrame received;
+    received.received_at = MonoTime{++stamp_};
+    received.frame.id = settings_.reply_id;
+    received.frame.length = 8;
+    const std::array<std::uint32_t, 8> bytes{drive & 0xFFU,
+                                             drive >> 8U,
+                                             static_cast<std::uint32_t>(operation),
+                                             static_cast<std::uint32_t>(register_number),
+                                             value & 0xFFU,
+                                             value >> 8U & 0xFFU,
+                                             value >> 16U & 0xFFU,
+                                             value >> 24U};
+    for (std::size_t i = 0; i < 8; ++i) received.frame.data[i] = static_cast<std::uint8_t>(bytes[i]);
+    return driver.decode(received);
+  }
+  // Ticks in which the drive reports that it is disabled and tells its settings, but for those it lacks.
+  Bench& live(int ticks, const std::map<int, std::uint32_t>& told, bool enable = false) {
+    for (int tick = 0; tick < ticks; ++tick) {
+      const int code = code_after_seven_ff(enable);
+      EXPECT_TRUE(code == 0xFD || may_enter) << "nothing but the exit while settings are unknown or wrong";
+      reply(0x04);
+      if (!question) continue;
+      ++questions;
+      const int number = question->data[3];
+      EXPECT_EQ(question->id, 0x7FFU);
+      if (told.contains(number)) {
+        EXPECT_TRUE(answer(number, told.at(number)));
+      }
+    }
+    return *this;
+  }
+  // As the robot file says; 2000 units of 50 us.
+  static std::map<int, std::uint32_t> right() {
+    return {{9, 2000}, {10, 1}, {21, 0x41480000}, {22, 0x41F00000}, {23, 0x41200000}};  // 12.5, 30, 10
+  }
+  Bench& set_up() { return live(24, right()); }
+
   // Position 0x8000, velocity and torque in the middle.
   bool reply(int first_byte, int length = 8) {
     ReceivedFrame received;
@@ -41,6 +88,9 @@ class Bench {
   }
 
   MitDriver driver;
+  std::optional<CanFrame> question;
+  int questions = 0;
+  bool may_enter = false;
 
  private:
   MitDriveSettings settings_;
@@ -63,7 +113,7 @@ TEST(MitDriver, KnowsNothingBeforeTheFirstReply) {
 }
 
 TEST(MitDriver, DamiaoIsEnabledByItsOwnWord) {
-  Bench bench(damiao());
+  Bench bench = Bench(damiao()).set_up();
   EXPECT_EQ(bench.code_after_seven_ff(false), 0xFD);
   EXPECT_TRUE(bench.reply(kDisabled));
   EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::disabled);
@@ -91,7 +141,7 @@ TEST(MitDriver, TMotorIsEnabledByTheFirstReplyAfterTheRequest) {
 }
 
 TEST(MitDriver, DoesNotBringBackADriveThatLeftByItself) {
-  Bench bench(damiao());
+  Bench bench = Bench(damiao()).set_up();
   bench.encode(true);
   bench.reply(kEnabled);
   bench.encode(true);
@@ -114,6 +164,126 @@ TEST(MitDriver, ReportsAndClearsADamiaoErrorWhileDisabled) {
   bench.reply(kDisabled);
   EXPECT_EQ(bench.driver.feedback().error_code, 0U);
   EXPECT_EQ(bench.code_after_seven_ff(false), 0xFD);
+}
+
+TEST(MitDriver, ATMotorDriveIsAskedNothing) {
+  Bench bench(tmotor());
+  for (int tick = 0; tick < 50; ++tick) {
+    bench.encode(false);
+    EXPECT_FALSE(bench.question);
+    bench.reply(4, 6);
+  }
+  EXPECT_EQ(bench.code_after_seven_ff(true), 0xFC);
+}
+
+TEST(MitDriver, ASilentDamiaoDriveIsAskedNothing) {
+  Bench bench(damiao());
+  for (int tick = 0; tick < 1000; ++tick) {
+    bench.encode(false);
+    ASSERT_FALSE(bench.question);
+  }
+  EXPECT_EQ(bench.driver.feedback().error_code, 0U) << "a drive without power is not one that hides its settings";
+}
+
+TEST(MitDriver, AsksForEverySettingOnceAndKeepsTheDriveReporting) {
+  Bench bench(damiao());
+  std::vector<int> asked;
+  for (int tick = 0; tick < 40; ++tick) {
+    EXPECT_EQ(bench.code_after_seven_ff(false), 0xFD);
+    bench.reply(kDisabled);
+    if (!bench.question) continue;
+    const CanFrame& question = *bench.question;
+    // [drive low, drive high, 33, register, 0 0 0 0]
+    EXPECT_EQ(question.data[0] | question.data[1] << 8 | question.data[2] << 16, 0x330004);
+    EXPECT_EQ(question.length, 8);
+    asked.push_back(question.data[3]);
+    EXPECT_TRUE(bench.answer(asked.back(), Bench::right().at(asked.back())));
+  }
+  EXPECT_EQ(asked, (std::vector<int>{10, 21, 22, 23, 9}));
+  EXPECT_EQ(bench.driver.feedback().replies, 40) << "answers are no reports, and replace none";
+  EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::disabled);
+  EXPECT_EQ(bench.driver.stored_timeout(), milliseconds(100));
+  EXPECT_EQ(bench.code_after_seven_ff(true), 0xFC);
+}
+
+TEST(MitDriver, IsNotEnabledBeforeItsSettingsAreKnown) {
+  Bench bench(damiao());
+  auto told = Bench::right();
+  told.erase(9);
+  bench.live(30, told, true);
+  EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::disabled) << "waiting is no fault";
+  EXPECT_EQ(bench.driver.stored_timeout(), std::nullopt);
+  bench.may_enter = true;
+  bench.live(8, Bench::right(), true);
+  EXPECT_EQ(bench.code_after_seven_ff(true), 0xFC);
+}
+
+TEST(MitDriver, ASettingThatDiffersIsAFaultThatNamesIt) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  struct Row {
+    int number;
+    std::uint32_t value;
+    const char* name;
+  };
+  const Row rows[] = {
+      {10, 2, "control mode (register 10)"},
+      {21, std::bit_cast<std::uint32_t>(12.566F), "position range (register 21)"},
+      {22, std::bit_cast<std::uint32_t>(45.0F), "velocity range (register 22)"},
+      {23, std::bit_cast<std::uint32_t>(-10.0F), "torque range (register 23)"},
+      {23, std::bit_cast<std::uint32_t>(10.0001F), "torque range (register 23)"},
+      {21, std::bit_cast<std::uint32_t>(nan), "position range (register 21)"},
+  };
+  for (const Row& row : rows) {
+    Bench bench(damiao());
+    auto told = Bench::right();
+    told[row.number] = row.value;
+    bench.live(100, told, true);
+    EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::fault) << row.name;
+    EXPECT_EQ(bench.driver.feedback().error_code,
+              setup_fault_code(SetupFault::settings_differ, static_cast<std::uint32_t>(row.number)));
+    config::Drive drive;
+    drive.variant = "damiao";
+    EXPECT_EQ(error_name(drive, bench.driver.feedback().error_code),
+              "the drive's own settings differ from the robot file: " + std::string(row.name));
+  }
+}
+
+TEST(MitDriver, ADriveThatDoesNotTellIsAFaultAfterAFewTries) {
+  Bench bench(damiao());
+  bench.live(100, {});
+  EXPECT_EQ(bench.questions, 10);
+  EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::fault);
+  EXPECT_EQ(bench.driver.feedback().error_code, setup_fault_code(SetupFault::settings_unread, 10));
+}
+
+TEST(MitDriver, ASettingsFaultStaysUntilTheDriveAgreesWhateverIsCleared) {
+  Bench bench(damiao());
+  auto told = Bench::right();
+  told[23] = std::bit_cast<std::uint32_t>(28.0F);
+  bench.live(100, told);
+  EXPECT_EQ(bench.code_after_seven_ff(false), 0xFD) << "there is nothing to clear in the drive";
+  bench.reply(kLost);
+  EXPECT_EQ(bench.driver.feedback().error_code, 0xDU) << "the drive's own fault shows first";
+  EXPECT_EQ(bench.code_after_seven_ff(false), 0xFB);
+  bench.reply(kDisabled);
+  bench.live(2000, told);
+  EXPECT_EQ(bench.driver.feedback().error_code, setup_fault_code(SetupFault::settings_differ, 23));
+  // Set right with the maker's tool: within half a second at 1 kHz it is noticed.
+  bench.live(560, Bench::right());
+  EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::disabled);
+  EXPECT_EQ(bench.driver.feedback().error_code, 0U);
+  EXPECT_EQ(bench.code_after_seven_ff(true), 0xFC);
+}
+
+TEST(MitDriver, AnswersThatNobodyAskedForChangeNothing) {
+  Bench bench = Bench(damiao()).set_up();
+  EXPECT_TRUE(bench.answer(23, std::bit_cast<std::uint32_t>(28.0F))) << "its own, and no reading";
+  EXPECT_EQ(bench.driver.feedback().replies, 24);
+  EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::disabled);
+  EXPECT_FALSE(bench.answer(23, 0, 0x33, 5)) << "another drive's";
+  Bench fresh(damiao());
+  for (const int number : {10, 21, 22, 23, 9}) fresh.answer(number, Bench::right().at(number));
+  EXPECT_EQ(fresh.code_after_seven_ff(true), 0xFD) << "not asked: not believed";
 }
 
 TEST(MitDriver, IgnoresWhatIsNotItsOwnAndCountsWhatIsMalformed) {
@@ -143,7 +313,7 @@ TEST(MitDriver, ConvertsBetweenJointAndMotor) {
   MitDriveSettings settings = damiao();
   settings.mapping.offset = 0.5F;
   settings.mapping.ratio = -2;
-  Bench bench(settings);
+  Bench bench = Bench(settings).set_up();
   bench.encode(true);
   bench.reply(kEnabled);
   const CanFrame frame = bench.encode(true, {.q = 1.5F, .dq = 2, .kp = 40, .kd = 4, .tau = 3});

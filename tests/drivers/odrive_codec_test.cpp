@@ -69,7 +69,7 @@ To field(const CanFrame& frame, unsigned start, unsigned bits) {
 }
 
 TEST(OdriveCodec, WhatTheDriveReadsIsWhatWasSent) {
-  rc::check([](std::int32_t a, std::int16_t b, std::int16_t c) {
+  EXPECT_TRUE(rc::check([](std::int32_t a, std::int16_t b, std::int16_t c) {
     const float turns = static_cast<float>(a) / 65536.0F;
     const float velocity = static_cast<float>(b) * 0.9e-3F;
     const float torque = static_cast<float>(c) * 0.9e-3F;
@@ -83,7 +83,7 @@ TEST(OdriveCodec, WhatTheDriveReadsIsWhatWasSent) {
     const CanFrame vel = odrive_input_vel(node, velocity, torque);
     RC_ASSERT(field<float>(vel, 0, 32) == velocity);
     RC_ASSERT(field<float>(vel, 32, 32) == torque);
-  });
+  }));
 }
 
 TEST(OdriveCodec, DecodesReports) {

@@ -94,7 +94,7 @@ class Bench {
 
 TEST(ScenarioPlayer, ConstantTorqueTurnsAFlywheelAsNewtonSays) {
   Bench bench("  - { at: 900 s, joint: hip, fault: silent }\n");
-  bench.run(10);
+  bench.run(60);  // settings read back, enabled
   const double before = bench.plant.state().dq[kHip];
   bench.torque = 0.5F;
   bench.run(500);
@@ -192,6 +192,8 @@ TEST(ScenarioPlayer, AfterEnabledWaitsForTheDrive) {
 
 TEST(ScenarioPlayer, OnABusItWaitsForEveryDriveOfIt) {
   Bench bench("  - { after: enabled, at: 0 ms, bus: can0, drop: 1 }\n");
+  bench.enable = false;
+  bench.run(50);  // settings read back
   bench.plant.drive(kKnee).inject(DeviceFault::overload);
   bench.enable = true;
   bench.run(50);
@@ -218,11 +220,13 @@ TEST(ScenarioPlayer, ARivalTakesTheCommandAwayAndDoublesTheReplies) {
   bench.run(10);
   EXPECT_EQ(bench.replies_in_a_tick(kHip), 2);
   EXPECT_EQ(bench.replies_in_a_tick(kKnee), 1);
-  EXPECT_EQ(bench.strange_frames, 12U);
+  EXPECT_GE(bench.strange_frames, 12U) << "it asks for settings too";
   const double speed = bench.plant.state().dq[kHip];
   EXPECT_LT(speed, 0.25 * bench.plant.state().dq[kKnee]) << "the last command of a millisecond counts: the rival's";
   bench.run(20);
-  EXPECT_EQ(bench.strange_frames, 20U);
+  const std::size_t in_all = bench.strange_frames;
+  bench.run(20);
+  EXPECT_EQ(bench.strange_frames, in_all) << "it is gone";
   EXPECT_GT(bench.plant.state().dq[kHip], speed + 0.1);
 }
 
@@ -236,6 +240,17 @@ TEST(ScenarioPlayer, ABabblerFillsTheBusWithAnIdThatIsNobodys) {
   EXPECT_EQ(bench.replies_in_a_tick(kHip), 1) << "drives do not care";
   bench.run(20);
   EXPECT_EQ(bench.strange_frames, 210U);
+}
+
+TEST(ScenarioPlayer, ABabblerAvoidsTheIdsOfDrives) {
+  config::RobotConfig robot = parse_devices(kDevices, "d").value();
+  robot.joints[kHip].drive.reply_id = 0;
+  BusTrouble trouble(robot, 0);
+  trouble.set({.babble = true});
+  Frames said;
+  trouble.speak(said);
+  ASSERT_FALSE(said.empty());
+  EXPECT_EQ(said[0].id, 3U) << "0 is a reply, 1 and 2 are commands";
 }
 
 TEST(ScenarioPlayer, OverlappingFaultsAddUpAndEndOneByOne) {

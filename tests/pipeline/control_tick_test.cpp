@@ -66,7 +66,7 @@ TEST(Standby, ListsWhatArmingMisses) {
   EXPECT_EQ(rig.header().causes_active & bit(Cause::operator_arm), 0U) << "not granted";
 }
 
-TEST(Arming, EnablesLimpAndTracksOnceAllDrivesAreEnabled) {
+TEST(Arming, DampsUntilAllDrivesAreEnabledAndTracksThen) {
   Rig rig(robot(3));
   rig.run_with_policy(40, 0.5F);
   EXPECT_TRUE(blockers(rig).empty());
@@ -75,11 +75,33 @@ TEST(Arming, EnablesLimpAndTracksOnceAllDrivesAreEnabled) {
   EXPECT_EQ(rig.header().cause, Cause::operator_arm);
   EXPECT_TRUE(rig.out->drives_enabled);
   EXPECT_EQ(rig.out->setpoints[0].kp, 0.0F);
+  EXPECT_GT(rig.out->setpoints[0].kd, 0.0F);
   EXPECT_TRUE(blocks(rig, "already armed"));
   rig.run_with_policy(20, 0.5F);
   EXPECT_EQ(rig.mode(), Mode::tracking);
   EXPECT_GT(rig.out->setpoints[0].kp, 0.0F);
   EXPECT_GT(rig.out->command_budget.ns, 0);
+}
+
+TEST(Arming, CarriesWhatIsEnabledWhileItWaitsForTheRest) {
+  TickConfig config = robot(6);
+  config.gravity_compensation = true;
+  Rig rig(config);
+  rig.drives[5].never_enables = true;
+  rig.run_with_policy(40, 0.4F);
+  rig.tick_with_policy(0.4F, OperatorRequest::arm);
+  for (int tick = 0; tick < 100; ++tick) rig.tick_with_policy(0.4F);
+  ASSERT_EQ(rig.mode(), Mode::arming);
+  const JointRecord& joint = rig.out->record.joints[0];
+  EXPECT_NE(joint.tau_gravity, 0.0F);
+  EXPECT_NEAR(rig.out->setpoints[0].tau, joint.tau_gravity, 0.01F * std::abs(joint.tau_gravity));
+}
+
+TEST(Arming, WaitsForDrivesThatAreNotSetUp) {
+  Rig rig(robot(3));
+  rig.run_with_policy(40, 0.0F);
+  rig.out->record.joints[1].feedback.drive_state = DriveState::unknown;
+  EXPECT_TRUE(blocks(rig, "the drive is not set up yet"));
 }
 
 TEST(Arming, GivesUpOnADriveThatDoesNotEnable) {

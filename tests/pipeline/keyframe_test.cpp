@@ -63,6 +63,14 @@ class RandomRun {
       ++rig_.input.policy_session;
       rig_.sequence = 0;
     }
+    if (chance(300))
+      extra_replies_ = static_cast<int>(random_() % 4) - 1;  // joint 0's replies: lost, as they should be, repeated
+    std::uint8_t& replies = rig_.input.joints[0].replies;
+    replies = static_cast<std::uint8_t>(replies + (chance(3) ? extra_replies_ : 0));
+    rig_.input.buses[0].foreign_frames += chance(60) ? 1U : 0U;
+    rig_.input.buses[0].tx_dropped += chance(30) ? 1U : 0U;
+    rig_.input.buses[0].flooded = chance(15) ? 1 : 0;
+    rig_.input.skipped_periods += chance(100) ? random_() % 5 : 0U;
     rig_.input.lateness = microseconds(static_cast<std::int64_t>(random_() % 300));
     rig_.input.overrun_cause = chance(40) ? OverrunCause::platform_stall : OverrunCause::none;
   }
@@ -81,6 +89,7 @@ class RandomRun {
 
   std::mt19937 random_;
   bool policy_alive_ = true;
+  int extra_replies_ = 0;
   Rig rig_;
   Recorded latest_;
 };

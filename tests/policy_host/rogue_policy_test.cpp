@@ -52,7 +52,7 @@ struct Seen {
   CommandHeader before;         // of the previous fresh chunk
   std::uint64_t newest_id = 0;  // published by the executive
   std::uint64_t honest_hash = 0;
-  int silent = 0;               // observations in a row without a command
+  int silent = 0;  // observations in a row without a command
   bool killed = false;
   [[nodiscard]] bool fresh() const { return status == ipc::ReadStatus::fresh; }
 };

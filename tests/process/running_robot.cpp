@@ -71,7 +71,7 @@ std::optional<int> Child::wait(std::chrono::seconds limit) {
   return std::nullopt;
 }
 
-RunningRobot::RunningRobot(const std::string& scenario) {
+RunningRobot::RunningRobot(const std::string& scenario, std::string robot_file) : robot_file_(std::move(robot_file)) {
   std::string pattern = (std::filesystem::temp_directory_path() / "takt-test.XXXXXX").string();
   directory_ = mkdtemp(pattern.data());
   std::vector<std::string> faults;
@@ -91,7 +91,7 @@ RunningRobot::~RunningRobot() {
 
 Child RunningRobot::start(const std::string& program, std::vector<std::string> extra,
                           const std::string& log_name) const {
-  std::vector<std::string> arguments{program, "--robot", "config/arm6.yaml", "--runtime-dir", directory_};
+  std::vector<std::string> arguments{program, "--robot", robot_file_, "--runtime-dir", directory_};
   arguments.insert(arguments.end(), extra.begin(), extra.end());
   return Child(std::move(arguments), directory_ + "/" + log_name + ".log");
 }

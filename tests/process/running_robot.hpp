@@ -36,9 +36,9 @@ class Child {
 
 class RunningRobot {
  public:
-  // Starts takt-plant, takt-executive and takt-monitor for config/arm6.yaml; no policy yet. `scenario`: file of what
+  // Starts takt-plant, takt-executive and takt-monitor for this robot file; no policy yet. `scenario`: file of what
   // goes wrong in the plant.
-  explicit RunningRobot(const std::string& scenario = {});
+  explicit RunningRobot(const std::string& scenario = {}, std::string robot_file = "config/arm6.yaml");
   ~RunningRobot();
   RunningRobot(const RunningRobot&) = delete;
   RunningRobot& operator=(const RunningRobot&) = delete;
@@ -67,7 +67,7 @@ class RunningRobot {
  private:
   [[nodiscard]] Child start(const std::string& program, std::vector<std::string> extra,
                             const std::string& log_name) const;
-  std::string directory_;
+  std::string robot_file_, directory_;
   std::optional<Child> plant_, executive_, monitor_;
 };
 

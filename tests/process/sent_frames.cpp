@@ -11,6 +11,9 @@ namespace {
 
 using Payload = std::array<unsigned, 8>;
 
+constexpr unsigned long kDamiaoRegisters = 0x7FF;
+constexpr unsigned kReadRegister = 0x33;
+
 bool is_special(const Payload& bytes) {
   for (std::size_t i = 0; i < 7; ++i) {
     if (bytes[i] != 0xFF) return false;
@@ -77,12 +80,18 @@ SentFrames judge_sent_frames(const std::string& can_log, const config::RobotConf
     const std::size_t hash = line.find('#');
     if (first == std::string::npos || second == std::string::npos || hash == std::string::npos) continue;
     interface = line.substr(first + 1, second - first - 1);
-    const config::Joint* joint =
-        joint_of(robot, interface, std::strtoul(line.substr(second + 1, hash - second - 1).c_str(), nullptr, 16));
-    if (joint == nullptr) continue;
+    const unsigned long id = std::strtoul(line.substr(second + 1, hash - second - 1).c_str(), nullptr, 16);
+    const config::Joint* joint = joint_of(robot, interface, id);
+    if (joint == nullptr && id != kDamiaoRegisters) continue;
     Payload bytes{};
     for (std::size_t i = 0; i < bytes.size() && hash + 2 + 2 * i < line.size(); ++i) {
       bytes[i] = static_cast<unsigned>(std::strtoul(line.substr(hash + 1 + 2 * i, 2).c_str(), nullptr, 16));
+    }
+    if (joint == nullptr) {
+      ++result.questions;
+      if (bytes[2] != kReadRegister && result.first_violation.empty())
+        result.first_violation = line + ": an order to a drive's settings";
+      continue;
     }
     if (is_special(bytes)) continue;
     ++result.motion_commands;

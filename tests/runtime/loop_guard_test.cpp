@@ -17,8 +17,8 @@
 
 #include "config/load.hpp"
 #include "config/tick_config_of.hpp"
-#include "drivers/protocol_table.hpp"
 #include "drivers/open_bus.hpp"
+#include "drivers/protocol_table.hpp"
 #include "executive/runtime/cyclic_loop.hpp"
 #include "executive/runtime/declared_syscalls.hpp"
 #include "tests/runtime/holding_policy.hpp"

@@ -45,6 +45,7 @@ class FakeBus final : public drivers::CanBus {
     if (on_send) on_send();
     if (refuses) return drivers::SendResult::queue_full;
     sent_.push_back({index_, frame});
+    if (on_sent) on_sent(frame);
     return drivers::SendResult::sent;
   }
   std::size_t receive(std::span<drivers::ReceivedFrame> out) noexcept override {
@@ -55,10 +56,12 @@ class FakeBus final : public drivers::CanBus {
     }
     return count;
   }
-  [[nodiscard]] BusHealth health() const noexcept override { return {}; }
+  [[nodiscard]] BusHealth health() const noexcept override { return health_now; }
 
   std::deque<drivers::ReceivedFrame> arriving;
+  BusHealth health_now;
   std::function<void()> on_send;
+  std::function<void(const drivers::CanFrame&)> on_sent;
   bool refuses = false;
 
  private:
@@ -81,6 +84,7 @@ class OneByteDrive final : public drivers::JointDriver {
   bool decode(const drivers::ReceivedFrame& received) noexcept override {
     if (received.frame.id != 0x100 + joint_) return false;
     feedback_.received_at = received.received_at;
+    ++feedback_.replies;
     feedback_.q = static_cast<float>(received.frame.data[0]);
     return true;
   }

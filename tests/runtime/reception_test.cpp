@@ -38,8 +38,8 @@ class ReceptionTest : public testing::Test {
     edge_ = std::make_unique<DriveEdge>(open_edge(robot_, directory_, 5s).value().edge);
     loop_ = std::make_unique<CyclicLoop>(LoopParts{*config_, clock_, *edge_, mailboxes_, requests_, published_, board_},
                                          LoopTiming{{}, {}, 1000});
-    follower_ = std::make_unique<TickFollower>(published_.tick_reader(), config_->rest_velocity,
-                                               [](const TickRecord&) {});
+    follower_ =
+        std::make_unique<TickFollower>(published_.tick_reader(), config_->rest_velocity, [](const TickRecord&) {});
     auto opened = Reception::open(path(), {robot_, *config_, admission_rules(robot_, kPolicyHash), published_,
                                            mailboxes_, requests_, board_, *follower_});
     EXPECT_TRUE(opened) << opened.error();

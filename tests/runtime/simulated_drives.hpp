@@ -1,8 +1,10 @@
 // The device side of a robot's loopback buses in a thread of the test: every Damiao drive answers each frame with
-// position zero and its state, as the protocol says, before it obeys the frame. No physics: takt-plant has that.
+// position zero and its state, as the protocol says, before it obeys the frame, and questions about its settings with
+// what the robot file says. No physics: takt-plant has that.
 #pragma once
 
 #include <atomic>
+#include <bit>
 #include <map>
 #include <memory>
 #include <string>
@@ -26,7 +28,14 @@ class SimulatedDrives {
           path, {robot.buses[bus].interface, robot.buses[bus].fd, drivers::device_ids(robot, bus)});
       hubs_.push_back(std::move(hub.value()));
     }
-    for (const config::Joint& joint : robot.joints) reply_id_[joint.drive.id] = joint.drive.reply_id;
+    for (const config::Joint& joint : robot.joints) {
+      reply_id_[joint.drive.id] = joint.drive.reply_id;
+      settings_[joint.drive.id] = {{9, 2000},  // time-out: 100 ms
+                                   {10, 1},    // control mode: MIT
+                                   {21, bits_of(joint.drive.position_range)},
+                                   {22, bits_of(joint.drive.velocity_range)},
+                                   {23, bits_of(joint.drive.torque_range)}};
+    }
     thread_ = std::thread([this] { serve(); });
   }
   ~SimulatedDrives() { stop(); }
@@ -55,7 +64,19 @@ class SimulatedDrives {
       std::this_thread::sleep_for(std::chrono::microseconds(300));
     }
   }
+  static std::uint32_t bits_of(double value) { return std::bit_cast<std::uint32_t>(static_cast<float>(value)); }
+  // Drives of one robot have numbers of their own, whatever their bus.
+  void tell_setting(drivers::LoopbackHub& hub, const drivers::CanFrame& question) {
+    const auto id = static_cast<std::uint32_t>(question.data[0] | question.data[1] << 8);
+    if (question.length != 8 || question.data[2] != 0x33 || !settings_.contains(id)) return;
+    drivers::CanFrame reply = question;
+    reply.id = reply_id_.at(id);
+    const std::uint32_t value = settings_.at(id).at(question.data[3]);
+    for (unsigned i = 0; i < 4; ++i) reply.data[4 + i] = static_cast<std::uint8_t>(value >> 8 * i & 0xFFU);
+    hub.send(reply);
+  }
   void answer(drivers::LoopbackHub& hub, const drivers::CanFrame& command) {
+    if (command.id == 0x7FF) return tell_setting(hub, command);
     bool& enabled = enabled_[command.id];
     drivers::CanFrame reply;
     reply.id = reply_id_.at(command.id);
@@ -75,6 +96,7 @@ class SimulatedDrives {
 
   std::vector<std::unique_ptr<drivers::LoopbackHub>> hubs_;
   std::map<std::uint32_t, std::uint32_t> reply_id_;
+  std::map<std::uint32_t, std::map<std::uint32_t, std::uint32_t>> settings_;  // by drive and register
   std::map<std::uint32_t, bool> enabled_;
   std::atomic<std::size_t> enabled_count_ = 0;
   std::atomic<std::uint64_t> frames_ = 0;

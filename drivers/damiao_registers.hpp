@@ -1,0 +1,76 @@
+// A Damiao drive's own settings, asked for before it may be enabled: a packed range that differs from the robot file's
+// scales every command, and another control mode does not obey MIT commands at all. Pure.
+//
+// Question: id 0x7FF, [drive low, drive high, 0x33, register, 0 0 0 0]. Answer on the master id, the same with the
+// value in bytes 4..7, low byte first. Feedback comes on that id too, and looks like an answer only at one position
+// code, near the end of the range, at a speed near the range's end: losing that report is the price. Source:
+// enactic/openarm_can dm_motor_control.cpp, dm_motor_constants.hpp.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "drivers/joint_driver.hpp"
+#include "drivers/mit_codec.hpp"
+
+namespace takt::drivers {
+
+inline constexpr std::uint32_t kDamiaoRegisterId = 0x7FF;
+
+// Values of the protocol, in the order in which they are asked.
+enum class DamiaoRegister : std::uint8_t {
+  control_mode = 10,  // u32; 1: MIT
+  p_max = 21,         // float32, rad
+  v_max = 22,         // float32, rad/s
+  t_max = 23,         // float32, Nm
+  timeout = 9,        // u32, in units of 50 us; 0: off
+};
+
+struct DamiaoAnswer {
+  DamiaoRegister which = DamiaoRegister::timeout;
+  std::uint32_t value = 0;  // its bits
+};
+
+CanFrame encode_damiao_question(std::uint32_t drive_id, DamiaoRegister which) noexcept;
+// Nothing: not an answer of that drive about one of these registers, or not 8 bytes of classic data.
+std::optional<DamiaoAnswer> decode_damiao_answer(std::uint32_t drive_id, const CanFrame& frame) noexcept;
+
+// Asks each register in turn until the drive answers, and judges.
+class DamiaoReadback {
+ public:
+  DamiaoReadback(std::uint32_t drive_id, const MitRange& expected) noexcept
+      : drive_id_(drive_id), expected_(expected) {}
+
+  // The question to send in this tick, if it is time for one. Call once per tick in which the drive is heard and
+  // disabled. At most kTries per register; all over again kTicksToRetry later when something differed or stayed unread.
+  std::optional<CanFrame> next() noexcept;
+  void take(const DamiaoAnswer& answer) noexcept;
+  // Everything was read, and agrees with the robot file.
+  [[nodiscard]] bool may_enable() const { return stage_ == Stage::agreed; }
+  // JointFeedback::error_code of the newest complete attempt, with the register's number; 0: none failed.
+  [[nodiscard]] std::uint32_t error_code() const { return error_code_; }
+  // The drive's own command watchdog, in units of 50 us; 0: off. It is told, not judged.
+  [[nodiscard]] std::optional<std::uint32_t> timeout() const { return timeout_; }
+
+  static constexpr int kTries = 10;
+  static constexpr std::uint32_t kTicksToRetry = 500;
+
+ private:
+  enum class Stage : std::uint8_t { asking, agreed, failed };
+  void fail(SetupFault fault, DamiaoRegister which) noexcept;
+  [[nodiscard]] bool agrees(const DamiaoAnswer& answer) const noexcept;
+
+  std::uint32_t drive_id_;
+  MitRange expected_;
+  Stage stage_ = Stage::asking;
+  std::size_t asked_ = 0;  // index of the register in question
+  int tries_ = 0;
+  std::uint32_t tick_ = 0;
+  std::uint32_t error_code_ = 0;
+  std::optional<std::uint32_t> timeout_;
+};
+
+// "torque range (register 23)"; empty: none of these.
+const char* damiao_register_name(std::uint32_t number);
+
+}  // namespace takt::drivers

@@ -1,0 +1,259 @@
+#include "drivers/discovery.hpp"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstdio>
+#include <cstring>
+
+#include "drivers/cia402_codec.hpp"
+#include "drivers/little_endian.hpp"
+#include "drivers/mit_codec.hpp"
+#include "drivers/odrive_codec.hpp"
+#include "drivers/robstride_codec.hpp"
+
+namespace takt::drivers {
+namespace {
+
+std::string hex(std::uint32_t value) {
+  std::array<char, 16> digits{};
+  std::snprintf(digits.data(), digits.size(), "0x%X", value);
+  return digits.data();
+}
+
+std::string decimal(double value) {
+  std::array<char, 32> digits{};
+  std::snprintf(digits.data(), digits.size(), "%g", value);
+  return digits.data();
+}
+
+// --- MIT: Damiao drives answer questions for their registers, on their reply id, wherever that is ---
+
+constexpr std::uint32_t kDamiaoRegisters = 0x7FF;
+constexpr std::uint8_t kRead = 0x33, kControlMode = 10, kPositionRange = 21, kVelocityRange = 22, kTorqueRange = 23;
+
+std::vector<CanFrame> ask_mit(std::uint32_t id) {
+  std::vector<CanFrame> frames;
+  for (const std::uint8_t which : {kControlMode, kPositionRange, kVelocityRange, kTorqueRange}) {
+    CanFrame frame;
+    frame.id = kDamiaoRegisters;
+    frame.length = 8;
+    frame.data[0] = static_cast<std::uint8_t>(id & 0xFFU);
+    frame.data[1] = static_cast<std::uint8_t>(id >> 8U);
+    frame.data[2] = kRead;
+    frame.data[3] = which;
+    frames.push_back(frame);
+  }
+  return frames;
+}
+
+std::optional<Found> read_mit(const CanFrame& frame) {
+  if (!frame.extended && !frame.fd && frame.length == 6)
+    return Found{frame.data[0], "T-Motor reply on " + hex(frame.id)};
+  if (frame.extended || frame.fd || frame.length != 8 || frame.id == kDamiaoRegisters || frame.data[2] != kRead)
+    return std::nullopt;
+  const std::uint32_t id = frame.data[0] | static_cast<std::uint32_t>(frame.data[1]) << 8U;
+  const std::uint32_t bits = get_u32(frame.data + 4);
+  const auto number = static_cast<double>(std::bit_cast<float>(bits));
+  switch (frame.data[3]) {
+    case kControlMode:
+      return Found{id, "replies on " + hex(frame.id) + ", control mode " + std::to_string(bits)};
+    case kPositionRange:
+      return Found{id, "PMAX " + decimal(number) + " rad"};
+    case kVelocityRange:
+      return Found{id, "VMAX " + decimal(number) + " rad/s"};
+    case kTorqueRange:
+      return Found{id, "TMAX " + decimal(number) + " Nm"};
+    default:
+      return std::nullopt;
+  }
+}
+
+// --- RobStride: "get id" is answered with the drive's number and its unique id ---
+
+constexpr std::uint32_t kIdentity = 0, kAnswerTarget = 0xFE, kOurNumber = 0xFD;
+
+std::vector<CanFrame> ask_robstride(std::uint32_t id) {
+  CanFrame frame;
+  frame.id = kIdentity << 24U | kOurNumber << 8U | id;
+  frame.extended = true;
+  frame.length = 8;
+  return {frame};
+}
+
+std::optional<Found> read_robstride(const CanFrame& frame) {
+  if (!frame.extended || frame.fd || frame.length != 8) return std::nullopt;
+  if (frame.id >> 24U != kIdentity || (frame.id & 0xFFU) != kAnswerTarget) return std::nullopt;
+  std::string unique = "unique id ";
+  for (std::size_t i = 0; i < 8; ++i) {
+    std::array<char, 4> byte{};
+    std::snprintf(byte.data(), byte.size(), "%02X", frame.data[i]);
+    unique += byte.data();
+  }
+  return Found{frame.id >> 8U & 0xFFFFU, unique};
+}
+
+// --- ODrive: heartbeats come by themselves ---
+
+std::optional<Found> read_odrive(const CanFrame& frame) {
+  const std::uint32_t node = frame.id >> 5U;
+  const auto heartbeat = decode_odrive_heartbeat(node, frame);
+  if (!heartbeat) return std::nullopt;
+  return Found{node, "axis state " + std::to_string(heartbeat->axis_state) +
+                         (heartbeat->axis_error == 0 ? "" : ", errors " + hex(heartbeat->axis_error))};
+}
+
+// --- moteus: registers 000 mode and 00F fault, read as int8 ---
+
+std::vector<CanFrame> ask_moteus(std::uint32_t id) {
+  CanFrame frame;
+  frame.id = 0x8000U | id;
+  frame.extended = frame.fd = frame.bit_rate_switch = true;
+  frame.length = 4;
+  constexpr std::array<std::uint8_t, 4> kReadBoth{0x11, 0x00, 0x11, 0x0F};
+  std::ranges::copy(kReadBoth, frame.data);
+  return {frame};
+}
+
+std::optional<Found> read_moteus(const CanFrame& frame) {
+  const std::uint32_t id = frame.id >> 8U;
+  const bool to_us = (frame.id & 0xFFU) == 0 && id >= 1 && id <= 127;
+  if (!frame.fd || !to_us || frame.length < 6 || frame.data[0] != 0x21 || frame.data[1] != 0) return std::nullopt;
+  const bool has_fault = frame.data[3] == 0x21 && frame.data[4] == 0x0F && frame.data[5] != 0;
+  return Found{id, "mode " + std::to_string(frame.data[2]) +
+                       (has_fault ? ", fault " + std::to_string(frame.data[5]) : std::string())};
+}
+
+// --- CiA 402: identity objects of CiA 301 over SDO ---
+
+constexpr cia402::ObjectId kDeviceType{0x1000, 0}, kVendor{0x1018, 1}, kRevision{0x1018, 3};
+
+std::vector<CanFrame> ask_cia402(std::uint32_t id) {
+  return {cia402::encode_sdo_read(id, kDeviceType), cia402::encode_sdo_read(id, kVendor),
+          cia402::encode_sdo_read(id, kRevision)};
+}
+
+std::optional<Found> read_cia402(const CanFrame& frame) {
+  if (frame.extended || frame.fd || frame.id <= cia402::kSdoAnswerId || frame.id > cia402::kSdoAnswerId + 127)
+    return std::nullopt;
+  const auto answer = cia402::decode_sdo_answer(frame);
+  if (!answer) return std::nullopt;
+  const std::uint32_t node = frame.id - cia402::kSdoAnswerId;
+  if (answer->kind != cia402::SdoAnswer::Kind::value) return Found{node, ""};
+  if (answer->object == kDeviceType)
+    return Found{node, (answer->value & 0xFFFFU) == 402 ? "CiA 402 drive" : "device type " + hex(answer->value)};
+  if (answer->object == kVendor) return Found{node, "vendor " + hex(answer->value)};
+  if (answer->object == kRevision) return Found{node, "revision " + hex(answer->value)};
+  return Found{node, ""};
+}
+
+}  // namespace
+
+std::vector<CanFrame> questions_to(config::DriveProtocol protocol, std::uint32_t id) {
+  switch (protocol) {
+    case config::DriveProtocol::mit:
+      return ask_mit(id);
+    case config::DriveProtocol::robstride:
+      return ask_robstride(id);
+    case config::DriveProtocol::odrive:
+      return {};
+    case config::DriveProtocol::moteus:
+      return ask_moteus(id);
+    case config::DriveProtocol::cia402:
+      return ask_cia402(id);
+  }
+  return {};
+}
+
+std::optional<CanFrame> disabling_question(const config::Drive& drive) {
+  if (drive.protocol != config::DriveProtocol::mit || drive.variant != "tmotor") return std::nullopt;
+  CanFrame frame;
+  frame.id = drive.id;
+  frame.length = 8;
+  std::ranges::copy(encode_mit_special(MitSpecial::exit_motor_mode), frame.data);
+  return frame;
+}
+
+std::optional<Found> read_answer(config::DriveProtocol protocol, const CanFrame& frame) {
+  if (frame.remote || frame.error) return std::nullopt;
+  switch (protocol) {
+    case config::DriveProtocol::mit:
+      return read_mit(frame);
+    case config::DriveProtocol::robstride:
+      return read_robstride(frame);
+    case config::DriveProtocol::odrive:
+      return read_odrive(frame);
+    case config::DriveProtocol::moteus:
+      return read_moteus(frame);
+    case config::DriveProtocol::cia402:
+      return read_cia402(frame);
+  }
+  return std::nullopt;
+}
+
+std::optional<CanFrame> zero_frame(const config::Drive& drive) {
+  CanFrame frame;
+  frame.length = 8;
+  switch (drive.protocol) {
+    case config::DriveProtocol::mit:
+      frame.id = drive.id;
+      std::ranges::copy(encode_mit_special(MitSpecial::set_zero), frame.data);
+      return frame;
+    case config::DriveProtocol::robstride: {
+      constexpr std::uint32_t kSetZero = 6;
+      frame.id = kSetZero << 24U | drive.host_id << 8U | drive.id;
+      frame.extended = true;
+      frame.data[0] = 1;
+      return frame;
+    }
+    case config::DriveProtocol::odrive:
+    case config::DriveProtocol::moteus:
+    case config::DriveProtocol::cia402:
+      return std::nullopt;
+  }
+  return std::nullopt;
+}
+
+BusScan::BusScan(const std::set<config::DriveProtocol>& protocols, std::uint32_t first, std::uint32_t last)
+    : protocols_(protocols), first_(first), last_(last) {
+  for (const config::DriveProtocol protocol : protocols_) {
+    for (std::uint32_t id = first_; id <= last_; ++id) {
+      const auto asked = questions_to(protocol, id);
+      questions_.insert(questions_.end(), asked.begin(), asked.end());
+    }
+  }
+}
+
+void BusScan::also_ask(const CanFrame& question) {
+  questions_.push_back(question);
+}
+
+std::optional<CanFrame> BusScan::next_question() {
+  if (asked_ == questions_.size()) return std::nullopt;
+  return questions_[asked_++];
+}
+
+// An ODrive's heartbeat is known by its id alone, which may be another's answer: it comes last.
+constexpr std::array kMostTellingFirst{config::DriveProtocol::mit, config::DriveProtocol::robstride,
+                                       config::DriveProtocol::moteus, config::DriveProtocol::cia402,
+                                       config::DriveProtocol::odrive};
+
+void BusScan::take(const CanFrame& frame) {
+  for (const config::DriveProtocol protocol : kMostTellingFirst) {
+    if (!protocols_.contains(protocol)) continue;
+    const auto found = read_answer(protocol, frame);
+    if (!found) continue;
+    if (found->id < first_ || found->id > last_) return;
+    auto& said = found_[{protocol, found->id}];
+    if (!found->what.empty()) said.insert(found->what);
+    return;
+  }
+}
+
+std::vector<BusScan::Drive> BusScan::found() const {
+  std::vector<Drive> drives;
+  for (const auto& [key, said] : found_) drives.push_back({key.first, key.second, said});
+  return drives;
+}
+
+}  // namespace takt::drivers

@@ -1,0 +1,63 @@
+// Who is on a bus: what to ask a drive so that it tells who it is without moving or enabling anything, and how to read
+// its answer. One row per protocol in discovery.cpp. Pure.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "config/robot_config.hpp"
+#include "drivers/can_bus.hpp"
+
+namespace takt::drivers {
+
+struct Found {
+  std::uint32_t id = 0;  // as `id` in the robot file
+  std::string what;      // one thing it said about itself, such as "PMAX 12.5 rad"; empty: only that it is there
+};
+
+// Frames to ask the drive with this number with; none: its protocol's drives speak by themselves.
+std::vector<CanFrame> questions_to(config::DriveProtocol protocol, std::uint32_t id);
+// T-Motor drives answer commands only; the one that disables is harmless to a drive that nobody uses. For drives whose
+// id is known to be theirs, since to another protocol's drive it may mean anything. Nothing: questions_to() is enough.
+std::optional<CanFrame> disabling_question(const config::Drive& drive);
+// What a drive of that protocol said; nothing: the frame is not one it would send.
+std::optional<Found> read_answer(config::DriveProtocol protocol, const CanFrame& frame);
+
+// Makes the drive's present position its zero; nothing: the protocol has no such frame. The drive must be disabled.
+std::optional<CanFrame> zero_frame(const config::Drive& drive);
+
+// A scan of one bus: hands out questions one by one and collects answers. For drives that speak by themselves it only
+// listens, so let it listen for kListen after the last question.
+inline constexpr Duration kListen = milliseconds(500);
+class BusScan {
+ public:
+  // Ids first..last of every protocol.
+  BusScan(const std::set<config::DriveProtocol>& protocols, std::uint32_t first, std::uint32_t last);
+
+  void also_ask(const CanFrame& question);
+
+  std::optional<CanFrame> next_question();
+  void take(const CanFrame& frame);
+
+  struct Drive {
+    config::DriveProtocol protocol = config::DriveProtocol::mit;
+    std::uint32_t id = 0;
+    std::set<std::string> said;
+  };
+  // By protocol and id.
+  [[nodiscard]] std::vector<Drive> found() const;
+  [[nodiscard]] std::size_t questions() const { return questions_.size(); }
+
+ private:
+  std::set<config::DriveProtocol> protocols_;
+  std::uint32_t first_, last_;
+  std::vector<CanFrame> questions_;
+  std::size_t asked_ = 0;
+  std::map<std::pair<config::DriveProtocol, std::uint32_t>, std::set<std::string>> found_;
+};
+
+}  // namespace takt::drivers

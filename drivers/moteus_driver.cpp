@@ -1,0 +1,264 @@
+#include "drivers/moteus_driver.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "drivers/impedance_torque.hpp"
+#include "drivers/little_endian.hpp"
+
+namespace takt::drivers {
+namespace {
+
+constexpr float kRadPerRev = 2 * std::numbers::pi_v<float>;
+constexpr std::uint32_t kReplyWanted = 0x8000;
+
+bool is_positive(double x) {
+  return std::isfinite(x) && x > 0;
+}
+
+bool is_finite(const DriveSetpoint& setpoint) noexcept {
+  return std::isfinite(setpoint.q) && std::isfinite(setpoint.dq) && std::isfinite(setpoint.kp) &&
+         std::isfinite(setpoint.kd) && std::isfinite(setpoint.tau);
+}
+
+void write_mode(std::uint8_t mode, MoteusWriter& writer) noexcept {
+  const std::array value{static_cast<float>(mode)};
+  writer.write(MoteusType::int8, MoteusRegister::mode, value);
+}
+
+void write_query(MoteusWriter& writer) noexcept {
+  writer.read(MoteusType::int8, MoteusRegister::mode, 1);
+  writer.read(MoteusType::float32, MoteusRegister::position, 3);  // and velocity, torque
+  writer.read(MoteusType::int8, MoteusRegister::temperature, 2);  // and fault
+  writer.read(MoteusType::int8, MoteusRegister::motor_temperature, 1);
+}
+
+struct Reply {
+  float mode = NAN, position = NAN, velocity = NAN, torque = NAN, temperature = 0, motor_temperature = 0, fault = 0;
+};
+
+// Registers that were not asked for are passed over.
+void sort_in(const MoteusReader::Value& one, Reply& reply) noexcept {
+  const auto reg = static_cast<MoteusRegister>(one.reg);
+  if (reg == MoteusRegister::mode) reply.mode = one.value;
+  if (reg == MoteusRegister::position) reply.position = one.value;
+  if (reg == MoteusRegister::velocity) reply.velocity = one.value;
+  if (reg == MoteusRegister::torque) reply.torque = one.value;
+  if (reg == MoteusRegister::temperature) reply.temperature = one.value;
+  if (reg == MoteusRegister::motor_temperature) reply.motor_temperature = one.value;
+  if (reg == MoteusRegister::fault) reply.fault = one.value;
+}
+
+// int8 registers whose step is 1.
+float plain_int8(std::uint8_t byte) noexcept {
+  return byte == 0x80 ? NAN : static_cast<float>(static_cast<std::int8_t>(byte));
+}
+
+// The reply to write_query() as the firmware lays it out: read in place, three times as fast as by the reader, which
+// takes every other layout.
+bool is_usual(const CanFrame& frame) noexcept {
+  const std::uint8_t* const at = frame.data;
+  return frame.length == 24 && at[0] == 0x21 && at[1] == 0x00 && at[3] == 0x2F && at[4] == 0x01 && at[17] == 0x22 &&
+         at[18] == 0x0E && at[21] == 0x21 && at[22] == 0x0A;
+}
+
+Reply read_usual(const std::uint8_t* at) noexcept {
+  return {.mode = plain_int8(at[2]),
+          .position = get_f32(at + 5),
+          .velocity = get_f32(at + 9),
+          .torque = get_f32(at + 13),
+          .temperature = plain_int8(at[19]),
+          .motor_temperature = plain_int8(at[23]),
+          .fault = plain_int8(at[20])};
+}
+
+// False: no whole reply.
+bool parse(const CanFrame& frame, Reply& reply) noexcept {
+  if (frame.remote || frame.error || frame.length > sizeof frame.data) return false;
+  if (is_usual(frame)) {
+    reply = read_usual(frame.data);
+    return std::isfinite(reply.mode) && std::isfinite(reply.torque);
+  }
+  MoteusReader reader(std::span(frame.data, frame.length));
+  for (MoteusReader::Value value; reader.next(value);) sort_in(value, reply);
+  return !reader.malformed() && std::isfinite(reply.mode) && std::isfinite(reply.torque);
+}
+
+float hotter(float a, float b) noexcept {
+  return std::max(std::isfinite(a) ? a : 0.0F, std::isfinite(b) ? b : 0.0F);
+}
+
+struct Verdict {
+  DriveState state = DriveState::unknown;
+  std::uint32_t code = 0;
+};
+
+Verdict judge(const Reply& reply) noexcept {
+  if (reply.mode == kMoteusPosition) return {DriveState::enabled};
+  if (reply.mode == kMoteusTimeout) return {DriveState::fault, kMoteusTimeout};
+  if (reply.mode != kMoteusFault) return {DriveState::disabled};
+  const bool named = reply.fault > 0 && reply.fault < 96;
+  return {DriveState::fault, named ? static_cast<std::uint32_t>(reply.fault) : kMoteusFault};
+}
+
+}  // namespace
+
+std::size_t MoteusDriver::encode(bool enable, const DriveSetpoint& setpoint, Duration budget,
+                                 std::span<CanFrame> out) noexcept {
+  advance(enable);
+  CanFrame& frame = out[0];
+  frame = {};
+  frame.id = kReplyWanted | settings_.id;
+  frame.extended = frame.fd = frame.bit_rate_switch = true;
+  MoteusWriter writer(frame.data);
+  switch (phase_) {
+    case Phase::disabling:
+      write_mode(kMoteusStopped, writer);
+      break;
+    case Phase::enabling:
+      write_command(limp(), budget, writer);
+      break;
+    case Phase::driving:
+      write_command(command_for(setpoint), budget, writer);
+      break;
+    case Phase::left:
+      if (feedback_.drive_state == DriveState::enabled) write_mode(kMoteusStopped, writer);
+      break;
+  }
+  write_query(writer);
+  frame.length = static_cast<std::uint8_t>(writer.finish());
+  return 1;
+}
+
+void MoteusDriver::advance(bool enable) noexcept {
+  if (!enable) {
+    phase_ = Phase::disabling;
+    return;
+  }
+  const DriveState state = feedback_.drive_state;
+  switch (phase_) {
+    case Phase::disabling:
+      phase_ = Phase::enabling;
+      heard_since_request_ = false;
+      break;
+    case Phase::enabling:
+      if (!heard_since_request_) break;
+      if (state == DriveState::enabled) phase_ = Phase::driving;
+      silent_ticks_ = 0;
+      if (state == DriveState::fault) phase_ = Phase::left;
+      break;
+    case Phase::driving:
+      if (state != DriveState::enabled || ++silent_ticks_ > kSilentTicks) phase_ = Phase::left;
+      break;
+    case Phase::left:
+      break;
+  }
+}
+
+// Pushes nowhere.
+MoteusDriver::Command MoteusDriver::limp() const noexcept {
+  return {.position = q_ / kRadPerRev};
+}
+
+MoteusDriver::Command MoteusDriver::command_for(const DriveSetpoint& setpoint) const noexcept {
+  DriveSetpoint motor = to_motor(settings_.mapping, setpoint);
+  if (!is_finite(setpoint) || !is_finite(motor)) return limp();
+  motor.kp = std::max(motor.kp, 0.0F);
+  motor.kd = std::max(motor.kd, 0.0F);
+  Command command;
+  command.position = motor.q / kRadPerRev;
+  command.velocity = motor.dq / kRadPerRev;
+  command.kp_scale = std::min(motor.kp / settings_.servo_kp, 1.0F);
+  command.kd_scale = std::min(motor.kd / settings_.servo_kd, command.kp_scale);
+  DriveSetpoint rest = motor;
+  rest.kp = std::max(motor.kp - command.kp_scale * settings_.servo_kp, 0.0F);
+  rest.kd = std::max(motor.kd - command.kd_scale * settings_.servo_kd, 0.0F);
+  command.torque = impedance_torque(rest, q_, dq_, settings_.torque_range);
+  return command;
+}
+
+void MoteusDriver::write_command(const Command& command, Duration budget, MoteusWriter& writer) const noexcept {
+  write_mode(kMoteusPosition, writer);
+  const std::array law{command.position, command.velocity, command.torque,
+                       command.kp_scale, command.kd_scale, settings_.torque_range};
+  writer.write(MoteusType::float32, MoteusRegister::command_position, law);
+  const Duration valid = std::clamp(budget, kMoteusShortestWatchdog, kMoteusLongestWatchdog);
+  const std::array watchdog{static_cast<float>(valid.seconds())};
+  writer.write(MoteusType::float32, MoteusRegister::watchdog_timeout, watchdog);
+  constexpr std::array kNoLimits{-0.1F, -0.05F};  // any negative one; these are -1 step
+  writer.write(MoteusType::int8, MoteusRegister::velocity_limit, kNoLimits);
+}
+
+bool MoteusDriver::decode(const ReceivedFrame& received) noexcept {
+  const CanFrame& frame = received.frame;
+  if (frame.id != settings_.id << 8U) return false;
+  Reply reply;
+  const bool whole = parse(frame, reply);
+  const float q = reply.position * kRadPerRev;
+  const float dq = reply.velocity * kRadPerRev;
+  if (!whole || !std::isfinite(q) || !std::isfinite(dq)) {
+    ++malformed_frames_;
+    return false;
+  }
+  q_ = q;
+  dq_ = dq;
+  take_reading(settings_.mapping, q_, dq_, reply.torque, received.received_at, feedback_);
+  feedback_.temperature_C = hotter(reply.temperature, reply.motor_temperature);
+  const Verdict verdict = judge(reply);
+  feedback_.drive_state = verdict.state;
+  feedback_.error_code = verdict.code;
+  heard_since_request_ = true;
+  silent_ticks_ = 0;
+  return true;
+}
+
+std::expected<std::unique_ptr<JointDriver>, std::string> make_moteus_driver(const config::RobotConfig& robot,
+                                                                            std::size_t joint) {
+  const config::Drive& drive = robot.joints[joint].drive;
+  const std::size_t bus = robot.joints[joint].bus;
+  if (bus >= robot.buses.size() || !robot.buses[bus].fd)
+    return std::unexpected("moteus speaks CAN FD: give its bus `fd: true`");
+  if (drive.id < 1 || drive.id > 127) return std::unexpected("moteus ids are 1 to 127");
+  if (!is_positive(drive.torque_range) || !is_positive(drive.servo_kp) || !is_positive(drive.servo_kd))
+    return std::unexpected("torque_range, servo_kp and servo_kd must be positive");
+  MoteusDriveSettings settings;
+  settings.id = drive.id;
+  settings.torque_range = static_cast<float>(drive.torque_range);
+  settings.servo_kp = static_cast<float>(drive.servo_kp);
+  settings.servo_kd = static_cast<float>(drive.servo_kd);
+  settings.mapping = mapping_of(drive);
+  return std::make_unique<MoteusDriver>(settings);
+}
+
+std::vector<FrameTraffic> moteus_traffic(const config::RobotConfig& /*robot*/, std::size_t /*joint*/) {
+  return {{.bytes = kMoteusCommandBytes, .extended = true, .fd = true},
+          {.bytes = kMoteusReplyBytes, .extended = true, .fd = true}};
+}
+
+std::string moteus_error_name(const config::Drive& /*drive*/, std::uint32_t code) {
+  // mjbots/moteus docs/protocol/registers.md, register 00F
+  static constexpr std::array<const char*, 17> kFrom32{"calibration fault",
+                                                       "motor driver fault",
+                                                       "over-voltage",
+                                                       "encoder fault",
+                                                       "motor not configured",
+                                                       "PWM cycle overrun",
+                                                       "over-temperature",
+                                                       "started outside its position limits",
+                                                       "under-voltage",
+                                                       "configuration changed while running",
+                                                       "no valid commutation encoder",
+                                                       "no valid output encoder",
+                                                       "gate driver could not be enabled",
+                                                       "stop position with velocity or acceleration limits",
+                                                       "timing violation",
+                                                       "back-EMF feed-forward without acceleration limit",
+                                                       "position limits out of range"};
+  if (code == kMoteusTimeout) return "command watchdog expired";
+  if (code == kMoteusFault) return "fault without a code";
+  return code >= 32 && code - 32 < kFrom32.size() ? kFrom32[code - 32] : "";
+}
+
+}  // namespace takt::drivers

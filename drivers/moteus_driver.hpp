@@ -1,0 +1,81 @@
+// One moteus controller in position mode, host side: joint units in, one CAN FD frame per tick out, its reply in.
+//
+// Every command carries the whole impedance setpoint: position, velocity, feed-forward torque, kp and kd as scales 0..1
+// of the drive's own gains, the torque limit, and how long it is valid: the remaining life of the command, within
+// [kMoteusShortestWatchdog, kMoteusLongestWatchdog]. It is never zero (the drive's default) nor NaN (for ever). When no
+// policy command is in use (budget 0: the executive's own hold or damping) the shortest applies. Velocity and
+// acceleration limits are switched off in every command: the drive follows the law and no trajectory of its own.
+//
+// The firmware holds the kd scale down to the kp scale, and no scale exceeds 1. What the scales cannot say, all damping
+// at zero stiffness for one, is added to the feed-forward torque from the newest feedback.
+//
+// phase        sends                                    entered by
+// disabling    mode 0, which also clears faults         enable false
+// enabling     position mode with zero gains            enable rising
+// driving      the setpoint                             a reply since then says mode 10
+// left         the query alone; mode 0 while the        a fault while enabling; while driving any other mode than
+//              drive reports mode 10                    10, or kSilentTicks without a reply: until enable false
+//
+// A drive whose supply blinked would obey the next position command as if nothing had been: hence silence counts too.
+// Mode 10 is enabled; 1 (fault) and 11 (watchdog expired) are faults; anything else is disabled. error_code is the
+// drive's fault code, or the mode's number when there is none; codes 96..103 tell limits, not faults, and are dropped.
+//
+// Expected in the drive: id.id, servo.pid_position kp and kd as servo_kp and servo_kd say (per radian, times 2 pi per
+// turn), ki 0, 1/5 Mbit/s. Thread rule: as JointDriver.
+#pragma once
+
+#include "drivers/moteus_codec.hpp"
+#include "drivers/protocol_table.hpp"
+
+namespace takt::drivers {
+
+inline constexpr Duration kMoteusShortestWatchdog = milliseconds(20), kMoteusLongestWatchdog = seconds(1);
+inline constexpr std::size_t kMoteusCommandBytes = 48, kMoteusReplyBytes = 24;
+
+struct MoteusDriveSettings {
+  std::uint32_t id = 1;              // 1..127
+  float torque_range = 0;            // Nm; finite, > 0
+  float servo_kp = 0, servo_kd = 0;  // Nm/rad, Nm s/rad, motor side; finite, > 0
+  JointMapping mapping;
+};
+
+class MoteusDriver final : public JointDriver {
+ public:
+  static constexpr std::uint32_t kSilentTicks = 10;
+
+  explicit MoteusDriver(const MoteusDriveSettings& settings) noexcept : settings_(settings) {}
+
+  std::size_t encode(bool enable, const DriveSetpoint& setpoint, Duration budget,
+                     std::span<CanFrame> out) noexcept override;
+  bool decode(const ReceivedFrame& received) noexcept override;
+  [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }
+  // Frames on the reply id that are no reply to our query, or hold no numbers.
+  [[nodiscard]] std::uint64_t malformed_frames() const { return malformed_frames_; }
+
+ private:
+  enum class Phase : std::uint8_t { disabling, enabling, driving, left };
+  // Motor side, as the drive wants it: rev, rev/s, Nm, 0..1.
+  struct Command {
+    float position = 0, velocity = 0, torque = 0, kp_scale = 0, kd_scale = 0;
+  };
+  void advance(bool enable) noexcept;
+  [[nodiscard]] Command limp() const noexcept;
+  [[nodiscard]] Command command_for(const DriveSetpoint& setpoint) const noexcept;
+  void write_command(const Command& command, Duration budget, MoteusWriter& writer) const noexcept;
+
+  MoteusDriveSettings settings_;
+  JointFeedback feedback_;
+  std::uint64_t malformed_frames_ = 0;
+  Phase phase_ = Phase::disabling;
+  bool heard_since_request_ = false;
+  std::uint32_t silent_ticks_ = 0;  // commands since the newest reply
+  float q_ = 0, dq_ = 0;            // newest, motor side: rad, rad/s
+};
+
+// The protocol's row in the table.
+std::expected<std::unique_ptr<JointDriver>, std::string> make_moteus_driver(const config::RobotConfig& robot,
+                                                                            std::size_t joint);
+std::vector<FrameTraffic> moteus_traffic(const config::RobotConfig& robot, std::size_t joint);
+std::string moteus_error_name(const config::Drive& drive, std::uint32_t code);
+
+}  // namespace takt::drivers

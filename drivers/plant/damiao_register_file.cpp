@@ -1,0 +1,54 @@
+#include "drivers/plant/damiao_register_file.hpp"
+
+#include <algorithm>
+#include <bit>
+
+namespace takt::plant {
+namespace {
+
+constexpr std::int64_t kTimeoutUnit_ns = 50'000;
+constexpr std::uint32_t kMitMode = 1;
+
+std::uint32_t float_bits(double value) {
+  return std::bit_cast<std::uint32_t>(static_cast<float>(value));
+}
+
+}  // namespace
+
+DamiaoRegisterFile::DamiaoRegisterFile(const config::Drive& drive, Duration watchdog)
+    : present_{{kTimeout, static_cast<std::uint32_t>(watchdog.ns / kTimeoutUnit_ns)},
+               {kControlMode, kMitMode},
+               {kPositionMax, float_bits(drive.position_range)},
+               {kVelocityMax, float_bits(drive.velocity_range)},
+               {kTorqueMax, float_bits(drive.torque_range)}},
+      stored_(present_) {}
+
+bool DamiaoRegisterFile::serve(std::span<const std::uint8_t, 8> order, bool enabled,
+                               std::span<std::uint8_t, 8> answer) {
+  std::ranges::copy(order, answer.begin());
+  const std::uint8_t operation = order[2];
+  if (operation == kStore) {
+    if (!enabled) stored_ = present_;
+    return !enabled;
+  }
+  const auto found = present_.find(order[3]);
+  if (found == present_.end() || (operation != kRead && operation != kWrite)) return false;
+  if (operation == kWrite) {
+    if (enabled) return false;
+    found->second = 0;
+    for (std::size_t i = 0; i < 4; ++i) found->second += std::uint32_t{order[4 + i]} << 8 * i;
+  }
+  for (std::size_t i = 0; i < 4; ++i) answer[4 + i] = static_cast<std::uint8_t>(found->second >> 8 * i & 0xFFU);
+  return true;
+}
+
+MitSpans DamiaoRegisterFile::spans() const {
+  const auto value = [this](std::uint8_t number) { return double{std::bit_cast<float>(word(number))}; };
+  return {value(kPositionMax), value(kVelocityMax), value(kTorqueMax)};
+}
+
+Duration DamiaoRegisterFile::watchdog() const {
+  return {word(kTimeout) * kTimeoutUnit_ns};
+}
+
+}  // namespace takt::plant

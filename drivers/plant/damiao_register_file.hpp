@@ -1,0 +1,46 @@
+// The settings inside a simulated Damiao drive, and the questions and orders about them.
+//
+// On id 0x7FF, 8 bytes: drive number in two, low byte first, an operation (0x33 read, 0x55 write, 0xAA store, 0xCC
+// refresh: report as for a command), the register's number, its value in four, low byte first. Answered with the same
+// bytes and the present value; what it does not know it does not answer. Written values count at once and are gone
+// after power-off unless stored. Neither is done while enabled. Sources: enactic/openarm_can dm_motor_control.cpp,
+// dm_motor_constants.hpp (read, write, refresh, numbers); the store operation is the maker's.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <span>
+
+#include "config/robot_config.hpp"
+#include "executive/contract/mono_time.hpp"
+
+namespace takt::plant {
+
+// What packed fields span, +-.
+struct MitSpans {
+  double position = 0, velocity = 0, torque = 0;
+};
+
+class DamiaoRegisterFile {
+ public:
+  static constexpr std::uint32_t kBusId = 0x7FF;
+  static constexpr std::uint8_t kRead = 0x33, kWrite = 0x55, kStore = 0xAA, kRefresh = 0xCC;
+  static constexpr std::uint8_t kTimeout = 9, kControlMode = 10, kPositionMax = 21, kVelocityMax = 22, kTorqueMax = 23;
+
+  // `watchdog`: what the time-out starts with, to 50 us.
+  DamiaoRegisterFile(const config::Drive& drive, Duration watchdog);
+
+  // False: no answer. Precondition: the frame names this drive.
+  bool serve(std::span<const std::uint8_t, 8> order, bool enabled, std::span<std::uint8_t, 8> answer);
+  // Supply off and on.
+  void restart() { present_ = stored_; }
+  [[nodiscard]] std::uint32_t word(std::uint8_t number) const { return present_.at(number); }
+  [[nodiscard]] MitSpans spans() const;
+  // Zero: off.
+  [[nodiscard]] Duration watchdog() const;
+
+ private:
+  std::map<std::uint8_t, std::uint32_t> present_, stored_;
+};
+
+}  // namespace takt::plant

@@ -1,0 +1,238 @@
+#include "drivers/robstride_driver.hpp"
+
+#include <array>
+#include <cmath>
+
+namespace takt::drivers {
+namespace {
+
+constexpr std::uint32_t kTicksPerStep = 4;    // several drives that ask at once must not crowd the bus
+constexpr std::uint32_t kTicksToRetry = 500;  // from a failure to the next attempt
+constexpr int kTries = 10;
+constexpr std::uint32_t kMotionMode = 0;
+constexpr std::uint32_t kReportedBits = 0x7F'FFFF;
+
+bool is_positive(float x) {
+  return std::isfinite(x) && x > 0;
+}
+
+}  // namespace
+
+std::optional<RobstrideSetup::Step> RobstrideSetup::next(RobstrideAddress address) noexcept {
+  ++tick_;
+  if (stage_ == Stage::failed && tick_ >= kTicksToRetry) {
+    stage_ = Stage::set_mode;
+    tick_ = 0;
+    tries_ = 0;
+  }
+  // Numbers on a bus differ, and with them the ticks in which their drives are asked.
+  if (tick_ % kTicksPerStep != address.drive % kTicksPerStep) return std::nullopt;
+  if (stage_ == Stage::set_mode || stage_ == Stage::ask_mode) {
+    if (tries_ == kTries) fail(mode_was_read_ ? SetupFault::setup_refused : SetupFault::settings_unread);
+  } else if (stage_ == Stage::ask_timeout && tries_ == kTries) {
+    stage_ = Stage::done;
+  }
+  switch (stage_) {
+    case Stage::set_mode:
+      stage_ = Stage::ask_mode;
+      return Step{encode_robstride_setting(address, RobstrideParameter::run_mode, kMotionMode), true};
+    case Stage::ask_mode:
+      ++tries_;
+      // No answer: it may be the setting that was lost.
+      stage_ = Stage::set_mode;
+      return Step{encode_robstride_question(address, RobstrideParameter::run_mode), false};
+    case Stage::ask_timeout:
+      ++tries_;
+      return Step{encode_robstride_question(address, RobstrideParameter::can_timeout), false};
+    case Stage::done:
+    case Stage::failed:
+      break;
+  }
+  return std::nullopt;
+}
+
+void RobstrideSetup::fail(SetupFault fault) noexcept {
+  stage_ = Stage::failed;
+  tick_ = 0;
+  error_code_ = setup_fault_code(fault, static_cast<std::uint32_t>(RobstrideParameter::run_mode));
+}
+
+void RobstrideSetup::take(const RobstrideAnswer& answer) noexcept {
+  switch (static_cast<RobstrideParameter>(answer.index)) {
+    case RobstrideParameter::run_mode:
+      if (may_enable_) return;
+      mode_was_read_ = true;
+      if ((answer.value & 0xFFU) != kMotionMode) return;
+      may_enable_ = true;
+      error_code_ = 0;
+      stage_ = Stage::ask_timeout;
+      tries_ = 0;
+      break;
+    case RobstrideParameter::can_timeout:
+      can_timeout_ = answer.value;
+      if (stage_ == Stage::ask_timeout) stage_ = Stage::done;
+      break;
+  }
+}
+
+std::size_t RobstrideDriver::encode(bool enable, const DriveSetpoint& setpoint, Duration /*budget*/,
+                                    std::span<CanFrame> out) noexcept {
+  // The protocol has no field for the command's remaining life: the drive's own time-out is a setting in the drive.
+  if (!enable || !setup_.may_enable()) return encode_standby(out);
+  if (wish_ == Wish::enter && feedback_.drive_state == DriveState::enabled) wish_ = Wish::drive;
+  if (wish_ != Wish::drive) {
+    wish_ = Wish::enter;
+    out[0] = encode_robstride_enable(settings_.address);
+    return 1;
+  }
+  const DriveSetpoint motor = to_motor(settings_.mapping, setpoint);
+  out[0] = encode_robstride_motion(settings_.range, settings_.address,
+                                   {.p = motor.q, .v = motor.dq, .kp = motor.kp, .kd = motor.kd, .t = motor.tau});
+  return 1;
+}
+
+std::size_t RobstrideDriver::encode_standby(std::span<CanFrame> out) noexcept {
+  wish_ = Wish::disable;
+  clear_next_ = (faults_ | reported_faults_) != 0 && !clear_next_;
+  clear_sent_ |= clear_next_;
+  out[0] = encode_robstride_stop(settings_.address, clear_next_);
+  // A drive that is silent has nothing to answer, and one that runs takes no other mode.
+  if (!heard_ || mode_ != RobstrideMode::reset) return 1;
+  heard_ = false;
+  const std::optional<RobstrideSetup::Step> step = setup_.next(settings_.address);
+  judge();
+  if (!step) return 1;
+  const std::size_t place = step->instead_of_stop ? 0 : 1;
+  out[place] = step->frame;
+  return place + 1;
+}
+
+bool RobstrideDriver::decode(const ReceivedFrame& received) noexcept {
+  const CanFrame& frame = received.frame;
+  const std::optional<RobstrideKind> kind = robstride_kind(settings_.address, frame);
+  if (!kind) return false;
+  const auto taken = [this](const auto& decoded, auto&&... more) {
+    if (decoded)
+      take(*decoded, more...);
+    else
+      ++malformed_frames_;
+    return decoded.has_value();
+  };
+  switch (*kind) {
+    case RobstrideKind::feedback:
+      return taken(decode_robstride_feedback(settings_.range, frame), received.received_at);
+    case RobstrideKind::fault_report:
+      return taken(decode_robstride_fault_report(frame));
+    case RobstrideKind::answer:
+      return taken(decode_robstride_answer(frame));
+    case RobstrideKind::identity:
+      return true;
+  }
+  return false;
+}
+
+void RobstrideDriver::take(const RobstrideFeedback& feedback, MonoTime received_at) noexcept {
+  take_reading(settings_.mapping, feedback.p, feedback.v, feedback.t, received_at, feedback_);
+  feedback_.temperature_C = feedback.temperature_C;
+  mode_ = feedback.mode;
+  faults_ = feedback.faults;
+  heard_ = true;
+  // Some of a report's faults have no bit in feedback: they count as gone once cleared and not reported again.
+  if (clear_sent_ && faults_ == 0) reported_faults_ = 0;
+  judge();
+}
+
+void RobstrideDriver::take(const RobstrideFaultReport& report) noexcept {
+  reported_faults_ = report.faults;
+  clear_sent_ = false;
+  judge();
+}
+
+void RobstrideDriver::take(const RobstrideAnswer& answer) noexcept {
+  setup_.take(answer);
+  judge();
+}
+
+void RobstrideDriver::judge() noexcept {
+  if (!feedback_.received_at.is_set()) return;
+  const bool faulty = faults_ != 0 || reported_faults_ != 0;
+  feedback_.error_code = faulty ? faults_ | (reported_faults_ & kReportedBits) << 8U : setup_.error_code();
+  if (faulty || feedback_.error_code != 0) {
+    feedback_.drive_state = DriveState::fault;
+    return;
+  }
+  switch (mode_) {
+    case RobstrideMode::reset:
+    case RobstrideMode::calibration:
+      feedback_.drive_state = DriveState::disabled;
+      break;
+    case RobstrideMode::running:
+      feedback_.drive_state = DriveState::enabled;
+      break;
+    case RobstrideMode::reserved:
+      feedback_.drive_state = DriveState::unknown;
+      break;
+  }
+}
+
+std::optional<Duration> RobstrideDriver::stored_timeout() const {
+  const std::optional<std::uint32_t> units = setup_.can_timeout();
+  if (!units) return std::nullopt;
+  return microseconds(std::int64_t{50} * *units);
+}
+
+std::expected<std::unique_ptr<JointDriver>, std::string> make_robstride_driver(const config::RobotConfig& robot,
+                                                                               std::size_t joint) {
+  const config::Drive& drive = robot.joints[joint].drive;
+  RobstrideDriveSettings settings;
+  settings.range = {static_cast<float>(drive.position_range), static_cast<float>(drive.velocity_range),
+                    static_cast<float>(drive.kp_range), static_cast<float>(drive.kd_range),
+                    static_cast<float>(drive.torque_range)};
+  const RobstrideRange& range = settings.range;
+  if (!is_positive(range.p) || !is_positive(range.v) || !is_positive(range.kp) || !is_positive(range.kd) ||
+      !is_positive(range.t))
+    return std::unexpected("the drive's packed ranges are not all positive: name a model or give every range");
+  if (drive.id < 1 || drive.id > 127) return std::unexpected("robstride drives are numbered 1 to 127: mend id");
+  if (drive.host_id < 128 || drive.host_id > 253)
+    return std::unexpected("host_id must lie beyond every drive's number and below 254: 253 is usual");
+  settings.address = {static_cast<std::uint8_t>(drive.id), static_cast<std::uint8_t>(drive.host_id)};
+  settings.mapping = mapping_of(drive);
+  return std::make_unique<RobstrideDriver>(settings);
+}
+
+std::vector<FrameTraffic> robstride_traffic(const config::RobotConfig& /*robot*/, std::size_t /*joint*/) {
+  const FrameTraffic frame{.bytes = 8, .extended = true};
+  return {frame, frame};
+}
+
+std::string robstride_error_name(const config::Drive& /*drive*/, std::uint32_t code) {
+  struct Bit {
+    unsigned number;
+    const char* name;
+  };
+  static constexpr std::array<Bit, 14> kBits{{{0, "under-voltage"},
+                                              {1, "over-current"},
+                                              {2, "over-temperature"},
+                                              {3, "magnetic encoder fault"},
+                                              {4, "Hall encoder fault"},
+                                              {5, "not calibrated"},
+                                              {8, "motor over-temperature"},
+                                              {9, "driver chip fault"},
+                                              {10, "supply under-voltage"},
+                                              {11, "supply over-voltage"},
+                                              {12, "phase B over-current"},
+                                              {13, "phase C over-current"},
+                                              {15, "encoder not calibrated"},
+                                              {24, "phase A over-current"}}};
+  constexpr std::uint32_t kOverload = 0xFFU << 16U;
+  if (const std::uint32_t setting = setting_of(code); setting != 0)
+    return setting == static_cast<std::uint32_t>(RobstrideParameter::run_mode) ? "run mode (parameter 7005)" : "";
+  std::string name;
+  const auto add = [&name](const char* one) { name += (name.empty() ? "" : ", ") + std::string(one); };
+  for (const Bit& bit : kBits)
+    if ((code >> bit.number & 1U) != 0) add(bit.name);
+  if ((code & kOverload) != 0) add("overload");
+  return name;
+}
+
+}  // namespace takt::drivers

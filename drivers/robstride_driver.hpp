@@ -1,0 +1,98 @@
+// One RobStride or CyberGear drive, host side: joint units in, frames out, feedback in.
+//
+// enable false: stop every tick, which the drive answers with its position; while it shows a fault every other stop
+//   clears it. Meanwhile, in every fourth tick, the set-up: run mode 0 (obey motion commands) is written in the place
+//   of one stop and read back, then the stored CAN time-out is read. A run mode that does not stay, or no answer,
+//   becomes a fault of the drive (SetupFault with the parameter's number) and is tried again twice a second at 1 kHz.
+// enable rising: enable every tick until the drive reports that it runs; before its run mode is known, as above.
+// enabled once: motion commands only. A drive that stops by itself is not brought back before `enable` was false in
+//   between: that is the operator's decision.
+//
+// Limitation: these drives stop by themselves when commands cease only if their stored CAN time-out is set; they come
+// with it switched off, and not every firmware tells it. stored_timeout() says what is known; it blocks nothing.
+// Before the first feedback feedback().received_at is unset and drive_state unknown. Thread rule: as JointDriver.
+#pragma once
+
+#include "drivers/protocol_table.hpp"
+#include "drivers/robstride_codec.hpp"
+
+namespace takt::drivers {
+
+struct RobstrideDriveSettings {
+  RobstrideRange range;
+  RobstrideAddress address;
+  JointMapping mapping;
+};
+
+// What the drive must be asked and told before it may be enabled, one step at a time.
+class RobstrideSetup {
+ public:
+  // The next frame, if it is time for one: `instead_of_stop` tells whether it takes the stop's place (it is answered by
+  // feedback) or goes beside it. Call once per tick in which the drive is heard and not running.
+  struct Step {
+    CanFrame frame;
+    bool instead_of_stop = false;
+  };
+  std::optional<Step> next(RobstrideAddress address) noexcept;
+  void take(const RobstrideAnswer& answer) noexcept;
+  // Run mode 0 was read back.
+  [[nodiscard]] bool may_enable() const { return may_enable_; }
+  // JointFeedback::error_code of what went wrong; 0: nothing so far.
+  [[nodiscard]] std::uint32_t error_code() const { return error_code_; }
+  [[nodiscard]] std::optional<std::uint32_t> can_timeout() const { return can_timeout_; }
+
+ private:
+  enum class Stage : std::uint8_t { set_mode, ask_mode, ask_timeout, done, failed };
+  void fail(SetupFault fault) noexcept;
+
+  Stage stage_ = Stage::set_mode;
+  std::uint32_t tick_ = 0;
+  int tries_ = 0;
+  bool mode_was_read_ = false;
+  bool may_enable_ = false;
+  std::uint32_t error_code_ = 0;
+  std::optional<std::uint32_t> can_timeout_;
+};
+
+class RobstrideDriver final : public JointDriver {
+ public:
+  explicit RobstrideDriver(const RobstrideDriveSettings& settings) noexcept : settings_(settings) {}
+
+  std::size_t encode(bool enable, const DriveSetpoint& setpoint, Duration budget,
+                     std::span<CanFrame> out) noexcept override;
+  bool decode(const ReceivedFrame& received) noexcept override;
+  [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }
+  // Frames of a known kind from this drive that have not 8 bytes of classic data.
+  [[nodiscard]] std::uint64_t malformed_frames() const { return malformed_frames_; }
+  // After how long without a command the drive stops by itself. Zero: never. Nothing: it has not told (yet).
+  [[nodiscard]] std::optional<Duration> stored_timeout() const;
+
+ private:
+  std::size_t encode_standby(std::span<CanFrame> out) noexcept;
+  void take(const RobstrideFeedback& feedback, MonoTime received_at) noexcept;
+  void take(const RobstrideFaultReport& report) noexcept;
+  void take(const RobstrideAnswer& answer) noexcept;
+  void judge() noexcept;
+
+  RobstrideDriveSettings settings_;
+  RobstrideSetup setup_;
+  JointFeedback feedback_;
+  std::uint64_t malformed_frames_ = 0;
+  enum class Wish : std::uint8_t { disable, enter, drive };
+  Wish wish_ = Wish::disable;
+  RobstrideMode mode_ = RobstrideMode::reserved;  // as last reported
+  std::uint32_t faults_ = 0;                      // of the newest feedback
+  std::uint32_t reported_faults_ = 0;             // of the newest fault report that was not cleared since
+  bool heard_ = false;                            // feedback came since the last standby tick
+  bool clear_next_ = false;
+  bool clear_sent_ = false;  // since the newest fault report
+};
+
+// The protocol's row in the table.
+std::expected<std::unique_ptr<JointDriver>, std::string> make_robstride_driver(const config::RobotConfig& robot,
+                                                                               std::size_t joint);
+std::vector<FrameTraffic> robstride_traffic(const config::RobotConfig& robot, std::size_t joint);
+// Codes: bits 0..5 as in feedback, bits 8..30 as in fault reports from their bit 0.
+std::string robstride_error_name(const config::Drive& drive, std::uint32_t code);
+
+}  // namespace takt::drivers

@@ -1,0 +1,120 @@
+// takt bus zero: where a joint is becomes its zero, in the drive or in the robot file.
+#include <fmt/format.h>
+
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <memory>
+
+#include "config/load.hpp"
+#include "drivers/discovery.hpp"
+#include "drivers/protocol_table.hpp"
+#include "drivers/receive_stamp.hpp"
+#include "monitor/cli/command.hpp"
+#include "monitor/cli/direct_bus.hpp"
+
+namespace takt::cli {
+namespace {
+
+struct Options {
+  std::string joint, robot_file, runtime_dir;
+  bool yes = false;
+};
+
+constexpr int kPatience = 3000;   // control periods
+constexpr int kSettle = 50;       // control periods after the zero was set
+constexpr double kAtZero = 0.02;  // rad, joint side
+
+// Keeps one drive disabled and reporting.
+class Listener {
+ public:
+  Listener(drivers::CanBus& bus, drivers::JointDriver& driver, Duration period)
+      : bus_(bus), driver_(driver), period_(period) {}
+  void turn() {
+    std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out;
+    const std::size_t frames = driver_.encode(false, {}, {}, out);
+    for (std::size_t i = 0; i < frames; ++i) bus_.send(out[i]);
+    const timespec time{period_.ns / 1'000'000'000, period_.ns % 1'000'000'000};
+    ::nanosleep(&time, nullptr);
+    const std::size_t count = bus_.receive(received_);
+    for (std::size_t i = 0; i < count; ++i) driver_.decode(received_[i]);
+  }
+  bool wait_until_disabled() {
+    for (int i = 0; i < kPatience; ++i) {
+      turn();
+      const JointFeedback& feedback = driver_.feedback();
+      if (feedback.received_at.is_set() && feedback.drive_state == DriveState::disabled) return true;
+    }
+    return false;
+  }
+  [[nodiscard]] double q() const { return driver_.feedback().q; }
+
+ private:
+  drivers::CanBus& bus_;
+  drivers::JointDriver& driver_;
+  Duration period_;
+  std::array<drivers::ReceivedFrame, 64> received_;
+};
+
+std::expected<int, Refusal> set_zero(const Options& options) {
+  const auto robot = load_robot(options.robot_file, options.runtime_dir);
+  if (!robot) return std::unexpected(robot.error());
+  const auto index = find_joint(*robot, options.joint);
+  if (!index) return std::unexpected(index.error());
+  if (const auto free = require_no_executive(*robot); !free) return std::unexpected(free.error());
+  const config::Joint& joint = robot->config.joints[*index];
+  auto driver = drivers::make_lone_driver(robot->config, *index);
+  if (!driver) return std::unexpected(Refusal{config::kExitBadConfiguration, driver.error()});
+  auto bus = open_bus(*robot, joint.bus);
+  if (!bus) return std::unexpected(bus.error());
+  Listener listener(**bus, **driver, robot->config.control.period);
+  if (!listener.wait_until_disabled())
+    return std::unexpected(
+        Refusal{kExitFailed, fmt::format("joint {}: its drive does not answer, or is not disabled", joint.name)});
+  const double before = listener.q();
+  const auto frame = drivers::zero_frame(joint.drive);
+  if (!frame) {
+    fmt::print("joint {} reads {:.4f} rad; {} has no frame for that: write `offset: {:.4f} rad` into its drive\n",
+               joint.name, before, config::name(joint.drive.protocol), joint.drive.offset - before);
+    return kExitOk;
+  }
+  if (!options.yes) {
+    fmt::print(
+        "joint {} reads {:.4f} rad; with --yes its drive takes that for its zero, and the joint reads {:.4f} rad\n",
+        joint.name, before, joint.drive.offset);
+    return kExitOk;
+  }
+  (*bus)->send(*frame);
+  for (int i = 0; i < kSettle; ++i) listener.turn();
+  if (std::abs(listener.q() - joint.drive.offset) > kAtZero)
+    return std::unexpected(
+        Refusal{kExitFailed,
+                fmt::format("joint {} still reads {:.4f} rad: its drive did not take it", joint.name, listener.q())});
+  fmt::print("joint {} read {:.4f} rad and reads {:.4f} rad now\n", joint.name, before, listener.q());
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_bus_zero(CLI::App& bus, int& exit_code) {
+  CLI::App* command = bus.add_subcommand("zero", "Make where a joint stands its zero; its drive stays disabled.");
+  auto options = std::make_shared<Options>();
+  command->add_option("joint", options->joint, "name in the robot file")->required();
+  command->add_option("--robot", options->robot_file, "robot file")->required();
+  command->add_option("--runtime-dir", options->runtime_dir, "where loopback buses are (default /run/takt/<robot>)");
+  command->add_flag("--yes", options->yes, "do it; without, only what would happen is said");
+  command->footer(
+      "Example: takt bus zero elbow --robot robot.yaml --yes\n"
+      "Protocols without such a frame (odrive, moteus, cia402): the `offset` to write into the robot file is printed.\n"
+      "Exit codes: 0 done or said, 1 refused or the drive did not take it, 64 command line, 65 configuration, 69 the "
+      "bus "
+      "is not there.");
+  command->callback([options, &exit_code] {
+    const auto done = set_zero(*options);
+    if (!done) fmt::print(stderr, "takt bus zero: {}\n", done.error().sentence);
+    exit_code = done ? *done : done.error().exit_code;
+  });
+}
+
+}  // namespace takt::cli

@@ -1,0 +1,47 @@
+// Boils a run's ticks down to what ROS 2 is told: joint states at the configured rate, the age of every command at its
+// first use, status ten times a second, diagnostics once a second, and the last two at once when the mode changes.
+//
+// No clock and no I/O: time is the ticks' own. Stamps are Unix time by one offset for the whole session. Joint states
+// begin when every joint has been heard, and pause while nothing new is heard.
+// Thread rule: one thread.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include "config/robot_config.hpp"
+#include "monitor/dds/messages.hpp"
+#include "monitor/dds/outbox.hpp"
+
+namespace takt::monitor::dds {
+
+inline constexpr Duration kStatusPeriod = milliseconds(100);
+inline constexpr Duration kDiagnosticsPeriod = seconds(1);
+
+class Condenser {
+ public:
+  // Ticks before `since` are history, such as the rings hold it when the monitor attaches: nobody is told of them.
+  // Precondition: robot.dds. `robot` and `out` outlive the condenser.
+  Condenser(const config::RobotConfig& robot, std::int64_t monotonic_to_unix_ns, MonoTime since, Outbox& out);
+  void tick(const TickRecord& record);
+  // The executive ended: says so with its last status.
+  void end();
+
+ private:
+  // True when `period` has passed since it was last true; keeps the pace, and skips what was missed.
+  static bool is_due(MonoTime& next, MonoTime now, Duration period);
+  void put_joint_states(const TickRecord& record);
+  [[nodiscard]] std::int64_t unix_ns(MonoTime at) const { return at.ns + monotonic_to_unix_ns_; }
+
+  const config::RobotConfig& robot_;
+  Outbox& out_;
+  std::int64_t monotonic_to_unix_ns_;
+  MonoTime since_;
+  Duration joint_state_period_;
+  MonoTime next_joint_states_, next_status_, next_diagnostics_;
+  std::int64_t joint_states_unix_ns_ = 0;  // of the last
+  Status status_;
+};
+
+}  // namespace takt::monitor::dds

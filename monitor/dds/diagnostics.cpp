@@ -1,0 +1,156 @@
+#include "monitor/dds/diagnostics.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "drivers/protocol_table.hpp"
+
+namespace takt::monitor::dds {
+namespace {
+
+std::string_view name(DriveState state) {
+  switch (state) {
+    case DriveState::unknown:
+      return "unknown";
+    case DriveState::disabled:
+      return "disabled";
+    case DriveState::enabled:
+      return "enabled";
+    case DriveState::fault:
+      return "fault";
+  }
+  return "invalid";
+}
+
+std::string_view name(BusState state) {
+  switch (state) {
+    case BusState::up:
+      return "up";
+    case BusState::error_passive:
+      return "error-passive";
+    case BusState::bus_off:
+      return "bus-off";
+    case BusState::down:
+      return "down";
+  }
+  return "invalid";
+}
+
+Level level_of(Mode mode) {
+  switch (mode) {
+    case Mode::standby:
+    case Mode::arming:
+    case Mode::tracking:
+      return Level::ok;
+    case Mode::degraded:
+    case Mode::damped_stop:
+      return Level::warn;
+    case Mode::fault_latched:
+      return Level::error;
+  }
+  return Level::error;
+}
+
+Level level_of(BusState state) {
+  switch (state) {
+    case BusState::up:
+      return Level::ok;
+    case BusState::error_passive:
+      return Level::warn;
+    case BusState::bus_off:
+    case BusState::down:
+      return Level::error;
+  }
+  return Level::error;
+}
+
+std::string causes_active(const TickRecordHeader& header) {
+  std::vector<std::string_view> names;
+  for (std::size_t cause = 1; cause < kCauseCount; ++cause)
+    if ((header.causes_active >> cause & 1U) != 0) names.push_back(takt::name(static_cast<Cause>(cause)));
+  return fmt::format("{}", fmt::join(names, ", "));
+}
+
+Diagnostic diagnose_executive(const Status& status, const config::RobotConfig& robot) {
+  const TickRecordHeader& header = status.tick;
+  std::string message(takt::name(header.mode));
+  if (status.cause != Cause::none) message += fmt::format(": {}", takt::name(status.cause));
+  if (!status.detail.empty()) message += fmt::format(": {}", status.detail);
+  const bool has_age = header.freshness != Freshness::missing;
+  return {level_of(header.mode),
+          robot.robot + ": executive",
+          message,
+          {{"mode", std::string(takt::name(header.mode))},
+           {"cause", std::string(takt::name(status.cause))},
+           {"causes active", causes_active(header)},
+           {"freshness", std::string(takt::name(header.freshness))},
+           {"age", has_age ? fmt::format("{:.3f} ms", header.age.total().milliseconds()) : "none"},
+           {"misses", fmt::format("{} of {} ticks", header.window_misses, header.window_ticks)},
+           {"overruns", fmt::format("{}", status.overruns)},
+           {"skipped periods", fmt::format("{}", header.skipped_periods)},
+           {"refused commands", fmt::format("{}", header.refused_commands)},
+           {"integration errors", fmt::format("{}", header.integration_errors)}}};
+}
+
+// The worst thing to say about a drive, and how bad it is.
+std::pair<Level, std::string> judge_drive(const JointFeedback& feedback, const TickRecordHeader& header,
+                                          const config::Joint& joint, Duration timeout) {
+  if (!feedback.received_at.is_set()) return {Level::stale, "never answered"};
+  const Duration silent = header.now - feedback.received_at;
+  if (silent > timeout) return {Level::stale, fmt::format("silent for {:.1f} ms", silent.milliseconds())};
+  if (feedback.error_code != 0) return {Level::error, drivers::error_name(joint.drive, feedback.error_code)};
+  switch (feedback.drive_state) {
+    case DriveState::fault:
+      return {Level::error, "the drive reports a fault"};
+    case DriveState::unknown:
+      return {Level::warn, "state unknown"};
+    case DriveState::enabled:
+    case DriveState::disabled:
+      return {Level::ok, std::string(name(feedback.drive_state))};
+  }
+  return {Level::error, "state invalid"};
+}
+
+Diagnostic diagnose_joint(const TickRecord& record, std::size_t index, const config::RobotConfig& robot) {
+  const JointFeedback& feedback = record.joints[index].feedback;
+  const config::Joint& joint = robot.joints[index];
+  auto [level, message] = judge_drive(feedback, record.header, joint, robot.feedback.timeout);
+  return {level,
+          fmt::format("{}: joint {}", robot.robot, joint.name),
+          std::move(message),
+          {{"drive state", std::string(name(feedback.drive_state))},
+           {"error code", fmt::format("{:#x}", feedback.error_code)},
+           {"temperature", fmt::format("{:.0f} degC", feedback.temperature_C)},
+           {"position", fmt::format("{:.4f} rad", feedback.q)},
+           {"bus", robot.buses[joint.bus].name}}};
+}
+
+Diagnostic diagnose_bus(const BusHealth& health, const config::Bus& bus, const config::RobotConfig& robot) {
+  return {level_of(health.state),
+          fmt::format("{}: bus {}", robot.robot, bus.name),
+          std::string(name(health.state)),
+          {{"frames not sent", fmt::format("{}", health.tx_dropped)},
+           {"frames lost on receive", fmt::format("{}", health.rx_dropped)},
+           {"foreign frames", fmt::format("{}", health.foreign_frames)}}};
+}
+
+}  // namespace
+
+std::vector<Diagnostic> diagnose(const TickRecord& record, const Status& status, const config::RobotConfig& robot) {
+  const TickRecordHeader& header = record.header;
+  std::vector<Diagnostic> parts{diagnose_executive(status, robot)};
+  const std::size_t joints = std::min<std::size_t>(header.joint_count, robot.joints.size());
+  for (std::size_t joint = 0; joint < joints; ++joint) parts.push_back(diagnose_joint(record, joint, robot));
+  const std::size_t buses = std::min<std::size_t>(header.bus_count, robot.buses.size());
+  for (std::size_t bus = 0; bus < buses; ++bus)
+    parts.push_back(diagnose_bus(header.buses[bus], robot.buses[bus], robot));
+  return parts;
+}
+
+std::vector<Diagnostic> diagnose_absence(const config::RobotConfig& robot) {
+  return {{Level::stale, robot.robot + ": executive", "no executive answers the monitor", {}}};
+}
+
+}  // namespace takt::monitor::dds

@@ -1,0 +1,157 @@
+#include "monitor/dds/participant.hpp"
+
+#include <dds/dds.h>
+#include <fmt/format.h>
+
+#include <array>
+
+#include "monitor/dds/domain_xml.hpp"
+#include "monitor/dds/requests.hpp"
+#include "monitor/dds/type_hash.hpp"
+#include "monitor/dds/wire.hpp"
+
+namespace takt::monitor::dds {
+namespace {
+
+struct TopicFacts {
+  const char* name;
+  std::string_view type;
+  const dds_topic_descriptor_t* descriptor;
+  std::int32_t depth;
+  dds_durability_kind_t durability = DDS_DURABILITY_VOLATILE;
+};
+
+constexpr std::array<TopicFacts, kChannelCount> kWritten{{
+    {"rt/joint_states", "sensor_msgs/msg/JointState", &sensor_msgs_msg_dds__JointState__desc, 10},
+    {"rt/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", &diagnostic_msgs_msg_dds__DiagnosticArray__desc, 10},
+    {"rt/takt/status", "takt_msgs/msg/Status", &takt_msgs_msg_dds__Status__desc, 1, DDS_DURABILITY_TRANSIENT_LOCAL},
+    {"rt/takt/command_age", "takt_msgs/msg/CommandAge", &takt_msgs_msg_dds__CommandAge__desc, 256},
+}};
+constexpr TopicFacts kRequests{"rt/takt/request", "takt_msgs/msg/Request", &takt_msgs_msg_dds__Request__desc, 16};
+
+struct DeleteQos {
+  void operator()(dds_qos_t* qos) const { dds_delete_qos(qos); }
+};
+using Qos = std::unique_ptr<dds_qos_t, DeleteQos>;
+
+Qos qos_of(const TopicFacts& topic) {
+  Qos qos(dds_create_qos());
+  dds_qset_reliability(qos.get(), DDS_RELIABILITY_RELIABLE, DDS_MSECS(kMaxBlocking.count()));
+  dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, topic.depth);
+  dds_qset_durability(qos.get(), topic.durability);
+  const std::string hash = user_data(topic.type);
+  dds_qset_userdata(qos.get(), hash.data(), hash.size());
+  return qos;
+}
+
+}  // namespace
+
+class Participant::Entities {
+ public:
+  explicit Entities(const config::RobotConfig& robot) : robot_(robot) {}
+  ~Entities() {
+    if (domain_ > 0) dds_delete(domain_);  // and everything in it
+  }
+  Entities(const Entities&) = delete;
+  Entities& operator=(const Entities&) = delete;
+
+  // Empty, or what went wrong.
+  std::string open() {
+    const config::Dds& dds = *robot_.dds;
+    if (!keep(domain_, dds_create_domain(dds.domain, domain_xml(dds).c_str()), "domain")) return failure_;
+    const Qos qos(dds_create_qos());
+    dds_qset_entity_name(qos.get(), ("takt-monitor " + robot_.robot).c_str());
+    if (!keep(participant_, dds_create_participant(dds.domain, qos.get(), nullptr), "participant")) return failure_;
+    for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
+      const TopicFacts& topic = kWritten[channel];
+      const dds_entity_t created = create_topic(topic);
+      if (!keep(writers_[channel], dds_create_writer(participant_, created, qos_of(topic).get(), nullptr), topic.name))
+        return failure_;
+    }
+    if (dds.allow_requests) open_reader();
+    return failure_;
+  }
+
+  bool write(Channel channel, const void* message) {
+    return dds_write(writers_[static_cast<std::size_t>(channel)], message) == DDS_RETCODE_OK;
+  }
+
+  std::vector<Request> take_requests(std::chrono::milliseconds patience) {
+    std::vector<Request> requests;
+    if (reader_ <= 0) return requests;
+    dds_waitset_wait(wait_set_, nullptr, 0, DDS_MSECS(patience.count()));
+    void* loan[1] = {nullptr};
+    dds_sample_info_t info;
+    while (dds_take(reader_, loan, &info, 1, 1) > 0) {
+      const auto* const request = static_cast<const takt_msgs_msg_dds__Request_*>(loan[0]);
+      if (info.valid_data && request->robot == robot_.robot)
+        requests.push_back({request->robot, request->id, printable(request->verb), info.source_timestamp});
+      dds_return_loan(reader_, loan, 1);
+      loan[0] = nullptr;
+    }
+    return requests;
+  }
+
+ private:
+  bool keep(dds_entity_t& entity, dds_entity_t created, std::string_view what) {
+    entity = created;
+    if (created > 0) return true;
+    failure_ = fmt::format("{}: {} (domain {}, interface {}; see `dds` in {})", what, dds_strretcode(-created),
+                           robot_.dds->domain, robot_.dds->interface, robot_.file);
+    return false;
+  }
+  [[nodiscard]] dds_entity_t create_topic(const TopicFacts& topic) const {
+    return dds_create_topic(participant_, topic.descriptor, topic.name, nullptr, nullptr);
+  }
+  void open_reader() {
+    const dds_entity_t topic = create_topic(kRequests);
+    if (!keep(reader_, dds_create_reader(participant_, topic, qos_of(kRequests).get(), nullptr), kRequests.name))
+      return;
+    wait_set_ = dds_create_waitset(participant_);
+    dds_waitset_attach(wait_set_, dds_create_readcondition(reader_, DDS_ANY_STATE), 0);
+  }
+
+  const config::RobotConfig& robot_;
+  std::string failure_;
+  dds_entity_t domain_ = 0, participant_ = 0, reader_ = 0, wait_set_ = 0;
+  std::array<dds_entity_t, kChannelCount> writers_{};
+};
+
+std::expected<std::unique_ptr<Participant>, std::string> Participant::open(const config::RobotConfig& robot) {
+  auto participant = std::unique_ptr<Participant>(new Participant(robot));
+  if (std::string failure = participant->entities_->open(); !failure.empty()) return std::unexpected(failure);
+  return participant;
+}
+
+Participant::Participant(const config::RobotConfig& robot)
+    : robot_(robot), entities_(std::make_unique<Entities>(robot)) {}
+Participant::~Participant() = default;
+
+bool Participant::write(const JointStates& message) {
+  LentJointStates lent;
+  lend(message, robot_, lent);
+  return entities_->write(Channel::joint_states, &lent.wire);
+}
+
+bool Participant::write(const Diagnostics& message) {
+  LentDiagnostics lent;
+  lend(message, robot_, lent);
+  return entities_->write(Channel::diagnostics, &lent.wire);
+}
+
+bool Participant::write(const Status& message, const Losses& losses, const RequestAnswer& answer) {
+  LentStatus lent;
+  lend(message, losses, answer, robot_, lent);
+  return entities_->write(Channel::status, &lent.wire);
+}
+
+bool Participant::write(const CommandAge& message) {
+  const auto wire = lend(message, robot_);
+  return entities_->write(Channel::command_age, &wire);
+}
+
+std::vector<Request> Participant::take_requests(std::chrono::milliseconds patience) {
+  return entities_->take_requests(patience);
+}
+
+}  // namespace takt::monitor::dds

@@ -1,0 +1,223 @@
+// Goal: a drive is told exactly what the script says, one question at a time, whatever it answers or leaves unanswered.
+// Method: the whole conversation written out by hand; answers made by hand, dropped, delayed, refused.
+#include "drivers/cia402_setup.hpp"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "tests/drivers/cia402_frames.hpp"
+
+namespace takt::drivers::cia402 {
+namespace {
+
+using test::agreeing_answer;
+using test::sdo_answer;
+using test::text;
+
+constexpr std::uint32_t kRated_mNm = 10'000;
+constexpr SetupValues kCst{
+    .node = 5, .mode = config::Cia402Mode::cst, .period = {1, -3}, .rated_torque_mNm = kRated_mNm};
+
+class Conversation {
+ public:
+  explicit Conversation(SetupValues values = kCst,
+                        SetupPatience patience = {.answer_ticks = 4, .tries = 3, .pause_ticks = 10})
+      : setup(values, patience) {}
+
+  void answer(const CanFrame& frame) {
+    const auto decoded = decode_sdo_answer(frame);
+    ASSERT_TRUE(decoded);
+    setup.take(*decoded);
+  }
+  // Agrees until the question about this object; returns it, unanswered.
+  CanFrame agree_until(ObjectId object) {
+    for (int tick = 0; tick < 200; ++tick) {
+      const auto question = setup.tick();
+      if (!question) continue;
+      const auto* data = question->data;
+      if (question->id == 0x605 && (data[2] << 8 | data[1]) == object.index && data[3] == object.sub) return *question;
+      if (question->id == 0x605) answer(agreeing_answer(*question, kRated_mNm));
+    }
+    ADD_FAILURE() << "never asked";
+    return {};
+  }
+  int ticks_until_asked() {
+    for (int tick = 1; tick < 100; ++tick)
+      if (setup.tick()) return tick;
+    return -1;
+  }
+  Setup setup;
+};
+
+TEST(Cia402Setup, TheWholeConversationWithATorqueDrive) {
+  const char* const expected[] = {
+      "000#8005",              // pre-operational
+      "605#4000100000000000",  // what are you?
+      "605#2300140105020080",  // RPDO off: 80000205
+      "605#2f00160000000000",  // empty its map
+      "605#2300160110004060",  // 60400010
+      "605#2300160208006060",  // 60600008
+      "605#2300160310007160",  // 60710010
+      "605#2f00160003000000",  // three entries
+      "605#2f00140201000000",  // at every SYNC
+      "605#2b00140532000000",  // deadline 50 ms
+      "605#2300140105020000",  // RPDO on
+      "605#23001801850100c0",  // TPDO off: C0000185
+      "605#2f001a0000000000",
+      "605#23001a0110004160",  // 60410010
+      "605#23001a0220006460",  // 60640020
+      "605#23001a0310007760",  // 60770010
+      "605#2f001a0003000000",
+      "605#2f00180201000000",
+      "605#2300180185010040",  // TPDO on: 40000185
+      "605#23011801850200c0",  // TPDO 2 to 4 off
+      "605#23021801850300c0",
+      "605#23031801850400c0",
+      "605#2b17100064000000",  // heartbeat every 100 ms
+      "605#2f6060000a000000",  // torque mode
+      "605#2fc2600101000000",  // 1
+      "605#2fc26002fd000000",  // times 10^-3 s
+      "605#4076600000000000",  // rated torque
+      "000#0105",              // start
+  };
+  Conversation talk;
+  for (const char* const one : expected) {
+    const auto frame = talk.setup.tick();
+    ASSERT_TRUE(frame) << one;
+    EXPECT_EQ(text(*frame), one);
+    if (frame->id == 0x605) {
+      EXPECT_FALSE(talk.setup.configured());
+      EXPECT_FALSE(talk.setup.tick()) << "one question in flight";
+      talk.answer(agreeing_answer(*frame, kRated_mNm));
+    }
+  }
+  EXPECT_TRUE(talk.setup.configured());
+  EXPECT_FALSE(talk.setup.done()) << "the drive has not said so";
+  talk.setup.take_operational();
+  EXPECT_TRUE(talk.setup.done());
+  EXPECT_FALSE(talk.setup.fault());
+  EXPECT_FALSE(talk.setup.tick());
+}
+
+TEST(Cia402Setup, OtherModesDifferInMapAndMode) {
+  SetupValues values = kCst;
+  values.mode = config::Cia402Mode::csp;
+  Conversation position(values);
+  EXPECT_EQ(text(position.agree_until({0x1600, 3})), "605#2300160320007a60");
+  position.setup.restart();
+  EXPECT_EQ(text(position.agree_until({0x6060, 0})), "605#2f60600008000000");
+  values.mode = config::Cia402Mode::csv;
+  Conversation velocity(values);
+  EXPECT_EQ(text(velocity.agree_until({0x1600, 3})), "605#230016032000ff60");
+  velocity.setup.restart();
+  EXPECT_EQ(text(velocity.agree_until({0x6060, 0})), "605#2f60600009000000");
+}
+
+TEST(Cia402Setup, AsksAgainThenGivesUpThenStartsOver) {
+  Conversation talk;
+  const std::string first = text(talk.agree_until({0x1600, 2}));
+  for (int again = 0; again < 2; ++again) {
+    for (int tick = 1; tick < 4; ++tick) EXPECT_FALSE(talk.setup.tick()) << tick;
+    const auto repeated = talk.setup.tick();
+    ASSERT_TRUE(repeated);
+    EXPECT_EQ(text(*repeated), first);
+  }
+  EXPECT_FALSE(talk.setup.fault());
+  for (int tick = 1; tick <= 4; ++tick) EXPECT_FALSE(talk.setup.tick());
+  EXPECT_EQ(talk.setup.fault(), SetupFault::settings_unread);
+  for (int tick = 1; tick <= 10; ++tick) EXPECT_FALSE(talk.setup.tick()) << "pause";
+  const auto over = talk.setup.tick();
+  ASSERT_TRUE(over);
+  EXPECT_EQ(text(*over), "000#8005");
+  EXPECT_TRUE(talk.setup.fault()) << "until it ends well";
+  talk.agree_until({0x6076, 0});
+  talk.answer(sdo_answer(test::frame(0x605, {0x40, 0x76, 0x60, 0}), 0x43, kRated_mNm));
+  EXPECT_EQ(text(*talk.setup.tick()), "000#0105");
+  talk.setup.take_operational();
+  EXPECT_TRUE(talk.setup.done());
+  EXPECT_FALSE(talk.setup.fault());
+}
+
+TEST(Cia402Setup, ADriveThatNeverSaysItIsOperationalIsAskedAgain) {
+  Conversation talk;
+  talk.answer(agreeing_answer(talk.agree_until({0x6076, 0}), kRated_mNm));
+  EXPECT_EQ(talk.ticks_until_asked(), 1);
+  EXPECT_EQ(talk.ticks_until_asked(), 4);
+  EXPECT_EQ(talk.ticks_until_asked(), 4);
+  EXPECT_EQ(talk.ticks_until_asked(), 4 + 10 + 1) << "given up, paused, started over";
+  EXPECT_EQ(talk.setup.fault(), SetupFault::settings_unread);
+}
+
+TEST(Cia402Setup, ARefusalKeepsItsReason) {
+  Conversation talk;
+  talk.answer(sdo_answer(talk.agree_until({0x6060, 0}), 0x80, 0x06090030));
+  EXPECT_EQ(talk.setup.fault(), SetupFault::setup_refused);
+  EXPECT_EQ(talk.setup.abort_code(), 0x06090030U);
+  EXPECT_EQ(talk.setup.refused_object(), (ObjectId{0x6060, 0}));
+  EXPECT_FALSE(talk.setup.configured());
+}
+
+TEST(Cia402Setup, OnlyPdosThatNobodyNeedsMayBeAbsent) {
+  for (const std::uint32_t absent : {0x06020000U, 0x06090011U}) {
+    Conversation talk;
+    talk.answer(sdo_answer(talk.agree_until({0x1801, 1}), 0x80, absent));
+    EXPECT_FALSE(talk.setup.fault());
+    EXPECT_EQ(text(*talk.setup.tick()), "605#23021801850300c0");
+    Conversation no_watchdog;
+    no_watchdog.answer(sdo_answer(no_watchdog.agree_until({0x1400, 5}), 0x80, absent));
+    EXPECT_EQ(no_watchdog.setup.fault(), SetupFault::setup_refused);
+  }
+  Conversation talk;
+  talk.answer(sdo_answer(talk.agree_until({0x1801, 1}), 0x80, 0x08000022));
+  EXPECT_EQ(talk.setup.fault(), SetupFault::setup_refused) << "there, and not willing";
+}
+
+TEST(Cia402Setup, ComparesWhatTheDriveIs) {
+  const auto verdict_on = [](ObjectId object, std::uint32_t found) {
+    Conversation talk;
+    talk.answer(sdo_answer(talk.agree_until(object), 0x43, found));
+    return talk.setup.fault();
+  };
+  EXPECT_EQ(verdict_on({0x6076, 0}, 10'050), std::nullopt) << "half a percent";
+  EXPECT_EQ(verdict_on({0x6076, 0}, 9'950), std::nullopt);
+  EXPECT_EQ(verdict_on({0x6076, 0}, 10'051), SetupFault::settings_differ);
+  EXPECT_EQ(verdict_on({0x6076, 0}, 0), SetupFault::settings_differ);
+  EXPECT_EQ(verdict_on({0x6076, 0}, 0xFFFF'FFFF), SetupFault::settings_differ);
+  EXPECT_EQ(verdict_on({0x1000, 0}, 0x00420192), std::nullopt) << "any drive of the profile";
+  EXPECT_EQ(verdict_on({0x1000, 0}, 0x00020191), SetupFault::settings_differ) << "an I/O module";
+}
+
+TEST(Cia402Setup, AnswersToOtherQuestionsAreNone) {
+  Conversation talk;
+  const CanFrame question = talk.agree_until({0x1600, 1});
+  talk.answer(sdo_answer(test::frame(0x605, {0, 0x00, 0x16, 0}), 0x60));
+  talk.answer(sdo_answer(test::frame(0x605, {0, 0x00, 0x16, 2}), 0x80, 0x06020000));
+  talk.answer(sdo_answer(question, 0x43, 3));  // a value where "written" belongs
+  EXPECT_FALSE(talk.setup.fault());
+  EXPECT_FALSE(talk.setup.tick());
+  talk.answer(sdo_answer(question, 0x60));
+  talk.answer(sdo_answer(question, 0x60));  // twice: asked twice
+  EXPECT_EQ(text(*talk.setup.tick()), "605#2300160208006060");
+}
+
+TEST(Cia402Setup, PeriodsThatObject60C2CanHold) {
+  struct Row {
+    Duration period;
+    int value, exponent;
+  };
+  for (const Row& row : {Row{milliseconds(1), 1, -3}, Row{milliseconds(2), 2, -3}, Row{milliseconds(10), 1, -2},
+                         Row{microseconds(500), 5, -4}, Row{microseconds(1250), 125, -5},
+                         Row{microseconds(125), 125, -6}, Row{seconds(1), 1, 0}}) {
+    const auto period = interpolation_period(row.period);
+    ASSERT_TRUE(period) << row.period.ns;
+    EXPECT_EQ(period->value, row.value) << row.period.ns;
+    EXPECT_EQ(period->exponent, row.exponent) << row.period.ns;
+  }
+  EXPECT_FALSE(interpolation_period(nanoseconds(1'000'001)));
+  EXPECT_FALSE(interpolation_period(microseconds(1001)));
+  EXPECT_FALSE(interpolation_period({}));
+}
+
+}  // namespace
+}  // namespace takt::drivers::cia402

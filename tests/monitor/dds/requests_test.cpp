@@ -1,0 +1,87 @@
+// Goal: the domain can ask for what it may ask for and nothing else, and its configuration says what the robot file
+// says. Method: a table of requests; the text handed to Cyclone DDS.
+#include "monitor/dds/requests.hpp"
+
+#include <gtest/gtest.h>
+
+#include <optional>
+
+#include "monitor/dds/domain_xml.hpp"
+
+namespace takt::monitor::dds {
+namespace {
+
+constexpr std::int64_t kNow = 1'700'000'000'000'000'000;
+
+struct Case {
+  const char* when;
+  const char* verb;
+  Duration sent_ago;
+  std::optional<OperatorVerb> handed_on;
+  const char* answer;
+  friend void PrintTo(const Case& one, std::ostream* out) { *out << one.when; }
+};
+
+class EveryRequest : public testing::TestWithParam<Case> {};
+
+TEST_P(EveryRequest, IsHandedOnOrAnsweredWithASentence) {
+  const Case& one = GetParam();
+  const auto verdict = judge({"arm6", 1, one.verb, kNow - one.sent_ago.ns}, kNow);
+  ASSERT_EQ(verdict.has_value(), one.handed_on.has_value());
+  if (verdict)
+    EXPECT_EQ(*verdict, *one.handed_on);
+  else
+    EXPECT_EQ(verdict.error(), one.answer);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Requests, EveryRequest,
+    testing::Values(Case{"arm, at once", "arm", milliseconds(1), OperatorVerb::arm, ""},
+                    Case{"arm, clocks a little apart", "arm", milliseconds(-500), OperatorVerb::arm, ""},
+                    Case{"arm, after a network's pause", "arm", milliseconds(2500), std::nullopt,
+                         "sent 2.5 s ago by this machine's clock: send it again, or set the clocks"},
+                    Case{"arm, from the future", "arm", seconds(-60), std::nullopt,
+                         "sent 60.0 s in the future by this machine's clock: send it again, or set the clocks"},
+                    Case{"stop", "stop", {}, OperatorVerb::stop, ""},
+                    Case{"stop, a minute late", "stop", seconds(60), OperatorVerb::stop, ""},
+                    Case{"reset",
+                         "reset",
+                         {},
+                         std::nullopt,
+                         "not by DDS: a stop or fault is cleared on the robot's machine, takt reset"},
+                    Case{"nothing", "", {}, std::nullopt, "`` is no request; write arm or stop"},
+                    Case{"another spelling", "Arm", {}, std::nullopt, "`Arm` is no request; write arm or stop"}));
+
+TEST(Requests, AStrangersWordCannotForgeALine) {
+  EXPECT_EQ(printable("arm"), "arm");
+  EXPECT_EQ(printable("arm\n\x1b[2J\xc3\xa4"), "arm??[2J??");
+  const std::string long_word = printable("stop" + std::string(1000, 'p'));
+  EXPECT_EQ(long_word, "stoppppppppppppp");
+  EXPECT_FALSE(judge({"arm6", 1, long_word, kNow}, kNow).has_value());
+}
+
+TEST(DomainXml, LoopbackNeedsNoMulticastAndFindsThisMachine) {
+  config::Dds dds;
+  dds.domain = 7;
+  dds.interface = "lo";
+  const std::string xml = domain_xml(dds);
+  for (const char* part : {R"(<Domain id="7">)", R"(<NetworkInterface name="lo" multicast="false"/>)",
+                           "<AllowMulticast>false</AllowMulticast>", R"(<Peers><Peer Address="localhost"/></Peers>)",
+                           "<SharedMemory><Enable>false</Enable></SharedMemory>"})
+    EXPECT_NE(xml.find(part), std::string::npos) << part << " is missing in " << xml;
+}
+
+TEST(DomainXml, AnotherInterfaceTellsItsPeersOnly) {
+  config::Dds dds;
+  dds.interface = "eth0";
+  dds.multicast = true;
+  dds.peers = {{"10.0.0.2"}, {"desk"}};
+  const std::string xml = domain_xml(dds);
+  for (const char* part :
+       {R"(<NetworkInterface name="eth0" multicast="default"/>)", "<AllowMulticast>true</AllowMulticast>",
+        R"(<Peers><Peer Address="10.0.0.2"/><Peer Address="desk"/></Peers>)"})
+    EXPECT_NE(xml.find(part), std::string::npos) << part << " is missing in " << xml;
+}
+
+}  // namespace
+}  // namespace takt::monitor::dds

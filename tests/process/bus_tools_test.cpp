@@ -1,0 +1,114 @@
+// Goal: the tools for the person at the robot work on a bus with drives of all five protocols, and keep away from one
+// that an executive drives. Method: takt-plant alone as the hardware, the real `takt` command against it.
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "config/load.hpp"
+#include "config/paths.hpp"
+#include "tests/process/running_robot.hpp"
+
+namespace takt::test {
+namespace {
+
+constexpr char kRobot[] = "config/dual_arm12.yaml";
+
+class BusTools : public testing::Test {
+ protected:
+  struct Ended {
+    int exit_code = -1;
+    std::string output;
+    [[nodiscard]] nlohmann::json json() const { return nlohmann::json::parse(output); }
+  };
+  BusTools() {
+    std::string pattern = testing::TempDir() + "takt-bus-tools.XXXXXX";
+    directory_ = mkdtemp(pattern.data());
+    plant_.emplace(std::vector<std::string>{"takt-plant", "--robot", kRobot, "--runtime-dir", directory_},
+                   directory_ + "/plant.log");
+    const auto last_bus = config::loopback_socket(directory_, "can3");
+    for (int i = 0; i < 500 && !std::filesystem::exists(last_bus); ++i)
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  ~BusTools() override {
+    plant_.reset();
+    std::filesystem::remove_all(directory_);
+  }
+  Ended takt(std::vector<std::string> words) {
+    words.insert(words.begin(), "takt");
+    words.insert(words.end(), {"--robot", kRobot, "--runtime-dir", directory_});
+    const std::string log = directory_ + "/takt-" + std::to_string(++commands_) + ".out";
+    Child child(words, log);
+    const int exit_code = child.wait(std::chrono::seconds(60)).value_or(-1);
+    std::ifstream file(log);
+    return {exit_code, {std::istreambuf_iterator<char>(file), {}}};
+  }
+
+  std::string directory_;
+  std::optional<Child> plant_;
+  int commands_ = 0;
+};
+
+TEST_F(BusTools, ScanFindsEveryJointsDrive) {
+  const Ended scan = takt({"bus", "scan", "--json", "--last-id", "20"});
+  ASSERT_EQ(scan.exit_code, 0) << scan.output;
+  const auto lines = scan.json();
+  EXPECT_EQ(lines.size(), 12U) << scan.output;
+  for (const auto& line : lines) EXPECT_TRUE(line.at("joint").is_string()) << line;
+}
+
+TEST_F(BusTools, JogMovesOneJointOfEveryProtocolAndLetsGo) {
+  for (const char* joint : {"left_wrist_roll", "left_wrist_yaw", "right_base_yaw", "right_wrist_yaw"}) {
+    const Ended jog = takt({"joint", "jog", joint, "--by", "3", "--speed", "20", "--torque", "4", "--json"});
+    ASSERT_EQ(jog.exit_code, 0) << joint << jog.output;
+    EXPECT_NEAR(jog.json().at("moved_rad").get<double>(), 3 * 0.01745, 0.015) << joint << jog.output;
+  }
+}
+
+TEST_F(BusTools, ZeroSetsOrSaysTheOffset) {
+  const Ended said = takt({"bus", "zero", "left_shoulder"});
+  EXPECT_EQ(said.exit_code, 0);
+  EXPECT_NE(said.output.find("with --yes"), std::string::npos) << said.output;
+  const Ended done = takt({"bus", "zero", "left_shoulder", "--yes"});
+  EXPECT_EQ(done.exit_code, 0) << done.output;
+  EXPECT_NE(done.output.find("and reads -0.000"), std::string::npos) << done.output;
+  const Ended offset = takt({"bus", "zero", "right_shoulder"});
+  EXPECT_NE(offset.output.find("offset: -0.600"), std::string::npos) << offset.output;
+}
+
+TEST_F(BusTools, NothingIsSentWhileAnExecutiveRunsButWatchingIsFine) {
+  Child executive({"takt-executive", "--robot", kRobot, "--runtime-dir", directory_, "--allow-non-realtime"},
+                  directory_ + "/executive.log");
+  Ended watch;
+  for (int i = 0; i < 20; ++i) {
+    watch = takt({"bus", "watch", "--seconds", "1", "--json"});
+    const auto joints = watch.json().at("joints");
+    if (std::ranges::all_of(joints, [](const auto& joint) { return joint.at("seen").template get<bool>(); })) break;
+  }
+  EXPECT_EQ(watch.exit_code, 0);
+  for (const auto& joint : watch.json().at("joints")) EXPECT_TRUE(joint.at("seen").get<bool>()) << joint;
+  for (const std::vector<std::string>& command :
+       {std::vector<std::string>{"bus", "scan"}, {"bus", "zero", "left_shoulder"}, {"joint", "jog", "left_shoulder"}}) {
+    const Ended refused = takt(command);
+    EXPECT_EQ(refused.exit_code, 1) << refused.output;
+    EXPECT_NE(refused.output.find("an executive runs in"), std::string::npos) << refused.output;
+  }
+  executive.signal(SIGTERM);
+  EXPECT_EQ(executive.wait(std::chrono::seconds(20)), 0);
+}
+
+TEST_F(BusTools, ASilentDriveIsMissed) {
+  plant_.reset();
+  const Ended scan = takt({"bus", "scan"});
+  EXPECT_EQ(scan.exit_code, 69) << scan.output;
+  const Ended jog = takt({"joint", "jog", "no_such_joint"});
+  EXPECT_EQ(jog.exit_code, 64);
+  EXPECT_NE(jog.output.find("has no joint `no_such_joint`"), std::string::npos) << jog.output;
+}
+
+}  // namespace
+}  // namespace takt::test

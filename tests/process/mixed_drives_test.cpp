@@ -1,0 +1,96 @@
+// Goal: a robot of twelve joints on four buses with drives of all five protocols runs the demo policy, and whichever of
+// its drives fails, the cause is named with its joint and in its protocol's words.
+// Method: real processes on the loopback buses; per case one drive's fault strikes 800 ms after it was first enabled.
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <ostream>
+#include <string>
+
+#include "tests/process/running_robot.hpp"
+
+namespace takt::test {
+namespace {
+
+constexpr char kRobot[] = "config/dual_arm12.yaml";
+
+struct Case {
+  const char* joint;
+  const char* event;  // of the scenario
+  const char* cause;
+  const char* said;  // how the detail begins, after the joint's name
+  friend void PrintTo(const Case& row, std::ostream* out) { *out << row.joint; }
+};
+
+// The line of transitions.jsonl that led to this mode.
+nlohmann::json transition_to(const std::string& mode, const std::string& run_directory) {
+  std::ifstream file(run_directory + "/transitions.jsonl");
+  for (std::string line; std::getline(file, line);) {
+    auto json = nlohmann::json::parse(line);
+    if (json.at("to") == mode) return json;
+  }
+  return {};
+}
+
+class MixedDrives : public testing::TestWithParam<Case> {
+ protected:
+  static std::string scenario_of(const Case& row) {
+    const std::string path = testing::TempDir() + "takt-mixed-" + row.joint + ".yaml";
+    std::ofstream(path) << "schema: takt.scenario/1\nevents:\n  - { after: enabled, at: 800 ms, joint: " << row.joint
+                        << ", " << row.event << " }\n";
+    return path;
+  }
+};
+
+TEST_P(MixedDrives, AFailingDriveIsNamedInItsOwnWords) {
+  const Case& row = GetParam();
+  RunningRobot robot(scenario_of(row), kRobot);
+  const Child policy = robot.start_policy_host();
+  ASSERT_EQ(robot.arm(), "") << robot.logs();
+  ASSERT_TRUE(robot.wait_for_mode(Mode::fault_latched)) << robot.logs();
+  ASSERT_TRUE(robot.finish()) << robot.logs();
+  const auto transition = transition_to("fault_latched", robot.run_directory());
+  ASSERT_FALSE(transition.is_null()) << robot.logs();
+  EXPECT_EQ(transition.at("cause"), row.cause);
+  const auto detail = transition.at("detail").get<std::string>();
+  EXPECT_TRUE(detail.starts_with("joint " + std::string(row.joint) + ": " + row.said)) << detail;
+  EXPECT_EQ(transition.at("from"), "tracking") << "it did not move: nothing was tested";
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    EveryJoint, MixedDrives,
+    testing::Values(Case{"left_base_yaw", "error: over_current", "drive_fault", "over-current"},
+                    Case{"left_shoulder", "error: overload", "drive_fault", "overload"},
+                    // Six bytes of reply have no room for an error: such a drive can only fall silent.
+                    Case{"left_elbow", "fault: silent, for: 300 ms", "feedback_lost", "silent for"},
+                    Case{"left_wrist_roll", "error: over_temperature", "drive_fault", "over-temperature"},
+                    Case{"left_wrist_pitch", "error: under_voltage", "drive_fault", "bus under-voltage"},
+                    Case{"left_wrist_yaw", "error: over_voltage", "drive_fault", "bus over-voltage"},
+                    Case{"right_base_yaw", "error: over_current", "drive_fault", "over-current"},
+                    Case{"right_shoulder", "error: under_voltage", "drive_fault", "under-voltage of the supply"},
+                    Case{"right_elbow", "error: over_temperature", "drive_fault", "motor over-temperature"},
+                    Case{"right_wrist_roll", "error: encoder", "drive_fault", "encoder fault"},
+                    Case{"right_wrist_pitch", "error: over_voltage", "drive_fault", "over-voltage"},
+                    Case{"right_wrist_yaw", "error: over_temperature", "drive_fault", "over-temperature"}),
+    [](const testing::TestParamInfo<Case>& row) { return std::string(row.param.joint); });
+
+TEST(MixedDrivesRun, ReplaysBitForBit) {
+  RunningRobot robot({}, kRobot);
+  const Child policy = robot.start_policy_host();
+  ASSERT_EQ(robot.arm(), "") << robot.logs();
+  ASSERT_TRUE(robot.wait_for_mode(Mode::tracking)) << robot.logs();
+  const auto status = robot.status();
+  ASSERT_TRUE(status.has_value());
+  const std::uint64_t until = status->status.ticks + 2000;
+  const auto later = robot.wait_until([until](const StatusSnapshot& s) { return s.ticks >= until; });
+  ASSERT_TRUE(later.has_value());
+  EXPECT_EQ(later->status.tick.mode, Mode::tracking) << robot.logs();
+  ASSERT_TRUE(robot.finish()) << robot.logs();
+  Child replay({"takt", "replay", robot.run_directory()}, robot.directory() + "/replay.log");
+  EXPECT_EQ(replay.wait(std::chrono::seconds(60)), 0) << robot.logs();
+}
+
+}  // namespace
+}  // namespace takt::test
