@@ -125,7 +125,7 @@ Judged age_part(const Case& c) {
 Judged silence(const Case& c) {
   if (!c.evidence.has_miss || c.evidence.silence <= c.rules.max_age) return {};
   return c.verdict(Fault::inference_stall,
-                   fmt::format("no command came for {:.3g} ms, max_age is {:.3g} ms", c.evidence.silence.milliseconds(),
+                   fmt::format("no command came for {:.4g} ms, max_age is {:.3g} ms", c.evidence.silence.milliseconds(),
                                c.rules.max_age.milliseconds()));
 }
 

@@ -19,7 +19,7 @@ namespace takt::cli {
 namespace {
 
 struct Options {
-  std::string panel, out, shard = "1/1";
+  std::string panel, out, only, shard = "1/1";
   std::size_t workers = 1;
   bool resume = false, json = false;
 };
@@ -66,9 +66,14 @@ int run(const Options& options) {
   if (!shard) return refuse(kExitUsage, "takt panel run: --shard " + options.shard + ": write I/N, such as 1/4");
   auto panel = panel::load_panel(options.panel);
   if (!panel) return refuse(config::kExitBadConfiguration, panel.error());
-  const auto plan = panel::plan_of(*panel, *shard);
+  auto plan = panel::plan_of(*panel, *shard);
   auto contest = panel::Contest::prepare(std::move(*panel));
   if (!contest) return refuse(config::kExitBadConfiguration, contest.error());
+  if (!options.only.empty()) {
+    std::erase_if(plan, [&](const auto& one) { return panel::rollout_id(contest->identity(one)) != options.only; });
+    if (plan.empty())
+      return refuse(kExitUsage, "takt panel run: --only " + options.only + ": no rollout of this panel");
+  }
   auto rows = open_writer(options, contest->manifest(plan.size()), contest->panel().text);
   if (!rows) return refuse(kExitFailed, "takt panel run: " + rows.error());
 

@@ -13,6 +13,7 @@
 #include "config/load.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "policy_host/policy_fit.hpp"
+#include "takt_source_hash.hpp"
 #include "takt_version.hpp"
 
 namespace takt::panel {
@@ -138,6 +139,7 @@ RolloutRow Contest::identity(const PlannedRollout& planned) const {
   row.policy_sha256 = who.policy_sha256;
   row.plant_sha256 = who.plant_sha256;
   row.script_version = TAKT_VERSION;
+  row.script_source_sha256 = TAKT_SOURCE_SHA256;
   return row;
 }
 
@@ -146,6 +148,7 @@ ArtifactManifest Contest::manifest(std::size_t planned) const {
   made.panel = panel_.name;
   made.panel_sha256 = panel_.sha256;
   made.script_version = TAKT_VERSION;
+  made.script_source_sha256 = TAKT_SOURCE_SHA256;
   made.claims = panel_.claims;
   made.planned_rollouts = planned;
   const std::uint64_t last = panel_.first_seed + panel_.seed_count - 1;

@@ -35,7 +35,9 @@ int severity(const TickRecordHeader& header) {
 
 std::string show_again(const Artifact& artifact, const RolloutRow& row) {
   if (!row.run_folder.empty()) return "takt replay " + artifact.folder.path() + "/" + row.run_folder;
-  return "takt panel run " + artifact.folder.panel() + " --only " + rollout_id(row);
+  // Not the copy in the artifact: a panel names its robot relative to itself.
+  return "takt panel run PANEL.yaml --only " + rollout_id(row) + " --out again  # PANEL.yaml: SHA-256 " +
+         artifact.manifest.panel_sha256;
 }
 
 std::expected<std::string, std::string> draft_of(const Artifact& artifact, std::size_t index) {

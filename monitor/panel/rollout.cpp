@@ -118,6 +118,7 @@ class Rollout {
     }
     input_.mailbox = input_.command != nullptr ? Arrival::accepted : Arrival::none;
     input_.command_bytes = input_.command != nullptr ? input_.command->used_bytes() : 0;
+    if (input_.command != nullptr && setup_.on_command) setup_.on_command(input_.command->header);
   }
 
   OperatorRequest request() {

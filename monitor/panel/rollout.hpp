@@ -15,6 +15,7 @@
 #include <string_view>
 
 #include "config/robot_config.hpp"
+#include "executive/contract/command_chunk.hpp"
 #include "executive/contract/tick_record.hpp"
 #include "monitor/panel/perturbation.hpp"
 #include "monitor/panel/rollout_row.hpp"
@@ -36,8 +37,9 @@ struct RolloutSetup {
   Perturbation perturbation;
   std::uint64_t seed = 1;
   Duration duration;
-  Duration scored;     // last part of the duration, judged
-  double bound_m = 0;  // rms error of the scored part
+  Duration scored;                                            // last part of the duration, judged
+  double bound_m = 0;                                         // rms error of the scored part
+  std::function<void(const CommandHeader&)> on_command = {};  // before the tick that reads it
   std::function<void(const TickRecord&)> on_tick = {};
 };
 
