@@ -72,7 +72,7 @@ AuditItem monitor_state(const Artifact& artifact) {
   for (const RolloutRow& row : artifact.rows) {
     ++ends[row.final_mode == Mode::tracking ? std::string(name(row.final_mode))
                                             : fmt::format("{} ({})", name(row.final_mode), name(row.final_cause))];
-    unhashed += row.replay_hash.empty() ? 1 : 0;
+    if (row.replay_hash.empty()) ++unhashed;
   }
   for (const auto& [end, count] : ends) {
     item.answer += fmt::format("{}{} {}", item.answer.empty() ? "ended in " : ", ", end, count);

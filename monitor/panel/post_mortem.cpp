@@ -5,6 +5,7 @@
 #include "monitor/bounded_file.hpp"
 #include "monitor/fault_classifier.hpp"
 #include "monitor/recorded_run.hpp"
+#include "monitor/run_metrics.hpp"
 
 namespace takt::panel {
 namespace {
