@@ -45,7 +45,7 @@ constexpr std::array<PerturbationKind, kTroubleCount> kKinds{{
     {Trouble::push, "push", "a force in a random direction at the tool, for 100 ms of every second", "N", 30, 0,
      10'000},
     {Trouble::payload, "payload", "a point mass sits at the tool", "kg", 1, 0, 1000},
-    {Trouble::friction, "friction", "joint friction is multiplied", "factor", 4, 0, 1000},
+    {Trouble::friction, "friction", "joint friction is multiplied", "factor", 4, 0.01, 1000},
 }};
 
 constexpr bool rows_are_in_order() {
