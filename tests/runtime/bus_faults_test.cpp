@@ -132,6 +132,17 @@ TEST(BusFaults, AnInstantOfEachIsNone) {
   }
 }
 
+TEST(BusFaults, ALinkThatGoesDownIsNamedAtOnceAndForgottenWhenItIsUpAgain) {
+  const auto down_for_100_ms = [](FakeBus& bus, const drivers::ReceivedFrame& answer, int n) {
+    const bool down = n >= 1000 && n < 1100;
+    bus.health_now.state = down ? BusState::down : BusState::up;
+    if (!down) bus.arriving.push_back(answer);
+  };
+  EXPECT_EQ(causes_after(1005, down_for_100_ms), bit(Cause::bus_down));
+  EXPECT_EQ(causes_after(1080, down_for_100_ms), bit(Cause::bus_down) | bit(Cause::feedback_lost));
+  EXPECT_EQ(causes_after(3000, down_for_100_ms), 0U);
+}
+
 TEST(BusFaults, FloodedIsMoreThanOurDrivesCanSay) {
   const auto flooded_after = [](std::size_t frames) {
     LoopRig rig(3, 2);  // two joints on bus 0
