@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <cstdio>
 
 namespace takt::cli {
@@ -31,7 +32,7 @@ void PanelProgress::show(Clock::time_point now) {
   const double share = static_cast<double>(done_) / static_cast<double>(planned_);
   const double passed = std::chrono::duration<double>(now - started_).count();
   const auto filled = static_cast<std::size_t>(share * kBarWidth);
-  const auto left = static_cast<int>(passed / share - passed + 0.5);
+  const auto left = static_cast<int>(std::lround(passed / share - passed));
   fmt::print(stderr, "\r[{:#<{}}{:.<{}}] {}/{} rollouts, {}:{:02d} left\033[K", "", filled, "", kBarWidth - filled,
              done_, planned_, left / 60, left % 60);
   std::fflush(stderr);

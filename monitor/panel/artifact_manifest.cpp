@@ -19,7 +19,7 @@ struct BadManifest {
   std::string sentence;
 };
 
-const Json& object(const Json& json, std::string_view what, std::initializer_list<std::string_view> keys) {
+void check_object(const Json& json, std::string_view what, std::initializer_list<std::string_view> keys) {
   if (!json.is_object()) throw BadManifest{fmt::format("{} is not an object", what)};
   for (const std::string_view key : keys) {
     if (!json.contains(key)) throw BadManifest{fmt::format("{}.{} is missing", what, key)};
@@ -27,7 +27,6 @@ const Json& object(const Json& json, std::string_view what, std::initializer_lis
   for (const auto& [key, value] : json.items()) {
     if (std::ranges::find(keys, key) == keys.end()) throw BadManifest{fmt::format("{}.{} is unknown", what, key)};
   }
-  return json;
 }
 
 Json moment(std::int64_t unix_ns) {
@@ -36,7 +35,9 @@ Json moment(std::int64_t unix_ns) {
 }
 
 std::int64_t moment_of(const Json& json, std::string_view what) {
-  return json.is_null() ? 0 : object(json, what, {"utc", "unix_ns"}).at("unix_ns").get<std::int64_t>();
+  if (json.is_null()) return 0;
+  check_object(json, what, {"utc", "unix_ns"});
+  return json.at("unix_ns").get<std::int64_t>();
 }
 
 Json method_json(const MethodFacts& facts) {
@@ -49,9 +50,9 @@ Json method_json(const MethodFacts& facts) {
 
 MethodFacts method_of(const Json& json, const std::string& name) {
   const std::string what = "methods." + name;
-  object(json, what, {"description", "config_sha256", "policy_sha256", "metric_contract"});
-  const Json& contract =
-      object(json.at("metric_contract"), what + ".metric_contract", {"max_age_ms", "epsilon", "confidence"});
+  check_object(json, what, {"description", "config_sha256", "policy_sha256", "metric_contract"});
+  const Json& contract = json.at("metric_contract");
+  check_object(contract, what + ".metric_contract", {"max_age_ms", "epsilon", "confidence"});
   return {.description = json.at("description"),
           .config_sha256 = json.at("config_sha256"),
           .policy_sha256 = json.at("policy_sha256"),
@@ -61,25 +62,29 @@ MethodFacts method_of(const Json& json, const std::string& name) {
 }
 
 ArtifactManifest read(const Json& json) {
-  object(json, "manifest",
-         {"schema", "artifact_id", "complete", "panel", "seed_plan", "script", "row_schema_sha256", "plants", "methods",
-          "claims", "planned_rollouts", "merged_from", "host", "started", "ended"});
+  check_object(json, "manifest",
+               {"schema", "artifact_id", "complete", "panel", "seed_plan", "script", "row_schema_sha256", "plants",
+                "methods", "claims", "planned_rollouts", "merged_from", "host", "started", "ended"});
   ArtifactManifest manifest;
   manifest.artifact_id = json.at("artifact_id");
   manifest.complete = json.at("complete");
-  const Json& panel = object(json.at("panel"), "panel", {"id", "sha256"});
+  const Json& panel = json.at("panel");
+  check_object(panel, "panel", {"id", "sha256"});
   manifest.panel = panel.at("id");
   manifest.panel_sha256 = panel.at("sha256");
-  const Json& plan = object(json.at("seed_plan"), "seed_plan", {"rule", "seeds"});
+  const Json& plan = json.at("seed_plan");
+  check_object(plan, "seed_plan", {"rule", "seeds"});
   plan.at("rule").get_to(manifest.seed_plan.rule);
   plan.at("seeds").get_to(manifest.seed_plan.seeds);
-  const Json& script = object(json.at("script"), "script", {"version", "source_sha256"});
+  const Json& script = json.at("script");
+  check_object(script, "script", {"version", "source_sha256"});
   manifest.script_version = script.at("version");
   manifest.script_source_sha256 = script.at("source_sha256");
   manifest.schema_sha256 = json.at("row_schema_sha256");
   for (const auto& [task, sha256] : json.at("plants").items()) manifest.plants[task] = sha256;
   for (const auto& [name, facts] : json.at("methods").items()) manifest.methods[name] = method_of(facts, name);
-  const Json& claims = object(json.at("claims"), "claims", {"conceptual", "systems", "evidence"});
+  const Json& claims = json.at("claims");
+  check_object(claims, "claims", {"conceptual", "systems", "evidence"});
   manifest.claims = {claims.at("conceptual"), claims.at("systems"), claims.at("evidence")};
   manifest.planned_rollouts = json.at("planned_rollouts");
   json.at("merged_from").get_to(manifest.merged_from);

@@ -166,8 +166,8 @@ Side side_of(const Artifact& artifact, std::string method) {
 
 }  // namespace
 
-std::expected<Comparison, std::string> compare(const Artifact& a, const Artifact& b, std::string method_a,
-                                               std::string method_b) {
+std::expected<Comparison, std::string> compare(const Artifact& a, const Artifact& b, const std::string& method_a,
+                                               const std::string& method_b) {
   if (const std::string reason = difference_between(a.manifest, b.manifest); !reason.empty()) {
     return std::unexpected(fmt::format("not comparable: {}", reason));
   }

@@ -60,8 +60,8 @@ struct Comparison {
 };
 
 // Empty method names stand for an artifact's only method. The error is one sentence: why these must not be compared.
-std::expected<Comparison, std::string> compare(const Artifact& a, const Artifact& b, std::string method_a = "",
-                                               std::string method_b = "");
+std::expected<Comparison, std::string> compare(const Artifact& a, const Artifact& b, const std::string& method_a = "",
+                                               const std::string& method_b = "");
 
 std::string comparison_text(const Comparison& comparison);
 nlohmann::ordered_json to_json(const Comparison& comparison);

@@ -89,7 +89,7 @@ struct KnownNames {
 std::string first_unknown(const Json& json, const std::string& prefix) {
   static const KnownNames kKnown;
   for (const auto& [key, value] : json.items()) {
-    const std::string name = prefix + key;
+    std::string name = prefix + key;
     if (kKnown.groups.contains(name) && value.is_object()) {
       if (std::string unknown = first_unknown(value, name + "."); !unknown.empty()) return unknown;
     } else if (!kKnown.groups.contains(name) && !kKnown.fields.contains(name)) {
