@@ -67,8 +67,10 @@ void check_pair_on_bus(const RobotConfig& robot, std::size_t i, std::size_t k, C
                               b.name, a.name, bus, clash->id, clash->extended ? " (29 bits)" : ""));
 }
 
-void check_drive(const Joint& joint, std::size_t i, Checker& checker) {
+void check_drive(const Joint& joint, const Bus& bus, std::size_t i, Checker& checker) {
   const Drive& drive = joint.drive;
+  checker.require(drive.protocol != DriveProtocol::moteus || bus.fd, joint_path(i, "bus"),
+                  fmt::format("moteus speaks CAN FD; write `fd: true` into bus {}", bus.name));
   checker.require(drive.direction != 0, joint_path(i, "drive.direction"), "0 is no direction; write 1 or -1");
   if (drive.protocol != DriveProtocol::mit) return;
   checker.require(drive.id != drive.reply_id, joint_path(i, "drive.reply_id"),
@@ -147,7 +149,10 @@ void check_buses_and_ids(const RobotConfig& robot, Checker& checker) {
 }
 
 void check_drives(const RobotConfig& robot, Checker& checker) {
-  for (std::size_t i = 0; i < robot.joints.size(); ++i) check_drive(robot.joints[i], i, checker);
+  for (std::size_t i = 0; i < robot.joints.size(); ++i) {
+    const Joint& joint = robot.joints[i];
+    check_drive(joint, robot.buses[joint.bus], i, checker);
+  }
 }
 
 void check_joints(const RobotConfig& robot, Checker& checker) {

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "config/load.hpp"
+#include "drivers/protocol_table.hpp"
 
 namespace takt::cli {
 
@@ -13,6 +14,10 @@ std::expected<CheckedRobot, std::string> check_robot_file(const std::string& pat
   if (robot->policy)
     if (const auto hash = config::policy_hash(robot->policy->file); !hash)
       problems = fmt::format("{}: {}", path, hash.error());
+  // What a driver refuses, the executive would refuse at its start.
+  for (std::size_t joint = 0; joint < robot->joints.size(); ++joint)
+    if (const auto driver = drivers::make_joint_driver(*robot, joint); !driver)
+      problems += fmt::format("{}{}: {}", problems.empty() ? "" : "\n", path, driver.error());
   auto loads = drivers::check_bus_load(*robot);
   if (!loads) problems += (problems.empty() ? "" : "\n") + loads.error();
   if (!problems.empty()) return std::unexpected(problems);
