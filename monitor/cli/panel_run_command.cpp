@@ -77,12 +77,12 @@ int run(const Options& options) {
   auto rows = open_writer(options, contest->manifest(plan.size()), contest->panel().text);
   if (!rows) return refuse(kExitFailed, "takt panel run: " + rows.error());
 
-  std::vector<panel::PlannedRollout> todo;
+  std::vector<panel::PlannedRollout> remaining;
   for (const panel::PlannedRollout& one : plan)
-    if (!rows->has(contest->identity(one))) todo.push_back(one);
+    if (!rows->has(contest->identity(one))) remaining.push_back(one);
   const auto done = [&] {
-    PanelProgress progress(todo.size());
-    return panel::run_in_workers(*contest, todo, options.workers, [&](const panel::RolloutRow& row) {
+    PanelProgress progress(remaining.size());
+    return panel::run_in_workers(*contest, remaining, options.workers, [&](const panel::RolloutRow& row) {
       progress.one_more();
       return rows->append(row);
     });
@@ -90,7 +90,7 @@ int run(const Options& options) {
   if (!done) return refuse(kExitFailed, "takt panel run: " + done.error());
   const auto finished = rows->finish();
   if (!finished) return refuse(kExitFailed, "takt panel run: " + finished.error());
-  print_summary(options, finished->artifact_id, rows->rows(), todo.size());
+  print_summary(options, finished->artifact_id, rows->rows(), remaining.size());
   return kExitOk;
 }
 

@@ -56,11 +56,11 @@ TEST_F(ResumedPanel, AnInterruptedArtifactResumesToTheSameId) {
   }
   auto again = ArtifactWriter::resume(path("part"), contest.manifest(plan.size()));
   ASSERT_TRUE(again.has_value()) << again.error();
-  std::vector<PlannedRollout> todo;
+  std::vector<PlannedRollout> remaining;
   for (const PlannedRollout& one : plan)
-    if (!again->has(contest.identity(one))) todo.push_back(one);
-  EXPECT_EQ(todo.size(), 3U);
-  ASSERT_TRUE(run_into(*again, todo).has_value());
+    if (!again->has(contest.identity(one))) remaining.push_back(one);
+  EXPECT_EQ(remaining.size(), 3U);
+  ASSERT_TRUE(run_into(*again, remaining).has_value());
   EXPECT_EQ(again->finish().value().artifact_id, whole->finish().value().artifact_id);
 }
 
