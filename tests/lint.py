@@ -1,0 +1,93 @@
+#!/usr/bin/env python3
+"""clang-tidy on every source of the product, as the given build folder compiles it.
+
+What was clean stays clean: a source is checked again only when it, one of the project's headers that its last build
+read, the settings or clang-tidy itself have changed. That is remembered per user, so that a fresh clone starts warm.
+Usage: lint.py BUILD_FOLDER, from the project's top folder, after a build. Exit code 1 when something was found.
+"""
+import concurrent.futures
+import functools
+import hashlib
+import os
+import pathlib
+import subprocess
+import sys
+import time
+
+ROOMS = ("executive", "drivers", "policy_host", "monitor", "config")
+CLANG_TIDY = "clang-tidy-19"
+OPTIONS = ["--quiet", "--extra-arg=-Wno-unknown-warning-option", "--extra-arg=-Wno-deprecated-declarations"]
+FORGET_AFTER_S = 60 * 24 * 3600
+
+
+def output_of(*command):
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+
+def headers_by_source(build):
+    """What each source's last build read of this project, from ninja's own notes."""
+    root = os.getcwd() + "/"
+    headers, files = {}, []
+
+    def keep():
+        ours = [path[len(root):] for path in (os.path.normpath(os.path.join(build, f)) for f in files)
+                if path.startswith(root) and not path.startswith(build)]
+        if ours:
+            headers.setdefault(ours[0], set()).update(ours[1:])
+
+    for line in output_of("ninja", "-C", build, "-t", "deps").splitlines():
+        if line.startswith("    "):
+            files.append(line.strip())
+        elif files:
+            keep()
+            files = []
+    if files:
+        keep()
+    return headers
+
+
+@functools.cache
+def digest(path):
+    return hashlib.sha256(pathlib.Path(path).read_bytes()).hexdigest()
+
+
+def stamp_of(source, headers, settings):
+    parts = [settings, source, digest(source)] + [f"{header}={digest(header)}" for header in sorted(headers)]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def check(build, source, stamp):
+    if stamp.exists():
+        stamp.touch()
+        return True
+    found = subprocess.run([CLANG_TIDY, *OPTIONS, "-p", build, source], stdout=subprocess.PIPE,
+                           stderr=subprocess.DEVNULL, text=True)
+    if found.returncode == 0:
+        stamp.touch()
+        return True
+    print(f"{found.stdout}lint: {source} (above)", flush=True)
+    return False
+
+
+def main():
+    build = os.path.abspath(sys.argv[1])
+    cache = pathlib.Path(os.environ.get("XDG_CACHE_HOME", pathlib.Path.home() / ".cache"), "takt", "lint")
+    cache.mkdir(parents=True, exist_ok=True)
+    for old in cache.iterdir():
+        if old.stat().st_mtime < time.time() - FORGET_AFTER_S:
+            old.unlink()
+    settings = digest(".clang-tidy") + digest(__file__) + output_of(CLANG_TIDY, "--version")
+    headers = headers_by_source(build)
+    sources = output_of("git", "ls-files", *(f"{room}/*.cpp" for room in ROOMS)).split()
+    missing = [source for source in sources if source not in headers]
+    if missing:
+        sys.exit(f"lint: {build} was not built with {', '.join(missing)}; build everything first")
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+        clean = list(pool.map(
+            lambda source: check(build, source, cache / stamp_of(source, headers[source], settings)), sources))
+    print(f"{clean.count(True)} of {len(clean)} sources are clean")
+    sys.exit(0 if all(clean) else 1)
+
+
+if __name__ == "__main__":
+    main()
