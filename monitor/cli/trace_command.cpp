@@ -7,9 +7,12 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <thread>
+#include <vector>
 
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/external_tool.hpp"
+#include "monitor/cli/traceable_processes.hpp"
 #include "monitor/run_folder.hpp"
 
 namespace takt::cli {
@@ -90,6 +93,25 @@ Done set_up(const Options& options) {
   return lttng({"start", kSession});
 }
 
+// Running processes learn of a session daemon by themselves, but after one that was killed hard they look only every
+// 5 s. A trace that has begun is one that they are in.
+void wait_until_registered() {
+  constexpr auto kLookEvery = std::chrono::milliseconds(50);
+  constexpr auto kPatience = std::chrono::seconds(15);
+  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  std::vector<TraceableProcess> missing;
+  while (true) {
+    missing = traceable_processes();
+    const std::string listing = run_tool({"lttng", "--no-sessiond", "list", "--userspace"}).output;
+    std::erase_if(missing, [&](const TraceableProcess& process) { return is_registered(listing, process.pid); });
+    if (missing.empty() || std::chrono::steady_clock::now() > deadline) break;
+    std::this_thread::sleep_for(kLookEvery);
+  }
+  for (const TraceableProcess& process : missing)
+    fmt::print(stderr, "takt trace: {} (process {}) has not joined the trace; restart it\n", process.program,
+               process.pid);
+}
+
 Done start(const Options& options) {
   if (auto done = ensure_session_daemon(); !done) return done;
   if (const auto running = trace_directory())
@@ -109,6 +131,7 @@ Done start(const Options& options) {
     (void)lttng({"destroy", kSession});
     return done;
   }
+  wait_until_registered();
   fmt::print("{} {}\n",
              options.flight_recorder ? "keeping the last seconds; takt trace snapshot writes them to" : "tracing into",
              directory);

@@ -1,10 +1,12 @@
 // Goal: a trace tells the same story as the run folder. Method: a robot of real processes that is tracking already is
 // traced for two seconds by `takt trace` and read back by babeltrace2; then every tick must be there, with the age and
 // the command that the monitor recorded, and every command whose answering was traced must pair up across processes.
-// A session daemon that was not there before is ended again.
+// A trace has begun only when every running process is in it, also after a session daemon that was killed, which leaves
+// processes to look for the next one every five seconds. A session daemon that was not there before is ended again.
 #include <gtest/gtest.h>
 #include <signal.h>
 
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
@@ -15,6 +17,7 @@
 #include <sstream>
 #include <string>
 #include <string_view>
+#include <thread>
 #include <vector>
 
 #include "monitor/recorded_run.hpp"
@@ -85,17 +88,31 @@ pid_t session_daemon() {
   return pid > 0 && kill(pid, 0) == 0 ? pid : 0;
 }
 
+void end_session_daemon(int signal) {
+  const pid_t daemon = session_daemon();
+  if (daemon == 0) return;
+  kill(daemon, signal);
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  while (kill(daemon, 0) == 0 && std::chrono::steady_clock::now() < deadline)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+}
+
 class TraceTest : public testing::Test {
  protected:
   void SetUp() override {
     for (const char* program : {"lttng", "lttng-sessiond", "babeltrace2"}) {
       if (!installed(program)) GTEST_SKIP() << program << " is not installed: NO TRACE WAS TESTED";
     }
-    daemon_before_ = session_daemon();
+    daemon_was_there_ = session_daemon() != 0;
   }
   ~TraceTest() override {
-    const pid_t daemon = session_daemon();
-    if (daemon_before_ == 0 && daemon != 0) kill(daemon, SIGTERM);
+    if (!daemon_was_there_) end_session_daemon(SIGTERM);
+  }
+  // What a daemon leaves behind that had no time to say goodbye.
+  void kill_a_session_daemon() const {
+    if (daemon_was_there_) return;
+    (void)output_of("lttng-sessiond --daemonize --no-kernel 2>&1");
+    end_session_daemon(SIGKILL);
   }
   static int takt(const RunningRobot& robot, std::vector<std::string> arguments) {
     arguments.insert(arguments.begin(), "takt");
@@ -139,10 +156,11 @@ class TraceTest : public testing::Test {
   }
 
  private:
-  pid_t daemon_before_ = 0;
+  bool daemon_was_there_ = false;
 };
 
 TEST_F(TraceTest, TellsTheSameStoryAsTheRunFolder) {
+  kill_a_session_daemon();
   RunningRobot robot;
   Child policy = robot.start_policy_host();
   ASSERT_EQ(robot.arm(), "") << robot.logs();
