@@ -27,6 +27,7 @@ void check(const RobotConfig& robot, const Places& places, Problems& problems) {
   check_policy(robot, checker);
   check_fallbacks(robot, checker);
   check_dds(robot, checker);
+  check_telemetry(robot, checker);
   check_simulation(robot, checker);
 }
 
@@ -96,6 +97,16 @@ void check_dds(const RobotConfig& robot, Checker& checker) {
                     fmt::format(kPlain, "host"));
   checker.require(dds.multicast || !dds.peers.empty() || dds.interface == "lo", "dds.interface",
                   "nobody can be found on it; add `peers`, or `multicast: true`");
+}
+
+void check_telemetry(const RobotConfig& robot, Checker& checker) {
+  if (!robot.otlp) return;
+  const Otlp& otlp = *robot.otlp;
+  checker.require(otlp.file || !otlp.endpoint.empty(), "otlp",
+                  "neither a file nor an endpoint: nothing would be exported; set one, or leave the section out");
+  checker.require(
+      otlp.endpoint.empty() || otlp.endpoint.starts_with("http://") || otlp.endpoint.starts_with("https://"),
+      "otlp.endpoint", "is no address of an OTLP/HTTP receiver; write http://host:4318");
 }
 
 void check_simulation(const RobotConfig& robot, Checker& checker) {

@@ -194,6 +194,19 @@ struct Dds {
   bool allow_requests = false;
 };
 
+// Where the monitor answers Prometheus (docs/metrics.md).
+struct Prometheus {
+  std::string address;
+  std::uint32_t port = 0;
+};
+
+// What the monitor tells OpenTelemetry (docs/opentelemetry.md).
+struct Otlp {
+  bool file = false;     // into the run folder
+  std::string endpoint;  // http(s)://host:port; empty: nothing is sent
+  Duration metrics_period;
+};
+
 struct Simulation {
   Duration step;
   double viscous = 0, coulomb = 0;  // Nm s/rad, Nm
@@ -242,7 +255,9 @@ struct RobotConfig {
   std::optional<Policy> policy;
   std::vector<Sensor> sensors;
   Record record;
-  std::optional<Dds> dds;  // absent: no DDS at all
+  std::optional<Dds> dds;                // absent: no DDS at all
+  std::optional<Prometheus> prometheus;  // absent: no port is opened
+  std::optional<Otlp> otlp;              // absent: nothing is exported
   std::optional<Simulation> simulation;
   std::string resolved;    // canonical YAML text, every default written out
   std::string sha256;      // of `resolved`, hex

@@ -1,4 +1,4 @@
-// Keys: record, dds, simulation.
+// Keys: record, dds, prometheus, otlp, simulation.
 #include <array>
 
 #include "config/schema.hpp"
@@ -71,6 +71,23 @@ void describe_dds(Fields& fields, Dds& dds) {
               dds.allow_requests);
 }
 
+void describe_prometheus(Fields& fields, Prometheus& prometheus) {
+  fields.text(
+      {"address", "of the machine's own that is listened on; 127.0.0.1: nobody outside this machine", "127.0.0.1"},
+      prometheus.address);
+  fields.integer({"port", "of GET /metrics", "9464"}, prometheus.port, 1, 65'535);
+}
+
+void describe_otlp(Fields& fields, Otlp& otlp) {
+  std::string endpoint = otlp.endpoint.empty() ? "none" : otlp.endpoint;
+  fields.flag({"file", "true: otlp_traces.jsonl and otlp_metrics.jsonl in the run folder", "true"}, otlp.file);
+  fields.text({"endpoint", "OTLP/HTTP receiver, http://host:port or https://host:port; none: nothing is sent", "none"},
+              endpoint);
+  fields.duration({"metrics_period", "time between two exports of the metrics", "10 s"}, otlp.metrics_period,
+                  milliseconds(100), seconds(3600));
+  otlp.endpoint = endpoint == "none" ? "" : endpoint;
+}
+
 }  // namespace
 
 void describe_evidence(Fields& fields, RobotConfig& robot) {
@@ -84,6 +101,16 @@ void describe_evidence(Fields& fields, RobotConfig& robot) {
   fields.optional_section({"dds", "the monitor talks to ROS 2 (docs/ros2.md)"}, exports, [&](Fields& f) {
     if (!robot.dds) robot.dds.emplace();
     describe_dds(f, *robot.dds);
+  });
+  bool serves = robot.prometheus.has_value();
+  fields.optional_section({"prometheus", "the monitor answers Prometheus (docs/metrics.md)"}, serves, [&](Fields& f) {
+    if (!robot.prometheus) robot.prometheus.emplace();
+    describe_prometheus(f, *robot.prometheus);
+  });
+  bool traces = robot.otlp.has_value();
+  fields.optional_section({"otlp", "the monitor tells OpenTelemetry (docs/opentelemetry.md)"}, traces, [&](Fields& f) {
+    if (!robot.otlp) robot.otlp.emplace();
+    describe_otlp(f, *robot.otlp);
   });
   bool present = robot.simulation.has_value();
   fields.optional_section({"simulation", "how takt-plant behaves"}, present, [&](Fields& f) {

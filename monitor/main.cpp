@@ -1,6 +1,6 @@
-// takt-monitor: records what an executive does into run folders, and tells ROS 2 where the robot file has a `dds`
-// section. Reads only, unless that section allows requests; the executive's loop waits for nothing here. Exit codes: 0
-// ended by a signal, 64 usage, 65 configuration refused, 71 the run folder cannot be written.
+// takt-monitor: records what an executive does into run folders, and tells ROS 2, Prometheus and OpenTelemetry where
+// the robot file says so. Reads only, unless its `dds` section allows requests; the executive's loop waits for nothing
+// here. Exit codes: 0 ended by a signal, 64 usage, 65 configuration refused, 71 the run folder cannot be written.
 #include <fmt/format.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
@@ -11,15 +11,13 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
-#include <optional>
 #include <string>
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "executive/trace/trace.hpp"
-#include "monitor/dds/condenser.hpp"
-#include "monitor/dds/exporter.hpp"
 #include "monitor/executive_session.hpp"
+#include "monitor/exports.hpp"
 #include "monitor/record_stream.hpp"
 #include "monitor/recorder.hpp"
 #include "monitor/run_metrics.hpp"
@@ -77,19 +75,9 @@ void write_review(const RunFolder& folder) {
   if (!metrics) spdlog::warn("metrics.json is missing: {}", metrics.error());
 }
 
-// What is recorded also goes to ROS 2. Both outlive the sink.
-RecordSink also_to(dds::Condenser& condenser, const RecordSink& recorded) {
-  RecordSink both = recorded;
-  both.tick = [&condenser, &recorded](const TickRecord& record) {
-    recorded.tick(record);
-    condenser.tick(record);
-  };
-  return both;
-}
-
 // One session of the executive, from attach to its end or ours. False: the folder cannot be written.
 bool record_session(const ExecutiveSession& session, const Options& options, const config::RobotConfig& robot,
-                    trace::Introduction& introduction, std::optional<dds::Exporter>& exporter) {
+                    trace::Introduction& introduction, Exports& exports) {
   const RunManifest manifest =
       describe(session, robot, options.runtime_directory, monotonic_now(), clock_ns(CLOCK_REALTIME));
   const auto folder = RunFolder::create(wanted_folder(options, robot, manifest.run_id));
@@ -101,9 +89,8 @@ bool record_session(const ExecutiveSession& session, const Options& options, con
     return false;
   }
   spdlog::info("recording into {}", folder->path());
-  std::optional<dds::Condenser> condenser;
-  if (exporter) condenser.emplace(robot, manifest.clock.monotonic_to_unix_ns, monotonic_now(), exporter->outbox());
-  const RecordSink sink = condenser ? also_to(*condenser, (*recorder)->sink()) : (*recorder)->sink();
+  exports.begin(manifest, folder->path(), monotonic_now());
+  const RecordSink sink = exports.also_to((*recorder)->sink());
   bool said_stopped = false;
   MonoTime next = monotonic_now();
   while (!g_stop && !session.is_over()) {
@@ -112,6 +99,7 @@ bool record_session(const ExecutiveSession& session, const Options& options, con
     stream->drain(sink, false);
     trace::drain_end((*recorder)->manifest().last_tick, (*recorder)->manifest().ticks);
     (*recorder)->flush_if_due(monotonic_now());
+    exports.drained(monotonic_now());
     if (!said_stopped && !(*recorder)->stop_reason().empty()) {
       said_stopped = true;
       spdlog::error("recording stopped: {}; the robot runs on unrecorded", (*recorder)->stop_reason());
@@ -120,7 +108,7 @@ bool record_session(const ExecutiveSession& session, const Options& options, con
     sleep_until(next);
   }
   stream->drain(sink, true);
-  if (condenser && session.is_over()) condenser->end();
+  exports.end(monotonic_now(), session.is_over());
   const char* why = g_stop ? "monitor told to end" : "executive ended";
   if (const auto written = (*recorder)->finish(monotonic_now(), why); !written) spdlog::error("{}", written.error());
   write_review(*folder);
@@ -138,14 +126,13 @@ int monitor_robot(Options options) {
   std::uint64_t policy_hash = 0;
   if (robot->policy) policy_hash = config::policy_hash(robot->policy->file).value_or(0);
   trace::Introduction introduction("takt-monitor", robot->hash, policy_hash, robot->joints);
-  std::optional<dds::Exporter> exporter;
-  if (robot->dds) exporter.emplace(*robot, options.runtime_directory);
+  Exports exports(*robot, options.runtime_directory, options.max_file_mib << 20U);
   std::string said;
   while (!g_stop) {
     const auto session = ExecutiveSession::attach(options.runtime_directory, *robot, std::chrono::milliseconds(500));
     if (session) {
       said.clear();
-      if (!record_session(*session, options, *robot, introduction, exporter)) return kExitSetUp;
+      if (!record_session(*session, options, *robot, introduction, exports)) return kExitSetUp;
     } else if (session.error() != said) {
       said = session.error();
       spdlog::info("waiting for the executive: {}", said);

@@ -26,7 +26,7 @@ constexpr int kPolls = 1000;  // times kPollEvery: 20 s
 }  // namespace
 
 Child::Child(std::vector<std::string> arguments, const std::string& log_path) {
-  arguments[0] = std::string(TAKT_BIN_DIR) + "/" + arguments[0];
+  if (!arguments[0].starts_with('/')) arguments[0] = std::string(TAKT_BIN_DIR) + "/" + arguments[0];
   std::vector<char*> argv;
   for (std::string& argument : arguments) argv.push_back(argument.data());
   argv.push_back(nullptr);

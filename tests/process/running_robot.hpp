@@ -18,7 +18,7 @@ namespace takt::test {
 // One child process; killed and reaped when it goes out of scope.
 class Child {
  public:
-  // argv[0] is the name of a program of this build. Output goes to `log_path`.
+  // argv[0] is the name of a program of this build, or another's whole path. Output goes to `log_path`.
   Child(std::vector<std::string> arguments, const std::string& log_path);
   Child(Child&& other) noexcept;
   Child& operator=(Child&& other) noexcept;

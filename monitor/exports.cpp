@@ -1,0 +1,74 @@
+#include "monitor/exports.hpp"
+
+#include <spdlog/spdlog.h>
+
+#include <utility>
+
+#include "takt_version.hpp"
+
+namespace takt::monitor {
+namespace {
+
+constexpr Duration kPublishPeriod = milliseconds(200);
+
+OtlpSource source_of(const RunManifest& manifest) {
+  return {manifest.robot, manifest.run_id, manifest.config_sha256, TAKT_VERSION, manifest.clock.monotonic_to_unix_ns};
+}
+
+}  // namespace
+
+Exports::Exports(const config::RobotConfig& robot, const std::string& runtime_directory, std::uint64_t max_file_bytes)
+    : robot_(robot), max_file_bytes_(max_file_bytes), metrics_(robot) {
+  if (robot.dds) dds_.emplace(robot, runtime_directory);
+  if (robot.prometheus) prometheus_.emplace(robot);
+  if (robot.otlp && !robot.otlp->endpoint.empty()) otlp_sender_.emplace(robot.otlp->endpoint);
+}
+
+void Exports::begin(const RunManifest& manifest, const std::string& folder, MonoTime now) {
+  metrics_.begin(manifest.run_id);
+  if (dds_) condenser_.emplace(robot_, manifest.clock.monotonic_to_unix_ns, now, dds_->outbox());
+  if (!robot_.otlp) return;
+  auto exporter = OtlpExporter::start(*robot_.otlp, source_of(manifest), folder, max_file_bytes_,
+                                      otlp_sender_ ? &*otlp_sender_ : nullptr, now);
+  if (exporter)
+    otlp_.emplace(std::move(*exporter));
+  else
+    spdlog::error("OTLP: {}; recording goes on without it", exporter.error());
+}
+
+RecordSink Exports::also_to(const RecordSink& recorded) {
+  RecordSink all = recorded;
+  all.tick = [this, &recorded](const TickRecord& record) {
+    recorded.tick(record);
+    metrics_.tick(record);
+    if (condenser_) condenser_->tick(record);
+    if (otlp_) otlp_->tick(record);
+  };
+  all.frame = [this, &recorded](const FrameRecord& frame) {
+    recorded.frame(frame);
+    if (otlp_) otlp_->frame(frame);
+  };
+  all.loss = [this, &recorded](const Loss& loss) {
+    recorded.loss(loss);
+    metrics_.loss(loss);
+  };
+  return all;
+}
+
+void Exports::drained(MonoTime now) {
+  if (otlp_) otlp_->export_if_due(metrics_, now);
+  if (!prometheus_ || now < published_at_ + kPublishPeriod) return;
+  published_at_ = now;
+  prometheus_->publish(metrics_);
+}
+
+void Exports::end(MonoTime now, bool executive_ended) {
+  metrics_.end();
+  if (condenser_ && executive_ended) condenser_->end();
+  condenser_.reset();
+  if (otlp_) otlp_->finish(metrics_, now);
+  otlp_.reset();
+  if (prometheus_) prometheus_->publish(metrics_);
+}
+
+}  // namespace takt::monitor

@@ -1,0 +1,46 @@
+// Everything the monitor tells besides the run folder: ROS 2, Prometheus and OpenTelemetry, each where the robot file
+// has its section (`dds`, `prometheus`, `otlp`). Lives as long as the monitor; sessions of the executive begin and end.
+// Nothing here makes recording wait. Thread rule: one thread.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "config/robot_config.hpp"
+#include "monitor/dds/condenser.hpp"
+#include "monitor/dds/exporter.hpp"
+#include "monitor/record_stream.hpp"
+#include "monitor/run_manifest.hpp"
+#include "monitor/telemetry/live_metrics.hpp"
+#include "monitor/telemetry/otlp_exporter.hpp"
+#include "monitor/telemetry/otlp_sender.hpp"
+#include "monitor/telemetry/prometheus_server.hpp"
+
+namespace takt::monitor {
+
+class Exports {
+ public:
+  // `robot` outlives the exports.
+  Exports(const config::RobotConfig& robot, const std::string& runtime_directory, std::uint64_t max_file_bytes);
+
+  void begin(const RunManifest& manifest, const std::string& folder, MonoTime now);
+  // A sink that hands everything to `recorded` and here; both outlive it.
+  RecordSink also_to(const RecordSink& recorded);
+  // After each drain of the rings.
+  void drained(MonoTime now);
+  void end(MonoTime now, bool executive_ended);
+
+ private:
+  const config::RobotConfig& robot_;
+  std::uint64_t max_file_bytes_;
+  LiveMetrics metrics_;
+  MonoTime published_at_;
+  std::optional<dds::Exporter> dds_;
+  std::optional<PrometheusServer> prometheus_;
+  std::optional<OtlpSender> otlp_sender_;
+  // of the session
+  std::optional<dds::Condenser> condenser_;
+  std::optional<OtlpExporter> otlp_;
+};
+
+}  // namespace takt::monitor

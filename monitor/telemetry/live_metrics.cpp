@@ -1,0 +1,92 @@
+#include "monitor/telemetry/live_metrics.hpp"
+
+#include <algorithm>
+
+namespace takt::monitor {
+namespace {
+
+template <std::size_t size, class Enum>
+void count(std::array<std::uint64_t, size>& counts, Enum value) {
+  if (const auto index = static_cast<std::size_t>(value); index < size) ++counts[index];
+}
+
+std::vector<Duration> age_bounds(Duration max_age) {
+  std::vector<Duration> bounds;
+  for (const int ms : {1, 2, 5, 10, 20, 30, 50, 75, 100, 150, 200, 300, 500, 1000, 2000, 5000})
+    bounds.push_back(milliseconds(ms));
+  const auto at = std::ranges::lower_bound(bounds, max_age);
+  if (at == bounds.end() || *at != max_age) bounds.insert(at, max_age);
+  return bounds;
+}
+
+std::vector<Duration> loop_bounds() {
+  std::vector<Duration> bounds;
+  for (const int us : {5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10'000, 50'000})
+    bounds.push_back(microseconds(us));
+  return bounds;
+}
+
+bool is_usable(Freshness freshness) {
+  return freshness == Freshness::fresh || freshness == Freshness::aging;
+}
+
+}  // namespace
+
+void Histogram::observe(Duration value) {
+  const auto at = std::ranges::lower_bound(bounds, value);
+  ++counts[static_cast<std::size_t>(at - bounds.begin())];
+  sum = sum + value;
+  ++count;
+}
+
+LiveMetrics::LiveMetrics(const config::RobotConfig& robot)
+    : age(age_bounds(robot.freshness.max_age)),
+      stages(kStageCount, Histogram(age_bounds(robot.freshness.max_age))),
+      lateness(loop_bounds()),
+      work(loop_bounds()),
+      interventions(robot.joints.size()),
+      joints(robot.joints.size()) {}
+
+void LiveMetrics::begin(std::string id) {
+  run_id = std::move(id);
+  running = true;
+  newest = {};
+}
+
+void LiveMetrics::tick(const TickRecord& record) {
+  const TickRecordHeader& header = record.header;
+  if (header.joint_count != joints.size()) return;
+  ++ticks;
+  lateness.observe(header.lateness);
+  work.observe(header.last_duration);
+  count(arrivals, header.arrival);
+  count(overruns, header.overrun_cause);
+  if (newest.tick != 0) skipped_periods += header.skipped_periods - newest.skipped_periods;
+  if (header.mode != header.previous_mode) ++transitions[{header.mode, header.cause}];
+  if (header.previous_mode == Mode::tracking || header.previous_mode == Mode::degraded) {
+    ++relied_ticks;
+    if (!is_usable(header.freshness)) ++deadline_misses;
+    if (header.freshness != Freshness::missing) age.observe(header.age.total());
+  }
+  if (header.arrival == Arrival::accepted && header.freshness != Freshness::missing) {
+    const std::array<Duration, kStageCount> parts{header.age.sense, header.age.queue, header.age.infer,
+                                                  header.age.publish};
+    for (std::size_t stage = 0; stage < kStageCount; ++stage) stages[stage].observe(parts[stage]);
+  }
+  joint_ticks(record);
+  newest = header;
+}
+
+void LiveMetrics::joint_ticks(const TickRecord& record) {
+  for (std::size_t joint = 0; joint < joints.size(); ++joint) {
+    joints[joint] = record.joints[joint];
+    for (std::size_t kind = 0; kind < kInterventionCount; ++kind)
+      interventions[joint][kind] += (record.joints[joint].interventions >> kind) & 1U;
+  }
+}
+
+void LiveMetrics::loss(const Loss& loss) {
+  losses[{loss.ring, loss.reason}] += loss.count;
+}
+
+}  // namespace takt::monitor

@@ -1,0 +1,65 @@
+// Running counts of what the executive does, since the monitor started: what Prometheus scrapes and OTLP carries.
+//
+// Fed with every tick record in order, over any number of sessions of the executive. Plain value: copied to be read
+// elsewhere. Memory is fixed by the robot, the transitions seen and the buckets, never by the running time.
+// Thread rule: one thread at a time.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "config/robot_config.hpp"
+#include "executive/contract/tick_record.hpp"
+#include "monitor/run_messages.hpp"
+
+namespace takt::monitor {
+
+// Explicit buckets: counts[i] are the values in (bounds[i - 1], bounds[i]], the last one those above all bounds.
+struct Histogram {
+  explicit Histogram(std::vector<Duration> upper_bounds) : bounds(std::move(upper_bounds)), counts(bounds.size() + 1) {}
+  void observe(Duration value);
+  std::vector<Duration> bounds;  // ascending
+  std::vector<std::uint64_t> counts;
+  Duration sum;
+  std::uint64_t count = 0;
+};
+
+inline constexpr std::size_t kStageCount = 4;  // of a command up to its first use
+inline constexpr std::array<std::string_view, kStageCount> kStageNames{"sense", "queue", "infer", "publish"};
+
+class LiveMetrics {
+ public:
+  // max_age of the robot's contract is a bucket bound of its ages, so that misses can be read off the histogram.
+  explicit LiveMetrics(const config::RobotConfig& robot);
+
+  // Another session of the executive begins: `run_id` names its run folder.
+  void begin(std::string run_id);
+  void tick(const TickRecord& record);
+  void loss(const Loss& loss);
+  void end() { running = false; }
+
+  std::string run_id;
+  bool running = false;
+  std::uint64_t ticks = 0;
+  std::uint64_t relied_ticks = 0, deadline_misses = 0;  // of the freshness contract, per tick (run_metrics.hpp)
+  Histogram age;                                        // of the command in use, each tick that relied on the policy
+  std::vector<Histogram> stages;                        // by stage, each command at its first use
+  Histogram lateness, work;                             // of every tick
+  std::array<std::uint64_t, kArrivalCount> arrivals{};
+  std::array<std::uint64_t, kOverrunCauseCount> overruns{};
+  std::uint64_t skipped_periods = 0;
+  std::map<std::pair<Mode, Cause>, std::uint64_t> transitions;               // mode entered, and why
+  std::map<std::pair<std::string, std::string>, std::uint64_t> losses;       // ring and reason -> entries
+  std::vector<std::array<std::uint64_t, kInterventionCount>> interventions;  // by joint, in ticks
+  std::vector<JointRecord> joints;                                           // newest
+  TickRecordHeader newest;                                                   // its tick; 0: none yet
+
+ private:
+  void joint_ticks(const TickRecord& record);
+};
+
+}  // namespace takt::monitor

@@ -1,0 +1,215 @@
+#include "monitor/telemetry/otlp_json.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <initializer_list>
+#include <nlohmann/json.hpp>
+#include <string_view>
+#include <utility>
+
+namespace takt::monitor {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr int kInternal = 1;    // SPAN_KIND_INTERNAL
+constexpr int kCumulative = 2;  // AGGREGATION_TEMPORALITY_CUMULATIVE
+
+// OTLP's JSON has 64-bit integers as text.
+Json integer(std::uint64_t value) {
+  return fmt::format("{}", value);
+}
+
+Json attribute(std::string_view key, std::string_view value) {
+  return {{"key", key}, {"value", {{"stringValue", value}}}};
+}
+
+Json attribute(std::string_view key, std::uint64_t value) {
+  return {{"key", key}, {"value", {{"intValue", integer(value)}}}};
+}
+
+Json resource(const OtlpSource& source, std::string_view service) {
+  return {{"attributes",
+           {attribute("service.name", service), attribute("service.namespace", "takt"),
+            attribute("service.version", source.version), attribute("service.instance.id", source.run_id),
+            attribute("takt.robot", source.robot), attribute("takt.config_sha256", source.config_sha256)}}};
+}
+
+Json scope(const OtlpSource& source) {
+  return {{"name", "takt"}, {"version", source.version}};
+}
+
+// Vigna's splitmix64: spreads close numbers over all bits.
+std::uint64_t mixed(std::uint64_t value) {
+  value += 0x9E3779B97F4A7C15U;
+  value = (value ^ (value >> 30U)) * 0xBF58476D1CE4E5B9U;
+  value = (value ^ (value >> 27U)) * 0x94D049BB133111EBU;
+  return value ^ (value >> 31U);
+}
+
+enum class Identified : std::uint64_t { command = 1, observation = 2 };
+
+struct TraceId {
+  std::uint64_t high, low;
+  [[nodiscard]] std::string text() const { return fmt::format("{:016x}{:016x}", high, low); }
+  // `number` tells the spans of one trace apart.
+  [[nodiscard]] std::string span(std::uint64_t number) const {
+    const std::uint64_t id = mixed(low ^ mixed(number));
+    return fmt::format("{:016x}", id != 0 ? id : 1);
+  }
+};
+
+std::uint64_t mixed(std::string_view text) {
+  std::uint64_t value = text.size();
+  for (const char c : text) value = mixed(value ^ static_cast<unsigned char>(c));
+  return value;
+}
+
+TraceId trace_id(const OtlpSource& source, Identified what, std::uint64_t session, std::uint64_t number) {
+  const std::uint64_t run = mixed(source.run_id);
+  return {run | 1U, mixed(mixed(run ^ static_cast<std::uint64_t>(what)) ^ mixed(session) ^ number)};
+}
+
+class SpanWriter {
+ public:
+  explicit SpanWriter(const OtlpSource& source) : source_(source) {}
+
+  void write(const CommandTrace& trace) {
+    const TraceId id = trace_id(source_, Identified::command, trace.policy_session, trace.sequence);
+    const TraceId observation = trace_id(source_, Identified::observation, 0, trace.observation);
+    Json root = span(id, "command", trace.sensed_at, trace.actuated_at, 0);
+    root["attributes"] =
+        Json::array({attribute("takt.sequence", trace.sequence), attribute("takt.observation", trace.observation),
+                     attribute("takt.tick", trace.tick), attribute("takt.mode", name(trace.mode)),
+                     attribute("takt.age_ns", static_cast<std::uint64_t>((trace.consumed_at - trace.sensed_at).ns))});
+    root["links"] = Json::array({{{"traceId", observation.text()}, {"spanId", observation.span(0)}}});
+    executive_.push_back(std::move(root));
+    executive_.push_back(child(id, "sense", trace.sensed_at, trace.observed_at, 1));
+    policy_host_.push_back(child(id, "queue", trace.observed_at, trace.infer_began_at, 2));
+    policy_host_.push_back(child(id, "infer", trace.infer_began_at, trace.infer_ended_at, 3));
+    policy_host_.push_back(child(id, "publish", trace.infer_ended_at, trace.consumed_at, 4));
+    executive_.push_back(child(id, "consume", trace.consumed_at, trace.actuating_at, 5));
+    executive_.push_back(child(id, "actuate", trace.actuating_at, trace.actuated_at, 6));
+    if (std::exchange(observation_, trace.observation) == trace.observation) return;
+    Json seen = span(observation, "observation", trace.sensed_at, trace.observed_at, 0);
+    seen["attributes"] = Json::array({attribute("takt.observation", trace.observation)});
+    executive_.push_back(std::move(seen));
+  }
+
+  Json request() {
+    return {{"resourceSpans", {spans_of("takt-executive", executive_), spans_of("takt-policy-host", policy_host_)}}};
+  }
+
+ private:
+  [[nodiscard]] Json instant(MonoTime at) const { return fmt::format("{}", at.ns + source_.monotonic_to_unix_ns); }
+  [[nodiscard]] Json span(const TraceId& id, std::string_view name, MonoTime from, MonoTime to,
+                          std::uint64_t number) const {
+    return {{"traceId", id.text()}, {"spanId", id.span(number)},          {"name", name},
+            {"kind", kInternal},    {"startTimeUnixNano", instant(from)}, {"endTimeUnixNano", instant(to)}};
+  }
+  [[nodiscard]] Json child(const TraceId& id, std::string_view name, MonoTime from, MonoTime to,
+                           std::uint64_t number) const {
+    Json made = span(id, name, from, to, number);
+    made["parentSpanId"] = id.span(0);
+    return made;
+  }
+  Json spans_of(std::string_view service, Json& spans) {
+    return {{"resource", resource(source_, service)},
+            {"scopeSpans", {{{"scope", scope(source_)}, {"spans", std::move(spans)}}}}};
+  }
+
+  const OtlpSource& source_;
+  Json executive_ = Json::array(), policy_host_ = Json::array();
+  std::uint64_t observation_ = 0;
+};
+
+class MetricWriter {
+ public:
+  MetricWriter(std::int64_t since_unix_ns, std::int64_t now_unix_ns)
+      : since_(fmt::format("{}", since_unix_ns)), now_(fmt::format("{}", now_unix_ns)) {}
+
+  void histogram(std::string_view name, std::string_view description, std::span<const Histogram> histograms,
+                 std::span<const std::string_view> stages = {}) {
+    Json points = Json::array();
+    for (std::size_t i = 0; i < histograms.size(); ++i) {
+      Json point = histogram_point(histograms[i]);
+      if (!stages.empty()) point["attributes"] = Json::array({attribute("stage", stages[i])});
+      points.push_back(std::move(point));
+    }
+    add(name, description, "s",
+        {{"histogram", {{"dataPoints", std::move(points)}, {"aggregationTemporality", kCumulative}}}});
+  }
+  // One point per (attribute value, count); a point without attribute when the key is empty.
+  void sum(std::string_view name, std::string_view description, std::string_view key,
+           const std::vector<std::pair<std::string_view, std::uint64_t>>& counts) {
+    Json points = Json::array();
+    for (const auto& [value, times] : counts) {
+      Json point{{"startTimeUnixNano", since_}, {"timeUnixNano", now_}, {"asInt", integer(times)}};
+      if (!key.empty()) point["attributes"] = Json::array({attribute(key, value)});
+      points.push_back(std::move(point));
+    }
+    add(name, description, "1",
+        {{"sum", {{"dataPoints", std::move(points)}, {"aggregationTemporality", kCumulative}, {"isMonotonic", true}}}});
+  }
+  void mode(const LiveMetrics& metrics) {
+    Json points = Json::array();
+    for (std::size_t i = 0; i < kModeCount; ++i) {
+      const bool is_in = metrics.newest.mode == static_cast<Mode>(i);
+      points.push_back({{"timeUnixNano", now_},
+                        {"asInt", integer(is_in ? 1 : 0)},
+                        {"attributes", Json::array({attribute("mode", name(static_cast<Mode>(i)))})}});
+    }
+    add("takt.mode", "1 for the mode the executive is in.", "1", {{"gauge", {{"dataPoints", std::move(points)}}}});
+  }
+  Json take() { return std::move(metrics_); }
+
+ private:
+  [[nodiscard]] Json histogram_point(const Histogram& histogram) const {
+    Json bounds = Json::array(), counts = Json::array();
+    for (const Duration bound : histogram.bounds) bounds.push_back(static_cast<double>(bound.ns) / 1e9);
+    for (const std::uint64_t times : histogram.counts) counts.push_back(integer(times));
+    return {{"startTimeUnixNano", since_},       {"timeUnixNano", now_},
+            {"count", integer(histogram.count)}, {"sum", static_cast<double>(histogram.sum.ns) / 1e9},
+            {"bucketCounts", std::move(counts)}, {"explicitBounds", std::move(bounds)}};
+  }
+  void add(std::string_view name, std::string_view description, std::string_view unit, Json data) {
+    Json metric{{"name", name}, {"description", description}, {"unit", unit}};
+    metric.update(data);
+    metrics_.push_back(std::move(metric));
+  }
+  std::string since_, now_;
+  Json metrics_ = Json::array();
+};
+
+}  // namespace
+
+std::string otlp_traces(const OtlpSource& source, std::span<const CommandTrace> traces) {
+  SpanWriter writer(source);
+  for (const CommandTrace& trace : traces) writer.write(trace);
+  return writer.request().dump();
+}
+
+std::string otlp_metrics(const OtlpSource& source, const LiveMetrics& metrics, MonoTime since, MonoTime now) {
+  MetricWriter writer(since.ns + source.monotonic_to_unix_ns, now.ns + source.monotonic_to_unix_ns);
+  writer.histogram("takt.command.age", "Age of the command in use, at each tick that relied on the policy.",
+                   std::span(&metrics.age, 1));
+  writer.histogram("takt.command.stage", "Parts of a command's age at its first use.", metrics.stages, kStageNames);
+  writer.histogram("takt.wakeup.lateness", "How late the control thread woke.", std::span(&metrics.lateness, 1));
+  writer.histogram("takt.tick.duration", "How long a tick worked.", std::span(&metrics.work, 1));
+  writer.sum("takt.ticks", "Ticks of the control loop.", "", {{"", metrics.ticks}});
+  writer.sum("takt.relied_ticks", "Ticks that relied on the policy.", "", {{"", metrics.relied_ticks}});
+  writer.sum("takt.deadline_misses", "Relied ticks whose command was stale or missing.", "",
+             {{"", metrics.deadline_misses}});
+  std::vector<std::pair<std::string_view, std::uint64_t>> overruns;
+  for (std::size_t i = 1; i < kOverrunCauseCount; ++i)
+    overruns.emplace_back(name(static_cast<OverrunCause>(i)), metrics.overruns[i]);
+  writer.sum("takt.overruns", "Periods that ended late.", "cause", overruns);
+  writer.mode(metrics);
+  return Json{{"resourceMetrics",
+               {{{"resource", resource(source, "takt-executive")},
+                 {"scopeMetrics", {{{"scope", scope(source)}, {"metrics", writer.take()}}}}}}}}
+      .dump();
+}
+
+}  // namespace takt::monitor

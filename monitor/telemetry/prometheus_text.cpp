@@ -1,0 +1,177 @@
+#include "monitor/telemetry/prometheus_text.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <initializer_list>
+#include <string_view>
+#include <utility>
+
+namespace takt::monitor {
+namespace {
+
+using Label = std::pair<std::string_view, std::string_view>;
+
+std::string escaped(std::string_view value) {
+  std::string text;
+  for (const char c : value) {
+    if (c == '\\' || c == '"') text += '\\';
+    if (c == '\n')
+      text += "\\n";
+    else
+      text += c;
+  }
+  return text;
+}
+
+// Shortest text that reads back as the same number of nanoseconds.
+std::string seconds_text(Duration duration) {
+  return fmt::format("{}", static_cast<double>(duration.ns) / 1e9);
+}
+
+class Exposition {
+ public:
+  explicit Exposition(std::string_view robot) : robot_(escaped(robot)) {}
+
+  void family(std::string_view name, std::string_view type, std::string_view help) {
+    name_ = name;
+    text_ += fmt::format("# HELP {} {}\n# TYPE {} {}\n", name, help, name, type);
+  }
+  template <class Number>
+  void sample(Number value, std::initializer_list<Label> labels = {}) {
+    line("", labels, fmt::format("{}", value));
+  }
+  void histogram(const Histogram& histogram, std::initializer_list<Label> labels = {}) {
+    std::uint64_t below = 0;
+    for (std::size_t i = 0; i < histogram.counts.size(); ++i) {
+      below += histogram.counts[i];
+      const std::string bound = i < histogram.bounds.size() ? seconds_text(histogram.bounds[i]) : "+Inf";
+      line("_bucket", labels, fmt::format("{}", below), fmt::format(",le=\"{}\"", bound));
+    }
+    line("_sum", labels, seconds_text(histogram.sum));
+    line("_count", labels, fmt::format("{}", histogram.count));
+  }
+  std::string take() { return std::move(text_); }
+
+ private:
+  void line(std::string_view suffix, std::initializer_list<Label> labels, std::string_view value,
+            std::string_view bucket = "") {
+    text_ += fmt::format("{}{}{{robot=\"{}\"", name_, suffix, robot_);
+    for (const auto& [key, text] : labels) text_ += fmt::format(",{}=\"{}\"", key, escaped(text));
+    text_ += fmt::format("{}}} {}\n", bucket, value);
+  }
+  std::string robot_, text_;
+  std::string_view name_;
+};
+
+void contract(Exposition& out, const LiveMetrics& metrics, const config::RobotConfig& robot) {
+  out.family("takt_freshness_max_age_seconds", "gauge", "Oldest command that may move the robot.");
+  out.sample(robot.freshness.max_age.seconds());
+  out.family("takt_freshness_epsilon_ratio", "gauge", "Share of ticks that the contract lets miss.");
+  out.sample(robot.freshness.epsilon);
+  out.family("takt_relied_ticks_total", "counter", "Ticks that relied on the policy.");
+  out.sample(metrics.relied_ticks);
+  out.family("takt_deadline_misses_total", "counter", "Relied ticks whose command was stale or missing.");
+  out.sample(metrics.deadline_misses);
+  out.family("takt_window_misses_ratio", "gauge", "Share of misses in the contract's sliding window, now.");
+  const TickRecordHeader& now = metrics.newest;
+  out.sample(now.window_ticks == 0 ? 0.0 : static_cast<double>(now.window_misses) / now.window_ticks);
+  out.family("takt_command_age_seconds", "histogram", "Age of the command in use, at each relied tick.");
+  out.histogram(metrics.age);
+  out.family("takt_command_stage_seconds", "histogram", "Parts of a command's age at its first use.");
+  for (std::size_t stage = 0; stage < kStageCount; ++stage)
+    out.histogram(metrics.stages[stage], {{"stage", kStageNames[stage]}});
+  out.family("takt_command_arrivals_total", "counter", "Looks into the policy's mailbox, by what they found.");
+  for (std::size_t i = 0; i < kArrivalCount; ++i)
+    out.sample(metrics.arrivals[i], {{"arrival", name(static_cast<Arrival>(i))}});
+}
+
+void modes(Exposition& out, const LiveMetrics& metrics) {
+  out.family("takt_mode", "gauge", "1 for the mode the executive is in.");
+  for (std::size_t i = 0; i < kModeCount; ++i) {
+    const auto mode = static_cast<Mode>(i);
+    const bool is_in = metrics.running && metrics.newest.tick != 0 && metrics.newest.mode == mode;
+    out.sample(is_in ? 1 : 0, {{"mode", name(mode)}});
+  }
+  out.family("takt_mode_transitions_total", "counter", "Changes of mode, by the mode entered and the cause.");
+  for (const auto& [change, times] : metrics.transitions)
+    out.sample(times, {{"mode", name(change.first)}, {"cause", name(change.second)}});
+}
+
+void loop(Exposition& out, const LiveMetrics& metrics, const config::RobotConfig& robot) {
+  out.family("takt_up", "gauge", "1 while an executive runs and is recorded.");
+  out.sample(metrics.running ? 1 : 0);
+  out.family("takt_run_info", "gauge", "Always 1; what runs is in the labels.");
+  out.sample(1, {{"run_id", metrics.run_id}, {"config_sha256", robot.sha256}});
+  out.family("takt_control_period_seconds", "gauge", "Configured period of the control loop.");
+  out.sample(robot.control.period.seconds());
+  out.family("takt_ticks_total", "counter", "Ticks of the control loop.");
+  out.sample(metrics.ticks);
+  out.family("takt_wakeup_lateness_seconds", "histogram", "How late the control thread woke.");
+  out.histogram(metrics.lateness);
+  out.family("takt_tick_duration_seconds", "histogram", "How long a tick worked.");
+  out.histogram(metrics.work);
+  out.family("takt_overruns_total", "counter", "Periods that ended late, by cause.");
+  for (std::size_t i = 1; i < kOverrunCauseCount; ++i)
+    out.sample(metrics.overruns[i], {{"cause", name(static_cast<OverrunCause>(i))}});
+  out.family("takt_skipped_periods_total", "counter", "Periods in which the loop did not run.");
+  out.sample(metrics.skipped_periods);
+  out.family("takt_record_losses_total", "counter", "Entries the monitor could not record, by ring and reason.");
+  for (const auto& [what, entries] : metrics.losses)
+    out.sample(entries, {{"ring", what.first}, {"reason", what.second}});
+}
+
+void buses(Exposition& out, const LiveMetrics& metrics, const config::RobotConfig& robot) {
+  constexpr std::array<std::string_view, 4> kStates{"up", "error_passive", "bus_off", "down"};
+  const auto each = [&](auto say) {
+    for (std::size_t bus = 0; bus < metrics.newest.bus_count && bus < robot.buses.size(); ++bus)
+      say(robot.buses[bus].name, metrics.newest.buses[bus]);
+  };
+  out.family("takt_bus_state", "gauge", "1 for the state a CAN bus is in.");
+  each([&](std::string_view bus, const BusHealth& health) {
+    for (std::size_t i = 0; i < kStates.size(); ++i)
+      out.sample(static_cast<std::size_t>(health.state) == i ? 1 : 0, {{"bus", bus}, {"state", kStates[i]}});
+  });
+  out.family("takt_bus_dropped_frames_total", "counter", "Frames lost on our side since the executive started.");
+  each([&](std::string_view bus, const BusHealth& health) {
+    out.sample(health.tx_dropped, {{"bus", bus}, {"direction", "transmit"}});
+    out.sample(health.rx_dropped, {{"bus", bus}, {"direction", "receive"}});
+  });
+  out.family("takt_bus_foreign_frames_total", "counter", "Frames on our ids that none of our drives sends.");
+  each([&](std::string_view bus, const BusHealth& health) { out.sample(health.foreign_frames, {{"bus", bus}}); });
+}
+
+void joints(Exposition& out, const LiveMetrics& metrics, const config::RobotConfig& robot) {
+  const auto gauge = [&](std::string_view family, std::string_view help, auto value) {
+    out.family(family, "gauge", help);
+    if (metrics.newest.tick == 0) return;
+    for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
+      out.sample(value(metrics.joints[joint]), {{"joint", robot.joints[joint].name}});
+  };
+  gauge("takt_joint_position_radians", "Measured position.", [](const JointRecord& j) { return j.feedback.q; });
+  gauge("takt_joint_velocity_radians_per_second", "Estimated velocity.",
+        [](const JointRecord& j) { return j.dq_estimate; });
+  gauge("takt_joint_torque_newton_meters", "Torque the drive reports.",
+        [](const JointRecord& j) { return j.feedback.tau; });
+  gauge("takt_joint_temperature_celsius", "Hottest part the drive reports; 0 when it reports none.",
+        [](const JointRecord& j) { return j.feedback.temperature_C; });
+  out.family("takt_interventions_total", "counter", "Ticks in which a constraint changed a joint's command, by kind.");
+  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
+    for (std::size_t kind = 0; kind < kInterventionCount; ++kind)
+      out.sample(metrics.interventions[joint][kind],
+                 {{"joint", robot.joints[joint].name}, {"kind", kInterventionNames[kind]}});
+}
+
+}  // namespace
+
+std::string prometheus_text(const LiveMetrics& metrics, const config::RobotConfig& robot) {
+  Exposition out(robot.robot);
+  loop(out, metrics, robot);
+  modes(out, metrics);
+  contract(out, metrics, robot);
+  buses(out, metrics, robot);
+  joints(out, metrics, robot);
+  return out.take();
+}
+
+}  // namespace takt::monitor

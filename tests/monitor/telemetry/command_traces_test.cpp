@@ -1,0 +1,83 @@
+// Goal: a command's trace says when each of its stages was, as the executive judged it. Method: constructed ticks and
+// frames; every instant is checked, and what is no first use makes no trace.
+#include "monitor/telemetry/command_traces.hpp"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+namespace takt::monitor {
+namespace {
+
+TickRecord first_use(std::uint64_t tick) {
+  TickRecord record;
+  record.header.tick = tick;
+  record.header.now = MonoTime{1'000'000'000} + milliseconds(static_cast<std::int64_t>(tick));
+  record.header.arrival = Arrival::accepted;
+  record.header.freshness = Freshness::fresh;
+  record.header.command_sequence = 7;
+  record.header.observation_answered = 5;
+  record.header.mode = Mode::tracking;
+  record.header.age = {milliseconds(3), milliseconds(4), milliseconds(8), milliseconds(1), {}};
+  return record;
+}
+
+FrameRecord sent(std::uint64_t tick, MonoTime at) {
+  FrameRecord frame;
+  frame.tick = tick;
+  frame.stamp = at;
+  frame.direction = FrameDirection::sent;
+  return frame;
+}
+
+class CommandTracesTest : public testing::Test {
+ protected:
+  std::vector<CommandTrace> made_;
+  CommandTraces traces_{[this](const CommandTrace& trace) { made_.push_back(trace); }};
+};
+
+TEST_F(CommandTracesTest, EveryStageHasItsInstant) {
+  const TickRecord record = first_use(100);
+  const MonoTime now = record.header.now;
+  traces_.frame(sent(100, now + microseconds(40)));
+  traces_.frame(sent(100, now + microseconds(60)));
+  FrameRecord reply = sent(100, now + microseconds(900));
+  reply.direction = FrameDirection::received;
+  traces_.frame(reply);
+  traces_.frame(sent(101, now + microseconds(1040)));
+  traces_.tick(record);
+  ASSERT_EQ(made_.size(), 1U);
+  const CommandTrace& trace = made_[0];
+  EXPECT_EQ(trace.sequence, 7U);
+  EXPECT_EQ(trace.observation, 5U);
+  EXPECT_EQ(trace.sensed_at, now - milliseconds(16));
+  EXPECT_EQ(trace.observed_at, now - milliseconds(13));
+  EXPECT_EQ(trace.infer_began_at, now - milliseconds(9));
+  EXPECT_EQ(trace.infer_ended_at, now - milliseconds(1));
+  EXPECT_EQ(trace.consumed_at, now);
+  EXPECT_EQ(trace.actuating_at, now + microseconds(40));
+  EXPECT_EQ(trace.actuated_at, now + microseconds(60));
+}
+
+TEST_F(CommandTracesTest, ATickWithoutFramesActuatesAtOnce) {
+  traces_.tick(first_use(100));
+  ASSERT_EQ(made_.size(), 1U);
+  EXPECT_EQ(made_[0].actuating_at, made_[0].consumed_at);
+  EXPECT_EQ(made_[0].actuated_at, made_[0].consumed_at);
+}
+
+TEST_F(CommandTracesTest, OnlyAFirstUseMakesATrace) {
+  TickRecord later = first_use(101);
+  later.header.arrival = Arrival::none;
+  traces_.tick(later);
+  TickRecord refused = first_use(102);
+  refused.header.arrival = Arrival::not_finite;
+  traces_.tick(refused);
+  TickRecord spent = first_use(103);
+  spent.header.freshness = Freshness::missing;
+  traces_.tick(spent);
+  EXPECT_TRUE(made_.empty());
+}
+
+}  // namespace
+}  // namespace takt::monitor

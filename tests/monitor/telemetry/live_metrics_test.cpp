@@ -1,0 +1,85 @@
+// Goal: the running counts say what the finished run's metrics say. Method: a virtual robot whose policy stalls is read
+// from its rings by both LiveMetrics and the recorded run's own collector; histograms are fed values on their bounds.
+#include "monitor/telemetry/live_metrics.hpp"
+
+#include <gtest/gtest.h>
+
+#include <numeric>
+
+#include "monitor/metrics_collector.hpp"
+#include "tests/monitor/virtual_robot.hpp"
+
+namespace takt::monitor {
+namespace {
+
+TEST(Histogram, ABoundBelongsToItsOwnBucket) {
+  Histogram histogram({milliseconds(1), milliseconds(10)});
+  for (const Duration value : {milliseconds(1), milliseconds(1) + Duration{1}, milliseconds(10), milliseconds(11)})
+    histogram.observe(value);
+  EXPECT_EQ(histogram.counts, (std::vector<std::uint64_t>{1, 2, 1}));
+  EXPECT_EQ(histogram.count, 4U);
+  EXPECT_EQ(histogram.sum, milliseconds(23) + Duration{1});
+}
+
+TEST(LiveMetrics, TheContractsLimitIsABound) {
+  config::RobotConfig robot = demo_robot();
+  robot.freshness.max_age = milliseconds(137);
+  const auto& bounds = LiveMetrics(robot).age.bounds;
+  EXPECT_TRUE(std::ranges::is_sorted(bounds));
+  EXPECT_EQ(std::ranges::count(bounds, milliseconds(137)), 1);
+  robot.freshness.max_age = milliseconds(150);
+  EXPECT_EQ(std::ranges::count(LiveMetrics(robot).age.bounds, milliseconds(150)), 1);
+}
+
+TEST(LiveMetrics, CountWhatTheRunsMetricsCount) {
+  LiveMetrics live(demo_robot());
+  live.begin("run");
+  RunMetrics metrics;
+  MetricsCollector collector(metrics);
+  VirtualRobot robot;
+  auto stream = RecordStream::attach(robot.rings(), demo_robot().joints.size());
+  ASSERT_TRUE(stream.has_value());
+  const RecordSink sink{.command = [](const RecordedCommand&) {},
+                        .tick =
+                            [&](const TickRecord& record) {
+                              live.tick(record);
+                              collector.tick(record);
+                            },
+                        .keyframe = [](const RecordedKeyframe&) {},
+                        .frame = [](const FrameRecord&) {},
+                        .loss = [&](const Loss& loss) { live.loss(loss); }};
+  for (int part = 0; part < 12; ++part) {
+    robot.policy_is_frozen = part == 6;
+    robot.run(250);
+    stream->drain(sink, false);
+  }
+  stream->drain(sink, true);
+  collector.finish(0.01, 0.95);
+
+  EXPECT_EQ(live.ticks, metrics.ticks);
+  EXPECT_EQ(live.relied_ticks, metrics.relied_ticks);
+  EXPECT_GT(live.deadline_misses, 0U) << "the stall";
+  EXPECT_EQ(live.deadline_misses, metrics.misses_per_tick.misses);
+  EXPECT_EQ(live.arrivals, metrics.arrivals);
+  EXPECT_EQ(live.overruns, metrics.overruns);
+  EXPECT_EQ(live.skipped_periods, metrics.skipped_periods);
+  EXPECT_EQ(live.lateness.count, metrics.ticks);
+  std::uint64_t transitions = 0;
+  for (const auto& [change, times] : live.transitions) transitions += times;
+  EXPECT_EQ(transitions, metrics.transition_count);
+  std::array<std::uint64_t, kInterventionCount> interventions{};
+  for (const auto& joint : live.interventions)
+    for (std::size_t kind = 0; kind < kInterventionCount; ++kind) interventions[kind] += joint[kind];
+  EXPECT_EQ(interventions, metrics.interventions);
+  const auto within = [&](const Histogram& histogram) {
+    std::uint64_t count = 0;
+    for (std::size_t i = 0; i < histogram.bounds.size() && histogram.bounds[i] <= demo_robot().freshness.max_age; ++i)
+      count += histogram.counts[i];
+    return count;
+  };
+  EXPECT_EQ(live.age.count - within(live.age) + (live.relied_ticks - live.age.count), live.deadline_misses)
+      << "misses can be read off the histogram";
+}
+
+}  // namespace
+}  // namespace takt::monitor
