@@ -1,5 +1,6 @@
 // Goal: Prometheus accepts what is exposed. Method: the text of a virtual robot's run goes through `promtool check
-// metrics`, Prometheus's own judge, and through a small reader that demands HELP and TYPE before every sample.
+// metrics`, Prometheus's own judge, and through a small reader that demands HELP and TYPE before every sample. Every
+// family that the shipped rules and the dashboard name must be in it.
 #include "monitor/telemetry/prometheus_text.hpp"
 
 #include <gtest/gtest.h>
@@ -7,7 +8,9 @@
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
+#include <iterator>
 #include <memory>
+#include <regex>
 #include <set>
 #include <sstream>
 
@@ -50,6 +53,20 @@ TEST(PrometheusText, EverySampleHasHelpAndType) {
 
 TEST(PrometheusText, LabelsAreEscaped) {
   EXPECT_NE(text_of_a_run("a\"b\\c\nd").find(R"(run_id="a\"b\\c\nd")"), std::string::npos);
+}
+
+TEST(PrometheusText, HasWhatRulesAndDashboardAskFor) {
+  const std::string text = text_of_a_run();
+  const std::regex family("takt_[a-z0-9_]+");
+  for (const char* file : {"config/prometheus/takt.rules.yaml", "config/grafana/takt.json"}) {
+    std::ifstream stream(file);
+    const std::string asking{std::istreambuf_iterator<char>(stream), {}};
+    std::set<std::string> names;
+    for (std::sregex_iterator at(asking.begin(), asking.end(), family), end; at != end; ++at) names.insert(at->str());
+    EXPECT_GT(names.size(), 5U) << file;
+    for (const std::string& name : names)
+      EXPECT_NE(text.find("\n" + name + "{"), std::string::npos) << file << " asks for " << name;
+  }
 }
 
 TEST(PrometheusText, PassesPrometheusOwnCheck) {
