@@ -63,18 +63,67 @@ void check_timing(const RobotConfig& robot, Checker& checker) {
                               text(robot.feedback.timeout)));
 }
 
+namespace {
+
+// Exactly one row per driven joint: a joint without one would hang limp beside the others.
+void check_feedback_rows(const RobotConfig& robot, const Fallback& fallback, const std::string& path,
+                         Checker& checker) {
+  for (std::size_t i = 0; i < fallback.gains.size(); ++i) {
+    const std::size_t joint = fallback.gains[i].joint;
+    const std::string row = fmt::format("{}.gains[{}].joint", path, i);
+    checker.require(!robot.joints[joint].passive, row,
+                    fmt::format("{} is passive and takes no torque; drop the row", robot.joints[joint].name));
+    const auto rows = std::ranges::count(fallback.gains, joint, &FeedbackRow::joint);
+    checker.require(rows == 1, row, fmt::format("{} has {} rows; keep one", robot.joints[joint].name, rows));
+  }
+  for (std::size_t j = 0; j < robot.joints.size(); ++j)
+    checker.require(
+        robot.joints[j].passive || std::ranges::find(fallback.gains, j, &FeedbackRow::joint) != fallback.gains.end(),
+        path + ".gains", fmt::format("has no row for {}; every driven joint needs one", robot.joints[j].name));
+}
+
+void check_cart_pole(const RobotConfig& robot, const CartPole& machine, Checker& checker) {
+  const bool fits = robot.joints.size() == 2 && !robot.joints[0].passive && robot.joints[1].passive;
+  checker.require(fits, "simulation.cart_pole",
+                  "needs two joints: the cart's, driven, and the pole's, `passive: true`; mend `joints`");
+  checker.require(!robot.model.has_value(), "simulation.cart_pole",
+                  "stands beside a `model`: the simulator would not know which to move; drop one");
+  checker.require(
+      machine.pole_com <= machine.pole_length, "simulation.cart_pole.pole_com",
+      fmt::format("{:.4g} m lies beyond pole_length {:.4g} m; lower it", machine.pole_com, machine.pole_length));
+}
+
+// What the camera sees is a point in space, or where the cart is told to be.
+void check_camera(const RobotConfig& robot, const Simulation& simulation, Checker& checker) {
+  const bool steps = simulation.target == TargetKind::steps;
+  checker.require(steps == simulation.cart_pole.has_value(), "simulation.target.kind",
+                  steps ? "steps are commands to a cart; add `cart_pole`, or write `lissajous`"
+                        : "a cart is told where to go by `steps`; write `steps`");
+  const std::uint32_t values = steps ? 1 : 3;
+  const auto sensor = std::ranges::find(robot.sensors, simulation.camera_sensor, &Sensor::name);
+  checker.require(sensor == robot.sensors.end() || sensor->values == values, "simulation.camera.sensor",
+                  fmt::format("the camera gives a position of {} value{}; sensor `{}` has another number; declare {}",
+                              values, values == 1 ? "" : "s", simulation.camera_sensor, values));
+  checker.require(simulation.camera_jitter <= simulation.camera_period, "simulation.camera.jitter",
+                  fmt::format("{} exceeds the period {}; samples would overtake one another; lower it",
+                              format_duration(simulation.camera_jitter), format_duration(simulation.camera_period)));
+}
+
+}  // namespace
+
 void check_fallbacks(const RobotConfig& robot, Checker& checker) {
   if (robot.degraded.behaviour == Degraded::fallback)
     checker.require(!robot.degraded.fallback.empty(), "degraded.fallback",
                     "none, but behaviour is `fallback`; name an entry of `fallbacks`");
   for (const Fallback& fallback : robot.fallbacks) {
     const std::string path = fmt::format("fallbacks.{}", fallback.name);
+    if (fallback.kind == FallbackKind::state_feedback) check_feedback_rows(robot, fallback, path, checker);
     for (std::size_t j = 0; j < robot.joints.size() && j < fallback.pose.size(); ++j) {
       const Joint& joint = robot.joints[j];
       checker.require(fallback.pose[j] >= joint.limits.q_min && fallback.pose[j] <= joint.limits.q_max, path + ".pose",
                       fmt::format("{:.4g} rad for {} is outside its limits [{:.4g}, {:.4g}] rad; move it inside",
                                   fallback.pose[j], joint.name, joint.limits.q_min, joint.limits.q_max));
-      checker.require(fallback.speed <= joint.limits.velocity, path + ".speed",
+      checker.require(joint.passive || fallback.speed <= joint.limits.velocity, path + ".speed",
                       fmt::format("{} rad/s exceeds the velocity limit {} rad/s of {}; lower it", fallback.speed,
                                   joint.limits.velocity, joint.name));
     }
@@ -113,21 +162,16 @@ void check_simulation(const RobotConfig& robot, Checker& checker) {
   if (!robot.simulation) return;
   const Simulation& simulation = *robot.simulation;
   const Duration period = robot.control.period;
-  checker.require(robot.model.has_value(), "simulation", "needs rigid bodies; add a `model` section");
+  checker.require(robot.model.has_value() || simulation.cart_pole.has_value(), "simulation",
+                  "needs rigid bodies; add a `model` section");
+  if (simulation.cart_pole) check_cart_pole(robot, *simulation.cart_pole, checker);
   checker.require(simulation.step.ns <= period.ns && period.ns % simulation.step.ns == 0, "simulation.step",
                   fmt::format("control.period {} is no whole number of steps of {}; choose a divisor",
                               format_duration(period), format_duration(simulation.step)));
   checker.require(simulation.drive_watchdog.ns >= 2 * period.ns, "simulation.drive_watchdog",
                   fmt::format("{} must be at least two control periods of {}; raise it",
                               format_duration(simulation.drive_watchdog), format_duration(period)));
-  if (simulation.camera_sensor.empty()) return;
-  const auto sensor = std::ranges::find(robot.sensors, simulation.camera_sensor, &Sensor::name);
-  checker.require(sensor == robot.sensors.end() || sensor->values == 3, "simulation.camera.sensor",
-                  fmt::format("the camera gives a position of 3 values; sensor `{}` has another number; declare 3",
-                              simulation.camera_sensor));
-  checker.require(simulation.camera_jitter <= simulation.camera_period, "simulation.camera.jitter",
-                  fmt::format("{} exceeds the period {}; samples would overtake one another; lower it",
-                              format_duration(simulation.camera_jitter), format_duration(simulation.camera_period)));
+  if (!simulation.camera_sensor.empty()) check_camera(robot, simulation, checker);
 }
 
 }  // namespace takt::config

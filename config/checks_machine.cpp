@@ -71,6 +71,9 @@ void check_drive(const Joint& joint, const Bus& bus, std::size_t i, Checker& che
   const Drive& drive = joint.drive;
   checker.require(drive.protocol != DriveProtocol::moteus || bus.fd, joint_path(i, "bus"),
                   fmt::format("moteus speaks CAN FD; write `fd: true` into bus {}", bus.name));
+  checker.require(!joint.passive || drive.protocol != DriveProtocol::cia402 || drive.mode == Cia402Mode::cst,
+                  joint_path(i, "drive.mode"),
+                  "makes the drive hold a position or speed of its own; a passive joint needs cst");
   checker.require(drive.direction != 0, joint_path(i, "drive.direction"), "0 is no direction; write 1 or -1");
   if (drive.protocol != DriveProtocol::mit) return;
   checker.require(drive.id != drive.reply_id, joint_path(i, "drive.reply_id"),
@@ -108,15 +111,16 @@ void check_limits_and_gains(const Joint& joint, std::size_t i, Checker& checker)
   const Limits& limits = joint.limits;
   checker.require(limits.velocity_hard >= limits.velocity, joint_path(i, "limits.velocity_hard"),
                   fmt::format("{} rad/s is below velocity {} rad/s; raise it", limits.velocity_hard, limits.velocity));
+  checker.require(joint.home >= limits.q_min && joint.home <= limits.q_max, joint_path(i, "home"),
+                  fmt::format("{} rad is outside limits.position [{:.4g}, {:.4g}] rad; move it inside", joint.home,
+                              limits.q_min, limits.q_max));
+  if (joint.passive) return;
   const double braking = limits.velocity * limits.velocity / (2 * limits.acceleration);
   checker.require(
       braking <= limits.q_max - limits.q_min, joint_path(i, "limits.acceleration"),
       fmt::format("velocity^2 / (2 * acceleration) = {:.4g} rad of braking exceeds the range of {:.4g} rad; "
                   "raise it or lower velocity",
                   braking, limits.q_max - limits.q_min));
-  checker.require(joint.home >= limits.q_min && joint.home <= limits.q_max, joint_path(i, "home"),
-                  fmt::format("{} rad is outside limits.position [{:.4g}, {:.4g}] rad; move it inside", joint.home,
-                              limits.q_min, limits.q_max));
   checker.require(joint.kp <= limits.kp, joint_path(i, "gains.kp"),
                   fmt::format("{} exceeds limits.kp {} Nm/rad; lower it or raise the limit", joint.kp, limits.kp));
   checker.require(joint.kd <= limits.kd, joint_path(i, "gains.kd"),
@@ -156,6 +160,8 @@ void check_drives(const RobotConfig& robot, Checker& checker) {
 }
 
 void check_joints(const RobotConfig& robot, Checker& checker) {
+  checker.require(!std::ranges::all_of(robot.joints, &Joint::passive), "joints",
+                  "are all passive: nothing could move; make one of them a driven joint");
   for (std::size_t i = 0; i < robot.joints.size(); ++i) {
     const Joint& joint = robot.joints[i];
     check_drive_ranges(joint, i, checker);

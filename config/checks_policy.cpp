@@ -1,6 +1,8 @@
 // Relations inside the policy: timing, shapes, the order of joints.
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "config/checks.hpp"
 #include "config/observation_shape.hpp"
 #include "config/units.hpp"
@@ -39,6 +41,13 @@ void check_terms(const RobotConfig& robot, const Policy& policy, Checker& checke
 
 void check_action(const RobotConfig& robot, const Action& action, Checker& checker) {
   const std::size_t outputs = outputs_per_step(robot);
+  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
+    const auto& driven = action.joint_of_output;
+    const bool asked = driven.empty() || std::ranges::find(driven, joint) != driven.end();
+    checker.require(
+        !asked || !robot.joints[joint].passive, "policy.action.joints",
+        fmt::format("give passive joint {} an output; list the driven joints only", robot.joints[joint].name));
+  }
   checker.require(action.scale.size() == 1 || action.scale.size() == outputs, "policy.action.scale",
                   fmt::format("has {} values for {} outputs; write one, or {}", action.scale.size(), outputs, outputs));
   if (action.offset == OffsetKind::values)

@@ -18,6 +18,8 @@ enum class Cia402Mode : std::uint8_t { csp, csv, cst };
 enum class WakeMode : std::uint8_t { sleep, hybrid };
 enum class WhenBusMissing : std::uint8_t { refuse, loopback };
 enum class Degraded : std::uint8_t { hold, slow, fallback };
+enum class FallbackKind : std::uint8_t { pose, state_feedback };
+enum class TargetKind : std::uint8_t { lissajous, steps };
 enum class TermKind : std::uint8_t {
   joint_position_relative,
   joint_position,
@@ -52,10 +54,19 @@ struct Freshness {
   std::uint32_t bad_command_limit = 0;
 };
 
+// One driven joint's torque: -(position . (q - pose) + velocity . dq).
+struct FeedbackRow {
+  std::size_t joint = 0;         // index into joints
+  std::vector<double> position;  // Nm/rad, one per joint
+  std::vector<double> velocity;  // Nm s/rad, one per joint
+};
+
 struct Fallback {
   std::string name;
-  double speed = 0;          // rad/s
-  std::vector<double> pose;  // rad, one per joint
+  FallbackKind kind = FallbackKind::pose;
+  std::vector<double> pose;        // rad, one per joint
+  double speed = 0;                // rad/s; pose only
+  std::vector<FeedbackRow> gains;  // state_feedback only, one per driven joint
 };
 
 struct DegradedConfig {
@@ -116,7 +127,8 @@ struct Limits {
 
 struct Joint {
   std::string name;
-  std::size_t bus = 0;  // index into buses
+  std::size_t bus = 0;   // index into buses
+  bool passive = false;  // an encoder read like a drive, and nothing that could move it: no gains, no torque
   Drive drive;
   Limits limits;
   double kp = 0, kd = 0, damping = 0;
@@ -207,6 +219,17 @@ struct Otlp {
   Duration metrics_period;
 };
 
+// A cart on a belt (first joint, radians of the pulley) that carries a pole on a free pivot (second joint, passive,
+// 0: upright, positive towards positive cart positions).
+struct CartPole {
+  double pulley_radius = 0;             // m: the cart's position is this times its joint's angle
+  double cart_mass = 0, pole_mass = 0;  // kg
+  double pole_com = 0;                  // m, pivot to centre of mass
+  double pole_inertia = 0;              // kg m^2, about the centre of mass
+  double pole_length = 0;               // m, pivot to tip
+  double pivot_viscous = 0;             // Nm s/rad
+};
+
 struct Simulation {
   Duration step;
   double viscous = 0, coulomb = 0;  // Nm s/rad, Nm
@@ -216,7 +239,11 @@ struct Simulation {
   std::uint64_t seed = 0;
   std::string camera_sensor;
   Duration camera_period, camera_delay, camera_jitter;
-  Vector3 target_centre{}, target_amplitude{}, target_frequency{};  // m, m, Hz
+  TargetKind target = TargetKind::lissajous;
+  Vector3 target_centre{}, target_amplitude{}, target_frequency{};  // lissajous: m, m, Hz
+  double step_amplitude = 0;                                        // steps: m
+  Duration step_period;                                             // steps
+  std::optional<CartPole> cart_pole;                                // instead of rigid bodies
 };
 
 constexpr std::string_view name(DriveProtocol protocol) {

@@ -6,7 +6,7 @@
 namespace takt::config {
 namespace {
 
-constexpr std::array<std::string_view, 1> kTargetKinds{"lissajous"};
+constexpr std::array<std::string_view, 2> kTargetKinds{"lissajous", "steps"};
 
 void describe_camera(Fields& fields, Simulation& simulation, Words sensors) {
   fields.one_of({"sensor", "name of an entry in sensors"}, simulation.camera_sensor, sensors, "sensor");
@@ -16,11 +16,36 @@ void describe_camera(Fields& fields, Simulation& simulation, Words sensors) {
 }
 
 void describe_target(Fields& fields, Simulation& simulation) {
-  std::string kind(kTargetKinds[0]);
+  std::string kind(kTargetKinds[static_cast<std::size_t>(simulation.target)]);
   fields.one_of({"kind", "path of the target", "lissajous"}, kind, kTargetKinds, "path");
-  fields.vector3({"centre", "in the base frame"}, simulation.target_centre, Dimension::length);
-  fields.vector3({"amplitude", "along each axis"}, simulation.target_amplitude, Dimension::length, at_least(0));
-  fields.vector3({"frequency", "along each axis"}, simulation.target_frequency, Dimension::frequency, between(0, 100));
+  simulation.target = kind == kTargetKinds[1] ? TargetKind::steps : TargetKind::lissajous;
+  const auto is = [&](TargetKind one) { return simulation.target == one || fields.shows_all(); };
+  if (is(TargetKind::lissajous)) {
+    fields.vector3({"centre", "lissajous: in the base frame"}, simulation.target_centre, Dimension::length);
+    fields.vector3({"amplitude", "lissajous: along each axis"}, simulation.target_amplitude, Dimension::length,
+                   at_least(0));
+    fields.vector3({"frequency", "lissajous: along each axis"}, simulation.target_frequency, Dimension::frequency,
+                   between(0, 100));
+  }
+  if (is(TargetKind::steps)) {
+    fields.quantity({"reach", "steps: each is drawn from plus or minus this"}, simulation.step_amplitude,
+                    Dimension::length, above(0, 100));
+    fields.duration({"every", "steps: time between two"}, simulation.step_period, milliseconds(10), seconds(600));
+  }
+}
+
+void describe_cart_pole(Fields& fields, CartPole& machine) {
+  fields.quantity({"pulley_radius", "cart travel per radian of its joint"}, machine.pulley_radius, Dimension::length,
+                  above(0, 10));
+  fields.quantity({"cart_mass", "of the cart without the pole"}, machine.cart_mass, Dimension::mass, above(0, 1e4));
+  fields.quantity({"pole_mass", "of the pole"}, machine.pole_mass, Dimension::mass, above(0, 1e4));
+  fields.quantity({"pole_com", "pivot to the pole's centre of mass"}, machine.pole_com, Dimension::length,
+                  above(0, 100));
+  fields.quantity({"pole_inertia", "of the pole about its centre of mass"}, machine.pole_inertia, Dimension::inertia,
+                  between(0, 1e4));
+  fields.quantity({"pole_length", "pivot to tip"}, machine.pole_length, Dimension::length, above(0, 100));
+  fields.quantity({"pivot_viscous", "friction of the pivot", "0 Nms/rad"}, machine.pivot_viscous, Dimension::damping,
+                  between(0, 1e3));
 }
 
 }  // namespace
@@ -28,7 +53,7 @@ void describe_target(Fields& fields, Simulation& simulation) {
 void describe_physics(Fields& fields, Simulation& simulation) {
   fields.duration({"step", "integration step of the dynamics", "1 ms"}, simulation.step, microseconds(10),
                   milliseconds(10));
-  fields.section({"joint_friction", "of every joint", "{}"}, [&](Fields& f) {
+  fields.section({"joint_friction", "of every driven joint", "{}"}, [&](Fields& f) {
     f.quantity({"viscous", "grows with speed", "0 Nms/rad"}, simulation.viscous, Dimension::damping, between(0, 1e3));
     f.quantity({"coulomb", "against any motion", "0 Nm"}, simulation.coulomb, Dimension::torque, between(0, 1e3));
   });
@@ -47,6 +72,12 @@ void describe_simulation(Fields& fields, Simulation& simulation, const RobotConf
   std::vector<std::string_view> sensors;
   for (const Sensor& sensor : robot.sensors) sensors.emplace_back(sensor.name);
   describe_physics(fields, simulation);
+  bool cart_pole = simulation.cart_pole.has_value();
+  fields.optional_section({"cart_pole", "instead of `model`: a pole balanced on a cart (docs/cart-pole.md)"}, cart_pole,
+                          [&](Fields& f) {
+                            if (!simulation.cart_pole) simulation.cart_pole.emplace();
+                            describe_cart_pole(f, *simulation.cart_pole);
+                          });
   bool camera = !simulation.camera_sensor.empty();
   fields.optional_section({"camera", "simulated camera that sees the target"}, camera,
                           [&](Fields& f) { describe_camera(f, simulation, sensors); });

@@ -31,15 +31,18 @@ void describe_bus(Fields& fields, Bus& bus) {
 
 namespace {
 
-void describe_limits(Fields& fields, Limits& limits) {
+// A passive joint has the limits of what is measured only.
+void describe_limits(Fields& fields, Limits& limits, bool passive) {
+  const bool commanded = !passive || fields.shows_all();
   fields.interval({"position", "lowest and highest joint angle"}, limits.q_min, limits.q_max, Dimension::angle,
                   between(-1000, 1000));
   fields.quantity({"position_margin", "measured angle this far outside is a fault"}, limits.position_margin,
                   Dimension::angle, between(0, 10));
-  fields.quantity({"velocity", "reference velocity never exceeds it"}, limits.velocity, Dimension::angular_velocity,
-                  above(0, 1000));
+  fields.quantity({"velocity", "reference velocity never exceeds it; moving faster blocks arming"}, limits.velocity,
+                  Dimension::angular_velocity, above(0, 1000));
   fields.quantity({"velocity_hard", "measured velocity above it is a fault"}, limits.velocity_hard,
                   Dimension::angular_velocity, above(0, 1000));
+  if (!commanded) return;
   fields.quantity({"acceleration", "of the reference, also its braking deceleration"}, limits.acceleration,
                   Dimension::angular_acceleration, above(0, 1e5));
   fields.quantity({"torque", "commanded torque never exceeds it"}, limits.torque, Dimension::torque, above(0, 1e5));
@@ -49,11 +52,7 @@ void describe_limits(Fields& fields, Limits& limits) {
   fields.quantity({"kd", "highest damping a policy may ask for"}, limits.kd, Dimension::damping, between(0, 1e4));
 }
 
-void describe_joint(Fields& fields, Joint& joint, Words buses) {
-  fields.identifier({"name", "unique name of the joint"}, joint.name);
-  fields.reference({"bus", "name of the bus its drive is on"}, joint.bus, buses, "bus");
-  fields.section({"drive", "the drive behind the joint"}, [&](Fields& f) { describe_drive(f, joint.drive); });
-  fields.section({"limits", "the envelope no command leaves"}, [&](Fields& f) { describe_limits(f, joint.limits); });
+void describe_stiffness(Fields& fields, Joint& joint) {
   fields.section({"gains", "impedance when the policy sends none"}, [&](Fields& f) {
     f.quantity({"kp", "stiffness"}, joint.kp, Dimension::stiffness, between(0, 1e5));
     f.quantity({"kd", "damping"}, joint.kd, Dimension::damping, between(0, 1e4));
@@ -62,6 +61,19 @@ void describe_joint(Fields& fields, Joint& joint, Words buses) {
   });
   fields.quantity({"inertia", "effective inertia at the joint, lower bound; the torque barriers use it"}, joint.inertia,
                   Dimension::inertia, above(0, 1e4));
+}
+
+void describe_joint(Fields& fields, Joint& joint, Words buses) {
+  fields.identifier({"name", "unique name of the joint"}, joint.name);
+  fields.reference({"bus", "name of the bus its drive is on"}, joint.bus, buses, "bus");
+  fields.flag(
+      {"passive", "true: an encoder that is read like a drive; such a joint has no gains and gets no torque", "false"},
+      joint.passive);
+  const bool commanded = !joint.passive || fields.shows_all();
+  fields.section({"drive", "the drive behind the joint"}, [&](Fields& f) { describe_drive(f, joint.drive); });
+  fields.section({"limits", "the envelope no command leaves"},
+                 [&](Fields& f) { describe_limits(f, joint.limits, joint.passive); });
+  if (commanded) describe_stiffness(fields, joint);
   fields.quantity({"observer_bandwidth", "of the velocity observer", "200 rad/s"}, joint.observer_bandwidth,
                   Dimension::angular_velocity, above(0, 1e4));
   fields.quantity({"home", "zero of relative joint positions", "0 rad"}, joint.home, Dimension::angle,

@@ -11,7 +11,7 @@ constexpr std::array<std::string_view, 6> kTerms{
     "joint_position_relative", "joint_position", "joint_velocity", "sensor", "last_action", "constant"};
 constexpr std::array<std::string_view, 3> kDegraded{"hold", "slow", "fallback"};
 constexpr std::array<std::string_view, 2> kLayouts{"by_term", "by_time"};
-constexpr std::array<std::string_view, 1> kFallbackKinds{"pose"};
+constexpr std::array<std::string_view, 2> kFallbackKinds{"pose", "state_feedback"};
 constexpr std::array<std::string_view, 1> kActionKinds{"joint_position"};
 constexpr std::size_t kMaxTerms = 32;
 constexpr std::size_t kMaxSensors = 16;
@@ -73,12 +73,26 @@ void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& 
                  [&](Fields& f) { describe_action(f, policy.action, joints); });
 }
 
-void describe_fallback(Fields& fields, Fallback& fallback, std::size_t joint_count) {
-  std::string kind(kFallbackKinds[0]);
-  fields.one_of({"kind", "pose: move to a fixed pose"}, kind, kFallbackKinds, "fallback");
-  fields.quantity({"speed", "joint speed on the way"}, fallback.speed, Dimension::angular_velocity, above(0, 100));
+void describe_feedback_row(Fields& fields, FeedbackRow& row, Words joints) {
+  const Count one_each{.low = joints.size(), .high = joints.size(), .of = "joint"};
+  fields.reference({"joint", "driven joint that gets the torque"}, row.joint, joints, "joint");
+  fields.quantities({"position", "gain on each joint's angle beyond the pose"}, row.position, Dimension::stiffness,
+                    between(-1e5, 1e5), one_each);
+  fields.quantities({"velocity", "gain on each joint's velocity"}, row.velocity, Dimension::damping, between(-1e5, 1e5),
+                    one_each);
+}
+
+void describe_fallback(Fields& fields, Fallback& fallback, Words joints) {
+  fields.choice({"kind", "pose: move to a fixed pose; state_feedback: torque = -gains [q - pose; dq]"}, fallback.kind,
+                kFallbackKinds);
   fields.quantities({"pose", "one angle per joint"}, fallback.pose, Dimension::angle, between(-1000, 1000),
-                    {.low = joint_count, .high = joint_count, .of = "joint"});
+                    {.low = joints.size(), .high = joints.size(), .of = "joint"});
+  if (fallback.kind == FallbackKind::pose || fields.shows_all())
+    fields.quantity({"speed", "pose: joint speed on the way"}, fallback.speed, Dimension::angular_velocity,
+                    above(0, 100));
+  if (fallback.kind == FallbackKind::state_feedback || fields.shows_all())
+    fields.each({"gains", "state_feedback: one row per driven joint"}, fallback.gains, kMaxJoints,
+                [&](Fields& f, FeedbackRow& row) { describe_feedback_row(f, row, joints); });
 }
 
 void describe_degraded(Fields& fields, DegradedConfig& degraded, const std::vector<Fallback>& fallbacks) {
@@ -96,7 +110,7 @@ void describe_degraded(Fields& fields, DegradedConfig& degraded, const std::vect
 
 void describe_policy(Fields& fields, RobotConfig& robot) {
   fields.each_named({"fallbacks", "simple policies to hand over to, by name", "{}"}, robot.fallbacks,
-                    [&](Fields& f, Fallback& fallback) { describe_fallback(f, fallback, robot.joints.size()); });
+                    [&](Fields& f, Fallback& fallback) { describe_fallback(f, fallback, joint_names(robot)); });
   fields.section({"degraded", "what happens when the freshness contract is violated"},
                  [&](Fields& f) { describe_degraded(f, robot.degraded, robot.fallbacks); });
   fields.each({"sensors", "outside sensors the policy reads", "[]"}, robot.sensors, kMaxSensors, describe_sensor);

@@ -52,6 +52,7 @@ pipeline::JointConfig joint_of(const Joint& from) {
   to.fallback_pose = to.home;
   to.observer_bandwidth = narrow(from.observer_bandwidth);
   to.bus = static_cast<std::uint8_t>(from.bus);
+  to.passive = from.passive;
   return to;
 }
 
@@ -103,12 +104,27 @@ pipeline::DegradedBehaviour behaviour_of(Degraded behaviour) {
   return pipeline::DegradedBehaviour::hold;
 }
 
+pipeline::FallbackKind kind_of(FallbackKind kind) {
+  switch (kind) {
+    case FallbackKind::pose:
+      return pipeline::FallbackKind::pose;
+    case FallbackKind::state_feedback:
+      return pipeline::FallbackKind::state_feedback;
+  }
+  return pipeline::FallbackKind::pose;
+}
+
 void set_fallback(const RobotConfig& robot, pipeline::TickConfig& tick) {
   const auto chosen = std::ranges::find(robot.fallbacks, robot.degraded.fallback, &Fallback::name);
   if (chosen == robot.fallbacks.end()) return;
+  tick.fallback = kind_of(chosen->kind);
   for (std::size_t j = 0; j < robot.joints.size(); ++j) {
     tick.joints[j].fallback_pose = narrow(chosen->pose[j]);
     tick.joints[j].fallback_speed = narrow(chosen->speed);
+  }
+  for (const FeedbackRow& row : chosen->gains) {
+    for (std::size_t k = 0; k < robot.joints.size(); ++k)
+      tick.feedback_gains[row.joint][k] = {narrow(row.position[k]), narrow(row.velocity[k])};
   }
 }
 

@@ -17,13 +17,13 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
-#include "drivers/plant/dynamics.hpp"
+#include "drivers/plant/mechanics.hpp"
 #include "drivers/plant/serial_chain.hpp"
 #include "executive/contract/mono_time.hpp"
 
 namespace takt::plant {
 
-class ArmDynamics final : public Dynamics {
+class ArmDynamics final : public Mechanics {
  public:
   static std::expected<std::unique_ptr<ArmDynamics>, std::string> make(const config::RobotConfig& robot);
 
@@ -34,7 +34,7 @@ class ArmDynamics final : public Dynamics {
   [[nodiscard]] Eigen::MatrixXd inertia(const Eigen::VectorXd& q);
   [[nodiscard]] Eigen::VectorXd gravity_torque(const Eigen::VectorXd& q);  // what holds the arm still
   [[nodiscard]] double kinetic_energy(const ArmState& state);              // J
-  [[nodiscard]] config::Vector3 tool_position(const Eigen::VectorXd& q);   // m, base frame
+  [[nodiscard]] config::Vector3 tool_position(const Eigen::VectorXd& q) override;
   [[nodiscard]] double lower_stop(std::size_t joint) const { return lower_stop_[joint]; }
   [[nodiscard]] double upper_stop(std::size_t joint) const { return upper_stop_[joint]; }
 

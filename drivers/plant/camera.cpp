@@ -4,9 +4,26 @@
 #include <cmath>
 #include <numbers>
 
+#include "drivers/plant/chance.hpp"
+
 namespace takt::plant {
 
+namespace {
+
+constexpr std::uint64_t kStepStream = 1000;  // beyond the places that drives draw from
+
+config::Vector3 step_at(const config::Simulation& simulation, Duration since_start) {
+  const std::int64_t step = since_start.ns / simulation.step_period.ns;
+  if (step <= 0) return {};
+  std::mt19937_64 random(seed_for(simulation.seed, kStepStream + static_cast<std::uint64_t>(step)));
+  const double unit = static_cast<double>(random() >> 11U) * 0x1p-53;  // 53 random bits in [0, 1)
+  return {(2 * unit - 1) * simulation.step_amplitude, 0, 0};
+}
+
+}  // namespace
+
 config::Vector3 target_at(const config::Simulation& simulation, Duration since_start) {
+  if (simulation.target == config::TargetKind::steps) return step_at(simulation, since_start);
   config::Vector3 at{};
   for (std::size_t axis = 0; axis < at.size(); ++axis) {
     const double phase = 2 * std::numbers::pi * simulation.target_frequency[axis] * since_start.seconds();
@@ -40,9 +57,10 @@ std::optional<SensorSample> Camera::poll(MonoTime now) {
   sample.sequence = ++sequence_;
   sample.sensed_at = sensed_at;
   sample.published_at = now;
-  sample.value_count = 3;
+  sample.value_count = simulation_.target == config::TargetKind::steps ? 1 : 3;
   const config::Vector3 target = target_at(simulation_, sensed_at - started_);
-  std::ranges::transform(target, sample.values, [](double x) { return static_cast<float>(x); });
+  std::transform(target.begin(), target.begin() + sample.value_count, sample.values,
+                 [](double x) { return static_cast<float>(x); });
   return sample;
 }
 

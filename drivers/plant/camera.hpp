@@ -1,7 +1,9 @@
-// The moving target and the camera that sees it: a sample is taken at the shutter and is ready after a delay with
+// The target and the camera that sees it: a sample is taken at the shutter and is ready after a delay with
 // jitter.
 //
-// The target follows a Lissajous figure around simulation.target_centre; the figure's time starts with the camera's.
+// lissajous: the target follows a figure around simulation.target_centre; the figure's time starts with the camera's.
+// steps: a place on a line, the first value, drawn anew from the seed every simulation.step_period and kept until then;
+// before the first period is over it is 0.
 // Jitter is uniform in +-camera_jitter and drawn from the seed, so that a run's delays can be repeated. Values of a
 // sample: x, y, z in the base frame, m. Pure: time is passed in. Thread rule: one thread at a time.
 #pragma once

@@ -1,6 +1,6 @@
-// What the drives' torques move: the port between drives and mechanics. Implementations: ArmDynamics (a rigid-body
-// arm), FreeInertias (one flywheel per drive).
-// Shapes: one value per joint. Units: rad, rad/s, Nm, joint side. Thread rule: one thread at a time.
+// What the drives' torques move: the port between drives and mechanics. Implementations: a whole robot's
+// (mechanics.hpp), FreeInertias (one flywheel per drive). Shapes: one value per joint. Units: rad, rad/s, Nm, joint
+// side. Thread rule: one thread at a time.
 #pragma once
 
 #include <Eigen/Core>

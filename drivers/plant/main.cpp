@@ -1,5 +1,5 @@
-// takt-plant: the device side of a simulated robot. Drives on the CAN buses, behind them a rigid-body arm and a camera,
-// or nothing but flywheels; and what a scenario file lets go wrong.
+// takt-plant: the device side of a simulated robot. Drives on the CAN buses, behind them an arm or a cart with a pole,
+// and a camera; or nothing but flywheels; and what a scenario file lets go wrong.
 // Exit codes: 0 ended by a signal, 64 usage, 65 robot, devices or scenario file refused, 69 a bus or socket is not to
 // be had, 70 internal.
 #include <sched.h>
@@ -17,11 +17,11 @@
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
-#include "drivers/plant/arm_plant.hpp"
 #include "drivers/plant/camera.hpp"
 #include "drivers/plant/devices_file.hpp"
 #include "drivers/plant/pacer.hpp"
 #include "drivers/plant/plant_buses.hpp"
+#include "drivers/plant/robot_plant.hpp"
 #include "drivers/plant/scenario_player.hpp"
 #include "drivers/plant/sensor_server.hpp"
 #include "drivers/plant/truth_log.hpp"
@@ -79,7 +79,7 @@ struct Outputs {
   std::optional<TruthLog> truth;
 };
 
-// What happens beside an arm's simulation: camera samples, the truth file, a line per second.
+// What happens beside a robot's simulation: camera samples, the truth file, a line per second.
 class Observer {
  public:
   Observer(const config::Simulation& simulation, MonoTime started, Outputs outputs)
@@ -90,23 +90,24 @@ class Observer {
         next_truth_(started),
         next_report_(started) {}
 
-  void look(ArmPlant& arm, const Pacer& pacer, MonoTime now) {
+  void look(RobotPlant& body, const Pacer& pacer, MonoTime now) {
     if (outputs_.sensor) {
       if (const auto sample = camera_.poll(now)) outputs_.sensor->publish(*sample);
     }
     if (outputs_.truth && now >= next_truth_) {
       next_truth_ = now + kTruthPeriod;
-      outputs_.truth->write(truth_of(arm, now));
+      outputs_.truth->write(truth_of(body, now));
     }
     if (now < next_report_) return;
     next_report_ = now + kReportPeriod;
     if (outputs_.truth) outputs_.truth->flush();
-    spdlog::debug("tool to target {:.1f} mm, {} steps skipped", 1e3 * tool_error(truth_of(arm, now)), pacer.skipped());
+    spdlog::debug("{:.1f} mm from the target, {} steps skipped", 1e3 * tool_error(truth_of(body, now)),
+                  pacer.skipped());
   }
 
  private:
-  [[nodiscard]] Truth truth_of(ArmPlant& arm, MonoTime now) const {
-    return {now, arm.state(), arm.tool_position(), target_at(simulation_, now - started_)};
+  [[nodiscard]] Truth truth_of(RobotPlant& body, MonoTime now) const {
+    return {now, body.state(), body.controlled_point(), target_at(simulation_, now - started_)};
   }
 
   const config::Simulation& simulation_;
@@ -168,7 +169,7 @@ std::string unplayable(const Scenario& scenario, const PlantBuses& buses, const 
   return {};
 }
 
-int serve(const Options& options, const config::RobotConfig& robot, Scenario scenario, Plant& plant, ArmPlant* arm) {
+int serve(const Options& options, const config::RobotConfig& robot, Scenario scenario, Plant& plant, RobotPlant* body) {
   const std::string directory =
       options.runtime_directory.empty() ? config::default_runtime_directory(robot.robot) : options.runtime_directory;
   stop_on_signals();
@@ -180,7 +181,7 @@ int serve(const Options& options, const config::RobotConfig& robot, Scenario sce
     return refuse(config::kExitBadConfiguration, why);
   for (const std::string& description : buses->descriptions()) spdlog::info("bus {}", description);
   spdlog::info("{} {}, stepping every {:.3f} ms, seed {}", plant.joint_count(),
-               arm ? "joints at home" : "devices on flywheels", plant.step_length().milliseconds(),
+               body ? "joints at home" : "devices on flywheels", plant.step_length().milliseconds(),
                robot.simulation->seed);
 
   ask_for_punctuality();
@@ -190,7 +191,7 @@ int serve(const Options& options, const config::RobotConfig& robot, Scenario sce
   ScenarioPlayer player(std::move(scenario), robot.buses.size(),
                         [](const std::string& line) { spdlog::info("scenario: {}", line); });
   simulate({plant, *buses, player, robot.buses.size(), pacer}, [&](MonoTime now) {
-    if (arm) observer.look(*arm, pacer, now);
+    if (body) observer.look(*body, pacer, now);
   });
   spdlog::info("ending after {} skipped steps", pacer.skipped());
   return 0;
@@ -208,9 +209,9 @@ int run(const Options& options) {
     if (!plant) return refuse(config::kExitBadConfiguration, plant.error());
     return serve(options, *robot, std::move(*scenario), *plant, nullptr);
   }
-  auto arm = ArmPlant::make(*robot);
-  if (!arm) return refuse(config::kExitBadConfiguration, arm.error());
-  return serve(options, *robot, std::move(*scenario), *arm, &*arm);
+  auto body = RobotPlant::make(*robot);
+  if (!body) return refuse(config::kExitBadConfiguration, body.error());
+  return serve(options, *robot, std::move(*scenario), *body, &*body);
 }
 
 }  // namespace
@@ -219,22 +220,22 @@ int run(const Options& options) {
 int main(int argc, char** argv) {
   takt::plant::Options options;
   CLI::App app(
-      "Simulated drives, arm and camera of one robot; or drives alone, each on a flywheel.\n"
+      "Simulated drives, mechanics and camera of one robot; or drives alone, each on a flywheel.\n"
       "Examples:\n"
       "  takt-plant --robot config/arm6.yaml\n"
       "  takt-plant --robot config/arm6.yaml --scenario config/scenarios/silent_drive.yaml\n"
       "  takt-plant --devices config/devices.yaml");
   auto* const what = app.add_option_group("what to simulate");
-  what->add_option("--robot", options.robot, "robot file with `model` and `simulation`");
+  what->add_option("--robot", options.robot, "robot file with `simulation`");
   what->add_option("--devices", options.devices, "devices file (docs/plant-scenarios.md)");
   what->require_option(1);
   app.add_option("--scenario", options.scenario, "what goes wrong, and when (docs/plant-scenarios.md)");
   app.add_option("--runtime-dir", options.runtime_directory,
                  "where sockets live (default /run/takt/<robot>; --devices: /run/takt/devices)");
   app.add_option("--seed", options.seed, "instead of simulation.seed");
-  app.add_option("--truth", options.truth_file, "--robot: write what the arm really did to this file, as JSON lines")
+  app.add_option("--truth", options.truth_file, "--robot: write what the robot really did to this file, as JSON lines")
       ->excludes("--devices");
-  app.add_flag("--debug", options.debug, "log the distance from tool to target once per second");
+  app.add_flag("--debug", options.debug, "log the distance to the target once per second");
   app.set_version_flag("--version", TAKT_VERSION);
   try {
     app.parse(argc, argv);

@@ -14,6 +14,9 @@ constexpr auto index(std::size_t joint) {
   return static_cast<Eigen::Index>(joint);
 }
 
+// What holds a pole upright until the robot has taken over: as good as rigid.
+constexpr double kHoldingHand = 1000;  // Nm
+
 double ratio(const config::Drive& drive) {
   return drive.direction * drive.gear_ratio;
 }
@@ -91,8 +94,13 @@ void Plant::step() {
   for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
     const config::Joint& settings = joints_[joint].settings;
     torque[index(joint)] = update_drive(joint, simulation_.step) * ratio(settings.drive);
-    const double brake = joints_[joint].device->brake_engaged() ? settings.limits.torque : 0;
-    friction[joint] = {simulation_.viscous, simulation_.coulomb + brake};
+    const bool held = joints_[joint].device->brake_engaged();
+    if (settings.passive) {
+      torque[index(joint)] = 0;
+      friction[joint] = {0, held ? kHoldingHand : 0};
+    } else {
+      friction[joint] = {simulation_.viscous, simulation_.coulomb + (held ? settings.limits.torque : 0)};
+    }
   }
   on_their_way_.push_back(std::move(torque));
   dynamics_->integrate(state_, on_their_way_.front(), friction, simulation_.step);

@@ -1,5 +1,6 @@
-// What the simulated arm really did, as JSON lines, so that tracking can be judged without asking the executive:
+// What the simulated robot really did, as JSON lines, so that tracking can be judged without asking the executive:
 //   {"monotonic_ns":..,"q":[rad],"dq":[rad/s],"tool":[m],"target":[m],"error_m":..}
+// tool: what the task wants at its target; a cart, where there is one.
 // Thread rule: one thread at a time.
 #pragma once
 

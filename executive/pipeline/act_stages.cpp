@@ -12,12 +12,14 @@
 namespace takt::pipeline {
 namespace {
 
-ReferenceStep next_reference(const JointState& joint, const JointTarget& target, float q_measured, Reference how,
-                             const JointLimits& limits, double dt) {
+ReferenceStep next_reference(const JointState& joint, const JointTarget& target, const JointRecord& measured,
+                             Reference how, const JointLimits& limits, double dt) {
   const ReferenceState& from = joint.reference;
   switch (how) {
     case Reference::follow_measured:
-      return {{static_cast<double>(std::clamp(q_measured, limits.q_min, limits.q_max)), 0.0}, 0};
+      return {{static_cast<double>(std::clamp(measured.q_estimate, limits.q_min, limits.q_max)), 0.0}, 0};
+    case Reference::move_with_measured:
+      return {moving_with(measured.q_estimate, measured.dq_estimate, limits, dt), 0};
     case Reference::brake:
       return step_braking(from, limits, dt);
     case Reference::follow_target:
@@ -58,8 +60,8 @@ void constrain(TickState& state, const Choice& choice, std::span<const JointTarg
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     JointState& joint = state.joints[j];
     JointRecord& out = record.joints[j];
-    const ReferenceStep step =
-        next_reference(joint, targets[j], out.q_estimate, choice.reference, config.joints[j].limits, dt);
+    const Reference how = config.joints[j].passive ? Reference::follow_measured : choice.reference;
+    const ReferenceStep step = next_reference(joint, targets[j], out, how, config.joints[j].limits, dt);
     joint.reference = step.next;
     out.q_reference = static_cast<float>(step.next.q);
     out.dq_reference = static_cast<float>(step.next.dq);
@@ -73,7 +75,7 @@ void stabilise(const TickState& state, const Choice& choice, std::span<const Joi
   const float dt = period_seconds(config);
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     JointRecord& joint = output.record.joints[j];
-    if (choice.limp) {
+    if (choice.limp || config.joints[j].passive) {
       output.setpoints[j] = {joint.q_reference, 0.0F, 0.0F, 0.0F, 0.0F};
       continue;
     }

@@ -17,11 +17,11 @@ void scale_speed(float scale, const TickConfig& config, std::span<JointTarget> t
   for (std::size_t j = 0; j < config.joint_count; ++j) targets[j].speed *= scale;
 }
 
-Choice play_or_brake(const TickState& state, Freshness freshness, MonoTime now, const TickConfig& config,
+Choice play_or_brake(const TickState& state, const TickRecord& record, const TickConfig& config,
                      std::span<JointTarget> targets) {
   Choice choice{Reference::brake, false, true, true, false, 0};
-  if (!is_usable(freshness)) return choice;
-  choice.step = play(state.chunk, state.command.observed_at, now, config, targets);
+  if (!is_usable(record.header.freshness)) return choice;
+  choice.step = play(state.chunk, state.command.observed_at, record.header.now, config, targets);
   choice.reference = Reference::follow_target;
   choice.playing = true;
   return choice;
@@ -35,23 +35,49 @@ Choice go_to_fallback(const TickConfig& config, std::span<JointTarget> targets) 
   return {Reference::follow_target, false, true, true, false, 0};
 }
 
-Choice choose_degraded(const TickState& state, Freshness freshness, MonoTime now, const TickConfig& config,
+// Linear state feedback over every joint, passive ones included: at most kMaxJoints^2 products.
+Choice feed_back_state(const TickRecord& record, const TickConfig& config, std::span<JointTarget> targets) {
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    float torque = 0.0F;
+    for (std::size_t k = 0; k < config.joint_count; ++k) {
+      const FeedbackGain& gain = config.feedback_gains[j][k];
+      const JointRecord& joint = record.joints[k];
+      torque -= gain.position * (joint.q_estimate - config.joints[k].fallback_pose) + gain.velocity * joint.dq_estimate;
+    }
+    targets[j].kp = 0.0F;
+    targets[j].kd = 0.0F;
+    targets[j].tau_ff = torque;
+  }
+  return {Reference::move_with_measured, false, false, true, false, 0};
+}
+
+Choice fall_back(const TickRecord& record, const TickConfig& config, std::span<JointTarget> targets) {
+  switch (config.fallback) {
+    case FallbackKind::pose:
+      return go_to_fallback(config, targets);
+    case FallbackKind::state_feedback:
+      return feed_back_state(record, config, targets);
+  }
+  return {Reference::brake, false, true, true, false, 0};
+}
+
+Choice choose_degraded(const TickState& state, const TickRecord& record, const TickConfig& config,
                        std::span<JointTarget> targets) {
   switch (config.degraded) {
     case DegradedBehaviour::hold:
       return {Reference::brake, false, true, true, false, 0};
     case DegradedBehaviour::slow:
       scale_speed(config.degraded_speed_scale, config, targets);
-      return play_or_brake(state, freshness, now, config, targets);
+      return play_or_brake(state, record, config, targets);
     case DegradedBehaviour::fallback:
-      return go_to_fallback(config, targets);
+      return fall_back(record, config, targets);
   }
   return {Reference::brake, false, true, true, false, 0};
 }
 
 }  // namespace
 
-Choice choose(const TickState& state, Freshness freshness, MonoTime now, const TickConfig& config,
+Choice choose(const TickState& state, const TickRecord& record, const TickConfig& config,
               std::span<JointTarget> targets) {
   const Mode mode = state.mode.mode;
   const bool resting = state.mode.resting != 0;
@@ -64,9 +90,9 @@ Choice choose(const TickState& state, Freshness freshness, MonoTime now, const T
     case Mode::arming:  // drives enable one after another: the first must not let their joints fall
       return {Reference::follow_measured, false, true, true, false, 0};
     case Mode::tracking:
-      return play_or_brake(state, freshness, now, config, targets);
+      return play_or_brake(state, record, config, targets);
     case Mode::degraded:
-      return choose_degraded(state, freshness, now, config, targets);
+      return choose_degraded(state, record, config, targets);
     case Mode::damped_stop:
       return {resting ? Reference::brake : Reference::follow_measured, false, true, true, false, 0};
     case Mode::fault_latched:

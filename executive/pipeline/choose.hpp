@@ -7,8 +7,16 @@
 // degraded hold  brakes to rest                          default              yes      yes
 //          slow  the chunk's path, slower; brakes when unusable
 //      fallback  to the fallback pose at its speed       default              yes      yes
+//   or, by its   moves with the measured state           none: torque =       no       yes
+//       kind                                             -K [q - pose; dq]
 // damped_stop    follows until at rest, then stays       damping; at rest default  yes  yes
 // fault_latched  follows the measured position           damping              no       no
+//
+// A passive joint's reference follows its measured position in every mode, and its setpoint has no gains and no torque.
+//
+// State feedback computes the torque anew in every tick from the executive's own estimates, so that a robot that cannot
+// stand still without a controller keeps one when the policy is late. Its reference moves with the measured position
+// and velocity: tracking starts from the motion that the fallback leaves behind, without a jump.
 //
 // The chunk is consulted only while the command is usable, so no target ever stems from one older than max_age.
 #pragma once
@@ -16,13 +24,14 @@
 #include <cstdint>
 #include <span>
 
+#include "executive/contract/tick_record.hpp"
 #include "executive/contract/verdict.hpp"
 #include "executive/pipeline/chunk_player.hpp"
 #include "executive/pipeline/tick_state.hpp"
 
 namespace takt::pipeline {
 
-enum class Reference : std::uint8_t { follow_measured, brake, follow_target };
+enum class Reference : std::uint8_t { follow_measured, move_with_measured, brake, follow_target };
 
 struct Choice {
   Reference reference = Reference::follow_measured;
@@ -33,7 +42,8 @@ struct Choice {
   std::uint8_t step = 0;  // being played
 };
 
-Choice choose(const TickState& state, Freshness freshness, MonoTime now, const TickConfig& config,
+// Reads mode and freshness of `record`, and the joints' estimates.
+Choice choose(const TickState& state, const TickRecord& record, const TickConfig& config,
               std::span<JointTarget> targets);
 
 }  // namespace takt::pipeline

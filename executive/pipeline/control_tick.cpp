@@ -13,7 +13,7 @@ void control_tick(TickState& state, const TickInput& input, const TickConfig& co
   observe(state, input, config, output.record);
   estimate(state, config, output.record);
   judge(state, input, config, output.record);
-  const Choice choice = choose(state, output.record.header.freshness, input.now, config, targets);
+  const Choice choice = choose(state, output.record, config, targets);
   constrain(state, choice, targets, config, output.record);
   stabilise(state, choice, targets, config, output);
   clamp_output(state, config, output);

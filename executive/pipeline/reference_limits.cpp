@@ -95,6 +95,14 @@ ReferenceStep step_towards(const ReferenceState& from, float q_target, float dq_
   return result;
 }
 
+ReferenceState moving_with(float q, float dq, const JointLimits& limits, double dt) {
+  const Wide wide(limits);
+  const double at = std::clamp(static_cast<double>(q), wide.q_min, wide.q_max);
+  const double room = dq > 0.0F ? wide.q_max - at : at - wide.q_min;
+  const double speed = std::min(std::abs(static_cast<double>(dq)), wide.velocity);
+  return {at, std::copysign(std::min(speed, stopping_speed(room, wide.acceleration, dt)), static_cast<double>(dq))};
+}
+
 ReferenceStep step_braking(const ReferenceState& from, const JointLimits& limits, double dt) {
   const Wide wide(limits);
   const double slower = std::max(std::abs(from.dq) - wide.acceleration * dt, 0.0);

@@ -35,6 +35,8 @@ double stopping_distance(double speed, double acceleration, double dt);
 // One step towards q_target that moves with dq_target, at no more than `speed` (<= limits.velocity).
 ReferenceStep step_towards(const ReferenceState& from, float q_target, float dq_target, float speed,
                            const JointLimits& limits, double dt);
+// The state inside the limits nearest to a measured motion: where following the measurement leaves the reference.
+ReferenceState moving_with(float q, float dq, const JointLimits& limits, double dt);
 // One step of braking to rest.
 ReferenceStep step_braking(const ReferenceState& from, const JointLimits& limits, double dt);
 

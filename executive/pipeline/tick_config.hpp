@@ -31,6 +31,7 @@ struct JointConfig {
   float fallback_speed = 0;      // rad/s
   float observer_bandwidth = 0;  // rad/s of the velocity observer
   std::uint8_t bus = 0;
+  bool passive = false;  // measured, never driven: its setpoint has no gains and no torque, whatever is asked
 };
 
 // One link of the kinematic tree for gravity compensation. Joint j moves link j.
@@ -74,6 +75,13 @@ struct BusFaultLimits {
 };
 
 enum class DegradedBehaviour : std::uint8_t { hold, slow, fallback };
+enum class FallbackKind : std::uint8_t { pose, state_feedback };
+
+// What one joint contributes to another's torque in state feedback.
+struct FeedbackGain {
+  float position = 0;  // Nm/rad, on q - fallback_pose
+  float velocity = 0;  // Nm s/rad, on dq
+};
 
 struct TickConfig {
   Duration period;  // of the control loop
@@ -83,6 +91,7 @@ struct TickConfig {
   std::uint64_t policy_hash = 0;  // 0: any
   FreshnessContract freshness;
   DegradedBehaviour degraded = DegradedBehaviour::hold;
+  FallbackKind fallback = FallbackKind::pose;
   float degraded_speed_scale = 0.3F;
   Duration feedback_timeout;  // a joint silent for longer: feedback_lost
   Duration enable_timeout;    // arming must succeed within it
@@ -93,6 +102,8 @@ struct TickConfig {
   bool gravity_compensation = false;
   std::array<JointConfig, kMaxJoints> joints{};
   std::array<LinkModel, kMaxJoints> links{};
+  // Fallback state_feedback: feedback_gains[j][k] of joint k on the torque of joint j.
+  std::array<std::array<FeedbackGain, kMaxJoints>, kMaxJoints> feedback_gains{};
 };
 
 }  // namespace takt::pipeline

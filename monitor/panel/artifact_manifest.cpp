@@ -40,27 +40,36 @@ std::int64_t moment_of(const Json& json, std::string_view what) {
   return json.at("unix_ns").get<std::int64_t>();
 }
 
-Json method_json(const MethodFacts& facts) {
-  return {{"description", facts.description},
-          {"config_sha256", facts.config_sha256},
-          {"policy_sha256", facts.policy_sha256},
-          {"metric_contract",
-           {{"max_age_ms", facts.max_age_ms}, {"epsilon", facts.epsilon}, {"confidence", facts.confidence}}}};
+Json method_json(const MethodFacts& method) {
+  Json tasks = Json::object();
+  for (const auto& [task, facts] : method.tasks) {
+    tasks[task] = {{"config_sha256", facts.config_sha256},
+                   {"policy_sha256", facts.policy_sha256},
+                   {"metric_contract",
+                    {{"max_age_ms", facts.max_age_ms}, {"epsilon", facts.epsilon}, {"confidence", facts.confidence}}}};
+  }
+  return {{"description", method.description}, {"tasks", std::move(tasks)}};
 }
 
-MethodFacts method_of(const Json& json, const std::string& name) {
-  const std::string what = "methods." + name;
-  check_object(json, what, {"description", "config_sha256", "policy_sha256", "metric_contract"});
+TaskFacts task_facts_of(const Json& json, const std::string& what) {
+  check_object(json, what, {"config_sha256", "policy_sha256", "metric_contract"});
   const Json& contract = json.at("metric_contract");
   check_object(contract, what + ".metric_contract", {"max_age_ms", "epsilon", "confidence"});
-  return {.description = json.at("description"),
-          .config_sha256 = json.at("config_sha256"),
+  return {.config_sha256 = json.at("config_sha256"),
           .policy_sha256 = json.at("policy_sha256"),
           .max_age_ms = contract.at("max_age_ms"),
           .epsilon = contract.at("epsilon"),
           .confidence = contract.at("confidence")};
 }
 
+MethodFacts method_of(const Json& json, const std::string& name) {
+  const std::string what = "methods." + name;
+  check_object(json, what, {"description", "tasks"});
+  MethodFacts method{.description = json.at("description"), .tasks = {}};
+  for (const auto& [task, facts] : json.at("tasks").items())
+    method.tasks[task] = task_facts_of(facts, what + ".tasks." + task);
+  return method;
+}
 ArtifactManifest read(const Json& json) {
   check_object(json, "manifest",
                {"schema", "artifact_id", "complete", "panel", "seed_plan", "script", "row_schema_sha256", "plants",
@@ -191,8 +200,11 @@ std::string misfit(const RolloutRow& row, const ArtifactManifest& manifest) {
   if (plant->second != row.plant_sha256) return "comes from another plant";
   const auto method = manifest.methods.find(row.method);
   if (method == manifest.methods.end()) return fmt::format("has method {}, which is not in the manifest", row.method);
-  if (method->second.config_sha256 != row.config_sha256) return "comes from another configuration of its method";
-  if (method->second.policy_sha256 != row.policy_sha256) return "comes from another policy file of its method";
+  const auto facts = method->second.tasks.find(row.task);
+  if (facts == method->second.tasks.end())
+    return fmt::format("has task {}, which the manifest does not know of method {}", row.task, row.method);
+  if (facts->second.config_sha256 != row.config_sha256) return "comes from another configuration of its method";
+  if (facts->second.policy_sha256 != row.policy_sha256) return "comes from another policy file of its method";
   return {};
 }
 

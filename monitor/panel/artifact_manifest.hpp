@@ -13,7 +13,7 @@
 
 namespace takt::panel {
 
-inline constexpr const char* kArtifactSchema = "takt.artifact/1";
+inline constexpr const char* kArtifactSchema = "takt.artifact/2";
 
 // Every rollout's seed comes from here, whatever the method: that is what makes rows pairs.
 struct SeedPlan {
@@ -22,12 +22,21 @@ struct SeedPlan {
   friend bool operator==(const SeedPlan&, const SeedPlan&) = default;
 };
 
-struct MethodFacts {
-  std::string description;
+// A method on one task: its configuration is that task's robot, with what the method says otherwise.
+struct TaskFacts {
   std::string config_sha256;
   std::string policy_sha256;  // empty: none
   // Its freshness contract: Pr(age > max_age) <= epsilon, at this confidence.
   double max_age_ms = 0, epsilon = 0, confidence = 0;
+  friend bool operator==(const TaskFacts&, const TaskFacts&) = default;
+  [[nodiscard]] bool has_contract_of(const TaskFacts& other) const {
+    return max_age_ms == other.max_age_ms && epsilon == other.epsilon && confidence == other.confidence;
+  }
+};
+
+struct MethodFacts {
+  std::string description;
+  std::map<std::string, TaskFacts> tasks;  // by name: every task of the panel
   friend bool operator==(const MethodFacts&, const MethodFacts&) = default;
 };
 

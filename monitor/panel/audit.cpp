@@ -17,12 +17,14 @@ namespace {
 
 AuditItem metric_contract(const Artifact& artifact) {
   AuditItem item{.name = "metric contract", .answer = {}, .missing = {}};
-  for (const auto& [name, facts] : artifact.manifest.methods) {
-    item.answer +=
-        fmt::format("{}{}: Pr(age > {:g} ms) <= {:g} % at {:g} % confidence", item.answer.empty() ? "" : "; ", name,
-                    facts.max_age_ms, 100 * facts.epsilon, 100 * facts.confidence);
-    const bool stated = facts.max_age_ms > 0 && facts.epsilon > 0 && facts.confidence > 0;
-    if (!stated) item.missing.push_back(fmt::format("method {} states no freshness contract", name));
+  for (const auto& [name, method] : artifact.manifest.methods) {
+    for (const auto& [task, facts] : method.tasks) {
+      item.answer +=
+          fmt::format("{}{} on {}: Pr(age > {:g} ms) <= {:g} % at {:g} % confidence", item.answer.empty() ? "" : "; ",
+                      name, task, facts.max_age_ms, 100 * facts.epsilon, 100 * facts.confidence);
+      const bool stated = facts.max_age_ms > 0 && facts.epsilon > 0 && facts.confidence > 0;
+      if (!stated) item.missing.push_back(fmt::format("method {} states no freshness contract on {}", name, task));
+    }
   }
   if (artifact.manifest.methods.empty()) item.missing.emplace_back("the manifest names no method");
   return item;

@@ -6,6 +6,7 @@
 #include <array>
 #include <filesystem>
 #include <set>
+#include <tuple>
 #include <utility>
 
 #include "config/checks.hpp"
@@ -62,6 +63,7 @@ void describe_perturbation(Fields& fields, PanelPerturbation& one, const Panel& 
                   config::between(kind->least, kind->most));
   fields.duration({"from", "start of its window", "window.from", true}, one.from, {}, kLongest);
   fields.duration({"for", "length of its window", "window.for", true}, one.length, {}, kLongest);
+  fields.references({"tasks", "which tasks it troubles; empty: every one", "[]"}, one.tasks, kTaskNames, "task");
 }
 
 void describe_claims(Fields& fields, Claims& claims) {
@@ -95,7 +97,7 @@ void describe(Fields& fields, Panel& panel) {
   bool claims = false;
   fields.optional_section({"claims", "what the panel is meant to show"}, claims,
                           [&](Fields& f) { describe_claims(f, panel.claims); });
-  fields.each({"tasks", "what is to be done, and on which robot; one entry"}, panel.tasks, 1, describe_task);
+  fields.each({"tasks", "what is to be done, and on which robot"}, panel.tasks, kTaskNames.size(), describe_task);
   fields.each({"methods", "what is compared"}, panel.methods, kMost, describe_method);
   fields.each({"perturbations", "what troubles the rollouts; `none` is the nominal one"}, panel.perturbations, kMost,
               [&](Fields& f, PanelPerturbation& one) { describe_perturbation(f, one, panel); });
@@ -120,12 +122,16 @@ void check_tasks_and_methods(const Panel& panel, config::Checker& checker) {
 }
 
 void check_perturbations(const Panel& panel, config::Checker& checker) {
-  std::set<std::pair<std::string, double>> seen;
+  std::set<std::tuple<std::string, double, Task>> seen;
   for (std::size_t i = 0; i < panel.perturbations.size(); ++i) {
     const PanelPerturbation& one = panel.perturbations[i];
     const std::string path = fmt::format("perturbations[{}]", i);
-    checker.require(seen.insert({one.kind, one.dose}).second, path + ".kind",
-                    "is in the list twice with the same dose; keep one");
+    for (const PanelTask& task : panel.tasks)
+      checker.require(!one.troubles(task.task) || seen.insert({one.kind, one.dose, task.task}).second, path + ".kind",
+                      "is in the list twice with the same dose; keep one");
+    for (const std::size_t wanted : one.tasks)
+      checker.require(std::ranges::find(panel.tasks, static_cast<Task>(wanted), &PanelTask::task) != panel.tasks.end(),
+                      path + ".tasks", "names a task that this panel does not have; drop it, or add the task");
     checker.require(one.from + one.length <= panel.duration, path + ".kind",
                     "its window ends after the rollout's `duration`; move or shorten it");
   }

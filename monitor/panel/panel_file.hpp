@@ -3,6 +3,7 @@
 // to write one: docs/panels.md.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <expected>
 #include <string>
@@ -34,6 +35,10 @@ struct PanelPerturbation {
   std::string kind{perturbation_kinds().front().name};
   double dose = 0;
   Duration from, length;
+  std::vector<std::size_t> tasks;  // as Task; empty: every task of the panel
+  [[nodiscard]] bool troubles(Task task) const {
+    return tasks.empty() || std::ranges::find(tasks, static_cast<std::size_t>(task)) != tasks.end();
+  }
   [[nodiscard]] Perturbation resolved() const { return {find_perturbation(kind)->trouble, dose, from, length}; }
 };
 
@@ -46,7 +51,7 @@ struct Panel {
   std::uint64_t first_seed = 1, seed_count = 1;
   PolicyTiming timing;
   Duration window_from, window_length;  // of perturbations that say nothing else
-  std::vector<PanelTask> tasks;  // one: a method's configuration is a robot's, and an artifact names one per method
+  std::vector<PanelTask> tasks;         // different ones; a method's overrides go to every task's robot
   std::vector<PanelMethod> methods;
   std::vector<PanelPerturbation> perturbations;
   Claims claims;

@@ -96,7 +96,8 @@ std::vector<PlannedRollout> plan_of(const Panel& panel, const Shard& shard) {
     for (std::size_t perturbation = 0; perturbation < panel.perturbations.size(); ++perturbation)
       for (std::size_t method = 0; method < panel.methods.size(); ++method)
         for (std::uint64_t seed = 0; seed < panel.seed_count; ++seed)
-          if (index++ % shard.count == shard.index - 1)
+          if (panel.perturbations[perturbation].troubles(panel.tasks[task].task) &&
+              index++ % shard.count == shard.index - 1)
             plan.push_back({task, perturbation, method, panel.first_seed + seed});
   return plan;
 }
@@ -158,10 +159,12 @@ ArtifactManifest Contest::manifest(std::size_t planned) const {
     for (std::size_t method = 0; method < panel_.methods.size(); ++method) {
       const Contestant& who = contestant({.task = task, .method = method});
       const config::Freshness& freshness = who.robot.freshness;
-      made.plants[std::string(kTaskNames[static_cast<std::size_t>(panel_.tasks[task].task)])] = who.plant_sha256;
-      made.methods[panel_.methods[method].name] = {
-          panel_.methods[method].description, who.robot.sha256,  who.policy_sha256,
-          freshness.max_age.milliseconds(),   freshness.epsilon, freshness.confidence};
+      const std::string name(kTaskNames[static_cast<std::size_t>(panel_.tasks[task].task)]);
+      made.plants[name] = who.plant_sha256;
+      MethodFacts& facts = made.methods[panel_.methods[method].name];
+      facts.description = panel_.methods[method].description;
+      facts.tasks[name] = {who.robot.sha256, who.policy_sha256, freshness.max_age.milliseconds(), freshness.epsilon,
+                           freshness.confidence};
     }
   }
   return made;

@@ -8,6 +8,7 @@
 #include "config/tick_config_of.hpp"
 #include "executive/pipeline/control_tick.hpp"
 #include "monitor/panel/arm_world.hpp"
+#include "monitor/panel/cart_pole_world.hpp"
 #include "monitor/panel/repeat_last.hpp"
 #include "monitor/panel/rollout_measures.hpp"
 #include "monitor/panel/virtual_bus.hpp"
@@ -27,6 +28,8 @@ std::expected<std::unique_ptr<World>, std::string> make_world(const RolloutSetup
   switch (setup.task) {
     case Task::arm_tracking:
       return ArmWorld::make(setup.robot, disturbance, kStart, setup.seed);
+    case Task::cart_pole_balance:
+      return CartPoleWorld::make(setup.robot, disturbance, kStart, setup.seed);
   }
   return std::unexpected("this build does not know the task");
 }

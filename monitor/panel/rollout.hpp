@@ -24,8 +24,8 @@
 
 namespace takt::panel {
 
-enum class Task : std::uint8_t { arm_tracking };
-inline constexpr std::array<std::string_view, 1> kTaskNames{"arm_tracking"};
+enum class Task : std::uint8_t { arm_tracking, cart_pole_balance };
+inline constexpr std::array<std::string_view, 2> kTaskNames{"arm_tracking", "cart_pole_balance"};
 
 struct RolloutSetup {
   const config::RobotConfig& robot;  // as the method wants it

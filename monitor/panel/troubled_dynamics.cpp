@@ -27,6 +27,25 @@ config::Link with_point_mass(config::Link link, double mass, const config::Vecto
   return link;
 }
 
+config::CartPole with_point_mass_at_tip(config::CartPole machine, double mass) {
+  const double total = machine.pole_mass + mass;
+  const double apart = machine.pole_length - machine.pole_com;
+  machine.pole_inertia += machine.pole_mass * mass / total * apart * apart;
+  machine.pole_com += mass / total * apart;
+  machine.pole_mass = total;
+  return machine;
+}
+
+config::RobotConfig with_payload(config::RobotConfig robot, double mass) {
+  if (robot.simulation->cart_pole) {
+    robot.simulation->cart_pole = with_point_mass_at_tip(*robot.simulation->cart_pole, mass);
+    return robot;
+  }
+  config::Link& last = robot.model->links[static_cast<std::size_t>(robot.model->tool_link)];
+  last = with_point_mass(last, mass, robot.model->tool_xyz);
+  return robot;
+}
+
 config::Vector3 direction(Random& random) {
   const config::Vector3 drawn{random.normal(), random.normal(), random.normal()};
   const double length = std::hypot(drawn[0], drawn[1], drawn[2]);
@@ -35,19 +54,21 @@ config::Vector3 direction(Random& random) {
 
 }  // namespace
 
+TroubledDynamics::TroubledDynamics(std::unique_ptr<plant::Mechanics> bare, const config::RobotConfig& robot,
+                                   const Disturbance& disturbance, MonoTime started, std::uint64_t seed)
+    : bare_(std::move(bare)), simulation_(*robot.simulation), disturbance_(disturbance), now_(started), seed_(seed) {
+  for (const config::Joint& joint : robot.joints) passive_.push_back(joint.passive);
+}
+
 std::expected<std::unique_ptr<TroubledDynamics>, std::string> TroubledDynamics::make(const config::RobotConfig& robot,
                                                                                      const Disturbance& disturbance,
                                                                                      MonoTime started,
                                                                                      std::uint64_t seed) {
-  auto bare = plant::ArmDynamics::make(robot);
+  auto bare = plant::make_mechanics(robot);
   if (!bare) return std::unexpected(bare.error());
-  std::unique_ptr<TroubledDynamics> made(
-      new TroubledDynamics(std::move(*bare), *robot.simulation, disturbance, started, seed));
+  std::unique_ptr<TroubledDynamics> made(new TroubledDynamics(std::move(*bare), robot, disturbance, started, seed));
   if (disturbance.trouble() != Trouble::payload) return made;
-  config::RobotConfig heavier = robot;
-  config::Link& last = heavier.model->links[static_cast<std::size_t>(robot.model->tool_link)];
-  last = with_point_mass(last, disturbance.dose(Trouble::payload, disturbance.begins()), robot.model->tool_xyz);
-  auto loaded = plant::ArmDynamics::make(heavier);
+  auto loaded = plant::make_mechanics(with_payload(robot, disturbance.dose(Trouble::payload, disturbance.begins())));
   if (!loaded) return std::unexpected(loaded.error());
   made->loaded_ = std::move(*loaded);
   return made;
@@ -75,9 +96,10 @@ Eigen::VectorXd TroubledDynamics::torque_of_push(const Eigen::VectorXd& q) {
 
 std::vector<plant::Friction> TroubledDynamics::with_more(std::vector<plant::Friction> friction) const {
   const double more = disturbance_.dose(Trouble::friction, now_) - 1;
-  for (plant::Friction& joint : friction) {
-    joint.viscous += more * simulation_.viscous;
-    joint.coulomb += more * simulation_.coulomb;
+  for (std::size_t joint = 0; joint < friction.size(); ++joint) {
+    if (passive_[joint]) continue;
+    friction[joint].viscous += more * simulation_.viscous;
+    friction[joint].coulomb += more * simulation_.coulomb;
   }
   return friction;
 }
@@ -87,13 +109,13 @@ void TroubledDynamics::integrate(plant::ArmState& state, const Eigen::VectorXd& 
   const std::int64_t turn = disturbance_.turn(Trouble::push, now_);
   const bool pushed = turn != 0 && now_ - disturbance_.begins() - kRepeat * (turn - 1) < kPushLength;
   const bool heavy = loaded_ != nullptr && disturbance_.dose(Trouble::payload, now_) > 0;
-  plant::ArmDynamics& arm = heavy ? *loaded_ : *bare_;
+  plant::Mechanics& body = heavy ? *loaded_ : *bare_;
   if (pushed)
-    arm.integrate(state, tau + torque_of_push(state.q), friction, step);
+    body.integrate(state, tau + torque_of_push(state.q), friction, step);
   else if (disturbance_.dose(Trouble::friction, now_) > 0)
-    arm.integrate(state, tau, with_more(friction), step);
+    body.integrate(state, tau, with_more(friction), step);
   else
-    arm.integrate(state, tau, friction, step);
+    body.integrate(state, tau, friction, step);
   now_ = now_ + step;
 }
 

@@ -10,7 +10,7 @@ import yaml
 
 # Factor to SI. Only the units that a robot file uses for the quantities read here.
 _UNITS = {"rad": 1.0, "deg": np.pi / 180.0, "m": 1.0, "mm": 1e-3, "rad/s": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6,
-          "Hz": 1.0}
+          "Hz": 1.0, "Nm": 1.0, "Nm/rad": 1.0, "Nms/rad": 1.0, "kg": 1.0, "kgm2": 1.0}
 
 
 def si(text):

@@ -8,9 +8,9 @@ from onnx import TensorProto, helper, numpy_helper
 HIDDEN = 256
 
 
-def build(inputs, outputs):
-    return torch.nn.Sequential(torch.nn.Linear(inputs, HIDDEN), torch.nn.ELU(), torch.nn.Linear(HIDDEN, HIDDEN),
-                               torch.nn.ELU(), torch.nn.Linear(HIDDEN, outputs))
+def build(inputs, outputs, hidden=HIDDEN):
+    return torch.nn.Sequential(torch.nn.Linear(inputs, hidden), torch.nn.ELU(), torch.nn.Linear(hidden, hidden),
+                               torch.nn.ELU(), torch.nn.Linear(hidden, outputs))
 
 
 class Normaliser:
@@ -46,32 +46,40 @@ def folded_layers(network, normaliser):
     return [(weight.astype(np.float32), bias.astype(np.float32)) for weight, bias in layers]
 
 
-def evaluate(layers, inputs):
-    """What the ONNX file computes, in float64: (batch, inputs) -> (batch, outputs)."""
+def evaluate(layers, inputs, skip=None):
+    """What the ONNX file computes, in float64: (batch, inputs) -> (batch, outputs). `skip` as in onnx_bytes."""
     values = inputs.astype(np.float64)
     for i, (weight, bias) in enumerate(layers):
         values = values @ weight.T.astype(np.float64) + bias
         if i + 1 < len(layers):
             values = np.where(values > 0, values, np.expm1(np.minimum(values, 0)))
-    return values
+    return values if skip is None else values + inputs.astype(np.float64) @ skip.T
 
 
-def onnx_bytes(layers, input_name, output_name):
-    """The file's bytes: a function of the weights and names alone, no time stamp, no path."""
+def onnx_bytes(layers, input_name, output_name, name="reach", skip=None):
+    """The file's bytes: a function of the weights and names alone, no time stamp, no path.
+
+    `skip` (outputs, inputs): a fixed linear part of the inputs that is added to what the layers give.
+    """
     nodes, weights, flowing = [], [], input_name
     for i, (weight, bias) in enumerate(layers):
         last = i + 1 == len(layers)
         weights += [numpy_helper.from_array(weight, f"layer{i}.weight"), numpy_helper.from_array(bias, f"layer{i}.bias")]
-        linear = output_name if last else f"layer{i}.linear"
+        linear = (output_name if skip is None else "path") if last else f"layer{i}.linear"
         nodes.append(helper.make_node("Gemm", [flowing, f"layer{i}.weight", f"layer{i}.bias"], [linear],
                                       name=f"layer{i}.gemm", transB=1))
         if not last:
             flowing = f"layer{i}.out"
             nodes.append(helper.make_node("Elu", [linear], [flowing], name=f"layer{i}.elu", alpha=1.0))
+    if skip is not None:
+        weights += [numpy_helper.from_array(skip.astype(np.float32), "skip.weight"),
+                    numpy_helper.from_array(np.zeros(len(skip), np.float32), "skip.bias")]
+        nodes += [helper.make_node("Gemm", [input_name, "skip.weight", "skip.bias"], ["skip"], name="skip.gemm", transB=1),
+                  helper.make_node("Add", ["path", "skip"], [output_name], name="sum")]
     graph = helper.make_graph(
-        nodes, "reach", [helper.make_tensor_value_info(input_name, TensorProto.FLOAT, [1, layers[0][0].shape[1]])],
+        nodes, name, [helper.make_tensor_value_info(input_name, TensorProto.FLOAT, [1, layers[0][0].shape[1]])],
         [helper.make_tensor_value_info(output_name, TensorProto.FLOAT, [1, layers[-1][0].shape[0]])], weights)
-    model = helper.make_model(graph, producer_name="takt train_reach", opset_imports=[helper.make_opsetid("", 13)])
+    model = helper.make_model(graph, producer_name="takt train_reach" if name == "reach" else f"takt {name}", opset_imports=[helper.make_opsetid("", 13)])
     model.ir_version = 7
     onnx.checker.check_model(model)
     return model.SerializeToString()

@@ -106,7 +106,7 @@ TEST_F(ArtifactTest, RefusesToGoOnWithSomethingElse) {
                                        manifest.panel_sha256.substr(0, 12) + ", this panel has smoke " +
                                        other.panel_sha256.substr(0, 12));
   other = manifest;
-  other.methods["method-b"].config_sha256 = config::sha256_hex("tuned");
+  other.methods["method-b"].tasks["reach"].config_sha256 = config::sha256_hex("tuned");
   EXPECT_EQ(resume_refusal(other), "cannot go on with " + folder + ": it was begun with other methods");
 }
 

@@ -110,12 +110,12 @@ TEST_F(AuditTest, NamesWhatThePanelLacks) {
 
 TEST_F(AuditTest, NamesHolesUnfinishedPanelsAndForeignColumns) {
   manifest = sample_manifest({"fast", "slow"}, 4);
-  manifest.methods.at("slow").epsilon = 0;
+  manifest.methods.at("slow").tasks.at("reach").epsilon = 0;
   rows.push_back(sample_row("slow", 1));
   rows.back().replay_hash.clear();
   Artifact artifact = write_artifact(folder, manifest, rows);
   Audit result = audit(artifact);
-  EXPECT_EQ(missing(result, "metric contract"), Missing{"method slow states no freshness contract"});
+  EXPECT_EQ(missing(result, "metric contract"), Missing{"method slow states no freshness contract on reach"});
   EXPECT_EQ(missing(result, "perturbation panel"), Missing{"method slow lacks 1 of 2 conditions"});
   EXPECT_EQ(missing(result, "monitor state"), Missing{"1 rows have no replay hash"});
   EXPECT_EQ(missing(result, "artifact id"), Missing{"the panel is unfinished: 3 of 4 planned rollouts"});

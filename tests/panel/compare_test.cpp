@@ -129,7 +129,7 @@ TEST_F(CompareTest, MergeRefusesDoublesAndUnfinishedOnes) {
   EXPECT_EQ(merged(again), "refusing the mixture: rollout reach.none@0.fast.s1 is in " + a.folder.path() + " and in " +
                                again.folder.path());
   const Artifact tuned = artifact_of("fast", 0, never, [](ArtifactManifest& manifest, RolloutRow& row) {
-    manifest.methods.at("fast").config_sha256 = row.config_sha256 = config::sha256_hex("tuned");
+    manifest.methods.at("fast").tasks.at(row.task).config_sha256 = row.config_sha256 = config::sha256_hex("tuned");
   });
   EXPECT_EQ(merged(tuned), "refusing the mixture: method fast has another configuration, policy or contract in " +
                                tuned.folder.path() + " than in " + a.folder.path());
@@ -140,13 +140,13 @@ TEST_F(CompareTest, MergeRefusesDoublesAndUnfinishedOnes) {
 TEST_F(CompareTest, NotesWhatAReaderMustKnow) {
   const Artifact a = artifact_of("fast", 0, never);
   ArtifactManifest manifest = sample_manifest({"slow"}, 2);
-  manifest.methods.at("slow").max_age_ms = 60;
+  manifest.methods.at("slow").tasks.at("reach").max_age_ms = 60;
   const Artifact b = write_artifact(path("b"), manifest, {sample_row("slow", 3)});
   const Comparison result = compare(a, b).value();
-  EXPECT_EQ(result.notes,
-            (std::vector<std::string>{"miss rates are not compared: A's contract is Pr(age > 40 ms) <= 5 %, B's is "
-                                      "Pr(age > 60 ms) <= 5 %",
-                                      "B is unfinished: 1 of 2 planned rollouts", "19 rows of A have no partner"}));
+  EXPECT_EQ(result.notes, (std::vector<std::string>{
+                              "miss rates are not compared: on reach A's contract is Pr(age > 40 ms) <= 5 %, B's is "
+                              "Pr(age > 60 ms) <= 5 %",
+                              "B is unfinished: 1 of 2 planned rollouts", "19 rows of A have no partner"}));
   for (const MetricDifference& each : result.pooled.metrics) EXPECT_FALSE(each.metric.starts_with("misses"));
   EXPECT_EQ(result.pooled.metrics.size(), 16U);
   const Artifact c = write_artifact(path("c"), sample_manifest({"slow"}, 1), {sample_row("slow", 20)});

@@ -60,8 +60,45 @@ TEST_F(PanelFile, SaysWhatIsRun) {
   EXPECT_EQ(first.size() + second.size() + third.size(), plan.size());
   const auto contest = Contest::prepare(*panel);
   ASSERT_TRUE(contest.has_value()) << contest.error();
-  EXPECT_EQ(contest->manifest(8).methods.at("lax").max_age_ms, 200);
-  EXPECT_EQ(contest->manifest(8).methods.at("takt").max_age_ms, 150);
+  EXPECT_EQ(contest->manifest(8).methods.at("lax").tasks.at("arm_tracking").max_age_ms, 200);
+  EXPECT_EQ(contest->manifest(8).methods.at("takt").tasks.at("arm_tracking").max_age_ms, 150);
+}
+
+// Both tasks, one perturbation for each alone.
+std::string two_task_panel() {
+  std::string text = small_panel();
+  text.replace(text.find("methods:"), 0,
+               "  - { task: cart_pole_balance, robot: " + std::filesystem::absolute("config/cart_pole.yaml").string() +
+                   ", scored: 1 s, bound: 400 mm }\n");
+  text.replace(text.find("dose: 12.5,"), 0, "tasks: [arm_tracking], ");
+  return text + "  - { kind: push, dose: 0.5, from: 1 s, for: 1 s, tasks: [cart_pole_balance] }\n";
+}
+
+TEST_F(PanelFile, TasksHaveTheirOwnPerturbationsAndConfigurations) {
+  const auto panel = load_panel(written(two_task_panel()));
+  ASSERT_TRUE(panel.has_value()) << panel.error();
+  const auto plan = plan_of(*panel, {});
+  EXPECT_EQ(plan.size(), 16U) << "2 tasks x 2 perturbations x 2 methods x 2 seeds";
+  for (const PlannedRollout& one : plan)
+    EXPECT_TRUE(panel->perturbations[one.perturbation].troubles(panel->tasks[one.task].task));
+  const auto contest = Contest::prepare(*panel);
+  ASSERT_TRUE(contest.has_value()) << contest.error();
+  const ArtifactManifest manifest = contest->manifest(plan.size());
+  EXPECT_EQ(manifest.plants.size(), 2U);
+  const auto& lax = manifest.methods.at("lax").tasks;
+  EXPECT_EQ(lax.at("arm_tracking").max_age_ms, 200);
+  EXPECT_EQ(lax.at("cart_pole_balance").max_age_ms, 200);
+  EXPECT_NE(lax.at("arm_tracking").config_sha256, lax.at("cart_pole_balance").config_sha256);
+  const auto& takt = manifest.methods.at("takt").tasks;
+  EXPECT_EQ(takt.at("cart_pole_balance").max_age_ms, 120);
+  EXPECT_NE(takt.at("arm_tracking").policy_sha256, takt.at("cart_pole_balance").policy_sha256);
+  RolloutRow row = contest->identity(plan.back());
+  EXPECT_EQ(misfit(row, manifest), "");
+  row.config_sha256 = lax.at("arm_tracking").config_sha256;
+  EXPECT_EQ(misfit(row, manifest), "comes from another configuration of its method");
+  const auto again = artifact_manifest_of(to_json(manifest));
+  ASSERT_TRUE(again.has_value()) << again.error();
+  EXPECT_EQ(again->methods, manifest.methods);
 }
 
 struct Refusal {
@@ -72,6 +109,9 @@ const Refusal kRefusals[] = {
     {"unknown perturbation", "kind: push", "kind: pusch",
      "12:13: perturbations[1].kind: perturbation `pusch` is not known; did you mean `push`?"},
     {"dose out of range", "dose: 12.5", "dose: -1", "12:25: perturbations[1].dose: -1 is out of range"},
+    {"a perturbation of a task that is not there", "dose: 12.5", "tasks: [cart_pole_balance], dose: 12.5",
+     "perturbations[1].tasks: names a task that this panel does not have"},
+    {"a task nobody knows", "dose: 12.5", "tasks: [arm_tracing], dose: 12.5", "did you mean `arm_tracking`?"},
     {"window past the end", "from: 1 s", "from: 3500 ms", "its window ends after the rollout's `duration`"},
     {"bound without unit", "bound: 20 mm", "bound: 20", "6:"},
     {"twice the same", "kind: none }", "kind: push, dose: 12.5, from: 1 s, for: 1 s }", "is in the list twice"},

@@ -29,11 +29,12 @@ ArtifactManifest sample_manifest(const std::vector<std::string>& methods, std::u
   manifest.plants[row.task] = row.plant_sha256;
   for (const std::string& method : methods) {
     manifest.methods[method] = {.description = "for tests",
-                                .config_sha256 = sample_row(method).config_sha256,
-                                .policy_sha256 = row.policy_sha256,
-                                .max_age_ms = 40,
-                                .epsilon = 0.05,
-                                .confidence = 0.95};
+                                .tasks = {{row.task,
+                                           {.config_sha256 = sample_row(method).config_sha256,
+                                            .policy_sha256 = row.policy_sha256,
+                                            .max_age_ms = 40,
+                                            .epsilon = 0.05,
+                                            .confidence = 0.95}}}};
   }
   manifest.claims = {"late actions destabilise", "how stale chunks are refused", "p95 age and success under stalls"};
   manifest.planned_rollouts = planned;

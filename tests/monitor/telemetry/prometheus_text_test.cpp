@@ -23,8 +23,10 @@ std::string text_of_a_run(const std::string& run_id = "run-1") {
   LiveMetrics metrics(demo_robot());
   metrics.begin(run_id);
   VirtualRobot robot;
-  robot.run(400);
-  metrics.tick(robot.latest());
+  for (int tick = 0; tick < 400; ++tick) {
+    robot.run(1);
+    metrics.tick(robot.latest());
+  }
   metrics.loss({"tick", "overwritten", 3, 1, 5});
   return prometheus_text(metrics, demo_robot());
 }
@@ -65,7 +67,9 @@ TEST(PrometheusText, HasWhatRulesAndDashboardAskFor) {
     for (std::sregex_iterator at(asking.begin(), asking.end(), family), end; at != end; ++at) names.insert(at->str());
     EXPECT_GT(names.size(), 5U) << file;
     for (const std::string& name : names)
-      EXPECT_NE(text.find("\n" + name + "{"), std::string::npos) << file << " asks for " << name;
+      EXPECT_TRUE(text.find("\n" + name + "{") != std::string::npos ||
+                  text.find("\n" + name + "_bucket{") != std::string::npos)
+          << file << " asks for " << name;
   }
 }
 

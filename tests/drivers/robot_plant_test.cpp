@@ -1,8 +1,8 @@
 // Goal: host driver and simulated arm work together: the loop closes, in joint units, and the drive's own watchdog is
 // there when the host is not.
-// Method: MitDriver and ArmPlant in virtual time, frames handed over by function call; replies reach the host one step
-// later, as on the bus.
-#include "drivers/plant/arm_plant.hpp"
+// Method: MitDriver and RobotPlant in virtual time, frames handed over by function call; replies reach the host one
+// step later, as on the bus.
+#include "drivers/plant/robot_plant.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "drivers/plant/arm_dynamics.hpp"
 #include "drivers/protocol_table.hpp"
 #include "tests/drivers/plant_robots.hpp"
 
@@ -19,7 +20,7 @@ namespace {
 
 class Loop {
  public:
-  explicit Loop(const config::RobotConfig& robot) : robot_(robot), arm(std::move(*ArmPlant::make(robot))) {
+  explicit Loop(const config::RobotConfig& robot) : robot_(robot), arm(std::move(*RobotPlant::make(robot))) {
     for (std::size_t joint = 0; joint < robot_.joints.size(); ++joint)
       hosts.push_back(std::move(*drivers::make_joint_driver(robot_, joint)));
     // Standby, until the drives' settings have been read back.
@@ -39,9 +40,10 @@ class Loop {
   bool all(DriveState state) const {
     return std::ranges::all_of(hosts, [state](const auto& host) { return host->feedback().drive_state == state; });
   }
+  Eigen::VectorXd gravity_torque() { return dynamic_cast<ArmDynamics&>(arm.mechanics()).gravity_torque(arm.state().q); }
   // Impedance about home with gravity carried, as the executive would ask for.
   std::vector<drivers::DriveSetpoint> hold_home() {
-    const Eigen::VectorXd gravity = arm.dynamics().gravity_torque(arm.state().q);
+    const Eigen::VectorXd gravity = gravity_torque();
     std::vector<drivers::DriveSetpoint> setpoints;
     for (std::size_t i = 0; i < hosts.size(); ++i) {
       const config::Joint& joint = robot_.joints[i];
@@ -61,13 +63,13 @@ class Loop {
   config::RobotConfig robot_;
 
  public:
-  ArmPlant arm;
+  RobotPlant arm;
   std::vector<std::unique_ptr<drivers::JointDriver>> hosts;
 };
 
 const std::vector<drivers::DriveSetpoint> kNothing(6);
 
-TEST(ArmPlant, StandbyReportsTheHomePoseAndDoesNotFall) {
+TEST(RobotPlant, StandbyReportsTheHomePoseAndDoesNotFall) {
   Loop loop(test::demo_arm());
   for (int ms = 0; ms < 5000; ++ms) loop.tick(false, kNothing);
   EXPECT_TRUE(loop.all(DriveState::disabled));
@@ -76,7 +78,7 @@ TEST(ArmPlant, StandbyReportsTheHomePoseAndDoesNotFall) {
     EXPECT_NEAR(loop.hosts[i]->feedback().q, test::demo_arm().joints[i].home, 0.003) << i;
 }
 
-TEST(ArmPlant, EnablesAndHoldsTheHomePose) {
+TEST(RobotPlant, EnablesAndHoldsTheHomePose) {
   Loop loop(test::demo_arm());
   for (int ms = 0; ms < 5; ++ms) loop.tick(true, loop.hold_home());
   EXPECT_TRUE(loop.all(DriveState::enabled));
@@ -85,7 +87,7 @@ TEST(ArmPlant, EnablesAndHoldsTheHomePose) {
   EXPECT_LT(loop.arm.state().dq.cwiseAbs().maxCoeff(), 0.05);
 }
 
-TEST(ArmPlant, WithoutGravityTorqueItSagsAsFarAsStiffnessAllows) {
+TEST(RobotPlant, WithoutGravityTorqueItSagsAsFarAsStiffnessAllows) {
   const config::RobotConfig robot = test::demo_arm();
   Loop loop(robot);
   for (int ms = 0; ms < 3000; ++ms) {
@@ -95,12 +97,12 @@ TEST(ArmPlant, WithoutGravityTorqueItSagsAsFarAsStiffnessAllows) {
   }
   // Shoulder: the sag balances the gravity torque, within the Coulomb friction.
   const double sag = robot.joints[1].home - loop.arm.state().q[1];
-  const double gravity = loop.arm.dynamics().gravity_torque(loop.arm.state().q)[1];
+  const double gravity = loop.gravity_torque()[1];
   EXPECT_NEAR(sag * robot.joints[1].kp, gravity, robot.simulation->coulomb + 0.2);
   EXPECT_GT(std::abs(gravity), 0.5);
 }
 
-TEST(ArmPlant, FollowsAStepOfOneJointAndNoOther) {
+TEST(RobotPlant, FollowsAStepOfOneJointAndNoOther) {
   Loop loop(test::demo_arm());
   for (int ms = 0; ms < 5; ++ms) loop.tick(true, loop.hold_home());
   for (int ms = 0; ms < 3000; ++ms) {
@@ -113,7 +115,7 @@ TEST(ArmPlant, FollowsAStepOfOneJointAndNoOther) {
   EXPECT_NEAR(loop.hosts[2]->feedback().q, -0.9, 0.005);
 }
 
-TEST(ArmPlant, DirectionOffsetAndGearAreTheSameThingOnBothSides) {
+TEST(RobotPlant, DirectionOffsetAndGearAreTheSameThingOnBothSides) {
   config::RobotConfig robot = test::demo_arm();
   for (std::size_t i = 0; i < robot.joints.size(); ++i) {
     robot.joints[i].drive.direction = i % 2 == 0 ? -1 : 1;
@@ -123,14 +125,14 @@ TEST(ArmPlant, DirectionOffsetAndGearAreTheSameThingOnBothSides) {
   Loop loop(robot);
   for (int ms = 0; ms < 3000; ++ms) loop.tick(true, loop.hold_home());
   EXPECT_LT(loop.furthest_from_home(), 0.01);
-  const Eigen::VectorXd gravity = loop.arm.dynamics().gravity_torque(loop.arm.state().q);
+  const Eigen::VectorXd gravity = loop.gravity_torque();
   for (std::size_t i = 0; i < 6; ++i) {
     EXPECT_NEAR(loop.hosts[i]->feedback().q, loop.arm.state().q[static_cast<Eigen::Index>(i)], 0.002) << i;
     EXPECT_NEAR(loop.hosts[i]->feedback().tau, gravity[static_cast<Eigen::Index>(i)], 1.0) << i;
   }
 }
 
-TEST(ArmPlant, WhenTheHostFallsSilentTheDrivesStopByThemselves) {
+TEST(RobotPlant, WhenTheHostFallsSilentTheDrivesStopByThemselves) {
   Loop loop(test::demo_arm());
   std::vector<drivers::DriveSetpoint> push = loop.hold_home();
   for (int ms = 0; ms < 200; ++ms) {
@@ -154,7 +156,7 @@ TEST(ArmPlant, WhenTheHostFallsSilentTheDrivesStopByThemselves) {
   EXPECT_TRUE(loop.all(DriveState::enabled));
 }
 
-TEST(ArmPlant, TorqueArrivesOneStepLate) {
+TEST(RobotPlant, TorqueArrivesOneStepLate) {
   config::RobotConfig robot = test::demo_arm();
   robot.model->gravity = {0, 0, 0};
   robot.simulation->coulomb = 0;
@@ -169,7 +171,7 @@ TEST(ArmPlant, TorqueArrivesOneStepLate) {
   EXPECT_GT(loop.arm.state().dq[0], before[0] + 0.01);
 }
 
-TEST(ArmPlant, TheEncoderReportsItsGrid) {
+TEST(RobotPlant, TheEncoderReportsItsGrid) {
   config::RobotConfig robot = test::demo_arm();
   robot.simulation->encoder_step = 0.1;
   Loop loop(robot);
@@ -180,7 +182,7 @@ TEST(ArmPlant, TheEncoderReportsItsGrid) {
   EXPECT_NEAR(loop.hosts[0]->feedback().q, 0.2, 1e-3);
 }
 
-TEST(ArmPlant, SameInputsSameBits) {
+TEST(RobotPlant, SameInputsSameBits) {
   const auto run = [] {
     Loop loop(test::demo_arm());
     for (int ms = 0; ms < 500; ++ms) loop.tick(ms > 50, loop.hold_home());
@@ -192,7 +194,7 @@ TEST(ArmPlant, SameInputsSameBits) {
   EXPECT_EQ(std::memcmp(a.dq.data(), b.dq.data(), 6 * sizeof(double)), 0);
 }
 
-TEST(ArmPlant, AFrameOnTheWrongBusReachesNobody) {
+TEST(RobotPlant, AFrameOnTheWrongBusReachesNobody) {
   Loop loop(test::demo_arm());
   drivers::CanFrame frame;
   frame.id = 1;
@@ -205,10 +207,10 @@ TEST(ArmPlant, AFrameOnTheWrongBusReachesNobody) {
   EXPECT_EQ(answers.size(), 1U);
 }
 
-TEST(ArmPlant, RefusesARobotItCannotSimulate) {
+TEST(RobotPlant, RefusesARobotItCannotSimulate) {
   config::RobotConfig robot = test::demo_arm();
   robot.simulation.reset();
-  EXPECT_FALSE(ArmPlant::make(robot));
+  EXPECT_FALSE(RobotPlant::make(robot));
 }
 
 }  // namespace

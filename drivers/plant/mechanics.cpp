@@ -1,0 +1,13 @@
+#include "drivers/plant/mechanics.hpp"
+
+#include "drivers/plant/arm_dynamics.hpp"
+#include "drivers/plant/cart_pole_dynamics.hpp"
+
+namespace takt::plant {
+
+std::expected<std::unique_ptr<Mechanics>, std::string> make_mechanics(const config::RobotConfig& robot) {
+  if (robot.simulation && robot.simulation->cart_pole) return CartPoleDynamics::make(robot);
+  return ArmDynamics::make(robot);
+}
+
+}  // namespace takt::plant

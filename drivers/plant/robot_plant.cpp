@@ -1,0 +1,16 @@
+#include "drivers/plant/robot_plant.hpp"
+
+#include <utility>
+
+namespace takt::plant {
+
+std::expected<RobotPlant, std::string> RobotPlant::make(const config::RobotConfig& robot) {
+  auto made = make_mechanics(robot);
+  if (!made) return std::unexpected(made.error());
+  Mechanics& mechanics = **made;
+  auto plant = Plant::make(robot, std::move(*made));
+  if (!plant) return std::unexpected(plant.error());
+  return RobotPlant(std::move(*plant), mechanics);
+}
+
+}  // namespace takt::plant

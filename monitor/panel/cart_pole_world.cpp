@@ -1,0 +1,60 @@
+#include "monitor/panel/cart_pole_world.hpp"
+
+#include <cmath>
+#include <utility>
+
+#include "monitor/panel/random.hpp"
+
+namespace takt::panel {
+namespace {
+
+constexpr std::uint64_t kCommandStream = 551;
+
+config::Simulation with_seed(config::Simulation simulation, std::uint64_t seed) {
+  simulation.seed = seed;
+  return simulation;
+}
+
+bool is_beyond(const config::Limits& limits, double q, double margin) {
+  return q < limits.q_min - margin || q > limits.q_max + margin;
+}
+
+}  // namespace
+
+std::expected<std::unique_ptr<CartPoleWorld>, std::string> CartPoleWorld::make(const config::RobotConfig& robot,
+                                                                               const Disturbance& disturbance,
+                                                                               MonoTime started, std::uint64_t seed) {
+  if (!robot.simulation || !robot.simulation->cart_pole || robot.simulation->camera_sensor.empty())
+    return std::unexpected(robot.file +
+                           ": task cart_pole_balance needs `simulation` with `cart_pole`, `camera`, `target`");
+  auto dynamics = TroubledDynamics::make(robot, disturbance, started, seed);
+  if (!dynamics) return std::unexpected(dynamics.error());
+  TroubledDynamics& mechanics = **dynamics;
+  auto plant = plant::Plant::make(robot, std::move(*dynamics));
+  if (!plant) return std::unexpected(plant.error());
+  Random random(seed, kCommandStream);
+  // The first step comes within one period of the start.
+  const Duration told_for{std::llround(random.between(0, static_cast<double>(robot.simulation->step_period.ns)))};
+  return std::unique_ptr<CartPoleWorld>(new CartPoleWorld(robot, std::move(*plant), mechanics, started - told_for,
+                                                          plant::seed_for(seed, kCommandStream + 1)));
+}
+
+CartPoleWorld::CartPoleWorld(const config::RobotConfig& robot, plant::Plant plant, TroubledDynamics& dynamics,
+                             MonoTime told_since, std::uint64_t seed)
+    : robot_(robot),
+      plant_(std::move(plant)),
+      dynamics_(dynamics),
+      simulation_(with_seed(*robot.simulation, seed)),
+      told_since_(told_since),
+      sensor_(simulation_, told_since) {}
+
+double CartPoleWorld::error_m(MonoTime now) {
+  const Eigen::VectorXd& q = plant_.state().q;
+  const config::Limits& track = robot_.joints[0].limits;
+  const config::Limits& pole = robot_.joints[1].limits;
+  violated_ = is_beyond(track, q[0], 0) || is_beyond(pole, q[1], 0);
+  lost_ |= is_beyond(pole, q[1], pole.position_margin);
+  return std::abs(dynamics_.controlled_point(q)[0] - plant::target_at(simulation_, now - told_since_)[0]);
+}
+
+}  // namespace takt::panel

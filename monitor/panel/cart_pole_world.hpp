@@ -1,0 +1,45 @@
+// cart_pole_balance: a cart that goes where it is told, in steps, without letting its pole fall. The seed draws the
+// steps, their instants and the sensor's jitter.
+// Error: distance of the cart from where it is told to be. Constraints: cart and pole inside their position limits.
+// Lost: the pole beyond its limit by the margin; what hangs cannot be balanced again.
+#pragma once
+
+#include <expected>
+#include <memory>
+#include <string>
+
+#include "config/robot_config.hpp"
+#include "drivers/plant/camera.hpp"
+#include "monitor/panel/perturbation.hpp"
+#include "monitor/panel/troubled_dynamics.hpp"
+#include "monitor/panel/world.hpp"
+
+namespace takt::panel {
+
+class CartPoleWorld final : public World {
+ public:
+  // The error is one sentence: what the robot file lacks. `robot` and `disturbance` outlive this.
+  static std::expected<std::unique_ptr<CartPoleWorld>, std::string> make(const config::RobotConfig& robot,
+                                                                         const Disturbance& disturbance,
+                                                                         MonoTime started, std::uint64_t seed);
+
+  plant::Plant& plant() override { return plant_; }
+  std::optional<SensorSample> sample(MonoTime now) override { return sensor_.poll(now); }
+  double error_m(MonoTime now) override;
+  [[nodiscard]] bool is_violated() const override { return violated_; }
+  [[nodiscard]] bool is_lost() const override { return lost_; }
+
+ private:
+  CartPoleWorld(const config::RobotConfig& robot, plant::Plant plant, TroubledDynamics& dynamics, MonoTime told_since,
+                std::uint64_t seed);
+
+  const config::RobotConfig& robot_;
+  plant::Plant plant_;
+  TroubledDynamics& dynamics_;  // the plant's
+  config::Simulation simulation_;
+  MonoTime told_since_;
+  plant::Camera sensor_;
+  bool violated_ = false, lost_ = false;
+};
+
+}  // namespace takt::panel
