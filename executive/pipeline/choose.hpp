@@ -10,6 +10,10 @@
 // damped_stop    follows until at rest, then stays       damping; at rest default  yes  yes
 // fault_latched  follows the measured position           damping              no       no
 //
+// Resume ramp: for `resume_over` after tracking began, every joint's speed limit rises linearly from
+// `degraded_speed_scale` of it to all of it. What moved on while the robot held is then approached, not rushed at.
+// Accelerations, torques and barriers are those of every other tick.
+//
 // The chunk is consulted only while the command is usable, so no target ever stems from one older than max_age.
 #pragma once
 
