@@ -92,6 +92,16 @@ void describe(Fields& fields, Panel& panel) {
     f.duration({"from", "since the rollout's start", "2 s"}, panel.window_from, {}, kLongest);
     f.duration({"for", "its length", "2 s"}, panel.window_length, {}, kLongest);
   });
+  bool has_operator = false;
+  Duration rearm_after;
+  fields.optional_section({"operator", "the person who ends stops, the same for every method"}, has_operator,
+                          [&](Fields& f) {
+                            f.duration({"rearm_after",
+                                        "from a stop or fault until the robot is armed again, if nothing "
+                                        "blocks that"},
+                                       rearm_after, {}, kLongest);
+                          });
+  if (has_operator) panel.rearm_after = rearm_after;
   bool claims = false;
   fields.optional_section({"claims", "what the panel is meant to show"}, claims,
                           [&](Fields& f) { describe_claims(f, panel.claims); });

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <expected>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -46,6 +47,7 @@ struct Panel {
   std::uint64_t first_seed = 1, seed_count = 1;
   PolicyTiming timing;
   Duration window_from, window_length;  // of perturbations that say nothing else
+  std::optional<Duration> rearm_after;  // operator: from a stop or fault to the next arming; empty: none
   std::vector<PanelTask> tasks;  // one: a method's configuration is a robot's, and an artifact names one per method
   std::vector<PanelMethod> methods;
   std::vector<PanelPerturbation> perturbations;

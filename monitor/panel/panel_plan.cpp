@@ -182,7 +182,8 @@ std::expected<RolloutRow, std::string> Contest::run(const PlannedRollout& planne
                                  .seed = planned.seed,
                                  .duration = panel_.duration,
                                  .scored = task.scored,
-                                 .bound_m = task.bound_m},
+                                 .bound_m = task.bound_m,
+                                 .rearm_after = panel_.rearm_after},
                                 row);
   if (!done) return std::unexpected(done.error());
   meter.fill(panel_.duration, row.host);

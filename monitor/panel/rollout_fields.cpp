@@ -51,6 +51,7 @@ void add_outcome(Fields& fields) {
                     at(&RolloutRow::recovery_s),
                     {},
                     kNotNegative});
+  fields.push_back({"rearms", "1", "times the operator armed the robot again", at(&RolloutRow::rearms)});
   fields.push_back({"tracking_error_rms_m",
                     "m",
                     "error of the task's controlled point, over scored ticks",

@@ -81,6 +81,7 @@ struct RolloutRow {
   Cause final_cause = Cause::none;  // of the last transition
   std::optional<double>
       recovery_s;                   // end of perturbation -> back in tracking; empty: nothing to recover from, or never
+  std::uint64_t rearms = 0;         // times the operator armed the robot again
   double tracking_error_rms_m = 0;  // of the task's controlled point, over the scored ticks
   double tracking_error_p95_m = 0;  //
   std::uint64_t constraint_violations = 0;  // ticks outside the task's own constraints

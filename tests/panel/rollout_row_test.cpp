@@ -62,7 +62,7 @@ TEST(RolloutRow, EveryFieldHasItsOwnNameAndPlace) {
     EXPECT_TRUE(places.insert(place).second) << field.name;
     EXPECT_FALSE(field.meaning.empty()) << field.name;
   }
-  EXPECT_EQ(names.size(), 94U);  // 13 + 8 + 1 + 2 * 18 + 2 * 4 + 4 + 10 + 6 + 2 + 2 + 4
+  EXPECT_EQ(names.size(), 95U);  // 13 + 9 + 1 + 2 * 18 + 2 * 4 + 4 + 10 + 6 + 2 + 2 + 4
 }
 
 TEST(RolloutRow, HostMeasurementsStayOutOfTheComparedBytes) {

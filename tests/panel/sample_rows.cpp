@@ -34,6 +34,7 @@ RolloutRow sample_row(const std::string& method, std::uint64_t seed) {
   row.final_mode = Mode::tracking;
   row.final_cause = Cause::drives_enabled;
   row.recovery_s = 0.25;
+  row.rearms = 5;
   row.tracking_error_rms_m = 0.01;
   row.tracking_error_p95_m = 0.03;
   row.constraint_violations = 4;
