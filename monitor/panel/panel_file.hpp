@@ -23,6 +23,7 @@ struct PanelTask {
   std::string robot;  // path of the robot file, as found from here
   Duration scored;
   double bound_m = 0;
+  std::vector<config::Override> overrides;  // of the robot file, for every method
 };
 
 struct PanelMethod {

@@ -44,6 +44,10 @@ void RolloutMeasures::tick(const TickRecord& record, const TruthOfTick& truth) {
   collector_.tick(record);
   add_hash(record);
   add_joints(record);
+  if (header.arrival == Arrival::accepted) {
+    ++accepted_;
+    inference_ms_ += header.age.infer.milliseconds();
+  }
   note_failure(header, truth);
   note_arming(header);
   note_recovery(header, truth.error_m);
@@ -125,6 +129,7 @@ void RolloutMeasures::finish(double epsilon, double confidence, RolloutRow& row)
   if (metrics_.ticks != 0) collector_.finish(epsilon, confidence);
   fill_outcome(row);
   row.ticks = metrics_.ticks;
+  if (accepted_ != 0) row.inference_mean_ms = inference_ms_ / static_cast<double>(accepted_);
   row.age_per_command = row_of(metrics_.age_per_command);
   row.age_per_tick = row_of(metrics_.age_per_tick);
   row.misses_per_command = row_of(metrics_.misses_per_command);

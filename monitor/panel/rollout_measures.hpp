@@ -56,6 +56,8 @@ class RolloutMeasures {
   std::vector<std::int64_t> errors_nm_;  // of scored ticks
   double square_error_ = 0;              // m^2, summed over them
   std::uint64_t violations_ = 0, envelope_violations_ = 0;
+  double inference_ms_ = 0;  // summed over accepted commands
+  std::uint64_t accepted_ = 0;
   double energy_J_ = 0, peak_torque_Nm_ = 0;
   std::string_view stop_;  // cause of the first stop since the robot last tracked; empty: none
   std::uint64_t armings_ = 0;
