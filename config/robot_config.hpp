@@ -72,6 +72,7 @@ struct Fallback {
 struct DegradedConfig {
   Degraded behaviour = Degraded::hold;
   double speed_scale = 0;  // (0, 1]
+  Duration resume_over;    // >= 0; 0: full speed at once
   std::string fallback;    // empty: none
 };
 

@@ -100,8 +100,11 @@ void describe_degraded(Fields& fields, DegradedConfig& degraded, const std::vect
   for (const Fallback& fallback : fallbacks) names.emplace_back(fallback.name);
   fields.choice({"behaviour", "hold position, slow the policy down, or hand over to a fallback"}, degraded.behaviour,
                 kDegraded);
-  fields.quantity({"speed_scale", "slow: velocity limits are multiplied by it", "0.3"}, degraded.speed_scale,
-                  Dimension::none, above(0, 1));
+  fields.quantity({"speed_scale", "slow: velocity limits are multiplied by it; also where resume_over begins", "0.3"},
+                  degraded.speed_scale, Dimension::none, above(0, 1));
+  fields.duration(
+      {"resume_over", "back in tracking, velocity limits rise from speed_scale of them to all of them in it", "2 s"},
+      degraded.resume_over, {}, seconds(60));
   fields.one_of({"fallback", "fallback: name of an entry in fallbacks, or none", "none"}, degraded.fallback, names,
                 "fallback", "none");
 }

@@ -141,6 +141,7 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
   tick.freshness = contract_of(robot.freshness, robot.control.period);
   tick.degraded = behaviour_of(robot.degraded.behaviour);
   tick.degraded_speed_scale = narrow(robot.degraded.speed_scale);
+  tick.resume_over = robot.degraded.resume_over;
   tick.feedback_timeout = robot.feedback.timeout;
   tick.enable_timeout = robot.feedback.enable_timeout;
   tick.bus_faults = bus_faults_of(robot.bus_faults, robot.control.period);

@@ -1,5 +1,7 @@
 #include "executive/pipeline/choose.hpp"
 
+#include <algorithm>
+
 namespace takt::pipeline {
 namespace {
 
@@ -15,6 +17,15 @@ void default_targets(const TickState& state, const TickConfig& config, bool damp
 
 void scale_speed(float scale, const TickConfig& config, std::span<JointTarget> targets) {
   for (std::size_t j = 0; j < config.joint_count; ++j) targets[j].speed *= scale;
+}
+
+// Share of the speed limits that the resume ramp grants: degraded_speed_scale..1.
+float resume_scale(const TickState& state, MonoTime now, const TickConfig& config) {
+  const Duration since = now - state.mode.resumed_at;
+  if (since >= config.resume_over) return 1.0F;
+  const float share =
+      static_cast<float>(std::max<std::int64_t>(since.ns, 0)) / static_cast<float>(config.resume_over.ns);
+  return config.degraded_speed_scale + (1.0F - config.degraded_speed_scale) * share;
 }
 
 Choice play_or_brake(const TickState& state, const TickRecord& record, const TickConfig& config,
@@ -90,6 +101,7 @@ Choice choose(const TickState& state, const TickRecord& record, const TickConfig
     case Mode::arming:  // drives enable one after another: the first must not let their joints fall
       return {Reference::follow_measured, false, true, true, false, 0};
     case Mode::tracking:
+      scale_speed(resume_scale(state, record.header.now, config), config, targets);
       return play_or_brake(state, record, config, targets);
     case Mode::degraded:
       return choose_degraded(state, record, config, targets);

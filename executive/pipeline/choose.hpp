@@ -18,6 +18,10 @@
 // stand still without a controller keeps one when the policy is late. Its reference moves with the measured position
 // and velocity: tracking starts from the motion that the fallback leaves behind, without a jump.
 //
+// Resume ramp: for `resume_over` after tracking began, every joint's speed limit rises linearly from
+// `degraded_speed_scale` of it to all of it. What moved on while the robot held is then approached, not rushed at.
+// Accelerations, torques and barriers are those of every other tick.
+//
 // The chunk is consulted only while the command is usable, so no target ever stems from one older than max_age.
 #pragma once
 

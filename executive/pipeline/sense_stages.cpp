@@ -132,6 +132,7 @@ void enter(TickState& state, Mode mode, MonoTime now, const FreshnessContract& c
       return;
     case Mode::tracking:
       state.mode.drives_enabled = 1;
+      state.mode.resumed_at = now;
       state.misses.restart();
       if (left == Mode::degraded) note_restored(state.recovery, now);
       return;

@@ -92,9 +92,10 @@ struct TickConfig {
   FreshnessContract freshness;
   DegradedBehaviour degraded = DegradedBehaviour::hold;
   FallbackKind fallback = FallbackKind::pose;
-  float degraded_speed_scale = 0.3F;
-  Duration feedback_timeout;  // a joint silent for longer: feedback_lost
-  Duration enable_timeout;    // arming must succeed within it
+  float degraded_speed_scale = 0.3F;  // 0 < .. <= 1
+  Duration resume_over;               // >= 0: after tracking begins, speed limits rise from the scale to the full ones
+  Duration feedback_timeout;          // a joint silent for longer: feedback_lost
+  Duration enable_timeout;            // arming must succeed within it
   BusFaultLimits bus_faults;
   std::uint32_t overrun_limit = 0;             // consecutive late ticks: overrun
   float rest_velocity = 0.02F;                 // rad/s: below it the damped stop holds position

@@ -31,6 +31,7 @@ struct JointState {
 struct ModeState {
   MonoTime armed_at;    // start of the present arming
   MonoTime slow_since;  // damped stop: every joint below the rest velocity since; unset while one is not
+  MonoTime resumed_at;  // tracking began, after arming or after degraded: start of the resume ramp; unset before
   Mode mode = Mode::standby;
   std::uint8_t resting = 0;         // damped stop: 1 once at rest; from then on it holds position
   std::uint8_t drives_enabled = 0;  // 1 once every drive reported enabled in this arming
@@ -69,7 +70,7 @@ struct TickState {
 static_assert(std::is_trivially_copyable_v<TickState>);
 // No hidden padding: keyframes of equal states are equal bytes.
 static_assert(sizeof(JointState) == sizeof(ObserverState) + sizeof(ReferenceState) + 8 && sizeof(ObserverState) == 16);
-static_assert(sizeof(ModeState) == 24 && sizeof(Counters) == 24 && sizeof(Recovery) == 32);
+static_assert(sizeof(ModeState) == 32 && sizeof(Counters) == 24 && sizeof(Recovery) == 32);
 static_assert(sizeof(CommandInUse) == 56 && sizeof(ObservationMemory) == 8 + 24 * ObservationMemory::kDepth);
 
 }  // namespace takt::pipeline

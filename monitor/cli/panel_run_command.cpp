@@ -11,6 +11,7 @@
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/panel_progress.hpp"
 #include "monitor/panel/artifact.hpp"
+#include "monitor/panel/confusion.hpp"
 #include "monitor/panel/panel_plan.hpp"
 #include "monitor/panel/panel_table.hpp"
 #include "monitor/panel/worker_pool.hpp"
@@ -48,6 +49,15 @@ std::expected<panel::ArtifactWriter, std::string> open_writer(const Options& opt
   return panel::ArtifactWriter::create(options.out, manifest, panel_text);
 }
 
+// The post-mortem first: a row that is there has its own.
+std::expected<void, std::string> keep(panel::ArtifactWriter& rows, const panel::RanRollout& ran) {
+  if (!ran.post_mortem.empty()) {
+    const auto kept = panel::keep_post_mortem(rows.folder(), ran.row, ran.post_mortem);
+    if (!kept) return std::unexpected(kept.error());
+  }
+  return rows.append(ran.row);
+}
+
 void print_summary(const Options& options, const std::string& id, const std::vector<panel::RolloutRow>& rows,
                    std::size_t ran) {
   const auto succeeded = std::ranges::count_if(rows, &panel::RolloutRow::success);
@@ -57,8 +67,9 @@ void print_summary(const Options& options, const std::string& id, const std::vec
     fmt::print("{}\n", summary.dump());
     return;
   }
-  fmt::print("{}{} rollouts, {} of them now, {} succeeded: {} in {}\n", panel::panel_table(rows), rows.size(), ran,
-             succeeded, id, options.out);
+  fmt::print("{}\n{}{}\n{} rollouts, {} of them now, {} succeeded: {} in {}\n", panel::panel_table(rows),
+             panel::latency_table(rows), panel::confusion_text(panel::confusions_of(rows)), rows.size(), ran, succeeded,
+             id, options.out);
 }
 
 int run(const Options& options) {
@@ -82,9 +93,9 @@ int run(const Options& options) {
     if (!rows->has(contest->identity(one))) remaining.push_back(one);
   const auto done = [&] {
     PanelProgress progress(remaining.size());
-    return panel::run_in_workers(*contest, remaining, options.workers, [&](const panel::RolloutRow& row) {
+    return panel::run_in_workers(*contest, remaining, options.workers, [&](const panel::RanRollout& ran) {
       progress.one_more();
-      return rows->append(row);
+      return keep(*rows, ran);
     });
   }();
   if (!done) return refuse(kExitFailed, "takt panel run: " + done.error());
@@ -104,6 +115,7 @@ void add_panel_run(CLI::App& panel, int& exit_code) {
   command->add_option("--workers", options->workers, "processes that share the work; rows do not depend on it")
       ->check(CLI::Range(1, 1024));
   command->add_option("--shard", options->shard, "I/N: run only the I-th of N parts of the plan");
+  command->add_option("--only", options->only, "run the one rollout of this name, as post-mortems give it");
   command->add_flag("--resume", options->resume, "go on with what lies in --out; rollouts already there are skipped");
   command->add_flag("--json", options->json, "print one line of JSON instead of the table");
   command->footer(

@@ -7,6 +7,7 @@
 
 #include "config/load.hpp"
 #include "monitor/bounded_file.hpp"
+#include "monitor/panel/confusion.hpp"
 #include "monitor/panel/rollout_json.hpp"
 
 namespace takt::panel {
@@ -82,6 +83,10 @@ std::expected<Artifact, std::string> open_artifact(const std::string& path) {
         fmt::format("{}: not the rows that {} was named after", folder.rows(), manifest->artifact_id));
   }
   return Artifact{folder, std::move(*manifest), std::move(*rows)};
+}
+
+std::string confusion_file_text(const std::string& artifact_id, std::span<const RolloutRow> rows) {
+  return confusion_json(confusions_of(rows), artifact_id).dump(2) + "\n";
 }
 
 std::string artifact_id_of(const ArtifactManifest& manifest, std::span<const RolloutRow> rows) {

@@ -5,6 +5,7 @@
 //   rollout.schema.json   JSON Schema of a row
 //   rollouts.jsonl        one line per rollout, appended as they end, each on the medium before the next begins
 //   rollouts.parquet      the same rows as columns; written when the panel is complete
+//   confusion.json        planted causes against the fault classifier's verdicts; written with the Parquet file
 //   postmortems/ID.md     one per failed rollout
 //
 // Errors are one sentence with the row's number, counted from 1. Thread rule: one thread at a time.
@@ -32,6 +33,7 @@ class ArtifactFolder {
   [[nodiscard]] std::string schema() const { return path_ + "/rollout.schema.json"; }
   [[nodiscard]] std::string rows() const { return path_ + "/rollouts.jsonl"; }
   [[nodiscard]] std::string parquet() const { return path_ + "/rollouts.parquet"; }
+  [[nodiscard]] std::string confusion() const { return path_ + "/confusion.json"; }
   [[nodiscard]] std::string post_mortems() const { return path_ + "/postmortems"; }
   [[nodiscard]] std::string post_mortem(const RolloutRow& row) const;
 
@@ -56,6 +58,9 @@ std::expected<Artifact, std::string> open_artifact(const std::string& path);
 // in whatever order. The same rollouts give the same id on any machine, and merged from any shards.
 std::string artifact_id_of(const ArtifactManifest& manifest, std::span<const RolloutRow> rows);
 
+// What confusion.json holds (confusion.hpp), a function of the rows and the id.
+std::string confusion_file_text(const std::string& artifact_id, std::span<const RolloutRow> rows);
+
 // Writes an artifact row by row. A process killed at any instant leaves whole rows and at most one torn line, which
 // resume() cuts off.
 class ArtifactWriter {
@@ -74,7 +79,8 @@ class ArtifactWriter {
 
   // The row is on the medium when this returns.
   std::expected<void, std::string> append(const RolloutRow& row);
-  // All planned rollouts are there: writes rollouts.parquet, names the artifact and closes the manifest.
+  // All planned rollouts are there: writes rollouts.parquet and confusion.json, names the artifact and closes the
+  // manifest.
   std::expected<ArtifactManifest, std::string> finish();
 
  private:

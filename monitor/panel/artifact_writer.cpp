@@ -136,6 +136,8 @@ std::expected<ArtifactManifest, std::string> ArtifactWriter::finish() {
   manifest.artifact_id = artifact_id_of(manifest, rows());
   const std::string parquet = rollouts_parquet(rows(), manifest.artifact_id);
   if (auto done = monitor::replace_file(folder().parquet(), parquet); !done) return std::unexpected(done.error());
+  const std::string confusion = confusion_file_text(manifest.artifact_id, rows());
+  if (auto done = monitor::replace_file(folder().confusion(), confusion); !done) return std::unexpected(done.error());
   manifest.complete = true;
   manifest.ended_unix_ns = unix_now_ns();
   if (auto done = folder().write_manifest(manifest); !done) return std::unexpected(done.error());

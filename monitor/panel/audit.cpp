@@ -9,6 +9,7 @@
 
 #include "config/load.hpp"
 #include "monitor/bounded_file.hpp"
+#include "monitor/panel/confusion.hpp"
 #include "monitor/panel/post_mortem.hpp"
 #include "monitor/panel/rollout_parquet.hpp"
 
@@ -101,6 +102,23 @@ AuditItem artifact_id(const Artifact& artifact) {
   return item;
 }
 
+AuditItem fault_verdicts(const Artifact& artifact) {
+  AuditItem item{.name = "fault verdicts", .answer = {}, .missing = {}};
+  for (const auto& [method, confusion] : confusions_of(artifact.rows)) {
+    const auto recall = confusion.macro_recall();
+    if (!recall) continue;
+    item.answer += fmt::format("{}{}: macro recall {:.3f}, {} of {} nominal labelled", item.answer.empty() ? "" : "; ",
+                               method, *recall, confusion.nominal_labelled, confusion.nominal);
+  }
+  if (item.answer.empty()) item.answer = "the panel plants no cause that the classifier names";
+  const ArtifactManifest& manifest = artifact.manifest;
+  if (!manifest.complete) return item;
+  if (monitor::read_file(artifact.folder.confusion()) != confusion_file_text(manifest.artifact_id, artifact.rows)) {
+    item.missing.emplace_back("confusion.json does not hold what the rows say");
+  }
+  return item;
+}
+
 AuditItem claim(std::string_view name, const std::string& text) {
   AuditItem item{.name = fmt::format("{} claim", name), .answer = text, .missing = {}};
   if (text.empty()) item.missing.push_back(fmt::format("the panel file has no claims.{}", name));
@@ -142,8 +160,8 @@ Audit audit(const Artifact& artifact) {
   const Claims& claims = artifact.manifest.claims;
   return {.artifact_id = artifact.manifest.artifact_id,
           .items = {metric_contract(artifact), perturbation_panel(artifact), monitor_state(artifact),
-                    artifact_id(artifact), claim("conceptual", claims.conceptual), claim("systems", claims.systems),
-                    claim("evidence", claims.evidence), post_mortems(artifact)}};
+                    artifact_id(artifact), fault_verdicts(artifact), claim("conceptual", claims.conceptual),
+                    claim("systems", claims.systems), claim("evidence", claims.evidence), post_mortems(artifact)}};
 }
 
 std::string audit_text(const Audit& audit) {

@@ -1,5 +1,6 @@
 // Is an artifact's claim ready to be audited? Names the metric contract, the perturbation panel, the monitor state, the
-// artifact id and the three claims, and lists what is missing; a failed rollout without a completed post-mortem is.
+// artifact id, the fault verdicts and the three claims, and lists what is missing; a failed rollout without a completed
+// post-mortem is.
 #pragma once
 
 #include <expected>

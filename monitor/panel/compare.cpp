@@ -13,8 +13,10 @@
 namespace takt::panel {
 namespace {
 
-// The numbers a comparison shows, by their names in the row. Success has its own table.
-constexpr std::array<std::string_view, 18> kComparedMetrics{"age_per_command.total.p50_ms",
+// The numbers a comparison shows, by their names in the row. Success, as 0 or 1, has its own table too.
+constexpr std::array<std::string_view, 20> kComparedMetrics{"success",
+                                                            "rearms",
+                                                            "age_per_command.total.p50_ms",
                                                             "age_per_command.total.p95_ms",
                                                             "age_per_command.total.p99_ms",
                                                             "age_per_tick.total.p95_ms",
@@ -35,6 +37,7 @@ constexpr std::array<std::string_view, 18> kComparedMetrics{"age_per_command.tot
 
 std::optional<double> number_at(const RolloutField& field, const RolloutRow& row) {
   const FieldPlace place = place_in(field, row);
+  if (auto* const* yes = std::get_if<bool*>(&place)) return **yes ? 1 : 0;
   if (auto* const* number = std::get_if<double*>(&place)) return **number;
   if (auto* const* count = std::get_if<std::uint64_t*>(&place)) return static_cast<double>(**count);
   if (auto* const* optional = std::get_if<std::optional<double>*>(&place)) return **optional;

@@ -63,7 +63,7 @@ std::string bar(const MeanDifference& difference) {
 std::string metric_row(const MetricDifference& metric) {
   const MeanDifference& difference = metric.difference;
   const bool clear = difference.interval && (difference.interval->low > 0 || difference.interval->high < 0);
-  const std::string unit = metric.unit == "1" ? "" : " [" + metric.unit + "]";
+  const std::string unit = metric.unit == "1" || metric.unit.empty() ? "" : " [" + metric.unit + "]";
   if (difference.pairs == 0) {
     return fmt::format("<tr><td>{}{}</td><td colspan=\"6\">no pair has this number</td></tr>\n", metric.metric, unit);
   }

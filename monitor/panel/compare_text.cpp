@@ -19,7 +19,8 @@ bool excludes_zero(const MeanDifference& difference) {
 }
 
 std::string metric_line(const MetricDifference& metric) {
-  const std::string name = metric.unit == "1" ? metric.metric : fmt::format("{} [{}]", metric.metric, metric.unit);
+  const std::string name =
+      metric.unit == "1" || metric.unit.empty() ? metric.metric : fmt::format("{} [{}]", metric.metric, metric.unit);
   if (metric.difference.pairs == 0) return fmt::format("  {:<36} no pair has this number\n", name);
   const std::string interval =
       metric.difference.interval

@@ -30,6 +30,13 @@ std::vector<std::string_view> perturbation_names() {
   return names;
 }
 
+void describe_overrides(Fields& fields, const char* what, std::vector<config::Override>& overrides) {
+  fields.each({"override", what, "[]"}, overrides, kMost, [](Fields& f, config::Override& one) {
+    f.text({"key", "dotted path in the robot file"}, one.key);
+    f.text({"value", "as one would write it there"}, one.value);
+  });
+}
+
 void describe_task(Fields& fields, PanelTask& task) {
   fields.choice({"task", "what the robot has to do"}, task.task, kTaskNames);
   fields.text({"robot", "robot file; a relative path starts at this file's folder"}, task.robot);
@@ -37,6 +44,7 @@ void describe_task(Fields& fields, PanelTask& task) {
                   kLongest);
   fields.quantity({"bound", "success: root mean square error of the scored part at most this"}, task.bound_m,
                   Dimension::length, config::above(0));
+  describe_overrides(fields, "keys of the robot file said otherwise, for every method", task.overrides);
 }
 
 void describe_method(Fields& fields, PanelMethod& method) {
@@ -45,11 +53,7 @@ void describe_method(Fields& fields, PanelMethod& method) {
   std::string link(kLinks[method.repeat_last ? 1 : 0]);
   fields.one_of({"link", "what stands between policy and executive", "newest"}, link, kLinks, "link");
   method.repeat_last = link == kLinks[1];
-  fields.each({"override", "keys of the robot file said otherwise", "[]"}, method.overrides, kMost,
-              [](Fields& f, config::Override& one) {
-                f.text({"key", "dotted path in the robot file"}, one.key);
-                f.text({"value", "as one would write it there"}, one.value);
-              });
+  describe_overrides(fields, "keys of the robot file said otherwise", method.overrides);
 }
 
 void describe_perturbation(Fields& fields, PanelPerturbation& one, const Panel& panel) {
@@ -94,6 +98,16 @@ void describe(Fields& fields, Panel& panel) {
     f.duration({"from", "since the rollout's start", "2 s"}, panel.window_from, {}, kLongest);
     f.duration({"for", "its length", "2 s"}, panel.window_length, {}, kLongest);
   });
+  bool has_operator = false;
+  Duration rearm_after;
+  fields.optional_section({"operator", "the person who ends stops, the same for every method"}, has_operator,
+                          [&](Fields& f) {
+                            f.duration({"rearm_after",
+                                        "from a stop or fault until the robot is armed again, if nothing "
+                                        "blocks that"},
+                                       rearm_after, {}, kLongest);
+                          });
+  if (has_operator) panel.rearm_after = rearm_after;
   bool claims = false;
   fields.optional_section({"claims", "what the panel is meant to show"}, claims,
                           [&](Fields& f) { describe_claims(f, panel.claims); });

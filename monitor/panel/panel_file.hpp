@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <expected>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,7 @@ struct PanelTask {
   std::string robot;  // path of the robot file, as found from here
   Duration scored;
   double bound_m = 0;
+  std::vector<config::Override> overrides;  // of the robot file, for every method
 };
 
 struct PanelMethod {
@@ -51,6 +53,7 @@ struct Panel {
   std::uint64_t first_seed = 1, seed_count = 1;
   PolicyTiming timing;
   Duration window_from, window_length;  // of perturbations that say nothing else
+  std::optional<Duration> rearm_after;  // operator: from a stop or fault to the next arming; empty: none
   std::vector<PanelTask> tasks;         // different ones; a method's overrides go to every task's robot
   std::vector<PanelMethod> methods;
   std::vector<PanelPerturbation> perturbations;

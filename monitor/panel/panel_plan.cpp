@@ -7,10 +7,14 @@
 #include <algorithm>
 #include <fstream>
 #include <iterator>
+#include <numeric>
 #include <utility>
 
 #include "config/hash.hpp"
 #include "config/load.hpp"
+#include "monitor/fault_classifier.hpp"
+#include "monitor/panel/confusion.hpp"
+#include "monitor/panel/post_mortem.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "policy_host/policy_fit.hpp"
 #include "takt_source_hash.hpp"
@@ -67,6 +71,12 @@ std::string joints_problem(const Panel& panel, const config::RobotConfig& robot)
   return robot.file + ": one joint has no order to get wrong; take perturbation `wrong_joint_order` out of the panel";
 }
 
+std::vector<std::string> joint_names(const config::RobotConfig& robot) {
+  std::vector<std::string> names;
+  for (const config::Joint& joint : robot.joints) names.push_back(joint.name);
+  return names;
+}
+
 class HostMeter {
  public:
   void fill(Duration simulated, HostMeasured& host) const {
@@ -107,7 +117,8 @@ std::expected<Contest, std::string> Contest::prepare(Panel panel) {
   std::string problems;
   const auto note = [&](const std::string& what) { problems += (problems.empty() ? "" : "\n") + what; };
   for (const PanelTask& task : contest.panel_.tasks) {
-    const auto robot = config::load(task.robot);
+    auto robot = config::load(task.robot);
+    if (robot && !task.overrides.empty()) robot = config::with_overrides(*robot, task.overrides);
     if (!robot) {
       note(robot.error());
       continue;
@@ -170,26 +181,54 @@ ArtifactManifest Contest::manifest(std::size_t planned) const {
   return made;
 }
 
-std::expected<RolloutRow, std::string> Contest::run(const PlannedRollout& planned) {
+RolloutSetup Contest::setup_of(const PlannedRollout& planned) const {
   const Contestant& who = contestant(planned);
   const PanelTask& task = panel_.tasks[planned.task];
+  return {.robot = who.robot,
+          .policy = *who.policy,
+          .policy_hash = who.policy_hash,
+          .task = task.task,
+          .timing = panel_.timing,
+          .repeat_last = panel_.methods[planned.method].repeat_last,
+          .perturbation = panel_.perturbations[planned.perturbation].resolved(),
+          .seed = planned.seed,
+          .duration = panel_.duration,
+          .scored = task.scored,
+          .bound_m = task.bound_m,
+          .rearm_after = panel_.rearm_after};
+}
+
+std::expected<RanRollout, std::string> Contest::run(const PlannedRollout& planned) {
   const HostMeter meter;
-  RolloutRow row = identity(planned);
-  const auto done = run_rollout({.robot = who.robot,
-                                 .policy = *who.policy,
-                                 .policy_hash = who.policy_hash,
-                                 .task = task.task,
-                                 .timing = panel_.timing,
-                                 .repeat_last = panel_.methods[planned.method].repeat_last,
-                                 .perturbation = panel_.perturbations[planned.perturbation].resolved(),
-                                 .seed = planned.seed,
-                                 .duration = panel_.duration,
-                                 .scored = task.scored,
-                                 .bound_m = task.bound_m},
-                                row);
-  if (!done) return std::unexpected(done.error());
-  meter.fill(panel_.duration, row.host);
-  return row;
+  RanRollout ran{.row = identity(planned), .post_mortem = {}};
+  const config::RobotConfig& robot = contestant(planned).robot;
+  FailureWatch watch;
+  monitor::FaultClassifier classifier(
+      {.max_age = robot.freshness.max_age, .period = robot.control.period, .joints = joint_names(robot)});
+  RolloutSetup setup = setup_of(planned);
+  setup.on_command = [&](const CommandHeader& header) { classifier.command(header); };
+  setup.on_tick = [&](const TickRecord& record) {
+    watch.tick(record.header);
+    classifier.tick(record);
+  };
+  if (const auto done = run_rollout(setup, ran.row); !done) return std::unexpected(done.error());
+  const monitor::FaultSummary faults = classifier.finish();
+  ran.row.leading_fault = leading_fault(faults);
+  ran.row.fault_verdicts = std::accumulate(faults.counts.begin(), faults.counts.end(), std::uint64_t{0});
+  if (!ran.row.success) ran.post_mortem = draft_of(ran.row, watch, faults);
+  meter.fill(panel_.duration, ran.row.host);
+  return ran;
+}
+
+std::string Contest::draft_of(const RolloutRow& row, const FailureWatch& watch,
+                              const monitor::FaultSummary& faults) const {
+  PostMortemDraft draft{.row = row,
+                        .show_again = fmt::format("takt panel run {} --only {} --out again  # panel: SHA-256 {}",
+                                                  panel_.file, rollout_id(row), panel_.sha256),
+                        .ticks = &watch,
+                        .verdicts = {}};
+  for (const monitor::FaultVerdict& verdict : faults.verdicts) draft.verdicts.push_back(verdict.sentence);
+  return post_mortem_text(draft);
 }
 
 }  // namespace takt::panel

@@ -9,8 +9,10 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
+#include "monitor/fault_classifier.hpp"
 #include "monitor/panel/artifact_manifest.hpp"
 #include "monitor/panel/panel_file.hpp"
+#include "monitor/panel/post_mortem.hpp"
 #include "monitor/panel/rollout_row.hpp"
 #include "policy_host/policy.hpp"
 
@@ -37,6 +39,11 @@ struct Contestant {
   std::string policy_sha256, plant_sha256;
 };
 
+struct RanRollout {
+  RolloutRow row;           // whole, host fields too
+  std::string post_mortem;  // draft (post_mortem.hpp); empty on success
+};
+
 class Contest {
  public:
   // The error: one problem per line, each naming panel, method and key.
@@ -45,8 +52,8 @@ class Contest {
   [[nodiscard]] const Panel& panel() const { return panel_; }
   // Of an artifact that holds `planned` rollouts of the panel.
   [[nodiscard]] ArtifactManifest manifest(std::size_t planned) const;
-  // The whole row, host fields too. The error is one sentence.
-  std::expected<RolloutRow, std::string> run(const PlannedRollout& planned);
+  // The error is one sentence.
+  std::expected<RanRollout, std::string> run(const PlannedRollout& planned);
   // As run() fills it, before anything has run: names the rollout.
   [[nodiscard]] RolloutRow identity(const PlannedRollout& planned) const;
 
@@ -55,6 +62,9 @@ class Contest {
   [[nodiscard]] const Contestant& contestant(const PlannedRollout& planned) const {
     return contestants_[planned.task * panel_.methods.size() + planned.method];
   }
+  [[nodiscard]] RolloutSetup setup_of(const PlannedRollout& planned) const;
+  [[nodiscard]] std::string draft_of(const RolloutRow& row, const FailureWatch& watch,
+                                     const monitor::FaultSummary& faults) const;
   Panel panel_;
   std::vector<Contestant> contestants_;  // task by task
 };

@@ -69,12 +69,7 @@ bool belong_together(const RolloutRow& a, const RolloutRow& b) {
   return std::tie(a.task, a.perturbation, a.dose, a.method) == std::tie(b.task, b.perturbation, b.dose, b.method);
 }
 
-}  // namespace
-
-std::string panel_table(std::span<const RolloutRow> rows) {
-  std::string table = fmt::format("{:<12} {:<21} {:>7} {:<8} {:>19} {:>8} {:>8} {:>9} {:>6} {:>6} {:>8} {:>8}\n",
-                                  "task", "perturbation", "dose", "method", "success [95 %]", "p99 ms", "rms mm",
-                                  "violated", "degr.", "stops", "peak Nm", "recov. s");
+std::vector<Group> groups_of(std::span<const RolloutRow> rows) {
   std::vector<Group> groups;
   for (const RolloutRow& row : rows) {
     const auto found =
@@ -84,7 +79,42 @@ std::string panel_table(std::span<const RolloutRow> rows) {
     else
       found->push_back(&row);
   }
-  for (const Group& group : groups) table += line(group);
+  return groups;
+}
+
+std::string latency_line(const Group& rows) {
+  const RolloutRow& first = *rows.front();
+  std::uint64_t misses = 0, count = 0;
+  for (const RolloutRow* row : rows) {
+    misses += row->misses_per_tick.misses;
+    count += row->misses_per_tick.count;
+  }
+  const auto age = [&](std::optional<double> AgeQuantiles::*quantile) {
+    return text(median_of(rows, [&](const RolloutRow& row) { return row.age_per_tick.total.*quantile; }));
+  };
+  return fmt::format(
+      "{:<12} {:<21} {:>7.4g} {:<8} {:>14} {:>13} {:>8} {:>8} {:>8} {:>15} {:>7.4f}\n", first.task, first.perturbation,
+      first.dose, first.method, text(median_of(rows, [](const RolloutRow& row) { return row.inference_mean_ms; })),
+      text(median_of(rows, [](const RolloutRow& row) { return row.age_per_command.queue.p99_ms; })),
+      age(&AgeQuantiles::p50_ms), age(&AgeQuantiles::p95_ms), age(&AgeQuantiles::p99_ms),
+      fmt::format("{}/{}", misses, count), count == 0 ? 0.0 : static_cast<double>(misses) / static_cast<double>(count));
+}
+
+}  // namespace
+
+std::string panel_table(std::span<const RolloutRow> rows) {
+  std::string table = fmt::format("{:<12} {:<21} {:>7} {:<8} {:>19} {:>8} {:>8} {:>9} {:>6} {:>6} {:>8} {:>8}\n",
+                                  "task", "perturbation", "dose", "method", "success [95 %]", "p99 ms", "rms mm",
+                                  "violated", "degr.", "stops", "peak Nm", "recov. s");
+  for (const Group& group : groups_of(rows)) table += line(group);
+  return table;
+}
+
+std::string latency_table(std::span<const RolloutRow> rows) {
+  std::string table = fmt::format("{:<12} {:<21} {:>7} {:<8} {:>14} {:>13} {:>8} {:>8} {:>8} {:>15} {:>7}\n", "task",
+                                  "perturbation", "dose", "method", "mean infer ms", "queue p99 ms", "p50 ms", "p95 ms",
+                                  "p99 ms", "missed ticks", "rate");
+  for (const Group& group : groups_of(rows)) table += latency_line(group);
   return table;
 }
 

@@ -12,4 +12,8 @@ namespace takt::panel {
 // as medians over seeds; ticks that violated the task's constraints, stops and degradations as means.
 std::string panel_table(std::span<const RolloutRow> rows);
 
+// Where the age comes from, nominal and under stress: mean inference time, p99 of the queue's part at first use, p50,
+// p95 and p99 age per tick as medians over seeds; ticks that missed the deadline, of all seeds together.
+std::string latency_table(std::span<const RolloutRow> rows);
+
 }  // namespace takt::panel

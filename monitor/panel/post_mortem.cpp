@@ -86,20 +86,25 @@ std::vector<TickRecordHeader> FailureWatch::around() const {
   return scene_.severity > 0 ? scene_.ticks : std::vector<TickRecordHeader>(latest_.begin(), latest_.end());
 }
 
+std::expected<bool, std::string> keep_post_mortem(const ArtifactFolder& folder, const RolloutRow& row,
+                                                  std::string_view draft) {
+  const std::string path = folder.post_mortem(row);
+  std::error_code error;
+  std::filesystem::create_directories(folder.post_mortems(), error);
+  if (error) return std::unexpected("cannot make " + folder.post_mortems() + ": " + error.message());
+  if (std::filesystem::exists(path, error)) return false;
+  if (auto written = monitor::replace_file(path, std::string(draft)); !written) return std::unexpected(written.error());
+  return true;
+}
+
 std::expected<std::size_t, std::string> draft_post_mortems(const Artifact& artifact) {
   std::size_t drafted = 0;
-  std::error_code error;
-  std::filesystem::create_directories(artifact.folder.post_mortems(), error);
-  if (error) {
-    return std::unexpected("cannot make " + artifact.folder.post_mortems() + ": " + error.message());
-  }
   for (std::size_t index = 0; index < artifact.rows.size(); ++index) {
     const RolloutRow& row = artifact.rows[index];
-    const std::string path = artifact.folder.post_mortem(row);
-    if (row.success || std::filesystem::exists(path, error)) continue;
+    if (row.success || post_mortem_state(artifact, row) != PostMortemState::missing) continue;
     const auto text = draft_of(artifact, index);
     if (!text) return std::unexpected("row " + std::to_string(index + 1) + ": " + text.error());
-    if (auto written = monitor::replace_file(path, *text); !written) return std::unexpected(written.error());
+    if (const auto kept = keep_post_mortem(artifact.folder, row, *text); !kept) return std::unexpected(kept.error());
     ++drafted;
   }
   return drafted;

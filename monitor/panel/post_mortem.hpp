@@ -2,7 +2,8 @@
 //
 // A draft states what the row and, where there are records, the ticks say: cause, timeline of transitions, the twenty
 // ticks around the failure, and the command that shows it again. It ends with a line `completed-by:`; a post-mortem
-// counts as completed when a name stands behind it. A file that exists is never overwritten.
+// counts as completed when a name stands behind it. A file that exists is never overwritten. `takt panel run` drafts
+// them as rollouts fail; `takt audit --draft` those that are missing.
 #pragma once
 
 #include <cstddef>
@@ -44,8 +45,8 @@ class FailureWatch {
 
 struct PostMortemDraft {
   const RolloutRow& row;
-  std::size_t row_number = 0;  // in rollouts.jsonl, from 1
-  std::string artifact_id;
+  std::size_t row_number = 0;           // in rollouts.jsonl, from 1; 0: not known yet
+  std::string artifact_id;              // empty: unfinished
   std::string show_again;               // command line that replays or repeats the rollout
   const FailureWatch* ticks = nullptr;  // null: no records were kept
   std::vector<std::string> verdicts;    // of the fault classifier, a sentence each
@@ -55,6 +56,10 @@ std::string post_mortem_text(const PostMortemDraft& draft);
 // Writes postmortems/ID.md for every failed row that has none, from its run folder where one was kept. Returns how
 // many.
 std::expected<std::size_t, std::string> draft_post_mortems(const Artifact& artifact);
+
+// Keeps a draft as the row's postmortems/ID.md; false: there is one already, which stays as it is.
+std::expected<bool, std::string> keep_post_mortem(const ArtifactFolder& folder, const RolloutRow& row,
+                                                  std::string_view draft);
 
 enum class PostMortemState : std::uint8_t { missing, drafted, completed };
 PostMortemState post_mortem_state(const Artifact& artifact, const RolloutRow& row);

@@ -16,14 +16,18 @@ std::string facts(const PostMortemDraft& draft) {
   const auto add = [&](std::string_view name, const std::string& value) {
     text += fmt::format("| {} | {} |\n", name, value);
   };
-  add("artifact, row",
-      fmt::format("{}, row {}", draft.artifact_id.empty() ? "unfinished" : draft.artifact_id, draft.row_number));
+  add("panel", fmt::format("{}, SHA-256 {}", row.panel, row.panel_sha256));
+  if (draft.row_number != 0) {
+    add("artifact, row",
+        fmt::format("{}, row {}", draft.artifact_id.empty() ? "unfinished" : draft.artifact_id, draft.row_number));
+  }
   add("task, method, seed", fmt::format("{}, {}, {}", row.task, row.method, row.seed));
   add("perturbation", fmt::format("{} at dose {:g}", row.perturbation, row.dose));
   add("failure", row.failure_label);
   add("monitor state at the end", fmt::format("{}, last cause {}", name(row.final_mode), name(row.final_cause)));
   add("command age p95 at first use", number_or_none(row.age_per_command.total.p95_ms, "ms"));
   add("missed commands", fmt::format("{} of {}", row.misses_per_command.misses, row.misses_per_command.count));
+  if (row.rearms != 0) add("armed again by the operator", fmt::format("{} times", row.rearms));
   add("tracking error rms", fmt::format("{:.4g} m", row.tracking_error_rms_m));
   add("recovery", number_or_none(row.recovery_s, "s"));
   return text;

@@ -1,6 +1,5 @@
 #include "monitor/panel/rollout.hpp"
 
-#include <array>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -9,6 +8,7 @@
 #include "executive/pipeline/control_tick.hpp"
 #include "monitor/panel/arm_world.hpp"
 #include "monitor/panel/cart_pole_world.hpp"
+#include "monitor/panel/operator.hpp"
 #include "monitor/panel/repeat_last.hpp"
 #include "monitor/panel/rollout_measures.hpp"
 #include "monitor/panel/virtual_bus.hpp"
@@ -44,6 +44,7 @@ class Rollout {
         world_(world),
         bus_(std::move(bus)),
         policy_(setup.robot, setup.policy_hash, setup.policy, setup.timing, disturbance, setup.seed),
+        operator_(setup.rearm_after),
         wakes_(setup.seed, kWakeStream),
         measures_({kStart + kSettle, kStart + (setup.duration - setup.scored), setup.bound_m}, disturbance) {
     input_.last_duration = kTickWork;
@@ -92,7 +93,7 @@ class Rollout {
     policy_.run_until(now);
     bus_.receive(world_.plant(), now, input_);
     read_command(now);
-    input_.operator_request = request();
+    input_.operator_request = input_.tick == 1 ? OperatorRequest::none : operator_.next(output_->record, config_);
     pipeline::control_tick(*state_, input_, config_, *output_);
     bus_.send(world_.plant(), now, *output_);
     if (output_->observation_due) publish(output_->observation);
@@ -124,14 +125,6 @@ class Rollout {
     if (input_.command != nullptr && setup_.on_command) setup_.on_command(input_.command->header);
   }
 
-  OperatorRequest request() {
-    if (asked_ || input_.tick == 1) return OperatorRequest::none;
-    std::array<pipeline::ArmingBlocker, 1> first;
-    if (pipeline::arming_blockers(output_->record, config_, first) != 0) return OperatorRequest::none;
-    asked_ = true;
-    return OperatorRequest::arm;
-  }
-
   const RolloutSetup& setup_;
   const Disturbance& disturbance_;
   pipeline::TickConfig config_;
@@ -140,12 +133,12 @@ class Rollout {
   VirtualBus bus_;
   VirtualPolicy policy_;
   RepeatLast repeater_;
+  Operator operator_;
   Random wakes_;
   RolloutMeasures measures_;
   pipeline::TickInput input_;
   std::unique_ptr<pipeline::TickOutput> output_ = std::make_unique<pipeline::TickOutput>();
   MonoTime plant_at_ = kStart;
-  bool asked_ = false;
 };
 
 }  // namespace

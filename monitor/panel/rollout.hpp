@@ -4,13 +4,15 @@
 // What is real: pipeline::control_tick with the robot file's configuration, the host side of every drive's protocol,
 // observation, inference and chunk building. What is modelled: when things happen (virtual_policy.hpp, virtual_bus.hpp,
 // the wake-up's lateness), the drives' other side, the mechanics. What is absent: shared memory, sockets, the kernel.
-// A rollout starts disabled at home, arms as soon as nothing blocks it, and never re-arms. Thread rule: one thread.
+// A rollout starts disabled at home and arms as soon as nothing blocks it; whether anybody ends a stop, the setup says
+// (operator.hpp). Thread rule: one thread.
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <expected>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -39,6 +41,7 @@ struct RolloutSetup {
   Duration duration;
   Duration scored;                                            // last part of the duration, judged
   double bound_m = 0;                                         // rms error of the scored part
+  std::optional<Duration> rearm_after = {};                   // from a stop or fault; empty: nobody re-arms
   std::function<void(const CommandHeader&)> on_command = {};  // before the tick that reads it
   std::function<void(const TickRecord&)> on_tick = {};
 };

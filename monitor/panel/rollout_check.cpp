@@ -1,9 +1,11 @@
 // What a row must satisfy before it is written and after it was read.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 
+#include "monitor/fault_classifier.hpp"
 #include "monitor/panel/rollout_fields.hpp"
 
 namespace takt::panel {
@@ -75,6 +77,9 @@ struct Checker {
 std::string inconsistency(const RolloutRow& row) {
   if (row.success && !row.failure_label.empty()) return "failure_label is set on a success";
   if (!row.success && row.failure_label.empty()) return "failure_label is empty on a failure";
+  if (row.leading_fault.empty() != (row.fault_verdicts == 0)) {
+    return fmt::format("faults.leading is \"{}\" with {} verdicts", row.leading_fault, row.fault_verdicts);
+  }
   for (const auto& [name, misses] :
        {std::pair{"misses_per_command", row.misses_per_command}, std::pair{"misses_per_tick", row.misses_per_tick}}) {
     if (misses.misses > misses.count) {
@@ -94,6 +99,8 @@ bool matches(TextFormat format, std::string_view text) {
       return !text.empty() && !text.starts_with('.') && all_of(text, is_token);
     case TextFormat::label:
       return all_of(text, is_label);
+    case TextFormat::fault:
+      return text.empty() || std::ranges::find(monitor::kFaultNames, text) != monitor::kFaultNames.end();
     case TextFormat::sha256:
       return text.size() == kSha256Digits && all_of(text, is_hex);
     case TextFormat::optional_sha256:
@@ -116,6 +123,10 @@ std::string_view pattern_of(TextFormat format) {
       return "^[a-z0-9_-][a-z0-9_.-]*$";
     case TextFormat::label:
       return "^[a-z0-9_]*$";
+    case TextFormat::fault: {
+      static const std::string kPattern = fmt::format("^({})?$", fmt::join(monitor::kFaultNames, "|"));
+      return kPattern;
+    }
     case TextFormat::sha256:
       return "^[0-9a-f]{64}$";
     case TextFormat::optional_sha256:

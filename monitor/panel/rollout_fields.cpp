@@ -45,12 +45,16 @@ void add_outcome(Fields& fields) {
            "why it failed, in a word; empty exactly on success");
   fields.push_back({"monitor_state.mode", "", "mode after the last tick", at(&RolloutRow::final_mode)});
   fields.push_back({"monitor_state.cause", "", "cause of the last transition", at(&RolloutRow::final_cause)});
+  add_text(fields, "faults.leading", &RolloutRow::leading_fault, TextFormat::fault,
+           "most frequent verdict of the fault classifier; empty exactly without any trouble");
+  fields.push_back({"faults.verdicts", "1", "stretches of trouble, one verdict each", at(&RolloutRow::fault_verdicts)});
   fields.push_back({"recovery_s",
                     "s",
                     "end of the perturbation to tracking again; null: nothing to recover from, or never recovered",
                     at(&RolloutRow::recovery_s),
                     {},
                     kNotNegative});
+  fields.push_back({"rearms", "1", "times the operator armed the robot again", at(&RolloutRow::rearms)});
   fields.push_back({"tracking_error_rms_m",
                     "m",
                     "error of the task's controlled point, over scored ticks",
@@ -109,6 +113,8 @@ void add_misses(Fields& fields, const std::string& name, MissRow RolloutRow::*mi
 
 void add_latency(Fields& fields) {
   fields.push_back({"ticks", "1", "of the rollout", at(&RolloutRow::ticks)});
+  fields.push_back({"inference_mean_ms", "ms", "mean inference time of accepted commands; null: there was none",
+                    at(&RolloutRow::inference_mean_ms)});
   add_ages(fields, "age_per_command", &RolloutRow::age_per_command, "at first use");
   add_ages(fields, "age_per_tick", &RolloutRow::age_per_tick, "at ticks that relied on the policy");
   add_misses(fields, "misses_per_command", &RolloutRow::misses_per_command, "commands");

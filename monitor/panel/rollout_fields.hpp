@@ -23,6 +23,7 @@ enum class TextFormat : std::uint8_t {
   schema,           // exactly kRolloutSchema
   token,            // a-z 0-9 _ - . ; at least one
   label,            // a-z 0-9 _ ; may be empty
+  fault,            // a name in monitor::kFaultNames; may be empty
   sha256,           // 64 lower-case hex digits
   optional_sha256,  // or empty
   hex,              // lower-case hex digits; may be empty

@@ -44,7 +44,12 @@ void RolloutMeasures::tick(const TickRecord& record, const TruthOfTick& truth) {
   collector_.tick(record);
   add_hash(record);
   add_joints(record);
+  if (header.arrival == Arrival::accepted) {
+    ++accepted_;
+    inference_ms_ += header.age.infer.milliseconds();
+  }
   note_failure(header, truth);
+  note_arming(header);
   note_recovery(header, truth.error_m);
   if ((header.causes_active >> static_cast<unsigned>(Cause::envelope_exceeded) & 1U) != 0) ++envelope_violations_;
   if (header.now >= score_.begins) {
@@ -57,10 +62,15 @@ void RolloutMeasures::tick(const TickRecord& record, const TruthOfTick& truth) {
 
 void RolloutMeasures::note_failure(const TickRecordHeader& header, const TruthOfTick& truth) {
   if (header.cause != Cause::none) last_cause_ = header.cause;
-  armed_ |= header.mode == Mode::tracking;
-  if (!failure_.empty()) return;
-  if (is_latched(header.mode) && header.mode != header.previous_mode) failure_ = name(header.cause);
-  if (truth.lost) failure_ = "fell";
+  if (truth.lost && lost_.empty()) lost_ = stop_.empty() ? "fell" : stop_;
+  if (stop_.empty() && is_latched(header.mode) && header.mode != header.previous_mode) stop_ = name(header.cause);
+}
+
+void RolloutMeasures::note_arming(const TickRecordHeader& header) {
+  if (header.cause == Cause::operator_arm) ++armings_;
+  if (header.mode != Mode::tracking) return;
+  armed_ = true;
+  stop_ = {};
 }
 
 void RolloutMeasures::note_recovery(const TickRecordHeader& header, double error_m) {
@@ -93,15 +103,21 @@ void RolloutMeasures::add_hash(const TickRecord& record) {
   }
 }
 
+std::string_view RolloutMeasures::failure(double rms_m) const {
+  if (!lost_.empty()) return lost_;
+  if (!stop_.empty()) return stop_;
+  if (!armed_) return "not_armed";
+  return rms_m > score_.bound_m ? "tracking_error" : "";
+}
+
 void RolloutMeasures::fill_outcome(RolloutRow& row) {
   const auto scored = static_cast<double>(errors_nm_.size());
   row.tracking_error_rms_m = scored > 0 ? std::sqrt(square_error_ / scored) : 0;
   row.tracking_error_p95_m = std::max(0.0, monitor::quantiles_of(errors_nm_).p95 * 1e-9);
   row.constraint_violations = violations_;
-  if (failure_.empty() && !armed_) failure_ = "not_armed";
-  if (failure_.empty() && row.tracking_error_rms_m > score_.bound_m) failure_ = "tracking_error";
-  row.failure_label = failure_;
-  row.success = failure_.empty();
+  row.failure_label = failure(row.tracking_error_rms_m);
+  row.success = row.failure_label.empty();
+  row.rearms = armings_ > 0 ? armings_ - 1 : 0;
   row.final_mode = metrics_.last_mode;
   row.final_cause = last_cause_;
   const bool recovered = was_disturbed_ && well_since_.is_set();
@@ -113,6 +129,7 @@ void RolloutMeasures::finish(double epsilon, double confidence, RolloutRow& row)
   if (metrics_.ticks != 0) collector_.finish(epsilon, confidence);
   fill_outcome(row);
   row.ticks = metrics_.ticks;
+  if (accepted_ != 0) row.inference_mean_ms = inference_ms_ / static_cast<double>(accepted_);
   row.age_per_command = row_of(metrics_.age_per_command);
   row.age_per_tick = row_of(metrics_.age_per_tick);
   row.misses_per_command = row_of(metrics_.misses_per_command);

@@ -14,7 +14,8 @@
 
 namespace takt::panel {
 
-// What counts as done: the root mean square of the error over the last part of the rollout, and no stop before.
+// What counts as done: the root mean square of the error over the last part of the rollout, and no stop that nobody
+// ended. A stop that the operator ended is no failure by itself; it stays counted as a safety event.
 struct Score {
   MonoTime settled;    // violations of the task's constraints count from here on
   MonoTime begins;     // of the scored part; errors before it do not count
@@ -40,9 +41,12 @@ class RolloutMeasures {
 
  private:
   void note_failure(const TickRecordHeader& header, const TruthOfTick& truth);
+  void note_arming(const TickRecordHeader& header);
   void note_recovery(const TickRecordHeader& header, double error_m);
   void add_joints(const TickRecord& record);
   void add_hash(const TickRecord& record);
+  // Label of the failure; empty: none.
+  [[nodiscard]] std::string_view failure(double rms_m) const;
   void fill_outcome(RolloutRow& row);
 
   const Score score_;
@@ -52,8 +56,12 @@ class RolloutMeasures {
   std::vector<std::int64_t> errors_nm_;  // of scored ticks
   double square_error_ = 0;              // m^2, summed over them
   std::uint64_t violations_ = 0, envelope_violations_ = 0;
+  double inference_ms_ = 0;  // summed over accepted commands
+  std::uint64_t accepted_ = 0;
   double energy_J_ = 0, peak_torque_Nm_ = 0;
-  std::string_view failure_;
+  std::string_view stop_;  // cause of the first stop since the robot last tracked; empty: none
+  std::uint64_t armings_ = 0;
+  std::string_view lost_;  // why the world is beyond help; empty: it is not
   Cause last_cause_ = Cause::none;
   MonoTime last_;
   MonoTime well_since_;         // tracking within the bound without a break since then; unset while not

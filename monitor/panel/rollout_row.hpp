@@ -80,15 +80,19 @@ struct RolloutRow {
   Mode final_mode = Mode::standby;  // monitor state at the end
   Cause final_cause = Cause::none;  // of the last transition
   std::optional<double>
-      recovery_s;                   // end of perturbation -> back in tracking; empty: nothing to recover from, or never
-  double tracking_error_rms_m = 0;  // of the task's controlled point, over the scored ticks
-  double tracking_error_p95_m = 0;  //
+      recovery_s;             // end of perturbation -> back in tracking; empty: nothing to recover from, or never
+  std::string leading_fault;  // the classifier's most frequent verdict; empty: it had no reason for one
+  std::uint64_t fault_verdicts = 0;         // stretches of trouble
+  std::uint64_t rearms = 0;                 // times the operator armed the robot again
+  double tracking_error_rms_m = 0;          // of the task's controlled point, over the scored ticks
+  double tracking_error_p95_m = 0;          //
   std::uint64_t constraint_violations = 0;  // ticks outside the task's own constraints
 
   // Latency.
-  std::uint64_t ticks = 0;  // of the rollout
-  AgeRow age_per_command;   // at first use: hold is zero
-  AgeRow age_per_tick;      // at every tick that relied on the policy
+  std::uint64_t ticks = 0;                  // of the rollout
+  std::optional<double> inference_mean_ms;  // of accepted commands; empty: there was none
+  AgeRow age_per_command;                   // at first use: hold is zero
+  AgeRow age_per_tick;                      // at every tick that relied on the policy
   MissRow misses_per_command;
   MissRow misses_per_tick;
 

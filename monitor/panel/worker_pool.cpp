@@ -15,7 +15,9 @@
 #include <cstdlib>
 #include <cstring>
 #include <deque>
+#include <iterator>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <vector>
 
 #include "monitor/panel/rollout_json.hpp"
@@ -24,6 +26,8 @@ namespace takt::panel {
 namespace {
 
 constexpr char kErrorMark = '!';  // a line that begins with it is no row but a sentence
+
+constexpr std::ptrdiff_t kReportLines = 2;
 
 bool write_all(int fd, std::string_view text) {
   while (!text.empty()) {
@@ -35,13 +39,28 @@ bool write_all(int fd, std::string_view text) {
   return true;
 }
 
+// What a worker says of one rollout: a line with the row and a line with its post-mortem as a JSON text, or one line
+// with an error.
+std::string report_of(const std::expected<RanRollout, std::string>& ran, bool& failed) {
+  const auto row = ran ? row_text(ran->row) : std::unexpected(ran.error());
+  failed = !row;
+  if (failed) return kErrorMark + row.error() + "\n";
+  return *row + "\n" + nlohmann::json(ran->post_mortem).dump() + "\n";
+}
+
+std::expected<RanRollout, std::string> ran_of(const std::string& row_line, const std::string& post_mortem_line) {
+  auto row = row_of(row_line);
+  if (!row) return std::unexpected(row.error());
+  return RanRollout{std::move(*row), nlohmann::json::parse(post_mortem_line).get<std::string>()};
+}
+
 // In the child. Never returns.
 [[noreturn]] void work(Contest& contest, std::span<const PlannedRollout> rollouts, std::size_t first,
                        std::size_t stride, int out) {
   for (std::size_t i = first; i < rollouts.size(); i += stride) {
-    const auto row = contest.run(rollouts[i]);
-    const auto line = row ? row_text(*row) : std::unexpected(row.error());
-    if (!write_all(out, line ? *line + "\n" : kErrorMark + line.error() + "\n") || !line) std::_Exit(1);
+    bool failed = false;
+    const std::string report = report_of(contest.run(rollouts[i]), failed);
+    if (!write_all(out, report) || failed) std::_Exit(1);
   }
   std::_Exit(0);
 }
@@ -99,6 +118,10 @@ class Worker {
   std::deque<std::string> lines_;
 };
 
+bool is_whole_report(const std::deque<std::string>& lines) {
+  return std::ssize(lines) >= kReportLines || (!lines.empty() && lines[0].starts_with(kErrorMark));
+}
+
 using Workers = std::vector<std::unique_ptr<Worker>>;
 
 // Reads from whichever worker has something to say. False: worker `wanted` will not say anything more.
@@ -108,7 +131,7 @@ bool wait_for(Workers& workers, std::size_t wanted) {
   if (::poll(ready.data(), ready.size(), -1) < 0) return errno == EINTR;
   for (std::size_t i = 0; i < workers.size(); ++i) {
     if ((ready[i].revents & (POLLIN | POLLHUP)) == 0) continue;
-    if (!workers[i]->read_more() && i == wanted && workers[i]->lines().empty()) return false;
+    if (!workers[i]->read_more() && i == wanted && !is_whole_report(workers[i]->lines())) return false;
   }
   return true;
 }
@@ -125,17 +148,16 @@ std::expected<void, std::string> run_in_workers(Contest& contest, std::span<cons
     running.push_back(std::move(*worker));
   }
   for (std::size_t i = 0; i < rollouts.size(); ++i) {
-    Worker& worker = *running[i % count];
-    while (worker.lines().empty())
+    std::deque<std::string>& lines = running[i % count]->lines();
+    while (!is_whole_report(lines))
       if (!wait_for(running, i % count))
         return std::unexpected(
             fmt::format("a worker died during rollout {}", rollout_id(contest.identity(rollouts[i]))));
-    const std::string line = std::move(worker.lines().front());
-    worker.lines().pop_front();
-    if (line.starts_with(kErrorMark)) return std::unexpected(line.substr(1));
-    const auto row = row_of(line);
-    if (!row) return std::unexpected(row.error());
-    if (const auto done = deliver(*row); !done) return std::unexpected(done.error());
+    if (lines[0].starts_with(kErrorMark)) return std::unexpected(lines[0].substr(1));
+    const auto ran = ran_of(lines[0], lines[1]);
+    lines.erase(lines.begin(), lines.begin() + kReportLines);
+    if (!ran) return std::unexpected(ran.error());
+    if (const auto done = deliver(*ran); !done) return std::unexpected(done.error());
   }
   return {};
 }

@@ -17,7 +17,7 @@
 namespace takt::panel {
 
 // An error ends the run.
-using DeliverRow = std::function<std::expected<void, std::string>(const RolloutRow&)>;
+using DeliverRow = std::function<std::expected<void, std::string>(const RanRollout&)>;
 
 std::expected<void, std::string> run_in_workers(Contest& contest, std::span<const PlannedRollout> rollouts,
                                                 std::size_t workers, const DeliverRow& deliver);

@@ -31,6 +31,11 @@ TEST(TickConfigOf, CarriesTimingContractAndCounts) {
   EXPECT_EQ(tick.degraded, pipeline::DegradedBehaviour::fallback);
 }
 
+TEST(TickConfigOf, TheResumeRampHasADefault) {
+  EXPECT_EQ(tick_of(test::kSmallRobot).resume_over, seconds(2));
+  EXPECT_EQ(tick_of(test::with("fallback: tuck }", "fallback: tuck, resume_over: 0 ms }")).resume_over, Duration{});
+}
+
 TEST(TickConfigOf, BusFaultsHaveDefaultsAndBecomeTicksAndShares) {
   const pipeline::BusFaultLimits none = tick_of(test::kSmallRobot).bus_faults;
   const pipeline::BusFaultLimits defaults;

@@ -2,6 +2,7 @@
 // worker's error ends the run with its sentence. Method: the smoke panel, shortened, run whole.
 #include <gtest/gtest.h>
 
+#include "monitor/bounded_file.hpp"
 #include "monitor/panel/artifact.hpp"
 #include "monitor/panel/panel_plan.hpp"
 #include "monitor/panel/panel_table.hpp"
@@ -23,8 +24,8 @@ Contest smoke() {
 std::vector<std::string> lines(std::size_t workers) {
   Contest contest = smoke();
   std::vector<std::string> texts;
-  const auto done = run_in_workers(contest, plan_of(contest.panel(), {}), workers, [&](const RolloutRow& row) {
-    texts.push_back(row_text(row, HostFields::left_out).value_or("not writable"));
+  const auto done = run_in_workers(contest, plan_of(contest.panel(), {}), workers, [&](const RanRollout& ran) {
+    texts.push_back(row_text(ran.row, HostFields::left_out).value_or("not writable") + ran.post_mortem);
     return std::expected<void, std::string>();
   });
   EXPECT_TRUE(done.has_value()) << done.error();
@@ -44,7 +45,7 @@ TEST_F(ResumedPanel, AnInterruptedArtifactResumesToTheSameId) {
   Contest contest = smoke();
   const auto plan = plan_of(contest.panel(), {});
   const auto run_into = [&](ArtifactWriter& writer, std::span<const PlannedRollout> some) {
-    return run_in_workers(contest, some, 2, [&](const RolloutRow& row) { return writer.append(row); });
+    return run_in_workers(contest, some, 2, [&](const RanRollout& ran) { return writer.append(ran.row); });
   };
   auto whole = ArtifactWriter::create(path("whole"), contest.manifest(plan.size()), contest.panel().text);
   ASSERT_TRUE(whole.has_value()) << whole.error();
@@ -64,11 +65,38 @@ TEST_F(ResumedPanel, AnInterruptedArtifactResumesToTheSameId) {
   EXPECT_EQ(again->finish().value().artifact_id, whole->finish().value().artifact_id);
 }
 
+// A rollout that fails brings its whole story, and what a person made of it stays.
+TEST_F(ResumedPanel, AFailedRolloutBringsItsPostMortem) {
+  Contest contest = smoke();
+  const auto plan = plan_of(contest.panel(), {});
+  const auto crash = std::ranges::find_if(
+      plan, [&](const PlannedRollout& one) { return contest.identity(one).perturbation == "policy_crash"; });
+  ASSERT_NE(crash, plan.end());
+  const auto ran = contest.run(*crash);
+  ASSERT_TRUE(ran.has_value()) << ran.error();
+  ASSERT_FALSE(ran->row.success) << "nobody re-arms in the smoke panel";
+  EXPECT_EQ(ran->row.leading_fault, "inference_stall");
+  for (const char* part : {"- inference_stall: ", "## Timeline", "| degraded | damped_stop | command_lost |",
+                           "takt panel run config/panels/smoke.yaml --only arm_tracking.policy_crash@2000.takt.s1"})
+    EXPECT_NE(ran->post_mortem.find(part), std::string::npos) << part << "\n" << ran->post_mortem;
+  const std::string ticks = ran->post_mortem.substr(ran->post_mortem.find("## The ticks around"));
+  EXPECT_EQ(std::ranges::count(ticks.substr(0, ticks.find("## See")), '\n'), 27) << "21 ticks and what frames them";
+
+  auto writer = ArtifactWriter::create(path("kept"), contest.manifest(plan.size()), contest.panel().text);
+  ASSERT_TRUE(writer.has_value()) << writer.error();
+  EXPECT_EQ(keep_post_mortem(writer->folder(), ran->row, ran->post_mortem), true);
+  const std::string file = writer->folder().post_mortem(ran->row);
+  const std::string completed = ran->post_mortem + "Ada\n";
+  ASSERT_TRUE(monitor::replace_file(file, completed));
+  EXPECT_EQ(keep_post_mortem(writer->folder(), ran->row, ran->post_mortem), false);
+  EXPECT_EQ(monitor::read_file(file).value(), completed);
+}
+
 TEST(PanelRun, AnErrorWhileDeliveringEndsTheRun) {
   Contest contest = smoke();
   std::size_t delivered = 0;
   const auto done = run_in_workers(contest, plan_of(contest.panel(), {}), 2,
-                                   [&](const RolloutRow&) -> std::expected<void, std::string> {
+                                   [&](const RanRollout&) -> std::expected<void, std::string> {
                                      if (++delivered == 2) return std::unexpected("disk full");
                                      return {};
                                    });

@@ -62,7 +62,7 @@ TEST(RolloutRow, EveryFieldHasItsOwnNameAndPlace) {
     EXPECT_TRUE(places.insert(place).second) << field.name;
     EXPECT_FALSE(field.meaning.empty()) << field.name;
   }
-  EXPECT_EQ(names.size(), 94U);  // 13 + 8 + 1 + 2 * 18 + 2 * 4 + 4 + 10 + 6 + 2 + 2 + 4
+  EXPECT_EQ(names.size(), 98U);  // 13 + 11 + 2 + 2 * 18 + 2 * 4 + 4 + 10 + 6 + 2 + 2 + 4
 }
 
 TEST(RolloutRow, HostMeasurementsStayOutOfTheComparedBytes) {
@@ -166,6 +166,11 @@ TEST(RolloutRow, ValuesOutsideTheirRangeOrFormatAreRefused) {
   row = sample_row();
   row.run_folder = "../elsewhere";
   EXPECT_EQ(row_text(row).error(), "run_folder is \"../elsewhere\", not ^(?!/)(?!.*\\.\\.)[ -~]*$");
+  row = sample_row();
+  row.leading_fault = "gremlins";
+  EXPECT_NE(row_text(row).error().find("faults.leading is \"gremlins\", not ^(sensor_backlog|"), std::string::npos);
+  row.leading_fault = "";
+  EXPECT_EQ(row_text(row).error(), "faults.leading is \"\" with 2 verdicts");
   row = sample_row();
   row.failure_label = "late";
   EXPECT_EQ(row_text(row).error(), "failure_label is set on a success");

@@ -34,10 +34,14 @@ RolloutRow sample_row(const std::string& method, std::uint64_t seed) {
   row.final_mode = Mode::tracking;
   row.final_cause = Cause::drives_enabled;
   row.recovery_s = 0.25;
+  row.leading_fault = "inference_stall";
+  row.fault_verdicts = 2;
+  row.rearms = 5;
   row.tracking_error_rms_m = 0.01;
   row.tracking_error_p95_m = 0.03;
   row.constraint_violations = 4;
   row.ticks = 2000;
+  row.inference_mean_ms = 14.5;
   row.age_per_command = ages(20);
   row.age_per_tick = ages(30);
   row.misses_per_command = {.misses = 1, .count = 100, .rate = 0.01, .upper_bound = 0.0466};

@@ -50,6 +50,7 @@ class RandomRun {
     config.gravity_compensation = seed % 2 == 0;
     config.degraded = static_cast<DegradedBehaviour>(seed % 3);
     config.freshness.window_ticks = 100 + seed % 900;
+    config.resume_over = milliseconds(seed % 5 * 100);
     return config;
   }
   bool chance(std::uint32_t one_in) { return random_() % one_in == 0; }

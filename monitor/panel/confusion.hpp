@@ -1,0 +1,53 @@
+// What the fault classifier said of a panel's rollouts against what was planted in them: one confusion matrix per
+// method.
+//
+// A perturbation plants one cause, or none of those that the classifier names (a push is physics, not timing); rollouts
+// of the latter kind are left out. A rollout's verdict is its leading one (rollout_row.hpp). A rollout without any
+// trouble has none, and counts as not recognised where a cause was planted. Nominal rollouts stand apart: each verdict
+// there is a false alarm.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "monitor/fault_classifier.hpp"
+#include "monitor/panel/rollout_row.hpp"
+
+namespace takt::panel {
+
+inline constexpr const char* kConfusionSchema = "takt.confusion/1";
+
+// The cause that a perturbation of this name plants; empty: none, or no such perturbation.
+std::optional<monitor::Fault> planted_fault(std::string_view perturbation);
+
+// The most frequent verdict, the first in the order of Fault among equals; empty text: there is none.
+std::string_view leading_fault(const monitor::FaultSummary& summary);
+
+// Rollouts by verdict, in the order of Fault; the last: none.
+using VerdictCounts = std::array<std::uint64_t, monitor::kFaultCount + 1>;
+inline constexpr std::size_t kNoVerdict = monitor::kFaultCount;
+
+struct Confusion {
+  std::map<monitor::Fault, VerdictCounts> planted;          // by the planted cause
+  std::uint64_t nominal = 0, nominal_labelled = 0;          // rollouts
+  [[nodiscard]] double recall(monitor::Fault fault) const;  // 0..1; 0 for a cause that was not planted
+  // Mean of the planted causes' recalls; empty: none was planted.
+  [[nodiscard]] std::optional<double> macro_recall() const;
+};
+
+// By method.
+std::map<std::string, Confusion> confusions_of(std::span<const RolloutRow> rows);
+
+// For the terminal; empty where no cause was planted.
+std::string confusion_text(const std::map<std::string, Confusion>& confusions);
+// Schema takt.confusion/1: what confusion.json of an artifact holds.
+nlohmann::ordered_json confusion_json(const std::map<std::string, Confusion>& confusions,
+                                      const std::string& artifact_id);
+
+}  // namespace takt::panel

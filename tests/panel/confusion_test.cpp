@@ -1,0 +1,72 @@
+// Goal: the confusion matrix counts every rollout once, under what was planted and what was said, and a false alarm in
+// a nominal rollout shows. Method: rows by hand; the matrix, its figures, its file.
+#include "monitor/panel/confusion.hpp"
+
+#include <gtest/gtest.h>
+
+#include "monitor/panel/perturbation.hpp"
+#include "tests/panel/sample_rows.hpp"
+
+namespace takt::panel {
+namespace {
+
+using monitor::Fault;
+
+RolloutRow row(const char* perturbation, const char* verdict, const char* method = "takt") {
+  RolloutRow made = sample_row(method, 1);
+  made.perturbation = perturbation;
+  made.leading_fault = verdict;
+  return made;
+}
+
+TEST(Confusion, CountsPlantedCausesByVerdict) {
+  const std::vector<RolloutRow> rows{row("inference_stall", "inference_stall"),
+                                     row("inference_stall", "middleware_queue_growth"),
+                                     row("policy_freeze", "inference_stall"),
+                                     row("estimator_delay", ""),
+                                     row("push", "unknown"),
+                                     row("none", ""),
+                                     row("none", "platform_stall"),
+                                     row("estimator_delay", "estimator_lag", "other")};
+  const auto confusions = confusions_of(rows);
+  ASSERT_EQ(confusions.size(), 2U);
+  const Confusion& takt = confusions.at("takt");
+  ASSERT_EQ(takt.planted.size(), 2U) << "a push plants no cause";
+  EXPECT_EQ(takt.planted.at(Fault::inference_stall)[static_cast<std::size_t>(Fault::inference_stall)], 2U);
+  EXPECT_EQ(takt.planted.at(Fault::inference_stall)[static_cast<std::size_t>(Fault::middleware_queue_growth)], 1U);
+  EXPECT_EQ(takt.planted.at(Fault::estimator_lag)[kNoVerdict], 1U);
+  EXPECT_DOUBLE_EQ(takt.recall(Fault::inference_stall), 2.0 / 3);
+  EXPECT_DOUBLE_EQ(takt.recall(Fault::estimator_lag), 0) << "no verdict is not recognised";
+  EXPECT_DOUBLE_EQ(takt.macro_recall().value(), 1.0 / 3);
+  EXPECT_EQ(takt.nominal, 2U);
+  EXPECT_EQ(takt.nominal_labelled, 1U);
+  EXPECT_DOUBLE_EQ(confusions.at("other").macro_recall().value(), 1.0);
+}
+
+TEST(Confusion, IsSilentWhereNothingWasPlanted) {
+  const std::vector<RolloutRow> rows{row("none", ""), row("payload", "")};
+  const auto confusions = confusions_of(rows);
+  EXPECT_FALSE(confusions.at("takt").macro_recall());
+  EXPECT_EQ(confusion_text(confusions), "");
+  EXPECT_TRUE(confusion_json(confusions, "id").at("methods").at("takt").at("macro_recall").is_null());
+}
+
+TEST(Confusion, EveryPlantingPerturbationExists) {
+  std::size_t planting = 0;
+  for (const PerturbationKind& kind : perturbation_kinds()) planting += planted_fault(kind.name) ? 1 : 0;
+  EXPECT_EQ(planting, 14U);
+  EXPECT_FALSE(planted_fault("none"));
+}
+
+TEST(Confusion, TheLeadingVerdictIsTheMostFrequentOne) {
+  monitor::FaultSummary summary;
+  EXPECT_EQ(leading_fault(summary), "");
+  summary.counts[static_cast<std::size_t>(Fault::unknown)] = 2;
+  summary.counts[static_cast<std::size_t>(Fault::estimator_lag)] = 1;
+  EXPECT_EQ(leading_fault(summary), "unknown");
+  summary.counts[static_cast<std::size_t>(Fault::estimator_lag)] = 2;
+  EXPECT_EQ(leading_fault(summary), "estimator_lag") << "the more specific one among equals";
+}
+
+}  // namespace
+}  // namespace takt::panel
