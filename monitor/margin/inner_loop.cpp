@@ -65,7 +65,8 @@ std::expected<InnerLoop, std::string> InnerLoop::make(const config::RobotConfig&
   std::vector<Gains> gains;
   for (const config::Joint& joint : robot.joints) {
     const bool open = !not_computable(joint).empty();
-    gains.push_back({open ? 0 : joint.kp, open ? 0 : joint.kd, closed_by_host(joint.drive)});
+    gains.push_back({open ? 0 : joint.kp, open ? 0 : joint.kd, closed_by_host(joint.drive),
+                     joint.drive.protocol == config::DriveProtocol::cia402});
   }
   return InnerLoop(sample(*linear, robot.simulation->step), std::move(gains), robot,
                    slope_of_compensation(robot, pose));
@@ -95,6 +96,12 @@ Complex InnerLoop::observer(std::size_t joint, Complex z) const {
   return state[0] + state[1] * (dt / 2);
 }
 
+// cia402_driver.cpp: differences over whole periods through a first-order low-pass.
+Complex InnerLoop::speed_from_position(std::size_t joint, Complex z) const {
+  const double dt = period_.seconds(), share = observer_bandwidth_[joint] * dt, weight = share / (1 + share);
+  return weight * (1.0 - 1.0 / z) / dt / (1.0 - (1 - weight) / z);
+}
+
 Eigen::MatrixXcd InnerLoop::controller(double omega) const {
   const auto n = static_cast<Eigen::Index>(gains_.size());
   const double step = plant_.step.seconds(), period = period_.seconds();
@@ -106,7 +113,10 @@ Eigen::MatrixXcd InnerLoop::controller(double omega) const {
     const Gains& gains = gains_[static_cast<std::size_t>(j)];
     const Complex feedback = acts * (gains.by_host ? by_host : Complex(1));
     made(j, j) = gains.kp * feedback;
-    made(j, n + j) = gains.kd * feedback;
+    if (gains.speed_by_difference)
+      made(j, j) += gains.kd * feedback * speed_from_position(static_cast<std::size_t>(j), z_of_period);
+    else
+      made(j, n + j) = gains.kd * feedback;
   }
   if (gravity_slope_.isZero()) return made;
   for (Eigen::Index i = 0; i < n; ++i)

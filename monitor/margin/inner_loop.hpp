@@ -3,9 +3,10 @@
 //
 //   drive closes the loop (mit, robstride, moteus)    kp, kd on the encoder as read at the plant's step
 //   host closes it (odrive, cia402 in cst)            kp, kd on a reading that is one reply old: one control period to
-//                                                     arrive, one step to be obeyed, half the rest of a period held
+//                                                     arrive, one step to be obeyed, half the rest of a period held;
+//                                                     cia402's speed is a difference of positions, low-passed
 //   gravity compensation                              its slope over the pose, on the estimate: as old, through the
-//                                                     velocity observer, which no other path of the inner loop uses
+//                                                     velocity observer
 //   simulation.torque_delay and the sampling itself   steps of z; the hold between steps is the sampled plant's
 // Joints without gains carry no loop; they are part of the plant. Drives with position or velocity loops of their own
 // (cia402 in csp, csv) cannot be computed from the robot file. Thread rule: one thread at a time.
@@ -39,11 +40,13 @@ class InnerLoop {
   struct Gains {
     double kp = 0, kd = 0;
     bool by_host = false;
+    bool speed_by_difference = false;
   };
   InnerLoop(SampledPlant plant, std::vector<Gains> gains, const config::RobotConfig& robot,
             Eigen::MatrixXd gravity_slope);
   // Torque per state with the sign turned: tau = -C x. n x 2n.
   [[nodiscard]] Eigen::MatrixXcd controller(double omega) const;
+  [[nodiscard]] std::complex<double> speed_from_position(std::size_t joint, std::complex<double> z) const;
   [[nodiscard]] std::complex<double> observer(std::size_t joint, std::complex<double> z) const;
 
   SampledPlant plant_;
