@@ -131,7 +131,7 @@ class Doses {
     point.age_p50_ms = median(std::move(p50));
     point.age_p99_ms = median(std::move(p99));
     point.success_lower = lower_bound(point.successes, point.rollouts);
-    point.tolerated = point.rollouts == setup_.seeds && point.success_lower >= kSuccess;
+    point.tolerated = point.rollouts == setup_.seeds && point.success_lower >= setup_.success;
     return point;
   }
 

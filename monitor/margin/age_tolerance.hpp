@@ -3,7 +3,7 @@
 // the policy's age budget is chosen.
 //
 //   age      every command is published later by the same dose, and no gate refuses it. Tolerated: the one-sided
-//            Clopper-Pearson lower bound of the success rate is at least kSuccess. The age that the task then lived
+//            Clopper-Pearson lower bound of the success rate is at least `success`. The age that the task then lived
 //            with is the median over ticks.
 //   misses   the proposed max_age gates; once per second an inference stalls for a dose, so that the gate refuses and
 //            the robot brakes. Tolerated as above; the share of ticks that missed is measured.
@@ -24,13 +24,14 @@
 
 namespace takt::margin {
 
-inline constexpr double kSuccess = 0.95, kConfidence = 0.95;
-inline constexpr std::uint64_t kLeastSeeds = 59;  // fewer cannot show kSuccess, even without a failure
+inline constexpr double kConfidence = 0.95;
+inline constexpr std::uint64_t kLeastSeeds = 59;  // fewer cannot show a success rate of 0.95, even without a failure
 
 struct ToleranceSetup {
   std::string robot_file;
   panel::Task task = panel::Task::arm_tracking;
-  std::uint64_t seeds = 60;  // >= kLeastSeeds
+  std::uint64_t seeds = 60;  // enough to show `success`
+  double success = 0.95;     // (0, 1): rate that has to be shown
   std::size_t workers = 1;
   double safety = 0.8;  // (0, 1]
   double bound_m = 0.02;

@@ -7,8 +7,11 @@
 
 #include <cmath>
 #include <numbers>
+#include <stdexcept>
+#include <vector>
 
 #include "config/load.hpp"
+#include "monitor/margin/injected_sine.hpp"
 
 namespace takt::margin {
 namespace {
@@ -19,22 +22,12 @@ config::RobotConfig robot(const std::string& file) {
   return *loaded;
 }
 
-void show(const JointMargins& joint) {
-  const auto text = [](const std::optional<double>& value, double factor) { return value ? *value * factor : NAN; };
-  for (const LoopMargins* margins : {&joint.computed, &joint.injected})
-    std::printf("%-14s gain %8.3f at %7.1f rad/s  phase %7.2f deg at %7.2f rad/s  delay %7.3f ms\n",
-                joint.joint.c_str(), text(margins->gain, 1), text(margins->gain_at, 1),
-                text(margins->phase_rad, 180 / std::numbers::pi), text(margins->crossover, 1),
-                text(margins->delay_s, 1e3));
-}
-
 void expect_agreement(const std::string& file) {
   const config::RobotConfig described = robot(file);
   const auto all = joint_margins({.robot = described, .measured = described, .pose = home_pose(described)});
   ASSERT_TRUE(all) << all.error();
   EXPECT_EQ(all->size(), described.joints.size());
   for (const JointMargins& joint : *all) {
-    show(joint);
     EXPECT_EQ(joint.trouble, "") << joint.joint;
     ASSERT_TRUE(joint.disagreement) << joint.joint;
     EXPECT_LE(*joint.disagreement, kAgreement) << joint.joint;
@@ -44,6 +37,48 @@ void expect_agreement(const std::string& file) {
 
 TEST(JointMargins, OfTheDemoArmAgree) {
   expect_agreement("config/arm6.yaml");
+}
+
+// The response at a few frequencies instead of all margins: enough to see the same bits.
+TEST(JointMargins, TheSameRunGivesTheSameBits) {
+  const config::RobotConfig described = robot("config/arm6.yaml");
+  const Eigen::VectorXd pose = home_pose(described);
+  const auto measured = [&] {
+    auto still = dynamics_of(described), moving = dynamics_of(described);
+    const auto computed = InnerLoop::make(described, **still, pose);
+    auto loop = HoldingLoop::make(described, std::move(*moving), pose);
+    InjectedSine sine(described, **loop, *computed);
+    return std::vector{sine.response(0, 30), sine.response(5, 200)};
+  };
+  EXPECT_EQ(measured(), measured());
+}
+
+TEST(JointMargins, ALoopThatRunsLaterThanComputedIsNoticed) {
+  const config::RobotConfig described = robot("config/arm6.yaml");
+  config::RobotConfig late = described;
+  late.simulation->torque_delay = milliseconds(3);
+  const auto all = joint_margins({.robot = described, .measured = late, .pose = home_pose(described)});
+  ASSERT_TRUE(all) << all.error();
+  for (const JointMargins& joint : *all) {
+    EXPECT_FALSE(joint.agrees()) << joint.joint;
+    ASSERT_TRUE(joint.computed.delay_s && joint.injected.delay_s);
+    EXPECT_NEAR(*joint.computed.delay_s - *joint.injected.delay_s, 2e-3, 0.4e-3) << joint.joint;
+  }
+}
+
+TEST(JointMargins, AnUnstableLoopIsSaidToBeOne) {
+  const config::RobotConfig described = robot("config/arm6.yaml");
+  config::RobotConfig late = described;
+  late.simulation->torque_delay = milliseconds(20);  // beyond the wrist's delay margin
+  const auto all = joint_margins({.robot = described, .measured = late, .pose = home_pose(described)});
+  ASSERT_FALSE(all);
+  EXPECT_NE(all.error().find("does not come to rest"), std::string::npos) << all.error();
+}
+
+TEST(JointMargins, ARobotWithoutSimulationIsRefused) {
+  config::RobotConfig described = robot("config/arm6.yaml");
+  described.simulation.reset();
+  EXPECT_FALSE(joint_margins({.robot = described, .measured = described, .pose = home_pose(described)}));
 }
 
 TEST(JointMargins, OfDrivesOfFiveProtocolsAgree) {
