@@ -93,8 +93,8 @@ class Cli : public testing::Test {
 };
 
 TEST_F(Cli, HelpOfEveryCommandHasAnExampleAndItsExitCodes) {
-  for (const char* command : {"run", "arm", "stop", "reset", "status", "report", "replay", "config check",
-                              "config show", "config keys", "config import"}) {
+  for (const char* command : {"run", "arm", "stop", "reset", "status", "report", "replay", "budget", "margin",
+                              "config check", "config show", "config keys", "config import"}) {
     const Ended help = run(std::string(command) + " --help");
     EXPECT_EQ(help.exit_code, 0) << command;
     EXPECT_NE(help.output.find("Example: takt "), std::string::npos) << command << "\n" << help.output;

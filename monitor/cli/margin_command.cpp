@@ -1,0 +1,98 @@
+// takt margin: how far the stabiliser is from instability, and how old a command the task tolerates.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <memory>
+
+#include "config/load.hpp"
+#include "monitor/bounded_file.hpp"
+#include "monitor/cli/checked_robot.hpp"
+#include "monitor/cli/command.hpp"
+#include "monitor/margin/margin_report.hpp"
+
+namespace takt::cli {
+namespace {
+
+struct Options {
+  std::string robot, svg;
+  std::uint64_t seeds = 60;
+  std::size_t workers = 1;
+  double bound_mm = 20, safety = 0.8;
+  bool no_task = false, json = false;
+};
+
+int refuse(int exit_code, const std::string& sentences) {
+  fmt::print(stderr, "takt margin: {}\n", sentences);
+  return exit_code;
+}
+
+// On a terminal only: one line that is overwritten.
+void show_progress(const std::string& sentence) {
+  if (::isatty(STDERR_FILENO) == 1) fmt::print(stderr, "\r\x1b[K{}", sentence);
+}
+
+std::expected<std::optional<margin::AgeTolerance>, std::string> measure_task(const Options& options,
+                                                                             const config::RobotConfig& robot) {
+  if (options.no_task || !robot.policy) return std::nullopt;
+  auto found = margin::age_tolerance({.robot_file = options.robot,
+                                      .seeds = options.seeds,
+                                      .workers = options.workers,
+                                      .safety = options.safety,
+                                      .bound_m = options.bound_mm / 1e3,
+                                      .on_progress = show_progress});
+  if (!found) return std::unexpected(found.error());
+  return std::move(*found);
+}
+
+int run(const Options& options) {
+  const auto checked = check_robot_file(options.robot);
+  if (!checked) {
+    fmt::print(stderr, "{}\n", checked.error());
+    return config::kExitBadConfiguration;
+  }
+  const config::RobotConfig& robot = checked->robot;
+  const auto on_joint = [](std::size_t done, std::size_t of) {
+    show_progress(fmt::format("joint {} of {}", done, of));
+  };
+  auto joints = margin::joint_margins(
+      {.robot = robot, .measured = robot, .pose = margin::home_pose(robot), .on_joint = on_joint});
+  if (!joints) return refuse(kExitFailed, joints.error());
+  auto task = measure_task(options, robot);
+  show_progress("");
+  if (!task) return refuse(kExitFailed, task.error());
+  const margin::MarginReport report{robot, std::move(*joints), std::move(*task)};
+  if (!options.svg.empty()) {
+    if (auto written = monitor::replace_file(options.svg, margin::bode_svg(report.joints)); !written)
+      return refuse(kExitFailed, written.error());
+  }
+  fmt::print("{}", options.json ? margin::to_json(report).dump() + "\n" : margin::margin_text(report));
+  return report.agrees() ? kExitOk : kExitFailed;
+}
+
+}  // namespace
+
+void add_margin(CLI::App& app, int& exit_code) {
+  CLI::App* command =
+      app.add_subcommand("margin", "Measure the stabiliser's margins and the command age that the task tolerates.");
+  auto options = std::make_shared<Options>();
+  command->add_option("ROBOT", options->robot, "robot file with a `simulation`")->required();
+  command->add_flag("--no-task", options->no_task, "the stabiliser only, without the policy's rollouts");
+  command->add_option("--seeds", options->seeds, "rollouts per dose; below 59 nothing can be shown")
+      ->check(CLI::Range(std::uint64_t{margin::kLeastSeeds}, std::uint64_t{100'000}));
+  command->add_option("--workers", options->workers, "processes that share the rollouts; results do not depend on it")
+      ->check(CLI::Range(1, 1024));
+  command->add_option("--bound", options->bound_mm, "mm of rms tracking error that still is success")
+      ->check(CLI::PositiveNumber);
+  command->add_option("--safety", options->safety, "share of what is tolerated that is proposed")
+      ->check(CLI::Range(0.01, 1.0));
+  command->add_option("--svg", options->svg, "also write the loops' Bode plot");
+  command->add_flag("--json", options->json, "print everything as one line of JSON (docs/margin.md)");
+  command->footer(
+      "Example: takt margin config/arm6.yaml --workers 2 --svg bode.svg\n"
+      "Exit codes: 0 measured; 1 computed and injected margins differ by more than 10 %, the loop does not come to "
+      "rest, "
+      "or the task fails without any delay; 64 command line; 65 robot file.");
+  command->callback([options, &exit_code] { exit_code = run(*options); });
+}
+
+}  // namespace takt::cli

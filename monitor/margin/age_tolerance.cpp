@@ -1,0 +1,196 @@
+#include "monitor/margin/age_tolerance.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "config/hash.hpp"
+#include "monitor/freshness_statistics.hpp"
+#include "monitor/panel/panel_plan.hpp"
+#include "monitor/panel/worker_pool.hpp"
+
+namespace takt::margin {
+namespace {
+
+constexpr double kDelayGrid_ms = 10, kMostDelay_ms = 640;
+constexpr double kStallGrid_ms = 25, kMostStall_ms = 800;
+constexpr std::uint64_t kFailuresShown = 5;  // beyond these, a refused dose is not looked at any longer
+constexpr double kAgeStep_ms = 5;
+
+double lower_bound(std::uint64_t successes, std::uint64_t rollouts) {
+  return 1 - monitor::clopper_pearson_upper(rollouts - successes, rollouts, kConfidence);
+}
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::ranges::nth_element(values, middle);
+  return *middle;
+}
+
+// The policy's word counts however old it is, up to `max_age`; nothing degrades or stops the robot.
+std::vector<config::Override> without_consequences(double max_age_ms) {
+  return {{"freshness.max_age", fmt::format("{:.0f} ms", max_age_ms)},
+          {"freshness.epsilon", "0.999999"},
+          {"freshness.recover_after", "1 ms"},
+          {"freshness.flap_memory", "0 ms"},
+          {"freshness.stop_after", "600 s"},
+          {"freshness.bad_command_limit", "1000000"}};
+}
+
+// A panel that exists in memory only: one task, one method, one kind of perturbation at every dose of a grid.
+panel::Panel panel_of(const ToleranceSetup& setup, std::string_view kind, double grid_ms, double most_ms,
+                      double max_age_ms) {
+  panel::Panel made;
+  made.file = setup.robot_file;
+  made.name = "margin";
+  made.text = fmt::format("takt margin: {} of {}", kind, setup.robot_file);
+  made.sha256 = config::sha256_hex(made.text);
+  made.duration = setup.duration;
+  made.seed_count = setup.seeds;
+  made.tasks.push_back({setup.task, setup.robot_file, setup.scored, setup.bound_m});
+  made.methods.push_back({"margin", "no consequences", false, without_consequences(max_age_ms)});
+  for (int i = 0; i * grid_ms <= most_ms; ++i)
+    made.perturbations.push_back({std::string(kind), i * grid_ms, Duration{0}, setup.duration});
+  return made;
+}
+
+// The doses of one panel, looked at one by one.
+class Doses {
+ public:
+  Doses(const ToleranceSetup& setup, panel::Contest contest) : setup_(setup), contest_(std::move(contest)) {}
+
+  std::expected<TolerancePoint, std::string> look_at(std::size_t index) {
+    if (const auto known = seen_.find(index); known != seen_.end()) return known->second;
+    auto rows = run(index);
+    if (!rows) return std::unexpected(rows.error());
+    const TolerancePoint point = judge(index, *rows);
+    if (setup_.on_progress)
+      setup_.on_progress(fmt::format("{} {:g} ms: {} of {} succeeded", contest_.panel().perturbations[index].kind,
+                                     point.dose_ms, point.successes, point.rollouts));
+    return seen_.emplace(index, point).first->second;
+  }
+  // The largest tolerated dose: doubling until one is refused, then halving what lies between. The error is look_at's.
+  std::expected<std::size_t, std::string> largest_tolerated() {
+    const std::size_t last = contest_.panel().perturbations.size() - 1;
+    std::size_t good = 0, bad = 4;
+    for (;; bad = std::min(2 * bad, last)) {
+      const auto point = look_at(bad);
+      if (!point) return std::unexpected(point.error());
+      if (!point->tolerated) break;
+      good = bad;
+      if (bad == last) return last;
+    }
+    while (bad - good > 1) {
+      const std::size_t middle = (good + bad) / 2;
+      const auto point = look_at(middle);
+      if (!point) return std::unexpected(point.error());
+      (point->tolerated ? good : bad) = middle;
+    }
+    return good;
+  }
+  [[nodiscard]] std::size_t last() const { return contest_.panel().perturbations.size() - 1; }
+  [[nodiscard]] std::vector<TolerancePoint> points() const {
+    std::vector<TolerancePoint> all;
+    for (const auto& [index, point] : seen_) all.push_back(point);
+    return all;
+  }
+
+ private:
+  // In order of seed, cut off at the failure that settles it, so that workers do not change the result.
+  std::expected<std::vector<panel::RolloutRow>, std::string> run(std::size_t index) {
+    std::vector<panel::RolloutRow> rows;
+    std::uint64_t failures = 0;
+    for (std::uint64_t first = 1; first <= setup_.seeds && failures < kFailuresShown; first += kBatch) {
+      std::vector<panel::PlannedRollout> batch;
+      for (std::uint64_t seed = first; seed < first + kBatch && seed <= setup_.seeds; ++seed)
+        batch.push_back({.task = 0, .perturbation = index, .method = 0, .seed = seed});
+      const auto done = panel::run_in_workers(contest_, batch, setup_.workers, [&](const panel::RolloutRow& row) {
+        rows.push_back(row);
+        failures += row.success ? 0U : 1U;
+        return std::expected<void, std::string>{};
+      });
+      if (!done) return std::unexpected(done.error());
+    }
+    return rows;
+  }
+  [[nodiscard]] TolerancePoint judge(std::size_t index, const std::vector<panel::RolloutRow>& rows) const {
+    TolerancePoint point;
+    point.dose_ms = contest_.panel().perturbations[index].dose;
+    std::vector<double> p50, p99;
+    for (const panel::RolloutRow& row : rows) {
+      ++point.rollouts;
+      point.successes += row.success ? 1U : 0U;
+      p50.push_back(row.age_per_tick.total.p50_ms.value_or(0));
+      p99.push_back(row.age_per_tick.total.p99_ms.value_or(0));
+      point.miss_share += row.misses_per_tick.rate / static_cast<double>(rows.size());
+    }
+    point.age_p50_ms = median(std::move(p50));
+    point.age_p99_ms = median(std::move(p99));
+    point.success_lower = lower_bound(point.successes, point.rollouts);
+    point.tolerated = point.rollouts == setup_.seeds && point.success_lower >= setup_.success;
+    return point;
+  }
+
+  static constexpr std::uint64_t kBatch = 10;
+  const ToleranceSetup& setup_;
+  panel::Contest contest_;
+  std::map<std::size_t, TolerancePoint> seen_;
+};
+
+std::expected<void, std::string> find_age(const ToleranceSetup& setup, AgeTolerance& found) {
+  auto contest = panel::Contest::prepare(panel_of(setup, "publish_delay", kDelayGrid_ms, kMostDelay_ms, 60'000));
+  if (!contest) return std::unexpected(contest.error());
+  Doses doses(setup, std::move(*contest));
+  const auto nominal = doses.look_at(0);
+  if (!nominal) return std::unexpected(nominal.error());
+  if (!nominal->tolerated)
+    return std::unexpected(
+        fmt::format("{}: the task fails without any added delay, in {} of {} rollouts; there is no age to tolerate",
+                    setup.robot_file, nominal->rollouts - nominal->successes, nominal->rollouts));
+  const auto largest = doses.largest_tolerated();
+  if (!largest) return std::unexpected(largest.error());
+  found.nominal_p99_ms = nominal->age_p99_ms;
+  found.tolerated_age_ms = doses.look_at(*largest)->age_p50_ms;
+  found.age_is_open = *largest == doses.last();
+  found.max_age_ms = kAgeStep_ms * std::floor(setup.safety * found.tolerated_age_ms / kAgeStep_ms);
+  found.ages = doses.points();
+  return {};
+}
+
+double two_digits_below(double value) {
+  const double digit = std::pow(10.0, std::floor(std::log10(value)) - 1);
+  return digit * std::floor(value / digit + 1e-9);
+}
+
+std::expected<void, std::string> find_share(const ToleranceSetup& setup, AgeTolerance& found) {
+  auto contest =
+      panel::Contest::prepare(panel_of(setup, "inference_stall", kStallGrid_ms, kMostStall_ms, found.max_age_ms));
+  if (!contest) return std::unexpected(contest.error());
+  Doses doses(setup, std::move(*contest));
+  const auto largest = doses.largest_tolerated();
+  if (!largest) return std::unexpected(largest.error());
+  found.misses = doses.points();
+  found.share_is_open = *largest == doses.last();
+  const auto best = doses.look_at(*largest);
+  if (!best) return std::unexpected(best.error());
+  if (!best->tolerated || best->miss_share <= 0) return {};
+  found.tolerated_share = best->miss_share;
+  found.epsilon = two_digits_below(setup.safety * best->miss_share);
+  return {};
+}
+
+}  // namespace
+
+std::expected<AgeTolerance, std::string> age_tolerance(const ToleranceSetup& setup) {
+  AgeTolerance found;
+  if (auto done = find_age(setup, found); !done) return std::unexpected(done.error());
+  if (found.max_age_ms <= 0) return found;
+  if (auto done = find_share(setup, found); !done) return std::unexpected(done.error());
+  return found;
+}
+
+}  // namespace takt::margin

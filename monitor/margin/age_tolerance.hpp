@@ -1,0 +1,65 @@
+// How much command age, and how large a share of misses, the task tolerates: rollouts in virtual time, from which a
+// freshness contract is proposed. Steps 1 and 2 of multirate control integration: the stabiliser's margin is known, now
+// the policy's age budget is chosen.
+//
+//   age      every command is published later by the same dose, and no gate refuses it. Tolerated: the one-sided
+//            Clopper-Pearson lower bound of the success rate is at least `success`. The age that the task then lived
+//            with is the median over ticks.
+//   misses   the proposed max_age gates; once per second an inference stalls for a dose, so that the gate refuses and
+//            the robot brakes. Tolerated as above; the share of ticks that missed is measured.
+//   rule     max_age = safety * tolerated age, rounded down to 5 ms; epsilon = safety * tolerated share, rounded down
+//            to two digits.
+// Larger doses are presumed to be no easier. Same setup, same result, whatever the number of workers.
+#pragma once
+
+#include <cstdint>
+#include <expected>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "executive/contract/mono_time.hpp"
+#include "monitor/panel/rollout.hpp"
+
+namespace takt::margin {
+
+inline constexpr double kConfidence = 0.95;
+inline constexpr std::uint64_t kLeastSeeds = 59;  // fewer cannot show a success rate of 0.95, even without a failure
+
+struct ToleranceSetup {
+  std::string robot_file;
+  panel::Task task = panel::Task::arm_tracking;
+  std::uint64_t seeds = 60;  // enough to show `success`
+  double success = 0.95;     // (0, 1): rate that has to be shown
+  std::size_t workers = 1;
+  double safety = 0.8;  // (0, 1]
+  double bound_m = 0.02;
+  Duration duration = seconds(8), scored = seconds(2);
+  std::function<void(const std::string& sentence)> on_progress = {};
+};
+
+// One dose. With failures enough to be refused, the remaining seeds were left out.
+struct TolerancePoint {
+  double dose_ms = 0;
+  std::uint64_t rollouts = 0, successes = 0;
+  double success_lower = 0;               // bound of the success rate
+  double age_p50_ms = 0, age_p99_ms = 0;  // per tick; medians over the rollouts
+  double miss_share = 0;                  // of ticks, mean over the rollouts
+  bool tolerated = false;
+};
+
+struct AgeTolerance {
+  std::vector<TolerancePoint> ages, misses;         // by dose
+  double tolerated_age_ms = 0;                      // median age at the largest tolerated delay
+  double nominal_p99_ms = 0;                        // age without any added delay
+  double max_age_ms = 0;                            // proposed
+  std::optional<double> tolerated_share;            // of misses; absent: none was tolerated, or none came about
+  std::optional<double> epsilon;                    // proposed
+  bool age_is_open = false, share_is_open = false;  // the largest dose tried was tolerated
+};
+
+// The error: what the robot file lacks, one problem per line, or that the task fails without any delay.
+std::expected<AgeTolerance, std::string> age_tolerance(const ToleranceSetup& setup);
+
+}  // namespace takt::margin

@@ -1,0 +1,54 @@
+// Every joint's margins, computed and measured, side by side. `takt margin` shows them; docs/margin.md explains.
+#pragma once
+
+#include <Eigen/Core>
+#include <complex>
+#include <expected>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "config/robot_config.hpp"
+#include "drivers/plant/dynamics.hpp"
+#include "monitor/margin/loop_margins.hpp"
+
+namespace takt::margin {
+
+struct ResponsePoint {
+  double omega = 0;  // rad/s
+  std::complex<double> loop;
+};
+
+struct JointMargins {
+  std::string joint;
+  std::string not_computed;  // why; empty: it is
+  LoopMargins computed, injected;
+  std::vector<ResponsePoint> computed_response, injected_response;  // ascending
+  std::string trouble;                                              // what spoiled the measurement; empty: nothing
+  std::optional<double> disagreement;  // largest relative difference of a margin; absent: nothing to compare
+  [[nodiscard]] bool agrees() const;
+};
+inline constexpr double kAgreement = 0.10;
+
+// A fresh copy of the robot's mechanics.
+using DynamicsMaker =
+    std::function<std::expected<std::unique_ptr<plant::Dynamics>, std::string>(const config::RobotConfig& robot)>;
+// A rigid-body arm where the robot file has a model, else one flywheel per joint.
+std::expected<std::unique_ptr<plant::Dynamics>, std::string> dynamics_of(const config::RobotConfig& robot);
+
+struct MarginSetup {
+  const config::RobotConfig& robot;     // computed from
+  const config::RobotConfig& measured;  // run: the same, unless a test plants a difference
+  DynamicsMaker dynamics = dynamics_of;
+  Eigen::VectorXd pose;
+  std::function<void(std::size_t done, std::size_t of)> on_joint = {};
+};
+Eigen::VectorXd home_pose(const config::RobotConfig& robot);
+
+// One entry per joint that has a stabiliser. The error is one sentence: no simulation, no model the simulator knows, a
+// loop that does not come to rest.
+std::expected<std::vector<JointMargins>, std::string> joint_margins(const MarginSetup& setup);
+
+}  // namespace takt::margin

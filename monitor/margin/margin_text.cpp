@@ -1,0 +1,82 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <numbers>
+
+#include "monitor/margin/margin_report.hpp"
+
+namespace takt::margin {
+namespace {
+
+constexpr double kDegrees = 180 / std::numbers::pi, kHertz = 0.5 / std::numbers::pi;
+
+std::string pair(const std::optional<double>& computed, const std::optional<double>& injected, double factor) {
+  const auto one = [&](const std::optional<double>& value) {
+    return value ? fmt::format("{:.1f}", *value * factor) : std::string("-");
+  };
+  return one(computed) + " / " + one(injected);
+}
+
+std::string differ(const JointMargins& joint) {
+  if (!joint.disagreement) return "-";
+  if (*joint.disagreement > 9.99) return "> 999 %";
+  return fmt::format("{:.1f} %", *joint.disagreement * 100);
+}
+
+std::string joint_lines(const JointMargins& joint) {
+  const std::optional<double>& crossover = joint.injected.crossover;
+  std::string text = fmt::format("{:<18.18}{:>14}  {:>14}  {:>14}{:>7}{:>9}\n", joint.joint,
+                                 pair(joint.computed.gain, joint.injected.gain, 1),
+                                 pair(joint.computed.phase_rad, joint.injected.phase_rad, kDegrees),
+                                 pair(joint.computed.delay_s, joint.injected.delay_s, 1e3),
+                                 crossover ? fmt::format("{:.1f}", *crossover * kHertz) : "-", differ(joint));
+  if (!joint.not_computed.empty()) text += fmt::format("  not computed: {}\n", joint.not_computed);
+  if (!joint.trouble.empty()) text += fmt::format("  spoiled: {}\n", joint.trouble);
+  if (joint.disagreement && *joint.disagreement > kAgreement)
+    text += fmt::format("  computed and injected differ by more than {:.0f} %\n", kAgreement * 100);
+  return text;
+}
+
+std::string point_lines(const std::vector<TolerancePoint>& points, std::string_view dose, bool misses) {
+  std::string text = fmt::format("  {:>12}  {:>12}  {:>10}  {:>9}  {:>9}{}\n", dose, "success", ">= (95 %)", "age p50",
+                                 "age p99", misses ? "     misses" : "");
+  for (const TolerancePoint& point : points) {
+    text += fmt::format("  {:>9.0f} ms  {:>12}  {:>10.3f}  {:>6.1f} ms  {:>6.1f} ms{}{}\n", point.dose_ms,
+                        fmt::format("{} of {}", point.successes, point.rollouts), point.success_lower, point.age_p50_ms,
+                        point.age_p99_ms, misses ? fmt::format("  {:>7.2f} %", point.miss_share * 100) : "",
+                        point.tolerated ? "" : "  refused");
+  }
+  return text;
+}
+
+std::string proposal(const AgeTolerance& found, const config::RobotConfig& robot) {
+  std::string text = fmt::format("\nage tolerated {}{:.1f} ms, without added delay p99 {:.1f} ms\n",
+                                 found.age_is_open ? "at least " : "", found.tolerated_age_ms, found.nominal_p99_ms);
+  if (found.tolerated_share)
+    text += fmt::format("misses tolerated {}{:.2f} % of ticks\n", found.share_is_open ? "at least " : "",
+                        *found.tolerated_share * 100);
+  text += fmt::format("proposed: max_age {:.0f} ms, epsilon {}\n", found.max_age_ms,
+                      found.epsilon ? fmt::format("{:g}", *found.epsilon) : "none (no miss is tolerated)");
+  text += fmt::format("robot file: max_age {:.0f} ms, epsilon {:g}\n", robot.freshness.max_age.milliseconds(),
+                      robot.freshness.epsilon);
+  if (found.max_age_ms < found.nominal_p99_ms)
+    text += "the policy's path alone is older than the proposed max_age: make it faster before trusting it\n";
+  return text;
+}
+
+}  // namespace
+
+std::string margin_text(const MarginReport& report) {
+  std::string text = fmt::format("inner loop of {}, computed / injected\n", report.robot.robot);
+  text += fmt::format("{:<18}{:>14}  {:>14}  {:>14}{:>7}{:>9}\n", "joint", "gain factor", "phase deg", "delay ms",
+                      "at Hz", "differ");
+  for (const JointMargins& joint : report.joints) text += joint_lines(joint);
+  if (!report.tolerance) return text;
+  text += "\ncommand age, no gate\n" + point_lines(report.tolerance->ages, "delay", false);
+  if (!report.tolerance->misses.empty())
+    text += fmt::format("\nmisses, gated at {:.0f} ms\n", report.tolerance->max_age_ms) +
+            point_lines(report.tolerance->misses, "stall per 1 s", true);
+  return text + proposal(*report.tolerance, report.robot);
+}
+
+}  // namespace takt::margin

@@ -1,0 +1,37 @@
+// Some mechanics with a sine added to one joint's torque, just where the drive's torque enters, and both written down:
+// what a loop's frequency response is measured from. Coulomb friction is taken out (see linear_plant.hpp); brakes stay.
+// Units: Nm (or N), rad/s. Thread rule: one thread at a time.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "drivers/plant/dynamics.hpp"
+
+namespace takt::margin {
+
+// One entry per step of the plant since inject().
+struct ProbeRecord {
+  std::vector<double> control;  // what the loop gave
+  std::vector<double> total;    // with what was added: what the joint got
+};
+
+class ProbedDynamics final : public plant::Dynamics {
+ public:
+  ProbedDynamics(std::unique_ptr<plant::Dynamics> bare, double coulomb) : bare_(std::move(bare)), coulomb_(coulomb) {}
+
+  // From the next step on; amplitude 0 adds nothing and goes on recording.
+  void inject(std::size_t joint, double amplitude, double omega);
+  void integrate(plant::ArmState& state, const Eigen::VectorXd& tau, const std::vector<plant::Friction>& friction,
+                 Duration step) override;
+  [[nodiscard]] const ProbeRecord& record() const { return record_; }
+
+ private:
+  std::unique_ptr<plant::Dynamics> bare_;
+  double coulomb_;
+  Eigen::Index joint_ = 0;
+  double amplitude_ = 0, omega_ = 0;
+  ProbeRecord record_;
+};
+
+}  // namespace takt::margin

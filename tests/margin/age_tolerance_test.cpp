@@ -1,0 +1,72 @@
+// Goal: the age that the task tolerates is found, the proposal follows its rule, and neither depends on the number of
+// workers. Method: the demo arm's rollouts, short and few, with a success rate that few can show.
+#include "monitor/margin/age_tolerance.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace takt::margin {
+namespace {
+
+ToleranceSetup small(std::size_t workers) {
+  return {.robot_file = "config/arm6.yaml",
+          .seeds = 6,
+          .success = 0.5,
+          .workers = workers,
+          .duration = seconds(4),
+          .scored = seconds(1)};
+}
+
+TEST(AgeTolerance, ProposalFollowsWhatTheTaskTolerates) {
+  const auto found = age_tolerance(small(2));
+  ASSERT_TRUE(found) << found.error();
+  ASSERT_GE(found->ages.size(), 3U);
+  EXPECT_EQ(found->ages.front().dose_ms, 0);
+  EXPECT_TRUE(found->ages.front().tolerated);
+  const TolerancePoint* tolerated = nullptr;
+  bool refused = false;
+  for (const TolerancePoint& point : found->ages) {
+    if (point.tolerated) EXPECT_NEAR(point.age_p50_ms, found->ages.front().age_p50_ms + point.dose_ms, 12);
+    if (point.tolerated && !refused) tolerated = &point;
+    refused |= !point.tolerated;
+  }
+  EXPECT_TRUE(refused) << "no arm tracks a moving target with commands of any age";
+  EXPECT_EQ(found->tolerated_age_ms, tolerated->age_p50_ms);
+  EXPECT_EQ(found->max_age_ms, 5 * std::floor(0.8 * found->tolerated_age_ms / 5));
+  ASSERT_FALSE(found->misses.empty());
+  if (found->tolerated_share) {
+    EXPECT_LE(*found->epsilon, 0.8 * *found->tolerated_share);
+    EXPECT_GT(*found->epsilon, 0.7 * *found->tolerated_share);
+  }
+}
+
+TEST(AgeTolerance, DoesNotDependOnWorkers) {
+  const auto one = age_tolerance(small(1)), two = age_tolerance(small(2));
+  ASSERT_TRUE(one && two);
+  EXPECT_EQ(one->tolerated_age_ms, two->tolerated_age_ms);
+  EXPECT_EQ(one->tolerated_share, two->tolerated_share);
+  ASSERT_EQ(one->ages.size(), two->ages.size());
+  for (std::size_t i = 0; i < one->ages.size(); ++i) {
+    EXPECT_EQ(one->ages[i].rollouts, two->ages[i].rollouts);
+    EXPECT_EQ(one->ages[i].age_p99_ms, two->ages[i].age_p99_ms);
+  }
+}
+
+TEST(AgeTolerance, ATaskThatFailsWithoutDelayToleratesNothing) {
+  ToleranceSetup setup = small(1);
+  setup.bound_m = 1e-6;
+  const auto found = age_tolerance(setup);
+  ASSERT_FALSE(found);
+  EXPECT_EQ(
+      found.error(),
+      "config/arm6.yaml: the task fails without any added delay, in 6 of 6 rollouts; there is no age to tolerate");
+}
+
+TEST(AgeTolerance, FewerSeedsThanTheLeastCannotShowIt) {
+  EXPECT_GE(std::pow(0.05, 1.0 / kLeastSeeds), 0.95);
+  EXPECT_LT(std::pow(0.05, 1.0 / (kLeastSeeds - 1)), 0.95);
+}
+
+}  // namespace
+}  // namespace takt::margin

@@ -1,0 +1,81 @@
+// Goal: what `takt margin` shows is what was found, disagreement included, within 80 columns. Method: made-up margins.
+#include "monitor/margin/margin_report.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <limits>
+#include <sstream>
+
+namespace takt::margin {
+namespace {
+
+LoopMargins margins(double gain) {
+  return {.gain = gain, .phase_rad = 1.0, .delay_s = 0.02, .crossover = 50, .gain_at = 1000};
+}
+
+JointMargins joint(double computed, double injected, double disagreement) {
+  return {.joint = "a_joint_with_a_rather_long_name",
+          .not_computed = {},
+          .computed = margins(computed),
+          .injected = margins(injected),
+          .computed_response = {{1, {10, -1}}, {100, {0.1, -0.2}}},
+          .injected_response = {{2, {9, -1}}, {90, {0.1, -0.2}}},
+          .trouble = {},
+          .disagreement = disagreement};
+}
+
+MarginReport report(const config::RobotConfig& robot, std::vector<JointMargins> joints) {
+  AgeTolerance found;
+  found.ages = {{0, 60, 60, 0.951, 36, 55, 0, true}, {80, 41, 36, 0.75, 116, 135, 0, false}};
+  found.misses = {{100, 60, 60, 0.951, 40, 99, 0.034, true}};
+  found.tolerated_age_ms = 96.04;
+  found.nominal_p99_ms = 55;
+  found.max_age_ms = 75;
+  found.tolerated_share = 0.034;
+  found.epsilon = 0.027;
+  return {robot, std::move(joints), found};
+}
+
+TEST(MarginReport, SaysWhatAgreesAndWhatDoesNot) {
+  const config::RobotConfig robot;
+  const MarginReport good = report(robot, {joint(10, 10.5, 0.05)});
+  EXPECT_TRUE(good.agrees());
+  EXPECT_TRUE(to_json(good)["agrees"]);
+  const MarginReport bad = report(robot, {joint(10, 10.5, 0.05), joint(10, 12, 0.2)});
+  EXPECT_FALSE(bad.agrees());
+  EXPECT_NE(margin_text(bad).find("differ by more than 10 %"), std::string::npos);
+  EXPECT_FALSE(to_json(bad)["joints"][1]["agrees"]);
+  JointMargins lone = joint(10, 10, std::numeric_limits<double>::infinity());
+  EXPECT_FALSE(lone.agrees()) << "a margin that only one of the two shows";
+  lone.disagreement.reset();
+  EXPECT_TRUE(lone.agrees()) << "nothing to compare with";
+  lone.trouble = "a limit intervened";
+  EXPECT_FALSE(lone.agrees());
+}
+
+TEST(MarginReport, KeepsToEightyColumns) {
+  const config::RobotConfig robot;
+  std::istringstream lines(margin_text(report(robot, {joint(98.9, 98.8, 0.01), joint(10, 12, 123)})));
+  for (std::string line; std::getline(lines, line);) EXPECT_LE(line.size(), 80U) << line;
+}
+
+TEST(MarginReport, JsonHoldsTheProposal) {
+  const config::RobotConfig robot;
+  const auto json = to_json(report(robot, {joint(10, 10.5, 0.05)}));
+  EXPECT_EQ(json["schema"], "takt.margin/1");
+  EXPECT_EQ(json["task"]["proposed_max_age_ms"], 75);
+  EXPECT_EQ(json["task"]["proposed_epsilon"], 0.027);
+  EXPECT_NEAR(json["joints"][0]["computed"]["phase_deg"], 57.2958, 1e-3);
+  EXPECT_EQ(json["joints"][0]["injected"]["delay_ms"], 20);
+}
+
+TEST(MarginReport, PlotHasALineAndMarksPerJoint) {
+  const std::string svg = bode_svg(std::vector{joint(10, 10.5, 0.05), joint(10, 10.5, 0.05)});
+  std::size_t lines = 0;
+  for (std::size_t at = svg.find("<polyline"); at != std::string::npos; at = svg.find("<polyline", at + 1)) ++lines;
+  EXPECT_EQ(lines, 4U);
+}
+
+}  // namespace
+}  // namespace takt::margin
