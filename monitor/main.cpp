@@ -77,6 +77,16 @@ void write_review(const RunFolder& folder) {
   if (!metrics) spdlog::warn("metrics.json is missing: {}", metrics.error());
 }
 
+// What is recorded also tells the tracer of changes of mode. `recorded` outlives the sink.
+RecordSink traced(const RecordSink& recorded) {
+  RecordSink both = recorded;
+  both.tick = [&recorded](const TickRecord& record) {
+    recorded.tick(record);
+    if (record.header.mode != record.header.previous_mode) trace::mode_changed(record.header);
+  };
+  return both;
+}
+
 // What is recorded also goes to ROS 2. Both outlive the sink.
 RecordSink also_to(dds::Condenser& condenser, const RecordSink& recorded) {
   RecordSink both = recorded;
@@ -103,7 +113,8 @@ bool record_session(const ExecutiveSession& session, const Options& options, con
   spdlog::info("recording into {}", folder->path());
   std::optional<dds::Condenser> condenser;
   if (exporter) condenser.emplace(robot, manifest.clock.monotonic_to_unix_ns, monotonic_now(), exporter->outbox());
-  const RecordSink sink = condenser ? also_to(*condenser, (*recorder)->sink()) : (*recorder)->sink();
+  const RecordSink traced_too = traced((*recorder)->sink());
+  const RecordSink sink = condenser ? also_to(*condenser, traced_too) : traced_too;
   bool said_stopped = false;
   MonoTime next = monotonic_now();
   while (!g_stop && !session.is_over()) {
