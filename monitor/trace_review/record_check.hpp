@@ -49,7 +49,7 @@ struct RecordCheck {
   static constexpr std::size_t kListed = 10;
   // Something was compared, nothing differs by more than kAgreement, and both clocks are one.
   [[nodiscard]] bool agrees() const {
-    return ages != 0 && disagreement_count == 0 && tracer_delay <= kAgreement &&
+    return ticks != 0 && disagreement_count == 0 && tracer_delay <= kAgreement &&
            tracer_delay >= Duration{-kAgreement.ns};
   }
 };
