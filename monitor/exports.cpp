@@ -4,6 +4,7 @@
 
 #include <utility>
 
+#include "executive/trace/trace.hpp"
 #include "takt_version.hpp"
 
 namespace takt::monitor {
@@ -40,6 +41,7 @@ RecordSink Exports::also_to(const RecordSink& recorded) {
   RecordSink all = recorded;
   all.tick = [this, &recorded](const TickRecord& record) {
     recorded.tick(record);
+    if (record.header.mode != record.header.previous_mode) trace::mode_changed(record.header);
     metrics_.tick(record);
     if (condenser_) condenser_->tick(record);
     if (otlp_) otlp_->tick(record);

@@ -93,7 +93,7 @@ void Host::answer(const Observation& observation, MonoTime dequeued_at) {
   }
   no_sensor_.clear();
   const CommandChunk& chunk = responder_.answer(observation, samples_, dequeued_at, monotonic_now);
-  trace::publish_begin(chunk.header.observation_id, chunk.header.sequence);
+  trace::publish_begin(chunk.header);
   executive_->publish(chunk);
   trace::publish_end(chunk.header.observation_id, chunk.header.sequence);
   statistics_.add(chunk.header);

@@ -44,11 +44,11 @@ const CommandChunk& Responder::answer(const Observation& observation, std::span<
 
   const auto last_action = last_action_.due_at(observation.published_at);
   const std::uint64_t sequence = ++sequence_;
-  trace::infer_begin(observation.id, sequence);
   const MonoTime started = clock();
+  trace::infer_begin(observation.id, sequence, started);
   policy_.infer(input_.build(observation, samples, last_action), output_);
   const MonoTime ended = clock();
-  trace::infer_end(observation.id, sequence);
+  trace::infer_end(observation.id, sequence, ended);
   chunk_builder_.fill(chunk_, observation, output_);
   last_action_.remember(observation, output_);
   // The executive refuses and names such a chunk; what must not happen is that it stays in the policy's memory.

@@ -70,19 +70,31 @@ LTTNG_UST_TRACEPOINT_EVENT(takt, dequeue_end,
   LTTNG_UST_TP_ARGS(std::uint64_t, observation_id),
   LTTNG_UST_TP_FIELDS(lttng_ust_field_integer(std::uint64_t, observation_id, observation_id)))
 
-LTTNG_UST_TRACEPOINT_EVENT_CLASS(takt, answer,
+LTTNG_UST_TRACEPOINT_EVENT_CLASS(takt, inference,
+  LTTNG_UST_TP_ARGS(std::uint64_t, observation_id, std::uint64_t, sequence, std::int64_t, at_ns),
+  LTTNG_UST_TP_FIELDS(
+    lttng_ust_field_integer(std::uint64_t, observation_id, observation_id)
+    lttng_ust_field_integer(std::uint64_t, sequence, sequence)
+    lttng_ust_field_integer(std::int64_t, at_ns, at_ns)))
+#define TAKT_INFERENCE_EVENT(name)                                \
+  LTTNG_UST_TRACEPOINT_EVENT_INSTANCE(takt, inference, takt, name, \
+    LTTNG_UST_TP_ARGS(std::uint64_t, observation_id, std::uint64_t, sequence, std::int64_t, at_ns))
+TAKT_INFERENCE_EVENT(infer_begin)
+TAKT_INFERENCE_EVENT(infer_end)
+#undef TAKT_INFERENCE_EVENT
+
+LTTNG_UST_TRACEPOINT_EVENT(takt, publish_begin,
+  LTTNG_UST_TP_ARGS(std::uint64_t, observation_id, std::uint64_t, sequence, std::int64_t, outside_sensed_at_ns),
+  LTTNG_UST_TP_FIELDS(
+    lttng_ust_field_integer(std::uint64_t, observation_id, observation_id)
+    lttng_ust_field_integer(std::uint64_t, sequence, sequence)
+    lttng_ust_field_integer(std::int64_t, outside_sensed_at_ns, outside_sensed_at_ns)))
+
+LTTNG_UST_TRACEPOINT_EVENT(takt, publish_end,
   LTTNG_UST_TP_ARGS(std::uint64_t, observation_id, std::uint64_t, sequence),
   LTTNG_UST_TP_FIELDS(
     lttng_ust_field_integer(std::uint64_t, observation_id, observation_id)
     lttng_ust_field_integer(std::uint64_t, sequence, sequence)))
-#define TAKT_ANSWER_EVENT(name)                                \
-  LTTNG_UST_TRACEPOINT_EVENT_INSTANCE(takt, answer, takt, name, \
-    LTTNG_UST_TP_ARGS(std::uint64_t, observation_id, std::uint64_t, sequence))
-TAKT_ANSWER_EVENT(infer_begin)
-TAKT_ANSWER_EVENT(infer_end)
-TAKT_ANSWER_EVENT(publish_begin)
-TAKT_ANSWER_EVENT(publish_end)
-#undef TAKT_ANSWER_EVENT
 
 LTTNG_UST_TRACEPOINT_EVENT(takt, drain_begin,
   LTTNG_UST_TP_ARGS(std::uint64_t, after_tick),
@@ -93,6 +105,15 @@ LTTNG_UST_TRACEPOINT_EVENT(takt, drain_end,
   LTTNG_UST_TP_FIELDS(
     lttng_ust_field_integer(std::uint64_t, last_tick, last_tick)
     lttng_ust_field_integer(std::uint64_t, recorded_ticks, recorded_ticks)))
+
+LTTNG_UST_TRACEPOINT_EVENT(takt, mode_changed,
+  LTTNG_UST_TP_ARGS(const takt::TickRecordHeader*, record),
+  LTTNG_UST_TP_FIELDS(
+    lttng_ust_field_integer(std::uint64_t, tick, record->tick)
+    lttng_ust_field_integer(std::int64_t, now_ns, record->now.ns)
+    lttng_ust_field_integer(std::uint8_t, previous_mode, static_cast<std::uint8_t>(record->previous_mode))
+    lttng_ust_field_integer(std::uint8_t, mode, static_cast<std::uint8_t>(record->mode))
+    lttng_ust_field_integer(std::uint8_t, cause, static_cast<std::uint8_t>(record->cause))))
 // clang-format on
 
 #endif

@@ -45,16 +45,16 @@ void dequeue_end(std::uint64_t observation_id) noexcept {
   lttng_ust_tracepoint(takt, dequeue_end, observation_id);
 }
 
-void infer_begin(std::uint64_t observation_id, std::uint64_t sequence) noexcept {
-  lttng_ust_tracepoint(takt, infer_begin, observation_id, sequence);
+void infer_begin(std::uint64_t observation_id, std::uint64_t sequence, MonoTime at) noexcept {
+  lttng_ust_tracepoint(takt, infer_begin, observation_id, sequence, at.ns);
 }
 
-void infer_end(std::uint64_t observation_id, std::uint64_t sequence) noexcept {
-  lttng_ust_tracepoint(takt, infer_end, observation_id, sequence);
+void infer_end(std::uint64_t observation_id, std::uint64_t sequence, MonoTime at) noexcept {
+  lttng_ust_tracepoint(takt, infer_end, observation_id, sequence, at.ns);
 }
 
-void publish_begin(std::uint64_t observation_id, std::uint64_t sequence) noexcept {
-  lttng_ust_tracepoint(takt, publish_begin, observation_id, sequence);
+void publish_begin(const CommandHeader& command) noexcept {
+  lttng_ust_tracepoint(takt, publish_begin, command.observation_id, command.sequence, command.outside_sensed_at.ns);
 }
 
 void publish_end(std::uint64_t observation_id, std::uint64_t sequence) noexcept {
@@ -67,6 +67,10 @@ void drain_begin(std::uint64_t after_tick) noexcept {
 
 void drain_end(std::uint64_t last_tick, std::uint64_t recorded_ticks) noexcept {
   lttng_ust_tracepoint(takt, drain_end, last_tick, recorded_ticks);
+}
+
+void mode_changed(const TickRecordHeader& record) noexcept {
+  lttng_ust_tracepoint(takt, mode_changed, &record);
 }
 
 void Introduction::when_traced(MonoTime now) noexcept {

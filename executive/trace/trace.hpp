@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "executive/contract/command_chunk.hpp"
 #include "executive/contract/mono_time.hpp"
 #include "executive/contract/observation.hpp"
 #include "executive/contract/tick_record.hpp"
@@ -30,14 +31,18 @@ void tick_end(const TickRecordHeader& record) noexcept;
 // Policy host.
 void dequeue_begin(std::uint64_t after_observation_id) noexcept;
 void dequeue_end(std::uint64_t observation_id) noexcept;  // 0: there was nothing new
-void infer_begin(std::uint64_t observation_id, std::uint64_t sequence) noexcept;
-void infer_end(std::uint64_t observation_id, std::uint64_t sequence) noexcept;
-void publish_begin(std::uint64_t observation_id, std::uint64_t sequence) noexcept;
+// `at`: the stamp that goes into the command.
+void infer_begin(std::uint64_t observation_id, std::uint64_t sequence, MonoTime at) noexcept;
+void infer_end(std::uint64_t observation_id, std::uint64_t sequence, MonoTime at) noexcept;
+void publish_begin(const CommandHeader& command) noexcept;
 void publish_end(std::uint64_t observation_id, std::uint64_t sequence) noexcept;
 
 // Monitor.
 void drain_begin(std::uint64_t after_tick) noexcept;
 void drain_end(std::uint64_t last_tick, std::uint64_t recorded_ticks) noexcept;
+// For recorded ticks that changed the mode. Not from the control thread, so that what a tracing session hangs on this
+// event (a snapshot) costs it nothing; up to one look into the rings later than the change.
+void mode_changed(const TickRecordHeader& record) noexcept;
 
 // Says in the trace who this process is, once a second while it is traced: what a session drops while it starts, or a
 // flight recorder overwrites, comes again.

@@ -34,6 +34,7 @@ void add_report(CLI::App& app, int& exit_code);
 void add_replay(CLI::App& app, int& exit_code);
 void add_panel(CLI::App& app, int& exit_code);
 void add_trace(CLI::App& app, int& exit_code);
+void add_trace_review(CLI::App& trace, int& exit_code);  // below add_trace's
 void add_config(CLI::App& app, int& exit_code);
 void add_bus(CLI::App& app, int& exit_code);
 void add_bus_scan(CLI::App& bus, int& exit_code);  // below add_bus's

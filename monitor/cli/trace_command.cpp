@@ -1,5 +1,6 @@
 // takt trace: records the trace points of all Takt processes of this machine with LTTng's own tools.
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <cstdio>
@@ -10,6 +11,7 @@
 #include <thread>
 #include <vector>
 
+#include "executive/contract/mode.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/external_tool.hpp"
 #include "monitor/cli/traceable_processes.hpp"
@@ -28,9 +30,12 @@ constexpr const char* kReadTimer = "--read-timer=200000";
 
 using Done = std::expected<void, Refusal>;
 
+constexpr const char* kTrigger = "takt-left-tracking";
+
 struct Options {
   std::string output;
   bool flight_recorder = false;
+  bool snapshot_on_leaving_tracking = false;
 };
 
 std::string first_line(const std::string& text) {
@@ -47,11 +52,18 @@ Done lttng(std::vector<std::string> arguments) {
       Refusal{kExitFailed, fmt::format("lttng {} failed: {}", arguments[2], first_line(result.output))});
 }
 
-// User space only, so that no kernel modules and no root are needed.
+// LTTng's kernel modules are packages of their own (lttng-modules-dkms) and need root.
+bool has_kernel_tracer() {
+  return geteuid() == 0 && run_tool({"modprobe", "--dry-run", "--quiet", "lttng-tracer"}).exit_code == 0;
+}
+
+// User space only where there are no kernel modules, so that neither they nor root are needed.
 Done ensure_session_daemon() {
   const Done running = lttng({"list"});
   if (running || running.error().exit_code == kExitUnavailable) return running;
-  const ToolResult started = run_tool({"lttng-sessiond", "--daemonize", "--no-kernel"});
+  std::vector<std::string> daemon{"lttng-sessiond", "--daemonize"};
+  if (!has_kernel_tracer()) daemon.emplace_back("--no-kernel");
+  const ToolResult started = run_tool(std::move(daemon));
   if (started.exit_code == kToolMissing)
     return std::unexpected(Refusal{kExitUnavailable, "lttng-sessiond is not installed: apt-get install lttng-tools"});
   if (started.exit_code != 0)
@@ -80,6 +92,30 @@ std::optional<std::string> trace_directory() {
       "ctrl_url");
 }
 
+// Which thread had each core, beside our events: what kept a tick or an inference from running.
+Done add_scheduling(const Options& options) {
+  if (!lttng({"list", "--kernel"})) {
+    fmt::print("without the kernel's scheduling events: no kernel tracer (root and lttng-modules-dkms)\n");
+    return {};
+  }
+  std::vector<std::string> channel{"enable-channel", "--kernel",  kBufferSize, kBufferCount,
+                                   kReadTimer,       "--session", kSession,    kSession};
+  if (options.flight_recorder) channel.insert(channel.begin() + 1, "--overwrite");
+  if (auto done = lttng(std::move(channel)); !done) return done;
+  return lttng({"enable-event", "--kernel", "--session", kSession, "--channel", kSession,
+                "sched_switch,sched_waking,sched_migrate_task,irq_handler_entry,irq_handler_exit"});
+}
+
+// The monitor says each change of mode; the session daemon acts on it. The control thread has no part in either.
+Done snapshot_on_leaving_tracking() {
+  constexpr auto kTracking = static_cast<int>(Mode::tracking);
+  (void)lttng({"remove-trigger", kTrigger});  // of a session that was not ended by takt trace stop
+  return lttng({"add-trigger", fmt::format("--name={}", kTrigger), "--condition=event-rule-matches",
+                "--type=user:tracepoint", "--name=takt:mode_changed",
+                fmt::format("--filter=previous_mode == {} && mode != {}", kTracking, kTracking),
+                "--action=snapshot-session", kSession});
+}
+
 Done set_up(const Options& options) {
   std::vector<std::string> channel{"enable-channel", "--userspace", kBufferSize, kBufferCount,
                                    kReadTimer,       "--session",   kSession,    kSession};
@@ -90,6 +126,10 @@ Done set_up(const Options& options) {
     return done;
   if (auto done = lttng({"enable-event", "--userspace", "--session", kSession, "--channel", kSession, "takt:*"}); !done)
     return done;
+  if (auto done = add_scheduling(options); !done) return done;
+  if (options.snapshot_on_leaving_tracking) {
+    if (auto done = snapshot_on_leaving_tracking(); !done) return done;
+  }
   return lttng({"start", kSession});
 }
 
@@ -148,6 +188,7 @@ std::expected<std::string, Refusal> running_trace() {
 Done stop() {
   const auto directory = running_trace();
   if (!directory) return std::unexpected(directory.error());
+  (void)lttng({"remove-trigger", kTrigger});  // there may be none
   if (auto done = lttng({"stop", kSession}); !done) return done;
   if (auto done = lttng({"destroy", kSession}); !done) return done;
   if (std::filesystem::exists(*directory))
@@ -189,8 +230,13 @@ void add_trace(CLI::App& app, int& exit_code) {
 
   CLI::App* begin = command->add_subcommand("start", "Begin a trace; starts a session daemon when none runs.");
   begin->add_option("--output", options->output, "folder to make; default: a new one here");
-  begin->add_flag("--flight-recorder", options->flight_recorder,
-                  "write nothing; keep the last seconds in memory for takt trace snapshot");
+  CLI::Option* const flight_recorder =
+      begin->add_flag("--flight-recorder", options->flight_recorder,
+                      "write nothing; keep the last seconds in memory for takt trace snapshot");
+  begin
+      ->add_flag("--snapshot-on-leaving-tracking", options->snapshot_on_leaving_tracking,
+                 "write a snapshot each time a robot leaves tracking")
+      ->needs(flight_recorder);
   begin->callback([options, &exit_code] { exit_code = exit_code_of(start(*options)); });
 
   CLI::App* now = command->add_subcommand("snapshot", "Write down what a flight recorder remembers.");
@@ -199,6 +245,8 @@ void add_trace(CLI::App& app, int& exit_code) {
 
   CLI::App* end = command->add_subcommand("stop", "End the trace and say where it lies.");
   end->callback([&exit_code] { exit_code = exit_code_of(stop()); });
+
+  add_trace_review(*command, exit_code);
 }
 
 }  // namespace takt::cli

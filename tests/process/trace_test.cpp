@@ -6,13 +6,16 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
 #include <string>
@@ -118,6 +121,13 @@ class TraceTest : public testing::Test {
     arguments.insert(arguments.begin(), "takt");
     return Child(std::move(arguments), robot.directory() + "/takt.log").wait(std::chrono::seconds(30)).value_or(-1);
   }
+  // What the review printed; it must have exited with 0.
+  static nlohmann::json review_of(const RunningRobot& robot, std::vector<std::string> arguments) {
+    const std::string printed = robot.directory() + "/review.json";
+    arguments.insert(arguments.begin(), "takt");
+    EXPECT_EQ(Child(std::move(arguments), printed).wait(std::chrono::seconds(30)), 0);
+    return nlohmann::json::parse(std::ifstream(printed), nullptr, false);
+  }
   static void expect_consecutive(const std::vector<Event>& events) {
     ASSERT_GT(events.size(), kTracedTicks / 2);
     for (std::size_t i = 1; i < events.size(); ++i) {
@@ -217,6 +227,70 @@ TEST_F(TraceTest, AFlightRecorderWritesOnlyWhenAsked) {
   EXPECT_EQ(takt(robot, {"trace", "stop"}), 0) << robot.logs();
   expect_consecutive(read_trace(directory, executive)["tick_end"]);
   EXPECT_NE(robot.logs().find("snapshot in " + directory), std::string::npos) << robot.logs();
+}
+
+TEST_F(TraceTest, TheReviewFindsTheRecordsAgesInTheTrace) {
+  RunningRobot robot;
+  Child policy = robot.start_policy_host();
+  ASSERT_EQ(robot.arm(), "") << robot.logs();
+  ASSERT_TRUE(robot.wait_for_mode(Mode::tracking)) << robot.logs();
+  const std::string directory = robot.directory() + "/trace";
+  ASSERT_EQ(takt(robot, {"trace", "start", "--output", directory}), 0) << robot.logs();
+  const std::uint64_t until = robot.status().value().status.ticks + kTracedTicks;
+  robot.wait_until([until](const StatusSnapshot& status) { return status.ticks >= until; });
+  EXPECT_EQ(takt(robot, {"trace", "stop"}), 0) << robot.logs();
+  policy.signal(SIGTERM);
+  EXPECT_EQ(policy.wait(std::chrono::seconds(20)), 0);
+  ASSERT_TRUE(robot.finish()) << robot.logs();
+
+  const std::string perfetto = robot.directory() + "/trace.json";
+  const nlohmann::json review = review_of(
+      robot, {"trace", "review", directory, "--run", robot.run_directory(), "--perfetto", perfetto, "--json"});
+  const nlohmann::json& records = review.at("records");
+  EXPECT_TRUE(records.at("agree").get<bool>()) << records.dump();
+  EXPECT_GT(records.at("ages").get<std::uint64_t>(), kTracedTicks / 2);
+  EXPECT_GT(records.at("commands").get<std::uint64_t>(), 50U) << "two seconds of a 50 Hz policy";
+  EXPECT_EQ(records.at("unrecorded_ticks"), 0);
+  EXPECT_TRUE(review.at("losses").empty()) << review.at("losses").dump();
+  for (const char* stage : {"sense", "queue", "infer", "publish", "consume", "actuate", "total", "tick", "drain"})
+    EXPECT_GT(review.at("latency").at(stage).at("count"), 50) << stage;
+  EXPECT_EQ(review.at("worst").size(), 10U);
+  const nlohmann::json drawn = nlohmann::json::parse(std::ifstream(perfetto));
+  EXPECT_GT(std::ranges::count_if(drawn.at("traceEvents"), [](const auto& event) { return event.at("ph") == "f"; }),
+            50);
+
+  RunningRobot other;  // of another session: nothing to compare
+  other.wait_until([](const StatusSnapshot& status) { return status.ticks > 100; });
+  ASSERT_TRUE(other.finish()) << other.logs();
+  EXPECT_EQ(takt(robot, {"trace", "review", directory, "--run", other.run_directory()}), 1);
+  EXPECT_EQ(takt(robot, {"trace", "review", robot.run_directory()}), 1) << "a run folder is not a trace";
+}
+
+TEST_F(TraceTest, AFlightRecorderWritesWhenARobotLeavesTracking) {
+  RunningRobot robot;
+  Child policy = robot.start_policy_host();
+  ASSERT_EQ(robot.arm(), "") << robot.logs();
+  ASSERT_TRUE(robot.wait_for_mode(Mode::tracking)) << robot.logs();
+  const std::string directory = robot.directory() + "/flight";
+  EXPECT_EQ(takt(robot, {"trace", "start", "--snapshot-on-leaving-tracking"}), 64)
+      << "only a flight recorder remembers";
+  ASSERT_EQ(
+      takt(robot, {"trace", "start", "--flight-recorder", "--snapshot-on-leaving-tracking", "--output", directory}), 0)
+      << robot.logs();
+  const std::uint64_t until = robot.status().value().status.ticks + kTracedTicks;
+  robot.wait_until([until](const StatusSnapshot& status) { return status.ticks >= until; });
+  EXPECT_TRUE(read_trace(directory, {robot.executive().pid()}).empty()) << "still tracking";
+
+  policy.signal(SIGKILL);
+  ASSERT_TRUE(robot.wait_for_mode(Mode::damped_stop)) << robot.logs();
+  robot.wait_until([&directory](const StatusSnapshot&) { return std::filesystem::exists(directory); });
+  EXPECT_EQ(takt(robot, {"trace", "stop"}), 0) << robot.logs();
+  EXPECT_EQ(output_of("lttng --no-sessiond list-triggers 2>&1").find("takt-left-tracking"), std::string::npos);
+  ASSERT_TRUE(robot.finish()) << robot.logs();
+  const nlohmann::json review =
+      review_of(robot, {"trace", "review", directory, "--run", robot.run_directory(), "--json"});
+  EXPECT_GT(review.at("records").at("ticks").get<std::uint64_t>(), kTracedTicks / 2);
+  EXPECT_TRUE(review.at("records").at("agree").get<bool>()) << review.dump();
 }
 
 }  // namespace

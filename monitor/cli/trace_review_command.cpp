@@ -1,0 +1,81 @@
+// takt trace review: where the time went in a trace, and whether it agrees with the run's records.
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <memory>
+#include <optional>
+
+#include "monitor/cli/command.hpp"
+#include "monitor/trace_review/perfetto.hpp"
+#include "monitor/trace_review/review.hpp"
+#include "monitor/trace_review/run_records.hpp"
+
+namespace takt::cli {
+namespace {
+
+struct Options {
+  std::string directory, run, perfetto;
+  bool json = false;
+};
+
+int fail(const std::string& sentence) {
+  fmt::print(stderr, "takt trace review: {}\n", sentence);
+  return kExitFailed;
+}
+
+// Empty when written.
+std::string export_perfetto(const std::string& path, const monitor::Timeline& timeline,
+                            const monitor::TraceReview& review) {
+  std::ofstream file(path, std::ios::binary);
+  monitor::write_perfetto(timeline, review.chains, review.executive_pid,
+                          [&file](std::string_view text) { file << text; });
+  file.close();
+  return file.good() ? "" : fmt::format("{} cannot be written: {}", path, std::strerror(errno));
+}
+
+int review(const Options& options) {
+  std::optional<std::vector<monitor::TickFacts>> records;
+  if (!options.run.empty()) {
+    auto read = monitor::records_of(options.run);
+    if (!read) return fail(read.error());
+    records = std::move(*read);
+  }
+  monitor::Timeline timeline;
+  const auto reading =
+      monitor::read_trace(options.directory, [&timeline](const monitor::TraceEvent& event) { timeline.add(event); });
+  if (!reading) return fail(reading.error());
+  const auto review = monitor::review_trace(timeline, records ? &*records : nullptr);
+  if (!review) return fail(review.error());
+  if (!options.perfetto.empty()) {
+    const std::string error = export_perfetto(options.perfetto, timeline, *review);
+    if (!error.empty()) return fail(error);
+  }
+  if (options.json)
+    fmt::print("{}\n", monitor::to_json(*review, *reading, timeline).dump());
+  else
+    fmt::print("{}", monitor::review_text(*review, *reading, timeline));
+  if (!review->records || review->records->agrees()) return kExitOk;
+  return fail(fmt::format("trace and records disagree: {} ticks compared, {} differences", review->records->ticks,
+                          review->records->disagreement_count));
+}
+
+}  // namespace
+
+void add_trace_review(CLI::App& trace, int& exit_code) {
+  CLI::App* command = trace.add_subcommand("review", "Say where the time went in a trace, and check it against a run.");
+  auto options = std::make_shared<Options>();
+  command->add_option("DIR", options->directory, "what takt trace start or a snapshot wrote")->required();
+  command->add_option("--run", options->run, "run folder of the same time, to compare every age with");
+  command->add_flag("--json", options->json, "one line of JSON (docs/tracing.md)");
+  command->add_option("--perfetto", options->perfetto, "file to write for ui.perfetto.dev (Trace Event JSON)");
+  command->footer(
+      "Example: takt trace review /var/tmp/t1 --run runs/20261121T093300Z-arm6-3f9a2c\n"
+      "Exit codes: 0 reviewed, and every age agrees with the records within 20 us when --run is given; 1 one does "
+      "not,\n"
+      "or trace or run cannot be read.");
+  command->callback([options, &exit_code] { exit_code = review(*options); });
+}
+
+}  // namespace takt::cli
