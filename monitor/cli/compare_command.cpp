@@ -12,7 +12,7 @@ namespace {
 
 struct Options {
   std::string a, b, method_a, method_b, html;
-  bool json = false;
+  bool json = false, rows = false;
 };
 
 int fail(const std::string& sentence) {
@@ -34,7 +34,7 @@ int compare(const Options& options) {
   if (options.json) {
     fmt::print("{}\n", panel::to_json(*comparison).dump());
   } else {
-    fmt::print("{}", panel::comparison_text(*comparison));
+    fmt::print("{}", options.rows ? panel::comparison_rows_text(*comparison) : panel::comparison_text(*comparison));
   }
   return kExitOk;
 }
@@ -49,6 +49,7 @@ void add_compare(CLI::App& app, int& exit_code) {
   command->add_option("--method-a", options->method_a, "method of A; needed where A holds several");
   command->add_option("--method-b", options->method_b, "method of B; needed where B holds several");
   command->add_flag("--json", options->json, "print the comparison as one line of JSON (docs/evidence.md)");
+  command->add_flag("--rows", options->rows, "list the pairs row by row instead of the statistics");
   command->add_option("--html", options->html, "also write the comparison as one HTML file");
   command->footer(
       "Example: takt compare artifacts/smoke --method-a fast --method-b slow\n"

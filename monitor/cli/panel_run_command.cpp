@@ -20,7 +20,7 @@ namespace takt::cli {
 namespace {
 
 struct Options {
-  std::string panel, out, only, shard = "1/1";
+  std::string panel, out, only, method, shard = "1/1";
   std::size_t workers = 1;
   bool resume = false, json = false;
 };
@@ -77,6 +77,11 @@ int run(const Options& options) {
   if (!shard) return refuse(kExitUsage, "takt panel run: --shard " + options.shard + ": write I/N, such as 1/4");
   auto panel = panel::load_panel(options.panel);
   if (!panel) return refuse(config::kExitBadConfiguration, panel.error());
+  if (!options.method.empty()) {
+    std::erase_if(panel->methods, [&](const auto& one) { return one.name != options.method; });
+    if (panel->methods.empty())
+      return refuse(kExitUsage, "takt panel run: --method " + options.method + ": no method of this panel");
+  }
   auto plan = panel::plan_of(*panel, *shard);
   auto contest = panel::Contest::prepare(std::move(*panel));
   if (!contest) return refuse(config::kExitBadConfiguration, contest.error());
@@ -115,14 +120,14 @@ void add_panel_run(CLI::App& panel, int& exit_code) {
   command->add_option("--workers", options->workers, "processes that share the work; rows do not depend on it")
       ->check(CLI::Range(1, 1024));
   command->add_option("--shard", options->shard, "I/N: run only the I-th of N parts of the plan");
-  command->add_option("--only", options->only, "run the one rollout of this name, as post-mortems give it");
+  command->add_option("--method", options->method, "run this one of the panel's methods");
+  command->add_option("--only", options->only, "run the one rollout of this id, as post-mortems name it");
   command->add_flag("--resume", options->resume, "go on with what lies in --out; rollouts already there are skipped");
   command->add_flag("--json", options->json, "print one line of JSON instead of the table");
   command->footer(
       "Example: takt panel run config/panels/smoke.yaml --out runs/smoke --workers 2\n"
-      "Exit codes: 0 every rollout has its row, however it ended; 1 it could not be run or written; 64 command line; "
-      "65 "
-      "panel or robot file.");
+      "Exit codes: 0 every rollout has its row, however it ended; 1 it could not be run or written;\n"
+      "64 command line; 65 panel or robot file.");
   command->callback([options, &exit_code] { exit_code = run(*options); });
 }
 

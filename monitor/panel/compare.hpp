@@ -64,6 +64,8 @@ std::expected<Comparison, std::string> compare(const Artifact& a, const Artifact
                                                const std::string& method_b = "");
 
 std::string comparison_text(const Comparison& comparison);
+// One line per pair: how each side ended, p99 age per tick, tracking error.
+std::string comparison_rows_text(const Comparison& comparison);
 nlohmann::ordered_json to_json(const Comparison& comparison);
 // One file without scripts or requests.
 std::string comparison_html(const Comparison& comparison);

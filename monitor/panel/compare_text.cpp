@@ -42,6 +42,12 @@ std::string group_text(const GroupComparison& group) {
   return text;
 }
 
+std::string row_cells(const RolloutRow& row) {
+  const auto& p99 = row.age_per_tick.total.p99_ms;
+  return fmt::format("  {:<16}{:>8}{:>8.1f}", row.success ? "success" : row.failure_label,
+                     p99 ? fmt::format("{:.1f}", *p99) : "none", 1e3 * row.tracking_error_rms_m);
+}
+
 Json json_of(const GroupComparison& group) {
   Json json;
   if (!group.task.empty()) json = {{"task", group.task}, {"perturbation", group.perturbation}, {"dose", group.dose}};
@@ -67,6 +73,14 @@ Json json_of(const GroupComparison& group) {
   return json;
 }
 
+std::string head_text(const Comparison& comparison) {
+  std::string text = fmt::format("panel         {}\n", comparison.panel);
+  text += fmt::format("A             {} of {}\n", comparison.a.method, comparison.a.artifact_id);
+  text += fmt::format("B             {} of {}\n", comparison.b.method, comparison.b.artifact_id);
+  for (const std::string& note : comparison.notes) text += fmt::format("note          {}\n", note);
+  return text;
+}
+
 Json json_of(const Side& side) {
   return {{"artifact_id", side.artifact_id},
           {"folder", side.folder},
@@ -77,13 +91,21 @@ Json json_of(const Side& side) {
 }  // namespace
 
 std::string comparison_text(const Comparison& comparison) {
-  std::string text = fmt::format("panel         {}\n", comparison.panel);
-  text += fmt::format("A             {} of {}\n", comparison.a.method, comparison.a.artifact_id);
-  text += fmt::format("B             {} of {}\n", comparison.b.method, comparison.b.artifact_id);
-  for (const std::string& note : comparison.notes) text += fmt::format("note          {}\n", note);
+  std::string text = head_text(comparison);
   text += group_text(comparison.pooled);
   for (const GroupComparison& group : comparison.groups) text += group_text(group);
   return text + "\n* the interval excludes 0. With many metrics and perturbations some do so by chance.\n";
+}
+
+std::string comparison_rows_text(const Comparison& comparison) {
+  constexpr std::string_view kHeads = "{:<16}{:<22}{:>8}{:>6}  {:<16}{:>8}{:>8}  {:<16}{:>8}{:>8}\n";
+  std::string text = head_text(comparison) + '\n';
+  text += fmt::format(kHeads, "task", "perturbation", "dose", "seed", "A", "p99 ms", "rms mm", "B", "p99 ms", "rms mm");
+  for (const RowPair& pair : comparison.pairs) {
+    text += fmt::format("{:<16}{:<22}{:>8g}{:>6}{}{}\n", pair.a.task, pair.a.perturbation, pair.a.dose, pair.a.seed,
+                        row_cells(pair.a), row_cells(pair.b));
+  }
+  return text;
 }
 
 Json to_json(const Comparison& comparison) {

@@ -1,0 +1,130 @@
+#!/usr/bin/env python3
+"""Executes a page of the documentation: run_page.py PAGE.md BIN_DIR
+
+Blocks are taken in the page's order, in one new temporary folder that sees the repository's `config/` and has BIN_DIR
+first in PATH:
+
+    ```yaml lab.yaml      a block with a file name after its language is written to that file
+    ```console            lines that begin with "$ " are commands for bash; "> " below one goes on with it
+
+Lines below a command are what it prints, on stdout and stderr together: `...` stands for any text within a line, and
+alone on a line for any number of lines; a number with a decimal point may be off by a tenth. Without such lines the output is not looked at. A command must exit with 0; one
+that is meant to fail prints its code (`; echo "exit code $?"`). Other blocks are left alone.
+
+Exit codes: 0 the page is true; 1 it is not, with page, line, command and what came out instead; 64 command line.
+"""
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+
+COMMAND_TIMEOUT_S = 240
+TOLERANCE = 0.1  # of numbers with a decimal point: mathematical functions differ between processors
+NUMBER = re.compile(r"(\d+\.\d+)")
+
+
+def blocks(text):
+    """(line number of the first line, language, file name or "", lines) of each fenced block."""
+    start, indent, info, lines = 0, 0, None, []
+    for number, line in enumerate(text.splitlines(), 1):
+        fence = line.lstrip().startswith("```")
+        if fence and info is None:
+            info, start, lines = (line.strip()[3:].split() + ["", ""])[:2], number + 1, []
+            indent = len(line) - len(line.lstrip())
+        elif fence:
+            yield start, info[0], info[1], lines
+            info = None
+        elif info is not None:
+            lines.append(line[indent:])
+
+
+def commands(start, lines):
+    """(line number, command, expected lines) of a console block."""
+    found = []
+    for number, line in enumerate(lines, start):
+        if line.startswith("$ "):
+            found.append([number, line[2:], []])
+        elif not found:
+            raise ValueError(f"line {number}: a console block begins with a command, '$ ...'")
+        elif line.startswith("> ") and not found[-1][2]:
+            found[-1][1] += "\n" + line[2:]
+        else:
+            found[-1][2].append(line)
+    return found
+
+
+def pieces(line):
+    """A line of the page, taken apart into `...`, numbers with a decimal point, and what lies between."""
+    return re.split(r"(\.\.\.|\d+\.\d+)", line.rstrip())
+
+
+def line_pattern(line):
+    if line.strip() == "...":
+        return r"(?:[^\n]*\n)*?"
+    return "".join(".*?" if piece == "..." else NUMBER.pattern if NUMBER.fullmatch(piece) else re.escape(piece)
+                   for piece in pieces(line)) + " *\n"
+
+
+def agrees(output, expected):
+    found = re.fullmatch("".join(map(line_pattern, expected)), output)
+    said = [float(piece) for line in expected for piece in pieces(line) if NUMBER.fullmatch(piece)]
+    return found is not None and all(abs(float(number) - wanted) <= TOLERANCE * wanted
+                                     for number, wanted in zip(found.groups(), said, strict=True))
+
+
+def problem(command, expected, folder, environment):
+    """What is not as the page says; empty: nothing."""
+    try:
+        done = subprocess.run(["bash", "-c", command], cwd=folder, env=environment, stdin=subprocess.DEVNULL,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=COMMAND_TIMEOUT_S)
+    except subprocess.TimeoutExpired:
+        return f"did not end within {COMMAND_TIMEOUT_S} s"
+    output = done.stdout if done.stdout.endswith("\n") or not done.stdout else done.stdout + "\n"
+    if done.returncode != 0:
+        return f"exit code {done.returncode}; it printed\n{output}"
+    if any(line.strip() for line in expected) and not agrees(output, expected):
+        return f"it printed\n{output}where the page says\n" + "\n".join(expected)
+    return ""
+
+
+def run_page(page, folder, environment):
+    count = 0
+    for start, language, name, lines in blocks(page.read_text()):
+        if name:
+            (folder / name).write_text("\n".join(lines) + "\n")
+        elif language == "console":
+            for number, command, expected in commands(start, lines):
+                count += 1
+                wrong = problem(command, expected, folder, environment)
+                if wrong:
+                    return count, f"{page}:{number}: $ {command}\n{wrong}"
+    return count, ""
+
+
+def main():
+    if len(sys.argv) != 3:
+        print(__doc__, file=sys.stderr)
+        return 64
+    page, programs = pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(sys.argv[2]).resolve()
+    folder = pathlib.Path(tempfile.mkdtemp(prefix="takt-docs."))
+    try:
+        (folder / "config").symlink_to(page.parent.parent / "config")
+        environment = dict(os.environ, PATH=f"{programs}:{os.environ['PATH']}", LC_ALL="C.UTF-8")
+        count, wrong = run_page(page, folder, environment)
+    finally:
+        shutil.rmtree(folder)
+    if wrong:
+        print(wrong, file=sys.stderr)
+        return 1
+    if count == 0:
+        print(f"{page}: no command to run: is it still written in console blocks?", file=sys.stderr)
+        return 1
+    print(f"{page.name}: {count} commands did what the page says")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
