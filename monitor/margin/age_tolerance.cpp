@@ -108,9 +108,9 @@ class Doses {
       std::vector<panel::PlannedRollout> batch;
       for (std::uint64_t seed = first; seed < first + kBatch && seed <= setup_.seeds; ++seed)
         batch.push_back({.task = 0, .perturbation = index, .method = 0, .seed = seed});
-      const auto done = panel::run_in_workers(contest_, batch, setup_.workers, [&](const panel::RolloutRow& row) {
-        rows.push_back(row);
-        failures += row.success ? 0U : 1U;
+      const auto done = panel::run_in_workers(contest_, batch, setup_.workers, [&](const panel::RanRollout& ran) {
+        rows.push_back(ran.row);
+        failures += ran.row.success ? 0U : 1U;
         return std::expected<void, std::string>{};
       });
       if (!done) return std::unexpected(done.error());

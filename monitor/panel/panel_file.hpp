@@ -24,7 +24,7 @@ struct PanelTask {
   std::string robot;  // path of the robot file, as found from here
   Duration scored;
   double bound_m = 0;
-  std::vector<config::Override> overrides;  // of the robot file, for every method
+  std::vector<config::Override> overrides{};  // of the robot file, for every method
 };
 
 struct PanelMethod {
@@ -37,7 +37,7 @@ struct PanelPerturbation {
   std::string kind{perturbation_kinds().front().name};
   double dose = 0;
   Duration from, length;
-  std::vector<std::size_t> tasks;  // as Task; empty: every task of the panel
+  std::vector<std::size_t> tasks{};  // as Task; empty: every task of the panel
   [[nodiscard]] bool troubles(Task task) const {
     return tasks.empty() || std::ranges::find(tasks, static_cast<std::size_t>(task)) != tasks.end();
   }

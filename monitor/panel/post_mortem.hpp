@@ -46,8 +46,8 @@ class FailureWatch {
 struct PostMortemDraft {
   const RolloutRow& row;
   std::size_t row_number = 0;           // in rollouts.jsonl, from 1; 0: not known yet
-  std::string artifact_id;              // empty: unfinished
-  std::string show_again;               // command line that replays or repeats the rollout
+  std::string artifact_id{};            // empty: unfinished
+  std::string show_again{};             // command line that replays or repeats the rollout
   const FailureWatch* ticks = nullptr;  // null: no records were kept
   std::vector<std::string> verdicts;    // of the fault classifier, a sentence each
 };
