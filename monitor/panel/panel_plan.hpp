@@ -49,12 +49,12 @@ class Contest {
   std::expected<RolloutRow, std::string> run(const PlannedRollout& planned);
   // As run() fills it, before anything has run: names the rollout.
   [[nodiscard]] RolloutRow identity(const PlannedRollout& planned) const;
-
- private:
-  explicit Contest(Panel panel) : panel_(std::move(panel)) {}
   [[nodiscard]] const Contestant& contestant(const PlannedRollout& planned) const {
     return contestants_[planned.task * panel_.methods.size() + planned.method];
   }
+
+ private:
+  explicit Contest(Panel panel) : panel_(std::move(panel)) {}
   Panel panel_;
   std::vector<Contestant> contestants_;  // task by task
 };
