@@ -75,14 +75,15 @@ class ChildMeter {
 // The policy's file is named relative to the robot file: both get their place in `folder`.
 std::expected<void, std::string> write_robot(const config::RobotConfig& robot, const std::string& folder) {
   if (auto done = monitor::replace_file(folder + "/robot.yaml", robot.resolved); !done) return done;
-  const fs::path policy(robot.policy->file);
-  const fs::path name = policy.lexically_relative(fs::path(robot.file).parent_path());
-  if (policy.is_absolute() && name.empty()) return {};
+  if (robot.resolved.contains(fmt::format("file: \"{}\"", fs::absolute(robot.policy->file).string()))) return {};
+  const fs::path policy = fs::absolute(robot.policy->file).lexically_normal();
+  const fs::path home = fs::absolute(robot.file).lexically_normal().parent_path();
+  const fs::path name = policy.lexically_relative(home);
   if (name.empty() || name.string().starts_with(".."))
     return std::unexpected(fmt::format("policy {} must lie in the robot file's folder or below", robot.policy->file));
   std::error_code error;
   fs::create_directories((fs::path(folder) / name).parent_path(), error);
-  fs::create_symlink(fs::absolute(policy), fs::path(folder) / name, error);
+  fs::create_symlink(policy, fs::path(folder) / name, error);
   if (error)
     return std::unexpected(fmt::format("cannot link {} into {}: {}", policy.string(), folder, error.message()));
   return {};
