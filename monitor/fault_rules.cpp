@@ -74,8 +74,16 @@ Judged integration(const Case& c) {
   return {};
 }
 
+// A loop that slept for a moment does not explain a command that stayed away for long.
+bool is_too_short_for_the_silence(const Case& c) {
+  const FaultEvidence& evidence = c.evidence;
+  const Duration lost = evidence.worst_lateness + c.rules.period * static_cast<std::int64_t>(evidence.skipped);
+  return evidence.has_miss && evidence.silence > c.rules.max_age && lost < half(evidence.silence);
+}
+
 Judged lost_period(const Case& c) {
   const FaultEvidence& evidence = c.evidence;
+  if (is_too_short_for_the_silence(c)) return {};
   const std::string what =
       fmt::format("the control loop woke up to {:.3g} ms late, {} periods skipped, cause recorded: {}",
                   evidence.worst_lateness.milliseconds(), evidence.skipped, takt::name(evidence.overrun));

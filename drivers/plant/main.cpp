@@ -9,6 +9,7 @@
 
 #include <CLI/CLI.hpp>
 #include <atomic>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <ctime>
@@ -38,6 +39,7 @@ constexpr Duration kReportPeriod = seconds(1);
 struct Options {
   std::string robot, devices, scenario, runtime_directory, truth_file;
   std::optional<std::uint64_t> seed;
+  double target_entry_s = 0;
   bool debug = false;
 };
 
@@ -82,13 +84,14 @@ struct Outputs {
 // What happens beside a robot's simulation: camera samples, the truth file, a line per second.
 class Observer {
  public:
+  // `started`: when the target was at the beginning of its path.
   Observer(const config::Simulation& simulation, MonoTime started, Outputs outputs)
       : simulation_(simulation),
         started_(started),
         camera_(simulation, started),
         outputs_(std::move(outputs)),
-        next_truth_(started),
-        next_report_(started) {}
+        next_truth_(clock_now()),
+        next_report_(next_truth_) {}
 
   void look(RobotPlant& body, const Pacer& pacer, MonoTime now) {
     if (outputs_.sensor) {
@@ -186,7 +189,8 @@ int serve(const Options& options, const config::RobotConfig& robot, Scenario sce
 
   ask_for_punctuality();
   const MonoTime started = clock_now();
-  Observer observer(*robot.simulation, started, std::move(*outputs));
+  const Duration entered{std::llround(options.target_entry_s * 1e9)};
+  Observer observer(*robot.simulation, started - entered, std::move(*outputs));
   Pacer pacer(plant.step_length(), started + plant.step_length());
   ScenarioPlayer player(std::move(scenario), robot.buses.size(),
                         [](const std::string& line) { spdlog::info("scenario: {}", line); });
@@ -235,6 +239,8 @@ int main(int argc, char** argv) {
   app.add_option("--seed", options.seed, "instead of simulation.seed");
   app.add_option("--truth", options.truth_file, "--robot: write what the robot really did to this file, as JSON lines")
       ->excludes("--devices");
+  app.add_option("--target-entry", options.target_entry_s, "s, how far along its path the camera's target begins")
+      ->check(CLI::Range(0.0, 1e6));
   app.add_flag("--debug", options.debug, "log the distance to the target once per second");
   app.set_version_flag("--version", TAKT_VERSION);
   try {

@@ -12,10 +12,11 @@ namespace takt::cli {
 
 // Same numbers in every Takt program (docs/exit-codes.md).
 inline constexpr int kExitOk = 0;
-inline constexpr int kExitFailed = 1;        // the check failed, the request was refused
-inline constexpr int kExitUsage = 64;        // command line
-inline constexpr int kExitUnavailable = 69;  // a needed process, socket or bus is not there
-inline constexpr int kExitInternal = 70;     // our own bug
+inline constexpr int kExitFailed = 1;         // the check failed, the request was refused
+inline constexpr int kExitUsage = 64;         // command line
+inline constexpr int kExitUnavailable = 69;   // a needed process, socket or bus is not there
+inline constexpr int kExitInternal = 70;      // our own bug
+inline constexpr int kExitSetUpRefused = 71;  // real-time scheduling not granted
 
 // Why a command ends before its work, and with which code.
 struct Refusal {

@@ -5,11 +5,13 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <vector>
 
 #include "config/load.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/panel_progress.hpp"
+#include "monitor/cli/real_rollouts.hpp"
 #include "monitor/panel/artifact.hpp"
 #include "monitor/panel/confusion.hpp"
 #include "monitor/panel/panel_plan.hpp"
@@ -22,7 +24,7 @@ namespace {
 struct Options {
   std::string panel, out, only, method, shard = "1/1";
   std::size_t workers = 1;
-  bool resume = false, json = false;
+  bool resume = false, json = false, real_time = false, allow_non_realtime = false;
 };
 
 int refuse(int exit_code, const std::string& sentences) {
@@ -72,6 +74,28 @@ void print_summary(const Options& options, const std::string& id, const std::vec
              id, options.out);
 }
 
+panel::Timing timing_of(const Options& options) {
+  if (!options.real_time) return panel::Timing::virtual_time;
+  return options.allow_non_realtime ? panel::Timing::real_without_guarantees : panel::Timing::real;
+}
+
+std::expected<void, std::string> run_all(const Options& options, panel::Contest& contest,
+                                         const std::vector<panel::PlannedRollout>& rollouts,
+                                         const std::optional<RealRollouts>& real, panel::ArtifactWriter& rows) {
+  PanelProgress progress(rollouts.size());
+  const auto deliver = [&](const panel::RanRollout& ran) {
+    progress.one_more();
+    return keep(rows, ran);
+  };
+  if (!real) return panel::run_in_workers(contest, rollouts, options.workers, deliver);
+  for (const panel::PlannedRollout& planned : rollouts) {
+    const auto ran = real->run(planned);
+    if (!ran) return std::unexpected(ran.error());
+    if (auto done = deliver(*ran); !done) return done;
+  }
+  return {};
+}
+
 int run(const Options& options) {
   const auto shard = shard_of(options.shard);
   if (!shard) return refuse(kExitUsage, "takt panel run: --shard " + options.shard + ": write I/N, such as 1/4");
@@ -90,19 +114,21 @@ int run(const Options& options) {
     if (plan.empty())
       return refuse(kExitUsage, "takt panel run: --only " + options.only + ": no rollout of this panel");
   }
-  auto rows = open_writer(options, contest->manifest(plan.size()), contest->panel().text);
+  std::optional<RealRollouts> real;
+  if (options.real_time) {
+    auto made = RealRollouts::make(*contest, options.out, options.allow_non_realtime);
+    if (!made) return refuse(config::kExitBadConfiguration, made.error());
+    real.emplace(std::move(*made));
+  }
+  panel::ArtifactManifest manifest = contest->manifest(plan.size());
+  manifest.timing = timing_of(options);
+  auto rows = open_writer(options, manifest, contest->panel().text);
   if (!rows) return refuse(kExitFailed, "takt panel run: " + rows.error());
 
   std::vector<panel::PlannedRollout> remaining;
   for (const panel::PlannedRollout& one : plan)
     if (!rows->has(contest->identity(one))) remaining.push_back(one);
-  const auto done = [&] {
-    PanelProgress progress(remaining.size());
-    return panel::run_in_workers(*contest, remaining, options.workers, [&](const panel::RanRollout& ran) {
-      progress.one_more();
-      return keep(*rows, ran);
-    });
-  }();
+  const auto done = run_all(options, *contest, remaining, real, *rows);
   if (!done) return refuse(kExitFailed, "takt panel run: " + done.error());
   const auto finished = rows->finish();
   if (!finished) return refuse(kExitFailed, "takt panel run: " + finished.error());
@@ -122,6 +148,13 @@ void add_panel_run(CLI::App& panel, int& exit_code) {
   command->add_option("--shard", options->shard, "I/N: run only the I-th of N parts of the plan");
   command->add_option("--method", options->method, "run this one of the panel's methods");
   command->add_option("--only", options->only, "run the one rollout of this id, as post-mortems name it");
+  auto* const real_time =
+      command->add_flag("--real-time", options->real_time, "with real processes, one robot after the other");
+  command
+      ->add_flag("--allow-non-realtime", options->allow_non_realtime,
+                 "with --real-time: run even without real-time guarantees")
+      ->needs(real_time);
+  command->get_option("--workers")->excludes(real_time);
   command->add_flag("--resume", options->resume, "go on with what lies in --out; rollouts already there are skipped");
   command->add_flag("--json", options->json, "print one line of JSON instead of the table");
   command->footer(

@@ -7,6 +7,7 @@
 #include <expected>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "config/robot_config.hpp"
 #include "executive/contract/session.hpp"
@@ -20,6 +21,7 @@ struct RobotPlace {
   std::string runtime_directory;
   std::string run_directory;  // must not exist yet: the monitor makes it
   bool allow_non_realtime = false;
+  std::vector<std::string> plant_arguments = {};  // further ones of takt-plant
 };
 
 class RobotProcesses {

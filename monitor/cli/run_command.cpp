@@ -19,8 +19,8 @@ namespace {
 
 constexpr const char* kFooter =
     "Example: takt run config/arm6.yaml --arm --duration 20s --at '8s: freeze policy 300ms' --at '15s: kill policy'\n"
-    "Actions of --at: freeze PROCESS DURATION, kill PROCESS, arm, stop, reset; PROCESS: policy, monitor, plant, "
-    "executive.\n"
+    "Actions of --at: freeze PROCESS DURATION, kill PROCESS, start PROCESS, arm, stop, reset, hog control|policy "
+    "DURATION,\ncrowd policy N DURATION; PROCESS: policy, monitor, plant, executive.\n"
     "The run ends after --duration, on SIGINT or SIGTERM, or once the robot rests after a scripted stop or kill of the "
     "policy.\n"
     "Exit codes: 0 ended as asked, 1 arming refused or a process failed, 64 command line, 65 configuration,\n"
@@ -28,8 +28,8 @@ constexpr const char* kFooter =
 
 struct Given {
   std::string robot_file, runtime_dir, run_dir, duration;
-  std::vector<std::string> at;
-  bool arm = false, allow_non_realtime = false, restart = false;
+  std::vector<std::string> at, plant;
+  bool arm = false, allow_non_realtime = false, restart = false, to_the_end = false;
 };
 
 int refuse(int exit_code, const std::string& sentence) {
@@ -50,6 +50,7 @@ int run(const Given& given) {
   RunOptions options;
   options.arm = given.arm;
   options.restart = given.restart;
+  options.to_the_end = given.to_the_end;
   auto events = parse_scenario(given.at);
   if (!events) return refuse(kExitUsage, events.error());
   options.events = std::move(*events);
@@ -62,7 +63,8 @@ int run(const Given& given) {
                    .runtime_directory =
                        given.runtime_dir.empty() ? config::default_runtime_directory(robot.robot) : given.runtime_dir,
                    .run_directory = given.run_dir.empty() ? new_run_directory(robot) : given.run_dir,
-                   .allow_non_realtime = given.allow_non_realtime};
+                   .allow_non_realtime = given.allow_non_realtime,
+                   .plant_arguments = given.plant};
   if (std::filesystem::exists(options.place.run_directory))
     return refuse(kExitUsage,
                   fmt::format("--run-dir {} exists already; name a new folder", options.place.run_directory));
@@ -84,6 +86,9 @@ void add_run(CLI::App& app, int& exit_code) {
   command->add_option("--run-dir", given->run_dir, "run folder to make; default: a new one in record.directory");
   command->add_option("--duration", given->duration, "end after this long, such as 20s");
   command->add_option("--at", given->at, "scripted event 'T: ACTION', T after tracking began")->allow_extra_args(false);
+  command->add_option("--plant", given->plant, "a further option of takt-plant, such as --plant=--scenario=faults.yaml")
+      ->allow_extra_args(false);
+  command->add_flag("--to-the-end", given->to_the_end, "for the whole --duration, even if the robot rests before");
   command->add_flag("--arm", given->arm, "arm as soon as nothing is missing");
   command->add_flag("--restart", given->restart, "restart a policy host or monitor that died");
   command->add_flag("--allow-non-realtime", given->allow_non_realtime, "run even without real-time guarantees");

@@ -9,15 +9,16 @@
 #include <sstream>
 
 #include "config/units.hpp"
+#include "monitor/cli/cpu_hog.hpp"
 
 namespace takt::cli {
 namespace {
 
 constexpr std::array<std::string_view, kProcessCount> kProcesses{"plant", "executive", "monitor", "policy"};
 constexpr std::string_view kGrammar =
-    "write 'T: ACTION', ACTION one of `freeze PROCESS DURATION`, `kill PROCESS`, `arm`, `stop`, `reset`; PROCESS one "
-    "of "
-    "policy, monitor, plant, executive";
+    "write 'T: ACTION', ACTION one of `freeze PROCESS DURATION`, `kill PROCESS`, `start PROCESS`, `hog control|policy "
+    "DURATION`, `crowd policy N DURATION`, `arm`, `stop`, `reset`; PROCESS one of policy, monitor, plant, executive";
+constexpr std::size_t kLargestCrowd = 64;
 
 std::optional<ProcessName> find_process(const std::string& word) {
   const auto found = std::ranges::find(kProcesses, word);
@@ -38,6 +39,24 @@ std::string rest_of(std::istringstream& words) {
   return rest;
 }
 
+// `hog control 8ms`, `hog policy 400ms`, `crowd policy 5 2s`; `rest` is what follows the verb. None: not written so.
+std::optional<Event> contention_of(Duration at, const std::string& verb, const std::string& rest) {
+  std::istringstream words(rest);
+  std::string target;
+  words >> target;
+  Event event{at, verb == "hog" ? ActionKind::hog : ActionKind::crowd, ProcessName::policy, verb + ' ' + rest};
+  if (target == "control" && verb == "hog")
+    event.process = ProcessName::executive;
+  else if (target != "policy")
+    return std::nullopt;
+  if (verb == "crowd" && (!(words >> event.count) || event.count == 0 || event.count > kLargestCrowd))
+    return std::nullopt;
+  const auto length = parse_duration(rest_of(words));
+  if (!length) return std::nullopt;
+  event.length = *length;
+  return event;
+}
+
 std::expected<void, std::string> add_event(const std::string& line, std::vector<Event>& events) {
   const auto refuse = [&](std::string_view why) { return std::unexpected(fmt::format("--at '{}': {}", line, why)); };
   const std::size_t colon = line.find(':');
@@ -52,12 +71,20 @@ std::expected<void, std::string> add_event(const std::string& line, std::vector<
     events.push_back({*at, *request, ProcessName::executive, verb});
     return {};
   }
+  if (verb == "hog" || verb == "crowd") {
+    const auto event = contention_of(*at, verb, rest_of(words));
+    if (!event) return refuse(kGrammar);
+    if (verb == "hog" && event->length > kLongestFifoHog) return refuse("a hog may last 1 s: above it nothing runs");
+    events.push_back(*event);
+    return {};
+  }
   words >> target;
   const auto process = find_process(target);
   const std::string rest = rest_of(words);
   if (!process) return refuse(kGrammar);
-  if (verb == "kill" && rest.empty()) {
-    events.push_back({*at, ActionKind::kill, *process, fmt::format("kill {}", target)});
+  if ((verb == "kill" || verb == "start") && rest.empty()) {
+    const ActionKind kind = verb == "kill" ? ActionKind::kill : ActionKind::start;
+    events.push_back({*at, kind, *process, fmt::format("{} {}", verb, target)});
     return {};
   }
   if (verb != "freeze") return refuse(kGrammar);

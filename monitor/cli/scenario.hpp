@@ -1,5 +1,8 @@
 // What `takt run --at 'T: ACTION'` makes happen, T after tracking began. Actions: `freeze PROCESS DURATION` (SIGSTOP,
-// then SIGCONT), `kill PROCESS` (SIGKILL), `arm`, `stop`, `reset`; processes: policy, monitor, plant, executive.
+// then SIGCONT), `kill PROCESS` (SIGKILL), `start PROCESS` (one that died), `arm`, `stop`, `reset`; processes: policy,
+// monitor, plant, executive. Contention for processors (cpu_hog.hpp): `hog control DURATION` occupies the control
+// thread's core above its priority; `hog policy DURATION` every core below the control thread's priority and above the
+// policy host's; `crowd policy N DURATION` puts N ordinary processes, as nice as the policy host, on every core.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +15,7 @@
 
 namespace takt::cli {
 
-enum class ActionKind : std::uint8_t { freeze, thaw, kill, arm, stop, reset };
+enum class ActionKind : std::uint8_t { freeze, thaw, kill, start, hog, crowd, arm, stop, reset };
 enum class ProcessName : std::uint8_t { plant, executive, monitor, policy };
 inline constexpr std::size_t kProcessCount = 4;
 std::string_view name(ProcessName process);
@@ -20,8 +23,10 @@ std::string_view name(ProcessName process);
 struct Event {
   Duration at;
   ActionKind action = ActionKind::stop;
-  ProcessName process = ProcessName::policy;  // freeze, thaw, kill
+  ProcessName process = ProcessName::policy;  // freeze, thaw, kill, start; hog: executive or policy; crowd
   std::string text;                           // for messages: "freeze policy 300 ms"
+  Duration length = {};                       // hog, crowd
+  std::size_t count = 0;                      // crowd: processes per core
 };
 
 // "300ms", "300 ms", "20 s". The error says how to write it.

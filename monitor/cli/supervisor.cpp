@@ -21,7 +21,8 @@ constexpr Duration kArmedWithin = seconds(10);
 constexpr Duration kTrackingWithin = seconds(10);
 constexpr Duration kPollEvery = milliseconds(20);
 constexpr Duration kDisplayEvery = milliseconds(100);
-constexpr Duration kRestRecorded = milliseconds(1500);  // of a stopped robot, before a scripted run ends
+constexpr Duration kTrackingSeenWithin = milliseconds(2);  // origin of the scenario's times
+constexpr Duration kRestRecorded = milliseconds(1500);     // of a stopped robot, before a scripted run ends
 
 Duration steady_now() {
   return {std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1)};
@@ -141,7 +142,7 @@ Supervisor::Outcome Supervisor::follow() {
     if (auto alive = look_after_children(); !alive) return alive;
     if (auto fired = fire_due_events(); !fired) return fired;
     if (now() >= next_display) {
-      next_display = now() + kDisplayEvery;
+      next_display = now() + (options_.arm && !tracking_since_ ? kTrackingSeenWithin : kDisplayEvery);
       if (const auto status = processes_.ask_status()) {
         const bool tracks = status->tick.mode == Mode::tracking || status->tick.mode == Mode::degraded;
         if (!tracking_since_ && tracks) tracking_since_ = now();
@@ -161,7 +162,8 @@ Supervisor::Outcome Supervisor::follow() {
 Supervisor::Outcome Supervisor::judge_progress(const StatusSnapshot& status) {
   const auto origin = options_.arm ? tracking_since_ : ready_at_;
   if (options_.duration && origin && now() >= *origin + *options_.duration) return std::unexpected(End{});
-  if (script_ends_run_ && next_event_ == options_.events.size() && is_stopped(status.tick.mode)) {
+  if (script_ends_run_ && !options_.to_the_end && next_event_ == options_.events.size() &&
+      is_stopped(status.tick.mode)) {
     if (!stopped_at_) stopped_at_ = now();
     if (now() >= *stopped_at_ + kRestRecorded)
       return std::unexpected(
@@ -182,14 +184,36 @@ Supervisor::Outcome Supervisor::look_after_children() {
       return std::unexpected(
           End{std::max(exit_code_for(*child), kExitFailed),
               fmt::format("{} {}: the run ends\n{}", program(process), child->how_it_ended(), child->last_words())});
-    if (!options_.restart) continue;
-    if (auto started = processes_.start(process); started) {
-      reported_dead_.erase(process);
-      display_.note(fmt::format("{} restarted", program(process)));
-    } else {
-      display_.note(started.error());
-    }
+    if (options_.restart) restart(process);
   }
+  hogs_.reap();
+  return {};
+}
+
+void Supervisor::restart(ProcessName process) {
+  if (ChildProcess* child = processes_.find(process); child && child->alive())
+    return display_.note(fmt::format("{} still runs", program(process)));
+  if (auto started = processes_.start(process); started) {
+    reported_dead_.erase(process);
+    display_.note(fmt::format("{} restarted", program(process)));
+  } else {
+    display_.note(started.error());
+  }
+}
+
+Supervisor::Outcome Supervisor::contend(const Event& event) {
+  HogLoad load{.cpus = usable_cpus(), .length = event.length};
+  const config::Control& control = robot_.control;
+  if (event.action == ActionKind::crowd) {
+    load.per_cpu = event.count;
+    load.nice = robot_.policy ? robot_.policy->nice : 0;
+  } else if (event.process == ProcessName::policy) {
+    load.fifo_priority = 1;
+  } else {
+    load.fifo_priority = control.priority + 1;
+    if (control.cpu) load.cpus = {*control.cpu};
+  }
+  if (auto started = hogs_.start(load); !started) return std::unexpected(End{kExitSetUpRefused, started.error()});
   return {};
 }
 
@@ -198,32 +222,42 @@ Supervisor::Outcome Supervisor::fire_due_events() {
          now() >= *tracking_since_ + options_.events[next_event_].at) {
     const Event& event = options_.events[next_event_++];
     display_.note(fmt::format("{:6.1f} s  script: {}", event.at.seconds(), event.text));
-    fire(event);
+    if (auto fired = fire(event); !fired) return fired;
   }
   return {};
 }
 
-void Supervisor::fire(const Event& event) {
+Supervisor::Outcome Supervisor::fire(const Event& event) {
   ChildProcess* child = processes_.find(event.process);
   switch (event.action) {
     case ActionKind::freeze:
       if (child) child->signal(SIGSTOP);
-      return;
+      return {};
     case ActionKind::thaw:
       if (child) child->signal(SIGCONT);
-      return;
+      return {};
     case ActionKind::kill:
       if (child) child->signal(SIGKILL);
       script_ends_run_ |= event.process == ProcessName::policy && !options_.restart;
-      return;
+      return {};
+    case ActionKind::start:
+      restart(event.process);
+      return {};
+    case ActionKind::hog:
+    case ActionKind::crowd:
+      return contend(event);
     case ActionKind::arm:
-      return request(OperatorVerb::arm);
+      request(OperatorVerb::arm);
+      return {};
     case ActionKind::reset:
-      return request(OperatorVerb::reset);
+      request(OperatorVerb::reset);
+      return {};
     case ActionKind::stop:
       script_ends_run_ = true;
-      return request(OperatorVerb::stop);
+      request(OperatorVerb::stop);
+      return {};
   }
+  return {};
 }
 
 void Supervisor::request(OperatorVerb verb) {

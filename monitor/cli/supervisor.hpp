@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "monitor/cli/cpu_hog.hpp"
 #include "monitor/cli/live_display.hpp"
 #include "monitor/cli/robot_processes.hpp"
 #include "monitor/cli/scenario.hpp"
@@ -25,6 +26,7 @@ struct RunOptions {
   std::vector<Event> events;  // in order of time
   bool arm = false;
   bool restart = false;
+  bool to_the_end = false;  // for the whole duration, even if the robot rests after a scripted stop
 };
 
 class Supervisor {
@@ -50,7 +52,9 @@ class Supervisor {
   Outcome follow();
   Outcome look_after_children();
   Outcome fire_due_events();
-  void fire(const Event& event);
+  Outcome fire(const Event& event);
+  void restart(ProcessName process);
+  Outcome contend(const Event& event);
   void request(OperatorVerb verb);
   Outcome judge_progress(const StatusSnapshot& status);
   // Sleeps until `until`, a child's death or a signal; an error when asked to end.
@@ -61,6 +65,7 @@ class Supervisor {
   RunOptions options_;
   RobotProcesses processes_;
   LiveDisplay display_;
+  CpuHogs hogs_;
   int signals_ = -1;  // signalfd
   Duration made_at_;
   std::size_t next_event_ = 0;

@@ -23,6 +23,11 @@ config::Simulation with_seed(config::Simulation simulation, std::uint64_t seed) 
 
 }  // namespace
 
+Duration target_entry(std::uint64_t seed) {
+  Random random(seed, kTargetStream);
+  return {std::llround(random.between(0, kLatestEntry_s) * 1e9)};
+}
+
 std::expected<std::unique_ptr<ArmWorld>, std::string> ArmWorld::make(const config::RobotConfig& robot,
                                                                      const Disturbance& disturbance, MonoTime started,
                                                                      std::uint64_t seed) {
@@ -33,8 +38,7 @@ std::expected<std::unique_ptr<ArmWorld>, std::string> ArmWorld::make(const confi
   TroubledDynamics& mechanics = **dynamics;
   auto plant = plant::Plant::make(robot, std::move(*dynamics));
   if (!plant) return std::unexpected(plant.error());
-  Random random(seed, kTargetStream);
-  const Duration entered{std::llround(random.between(0, kLatestEntry_s) * 1e9)};
+  const Duration entered = target_entry(seed);
   const std::uint64_t camera_seed = plant::seed_for(seed, kTargetStream + 1);
   return std::unique_ptr<ArmWorld>(new ArmWorld(robot, std::move(*plant), mechanics, started - entered, camera_seed));
 }

@@ -17,6 +17,9 @@ namespace takt::panel {
 
 inline constexpr double kToolSpeedLimit = 0.6;  // m/s; the target of the demo arm stays below 0.3
 
+// How far along its path the target is when the rollout of this seed begins.
+Duration target_entry(std::uint64_t seed);
+
 class ArmWorld final : public World {
  public:
   // The error is one sentence: what the robot file lacks. `robot` and `disturbance` outlive this.

@@ -70,13 +70,21 @@ MethodFacts method_of(const Json& json, const std::string& name) {
     method.tasks[task] = task_facts_of(facts, what + ".tasks." + task);
   return method;
 }
+
+Timing timing_of(const Json& json) {
+  const auto found = std::ranges::find(kTimingNames, json.get<std::string>());
+  if (found == kTimingNames.end()) throw BadManifest{fmt::format("timing {} is unknown", json.dump())};
+  return static_cast<Timing>(found - kTimingNames.begin());
+}
+
 ArtifactManifest read(const Json& json) {
   check_object(json, "manifest",
-               {"schema", "artifact_id", "complete", "panel", "seed_plan", "script", "row_schema_sha256", "plants",
-                "methods", "claims", "planned_rollouts", "merged_from", "host", "started", "ended"});
+               {"schema", "artifact_id", "complete", "timing", "panel", "seed_plan", "script", "row_schema_sha256",
+                "plants", "methods", "claims", "planned_rollouts", "merged_from", "host", "started", "ended"});
   ArtifactManifest manifest;
   manifest.artifact_id = json.at("artifact_id");
   manifest.complete = json.at("complete");
+  manifest.timing = timing_of(json.at("timing"));
   const Json& panel = json.at("panel");
   check_object(panel, "panel", {"id", "sha256"});
   manifest.panel = panel.at("id");
@@ -135,6 +143,7 @@ Json to_json(const ArtifactManifest& manifest) {
   json["schema"] = kArtifactSchema;
   json["artifact_id"] = manifest.artifact_id;
   json["complete"] = manifest.complete;
+  json["timing"] = kTimingNames[static_cast<std::size_t>(manifest.timing)];
   json["panel"] = {{"id", manifest.panel}, {"sha256", manifest.panel_sha256}};
   json["seed_plan"] = {{"rule", manifest.seed_plan.rule}, {"seeds", manifest.seed_plan.seeds}};
   json["script"] = {{"version", manifest.script_version}, {"source_sha256", manifest.script_source_sha256}};
@@ -174,6 +183,10 @@ std::string difference_between(const ArtifactManifest& a, const ArtifactManifest
   };
   if (a.schema_sha256 != b.schema_sha256) {
     return differ("row schema", short_hash(a.schema_sha256), short_hash(b.schema_sha256));
+  }
+  if (a.timing != b.timing) {
+    return differ("timing", kTimingNames[static_cast<std::size_t>(a.timing)],
+                  kTimingNames[static_cast<std::size_t>(b.timing)]);
   }
   if (a.panel != b.panel || a.panel_sha256 != b.panel_sha256) {
     return differ("panel", fmt::format("{} {}", a.panel, short_hash(a.panel_sha256)),

@@ -2,16 +2,23 @@
 // difference_between() finds nothing; the rows of one artifact must all agree with its manifest.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <expected>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "monitor/panel/rollout_row.hpp"
 
 namespace takt::panel {
+
+// How the rollouts' time passed: computed, or lived through by real processes; in the latter case with the real-time
+// guarantees of the executive's set-up, or knowingly without (`--allow-non-realtime`).
+enum class Timing : std::uint8_t { virtual_time, real, real_without_guarantees };
+inline constexpr std::array<std::string_view, 3> kTimingNames{"virtual", "real", "real_without_guarantees"};
 
 inline constexpr const char* kArtifactSchema = "takt.artifact/2";
 
@@ -50,6 +57,7 @@ struct Claims {
 
 struct ArtifactManifest {
   std::string artifact_id;  // artifact_id_of() all rows; empty until complete
+  Timing timing = Timing::virtual_time;
   std::string panel, panel_sha256;
   SeedPlan seed_plan;
   std::string script_version, script_source_sha256;
@@ -68,8 +76,8 @@ nlohmann::ordered_json to_json(const ArtifactManifest& manifest);
 // Strict: a missing, unknown or wrongly typed key is one sentence.
 std::expected<ArtifactManifest, std::string> artifact_manifest_of(const nlohmann::ordered_json& json);
 
-// Why rows of the two must not stand side by side: schema, panel, seed plan, script, plant, in this order. Empty: they
-// may. `a` and `b` are how the sentence names the two.
+// Why rows of the two must not stand side by side: schema, timing, panel, seed plan, script, plant, in this order.
+// Empty: they may. `a` and `b` are how the sentence names the two.
 std::string difference_between(const ArtifactManifest& a, const ArtifactManifest& b, const std::string& name_a = "A",
                                const std::string& name_b = "B");
 // Why the row cannot belong to the artifact; empty: it can.

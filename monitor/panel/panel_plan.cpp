@@ -198,37 +198,36 @@ RolloutSetup Contest::setup_of(const PlannedRollout& planned) const {
           .rearm_after = panel_.rearm_after};
 }
 
+RolloutWatch::RolloutWatch(const config::RobotConfig& robot)
+    : classifier_({.max_age = robot.freshness.max_age, .period = robot.control.period, .joints = joint_names(robot)}) {}
+
 std::expected<RanRollout, std::string> Contest::run(const PlannedRollout& planned) {
   const HostMeter meter;
-  RanRollout ran{.row = identity(planned), .post_mortem = {}};
-  const config::RobotConfig& robot = contestant(planned).robot;
-  FailureWatch watch;
-  monitor::FaultClassifier classifier(
-      {.max_age = robot.freshness.max_age, .period = robot.control.period, .joints = joint_names(robot)});
+  RolloutRow row = identity(planned);
+  RolloutWatch watch(contestant(planned).robot);
   RolloutSetup setup = setup_of(planned);
-  setup.on_command = [&](const CommandHeader& header) { classifier.command(header); };
-  setup.on_tick = [&](const TickRecord& record) {
-    watch.tick(record.header);
-    classifier.tick(record);
-  };
-  if (const auto done = run_rollout(setup, ran.row); !done) return std::unexpected(done.error());
-  const monitor::FaultSummary faults = classifier.finish();
-  ran.row.leading_fault = leading_fault(faults);
-  ran.row.fault_verdicts = std::accumulate(faults.counts.begin(), faults.counts.end(), std::uint64_t{0});
-  if (!ran.row.success) ran.post_mortem = draft_of(ran.row, watch, faults);
+  setup.on_command = [&](const CommandHeader& header) { watch.command(header); };
+  setup.on_tick = [&](const TickRecord& record) { watch.tick(record); };
+  if (const auto done = run_rollout(setup, row); !done) return std::unexpected(done.error());
+  RanRollout ran = conclude(std::move(row), watch);
   meter.fill(panel_.duration, ran.row.host);
   return ran;
 }
 
-std::string Contest::draft_of(const RolloutRow& row, const FailureWatch& watch,
-                              const monitor::FaultSummary& faults) const {
-  PostMortemDraft draft{.row = row,
+RanRollout Contest::conclude(RolloutRow row, RolloutWatch& watch) const {
+  const monitor::FaultSummary faults = watch.classifier_.finish();
+  row.leading_fault = leading_fault(faults);
+  row.fault_verdicts = std::accumulate(faults.counts.begin(), faults.counts.end(), std::uint64_t{0});
+  RanRollout ran{.row = std::move(row), .post_mortem = {}};
+  if (ran.row.success) return ran;
+  PostMortemDraft draft{.row = ran.row,
                         .show_again = fmt::format("takt panel run {} --only {} --out again  # panel: SHA-256 {}",
-                                                  panel_.file, rollout_id(row), panel_.sha256),
-                        .ticks = &watch,
+                                                  panel_.file, rollout_id(ran.row), panel_.sha256),
+                        .ticks = &watch.failure_,
                         .verdicts = {}};
   for (const monitor::FaultVerdict& verdict : faults.verdicts) draft.verdicts.push_back(verdict.sentence);
-  return post_mortem_text(draft);
+  ran.post_mortem = post_mortem_text(draft);
+  return ran;
 }
 
 }  // namespace takt::panel

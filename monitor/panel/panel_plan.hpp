@@ -44,6 +44,22 @@ struct RanRollout {
   std::string post_mortem;  // draft (post_mortem.hpp); empty on success
 };
 
+// What a rollout's ticks say besides its measures: faults by name, and the scene of a failure.
+class RolloutWatch {
+ public:
+  explicit RolloutWatch(const config::RobotConfig& robot);
+  void command(const CommandHeader& header) { classifier_.command(header); }
+  void tick(const TickRecord& record) {
+    failure_.tick(record.header);
+    classifier_.tick(record);
+  }
+
+ private:
+  friend class Contest;
+  FailureWatch failure_;
+  monitor::FaultClassifier classifier_;
+};
+
 class Contest {
  public:
   // The error: one problem per line, each naming panel, method and key.
@@ -56,15 +72,15 @@ class Contest {
   std::expected<RanRollout, std::string> run(const PlannedRollout& planned);
   // As run() fills it, before anything has run: names the rollout.
   [[nodiscard]] RolloutRow identity(const PlannedRollout& planned) const;
-
- private:
-  explicit Contest(Panel panel) : panel_(std::move(panel)) {}
   [[nodiscard]] const Contestant& contestant(const PlannedRollout& planned) const {
     return contestants_[planned.task * panel_.methods.size() + planned.method];
   }
+  // A row that is whole but for its verdicts, and what was watched besides: verdicts and the draft are added.
+  [[nodiscard]] RanRollout conclude(RolloutRow row, RolloutWatch& watch) const;
+
+ private:
+  explicit Contest(Panel panel) : panel_(std::move(panel)) {}
   [[nodiscard]] RolloutSetup setup_of(const PlannedRollout& planned) const;
-  [[nodiscard]] std::string draft_of(const RolloutRow& row, const FailureWatch& watch,
-                                     const monitor::FaultSummary& faults) const;
   Panel panel_;
   std::vector<Contestant> contestants_;  // task by task
 };

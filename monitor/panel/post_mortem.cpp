@@ -19,7 +19,8 @@ std::string trimmed(std::string_view text) {
 }
 
 int severity(const TickRecordHeader& header) {
-  if (header.mode == header.previous_mode) return 0;
+  // The stop that ends every recorded run is nobody's failure.
+  if (header.mode == header.previous_mode || header.cause == Cause::shutdown) return 0;
   switch (header.mode) {
     case Mode::standby:
     case Mode::arming:

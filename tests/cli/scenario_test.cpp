@@ -28,6 +28,21 @@ TEST(Scenario, RefusesWhatItDoesNotUnderstand) {
   }
 }
 
+TEST(Scenario, ContentionNamesWhomItDisturbsAndEnds) {
+  const auto events = parse_scenario({"1s: hog control 8ms", "2s: hog policy 400ms", "3s: crowd policy 5 2s"});
+  ASSERT_TRUE(events.has_value()) << events.error();
+  EXPECT_EQ((*events)[0].action, ActionKind::hog);
+  EXPECT_EQ((*events)[0].process, ProcessName::executive);
+  EXPECT_EQ((*events)[0].length, milliseconds(8));
+  EXPECT_EQ((*events)[1].process, ProcessName::policy);
+  EXPECT_EQ((*events)[2].action, ActionKind::crowd);
+  EXPECT_EQ((*events)[2].count, 5U);
+  EXPECT_EQ((*events)[2].length, seconds(2));
+  for (const char* line : {"1s: hog control 2s", "1s: hog monitor 8ms", "1s: hog control", "1s: crowd policy 2s",
+                           "1s: crowd policy 0 2s", "1s: crowd control 2 2s", "1s: start camera"})
+    EXPECT_FALSE(parse_scenario({line}).has_value()) << line;
+}
+
 TEST(Scenario, DurationsMayOmitTheSpace) {
   EXPECT_EQ(parse_duration("20s"), seconds(20));
   EXPECT_EQ(parse_duration(" 300 ms "), milliseconds(300));

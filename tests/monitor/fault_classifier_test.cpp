@@ -167,6 +167,22 @@ TEST(FaultClassifier, LostPeriodsAreTheSchedulersOrThePlatforms) {
   EXPECT_EQ(verdict_with(OverrunCause::none), Sentences{"platform_stall" + what + "none"});
 }
 
+// Real machines lose a period now and then, also while the policy stalls.
+TEST(FaultClassifier, OneLostPeriodDoesNotExplainALongSilence) {
+  Robot robot;
+  robot.run(500);
+  robot.policy_answers = false;
+  robot.run(100);
+  robot.tick([](TickRecordHeader& header) {
+    header.overrun_cause = OverrunCause::platform_stall;
+    header.lateness = microseconds(1600);
+    header.skipped_periods += 1;
+  });
+  robot.run(300);
+  ASSERT_EQ(robot.sentences().size(), 1U);
+  EXPECT_EQ(robot.sentences().front().substr(0, 15), "inference_stall");
+}
+
 // A command that waited for a control thread that did not run is not the middleware's fault.
 TEST(FaultClassifier, ALatePublishOfALateThreadIsTheSchedulers) {
   Robot robot;

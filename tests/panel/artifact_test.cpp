@@ -164,6 +164,8 @@ TEST(ArtifactManifest, NamesTheFirstDifference) {
   EXPECT_EQ(difference([](ArtifactManifest& b) { b.seed_plan.seeds.pop_back(); }),
             "the seed plan differs: A has 20 seeds, \"seeds 1 to 20, the same for every method\", B has 19 seeds, "
             "\"seeds 1 to 20, the same for every method\"");
+  EXPECT_EQ(difference([](ArtifactManifest& b) { b.timing = Timing::real; }),
+            "the timing differs: A has virtual, B has real");
   EXPECT_EQ(difference([](ArtifactManifest& b) { b.script_version = "0.2.0"; }),
             "the script differs: A has takt 0.1.0 " + digits("sources") + ", B has takt 0.2.0 " + digits("sources"));
   EXPECT_EQ(difference([](ArtifactManifest& b) { b.plants["reach"] = config::sha256_hex("moon"); }),

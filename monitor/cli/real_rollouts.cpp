@@ -1,0 +1,211 @@
+#include "monitor/cli/real_rollouts.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <sys/resource.h>
+
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <set>
+#include <thread>
+#include <vector>
+
+#include "monitor/bounded_file.hpp"
+#include "monitor/cli/child_process.hpp"
+#include "monitor/panel/arm_world.hpp"
+#include "monitor/panel/real_perturbation.hpp"
+#include "monitor/panel/recorded_row.hpp"
+
+namespace takt::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr Duration kBeyondTheEnd = milliseconds(200);       // recorded, so that the rollout surely is whole
+constexpr auto kOverheadWithin = std::chrono::seconds(90);  // starting, arming, ending, on a busy machine
+constexpr auto kEndsWithin = std::chrono::seconds(40);
+constexpr auto kLookEvery = std::chrono::milliseconds(20);
+
+// A short path for sockets, gone with this object.
+class RuntimeDirectory {
+ public:
+  RuntimeDirectory() : path_((fs::temp_directory_path() / "takt-panel.XXXXXX").string()) {
+    if (mkdtemp(path_.data()) == nullptr) path_.clear();
+  }
+  RuntimeDirectory(const RuntimeDirectory&) = delete;
+  RuntimeDirectory& operator=(const RuntimeDirectory&) = delete;
+  ~RuntimeDirectory() {
+    std::error_code ignored;
+    if (!path_.empty()) fs::remove_all(path_, ignored);
+  }
+  [[nodiscard]] const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+double cpu_seconds(const rusage& usage) {
+  const auto seconds_of = [](const timeval& time) {
+    return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+  };
+  return seconds_of(usage.ru_utime) + seconds_of(usage.ru_stime);
+}
+
+// Of the processes that a rollout started.
+class ChildMeter {
+ public:
+  ChildMeter() { getrusage(RUSAGE_CHILDREN, &before_); }
+  void fill(Duration lived, panel::HostMeasured& host) const {
+    rusage now{};
+    getrusage(RUSAGE_CHILDREN, &now);
+    host.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count();
+    host.cpu_s = cpu_seconds(now) - cpu_seconds(before_);
+    host.peak_rss_kib = static_cast<std::uint64_t>(now.ru_maxrss);
+    host.realtime_factor = lived.seconds() / host.wall_s;
+  }
+
+ private:
+  rusage before_{};
+  std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
+};
+
+// The policy's file is named relative to the robot file: both get their place in `folder`.
+std::expected<void, std::string> write_robot(const config::RobotConfig& robot, const std::string& folder) {
+  if (auto done = monitor::replace_file(folder + "/robot.yaml", robot.resolved); !done) return done;
+  if (robot.resolved.contains(fmt::format("file: \"{}\"", fs::absolute(robot.policy->file).string()))) return {};
+  const fs::path policy = fs::absolute(robot.policy->file).lexically_normal();
+  const fs::path home = fs::absolute(robot.file).lexically_normal().parent_path();
+  const fs::path name = policy.lexically_relative(home);
+  if (name.empty() || name.string().starts_with(".."))
+    return std::unexpected(fmt::format("policy {} must lie in the robot file's folder or below", robot.policy->file));
+  std::error_code error;
+  fs::create_directories((fs::path(folder) / name).parent_path(), error);
+  fs::create_symlink(policy, fs::path(folder) / name, error);
+  if (error)
+    return std::unexpected(fmt::format("cannot link {} into {}: {}", policy.string(), folder, error.message()));
+  return {};
+}
+
+std::expected<void, std::string> run_to_its_end(ChildProcess& process, std::chrono::nanoseconds limit) {
+  const auto give_up = std::chrono::steady_clock::now() + limit;
+  while (process.alive()) {
+    if (std::chrono::steady_clock::now() > give_up) {
+      process.end(kEndsWithin);
+      return std::unexpected("takt run did not end in time\n" + process.last_words());
+    }
+    std::this_thread::sleep_for(kLookEvery);
+  }
+  if (process.exit_code() == 0) return {};
+  return std::unexpected(fmt::format("takt run {}\n{}", process.how_it_ended(), process.last_words()));
+}
+
+// Every sentence about what a real robot cannot be made to do.
+std::set<std::string> obstacles(const panel::Contest& contest) {
+  std::set<std::string> found;
+  const panel::Panel& panel = contest.panel();
+  for (const panel::PlannedRollout& planned : panel::plan_of(panel, {})) {
+    const panel::PanelMethod& method = panel.methods[planned.method];
+    const panel::Perturbation perturbation = panel.perturbations[planned.perturbation].resolved();
+    const config::RobotConfig& robot = contest.contestant(planned).robot;
+    if (method.repeat_last)
+      found.insert(fmt::format("method {}: `link: repeat_last` exists in virtual time only", method.name));
+    if (!robot.simulation) found.insert(robot.file + ": no `simulation`, so nobody knows what the robot really did");
+    if (!panel::has_real_mechanism(perturbation.trouble)) continue;
+    if (const auto real = panel::real_trouble_of(perturbation, robot, planned.seed); !real) found.insert(real.error());
+  }
+  return found;
+}
+
+}  // namespace
+
+std::expected<RealRollouts, std::string> RealRollouts::make(const panel::Contest& contest, std::string out,
+                                                            bool allow_non_realtime) {
+  std::set<std::string> without;
+  for (const panel::PanelPerturbation& one : contest.panel().perturbations)
+    if (!panel::has_real_mechanism(one.resolved().trouble)) without.insert(one.kind);
+  std::set<std::string> sentences = obstacles(contest);
+  if (contest.panel().rearm_after)
+    sentences.insert("`operator` exists in virtual time only: leave --real-time out, or the section");
+  if (!without.empty())
+    sentences.insert(fmt::format("no mechanism with real processes for {}: leave --real-time out, or them",
+                                 fmt::join(without, ", ")));
+  if (!sentences.empty())
+    return std::unexpected(fmt::format("{}: {}", contest.panel().file, fmt::join(sentences, "\n")));
+  return RealRollouts(contest, std::move(out), allow_non_realtime);
+}
+
+std::expected<void, std::string> RealRollouts::live_through(const panel::PlannedRollout& planned,
+                                                            const std::string& folder) const {
+  const panel::Panel& panel = contest_.panel();
+  const config::RobotConfig& robot = contest_.contestant(planned).robot;
+  const auto trouble =
+      panel::real_trouble_of(panel.perturbations[planned.perturbation].resolved(), robot, planned.seed);
+  if (!trouble) return std::unexpected(trouble.error());
+  if (auto done = write_robot(robot, folder); !done) return done;
+  const RuntimeDirectory runtime;
+  if (runtime.path().empty()) return std::unexpected("no temporary folder for sockets can be made; set TMPDIR");
+  std::vector<std::string> arguments{fs::read_symlink("/proc/self/exe").string(),
+                                     "run",
+                                     folder + "/robot.yaml",
+                                     "--runtime-dir",
+                                     runtime.path(),
+                                     "--run-dir",
+                                     folder + "/run",
+                                     "--arm",
+                                     "--to-the-end",
+                                     "--duration",
+                                     fmt::format("{}us", (panel.duration + kBeyondTheEnd).ns / 1000)};
+  arguments.push_back(fmt::format("--plant=--seed={}", planned.seed));
+  arguments.push_back(fmt::format("--plant=--target-entry={:.3f}", panel::target_entry(planned.seed).seconds()));
+  arguments.push_back(fmt::format("--plant=--truth={}/truth.jsonl", folder));
+  for (const std::string& action : trouble->actions) arguments.insert(arguments.end(), {"--at", action});
+  if (!trouble->plant_scenario.empty()) {
+    if (auto done = monitor::replace_file(folder + "/plant.yaml", trouble->plant_scenario); !done) return done;
+    arguments.push_back(fmt::format("--plant=--scenario={}/plant.yaml", folder));
+  }
+  if (allow_non_realtime_) arguments.emplace_back("--allow-non-realtime");
+  if (auto done = monitor::replace_file(folder + "/command.txt", fmt::format("'{}'\n", fmt::join(arguments, "' '")));
+      !done)
+    return done;
+  auto process = ChildProcess::start({.name = "takt run",
+                                      .arguments = std::move(arguments),
+                                      .log_path = folder + "/run.log",
+                                      .parent_death_signal = SIGTERM});
+  if (!process) return std::unexpected(process.error());
+  return run_to_its_end(*process, std::chrono::nanoseconds(panel.duration.ns) + kOverheadWithin);
+}
+
+std::expected<panel::RanRollout, std::string> RealRollouts::run(const panel::PlannedRollout& planned) const {
+  const panel::Panel& panel = contest_.panel();
+  const panel::PanelTask& task = panel.tasks[planned.task];
+  panel::RolloutRow row = contest_.identity(planned);
+  const std::string place = "runs/" + panel::rollout_id(row);
+  const std::string folder = fs::absolute(out_ + "/" + place).string();
+  const auto fail = [&](const std::string& why) {
+    return std::unexpected(fmt::format("rollout {}: {}", panel::rollout_id(row), why));
+  };
+  std::error_code error;
+  fs::remove_all(folder, error);
+  fs::create_directories(folder, error);
+  if (error) return fail(fmt::format("cannot make {}: {}", folder, error.message()));
+  const ChildMeter meter;
+  if (const auto lived = live_through(planned, folder); !lived) return fail(lived.error());
+  panel::RolloutWatch watch(contest_.contestant(planned).robot);
+  const auto measured = panel::measure_recorded({.run_folder = folder + "/run",
+                                                 .truth_file = folder + "/truth.jsonl",
+                                                 .task = task.task,
+                                                 .perturbation = panel.perturbations[planned.perturbation].resolved(),
+                                                 .duration = panel.duration,
+                                                 .scored = task.scored,
+                                                 .bound_m = task.bound_m},
+                                                watch, row);
+  if (!measured) return fail(measured.error());
+  row.run_folder = place + "/run";
+  meter.fill(panel.duration, row.host);
+  return contest_.conclude(std::move(row), watch);
+}
+
+}  // namespace takt::cli
