@@ -3,11 +3,14 @@
 
 #include <cerrno>
 #include <cstring>
+#include <expected>
+#include <filesystem>
 #include <fstream>
 #include <memory>
 #include <optional>
 
 #include "monitor/cli/command.hpp"
+#include "monitor/trace_review/otlp_check.hpp"
 #include "monitor/trace_review/perfetto.hpp"
 #include "monitor/trace_review/review.hpp"
 #include "monitor/trace_review/run_records.hpp"
@@ -35,8 +38,20 @@ std::string export_perfetto(const std::string& path, const monitor::Timeline& ti
   return file.good() ? "" : fmt::format("{} cannot be written: {}", path, std::strerror(errno));
 }
 
+using Records = std::optional<std::vector<monitor::TickFacts>>;
+
+// What the run told OpenTelemetry, where it did.
+std::expected<std::optional<monitor::OtlpCheck>, std::string> otlp_of(const std::string& run, const Records& records) {
+  const std::string path = run + "/otlp_traces.jsonl";
+  if (!records || !std::filesystem::exists(path)) return std::nullopt;
+  std::ifstream file(path);
+  const auto told = monitor::read_told_commands(file);
+  if (!told) return std::unexpected(path + ": " + told.error());
+  return monitor::check_told_commands(*told, *records);
+}
+
 int review(const Options& options) {
-  std::optional<std::vector<monitor::TickFacts>> records;
+  Records records;
   if (!options.run.empty()) {
     auto read = monitor::records_of(options.run);
     if (!read) return fail(read.error());
@@ -52,10 +67,15 @@ int review(const Options& options) {
     const std::string error = export_perfetto(options.perfetto, timeline, *review);
     if (!error.empty()) return fail(error);
   }
+  const auto otlp = otlp_of(options.run, records);
+  if (!otlp) return fail(otlp.error());
   if (options.json)
     fmt::print("{}\n", monitor::to_json(*review, *reading, timeline).dump());
   else
-    fmt::print("{}", monitor::review_text(*review, *reading, timeline));
+    fmt::print("{}{}", monitor::review_text(*review, *reading, timeline), *otlp ? otlp_text(**otlp) : "");
+  if (*otlp && !(*otlp)->agrees())
+    return fail(fmt::format("OpenTelemetry was told otherwise than was recorded: {} commands compared, {} differences",
+                            (*otlp)->commands, (*otlp)->disagreement_count));
   if (!review->records || review->records->agrees()) return kExitOk;
   return fail(fmt::format("trace and records disagree: {} ticks compared, {} differences", review->records->ticks,
                           review->records->disagreement_count));
@@ -72,9 +92,9 @@ void add_trace_review(CLI::App& trace, int& exit_code) {
   command->add_option("--perfetto", options->perfetto, "file to write for ui.perfetto.dev (Trace Event JSON)");
   command->footer(
       "Example: takt trace review /var/tmp/t1 --run runs/20261121T093300Z-arm6-3f9a2c\n"
-      "Exit codes: 0 reviewed, and every age agrees with the records within 20 us when --run is given; 1 one does "
-      "not,\n"
-      "or trace or run cannot be read.");
+      "Exit codes: 0 reviewed, and every age agrees with the records within 20 us when --run is given (those "
+      "told to\n"
+      "OpenTelemetry too, where the run has them); 1 one does not, or trace or run cannot be read.");
   command->callback([options, &exit_code] { exit_code = review(*options); });
 }
 

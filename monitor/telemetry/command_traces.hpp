@@ -17,7 +17,7 @@ struct CommandTrace {
   std::uint64_t observation = 0;
   std::uint8_t policy_session = 0;
   Mode mode = Mode::standby;
-  MonoTime sensed_at;    // oldest sample of the observation
+  MonoTime sensed_at;      // oldest sample of the observation
   MonoTime observed_at{};  // observation published
   MonoTime infer_began_at{};
   MonoTime infer_ended_at{};

@@ -41,7 +41,7 @@ void Histogram::observe(Duration value) {
 
 LiveMetrics::LiveMetrics(const config::RobotConfig& robot)
     : age(age_bounds(robot.freshness.max_age)),
-      stages(kStageCount, Histogram(age_bounds(robot.freshness.max_age))),
+      stages(kAgeStageCount, Histogram(age_bounds(robot.freshness.max_age))),
       lateness(loop_bounds()),
       work(loop_bounds()),
       interventions(robot.joints.size()),
@@ -69,9 +69,9 @@ void LiveMetrics::tick(const TickRecord& record) {
     if (header.freshness != Freshness::missing) age.observe(header.age.total());
   }
   if (header.arrival == Arrival::accepted && header.freshness != Freshness::missing) {
-    const std::array<Duration, kStageCount> parts{header.age.sense, header.age.queue, header.age.infer,
-                                                  header.age.publish};
-    for (std::size_t stage = 0; stage < kStageCount; ++stage) stages[stage].observe(parts[stage]);
+    const std::array<Duration, kAgeStageCount> parts{header.age.sense, header.age.queue, header.age.infer,
+                                                     header.age.publish};
+    for (std::size_t stage = 0; stage < kAgeStageCount; ++stage) stages[stage].observe(parts[stage]);
   }
   joint_ticks(record);
   newest = header;

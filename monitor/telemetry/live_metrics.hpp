@@ -28,8 +28,8 @@ struct Histogram {
   std::uint64_t count = 0;
 };
 
-inline constexpr std::size_t kStageCount = 4;  // of a command up to its first use
-inline constexpr std::array<std::string_view, kStageCount> kStageNames{"sense", "queue", "infer", "publish"};
+inline constexpr std::size_t kAgeStageCount = 4;  // of a command up to its first use
+inline constexpr std::array<std::string_view, kAgeStageCount> kAgeStageNames{"sense", "queue", "infer", "publish"};
 
 class LiveMetrics {
  public:

@@ -194,7 +194,7 @@ std::string otlp_metrics(const OtlpSource& source, const LiveMetrics& metrics, M
   MetricWriter writer(since.ns + source.monotonic_to_unix_ns, now.ns + source.monotonic_to_unix_ns);
   writer.histogram("takt.command.age", "Age of the command in use, at each tick that relied on the policy.",
                    std::span(&metrics.age, 1));
-  writer.histogram("takt.command.stage", "Parts of a command's age at its first use.", metrics.stages, kStageNames);
+  writer.histogram("takt.command.stage", "Parts of a command's age at its first use.", metrics.stages, kAgeStageNames);
   writer.histogram("takt.wakeup.lateness", "How late the control thread woke.", std::span(&metrics.lateness, 1));
   writer.histogram("takt.tick.duration", "How long a tick worked.", std::span(&metrics.work, 1));
   writer.sum("takt.ticks", "Ticks of the control loop.", "", {{"", metrics.ticks}});

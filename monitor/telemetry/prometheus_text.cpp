@@ -79,8 +79,8 @@ void contract(Exposition& out, const LiveMetrics& metrics, const config::RobotCo
   out.family("takt_command_age_seconds", "histogram", "Age of the command in use, at each relied tick.");
   out.histogram(metrics.age);
   out.family("takt_command_stage_seconds", "histogram", "Parts of a command's age at its first use.");
-  for (std::size_t stage = 0; stage < kStageCount; ++stage)
-    out.histogram(metrics.stages[stage], {{"stage", kStageNames[stage]}});
+  for (std::size_t stage = 0; stage < kAgeStageCount; ++stage)
+    out.histogram(metrics.stages[stage], {{"stage", kAgeStageNames[stage]}});
   out.family("takt_command_arrivals_total", "counter", "Looks into the policy's mailbox, by what they found.");
   for (std::size_t i = 0; i < kArrivalCount; ++i)
     out.sample(metrics.arrivals[i], {{"arrival", name(static_cast<Arrival>(i))}});

@@ -102,7 +102,7 @@ TEST(OtlpMetrics, AHistogramHasOneCountMoreThanBounds) {
       EXPECT_EQ(point.at("startTimeUnixNano"), std::to_string(kNow.ns + kSource.monotonic_to_unix_ns));
     }
   }
-  EXPECT_EQ(histograms, 3 + kStageCount);
+  EXPECT_EQ(histograms, 3 + kAgeStageCount);
 }
 
 }  // namespace
