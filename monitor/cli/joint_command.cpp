@@ -75,6 +75,9 @@ std::expected<int, Refusal> jog(const Options& options) {
   if (!index) return std::unexpected(index.error());
   if (const auto free = require_no_executive(*robot); !free) return std::unexpected(free.error());
   const config::Joint& joint = robot->config.joints[*index];
+  if (joint.passive)
+    return std::unexpected(
+        Refusal{kExitUsage, fmt::format("{} is passive: nothing can move it; name a driven joint", joint.name)});
   const double most = joint.limits.torque;
   const double torque = options.torque > 0 ? options.torque : 0.1 * most;
   if (torque > most)

@@ -97,7 +97,7 @@ TEST(CartPoleRollout, ASilentPolicyIsSurvivedByTheFallbackAndFatalWithoutIt) {
 }
 
 TEST(CartPoleRollout, PushAndPayloadTakeHoldOfThePole) {
-  const RolloutRow calm = run("none", 0, 1), pushed = run("push", 0.5, 1), loaded = run("payload", 0.1, 1);
+  const RolloutRow calm = run("none", 0, 1), pushed = run("push", 0.2, 1), loaded = run("payload", 0.1, 1);
   EXPECT_NE(pushed.replay_hash, calm.replay_hash);
   EXPECT_NE(loaded.replay_hash, calm.replay_hash);
   EXPECT_FALSE(run("push", 100, 1).success) << "nothing balances against such a push";

@@ -1,9 +1,10 @@
-// Goal: the committed network, its training report and the robot file belong together. Method: hash the network, write
+// Goal: each committed network, its training report and its robot file belong together. Method: hash the network, write
 // down again every number of the robot file that training read, and run the report's own examples through our engine.
-// When this fails after a change to config/arm6.yaml: train again, the report holds the command.
+// When this fails after a change to a robot file: train again, the report holds the command.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
@@ -83,6 +84,26 @@ std::vector<std::string> facts(const config::RobotConfig& robot) {
   return lines;
 }
 
+void expect_examples(const config::RobotConfig& robot, const nlohmann::json& report) {
+  ASSERT_TRUE(check_policy_section(robot));
+  auto policy = load_onnx_policy(robot.policy->file, robot.policy->input, robot.policy->output);
+  ASSERT_TRUE(policy) << policy.error();
+  const auto fits = check_fit(robot, **policy);
+  ASSERT_TRUE(fits) << fits.error();
+  const auto inputs = report["examples"]["inputs"].get<std::vector<std::vector<float>>>();
+  const auto outputs = report["examples"]["outputs"].get<std::vector<std::vector<double>>>();
+  ASSERT_GE(inputs.size(), 4U);
+  ASSERT_EQ(inputs.size(), outputs.size());
+  std::vector<float> result((*policy)->output_size());
+  for (std::size_t example = 0; example < inputs.size(); ++example) {
+    (*policy)->infer(inputs[example], result);
+    ASSERT_EQ(outputs[example].size(), result.size());
+    for (std::size_t i = 0; i < result.size(); ++i) {
+      EXPECT_NEAR(static_cast<double>(result[i]), outputs[example][i], 1e-5) << "example " << example << " value " << i;
+    }
+  }
+}
+
 class TrainingReport : public testing::Test {
  protected:
   void SetUp() override {
@@ -108,23 +129,66 @@ TEST_F(TrainingReport, DescribesThisRobot) {
 }
 
 TEST_F(TrainingReport, ItsExamplesComeOutOfOurEngine) {
-  ASSERT_TRUE(check_policy_section(robot_));
-  auto policy = load_onnx_policy(robot_.policy->file, robot_.policy->input, robot_.policy->output);
-  ASSERT_TRUE(policy) << policy.error();
-  const auto fits = check_fit(robot_, **policy);
-  ASSERT_TRUE(fits) << fits.error();
-  const auto inputs = report_["examples"]["inputs"].get<std::vector<std::vector<float>>>();
-  const auto outputs = report_["examples"]["outputs"].get<std::vector<std::vector<double>>>();
-  ASSERT_GE(inputs.size(), 4U);
-  ASSERT_EQ(inputs.size(), outputs.size());
-  std::vector<float> result((*policy)->output_size());
-  for (std::size_t example = 0; example < inputs.size(); ++example) {
-    (*policy)->infer(inputs[example], result);
-    ASSERT_EQ(outputs[example].size(), result.size());
-    for (std::size_t i = 0; i < result.size(); ++i) {
-      EXPECT_NEAR(static_cast<double>(result[i]), outputs[example][i], 1e-5) << "example " << example << " value " << i;
-    }
+  expect_examples(robot_, report_);
+}
+
+// The lines that cart_pole_model.py's facts_of() writes.
+std::vector<std::string> cart_pole_facts(const config::RobotConfig& robot) {
+  std::vector<std::string> lines;
+  for (const config::Joint& joint : robot.joints) lines.push_back("joint " + joint.name + numbers({joint.home}));
+  const config::Joint& cart = robot.joints[0];
+  lines.push_back("drive" + numbers({cart.kp, cart.kd, cart.limits.torque, cart.inertia}));
+  const config::Simulation& simulation = *robot.simulation;
+  const config::CartPole& machine = *simulation.cart_pole;
+  lines.push_back("cart_pole" + numbers({machine.pulley_radius, machine.cart_mass, machine.pole_mass, machine.pole_com,
+                                         machine.pole_inertia}));
+  const config::Policy& policy = *robot.policy;
+  lines.push_back("policy" + numbers({policy.period.seconds(), policy.step_period.seconds()}) +
+                  fmt::format(" {} {} {}", policy.steps, policy.input, policy.output));
+  for (const config::ObservationTerm& term : policy.observation)
+    lines.push_back(fmt::format("term {} {}", term_word(term.kind), term.sensor.empty() ? "-" : term.sensor) +
+                    numbers({term.scale.front()}));
+  lines.push_back("camera" + numbers({simulation.camera_period.seconds(), simulation.camera_delay.seconds(),
+                                      simulation.camera_jitter.seconds()}));
+  lines.push_back("steps" + numbers({simulation.step_amplitude, simulation.step_period.seconds()}));
+  return lines;
+}
+
+class CartPoleReport : public testing::Test {
+ protected:
+  void SetUp() override {
+    auto robot = config::load("config/cart_pole.yaml");
+    ASSERT_TRUE(robot) << robot.error();
+    robot_ = *std::move(robot);
+    ASSERT_NO_THROW(report_ = nlohmann::json::parse(text_of("config/cart_pole_balance.training.json")));
   }
+  config::RobotConfig robot_;
+  nlohmann::json report_;
+};
+
+TEST_F(CartPoleReport, DescribesThisNetworkAndThisRobot) {
+  EXPECT_EQ(config::sha256_hex(text_of(robot_.policy->file)), report_["onnx_sha256"].get<std::string>());
+  EXPECT_EQ(cart_pole_facts(robot_), report_["configuration"].get<std::vector<std::string>>());
+}
+
+TEST_F(CartPoleReport, ItsExamplesComeOutOfOurEngine) {
+  expect_examples(robot_, report_);
+}
+
+TEST_F(CartPoleReport, TheFallbackIsTheRegulatorOfTheseMechanics) {
+  const auto gains = report_["fallback_gains"].get<std::vector<double>>();
+  const config::FeedbackRow& row = robot_.fallbacks.at(0).gains.at(0);
+  for (std::size_t joint = 0; joint < 2; ++joint) {
+    EXPECT_NEAR(row.position.at(joint), gains.at(joint), 0.01 * std::abs(gains.at(joint)));
+    EXPECT_NEAR(row.velocity.at(joint), gains.at(2 + joint), 0.01 * std::abs(gains.at(2 + joint)));
+  }
+}
+
+TEST_F(CartPoleReport, ClaimsABalancingPolicy) {
+  const auto& evaluation = report_["evaluation"];
+  EXPECT_EQ(evaluation["policy"]["fell"].get<double>(), 0.0);
+  EXPECT_EQ(evaluation["hold"]["fell"].get<double>(), 1.0);
+  EXPECT_LT(evaluation["policy"]["rms_m"].get<double>(), 1.1 * evaluation["teacher"]["rms_m"].get<double>());
 }
 
 TEST_F(TrainingReport, ClaimsATrackingPolicy) {
