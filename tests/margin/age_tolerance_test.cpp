@@ -27,7 +27,9 @@ TEST(AgeTolerance, ProposalFollowsWhatTheTaskTolerates) {
   const TolerancePoint* tolerated = nullptr;
   bool refused = false;
   for (const TolerancePoint& point : found->ages) {
-    if (point.tolerated) EXPECT_NEAR(point.age_p50_ms, found->ages.front().age_p50_ms + point.dose_ms, 12);
+    if (point.tolerated) {
+      EXPECT_NEAR(point.age_p50_ms, found->ages.front().age_p50_ms + point.dose_ms, 12);
+    }
     if (point.tolerated && !refused) tolerated = &point;
     refused |= !point.tolerated;
   }
