@@ -1,4 +1,5 @@
-// takt trace: records the trace points of all Takt processes of this machine with LTTng's own tools.
+// takt trace start, snapshot, stop: records the trace points of all Takt processes of this machine with LTTng's own
+// tools.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -223,7 +224,7 @@ void add_trace(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("trace", "Record every Takt process of this machine with LTTng.");
   command->require_subcommand(1);
   command->footer(
-      "Example: takt trace start --output /var/tmp/t1; takt trace stop; babeltrace2 /var/tmp/t1\n"
+      "Example: takt trace start --output /var/tmp/t1; takt trace stop; takt trace review /var/tmp/t1\n"
       "Exit codes: 0 done, 1 refused, 64 command line, 69 lttng-tools is missing or no trace runs. See "
       "docs/tracing.md.");
   auto options = std::make_shared<Options>();

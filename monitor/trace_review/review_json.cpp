@@ -96,6 +96,7 @@ Json to_json(const TraceReview& review, const TraceReading& reading, const Timel
   return {{"schema", "takt.trace_review/1"},
           {"events", reading.events},
           {"other_events", reading.other_events},
+          {"unreadable", reading.unreadable},
           {"span_ns", (timeline.last_at - timeline.first_at).ns},
           {"processes", processes_json(timeline)},
           {"losses", losses_json(reading)},

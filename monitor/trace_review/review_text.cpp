@@ -118,6 +118,8 @@ std::string review_text(const TraceReview& review, const TraceReading& reading, 
   std::string text = fmt::format("trace         {} events, {:.3f} s; {}\n", reading.events,
                                  (timeline.last_at - timeline.first_at).seconds(), processes(timeline));
   if (reading.other_events != 0) text += fmt::format("              {} events of others\n", reading.other_events);
+  for (const std::string& kind : reading.unreadable)
+    text += fmt::format("              left out, of another version of Takt: {}\n", kind);
   text += losses(reading);
   text +=
       fmt::format("executive     {}: {} ticks every {:.3f} ms, {} late wake-ups, {} periods skipped\n",

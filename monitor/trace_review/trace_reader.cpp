@@ -101,7 +101,7 @@ class Reader {
  public:
   explicit Reader(const std::function<void(const TraceEvent&)>& visit) : visit_(visit) {}
 
-  // One batch of messages. False: no more, or refusal() says why not.
+  // One batch of messages. False: no more, or failed().
   bool next(bt_message_iterator* messages) {
     bt_message_array_const batch = nullptr;
     std::uint64_t count = 0;
@@ -115,11 +115,10 @@ class Reader {
       message(batch[i]);
       bt_message_put_ref(batch[i]);
     }
-    return refusal_.empty();
+    return true;
   }
 
   [[nodiscard]] bool failed() const { return failed_; }  // babeltrace's own error, still to be asked for
-  [[nodiscard]] const std::string& refusal() const { return refusal_; }
   TraceReading reading;
 
  private:
@@ -187,10 +186,10 @@ class Reader {
     const bt_field_class* const payload = bt_event_class_borrow_payload_field_class_const(event_class);
     for (const std::string_view wanted : shape.fields) {
       const auto index = index_of(payload, wanted);
-      if (!index && refusal_.empty())
-        refusal_ =
-            fmt::format("event takt:{} has no field {}: the trace is of another version of Takt", shape.name, wanted);
-      if (!index) continue;
+      if (!index) {
+        reading.unreadable.push_back(fmt::format("takt:{} without field {}", shape.name, wanted));
+        return {};
+      }
       if (const SetNumber set = setter_of(wanted); set != nullptr) plan.members.push_back({*index, set, nullptr});
       if (wanted == "process") plan.members.push_back({*index, nullptr, &TraceEvent::process});
       if (wanted == "joints") plan.members.push_back({*index, nullptr, &TraceEvent::joints});
@@ -238,7 +237,6 @@ class Reader {
 
   const std::function<void(const TraceEvent&)>& visit_;
   std::unordered_map<const bt_event_class*, ReadingPlan> plans_;
-  std::string refusal_;
   bool failed_ = false;
 };
 
@@ -330,7 +328,6 @@ std::expected<TraceReading, std::string> read_trace(const std::string& directory
   const Graph graph(bt_graph_create(0));
   const bool read =
       graph && build(graph.get(), ctf, utils, *folders, reader) && bt_graph_run(graph.get()) == BT_GRAPH_RUN_STATUS_OK;
-  if (!reader.refusal().empty()) return std::unexpected(fmt::format("{}: {}", directory, reader.refusal()));
   if (!read) return std::unexpected(fmt::format("{} cannot be read as a trace: {}", directory, last_error()));
   reader.reading.folders = std::move(*folders);
   return std::move(reader.reading);

@@ -25,9 +25,10 @@ struct TraceLoss {
 };
 
 struct TraceReading {
-  std::vector<std::string> folders;  // the CTF traces that were read
-  std::uint64_t events = 0;          // of Takt
-  std::uint64_t other_events = 0;    // of other providers and of the kernel
+  std::vector<std::string> folders;     // the CTF traces that were read
+  std::uint64_t events = 0;             // of Takt
+  std::uint64_t other_events = 0;       // of other providers and of the kernel
+  std::vector<std::string> unreadable;  // kinds of events left out, of another version of Takt: what they lack
   std::vector<TraceLoss> losses;
 };
 
