@@ -220,6 +220,7 @@ std::expected<RanRollout, std::string> Contest::run(const PlannedRollout& planne
 std::string Contest::draft_of(const RolloutRow& row, const FailureWatch& watch,
                               const monitor::FaultSummary& faults) const {
   PostMortemDraft draft{.row = row,
+                        .artifact_id = {},
                         .show_again = fmt::format("takt panel run {} --only {} --out again  # panel: SHA-256 {}",
                                                   panel_.file, rollout_id(row), panel_.sha256),
                         .ticks = &watch,
