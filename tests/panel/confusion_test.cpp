@@ -53,7 +53,8 @@ TEST(Confusion, IsSilentWhereNothingWasPlanted) {
 
 TEST(Confusion, EveryPlantingPerturbationExists) {
   std::size_t planting = 0;
-  for (const PerturbationKind& kind : perturbation_kinds()) planting += planted_fault(kind.name) ? 1 : 0;
+  for (const PerturbationKind& kind : perturbation_kinds())
+    if (planted_fault(kind.name)) ++planting;
   EXPECT_EQ(planting, 14U);
   EXPECT_FALSE(planted_fault("none"));
 }

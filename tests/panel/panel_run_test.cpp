@@ -80,7 +80,7 @@ TEST_F(ResumedPanel, AFailedRolloutBringsItsPostMortem) {
                            "takt panel run config/panels/smoke.yaml --only arm_tracking.policy_crash@2000.takt.s1"})
     EXPECT_NE(ran->post_mortem.find(part), std::string::npos) << part << "\n" << ran->post_mortem;
   const std::string ticks = ran->post_mortem.substr(ran->post_mortem.find("## The ticks around"));
-  EXPECT_EQ(std::ranges::count(ticks.substr(0, ticks.find("## See")), '\n'), 27) << "21 ticks and what frames them";
+  EXPECT_EQ(std::ranges::count(ticks.substr(0, ticks.find("## See")), '\n'), 28) << "21 ticks and what frames them";
 
   auto writer = ArtifactWriter::create(path("kept"), contest.manifest(plan.size()), contest.panel().text);
   ASSERT_TRUE(writer.has_value()) << writer.error();
