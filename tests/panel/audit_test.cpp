@@ -54,12 +54,13 @@ TEST_F(AuditTest, AWholeArtifactIsReadyAndAnswersByName) {
   EXPECT_TRUE(result.is_ready());
   const std::string id = artifact.manifest.artifact_id;
   EXPECT_EQ(audit_text(result),
-            "metric contract     fast: Pr(age > 40 ms) <= 5 % at 95 % confidence\n"
+            "metric contract     fast on reach: Pr(age > 40 ms) <= 5 % at 95 % confidence\n"
             "perturbation panel  smoke, 20 seeds (seeds 1 to 20, the same for every method): none 1, stall 1.\n"
             "monitor state       ended in damped_stop (command_lost) 1, tracking 1\n"
             "artifact id         " +
                 id +
                 "\n"
+                "fault verdicts      the panel plants no cause that the classifier names\n"
                 "conceptual claim    late actions destabilise\n"
                 "systems claim       how stale chunks are refused\n"
                 "evidence claim      p95 age and success under stalls\n"

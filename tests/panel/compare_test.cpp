@@ -148,7 +148,7 @@ TEST_F(CompareTest, NotesWhatAReaderMustKnow) {
                               "Pr(age > 60 ms) <= 5 %",
                               "B is unfinished: 1 of 2 planned rollouts", "19 rows of A have no partner"}));
   for (const MetricDifference& each : result.pooled.metrics) EXPECT_FALSE(each.metric.starts_with("misses"));
-  EXPECT_EQ(result.pooled.metrics.size(), 16U);
+  EXPECT_EQ(result.pooled.metrics.size(), 18U);
   const Artifact c = write_artifact(path("c"), sample_manifest({"slow"}, 1), {sample_row("slow", 20)});
   EXPECT_EQ(refusal(compare(a, c)), "not comparable: no row of A has a partner in B");
 }
