@@ -27,7 +27,7 @@ HIDDEN, BATCH = 64, 256
 EPISODE, DT = 6.0, 0.001  # s
 FELL = 0.6  # rad
 LATENCY = (0.006, 0.016)  # s from an observation to the path it brings
-ACCELERATION, SPEED, FAR = 8.0, 0.9, 0.25  # m/s^2, m/s, m: the teacher's bounds
+ACCELERATION, SPEED, FAR = 8.0, 0.9, 0.15  # m/s^2, m/s, m: the teacher's bounds
 SUBSTEPS = 8  # of one step of a chunk
 
 
