@@ -6,24 +6,21 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <array>
 #include <chrono>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <thread>
 
+#include "tests/cli/shell.hpp"
+
 namespace takt::cli {
 namespace {
 
 namespace fs = std::filesystem;
 
-struct Ended {
-  int exit_code = -1;
-  std::string output;  // stdout and stderr together
-};
+using test::Ended;
 
 // Bounded wait for what other processes do.
 bool poll_until(const auto& holds) {
@@ -52,31 +49,12 @@ class Background {
   pid_t pid_;
 };
 
-class Cli : public testing::Test {
+class Cli : public test::Shell {
  protected:
-  Cli() {
-    std::string pattern = (fs::temp_directory_path() / "takt-cli.XXXXXX").string();
-    directory_ = mkdtemp(pattern.data());
-  }
-  ~Cli() override {
-    std::error_code ignored;
-    fs::remove_all(directory_, ignored);
-  }
   static std::string takt() { return std::string(TAKT_BIN_DIR) + "/takt "; }
-  static Ended run(const std::string& arguments) { return run_shell(takt() + arguments + " 2>&1"); }
-  static Ended run_shell(const std::string& command) {
-    FILE* pipe = popen(command.c_str(), "r");
-    if (!pipe) return {};
-    Ended ended;
-    std::array<char, 4096> buffer{};
-    while (const std::size_t got = fread(buffer.data(), 1, buffer.size(), pipe))
-      ended.output.append(buffer.data(), got);
-    ended.exit_code = WEXITSTATUS(pclose(pipe));
-    return ended;
-  }
-  [[nodiscard]] std::string in(const std::string& name) const { return directory_ + "/" + name; }
+  static Ended run(const std::string& arguments) { return Shell::takt(arguments); }
   [[nodiscard]] std::string run_arguments(const std::string& more) const {
-    return "run config/arm6.yaml --allow-non-realtime --runtime-dir " + directory_ + " --run-dir " + in("run") + " " +
+    return "run config/arm6.yaml --allow-non-realtime --runtime-dir " + directory() + " --run-dir " + in("run") + " " +
            more;
   }
   // Processes whose command line names this test's directory.
@@ -85,11 +63,10 @@ class Cli : public testing::Test {
     for (const auto& entry : fs::directory_iterator("/proc")) {
       std::ifstream file(entry.path() / "cmdline");
       const std::string line{std::istreambuf_iterator<char>(file), {}};
-      if (line.find(directory_) != std::string::npos && line.find("takt") != std::string::npos) ++count;
+      if (line.find(directory()) != std::string::npos && line.find("takt") != std::string::npos) ++count;
     }
     return count;
   }
-  std::string directory_;
 };
 
 TEST_F(Cli, HelpOfEveryCommandHasAnExampleAndItsExitCodes) {
@@ -153,11 +130,11 @@ TEST_F(Cli, ImportRefusesToOverwrite) {
 
 TEST_F(Cli, WithoutAnExecutiveRequestsEndWith69) {
   for (const char* verb : {"arm", "stop", "reset", "status"}) {
-    const Ended ended = run(std::string(verb) + " --runtime-dir " + directory_);
+    const Ended ended = run(std::string(verb) + " --runtime-dir " + directory());
     EXPECT_EQ(ended.exit_code, 69) << verb;
     EXPECT_NE(ended.output.find("no executive answers in"), std::string::npos);
   }
-  EXPECT_FALSE(nlohmann::json::parse(run("status --json --runtime-dir " + directory_).output)["done"].get<bool>());
+  EXPECT_FALSE(nlohmann::json::parse(run("status --json --runtime-dir " + directory()).output)["done"].get<bool>());
 }
 
 TEST_F(Cli, RunRefusesABadConfigurationAndStartsNothing) {
@@ -184,17 +161,17 @@ TEST_F(Cli, RunFollowsItsScriptAndLeavesOnlyTheRunFolder) {
 TEST_F(Cli, OnATerminalTheStateIsOneLineWrittenOver) {
   const std::string command =
       "script -qec '" + takt() + run_arguments("--arm --duration 1s") + "' /dev/null </dev/null 2>&1";
-  const Ended ended = run_shell(command);
+  const Ended ended = shell(command);
   EXPECT_EQ(ended.exit_code, 0) << ended.output;
   EXPECT_NE(ended.output.find("\r\x1b[K"), std::string::npos) << ended.output;
 }
 
 // Only the arm and the executive run: a second robot in the same place is refused, and so is arming without a policy.
 TEST_F(Cli, ALiveExecutiveRefusesToArmAndKeepsItsPlace) {
-  const std::string place = " --robot config/arm6.yaml --runtime-dir " + directory_;
+  const std::string place = " --robot config/arm6.yaml --runtime-dir " + directory();
   const Background plant("takt-plant" + place, in("plant.log"));
   const Background executive("takt-executive --allow-non-realtime" + place, in("executive.log"));
-  const std::string where = " --runtime-dir " + directory_;
+  const std::string where = " --runtime-dir " + directory();
   ASSERT_TRUE(poll_until([&] { return run("status" + where).exit_code == 0; }));
 
   const Ended armed = run("arm" + where);
@@ -207,7 +184,7 @@ TEST_F(Cli, ALiveExecutiveRefusesToArmAndKeepsItsPlace) {
 
   const Ended second = run(run_arguments("--arm"));
   EXPECT_EQ(second.exit_code, 1);
-  EXPECT_NE(second.output.find("a robot already runs in " + directory_), std::string::npos) << second.output;
+  EXPECT_NE(second.output.find("a robot already runs in " + directory()), std::string::npos) << second.output;
   EXPECT_FALSE(fs::exists(in("run")));
   EXPECT_EQ(run("status" + where).exit_code, 0) << "the first one is not disturbed";
 }
@@ -237,7 +214,7 @@ TEST_F(Cli, NothingOutlivesAKilledSupervisor) {
     const std::string log = in("takt.log");
     if (!freopen(log.c_str(), "w", stdout)) _exit(1);
     execl(program.c_str(), "takt", "run", "config/arm6.yaml", "--allow-non-realtime", "--runtime-dir",
-          directory_.c_str(), "--run-dir", in("run").c_str(), "--arm", nullptr);
+          directory().c_str(), "--run-dir", in("run").c_str(), "--arm", nullptr);
     _exit(127);
   }
   EXPECT_TRUE(poll_until([this] {
