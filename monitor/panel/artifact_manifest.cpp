@@ -67,7 +67,7 @@ MethodFacts method_of(const Json& json, const std::string& name) {
   check_object(json, what, {"description", "tasks"});
   MethodFacts method{.description = json.at("description"), .tasks = {}};
   for (const auto& [task, facts] : json.at("tasks").items())
-    method.tasks[task] = task_facts_of(facts, what + ".tasks." + task);
+    method.tasks[task] = task_facts_of(facts, fmt::format("{}.tasks.{}", what, task));
   return method;
 }
 
