@@ -173,7 +173,7 @@ class MetricWriter {
             {"count", integer(histogram.count)}, {"sum", static_cast<double>(histogram.sum.ns) / 1e9},
             {"bucketCounts", std::move(counts)}, {"explicitBounds", std::move(bounds)}};
   }
-  void add(std::string_view name, std::string_view description, std::string_view unit, Json data) {
+  void add(std::string_view name, std::string_view description, std::string_view unit, const Json& data) {
     Json metric{{"name", name}, {"description", description}, {"unit", unit}};
     metric.update(data);
     metrics_.push_back(std::move(metric));
