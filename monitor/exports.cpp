@@ -26,6 +26,7 @@ Exports::Exports(const config::RobotConfig& robot, const std::string& runtime_di
 }
 
 void Exports::begin(const RunManifest& manifest, const std::string& folder, MonoTime now) {
+  began_ = now;
   metrics_.begin(manifest.run_id);
   if (dds_) condenser_.emplace(robot_, manifest.clock.monotonic_to_unix_ns, now, dds_->outbox());
   if (!robot_.otlp) return;
@@ -41,7 +42,8 @@ RecordSink Exports::also_to(const RecordSink& recorded) {
   RecordSink all = recorded;
   all.tick = [this, &recorded](const TickRecord& record) {
     recorded.tick(record);
-    if (record.header.mode != record.header.previous_mode) trace::mode_changed(record.header);
+    if (record.header.mode != record.header.previous_mode && record.header.now >= began_)
+      trace::mode_changed(record.header);
     metrics_.tick(record);
     if (condenser_) condenser_->tick(record);
     if (otlp_) otlp_->tick(record);

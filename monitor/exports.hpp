@@ -23,6 +23,7 @@ class Exports {
   // `robot` outlives the exports.
   Exports(const config::RobotConfig& robot, const std::string& runtime_directory, std::uint64_t max_file_bytes);
 
+  // Records of before `now` are history: they are counted, but no event that others act on comes of them.
   void begin(const RunManifest& manifest, const std::string& folder, MonoTime now);
   // A sink that hands everything to `recorded` and here; both outlive it.
   RecordSink also_to(const RecordSink& recorded);
@@ -34,7 +35,7 @@ class Exports {
   const config::RobotConfig& robot_;
   std::uint64_t max_file_bytes_;
   LiveMetrics metrics_;
-  MonoTime published_at_;
+  MonoTime began_, published_at_;
   std::optional<dds::Exporter> dds_;
   std::optional<PrometheusServer> prometheus_;
   std::optional<OtlpSender> otlp_sender_;

@@ -24,7 +24,7 @@
 #include "executive/runtime/evidence.hpp"
 #include "executive/runtime/mailbox_handover.hpp"
 #include "executive/runtime/operator_inbox.hpp"
-#include "executive/runtime/pace.hpp"
+#include "executive/contract/pace.hpp"
 #include "executive/runtime/published_segments.hpp"
 #include "executive/runtime/status_board.hpp"
 #include "executive/runtime/wakeup.hpp"

@@ -12,6 +12,7 @@
 #include "drivers/joint_jog.hpp"
 #include "drivers/protocol_table.hpp"
 #include "drivers/receive_stamp.hpp"
+#include "executive/contract/pace.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/direct_bus.hpp"
 
@@ -41,8 +42,8 @@ void run(drivers::JointJog& jog, drivers::JointDriver& driver, drivers::CanBus& 
   std::signal(SIGTERM, [](int) { g_interrupted = 1; });
   std::array<drivers::ReceivedFrame, 64> received;
   std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out;
-  for (MonoTime due = clock_now(); !jog.ended(); due = due + period) {
-    sleep_until(due);
+  for (Pace pace(clock_now(), period); !jog.ended(); pace.advance(clock_now())) {
+    sleep_until(pace.due());
     if (g_interrupted != 0) jog.stop();
     const std::size_t count = bus.receive(received);
     for (std::size_t i = 0; i < count; ++i) driver.decode(received[i]);

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <httplib.h>
+#include <signal.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -30,6 +31,16 @@ milliseconds retry_after(const httplib::Response& response) {
   unsigned seconds = 0;
   std::from_chars(text.data(), text.data() + text.size(), seconds);
   return milliseconds(std::int64_t{1000} * std::min(seconds, 600U));
+}
+
+// httplib's client looks whether the receiver is there, then writes without MSG_NOSIGNAL: one that hangs up in between
+// would end the monitor. A blocked SIGPIPE is dropped with the thread it was meant for; the write says EPIPE. Calling
+// thread only.
+void survive_hang_ups() {
+  sigset_t pipe;
+  sigemptyset(&pipe);
+  sigaddset(&pipe, SIGPIPE);
+  pthread_sigmask(SIG_BLOCK, &pipe, nullptr);
 }
 
 // Where the path begins: behind the host.
@@ -88,6 +99,7 @@ void OtlpSender::wait(milliseconds limit) {
 }
 
 void OtlpSender::send_until_closed() {
+  survive_hang_ups();
   std::minstd_rand random(std::random_device{}());
   milliseconds delay = patience_.first;
   while (true) {

@@ -101,8 +101,10 @@ void modes(Exposition& out, const LiveMetrics& metrics) {
 void loop(Exposition& out, const LiveMetrics& metrics, const config::RobotConfig& robot) {
   out.family("takt_up", "gauge", "1 while an executive runs and is recorded.");
   out.sample(metrics.running ? 1 : 0);
-  out.family("takt_run_info", "gauge", "Always 1; what runs is in the labels.");
-  out.sample(1, {{"run_id", metrics.run_id}, {"config_sha256", robot.sha256}});
+  if (!metrics.run_id.empty()) {
+    out.family("takt_run_info", "gauge", "Always 1; what runs is in the labels.");
+    out.sample(1, {{"run_id", metrics.run_id}, {"config_sha256", robot.sha256}});
+  }
   out.family("takt_control_period_seconds", "gauge", "Configured period of the control loop.");
   out.sample(robot.control.period.seconds());
   out.family("takt_ticks_total", "counter", "Ticks of the control loop.");

@@ -38,13 +38,19 @@ class BusTools : public testing::Test {
     plant_.reset();
     std::filesystem::remove_all(directory_);
   }
-  Ended takt(std::vector<std::string> words) {
+  Ended takt(const std::vector<std::string>& words) {
+    Child child = start(words);
+    return end(child);
+  }
+  Child start(std::vector<std::string> words) {
     words.insert(words.begin(), "takt");
     words.insert(words.end(), {"--robot", kRobot, "--runtime-dir", directory_});
-    const std::string log = directory_ + "/takt-" + std::to_string(++commands_) + ".out";
-    Child child(words, log);
+    return {words, directory_ + "/takt-" + std::to_string(++commands_) + ".out"};
+  }
+  // Of the command started last.
+  Ended end(Child& child) {
     const int exit_code = child.wait(std::chrono::seconds(60)).value_or(-1);
-    std::ifstream file(log);
+    std::ifstream file(directory_ + "/takt-" + std::to_string(commands_) + ".out");
     return {exit_code, {std::istreambuf_iterator<char>(file), {}}};
   }
 
@@ -67,6 +73,20 @@ TEST_F(BusTools, JogMovesOneJointOfEveryProtocolAndLetsGo) {
     ASSERT_EQ(jog.exit_code, 0) << joint << jog.output;
     EXPECT_NEAR(jog.json().at("moved_rad").get<double>(), 3 * 0.01745, 0.015) << joint << jog.output;
   }
+}
+
+// Periods that a pause swallowed are skipped: sent in a burst, their frames would look to the driver like as many ticks
+// without a reply. Pauses are far shorter than the drive's watchdog.
+TEST_F(BusTools, JogGoesOnAfterAPause) {
+  Child jog = start({"joint", "jog", "right_wrist_yaw", "--by", "3", "--speed", "20", "--torque", "4", "--json"});
+  for (int pause = 0; pause < 12; ++pause) {
+    jog.signal(SIGSTOP);
+    std::this_thread::sleep_for(std::chrono::milliseconds(30));
+    jog.signal(SIGCONT);
+    std::this_thread::sleep_for(std::chrono::milliseconds(30));
+  }
+  const Ended ended = end(jog);
+  EXPECT_EQ(ended.exit_code, 0) << ended.output;
 }
 
 TEST_F(BusTools, ZeroSetsOrSaysTheOffset) {

@@ -3,8 +3,11 @@
 // waits are for what it counted.
 #include "monitor/telemetry/otlp_sender.hpp"
 
+#include <arpa/inet.h>
 #include <gtest/gtest.h>
 #include <httplib.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 #include <functional>
 #include <vector>
@@ -90,6 +93,29 @@ TEST(OtlpSender, AReceiverThatIsAwayCostsBoundedMemoryAndNoWaiting) {
   OtlpSender sender("http://127.0.0.1:1", patience);  // port 1: nobody listens
   for (int i = 0; i < 100; ++i) sender.post(OtlpSignal::traces, std::string(100, 'x'));
   EXPECT_EQ(sender.deliveries().overflowed, 90U);
+}
+
+// It leaves with the sender's bytes unread, while the sender is still writing: the body is larger than the sockets'
+// buffers.
+TEST(OtlpSender, TriesAgainWhenTheReceiverHangsUp) {
+  const int listener = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t length = sizeof address;
+  ASSERT_EQ(bind(listener, reinterpret_cast<sockaddr*>(&address), length), 0);
+  ASSERT_EQ(listen(listener, 8), 0);
+  ASSERT_EQ(getsockname(listener, reinterpret_cast<sockaddr*>(&address), &length), 0);
+  OtlpSender sender("http://127.0.0.1:" + std::to_string(ntohs(address.sin_port)), kImpatient);
+  sender.post(OtlpSignal::traces, std::string(std::size_t{4} << 20U, 'x'));
+  for (int connection = 0; connection < 5; ++connection) {
+    const int accepted = accept(listener, nullptr, nullptr);
+    char byte = 0;
+    EXPECT_EQ(recv(accepted, &byte, 1, MSG_PEEK), 1);
+    close(accepted);
+  }
+  close(listener);
+  EXPECT_EQ(sender.deliveries().delivered + sender.deliveries().refused, 0U);
 }
 
 TEST(OtlpSender, LastWordsAreSentBeforeItEnds) {

@@ -31,6 +31,11 @@ std::string text_of_a_run(const std::string& run_id = "run-1") {
   return prometheus_text(metrics, demo_robot());
 }
 
+TEST(PrometheusText, NamesNoRunBeforeThereIsOne) {
+  EXPECT_EQ(text_of_a_run("").find("takt_run_info"), std::string::npos);
+  EXPECT_NE(text_of_a_run("run-1").find("run_id=\"run-1\""), std::string::npos);
+}
+
 TEST(PrometheusText, EverySampleHasHelpAndType) {
   std::istringstream lines(text_of_a_run());
   std::set<std::string> helped, typed;

@@ -7,7 +7,7 @@
 
 #include "executive/contract/mono_time.hpp"
 
-namespace takt::runtime {
+namespace takt {
 
 class Pace {
  public:
@@ -34,4 +34,4 @@ class Pace {
   std::uint64_t skipped_ = 0;
 };
 
-}  // namespace takt::runtime
+}  // namespace takt

@@ -1,11 +1,11 @@
 // Goal: an overrun skips exactly the instants that have passed, and the grid never moves. Method: property over random
 // ends.
-#include "executive/runtime/pace.hpp"
+#include "executive/contract/pace.hpp"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-namespace takt::runtime {
+namespace takt {
 namespace {
 
 constexpr MonoTime kFirst{5'000'000};
@@ -41,4 +41,4 @@ RC_GTEST_PROP(Pace, KeepsPhaseAndCountsWhatItSkipped, ()) {
 }
 
 }  // namespace
-}  // namespace takt::runtime
+}  // namespace takt
