@@ -32,18 +32,6 @@ struct Phase {
   std::string trace;
 };
 
-bool takt(const test::RunningRobot& robot, std::vector<std::string> arguments) {
-  arguments.insert(arguments.begin(), "takt");
-  return test::Child(std::move(arguments), robot.directory() + "/takt.log").wait(std::chrono::seconds(60)) == 0;
-}
-
-std::uint64_t wait_for(const test::RunningRobot& robot, std::uint64_t ticks) {
-  const auto reply = robot.status();
-  const std::uint64_t until = (reply ? reply->status.ticks : 0) + ticks;
-  (void)robot.wait_until([until](const StatusSnapshot& status) { return status.ticks >= until; });
-  return until;
-}
-
 // By tick number: its cost; work is unknown (negative) for the last tick and before a gap.
 std::vector<TickCost> costs_of(const monitor::RecordedRun& run) {
   std::vector<TickCost> costs;
@@ -148,14 +136,14 @@ int run(bool as_json, int repetitions, std::uint64_t ticks) {
   std::vector<Phase> phases;
   for (int repetition = 0; repetition < repetitions; ++repetition) {
     Phase phase;
-    phase.first = wait_for(robot, ticks) - ticks;
+    phase.first = robot.let_run(ticks) - ticks;
     phase.trace = robot.directory() + "/trace" + std::to_string(repetition);
-    if (!takt(robot, {"trace", "start", "--output", phase.trace})) {
+    if (!robot.takt({"trace", "start", "--output", phase.trace})) {
       report.remark("no trace could be started (lttng-tools, or another trace runs):\n" + robot.logs());
       return 1;
     }
-    wait_for(robot, ticks);
-    if (!takt(robot, {"trace", "stop"})) return 1;
+    robot.let_run(ticks);
+    if (!robot.takt({"trace", "stop"})) return 1;
     phase.last = robot.status().value_or(OperatorReply{}).status.ticks;
     phases.push_back(std::move(phase));
   }

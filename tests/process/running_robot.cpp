@@ -114,6 +114,18 @@ std::optional<OperatorReply> RunningRobot::status() const {
   return *reply;
 }
 
+bool RunningRobot::takt(std::vector<std::string> arguments) const {
+  arguments.insert(arguments.begin(), "takt");
+  return Child(std::move(arguments), directory_ + "/takt.log").wait(std::chrono::seconds(60)) == 0;
+}
+
+std::uint64_t RunningRobot::let_run(std::uint64_t ticks) const {
+  const auto reply = status();
+  const std::uint64_t until = (reply ? reply->status.ticks : 0) + ticks;
+  (void)wait_until([until](const StatusSnapshot& now) { return now.ticks >= until; });
+  return until;
+}
+
 std::optional<OperatorReply> RunningRobot::wait_until(const std::function<bool(const StatusSnapshot&)>& holds) const {
   std::optional<OperatorReply> last;
   for (int poll = 0; poll < kPolls; ++poll) {

@@ -53,6 +53,10 @@ class RunningRobot {
   // Asks until armed or 20 s passed; returns the last refusal, empty when armed.
   std::string arm() const;
   [[nodiscard]] std::optional<OperatorReply> status() const;
+  // `takt ARGUMENTS...` to its end, 60 s at most. True: it exited with 0.
+  bool takt(std::vector<std::string> arguments) const;
+  // Lets that many ticks pass. Returns the number of the last one.
+  std::uint64_t let_run(std::uint64_t ticks) const;
 
   // Ends executive, then monitor (so that the run folder is complete). True when both exited with 0.
   bool finish();
