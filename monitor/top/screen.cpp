@@ -147,8 +147,7 @@ Line overruns_line(const Picture& picture) {
     if (picture.overruns[cause] != 0)
       causes += fmt::format("{} {}, ", name(static_cast<OverrunCause>(cause)), picture.overruns[cause]);
   if (causes.empty()) return line.add(fmt::format("none in {} ticks", picture.ticks));
-  line.add(causes, Style::warning).add(fmt::format("{} periods skipped", picture.skipped_periods));
-  return line.add(fmt::format(" in {} ticks", picture.ticks), Style::faint);
+  return line.add(causes, Style::warning).add(fmt::format("{} periods skipped", picture.skipped_periods));
 }
 
 Line policy_line(const Picture& picture) {
@@ -232,7 +231,7 @@ std::vector<Line> joint_lines(const Picture& picture, const Prompt& prompt, std:
 Line footer(const Picture& picture, const Prompt& prompt) {
   Line line;
   if (prompt.confirms_arm)
-    return line.add("ARM: enable the drives and let the policy move the robot? y yes, any other key no", Style::alarm);
+    return line.add("ARM: enable the drives, let the policy move the robot? y yes, other keys no", Style::alarm);
   if (!prompt.note.empty()) return line.add(prompt.note, prompt.note_is_bad ? Style::alarm : Style::strong);
   if (picture.lost_ticks != 0)
     return line.add(
