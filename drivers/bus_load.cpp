@@ -12,13 +12,6 @@ std::uint32_t stuffable_bits(std::size_t bytes, bool extended) {
   return (extended ? 54U : 34U) + 8U * static_cast<std::uint32_t>(bytes);
 }
 
-// In bit times of the arbitration phase.
-double bits_of(const FrameTraffic& frame, const config::Bus& bus) {
-  if (!frame.fd) return frame.per_tick * most_frame_bits(frame.bytes, frame.extended);
-  const FdFrameBits bits = most_fd_frame_bits(frame.bytes, frame.extended);
-  return frame.per_tick * (bits.arbitration + bits.data * static_cast<double>(bus.bitrate) / bus.data_bitrate);
-}
-
 std::string overload_sentence(const config::RobotConfig& robot, const config::Bus& bus, const BusLoad& load) {
   const double rate = 1e9 / static_cast<double>(robot.control.period.ns);
   char text[400];
@@ -50,6 +43,12 @@ FdFrameBits most_fd_frame_bits(std::size_t bytes, bool extended) {
   return {head + (head - 1) / 4 + tail, payload + payload / 4 + check + (check + 3) / 4 + 1};
 }
 
+double bit_times(const FrameTraffic& frame, const config::Bus& bus) {
+  if (!frame.fd) return frame.per_tick * most_frame_bits(frame.bytes, frame.extended);
+  const FdFrameBits bits = most_fd_frame_bits(frame.bytes, frame.extended);
+  return frame.per_tick * (bits.arbitration + bits.data * static_cast<double>(bus.bitrate) / bus.data_bitrate);
+}
+
 std::expected<std::vector<BusLoad>, std::string> check_bus_load(const config::RobotConfig& robot) {
   std::vector<BusLoad> loads;
   for (std::size_t index = 0; index < robot.buses.size(); ++index) {
@@ -61,7 +60,7 @@ std::expected<std::vector<BusLoad>, std::string> check_bus_load(const config::Ro
       const Protocol* const protocol = find_protocol(robot.joints[joint].drive.protocol);
       if (robot.joints[joint].bus != index || protocol == nullptr) continue;
       ++load.drives;
-      for (const FrameTraffic& frame : protocol->traffic(robot, joint)) bits += bits_of(frame, bus);
+      for (const FrameTraffic& frame : protocol->traffic(robot, joint)) bits += bit_times(frame, bus);
     }
     load.bits_per_tick = static_cast<std::uint32_t>(std::ceil(bits));
     load.load = load.bits_per_tick / (robot.control.period.seconds() * bus.bitrate);

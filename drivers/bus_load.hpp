@@ -30,6 +30,10 @@ struct FdFrameBits {
 };
 FdFrameBits most_fd_frame_bits(std::size_t bytes, bool extended);
 
+struct FrameTraffic;  // protocol_table.hpp
+// How long such frames take per tick at worst stuffing, in bit times of the arbitration phase.
+double bit_times(const FrameTraffic& frame, const config::Bus& bus);
+
 // Above this share of the bit rate a late frame no longer finds its gap before the next tick.
 inline constexpr double kMaxBusLoad = 0.9;
 

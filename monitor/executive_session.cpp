@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <sys/socket.h>
 
-#include <algorithm>
 #include <cstring>
 #include <utility>
 
@@ -17,13 +16,12 @@
 namespace takt::monitor {
 namespace {
 
-Hello hello_of(const config::RobotConfig& robot) {
+Hello hello_of(Role role, std::string_view program, const config::RobotConfig& robot) {
   Hello hello;
-  hello.role = Role::monitor;
+  hello.role = role;
   hello.layout = contract_layout();
   hello.config_hash = robot.hash;
-  constexpr std::string_view program = "takt-monitor";
-  std::copy(program.begin(), program.end(), hello.program);
+  program.copy(hello.program, sizeof hello.program - 1);
   return hello;
 }
 
@@ -52,10 +50,11 @@ ClockOffset clock_offset(const nlohmann::ordered_json& executive, MonoTime now, 
 
 }  // namespace
 
-std::expected<ExecutiveSession, std::string> ExecutiveSession::attach(const std::string& runtime_directory,
+std::expected<ExecutiveSession, std::string> ExecutiveSession::attach(Role role, std::string_view program,
+                                                                      const std::string& runtime_directory,
                                                                       const config::RobotConfig& robot,
                                                                       std::chrono::milliseconds timeout) {
-  auto lease = ipc::attach(config::executive_socket(runtime_directory), hello_of(robot), timeout);
+  auto lease = ipc::attach(config::executive_socket(runtime_directory), hello_of(role, program, robot), timeout);
   if (!lease) return std::unexpected(lease.error());
   constexpr std::size_t rings = 4;
   if (lease->descriptors.size() != rings) {

@@ -1,4 +1,4 @@
-// The monitor's hold on a running executive: the lease, its four rings mapped read-only, and what is known about the
+// A reader's hold on a running executive: the lease, its four rings mapped read-only, and what is known about the
 // process at the other end. Letting go of it is closing the connection; the executive's loop notices neither.
 #pragma once
 
@@ -8,6 +8,7 @@
 #include <expected>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "config/robot_config.hpp"
@@ -20,8 +21,10 @@ namespace takt::monitor {
 
 class ExecutiveSession {
  public:
-  // The error is one sentence: nobody listens, the role is taken, versions differ.
-  static std::expected<ExecutiveSession, std::string> attach(const std::string& runtime_directory,
+  // As `Role::monitor`, of which there is one, or as `Role::viewer`, of which there may be several; `program`
+  // introduces the reader. The error is one sentence: nobody listens, the role is taken, versions differ.
+  static std::expected<ExecutiveSession, std::string> attach(Role role, std::string_view program,
+                                                             const std::string& runtime_directory,
                                                              const config::RobotConfig& robot,
                                                              std::chrono::milliseconds timeout);
   [[nodiscard]] bool is_over() const { return ipc::is_over(lease_); }

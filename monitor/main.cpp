@@ -129,7 +129,8 @@ int monitor_robot(Options options) {
   Exports exports(*robot, options.runtime_directory, options.max_file_mib << 20U);
   std::string said;
   while (!g_stop) {
-    const auto session = ExecutiveSession::attach(options.runtime_directory, *robot, std::chrono::milliseconds(500));
+    const auto session = ExecutiveSession::attach(Role::monitor, "takt-monitor", options.runtime_directory, *robot,
+                                                  std::chrono::milliseconds(500));
     if (session) {
       said.clear();
       if (!record_session(*session, options, *robot, introduction, exports)) return kExitSetUp;

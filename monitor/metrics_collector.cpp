@@ -49,6 +49,8 @@ void MetricsCollector::tick(const TickRecord& record) {
   count(metrics_.overruns, header.overrun_cause);
   for (std::size_t joint = 0; joint < header.joint_count; ++joint) interventions(record.joints[joint].interventions);
   if (header.mode != header.previous_mode) transition(header);
+  if (header.operator_request == OperatorRequest::mark && metrics_.marks.size() < kListedTransitions)
+    metrics_.marks.push_back({header.tick, header.now});
   if (header.previous_mode == Mode::tracking || header.previous_mode == Mode::degraded) relied(header);
   last_ = header;
 }

@@ -70,6 +70,15 @@ std::string transitions(const RunMetrics& metrics, std::size_t most) {
   return text;
 }
 
+std::string marks(const RunMetrics& metrics) {
+  std::string text;
+  for (const Mark& mark : metrics.marks) {
+    text += fmt::format("{:<14}tick {:>9}  {:>+10.3f} s\n", text.empty() ? "marks" : "", mark.tick,
+                        (mark.at - metrics.start).seconds());
+  }
+  return text;
+}
+
 std::string losses(const RunMetrics& metrics, const RecordedRun& run) {
   std::string text;
   for (const auto& [what, count] : metrics.losses) {
@@ -107,7 +116,8 @@ std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::
   text += "\ndeadline misses\n" + miss_row("per tick", metrics.misses_per_tick, contract.confidence) +
           miss_row("per command", metrics.misses_per_command, contract.confidence);
   text += "  consecutive ticks share a command: the per-tick bound is optimistic, quote the one per command\n\n";
-  text += fmt::format("modes         {}\n", modes_line(metrics)) + transitions(metrics, most_transitions);
+  text +=
+      fmt::format("modes         {}\n", modes_line(metrics)) + transitions(metrics, most_transitions) + marks(metrics);
   const auto arrival = [](std::size_t index) { return takt::name(static_cast<Arrival>(index)); };
   text += fmt::format("commands      accepted {}; refused: {}\n",
                       metrics.arrivals[static_cast<std::size_t>(Arrival::accepted)],

@@ -26,6 +26,12 @@ inline constexpr std::size_t kAgePartCount = 6;
 inline constexpr std::array<std::string_view, kAgePartCount> kAgePartNames{"sense",   "queue", "infer",
                                                                            "publish", "hold",  "total"};
 
+// An instant somebody pointed at while the robot ran.
+struct Mark {
+  std::uint64_t tick = 0;
+  MonoTime at;
+};
+
 struct RunMetrics {
   std::uint64_t ticks = 0, first_tick = 0, last_tick = 0;
   MonoTime start;  // of the first recorded tick
@@ -43,6 +49,7 @@ struct RunMetrics {
   std::array<std::uint64_t, kInterventionCount> interventions{};  // joint-ticks
   std::vector<Transition> transitions;
   std::uint64_t transition_count = 0;           // transitions holds the first kListedTransitions
+  std::vector<Mark> marks;                      // the first kListedTransitions
   std::map<std::string, std::uint64_t> losses;  // "tick overwritten" -> entries
   std::uint64_t missing_ticks = 0;              // gaps in the tick numbers
   McapReport file;

@@ -88,6 +88,8 @@ Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
                                    {"to", takt::name(each.to)},
                                    {"cause", takt::name(each.cause)}});
   }
+  json["marks"] = Json::array();
+  for (const Mark& mark : metrics.marks) json["marks"].push_back({{"tick", mark.tick}, {"monotonic_ns", mark.at.ns}});
   json["losses"] = metrics.losses;
   json["file"] = {{"finished", metrics.file.finished},
                   {"unread_bytes", metrics.file.unread_bytes},

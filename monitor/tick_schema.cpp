@@ -22,7 +22,8 @@ constexpr auto kCauses = names_of<Cause, kCauseCount>();
 constexpr auto kArrivals = names_of<Arrival, kArrivalCount>();
 constexpr auto kFreshnesses = names_of<Freshness, kFreshnessCount>();
 constexpr auto kOverruns = names_of<OverrunCause, kOverrunCauseCount>();
-constexpr std::array<std::string_view, 5> kRequests{"none", "arm", "stop", "reset", "shutdown"};
+constexpr std::array<std::string_view, kOperatorRequestCount> kRequests{"none",  "arm",      "stop",
+                                                                        "reset", "shutdown", "mark"};
 constexpr std::array<std::string_view, 4> kBusStates{"up", "error_passive", "bus_off", "down"};
 constexpr std::array<std::string_view, 4> kDriveStates{"unknown", "disabled", "enabled", "fault"};
 

@@ -14,12 +14,13 @@
 namespace takt {
 
 // One lease per role and server: a second holder is refused with a sentence that names the first.
-// `operator_console` leases are short: a connection per request.
-enum class Role : std::uint8_t { policy, monitor, operator_console, sensor_reader };
-inline constexpr std::size_t kRoleCount = 4;
+// `operator_console` leases are short: a connection per request. `sensor_reader` and `viewer` (who reads what the
+// monitor reads, to show it) may be several.
+enum class Role : std::uint8_t { policy, monitor, operator_console, sensor_reader, viewer };
+inline constexpr std::size_t kRoleCount = 5;
 
 constexpr std::string_view name(Role role) {
-  constexpr std::array<std::string_view, kRoleCount> names{"policy", "monitor", "operator", "sensor reader"};
+  constexpr std::array<std::string_view, kRoleCount> names{"policy", "monitor", "operator", "sensor reader", "viewer"};
   const auto index = static_cast<std::size_t>(role);
   return index < names.size() ? names[index] : "invalid";
 }
@@ -49,7 +50,8 @@ struct Welcome {
 };
 static_assert(std::is_standard_layout_v<Welcome> && sizeof(Welcome) == 512);
 
-enum class OperatorVerb : std::uint8_t { status, arm, stop, reset };
+enum class OperatorVerb : std::uint8_t { status, arm, stop, reset, mark };
+inline constexpr std::size_t kOperatorVerbCount = 5;
 struct OperatorMessage {
   std::uint64_t magic = kMagic;
   OperatorVerb verb = OperatorVerb::status;

@@ -19,7 +19,9 @@
 
 namespace takt {
 
-enum class OperatorRequest : std::uint8_t { none, arm, stop, reset, shutdown };
+// `mark` decides nothing: a person says "look here", and the tick that read it says so in the record.
+enum class OperatorRequest : std::uint8_t { none, arm, stop, reset, shutdown, mark };
+inline constexpr std::size_t kOperatorRequestCount = 6;
 
 // Age of the command in use, in parts that add up exactly: total = sense + queue + infer + publish + hold.
 struct AgeParts {

@@ -1,7 +1,8 @@
 // Which segments the executive hands to which role, in descriptor order, and the shape of each ring.
 //
 //   policy:  [0] observation mailbox (read-only)   [1] command mailbox (writable, until sealed)
-//   monitor: [0] tick records  [1] accepted and refused commands  [2] keyframes  [3] CAN frames   (all read-only)
+//   monitor, viewer: [0] tick records  [1] accepted and refused commands  [2] keyframes  [3] CAN frames   (all
+//   read-only)
 #pragma once
 
 #include <cstddef>

@@ -4,8 +4,8 @@
 // owner decide -> Welcome with descriptors, or Welcome(refused) with a sentence ("policy is leased by pid 412
 // (takt-policy-host) since 3 s: stop it first"). A lease ends when its connection closes. For the policy role the
 // client acknowledges (one byte) once it has mapped its mailbox; only then does the server seal and read it.
-// Policy and monitor leases are exclusive. A sensor mailbox may have several readers, and operator connections, which
-// last for one request, may overlap.
+// Policy and monitor leases are exclusive. A sensor mailbox and the record rings may have several readers, and operator
+// connections, which last for one request, may overlap.
 // Nothing blocks: the server is driven by poll(); connects have a deadline. Whoever speaks out of turn is disconnected.
 // Thread rule: service threads only; a server and its handlers belong to one thread.
 #pragma once

@@ -22,6 +22,7 @@ constexpr bool is_exclusive(Role role) {
       return true;
     case Role::operator_console:
     case Role::sensor_reader:
+    case Role::viewer:
       return false;
   }
   return true;
@@ -168,6 +169,7 @@ void RendezvousServer::State::hear(Connection& connection) {
       return take_acknowledgement(connection, size);
     case Role::monitor:
     case Role::sensor_reader:
+    case Role::viewer:
       return refuse(connection, refusals_.malformed, "this role has nothing to say after its hello");
   }
 }
@@ -210,7 +212,8 @@ void RendezvousServer::State::take_acknowledgement(Connection& connection, ssize
 }
 
 void RendezvousServer::State::answer(Connection& connection, const OperatorMessage& message, ssize_t size) {
-  const bool is_known = size == sizeof message && message.magic == kMagic && message.verb <= OperatorVerb::reset;
+  const bool is_known =
+      size == sizeof message && message.magic == kMagic && static_cast<std::size_t>(message.verb) < kOperatorVerbCount;
   if (!is_known || !handlers_.request) return refuse(connection, refusals_.malformed, "not an operator's request");
   connection.has_spoken = true;
   connection.since = Clock::now();

@@ -80,6 +80,7 @@ CauseMask granted_request(const TickState& state, const TickRecord& record, Caus
                           const TickConfig& config) {
   switch (record.header.operator_request) {
     case OperatorRequest::none:
+    case OperatorRequest::mark:
       return 0;
     case OperatorRequest::arm: {
       std::array<ArmingBlocker, 1> first;

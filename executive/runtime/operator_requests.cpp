@@ -1,6 +1,7 @@
-// The operator's half of the reception: status, arm, stop, reset.
+// The operator's half of the reception: status, arm, stop, reset, mark.
 #include <spdlog/spdlog.h>
 
+#include <string>
 #include <string_view>
 #include <thread>
 
@@ -37,6 +38,9 @@ OperatorReply Reception::answer(OperatorVerb verb) {
       break;
     case OperatorVerb::reset:
       reset(reply);
+      break;
+    case OperatorVerb::mark:
+      mark(reply);
       break;
   }
   reply.status = status();
@@ -100,6 +104,16 @@ void Reception::reset(OperatorReply& reply) {
     case Mode::standby:
       return;
   }
+}
+
+void Reception::mark(OperatorReply& reply) {
+  const std::uint64_t tick = parts_.follower.latest().header.tick;
+  parts_.requests.mark();
+  if (!wait_for(OperatorRequest::mark, tick)) return say(reply, kNotNoticed);
+  reply.done = 1;
+  const std::string where = "marked tick " + std::to_string(parts_.follower.last_read(OperatorRequest::mark));
+  spdlog::info("{}", where);
+  say(reply, where);
 }
 
 }  // namespace takt::runtime

@@ -43,6 +43,7 @@ ipc::Admission Reception::admit(const ipc::Peer& peer) {
       admission = admit_policy(peer);
       break;
     case Role::monitor:
+    case Role::viewer:
       admission.refusal = refusal_of_monitor(peer.hello, parts_.rules);
       if (admission.refusal.empty()) admission.descriptors = parts_.published.monitor_descriptors();
       break;

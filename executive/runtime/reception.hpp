@@ -1,6 +1,6 @@
-// Who comes to the executive's socket, and what they get: a policy its two mailboxes, a monitor the record rings, an
-// operator an answer. Policies are admitted by admission.hpp; requests reach the control thread through the operator
-// inbox.
+// Who comes to the executive's socket, and what they get: a policy its two mailboxes, a monitor or a viewer the record
+// rings, an operator an answer. Policies are admitted by admission.hpp; requests reach the control thread through the
+// operator inbox.
 //
 // A policy session: admitted -> a new command segment goes out -> the policy maps it and acknowledges -> the segment is
 // sealed and handed to the control thread -> the connection ends -> the mailbox is taken back. The command in use lives
@@ -71,6 +71,7 @@ class Reception {
   void arm(OperatorReply& reply);
   void stop(OperatorReply& reply);
   void reset(OperatorReply& reply);
+  void mark(OperatorReply& reply);
   // True when a tick that read `request` is over.
   bool wait_for(OperatorRequest request, std::uint64_t after_tick);
   StatusSnapshot status();

@@ -34,7 +34,7 @@ void TickFollower::follow() {
 }
 
 bool TickFollower::noticed(OperatorRequest request, std::uint64_t after_tick) const {
-  return last_read_.at(static_cast<std::size_t>(request)) > after_tick;
+  return last_read(request) > after_tick;
 }
 
 bool TickFollower::rests() const {

@@ -11,9 +11,6 @@
 
 namespace takt::runtime {
 
-inline constexpr std::size_t kOperatorRequestCount = 5;
-static_assert(static_cast<std::size_t>(OperatorRequest::shutdown) == kOperatorRequestCount - 1);
-
 class TickFollower {
  public:
   using OnTransition = std::function<void(const TickRecord&)>;
@@ -27,6 +24,10 @@ class TickFollower {
   [[nodiscard]] const TickRecord& latest() const { return latest_; }
   // Every joint has been slower than rest_velocity for kRestFor, without interruption.
   [[nodiscard]] bool rests() const;
+  // The newest tick that read this request; 0: none did.
+  [[nodiscard]] std::uint64_t last_read(OperatorRequest request) const {
+    return last_read_.at(static_cast<std::size_t>(request));
+  }
   // A tick later than `after_tick` read this request.
   [[nodiscard]] bool noticed(OperatorRequest request, std::uint64_t after_tick) const;
   // Records overwritten before they were read.

@@ -1,4 +1,4 @@
-// takt arm, stop, reset, status: one request to the executive each.
+// takt arm, stop, reset, mark, status: one request to the executive each.
 #include <fmt/format.h>
 
 #include <cstdio>
@@ -92,6 +92,12 @@ void add_reset(CLI::App& app, int& exit_code) {
   add(app, exit_code, OperatorVerb::reset, "reset", "Clear a latched stop or fault: back to standby.",
       "Example: takt reset --robot config/arm6.yaml\n"
       "Exit codes: 0 reset, 1 refused (what still holds), 65 configuration, 69 not running.");
+}
+
+void add_mark(CLI::App& app, int& exit_code) {
+  add(app, exit_code, OperatorVerb::mark, "mark", "Mark this instant in the run; takt report lists the marks.",
+      "Example: takt mark --robot config/arm6.yaml\n"
+      "Exit codes: 0 marked, 1 the control thread does not answer, 65 configuration, 69 not running.");
 }
 
 void add_status(CLI::App& app, int& exit_code) {

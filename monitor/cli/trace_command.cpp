@@ -15,6 +15,7 @@
 #include "executive/contract/mode.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/external_tool.hpp"
+#include "monitor/cli/trace_snapshot.hpp"
 #include "monitor/cli/traceable_processes.hpp"
 #include "monitor/run_folder.hpp"
 
@@ -200,15 +201,9 @@ Done stop() {
 }
 
 Done snapshot(const Options& options) {
-  const auto directory = running_trace();
-  if (!directory) return std::unexpected(directory.error());
-  std::vector<std::string> record{"snapshot", "record", "--session", kSession};
-  const std::string into = options.output.empty() ? *directory : std::filesystem::absolute(options.output).string();
-  if (!options.output.empty()) record.push_back("file://" + into);
-  if (auto done = lttng(std::move(record)); !done)
-    return std::unexpected(
-        Refusal{done.error().exit_code, done.error().sentence + "; snapshots need takt trace start --flight-recorder"});
-  fmt::print("snapshot in {}\n", into);
+  const auto into = trace_snapshot(options.output);
+  if (!into) return std::unexpected(into.error());
+  fmt::print("snapshot in {}\n", *into);
   return {};
 }
 
@@ -219,6 +214,18 @@ int exit_code_of(const Done& done) {
 }
 
 }  // namespace
+
+std::expected<std::string, Refusal> trace_snapshot(const std::string& output) {
+  const auto directory = running_trace();
+  if (!directory) return std::unexpected(directory.error());
+  std::vector<std::string> record{"snapshot", "record", "--session", kSession};
+  const std::string into = output.empty() ? *directory : std::filesystem::absolute(output).string();
+  if (!output.empty()) record.push_back("file://" + into);
+  if (auto done = lttng(std::move(record)); !done)
+    return std::unexpected(
+        Refusal{done.error().exit_code, done.error().sentence + "; snapshots need takt trace start --flight-recorder"});
+  return into;
+}
 
 void add_trace(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("trace", "Record every Takt process of this machine with LTTng.");

@@ -70,8 +70,8 @@ class Cli : public test::Shell {
 };
 
 TEST_F(Cli, HelpOfEveryCommandHasAnExampleAndItsExitCodes) {
-  for (const char* command : {"run", "arm", "stop", "reset", "status", "report", "replay", "budget", "margin",
-                              "config check", "config show", "config keys", "config import"}) {
+  for (const char* command : {"run", "arm", "stop", "reset", "mark", "status", "top", "report", "replay", "budget",
+                              "margin", "config check", "config show", "config keys", "config import"}) {
     const Ended help = run(std::string(command) + " --help");
     EXPECT_EQ(help.exit_code, 0) << command;
     EXPECT_NE(help.output.find("Example: takt "), std::string::npos) << command << "\n" << help.output;
@@ -129,7 +129,7 @@ TEST_F(Cli, ImportRefusesToOverwrite) {
 }
 
 TEST_F(Cli, WithoutAnExecutiveRequestsEndWith69) {
-  for (const char* verb : {"arm", "stop", "reset", "status"}) {
+  for (const char* verb : {"arm", "stop", "reset", "mark", "status"}) {
     const Ended ended = run(std::string(verb) + " --runtime-dir " + directory());
     EXPECT_EQ(ended.exit_code, 69) << verb;
     EXPECT_NE(ended.output.find("no executive answers in"), std::string::npos);

@@ -164,11 +164,13 @@ TEST_F(Rendezvous, LeaseIsFreeOnceItsConnectionCloses) {
   EXPECT_GE(departures, 19);
 }
 
-TEST_F(Rendezvous, SensorMailboxHasSeveralReaders) {
+TEST_F(Rendezvous, SensorsAndRecordsHaveSeveralReaders) {
   const ServerThread server(path_, admit_all());
-  const auto first = attach(path_, hello_of(Role::sensor_reader), kTimeout);
-  const auto second = attach(path_, hello_of(Role::sensor_reader), kTimeout);
-  EXPECT_TRUE(first && second);
+  for (const Role role : {Role::sensor_reader, Role::viewer}) {
+    const auto first = attach(path_, hello_of(role), kTimeout);
+    const auto second = attach(path_, hello_of(role), kTimeout);
+    EXPECT_TRUE(first && second) << name(role);
+  }
 }
 
 TEST_F(Rendezvous, OwnersRefusalReachesTheClient) {
@@ -249,7 +251,7 @@ TEST_F(Rendezvous, SpeakingOutOfTurnEndsTheLease) {
   Handlers handlers = admit_all();
   handlers.acknowledged = [&](const Peer&) { ++acknowledgements; };
   ServerThread server(path_, handlers);
-  for (const Role role : {Role::policy, Role::monitor, Role::sensor_reader}) {
+  for (const Role role : {Role::policy, Role::monitor, Role::sensor_reader, Role::viewer}) {
     const auto lease = attach(path_, hello_of(role), kTimeout);
     ASSERT_TRUE(lease) << lease.error();
     const char chatter[] = "hello again";

@@ -18,6 +18,7 @@ Value required(std::expected<Value, std::string> value) {
 
 RecordedRun record_demo(const std::string& directory) {
   VirtualRobot robot;
+  robot.mark_at = kDemoMark;
   const RunFolder folder = required(RunFolder::create(directory));
   auto recorder = required(Recorder::start(folder, robot.manifest(), demo_robot(), 1U << 30U));
   auto stream = required(RecordStream::attach(robot.rings(), demo_robot().joints.size()));

@@ -11,6 +11,7 @@
 namespace takt::monitor {
 
 inline constexpr std::uint64_t kDemoTicks = 4'000;
+inline constexpr std::uint64_t kDemoMark = 700;  // tick that somebody marked
 
 // Records kDemoTicks ticks into `directory` and returns the run, opened.
 RecordedRun record_demo(const std::string& directory);

@@ -2,6 +2,7 @@
 // against counts made here straight from the ticks.
 #include "monitor/run_metrics.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -61,6 +62,16 @@ TEST_F(RunMetricsTest, AStallIsOneMissedCommand) {
   EXPECT_EQ(metrics->age_per_command[2].p50, 7e6);
   EXPECT_EQ(metrics->age_per_command[3].p50, 3e6);
   EXPECT_EQ(metrics->age_per_command[5].p50, 37e6);
+}
+
+TEST_F(RunMetricsTest, AMarkIsListedWithItsTick) {
+  const auto metrics = write_metrics(run_);
+  ASSERT_TRUE(metrics);
+  ASSERT_EQ(metrics->marks.size(), 1U);
+  EXPECT_EQ(metrics->marks[0].tick, kDemoMark);
+  std::ifstream file(run_.folder.metrics());
+  EXPECT_EQ(nlohmann::json::parse(file).at("marks").at(0).at("tick"), kDemoMark);
+  EXPECT_NE(report_text(*metrics, run_).find(fmt::format("marks         tick {:>9}", kDemoMark)), std::string::npos);
 }
 
 TEST_F(RunMetricsTest, MetricsFileAndReportSayTheSame) {

@@ -132,6 +132,7 @@ void VirtualRobot::step() {
   input_->last_duration = microseconds(8);
   sense();
   input_->operator_request = input_->tick == kArmAt ? OperatorRequest::arm : OperatorRequest::none;
+  if (mark_at != 0 && input_->tick == mark_at) input_->operator_request = OperatorRequest::mark;
   input_->mailbox = Arrival::none;
   input_->command = nullptr;
   input_->command_bytes = 0;

@@ -29,6 +29,7 @@ class VirtualRobot {
   void run(std::uint64_t ticks);
   // While true the policy answers nothing.
   bool policy_is_frozen = false;
+  std::uint64_t mark_at = 0;  // tick of a person's mark; 0 never
   // Applied to every answer before it is delivered.
   std::function<void(CommandChunk&)> spoil_answer;
 

@@ -153,6 +153,18 @@ TEST(CyclicLoop, ARequestIsReadOnceAndStopWinsOverArm) {
   EXPECT_EQ(records.at(1).header.operator_request, OperatorRequest::none);
 }
 
+TEST(CyclicLoop, AMarkWaitsForATickOfItsOwnAndIsReadOnce) {
+  LoopRig rig;
+  rig.requests.mark();
+  rig.requests.arm();
+  rig.run(3);
+  const auto records = rig.records();
+  EXPECT_EQ(records.at(0).header.operator_request, OperatorRequest::arm);
+  EXPECT_EQ(records.at(1).header.operator_request, OperatorRequest::mark);
+  EXPECT_EQ(records.at(1).header.mode, records.at(0).header.mode) << "a mark decides nothing";
+  EXPECT_EQ(records.at(2).header.operator_request, OperatorRequest::none);
+}
+
 TEST(CyclicLoop, AShutdownRequestStays) {
   LoopRig rig;
   rig.requests.shut_down();

@@ -20,6 +20,7 @@ namespace {
 
 using namespace std::chrono_literals;
 using testing::HasSubstr;
+using testing::MatchesRegex;
 
 constexpr std::uint64_t kPolicyHash = 0x1122334455667788;
 
@@ -149,6 +150,25 @@ TEST_F(ReceptionTest, AMonitorGetsFourRingsItCannotWrite) {
   ASSERT_TRUE(segment) << segment.error();
   EXPECT_TRUE(ipc::SlotReader::attach(segment->readable(), shape));
   EXPECT_TRUE(until([](const StatusSnapshot& s) { return s.monitor_pid == static_cast<std::uint64_t>(getpid()); }));
+}
+
+TEST_F(ReceptionTest, ViewersReadBesideTheMonitor) {
+  const auto monitor = ipc::attach(path(), hello(Role::monitor), 5s);
+  const auto one = ipc::attach(path(), hello(Role::viewer), 5s);
+  const auto another = ipc::attach(path(), hello(Role::viewer), 5s);
+  ASSERT_TRUE(monitor && one && another);
+  const auto shape = ipc::tick_ring(robot_.joints.size());
+  const int ticks = another->descriptors.at(ipc::kTickRingDescriptor).get();
+  EXPECT_FALSE(ipc::Segment::adopt_writable(dup(ticks), ipc::ring_bytes(shape))) << "sealed against writers";
+  EXPECT_TRUE(until([](const StatusSnapshot& s) { return s.monitor_pid == static_cast<std::uint64_t>(getpid()); }));
+}
+
+TEST_F(ReceptionTest, AMarkSaysWhichTickCarriesIt) {
+  ASSERT_TRUE(until([](const StatusSnapshot& status) { return status.ticks > 10; }));
+  const OperatorReply reply = ask(OperatorVerb::mark);
+  EXPECT_EQ(reply.done, 1);
+  EXPECT_THAT(reply.sentences, MatchesRegex("marked tick [0-9]+"));
+  EXPECT_EQ(reply.status.tick.mode, Mode::standby) << "a mark decides nothing";
 }
 
 TEST_F(ReceptionTest, AnInadmissiblePolicyHearsWhy) {

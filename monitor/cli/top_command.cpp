@@ -1,0 +1,185 @@
+// takt top: a running robot, live in a terminal.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdio>
+#include <future>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <thread>
+
+#include "config/load.hpp"
+#include "config/paths.hpp"
+#include "drivers/receive_stamp.hpp"
+#include "executive/ipc/rendezvous.hpp"
+#include "monitor/cli/command.hpp"
+#include "monitor/cli/status_text.hpp"
+#include "monitor/cli/trace_snapshot.hpp"
+#include "monitor/top/attachment.hpp"
+#include "monitor/top/keys.hpp"
+#include "monitor/top/picture_json.hpp"
+#include "monitor/top/screen.hpp"
+#include "monitor/top/terminal.hpp"
+
+namespace takt::cli {
+namespace {
+
+namespace top = monitor::top;
+
+constexpr std::chrono::milliseconds kFramePeriod{100};
+constexpr std::chrono::milliseconds kAnswerWithin{2000};
+constexpr int kLooksForATick = 20;  // of --once, kFramePeriod apart
+
+struct Options {
+  std::string robot_file, runtime_dir;
+  bool once = false, json = false, ascii = false;
+};
+
+MonoTime clock_now() {
+  return drivers::sample_clocks().monotonic;
+}
+
+std::string joined(const std::vector<std::string>& sentences) {
+  std::string text;
+  for (const std::string& sentence : sentences) text += (text.empty() ? "" : "; ") + sentence;
+  return text;
+}
+
+// The live view: one look, one screen, the keys typed meanwhile, ten times a second.
+class Console {
+ public:
+  Console(const config::RobotConfig& robot, std::string runtime_directory, top::Glyphs glyphs)
+      : view_(robot),
+        attachment_(robot, runtime_directory, view_),
+        keys_(robot.joints.size()),
+        socket_(config::executive_socket(runtime_directory)),
+        glyphs_(glyphs) {}
+
+  void run(top::Terminal& terminal) {
+    while (!terminal.ended() && !quit_) {
+      const MonoTime now = clock_now();
+      attachment_.look(now);
+      take_snapshot_result(now);
+      terminal.show(top::render(view_.picture(now), keys_.prompt(now), terminal.size(), glyphs_));
+      for (const char key : top::keys_of(terminal.read(kFramePeriod)))
+        if (const auto wish = keys_.press(key, clock_now())) fulfil(*wish);
+    }
+  }
+
+ private:
+  void fulfil(top::Wish wish) {
+    switch (wish) {
+      case top::Wish::quit:
+        quit_ = true;
+        return;
+      case top::Wish::arm:
+        return ask(OperatorVerb::arm, "arming");
+      case top::Wish::stop:
+        return ask(OperatorVerb::stop, "stopping");
+      case top::Wish::reset:
+        return ask(OperatorVerb::reset, "reset");
+      case top::Wish::mark:
+        return ask(OperatorVerb::mark, "marked");
+      case top::Wish::snapshot:
+        // Elsewhere: lttng takes its time, and a stop must not wait for it.
+        if (!snapshot_) snapshot_ = std::async(std::launch::async, [] { return trace_snapshot(""); });
+        return;
+    }
+  }
+
+  void ask(OperatorVerb verb, std::string_view done) {
+    const auto reply = ipc::ask(socket_, verb, kAnswerWithin);
+    if (!reply) return keys_.note(reply.error(), true, clock_now());
+    const std::string said = joined(sentences_of(*reply));
+    const bool refused = reply->done == 0;
+    keys_.note(said.empty() ? std::string(done) : (refused ? "refused: " : "") + said, refused, clock_now());
+  }
+
+  void take_snapshot_result(MonoTime now) {
+    if (!snapshot_ || snapshot_->wait_for(std::chrono::seconds(0)) != std::future_status::ready) return;
+    const auto where = snapshot_->get();
+    snapshot_.reset();
+    keys_.note(where ? "snapshot in " + *where : where.error().sentence, !where, now);
+  }
+
+  top::LiveView view_;
+  top::Attachment attachment_;
+  top::Keys keys_;
+  std::string socket_;
+  top::Glyphs glyphs_;
+  std::optional<std::future<std::expected<std::string, Refusal>>> snapshot_;
+  bool quit_ = false;
+};
+
+// The past that the rings hold makes one frame; only an executive that has just started keeps us waiting.
+std::expected<top::Picture, Refusal> one_picture(const config::RobotConfig& robot, const std::string& directory) {
+  top::LiveView view(robot);
+  top::Attachment attachment(robot, directory, view);
+  for (int look = 0;; ++look) {
+    const MonoTime now = clock_now();
+    attachment.look(now);
+    top::Picture picture = view.picture(now);
+    if (picture.link == top::Link::waiting) return std::unexpected(Refusal{kExitUnavailable, picture.why});
+    if (picture.tick.tick != 0 || look == kLooksForATick) return picture;
+    std::this_thread::sleep_for(kFramePeriod);
+  }
+}
+
+int print_once(const config::RobotConfig& robot, const std::string& directory, const Options& options,
+               top::Glyphs glyphs) {
+  const auto picture = one_picture(robot, directory);
+  if (!picture) {
+    fmt::print(stderr, "no executive answers in {}: {}\n", directory, picture.error().sentence);
+    return picture.error().exit_code;
+  }
+  if (options.json) {
+    fmt::print("{}\n", top::to_json(*picture).dump());
+    return kExitOk;
+  }
+  const bool coloured = isatty(STDOUT_FILENO) != 0 && top::wants_colour();
+  for (const top::Line& line : top::render(*picture, {}, {}, glyphs)) fmt::print("{}\n", encoded(line, coloured));
+  return kExitOk;
+}
+
+int run_top(const Options& options) {
+  const auto robot = config::load(options.robot_file);
+  if (!robot) {
+    fmt::print(stderr, "{}\n", robot.error());
+    return config::kExitBadConfiguration;
+  }
+  const std::string directory =
+      options.runtime_dir.empty() ? config::default_runtime_directory(robot->robot) : options.runtime_dir;
+  const top::Glyphs glyphs = options.ascii ? top::Glyphs::ascii : top::glyphs_of_locale();
+  if (options.once) return print_once(*robot, directory, options, glyphs);
+  Console console(*robot, directory, glyphs);
+  const auto terminal = top::Terminal::open(top::wants_colour());
+  if (!terminal) {
+    fmt::print(stderr, "takt top: {}\n", terminal.error());
+    return kExitUsage;
+  }
+  console.run(**terminal);
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_top(CLI::App& app, int& exit_code) {
+  CLI::App* command = app.add_subcommand("top", "A running robot, live: mode, ages, misses, buses, joints; arm, stop.");
+  auto options = std::make_shared<Options>();
+  command->add_option("--robot", options->robot_file, "robot file")->required();
+  command->add_option("--runtime-dir", options->runtime_dir, "its runtime directory; default /run/takt/NAME");
+  command->add_flag("--ascii", options->ascii, "no characters beyond ASCII; the default where the locale is not UTF-8");
+  CLI::Option* const once = command->add_flag("--once", options->once, "print one frame of 80 x 24 and end");
+  command->add_flag("--json", options->json, "with --once: the same as one line of JSON")->needs(once);
+  command->footer(
+      "Example: takt top --robot config/arm6.yaml\n"
+      "Keys: a arm (asks), s stop, r reset, m mark, p trace snapshot, ? help, q quit. Waits for the executive, and for "
+      "its return.\n"
+      "Exit codes: 0 ended by q or a signal, or printed; 64 command line, or no terminal; 65 configuration; 69 with "
+      "--once: not running. See docs/top.md.");
+  command->callback([options, &exit_code] { exit_code = run_top(*options); });
+}
+
+}  // namespace takt::cli

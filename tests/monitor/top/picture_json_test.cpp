@@ -1,0 +1,36 @@
+// Goal: a script finds every number of the screen under a stable name. Method: the sample picture, field by field.
+#include "monitor/top/picture_json.hpp"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/monitor/top/sample_picture.hpp"
+
+namespace takt::monitor::top {
+namespace {
+
+TEST(PictureJson, NamesWhatTheScreenShows) {
+  const auto json = to_json(sample_picture(3, 2));
+  EXPECT_EQ(json.at("link"), "live");
+  EXPECT_EQ(json.at("mode"), "tracking");
+  EXPECT_EQ(json.at("age").at("now_ns"), 43'997'000);
+  EXPECT_EQ(json.at("age").at("recent_ns").at("p50"), 44.5e6);
+  EXPECT_EQ(json.at("age").at("stages_ns").at("infer").at("p50"), 12e6);
+  EXPECT_EQ(json.at("misses").at("window").at("misses"), 4);
+  EXPECT_EQ(json.at("misses").at("since_attached").at("misses"), 810);
+  EXPECT_EQ(json.at("overruns").at("preempted"), 2);
+  EXPECT_EQ(json.at("policy").at("hash"), "1122334455667788");
+  EXPECT_EQ(json.at("buses").at(1).at("tx_dropped"), 12);
+  EXPECT_EQ(json.at("joints").at(1).at("intervention_ticks").at("velocity_limit"), 17);
+}
+
+TEST(PictureJson, WhatIsUnknownIsNull) {
+  const auto json = to_json(Picture{.robot = "arm6"});
+  EXPECT_TRUE(json.at("realtime").is_null());
+  EXPECT_TRUE(json.at("age").at("now_ns").is_null());
+  EXPECT_TRUE(json.at("policy").at("hash").is_null());
+}
+
+}  // namespace
+}  // namespace takt::monitor::top
