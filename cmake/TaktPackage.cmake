@@ -35,7 +35,7 @@ execute_process(COMMAND git log -1 --format=%cD WORKING_DIRECTORY ${CMAKE_SOURCE
 if(NOT takt_date)
   set(takt_date "Thu, 01 Jan 1970 00:00:00 +0000")
 endif()
-set(CPACK_DEBIAN_PACKAGE_MAINTAINER "Takt maintainers <takt@packages.takt.org>")
+set(CPACK_DEBIAN_PACKAGE_MAINTAINER "Takt maintainers <takt@example.org>")
 configure_file(${package_files}/changelog.in ${share}/doc/changelog.Debian @ONLY)
 file(COPY_FILE ${CMAKE_SOURCE_DIR}/CHANGELOG.md ${share}/doc/changelog)
 execute_process(COMMAND gzip -9nf changelog.Debian changelog WORKING_DIRECTORY ${share}/doc)
@@ -50,6 +50,8 @@ install(DIRECTORY config/ DESTINATION ${CMAKE_INSTALL_DATADIR}/takt/robots
 takt_demo_robot(${CMAKE_BINARY_DIR}/demo)
 install(DIRECTORY ${CMAKE_BINARY_DIR}/demo DESTINATION /etc/takt/deployments)
 
+# `./dev package` builds what is installed; packing must not build every test as well.
+set(CMAKE_SKIP_INSTALL_ALL_DEPENDENCY ON)
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME takt)
 set(CPACK_PACKAGE_DIRECTORY ${CMAKE_BINARY_DIR}/package)
