@@ -27,6 +27,7 @@
 #include "drivers/plant/sensor_server.hpp"
 #include "drivers/plant/truth_log.hpp"
 #include "drivers/receive_stamp.hpp"
+#include "executive/ipc/unix_socket.hpp"
 
 namespace takt::plant {
 namespace {
@@ -37,7 +38,7 @@ constexpr Duration kTruthPeriod = milliseconds(10);
 constexpr Duration kReportPeriod = seconds(1);
 
 struct Options {
-  std::string robot, devices, scenario, runtime_directory, truth_file;
+  std::string robot, devices, scenario, runtime_directory, truth_file, policy_user;
   std::optional<std::uint64_t> seed;
   double target_entry_s = 0;
   bool debug = false;
@@ -145,15 +146,21 @@ void simulate(const Stage& stage, const std::function<void(MonoTime)>& observe) 
 }
 
 std::expected<Outputs, std::string> open_outputs(const config::RobotConfig& robot, const std::string& directory,
-                                                 const std::string& truth_file) {
+                                                 const Options& options) {
   Outputs outputs;
+  std::optional<uid_t> policy_user;
+  if (!options.policy_user.empty()) {
+    const auto user = ipc::user_id(options.policy_user);
+    if (!user) return std::unexpected("--policy-user: " + user.error());
+    policy_user = *user;
+  }
   if (!robot.simulation->camera_sensor.empty()) {
-    auto sensor = SensorServer::start(config::sensor_socket(directory, robot.simulation->camera_sensor));
+    auto sensor = SensorServer::start(config::sensor_socket(directory, robot.simulation->camera_sensor), policy_user);
     if (!sensor) return std::unexpected(sensor.error());
     outputs.sensor = std::move(*sensor);
   }
-  if (!truth_file.empty()) {
-    auto truth = TruthLog::create(truth_file);
+  if (!options.truth_file.empty()) {
+    auto truth = TruthLog::create(options.truth_file);
     if (!truth) return std::unexpected(truth.error());
     outputs.truth = std::move(*truth);
   }
@@ -176,7 +183,7 @@ int serve(const Options& options, const config::RobotConfig& robot, Scenario sce
   const std::string directory =
       options.runtime_directory.empty() ? config::default_runtime_directory(robot.robot) : options.runtime_directory;
   stop_on_signals();
-  auto outputs = open_outputs(robot, directory, options.truth_file);
+  auto outputs = open_outputs(robot, directory, options);
   if (!outputs) return refuse(kExitUnavailable, outputs.error());
   auto buses = PlantBuses::open(robot, directory);
   if (!buses) return refuse(kExitUnavailable, buses.error());
@@ -241,8 +248,12 @@ int main(int argc, char** argv) {
       ->excludes("--devices");
   app.add_option("--target-entry", options.target_entry_s, "s, how far along its path the camera's target begins")
       ->check(CLI::Range(0.0, 1e6));
+  app.add_option("--policy-user", options.policy_user, "a user who may read the camera; default: ours only");
   app.add_flag("--debug", options.debug, "log the distance to the target once per second");
   app.set_version_flag("--version", TAKT_VERSION);
+  app.footer(
+      "Exit codes: 0 ended by a signal, 64 command line, 65 robot, devices or scenario file refused, 69 a bus or\n"
+      "socket is not to be had, 70 bug.");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

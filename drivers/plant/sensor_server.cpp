@@ -10,7 +10,8 @@
 
 namespace takt::plant {
 
-std::expected<std::unique_ptr<SensorServer>, std::string> SensorServer::start(const std::string& socket_path) {
+std::expected<std::unique_ptr<SensorServer>, std::string> SensorServer::start(const std::string& socket_path,
+                                                                              std::optional<uid_t> policy_user) {
   auto segment = ipc::Segment::create("takt-sensor", ipc::ring_bytes(ipc::sensor_mailbox()), true);
   if (!segment) return std::unexpected(segment.error());
   const int fd = segment->fd();
@@ -19,7 +20,7 @@ std::expected<std::unique_ptr<SensorServer>, std::string> SensorServer::start(co
     if (peer.hello.role == Role::sensor_reader) return ipc::Admission{{}, {fd}};
     return ipc::Admission{"this is a sensor: it has nothing for the role " + std::string(name(peer.hello.role)), {}};
   };
-  auto server = ipc::RendezvousServer::listen(socket_path, ::geteuid(), std::move(handlers));
+  auto server = ipc::RendezvousServer::listen(socket_path, ::geteuid(), std::move(handlers), policy_user);
   if (!server) return std::unexpected(server.error());
   auto made = std::unique_ptr<SensorServer>(new SensorServer(std::move(*segment), std::move(*server)));
   // Formatted before it is sealed, sealed before the first reader is greeted.

@@ -2,8 +2,11 @@
 // Thread rule: publish() from one thread; greeting readers happens in a thread of its own. Errors: one sentence.
 #pragma once
 
+#include <sys/types.h>
+
 #include <expected>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -16,7 +19,9 @@ namespace takt::plant {
 
 class SensorServer {
  public:
-  static std::expected<std::unique_ptr<SensorServer>, std::string> start(const std::string& socket_path);
+  // `policy_user`: one more user who may read it, besides our own and root.
+  static std::expected<std::unique_ptr<SensorServer>, std::string> start(const std::string& socket_path,
+                                                                         std::optional<uid_t> policy_user = {});
   void publish(const SensorSample& sample);
 
  private:

@@ -18,6 +18,7 @@
 #include <expected>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -61,9 +62,10 @@ class RendezvousServer {
   };
   // Creates the socket with mode 0660 (its directory made with mode 0750 if absent, a dead predecessor's socket
   // replaced, a live one refused with its sentence). `allowed_uid`: peers of any other uid but root are refused; when
-  // it is not our own, socket and a directory made here are given to it.
+  // it is not our own, socket and a directory made here are given to it. `policy_uid`: one more user, who may be a
+  // policy or read a sensor, and nothing else: not ask, so not arm.
   static std::expected<RendezvousServer, std::string> listen(const std::string& path, uid_t allowed_uid,
-                                                             Handlers handlers);
+                                                             Handlers handlers, std::optional<uid_t> policy_uid = {});
   RendezvousServer(RendezvousServer&&) noexcept;
   RendezvousServer& operator=(RendezvousServer&&) noexcept;
   ~RendezvousServer();  // closes everything and unlinks the path

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <list>
+#include <optional>
 #include <utility>
 
 #include "executive/ipc/hello_check.hpp"
@@ -28,6 +29,20 @@ constexpr bool is_exclusive(Role role) {
   return true;
 }
 
+// What the policy's own user may be.
+constexpr bool is_for_policies(Role role) {
+  switch (role) {
+    case Role::policy:
+    case Role::sensor_reader:
+      return true;
+    case Role::monitor:
+    case Role::operator_console:
+    case Role::viewer:
+      return false;
+  }
+  return false;
+}
+
 bool send_welcome(int socket, const std::string& refusal, std::span<const int> descriptors) {
   Welcome welcome;
   welcome.status = refusal.empty() ? WelcomeStatus::accepted : WelcomeStatus::refused;
@@ -50,8 +65,8 @@ void close_politely(Descriptor& socket) {
 
 class RendezvousServer::State {
  public:
-  State(SocketClaim claim, uid_t allowed_uid, Handlers handlers)
-      : claim_(std::move(claim)), allowed_uid_(allowed_uid), handlers_(std::move(handlers)) {}
+  State(SocketClaim claim, uid_t allowed_uid, std::optional<uid_t> policy_uid, Handlers handlers)
+      : claim_(std::move(claim)), allowed_uid_(allowed_uid), policy_uid_(policy_uid), handlers_(std::move(handlers)) {}
   ~State();
   State(const State&) = delete;
   State& operator=(const State&) = delete;
@@ -85,6 +100,7 @@ class RendezvousServer::State {
 
   SocketClaim claim_;
   uid_t allowed_uid_;
+  std::optional<uid_t> policy_uid_;
   Handlers handlers_;
   Refusals refusals_;
   std::list<Connection> connections_;  // a list: holder() hands out addresses
@@ -175,13 +191,20 @@ void RendezvousServer::State::hear(Connection& connection) {
 }
 
 void RendezvousServer::State::greet(Connection& connection, Hello hello, ssize_t size) {
-  if (connection.peer.uid != allowed_uid_ && connection.peer.uid != 0) {
-    return refuse(connection, refusals_.unwelcome,
-                  "user " + std::to_string(connection.peer.uid) + " may not connect: run as user " +
-                      std::to_string(allowed_uid_) + " or root");
+  const uid_t uid = connection.peer.uid;
+  const bool is_ours = uid == allowed_uid_ || uid == 0;
+  if (!is_ours && uid != policy_uid_) {
+    return refuse(
+        connection, refusals_.unwelcome,
+        "user " + std::to_string(uid) + " may not connect: run as user " + std::to_string(allowed_uid_) + " or root");
   }
   if (const std::string fault = fault_in(hello, size); !fault.empty()) {
     return refuse(connection, refusals_.malformed, fault);
+  }
+  if (!is_ours && !is_for_policies(hello.role)) {
+    return refuse(connection, refusals_.unwelcome,
+                  "user " + std::to_string(uid) + " is the policy's and may not be " + std::string(name(hello.role)) +
+                      ": run as user " + std::to_string(allowed_uid_) + " or root");
   }
   make_printable(hello);
   if (const std::string conflict = lease_conflict(hello.role); !conflict.empty()) {
@@ -257,11 +280,12 @@ void RendezvousServer::State::evict(Role role) {
 }
 
 std::expected<RendezvousServer, std::string> RendezvousServer::listen(const std::string& path, uid_t allowed_uid,
-                                                                      Handlers handlers) {
+                                                                      Handlers handlers,
+                                                                      std::optional<uid_t> policy_uid) {
   if (!handlers.admit) return std::unexpected("rendezvous: no admit handler: fix the caller");
   auto claim = SocketClaim::make(path, allowed_uid);
   if (!claim) return std::unexpected(claim.error());
-  return RendezvousServer(std::make_unique<State>(std::move(*claim), allowed_uid, std::move(handlers)));
+  return RendezvousServer(std::make_unique<State>(std::move(*claim), allowed_uid, policy_uid, std::move(handlers)));
 }
 
 RendezvousServer::RendezvousServer(std::unique_ptr<State> state) : state_(std::move(state)) {}

@@ -1,5 +1,6 @@
 #include "executive/ipc/unix_socket.hpp"
 
+#include <pwd.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 
@@ -77,6 +78,15 @@ Credentials peer_of(int socket) {
   socklen_t size = sizeof credentials;
   if (getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &credentials, &size) != 0) return {};
   return {credentials.pid, credentials.uid};
+}
+
+std::expected<uid_t, std::string> user_id(const std::string& user) {
+  std::array<char, 4096> room{};
+  passwd entry{};
+  passwd* found = nullptr;
+  if (getpwnam_r(user.c_str(), &entry, room.data(), room.size(), &found) != 0 || found == nullptr)
+    return std::unexpected("this machine has no user `" + user + "`: name one of `getent passwd`");
+  return entry.pw_uid;
 }
 
 bool send_message(int socket, std::span<const std::byte> message, std::span<const int> descriptors) {

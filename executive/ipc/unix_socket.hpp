@@ -30,6 +30,9 @@ std::expected<void, std::string> check_path(const std::string& path);
 // What the kernel says about the other end (SO_PEERCRED); pid 0 when it says nothing.
 Credentials peer_of(int socket);
 
+// Of a user by name; the error is one sentence.
+std::expected<uid_t, std::string> user_id(const std::string& user);
+
 // One message with descriptors attached. False: the peer is gone or will not take it (errno says why). Never raises
 // SIGPIPE.
 bool send_message(int socket, std::span<const std::byte> message, std::span<const int> descriptors);

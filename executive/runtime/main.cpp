@@ -7,11 +7,14 @@
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <expected>
+#include <optional>
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "config/tick_config_of.hpp"
 #include "drivers/bus_load.hpp"
+#include "executive/ipc/unix_socket.hpp"
 #include "executive/runtime/control_thread.hpp"
 #include "executive/runtime/executive_file.hpp"
 #include "executive/runtime/exit_codes.hpp"
@@ -29,6 +32,7 @@ using namespace std::chrono_literals;
 struct Options {
   std::string robot;
   std::string runtime_directory;
+  std::string policy_user;
   bool allow_non_realtime = false;
 };
 
@@ -60,11 +64,21 @@ std::uint32_t keyframe_ticks(const config::RobotConfig& robot) {
   return static_cast<std::uint32_t>(std::max<std::int64_t>(1, ticks));
 }
 
+// The user named on the command line; none: nobody but our own.
+std::expected<std::optional<uid_t>, std::string> policy_user(const Options& options) {
+  if (options.policy_user.empty()) return std::nullopt;
+  const auto user = ipc::user_id(options.policy_user);
+  if (!user) return std::unexpected("--policy-user: " + user.error());
+  return *user;
+}
+
 int run(const Options& options) {
   const auto robot = config::load(options.robot);
   if (!robot) return refuse(config::kExitBadConfiguration, robot.error());
   if (const auto loads = drivers::check_bus_load(*robot); !loads)
     return refuse(config::kExitBadConfiguration, loads.error());
+  const auto guest = policy_user(options);
+  if (!guest) return refuse(kExitUsage, guest.error());
   std::uint64_t policy_hash = 0;
   if (robot->policy) {
     const auto hash = config::policy_hash(robot->policy->file);
@@ -86,9 +100,9 @@ int run(const Options& options) {
                         [&robot](const TickRecord& record) { Journal::transition(record, *robot); });
 
   // The socket first: a second executive is turned away before it touches a bus.
-  auto reception = Reception::open(
-      config::executive_socket(directory),
-      {*robot, *tick_config, admission_rules(*robot, policy_hash), *published, mailboxes, requests, board, follower});
+  auto reception =
+      Reception::open(config::executive_socket(directory), {*robot, *tick_config, admission_rules(*robot, policy_hash),
+                                                            *published, mailboxes, requests, board, follower, *guest});
   if (!reception) return refuse(kExitSetUpRefused, reception.error());
   auto opened = open_edge(*robot, directory, 5s);
   if (!opened) return refuse(kExitUnavailable, opened.error());
@@ -131,9 +145,14 @@ int main(int argc, char** argv) {
   CLI::App app("Takt's real-time control loop for one robot.\nExample: takt-executive --robot config/arm6.yaml");
   app.add_option("--robot", options.robot, "robot file")->required();
   app.add_option("--runtime-dir", options.runtime_directory, "where sockets live (default /run/takt/<robot>)");
+  app.add_option("--policy-user", options.policy_user, "a user who may lend a policy, but not arm; default: ours only");
   app.add_flag("--allow-non-realtime", options.allow_non_realtime,
                "run although real-time set-up failed; every artifact says so");
   app.set_version_flag("--version", TAKT_VERSION);
+  app.footer(
+      "Exit codes: 0 ended as asked, 64 command line, 65 configuration, 69 a bus is missing, 70 bug, 71 set-up "
+      "refused\n"
+      "(real time, permissions, another executive).");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

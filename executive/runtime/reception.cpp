@@ -13,7 +13,7 @@ namespace takt::runtime {
 std::expected<std::unique_ptr<Reception>, std::string> Reception::open(const std::string& socket_path,
                                                                        const ReceptionParts& parts) {
   std::unique_ptr<Reception> reception(new Reception(parts));
-  auto server = ipc::RendezvousServer::listen(socket_path, geteuid(), reception->handlers());
+  auto server = ipc::RendezvousServer::listen(socket_path, geteuid(), reception->handlers(), parts.policy_user);
   if (!server) return std::unexpected(server.error());
   reception->server_ = std::make_unique<ipc::RendezvousServer>(std::move(*server));
   return reception;

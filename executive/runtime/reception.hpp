@@ -8,6 +8,8 @@
 // Allocates, logs, waits up to kRequestPatience inside a request.
 #pragma once
 
+#include <sys/types.h>
+
 #include <chrono>
 #include <cstdint>
 #include <expected>
@@ -42,6 +44,7 @@ struct ReceptionParts {
   OperatorInbox& requests;
   StatusBoard& board;
   TickFollower& follower;
+  std::optional<uid_t> policy_user = {};  // who may be the policy besides our own user (ipc/rendezvous.hpp)
 };
 
 class Reception {

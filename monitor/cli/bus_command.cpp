@@ -75,6 +75,8 @@ void add_bus(CLI::App& app, int& exit_code) {
   bus->require_subcommand(1);
   add_bus_scan(*bus, exit_code);
   add_bus_zero(*bus, exit_code);
+  add_bus_up(*bus, exit_code);
+  add_bus_disable(*bus, exit_code);
   auto options = std::make_shared<Options>();
   CLI::App* command = bus->add_subcommand("watch", "What the drives say, decoded, live; sends nothing.");
   command->add_option("--robot", options->robot_file, "robot file")->required();

@@ -40,13 +40,18 @@ void add_trace(CLI::App& app, int& exit_code);
 void add_trace_review(CLI::App& trace, int& exit_code);  // below add_trace's
 void add_config(CLI::App& app, int& exit_code);
 void add_bus(CLI::App& app, int& exit_code);
-void add_bus_scan(CLI::App& bus, int& exit_code);  // below add_bus's
-void add_bus_zero(CLI::App& bus, int& exit_code);  // below add_bus's
+void add_bus_scan(CLI::App& bus, int& exit_code);     // below add_bus's
+void add_bus_zero(CLI::App& bus, int& exit_code);     // below add_bus's
+void add_bus_up(CLI::App& bus, int& exit_code);       // below add_bus's
+void add_bus_disable(CLI::App& bus, int& exit_code);  // below add_bus's
 void add_joint(CLI::App& app, int& exit_code);
 void add_audit(CLI::App& app, int& exit_code);
 void add_compare(CLI::App& app, int& exit_code);
 void add_budget(CLI::App& app, int& exit_code);
 void add_margin(CLI::App& app, int& exit_code);
+void add_doctor(CLI::App& app, int& exit_code);
+void add_deploy(CLI::App& app, int& exit_code);
+void add_rollback(CLI::App& app, int& exit_code);
 void add_panel_run(CLI::App& panel, int& exit_code);       // below add_panel's
 void add_panel_merge(CLI::App& panel, int& exit_code);     // below add_panel's
 void add_config_import(CLI::App& config, int& exit_code);  // below add_config's

@@ -70,8 +70,10 @@ class Cli : public test::Shell {
 };
 
 TEST_F(Cli, HelpOfEveryCommandHasAnExampleAndItsExitCodes) {
-  for (const char* command : {"run", "arm", "stop", "reset", "mark", "status", "top", "report", "replay", "budget",
-                              "margin", "config check", "config show", "config keys", "config import"}) {
+  for (const char* command :
+       {"run",           "arm",    "stop",   "reset",    "mark",         "status",      "top",
+        "report",        "replay", "budget", "margin",   "config check", "config show", "config keys",
+        "config import", "doctor", "deploy", "rollback", "bus up",       "bus disable"}) {
     const Ended help = run(std::string(command) + " --help");
     EXPECT_EQ(help.exit_code, 0) << command;
     EXPECT_NE(help.output.find("Example: takt "), std::string::npos) << command << "\n" << help.output;

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cstdlib>
 #include <filesystem>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -33,8 +34,10 @@ class TemporaryDirectory {
 
 class ServerThread {
  public:
-  ServerThread(const std::string& path, RendezvousServer::Handlers handlers, uid_t allowed_uid = geteuid())
-      : server_(listening(path, allowed_uid, std::move(handlers))), thread_([this](const std::stop_token& stop) {
+  ServerThread(const std::string& path, RendezvousServer::Handlers handlers, uid_t allowed_uid = geteuid(),
+               std::optional<uid_t> policy_uid = {})
+      : server_(listening(path, allowed_uid, std::move(handlers), policy_uid)),
+        thread_([this](const std::stop_token& stop) {
           while (!stop.stop_requested()) server_.serve(std::chrono::milliseconds(5));
         }) {}
   // Stops serving; from then on the server may be inspected and driven from the calling thread.
@@ -45,8 +48,9 @@ class ServerThread {
   }
 
  private:
-  static RendezvousServer listening(const std::string& path, uid_t uid, RendezvousServer::Handlers handlers) {
-    auto server = RendezvousServer::listen(path, uid, std::move(handlers));
+  static RendezvousServer listening(const std::string& path, uid_t uid, RendezvousServer::Handlers handlers,
+                                    std::optional<uid_t> policy_uid) {
+    auto server = RendezvousServer::listen(path, uid, std::move(handlers), policy_uid);
     if (!server) throw std::runtime_error(server.error());
     return std::move(*server);
   }

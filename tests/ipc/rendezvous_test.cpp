@@ -336,6 +336,28 @@ TEST_F(Rendezvous, OtherUsersAreRefused) {
   EXPECT_TRUE(contains(lease.error(), "user 65534 may not connect")) << lease.error();
 }
 
+// The policy's own user lends a policy and reads sensors; it neither asks nor records.
+TEST_F(Rendezvous, ThePolicysUserMayOnlyBeAPolicy) {
+  if (geteuid() != 0) GTEST_SKIP() << "SKIPPED: only root can connect as another user";
+  constexpr uid_t kPolicyUser = 65534;
+  const ServerThread server(path_, admit_all(), geteuid(), kPolicyUser);
+  std::filesystem::permissions(path_, std::filesystem::perms::all);
+  for (const char* open : {"", "/run", "/run/arm"}) {
+    std::filesystem::permissions(directory_ / open, std::filesystem::perms::all);
+  }
+  ASSERT_EQ(seteuid(kPolicyUser), 0);
+  const auto policy = attach(path_, hello_of(Role::policy), kTimeout);
+  const auto sensor = attach(path_, hello_of(Role::sensor_reader), kTimeout);
+  const auto monitor = attach(path_, hello_of(Role::monitor), kTimeout);
+  const auto request = ask(path_, OperatorVerb::arm, kTimeout);
+  ASSERT_EQ(seteuid(0), 0);
+  EXPECT_TRUE(policy) << policy.error();
+  EXPECT_TRUE(sensor) << sensor.error();
+  ASSERT_FALSE(monitor);
+  EXPECT_TRUE(contains(monitor.error(), "user 65534 is the policy's and may not be monitor")) << monitor.error();
+  EXPECT_FALSE(request);
+}
+
 TEST_F(Rendezvous, ClientSaysWhatIsWrongWithoutAServer) {
   const auto absent = attach(path_, hello_of(Role::policy), kTimeout);
   ASSERT_FALSE(absent);

@@ -111,8 +111,10 @@ TEST_F(BusTools, NothingIsSentWhileAnExecutiveRunsButWatchingIsFine) {
   }
   EXPECT_EQ(watch.exit_code, 0);
   for (const auto& joint : watch.json().at("joints")) EXPECT_TRUE(joint.at("seen").get<bool>()) << joint;
-  for (const std::vector<std::string>& command :
-       {std::vector<std::string>{"bus", "scan"}, {"bus", "zero", "left_shoulder"}, {"joint", "jog", "left_shoulder"}}) {
+  for (const std::vector<std::string>& command : {std::vector<std::string>{"bus", "scan"},
+                                                  {"bus", "zero", "left_shoulder"},
+                                                  {"joint", "jog", "left_shoulder"},
+                                                  {"bus", "disable"}}) {
     const Ended refused = takt(command);
     EXPECT_EQ(refused.exit_code, 1) << refused.output;
     EXPECT_NE(refused.output.find("an executive runs in"), std::string::npos) << refused.output;
@@ -121,10 +123,30 @@ TEST_F(BusTools, NothingIsSentWhileAnExecutiveRunsButWatchingIsFine) {
   EXPECT_EQ(executive.wait(std::chrono::seconds(20)), 0);
 }
 
+// What the executive's unit runs after it: an executive that is killed leaves enabled drives behind.
+TEST(BusDisable, DisablesWhatAKilledExecutiveLeftEnabled) {
+  RunningRobot robot({}, kRobot);
+  const Child policy = robot.start_policy_host();
+  ASSERT_EQ(robot.arm(), "") << robot.logs();
+  ASSERT_TRUE(robot.wait_for_mode(Mode::tracking)) << robot.logs();
+  robot.executive().signal(SIGKILL);
+  robot.executive().wait(std::chrono::seconds(5));
+  const std::string log = robot.directory() + "/disable.out";
+  Child disable({"takt", "bus", "disable", "--json", "--robot", kRobot, "--runtime-dir", robot.directory()}, log);
+  const auto exit_code = disable.wait(std::chrono::seconds(30));
+  std::ifstream file(log);
+  const std::string said{std::istreambuf_iterator<char>(file), {}};
+  EXPECT_EQ(exit_code, 0) << said;
+  const auto json = nlohmann::json::parse(said.substr(0, said.find('\n')));
+  EXPECT_EQ(json.at("joints").size(), 12U);
+  for (const auto& joint : json.at("joints")) EXPECT_TRUE(joint.at("disabled").get<bool>()) << joint;
+}
+
 TEST_F(BusTools, ASilentDriveIsMissed) {
   plant_.reset();
   const Ended scan = takt({"bus", "scan"});
   EXPECT_EQ(scan.exit_code, 69) << scan.output;
+  EXPECT_EQ(takt({"bus", "disable"}).exit_code, 69);
   const Ended jog = takt({"joint", "jog", "no_such_joint"});
   EXPECT_EQ(jog.exit_code, 64);
   EXPECT_NE(jog.output.find("has no joint `no_such_joint`"), std::string::npos) << jog.output;

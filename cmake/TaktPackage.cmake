@@ -1,0 +1,82 @@
+# The Debian package: what it holds beside the programs and units, and how CPack makes it (`./dev package`).
+# There is no -dev package: C++ headers are not an interface for users yet.
+
+# The demo robot, ready to start: a folder that /etc/takt/robot points to until `takt deploy` points it elsewhere.
+function(takt_demo_robot out)
+  file(READ ${CMAKE_SOURCE_DIR}/config/arm6.yaml text)
+  foreach(change "cpu: 1 =>cpu: none" "file: arm6_reach.onnx =>file: /usr/share/takt/robots/arm6_reach.onnx"
+                 "directory: runs\n=>directory: /var/lib/takt/runs\n")
+    string(REPLACE "=>" ";" change "${change}")
+    list(GET change 0 from)
+    list(GET change 1 to)
+    string(FIND "${text}" "${from}" at)
+    if(at EQUAL -1)
+      message(FATAL_ERROR "config/arm6.yaml no longer says `${from}`: correct cmake/TaktPackage.cmake")
+    endif()
+    string(REPLACE "${from}" "${to}" text "${text}")
+  endforeach()
+  file(CONFIGURE OUTPUT ${out}/robot.yaml CONTENT "${text}" @ONLY)
+  file(CONFIGURE OUTPUT ${out}/simulated CONTENT
+    "While this file is here, takt-plant.service plays this robot's drives, mechanics and camera.\n")
+endfunction()
+
+set(share ${CMAKE_BINARY_DIR}/share)
+set(package_files ${CMAKE_SOURCE_DIR}/cmake/package)
+
+# Manual pages and completion, out of the programs themselves. Not part of `all`: only the package wants them.
+add_custom_target(takt-manual
+  COMMAND ${package_files}/manual.py $<TARGET_FILE_DIR:takt> ${PROJECT_VERSION} ${share}
+  DEPENDS takt takt-executive takt-policy-host takt-plant takt-monitor COMMENT "Manual pages and bash completion")
+install(DIRECTORY ${share}/man ${share}/bash-completion DESTINATION ${CMAKE_INSTALL_DATADIR} OPTIONAL)
+
+# Debian wants its own changelog, dated: by the newest commit, so that the same sources give the same package.
+execute_process(COMMAND git log -1 --format=%cD WORKING_DIRECTORY ${CMAKE_SOURCE_DIR} OUTPUT_VARIABLE takt_date
+                OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
+if(NOT takt_date)
+  set(takt_date "Thu, 01 Jan 1970 00:00:00 +0000")
+endif()
+set(CPACK_DEBIAN_PACKAGE_MAINTAINER "Takt maintainers <takt@example.org>")
+configure_file(${package_files}/changelog.in ${share}/doc/changelog.Debian @ONLY)
+file(COPY_FILE ${CMAKE_SOURCE_DIR}/CHANGELOG.md ${share}/doc/changelog)
+execute_process(COMMAND gzip -9nf changelog.Debian changelog WORKING_DIRECTORY ${share}/doc)
+
+set(docs ${CMAKE_INSTALL_DATADIR}/doc/takt)
+install(FILES ${share}/doc/changelog.Debian.gz ${share}/doc/changelog.gz ${package_files}/copyright README.md DESTINATION ${docs})
+install(DIRECTORY docs/ DESTINATION ${docs} FILES_MATCHING PATTERN "*.md" PATTERN "*.xml")
+install(DIRECTORY config/ DESTINATION ${CMAKE_INSTALL_DATADIR}/takt/robots
+        FILES_MATCHING PATTERN "*.yaml" PATTERN "*.onnx"
+        PATTERN grafana EXCLUDE PATTERN prometheus EXCLUDE)
+
+takt_demo_robot(${CMAKE_BINARY_DIR}/demo)
+install(DIRECTORY ${CMAKE_BINARY_DIR}/demo DESTINATION /etc/takt/deployments)
+
+# `./dev package` builds what is installed; packing must not build every test as well.
+set(CMAKE_SKIP_INSTALL_ALL_DEPENDENCY ON)
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME takt)
+set(CPACK_PACKAGE_DIRECTORY ${CMAKE_BINARY_DIR}/package)
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_RELEASE 1)
+set(CPACK_DEBIAN_PACKAGE_SECTION misc)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_DEPENDS "systemd | systemd-standalone-sysusers, systemd | systemd-standalone-tmpfiles, iproute2")
+set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "linux-image-rt-amd64 | linux-image-rt-arm64")
+set(CPACK_DEBIAN_PACKAGE_SUGGESTS "can-utils, lttng-tools, babeltrace2")
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA ${package_files}/postinst ${package_files}/prerm ${package_files}/postrm
+    ${package_files}/conffiles)
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "real-time executive for learned robot policies")
+set(CPACK_DEBIAN_PACKAGE_DESCRIPTION
+"Takt runs learned policies on robots in real time and leaves evidence behind
+every command. A small hard-real-time process stands between the neural
+network and the motors: every millisecond it decides whether the policy's last
+word is still fresh enough to move the robot, keeps the robot inside its
+limits, and records why, so that the decision can be replayed bit for bit.
+.
+This package holds the executive, the policy host for ONNX policies, the
+monitor, a simulated robot, the takt command and systemd units. Nothing is
+started when it is installed.")
+include(CPack)

@@ -1,0 +1,165 @@
+// takt deploy: a robot file and its policy become what this machine runs, and go back if they do not stand the test.
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "config/load.hpp"
+#include "monitor/cli/checked_robot.hpp"
+#include "monitor/cli/command.hpp"
+#include "monitor/cli/deployed_robot.hpp"
+#include "monitor/cli/scenario.hpp"
+#include "monitor/deploy/smoke.hpp"
+#include "monitor/deploy/store.hpp"
+
+namespace takt::cli {
+namespace {
+
+struct Options {
+  std::string robot_file, store = "/etc/takt", name, runs = "/var/lib/takt/runs", watch = "30s", arm_within = "120s";
+  DeployedRobot place{"/run/takt", {}};
+  bool simulated = false, arm = false, no_restart = false, json = false;
+  deploy::ProbationTimes times;  // of `watch` and `arm_within`
+};
+
+// What happened, for a person or a script.
+struct Outcome {
+  std::string name, previous, smoke, verdict, reason;  // verdict: proven, unproven, rolled_back
+};
+
+std::string new_name(const config::RobotConfig& robot) {
+  return fmt::format("{:%Y%m%dT%H%M%SZ}-{}", fmt::gmtime(std::time(nullptr)), robot.robot);
+}
+
+std::unexpected<Refusal> refused(const std::string& sentence, int exit_code = kExitFailed) {
+  return std::unexpected(Refusal{exit_code, sentence});
+}
+
+// Back to what ran before, or to nothing if nothing did.
+std::expected<void, Refusal> go_back(deploy::Store& store, const DeployedRobot& place, const std::string& previous) {
+  ask_to_stop(place);
+  if (previous.empty())
+    return refused("nothing was deployed before: the new deployment stays, and nothing vouches for it");
+  if (const auto back = store.use(previous); !back) return refused(back.error());
+  return restart(place);
+}
+
+// From here on the new robot is in use: every way out proves it, leaves it unproven, or goes back.
+std::expected<void, Refusal> prove(deploy::Store& store, const Options& options, const config::RobotConfig& robot,
+                                   Outcome& outcome) {
+  const auto restarted = restart(options.place);
+  Watched watched{deploy::Stage::unproven, "not restarted, so not watched: restart its processes yourself"};
+  if (!restarted)
+    watched = {deploy::Stage::failed, restarted.error().sentence};
+  else if (!options.place.restart.empty())
+    watched = watch(options.place, robot, options.times, options.arm);
+  outcome.reason = watched.reason;
+  if (watched.stage == deploy::Stage::failed) {
+    outcome.verdict = "rolled_back";
+    return go_back(store, options.place, outcome.previous);
+  }
+  outcome.verdict = watched.stage == deploy::Stage::passed ? "proven" : "unproven";
+  if (watched.stage != deploy::Stage::passed) return {};
+  if (const auto marked = store.mark_proven(outcome.name); !marked) return refused(marked.error());
+  return {};
+}
+
+std::expected<Outcome, Refusal> deploy_robot(const Options& options) {
+  const auto checked = check_robot_file(options.robot_file);
+  if (!checked) return refused(checked.error(), config::kExitBadConfiguration);
+  const config::RobotConfig& robot = checked->robot;
+  auto store = deploy::Store::open(options.store);
+  if (!store) return refused(store.error());
+  if (const auto disarmed = require_disarmed(options.place); !disarmed) return std::unexpected(disarmed.error());
+
+  const auto smoke = deploy::smoke_run(robot);
+  if (!smoke) return refused(fmt::format("smoke run failed, nothing was changed: {}", smoke.error()));
+  Outcome outcome{options.name.empty() ? new_name(robot) : options.name, store->current(), *smoke, {}, {}};
+  if (const auto added = store->add({robot, outcome.name, options.runs, options.simulated}); !added)
+    return refused(added.error());
+  if (const auto used = store->use(outcome.name); !used) return refused(used.error());
+  if (const auto proven = prove(*store, options, robot, outcome); !proven)
+    return refused(fmt::format("{}: {}; going back: {}", outcome.name, outcome.reason, proven.error().sentence));
+  return outcome;
+}
+
+int report(const Outcome& outcome, bool json) {
+  const bool rolled_back = outcome.verdict == "rolled_back";
+  if (json)
+    fmt::print("{}\n", nlohmann::ordered_json{{"deployment", outcome.name},
+                                              {"previous", outcome.previous},
+                                              {"smoke", outcome.smoke},
+                                              {"verdict", outcome.verdict},
+                                              {"reason", outcome.reason}}
+                           .dump());
+  else if (rolled_back)
+    fmt::print(stderr, "{} was rolled back: {}. In use again: {}\n", outcome.name, outcome.reason, outcome.previous);
+  else
+    fmt::print("{} is in use, {}: {}. Smoke run: {}. Before: {}\n", outcome.name, outcome.verdict, outcome.reason,
+               outcome.smoke, outcome.previous.empty() ? "nothing" : outcome.previous);
+  return rolled_back ? kExitFailed : kExitOk;
+}
+
+int run(Options& options) {
+  const auto watch_for = parse_duration(options.watch), arm_within = parse_duration(options.arm_within);
+  if (!watch_for || !arm_within) {
+    fmt::print(stderr, "takt deploy: {}\n",
+               !watch_for ? "--watch " + watch_for.error() : "--arm-within " + arm_within.error());
+    return kExitUsage;
+  }
+  options.times.watch = *watch_for;
+  options.times.arm_within = *arm_within;
+  if (options.no_restart)
+    options.place.restart.clear();
+  else if (options.place.restart.empty())
+    options.place.restart = default_restart();
+  if (options.place.restart.empty() && !options.no_restart) {
+    fmt::print(stderr,
+               "takt deploy: systemd does not run here: say how the robot's processes are started anew with "
+               "--restart, or --no-restart\n");
+    return kExitUnavailable;
+  }
+  const auto outcome = deploy_robot(options);
+  if (outcome) return report(*outcome, options.json);
+  fmt::print(stderr, "takt deploy: {}\n", outcome.error().sentence);
+  return outcome.error().exit_code;
+}
+
+}  // namespace
+
+void add_deploy(CLI::App& app, int& exit_code) {
+  CLI::App* command =
+      app.add_subcommand("deploy", "Make a robot file and its policy what this machine runs, on probation.");
+  auto options = std::make_shared<Options>();
+  command->add_option("ROBOT", options->robot_file, "robot file")->required();
+  command->add_option("--name", options->name, "of the deployment; default: UTC time and the robot's name");
+  command->add_option("--watch", options->watch, "seconds of tracking that prove it")->capture_default_str();
+  command->add_option("--arm-within", options->arm_within, "wait this long for somebody to arm it")
+      ->capture_default_str();
+  command->add_flag("--arm", options->arm, "arm it as soon as nothing is missing");
+  command->add_flag("--simulated", options->simulated, "takt-plant plays the robot");
+  command->add_option("--store", options->store, "where deployments are kept")->capture_default_str();
+  command->add_option("--runs", options->runs, "record.directory of the deployment")->capture_default_str();
+  command->add_option("--runtime-dir", options->place.runtime_directory, "where the robot's sockets are")
+      ->capture_default_str();
+  command->add_option("--restart", options->place.restart,
+                      "command that starts its processes anew; default systemd's target");
+  command->add_flag("--no-restart", options->no_restart, "only change what is in use at the next start");
+  command->add_flag("--json", options->json, "one line of JSON");
+  command->footer(
+      "Example: sudo takt deploy robot.yaml --watch 60s\n"
+      "Checks the file, runs it for some seconds in virtual time if it has `simulation`, copies it with its policy "
+      "into\n"
+      "a folder of its own, switches to it, restarts the robot's processes and watches: a violated contract, a stop or "
+      "a\n"
+      "fault within --watch of tracking brings the previous deployment back. So does Ctrl-C. See takt rollback.\n"
+      "Exit codes: 0 in use, 1 refused or rolled back, 64 command line, 65 robot file, 69 nothing restarts it.");
+  command->callback([options, &exit_code] { exit_code = run(*options); });
+}
+
+}  // namespace takt::cli

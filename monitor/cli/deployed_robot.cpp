@@ -1,0 +1,80 @@
+#include "monitor/cli/deployed_robot.hpp"
+
+#include <fmt/format.h>
+
+#include <csignal>
+#include <ctime>
+#include <filesystem>
+
+#include "config/paths.hpp"
+#include "drivers/receive_stamp.hpp"
+#include "executive/ipc/rendezvous.hpp"
+#include "monitor/cli/external_tool.hpp"
+
+namespace takt::cli {
+namespace {
+
+constexpr auto kAnswerWithin = std::chrono::milliseconds(500);
+constexpr long kLookPeriod_ns = 50'000'000;
+
+volatile std::sig_atomic_t g_interrupted = 0;
+
+std::optional<StatusSnapshot> status_of(const DeployedRobot& robot) {
+  const auto reply = ipc::ask(config::executive_socket(robot.runtime_directory), OperatorVerb::status, kAnswerWithin);
+  if (!reply) return std::nullopt;
+  return reply->status;
+}
+
+MonoTime clock_now() {
+  return drivers::sample_clocks().monotonic;
+}
+
+void catch_interruptions() {
+  g_interrupted = 0;
+  for (const int number : {SIGINT, SIGTERM, SIGHUP}) std::signal(number, [](int) { g_interrupted = 1; });
+}
+
+}  // namespace
+
+std::string default_restart() {
+  return std::filesystem::exists("/run/systemd/system") ? "systemctl restart takt.target" : "";
+}
+
+std::expected<void, Refusal> require_disarmed(const DeployedRobot& robot) {
+  const auto status = status_of(robot);
+  if (!status || status->tick.drives_enabled == 0) return {};
+  return std::unexpected(
+      Refusal{kExitFailed, fmt::format("the robot in {} is armed, mode {}: `takt stop`, then `takt reset`, first",
+                                       robot.runtime_directory, name(status->tick.mode))});
+}
+
+std::expected<void, Refusal> restart(const DeployedRobot& robot) {
+  if (robot.restart.empty()) return {};
+  const ToolResult result = run_tool({"sh", "-c", robot.restart});
+  if (result.exit_code == 0) return {};
+  return std::unexpected(
+      Refusal{kExitFailed, fmt::format("`{}` ended with {}: {}", robot.restart, result.exit_code, result.output)});
+}
+
+Watched watch(const DeployedRobot& place, const config::RobotConfig& robot, const deploy::ProbationTimes& times,
+              bool arm) {
+  catch_interruptions();
+  deploy::Probation probation(times, robot.policy.has_value());
+  const MonoTime started = clock_now();
+  while (g_interrupted == 0) {
+    const deploy::Stage stage = probation.look(clock_now() - started, status_of(place));
+    if (deploy::is_over(stage)) return {stage, probation.reason()};
+    // Refused as long as something is missing; `arm_within` bounds how often this is asked.
+    if (arm && stage == deploy::Stage::waiting)
+      (void)ipc::ask(config::executive_socket(place.runtime_directory), OperatorVerb::arm, kAnswerWithin);
+    const timespec pause{0, kLookPeriod_ns};
+    ::nanosleep(&pause, nullptr);
+  }
+  return {deploy::Stage::failed, "interrupted"};
+}
+
+void ask_to_stop(const DeployedRobot& robot) {
+  (void)ipc::ask(config::executive_socket(robot.runtime_directory), OperatorVerb::stop, kAnswerWithin);
+}
+
+}  // namespace takt::cli

@@ -1,0 +1,40 @@
+// The robot that a store's deployments run as: whether it may be replaced now, restarting its processes, and watching
+// them. Shared by takt deploy and takt rollback. Thread rule: one thread.
+#pragma once
+
+#include <expected>
+#include <string>
+
+#include "config/robot_config.hpp"
+#include "monitor/cli/command.hpp"
+#include "monitor/deploy/probation.hpp"
+
+namespace takt::cli {
+
+struct DeployedRobot {
+  std::string runtime_directory;
+  std::string restart;  // shell command that starts its processes anew; empty: nobody does
+};
+
+// What restarts it when nobody says otherwise: systemd's target, where systemd runs; else empty.
+std::string default_restart();
+
+// Refused while it is armed: software under a moving robot is not replaced.
+std::expected<void, Refusal> require_disarmed(const DeployedRobot& robot);
+
+// Runs the restart command; the error says how it ended.
+std::expected<void, Refusal> restart(const DeployedRobot& robot);
+
+// Polls the executive until the probation is over, or SIGINT, SIGTERM or SIGHUP came: failed. `arm`: arms it as soon as
+// it will. `robot`: the new one.
+struct Watched {
+  deploy::Stage stage = deploy::Stage::failed;
+  std::string reason;
+};
+Watched watch(const DeployedRobot& place, const config::RobotConfig& robot, const deploy::ProbationTimes& times,
+              bool arm);
+
+// A damped stop, if it is armed; no error when nobody answers.
+void ask_to_stop(const DeployedRobot& robot);
+
+}  // namespace takt::cli

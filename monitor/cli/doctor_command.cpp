@@ -1,0 +1,76 @@
+// takt doctor: what on this machine stands between a robot and a punctual control loop.
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdio>
+#include <memory>
+
+#include "config/load.hpp"
+#include "monitor/cli/command.hpp"
+#include "monitor/cli/external_tool.hpp"
+#include "monitor/doctor/collect.hpp"
+#include "monitor/doctor/diagnose.hpp"
+#include "monitor/doctor/wakeup_probe.hpp"
+
+namespace takt::cli {
+namespace {
+
+struct Options {
+  std::string robot_file;
+  double seconds = 10;
+  bool json = false;
+};
+
+std::string output_of(const std::vector<std::string>& words) {
+  const ToolResult result = run_tool(words);
+  return result.exit_code == 0 ? result.output : std::string();
+}
+
+doctor::ProbePlan probe_plan(const config::RobotConfig* robot, double seconds) {
+  doctor::ProbePlan plan{
+      .length = Duration{std::llround(seconds * 1e9)}, .period = milliseconds(1), .priority = 80, .cpu = {}};
+  if (robot == nullptr) return plan;
+  plan.period = robot->control.period;
+  plan.priority = robot->control.priority;
+  plan.cpu = robot->control.cpu;
+  return plan;
+}
+
+int examine(const Options& options) {
+  std::optional<config::RobotConfig> robot;
+  if (!options.robot_file.empty()) {
+    auto loaded = config::load(options.robot_file);
+    if (!loaded) {
+      fmt::print(stderr, "{}\n", loaded.error());
+      return config::kExitBadConfiguration;
+    }
+    robot = std::move(*loaded);
+  }
+  const config::RobotConfig* const known = robot ? &*robot : nullptr;
+  doctor::Snapshot snapshot = doctor::collect({{}, output_of}, known);
+  if (options.seconds > 0) snapshot.wakeup = doctor::measure_wakeups(probe_plan(known, options.seconds));
+  const auto findings = doctor::diagnose(snapshot, known);
+  fmt::print("{}{}", options.json ? doctor::json_of(findings, snapshot) : doctor::text_of(findings, snapshot),
+             options.json ? "\n" : "");
+  return doctor::worst(findings) == doctor::Verdict::fail ? kExitFailed : kExitOk;
+}
+
+}  // namespace
+
+void add_doctor(CLI::App& app, int& exit_code) {
+  CLI::App* command =
+      app.add_subcommand("doctor", "Say whether this machine can do hard real time, and how to mend it.");
+  auto options = std::make_shared<Options>();
+  command->add_option("--robot", options->robot_file, "robot file: its core, priority, CAN interfaces and disk too");
+  command->add_option("--seconds", options->seconds, "measure wake-ups this long; 0: not at all")
+      ->check(CLI::Range(0.0, 3600.0))
+      ->capture_default_str();
+  command->add_flag("--json", options->json, "one line of JSON, schema takt.doctor/1");
+  command->footer(
+      "Example: sudo takt doctor --robot robot.yaml\n"
+      "Measure while the machine does what it does when the robot runs.\n"
+      "Exit codes: 0 nothing failed (there may be warnings), 1 something did, 64 command line, 65 robot file.");
+  command->callback([options, &exit_code] { exit_code = examine(*options); });
+}
+
+}  // namespace takt::cli

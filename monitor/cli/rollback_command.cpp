@@ -1,0 +1,68 @@
+// takt rollback: back to the deployment before, by hand.
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "monitor/cli/command.hpp"
+#include "monitor/cli/deployed_robot.hpp"
+#include "monitor/deploy/store.hpp"
+
+namespace takt::cli {
+namespace {
+
+struct Options {
+  std::string store = "/etc/takt", to;
+  DeployedRobot place{"/run/takt", {}};
+  bool no_restart = false, json = false;
+};
+
+std::expected<int, Refusal> roll_back(const Options& options) {
+  auto store = deploy::Store::open(options.store);
+  if (!store) return std::unexpected(Refusal{kExitFailed, store.error()});
+  const std::string from = store->current(), to = options.to.empty() ? store->previous() : options.to;
+  if (to.empty())
+    return std::unexpected(Refusal{
+        kExitFailed,
+        fmt::format("nothing was in use before {}; --to names any folder of {}/deployments", from, options.store)});
+  if (const auto disarmed = require_disarmed(options.place); !disarmed) return std::unexpected(disarmed.error());
+  if (const auto used = store->use(to); !used) return std::unexpected(Refusal{kExitFailed, used.error()});
+  if (const auto restarted = restart(options.place); !restarted) return std::unexpected(restarted.error());
+  if (options.json)
+    fmt::print("{}\n", nlohmann::ordered_json{{"from", from}, {"to", to}, {"proven", store->is_proven(to)}}.dump());
+  else
+    fmt::print("{} is in use again instead of {}{}\n", to, from.empty() ? "nothing" : from,
+               store->is_proven(to) ? "" : "; it never passed its probation");
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_rollback(CLI::App& app, int& exit_code) {
+  CLI::App* command = app.add_subcommand("rollback", "Go back to the deployment that was in use before.");
+  auto options = std::make_shared<Options>();
+  command->add_option("--to", options->to, "name of a deployment; default: the one before");
+  command->add_option("--store", options->store, "where deployments are kept")->capture_default_str();
+  command->add_option("--runtime-dir", options->place.runtime_directory, "where the robot's sockets are")
+      ->capture_default_str();
+  command->add_option("--restart", options->place.restart,
+                      "command that starts its processes anew; default systemd's target");
+  command->add_flag("--no-restart", options->no_restart, "only change what is in use at the next start");
+  command->add_flag("--json", options->json, "one line of JSON");
+  command->footer(
+      "Example: sudo takt rollback\n"
+      "Without systemd and --restart it changes what is in use at the next start.\n"
+      "Exit codes: 0 in use again, 1 refused (armed, nothing before) or the restart failed, 64 command line.");
+  command->callback([options, &exit_code] {
+    if (options->no_restart)
+      options->place.restart.clear();
+    else if (options->place.restart.empty())
+      options->place.restart = default_restart();
+    const auto done = roll_back(*options);
+    if (!done) fmt::print(stderr, "takt rollback: {}\n", done.error().sentence);
+    exit_code = done ? *done : done.error().exit_code;
+  });
+}
+
+}  // namespace takt::cli

@@ -1,0 +1,74 @@
+#include "monitor/deploy/probation.hpp"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+namespace takt::deploy {
+
+Stage Probation::end(Stage stage, std::string reason) {
+  reason_ = std::move(reason);
+  return stage;
+}
+
+Stage Probation::look(Duration now, const std::optional<StatusSnapshot>& status) {
+  if (is_over(stage_)) return stage_;
+  const Stage before = stage_;
+  if (stage_ == Stage::starting) {
+    stage_ = start(now, status);
+  } else if (!status) {
+    stage_ = end(Stage::failed, "the executive no longer answers");
+  } else if (status->ticks < ticks_) {
+    stage_ = end(Stage::failed, "the executive restarted");
+  } else {
+    stage_ = stage_ == Stage::waiting ? wait(now, *status) : prove(now, *status);
+  }
+  if (status) ticks_ = status->ticks;
+  if (stage_ != before) since_ = now;
+  return stage_;
+}
+
+Stage Probation::start(Duration now, const std::optional<StatusSnapshot>& status) {
+  const bool policy_missing = wants_policy_ && (!status || status->policy_pid == 0);
+  if (status && !policy_missing) return Stage::waiting;
+  if (now < times_.start_within) return Stage::starting;
+  return end(Stage::failed, fmt::format("after {:.0f} s {}", times_.start_within.seconds(),
+                                        status ? "no policy is attached to the executive" : "no executive answers"));
+}
+
+Stage Probation::wait(Duration now, const StatusSnapshot& status) {
+  switch (status.tick.mode) {
+    case Mode::tracking:
+      return Stage::proving;
+    case Mode::arming:
+      return Stage::waiting;
+    case Mode::fault_latched:
+    case Mode::degraded:
+    case Mode::damped_stop:
+      return end(Stage::failed, fmt::format("it went to {} before it tracked", name(status.tick.mode)));
+    case Mode::standby:
+      break;
+  }
+  if (now - since_ < times_.arm_within) return Stage::waiting;
+  return end(Stage::unproven, fmt::format("nobody armed it within {:.0f} s", times_.arm_within.seconds()));
+}
+
+Stage Probation::prove(Duration now, const StatusSnapshot& status) {
+  const double tracked = (now - since_).seconds();
+  switch (status.tick.mode) {
+    case Mode::tracking:
+      break;
+    case Mode::degraded:
+      return end(Stage::failed, fmt::format("the freshness contract was violated after {:.1f} s of tracking", tracked));
+    case Mode::fault_latched:
+      return end(Stage::failed, fmt::format("a fault was latched after {:.1f} s of tracking", tracked));
+    case Mode::damped_stop:
+    case Mode::standby:
+    case Mode::arming:
+      return end(Stage::failed, fmt::format("it was stopped after {:.1f} s of tracking", tracked));
+  }
+  if (now - since_ < times_.watch) return Stage::proving;
+  return end(Stage::passed, fmt::format("tracked for {:.0f} s within its contract", times_.watch.seconds()));
+}
+
+}  // namespace takt::deploy

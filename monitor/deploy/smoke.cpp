@@ -1,0 +1,63 @@
+#include "monitor/deploy/smoke.hpp"
+
+#include <fmt/format.h>
+
+#include "config/load.hpp"
+#include "monitor/panel/rollout.hpp"
+#include "policy_host/onnx_policy.hpp"
+#include "policy_host/policy_fit.hpp"
+
+namespace takt::deploy {
+namespace {
+
+// The last part of the rollout, which the row's measures are about; nobody judges the task's error here.
+constexpr Duration kScored = seconds(1);
+constexpr double kAnyError_m = 1e9;
+
+panel::Task task_of(const config::RobotConfig& robot) {
+  return robot.simulation->cart_pole ? panel::Task::cart_pole_balance : panel::Task::arm_tracking;
+}
+
+std::string trouble_in(const panel::RolloutRow& row) {
+  if (row.safety.entered_fault_latched > 0) return fmt::format("a fault was latched: {}", name(row.final_cause));
+  if (row.safety.entered_damped_stop > 0) return fmt::format("it came to a damped stop: {}", name(row.final_cause));
+  if (row.safety.entered_degraded > 0) return "the freshness contract was violated";
+  if (row.safety.envelope_violations > 0)
+    return fmt::format("measured values left the envelope in {} ticks", row.safety.envelope_violations);
+  if (row.final_mode != Mode::tracking)
+    return fmt::format("it never came to tracking, and ended in {}", name(row.final_mode));
+  return {};
+}
+
+std::expected<std::string, std::string> roll_out(const config::RobotConfig& robot, policy_host::Policy& policy) {
+  const auto hash = config::policy_hash(robot.policy->file);
+  if (!hash) return std::unexpected(hash.error());
+  panel::RolloutRow row;
+  const panel::RolloutSetup setup{.robot = robot,
+                                  .policy = policy,
+                                  .policy_hash = *hash,
+                                  .task = task_of(robot),
+                                  .timing = {},
+                                  .perturbation = {},
+                                  .duration = kSmokeLength,
+                                  .scored = kScored,
+                                  .bound_m = kAnyError_m};
+  if (const auto ran = panel::run_rollout(setup, row); !ran) return std::unexpected(ran.error());
+  if (const std::string trouble = trouble_in(row); !trouble.empty())
+    return std::unexpected(fmt::format("{:.0f} s in virtual time: {}", kSmokeLength.seconds(), trouble));
+  return fmt::format("tracked for {:.0f} s in virtual time", kSmokeLength.seconds());
+}
+
+}  // namespace
+
+std::expected<std::string, std::string> smoke_run(const config::RobotConfig& robot) {
+  if (!robot.policy) return "no policy: nothing to try before the robot itself";
+  if (const auto fine = policy_host::check_policy_section(robot); !fine) return std::unexpected(fine.error());
+  const auto policy = policy_host::load_onnx_policy(robot.policy->file, robot.policy->input, robot.policy->output);
+  if (!policy) return std::unexpected(policy.error());
+  if (const auto fits = policy_host::check_fit(robot, **policy); !fits) return std::unexpected(fits.error());
+  if (!robot.simulation) return "the policy loads and fits; no `simulation`, so nothing was run";
+  return roll_out(robot, **policy);
+}
+
+}  // namespace takt::deploy

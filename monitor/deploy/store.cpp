@@ -1,0 +1,179 @@
+#include "monitor/deploy/store.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <vector>
+
+#include "config/load.hpp"
+
+namespace takt::deploy {
+namespace {
+
+namespace fs = std::filesystem;
+using Done = std::expected<void, std::string>;
+
+std::unexpected<std::string> cannot(const std::string& what, const std::string& path, const std::string& why) {
+  return std::unexpected(fmt::format("{} cannot be {}: {}; run as root, or name another --store", path, what, why));
+}
+
+Done sync_path(const std::string& path) {
+  const ipc::Descriptor opened(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!opened.is_open() || fsync(opened.get()) != 0) return cannot("written to disk", path, std::strerror(errno));
+  return {};
+}
+
+Done write_file(const std::string& path, const std::string& text) {
+  std::ofstream file(path, std::ios::binary | std::ios::trunc);
+  file << text;
+  file.close();
+  if (!file) return cannot("written", path, std::strerror(errno));
+  return sync_path(path);
+}
+
+Done copy_file(const std::string& from, const std::string& to) {
+  std::error_code error;
+  fs::copy_file(from, to, fs::copy_options::overwrite_existing, error);
+  if (error) return cannot("copied to " + to, from, error.message());
+  fs::permissions(to, fs::perms(0644), error);
+  return sync_path(to);
+}
+
+// Last part of where a link points; empty: no link, or it points nowhere.
+std::string link_name(const std::string& link) {
+  std::error_code error;
+  if (!fs::exists(link, error)) return {};
+  const fs::path target = fs::read_symlink(link, error);
+  return error ? std::string() : target.filename().string();
+}
+
+// The first of several steps that fails.
+template <class... Steps>
+Done in_turn(Steps&&... steps) {
+  Done done;
+  (void)((done = steps(), done.has_value()) && ...);
+  return done;
+}
+
+bool is_name(const std::string& name) {
+  constexpr const char* kAllowed = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-.";
+  return !name.empty() && name.front() != '.' && name.find_first_not_of(kAllowed) == std::string::npos;
+}
+
+}  // namespace
+
+std::expected<Store, std::string> Store::open(const std::string& folder, std::function<void()> on_step) {
+  std::error_code error;
+  fs::create_directories(folder + "/deployments", error);
+  if (error) return cannot("made", folder + "/deployments", error.message());
+  ipc::Descriptor lock(::open((folder + "/deployments").c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!lock.is_open()) return cannot("opened", folder + "/deployments", std::strerror(errno));
+  if (flock(lock.get(), LOCK_EX | LOCK_NB) != 0)
+    return std::unexpected(fmt::format("another takt deploy or rollback works on {}: wait until it ends", folder));
+  return Store(folder, std::move(lock), std::move(on_step));
+}
+
+std::string Store::current() const {
+  return link_name(folder_ + "/robot");
+}
+
+std::string Store::previous() const {
+  return link_name(folder_ + "/robot/previous");
+}
+
+std::string Store::robot_file(const std::string& name) const {
+  return deployments() + "/" + name + "/robot.yaml";
+}
+
+bool Store::is_proven(const std::string& name) const {
+  return fs::exists(deployments() + "/" + name + "/proven");
+}
+
+// Paths in the copy are the copy's own, so that neither an edited policy nor a moved folder changes what is deployed.
+Done Store::fill(const std::string& staging, const Newcomer& newcomer) {
+  std::vector<config::Override> own;
+  std::string policy;
+  if (newcomer.robot.policy) {
+    policy = fs::path(newcomer.robot.policy->file).filename();
+    own.push_back({"policy.file", policy});
+  }
+  own.push_back({"record.directory", newcomer.runs_folder});
+  const auto copy = config::with_overrides(newcomer.robot, own);
+  if (!copy) return std::unexpected(copy.error());
+  const auto stepping = [this](Done done) {
+    stepped();
+    return done;
+  };
+  const std::string before = current();
+  return in_turn(
+      [&] { return stepping(write_file(staging + "/robot.yaml", copy->resolved)); },
+      [&] { return stepping(copy_file(newcomer.robot.file, staging + "/original.yaml")); },
+      [&] {
+        return policy.empty() ? Done{} : stepping(copy_file(newcomer.robot.policy->file, staging + "/" + policy));
+      },
+      [&] {
+        return newcomer.simulated ? stepping(write_file(staging + "/simulated", "takt-plant plays this robot\n"))
+                                  : Done{};
+      },
+      [&] { return before.empty() ? Done{} : link("../" + before, staging + "/previous"); },
+      [&] { return sync_path(staging); });
+}
+
+Done Store::add(const Newcomer& newcomer) {
+  const std::string folder = deployments() + "/" + newcomer.name;
+  if (!is_name(newcomer.name))
+    return std::unexpected(fmt::format("`{}` is no name for a deployment: letters, digits, _ - . only", newcomer.name));
+  if (fs::exists(folder)) return std::unexpected(fmt::format("{} exists already: choose another --name", folder));
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(deployments(), error))
+    if (entry.path().filename().string().starts_with(".staging-")) fs::remove_all(entry.path(), error);
+  const std::string staging = deployments() + "/.staging-" + newcomer.name;
+  fs::create_directory(staging, error);
+  if (error) return cannot("made", staging, error.message());
+  stepped();
+  if (const Done filled = fill(staging, newcomer); !filled) {
+    fs::remove_all(staging, error);
+    return filled;
+  }
+  if (std::rename(staging.c_str(), folder.c_str()) != 0) return cannot("renamed", staging, std::strerror(errno));
+  stepped();
+  return sync_path(deployments());
+}
+
+Done Store::link(const std::string& target, const std::string& path) {
+  const std::string draft = path + ".new";
+  std::error_code error;
+  fs::remove(draft, error);
+  fs::create_directory_symlink(target, draft, error);
+  if (error) return cannot("linked", path, error.message());
+  stepped();
+  if (std::rename(draft.c_str(), path.c_str()) != 0) return cannot("linked", path, std::strerror(errno));
+  stepped();
+  return {};
+}
+
+Done Store::use(const std::string& name) {
+  if (!fs::exists(robot_file(name)))
+    return std::unexpected(
+        fmt::format("{} holds no robot file: `{}` was never deployed", deployments() + "/" + name, name));
+  std::error_code error;
+  const std::string robot = folder_ + "/robot";
+  if (fs::exists(fs::symlink_status(robot, error)) && !fs::is_symlink(robot, error))
+    return std::unexpected(fmt::format("{} is not a link: move it away, it is what deployments replace", robot));
+  return in_turn([&] { return link("deployments/" + name, robot); }, [&] { return sync_path(folder_); });
+}
+
+Done Store::mark_proven(const std::string& name) {
+  return write_file(deployments() + "/" + name + "/proven", "passed its probation\n");
+}
+
+}  // namespace takt::deploy

@@ -1,0 +1,67 @@
+// Where a machine keeps the robots it was told to run, one folder each, and which of them it runs.
+//
+//   STORE/robot                          link to the folder in use; units read STORE/robot/robot.yaml
+//   STORE/deployments/NAME/robot.yaml    the robot file in canonical form, its policy beside it
+//   STORE/deployments/NAME/original.yaml as it was written
+//   STORE/deployments/NAME/previous      link to the folder that was in use before
+//   STORE/deployments/NAME/simulated     present: takt-plant.service plays the robot
+//   STORE/deployments/NAME/proven        present: it passed its probation
+//
+// One rename of one link changes what is in use. A folder gets its name by one rename too, after everything in it
+// reached the disk: killed at any instant, the store names the old robot or the new one, whole. What an interrupted
+// deployment left unnamed (.staging-*) is removed by the next. Thread rule: one process at a time; a lock file says so.
+#pragma once
+
+#include <expected>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "config/robot_config.hpp"
+#include "executive/ipc/descriptor.hpp"
+
+namespace takt::deploy {
+
+struct Newcomer {
+  const config::RobotConfig& robot;  // loaded, its policy readable
+  std::string name;                  // of the folder: a-z A-Z 0-9 _ - .
+  std::string runs_folder;           // record.directory when the file's own is relative
+  bool simulated = false;
+};
+
+class Store {
+ public:
+  // Every error is one sentence. Refused while another process holds the store. `on_step`: called after each change on
+  // disk, for tests.
+  static std::expected<Store, std::string> open(const std::string& folder, std::function<void()> on_step = {});
+
+  // Name of the folder in use; empty: none.
+  [[nodiscard]] std::string current() const;
+  // What that one replaced; empty: nothing, or it is gone.
+  [[nodiscard]] std::string previous() const;
+  [[nodiscard]] bool is_proven(const std::string& name) const;
+  // Of one deployment's robot file.
+  [[nodiscard]] std::string robot_file(const std::string& name) const;
+
+  // Copies robot file and policy into a folder of their own. Not in use yet.
+  std::expected<void, std::string> add(const Newcomer& newcomer);
+  // From now on `name` is in use.
+  std::expected<void, std::string> use(const std::string& name);
+  std::expected<void, std::string> mark_proven(const std::string& name);
+
+ private:
+  Store(std::string folder, ipc::Descriptor lock, std::function<void()> on_step)
+      : folder_(std::move(folder)), lock_(std::move(lock)), on_step_(std::move(on_step)) {}
+  [[nodiscard]] std::string deployments() const { return folder_ + "/deployments"; }
+  std::expected<void, std::string> fill(const std::string& staging, const Newcomer& newcomer);
+  std::expected<void, std::string> link(const std::string& target, const std::string& path);
+  void stepped() const {
+    if (on_step_) on_step_();
+  }
+
+  std::string folder_;
+  ipc::Descriptor lock_;
+  std::function<void()> on_step_;
+};
+
+}  // namespace takt::deploy

@@ -1,0 +1,203 @@
+#include "monitor/doctor/collect.hpp"
+
+#include <fmt/format.h>
+#include <linux/capability.h>
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <sys/utsname.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "takt_version.hpp"
+
+namespace takt::doctor {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Below this: a list of processors that names more is malformed.
+constexpr int kMostCpus = 4096;
+
+std::string first_line(const std::string& path) {
+  std::ifstream file(path);
+  std::string line;
+  std::getline(file, line);
+  return line;
+}
+
+std::optional<std::int64_t> number_in(const std::string& path) {
+  const std::string text = first_line(path);
+  std::int64_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{}) return std::nullopt;
+  return value;
+}
+
+bool has_capability(unsigned capability) {
+  __user_cap_header_struct header{_LINUX_CAPABILITY_VERSION_3, 0};
+  std::array<__user_cap_data_struct, 2> data{};
+  if (syscall(SYS_capget, &header, data.data()) != 0) return false;
+  return (data.at(capability / 32).effective >> (capability % 32) & 1U) != 0;
+}
+
+std::uint64_t hard_limit(__rlimit_resource resource) {
+  rlimit limit{};
+  return getrlimit(resource, &limit) == 0 ? limit.rlim_max : 0;
+}
+
+void read_kernel(const std::string& root, Snapshot& into) {
+  utsname system{};
+  (void)::uname(&system);
+  into.kernel_release = system.release;
+  into.kernel_version = system.version;
+  into.rt_runtime_us = number_in(root + "/proc/sys/kernel/sched_rt_runtime_us");
+  into.rt_period_us = number_in(root + "/proc/sys/kernel/sched_rt_period_us");
+  into.clocksource = first_line(root + "/sys/devices/system/clocksource/clocksource0/current_clocksource");
+}
+
+void read_sleep_states(const std::string& cpu, Snapshot& into) {
+  for (int state = 0; fs::exists(fmt::format("{}/cpuidle/state{}", cpu, state)); ++state) {
+    const std::string folder = fmt::format("{}/cpuidle/state{}", cpu, state);
+    into.sleep_states.push_back({first_line(folder + "/name"), number_in(folder + "/latency").value_or(0),
+                                 number_in(folder + "/disable").value_or(0) != 0});
+  }
+}
+
+void read_processors(const std::string& root, int control_cpu, Snapshot& into) {
+  const std::string cpus = root + "/sys/devices/system/cpu";
+  into.cpus = cpu_list(first_line(cpus + "/online"));
+  into.isolated = cpu_list(first_line(cpus + "/isolated"));
+  into.nohz_full = cpu_list(first_line(cpus + "/nohz_full"));
+  const std::string cpu = fmt::format("{}/cpu{}", cpus, control_cpu);
+  into.governor = first_line(cpu + "/cpufreq/scaling_governor");
+  read_sleep_states(cpu, into);
+  into.may_hold_cpu_awake = access((root + "/dev/cpu_dma_latency").c_str(), W_OK) == 0;
+}
+
+void read_platform(const std::string& root, Snapshot& into) {
+  std::ifstream cpuinfo(root + "/proc/cpuinfo");
+  for (std::string line; std::getline(cpuinfo, line);)
+    if (line.starts_with("flags") && line.find(" hypervisor") != std::string::npos) into.hypervisor = true;
+  // cpu user nice system idle iowait irq softirq steal ...
+  std::istringstream stat(first_line(root + "/proc/stat"));
+  std::string word;
+  stat >> word;
+  double total = 0, steal = 0, value = 0;
+  for (int field = 0; field < 8 && stat >> value; ++field) {
+    total += value;
+    if (field == 7) steal = value;
+  }
+  into.steal_share = total > 0 ? steal / total : 0;
+}
+
+// /proc/irq/N holds one folder per driver that listens, named after it.
+void read_interrupts(const std::string& root, Snapshot& into) {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(root + "/proc/irq", error)) {
+    const std::string number = entry.path().filename();
+    if (number.find_first_not_of("0123456789") != std::string::npos) continue;
+    Interrupt interrupt{std::atoi(number.c_str()), {}, cpu_list(first_line(entry.path() / "smp_affinity_list"))};
+    std::error_code ignored;
+    for (const auto& inside : fs::directory_iterator(entry.path(), ignored))
+      if (inside.is_directory()) interrupt.name = inside.path().filename();
+    into.interrupts.push_back(std::move(interrupt));
+  }
+}
+
+void read_rights(const std::string& root, Snapshot& into) {
+  into.rtprio_limit = hard_limit(RLIMIT_RTPRIO);
+  into.memlock_limit_bytes = hard_limit(RLIMIT_MEMLOCK);
+  into.may_set_priority = has_capability(CAP_SYS_NICE);
+  into.may_lock_memory = has_capability(CAP_IPC_LOCK);
+  into.units_installed = fs::exists(root + "/usr/lib/systemd/system/takt-executive.service");
+}
+
+void read_watchdog(const std::string& root, Snapshot& into) {
+  into.watchdog = first_line(root + "/sys/class/watchdog/watchdog0/identity");
+  if (into.watchdog.empty() && fs::exists(root + "/sys/class/watchdog/watchdog0")) into.watchdog = "unnamed";
+  std::vector<fs::path> files{root + "/etc/systemd/system.conf"};
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(root + "/etc/systemd/system.conf.d", error))
+    files.push_back(entry.path());
+  constexpr std::string_view kKey = "RuntimeWatchdogSec=";
+  for (const fs::path& path : files) {
+    std::ifstream file(path);
+    for (std::string line; std::getline(file, line);)
+      if (line.starts_with(kKey)) into.systemd_watchdog = line.substr(kKey.size());
+  }
+}
+
+void read_disk(const config::RobotConfig& robot, Snapshot& into) {
+  fs::path folder = robot.record.directory;
+  while (!folder.empty() && folder != folder.root_path() && !fs::exists(folder)) folder = folder.parent_path();
+  std::error_code error;
+  const fs::space_info space = fs::space(folder, error);
+  into.runs_folder = folder;
+  into.runs_free_bytes = error ? 0 : space.available;
+}
+
+}  // namespace
+
+std::vector<int> cpu_list(const std::string& text) {
+  std::vector<int> cpus;
+  std::istringstream parts(text);
+  for (std::string part; std::getline(parts, part, ',');) {
+    int first = 0;
+    const char* const end = part.data() + part.size();
+    auto [rest, error] = std::from_chars(part.data(), end, first);
+    if (error != std::errc{}) continue;
+    int last = first;
+    if (rest != end && *rest == '-') std::from_chars(rest + 1, end, last);
+    for (int cpu = first; cpu <= last && cpu < kMostCpus; ++cpu) cpus.push_back(cpu);
+  }
+  return cpus;
+}
+
+CanInterface can_interface_of(const std::string& name, const std::string& ip_json) {
+  CanInterface can;
+  can.name = name;
+  const auto all = nlohmann::json::parse(ip_json, nullptr, false);
+  if (!all.is_array() || all.empty() || !all[0].is_object()) return can;
+  const nlohmann::json& link = all[0];
+  can.exists = true;
+  const nlohmann::json flags = link.value("flags", nlohmann::json::array());
+  can.up = std::ranges::find(flags, "UP") != flags.end();
+  can.queue_length = link.value("txqlen", 0);
+  const nlohmann::json info = link.value("linkinfo", nlohmann::json::object());
+  can.is_virtual = info.value("info_kind", "") != "can";
+  const nlohmann::json data = info.value("info_data", nlohmann::json::object());
+  can.controller_state = data.value("state", "");
+  can.bitrate = data.value("bittiming", nlohmann::json::object()).value("bitrate", 0U);
+  can.data_bitrate = data.value("data_bittiming", nlohmann::json::object()).value("bitrate", 0U);
+  const nlohmann::json modes = data.value("ctrlmode", nlohmann::json::array());
+  can.fd = std::ranges::find(modes, "FD") != modes.end();
+  return can;
+}
+
+Snapshot collect(const Sources& sources, const config::RobotConfig* robot) {
+  Snapshot snapshot;
+  snapshot.takt_version = TAKT_VERSION;
+  const int control_cpu = robot == nullptr ? 0 : robot->control.cpu.value_or(0);
+  read_kernel(sources.root, snapshot);
+  read_processors(sources.root, control_cpu, snapshot);
+  read_platform(sources.root, snapshot);
+  read_interrupts(sources.root, snapshot);
+  read_rights(sources.root, snapshot);
+  read_watchdog(sources.root, snapshot);
+  if (robot == nullptr) return snapshot;
+  read_disk(*robot, snapshot);
+  for (const config::Bus& bus : robot->buses)
+    snapshot.can.push_back(
+        can_interface_of(bus.interface, sources.run({"ip", "-details", "-json", "link", "show", bus.interface})));
+  return snapshot;
+}
+
+}  // namespace takt::doctor

@@ -1,0 +1,85 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "monitor/doctor/judge.hpp"
+
+namespace takt::doctor {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kBarLength = 40;
+
+std::string histogram(const WakeupLatency& latency) {
+  std::string text = fmt::format("\nwake-ups, {}: p50 {} us, p99 {} us, p99.9 {} us, worst {} us\n",
+                                 latency.real_time ? "real time" : "WITHOUT real-time priority", latency.p50_ns / 1000,
+                                 latency.p99_ns / 1000, latency.p999_ns / 1000, latency.max_ns / 1000);
+  const std::uint64_t most = latency.histogram.empty() ? 0 : *std::ranges::max_element(latency.histogram);
+  for (std::size_t bucket = 0; bucket < latency.histogram.size(); ++bucket) {
+    const std::uint64_t count = latency.histogram[bucket];
+    const auto length = most == 0 ? 0 : (kBarLength * count + most - 1) / most;
+    text += fmt::format("  < {:>7} us {:>8} {}\n", std::uint64_t{2} << bucket, count, std::string(length, '#'));
+  }
+  return text;
+}
+
+Json json_of(const WakeupLatency& latency) {
+  return {{"real_time", latency.real_time},
+          {"samples", latency.samples},
+          {"p50_ns", latency.p50_ns},
+          {"p99_ns", latency.p99_ns},
+          {"p999_ns", latency.p999_ns},
+          {"max_ns", latency.max_ns},
+          {"histogram_log2_us", latency.histogram}};
+}
+
+}  // namespace
+
+std::vector<Finding> diagnose(const Snapshot& snapshot, const config::RobotConfig* robot) {
+  const Case of{snapshot, robot};
+  Findings findings;
+  judge_processor(of, findings);
+  judge_rights(of, findings);
+  judge_robot(of, findings);
+  return findings;
+}
+
+Verdict worst(const std::vector<Finding>& findings) {
+  Verdict verdict = Verdict::ok;
+  for (const Finding& finding : findings) verdict = std::max(verdict, finding.verdict);
+  return verdict;
+}
+
+std::string text_of(const std::vector<Finding>& findings, const Snapshot& snapshot) {
+  std::string text = fmt::format("takt {} on {}\n", snapshot.takt_version, snapshot.kernel_release);
+  for (const Finding& finding : findings) {
+    text += fmt::format("{:<5} {:<14} {} [{}]\n", name(finding.verdict), finding.check, finding.found, finding.where);
+    if (!finding.mend.empty()) text += fmt::format("{:20} -> {}\n", "", finding.mend);
+  }
+  if (snapshot.wakeup) text += histogram(*snapshot.wakeup);
+  const auto count = [&findings](Verdict verdict) { return std::ranges::count(findings, verdict, &Finding::verdict); };
+  return text + fmt::format("\n{} to mend, {} to improve, {} fine: {}\n", count(Verdict::fail), count(Verdict::warn),
+                            count(Verdict::ok),
+                            worst(findings) == Verdict::fail ? "not fit for hard real time" : "fit for hard real time");
+}
+
+std::string json_of(const std::vector<Finding>& findings, const Snapshot& snapshot) {
+  Json all = Json::array();
+  for (const Finding& finding : findings)
+    all.push_back({{"check", finding.check},
+                   {"verdict", name(finding.verdict)},
+                   {"found", finding.found},
+                   {"where", finding.where},
+                   {"mend", finding.mend}});
+  return Json{{"schema", "takt.doctor/1"},
+              {"verdict", name(worst(findings))},
+              {"takt", snapshot.takt_version},
+              {"kernel", snapshot.kernel_release},
+              {"findings", all},
+              {"wakeup", snapshot.wakeup ? json_of(*snapshot.wakeup) : Json(nullptr)}}
+      .dump();
+}
+
+}  // namespace takt::doctor

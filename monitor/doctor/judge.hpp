@@ -1,0 +1,31 @@
+// Shared by the judging files of this room: what every check is given, and how it says what it found.
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "monitor/doctor/diagnose.hpp"
+
+namespace takt::doctor {
+
+struct Case {
+  const Snapshot& machine;
+  const config::RobotConfig* robot;  // may be null
+};
+
+inline Finding fine(std::string check, std::string found, std::string where) {
+  return {std::move(check), Verdict::ok, std::move(found), std::move(where), {}};
+}
+inline Finding bad(Verdict verdict, std::string check, std::string found, std::string where, std::string mend) {
+  return {std::move(check), verdict, std::move(found), std::move(where), std::move(mend)};
+}
+
+using Findings = std::vector<Finding>;
+// Kernel, processors, interrupts, limits.
+void judge_processor(const Case& of, Findings& into);
+void judge_rights(const Case& of, Findings& into);
+// CAN interfaces, disk, hardware watchdog, measured wake-ups.
+void judge_robot(const Case& of, Findings& into);
+
+}  // namespace takt::doctor

@@ -1,0 +1,104 @@
+// What the robot's file asks of this machine: its CAN interfaces, room for its runs; and whether the machine restarts
+// itself when all else fails. And the wake-ups that were measured, which have the last word.
+#include <fmt/format.h>
+
+#include "monitor/doctor/judge.hpp"
+
+namespace takt::doctor {
+namespace {
+
+constexpr std::uint64_t kGiB = std::uint64_t{1} << 30U;
+constexpr std::uint64_t kLeastRoom = kGiB, kGoodRoom = 10 * kGiB;
+constexpr std::int64_t kShortestQueue = 32;  // frames
+
+Finding missing(const config::Bus& bus, const std::string& check, const std::string& where) {
+  switch (bus.when_missing) {
+    case config::WhenBusMissing::refuse:
+      return bad(Verdict::fail, check, "this machine has no such interface", where,
+                 "plug the adapter in; `dmesg | grep -i can` says whether its driver came");
+    case config::WhenBusMissing::loopback:
+      return bad(Verdict::warn, check, "this machine has no such interface: the robot is a simulation", where,
+                 "a real robot: plug the adapter in, and write `when_missing: refuse`");
+  }
+  return fine(check, "not needed", where);
+}
+
+// What is wrong with how an interface is set; empty: nothing.
+std::string wrong_setting(const config::Bus& bus, const CanInterface& can) {
+  if (!can.up) return "down";
+  if (can.is_virtual) return {};
+  if (can.bitrate != bus.bitrate)
+    return fmt::format("{} bit/s, the robot file says {} bit/s", can.bitrate, bus.bitrate);
+  if (bus.fd && !can.fd) return "classic CAN, the robot file says FD";
+  if (bus.fd && can.data_bitrate != bus.data_bitrate)
+    return fmt::format("{} bit/s for FD data, the robot file says {} bit/s", can.data_bitrate, bus.data_bitrate);
+  if (can.controller_state == "BUS-OFF") return "bus-off";
+  return {};
+}
+
+Finding can_interface(const config::Bus& bus, const CanInterface& can) {
+  const std::string check = "can " + bus.interface, where = "ip -details link show " + bus.interface;
+  if (!can.exists) return missing(bus, check, where);
+  const std::string up =
+      fmt::format("takt bus up --robot FILE --interface {} (or enable takt-can@{})", bus.interface, bus.interface);
+  if (const std::string wrong = wrong_setting(bus, can); !wrong.empty())
+    return bad(Verdict::fail, check, wrong, where, up);
+  if (can.controller_state == "ERROR-PASSIVE" || can.controller_state == "ERROR-WARNING")
+    return bad(Verdict::warn, check, "up, but " + can.controller_state, where,
+               "check termination (60 ohm across the bus), wiring and the drives' bit rate");
+  if (can.queue_length < kShortestQueue)
+    return bad(Verdict::warn, check, fmt::format("up, its queue holds {} frames", can.queue_length), where, up);
+  return fine(check,
+              can.is_virtual ? "up, virtual" : fmt::format("up, {} bit/s, {}", can.bitrate, can.controller_state),
+              where);
+}
+
+Finding disk(const Snapshot& machine) {
+  const std::string found =
+      fmt::format("{:.1f} GiB free", static_cast<double>(machine.runs_free_bytes) / static_cast<double>(kGiB));
+  if (machine.runs_free_bytes < kLeastRoom)
+    return bad(Verdict::fail, "disk", found + ": recording would end", machine.runs_folder,
+               "remove old runs, or name another record.directory");
+  if (machine.runs_free_bytes < kGoodRoom)
+    return bad(Verdict::warn, "disk", found, machine.runs_folder, "an hour of twelve joints takes some GiB: make room");
+  return fine("disk", found, machine.runs_folder);
+}
+
+Finding watchdog(const Snapshot& machine) {
+  const std::string where = "/sys/class/watchdog/watchdog0, /etc/systemd/system.conf";
+  if (machine.watchdog.empty())
+    return bad(Verdict::warn, "watchdog", "no hardware watchdog", where,
+               "load its driver (iTCO_wdt, i6300esb, sp5100_tco)");
+  if (machine.systemd_watchdog.empty() || machine.systemd_watchdog == "off" || machine.systemd_watchdog == "0")
+    return bad(Verdict::warn, "watchdog", machine.watchdog + ", and nobody feeds it", where,
+               "RuntimeWatchdogSec=10s in /etc/systemd/system.conf: a machine that hangs restarts itself");
+  return fine("watchdog", fmt::format("{}, fed every {}", machine.watchdog, machine.systemd_watchdog), where);
+}
+
+Finding wakeups(const WakeupLatency& latency, const config::RobotConfig* robot) {
+  const std::int64_t period_ns = robot == nullptr ? 1'000'000 : robot->control.period.ns;
+  const std::string where = fmt::format("{} wake-ups measured here", latency.samples);
+  const std::string found = fmt::format("late by {} us at p99, {} us at worst{}", latency.p99_ns / 1000,
+                                        latency.max_ns / 1000, latency.real_time ? "" : ", without real-time priority");
+  if (latency.max_ns > period_ns / 2)
+    return bad(Verdict::fail, "wake-ups", found, where,
+               "mend the lines above first; then look for SMIs with hwlatdetect (rt-tests)");
+  if (latency.max_ns > period_ns / 10 || !latency.real_time)
+    return bad(Verdict::warn, "wake-ups", found, where,
+               "a tenth of the period is a good bound: isolate the core, measure under load");
+  return fine("wake-ups", found, where);
+}
+
+}  // namespace
+
+void judge_robot(const Case& of, Findings& into) {
+  if (of.robot != nullptr) {
+    for (std::size_t bus = 0; bus < of.robot->buses.size() && bus < of.machine.can.size(); ++bus)
+      into.push_back(can_interface(of.robot->buses[bus], of.machine.can[bus]));
+    into.push_back(disk(of.machine));
+  }
+  into.push_back(watchdog(of.machine));
+  if (of.machine.wakeup) into.push_back(wakeups(*of.machine.wakeup, of.robot));
+}
+
+}  // namespace takt::doctor

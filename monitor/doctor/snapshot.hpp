@@ -1,0 +1,68 @@
+// What `takt doctor` read on this machine, before anybody judges it. Plain data, so that tests can plant facts.
+// An absent optional or an empty text: the machine does not say.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace takt::doctor {
+
+struct SleepState {
+  std::string name;  // "C6"
+  std::int64_t exit_latency_us = 0;
+  bool disabled = false;  // by the administrator
+};
+
+struct Interrupt {
+  int number = 0;
+  std::string name;       // "xhci_hcd"; empty: unnamed
+  std::vector<int> cpus;  // on which it may arrive
+};
+
+// As `ip -details link` tells it.
+struct CanInterface {
+  std::string name;
+  bool exists = false;
+  bool is_virtual = false;  // vcan: no bit rate, no controller
+  bool up = false;
+  std::string controller_state;                 // "ERROR-ACTIVE", "ERROR-PASSIVE", "BUS-OFF", ...
+  std::uint32_t bitrate = 0, data_bitrate = 0;  // bit/s; 0: not set
+  bool fd = false;
+  std::int64_t queue_length = 0;  // frames
+};
+
+// Lateness of periodic wake-ups of a thread like the control thread, ns.
+struct WakeupLatency {
+  bool real_time = false;  // SCHED_FIFO and locked memory were granted
+  std::uint64_t samples = 0;
+  std::int64_t p50_ns = 0, p99_ns = 0, p999_ns = 0, max_ns = 0;
+  std::vector<std::uint64_t> histogram;  // bucket k counts lateness in [2^k, 2^(k+1)) us; bucket 0 from 0
+};
+
+struct Snapshot {
+  std::string takt_version, kernel_release, kernel_version;
+  std::vector<int> cpus;                 // online
+  std::vector<int> isolated, nohz_full;  // isolcpus=, nohz_full=
+  std::string governor;                  // of the control core, cpufreq
+  std::vector<SleepState> sleep_states;  // of the control core
+  bool may_hold_cpu_awake = false;       // /dev/cpu_dma_latency is there and writable
+  std::optional<std::int64_t> rt_runtime_us, rt_period_us;
+  std::uint64_t rtprio_limit = 0;                          // RLIMIT_RTPRIO, hard
+  std::uint64_t memlock_limit_bytes = 0;                   // RLIMIT_MEMLOCK, hard
+  bool may_set_priority = false, may_lock_memory = false;  // CAP_SYS_NICE, CAP_IPC_LOCK
+  bool units_installed = false;                            // the executive's unit grants itself both
+  std::string clocksource;
+  bool hypervisor = false;
+  double steal_share = 0;             // of all processor time since boot
+  std::vector<Interrupt> interrupts;  // all
+  std::string watchdog;               // of the hardware: its identity
+  std::string systemd_watchdog;       // RuntimeWatchdogSec=, as written
+  std::vector<CanInterface> can;      // the robot file's interfaces, in its order
+  std::string runs_folder;            // record.directory, or its nearest parent that exists
+  std::uint64_t runs_free_bytes = 0;
+  std::optional<WakeupLatency> wakeup;  // absent: not measured
+};
+
+}  // namespace takt::doctor

@@ -1,0 +1,25 @@
+// Measures how late a thread like the control thread wakes up: absolute sleeps of one period, SCHED_FIFO and locked
+// memory where they are granted, pinned to the core. In the way of cyclictest (rt-tests), which this does not replace.
+// Blocks for `length`; the thread it makes and the lock are gone afterwards.
+#pragma once
+
+#include <optional>
+
+#include "executive/contract/mono_time.hpp"
+#include "monitor/doctor/snapshot.hpp"
+
+namespace takt::doctor {
+
+struct ProbePlan {
+  Duration length;
+  Duration period;
+  int priority = 0;        // 1..99
+  std::optional<int> cpu;  // absent: wherever it runs
+};
+
+WakeupLatency measure_wakeups(const ProbePlan& plan);
+
+// Of lateness in ns, at least one: quantiles as the smallest value that is not exceeded by that share.
+WakeupLatency summarise(std::vector<std::int64_t> lateness_ns, bool real_time);
+
+}  // namespace takt::doctor

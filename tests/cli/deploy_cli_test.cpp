@@ -1,0 +1,121 @@
+// Goal: takt deploy puts a robot into use and proves it, brings the old one back when the new one breaks its contract
+// or does not come up, and refuses what it should; takt rollback goes back by hand. Method: the real command with a
+// store of its own and real processes, which a small script starts anew in systemd's place.
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <regex>
+
+#include "tests/cli/shell.hpp"
+
+namespace takt::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using test::Ended;
+
+class Deploy : public test::Shell {
+ protected:
+  Deploy() {
+    // One robot at a time: `takt run` of whatever is in use; its process id stands in a file.
+    std::ofstream(in("restart.sh")) << "[ ! -e " << in("pid") << " ] || { kill $(cat " << in("pid")
+                                    << "); while kill -0 $(cat " << in("pid")
+                                    << ") 2>/dev/null; do sleep 0.05; done; }\n"
+                                    << "timeout 120 " << TAKT_BIN_DIR << "/takt run " << in("store/robot/robot.yaml")
+                                    << " --restart --to-the-end --allow-non-realtime --runtime-dir " << in("rt") << " >"
+                                    << in("run.log") << " 2>&1 </dev/null &\necho $! >" << in("pid") << "\n";
+    write_robot("good.yaml", {});
+  }
+  ~Deploy() override {
+    std::ifstream file(in("pid"));
+    if (pid_t pid = 0; file >> pid && pid > 0) {
+      kill(pid, SIGTERM);
+      for (int i = 0; i < 400 && kill(pid, 0) == 0; ++i) usleep(50'000);
+    }
+  }
+  // The demo arm with some of its lines replaced.
+  void write_robot(const std::string& name, const std::vector<std::pair<std::string, std::string>>& changes) const {
+    std::ifstream file("config/arm6.yaml");
+    std::string text{std::istreambuf_iterator<char>(file), {}};
+    text = std::regex_replace(text, std::regex("cpu: 1 "), "cpu: none ");
+    for (const auto& [from, to] : changes) {
+      ASSERT_NE(text.find(from), std::string::npos) << from;
+      text.replace(text.find(from), from.size(), to);
+    }
+    std::ofstream(in(name)) << text;
+    fs::copy_file("config/arm6_reach.onnx", in("arm6_reach.onnx"), fs::copy_options::skip_existing);
+  }
+  [[nodiscard]] Ended deploy(const std::string& robot, const std::string& more) const {
+    return takt("deploy " + in(robot) + " --store " + in("store") + " --runs " + in("runs") + " --runtime-dir " +
+                in("rt") + " " + more);
+  }
+  [[nodiscard]] std::string live(const std::string& more) const {
+    return "--restart 'sh " + in("restart.sh") + "' --arm --watch 2s --arm-within 40s " + more;
+  }
+  [[nodiscard]] std::string in_use() const { return fs::read_symlink(in("store/robot")).filename(); }
+};
+
+TEST_F(Deploy, AGoodRobotIsProvenAndABadOneGoesBack) {
+  const Ended good = deploy("good.yaml", live("--name good --json"));
+  ASSERT_EQ(good.exit_code, 0) << good.output << shell("cat " + in("run.log")).output;
+  EXPECT_EQ(nlohmann::json::parse(good.output)["verdict"], "proven") << good.output;
+  EXPECT_TRUE(fs::exists(in("store/robot/proven")));
+
+  const Ended armed = deploy("good.yaml", live("--name again"));
+  EXPECT_EQ(armed.exit_code, 1) << "the first one tracks";
+  EXPECT_NE(armed.output.find("is armed"), std::string::npos) << armed.output;
+  EXPECT_EQ(in_use(), "good");
+
+  takt("stop --runtime-dir " + in("rt"));
+  for (int i = 0; i < 200 && takt("reset --runtime-dir " + in("rt")).exit_code != 0; ++i) usleep(50'000);
+  // What no smoke run sees: its policy host dies on the robot.
+  const std::string killing = "(sleep 6; kill -9 $(pgrep -f takt-policy-host.*" + directory() + ")) >/dev/null 2>&1 &";
+  const Ended bad =
+      deploy("good.yaml", "--restart 'sh " + in("restart.sh") + "; " + killing + "' --arm --watch 60s --name bad");
+  EXPECT_EQ(bad.exit_code, 1) << bad.output;
+  EXPECT_NE(bad.output.find("bad was rolled back"), std::string::npos) << bad.output;
+  EXPECT_EQ(in_use(), "good");
+}
+
+TEST_F(Deploy, ARobotThatDoesNotComeUpGoesBack) {
+  ASSERT_EQ(deploy("good.yaml", "--no-restart --name good").exit_code, 0);
+  const Ended bad = deploy("good.yaml", "--restart 'echo no such unit; exit 5' --name bad");
+  EXPECT_EQ(bad.exit_code, 1);
+  EXPECT_NE(bad.output.find("ended with 5: no such unit"), std::string::npos) << bad.output;
+  EXPECT_EQ(in_use(), "good");
+}
+
+TEST_F(Deploy, RefusalsChangeNothing) {
+  EXPECT_EQ(deploy("absent.yaml", "--no-restart").exit_code, 65);
+  EXPECT_EQ(deploy("good.yaml", "--watch soon").exit_code, 64);
+  write_robot("impatient.yaml", {{"max_age: 150 ms", "max_age: 12 ms"}});
+  const Ended smoke = deploy("impatient.yaml", "--no-restart");
+  EXPECT_EQ(smoke.exit_code, 1);
+  EXPECT_NE(smoke.output.find("smoke run failed, nothing was changed"), std::string::npos) << smoke.output;
+  EXPECT_FALSE(fs::exists(in("store/robot")));
+  if (!fs::exists("/run/systemd/system")) EXPECT_EQ(deploy("good.yaml", "").exit_code, 69) << "nobody restarts it";
+  EXPECT_FALSE(fs::exists(in("store/robot")));
+}
+
+TEST_F(Deploy, RollbackGoesBackByHand) {
+  const std::string store = " --no-restart --store " + in("store") + " --runtime-dir " + in("rt");
+  EXPECT_EQ(takt("rollback" + store).exit_code, 1) << "nothing was in use";
+  for (const char* name : {"one", "two", "three"})
+    ASSERT_EQ(deploy("good.yaml", "--no-restart --simulated --name " + std::string(name)).exit_code, 0);
+  const Ended back = takt("rollback --json" + store);
+  EXPECT_EQ(back.exit_code, 0) << back.output;
+  EXPECT_EQ(nlohmann::json::parse(back.output)["to"], "two");
+  EXPECT_EQ(in_use(), "two");
+  EXPECT_EQ(takt("rollback --to three" + store).exit_code, 0);
+  EXPECT_EQ(in_use(), "three");
+  EXPECT_TRUE(fs::exists(in("store/robot/simulated")));
+  EXPECT_EQ(takt("rollback --to nowhere" + store).exit_code, 1);
+  EXPECT_EQ(in_use(), "three");
+}
+
+}  // namespace
+}  // namespace takt::cli

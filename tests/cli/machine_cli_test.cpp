@@ -1,0 +1,53 @@
+// Goal: takt doctor and takt bus up read the robot file, say what they found or would do, and end as documented.
+// Method: the real binary on whatever machine this is; only what holds on every machine is expected.
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/cli/shell.hpp"
+
+namespace takt::cli {
+namespace {
+
+using test::Ended;
+
+class Machine : public test::Shell {};
+
+TEST_F(Machine, TheDoctorJudgesThisMachine) {
+  const Ended quick = takt("doctor --seconds 0 --json");
+  const auto without_robot = nlohmann::json::parse(quick.output);
+  EXPECT_EQ(without_robot["schema"], "takt.doctor/1");
+  EXPECT_TRUE(without_robot["wakeup"].is_null());
+  EXPECT_EQ(quick.exit_code, without_robot["verdict"] == "fail" ? 1 : 0);
+
+  const Ended whole = takt("doctor --robot config/dual_arm12.yaml --seconds 0.1 --json");
+  const auto json = nlohmann::json::parse(whole.output);
+  EXPECT_EQ(json["wakeup"]["samples"], 100);
+  int interfaces = 0;
+  for (const auto& finding : json["findings"]) {
+    interfaces += finding["check"].get<std::string>().starts_with("can ") ? 1 : 0;
+    EXPECT_EQ(finding["mend"] == "", finding["verdict"] == "ok") << finding;
+  }
+  EXPECT_EQ(interfaces, 4);
+  const Ended text = takt("doctor --robot config/arm6.yaml --seconds 0.05");
+  EXPECT_NE(text.output.find("wake-ups"), std::string::npos);
+  EXPECT_NE(text.output.find("for hard real time"), std::string::npos) << text.output;
+}
+
+TEST_F(Machine, TheDoctorRefusesWhatItCannotRead) {
+  EXPECT_EQ(takt("doctor --robot no-such-robot.yaml").exit_code, 65);
+  EXPECT_EQ(takt("doctor --seconds -1").exit_code, 64);
+}
+
+TEST_F(Machine, InterfacesAreSetAsTheRobotFileSays) {
+  const Ended all = takt("bus up --robot config/dual_arm12.yaml --dry-run");
+  EXPECT_EQ(all.exit_code, 0) << all.output;
+  for (const char* line : {"ip link set can0 type can bitrate 1000000 restart-ms 100\n",
+                           "dbitrate 5000000 fd on restart-ms 100\n", "ip link set can3 txqueuelen 32 up\n"})
+    EXPECT_NE(all.output.find(line), std::string::npos) << line << " is missing in\n" << all.output;
+  EXPECT_EQ(takt("bus up --robot config/arm6.yaml --interface can7 --dry-run").exit_code, 64);
+  EXPECT_EQ(takt("bus up --robot no-such-robot.yaml").exit_code, 65);
+}
+
+}  // namespace
+}  // namespace takt::cli

@@ -1,0 +1,92 @@
+// Goal: a deployment passes only by tracking for its whole watch; everything else fails it or leaves it unproven.
+// Method: statuses by the tenth of a second from a script, one letter each:
+//   - nobody answers   p no policy yet   s standby   a arming   t tracking   d degraded   x damped stop   f fault
+//   R the executive counts its ticks anew
+#include "monitor/deploy/probation.hpp"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+namespace takt::deploy {
+namespace {
+
+constexpr ProbationTimes kTimes{.start_within = seconds(1), .arm_within = seconds(1), .watch = seconds(1)};
+
+Mode mode_of(char letter) {
+  switch (letter) {
+    case 'a':
+      return Mode::arming;
+    case 't':
+      return Mode::tracking;
+    case 'd':
+      return Mode::degraded;
+    case 'x':
+      return Mode::damped_stop;
+    case 'f':
+      return Mode::fault_latched;
+    default:
+      return Mode::standby;
+  }
+}
+
+struct Ended {
+  Stage stage = Stage::starting;
+  std::string reason;
+};
+
+Ended judged(const std::string& script, bool wants_policy = true) {
+  Probation probation(kTimes, wants_policy);
+  Ended ended;
+  std::uint64_t ticks = 1000;
+  for (std::size_t i = 0; i < script.size(); ++i) {
+    std::optional<StatusSnapshot> status;
+    if (script[i] != '-') {
+      status.emplace();
+      ticks = script[i] == 'R' ? 1 : ticks + 100;
+      status->ticks = ticks;
+      status->policy_pid = script[i] == 'p' ? 0 : 7;
+      status->tick.mode = mode_of(script[i]);
+    }
+    ended.stage = probation.look(milliseconds(100) * static_cast<std::int64_t>(i), status);
+    ended.reason = probation.reason();
+  }
+  return ended;
+}
+
+std::string times(int count, char letter) {
+  return std::string(static_cast<std::size_t>(count), letter);
+}
+
+TEST(Probation, TrackingForTheWholeWatchPasses) {
+  EXPECT_EQ(judged("--ps" + times(3, 's') + "aa" + times(11, 't')).stage, Stage::passed);
+  EXPECT_EQ(judged("--ps" + times(3, 's') + "aa" + times(10, 't')).stage, Stage::proving) << "not yet";
+}
+
+TEST(Probation, TroubleWhileTrackingFails) {
+  const std::string begun = "--ss" + times(5, 't');
+  EXPECT_EQ(judged(begun + "d" + times(20, 't')).stage, Stage::failed) << "recovered, and failed all the same";
+  EXPECT_NE(judged(begun + "d").reason.find("contract was violated"), std::string::npos);
+  EXPECT_EQ(judged(begun + "x").stage, Stage::failed);
+  EXPECT_EQ(judged(begun + "f").stage, Stage::failed);
+  EXPECT_EQ(judged(begun + "s").stage, Stage::failed) << "stopped between two looks";
+  EXPECT_EQ(judged(begun + "-").stage, Stage::failed);
+  EXPECT_NE(judged(begun + "R").reason.find("restarted"), std::string::npos);
+}
+
+TEST(Probation, ARobotThatDoesNotComeUpFails) {
+  EXPECT_EQ(judged(times(10, '-')).stage, Stage::starting);
+  EXPECT_NE(judged(times(12, '-')).reason.find("no executive answers"), std::string::npos);
+  EXPECT_NE(judged(times(12, 'p')).reason.find("no policy is attached"), std::string::npos);
+  EXPECT_EQ(judged(times(5, 'p') + times(11, 't'), false).stage, Stage::passed)
+      << "a robot without a policy needs none";
+  EXPECT_EQ(judged("ssf").stage, Stage::failed);
+}
+
+TEST(Probation, WhatNobodyArmsIsUnproven) {
+  EXPECT_EQ(judged("--" + times(14, 's')).stage, Stage::unproven);
+  EXPECT_EQ(judged("--" + times(14, 's') + times(20, 't')).stage, Stage::unproven) << "over is over";
+}
+
+}  // namespace
+}  // namespace takt::deploy

@@ -1,0 +1,141 @@
+// Goal: whatever interrupts a deployment, the store names a whole robot: the old one or the new one; and the next
+// deployment works. Method: a process is killed after every single change on disk, in turn, while it deploys; the store
+// is read afterwards as a unit would.
+#include "monitor/deploy/store.hpp"
+
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "config/load.hpp"
+
+namespace takt::deploy {
+namespace {
+
+namespace fs = std::filesystem;
+
+class Deployments : public testing::Test {
+ protected:
+  Deployments() {
+    std::string pattern = testing::TempDir() + "takt-store.XXXXXX";
+    root_ = mkdtemp(pattern.data());
+    fs::create_directory(root_ + "/from");
+    fs::copy("config/arm6.yaml", root_ + "/from/robot.yaml");
+    fs::copy("config/arm6_reach.onnx", root_ + "/from/arm6_reach.onnx");
+    robot_ = config::load(root_ + "/from/robot.yaml").value();
+  }
+  ~Deployments() override { fs::remove_all(root_); }
+  [[nodiscard]] std::string store() const { return root_ + "/store"; }
+  [[nodiscard]] Newcomer newcomer(const std::string& name, bool simulated = false) const {
+    return {robot_, name, "/runs", simulated};
+  }
+  // add() and use(), each expected to work.
+  void deploy(const std::string& name) const {
+    auto store = Store::open(this->store()).value();
+    const auto added = store.add(newcomer(name));
+    ASSERT_TRUE(added.has_value()) << added.error();
+    ASSERT_TRUE(store.use(name).has_value());
+  }
+  // What a unit would start: the file behind the link, and its policy.
+  [[nodiscard]] std::string problem_in_use() const {
+    const auto robot = config::load(store() + "/robot/robot.yaml");
+    if (!robot) return robot.error();
+    const auto policy = config::policy_hash(robot->policy->file);
+    if (!policy) return policy.error();
+    return *policy == config::policy_hash("config/arm6_reach.onnx").value() ? "" : "the policy is another one";
+  }
+  // Deploys `name` in a process that is killed at the given change; false when it was through before.
+  [[nodiscard]] bool killed_at(int step, const std::string& name) const {
+    const pid_t child = fork();
+    if (child == 0) {
+      int left = step;
+      auto store = Store::open(this->store(), [&left] {
+        if (left-- == 0) kill(getpid(), SIGKILL);
+      });
+      const bool done = store && store->add(newcomer(name, true)) && store->use(name);
+      _exit(done ? 0 : 1);
+    }
+    int status = 0;
+    waitpid(child, &status, 0);
+    EXPECT_TRUE(WIFSIGNALED(status) || WEXITSTATUS(status) == 0);
+    return WIFSIGNALED(status);
+  }
+
+  std::string root_;
+  config::RobotConfig robot_;
+};
+
+TEST_F(Deployments, ADeploymentStandsOnItsOwn) {
+  deploy("one");
+  fs::remove_all(root_ + "/from");
+  EXPECT_EQ(problem_in_use(), "");
+  const auto robot = config::load(store() + "/robot/robot.yaml").value();
+  EXPECT_EQ(robot.record.directory, "/runs");
+  EXPECT_EQ(robot.joints.size(), robot_.joints.size());
+  EXPECT_TRUE(fs::exists(store() + "/robot/original.yaml"));
+  EXPECT_FALSE(fs::exists(store() + "/robot/simulated"));
+}
+
+TEST_F(Deployments, BackIsWhereItCameFrom) {
+  for (const char* name : {"one", "two", "three"}) deploy(name);
+  auto store = Store::open(this->store()).value();
+  EXPECT_EQ(store.current(), "three");
+  for (const char* name : {"two", "one"}) {
+    ASSERT_EQ(store.previous(), name);
+    ASSERT_TRUE(store.use(name).has_value());
+    EXPECT_EQ(store.current(), name);
+    EXPECT_EQ(problem_in_use(), "");
+  }
+  EXPECT_EQ(store.previous(), "") << "nothing was before the first";
+  EXPECT_FALSE(store.is_proven("one"));
+  EXPECT_TRUE(store.mark_proven("one").has_value());
+  EXPECT_TRUE(store.is_proven("one"));
+}
+
+TEST_F(Deployments, KilledAtAnyStepTheStoreNamesAWholeRobot) {
+  deploy("old");
+  int steps = 0;
+  for (bool killed = true; killed; ++steps) {
+    const std::string name = "new" + std::to_string(steps);
+    killed = killed_at(steps, name);
+    ASSERT_EQ(problem_in_use(), "") << "killed after change " << steps;
+    auto store = Store::open(this->store());
+    ASSERT_TRUE(store.has_value()) << "the lock went with its process";
+    ASSERT_TRUE(store->current() == "old" || store->current() == name) << store->current();
+    if (store->current() == name) EXPECT_EQ(store->previous(), "old");
+    ASSERT_TRUE(store->use("old").has_value());
+  }
+  EXPECT_GE(steps, 9) << "every file, every link and every rename is a step";
+  deploy("last");
+  EXPECT_EQ(problem_in_use(), "");
+  for (const auto& entry : fs::directory_iterator(store() + "/deployments"))
+    EXPECT_FALSE(entry.path().filename().string().starts_with(".staging-")) << entry.path();
+}
+
+TEST_F(Deployments, WhatCannotBeIsRefusedInOneSentence) {
+  deploy("one");
+  auto store = Store::open(this->store()).value();
+  EXPECT_FALSE(Store::open(this->store())) << "one at a time";
+  EXPECT_NE(store.add(newcomer("one")).error().find("exists already"), std::string::npos);
+  for (const char* name : {"", "../x", "a/b", ".hidden", "a b"}) EXPECT_FALSE(store.add(newcomer(name))) << name;
+  EXPECT_NE(store.use("absent").error().find("never deployed"), std::string::npos);
+  EXPECT_EQ(store.current(), "one");
+  fs::remove(root_ + "/from/arm6_reach.onnx");
+  EXPECT_FALSE(store.add(newcomer("two")));
+  EXPECT_FALSE(fs::exists(this->store() + "/deployments/two"));
+}
+
+TEST_F(Deployments, AFolderInTheLinksPlaceIsNotTouched) {
+  fs::create_directories(store() + "/robot");
+  std::ofstream(store() + "/robot/robot.yaml") << "mine";
+  auto store = Store::open(this->store()).value();
+  ASSERT_TRUE(store.add(newcomer("one")).has_value());
+  EXPECT_NE(store.use("one").error().find("is not a link"), std::string::npos);
+  EXPECT_TRUE(fs::exists(this->store() + "/robot/robot.yaml"));
+}
+
+}  // namespace
+}  // namespace takt::deploy

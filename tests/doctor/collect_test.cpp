@@ -1,0 +1,133 @@
+// Goal: what the kernel and `ip` say is read as they mean it, and what is absent stays empty. Method: a planted tree in
+// place of /proc, /sys, /dev and /etc, and texts of `ip -details -json` in iproute2's own form.
+#include "monitor/doctor/collect.hpp"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "config/load.hpp"
+#include "monitor/doctor/wakeup_probe.hpp"
+
+namespace takt::doctor {
+namespace {
+
+namespace fs = std::filesystem;
+
+class Collect : public testing::Test {
+ protected:
+  Collect() {
+    std::string pattern = testing::TempDir() + "takt-doctor.XXXXXX";
+    root_ = mkdtemp(pattern.data());
+  }
+  ~Collect() override { fs::remove_all(root_); }
+  void plant(const std::string& path, const std::string& text) const {
+    fs::create_directories((root_ + path).substr(0, (root_ + path).rfind('/')));
+    std::ofstream(root_ + path) << text;
+  }
+  [[nodiscard]] Snapshot collected(const config::RobotConfig* robot = nullptr) const {
+    return collect({root_, [](const auto&) { return std::string(); }}, robot);
+  }
+  std::string root_;
+};
+
+TEST_F(Collect, AnEmptyMachineSaysNothing) {
+  const Snapshot machine = collected();
+  EXPECT_TRUE(machine.cpus.empty());
+  EXPECT_FALSE(machine.rt_runtime_us.has_value());
+  EXPECT_TRUE(machine.watchdog.empty());
+  EXPECT_FALSE(machine.units_installed);
+  EXPECT_FALSE(machine.may_hold_cpu_awake);
+  EXPECT_EQ(machine.steal_share, 0);
+}
+
+TEST_F(Collect, FilesAreReadAsTheKernelWritesThem) {
+  const std::string cpu = "/sys/devices/system/cpu/";
+  plant(cpu + "online", "0-3\n");
+  plant(cpu + "isolated", "1,3\n");
+  plant(cpu + "nohz_full", "(null)\n");
+  plant(cpu + "cpu1/cpufreq/scaling_governor", "powersave\n");
+  plant(cpu + "cpu1/cpuidle/state0/name", "C6\n");
+  plant(cpu + "cpu1/cpuidle/state0/latency", "133\n");
+  plant(cpu + "cpu1/cpuidle/state0/disable", "1\n");
+  plant("/proc/sys/kernel/sched_rt_runtime_us", "-1\n");
+  plant("/proc/cpuinfo", "processor : 0\nflags\t\t: fpu hypervisor sse\n");
+  plant("/proc/stat", "cpu  70 0 10 10 0 0 0 10 5 5\ncpu0 1 1 1\n");
+  plant("/proc/irq/120/smp_affinity_list", "0,2-3\n");
+  plant("/proc/irq/120/nvme0q1/spurious", "");
+  plant("/proc/irq/default_smp_affinity", "f\n");
+  plant("/etc/systemd/system.conf", "[Manager]\n#RuntimeWatchdogSec=off\nRuntimeWatchdogSec=10s\n");
+  plant("/sys/class/watchdog/watchdog0/identity", "iTCO_wdt\n");
+  plant("/dev/cpu_dma_latency", "");
+  const auto robot = config::load("config/arm6.yaml");
+  ASSERT_TRUE(robot.has_value());
+  const Snapshot machine = collected(&*robot);
+  EXPECT_EQ(machine.cpus, (std::vector<int>{0, 1, 2, 3}));
+  EXPECT_EQ(machine.isolated, (std::vector<int>{1, 3}));
+  EXPECT_TRUE(machine.nohz_full.empty());
+  EXPECT_EQ(machine.governor, "powersave");
+  ASSERT_EQ(machine.sleep_states.size(), 1U);
+  EXPECT_EQ(machine.sleep_states[0].exit_latency_us, 133);
+  EXPECT_TRUE(machine.sleep_states[0].disabled);
+  EXPECT_EQ(machine.rt_runtime_us, -1);
+  EXPECT_TRUE(machine.hypervisor);
+  EXPECT_DOUBLE_EQ(machine.steal_share, 0.1);
+  ASSERT_EQ(machine.interrupts.size(), 1U);
+  EXPECT_EQ(machine.interrupts[0].name, "nvme0q1");
+  EXPECT_EQ(machine.interrupts[0].cpus, (std::vector<int>{0, 2, 3}));
+  EXPECT_EQ(machine.systemd_watchdog, "10s");
+  EXPECT_EQ(machine.watchdog, "iTCO_wdt");
+  EXPECT_TRUE(machine.may_hold_cpu_awake);
+  EXPECT_EQ(machine.can.size(), 2U);
+  EXPECT_FALSE(machine.can[0].exists);
+  EXPECT_GT(machine.runs_free_bytes, 0U);
+}
+
+TEST(CanInterfaceOf, ReadsWhatIpPrints) {
+  const CanInterface can = can_interface_of("can0", R"([{"ifindex":3,"ifname":"can0","flags":["NOARP","UP","LOWER_UP"],
+    "mtu":72,"operstate":"UP","txqlen":64,"linkinfo":{"info_kind":"can","info_data":{"ctrlmode":["LOOPBACK","FD"],
+    "state":"ERROR-PASSIVE","bittiming":{"bitrate":1000000,"sample_point":"0.750"},
+    "data_bittiming":{"bitrate":5000000}}}}])");
+  EXPECT_TRUE(can.exists && can.up && can.fd && !can.is_virtual);
+  EXPECT_EQ(can.bitrate, 1'000'000U);
+  EXPECT_EQ(can.data_bitrate, 5'000'000U);
+  EXPECT_EQ(can.controller_state, "ERROR-PASSIVE");
+  EXPECT_EQ(can.queue_length, 64);
+  const CanInterface virtual_can = can_interface_of(
+      "vcan0", R"([{"ifname":"vcan0","flags":["NOARP"],"txqlen":1000,"linkinfo":{"info_kind":"vcan"}}])");
+  EXPECT_TRUE(virtual_can.exists && virtual_can.is_virtual && !virtual_can.up);
+  for (const char* nothing : {"", "[]", "{", "[3]", "Device \"can0\" does not exist."})
+    EXPECT_FALSE(can_interface_of("can0", nothing).exists) << nothing;
+}
+
+TEST(CpuList, CopesWithWhateverStandsThere) {
+  EXPECT_EQ(cpu_list("0-2,5"), (std::vector<int>{0, 1, 2, 5}));
+  EXPECT_TRUE(cpu_list("").empty());
+  EXPECT_TRUE(cpu_list("(null)").empty());
+  EXPECT_EQ(cpu_list("3,x,1"), (std::vector<int>{3, 1}));
+  EXPECT_LE(cpu_list("0-999999999").size(), 4096U);
+}
+
+TEST(WakeupProbe, QuantilesAndHistogramOfKnownLateness) {
+  std::vector<std::int64_t> late;
+  for (int i = 1; i <= 1000; ++i) late.push_back(i * 100);  // 0.1 .. 100 us
+  const WakeupLatency latency = summarise(late, true);
+  EXPECT_EQ(latency.samples, 1000U);
+  EXPECT_EQ(latency.p50_ns, 50'000);
+  EXPECT_EQ(latency.p99_ns, 99'000);
+  EXPECT_EQ(latency.p999_ns, 99'900);
+  EXPECT_EQ(latency.max_ns, 100'000);
+  // [0,2) [2,4) [4,8) [8,16) [16,32) [32,64) [64,128) us
+  EXPECT_EQ(latency.histogram, (std::vector<std::uint64_t>{19, 20, 40, 80, 160, 320, 361}));
+}
+
+TEST(WakeupProbe, MeasuresAsManyPeriodsAsAsked) {
+  const WakeupLatency latency =
+      measure_wakeups({.length = milliseconds(50), .period = milliseconds(1), .priority = 1, .cpu = {}});
+  EXPECT_EQ(latency.samples, 50U);
+  EXPECT_GE(latency.max_ns, latency.p50_ns);
+}
+
+}  // namespace
+}  // namespace takt::doctor

@@ -1,0 +1,200 @@
+// Goal: every fact that stands between a machine and a punctual loop is named with the right verdict and a way to mend
+// it, and a good machine hears no complaint. Method: a snapshot of a machine without fault; each case plants one fact
+// and expects exactly one finding to change.
+#include "monitor/doctor/diagnose.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <functional>
+#include <nlohmann/json.hpp>
+
+#include "config/load.hpp"
+
+namespace takt::doctor {
+namespace {
+
+constexpr std::uint64_t kGiB = std::uint64_t{1} << 30U;
+
+// Core 1 is the control core of config/arm6.yaml; its buses are can0 and can1.
+Snapshot good_machine() {
+  Snapshot machine;
+  machine.takt_version = "0";
+  machine.kernel_release = "6.1.0-rt";
+  machine.kernel_version = "#1 SMP PREEMPT_RT Debian";
+  machine.cpus = {0, 1, 2, 3};
+  machine.isolated = {1};
+  machine.nohz_full = {1};
+  machine.governor = "performance";
+  machine.sleep_states = {{"POLL", 0, false}, {"C1", 2, false}, {"C6", 133, true}};
+  machine.rt_runtime_us = 950'000;
+  machine.rt_period_us = 1'000'000;
+  machine.rtprio_limit = 99;
+  machine.memlock_limit_bytes = ~std::uint64_t{0};
+  machine.clocksource = "tsc";
+  machine.interrupts = {{0, "timer", {0}}, {120, "nvme0q1", {0, 2, 3}}, {8, "", {0, 1, 2, 3}}};
+  machine.watchdog = "iTCO_wdt";
+  machine.systemd_watchdog = "10s";
+  for (const char* name : {"can0", "can1"}) {
+    CanInterface can;
+    can.name = name;
+    can.exists = can.up = true;
+    can.controller_state = "ERROR-ACTIVE";
+    can.bitrate = 1'000'000;
+    can.queue_length = 64;
+    machine.can.push_back(can);
+  }
+  machine.runs_folder = "/var/lib/takt/runs";
+  machine.runs_free_bytes = 100 * kGiB;
+  WakeupLatency wakeup;
+  wakeup.real_time = true;
+  wakeup.samples = 10'000;
+  wakeup.p50_ns = 3'000;
+  wakeup.p99_ns = 8'000;
+  wakeup.p999_ns = 15'000;
+  wakeup.max_ns = 30'000;
+  wakeup.histogram = {0, 100, 9'000, 900};
+  machine.wakeup = wakeup;
+  return machine;
+}
+
+config::RobotConfig arm() {
+  auto robot = config::load("config/arm6.yaml");
+  EXPECT_TRUE(robot.has_value());
+  return *robot;
+}
+
+std::vector<Finding> complaints(const Snapshot& machine, const config::RobotConfig& robot) {
+  auto findings = diagnose(machine, &robot);
+  std::erase_if(findings, [](const Finding& finding) { return finding.verdict == Verdict::ok; });
+  return findings;
+}
+
+TEST(Diagnose, AGoodMachineHearsNoComplaint) {
+  const auto robot = arm();
+  const auto findings = diagnose(good_machine(), &robot);
+  EXPECT_EQ(worst(findings), Verdict::ok);
+  for (const Finding& finding : complaints(good_machine(), robot))
+    ADD_FAILURE() << finding.check << ": " << finding.found;
+  EXPECT_GE(findings.size(), 16U);
+}
+
+struct Fact {
+  const char* what;
+  Verdict verdict;
+  const char* check;
+  const char* mend;  // part of the advice
+  std::function<void(Snapshot&)> plant;
+};
+
+TEST(Diagnose, EachBadFactIsNamedAloneWithItsCure) {
+  const Fact facts[] = {
+      {"kernel", Verdict::fail, "kernel", "linux-image-rt",
+       [](Snapshot& m) { m.kernel_version = "#1 SMP PREEMPT_DYNAMIC"; }},
+      {"virtual machine", Verdict::fail, "platform", "metal", [](Snapshot& m) { m.hypervisor = true; }},
+      {"stolen time", Verdict::warn, "platform", "shares", [](Snapshot& m) { m.steal_share = 0.02; }},
+      {"core absent", Verdict::fail, "cores", "cpu: none",
+       [](Snapshot& m) {
+         m.cpus = {0, 2};
+       }},
+      {"one core", Verdict::warn, "cores", "two or more", [](Snapshot& m) { m.cpus = {1}; }},
+      {"not isolated", Verdict::warn, "isolcpus", "isolcpus=1", [](Snapshot& m) { m.isolated = {2}; }},
+      {"ticks", Verdict::warn, "nohz_full", "nohz_full=1", [](Snapshot& m) { m.nohz_full.clear(); }},
+      {"governor", Verdict::warn, "governor", "performance", [](Snapshot& m) { m.governor = "powersave"; }},
+      {"deep sleep", Verdict::warn, "sleep states", "cpu_dma_latency",
+       [](Snapshot& m) { m.sleep_states[2].disabled = false; }},
+      {"interrupts", Verdict::warn, "interrupts", "takt-irq-affinity",
+       [](Snapshot& m) {
+         m.interrupts[1].cpus = {0, 1};
+       }},
+      {"clock", Verdict::warn, "clock source", "TSC", [](Snapshot& m) { m.clocksource = "hpet"; }},
+      {"priority", Verdict::fail, "rtprio", "rtprio 99", [](Snapshot& m) { m.rtprio_limit = 0; }},
+      {"priority, with units", Verdict::warn, "rtprio", "rtprio",
+       [](Snapshot& m) {
+         m.rtprio_limit = 0;
+         m.units_installed = true;
+       }},
+      {"memory", Verdict::fail, "memlock", "memlock unlimited", [](Snapshot& m) { m.memlock_limit_bytes = 8U << 20U; }},
+      {"no interface", Verdict::warn, "can can0", "refuse", [](Snapshot& m) { m.can[0].exists = false; }},
+      {"down", Verdict::fail, "can can1", "takt bus up", [](Snapshot& m) { m.can[1].up = false; }},
+      {"bit rate", Verdict::fail, "can can0", "takt bus up", [](Snapshot& m) { m.can[0].bitrate = 500'000; }},
+      {"bus-off", Verdict::fail, "can can0", "takt bus up", [](Snapshot& m) { m.can[0].controller_state = "BUS-OFF"; }},
+      {"passive", Verdict::warn, "can can0", "termination",
+       [](Snapshot& m) { m.can[0].controller_state = "ERROR-PASSIVE"; }},
+      {"short queue", Verdict::warn, "can can0", "takt bus up", [](Snapshot& m) { m.can[0].queue_length = 10; }},
+      {"full disk", Verdict::fail, "disk", "remove", [](Snapshot& m) { m.runs_free_bytes = kGiB / 2; }},
+      {"little room", Verdict::warn, "disk", "room", [](Snapshot& m) { m.runs_free_bytes = 5 * kGiB; }},
+      {"no watchdog", Verdict::warn, "watchdog", "iTCO_wdt", [](Snapshot& m) { m.watchdog.clear(); }},
+      {"unfed watchdog", Verdict::warn, "watchdog", "RuntimeWatchdogSec",
+       [](Snapshot& m) { m.systemd_watchdog.clear(); }},
+      {"late", Verdict::fail, "wake-ups", "hwlatdetect", [](Snapshot& m) { m.wakeup->max_ns = 600'000; }},
+      {"rather late", Verdict::warn, "wake-ups", "isolate", [](Snapshot& m) { m.wakeup->max_ns = 150'000; }},
+      {"measured without priority", Verdict::warn, "wake-ups", "isolate",
+       [](Snapshot& m) { m.wakeup->real_time = false; }},
+  };
+  const auto robot = arm();
+  for (const Fact& fact : facts) {
+    Snapshot machine = good_machine();
+    fact.plant(machine);
+    const auto found = complaints(machine, robot);
+    ASSERT_EQ(found.size(), 1U) << fact.what;
+    EXPECT_EQ(found[0].check, fact.check) << fact.what;
+    EXPECT_EQ(found[0].verdict, fact.verdict) << fact.what;
+    EXPECT_NE(found[0].mend.find(fact.mend), std::string::npos) << fact.what << ": " << found[0].mend;
+    EXPECT_FALSE(found[0].found.empty() || found[0].where.empty()) << fact.what;
+  }
+}
+
+// What the robot file says decides what a fact means.
+TEST(Diagnose, TheRobotFileDecides) {
+  auto robot = arm();
+  Snapshot machine = good_machine();
+  machine.can[0].exists = false;
+  robot.buses[0].when_missing = config::WhenBusMissing::refuse;
+  EXPECT_EQ(complaints(machine, robot).at(0).verdict, Verdict::fail) << "a bus that must be there";
+
+  robot = arm();
+  robot.control.wake = config::WakeMode::hybrid;
+  robot.control.spin = microseconds(900);
+  const auto throttled = complaints(good_machine(), robot);
+  ASSERT_EQ(throttled.size(), 1U);
+  EXPECT_EQ(throttled[0].check, "rt throttling");
+
+  robot = arm();
+  robot.buses[0].fd = true;
+  robot.buses[0].data_bitrate = 5'000'000;
+  EXPECT_EQ(complaints(good_machine(), robot).at(0).check, "can can0") << "FD is wanted, classic is set";
+
+  machine = good_machine();
+  machine.can[0].is_virtual = true;
+  machine.can[0].bitrate = 0;
+  machine.can[0].controller_state.clear();
+  EXPECT_TRUE(complaints(machine, arm()).empty()) << "a virtual interface has no bit rate";
+}
+
+TEST(Diagnose, ASleepStateThatTheExecutiveForbidsIsFine) {
+  Snapshot machine = good_machine();
+  machine.sleep_states[2].disabled = false;
+  machine.may_hold_cpu_awake = true;
+  EXPECT_TRUE(complaints(machine, arm()).empty());
+}
+
+TEST(Diagnose, TextNamesTheCureAndJsonIsStable) {
+  Snapshot machine = good_machine();
+  machine.kernel_version = "#1 SMP";
+  const auto robot = arm();
+  const auto findings = diagnose(machine, &robot);
+  const std::string text = text_of(findings, machine);
+  EXPECT_NE(text.find("fail  kernel"), std::string::npos) << text;
+  EXPECT_NE(text.find("-> apt-get install linux-image-rt"), std::string::npos);
+  EXPECT_NE(text.find("1 to mend, 0 to improve"), std::string::npos);
+  EXPECT_NE(text.find("not fit for hard real time"), std::string::npos);
+  const auto json = nlohmann::json::parse(json_of(findings, machine));
+  EXPECT_EQ(json["schema"], "takt.doctor/1");
+  EXPECT_EQ(json["verdict"], "fail");
+  EXPECT_EQ(json["findings"].size(), findings.size());
+  EXPECT_EQ(json["wakeup"]["p99_ns"], 8'000);
+}
+
+}  // namespace
+}  // namespace takt::doctor

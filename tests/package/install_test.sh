@@ -1,0 +1,53 @@
+#!/usr/bin/env bash
+# Goal: the package installs on a bare Debian 12 with its declared dependencies only, starts nothing, runs the demo
+# robot, and leaves nothing but runs when purged. Method: mmdebstrap makes the bare system; in it, apt installs the
+# package, `takt run` runs the packaged robot for some seconds, and the files before and after are compared.
+# Usage: install_test.sh DEB, as root, with Debian's mirror in reach. The bare system is kept in the cache for a day.
+set -euo pipefail
+deb=$(realpath "$1")
+cache=${XDG_CACHE_HOME:-$HOME/.cache}/takt/package
+base=$cache/bookworm.tar
+root=$(mktemp -d "${TMPDIR:-/tmp}/takt-install.XXXXXX")
+end() {
+  for mounted in dev proc; do mountpoint -q "$root/$mounted" && umount -l "$root/$mounted"; done
+  rm -rf --one-file-system "$root"
+}
+trap end EXIT
+fail() { echo "FAILED: $*" >&2; exit 1; }
+inside() { env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin LC_ALL=C.UTF-8 DEBIAN_FRONTEND=noninteractive chroot "$root" "$@"; }
+apt() { inside apt-get -qq -o APT::Sandbox::User=root -o Dpkg::Use-Pty=0 "$@" >"$root/tmp/apt.log" 2>&1 || { tail -20 "$root/tmp/apt.log" >&2; fail "apt-get $*"; }; }
+# Everything but what apt, dpkg and the loader keep for themselves.
+files() { (cd "$root" && find . -xdev \( -path ./proc -o -path ./dev -o -path ./tmp -o -path ./var/lib/dpkg -o -path ./var/lib/apt \
+  -o -path ./var/cache -o -path ./var/log -o -path ./etc/ld.so.cache \) -prune -o -print | sort); }
+
+mkdir -p "$cache"
+[ -n "$(find "$base" -mtime -1 2>/dev/null)" ] || mmdebstrap -q --variant=minbase bookworm "$base"
+tar -xf "$base" -C "$root"
+mount --bind /dev "$root/dev"
+mount -t proc proc "$root/proc"
+cp /etc/resolv.conf "$root/etc/resolv.conf"
+cp "$deb" "$root/tmp/takt.deb"
+printf '#!/bin/sh\nexit 101\n' >"$root/usr/sbin/policy-rc.d" && chmod +x "$root/usr/sbin/policy-rc.d"
+
+apt update
+# The dependencies apart, so that what is compared below is the package's own doing.
+apt install --no-install-recommends $(dpkg-deb -f "$deb" Depends | sed 's/([^)]*)//g; s/|[^,]*//g; s/,/ /g')
+files >"$root/tmp/before"
+apt install --no-install-recommends /tmp/takt.deb
+inside takt --version
+inside takt config check /etc/takt/robot/robot.yaml
+! pgrep -f "^/usr/bin/takt" >/dev/null || fail "something was started"
+inside getent passwd takt takt-policy >/dev/null || fail "the users are missing"
+inside takt run /etc/takt/robot/robot.yaml --arm --duration 5s --allow-non-realtime --runtime-dir /run/takt --run-dir /var/lib/takt/runs/try >"$root/tmp/run.log" 2>&1 ||
+  { cat "$root/tmp/run.log"; fail "the demo robot does not run"; }
+grep -q tracking "$root/tmp/run.log" || fail "the demo robot never tracked"
+inside takt replay /var/lib/takt/runs/try
+
+apt purge takt
+files >"$root/tmp/after"
+left=$(comm -13 "$root/tmp/before" "$root/tmp/after" | grep -v '^./var/lib/takt' || true)
+# sysusers leaves users, on purpose: files of runs belong to them; passwd and its backup were there before.
+left=$(grep -Ev '^./etc/(passwd-|group-|shadow-|gshadow-|\.pwd\.lock)$' <<<"$left" || true)
+[ -z "$left" ] || fail "purging left behind: $left"
+[ -d "$root/var/lib/takt/runs/try" ] || fail "purging removed a run"
+echo "installed, ran, purged: nothing is left but the run"

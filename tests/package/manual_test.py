@@ -1,0 +1,96 @@
+#!/usr/bin/env python3
+"""Goal: manual pages and completion say what the programs' --help says, all of it, and are well-formed. Method: they are
+made anew from this build; every command is found by asking the programs (not by the generator), every word of every
+help text is looked for in its rendered page, `man` is asked for warnings, and a real bash completes lines.
+Usage: manual_test.py MANUAL.py BIN_DIR. Exit codes: 0 fine, 1 not, 77 man or bash is not installed.
+"""
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+
+PROGRAMS = ("takt", "takt-executive", "takt-policy-host", "takt-plant", "takt-monitor")
+# Line so far (the last word is being completed) -> must be offered, must not.
+LINES = [
+    ("takt pan", {"panel"}, {"plant"}),
+    ("takt panel ", {"run", "merge"}, {"audit"}),
+    ("takt panel run --w", {"--workers"}, {"--watch"}),
+    ("takt bus di", {"disable"}, {"stop"}),
+    ("takt bus watch --robot x.yaml --s", {"--seconds"}, {"--store"}),
+    ("takt-executive --allow", {"--allow-non-realtime"}, set()),
+    ("takt-plant --sce", {"--scenario"}, set()),
+]
+
+
+def help_of(bin_dir, words):
+    return subprocess.run([bin_dir / words[0], *words[1:], "--help"], check=True, capture_output=True, text=True).stdout
+
+
+def subcommands(text):
+    below = text.partition("\nSubcommands:\n")[2].partition("\n\n")[0]
+    return re.findall(r"^  (\S+)", below, re.M)
+
+
+def rendered(page):
+    done = subprocess.run(["man", "--warnings=w", "-E", "UTF-8", "-l", "--nj", "--nh", str(page)], capture_output=True, text=True,
+                          env=dict(os.environ, MANWIDTH="200", LC_ALL="C.UTF-8", MANROFFOPT=""))
+    return done.stdout, done.stderr.strip()
+
+
+def words_of(text):
+    """What a reader looks for; layout and column breaks apart."""
+    return set(re.findall(r"[\w-]{4,}", re.sub(r"^\[Option Group.*\n.*|^Usage:.*", "", text, flags=re.M)))
+
+
+def page_problems(out, bin_dir, words):
+    page = out / "man/man1" / ("-".join(words) + ".1.gz")
+    if not page.exists():
+        return [f"no page for {' '.join(words)}"]
+    text, warnings = rendered(page)
+    problems = [f"{page.name}: {warnings}"] if warnings else []
+    pending = [words]
+    while pending:
+        command = pending.pop()
+        said = help_of(bin_dir, command)
+        if len(words) > 1 or len(command) == 1:
+            missing = sorted(word for word in words_of(said) if word not in text and not re.search(r"\b[A-Z]+\b", word)
+                             and word not in ("Options", "Positionals", "Subcommands", "Example", "Examples", "Exit", "codes"))
+            problems += [f"{page.name} lacks, of {' '.join(command)} --help: {', '.join(missing)}"] if missing else []
+        if len(words) > 1:
+            pending += [command + [name] for name in subcommands(said)]
+    return problems
+
+
+def completed(out, line):
+    words = line.split(" ")
+    script = (f"source {out}/bash-completion/completions/takt\nCOMP_WORDS=({' '.join(repr(word) for word in words)})\n"
+              f"COMP_CWORD={len(words) - 1}\n_takt\nprintf '%s\\n' \"${{COMPREPLY[@]}}\"\n")
+    return set(subprocess.run(["bash", "-c", script], check=True, capture_output=True, text=True).stdout.split())
+
+
+def main():
+    if len(sys.argv) != 3:
+        print(__doc__, file=sys.stderr)
+        return 64
+    if not shutil.which("man") or not shutil.which("bash"):
+        print("SKIPPED: man-db is not installed: NO PAGE WAS TESTED")
+        return 77
+    generator, bin_dir = sys.argv[1], pathlib.Path(sys.argv[2]).resolve()
+    with tempfile.TemporaryDirectory(prefix="takt-manual.") as folder:
+        out = pathlib.Path(folder)
+        subprocess.run([generator, bin_dir, "0", out], check=True)
+        commands = [[program] for program in PROGRAMS] + [["takt", name] for name in subcommands(help_of(bin_dir, ["takt"]))]
+        problems = [problem for words in commands for problem in page_problems(out, bin_dir, words)]
+        for line, wanted, unwanted in LINES:
+            offered = completed(out, line)
+            if not wanted <= offered or unwanted & offered:
+                problems.append(f"completing `{line}` offers {sorted(offered)}")
+    print("\n".join(problems) or f"{len(commands)} pages say what --help says")
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,52 @@
+#!/usr/bin/env bash
+# Goal: the maintainer scripts do what they say, twice over, and never start or enable anything. Method: they run on a
+# folder in place of /, with systemctl and its kin replaced by recorders. Usage: scripts_test.sh SCRIPTS_DIR
+set -euo pipefail
+scripts=$1
+root=$(mktemp -d)
+trap 'rm -rf "$root"' EXIT
+fail() { echo "FAILED: $*" >&2; exit 1; }
+
+mkdir -p "$root/bin" "$root/etc/takt/deployments/demo" "$root/run/systemd/system"
+for tool in systemctl systemd-sysusers systemd-tmpfiles; do
+  printf '#!/bin/sh\necho %s "$@" >>"%s/said"\n' "$tool" "$root" >"$root/bin/$tool"
+  chmod +x "$root/bin/$tool"
+done
+# The scripts name absolute paths; here these begin at the folder.
+run() { # SCRIPT ARGUMENTS
+  sed -E "s#(^|[ '\"])/(etc|run|var)/#\1$root/\2/#g" "$scripts/$1" >"$root/script"
+  : >"$root/said"
+  PATH=$root/bin:$PATH sh "$root/script" "${@:2}"
+}
+said() { grep -q "$1" "$root/said"; }
+never_starts() { ! grep -Eq 'systemctl.* (start|restart|enable)' "$root/said" || fail "$1 starts a robot: $(cat "$root/said")"; }
+
+run postinst configure
+[ "$(readlink "$root/etc/takt/robot")" = deployments/demo ] || fail "no demo robot"
+said 'systemd-sysusers takt.conf' && said 'systemd-tmpfiles --create takt.conf' && said 'daemon-reload' || fail "set-up: $(cat "$root/said")"
+never_starts postinst
+
+ln -sfn deployments/mine "$root/etc/takt/robot" # points nowhere, yet it is the owner's
+run postinst configure 0.1.0-1
+[ "$(readlink "$root/etc/takt/robot")" = deployments/mine ] || fail "an upgrade changed the robot in use"
+never_starts "an upgrade"
+
+run prerm upgrade 0.2.0-1
+[ ! -s "$root/said" ] || fail "an upgrade touches a running robot: $(cat "$root/said")"
+run prerm remove
+said 'stop takt.target' || fail "removing leaves the robot running"
+
+wants=$root/etc/systemd/system/multi-user.target.wants
+mkdir -p "$wants" "$root/run/takt" "$root/var/lib/takt/runs/one"
+ln -s /usr/lib/systemd/system/takt.target "$wants/takt.target"
+ln -s /usr/lib/systemd/system/ssh.service "$wants/ssh.service"
+run postrm remove
+[ -e "$root/etc/takt/robot" ] || [ -L "$root/etc/takt/robot" ] || fail "removing is not purging"
+run postrm purge
+[ ! -e "$root/etc/takt" ] && [ ! -e "$root/run/takt" ] && [ ! -L "$wants/takt.target" ] || fail "purging leaves something"
+[ -d "$root/var/lib/takt/runs/one" ] || fail "purging removed recorded runs"
+[ -L "$wants/ssh.service" ] || fail "purging removed what is not ours"
+rm -r "$root/var/lib/takt/runs/one"
+run postrm purge
+[ ! -e "$root/var/lib/takt" ] || fail "without runs nothing should be left"
+echo "the maintainer scripts do what they say"
