@@ -1,5 +1,5 @@
-// make_recorded_demo DIR: a recorded run of the virtual robot, for tests in other languages. Beside it DIR/truth.jsonl as
-// takt-plant would write it: where the rigid-body library sees the tool at the recorded angles, and a target.
+// make_recorded_demo DIR: a recorded run of the virtual robot, for tests in other languages. Beside it DIR/truth.jsonl
+// as takt-plant would write it: where the rigid-body library sees the tool at the recorded angles, and a target.
 #include <cstdio>
 #include <exception>
 #include <stdexcept>

@@ -29,6 +29,8 @@ class VirtualRobot {
   void run(std::uint64_t ticks);
   // While true the policy answers nothing.
   bool policy_is_frozen = false;
+  // Applied to what a tick is about to read: noise, lateness, faults.
+  std::function<void(pipeline::TickInput&)> spoil_input;
   // Applied to every answer before it is delivered.
   std::function<void(CommandChunk&)> spoil_answer;
 

@@ -4,6 +4,8 @@ takt.figure = (function () {
   const kTop = { title: 'top', across: 0, up: 1, acrossName: 'x', upName: 'y' };
   const kTrail = 1.0;  // s of the tool's way that led here
   const kTrailPoints = 60;
+  const kMargin = 28;         // pixels
+  const kExtentPoses = 200;   // looked at over the run
 
   function modeAt(modes, time) {
     let low = 0, high = modes.length - 1;
@@ -16,13 +18,17 @@ takt.figure = (function () {
   }
 
   class Pane {
-    constructor(context, box, projection, reach) {
+    // extent: {least, most}, the corners of what has to fit.
+    constructor(context, box, projection, extent) {
       Object.assign(this, { context, box, projection });
-      this.scale = 0.45 * Math.min(box.width, box.height) / reach;
+      const spans = [projection.across, projection.up].map((axis) => extent.most[axis] - extent.least[axis]);
+      this.scale = Math.min((box.width - 2 * kMargin) / spans[0], (box.height - 2 * kMargin) / spans[1]);
+      this.centre = extent.least.map((least, axis) => (least + extent.most[axis]) / 2);
     }
     at(point) {
-      return [this.box.x + this.box.width / 2 + this.scale * point[this.projection.across],
-              this.box.y + this.box.height * (this.projection.up === 2 ? 0.62 : 0.5) - this.scale * point[this.projection.up]];
+      const { across, up } = this.projection;
+      return [this.box.x + this.box.width / 2 + this.scale * (point[across] - this.centre[across]),
+              this.box.y + this.box.height / 2 - this.scale * (point[up] - this.centre[up])];
     }
     lines(lines, colour, width, dash) {
       const context = this.context;
@@ -96,6 +102,23 @@ takt.figure = (function () {
       };
     }
 
+    // Corners of all that the figure shows over the run, at least a tenth of the reach wide.
+    extent() {
+      const least = [0, 0, 0], most = [0, 0, 0];
+      const include = (point) => point.forEach((value, axis) => {
+        least[axis] = Math.min(least[axis], value);
+        most[axis] = Math.max(most[axis], value);
+      });
+      for (let index = 0; index <= kExtentPoses; ++index) {
+        const place = this.samples.at(this.view.end * index / kExtentPoses);
+        const pose = this.pose(place, 'q', true);
+        if (pose) pose.lines.flat().forEach(include);
+        if (this.samples.has('task.x')) include(['task.x', 'task.y', 'task.z'].map((axis) => place.block.column(axis)[place.row] || 0));
+      }
+      const margin = 0.1 * this.facts.figure.reach;
+      return { least: least.map((value) => value - margin), most: most.map((value) => value + margin) };
+    }
+
     trail() {
       const points = [];
       for (let index = kTrailPoints; index >= 0; --index) {
@@ -107,15 +130,14 @@ takt.figure = (function () {
     }
 
     panes(context, width, height) {
-      const reach = this.facts.figure.reach;
-      if (this.facts.figure.kind === 'cart_pole') return [new Pane(context, { x: 0, y: 0, width, height }, kSide, reach)];
-      return [new Pane(context, { x: 0, y: 0, width, height: height / 2 }, kSide, reach),
-              new Pane(context, { x: 0, y: height / 2, width, height: height / 2 }, kTop, reach)];
+      this.extent_ ??= this.extent();
+      if (this.facts.figure.kind === 'cart_pole') return [new Pane(context, { x: 0, y: 0, width, height }, kSide, this.extent_)];
+      return [new Pane(context, { x: 0, y: 0, width, height: height / 2 }, kSide, this.extent_),
+              new Pane(context, { x: 0, y: height / 2, width, height: height / 2 }, kTop, this.extent_)];
     }
 
     draw() {
       const scene = this.scene();
-      this.scene_ = scene;
       this.readings(scene);
       const context = this.canvas.getContext('2d');
       const { width, height } = this.canvas;
