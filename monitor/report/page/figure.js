@@ -155,7 +155,7 @@ takt.figure = (function () {
 
     drawPane(pane, scene, trail) {
       pane.frame();
-      pane.lines([[[-0.1, -0.1, 0], [0.1, 0.1, 0]]], takt.colour('line'), 5);
+      pane.lines([[[-0.1, 0, 0], [0.1, 0, 0]], [[0, -0.1, 0], [0, 0.1, 0]]], takt.colour('line'), 5);
       pane.lines(trail, takt.colour('data'), 1);
       if (scene.policy) pane.lines(scene.policy.lines, takt.colour('third'), 2, [3, 4]);
       if (scene.setpoint) pane.lines(scene.setpoint.lines, takt.colour('second'), 2, [7, 4]);

@@ -44,7 +44,7 @@
     takt.swatches('mode-legend', modes.map((mode) => [takt.colour(mode), mode.replaceAll('_', ' ')]));
     takt.swatches('bus-legend', takt.busStates.map((state) => [takt.colour(state.colour), state.name])
       .concat([[takt.colour('violated'), 'frames dropped or foreign']]));
-    takt.swatches('figure-legend', [[takt.colour('second'), 'setpoint'], [takt.colour('third'), 'policy target'],
+    takt.swatches('figure-legend', [[takt.colour('tracking'), 'measured, in the colour of the mode'], [takt.colour('second'), 'setpoint'], [takt.colour('third'), 'policy target'],
       [takt.colour('data'), 'way of the last second']].concat(samples.has('task.x') ? [[takt.colour('limit'), 'task target']] : []));
   }
 

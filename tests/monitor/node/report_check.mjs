@@ -61,6 +61,25 @@ async function showsWhatWasRecorded(page) {
   assert.ok(Math.abs(oldest - metrics.age_ns.per_tick.total.max * 1e-6) < 0.05, `oldest age while the policy was relied on: ${oldest} ms`);
 }
 
+// What the demo's arm does not have: tilted frames, two arms on one base, a cart with a pole. Known by hand.
+async function knowsOtherRobots(page) {
+  const [tilted, cart] = await page.evaluate(() => {
+    const half = Math.PI / 2;
+    const link = (parent, xyz, rpy, axis) => ({ parent, xyz, rpy, axis });
+    const arms = { kind: 'links', tool: { link: 1, xyz: [0.5, 0, 0] }, reach: 3,
+      links: [link(-1, [0, 0, 1], [0, 0, half], [0, 0, 1]), link(0, [1, 0, 0], [half, 0, 0], [0, 0, 2]), link(-1, [0, -1, 0], [0, half, 0], [0, 0, 1])] };
+    return [takt.robot.pose(arms, [0, half, 0]),
+      takt.robot.pose({ kind: 'cart_pole', pulley_radius: 0.05, pole_length: 0.6, reach: 1 }, [4, half])];
+  });
+  const near = (point, wanted) => point.forEach((value, axis) => assert.ok(Math.abs(value - wanted[axis]) < 1e-9, `${point}, not ${wanted}`));
+  near(tilted.lines[1][1], [0, 1, 1]);   // one metre along the first frame's x, which points along y
+  near(tilted.tool, [0, 1, 1.5]);        // the second frame's axis is level; a quarter turn points its x upwards
+  near(tilted.lines[2][0], [0, 0, 0]);
+  near(tilted.lines[2][1], [0, -1, 0]);
+  near(cart.tool, [0.2, 0, 0]);
+  near(cart.lines[1][1], [0.8, 0, 0]);   // a pole fallen towards positive positions
+}
+
 async function zoomsTogether(page) {
   const before = await axes(page);
   const box = await page.locator('#age').boundingBox();
@@ -151,6 +170,7 @@ await inBrowser({ colorScheme: 'light' }, async (page, { errors, requests }) => 
   await ready(page);
   const drawn = await drawsEverything(page);
   await showsWhatWasRecorded(page);
+  await knowsOtherRobots(page);
   await zoomsTogether(page);
   await jumpsToViolations(page);
   await obeysTheKeyboard(page);
