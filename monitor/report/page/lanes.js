@@ -1,14 +1,15 @@
 // Lanes over time: one row per mode band, kind of intervention or bus, painted where something is.
 takt.lanes = (function () {
   // What a lane shows in one pixel column, gathered from the rows of samples that fall there.
-  // gather(block, row) -> per lane a number, 0: nothing; merge of several: the largest.
-  function columnsOf(samples, graph, area, from, to, laneCount, gather) {
+  // levelsOf(block) -> row -> per lane a number, 0: nothing, or null for none at all; of several rows the largest counts.
+  function columnsOf(samples, graph, area, from, to, laneCount, levelsOf) {
     const columns = Array.from({ length: laneCount }, () => new Float32Array(Math.ceil(area.w) + 1));
     const left = graph.toDomXCoord(from);
     const scale = (graph.toDomXCoord(to) - left) / (to - from);
     for (const { block, first, end } of samples.pieces(from, to)) {
+      const levelsAt = levelsOf(block);
       for (let row = first; row < end; ++row) {
-        const levels = gather(block, row);
+        const levels = levelsAt(row);
         if (!levels) continue;
         const starts = Math.floor(left + (block.times[row] - from) * scale - area.x);
         const behind = row + 1 < end ? Math.ceil(left + (block.times[row + 1] - from) * scale - area.x) : starts + 1;
@@ -21,11 +22,11 @@ takt.lanes = (function () {
   }
 
   // names: of the lanes, top first. colourOf(level): of a painted column.
-  return function (id, view, samples, names, gather, colourOf) {
+  return function (id, view, samples, names, levelsOf, colourOf) {
     const count = names.length;
     const paint = (context, area, graph) => {
       const [from, to] = graph.xAxisRange();
-      const columns = columnsOf(samples, graph, area, from, to, count, gather);
+      const columns = columnsOf(samples, graph, area, from, to, count, levelsOf);
       const height = area.h / Math.max(count, 1);
       for (let lane = 0; lane < count; ++lane) {
         for (let x = 0; x < area.w; ++x) {
@@ -62,13 +63,15 @@ takt.modeLane = function (view, modes) {
 
 takt.interventionLanes = function (view, samples, kinds) {
   const levels = new Float32Array(kinds.length);
-  const gather = (block, row) => {
-    const mask = block.column('interventions')[row];
-    if (!(mask > 0)) return null;
-    for (let kind = 0; kind < kinds.length; ++kind) levels[kind] = mask >> kind & 1;
-    return levels;
+  const levelsOf = (block) => {
+    const masks = block.column('interventions');
+    return (row) => {
+      if (!(masks[row] > 0)) return null;
+      for (let kind = 0; kind < kinds.length; ++kind) levels[kind] = masks[row] >> kind & 1;
+      return levels;
+    };
   };
-  return takt.lanes('interventions', view, samples, kinds.map((kind) => kind.replaceAll('_', ' ')), gather,
+  return takt.lanes('interventions', view, samples, kinds.map((kind) => kind.replaceAll('_', ' ')), levelsOf,
     () => takt.colour('second'));
 };
 
@@ -77,14 +80,17 @@ takt.busLanes = function (view, samples, buses) {
   const names = buses.flatMap((bus) => [bus + ' state', bus + ' errors']);
   const levels = new Float32Array(names.length);
   const kErrors = takt.busStates.length;  // level of a lane with errors, above those of states
-  const gather = (block, row) => {
-    for (let bus = 0; bus < buses.length; ++bus) {
-      const state = block.column(`bus${bus}.state`)[row];
-      levels[2 * bus] = state >= 0 ? state + 0.5 : 0;
-      levels[2 * bus + 1] = block.column(`bus${bus}.errors`)[row] > 0 ? kErrors : 0;
-    }
-    return levels;
+  const levelsOf = (block) => {
+    const states = buses.map((bus, index) => block.column(`bus${index}.state`));
+    const errors = buses.map((bus, index) => block.column(`bus${index}.errors`));
+    return (row) => {
+      for (let bus = 0; bus < buses.length; ++bus) {
+        levels[2 * bus] = states[bus][row] >= 0 ? states[bus][row] + 0.5 : 0;
+        levels[2 * bus + 1] = errors[bus][row] > 0 ? kErrors : 0;
+      }
+      return levels;
+    };
   };
-  return takt.lanes('buses', view, samples, names, gather,
+  return takt.lanes('buses', view, samples, names, levelsOf,
     (level) => takt.colour(level >= kErrors ? 'violated' : takt.busStates[Math.floor(level)].colour));
 };
