@@ -7,6 +7,8 @@
 #include "drivers/plant/arm_dynamics.hpp"
 #include "drivers/plant/camera.hpp"
 #include "drivers/plant/truth_log.hpp"
+#include "monitor/bounded_file.hpp"
+#include "monitor/report/report_html.hpp"
 #include "monitor/run_metrics.hpp"
 #include "tests/monitor/recorded_demo.hpp"
 
@@ -29,6 +31,15 @@ void write_truth(const RecordedRun& run, const std::string& path) {
   if (!scanned) throw std::runtime_error(scanned.error());
 }
 
+void write_thin_page(const RecordedRun& run, const RunMetrics& metrics, const std::string& path) {
+  constexpr std::size_t kRoom = 60'000;
+  const auto faults = classify_run(run);
+  const auto series = faults ? series_of(run, metrics, *faults, "", kRoom) : std::unexpected(faults.error());
+  if (!series) throw std::runtime_error(series.error());
+  const auto written = replace_file(path, report_html({run, metrics, *faults, *series, std::nullopt}));
+  if (!written) throw std::runtime_error(written.error());
+}
+
 }  // namespace
 }  // namespace takt::monitor
 
@@ -38,7 +49,9 @@ int main(int argc, char** argv) {
   try {
     const RecordedRun run = record_demo(argv[1]);
     write_truth(run, run.folder.path() + "/truth.jsonl");
-    if (const auto metrics = write_metrics(run); !metrics) throw std::runtime_error(metrics.error());
+    const auto metrics = write_metrics(run);
+    if (!metrics) throw std::runtime_error(metrics.error());
+    write_thin_page(run, *metrics, run.folder.path() + "/thin.html");
   } catch (const std::exception& error) {
     std::fprintf(stderr, "make_recorded_demo: %s\n", error.what());
     return 1;

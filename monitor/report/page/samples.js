@@ -48,7 +48,9 @@ takt.Samples = (function () {
         if (stops < from || starts > to) continue;
         const before = Math.min(lowerBound(times, starts), end);
         if (before > next) pieces.push({ block: this.whole, first: next, end: before });
-        pieces.push({ block: this.moments, first: begin, end: behind });
+        const inside = { first: Math.max(lowerBound(this.moments.times, from) - 1, begin),
+                         end: Math.min(lowerBound(this.moments.times, to) + 1, behind) };
+        pieces.push({ block: this.moments, ...inside });
         next = Math.max(next, lowerBound(times, stops));
       }
       if (end > next) pieces.push({ block: this.whole, first: next, end });

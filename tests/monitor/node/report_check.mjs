@@ -165,10 +165,39 @@ async function screenshotIsNotEmpty(page, path) {
   return colours;
 }
 
-await inBrowser({ colorScheme: 'light' }, async (page, { errors, requests }) => {
+// The oldest age drawn of a stretch without violations, s.
+const calm = [0.3, 0.6];
+const oldestIn = (page, from, to) => page.evaluate(([begin, end]) =>
+  Math.max(...takt.page.samples.bands(begin, end, [['age', 'age.spread']]).map(([, band]) => band[2] ?? 0)), [from, to]);
+
+// A run too long to hold every tick: buckets keep their extremes, and around violations every tick is there.
+async function thinsOut(page, calmAge) {
+  assert.ok(Math.abs(await oldestIn(page, ...calm) - calmAge) < 0.05, 'buckets lose no spike');
+  const found = await page.evaluate(() => {
+    const { samples, view, violations, facts } = takt.page;
+    const rows = (from, to) => samples.bands(from, to, [['age', 'age.spread']]);
+    const stop = facts.modes.find(([, , mode]) => mode === 'damped_stop')[0];
+    const at = violations.list[0].at_s;
+    return {
+      bucket: samples.whole.bucketTicks,
+      oldest: Math.max(...rows(0, stop - facts.period_s / 2).map(([, band]) => band[2] ?? 0)),
+      calm: rows(0.7, 0.8).length,
+      violation: rows(at - 0.05, at + 0.05).map(([time]) => time),
+    };
+  });
+  assert.ok(found.bucket > 4, `buckets of ${found.bucket} ticks`);
+  const most = metrics.age_ns.per_tick.total.max * 1e-6;
+  assert.ok(found.oldest > most - 0.05 && found.oldest < most + found.bucket, `oldest age ${found.oldest}, not ${most} ms`);
+  assert.ok(found.calm < 100 / found.bucket + 3, `${found.calm} rows of 100 calm ticks`);
+  assert.ok(Math.abs(found.violation.length - 100) < 4, `${found.violation.length} rows of 100 ticks about a violation`);
+  found.violation.slice(1).forEach((time, index) => assert.ok(time > found.violation[index], 'in order'));
+}
+
+const calmAge = await inBrowser({ colorScheme: 'light' }, async (page, { errors, requests }) => {
   await page.goto(url);
   await ready(page);
   const drawn = await drawsEverything(page);
+  const age = await oldestIn(page, ...calm);
   await showsWhatWasRecorded(page);
   await knowsOtherRobots(page);
   await zoomsTogether(page);
@@ -181,4 +210,11 @@ await inBrowser({ colorScheme: 'light' }, async (page, { errors, requests }) => 
   assert.deepEqual(errors, []);
   assert.deepEqual(requests.filter((request) => !request.startsWith('data:image/png')), [url], 'nothing is fetched');
   console.log(`parts drawn with ${drawn.join(', ')} colours; screenshot ${colours}; one request, no error`);
+  return age;
+});
+await inBrowser({}, async (page, { errors }) => {
+  await page.goto(url.replace('report.html', 'thin.html'));
+  await ready(page);
+  await thinsOut(page, calmAge);
+  assert.deepEqual(errors, []);
 });
