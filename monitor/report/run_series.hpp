@@ -17,7 +17,7 @@ namespace takt::monitor {
 // Base64 makes three bytes four, even if nothing could be compressed: with script and tables below 15 MB.
 inline constexpr std::size_t kWholeBytes = 8'500'000;
 inline constexpr std::size_t kMomentBytes = 1'800'000;
-inline constexpr std::size_t kListedBands = 20'000;
+inline constexpr std::size_t kListedBands = 5'000;
 
 // A stretch of time in one mode.
 struct ModeBand {
