@@ -5,8 +5,9 @@ namespace {
 
 constexpr std::size_t kEncapsulation = 4;
 
+// `alignment` is a power of two.
 std::size_t padding(std::size_t at, std::size_t alignment) {
-  return (alignment - (at - kEncapsulation) % alignment) % alignment;
+  return (kEncapsulation - at) & (alignment - 1);
 }
 
 }  // namespace

@@ -1,20 +1,8 @@
 #include "monitor/mcap_format.hpp"
 
+#include <zlib.h>
+
 namespace takt::monitor::mcap {
-namespace {
-
-constexpr std::array<std::uint32_t, 256> crc_table() {
-  std::array<std::uint32_t, 256> table{};
-  for (std::uint32_t byte = 0; byte < 256; ++byte) {
-    std::uint32_t value = byte;
-    for (int bit = 0; bit < 8; ++bit) value = (value & 1U) != 0 ? (value >> 1U) ^ 0xEDB8'8320U : value >> 1U;
-    table[byte] = value;
-  }
-  return table;
-}
-
-}  // namespace
-
 Builder& Builder::text(std::string_view value) {
   put(static_cast<std::uint32_t>(value.size()));
   return raw(value.data(), value.size());
@@ -76,10 +64,7 @@ std::map<std::string, std::string> Parser::map() {
 }
 
 std::uint32_t crc32(std::span<const std::byte> data, std::uint32_t seed) {
-  static constexpr auto table = crc_table();
-  std::uint32_t value = ~seed;
-  for (const std::byte byte : data) value = (value >> 8U) ^ table[(value ^ static_cast<std::uint32_t>(byte)) & 0xFFU];
-  return ~value;
+  return static_cast<std::uint32_t>(::crc32_z(seed, reinterpret_cast<const Bytef*>(data.data()), data.size()));
 }
 
 }  // namespace takt::monitor::mcap

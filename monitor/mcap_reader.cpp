@@ -25,6 +25,15 @@ struct Channel {
   std::string topic, schema_name;
 };
 
+// Pages of the mapping that were read need no memory any more.
+void release(std::span<const std::byte> read) {
+  constexpr std::uintptr_t kPage = 4096;
+  const auto first = (reinterpret_cast<std::uintptr_t>(read.data()) + kPage - 1) / kPage * kPage;
+  const auto end = reinterpret_cast<std::uintptr_t>(read.data() + read.size()) / kPage * kPage;
+  // madvise wants the pointer mmap gave, which was not const.
+  if (end > first) (void)::madvise(reinterpret_cast<void*>(first), end - first, MADV_DONTNEED);
+}
+
 class Scan {
  public:
   explicit Scan(const std::function<bool(const McapMessage&)>& on_message) : on_message_(on_message) {}
@@ -105,7 +114,7 @@ class Scan {
     const auto crc = parser.get<std::uint32_t>();
     const std::string compression = parser.text();
     const auto stored = parser.take(parser.get<std::uint64_t>());
-    if (!parser.ok() || size > kLargestChunk) return damaged();
+    if (!parser.ok() || size > kLargestChunk || in_chunk_) return damaged();  // no chunk lies in a chunk
     Bytes plain;
     std::span<const std::byte> content = stored;
     if (compression == "zstd") {
@@ -116,7 +125,10 @@ class Scan {
       return damaged();
     }
     if (crc != 0 && mcap::crc32(content) != crc) return damaged();
+    in_chunk_ = true;
     records(content);
+    in_chunk_ = false;
+    release(stored);
     return !stopped_;
   }
 
@@ -128,6 +140,7 @@ class Scan {
   const std::function<bool(const McapMessage&)>& on_message_;
   std::map<std::uint16_t, std::string> schemas_;
   std::map<std::uint16_t, Channel> channels_;
+  bool in_chunk_ = false;
   bool stopped_ = false;
 };
 

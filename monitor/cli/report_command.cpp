@@ -1,19 +1,20 @@
 // takt report: the freshness report of a run folder, in the terminal and as report.html.
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <memory>
 
-#include "config/load.hpp"
 #include "monitor/bounded_file.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/fault_classifier.hpp"
-#include "monitor/report.hpp"
+#include "monitor/report/report_html.hpp"
+#include "monitor/report/report_text.hpp"
 
 namespace takt::cli {
 namespace {
 
 struct Options {
-  std::string directory, html;
+  std::string directory, html, against, truth;
   bool json = false;
 };
 
@@ -22,25 +23,48 @@ int fail(const std::string& sentence) {
   return kExitFailed;
 }
 
+std::string truth_file(const Options& options, const monitor::RecordedRun& run) {
+  if (!options.truth.empty()) return options.truth;
+  const std::string beside = run.folder.path() + "/truth.jsonl";
+  return std::filesystem::exists(beside) ? beside : "";
+}
+
+// Nothing to compare with is no error unless it was asked for by name.
+std::expected<std::optional<monitor::RunComparison>, std::string> comparison_of(const Options& options,
+                                                                                const monitor::RecordedRun& run,
+                                                                                const nlohmann::ordered_json& metrics) {
+  if (options.against == "none") return std::nullopt;
+  const std::string other = options.against.empty() ? monitor::previous_run(run) : options.against;
+  if (other.empty()) return std::nullopt;
+  auto comparison = monitor::compare_with(metrics, other);
+  if (comparison) return std::move(*comparison);
+  if (!options.against.empty()) return std::unexpected(comparison.error());
+  fmt::print(stderr, "takt report: not compared with the previous run: {}\n", comparison.error());
+  return std::nullopt;
+}
+
 int report(const Options& options) {
   const auto run = monitor::open_run(options.directory);
   if (!run) return fail(run.error());
   const auto metrics = monitor::metrics_of(*run);
   if (!metrics) return fail(metrics.error());
-  const auto series = monitor::series_of(*run, *metrics);
-  if (!series) return fail(series.error());
   const auto faults = monitor::classify_run(*run);
   if (!faults) return fail(faults.error());
+  auto json = monitor::to_json(*metrics, *run);
+  const auto comparison = comparison_of(options, *run, json);
+  if (!comparison) return fail(comparison.error());
+  const auto series = monitor::series_of(*run, *metrics, *faults, truth_file(options, *run));
+  if (!series) return fail(series.error());
   const std::string path = options.html.empty() ? run->folder.report() : options.html;
-  if (auto written = monitor::replace_file(path, monitor::report_html(*metrics, *series, *run)); !written) {
-    return fail(written.error());
-  }
+  const std::string page = monitor::report_html({*run, *metrics, *faults, *series, *comparison});
+  if (auto written = monitor::replace_file(path, page); !written) return fail(written.error());
   if (options.json) {
-    auto json = monitor::to_json(*metrics, *run);
     json["faults"] = monitor::to_json(*faults);
+    json["comparison"] = *comparison ? monitor::to_json(**comparison) : nullptr;
     fmt::print("{}\n", json.dump());
   } else {
-    fmt::print("{}{}charts        {}\n", monitor::report_text(*metrics, *run), monitor::fault_text(*faults), path);
+    fmt::print("{}{}{}page          {}\n", monitor::report_text(*metrics, *run), monitor::fault_text(*faults),
+               *comparison ? monitor::comparison_text(**comparison) : "", path);
   }
   return kExitOk;
 }
@@ -52,9 +76,14 @@ void add_report(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
   command->add_option("DIR", options->directory, "run folder")->required();
   command->add_flag("--json", options->json, "print the metrics as one line of JSON (docs/report.md)");
-  command->add_option("--html", options->html, "where to write the HTML report; default DIR/report.html");
+  command->add_option("--html", options->html, "where to write the page; default DIR/report.html");
+  command->add_option("--against", options->against,
+                      "run folder to compare with, or none; default: the run before it, beside it, of the same robot");
+  command->add_option(
+      "--truth", options->truth,
+      "takt-plant's truth file, for the task's target in the playback; default DIR/truth.jsonl if there");
   command->footer(
-      "Example: takt report runs/20261121T093300Z-arm6-3f9a2c\n"
+      "Example: takt report runs/20261121T093300Z-arm6-3f9a2c --against runs/20261120T170210Z-arm6-99ab01\n"
       "Exit codes: 0 reported, whatever the verdict; 1 not a run folder, or it cannot be read.");
   command->callback([options, &exit_code] { exit_code = report(*options); });
 }

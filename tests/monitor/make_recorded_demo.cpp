@@ -1,21 +1,57 @@
-// make_recorded_demo DIR: a recorded run of the virtual robot, for tests in other languages.
+// make_recorded_demo DIR: a recorded run of the virtual robot, for tests in other languages. Beside it DIR/truth.jsonl
+// as takt-plant would write it: where the rigid-body library sees the tool at the recorded angles, and a target.
 #include <cstdio>
 #include <exception>
+#include <stdexcept>
 
+#include "drivers/plant/arm_dynamics.hpp"
+#include "drivers/plant/camera.hpp"
+#include "drivers/plant/truth_log.hpp"
 #include "monitor/bounded_file.hpp"
-#include "monitor/report.hpp"
+#include "monitor/report/report_html.hpp"
+#include "monitor/run_metrics.hpp"
 #include "tests/monitor/recorded_demo.hpp"
+
+namespace takt::monitor {
+namespace {
+
+void write_truth(const RecordedRun& run, const std::string& path) {
+  auto arm = plant::ArmDynamics::make(run.robot);
+  auto truth = plant::TruthLog::create(path);
+  if (!arm || !truth) throw std::runtime_error(arm ? truth.error() : arm.error());
+  const auto joints = static_cast<Eigen::Index>(run.robot.joints.size());
+  plant::ArmState state{Eigen::VectorXd::Zero(joints), Eigen::VectorXd::Zero(joints)};
+  const auto write = [&](const RecordedTick& tick) {
+    if (tick.record.header.tick % 10 != 0) return;
+    for (Eigen::Index joint = 0; joint < joints; ++joint) state.q[joint] = tick.record.joints[joint].feedback.q;
+    const MonoTime now = tick.record.header.now;
+    truth->write({now, state, (*arm)->tool_position(state.q), plant::target_at(*run.robot.simulation, {now.ns})});
+  };
+  const auto scanned = scan_run(run, {.tick = write, .command = {}, .keyframe = {}, .loss = {}});
+  if (!scanned) throw std::runtime_error(scanned.error());
+}
+
+void write_thin_page(const RecordedRun& run, const RunMetrics& metrics, const std::string& path) {
+  constexpr std::size_t kRoom = 60'000;
+  const auto faults = classify_run(run);
+  const auto series = faults ? series_of(run, metrics, *faults, "", kRoom) : std::unexpected(faults.error());
+  if (!series) throw std::runtime_error(series.error());
+  const auto written = replace_file(path, report_html({run, metrics, *faults, *series, std::nullopt}));
+  if (!written) throw std::runtime_error(written.error());
+}
+
+}  // namespace
+}  // namespace takt::monitor
 
 int main(int argc, char** argv) {
   using namespace takt::monitor;
   if (argc != 2) return 64;
   try {
     const RecordedRun run = record_demo(argv[1]);
+    write_truth(run, run.folder.path() + "/truth.jsonl");
     const auto metrics = write_metrics(run);
-    const auto series = metrics ? series_of(run, *metrics) : std::unexpected(metrics.error());
-    if (!series) throw std::runtime_error(series.error());
-    const auto written = replace_file(run.folder.report(), report_html(*metrics, *series, run));
-    if (!written) throw std::runtime_error(written.error());
+    if (!metrics) throw std::runtime_error(metrics.error());
+    write_thin_page(run, *metrics, run.folder.path() + "/thin.html");
   } catch (const std::exception& error) {
     std::fprintf(stderr, "make_recorded_demo: %s\n", error.what());
     return 1;

@@ -16,14 +16,13 @@ Value required(std::expected<Value, std::string> value) {
 
 }  // namespace
 
-RecordedRun record_demo(const std::string& directory) {
-  VirtualRobot robot;
-  robot.mark_at = kDemoMark;
+RecordedRun record(VirtualRobot& robot, const std::string& directory, std::uint64_t ticks,
+                   const std::function<void(std::uint64_t tick)>& before) {
   const RunFolder folder = required(RunFolder::create(directory));
-  auto recorder = required(Recorder::start(folder, robot.manifest(), demo_robot(), 1U << 30U));
+  auto recorder = required(Recorder::start(folder, robot.manifest(), demo_robot(), kDefaultMaxFileBytes));
   auto stream = required(RecordStream::attach(robot.rings(), demo_robot().joints.size()));
-  for (std::uint64_t tick = 0; tick < kDemoTicks; tick += 20) {
-    robot.policy_is_frozen = (tick >= 1'500 && tick < 1'900) || tick >= 3'000;
+  for (std::uint64_t tick = 0; tick < ticks; tick += 20) {
+    before(tick);
     robot.run(20);
     stream.drain(recorder->sink(), false);
     recorder->flush_if_due(robot.latest().header.now);
@@ -32,6 +31,13 @@ RecordedRun record_demo(const std::string& directory) {
   if (auto done = recorder->finish(robot.latest().header.now, "test over"); !done)
     throw std::runtime_error(done.error());
   return required(open_run(directory));
+}
+
+RecordedRun record_demo(const std::string& directory) {
+  VirtualRobot robot;
+  robot.mark_at = kDemoMark;
+  return record(robot, directory, kDemoTicks,
+                [&](std::uint64_t tick) { robot.policy_is_frozen = (tick >= 1'500 && tick < 1'900) || tick >= 3'000; });
 }
 
 RecordedRun altered_copy(const RecordedRun& run, const std::string& directory,

@@ -13,6 +13,11 @@ namespace takt::monitor {
 inline constexpr std::uint64_t kDemoTicks = 4'000;
 inline constexpr std::uint64_t kDemoMark = 700;  // tick that somebody marked
 
+// Records `ticks` ticks of `robot` into `directory`, through rings and recorder as takt-monitor does, and returns the
+// run, opened. `before(tick)` is called every 20 ticks.
+RecordedRun record(VirtualRobot& robot, const std::string& directory, std::uint64_t ticks,
+                   const std::function<void(std::uint64_t tick)>& before);
+
 // Records kDemoTicks ticks into `directory` and returns the run, opened.
 RecordedRun record_demo(const std::string& directory);
 

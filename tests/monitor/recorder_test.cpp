@@ -13,7 +13,7 @@
 
 #include "drivers/candump.hpp"
 #include "monitor/replay.hpp"
-#include "monitor/report.hpp"
+#include "monitor/report/report_text.hpp"
 #include "tests/monitor/recorded_demo.hpp"
 #include "tests/monitor/temporary_folder.hpp"
 

@@ -8,7 +8,7 @@
 #include <fstream>
 #include <numeric>
 
-#include "monitor/report.hpp"
+#include "monitor/report/report_text.hpp"
 #include "tests/monitor/recorded_demo.hpp"
 #include "tests/monitor/temporary_folder.hpp"
 
@@ -86,21 +86,6 @@ TEST_F(RunMetricsTest, MetricsFileAndReportSayTheSame) {
   const std::string text = report_text(*metrics, run_);
   EXPECT_NE(text.find("command_lost"), std::string::npos) << text;
   EXPECT_NE(text.find("violated"), std::string::npos) << text;
-}
-
-// An hour must not make the report larger: samples are thinned, the oldest command stays visible.
-TEST_F(RunMetricsTest, ChartsKeepTheExtremes) {
-  const auto metrics = metrics_of(run_);
-  ASSERT_TRUE(metrics);
-  auto thin = *metrics;
-  thin.ticks = 3'600'000;  // as if the run were an hour long: buckets of 1440 ticks
-  const auto series = series_of(run_, thin);
-  ASSERT_TRUE(series);
-  EXPECT_LE(series->age.size(), 2 * (kDemoTicks / series->bucket_ticks + 1));
-  double oldest = 0;
-  for (const auto& sample : series->age) oldest = std::max(oldest, sample.total_ms);
-  EXPECT_GE(oldest * 1e6, metrics->age_per_tick.back().max);
-  for (const auto& sample : series->stages) EXPECT_GE(sample.part_ms[2], 7.0);
 }
 
 }  // namespace

@@ -30,6 +30,8 @@ class VirtualRobot {
   // While true the policy answers nothing.
   bool policy_is_frozen = false;
   std::uint64_t mark_at = 0;  // tick of a person's mark; 0 never
+  // Applied to what a tick is about to read: noise, lateness, faults.
+  std::function<void(pipeline::TickInput&)> spoil_input;
   // Applied to every answer before it is delivered.
   std::function<void(CommandChunk&)> spoil_answer;
 

@@ -31,6 +31,13 @@ for (const channel of reader.channelsById.values()) {
   assert.equal(channel.messageEncoding, 'cdr');
   decoders.set(channel.id, { topic: channel.topic, reader: decoderOf(reader.schemasById.get(channel.schemaId)) });
 }
+// ROS 2's own definition (common_interfaces, sensor_msgs/msg/JointState.msg), so that viewers take it for what it is.
+const jointStates = [...reader.schemasById.values()].find((schema) => schema.name === 'sensor_msgs/msg/JointState');
+const [jointState, header] = parse(new TextDecoder().decode(jointStates.data), { ros2: true }).map(({ definitions }) =>
+  definitions.map(({ type, name, isArray }) => `${type}${isArray ? '[]' : ''} ${name}`));
+assert.deepEqual(jointState, ['std_msgs/Header header', 'string[] name', 'float64[] position', 'float64[] velocity', 'float64[] effort']);
+assert.equal(header[1], 'string frame_id');
+
 const counts = {};
 let lastTick = 0n;
 let transitions = 0;

@@ -1,55 +1,220 @@
-// node report_check.mjs RUN_DIR
-// Opens report.html in Chromium without a network: no request but the file itself, no console error, every chart drawn,
-// and zooming one chart zooms all.
+// node report_check.mjs RUN_DIR [SCREENSHOT.png]
+// Goal: the reviewer's page does in a real browser what docs/report.md promises. Method: opens report.html in Chromium
+// without a network; holds what it drew against truth.jsonl (the tool by rigid-body dynamics) and metrics.json; drives it
+// by mouse and keys. No request but the file itself and no error on the console, from first to last.
 import assert from 'node:assert/strict';
+import { readFileSync, writeFileSync } from 'node:fs';
 import { resolve } from 'node:path';
 import { pathToFileURL } from 'node:url';
-import { chromium } from 'playwright-core';
+import { inBrowser, ready } from './browser.mjs';
 
-const url = pathToFileURL(resolve(process.argv[2], 'report.html')).href;
-const browser = await chromium.launch({
-  executablePath: process.env.TAKT_CHROMIUM,
-  args: ['--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-background-networking',
-    '--disable-component-update', '--disable-sync'],
+const folder = process.argv[2];
+const url = pathToFileURL(resolve(folder, 'report.html')).href;
+const truth = readFileSync(`${folder}/truth.jsonl`, 'utf8').trimEnd().split('\n').map((line) => JSON.parse(line));
+const metrics = JSON.parse(readFileSync(`${folder}/metrics.json`, 'utf8'));
+const charts = ['age', 'stages', 'modes', 'interventions', 'tracking', 'buses', 'timing'];
+
+// Number of colours painted on the canvases inside each element.
+const coloursOf = (page, ids) => page.evaluate((wanted) => wanted.map((id) => {
+  const colours = new Set();
+  const element = document.getElementById(id);
+  for (const canvas of element.tagName === 'CANVAS' ? [element] : element.querySelectorAll('canvas')) {
+    const pixels = new Uint32Array(canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.buffer);
+    for (const pixel of pixels) if (pixel !== 0) colours.add(pixel);
+  }
+  return colours.size;
+}), ids);
+const view = (page) => page.evaluate(() => {
+  const { from, to, cursor, end, isPlaying } = takt.page.view;
+  return { from, to, cursor, end, isPlaying };
 });
-try {
-  const page = await browser.newPage({ viewport: { width: 1200, height: 1600 } });
-  const errors = [];
-  const requests = [];
-  page.on('console', (message) => { if (message.type() === 'error') errors.push(message.text()); });
-  page.on('pageerror', (error) => errors.push(String(error)));
-  page.on('request', (request) => requests.push(request.url()));
-  await page.goto(url);
+// Times at the edges of every chart.
+const axes = (page) => page.evaluate((ids) => ids.map((id) =>
+  [...document.querySelectorAll(`#${id} .dygraph-axis-label-x`)].map((each) => each.textContent).join()), charts);
 
-  // Number of colours painted on each chart's canvases.
-  const drawn = await page.evaluate(() => ['age', 'stages', 'modes', 'tracking'].map((id) => {
-    const colours = new Set();
-    for (const canvas of document.querySelectorAll(`#${id} canvas`)) {
-      const pixels = new Uint32Array(canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.buffer);
-      for (const pixel of pixels) if (pixel !== 0) colours.add(pixel);
-    }
-    return colours.size;
-  }));
-  for (const colours of drawn) assert.ok(colours > 3, `charts drawn with ${drawn} colours`);
+async function drawsEverything(page) {
+  const drawn = await coloursOf(page, [...charts, 'figure']);
+  drawn.forEach((colours, index) => assert.ok(colours >= 3, `${[...charts, 'figure'][index]}: ${colours} colours`));
   assert.ok((await page.textContent('#text')).includes('deadline misses'));
   assert.equal(await page.locator('.verdict').count(), 2);
-
-  const label = () => page.evaluate(() => ['age', 'tracking'].map((id) =>
-    [...document.querySelectorAll(`#${id} .dygraph-axis-label-x`)].map((each) => each.textContent).join()));
-  const [age, tracking] = await label();
-  const box = await page.locator('#age').boundingBox();
-  await page.mouse.move(box.x + 300, box.y + 100);
-  await page.mouse.down();
-  await page.mouse.move(box.x + 500, box.y + 105, { steps: 5 });
-  await page.mouse.up();
-  const [zoomedAge, zoomedTracking] = await label();
-  assert.notEqual(zoomedAge, age, 'dragging zooms');
-  assert.notEqual(zoomedTracking, tracking, 'and takes the other charts along');
-  await page.selectOption('#joint', '1');
-
-  assert.deepEqual(errors, []);
-  assert.deepEqual(requests, [url], 'nothing is fetched');
-  console.log(`charts drawn with ${drawn.join(', ')} colours; one request, no error`);
-} finally {
-  await browser.close();
+  assert.ok(await page.locator('#comparison tr').count() > 10, 'compared with the other run');
+  return drawn;
 }
+
+// The figure's tool is where KDL sees it; the task's target is the truth file's; samples are the metrics'.
+async function showsWhatWasRecorded(page) {
+  const start = metrics.transitions[0].monotonic_ns - (metrics.transitions[0].tick - metrics.ticks.first) * 1e6;
+  for (const entry of truth.filter((_, index) => index % 40 === 7)) {
+    const scene = await page.evaluate((time) => {
+      takt.page.view.setCursor(time);
+      const { measured, task } = takt.page.figure.scene();
+      return { tool: measured.tool, task };
+    }, (entry.monotonic_ns - start) * 1e-9);
+    scene.tool.forEach((value, axis) => assert.ok(Math.abs(value - entry.tool[axis]) < 1e-3, `tool at ${entry.monotonic_ns}: ${scene.tool}, not ${entry.tool}`));
+    scene.task.forEach((value, axis) => assert.ok(Math.abs(value - entry.target[axis]) < 1e-3, 'task target'));
+  }
+  const oldest = await page.evaluate(() => {
+    const { samples, facts } = takt.page;
+    const stop = facts.modes.find(([, , mode]) => mode === 'damped_stop')[0];
+    return Math.max(...samples.bands(0, stop - facts.period_s / 2, [['age', 'age.spread']]).map(([, band]) => band[2] ?? 0));
+  });
+  assert.ok(Math.abs(oldest - metrics.age_ns.per_tick.total.max * 1e-6) < 0.05, `oldest age while the policy was relied on: ${oldest} ms`);
+}
+
+// What the demo's arm does not have: tilted frames, two arms on one base, a cart with a pole. Known by hand.
+async function knowsOtherRobots(page) {
+  const [tilted, cart] = await page.evaluate(() => {
+    const half = Math.PI / 2;
+    const link = (parent, xyz, rpy, axis) => ({ parent, xyz, rpy, axis });
+    const arms = { kind: 'links', tool: { link: 1, xyz: [0.5, 0, 0] }, reach: 3,
+      links: [link(-1, [0, 0, 1], [0, 0, half], [0, 0, 1]), link(0, [1, 0, 0], [half, 0, 0], [0, 0, 2]), link(-1, [0, -1, 0], [0, half, 0], [0, 0, 1])] };
+    return [takt.robot.pose(arms, [0, half, 0]),
+      takt.robot.pose({ kind: 'cart_pole', pulley_radius: 0.05, pole_length: 0.6, reach: 1 }, [4, half])];
+  });
+  const near = (point, wanted) => point.forEach((value, axis) => assert.ok(Math.abs(value - wanted[axis]) < 1e-9, `${point}, not ${wanted}`));
+  near(tilted.lines[1][1], [0, 1, 1]);   // one metre along the first frame's x, which points along y
+  near(tilted.tool, [0, 1, 1.5]);        // the second frame's axis is level; a quarter turn points its x upwards
+  near(tilted.lines[2][0], [0, 0, 0]);
+  near(tilted.lines[2][1], [0, -1, 0]);
+  near(cart.tool, [0.2, 0, 0]);
+  near(cart.lines[1][1], [0.8, 0, 0]);   // a pole fallen towards positive positions
+}
+
+async function zoomsTogether(page) {
+  const before = await axes(page);
+  const box = await page.locator('#age').boundingBox();
+  await page.mouse.move(box.x + 400, box.y + 100);
+  await page.mouse.down();
+  await page.mouse.move(box.x + 600, box.y + 105, { steps: 5 });
+  await page.mouse.up();
+  (await axes(page)).forEach((labels, index) => assert.notEqual(labels, before[index], `${charts[index]} goes along`));
+  await page.mouse.dblclick(box.x + 400, box.y + 100);
+  assert.deepEqual(await axes(page), before, 'a double click shows the whole run again');
+  await page.mouse.click(box.x + 700, box.y + 60);
+  assert.ok((await view(page)).cursor > 0.5, 'a click sets the cursor');
+}
+
+async function jumpsToViolations(page) {
+  const rows = page.locator('#violations tr');
+  assert.equal(await rows.count(), 2);
+  assert.match(await rows.nth(0).textContent(), /inference stall.*no command came/);
+  await rows.nth(1).click();
+  const there = await view(page);
+  assert.ok(there.from < there.cursor && there.cursor < there.to && there.to - there.from < 2, 'zoomed in on it');
+  assert.equal(await page.locator('#violations tr.current').count(), 1);
+  await page.keyboard.press('p');
+  const back = await view(page);
+  assert.ok(back.cursor < there.cursor, 'p: the one before');
+  await page.keyboard.press('n');
+  assert.equal((await view(page)).cursor, there.cursor, 'n: the next');
+}
+
+async function obeysTheKeyboard(page) {
+  await page.keyboard.press('0');
+  const whole = await view(page);
+  assert.deepEqual([whole.from, whole.to], [0, whole.end]);
+  await page.keyboard.press('+');
+  const closer = await view(page);
+  assert.ok(closer.to - closer.from < 0.6 * whole.end);
+  await page.keyboard.press('-');
+  await page.keyboard.press('ArrowLeft');
+  assert.ok((await view(page)).cursor < closer.cursor);
+  await page.keyboard.press('?');
+  assert.ok(await page.locator('#help').isVisible());
+  await page.keyboard.press('?');
+  assert.ok(!await page.locator('#help').isVisible());
+}
+
+async function plays(page) {
+  await page.evaluate(() => takt.page.view.setCursor(0.2));
+  await page.keyboard.press(' ');
+  await page.waitForFunction(() => takt.page.view.cursor > 0.3);
+  await page.keyboard.press(' ');
+  const stopped = await view(page);
+  assert.ok(!stopped.isPlaying);
+}
+
+async function turnsDark(page) {
+  const paper = () => page.evaluate(() => getComputedStyle(document.body).backgroundColor);
+  const light = await paper();
+  await page.keyboard.press('d');
+  assert.notEqual(await paper(), light);
+  await page.emulateMedia({ media: 'print' });
+  assert.ok(!await page.locator('#play').isVisible(), 'print leaves the controls out');
+  await page.emulateMedia({ media: 'screen' });
+}
+
+// The screenshot is no empty sheet: many colours, and no colour everywhere.
+async function screenshotIsNotEmpty(page, path) {
+  const png = await page.screenshot({ fullPage: true });
+  if (path) writeFileSync(path, png);
+  const [colours, most] = await page.evaluate(async (base64) => {
+    const image = new Image();
+    image.src = 'data:image/png;base64,' + base64;
+    await image.decode();
+    const canvas = Object.assign(document.createElement('canvas'), { width: image.width, height: image.height });
+    const context = canvas.getContext('2d');
+    context.drawImage(image, 0, 0);
+    const counts = new Map();
+    const pixels = new Uint32Array(context.getImageData(0, 0, canvas.width, canvas.height).data.buffer);
+    for (const pixel of pixels) counts.set(pixel, (counts.get(pixel) ?? 0) + 1);
+    return [counts.size, Math.max(...counts.values()) / pixels.length];
+  }, png.toString('base64'));
+  assert.ok(colours > 200, `${colours} colours`);
+  assert.ok(most < 0.97, `${(100 * most).toFixed(1)} % of the page is one colour`);
+  return colours;
+}
+
+// The oldest age drawn of a stretch without violations, s.
+const calm = [0.3, 0.6];
+const oldestIn = (page, from, to) => page.evaluate(([begin, end]) =>
+  Math.max(...takt.page.samples.bands(begin, end, [['age', 'age.spread']]).map(([, band]) => band[2] ?? 0)), [from, to]);
+
+// A run too long to hold every tick: buckets keep their extremes, and around violations every tick is there.
+async function thinsOut(page, calmAge) {
+  assert.ok(Math.abs(await oldestIn(page, ...calm) - calmAge) < 0.05, 'buckets lose no spike');
+  const found = await page.evaluate(() => {
+    const { samples, view, violations, facts } = takt.page;
+    const rows = (from, to) => samples.bands(from, to, [['age', 'age.spread']]);
+    const stop = facts.modes.find(([, , mode]) => mode === 'damped_stop')[0];
+    const at = violations.list[0].at_s;
+    return {
+      bucket: samples.whole.bucketTicks,
+      oldest: Math.max(...rows(0, stop - facts.period_s / 2).map(([, band]) => band[2] ?? 0)),
+      calm: rows(0.7, 0.8).length,
+      violation: rows(at - 0.05, at + 0.05).map(([time]) => time),
+    };
+  });
+  assert.ok(found.bucket > 4, `buckets of ${found.bucket} ticks`);
+  const most = metrics.age_ns.per_tick.total.max * 1e-6;
+  assert.ok(found.oldest > most - 0.05 && found.oldest < most + found.bucket, `oldest age ${found.oldest}, not ${most} ms`);
+  assert.ok(found.calm < 100 / found.bucket + 3, `${found.calm} rows of 100 calm ticks`);
+  assert.ok(Math.abs(found.violation.length - 100) < 4, `${found.violation.length} rows of 100 ticks about a violation`);
+  found.violation.slice(1).forEach((time, index) => assert.ok(time > found.violation[index], 'in order'));
+}
+
+const calmAge = await inBrowser({ colorScheme: 'light' }, async (page, { errors, requests }) => {
+  await page.goto(url);
+  await ready(page);
+  const drawn = await drawsEverything(page);
+  const age = await oldestIn(page, ...calm);
+  await showsWhatWasRecorded(page);
+  await knowsOtherRobots(page);
+  await zoomsTogether(page);
+  await jumpsToViolations(page);
+  await obeysTheKeyboard(page);
+  await plays(page);
+  const colours = await screenshotIsNotEmpty(page, process.argv[3]);
+  await turnsDark(page);
+  await screenshotIsNotEmpty(page, process.argv[3] && process.argv[3].replace(/\.png$/, '-dark.png'));
+  assert.deepEqual(errors, []);
+  assert.deepEqual(requests.filter((request) => !request.startsWith('data:image/png')), [url], 'nothing is fetched');
+  console.log(`parts drawn with ${drawn.join(', ')} colours; screenshot ${colours}; one request, no error`);
+  return age;
+});
+await inBrowser({}, async (page, { errors }) => {
+  await page.goto(url.replace('report.html', 'thin.html'));
+  await ready(page);
+  await thinsOut(page, calmAge);
+  assert.deepEqual(errors, []);
+});

@@ -1,5 +1,6 @@
 #!/bin/sh
-# run.sh CHECK.mjs MAKE_RECORDED_DEMO: records a run and lets a check written in JavaScript look at it.
+# run.sh CHECK.mjs MAKE_RECORDED_DEMO [TAKT]: records a run and lets a check written in JavaScript look at it. With TAKT
+# the run also gets its report.html, compared with a second one.
 # Without the npm packages (or, for the report, without Chromium) it skips, exit code 77, unless TAKT_REQUIRE_NODE=1.
 here=$(cd "$(dirname "$0")" && pwd)
 skip() {
@@ -9,10 +10,14 @@ skip() {
 }
 command -v node >/dev/null || skip "node is not installed"
 [ -d "$here/node_modules" ] || skip "npm packages are missing: (cd tests/monitor/node && npm install)"
-if [ "$1" = report_check.mjs ]; then
+if [ -n "$3" ]; then
   TAKT_CHROMIUM=${TAKT_CHROMIUM:-$(command -v chromium)} || skip "chromium is not installed"
   export TAKT_CHROMIUM
 fi
 folder=$(mktemp -d) || exit 1
 trap 'rm -rf "$folder"' EXIT
-"$2" "$folder/run" && node "$here/$1" "$folder/run"
+"$2" "$folder/run" || exit 1
+if [ -n "$3" ]; then
+  "$2" "$folder/other" && "$3" report "$folder/run" --against "$folder/other" >/dev/null || exit 1
+fi
+node "$here/$1" "$folder/run"

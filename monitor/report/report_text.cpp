@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "monitor/report.hpp"
+#include "monitor/report/report_text.hpp"
 
 namespace takt::monitor {
 namespace {

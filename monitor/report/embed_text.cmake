@@ -1,14 +1,21 @@
 # cmake -DOUT=file.cpp "-DFILES=name=path;name=path" -P embed_text.cmake
-# Writes the files into a C++ source as string views of takt::monitor::assets.
-set(source "#include \"monitor/report_assets.hpp\"\n\nnamespace takt::monitor::assets {\nnamespace {\n")
-set(views "")
+# Writes the files into a C++ source as string views of takt::monitor::assets. Files of one name are put one behind the
+# other, in order.
+set(source "#include \"monitor/report/report_assets.hpp\"\n\nnamespace takt::monitor::assets {\nnamespace {\n")
+set(names "")
 foreach(entry IN LISTS FILES)
   string(REGEX MATCH "^([^=]+)=(.+)$" matched "${entry}")
   set(name ${CMAKE_MATCH_1})
   file(READ "${CMAKE_MATCH_2}" bytes HEX)
-  string(LENGTH "${bytes}" digits)
+  string(APPEND content_${name} "${bytes}")
+  list(APPEND names ${name})
+endforeach()
+list(REMOVE_DUPLICATES names)
+set(views "")
+foreach(name IN LISTS names)
+  string(LENGTH "${content_${name}}" digits)
   math(EXPR size "${digits} / 2")
-  string(REGEX REPLACE "(..)" "'\\\\x\\1'," bytes "${bytes}")
+  string(REGEX REPLACE "(..)" "'\\\\x\\1'," bytes "${content_${name}}")
   string(APPEND source "constexpr char ${name}_text[] = {${bytes}'\\0'};\n")
   string(APPEND views "extern const std::string_view ${name};\nconst std::string_view ${name}(${name}_text, ${size});\n")
 endforeach()

@@ -1,0 +1,90 @@
+// Charts over time that share one view: zoomed, moved and pointed at together.
+takt.chart = (function () {
+  const kYAxisWidth = 116;  // the same for all, so that times stand one above the other
+  const timeText = (seconds) => +seconds.toFixed(5) + ' s';
+
+  function addCursor(graph, div, view) {
+    const line = document.createElement('div');
+    line.className = 'cursor-line';
+    div.append(line);
+    const place = () => {
+      const isInside = view.from <= view.cursor && view.cursor <= view.to;
+      line.style.display = isInside ? '' : 'none';
+      if (isInside) line.style.left = graph.toDomXCoord(view.cursor) + 'px';
+    };
+    view.on('cursor', place);
+    view.on('window', place);
+    addEventListener('resize', place);
+    place();
+  }
+
+  // Gestures of the chart become changes of the view; a double click shows all of the run, not all that is loaded.
+  function gestures(view) {
+    const model = Object.assign({}, Dygraph.defaultInteractionModel);
+    model.dblclick = () => view.whole();
+    return model;
+  }
+
+  // rowsOf(from, to): what the chart shows of that time, with something on both sides to move into.
+  // themed(): options that depend on the theme.
+  return function (id, view, rowsOf, options, themed) {
+    const div = document.getElementById(id);
+    const empty = (from, to) => [from, to].map((time) => [time].concat(options.labels.slice(1).map(() => options.customBars ? [null, null, null] : null)));
+    const rows = () => {
+      const margin = (view.to - view.from) / 2;
+      const found = rowsOf(Math.max(view.from - margin, 0), Math.min(view.to + margin, view.end));
+      return found.length ? found : empty(view.from, view.to);
+    };
+    const look = () => Object.assign({ gridLineColor: takt.colour('grid'), axisLineColor: takt.colour('line') }, themed ? themed() : {});
+    let isUpdating = true;
+    const graph = new Dygraph(div, rows(), Object.assign({
+      dateWindow: [view.from, view.to], strokeWidth: 1.2, animatedZooms: false, legend: 'never', xlabel: '',
+      interactionModel: gestures(view), connectSeparatedPoints: false, fillAlpha: 0.3,
+      clickCallback: (event) => view.setCursor(graph.toDataXCoord(graph.eventToDomCoords(event)[0])),
+      drawCallback: (drawn) => {
+        if (isUpdating) return;
+        const [from, to] = drawn.xAxisRange();
+        view.setWindow(from, to);
+      },
+    }, look(), options, {
+      axes: { x: { axisLabelFormatter: timeText, valueFormatter: timeText },
+              y: Object.assign({ axisLabelWidth: kYAxisWidth }, options.yAxis || {}) } }));
+    const update = (changes) => {
+      isUpdating = true;
+      graph.updateOptions(changes);
+      isUpdating = false;
+    };
+    isUpdating = false;
+    view.on('window', () => update({ file: rows(), dateWindow: [view.from, view.to] }));
+    takt.theme.onChange(() => update(look()));
+    addCursor(graph, div, view);
+    return { graph, reload: (changes) => update(Object.assign({ file: rows() }, changes)) };
+  };
+})();
+
+// Modes as a tint behind a chart, and a limit as a dashed line.
+takt.underlay = function (modes, limit) {
+  return function (context, area, graph) {
+    context.save();
+    context.globalAlpha = 0.13;
+    for (const [from, to, mode] of modes) {
+      const left = Math.max(graph.toDomXCoord(from), area.x), right = Math.min(graph.toDomXCoord(to), area.x + area.w);
+      if (right <= left) continue;
+      context.fillStyle = takt.colour(mode);
+      context.fillRect(left, area.y, right - left, area.h);
+    }
+    context.globalAlpha = 1;
+    if (limit) {
+      const y = graph.toDomYCoord(limit.value);
+      context.strokeStyle = context.fillStyle = takt.colour('limit');
+      context.setLineDash([6, 4]);
+      context.beginPath();
+      context.moveTo(area.x, y);
+      context.lineTo(area.x + area.w, y);
+      context.stroke();
+      context.font = '12px sans-serif';
+      context.fillText(limit.text, area.x + 6, y - 5);
+    }
+    context.restore();
+  };
+};

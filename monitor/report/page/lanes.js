@@ -1,0 +1,96 @@
+// Lanes over time: one row per mode band, kind of intervention or bus, painted where something is.
+takt.lanes = (function () {
+  // What a lane shows in one pixel column, gathered from the rows of samples that fall there.
+  // levelsOf(block) -> row -> per lane a number, 0: nothing, or null for none at all; of several rows the largest counts.
+  function columnsOf(samples, graph, area, from, to, laneCount, levelsOf) {
+    const columns = Array.from({ length: laneCount }, () => new Float32Array(Math.ceil(area.w) + 1));
+    const left = graph.toDomXCoord(from);
+    const scale = (graph.toDomXCoord(to) - left) / (to - from);
+    for (const { block, first, end } of samples.pieces(from, to)) {
+      const levelsAt = levelsOf(block);
+      for (let row = first; row < end; ++row) {
+        const levels = levelsAt(row);
+        if (!levels) continue;
+        const starts = Math.floor(left + (block.times[row] - from) * scale - area.x);
+        const behind = row + 1 < end ? Math.ceil(left + (block.times[row + 1] - from) * scale - area.x) : starts + 1;
+        for (let x = Math.max(starts, 0); x < Math.min(Math.max(behind, starts + 1), area.w); ++x) {
+          for (let lane = 0; lane < laneCount; ++lane) columns[lane][x] = Math.max(columns[lane][x], levels[lane]);
+        }
+      }
+    }
+    return columns;
+  }
+
+  // names: of the lanes, top first. colourOf(level): of a painted column.
+  return function (id, view, samples, names, levelsOf, colourOf) {
+    const count = names.length;
+    const paint = (context, area, graph) => {
+      const [from, to] = graph.xAxisRange();
+      const columns = columnsOf(samples, graph, area, from, to, count, levelsOf);
+      const height = area.h / Math.max(count, 1);
+      for (let lane = 0; lane < count; ++lane) {
+        for (let x = 0; x < area.w; ++x) {
+          if (columns[lane][x] === 0) continue;
+          context.fillStyle = colourOf(columns[lane][x]);
+          context.fillRect(area.x + x, area.y + lane * height + 2, 1, height - 4);
+        }
+      }
+    };
+    return takt.chart(id, view, (from, to) => [[from, null], [to, null]], {
+      labels: ['s', 'lanes'], valueRange: [0, Math.max(count, 1)], underlayCallback: paint,
+      yAxis: { drawGrid: false, ticker: () => names.map((label, lane) => ({ v: count - lane - 0.5, label })) },
+    });
+  };
+})();
+
+takt.modeLane = function (view, modes) {
+  const paint = (context, area, graph) => {
+    context.font = '12px sans-serif';
+    for (const [from, to, mode] of modes) {
+      const left = Math.max(graph.toDomXCoord(from), area.x), right = Math.min(graph.toDomXCoord(to), area.x + area.w);
+      if (right < area.x || left > area.x + area.w) continue;
+      context.fillStyle = takt.colour(mode);
+      context.fillRect(left, area.y, Math.max(right - left, 1), area.h);
+      if (right - left > 8 * mode.length) {
+        context.fillStyle = takt.colour('ink');
+        context.fillText(mode, left + 6, area.y + area.h / 2 + 4);
+      }
+    }
+  };
+  return takt.chart('modes', view, (from, to) => [[from, null], [to, null]], {
+    labels: ['s', 'mode'], valueRange: [0, 1], underlayCallback: paint, yAxis: { drawGrid: false, ticker: () => [] } });
+};
+
+takt.interventionLanes = function (view, samples, kinds) {
+  const levels = new Float32Array(kinds.length);
+  const levelsOf = (block) => {
+    const masks = block.column('interventions');
+    return (row) => {
+      if (!(masks[row] > 0)) return null;
+      for (let kind = 0; kind < kinds.length; ++kind) levels[kind] = masks[row] >> kind & 1;
+      return levels;
+    };
+  };
+  return takt.lanes('interventions', view, samples, kinds.map((kind) => kind.replaceAll('_', ' ')), levelsOf,
+    () => takt.colour('second'));
+};
+
+// Two lanes per bus: its state, and frames that were dropped or foreign.
+takt.busLanes = function (view, samples, buses) {
+  const names = buses.flatMap((bus) => [bus + ' state', bus + ' errors']);
+  const levels = new Float32Array(names.length);
+  const kErrors = takt.busStates.length;  // level of a lane with errors, above those of states
+  const levelsOf = (block) => {
+    const states = buses.map((bus, index) => block.column(`bus${index}.state`));
+    const errors = buses.map((bus, index) => block.column(`bus${index}.errors`));
+    return (row) => {
+      for (let bus = 0; bus < buses.length; ++bus) {
+        levels[2 * bus] = states[bus][row] >= 0 ? states[bus][row] + 0.5 : 0;
+        levels[2 * bus + 1] = errors[bus][row] > 0 ? kErrors : 0;
+      }
+      return levels;
+    };
+  };
+  return takt.lanes('buses', view, samples, names, levelsOf,
+    (level) => takt.colour(level >= kErrors ? 'violated' : takt.busStates[Math.floor(level)].colour));
+};

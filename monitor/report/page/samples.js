@@ -1,0 +1,126 @@
+// Samples of a stretch of time out of the two levels of detail: every tick where the moments hold it, buckets elsewhere.
+takt.Samples = (function () {
+  const kPoints = 1200;       // a chart is not wider
+  const kTooWideRows = 6000;  // of buckets: single ticks could not be seen
+
+  // First row at or behind `time`.
+  function lowerBound(times, time) {
+    let low = 0, high = times.length;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (times[middle] < time) low = middle + 1;
+      else high = middle;
+    }
+    return low;
+  }
+
+  // Stretches of the moments without a hole: [first row, row behind the last].
+  function stretchesOf(times, longestGap) {
+    const stretches = [];
+    for (let row = 0, first = 0; row < times.length; ++row) {
+      const ends = row + 1 === times.length || times[row + 1] - times[row] > longestGap;
+      if (!ends) continue;
+      stretches.push([first, row + 1]);
+      first = row + 1;
+    }
+    return stretches;
+  }
+
+  return class Samples {
+    constructor(whole, moments, period) {
+      this.whole = whole;
+      this.moments = moments;
+      this.stretches = stretchesOf(moments.times, 10 * period);
+    }
+
+    has(name) { return this.whole.has(name); }
+
+    // Ranges of rows that together cover [from, to], in order: {block, first, end}.
+    pieces(from, to) {
+      const times = this.whole.times;
+      const first = Math.max(lowerBound(times, from) - 1, 0);
+      const end = Math.min(lowerBound(times, to) + 1, this.whole.rows);
+      if (end - first > kTooWideRows) return [{ block: this.whole, first, end }];
+      const pieces = [];
+      let next = first;
+      for (const [begin, behind] of this.stretches) {
+        const starts = this.moments.times[begin], stops = this.moments.times[behind - 1];
+        if (stops < from || starts > to) continue;
+        const before = Math.min(lowerBound(times, starts), end);
+        if (before > next) pieces.push({ block: this.whole, first: next, end: before });
+        const inside = { first: Math.max(lowerBound(this.moments.times, from) - 1, begin),
+                         end: Math.min(lowerBound(this.moments.times, to) + 1, behind) };
+        pieces.push({ block: this.moments, ...inside });
+        next = Math.max(next, lowerBound(times, stops));
+      }
+      if (end > next) pieces.push({ block: this.whole, first: next, end });
+      return pieces;
+    }
+
+    // Rows of [from, to] in groups, at most about kPoints of them: calls group(block, first, end) for each.
+    groups(from, to, group) {
+      const pieces = this.pieces(from, to);
+      const rows = pieces.reduce((sum, piece) => sum + piece.end - piece.first, 0);
+      const size = Math.max(1, Math.ceil(rows / kPoints));
+      for (const { block, first, end } of pieces) {
+        for (let row = first; row < end; row += size) group(block, row, Math.min(row + size, end));
+      }
+    }
+
+    // For charts with a band: [[time, [least, middle, most], ...]]; lines: [name of least, name of spread or null].
+    bands(from, to, lines) {
+      const out = [];
+      this.groups(from, to, (block, first, end) => {
+        const row = [block.times[first]];
+        for (const [name, spread] of lines) row.push(bandOf(block, first, end, name, spread));
+        out.push(row);
+      });
+      return out;
+    }
+
+    // For stacked charts: [[time, value, ...]] of each group's row where `by` is largest.
+    atLargest(from, to, names, by) {
+      const out = [];
+      this.groups(from, to, (block, first, end) => {
+        const judge = block.column(by);
+        let best = first;
+        for (let row = first; row < end; ++row) if (!(judge[row] <= judge[best])) best = row;
+        out.push([block.times[first]].concat(names.map((name) => finite(block.column(name)[best]))));
+      });
+      return out;
+    }
+
+    // The row in force at `time`: {block, row}.
+    at(time) {
+      for (const [begin, behind] of this.stretches) {
+        if (this.moments.times[begin] <= time && time <= this.moments.times[behind - 1]) {
+          return { block: this.moments, row: lastNotAfter(this.moments.times, time) };
+        }
+      }
+      return { block: this.whole, row: lastNotAfter(this.whole.times, time) };
+    }
+
+    // Middle of the band, or the value.
+    value(place, name, spread) {
+      const value = place.block.column(name)[place.row];
+      return spread ? value + place.block.column(spread)[place.row] / 2 : value;
+    }
+  };
+
+  function finite(value) { return Number.isFinite(value) ? value : null; }
+
+  function lastNotAfter(times, time) { return Math.max(lowerBound(times, time + 1e-9) - 1, 0); }
+
+  function bandOf(block, first, end, name, spread) {
+    const values = block.column(name);
+    const above = spread ? block.column(spread) : null;
+    let least = Infinity, most = -Infinity;
+    for (let row = first; row < end; ++row) {
+      const value = values[row];
+      if (!(value === value)) continue;  // NaN
+      least = Math.min(least, value);
+      most = Math.max(most, above ? value + above[row] : value);
+    }
+    return least > most ? [null, null, null] : [least, (least + most) / 2, most];
+  }
+})();

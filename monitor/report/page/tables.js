@@ -1,0 +1,73 @@
+// Everything on the page that is text.
+takt.row = function (cells, isHead) {
+  const row = document.createElement('tr');
+  cells.forEach((text, index) => {
+    const cell = document.createElement(isHead ? 'th' : 'td');
+    cell.textContent = text;
+    if (index > 0 && (isHead || /^[-+]?[\d.]+( ms)?$/.test(text) || text === '-')) cell.className = 'number';
+    row.append(cell);
+  });
+  return row;
+};
+
+takt.swatches = function (id, entries) {
+  const legend = document.getElementById(id);
+  legend.replaceChildren();
+  for (const [colour, text] of entries) {
+    const swatch = document.createElement('span');
+    swatch.className = 'swatch';
+    swatch.style.background = colour;
+    legend.append(swatch, text);
+  }
+};
+
+takt.tables = (function () {
+  function text(id, value) { document.getElementById(id).textContent = value; }
+
+  function head(facts) {
+    const metrics = facts.metrics;
+    text('title', 'Run ' + metrics.run_id);
+    document.title = 'Takt: ' + metrics.run_id;
+    text('subtitle', `${metrics.robot}, ${metrics.ticks.recorded} ticks from ${facts.started}, ` +
+      (metrics.realtime === true ? 'real-time' : metrics.realtime === false ? 'NOT real-time' : 'real-time unknown') +
+      (facts.host ? `, ${facts.host.cpu}, ${facts.host.kernel}` : '') + (facts.complete ? '' : ', INCOMPLETE'));
+    text('text', facts.text);
+  }
+
+  function verdict(title, misses, confidence) {
+    const box = document.createElement('div');
+    box.className = 'verdict ' + misses.verdict;
+    const [name, word, numbers] = ['span', 'b', 'span'].map((tag) => document.createElement(tag));
+    name.textContent = title;
+    word.textContent = misses.count === 0 ? 'nothing to judge' : misses.verdict;
+    numbers.textContent = `${misses.misses} of ${misses.count} missed, at most ${(100 * misses.upper_bound).toFixed(3)} % with ` +
+      `${100 * confidence} % confidence`;
+    box.append(name, word, numbers);
+    document.getElementById('verdicts').append(box);
+  }
+
+  function comparison(found) {
+    if (!found) {
+      document.getElementById('comparison-section').remove();
+      return;
+    }
+    text('comparison-note', `${found.other_id}, started ${found.other_started}` +
+      (found.same_contract ? '' : '; another contract: a miss is not the same thing in both'));
+    const number = (value) => (Number.isInteger(value) ? String(value) : value.toFixed(3));
+    const table = document.getElementById('comparison');
+    table.append(takt.row(['', 'other', 'this', 'difference', ''], true));
+    for (const [label, unit, other, here] of found.rows) {
+      if (other === 0 && here === 0) continue;
+      const difference = here - other;
+      table.append(takt.row([label, number(other), number(here), (difference > 0 ? '+' : '') + number(difference), unit]));
+    }
+  }
+
+  return function (facts) {
+    const { contract, deadline_misses: misses } = facts.metrics;
+    head(facts);
+    verdict(`per tick: Pr(age > ${contract.max_age_ns * 1e-6} ms) <= ${100 * contract.epsilon} %`, misses.per_tick, contract.confidence);
+    verdict('per command', misses.per_command, contract.confidence);
+    comparison(facts.comparison);
+  };
+})();

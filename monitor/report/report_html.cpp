@@ -1,0 +1,96 @@
+// report.html: page, script and charting library from the build (report_assets), data from the run. The file carries a
+// content security policy that forbids every request, so that opening it tells nobody and needs nobody.
+#include "monitor/report/report_html.hpp"
+
+#include "monitor/report/packed_block.hpp"
+#include "monitor/report/report_assets.hpp"
+#include "monitor/report/report_text.hpp"
+#include "monitor/report/robot_figure.hpp"
+
+namespace takt::monitor {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Replaces the one occurrence of `slot`.
+void fill(std::string& page, std::string_view slot, std::string_view content) {
+  const std::size_t at = page.find(slot);
+  if (at != std::string::npos) page.replace(at, slot.size(), content);
+}
+
+// JSON inside a script element must not contain the element's end, nor what begins a comment there.
+std::string for_script(const Json& json) {
+  std::string text = json.dump(-1, ' ', false, Json::error_handler_t::replace);
+  for (std::size_t at = text.find('<'); at != std::string::npos; at = text.find('<', at)) {
+    text.replace(at, 1, "\\u003c");
+  }
+  return text;
+}
+
+Json modes_json(const RunSeries& series) {
+  Json bands = Json::array();
+  for (const ModeBand& band : series.modes) {
+    const std::string_view left_by = band.left_by == Cause::none ? "" : takt::name(band.left_by);
+    bands.push_back({band.from_s, band.to_s, takt::name(band.mode), left_by});
+  }
+  return bands;
+}
+
+Json violations_json(const FaultSummary& faults, MonoTime start) {
+  Json violations = Json::array();
+  for (const FaultVerdict& verdict : faults.verdicts) {
+    violations.push_back({{"at_s", (verdict.at - start).seconds()},
+                          {"first_tick", verdict.first_tick},
+                          {"last_tick", verdict.last_tick},
+                          {"fault", name(verdict.fault)},
+                          {"sentence", verdict.sentence}});
+  }
+  return violations;
+}
+
+Json joints_json(const config::RobotConfig& robot) {
+  Json joints = Json::array();
+  for (const config::Joint& joint : robot.joints) {
+    joints.push_back({{"name", joint.name}, {"q_min", joint.limits.q_min}, {"q_max", joint.limits.q_max}});
+  }
+  return joints;
+}
+
+Json facts_of(const ReportContent& content, const Json& whole, const Json& moments) {
+  const RunManifest& manifest = content.run.manifest;
+  Json buses = Json::array();
+  for (const config::Bus& bus : content.run.robot.buses) buses.push_back(bus.name);
+  return {{"metrics", to_json(content.metrics, content.run)},
+          {"joints", joints_json(content.run.robot)},
+          {"buses", buses},
+          {"intervention_kinds", kInterventionNames},
+          {"host", manifest.host},
+          {"complete", manifest.complete},
+          {"started", utc_text(manifest.started_at.ns + manifest.clock.monotonic_to_unix_ns)},
+          {"period_s", content.run.robot.control.period.seconds()},
+          {"modes", modes_json(content.series)},
+          {"violations", violations_json(content.faults, content.metrics.start)},
+          {"figure", robot_figure(content.run.robot)},
+          {"comparison", content.comparison ? to_json(*content.comparison) : Json(nullptr)},
+          {"text", report_text(content.metrics, content.run, 200) + fault_text(content.faults, 200)},
+          {"whole", whole},
+          {"moments", moments}};
+}
+
+}  // namespace
+
+std::string report_html(const ReportContent& content) {
+  const PackedBlock whole = pack(content.series.whole);
+  const PackedBlock moments = pack(content.series.moments);
+  std::string page(assets::page_html);
+  fill(page, "/*DYGRAPHS_CSS*/", assets::dygraphs_css);
+  fill(page, "/*DYGRAPHS_JS*/", assets::dygraphs_js);
+  fill(page, "/*PAGE_CSS*/", assets::page_css);
+  fill(page, "/*PAGE_JS*/", assets::page_js);
+  fill(page, "/*MOMENTS*/", moments.base64);
+  fill(page, "/*WHOLE*/", whole.base64);
+  fill(page, "/*FACTS*/", for_script(facts_of(content, whole.layout, moments.layout)));  // last: its text is anybody's
+  return page;
+}
+
+}  // namespace takt::monitor

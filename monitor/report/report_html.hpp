@@ -1,0 +1,23 @@
+// The report as one HTML file that needs no network: what a reviewer opens (docs/report.md).
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "monitor/fault_classifier.hpp"
+#include "monitor/report/run_comparison.hpp"
+#include "monitor/report/run_series.hpp"
+#include "monitor/run_metrics.hpp"
+
+namespace takt::monitor {
+
+struct ReportContent {
+  const RecordedRun& run;
+  const RunMetrics& metrics;
+  const FaultSummary& faults;
+  const RunSeries& series;
+  const std::optional<RunComparison>& comparison;
+};
+std::string report_html(const ReportContent& content);
+
+}  // namespace takt::monitor

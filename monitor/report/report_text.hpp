@@ -1,0 +1,15 @@
+// The freshness report of a run for a terminal.
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+#include "monitor/run_metrics.hpp"
+
+namespace takt::monitor {
+
+// Tables: age by stage, deadline misses against the contract, modes, transitions, refusals, interventions, overruns,
+// losses. `most_transitions` are listed, the rest counted.
+std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::size_t most_transitions = 20);
+
+}  // namespace takt::monitor

@@ -1,0 +1,53 @@
+#include "monitor/report/robot_figure.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace takt::monitor {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+double length_of(const config::Vector3& vector) {
+  return std::hypot(vector[0], vector[1], vector[2]);
+}
+
+Json cart_pole_figure(const config::CartPole& cart, const config::RobotConfig& robot) {
+  const config::Limits& limits = robot.joints.front().limits;
+  const double travel = cart.pulley_radius * std::max(std::abs(limits.q_min), std::abs(limits.q_max));
+  return {{"kind", "cart_pole"},
+          {"pulley_radius", cart.pulley_radius},
+          {"pole_length", cart.pole_length},
+          {"reach", std::max(travel + 0.1, cart.pole_length)}};
+}
+
+Json links_figure(const config::Model& model) {
+  Json links = Json::array();
+  std::vector<double> reach;  // of each link's origin
+  for (const config::Link& link : model.links) {
+    links.push_back({{"parent", link.parent}, {"xyz", link.origin_xyz}, {"rpy", link.origin_rpy}, {"axis", link.axis}});
+    const double before = link.parent < 0 ? 0 : reach[static_cast<std::size_t>(link.parent)];
+    reach.push_back(before + length_of(link.origin_xyz));
+  }
+  Json figure{{"kind", "links"}, {"links", links}, {"tool", nullptr}};
+  double farthest = *std::max_element(reach.begin(), reach.end());
+  if (model.tool_link >= 0) {
+    figure["tool"] = {{"link", model.tool_link}, {"xyz", model.tool_xyz}};
+    farthest = std::max(farthest, reach[static_cast<std::size_t>(model.tool_link)] + length_of(model.tool_xyz));
+  }
+  figure["reach"] = farthest;
+  return figure;
+}
+
+}  // namespace
+
+Json robot_figure(const config::RobotConfig& robot) {
+  if (robot.simulation && robot.simulation->cart_pole && robot.joints.size() >= 2) {
+    return cart_pole_figure(*robot.simulation->cart_pole, robot);
+  }
+  if (robot.model && !robot.model->links.empty()) return links_figure(*robot.model);
+  return nullptr;
+}
+
+}  // namespace takt::monitor

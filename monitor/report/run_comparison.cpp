@@ -1,0 +1,142 @@
+#include "monitor/report/run_comparison.hpp"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <numeric>
+
+#include "monitor/bounded_file.hpp"
+#include "monitor/run_metrics.hpp"
+
+namespace takt::monitor {
+namespace {
+
+using Json = nlohmann::ordered_json;
+namespace fs = std::filesystem;
+
+std::int64_t started_unix_ns(const RunManifest& manifest) {
+  return manifest.started_at.ns + manifest.clock.monotonic_to_unix_ns;
+}
+
+double number_at(const Json& metrics, const std::string& pointer) {
+  const Json::json_pointer at(pointer);
+  return metrics.contains(at) && metrics.at(at).is_number() ? metrics.at(at).get<double>() : 0.0;
+}
+
+double sum_at(const Json& metrics, const char* object, std::string_view but = {}) {
+  double sum = 0;
+  if (!metrics.contains(object)) return 0;
+  for (const auto& [key, value] : metrics.at(object).items()) {
+    if (key != but && value.is_number()) sum += value.template get<double>();
+  }
+  return sum;
+}
+
+double share_percent(double part, double whole) {
+  return whole > 0 ? 100 * part / whole : 0;
+}
+
+// The numbers of one run, in the order in which they are shown.
+std::vector<ComparisonRow> numbers_of(const Json& metrics) {
+  std::vector<ComparisonRow> rows;
+  const auto add = [&](std::string label, std::string unit, double value) {
+    rows.push_back({std::move(label), std::move(unit), 0, value});
+  };
+  for (const char* quantile : {"p50", "p95", "p99", "p99.9", "max"}) {
+    add(fmt::format("age per command, {}", quantile), "ms",
+        1e-6 * number_at(metrics, fmt::format("/age_ns/per_command/total/{}", quantile)));
+  }
+  for (const char* part : {"sense", "queue", "infer", "publish"}) {
+    add(fmt::format("{}, p99", part), "ms", 1e-6 * number_at(metrics, fmt::format("/age_ns/per_command/{}/p99", part)));
+  }
+  for (const char* per : {"command", "tick"}) {
+    add(fmt::format("misses per {}", per), "%",
+        100 * number_at(metrics, fmt::format("/deadline_misses/per_{}/rate", per)));
+    add(fmt::format("at most, per {}", per), "%",
+        100 * number_at(metrics, fmt::format("/deadline_misses/per_{}/upper_bound", per)));
+  }
+  const double ticks = number_at(metrics, "/ticks/recorded");
+  for (std::size_t mode = 0; mode < kModeCount; ++mode) {
+    const std::string name(takt::name(static_cast<Mode>(mode)));
+    add(fmt::format("in {}", name), "%", share_percent(number_at(metrics, "/ticks_in_mode/" + name), ticks));
+  }
+  add("transitions", "", number_at(metrics, "/transition_count"));
+  add("interventions", "joint-ticks", sum_at(metrics, "interventions"));
+  add("refused commands", "", sum_at(metrics, "arrivals", "none") - number_at(metrics, "/arrivals/accepted"));
+  add("overruns", "", sum_at(metrics, "overruns", "none"));
+  add("wake-up late, p99", "us", 1e-3 * number_at(metrics, "/lateness_ns/p99"));
+  add("work per tick, p99", "us", 1e-3 * number_at(metrics, "/work_ns/p99"));
+  add("recorded", "s", 1e-9 * number_at(metrics, "/ticks/span_ns"));
+  return rows;
+}
+
+std::expected<Json, std::string> metrics_json_of(const RecordedRun& run) {
+  if (const auto text = read_file(run.folder.metrics())) {
+    Json json = Json::parse(*text, nullptr, false);
+    const bool is_its_own = json.is_object() && json.value("schema", "") == "takt.metrics/1" &&
+                            json.value("run_id", "") == run.manifest.run_id;
+    if (is_its_own) return json;
+  }
+  const auto metrics = metrics_of(run);
+  if (!metrics) return std::unexpected(metrics.error());
+  return to_json(*metrics, run);
+}
+
+}  // namespace
+
+std::string previous_run(const RecordedRun& run) {
+  std::error_code error;
+  const fs::path own = fs::weakly_canonical(run.folder.path(), error);
+  const std::int64_t own_start = started_unix_ns(run.manifest);
+  std::int64_t newest = 0;
+  std::string found;
+  for (fs::directory_iterator each(own.parent_path(), error), end; !error && each != end; each.increment(error)) {
+    if (!each->is_directory(error) || each->path() == own) continue;
+    const RunFolder folder(each->path().string());
+    if (!fs::exists(folder.ticks(), error)) continue;
+    const auto manifest = folder.read_manifest();
+    if (!manifest || manifest->robot != run.manifest.robot) continue;
+    const std::int64_t start = started_unix_ns(*manifest);
+    if (start >= own_start || start <= newest) continue;
+    newest = start;
+    found = folder.path();
+  }
+  return found;
+}
+
+std::expected<RunComparison, std::string> compare_with(const Json& metrics, const std::string& other_path) {
+  const auto other = open_run(other_path);
+  if (!other) return std::unexpected(other.error());
+  const auto numbers = metrics_json_of(*other);
+  if (!numbers) return std::unexpected(numbers.error());
+  RunComparison comparison{other->manifest.run_id, other_path, utc_text(started_unix_ns(other->manifest)),
+                           numbers->value("contract", Json()) == metrics.value("contract", Json()),
+                           numbers_of(metrics)};
+  const auto theirs = numbers_of(*numbers);
+  for (std::size_t row = 0; row < theirs.size(); ++row) comparison.rows[row].other = theirs[row].here;
+  return comparison;
+}
+
+std::string comparison_text(const RunComparison& comparison) {
+  std::string text = fmt::format("\nagainst       {} ({})\n  {:<24}{:>12}{:>12}{:>12}\n", comparison.other_id,
+                                 comparison.other_started, "", "other", "this", "difference");
+  for (const ComparisonRow& row : comparison.rows) {
+    if (row.other == 0 && row.here == 0) continue;
+    text += fmt::format("  {:<24}{:>12.3f}{:>12.3f}{:>+12.3f} {}\n", row.label, row.other, row.here,
+                        row.here - row.other, row.unit);
+  }
+  if (!comparison.same_contract) text += "  another contract: a miss is not the same thing in both\n";
+  return text;
+}
+
+Json to_json(const RunComparison& comparison) {
+  Json rows = Json::array();
+  for (const ComparisonRow& row : comparison.rows) rows.push_back({row.label, row.unit, row.other, row.here});
+  return {{"other_id", comparison.other_id},
+          {"other_path", comparison.other_path},
+          {"other_started", comparison.other_started},
+          {"same_contract", comparison.same_contract},
+          {"rows", rows}};
+}
+
+}  // namespace takt::monitor

@@ -1,0 +1,62 @@
+// Goal: `takt report` compares with the right run, refuses what it cannot read in one line, and then writes nothing.
+// Method: the real program on recorded runs of the virtual robot.
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "tests/cli/shell.hpp"
+#include "tests/monitor/recorded_demo.hpp"
+
+namespace takt::cli::test {
+namespace {
+
+class ReportCli : public Shell {
+ protected:
+  ReportCli() {
+    monitor::record_demo(in("run"));
+    auto earlier = monitor::record_demo(in("earlier"));
+    earlier.manifest.started_at = earlier.manifest.started_at - milliseconds(60'000);
+    EXPECT_TRUE(earlier.folder.write_manifest(earlier.manifest));
+  }
+  [[nodiscard]] Ended report(const std::string& options) const { return takt("report " + in("run") + " " + options); }
+  [[nodiscard]] bool page_exists() const { return std::filesystem::exists(in("run/report.html")); }
+};
+
+TEST_F(ReportCli, ComparesWithTheRunBeforeUnlessToldOtherwise) {
+  const Ended plain = report("");
+  EXPECT_EQ(plain.exit_code, 0) << plain.output;
+  EXPECT_NE(plain.output.find("against       virtual (2023-11-14T22:29:00.000Z)"), std::string::npos) << plain.output;
+  EXPECT_TRUE(page_exists());
+  EXPECT_EQ(report("--against none").output.find("against"), std::string::npos);
+  const auto json = nlohmann::json::parse(report("--json").output);
+  EXPECT_EQ(json.at("schema"), "takt.metrics/1");
+  EXPECT_EQ(json.at("comparison").at("other_path"), in("earlier"));
+  EXPECT_TRUE(nlohmann::json::parse(report("--json --against none").output).at("comparison").is_null());
+}
+
+TEST_F(ReportCli, WhatCannotBeReadIsRefusedInOneLineAndNothingIsWritten) {
+  for (const std::string option : {"--against ", "--truth "}) {
+    const Ended ended = report(option + in("nowhere"));
+    EXPECT_EQ(ended.exit_code, 1) << option;
+    EXPECT_NE(ended.output.find("nowhere"), std::string::npos) << ended.output;
+    EXPECT_EQ(std::count(ended.output.begin(), ended.output.end(), '\n'), 1) << ended.output;
+    EXPECT_FALSE(page_exists()) << option;
+  }
+}
+
+// The page must not be able to fetch anything, whatever names the run's files carry.
+TEST_F(ReportCli, ThePageForbidsRequestsAndKeepsTextText) {
+  ASSERT_EQ(report("--html " + in("page.html")).exit_code, 0);
+  EXPECT_FALSE(page_exists());
+  std::stringstream page;
+  page << std::ifstream(in("page.html")).rdbuf();
+  EXPECT_NE(page.str().find("default-src 'none'"), std::string::npos);
+  for (const char* slot : {"/*FACTS*/", "/*WHOLE*/", "/*MOMENTS*/", "/*PAGE_JS*/", "/*PAGE_CSS*/"}) {
+    EXPECT_EQ(page.str().find(slot), std::string::npos) << slot;
+  }
+}
+
+}  // namespace
+}  // namespace takt::cli::test

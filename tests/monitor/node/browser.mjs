@@ -1,0 +1,27 @@
+// Chromium without a network, and what it complained about.
+import { chromium } from 'playwright-core';
+
+const switches = ['--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-background-networking',
+  '--disable-component-update', '--disable-sync'];
+
+// Opens `url` and calls look(page, {errors, requests}); the browser is closed afterwards.
+export async function inBrowser(options, look) {
+  const browser = await chromium.launch({ executablePath: process.env.TAKT_CHROMIUM, args: switches });
+  try {
+    const page = await browser.newPage({ viewport: { width: 1500, height: 1900 }, ...options });
+    const errors = [];
+    const requests = [];
+    page.on('console', (message) => { if (message.type() === 'error') errors.push(message.text()); });
+    page.on('pageerror', (error) => errors.push(String(error)));
+    page.on('request', (request) => requests.push(request.url()));
+    return await look(page, { errors, requests });
+  } finally {
+    await browser.close();
+  }
+}
+
+// ms from the start of navigation until every chart was drawn.
+export async function ready(page) {
+  await page.waitForFunction(() => document.documentElement.dataset.ready, null, { timeout: 60000 });
+  return Number(await page.evaluate(() => document.documentElement.dataset.ready));
+}

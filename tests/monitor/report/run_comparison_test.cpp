@@ -1,0 +1,81 @@
+// Goal: a run is set beside the right one, and differences have the right sign. Method: copies of the recorded demo
+// whose manifests say when they started and which robot they were.
+#include "monitor/report/run_comparison.hpp"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "monitor/run_metrics.hpp"
+#include "tests/monitor/recorded_demo.hpp"
+#include "tests/monitor/temporary_folder.hpp"
+
+namespace takt::monitor {
+namespace {
+
+class RunComparisonTest : public TemporaryFolder {
+ protected:
+  // A copy of the demo that started so much later, of that robot.
+  RecordedRun copy(const std::string& name, std::int64_t later_s, const std::string& robot) {
+    std::filesystem::copy(run_.folder.path(), path(name), std::filesystem::copy_options::recursive);
+    RecordedRun run = *open_run(path(name));
+    run.manifest.started_at = run.manifest.started_at + milliseconds(1000 * later_s);
+    run.manifest.robot = robot;
+    run.manifest.run_id = name;
+    EXPECT_TRUE(run.folder.write_manifest(run.manifest));
+    return *open_run(path(name));
+  }
+  static const ComparisonRow& row(const RunComparison& comparison, const std::string& label) {
+    return *std::ranges::find(comparison.rows, label, &ComparisonRow::label);
+  }
+  const RecordedRun run_ = record_demo(path("run"));
+};
+
+TEST_F(RunComparisonTest, ThePreviousRunIsTheLastBeforeItOfTheSameRobot) {
+  EXPECT_EQ(previous_run(run_), "") << "nothing beside it";
+  const RecordedRun here = copy("here", 100, run_.manifest.robot);
+  copy("earlier", 50, run_.manifest.robot);
+  copy("later", 150, run_.manifest.robot);
+  copy("another", 99, "another_robot");
+  std::filesystem::create_directory(path("no_run"));
+  EXPECT_EQ(std::filesystem::path(previous_run(here)).filename(), "earlier");
+}
+
+TEST_F(RunComparisonTest, DifferencesAreThisRunsMinusTheOthers) {
+  const RecordedRun shorter = altered_copy(
+      run_, path("shorter"), [](TickRecord&) {}, [](RecordedCommand&) {},
+      [](std::uint64_t tick) { return tick < 3'000; });
+  const auto metrics = to_json(*metrics_of(run_), run_);
+  const auto found = compare_with(metrics, path("shorter"));
+  ASSERT_TRUE(found) << found.error();
+  EXPECT_TRUE(found->same_contract);
+  const ComparisonRow& recorded = row(*found, "recorded");
+  EXPECT_NEAR(recorded.here, 3.999, 1e-9);
+  EXPECT_NEAR(recorded.other, 2.998, 1e-9);
+  EXPECT_EQ(row(*found, "age per command, p50").here, 37.0);
+  EXPECT_GT(row(*found, "misses per tick").here, row(*found, "misses per tick").other) << "the second stall";
+  EXPECT_NE(comparison_text(*found).find("+1.001 s"), std::string::npos) << comparison_text(*found);
+}
+
+// metrics.json counts only where it is the run's own.
+TEST_F(RunComparisonTest, ForeignMetricsAreNotBelieved) {
+  const RecordedRun other = copy("other", 0, run_.manifest.robot);
+  auto foreign = to_json(*metrics_of(other), other);
+  foreign["age_ns"]["per_command"]["total"]["p50"] = 1e9;
+  std::ofstream(other.folder.metrics()) << foreign.dump();
+  const auto metrics = to_json(*metrics_of(run_), run_);
+  EXPECT_EQ(row(*compare_with(metrics, path("other")), "age per command, p50").other, 1000.0);
+  foreign["run_id"] = "somebody else's";
+  std::ofstream(other.folder.metrics()) << foreign.dump();
+  EXPECT_EQ(row(*compare_with(metrics, path("other")), "age per command, p50").other, 37.0);
+}
+
+TEST_F(RunComparisonTest, WhatIsNoRunIsRefused) {
+  const auto refused = compare_with(to_json(*metrics_of(run_), run_), path("nowhere"));
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().find("nowhere"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace takt::monitor

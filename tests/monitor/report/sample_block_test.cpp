@@ -1,0 +1,106 @@
+// Goal: thinning out loses no spike and invents nothing. Method: hand-made ticks whose extremes, masks and counters are
+// known, gathered into buckets of ten.
+#include "monitor/report/sample_block.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+namespace takt::monitor {
+namespace {
+
+constexpr std::size_t kJoints = 2, kBuses = 1;
+
+class SampleBlockTest : public testing::Test {
+ protected:
+  // A tick with a fresh command of `age_ms`; `alter` changes it further.
+  template <class Alter>
+  void tick(std::uint64_t number, double age_ms, const Alter& alter) {
+    auto record = std::make_unique<TickRecord>();
+    record->header.tick = number;
+    record->header.joint_count = kJoints;
+    record->header.bus_count = kBuses;
+    record->header.freshness = Freshness::fresh;
+    record->header.age.infer = {static_cast<std::int64_t>(age_ms * 1e6)};
+    alter(*record);
+    builder_.tick(*record, 0.001 * static_cast<double>(number), context_);
+  }
+  void tick(std::uint64_t number, double age_ms) {
+    tick(number, age_ms, [](TickRecord&) {});
+  }
+  static const std::vector<float>& column(const SampleBlock& block, const std::string& name) {
+    const auto found = std::ranges::find(block.columns, name, &SampleColumn::name);
+    if (found == block.columns.end()) throw std::runtime_error("no column " + name);
+    return found->values;
+  }
+
+  TickContext context_;
+  SampleBlockBuilder builder_{kJoints, kBuses, false, 10};
+};
+
+TEST_F(SampleBlockTest, ABucketKeepsItsExtremesAndTheOldestCommandsParts) {
+  for (std::uint64_t number = 1; number <= 20; ++number) tick(number, number == 7 ? 90 : number == 3 ? 5 : 20);
+  const SampleBlock block = builder_.finish();
+  ASSERT_EQ(block.rows(), 2U);
+  EXPECT_FLOAT_EQ(column(block, "age")[0], 5);
+  EXPECT_FLOAT_EQ(column(block, "age.spread")[0], 85);
+  EXPECT_FLOAT_EQ(column(block, "infer")[0], 90);
+  EXPECT_FLOAT_EQ(column(block, "age.spread")[1], 0);
+  EXPECT_DOUBLE_EQ(block.at_s[1], 0.011);
+}
+
+TEST_F(SampleBlockTest, JointsAreThinnedOneByOne) {
+  for (std::uint64_t number = 1; number <= 10; ++number) {
+    tick(number, 1, [&](TickRecord& record) {
+      record.joints[1].feedback.q = number == 4 ? -1.5F : 0.25F;
+      record.joints[1].q_reference = number == 9 ? 2.0F : 1.0F;
+    });
+  }
+  const SampleBlock block = builder_.finish();
+  EXPECT_FLOAT_EQ(column(block, "q1")[0], -1.5);
+  EXPECT_FLOAT_EQ(column(block, "q1.spread")[0], 1.75);
+  EXPECT_FLOAT_EQ(column(block, "reference1")[0], 1.0);
+  EXPECT_FLOAT_EQ(column(block, "reference1.spread")[0], 1.0);
+  EXPECT_FLOAT_EQ(column(block, "q0.spread")[0], 0.0);
+}
+
+// Interventions of all joints and ticks are joined; a bus shows its worst state and the errors of the bucket alone.
+TEST_F(SampleBlockTest, MasksAreJoinedAndCountersBecomeDifferences) {
+  for (std::uint64_t number = 1; number <= 20; ++number) {
+    tick(number, 1, [&](TickRecord& record) {
+      if (number == 2) record.joints[0].interventions = bit(Intervention::velocity_limit);
+      if (number == 5) record.joints[1].interventions = bit(Intervention::torque_limit);
+      record.header.buses[0].tx_dropped = 100 + (number >= 15 ? 3U : 0U);
+      record.header.buses[0].foreign_frames = number >= 16 ? 1 : 0;
+      record.header.buses[0].state = number == 12 ? BusState::error_passive : BusState::up;
+    });
+  }
+  const SampleBlock block = builder_.finish();
+  EXPECT_EQ(column(block, "interventions")[0],
+            static_cast<float>(bit(Intervention::velocity_limit) | bit(Intervention::torque_limit)));
+  EXPECT_EQ(column(block, "interventions")[1], 0.0F);
+  EXPECT_EQ(column(block, "bus0.errors")[0], 0.0F) << "counters run since start, not since the first tick";
+  EXPECT_EQ(column(block, "bus0.errors")[1], 4.0F);
+  EXPECT_EQ(column(block, "bus0.state")[0], 0.0F);
+  EXPECT_EQ(column(block, "bus0.state")[1], static_cast<float>(BusState::error_passive));
+}
+
+TEST_F(SampleBlockTest, WhatDoesNotExistIsNotDrawn) {
+  tick(1, 1, [](TickRecord& record) { record.header.freshness = Freshness::missing; });
+  const std::vector<float> target{0.5F, -0.5F};
+  context_.policy_target = target;
+  tick(2, 1);
+  tick(40, 1);  // ticks between were lost
+  const SampleBlock block = builder_.finish();
+  ASSERT_EQ(block.rows(), 3U);
+  EXPECT_FLOAT_EQ(column(block, "age")[0], 1) << "of the bucket's second tick";
+  EXPECT_TRUE(std::isnan(column(block, "target0")[0])) << "no command at the bucket's beginning";
+  EXPECT_TRUE(std::isnan(column(block, "age")[1])) << "a gap breaks the line";
+  EXPECT_TRUE(std::isnan(column(block, "q0")[1]));
+  EXPECT_FLOAT_EQ(column(block, "target1")[2], -0.5);
+}
+
+}  // namespace
+}  // namespace takt::monitor
