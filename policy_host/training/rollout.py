@@ -8,7 +8,9 @@ from arm_model import tool_position
 from target import Camera
 from teacher import Teacher
 
-SUBSTEPS = 4  # of one policy period
+SUBSTEP = 0.005  # s, of the joints' motion
+PUSH_LASTS = 0.5  # s
+LONGEST_ABSENCE = 12  # camera periods
 
 
 def observation(robot, q, dq, samples, last_action):
@@ -37,6 +39,7 @@ class Conditions:
     last_action_noise: float = 0.0  # rad
     wide_start: bool = False  # start poses all over the workspace, and arms that do not follow (not armed yet)
     lag: tuple = (0.02, 0.04)  # s
+    interruption: float = 0.0  # chance per observation that the host was just restarted, or absent while the camera went on
 
 
 def _start_poses(robot, rng, batch, wide):
@@ -49,13 +52,23 @@ def _start_poses(robot, rng, batch, wide):
     return np.clip(q, robot.q_min, robot.q_max)
 
 
+def _interrupt(camera, rng, share, last_action):
+    """Restarts some hosts and keeps others from looking for a while; a host that restarts has forgotten its last action."""
+    draw = rng.uniform(size=len(last_action))
+    restarted = draw < 0.5 * share
+    absent = np.where((draw < share) & ~restarted, rng.integers(1, LONGEST_ABSENCE, len(draw)), 0)
+    camera.interrupt(restarted, absent)
+    last_action[restarted] = 0.0
+
+
 def roll_out(robot, targets, rng, duration, conditions, actor):
     """Runs `actor(observations, teacher_chunks) -> chunks` and returns observations, teacher's chunks and tool errors.
 
     Arrays are stacked over time first: (instants, batch, ...). Errors are taken at observation instants, in m.
     """
     batch, period, dt = len(targets.centre), robot.policy["period"], robot.policy["step_period"]
-    camera = Camera(robot, targets, rng, duration, conditions.camera_noise)
+    camera = Camera(robot, targets, rng, duration, conditions.camera_noise, sensor_history(robot))
+    substeps = int(round(period / SUBSTEP))
     teacher = Teacher(robot, targets, duration)
     q = _start_poses(robot, rng, batch, conditions.wide_start)
     dq, reference = np.zeros_like(q), q.copy()
@@ -68,18 +81,20 @@ def roll_out(robot, targets, rng, duration, conditions, actor):
     for instant in range(int(round(duration / period))):
         time = instant * period
         errors.append(np.linalg.norm(tool_position(robot, q) - targets.at(time), axis=1))
+        if conditions.interruption > 0:
+            _interrupt(camera, rng, conditions.interruption, last_action)
         shown = last_action + rng.normal(0, 1, q.shape) * conditions.last_action_noise
-        inputs = observation(robot, q, dq, camera.newest(time, sensor_history(robot)), shown)
+        inputs = observation(robot, q, dq, camera.look(time), shown)
         lesson = teacher.chunk(time, q)
         seen.append(inputs.astype(np.float32))
         taught.append(lesson.astype(np.float32))
         chunk = actor(inputs, lesson)
         # The step due when the next observation is published: what a host calls the last action.
-        last_action = chunk[:, min(int(round(period / dt)), chunk.shape[1] - 1)]
-        if instant % 25 == 0:
+        last_action = chunk[:, min(int(round(period / dt)), chunk.shape[1] - 1)].copy()
+        if instant % int(round(PUSH_LASTS / period)) == 0:
             push = rng.normal(0, 1, q.shape) * conditions.push * (rng.uniform(size=(batch, 1)) < 0.5)
-        h = period / SUBSTEPS
-        for sub in range(SUBSTEPS):
+        h = period / substeps
+        for sub in range(substeps):
             position = (sub + 1) * h / dt
             step = min(int(position), chunk.shape[1] - 2)
             wanted = robot.home + push + chunk[:, step] + (position - step) * (chunk[:, step + 1] - chunk[:, step])

@@ -35,23 +35,39 @@ def nominal_targets(robot, rng, batch):
 
 
 class Camera:
-    """What a policy host holds of the camera at an instant: the newest `history` samples that have arrived by then.
+    """What a policy host holds of the camera: the newest samples that had arrived when it looked, once per observation.
 
-    History advances once per new sample, not once per observation, and starts filled with the first sample.
+    History advances when an observation finds a new sample: a policy faster than the camera holds every sample, a slower
+    one those that were newest at its observations. The episode begins in the middle of a host's life.
     """
 
-    def __init__(self, robot, targets, rng, duration, noise):
+    def __init__(self, robot, targets, rng, duration, noise, history):
         period, delay, jitter = (robot.camera[key] for key in ("period", "delay", "jitter"))
-        batch, count = len(targets.centre), int(duration / period) + 8
-        # Starts early enough that a sample has arrived by time zero.
-        first = -4 * period + rng.uniform(0, period, batch)
+        looks = robot.policy["period"]
+        # Starts early enough that the history is full by time zero.
+        before = max(4, int(np.ceil(history * looks / period)) + 2)
+        batch, count = len(targets.centre), int(duration / period) + before + 4
+        first = -before * period + rng.uniform(0, period, batch)
         sensed = first[:, None] + period * np.arange(count)
         self._arrived = sensed + delay + rng.uniform(-jitter, jitter, sensed.shape)
         self._values = np.stack([targets.at(sensed[:, i]) for i in range(count)], axis=1)
         self._values += rng.normal(0, noise, self._values.shape)
+        self._held = np.maximum(self._newest(-history * looks) - np.arange(history)[::-1], 0)
+        for look in range(history, 0, -1):
+            self.look(-look * looks)
 
-    def newest(self, time, history):
-        """(batch, history, 3), oldest first."""
-        newest = np.sum(self._arrived <= time, axis=1) - 1
-        picks = np.maximum(newest[:, None] - np.arange(history)[::-1], 0)
-        return np.take_along_axis(self._values, picks[:, :, None], axis=1)
+    def _newest(self, time):
+        """Index of the newest sample that has arrived (batch, 1)."""
+        return np.maximum(np.sum(self._arrived <= time, axis=1, keepdims=True) - 1, 0)
+
+    def look(self, time):
+        """The history (batch, history, 3) that an observation at `time` finds, oldest first."""
+        newest = self._newest(time)
+        advanced = np.where(self._held[:, -1:] < 0, newest, np.concatenate([self._held[:, 1:], newest], axis=1))
+        self._held = np.where(newest != self._held[:, -1:], advanced, self._held)
+        return np.take_along_axis(self._values, self._held[:, :, None], axis=1)
+
+    def interrupt(self, restarted, absent):
+        """Before a look: hosts that `restarted` (batch) hold nothing, others were `absent` (batch) for so many samples."""
+        self._held = np.maximum(self._held - absent[:, None], 0)
+        self._held = np.where(restarted[:, None], -1, self._held)

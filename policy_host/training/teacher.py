@@ -34,7 +34,7 @@ class Teacher:
         self._robot = robot
         self._dt = robot.policy["step_period"]
         self._steps = robot.policy["steps"]
-        count = int(round(duration / self._dt)) + self._steps + 1
+        count = int(round(duration / self._dt)) + self._steps + 2
         batch = len(targets.centre)
         q = inverse_kinematics(robot, targets.at(JOINT_LAG), np.tile(robot.home, (batch, 1)), 80)
         self._reaching = np.empty((count, batch, robot.joints))
@@ -46,8 +46,10 @@ class Teacher:
 
     def chunk(self, time, q):
         """Targets relative to home (batch, steps, joints) for an observation at `time` (s) with the arm at q."""
-        first = int(round(time / self._dt))
-        wanted = self._reaching[first:first + self._steps] - q
+        first = int(time / self._dt + 1e-6)
+        between = time / self._dt - first  # policy periods need not be whole numbers of steps
+        before, after = (self._reaching[i:i + self._steps] for i in (first, first + 1))
+        wanted = (before if abs(between) < 1e-6 else before + between * (after - before)) - q
         # Close to the target this is the target; far from it, a bounded lead over the joint.
         targets = q + self._lead * np.tanh(wanted / self._lead)
         targets = np.clip(targets, self._robot.q_min, self._robot.q_max)

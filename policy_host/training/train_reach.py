@@ -6,6 +6,8 @@ says what it should have done, so that the network learns from the states it bri
 Reproducible: one thread, one seed, no time in the output file. Writes the ONNX file and a report beside the robot file.
 
     nice -n 19 /usr/bin/python3 policy_host/training/train_reach.py --robot config/arm6.yaml
+
+The committed reports hold the command of each network.
 """
 import argparse
 import hashlib
@@ -42,7 +44,7 @@ def acting(layers, robot):
     return lambda inputs: network.evaluate(layers, inputs).reshape(len(inputs), steps, robot.joints)
 
 
-def collect(robot, rng, arms, layers):
+def collect(robot, rng, arms, layers, interruption):
     """One round of episodes: (samples, values), (samples, steps * joints). Without layers the teacher drives alone."""
     driven = np.arange(arms) % 2 == 0
 
@@ -52,7 +54,8 @@ def collect(robot, rng, arms, layers):
             chunk[driven] = acting(layers, robot)(inputs[driven])
         return chunk
 
-    rough = Conditions(push=0.08, last_action_noise=0.05, wide_start=True, lag=(0.01, 0.05))
+    rough = Conditions(push=0.08, last_action_noise=0.05, wide_start=True, lag=(0.01, 0.05),
+                       interruption=interruption)
     inputs, lessons, _ = roll_out(robot, random_targets(robot, rng, arms), rng, EPISODE, rough, actor)
     return inputs.reshape(-1, inputs.shape[-1]), lessons.reshape(len(lessons) * arms, -1)
 
@@ -71,7 +74,7 @@ def fit(model, optimiser, schedule, features, wanted, steps, rng):
     return total / steps
 
 
-def train(robot, seed, rounds, steps, arms):
+def train(robot, seed, rounds, steps, arms, interruption):
     rng = np.random.default_rng(seed)
     torch.manual_seed(seed)
     model = network.build(sum(term_widths(robot)), robot.policy["steps"] * robot.joints)
@@ -80,7 +83,7 @@ def train(robot, seed, rounds, steps, arms):
     inputs = wanted = normaliser = layers = None
     curve = []
     for round_ in range(rounds):
-        more_inputs, more_wanted = collect(robot, rng, arms, layers)
+        more_inputs, more_wanted = collect(robot, rng, arms, layers, interruption)
         inputs = more_inputs if inputs is None else np.concatenate([inputs, more_inputs])
         wanted = more_wanted if wanted is None else np.concatenate([wanted, more_wanted])
         if normaliser is None:
@@ -137,7 +140,7 @@ def fixed_inputs(robot, seed):
     """Observations from a clean episode, a few instants apart: what the test feeds to the C++ engine."""
     rng = np.random.default_rng(seed + 2000)
     inputs, _, _ = roll_out(robot, nominal_targets(robot, rng, 2), rng, 2.0, Conditions(), lambda _, lesson: lesson)
-    return inputs[10::24].reshape(-1, inputs.shape[-1])
+    return inputs[len(inputs) // 10::max(1, len(inputs) // 4 - 1)].reshape(-1, inputs.shape[-1])
 
 
 def report(robot, arguments, model_bytes, layers, curve):
@@ -145,8 +148,9 @@ def report(robot, arguments, model_bytes, layers, curve):
     examples = fixed_inputs(robot, arguments.seed)
     return {
         "schema": "takt.training/1",
-        "command": "nice -n 19 /usr/bin/python3 policy_host/training/train_reach.py --robot config/arm6.yaml"
-                   f" --seed {arguments.seed} --steps {arguments.steps} --rounds {arguments.rounds} --arms {arguments.arms}",
+        "command": f"nice -n 19 /usr/bin/python3 policy_host/training/train_reach.py --robot {arguments.robot}"
+                   f" --seed {arguments.seed} --steps {arguments.steps} --rounds {arguments.rounds} --arms {arguments.arms}"
+                   + (f" --interruption {arguments.interruption}" if arguments.interruption else ""),
         "seed": arguments.seed,
         "versions": {"python": platform.python_version(), "torch": torch.__version__, "numpy": np.__version__,
                      "onnx": network.onnx.__version__, "machine": platform.machine()},
@@ -167,12 +171,14 @@ def main():
     parser.add_argument("--steps", type=int, default=12000, help="gradient steps in all")
     parser.add_argument("--rounds", type=int, default=6, help="rounds of data aggregation")
     parser.add_argument("--arms", type=int, default=256, help="episodes per round")
+    parser.add_argument("--interruption", type=float, default=0.0,
+                        help="chance per observation that the host was restarted or absent before it")
     parser.add_argument("--output", type=Path, help="ONNX file to write (default: the one named by the robot file)")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     torch.use_deterministic_algorithms(True)
     robot = arm_model.load(arguments.robot)
-    layers, curve = train(robot, arguments.seed, arguments.rounds, arguments.steps, arguments.arms)
+    layers, curve = train(robot, arguments.seed, arguments.rounds, arguments.steps, arguments.arms, arguments.interruption)
     model_bytes = network.onnx_bytes(layers, robot.policy["input"], robot.policy["output"])
     output = arguments.output or arguments.robot.parent / robot.policy["file"]
     output.write_bytes(model_bytes)

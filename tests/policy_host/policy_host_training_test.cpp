@@ -18,9 +18,6 @@
 namespace takt::policy_host {
 namespace {
 
-constexpr char kRobot[] = "config/arm6.yaml";
-constexpr char kReport[] = "config/arm6_reach.training.json";
-
 std::string text_of(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(file), {}};
@@ -104,23 +101,25 @@ void expect_examples(const config::RobotConfig& robot, const nlohmann::json& rep
   }
 }
 
-class TrainingReport : public testing::Test {
+// The parameter: a robot file of config/, without its ending.
+class TrainingReport : public testing::TestWithParam<const char*> {
  protected:
   void SetUp() override {
-    auto robot = config::load(kRobot);
+    const std::string name = std::string("config/") + GetParam();
+    auto robot = config::load(name + ".yaml");
     ASSERT_TRUE(robot) << robot.error();
     robot_ = *std::move(robot);
-    ASSERT_NO_THROW(report_ = nlohmann::json::parse(text_of(kReport)));
+    ASSERT_NO_THROW(report_ = nlohmann::json::parse(text_of(name + "_reach.training.json")));
   }
   config::RobotConfig robot_;
   nlohmann::json report_;
 };
 
-TEST_F(TrainingReport, DescribesThisNetwork) {
+TEST_P(TrainingReport, DescribesThisNetwork) {
   EXPECT_EQ(config::sha256_hex(text_of(robot_.policy->file)), report_["onnx_sha256"].get<std::string>());
 }
 
-TEST_F(TrainingReport, DescribesThisRobot) {
+TEST_P(TrainingReport, DescribesThisRobot) {
   const auto lines = facts(robot_);
   EXPECT_EQ(lines, report_["configuration"].get<std::vector<std::string>>());
   std::string joined;
@@ -128,7 +127,7 @@ TEST_F(TrainingReport, DescribesThisRobot) {
   EXPECT_EQ(config::sha256_hex(joined), report_["configuration_sha256"].get<std::string>());
 }
 
-TEST_F(TrainingReport, ItsExamplesComeOutOfOurEngine) {
+TEST_P(TrainingReport, ItsExamplesComeOutOfOurEngine) {
   expect_examples(robot_, report_);
 }
 
@@ -191,11 +190,14 @@ TEST_F(CartPoleReport, ClaimsABalancingPolicy) {
   EXPECT_LT(evaluation["policy"]["rms_m"].get<double>(), 1.1 * evaluation["teacher"]["rms_m"].get<double>());
 }
 
-TEST_F(TrainingReport, ClaimsATrackingPolicy) {
+TEST_P(TrainingReport, ClaimsATrackingPolicy) {
   const auto& evaluation = report_["evaluation"]["robot_file_target"];
   EXPECT_LT(evaluation["policy"]["median_m"].get<double>(), 0.02);
   EXPECT_LT(evaluation["policy"]["median_m"].get<double>(), 0.1 * evaluation["hold_home"]["median_m"].get<double>());
 }
+
+INSTANTIATE_TEST_SUITE_P(Arms, TrainingReport, testing::Values("arm6", "arm6_visuomotor"),
+                         [](const auto& robot) { return std::string(robot.param); });
 
 }  // namespace
 }  // namespace takt::policy_host
