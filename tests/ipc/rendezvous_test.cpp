@@ -263,7 +263,7 @@ TEST_F(Rendezvous, SpeakingOutOfTurnEndsTheLease) {
   ASSERT_TRUE(acknowledge(*twice));
   acknowledge(*twice);  // may find the connection closed already
   EXPECT_EQ(answer_to(twice->connection).status, WelcomeStatus::refused);
-  EXPECT_EQ(server.stopped().refusals().malformed, 4U);
+  EXPECT_EQ(server.stopped().refusals().malformed, 5U);
   EXPECT_EQ(acknowledgements, 1);
 }
 
