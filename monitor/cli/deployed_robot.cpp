@@ -50,8 +50,9 @@ std::expected<void, Refusal> require_disarmed(const DeployedRobot& robot) {
 
 std::expected<void, Refusal> restart(const DeployedRobot& robot) {
   if (robot.restart.empty()) return {};
-  const ToolResult result = run_tool({"sh", "-c", robot.restart});
+  ToolResult result = run_tool({"sh", "-c", robot.restart});
   if (result.exit_code == 0) return {};
+  result.output.erase(result.output.find_last_not_of(" \n") + 1);
   return std::unexpected(
       Refusal{kExitFailed, fmt::format("`{}` ended with {}: {}", robot.restart, result.exit_code, result.output)});
 }

@@ -25,7 +25,7 @@ TEST(SmokeRun, TheDemoRobotsPass) {
 }
 
 TEST(SmokeRun, AContractThatThePolicyCannotKeepFails) {
-  const auto failed = tried({{"freshness.max_age", "12 ms"}});
+  const auto failed = tried({{"freshness.max_age", "22 ms"}});
   ASSERT_FALSE(failed.has_value());
   EXPECT_NE(failed.error().find("virtual time"), std::string::npos) << failed.error();
 }

@@ -105,7 +105,9 @@ TEST_F(Deployments, KilledAtAnyStepTheStoreNamesAWholeRobot) {
     auto store = Store::open(this->store());
     ASSERT_TRUE(store.has_value()) << "the lock went with its process";
     ASSERT_TRUE(store->current() == "old" || store->current() == name) << store->current();
-    if (store->current() == name) EXPECT_EQ(store->previous(), "old");
+    if (store->current() == name) {
+      EXPECT_EQ(store->previous(), "old");
+    }
     ASSERT_TRUE(store->use("old").has_value());
   }
   EXPECT_GE(steps, 9) << "every file, every link and every rename is a step";
