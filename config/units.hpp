@@ -29,9 +29,10 @@ enum class Dimension : std::uint8_t {
   length,
   acceleration,
   frequency,
-  bit_rate
+  bit_rate,
+  force
 };
-inline constexpr std::size_t kDimensionCount = 15;
+inline constexpr std::size_t kDimensionCount = 16;
 
 struct Unit {
   std::string_view symbol;

@@ -8,7 +8,8 @@
 //
 // The rules, in order; the first that holds gives the verdict. "Stands out" means: more above its median over the run's
 // untroubled commands than a fifth of max_age, and more than any other part.
-//   1 feedback_lost while at least half of the replies came                 estimator_lag
+//   1 feedback_lost while the loop itself stood still                      as 4
+//     feedback_lost while at least half of the replies came                 estimator_lag
 //     a drive or bus cause; a bus not up                                    actuator_or_bus_fault
 //   2 a command refused for its content or order, bad_commands, stamps that ran backwards controller_integration_error
 //   3 tau_infer stands out                                                  inference_stall

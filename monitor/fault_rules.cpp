@@ -40,8 +40,49 @@ struct Case {
   }
 };
 
+// A loop that slept for a moment does not explain a command that stayed away for long.
+bool is_too_short_for_the_silence(const Case& c) {
+  const FaultEvidence& evidence = c.evidence;
+  const Duration lost = evidence.worst_lateness + c.rules.period * static_cast<std::int64_t>(evidence.skipped);
+  return evidence.has_miss && evidence.silence > c.rules.max_age && lost < half(evidence.silence);
+}
+
+Judged lost_period(const Case& c) {
+  const FaultEvidence& evidence = c.evidence;
+  if (is_too_short_for_the_silence(c)) return {};
+  const std::string what =
+      fmt::format("the control loop woke up to {:.3g} ms late, {} periods skipped, cause recorded: {}",
+                  evidence.worst_lateness.milliseconds(), evidence.skipped, takt::name(evidence.overrun));
+  switch (evidence.overrun) {
+    case OverrunCause::preempted:
+    case OverrunCause::blocked:
+      return c.verdict(Fault::scheduler_preemption, what);
+    case OverrunCause::own_overrun:
+      return c.verdict(Fault::controller_integration_error, what);
+    case OverrunCause::page_fault:
+    case OverrunCause::platform_stall:
+      return c.verdict(Fault::platform_stall, what);
+    case OverrunCause::none:
+      if (evidence.skipped != 0 || evidence.worst_lateness >= c.rules.period) {
+        return c.verdict(Fault::platform_stall, what);
+      }
+      return {};
+  }
+  return {};
+}
+
+// Who sleeps hears nothing: feedback that grew old while the loop stood still says nothing of drives or buses.
+bool slept_through_the_feedback(const Case& c) {
+  const FaultEvidence& evidence = c.evidence;
+  const Duration awake = evidence.feedback_age - evidence.worst_lateness;
+  return evidence.worst_lateness >= c.rules.period && awake <= c.baseline.feedback_age + c.rules.period * 2;
+}
+
 Judged drives_and_buses(const Case& c) {
   const FaultEvidence& evidence = c.evidence;
+  if (evidence.fault_cause == Cause::feedback_lost && !evidence.bus_was_bad && slept_through_the_feedback(c)) {
+    if (auto lost = lost_period(c)) return lost;
+  }
   if (evidence.fault_cause == Cause::feedback_lost && !evidence.bus_was_bad &&
       2 * evidence.replies >= evidence.replies_due) {
     return c.verdict(Fault::estimator_lag, fmt::format("{}, though {} of {} replies came", c.feedback_text(),
@@ -71,37 +112,6 @@ Judged integration(const Case& c) {
   }
   if (evidence.bad_commands)
     return c.verdict(Fault::controller_integration_error, "the executive gave up on bad commands");
-  return {};
-}
-
-// A loop that slept for a moment does not explain a command that stayed away for long.
-bool is_too_short_for_the_silence(const Case& c) {
-  const FaultEvidence& evidence = c.evidence;
-  const Duration lost = evidence.worst_lateness + c.rules.period * static_cast<std::int64_t>(evidence.skipped);
-  return evidence.has_miss && evidence.silence > c.rules.max_age && lost < half(evidence.silence);
-}
-
-Judged lost_period(const Case& c) {
-  const FaultEvidence& evidence = c.evidence;
-  if (is_too_short_for_the_silence(c)) return {};
-  const std::string what =
-      fmt::format("the control loop woke up to {:.3g} ms late, {} periods skipped, cause recorded: {}",
-                  evidence.worst_lateness.milliseconds(), evidence.skipped, takt::name(evidence.overrun));
-  switch (evidence.overrun) {
-    case OverrunCause::preempted:
-    case OverrunCause::blocked:
-      return c.verdict(Fault::scheduler_preemption, what);
-    case OverrunCause::own_overrun:
-      return c.verdict(Fault::controller_integration_error, what);
-    case OverrunCause::page_fault:
-    case OverrunCause::platform_stall:
-      return c.verdict(Fault::platform_stall, what);
-    case OverrunCause::none:
-      if (evidence.skipped != 0 || evidence.worst_lateness >= c.rules.period) {
-        return c.verdict(Fault::platform_stall, what);
-      }
-      return {};
-  }
   return {};
 }
 

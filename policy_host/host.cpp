@@ -2,6 +2,8 @@
 
 #include <spdlog/spdlog.h>
 
+#include <utility>
+
 #include "config/paths.hpp"
 #include "policy_host/monotonic_clock.hpp"
 #include "policy_host/pacing.hpp"
@@ -16,14 +18,15 @@ constexpr Duration kReportPeriod = seconds(10);
 }  // namespace
 
 Host::Host(const config::RobotConfig& robot, const std::string& runtime_directory, std::uint64_t policy_hash,
-           Policy& policy)
+           Policy& policy, HostFaults faults)
     : robot_(robot),
       socket_(config::executive_socket(runtime_directory)),
       hello_(hello_of(robot, policy_hash, Role::policy, kProgram)),
       introduction_(kProgram, robot.hash, policy_hash, robot.joints),
       responder_(robot, policy_hash, policy),
       sensors_in_use_(sensors_in_use(robot)),
-      samples_(robot.sensors.size()) {
+      samples_(robot.sensors.size()),
+      faults_(std::move(faults)) {
   for (const std::size_t sensor : sensors_in_use_) {
     sensors_.emplace_back(config::sensor_socket(runtime_directory, robot.sensors[sensor].name),
                           hello_of(robot, policy_hash, Role::sensor_reader, kProgram));
@@ -40,7 +43,13 @@ void Host::run(const std::atomic<bool>& stop) {
       if (!executive_) sleep_until(now + kAttachRetry);
       continue;
     }
-    sleep_until(next_look(now, observed_, robot_.policy->period, looked_since_due_));
+    const MonoTime wake = next_look(now, observed_, robot_.policy->period, looked_since_due_);
+    if (!held_.empty() && held_.front().due < wake) {
+      sleep_until(held_.front().due);
+      publish_held(monotonic_now());
+      continue;
+    }
+    sleep_until(wake);
     if (stop) break;
     look(monotonic_now());
     report(monotonic_now());
@@ -57,6 +66,8 @@ void Host::attach(MonoTime now) {
   responder_.start_session();
   observed_ = {};
   observed_id_ = 0;
+  queue_.clear();
+  held_.clear();
   no_executive_.clear();
   spdlog::info("attached to {}", socket_);
 }
@@ -64,12 +75,12 @@ void Host::attach(MonoTime now) {
 void Host::look(MonoTime now) {
   Observation observation;
   trace::dequeue_begin(observed_id_);
-  const bool fresh = executive_->read(observation);
+  const bool fresh = read(observation);
   trace::dequeue_end(fresh ? observation.id : 0);
   if (fresh) {
     observed_ = observation.published_at;
     observed_id_ = observation.id;
-    answer(observation, now);
+    answer(observation, faults_.any() ? monotonic_now() : now);
     looked_since_due_ = false;
     return;
   }
@@ -78,6 +89,30 @@ void Host::look(MonoTime now) {
     spdlog::warn("the executive ended the session");
     executive_.reset();
   }
+}
+
+bool Host::read(Observation& observation) {
+  return faults_.any() ? read_from_queue(observation) : executive_->read(observation);
+}
+
+// A consumer that keeps all: while it has other things to do observations queue up, and are answered in order.
+bool Host::read_from_queue(Observation& observation) {
+  MonoTime now = monotonic_now();
+  const MonoTime free_at = now + faults_.take_callbacks(now);
+  for (;; now = monotonic_now()) {
+    Observation newest;
+    if (executive_->read(newest)) {
+      faults_.see(newest);
+      if (!faults_.keeps_all(now)) queue_.clear();
+      queue_.push_back(newest);
+    }
+    if (now >= free_at) break;
+    sleep_until(now + kCallback);
+  }
+  if (queue_.empty()) return false;
+  observation = queue_.front();
+  queue_.pop_front();
+  return true;
 }
 
 void Host::answer(const Observation& observation, MonoTime dequeued_at) {
@@ -93,10 +128,23 @@ void Host::answer(const Observation& observation, MonoTime dequeued_at) {
   }
   no_sensor_.clear();
   const CommandChunk& chunk = responder_.answer(observation, samples_, dequeued_at, monotonic_now);
+  if (!faults_.any()) return publish(chunk);
+  const MonoTime at = chunk.header.published_at;
+  held_.push_back({at + faults_.publish_delay(at), chunk});
+  faults_.spoil(held_.back().chunk, at);
+  publish_held(monotonic_now());
+}
+
+void Host::publish(const CommandChunk& chunk) {
   trace::publish_begin(chunk.header);
   executive_->publish(chunk);
   trace::publish_end(chunk.header.observation_id, chunk.header.sequence);
   statistics_.add(chunk.header);
+}
+
+// In order: what was made later does not overtake.
+void Host::publish_held(MonoTime now) {
+  for (; !held_.empty() && held_.front().due <= now; held_.pop_front()) publish(held_.front().chunk);
 }
 
 void Host::report(MonoTime now) {

@@ -2,11 +2,13 @@
 //
 // The executive and the sensors may start, stop and restart at any time and in any order; the host attaches again with
 // a fresh session. Without a usable sample of every sensor in use it publishes nothing: the executive's freshness
-// contract deals with the silence. Thread rule: one thread, SCHED_OTHER.
+// contract deals with the silence. Asked for on its command line, it does some things wrong (host_faults.hpp).
+// Thread rule: one thread, SCHED_OTHER.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
+#include <deque>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,6 +16,7 @@
 #include "config/robot_config.hpp"
 #include "executive/trace/trace.hpp"
 #include "policy_host/executive_link.hpp"
+#include "policy_host/host_faults.hpp"
 #include "policy_host/host_statistics.hpp"
 #include "policy_host/notice.hpp"
 #include "policy_host/policy.hpp"
@@ -26,14 +29,19 @@ class Host {
  public:
   // Precondition: check_policy_section and check_fit passed. `robot` and `policy` outlive this.
   Host(const config::RobotConfig& robot, const std::string& runtime_directory, std::uint64_t policy_hash,
-       Policy& policy);
+       Policy& policy, HostFaults faults = {{}, 0});
   // Returns within half a second after `stop` turns true.
   void run(const std::atomic<bool>& stop);
 
  private:
   void attach(MonoTime now);
   void look(MonoTime now);
+  // The newest observation, or with a fault the next one of a queue.
+  bool read(Observation& observation);
+  bool read_from_queue(Observation& observation);
   void answer(const Observation& observation, MonoTime dequeued_at);
+  void publish(const CommandChunk& chunk);
+  void publish_held(MonoTime now);
   void report(MonoTime now);
 
   const config::RobotConfig& robot_;
@@ -48,6 +56,13 @@ class Host {
   MonoTime observed_;              // published_at of the newest observation; unset: none in this session
   std::uint64_t observed_id_ = 0;  // its id
   bool looked_since_due_ = false;
+  struct Held {
+    MonoTime due;
+    CommandChunk chunk;
+  };
+  HostFaults faults_;
+  std::deque<Observation> queue_;  // queue_growth only
+  std::deque<Held> held_;          // with faults only: on their way out
   HostStatistics statistics_;
   MonoTime reported_;
   Notice no_executive_, no_sensor_;

@@ -12,11 +12,14 @@
 #include <cstdio>
 #include <cstring>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "config/load.hpp"
 #include "config/observation_shape.hpp"
 #include "config/paths.hpp"
 #include "policy_host/host.hpp"
+#include "policy_host/host_faults.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "policy_host/policy_fit.hpp"
 
@@ -45,9 +48,15 @@ void be_nice(int level) {
   }
 }
 
-int serve(const std::string& robot_file, std::string runtime_directory) {
+struct Options {
+  std::string robot, runtime_directory;
+  std::vector<std::string> faults;
+  std::uint64_t fault_seed = 1;
+};
+
+int serve(const Options& options, std::vector<takt::policy_host::HostFaultWindow> faults) {
   using namespace takt;
-  const auto robot = config::load(robot_file);
+  const auto robot = config::load(options.robot);
   if (!robot) return refuse(robot.error());
   if (const auto fine = policy_host::check_policy_section(*robot); !fine) return refuse(fine.error());
   const config::Policy& section = *robot->policy;
@@ -57,11 +66,14 @@ int serve(const std::string& robot_file, std::string runtime_directory) {
   if (!policy) return refuse(policy.error());
   if (const auto fits = policy_host::check_fit(*robot, **policy); !fits) return refuse(fits.error());
 
-  if (runtime_directory.empty()) runtime_directory = config::default_runtime_directory(robot->robot);
+  const std::string directory =
+      options.runtime_directory.empty() ? config::default_runtime_directory(robot->robot) : options.runtime_directory;
   be_nice(section.nice);
   spdlog::info("policy {} ({:016x}) for robot {}: {} values in, {} steps of {} out", section.file, *hash, robot->robot,
                (*policy)->input_size(), section.steps, config::outputs_per_step(*robot));
-  policy_host::Host(*robot, runtime_directory, *hash, **policy).run(g_stop);
+  for (const std::string& fault : options.faults) spdlog::warn("does wrong on request: {}", fault);
+  policy_host::HostFaults wrong(std::move(faults), options.fault_seed);
+  policy_host::Host(*robot, directory, *hash, **policy, std::move(wrong)).run(g_stop);
   return 0;
 }
 
@@ -69,9 +81,15 @@ int serve(const std::string& robot_file, std::string runtime_directory) {
 
 int main(int argc, char** argv) {
   CLI::App app{"Runs a robot's learned policy: waits for observations, infers, publishes action chunks."};
-  std::string robot_file, runtime_directory;
-  app.add_option("--robot", robot_file, "robot file")->required();
-  app.add_option("--runtime-dir", runtime_directory, "where the robot's sockets are (default /run/takt/<robot>)");
+  Options options;
+  app.add_option("--robot", options.robot, "robot file")->required();
+  app.add_option("--runtime-dir", options.runtime_directory,
+                 "where the robot's sockets are (default /run/takt/<robot>)");
+  app.add_option("--fault", options.faults,
+                 "do something wrong, for tests: 'FROM for LENGTH: FAULT', FROM counted from tracking "
+                 "(docs/panels-real-time.md)")
+      ->allow_extra_args(false);
+  app.add_option("--fault-seed", options.fault_seed, "what its chances are drawn from");
   app.footer(
       "Example: takt-policy-host --robot config/arm6.yaml --runtime-dir /run/takt/arm6\n"
       "Exit codes: 0 ended by a signal, 64 usage, 65 configuration or policy refused.");
@@ -80,7 +98,12 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kExitUsage;
   }
+  auto faults = takt::policy_host::parse_host_faults(options.faults);
+  if (!faults) {
+    fmt::print(stderr, "{}\n", faults.error());
+    return kExitUsage;
+  }
   spdlog::set_default_logger(spdlog::stderr_logger_st("policy-host"));
   stop_on_signals();
-  return serve(robot_file, runtime_directory);
+  return serve(options, std::move(*faults));
 }

@@ -19,11 +19,13 @@
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "drivers/plant/camera.hpp"
+#include "drivers/plant/chance.hpp"
 #include "drivers/plant/devices_file.hpp"
 #include "drivers/plant/pacer.hpp"
 #include "drivers/plant/plant_buses.hpp"
 #include "drivers/plant/robot_plant.hpp"
 #include "drivers/plant/scenario_player.hpp"
+#include "drivers/plant/sensor_path.hpp"
 #include "drivers/plant/sensor_server.hpp"
 #include "drivers/plant/truth_log.hpp"
 #include "drivers/receive_stamp.hpp"
@@ -36,6 +38,7 @@ constexpr int kExitUsage = 64, kExitUnavailable = 69, kExitInternal = 70;
 constexpr int kPriority = 10;  // SCHED_FIFO
 constexpr Duration kTruthPeriod = milliseconds(10);
 constexpr Duration kReportPeriod = seconds(1);
+constexpr std::uint64_t kSensorPathStream = 201;
 
 struct Options {
   std::string robot, devices, scenario, runtime_directory, truth_file, policy_user;
@@ -90,13 +93,15 @@ class Observer {
       : simulation_(simulation),
         started_(started),
         camera_(simulation, started),
+        path_(seed_for(simulation.seed, kSensorPathStream)),
         outputs_(std::move(outputs)),
         next_truth_(clock_now()),
         next_report_(next_truth_) {}
 
-  void look(RobotPlant& body, const Pacer& pacer, MonoTime now) {
+  void look(RobotPlant& body, const SensorFaults& faults, const Pacer& pacer, MonoTime now) {
     if (outputs_.sensor) {
-      if (const auto sample = camera_.poll(now)) outputs_.sensor->publish(*sample);
+      if (const auto sample = camera_.poll(now)) path_.take(*sample, faults);
+      while (const auto sample = path_.deliver(now)) outputs_.sensor->publish(*sample);
     }
     if (outputs_.truth && now >= next_truth_) {
       next_truth_ = now + kTruthPeriod;
@@ -117,12 +122,14 @@ class Observer {
   const config::Simulation& simulation_;
   MonoTime started_;
   Camera camera_;
+  SensorPath path_;
   Outputs outputs_;
   MonoTime next_truth_, next_report_;
 };
 
 struct Stage {
   Plant& plant;
+  RobotPlant* body;  // the plant, if it is a robot
   PlantBuses& buses;
   ScenarioPlayer& scenario;
   std::size_t bus_count;
@@ -138,6 +145,7 @@ void simulate(const Stage& stage, const std::function<void(MonoTime)>& observe) 
     if (const MonoTime newest = stage.buses.exchange(stage.plant, steps); newest.is_set()) stage.pacer.follow(newest);
     for (int i = 0; i < steps; ++i) {
       stage.scenario.advance(stage.plant);
+      if (stage.body) stage.body->set_trouble(stage.scenario.on_body());
       stage.plant.step();
     }
     for (std::size_t bus = 0; bus < stage.bus_count; ++bus) stage.buses.set_faults(bus, stage.scenario.on_bus(bus));
@@ -201,11 +209,18 @@ int serve(const Options& options, const config::RobotConfig& robot, Scenario sce
   Pacer pacer(plant.step_length(), started + plant.step_length());
   ScenarioPlayer player(std::move(scenario), robot.buses.size(),
                         [](const std::string& line) { spdlog::info("scenario: {}", line); });
-  simulate({plant, *buses, player, robot.buses.size(), pacer}, [&](MonoTime now) {
-    if (body) observer.look(*body, pacer, now);
+  simulate({plant, body, *buses, player, robot.buses.size(), pacer}, [&](MonoTime now) {
+    if (body) observer.look(*body, player.on_sensor(), pacer, now);
   });
   spdlog::info("ending after {} skipped steps", pacer.skipped());
   return 0;
+}
+
+std::vector<double> payloads_of(const Scenario& scenario) {
+  std::vector<double> payloads;
+  for (const FaultEvent& event : scenario.events)
+    if (event.kind == FaultKind::payload) payloads.push_back(event.amount);
+  return payloads;
 }
 
 int run(const Options& options) {
@@ -220,7 +235,7 @@ int run(const Options& options) {
     if (!plant) return refuse(config::kExitBadConfiguration, plant.error());
     return serve(options, *robot, std::move(*scenario), *plant, nullptr);
   }
-  auto body = RobotPlant::make(*robot);
+  auto body = RobotPlant::make(*robot, payloads_of(*scenario));
   if (!body) return refuse(config::kExitBadConfiguration, body.error());
   return serve(options, *robot, std::move(*scenario), *body, &*body);
 }

@@ -1,22 +1,27 @@
 // The simulated robot: a plant whose mechanics are what the robot file describes.
 #pragma once
 
-#include "drivers/plant/mechanics.hpp"
+#include <span>
+
 #include "drivers/plant/plant.hpp"
+#include "drivers/plant/troubled_mechanics.hpp"
 
 namespace takt::plant {
 
 class RobotPlant final : public Plant {
  public:
   // The error is one sentence: no model, no simulation, a drive of another protocol.
-  static std::expected<RobotPlant, std::string> make(const config::RobotConfig& robot);
+  // `payloads`: the masses that set_trouble() may ask for.
+  static std::expected<RobotPlant, std::string> make(const config::RobotConfig& robot,
+                                                     std::span<const double> payloads = {});
 
+  void set_trouble(const BodyTrouble& trouble) { mechanics_->set(trouble); }
   [[nodiscard]] Mechanics& mechanics() { return *mechanics_; }
   [[nodiscard]] config::Vector3 controlled_point() { return mechanics_->controlled_point(state().q); }
 
  private:
-  RobotPlant(Plant plant, Mechanics& mechanics) : Plant(std::move(plant)), mechanics_(&mechanics) {}
-  Mechanics* mechanics_;  // the Plant's
+  RobotPlant(Plant plant, TroubledMechanics& mechanics) : Plant(std::move(plant)), mechanics_(&mechanics) {}
+  TroubledMechanics* mechanics_;  // the Plant's
 };
 
 }  // namespace takt::plant

@@ -28,12 +28,17 @@ namespace takt::plant {
 // deaf              joint   hears nothing
 // repeat            joint   everything it says arrives twice
 // delay             joint   everything it says arrives later
-// drop              both    a share of what it says is lost; on a bus: of everything that crosses it
+// drop              joint, bus, sensor: a share of what it says is lost; on a bus: of everything that crosses it
 // foreign_commands  joint   a second host enables the drive and commands position zero without stiffness
 // error_passive     bus     every controller is error passive
 // bus_off           bus     every controller is off the bus
 // down              bus     the bus is gone, for good
 // babble            bus     a stranger fills the bus with frames nobody listens to
+// freeze            sensor  samples repeat an old value under fresh stamps
+// burst             sensor  samples are held back and delivered together
+// push              body    a force at the tool
+// payload           body    a point mass at the tool
+// friction          body    that many times the joints' friction
 enum class FaultKind : std::uint8_t {
   error,
   power_cycle,
@@ -46,27 +51,37 @@ enum class FaultKind : std::uint8_t {
   error_passive,
   bus_off,
   down,
-  babble
+  babble,
+  freeze,
+  burst,
+  push,
+  payload,
+  friction
 };
+
+// What an event strikes. The body is the robot's mechanics; an event names none of the others then.
+enum class Target : std::uint8_t { joint, bus, sensor, body };
 
 struct FaultEvent {
   Duration at;                    // since the beginning
-  bool after_enabled = false;     // since the drive (every drive of the bus) was first enabled
+  bool after_enabled = false;     // since the drive (bus, sensor, body: the last of its drives) was first enabled
   std::optional<Duration> lasts;  // none: to the end
-  bool on_bus = false;
+  Target strikes = Target::joint;
   std::size_t target = 0;  // joint, or bus
   std::string target_name;
   FaultKind kind = FaultKind::error;
   DeviceFault error = DeviceFault::over_temperature;  // error
-  Duration delay;                                     // delay
+  Duration delay;                                     // delay; burst: its length
   double share = 0;                                   // drop
+  double amount = 0;                                  // push: N; payload: kg; friction: factor
+  config::Vector3 along{};                            // push: where to, base frame, length 1
 };
 
 struct Scenario {
   std::vector<FaultEvent> events;  // in file order
 };
 
-// For the joints and buses of `robot`.
+// For the joints, buses and camera of `robot`.
 std::expected<Scenario, std::string> load_scenario(const std::string& path, const config::RobotConfig& robot);
 std::expected<Scenario, std::string> parse_scenario(std::string_view text, const std::string& name_for_messages,
                                                     const config::RobotConfig& robot);

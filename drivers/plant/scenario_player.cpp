@@ -24,6 +24,22 @@ void add_to_bus(const FaultEvent& event, BusFaults& bus) {
   if (event.kind == FaultKind::drop) bus.drop = std::max(bus.drop, event.share);
 }
 
+void add_to_sensor(const FaultEvent& event, MonoTime began, SensorFaults& sensor) {
+  if (event.kind == FaultKind::drop) sensor.drop = std::max(sensor.drop, event.share);
+  sensor.frozen |= event.kind == FaultKind::freeze;
+  if (event.kind != FaultKind::burst || event.delay < sensor.burst) return;
+  sensor.burst = event.delay;
+  sensor.burst_since = began;
+}
+
+void add_to_body(const FaultEvent& event, BodyTrouble& body) {
+  if (event.kind == FaultKind::payload) body.payload = event.amount;
+  if (event.kind == FaultKind::friction) body.friction *= event.amount;
+  if (event.kind != FaultKind::push) return;
+  body.towards = event.along;
+  body.force = event.amount;
+}
+
 }  // namespace
 
 ScenarioPlayer::ScenarioPlayer(Scenario scenario, std::size_t bus_count, Log log)
@@ -55,10 +71,11 @@ void ScenarioPlayer::watch_drives(Plant& plant) {
 
 MonoTime ScenarioPlayer::begin_of(const FaultEvent& event, const Plant& plant) const {
   if (!event.after_enabled) return started_ + event.at;
-  if (!event.on_bus) return enabled_at_[event.target].is_set() ? enabled_at_[event.target] + event.at : MonoTime{};
+  if (event.strikes == Target::joint)
+    return enabled_at_[event.target].is_set() ? enabled_at_[event.target] + event.at : MonoTime{};
   MonoTime last;
   for (std::size_t joint = 0; joint < enabled_at_.size(); ++joint) {
-    if (plant.bus_of(joint) != event.target) continue;
+    if (event.strikes == Target::bus && plant.bus_of(joint) != event.target) continue;
     if (!enabled_at_[joint].is_set()) return {};
     last = std::max(last, enabled_at_[joint]);
   }
@@ -100,19 +117,31 @@ void ScenarioPlayer::begin(Progress& progress, Plant& plant) {
   }
 }
 
+void ScenarioPlayer::add(const Progress& progress, const Plant& plant, std::vector<LineFaults>& lines) {
+  const FaultEvent& event = progress.event;
+  switch (event.strikes) {
+    case Target::joint:
+      if (event.kind == FaultKind::foreign_commands)
+        buses_[plant.bus_of(event.target)].rivals_of.push_back(event.target);
+      else
+        add_to_line(event, lines[event.target]);
+      return;
+    case Target::bus:
+      return add_to_bus(event, buses_[event.target]);
+    case Target::sensor:
+      return add_to_sensor(event, progress.began, sensor_);
+    case Target::body:
+      return add_to_body(event, body_);
+  }
+}
+
 void ScenarioPlayer::apply(Plant& plant) {
   std::vector<LineFaults> lines(plant.joint_count());
   for (BusFaults& bus : buses_) bus = {};
-  for (const Progress& progress : events_) {
-    if (progress.phase != Phase::active) continue;
-    const FaultEvent& event = progress.event;
-    if (event.on_bus)
-      add_to_bus(event, buses_[event.target]);
-    else if (event.kind == FaultKind::foreign_commands)
-      buses_[plant.bus_of(event.target)].rivals_of.push_back(event.target);
-    else
-      add_to_line(event, lines[event.target]);
-  }
+  sensor_ = {};
+  body_ = {};
+  for (const Progress& progress : events_)
+    if (progress.phase == Phase::active) add(progress, plant, lines);
   for (std::size_t joint = 0; joint < lines.size(); ++joint) plant.set_line(joint, lines[joint]);
 }
 

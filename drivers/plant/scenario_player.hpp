@@ -1,5 +1,6 @@
 // Plays a scenario on a plant: turns each event's fault on and off when its time comes, and says so. Pure, virtual
-// time. Faults that overlap add up: the longer delay, the larger loss, the worse bus state holds.
+// time. Faults that overlap add up: the longer delay, the larger loss, the worse bus state, the later push and payload
+// hold.
 // Thread rule: one thread at a time.
 #pragma once
 
@@ -10,6 +11,8 @@
 #include "drivers/plant/bus_trouble.hpp"
 #include "drivers/plant/plant.hpp"
 #include "drivers/plant/scenario.hpp"
+#include "drivers/plant/sensor_path.hpp"
+#include "drivers/plant/troubled_mechanics.hpp"
 
 namespace takt::plant {
 
@@ -18,9 +21,12 @@ class ScenarioPlayer {
   using Log = std::function<void(const std::string& line)>;
   ScenarioPlayer(Scenario scenario, std::size_t bus_count, Log log);
 
-  // Call before every step of `plant`. Sets the drives' faults; what buses suffer is read with on_bus().
+  // Call before every step of `plant`. Sets the drives' faults; what the others suffer is read with on_bus() and its
+  // like.
   void advance(Plant& plant);
   [[nodiscard]] const BusFaults& on_bus(std::size_t bus) const { return buses_[bus]; }
+  [[nodiscard]] const SensorFaults& on_sensor() const { return sensor_; }
+  [[nodiscard]] const BodyTrouble& on_body() const { return body_; }
 
  private:
   enum class Phase : std::uint8_t { waiting, active, over };
@@ -35,10 +41,13 @@ class ScenarioPlayer {
   bool move_on(Progress& progress, Plant& plant);  // true: something began or ended
   void begin(Progress& progress, Plant& plant);
   void apply(Plant& plant);
+  void add(const Progress& progress, const Plant& plant, std::vector<LineFaults>& lines);
   void say(MonoTime now, const FaultEvent& event, const std::string& what) const;
 
   std::vector<Progress> events_;
   std::vector<BusFaults> buses_;
+  SensorFaults sensor_;
+  BodyTrouble body_;
   Log log_;
   MonoTime started_;
   std::vector<MonoTime> enabled_at_;  // per joint, unset before

@@ -57,8 +57,10 @@ CpuHogs::~CpuHogs() {
 }
 
 std::expected<void, std::string> CpuHogs::start(const HogLoad& load) {
-  if (load.fifo_priority != 0 && load.length > kLongestFifoHog)
-    return std::unexpected(fmt::format("a hog at a real-time priority may last {} s", kLongestFifoHog.seconds()));
+  const Duration longest = load.fifo_priority == 1 ? kLongestLowestFifoHog : kLongestFifoHog;
+  if (load.fifo_priority != 0 && load.length > longest)
+    return std::unexpected(
+        fmt::format("a hog at real-time priority {} may last {} s", load.fifo_priority, longest.seconds()));
   const pid_t parent = getpid();
   const std::int64_t end_ns = monotonic_ns() + load.length.ns;
   const std::size_t before = running_.size();

@@ -23,6 +23,8 @@ struct HogLoad {
 // Above every priority of the loop nothing else on that core runs, so the time is bounded. Ordinary hogs may take
 // longer.
 inline constexpr Duration kLongestFifoHog = seconds(1);
+// At priority 1 everything real-time goes first, and the kernel takes some time of every second for ordinary ones.
+inline constexpr Duration kLongestLowestFifoHog = seconds(60);
 
 class CpuHogs {
  public:

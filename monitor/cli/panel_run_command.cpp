@@ -24,6 +24,7 @@ namespace {
 struct Options {
   std::string panel, out, only, method, shard = "1/1";
   std::size_t workers = 1;
+  std::uint64_t seeds = 0;  // 0: as many as the panel says
   bool resume = false, json = false, real_time = false, allow_non_realtime = false;
 };
 
@@ -41,6 +42,23 @@ std::optional<panel::Shard> shard_of(const std::string& text) {
   const bool fits = shard.index >= 1 && shard.index <= shard.count && shard.count <= 10'000;
   if (second != std::errc{} || last != end || !fits) return std::nullopt;
   return shard;
+}
+
+// "arm_tracking.none@0.takt.s17": 17.
+std::optional<std::uint64_t> seed_of(const std::string& rollout_id) {
+  const std::size_t mark = rollout_id.rfind(".s");
+  std::uint64_t seed = 0;
+  if (mark == std::string::npos) return std::nullopt;
+  const char* const end = rollout_id.data() + rollout_id.size();
+  const auto [last, error] = std::from_chars(rollout_id.data() + mark + 2, end, seed);
+  return error == std::errc{} && last == end ? std::optional(seed) : std::nullopt;
+}
+
+// A rollout of a run with more seeds than the file names (--seeds) can be run again without saying how many there were.
+void plan_for(std::uint64_t seed, panel::Panel& panel) {
+  if (seed >= panel.first_seed && seed < panel.first_seed + panel.seed_count) return;
+  panel.first_seed = seed;
+  panel.seed_count = 1;
 }
 
 std::expected<panel::ArtifactWriter, std::string> open_writer(const Options& options,
@@ -106,6 +124,8 @@ int run(const Options& options) {
     if (panel->methods.empty())
       return refuse(kExitUsage, "takt panel run: --method " + options.method + ": no method of this panel");
   }
+  if (options.seeds != 0) panel->seed_count = options.seeds;
+  if (const auto seed = seed_of(options.only)) plan_for(*seed, *panel);
   auto plan = panel::plan_of(*panel, *shard);
   auto contest = panel::Contest::prepare(std::move(*panel));
   if (!contest) return refuse(config::kExitBadConfiguration, contest.error());
@@ -147,6 +167,8 @@ void add_panel_run(CLI::App& panel, int& exit_code) {
       ->check(CLI::Range(1, 1024));
   command->add_option("--shard", options->shard, "I/N: run only the I-th of N parts of the plan");
   command->add_option("--method", options->method, "run this one of the panel's methods");
+  command->add_option("--seeds", options->seeds, "this many seeds from the first on, instead of the panel's count")
+      ->check(CLI::Range(1, 1'000'000));
   command->add_option("--only", options->only, "run the one rollout of this id, as post-mortems name it");
   auto* const real_time =
       command->add_flag("--real-time", options->real_time, "with real processes, one robot after the other");

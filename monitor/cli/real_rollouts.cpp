@@ -113,27 +113,47 @@ std::set<std::string> obstacles(const panel::Contest& contest) {
     if (method.repeat_last)
       found.insert(fmt::format("method {}: `link: repeat_last` exists in virtual time only", method.name));
     if (!robot.simulation) found.insert(robot.file + ": no `simulation`, so nobody knows what the robot really did");
-    if (!panel::has_real_mechanism(perturbation.trouble)) continue;
     if (const auto real = panel::real_trouble_of(perturbation, robot, planned.seed); !real) found.insert(real.error());
   }
   return found;
+}
+
+std::string plant_file(const std::string& folder) {
+  return folder + "/plant.yaml";
+}
+
+// Of the rollout that lives in `folder`: everything but where its sockets are.
+std::vector<std::string> arguments_of(const panel::Panel& panel, const panel::RealTrouble& trouble, std::uint64_t seed,
+                                      const std::string& folder) {
+  const auto microseconds_text = [](Duration time) { return fmt::format("{}us", time.ns / 1000); };
+  std::vector<std::string> arguments{fs::read_symlink("/proc/self/exe").string(),
+                                     "run",
+                                     folder + "/robot.yaml",
+                                     "--run-dir",
+                                     folder + "/run",
+                                     "--arm",
+                                     "--to-the-end",
+                                     "--duration",
+                                     microseconds_text(panel.duration + kBeyondTheEnd),
+                                     fmt::format("--plant=--seed={}", seed),
+                                     fmt::format("--plant=--target-entry={:.3f}", panel::target_entry(seed).seconds()),
+                                     fmt::format("--plant=--truth={}/truth.jsonl", folder)};
+  if (panel.rearm_after) arguments.insert(arguments.end(), {"--rearm-after", microseconds_text(*panel.rearm_after)});
+  for (const std::string& action : trouble.actions) arguments.insert(arguments.end(), {"--at", action});
+  for (const std::string& fault : trouble.policy_faults) arguments.push_back("--policy=--fault=" + fault);
+  if (!trouble.policy_faults.empty()) arguments.push_back(fmt::format("--policy=--fault-seed={}", seed));
+  if (!trouble.plant_scenario.empty()) arguments.push_back("--plant=--scenario=" + plant_file(folder));
+  return arguments;
 }
 
 }  // namespace
 
 std::expected<RealRollouts, std::string> RealRollouts::make(const panel::Contest& contest, std::string out,
                                                             bool allow_non_realtime) {
-  std::set<std::string> without;
-  for (const panel::PanelPerturbation& one : contest.panel().perturbations)
-    if (!panel::has_real_mechanism(one.resolved().trouble)) without.insert(one.kind);
   std::set<std::string> sentences = obstacles(contest);
-  if (contest.panel().rearm_after)
-    sentences.insert("`operator` exists in virtual time only: leave --real-time out, or the section");
-  if (!without.empty())
-    sentences.insert(fmt::format("no mechanism with real processes for {}: leave --real-time out, or them",
-                                 fmt::join(without, ", ")));
   if (!sentences.empty())
-    return std::unexpected(fmt::format("{}: {}", contest.panel().file, fmt::join(sentences, "\n")));
+    return std::unexpected(fmt::format("{0}: {1}\nleave --real-time out, or them", contest.panel().file,
+                                       fmt::join(sentences, "\n" + contest.panel().file + ": ")));
   return RealRollouts(contest, std::move(out), allow_non_realtime);
 }
 
@@ -147,25 +167,10 @@ std::expected<void, std::string> RealRollouts::live_through(const panel::Planned
   if (auto done = write_robot(robot, folder); !done) return done;
   const RuntimeDirectory runtime;
   if (runtime.path().empty()) return std::unexpected("no temporary folder for sockets can be made; set TMPDIR");
-  std::vector<std::string> arguments{fs::read_symlink("/proc/self/exe").string(),
-                                     "run",
-                                     folder + "/robot.yaml",
-                                     "--runtime-dir",
-                                     runtime.path(),
-                                     "--run-dir",
-                                     folder + "/run",
-                                     "--arm",
-                                     "--to-the-end",
-                                     "--duration",
-                                     fmt::format("{}us", (panel.duration + kBeyondTheEnd).ns / 1000)};
-  arguments.push_back(fmt::format("--plant=--seed={}", planned.seed));
-  arguments.push_back(fmt::format("--plant=--target-entry={:.3f}", panel::target_entry(planned.seed).seconds()));
-  arguments.push_back(fmt::format("--plant=--truth={}/truth.jsonl", folder));
-  for (const std::string& action : trouble->actions) arguments.insert(arguments.end(), {"--at", action});
-  if (!trouble->plant_scenario.empty()) {
-    if (auto done = monitor::replace_file(folder + "/plant.yaml", trouble->plant_scenario); !done) return done;
-    arguments.push_back(fmt::format("--plant=--scenario={}/plant.yaml", folder));
-  }
+  if (!trouble->plant_scenario.empty())
+    if (auto done = monitor::replace_file(plant_file(folder), trouble->plant_scenario); !done) return done;
+  std::vector<std::string> arguments = arguments_of(panel, *trouble, planned.seed, folder);
+  arguments.insert(arguments.end(), {"--runtime-dir", runtime.path()});
   if (allow_non_realtime_) arguments.emplace_back("--allow-non-realtime");
   if (auto done = monitor::replace_file(folder + "/command.txt", fmt::format("'{}'\n", fmt::join(arguments, "' '")));
       !done)

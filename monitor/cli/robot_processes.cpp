@@ -97,6 +97,8 @@ std::expected<void, std::string> RobotProcesses::start(ProcessName process) {
     options.arguments.emplace_back("--allow-non-realtime");
   if (process == ProcessName::plant)
     options.arguments.insert(options.arguments.end(), place_.plant_arguments.begin(), place_.plant_arguments.end());
+  if (process == ProcessName::policy)
+    options.arguments.insert(options.arguments.end(), place_.policy_arguments.begin(), place_.policy_arguments.end());
   if (process == ProcessName::monitor) {
     options.arguments.emplace_back("--run-dir");
     options.arguments.push_back(place_.run_directory);

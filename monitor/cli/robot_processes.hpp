@@ -21,7 +21,8 @@ struct RobotPlace {
   std::string runtime_directory;
   std::string run_directory;  // must not exist yet: the monitor makes it
   bool allow_non_realtime = false;
-  std::vector<std::string> plant_arguments = {};  // further ones of takt-plant
+  std::vector<std::string> plant_arguments = {};   // further ones of takt-plant
+  std::vector<std::string> policy_arguments = {};  // of takt-policy-host
 };
 
 class RobotProcesses {

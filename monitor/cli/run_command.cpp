@@ -20,15 +20,15 @@ namespace {
 constexpr const char* kFooter =
     "Example: takt run config/arm6.yaml --arm --duration 20s --at '8s: freeze policy 300ms' --at '15s: kill policy'\n"
     "Actions of --at: freeze PROCESS DURATION, kill PROCESS, start PROCESS, arm, stop, reset, hog control|policy "
-    "DURATION,\ncrowd policy N DURATION; PROCESS: policy, monitor, plant, executive.\n"
+    "DURATION,\nthrottle control DURATION, crowd policy N DURATION; PROCESS: policy, monitor, plant, executive.\n"
     "The run ends after --duration, on SIGINT or SIGTERM, or once the robot rests after a scripted stop or kill of the "
     "policy.\n"
     "Exit codes: 0 ended as asked, 1 arming refused or a process failed, 64 command line, 65 configuration,\n"
     "69 a process or bus is missing, 70 bug, 71 set-up refused (real time, permissions).";
 
 struct Given {
-  std::string robot_file, runtime_dir, run_dir, duration;
-  std::vector<std::string> at, plant;
+  std::string robot_file, runtime_dir, run_dir, duration, rearm_after;
+  std::vector<std::string> at, plant, policy;
   bool arm = false, allow_non_realtime = false, restart = false, to_the_end = false;
 };
 
@@ -59,12 +59,20 @@ int run(const Given& given) {
     if (!duration) return refuse(kExitUsage, "--duration " + duration.error());
     options.duration = *duration;
   }
+  if (!given.rearm_after.empty()) {
+    const auto after = parse_duration(given.rearm_after);
+    if (!after) return refuse(kExitUsage, "--rearm-after " + after.error());
+    if (!robot.simulation)
+      return refuse(kExitUsage, "--rearm-after is for simulated robots: " + given.robot_file + " has no `simulation`");
+    options.rearm_after = *after;
+  }
   options.place = {.robot_file = given.robot_file,
                    .runtime_directory =
                        given.runtime_dir.empty() ? config::default_runtime_directory(robot.robot) : given.runtime_dir,
                    .run_directory = given.run_dir.empty() ? new_run_directory(robot) : given.run_dir,
                    .allow_non_realtime = given.allow_non_realtime,
-                   .plant_arguments = given.plant};
+                   .plant_arguments = given.plant,
+                   .policy_arguments = given.policy};
   if (std::filesystem::exists(options.place.run_directory))
     return refuse(kExitUsage,
                   fmt::format("--run-dir {} exists already; name a new folder", options.place.run_directory));
@@ -88,8 +96,16 @@ void add_run(CLI::App& app, int& exit_code) {
   command->add_option("--at", given->at, "scripted event 'T: ACTION', T after tracking began")->allow_extra_args(false);
   command->add_option("--plant", given->plant, "a further option of takt-plant, such as --plant=--scenario=faults.yaml")
       ->allow_extra_args(false);
+  command
+      ->add_option("--policy", given->policy,
+                   "a further option of takt-policy-host, such as --policy=--fault='3 s for 1 s: publish_delay 100 ms'")
+      ->allow_extra_args(false);
   command->add_flag("--to-the-end", given->to_the_end, "for the whole --duration, even if the robot rests before");
   command->add_flag("--arm", given->arm, "arm as soon as nothing is missing");
+  command
+      ->add_option("--rearm-after", given->rearm_after,
+                   "end a stop or fault this long after it began, and arm again, as a person would; simulated robots")
+      ->needs("--arm");
   command->add_flag("--restart", given->restart, "restart a policy host or monitor that died");
   command->add_flag("--allow-non-realtime", given->allow_non_realtime, "run even without real-time guarantees");
   command->footer(kFooter);

@@ -17,7 +17,8 @@ namespace {
 constexpr std::array<std::string_view, kProcessCount> kProcesses{"plant", "executive", "monitor", "policy"};
 constexpr std::string_view kGrammar =
     "write 'T: ACTION', ACTION one of `freeze PROCESS DURATION`, `kill PROCESS`, `start PROCESS`, `hog control|policy "
-    "DURATION`, `crowd policy N DURATION`, `arm`, `stop`, `reset`; PROCESS one of policy, monitor, plant, executive";
+    "DURATION`, `throttle control DURATION`, `crowd policy N DURATION`, `arm`, `stop`, `reset`; PROCESS one of policy, "
+    "monitor, plant, executive";
 constexpr std::size_t kLargestCrowd = 64;
 
 std::optional<ProcessName> find_process(const std::string& word) {
@@ -39,21 +40,39 @@ std::string rest_of(std::istringstream& words) {
   return rest;
 }
 
-// `hog control 8ms`, `hog policy 400ms`, `crowd policy 5 2s`; `rest` is what follows the verb. None: not written so.
+ActionKind contention_kind(const std::string& verb) {
+  if (verb == "hog") return ActionKind::hog;
+  return verb == "throttle" ? ActionKind::throttle : ActionKind::crowd;
+}
+
+// `hog control 8ms`, `throttle control 2s`, `crowd policy 5 2s`; `rest` is what follows the verb. None: not written so.
 std::optional<Event> contention_of(Duration at, const std::string& verb, const std::string& rest) {
   std::istringstream words(rest);
   std::string target;
   words >> target;
-  Event event{at, verb == "hog" ? ActionKind::hog : ActionKind::crowd, ProcessName::policy, verb + ' ' + rest};
-  if (target == "control" && verb == "hog")
-    event.process = ProcessName::executive;
-  else if (target != "policy")
-    return std::nullopt;
+  Event event{at, contention_kind(verb), ProcessName::policy, verb + ' ' + rest};
+  if (target == "control") event.process = ProcessName::executive;
+  if (target != "control" && target != "policy") return std::nullopt;
+  if (verb != "hog" && target != (verb == "throttle" ? "control" : "policy")) return std::nullopt;
   if (verb == "crowd" && (!(words >> event.count) || event.count == 0 || event.count > kLargestCrowd))
     return std::nullopt;
   const auto length = parse_duration(rest_of(words));
   if (!length) return std::nullopt;
   event.length = *length;
+  return event;
+}
+
+// `2 400ms ./burn --all`: a duration without a space. None: not written so.
+std::optional<Event> load_of(Duration at, const std::string& rest) {
+  std::istringstream words(rest);
+  Event event{at, ActionKind::load, ProcessName::policy, "load " + rest};
+  std::string span;
+  if (!(words >> event.count >> span) || event.count == 0 || event.count > kLargestCrowd) return std::nullopt;
+  const auto length = parse_duration(span);
+  if (!length) return std::nullopt;
+  event.length = *length;
+  for (std::string word; words >> word;) event.command.push_back(word);
+  if (event.command.empty()) return std::nullopt;
   return event;
 }
 
@@ -71,11 +90,20 @@ std::expected<void, std::string> add_event(const std::string& line, std::vector<
     events.push_back({*at, *request, ProcessName::executive, verb});
     return {};
   }
-  if (verb == "hog" || verb == "crowd") {
+  if (verb == "hog" || verb == "throttle" || verb == "crowd") {
     const auto event = contention_of(*at, verb, rest_of(words));
     if (!event) return refuse(kGrammar);
     if (verb == "hog" && event->length > kLongestFifoHog) return refuse("a hog may last 1 s: above it nothing runs");
+    if (verb == "throttle" && event->length > kLongestLowestFifoHog)
+      return refuse("this may last 60 s: ordinary processes get little of that core meanwhile");
     events.push_back(*event);
+    return {};
+  }
+  if (verb == "load") {
+    const auto event = load_of(*at, rest_of(words));
+    if (!event) return refuse(kGrammar);
+    events.push_back(*event);
+    events.push_back({*at + event->length, ActionKind::unload, ProcessName::policy, "end of " + event->text});
     return {};
   }
   words >> target;

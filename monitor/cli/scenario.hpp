@@ -2,7 +2,9 @@
 // then SIGCONT), `kill PROCESS` (SIGKILL), `start PROCESS` (one that died), `arm`, `stop`, `reset`; processes: policy,
 // monitor, plant, executive. Contention for processors (cpu_hog.hpp): `hog control DURATION` occupies the control
 // thread's core above its priority; `hog policy DURATION` every core below the control thread's priority and above the
-// policy host's; `crowd policy N DURATION` puts N ordinary processes, as nice as the policy host, on every core.
+// policy host's; `throttle control DURATION` uses up the real-time budget of the control thread's core from below it;
+// `crowd policy N DURATION` puts N ordinary processes, as nice as the policy host, on every core;
+// `load N DURATION COMMAND` runs a command of the user's N times at once, for a device that only it knows.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +17,20 @@
 
 namespace takt::cli {
 
-enum class ActionKind : std::uint8_t { freeze, thaw, kill, start, hog, crowd, arm, stop, reset };
+enum class ActionKind : std::uint8_t {
+  freeze,
+  thaw,
+  kill,
+  start,
+  hog,
+  throttle,
+  crowd,
+  load,
+  unload,
+  arm,
+  stop,
+  reset
+};
 enum class ProcessName : std::uint8_t { plant, executive, monitor, policy };
 inline constexpr std::size_t kProcessCount = 4;
 std::string_view name(ProcessName process);
@@ -23,10 +38,11 @@ std::string_view name(ProcessName process);
 struct Event {
   Duration at;
   ActionKind action = ActionKind::stop;
-  ProcessName process = ProcessName::policy;  // freeze, thaw, kill, start; hog: executive or policy; crowd
+  ProcessName process = ProcessName::policy;  // freeze, thaw, kill, start; hog: executive or policy; throttle, crowd
   std::string text;                           // for messages: "freeze policy 300 ms"
-  Duration length = {};                       // hog, crowd
-  std::size_t count = 0;                      // crowd: processes per core
+  Duration length = {};                       // hog, throttle, crowd
+  std::size_t count = 0;                      // crowd: processes per core; load
+  std::vector<std::string> command = {};      // load
 };
 
 // "300ms", "300 ms", "20 s". The error says how to write it.

@@ -60,6 +60,7 @@ Supervisor::Supervisor(const config::RobotConfig& robot, RunOptions options)
       options_(std::move(options)),
       processes_(robot_, options_.place),
       display_(robot.freshness.max_age),
+      person_(options_.rearm_after),
       made_at_(steady_now()) {
   sigset_t watched;
   sigemptyset(&watched);
@@ -147,6 +148,7 @@ Supervisor::Outcome Supervisor::follow() {
         const bool tracks = status->tick.mode == Mode::tracking || status->tick.mode == Mode::degraded;
         if (!tracking_since_ && tracks) tracking_since_ = now();
         display_.show(now() - tracking_since_.value_or(*ready_at_), *status);
+        rearm(status->tick.mode);
         if (auto goes_on = judge_progress(*status); !goes_on) return goes_on;
       }
     }
@@ -207,6 +209,8 @@ Supervisor::Outcome Supervisor::contend(const Event& event) {
   if (event.action == ActionKind::crowd) {
     load.per_cpu = event.count;
     load.nice = robot_.policy ? robot_.policy->nice : 0;
+  } else if (event.action == ActionKind::throttle) {
+    return throttle(event);
   } else if (event.process == ProcessName::policy) {
     load.fifo_priority = 1;
   } else {
@@ -214,6 +218,42 @@ Supervisor::Outcome Supervisor::contend(const Event& event) {
     if (control.cpu) load.cpus = {*control.cpu};
   }
   if (auto started = hogs_.start(load); !started) return std::unexpected(End{kExitSetUpRefused, started.error()});
+  return {};
+}
+
+// Below the control thread, so that it takes nothing from it by itself; and an ordinary process beside it, for whose
+// sake the kernel takes the core from both.
+Supervisor::Outcome Supervisor::throttle(const Event& event) {
+  HogLoad load{.cpus = usable_cpus(), .length = event.length};
+  if (robot_.control.cpu) load.cpus = {*robot_.control.cpu};
+  for (const int priority : {1, 0}) {
+    load.fifo_priority = priority;
+    if (auto started = hogs_.start(load); !started) return std::unexpected(End{kExitSetUpRefused, started.error()});
+  }
+  return {};
+}
+
+Supervisor::Outcome Supervisor::load(const Event& event) {
+  for (std::size_t i = 0; i < event.count; ++i) {
+    auto started = ChildProcess::start({.name = event.command.front(),
+                                        .arguments = event.command,
+                                        .log_path = options_.place.runtime_directory + "/logs/load.log",
+                                        .parent_death_signal = SIGKILL});
+    if (!started) return std::unexpected(End{kExitUnavailable, started.error()});
+    loads_.push_back(std::move(*started));
+  }
+  return {};
+}
+
+// A load that ended by itself loaded nothing for the time it was meant to.
+Supervisor::Outcome Supervisor::unload() {
+  for (ChildProcess& load : loads_) {
+    if (!load.alive())
+      return std::unexpected(End{kExitFailed, fmt::format("the load {} {} before its time\n{}", load.options().name,
+                                                          load.how_it_ended(), load.last_words())});
+    load.end(std::chrono::seconds(1));
+  }
+  loads_.clear();
   return {};
 }
 
@@ -244,8 +284,13 @@ Supervisor::Outcome Supervisor::fire(const Event& event) {
       restart(event.process);
       return {};
     case ActionKind::hog:
+    case ActionKind::throttle:
     case ActionKind::crowd:
       return contend(event);
+    case ActionKind::load:
+      return load(event);
+    case ActionKind::unload:
+      return unload();
     case ActionKind::arm:
       request(OperatorVerb::arm);
       return {};
@@ -264,6 +309,18 @@ void Supervisor::request(OperatorVerb verb) {
   const auto reply = processes_.ask(verb);
   if (!reply) return display_.note(reply.error());
   for (const std::string& sentence : sentences_of(*reply)) display_.note(sentence);
+}
+
+void Supervisor::rearm(Mode mode) {
+  const OperatorStep step = person_.next(mode, now());
+  if (step == OperatorStep::none) return;
+  if (step == OperatorStep::reset_if_only_the_stop_blocks) {
+    const auto refused = processes_.ask(OperatorVerb::arm);  // names everything that blocks
+    if (!refused || sentences_of(*refused).size() != 1) return;
+  }
+  const OperatorVerb verb = step == OperatorStep::arm ? OperatorVerb::arm : OperatorVerb::reset;
+  const auto reply = processes_.ask(verb);
+  if (reply && reply->done != 0) display_.note(verb == OperatorVerb::arm ? "armed again" : "the stop was reset");
 }
 
 Supervisor::Outcome Supervisor::pause(Duration until) {

@@ -15,6 +15,7 @@
 
 #include "monitor/cli/cpu_hog.hpp"
 #include "monitor/cli/live_display.hpp"
+#include "monitor/cli/rearming.hpp"
 #include "monitor/cli/robot_processes.hpp"
 #include "monitor/cli/scenario.hpp"
 
@@ -26,7 +27,8 @@ struct RunOptions {
   std::vector<Event> events;  // in order of time
   bool arm = false;
   bool restart = false;
-  bool to_the_end = false;  // for the whole duration, even if the robot rests after a scripted stop
+  std::optional<Duration> rearm_after = {};  // from a stop or fault; empty: nobody ends them
+  bool to_the_end = false;                   // for the whole duration, even if the robot rests after a scripted stop
 };
 
 class Supervisor {
@@ -55,7 +57,11 @@ class Supervisor {
   Outcome fire(const Event& event);
   void restart(ProcessName process);
   Outcome contend(const Event& event);
+  Outcome throttle(const Event& event);
+  Outcome load(const Event& event);
+  Outcome unload();
   void request(OperatorVerb verb);
+  void rearm(Mode mode);
   Outcome judge_progress(const StatusSnapshot& status);
   // Sleeps until `until`, a child's death or a signal; an error when asked to end.
   Outcome pause(Duration until);
@@ -66,6 +72,8 @@ class Supervisor {
   RobotProcesses processes_;
   LiveDisplay display_;
   CpuHogs hogs_;
+  std::vector<ChildProcess> loads_;
+  Rearming person_;
   int signals_ = -1;  // signalfd
   Duration made_at_;
   std::size_t next_event_ = 0;

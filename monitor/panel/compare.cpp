@@ -167,9 +167,14 @@ void add_notes(const Artifact& a, const Artifact& b, Comparison& out) {
 }
 
 Side side_of(const Artifact& artifact, std::string method) {
-  return {.artifact_id = artifact.manifest.complete ? artifact.manifest.artifact_id : "incomplete",
-          .folder = artifact.folder.path(),
-          .method = std::move(method)};
+  Side side{.artifact_id = artifact.manifest.complete ? artifact.manifest.artifact_id : "incomplete",
+            .folder = artifact.folder.path(),
+            .method = std::move(method),
+            .confusion = {}};
+  auto confusions = confusions_of(artifact.rows);
+  const auto found = confusions.find(side.method);
+  if (found != confusions.end() && found->second.macro_recall()) side.confusion = std::move(found->second);
+  return side;
 }
 
 }  // namespace

@@ -9,10 +9,12 @@
 #include <cstdint>
 #include <expected>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "monitor/panel/artifact.hpp"
+#include "monitor/panel/confusion.hpp"
 #include "monitor/panel/paired_statistics.hpp"
 
 namespace takt::panel {
@@ -47,7 +49,8 @@ struct RowPair {
 struct Side {
   std::string artifact_id;  // "incomplete" when it is
   std::string folder, method;
-  std::uint64_t unpaired = 0;  // rows of the method without a partner
+  std::optional<Confusion> confusion;  // of the method's rollouts; none: no cause was planted in them
+  std::uint64_t unpaired = 0;          // rows of the method without a partner
 };
 
 struct Comparison {
@@ -67,7 +70,7 @@ std::string comparison_text(const Comparison& comparison);
 // One line per pair: how each side ended, p99 age per tick, tracking error.
 std::string comparison_rows_text(const Comparison& comparison);
 nlohmann::ordered_json to_json(const Comparison& comparison);
-// One file without scripts or requests.
+// One file without scripts or requests. Holds the fault classifier's confusion matrices where both sides have one.
 std::string comparison_html(const Comparison& comparison);
 
 }  // namespace takt::panel

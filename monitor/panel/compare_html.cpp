@@ -113,6 +113,35 @@ std::string pairs_html(const Comparison& comparison) {
   return html + "</table>\n";
 }
 
+// Rows: what was planted; columns: verdicts that occur at all.
+std::string confusion_html(std::string_view side, const std::string& method, const Confusion& confusion) {
+  std::vector<std::size_t> columns;
+  for (std::size_t verdict = 0; verdict <= kNoVerdict; ++verdict)
+    if (std::ranges::any_of(confusion.planted, [&](const auto& row) { return row.second[verdict] != 0; }))
+      columns.push_back(verdict);
+  std::string html = fmt::format(
+      "<h3>{}: {}</h3>\n<p>Macro recall {:.3f}; nominal rollouts with a verdict: {} of {}.</p>\n<table><tr>"
+      "<th>planted</th>",
+      side, escaped(method), confusion.macro_recall().value_or(0), confusion.nominal_labelled, confusion.nominal);
+  for (const std::size_t verdict : columns) html += fmt::format("<th>{}</th>", verdict_name(verdict));
+  html += "<th>recall</th></tr>\n";
+  for (const auto& [fault, counts] : confusion.planted) {
+    html += fmt::format("<tr><td>{}</td>", name(fault));
+    for (const std::size_t verdict : columns)
+      html += fmt::format("<td{}>{}</td>", verdict == static_cast<std::size_t>(fault) ? " class=\"clear\"" : "",
+                          counts[verdict]);
+    html += fmt::format("<td>{:.3f}</td></tr>\n", confusion.recall(fault));
+  }
+  return html + "</table>\n";
+}
+
+std::string confusions_html(const Comparison& comparison) {
+  if (!comparison.a.confusion || !comparison.b.confusion) return "";
+  return "<h2>Fault classifier: planted causes against verdicts</h2>\n" +
+         confusion_html("A", comparison.a.method, *comparison.a.confusion) +
+         confusion_html("B", comparison.b.method, *comparison.b.confusion);
+}
+
 }  // namespace
 
 std::string comparison_html(const Comparison& comparison) {
@@ -125,7 +154,7 @@ std::string comparison_html(const Comparison& comparison) {
   for (const std::string& note : comparison.notes) html += fmt::format("<p class=\"note\">{}</p>\n", escaped(note));
   html += group_html(comparison.pooled);
   for (const GroupComparison& group : comparison.groups) html += group_html(group);
-  return html + pairs_html(comparison) + "</body></html>\n";
+  return html + confusions_html(comparison) + pairs_html(comparison) + "</body></html>\n";
 }
 
 }  // namespace takt::panel

@@ -21,20 +21,19 @@ constexpr Planted kPlanted[] = {
     {"estimator_delay", Fault::estimator_lag},
     {"inference_stall", Fault::inference_stall},
     {"inference_mean_shift", Fault::inference_stall},
+    {"gpu_contention", Fault::inference_stall},
     {"policy_crash", Fault::inference_stall},
     {"policy_freeze", Fault::inference_stall},
     {"queue_growth", Fault::middleware_queue_growth},
     {"publish_delay", Fault::middleware_queue_growth},
     {"scheduler_preemption", Fault::scheduler_preemption},
+    {"cpu_hog", Fault::scheduler_preemption},
+    {"rt_throttling", Fault::scheduler_preemption},
     {"bad_actions_nan", Fault::controller_integration_error},
     {"bad_actions_range", Fault::controller_integration_error},
     {"can_loss", Fault::actuator_or_bus_fault},
     {"bus_off", Fault::actuator_or_bus_fault},
 };
-
-std::string_view verdict_name(std::size_t index) {
-  return index == kNoVerdict ? std::string_view("none") : monitor::kFaultNames[index];
-}
 
 std::size_t verdict_index(std::string_view name) {
   return static_cast<std::size_t>(std::ranges::find(monitor::kFaultNames, name) - monitor::kFaultNames.begin());
@@ -71,6 +70,10 @@ Json method_json(const Confusion& confusion) {
 }
 
 }  // namespace
+
+std::string_view verdict_name(std::size_t index) {
+  return index == kNoVerdict ? std::string_view("none") : monitor::kFaultNames[index];
+}
 
 std::optional<Fault> planted_fault(std::string_view perturbation) {
   const auto* const found = std::ranges::find(kPlanted, perturbation, &Planted::perturbation);

@@ -32,6 +32,8 @@ std::string_view leading_fault(const monitor::FaultSummary& summary);
 // Rollouts by verdict, in the order of Fault; the last: none.
 using VerdictCounts = std::array<std::uint64_t, monitor::kFaultCount + 1>;
 inline constexpr std::size_t kNoVerdict = monitor::kFaultCount;
+// "inference_stall"; "none" for the last.
+std::string_view verdict_name(std::size_t index);
 
 struct Confusion {
   std::map<monitor::Fault, VerdictCounts> planted;          // by the planted cause

@@ -67,6 +67,7 @@ void describe_perturbation(Fields& fields, PanelPerturbation& one, const Panel& 
                   config::between(kind->least, kind->most));
   fields.duration({"from", "start of its window", "window.from", true}, one.from, {}, kLongest);
   fields.duration({"for", "length of its window", "window.for", true}, one.length, {}, kLongest);
+  fields.text({"load", "gpu_contention with --real-time: command that keeps the GPU busy", "none", true}, one.load);
   fields.references({"tasks", "which tasks it troubles; empty: every one", "[]"}, one.tasks, kTaskNames, "task");
 }
 
@@ -146,6 +147,8 @@ void check_perturbations(const Panel& panel, config::Checker& checker) {
     for (const std::size_t wanted : one.tasks)
       checker.require(std::ranges::find(panel.tasks, static_cast<Task>(wanted), &PanelTask::task) != panel.tasks.end(),
                       path + ".tasks", "names a task that this panel does not have; drop it, or add the task");
+    checker.require(one.load.empty() || one.kind == "gpu_contention", path + ".load",
+                    "only `gpu_contention` runs a command; leave it out");
     checker.require(one.from + one.length <= panel.duration, path + ".kind",
                     "its window ends after the rollout's `duration`; move or shorten it");
   }

@@ -38,10 +38,11 @@ struct PanelPerturbation {
   double dose = 0;
   Duration from, length;
   std::vector<std::size_t> tasks{};  // as Task; empty: every task of the panel
+  std::string load{};                // gpu_contention only
   [[nodiscard]] bool troubles(Task task) const {
     return tasks.empty() || std::ranges::find(tasks, static_cast<std::size_t>(task)) != tasks.end();
   }
-  [[nodiscard]] Perturbation resolved() const { return {find_perturbation(kind)->trouble, dose, from, length}; }
+  [[nodiscard]] Perturbation resolved() const { return {find_perturbation(kind)->trouble, dose, from, length, load}; }
 };
 
 struct Panel {

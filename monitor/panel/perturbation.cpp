@@ -20,6 +20,11 @@ constexpr std::array<PerturbationKind, kTroubleCount> kKinds{{
      10'000},
     {Trouble::inference_mean_shift, "inference_mean_shift", "every inference takes this many times as long", "factor",
      6, 0.01, 1000},
+    {Trouble::gpu_contention, "gpu_contention",
+     "the inference device is shared with this many other loads: an inference takes, drawn evenly, from 1 to 1 + 2 "
+     "dose "
+     "times as long",
+     "loads", 8, 1, 64},
     {Trouble::queue_growth, "queue_growth",
      "observations queue up instead of replacing one another, and once per second this many callbacks of 2 ms each "
      "queue up before them",
@@ -37,6 +42,14 @@ constexpr std::array<PerturbationKind, kTroubleCount> kKinds{{
      "places", 1, 1, 63},
     {Trouble::scheduler_preemption, "scheduler_preemption",
      "ten times per second, at random, the control thread wakes this much later and loses periods", "ms", 8, 0.1, 1000},
+    {Trouble::cpu_hog, "cpu_hog",
+     "every 100 ms, from an instant drawn once, a process above the control thread's priority has its core for this "
+     "long",
+     "ms", 20, 0.1, 99},
+    {Trouble::rt_throttling, "rt_throttling",
+     "the real-time budget of the control thread's core is used up: the kernel stops the thread for this long out of "
+     "every second, from an instant drawn once",
+     "ms", 50, 1, 999},
     {Trouble::can_loss, "can_loss", "each frame, in either direction, is lost with this probability", "share", 0.1, 0,
      1},
     {Trouble::can_delay, "can_delay", "replies arrive, and are stamped, this much later", "ms", 4, 0, 1000},

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <span>
+#include <string>
 #include <string_view>
 
 #include "executive/contract/mono_time.hpp"
@@ -19,6 +20,7 @@ enum class Trouble : std::uint8_t {
   estimator_delay,
   inference_stall,
   inference_mean_shift,
+  gpu_contention,
   queue_growth,
   publish_delay,
   policy_crash,
@@ -27,6 +29,8 @@ enum class Trouble : std::uint8_t {
   bad_actions_range,
   wrong_joint_order,
   scheduler_preemption,
+  cpu_hog,
+  rt_throttling,
   can_loss,
   can_delay,
   bus_off,
@@ -34,7 +38,7 @@ enum class Trouble : std::uint8_t {
   payload,
   friction,
 };
-inline constexpr std::size_t kTroubleCount = 21;
+inline constexpr std::size_t kTroubleCount = 24;
 
 struct PerturbationKind {
   Trouble trouble = Trouble::none;
@@ -53,9 +57,12 @@ struct Perturbation {
   Trouble trouble = Trouble::none;
   double dose = 0;
   Duration from, length;  // window, since the rollout's start
+  std::string load = {};  // gpu_contention with real processes: the command that keeps the GPU busy; empty: none named
 };
 // Times at which some perturbations repeat, from the start of the window on.
 inline constexpr Duration kRepeat = seconds(1);
+inline constexpr Duration kHogEvery = milliseconds(100);  // cpu_hog
+inline constexpr double kPreemptionsPerSecond = 10;       // scheduler_preemption
 
 // The perturbation of one rollout at its own instants. Outside the window, and for every other trouble, the dose is 0.
 class Disturbance {

@@ -1,19 +1,37 @@
 #include "monitor/panel/real_perturbation.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <utility>
 
+#include "drivers/plant/scenario.hpp"
+#include "monitor/panel/plant_scenario.hpp"
 #include "monitor/panel/random.hpp"
+#include "monitor/panel/wake_ups.hpp"
+#include "policy_host/host_faults.hpp"
 
 namespace takt::panel {
 namespace {
 
 constexpr std::uint64_t kPreemptionStream = 701;
-constexpr double kPreemptionsPerSecond = 10;
 // A core that is taken for longer belongs to the hog, and the kernel's RT throttling would be what is measured.
 constexpr double kLongestPreemption_ms = 50;
+
+using Answer = std::expected<RealTrouble, std::string>;
+
+std::string_view name_of(const Perturbation& perturbation) {
+  return perturbation_kinds()[static_cast<std::size_t>(perturbation.trouble)].name;
+}
+
+Answer refuse(const Perturbation& perturbation, const std::string& why) {
+  return std::unexpected(fmt::format("{}: {}", name_of(perturbation), why));
+}
 
 std::string microseconds_text(Duration time) {
   return fmt::format("{}us", time.ns / 1000);
@@ -35,7 +53,7 @@ std::vector<std::string> repeated(const Perturbation& perturbation, const std::s
   return actions;
 }
 
-std::vector<std::string> preemptions(const Perturbation& perturbation, std::uint64_t seed) {
+std::vector<Duration> preemption_instants(const Perturbation& perturbation, std::uint64_t seed) {
   Random random(seed, kPreemptionStream);
   std::vector<Duration> instants;
   const auto count = static_cast<std::size_t>(std::llround(perturbation.length.seconds() * kPreemptionsPerSecond));
@@ -43,111 +61,135 @@ std::vector<std::string> preemptions(const Perturbation& perturbation, std::uint
     instants.push_back(
         {perturbation.from.ns + std::llround(random.between(0, static_cast<double>(perturbation.length.ns)))});
   std::ranges::sort(instants, {}, &Duration::ns);
+  return instants;
+}
+
+std::vector<Duration> hog_instants(const Perturbation& perturbation, std::uint64_t seed) {
+  const Duration first{std::llround(static_cast<double>(kHogEvery.ns) * stop_phase(seed))};
+  std::vector<Duration> instants;
+  for (Duration at = first; at < perturbation.length; at = at + kHogEvery) instants.push_back(perturbation.from + at);
+  return instants;
+}
+
+Answer hogs_at(const std::vector<Duration>& instants, const Perturbation& perturbation,
+               const config::RobotConfig& robot) {
+  if (!robot.control.cpu) return refuse(perturbation, "`control.cpu` is none, so no core is the control thread's");
+  if (perturbation.dose > kLongestPreemption_ms)
+    return refuse(perturbation, fmt::format("with real processes at most {} ms", kLongestPreemption_ms));
   std::vector<std::string> actions;
   for (const Duration at : instants)
     actions.push_back(action(at, "hog control " + microseconds_text(dose_time(perturbation))));
-  return actions;
+  return RealTrouble{.actions = std::move(actions)};
 }
 
-std::string event_text(const Perturbation& perturbation, const std::string& target, const std::string& fault,
-                       Duration length) {
-  return fmt::format("  - {{ after: enabled, at: {} us, {}, {}, for: {} us }}\n", perturbation.from.ns / 1000, target,
-                     fault, length.ns / 1000);
+// Milliseconds of every second that the kernel keeps for ordinary processes; 0: none.
+double kernel_keeps_ms() {
+  double period_us = 0, runtime_us = -1;
+  std::ifstream("/proc/sys/kernel/sched_rt_period_us") >> period_us;
+  std::ifstream("/proc/sys/kernel/sched_rt_runtime_us") >> runtime_us;
+  return period_us > 0 && runtime_us >= 0 ? 1e3 * (period_us - runtime_us) / period_us : 0;
 }
 
-std::string scenario_of(const Perturbation& perturbation, const config::RobotConfig& robot) {
-  std::string text = "schema: takt.scenario/1\nevents:\n";
-  if (perturbation.trouble == Trouble::bus_off)
-    return text +
-           event_text(perturbation, "bus: " + robot.buses.front().name, "fault: bus_off", dose_time(perturbation));
-  if (perturbation.trouble == Trouble::can_delay) {
-    const std::string delay = fmt::format("delay: {} us", dose_time(perturbation).ns / 1000);
-    for (const config::Joint& joint : robot.joints)
-      text += event_text(perturbation, "joint: " + joint.name, delay, perturbation.length);
-    return text;
-  }
-  for (const config::Bus& bus : robot.buses)
-    text +=
-        event_text(perturbation, "bus: " + bus.name, fmt::format("drop: {}", perturbation.dose), perturbation.length);
-  return text;
+Answer throttling(const Perturbation& perturbation, const config::RobotConfig& robot) {
+  if (!robot.control.cpu) return refuse(perturbation, "`control.cpu` is none, so no core is the control thread's");
+  const double keeps_ms = kernel_keeps_ms();
+  if (keeps_ms <= 0)
+    return refuse(perturbation, "this kernel lets real-time threads have everything (kernel.sched_rt_runtime_us)");
+  if (std::abs(perturbation.dose - keeps_ms) > 0.5)
+    return refuse(perturbation, fmt::format("this kernel keeps {} ms of every second for ordinary processes "
+                                            "(kernel.sched_rt_runtime_us); no other dose is to be had",
+                                            keeps_ms));
+  return RealTrouble{
+      .actions = {action(perturbation.from, "throttle control " + microseconds_text(perturbation.length))}};
+}
+
+// Which program can keep this GPU busy, only its owner knows.
+Answer gpu_load(const Perturbation& perturbation) {
+  constexpr std::array kDevices{"/dev/nvidia0", "/dev/kfd", "/dev/dri/renderD128"};
+  const bool has_gpu = std::ranges::any_of(kDevices, [](const char* path) { return std::filesystem::exists(path); });
+  if (!has_gpu) return refuse(perturbation, fmt::format("no GPU here: none of {}", fmt::join(kDevices, ", ")));
+  if (perturbation.load.empty())
+    return refuse(perturbation, "name the command that keeps the GPU busy, such as `load: ./burn`");
+  return RealTrouble{
+      .actions = {action(perturbation.from, fmt::format("load {} {} {}", std::llround(perturbation.dose),
+                                                        microseconds_text(perturbation.length), perturbation.load))}};
+}
+
+Answer crowd(const Perturbation& perturbation) {
+  const auto more = std::llround(perturbation.dose) - 1;
+  if (more < 1 || more > 64) return refuse(perturbation, "with real processes the factor is from 2 to 65");
+  return RealTrouble{.actions = {action(perturbation.from, fmt::format("crowd policy {} {}", more,
+                                                                       microseconds_text(perturbation.length)))}};
+}
+
+Answer policy_fault(const Perturbation& perturbation) {
+  const Duration dose = dose_time(perturbation);
+  const std::string text = fmt::format(
+      "{} us for {} us: {} {}", perturbation.from.ns / 1000, perturbation.length.ns / 1000, name_of(perturbation),
+      perturbation.trouble == Trouble::publish_delay ? fmt::format("{} us", dose.ns / 1000)
+                                                     : fmt::format("{}", perturbation.dose));
+  if (!policy_host::parse_host_faults(std::array{text}))
+    return refuse(perturbation, "the policy host cannot do that dose; see takt-policy-host --help");
+  return RealTrouble{.policy_faults = {text}};
+}
+
+Answer stalls(const Perturbation& perturbation) {
+  if (dose_time(perturbation) >= kRepeat)
+    return refuse(perturbation, "a stall per second must be shorter than a second");
+  return RealTrouble{.actions = repeated(perturbation, "hog policy " + microseconds_text(dose_time(perturbation)))};
+}
+
+// What the simulator cannot play, its own reader refuses.
+Answer played(const Perturbation& perturbation, std::string scenario, const config::RobotConfig& robot) {
+  const auto readable = plant::parse_scenario(scenario, "scenario", robot);
+  if (!readable) return refuse(perturbation, "the simulator cannot play it: " + readable.error());
+  return RealTrouble{.plant_scenario = std::move(scenario)};
 }
 
 }  // namespace
 
-bool has_real_mechanism(Trouble trouble) {
-  switch (trouble) {
-    case Trouble::none:
-    case Trouble::inference_stall:
-    case Trouble::inference_mean_shift:
-    case Trouble::policy_crash:
-    case Trouble::policy_freeze:
-    case Trouble::scheduler_preemption:
-    case Trouble::can_loss:
-    case Trouble::can_delay:
-    case Trouble::bus_off:
-      return true;
-    case Trouble::sensor_burst:
-    case Trouble::sensor_dropout:
-    case Trouble::camera_freeze:
-    case Trouble::estimator_delay:
-    case Trouble::queue_growth:
-    case Trouble::publish_delay:
-    case Trouble::bad_actions_nan:
-    case Trouble::bad_actions_range:
-    case Trouble::wrong_joint_order:
-    case Trouble::push:
-    case Trouble::payload:
-    case Trouble::friction:
-      return false;
-  }
-  return false;
-}
-
 std::expected<RealTrouble, std::string> real_trouble_of(const Perturbation& perturbation,
                                                         const config::RobotConfig& robot, std::uint64_t seed) {
-  const Duration dose = dose_time(perturbation);
+  const Duration from = perturbation.from, dose = dose_time(perturbation);
   switch (perturbation.trouble) {
+    case Trouble::none:
+      return RealTrouble{};
     case Trouble::policy_crash:
-      return RealTrouble{{action(perturbation.from, "kill policy"), action(perturbation.from + dose, "start policy")},
-                         {}};
+      return RealTrouble{.actions = {action(from, "kill policy"), action(from + dose, "start policy")}};
     case Trouble::policy_freeze:
-      return RealTrouble{{action(perturbation.from, "freeze policy " + microseconds_text(dose))}, {}};
+      return RealTrouble{.actions = {action(from, "freeze policy " + microseconds_text(dose))}};
     case Trouble::inference_stall:
-      if (dose >= kRepeat) return std::unexpected("inference_stall: a stall per second must be shorter than a second");
-      return RealTrouble{repeated(perturbation, "hog policy " + microseconds_text(dose)), {}};
-    case Trouble::inference_mean_shift: {
-      const auto more = std::llround(perturbation.dose) - 1;
-      if (more < 1 || more > 64)
-        return std::unexpected("inference_mean_shift: with real processes the factor is from 2 to 65");
-      return RealTrouble{
-          {action(perturbation.from, fmt::format("crowd policy {} {}", more, microseconds_text(perturbation.length)))},
-          {}};
-    }
+      return stalls(perturbation);
+    case Trouble::inference_mean_shift:
+      return crowd(perturbation);
     case Trouble::scheduler_preemption:
-      if (!robot.control.cpu)
-        return std::unexpected("scheduler_preemption: `control.cpu` is none, so no core is the control thread's");
-      if (perturbation.dose > kLongestPreemption_ms)
-        return std::unexpected(
-            fmt::format("scheduler_preemption: with real processes at most {} ms", kLongestPreemption_ms));
-      return RealTrouble{preemptions(perturbation, seed), {}};
+      return hogs_at(preemption_instants(perturbation, seed), perturbation, robot);
+    case Trouble::cpu_hog:
+      return hogs_at(hog_instants(perturbation, seed), perturbation, robot);
+    case Trouble::rt_throttling:
+      return throttling(perturbation, robot);
     case Trouble::can_loss:
     case Trouble::can_delay:
     case Trouble::bus_off:
-      return RealTrouble{{}, scenario_of(perturbation, robot)};
-    case Trouble::none:
+      return played(perturbation, bus_scenario(perturbation, robot), robot);
     case Trouble::sensor_burst:
     case Trouble::sensor_dropout:
     case Trouble::camera_freeze:
-    case Trouble::estimator_delay:
+      return played(perturbation, sensor_scenario(perturbation, robot), robot);
+    case Trouble::push:
+    case Trouble::payload:
+    case Trouble::friction:
+      return played(perturbation, body_scenario(perturbation, seed), robot);
     case Trouble::queue_growth:
     case Trouble::publish_delay:
     case Trouble::bad_actions_nan:
     case Trouble::bad_actions_range:
     case Trouble::wrong_joint_order:
-    case Trouble::push:
-    case Trouble::payload:
-    case Trouble::friction:
-      return RealTrouble{};
+      return policy_fault(perturbation);
+    case Trouble::estimator_delay:
+      return refuse(perturbation, "the executive decodes replies itself, and nothing outside can make it slower");
+    case Trouble::gpu_contention:
+      return gpu_load(perturbation);
   }
   return RealTrouble{};
 }

@@ -1,11 +1,16 @@
-// A panel's perturbation where processes are real: what `takt run` and `takt-plant` are told to do to the robot. Not
-// every perturbation has a mechanism there; those that have none are refused by name, never silently left out.
+// A panel's perturbation where processes are real: what `takt run` and its processes are told to do to the robot. Those
+// that have no mechanism there are refused by name, never silently left out.
 //
 // policy_crash, policy_freeze   SIGKILL and a new process; SIGSTOP and SIGCONT
 // inference_stall               real-time hogs on every core, below the control thread and above the policy host
 // inference_mean_shift          dose - 1 ordinary processes beside the policy host on every core
 // scheduler_preemption          a hog above the control thread's priority on its core, at instants drawn from the seed
-// can_loss, can_delay, bus_off  the simulator's scenario (docs/plant-scenarios.md)
+// cpu_hog                       the same, every 100 ms
+// rt_throttling                 a spinner below the control thread on its core, until the kernel stops both
+// gpu_contention                a command of the panel's, where there is a GPU
+// publish_delay, queue_growth, bad_actions_nan, bad_actions_range, wrong_joint_order: the policy host, told by --fault
+// can_loss, can_delay, bus_off, sensor_burst, sensor_dropout, camera_freeze, push, payload, friction: the simulator, by
+// a scenario (docs/plant-scenarios.md)
 #pragma once
 
 #include <cstdint>
@@ -19,12 +24,12 @@
 namespace takt::panel {
 
 struct RealTrouble {
-  std::vector<std::string> actions;  // of `takt run --at`, times since tracking began
-  std::string plant_scenario;        // text of a scenario file, times since the drives were enabled; empty: none
+  std::vector<std::string> actions = {};        // of `takt run --at`, times since tracking began
+  std::string plant_scenario = {};              // text of a scenario file, times since the drives were enabled
+  std::vector<std::string> policy_faults = {};  // of `takt-policy-host --fault`, times since tracking began
 };
 
-bool has_real_mechanism(Trouble trouble);
-// `trouble` has one. The error: one sentence, why this dose cannot be given to this robot.
+// The error: one sentence, why this perturbation, or this dose of it, cannot be given to this robot.
 std::expected<RealTrouble, std::string> real_trouble_of(const Perturbation& perturbation,
                                                         const config::RobotConfig& robot, std::uint64_t seed);
 

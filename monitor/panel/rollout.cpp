@@ -1,6 +1,5 @@
 #include "monitor/panel/rollout.hpp"
 
-#include <cmath>
 #include <optional>
 #include <utility>
 
@@ -12,15 +11,13 @@
 #include "monitor/panel/repeat_last.hpp"
 #include "monitor/panel/rollout_measures.hpp"
 #include "monitor/panel/virtual_bus.hpp"
+#include "monitor/panel/wake_ups.hpp"
 
 namespace takt::panel {
 namespace {
 
 constexpr MonoTime kStart{1'000'000'000'000};  // some 17 minutes after boot
-constexpr std::uint64_t kWakeStream = 601;
-constexpr Duration kLeastLateness = microseconds(5), kUsualLateness = microseconds(40);
 constexpr Duration kTickWork = microseconds(25);
-constexpr double kPreemptionsPerSecond = 10;
 constexpr Duration kSettle = seconds(2);  // from power-on to the task: arming, and the way to it
 
 std::expected<std::unique_ptr<World>, std::string> make_world(const RolloutSetup& setup,
@@ -45,7 +42,7 @@ class Rollout {
         bus_(std::move(bus)),
         policy_(setup.robot, setup.policy_hash, setup.policy, setup.timing, disturbance, setup.seed),
         operator_(setup.rearm_after),
-        wakes_(setup.seed, kWakeStream),
+        wakes_(disturbance, config_.period, setup.seed),
         measures_({kStart + kSettle, kStart + (setup.duration - setup.scored), setup.bound_m}, disturbance) {
     input_.last_duration = kTickWork;
   }
@@ -53,7 +50,7 @@ class Rollout {
   void run(RolloutRow& row) {
     const MonoTime end = kStart + setup_.duration;
     for (MonoTime due = kStart; due < end;) {
-      const MonoTime woken = due + lateness(due);
+      const MonoTime woken = wakes_.after(due);
       step_plant(woken);
       tick(woken, woken - due);
       due = next_due(due, woken + kTickWork);
@@ -62,13 +59,6 @@ class Rollout {
   }
 
  private:
-  Duration lateness(MonoTime due) {
-    const double usual = wakes_.between(static_cast<double>(kLeastLateness.ns), static_cast<double>(kUsualLateness.ns));
-    const double dose_ms = disturbance_.dose(Trouble::scheduler_preemption, due);
-    const bool preempted = dose_ms > 0 && wakes_.happens(kPreemptionsPerSecond * config_.period.seconds());
-    return {std::llround(usual + (preempted ? dose_ms * 1e6 : 0))};
-  }
-
   // As runtime/pace: instants of the grid that have passed are skipped.
   MonoTime next_due(MonoTime due, MonoTime ended) {
     const MonoTime next = due + config_.period;
@@ -134,7 +124,7 @@ class Rollout {
   VirtualPolicy policy_;
   RepeatLast repeater_;
   Operator operator_;
-  Random wakes_;
+  WakeUps wakes_;
   RolloutMeasures measures_;
   pipeline::TickInput input_;
   std::unique_ptr<pipeline::TickOutput> output_ = std::make_unique<pipeline::TickOutput>();

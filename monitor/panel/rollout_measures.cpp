@@ -69,6 +69,7 @@ void RolloutMeasures::note_failure(const TickRecordHeader& header, const TruthOf
 void RolloutMeasures::note_arming(const TickRecordHeader& header) {
   if (header.cause == Cause::operator_arm) ++armings_;
   if (header.mode != Mode::tracking) return;
+  if (armings_ == 0) armings_ = 1;  // a recording may begin with an armed robot
   armed_ = true;
   stop_ = {};
 }

@@ -1,13 +1,12 @@
-// The way from an outside sensor to the policy host, and what a perturbation does to it: samples lost, held back and
-// delivered together, or old values under fresh stamps. Pure, virtual time. Thread rule: one thread at a time.
+// When a perturbation troubles the way from an outside sensor to the policy host (drivers/plant/sensor_path.hpp says
+// how), and what the host's mailbox holds. Pure, virtual time. Thread rule: one thread at a time.
 #pragma once
 
 #include <cstdint>
-#include <deque>
 
+#include "drivers/plant/sensor_path.hpp"
 #include "executive/contract/sensor_sample.hpp"
 #include "monitor/panel/perturbation.hpp"
-#include "monitor/panel/random.hpp"
 
 namespace takt::panel {
 
@@ -15,21 +14,14 @@ class SensorFeed {
  public:
   SensorFeed(const Disturbance& disturbance, std::uint64_t seed);  // `disturbance` outlives this
 
-  void take(SensorSample sample);
+  void take(const SensorSample& sample);
   // What the host's mailbox holds at `now`; sequence 0 before the first sample. `now` never runs backwards.
   const SensorSample& newest(MonoTime now);
 
  private:
-  struct Held {
-    SensorSample sample;
-    MonoTime delivered_at;
-  };
-  [[nodiscard]] MonoTime delivery_of(MonoTime published_at) const;
-
   const Disturbance& disturbance_;
-  Random losses_;
-  std::deque<Held> held_;
-  SensorSample newest_, before_freeze_;
+  plant::SensorPath path_;
+  SensorSample newest_;
 };
 
 }  // namespace takt::panel

@@ -1,19 +1,23 @@
-// A robot's dynamics with what a perturbation adds: a force at the tool, a point mass at the tool, more friction in the
-// joints. The tool of a cart with a pole is the pole's tip. Everything else passes through. Units: N, kg, base frame.
-// Thread rule: one thread at a time. Source of the force's joint torques: the transposed Jacobian, by central
-// differences of the tool's position.
+// When a perturbation troubles a robot's mechanics: a push at the tool, a payload, more friction
+// (drivers/plant/troubled_mechanics.hpp says what each is). Everything else passes through.
+// Thread rule: one thread at a time.
 #pragma once
 
+#include <cstdint>
 #include <expected>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "config/robot_config.hpp"
-#include "drivers/plant/mechanics.hpp"
+#include "drivers/plant/troubled_mechanics.hpp"
 #include "monitor/panel/perturbation.hpp"
 
 namespace takt::panel {
+
+inline constexpr Duration kPushLength = milliseconds(100);
+// Of the push in that second of the window, from 1: drawn from the seed. Length 1.
+config::Vector3 push_direction(std::uint64_t seed, std::int64_t turn);
 
 class TroubledDynamics final : public plant::Mechanics {
  public:
@@ -24,19 +28,15 @@ class TroubledDynamics final : public plant::Mechanics {
 
   void integrate(plant::ArmState& state, const Eigen::VectorXd& tau, const std::vector<plant::Friction>& friction,
                  Duration step) override;
-  // As without a payload.
-  config::Vector3 tool_position(const Eigen::VectorXd& q) override { return bare_->tool_position(q); }
-  config::Vector3 controlled_point(const Eigen::VectorXd& q) override { return bare_->controlled_point(q); }
+  config::Vector3 tool_position(const Eigen::VectorXd& q) override { return body_->tool_position(q); }
+  config::Vector3 controlled_point(const Eigen::VectorXd& q) override { return body_->controlled_point(q); }
 
  private:
-  TroubledDynamics(std::unique_ptr<plant::Mechanics> bare, const config::RobotConfig& robot,
-                   const Disturbance& disturbance, MonoTime started, std::uint64_t seed);
-  [[nodiscard]] Eigen::VectorXd torque_of_push(const Eigen::VectorXd& q);
-  [[nodiscard]] std::vector<plant::Friction> with_more(std::vector<plant::Friction> friction) const;
+  TroubledDynamics(std::unique_ptr<plant::TroubledMechanics> body, const Disturbance& disturbance, MonoTime started,
+                   std::uint64_t seed);
+  [[nodiscard]] plant::BodyTrouble trouble_now() const;
 
-  std::unique_ptr<plant::Mechanics> bare_, loaded_;  // loaded: with the payload; null without
-  config::Simulation simulation_;
-  std::vector<bool> passive_;  // by joint: not among the joints whose friction is multiplied
+  std::unique_ptr<plant::TroubledMechanics> body_;
   const Disturbance& disturbance_;
   MonoTime now_;
   std::uint64_t seed_;

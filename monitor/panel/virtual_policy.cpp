@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <utility>
 
+#include "policy_host/bad_actions.hpp"
+#include "policy_host/host_faults.hpp"
 #include "policy_host/pacing.hpp"
 #include "policy_host/sensor_link.hpp"
 
@@ -15,8 +16,6 @@ namespace {
 constexpr std::uint64_t kPolicyStream = 301;
 constexpr Duration kPollSpread = microseconds(100);
 constexpr Duration kBuildInput = microseconds(20);  // dequeued -> inference starts
-constexpr Duration kCallback = milliseconds(2);
-constexpr float kFarOff = 10.0F;  // rad
 
 // The responder asks a clock three times per answer: inference started, ended, command published.
 struct Script {
@@ -31,14 +30,6 @@ MonoTime scripted_clock() {
 
 Duration scaled(Duration duration, double factor) {
   return {std::llround(static_cast<double>(duration.ns) * factor)};
-}
-
-void rotate_joints(CommandChunk& chunk, std::size_t places) {
-  const std::size_t joints = chunk.header.joint_count;
-  for (std::size_t step = 0; step < chunk.header.step_count; ++step) {
-    float* const first = &chunk.values[value_index(chunk.header, CommandField::q, step, 0)];
-    std::rotate(first, first + (joints - places % joints), first + joints);
-  }
 }
 
 std::unique_ptr<CommandChunk> copy_of(const CommandChunk& chunk) {
@@ -74,7 +65,7 @@ void VirtualPolicy::observe(const Observation& observation) {
   Duration callbacks;
   if (const std::int64_t turn = disturbance_.turn(Trouble::queue_growth, at); turn > bursts_) {
     bursts_ = turn;
-    callbacks = scaled(kCallback, disturbance_.dose(Trouble::queue_growth, at));
+    callbacks = scaled(policy_host::kCallback, disturbance_.dose(Trouble::queue_growth, at));
   }
   waiting_.push_back({observation, at + policy_host::kPublishMargin + scaled(kPollSpread, draw.unit()), callbacks});
 }
@@ -132,6 +123,8 @@ Duration VirtualPolicy::inference_time(Random& draw, MonoTime started) {
   Duration time{std::llround(timing_.spread > 0 ? draw.lognormal(mean, timing_.spread) : mean)};
   if (const double factor = disturbance_.dose(Trouble::inference_mean_shift, started); factor > 0)
     time = scaled(time, factor);
+  if (const double loads = disturbance_.dose(Trouble::gpu_contention, started); loads > 0)
+    time = scaled(time, 1 + 2 * loads * draw.unit());
   if (const std::int64_t turn = disturbance_.turn(Trouble::inference_stall, started); turn > stalls_) {
     stalls_ = turn;
     time = time + disturbance_.delay(Trouble::inference_stall, started);
@@ -140,16 +133,13 @@ Duration VirtualPolicy::inference_time(Random& draw, MonoTime started) {
 }
 
 void VirtualPolicy::spoil(CommandChunk& chunk, Random& draw, MonoTime at) const {
-  const CommandHeader& header = chunk.header;
-  const std::size_t joint = draw.below(header.joint_count);
-  const std::size_t step = draw.below(header.step_count);
-  const double share = draw.unit();
-  if (share < disturbance_.dose(Trouble::bad_actions_nan, at))
-    chunk.values[value_index(header, CommandField::q, step, joint)] = std::numeric_limits<float>::quiet_NaN();
-  if (share < disturbance_.dose(Trouble::bad_actions_range, at))
-    chunk.values[value_index(header, CommandField::q, step, joint)] += kFarOff;
-  if (const double places = disturbance_.dose(Trouble::wrong_joint_order, at); places > 0)
-    rotate_joints(chunk, static_cast<std::size_t>(places));
+  const policy_host::BadActions bad{
+      .nan_share = disturbance_.dose(Trouble::bad_actions_nan, at),
+      .range_share = disturbance_.dose(Trouble::bad_actions_range, at),
+      .joint_shift = static_cast<std::size_t>(disturbance_.dose(Trouble::wrong_joint_order, at))};
+  const std::size_t joint = draw.below(chunk.header.joint_count);
+  const std::size_t step = draw.below(chunk.header.step_count);
+  policy_host::spoil(chunk, bad, {joint, step, draw.unit()});
 }
 
 void VirtualPolicy::answer(const Waiting& waiting, MonoTime dequeued_at) {

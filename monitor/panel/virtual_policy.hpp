@@ -19,6 +19,7 @@
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/observation.hpp"
 #include "monitor/panel/perturbation.hpp"
+#include "monitor/panel/random.hpp"
 #include "monitor/panel/sensor_feed.hpp"
 #include "policy_host/policy.hpp"
 #include "policy_host/responder.hpp"

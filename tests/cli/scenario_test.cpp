@@ -38,8 +38,22 @@ TEST(Scenario, ContentionNamesWhomItDisturbsAndEnds) {
   EXPECT_EQ((*events)[2].action, ActionKind::crowd);
   EXPECT_EQ((*events)[2].count, 5U);
   EXPECT_EQ((*events)[2].length, seconds(2));
-  for (const char* line : {"1s: hog control 2s", "1s: hog monitor 8ms", "1s: hog control", "1s: crowd policy 2s",
-                           "1s: crowd policy 0 2s", "1s: crowd control 2 2s", "1s: start camera"})
+  for (const char* line :
+       {"1s: hog control 2s", "1s: hog monitor 8ms", "1s: hog control", "1s: crowd policy 2s", "1s: crowd policy 0 2s",
+        "1s: crowd control 2 2s", "1s: start camera", "1s: throttle policy 2s", "1s: throttle control 61s"})
+    EXPECT_FALSE(parse_scenario({line}).has_value()) << line;
+}
+
+TEST(Scenario, ALoadIsTheUsersOwnCommandAndEnds) {
+  const auto events = parse_scenario({"1s: load 2 400ms ./burn --all"});
+  ASSERT_TRUE(events.has_value()) << events.error();
+  ASSERT_EQ(events->size(), 2U);
+  EXPECT_EQ((*events)[0].action, ActionKind::load);
+  EXPECT_EQ((*events)[0].count, 2U);
+  EXPECT_EQ((*events)[0].command, (std::vector<std::string>{"./burn", "--all"}));
+  EXPECT_EQ((*events)[1].action, ActionKind::unload);
+  EXPECT_EQ((*events)[1].at, milliseconds(1400));
+  for (const char* line : {"1s: load 2 400ms", "1s: load 0 400ms ./burn", "1s: load ./burn", "1s: load 65 1s ./burn"})
     EXPECT_FALSE(parse_scenario({line}).has_value()) << line;
 }
 

@@ -20,7 +20,8 @@ namespace {
 
 class Loop {
  public:
-  explicit Loop(const config::RobotConfig& robot) : robot_(robot), arm(std::move(*RobotPlant::make(robot))) {
+  explicit Loop(const config::RobotConfig& robot)
+      : robot_(robot), model_(ArmDynamics::make(robot).value()), arm(std::move(*RobotPlant::make(robot))) {
     for (std::size_t joint = 0; joint < robot_.joints.size(); ++joint)
       hosts.push_back(std::move(*drivers::make_joint_driver(robot_, joint)));
     // Standby, until the drives' settings have been read back.
@@ -40,7 +41,7 @@ class Loop {
   bool all(DriveState state) const {
     return std::ranges::all_of(hosts, [state](const auto& host) { return host->feedback().drive_state == state; });
   }
-  Eigen::VectorXd gravity_torque() { return dynamic_cast<ArmDynamics&>(arm.mechanics()).gravity_torque(arm.state().q); }
+  Eigen::VectorXd gravity_torque() { return model_->gravity_torque(arm.state().q); }
   // Impedance about home with gravity carried, as the executive would ask for.
   std::vector<drivers::DriveSetpoint> hold_home() {
     const Eigen::VectorXd gravity = gravity_torque();
@@ -61,6 +62,7 @@ class Loop {
 
  private:
   config::RobotConfig robot_;
+  std::unique_ptr<ArmDynamics> model_;  // the arm's own, of a pose
 
  public:
   RobotPlant arm;

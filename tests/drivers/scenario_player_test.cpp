@@ -12,7 +12,9 @@
 #include <vector>
 
 #include "drivers/plant/devices_file.hpp"
+#include "drivers/plant/robot_plant.hpp"
 #include "drivers/protocol_table.hpp"
+#include "tests/drivers/plant_robots.hpp"
 
 namespace takt::plant {
 namespace {
@@ -275,6 +277,47 @@ TEST(ScenarioPlayer, OverlappingFaultsAddUpAndEndOneByOne) {
   EXPECT_EQ(again.replies_in_a_tick(kHip), 0) << "the first is over, the second is not";
   again.run(5);
   EXPECT_EQ(again.replies_in_a_tick(kHip), 1);
+}
+
+TEST(ScenarioPlayer, SensorAndBodySufferFromTheirEvents) {
+  const config::RobotConfig robot = test::demo_arm();
+  RobotPlant plant = RobotPlant::make(robot).value();
+  const std::string events =
+      "schema: takt.scenario/1\nevents:\n"
+      "  - { at: 10 ms, sensor: target, drop: 0.5, for: 20 ms }\n"
+      "  - { at: 20 ms, sensor: target, fault: freeze, for: 20 ms }\n"
+      "  - { at: 20 ms, sensor: target, burst: 30 ms, for: 20 ms }\n"
+      "  - { at: 10 ms, push: 30 N, along: [0, 0, 2], for: 10 ms }\n"
+      "  - { at: 15 ms, payload: 2 kg, for: 10 ms }\n"
+      "  - { at: 15 ms, friction: 4 }\n"
+      "  - { at: 30 ms, friction: 0.5 }\n"
+      "  - { after: enabled, at: 0 ms, sensor: target, drop: 1 }\n";
+  ScenarioPlayer player(parse_scenario(events, "s", robot).value(), robot.buses.size(), [](const std::string&) {});
+  const auto run = [&](int ms) {
+    for (int i = 0; i < ms; ++i) {
+      player.advance(plant);
+      plant.step();
+    }
+  };
+  run(6);
+  EXPECT_EQ(player.on_sensor().drop, 0);
+  EXPECT_EQ(player.on_body().force, 0);
+  run(10);  // 15 ms
+  EXPECT_EQ(player.on_sensor().drop, 0.5);
+  EXPECT_EQ(player.on_body().force, 30);
+  EXPECT_EQ(player.on_body().towards, (config::Vector3{0, 0, 1}));
+  EXPECT_EQ(player.on_body().payload, 2);
+  EXPECT_EQ(player.on_body().friction, 4);
+  run(10);  // 25 ms
+  EXPECT_EQ(player.on_body().force, 0);
+  EXPECT_TRUE(player.on_sensor().frozen);
+  EXPECT_EQ(player.on_sensor().burst, milliseconds(30));
+  run(20);  // 45 ms
+  EXPECT_FALSE(player.on_sensor().frozen);
+  EXPECT_EQ(player.on_sensor().burst.ns, 0);
+  EXPECT_EQ(player.on_body().payload, 0);
+  EXPECT_EQ(player.on_body().friction, 2) << "factors multiply";
+  EXPECT_EQ(player.on_sensor().drop, 0) << "no drive was ever enabled";
 }
 
 TEST(ScenarioPlayer, SameSeedSameRun) {

@@ -28,15 +28,19 @@ TEST(Scenario, EveryKeyIsRead) {
       "  - { after: enabled, at: 0 ms, joint: wrist_roll, error: overload }\n"
       "  - { at: 1 s, joint: elbow, delay: 3 ms }\n"
       "  - { at: 1 s, bus: can1, drop: 0.25 }\n"
-      "  - { at: 1 s, bus: can1, fault: down }\n",
+      "  - { at: 1 s, bus: can1, fault: down }\n"
+      "  - { at: 1 s, sensor: target, burst: 120 ms, for: 1 s }\n"
+      "  - { at: 1 s, push: 30 N, along: [0, 3, 4], for: 100 ms }\n"
+      "  - { at: 1 s, payload: 1.5 kg }\n"
+      "  - { at: 1 s, friction: 4 }\n",
       "s", test::demo_arm());
   ASSERT_TRUE(scenario.has_value()) << scenario.error();
-  ASSERT_EQ(scenario->events.size(), 5U);
+  ASSERT_EQ(scenario->events.size(), 9U);
   const FaultEvent& silent = scenario->events[0];
   EXPECT_EQ(silent.at, seconds(2));
   EXPECT_FALSE(silent.after_enabled);
   EXPECT_EQ(silent.lasts, milliseconds(500));
-  EXPECT_FALSE(silent.on_bus);
+  EXPECT_EQ(silent.strikes, Target::joint);
   EXPECT_EQ(silent.target, 2U);
   EXPECT_EQ(silent.kind, FaultKind::silent);
   const FaultEvent& overload = scenario->events[1];
@@ -46,10 +50,23 @@ TEST(Scenario, EveryKeyIsRead) {
   EXPECT_EQ(overload.error, DeviceFault::overload);
   EXPECT_EQ(scenario->events[2].kind, FaultKind::delay);
   EXPECT_EQ(scenario->events[2].delay, milliseconds(3));
-  EXPECT_TRUE(scenario->events[3].on_bus);
+  EXPECT_EQ(scenario->events[3].strikes, Target::bus);
   EXPECT_EQ(scenario->events[3].target, 1U);
   EXPECT_EQ(scenario->events[3].share, 0.25);
   EXPECT_EQ(scenario->events[4].kind, FaultKind::down);
+  const FaultEvent& burst = scenario->events[5];
+  EXPECT_EQ(burst.strikes, Target::sensor);
+  EXPECT_EQ(burst.kind, FaultKind::burst);
+  EXPECT_EQ(burst.delay, milliseconds(120));
+  const FaultEvent& push = scenario->events[6];
+  EXPECT_EQ(push.strikes, Target::body);
+  EXPECT_EQ(push.kind, FaultKind::push);
+  EXPECT_EQ(push.amount, 30);
+  EXPECT_EQ(push.along, (config::Vector3{0, 0.6, 0.8})) << "a direction";
+  EXPECT_EQ(scenario->events[7].kind, FaultKind::payload);
+  EXPECT_EQ(scenario->events[7].amount, 1.5);
+  EXPECT_EQ(scenario->events[8].kind, FaultKind::friction);
+  EXPECT_EQ(scenario->events[8].amount, 4);
 }
 
 TEST(Scenario, TextSaysWhatHappens) {
@@ -60,6 +77,10 @@ TEST(Scenario, TextSaysWhatHappens) {
   EXPECT_EQ(text("{ at: 0 ms, joint: elbow, delay: 3 ms, for: 1 s }"), "delay of 3 ms for 1 s");
   EXPECT_EQ(text("{ at: 0 ms, bus: can0, drop: 0.3 }"), "drop of 30 %");
   EXPECT_EQ(text("{ at: 0 ms, bus: can0, fault: bus_off, for: 10 ms }"), "bus_off for 10 ms");
+  EXPECT_EQ(text("{ at: 0 ms, sensor: target, burst: 120 ms }"), "burst of 120 ms");
+  EXPECT_EQ(text("{ at: 0 ms, push: 30 N, along: [1, 0, 0], for: 100 ms }"), "push of 30 N for 100 ms");
+  EXPECT_EQ(text("{ at: 0 ms, payload: 1.5 kg }"), "payload of 1.5 kg");
+  EXPECT_EQ(text("{ at: 0 ms, friction: 4 }"), "friction times 4");
 }
 
 struct Refusal {
@@ -97,11 +118,12 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"an unknown instant", "{ at: 2 s, after: armed, joint: elbow, fault: silent }",
                 "s:3:23: events[0].after: instant `armed` is not known; write one of: start, enabled"},
         Refusal{"no target", "{ at: 2 s, fault: silent }",
-                "s:3:5: events[0]: strikes nothing; write `joint: NAME` or `bus: NAME`"},
+                "s:3:5: events[0]: strikes nothing; write `joint: NAME`, `bus: NAME` or `sensor: NAME`"},
         Refusal{"two targets", "{ at: 2 s, joint: elbow, bus: can0, drop: 0.1 }",
                 "s:3:35: events[0].bus: the event names a joint already; keep one of the two"},
-        Refusal{"no fault", "{ at: 2 s, joint: elbow }",
-                "s:3:5: events[0]: has no fault; write one of: fault, error, delay, drop"},
+        Refusal{
+            "no fault", "{ at: 2 s, joint: elbow }",
+            "s:3:5: events[0]: has no fault; write one of: fault, error, delay, drop, burst, push, payload, friction"},
         Refusal{"two faults", "{ at: 2 s, joint: elbow, fault: repeat, drop: 0.1 }",
                 "s:3:5: events[0]: has 2 faults at once; write an event for each"},
         Refusal{"a drive's fault on a bus", "{ at: 2 s, bus: can0, fault: deaf }",
@@ -120,6 +142,18 @@ INSTANTIATE_TEST_SUITE_P(
                 "s:3:36: events[0].drop: 1.5 is out of range; write above 0 and at most 1"},
         Refusal{"a loss of nothing", "{ at: 2 s, joint: elbow, drop: 0 }",
                 "s:3:36: events[0].drop: 0 is out of range; write above 0 and at most 1"},
+        Refusal{"a sensor's fault on a drive", "{ at: 2 s, joint: elbow, fault: freeze }",
+                "s:3:37: events[0].fault: `freeze` strikes a sensor, not a drive; write `sensor: NAME`"},
+        Refusal{"a bus's fault on a sensor", "{ at: 2 s, sensor: target, fault: down }",
+                "s:3:39: events[0].fault: `down` strikes a bus, not a sensor; write `bus: NAME`"},
+        Refusal{"an unknown sensor", "{ at: 2 s, sensor: targe, drop: 0.5 }",
+                "s:3:24: events[0].sensor: sensor `targe` is not known; did you mean `target`?"},
+        Refusal{"a push at a joint", "{ at: 2 s, joint: elbow, push: 30 N, along: [1, 0, 0] }",
+                "s:3:36: events[0].push: `push` strikes the robot's body, not a drive; leave `joint` out"},
+        Refusal{"a push to nowhere", "{ at: 2 s, push: 30 N }",
+                "s:3:5: events[0]: pushes nowhere; write `along: [x, y, z]`"},
+        Refusal{"a direction of nothing", "{ at: 2 s, payload: 1 kg, along: [1, 0, 0] }",
+                "s:3:38: events[0].along: only a push has a direction; leave it out"},
         Refusal{"too long a delay", "{ at: 2 s, joint: elbow, delay: 2 s }",
                 "s:3:37: events[0].delay: 2 s is out of range; write at least 1 us and at most 1 s"}),
     [](const testing::TestParamInfo<Refusal>& row) {
@@ -149,7 +183,7 @@ TEST(Scenario, EveryExampleFitsAndIsListed) {
     EXPECT_NE(page.find("../config/scenarios/" + entry.path().filename().string()), std::string::npos) << entry.path();
     ++count;
   }
-  EXPECT_EQ(count, 9U) << "one per class of faults";
+  EXPECT_EQ(count, 11U) << "one per class of faults";
 }
 
 constexpr std::string_view kDevices =
@@ -198,6 +232,12 @@ TEST(Devices, AreRefusedByTheNamesTheirFileUses) {
   EXPECT_EQ(complaint(devices_with("takt.devices/1", "takt.robot/1")),
             "d:1:9: schema: schema `takt.robot/1` is not known; write one of: takt.devices/1");
   EXPECT_EQ(complaint(""), "d: holds no devices; begin with `schema: takt.devices/1`");
+}
+
+TEST(Devices, HaveNoBodyToPush) {
+  const auto robot = parse_devices(kDevices, "d");
+  EXPECT_EQ(parse_scenario(with_event("{ at: 2 s, payload: 1 kg }"), "s", robot.value()).error(),
+            "s:3:5: events[0]: `payload` strikes the robot's body, and devices on flywheels have none");
 }
 
 TEST(Devices, TheExampleFits) {

@@ -246,6 +246,24 @@ TEST(FaultClassifier, DrivesAndBuses) {
   }
 }
 
+// Drives that only answer are not heard while the loop itself stands still.
+TEST(FaultClassifier, FeedbackLostInItsOwnSleepIsTheSchedulers) {
+  Robot robot;
+  robot.run(500);
+  robot.feedback_age = milliseconds(50);
+  robot.tick([](TickRecordHeader& header) {
+    header.mode = Mode::fault_latched;
+    header.cause = Cause::feedback_lost;
+    header.overrun_cause = OverrunCause::preempted;
+    header.lateness = milliseconds(50);
+    header.skipped_periods += 50;
+  });
+  robot.feedback_age = microseconds(300);
+  robot.run(300);
+  EXPECT_EQ(robot.sentences(), Sentences{"scheduler_preemption: the control loop woke up to 50 ms late, 50 periods "
+                                         "skipped, cause recorded: preempted"});
+}
+
 TEST(FaultClassifier, AWishIsNoFaultAndTheUnexplainedIsUnknown) {
   Robot robot;
   robot.run(500);

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+
 #include "config/load.hpp"
 #include "monitor/panel/merge.hpp"
 #include "tests/monitor/temporary_folder.hpp"
@@ -75,6 +77,24 @@ TEST_F(CompareTest, PairsRowByRow) {
   EXPECT_NE(text.find("only A 0, only B 8, exact McNemar p = 0.00781"), std::string::npos) << text;
   EXPECT_EQ(to_json(result)["groups"][1]["success"]["only_b"], 8);
   EXPECT_EQ(comparison_html(result).find("<script"), std::string::npos);
+  EXPECT_EQ(comparison_html(result).find("Fault classifier"), std::string::npos) << "no cause was planted";
+}
+
+TEST(CompareHtml, ShowsTheConfusionMatricesWhereBothSidesHaveOne) {
+  RolloutRow planted = sample_row();
+  planted.perturbation = "policy_freeze";
+  planted.leading_fault = "unknown";
+  Comparison comparison;
+  comparison.a.method = "fast";
+  comparison.b.method = "slow";
+  comparison.a.confusion = confusions_of(std::array{planted}).begin()->second;
+  EXPECT_EQ(comparison_html(comparison).find("Fault classifier"), std::string::npos) << "B has none";
+  comparison.b.confusion = comparison.a.confusion;
+  const std::string html = comparison_html(comparison);
+  EXPECT_NE(html.find("<h3>A: fast</h3>"), std::string::npos) << html;
+  EXPECT_NE(html.find("<h3>B: slow</h3>"), std::string::npos);
+  EXPECT_NE(html.find("<th>planted</th><th>unknown</th><th>recall</th>"), std::string::npos) << html;
+  EXPECT_NE(html.find("<td>inference_stall</td><td>1</td><td>0.000</td>"), std::string::npos) << html;
 }
 
 TEST_F(CompareTest, ComparesMethodsWithinOneArtifact) {

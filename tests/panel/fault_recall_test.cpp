@@ -21,9 +21,10 @@ struct Planted {
   double times_moderate;  // dose
 };
 constexpr Planted kPlanted[] = {
-    {"sensor_burst", 1},         {"sensor_dropout", 1.3}, {"estimator_delay", 3},   {"inference_stall", 1},
-    {"inference_mean_shift", 2}, {"policy_freeze", 1},    {"queue_growth", 1},      {"publish_delay", 1},
-    {"scheduler_preemption", 1}, {"bad_actions_nan", 1},  {"bad_actions_range", 1}, {"bus_off", 1},
+    {"sensor_burst", 1},         {"sensor_dropout", 1.3},     {"estimator_delay", 3}, {"inference_stall", 1},
+    {"inference_mean_shift", 2}, {"gpu_contention", 1},       {"policy_freeze", 1},   {"queue_growth", 1},
+    {"publish_delay", 1},        {"scheduler_preemption", 1}, {"cpu_hog", 1},         {"rt_throttling", 1},
+    {"bad_actions_nan", 1},      {"bad_actions_range", 1},    {"bus_off", 1},
 };
 constexpr std::uint64_t kFirstSeed = 101, kSeeds = 3;
 constexpr std::size_t kNone = monitor::kFaultCount;  // column of rollouts without trouble

@@ -91,6 +91,11 @@ const Claim kClaims[] = {
      [](const Seen& with, const Seen& without) {
        return *with.row.age_per_command.infer.p95_ms > 3 * *without.row.age_per_command.infer.p95_ms;
      }},
+    {"gpu_contention", "inferences last longer, each as its turn comes",
+     [](const Seen& with, const Seen& without) {
+       return *with.row.age_per_command.infer.p95_ms > 3 * *without.row.age_per_command.infer.p95_ms &&
+              p99(with.row.age_per_command.infer) > 2 * *with.row.age_per_command.infer.p50_ms;
+     }},
     {"queue_growth", "inference as before, but a long queue and ages past the horizon",
      [](const Seen& with, const Seen& without) {
        return std::abs(*with.row.age_per_command.infer.p50_ms - *without.row.age_per_command.infer.p50_ms) < 0.5 &&
@@ -120,6 +125,16 @@ const Claim kClaims[] = {
      [](const Seen& with, const Seen& without) {
        return with.latest_wake >= milliseconds(8) && with.last.skipped_periods > 50 &&
               without.last.skipped_periods == 0 && with.row.ticks < without.row.ticks;
+     }},
+    {"cpu_hog", "twenty stops of the dose each",
+     [](const Seen& with, const Seen&) {
+       return with.latest_wake > milliseconds(19) && with.latest_wake < milliseconds(21) &&
+              with.last.skipped_periods >= 20 * 18 && with.last.skipped_periods <= 20 * 20;
+     }},
+    {"rt_throttling", "two stops of the dose each",
+     [](const Seen& with, const Seen&) {
+       return with.latest_wake > milliseconds(49) && with.latest_wake < milliseconds(51) &&
+              with.last.skipped_periods >= 2 * 48 && with.last.skipped_periods <= 2 * 50;
      }},
     {"can_loss", "replies are lost",
      [](const Seen& with, const Seen& without) { return with.replies + 200 < without.replies; }},

@@ -1,6 +1,6 @@
 // Goal: what a perturbation becomes with real processes is understood by the programs that are told, names the right
 // victim at the right time, and is drawn from the seed; what has no mechanism says so. Method: every kind at its
-// moderate dose, through the readers of `takt run --at` and of the simulator's scenarios.
+// moderate dose, through the readers of `takt run --at`, of the simulator's scenarios and of the policy host's faults.
 #include "monitor/panel/real_perturbation.hpp"
 
 #include <gtest/gtest.h>
@@ -10,6 +10,8 @@
 #include "config/load.hpp"
 #include "drivers/plant/scenario.hpp"
 #include "monitor/cli/scenario.hpp"
+#include "monitor/panel/troubled_dynamics.hpp"
+#include "policy_host/host_faults.hpp"
 
 namespace takt::panel {
 namespace {
@@ -34,23 +36,69 @@ class RealPerturbation : public ::testing::Test {
   config::RobotConfig robot_;
 };
 
+// Those that a machine cannot do to a robot, or not every machine.
+bool is_refused(Trouble trouble) {
+  return trouble == Trouble::estimator_delay || trouble == Trouble::gpu_contention;
+}
+
 TEST_F(RealPerturbation, EveryMechanismIsUnderstoodAndActsInsideItsWindow) {
   for (const PerturbationKind& kind : perturbation_kinds().subspan(1)) {
-    if (!has_real_mechanism(kind.trouble)) continue;
+    if (is_refused(kind.trouble)) continue;
     const auto trouble = real_trouble_of(moderate(kind), robot_, 1);
     ASSERT_TRUE(trouble.has_value()) << kind.name << ": " << trouble.error();
-    EXPECT_NE(trouble->actions.empty(), trouble->plant_scenario.empty()) << kind.name;
+    EXPECT_EQ(!trouble->actions.empty() + !trouble->plant_scenario.empty() + !trouble->policy_faults.empty(), 1)
+        << kind.name;
     for (const cli::Event& event : events_of(moderate(kind))) {
       EXPECT_GE(event.at, seconds(3)) << kind.name;
       EXPECT_LE(event.at, seconds(5)) << kind.name;
+    }
+    for (const policy_host::HostFaultWindow& fault : policy_host::parse_host_faults(trouble->policy_faults).value()) {
+      EXPECT_EQ(fault.from, seconds(3)) << kind.name;
+      EXPECT_EQ(fault.length, seconds(2)) << kind.name;
     }
     if (trouble->plant_scenario.empty()) continue;
     const auto scenario = plant::parse_scenario(trouble->plant_scenario, std::string(kind.name), robot_);
     ASSERT_TRUE(scenario.has_value()) << scenario.error();
     for (const plant::FaultEvent& event : scenario->events) {
-      EXPECT_EQ(event.at, seconds(3)) << kind.name;
+      EXPECT_GE(event.at, seconds(3)) << kind.name;
+      EXPECT_LT(event.at, seconds(5)) << kind.name;
       EXPECT_TRUE(event.after_enabled) << kind.name;
       EXPECT_TRUE(event.lasts.has_value()) << kind.name;
+    }
+  }
+}
+
+TEST_F(RealPerturbation, WhatHasNoMechanismIsRefusedByName) {
+  for (const PerturbationKind& kind : perturbation_kinds()) {
+    if (!is_refused(kind.trouble)) continue;
+    const auto trouble = real_trouble_of(moderate(kind), robot_, 1);
+    ASSERT_FALSE(trouble.has_value()) << kind.name;
+    EXPECT_EQ(trouble.error().find(std::string(kind.name) + ": "), 0U) << trouble.error();
+  }
+}
+
+TEST_F(RealPerturbation, ThePushIsTheOneOfVirtualTime) {
+  const auto trouble = real_trouble_of(moderate(*find_perturbation("push")), robot_, 7);
+  ASSERT_TRUE(trouble.has_value()) << trouble.error();
+  const auto scenario = plant::parse_scenario(trouble->plant_scenario, "push", robot_);
+  ASSERT_EQ(scenario.value().events.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const plant::FaultEvent& event = scenario->events[i];
+    EXPECT_EQ(event.at, seconds(3) + kRepeat * static_cast<std::int64_t>(i));
+    EXPECT_EQ(event.amount, 30);
+    const config::Vector3 drawn = push_direction(7, static_cast<std::int64_t>(i) + 1);
+    for (std::size_t axis = 0; axis < 3; ++axis) EXPECT_NEAR(event.along[axis], drawn[axis], 1e-12);
+  }
+}
+
+TEST_F(RealPerturbation, TheHogComesEveryTenthOfASecond) {
+  const auto events = events_of(moderate(*find_perturbation("cpu_hog")), 3);
+  ASSERT_EQ(events.size(), 20U);
+  for (std::size_t i = 0; i < events.size(); ++i) {
+    EXPECT_EQ(events[i].process, cli::ProcessName::executive);
+    EXPECT_EQ(events[i].length, milliseconds(20));
+    if (i > 0) {
+      EXPECT_EQ((events[i].at - events[i - 1].at).ns / 1000, kHogEvery.ns / 1000);
     }
   }
 }
@@ -58,7 +106,7 @@ TEST_F(RealPerturbation, EveryMechanismIsUnderstoodAndActsInsideItsWindow) {
 TEST_F(RealPerturbation, NominalRolloutsAreLeftAlone) {
   const auto trouble = real_trouble_of({}, robot_, 1);
   ASSERT_TRUE(trouble.has_value());
-  EXPECT_TRUE(trouble->actions.empty() && trouble->plant_scenario.empty());
+  EXPECT_TRUE(trouble->actions.empty() && trouble->plant_scenario.empty() && trouble->policy_faults.empty());
 }
 
 TEST_F(RealPerturbation, PreemptionHitsTheControlThreadAtInstantsOfTheSeed) {
@@ -90,6 +138,11 @@ TEST_F(RealPerturbation, DosesThatNoRealMachineCanTakeAreRefused) {
   EXPECT_TRUE(refused(Trouble::scheduler_preemption, 51));
   EXPECT_TRUE(refused(Trouble::inference_stall, 1000));
   EXPECT_TRUE(refused(Trouble::inference_mean_shift, 1));
+  EXPECT_TRUE(refused(Trouble::cpu_hog, 51));
+  EXPECT_TRUE(refused(Trouble::rt_throttling, 300)) << "the kernel keeps 50 ms";
+  EXPECT_TRUE(refused(Trouble::queue_growth, 201));
+  EXPECT_TRUE(refused(Trouble::publish_delay, 0));
+  EXPECT_TRUE(refused(Trouble::can_delay, 2000)) << "the simulator delays by a second at most";
   EXPECT_FALSE(refused(Trouble::scheduler_preemption, 50));
   robot_.control.cpu.reset();
   EXPECT_TRUE(refused(Trouble::scheduler_preemption, 8));

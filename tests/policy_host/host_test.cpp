@@ -29,7 +29,10 @@ config::RobotConfig hashed_robot() {
 
 class HostTest : public testing::Test {
  protected:
-  HostTest() : robot_(hashed_robot()), policy_(10, 12), host_(robot_, directory_.path(), 0xABCD, policy_) {}
+  explicit HostTest(std::vector<HostFaultWindow> faults = {})
+      : robot_(hashed_robot()),
+        policy_(10, 12),
+        host_(robot_, directory_.path(), 0xABCD, policy_, HostFaults(std::move(faults), 1)) {}
   ~HostTest() override { end(); }
 
   void start() {
@@ -68,6 +71,7 @@ class HostTest : public testing::Test {
     }
     auto observation = small_observation(++observation_id_);
     observation.published_at = monotonic_now();
+    observation.mode = static_cast<std::uint8_t>(Mode::tracking);
     executive.publish(observation);
   }
 
@@ -133,6 +137,27 @@ TEST_F(HostTest, AttachesAgainWithAFreshSession) {
   observation_id_ = 0;
   ASSERT_TRUE(exchange(*executive, sensor.get(), chunk));
   EXPECT_LE(chunk.header.sequence, observation_id_) << "counted from 1 again";
+}
+
+class LateHostTest : public HostTest {
+ protected:
+  static constexpr Duration kLate = milliseconds(60);
+  LateHostTest() : HostTest({{{}, seconds(1000), HostFault::publish_delay, static_cast<double>(kLate.ns)}}) {}
+};
+
+TEST_F(LateHostTest, PublishesLaterThanItsStampsSay) {
+  start();
+  const auto sensor = start_sensor();
+  const auto executive = start_executive();
+  ASSERT_TRUE(wait_for([&] { return executive->acknowledged(); }));
+  CommandChunk chunk;
+  std::uint64_t before = 0;
+  for (int i = 0; i < 5; ++i) {
+    ASSERT_TRUE(exchange(*executive, sensor.get(), chunk));
+    EXPECT_GE(monotonic_now() - chunk.header.published_at, kLate);
+    EXPECT_GT(chunk.header.sequence, before) << "in order";
+    before = chunk.header.sequence;
+  }
 }
 
 }  // namespace

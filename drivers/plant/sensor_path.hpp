@@ -1,0 +1,39 @@
+// The way from an outside sensor to its mailbox, and what may go wrong on it: samples lost, held back and delivered
+// together, or old values under fresh stamps. Pure, virtual time. Thread rule: one thread at a time.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <random>
+
+#include "executive/contract/sensor_sample.hpp"
+
+namespace takt::plant {
+
+struct SensorFaults {
+  double drop = 0;            // share of samples lost, 0..1
+  bool frozen = false;        // values of the last sample before, stamps as they are
+  Duration burst = {};        // samples wait for the end of the interval of this length that they fall into; 0: none
+  MonoTime burst_since = {};  // where the first interval began
+};
+
+class SensorPath {
+ public:
+  explicit SensorPath(std::uint64_t seed) : losses_(seed) {}  // the seed as it is
+
+  void take(SensorSample sample, const SensorFaults& faults);
+  // The oldest that has arrived by `now` and was not returned yet.
+  std::optional<SensorSample> deliver(MonoTime now);
+
+ private:
+  struct Held {
+    SensorSample sample;
+    MonoTime delivered_at;
+  };
+  std::mt19937_64 losses_;
+  std::deque<Held> held_;
+  SensorSample before_freeze_;  // sequence 0: none yet
+};
+
+}  // namespace takt::plant

@@ -1,0 +1,54 @@
+// A robot's mechanics with what the world adds: a force at the tool, a point mass at the tool, more friction in the
+// joints. The tool of a cart with a pole is the pole's tip. Everything else passes through. Units: N, kg, base frame.
+// Thread rule: one thread at a time. Source of the force's joint torques: the transposed Jacobian, by central
+// differences of the tool's position.
+#pragma once
+
+#include <expected>
+#include <memory>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "config/robot_config.hpp"
+#include "drivers/plant/mechanics.hpp"
+
+namespace takt::plant {
+
+struct BodyTrouble {
+  config::Vector3 towards{};  // length 1; of the force
+  double force = 0;           // at the tool
+  double payload = 0;         // at the tool; 0: none
+  double friction = 1;        // times that of the robot file, in joints that are not passive
+};
+
+class TroubledMechanics final : public Mechanics {
+ public:
+  // `payloads`: the masses that set() may ask for. The error is one sentence: the robot has no model the simulator
+  // knows.
+  static std::expected<std::unique_ptr<TroubledMechanics>, std::string> make(const config::RobotConfig& robot,
+                                                                             std::span<const double> payloads);
+
+  // From the next step on. Precondition: a payload that make() was told of, or none.
+  void set(const BodyTrouble& trouble);
+  void integrate(ArmState& state, const Eigen::VectorXd& tau, const std::vector<Friction>& friction,
+                 Duration step) override;
+  // As without a payload.
+  config::Vector3 tool_position(const Eigen::VectorXd& q) override { return bare_->tool_position(q); }
+  config::Vector3 controlled_point(const Eigen::VectorXd& q) override { return bare_->controlled_point(q); }
+
+ private:
+  TroubledMechanics(std::unique_ptr<Mechanics> bare, const config::RobotConfig& robot);
+  [[nodiscard]] Eigen::VectorXd torque_of_force(const Eigen::VectorXd& q);
+  [[nodiscard]] std::vector<Friction> with_more(std::vector<Friction> friction) const;
+
+  std::unique_ptr<Mechanics> bare_;
+  std::vector<std::pair<double, std::unique_ptr<Mechanics>>> loaded_;  // by payload
+  Mechanics* body_;                                                    // the one of the payload that is set
+  config::Simulation simulation_;
+  std::vector<bool> passive_;  // by joint
+  BodyTrouble trouble_;
+};
+
+}  // namespace takt::plant

@@ -1,0 +1,24 @@
+#include "monitor/cli/rearming.hpp"
+
+namespace takt::cli {
+
+OperatorStep Rearming::next(Mode mode, Duration now) {
+  if (!after_) return OperatorStep::none;
+  switch (mode) {
+    case Mode::arming:
+    case Mode::tracking:
+    case Mode::degraded:
+      stopped_at_.reset();
+      return OperatorStep::none;
+    case Mode::standby:
+      return stopped_at_ ? OperatorStep::arm : OperatorStep::none;
+    case Mode::damped_stop:
+    case Mode::fault_latched:
+      if (!stopped_at_) stopped_at_ = now;
+      if (now < *stopped_at_ + *after_) return OperatorStep::none;
+      return mode == Mode::fault_latched ? OperatorStep::reset : OperatorStep::reset_if_only_the_stop_blocks;
+  }
+  return OperatorStep::none;
+}
+
+}  // namespace takt::cli

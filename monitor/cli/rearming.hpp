@@ -1,0 +1,34 @@
+// The person who ends stops, in real time, by the rule of the simulated one (monitor/panel/operator.hpp): `after` a
+// stop or fault began, reset, and arm again once nothing blocks it. Knows what a person could see: the executive's
+// status. Pure. Thread rule: one thread at a time.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "executive/contract/mode.hpp"
+#include "executive/contract/mono_time.hpp"
+
+namespace takt::cli {
+
+enum class OperatorStep : std::uint8_t {
+  none,
+  arm,
+  reset,
+  reset_if_only_the_stop_blocks,  // a robot that is reset before lets go of itself
+};
+
+class Rearming {
+ public:
+  // Empty: nobody ends a stop.
+  explicit Rearming(std::optional<Duration> after) : after_(after) {}
+
+  // What the person does who sees `mode` at `now`. The first arming is somebody else's.
+  OperatorStep next(Mode mode, Duration now);
+
+ private:
+  std::optional<Duration> after_;
+  std::optional<Duration> stopped_at_;  // none: no stop since the robot was last armed
+};
+
+}  // namespace takt::cli

@@ -1,0 +1,85 @@
+#include "monitor/panel/plant_scenario.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "monitor/panel/troubled_dynamics.hpp"
+
+namespace takt::panel {
+namespace {
+
+std::string event(Duration at, const std::string& what, Duration length) {
+  return fmt::format("  - {{ after: enabled, at: {} us, {}, for: {} us }}\n", at.ns / 1000, what, length.ns / 1000);
+}
+
+std::string whole_window(const Perturbation& perturbation, const std::string& what) {
+  return event(perturbation.from, what, perturbation.length);
+}
+
+// Once per second of the window; `what` of the second, from 1.
+template <class What>
+std::string every_second(const Perturbation& perturbation, Duration length, const What& what) {
+  std::string events;
+  std::int64_t turn = 0;
+  for (Duration at; at < perturbation.length; at = at + kRepeat)
+    events += event(perturbation.from + at, what(++turn), std::min(length, perturbation.length - at));
+  return events;
+}
+
+std::string with_head(const std::string& events) {
+  return "schema: takt.scenario/1\nevents:\n" + events;
+}
+
+Duration dose_time(const Perturbation& perturbation) {
+  return {std::llround(perturbation.dose * 1e6)};
+}
+
+std::string dose_text(const Perturbation& perturbation) {
+  return fmt::format("{} us", dose_time(perturbation).ns / 1000);
+}
+
+std::string push_text(double force_N, const config::Vector3& along) {
+  return fmt::format("push: {} N, along: [{}, {}, {}]", force_N, along[0], along[1], along[2]);
+}
+
+}  // namespace
+
+std::string bus_scenario(const Perturbation& perturbation, const config::RobotConfig& robot) {
+  if (perturbation.trouble == Trouble::bus_off) {
+    const std::string off = fmt::format("bus: {}, fault: bus_off", robot.buses.front().name);
+    return with_head(event(perturbation.from, off, dose_time(perturbation)));
+  }
+  std::string events;
+  if (perturbation.trouble == Trouble::can_delay)
+    for (const config::Joint& joint : robot.joints)
+      events += whole_window(perturbation, fmt::format("joint: {}, delay: {}", joint.name, dose_text(perturbation)));
+  if (perturbation.trouble == Trouble::can_loss)
+    for (const config::Bus& bus : robot.buses)
+      events += whole_window(perturbation, fmt::format("bus: {}, drop: {}", bus.name, perturbation.dose));
+  return with_head(events);
+}
+
+std::string sensor_scenario(const Perturbation& perturbation, const config::RobotConfig& robot) {
+  const std::string sensor = "sensor: " + (robot.simulation ? robot.simulation->camera_sensor : "");
+  if (perturbation.trouble == Trouble::camera_freeze)
+    return with_head(
+        every_second(perturbation, dose_time(perturbation), [&](std::int64_t) { return sensor + ", fault: freeze"; }));
+  const std::string what = perturbation.trouble == Trouble::sensor_burst
+                               ? fmt::format("{}, burst: {}", sensor, dose_text(perturbation))
+                               : fmt::format("{}, drop: {}", sensor, perturbation.dose);
+  return with_head(whole_window(perturbation, what));
+}
+
+std::string body_scenario(const Perturbation& perturbation, std::uint64_t seed) {
+  if (perturbation.trouble == Trouble::push)
+    return with_head(every_second(perturbation, kPushLength, [&](std::int64_t turn) {
+      return push_text(perturbation.dose, push_direction(seed, turn));
+    }));
+  const std::string what = perturbation.trouble == Trouble::payload ? fmt::format("payload: {} kg", perturbation.dose)
+                                                                    : fmt::format("friction: {}", perturbation.dose);
+  return with_head(whole_window(perturbation, what));
+}
+
+}  // namespace takt::panel

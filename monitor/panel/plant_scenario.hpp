@@ -1,0 +1,20 @@
+// Perturbations as scenarios of the simulator (docs/plant-scenarios.md): the text of a scenario file each, times since
+// the drives were enabled. Pure.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "config/robot_config.hpp"
+#include "monitor/panel/perturbation.hpp"
+
+namespace takt::panel {
+
+// can_loss, can_delay, bus_off.
+std::string bus_scenario(const Perturbation& perturbation, const config::RobotConfig& robot);
+// sensor_dropout, sensor_burst, camera_freeze: of the simulated camera.
+std::string sensor_scenario(const Perturbation& perturbation, const config::RobotConfig& robot);
+// push, payload, friction.
+std::string body_scenario(const Perturbation& perturbation, std::uint64_t seed);
+
+}  // namespace takt::panel

@@ -1,0 +1,74 @@
+// Goal: samples pass as they are, or are lost, frozen or held back as a fault says. Method: a sample every 10 ms of
+// virtual time; what is delivered, and when, is compared.
+#include "drivers/plant/sensor_path.hpp"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+namespace takt::plant {
+namespace {
+
+constexpr MonoTime kStart{1'000'000'000};
+
+SensorSample sample(int number) {
+  SensorSample made;
+  made.sequence = static_cast<std::uint64_t>(number);
+  made.published_at = kStart + milliseconds(10) * number;
+  made.value_count = 1;
+  made.values[0] = static_cast<float>(number);
+  return made;
+}
+
+std::vector<float> delivered(SensorPath& path, MonoTime now) {
+  std::vector<float> values;
+  while (const auto one = path.deliver(now)) values.push_back(one->values[0]);
+  return values;
+}
+
+TEST(SensorPath, PassesEverySampleAtOnce) {
+  SensorPath path(1);
+  for (int i = 1; i <= 5; ++i) {
+    path.take(sample(i), {});
+    EXPECT_EQ(delivered(path, sample(i).published_at), std::vector<float>{static_cast<float>(i)});
+  }
+}
+
+TEST(SensorPath, ABurstDeliversTogetherAndInOrder) {
+  SensorPath path(1);
+  const SensorFaults bursts{.burst = milliseconds(30), .burst_since = kStart};
+  for (int i = 1; i <= 2; ++i) {
+    path.take(sample(i), bursts);
+    EXPECT_TRUE(delivered(path, sample(i).published_at).empty());
+  }
+  EXPECT_EQ(delivered(path, kStart + milliseconds(30)), (std::vector<float>{1, 2}));
+}
+
+TEST(SensorPath, AFrozenCameraRepeatsUnderFreshStamps) {
+  SensorPath path(1);
+  path.take(sample(1), {.frozen = true});
+  path.take(sample(2), {});
+  path.take(sample(3), {.frozen = true});
+  path.take(sample(4), {});
+  EXPECT_EQ(path.deliver(sample(9).published_at)->values[0], 1) << "nothing to repeat yet";
+  EXPECT_EQ(path.deliver(sample(9).published_at)->values[0], 2);
+  const auto frozen = path.deliver(sample(9).published_at);
+  EXPECT_EQ(frozen->values[0], 2);
+  EXPECT_EQ(frozen->sequence, 3U);
+  EXPECT_EQ(frozen->published_at, sample(3).published_at);
+  EXPECT_EQ(path.deliver(sample(9).published_at)->values[0], 4);
+}
+
+TEST(SensorPath, LosesTheShareOfItsSeed) {
+  const auto kept_by = [](std::uint64_t seed) {
+    SensorPath path(seed);
+    for (int i = 1; i <= 1000; ++i) path.take(sample(i), {.drop = 0.7});
+    return delivered(path, sample(2000).published_at);
+  };
+  EXPECT_NEAR(static_cast<double>(kept_by(1).size()), 300, 50);
+  EXPECT_EQ(kept_by(1), kept_by(1));
+  EXPECT_NE(kept_by(1), kept_by(2));
+}
+
+}  // namespace
+}  // namespace takt::plant
