@@ -2,12 +2,13 @@
 """Runs Takt in an emulated robot PC: Debian's PREEMPT_RT kernel, systemd as PID 1, CAN interfaces.
 
   hil.py --payload FOLDER [--jobs N] [--wall-limit S] [FILTER]    FILTER: regular expression on the cases' names
+  hil.py --native --payload FOLDER        what needs no guest, on this machine's own vcan
   hil.py --list [FILTER]
 
 Each case gets a fresh guest. Its output streams, with the case's name in front; journal, kernel log and run folders lie
 in --out afterwards (default build/hil), beside summary.json. Page: docs/hil.md.
 Exit codes: 0 every case passed, 1 a case failed, 64 command line or a case's header, 69 something is missing on this
-machine or the guest cannot be built, 130 interrupted.
+machine (qemu, or vcan for --native) or the guest cannot be built, 130 interrupted.
 """
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ import time
 
 from rig.case import BadCase, Case, all_cases, matching
 from rig.machine import QEMU, run_machine
-from rig.payload import BadPayload, hand_over, required_packages
+from rig.payload import BadPayload, hand_over, required_packages, unpacked
 
 HERE = pathlib.Path(__file__).resolve().parent
 TOP = HERE.parent.parent
@@ -44,23 +45,27 @@ def cache_folder() -> pathlib.Path:
 
 
 def build_guest(payload: pathlib.Path) -> pathlib.Path:
-    command = [str(HERE / "guest/build.sh"), str(cache_folder()), *required_packages(payload)]
+    command = [*([] if os.geteuid() == 0 else ["sudo"]), str(HERE / "guest/build.sh"), str(cache_folder()),
+               *required_packages(payload)]
     built = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
     if built.returncode != 0:
         raise BadPayload("the guest cannot be built (what failed stands above)")
     return pathlib.Path(built.stdout.strip().splitlines()[-1])
 
 
-def prepare_job(case: Case, payload: pathlib.Path, out: pathlib.Path) -> pathlib.Path:
-    job = out / case.name
+def prepare_job(case: Case, options: argparse.Namespace) -> pathlib.Path:
+    job = options.out / case.name
     shutil.rmtree(job, ignore_errors=True)
     job.mkdir(parents=True)
-    hand_over(payload, job / "payload")
+    hand_over(options.payload, job / "payload")
     shutil.copytree(HERE / "lib", job / "lib")
     robots = job / "lib/robots"
     robots.mkdir()
     for source in [*TOP.glob("config/*.yaml"), *TOP.glob("config/*.onnx")]:
         shutil.copy(source, robots)
+    (job / "lib/tools").mkdir()
+    for tool in options.tool:
+        subprocess.run(["strip", "-s", "-o", str(job / "lib/tools" / tool.name), str(tool)], check=True)
     shutil.copy(case.path, job / "case")
     (job / "case").chmod(0o755)
     (job / "environment").write_text(f"HIL_MODE={case.mode}\nHIL_LIMIT_S={case.limit_s}\n")
@@ -76,11 +81,23 @@ def verdict_of(case: Case, job: pathlib.Path, in_time: bool, wall_s: float) -> V
     return Verdict(case.name, case.mode, result, wall_s)
 
 
+def replay_failure(job: pathlib.Path, takt: pathlib.Path) -> str:
+    """What this machine's takt finds in the runs that the guest recorded; empty: every tick reproduces, bit for bit."""
+    for run in sorted((job / "out/runs").glob("*/ticks.mcap")):
+        replay = subprocess.run([str(takt), "replay", str(run.parent)], check=False, capture_output=True, text=True)
+        if replay.returncode != 0:
+            return f"takt replay {run.parent}: {(replay.stdout + replay.stderr).strip()}"
+    return ""
+
+
 def run_case(case: Case, image: pathlib.Path, options: argparse.Namespace) -> Verdict:
-    job = prepare_job(case, options.payload, options.out)
+    job = prepare_job(case, options)
     began = time.monotonic()
     in_time = run_machine(case, image, job, options.wall_limit, lambda line: print(f"{case.name:18} | {line}", flush=True))
     verdict = verdict_of(case, job, in_time, round(time.monotonic() - began, 1))
+    if verdict.result == "passed" and (failure := replay_failure(job, options.takt)):
+        print(f"{case.name:18} | {failure}", flush=True)
+        verdict = dataclasses.replace(verdict, result="failed")
     for part in ("payload", "lib"):
         shutil.rmtree(job / part, ignore_errors=True)
     if verdict.result in ("limit", "no verdict"):
@@ -91,6 +108,12 @@ def run_case(case: Case, image: pathlib.Path, options: argparse.Namespace) -> Ve
 def run_all(cases: list[Case], image: pathlib.Path, options: argparse.Namespace) -> list[Verdict]:
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
         return list(pool.map(lambda case: run_case(case, image, options), cases))
+
+
+def run_native(options: argparse.Namespace) -> int:
+    programs = unpacked(options.payload, options.out / "unpacked") / "usr/bin"
+    command = [*([] if os.geteuid() == 0 else ["sudo"]), str(HERE / "lib/native.sh"), str(programs), str(TOP / "config")]
+    return subprocess.run(command, check=False).returncode
 
 
 def report(verdicts: list[Verdict], out: pathlib.Path, wall_s: float) -> int:
@@ -109,7 +132,9 @@ def arguments() -> argparse.Namespace:
     parser.error = lambda message: sys.exit(refuse(EXIT_USAGE, message))  # type: ignore[method-assign,assignment]
     parser.add_argument("filter", nargs="?", help="regular expression on the cases' names")
     parser.add_argument("--list", action="store_true", help="name the cases and end")
+    parser.add_argument("--native", action="store_true", help="run what needs no guest on this machine's own vcan")
     parser.add_argument("--payload", type=pathlib.Path, help="folder of .deb files, or a staged installation")
+    parser.add_argument("--tool", type=pathlib.Path, action="append", default=[], help="program that cases need beside Takt")
     parser.add_argument("--cases", type=pathlib.Path, default=HERE / "cases", help="folder of cases")
     parser.add_argument("--out", type=pathlib.Path, default=TOP / "build/hil/results")
     parser.add_argument("--jobs", type=int, default=2, help="guests at a time")
@@ -136,12 +161,15 @@ def main() -> int:
         return 0
     if not options.payload:
         return refuse(EXIT_USAGE, "--payload is missing: a folder of .deb files, or a staged installation")
+    if options.native:
+        return run_native(options)
     if not shutil.which(QEMU):
         return refuse(EXIT_UNAVAILABLE, f"{QEMU} is not installed: apt install qemu-system-x86")
     options.out = options.out.resolve()
     began = time.monotonic()
     try:
         image = build_guest(options.payload)
+        options.takt = unpacked(options.payload, options.out / "unpacked") / "usr/bin/takt"
         verdicts = run_all(cases, image, options)
     except BadPayload as problem:
         return refuse(EXIT_UNAVAILABLE, str(problem))

@@ -13,7 +13,7 @@ fail() {
 }
 say() { echo "$*"; }
 
-# seconds EXPRESSION: arithmetic in awk, for comparisons of fractions: `seconds "$a < 0.5" || fail ...`
+# holds EXPRESSION: of numbers with fractions, such as `holds "$a < 0.5"`.
 holds() { awk "BEGIN { exit !($1) }"; }
 now() { cut -d' ' -f1 /proc/uptime; }
 
@@ -24,7 +24,7 @@ within() {
   until=$(awk "BEGIN { print $(now) + $limit }")
   until "$@" >/dev/null 2>&1; do
     holds "$(now) < $until" || fail "$what: not within $limit s"
-    sleep 0.02
+    sleep 0.1
   done
 }
 
@@ -49,11 +49,12 @@ robot() {
   takt config check $ROBOT >config.txt 2>&1 || fail "$(cat config.txt)"
 }
 
-# plant [OPTION...]: drives, mechanics and camera, at a priority below the executive's.
+# plant [OPTION...]: drives, mechanics and camera, at a priority below the executive's; on the interfaces of PLANT_ROBOT, if
+# that is another file.
 plant() {
   systemd-run --quiet --unit $PLANT --uid takt --gid takt -p AmbientCapabilities=CAP_SYS_NICE -p LimitRTPRIO=20 \
-    takt-plant --robot $ROBOT --runtime-dir $RUN --policy-user takt-policy "$@" || fail "the plant does not start"
-  within 5 "the plant's camera" test -S $RUN/sensor-target.sock
+    takt-plant --robot "${PLANT_ROBOT:-$ROBOT}" --runtime-dir $RUN --policy-user takt-policy "$@" || fail "the plant does not start"
+  within 5 "the plant" is_active $PLANT
 }
 
 # field NAME: of the executive's status, as text; empty while nobody answers.
@@ -74,3 +75,40 @@ tracking() {
   within 10 "arming ($(cat arm.txt 2>/dev/null))" armed
   within 5 "tracking" mode_is tracking
 }
+
+# The common beginning: arm6 on two virtual interfaces, tracking.
+tracking_arm6() {
+  can_up vcan0 vcan1
+  robot arm6
+  plant
+  takt_up
+  tracking
+}
+# Back to standby after a stop or fault, and tracking again.
+recover() {
+  within 10 "reset" takt reset --runtime-dir $RUN
+  within 5 "standby after reset" mode_is standby
+  tracking
+}
+
+# transitions FROM TO CAUSE: how many such changes of mode are recorded.
+transitions() { cat /var/lib/takt/runs/*/transitions.jsonl 2>/dev/null | grep -c "\"from\":\"$1\",\"to\":\"$2\",\"cause\":\"$3\""; }
+happened() { [ "$(transitions "$1" "$2" "$3")" -gt 0 ]; }
+# age_at FROM TO CAUSE: ms, the command's age at the newest such change.
+age_at() {
+  cat /var/lib/takt/runs/*/transitions.jsonl | grep "\"from\":\"$1\",\"to\":\"$2\",\"cause\":\"$3\"" | tail -1 |
+    sed 's/.*"age_ns":\([0-9]*\).*/\1/' | awk '{ print $1 / 1e6 }'
+}
+overruns() {
+  takt status --runtime-dir $RUN --json | grep -o '"overruns":{[^}]*}' | grep -oE ':[0-9]+' | tr -d : | awk '{ sum += $1 } END { print sum }'
+}
+# no_overrun_in TICKS WHAT: lets that many periods pass; none may be late or skipped.
+no_overrun_in() {
+  local until=$(($(field ticks) + $1))
+  while [ "$(field ticks)" -lt "$until" ]; do sleep 1; done
+  [ "$(overruns)" = 0 ] || fail "$2: $(overruns) overruns: $(takt status --runtime-dir $RUN)"
+  [ "$(field skipped_periods)" = 0 ] || fail "$2: $(field skipped_periods) periods skipped"
+  say "$2: 0 of $1 periods missed"
+}
+active_cause() { takt status --runtime-dir $RUN --json 2>/dev/null | grep -o '"causes_active":[^]]*' | grep -q "\"$1\""; }
+no_active_cause() { field ticks | grep -q . && ! active_cause "$1"; }

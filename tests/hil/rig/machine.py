@@ -20,11 +20,11 @@ MEMORY_MIB = 1024
 KERNEL_OPTIONS = ("console=ttyS0 quiet loglevel=4 panic=-1 oops=panic mitigations=off nokaslr clocksource=tsc tsc=reliable "
                   "no_timer_check random.trust_cpu=on audit=0 nmi_watchdog=0 cryptomgr.notests 8250.nr_uarts=1 "
                   "systemd.show_status=false")
-# Two emulated PCI cards with an SJA1000 each on one emulated bus; the watchdog of Intel's 6300ESB.
+# Two emulated CAN buses with two PCI cards (SJA1000) on each; the watchdog of Intel's 6300ESB.
 DEVICES = {
     "plain": [],
-    "kvaser": ["-object", "can-bus,id=canbus0", "-device", "kvaser_pci,canbus=canbus0",
-               "-device", "kvaser_pci,canbus=canbus0"],
+    "kvaser": [option for bus in ("canbus0", "canbus1")
+               for option in ("-object", f"can-bus,id={bus}", *2 * ("-device", f"kvaser_pci,canbus={bus}"))],
     "watchdog": ["-device", "i6300esb", "-action", "watchdog=reset"],
 }
 

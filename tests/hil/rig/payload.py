@@ -55,3 +55,10 @@ def hand_over(payload: pathlib.Path, folder: pathlib.Path) -> None:
             (folder / deb.name).hardlink_to(deb)
         return
     subprocess.run(["tar", "-c", "-f", str(folder / "tree.tar"), "--owner=0", "--group=0", "-C", str(payload), "."], check=True)
+
+
+def unpacked(payload: pathlib.Path, folder: pathlib.Path) -> pathlib.Path:
+    """A tree with usr/bin/takt to use on this machine: the staged one itself, or what the packages hold."""
+    for deb in debs(payload):
+        subprocess.run(["dpkg-deb", "-x", str(deb), str(folder)], check=True)
+    return folder if debs(payload) else payload
