@@ -107,7 +107,12 @@ def run_case(case: Case, image: pathlib.Path, options: argparse.Namespace) -> Ve
 
 def run_all(cases: list[Case], image: pathlib.Path, options: argparse.Namespace) -> list[Verdict]:
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
-        return list(pool.map(lambda case: run_case(case, image, options), cases))
+        running = [pool.submit(run_case, case, image, options) for case in cases]
+        try:
+            return [one.result() for one in running]
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 def run_native(options: argparse.Namespace) -> int:

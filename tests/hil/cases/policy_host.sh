@@ -30,7 +30,7 @@ takt reset --runtime-dir $RUN || fail "reset"
 systemd-run --quiet --unit hil-rogue --uid takt-policy --gid takt -p RestrictAddressFamilies=AF_UNIX \
   "$HIL_LIB/tools/takt-rogue-policy" --robot $ROBOT --runtime-dir $RUN --behaviour nan --healthy-for '4 s'
 tracking
-within 10 "stop at not-a-number" happened tracking damped_stop bad_commands
+within 10 "stop at not-a-number" stopped_by bad_commands
 takt status --runtime-dir $RUN | grep -E 'not_finite|messages'
 systemctl stop hil-rogue
 systemctl start $POLICY

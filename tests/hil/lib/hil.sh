@@ -24,7 +24,7 @@ within() {
   until=$(awk "BEGIN { print $(now) + $limit }")
   until "$@" >/dev/null 2>&1; do
     holds "$(now) < $until" || fail "$what: not within $limit s"
-    sleep 0.1
+    sleep 0.25
   done
 }
 
@@ -94,6 +94,8 @@ recover() {
 # transitions FROM TO CAUSE: how many such changes of mode are recorded.
 transitions() { cat /var/lib/takt/runs/*/transitions.jsonl 2>/dev/null | grep -c "\"from\":\"$1\",\"to\":\"$2\",\"cause\":\"$3\""; }
 happened() { [ "$(transitions "$1" "$2" "$3")" -gt 0 ]; }
+# stopped_by CAUSE: a damped stop for that reason, from whatever mode.
+stopped_by() { grep -q "\"to\":\"damped_stop\",\"cause\":\"$1\"" /var/lib/takt/runs/*/transitions.jsonl; }
 # age_at FROM TO CAUSE: ms, the command's age at the newest such change.
 age_at() {
   cat /var/lib/takt/runs/*/transitions.jsonl | grep "\"from\":\"$1\",\"to\":\"$2\",\"cause\":\"$3\"" | tail -1 |

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import pathlib
 import re
+import shutil
 import subprocess
 
 TOOLS = ("takt", "takt-executive", "takt-policy-host", "takt-plant", "takt-monitor")
@@ -52,7 +53,7 @@ def hand_over(payload: pathlib.Path, folder: pathlib.Path) -> None:
     folder.mkdir(parents=True)
     if packages := debs(payload):
         for deb in packages:
-            (folder / deb.name).hardlink_to(deb)
+            shutil.copy(deb, folder)
         return
     subprocess.run(["tar", "-c", "-f", str(folder / "tree.tar"), "--owner=0", "--group=0", "-C", str(payload), "."], check=True)
 
