@@ -1,0 +1,33 @@
+#!/bin/bash
+# Goal: a controller that goes bus-off latches a fault; after its restart the same processes recover.
+# Method: the wrist's bus runs over slcan: a real CAN controller state machine of the kernel, whose adapter is a script that passes frames to and from the
+#   plant. While tracking the adapter reports bus-off; the interface goes down and up, as an operator would; reset, arm.
+# Mode: virtual
+# Limit: 120 s
+# Planted fault: the adapter reports error-warning (sw) instead: no fault.
+. "$HIL_LIB/hil.sh"
+modprobe slcan || fail "no slcan"
+can_up vcan0 vcan1
+robot arm6
+PLANT_ROBOT=/etc/takt/robot/plant.yaml
+cp $ROBOT $PLANT_ROBOT
+sed -i 's/interface: vcan1/interface: slcan0/' $ROBOT
+chrt -f 30 "$HIL_LIB/slcan_bridge.py" vcan1 >bridge.txt 2>&1 &
+bridge=$!
+within 5 "adapter" grep -q slcan0 bridge.txt
+ip link set slcan0 type can bitrate 1000000 && ip link set slcan0 txqueuelen 100 up || fail "slcan0"
+plant
+takt_up
+tracking
+
+kill -USR1 $bridge
+within 2 "fault" happened tracking fault_latched bus_off
+ip -d -s link show slcan0 | grep -oE 'can .*state [A-Z-]+' | head -1
+ip -d link show slcan0 | grep -q BUS-OFF || fail "the kernel does not think so"
+takt arm --runtime-dir $RUN && fail "armed with a bus that is off"
+ip link set slcan0 down
+ip link set slcan0 up || fail "slcan0 up"
+within 5 "bus-off is over" no_active_cause bus_off
+within 5 "replies" no_active_cause feedback_lost
+recover
+restarts_are takt-executive 0 || fail "the executive was restarted"

@@ -1,0 +1,24 @@
+#!/bin/bash
+# Goal: Takt drives real CAN controllers: SJA1000 with bit timing, interrupts in threads, short queues.
+# Method: four emulated PCI cards on two emulated buses; the executive has can0 and can2, the plant can1 and can3. `takt bus up` sets the
+#   bit rates of the robot file.
+# Mode: virtual
+# Machine: kvaser
+# Limit: 120 s
+# Planted fault: can3 at another bit rate or down: the wrist's feedback is lost.
+. "$HIL_LIB/hil.sh"
+modprobe kvaser_pci || fail "no kvaser_pci"
+within 5 "four cards" test -e /sys/class/net/can3
+robot arm6 's/interface: vcan1/interface: can2/' 's/interface: vcan0/interface: can0/'
+PLANT_ROBOT=/etc/takt/robot/plant.yaml
+sed -e 's/interface: can2/interface: can3/' -e 's/interface: can0/interface: can1/' $ROBOT >$PLANT_ROBOT
+for file in $ROBOT $PLANT_ROBOT; do takt bus up --robot "$file" || fail "takt bus up --robot $file"; done
+ip -d link show can0 | grep -E 'bitrate|state'
+ip -d link show can0 | grep -q 'bitrate 1000000' || fail "not the robot file's bit rate"
+plant
+takt_up
+tracking
+no_overrun_in 2000 "on SJA1000 controllers"
+mode_is tracking || fail "mode $(field mode): $(cat /var/lib/takt/runs/*/transitions.jsonl)"
+ip link set can2 down
+within 2 "fault" happened tracking fault_latched bus_down

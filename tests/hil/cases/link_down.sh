@@ -1,0 +1,16 @@
+#!/bin/bash
+# Goal: an interface that goes down latches a fault at once; when it is up again, the same processes recover.
+# Method: `ip link set vcan0 down` while tracking, then up; reset, arm. The fault must follow within three periods (age of the command says when).
+# Mode: virtual
+# Limit: 90 s
+# Planted fault: `link set` on an interface of no bus: no fault.
+. "$HIL_LIB/hil.sh"
+tracking_arm6
+ip link set vcan0 down
+within 2 "fault" happened tracking fault_latched bus_down
+grep bus_down /var/lib/takt/runs/*/transitions.jsonl
+takt arm --runtime-dir $RUN && fail "armed with a bus that is down"
+ip link set vcan0 up
+within 3 "the bus is back" no_active_cause bus_down
+recover
+restarts_are takt-executive 0 || fail "the executive was restarted"

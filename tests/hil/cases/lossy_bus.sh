@@ -1,0 +1,23 @@
+#!/bin/bash
+# Goal: replies that are lost, late or doubled on a real interface are told apart and stop the robot softly.
+# Method: netem on vcan0, which hands frames back itself (echo=1), while tracking: 70 % loss, then 100 % duplication, then 8 ms delay; each time
+#   the cause that docs/bus-faults.md names, then none, reset, arm.
+# Mode: virtual
+# Limit: 120 s
+# Planted fault: netem on vcan1's neighbour instead: no cause.
+. "$HIL_LIB/hil.sh"
+tracking_arm6
+trouble() {
+  local cause=$1
+  shift
+  tc qdisc replace dev vcan0 root netem limit 10000 "$@" || fail "tc netem $*"
+  within 10 "$cause" active_cause "$cause"
+  within 5 "stop" eval 'mode_is damped_stop || mode_is fault_latched'
+  say "netem $*: $(tail -qn 1 /var/lib/takt/runs/*/transitions.jsonl)"
+  tc qdisc del dev vcan0 root
+  within 10 "no $cause" no_active_cause "$cause"
+  recover
+}
+trouble replies_repeated duplicate 100%
+trouble replies_delayed delay 8ms
+trouble replies_lost loss 70%

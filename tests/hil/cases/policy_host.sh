@@ -1,0 +1,37 @@
+#!/bin/bash
+# Goal: a policy host that dies, hangs or talks nonsense cannot move the robot, and systemd brings it back.
+# Method: while tracking, SIGKILL to the policy host; SIGSTOP, then SIGCONT; then a liar in its place that sends NaN. Each time the robot
+#   degrades or stops, is reset and armed, and tracks again. The age at which it degraded must not be far from max_age.
+# Mode: virtual
+# Limit: 120 s
+# Planted fault: without `Restart=always` in the unit the host does not come back; with max_age of 1 s the age is too large.
+. "$HIL_LIB/hil.sh"
+tracking_arm6
+
+kill -KILL "$(main_pid $POLICY)"
+within 5 "degraded after SIGKILL" happened tracking degraded contract_violated
+age=$(age_at tracking degraded contract_violated)
+say "killed: degraded at a command age of $age ms (max_age 150 ms)"
+holds "$age > 150 && $age < 250" || fail "degraded at $age ms"
+within 5 "damped stop" happened degraded damped_stop command_lost
+within 10 "policy host restarted" restarts_are $POLICY 1
+recover
+
+kill -STOP "$(main_pid $POLICY)"
+within 5 "damped stop of a robot without words" mode_is damped_stop
+[ "$(transitions degraded damped_stop command_lost)" = 2 ] || fail "it should have degraded, then stopped: $(cat /var/lib/takt/runs/*/transitions.jsonl)"
+kill -CONT "$(main_pid $POLICY)"
+recover
+is_active takt-executive && restarts_are takt-executive 0 || fail "the executive did not live through it"
+
+systemctl stop $POLICY
+within 5 "damped stop without policy host" mode_is damped_stop
+takt reset --runtime-dir $RUN || fail "reset"
+systemd-run --quiet --unit hil-rogue --uid takt-policy --gid takt -p RestrictAddressFamilies=AF_UNIX \
+  "$HIL_LIB/tools/takt-rogue-policy" --robot $ROBOT --runtime-dir $RUN --behaviour nan --healthy-for '4 s'
+tracking
+within 10 "stop at not-a-number" stopped_by bad_commands
+takt status --runtime-dir $RUN | grep -E 'not_finite|messages'
+systemctl stop hil-rogue
+systemctl start $POLICY
+recover

@@ -1,0 +1,7 @@
+#!/bin/bash
+# Goal: `takt run` drives the robot over SocketCAN without systemd: what `./dev hil --native` runs on a machine that has vcan.
+# Method: that very script, in the guest.
+# Mode: virtual
+# Limit: 120 s
+# Planted fault: one interface left down: takt run refuses.
+"$HIL_LIB/native.sh" /usr/bin "$HIL_LIB/robots"

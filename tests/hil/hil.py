@@ -1,0 +1,187 @@
+#!/usr/bin/env python3
+"""Runs Takt in an emulated robot PC: Debian's PREEMPT_RT kernel, systemd as PID 1, CAN interfaces.
+
+  hil.py --payload FOLDER [--jobs N] [--wall-limit S] [FILTER]    FILTER: regular expression on the cases' names
+  hil.py --native --payload FOLDER        what needs no guest, on this machine's own vcan
+  hil.py --list [FILTER]
+
+Each case gets a fresh guest. Its output streams, with the case's name in front; journal, kernel log and run folders lie
+in --out afterwards (default build/hil), beside summary.json. Page: docs/hil.md.
+Exit codes: 0 every case passed, 1 a case failed, 64 command line or a case's header, 69 something is missing on this
+machine (qemu, or vcan for --native) or the guest cannot be built, 130 interrupted.
+"""
+from __future__ import annotations
+
+import argparse
+import concurrent.futures
+import dataclasses
+import json
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import time
+
+from rig.case import BadCase, Case, all_cases, matching
+from rig.machine import QEMU, run_machine
+from rig.payload import BadPayload, hand_over, required_packages, unpacked
+
+HERE = pathlib.Path(__file__).resolve().parent
+TOP = HERE.parent.parent
+EXIT_FAILED, EXIT_USAGE, EXIT_UNAVAILABLE, EXIT_INTERRUPTED = 1, 64, 69, 130
+
+
+@dataclasses.dataclass(frozen=True)
+class Verdict:
+    case: str
+    mode: str
+    result: str  # passed | failed | limit | no verdict
+    wall_s: float
+
+
+def cache_folder() -> pathlib.Path:
+    return pathlib.Path(os.environ.get("TAKT_HIL_CACHE") or pathlib.Path.home() / ".cache/takt/hil")
+
+
+def build_guest(payload: pathlib.Path) -> pathlib.Path:
+    command = [*([] if os.geteuid() == 0 else ["sudo"]), str(HERE / "guest/build.sh"), str(cache_folder()),
+               *required_packages(payload)]
+    built = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
+    if built.returncode != 0:
+        raise BadPayload("the guest cannot be built (what failed stands above)")
+    return pathlib.Path(built.stdout.strip().splitlines()[-1])
+
+
+def prepare_job(case: Case, options: argparse.Namespace) -> pathlib.Path:
+    job = options.out / case.name
+    shutil.rmtree(job, ignore_errors=True)
+    job.mkdir(parents=True)
+    hand_over(options.payload, job / "payload")
+    shutil.copytree(HERE / "lib", job / "lib")
+    robots = job / "lib/robots"
+    robots.mkdir()
+    for source in [*TOP.glob("config/*.yaml"), *TOP.glob("config/*.onnx")]:
+        shutil.copy(source, robots)
+    (job / "lib/tools").mkdir()
+    for tool in options.tool:
+        subprocess.run(["strip", "-s", "-o", str(job / "lib/tools" / tool.name), str(tool)], check=True)
+    shutil.copy(case.path, job / "case")
+    (job / "case").chmod(0o755)
+    (job / "environment").write_text(f"HIL_MODE={case.mode}\nHIL_LIMIT_S={case.limit_s}\n")
+    return job
+
+
+def verdict_of(case: Case, job: pathlib.Path, in_time: bool, wall_s: float) -> Verdict:
+    try:
+        code = int((job / "out/verdict").read_text())
+    except (FileNotFoundError, ValueError):
+        return Verdict(case.name, case.mode, "no verdict" if in_time else "limit", wall_s)
+    result = {0: "passed", 124: "limit"}.get(code, "failed")
+    return Verdict(case.name, case.mode, result, wall_s)
+
+
+def replay_failure(job: pathlib.Path, takt: pathlib.Path) -> str:
+    """What this machine's takt finds in the runs that the guest recorded; empty: every tick reproduces, bit for bit."""
+    for run in sorted((job / "out/runs").glob("*/ticks.mcap")):
+        replay = subprocess.run([str(takt), "replay", str(run.parent)], check=False, capture_output=True, text=True)
+        if replay.returncode != 0:
+            return f"takt replay {run.parent}: {(replay.stdout + replay.stderr).strip()}"
+    return ""
+
+
+def run_case(case: Case, image: pathlib.Path, options: argparse.Namespace) -> Verdict:
+    job = prepare_job(case, options)
+    began = time.monotonic()
+    in_time = run_machine(case, image, job, options.wall_limit, lambda line: print(f"{case.name:18} | {line}", flush=True))
+    verdict = verdict_of(case, job, in_time, round(time.monotonic() - began, 1))
+    if verdict.result == "passed" and (failure := replay_failure(job, options.takt)):
+        print(f"{case.name:18} | {failure}", flush=True)
+        verdict = dataclasses.replace(verdict, result="failed")
+    for part in ("payload", "lib"):
+        shutil.rmtree(job / part, ignore_errors=True)
+    if verdict.result in ("limit", "no verdict"):
+        print(f"{case.name:18} | {verdict.result}: look at {job}/console.log, qemu.log and out/", flush=True)
+    return verdict
+
+
+def run_all(cases: list[Case], image: pathlib.Path, options: argparse.Namespace) -> list[Verdict]:
+    with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
+        running = [pool.submit(run_case, case, image, options) for case in cases]
+        try:
+            return [one.result() for one in running]
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def run_native(options: argparse.Namespace) -> int:
+    programs = unpacked(options.payload, options.out / "unpacked") / "usr/bin"
+    command = [*([] if os.geteuid() == 0 else ["sudo"]), str(HERE / "lib/native.sh"), str(programs), str(TOP / "config")]
+    return subprocess.run(command, check=False).returncode
+
+
+def report(verdicts: list[Verdict], out: pathlib.Path, wall_s: float) -> int:
+    print()
+    for verdict in verdicts:
+        print(f"{verdict.result:10}  {verdict.mode:7}  {verdict.wall_s:6.1f} s  {verdict.case}")
+    passed = sum(verdict.result == "passed" for verdict in verdicts)
+    print(f"{passed} of {len(verdicts)} cases passed in {wall_s:.0f} s; what they left: {out}")
+    rows = [dataclasses.asdict(verdict) for verdict in verdicts]
+    (out / "summary.json").write_text(json.dumps({"wall_s": round(wall_s, 1), "cases": rows}, indent=1) + "\n")
+    return 0 if passed == len(verdicts) else EXIT_FAILED
+
+
+def arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.error = lambda message: sys.exit(refuse(EXIT_USAGE, message))  # type: ignore[method-assign,assignment]
+    parser.add_argument("filter", nargs="?", help="regular expression on the cases' names")
+    parser.add_argument("--list", action="store_true", help="name the cases and end")
+    parser.add_argument("--native", action="store_true", help="run what needs no guest on this machine's own vcan")
+    parser.add_argument("--payload", type=pathlib.Path, help="folder of .deb files, or a staged installation")
+    parser.add_argument("--tool", type=pathlib.Path, action="append", default=[], help="program that cases need beside Takt")
+    parser.add_argument("--cases", type=pathlib.Path, default=HERE / "cases", help="folder of cases")
+    parser.add_argument("--out", type=pathlib.Path, default=TOP / "build/hil/results")
+    parser.add_argument("--jobs", type=int, default=2, help="guests at a time")
+    parser.add_argument("--wall-limit", type=float, default=300, help="s per case; the guest's own limit is in the case")
+    return parser.parse_args()
+
+
+def refuse(code: int, sentence: str) -> int:
+    print(f"hil: {sentence}", file=sys.stderr)
+    return code
+
+
+def main() -> int:
+    options = arguments()
+    try:
+        cases = matching(all_cases(options.cases), options.filter)
+    except BadCase as problem:
+        return refuse(EXIT_USAGE, str(problem))
+    if not cases:
+        return refuse(EXIT_USAGE, f"no case matches {options.filter!r}: --list names them")
+    if options.list:
+        for case in cases:
+            print(f"{case.name:18} {case.mode:8} {case.goal}")
+        return 0
+    if not options.payload:
+        return refuse(EXIT_USAGE, "--payload is missing: a folder of .deb files, or a staged installation")
+    if options.native:
+        return run_native(options)
+    if not shutil.which(QEMU):
+        return refuse(EXIT_UNAVAILABLE, f"{QEMU} is not installed: apt install qemu-system-x86")
+    options.out = options.out.resolve()
+    began = time.monotonic()
+    try:
+        image = build_guest(options.payload)
+        options.takt = unpacked(options.payload, options.out / "unpacked") / "usr/bin/takt"
+        verdicts = run_all(cases, image, options)
+    except BadPayload as problem:
+        return refuse(EXIT_UNAVAILABLE, str(problem))
+    except KeyboardInterrupt:
+        return refuse(EXIT_INTERRUPTED, "interrupted")
+    return report(verdicts, options.out, time.monotonic() - began)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,70 @@
+"""One test of the rig: a program in cases/ whose header says what it is.
+
+Header lines, comments at the top of the file: `Goal:`, `Method:`, `Mode: virtual|paced` (one CPU in virtual time, or two
+CPUs at real pace), `Limit: N s` of the guest's time, and, where the machine needs more than vcan, `Machine: kvaser`
+or `Machine: watchdog`. A line that begins with two more spaces goes on where the one above ended.
+"""
+from __future__ import annotations
+
+import dataclasses
+import pathlib
+import re
+
+MODES = ("virtual", "paced")
+MACHINES = ("plain", "kvaser", "watchdog")
+HEADER = re.compile(r"# (Goal|Method|Mode|Limit|Machine): (.*)")
+
+
+class BadCase(Exception):
+    """A case whose header the rig cannot use: one sentence."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    name: str
+    path: pathlib.Path
+    goal: str
+    mode: str
+    machine: str
+    limit_s: int
+
+
+def read_header(text: str) -> dict[str, str]:
+    fields: dict[str, str] = {}
+    last = None
+    for line in text.splitlines():
+        if not line.startswith("#"):
+            break
+        if match := HEADER.match(line):
+            last = match[1]
+            fields[last] = match[2].strip()
+        elif last and line.startswith("#   "):
+            fields[last] += " " + line[1:].strip()
+    return fields
+
+
+def one_of(path: pathlib.Path, field: str, value: str | None, allowed: tuple[str, ...]) -> str:
+    if value not in allowed:
+        raise BadCase(f"{path}: `# {field}: {value}` should be one of {', '.join(allowed)}")
+    return value
+
+
+def read_case(path: pathlib.Path) -> Case:
+    header = read_header(path.read_text())
+    if "Goal" not in header or "Method" not in header:
+        raise BadCase(f"{path}: its header lacks `# Goal:` or `# Method:`")
+    limit = re.fullmatch(r"(\d+) s", header.get("Limit", "60 s"))
+    if not limit:
+        raise BadCase(f"{path}: `# Limit: {header['Limit']}` should read like `# Limit: 60 s`")
+    return Case(path.stem, path, header["Goal"],
+                one_of(path, "Mode", header.get("Mode"), MODES),
+                one_of(path, "Machine", header.get("Machine", "plain"), MACHINES), int(limit[1]))
+
+
+def all_cases(folder: pathlib.Path) -> list[Case]:
+    return [read_case(path) for path in sorted(folder.iterdir()) if path.suffix in (".sh", ".py")]
+
+
+def matching(cases: list[Case], pattern: str | None) -> list[Case]:
+    """Those whose name contains the pattern (a regular expression)."""
+    return [case for case in cases if not pattern or re.search(pattern, case.name)]
