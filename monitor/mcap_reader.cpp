@@ -27,11 +27,12 @@ struct Channel {
 
 // Pages of the mapping that were read need no memory any more.
 void release(std::span<const std::byte> read) {
-  constexpr std::uintptr_t kPage = 4096;
-  const auto first = (reinterpret_cast<std::uintptr_t>(read.data()) + kPage - 1) / kPage * kPage;
-  const auto end = reinterpret_cast<std::uintptr_t>(read.data() + read.size()) / kPage * kPage;
+  constexpr std::size_t kPage = 4096;
   // madvise wants the pointer mmap gave, which was not const.
-  if (end > first) (void)::madvise(reinterpret_cast<void*>(first), end - first, MADV_DONTNEED);
+  auto* data = const_cast<std::byte*>(read.data());
+  const std::size_t skipped = (kPage - reinterpret_cast<std::uintptr_t>(data) % kPage) % kPage;
+  if (read.size() < skipped + kPage) return;
+  (void)::madvise(data + skipped, (read.size() - skipped) / kPage * kPage, MADV_DONTNEED);
 }
 
 class Scan {
