@@ -49,8 +49,7 @@ std::size_t levels_of(Duration age, Duration limit, std::size_t rows) {
   if (age.ns <= 0 || limit.ns <= 0) return 0;
   const double level =
       std::ceil(static_cast<double>(age.ns) / static_cast<double>(limit.ns) * static_cast<double>(at_limit));
-  const std::size_t filled = level < static_cast<double>(all) ? static_cast<std::size_t>(level) : all;
-  return age > limit ? std::max(filled, at_limit + 1) : filled;
+  return level < static_cast<double>(all) ? static_cast<std::size_t>(level) : all;
 }
 
 }  // namespace
