@@ -73,7 +73,8 @@ TEST_F(Deploy, AGoodRobotIsProvenAndABadOneGoesBack) {
   takt("stop --runtime-dir " + in("rt"));
   for (int i = 0; i < 200 && takt("reset --runtime-dir " + in("rt")).exit_code != 0; ++i) usleep(50'000);
   // What no smoke run sees: its policy host dies on the robot.
-  const std::string killing = "(sleep 6; kill -9 $(pgrep -f ^[^[:space:]]*takt-policy-host.*" + directory() + ")) >/dev/null 2>&1 &";
+  const std::string killing =
+      "(sleep 6; kill -9 $(pgrep -f ^[^[:space:]]*takt-policy-host.*" + directory() + ")) >/dev/null 2>&1 &";
   const Ended bad =
       deploy("good.yaml", "--restart 'sh " + in("restart.sh") + "; " + killing + "' --arm --watch 60s --name bad");
   EXPECT_EQ(bad.exit_code, 1) << bad.output;
