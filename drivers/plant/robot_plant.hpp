@@ -16,7 +16,6 @@ class RobotPlant final : public Plant {
                                                      std::span<const double> payloads = {});
 
   void set_trouble(const BodyTrouble& trouble) { mechanics_->set(trouble); }
-  [[nodiscard]] Mechanics& mechanics() { return *mechanics_; }
   [[nodiscard]] config::Vector3 controlled_point() { return mechanics_->controlled_point(state().q); }
 
  private:

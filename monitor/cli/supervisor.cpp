@@ -233,7 +233,7 @@ Supervisor::Outcome Supervisor::throttle(const Event& event) {
   return {};
 }
 
-Supervisor::Outcome Supervisor::load(const Event& event) {
+Supervisor::Outcome Supervisor::start_load(const Event& event) {
   for (std::size_t i = 0; i < event.count; ++i) {
     auto started = ChildProcess::start({.name = event.command.front(),
                                         .arguments = event.command,
@@ -246,7 +246,7 @@ Supervisor::Outcome Supervisor::load(const Event& event) {
 }
 
 // A load that ended by itself loaded nothing for the time it was meant to.
-Supervisor::Outcome Supervisor::unload() {
+Supervisor::Outcome Supervisor::end_load() {
   for (ChildProcess& load : loads_) {
     if (!load.alive())
       return std::unexpected(End{kExitFailed, fmt::format("the load {} {} before its time\n{}", load.options().name,
@@ -288,9 +288,9 @@ Supervisor::Outcome Supervisor::fire(const Event& event) {
     case ActionKind::crowd:
       return contend(event);
     case ActionKind::load:
-      return load(event);
+      return start_load(event);
     case ActionKind::unload:
-      return unload();
+      return end_load();
     case ActionKind::arm:
       request(OperatorVerb::arm);
       return {};

@@ -58,8 +58,8 @@ class Supervisor {
   void restart(ProcessName process);
   Outcome contend(const Event& event);
   Outcome throttle(const Event& event);
-  Outcome load(const Event& event);
-  Outcome unload();
+  Outcome start_load(const Event& event);
+  Outcome end_load();
   void request(OperatorVerb verb);
   void rearm(Mode mode);
   Outcome judge_progress(const StatusSnapshot& status);
