@@ -52,7 +52,9 @@ TEST_F(RealPerturbation, EveryMechanismIsUnderstoodAndActsInsideItsWindow) {
       EXPECT_GE(event.at, seconds(3)) << kind.name;
       EXPECT_LE(event.at, seconds(5)) << kind.name;
     }
-    for (const policy_host::HostFaultWindow& fault : policy_host::parse_host_faults(trouble->policy_faults).value()) {
+    const auto faults = policy_host::parse_host_faults(trouble->policy_faults);
+    ASSERT_TRUE(faults.has_value()) << faults.error();
+    for (const policy_host::HostFaultWindow& fault : *faults) {
       EXPECT_EQ(fault.from, seconds(3)) << kind.name;
       EXPECT_EQ(fault.length, seconds(2)) << kind.name;
     }
