@@ -55,7 +55,7 @@ TEST(Confusion, EveryPlantingPerturbationExists) {
   std::size_t planting = 0;
   for (const PerturbationKind& kind : perturbation_kinds())
     if (planted_fault(kind.name)) ++planting;
-  EXPECT_EQ(planting, 14U);
+  EXPECT_EQ(planting, 17U);
   EXPECT_FALSE(planted_fault("none"));
 }
 
