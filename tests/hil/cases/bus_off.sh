@@ -11,22 +11,23 @@ can_up vcan0 vcan1
 robot arm6
 PLANT_ROBOT=/etc/takt/robot/plant.yaml
 cp $ROBOT $PLANT_ROBOT
-sed -i 's/interface: vcan1/interface: slcan0/' $ROBOT
 chrt -f 30 "$HIL_LIB/slcan_bridge.py" vcan1 >bridge.txt 2>&1 &
 bridge=$!
-within 5 "adapter" grep -q slcan0 bridge.txt
-ip link set slcan0 type can bitrate 1000000 && ip link set slcan0 txqueuelen 100 up || fail "slcan0"
+within 5 "adapter" test -s bridge.txt
+adapter=$(cat bridge.txt)
+sed -i "s/interface: vcan1/interface: $adapter/" $ROBOT
+ip link set $adapter type can bitrate 1000000 && ip link set $adapter txqueuelen 100 up || fail "no $adapter"
 plant
 takt_up
 tracking
 
 kill -USR1 $bridge
 within 2 "fault" happened tracking fault_latched bus_off
-ip -d -s link show slcan0 | grep -oE 'can .*state [A-Z-]+' | head -1
-ip -d link show slcan0 | grep -q BUS-OFF || fail "the kernel does not think so"
+ip -d -s link show $adapter | grep -oE 'can .*state [A-Z-]+' | head -1
+ip -d link show $adapter | grep -q BUS-OFF || fail "the kernel does not think so"
 takt arm --runtime-dir $RUN && fail "armed with a bus that is off"
-ip link set slcan0 down
-ip link set slcan0 up || fail "slcan0 up"
+ip link set $adapter down
+ip link set $adapter up || fail "$adapter stays down"
 within 5 "bus-off is over" no_active_cause bus_off
 within 5 "replies" no_active_cause feedback_lost
 recover

@@ -1,6 +1,6 @@
 #!/bin/bash
 # Goal: an interface that goes down latches a fault at once; when it is up again, the same processes recover.
-# Method: `ip link set vcan0 down` while tracking, then up; reset, arm. The fault must follow within three periods (age of the command says when).
+# Method: `ip link set vcan0 down` while tracking, then up; reset, arm.
 # Mode: virtual
 # Limit: 90 s
 # Planted fault: `link set` on an interface of no bus: no fault.

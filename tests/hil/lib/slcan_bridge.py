@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The far end of a serial CAN adapter: a pty that the kernel takes for one, joined to a virtual CAN interface.
 
-Usage: slcan_bridge.py VCAN     prints the name of the new interface (slcan0), then passes frames both ways until it is ended.
+Usage: slcan_bridge.py VCAN     prints the name of the new interface, then passes frames both ways until it is ended.
 SIGUSR1: the adapter reports bus-off, and passes nothing until it is opened again (interface down and up).
 Only classic frames with standard ids. Source: Documentation of the Lawicel protocol in linux/drivers/net/can/slcan.
 """
