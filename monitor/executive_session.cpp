@@ -93,10 +93,13 @@ RunManifest describe(const ExecutiveSession& session, const config::RobotConfig&
     manifest.policy_sha256 = hash_of_file(robot.policy->file);
   }
   manifest.executive_pid = session.pid();
-  manifest.executive_sha256 = hash_of_file(fmt::format("/proc/{}/exe", session.pid()));
   if (const auto text = read_file(runtime_directory + "/executive.json")) {
     auto json = nlohmann::ordered_json::parse(*text, nullptr, false);
-    if (!json.is_discarded()) manifest.executive = std::move(json);
+    if (json.is_object()) {
+      if (const auto hash = json.find("binary_sha256"); hash != json.end() && hash->is_string())
+        manifest.executive_sha256 = hash->get<std::string>();
+      manifest.executive = std::move(json);
+    }
   }
   manifest.host = host_facts();
   manifest.clock = clock_offset(manifest.executive, now, unix_ns);

@@ -32,7 +32,7 @@ struct RunManifest {
   std::string policy_file;    // empty: the robot has no policy
   std::string policy_sha256;  // 64 hex digits
   std::int64_t executive_pid = 0;
-  std::string executive_sha256;      // of its binary; empty: could not be read
+  std::string executive_sha256;      // of its binary, by executive.json; empty: unknown
   nlohmann::ordered_json executive;  // executive.json as found; null when absent
   nlohmann::ordered_json host;       // host_facts()
   ClockOffset clock;

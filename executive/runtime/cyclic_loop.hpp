@@ -18,13 +18,13 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
+#include "executive/contract/pace.hpp"
 #include "executive/pipeline/control_tick.hpp"
 #include "executive/runtime/clock.hpp"
 #include "executive/runtime/drive_edge.hpp"
 #include "executive/runtime/evidence.hpp"
 #include "executive/runtime/mailbox_handover.hpp"
 #include "executive/runtime/operator_inbox.hpp"
-#include "executive/contract/pace.hpp"
 #include "executive/runtime/published_segments.hpp"
 #include "executive/runtime/status_board.hpp"
 #include "executive/runtime/wakeup.hpp"

@@ -6,9 +6,12 @@
 #include <cerrno>
 #include <chrono>
 #include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <system_error>
 #include <utility>
+
+#include "config/load.hpp"
 
 namespace takt::runtime {
 namespace {
@@ -16,6 +19,13 @@ namespace {
 template <class Clock>
 std::int64_t nanoseconds_of() {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now().time_since_epoch()).count();
+}
+
+// By the program itself: under a service manager no other user may look behind /proc/PID/exe.
+std::string binary_sha256() {
+  std::ifstream file("/proc/self/exe", std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(file), {}};
+  return bytes.empty() ? std::string() : config::sha256_hex(bytes);
 }
 
 nlohmann::ordered_json json_of(const ExecutiveFacts& facts) {
@@ -31,6 +41,7 @@ nlohmann::ordered_json json_of(const ExecutiveFacts& facts) {
   return {{"schema", "takt.executive/1"},
           {"pid", getpid()},
           {"version", TAKT_VERSION},
+          {"binary_sha256", binary_sha256()},
           {"robot", facts.robot.robot},
           {"config_sha256", facts.robot.sha256},
           {"config_hash", fmt::format("{:016x}", facts.robot.hash)},

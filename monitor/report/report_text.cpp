@@ -1,9 +1,9 @@
+#include "monitor/report/report_text.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <numeric>
-
-#include "monitor/report/report_text.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -9,6 +9,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -117,6 +118,8 @@ TEST_F(ExecutiveTest, ItWritesDownWhatItIsAndRemovesItWhenItEnds) {
   EXPECT_EQ(facts.at("schema"), "takt.executive/1");
   EXPECT_EQ(facts.at("pid"), executive.pid());
   EXPECT_EQ(facts.at("config_sha256"), robot_.sha256);
+  std::ifstream program(TAKT_BIN_DIR "/takt-executive", std::ios::binary);
+  EXPECT_EQ(facts.at("binary_sha256"), config::sha256_hex(std::string{std::istreambuf_iterator<char>(program), {}}));
   EXPECT_EQ(facts.at("buses").size(), robot_.buses.size());
   EXPECT_THAT(facts.at("buses")[0].at("description").get<std::string>(), HasSubstr("loopback"));
   std::set<std::string> steps;
