@@ -50,7 +50,7 @@ std::string joined(const std::vector<std::string>& sentences) {
 // The live view: one look, one screen, the keys typed meanwhile, ten times a second.
 class Console {
  public:
-  Console(const config::RobotConfig& robot, std::string runtime_directory, top::Glyphs glyphs)
+  Console(const config::RobotConfig& robot, const std::string& runtime_directory, top::Glyphs glyphs)
       : view_(robot),
         attachment_(robot, runtime_directory, view_),
         keys_(robot.joints.size()),

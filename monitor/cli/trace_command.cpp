@@ -219,7 +219,7 @@ std::expected<std::string, Refusal> trace_snapshot(const std::string& output) {
   const auto directory = running_trace();
   if (!directory) return std::unexpected(directory.error());
   std::vector<std::string> record{"snapshot", "record", "--session", kSession};
-  const std::string into = output.empty() ? *directory : std::filesystem::absolute(output).string();
+  std::string into = output.empty() ? *directory : std::filesystem::absolute(output).string();
   if (!output.empty()) record.push_back("file://" + into);
   if (auto done = lttng(std::move(record)); !done)
     return std::unexpected(
