@@ -35,7 +35,6 @@ class Rollout {
  public:
   Rollout(const RolloutSetup& setup, const Disturbance& disturbance, World& world, VirtualBus bus)
       : setup_(setup),
-        disturbance_(disturbance),
         config_(config::tick_config_of(setup.robot, setup.policy_hash)),
         state_(pipeline::make_tick_state(config_)),
         world_(world),
@@ -116,7 +115,6 @@ class Rollout {
   }
 
   const RolloutSetup& setup_;
-  const Disturbance& disturbance_;
   pipeline::TickConfig config_;
   pipeline::TickStatePtr state_;
   World& world_;
