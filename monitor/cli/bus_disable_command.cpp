@@ -1,5 +1,5 @@
 // takt bus disable: every drive of a robot is told to be disabled, until it says that it is. What the executive's unit
-// runs after the executive ended, however it ended.
+// runs after the executive ended, however it ended; so a bus that is not there does not keep it from the others.
 #include <fmt/format.h>
 
 #include <array>
@@ -41,19 +41,20 @@ bool is_disabled(const JointFeedback& feedback) {
 
 class Disabler {
  public:
+  // The error: a drive of the file that no driver can be made for.
   static std::expected<Disabler, Refusal> open(const DirectRobot& robot) {
     Disabler made(robot.config);
-    for (std::size_t bus = 0; bus < robot.config.buses.size(); ++bus) {
-      auto opened = open_bus(robot, bus);
-      if (!opened) return std::unexpected(opened.error());
-      made.buses_.push_back(std::move(*opened));
-    }
     for (std::size_t joint = 0; joint < robot.config.joints.size(); ++joint) {
       auto driver = drivers::make_joint_driver(robot.config, joint);
       if (!driver) return std::unexpected(Refusal{config::kExitBadConfiguration, driver.error()});
       made.drivers_.push_back(std::move(*driver));
     }
     made.disabled_.resize(made.drivers_.size());
+    for (std::size_t bus = 0; bus < robot.config.buses.size(); ++bus) {
+      auto opened = open_bus(robot, bus);
+      if (!opened) made.missing_.push_back(opened.error().sentence);
+      made.buses_.push_back(opened ? std::move(*opened) : nullptr);
+    }
     return made;
   }
 
@@ -66,22 +67,29 @@ class Disabler {
     }
     std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out;
     for (std::size_t joint = 0; joint < drivers_.size(); ++joint) {
+      if (!is_reached(joint)) continue;
       const std::size_t frames = drivers_[joint]->encode(false, {}, {}, out);
       for (std::size_t i = 0; i < frames; ++i) buses_[robot_->joints[joint].bus]->send(out[i]);
     }
   }
+  // Whether its bus is there.
+  [[nodiscard]] bool is_reached(std::size_t joint) const { return buses_[robot_->joints[joint].bus] != nullptr; }
+  // Why buses are not there.
+  [[nodiscard]] const std::vector<std::string>& missing() const { return missing_; }
   // It said so since we began; nobody enables it meanwhile.
   [[nodiscard]] bool disabled(std::size_t joint) const { return disabled_[joint]; }
+  // Of those that are reached.
   [[nodiscard]] std::vector<std::size_t> not_disabled() const {
     std::vector<std::size_t> joints;
     for (std::size_t joint = 0; joint < drivers_.size(); ++joint)
-      if (!disabled_[joint]) joints.push_back(joint);
+      if (is_reached(joint) && !disabled_[joint]) joints.push_back(joint);
     return joints;
   }
 
  private:
   explicit Disabler(const config::RobotConfig& robot) : robot_(&robot) {}
   void hear(std::size_t bus) {
+    if (!buses_[bus]) return;
     const std::size_t count = buses_[bus]->receive(received_);
     for (std::size_t i = 0; i < count; ++i)
       for (std::size_t joint = 0; joint < drivers_.size(); ++joint)
@@ -89,7 +97,8 @@ class Disabler {
   }
 
   const config::RobotConfig* robot_;
-  std::vector<std::unique_ptr<drivers::CanBus>> buses_;
+  std::vector<std::unique_ptr<drivers::CanBus>> buses_;  // null: not there
+  std::vector<std::string> missing_;
   std::vector<std::unique_ptr<drivers::JointDriver>> drivers_;
   std::vector<bool> disabled_;
   std::array<drivers::ReceivedFrame, 64> received_;
@@ -99,20 +108,25 @@ class Disabler {
 constexpr int kLeastTurns = 10;
 
 int report(const DirectRobot& robot, const Disabler& disabler, bool json) {
+  const auto& joints = robot.config.joints;
   const auto left = disabler.not_disabled();
+  const bool all = left.empty() && disabler.missing().empty();
   if (json) {
-    nlohmann::ordered_json joints = nlohmann::ordered_json::array();
-    for (std::size_t joint = 0; joint < robot.config.joints.size(); ++joint)
-      joints.push_back({{"joint", robot.config.joints[joint].name}, {"disabled", disabler.disabled(joint)}});
-    fmt::print("{}\n", nlohmann::ordered_json{{"disabled", left.empty()}, {"joints", joints}}.dump());
-  } else if (left.empty()) {
-    fmt::print("all {} drives of {} say that they are disabled\n", robot.config.joints.size(), robot.config.robot);
+    nlohmann::ordered_json said = nlohmann::ordered_json::array();
+    for (std::size_t joint = 0; joint < joints.size(); ++joint)
+      said.push_back({{"joint", joints[joint].name}, {"disabled", disabler.disabled(joint)}});
+    fmt::print("{}\n", nlohmann::ordered_json{{"disabled", all}, {"joints", said}}.dump());
+  } else if (all) {
+    fmt::print("all {} drives of {} say that they are disabled\n", joints.size(), robot.config.robot);
   }
   for (const std::size_t joint : left)
     fmt::print(stderr,
                "joint {}: its drive does not say that it is disabled; it was told so all the same: check its power and "
                "wiring\n",
-               robot.config.joints[joint].name);
+               joints[joint].name);
+  for (const std::string& why : disabler.missing())
+    fmt::print(stderr, "takt bus disable: {}; its drives were not told\n", why);
+  if (!disabler.missing().empty()) return kExitUnavailable;
   return left.empty() ? kExitOk : kExitFailed;
 }
 
@@ -150,7 +164,7 @@ void add_bus_disable(CLI::App& bus, int& exit_code) {
       "Refused while an executive answers: that one is asked to stop with `takt stop`. systemd runs this after the\n"
       "executive ended. A disabled arm is carried by nothing: support it.\n"
       "Exit codes: 0 every drive says that it is disabled, 1 refused or a drive does not, 64 command line,\n"
-      "65 configuration, 69 a bus is not there.");
+      "65 configuration, 69 a bus is not there: the drives on the others were told.");
   command->callback([options, &exit_code] {
     const auto done = disable(*options);
     if (!done) fmt::print(stderr, "takt bus disable: {}\n", done.error().sentence);

@@ -20,10 +20,9 @@
 namespace takt::cli {
 namespace {
 
-struct Options {
-  std::string robot_file, store = "/etc/takt", name, runs = "/var/lib/takt/runs", watch = "30s", arm_within = "120s";
-  DeployedRobot place{"/run/takt", {}};
-  bool simulated = false, arm = false, no_restart = false, json = false;
+struct Options : DeploymentOptions {
+  std::string robot_file, name, runs = "/var/lib/takt/runs", watch = "30s", arm_within = "120s";
+  bool simulated = false, arm = false;
   deploy::ProbationTimes times;  // of `watch` and `arm_within`
 };
 
@@ -45,8 +44,9 @@ std::expected<void, Refusal> go_back(deploy::Store& store, const DeployedRobot& 
   ask_to_stop(place);
   if (previous.empty())
     return refused("nothing was deployed before: the new deployment stays, and nothing vouches for it");
-  if (const auto back = store.use(previous); !back) return refused(back.error());
-  return restart(place);
+  if (const auto back = store.use(previous); !back) return refused("going back: " + back.error());
+  if (const auto restarted = restart(place); !restarted) return refused("going back: " + restarted.error().sentence);
+  return {};
 }
 
 // From here on the new robot is in use: every way out proves it, leaves it unproven, or goes back.
@@ -84,7 +84,7 @@ std::expected<Outcome, Refusal> deploy_robot(const Options& options) {
     return refused(added.error());
   if (const auto used = store->use(outcome.name); !used) return refused(used.error());
   if (const auto proven = prove(*store, options, robot, outcome); !proven)
-    return refused(fmt::format("{}: {}; going back: {}", outcome.name, outcome.reason, proven.error().sentence));
+    return refused(fmt::format("{}: {}; {}", outcome.name, outcome.reason, proven.error().sentence));
   return outcome;
 }
 
@@ -114,10 +114,7 @@ int run(Options& options) {
   }
   options.times.watch = *watch_for;
   options.times.arm_within = *arm_within;
-  if (options.no_restart)
-    options.place.restart.clear();
-  else if (options.place.restart.empty())
-    options.place.restart = default_restart();
+  settle_restart(options);
   if (options.place.restart.empty() && !options.no_restart) {
     fmt::print(stderr,
                "takt deploy: systemd does not run here: say how the robot's processes are started anew with "
@@ -143,14 +140,8 @@ void add_deploy(CLI::App& app, int& exit_code) {
       ->capture_default_str();
   command->add_flag("--arm", options->arm, "arm it as soon as nothing is missing");
   command->add_flag("--simulated", options->simulated, "takt-plant plays the robot");
-  command->add_option("--store", options->store, "where deployments are kept")->capture_default_str();
   command->add_option("--runs", options->runs, "record.directory of the deployment")->capture_default_str();
-  command->add_option("--runtime-dir", options->place.runtime_directory, "where the robot's sockets are")
-      ->capture_default_str();
-  command->add_option("--restart", options->place.restart,
-                      "command that starts its processes anew; default systemd's target");
-  command->add_flag("--no-restart", options->no_restart, "only change what is in use at the next start");
-  command->add_flag("--json", options->json, "one line of JSON");
+  add_deployment_options(*command, *options);
   command->footer(
       "Example: sudo takt deploy robot.yaml --watch 60s\n"
       "Checks the file, runs it for some seconds in virtual time if it has `simulation`, copies it with its policy "

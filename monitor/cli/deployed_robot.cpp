@@ -36,8 +36,21 @@ void catch_interruptions() {
 
 }  // namespace
 
-std::string default_restart() {
-  return std::filesystem::exists("/run/systemd/system") ? "systemctl restart takt.target" : "";
+void add_deployment_options(CLI::App& command, DeploymentOptions& options) {
+  command.add_option("--store", options.store, "where deployments are kept")->capture_default_str();
+  command.add_option("--runtime-dir", options.place.runtime_directory, "where the robot's sockets are")
+      ->capture_default_str();
+  command.add_option("--restart", options.place.restart,
+                     "command that starts its processes anew; default systemd's target");
+  command.add_flag("--no-restart", options.no_restart, "only change what is in use at the next start");
+  command.add_flag("--json", options.json, "one line of JSON");
+}
+
+void settle_restart(DeploymentOptions& options) {
+  if (options.no_restart)
+    options.place.restart.clear();
+  else if (options.place.restart.empty() && std::filesystem::exists("/run/systemd/system"))
+    options.place.restart = "systemctl restart takt.target";
 }
 
 std::expected<void, Refusal> require_disarmed(const DeployedRobot& robot) {

@@ -16,8 +16,17 @@ struct DeployedRobot {
   std::string restart;  // shell command that starts its processes anew; empty: nobody does
 };
 
-// What restarts it when nobody says otherwise: systemd's target, where systemd runs; else empty.
-std::string default_restart();
+// What takt deploy and takt rollback are both told.
+struct DeploymentOptions {
+  std::string store = "/etc/takt";
+  DeployedRobot place{"/run/takt", {}};
+  bool no_restart = false, json = false;
+};
+// `options` outlives the parsing.
+void add_deployment_options(CLI::App& command, DeploymentOptions& options);
+// After parsing: what restarts it when nobody said: systemd's target, where systemd runs; else, or with --no-restart,
+// nothing.
+void settle_restart(DeploymentOptions& options);
 
 // Refused while it is armed: software under a moving robot is not replaced.
 std::expected<void, Refusal> require_disarmed(const DeployedRobot& robot);

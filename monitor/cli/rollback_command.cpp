@@ -12,10 +12,8 @@
 namespace takt::cli {
 namespace {
 
-struct Options {
-  std::string store = "/etc/takt", to;
-  DeployedRobot place{"/run/takt", {}};
-  bool no_restart = false, json = false;
+struct Options : DeploymentOptions {
+  std::string to;
 };
 
 std::expected<int, Refusal> roll_back(const Options& options) {
@@ -43,22 +41,13 @@ void add_rollback(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("rollback", "Go back to the deployment that was in use before.");
   auto options = std::make_shared<Options>();
   command->add_option("--to", options->to, "name of a deployment; default: the one before");
-  command->add_option("--store", options->store, "where deployments are kept")->capture_default_str();
-  command->add_option("--runtime-dir", options->place.runtime_directory, "where the robot's sockets are")
-      ->capture_default_str();
-  command->add_option("--restart", options->place.restart,
-                      "command that starts its processes anew; default systemd's target");
-  command->add_flag("--no-restart", options->no_restart, "only change what is in use at the next start");
-  command->add_flag("--json", options->json, "one line of JSON");
+  add_deployment_options(*command, *options);
   command->footer(
       "Example: sudo takt rollback\n"
       "Without systemd and --restart it changes what is in use at the next start.\n"
       "Exit codes: 0 in use again, 1 refused (armed, nothing before) or the restart failed, 64 command line.");
   command->callback([options, &exit_code] {
-    if (options->no_restart)
-      options->place.restart.clear();
-    else if (options->place.restart.empty())
-      options->place.restart = default_restart();
+    settle_restart(*options);
     const auto done = roll_back(*options);
     if (!done) fmt::print(stderr, "takt rollback: {}\n", done.error().sentence);
     exit_code = done ? *done : done.error().exit_code;

@@ -124,22 +124,45 @@ TEST_F(BusTools, NothingIsSentWhileAnExecutiveRunsButWatchingIsFine) {
 }
 
 // What the executive's unit runs after it: an executive that is killed leaves enabled drives behind.
-TEST(BusDisable, DisablesWhatAKilledExecutiveLeftEnabled) {
-  RunningRobot robot({}, kRobot);
-  const Child policy = robot.start_policy_host();
-  ASSERT_EQ(robot.arm(), "") << robot.logs();
-  ASSERT_TRUE(robot.wait_for_mode(Mode::tracking)) << robot.logs();
-  robot.executive().signal(SIGKILL);
-  robot.executive().wait(std::chrono::seconds(5));
-  const std::string log = robot.directory() + "/disable.out";
-  Child disable({"takt", "bus", "disable", "--json", "--robot", kRobot, "--runtime-dir", robot.directory()}, log);
-  const auto exit_code = disable.wait(std::chrono::seconds(30));
-  std::ifstream file(log);
-  const std::string said{std::istreambuf_iterator<char>(file), {}};
-  EXPECT_EQ(exit_code, 0) << said;
-  const auto json = nlohmann::json::parse(said.substr(0, said.find('\n')));
-  EXPECT_EQ(json.at("joints").size(), 12U);
-  for (const auto& joint : json.at("joints")) EXPECT_TRUE(joint.at("disabled").get<bool>()) << joint;
+class BusDisable : public testing::Test {
+ protected:
+  BusDisable() : policy_(robot_.start_policy_host()) {}
+  void kill_the_tracking_executive() {
+    ASSERT_EQ(robot_.arm(), "") << robot_.logs();
+    ASSERT_TRUE(robot_.wait_for_mode(Mode::tracking)) << robot_.logs();
+    robot_.executive().signal(SIGKILL);
+    robot_.executive().wait(std::chrono::seconds(5));
+  }
+  // Exit code, and what was said of the joints.
+  std::pair<std::optional<int>, nlohmann::json> disable() {
+    const std::string log = robot_.directory() + "/disable.out";
+    Child command({"takt", "bus", "disable", "--json", "--robot", kRobot, "--runtime-dir", robot_.directory()}, log);
+    const auto exit_code = command.wait(std::chrono::seconds(30));
+    std::ifstream file(log);
+    std::string line;
+    while (std::getline(file, line) && !line.starts_with('{')) {
+    }
+    return {exit_code, nlohmann::json::parse(line).at("joints")};
+  }
+  RunningRobot robot_{{}, kRobot};
+  Child policy_;
+};
+
+TEST_F(BusDisable, DisablesWhatAKilledExecutiveLeftEnabled) {
+  kill_the_tracking_executive();
+  const auto [exit_code, joints] = disable();
+  EXPECT_EQ(exit_code, 0) << joints;
+  EXPECT_EQ(joints.size(), 12U);
+  for (const auto& joint : joints) EXPECT_TRUE(joint.at("disabled").get<bool>()) << joint;
+}
+
+TEST_F(BusDisable, ABusThatIsGoneDoesNotKeepItFromTheOthers) {
+  kill_the_tracking_executive();
+  std::filesystem::remove(config::loopback_socket(robot_.directory(), "can0"));
+  const auto [exit_code, joints] = disable();
+  EXPECT_EQ(exit_code, 69) << joints;
+  EXPECT_EQ(std::ranges::count_if(joints, [](const auto& joint) { return joint.at("disabled").template get<bool>(); }),
+            9);
 }
 
 TEST_F(BusTools, ASilentDriveIsMissed) {
