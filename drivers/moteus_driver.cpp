@@ -146,11 +146,12 @@ void MoteusDriver::advance(bool enable) noexcept {
     case Phase::enabling:
       if (!heard_since_request_) break;
       if (state == DriveState::enabled) phase_ = Phase::driving;
-      silent_ticks_ = 0;
+      silent_for_ = {};
       if (state == DriveState::fault) phase_ = Phase::left;
       break;
     case Phase::driving:
-      if (state != DriveState::enabled || ++silent_ticks_ > kSilentTicks) phase_ = Phase::left;
+      silent_for_ = silent_for_ + settings_.period;
+      if (state != DriveState::enabled || silent_for_ > settings_.silence) phase_ = Phase::left;
       break;
     case Phase::left:
       break;
@@ -184,7 +185,7 @@ void MoteusDriver::write_command(const Command& command, Duration budget, Moteus
   const std::array law{command.position, command.velocity, command.torque,
                        command.kp_scale, command.kd_scale, settings_.torque_range};
   writer.write(MoteusType::float32, MoteusRegister::command_position, law);
-  const Duration valid = std::clamp(budget, kMoteusShortestWatchdog, kMoteusLongestWatchdog);
+  const Duration valid = std::clamp(budget, settings_.silence, kMoteusLongestWatchdog);
   const std::array watchdog{static_cast<float>(valid.seconds())};
   writer.write(MoteusType::float32, MoteusRegister::watchdog_timeout, watchdog);
   constexpr std::array kNoLimits{-0.1F, -0.05F};  // any negative one; these are -1 step
@@ -210,7 +211,7 @@ bool MoteusDriver::decode(const ReceivedFrame& received) noexcept {
   feedback_.drive_state = verdict.state;
   feedback_.error_code = verdict.code;
   heard_since_request_ = true;
-  silent_ticks_ = 0;
+  silent_for_ = {};
   return true;
 }
 
@@ -229,6 +230,8 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_moteus_driver(cons
   settings.servo_kp = static_cast<float>(drive.servo_kp);
   settings.servo_kd = static_cast<float>(drive.servo_kd);
   settings.mapping = mapping_of(drive);
+  settings.silence = std::clamp(robot.feedback.timeout, kMoteusShortestSilence, kMoteusLongestSilence);
+  settings.period = robot.control.period;
   return std::make_unique<MoteusDriver>(settings);
 }
 

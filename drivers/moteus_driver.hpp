@@ -2,7 +2,7 @@
 //
 // Every command carries the whole impedance setpoint: position, velocity, feed-forward torque, kp and kd as scales 0..1
 // of the drive's own gains, the torque limit, and how long it is valid: the remaining life of the command, within
-// [kMoteusShortestWatchdog, kMoteusLongestWatchdog]. It is never zero (the drive's default) nor NaN (for ever). When no
+// [silence, kMoteusLongestWatchdog]. It is never zero (the drive's default) nor NaN (for ever). When no
 // policy command is in use (budget 0: the executive's own hold or damping) the shortest applies. Velocity and
 // acceleration limits are switched off in every command: the drive follows the law and no trajectory of its own.
 //
@@ -14,7 +14,7 @@
 // enabling     position mode with zero gains            enable rising
 // driving      the setpoint                             a reply since then says mode 10
 // left         the query alone; mode 0 while the        a fault while enabling; while driving any other mode than
-//              drive reports mode 10                    10, or kSilentTicks without a reply: until enable false
+//              drive reports mode 10                    10, or no reply for `silence`: until enable false
 //
 // A drive whose supply blinked would obey the next position command as if nothing had been: hence silence counts too.
 // Mode 10 is enabled; 1 (fault) and 11 (watchdog expired) are faults; anything else is disabled. error_code is the
@@ -29,7 +29,9 @@
 
 namespace takt::drivers {
 
-inline constexpr Duration kMoteusShortestWatchdog = milliseconds(20), kMoteusLongestWatchdog = seconds(1);
+inline constexpr Duration kMoteusLongestWatchdog = seconds(1);
+// A drive that restarts within the silence is obeyed as if nothing had been: hence the upper bound.
+inline constexpr Duration kMoteusShortestSilence = milliseconds(20), kMoteusLongestSilence = milliseconds(100);
 inline constexpr std::size_t kMoteusCommandBytes = 48, kMoteusReplyBytes = 24;
 
 struct MoteusDriveSettings {
@@ -37,12 +39,13 @@ struct MoteusDriveSettings {
   float torque_range = 0;            // Nm; finite, > 0
   float servo_kp = 0, servo_kd = 0;  // Nm/rad, Nm s/rad, motor side; finite, > 0
   JointMapping mapping;
+  // How long either side may be silent before the other gives it up: feedback.timeout, within the bounds above.
+  Duration silence = kMoteusShortestSilence;
+  Duration period = milliseconds(1);  // of encode()
 };
 
 class MoteusDriver final : public JointDriver {
  public:
-  static constexpr std::uint32_t kSilentTicks = 10;
-
   explicit MoteusDriver(const MoteusDriveSettings& settings) noexcept : settings_(settings) {}
 
   std::size_t encode(bool enable, const DriveSetpoint& setpoint, Duration budget,
@@ -68,8 +71,8 @@ class MoteusDriver final : public JointDriver {
   std::uint64_t malformed_frames_ = 0;
   Phase phase_ = Phase::disabling;
   bool heard_since_request_ = false;
-  std::uint32_t silent_ticks_ = 0;  // commands since the newest reply
-  float q_ = 0, dq_ = 0;            // newest, motor side: rad, rad/s
+  Duration silent_for_{};  // commands since the newest reply, times their period
+  float q_ = 0, dq_ = 0;   // newest, motor side: rad, rad/s
 };
 
 // The protocol's row in the table.

@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "tests/cli/shell.hpp"
+#include "tests/process/patient_copy.hpp"
 
 namespace takt::cli {
 namespace {
@@ -54,9 +55,10 @@ class Cli : public test::Shell {
   static std::string takt() { return std::string(TAKT_BIN_DIR) + "/takt "; }
   static Ended run(const std::string& arguments) { return Shell::takt(arguments); }
   [[nodiscard]] std::string run_arguments(const std::string& more) const {
-    return "run config/arm6.yaml --allow-non-realtime --runtime-dir " + directory() + " --run-dir " + in("run") + " " +
+    return "run " + robot_ + " --allow-non-realtime --runtime-dir " + directory() + " --run-dir " + in("run") + " " +
            more;
   }
+  const std::string robot_ = ::takt::test::patient_copy("config/arm6.yaml", directory());
   // Processes whose command line names this test's directory.
   [[nodiscard]] int left_running() const {
     int count = 0;
@@ -105,8 +107,8 @@ TEST_F(Cli, ConfigCheckNamesProblemsAndEndsWith65) {
 }
 
 TEST_F(Cli, ConfigCheckLooksForThePolicyFile) {
-  fs::copy("config/arm6.yaml", in("arm6.yaml"));
-  const Ended ended = run("config check " + in("arm6.yaml"));
+  fs::copy("config/arm6.yaml", in("elsewhere.yaml"));
+  const Ended ended = run("config check " + in("elsewhere.yaml"));
   EXPECT_EQ(ended.exit_code, 65);
   EXPECT_NE(ended.output.find("arm6_reach.onnx: No such file"), std::string::npos) << ended.output;
 }
@@ -172,7 +174,7 @@ TEST_F(Cli, OnATerminalTheStateIsOneLineWrittenOver) {
 
 // Only the arm and the executive run: a second robot in the same place is refused, and so is arming without a policy.
 TEST_F(Cli, ALiveExecutiveRefusesToArmAndKeepsItsPlace) {
-  const std::string place = " --robot config/arm6.yaml --runtime-dir " + directory();
+  const std::string place = " --robot " + robot_ + " --runtime-dir " + directory();
   const Background plant("takt-plant" + place, in("plant.log"));
   const Background executive("takt-executive --allow-non-realtime" + place, in("executive.log"));
   const std::string where = " --runtime-dir " + directory();
@@ -217,8 +219,8 @@ TEST_F(Cli, NothingOutlivesAKilledSupervisor) {
     const std::string program = std::string(TAKT_BIN_DIR) + "/takt";
     const std::string log = in("takt.log");
     if (!freopen(log.c_str(), "w", stdout)) _exit(1);
-    execl(program.c_str(), "takt", "run", "config/arm6.yaml", "--allow-non-realtime", "--runtime-dir",
-          directory().c_str(), "--run-dir", in("run").c_str(), "--arm", nullptr);
+    execl(program.c_str(), "takt", "run", robot_.c_str(), "--allow-non-realtime", "--runtime-dir", directory().c_str(),
+          "--run-dir", in("run").c_str(), "--arm", nullptr);
     _exit(127);
   }
   EXPECT_TRUE(poll_until([this] {

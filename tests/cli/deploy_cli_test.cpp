@@ -39,11 +39,13 @@ class Deploy : public test::Shell {
       for (int i = 0; i < 400 && kill(pid, 0) == 0; ++i) usleep(50'000);
     }
   }
-  // The demo arm with some of its lines replaced.
+  // The demo arm with some of its lines replaced, for a machine that stalls now and then.
   void write_robot(const std::string& name, const std::vector<std::pair<std::string, std::string>>& changes) const {
     std::ifstream file("config/arm6.yaml");
     std::string text{std::istreambuf_iterator<char>(file), {}};
     text = std::regex_replace(text, std::regex("cpu: 1 "), "cpu: none ");
+    text = std::regex_replace(text, std::regex("timeout: 20 ms"), "timeout: 200 ms");
+    text = std::regex_replace(text, std::regex("drive_watchdog: 100 ms"), "drive_watchdog: 500 ms");
     for (const auto& [from, to] : changes) {
       ASSERT_NE(text.find(from), std::string::npos) << from;
       text.replace(text.find(from), from.size(), to);

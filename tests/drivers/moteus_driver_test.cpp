@@ -19,6 +19,7 @@ using test::frame_of;
 using test::hex;
 
 constexpr float kTorqueRange = 6, kServoKp = 20, kServoKd = 1;
+constexpr int kSilentTicks = 20;  // MoteusDriveSettings: silence over period
 constexpr const char* kQuery = "11001f01120e110a";
 const std::string kStop = "010000" + std::string(kQuery) + "50";
 const std::string kQueryOnly = kQuery;
@@ -129,9 +130,9 @@ TEST(MoteusDriver, DoesNotBringBackADriveThatLeftByItself) {
 TEST(MoteusDriver, SilenceEndsDriving) {
   Bench bench;
   bench.enable();
-  for (std::uint32_t tick = 0; tick < MoteusDriver::kSilentTicks; ++tick) bench.law();
+  for (int tick = 0; tick < kSilentTicks; ++tick) bench.law();
   bench.reply("0a");
-  for (std::uint32_t tick = 0; tick < MoteusDriver::kSilentTicks; ++tick) bench.law();
+  for (int tick = 0; tick < kSilentTicks; ++tick) bench.law();
   EXPECT_EQ(bench.say(true), kStop);
   bench.reply("00");
   EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::disabled);

@@ -11,6 +11,7 @@
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
+#include "tests/process/patient_copy.hpp"
 #include "tests/process/running_robot.hpp"
 
 namespace takt::test {
@@ -28,7 +29,8 @@ class BusTools : public testing::Test {
   BusTools() {
     std::string pattern = testing::TempDir() + "takt-bus-tools.XXXXXX";
     directory_ = mkdtemp(pattern.data());
-    plant_.emplace(std::vector<std::string>{"takt-plant", "--robot", kRobot, "--runtime-dir", directory_},
+    robot_ = patient_copy(kRobot, directory_);
+    plant_.emplace(std::vector<std::string>{"takt-plant", "--robot", robot_, "--runtime-dir", directory_},
                    directory_ + "/plant.log");
     const auto last_bus = config::loopback_socket(directory_, "can3");
     for (int i = 0; i < 500 && !std::filesystem::exists(last_bus); ++i)
@@ -44,7 +46,7 @@ class BusTools : public testing::Test {
   }
   Child start(std::vector<std::string> words) {
     words.insert(words.begin(), "takt");
-    words.insert(words.end(), {"--robot", kRobot, "--runtime-dir", directory_});
+    words.insert(words.end(), {"--robot", robot_, "--runtime-dir", directory_});
     return {words, directory_ + "/takt-" + std::to_string(++commands_) + ".out"};
   }
   // Of the command started last.
@@ -54,7 +56,7 @@ class BusTools : public testing::Test {
     return {exit_code, {std::istreambuf_iterator<char>(file), {}}};
   }
 
-  std::string directory_;
+  std::string directory_, robot_;
   std::optional<Child> plant_;
   int commands_ = 0;
 };
@@ -67,13 +69,17 @@ TEST_F(BusTools, ScanFindsEveryJointsDrive) {
   for (const auto& line : lines) EXPECT_TRUE(line.at("joint").is_string()) << line;
 }
 
-TEST_F(BusTools, JogMovesOneJointOfEveryProtocolAndLetsGo) {
-  for (const char* joint : {"left_wrist_roll", "left_wrist_yaw", "right_base_yaw", "right_wrist_yaw"}) {
-    const Ended jog = takt({"joint", "jog", joint, "--by", "3", "--speed", "20", "--torque", "4", "--json"});
-    ASSERT_EQ(jog.exit_code, 0) << joint << jog.output;
-    EXPECT_NEAR(jog.json().at("moved_rad").get<double>(), 3 * 0.01745, 0.015) << joint << jog.output;
-  }
+class JogOfEveryProtocol : public BusTools, public testing::WithParamInterface<const char*> {};
+
+TEST_P(JogOfEveryProtocol, MovesTheJointAndLetsGo) {
+  const Ended jog = takt({"joint", "jog", GetParam(), "--by", "3", "--speed", "20", "--torque", "4", "--json"});
+  ASSERT_EQ(jog.exit_code, 0) << jog.output;
+  EXPECT_NEAR(jog.json().at("moved_rad").get<double>(), 3 * 0.01745, 0.015) << jog.output;
 }
+
+INSTANTIATE_TEST_SUITE_P(Joints, JogOfEveryProtocol,
+                         testing::Values("left_wrist_roll", "left_wrist_yaw", "right_base_yaw", "right_wrist_yaw"),
+                         [](const auto& joint) { return std::string(joint.param); });
 
 // Periods that a pause swallowed are skipped: sent in a burst, their frames would look to the driver like as many ticks
 // without a reply. Pauses are far shorter than the drive's watchdog.
@@ -101,7 +107,7 @@ TEST_F(BusTools, ZeroSetsOrSaysTheOffset) {
 }
 
 TEST_F(BusTools, NothingIsSentWhileAnExecutiveRunsButWatchingIsFine) {
-  Child executive({"takt-executive", "--robot", kRobot, "--runtime-dir", directory_, "--allow-non-realtime"},
+  Child executive({"takt-executive", "--robot", robot_, "--runtime-dir", directory_, "--allow-non-realtime"},
                   directory_ + "/executive.log");
   Ended watch;
   for (int i = 0; i < 20; ++i) {
@@ -136,7 +142,8 @@ class BusDisable : public testing::Test {
   // Exit code, and what was said of the joints.
   std::pair<std::optional<int>, nlohmann::json> disable() {
     const std::string log = robot_.directory() + "/disable.out";
-    Child command({"takt", "bus", "disable", "--json", "--robot", kRobot, "--runtime-dir", robot_.directory()}, log);
+    Child command(
+        {"takt", "bus", "disable", "--json", "--robot", robot_.robot_file(), "--runtime-dir", robot_.directory()}, log);
     const auto exit_code = command.wait(std::chrono::seconds(30));
     std::ifstream file(log);
     std::string line;

@@ -15,6 +15,7 @@
 
 #include "config/paths.hpp"
 #include "executive/ipc/rendezvous.hpp"
+#include "tests/process/patient_copy.hpp"
 
 namespace takt::test {
 
@@ -71,9 +72,10 @@ std::optional<int> Child::wait(std::chrono::seconds limit) {
   return std::nullopt;
 }
 
-RunningRobot::RunningRobot(const std::string& scenario, std::string robot_file) : robot_file_(std::move(robot_file)) {
+RunningRobot::RunningRobot(const std::string& scenario, const std::string& robot_file) {
   std::string pattern = (std::filesystem::temp_directory_path() / "takt-test.XXXXXX").string();
   directory_ = mkdtemp(pattern.data());
+  robot_file_ = patient_copy(robot_file, directory_);
   std::vector<std::string> faults;
   if (!scenario.empty()) faults = {"--scenario", scenario};
   plant_ = start("takt-plant", faults, "plant");

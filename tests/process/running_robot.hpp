@@ -36,9 +36,9 @@ class Child {
 
 class RunningRobot {
  public:
-  // Starts takt-plant, takt-executive and takt-monitor for this robot file; no policy yet. `scenario`: file of what
-  // goes wrong in the plant.
-  explicit RunningRobot(const std::string& scenario = {}, std::string robot_file = "config/arm6.yaml");
+  // Starts takt-plant, takt-executive and takt-monitor for a patient copy of this robot file; no policy yet.
+  // `scenario`: file of what goes wrong in the plant.
+  explicit RunningRobot(const std::string& scenario = {}, const std::string& robot_file = "config/arm6.yaml");
   ~RunningRobot();
   RunningRobot(const RunningRobot&) = delete;
   RunningRobot& operator=(const RunningRobot&) = delete;
@@ -63,6 +63,7 @@ class RunningRobot {
 
   [[nodiscard]] std::string run_directory() const { return directory_ + "/run"; }
   [[nodiscard]] const std::string& directory() const { return directory_; }
+  [[nodiscard]] const std::string& robot_file() const { return robot_file_; }
   // Everything the programs logged, for failure messages.
   [[nodiscard]] std::string logs() const;
   Child& executive() { return *executive_; }

@@ -37,7 +37,9 @@ class TopTest : public testing::Test {
     tmux_.emplace(robot_.directory(), tools());
   }
   [[nodiscard]] std::string tools() const { return robot_.directory() + "/tools"; }
-  [[nodiscard]] std::string place() const { return " --robot config/arm6.yaml --runtime-dir " + robot_.directory(); }
+  [[nodiscard]] std::string place() const {
+    return " --robot " + robot_.robot_file() + " --runtime-dir " + robot_.directory();
+  }
   void start_top(const std::string& more = {}) const { tmux_->type(kTakt + " top" + place() + more); }
   // The process in the window's foreground, child of its shell.
   [[nodiscard]] pid_t top() const {
@@ -124,7 +126,7 @@ TEST_F(TopTest, AnExecutiveThatGoesAndComesIsFoundAgain) {
   robot_.executive().signal(SIGKILL);
   ASSERT_TRUE(tmux_->shows("WAITING for the executive")) << tmux_->screen();
   const Child again(
-      {"takt-executive", "--robot", "config/arm6.yaml", "--runtime-dir", robot_.directory(), "--allow-non-realtime"},
+      {"takt-executive", "--robot", robot_.robot_file(), "--runtime-dir", robot_.directory(), "--allow-non-realtime"},
       robot_.directory() + "/again.log");
   EXPECT_TRUE(tmux_->shows("STANDBY")) << tmux_->screen() << robot_.logs();
   EXPECT_TRUE(tmux_->hides("WAITING"));
