@@ -1,5 +1,6 @@
 # cmake -DROOT=... -DOUT=... -P source_hash.cmake: a header with the SHA-256 over every source that decides what a
 # rollout computes, so that an artifact names its script exactly. Written only when it changes.
+cmake_minimum_required(VERSION 3.25)
 set(sources)
 foreach(room executive config drivers policy_host monitor)
   file(GLOB_RECURSE found RELATIVE ${ROOT} ${ROOT}/${room}/*.cpp ${ROOT}/${room}/*.hpp ${ROOT}/${room}/CMakeLists.txt)
