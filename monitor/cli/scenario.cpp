@@ -17,8 +17,9 @@ namespace {
 constexpr std::array<std::string_view, kProcessCount> kProcesses{"plant", "executive", "monitor", "policy"};
 constexpr std::string_view kGrammar =
     "write 'T: ACTION', ACTION one of `freeze PROCESS DURATION`, `kill PROCESS`, `start PROCESS`, `hog control|policy "
-    "DURATION`, `throttle control DURATION`, `crowd policy N DURATION`, `arm`, `stop`, `reset`; PROCESS one of policy, "
-    "monitor, plant, executive";
+    "DURATION`, `throttle control DURATION`, `crowd policy N DURATION`, `load N DURATION COMMAND`, `arm`, `stop`, "
+    "`reset`; "
+    "PROCESS one of policy, monitor, plant, executive";
 constexpr std::size_t kLargestCrowd = 64;
 
 std::optional<ProcessName> find_process(const std::string& word) {
@@ -103,7 +104,10 @@ std::expected<void, std::string> add_event(const std::string& line, std::vector<
     const auto event = load_of(*at, rest_of(words));
     if (!event) return refuse(kGrammar);
     events.push_back(*event);
-    events.push_back({*at + event->length, ActionKind::unload, ProcessName::policy, "end of " + event->text});
+    Event& end = events.emplace_back(*event);
+    end.at = *at + event->length;
+    end.action = ActionKind::unload;
+    end.text = "end of " + event->text;
     return {};
   }
   words >> target;

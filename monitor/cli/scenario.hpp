@@ -40,9 +40,9 @@ struct Event {
   ActionKind action = ActionKind::stop;
   ProcessName process = ProcessName::policy;  // freeze, thaw, kill, start; hog: executive or policy; throttle, crowd
   std::string text;                           // for messages: "freeze policy 300 ms"
-  Duration length = {};                       // hog, throttle, crowd
-  std::size_t count = 0;                      // crowd: processes per core; load
-  std::vector<std::string> command = {};      // load
+  Duration length = {};                       // hog, throttle, crowd, load
+  std::size_t count = 0;                      // crowd: processes per core; load, unload
+  std::vector<std::string> command = {};      // load, unload
 };
 
 // "300ms", "300 ms", "20 s". The error says how to write it.

@@ -60,6 +60,7 @@ Supervisor::Supervisor(const config::RobotConfig& robot, RunOptions options)
       options_(std::move(options)),
       processes_(robot_, options_.place),
       display_(robot.freshness.max_age),
+      contention_(robot_, options_.place.runtime_directory + "/logs/load.log"),
       person_(options_.rearm_after),
       made_at_(steady_now()) {
   sigset_t watched;
@@ -188,7 +189,7 @@ Supervisor::Outcome Supervisor::look_after_children() {
               fmt::format("{} {}: the run ends\n{}", program(process), child->how_it_ended(), child->last_words())});
     if (options_.restart) restart(process);
   }
-  hogs_.reap();
+  contention_.reap();
   return {};
 }
 
@@ -201,60 +202,6 @@ void Supervisor::restart(ProcessName process) {
   } else {
     display_.note(started.error());
   }
-}
-
-Supervisor::Outcome Supervisor::contend(const Event& event) {
-  HogLoad load{.cpus = usable_cpus(), .length = event.length};
-  const config::Control& control = robot_.control;
-  if (event.action == ActionKind::crowd) {
-    load.per_cpu = event.count;
-    load.nice = robot_.policy ? robot_.policy->nice : 0;
-  } else if (event.action == ActionKind::throttle) {
-    return throttle(event);
-  } else if (event.process == ProcessName::policy) {
-    load.fifo_priority = 1;
-  } else {
-    load.fifo_priority = control.priority + 1;
-    if (control.cpu) load.cpus = {*control.cpu};
-  }
-  if (auto started = hogs_.start(load); !started) return std::unexpected(End{kExitSetUpRefused, started.error()});
-  return {};
-}
-
-// Below the control thread, so that it takes nothing from it by itself; and an ordinary process beside it, for whose
-// sake the kernel takes the core from both.
-Supervisor::Outcome Supervisor::throttle(const Event& event) {
-  HogLoad load{.cpus = usable_cpus(), .length = event.length};
-  if (robot_.control.cpu) load.cpus = {*robot_.control.cpu};
-  for (const int priority : {1, 0}) {
-    load.fifo_priority = priority;
-    if (auto started = hogs_.start(load); !started) return std::unexpected(End{kExitSetUpRefused, started.error()});
-  }
-  return {};
-}
-
-Supervisor::Outcome Supervisor::start_load(const Event& event) {
-  for (std::size_t i = 0; i < event.count; ++i) {
-    auto started = ChildProcess::start({.name = event.command.front(),
-                                        .arguments = event.command,
-                                        .log_path = options_.place.runtime_directory + "/logs/load.log",
-                                        .parent_death_signal = SIGKILL});
-    if (!started) return std::unexpected(End{kExitUnavailable, started.error()});
-    loads_.push_back(std::move(*started));
-  }
-  return {};
-}
-
-// A load that ended by itself loaded nothing for the time it was meant to.
-Supervisor::Outcome Supervisor::end_load() {
-  for (ChildProcess& load : loads_) {
-    if (!load.alive())
-      return std::unexpected(End{kExitFailed, fmt::format("the load {} {} before its time\n{}", load.options().name,
-                                                          load.how_it_ended(), load.last_words())});
-    load.end(std::chrono::seconds(1));
-  }
-  loads_.clear();
-  return {};
 }
 
 Supervisor::Outcome Supervisor::fire_due_events() {
@@ -286,11 +233,11 @@ Supervisor::Outcome Supervisor::fire(const Event& event) {
     case ActionKind::hog:
     case ActionKind::throttle:
     case ActionKind::crowd:
-      return contend(event);
     case ActionKind::load:
-      return start_load(event);
     case ActionKind::unload:
-      return end_load();
+      if (auto applied = contention_.apply(event); !applied)
+        return std::unexpected(End{applied.error().exit_code, applied.error().sentence});
+      return {};
     case ActionKind::arm:
       request(OperatorVerb::arm);
       return {};

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "monitor/cli/cpu_hog.hpp"
+#include "monitor/cli/contention.hpp"
 #include "monitor/cli/live_display.hpp"
 #include "monitor/cli/rearming.hpp"
 #include "monitor/cli/robot_processes.hpp"
@@ -56,10 +56,6 @@ class Supervisor {
   Outcome fire_due_events();
   Outcome fire(const Event& event);
   void restart(ProcessName process);
-  Outcome contend(const Event& event);
-  Outcome throttle(const Event& event);
-  Outcome start_load(const Event& event);
-  Outcome end_load();
   void request(OperatorVerb verb);
   void rearm(Mode mode);
   Outcome judge_progress(const StatusSnapshot& status);
@@ -71,8 +67,7 @@ class Supervisor {
   RunOptions options_;
   RobotProcesses processes_;
   LiveDisplay display_;
-  CpuHogs hogs_;
-  std::vector<ChildProcess> loads_;
+  Contention contention_;
   Rearming person_;
   int signals_ = -1;  // signalfd
   Duration made_at_;
