@@ -1,6 +1,7 @@
 // takt-monitor: records what an executive does into run folders, and tells ROS 2, Prometheus and OpenTelemetry where
 // the robot file says so. Reads only, unless its `dds` section allows requests; the executive's loop waits for nothing
-// here. Exit codes: 0 ended by a signal, 64 usage, 65 configuration refused, 71 the run folder cannot be written.
+// here. Exit codes: 0 ended by a signal, 1 so too, but a recording had stopped before its run ended, 64 usage, 65
+// configuration refused, 71 the run folder cannot be written.
 #include <fmt/format.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
@@ -27,6 +28,7 @@ namespace {
 using namespace takt;
 using namespace takt::monitor;
 
+constexpr int kExitIncomplete = 1;
 constexpr int kExitUsage = 64;
 constexpr int kExitSetUp = 71;
 constexpr Duration kDrainPeriod = milliseconds(20);
@@ -75,9 +77,11 @@ void write_review(const RunFolder& folder) {
   if (!metrics) spdlog::warn("metrics.json is missing: {}", metrics.error());
 }
 
-// One session of the executive, from attach to its end or ours. False: the folder cannot be written.
-bool record_session(const ExecutiveSession& session, const Options& options, const config::RobotConfig& robot,
-                    trace::Introduction& introduction, Exports& exports) {
+enum class Recorded : std::uint8_t { whole, in_part, not_at_all };
+
+// One session of the executive, from attach to its end or ours. Not at all: the folder cannot be written.
+Recorded record_session(const ExecutiveSession& session, const Options& options, const config::RobotConfig& robot,
+                        trace::Introduction& introduction, Exports& exports) {
   const RunManifest manifest =
       describe(session, robot, options.runtime_directory, monotonic_now(), clock_ns(CLOCK_REALTIME));
   const auto folder = RunFolder::create(wanted_folder(options, robot, manifest.run_id));
@@ -86,7 +90,7 @@ bool record_session(const ExecutiveSession& session, const Options& options, con
   auto stream = RecordStream::attach(session.rings(), robot.joints.size());
   if (!recorder || !stream) {
     spdlog::error("{}", recorder ? stream.error() : recorder.error());
-    return false;
+    return Recorded::not_at_all;
   }
   spdlog::info("recording into {}", folder->path());
   exports.begin(manifest, folder->path(), monotonic_now());
@@ -113,7 +117,7 @@ bool record_session(const ExecutiveSession& session, const Options& options, con
   if (const auto written = (*recorder)->finish(monotonic_now(), why); !written) spdlog::error("{}", written.error());
   write_review(*folder);
   spdlog::info("run of {} ticks closed: {}", (*recorder)->manifest().ticks, why);
-  return true;
+  return (*recorder)->stop_reason().empty() ? Recorded::whole : Recorded::in_part;
 }
 
 int monitor_robot(Options options) {
@@ -128,19 +132,22 @@ int monitor_robot(Options options) {
   trace::Introduction introduction("takt-monitor", robot->hash, policy_hash, robot->joints);
   Exports exports(*robot, options.runtime_directory, options.max_file_mib << 20U);
   std::string said;
+  int exit_code = 0;
   while (!g_stop) {
     const auto session = ExecutiveSession::attach(Role::monitor, "takt-monitor", options.runtime_directory, *robot,
                                                   std::chrono::milliseconds(500));
     if (session) {
       said.clear();
-      if (!record_session(*session, options, *robot, introduction, exports)) return kExitSetUp;
+      const Recorded recorded = record_session(*session, options, *robot, introduction, exports);
+      if (recorded == Recorded::not_at_all) return kExitSetUp;
+      if (recorded == Recorded::in_part) exit_code = kExitIncomplete;
     } else if (session.error() != said) {
       said = session.error();
       spdlog::info("waiting for the executive: {}", said);
     }
     if (!g_stop) sleep_until(monotonic_now() + kAttachPeriod);
   }
-  return 0;
+  return exit_code;
 }
 
 }  // namespace
@@ -158,7 +165,8 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 30U));
   app.footer(
       "Example: takt-monitor --robot config/arm6.yaml --runtime-dir /run/takt/arm6\n"
-      "Exit codes: 0 ended by a signal, 64 usage, 65 configuration, 71 run folder cannot be written.");
+      "Exit codes: 0 ended by a signal, 1 so too, but a recording stopped before its run ended, 64 usage,\n"
+      "65 configuration, 71 run folder cannot be written.");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -86,11 +86,12 @@ int Supervisor::run() {
   End end = outcome.error();  // follow() always ends with one
   if (!end.sentence.empty()) std::fprintf(end.exit_code == 0 ? stdout : stderr, "%s\n", end.sentence.c_str());
   processes_.end_all();
-  const ChildProcess* executive = processes_.find(ProcessName::executive);
-  if (end.exit_code == kExitOk && executive && executive->exit_code() != 0) {
-    std::fprintf(stderr, "takt-executive %s while ending\n%s", executive->how_it_ended().c_str(),
-                 executive->last_words().c_str());
-    end.exit_code = exit_code_for(*executive);
+  for (const ProcessName process : {ProcessName::executive, ProcessName::monitor}) {
+    const ChildProcess* child = processes_.find(process);
+    const bool as_asked = !child || child->exit_code() == 0 || reported_dead_.contains(process);
+    if (end.exit_code != kExitOk || as_asked) continue;
+    fmt::print(stderr, "{} {} while ending\n{}", program(process), child->how_it_ended(), child->last_words());
+    end.exit_code = exit_code_for(*child);
   }
   const std::string logs = processes_.settle_logs();
   const bool recorded = access(options_.place.run_directory.c_str(), F_OK) == 0;

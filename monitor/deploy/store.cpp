@@ -23,7 +23,8 @@ namespace fs = std::filesystem;
 using Done = std::expected<void, std::string>;
 
 std::unexpected<std::string> cannot(const std::string& what, const std::string& path, const std::string& why) {
-  return std::unexpected(fmt::format("{} cannot be {}: {}; run as root, or name another --store", path, what, why));
+  return std::unexpected(
+      fmt::format("{} cannot be {}: {}; run as root, make room, or name another --store", path, what, why));
 }
 
 Done sync_path(const std::string& path) {

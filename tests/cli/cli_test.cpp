@@ -163,6 +163,19 @@ TEST_F(Cli, RunFollowsItsScriptAndLeavesOnlyTheRunFolder) {
   EXPECT_EQ(run("replay " + in("run")).exit_code, 0);
 }
 
+// The monitor's files may grow to 100 KiB only (`ulimit -f` counts 512 bytes in sh), as on a disk that is full.
+TEST_F(Cli, ARunThatWasNotRecordedToItsEndFails) {
+  for (const char* program : {"takt-executive", "takt-policy-host", "takt-plant"})
+    fs::create_symlink(std::string(TAKT_BIN_DIR) + "/" + program, in(program));
+  fs::copy(std::string(TAKT_BIN_DIR) + "/takt", in("takt"));
+  std::ofstream(in("takt-monitor")) << "#!/bin/sh\ntrap '' XFSZ\nulimit -f 200\nexec " << TAKT_BIN_DIR
+                                    << "/takt-monitor \"$@\"\n";
+  fs::permissions(in("takt-monitor"), fs::perms::owner_all);
+  const Ended ended = shell(in("takt ") + run_arguments("--arm --duration 3s"));
+  EXPECT_EQ(ended.exit_code, 1) << ended.output;
+  EXPECT_NE(ended.output.find("recording stopped: "), std::string::npos) << ended.output;
+}
+
 // A real terminal on stdout (script's): the state is one line, written over.
 TEST_F(Cli, OnATerminalTheStateIsOneLineWrittenOver) {
   const std::string command =
