@@ -26,6 +26,7 @@ class MetricsCollector {
 
   void interventions(InterventionMask mask);
   void transition(const TickRecordHeader& header);
+  void mark(const TickRecordHeader& header);
   void relied(const TickRecordHeader& header);
   void command(const TickRecordHeader& header);
 

@@ -88,6 +88,7 @@ Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
                                    {"to", takt::name(each.to)},
                                    {"cause", takt::name(each.cause)}});
   }
+  json["mark_count"] = metrics.mark_count;
   json["marks"] = Json::array();
   for (const Mark& mark : metrics.marks) json["marks"].push_back({{"tick", mark.tick}, {"monotonic_ns", mark.at.ns}});
   json["losses"] = metrics.losses;

@@ -71,7 +71,9 @@ TEST_F(RunMetricsTest, AMarkIsListedWithItsTick) {
   EXPECT_EQ(metrics->marks[0].tick, kDemoMark);
   std::ifstream file(run_.folder.metrics());
   EXPECT_EQ(nlohmann::json::parse(file).at("marks").at(0).at("tick"), kDemoMark);
-  EXPECT_NE(report_text(*metrics, run_).find(fmt::format("marks         tick {:>9}", kDemoMark)), std::string::npos);
+  EXPECT_NE(report_text(*metrics, run_).find(fmt::format("marks         1\n  tick {:>9}      +0.699 s\n", kDemoMark)),
+            std::string::npos)
+      << report_text(*metrics, run_);
 }
 
 TEST_F(RunMetricsTest, MetricsFileAndReportSayTheSame) {
