@@ -54,7 +54,12 @@ void MetricsCollector::tick(const TickRecord& record) {
   last_ = header;
 }
 
+void MetricsCollector::loss(const Loss& loss) {
+  metrics_.losses[loss.ring + " " + loss.reason] += loss.count;
+}
+
 void MetricsCollector::finish(double epsilon, double confidence) {
+  if (metrics_.ticks == 0) return;
   metrics_.last_tick = last_.tick;
   metrics_.start = first_.now;
   metrics_.span = last_.now - first_.now;

@@ -18,7 +18,8 @@ class MetricsCollector {
   explicit MetricsCollector(RunMetrics& metrics) : metrics_(metrics) {}
 
   void tick(const TickRecord& record);
-  // Call once, after at least one tick.
+  void loss(const Loss& loss);
+  // Call once.
   void finish(double epsilon, double confidence);
 
  private:

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstring>
 
 #include "executive/ipc/crc32c.hpp"
 #include "monitor/tick_schema.hpp"
@@ -136,6 +137,13 @@ std::vector<McapTopic> run_topics() {
           topic(Topic::transition, "takt_msgs/msg/Transition", std::string(kTransitionSchema)),
           topic(Topic::loss, "takt_msgs/msg/Loss", std::string(kLossSchema)),
           topic(Topic::joint_states, "sensor_msgs/msg/JointState", std::string(kJointStateSchema))};
+}
+
+std::optional<CommandHeader> header_of(const RecordedCommand& command) {
+  CommandHeader header;
+  if (command.payload.size() < sizeof header) return std::nullopt;
+  std::memcpy(&header, command.payload.data(), sizeof header);
+  return header;
 }
 
 void encode_command(const RecordedCommand& command, CdrWriter& out) {

@@ -35,6 +35,8 @@ struct RecordedCommand {
   Bytes payload;           // as read from the mailbox, never more than a CommandChunk
   std::uint32_t crc = 0;   // CRC-32C of the payload when it was recorded
 };
+// Nothing: the message was cut short.
+std::optional<CommandHeader> header_of(const RecordedCommand& command);
 void encode_command(const RecordedCommand& command, CdrWriter& out);
 bool decode_command(std::span<const std::byte> message, RecordedCommand& out);
 // When one flipped bit explains a checksum that does not match: puts it right and names its place, "infer_ended_at" or

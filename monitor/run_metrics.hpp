@@ -53,7 +53,7 @@ struct RunMetrics {
   std::uint64_t mark_count = 0;
   std::map<std::string, std::uint64_t> losses;  // "tick overwritten" -> entries
   std::uint64_t missing_ticks = 0;              // gaps in the tick numbers
-  McapReport file;
+  ScanReport scan;
 };
 inline constexpr std::size_t kListedTransitions = 1000;
 inline constexpr std::size_t kListedMarks = 1000;

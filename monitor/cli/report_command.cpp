@@ -6,9 +6,9 @@
 
 #include "monitor/bounded_file.hpp"
 #include "monitor/cli/command.hpp"
-#include "monitor/fault_classifier.hpp"
 #include "monitor/report/report_html.hpp"
 #include "monitor/report/report_text.hpp"
+#include "monitor/run_review.hpp"
 
 namespace takt::cli {
 namespace {
@@ -46,24 +46,23 @@ std::expected<std::optional<monitor::RunComparison>, std::string> comparison_of(
 int report(const Options& options) {
   const auto run = monitor::open_run(options.directory);
   if (!run) return fail(run.error());
-  const auto metrics = monitor::metrics_of(*run);
-  if (!metrics) return fail(metrics.error());
-  const auto faults = monitor::classify_run(*run);
-  if (!faults) return fail(faults.error());
-  auto json = monitor::to_json(*metrics, *run);
+  const auto review = monitor::review_of(*run);
+  if (!review) return fail(review.error());
+  const auto& [metrics, faults] = *review;
+  auto json = monitor::to_json(metrics, *run);
   const auto comparison = comparison_of(options, *run, json);
   if (!comparison) return fail(comparison.error());
-  const auto series = monitor::series_of(*run, *metrics, *faults, truth_file(options, *run));
+  const auto series = monitor::series_of(*run, metrics, faults, truth_file(options, *run));
   if (!series) return fail(series.error());
   const std::string path = options.html.empty() ? run->folder.report() : options.html;
-  const std::string page = monitor::report_html({*run, *metrics, *faults, *series, *comparison});
+  const std::string page = monitor::report_html({*run, metrics, faults, *series, *comparison});
   if (auto written = monitor::replace_file(path, page); !written) return fail(written.error());
   if (options.json) {
-    json["faults"] = monitor::to_json(*faults);
+    json["faults"] = monitor::to_json(faults);
     json["comparison"] = *comparison ? monitor::to_json(**comparison) : nullptr;
     fmt::print("{}\n", json.dump());
   } else {
-    fmt::print("{}{}{}page          {}\n", monitor::report_text(*metrics, *run), monitor::fault_text(*faults),
+    fmt::print("{}{}{}page          {}\n", monitor::report_text(metrics, *run), monitor::fault_text(faults),
                *comparison ? monitor::comparison_text(**comparison) : "", path);
   }
   return kExitOk;

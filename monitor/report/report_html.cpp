@@ -2,8 +2,6 @@
 // content security policy that forbids every request, so that opening it tells nobody and needs nobody.
 #include "monitor/report/report_html.hpp"
 
-#include <numeric>
-
 #include "monitor/report/packed_block.hpp"
 #include "monitor/report/report_assets.hpp"
 #include "monitor/report/report_text.hpp"
@@ -58,10 +56,6 @@ Json marks_json(const RunMetrics& metrics) {
   return marks;
 }
 
-std::uint64_t violation_count(const FaultSummary& faults) {
-  return std::accumulate(faults.counts.begin(), faults.counts.end(), std::uint64_t{0});
-}
-
 Json joints_json(const config::RobotConfig& robot) {
   Json joints = Json::array();
   for (const config::Joint& joint : robot.joints) {
@@ -84,7 +78,7 @@ Json facts_of(const ReportContent& content, const Json& whole, const Json& momen
           {"period_s", content.run.robot.control.period.seconds()},
           {"modes", modes_json(content.series)},
           {"violations", violations_json(content.faults, content.metrics.start)},
-          {"violation_count", violation_count(content.faults)},
+          {"violation_count", content.faults.total()},
           {"marks", marks_json(content.metrics)},
           {"figure", robot_figure(content.run.robot)},
           {"comparison", content.comparison ? to_json(*content.comparison) : Json(nullptr)},

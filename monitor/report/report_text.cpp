@@ -92,9 +92,13 @@ std::string losses(const RunMetrics& metrics, const RecordedRun& run) {
   if (!run.manifest.stopped_because.empty()) {
     text += fmt::format("              recording stopped: {}\n", run.manifest.stopped_because);
   }
-  if (!metrics.file.finished) text += "              ticks.mcap was not closed: the monitor was cut off\n";
-  if (metrics.file.damaged_chunks != 0) {
-    text += fmt::format("              {} damaged chunks skipped\n", metrics.file.damaged_chunks);
+  if (!metrics.scan.file.finished) text += "              ticks.mcap was not closed: the monitor was cut off\n";
+  if (metrics.scan.file.damaged_chunks != 0) {
+    text += fmt::format("              {} damaged chunks skipped\n", metrics.scan.file.damaged_chunks);
+  }
+  if (metrics.scan.undecodable != 0) {
+    text +=
+        fmt::format("              {} messages skipped that are not what their topic says\n", metrics.scan.undecodable);
   }
   return text;
 }
