@@ -1,6 +1,7 @@
 // takt report: the freshness report of a run folder, in the terminal and as report.html.
 #include <fmt/format.h>
 
+#include <cstdio>
 #include <filesystem>
 #include <memory>
 
@@ -56,15 +57,18 @@ int report(const Options& options) {
   if (!series) return fail(series.error());
   const std::string path = options.html.empty() ? run->folder.report() : options.html;
   const std::string page = monitor::report_html({*run, metrics, faults, *series, *comparison});
-  if (auto written = monitor::replace_file(path, page); !written) return fail(written.error());
+  const auto written = monitor::replace_file(path, page);
   if (options.json) {
     json["faults"] = monitor::to_json(faults);
     json["comparison"] = *comparison ? monitor::to_json(**comparison) : nullptr;
     fmt::print("{}\n", json.dump());
   } else {
-    fmt::print("{}{}{}page          {}\n", monitor::report_text(metrics, *run), monitor::fault_text(faults),
-               *comparison ? monitor::comparison_text(**comparison) : "", path);
+    fmt::print("{}{}{}", monitor::report_text(metrics, *run), monitor::fault_text(faults),
+               *comparison ? monitor::comparison_text(**comparison) : "");
+    if (written) fmt::print("page          {}\n", path);
   }
+  std::fflush(stdout);
+  if (!written) return fail(written.error() + "; --html FILE writes the page elsewhere");
   return kExitOk;
 }
 
@@ -83,7 +87,7 @@ void add_report(CLI::App& app, int& exit_code) {
       "takt-plant's truth file, for the task's target in the playback; default DIR/truth.jsonl if there");
   command->footer(
       "Example: takt report runs/20261121T093300Z-arm6-3f9a2c --against runs/20261120T170210Z-arm6-99ab01\n"
-      "Exit codes: 0 reported, whatever the verdict; 1 not a run folder, or it cannot be read.");
+      "Exit codes: 0 reported, whatever the verdict; 1 not a run folder, it cannot be read, or the page not written.");
   command->callback([options, &exit_code] { exit_code = report(*options); });
 }
 

@@ -54,7 +54,7 @@ std::string modes_line(const RunMetrics& metrics) {
     text += fmt::format("{}{} {:.1f} %", text.empty() ? "" : ", ", takt::name(static_cast<Mode>(mode)),
                         percent(metrics.ticks_in_mode[mode], metrics.ticks));
   }
-  return text;
+  return text.empty() ? "none: not one tick was recorded" : text;
 }
 
 std::string transitions(const RunMetrics& metrics, std::size_t most) {
@@ -92,13 +92,19 @@ std::string losses(const RunMetrics& metrics, const RecordedRun& run) {
   if (!run.manifest.stopped_because.empty()) {
     text += fmt::format("              recording stopped: {}\n", run.manifest.stopped_because);
   }
-  if (!metrics.scan.file.finished) text += "              ticks.mcap was not closed: the monitor was cut off\n";
+  if (!metrics.scan.file.finished) {
+    text += "              ticks.mcap was not closed: the monitor was cut off, or the file is not whole\n";
+  }
+  if (metrics.ticks < run.manifest.ticks) {
+    text += fmt::format("              {} of {} recorded ticks cannot be read\n", run.manifest.ticks - metrics.ticks,
+                        run.manifest.ticks);
+  }
   if (metrics.scan.file.damaged_chunks != 0) {
-    text += fmt::format("              {} damaged chunks skipped\n", metrics.scan.file.damaged_chunks);
+    text += fmt::format("              damaged chunks, skipped: {}\n", metrics.scan.file.damaged_chunks);
   }
   if (metrics.scan.undecodable != 0) {
-    text +=
-        fmt::format("              {} messages skipped that are not what their topic says\n", metrics.scan.undecodable);
+    text += fmt::format("              messages that are not what their topic says, skipped: {}\n",
+                        metrics.scan.undecodable);
   }
   return text;
 }

@@ -1,8 +1,9 @@
 // Puts the page together from its data. takt.page is there for tests; data-ready says in ms when everything was drawn.
-(async function () {
+takt.main = async function (say) {
   const element = (id) => document.getElementById(id);
   const facts = JSON.parse(element('facts').textContent);
   takt.tables(facts);
+  if (facts.metrics.ticks.recorded === 0) say('Not one tick was recorded: there is nothing to draw.');
   const blocks = await Promise.all(['whole', 'moments'].map((name) => takt.openBlock(facts[name], element(name + '-block').textContent)));
   const samples = new takt.Samples(...blocks, facts.period_s);
   const end = Math.max(facts.metrics.ticks.span_ns * 1e-9, facts.period_s);
@@ -85,9 +86,16 @@
   figure.draw();
   takt.page = { facts, samples, view, figure, violations, marks };
   document.documentElement.dataset.ready = performance.now().toFixed(0);
-})().catch((error) => {
+};
+
+(function () {
   const trouble = document.getElementById('trouble');
-  trouble.textContent = `This browser could not draw all of the page (${error}); current Chromium and Firefox can. takt report prints the numbers in a terminal.`;
-  trouble.hidden = false;
-  throw error;
-});
+  const say = (sentence) => {
+    trouble.textContent = sentence;
+    trouble.hidden = false;
+  };
+  takt.main(say).catch((error) => {
+    say(`This browser could not draw all of the page (${error}); current Chromium and Firefox can. takt report prints the numbers in a terminal.`);
+    throw error;
+  });
+})();
