@@ -10,6 +10,23 @@ std::size_t padding(std::size_t at, std::size_t alignment) {
   return (kEncapsulation - at) & (alignment - 1);
 }
 
+// As memcpy; a constant size makes it one instruction.
+void copy(std::byte* to, const std::byte* from, std::size_t size) {
+  switch (size) {
+    case 1:
+      std::memcpy(to, from, 1);
+      return;
+    case 2:
+      std::memcpy(to, from, 2);
+      return;
+    case 4:
+      std::memcpy(to, from, 4);
+      return;
+    default:
+      std::memcpy(to, from, 8);
+  }
+}
+
 }  // namespace
 
 void CdrWriter::clear() {
@@ -48,13 +65,16 @@ std::span<const std::byte> CdrReader::take(std::size_t size) {
   return taken;
 }
 
-void CdrReader::get_raw(void* value, std::size_t size) {
-  if (ok_) (void)take(padding(at_, size));
-  const auto taken = take(size);
-  if (ok_) {
-    std::memcpy(value, taken.data(), size);
-  } else {
-    std::memset(value, 0, size);
+void CdrReader::get_column(void* first, std::size_t stride, std::size_t size, std::size_t count) {
+  if (ok_ && count > 0) (void)take(padding(at_, size));
+  const auto taken = take(size * count);
+  auto* to = static_cast<std::byte*>(first);
+  for (std::size_t at = 0; at < size * count; at += size, to += stride) {
+    if (ok_) {
+      copy(to, taken.data() + at, size);
+    } else {
+      std::memset(to, 0, size);
+    }
   }
 }
 

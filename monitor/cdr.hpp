@@ -45,7 +45,10 @@ class CdrReader {
  public:
   explicit CdrReader(std::span<const std::byte> message);
   [[nodiscard]] bool ok() const { return ok_; }
-  void get_raw(void* value, std::size_t size);
+  // `size` bytes (1, 2, 4 or 8), aligned to `size`.
+  void get_raw(void* value, std::size_t size) { get_column(value, 0, size, 1); }
+  // `count` values of `size` bytes, in memory `stride` bytes apart.
+  void get_column(void* first, std::size_t stride, std::size_t size, std::size_t count);
   template <CdrScalar T>
   T get() {
     T value{};

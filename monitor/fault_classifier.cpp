@@ -1,7 +1,7 @@
 #include "monitor/fault_classifier.hpp"
 
 #include <algorithm>
-#include <cstring>
+#include <numeric>
 
 namespace takt::monitor {
 namespace {
@@ -93,6 +93,16 @@ Duration median(std::vector<std::int64_t> samples) {
 }
 
 }  // namespace
+
+FaultRules fault_rules_of(const config::RobotConfig& robot) {
+  FaultRules rules{.max_age = robot.freshness.max_age, .period = robot.control.period, .joints = {}};
+  for (const auto& joint : robot.joints) rules.joints.push_back(joint.name);
+  return rules;
+}
+
+std::uint64_t FaultSummary::total() const {
+  return std::accumulate(counts.begin(), counts.end(), std::uint64_t{0});
+}
 
 void FaultEvidence::take(const FaultClue& clue) {
   if (clue.is_trouble) {
@@ -257,16 +267,11 @@ FaultSummary FaultClassifier::finish() {
 }
 
 std::expected<FaultSummary, std::string> classify_run(const RecordedRun& run) {
-  FaultRules rules{.max_age = run.robot.freshness.max_age, .period = run.robot.control.period, .joints = {}};
-  for (const auto& joint : run.robot.joints) rules.joints.push_back(joint.name);
-  FaultClassifier classifier(std::move(rules));
+  FaultClassifier classifier(fault_rules_of(run.robot));
   const auto scan = scan_run(run, {.tick = [&](const RecordedTick& tick) { classifier.tick(tick.record); },
                                    .command =
                                        [&](const RecordedCommand& command) {
-                                         CommandHeader header;
-                                         if (command.payload.size() < sizeof header) return;
-                                         std::memcpy(&header, command.payload.data(), sizeof header);
-                                         classifier.command(header);
+                                         if (const auto header = header_of(command)) classifier.command(*header);
                                        },
                                    .keyframe = {},
                                    .loss = {}});

@@ -73,6 +73,7 @@ struct FaultVerdict {
 struct FaultSummary {
   std::array<std::uint64_t, kFaultCount> counts{};
   std::vector<FaultVerdict> verdicts;  // the first kListedVerdicts
+  [[nodiscard]] std::uint64_t total() const;
 };
 inline constexpr std::size_t kListedVerdicts = 1000;
 
@@ -81,6 +82,7 @@ struct FaultRules {
   Duration period;
   std::vector<std::string> joints;  // names for sentences; may be empty
 };
+FaultRules fault_rules_of(const config::RobotConfig& robot);
 
 // What one tick contributes to a verdict.
 struct FaultClue {

@@ -181,9 +181,7 @@ std::string fault_text(const FaultSummary& summary, std::size_t most_sentences) 
     const FaultVerdict& verdict = summary.verdicts[index];
     text += fmt::format("  tick {:>9}  {}\n", verdict.first_tick, verdict.sentence);
   }
-  std::uint64_t all = 0;
-  for (const std::uint64_t count : summary.counts) all += count;
-  if (all > most_sentences) text += fmt::format("  and {} more\n", all - most_sentences);
+  if (summary.total() > most_sentences) text += fmt::format("  and {} more\n", summary.total() - most_sentences);
   return text;
 }
 

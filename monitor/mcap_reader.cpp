@@ -151,11 +151,14 @@ std::expected<McapReader, std::string> McapReader::open(const std::string& path)
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (fd < 0) return std::unexpected(fmt::format("cannot open {}: {}", path, std::strerror(errno)));
   struct stat status {};
-  const bool known = ::fstat(fd, &status) == 0;
-  const auto size = known ? static_cast<std::size_t>(status.st_size) : 0;
+  const bool is_file = ::fstat(fd, &status) == 0 && S_ISREG(status.st_mode);
+  const auto size = is_file ? static_cast<std::size_t>(status.st_size) : 0;
   void* data = size >= mcap::kMagic.size() ? ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, fd, 0) : MAP_FAILED;
   ::close(fd);
-  if (data == MAP_FAILED) return std::unexpected(fmt::format("{} is too short to be an MCAP file", path));
+  if (data == MAP_FAILED) {
+    const char* const why = is_file ? "is too short to be an MCAP file" : "is not a file";
+    return std::unexpected(fmt::format("{} {}", path, why));
+  }
   McapReader reader({static_cast<const std::byte*>(data), size});
   if (std::memcmp(data, mcap::kMagic.data(), mcap::kMagic.size()) != 0) {
     return std::unexpected(fmt::format("{} is not an MCAP file: its first bytes are wrong", path));

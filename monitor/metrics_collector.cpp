@@ -49,13 +49,17 @@ void MetricsCollector::tick(const TickRecord& record) {
   count(metrics_.overruns, header.overrun_cause);
   for (std::size_t joint = 0; joint < header.joint_count; ++joint) interventions(record.joints[joint].interventions);
   if (header.mode != header.previous_mode) transition(header);
-  if (header.operator_request == OperatorRequest::mark && metrics_.marks.size() < kListedTransitions)
-    metrics_.marks.push_back({header.tick, header.now});
+  if (header.operator_request == OperatorRequest::mark) mark(header);
   if (header.previous_mode == Mode::tracking || header.previous_mode == Mode::degraded) relied(header);
   last_ = header;
 }
 
+void MetricsCollector::loss(const Loss& loss) {
+  metrics_.losses[loss.ring + " " + loss.reason] += loss.count;
+}
+
 void MetricsCollector::finish(double epsilon, double confidence) {
+  if (metrics_.ticks == 0) return;
   metrics_.last_tick = last_.tick;
   metrics_.start = first_.now;
   metrics_.span = last_.now - first_.now;
@@ -83,6 +87,11 @@ void MetricsCollector::transition(const TickRecordHeader& header) {
   if (metrics_.transitions.size() < kListedTransitions) {
     metrics_.transitions.push_back({header.tick, header.now, header.previous_mode, header.mode, header.cause});
   }
+}
+
+void MetricsCollector::mark(const TickRecordHeader& header) {
+  ++metrics_.mark_count;
+  if (metrics_.marks.size() < kListedMarks) metrics_.marks.push_back({header.tick, header.now});
 }
 
 void MetricsCollector::relied(const TickRecordHeader& header) {

@@ -18,7 +18,8 @@ class MetricsCollector {
   explicit MetricsCollector(RunMetrics& metrics) : metrics_(metrics) {}
 
   void tick(const TickRecord& record);
-  // Call once, after at least one tick.
+  void loss(const Loss& loss);
+  // Call once.
   void finish(double epsilon, double confidence);
 
  private:
@@ -26,6 +27,7 @@ class MetricsCollector {
 
   void interventions(InterventionMask mask);
   void transition(const TickRecordHeader& header);
+  void mark(const TickRecordHeader& header);
   void relied(const TickRecordHeader& header);
   void command(const TickRecordHeader& header);
 

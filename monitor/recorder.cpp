@@ -8,7 +8,7 @@
 #include <filesystem>
 
 #include "drivers/candump.hpp"
-#include "drivers/cause_detail.hpp"
+#include "monitor/standard_messages.hpp"
 #include "monitor/tick_schema.hpp"
 
 namespace takt::monitor {
@@ -62,6 +62,7 @@ Recorder::Recorder(const RunFolder& folder, RunManifest manifest, const config::
       ticks_(std::move(ticks)),
       frames_(std::move(frames)),
       transitions_(std::move(transitions)),
+      diagnoser_(robot_),
       flushed_at_(manifest_.started_at),
       joint_state_every_(static_cast<std::uint64_t>(
           std::max<std::int64_t>(kJointStatePeriod.ns / std::max<std::int64_t>(robot.control.period.ns, 1), 1))) {
@@ -85,8 +86,8 @@ Recorder::Recorder(const RunFolder& folder, RunManifest manifest, const config::
 
 void Recorder::write(Topic topic, MonoTime at) {
   if (!stop_reason().empty()) return;
-  const std::int64_t unix_ns = std::max<std::int64_t>(at.ns + manifest_.clock.monotonic_to_unix_ns, 0);
-  ticks_.write(static_cast<std::uint16_t>(topic), static_cast<std::uint64_t>(unix_ns), message_.bytes());
+  const std::int64_t log_time = std::max<std::int64_t>(unix_ns(at), 0);
+  ticks_.write(static_cast<std::uint16_t>(topic), static_cast<std::uint64_t>(log_time), message_.bytes());
 }
 
 void Recorder::tick(const TickRecord& record) {
@@ -101,10 +102,15 @@ void Recorder::tick(const TickRecord& record) {
   manifest_.last_tick = record.header.tick;
   ++manifest_.ticks;
   if (record.header.tick % joint_state_every_ == 0 && record.header.joint_count == manifest_.joints.size()) {
-    encode_joint_state(record, now_.ns + manifest_.clock.monotonic_to_unix_ns, manifest_.joints, message_);
+    encode_joint_state(record, unix_ns(now_), manifest_.joints, message_);
     write(Topic::joint_states, now_);
   }
+  if (const auto parts = diagnoser_.tick(record)) {
+    encode_diagnostic_array(*parts, unix_ns(now_), manifest_.robot, message_);
+    write(Topic::diagnostics, now_);
+  }
   if (record.header.mode != record.header.previous_mode) transition(record);
+  if (record.header.operator_request == OperatorRequest::mark) log(Level::ok, "marked");
   if (ticks_.pending_bytes() >= kChunkBytes) flush_ticks();
 }
 
@@ -112,15 +118,23 @@ void Recorder::transition(const TickRecord& record) {
   const TickRecordHeader& header = record.header;
   encode_transition({header.tick, header.now, header.previous_mode, header.mode, header.cause}, message_);
   write(Topic::transition, now_);
+  const std::string& detail = diagnoser_.status().detail;
+  log(level_of(header.mode), fmt::format("{} -> {}: {}{}{}", name(header.previous_mode), name(header.mode),
+                                         name(header.cause), detail.empty() ? "" : ": ", detail));
   const nlohmann::ordered_json line{{"tick", header.tick},
                                     {"monotonic_ns", header.now.ns},
-                                    {"utc", utc_text(header.now.ns + manifest_.clock.monotonic_to_unix_ns)},
+                                    {"utc", utc_text(unix_ns(header.now))},
                                     {"from", name(header.previous_mode)},
                                     {"to", name(header.mode)},
                                     {"cause", name(header.cause)},
-                                    {"detail", drivers::cause_detail(header.cause, record, robot_)},
+                                    {"detail", detail},
                                     {"age_ns", header.age.total().ns}};
   if (stop_reason().empty() && !transitions_.append(line.dump() + "\n")) stop(transitions_.failure());
+}
+
+void Recorder::log(Level level, std::string_view text) {
+  encode_log(level, manifest_.robot, text, unix_ns(now_), message_);
+  write(Topic::log, now_);
 }
 
 void Recorder::frame(const FrameRecord& record) {

@@ -10,9 +10,11 @@
 #include <expected>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "config/robot_config.hpp"
 #include "monitor/bounded_file.hpp"
+#include "monitor/diagnostics.hpp"
 #include "monitor/mcap_writer.hpp"
 #include "monitor/record_stream.hpp"
 #include "monitor/run_folder.hpp"
@@ -42,9 +44,11 @@ class Recorder {
            BoundedFile frames, BoundedFile transitions);
   void tick(const TickRecord& record);
   void transition(const TickRecord& record);
+  void log(Level level, std::string_view text);
   void frame(const FrameRecord& frame);
   void loss(const Loss& loss);
   void write(Topic topic, MonoTime at);
+  [[nodiscard]] std::int64_t unix_ns(MonoTime at) const { return at.ns + manifest_.clock.monotonic_to_unix_ns; }
   void write_frames();
   void flush_ticks();
   void flush();
@@ -57,6 +61,7 @@ class Recorder {
   BoundedFile frames_;
   BoundedFile transitions_;
   RecordSink sink_;
+  Diagnoser diagnoser_;
   CdrWriter message_;
   std::string frame_text_;  // lines not yet in can.log
   MonoTime now_;            // of the newest tick: log time of what has none of its own

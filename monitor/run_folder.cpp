@@ -30,7 +30,9 @@ std::expected<RunManifest, std::string> RunFolder::read_manifest() const {
   if (!text) return std::unexpected(fmt::format("{}: is {} a run folder?", text.error(), path_));
   const auto json = nlohmann::ordered_json::parse(*text, nullptr, false);
   if (json.is_discarded()) return std::unexpected(fmt::format("{} is not JSON", manifest()));
-  return manifest_of(json);
+  auto manifest_read = manifest_of(json);
+  if (!manifest_read) return std::unexpected(fmt::format("{} {}", manifest(), manifest_read.error()));
+  return manifest_read;
 }
 
 std::expected<void, std::string> RunFolder::write_manifest(const RunManifest& manifest_to_write) const {

@@ -110,7 +110,7 @@ Json to_json(const RunManifest& manifest) {
 std::expected<RunManifest, std::string> manifest_of(const Json& json) {
   try {
     if (const std::string schema = json.at("schema"); schema != kRunSchema) {
-      return std::unexpected(fmt::format("manifest.json has schema {}, this version reads {}", schema, kRunSchema));
+      return std::unexpected(fmt::format("has schema {}, this version reads {}", schema, kRunSchema));
     }
     RunManifest manifest;
     json.at("run_id").get_to(manifest.run_id);
@@ -146,7 +146,7 @@ std::expected<RunManifest, std::string> manifest_of(const Json& json) {
     }
     return manifest;
   } catch (const nlohmann::json::exception& error) {
-    return std::unexpected(fmt::format("manifest.json is not a run's manifest: {}", error.what()));
+    return std::unexpected(fmt::format("is not a run's manifest: {}", error.what()));
   }
 }
 

@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstring>
 
 #include "executive/ipc/crc32c.hpp"
+#include "monitor/standard_messages.hpp"
 #include "monitor/tick_schema.hpp"
 
 namespace takt::monitor {
@@ -75,29 +77,6 @@ constexpr std::string_view kLossSchema =
     "uint64 after_tick   # last tick recorded before the gap; 0 none\n"
     "uint64 before_tick  # first tick recorded after it; 0 none\n";
 
-// The layout of ROS 2's standard message; comments are ours.
-constexpr std::string_view kJointStateSchema =
-    "std_msgs/Header header\n"
-    "string[] name\n"
-    "float64[] position  # rad, measured\n"
-    "float64[] velocity  # rad/s, estimated\n"
-    "float64[] effort    # Nm, measured\n"
-    "================================================================================\n"
-    "MSG: std_msgs/Header\n"
-    "builtin_interfaces/Time stamp\n"
-    "string frame_id\n"
-    "================================================================================\n"
-    "MSG: builtin_interfaces/Time\n"
-    "int32 sec\n"
-    "uint32 nanosec\n";
-
-void put_doubles(CdrWriter& out, const TickRecord& record, float (*value)(const JointRecord&)) {
-  out.put_count(record.header.joint_count);
-  for (std::size_t joint = 0; joint < record.header.joint_count; ++joint) {
-    out.put(static_cast<double>(value(record.joints[joint])));
-  }
-}
-
 std::string place_in_command(std::size_t at) {
   if (at >= sizeof(CommandHeader)) return fmt::format("values[{}]", (at - sizeof(CommandHeader)) / 4);
   for (const TickField& field : kCommandFields) {
@@ -122,6 +101,10 @@ std::string_view topic_name(Topic topic) {
       return "/takt/loss";
     case Topic::joint_states:
       return "/joint_states";
+    case Topic::diagnostics:
+      return "/diagnostics";
+    case Topic::log:
+      return "/rosout";
   }
   return "";
 }
@@ -135,7 +118,16 @@ std::vector<McapTopic> run_topics() {
           topic(Topic::keyframe, "takt_msgs/msg/Keyframe", std::string(kKeyframeSchema)),
           topic(Topic::transition, "takt_msgs/msg/Transition", std::string(kTransitionSchema)),
           topic(Topic::loss, "takt_msgs/msg/Loss", std::string(kLossSchema)),
-          topic(Topic::joint_states, "sensor_msgs/msg/JointState", std::string(kJointStateSchema))};
+          topic(Topic::joint_states, "sensor_msgs/msg/JointState", joint_state_schema()),
+          topic(Topic::diagnostics, "diagnostic_msgs/msg/DiagnosticArray", diagnostic_array_schema()),
+          topic(Topic::log, "rcl_interfaces/msg/Log", log_schema())};
+}
+
+std::optional<CommandHeader> header_of(const RecordedCommand& command) {
+  CommandHeader header;
+  if (command.payload.size() < sizeof header) return std::nullopt;
+  std::memcpy(&header, command.payload.data(), sizeof header);
+  return header;
 }
 
 void encode_command(const RecordedCommand& command, CdrWriter& out) {
@@ -230,19 +222,6 @@ bool decode_loss(std::span<const std::byte> message, Loss& out) {
   out.after_tick = reader.get<std::uint64_t>();
   out.before_tick = reader.get<std::uint64_t>();
   return reader.ok();
-}
-
-void encode_joint_state(const TickRecord& record, std::int64_t unix_ns, std::span<const std::string> names,
-                        CdrWriter& out) {
-  out.clear();
-  out.put(static_cast<std::int32_t>(unix_ns / 1'000'000'000));
-  out.put(static_cast<std::uint32_t>(unix_ns % 1'000'000'000));
-  out.put_string("");
-  out.put_count(names.size());
-  for (const std::string& each : names) out.put_string(each);
-  put_doubles(out, record, [](const JointRecord& joint) { return joint.feedback.q; });
-  put_doubles(out, record, [](const JointRecord& joint) { return joint.dq_estimate; });
-  put_doubles(out, record, [](const JointRecord& joint) { return joint.feedback.tau; });
 }
 
 }  // namespace takt::monitor

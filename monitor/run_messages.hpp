@@ -5,8 +5,10 @@
 //   /takt/keyframe    takt_msgs/msg/Keyframe    the decision's saved state after a tick: replay starts there
 //   /takt/transition  takt_msgs/msg/Transition  a change of mode and its cause
 //   /takt/loss        takt_msgs/msg/Loss        what was not recorded, and why
-//   /joint_states     sensor_msgs/msg/JointState  decimated, for the usual viewers
-// In the file a tick's command comes before the tick, its keyframe and transition behind it.
+//   /joint_states     sensor_msgs/msg/JointState  decimated, for the usual viewers (standard_messages.hpp), as the rest
+//   /diagnostics      diagnostic_msgs/msg/DiagnosticArray  once a second and when the mode changes, as DDS tells it
+//   /rosout           rcl_interfaces/msg/Log      a line for each transition and each mark
+// In the file a tick's command comes before the tick, everything else about it behind it.
 #pragma once
 
 #include <cstddef>
@@ -24,7 +26,7 @@
 
 namespace takt::monitor {
 
-enum class Topic : std::uint16_t { tick = 1, command, keyframe, transition, loss, joint_states };
+enum class Topic : std::uint16_t { tick = 1, command, keyframe, transition, loss, joint_states, diagnostics, log };
 
 // In the order of Topic, so that channel ids are Topic values.
 std::vector<McapTopic> run_topics();
@@ -35,6 +37,8 @@ struct RecordedCommand {
   Bytes payload;           // as read from the mailbox, never more than a CommandChunk
   std::uint32_t crc = 0;   // CRC-32C of the payload when it was recorded
 };
+// Nothing: the message was cut short.
+std::optional<CommandHeader> header_of(const RecordedCommand& command);
 void encode_command(const RecordedCommand& command, CdrWriter& out);
 bool decode_command(std::span<const std::byte> message, RecordedCommand& out);
 // When one flipped bit explains a checksum that does not match: puts it right and names its place, "infer_ended_at" or
@@ -66,8 +70,5 @@ struct Loss {
 };
 void encode_loss(const Loss& loss, CdrWriter& out);
 bool decode_loss(std::span<const std::byte> message, Loss& out);
-
-void encode_joint_state(const TickRecord& record, std::int64_t unix_ns, std::span<const std::string> names,
-                        CdrWriter& out);
 
 }  // namespace takt::monitor

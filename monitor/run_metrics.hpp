@@ -48,13 +48,15 @@ struct RunMetrics {
   std::uint64_t skipped_periods = 0, integration_errors = 0;      // within the recorded part
   std::array<std::uint64_t, kInterventionCount> interventions{};  // joint-ticks
   std::vector<Transition> transitions;
-  std::uint64_t transition_count = 0;           // transitions holds the first kListedTransitions
-  std::vector<Mark> marks;                      // the first kListedTransitions
+  std::uint64_t transition_count = 0;  // transitions holds the first kListedTransitions
+  std::vector<Mark> marks;             // the first kListedMarks
+  std::uint64_t mark_count = 0;
   std::map<std::string, std::uint64_t> losses;  // "tick overwritten" -> entries
   std::uint64_t missing_ticks = 0;              // gaps in the tick numbers
-  McapReport file;
+  ScanReport scan;
 };
 inline constexpr std::size_t kListedTransitions = 1000;
+inline constexpr std::size_t kListedMarks = 1000;
 
 std::expected<RunMetrics, std::string> metrics_of(const RecordedRun& run);
 nlohmann::ordered_json to_json(const RunMetrics& metrics, const RecordedRun& run);

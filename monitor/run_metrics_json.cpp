@@ -88,12 +88,14 @@ Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
                                    {"to", takt::name(each.to)},
                                    {"cause", takt::name(each.cause)}});
   }
+  json["mark_count"] = metrics.mark_count;
   json["marks"] = Json::array();
   for (const Mark& mark : metrics.marks) json["marks"].push_back({{"tick", mark.tick}, {"monotonic_ns", mark.at.ns}});
   json["losses"] = metrics.losses;
-  json["file"] = {{"finished", metrics.file.finished},
-                  {"unread_bytes", metrics.file.unread_bytes},
-                  {"damaged_chunks", metrics.file.damaged_chunks}};
+  json["file"] = {{"finished", metrics.scan.file.finished},
+                  {"unread_bytes", metrics.scan.file.unread_bytes},
+                  {"damaged_chunks", metrics.scan.file.damaged_chunks},
+                  {"undecodable_messages", metrics.scan.undecodable}};
   json["recording_stopped"] = run.manifest.stopped_because.empty() ? Json(nullptr) : Json(run.manifest.stopped_because);
   json["realtime"] = run.manifest.executive.is_object() && run.manifest.executive.contains("realtime")
                          ? run.manifest.executive.at("realtime")

@@ -66,9 +66,7 @@ bool get_columns(CdrReader& in, std::byte* rows, std::size_t row_size, std::size
                  std::span<const TickField> fields) {
   for (const TickField& field : fields) {
     if (in.get_count(row_count) != row_count) return false;
-    for (std::size_t row = 0; row < row_count; ++row) {
-      in.get_raw(rows + row * row_size + field.offset, size_of(field.type));
-    }
+    in.get_column(rows + field.offset, row_size, size_of(field.type), row_count);
   }
   return in.ok();
 }

@@ -104,22 +104,6 @@ constexpr TickField kJointFields[] = {
 
 }  // namespace
 
-std::size_t size_of(FieldType type) {
-  switch (type) {
-    case u8:
-      return 1;
-    case u16:
-      return 2;
-    case u32:
-    case f32:
-      return 4;
-    case u64:
-    case i64:
-      return 8;
-  }
-  return 0;
-}
-
 std::span<const TickField> header_fields() {
   return kHeaderFields;
 }

@@ -28,7 +28,21 @@ struct TickField {
   std::span<const std::string_view> values = {};  // names of an enum's values, for the schema's constants
 };
 
-std::size_t size_of(FieldType type);
+constexpr std::size_t size_of(FieldType type) {
+  switch (type) {
+    case FieldType::u8:
+      return 1;
+    case FieldType::u16:
+      return 2;
+    case FieldType::u32:
+    case FieldType::f32:
+      return 4;
+    case FieldType::u64:
+    case FieldType::i64:
+      return 8;
+  }
+  return 0;
+}
 std::span<const TickField> header_fields();  // offsets into TickRecordHeader
 std::span<const TickField> bus_fields();     // offsets into BusHealth; one array entry per bus
 std::span<const TickField> joint_fields();   // offsets into JointRecord; one array entry per joint

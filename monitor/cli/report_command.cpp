@@ -1,14 +1,15 @@
 // takt report: the freshness report of a run folder, in the terminal and as report.html.
 #include <fmt/format.h>
 
+#include <cstdio>
 #include <filesystem>
 #include <memory>
 
 #include "monitor/bounded_file.hpp"
 #include "monitor/cli/command.hpp"
-#include "monitor/fault_classifier.hpp"
 #include "monitor/report/report_html.hpp"
 #include "monitor/report/report_text.hpp"
+#include "monitor/run_review.hpp"
 
 namespace takt::cli {
 namespace {
@@ -46,26 +47,28 @@ std::expected<std::optional<monitor::RunComparison>, std::string> comparison_of(
 int report(const Options& options) {
   const auto run = monitor::open_run(options.directory);
   if (!run) return fail(run.error());
-  const auto metrics = monitor::metrics_of(*run);
-  if (!metrics) return fail(metrics.error());
-  const auto faults = monitor::classify_run(*run);
-  if (!faults) return fail(faults.error());
-  auto json = monitor::to_json(*metrics, *run);
+  const auto review = monitor::review_of(*run);
+  if (!review) return fail(review.error());
+  const auto& [metrics, faults] = *review;
+  auto json = monitor::to_json(metrics, *run);
   const auto comparison = comparison_of(options, *run, json);
   if (!comparison) return fail(comparison.error());
-  const auto series = monitor::series_of(*run, *metrics, *faults, truth_file(options, *run));
+  const auto series = monitor::series_of(*run, metrics, faults, truth_file(options, *run));
   if (!series) return fail(series.error());
   const std::string path = options.html.empty() ? run->folder.report() : options.html;
-  const std::string page = monitor::report_html({*run, *metrics, *faults, *series, *comparison});
-  if (auto written = monitor::replace_file(path, page); !written) return fail(written.error());
+  const std::string page = monitor::report_html({*run, metrics, faults, *series, *comparison});
+  const auto written = monitor::replace_file(path, page);
   if (options.json) {
-    json["faults"] = monitor::to_json(*faults);
+    json["faults"] = monitor::to_json(faults);
     json["comparison"] = *comparison ? monitor::to_json(**comparison) : nullptr;
     fmt::print("{}\n", json.dump());
   } else {
-    fmt::print("{}{}{}page          {}\n", monitor::report_text(*metrics, *run), monitor::fault_text(*faults),
-               *comparison ? monitor::comparison_text(**comparison) : "", path);
+    fmt::print("{}{}{}", monitor::report_text(metrics, *run), monitor::fault_text(faults),
+               *comparison ? monitor::comparison_text(**comparison) : "");
+    if (written) fmt::print("page          {}\n", path);
   }
+  std::fflush(stdout);
+  if (!written) return fail(written.error() + "; --html FILE writes the page elsewhere");
   return kExitOk;
 }
 
@@ -84,7 +87,7 @@ void add_report(CLI::App& app, int& exit_code) {
       "takt-plant's truth file, for the task's target in the playback; default DIR/truth.jsonl if there");
   command->footer(
       "Example: takt report runs/20261121T093300Z-arm6-3f9a2c --against runs/20261120T170210Z-arm6-99ab01\n"
-      "Exit codes: 0 reported, whatever the verdict; 1 not a run folder, or it cannot be read.");
+      "Exit codes: 0 reported, whatever the verdict; 1 not a run folder, it cannot be read, or the page not written.");
   command->callback([options, &exit_code] { exit_code = report(*options); });
 }
 

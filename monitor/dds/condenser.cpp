@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <span>
-
-#include "drivers/cause_detail.hpp"
-#include "monitor/dds/diagnostics.hpp"
+#include <utility>
 
 namespace takt::monitor::dds {
 
@@ -14,34 +12,25 @@ Condenser::Condenser(const config::RobotConfig& robot, std::int64_t monotonic_to
       out_(out),
       monotonic_to_unix_ns_(monotonic_to_unix_ns),
       since_(since),
-      joint_state_period_{std::llround(1e9 / robot.dds->joint_state_rate)} {}
-
-bool Condenser::is_due(MonoTime& next, MonoTime now, Duration period) {
-  if (now < next) return false;
-  next = now < next + period ? next + period : now + period;
-  return true;
-}
+      diagnoser_(robot),
+      joint_state_pace_({std::llround(1e9 / robot.dds->joint_state_rate)}) {}
 
 void Condenser::tick(const TickRecord& record) {
   const TickRecordHeader& header = record.header;
   if (header.now < since_ || header.joint_count != robot_.joints.size()) return;
-  const bool changed = header.mode != header.previous_mode;
-  if (changed) {
-    status_.cause = header.cause;
-    status_.detail = drivers::cause_detail(header.cause, record, robot_);
-  }
-  if (header.overrun_cause != OverrunCause::none) ++status_.overruns;
-  status_.tick = header;
-  status_.unix_ns = unix_ns(header.now);
-
+  auto diagnostics = diagnoser_.tick(record);
   if (header.arrival == Arrival::accepted && header.freshness != Freshness::missing)
     out_.put(
         CommandAge{unix_ns(header.now), header.tick, header.command_sequence, header.observation_answered, header.age});
-  if (is_due(next_joint_states_, header.now, joint_state_period_)) put_joint_states(record);
-  const bool status_due = is_due(next_status_, header.now, kStatusPeriod);
-  if (changed || status_due) out_.put(status_);
-  const bool diagnostics_due = is_due(next_diagnostics_, header.now, kDiagnosticsPeriod);
-  if (changed || diagnostics_due) out_.put(Diagnostics{unix_ns(header.now), diagnose(record, status_, robot_)});
+  if (joint_state_pace_.is_due(header.now)) put_joint_states(record);
+  const bool changed = header.mode != header.previous_mode;
+  const bool status_due = status_pace_.is_due(header.now);
+  if (changed || status_due) out_.put(status(true));
+  if (diagnostics) out_.put(Diagnostics{unix_ns(header.now), std::move(*diagnostics)});
+}
+
+Status Condenser::status(bool running) const {
+  return {{diagnoser_.status()}, unix_ns(diagnoser_.status().tick.now), running};
 }
 
 void Condenser::put_joint_states(const TickRecord& record) {
@@ -61,9 +50,9 @@ void Condenser::put_joint_states(const TickRecord& record) {
 }
 
 void Condenser::end() {
-  status_.running = false;
-  out_.put(status_);
-  out_.put(Diagnostics{status_.unix_ns, diagnose_absence(robot_)});
+  const Status last = status(false);
+  out_.put(last);
+  out_.put(Diagnostics{last.unix_ns, diagnose_absence(robot_)});
 }
 
 }  // namespace takt::monitor::dds

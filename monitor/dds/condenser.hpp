@@ -17,7 +17,6 @@
 namespace takt::monitor::dds {
 
 inline constexpr Duration kStatusPeriod = milliseconds(100);
-inline constexpr Duration kDiagnosticsPeriod = seconds(1);
 
 class Condenser {
  public:
@@ -29,19 +28,17 @@ class Condenser {
   void end();
 
  private:
-  // True when `period` has passed since it was last true; keeps the pace, and skips what was missed.
-  static bool is_due(MonoTime& next, MonoTime now, Duration period);
   void put_joint_states(const TickRecord& record);
+  [[nodiscard]] Status status(bool running) const;
   [[nodiscard]] std::int64_t unix_ns(MonoTime at) const { return at.ns + monotonic_to_unix_ns_; }
 
   const config::RobotConfig& robot_;
   Outbox& out_;
   std::int64_t monotonic_to_unix_ns_;
   MonoTime since_;
-  Duration joint_state_period_;
-  MonoTime next_joint_states_, next_status_, next_diagnostics_;
+  Diagnoser diagnoser_;
+  Pace joint_state_pace_, status_pace_{kStatusPeriod};
   std::int64_t joint_states_unix_ns_ = 0;  // of the last
-  Status status_;
 };
 
 }  // namespace takt::monitor::dds

@@ -3,11 +3,11 @@
 
 #include <cstdint>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "executive/contract/session.hpp"
 #include "executive/contract/tick_record.hpp"
+#include "monitor/diagnostics.hpp"
 
 namespace takt::monitor::dds {
 
@@ -19,28 +19,14 @@ struct JointStates {
   std::vector<double> effort{};    // Nm, measured
 };
 
-// Values of diagnostic_msgs/msg/DiagnosticStatus.
-enum class Level : std::uint8_t { ok, warn, error, stale };
-
-struct Diagnostic {
-  Level level = Level::ok;
-  std::string name{};     // "arm6: joint elbow"
-  std::string message{};  // one line
-  std::vector<std::pair<std::string, std::string>> values{};
-};
-
 struct Diagnostics {
   std::int64_t unix_ns = 0;
   std::vector<Diagnostic> parts{};  // executive, joints, buses
 };
 
-struct Status {
+struct Status : RobotStatus {
   std::int64_t unix_ns = 0;
   bool running = true;
-  TickRecordHeader tick{};
-  Cause cause = Cause::none;   // of the last change of mode
-  std::string detail{};        // of that cause
-  std::uint64_t overruns = 0;  // since the monitor attached
 };
 
 struct CommandAge {

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <fstream>
 #include <iterator>
-#include <numeric>
 #include <utility>
 
 #include "config/hash.hpp"
@@ -69,12 +68,6 @@ std::string joints_problem(const Panel& panel, const config::RobotConfig& robot)
       std::ranges::any_of(panel.perturbations, [](const auto& one) { return one.kind == "wrong_joint_order"; });
   if (!rotates || robot.joints.size() > 1) return {};
   return robot.file + ": one joint has no order to get wrong; take perturbation `wrong_joint_order` out of the panel";
-}
-
-std::vector<std::string> joint_names(const config::RobotConfig& robot) {
-  std::vector<std::string> names;
-  for (const config::Joint& joint : robot.joints) names.push_back(joint.name);
-  return names;
 }
 
 class HostMeter {
@@ -198,8 +191,7 @@ RolloutSetup Contest::setup_of(const PlannedRollout& planned) const {
           .rearm_after = panel_.rearm_after};
 }
 
-RolloutWatch::RolloutWatch(const config::RobotConfig& robot)
-    : classifier_({.max_age = robot.freshness.max_age, .period = robot.control.period, .joints = joint_names(robot)}) {}
+RolloutWatch::RolloutWatch(const config::RobotConfig& robot) : classifier_(monitor::fault_rules_of(robot)) {}
 
 std::expected<RanRollout, std::string> Contest::run(const PlannedRollout& planned) {
   const HostMeter meter;
@@ -217,7 +209,7 @@ std::expected<RanRollout, std::string> Contest::run(const PlannedRollout& planne
 RanRollout Contest::conclude(RolloutRow row, RolloutWatch& watch) const {
   const monitor::FaultSummary faults = watch.classifier_.finish();
   row.leading_fault = leading_fault(faults);
-  row.fault_verdicts = std::accumulate(faults.counts.begin(), faults.counts.end(), std::uint64_t{0});
+  row.fault_verdicts = faults.total();
   RanRollout ran{.row = std::move(row), .post_mortem = {}};
   if (ran.row.success) return ran;
   PostMortemDraft draft{.row = ran.row,

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <cstring>
 #include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -77,10 +76,8 @@ class Measuring {
       : rollout_(rollout), truths_(std::move(truths)), watch_(watch) {}
 
   void command(const monitor::RecordedCommand& command) {
-    CommandHeader header;
-    if (!measures_ || command.payload.size() < sizeof header) return;
-    std::memcpy(&header, command.payload.data(), sizeof header);
-    watch_.command(header);
+    const auto header = monitor::header_of(command);
+    if (measures_ && header) watch_.command(*header);
   }
 
   void tick(const TickRecord& record) {

@@ -127,7 +127,7 @@ void RolloutMeasures::fill_outcome(RolloutRow& row) {
 }
 
 void RolloutMeasures::finish(double epsilon, double confidence, RolloutRow& row) {
-  if (metrics_.ticks != 0) collector_.finish(epsilon, confidence);
+  collector_.finish(epsilon, confidence);
   fill_outcome(row);
   row.ticks = metrics_.ticks;
   if (accepted_ != 0) row.inference_mean_ms = inference_ms_ / static_cast<double>(accepted_);

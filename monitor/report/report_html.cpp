@@ -48,6 +48,14 @@ Json violations_json(const FaultSummary& faults, MonoTime start) {
   return violations;
 }
 
+Json marks_json(const RunMetrics& metrics) {
+  Json marks = Json::array();
+  for (const Mark& mark : metrics.marks) {
+    marks.push_back({{"at_s", (mark.at - metrics.start).seconds()}, {"tick", mark.tick}});
+  }
+  return marks;
+}
+
 Json joints_json(const config::RobotConfig& robot) {
   Json joints = Json::array();
   for (const config::Joint& joint : robot.joints) {
@@ -70,6 +78,8 @@ Json facts_of(const ReportContent& content, const Json& whole, const Json& momen
           {"period_s", content.run.robot.control.period.seconds()},
           {"modes", modes_json(content.series)},
           {"violations", violations_json(content.faults, content.metrics.start)},
+          {"violation_count", content.faults.total()},
+          {"marks", marks_json(content.metrics)},
           {"figure", robot_figure(content.run.robot)},
           {"comparison", content.comparison ? to_json(*content.comparison) : Json(nullptr)},
           {"text", report_text(content.metrics, content.run, 200) + fault_text(content.faults, 200)},

@@ -54,28 +54,30 @@ std::string modes_line(const RunMetrics& metrics) {
     text += fmt::format("{}{} {:.1f} %", text.empty() ? "" : ", ", takt::name(static_cast<Mode>(mode)),
                         percent(metrics.ticks_in_mode[mode], metrics.ticks));
   }
-  return text;
+  return text.empty() ? "none: not one tick was recorded" : text;
 }
 
 std::string transitions(const RunMetrics& metrics, std::size_t most) {
   if (metrics.transition_count == 0) return "transitions   none\n";
   std::string text = fmt::format("transitions   {}\n", metrics.transition_count);
-  const Transition& first = metrics.transitions.front();
   for (std::size_t index = 0; index < std::min(most, metrics.transitions.size()); ++index) {
     const Transition& each = metrics.transitions[index];
-    text += fmt::format("  tick {:>9}  {:>+10.3f} s  {:<13} -> {:<13} {}\n", each.tick, (each.at - first.at).seconds(),
-                        takt::name(each.from), takt::name(each.to), takt::name(each.cause));
+    text +=
+        fmt::format("  tick {:>9}  {:>+10.3f} s  {:<13} -> {:<13} {}\n", each.tick, (each.at - metrics.start).seconds(),
+                    takt::name(each.from), takt::name(each.to), takt::name(each.cause));
   }
   if (metrics.transition_count > most) text += fmt::format("  and {} more\n", metrics.transition_count - most);
   return text;
 }
 
-std::string marks(const RunMetrics& metrics) {
-  std::string text;
-  for (const Mark& mark : metrics.marks) {
-    text += fmt::format("{:<14}tick {:>9}  {:>+10.3f} s\n", text.empty() ? "marks" : "", mark.tick,
-                        (mark.at - metrics.start).seconds());
+std::string marks(const RunMetrics& metrics, std::size_t most) {
+  if (metrics.mark_count == 0) return "marks         none\n";
+  std::string text = fmt::format("marks         {}\n", metrics.mark_count);
+  for (std::size_t index = 0; index < std::min(most, metrics.marks.size()); ++index) {
+    const Mark& each = metrics.marks[index];
+    text += fmt::format("  tick {:>9}  {:>+10.3f} s\n", each.tick, (each.at - metrics.start).seconds());
   }
+  if (metrics.mark_count > most) text += fmt::format("  and {} more\n", metrics.mark_count - most);
   return text;
 }
 
@@ -90,9 +92,19 @@ std::string losses(const RunMetrics& metrics, const RecordedRun& run) {
   if (!run.manifest.stopped_because.empty()) {
     text += fmt::format("              recording stopped: {}\n", run.manifest.stopped_because);
   }
-  if (!metrics.file.finished) text += "              ticks.mcap was not closed: the monitor was cut off\n";
-  if (metrics.file.damaged_chunks != 0) {
-    text += fmt::format("              {} damaged chunks skipped\n", metrics.file.damaged_chunks);
+  if (!metrics.scan.file.finished) {
+    text += "              ticks.mcap was not closed: the monitor was cut off, or the file is not whole\n";
+  }
+  if (metrics.ticks < run.manifest.ticks) {
+    text += fmt::format("              {} of {} recorded ticks cannot be read\n", run.manifest.ticks - metrics.ticks,
+                        run.manifest.ticks);
+  }
+  if (metrics.scan.file.damaged_chunks != 0) {
+    text += fmt::format("              damaged chunks, skipped: {}\n", metrics.scan.file.damaged_chunks);
+  }
+  if (metrics.scan.undecodable != 0) {
+    text += fmt::format("              messages that are not what their topic says, skipped: {}\n",
+                        metrics.scan.undecodable);
   }
   return text;
 }
@@ -104,7 +116,7 @@ std::string_view realtime_word(const RunManifest& manifest) {
 
 }  // namespace
 
-std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::size_t most_transitions) {
+std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::size_t most) {
   const config::Freshness& contract = run.robot.freshness;
   std::string text = fmt::format("run           {}  robot {}  {:.1f} s  {} ticks\n", run.manifest.run_id,
                                  run.manifest.robot, metrics.span.seconds(), metrics.ticks);
@@ -116,8 +128,7 @@ std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::
   text += "\ndeadline misses\n" + miss_row("per tick", metrics.misses_per_tick, contract.confidence) +
           miss_row("per command", metrics.misses_per_command, contract.confidence);
   text += "  consecutive ticks share a command: the per-tick bound is optimistic, quote the one per command\n\n";
-  text +=
-      fmt::format("modes         {}\n", modes_line(metrics)) + transitions(metrics, most_transitions) + marks(metrics);
+  text += fmt::format("modes         {}\n", modes_line(metrics)) + transitions(metrics, most) + marks(metrics, most);
   const auto arrival = [](std::size_t index) { return takt::name(static_cast<Arrival>(index)); };
   text += fmt::format("commands      accepted {}; refused: {}\n",
                       metrics.arrivals[static_cast<std::size_t>(Arrival::accepted)],

@@ -8,8 +8,8 @@
 
 namespace takt::monitor {
 
-// Tables: age by stage, deadline misses against the contract, modes, transitions, refusals, interventions, overruns,
-// losses. `most_transitions` are listed, the rest counted.
-std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::size_t most_transitions = 20);
+// Tables: age by stage, deadline misses against the contract, modes, transitions, marks, refusals, interventions,
+// overruns, losses. `most` transitions and marks are listed, the rest counted.
+std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::size_t most = 20);
 
 }  // namespace takt::monitor

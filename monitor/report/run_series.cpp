@@ -39,12 +39,10 @@ class PolicyTarget {
 
   // Read by the tick to come.
   void command(const RecordedCommand& command) {
-    CommandHeader header;
-    if (command.payload.size() < sizeof header) return;
-    std::memcpy(&header, command.payload.data(), sizeof header);
-    if (header.joint_count != joints_ || header.step_count == 0) return;
-    const std::size_t first = value_index(header, CommandField::q, header.step_count - 1U, 0);
-    const std::size_t at = sizeof header + first * sizeof(float);
+    const auto header = header_of(command);
+    if (!header || header->joint_count != joints_ || header->step_count == 0) return;
+    const std::size_t first = value_index(*header, CommandField::q, header->step_count - 1U, 0);
+    const std::size_t at = sizeof *header + first * sizeof(float);
     if (command.payload.size() < at + joints_ * sizeof(float)) return;
     offered_.resize(joints_);
     std::memcpy(offered_.data(), command.payload.data() + at, joints_ * sizeof(float));

@@ -1,7 +1,6 @@
 #include "monitor/top/live_view.hpp"
 
 #include <algorithm>
-#include <cstring>
 #include <utility>
 
 #include "drivers/bus_load.hpp"
@@ -62,10 +61,7 @@ void LiveView::status(const StatusSnapshot& status) {
 }
 
 void LiveView::command(const RecordedCommand& command) {
-  CommandHeader header;
-  if (command.payload.size() < sizeof header) return;
-  std::memcpy(&header, command.payload.data(), sizeof header);
-  session_.claimed_hash = header.policy_hash;
+  if (const auto header = header_of(command)) session_.claimed_hash = header->policy_hash;
 }
 
 void LiveView::tick(const TickRecord& record) {

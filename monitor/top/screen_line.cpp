@@ -27,6 +27,11 @@ Line& Line::add(std::string_view text, Style style) {
   return *this;
 }
 
+Line& Line::add(const Line& more) {
+  pieces_.insert(pieces_.end(), more.pieces_.begin(), more.pieces_.end());
+  return *this;
+}
+
 Line& Line::to(std::size_t column) {
   const std::size_t now = width();
   if (now == 0 && column == 0) return *this;
@@ -46,6 +51,11 @@ std::size_t Line::width() const {
   std::size_t sum = 0;
   for (const Piece& piece : pieces_) sum += cells(piece.text);
   return sum;
+}
+
+Line labelled(std::string_view label) {
+  Line line;
+  return line.add(label, Style::faint).to(kLabel);
 }
 
 std::string Line::text() const {

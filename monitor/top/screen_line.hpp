@@ -26,6 +26,7 @@ std::string_view first_cells(std::string_view text, std::size_t most);
 class Line {
  public:
   Line& add(std::string_view text, Style style = Style::plain);
+  Line& add(const Line& more);
   // Blanks up to this column; at least one when something stands before it already.
   Line& to(std::size_t column);
   // Cuts off what does not fit.
@@ -37,5 +38,9 @@ class Line {
  private:
   std::vector<Piece> pieces_;
 };
+
+inline constexpr std::size_t kLabel = 9;  // columns of the labels at the left
+// A line that begins with its label.
+Line labelled(std::string_view label);
 
 }  // namespace takt::monitor::top

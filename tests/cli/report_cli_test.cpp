@@ -46,6 +46,15 @@ TEST_F(ReportCli, WhatCannotBeReadIsRefusedInOneLineAndNothingIsWritten) {
   }
 }
 
+TEST_F(ReportCli, WhereThePageCannotBeWrittenTheNumbersAreSaidAllTheSame) {
+  const Ended ended = report("--html " + in("run/config.yaml/page.html"));
+  EXPECT_EQ(ended.exit_code, 1);
+  EXPECT_NE(ended.output.find("deadline misses"), std::string::npos) << ended.output;
+  EXPECT_EQ(ended.output.find("page   "), std::string::npos) << ended.output;
+  EXPECT_NE(ended.output.find("Not a directory; --html FILE writes the page elsewhere"), std::string::npos)
+      << ended.output;
+}
+
 // The page must not be able to fetch anything, whatever names the run's files carry.
 TEST_F(ReportCli, ThePageForbidsRequestsAndKeepsTextText) {
   ASSERT_EQ(report("--html " + in("page.html")).exit_code, 0);

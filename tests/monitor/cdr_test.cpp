@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+
 namespace takt::monitor {
 namespace {
 
@@ -47,6 +49,30 @@ TEST(Cdr, ReadsBackWhatItWroteAndNothingFromAnyShorterMessage) {
   for (std::size_t length = 0; length < out.bytes().size(); ++length) {
     EXPECT_FALSE(read(std::span(out.bytes()).first(length))) << length;
   }
+}
+
+TEST(Cdr, AColumnComesBackIntoRowsAndNothingOfACutOne) {
+  struct Row {
+    std::uint16_t value = 9;
+    std::uint16_t other = 7;
+  };
+  CdrWriter out;
+  out.put(std::uint8_t{1});
+  for (std::uint16_t value = 3; value < 6; ++value) out.put(value);
+  std::array<Row, 3> rows{};
+  CdrReader in(out.bytes());
+  EXPECT_EQ(in.get<std::uint8_t>(), 1);
+  in.get_column(rows.data(), sizeof(Row), sizeof rows[0].value, rows.size());
+  EXPECT_TRUE(in.ok());
+  for (std::size_t row = 0; row < rows.size(); ++row) {
+    EXPECT_EQ(rows[row].value, 3 + row);
+    EXPECT_EQ(rows[row].other, 7) << "only the column is written";
+  }
+  CdrReader cut(std::span(out.bytes()).first(out.bytes().size() - 1));
+  (void)cut.get<std::uint8_t>();
+  cut.get_column(rows.data(), sizeof(Row), sizeof rows[0].value, rows.size());
+  EXPECT_FALSE(cut.ok());
+  for (const Row& row : rows) EXPECT_EQ(row.value, 0);
 }
 
 TEST(Cdr, AHostileCountIsRefused) {

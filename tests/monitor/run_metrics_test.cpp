@@ -5,10 +5,13 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <fstream>
 #include <numeric>
 
+#include "monitor/mcap_writer.hpp"
 #include "monitor/report/report_text.hpp"
+#include "monitor/run_review.hpp"
 #include "tests/monitor/recorded_demo.hpp"
 #include "tests/monitor/temporary_folder.hpp"
 
@@ -71,7 +74,9 @@ TEST_F(RunMetricsTest, AMarkIsListedWithItsTick) {
   EXPECT_EQ(metrics->marks[0].tick, kDemoMark);
   std::ifstream file(run_.folder.metrics());
   EXPECT_EQ(nlohmann::json::parse(file).at("marks").at(0).at("tick"), kDemoMark);
-  EXPECT_NE(report_text(*metrics, run_).find(fmt::format("marks         tick {:>9}", kDemoMark)), std::string::npos);
+  EXPECT_NE(report_text(*metrics, run_).find(fmt::format("marks         1\n  tick {:>9}      +0.699 s\n", kDemoMark)),
+            std::string::npos)
+      << report_text(*metrics, run_);
 }
 
 TEST_F(RunMetricsTest, MetricsFileAndReportSayTheSame) {
@@ -86,6 +91,39 @@ TEST_F(RunMetricsTest, MetricsFileAndReportSayTheSame) {
   const std::string text = report_text(*metrics, run_);
   EXPECT_NE(text.find("command_lost"), std::string::npos) << text;
   EXPECT_NE(text.find("violated"), std::string::npos) << text;
+}
+
+// One pass must say what two passes say, losses and damage included.
+TEST_F(RunMetricsTest, AReviewIsTheMetricsAndTheFaults) {
+  const RecordedRun torn = altered_copy(
+      run_, path("torn"), [](TickRecord&) {}, [](RecordedCommand&) {}, [](std::uint64_t tick) { return tick < 2'000; });
+  for (const RecordedRun* run : {&run_, &torn}) {
+    const auto review = review_of(*run);
+    ASSERT_TRUE(review) << review.error();
+    EXPECT_EQ(to_json(review->metrics, *run), to_json(*metrics_of(*run), *run));
+    EXPECT_EQ(to_json(review->faults), to_json(*classify_run(*run)));
+  }
+  const std::string text = report_text(*metrics_of(torn), torn);
+  EXPECT_NE(text.find("2001 of 4000 recorded ticks cannot be read"), std::string::npos) << text;
+}
+
+TEST_F(RunMetricsTest, WhatIsNotWhatItsTopicSaysIsCounted) {
+  RunFolder folder = *RunFolder::create(path("odd"));
+  for (const char* file : {"config.yaml", "manifest.json"})
+    std::filesystem::copy_file(run_.folder.path() + "/" + file, folder.path() + "/" + file);
+  auto writer = McapWriter::create(folder.ticks(), 1U << 20U, run_topics(), {});
+  ASSERT_TRUE(writer);
+  const Bytes nonsense(16);
+  writer->write(static_cast<std::uint16_t>(Topic::tick), 1, nonsense);
+  writer->finish();
+  const RecordedRun odd = *open_run(folder.path());
+  const auto metrics = metrics_of(odd);
+  ASSERT_TRUE(metrics);
+  EXPECT_EQ(metrics->ticks, 0U);
+  EXPECT_EQ(metrics->scan.undecodable, 1U);
+  const std::string text = report_text(*metrics, odd);
+  EXPECT_NE(text.find("not what their topic says, skipped: 1"), std::string::npos) << text;
+  EXPECT_NE(text.find("not one tick was recorded"), std::string::npos) << text;
 }
 
 }  // namespace

@@ -32,8 +32,7 @@ constexpr std::size_t kNone = monitor::kFaultCount;  // column of rollouts witho
 monitor::FaultSummary classify(const Planted& planted, std::uint64_t seed) {
   RolloutSetup wanted = test::setup(planted.perturbation, seed);
   wanted.perturbation.dose *= planted.times_moderate;
-  monitor::FaultClassifier classifier(
-      {.max_age = test::arm().freshness.max_age, .period = test::arm().control.period, .joints = {}});
+  monitor::FaultClassifier classifier(monitor::fault_rules_of(test::arm()));
   wanted.on_command = [&](const CommandHeader& header) { classifier.command(header); };
   wanted.on_tick = [&](const TickRecord& record) { classifier.tick(record); };
   (void)test::run(wanted);

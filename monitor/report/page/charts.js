@@ -18,6 +18,22 @@ takt.chart = (function () {
     place();
   }
 
+  // Upright and dotted, which nothing else on a chart is: a mark needs no colour to be told from a mode's edge.
+  function paintMarks(context, area, graph, marks) {
+    context.save();
+    context.strokeStyle = takt.colour('ink');
+    context.setLineDash([2, 3]);
+    for (const time of marks) {
+      const x = graph.toDomXCoord(time);
+      if (x < area.x || x > area.x + area.w) continue;
+      context.beginPath();
+      context.moveTo(x, area.y);
+      context.lineTo(x, area.y + area.h);
+      context.stroke();
+    }
+    context.restore();
+  }
+
   // Gestures of the chart become changes of the view; a double click shows all of the run, not all that is loaded.
   function gestures(view) {
     const model = Object.assign({}, Dygraph.defaultInteractionModel);
@@ -36,6 +52,10 @@ takt.chart = (function () {
       return found.length ? found : empty(view.from, view.to);
     };
     const look = () => Object.assign({ gridLineColor: takt.colour('grid'), axisLineColor: takt.colour('line') }, themed ? themed() : {});
+    const underlay = (context, area, drawn) => {
+      if (options.underlayCallback) options.underlayCallback(context, area, drawn);
+      paintMarks(context, area, drawn, view.marks);
+    };
     let isUpdating = true;
     const graph = new Dygraph(div, rows(), Object.assign({
       dateWindow: [view.from, view.to], strokeWidth: 1.2, animatedZooms: false, legend: 'never', xlabel: '',
@@ -47,6 +67,7 @@ takt.chart = (function () {
         view.setWindow(from, to);
       },
     }, look(), options, {
+      underlayCallback: underlay,
       axes: { x: { axisLabelFormatter: timeText, valueFormatter: timeText },
               y: Object.assign({ axisLabelWidth: kYAxisWidth }, options.yAxis || {}) } }));
     const update = (changes) => {

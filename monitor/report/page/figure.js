@@ -170,11 +170,12 @@ takt.figure = (function () {
     // Numbers beside the figure.
     readings(scene) {
       const { place } = scene;
-      const number = (value, digits) => (Number.isFinite(value) ? value.toFixed(digits) : '-');
+      const number = (value, digits) => (Number.isFinite(value) ? value.toFixed(digits).replace(/^-(?=0\.0*$)/, '') : '-');
+      const age = this.samples.value(place, 'age', 'age.spread');
       const mask = place.block.column('interventions')[place.row];
       const acting = this.facts.intervention_kinds.filter((kind, bit) => mask >> bit & 1);
       const rows = [['mode', scene.mode.replaceAll('_', ' ')],
-        ['age', number(this.samples.value(place, 'age', 'age.spread'), 2) + ' ms'],
+        ['age', Number.isFinite(age) ? number(age, 2) + ' ms' : 'none'],
         ['interventions', acting.join(', ').replaceAll('_', ' ') || 'none']];
       const table = document.getElementById('now');
       table.replaceChildren(...rows.map((row) => takt.row(row)), takt.row(['joint', 'measured', 'setpoint', 'policy'], true));

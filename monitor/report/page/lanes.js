@@ -21,8 +21,8 @@ takt.lanes = (function () {
     return columns;
   }
 
-  // names: of the lanes, top first. colourOf(level): of a painted column.
-  return function (id, view, samples, names, levelsOf, colourOf) {
+  // names: of the lanes, top first. styleOf(level): [colour, share of the lane's height] of a painted column.
+  return function (id, view, samples, names, levelsOf, styleOf) {
     const count = names.length;
     const paint = (context, area, graph) => {
       const [from, to] = graph.xAxisRange();
@@ -31,8 +31,10 @@ takt.lanes = (function () {
       for (let lane = 0; lane < count; ++lane) {
         for (let x = 0; x < area.w; ++x) {
           if (columns[lane][x] === 0) continue;
-          context.fillStyle = colourOf(columns[lane][x]);
-          context.fillRect(area.x + x, area.y + lane * height + 2, 1, height - 4);
+          const [colour, share] = styleOf(columns[lane][x]);
+          const filled = share * (height - 4);
+          context.fillStyle = colour;
+          context.fillRect(area.x + x, area.y + (lane + 1) * height - 2 - filled, 1, filled);
         }
       }
     };
@@ -44,6 +46,17 @@ takt.lanes = (function () {
 })();
 
 takt.modeLane = function (view, modes) {
+  // The number of each mark on a flag at its line.
+  const paintFlags = (context, area, graph) => {
+    view.marks.forEach((time, index) => {
+      const x = graph.toDomXCoord(time), text = String(index + 1), width = context.measureText(text).width + 8;
+      if (x < area.x || x > area.x + area.w) return;
+      context.fillStyle = takt.colour('ink');
+      context.fillRect(x, area.y, width, 15);
+      context.fillStyle = takt.colour('paper');
+      context.fillText(text, x + 4, area.y + 12);
+    });
+  };
   const paint = (context, area, graph) => {
     context.font = '12px sans-serif';
     for (const [from, to, mode] of modes) {
@@ -56,6 +69,7 @@ takt.modeLane = function (view, modes) {
         context.fillText(mode, left + 6, area.y + area.h / 2 + 4);
       }
     }
+    paintFlags(context, area, graph);
   };
   return takt.chart('modes', view, (from, to) => [[from, null], [to, null]], {
     labels: ['s', 'mode'], valueRange: [0, 1], underlayCallback: paint, yAxis: { drawGrid: false, ticker: () => [] } });
@@ -72,7 +86,7 @@ takt.interventionLanes = function (view, samples, kinds) {
     };
   };
   return takt.lanes('interventions', view, samples, kinds.map((kind) => kind.replaceAll('_', ' ')), levelsOf,
-    () => takt.colour('second'));
+    () => [takt.colour('second'), 1]);
 };
 
 // Two lanes per bus: its state, and frames that were dropped or foreign.
@@ -80,6 +94,11 @@ takt.busLanes = function (view, samples, buses) {
   const names = buses.flatMap((bus) => [bus + ' state', bus + ' errors']);
   const levels = new Float32Array(names.length);
   const kErrors = takt.busStates.length;  // level of a lane with errors, above those of states
+  const styleOf = (level) => {
+    if (level >= kErrors) return [takt.colour('violated'), 1];
+    const state = Math.floor(level);
+    return [takt.colour(takt.busStates[state].colour), (state + 1) / takt.busStates.length];
+  };
   const levelsOf = (block) => {
     const states = buses.map((bus, index) => block.column(`bus${index}.state`));
     const errors = buses.map((bus, index) => block.column(`bus${index}.errors`));
@@ -91,6 +110,5 @@ takt.busLanes = function (view, samples, buses) {
       return levels;
     };
   };
-  return takt.lanes('buses', view, samples, names, levelsOf,
-    (level) => takt.colour(level >= kErrors ? 'violated' : takt.busStates[Math.floor(level)].colour));
+  return takt.lanes('buses', view, samples, names, levelsOf, styleOf);
 };

@@ -1,12 +1,13 @@
 // Puts the page together from its data. takt.page is there for tests; data-ready says in ms when everything was drawn.
-(async function () {
+takt.main = async function (say) {
   const element = (id) => document.getElementById(id);
   const facts = JSON.parse(element('facts').textContent);
   takt.tables(facts);
+  if (facts.metrics.ticks.recorded === 0) say('Not one tick was recorded: there is nothing to draw.');
   const blocks = await Promise.all(['whole', 'moments'].map((name) => takt.openBlock(facts[name], element(name + '-block').textContent)));
   const samples = new takt.Samples(...blocks, facts.period_s);
   const end = Math.max(facts.metrics.ticks.span_ns * 1e-9, facts.period_s);
-  const view = new takt.View(end, facts.period_s);
+  const view = new takt.View(end, facts.period_s, facts.marks.map((mark) => mark.at_s));
   const limitMs = facts.metrics.contract.max_age_ns * 1e-6;
 
   function charts() {
@@ -42,8 +43,10 @@
   function legends() {
     const modes = [...new Set(facts.modes.map((band) => band[2]))];
     takt.swatches('mode-legend', modes.map((mode) => [takt.colour(mode), mode.replaceAll('_', ' ')]));
+    if (facts.marks.length) element('mode-legend').append('; flags and dotted lines: marks');
     takt.swatches('bus-legend', takt.busStates.map((state) => [takt.colour(state.colour), state.name])
       .concat([[takt.colour('violated'), 'frames dropped or foreign']]));
+    element('bus-legend').append('; the higher the worse');
     takt.swatches('figure-legend', [[takt.colour('tracking'), 'measured, in the colour of the mode'], [takt.colour('second'), 'setpoint'], [takt.colour('third'), 'policy target'],
       [takt.colour('data'), 'way of the last second']].concat(samples.has('task.x') ? [[takt.colour('limit'), 'task target']] : []));
   }
@@ -59,7 +62,10 @@
     takt.theme.onChange(label);
     label();
     view.on('playing', () => { element('play').textContent = view.isPlaying ? 'Pause' : 'Play'; });
-    const where = () => { element('cursor').textContent = view.cursor.toFixed(4) + ' s'; };
+    const where = () => {
+      const mark = view.marks.findIndex((time) => Math.abs(time - view.cursor) < facts.period_s / 2);
+      element('cursor').textContent = view.cursor.toFixed(4) + ' s' + (mark < 0 ? '' : `, mark ${mark + 1}`);
+    };
     const window = () => { element('window').textContent = `in view ${view.from.toFixed(3)} to ${view.to.toFixed(3)} s`; };
     view.on('cursor', where);
     view.on('window', window);
@@ -73,9 +79,23 @@
   takt.theme.onChange(legends);
   legends();
   const figure = new takt.figure(facts, samples, view);
-  const violations = new takt.Violations(facts, view);
-  takt.keyboard(view, violations);
+  const violations = new takt.Moments('violations', facts.violations, facts.violation_count, view,
+    (violation) => [violation.fault.replaceAll('_', ' '), violation.sentence.replace(/^[a-z_]+: /, '')]);
+  const marks = new takt.Moments('marks', facts.marks, facts.metrics.mark_count, view, (mark, number) => [String(number), String(mark.tick)]);
+  takt.keyboard(view, violations, marks);
   figure.draw();
-  takt.page = { facts, samples, view, figure, violations };
+  takt.page = { facts, samples, view, figure, violations, marks };
   document.documentElement.dataset.ready = performance.now().toFixed(0);
+};
+
+(function () {
+  const trouble = document.getElementById('trouble');
+  const say = (sentence) => {
+    trouble.textContent = sentence;
+    trouble.hidden = false;
+  };
+  takt.main(say).catch((error) => {
+    say(`This browser could not draw all of the page (${error}); current Chromium and Firefox can. takt report prints the numbers in a terminal.`);
+    throw error;
+  });
 })();

@@ -36,12 +36,13 @@ takt.tables = (function () {
 
   function verdict(title, misses, confidence) {
     const box = document.createElement('div');
-    box.className = 'verdict ' + misses.verdict;
+    const isJudged = misses.count > 0;
+    box.className = 'verdict' + (isJudged ? ' ' + misses.verdict : '');
     const [name, word, numbers] = ['span', 'b', 'span'].map((tag) => document.createElement(tag));
     name.textContent = title;
-    word.textContent = misses.count === 0 ? 'nothing to judge' : misses.verdict;
-    numbers.textContent = `${misses.misses} of ${misses.count} missed, at most ${(100 * misses.upper_bound).toFixed(3)} % with ` +
-      `${100 * confidence} % confidence`;
+    word.textContent = isJudged ? misses.verdict : 'nothing to judge';
+    numbers.textContent = !isJudged ? 'the robot never relied on the policy' :
+      `${misses.misses} of ${misses.count} missed, at most ${(100 * misses.upper_bound).toFixed(3)} % with ${100 * confidence} % confidence`;
     box.append(name, word, numbers);
     document.getElementById('verdicts').append(box);
   }

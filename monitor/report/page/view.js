@@ -1,13 +1,14 @@
-// What every part of the page shares: the stretch of time in view, the cursor, and whether it plays. Times are seconds
-// since the run's first tick. Listeners are called after every change.
+// What every part of the page shares: the stretch of time in view, the cursor, whether it plays, and the times that
+// somebody marked. Times are seconds since the run's first tick. Listeners are called after every change.
 takt.View = (function () {
   const kNarrowest = 0.004;  // s
   const clamp = (value, least, most) => Math.min(Math.max(value, least), most);
 
   return class View {
-    constructor(end, period) {
+    constructor(end, period, marks) {
       this.end = end;
       this.period = period;
+      this.marks = marks;
       this.from = 0;
       this.to = end;
       this.cursor = 0;

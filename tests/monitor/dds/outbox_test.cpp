@@ -19,7 +19,7 @@ TEST(Outbox, TheNewestStayAndTheRestIsCounted) {
   Outbox outbox;
   for (std::uint64_t tick = 1; tick <= Outbox::kCommandAges + 3; ++tick) outbox.put(CommandAge{.tick = tick});
   for (std::int64_t at = 1; at <= 60; ++at) outbox.put(JointStates{.unix_ns = at});
-  for (std::int64_t at = 1; at <= 5; ++at) outbox.put(Status{.unix_ns = at});
+  for (std::int64_t at = 1; at <= 5; ++at) outbox.put(Status{{}, at, true});
   for (std::int64_t at = 1; at <= 6; ++at) outbox.put(Diagnostics{.unix_ns = at});
   const Outbox::Batch batch = outbox.take(kNoPatience);
   ASSERT_EQ(batch.command_ages.size(), Outbox::kCommandAges);

@@ -31,16 +31,33 @@ for (const channel of reader.channelsById.values()) {
   assert.equal(channel.messageEncoding, 'cdr');
   decoders.set(channel.id, { topic: channel.topic, reader: decoderOf(reader.schemasById.get(channel.schemaId)) });
 }
-// ROS 2's own definition (common_interfaces, sensor_msgs/msg/JointState.msg), so that viewers take it for what it is.
-const jointStates = [...reader.schemasById.values()].find((schema) => schema.name === 'sensor_msgs/msg/JointState');
-const [jointState, header] = parse(new TextDecoder().decode(jointStates.data), { ros2: true }).map(({ definitions }) =>
-  definitions.map(({ type, name, isArray }) => `${type}${isArray ? '[]' : ''} ${name}`));
-assert.deepEqual(jointState, ['std_msgs/Header header', 'string[] name', 'float64[] position', 'float64[] velocity', 'float64[] effort']);
-assert.equal(header[1], 'string frame_id');
+// ROS 2's own definitions (common_interfaces, rcl_interfaces), so that viewers take the messages for what they are.
+const stamp = ['builtin_interfaces/Time', ['int32 sec', 'uint32 nanosec']];
+const header = ['std_msgs/Header', ['time stamp', 'string frame_id']];
+const standard = {
+  'sensor_msgs/msg/JointState': [[undefined, ['std_msgs/Header header', 'string[] name', 'float64[] position', 'float64[] velocity', 'float64[] effort']],
+    header, stamp],
+  'diagnostic_msgs/msg/DiagnosticArray': [[undefined, ['std_msgs/Header header', 'diagnostic_msgs/DiagnosticStatus[] status']], header, stamp,
+    ['diagnostic_msgs/DiagnosticStatus', ['uint8 OK=0', 'uint8 WARN=1', 'uint8 ERROR=2', 'uint8 STALE=3', 'uint8 level', 'string name', 'string message',
+      'string hardware_id', 'diagnostic_msgs/KeyValue[] values']],
+    ['diagnostic_msgs/KeyValue', ['string key', 'string value']]],
+  'rcl_interfaces/msg/Log': [[undefined, ['uint8 DEBUG=10', 'uint8 INFO=20', 'uint8 WARN=30', 'uint8 ERROR=40', 'uint8 FATAL=50',
+    'time stamp', 'uint8 level', 'string name', 'string msg', 'string file', 'string function', 'uint32 line']], stamp],
+};
+for (const [wanted, definition] of Object.entries(standard)) {
+  const schema = [...reader.schemasById.values()].find(({ name }) => name === wanted);
+  const found = parse(new TextDecoder().decode(schema.data), { ros2: true }).map(({ name, definitions }) => [name,
+    definitions.map(({ type, name, isArray, isConstant, value }) => `${type}${isArray ? '[]' : ''} ${name}${isConstant ? `=${value}` : ''}`)]);
+  assert.deepEqual(found, definition, wanted);
+}
+const nanoseconds = ({ sec, nanosec }) => BigInt(sec) * 1_000_000_000n + BigInt(nanosec);
 
 const counts = {};
 let lastTick = 0n;
 let transitions = 0;
+let newest;  // tick
+let toldAt = 0n;  // ns, of the last diagnostics that were due
+const log = [];
 for await (const message of reader.readMessages({ validateCrcs: true })) {
   const { topic, reader: decoder } = decoders.get(message.channelId);
   const value = decoder.readMessage(message.data);
@@ -51,9 +68,26 @@ for await (const message of reader.readMessages({ validateCrcs: true })) {
     assert.equal(value.q_estimate.length, value.joint_count);
     assert.equal(value.bus_state.length, value.bus_count);
     if (value.mode !== value.previous_mode) transitions += 1;
+    newest = { ...value, log_time: message.logTime };
   } else if (topic === '/joint_states') {
     assert.equal(value.name.length, value.position.length);
     assert.ok(value.position.every(Number.isFinite));
+  } else if (topic === '/diagnostics') {
+    const [executive, ...others] = value.status;
+    const values = Object.fromEntries(executive.values.map((each) => [each.key, each.value]));
+    assert.equal(nanoseconds(value.header.stamp), message.logTime);
+    assert.equal(message.logTime, newest.log_time, 'stamped as its tick');
+    assert.equal(values.mode, ['standby', 'arming', 'tracking', 'degraded', 'damped_stop', 'fault_latched'][newest.mode]);
+    assert.equal(values.misses, `${newest.window_misses} of ${newest.window_ticks} ticks`);
+    assert.equal(executive.level, newest.mode < 3 ? 0 : newest.mode < 5 ? 1 : 2);
+    assert.equal(others.length, newest.joint_count + newest.bus_count, 'a part for every drive and bus');
+    for (const part of value.status) assert.equal(part.hardware_id, metrics.robot);
+    const isDue = message.logTime >= toldAt + 1_000_000_000n;
+    assert.ok(isDue || newest.mode !== newest.previous_mode, 'once a second, and when the mode changes');
+    if (isDue) toldAt = message.logTime;
+  } else if (topic === '/rosout') {
+    assert.equal(nanoseconds(value.stamp), message.logTime);
+    log.push([Number(newest.tick), value.level, value.name, value.msg]);
   } else if (topic === '/takt/command') {
     assert.equal(value.byte_count, 88 + 4 * value.values.length + value.rest.length);
   }
@@ -62,6 +96,11 @@ assert.equal(counts['/takt/tick'], metrics.ticks.recorded);
 assert.equal(Number(reader.statistics.messageCount), Object.values(counts).reduce((a, b) => a + b, 0));
 assert.equal(transitions, metrics.transition_count);
 assert.equal(counts['/takt/transition'], metrics.transition_count);
+assert.ok(counts['/diagnostics'] >= metrics.transition_count + 3 && counts['/diagnostics'] <= metrics.transition_count + 5);
+const level = { degraded: 30, damped_stop: 30, fault_latched: 40 };
+const told = metrics.transitions.map(({ tick, from, to, cause }) => [tick, level[to] ?? 20, metrics.robot, `${from} -> ${to}: ${cause}`])
+  .concat(metrics.marks.map(({ tick }) => [tick, 20, metrics.robot, 'marked']));
+assert.deepEqual(log, told.sort(([a], [b]) => a - b), 'a log line for every transition and every mark');
 for (const topic of ['/takt/command', '/takt/keyframe', '/joint_states']) assert.ok(counts[topic] > 0, topic);
 
 // What a stream reader gets out of the first `length` bytes.

@@ -95,18 +95,62 @@ async function zoomsTogether(page) {
 }
 
 async function jumpsToViolations(page) {
-  const rows = page.locator('#violations tr');
+  const rows = page.locator('#violations tbody tr');
   assert.equal(await rows.count(), 2);
   assert.match(await rows.nth(0).textContent(), /inference stall.*no command came/);
   await rows.nth(1).click();
   const there = await view(page);
   assert.ok(there.from < there.cursor && there.cursor < there.to && there.to - there.from < 2, 'zoomed in on it');
-  assert.equal(await page.locator('#violations tr.current').count(), 1);
+  assert.equal(await page.locator('#violations tr[aria-current]').count(), 1);
   await page.keyboard.press('p');
   const back = await view(page);
   assert.ok(back.cursor < there.cursor, 'p: the one before');
   await page.keyboard.press('n');
   assert.equal((await view(page)).cursor, there.cursor, 'n: the next');
+}
+
+// Which pixel columns of each chart would look different without the marks, counted from the cursor's line.
+const columnsOfMarks = (page) => page.evaluate((ids) => {
+  const { view } = takt.page;
+  const pixels = (id) => [...document.querySelectorAll(`#${id} canvas`)].map((canvas) =>
+    ({ width: canvas.width, data: new Uint32Array(canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.buffer) }));
+  const marked = ids.map(pixels);
+  const marks = view.marks;
+  view.marks = [];
+  view.tell('window');
+  const columns = ids.map((id, chart) => {
+    const cursor = parseFloat(document.querySelector(`#${id} .cursor-line`).style.left);
+    const found = new Set();
+    pixels(id).forEach(({ width, data }, canvas) => data.forEach((pixel, at) => {
+      if (pixel !== marked[chart][canvas].data[at]) found.add(Math.floor(at % width - cursor));
+    }));
+    return [...found].sort((a, b) => a - b);
+  });
+  view.marks = marks;
+  view.tell('window');
+  return columns;
+}, charts);
+
+// The demo was marked once. The list, the key, the text and every chart say so, and say the same instant.
+async function showsMarks(page) {
+  const at = (metrics.marks[0].tick - metrics.ticks.first) * 1e-3;
+  await page.keyboard.press('0');
+  await page.locator('#marks tbody button').click();
+  const there = await view(page);
+  assert.ok(Math.abs(there.cursor - at) < 1e-6 && there.to - there.from < 2, 'a click zooms in on the mark');
+  assert.match(await page.textContent('#cursor'), /mark 1$/);
+  assert.equal(await page.locator('#marks tr[aria-current]').count(), 1);
+  assert.match(await page.textContent('#text'), /marks +1\n +tick +700/);
+  (await columnsOfMarks(page)).forEach((columns, index) => {
+    const isBand = charts[index] === 'modes';
+    assert.ok(columns.includes(0) || columns.includes(-1), `${charts[index]}: the mark stands at the cursor: ${columns}`);
+    assert.equal(columns.length > 5, isBand, `${charts[index]}: a line, on the band a flag beside it: ${columns}`);
+  });
+  await page.evaluate(() => takt.page.view.setCursor(0));
+  await page.keyboard.press('m');
+  assert.equal((await view(page)).cursor, there.cursor, 'm: the next mark');
+  await page.keyboard.press('M');
+  assert.equal((await view(page)).cursor, there.cursor, 'M: there is none before it');
 }
 
 async function obeysTheKeyboard(page) {
@@ -121,6 +165,9 @@ async function obeysTheKeyboard(page) {
   assert.ok((await view(page)).cursor < closer.cursor);
   await page.keyboard.press('?');
   assert.ok(await page.locator('#help').isVisible());
+  const behind = await view(page);
+  await page.keyboard.press('+');
+  assert.deepEqual(await view(page), behind, 'nothing moves behind the help');
   await page.keyboard.press('?');
   assert.ok(!await page.locator('#help').isVisible());
 }
@@ -132,6 +179,11 @@ async function plays(page) {
   await page.keyboard.press(' ');
   const stopped = await view(page);
   assert.ok(!stopped.isPlaying);
+  await page.locator('#theme').focus();
+  await page.keyboard.press(' ');
+  assert.ok(!(await view(page)).isPlaying, 'on a button, space presses the button');
+  await page.keyboard.press(' ');
+  await page.evaluate(() => document.activeElement.blur());
 }
 
 async function turnsDark(page) {
@@ -202,6 +254,7 @@ const calmAge = await inBrowser({ colorScheme: 'light' }, async (page, { errors,
   await knowsOtherRobots(page);
   await zoomsTogether(page);
   await jumpsToViolations(page);
+  await showsMarks(page);
   await obeysTheKeyboard(page);
   await plays(page);
   const colours = await screenshotIsNotEmpty(page, process.argv[3]);

@@ -1,13 +1,14 @@
-#include "monitor/dds/diagnostics.hpp"
+#include "monitor/diagnostics.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <algorithm>
 
+#include "drivers/cause_detail.hpp"
 #include "drivers/protocol_table.hpp"
 
-namespace takt::monitor::dds {
+namespace takt::monitor {
 namespace {
 
 std::string_view name(DriveState state) {
@@ -38,22 +39,7 @@ std::string_view name(BusState state) {
   return "invalid";
 }
 
-Level level_of(Mode mode) {
-  switch (mode) {
-    case Mode::standby:
-    case Mode::arming:
-    case Mode::tracking:
-      return Level::ok;
-    case Mode::degraded:
-    case Mode::damped_stop:
-      return Level::warn;
-    case Mode::fault_latched:
-      return Level::error;
-  }
-  return Level::error;
-}
-
-Level level_of(BusState state) {
+Level bus_level(BusState state) {
   switch (state) {
     case BusState::up:
       return Level::ok;
@@ -73,7 +59,7 @@ std::string causes_active(const TickRecordHeader& header) {
   return fmt::format("{}", fmt::join(names, ", "));
 }
 
-Diagnostic diagnose_executive(const Status& status, const config::RobotConfig& robot) {
+Diagnostic diagnose_executive(const RobotStatus& status, const config::RobotConfig& robot) {
   const TickRecordHeader& header = status.tick;
   std::string message(takt::name(header.mode));
   if (status.cause != Cause::none) message += fmt::format(": {}", takt::name(status.cause));
@@ -128,7 +114,7 @@ Diagnostic diagnose_joint(const TickRecord& record, std::size_t index, const con
 }
 
 Diagnostic diagnose_bus(const BusHealth& health, const config::Bus& bus, const config::RobotConfig& robot) {
-  return {level_of(health.state),
+  return {bus_level(health.state),
           fmt::format("{}: bus {}", robot.robot, bus.name),
           std::string(name(health.state)),
           {{"frames not sent", fmt::format("{}", health.tx_dropped)},
@@ -138,7 +124,23 @@ Diagnostic diagnose_bus(const BusHealth& health, const config::Bus& bus, const c
 
 }  // namespace
 
-std::vector<Diagnostic> diagnose(const TickRecord& record, const Status& status, const config::RobotConfig& robot) {
+Level level_of(Mode mode) {
+  switch (mode) {
+    case Mode::standby:
+    case Mode::arming:
+    case Mode::tracking:
+      return Level::ok;
+    case Mode::degraded:
+    case Mode::damped_stop:
+      return Level::warn;
+    case Mode::fault_latched:
+      return Level::error;
+  }
+  return Level::error;
+}
+
+std::vector<Diagnostic> diagnose(const TickRecord& record, const RobotStatus& status,
+                                 const config::RobotConfig& robot) {
   const TickRecordHeader& header = record.header;
   std::vector<Diagnostic> parts{diagnose_executive(status, robot)};
   const std::size_t joints = std::min<std::size_t>(header.joint_count, robot.joints.size());
@@ -153,4 +155,18 @@ std::vector<Diagnostic> diagnose_absence(const config::RobotConfig& robot) {
   return {{Level::stale, robot.robot + ": executive", "no executive answers the monitor", {}}};
 }
 
-}  // namespace takt::monitor::dds
+std::optional<std::vector<Diagnostic>> Diagnoser::tick(const TickRecord& record) {
+  const TickRecordHeader& header = record.header;
+  const bool changed = header.mode != header.previous_mode;
+  if (changed) {
+    status_.cause = header.cause;
+    status_.detail = drivers::cause_detail(header.cause, record, robot_);
+  }
+  if (header.overrun_cause != OverrunCause::none) ++status_.overruns;
+  status_.tick = header;
+  const bool is_due = pace_.is_due(header.now);
+  if (!changed && !is_due) return std::nullopt;
+  return diagnose(record, status_, robot_);
+}
+
+}  // namespace takt::monitor

@@ -1,15 +1,15 @@
 // Goal: what is wrong with the robot shows in ROS 2's diagnostics at the part it is wrong with, and nowhere else.
 // Method: one healthy record, spoilt in one place at a time.
-#include "monitor/dds/diagnostics.hpp"
+#include "monitor/diagnostics.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <functional>
 
-#include "tests/monitor/dds/condensed_robot.hpp"
+#include "tests/monitor/virtual_robot.hpp"
 
-namespace takt::monitor::dds {
+namespace takt::monitor {
 namespace {
 
 struct Ailment {
@@ -22,15 +22,15 @@ struct Ailment {
 };
 
 TickRecord healthy_record() {
-  CondensedRobot demo(100);
-  demo.run(500);
-  TickRecord record = demo.robot.latest();
-  record.header.bus_count = static_cast<std::uint8_t>(demo.config.buses.size());
+  VirtualRobot robot;
+  robot.run(500);
+  TickRecord record = robot.latest();
+  record.header.bus_count = static_cast<std::uint8_t>(demo_robot().buses.size());
   return record;
 }
 
 std::vector<Diagnostic> parts_of(const TickRecord& record) {
-  return diagnose(record, Status{.tick = record.header}, demo_robot());
+  return diagnose(record, RobotStatus{.tick = record.header}, demo_robot());
 }
 
 class EveryAilment : public testing::TestWithParam<Ailment> {};
@@ -85,10 +85,11 @@ TEST(Diagnostics, AHealthyRobotHasAPartForEverything) {
 
 TEST(Diagnostics, TheCauseOfTheLastChangeIsNamedWithItsPlace) {
   const TickRecord record = healthy_record();
-  const Status status{.tick = record.header, .cause = Cause::drive_fault, .detail = "joint elbow: over-temperature"};
+  const RobotStatus status{
+      .tick = record.header, .cause = Cause::drive_fault, .detail = "joint elbow: over-temperature"};
   const Diagnostic executive = diagnose(record, status, demo_robot()).front();
   EXPECT_EQ(executive.message, "tracking: drive_fault: joint elbow: over-temperature");
 }
 
 }  // namespace
-}  // namespace takt::monitor::dds
+}  // namespace takt::monitor

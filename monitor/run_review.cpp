@@ -1,0 +1,29 @@
+#include "monitor/run_review.hpp"
+
+#include "monitor/metrics_collector.hpp"
+
+namespace takt::monitor {
+
+std::expected<RunReview, std::string> review_of(const RecordedRun& run) {
+  RunReview review;
+  MetricsCollector collector(review.metrics);
+  FaultClassifier classifier(fault_rules_of(run.robot));
+  const auto scan = scan_run(run, {.tick =
+                                       [&](const RecordedTick& tick) {
+                                         collector.tick(tick.record);
+                                         classifier.tick(tick.record);
+                                       },
+                                   .command =
+                                       [&](const RecordedCommand& command) {
+                                         if (const auto header = header_of(command)) classifier.command(*header);
+                                       },
+                                   .keyframe = {},
+                                   .loss = [&](const Loss& loss) { collector.loss(loss); }});
+  if (!scan) return std::unexpected(scan.error());
+  review.metrics.scan = *scan;
+  collector.finish(run.robot.freshness.epsilon, run.robot.freshness.confidence);
+  review.faults = classifier.finish();
+  return review;
+}
+
+}  // namespace takt::monitor

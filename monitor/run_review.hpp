@@ -1,0 +1,18 @@
+// A recorded run's numbers and its faults, from one pass over its ticks. Errors are one sentence.
+#pragma once
+
+#include <expected>
+#include <string>
+
+#include "monitor/fault_classifier.hpp"
+#include "monitor/run_metrics.hpp"
+
+namespace takt::monitor {
+
+struct RunReview {
+  RunMetrics metrics;
+  FaultSummary faults;
+};
+std::expected<RunReview, std::string> review_of(const RecordedRun& run);
+
+}  // namespace takt::monitor

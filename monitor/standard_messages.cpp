@@ -1,0 +1,144 @@
+#include "monitor/standard_messages.hpp"
+
+namespace takt::monitor {
+namespace {
+
+constexpr std::string_view kTime =
+    "MSG: builtin_interfaces/Time\n"
+    "int32 sec\n"
+    "uint32 nanosec\n";
+constexpr std::string_view kHeader =
+    "MSG: std_msgs/Header\n"
+    "builtin_interfaces/Time stamp\n"
+    "string frame_id\n";
+constexpr std::string_view kJointState =
+    "std_msgs/Header header\n"
+    "string[] name\n"
+    "float64[] position  # rad, measured\n"
+    "float64[] velocity  # rad/s, estimated\n"
+    "float64[] effort    # Nm, measured\n";
+constexpr std::string_view kDiagnosticArray =
+    "std_msgs/Header header\n"
+    "diagnostic_msgs/DiagnosticStatus[] status\n";
+constexpr std::string_view kDiagnosticStatus =
+    "MSG: diagnostic_msgs/DiagnosticStatus\n"
+    "byte OK=0\n"
+    "byte WARN=1\n"
+    "byte ERROR=2\n"
+    "byte STALE=3\n"
+    "byte level\n"
+    "string name         # robot and part\n"
+    "string message\n"
+    "string hardware_id  # the robot\n"
+    "diagnostic_msgs/KeyValue[] values\n";
+constexpr std::string_view kKeyValue =
+    "MSG: diagnostic_msgs/KeyValue\n"
+    "string key\n"
+    "string value\n";
+constexpr std::string_view kLog =
+    "byte DEBUG=10\n"
+    "byte INFO=20\n"
+    "byte WARN=30\n"
+    "byte ERROR=40\n"
+    "byte FATAL=50\n"
+    "builtin_interfaces/Time stamp\n"
+    "uint8 level\n"
+    "string name      # the robot\n"
+    "string msg\n"
+    "string file      # empty\n"
+    "string function  # empty\n"
+    "uint32 line      # 0\n";
+
+// A definition and those it names, as MCAP wants them.
+std::string schema_of(std::string_view message, std::initializer_list<std::string_view> parts) {
+  std::string text(message);
+  for (const std::string_view part : parts) text.append(80, '=').append("\n").append(part);
+  return text;
+}
+
+void put_time(CdrWriter& out, std::int64_t unix_ns) {
+  out.put(static_cast<std::int32_t>(unix_ns / 1'000'000'000));
+  out.put(static_cast<std::uint32_t>(unix_ns % 1'000'000'000));
+}
+
+void put_header(CdrWriter& out, std::int64_t unix_ns) {
+  put_time(out, unix_ns);
+  out.put_string("");
+}
+
+void put_doubles(CdrWriter& out, const TickRecord& record, float (*value)(const JointRecord&)) {
+  out.put_count(record.header.joint_count);
+  for (std::size_t joint = 0; joint < record.header.joint_count; ++joint) {
+    out.put(static_cast<double>(value(record.joints[joint])));
+  }
+}
+
+std::uint8_t log_level(Level level) {
+  constexpr std::uint8_t kInfo = 20, kWarn = 30, kError = 40;
+  switch (level) {
+    case Level::ok:
+      return kInfo;
+    case Level::warn:
+      return kWarn;
+    case Level::error:
+    case Level::stale:
+      return kError;
+  }
+  return kError;
+}
+
+}  // namespace
+
+std::string joint_state_schema() {
+  return schema_of(kJointState, {kHeader, kTime});
+}
+
+void encode_joint_state(const TickRecord& record, std::int64_t unix_ns, std::span<const std::string> names,
+                        CdrWriter& out) {
+  out.clear();
+  put_header(out, unix_ns);
+  out.put_count(names.size());
+  for (const std::string& each : names) out.put_string(each);
+  put_doubles(out, record, [](const JointRecord& joint) { return joint.feedback.q; });
+  put_doubles(out, record, [](const JointRecord& joint) { return joint.dq_estimate; });
+  put_doubles(out, record, [](const JointRecord& joint) { return joint.feedback.tau; });
+}
+
+std::string diagnostic_array_schema() {
+  return schema_of(kDiagnosticArray, {kHeader, kTime, kDiagnosticStatus, kKeyValue});
+}
+
+void encode_diagnostic_array(std::span<const Diagnostic> parts, std::int64_t unix_ns, std::string_view hardware_id,
+                             CdrWriter& out) {
+  out.clear();
+  put_header(out, unix_ns);
+  out.put_count(parts.size());
+  for (const Diagnostic& part : parts) {
+    out.put(static_cast<std::uint8_t>(part.level));
+    out.put_string(part.name);
+    out.put_string(part.message);
+    out.put_string(hardware_id);
+    out.put_count(part.values.size());
+    for (const auto& [key, value] : part.values) {
+      out.put_string(key);
+      out.put_string(value);
+    }
+  }
+}
+
+std::string log_schema() {
+  return schema_of(kLog, {kTime});
+}
+
+void encode_log(Level level, std::string_view name, std::string_view text, std::int64_t unix_ns, CdrWriter& out) {
+  out.clear();
+  put_time(out, unix_ns);
+  out.put(log_level(level));
+  out.put_string(name);
+  out.put_string(text);
+  out.put_string("");
+  out.put_string("");
+  out.put(std::uint32_t{0});
+}
+
+}  // namespace takt::monitor
