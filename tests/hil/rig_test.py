@@ -54,7 +54,6 @@ class Headers(Folder):
 
 class Verdicts(Folder):
     def test_tells_verdicts_apart(self) -> None:
-        case = self.case(HEADER)
         (self.folder / "out").mkdir()
         for written, in_time, expected in ((None, True, "no verdict"), (None, False, "limit"), ("0", True, "passed"),
                                            ("1", True, "failed"), ("124", True, "limit"), ("", True, "no verdict")):
@@ -62,7 +61,7 @@ class Verdicts(Folder):
             verdict.unlink(missing_ok=True)
             if written is not None:
                 verdict.write_text(written)
-            self.assertEqual(hil.verdict_of(case, self.folder, in_time, 1.0).result, expected)
+            self.assertEqual(hil.result_of(self.folder, in_time), expected)
 
     def test_a_payload_without_programs_is_refused(self) -> None:
         with self.assertRaises(payload.BadPayload):
@@ -70,23 +69,27 @@ class Verdicts(Folder):
 
 
 class Machines(Folder):
-    def run_instead_of_qemu(self, script: str, wall_limit_s: float) -> tuple[bool, list[str]]:
+    def run_instead_of_qemu(self, script: str, wall_limit_s: float) -> tuple[machine.Ending, list[str]]:
         lines: list[str] = []
         command = lambda case, image, job, out: [sys.executable, "-c", script, out]
         with mock.patch.object(machine, "qemu_command", command):
-            ended = machine.run_machine(self.case(HEADER), self.folder, self.folder, wall_limit_s, lines.append)
-        return ended, lines
+            ending = machine.run_machine(self.case(HEADER), self.folder, self.folder, wall_limit_s, lines.append)
+        return ending, lines
 
     def test_ends_a_machine_that_does_not_end(self) -> None:
         marker = f"marker_{id(self)}"
-        ended, _ = self.run_instead_of_qemu(f"import time  # {marker}\nwhile True: time.sleep(1)", 0.5)
-        self.assertFalse(ended)
+        ending, _ = self.run_instead_of_qemu(f"import time  # {marker}\nwhile True: time.sleep(1)", 0.5)
+        self.assertFalse(ending.in_time)
         self.assertEqual(subprocess.run(["pgrep", "-f", marker], capture_output=True, check=False).stdout, b"")
 
+    def test_tells_the_processor_time(self) -> None:
+        ending, _ = self.run_instead_of_qemu("import time\nwhile time.process_time() < 0.3: pass", 60)
+        self.assertTrue(0.3 <= ending.cpu_s < 10, ending)
+
     def test_streams_every_line(self) -> None:
-        ended, lines = self.run_instead_of_qemu(
+        ending, lines = self.run_instead_of_qemu(
             "import socket, sys\ns = socket.socket(socket.AF_UNIX)\ns.connect(sys.argv[1])\ns.sendall(b'one\\r\\ntwo\\n')", 60)
-        self.assertTrue(ended)
+        self.assertTrue(ending.in_time)
         self.assertEqual(lines, ["one", "two"])
 
 

@@ -6,6 +6,8 @@ The root file system is an NVDIMM in a private copy of the image: nothing is wri
 """
 from __future__ import annotations
 
+import dataclasses
+import os
 import pathlib
 import socket
 import subprocess
@@ -27,6 +29,12 @@ DEVICES = {
                for option in ("-object", f"can-bus,id={bus}", *2 * ("-device", f"kvaser_pci,canbus={bus}"))],
     "watchdog": ["-device", "i6300esb", "-action", "watchdog=reset"],
 }
+
+
+@dataclasses.dataclass(frozen=True)
+class Ending:
+    in_time: bool  # False: it was ended at the wall limit
+    cpu_s: float  # processor time, user and system, of qemu: unlike wall time not a matter of how busy the host was
 
 
 def qemu_command(case: Case, image: pathlib.Path, job: pathlib.Path, output_socket: str) -> list[str]:
@@ -63,9 +71,24 @@ def _stream(server: socket.socket, on_line: Callable[[str], None]) -> None:
             on_line(line.rstrip("\r\n"))
 
 
+def _wait(qemu: subprocess.Popen[bytes], wall_limit_s: float) -> Ending:
+    late = threading.Event()
+
+    def end() -> None:
+        late.set()
+        qemu.kill()
+
+    limit = threading.Timer(wall_limit_s, end)
+    limit.start()
+    _, status, usage = os.wait4(qemu.pid, 0)
+    limit.cancel()
+    qemu.returncode = os.waitstatus_to_exitcode(status)
+    return Ending(not late.is_set(), usage.ru_utime + usage.ru_stime)
+
+
 def run_machine(case: Case, image: pathlib.Path, job: pathlib.Path, wall_limit_s: float,
-                on_line: Callable[[str], None]) -> bool:
-    """Runs the guest to its end. False: it was ended at the wall limit. qemu's own words: job/qemu.log."""
+                on_line: Callable[[str], None]) -> Ending:
+    """Runs the guest to its end. qemu's own words: job/qemu.log."""
     with tempfile.TemporaryDirectory(prefix="takt-hil.") as folder, socket.socket(socket.AF_UNIX) as server:
         server.bind(f"{folder}/out")
         server.listen(1)
@@ -75,12 +98,8 @@ def run_machine(case: Case, image: pathlib.Path, job: pathlib.Path, wall_limit_s
             command = qemu_command(case, image, job, f"{folder}/out")
             qemu = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
             try:
-                qemu.wait(wall_limit_s)
-                return True
-            except subprocess.TimeoutExpired:
-                return False
+                return _wait(qemu, wall_limit_s)
             finally:
                 qemu.kill()
-                qemu.wait()
                 server.shutdown(socket.SHUT_RDWR)
                 reader.join(2)
