@@ -26,6 +26,7 @@ import time
 from rig.case import BadCase, Case, all_cases, matching
 from rig.machine import QEMU, run_machine
 from rig.payload import BadPayload, hand_over, required_packages, unpacked
+from rig.saved import NotSaved, save_if_missing, start_options
 
 HERE = pathlib.Path(__file__).resolve().parent
 TOP = HERE.parent.parent
@@ -93,19 +94,22 @@ def replay_failure(job: pathlib.Path, takt: pathlib.Path) -> str:
 def run_case(case: Case, image: pathlib.Path, options: argparse.Namespace) -> Verdict:
     job = prepare_job(case, options)
     began = time.monotonic()
-    ending = run_machine(case, image, job, options.wall_limit, lambda line: print(f"{case.name:18} | {line}", flush=True))
+    ending = run_machine(case, image, job, options.wall_limit, lambda line: print(f"{case.name:18} | {line}", flush=True),
+                         start_options(case, image))
     verdict = Verdict(case.name, case.mode, result_of(job, ending.in_time), round(time.monotonic() - began, 1), round(ending.cpu_s, 1))
     if verdict.result == "passed" and (failure := replay_failure(job, options.takt)):
         print(f"{case.name:18} | {failure}", flush=True)
         verdict = dataclasses.replace(verdict, result="failed")
     for part in ("payload", "lib"):
         shutil.rmtree(job / part, ignore_errors=True)
-    if verdict.result in ("limit", "no verdict"):
-        print(f"{case.name:18} | {verdict.result}: look at {job}/console.log, qemu.log and out/", flush=True)
+    hint = f": look at {job}/console.log, qemu.log and out/" if verdict.result in ("limit", "no verdict") else ""
+    print(f"{case.name:18} | {verdict.result}{hint}", flush=True)
     return verdict
 
 
 def run_all(cases: list[Case], image: pathlib.Path, options: argparse.Namespace) -> list[Verdict]:
+    for case in cases:
+        save_if_missing(case, image)
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
         running = [pool.submit(run_case, case, image, options) for case in cases]
         try:
@@ -178,7 +182,7 @@ def main() -> int:
         image = build_guest(options.payload)
         options.takt = unpacked(options.payload, options.out / "unpacked") / "usr/bin/takt"
         verdicts = run_all(cases, image, options)
-    except BadPayload as problem:
+    except (BadPayload, NotSaved) as problem:
         return refuse(EXIT_UNAVAILABLE, str(problem))
     except KeyboardInterrupt:
         return refuse(EXIT_INTERRUPTED, "interrupted")
