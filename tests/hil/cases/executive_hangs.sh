@@ -4,7 +4,7 @@
 #   SIGKILL follows after TimeoutAbortSec. The journal names the watchdog as the reason.
 # Mode: virtual
 # Limit: 120 s
-# Planted fault: without `WatchdogSec` in the unit nothing happens.
+# Planted fault: `WatchdogSec=0` in the unit: nothing happens.
 . "$HIL_LIB/hil.sh"
 tracking_arm6
 hung=$(main_pid takt-executive)
