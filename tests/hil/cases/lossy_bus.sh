@@ -1,6 +1,6 @@
 #!/bin/bash
 # Goal: replies that are lost, late or doubled on a real interface are told apart and stop the robot softly.
-# Method: netem on vcan0, which hands frames back itself (echo=1), while tracking: 100 % duplication, then frames in bunches, one every 8 ms, then 70 % loss;
+# Method: netem on vcan0, which hands frames back itself (echo=1), while tracking: 100 % duplication, then frames in bunches, one every 6 ms, then 70 % loss;
 #   each time the cause that docs/bus-faults.md names, then none, reset, arm.
 #   netem's second copies of our own frames come back as a stranger's, so that the first transition may name foreign_node.
 # Mode: virtual
@@ -20,5 +20,5 @@ trouble() {
   recover
 }
 trouble replies_repeated duplicate 100%
-trouble replies_delayed slot 8ms 8ms
+trouble replies_delayed slot 6ms 6ms
 trouble replies_lost loss 70%
