@@ -26,6 +26,7 @@ import time
 from rig.case import BadCase, Case, all_cases, matching
 from rig.machine import QEMU, run_machine
 from rig.payload import BadPayload, hand_over, required_packages, unpacked
+from rig.saved import NotSaved, save_if_missing, start_options
 
 HERE = pathlib.Path(__file__).resolve().parent
 TOP = HERE.parent.parent
@@ -38,6 +39,7 @@ class Verdict:
     mode: str
     result: str  # passed | failed | limit | no verdict
     wall_s: float
+    cpu_s: float  # of qemu
 
 
 def cache_folder() -> pathlib.Path:
@@ -72,13 +74,12 @@ def prepare_job(case: Case, options: argparse.Namespace) -> pathlib.Path:
     return job
 
 
-def verdict_of(case: Case, job: pathlib.Path, in_time: bool, wall_s: float) -> Verdict:
+def result_of(job: pathlib.Path, in_time: bool) -> str:
     try:
         code = int((job / "out/verdict").read_text())
     except (FileNotFoundError, ValueError):
-        return Verdict(case.name, case.mode, "no verdict" if in_time else "limit", wall_s)
-    result = {0: "passed", 124: "limit"}.get(code, "failed")
-    return Verdict(case.name, case.mode, result, wall_s)
+        return "no verdict" if in_time else "limit"
+    return {0: "passed", 124: "limit"}.get(code, "failed")
 
 
 def replay_failure(job: pathlib.Path, takt: pathlib.Path) -> str:
@@ -93,19 +94,22 @@ def replay_failure(job: pathlib.Path, takt: pathlib.Path) -> str:
 def run_case(case: Case, image: pathlib.Path, options: argparse.Namespace) -> Verdict:
     job = prepare_job(case, options)
     began = time.monotonic()
-    in_time = run_machine(case, image, job, options.wall_limit, lambda line: print(f"{case.name:18} | {line}", flush=True))
-    verdict = verdict_of(case, job, in_time, round(time.monotonic() - began, 1))
+    ending = run_machine(case, image, job, options.wall_limit, lambda line: print(f"{case.name:18} | {line}", flush=True),
+                         start_options(case, image))
+    verdict = Verdict(case.name, case.mode, result_of(job, ending.in_time), round(time.monotonic() - began, 1), round(ending.cpu_s, 1))
     if verdict.result == "passed" and (failure := replay_failure(job, options.takt)):
         print(f"{case.name:18} | {failure}", flush=True)
         verdict = dataclasses.replace(verdict, result="failed")
     for part in ("payload", "lib"):
         shutil.rmtree(job / part, ignore_errors=True)
-    if verdict.result in ("limit", "no verdict"):
-        print(f"{case.name:18} | {verdict.result}: look at {job}/console.log, qemu.log and out/", flush=True)
+    hint = f": look at {job}/console.log, qemu.log and out/" if verdict.result in ("limit", "no verdict") else ""
+    print(f"{case.name:18} | {verdict.result}{hint}", flush=True)
     return verdict
 
 
 def run_all(cases: list[Case], image: pathlib.Path, options: argparse.Namespace) -> list[Verdict]:
+    for case in cases:
+        save_if_missing(case, image)
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
         running = [pool.submit(run_case, case, image, options) for case in cases]
         try:
@@ -124,11 +128,12 @@ def run_native(options: argparse.Namespace) -> int:
 def report(verdicts: list[Verdict], out: pathlib.Path, wall_s: float) -> int:
     print()
     for verdict in verdicts:
-        print(f"{verdict.result:10}  {verdict.mode:7}  {verdict.wall_s:6.1f} s  {verdict.case}")
+        print(f"{verdict.result:10}  {verdict.mode:7}  {verdict.wall_s:6.1f} s, cpu {verdict.cpu_s:6.1f} s  {verdict.case}")
+    cpu_s = sum(verdict.cpu_s for verdict in verdicts)
     passed = sum(verdict.result == "passed" for verdict in verdicts)
-    print(f"{passed} of {len(verdicts)} cases passed in {wall_s:.0f} s; what they left: {out}")
+    print(f"{passed} of {len(verdicts)} cases passed in {wall_s:.0f} s, with {cpu_s:.0f} s of qemu's processor time; what they left: {out}")
     rows = [dataclasses.asdict(verdict) for verdict in verdicts]
-    (out / "summary.json").write_text(json.dumps({"wall_s": round(wall_s, 1), "cases": rows}, indent=1) + "\n")
+    (out / "summary.json").write_text(json.dumps({"wall_s": round(wall_s, 1), "cpu_s": round(cpu_s, 1), "cases": rows}, indent=1) + "\n")
     return 0 if passed == len(verdicts) else EXIT_FAILED
 
 
@@ -143,7 +148,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--cases", type=pathlib.Path, default=HERE / "cases", help="folder of cases")
     parser.add_argument("--out", type=pathlib.Path, default=TOP / "build/hil/results")
     parser.add_argument("--jobs", type=int, default=2, help="guests at a time")
-    parser.add_argument("--wall-limit", type=float, default=300, help="s per case; the guest's own limit is in the case")
+    parser.add_argument("--wall-limit", type=float, default=1200,
+                        help="s per case, for guests that hang; a case's own limit is of the guest's time")
     return parser.parse_args()
 
 
@@ -176,7 +182,7 @@ def main() -> int:
         image = build_guest(options.payload)
         options.takt = unpacked(options.payload, options.out / "unpacked") / "usr/bin/takt"
         verdicts = run_all(cases, image, options)
-    except BadPayload as problem:
+    except (BadPayload, NotSaved) as problem:
         return refuse(EXIT_UNAVAILABLE, str(problem))
     except KeyboardInterrupt:
         return refuse(EXIT_INTERRUPTED, "interrupted")

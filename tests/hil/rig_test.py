@@ -11,7 +11,7 @@ from unittest import mock
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 import hil
-from rig import machine, payload
+from rig import machine, payload, saved
 from rig.case import BadCase, Case, all_cases, matching, read_case
 
 HEADER = "#!/bin/bash\n# Goal: g\n# Method: one\n#   two\n# Mode: virtual\n# Limit: 7 s\necho\n# Mode: paced\n"
@@ -54,7 +54,6 @@ class Headers(Folder):
 
 class Verdicts(Folder):
     def test_tells_verdicts_apart(self) -> None:
-        case = self.case(HEADER)
         (self.folder / "out").mkdir()
         for written, in_time, expected in ((None, True, "no verdict"), (None, False, "limit"), ("0", True, "passed"),
                                            ("1", True, "failed"), ("124", True, "limit"), ("", True, "no verdict")):
@@ -62,7 +61,7 @@ class Verdicts(Folder):
             verdict.unlink(missing_ok=True)
             if written is not None:
                 verdict.write_text(written)
-            self.assertEqual(hil.verdict_of(case, self.folder, in_time, 1.0).result, expected)
+            self.assertEqual(hil.result_of(self.folder, in_time), expected)
 
     def test_a_payload_without_programs_is_refused(self) -> None:
         with self.assertRaises(payload.BadPayload):
@@ -70,24 +69,67 @@ class Verdicts(Folder):
 
 
 class Machines(Folder):
-    def run_instead_of_qemu(self, script: str, wall_limit_s: float) -> tuple[bool, list[str]]:
+    def run_instead_of_qemu(self, script: str, wall_limit_s: float) -> tuple[machine.Ending, list[str]]:
         lines: list[str] = []
         command = lambda case, image, job, out: [sys.executable, "-c", script, out]
         with mock.patch.object(machine, "qemu_command", command):
-            ended = machine.run_machine(self.case(HEADER), self.folder, self.folder, wall_limit_s, lines.append)
-        return ended, lines
+            ending = machine.run_machine(self.case(HEADER), self.folder, self.folder, wall_limit_s, lines.append)
+        return ending, lines
 
     def test_ends_a_machine_that_does_not_end(self) -> None:
         marker = f"marker_{id(self)}"
-        ended, _ = self.run_instead_of_qemu(f"import time  # {marker}\nwhile True: time.sleep(1)", 0.5)
-        self.assertFalse(ended)
+        ending, _ = self.run_instead_of_qemu(f"import time  # {marker}\nwhile True: time.sleep(1)", 0.5)
+        self.assertFalse(ending.in_time)
         self.assertEqual(subprocess.run(["pgrep", "-f", marker], capture_output=True, check=False).stdout, b"")
 
+    def test_tells_the_processor_time(self) -> None:
+        ending, _ = self.run_instead_of_qemu("import time\nwhile time.process_time() < 0.3: pass", 60)
+        self.assertTrue(0.3 <= ending.cpu_s < 10, ending)
+
+    def test_tells_a_waiting_guest_to_go_on(self) -> None:
+        guest = ("import socket, sys\ns = socket.socket(socket.AF_UNIX)\ns.connect(sys.argv[1])\n"
+                 "s.sendall(b'guest: started\\n')\ns.sendall(b'told to ' + s.recv(9))")
+        self.assertEqual(self.run_instead_of_qemu(guest, 60)[1], ["guest: started", "told to go"])
+
     def test_streams_every_line(self) -> None:
-        ended, lines = self.run_instead_of_qemu(
+        ending, lines = self.run_instead_of_qemu(
             "import socket, sys\ns = socket.socket(socket.AF_UNIX)\ns.connect(sys.argv[1])\ns.sendall(b'one\\r\\ntwo\\n')", 60)
-        self.assertTrue(ended)
+        self.assertTrue(ending.in_time)
         self.assertEqual(lines, ["one", "two"])
+
+
+class SavedMachines(Folder):
+    """A script in qemu's place says its guest waits, then does what the monitor is told: `migrate "exec:COMMAND"`, `quit`."""
+    QEMU = ("import socket, subprocess, sys\n"
+            "out, monitor = socket.socket(socket.AF_UNIX), socket.socket(socket.AF_UNIX)\n"
+            "out.connect(sys.argv[1])\nmonitor.connect(sys.argv[-1].removeprefix('unix:'))\nout.sendall(%r)\n"
+            "for line in monitor.makefile():\n"
+            "    if line == 'quit\\n': break\n"
+            "    if line.startswith('migrate '): subprocess.run(line.split('exec:')[1].rstrip('\\n\"'), shell=True, input=b'all')\n")
+
+    def save(self, first_line: bytes) -> list[str]:
+        case = self.case(HEADER)
+        command = lambda case, image, job, out: [sys.executable, "-c", self.QEMU % first_line, out]
+        with mock.patch.object(saved, "qemu_command", command), mock.patch.object(saved, "_path", lambda case, image: image / "started-1"):
+            (self.folder / "started-0").touch()
+            saved.save_if_missing(case, self.folder)
+            return saved.start_options(case, self.folder)
+
+    def test_saves_a_machine_that_waits_and_starts_from_it(self) -> None:
+        self.assertIn(f"exec:cat '{self.folder}/started-1'", self.save(b"guest: started\n"))
+        self.assertEqual((self.folder / "started-1").read_text(), "all")
+        self.assertFalse((self.folder / "started-0").exists(), "a machine that nothing starts from any more")
+
+    def test_refuses_a_guest_that_says_something_else(self) -> None:
+        with self.assertRaises(saved.NotSaved):
+            self.save(b"hil: no root file system\n")
+        self.assertFalse((self.folder / "started-1").exists())
+
+    def test_other_machines_boot(self) -> None:
+        for changed in (("virtual", "paced"), ("# Limit", "# Machine: kvaser\n# Limit")):
+            case = self.case(HEADER.replace(*changed, 1))
+            saved.save_if_missing(case, self.folder)
+            self.assertEqual(saved.start_options(case, self.folder), [])
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@
 #   plant. While tracking the adapter reports bus-off; the interface goes down and up, as an operator would; reset, arm.
 # Mode: virtual
 # Limit: 120 s
-# Planted fault: the adapter reports error-warning (sw) instead: no fault.
+# Planted fault: the adapter is not told to report it (no SIGUSR1): no fault.
 . "$HIL_LIB/hil.sh"
 modprobe slcan || fail "no slcan"
 can_up vcan0 vcan1

@@ -4,7 +4,7 @@
 #   3000 periods without a late one; every interface carries frames of the kind its protocol uses.
 # Mode: virtual
 # Limit: 180 s
-# Planted fault: `fd: true` removed from the file: refused; one interface missing: the executive does not start.
+# Planted fault: vcan3 is missing: the executive does not start.
 . "$HIL_LIB/hil.sh"
 can_up vcan0 vcan1 vcan2 vcan3
 robot dual_arm12

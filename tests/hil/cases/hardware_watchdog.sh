@@ -14,10 +14,10 @@ if [ "$HIL_BOOT" = 2 ]; then
 fi
 modprobe i6300esb || fail "no watchdog device"
 mkdir -p /run/systemd/system.conf.d
-printf '[Manager]\nRuntimeWatchdogSec=10s\n' >/run/systemd/system.conf.d/watchdog.conf
+printf '[Manager]\nRuntimeWatchdogSec=2s\n' >/run/systemd/system.conf.d/watchdog.conf
 systemctl daemon-reexec
 tracking_arm6
-sleep 30
+sleep 7
 mode_is tracking || fail "mode $(field mode)"
 cat /sys/class/watchdog/watchdog0/identity 2>/dev/null || ls /sys/class/watchdog
 kill -STOP "$(main_pid takt-executive)"

@@ -5,7 +5,7 @@
 # Mode: virtual
 # Machine: kvaser
 # Limit: 120 s
-# Planted fault: can3 at another bit rate or down: the wrist's feedback is lost.
+# Planted fault: can3 is down: the wrist's drives are not heard.
 . "$HIL_LIB/hil.sh"
 modprobe kvaser_pci || fail "no kvaser_pci"
 within 5 "four cards" test -e /sys/class/net/can3

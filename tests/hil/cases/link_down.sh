@@ -3,7 +3,7 @@
 # Method: `ip link set vcan0 down` while tracking, then up; reset, arm.
 # Mode: virtual
 # Limit: 90 s
-# Planted fault: `link set` on an interface of no bus: no fault.
+# Planted fault: without `link set down`: no fault.
 . "$HIL_LIB/hil.sh"
 tracking_arm6
 ip link set vcan0 down

@@ -1,12 +1,17 @@
 #!/bin/bash
 # Goal: replies that are lost, late or doubled on a real interface are told apart and stop the robot softly.
-# Method: netem on vcan0, which hands frames back itself (echo=1), while tracking: 70 % loss, then 100 % duplication, then 8 ms delay; each time
-#   the cause that docs/bus-faults.md names, then none, reset, arm.
+# Method: netem on vcan0, which hands frames back itself (echo=1), while tracking: 100 % duplication, then frames in bunches, one every 12 ms, then 70 % loss;
+#   each time the cause that docs/bus-faults.md names, then none, reset, arm. feedback.timeout is 60 ms, or the first bunch would come after a silence.
+#   netem's second copies of our own frames come back as a stranger's, so that the first transition may name foreign_node.
 # Mode: virtual
 # Limit: 120 s
-# Planted fault: netem on vcan1's neighbour instead: no cause.
+# Planted fault: netem on lo instead: no cause.
 . "$HIL_LIB/hil.sh"
-tracking_arm6
+can_up vcan0 vcan1
+robot arm6 's/^  timeout: 20 ms/  timeout: 60 ms/'
+plant
+takt_up
+tracking
 trouble() {
   local cause=$1
   shift
@@ -19,5 +24,5 @@ trouble() {
   recover
 }
 trouble replies_repeated duplicate 100%
-trouble replies_delayed delay 8ms
+trouble replies_delayed slot 12ms 12ms
 trouble replies_lost loss 70%

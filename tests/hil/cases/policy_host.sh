@@ -4,7 +4,7 @@
 #   degrades or stops, is reset and armed, and tracks again. The age at which it degraded must not be far from max_age.
 # Mode: virtual
 # Limit: 120 s
-# Planted fault: without `Restart=always` in the unit the host does not come back; with max_age of 1 s the age is too large.
+# Planted fault: `Restart=no` in the unit: the host does not come back.
 . "$HIL_LIB/hil.sh"
 tracking_arm6
 
@@ -26,7 +26,7 @@ is_active takt-executive && restarts_are takt-executive 0 || fail "the executive
 
 systemctl stop $POLICY
 within 5 "damped stop without policy host" mode_is damped_stop
-takt reset --runtime-dir $RUN || fail "reset"
+within 10 "reset" takt reset --runtime-dir $RUN
 systemd-run --quiet --unit hil-rogue --uid takt-policy --gid takt -p RestrictAddressFamilies=AF_UNIX \
   "$HIL_LIB/tools/takt-rogue-policy" --robot $ROBOT --runtime-dir $RUN --behaviour nan --healthy-for '4 s'
 tracking

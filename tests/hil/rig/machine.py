@@ -6,16 +6,19 @@ The root file system is an NVDIMM in a private copy of the image: nothing is wri
 """
 from __future__ import annotations
 
+import dataclasses
+import os
 import pathlib
 import socket
 import subprocess
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from rig.case import Case
 
 QEMU = "qemu-system-x86_64"
+WAITS_FOR_JOB = "guest: started"  # the guest's first line; it goes on when it was answered
 MEMORY_MIB = 1024
 KERNEL_OPTIONS = ("console=ttyS0 quiet loglevel=4 panic=-1 oops=panic mitigations=off nokaslr clocksource=tsc tsc=reliable "
                   "no_timer_check random.trust_cpu=on audit=0 nmi_watchdog=0 cryptomgr.notests 8250.nr_uarts=1 "
@@ -29,6 +32,12 @@ DEVICES = {
 }
 
 
+@dataclasses.dataclass(frozen=True)
+class Ending:
+    in_time: bool  # False: it was ended at the wall limit
+    cpu_s: float  # processor time, user and system, of qemu: unlike wall time not a matter of how busy the host was
+
+
 def qemu_command(case: Case, image: pathlib.Path, job: pathlib.Path, output_socket: str) -> list[str]:
     virtual = case.mode == "virtual"
     root = image / "root.ext4"
@@ -37,9 +46,9 @@ def qemu_command(case: Case, image: pathlib.Path, job: pathlib.Path, output_sock
         "setpriv", "--pdeathsig", "KILL", QEMU, "-nodefaults", "-no-user-config", "-machine", "q35,nvdimm=on",
         "-accel", "tcg,tb-size=128" + ("" if virtual else ",thread=multi"),
         *(["-icount", "shift=0,sleep=off"] if virtual else []),
-        # Without AVX: emulated, it is many times slower than SSE.
-        "-cpu", "Nehalem,+rdrand", "-smp", "1" if virtual else "2", "-m", f"{MEMORY_MIB}M,slots=2,maxmem=8G",
-        "-display", "none", "-monitor", "none", *([] if case.machine == "watchdog" else ["-no-reboot"]),
+        # Without AVX: emulated, it is many times slower than SSE. With carry-less multiplication: the rings' checksums use it.
+        "-cpu", "Westmere,+rdrand", "-smp", "1" if virtual else "2", "-m", f"{MEMORY_MIB}M,slots=2,maxmem=8G",
+        "-display", "none", *([] if case.machine == "watchdog" else ["-no-reboot"]),
         "-kernel", str(image / "vmlinux"), "-initrd", str(image / "initrd"), "-append", KERNEL_OPTIONS,
         "-serial", f"file:{job}/console.log",
         "-object", f"memory-backend-file,id=root,mem-path={root},size={root.stat().st_size},share=off,readonly=off",
@@ -53,34 +62,49 @@ def qemu_command(case: Case, image: pathlib.Path, job: pathlib.Path, output_sock
     ]
 
 
-def _stream(server: socket.socket, on_line: Callable[[str], None]) -> None:
+def _stream(server: socket.socket, on_line: Callable[[str], None], waits_already: bool) -> None:
     try:
         connection, _ = server.accept()
     except OSError:
         return
     with connection, connection.makefile(encoding="utf-8", errors="replace") as lines:
+        if waits_already:
+            connection.sendall(b"go\n")
         for line in lines:
+            if line.startswith(WAITS_FOR_JOB):
+                connection.sendall(b"go\n")
             on_line(line.rstrip("\r\n"))
 
 
+def _wait(qemu: subprocess.Popen[bytes], wall_limit_s: float) -> Ending:
+    late = threading.Event()
+
+    def end() -> None:
+        late.set()
+        qemu.kill()
+
+    limit = threading.Timer(wall_limit_s, end)
+    limit.start()
+    _, status, usage = os.wait4(qemu.pid, 0)
+    limit.cancel()
+    qemu.returncode = os.waitstatus_to_exitcode(status)
+    return Ending(not late.is_set(), usage.ru_utime + usage.ru_stime)
+
+
 def run_machine(case: Case, image: pathlib.Path, job: pathlib.Path, wall_limit_s: float,
-                on_line: Callable[[str], None]) -> bool:
-    """Runs the guest to its end. False: it was ended at the wall limit. qemu's own words: job/qemu.log."""
+                on_line: Callable[[str], None], start: Sequence[str] = ()) -> Ending:
+    """Runs the guest to its end, from its boot or, with `start`, from a saved machine. qemu's own words: job/qemu.log."""
     with tempfile.TemporaryDirectory(prefix="takt-hil.") as folder, socket.socket(socket.AF_UNIX) as server:
         server.bind(f"{folder}/out")
         server.listen(1)
-        reader = threading.Thread(target=_stream, args=(server, on_line), daemon=True)
+        reader = threading.Thread(target=_stream, args=(server, on_line, bool(start)), daemon=True)
         reader.start()
         with open(job / "qemu.log", "wb") as log:
-            command = qemu_command(case, image, job, f"{folder}/out")
+            command = [*qemu_command(case, image, job, f"{folder}/out"), *start]
             qemu = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
             try:
-                qemu.wait(wall_limit_s)
-                return True
-            except subprocess.TimeoutExpired:
-                return False
+                return _wait(qemu, wall_limit_s)
             finally:
                 qemu.kill()
-                qemu.wait()
                 server.shutdown(socket.SHUT_RDWR)
                 reader.join(2)

@@ -60,6 +60,7 @@ def hand_over(payload: pathlib.Path, folder: pathlib.Path) -> None:
 
 def unpacked(payload: pathlib.Path, folder: pathlib.Path) -> pathlib.Path:
     """A tree with usr/bin/takt to use on this machine: the staged one itself, or what the packages hold."""
+    folder.mkdir(parents=True, exist_ok=True)
     for deb in debs(payload):
         subprocess.run(["dpkg-deb", "-x", str(deb), str(folder)], check=True)
     return folder if debs(payload) else payload
