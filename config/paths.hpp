@@ -18,4 +18,9 @@ inline std::string loopback_socket(const std::string& runtime_directory, const s
   return runtime_directory + "/can-" + interface + ".sock";
 }
 
+// What `takt doctor --keep` found out about this machine; manifests of later runs quote it.
+inline std::string doctor_verdict(const std::string& record_directory) {
+  return record_directory + "/doctor.json";
+}
+
 }  // namespace takt::config

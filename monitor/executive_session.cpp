@@ -102,6 +102,9 @@ RunManifest describe(const ExecutiveSession& session, const config::RobotConfig&
     }
   }
   manifest.host = host_facts();
+  if (const auto text = read_file(config::doctor_verdict(robot.record.directory)))
+    if (auto json = nlohmann::ordered_json::parse(*text, nullptr, false); json.is_object())
+      manifest.doctor = std::move(json);
   manifest.clock = clock_offset(manifest.executive, now, unix_ns);
   manifest.started_at = now;
   return manifest;

@@ -92,6 +92,7 @@ Json to_json(const RunManifest& manifest) {
                        {"realtime", known ? manifest.executive.at("realtime") : Json(nullptr)},
                        {"facts", manifest.executive}};
   json["host"] = manifest.host;
+  json["doctor"] = manifest.doctor;
   json["clock"] = {{"log_time", "CLOCK_MONOTONIC + monotonic_to_unix_ns; stamps inside messages are CLOCK_MONOTONIC"},
                    {"monotonic_to_unix_ns", manifest.clock.monotonic_to_unix_ns},
                    {"source", manifest.clock.source}};
@@ -128,6 +129,7 @@ std::expected<RunManifest, std::string> manifest_of(const Json& json) {
     manifest.executive_sha256 = text_of(executive.at("sha256"));
     manifest.executive = executive.at("facts");
     manifest.host = json.at("host");
+    manifest.doctor = json.value("doctor", Json(nullptr));
     json.at("clock").at("monotonic_to_unix_ns").get_to(manifest.clock.monotonic_to_unix_ns);
     json.at("clock").at("source").get_to(manifest.clock.source);
     manifest.started_at = moment_of(json.at("started"));

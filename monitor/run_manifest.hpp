@@ -35,6 +35,7 @@ struct RunManifest {
   std::string executive_sha256;      // of its binary, by executive.json; empty: unknown
   nlohmann::ordered_json executive;  // executive.json as found; null when absent
   nlohmann::ordered_json host;       // host_facts()
+  nlohmann::ordered_json doctor;     // what `takt doctor --keep` said of this machine; null: nothing was kept
   ClockOffset clock;
   MonoTime started_at, ended_at;  // ended_at unset while recording
   std::string ended_because;

@@ -3,9 +3,12 @@
 
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 
 #include "config/load.hpp"
+#include "config/paths.hpp"
+#include "monitor/bounded_file.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/external_tool.hpp"
 #include "monitor/doctor/collect.hpp"
@@ -18,7 +21,7 @@ namespace {
 struct Options {
   std::string robot_file;
   double seconds = 10;
-  bool json = false;
+  bool json = false, keep = false;
 };
 
 std::string output_of(const std::vector<std::string>& words) {
@@ -34,6 +37,18 @@ doctor::ProbePlan probe_plan(const config::RobotConfig* robot, double seconds) {
   plan.priority = robot->control.priority;
   plan.cpu = robot->control.cpu;
   return plan;
+}
+
+bool kept(const std::string& verdict, const config::RobotConfig& robot) {
+  // Made by us it would be ours, and the monitor could not write there.
+  if (!std::filesystem::is_directory(robot.record.directory)) {
+    fmt::print(stderr, "takt doctor: the verdict was not kept: {} is not there; run the robot once, or make it\n",
+               robot.record.directory);
+    return false;
+  }
+  const auto written = monitor::replace_file(config::doctor_verdict(robot.record.directory), verdict + "\n");
+  if (!written) fmt::print(stderr, "takt doctor: the verdict was not kept: {}\n", written.error());
+  return written.has_value();
 }
 
 int examine(const Options& options) {
@@ -52,6 +67,7 @@ int examine(const Options& options) {
   const auto findings = doctor::diagnose(snapshot, known);
   fmt::print("{}{}", options.json ? doctor::json_of(findings, snapshot) : doctor::text_of(findings, snapshot),
              options.json ? "\n" : "");
+  if (options.keep && !kept(doctor::json_of(findings, snapshot), *robot)) return kExitFailed;
   return doctor::worst(findings) == doctor::Verdict::fail ? kExitFailed : kExitOk;
 }
 
@@ -61,15 +77,21 @@ void add_doctor(CLI::App& app, int& exit_code) {
   CLI::App* command =
       app.add_subcommand("doctor", "Say whether this machine can do hard real time, and how to mend it.");
   auto options = std::make_shared<Options>();
-  command->add_option("--robot", options->robot_file, "robot file: its core, priority, CAN interfaces and disk too");
+  CLI::Option* const robot = command->add_option("--robot", options->robot_file,
+                                                 "robot file: its core, priority, CAN interfaces and disk too");
   command->add_option("--seconds", options->seconds, "measure wake-ups this long; 0: not at all")
       ->check(CLI::Range(0.0, 3600.0))
       ->capture_default_str();
   command->add_flag("--json", options->json, "one line of JSON, schema takt.doctor/1");
+  command
+      ->add_flag("--keep", options->keep,
+                 "keep the verdict as doctor.json in record.directory: the manifests of later runs quote it")
+      ->needs(robot);
   command->footer(
-      "Example: sudo takt doctor --robot robot.yaml\n"
+      "Example: sudo takt doctor --robot robot.yaml --keep\n"
       "Measure while the machine does what it does when the robot runs.\n"
-      "Exit codes: 0 nothing failed (there may be warnings), 1 something did, 64 command line, 65 robot file.");
+      "Exit codes: 0 nothing failed (there may be warnings), 1 something did or could not be kept, 64 command line, 65 "
+      "robot file.");
   command->callback([options, &exit_code] { exit_code = examine(*options); });
 }
 

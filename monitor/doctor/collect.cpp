@@ -1,5 +1,6 @@
 #include "monitor/doctor/collect.hpp"
 
+#include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <linux/capability.h>
 #include <sys/resource.h>
@@ -11,6 +12,7 @@
 #include <array>
 #include <charconv>
 #include <cstdlib>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -184,6 +186,7 @@ CanInterface can_interface_of(const std::string& name, const std::string& ip_jso
 
 Snapshot collect(const Sources& sources, const config::RobotConfig* robot) {
   Snapshot snapshot;
+  snapshot.examined_at = fmt::format("{:%FT%TZ}", fmt::gmtime(std::time(nullptr)));
   snapshot.takt_version = TAKT_VERSION;
   const int control_cpu = robot == nullptr ? 0 : robot->control.cpu.value_or(0);
   read_kernel(sources.root, snapshot);

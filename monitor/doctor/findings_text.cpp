@@ -75,6 +75,7 @@ std::string json_of(const std::vector<Finding>& findings, const Snapshot& snapsh
                    {"mend", finding.mend}});
   return Json{{"schema", "takt.doctor/1"},
               {"verdict", name(worst(findings))},
+              {"examined_at", snapshot.examined_at},
               {"takt", snapshot.takt_version},
               {"kernel", snapshot.kernel_release},
               {"findings", all},

@@ -42,6 +42,7 @@ struct WakeupLatency {
 };
 
 struct Snapshot {
+  std::string examined_at;  // UTC, "2026-11-21T09:33:00Z"
   std::string takt_version, kernel_release, kernel_version;
   std::vector<int> cpus;                 // online
   std::vector<int> isolated, nohz_full;  // isolcpus=, nohz_full=

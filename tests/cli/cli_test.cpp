@@ -176,6 +176,20 @@ TEST_F(Cli, ARunThatWasNotRecordedToItsEndFails) {
   EXPECT_NE(ended.output.find("recording stopped: "), std::string::npos) << ended.output;
 }
 
+TEST_F(Cli, TheManifestQuotesTheDoctorsKeptVerdict) {
+  const std::string examine = "doctor --robot " + robot_ + " --seconds 0 --keep";
+  const Ended refused = run(examine);
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_NE(refused.output.find("was not kept: " + in("runs") + " is not there"), std::string::npos) << refused.output;
+  fs::create_directory(in("runs"));
+  run(examine);
+  ASSERT_EQ(run(run_arguments("--duration 1s")).exit_code, 0);
+  std::ifstream file(in("run/manifest.json"));
+  const auto doctor = nlohmann::json::parse(file).at("doctor");
+  EXPECT_EQ(doctor.at("schema"), "takt.doctor/1");
+  EXPECT_FALSE(doctor.at("findings").empty());
+}
+
 // A real terminal on stdout (script's): the state is one line, written over.
 TEST_F(Cli, OnATerminalTheStateIsOneLineWrittenOver) {
   const std::string command =
