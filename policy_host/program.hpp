@@ -6,11 +6,12 @@
 // stage, publishes action chunks and attaches again whenever the executive restarts. The engine sees numbers only
 // (policy.hpp); shapes come from the robot file's `policy` section and are checked before anything is attached:
 //
-//   input:  config::observation_width(robot) values, the observation terms one after the other
-//   output: robot.policy->steps * config::outputs_per_step(robot) values, step after step, before scale and offset
+//   input:  config::observation_width(robot) values, the observation terms one after the other, each times its scale:
+//           angles in rad, velocities in rad/s, sensors in SI units (docs/policies.md)
+//   output: robot.policy->steps * config::outputs_per_step(robot) values, step after step; a joint's target in rad is
+//           offset + scale * value
 //
-// What the values mean, and their units: docs/policies.md. `policy.file` must exist: its SHA-256 tells the executive
-// which policy this is. What is in it is the engine's own affair.
+// `policy.file` must exist: its SHA-256 tells the executive which policy this is. What is in it is the engine's affair.
 #pragma once
 
 #include <expected>
