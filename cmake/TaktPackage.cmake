@@ -1,5 +1,5 @@
-# The Debian package: what it holds beside the programs and units, and how CPack makes it (`./dev package`).
-# There is no -dev package: C++ headers are not an interface for users yet.
+# The Debian packages: what they hold beside programs, units and exported libraries, and how CPack makes them (`./dev
+# package`). `takt` is what a robot PC runs; `takt-dev` builds policy hosts with an engine of their own.
 
 # The demo robot, ready to start: a folder that /etc/takt/robot points to until `takt deploy` points it elsewhere.
 function(takt_demo_robot out)
@@ -42,7 +42,7 @@ execute_process(COMMAND gzip -9nf changelog.Debian changelog WORKING_DIRECTORY $
 
 set(docs ${CMAKE_INSTALL_DATADIR}/doc/takt)
 install(FILES ${share}/doc/changelog.Debian.gz ${share}/doc/changelog.gz ${package_files}/copyright README.md DESTINATION ${docs})
-install(DIRECTORY docs/ DESTINATION ${docs} FILES_MATCHING PATTERN "*.md" PATTERN "*.xml")
+install(DIRECTORY docs/ DESTINATION ${docs} FILES_MATCHING PATTERN "*.md" PATTERN "*.xml" PATTERN examples EXCLUDE)
 install(DIRECTORY config/ DESTINATION ${CMAKE_INSTALL_DATADIR}/takt/robots
         FILES_MATCHING PATTERN "*.yaml" PATTERN "*.onnx"
         PATTERN grafana EXCLUDE PATTERN prometheus EXCLUDE)
@@ -50,27 +50,52 @@ install(DIRECTORY config/ DESTINATION ${CMAKE_INSTALL_DATADIR}/takt/robots
 takt_demo_robot(${CMAKE_BINARY_DIR}/demo)
 install(DIRECTORY ${CMAKE_BINARY_DIR}/demo DESTINATION /etc/takt/deployments)
 
+include(CMakePackageConfigHelpers)
+set(takt_cmake ${CMAKE_INSTALL_LIBDIR}/cmake/takt)
+configure_package_config_file(${package_files}/takt-config.cmake.in ${CMAKE_BINARY_DIR}/takt-config.cmake
+  INSTALL_DESTINATION ${takt_cmake} NO_SET_AND_CHECK_MACRO NO_CHECK_REQUIRED_COMPONENTS_MACRO)
+# What processes share changes with the second number.
+write_basic_package_version_file(${CMAKE_BINARY_DIR}/takt-config-version.cmake COMPATIBILITY SameMinorVersion)
+install(FILES ${CMAKE_BINARY_DIR}/takt-config.cmake ${CMAKE_BINARY_DIR}/takt-config-version.cmake
+        DESTINATION ${takt_cmake} COMPONENT dev)
+install(EXPORT takt FILE takt-targets.cmake NAMESPACE takt:: DESTINATION ${takt_cmake} COMPONENT dev)
+# CMake strips programs only; what is left of an archive's debug information would be most of the package.
+install(CODE [[
+  if(CMAKE_INSTALL_DO_STRIP)
+    file(GLOB archives $ENV{DESTDIR}${CMAKE_INSTALL_PREFIX}/lib*/libtakt_*.a)
+    execute_process(COMMAND strip --strip-debug --enable-deterministic-archives ${archives} COMMAND_ERROR_IS_FATAL ANY)
+  endif()]] COMPONENT dev)
+set(dev_docs ${CMAKE_INSTALL_DATADIR}/doc/takt-dev)
+install(FILES ${share}/doc/changelog.Debian.gz ${share}/doc/changelog.gz ${package_files}/copyright
+        DESTINATION ${dev_docs} COMPONENT dev)
+install(DIRECTORY docs/examples DESTINATION ${dev_docs} COMPONENT dev)
+
 # `./dev package` builds what is installed; packing must not build every test as well.
 set(CMAKE_SKIP_INSTALL_ALL_DEPENDENCY ON)
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME takt)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_COMPONENTS_ALL runtime dev)
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_NAME takt)
+set(CPACK_DEBIAN_DEV_PACKAGE_NAME takt-dev)
 set(CPACK_PACKAGE_DIRECTORY ${CMAKE_BINARY_DIR}/package)
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_RELEASE 1)
-set(CPACK_DEBIAN_PACKAGE_SECTION misc)
-set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
-set(CPACK_DEBIAN_PACKAGE_DEPENDS "systemd | systemd-standalone-sysusers, systemd | systemd-standalone-tmpfiles, iproute2")
-set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "linux-image-rt-amd64 | linux-image-rt-arm64")
-set(CPACK_DEBIAN_PACKAGE_SUGGESTS "can-utils, lttng-tools, babeltrace2")
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_SECTION misc)
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_DEPENDS "systemd | systemd-standalone-sysusers, systemd | systemd-standalone-tmpfiles, iproute2")
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_RECOMMENDS "linux-image-rt-amd64 | linux-image-rt-arm64")
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_SUGGESTS "can-utils, lttng-tools, babeltrace2")
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
-set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA ${package_files}/postinst ${package_files}/prerm ${package_files}/postrm
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_CONTROL_EXTRA ${package_files}/postinst ${package_files}/prerm ${package_files}/postrm
     ${package_files}/conffiles)
-set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "real-time executive for learned robot policies")
-set(CPACK_DEBIAN_PACKAGE_DESCRIPTION
-"Takt runs learned policies on robots in real time and leaves evidence behind
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "") # each package has its own
+set(CPACK_DEBIAN_RUNTIME_DESCRIPTION
+"real-time executive for learned robot policies
+Takt runs learned policies on robots in real time and leaves evidence behind
 every command. A small hard-real-time process stands between the neural
 network and the motors: every millisecond it decides whether the policy's last
 word is still fresh enough to move the robot, keeps the robot inside its
@@ -79,4 +104,19 @@ limits, and records why, so that the decision can be replayed bit for bit.
 This package holds the executive, the policy host for ONNX policies, the
 monitor, a simulated robot, the takt command and systemd units. Nothing is
 started when it is installed.")
+
+# A built host needs nothing of this package; what it talks to has to be of the same version.
+set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
+set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS
+    "g++ (>= 4:12), cmake (>= 3.23), make | ninja-build, pkg-config, libfmt-dev, libspdlog-dev, libyaml-cpp-dev, libssl-dev, liblttng-ust-dev")
+set(CPACK_DEBIAN_DEV_PACKAGE_RECOMMENDS "takt (= ${PROJECT_VERSION}-1)")
+set(CPACK_DEBIAN_DEV_DESCRIPTION
+"policy hosts of your own for Takt
+Takt runs learned policies on robots in real time. Its own policy host runs
+ONNX policies; this package is for policies that run in another engine, such as
+TensorRT, libtorch or C++ of your own.
+.
+It holds static libraries, headers and a CMake package: a program that links
+takt::policy_host is a policy host like Takt's own around its engine. An
+example is in /usr/share/doc/takt-dev/examples.")
 include(CPack)

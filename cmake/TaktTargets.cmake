@@ -35,11 +35,22 @@ function(takt_library name)
   if(ARG_SOURCES)
     add_library(${name} STATIC ${ARG_SOURCES})
     set_target_properties(${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
-    target_link_libraries(${name} PUBLIC takt_options ${ARG_DEPENDS} PRIVATE ${ARG_PRIVATE_DEPENDS})
+    target_link_libraries(${name} PUBLIC $<BUILD_INTERFACE:takt_options> ${ARG_DEPENDS} PRIVATE ${ARG_PRIVATE_DEPENDS})
   else()
     add_library(${name} INTERFACE)
-    target_link_libraries(${name} INTERFACE takt_options ${ARG_DEPENDS})
+    target_link_libraries(${name} INTERFACE $<BUILD_INTERFACE:takt_options> ${ARG_DEPENDS})
   endif()
+endfunction()
+
+# takt_export(NAME AS HEADERS...): part of takt-dev, for programs that are built elsewhere, as takt::AS. HEADERS are those
+# they may include; what these include has to be among them (tests/package/own_policy_host_test.cpp).
+function(takt_export name as)
+  cmake_parse_arguments(ARG "" "" "HEADERS" ${ARGN})
+  set_target_properties(${name} PROPERTIES EXPORT_NAME ${as})
+  target_sources(${name} INTERFACE
+    FILE_SET takt_headers TYPE HEADERS BASE_DIRS ${CMAKE_SOURCE_DIR} FILES ${ARG_HEADERS})
+  install(TARGETS ${name} EXPORT takt COMPONENT dev ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
+    FILE_SET takt_headers DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/takt)
 endfunction()
 
 function(takt_program name)

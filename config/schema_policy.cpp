@@ -53,7 +53,8 @@ void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& 
   const auto joints = joint_names(robot);
   std::vector<std::string_view> sensors;
   for (const Sensor& sensor : robot.sensors) sensors.emplace_back(sensor.name);
-  fields.text({"file", "ONNX file; a relative path starts at this file's folder"}, policy.file);
+  fields.text({"file", "ONNX file, or what another engine reads; a relative path starts at this file's folder"},
+              policy.file);
   fields.duration({"period", "an observation is published this often; a whole number of control periods"},
                   policy.period, microseconds(100), seconds(10));
   fields.duration({"step_period", "time between two steps of an action chunk"}, policy.step_period, microseconds(100),

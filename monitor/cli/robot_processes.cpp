@@ -80,6 +80,11 @@ std::string RobotProcesses::log_directory() const {
   return place_.runtime_directory + "/logs";
 }
 
+std::string RobotProcesses::path_of(ProcessName process) const {
+  const bool is_own = process == ProcessName::policy && !place_.policy_host.empty();
+  return is_own ? place_.policy_host : beside_this_program(program(process));
+}
+
 std::expected<void, std::string> RobotProcesses::start(ProcessName process) {
   std::error_code error;
   fs::create_directories(log_directory(), error);
@@ -88,8 +93,7 @@ std::expected<void, std::string> RobotProcesses::start(ProcessName process) {
         fmt::format("{} cannot be made: {}; choose another --runtime-dir", log_directory(), error.message()));
   ChildProcess::Options options;
   options.name = program(process);
-  options.arguments = {beside_this_program(program(process)), "--robot", place_.robot_file, "--runtime-dir",
-                       place_.runtime_directory};
+  options.arguments = {path_of(process), "--robot", place_.robot_file, "--runtime-dir", place_.runtime_directory};
   if (access(options.arguments[0].c_str(), X_OK) != 0)
     return std::unexpected(fmt::format("{} is not there: {}; build or install it beside takt", options.arguments[0],
                                        std::strerror(errno)));

@@ -1,6 +1,6 @@
 // The processes of one robot, as `takt run` starts and ends them: takt-plant (when the robot file has `simulation`),
-// takt-executive, takt-monitor, takt-policy-host (when it has `policy`), all found beside the `takt` program.
-// Thread rule: one thread.
+// takt-executive, takt-monitor, takt-policy-host (when it has `policy`), all found beside the `takt` program; instead
+// of the last another program may stand, made with policy_host/program.hpp. Thread rule: one thread.
 #pragma once
 
 #include <array>
@@ -22,7 +22,8 @@ struct RobotPlace {
   std::string run_directory;  // must not exist yet: the monitor makes it
   bool allow_non_realtime = false;
   std::vector<std::string> plant_arguments = {};   // further ones of takt-plant
-  std::vector<std::string> policy_arguments = {};  // of takt-policy-host
+  std::string policy_host = {};                    // path of a program instead of takt-policy-host; empty: itself
+  std::vector<std::string> policy_arguments = {};  // of the policy host
 };
 
 class RobotProcesses {
@@ -48,6 +49,7 @@ class RobotProcesses {
 
  private:
   [[nodiscard]] std::string log_directory() const;
+  [[nodiscard]] std::string path_of(ProcessName process) const;
   const config::RobotConfig& robot_;
   const RobotPlace& place_;
   std::array<std::optional<ChildProcess>, kProcessCount> children_;

@@ -1,8 +1,10 @@
 // takt run: options, what can be refused before anything starts, and the supervisor.
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <cstdio>
+#include <expected>
 #include <filesystem>
 #include <memory>
 
@@ -28,7 +30,7 @@ constexpr const char* kFooter =
     "69 a process or bus is missing, 70 bug, 71 set-up refused (real time, permissions).";
 
 struct Given {
-  std::string robot_file, runtime_dir, run_dir, duration, rearm_after;
+  std::string robot_file, runtime_dir, run_dir, duration, rearm_after, policy_host;
   std::vector<std::string> at, plant, policy;
   bool arm = false, allow_non_realtime = false, restart = false, to_the_end = false;
 };
@@ -41,6 +43,19 @@ int refuse(int exit_code, const std::string& sentence) {
 std::string new_run_directory(const config::RobotConfig& robot) {
   const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
   return robot.record.directory + "/" + monitor::new_run_id(robot.robot, since_epoch / std::chrono::nanoseconds(1));
+}
+
+// Can the program that was named instead of takt-policy-host be started?
+std::expected<void, Refusal> check_policy_host(const Given& given, const config::RobotConfig& robot) {
+  if (given.policy_host.empty()) return {};
+  if (!robot.policy)
+    return std::unexpected(Refusal{kExitUsage, "--policy-host: " + given.robot_file + " has no `policy`"});
+  std::error_code error;
+  if (std::filesystem::is_regular_file(given.policy_host, error) && access(given.policy_host.c_str(), X_OK) == 0)
+    return {};
+  return std::unexpected(Refusal{
+      kExitUnavailable,
+      fmt::format("--policy-host {} cannot be executed: give the path of a program you may run", given.policy_host)});
 }
 
 int run(const Given& given) {
@@ -73,7 +88,10 @@ int run(const Given& given) {
                    .run_directory = given.run_dir.empty() ? new_run_directory(robot) : given.run_dir,
                    .allow_non_realtime = given.allow_non_realtime,
                    .plant_arguments = given.plant,
+                   .policy_host = given.policy_host,
                    .policy_arguments = given.policy};
+  if (const auto fine = check_policy_host(given, robot); !fine)
+    return refuse(fine.error().exit_code, fine.error().sentence);
   if (std::filesystem::exists(options.place.run_directory))
     return refuse(kExitUsage,
                   fmt::format("--run-dir {} exists already; name a new folder", options.place.run_directory));
@@ -99,8 +117,10 @@ void add_run(CLI::App& app, int& exit_code) {
       ->allow_extra_args(false);
   command
       ->add_option("--policy", given->policy,
-                   "a further option of takt-policy-host, such as --policy=--fault='3 s for 1 s: publish_delay 100 ms'")
+                   "a further option of the policy host, such as --policy=--fault='3 s for 1 s: publish_delay 100 ms'")
       ->allow_extra_args(false);
+  command->add_option("--policy-host", given->policy_host,
+                      "program to start instead of takt-policy-host, with an engine of its own (docs/own-engine.md)");
   command->add_flag("--to-the-end", given->to_the_end, "for the whole --duration, even if the robot rests before");
   command->add_flag("--arm", given->arm, "arm as soon as nothing is missing");
   command

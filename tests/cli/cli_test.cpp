@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <regex>
 #include <string>
 #include <thread>
 
@@ -147,6 +148,22 @@ TEST_F(Cli, RunRefusesABadConfigurationAndStartsNothing) {
   std::ofstream(in("bad.yaml")) << "robot: x\n";
   EXPECT_EQ(run("run " + in("bad.yaml") + " --runtime-dir " + in("rt")).exit_code, 65);
   EXPECT_FALSE(fs::exists(in("rt")));
+}
+
+TEST_F(Cli, RunRefusesAPolicyHostThatIsNoProgramAndStartsNothing) {
+  std::ofstream(in("text")) << "no program\n";
+  for (const std::string& path : {in("absent"), in("text"), directory()}) {
+    const Ended ended = run(run_arguments("--policy-host " + path));
+    EXPECT_EQ(ended.exit_code, 69) << ended.output;
+    EXPECT_EQ(ended.output, "--policy-host " + path + " cannot be executed: give the path of a program you may run\n");
+  }
+  std::ifstream file(robot_);
+  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  std::ofstream(in("no_policy.yaml")) << std::regex_replace(text, std::regex("\npolicy:\n(  .*\n)*"), "\n");
+  const Ended ended = run("run " + in("no_policy.yaml") + " --policy-host /bin/true --runtime-dir " + in("rt"));
+  EXPECT_EQ(ended.exit_code, 64) << ended.output;
+  EXPECT_EQ(ended.output, "--policy-host: " + in("no_policy.yaml") + " has no `policy`\n");
+  EXPECT_FALSE(fs::exists(in("logs")) || fs::exists(in("rt")));
 }
 
 TEST_F(Cli, RunFollowsItsScriptAndLeavesOnlyTheRunFolder) {

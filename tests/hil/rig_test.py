@@ -63,6 +63,12 @@ class Verdicts(Folder):
                 verdict.write_text(written)
             self.assertEqual(hil.result_of(self.folder, in_time), expected)
 
+    def test_takt_dev_is_no_part_of_the_payload(self) -> None:
+        for name in ("takt_0.1.0-1_amd64.deb", "takt-dev_0.1.0-1_amd64.deb"):
+            (self.folder / name).write_text("a package")
+        payload.hand_over(self.folder, self.folder / "guest")
+        self.assertEqual([path.name for path in (self.folder / "guest").iterdir()], ["takt_0.1.0-1_amd64.deb"])
+
     def test_a_payload_without_programs_is_refused(self) -> None:
         with self.assertRaises(payload.BadPayload):
             payload.required_packages(self.folder)

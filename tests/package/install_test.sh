@@ -1,10 +1,12 @@
 #!/usr/bin/env bash
 # Goal: the package installs on a bare Debian 12 with its declared dependencies only, starts nothing, runs the demo
-# robot, and leaves nothing but runs when purged. Method: mmdebstrap makes the bare system; in it, apt installs the
+# robot, and leaves nothing but runs when purged; and with takt-dev's declared dependencies the example of a policy host is built
+# there and drives the demo robot. Method: mmdebstrap makes the bare system; in it, apt installs the
 # package, `takt run` runs the packaged robot for some seconds, and the files before and after are compared.
-# Usage: install_test.sh DEB, as root, with Debian's mirror in reach. The bare system is kept in the cache for a day.
+# Usage: install_test.sh TAKT_DEB TAKT_DEV_DEB, as root, with Debian's mirror in reach. The bare system is kept in the cache for a day.
 set -euo pipefail
 deb=$(realpath "$1")
+dev_deb=$(realpath "$2")
 cache=${XDG_CACHE_HOME:-$HOME/.cache}/takt/package
 base=$cache/bookworm.tar
 root=$(mktemp -d "${TMPDIR:-/tmp}/takt-install.XXXXXX")
@@ -27,6 +29,7 @@ mount --bind /dev "$root/dev"
 mount -t proc proc "$root/proc"
 cp /etc/resolv.conf "$root/etc/resolv.conf"
 cp "$deb" "$root/tmp/takt.deb"
+cp "$dev_deb" "$root/tmp/takt-dev.deb"
 printf '#!/bin/sh\nexit 101\n' >"$root/usr/sbin/policy-rc.d" && chmod +x "$root/usr/sbin/policy-rc.d"
 
 apt update
@@ -38,10 +41,13 @@ inside takt --version
 inside takt config check /etc/takt/robot/robot.yaml
 ! pgrep -f "^/usr/bin/takt" >/dev/null || fail "something was started"
 inside getent passwd takt takt-policy >/dev/null || fail "the users are missing"
-inside takt run /etc/takt/robot/robot.yaml --arm --duration 5s --allow-non-realtime --runtime-dir /run/takt --run-dir /var/lib/takt/runs/try >"$root/tmp/run.log" 2>&1 ||
-  { cat "$root/tmp/run.log"; fail "the demo robot does not run"; }
-grep -q tracking "$root/tmp/run.log" || fail "the demo robot never tracked"
-inside takt replay /var/lib/takt/runs/try
+run_demo() { # RUN [OPTION...]
+  inside takt run /etc/takt/robot/robot.yaml --arm --duration 5s --allow-non-realtime --runtime-dir /run/takt --run-dir "$@" >"$root/tmp/run.log" 2>&1 ||
+    { cat "$root/tmp/run.log"; fail "the demo robot does not run"; }
+  grep -q tracking "$root/tmp/run.log" || fail "the demo robot never tracked"
+  inside takt replay "$1"
+}
+run_demo /var/lib/takt/runs/try
 
 apt purge takt
 files >"$root/tmp/after"
@@ -50,4 +56,9 @@ left=$(comm -13 "$root/tmp/before" "$root/tmp/after" | grep -v '^./var/lib/takt'
 left=$(grep -Ev '^./etc/(passwd-|group-|shadow-|gshadow-|\.pwd\.lock)$' <<<"$left" || true)
 [ -z "$left" ] || fail "purging left behind: $left"
 [ -d "$root/var/lib/takt/runs/try" ] || fail "purging removed a run"
-echo "installed, ran, purged: nothing is left but the run"
+
+apt install --no-install-recommends /tmp/takt.deb /tmp/takt-dev.deb
+inside cmake -S /usr/share/doc/takt-dev/examples/own-policy-host -B /tmp/host >"$root/tmp/build.log" 2>&1 &&
+  inside cmake --build /tmp/host >>"$root/tmp/build.log" 2>&1 || { cat "$root/tmp/build.log"; fail "the example does not build"; }
+run_demo /tmp/own --policy-host /tmp/host/own-policy-host
+echo "installed, ran, purged: nothing is left but the run; the example policy host of takt-dev was built, and ran"

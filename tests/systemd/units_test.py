@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Goal: every unit is one that systemd understands, exposes no more than is promised, and names commands and options
 that exist. Method: systemd's own judges (`systemd-analyze verify` and `security --offline`, which need no running
-systemd) on copies whose programs are this build's; then every ExecStart's and ExecStopPost's options are looked up in
-that program's --help. Usage: units_test.py SYSTEMD_DIR BIN_DIR. Exit codes: 0 fine, 1 not, 77 systemd is not installed.
+systemd) on copies whose programs are this build's, one with the drop-in of docs/own-engine.md; then every ExecStart's
+and ExecStopPost's options are looked up in that program's --help. Usage: units_test.py SYSTEMD_DIR BIN_DIR. Exit codes: 0 fine, 1 not, 77 systemd is not installed.
 """
 import pathlib
 import re
@@ -36,12 +36,20 @@ def copy_units(source, folder, bin_dir):
             (folder / unit.name).write_text(text.replace("/usr/lib/takt/irq-affinity", str(source / "irq-affinity")))
 
 
+def add_documented_drop_in(page, folder, bin_dir):
+    """`verify` reads it with the unit that it changes."""
+    text = re.search(r"```ini\n(.*?)```", page.read_text(), re.S)[1]
+    drop_in = folder / "takt-policy-host@robot.service.d"
+    drop_in.mkdir()
+    (drop_in / "override.conf").write_text(text.replace("/usr/local/bin/own-policy-host", f"{bin_dir}/takt-policy-host"))
+
+
 def instance(name):
     return name.replace("@.", "@can0.") if "can" in name else name.replace("@.", "@robot.")
 
 
 def verify(folder):
-    names = sorted(path.name for path in folder.iterdir())
+    names = sorted(path.name for path in folder.iterdir() if path.is_file())
     for template in [name for name in names if "@." in name]:
         (folder / instance(template)).symlink_to(template)
     code, said = output_of("systemd-analyze", "verify", "--man=no", *(str(folder / instance(name)) for name in names))
@@ -82,6 +90,7 @@ def main():
     problems = []
     with tempfile.TemporaryDirectory(prefix="takt-units.") as folder:
         copy_units(source, pathlib.Path(folder), bin_dir)
+        add_documented_drop_in(source.parent / "docs/own-engine.md", pathlib.Path(folder), bin_dir)
         problems += verify(pathlib.Path(folder))
     for unit in units:
         problems += exposure(unit) + unknown_options(unit, bin_dir)

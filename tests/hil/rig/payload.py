@@ -18,7 +18,8 @@ def output_of(*command: str) -> str:
 
 
 def debs(payload: pathlib.Path) -> list[pathlib.Path]:
-    return sorted(payload.glob("*.deb"))
+    """Without takt-dev, which `./dev package` puts beside it: no robot PC needs that."""
+    return sorted(payload.glob("takt_*.deb"))
 
 
 def _declared_dependencies(deb: pathlib.Path) -> set[str]:

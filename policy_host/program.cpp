@@ -1,0 +1,110 @@
+#include "policy_host/program.hpp"
+
+#include <fmt/format.h>
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+#include <sys/resource.h>
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "config/load.hpp"
+#include "config/paths.hpp"
+#include "policy_host/host.hpp"
+#include "policy_host/host_faults.hpp"
+#include "policy_host/policy_fit.hpp"
+
+namespace takt::policy_host {
+namespace {
+
+constexpr int kExitUsage = 64;
+
+std::atomic<bool> g_stop = false;
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+void stop_on_signals() {
+  struct sigaction action {};
+  action.sa_handler = [](int) { g_stop = true; };
+  sigaction(SIGTERM, &action, nullptr);
+  sigaction(SIGINT, &action, nullptr);
+}
+
+int refuse(const std::string& sentence) {
+  fmt::print(stderr, "{}\n", sentence);
+  return config::kExitBadConfiguration;
+}
+
+void be_nice(int level) {
+  if (setpriority(PRIO_PROCESS, 0, level) != 0) {
+    spdlog::warn("policy.nice {} was not granted: {}; the host runs at the default level", level, std::strerror(errno));
+  }
+}
+
+struct Options {
+  std::string robot, runtime_directory;
+  std::vector<std::string> faults;
+  std::uint64_t fault_seed = 1;
+};
+
+int serve(const Options& options, std::vector<HostFaultWindow> faults, const LoadPolicy& load) {
+  const auto robot = config::load(options.robot);
+  if (!robot) return refuse(robot.error());
+  if (const auto fine = check_policy_section(*robot); !fine) return refuse(fine.error());
+  const config::Policy& section = *robot->policy;
+  const auto hash = config::policy_hash(section.file);
+  if (!hash) return refuse(hash.error());
+  const auto policy = load(*robot);
+  if (!policy) return refuse(policy.error());
+  if (const auto fits = check_fit(*robot, **policy); !fits) return refuse(fits.error());
+
+  const std::string directory =
+      options.runtime_directory.empty() ? config::default_runtime_directory(robot->robot) : options.runtime_directory;
+  be_nice(section.nice);
+  spdlog::info("policy {} ({:016x}) for robot {}: {} values in, {} steps of {} out", section.file, *hash, robot->robot,
+               (*policy)->input_size(), section.steps, config::outputs_per_step(*robot));
+  for (const std::string& fault : options.faults) spdlog::warn("does wrong on request: {}", fault);
+  HostFaults wrong(std::move(faults), options.fault_seed);
+  Host(*robot, directory, *hash, **policy, std::move(wrong)).run(g_stop);
+  return 0;
+}
+
+}  // namespace
+
+int run_policy_host(int argc, char** argv, const LoadPolicy& load) {
+  CLI::App app{"Runs a robot's learned policy: waits for observations, infers, publishes action chunks."};
+  Options options;
+  app.add_option("--robot", options.robot, "robot file")->required();
+  app.add_option("--runtime-dir", options.runtime_directory,
+                 "where the robot's sockets are (default /run/takt/<robot>)");
+  app.add_option("--fault", options.faults,
+                 "do something wrong, for tests: 'FROM for LENGTH: FAULT', FROM counted from tracking "
+                 "(docs/panels-real-time.md)")
+      ->allow_extra_args(false);
+  app.add_option("--fault-seed", options.fault_seed, "what its chances are drawn from");
+  app.footer("Example: " + std::filesystem::path(argv[0]).filename().string() +
+             " --robot config/arm6.yaml --runtime-dir /run/takt/arm6\n"
+             "Exit codes: 0 ended by a signal, 64 usage, 65 configuration or policy refused.");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kExitUsage;
+  }
+  auto faults = parse_host_faults(options.faults);
+  if (!faults) {
+    fmt::print(stderr, "{}\n", faults.error());
+    return kExitUsage;
+  }
+  spdlog::set_default_logger(spdlog::stderr_logger_st("policy-host"));
+  stop_on_signals();
+  return serve(options, std::move(*faults), load);
+}
+
+}  // namespace takt::policy_host

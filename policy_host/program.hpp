@@ -1,0 +1,40 @@
+// A policy host with an inference engine of your own: everything that takt-policy-host does, behind one function.
+//
+//   int main(int argc, char** argv) { return takt::policy_host::run_policy_host(argc, argv, load_my_engine); }
+//
+// It reads the robot file, builds observations, paces itself by them, takes samples of outside sensors, stamps every
+// stage, publishes action chunks and attaches again whenever the executive restarts. The engine sees numbers only
+// (policy.hpp); shapes come from the robot file's `policy` section and are checked before anything is attached:
+//
+//   input:  config::observation_width(robot) values, the observation terms one after the other, each times its scale:
+//           angles in rad, velocities in rad/s, sensors in SI units (docs/policies.md)
+//   output: robot.policy->steps * config::outputs_per_step(robot) values, step after step; a joint's target in rad is
+//           offset + scale * value
+//
+// `policy.file` must exist: its SHA-256 tells the executive which policy this is. What is in it is the engine's affair.
+#pragma once
+
+#include <expected>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "config/observation_shape.hpp"
+#include "config/robot_config.hpp"
+#include "policy_host/policy.hpp"
+
+namespace takt::policy_host {
+
+// Makes the engine ready for this robot, whose `policy` section is there and consistent; never null. The error is one
+// line: what is wrong, how to mend it; the program then says so and ends with 65. Called once, before anything is
+// attached; it may take as long as it needs, and keep no reference to the robot.
+using LoadPolicy = std::function<std::expected<std::unique_ptr<Policy>, std::string>(const config::RobotConfig& robot)>;
+
+// The whole program: command line, refusals on stderr, signals; see its --help. Returns the exit code: 0 ended by
+// SIGINT or SIGTERM (or --help), 64 usage, 65 configuration or policy refused.
+// Errors: an exception that leaves the engine ends the process; the executive then degrades and stops the robot.
+// Thread rule: once per process, on the main thread, which is also the one that loads, infers and destroys the engine.
+// Threads that the engine starts are its own affair.
+int run_policy_host(int argc, char** argv, const LoadPolicy& load);
+
+}  // namespace takt::policy_host
