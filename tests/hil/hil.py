@@ -2,12 +2,13 @@
 """Runs Takt in an emulated robot PC: Debian's PREEMPT_RT kernel, systemd as PID 1, CAN interfaces.
 
   hil.py --payload FOLDER [--jobs N] [--wall-limit S] [FILTER]    FILTER: regular expression on the cases' names
+  hil.py --planted --payload FOLDER [FILTER]   each case with its planted fault: it must fail
   hil.py --native --payload FOLDER        what needs no guest, on this machine's own vcan
   hil.py --list [FILTER]
 
 Each case gets a fresh guest. Its output streams, with the case's name in front; journal, kernel log and run folders lie
 in --out afterwards (default build/hil), beside summary.json. Page: docs/hil.md.
-Exit codes: 0 every case passed, 1 a case failed, 64 command line or a case's header, 69 something is missing on this
+Exit codes: 0 every case passed (or every planted fault was found), 1 a case failed, 64 command line or a case's header, 69 something is missing on this
 machine (qemu, or vcan for --native) or the guest cannot be built, 130 interrupted.
 """
 from __future__ import annotations
@@ -23,7 +24,7 @@ import subprocess
 import sys
 import time
 
-from rig.case import BadCase, Case, all_cases, matching
+from rig.case import BadCase, Case, all_cases, matching, script
 from rig.machine import QEMU, run_machine
 from rig.payload import BadPayload, hand_over, required_packages, unpacked
 from rig.saved import NotSaved, save_if_missing, start_options
@@ -37,7 +38,7 @@ EXIT_FAILED, EXIT_USAGE, EXIT_UNAVAILABLE, EXIT_INTERRUPTED = 1, 64, 69, 130
 class Verdict:
     case: str
     mode: str
-    result: str  # passed | failed | limit | no verdict
+    result: str  # passed | failed | limit | no verdict; with its planted fault: found | missed | no verdict
     wall_s: float
     cpu_s: float  # of qemu
 
@@ -68,7 +69,7 @@ def prepare_job(case: Case, options: argparse.Namespace) -> pathlib.Path:
     (job / "lib/tools").mkdir()
     for tool in options.tool:
         subprocess.run(["strip", "-s", "-o", str(job / "lib/tools" / tool.name), str(tool)], check=True)
-    shutil.copy(case.path, job / "case")
+    (job / "case").write_text(script(case, options.planted))
     (job / "case").chmod(0o755)
     (job / "environment").write_text(f"HIL_MODE={case.mode}\nHIL_LIMIT_S={case.limit_s}\n")
     return job
@@ -96,7 +97,10 @@ def run_case(case: Case, image: pathlib.Path, options: argparse.Namespace) -> Ve
     began = time.monotonic()
     ending = run_machine(case, image, job, options.wall_limit, lambda line: print(f"{case.name:18} | {line}", flush=True),
                          start_options(case, image))
-    verdict = Verdict(case.name, case.mode, result_of(job, ending.in_time), round(time.monotonic() - began, 1), round(ending.cpu_s, 1))
+    result = result_of(job, ending.in_time)
+    if options.planted:
+        result = {"passed": "missed", "failed": "found", "limit": "found"}.get(result, result)
+    verdict = Verdict(case.name, case.mode, result, round(time.monotonic() - began, 1), round(ending.cpu_s, 1))
     if verdict.result == "passed" and (failure := replay_failure(job, options.takt)):
         print(f"{case.name:18} | {failure}", flush=True)
         verdict = dataclasses.replace(verdict, result="failed")
@@ -125,13 +129,13 @@ def run_native(options: argparse.Namespace) -> int:
     return subprocess.run(command, check=False).returncode
 
 
-def report(verdicts: list[Verdict], out: pathlib.Path, wall_s: float) -> int:
+def report(verdicts: list[Verdict], planted: bool, out: pathlib.Path, wall_s: float) -> int:
     print()
     for verdict in verdicts:
         print(f"{verdict.result:10}  {verdict.mode:7}  {verdict.wall_s:6.1f} s, cpu {verdict.cpu_s:6.1f} s  {verdict.case}")
     cpu_s = sum(verdict.cpu_s for verdict in verdicts)
-    passed = sum(verdict.result == "passed" for verdict in verdicts)
-    print(f"{passed} of {len(verdicts)} cases passed in {wall_s:.0f} s, with {cpu_s:.0f} s of qemu's processor time; what they left: {out}")
+    passed = sum(verdict.result in ("passed", "found") for verdict in verdicts)
+    print(f"{passed} of {len(verdicts)} {'planted faults found' if planted else 'cases passed'} in {wall_s:.0f} s, with {cpu_s:.0f} s of qemu's processor time; what they left: {out}")
     rows = [dataclasses.asdict(verdict) for verdict in verdicts]
     (out / "summary.json").write_text(json.dumps({"wall_s": round(wall_s, 1), "cpu_s": round(cpu_s, 1), "cases": rows}, indent=1) + "\n")
     return 0 if passed == len(verdicts) else EXIT_FAILED
@@ -142,6 +146,7 @@ def arguments() -> argparse.Namespace:
     parser.error = lambda message: sys.exit(refuse(EXIT_USAGE, message))  # type: ignore[method-assign,assignment]
     parser.add_argument("filter", nargs="?", help="regular expression on the cases' names")
     parser.add_argument("--list", action="store_true", help="name the cases and end")
+    parser.add_argument("--planted", action="store_true", help="run each case with the fault that its header plants: it must fail")
     parser.add_argument("--native", action="store_true", help="run what needs no guest on this machine's own vcan")
     parser.add_argument("--payload", type=pathlib.Path, help="folder of .deb files, or a staged installation")
     parser.add_argument("--tool", type=pathlib.Path, action="append", default=[], help="program that cases need beside Takt")
@@ -186,7 +191,7 @@ def main() -> int:
         return refuse(EXIT_UNAVAILABLE, str(problem))
     except KeyboardInterrupt:
         return refuse(EXIT_INTERRUPTED, "interrupted")
-    return report(verdicts, options.out, time.monotonic() - began)
+    return report(verdicts, options.planted, options.out, time.monotonic() - began)
 
 
 if __name__ == "__main__":

@@ -12,9 +12,10 @@ from unittest import mock
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 import hil
 from rig import machine, payload, saved
-from rig.case import BadCase, Case, all_cases, matching, read_case
+from rig.case import BadCase, Case, all_cases, matching, read_case, script
 
-HEADER = "#!/bin/bash\n# Goal: g\n# Method: one\n#   two\n# Mode: virtual\n# Limit: 7 s\necho\n# Mode: paced\n"
+HEADER = ("#!/bin/bash\n# Goal: g\n# Method: one\n#   two\n# Mode: virtual\n# Limit: 7 s\n# Planted fault: f\n"
+          "# Planted by: s/^echo/false/\necho\n# Mode: paced\n")
 
 
 class Folder(unittest.TestCase):
@@ -40,14 +41,25 @@ class Headers(Folder):
             with self.assertRaises(BadCase):
                 self.case(wrong)
 
-    def test_every_case_is_readable_and_names_its_planted_fault(self) -> None:
+    def test_every_case_is_readable_and_can_be_given_its_planted_fault(self) -> None:
         cases = all_cases(hil.HERE / "cases")
         self.assertGreater(len(cases), 10)
         for case in cases:
-            self.assertIn("# Planted fault: ", case.path.read_text(), case.name)
+            changed = script(case, planted=True)
+            self.assertEqual(subprocess.run(["bash", "-n"], input=changed, text=True, check=False).returncode, 0, case.name)
+
+    def test_plants_the_fault_only_when_asked(self) -> None:
+        case = self.case(HEADER)
+        self.assertEqual(script(case, planted=False), HEADER)
+        self.assertEqual(script(case, planted=True), HEADER.replace("\necho", "\nfalse"))
+
+    def test_refuses_a_fault_that_changes_nothing(self) -> None:
+        for by in ("s/^nothing/false/", "s/unfinished"):
+            with self.assertRaises(BadCase):
+                script(self.case(HEADER.replace("s/^echo/false/", by)), planted=True)
 
     def test_filter_is_a_regular_expression(self) -> None:
-        cases = [Case(name, self.folder, "", "virtual", "plain", 1) for name in ("bus_off", "link_down", "tracking")]
+        cases = [Case(name, self.folder, "", "", "virtual", "plain", 1) for name in ("bus_off", "link_down", "tracking")]
         self.assertEqual([case.name for case in matching(cases, "bus|link")], ["bus_off", "link_down"])
         self.assertEqual(len(matching(cases, None)), 3)
 

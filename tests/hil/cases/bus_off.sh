@@ -5,6 +5,7 @@
 # Mode: virtual
 # Limit: 120 s
 # Planted fault: the adapter is not told to report it (no SIGUSR1): no fault.
+# Planted by: s/^kill -USR1 .*/true/
 . "$HIL_LIB/hil.sh"
 modprobe slcan || fail "no slcan"
 can_up vcan0 vcan1

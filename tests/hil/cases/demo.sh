@@ -6,6 +6,7 @@
 # Mode: virtual
 # Limit: 90 s
 # Planted fault: `chmod 600 /dev/cpu_dma_latency` first: the executive cannot open it.
+# Planted by: /^takt_up/i chmod 600 /dev/cpu_dma_latency
 . "$HIL_LIB/hil.sh"
 takt_up
 tracking

@@ -5,6 +5,7 @@
 # Mode: virtual
 # Limit: 180 s
 # Planted fault: vcan3 is missing: the executive does not start.
+# Planted by: s/^can_up .*/can_up vcan0 vcan1 vcan2/
 . "$HIL_LIB/hil.sh"
 can_up vcan0 vcan1 vcan2 vcan3
 robot dual_arm12

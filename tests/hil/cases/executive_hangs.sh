@@ -5,6 +5,7 @@
 # Mode: virtual
 # Limit: 120 s
 # Planted fault: `WatchdogSec=0` in the unit: nothing happens.
+# Planted by: /^tracking_arm6/i drop_in takt-executive.service Service WatchdogSec=0
 . "$HIL_LIB/hil.sh"
 tracking_arm6
 hung=$(main_pid takt-executive)

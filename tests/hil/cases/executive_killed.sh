@@ -5,6 +5,7 @@
 # Mode: virtual
 # Limit: 90 s
 # Planted fault: without ExecStopPost no disable frame is seen.
+# Planted by: /^can_up/i drop_in takt-executive.service Service ExecStopPost=
 . "$HIL_LIB/hil.sh"
 can_up vcan0 vcan1
 robot arm6

@@ -6,6 +6,7 @@
 # Machine: watchdog
 # Limit: 120 s
 # Planted fault: without SIGSEGV to systemd the machine is not reset.
+# Planted by: s/^kill -SEGV 1/true/
 . "$HIL_LIB/hil.sh"
 if [ "$HIL_BOOT" = 2 ]; then
   [ -e /hil/out/frozen ] || fail "the machine was reset before anything hung"

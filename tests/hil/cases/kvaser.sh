@@ -6,6 +6,7 @@
 # Machine: kvaser
 # Limit: 120 s
 # Planted fault: can3 is down: the wrist's drives are not heard.
+# Planted by: s/^plant$/ip link set can3 down; plant/
 . "$HIL_LIB/hil.sh"
 modprobe kvaser_pci || fail "no kvaser_pci"
 within 5 "four cards" test -e /sys/class/net/can3

@@ -4,6 +4,7 @@
 # Mode: virtual
 # Limit: 90 s
 # Planted fault: without `link set down`: no fault.
+# Planted by: s/^ip link set vcan0 down/true/
 . "$HIL_LIB/hil.sh"
 tracking_arm6
 ip link set vcan0 down

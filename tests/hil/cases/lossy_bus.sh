@@ -6,6 +6,7 @@
 # Mode: virtual
 # Limit: 120 s
 # Planted fault: netem on lo instead: no cause.
+# Planted by: s/tc qdisc replace dev vcan0/tc qdisc replace dev lo/
 . "$HIL_LIB/hil.sh"
 can_up vcan0 vcan1
 robot arm6 's/^  timeout: 20 ms/  timeout: 60 ms/'

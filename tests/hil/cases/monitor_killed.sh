@@ -5,6 +5,7 @@
 # Mode: virtual
 # Limit: 90 s
 # Planted fault: `Restart=no` in the unit: no second folder.
+# Planted by: /^tracking_arm6/i drop_in takt-monitor.service Service Restart=no
 . "$HIL_LIB/hil.sh"
 tracking_arm6
 sleep 2

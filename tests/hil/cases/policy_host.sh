@@ -5,6 +5,7 @@
 # Mode: virtual
 # Limit: 120 s
 # Planted fault: `Restart=no` in the unit: the host does not come back.
+# Planted by: /^tracking_arm6/i drop_in $POLICY.service Service Restart=no
 . "$HIL_LIB/hil.sh"
 tracking_arm6
 

@@ -4,6 +4,7 @@
 # Mode: virtual
 # Limit: 90 s
 # Planted fault: the bucket of 200 Mbit/s: nothing happens.
+# Planted by: s/rate 200kbit burst 500 limit 1000/rate 200mbit burst 5000000 limit 10000000/
 . "$HIL_LIB/hil.sh"
 tracking_arm6
 tc qdisc replace dev vcan0 root tbf rate 200kbit burst 500 limit 1000 || fail "tc tbf"

@@ -5,6 +5,7 @@
 # Mode: virtual
 # Limit: 90 s
 # Planted fault: the log without joint 4's replies: feedback stays lost.
+# Planted by: s/^canplayer -I replies.log/grep -v ' 014#' replies.log >most.log; canplayer -I most.log/
 . "$HIL_LIB/hil.sh"
 can_up vcan0 vcan1
 robot arm6

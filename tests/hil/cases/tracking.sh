@@ -6,6 +6,7 @@
 # Mode: virtual
 # Limit: 120 s
 # Planted fault: the hogs' priority is higher (chrt -f 90): overruns.
+# Planted by: s/^for _ in 1 2 3 4; do timeout 60 sh/for _ in 1 2 3 4; do timeout 60 chrt -f 90 sh/
 . "$HIL_LIB/hil.sh"
 tracking_arm6
 [ "$(field realtime)" = true ] || fail "not real time: $(journalctl -u takt-executive -o cat | grep FAILED)"

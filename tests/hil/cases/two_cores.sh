@@ -5,14 +5,13 @@
 # Mode: paced
 # Limit: 900 s
 # Planted fault: `cpu: none` in the file: the control thread may run anywhere.
+# Planted by: s/cpu: none\/  cpu: 1/cpu: none\/  cpu: none/
 . "$HIL_LIB/hil.sh"
-mkdir -p /run/systemd/system/takt-executive.service.d
-printf '[Service]\nWatchdogSec=0\n' >/run/systemd/system/takt-executive.service.d/paced.conf
+drop_in takt-executive.service Service WatchdogSec=0
 for unit in $POLICY takt-monitor; do
-  mkdir -p /run/systemd/system/$unit.service.d
-  printf '[Unit]\nStartLimitIntervalSec=0\n[Service]\nRestartSec=100ms\n' >/run/systemd/system/$unit.service.d/paced.conf
+  drop_in $unit.service Unit StartLimitIntervalSec=0
+  drop_in $unit.service Service RestartSec=100ms
 done
-systemctl daemon-reload
 can_up vcan0 vcan1
 robot arm6 's/^  cpu: none/  cpu: 1/' 's/^  (period|step): 1 ms/  \1: 5 ms/'
 plant

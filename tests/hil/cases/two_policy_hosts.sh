@@ -5,6 +5,7 @@
 # Mode: virtual
 # Limit: 90 s
 # Planted fault: killing the first before the check of the peer: another peer.
+# Planted by: s/^sleep 2/systemctl stop $POLICY; sleep 2/
 . "$HIL_LIB/hil.sh"
 tracking_arm6
 first=$(field policy_pid)

@@ -5,6 +5,7 @@
 # Mode: virtual
 # Limit: 90 s
 # Planted fault: beside both a process that never sleeps, of a higher priority (chrt -f 90): milliseconds.
+# Planted by: /^cyclictest/i timeout 10 chrt -f 90 sh -c 'while :; do :; done' &
 . "$HIL_LIB/hil.sh"
 cyclictest -q -m -p 80 -i 1000 -l 5000 -h 100 >cyclictest.txt || fail "cyclictest"
 takt doctor --seconds 5 --json >doctor.json 2>doctor.txt

@@ -29,6 +29,15 @@ within() {
   done
 }
 
+# drop_in UNIT SECTION SETTING...: of the unit as installed, until the guest ends.
+drop_in() {
+  local unit=$1 section=$2
+  shift 2
+  mkdir -p "/run/systemd/system/$unit.d"
+  { echo "[$section]" && printf '%s\n' "$@"; } >"/run/systemd/system/$unit.d/hil-$section.conf"
+  systemctl daemon-reload
+}
+
 # can_up INTERFACE...: virtual CAN interfaces that carry classic and FD frames.
 can_up() {
   local name

@@ -2,17 +2,20 @@
 
 Header lines, comments at the top of the file: `Goal:`, `Method:`, `Mode: virtual|paced` (one CPU in virtual time, or two
 CPUs at real pace), `Limit: N s` of the guest's time, and, where the machine needs more than vcan, `Machine: kvaser`
-or `Machine: watchdog`. A line that begins with two more spaces goes on where the one above ended.
+or `Machine: watchdog`; further `Planted fault:`, in words, and `Planted by:`, the sed expression that puts it into the case.
+A line that begins with two more spaces goes on where the one above ended.
 """
 from __future__ import annotations
 
 import dataclasses
 import pathlib
 import re
+import subprocess
 
 MODES = ("virtual", "paced")
 MACHINES = ("plain", "kvaser", "watchdog")
-HEADER = re.compile(r"# (Goal|Method|Mode|Limit|Machine): (.*)")
+REQUIRED = ("Goal", "Method", "Planted fault", "Planted by")
+HEADER = re.compile(rf"# ({'|'.join(REQUIRED)}|Mode|Limit|Machine): (.*)")
 
 
 class BadCase(Exception):
@@ -24,6 +27,7 @@ class Case:
     name: str
     path: pathlib.Path
     goal: str
+    planted_by: str
     mode: str
     machine: str
     limit_s: int
@@ -51,12 +55,12 @@ def one_of(path: pathlib.Path, field: str, value: str | None, allowed: tuple[str
 
 def read_case(path: pathlib.Path) -> Case:
     header = read_header(path.read_text())
-    if "Goal" not in header or "Method" not in header:
-        raise BadCase(f"{path}: its header lacks `# Goal:` or `# Method:`")
+    if missing := [field for field in REQUIRED if field not in header]:
+        raise BadCase(f"{path}: its header lacks `# {missing[0]}:`")
     limit = re.fullmatch(r"(\d+) s", header.get("Limit", "60 s"))
     if not limit:
         raise BadCase(f"{path}: `# Limit: {header['Limit']}` should read like `# Limit: 60 s`")
-    return Case(path.stem, path, header["Goal"],
+    return Case(path.stem, path, header["Goal"], header["Planted by"],
                 one_of(path, "Mode", header.get("Mode"), MODES),
                 one_of(path, "Machine", header.get("Machine", "plain"), MACHINES), int(limit[1]))
 
@@ -68,3 +72,14 @@ def all_cases(folder: pathlib.Path) -> list[Case]:
 def matching(cases: list[Case], pattern: str | None) -> list[Case]:
     """Those whose name contains the pattern (a regular expression)."""
     return [case for case in cases if not pattern or re.search(pattern, case.name)]
+
+
+def script(case: Case, planted: bool) -> str:
+    """What the guest runs: the case, or the case with its planted fault."""
+    text = case.path.read_text()
+    if not planted:
+        return text
+    changed = subprocess.run(["sed", "-e", case.planted_by], input=text, capture_output=True, text=True, check=False)
+    if changed.returncode != 0 or changed.stdout == text:
+        raise BadCase(f"{case.path}: `# Planted by: {case.planted_by}` changes nothing {changed.stderr.strip()}".rstrip())
+    return changed.stdout
