@@ -7,37 +7,10 @@
 
 #include "drivers/cause_detail.hpp"
 #include "drivers/protocol_table.hpp"
+#include "executive/contract/feedback_names.hpp"
 
 namespace takt::monitor {
 namespace {
-
-std::string_view name(DriveState state) {
-  switch (state) {
-    case DriveState::unknown:
-      return "unknown";
-    case DriveState::disabled:
-      return "disabled";
-    case DriveState::enabled:
-      return "enabled";
-    case DriveState::fault:
-      return "fault";
-  }
-  return "invalid";
-}
-
-std::string_view name(BusState state) {
-  switch (state) {
-    case BusState::up:
-      return "up";
-    case BusState::error_passive:
-      return "error-passive";
-    case BusState::bus_off:
-      return "bus-off";
-    case BusState::down:
-      return "down";
-  }
-  return "invalid";
-}
 
 Level bus_level(BusState state) {
   switch (state) {
@@ -164,7 +137,7 @@ std::optional<std::vector<Diagnostic>> Diagnoser::tick(const TickRecord& record)
   }
   if (header.overrun_cause != OverrunCause::none) ++status_.overruns;
   status_.tick = header;
-  const bool is_due = pace_.is_due(header.now);
+  const bool is_due = rate_.is_due(header.now);
   if (!changed && !is_due) return std::nullopt;
   return diagnose(record, status_, robot_);
 }

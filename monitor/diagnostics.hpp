@@ -11,7 +11,7 @@
 
 #include "config/robot_config.hpp"
 #include "executive/contract/tick_record.hpp"
-#include "monitor/pace.hpp"
+#include "monitor/rate_limit.hpp"
 
 namespace takt::monitor {
 
@@ -53,7 +53,7 @@ class Diagnoser {
  private:
   const config::RobotConfig& robot_;
   RobotStatus status_;
-  Pace pace_{kPeriod};
+  RateLimit rate_{kPeriod};
 };
 
 }  // namespace takt::monitor

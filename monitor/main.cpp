@@ -16,6 +16,7 @@
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
+#include "executive/contract/monotonic_clock.hpp"
 #include "executive/trace/trace.hpp"
 #include "monitor/executive_session.hpp"
 #include "monitor/exports.hpp"
@@ -51,20 +52,10 @@ void stop_on_signals() {
   sigaction(SIGXFSZ, &action, nullptr);
 }
 
-std::int64_t clock_ns(clockid_t clock) {
+std::int64_t realtime_ns() {
   timespec time{};
-  clock_gettime(clock, &time);
+  clock_gettime(CLOCK_REALTIME, &time);
   return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
-}
-
-MonoTime monotonic_now() {
-  return {clock_ns(CLOCK_MONOTONIC)};
-}
-
-// Absolute, so that the pace does not depend on how long the work took. A signal ends the wait early.
-void sleep_until(MonoTime when) {
-  const timespec time{when.ns / 1'000'000'000, when.ns % 1'000'000'000};
-  clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &time, nullptr);
 }
 
 std::string wanted_folder(const Options& options, const config::RobotConfig& robot, const std::string& run_id) {
@@ -82,8 +73,7 @@ enum class Recorded : std::uint8_t { whole, in_part, not_at_all };
 // One session of the executive, from attach to its end or ours. Not at all: the folder cannot be written.
 Recorded record_session(const ExecutiveSession& session, const Options& options, const config::RobotConfig& robot,
                         trace::Introduction& introduction, Exports& exports) {
-  const RunManifest manifest =
-      describe(session, robot, options.runtime_directory, monotonic_now(), clock_ns(CLOCK_REALTIME));
+  const RunManifest manifest = describe(session, robot, options.runtime_directory, monotonic_now(), realtime_ns());
   const auto folder = RunFolder::create(wanted_folder(options, robot, manifest.run_id));
   auto recorder =
       folder ? Recorder::start(*folder, manifest, robot, options.max_file_mib << 20U) : std::unexpected(folder.error());

@@ -7,6 +7,8 @@
 
 #include <fstream>
 
+#include "monitor/json_error.hpp"
+
 namespace takt::monitor {
 namespace {
 
@@ -148,7 +150,7 @@ std::expected<RunManifest, std::string> manifest_of(const Json& json) {
     }
     return manifest;
   } catch (const nlohmann::json::exception& error) {
-    return std::unexpected(fmt::format("is not a run's manifest: {}", error.what()));
+    return std::unexpected(fmt::format("is not a run's manifest: {}", sentence_of(error)));
   }
 }
 

@@ -2,6 +2,8 @@
 
 #include <array>
 
+#include "executive/contract/feedback_names.hpp"
+
 namespace takt::monitor {
 namespace {
 
@@ -24,8 +26,6 @@ constexpr auto kFreshnesses = names_of<Freshness, kFreshnessCount>();
 constexpr auto kOverruns = names_of<OverrunCause, kOverrunCauseCount>();
 constexpr std::array<std::string_view, kOperatorRequestCount> kRequests{"none",  "arm",      "stop",
                                                                         "reset", "shutdown", "mark"};
-constexpr std::array<std::string_view, 4> kBusStates{"up", "error_passive", "bus_off", "down"};
-constexpr std::array<std::string_view, 4> kDriveStates{"unknown", "disabled", "enabled", "fault"};
 
 #define HEADER(member) offsetof(TickRecordHeader, member)
 constexpr TickField kHeaderFields[] = {
@@ -69,7 +69,7 @@ constexpr TickField kBusFields[] = {
     {"bus_tx_dropped", u32, BUS(tx_dropped), in, "frames, since start"},
     {"bus_rx_dropped", u32, BUS(rx_dropped), in, "frames, since start"},
     {"bus_foreign_frames", u32, BUS(foreign_frames), in, "frames, since start"},
-    {"bus_state", u8, BUS(state), in, "", kBusStates},
+    {"bus_state", u8, BUS(state), in, "", kBusStateNames},
     {"bus_flooded", u8, BUS(flooded), in, "1: more frames arrived for this tick than our drives can say"},
 };
 #undef BUS
@@ -83,7 +83,7 @@ constexpr TickField kJointFields[] = {
     {"feedback_tau", f32, FEEDBACK(tau), in, "Nm"},
     {"feedback_temperature", f32, FEEDBACK(temperature_C), in, "degrees Celsius"},
     {"feedback_error_code", u32, FEEDBACK(error_code), in, "the drive protocol's own code"},
-    {"feedback_drive_state", u8, FEEDBACK(drive_state), in, "", kDriveStates},
+    {"feedback_drive_state", u8, FEEDBACK(drive_state), in, "", kDriveStateNames},
     {"feedback_replies", u8, FEEDBACK(replies), in, "position reports since start, modulo 256"},
     {"q_estimate", f32, JOINT(q_estimate), out, "rad"},
     {"dq_estimate", f32, JOINT(dq_estimate), out, "rad/s"},

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "config/paths.hpp"
-#include "policy_host/monotonic_clock.hpp"
+#include "executive/contract/monotonic_clock.hpp"
 #include "policy_host/pacing.hpp"
 
 namespace takt::policy_host {

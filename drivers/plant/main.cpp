@@ -12,7 +12,6 @@
 #include <cmath>
 #include <csignal>
 #include <cstdio>
-#include <ctime>
 #include <functional>
 #include <optional>
 
@@ -28,7 +27,7 @@
 #include "drivers/plant/sensor_path.hpp"
 #include "drivers/plant/sensor_server.hpp"
 #include "drivers/plant/truth_log.hpp"
-#include "drivers/receive_stamp.hpp"
+#include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/unix_socket.hpp"
 
 namespace takt::plant {
@@ -62,10 +61,6 @@ int refuse(int exit_code, const std::string& sentence) {
   return exit_code;
 }
 
-MonoTime clock_now() {
-  return drivers::sample_clocks().monotonic;
-}
-
 // Drives and arms do not wait for a CPU: their double should not either. Far below the executive; the work per turn is
 // bounded. Calling thread only.
 void ask_for_punctuality() {
@@ -73,11 +68,6 @@ void ask_for_punctuality() {
   const sched_param wanted{.sched_priority = kPriority};
   if (::sched_setscheduler(0, SCHED_FIFO, &wanted) != 0)
     spdlog::info("no real-time priority to be had: on a busy machine the simulated drives will answer late");
-}
-
-void sleep_until(MonoTime wake) {
-  const timespec at{wake.ns / 1'000'000'000, wake.ns % 1'000'000'000};
-  ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, nullptr);  // a signal wakes early: the caller looks again
 }
 
 struct Outputs {
@@ -95,7 +85,7 @@ class Observer {
         camera_(simulation, started),
         path_(seed_for(simulation.seed, kSensorPathStream)),
         outputs_(std::move(outputs)),
-        next_truth_(clock_now()),
+        next_truth_(monotonic_now()),
         next_report_(next_truth_) {}
 
   void look(RobotPlant& body, const SensorFaults& faults, const Pacer& pacer, MonoTime now) {
@@ -139,7 +129,7 @@ struct Stage {
 void simulate(const Stage& stage, const std::function<void(MonoTime)>& observe) {
   while (!g_stop) {
     sleep_until(stage.pacer.next_wake());
-    const MonoTime now = clock_now();
+    const MonoTime now = monotonic_now();
     const int steps = stage.pacer.steps_due(now);
     if (steps == 0) continue;
     if (const MonoTime newest = stage.buses.exchange(stage.plant, steps); newest.is_set()) stage.pacer.follow(newest);
@@ -203,7 +193,7 @@ int serve(const Options& options, const config::RobotConfig& robot, Scenario sce
                robot.simulation->seed);
 
   ask_for_punctuality();
-  const MonoTime started = clock_now();
+  const MonoTime started = monotonic_now();
   const Duration entered{std::llround(options.target_entry_s * 1e9)};
   Observer observer(*robot.simulation, started - entered, std::move(*outputs));
   Pacer pacer(plant.step_length(), started + plant.step_length());

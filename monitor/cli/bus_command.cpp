@@ -7,7 +7,7 @@
 #include <ctime>
 #include <memory>
 
-#include "drivers/receive_stamp.hpp"
+#include "executive/contract/monotonic_clock.hpp"
 #include "monitor/cli/bus_watch.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/direct_bus.hpp"
@@ -26,10 +26,6 @@ constexpr Duration kShowPeriod = milliseconds(500);
 
 volatile std::sig_atomic_t g_interrupted = 0;
 
-MonoTime clock_now() {
-  return drivers::sample_clocks().monotonic;
-}
-
 void pause_a_little() {
   const timespec pause{0, kLookPeriod_ns};
   ::nanosleep(&pause, nullptr);
@@ -47,13 +43,13 @@ std::expected<int, Refusal> watch(const Options& options) {
   BusWatch watched(robot->config, std::move(buses));
   std::signal(SIGINT, [](int) { g_interrupted = 1; });
   const bool redraw = ::isatty(STDOUT_FILENO) != 0 && !options.json;
-  const MonoTime started = clock_now();
+  const MonoTime started = monotonic_now();
   MonoTime shown = started;
   const auto over = [&](MonoTime now) {
     return g_interrupted != 0 || (options.seconds > 0 && (now - started).seconds() >= options.seconds);
   };
   watched.count(started);
-  for (MonoTime now = started; !over(now); now = clock_now()) {
+  for (MonoTime now = started; !over(now); now = monotonic_now()) {
     watched.listen();
     if (now - shown >= kShowPeriod && redraw) {
       watched.count(now);
@@ -63,8 +59,9 @@ std::expected<int, Refusal> watch(const Options& options) {
     }
     pause_a_little();
   }
-  if (!redraw) watched.count(clock_now());
-  fmt::print("{}{}", options.json ? watched.json(clock_now()) : watched.table(clock_now()), options.json ? "\n" : "");
+  if (!redraw) watched.count(monotonic_now());
+  fmt::print("{}{}", options.json ? watched.json(monotonic_now()) : watched.table(monotonic_now()),
+             options.json ? "\n" : "");
   return kExitOk;
 }
 

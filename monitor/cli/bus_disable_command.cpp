@@ -11,7 +11,7 @@
 
 #include "config/load.hpp"
 #include "drivers/protocol_table.hpp"
-#include "drivers/receive_stamp.hpp"
+#include "executive/contract/monotonic_clock.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/direct_bus.hpp"
 
@@ -138,9 +138,8 @@ std::expected<int, Refusal> disable(const Options& options) {
   if (!disabler) return std::unexpected(disabler.error());
   const Duration period = robot->config.control.period;
   const timespec pause{period.ns / 1'000'000'000, period.ns % 1'000'000'000};
-  const auto clock_now = [] { return drivers::sample_clocks().monotonic; };
-  const MonoTime give_up = clock_now() + Duration{static_cast<std::int64_t>(options.seconds * 1e9)};
-  const auto goes_on = [&] { return !disabler->not_disabled().empty() && clock_now() < give_up; };
+  const MonoTime give_up = monotonic_now() + Duration{static_cast<std::int64_t>(options.seconds * 1e9)};
+  const auto goes_on = [&] { return !disabler->not_disabled().empty() && monotonic_now() < give_up; };
   for (int turn = 0; turn < kLeastTurns || goes_on(); ++turn) {
     disabler->turn();
     ::nanosleep(&pause, nullptr);

@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/discovery.hpp"
-#include "drivers/receive_stamp.hpp"
+#include "executive/contract/monotonic_clock.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/direct_bus.hpp"
 
@@ -50,9 +50,9 @@ BusScan scan_for(const config::RobotConfig& robot, std::size_t bus, std::uint32_
 // One question a millisecond, then silence to listen to.
 void ask_around(BusScan& scan, drivers::CanBus& bus) {
   std::vector<drivers::ReceivedFrame> received(64);
-  const MonoTime started = drivers::sample_clocks().monotonic;
+  const MonoTime started = monotonic_now();
   const Duration length = milliseconds(1) * static_cast<std::int64_t>(scan.questions()) + drivers::kListen;
-  while (drivers::sample_clocks().monotonic - started < length) {
+  while (monotonic_now() - started < length) {
     if (const auto question = scan.next_question()) bus.send(*question);
     pause(milliseconds(1));
     const std::size_t count = bus.receive(received);

@@ -2,23 +2,13 @@
 
 #include <fmt/format.h>
 
-#include <array>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
 #include "drivers/protocol_table.hpp"
+#include "executive/contract/feedback_names.hpp"
 
 namespace takt::cli {
-namespace {
-
-constexpr std::string_view name(DriveState state) {
-  constexpr std::array<std::string_view, 4> names{"unknown", "disabled", "enabled", "fault"};
-  const auto index = static_cast<std::size_t>(state);
-  return index < names.size() ? names[index] : "invalid";
-}
-
-}  // namespace
-
 BusWatch::BusWatch(const config::RobotConfig& robot, std::vector<std::unique_ptr<drivers::CanBus>> buses)
     : robot_(robot),
       buses_(std::move(buses)),

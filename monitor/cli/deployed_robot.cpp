@@ -7,7 +7,7 @@
 #include <filesystem>
 
 #include "config/paths.hpp"
-#include "drivers/receive_stamp.hpp"
+#include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/rendezvous.hpp"
 #include "monitor/cli/external_tool.hpp"
 
@@ -23,10 +23,6 @@ std::optional<StatusSnapshot> status_of(const DeployedRobot& robot) {
   const auto reply = ipc::ask(config::executive_socket(robot.runtime_directory), OperatorVerb::status, kAnswerWithin);
   if (!reply) return std::nullopt;
   return reply->status;
-}
-
-MonoTime clock_now() {
-  return drivers::sample_clocks().monotonic;
 }
 
 void catch_interruptions() {
@@ -74,9 +70,9 @@ Watched watch(const DeployedRobot& place, const config::RobotConfig& robot, cons
               bool arm) {
   catch_interruptions();
   deploy::Probation probation(times, robot.policy.has_value());
-  const MonoTime started = clock_now();
+  const MonoTime started = monotonic_now();
   while (g_interrupted == 0) {
-    const deploy::Stage stage = probation.look(clock_now() - started, status_of(place));
+    const deploy::Stage stage = probation.look(monotonic_now() - started, status_of(place));
     if (deploy::is_over(stage)) return {stage, probation.reason()};
     // Refused as long as something is missing; `arm_within` bounds how often this is asked.
     if (arm && stage == deploy::Stage::waiting)

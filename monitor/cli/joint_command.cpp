@@ -5,13 +5,12 @@
 #include <cmath>
 #include <csignal>
 #include <cstdio>
-#include <ctime>
 #include <memory>
 
 #include "config/load.hpp"
 #include "drivers/joint_jog.hpp"
 #include "drivers/protocol_table.hpp"
-#include "drivers/receive_stamp.hpp"
+#include "executive/contract/monotonic_clock.hpp"
 #include "executive/contract/pace.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/direct_bus.hpp"
@@ -27,27 +26,18 @@ struct Options {
 
 volatile std::sig_atomic_t g_interrupted = 0;
 
-MonoTime clock_now() {
-  return drivers::sample_clocks().monotonic;
-}
-
-void sleep_until(MonoTime wake) {
-  const timespec at{wake.ns / 1'000'000'000, wake.ns % 1'000'000'000};
-  ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, nullptr);
-}
-
 // Interrupting it releases the drive first.
 void run(drivers::JointJog& jog, drivers::JointDriver& driver, drivers::CanBus& bus, Duration period) {
   std::signal(SIGINT, [](int) { g_interrupted = 1; });
   std::signal(SIGTERM, [](int) { g_interrupted = 1; });
   std::array<drivers::ReceivedFrame, 64> received;
   std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out;
-  for (Pace pace(clock_now(), period); !jog.ended(); pace.advance(clock_now())) {
+  for (Pace pace(monotonic_now(), period); !jog.ended(); pace.advance(monotonic_now())) {
     sleep_until(pace.due());
     if (g_interrupted != 0) jog.stop();
     const std::size_t count = bus.receive(received);
     for (std::size_t i = 0; i < count; ++i) driver.decode(received[i]);
-    const std::size_t frames = jog.tick(clock_now(), out);
+    const std::size_t frames = jog.tick(monotonic_now(), out);
     for (std::size_t i = 0; i < frames; ++i) bus.send(out[i]);
   }
 }

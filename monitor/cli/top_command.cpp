@@ -12,7 +12,7 @@
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
-#include "drivers/receive_stamp.hpp"
+#include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/rendezvous.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/status_text.hpp"
@@ -37,10 +37,6 @@ struct Options {
   bool once = false, json = false, ascii = false;
 };
 
-MonoTime clock_now() {
-  return drivers::sample_clocks().monotonic;
-}
-
 std::string joined(const std::vector<std::string>& sentences) {
   std::string text;
   for (const std::string& sentence : sentences) text += (text.empty() ? "" : "; ") + sentence;
@@ -59,12 +55,12 @@ class Console {
 
   void run(top::Terminal& terminal) {
     while (!terminal.ended() && !quit_) {
-      const MonoTime now = clock_now();
+      const MonoTime now = monotonic_now();
       attachment_.look(now);
       take_snapshot_result(now);
       terminal.show(top::render(view_.picture(now), keys_.prompt(now), terminal.size(), glyphs_));
       for (const char key : top::keys_of(terminal.read(kFramePeriod)))
-        if (const auto wish = keys_.press(key, clock_now())) fulfil(*wish);
+        if (const auto wish = keys_.press(key, monotonic_now())) fulfil(*wish);
     }
   }
 
@@ -91,10 +87,10 @@ class Console {
 
   void ask(OperatorVerb verb, std::string_view done) {
     const auto reply = ipc::ask(socket_, verb, kAnswerWithin);
-    if (!reply) return keys_.note(reply.error(), true, clock_now());
+    if (!reply) return keys_.note(reply.error(), true, monotonic_now());
     const std::string said = joined(sentences_of(*reply));
     const bool refused = reply->done == 0;
-    keys_.note(said.empty() ? std::string(done) : (refused ? "refused: " : "") + said, refused, clock_now());
+    keys_.note(said.empty() ? std::string(done) : (refused ? "refused: " : "") + said, refused, monotonic_now());
   }
 
   void take_snapshot_result(MonoTime now) {
@@ -118,7 +114,7 @@ std::expected<top::Picture, Refusal> one_picture(const config::RobotConfig& robo
   top::LiveView view(robot);
   top::Attachment attachment(robot, directory, view);
   for (int look = 0;; ++look) {
-    const MonoTime now = clock_now();
+    const MonoTime now = monotonic_now();
     attachment.look(now);
     top::Picture picture = view.picture(now);
     if (picture.link == top::Link::waiting) return std::unexpected(Refusal{kExitUnavailable, picture.why});

@@ -13,7 +13,7 @@ Condenser::Condenser(const config::RobotConfig& robot, std::int64_t monotonic_to
       monotonic_to_unix_ns_(monotonic_to_unix_ns),
       since_(since),
       diagnoser_(robot),
-      joint_state_pace_({std::llround(1e9 / robot.dds->joint_state_rate)}) {}
+      joint_state_rate_({std::llround(1e9 / robot.dds->joint_state_rate)}) {}
 
 void Condenser::tick(const TickRecord& record) {
   const TickRecordHeader& header = record.header;
@@ -22,9 +22,9 @@ void Condenser::tick(const TickRecord& record) {
   if (header.arrival == Arrival::accepted && header.freshness != Freshness::missing)
     out_.put(
         CommandAge{unix_ns(header.now), header.tick, header.command_sequence, header.observation_answered, header.age});
-  if (joint_state_pace_.is_due(header.now)) put_joint_states(record);
+  if (joint_state_rate_.is_due(header.now)) put_joint_states(record);
   const bool changed = header.mode != header.previous_mode;
-  const bool status_due = status_pace_.is_due(header.now);
+  const bool status_due = status_rate_.is_due(header.now);
   if (changed || status_due) out_.put(status(true));
   if (diagnostics) out_.put(Diagnostics{unix_ns(header.now), std::move(*diagnostics)});
 }

@@ -37,7 +37,7 @@ class Condenser {
   std::int64_t monotonic_to_unix_ns_;
   MonoTime since_;
   Diagnoser diagnoser_;
-  Pace joint_state_pace_, status_pace_{kStatusPeriod};
+  RateLimit joint_state_rate_, status_rate_{kStatusPeriod};
   std::int64_t joint_states_unix_ns_ = 0;  // of the last
 };
 

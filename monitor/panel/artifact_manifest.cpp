@@ -6,6 +6,7 @@
 #include <initializer_list>
 #include <string_view>
 
+#include "monitor/json_error.hpp"
 #include "monitor/run_manifest.hpp"
 
 namespace takt::panel {
@@ -172,7 +173,7 @@ std::expected<ArtifactManifest, std::string> artifact_manifest_of(const Json& js
   } catch (const BadManifest& bad) {
     return std::unexpected(fmt::format("manifest.json is not an artifact's manifest: {}", bad.sentence));
   } catch (const nlohmann::json::exception& error) {
-    return std::unexpected(fmt::format("manifest.json is not an artifact's manifest: {}", error.what()));
+    return std::unexpected(fmt::format("manifest.json is not an artifact's manifest: {}", monitor::sentence_of(error)));
   }
 }
 

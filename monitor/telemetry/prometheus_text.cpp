@@ -7,6 +7,8 @@
 #include <string_view>
 #include <utility>
 
+#include "executive/contract/feedback_names.hpp"
+
 namespace takt::monitor {
 namespace {
 
@@ -124,15 +126,14 @@ void loop(Exposition& out, const LiveMetrics& metrics, const config::RobotConfig
 }
 
 void buses(Exposition& out, const LiveMetrics& metrics, const config::RobotConfig& robot) {
-  constexpr std::array<std::string_view, 4> kStates{"up", "error_passive", "bus_off", "down"};
   const auto each = [&](auto say) {
     for (std::size_t bus = 0; bus < metrics.newest.bus_count && bus < robot.buses.size(); ++bus)
       say(robot.buses[bus].name, metrics.newest.buses[bus]);
   };
   out.family("takt_bus_state", "gauge", "1 for the state a CAN bus is in.");
   each([&](std::string_view bus, const BusHealth& health) {
-    for (std::size_t i = 0; i < kStates.size(); ++i)
-      out.sample(static_cast<std::size_t>(health.state) == i ? 1 : 0, {{"bus", bus}, {"state", kStates[i]}});
+    for (std::size_t i = 0; i < kBusStateNames.size(); ++i)
+      out.sample(static_cast<std::size_t>(health.state) == i ? 1 : 0, {{"bus", bus}, {"state", kBusStateNames[i]}});
   });
   out.family("takt_bus_dropped_frames_total", "counter", "Frames lost on our side since the executive started.");
   each([&](std::string_view bus, const BusHealth& health) {

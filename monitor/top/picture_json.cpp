@@ -4,12 +4,12 @@
 
 #include <nlohmann/json.hpp>
 
+#include "executive/contract/feedback_names.hpp"
+
 namespace takt::monitor::top {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-constexpr std::array<std::string_view, 4> kBusStates{"up", "error_passive", "bus_off", "down"};
 
 Json quantiles_json(const Quantiles& quantiles) {
   return {{"count", quantiles.count},
@@ -55,9 +55,8 @@ Json policy_json(const Picture& picture) {
 }
 
 Json bus_json(const BusPicture& bus) {
-  const auto state = static_cast<std::size_t>(bus.health.state);
   return {{"bus", bus.name},
-          {"state", state < kBusStates.size() ? kBusStates[state] : "invalid"},
+          {"state", takt::name(bus.health.state)},
           {"load", bus.load},
           {"planned_load", bus.planned ? Json(*bus.planned) : Json(nullptr)},
           {"tx_dropped", bus.health.tx_dropped},

@@ -8,7 +8,6 @@
 // are medians over repetitions of each repetition's p50 and p99.
 #include <fmt/format.h>
 #include <sys/mman.h>
-#include <time.h>
 
 #include <CLI/CLI.hpp>
 #include <array>
@@ -19,6 +18,7 @@
 #include <optional>
 #include <span>
 
+#include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/executive_segments.hpp"
 #include "executive/ipc/slot_ring.hpp"
 #include "executive/pipeline/control_tick.hpp"
@@ -32,17 +32,6 @@ constexpr std::array<std::uint32_t, 4> kSizes{6, 12, 32, 64};
 constexpr int kPriority = 80;
 constexpr int kWarmUpTicks = 200;
 constexpr std::size_t kMaxSamples = 20'000;
-
-MonoTime monotonic_now() {
-  timespec now{};
-  clock_gettime(CLOCK_MONOTONIC, &now);
-  return {std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec};
-}
-
-void sleep_until(MonoTime instant) {
-  const timespec until{.tv_sec = instant.ns / 1'000'000'000, .tv_nsec = instant.ns % 1'000'000'000};
-  clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr);
-}
 
 // Zeroed memory that forked children share, as large as a ring needs.
 class RingMemory {

@@ -11,7 +11,7 @@
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
-#include "policy_host/monotonic_clock.hpp"
+#include "executive/contract/monotonic_clock.hpp"
 #include "tests/policy_host/fake_server.hpp"
 #include "tests/policy_host/scripted_policy.hpp"
 #include "tests/policy_host/small_robot.hpp"

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "policy_host/monotonic_clock.hpp"
+#include "executive/contract/monotonic_clock.hpp"
 #include "tests/policy_host/fake_server.hpp"
 
 namespace takt::policy_host {

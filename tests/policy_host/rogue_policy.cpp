@@ -16,10 +16,10 @@
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
+#include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/executive_segments.hpp"
 #include "executive/ipc/ring_layout.hpp"
 #include "policy_host/executive_link.hpp"
-#include "policy_host/monotonic_clock.hpp"
 #include "policy_host/pacing.hpp"
 
 namespace takt::policy_host {

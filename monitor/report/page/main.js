@@ -44,6 +44,9 @@ takt.main = async function (say) {
     const modes = [...new Set(facts.modes.map((band) => band[2]))];
     takt.swatches('mode-legend', modes.map((mode) => [takt.colour(mode), mode.replaceAll('_', ' ')]));
     if (facts.marks.length) element('mode-legend').append('; flags and dotted lines: marks');
+    if (facts.modes.length && facts.metrics.transition_count >= facts.modes.length) {
+      element('mode-legend').append(`; not drawn after ${facts.modes.at(-1)[1].toFixed(1)} s: the page holds ${facts.modes.length} of ${facts.metrics.transition_count + 1} stretches`);
+    }
     takt.swatches('bus-legend', takt.busStates.map((state) => [takt.colour(state.colour), state.name])
       .concat([[takt.colour('violated'), 'frames dropped or foreign']]));
     element('bus-legend').append('; the higher the worse');

@@ -5,9 +5,9 @@
 
 namespace takt::monitor {
 
-class Pace {
+class RateLimit {
  public:
-  explicit Pace(Duration period) : period_(period) {}
+  explicit RateLimit(Duration period) : period_(period) {}
   // True at the first `now` and when a period has passed since.
   bool is_due(MonoTime now) {
     if (now < next_) return false;

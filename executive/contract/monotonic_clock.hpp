@@ -1,12 +1,15 @@
-// CLOCK_MONOTONIC for the policy host's shell; the pure parts get time passed in.
-// Thread rule: any thread. sleep_until returns early when a signal arrives.
+// CLOCK_MONOTONIC for the shells of programs; what is pure gets time passed in.
+// Thread rule: any thread. sleep_until is absolute, so that a pace does not depend on how long the work took, and
+// returns early when a signal arrives.
 #pragma once
 
 #include <time.h>
 
+#include <cstdint>
+
 #include "executive/contract/mono_time.hpp"
 
-namespace takt::policy_host {
+namespace takt {
 
 inline MonoTime monotonic_now() {
   timespec now{};
@@ -20,4 +23,4 @@ inline void sleep_until(MonoTime when) {
   clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr);
 }
 
-}  // namespace takt::policy_host
+}  // namespace takt
