@@ -1,15 +1,15 @@
 #!/usr/bin/env python3
 """Runs Takt in an emulated robot PC: Debian's PREEMPT_RT kernel, systemd as PID 1, CAN interfaces.
 
-  hil.py --payload FOLDER [--jobs N] [--wall-limit S] [FILTER]    FILTER: regular expression on the cases' names
-  hil.py --planted --payload FOLDER [FILTER]   each case with its planted fault: it must fail
-  hil.py --native --payload FOLDER        what needs no guest, on this machine's own vcan
+  hil.py --package FOLDER [--jobs N] [--wall-limit S] [FILTER]   FOLDER with a takt_*.deb; FILTER: regular expression on the cases' names
+  hil.py --package FOLDER --planted [FILTER]   each case with its planted fault: it must fail
+  hil.py --package FOLDER --native             what needs no guest, on this machine's own vcan
   hil.py --list [FILTER]
 
 Each case gets a fresh guest. Its output streams, with the case's name in front; journal, kernel log and run folders lie
 in --out afterwards (default build/hil), beside summary.json. Page: docs/hil.md.
-Exit codes: 0 every case passed (or every planted fault was found), 1 a case failed, 64 command line or a case's header, 69 something is missing on this
-machine (qemu, or vcan for --native) or the guest cannot be built, 130 interrupted.
+Exit codes: 0 every case passed (or every planted fault was found), 1 a case failed, 64 command line or a case's header,
+69 something is missing on this machine (qemu, or vcan for --native) or the guest cannot be built, 130 interrupted.
 """
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ import time
 
 from rig.case import BadCase, Case, all_cases, matching, script
 from rig.machine import QEMU, run_machine
-from rig.payload import BadPayload, hand_over, required_packages, unpacked
-from rig.saved import NotSaved, save_if_missing, start_options
+from rig.package import BadPackage, hand_over, hash_of, package_in, programs_of, required_packages
+from rig.saved import NotInstalled, NotSaved, begins_saved, goes_on_from, installed, save_if_missing
 
 HERE = pathlib.Path(__file__).resolve().parent
 TOP = HERE.parent.parent
@@ -47,20 +47,33 @@ def cache_folder() -> pathlib.Path:
     return pathlib.Path(os.environ.get("TAKT_HIL_CACHE") or pathlib.Path.home() / ".cache/takt/hil")
 
 
-def build_guest(payload: pathlib.Path) -> pathlib.Path:
+def build_guest(package: pathlib.Path) -> pathlib.Path:
     command = [*([] if os.geteuid() == 0 else ["sudo"]), str(HERE / "guest/build.sh"), str(cache_folder()),
-               *required_packages(payload)]
+               *required_packages(package)]
     built = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
     if built.returncode != 0:
-        raise BadPayload("the guest cannot be built (what failed stands above)")
+        raise BadPackage("the guest cannot be built (what failed stands above)")
     return pathlib.Path(built.stdout.strip().splitlines()[-1])
 
 
-def prepare_job(case: Case, options: argparse.Namespace) -> pathlib.Path:
-    job = options.out / case.name
+def empty_job(name: str, options: argparse.Namespace) -> pathlib.Path:
+    job = options.out / name
     shutil.rmtree(job, ignore_errors=True)
     job.mkdir(parents=True)
-    hand_over(options.payload, job / "payload")
+    return job
+
+
+def installation_job(options: argparse.Namespace) -> pathlib.Path:
+    job = empty_job("installation", options)
+    hand_over(options.package, job)
+    (job / "environment").write_text("")
+    return job
+
+
+def case_job(case: Case, options: argparse.Namespace) -> pathlib.Path:
+    job = empty_job(case.name, options)
+    if not begins_saved(case):
+        hand_over(options.package, job)
     shutil.copytree(HERE / "lib", job / "lib")
     robots = job / "lib/robots"
     robots.mkdir()
@@ -84,19 +97,20 @@ def result_of(job: pathlib.Path, in_time: bool) -> str:
 
 
 def replay_failure(job: pathlib.Path, takt: pathlib.Path) -> str:
-    """What this machine's takt finds in the runs that the guest recorded; empty: every tick reproduces, bit for bit."""
+    """What this machine's takt finds in the runs that the guest recorded; empty: every tick reproduces, bit for bit. A monitor
+    that was killed at once leaves a run without a tick."""
     for run in sorted((job / "out/runs").glob("*/ticks.mcap")):
         replay = subprocess.run([str(takt), "replay", str(run.parent)], check=False, capture_output=True, text=True)
-        if replay.returncode != 0:
+        if replay.returncode != 0 and not replay.stdout.startswith("0 of 0 ticks "):
             return f"takt replay {run.parent}: {(replay.stdout + replay.stderr).strip()}"
     return ""
 
 
 def run_case(case: Case, image: pathlib.Path, options: argparse.Namespace) -> Verdict:
-    job = prepare_job(case, options)
+    job = case_job(case, options)
     began = time.monotonic()
-    ending = run_machine(case, image, job, options.wall_limit, lambda line: print(f"{case.name:18} | {line}", flush=True),
-                         start_options(case, image))
+    start = goes_on_from(installed(case, image, hash_of(options.package))) if begins_saved(case) else []
+    ending = run_machine(case, image, job, options.wall_limit, lambda line: print(f"{case.name:18} | {line}", flush=True), start)
     result = result_of(job, ending.in_time)
     if options.planted:
         result = {"passed": "missed", "failed": "found", "limit": "found"}.get(result, result)
@@ -104,16 +118,17 @@ def run_case(case: Case, image: pathlib.Path, options: argparse.Namespace) -> Ve
     if verdict.result == "passed" and (failure := replay_failure(job, options.takt)):
         print(f"{case.name:18} | {failure}", flush=True)
         verdict = dataclasses.replace(verdict, result="failed")
-    for part in ("payload", "lib"):
-        shutil.rmtree(job / part, ignore_errors=True)
+    shutil.rmtree(job / "lib", ignore_errors=True)
+    (job / "takt.deb").unlink(missing_ok=True)
     hint = f": look at {job}/console.log, qemu.log and out/" if verdict.result in ("limit", "no verdict") else ""
-    print(f"{case.name:18} | {verdict.result}{hint}", flush=True)
+    print(f"{case.name:18} | {verdict.result}, {time.monotonic() - options.began:.0f} s after the start{hint}", flush=True)
     return verdict
 
 
 def run_all(cases: list[Case], image: pathlib.Path, options: argparse.Namespace) -> list[Verdict]:
-    for case in cases:
-        save_if_missing(case, image)
+    installation = installation_job(options)
+    for case in filter(begins_saved, cases):
+        save_if_missing(case, image, installation, hash_of(options.package))
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
         running = [pool.submit(run_case, case, image, options) for case in cases]
         try:
@@ -124,7 +139,7 @@ def run_all(cases: list[Case], image: pathlib.Path, options: argparse.Namespace)
 
 
 def run_native(options: argparse.Namespace) -> int:
-    programs = unpacked(options.payload, options.out / "unpacked") / "usr/bin"
+    programs = programs_of(options.package, options.out / "unpacked")
     command = [*([] if os.geteuid() == 0 else ["sudo"]), str(HERE / "lib/native.sh"), str(programs), str(TOP / "config")]
     return subprocess.run(command, check=False).returncode
 
@@ -148,7 +163,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--list", action="store_true", help="name the cases and end")
     parser.add_argument("--planted", action="store_true", help="run each case with the fault that its header plants: it must fail")
     parser.add_argument("--native", action="store_true", help="run what needs no guest on this machine's own vcan")
-    parser.add_argument("--payload", type=pathlib.Path, help="folder of .deb files, or a staged installation")
+    parser.add_argument("--package", type=pathlib.Path, help="folder with the takt_*.deb that is tested")
     parser.add_argument("--tool", type=pathlib.Path, action="append", default=[], help="program that cases need beside Takt")
     parser.add_argument("--cases", type=pathlib.Path, default=HERE / "cases", help="folder of cases")
     parser.add_argument("--out", type=pathlib.Path, default=TOP / "build/hil/results")
@@ -175,23 +190,29 @@ def main() -> int:
         for case in cases:
             print(f"{case.name:18} {case.mode:8} {case.goal}")
         return 0
-    if not options.payload:
-        return refuse(EXIT_USAGE, "--payload is missing: a folder of .deb files, or a staged installation")
+    if not options.package:
+        return refuse(EXIT_USAGE, "--package is missing: a folder with a takt_*.deb, which ./dev package makes")
+    try:
+        options.package = package_in(options.package)
+    except BadPackage as problem:
+        return refuse(EXIT_USAGE, str(problem))
     if options.native:
         return run_native(options)
     if not shutil.which(QEMU):
         return refuse(EXIT_UNAVAILABLE, f"{QEMU} is not installed: apt install qemu-system-x86")
     options.out = options.out.resolve()
-    began = time.monotonic()
+    options.began = time.monotonic()
     try:
-        image = build_guest(options.payload)
-        options.takt = unpacked(options.payload, options.out / "unpacked") / "usr/bin/takt"
+        image = build_guest(options.package)
+        options.takt = programs_of(options.package, options.out / "unpacked") / "takt"
         verdicts = run_all(cases, image, options)
-    except (BadPayload, NotSaved) as problem:
+    except (BadPackage, NotSaved) as problem:
         return refuse(EXIT_UNAVAILABLE, str(problem))
+    except NotInstalled as problem:
+        return refuse(EXIT_FAILED, f"Takt does not install in the guest: {problem}")
     except KeyboardInterrupt:
         return refuse(EXIT_INTERRUPTED, "interrupted")
-    return report(verdicts, options.planted, options.out, time.monotonic() - began)
+    return report(verdicts, options.planted, options.out, time.monotonic() - options.began)
 
 
 if __name__ == "__main__":

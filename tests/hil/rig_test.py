@@ -11,7 +11,7 @@ from unittest import mock
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 import hil
-from rig import machine, payload, saved
+from rig import machine, package, saved
 from rig.case import BadCase, Case, all_cases, matching, read_case, script
 
 HEADER = ("#!/bin/bash\n# Goal: g\n# Method: one\n#   two\n# Mode: virtual\n# Limit: 7 s\n# Planted fault: f\n"
@@ -58,6 +58,11 @@ class Headers(Folder):
             with self.assertRaises(BadCase):
                 script(self.case(HEADER.replace("s/^echo/false/", by)), planted=True)
 
+    def test_a_short_limit_comes_first(self) -> None:
+        for name, limit in (("a", "9 s"), ("b", "10 s"), ("c", "9 s")):
+            (self.folder / f"{name}.sh").write_text(HEADER.replace("7 s", limit))
+        self.assertEqual([case.name for case in all_cases(self.folder)], ["a", "c", "b"])
+
     def test_filter_is_a_regular_expression(self) -> None:
         cases = [Case(name, self.folder, "", "", "virtual", "plain", 1) for name in ("bus_off", "link_down", "tracking")]
         self.assertEqual([case.name for case in matching(cases, "bus|link")], ["bus_off", "link_down"])
@@ -75,15 +80,15 @@ class Verdicts(Folder):
                 verdict.write_text(written)
             self.assertEqual(hil.result_of(self.folder, in_time), expected)
 
-    def test_takt_dev_is_no_part_of_the_payload(self) -> None:
+    def test_tests_the_one_package_that_is_no_takt_dev(self) -> None:
+        with self.assertRaises(package.BadPackage):
+            package.package_in(self.folder)
         for name in ("takt_0.1.0-1_amd64.deb", "takt-dev_0.1.0-1_amd64.deb"):
             (self.folder / name).write_text("a package")
-        payload.hand_over(self.folder, self.folder / "guest")
-        self.assertEqual([path.name for path in (self.folder / "guest").iterdir()], ["takt_0.1.0-1_amd64.deb"])
-
-    def test_a_payload_without_programs_is_refused(self) -> None:
-        with self.assertRaises(payload.BadPayload):
-            payload.required_packages(self.folder)
+        self.assertEqual(package.package_in(self.folder).name, "takt_0.1.0-1_amd64.deb")
+        (self.folder / "takt_0.2.0-1_amd64.deb").write_text("another")
+        with self.assertRaises(package.BadPackage):
+            package.package_in(self.folder)
 
 
 class Machines(Folder):
@@ -117,37 +122,56 @@ class Machines(Folder):
 
 
 class SavedMachines(Folder):
-    """A script in qemu's place says its guest waits, then does what the monitor is told: `migrate "exec:COMMAND"`, `quit`."""
+    """A script in qemu's place says what its guest says (first boot, then with the job), then does what the monitor is told:
+    `migrate "exec:COMMAND"`, `quit`."""
     QEMU = ("import socket, subprocess, sys\n"
+            "begin = [option for option in sys.argv if option.startswith('exec:cat ')]\n"
             "out, monitor = socket.socket(socket.AF_UNIX), socket.socket(socket.AF_UNIX)\n"
-            "out.connect(sys.argv[1])\nmonitor.connect(sys.argv[-1].removeprefix('unix:'))\nout.sendall(%r)\n"
+            "out.connect(sys.argv[1])\nmonitor.connect(sys.argv[-1].removeprefix('unix:'))\n"
+            "if begin: assert out.recv(9) == b'go\\n'\n"
+            "out.sendall(%r if begin else %r)\n"
+            "if %r: out.shutdown(socket.SHUT_WR)\n"
             "for line in monitor.makefile():\n"
             "    if line == 'quit\\n': break\n"
-            "    if line.startswith('migrate '): subprocess.run(line.split('exec:')[1].rstrip('\\n\"'), shell=True, input=b'all')\n")
+            "    if line.startswith('migrate '): subprocess.run(line.split('exec:')[1].rstrip('\\n\"'), shell=True, input=b'%s')\n")
 
-    def save(self, first_line: bytes) -> list[str]:
+    def save(self, after_boot: bytes, after_job: bytes = b"guest: installed\n", ends: bool = False) -> pathlib.Path:
         case = self.case(HEADER)
-        command = lambda case, image, job, out: [sys.executable, "-c", self.QEMU % first_line, out]
-        with mock.patch.object(saved, "qemu_command", command), mock.patch.object(saved, "_path", lambda case, image: image / "started-1"):
-            (self.folder / "started-0").touch()
-            saved.save_if_missing(case, self.folder)
-            return saved.start_options(case, self.folder)
+        script_text = self.QEMU % (after_job, after_boot, ends, "all")
+        command = lambda case, image, job, out: [sys.executable, "-c", script_text, out]
+        with mock.patch.object(saved, "qemu_command", command), \
+                mock.patch.object(saved, "_started", lambda case, image: image / "started-1"):
+            for old in ("started-0", "installed-0"):
+                (self.folder / old).touch()
+            saved.save_if_missing(case, self.folder, self.folder, "package")
+            return saved.installed(case, self.folder, "package")
 
-    def test_saves_a_machine_that_waits_and_starts_from_it(self) -> None:
-        self.assertIn(f"exec:cat '{self.folder}/started-1'", self.save(b"guest: started\n"))
+    def test_saves_a_machine_that_waits_and_again_with_the_package(self) -> None:
+        installed = self.save(b"guest: started\n")
         self.assertEqual((self.folder / "started-1").read_text(), "all")
-        self.assertFalse((self.folder / "started-0").exists(), "a machine that nothing starts from any more")
+        self.assertEqual(installed.read_text(), "all")
+        self.assertIn(f"exec:cat '{installed}'", saved.goes_on_from(installed))
+        self.assertEqual(sorted(path.name for path in self.folder.glob("*-0")), [], "machines that nothing goes on from any more")
 
-    def test_refuses_a_guest_that_says_something_else(self) -> None:
+    def test_refuses_a_guest_that_ends_instead(self) -> None:
         with self.assertRaises(saved.NotSaved):
-            self.save(b"hil: no root file system\n")
+            self.save(b"hil: no root file system\n", ends=True)
         self.assertFalse((self.folder / "started-1").exists())
+
+    def test_tells_why_the_package_does_not_install(self) -> None:
+        (self.folder / "started-1").touch()
+        with self.assertRaisesRegex(saved.NotInstalled, "libzstd1 is not installed"):
+            self.save(b"", b"Takt does not install:\nlibzstd1 is not installed\n", ends=True)
+        self.assertEqual(list(self.folder.glob("installed-*[!0]")), [])
+
+    def test_another_package_is_another_machine(self) -> None:
+        with mock.patch.object(saved, "_started", lambda case, image: image / "started-1"):
+            self.assertNotEqual(*(saved.installed(self.case(HEADER), self.folder, package_hash) for package_hash in ("a", "b")))
 
     def test_other_machines_boot(self) -> None:
         for changed in (("virtual", "paced"), ("# Limit", "# Machine: kvaser\n# Limit")):
-            case = self.case(HEADER.replace(*changed, 1))
-            saved.save_if_missing(case, self.folder)
-            self.assertEqual(saved.start_options(case, self.folder), [])
+            self.assertFalse(saved.begins_saved(self.case(HEADER.replace(*changed, 1))))
+        self.assertTrue(saved.begins_saved(self.case(HEADER)))
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ ip -d link show can0 | grep -q 'bitrate 1000000' || fail "not the robot file's b
 plant
 takt_up
 tracking
-no_overrun_in 2000 "on SJA1000 controllers"
+no_overrun_in 1000 "on SJA1000 controllers"
 mode_is tracking || fail "mode $(field mode): $(cat /var/lib/takt/runs/*/transitions.jsonl)"
 ip link set can2 down
 within 2 "fault" happened tracking fault_latched bus_down

@@ -66,7 +66,9 @@ def read_case(path: pathlib.Path) -> Case:
 
 
 def all_cases(folder: pathlib.Path) -> list[Case]:
-    return [read_case(path) for path in sorted(folder.iterdir()) if path.suffix in (".sh", ".py")]
+    """Those with a short limit first, so that a first result comes soon."""
+    cases = [read_case(path) for path in folder.iterdir() if path.suffix in (".sh", ".py")]
+    return sorted(cases, key=lambda case: (case.limit_s, case.name))
 
 
 def matching(cases: list[Case], pattern: str | None) -> list[Case]:

@@ -18,7 +18,9 @@ from collections.abc import Callable, Sequence
 from rig.case import Case
 
 QEMU = "qemu-system-x86_64"
-WAITS_FOR_JOB = "guest: started"  # the guest's first line; it goes on when it was answered
+# The guest goes on when either was answered.
+WAITS_FOR_JOB = "guest: started"
+WAITS_FOR_CASE = "guest: installed"  # it had a job without one
 MEMORY_MIB = 1024
 KERNEL_OPTIONS = ("console=ttyS0 quiet loglevel=4 panic=-1 oops=panic mitigations=off nokaslr clocksource=tsc tsc=reliable "
                   "no_timer_check random.trust_cpu=on audit=0 nmi_watchdog=0 cryptomgr.notests 8250.nr_uarts=1 "

@@ -1,6 +1,7 @@
-"""Machines saved where they wait for their job, so that a case need not wait for a boot.
+"""Machines saved where they wait for a job, so that a case need neither wait for a boot nor for an installation.
 
-Kept beside the image, named by everything that shaped the machine. Only machines in virtual time without further devices:
+started-KEY: booted; named by everything that shaped the machine. installed-KEY: the same with the package installed; named
+by that and the package. Both beside the image, the newest of each. Only machines in virtual time without further devices:
 the boots of the few others are theirs.
 """
 from __future__ import annotations
@@ -13,7 +14,7 @@ import subprocess
 import tempfile
 
 from rig.case import Case
-from rig.machine import QEMU, WAITS_FOR_JOB, qemu_command
+from rig.machine import QEMU, WAITS_FOR_CASE, WAITS_FOR_JOB, qemu_command
 
 WALL_LIMIT_S = 600
 # Not told in what state it was saved, a machine goes on at once.
@@ -24,60 +25,90 @@ class NotSaved(Exception):
     """The machine could not be saved: one sentence."""
 
 
+class NotInstalled(Exception):
+    """The guest could not install the package: its words."""
+
+
+def begins_saved(case: Case) -> bool:
+    return case.mode == "virtual" and case.machine == "plain"
+
+
 @functools.cache
-def _path(case: Case, image: pathlib.Path) -> pathlib.Path:
+def _started(case: Case, image: pathlib.Path) -> pathlib.Path:
     version = subprocess.run([QEMU, "--version"], check=True, capture_output=True).stdout
     command = qemu_command(case, image, pathlib.Path("job"), "out")
     return image / f"started-{hashlib.sha256(version + repr(command).encode()).hexdigest()[:16]}"
 
 
-def _begins_saved(case: Case) -> bool:
-    return case.mode == "virtual" and case.machine == "plain"
+def installed(case: Case, image: pathlib.Path, package_hash: str) -> pathlib.Path:
+    key = hashlib.sha256(f"{_started(case, image).name} {package_hash}".encode()).hexdigest()[:16]
+    return image / f"installed-{key}"
 
 
-def _save_when_it_waits(guest: socket.socket, console: socket.socket, into: pathlib.Path) -> None:
+def goes_on_from(saved: pathlib.Path) -> list[str]:
+    """What makes qemu go on with that machine; it waits for the answer that it waited for."""
+    return [*OPTIONS, "-incoming", f"exec:cat '{saved}'"]
+
+
+def _save_when_it_waits(guest: socket.socket, console: socket.socket, until: str, into: pathlib.Path) -> None:
     guest.settimeout(WALL_LIMIT_S)
     with guest.makefile() as lines:
-        if not lines.readline().startswith(WAITS_FOR_JOB):
+        said: list[str] = []
+        for line in lines:
+            if line.startswith(until):
+                break
+            said.append(line)
+        else:
+            if until == WAITS_FOR_CASE:
+                raise NotInstalled("".join(said).strip() or "the guest ended while it installed")
             raise NotSaved("the guest ended before it waited for a job")
     console.settimeout(WALL_LIMIT_S)
     for command in ("stop", "migrate_set_parameter max-bandwidth 4G", f"migrate \"exec:cat >'{into}'\"", "quit"):
         console.sendall(f"{command}\n".encode())
     with console.makefile(errors="replace") as answers:
-        if "Error" in (said := answers.read()):
-            raise NotSaved(f"qemu cannot save the guest: {said}")
+        if "Error" in (said_by_qemu := answers.read()):
+            raise NotSaved(f"qemu cannot save the guest: {said_by_qemu}")
 
 
-def _save(case: Case, image: pathlib.Path, into: pathlib.Path) -> None:
+def _save(case: Case, image: pathlib.Path, job: pathlib.Path, begin: pathlib.Path | None, into: pathlib.Path) -> None:
+    """A machine that boots, until it waits for a job; or one that goes on from `begin` with the job, until it waits for a case."""
     with tempfile.TemporaryDirectory(prefix="takt-hil.") as folder, socket.socket(socket.AF_UNIX) as out, \
             socket.socket(socket.AF_UNIX) as monitor:
         for server, name in ((out, "out"), (monitor, "monitor")):
             server.settimeout(WALL_LIMIT_S)
             server.bind(f"{folder}/{name}")
             server.listen(1)
-        command = [*qemu_command(case, image, pathlib.Path(folder), f"{folder}/out"), *OPTIONS, "-monitor", f"unix:{folder}/monitor"]
+        command = [*qemu_command(case, image, job, f"{folder}/out"), *(goes_on_from(begin) if begin else OPTIONS),
+                   "-monitor", f"unix:{folder}/monitor"]
         with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL) as qemu:
             try:
                 with monitor.accept()[0] as console, out.accept()[0] as guest:
-                    _save_when_it_waits(guest, console, into)
+                    if begin:
+                        guest.sendall(b"go\n")
+                    _save_when_it_waits(guest, console, WAITS_FOR_CASE if begin else WAITS_FOR_JOB, into)
                 if qemu.wait(WALL_LIMIT_S) != 0:
                     raise NotSaved(f"qemu ended with {qemu.returncode} while it saved the guest")
             except (TimeoutError, subprocess.TimeoutExpired) as problem:
-                raise NotSaved(f"the guest did not start within {WALL_LIMIT_S} s") from problem
+                raise NotSaved(f"the guest did not come to wait within {WALL_LIMIT_S} s") from problem
             finally:
                 qemu.kill()
 
 
-def save_if_missing(case: Case, image: pathlib.Path) -> None:
-    if not _begins_saved(case) or _path(case, image).exists():
+def _save_if_missing(case: Case, image: pathlib.Path, job: pathlib.Path, begin: pathlib.Path | None, saved: pathlib.Path) -> None:
+    if saved.exists():
         return
-    for old in image.glob("started-*"):
+    kind = saved.name.split("-")[0]
+    for old in image.glob(f"{kind}-*"):
         old.unlink()
-    new = image / "new.started"
-    _save(case, image, new)
-    new.rename(_path(case, image))
+    new = image / f"new.{kind}"
+    _save(case, image, job, begin, new)
+    new.rename(saved)
 
 
-def start_options(case: Case, image: pathlib.Path) -> list[str]:
-    """What makes qemu go on with the saved machine; nothing for a case that must boot."""
-    return [*OPTIONS, "-incoming", f"exec:cat '{_path(case, image)}'"] if _begins_saved(case) else []
+def save_if_missing(case: Case, image: pathlib.Path, job: pathlib.Path, package_hash: str) -> None:
+    """The machine with the package that `job` holds, for a case that begins saved."""
+    started = _started(case, image)
+    saved = installed(case, image, package_hash)
+    if not saved.exists():
+        _save_if_missing(case, image, job, None, started)
+        _save_if_missing(case, image, job, started, saved)
