@@ -51,9 +51,9 @@ void RecordStream::report(Ring& ring, std::uint64_t next_tick, const RecordSink&
   if (next_tick != 0) ring.last_tick = next_tick;
 }
 
-void RecordStream::read_at_most(std::size_t entries, Ring& ring, const RecordSink& sink,
-                                const std::function<void(std::span<const std::byte>)>& entry) {
-  for (std::size_t count = 0; count < entries; ++count) {
+void RecordStream::read_all(Ring& ring, const RecordSink& sink,
+                            const std::function<void(std::span<const std::byte>)>& entry) {
+  for (std::size_t count = 0; count < ring.slots; ++count) {
     const ipc::ReadResult result = ring.reader.read_next(buffer_);
     switch (result.status) {
       case ipc::ReadStatus::nothing_new:
@@ -72,11 +72,6 @@ void RecordStream::read_at_most(std::size_t entries, Ring& ring, const RecordSin
         break;
     }
   }
-}
-
-void RecordStream::read_all(Ring& ring, const RecordSink& sink,
-                            const std::function<void(std::span<const std::byte>)>& entry) {
-  read_at_most(ring.slots, ring, sink, entry);
 }
 
 void RecordStream::read_ticks(const RecordSink& sink) {
@@ -143,7 +138,7 @@ void RecordStream::hand_on(const RecordSink& sink, std::uint64_t up_to) {
 
 void RecordStream::drain(const RecordSink& sink, bool all) {
   // Frames first: theirs is the ring that fills fastest. Ticks before what is tied to them, see the header.
-  read_at_most(all ? frames_.slots : kFramesPerDrain, frames_, sink, [&](std::span<const std::byte> entry) {
+  read_all(frames_, sink, [&](std::span<const std::byte> entry) {
     FrameRecord frame;
     if (entry.size() != sizeof frame) {
       ++frames_.unreadable;

@@ -35,17 +35,12 @@ struct RecordSink {
   std::function<void(const Loss&)> loss;
 };
 
-// A monitor that has fallen behind, or comes late, reads its way through some frames, then ticks, and so on: both reach
-// the medium meanwhile.
-inline constexpr std::size_t kFramesPerDrain = 4096;
-
 class RecordStream {
  public:
   // `joint_count` fixes the shape of the tick ring. The error is one sentence.
   static std::expected<RecordStream, std::string> attach(const RingMemories& rings, std::size_t joint_count);
 
-  // Hands on what can be handed on now, of frames kFramesPerDrain at most. `all`: every frame, and the newest tick too,
-  // because none will follow.
+  // Hands on what can be handed on now. `all`: the newest tick too, because none will follow.
   void drain(const RecordSink& sink, bool all);
 
  private:
@@ -59,8 +54,6 @@ class RecordStream {
   };
   RecordStream(const Ring& ticks, const Ring& commands, const Ring& keyframes, const Ring& frames);
 
-  void read_at_most(std::size_t entries, Ring& ring, const RecordSink& sink,
-                    const std::function<void(std::span<const std::byte>)>& entry);
   // Reads at most one ring's worth of entries.
   void read_all(Ring& ring, const RecordSink& sink, const std::function<void(std::span<const std::byte>)>& entry);
   // Declares what was lost up to an entry of `next_tick`; 0: up to nothing yet.

@@ -120,24 +120,6 @@ TEST_F(RecorderTest, AnUndisturbedRunIsWholeAndSaysSo) {
   EXPECT_EQ(frames, 2'000U);
 }
 
-// A monitor that comes late reads frames and ticks in turns, so that none of them waits for all of the other.
-TEST_F(RecorderTest, ABacklogOfFramesDoesNotHoldUpTicks) {
-  auto stream = attach();
-  robot_.run(6'000);
-  std::size_t ticks = 0, frames = 0;
-  const RecordSink sink{.command = [](const RecordedCommand&) {},
-                        .tick = [&](const TickRecord&) { ++ticks; },
-                        .keyframe = [](const RecordedKeyframe&) {},
-                        .frame = [&](const FrameRecord&) { ++frames; },
-                        .loss = [](const Loss&) {}};
-  stream.drain(sink, false);
-  EXPECT_EQ(frames, kFramesPerDrain);
-  EXPECT_EQ(ticks, 5'999U);
-  stream.drain(sink, true);
-  EXPECT_EQ(frames, 6'000U);
-  EXPECT_EQ(ticks, 6'000U);
-}
-
 // A monitor that slept for longer than the ring is long: what it missed is declared, the rest is right and replays.
 TEST_F(RecorderTest, ASlowMonitorDeclaresWhatItMissed) {
   auto stream = attach();
