@@ -73,6 +73,13 @@ bool connect_to(const Descriptor& socket, const std::string& path) {
   return connect(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
 }
 
+bool may_listen(const std::string& path) {
+  if (!check_path(path)) return false;  // no socket has such a path
+  const Descriptor socket = open_seqpacket(SOCK_NONBLOCK);
+  if (!socket.is_open() || connect_to(socket, path)) return true;
+  return errno != ENOENT && errno != ECONNREFUSED && errno != ENOTDIR;
+}
+
 Credentials peer_of(int socket) {
   ucred credentials{};
   socklen_t size = sizeof credentials;

@@ -134,9 +134,14 @@ SetupStep minimise_timer_slack() {
 }
 
 SetupStep pin(const config::Control& control) {
-  if (!control.cpu) return step("affinity", true, true, "left free by the configuration");
   cpu_set_t set;
   CPU_ZERO(&set);
+  if (!control.cpu) {
+    // Not where this process happens to be held: the unit keeps its other threads off the control core.
+    for (std::size_t cpu = 0; cpu < CPU_SETSIZE; ++cpu) CPU_SET(cpu, &set);
+    const bool ok = sched_setaffinity(0, sizeof set, &set) == 0;
+    return step("affinity", true, true, ok ? "none: free to run on every core" : "as inherited: " + why());
+  }
   const bool possible = *control.cpu >= 0 && *control.cpu < CPU_SETSIZE;
   if (possible) CPU_SET(static_cast<std::size_t>(*control.cpu), &set);
   const std::string core = "core " + std::to_string(*control.cpu);

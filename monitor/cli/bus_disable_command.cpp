@@ -14,6 +14,7 @@
 #include "executive/contract/monotonic_clock.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/direct_bus.hpp"
+#include "monitor/cli/executive_guard.hpp"
 
 namespace takt::cli {
 namespace {
@@ -133,7 +134,7 @@ int report(const DirectRobot& robot, const Disabler& disabler, bool json) {
 std::expected<int, Refusal> disable(const Options& options) {
   const auto robot = load_robot(options.robot_file, options.runtime_dir);
   if (!robot) return std::unexpected(robot.error());
-  if (const auto free = require_no_executive(*robot); !free) return std::unexpected(free.error());
+  if (const auto free = require_no_executive(robot->executives); !free) return std::unexpected(free.error());
   auto disabler = Disabler::open(*robot);
   if (!disabler) return std::unexpected(disabler.error());
   const Duration period = robot->config.control.period;

@@ -11,6 +11,7 @@
 #include "executive/contract/monotonic_clock.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/direct_bus.hpp"
+#include "monitor/cli/executive_guard.hpp"
 
 namespace takt::cli {
 namespace {
@@ -109,7 +110,7 @@ void print(const std::vector<Line>& lines, bool as_json) {
 std::expected<int, Refusal> scan(const Options& options) {
   const auto robot = load_robot(options.robot_file, options.runtime_dir);
   if (!robot) return std::unexpected(robot.error());
-  if (const auto free = require_no_executive(*robot); !free) return std::unexpected(free.error());
+  if (const auto free = require_no_executive(robot->executives); !free) return std::unexpected(free.error());
   std::vector<Line> lines;
   for (std::size_t bus = 0; bus < robot->config.buses.size(); ++bus) {
     auto opened = open_bus(*robot, bus);

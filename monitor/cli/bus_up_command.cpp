@@ -9,6 +9,7 @@
 #include "config/load.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/direct_bus.hpp"
+#include "monitor/cli/executive_guard.hpp"
 #include "monitor/cli/external_tool.hpp"
 
 namespace takt::cli {
@@ -84,6 +85,9 @@ std::expected<void, Refusal> bring_up(const config::RobotConfig& robot, std::siz
 std::expected<int, Refusal> up(const Options& options) {
   const auto robot = load_robot(options.robot_file, {});
   if (!robot) return std::unexpected(robot.error());
+  if (!options.dry_run) {
+    if (const auto disarmed = require_disarmed(robot->executives); !disarmed) return std::unexpected(disarmed.error());
+  }
   bool any = false;
   for (std::size_t index = 0; index < robot->config.buses.size(); ++index) {
     if (!options.interface.empty() && robot->config.buses[index].interface != options.interface) continue;
@@ -107,7 +111,8 @@ void add_bus_up(CLI::App& bus, int& exit_code) {
   command->footer(
       "Example: sudo takt bus up --robot robot.yaml\n"
       "takt-can@IFACE.service does this for one interface when its adapter appears.\n"
-      "Exit codes: 0 up, 1 the kernel refused, 64 command line, 65 configuration, 69 no such interface.");
+      "Refused while the robot is armed: an interface goes down before its bit rates change.\n"
+      "Exit codes: 0 up, 1 armed, or the kernel refused, 64 command line, 65 configuration, 69 no such interface.");
   command->callback([options, &exit_code] {
     const auto done = up(*options);
     if (!done) fmt::print(stderr, "takt bus up: {}\n", done.error().sentence);

@@ -13,6 +13,7 @@
 #include "drivers/receive_stamp.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/direct_bus.hpp"
+#include "monitor/cli/executive_guard.hpp"
 
 namespace takt::cli {
 namespace {
@@ -62,7 +63,7 @@ std::expected<int, Refusal> set_zero(const Options& options) {
   if (!robot) return std::unexpected(robot.error());
   const auto index = find_joint(*robot, options.joint);
   if (!index) return std::unexpected(index.error());
-  if (const auto free = require_no_executive(*robot); !free) return std::unexpected(free.error());
+  if (const auto free = require_no_executive(robot->executives); !free) return std::unexpected(free.error());
   const config::Joint& joint = robot->config.joints[*index];
   auto driver = drivers::make_lone_driver(robot->config, *index);
   if (!driver) return std::unexpected(Refusal{config::kExitBadConfiguration, driver.error()});

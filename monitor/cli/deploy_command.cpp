@@ -13,6 +13,7 @@
 #include "monitor/cli/checked_robot.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/deployed_robot.hpp"
+#include "monitor/cli/executive_guard.hpp"
 #include "monitor/cli/scenario.hpp"
 #include "monitor/deploy/smoke.hpp"
 #include "monitor/deploy/store.hpp"
@@ -45,7 +46,9 @@ std::expected<void, Refusal> go_back(deploy::Store& store, const DeployedRobot& 
   if (previous.empty())
     return refused("nothing was deployed before: the new deployment stays, and nothing vouches for it");
   if (const auto back = store.use(previous); !back) return refused("going back: " + back.error());
-  if (const auto restarted = restart(place); !restarted) return refused("going back: " + restarted.error().sentence);
+  const auto robot = config::load(store.robot_file(previous));
+  if (const auto restarted = restart_and_wait(place, robot && robot->policy); !restarted)
+    return refused(fmt::format("{} is in use again: {}", previous, restarted.error().sentence));
   return {};
 }
 
@@ -75,13 +78,17 @@ std::expected<Outcome, Refusal> deploy_robot(const Options& options) {
   const config::RobotConfig& robot = checked->robot;
   auto store = deploy::Store::open(options.store);
   if (!store) return refused(store.error());
-  if (const auto disarmed = require_disarmed(options.place); !disarmed) return std::unexpected(disarmed.error());
+  const std::vector<std::string> places{options.place.runtime_directory};
+  if (const auto disarmed = require_disarmed(places); !disarmed) return std::unexpected(disarmed.error());
 
   const auto smoke = deploy::smoke_run(robot);
   if (!smoke) return refused(fmt::format("smoke run failed, nothing was changed: {}", smoke.error()));
   Outcome outcome{options.name.empty() ? new_name(robot) : options.name, store->current(), *smoke, {}, {}};
   if (const auto added = store->add({robot, outcome.name, options.runs, options.simulated}); !added)
     return refused(added.error());
+  // Again: the smoke run took seconds. From here on Ctrl-C goes back instead of ending half-way.
+  catch_interruptions();
+  if (const auto disarmed = require_disarmed(places); !disarmed) return std::unexpected(disarmed.error());
   if (const auto used = store->use(outcome.name); !used) return refused(used.error());
   if (const auto proven = prove(*store, options, robot, outcome); !proven)
     return refused(fmt::format("{}: {}; {}", outcome.name, outcome.reason, proven.error().sentence));

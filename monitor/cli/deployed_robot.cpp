@@ -25,12 +25,17 @@ std::optional<StatusSnapshot> status_of(const DeployedRobot& robot) {
   return reply->status;
 }
 
+void wait_a_little() {
+  const timespec pause{0, kLookPeriod_ns};
+  ::nanosleep(&pause, nullptr);
+}
+
+}  // namespace
+
 void catch_interruptions() {
   g_interrupted = 0;
   for (const int number : {SIGINT, SIGTERM, SIGHUP}) std::signal(number, [](int) { g_interrupted = 1; });
 }
-
-}  // namespace
 
 void add_deployment_options(CLI::App& command, DeploymentOptions& options) {
   command.add_option("--store", options.store, "where deployments are kept")->capture_default_str();
@@ -46,15 +51,7 @@ void settle_restart(DeploymentOptions& options) {
   if (options.no_restart)
     options.place.restart.clear();
   else if (options.place.restart.empty() && std::filesystem::exists("/run/systemd/system"))
-    options.place.restart = "systemctl restart takt.target";
-}
-
-std::expected<void, Refusal> require_disarmed(const DeployedRobot& robot) {
-  const auto status = status_of(robot);
-  if (!status || status->tick.drives_enabled == 0) return {};
-  return std::unexpected(
-      Refusal{kExitFailed, fmt::format("the robot in {} is armed, mode {}: `takt stop`, then `takt reset`, first",
-                                       robot.runtime_directory, name(status->tick.mode))});
+    options.place.restart = "systemctl reset-failed 'takt-*'; systemctl restart takt.target";
 }
 
 std::expected<void, Refusal> restart(const DeployedRobot& robot) {
@@ -68,7 +65,6 @@ std::expected<void, Refusal> restart(const DeployedRobot& robot) {
 
 Watched watch(const DeployedRobot& place, const config::RobotConfig& robot, const deploy::ProbationTimes& times,
               bool arm) {
-  catch_interruptions();
   deploy::Probation probation(times, robot.policy.has_value());
   const MonoTime started = monotonic_now();
   while (g_interrupted == 0) {
@@ -77,10 +73,21 @@ Watched watch(const DeployedRobot& place, const config::RobotConfig& robot, cons
     // Refused as long as something is missing; `arm_within` bounds how often this is asked.
     if (arm && stage == deploy::Stage::waiting)
       (void)ipc::ask(config::executive_socket(place.runtime_directory), OperatorVerb::arm, kAnswerWithin);
-    const timespec pause{0, kLookPeriod_ns};
-    ::nanosleep(&pause, nullptr);
+    wait_a_little();
   }
   return {deploy::Stage::failed, "interrupted"};
+}
+
+std::expected<void, Refusal> restart_and_wait(const DeployedRobot& robot, bool wants_policy) {
+  if (const auto restarted = restart(robot); !restarted || robot.restart.empty()) return restarted;
+  deploy::Probation probation({}, wants_policy);
+  const MonoTime started = monotonic_now();
+  for (;; wait_a_little()) {
+    const deploy::Stage stage = probation.look(monotonic_now() - started, status_of(robot));
+    if (stage == deploy::Stage::failed)
+      return std::unexpected(Refusal{kExitFailed, fmt::format("restarted, but {}", probation.reason())});
+    if (stage != deploy::Stage::starting) return {};
+  }
 }
 
 void ask_to_stop(const DeployedRobot& robot) {

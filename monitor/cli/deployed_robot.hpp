@@ -28,14 +28,17 @@ void add_deployment_options(CLI::App& command, DeploymentOptions& options);
 // nothing.
 void settle_restart(DeploymentOptions& options);
 
-// Refused while it is armed: software under a moving robot is not replaced.
-std::expected<void, Refusal> require_disarmed(const DeployedRobot& robot);
+// From now on SIGINT, SIGTERM and SIGHUP end what waits below, not the process.
+void catch_interruptions();
 
 // Runs the restart command; the error says how it ended.
 std::expected<void, Refusal> restart(const DeployedRobot& robot);
+// The same, and waits until the executive and, where one is wanted, the policy answer. Interruptions are ignored: this
+// is the way back.
+std::expected<void, Refusal> restart_and_wait(const DeployedRobot& robot, bool wants_policy);
 
-// Polls the executive until the probation is over, or SIGINT, SIGTERM or SIGHUP came: failed. `arm`: arms it as soon as
-// it will. `robot`: the new one.
+// Polls the executive until the probation is over, or an interruption was caught: failed. `arm`: arms it as soon as it
+// will. `robot`: the new one.
 struct Watched {
   deploy::Stage stage = deploy::Stage::failed;
   std::string reason;

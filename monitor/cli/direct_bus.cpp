@@ -2,31 +2,23 @@
 
 #include <fmt/format.h>
 
-#include <chrono>
-
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "drivers/open_bus.hpp"
-#include "executive/ipc/rendezvous.hpp"
 
 namespace takt::cli {
+namespace {
+
+constexpr const char* kServiceRuntimeDirectory = "/run/takt";  // of the systemd units
+
+}  // namespace
 
 std::expected<DirectRobot, Refusal> load_robot(const std::string& robot_file, const std::string& runtime_directory) {
   auto robot = config::load(robot_file);
   if (!robot) return std::unexpected(Refusal{config::kExitBadConfiguration, robot.error()});
-  std::string directory =
-      runtime_directory.empty() ? config::default_runtime_directory(robot->robot) : runtime_directory;
-  return DirectRobot{std::move(*robot), std::move(directory)};
-}
-
-std::expected<void, Refusal> require_no_executive(const DirectRobot& robot) {
-  const auto reply =
-      ipc::ask(config::executive_socket(robot.runtime_directory), OperatorVerb::status, std::chrono::milliseconds(500));
-  if (!reply) return {};
-  return std::unexpected(Refusal{
-      kExitFailed, fmt::format("an executive runs in {}, mode {}: two masters on one bus fight over its drives; end it "
-                               "first",
-                               robot.runtime_directory, name(reply->status.tick.mode))});
+  if (!runtime_directory.empty()) return DirectRobot{std::move(*robot), runtime_directory, {runtime_directory}};
+  std::string own = config::default_runtime_directory(robot->robot);
+  return DirectRobot{std::move(*robot), own, {own, kServiceRuntimeDirectory}};
 }
 
 std::expected<std::size_t, Refusal> find_joint(const DirectRobot& robot, const std::string& name) {

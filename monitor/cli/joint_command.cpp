@@ -14,6 +14,7 @@
 #include "executive/contract/pace.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/direct_bus.hpp"
+#include "monitor/cli/executive_guard.hpp"
 
 namespace takt::cli {
 namespace {
@@ -64,7 +65,7 @@ std::expected<int, Refusal> jog(const Options& options) {
   if (!robot) return std::unexpected(robot.error());
   const auto index = find_joint(*robot, options.joint);
   if (!index) return std::unexpected(index.error());
-  if (const auto free = require_no_executive(*robot); !free) return std::unexpected(free.error());
+  if (const auto free = require_no_executive(robot->executives); !free) return std::unexpected(free.error());
   const config::Joint& joint = robot->config.joints[*index];
   if (joint.passive)
     return std::unexpected(

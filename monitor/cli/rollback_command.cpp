@@ -5,8 +5,10 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "config/load.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/deployed_robot.hpp"
+#include "monitor/cli/executive_guard.hpp"
 #include "monitor/deploy/store.hpp"
 
 namespace takt::cli {
@@ -24,9 +26,14 @@ std::expected<int, Refusal> roll_back(const Options& options) {
     return std::unexpected(Refusal{
         kExitFailed,
         fmt::format("nothing was in use before {}; --to names any folder of {}/deployments", from, options.store)});
-  if (const auto disarmed = require_disarmed(options.place); !disarmed) return std::unexpected(disarmed.error());
+  if (const auto disarmed = require_disarmed({options.place.runtime_directory}); !disarmed)
+    return std::unexpected(disarmed.error());
+  const auto robot = config::load(store->robot_file(to));
+  if (!robot) return std::unexpected(Refusal{kExitFailed, robot.error()});
+  catch_interruptions();
   if (const auto used = store->use(to); !used) return std::unexpected(Refusal{kExitFailed, used.error()});
-  if (const auto restarted = restart(options.place); !restarted) return std::unexpected(restarted.error());
+  if (const auto restarted = restart_and_wait(options.place, robot->policy.has_value()); !restarted)
+    return std::unexpected(Refusal{kExitFailed, fmt::format("{} is in use again: {}", to, restarted.error().sentence)});
   if (options.json)
     fmt::print("{}\n", nlohmann::ordered_json{{"from", from}, {"to", to}, {"proven", store->is_proven(to)}}.dump());
   else
@@ -45,7 +52,8 @@ void add_rollback(CLI::App& app, int& exit_code) {
   command->footer(
       "Example: sudo takt rollback\n"
       "Without systemd and --restart it changes what is in use at the next start.\n"
-      "Exit codes: 0 in use again, 1 refused (armed, nothing before) or the restart failed, 64 command line.");
+      "Exit codes: 0 in use again, 1 refused (armed, nothing before), or in use and not running: the line says which, "
+      "64 command line.");
   command->callback([options, &exit_code] {
     settle_restart(*options);
     const auto done = roll_back(*options);

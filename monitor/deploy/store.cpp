@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
@@ -33,20 +34,26 @@ Done sync_path(const std::string& path) {
   return {};
 }
 
+// Whatever the umask: the robot's processes are other users.
+Done readable_by_all(const std::string& path) {
+  const mode_t mode = fs::is_directory(path) ? 0755 : 0644;
+  if (::chmod(path.c_str(), mode) != 0) return cannot("opened to its readers", path, std::strerror(errno));
+  return sync_path(path);
+}
+
 Done write_file(const std::string& path, const std::string& text) {
   std::ofstream file(path, std::ios::binary | std::ios::trunc);
   file << text;
   file.close();
   if (!file) return cannot("written", path, std::strerror(errno));
-  return sync_path(path);
+  return readable_by_all(path);
 }
 
 Done copy_file(const std::string& from, const std::string& to) {
   std::error_code error;
   fs::copy_file(from, to, fs::copy_options::overwrite_existing, error);
   if (error) return cannot("copied to " + to, from, error.message());
-  fs::permissions(to, fs::perms(0644), error);
-  return sync_path(to);
+  return readable_by_all(to);
 }
 
 // Last part of where a link points; empty: no link, or it points nowhere.
@@ -73,9 +80,13 @@ bool is_name(const std::string& name) {
 }  // namespace
 
 std::expected<Store, std::string> Store::open(const std::string& folder, std::function<void()> on_step) {
-  std::error_code error;
-  fs::create_directories(folder + "/deployments", error);
-  if (error) return cannot("made", folder + "/deployments", error.message());
+  for (const std::string& made : {folder, folder + "/deployments"}) {
+    std::error_code error;
+    if (fs::exists(made, error)) continue;
+    fs::create_directories(made, error);
+    if (error) return cannot("made", made, error.message());
+    if (const Done readable = readable_by_all(made); !readable) return std::unexpected(readable.error());
+  }
   ipc::Descriptor lock(::open((folder + "/deployments").c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!lock.is_open()) return cannot("opened", folder + "/deployments", std::strerror(errno));
   if (flock(lock.get(), LOCK_EX | LOCK_NB) != 0)
@@ -126,7 +137,7 @@ Done Store::fill(const std::string& staging, const Newcomer& newcomer) {
                                   : Done{};
       },
       [&] { return before.empty() ? Done{} : link("../" + before, staging + "/previous"); },
-      [&] { return sync_path(staging); });
+      [&] { return readable_by_all(staging); });
 }
 
 Done Store::add(const Newcomer& newcomer) {

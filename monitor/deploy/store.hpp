@@ -25,7 +25,7 @@ namespace takt::deploy {
 struct Newcomer {
   const config::RobotConfig& robot;  // loaded, its policy readable
   std::string name;                  // of the folder: a-z A-Z 0-9 _ - .
-  std::string runs_folder;           // record.directory when the file's own is relative
+  std::string runs_folder;           // record.directory of the copy, whatever the file says
   bool simulated = false;
 };
 

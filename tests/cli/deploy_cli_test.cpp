@@ -122,6 +122,13 @@ TEST_F(Deploy, RollbackGoesBackByHand) {
   EXPECT_TRUE(fs::exists(in("store/robot/simulated")));
   EXPECT_EQ(takt("rollback --to nowhere" + store).exit_code, 1);
   EXPECT_EQ(in_use(), "three");
+  // A restart that says it went well, and no robot runs.
+  const Ended silent =
+      takt("rollback --restart true --store " + in("store") + " --runtime-dir " + in("rt") + " --to one");
+  EXPECT_EQ(silent.exit_code, 1);
+  EXPECT_NE(silent.output.find("one is in use again: restarted, but after 20 s no executive answers"),
+            std::string::npos)
+      << silent.output;
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include "monitor/deploy/store.hpp"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -77,6 +78,19 @@ TEST_F(Deployments, ADeploymentStandsOnItsOwn) {
   EXPECT_EQ(robot.joints.size(), robot_.joints.size());
   EXPECT_TRUE(fs::exists(store() + "/robot/original.yaml"));
   EXPECT_FALSE(fs::exists(store() + "/robot/simulated"));
+}
+
+// The robot's processes are other users than who deploys.
+TEST_F(Deployments, AreReadableWhateverTheUmask) {
+  const mode_t before = umask(077);
+  deploy("one");
+  umask(before);
+  using fs::perms;
+  for (const char* folder : {"/store", "/store/deployments", "/store/deployments/one"})
+    EXPECT_EQ(fs::status(root_ + folder).permissions() & perms::others_all, perms::others_read | perms::others_exec)
+        << folder;
+  for (const auto& file : fs::directory_iterator(store() + "/deployments/one"))
+    EXPECT_EQ(file.status().permissions() & perms::others_all, perms::others_read) << file.path();
 }
 
 TEST_F(Deployments, BackIsWhereItCameFrom) {

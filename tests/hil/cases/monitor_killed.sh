@@ -1,7 +1,7 @@
 #!/bin/bash
-# Goal: the monitor's death does not touch the robot; it is restarted and records into a folder of its own.
-# Method: SIGKILL to the monitor while tracking; the executive goes on without a late period, in the same mode. Both recordings are handed to the
-#   host, which replays them.
+# Goal: the monitor's death does not touch the robot; it is restarted, records into a folder of its own, and to the last stop.
+# Method: SIGKILL to the monitor while tracking; the executive goes on without a late period, in the same mode. Then the whole target is stopped: the second run
+#   must hold the damped stop. Both recordings are handed to the host, which replays them.
 # Mode: virtual
 # Limit: 90 s
 # Planted fault: `Restart=no` in the unit: no second folder.
@@ -15,3 +15,7 @@ no_overrun_in 1000 "without and with another monitor"
 mode_is tracking || fail "mode $(field mode)"
 within 5 "second run folder" eval '[ "$(ls /var/lib/takt/runs | wc -l)" = 2 ]'
 systemctl stop takt.target
+newest=$(ls -d /var/lib/takt/runs/* | tail -1)
+grep -q '"to":"damped_stop"' "$newest/transitions.jsonl" || fail "the stop is not recorded: $(cat "$newest/transitions.jsonl")"
+grep -q '"ended_because": "executive ended"' "$newest/manifest.json" || fail "$(grep ended_because "$newest/manifest.json")"
+say "the stop of the whole target is in the run"

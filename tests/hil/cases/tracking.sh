@@ -6,7 +6,7 @@
 # Mode: virtual
 # Limit: 120 s
 # Planted fault: the hogs' priority is higher (chrt -f 90): overruns.
-# Planted by: s/do md5sum/do timeout 20 chrt -f 90 md5sum/
+# Planted by: s,do md5sum /dev/zero,do chrt -f 90 dd if=/dev/zero of=/dev/null bs=64M count=4,
 . "$HIL_LIB/hil.sh"
 tracking_arm6
 [ "$(field realtime)" = true ] || fail "not real time: $(journalctl -u takt-executive -o cat | grep FAILED)"

@@ -8,10 +8,7 @@
 # Planted by: s/cpu: none\/  cpu: 1/cpu: none\/  cpu: none/
 . "$HIL_LIB/hil.sh"
 drop_in takt-executive.service Service WatchdogSec=0
-for unit in $POLICY takt-monitor; do
-  drop_in $unit.service Unit StartLimitIntervalSec=0
-  drop_in $unit.service Service RestartSec=100ms
-done
+for unit in $POLICY takt-monitor; do drop_in $unit.service Service RestartSec=100ms; done
 can_up vcan0 vcan1
 robot arm6 's/^  cpu: none/  cpu: 1/' 's/^  (period|step): 1 ms/  \1: 5 ms/'
 plant

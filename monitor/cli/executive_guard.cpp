@@ -1,0 +1,66 @@
+#include "monitor/cli/executive_guard.hpp"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <optional>
+
+#include "config/paths.hpp"
+#include "executive/ipc/rendezvous.hpp"
+#include "executive/ipc/unix_socket.hpp"
+
+namespace takt::cli {
+namespace {
+
+constexpr auto kAnswerWithin = std::chrono::milliseconds(500);
+
+using Answer = std::expected<OperatorReply, std::string>;
+
+// Nothing where nobody listens.
+std::optional<Answer> ask_status(const std::string& runtime_directory) {
+  const std::string socket = config::executive_socket(runtime_directory);
+  if (!ipc::may_listen(socket)) return std::nullopt;
+  Answer answer = ipc::ask(socket, OperatorVerb::status, kAnswerWithin);
+  if (!answer && !ipc::may_listen(socket)) return std::nullopt;  // it ended meanwhile
+  return answer;
+}
+
+std::unexpected<Refusal> refused(std::string sentence) {
+  return std::unexpected(Refusal{kExitFailed, std::move(sentence)});
+}
+
+}  // namespace
+
+std::expected<void, Refusal> require_no_executive(const std::vector<std::string>& runtime_directories) {
+  for (const std::string& directory : runtime_directories) {
+    const auto answer = ask_status(directory);
+    if (!answer) continue;
+    if (!*answer)
+      return refused(
+          fmt::format("an executive may run in {}: {}; two masters on one bus fight over its drives: end it "
+                      "first, or name this robot's own --runtime-dir",
+                      directory, answer->error()));
+    return refused(
+        fmt::format("an executive runs in {}, mode {}: two masters on one bus fight over its drives; end it "
+                    "first",
+                    directory, name((*answer)->status.tick.mode)));
+  }
+  return {};
+}
+
+std::expected<void, Refusal> require_disarmed(const std::vector<std::string>& runtime_directories) {
+  for (const std::string& directory : runtime_directories) {
+    const auto answer = ask_status(directory);
+    if (!answer) continue;
+    if (!*answer)
+      return refused(fmt::format("nobody knows whether the robot in {} is armed: {}; end its executive first",
+                                 directory, answer->error()));
+    const auto& tick = (*answer)->status.tick;
+    if (tick.drives_enabled != 0)
+      return refused(fmt::format("the robot in {} is armed, mode {}: `takt stop`, then `takt reset`, first", directory,
+                                 name(tick.mode)));
+  }
+  return {};
+}
+
+}  // namespace takt::cli

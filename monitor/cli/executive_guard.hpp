@@ -1,0 +1,18 @@
+// What must not be done beside an executive. Each looks into every directory given; an executive that is there but
+// cannot be asked (no permission, another version, no answer) counts as one that must not be disturbed.
+#pragma once
+
+#include <expected>
+#include <string>
+#include <vector>
+
+#include "monitor/cli/command.hpp"
+
+namespace takt::cli {
+
+// Refused while one runs: two masters on one bus fight over its drives.
+std::expected<void, Refusal> require_no_executive(const std::vector<std::string>& runtime_directories);
+// Refused while one has its drives enabled: what a moving robot rests on is not changed.
+std::expected<void, Refusal> require_disarmed(const std::vector<std::string>& runtime_directories);
+
+}  // namespace takt::cli

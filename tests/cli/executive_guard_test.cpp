@@ -1,0 +1,55 @@
+// Goal: what must not be done beside an executive is refused whenever one may be there, and only then. Method: sockets
+// in a folder of their own: none, one whose server died, one whose server never answers. One that answers is in
+// bus_tools_test, an armed one in deploy_cli_test.
+#include "monitor/cli/executive_guard.hpp"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "config/paths.hpp"
+#include "executive/ipc/unix_socket.hpp"
+
+namespace takt::cli {
+namespace {
+
+class ExecutiveGuard : public testing::Test {
+ protected:
+  ExecutiveGuard() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "takt-guard.XXXXXX").string();
+    directory_ = ::mkdtemp(pattern.data());
+  }
+  ~ExecutiveGuard() override { std::filesystem::remove_all(directory_); }
+  [[nodiscard]] ipc::Descriptor listen() const { return ipc::listen_at(config::executive_socket(directory_)).value(); }
+  void expect_free() const {
+    const std::vector<std::string> places{directory_ + "/absent", directory_};
+    EXPECT_TRUE(require_no_executive(places));
+    EXPECT_TRUE(require_disarmed(places));
+  }
+  std::string directory_;
+};
+
+TEST_F(ExecutiveGuard, NobodyAndADeadServerAreFree) {
+  expect_free();
+  (void)listen();  // closed at once: its socket stays behind, as after SIGKILL
+  ASSERT_TRUE(std::filesystem::exists(config::executive_socket(directory_)));
+  expect_free();
+}
+
+TEST_F(ExecutiveGuard, OneThatDoesNotAnswerIsNotDisturbed) {
+  const ipc::Descriptor server = listen();
+  const std::vector<std::string> places{directory_ + "/absent", directory_};
+  const auto free = require_no_executive(places);
+  ASSERT_FALSE(free);
+  EXPECT_NE(free.error().sentence.find("an executive may run in " + directory_), std::string::npos)
+      << free.error().sentence;
+  EXPECT_NE(free.error().sentence.find("did not answer in time"), std::string::npos) << free.error().sentence;
+  const auto disarmed = require_disarmed(places);
+  ASSERT_FALSE(disarmed);
+  EXPECT_NE(disarmed.error().sentence.find("nobody knows whether the robot in " + directory_ + " is armed"),
+            std::string::npos)
+      << disarmed.error().sentence;
+}
+
+}  // namespace
+}  // namespace takt::cli
