@@ -15,6 +15,7 @@ no_overrun_in 1000 "without and with another monitor"
 mode_is tracking || fail "mode $(field mode)"
 within 5 "second run folder" eval '[ "$(ls /var/lib/takt/runs | wc -l)" = 2 ]'
 systemctl stop takt.target
+within 20 "the monitor ended" eval '! is_active takt-monitor && ! is_active takt-executive'
 newest=$(ls -d /var/lib/takt/runs/* | tail -1)
 grep -q '"to":"damped_stop"' "$newest/transitions.jsonl" || fail "the stop is not recorded: $(cat "$newest/transitions.jsonl")"
 grep -q '"ended_because": "executive ended"' "$newest/manifest.json" || fail "$(grep ended_because "$newest/manifest.json")"
