@@ -2,6 +2,7 @@
 // Source of the settings: Documentation/admin-guide/kernel-parameters, Documentation/admin-guide/pm/{cpufreq,cpuidle}.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <optional>
@@ -64,6 +65,24 @@ Finding governor(const Snapshot& machine) {
              "cpupower frequency-set -g performance (package linux-cpupower)");
 }
 
+// As the kernel decides: the first class that fits counts, and no other.
+bool may_write(const FileRights& file, const Account& account) {
+  if (account.id == file.owner) return (file.mode & S_IWUSR) != 0;
+  if (std::ranges::find(account.groups, file.group) != account.groups.end()) return (file.mode & S_IWGRP) != 0;
+  return (file.mode & S_IWOTH) != 0;
+}
+
+// What root may do says nothing of the packaged executive, which runs as a user of its own.
+bool judged_for_service_user(const Snapshot& machine) {
+  return machine.examined_by_root && machine.service_user.has_value();
+}
+
+bool executive_may_hold_awake(const Snapshot& machine) {
+  if (!machine.cpu_dma_latency) return false;
+  return judged_for_service_user(machine) ? may_write(*machine.cpu_dma_latency, *machine.service_user)
+                                          : machine.cpu_dma_latency->writable_by_us;
+}
+
 Finding sleep_states(const Snapshot& machine) {
   const std::string where = "/sys/devices/system/cpu/cpu*/cpuidle, /dev/cpu_dma_latency";
   const SleepState* deepest = nullptr;
@@ -73,10 +92,18 @@ Finding sleep_states(const Snapshot& machine) {
     return fine("sleep states",
                 deepest == nullptr ? "none" : fmt::format("{} us at most to wake up", deepest->exit_latency_us), where);
   const std::string found = fmt::format("{} takes {} us to wake up from", deepest->name, deepest->exit_latency_us);
-  if (machine.may_hold_cpu_awake)
+  if (executive_may_hold_awake(machine))
     return fine("sleep states", found + "; the executive forbids it while it runs", where);
-  return bad(Verdict::warn, "sleep states", found, where,
-             "let the executive write /dev/cpu_dma_latency (its unit does), or boot with processor.max_cstate=1");
+  if (!machine.cpu_dma_latency || !judged_for_service_user(machine))
+    return bad(Verdict::warn, "sleep states", found, where,
+               "let the executive write /dev/cpu_dma_latency (its unit does), or boot with processor.max_cstate=1");
+  const FileRights& device = *machine.cpu_dma_latency;
+  return bad(Verdict::warn, "sleep states",
+             fmt::format("{}, and user takt may not write /dev/cpu_dma_latency (owner {}, group {}, mode {:04o})",
+                         found, device.owner, device.group, device.mode),
+             where,
+             "systemd-tmpfiles --create takt.conf gives /dev/cpu_dma_latency to group takt; or boot with "
+             "processor.max_cstate=1");
 }
 
 Finding interrupts(const Case& of) {

@@ -21,6 +21,18 @@ struct Interrupt {
   std::vector<int> cpus;  // on which it may arrive
 };
 
+// Who may write a file: what stat() says, and access() for the doctor itself. Access control lists are not looked at.
+struct FileRights {
+  std::uint32_t owner = 0, group = 0;  // ids
+  std::uint32_t mode = 0;              // permission bits
+  bool writable_by_us = false;
+};
+
+struct Account {
+  std::uint32_t id = 0;
+  std::vector<std::uint32_t> groups;
+};
+
 // As `ip -details link` tells it.
 struct CanInterface {
   std::string name;
@@ -44,11 +56,13 @@ struct WakeupLatency {
 struct Snapshot {
   std::string examined_at;  // UTC, "2026-11-21T09:33:00Z"
   std::string takt_version, kernel_release, kernel_version;
-  std::vector<int> cpus;                 // online
-  std::vector<int> isolated, nohz_full;  // isolcpus=, nohz_full=
-  std::string governor;                  // of the control core, cpufreq
-  std::vector<SleepState> sleep_states;  // of the control core
-  bool may_hold_cpu_awake = false;       // /dev/cpu_dma_latency is there and writable
+  std::vector<int> cpus;                      // online
+  std::vector<int> isolated, nohz_full;       // isolcpus=, nohz_full=
+  std::string governor;                       // of the control core, cpufreq
+  std::vector<SleepState> sleep_states;       // of the control core
+  std::optional<FileRights> cpu_dma_latency;  // absent: the kernel has no such device
+  bool examined_by_root = false;              // root may write whatever is there, which says nothing of others
+  std::optional<Account> service_user;        // takt, as whom the packaged executive runs; absent: no such user
   std::optional<std::int64_t> rt_runtime_us, rt_period_us;
   std::uint64_t rtprio_limit = 0;                          // RLIMIT_RTPRIO, hard
   std::uint64_t memlock_limit_bytes = 0;                   // RLIMIT_MEMLOCK, hard

@@ -3,6 +3,7 @@
 #include "monitor/doctor/collect.hpp"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
@@ -38,7 +39,8 @@ TEST_F(Collect, AnEmptyMachineSaysNothing) {
   EXPECT_FALSE(machine.rt_runtime_us.has_value());
   EXPECT_TRUE(machine.watchdog.empty());
   EXPECT_FALSE(machine.units_installed);
-  EXPECT_FALSE(machine.may_hold_cpu_awake);
+  EXPECT_FALSE(machine.cpu_dma_latency.has_value());
+  EXPECT_FALSE(machine.service_user.has_value());
   EXPECT_EQ(machine.steal_share, 0);
 }
 
@@ -59,7 +61,6 @@ TEST_F(Collect, FilesAreReadAsTheKernelWritesThem) {
   plant("/proc/irq/default_smp_affinity", "f\n");
   plant("/etc/systemd/system.conf", "[Manager]\n#RuntimeWatchdogSec=off\nRuntimeWatchdogSec=10s\n");
   plant("/sys/class/watchdog/watchdog0/identity", "iTCO_wdt\n");
-  plant("/dev/cpu_dma_latency", "");
   const auto robot = config::load("config/arm6.yaml");
   ASSERT_TRUE(robot.has_value());
   const Snapshot machine = collected(&*robot);
@@ -78,10 +79,33 @@ TEST_F(Collect, FilesAreReadAsTheKernelWritesThem) {
   EXPECT_EQ(machine.interrupts[0].cpus, (std::vector<int>{0, 2, 3}));
   EXPECT_EQ(machine.systemd_watchdog, "10s");
   EXPECT_EQ(machine.watchdog, "iTCO_wdt");
-  EXPECT_TRUE(machine.may_hold_cpu_awake);
   EXPECT_EQ(machine.can.size(), 2U);
   EXPECT_FALSE(machine.can[0].exists);
   EXPECT_GT(machine.runs_free_bytes, 0U);
+}
+
+// Users and groups in the form of passwd(5) and group(5): takt is in its own group and in two that list it; names that
+// only begin alike, and lines that are cut off, are not its.
+TEST_F(Collect, RightsAreFactsOfTheFileAndOfTheServiceUser) {
+  plant("/dev/cpu_dma_latency", "");
+  fs::permissions(root_ + "/dev/cpu_dma_latency", fs::perms{0460});
+  plant("/etc/passwd",
+        "root:x:0:0:root:/root:/bin/bash\ntakt-policy:x:997:997::/:/bin/false\ntakt:x:998:998::/var/lib/takt:/bin/"
+        "false\n");
+  plant("/etc/group",
+        "root:x:0:\ntakt-policy:x:997:takter\ntakt:x:996:\ndialout:x:20:anna,takt\nrealtime:x:21:takt\nvideo:x:44:"
+        "anna\nx\n");
+  const Snapshot machine = collected();
+  ASSERT_TRUE(machine.cpu_dma_latency.has_value());
+  EXPECT_EQ(machine.cpu_dma_latency->owner, geteuid());
+  EXPECT_EQ(machine.cpu_dma_latency->mode, 0460U);
+  EXPECT_EQ(machine.cpu_dma_latency->writable_by_us, geteuid() == 0) << "as access() says: the owner may only read";
+  EXPECT_EQ(machine.examined_by_root, geteuid() == 0);
+  ASSERT_TRUE(machine.service_user.has_value());
+  EXPECT_EQ(machine.service_user->id, 998U);
+  EXPECT_EQ(machine.service_user->groups, (std::vector<std::uint32_t>{996, 20, 21}));
+  plant("/etc/passwd", "takt-policy:x:997:997::/:/bin/false\ntakt:x:none:998::/:/bin/false\ntakt:x\n");
+  EXPECT_FALSE(collected().service_user.has_value());
 }
 
 TEST(CanInterfaceOf, ReadsWhatIpPrints) {

@@ -172,11 +172,44 @@ TEST(Diagnose, TheRobotFileDecides) {
   EXPECT_TRUE(complaints(machine, arm()).empty()) << "a virtual interface has no bit rate";
 }
 
-TEST(Diagnose, ASleepStateThatTheExecutiveForbidsIsFine) {
-  Snapshot machine = good_machine();
-  machine.sleep_states[2].disabled = false;
-  machine.may_hold_cpu_awake = true;
-  EXPECT_TRUE(complaints(machine, arm()).empty());
+// Goal: a deep sleep state is fine exactly where the executive may forbid it, as whom it will run. Method: every case
+// of owner, group and mode against every kind of examiner; takt is user 998 in groups 998 and 20.
+TEST(Diagnose, ASleepStateThatTheExecutiveMayForbidIsFine) {
+  const Account takt{998, {998, 20}};
+  struct {
+    const char* when;
+    bool root;
+    std::optional<Account> service_user;
+    std::optional<FileRights> device;
+    bool may;
+  } const cases[] = {
+      {"no device", true, takt, {}, false},
+      {"root, root's alone", true, takt, FileRights{0, 0, 0600, true}, false},
+      {"root, the kernel's own mode", true, takt, FileRights{0, 0, 0640, true}, false},
+      {"root, as the package sets it", true, takt, FileRights{0, 998, 0660, true}, true},
+      {"root, another group of takt's", true, takt, FileRights{0, 20, 0620, true}, true},
+      {"root, a group that takt is not in", true, takt, FileRights{0, 21, 0660, true}, false},
+      {"root, everybody's", true, takt, FileRights{0, 0, 0666, true}, true},
+      {"root, everybody's but the group's", true, takt, FileRights{0, 998, 0606, true}, false},
+      {"root, takt's own", true, takt, FileRights{998, 0, 0200, true}, true},
+      {"root, takt's own to read, its group's to write", true, takt, FileRights{998, 998, 0460, true}, false},
+      {"root, no user takt: the executive is root's", true, {}, FileRights{0, 0, 0600, true}, true},
+      {"another user, who may", false, takt, FileRights{0, 0, 0600, true}, true},
+      {"another user, who may not", false, takt, FileRights{0, 998, 0660, false}, false},
+  };
+  for (const auto& row : cases) {
+    Snapshot machine = good_machine();
+    machine.sleep_states[2].disabled = false;
+    machine.examined_by_root = row.root;
+    machine.service_user = row.service_user;
+    machine.cpu_dma_latency = row.device;
+    const auto found = complaints(machine, arm());
+    EXPECT_EQ(found.empty(), row.may) << row.when;
+    if (found.empty()) continue;
+    EXPECT_EQ(found[0].check, "sleep states") << row.when;
+    const bool named = found[0].found.find("user takt may not write") != std::string::npos;
+    EXPECT_EQ(named, row.root && row.device.has_value()) << row.when << ": " << found[0].found;
+  }
 }
 
 TEST(Diagnose, TextNamesTheCureAndJsonIsStable) {
