@@ -130,8 +130,12 @@ void read_processors(const std::string& root, int control_cpu, Snapshot& into) {
 
 void read_platform(const std::string& root, Snapshot& into) {
   std::ifstream cpuinfo(root + "/proc/cpuinfo");
-  for (std::string line; std::getline(cpuinfo, line);)
+  for (std::string line; std::getline(cpuinfo, line);) {
     if (line.starts_with("flags") && line.find(" hypervisor") != std::string::npos) into.hypervisor = true;
+    if (line.starts_with("vendor_id"))
+      if (const auto value = line.find_last_of(" \t"); value != std::string::npos)
+        into.processor_vendor = line.substr(value + 1);
+  }
   // cpu user nice system idle iowait irq softirq steal ...
   std::istringstream stat(first_line(root + "/proc/stat"));
   std::string word;

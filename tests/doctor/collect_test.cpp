@@ -9,7 +9,6 @@
 #include <fstream>
 
 #include "config/load.hpp"
-#include "monitor/doctor/wakeup_probe.hpp"
 
 namespace takt::doctor {
 namespace {
@@ -54,7 +53,7 @@ TEST_F(Collect, FilesAreReadAsTheKernelWritesThem) {
   plant(cpu + "cpu1/cpuidle/state0/latency", "133\n");
   plant(cpu + "cpu1/cpuidle/state0/disable", "1\n");
   plant("/proc/sys/kernel/sched_rt_runtime_us", "-1\n");
-  plant("/proc/cpuinfo", "processor : 0\nflags\t\t: fpu hypervisor sse\n");
+  plant("/proc/cpuinfo", "processor : 0\nvendor_id\t: GenuineIntel\nflags\t\t: fpu hypervisor sse\n");
   plant("/proc/stat", "cpu  70 0 10 10 0 0 0 10 5 5\ncpu0 1 1 1\n");
   plant("/proc/irq/120/smp_affinity_list", "0,2-3\n");
   plant("/proc/irq/120/nvme0q1/spurious", "");
@@ -73,6 +72,7 @@ TEST_F(Collect, FilesAreReadAsTheKernelWritesThem) {
   EXPECT_TRUE(machine.sleep_states[0].disabled);
   EXPECT_EQ(machine.rt_runtime_us, -1);
   EXPECT_TRUE(machine.hypervisor);
+  EXPECT_EQ(machine.processor_vendor, "GenuineIntel");
   EXPECT_DOUBLE_EQ(machine.steal_share, 0.1);
   ASSERT_EQ(machine.interrupts.size(), 1U);
   EXPECT_EQ(machine.interrupts[0].name, "nvme0q1");
@@ -131,26 +131,6 @@ TEST(CpuList, CopesWithWhateverStandsThere) {
   EXPECT_TRUE(cpu_list("(null)").empty());
   EXPECT_EQ(cpu_list("3,x,1"), (std::vector<int>{3, 1}));
   EXPECT_LE(cpu_list("0-999999999").size(), 4096U);
-}
-
-TEST(WakeupProbe, QuantilesAndHistogramOfKnownLateness) {
-  std::vector<std::int64_t> late;
-  for (int i = 1; i <= 1000; ++i) late.push_back(i * 100);  // 0.1 .. 100 us
-  const WakeupLatency latency = summarise(late, true);
-  EXPECT_EQ(latency.samples, 1000U);
-  EXPECT_EQ(latency.p50_ns, 50'000);
-  EXPECT_EQ(latency.p99_ns, 99'000);
-  EXPECT_EQ(latency.p999_ns, 99'900);
-  EXPECT_EQ(latency.max_ns, 100'000);
-  // [0,2) [2,4) [4,8) [8,16) [16,32) [32,64) [64,128) us
-  EXPECT_EQ(latency.histogram, (std::vector<std::uint64_t>{19, 20, 40, 80, 160, 320, 361}));
-}
-
-TEST(WakeupProbe, MeasuresAsManyPeriodsAsAsked) {
-  const WakeupLatency latency =
-      measure_wakeups({.length = milliseconds(50), .period = milliseconds(1), .priority = 1, .cpu = {}});
-  EXPECT_EQ(latency.samples, 50U);
-  EXPECT_GE(latency.max_ns, latency.p50_ns);
 }
 
 }  // namespace
