@@ -52,9 +52,9 @@ Finding reserved(const Case& of, const char* parameter, const std::vector<int>& 
     return bad(Verdict::warn, parameter, "the robot file pins the loop to no core", "control.cpu",
                "write `cpu: N` into the robot file, and isolate core N");
   if (contains(cpus, *wanted)) return fine(parameter, fmt::format("core {} is set apart", *wanted), where);
-  return bad(
-      Verdict::warn, parameter, fmt::format("core {} {}", *wanted, what), where,
-      fmt::format("add {}={} to GRUB_CMDLINE_LINUX in /etc/default/grub, update-grub, reboot", parameter, *wanted));
+  return bad(Verdict::warn, parameter, fmt::format("core {} {}", *wanted, what), where,
+             fmt::format("add {}={}{} to GRUB_CMDLINE_LINUX in /etc/default/grub, update-grub, reboot", parameter,
+                         parameter[0] == 'i' ? "managed_irq,domain," : "", *wanted));
 }
 
 Finding governor(const Snapshot& machine) {
@@ -120,7 +120,9 @@ Finding interrupts(const Case& of) {
   return bad(
       Verdict::warn, "interrupts",
       fmt::format("{} may interrupt core {}: {}{}", count, *wanted, fmt::join(names, ", "), count > 3 ? ", ..." : ""),
-      where, "systemctl enable --now takt-irq-affinity; and end irqbalance or ban the core in it");
+      where,
+      "systemctl enable --now takt-irq-affinity; end irqbalance or ban the core in it; NVMe queues: "
+      "isolcpus=managed_irq,domain,N");
 }
 
 Finding clock(const Snapshot& machine) {

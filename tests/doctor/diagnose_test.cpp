@@ -102,7 +102,8 @@ TEST(Diagnose, EachBadFactIsNamedAloneWithItsCure) {
          m.cpus = {0, 2};
        }},
       {"one core", Verdict::warn, "cores", "two or more", [](Snapshot& m) { m.cpus = {1}; }},
-      {"not isolated", Verdict::warn, "isolcpus", "isolcpus=1", [](Snapshot& m) { m.isolated = {2}; }},
+      {"not isolated", Verdict::warn, "isolcpus", "isolcpus=managed_irq,domain,1",
+       [](Snapshot& m) { m.isolated = {2}; }},
       {"ticks", Verdict::warn, "nohz_full", "nohz_full=1", [](Snapshot& m) { m.nohz_full.clear(); }},
       {"governor", Verdict::warn, "governor", "performance", [](Snapshot& m) { m.governor = "powersave"; }},
       {"deep sleep", Verdict::warn, "sleep states", "cpu_dma_latency",
@@ -211,6 +212,7 @@ TEST(Diagnose, ASleepStateThatTheExecutiveMayForbidIsFine) {
       {"root, as the package sets it", true, takt, FileRights{0, 998, 0660, true}, true},
       {"root, another group of takt's", true, takt, FileRights{0, 20, 0620, true}, true},
       {"root, a group that takt is not in", true, takt, FileRights{0, 21, 0660, true}, false},
+      {"root, everybody's to read", true, takt, FileRights{0, 0, 0664, true}, false},
       {"root, everybody's", true, takt, FileRights{0, 0, 0666, true}, true},
       {"root, everybody's but the group's", true, takt, FileRights{0, 998, 0606, true}, false},
       {"root, takt's own", true, takt, FileRights{998, 0, 0200, true}, true},
