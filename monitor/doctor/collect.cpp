@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <linux/capability.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/utsname.h>
 #include <unistd.h>
@@ -55,6 +56,50 @@ std::uint64_t hard_limit(__rlimit_resource resource) {
   return getrlimit(resource, &limit) == 0 ? limit.rlim_max : 0;
 }
 
+std::vector<std::string> fields_of(const std::string& line) {
+  std::vector<std::string> fields;
+  std::istringstream parts(line);
+  for (std::string part; std::getline(parts, part, ':');) fields.push_back(part);
+  return fields;
+}
+
+std::optional<std::uint32_t> id_in(const std::string& text) {
+  std::uint32_t id = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
+  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
+  return id;
+}
+
+bool names(const std::string& members, const std::string& name) {
+  std::istringstream parts(members);
+  for (std::string part; std::getline(parts, part, ',');)
+    if (part == name) return true;
+  return false;
+}
+
+// With the groups that `User=` and `Group=` of the same name give a service, see passwd(5) and group(5).
+std::optional<Account> service_account(const std::string& root, const std::string& name) {
+  std::optional<Account> account;
+  std::ifstream passwd(root + "/etc/passwd"), group(root + "/etc/group");
+  for (std::string line; std::getline(passwd, line);)
+    if (const auto entry = fields_of(line); entry.size() >= 4 && entry[0] == name)
+      if (const auto id = id_in(entry[2])) account = Account{*id, {}};
+  if (!account) return account;
+  for (std::string line; std::getline(group, line);) {
+    const auto entry =
+        fields_of(line);  // name:password:id:member,member; nothing after the last colon: no fourth field
+    if (entry.size() < 3 || (entry[0] != name && (entry.size() < 4 || !names(entry[3], name)))) continue;
+    if (const auto id = id_in(entry[2])) account->groups.push_back(*id);
+  }
+  return account;
+}
+
+std::optional<FileRights> rights_of(const std::string& path) {
+  struct stat file {};
+  if (stat(path.c_str(), &file) != 0) return std::nullopt;
+  return FileRights{file.st_uid, file.st_gid, file.st_mode & 07777U, access(path.c_str(), W_OK) == 0};
+}
+
 void read_kernel(const std::string& root, Snapshot& into) {
   utsname system{};
   (void)::uname(&system);
@@ -81,13 +126,16 @@ void read_processors(const std::string& root, int control_cpu, Snapshot& into) {
   const std::string cpu = fmt::format("{}/cpu{}", cpus, control_cpu);
   into.governor = first_line(cpu + "/cpufreq/scaling_governor");
   read_sleep_states(cpu, into);
-  into.may_hold_cpu_awake = access((root + "/dev/cpu_dma_latency").c_str(), W_OK) == 0;
 }
 
 void read_platform(const std::string& root, Snapshot& into) {
   std::ifstream cpuinfo(root + "/proc/cpuinfo");
-  for (std::string line; std::getline(cpuinfo, line);)
+  for (std::string line; std::getline(cpuinfo, line);) {
     if (line.starts_with("flags") && line.find(" hypervisor") != std::string::npos) into.hypervisor = true;
+    if (line.starts_with("vendor_id"))
+      if (const auto value = line.find_last_of(" \t"); value != std::string::npos)
+        into.processor_vendor = line.substr(value + 1);
+  }
   // cpu user nice system idle iowait irq softirq steal ...
   std::istringstream stat(first_line(root + "/proc/stat"));
   std::string word;
@@ -119,6 +167,9 @@ void read_rights(const std::string& root, Snapshot& into) {
   into.memlock_limit_bytes = hard_limit(RLIMIT_MEMLOCK);
   into.may_set_priority = has_capability(CAP_SYS_NICE);
   into.may_lock_memory = has_capability(CAP_IPC_LOCK);
+  into.cpu_dma_latency = rights_of(root + "/dev/cpu_dma_latency");
+  into.examined_by_root = geteuid() == 0;
+  into.service_user = service_account(root, "takt");
   into.units_installed = fs::exists(root + "/usr/lib/systemd/system/takt-executive.service");
 }
 

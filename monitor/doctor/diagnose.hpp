@@ -44,7 +44,8 @@ Verdict worst(const std::vector<Finding>& findings);
 
 // One line per finding, what is to be mended below it; histogram of the wake-ups at the end.
 std::string text_of(const std::vector<Finding>& findings, const Snapshot& snapshot);
-// One line: {"schema":"takt.doctor/1","verdict":...,"findings":[...],"wakeup":{...}}
+// One line: {"schema":"takt.doctor/1","verdict":...,"findings":[...],"wakeup":{...}}; wakeup.smis and .stolen_ms: null
+// where they could not be counted.
 std::string json_of(const std::vector<Finding>& findings, const Snapshot& snapshot);
 
 }  // namespace takt::doctor

@@ -13,8 +13,9 @@ using Json = nlohmann::ordered_json;
 constexpr std::size_t kBarLength = 40;
 
 std::string histogram(const WakeupLatency& latency) {
-  std::string text = fmt::format("\nwake-ups, {}: p50 {} us, p99 {} us, p99.9 {} us, worst {} us\n",
-                                 latency.real_time ? "real time" : "WITHOUT real-time priority", latency.p50_ns / 1000,
+  std::string text = fmt::format("\nwake-ups, {}, {}: p50 {} us, p99 {} us, p99.9 {} us, worst {} us\n",
+                                 latency.real_time ? "real time" : "WITHOUT real-time priority",
+                                 latency.held_awake ? "kept awake" : "SLEEP STATES ALLOWED", latency.p50_ns / 1000,
                                  latency.p99_ns / 1000, latency.p999_ns / 1000, latency.max_ns / 1000);
   const std::uint64_t most = latency.histogram.empty() ? 0 : *std::ranges::max_element(latency.histogram);
   for (std::size_t bucket = 0; bucket < latency.histogram.size(); ++bucket) {
@@ -25,14 +26,24 @@ std::string histogram(const WakeupLatency& latency) {
   return text;
 }
 
-Json json_of(const WakeupLatency& latency) {
+template <typename Count>
+Json or_null(const std::optional<Count>& count) {
+  return count ? Json(*count) : Json(nullptr);
+}
+
+Json wakeup_of(const Snapshot& snapshot) {
+  if (!snapshot.wakeup) return nullptr;
+  const WakeupLatency& latency = *snapshot.wakeup;
   return {{"real_time", latency.real_time},
+          {"held_awake", latency.held_awake},
           {"samples", latency.samples},
           {"p50_ns", latency.p50_ns},
           {"p99_ns", latency.p99_ns},
           {"p999_ns", latency.p999_ns},
           {"max_ns", latency.max_ns},
-          {"histogram_log2_us", latency.histogram}};
+          {"histogram_log2_us", latency.histogram},
+          {"smis", or_null(smis_counted(snapshot))},
+          {"stolen_ms", or_null(latency.interference.stolen_ms)}};
 }
 
 }  // namespace
@@ -43,6 +54,7 @@ std::vector<Finding> diagnose(const Snapshot& snapshot, const config::RobotConfi
   judge_processor(of, findings);
   judge_rights(of, findings);
   judge_robot(of, findings);
+  judge_measurement(of, findings);
   return findings;
 }
 
@@ -73,13 +85,10 @@ std::string json_of(const std::vector<Finding>& findings, const Snapshot& snapsh
                    {"found", finding.found},
                    {"where", finding.where},
                    {"mend", finding.mend}});
-  return Json{{"schema", "takt.doctor/1"},
-              {"verdict", name(worst(findings))},
-              {"examined_at", snapshot.examined_at},
-              {"takt", snapshot.takt_version},
-              {"kernel", snapshot.kernel_release},
-              {"findings", all},
-              {"wakeup", snapshot.wakeup ? json_of(*snapshot.wakeup) : Json(nullptr)}}
+  return Json{{"schema", "takt.doctor/1"},           {"verdict", name(worst(findings))},
+              {"examined_at", snapshot.examined_at}, {"takt", snapshot.takt_version},
+              {"kernel", snapshot.kernel_release},   {"findings", all},
+              {"wakeup", wakeup_of(snapshot)}}
       .dump();
 }
 

@@ -1,6 +1,7 @@
 // Shared by the judging files of this room: what every check is given, and how it says what it found.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -25,7 +26,12 @@ using Findings = std::vector<Finding>;
 // Kernel, processors, interrupts, limits.
 void judge_processor(const Case& of, Findings& into);
 void judge_rights(const Case& of, Findings& into);
-// CAN interfaces, disk, hardware watchdog, measured wake-ups.
+// CAN interfaces, disk, hardware watchdog.
 void judge_robot(const Case& of, Findings& into);
+// Measured wake-ups, and what disturbed them unseen by the kernel: nothing where none were measured.
+void judge_measurement(const Case& of, Findings& into);
+
+// During the measurement. Absent: not counted; a virtual machine's own count, always 0, says nothing of the firmware's.
+std::optional<std::uint32_t> smis_counted(const Snapshot& machine);
 
 }  // namespace takt::doctor

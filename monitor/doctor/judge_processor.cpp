@@ -2,6 +2,7 @@
 // Source of the settings: Documentation/admin-guide/kernel-parameters, Documentation/admin-guide/pm/{cpufreq,cpuidle}.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <optional>
@@ -51,9 +52,9 @@ Finding reserved(const Case& of, const char* parameter, const std::vector<int>& 
     return bad(Verdict::warn, parameter, "the robot file pins the loop to no core", "control.cpu",
                "write `cpu: N` into the robot file, and isolate core N");
   if (contains(cpus, *wanted)) return fine(parameter, fmt::format("core {} is set apart", *wanted), where);
-  return bad(
-      Verdict::warn, parameter, fmt::format("core {} {}", *wanted, what), where,
-      fmt::format("add {}={} to GRUB_CMDLINE_LINUX in /etc/default/grub, update-grub, reboot", parameter, *wanted));
+  return bad(Verdict::warn, parameter, fmt::format("core {} {}", *wanted, what), where,
+             fmt::format("add {}={}{} to GRUB_CMDLINE_LINUX in /etc/default/grub, update-grub, reboot", parameter,
+                         parameter[0] == 'i' ? "managed_irq,domain," : "", *wanted));
 }
 
 Finding governor(const Snapshot& machine) {
@@ -62,6 +63,24 @@ Finding governor(const Snapshot& machine) {
   if (machine.governor == "performance") return fine("governor", "performance", where);
   return bad(Verdict::warn, "governor", machine.governor + ": the first work after a pause runs slowly", where,
              "cpupower frequency-set -g performance (package linux-cpupower)");
+}
+
+// As the kernel decides: the first class that fits counts, and no other.
+bool may_write(const FileRights& file, const Account& account) {
+  if (account.id == file.owner) return (file.mode & S_IWUSR) != 0;
+  if (std::ranges::find(account.groups, file.group) != account.groups.end()) return (file.mode & S_IWGRP) != 0;
+  return (file.mode & S_IWOTH) != 0;
+}
+
+// What root may do says nothing of the packaged executive, which runs as a user of its own.
+bool judged_for_service_user(const Snapshot& machine) {
+  return machine.examined_by_root && machine.service_user.has_value();
+}
+
+bool executive_may_hold_awake(const Snapshot& machine) {
+  if (!machine.cpu_dma_latency) return false;
+  return judged_for_service_user(machine) ? may_write(*machine.cpu_dma_latency, *machine.service_user)
+                                          : machine.cpu_dma_latency->writable_by_us;
 }
 
 Finding sleep_states(const Snapshot& machine) {
@@ -73,10 +92,18 @@ Finding sleep_states(const Snapshot& machine) {
     return fine("sleep states",
                 deepest == nullptr ? "none" : fmt::format("{} us at most to wake up", deepest->exit_latency_us), where);
   const std::string found = fmt::format("{} takes {} us to wake up from", deepest->name, deepest->exit_latency_us);
-  if (machine.may_hold_cpu_awake)
+  if (executive_may_hold_awake(machine))
     return fine("sleep states", found + "; the executive forbids it while it runs", where);
-  return bad(Verdict::warn, "sleep states", found, where,
-             "let the executive write /dev/cpu_dma_latency (its unit does), or boot with processor.max_cstate=1");
+  if (!machine.cpu_dma_latency || !judged_for_service_user(machine))
+    return bad(Verdict::warn, "sleep states", found, where,
+               "let the executive write /dev/cpu_dma_latency (its unit does), or boot with processor.max_cstate=1");
+  const FileRights& device = *machine.cpu_dma_latency;
+  return bad(Verdict::warn, "sleep states",
+             fmt::format("{}, and user takt may not write /dev/cpu_dma_latency (owner {}, group {}, mode {:04o})",
+                         found, device.owner, device.group, device.mode),
+             where,
+             "systemd-tmpfiles --create takt.conf gives /dev/cpu_dma_latency to group takt; or boot with "
+             "processor.max_cstate=1");
 }
 
 Finding interrupts(const Case& of) {
@@ -93,7 +120,9 @@ Finding interrupts(const Case& of) {
   return bad(
       Verdict::warn, "interrupts",
       fmt::format("{} may interrupt core {}: {}{}", count, *wanted, fmt::join(names, ", "), count > 3 ? ", ..." : ""),
-      where, "systemctl enable --now takt-irq-affinity; and end irqbalance or ban the core in it");
+      where,
+      "systemctl enable --now takt-irq-affinity; end irqbalance or ban the core in it; NVMe queues: "
+      "isolcpus=managed_irq,domain,N");
 }
 
 Finding clock(const Snapshot& machine) {

@@ -1,5 +1,5 @@
 // What the robot's file asks of this machine: its CAN interfaces, room for its runs; and whether the machine restarts
-// itself when all else fails. And the wake-ups that were measured, which have the last word.
+// itself when all else fails.
 #include <fmt/format.h>
 
 #include "monitor/doctor/judge.hpp"
@@ -75,20 +75,6 @@ Finding watchdog(const Snapshot& machine) {
   return fine("watchdog", fmt::format("{}, fed every {}", machine.watchdog, machine.systemd_watchdog), where);
 }
 
-Finding wakeups(const WakeupLatency& latency, const config::RobotConfig* robot) {
-  const std::int64_t period_ns = robot == nullptr ? 1'000'000 : robot->control.period.ns;
-  const std::string where = fmt::format("{} wake-ups measured here", latency.samples);
-  const std::string found = fmt::format("late by {} us at p99, {} us at worst{}", latency.p99_ns / 1000,
-                                        latency.max_ns / 1000, latency.real_time ? "" : ", without real-time priority");
-  if (latency.max_ns > period_ns / 2)
-    return bad(Verdict::fail, "wake-ups", found, where,
-               "mend the lines above first; then look for SMIs with hwlatdetect (rt-tests)");
-  if (latency.max_ns > period_ns / 10 || !latency.real_time)
-    return bad(Verdict::warn, "wake-ups", found, where,
-               "a tenth of the period is a good bound: isolate the core, measure under load");
-  return fine("wake-ups", found, where);
-}
-
 }  // namespace
 
 void judge_robot(const Case& of, Findings& into) {
@@ -98,7 +84,6 @@ void judge_robot(const Case& of, Findings& into) {
     into.push_back(disk(of.machine));
   }
   into.push_back(watchdog(of.machine));
-  if (of.machine.wakeup) into.push_back(wakeups(*of.machine.wakeup, of.robot));
 }
 
 }  // namespace takt::doctor

@@ -21,6 +21,18 @@ struct Interrupt {
   std::vector<int> cpus;  // on which it may arrive
 };
 
+// Who may write a file: what stat() says, and access() for the doctor itself. Access control lists are not looked at.
+struct FileRights {
+  std::uint32_t owner = 0, group = 0;  // ids
+  std::uint32_t mode = 0;              // permission bits
+  bool writable_by_us = false;
+};
+
+struct Account {
+  std::uint32_t id = 0;
+  std::vector<std::uint32_t> groups;
+};
+
 // As `ip -details link` tells it.
 struct CanInterface {
   std::string name;
@@ -33,28 +45,49 @@ struct CanInterface {
   std::int64_t queue_length = 0;  // frames
 };
 
+// Whether the processor's count of system management interrupts (SMIs) could be read.
+enum class SmiCounter : std::uint8_t {
+  read,
+  no_driver,    // no /dev/cpu/N/msr: module msr is not loaded
+  refused,      // the driver wants root
+  no_register,  // the processor counts none
+};
+
+// What took a processor away without the kernel's doing.
+struct Interference {
+  SmiCounter smi_counter = SmiCounter::no_driver;
+  std::uint32_t smis = 0;                 // 0 unless read
+  std::optional<std::int64_t> stolen_ms;  // that a hypervisor gave to others; absent: not told
+};
+
 // Lateness of periodic wake-ups of a thread like the control thread, ns.
 struct WakeupLatency {
-  bool real_time = false;  // SCHED_FIFO and locked memory were granted
+  bool real_time = false;   // SCHED_FIFO and locked memory were granted
+  bool held_awake = false;  // /dev/cpu_dma_latency was held at 0 us meanwhile, as the executive holds it
+  std::optional<int> cpu;   // to which the thread was to be pinned; absent: none
   std::uint64_t samples = 0;
   std::int64_t p50_ns = 0, p99_ns = 0, p999_ns = 0, max_ns = 0;
   std::vector<std::uint64_t> histogram;  // bucket k counts lateness in [2^k, 2^(k+1)) us; bucket 0 from 0
+  Interference interference;             // while it was measured
 };
 
 struct Snapshot {
   std::string examined_at;  // UTC, "2026-11-21T09:33:00Z"
   std::string takt_version, kernel_release, kernel_version;
-  std::vector<int> cpus;                 // online
-  std::vector<int> isolated, nohz_full;  // isolcpus=, nohz_full=
-  std::string governor;                  // of the control core, cpufreq
-  std::vector<SleepState> sleep_states;  // of the control core
-  bool may_hold_cpu_awake = false;       // /dev/cpu_dma_latency is there and writable
+  std::vector<int> cpus;                      // online
+  std::vector<int> isolated, nohz_full;       // isolcpus=, nohz_full=
+  std::string governor;                       // of the control core, cpufreq
+  std::vector<SleepState> sleep_states;       // of the control core
+  std::optional<FileRights> cpu_dma_latency;  // absent: the kernel has no such device
+  bool examined_by_root = false;              // root may write whatever is there, which says nothing of others
+  std::optional<Account> service_user;        // takt, as whom the packaged executive runs; absent: no such user
   std::optional<std::int64_t> rt_runtime_us, rt_period_us;
   std::uint64_t rtprio_limit = 0;                          // RLIMIT_RTPRIO, hard
   std::uint64_t memlock_limit_bytes = 0;                   // RLIMIT_MEMLOCK, hard
   bool may_set_priority = false, may_lock_memory = false;  // CAP_SYS_NICE, CAP_IPC_LOCK
   bool units_installed = false;                            // the executive's unit grants itself both
   std::string clocksource;
+  std::string processor_vendor;  // "GenuineIntel"; empty: not told, as on ARM
   bool hypervisor = false;
   double steal_share = 0;             // of all processor time since boot
   std::vector<Interrupt> interrupts;  // all

@@ -1,14 +1,19 @@
 #include "monitor/doctor/wakeup_probe.hpp"
 
+#include <fcntl.h>
 #include <pthread.h>
 #include <sched.h>
 #include <sys/mman.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <ctime>
 #include <thread>
+
+#include "executive/ipc/descriptor.hpp"
+#include "monitor/doctor/interference.hpp"
 
 namespace takt::doctor {
 namespace {
@@ -17,6 +22,16 @@ std::int64_t now_ns() {
   timespec time{};
   clock_gettime(CLOCK_MONOTONIC, &time);
   return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
+}
+
+// As the executive does: no sleep state that takes time to wake up from, for as long as the result is open.
+ipc::Descriptor hold_awake(const std::string& root) {
+  ipc::Descriptor device(open((root + "/dev/cpu_dma_latency").c_str(), O_WRONLY | O_CLOEXEC));
+  const std::int32_t microseconds_allowed = 0;
+  if (device.is_open() &&
+      write(device.get(), &microseconds_allowed, sizeof microseconds_allowed) != sizeof microseconds_allowed)
+    device.close();
+  return device;
 }
 
 bool become_real_time(const ProbePlan& plan) {
@@ -68,16 +83,23 @@ WakeupLatency summarise(std::vector<std::int64_t> lateness_ns, bool real_time) {
   return latency;
 }
 
-WakeupLatency measure_wakeups(const ProbePlan& plan) {
+WakeupLatency measure_wakeups(const ProbePlan& plan, const std::string& root) {
   const bool locked = mlockall(MCL_CURRENT | MCL_FUTURE) == 0;
+  const ipc::Descriptor awake = hold_awake(root);
+  const Interference before = read_interference(root, plan.cpu);
   bool real_time = false;
   std::vector<std::int64_t> lateness;
   std::thread([&] {
     real_time = become_real_time(plan);
     lateness = sleep_and_look(plan);
   }).join();
+  const Interference after = read_interference(root, plan.cpu);
   munlockall();
-  return summarise(std::move(lateness), real_time && locked);
+  WakeupLatency latency = summarise(std::move(lateness), real_time && locked);
+  latency.held_awake = awake.is_open();
+  latency.cpu = plan.cpu;
+  latency.interference = interference_between(before, after);
+  return latency;
 }
 
 }  // namespace takt::doctor

@@ -1,9 +1,11 @@
 // Measures how late a thread like the control thread wakes up: absolute sleeps of one period, SCHED_FIFO and locked
-// memory where they are granted, pinned to the core. In the way of cyclictest (rt-tests), which this does not replace.
-// Blocks for `length`; the thread it makes and the lock are gone afterwards.
+// memory where they are granted, pinned to the core, sleep states forbidden by /dev/cpu_dma_latency where it can be
+// opened. In the way of cyclictest (rt-tests), which this does not replace. Counts SMIs and stolen time meanwhile.
+// Blocks for `length`; the thread it makes, the lock and the hold on sleep states are gone afterwards.
 #pragma once
 
 #include <optional>
+#include <string>
 
 #include "executive/contract/mono_time.hpp"
 #include "monitor/doctor/snapshot.hpp"
@@ -17,7 +19,8 @@ struct ProbePlan {
   std::optional<int> cpu;  // absent: wherever it runs
 };
 
-WakeupLatency measure_wakeups(const ProbePlan& plan);
+// `root`: before /dev and /proc: empty, but for tests.
+WakeupLatency measure_wakeups(const ProbePlan& plan, const std::string& root = {});
 
 // Of lateness in ns, at least one: quantiles as the smallest value that is not exceeded by that share.
 WakeupLatency summarise(std::vector<std::int64_t> lateness_ns, bool real_time);

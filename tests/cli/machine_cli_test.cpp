@@ -23,6 +23,9 @@ TEST_F(Machine, TheDoctorJudgesThisMachine) {
   const Ended whole = takt("doctor --robot config/dual_arm12.yaml --seconds 0.1 --json");
   const auto json = nlohmann::json::parse(whole.output);
   EXPECT_EQ(json["wakeup"]["samples"], 100);
+  EXPECT_TRUE(json["wakeup"]["held_awake"].is_boolean());
+  for (const char* count : {"smis", "stolen_ms"})
+    EXPECT_TRUE(json["wakeup"].at(count).is_null() || json["wakeup"].at(count).is_number()) << count;
   int interfaces = 0;
   for (const auto& finding : json["findings"]) {
     interfaces += finding["check"].get<std::string>().starts_with("can ") ? 1 : 0;

@@ -3,12 +3,12 @@
 #include "monitor/doctor/collect.hpp"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
 
 #include "config/load.hpp"
-#include "monitor/doctor/wakeup_probe.hpp"
 
 namespace takt::doctor {
 namespace {
@@ -38,7 +38,8 @@ TEST_F(Collect, AnEmptyMachineSaysNothing) {
   EXPECT_FALSE(machine.rt_runtime_us.has_value());
   EXPECT_TRUE(machine.watchdog.empty());
   EXPECT_FALSE(machine.units_installed);
-  EXPECT_FALSE(machine.may_hold_cpu_awake);
+  EXPECT_FALSE(machine.cpu_dma_latency.has_value());
+  EXPECT_FALSE(machine.service_user.has_value());
   EXPECT_EQ(machine.steal_share, 0);
 }
 
@@ -52,14 +53,13 @@ TEST_F(Collect, FilesAreReadAsTheKernelWritesThem) {
   plant(cpu + "cpu1/cpuidle/state0/latency", "133\n");
   plant(cpu + "cpu1/cpuidle/state0/disable", "1\n");
   plant("/proc/sys/kernel/sched_rt_runtime_us", "-1\n");
-  plant("/proc/cpuinfo", "processor : 0\nflags\t\t: fpu hypervisor sse\n");
+  plant("/proc/cpuinfo", "processor : 0\nvendor_id\t: GenuineIntel\nflags\t\t: fpu hypervisor sse\n");
   plant("/proc/stat", "cpu  70 0 10 10 0 0 0 10 5 5\ncpu0 1 1 1\n");
   plant("/proc/irq/120/smp_affinity_list", "0,2-3\n");
   plant("/proc/irq/120/nvme0q1/spurious", "");
   plant("/proc/irq/default_smp_affinity", "f\n");
   plant("/etc/systemd/system.conf", "[Manager]\n#RuntimeWatchdogSec=off\nRuntimeWatchdogSec=10s\n");
   plant("/sys/class/watchdog/watchdog0/identity", "iTCO_wdt\n");
-  plant("/dev/cpu_dma_latency", "");
   const auto robot = config::load("config/arm6.yaml");
   ASSERT_TRUE(robot.has_value());
   const Snapshot machine = collected(&*robot);
@@ -72,16 +72,40 @@ TEST_F(Collect, FilesAreReadAsTheKernelWritesThem) {
   EXPECT_TRUE(machine.sleep_states[0].disabled);
   EXPECT_EQ(machine.rt_runtime_us, -1);
   EXPECT_TRUE(machine.hypervisor);
+  EXPECT_EQ(machine.processor_vendor, "GenuineIntel");
   EXPECT_DOUBLE_EQ(machine.steal_share, 0.1);
   ASSERT_EQ(machine.interrupts.size(), 1U);
   EXPECT_EQ(machine.interrupts[0].name, "nvme0q1");
   EXPECT_EQ(machine.interrupts[0].cpus, (std::vector<int>{0, 2, 3}));
   EXPECT_EQ(machine.systemd_watchdog, "10s");
   EXPECT_EQ(machine.watchdog, "iTCO_wdt");
-  EXPECT_TRUE(machine.may_hold_cpu_awake);
   EXPECT_EQ(machine.can.size(), 2U);
   EXPECT_FALSE(machine.can[0].exists);
   EXPECT_GT(machine.runs_free_bytes, 0U);
+}
+
+// Users and groups in the form of passwd(5) and group(5): takt is in its own group and in two that list it; names that
+// only begin alike, and lines that are cut off, are not its.
+TEST_F(Collect, RightsAreFactsOfTheFileAndOfTheServiceUser) {
+  plant("/dev/cpu_dma_latency", "");
+  fs::permissions(root_ + "/dev/cpu_dma_latency", fs::perms{0460});
+  plant("/etc/passwd",
+        "root:x:0:0:root:/root:/bin/bash\ntakt-policy:x:997:997::/:/bin/false\ntakt:x:998:998::/var/lib/takt:/bin/"
+        "false\n");
+  plant("/etc/group",
+        "root:x:0:\ntakt-policy:x:997:takter\ntakt:x:996:\ndialout:x:20:anna,takt\nrealtime:x:21:takt\nvideo:x:44:"
+        "anna\nx\n");
+  const Snapshot machine = collected();
+  ASSERT_TRUE(machine.cpu_dma_latency.has_value());
+  EXPECT_EQ(machine.cpu_dma_latency->owner, geteuid());
+  EXPECT_EQ(machine.cpu_dma_latency->mode, 0460U);
+  EXPECT_EQ(machine.cpu_dma_latency->writable_by_us, geteuid() == 0) << "as access() says: the owner may only read";
+  EXPECT_EQ(machine.examined_by_root, geteuid() == 0);
+  ASSERT_TRUE(machine.service_user.has_value());
+  EXPECT_EQ(machine.service_user->id, 998U);
+  EXPECT_EQ(machine.service_user->groups, (std::vector<std::uint32_t>{996, 20, 21}));
+  plant("/etc/passwd", "takt-policy:x:997:997::/:/bin/false\ntakt:x:none:998::/:/bin/false\ntakt:x\n");
+  EXPECT_FALSE(collected().service_user.has_value());
 }
 
 TEST(CanInterfaceOf, ReadsWhatIpPrints) {
@@ -107,26 +131,6 @@ TEST(CpuList, CopesWithWhateverStandsThere) {
   EXPECT_TRUE(cpu_list("(null)").empty());
   EXPECT_EQ(cpu_list("3,x,1"), (std::vector<int>{3, 1}));
   EXPECT_LE(cpu_list("0-999999999").size(), 4096U);
-}
-
-TEST(WakeupProbe, QuantilesAndHistogramOfKnownLateness) {
-  std::vector<std::int64_t> late;
-  for (int i = 1; i <= 1000; ++i) late.push_back(i * 100);  // 0.1 .. 100 us
-  const WakeupLatency latency = summarise(late, true);
-  EXPECT_EQ(latency.samples, 1000U);
-  EXPECT_EQ(latency.p50_ns, 50'000);
-  EXPECT_EQ(latency.p99_ns, 99'000);
-  EXPECT_EQ(latency.p999_ns, 99'900);
-  EXPECT_EQ(latency.max_ns, 100'000);
-  // [0,2) [2,4) [4,8) [8,16) [16,32) [32,64) [64,128) us
-  EXPECT_EQ(latency.histogram, (std::vector<std::uint64_t>{19, 20, 40, 80, 160, 320, 361}));
-}
-
-TEST(WakeupProbe, MeasuresAsManyPeriodsAsAsked) {
-  const WakeupLatency latency =
-      measure_wakeups({.length = milliseconds(50), .period = milliseconds(1), .priority = 1, .cpu = {}});
-  EXPECT_EQ(latency.samples, 50U);
-  EXPECT_GE(latency.max_ns, latency.p50_ns);
 }
 
 }  // namespace

@@ -32,6 +32,7 @@ Snapshot good_machine() {
   machine.rtprio_limit = 99;
   machine.memlock_limit_bytes = ~std::uint64_t{0};
   machine.clocksource = "tsc";
+  machine.processor_vendor = "GenuineIntel";
   machine.interrupts = {{0, "timer", {0}}, {120, "nvme0q1", {0, 2, 3}}, {8, "", {0, 1, 2, 3}}};
   machine.watchdog = "iTCO_wdt";
   machine.systemd_watchdog = "10s";
@@ -48,6 +49,9 @@ Snapshot good_machine() {
   machine.runs_free_bytes = 100 * kGiB;
   WakeupLatency wakeup;
   wakeup.real_time = true;
+  wakeup.held_awake = true;
+  wakeup.cpu = 1;
+  wakeup.interference = {SmiCounter::read, 0, 0};
   wakeup.samples = 10'000;
   wakeup.p50_ns = 3'000;
   wakeup.p99_ns = 8'000;
@@ -76,7 +80,7 @@ TEST(Diagnose, AGoodMachineHearsNoComplaint) {
   EXPECT_EQ(worst(findings), Verdict::ok);
   for (const Finding& finding : complaints(good_machine(), robot))
     ADD_FAILURE() << finding.check << ": " << finding.found;
-  EXPECT_GE(findings.size(), 16U);
+  EXPECT_GE(findings.size(), 18U);
 }
 
 struct Fact {
@@ -98,7 +102,8 @@ TEST(Diagnose, EachBadFactIsNamedAloneWithItsCure) {
          m.cpus = {0, 2};
        }},
       {"one core", Verdict::warn, "cores", "two or more", [](Snapshot& m) { m.cpus = {1}; }},
-      {"not isolated", Verdict::warn, "isolcpus", "isolcpus=1", [](Snapshot& m) { m.isolated = {2}; }},
+      {"not isolated", Verdict::warn, "isolcpus", "isolcpus=managed_irq,domain,1",
+       [](Snapshot& m) { m.isolated = {2}; }},
       {"ticks", Verdict::warn, "nohz_full", "nohz_full=1", [](Snapshot& m) { m.nohz_full.clear(); }},
       {"governor", Verdict::warn, "governor", "performance", [](Snapshot& m) { m.governor = "powersave"; }},
       {"deep sleep", Verdict::warn, "sleep states", "cpu_dma_latency",
@@ -131,6 +136,24 @@ TEST(Diagnose, EachBadFactIsNamedAloneWithItsCure) {
       {"rather late", Verdict::warn, "wake-ups", "isolate", [](Snapshot& m) { m.wakeup->max_ns = 150'000; }},
       {"measured without priority", Verdict::warn, "wake-ups", "isolate",
        [](Snapshot& m) { m.wakeup->real_time = false; }},
+      {"late, sleep states allowed", Verdict::fail, "wake-ups", "measure where /dev/cpu_dma_latency can be opened",
+       [](Snapshot& m) {
+         m.wakeup->max_ns = 600'000;
+         m.wakeup->held_awake = false;
+       }},
+      {"rather late, sleep states allowed", Verdict::warn, "wake-ups",
+       "measure where /dev/cpu_dma_latency can be opened",
+       [](Snapshot& m) {
+         m.wakeup->max_ns = 150'000;
+         m.wakeup->held_awake = false;
+       }},
+      {"an SMI", Verdict::warn, "SMIs", "USB legacy", [](Snapshot& m) { m.wakeup->interference.smis = 1; }},
+      {"no msr driver", Verdict::warn, "SMIs", "as root: modprobe msr",
+       [](Snapshot& m) { m.wakeup->interference.smi_counter = SmiCounter::no_driver; }},
+      {"msr refused", Verdict::warn, "SMIs", "as root: modprobe msr",
+       [](Snapshot& m) { m.wakeup->interference.smi_counter = SmiCounter::refused; }},
+      {"time stolen meanwhile", Verdict::warn, "stolen time", "metal",
+       [](Snapshot& m) { m.wakeup->interference.stolen_ms = 10; }},
   };
   const auto robot = arm();
   for (const Fact& fact : facts) {
@@ -172,11 +195,135 @@ TEST(Diagnose, TheRobotFileDecides) {
   EXPECT_TRUE(complaints(machine, arm()).empty()) << "a virtual interface has no bit rate";
 }
 
-TEST(Diagnose, ASleepStateThatTheExecutiveForbidsIsFine) {
+// Goal: a deep sleep state is fine exactly where the executive may forbid it, as whom it will run. Method: every case
+// of owner, group and mode against every kind of examiner; takt is user 998 in groups 998 and 20.
+TEST(Diagnose, ASleepStateThatTheExecutiveMayForbidIsFine) {
+  const Account takt{998, {998, 20}};
+  struct {
+    const char* when;
+    bool root;
+    std::optional<Account> service_user;
+    std::optional<FileRights> device;
+    bool may;
+  } const cases[] = {
+      {"no device", true, takt, {}, false},
+      {"root, root's alone", true, takt, FileRights{0, 0, 0600, true}, false},
+      {"root, the kernel's own mode", true, takt, FileRights{0, 0, 0640, true}, false},
+      {"root, as the package sets it", true, takt, FileRights{0, 998, 0660, true}, true},
+      {"root, another group of takt's", true, takt, FileRights{0, 20, 0620, true}, true},
+      {"root, a group that takt is not in", true, takt, FileRights{0, 21, 0660, true}, false},
+      {"root, everybody's to read", true, takt, FileRights{0, 0, 0664, true}, false},
+      {"root, everybody's", true, takt, FileRights{0, 0, 0666, true}, true},
+      {"root, everybody's but the group's", true, takt, FileRights{0, 998, 0606, true}, false},
+      {"root, takt's own", true, takt, FileRights{998, 0, 0200, true}, true},
+      {"root, takt's own to read, its group's to write", true, takt, FileRights{998, 998, 0460, true}, false},
+      {"root, no user takt: the executive is root's", true, {}, FileRights{0, 0, 0600, true}, true},
+      {"another user, who may", false, takt, FileRights{0, 0, 0600, true}, true},
+      {"another user, who may not", false, takt, FileRights{0, 998, 0660, false}, false},
+  };
+  for (const auto& row : cases) {
+    Snapshot machine = good_machine();
+    machine.sleep_states[2].disabled = false;
+    machine.examined_by_root = row.root;
+    machine.service_user = row.service_user;
+    machine.cpu_dma_latency = row.device;
+    const auto found = complaints(machine, arm());
+    EXPECT_EQ(found.empty(), row.may) << row.when;
+    if (found.empty()) continue;
+    EXPECT_EQ(found[0].check, "sleep states") << row.when;
+    const bool named = found[0].found.find("user takt may not write") != std::string::npos;
+    EXPECT_EQ(named, row.root && row.device.has_value()) << row.when << ": " << found[0].found;
+  }
+}
+
+const Finding& finding_of(const std::vector<Finding>& findings, const std::string& check) {
+  const auto found = std::ranges::find(findings, check, &Finding::check);
+  EXPECT_NE(found, findings.end()) << check;
+  return *found;
+}
+
+// Goal: what a machine cannot count is said to be not counted, without complaint, and never as a number. Method: a
+// processor of another make, one without the register, a virtual machine whose own register says 0, a kernel that tells
+// no stolen time.
+TEST(Diagnose, WhatCannotBeCountedIsNotHeldAgainstTheMachine) {
+  struct {
+    const char* when;
+    const char* check;
+    const char* key;
+    bool hypervisor;
+    std::function<void(Snapshot&)> plant;
+  } const cases[] = {
+      {"AMD, no driver", "SMIs", "smis", false,
+       [](Snapshot& m) {
+         m.processor_vendor = "AuthenticAMD";
+         m.wakeup->interference.smi_counter = SmiCounter::no_driver;
+       }},
+      {"AMD, driver", "SMIs", "smis", false,
+       [](Snapshot& m) {
+         m.processor_vendor = "AuthenticAMD";
+         m.wakeup->interference.smi_counter = SmiCounter::no_register;
+       }},
+      {"no such register", "SMIs", "smis", false,
+       [](Snapshot& m) { m.wakeup->interference.smi_counter = SmiCounter::no_register; }},
+      {"ARM", "SMIs", "smis", false,
+       [](Snapshot& m) {
+         m.processor_vendor.clear();
+         m.wakeup->interference.smi_counter = SmiCounter::no_driver;
+       }},
+      {"a virtual machine that may read", "SMIs", "smis", true, [](Snapshot& m) { m.hypervisor = true; }},
+      {"a virtual machine without driver", "SMIs", "smis", true,
+       [](Snapshot& m) {
+         m.hypervisor = true;
+         m.wakeup->interference.smi_counter = SmiCounter::no_driver;
+       }},
+      {"no stolen time told", "stolen time", "stolen_ms", false,
+       [](Snapshot& m) { m.wakeup->interference.stolen_ms.reset(); }},
+  };
+  const auto robot = arm();
+  for (const auto& row : cases) {
+    Snapshot machine = good_machine();
+    row.plant(machine);
+    const auto findings = diagnose(machine, &robot);
+    const Finding& finding = finding_of(findings, row.check);
+    EXPECT_EQ(finding.verdict, Verdict::ok) << row.when;
+    EXPECT_TRUE(finding.found.starts_with("not counted")) << row.when << ": " << finding.found;
+    EXPECT_EQ(complaints(machine, robot).size(), row.hypervisor ? 1U : 0U) << row.when;
+    EXPECT_TRUE(nlohmann::json::parse(json_of(findings, machine)).at("wakeup").at(row.key).is_null()) << row.when;
+  }
+  Snapshot unmeasured = good_machine();
+  unmeasured.wakeup.reset();
+  for (const Finding& finding : diagnose(unmeasured, &robot))
+    EXPECT_TRUE(finding.check != "SMIs" && finding.check != "stolen time") << "nothing was measured";
+}
+
+// Goal: text and JSON tell what was counted during the measurement, and whether sleep states were forbidden meanwhile.
+TEST(Diagnose, TheMeasurementTellsWhatDisturbedIt) {
+  const auto robot = arm();
   Snapshot machine = good_machine();
-  machine.sleep_states[2].disabled = false;
-  machine.may_hold_cpu_awake = true;
-  EXPECT_TRUE(complaints(machine, arm()).empty());
+  machine.wakeup->interference = {SmiCounter::read, 3, 20};
+  auto findings = diagnose(machine, &robot);
+  EXPECT_TRUE(finding_of(findings, "SMIs").found.starts_with("3 during the measurement"));
+  EXPECT_NE(finding_of(findings, "SMIs").where.find("/dev/cpu/1/msr"), std::string::npos);
+  EXPECT_EQ(finding_of(findings, "stolen time").found, "20 ms of core 1 during the measurement");
+  auto json = nlohmann::json::parse(json_of(findings, machine)).at("wakeup");
+  EXPECT_EQ(json.at("smis"), 3);
+  EXPECT_EQ(json.at("stolen_ms"), 20);
+  EXPECT_EQ(json.at("held_awake"), true);
+  EXPECT_NE(text_of(findings, machine).find("real time, kept awake: p50"), std::string::npos);
+
+  machine.wakeup->held_awake = false;
+  machine.wakeup->cpu.reset();
+  machine.wakeup->interference.smi_counter = SmiCounter::no_driver;
+  findings = diagnose(machine, &robot);
+  EXPECT_EQ(finding_of(findings, "wake-ups").verdict, Verdict::ok) << "punctual even so";
+  EXPECT_NE(finding_of(findings, "wake-ups").found.find("with sleep states allowed"), std::string::npos);
+  EXPECT_EQ(finding_of(findings, "stolen time").found, "20 ms of all cores during the measurement");
+  json = nlohmann::json::parse(json_of(findings, machine)).at("wakeup");
+  EXPECT_EQ(json.at("held_awake"), false);
+  EXPECT_TRUE(json.at("smis").is_null()) << "3 is not a count when it was not read";
+  const std::string text = text_of(findings, machine);
+  EXPECT_NE(text.find("real time, SLEEP STATES ALLOWED: p50"), std::string::npos) << text;
+  EXPECT_NE(text.find("could not be read"), std::string::npos) << text;
 }
 
 TEST(Diagnose, TextNamesTheCureAndJsonIsStable) {

@@ -20,6 +20,10 @@ DEMANDED = {
                                "ExecStopPost=-/usr/bin/takt bus disable"],
     "takt-policy-host@.service": ["User=takt-policy", "PrivateNetwork=yes", "RestrictAddressFamilies=AF_UNIX",
                                   "DevicePolicy=closed", "MemoryMax=", "CPUQuota=", "ProtectSystem=strict"],
+    # A restart of takt.target, as `takt deploy` does it, applies a new file's bit rates and control core.
+    "takt-can@.service": ["After=sys-subsystem-net-devices-%i.device takt-irq-affinity.service\n", "PartOf=takt.target\n",
+                          "Before=takt-executive.service\n"],
+    "takt-irq-affinity.service": ["PartOf=takt.target\n", "Before=takt-executive.service\n"],
 }
 
 
@@ -94,7 +98,7 @@ def main():
         problems += verify(pathlib.Path(folder))
     for unit in units:
         problems += exposure(unit) + unknown_options(unit, bin_dir)
-        problems += [f"{unit.name}: lost {line}" for line in DEMANDED.get(unit.name, []) if "\n" + line not in unit.read_text()]
+        problems += [f"{unit.name}: lost {line.strip()}" for line in DEMANDED.get(unit.name, []) if "\n" + line not in unit.read_text()]
     print("\n".join(problems) or f"{len(units)} units are clean")
     return 1 if problems else 0
 
