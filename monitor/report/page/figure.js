@@ -120,13 +120,13 @@ takt.figure = (function () {
     }
 
     trail() {
-      const points = [];
+      const points = [];  // null where the tool is not known: no way leads across
       for (let index = kTrailPoints; index >= 0; --index) {
         const time = this.view.cursor - index * kTrail / kTrailPoints;
         const pose = time < 0 ? null : this.pose(this.samples.at(time), 'q', true);
-        if (pose && pose.tool) points.push(pose.tool);
+        points.push(pose && pose.tool);
       }
-      return points.slice(1).map((point, index) => [points[index], point]);
+      return points.slice(1).map((point, index) => [points[index], point]).filter(([from, to]) => from && to);
     }
 
     panes(context, width, height) {
@@ -174,9 +174,10 @@ takt.figure = (function () {
       const age = this.samples.value(place, 'age', 'age.spread');
       const mask = place.block.column('interventions')[place.row];
       const acting = this.facts.intervention_kinds.filter((kind, bit) => mask >> bit & 1);
-      const rows = [['mode', scene.mode.replaceAll('_', ' ')],
-        ['age', Number.isFinite(age) ? number(age, 2) + ' ms' : 'none'],
-        ['interventions', acting.join(', ').replaceAll('_', ' ') || 'none']];
+      const rows = !place.isRecorded ? ['mode', 'age', 'interventions'].map((name) => [name, 'not recorded']) :
+        [['mode', scene.mode.replaceAll('_', ' ')],
+          ['age', Number.isFinite(age) ? number(age, 2) + ' ms' : 'none'],
+          ['interventions', acting.join(', ').replaceAll('_', ' ') || 'none']];
       const table = document.getElementById('now');
       table.replaceChildren(...rows.map((row) => takt.row(row)), takt.row(['joint', 'measured', 'setpoint', 'policy'], true));
       const [q, reference, target] = [this.angles(place, 'q', true), this.angles(place, 'reference', true), this.angles(place, 'target', false)];

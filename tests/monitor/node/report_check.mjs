@@ -245,6 +245,46 @@ async function thinsOut(page, calmAge) {
   found.violation.slice(1).forEach((time, index) => assert.ok(time > found.violation[index], 'in order'));
 }
 
+// 500 of the demo's ticks were not recorded: nothing is drawn, painted or said of that time.
+async function leavesGapsEmpty(page) {
+  const found = await page.evaluate((times) => {
+    const { samples, figure, view } = takt.page;
+    // Painted pixels of a chart where each time is.
+    const painted = (id) => {
+      const canvas = document.querySelector(`#${id} canvas`);
+      const area = canvas.getBoundingClientRect();
+      const axis = document.getElementById(id).querySelectorAll('.dygraph-axis-label-x');
+      const [first, second] = [axis[0], axis[1]].map((label) => ({ time: parseFloat(label.textContent),
+        x: label.getBoundingClientRect().left + label.getBoundingClientRect().width / 2 - area.left }));
+      return times.map((time) => {
+        const x = first.x + (time - first.time) * (second.x - first.x) / (second.time - first.time);
+        const pixels = new Uint32Array(canvas.getContext('2d').getImageData(Math.round(x * canvas.width / area.width), 0, 1, canvas.height).data.buffer);
+        return pixels.filter((pixel) => pixel !== 0).length;
+      });
+    };
+    const scenes = times.map((time) => {
+      view.setCursor(time);
+      const { measured, setpoint, policy } = figure.scene();
+      return { known: [measured, setpoint, policy].map(Boolean), text: document.getElementById('now').textContent, trail: figure.trail().length };
+    });
+    const rows = { age: samples.bands(0, view.end, [['age', 'age.spread'], ['q0', 'q0.spread']]), stages: samples.atLargest(0, view.end, ['infer', 'hold'], 'age') };
+    return { scenes, rows, buses: painted('buses'), stages: painted('stages') };
+  }, [2.1, 2.43, 2.8]);
+  for (const [name, rows] of Object.entries(found.rows)) {
+    const inGap = rows.filter(([time]) => time > 2.1985 && time < 2.6985);
+    assert.equal(inGap.length, 1, `${name}: one row says that there is nothing`);
+    assert.ok(Math.abs(inGap[0][0] - 2.199) < 1e-4, `${name}: at ${inGap[0][0]} s, right behind the last tick`);
+    assert.ok(inGap[0].slice(1).flat().every((value) => value === null), `${name}: ${inGap[0]}`);
+  }
+  for (const id of ['buses', 'stages']) {
+    const [before, within, behind] = found[id];
+    assert.ok(within <= Math.min(before, behind) / 2, `${id}: nothing but grid lines within: ${found[id]}`);
+  }
+  assert.deepEqual(found.scenes.map(({ known }) => known), [[true, true, true], [false, false, false], [true, true, true]]);
+  assert.deepEqual(found.scenes.map(({ text }) => text.split('not recorded').length - 1), [0, 3, 0]);
+  assert.ok(found.scenes[2].trail < 40 && found.scenes[2].trail > 5, `no way across: ${found.scenes[2].trail} of 60 pieces`);
+}
+
 const calmAge = await inBrowser({ colorScheme: 'light' }, async (page, { errors, requests }) => {
   await page.goto(url);
   await ready(page);
@@ -269,5 +309,11 @@ await inBrowser({}, async (page, { errors }) => {
   await page.goto(url.replace('report.html', 'thin.html'));
   await ready(page);
   await thinsOut(page, calmAge);
+  assert.deepEqual(errors, []);
+});
+await inBrowser({}, async (page, { errors }) => {
+  await page.goto(url.replace('report.html', 'gap.html'));
+  await ready(page);
+  await leavesGapsEmpty(page);
   assert.deepEqual(errors, []);
 });
