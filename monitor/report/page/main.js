@@ -17,7 +17,7 @@ takt.main = async function (say) {
       underlayCallback: takt.underlay(facts.modes, { value: limitMs, text: `max age ${limitMs} ms` }) },
     () => ({ colors: [takt.colour('data')] }));
     const parts = ['sense', 'queue', 'infer', 'publish', 'hold'];
-    takt.chart('stages', view, (from, to) => samples.atLargest(from, to, parts, 'age'), {
+    takt.chart('stages', view, (from, to) => samples.atLargest(from, to, parts, ['age', 'age.spread']), {
       labels: ['s'].concat(parts), stackedGraph: true, ylabel: 'ms', fillAlpha: 0.65, strokeWidth: 0.6, legend: 'always',
       labelsDiv: 'stages-legend', colors: takt.partColours, valueRange: [0, 1.1 * oldest] });
     takt.modeLane(view, facts.modes);

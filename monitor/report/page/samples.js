@@ -90,13 +90,18 @@ takt.Samples = (function () {
       return out;
     }
 
-    // For stacked charts: [[time, value, ...]] of each group's row where `by` is largest.
-    atLargest(from, to, names, by) {
+    // For stacked charts: [[time, value, ...]] of each group's row where `least` + `spread` reaches highest.
+    atLargest(from, to, names, [least, spread]) {
       const out = [];
       this.groups(from, to, (block, first, end) => {
-        const judge = block.column(by);
-        let best = first;
-        for (let row = first; row < end; ++row) if (!(judge[row] <= judge[best])) best = row;
+        const [lowest, above] = [block.column(least), block.column(spread)];
+        let best = first, most = -Infinity;
+        for (let row = first; row < end; ++row) {
+          const value = lowest[row] + above[row];
+          if (!(value > most)) continue;  // nor is NaN
+          best = row;
+          most = value;
+        }
         out.push([block.times[first]].concat(names.map((name) => finite(block.column(name)[best]))));
       });
       return out;

@@ -80,6 +80,22 @@ async function knowsOtherRobots(page) {
   near(cart.lines[1][1], [0.8, 0, 0]);   // a pole fallen towards positive positions
 }
 
+// Of the buckets that share a point of the chart, the parts shown are those of the one with the oldest command. Buckets
+// made by hand, 2400 for 1200 points: of each two one reaches higher from below, or has no command at all.
+async function showsPartsOfTheOldest(page) {
+  const parts = await page.evaluate(() => {
+    const fill = (pair) => Float32Array.from({ length: 2400 }, (_, row) => (row < 1200 ? pair : pair.toReversed())[row % 2]);
+    const samplesOf = (ages, spreads, infers) => {
+      const columns = { age: fill(ages), 'age.spread': fill(spreads), infer: fill(infers), interventions: fill([0, 0]) };
+      const none = { rows: 0, times: [], column: () => [] };
+      return new takt.Samples({ rows: 2400, times: Float64Array.from({ length: 2400 }, (_, row) => row), column: (name) => columns[name] }, none, 1);
+    };
+    return [samplesOf([20, 22], [380, 18], [390, 30]), samplesOf([NaN, 20], [NaN, 2], [NaN, 10]), samplesOf([NaN, NaN], [NaN, NaN], [NaN, NaN])]
+      .map((samples) => [...new Set(samples.atLargest(0, 2399, ['infer'], ['age', 'age.spread']).map(([, infer]) => infer))]);
+  });
+  assert.deepEqual(parts, [[390], [10], [null]]);
+}
+
 async function zoomsTogether(page) {
   const before = await axes(page);
   const box = await page.locator('#age').boundingBox();
@@ -267,7 +283,7 @@ async function leavesGapsEmpty(page) {
       const { measured, setpoint, policy } = figure.scene();
       return { known: [measured, setpoint, policy].map(Boolean), text: document.getElementById('now').textContent, trail: figure.trail().length };
     });
-    const rows = { age: samples.bands(0, view.end, [['age', 'age.spread'], ['q0', 'q0.spread']]), stages: samples.atLargest(0, view.end, ['infer', 'hold'], 'age') };
+    const rows = { age: samples.bands(0, view.end, [['age', 'age.spread'], ['q0', 'q0.spread']]), stages: samples.atLargest(0, view.end, ['infer', 'hold'], ['age', 'age.spread']) };
     return { scenes, rows, buses: painted('buses'), stages: painted('stages') };
   }, [2.1, 2.43, 2.8]);
   for (const [name, rows] of Object.entries(found.rows)) {
@@ -292,6 +308,7 @@ const calmAge = await inBrowser({ colorScheme: 'light' }, async (page, { errors,
   const age = await oldestIn(page, ...calm);
   await showsWhatWasRecorded(page);
   await knowsOtherRobots(page);
+  await showsPartsOfTheOldest(page);
   await zoomsTogether(page);
   await jumpsToViolations(page);
   await showsMarks(page);
