@@ -96,6 +96,25 @@ async function showsPartsOfTheOldest(page) {
   assert.deepEqual(parts, [[390], [10], [null]]);
 }
 
+// A page lists only so many changes of the mode. Behind them the figure states none, with the last one's colour gone too.
+async function knowsWhereModesEnd(page) {
+  const [listed, cut] = await page.evaluate(() => {
+    const { facts, figure, view } = takt.page;
+    const all = facts.modes;
+    const states = () => [all[1][1] - facts.period_s / 2, all[1][1], view.end].map((time) => {
+      view.setCursor(time);
+      return [figure.scene().mode, document.querySelector('#now td:last-child').textContent, Boolean(figure.scene().measured)];
+    });
+    const listed = states();
+    facts.modes = all.slice(0, 2);
+    const cut = states();
+    facts.modes = all;
+    return [listed, cut];
+  });
+  assert.deepEqual(listed.map(([mode]) => mode), ['arming', 'tracking', 'damped_stop']);
+  assert.deepEqual(cut, [['arming', 'arming', true], [null, 'unknown', true], [null, 'unknown', true]]);
+}
+
 async function zoomsTogether(page) {
   const before = await axes(page);
   const box = await page.locator('#age').boundingBox();
@@ -309,6 +328,7 @@ const calmAge = await inBrowser({ colorScheme: 'light' }, async (page, { errors,
   await showsWhatWasRecorded(page);
   await knowsOtherRobots(page);
   await showsPartsOfTheOldest(page);
+  await knowsWhereModesEnd(page);
   await zoomsTogether(page);
   await jumpsToViolations(page);
   await showsMarks(page);
