@@ -96,7 +96,7 @@ async function showsPartsOfTheOldest(page) {
   assert.deepEqual(parts, [[390], [10], [null]]);
 }
 
-// A page lists only so many changes of the mode. Behind them the figure states none, with the last one's colour gone too.
+// A page lists only so many changes of the mode. Behind them the figure states none.
 async function knowsWhereModesEnd(page) {
   const [listed, cut] = await page.evaluate(() => {
     const { facts, figure, view } = takt.page;
@@ -231,6 +231,18 @@ async function turnsDark(page) {
   await page.emulateMedia({ media: 'screen' });
 }
 
+// What a run has not measured is neither 0 nor better.
+async function comparesWhatThereIs(page) {
+  const rows = await page.evaluate(() => {
+    const table = document.getElementById('comparison');
+    table.replaceChildren();
+    const rows = [['age', 'ms', null, 48.25], ['infer', 'ms', 48.25, null], ['hold', 'ms', null, null], ['misses', '%', 0, null], ['overruns', '', 0, 0], ['work', 'us', 8, 8.5]];
+    takt.tables({ ...takt.page.facts, comparison: { ...takt.page.facts.comparison, rows } });
+    return [...table.rows].slice(1).map((row) => [...row.cells].map((cell) => cell.textContent).join(' '));
+  });
+  assert.deepEqual(rows, ['age - 48.250 - ms', 'infer 48.250 - - ms', 'misses 0 - - %', 'work 8 8.500 +0.500 us']);
+}
+
 // The screenshot is no empty sheet: many colours, and no colour everywhere.
 async function screenshotIsNotEmpty(page, path) {
   const png = await page.screenshot({ fullPage: true });
@@ -337,6 +349,7 @@ const calmAge = await inBrowser({ colorScheme: 'light' }, async (page, { errors,
   const colours = await screenshotIsNotEmpty(page, process.argv[3]);
   await turnsDark(page);
   await screenshotIsNotEmpty(page, process.argv[3] && process.argv[3].replace(/\.png$/, '-dark.png'));
+  await comparesWhatThereIs(page);
   assert.deepEqual(errors, []);
   assert.deepEqual(requests.filter((request) => !request.startsWith('data:image/png')), [url], 'nothing is fetched');
   console.log(`parts drawn with ${drawn.join(', ')} colours; screenshot ${colours}; one request, no error`);
