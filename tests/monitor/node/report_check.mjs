@@ -115,6 +115,23 @@ async function knowsWhereModesEnd(page) {
   assert.deepEqual(cut, [['arming', 'arming', true], [null, 'unknown', true], [null, 'unknown', true]]);
 }
 
+// A long loss of the policy does not flatten the rest: the charts of age reach as high as what is in view, and as the limit.
+async function scalesToWhatIsInView(page) {
+  const limit = metrics.contract.max_age_ns * 1e-6;
+  const highestLabels = (from, to) => page.evaluate(([begin, end]) => {
+    takt.page.view.setWindow(begin, end);
+    return ['age', 'stages'].map((id) => Math.max(...[...document.querySelectorAll(`#${id} .dygraph-axis-label-y`)].map((label) => +label.textContent)));
+  }, [from, to]);
+  const [age, stages] = await highestLabels(...calm);
+  const most = 1.1 * Math.max(limit, await oldestIn(page, ...calm));
+  assert.ok(age > most / 2 && age <= most, `labelled up to ${age} of ${most} ms`);
+  assert.equal(stages, age, 'both alike');
+  const whole = await highestLabels(0, 1e9);
+  const oldest = await oldestIn(page, 0, 1e9);
+  assert.ok(oldest > 4 * most, `the demo ends with a loss: ${oldest} ms`);
+  whole.forEach((label) => assert.ok(label > oldest / 2 && label <= 1.1 * oldest, `labelled up to ${label} of ${oldest} ms`));
+}
+
 async function zoomsTogether(page) {
   const before = await axes(page);
   const box = await page.locator('#age').boundingBox();
@@ -341,6 +358,7 @@ const calmAge = await inBrowser({ colorScheme: 'light' }, async (page, { errors,
   await knowsOtherRobots(page);
   await showsPartsOfTheOldest(page);
   await knowsWhereModesEnd(page);
+  await scalesToWhatIsInView(page);
   await zoomsTogether(page);
   await jumpsToViolations(page);
   await showsMarks(page);
