@@ -36,16 +36,17 @@ Status Condenser::status(bool running) const {
 void Condenser::put_joint_states(const TickRecord& record) {
   const std::span joints(record.joints, record.header.joint_count);
   JointStates message;
-  MonoTime oldest = record.header.now;
+  MonoTime oldest = record.header.now, newest;
   for (const JointRecord& joint : joints) {
     oldest = std::min(oldest, joint.feedback.received_at);
+    newest = std::max(newest, joint.feedback.received_at);
     message.position.push_back(joint.feedback.q);
     message.velocity.push_back(joint.dq_estimate);
     message.effort.push_back(joint.feedback.tau);
   }
+  if (!oldest.is_set() || newest <= newest_heard_) return;
+  newest_heard_ = newest;
   message.unix_ns = unix_ns(oldest);
-  if (!oldest.is_set() || message.unix_ns <= joint_states_unix_ns_) return;
-  joint_states_unix_ns_ = message.unix_ns;
   out_.put(std::move(message));
 }
 

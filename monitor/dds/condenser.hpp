@@ -2,7 +2,8 @@
 // first use, status ten times a second, diagnostics once a second, and the last two at once when the mode changes.
 //
 // No clock and no I/O: time is the ticks' own. Stamps are Unix time by one offset for the whole session. Joint states
-// begin when every joint has been heard, and pause while nothing new is heard.
+// begin when every joint has been heard, and pause while no joint says anything new. Their stamp is that of the oldest
+// position: it never goes back, and stands still while one joint is silent and others are not.
 // Thread rule: one thread.
 #pragma once
 
@@ -38,7 +39,7 @@ class Condenser {
   MonoTime since_;
   Diagnoser diagnoser_;
   RateLimit joint_state_rate_, status_rate_{kStatusPeriod};
-  std::int64_t joint_states_unix_ns_ = 0;  // of the last
+  MonoTime newest_heard_;  // of any joint, in the last joint states
 };
 
 }  // namespace takt::monitor::dds

@@ -18,56 +18,77 @@ std::int64_t started_unix_ns(const RunManifest& manifest) {
   return manifest.started_at.ns + manifest.clock.monotonic_to_unix_ns;
 }
 
-double number_at(const Json& metrics, const std::string& pointer) {
-  const Json::json_pointer at(pointer);
-  return metrics.contains(at) && metrics.at(at).is_number() ? metrics.at(at).get<double>() : 0.0;
+using Number = std::optional<double>;
+
+// None where it is not, and where its object counted nothing: the age of no command is not 0 ms.
+Number number_at(const Json& metrics, const std::string& object, const std::string& key) {
+  const Json::json_pointer at(object);
+  if (!metrics.contains(at)) return {};
+  const Json& found = metrics.at(at);
+  if (!found.is_object() || found.value("count", Json()) == 0) return {};
+  if (!found.contains(key) || !found.at(key).is_number()) return {};
+  return found.at(key).get<double>();
 }
 
-double sum_at(const Json& metrics, const char* object, std::string_view but = {}) {
+Number sum_at(const Json& metrics, const char* object, std::string_view but = {}) {
   double sum = 0;
-  if (!metrics.contains(object)) return 0;
+  if (!metrics.contains(object)) return {};
   for (const auto& [key, value] : metrics.at(object).items()) {
     if (key != but && value.is_number()) sum += value.template get<double>();
   }
   return sum;
 }
 
-double share_percent(double part, double whole) {
-  return whole > 0 ? 100 * part / whole : 0;
+Number scaled(Number number, double factor) {
+  return number ? Number(*number * factor) : number;
+}
+
+Number difference(Number minuend, Number subtrahend) {
+  return minuend && subtrahend ? Number(*minuend - *subtrahend) : Number();
 }
 
 // The numbers of one run, in the order in which they are shown.
 std::vector<ComparisonRow> numbers_of(const Json& metrics) {
   std::vector<ComparisonRow> rows;
-  const auto add = [&](std::string label, std::string unit, double value) {
-    rows.push_back({std::move(label), std::move(unit), 0, value});
+  const auto add = [&](std::string label, std::string unit, Number value) {
+    rows.push_back({std::move(label), std::move(unit), {}, value});
   };
   for (const char* quantile : {"p50", "p95", "p99", "p99.9", "max"}) {
     add(fmt::format("age per command, {}", quantile), "ms",
-        1e-6 * number_at(metrics, fmt::format("/age_ns/per_command/total/{}", quantile)));
+        scaled(number_at(metrics, "/age_ns/per_command/total", quantile), 1e-6));
   }
   for (const char* part : {"sense", "queue", "infer", "publish"}) {
-    add(fmt::format("{}, p99", part), "ms", 1e-6 * number_at(metrics, fmt::format("/age_ns/per_command/{}/p99", part)));
+    add(fmt::format("{}, p99", part), "ms",
+        scaled(number_at(metrics, fmt::format("/age_ns/per_command/{}", part), "p99"), 1e-6));
   }
   for (const char* per : {"command", "tick"}) {
-    add(fmt::format("misses per {}", per), "%",
-        100 * number_at(metrics, fmt::format("/deadline_misses/per_{}/rate", per)));
-    add(fmt::format("at most, per {}", per), "%",
-        100 * number_at(metrics, fmt::format("/deadline_misses/per_{}/upper_bound", per)));
+    const std::string misses = fmt::format("/deadline_misses/per_{}", per);
+    add(fmt::format("misses per {}", per), "%", scaled(number_at(metrics, misses, "rate"), 100));
+    add(fmt::format("at most, per {}", per), "%", scaled(number_at(metrics, misses, "upper_bound"), 100));
   }
-  const double ticks = number_at(metrics, "/ticks/recorded");
+  const double ticks = number_at(metrics, "/ticks", "recorded").value_or(0);
   for (std::size_t mode = 0; mode < kModeCount; ++mode) {
     const std::string name(takt::name(static_cast<Mode>(mode)));
-    add(fmt::format("in {}", name), "%", share_percent(number_at(metrics, "/ticks_in_mode/" + name), ticks));
+    const Number in_mode = ticks > 0 ? number_at(metrics, "/ticks_in_mode", name) : Number();
+    add(fmt::format("in {}", name), "%", scaled(in_mode, 100 / ticks));
   }
-  add("transitions", "", number_at(metrics, "/transition_count"));
+  add("transitions", "", number_at(metrics, "", "transition_count"));
   add("interventions", "joint-ticks", sum_at(metrics, "interventions"));
-  add("refused commands", "", sum_at(metrics, "arrivals", "none") - number_at(metrics, "/arrivals/accepted"));
+  add("refused commands", "",
+      difference(sum_at(metrics, "arrivals", "none"), number_at(metrics, "/arrivals", "accepted")));
   add("overruns", "", sum_at(metrics, "overruns", "none"));
-  add("wake-up late, p99", "us", 1e-3 * number_at(metrics, "/lateness_ns/p99"));
-  add("work per tick, p99", "us", 1e-3 * number_at(metrics, "/work_ns/p99"));
-  add("recorded", "s", 1e-9 * number_at(metrics, "/ticks/span_ns"));
+  add("wake-up late, p99", "us", scaled(number_at(metrics, "/lateness_ns", "p99"), 1e-3));
+  add("work per tick, p99", "us", scaled(number_at(metrics, "/work_ns", "p99"), 1e-3));
+  add("recorded", "s", scaled(number_at(metrics, "/ticks", "span_ns"), 1e-9));
   return rows;
+}
+
+std::string shown(Number number) {
+  return number ? fmt::format("{:.3f}", *number) : "-";
+}
+
+Json json_of(Number number) {
+  return number ? Json(*number) : Json(nullptr);
 }
 
 std::expected<Json, std::string> metrics_json_of(const RecordedRun& run) {
@@ -121,9 +142,10 @@ std::string comparison_text(const RunComparison& comparison) {
   std::string text = fmt::format("\nagainst       {} ({})\n  {:<24}{:>12}{:>12}{:>12}\n", comparison.other_id,
                                  comparison.other_started, "", "other", "this", "difference");
   for (const ComparisonRow& row : comparison.rows) {
-    if (row.other == 0 && row.here == 0) continue;
-    text += fmt::format("  {:<24}{:>12.3f}{:>12.3f}{:>+12.3f} {}\n", row.label, row.other, row.here,
-                        row.here - row.other, row.unit);
+    if (row.other == row.here && row.here.value_or(0) == 0) continue;
+    const Number change = difference(row.here, row.other);
+    text += fmt::format("  {:<24}{:>12}{:>12}{:>12} {}\n", row.label, shown(row.other), shown(row.here),
+                        change ? fmt::format("{:+.3f}", *change) : "-", row.unit);
   }
   if (!comparison.same_contract) text += "  another contract: a miss is not the same thing in both\n";
   return text;
@@ -131,7 +153,9 @@ std::string comparison_text(const RunComparison& comparison) {
 
 Json to_json(const RunComparison& comparison) {
   Json rows = Json::array();
-  for (const ComparisonRow& row : comparison.rows) rows.push_back({row.label, row.unit, row.other, row.here});
+  for (const ComparisonRow& row : comparison.rows) {
+    rows.push_back({row.label, row.unit, json_of(row.other), json_of(row.here)});
+  }
   return {{"other_id", comparison.other_id},
           {"other_path", comparison.other_path},
           {"other_started", comparison.other_started},

@@ -19,7 +19,7 @@ std::string previous_run(const RecordedRun& run);
 
 struct ComparisonRow {
   std::string label, unit;
-  double other = 0, here = 0;
+  std::optional<double> other, here;  // none: nothing of the kind was measured, or an older metrics.json lacks it
 };
 struct RunComparison {
   std::string other_id, other_path, other_started;

@@ -69,8 +69,8 @@ class Series {
         start_(metrics.start),
         task_target_(std::move(task_target)),
         policy_target_(joints_),
-        whole_(joints_, buses_, has_task_target_, bucket_ticks_),
-        moments_(joints_, buses_, has_task_target_, 1) {
+        whole_(joints_, buses_, has_task_target_, bucket_ticks_, run.robot.control.period),
+        moments_(joints_, buses_, has_task_target_, 1, run.robot.control.period) {
     if (bucket_ticks_ > 1) ranges_ = moments_of(faults, row_bytes());
   }
 
@@ -83,7 +83,10 @@ class Series {
     if (task_target_) context.task_target = task_target_->at(header.now);
     whole_.tick(record, at_s, context);
     while (range_ < ranges_.size() && header.tick > ranges_[range_].last) ++range_;
-    if (range_ < ranges_.size() && header.tick >= ranges_[range_].first) moments_.tick(record, at_s, context);
+    if (range_ < ranges_.size() && header.tick >= ranges_[range_].first)
+      moments_.tick(record, at_s, context);
+    else
+      moments_.pause();
     follow_mode(header, at_s);
   }
   RunSeries finish() {

@@ -45,8 +45,8 @@ float ms(Duration duration) {
 }  // namespace
 
 SampleBlockBuilder::SampleBlockBuilder(std::size_t joints, std::size_t buses, bool has_task_target,
-                                       std::uint64_t bucket_ticks)
-    : joints_(joints), buses_(buses), has_task_target_(has_task_target) {
+                                       std::uint64_t bucket_ticks, Duration period)
+    : joints_(joints), buses_(buses), has_task_target_(has_task_target), period_s_(period.seconds()) {
   block_.bucket_ticks = bucket_ticks;
   block_.columns = columns_of(joints, buses, has_task_target);
 }
@@ -63,14 +63,20 @@ void SampleBlockBuilder::Extremes::add(float value) {
 
 void SampleBlockBuilder::tick(const TickRecord& record, double at_s, const TickContext& context) {
   if (last_tick_ != 0 && record.header.tick != last_tick_ + 1) {
-    flush();
-    put_gap(at_s);
-    errors_before_.clear();
+    pause();
+    put_gap(std::min(last_at_s_ + period_s_, at_s));  // a tick may come early: times never go back
   }
   last_tick_ = record.header.tick;
+  last_at_s_ = at_s;
   if (bucket_.ticks == 0) begin(at_s, context);
   take(record);
   if (++bucket_.ticks == block_.bucket_ticks) flush();
+}
+
+void SampleBlockBuilder::pause() {
+  flush();
+  errors_before_.clear();
+  last_tick_ = 0;
 }
 
 SampleBlock SampleBlockBuilder::finish() {

@@ -45,10 +45,14 @@ struct TickContext {
 
 class SampleBlockBuilder {
  public:
-  SampleBlockBuilder(std::size_t joints, std::size_t buses, bool has_task_target, std::uint64_t bucket_ticks);
+  SampleBlockBuilder(std::size_t joints, std::size_t buses, bool has_task_target, std::uint64_t bucket_ticks,
+                     Duration period);
 
-  // Ticks in order, `at_s` since the run's first tick. Behind a gap in the tick numbers a row of NaN breaks the lines.
+  // Ticks in order, `at_s` since the run's first tick. Where tick numbers are missing lies a row of nothing but NaN, a
+  // period behind the last tick before: what was known until then does not reach over the gap.
   void tick(const TickRecord& record, double at_s, const TickContext& context);
+  // The ticks up to the next one given are left out on purpose: they are no gap.
+  void pause();
   SampleBlock finish();
 
   // Bytes of a row as it is stored.
@@ -84,10 +88,12 @@ class SampleBlockBuilder {
 
   std::size_t joints_, buses_;
   bool has_task_target_;
+  double period_s_;
   SampleBlock block_;
   Bucket bucket_;
   std::vector<std::uint32_t> errors_before_;
-  std::uint64_t last_tick_ = 0;
+  std::uint64_t last_tick_ = 0;  // 0: none that the next could follow
+  double last_at_s_ = 0;
   std::size_t column_ = 0;  // that put() fills next
 };
 

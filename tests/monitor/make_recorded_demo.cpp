@@ -1,5 +1,6 @@
 // make_recorded_demo DIR: a recorded run of the virtual robot, for tests in other languages. Beside it DIR/truth.jsonl
-// as takt-plant would write it: where the rigid-body library sees the tool at the recorded angles, and a target.
+// as takt-plant would write it: where the rigid-body library sees the tool at the recorded angles, and a target. And
+// two more pages: thin.html of the same run with little room, gap.html of a copy without ticks 2200 to 2699.
 #include <cstdio>
 #include <exception>
 #include <stdexcept>
@@ -31,13 +32,21 @@ void write_truth(const RecordedRun& run, const std::string& path) {
   if (!scanned) throw std::runtime_error(scanned.error());
 }
 
-void write_thin_page(const RecordedRun& run, const RunMetrics& metrics, const std::string& path) {
-  constexpr std::size_t kRoom = 60'000;
+void write_page(const RecordedRun& run, const RunMetrics& metrics, const std::string& path, std::size_t whole_bytes) {
   const auto faults = classify_run(run);
-  const auto series = faults ? series_of(run, metrics, *faults, "", kRoom) : std::unexpected(faults.error());
+  const auto series = faults ? series_of(run, metrics, *faults, "", whole_bytes) : std::unexpected(faults.error());
   if (!series) throw std::runtime_error(series.error());
   const auto written = replace_file(path, report_html({run, metrics, *faults, *series, std::nullopt}));
   if (!written) throw std::runtime_error(written.error());
+}
+
+void write_page_with_gap(const RecordedRun& run, const std::string& path) {
+  const RecordedRun torn = altered_copy(
+      run, run.folder.path() + "/torn", [](TickRecord&) {}, [](RecordedCommand&) {},
+      [](std::uint64_t tick) { return tick < 2'200 || tick >= 2'700; });
+  const auto metrics = metrics_of(torn);
+  if (!metrics) throw std::runtime_error(metrics.error());
+  write_page(torn, *metrics, path, kWholeBytes);
 }
 
 }  // namespace
@@ -51,7 +60,8 @@ int main(int argc, char** argv) {
     write_truth(run, run.folder.path() + "/truth.jsonl");
     const auto metrics = write_metrics(run);
     if (!metrics) throw std::runtime_error(metrics.error());
-    write_thin_page(run, *metrics, run.folder.path() + "/thin.html");
+    write_page(run, *metrics, run.folder.path() + "/thin.html", 60'000);
+    write_page_with_gap(run, run.folder.path() + "/gap.html");
   } catch (const std::exception& error) {
     std::fprintf(stderr, "make_recorded_demo: %s\n", error.what());
     return 1;

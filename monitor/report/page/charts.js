@@ -42,6 +42,7 @@ takt.chart = (function () {
   }
 
   // rowsOf(from, to): what the chart shows of that time, with something on both sides to move into.
+  // options.heightOf(row), options.alwaysHigh: a chart from 0 that holds the rows in view, and at least that value.
   // themed(): options that depend on the theme.
   return function (id, view, rowsOf, options, themed) {
     const div = document.getElementById(id);
@@ -51,13 +52,20 @@ takt.chart = (function () {
       const found = rowsOf(Math.max(view.from - margin, 0), Math.min(view.to + margin, view.end));
       return found.length ? found : empty(view.from, view.to);
     };
+    const content = () => {
+      const file = rows();
+      if (!options.heightOf) return { file };
+      const highest = file.reduce((most, row) => (view.from <= row[0] && row[0] <= view.to ? Math.max(most, options.heightOf(row)) : most), options.alwaysHigh);
+      return { file, valueRange: [0, 1.1 * highest] };
+    };
     const look = () => Object.assign({ gridLineColor: takt.colour('grid'), axisLineColor: takt.colour('line') }, themed ? themed() : {});
     const underlay = (context, area, drawn) => {
       if (options.underlayCallback) options.underlayCallback(context, area, drawn);
       paintMarks(context, area, drawn, view.marks);
     };
     let isUpdating = true;
-    const graph = new Dygraph(div, rows(), Object.assign({
+    const { file, ...scale } = content();
+    const graph = new Dygraph(div, file, Object.assign({
       dateWindow: [view.from, view.to], strokeWidth: 1.2, animatedZooms: false, legend: 'never', xlabel: '',
       interactionModel: gestures(view), connectSeparatedPoints: false, fillAlpha: 0.3,
       clickCallback: (event) => view.setCursor(graph.toDataXCoord(graph.eventToDomCoords(event)[0])),
@@ -66,7 +74,7 @@ takt.chart = (function () {
         const [from, to] = drawn.xAxisRange();
         view.setWindow(from, to);
       },
-    }, look(), options, {
+    }, look(), options, scale, {
       underlayCallback: underlay,
       axes: { x: { axisLabelFormatter: timeText, valueFormatter: timeText },
               y: Object.assign({ axisLabelWidth: kYAxisWidth }, options.yAxis || {}) } }));
@@ -76,10 +84,10 @@ takt.chart = (function () {
       isUpdating = false;
     };
     isUpdating = false;
-    view.on('window', () => update({ file: rows(), dateWindow: [view.from, view.to] }));
+    view.on('window', () => update(Object.assign(content(), { dateWindow: [view.from, view.to] })));
     takt.theme.onChange(() => update(look()));
     addCursor(graph, div, view);
-    return { graph, reload: (changes) => update(Object.assign({ file: rows() }, changes)) };
+    return { graph, reload: (changes) => update(Object.assign(content(), changes)) };
   };
 })();
 

@@ -7,7 +7,9 @@ takt.figure = (function () {
   const kMargin = 28;         // pixels
   const kExtentPoses = 200;   // looked at over the run
 
-  function modeAt(modes, time) {
+  // null: not known, behind the last listed stretch of a run with more of them than the page holds.
+  function modeAt({ modes, metrics }, time) {
+    if (modes.length && metrics.transition_count >= modes.length && time >= modes.at(-1)[1]) return null;
     let low = 0, high = modes.length - 1;
     while (low < high) {
       const middle = (low + high + 1) >> 1;
@@ -94,7 +96,7 @@ takt.figure = (function () {
       const task = this.samples.has('task.x') ? taskAxes.map((axis) => place.block.column(axis)[place.row]) : [NaN];
       return {
         place,
-        mode: modeAt(this.facts.modes, this.view.cursor),
+        mode: place.isRecorded ? modeAt(this.facts, this.view.cursor) : null,
         measured: this.pose(place, 'q', true),
         setpoint: this.pose(place, 'reference', true),
         policy: this.pose(place, 'target', false),
@@ -120,13 +122,13 @@ takt.figure = (function () {
     }
 
     trail() {
-      const points = [];
+      const points = [];  // null where the tool is not known: no way leads across
       for (let index = kTrailPoints; index >= 0; --index) {
         const time = this.view.cursor - index * kTrail / kTrailPoints;
         const pose = time < 0 ? null : this.pose(this.samples.at(time), 'q', true);
-        if (pose && pose.tool) points.push(pose.tool);
+        points.push(pose && pose.tool);
       }
-      return points.slice(1).map((point, index) => [points[index], point]);
+      return points.slice(1).map((point, index) => [points[index], point]).filter(([from, to]) => from && to);
     }
 
     panes(context, width, height) {
@@ -160,7 +162,7 @@ takt.figure = (function () {
       if (scene.policy) pane.lines(scene.policy.lines, takt.colour('third'), 2, [3, 4]);
       if (scene.setpoint) pane.lines(scene.setpoint.lines, takt.colour('second'), 2, [7, 4]);
       if (scene.measured) {
-        pane.lines(scene.measured.lines, takt.colour(scene.mode), 5);
+        pane.lines(scene.measured.lines, takt.colour(scene.mode ?? 'quiet'), 5);
         for (const [joint] of scene.measured.lines) pane.dot(joint, takt.colour('ink'), 3);
         if (scene.measured.tool) pane.dot(scene.measured.tool, takt.colour('data'), 4);
       }
@@ -174,9 +176,10 @@ takt.figure = (function () {
       const age = this.samples.value(place, 'age', 'age.spread');
       const mask = place.block.column('interventions')[place.row];
       const acting = this.facts.intervention_kinds.filter((kind, bit) => mask >> bit & 1);
-      const rows = [['mode', scene.mode.replaceAll('_', ' ')],
-        ['age', Number.isFinite(age) ? number(age, 2) + ' ms' : 'none'],
-        ['interventions', acting.join(', ').replaceAll('_', ' ') || 'none']];
+      const rows = !place.isRecorded ? ['mode', 'age', 'interventions'].map((name) => [name, 'not recorded']) :
+        [['mode', scene.mode?.replaceAll('_', ' ') ?? 'unknown'],
+          ['age', Number.isFinite(age) ? number(age, 2) + ' ms' : 'none'],
+          ['interventions', acting.join(', ').replaceAll('_', ' ') || 'none']];
       const table = document.getElementById('now');
       table.replaceChildren(...rows.map((row) => takt.row(row)), takt.row(['joint', 'measured', 'setpoint', 'policy'], true));
       const [q, reference, target] = [this.angles(place, 'q', true), this.angles(place, 'reference', true), this.angles(place, 'target', false)];

@@ -11,15 +11,14 @@ takt.main = async function (say) {
   const limitMs = facts.metrics.contract.max_age_ns * 1e-6;
 
   function charts() {
-    const oldest = samples.bands(0, end, [['age', 'age.spread']]).reduce((most, [, band]) => Math.max(most, band[2] ?? 0), limitMs);
     takt.chart('age', view, (from, to) => samples.bands(from, to, [['age', 'age.spread']]), {
-      labels: ['s', 'age'], customBars: true, ylabel: 'ms', valueRange: [0, 1.1 * oldest],
+      labels: ['s', 'age'], customBars: true, ylabel: 'ms', heightOf: ([, band]) => band[2] ?? 0, alwaysHigh: limitMs,
       underlayCallback: takt.underlay(facts.modes, { value: limitMs, text: `max age ${limitMs} ms` }) },
     () => ({ colors: [takt.colour('data')] }));
     const parts = ['sense', 'queue', 'infer', 'publish', 'hold'];
-    takt.chart('stages', view, (from, to) => samples.atLargest(from, to, parts, 'age'), {
+    takt.chart('stages', view, (from, to) => samples.atLargest(from, to, parts, ['age', 'age.spread']), {
       labels: ['s'].concat(parts), stackedGraph: true, ylabel: 'ms', fillAlpha: 0.65, strokeWidth: 0.6, legend: 'always',
-      labelsDiv: 'stages-legend', colors: takt.partColours, valueRange: [0, 1.1 * oldest] });
+      labelsDiv: 'stages-legend', colors: takt.partColours, heightOf: ([, ...values]) => values.reduce((sum, value) => sum + value, 0), alwaysHigh: limitMs });
     takt.modeLane(view, facts.modes);
     takt.interventionLanes(view, samples, facts.intervention_kinds);
     takt.busLanes(view, samples, facts.buses);

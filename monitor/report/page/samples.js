@@ -26,6 +26,12 @@ takt.Samples = (function () {
     return stretches;
   }
 
+  // row -> whether it marks ticks that were not recorded: such a row holds nothing, where every other has this column.
+  function gapsOf(block) {
+    const masks = block.column('interventions');
+    return (row) => Number.isNaN(masks[row]);
+  }
+
   return class Samples {
     constructor(whole, moments, period) {
       this.whole = whole;
@@ -57,13 +63,19 @@ takt.Samples = (function () {
       return pieces;
     }
 
-    // Rows of [from, to] in groups, at most about kPoints of them: calls group(block, first, end) for each.
+    // Rows of [from, to] in groups, at most about kPoints of them: calls group(block, first, end) for each. What was not
+    // recorded is a group of its own, so that nothing is drawn across it.
     groups(from, to, group) {
       const pieces = this.pieces(from, to);
       const rows = pieces.reduce((sum, piece) => sum + piece.end - piece.first, 0);
       const size = Math.max(1, Math.ceil(rows / kPoints));
       for (const { block, first, end } of pieces) {
-        for (let row = first; row < end; row += size) group(block, row, Math.min(row + size, end));
+        const isGap = gapsOf(block);
+        for (let row = first, behind; row < end; row = behind) {
+          behind = row + 1;
+          while (!isGap(row) && behind < Math.min(row + size, end) && !isGap(behind)) ++behind;
+          group(block, row, behind);
+        }
       }
     }
 
@@ -78,26 +90,29 @@ takt.Samples = (function () {
       return out;
     }
 
-    // For stacked charts: [[time, value, ...]] of each group's row where `by` is largest.
-    atLargest(from, to, names, by) {
+    // For stacked charts: [[time, value, ...]] of each group's row where `least` + `spread` reaches highest.
+    atLargest(from, to, names, [least, spread]) {
       const out = [];
       this.groups(from, to, (block, first, end) => {
-        const judge = block.column(by);
-        let best = first;
-        for (let row = first; row < end; ++row) if (!(judge[row] <= judge[best])) best = row;
+        const [lowest, above] = [block.column(least), block.column(spread)];
+        let best = first, most = -Infinity;
+        for (let row = first; row < end; ++row) {
+          const value = lowest[row] + above[row];
+          if (!(value > most)) continue;  // nor is NaN
+          best = row;
+          most = value;
+        }
         out.push([block.times[first]].concat(names.map((name) => finite(block.column(name)[best]))));
       });
       return out;
     }
 
-    // The row in force at `time`: {block, row}.
+    // The row in force at `time`: {block, row, isRecorded}; where nothing was recorded its values are NaN.
     at(time) {
-      for (const [begin, behind] of this.stretches) {
-        if (this.moments.times[begin] <= time && time <= this.moments.times[behind - 1]) {
-          return { block: this.moments, row: lastNotAfter(this.moments.times, time) };
-        }
-      }
-      return { block: this.whole, row: lastNotAfter(this.whole.times, time) };
+      const isInMoments = this.stretches.some(([begin, behind]) => this.moments.times[begin] <= time && time <= this.moments.times[behind - 1]);
+      const block = isInMoments ? this.moments : this.whole;
+      const row = lastNotAfter(block.times, time);
+      return { block, row, isRecorded: !gapsOf(block)(row) };
     }
 
     // Middle of the band, or the value.

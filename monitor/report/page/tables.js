@@ -54,12 +54,13 @@ takt.tables = (function () {
     }
     text('comparison-note', `${found.other_id}, started ${found.other_started}` +
       (found.same_contract ? '' : '; another contract: a miss is not the same thing in both'));
-    const number = (value) => (Number.isInteger(value) ? String(value) : value.toFixed(3));
+    const isNone = (value) => value === null;
+    const number = (value) => (isNone(value) ? '-' : Number.isInteger(value) ? String(value) : value.toFixed(3));
     const table = document.getElementById('comparison');
     table.append(takt.row(['', 'other', 'this', 'difference', ''], true));
     for (const [label, unit, other, here] of found.rows) {
-      if (other === 0 && here === 0) continue;
-      const difference = here - other;
+      if (other === here && !here) continue;  // both nothing, or both 0
+      const difference = isNone(other) || isNone(here) ? null : here - other;
       table.append(takt.row([label, number(other), number(here), (difference > 0 ? '+' : '') + number(difference), unit]));
     }
   }

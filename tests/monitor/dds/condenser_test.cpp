@@ -51,6 +51,24 @@ TEST(Condenser, NothingIsSaidOfJointsThatWereNeverHeardOrFellSilent) {
   EXPECT_EQ(demo.joint_states.size(), 1U) << "the same old sample is not told twice";
 }
 
+// One drive that falls silent does not hide the others; the stamp says how old the message may be, and never goes back.
+TEST(Condenser, OneSilentJointDoesNotSilenceTheRobot) {
+  CondensedRobot demo(1000);
+  MonoTime silent_since;
+  demo.robot.spoil_input = [&](pipeline::TickInput& input) {
+    if (input.tick == 400) silent_since = input.joints[2].received_at;
+    if (input.tick >= 400 && input.tick < 600) input.joints[2].received_at = silent_since;
+  };
+  demo.run(800);
+  ASSERT_NEAR(static_cast<double>(demo.joint_states.size()), 800, 1);
+  EXPECT_TRUE(std::ranges::is_sorted(demo.joint_states, {}, &JointStates::unix_ns));
+  const auto stamped = [&](MonoTime at) {
+    return std::ranges::count(demo.joint_states, at.ns + kOffset, &JointStates::unix_ns);
+  };
+  EXPECT_GE(stamped(silent_since), 199) << "each with what the other joints say";
+  EXPECT_EQ(demo.joint_states.back().unix_ns, demo.robot.latest().joints[5].feedback.received_at.ns + kOffset);
+}
+
 TEST(Condenser, EveryCommandIsToldOnceWithItsAgeAtFirstUse) {
   CondensedRobot demo(100);
   std::vector<TickRecordHeader> first_uses;

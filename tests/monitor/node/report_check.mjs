@@ -80,6 +80,58 @@ async function knowsOtherRobots(page) {
   near(cart.lines[1][1], [0.8, 0, 0]);   // a pole fallen towards positive positions
 }
 
+// Of the buckets that share a point of the chart, the parts shown are those of the one with the oldest command. Buckets
+// made by hand, 2400 for 1200 points: of each two one reaches higher from below, or has no command at all.
+async function showsPartsOfTheOldest(page) {
+  const parts = await page.evaluate(() => {
+    const fill = (pair) => Float32Array.from({ length: 2400 }, (_, row) => (row < 1200 ? pair : pair.toReversed())[row % 2]);
+    const samplesOf = (ages, spreads, infers) => {
+      const columns = { age: fill(ages), 'age.spread': fill(spreads), infer: fill(infers), interventions: fill([0, 0]) };
+      const none = { rows: 0, times: [], column: () => [] };
+      return new takt.Samples({ rows: 2400, times: Float64Array.from({ length: 2400 }, (_, row) => row), column: (name) => columns[name] }, none, 1);
+    };
+    return [samplesOf([20, 22], [380, 18], [390, 30]), samplesOf([NaN, 20], [NaN, 2], [NaN, 10]), samplesOf([NaN, NaN], [NaN, NaN], [NaN, NaN])]
+      .map((samples) => [...new Set(samples.atLargest(0, 2399, ['infer'], ['age', 'age.spread']).map(([, infer]) => infer))]);
+  });
+  assert.deepEqual(parts, [[390], [10], [null]]);
+}
+
+// A page lists only so many changes of the mode. Behind them the figure states none.
+async function knowsWhereModesEnd(page) {
+  const [listed, cut] = await page.evaluate(() => {
+    const { facts, figure, view } = takt.page;
+    const all = facts.modes;
+    const states = () => [all[1][1] - facts.period_s / 2, all[1][1], view.end].map((time) => {
+      view.setCursor(time);
+      return [figure.scene().mode, document.querySelector('#now td:last-child').textContent, Boolean(figure.scene().measured)];
+    });
+    const listed = states();
+    facts.modes = all.slice(0, 2);
+    const cut = states();
+    facts.modes = all;
+    return [listed, cut];
+  });
+  assert.deepEqual(listed.map(([mode]) => mode), ['arming', 'tracking', 'damped_stop']);
+  assert.deepEqual(cut, [['arming', 'arming', true], [null, 'unknown', true], [null, 'unknown', true]]);
+}
+
+// A long loss of the policy does not flatten the rest: the charts of age reach as high as what is in view, and as the limit.
+async function scalesToWhatIsInView(page) {
+  const limit = metrics.contract.max_age_ns * 1e-6;
+  const highestLabels = (from, to) => page.evaluate(([begin, end]) => {
+    takt.page.view.setWindow(begin, end);
+    return ['age', 'stages'].map((id) => Math.max(...[...document.querySelectorAll(`#${id} .dygraph-axis-label-y`)].map((label) => +label.textContent)));
+  }, [from, to]);
+  const [age, stages] = await highestLabels(...calm);
+  const most = 1.1 * Math.max(limit, await oldestIn(page, ...calm));
+  assert.ok(age > most / 2 && age <= most, `labelled up to ${age} of ${most} ms`);
+  assert.equal(stages, age, 'both alike');
+  const whole = await highestLabels(0, 1e9);
+  const oldest = await oldestIn(page, 0, 1e9);
+  assert.ok(oldest > 4 * most, `the demo ends with a loss: ${oldest} ms`);
+  whole.forEach((label) => assert.ok(label > oldest / 2 && label <= 1.1 * oldest, `labelled up to ${label} of ${oldest} ms`));
+}
+
 async function zoomsTogether(page) {
   const before = await axes(page);
   const box = await page.locator('#age').boundingBox();
@@ -196,6 +248,18 @@ async function turnsDark(page) {
   await page.emulateMedia({ media: 'screen' });
 }
 
+// What a run has not measured is neither 0 nor better.
+async function comparesWhatThereIs(page) {
+  const rows = await page.evaluate(() => {
+    const table = document.getElementById('comparison');
+    table.replaceChildren();
+    const rows = [['age', 'ms', null, 48.25], ['infer', 'ms', 48.25, null], ['hold', 'ms', null, null], ['misses', '%', 0, null], ['overruns', '', 0, 0], ['work', 'us', 8, 8.5]];
+    takt.tables({ ...takt.page.facts, comparison: { ...takt.page.facts.comparison, rows } });
+    return [...table.rows].slice(1).map((row) => [...row.cells].map((cell) => cell.textContent).join(' '));
+  });
+  assert.deepEqual(rows, ['age - 48.250 - ms', 'infer 48.250 - - ms', 'misses 0 - - %', 'work 8 8.500 +0.500 us']);
+}
+
 // The screenshot is no empty sheet: many colours, and no colour everywhere.
 async function screenshotIsNotEmpty(page, path) {
   const png = await page.screenshot({ fullPage: true });
@@ -245,6 +309,46 @@ async function thinsOut(page, calmAge) {
   found.violation.slice(1).forEach((time, index) => assert.ok(time > found.violation[index], 'in order'));
 }
 
+// 500 of the demo's ticks were not recorded: nothing is drawn, painted or said of that time.
+async function leavesGapsEmpty(page) {
+  const found = await page.evaluate((times) => {
+    const { samples, figure, view } = takt.page;
+    // Painted pixels of a chart where each time is.
+    const painted = (id) => {
+      const canvas = document.querySelector(`#${id} canvas`);
+      const area = canvas.getBoundingClientRect();
+      const axis = document.getElementById(id).querySelectorAll('.dygraph-axis-label-x');
+      const [first, second] = [axis[0], axis[1]].map((label) => ({ time: parseFloat(label.textContent),
+        x: label.getBoundingClientRect().left + label.getBoundingClientRect().width / 2 - area.left }));
+      return times.map((time) => {
+        const x = first.x + (time - first.time) * (second.x - first.x) / (second.time - first.time);
+        const pixels = new Uint32Array(canvas.getContext('2d').getImageData(Math.round(x * canvas.width / area.width), 0, 1, canvas.height).data.buffer);
+        return pixels.filter((pixel) => pixel !== 0).length;
+      });
+    };
+    const scenes = times.map((time) => {
+      view.setCursor(time);
+      const { measured, setpoint, policy } = figure.scene();
+      return { known: [measured, setpoint, policy].map(Boolean), text: document.getElementById('now').textContent, trail: figure.trail().length };
+    });
+    const rows = { age: samples.bands(0, view.end, [['age', 'age.spread'], ['q0', 'q0.spread']]), stages: samples.atLargest(0, view.end, ['infer', 'hold'], ['age', 'age.spread']) };
+    return { scenes, rows, buses: painted('buses'), stages: painted('stages') };
+  }, [2.1, 2.43, 2.8]);
+  for (const [name, rows] of Object.entries(found.rows)) {
+    const inGap = rows.filter(([time]) => time > 2.1985 && time < 2.6985);
+    assert.equal(inGap.length, 1, `${name}: one row says that there is nothing`);
+    assert.ok(Math.abs(inGap[0][0] - 2.199) < 1e-4, `${name}: at ${inGap[0][0]} s, right behind the last tick`);
+    assert.ok(inGap[0].slice(1).flat().every((value) => value === null), `${name}: ${inGap[0]}`);
+  }
+  for (const id of ['buses', 'stages']) {
+    const [before, within, behind] = found[id];
+    assert.ok(within <= Math.min(before, behind) / 2, `${id}: nothing but grid lines within: ${found[id]}`);
+  }
+  assert.deepEqual(found.scenes.map(({ known }) => known), [[true, true, true], [false, false, false], [true, true, true]]);
+  assert.deepEqual(found.scenes.map(({ text }) => text.split('not recorded').length - 1), [0, 3, 0]);
+  assert.ok(found.scenes[2].trail < 40 && found.scenes[2].trail > 5, `no way across: ${found.scenes[2].trail} of 60 pieces`);
+}
+
 const calmAge = await inBrowser({ colorScheme: 'light' }, async (page, { errors, requests }) => {
   await page.goto(url);
   await ready(page);
@@ -252,6 +356,9 @@ const calmAge = await inBrowser({ colorScheme: 'light' }, async (page, { errors,
   const age = await oldestIn(page, ...calm);
   await showsWhatWasRecorded(page);
   await knowsOtherRobots(page);
+  await showsPartsOfTheOldest(page);
+  await knowsWhereModesEnd(page);
+  await scalesToWhatIsInView(page);
   await zoomsTogether(page);
   await jumpsToViolations(page);
   await showsMarks(page);
@@ -260,6 +367,7 @@ const calmAge = await inBrowser({ colorScheme: 'light' }, async (page, { errors,
   const colours = await screenshotIsNotEmpty(page, process.argv[3]);
   await turnsDark(page);
   await screenshotIsNotEmpty(page, process.argv[3] && process.argv[3].replace(/\.png$/, '-dark.png'));
+  await comparesWhatThereIs(page);
   assert.deepEqual(errors, []);
   assert.deepEqual(requests.filter((request) => !request.startsWith('data:image/png')), [url], 'nothing is fetched');
   console.log(`parts drawn with ${drawn.join(', ')} colours; screenshot ${colours}; one request, no error`);
@@ -269,5 +377,11 @@ await inBrowser({}, async (page, { errors }) => {
   await page.goto(url.replace('report.html', 'thin.html'));
   await ready(page);
   await thinsOut(page, calmAge);
+  assert.deepEqual(errors, []);
+});
+await inBrowser({}, async (page, { errors }) => {
+  await page.goto(url.replace('report.html', 'gap.html'));
+  await ready(page);
+  await leavesGapsEmpty(page);
   assert.deepEqual(errors, []);
 });

@@ -51,11 +51,33 @@ TEST_F(RunComparisonTest, DifferencesAreThisRunsMinusTheOthers) {
   ASSERT_TRUE(found) << found.error();
   EXPECT_TRUE(found->same_contract);
   const ComparisonRow& recorded = row(*found, "recorded");
-  EXPECT_NEAR(recorded.here, 3.999, 1e-9);
-  EXPECT_NEAR(recorded.other, 2.998, 1e-9);
+  EXPECT_NEAR(recorded.here.value(), 3.999, 1e-9);
+  EXPECT_NEAR(recorded.other.value(), 2.998, 1e-9);
   EXPECT_EQ(row(*found, "age per command, p50").here, 37.0);
   EXPECT_GT(row(*found, "misses per tick").here, row(*found, "misses per tick").other) << "the second stall";
   EXPECT_NE(comparison_text(*found).find("+1.001 s"), std::string::npos) << comparison_text(*found);
+}
+
+// A run that never left standby has no ages and no misses, which is not the same as ages of 0 ms.
+TEST_F(RunComparisonTest, WhatWasNotMeasuredIsNoZero) {
+  const RecordedRun standby = altered_copy(
+      run_, path("standby"), [](TickRecord&) {}, [](RecordedCommand&) {},
+      [](std::uint64_t tick) { return tick < VirtualRobot::kArmAt; });
+  const auto found = compare_with(to_json(*metrics_of(run_), run_), path("standby"));
+  ASSERT_TRUE(found) << found.error();
+  for (const char* label : {"age per command, p99", "infer, p99", "misses per command", "at most, per tick"}) {
+    EXPECT_TRUE(row(*found, label).here) << label;
+    EXPECT_FALSE(row(*found, label).other) << label;
+  }
+  EXPECT_EQ(row(*found, "in standby").other, 100.0);
+  EXPECT_EQ(row(*found, "in tracking").other, 0.0) << "counted, and there was none";
+  const std::string text = comparison_text(*found);
+  EXPECT_NE(text.find("  age per command, p50               -      37.000           - ms\n"), std::string::npos)
+      << text;
+  const auto json = to_json(*found);
+  EXPECT_EQ(json["rows"][0].dump(), R"(["age per command, p50","ms",null,37.0])");
+  const auto alone = compare_with(to_json(*metrics_of(standby), standby), path("standby"));
+  EXPECT_EQ(comparison_text(*alone).find("age"), std::string::npos) << comparison_text(*alone);
 }
 
 // metrics.json counts only where it is the run's own.

@@ -55,6 +55,21 @@ TEST_F(RunSeriesTest, ALongOneKeepsItsExtremesAndEveryTickOfItsViolations) {
   }
 }
 
+// Between two violations lie ticks that the moments leave out: nothing was lost there, so no row says so.
+TEST_F(RunSeriesTest, BetweenMomentsIsNoGap) {
+  VirtualRobot robot;
+  const RecordedRun run = record(robot, path("long"), 8'000, [&](std::uint64_t tick) {
+    robot.policy_is_frozen = (tick >= 1'500 && tick < 1'900) || tick >= 6'500;
+  });
+  const auto thin = series_of(run, *metrics_of(run), *classify_run(run), "", 20'000);
+  ASSERT_TRUE(thin) << thin.error();
+  const auto& at_s = thin->moments.at_s;
+  const auto hole = std::ranges::adjacent_find(at_s, [](double before, double behind) { return behind > before + 1; });
+  ASSERT_NE(hole, at_s.end()) << "two stretches";
+  const auto& masks = column(thin->moments, "interventions");
+  EXPECT_TRUE(std::ranges::none_of(masks, [](float mask) { return std::isnan(mask); }));
+}
+
 // Each command's last step is where the policy wants to go; the demo's policy moves all joints along one sine.
 TEST_F(RunSeriesTest, ThePolicysTargetIsTheEndOfItsChunk) {
   const RunSeries all = series(kWholeBytes);

@@ -37,7 +37,7 @@ class SampleBlockTest : public testing::Test {
   }
 
   TickContext context_;
-  SampleBlockBuilder builder_{kJoints, kBuses, false, 10};
+  SampleBlockBuilder builder_{kJoints, kBuses, false, 10, milliseconds(1)};
 };
 
 TEST_F(SampleBlockTest, ABucketKeepsItsExtremesAndTheOldestCommandsParts) {
@@ -100,6 +100,28 @@ TEST_F(SampleBlockTest, WhatDoesNotExistIsNotDrawn) {
   EXPECT_TRUE(std::isnan(column(block, "age")[1])) << "a gap breaks the line";
   EXPECT_TRUE(std::isnan(column(block, "q0")[1]));
   EXPECT_FLOAT_EQ(column(block, "target1")[2], -0.5);
+}
+
+// What was true of the last tick before a gap is not stretched to the gap's end.
+TEST_F(SampleBlockTest, AGapBeginsAPeriodBehindTheLastTickBeforeIt) {
+  for (std::uint64_t number = 1; number <= 13; ++number) tick(number, 1);
+  tick(500, 1);
+  const SampleBlock block = builder_.finish();
+  ASSERT_EQ(block.rows(), 4U);
+  EXPECT_DOUBLE_EQ(block.at_s[1], 0.011);
+  EXPECT_DOUBLE_EQ(block.at_s[2], 0.014);
+  EXPECT_DOUBLE_EQ(block.at_s[3], 0.5);
+  for (const SampleColumn& each : block.columns) EXPECT_TRUE(std::isnan(each.values[2])) << each.name;
+}
+
+TEST_F(SampleBlockTest, TicksLeftOutOnPurposeAreNoGap) {
+  tick(1, 1);
+  builder_.pause();
+  tick(500, 2);
+  const SampleBlock block = builder_.finish();
+  ASSERT_EQ(block.rows(), 2U);
+  EXPECT_FLOAT_EQ(column(block, "age")[0], 1);
+  EXPECT_FLOAT_EQ(column(block, "age")[1], 2);
 }
 
 }  // namespace
