@@ -102,7 +102,7 @@ void modes(Exposition& out, const LiveMetrics& metrics) {
 
 void loop(Exposition& out, const LiveMetrics& metrics, const config::RobotConfig& robot) {
   out.family("takt_up", "gauge", "1 while an executive runs and is recorded.");
-  out.sample(metrics.running ? 1 : 0);
+  out.sample(metrics.recording ? 1 : 0);
   if (!metrics.run_id.empty()) {
     out.family("takt_run_info", "gauge", "Always 1; what runs is in the labels.");
     out.sample(1, {{"run_id", metrics.run_id}, {"config_sha256", robot.sha256}});
