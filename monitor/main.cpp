@@ -86,7 +86,7 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
   spdlog::info("recording into {}", folder->path());
   exports.begin(manifest, folder->path(), monotonic_now());
   const RecordSink sink = exports.also_to((*recorder)->sink());
-  const auto tell_if_stopped = [&, said = false]() mutable {
+  auto tell_if_stopped = [&, said = false]() mutable {
     if ((*recorder)->stop_reason().empty()) return;
     exports.recording_stopped((*recorder)->manifest().unrecorded_ticks);
     if (!std::exchange(said, true))
