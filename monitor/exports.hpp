@@ -36,7 +36,7 @@ class Exports {
  private:
   const config::RobotConfig& robot_;
   std::uint64_t max_file_bytes_;
-  LiveMetrics metrics_;
+  LiveMetrics metrics_;  // over all sessions
   MonoTime began_, published_at_;
   std::optional<dds::Exporter> dds_;
   std::optional<PrometheusServer> prometheus_;

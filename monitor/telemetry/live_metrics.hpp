@@ -1,4 +1,5 @@
-// Running counts of what the executive does, since the monitor started: what Prometheus scrapes and OTLP carries.
+// Running counts of what the executive does, since this was made: Prometheus scrapes those since the monitor started,
+// OTLP carries those of one session.
 //
 // Fed with every tick record in order, over any number of sessions of the executive. Plain value: copied to be read
 // elsewhere. Memory is fixed by the robot, the transitions seen and the buckets, never by the running time.
@@ -43,6 +44,7 @@ class LiveMetrics {
   // The session goes on, its recording does not. `unrecorded_ticks`: of this session, so far.
   void recording_stopped(std::uint64_t unrecorded_ticks);
   void end() { running = recording = false; }
+  [[nodiscard]] bool is_in(Mode mode) const { return running && newest.tick != 0 && newest.mode == mode; }
 
   std::string run_id;
   bool running = false;    // an executive runs
