@@ -38,6 +38,7 @@ BoundedFile::BoundedFile(BoundedFile&& other) noexcept
       fd_(std::exchange(other.fd_, -1)),
       max_bytes_(other.max_bytes_),
       size_(other.size_),
+      synced_(other.synced_),
       failure_(std::move(other.failure_)) {}
 
 BoundedFile::~BoundedFile() {
@@ -52,7 +53,7 @@ bool BoundedFile::append(std::span<const std::byte> piece) {
   }
   if (const int error = write_all(fd_, piece); error != 0) {
     failure_ = fmt::format("{} takes no more data: {}", path_, std::strerror(error));
-    if (::ftruncate(fd_, static_cast<off_t>(size_)) == 0) ::lseek(fd_, static_cast<off_t>(size_), SEEK_SET);
+    cut_back_to(size_);
     return false;
   }
   size_ += piece.size();
@@ -64,8 +65,22 @@ void BoundedFile::reopen(std::uint64_t max_bytes) {
   max_bytes_ = max_bytes;
 }
 
-void BoundedFile::sync() {
-  ::fdatasync(fd_);
+bool BoundedFile::sync() {
+  int error = 0;
+  do error = ::fdatasync(fd_) == 0 ? 0 : errno;
+  while (error == EINTR);
+  if (error == 0) {
+    synced_ = size_;
+    return true;
+  }
+  if (failure_.empty()) failure_ = fmt::format("{} does not reach its medium: {}", path_, std::strerror(error));
+  cut_back_to(synced_);
+  return false;
+}
+
+void BoundedFile::cut_back_to(std::uint64_t size) {
+  size_ = size;
+  if (::ftruncate(fd_, static_cast<off_t>(size)) == 0) ::lseek(fd_, static_cast<off_t>(size), SEEK_SET);
 }
 
 std::expected<void, std::string> replace_file(const std::string& path, std::string_view text) {

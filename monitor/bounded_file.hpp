@@ -1,8 +1,9 @@
 // A file that grows by whole pieces, up to a limit, and says once why it stopped.
 //
 // append() writes all of a piece or none: after a short write (disk full, RLIMIT_FSIZE, limit reached) the file is cut
-// back to the last whole piece, failure() holds one sentence, and every later append is refused. Nothing here blocks
-// longer than the file system does. Thread rule: one thread.
+// back to the last whole piece, failure() holds one sentence, and every later append is refused. sync() likewise: what
+// the medium did not take (quota, I/O error at write-back) is cut off, back to what an earlier sync() brought there.
+// Nothing here blocks longer than the file system does. Thread rule: one thread.
 #pragma once
 
 #include <cstddef>
@@ -28,7 +29,8 @@ class BoundedFile {
   bool append(std::string_view text) { return append(std::as_bytes(std::span(text))); }
   // A failed file may take pieces again, up to `max_bytes`: for the closing words once room was made.
   void reopen(std::uint64_t max_bytes);
-  void sync();  // to the medium
+  // To the medium. False once: what was appended since the last sync() is gone.
+  bool sync();
   [[nodiscard]] std::uint64_t size() const { return size_; }
   [[nodiscard]] const std::string& failure() const { return failure_; }
   [[nodiscard]] const std::string& path() const { return path_; }
@@ -36,10 +38,11 @@ class BoundedFile {
  private:
   BoundedFile(std::string path, int fd, std::uint64_t max_bytes)
       : path_(std::move(path)), fd_(fd), max_bytes_(max_bytes) {}
+  void cut_back_to(std::uint64_t size);
   std::string path_;
   int fd_;
   std::uint64_t max_bytes_;
-  std::uint64_t size_ = 0;
+  std::uint64_t size_ = 0, synced_ = 0;
   std::string failure_;
 };
 

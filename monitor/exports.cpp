@@ -30,7 +30,7 @@ void Exports::begin(const RunManifest& manifest, const std::string& folder, Mono
   metrics_.begin(manifest.run_id);
   if (dds_) condenser_.emplace(robot_, manifest.clock.monotonic_to_unix_ns, now, dds_->outbox());
   if (!robot_.otlp) return;
-  auto exporter = OtlpExporter::start(*robot_.otlp, source_of(manifest), folder, max_file_bytes_,
+  auto exporter = OtlpExporter::start(robot_, source_of(manifest), folder, max_file_bytes_,
                                       otlp_sender_ ? &*otlp_sender_ : nullptr, now);
   if (exporter)
     otlp_.emplace(std::move(*exporter));
@@ -60,7 +60,7 @@ RecordSink Exports::also_to(const RecordSink& recorded) {
 }
 
 void Exports::drained(MonoTime now) {
-  if (otlp_) otlp_->export_if_due(metrics_, now);
+  if (otlp_) otlp_->export_if_due(now);
   if (!prometheus_ || now < published_at_ + kPublishPeriod) return;
   published_at_ = now;
   prometheus_->publish(metrics_);
@@ -70,7 +70,7 @@ void Exports::end(MonoTime now, bool executive_ended) {
   metrics_.end();
   if (condenser_ && executive_ended) condenser_->end();
   condenser_.reset();
-  if (otlp_) otlp_->finish(metrics_, now);
+  if (otlp_) otlp_->finish(now);
   otlp_.reset();
   if (prometheus_) prometheus_->publish(metrics_);
 }

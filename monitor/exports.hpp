@@ -27,6 +27,8 @@ class Exports {
   void begin(const RunManifest& manifest, const std::string& folder, MonoTime now);
   // A sink that hands everything to `recorded` and here; both outlive it.
   RecordSink also_to(const RecordSink& recorded);
+  // `unrecorded_ticks`: of this session, so far.
+  void recording_stopped(std::uint64_t unrecorded_ticks) { metrics_.recording_stopped(unrecorded_ticks); }
   // After each drain of the rings.
   void drained(MonoTime now);
   void end(MonoTime now, bool executive_ended);
@@ -34,7 +36,7 @@ class Exports {
  private:
   const config::RobotConfig& robot_;
   std::uint64_t max_file_bytes_;
-  LiveMetrics metrics_;
+  LiveMetrics metrics_;  // over all sessions
   MonoTime began_, published_at_;
   std::optional<dds::Exporter> dds_;
   std::optional<PrometheusServer> prometheus_;

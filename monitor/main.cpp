@@ -13,6 +13,7 @@
 #include <csignal>
 #include <cstdio>
 #include <string>
+#include <utility>
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
@@ -85,7 +86,13 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
   spdlog::info("recording into {}", folder->path());
   exports.begin(manifest, folder->path(), monotonic_now());
   const RecordSink sink = exports.also_to((*recorder)->sink());
-  bool said_stopped = false;
+  auto tell_if_stopped = [&, said = false]() mutable {
+    if ((*recorder)->stop_reason().empty()) return;
+    exports.recording_stopped((*recorder)->manifest().unrecorded_ticks);
+    if (!std::exchange(said, true))
+      spdlog::error("recording stopped: {}; what the robot does from here on is not recorded",
+                    (*recorder)->stop_reason());
+  };
   MonoTime next = monotonic_now();
   while (!g_stop && !session.is_over()) {
     introduction.when_traced(monotonic_now());
@@ -93,18 +100,16 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
     stream->drain(sink, false);
     trace::drain_end((*recorder)->manifest().last_tick, (*recorder)->manifest().ticks);
     (*recorder)->flush_if_due(monotonic_now());
+    tell_if_stopped();
     exports.drained(monotonic_now());
-    if (!said_stopped && !(*recorder)->stop_reason().empty()) {
-      said_stopped = true;
-      spdlog::error("recording stopped: {}; the robot runs on unrecorded", (*recorder)->stop_reason());
-    }
     next = std::max(next + kDrainPeriod, monotonic_now());
     sleep_until(next);
   }
   stream->drain(sink, true);
-  exports.end(monotonic_now(), session.is_over());
   const char* why = g_stop ? "monitor told to end" : "executive ended";
   if (const auto written = (*recorder)->finish(monotonic_now(), why); !written) spdlog::error("{}", written.error());
+  tell_if_stopped();
+  exports.end(monotonic_now(), session.is_over());
   write_review(*folder);
   spdlog::info("run of {} ticks closed: {}", (*recorder)->manifest().ticks, why);
   return (*recorder)->stop_reason().empty() ? Recorded::whole : Recorded::in_part;

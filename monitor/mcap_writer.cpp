@@ -47,7 +47,7 @@ std::expected<McapWriter, std::string> McapWriter::create(const std::string& pat
   writer.metadata_length_ = start.size() - writer.metadata_offset_;
   Builder(start).bytes(writer.definitions_);
   if (!writer.file_.append(start)) return std::unexpected(writer.file_.failure());
-  writer.file_.sync();
+  if (!writer.file_.sync()) return std::unexpected(writer.file_.failure());
   return writer;
 }
 
@@ -96,9 +96,8 @@ Bytes McapWriter::chunk_record(ChunkIndex& index) const {
 bool McapWriter::flush() {
   if (pending_messages_ == 0) return file_.failure().empty();
   ChunkIndex index;
-  const bool written = file_.append(chunk_record(index));
+  const bool written = file_.append(chunk_record(index)) && file_.sync();
   if (written) {
-    file_.sync();
     for (const auto& [channel, entries] : chunk_entries_) counts_[channel] += entries.size();
     chunks_.push_back(std::move(index));
   }
@@ -178,9 +177,7 @@ bool McapWriter::finish() {
   Builder(out).begin(Opcode::data_end).put(std::uint32_t{0}).end();
   const Bytes closing = summary(file_.size() + out.size());
   out.insert(out.end(), closing.begin(), closing.end());
-  if (!file_.append(out)) return false;
-  file_.sync();
-  return true;
+  return file_.append(out) && file_.sync();
 }
 
 }  // namespace takt::monitor

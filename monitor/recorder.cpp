@@ -170,8 +170,8 @@ void Recorder::flush_ticks() {
 void Recorder::flush() {
   flush_ticks();
   write_frames();
-  frames_.sync();
-  transitions_.sync();
+  for (BoundedFile* file : {&frames_, &transitions_})
+    if (!file->sync()) stop(file->failure());
 }
 
 void Recorder::flush_if_due(MonoTime now) {
@@ -191,7 +191,7 @@ void Recorder::stop(std::string because) {
   manifest_.last_tick = flushed_tick_;
   ticks_.discard_pending();
   ticks_.file().reopen(ticks_.file().size() + kReserveBytes);
-  const Loss stopped{"tick", "recording_stopped", 0, flushed_tick_, 0};
+  const Loss stopped{"tick", std::string(kRecordingStopped), 0, flushed_tick_, 0};
   manifest_.first_losses.push_back(stopped);
   encode_loss(stopped, message_);
   write(Topic::loss, now_);
@@ -202,7 +202,8 @@ void Recorder::stop(std::string because) {
 
 std::expected<void, std::string> Recorder::finish(MonoTime now, const std::string& because) {
   flush();
-  manifest_.complete = stop_reason().empty() && ticks_.finish();
+  if (stop_reason().empty() && !ticks_.finish()) stop(ticks_.file().failure());
+  manifest_.complete = stop_reason().empty();
   manifest_.ended_at = now;
   manifest_.ended_because = because;
   std::error_code ignored;

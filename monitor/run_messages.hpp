@@ -11,6 +11,7 @@
 // In the file a tick's command comes before the tick, everything else about it behind it.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -61,9 +62,13 @@ struct Transition {
 };
 void encode_transition(const Transition& transition, CdrWriter& out);
 
+inline constexpr std::array<std::string_view, 4> kRingNames{"tick", "command", "keyframe", "frame"};
+inline constexpr std::array<std::string_view, 3> kRingLossReasons{"overwritten", "before_attach", "unreadable"};
+inline constexpr std::string_view kRecordingStopped = "recording_stopped";  // of the tick ring alone
+
 struct Loss {
-  std::string ring;               // "tick", "command", "keyframe", "frame"
-  std::string reason;             // "overwritten", "before_attach", "unreadable", "recording_stopped"
+  std::string ring;               // of kRingNames
+  std::string reason;             // of kRingLossReasons, or kRecordingStopped
   std::uint64_t count = 0;        // entries of the ring
   std::uint64_t after_tick = 0;   // last tick recorded before the gap; 0 none
   std::uint64_t before_tick = 0;  // first tick recorded after it; 0 none

@@ -9,6 +9,7 @@
 #include "monitor/cli/command.hpp"
 #include "monitor/report/report_html.hpp"
 #include "monitor/report/report_text.hpp"
+#include "monitor/report/task_target.hpp"
 #include "monitor/run_review.hpp"
 
 namespace takt::cli {
@@ -24,10 +25,15 @@ int fail(const std::string& sentence) {
   return kExitFailed;
 }
 
+// A file beside the run that tells nothing, as a simulator leaves it that was ended early, is no error.
 std::string truth_file(const Options& options, const monitor::RecordedRun& run) {
   if (!options.truth.empty()) return options.truth;
   const std::string beside = run.folder.path() + "/truth.jsonl";
-  return std::filesystem::exists(beside) ? beside : "";
+  if (!std::filesystem::exists(beside)) return "";
+  const auto target = monitor::TaskTarget::open(beside);
+  if (target) return beside;
+  fmt::print(stderr, "takt report: the playback shows no target: {}\n", target.error());
+  return "";
 }
 
 // Nothing to compare with is no error unless it was asked for by name.

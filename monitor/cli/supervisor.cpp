@@ -22,7 +22,8 @@ constexpr Duration kTrackingWithin = seconds(10);
 constexpr Duration kPollEvery = milliseconds(20);
 constexpr Duration kDisplayEvery = milliseconds(100);
 constexpr Duration kTrackingSeenWithin = milliseconds(2);  // origin of the scenario's times
-constexpr Duration kRestRecorded = milliseconds(1500);     // of a stopped robot, before a scripted run ends
+constexpr Duration kAnswerWithin = seconds(10);  // a script that throttles the control core lets it wait for a second
+constexpr Duration kRestRecorded = milliseconds(1500);  // of a stopped robot, before a scripted run ends
 
 Duration steady_now() {
   return {std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1)};
@@ -140,20 +141,18 @@ Supervisor::Outcome Supervisor::arm() {
 }
 
 Supervisor::Outcome Supervisor::follow() {
-  const Duration armed_at = now();
+  const Duration armed_at = answered_at_ = now();
   for (Duration next_display = now();;) {
     if (auto alive = look_after_children(); !alive) return alive;
     if (auto fired = fire_due_events(); !fired) return fired;
     if (now() >= next_display) {
       next_display = now() + (options_.arm && !tracking_since_ ? kTrackingSeenWithin : kDisplayEvery);
       if (const auto status = processes_.ask_status()) {
-        const bool tracks = status->tick.mode == Mode::tracking || status->tick.mode == Mode::degraded;
-        if (!tracking_since_ && tracks) tracking_since_ = now();
-        display_.show(now() - tracking_since_.value_or(*ready_at_), *status);
-        rearm(status->tick.mode);
+        see(*status);
         if (auto goes_on = judge_progress(*status); !goes_on) return goes_on;
       }
     }
+    if (auto goes_on = judge_time(); !goes_on) return goes_on;
     if (options_.arm && !tracking_since_ && now() > armed_at + kTrackingWithin)
       return std::unexpected(End{kExitFailed, "armed, but tracking did not begin; see the mode above"});
     Duration wake = next_display;
@@ -163,9 +162,26 @@ Supervisor::Outcome Supervisor::follow() {
   }
 }
 
-Supervisor::Outcome Supervisor::judge_progress(const StatusSnapshot& status) {
+void Supervisor::see(const StatusSnapshot& status) {
+  answered_at_ = now();
+  const bool tracks = status.tick.mode == Mode::tracking || status.tick.mode == Mode::degraded;
+  if (!tracking_since_ && tracks) tracking_since_ = answered_at_;
+  display_.show(answered_at_ - tracking_since_.value_or(*ready_at_), status);
+  rearm(status.tick.mode);
+}
+
+Supervisor::Outcome Supervisor::judge_time() const {
   const auto origin = options_.arm ? tracking_since_ : ready_at_;
   if (options_.duration && origin && now() >= *origin + *options_.duration) return std::unexpected(End{});
+  if (now() >= answered_at_ + kAnswerWithin)
+    return std::unexpected(
+        End{kExitUnavailable,
+            fmt::format("{} has not answered for {} s: the run ends; it is frozen, or its machine has no time for it",
+                        program(ProcessName::executive), kAnswerWithin.ns / seconds(1).ns)});
+  return {};
+}
+
+Supervisor::Outcome Supervisor::judge_progress(const StatusSnapshot& status) {
   if (script_ends_run_ && !options_.to_the_end && next_event_ == options_.events.size() &&
       is_stopped(status.tick.mode)) {
     if (!stopped_at_) stopped_at_ = now();

@@ -2,8 +2,9 @@
 // and ends everything in the order that loses neither the robot nor the evidence. Nothing outlives it.
 //
 // A policy host or monitor that dies is reported (and restarted, when asked for); the executive or the plant dying ends
-// the run. Times of the scenario and the duration count from the moment tracking began (without `arm` the duration
-// counts from readiness). Thread rule: one thread, which has SIGINT, SIGTERM, SIGHUP and SIGCHLD blocked.
+// the run, and so does an executive that answers nothing for some seconds. Times of the scenario and the duration count
+// from the moment tracking began (without `arm` the duration counts from readiness). Thread rule: one thread, which has
+// SIGINT, SIGTERM, SIGHUP and SIGCHLD blocked.
 #pragma once
 
 #include <array>
@@ -58,6 +59,9 @@ class Supervisor {
   void restart(ProcessName process);
   void request(OperatorVerb verb);
   void rearm(Mode mode);
+  void see(const StatusSnapshot& status);
+  // What ends the run, whether or not the executive answers.
+  Outcome judge_time() const;
   Outcome judge_progress(const StatusSnapshot& status);
   // Sleeps until `until`, a child's death or a signal; an error when asked to end.
   Outcome pause(Duration until);
@@ -73,6 +77,7 @@ class Supervisor {
   Duration made_at_;
   std::size_t next_event_ = 0;
   std::optional<Duration> ready_at_, tracking_since_, stopped_at_;
+  Duration answered_at_;  // the newest status
   std::set<ProcessName> reported_dead_;
   bool script_ends_run_ = false;  // it killed the policy or asked for a stop
 };

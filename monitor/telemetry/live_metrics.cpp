@@ -45,12 +45,17 @@ LiveMetrics::LiveMetrics(const config::RobotConfig& robot)
       lateness(loop_bounds()),
       work(loop_bounds()),
       interventions(robot.joints.size()),
-      joints(robot.joints.size()) {}
+      joints(robot.joints.size()) {
+  for (const std::string_view ring : kRingNames)
+    for (const std::string_view reason : kRingLossReasons) losses[{std::string(ring), std::string(reason)}] = 0;
+  losses[{"tick", std::string(kRecordingStopped)}] = 0;
+}
 
 void LiveMetrics::begin(std::string id) {
   run_id = std::move(id);
-  running = true;
+  running = recording = true;
   newest = {};
+  unrecorded_ticks_ = 0;
 }
 
 void LiveMetrics::tick(const TickRecord& record) {
@@ -87,6 +92,12 @@ void LiveMetrics::joint_ticks(const TickRecord& record) {
 
 void LiveMetrics::loss(const Loss& loss) {
   losses[{loss.ring, loss.reason}] += loss.count;
+}
+
+void LiveMetrics::recording_stopped(std::uint64_t unrecorded_ticks) {
+  recording = false;
+  losses[{"tick", std::string(kRecordingStopped)}] += unrecorded_ticks - unrecorded_ticks_;
+  unrecorded_ticks_ = unrecorded_ticks;
 }
 
 }  // namespace takt::monitor

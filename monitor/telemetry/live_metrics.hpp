@@ -1,4 +1,5 @@
-// Running counts of what the executive does, since the monitor started: what Prometheus scrapes and OTLP carries.
+// Running counts of what the executive does, since this was made: Prometheus scrapes those since the monitor started,
+// OTLP carries those of one session.
 //
 // Fed with every tick record in order, over any number of sessions of the executive. Plain value: copied to be read
 // elsewhere. Memory is fixed by the robot, the transitions seen and the buckets, never by the running time.
@@ -40,10 +41,14 @@ class LiveMetrics {
   void begin(std::string run_id);
   void tick(const TickRecord& record);
   void loss(const Loss& loss);
-  void end() { running = false; }
+  // The session goes on, its recording does not. `unrecorded_ticks`: of this session, so far.
+  void recording_stopped(std::uint64_t unrecorded_ticks);
+  void end() { running = recording = false; }
+  [[nodiscard]] bool is_in(Mode mode) const { return running && newest.tick != 0 && newest.mode == mode; }
 
   std::string run_id;
-  bool running = false;
+  bool running = false;    // an executive runs
+  bool recording = false;  // and its run folder is written
   std::uint64_t ticks = 0;
   std::uint64_t relied_ticks = 0, deadline_misses = 0;  // of the freshness contract, per tick (run_metrics.hpp)
   Histogram age;                                        // of the command in use, each tick that relied on the policy
@@ -53,13 +58,14 @@ class LiveMetrics {
   std::array<std::uint64_t, kOverrunCauseCount> overruns{};
   std::uint64_t skipped_periods = 0;
   std::map<std::pair<Mode, Cause>, std::uint64_t> transitions;               // mode entered, and why
-  std::map<std::pair<std::string, std::string>, std::uint64_t> losses;       // ring and reason -> entries
+  std::map<std::pair<std::string, std::string>, std::uint64_t> losses;       // ring, reason -> entries; each from 0 on
   std::vector<std::array<std::uint64_t, kInterventionCount>> interventions;  // by joint, in ticks
   std::vector<JointRecord> joints;                                           // newest
   TickRecordHeader newest;                                                   // its tick; 0: none yet
 
  private:
   void joint_ticks(const TickRecord& record);
+  std::uint64_t unrecorded_ticks_ = 0;  // of this session, that `losses` holds already
 };
 
 }  // namespace takt::monitor

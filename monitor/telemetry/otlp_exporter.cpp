@@ -12,10 +12,12 @@ constexpr std::size_t kMostTracesAtOnce = 256;
 
 }  // namespace
 
-std::expected<OtlpExporter, std::string> OtlpExporter::start(const config::Otlp& options, OtlpSource source,
+std::expected<OtlpExporter, std::string> OtlpExporter::start(const config::RobotConfig& robot, OtlpSource source,
                                                              const std::string& folder, std::uint64_t max_file_bytes,
                                                              OtlpSender* sender, MonoTime now) {
-  OtlpExporter exporter;
+  const config::Otlp& options = *robot.otlp;
+  OtlpExporter exporter(robot);
+  exporter.metrics_.begin(source.run_id);
   exporter.source_ = std::move(source);
   exporter.metrics_period_ = options.metrics_period;
   exporter.since_ = now;
@@ -36,24 +38,26 @@ std::expected<OtlpExporter, std::string> OtlpExporter::start(const config::Otlp&
 
 void OtlpExporter::tick(const TickRecord& record) {
   if (record.header.now < since_) return;
+  metrics_.tick(record);
   traces_->tick(record);
   if (waiting_->size() >= kMostTracesAtOnce) export_traces();
 }
 
-void OtlpExporter::export_if_due(const LiveMetrics& metrics, MonoTime now) {
+void OtlpExporter::export_if_due(MonoTime now) {
   if (now >= traces_due_) {
     traces_due_ = now + kTracePeriod;
     export_traces();
   }
   if (now >= metrics_due_) {
     metrics_due_ = now + metrics_period_;
-    export_metrics(metrics, now);
+    export_metrics(now);
   }
 }
 
-void OtlpExporter::finish(const LiveMetrics& metrics, MonoTime now) {
+void OtlpExporter::finish(MonoTime now) {
+  metrics_.end();
   export_traces();
-  export_metrics(metrics, now);
+  export_metrics(now);
 }
 
 void OtlpExporter::export_traces() {
@@ -62,8 +66,8 @@ void OtlpExporter::export_traces() {
   waiting_->clear();
 }
 
-void OtlpExporter::export_metrics(const LiveMetrics& metrics, MonoTime now) {
-  write(metric_file_, OtlpSignal::metrics, otlp_metrics(source_, metrics, since_, now));
+void OtlpExporter::export_metrics(MonoTime now) {
+  write(metric_file_, OtlpSignal::metrics, otlp_metrics(source_, metrics_, since_, now));
 }
 
 void OtlpExporter::write(std::optional<BoundedFile>& file, OtlpSignal signal, std::string line) {

@@ -1,5 +1,5 @@
-// One session's OTLP export: commands become traces, live metrics become metrics, in files of the run folder and in
-// requests to a receiver, as the robot file's `otlp` section says. Thread rule: one thread.
+// One session's OTLP export: commands become traces, ticks become metrics whose sums begin with the session, in files
+// of the run folder and in requests to a receiver, as the robot file's `otlp` section says. Thread rule: one thread.
 #pragma once
 
 #include <expected>
@@ -19,26 +19,28 @@ namespace takt::monitor {
 
 class OtlpExporter {
  public:
-  // `folder`: of the run. `sender`: none, nothing is sent; outlives the exporter. Ticks before `now` are history, such
-  // as the rings hold it when the monitor attaches: no trace is made of them. The error is one sentence: a file.
-  static std::expected<OtlpExporter, std::string> start(const config::Otlp& options, OtlpSource source,
+  // Precondition: robot.otlp. `folder`: of the run. `sender`: none, nothing is sent; outlives the exporter. Ticks
+  // before `now` are history, such as the rings hold it when the monitor attaches: nothing is told of them. The error
+  // is one sentence: a file.
+  static std::expected<OtlpExporter, std::string> start(const config::RobotConfig& robot, OtlpSource source,
                                                         const std::string& folder, std::uint64_t max_file_bytes,
                                                         OtlpSender* sender, MonoTime now);
 
   void frame(const FrameRecord& frame) { traces_->frame(frame); }
   void tick(const TickRecord& record);
   // What has piled up goes out when it is due.
-  void export_if_due(const LiveMetrics& metrics, MonoTime now);
+  void export_if_due(MonoTime now);
   // Everything that is left goes out.
-  void finish(const LiveMetrics& metrics, MonoTime now);
+  void finish(MonoTime now);
 
  private:
-  OtlpExporter() = default;
+  explicit OtlpExporter(const config::RobotConfig& robot) : metrics_(robot) {}
   void write(std::optional<BoundedFile>& file, OtlpSignal signal, std::string line);
   void export_traces();
-  void export_metrics(const LiveMetrics& metrics, MonoTime now);
+  void export_metrics(MonoTime now);
 
   OtlpSource source_;
+  LiveMetrics metrics_;  // of this session
   Duration metrics_period_;
   MonoTime since_, traces_due_, metrics_due_;
   OtlpSender* sender_ = nullptr;

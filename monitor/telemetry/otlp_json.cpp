@@ -155,10 +155,10 @@ class MetricWriter {
   void mode(const LiveMetrics& metrics) {
     Json points = Json::array();
     for (std::size_t i = 0; i < kModeCount; ++i) {
-      const bool is_in = metrics.newest.mode == static_cast<Mode>(i);
+      const auto mode = static_cast<Mode>(i);
       points.push_back({{"timeUnixNano", now_},
-                        {"asInt", integer(is_in ? 1 : 0)},
-                        {"attributes", Json::array({attribute("mode", name(static_cast<Mode>(i)))})}});
+                        {"asInt", integer(metrics.is_in(mode) ? 1 : 0)},
+                        {"attributes", Json::array({attribute("mode", name(mode))})}});
     }
     add("takt.mode", "1 for the mode the executive is in.", "1", {{"gauge", {{"dataPoints", std::move(points)}}}});
   }

@@ -26,7 +26,7 @@ struct OtlpSource {
 
 // No line end in either.
 std::string otlp_traces(const OtlpSource& source, std::span<const CommandTrace> traces);
-// Cumulative since `since`.
+// `metrics` count from `since` on.
 std::string otlp_metrics(const OtlpSource& source, const LiveMetrics& metrics, MonoTime since, MonoTime now);
 
 }  // namespace takt::monitor

@@ -92,8 +92,7 @@ void modes(Exposition& out, const LiveMetrics& metrics) {
   out.family("takt_mode", "gauge", "1 for the mode the executive is in.");
   for (std::size_t i = 0; i < kModeCount; ++i) {
     const auto mode = static_cast<Mode>(i);
-    const bool is_in = metrics.running && metrics.newest.tick != 0 && metrics.newest.mode == mode;
-    out.sample(is_in ? 1 : 0, {{"mode", name(mode)}});
+    out.sample(metrics.is_in(mode) ? 1 : 0, {{"mode", name(mode)}});
   }
   out.family("takt_mode_transitions_total", "counter", "Changes of mode, by the mode entered and the cause.");
   for (const auto& [change, times] : metrics.transitions)
@@ -102,7 +101,7 @@ void modes(Exposition& out, const LiveMetrics& metrics) {
 
 void loop(Exposition& out, const LiveMetrics& metrics, const config::RobotConfig& robot) {
   out.family("takt_up", "gauge", "1 while an executive runs and is recorded.");
-  out.sample(metrics.running ? 1 : 0);
+  out.sample(metrics.recording ? 1 : 0);
   if (!metrics.run_id.empty()) {
     out.family("takt_run_info", "gauge", "Always 1; what runs is in the labels.");
     out.sample(1, {{"run_id", metrics.run_id}, {"config_sha256", robot.sha256}});

@@ -255,6 +255,23 @@ TEST_F(Cli, ExecutiveDyingEndsTheRunWithAFailure) {
   EXPECT_EQ(left_running(), 0);
 }
 
+// Bounded by `timeout`: nothing else ended these runs.
+TEST_F(Cli, AnExecutiveThatAnswersNothingEndsTheRunWith69) {
+  const Ended ended =
+      shell("timeout 60 " + takt() + run_arguments("--arm --duration 600s --at '0.3s: freeze executive 600s'"));
+  EXPECT_EQ(ended.exit_code, 69) << ended.output;
+  EXPECT_NE(ended.output.find("takt-executive has not answered for 10 s: "), std::string::npos) << ended.output;
+  EXPECT_EQ(left_running(), 0);
+}
+
+TEST_F(Cli, TheDurationEndsARunWhoseExecutiveAnswersNothing) {
+  const Ended ended =
+      shell("timeout 60 " + takt() + run_arguments("--arm --duration 2s --at '1.5s: freeze executive 600s'"));
+  EXPECT_EQ(ended.exit_code, 0) << ended.output;
+  EXPECT_NE(ended.output.find("script: freeze executive"), std::string::npos) << ended.output;
+  EXPECT_EQ(left_running(), 0);
+}
+
 // The supervisor itself killed: its children must not outlive it (bounded wait: the executive stops softly first).
 TEST_F(Cli, NothingOutlivesAKilledSupervisor) {
   const pid_t supervisor = fork();

@@ -46,6 +46,19 @@ TEST_F(ReportCli, WhatCannotBeReadIsRefusedInOneLineAndNothingIsWritten) {
   }
 }
 
+// What a simulator leaves that was ended early: an empty truth file, which nobody asked for.
+TEST_F(ReportCli, ATruthFileWithoutATargetIsSaidAndTheReportGoesOn) {
+  std::ofstream(in("run/truth.jsonl")).close();
+  const Ended found = report("--against none");
+  EXPECT_EQ(found.exit_code, 0);
+  EXPECT_NE(found.output.find("the playback shows no target: " + in("run/truth.jsonl") + ": holds no target"),
+            std::string::npos)
+      << found.output;
+  EXPECT_NE(found.output.find("deadline misses"), std::string::npos) << found.output;
+  EXPECT_TRUE(page_exists());
+  EXPECT_EQ(report("--against none --truth " + in("run/truth.jsonl")).exit_code, 1) << "asked for by name";
+}
+
 TEST_F(ReportCli, WhereThePageCannotBeWrittenTheNumbersAreSaidAllTheSame) {
   const Ended ended = report("--html " + in("run/config.yaml/page.html"));
   EXPECT_EQ(ended.exit_code, 1);

@@ -1,13 +1,18 @@
 // Goal: whatever happens to the monitor or its disk, what was recorded is right, and what was not is declared.
-// Method: the virtual robot's rings, drained at different paces; files that stop growing; folders that exist already.
+// Method: the virtual robot's rings, drained at different paces; files that stop growing; a medium that refuses at
+// write-back what a file took (this program's own fdatasync); folders that exist already.
 #include "monitor/recorder.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/mount.h>
 #include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <csignal>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 
@@ -17,11 +22,30 @@
 #include "tests/monitor/recorded_demo.hpp"
 #include "tests/monitor/temporary_folder.hpp"
 
+namespace {
+
+// Whose pages the medium refuses, and how often it still takes them before.
+std::string refused_file;  // empty: nobody's
+int taken_before = 0;
+
+}  // namespace
+
+extern "C" int fdatasync(int fd) {
+  std::error_code error;
+  const auto file = std::filesystem::read_symlink("/proc/self/fd/" + std::to_string(fd), error);
+  if (!refused_file.empty() && file.filename() == refused_file && taken_before-- <= 0) {
+    errno = EIO;
+    return -1;
+  }
+  return static_cast<int>(syscall(SYS_fdatasync, fd));
+}
+
 namespace takt::monitor {
 namespace {
 
 class RecorderTest : public TemporaryFolder {
  protected:
+  ~RecorderTest() override { refused_file.clear(); }
   std::unique_ptr<Recorder> start(const std::string& directory, std::uint64_t max_file_bytes = 1U << 30U) {
     const auto folder = RunFolder::create(directory);
     EXPECT_TRUE(folder) << folder.error();
@@ -195,6 +219,49 @@ TEST_F(RecorderTest, AFullDiskStopsRecordingWithADeclaredLoss) {
     EXPECT_TRUE(replay(opened(disk + "/run"), 1)->file.finished) << "the reserve had room for the index";
   }
   EXPECT_EQ(::umount(disk.c_str()), 0);
+}
+
+class RefusingMedium : public RecorderTest, public testing::WithParamInterface<const char*> {};
+
+TEST_P(RefusingMedium, StopsRecordingWithADeclaredLoss) {
+  auto stream = attach();
+  const auto recorder = start(path("run"));
+  refused_file = GetParam();
+  taken_before = 2;
+  expect_declared_stop(path("run"), *recorder, stream);
+  EXPECT_NE(recorder->stop_reason().find(std::string(GetParam()) + " does not reach its medium: Input/output error"),
+            std::string::npos)
+      << recorder->stop_reason();
+}
+
+INSTANTIATE_TEST_SUITE_P(OfEveryFile, RefusingMedium, testing::Values("ticks.mcap", "can.log", "transitions.jsonl"),
+                         [](const auto& row) { return std::string(row.param, std::strcspn(row.param, ".")); });
+
+// Every tick is on the medium, the words that close the file are not.
+TEST_F(RecorderTest, ARunThatCannotBeClosedIsNotComplete) {
+  auto stream = attach();
+  const auto recorder = start(path("run"));
+  record(stream, *recorder, 1'000);
+  refused_file = "ticks.mcap";
+  taken_before = 1;
+  finish(stream, *recorder);
+  EXPECT_NE(recorder->stop_reason(), "");
+  const RecordedRun run = opened(path("run"));
+  EXPECT_FALSE(run.manifest.complete);
+  EXPECT_EQ(run.manifest.stopped_because, recorder->stop_reason());
+  EXPECT_EQ(ticks_in(run).size(), 1'000U);
+  EXPECT_EQ(run.manifest.ticks, 1'000U);
+  EXPECT_EQ(run.manifest.unrecorded_ticks, 0U);
+}
+
+TEST_F(RecorderTest, AFolderThatReachesNoMediumIsRefused) {
+  refused_file = "ticks.mcap";
+  taken_before = 0;
+  const auto folder = RunFolder::create(path("run"));
+  ASSERT_TRUE(folder);
+  const auto recorder = Recorder::start(*folder, robot_.manifest(), demo_robot(), 1U << 30U);
+  ASSERT_FALSE(recorder);
+  EXPECT_NE(recorder.error().find("ticks.mcap does not reach its medium"), std::string::npos) << recorder.error();
 }
 
 TEST_F(RecorderTest, AnExistingRunIsNeverWrittenInto) {

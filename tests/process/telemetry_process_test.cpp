@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <httplib.h>
 #include <netinet/in.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -162,6 +163,24 @@ TEST_F(TelemetryTest, WhatIsScrapedIsWhatWasRecorded) {
   const Json metrics = Json::parse(file);
   EXPECT_EQ(sample(text, "takt_ticks_total{"), metrics.at("ticks").at("recorded").get<double>());
   EXPECT_EQ(get(metrics_port_, "/metrics"), "") << "the port is free again";
+}
+
+// The monitor's files may not grow any more, as on a disk that is full: Prometheus hears of it while the robot tracks
+// on.
+TEST_F(TelemetryTest, PrometheusHearsThatRecordingStopped) {
+  start();
+  const std::string unrecorded =
+      "takt_record_losses_total{robot=\"" + name_ + "\",ring=\"tick\",reason=\"recording_stopped\"}";
+  std::string text;
+  const auto scrape = [&] { return text = get(metrics_port_, "/metrics"); };
+  ASSERT_TRUE(until([&] { return sample(scrape(), "takt_up{") == 1; })) << robot_->logs();
+  EXPECT_EQ(sample(text, unrecorded), 0);
+  const rlimit none{1, 1};
+  ASSERT_EQ(prlimit(robot_->monitor().pid(), RLIMIT_FSIZE, &none, nullptr), 0);
+  EXPECT_TRUE(until([&] { return sample(scrape(), "takt_up{") == 0; })) << robot_->logs();
+  EXPECT_EQ(sample(text, "takt_mode{robot=\"" + name_ + "\",mode=\"tracking\"}"), 1) << text;
+  EXPECT_GT(sample(text, unrecorded), 0);
+  EXPECT_FALSE(robot_->finish()) << "the monitor ends with 1";
 }
 
 std::vector<Json> spans_of(const std::string& lines, const std::string& name) {

@@ -1,5 +1,6 @@
 // Goal: the running counts say what the finished run's metrics say. Method: a virtual robot whose policy stalls is read
 // from its rings by both LiveMetrics and the recorded run's own collector; histograms are fed values on their bounds.
+// An alert on a counter's increase sees no first value: every loss that can occur is there from the start, as 0.
 #include "monitor/telemetry/live_metrics.hpp"
 
 #include <gtest/gtest.h>
@@ -79,6 +80,45 @@ TEST(LiveMetrics, CountWhatTheRunsMetricsCount) {
   };
   EXPECT_EQ(live.age.count - within(live.age) + (live.relied_ticks - live.age.count), live.deadline_misses)
       << "misses can be read off the histogram";
+}
+
+// A monitor that slept for longer than each ring is long.
+TEST(LiveMetrics, EveryLossARingCanHaveIsCountedFromZero) {
+  LiveMetrics live(demo_robot());
+  const auto before = live.losses;
+  for (const auto& [what, entries] : before) EXPECT_EQ(entries, 0U) << what.first << " " << what.second;
+  live.begin("run");
+  VirtualRobot robot;
+  auto stream = RecordStream::attach(robot.rings(), demo_robot().joints.size());
+  ASSERT_TRUE(stream.has_value());
+  const RecordSink sink{.command = [](const RecordedCommand&) {},
+                        .tick = [](const TickRecord&) {},
+                        .keyframe = [](const RecordedKeyframe&) {},
+                        .frame = [](const FrameRecord&) {},
+                        .loss = [&](const Loss& loss) { live.loss(loss); }};
+  for (int slept = 0; slept < 2; ++slept) {
+    robot.run(10'000);
+    stream->drain(sink, false);
+  }
+  EXPECT_GT(live.losses.at({"tick", "before_attach"}), 0U);
+  EXPECT_GT(live.losses.at({"tick", "overwritten"}), 0U);
+  live.recording_stopped(1);
+  EXPECT_EQ(live.losses.size(), before.size()) << "a loss was born later";
+}
+
+TEST(LiveMetrics, UnrecordedTicksAreCountedOverEverySession) {
+  LiveMetrics live(demo_robot());
+  const auto unrecorded = [&] { return live.losses.at({"tick", "recording_stopped"}); };
+  live.begin("first");
+  live.recording_stopped(400);
+  live.recording_stopped(450);
+  EXPECT_EQ(unrecorded(), 450U);
+  EXPECT_TRUE(live.running && !live.recording);
+  live.end();
+  live.begin("second");
+  EXPECT_TRUE(live.running && live.recording);
+  live.recording_stopped(7);
+  EXPECT_EQ(unrecorded(), 457U);
 }
 
 }  // namespace

@@ -9,18 +9,17 @@ int main(int argc, char** argv) {
   using namespace takt::monitor;
   if (argc != 2) return 64;
   std::filesystem::create_directories(argv[1]);
-  LiveMetrics metrics(demo_robot());
-  metrics.begin("run");
+  config::RobotConfig config = demo_robot();
+  config.otlp = config::Otlp{true, "", seconds(1)};
   VirtualRobot robot;
-  auto exporter = OtlpExporter::start({true, "", seconds(1)}, {"arm6", "run", "ab", "1", 1'700'000'000'000'000'000},
-                                      argv[1], 1U << 30U, nullptr, MonoTime{1});
+  auto exporter = OtlpExporter::start(config, {"arm6", "run", "ab", "1", 1'700'000'000'000'000'000}, argv[1], 1U << 30U,
+                                      nullptr, MonoTime{1});
   if (!exporter) return 71;
   for (int tick = 0; tick < 3000; ++tick) {
     robot.run(1);
     exporter->tick(robot.latest());
-    metrics.tick(robot.latest());
-    exporter->export_if_due(metrics, robot.latest().header.now);
+    exporter->export_if_due(robot.latest().header.now);
   }
-  exporter->finish(metrics, robot.latest().header.now);
+  exporter->finish(robot.latest().header.now);
   return 0;
 }

@@ -1,10 +1,12 @@
 // Goal: Prometheus accepts what is exposed. Method: the text of a virtual robot's run goes through `promtool check
 // metrics`, Prometheus's own judge, and through a small reader that demands HELP and TYPE before every sample. Every
-// family that the shipped rules and the dashboard name must be in it.
+// family that the shipped rules and the dashboard name must be in it, and so must every series of the rules' own test:
+// an alert that fires on what is never exported is none.
 #include "monitor/telemetry/prometheus_text.hpp"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
@@ -13,6 +15,7 @@
 #include <regex>
 #include <set>
 #include <sstream>
+#include <vector>
 
 #include "tests/monitor/virtual_robot.hpp"
 
@@ -76,6 +79,57 @@ TEST(PrometheusText, HasWhatRulesAndDashboardAskFor) {
                   text.find("\n" + name + "_bucket{") != std::string::npos)
           << file << " asks for " << name;
   }
+}
+
+TEST(PrometheusText, HasEverySeriesOfTheRulesTestFromTheStart) {
+  LiveMetrics metrics(demo_robot());
+  metrics.begin("run-1");
+  VirtualRobot robot;
+  robot.run(1);
+  metrics.tick(robot.latest());
+  std::istringstream lines(prometheus_text(metrics, demo_robot()));
+  std::vector<std::string> exported;
+  for (std::string line; std::getline(lines, line);) exported.push_back(line);
+
+  std::ifstream file("tests/monitor/telemetry/takt_rules_test.yaml");
+  const std::string told{std::istreambuf_iterator<char>(file), {}};
+  const std::regex series(R"(series: '([a-z_]+)\{([^}]*)\}')"), label(R"([a-z]+="[^"]*")");
+  std::size_t found = 0;
+  for (std::sregex_iterator at(told.begin(), told.end(), series), end; at != end; ++at, ++found) {
+    const std::string name = at->str(1), labels = at->str(2);
+    EXPECT_TRUE(std::ranges::any_of(exported,
+                                    [&](const std::string& line) {
+                                      if (!line.starts_with(name + "{")) return false;
+                                      return std::all_of(
+                                          std::sregex_iterator(labels.begin(), labels.end(), label),
+                                          std::sregex_iterator(), [&](const std::smatch& each) {
+                                            const bool names_the_robots_own =
+                                                each.str().starts_with("robot=") || each.str().starts_with("bus=");
+                                            return names_the_robots_own || line.find(each.str()) != std::string::npos;
+                                          });
+                                    }))
+        << "not exported: " << at->str();
+  }
+  EXPECT_GT(found, 10U);
+}
+
+TEST(PrometheusText, ARecordingThatStoppedIsNotUp) {
+  LiveMetrics metrics(demo_robot());
+  const auto says = [&](const std::string& family, const std::string& labels, const std::string& value) {
+    const std::string line = "\n" + family + "{robot=\"" + demo_robot().robot + "\"" + labels + "} " + value + "\n";
+    return prometheus_text(metrics, demo_robot()).find(line) != std::string::npos;
+  };
+  EXPECT_TRUE(says("takt_up", "", "0"));
+  metrics.begin("run-1");
+  VirtualRobot robot;
+  robot.run(1);
+  metrics.tick(robot.latest());
+  EXPECT_TRUE(says("takt_up", "", "1"));
+  metrics.recording_stopped(500);
+  EXPECT_TRUE(says("takt_up", "", "0"));
+  const std::string mode(name(robot.latest().header.mode));
+  EXPECT_TRUE(says("takt_mode", ",mode=\"" + mode + "\"", "1")) << "the robot itself goes on";
+  EXPECT_TRUE(says("takt_record_losses_total", ",ring=\"tick\",reason=\"recording_stopped\"", "500"));
 }
 
 TEST(PrometheusText, PassesPrometheusOwnCheck) {
