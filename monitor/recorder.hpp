@@ -2,9 +2,8 @@
 //
 // flush_if_due() hands everything older than half a second to the medium, so that a power cut loses at most the last
 // second. When a file takes no more data (disk full, size limit) or its medium refuses what it took, recording stops:
-// room kept in reserve is freed for the words that declare it, stop_reason() says why, and the recorder goes on counting
-// what it no longer writes.
-// Thread rule: one thread. Errors of start() are one sentence.
+// room kept in reserve is freed for the words that declare it, stop_reason() says why, and the recorder goes on
+// counting what it no longer writes. Thread rule: one thread. Errors of start() are one sentence.
 #pragma once
 
 #include <cstdint>
