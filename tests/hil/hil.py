@@ -63,8 +63,8 @@ def empty_job(name: str, options: argparse.Namespace) -> pathlib.Path:
     return job
 
 
-def installation_job(options: argparse.Namespace) -> pathlib.Path:
-    job = empty_job("installation", options)
+def installation_job(case: Case, options: argparse.Namespace) -> pathlib.Path:
+    job = empty_job(f"installation-{case.machine}", options)
     hand_over(options.package, job)
     (job / "environment").write_text("")
     return job
@@ -108,8 +108,12 @@ def replay_failure(job: pathlib.Path, takt: pathlib.Path) -> str:
 
 def run_case(case: Case, image: pathlib.Path, options: argparse.Namespace) -> Verdict:
     job = case_job(case, options)
+    start = []
+    if begins_saved(case):
+        package_hash = hash_of(options.package)
+        save_if_missing(case, image, lambda: installation_job(case, options), package_hash)
+        start = goes_on_from(installed(case, image, package_hash))
     began = time.monotonic()
-    start = goes_on_from(installed(case, image, hash_of(options.package))) if begins_saved(case) else []
     ending = run_machine(case, image, job, options.wall_limit, lambda line: print(f"{case.name:18} | {line}", flush=True), start)
     result = result_of(job, ending.in_time)
     if options.planted:
@@ -126,9 +130,6 @@ def run_case(case: Case, image: pathlib.Path, options: argparse.Namespace) -> Ve
 
 
 def run_all(cases: list[Case], image: pathlib.Path, options: argparse.Namespace) -> list[Verdict]:
-    installation = installation_job(options)
-    for case in filter(begins_saved, cases):
-        save_if_missing(case, image, installation, hash_of(options.package))
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
         running = [pool.submit(run_case, case, image, options) for case in cases]
         try:

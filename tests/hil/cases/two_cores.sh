@@ -1,7 +1,7 @@
 #!/bin/bash
 # Goal: on two CPUs the control thread has its core and priority, and processes that come and go in any order leave the executive alone.
-# Method: `control.cpu: 1`, 200 Hz, for an emulated processor is slow; policy host and monitor are killed at once and restarted while the executive runs; then the
-#   whole target is restarted. Real pace: nothing is armed, no time is judged, and systemd's watchdog is off, since a busy host may stall.
+# Method: `control.cpu: 1`, 200 Hz, for an emulated processor is slow; policy host and monitor are killed at once and restarted while the
+#   executive runs. Real pace: nothing is armed, no time is judged, and systemd's watchdog is off, since a busy host may stall.
 # Mode: paced
 # Limit: 900 s
 # Planted fault: `cpu: none` in the file: the control thread may run anywhere.
@@ -25,5 +25,4 @@ within 10 "policy host restarted" restarts_are $POLICY 1
 within 10 "monitor restarted" restarts_are takt-monitor 1
 [ "$(main_pid takt-executive)" = "$pid" ] || fail "another executive"
 within 10 "the policy host is heard" eval '[ "$(field policy_pid)" = "$(main_pid $POLICY)" ]'
-systemctl restart takt.target takt-executive $POLICY takt-monitor || fail "restart"
-within 10 "standby" mode_is standby
+mode_is standby || fail "mode $(field mode)"

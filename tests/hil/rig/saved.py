@@ -1,8 +1,7 @@
 """Machines saved where they wait for a job, so that a case need neither wait for a boot nor for an installation.
 
-started-KEY: booted; named by everything that shaped the machine. installed-KEY: the same with the package installed; named
-by that and the package. Both beside the image, the newest of each. Only machines in virtual time without further devices:
-the boots of the few others are theirs.
+started-MACHINE-KEY: booted; named by everything that shaped the machine. installed-MACHINE-KEY: the same with the package
+installed; named by that and the package. Both beside the image, the newest of each. Machines at real pace are not saved.
 """
 from __future__ import annotations
 
@@ -12,13 +11,18 @@ import pathlib
 import socket
 import subprocess
 import tempfile
+import threading
+from collections.abc import Callable
 
-from rig.case import Case
+from rig.case import MACHINES, Case
 from rig.machine import QEMU, WAITS_FOR_CASE, WAITS_FOR_JOB, qemu_command
 
 WALL_LIMIT_S = 600
 # Not told in what state it was saved, a machine goes on at once.
 OPTIONS = ("-global", "migration.store-global-state=off")
+
+
+_one_at_a_time = {machine: threading.Lock() for machine in MACHINES}
 
 
 class NotSaved(Exception):
@@ -30,19 +34,19 @@ class NotInstalled(Exception):
 
 
 def begins_saved(case: Case) -> bool:
-    return case.mode == "virtual" and case.machine == "plain"
+    return case.mode == "virtual"
 
 
 @functools.cache
 def _started(case: Case, image: pathlib.Path) -> pathlib.Path:
     version = subprocess.run([QEMU, "--version"], check=True, capture_output=True).stdout
     command = qemu_command(case, image, pathlib.Path("job"), "out")
-    return image / f"started-{hashlib.sha256(version + repr(command).encode()).hexdigest()[:16]}"
+    return image / f"started-{case.machine}-{hashlib.sha256(version + repr(command).encode()).hexdigest()[:16]}"
 
 
 def installed(case: Case, image: pathlib.Path, package_hash: str) -> pathlib.Path:
     key = hashlib.sha256(f"{_started(case, image).name} {package_hash}".encode()).hexdigest()[:16]
-    return image / f"installed-{key}"
+    return image / f"installed-{case.machine}-{key}"
 
 
 def goes_on_from(saved: pathlib.Path) -> list[str]:
@@ -97,7 +101,7 @@ def _save(case: Case, image: pathlib.Path, job: pathlib.Path, begin: pathlib.Pat
 def _save_if_missing(case: Case, image: pathlib.Path, job: pathlib.Path, begin: pathlib.Path | None, saved: pathlib.Path) -> None:
     if saved.exists():
         return
-    kind = saved.name.split("-")[0]
+    kind = saved.name.rpartition("-")[0]
     for old in image.glob(f"{kind}-*"):
         old.unlink()
     new = image / f"new.{kind}"
@@ -105,10 +109,12 @@ def _save_if_missing(case: Case, image: pathlib.Path, job: pathlib.Path, begin: 
     new.rename(saved)
 
 
-def save_if_missing(case: Case, image: pathlib.Path, job: pathlib.Path, package_hash: str) -> None:
-    """The machine with the package that `job` holds, for a case that begins saved."""
-    started = _started(case, image)
-    saved = installed(case, image, package_hash)
-    if not saved.exists():
-        _save_if_missing(case, image, job, None, started)
-        _save_if_missing(case, image, job, started, saved)
+def save_if_missing(case: Case, image: pathlib.Path, make_job: Callable[[], pathlib.Path], package_hash: str) -> None:
+    """The machine with the package that the job holds, for a case that begins saved. From any thread."""
+    with _one_at_a_time[case.machine]:
+        started = _started(case, image)
+        saved = installed(case, image, package_hash)
+        if not saved.exists():
+            job = make_job()
+            _save_if_missing(case, image, job, None, started)
+            _save_if_missing(case, image, job, started, saved)
