@@ -28,7 +28,7 @@ int fail(const std::string& sentence) {
 // A file beside the run that tells nothing, as a simulator leaves it that was ended early, is no error.
 std::string truth_file(const Options& options, const monitor::RecordedRun& run) {
   if (!options.truth.empty()) return options.truth;
-  const std::string beside = run.folder.path() + "/truth.jsonl";
+  std::string beside = run.folder.path() + "/truth.jsonl";
   if (!std::filesystem::exists(beside)) return "";
   const auto target = monitor::TaskTarget::open(beside);
   if (target) return beside;
