@@ -148,13 +148,19 @@ void read_platform(const std::string& root, Snapshot& into) {
   into.steal_share = total > 0 ? steal / total : 0;
 }
 
+// Where the interrupt goes; where it may go, as long as nobody has requested it or the kernel does not tell.
+std::vector<int> interrupted_cpus(const fs::path& interrupt) {
+  const std::string effective = first_line(interrupt / "effective_affinity_list");
+  return cpu_list(effective.empty() ? first_line(interrupt / "smp_affinity_list") : effective);
+}
+
 // /proc/irq/N holds one folder per driver that listens, named after it.
 void read_interrupts(const std::string& root, Snapshot& into) {
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(root + "/proc/irq", error)) {
     const std::string number = entry.path().filename();
     if (number.find_first_not_of("0123456789") != std::string::npos) continue;
-    Interrupt interrupt{std::atoi(number.c_str()), {}, cpu_list(first_line(entry.path() / "smp_affinity_list"))};
+    Interrupt interrupt{std::atoi(number.c_str()), {}, interrupted_cpus(entry.path())};
     std::error_code ignored;
     for (const auto& inside : fs::directory_iterator(entry.path(), ignored))
       if (inside.is_directory()) interrupt.name = inside.path().filename();

@@ -107,7 +107,7 @@ Finding sleep_states(const Snapshot& machine) {
 }
 
 Finding interrupts(const Case& of) {
-  const std::string where = "/proc/irq/*/smp_affinity_list";
+  const std::string where = "/proc/irq/*/effective_affinity_list";
   const auto wanted = control_cpu(of);
   if (!wanted) return fine("interrupts", "no core is reserved for the loop", where);
   std::vector<std::string> names;
@@ -117,12 +117,11 @@ Finding interrupts(const Case& of) {
   if (names.empty()) return fine("interrupts", fmt::format("no device interrupts core {}", *wanted), where);
   const std::size_t count = names.size();
   if (names.size() > 3) names.resize(3);
-  return bad(
-      Verdict::warn, "interrupts",
-      fmt::format("{} may interrupt core {}: {}{}", count, *wanted, fmt::join(names, ", "), count > 3 ? ", ..." : ""),
-      where,
-      "systemctl enable --now takt-irq-affinity; end irqbalance or ban the core in it; NVMe queues: "
-      "isolcpus=managed_irq,domain,N");
+  return bad(Verdict::warn, "interrupts",
+             fmt::format("core {} takes {}: {}{}", *wanted, count, fmt::join(names, ", "), count > 3 ? ", ..." : ""),
+             where,
+             "systemctl enable --now takt-irq-affinity; end irqbalance or ban the core in it; NVMe queues: "
+             "isolcpus=managed_irq,domain,N");
 }
 
 Finding clock(const Snapshot& machine) {

@@ -18,7 +18,7 @@ struct SleepState {
 struct Interrupt {
   int number = 0;
   std::string name;       // "xhci_hcd"; empty: unnamed
-  std::vector<int> cpus;  // on which it may arrive
+  std::vector<int> cpus;  // where it goes, or may go as long as nobody requests it
 };
 
 // Who may write a file: what stat() says, and access() for the doctor itself. Access control lists are not looked at.

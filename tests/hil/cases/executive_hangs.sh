@@ -1,6 +1,7 @@
 #!/bin/bash
-# Goal: systemd's watchdog ends an executive that hangs, and starts another, disarmed.
-# Method: SIGSTOP while tracking: no thread runs, as after a deadlock in the kernel. WatchdogSec=500ms passes; the abort signal finds nobody, so that
+# Goal: drives that nobody commands stop by their own watchdogs; systemd's ends the executive that hangs, and starts another, disarmed.
+# Method: SIGSTOP while tracking: no thread runs, as after a deadlock in the kernel. After the drives' 100 ms, and before systemd's 500, each is asked
+#   for its state (Damiao's refresh, which commands nothing): D, communication lost. Then WatchdogSec passes; the abort signal finds nobody, so that
 #   SIGKILL follows after TimeoutAbortSec. The journal names the watchdog as the reason.
 # Mode: virtual
 # Limit: 120 s
@@ -10,6 +11,21 @@
 tracking_arm6
 hung=$(main_pid takt-executive)
 kill -STOP "$hung"
+sleep 0.12
+candump -L vcan0 vcan1 >drives.log &
+candump=$!
+sleep 0.03
+for joint in 1 2 3; do
+  cansend vcan0 "7FF#0${joint}00CC0000000000"
+  cansend vcan1 "7FF#0$((joint + 3))00CC0000000000"
+done
+sleep 0.01
+kill $candump
+journalctl -u takt-executive -o cat | grep "Watchdog timeout" && fail "systemd came first: the drives were asked too late"
+for joint in 1 2 3 4 5 6; do
+  grep -q " 01$joint#D$joint" drives.log || fail "drive $joint has not stopped by itself: $(cat drives.log)"
+done
+say "every drive has stopped by its own watchdog"
 within 3 "watchdog" eval 'journalctl -u takt-executive -o cat | grep -q "Watchdog timeout"'
 within 10 "another executive" restarts_are takt-executive 1
 [ "$(main_pid takt-executive)" != "$hung" ] || fail "the hung process is still the service"
