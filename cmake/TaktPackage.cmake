@@ -1,10 +1,11 @@
 # The Debian packages: what they hold beside programs, units and exported libraries, and how CPack makes them (`./dev
 # package`). `takt` is what a robot PC runs; `takt-dev` builds policy hosts with an engine of their own.
 
-# The demo robot, ready to start: a folder that /etc/takt/robot points to until `takt deploy` points it elsewhere.
+# The demo robot, ready to start: a folder that /etc/takt/robot points to until `takt deploy` points it elsewhere. Its buses
+# have names that no adapter has: a simulated robot must never meet real drives.
 function(takt_demo_robot out)
   file(READ ${CMAKE_SOURCE_DIR}/config/arm6.yaml text)
-  foreach(change "cpu: 1 =>cpu: none" "file: arm6_reach.onnx =>file: /usr/share/takt/robots/arm6_reach.onnx"
+  foreach(change "cpu: 1 =>cpu: none" "interface: can=>interface: demo" "file: arm6_reach.onnx =>file: /usr/share/takt/robots/arm6_reach.onnx"
                  "directory: runs\n=>directory: /var/lib/takt/runs\n")
     string(REPLACE "=>" ";" change "${change}")
     list(GET change 0 from)

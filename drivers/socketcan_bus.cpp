@@ -7,6 +7,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 
 #include "drivers/can_frame.hpp"
 #include "drivers/error_frame.hpp"
@@ -29,7 +30,7 @@ SetUp check_interface(int socket, const BusOptions& options, std::uint32_t bitra
   errno = 0;
   if (::ioctl(socket, SIOCGIFFLAGS, &request) != 0 || (request.ifr_flags & IFF_UP) == 0)
     return refusal(options.interface, "interface is down",
-                   "ip link set " + options.interface + " up type can bitrate " + std::to_string(bitrate));
+                   "takt bus up --robot FILE, as root, brings it up with " + std::to_string(bitrate) + " bit/s");
   if (!options.fd) return {};
   if (::ioctl(socket, SIOCGIFMTU, &request) != 0 || request.ifr_mtu != CANFD_MTU)
     return refusal(options.interface, "fd: true, but the interface carries classic frames only",
@@ -70,6 +71,12 @@ SetUp bind_to(int socket, const std::string& interface) {
 }
 
 }  // namespace
+
+bool SocketCanBus::is_virtual(const std::string& interface) {
+  std::error_code error;
+  const auto device = std::filesystem::read_symlink("/sys/class/net/" + interface, error);
+  return !error && device.string().find("/virtual/") != std::string::npos;
+}
 
 bool SocketCanBus::interface_exists(const std::string& interface) {
   return ::if_nametoindex(interface.c_str()) != 0;

@@ -1,7 +1,8 @@
 // takt-monitor: records what an executive does into run folders, and tells ROS 2, Prometheus and OpenTelemetry where
 // the robot file says so. Reads only, unless its `dds` section allows requests; the executive's loop waits for nothing
-// here. Exit codes: 0 ended by a signal, 1 so too, but a recording had stopped before its run ended, 64 usage, 65
-// configuration refused, 71 the run folder cannot be written.
+// here. Or writes the summary of one closed run. Exit codes: 0 ended by a signal, 1 so too, but a recording had stopped
+// before its run ended, or the summary could not be written, 64 usage, 65 configuration refused, 71 the run folder
+// cannot be written.
 #include <fmt/format.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
@@ -19,6 +20,7 @@
 #include "config/paths.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/trace/trace.hpp"
+#include "monitor/closing_reviews.hpp"
 #include "monitor/executive_session.hpp"
 #include "monitor/exports.hpp"
 #include "monitor/record_stream.hpp"
@@ -31,6 +33,7 @@ using namespace takt;
 using namespace takt::monitor;
 
 constexpr int kExitIncomplete = 1;
+constexpr int kExitNoReview = 1;
 constexpr int kExitUsage = 64;
 constexpr int kExitSetUp = 71;
 constexpr Duration kDrainPeriod = milliseconds(20);
@@ -40,7 +43,7 @@ std::atomic<bool> g_stop = false;
 static_assert(std::atomic<bool>::is_always_lock_free);
 
 struct Options {
-  std::string robot_file, runtime_directory, run_directory;
+  std::string robot_file, runtime_directory, run_directory, review;
   std::uint64_t max_file_mib = kDefaultMaxFileBytes >> 20U;
 };
 
@@ -63,17 +66,19 @@ std::string wanted_folder(const Options& options, const config::RobotConfig& rob
   return options.run_directory.empty() ? robot.record.directory + "/" + run_id : options.run_directory;
 }
 
-void write_review(const RunFolder& folder) {
-  const auto run = open_run(folder.path());
+int write_review(const std::string& folder) {
+  const auto run = open_run(folder);
   const auto metrics = run ? write_metrics(*run) : std::unexpected(run.error());
-  if (!metrics) spdlog::warn("metrics.json is missing: {}", metrics.error());
+  if (metrics) return 0;
+  spdlog::warn("metrics.json is missing: {}", metrics.error());
+  return kExitNoReview;
 }
 
 enum class Recorded : std::uint8_t { whole, in_part, not_at_all };
 
 // One session of the executive, from attach to its end or ours. Not at all: the folder cannot be written.
 Recorded record_session(const ExecutiveSession& session, const Options& options, const config::RobotConfig& robot,
-                        trace::Introduction& introduction, Exports& exports) {
+                        trace::Introduction& introduction, Exports& exports, ClosingReviews& reviews) {
   const RunManifest manifest = describe(session, robot, options.runtime_directory, monotonic_now(), realtime_ns());
   const auto folder = RunFolder::create(wanted_folder(options, robot, manifest.run_id));
   auto recorder =
@@ -102,6 +107,7 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
     (*recorder)->flush_if_due(monotonic_now());
     tell_if_stopped();
     exports.drained(monotonic_now());
+    reviews.look();
     next = std::max(next + kDrainPeriod, monotonic_now());
     sleep_until(next);
   }
@@ -110,7 +116,7 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
   if (const auto written = (*recorder)->finish(monotonic_now(), why); !written) spdlog::error("{}", written.error());
   tell_if_stopped();
   exports.end(monotonic_now(), session.is_over());
-  write_review(*folder);
+  if (const auto begun = reviews.begin(folder->path()); !begun) spdlog::warn("{}", begun.error());
   spdlog::info("run of {} ticks closed: {}", (*recorder)->manifest().ticks, why);
   return (*recorder)->stop_reason().empty() ? Recorded::whole : Recorded::in_part;
 }
@@ -126,6 +132,7 @@ int monitor_robot(Options options) {
   if (robot->policy) policy_hash = config::policy_hash(robot->policy->file).value_or(0);
   trace::Introduction introduction("takt-monitor", robot->hash, policy_hash, robot->joints);
   Exports exports(*robot, options.runtime_directory, options.max_file_mib << 20U);
+  ClosingReviews reviews;
   std::string said;
   int exit_code = 0;
   while (!g_stop) {
@@ -133,7 +140,7 @@ int monitor_robot(Options options) {
                                                   std::chrono::milliseconds(500));
     if (session) {
       said.clear();
-      const Recorded recorded = record_session(*session, options, *robot, introduction, exports);
+      const Recorded recorded = record_session(*session, options, *robot, introduction, exports, reviews);
       if (recorded == Recorded::not_at_all) return kExitSetUp;
       if (recorded == Recorded::in_part) exit_code = kExitIncomplete;
     } else if (session.error() != said) {
@@ -151,7 +158,10 @@ int main(int argc, char** argv) {
   spdlog::set_default_logger(spdlog::stderr_logger_mt("takt-monitor"));
   Options options;
   CLI::App app("Records a running executive into run folders.", "takt-monitor");
-  app.add_option("--robot", options.robot_file, "robot file")->required();
+  auto* const what = app.add_option_group("what to do");
+  what->add_option("--robot", options.robot_file, "robot file: record its executive");
+  what->add_option("--review", options.review, "run folder that was closed: write its metrics.json, and end");
+  what->require_option(1);
   app.add_option("--runtime-dir", options.runtime_directory, "default /run/takt/<robot>");
   app.add_option("--run-dir", options.run_directory,
                  "run folder; default <record.directory>/<UTC time>-<robot>-<id>; a second session gets .2 behind it");
@@ -160,13 +170,15 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 30U));
   app.footer(
       "Example: takt-monitor --robot config/arm6.yaml --runtime-dir /run/takt/arm6\n"
-      "Exit codes: 0 ended by a signal, 1 so too, but a recording stopped before its run ended, 64 usage,\n"
+      "Exit codes: 0 ended by a signal, or reviewed, 1 a recording stopped before its run ended, or no review, 64 "
+      "usage,\n"
       "65 configuration, 71 run folder cannot be written.");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kExitUsage;
   }
+  if (!options.review.empty()) return write_review(options.review);
   stop_on_signals();
   return monitor_robot(std::move(options));
 }

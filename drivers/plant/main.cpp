@@ -43,7 +43,7 @@ struct Options {
   std::string robot, devices, scenario, runtime_directory, truth_file, policy_user;
   std::optional<std::uint64_t> seed;
   double target_entry_s = 0;
-  bool debug = false;
+  bool on_hardware = false, debug = false;
 };
 
 std::atomic<bool> g_stop = false;
@@ -183,7 +183,7 @@ int serve(const Options& options, const config::RobotConfig& robot, Scenario sce
   stop_on_signals();
   auto outputs = open_outputs(robot, directory, options);
   if (!outputs) return refuse(kExitUnavailable, outputs.error());
-  auto buses = PlantBuses::open(robot, directory);
+  auto buses = PlantBuses::open(robot, directory, options.on_hardware);
   if (!buses) return refuse(kExitUnavailable, buses.error());
   if (const std::string why = unplayable(scenario, *buses, options.scenario); !why.empty())
     return refuse(config::kExitBadConfiguration, why);
@@ -254,6 +254,8 @@ int main(int argc, char** argv) {
   app.add_option("--target-entry", options.target_entry_s, "s, how far along its path the camera's target begins")
       ->check(CLI::Range(0.0, 1e6));
   app.add_option("--policy-user", options.policy_user, "a user who may read the camera; default: ours only");
+  app.add_flag("--on-hardware", options.on_hardware,
+               "speak on real CAN interfaces too, in place of the drives; default: only on virtual and loopback ones");
   app.add_flag("--debug", options.debug, "log the distance to the target once per second");
   app.set_version_flag("--version", TAKT_VERSION);
   app.footer(

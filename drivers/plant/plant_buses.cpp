@@ -10,15 +10,18 @@
 namespace takt::plant {
 
 std::expected<PlantBuses, std::string> PlantBuses::open(const config::RobotConfig& robot,
-                                                        const std::string& runtime_directory) {
+                                                        const std::string& runtime_directory, bool on_hardware) {
   PlantBuses opened;
   opened.received_.resize(kMaxFrames);
   for (std::size_t i = 0; i < robot.buses.size(); ++i) {
     const config::Bus& bus = robot.buses[i];
     const std::vector<config::IdPattern> ids = drivers::device_ids(robot, i);
-    const bool hosts_hub =
-        !drivers::SocketCanBus::interface_exists(bus.interface) && bus.when_missing == config::WhenBusMissing::loopback;
-    if (hosts_hub) {
+    const bool exists = drivers::SocketCanBus::interface_exists(bus.interface);
+    if (exists && !on_hardware && !drivers::SocketCanBus::is_virtual(bus.interface))
+      return std::unexpected(bus.interface +
+                             " is a real CAN interface: simulated drives would answer there beside real " +
+                             "ones; name another interface, or say --on-hardware");
+    if (!exists && bus.when_missing == config::WhenBusMissing::loopback) {
       const std::string path = config::loopback_socket(runtime_directory, bus.interface);
       auto hub = drivers::LoopbackHub::listen(path, {bus.interface, bus.fd, ids});
       if (!hub) return std::unexpected(hub.error());

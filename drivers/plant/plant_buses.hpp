@@ -17,9 +17,10 @@ namespace takt::plant {
 
 class PlantBuses {
  public:
-  // `robot` outlives what is returned.
+  // `robot` outlives what is returned. An interface with hardware behind it, where real drives may be, is refused
+  // unless `on_hardware`.
   static std::expected<PlantBuses, std::string> open(const config::RobotConfig& robot,
-                                                     const std::string& runtime_directory);
+                                                     const std::string& runtime_directory, bool on_hardware);
   // Lets the drives obey everything that arrived, sends their answers and what they say by themselves; strangers, if
   // there are any, speak for `steps` steps. Returns when the newest frame that a drive answered arrived, unset if none
   // did. Bounded: at most kMaxFrames per bus; the rest waits.

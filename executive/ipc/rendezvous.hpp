@@ -27,8 +27,9 @@
 
 namespace takt::ipc {
 
-// At most this many connections are held at once; one more is refused with a sentence.
-inline constexpr std::size_t kMaxConnections = 32;
+// At most this many connections are held at once; one more is refused with a sentence. The policy's user has a few of
+// its own: nothing it does keeps an operator out.
+inline constexpr std::size_t kMaxConnections = 32, kMaxPolicyConnections = 8;
 // A client that connected must speak within this time, an operator must ask within it.
 inline constexpr std::chrono::milliseconds kGreetingTimeout{1000};
 inline constexpr std::size_t kMaxDescriptors = 8;

@@ -87,6 +87,7 @@ class RendezvousServer::State {
   };
 
   int wait_time(std::chrono::milliseconds timeout) const;
+  bool is_ours(const Peer& peer) const { return peer.uid == allowed_uid_ || peer.uid == 0; }
   static bool must_speak(const Connection& connection);
   void accept_newcomer();
   void hear(Connection& connection);
@@ -154,16 +155,19 @@ void RendezvousServer::State::serve(std::chrono::milliseconds timeout) {
 void RendezvousServer::State::accept_newcomer() {
   Descriptor socket(accept4(claim_.listener(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
   if (!socket.is_open()) return;
-  const auto held = std::ranges::count_if(connections_, [](const Connection& c) { return c.stage != Stage::closed; });
   const Credentials credentials = peer_of(socket.get());
   Connection& connection = connections_.emplace_back();
   connection.socket = std::move(socket);
   connection.peer.pid = credentials.pid;
   connection.peer.uid = credentials.uid;
   connection.since = Clock::now();
-  if (static_cast<std::size_t>(held) >= kMaxConnections) {
+  const bool ours = is_ours(connection.peer);
+  const std::size_t limit = ours ? kMaxConnections : kMaxPolicyConnections;
+  const auto held = std::ranges::count_if(
+      connections_, [&](const Connection& each) { return each.stage != Stage::closed && is_ours(each.peer) == ours; });
+  if (static_cast<std::size_t>(held) > limit) {
     refuse(connection, refusals_.unwelcome,
-           "the server holds " + std::to_string(kMaxConnections) + " connections already: close some, then try again");
+           "the server holds " + std::to_string(limit) + " connections already: close some, then try again");
   }
 }
 
@@ -192,8 +196,8 @@ void RendezvousServer::State::hear(Connection& connection) {
 
 void RendezvousServer::State::greet(Connection& connection, Hello hello, ssize_t size) {
   const uid_t uid = connection.peer.uid;
-  const bool is_ours = uid == allowed_uid_ || uid == 0;
-  if (!is_ours && uid != policy_uid_) {
+  const bool ours = is_ours(connection.peer);
+  if (!ours && uid != policy_uid_) {
     return refuse(
         connection, refusals_.unwelcome,
         "user " + std::to_string(uid) + " may not connect: run as user " + std::to_string(allowed_uid_) + " or root");
@@ -201,7 +205,7 @@ void RendezvousServer::State::greet(Connection& connection, Hello hello, ssize_t
   if (const std::string fault = fault_in(hello, size); !fault.empty()) {
     return refuse(connection, refusals_.malformed, fault);
   }
-  if (!is_ours && !is_for_policies(hello.role)) {
+  if (!ours && !is_for_policies(hello.role)) {
     return refuse(connection, refusals_.unwelcome,
                   "user " + std::to_string(uid) + " is the policy's and may not be " + std::string(name(hello.role)) +
                       ": run as user " + std::to_string(allowed_uid_) + " or root");

@@ -1,7 +1,8 @@
 // From the first SIGTERM to the end of the loop: damped stop, until the robot rests, then the drives are disabled.
 //
-// The loop may end when the executive is in standby, or has stopped or faulted and the robot rests, or kLongestStop
-// after the first signal, or at the second signal. Pure value: time and state are passed in.
+// The loop may end when the executive is in standby, or has stopped or faulted and the robot rests, or still moves
+// kLongestStop after the first signal; when no tick takes notice of it within kNoticedWithin; at the second signal.
+// Pure value: time and state are passed in.
 #pragma once
 
 #include "executive/contract/mode.hpp"
@@ -9,7 +10,8 @@
 
 namespace takt::runtime {
 
-inline constexpr Duration kLongestStop = seconds(3);
+inline constexpr Duration kLongestStop = seconds(10);
+inline constexpr Duration kNoticedWithin = seconds(1);  // the control thread hangs: nothing brakes any more
 
 class Shutdown {
  public:
@@ -21,7 +23,7 @@ class Shutdown {
   // `noticed`: a tick that read the request is over; `mode` and `rests` are of that tick or later.
   [[nodiscard]] bool may_end(MonoTime now, bool noticed, Mode mode, bool rests) const noexcept {
     if (!is_requested()) return false;
-    if (hurry_ || now - began_ >= kLongestStop) return true;
+    if (hurry_ || now - began_ >= (noticed ? kLongestStop : kNoticedWithin)) return true;
     return noticed && (mode == Mode::standby || (rests && (mode == Mode::damped_stop || mode == Mode::fault_latched)));
   }
 

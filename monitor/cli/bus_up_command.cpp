@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "config/load.hpp"
+#include "drivers/socketcan_bus.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/direct_bus.hpp"
 #include "monitor/cli/executive_guard.hpp"
@@ -34,20 +35,13 @@ std::string line_of(const Words& words) {
   return line;
 }
 
-// Virtual interfaces have no bit rate. The kernel tells them apart by where the device hangs.
-bool is_virtual(const std::string& interface) {
-  std::error_code error;
-  const auto target = std::filesystem::read_symlink("/sys/class/net/" + interface, error);
-  return !error && target.string().find("/virtual/") != std::string::npos;
-}
-
 std::vector<Words> commands_for(const config::RobotConfig& robot, std::size_t index) {
   const config::Bus& bus = robot.buses[index];
   std::size_t drives = 0;
   for (const config::Joint& joint : robot.joints) drives += joint.bus == index ? 1 : 0;
   const std::string queue = std::to_string(std::max(kFewestQueued, kQueuedPerDrive * drives));
   std::vector<Words> all{{"ip", "link", "set", bus.interface, "down"}};
-  if (!is_virtual(bus.interface)) {
+  if (!drivers::SocketCanBus::is_virtual(bus.interface)) {  // a virtual one has no bit rate
     Words type{"ip", "link", "set", bus.interface, "type", "can", "bitrate", std::to_string(bus.bitrate)};
     if (bus.fd) type.insert(type.end(), {"dbitrate", std::to_string(bus.data_bitrate), "fd", "on"});
     type.insert(type.end(), {"restart-ms", std::to_string(kRestart_ms)});

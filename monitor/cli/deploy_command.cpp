@@ -2,6 +2,7 @@
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <ctime>
@@ -10,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "config/load.hpp"
+#include "drivers/socketcan_bus.hpp"
 #include "monitor/cli/checked_robot.hpp"
 #include "monitor/cli/command.hpp"
 #include "monitor/cli/deployed_robot.hpp"
@@ -38,6 +40,10 @@ std::string new_name(const config::RobotConfig& robot) {
 
 std::unexpected<Refusal> refused(const std::string& sentence, int exit_code = kExitFailed) {
   return std::unexpected(Refusal{exit_code, sentence});
+}
+
+bool has_hardware(const std::string& interface) {
+  return drivers::SocketCanBus::interface_exists(interface) && !drivers::SocketCanBus::is_virtual(interface);
 }
 
 // Back to what ran before, or to nothing if nothing did.
@@ -76,6 +82,12 @@ std::expected<Outcome, Refusal> deploy_robot(const Options& options) {
   const auto checked = check_robot_file(options.robot_file);
   if (!checked) return refused(checked.error(), config::kExitBadConfiguration);
   const config::RobotConfig& robot = checked->robot;
+  const auto real = std::ranges::find_if(robot.buses, has_hardware, &config::Bus::interface);
+  if (options.simulated && real != robot.buses.end())
+    return refused(
+        fmt::format("--simulated, but {} is a real CAN interface: the executive would command what hangs "
+                    "there; name another interface in {}",
+                    real->interface, options.robot_file));
   auto store = deploy::Store::open(options.store);
   if (!store) return refused(store.error());
   const std::vector<std::string> places{options.place.runtime_directory};

@@ -2,23 +2,33 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "drivers/open_bus.hpp"
+#include "drivers/socketcan_bus.hpp"
 
 namespace takt::cli {
 namespace {
 
 constexpr const char* kServiceRuntimeDirectory = "/run/takt";  // of the systemd units
 
+// A simulated bus is the plant's alone; an interface of the kernel is there for every executive of this machine.
+bool has_real_bus(const config::RobotConfig& robot) {
+  return std::ranges::any_of(robot.buses, drivers::SocketCanBus::interface_exists, &config::Bus::interface);
+}
+
 }  // namespace
 
 std::expected<DirectRobot, Refusal> load_robot(const std::string& robot_file, const std::string& runtime_directory) {
   auto robot = config::load(robot_file);
   if (!robot) return std::unexpected(Refusal{config::kExitBadConfiguration, robot.error()});
-  if (!runtime_directory.empty()) return DirectRobot{std::move(*robot), runtime_directory, {runtime_directory}};
-  std::string own = config::default_runtime_directory(robot->robot);
-  return DirectRobot{std::move(*robot), own, {own, kServiceRuntimeDirectory}};
+  const bool is_named = !runtime_directory.empty();
+  const std::string own = is_named ? runtime_directory : config::default_runtime_directory(robot->robot);
+  std::vector<std::string> executives{own};
+  if (!is_named || has_real_bus(*robot)) executives.emplace_back(kServiceRuntimeDirectory);
+  return DirectRobot{std::move(*robot), own, std::move(executives)};
 }
 
 std::expected<std::size_t, Refusal> find_joint(const DirectRobot& robot, const std::string& name) {

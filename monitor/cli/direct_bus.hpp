@@ -19,7 +19,8 @@ struct DirectRobot {
   std::vector<std::string> executives;  // runtime directories where one may have the buses
 };
 
-// `runtime_directory` empty: the robot's default one, and executives also run where the systemd units have theirs.
+// `runtime_directory` empty: the robot's default one. An executive may also run where the systemd units have theirs,
+// unless a directory is named and every bus is simulated.
 std::expected<DirectRobot, Refusal> load_robot(const std::string& robot_file, const std::string& runtime_directory);
 std::expected<std::size_t, Refusal> find_joint(const DirectRobot& robot, const std::string& name);
 // Every frame on the bus is received, whoever it is from or for.

@@ -37,8 +37,7 @@ std::expected<void, Refusal> require_no_executive(const std::vector<std::string>
     if (!answer) continue;
     if (!*answer)
       return refused(
-          fmt::format("an executive may run in {}: {}; two masters on one bus fight over its drives: end it "
-                      "first, or name this robot's own --runtime-dir",
+          fmt::format("an executive may run in {}: {}; two masters on one bus fight over its drives: end it first",
                       directory, answer->error()));
     return refused(
         fmt::format("an executive runs in {}, mode {}: two masters on one bus fight over its drives; end it "

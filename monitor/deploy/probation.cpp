@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <string_view>
 #include <utility>
 
 namespace takt::deploy {
@@ -20,6 +21,8 @@ Stage Probation::look(Duration now, const std::optional<StatusSnapshot>& status)
     stage_ = end(Stage::failed, "the executive no longer answers");
   } else if (status->ticks < ticks_) {
     stage_ = end(Stage::failed, "the executive restarted");
+  } else if (status->monitor_pid == 0) {
+    stage_ = end(Stage::failed, "the monitor has left: nothing is recorded (journalctl -u takt-monitor)");
   } else {
     stage_ = stage_ == Stage::waiting ? wait(now, *status) : prove(now, *status);
   }
@@ -29,11 +32,17 @@ Stage Probation::look(Duration now, const std::optional<StatusSnapshot>& status)
 }
 
 Stage Probation::start(Duration now, const std::optional<StatusSnapshot>& status) {
-  const bool policy_missing = wants_policy_ && (!status || status->policy_pid == 0);
-  if (status && !policy_missing) return Stage::waiting;
+  std::string_view missing;
+  if (!status)
+    missing = "no executive answers";
+  else if (wants_policy_ && status->policy_pid == 0)
+    missing = "no policy is attached to the executive";
+  else if (status->monitor_pid == 0)
+    missing = "no monitor is attached to the executive";
+  else
+    return Stage::waiting;
   if (now < times_.start_within) return Stage::starting;
-  return end(Stage::failed, fmt::format("after {:.0f} s {}", times_.start_within.seconds(),
-                                        status ? "no policy is attached to the executive" : "no executive answers"));
+  return end(Stage::failed, fmt::format("after {:.0f} s {}", times_.start_within.seconds(), missing));
 }
 
 Stage Probation::wait(Duration now, const StatusSnapshot& status) {

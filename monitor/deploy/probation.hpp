@@ -1,11 +1,12 @@
 // The first seconds of a deployment on the robot, judged from what its executive says of itself. Pure: statuses and
 // times come in, a verdict comes out.
 //
-//   starting   until the executive and a policy answer, or `start_within` is over: failed
+//   starting   until the executive answers and policy and monitor are attached, or `start_within` is over: failed
 //   waiting    in standby, until somebody arms it, or `arm_within` is over: unproven
 //   proving    tracking; `watch` of it: passed. Degraded, a stop or a fault: failed. Who stopped it is not asked: an
 //              operator who stops a robot in its first seconds does not trust it.
-// An executive that goes away or begins to count its ticks anew has failed.
+// An executive that goes away or begins to count its ticks anew has failed; so has a robot without its monitor: nothing
+// records it.
 #pragma once
 
 #include <cstdint>

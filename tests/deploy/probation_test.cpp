@@ -1,7 +1,7 @@
 // Goal: a deployment passes only by tracking for its whole watch; everything else fails it or leaves it unproven.
 // Method: statuses by the tenth of a second from a script, one letter each:
 //   - nobody answers   p no policy yet   s standby   a arming   t tracking   d degraded   x damped stop   f fault
-//   R the executive counts its ticks anew
+//   R the executive counts its ticks anew   m standby and no monitor   u tracking and no monitor
 #include "monitor/deploy/probation.hpp"
 
 #include <gtest/gtest.h>
@@ -18,6 +18,7 @@ Mode mode_of(char letter) {
     case 'a':
       return Mode::arming;
     case 't':
+    case 'u':
       return Mode::tracking;
     case 'd':
       return Mode::degraded;
@@ -46,6 +47,7 @@ Ended judged(const std::string& script, bool wants_policy = true) {
       ticks = script[i] == 'R' ? 1 : ticks + 100;
       status->ticks = ticks;
       status->policy_pid = script[i] == 'p' ? 0 : 7;
+      status->monitor_pid = script[i] == 'm' || script[i] == 'u' ? 0 : 8;
       status->tick.mode = mode_of(script[i]);
     }
     ended.stage = probation.look(milliseconds(100) * static_cast<std::int64_t>(i), status);
@@ -81,6 +83,14 @@ TEST(Probation, ARobotThatDoesNotComeUpFails) {
   EXPECT_EQ(judged(times(5, 'p') + times(11, 't'), false).stage, Stage::passed)
       << "a robot without a policy needs none";
   EXPECT_EQ(judged("ssf").stage, Stage::failed);
+}
+
+TEST(Probation, ARobotThatNobodyRecordsFails) {
+  EXPECT_NE(judged(times(12, 'm')).reason.find("no monitor is attached"), std::string::npos);
+  EXPECT_EQ(judged("mms" + times(11, 't')).stage, Stage::passed) << "it may come last";
+  EXPECT_NE(judged("ssm").reason.find("monitor has left"), std::string::npos)
+      << "one that ends as soon as it has attached";
+  EXPECT_NE(judged("sstttu").reason.find("monitor has left"), std::string::npos);
 }
 
 TEST(Probation, WhatNobodyArmsIsUnproven) {

@@ -96,14 +96,17 @@ def result_of(job: pathlib.Path, in_time: bool) -> str:
     return {0: "passed", 124: "limit"}.get(code, "failed")
 
 
-def replay_failure(job: pathlib.Path, takt: pathlib.Path) -> str:
+def replay_failure(case: Case, job: pathlib.Path, takt: pathlib.Path) -> str:
     """What this machine's takt finds in the runs that the guest recorded; empty: every tick reproduces, bit for bit. A monitor
-    that was killed at once leaves a run without a tick."""
+    that was killed at once leaves a run without a tick; another run then has some."""
+    replayed = 0
     for run in sorted((job / "out/runs").glob("*/ticks.mcap")):
         replay = subprocess.run([str(takt), "replay", str(run.parent)], check=False, capture_output=True, text=True)
-        if replay.returncode != 0 and not replay.stdout.startswith("0 of 0 ticks "):
+        is_empty = replay.stdout.startswith("0 of 0 ticks ")
+        if replay.returncode != 0 and not is_empty:
             return f"takt replay {run.parent}: {(replay.stdout + replay.stderr).strip()}"
-    return ""
+        replayed += not is_empty
+    return "no run with a tick was recorded" if case.records and replayed == 0 else ""
 
 
 def run_case(case: Case, image: pathlib.Path, options: argparse.Namespace) -> Verdict:
@@ -119,7 +122,7 @@ def run_case(case: Case, image: pathlib.Path, options: argparse.Namespace) -> Ve
     if options.planted:
         result = {"passed": "missed", "failed": "found", "limit": "found"}.get(result, result)
     verdict = Verdict(case.name, case.mode, result, round(time.monotonic() - began, 1), round(ending.cpu_s, 1))
-    if verdict.result == "passed" and (failure := replay_failure(job, options.takt)):
+    if verdict.result == "passed" and (failure := replay_failure(case, job, options.takt)):
         print(f"{case.name:18} | {failure}", flush=True)
         verdict = dataclasses.replace(verdict, result="failed")
     shutil.rmtree(job / "lib", ignore_errors=True)

@@ -2,6 +2,7 @@
 """Goal: the rig reads cases strictly, tells verdicts apart, and leaves no machine behind. Method: its own functions, with a
 program that never ends in the place of qemu; the cases that exist must all have a complete header. Needs no guest.
 """
+import os
 import pathlib
 import subprocess
 import sys
@@ -80,6 +81,19 @@ class Verdicts(Folder):
                 verdict.write_text(written)
             self.assertEqual(hil.result_of(self.folder, in_time), expected)
 
+    def test_a_case_without_a_recorded_tick_has_not_passed(self) -> None:
+        takt = self.folder / "takt"
+        takt.write_text("#!/bin/sh\ncat \"$2/says\"\n")
+        takt.chmod(0o755)
+        case, silent = self.case(HEADER), self.case(HEADER.replace("# Limit", "# Runs: none\n# Limit"))
+        self.assertIn("no run", hil.replay_failure(case, self.folder, takt))
+        self.assertEqual(hil.replay_failure(silent, self.folder, takt), "")
+        for run, says in (("a", "0 of 0 ticks reproduce"), ("b", "7 of 7 ticks reproduce")):
+            (self.folder / "out/runs" / run).mkdir(parents=True)
+            (self.folder / "out/runs" / run / "ticks.mcap").touch()
+            (self.folder / "out/runs" / run / "says").write_text(says)
+            self.assertEqual(hil.replay_failure(case, self.folder, takt) == "", run == "b")
+
     def test_tests_the_one_package_that_is_no_takt_dev(self) -> None:
         with self.assertRaises(package.BadPackage):
             package.package_in(self.folder)
@@ -141,8 +155,9 @@ class SavedMachines(Folder):
         command = lambda case, image, job, out: [sys.executable, "-c", script_text, out]
         with mock.patch.object(saved, "qemu_command", command), \
                 mock.patch.object(saved, "_started", lambda case, image: image / "started-plain-1"):
-            for old in ("started-plain-0", "installed-plain-0", "started-kvaser-0"):
+            for age, old in enumerate(("started-plain-0", "installed-plain-0", "installed-plain-00", "started-kvaser-0")):
                 (self.folder / old).touch()
+                os.utime(self.folder / old, (1000 - age, 1000 - age))
             saved.save_if_missing(case, self.folder, lambda: self.folder, "package")
             return saved.installed(case, self.folder, "package")
 
@@ -151,12 +166,19 @@ class SavedMachines(Folder):
         self.assertEqual((self.folder / "started-plain-1").read_text(), "all")
         self.assertEqual(installed.read_text(), "all")
         self.assertIn(f"exec:cat '{installed}'", saved.goes_on_from(installed))
-        self.assertEqual([path.name for path in self.folder.glob("*-0")], ["started-kvaser-0"], "only machines of this kind are replaced")
+        self.assertEqual(sorted(path.name for path in self.folder.glob("*-0*")), ["installed-plain-0", "started-kvaser-0"],
+                         "another checkout's package stays; machines of another kind do too")
 
     def test_refuses_a_guest_that_ends_instead(self) -> None:
         with self.assertRaises(saved.NotSaved):
             self.save(b"hil: no root file system\n", ends=True)
         self.assertFalse((self.folder / "started-plain-1").exists())
+
+    def test_rigs_of_two_checkouts_save_one_at_a_time(self) -> None:
+        case = self.case(HEADER)
+        with saved._only_one(case, self.folder):
+            other = (f"import fcntl\nfcntl.flock(open({str(self.folder / 'lock-plain')!r}, 'w'), fcntl.LOCK_EX | fcntl.LOCK_NB)")
+            self.assertNotEqual(subprocess.run([sys.executable, "-c", other], capture_output=True, check=False).returncode, 0)
 
     def test_tells_why_the_package_does_not_install(self) -> None:
         (self.folder / "started-plain-1").touch()

@@ -64,8 +64,16 @@ Answer answer_to(const Descriptor& socket) {
   return {welcome.status, welcome.sentence, recv(socket.get(), &next, 1, 0) <= 0};
 }
 
+constexpr uid_t kPolicyUser = 65534;
+
 class Rendezvous : public testing::Test {
  protected:
+  void let_everybody_in() {
+    std::filesystem::permissions(path_, std::filesystem::perms::all);
+    for (const char* open : {"", "/run", "/run/arm"})
+      std::filesystem::permissions(directory_ / open, std::filesystem::perms::all);
+  }
+
   TemporaryDirectory directory_;
   std::string path_ = directory_ / "run/arm/executive.sock";
 };
@@ -283,6 +291,34 @@ TEST_F(Rendezvous, ConnectionsAreBounded) {
   EXPECT_TRUE(attach(path_, hello_of(Role::policy), kTimeout));
 }
 
+// A policy's process that opens all it can get: the owner has room for as many as ever.
+TEST_F(Rendezvous, ThePolicysUserKeepsNoOperatorOut) {
+  if (geteuid() != 0) GTEST_SKIP() << "SKIPPED: only root can connect as another user";
+  Handlers handlers = admit_all();
+  handlers.request = [](const Peer&, const OperatorMessage&) { return OperatorReply{}; };
+  const ServerThread server(path_, handlers, geteuid(), kPolicyUser);
+  let_everybody_in();
+  ASSERT_EQ(seteuid(kPolicyUser), 0);
+  std::vector<Lease> leases;
+  while (leases.size() < kMaxPolicyConnections) {
+    auto lease = attach(path_, hello_of(Role::sensor_reader), kTimeout);
+    if (!lease) break;
+    leases.push_back(std::move(*lease));
+  }
+  const auto one_more = attach(path_, hello_of(Role::policy), kTimeout);
+  ASSERT_EQ(seteuid(0), 0);
+  EXPECT_EQ(leases.size(), kMaxPolicyConnections);
+  ASSERT_FALSE(one_more);
+  EXPECT_TRUE(contains(one_more.error(), "8 connections")) << one_more.error();
+  while (leases.size() < kMaxPolicyConnections + kMaxConnections - 1) {
+    auto lease = attach(path_, hello_of(Role::sensor_reader), kTimeout);
+    ASSERT_TRUE(lease) << lease.error();
+    leases.push_back(std::move(*lease));
+  }
+  const auto stopped = ask(path_, OperatorVerb::stop, kTimeout);
+  EXPECT_TRUE(stopped) << stopped.error();
+}
+
 TEST_F(Rendezvous, OperatorsAskAndOverlap) {
   Handlers handlers = admit_all();
   handlers.request = [](const Peer&, const OperatorMessage& message) {
@@ -325,10 +361,7 @@ TEST_F(Rendezvous, OtherUsersAreRefused) {
   if (geteuid() != 0) GTEST_SKIP() << "SKIPPED: only root can connect as another user";
   const ServerThread server(path_, admit_all());
   // Credentials are those of connect(): this thread connects as nobody, then becomes root again.
-  std::filesystem::permissions(path_, std::filesystem::perms::all);
-  for (const char* open : {"", "/run", "/run/arm"}) {
-    std::filesystem::permissions(directory_ / open, std::filesystem::perms::all);
-  }
+  let_everybody_in();
   ASSERT_EQ(seteuid(65534), 0);
   const auto lease = attach(path_, hello_of(Role::policy), kTimeout);
   ASSERT_EQ(seteuid(0), 0);
@@ -339,12 +372,8 @@ TEST_F(Rendezvous, OtherUsersAreRefused) {
 // The policy's own user lends a policy and reads sensors; it neither asks nor records.
 TEST_F(Rendezvous, ThePolicysUserMayOnlyBeAPolicy) {
   if (geteuid() != 0) GTEST_SKIP() << "SKIPPED: only root can connect as another user";
-  constexpr uid_t kPolicyUser = 65534;
   const ServerThread server(path_, admit_all(), geteuid(), kPolicyUser);
-  std::filesystem::permissions(path_, std::filesystem::perms::all);
-  for (const char* open : {"", "/run", "/run/arm"}) {
-    std::filesystem::permissions(directory_ / open, std::filesystem::perms::all);
-  }
+  let_everybody_in();
   ASSERT_EQ(seteuid(kPolicyUser), 0);
   const auto policy = attach(path_, hello_of(Role::policy), kTimeout);
   const auto sensor = attach(path_, hello_of(Role::sensor_reader), kTimeout);

@@ -10,8 +10,11 @@ fail() { echo "FAILED: $*" >&2; exit 1; }
 mkdir -p "$root/bin" "$root/etc/takt/deployments/demo" "$root/run/systemd/system"
 for tool in systemctl systemd-sysusers systemd-tmpfiles; do
   printf '#!/bin/sh\necho %s "$@" >>"%s/said"\n' "$tool" "$root" >"$root/bin/$tool"
-  chmod +x "$root/bin/$tool"
 done
+# The executive runs unless `is-stopped` is there; takt prints what `status` holds.
+printf '#!/bin/sh\necho systemctl "$@" >>"%s/said"\ncase "$*" in *is-active*) [ ! -e %s/is-stopped ] ;; esac\n' "$root" "$root" >"$root/bin/systemctl"
+printf '#!/bin/sh\ncat %s/status\n' "$root" >"$root/bin/takt"
+chmod +x "$root"/bin/*
 # The scripts name absolute paths; here these begin at the folder.
 run() { # SCRIPT ARGUMENTS
   sed -E "s#(^|[ '\"])/(etc|run|var)/#\1$root/\2/#g" "$scripts/$1" >"$root/script"
@@ -30,9 +33,21 @@ ln -sfn deployments/mine "$root/etc/takt/robot" # points nowhere, yet it is the 
 run postinst configure 0.1.0-1
 [ "$(readlink "$root/etc/takt/robot")" = deployments/mine ] || fail "an upgrade changed the robot in use"
 never_starts "an upgrade"
+said 'try-restart takt.target' || fail "after an upgrade the old executive runs on"
 
-run prerm upgrade 0.2.0-1
-[ ! -s "$root/said" ] || fail "an upgrade touches a running robot: $(cat "$root/said")"
+for old_or_new in 'upgrade 0.2.0-1' 'failed-upgrade 0.1.0-1'; do
+  echo '{"drives_enabled":false}' >"$root/status"
+  run prerm $old_or_new || fail "$old_or_new: refused although the robot is not armed"
+  ! said stop || fail "$old_or_new stops a robot"
+  for status in '{"drives_enabled":true}' ''; do
+    echo "$status" >"$root/status"
+    ! run prerm $old_or_new 2>"$root/refusal" || fail "$old_or_new: done under an armed robot ($status)"
+    grep -q 'is armed' "$root/refusal" || fail "$old_or_new: refused without a reason"
+  done
+  touch "$root/is-stopped"
+  run prerm $old_or_new || fail "$old_or_new: refused although no executive runs"
+  rm "$root/is-stopped"
+done
 run prerm remove
 said 'stop takt.target' || fail "removing leaves the robot running"
 

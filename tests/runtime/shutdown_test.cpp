@@ -27,7 +27,8 @@ const Row kRows[] = {
     {"faulted, still moving", milliseconds(500), true, Mode::fault_latched, false, false},
     {"just before the limit", kLongestStop - nanoseconds(1), true, Mode::damped_stop, false, false},
     {"never at rest: the limit", kLongestStop, true, Mode::damped_stop, false, true},
-    {"the control thread hangs: the limit", kLongestStop, false, Mode::tracking, false, true},
+    {"no tick has read the request yet", kNoticedWithin - nanoseconds(1), false, Mode::tracking, false, false},
+    {"the control thread hangs", kNoticedWithin, false, Mode::tracking, false, true},
 };
 
 TEST(Shutdown, Table) {

@@ -1,7 +1,8 @@
 #!/bin/bash
-# Goal: a new deployment is proven on the robot that systemd runs, and rollback brings the one before back.
+# Goal: a new deployment is proven on the robot that systemd runs, and rollback brings the one before back; an upgrade waits for a disarmed robot.
 # Method: the packaged demo robot, armed; its file with a slower joint is deployed: refused while armed, then, after a stop, started by takt.target, armed by
-#   takt deploy and watched for a second. Refused again while that tracks; after a stop `takt rollback` goes back to the demo.
+#   takt deploy and watched for a second. Refused again while that tracks; after a stop `takt rollback` goes back to the demo. The package's own
+#   scripts are called as dpkg does when it upgrades: refused under an armed robot, and the disarmed one is another process afterwards.
 # Mode: virtual
 # Limit: 110 s
 # Planted fault: a policy host that ends at once: the deployment goes back.
@@ -21,10 +22,19 @@ takt deploy new.yaml --name new --simulated --arm --watch 1s --arm-within 20s --
 cat deploy.json
 grep -q '"verdict":"proven"' deploy.json || fail "not proven"
 [ "$(readlink /etc/takt/robot)" = deployments/new ] || fail "in use: $(readlink /etc/takt/robot)"
+[ "$(readlink $RUN/robot)" = /etc/takt/deployments/new ] || fail "started for: $(readlink $RUN/robot)"
 mode_is tracking || fail "mode $(field mode)"
+scripts=/var/lib/dpkg/info/takt
+$scripts.prerm upgrade 9.9 2>upgrade.txt && fail "upgraded under a moving robot"
+grep -q 'is armed' upgrade.txt || fail "not upgraded for another reason: $(cat upgrade.txt)"
 takt rollback >rollback.txt 2>&1 && fail "rolled back under a moving robot"
 halt
 takt rollback >rollback.txt 2>&1 || fail "takt rollback: $(cat rollback.txt)"
 cat rollback.txt
 [ "$(readlink /etc/takt/robot)" = deployments/demo ] || fail "in use: $(readlink /etc/takt/robot)"
 within 5 "standby" mode_is standby
+before=$(main_pid takt-executive)
+$scripts.prerm upgrade 9.9 || fail "not upgraded although disarmed"
+$scripts.postinst configure 0.0 || fail "postinst"
+within 10 "standby after the upgrade" mode_is standby
+[ "$(main_pid takt-executive)" != "$before" ] || fail "the old executive runs on"

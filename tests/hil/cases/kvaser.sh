@@ -6,7 +6,7 @@
 # Machine: kvaser
 # Limit: 120 s
 # Planted fault: can3 is down: the wrist's drives are not heard.
-# Planted by: s/^plant$/ip link set can3 down; plant/
+# Planted by: s/^plant --on/ip link set can3 down; plant --on/
 . "$HIL_LIB/hil.sh"
 modprobe kvaser_pci || fail "no kvaser_pci"
 within 5 "four cards" test -e /sys/class/net/can3
@@ -16,7 +16,9 @@ sed -e 's/interface: can2/interface: can3/' -e 's/interface: can0/interface: can
 for file in $ROBOT $PLANT_ROBOT; do takt bus up --robot "$file" || fail "takt bus up --robot $file"; done
 ip -d link show can0 | grep -E 'bitrate|state'
 ip -d link show can0 | grep -q 'bitrate 1000000' || fail "not the robot file's bit rate"
-plant
+takt-plant --robot $PLANT_ROBOT --runtime-dir $RUN 2>plant.txt && fail "the plant speaks on a real interface unasked"
+grep -q 'can1 is a real CAN interface' plant.txt || fail "the plant refuses for another reason: $(cat plant.txt)"
+plant --on-hardware
 takt_up
 tracking
 no_overrun_in 1000 "on SJA1000 controllers"

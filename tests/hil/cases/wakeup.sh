@@ -4,6 +4,7 @@
 #   where this fails, no other figure of virtual time means anything. Both histograms are printed side by side.
 # Mode: virtual
 # Limit: 60 s
+# Runs: none
 # Planted fault: two seconds in, a process of a higher priority (chrt -f 90) works for some tens of milliseconds.
 # Planted by: /^cyclictest/i (sleep 2; chrt -f 90 dd if=/dev/zero of=/dev/null bs=64M count=4) &
 . "$HIL_LIB/hil.sh"

@@ -2,7 +2,8 @@
 
 Header lines, comments at the top of the file: `Goal:`, `Method:`, `Mode: virtual|paced` (one CPU in virtual time, or two
 CPUs at real pace), `Limit: N s` of the guest's time, and, where the machine needs more than vcan, `Machine: kvaser`
-or `Machine: watchdog`; further `Planted fault:`, in words, and `Planted by:`, the sed expression that puts it into the case.
+or `Machine: watchdog`; further `Planted fault:`, in words, and `Planted by:`, the sed expression that puts it into the case;
+`Runs: none` where no monitor records.
 A line that begins with two more spaces goes on where the one above ended.
 """
 from __future__ import annotations
@@ -15,7 +16,7 @@ import subprocess
 MODES = ("virtual", "paced")
 MACHINES = ("plain", "kvaser", "watchdog")
 REQUIRED = ("Goal", "Method", "Planted fault", "Planted by")
-HEADER = re.compile(rf"# ({'|'.join(REQUIRED)}|Mode|Limit|Machine): (.*)")
+HEADER = re.compile(rf"# ({'|'.join(REQUIRED)}|Mode|Limit|Machine|Runs): (.*)")
 
 
 class BadCase(Exception):
@@ -31,6 +32,7 @@ class Case:
     mode: str
     machine: str
     limit_s: int
+    records: bool = True  # at least one run, which the host replays
 
 
 def read_header(text: str) -> dict[str, str]:
@@ -62,12 +64,13 @@ def read_case(path: pathlib.Path) -> Case:
         raise BadCase(f"{path}: `# Limit: {header['Limit']}` should read like `# Limit: 60 s`")
     return Case(path.stem, path, header["Goal"], header["Planted by"],
                 one_of(path, "Mode", header.get("Mode"), MODES),
-                one_of(path, "Machine", header.get("Machine", "plain"), MACHINES), int(limit[1]))
+                one_of(path, "Machine", header.get("Machine", "plain"), MACHINES), int(limit[1]),
+                one_of(path, "Runs", header.get("Runs", "some"), ("some", "none")) == "some")
 
 
 def all_cases(folder: pathlib.Path) -> list[Case]:
     """Those with a short limit first, so that a first result comes soon."""
-    cases = [read_case(path) for path in folder.iterdir() if path.suffix in (".sh", ".py")]
+    cases = [read_case(path) for path in folder.glob("*.sh")]
     return sorted(cases, key=lambda case: (case.limit_s, case.name))
 
 

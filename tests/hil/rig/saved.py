@@ -1,10 +1,13 @@
 """Machines saved where they wait for a job, so that a case need neither wait for a boot nor for an installation.
 
 started-MACHINE-KEY: booted; named by everything that shaped the machine. installed-MACHINE-KEY: the same with the package
-installed; named by that and the package. Both beside the image, the newest of each. Machines at real pace are not saved.
+installed; named by that and the package. Both beside the image, the newest few of each: rigs of several checkouts share
+them. Machines at real pace are not saved.
 """
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import functools
 import hashlib
 import pathlib
@@ -12,12 +15,13 @@ import socket
 import subprocess
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from rig.case import MACHINES, Case
 from rig.machine import QEMU, WAITS_FOR_CASE, WAITS_FOR_JOB, qemu_command
 
 WALL_LIMIT_S = 600
+KEPT = {"started": 1, "installed": 2}
 # Not told in what state it was saved, a machine goes on at once.
 OPTIONS = ("-global", "migration.store-global-state=off")
 
@@ -98,11 +102,20 @@ def _save(case: Case, image: pathlib.Path, job: pathlib.Path, begin: pathlib.Pat
                 qemu.kill()
 
 
+@contextlib.contextmanager
+def _only_one(case: Case, image: pathlib.Path) -> Iterator[None]:
+    """Of this process's threads, and of the rigs that share the image."""
+    with _one_at_a_time[case.machine], (image / f"lock-{case.machine}").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
 def _save_if_missing(case: Case, image: pathlib.Path, job: pathlib.Path, begin: pathlib.Path | None, saved: pathlib.Path) -> None:
     if saved.exists():
         return
     kind = saved.name.rpartition("-")[0]
-    for old in image.glob(f"{kind}-*"):
+    others = sorted(image.glob(f"{kind}-*"), key=lambda path: path.stat().st_mtime, reverse=True)
+    for old in others[KEPT[kind.partition("-")[0]] - 1:]:
         old.unlink()
     new = image / f"new.{kind}"
     _save(case, image, job, begin, new)
@@ -111,10 +124,11 @@ def _save_if_missing(case: Case, image: pathlib.Path, job: pathlib.Path, begin: 
 
 def save_if_missing(case: Case, image: pathlib.Path, make_job: Callable[[], pathlib.Path], package_hash: str) -> None:
     """The machine with the package that the job holds, for a case that begins saved. From any thread."""
-    with _one_at_a_time[case.machine]:
+    with _only_one(case, image):
         started = _started(case, image)
         saved = installed(case, image, package_hash)
         if not saved.exists():
             job = make_job()
             _save_if_missing(case, image, job, None, started)
             _save_if_missing(case, image, job, started, saved)
+        saved.touch()  # in use: the newest
