@@ -101,6 +101,27 @@ TEST(MonitorFaults, KilledMonitorCostsTheLoopNothingAndMayComeBack) {
   ASSERT_TRUE(attached && attached->status.monitor_pid != 0) << robot.logs();
 }
 
+TEST(MonitorFaults, TheNextSessionIsRecordedWhileTheClosedOneIsReviewed) {
+  RunningRobot robot;
+  const auto recorded = [&] { return robot.wait_until([](const StatusSnapshot& s) { return s.monitor_pid != 0; }); };
+  const auto first = recorded();
+  ASSERT_TRUE(first && first->status.monitor_pid != 0) << robot.logs();
+  robot.let_run(100);
+  robot.executive().signal(SIGTERM);
+  EXPECT_EQ(robot.executive().wait(std::chrono::seconds(20)), 0);
+  robot.executive() = robot.start_executive();
+  const auto second = recorded();
+  ASSERT_TRUE(second.has_value()) << robot.logs();
+  EXPECT_EQ(second->status.monitor_pid, first->status.monitor_pid) << "the same monitor";
+  const auto reviewed = [&](const StatusSnapshot&) {
+    return !text_of(robot.run_directory() + "/metrics.json").empty();
+  };
+  ASSERT_TRUE(robot.wait_until(reviewed));
+  EXPECT_FALSE(text_of(robot.run_directory() + "/metrics.json").empty()) << robot.logs();
+  ASSERT_TRUE(robot.finish()) << robot.logs();
+  EXPECT_FALSE(text_of(robot.run_directory() + ".2/metrics.json").empty()) << "it waits for its last review";
+}
+
 struct Lie {
   const char* when;    // rogue's behaviour by name
   Arrival refused_as;  // counted refusal; none: no refusal expected

@@ -79,7 +79,7 @@ RunningRobot::RunningRobot(const std::string& scenario, const std::string& robot
   std::vector<std::string> faults;
   if (!scenario.empty()) faults = {"--scenario", scenario};
   plant_ = start("takt-plant", faults, "plant");
-  executive_ = start("takt-executive", {"--allow-non-realtime"}, "executive");
+  executive_ = start_executive();
   monitor_ = start_monitor("run");
 }
 
@@ -96,6 +96,10 @@ Child RunningRobot::start(const std::string& program, std::vector<std::string> e
   std::vector<std::string> arguments{program, "--robot", robot_file_, "--runtime-dir", directory_};
   arguments.insert(arguments.end(), extra.begin(), extra.end());
   return Child(std::move(arguments), directory_ + "/" + log_name + ".log");
+}
+
+Child RunningRobot::start_executive() {
+  return start("takt-executive", {"--allow-non-realtime"}, "executive");
 }
 
 Child RunningRobot::start_policy_host() {

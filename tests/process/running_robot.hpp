@@ -43,6 +43,7 @@ class RunningRobot {
   RunningRobot(const RunningRobot&) = delete;
   RunningRobot& operator=(const RunningRobot&) = delete;
 
+  Child start_executive();
   Child start_policy_host();
   Child start_rogue(const std::string& behaviour, const std::string& healthy_for);
   Child start_monitor(const std::string& run_directory_name);
