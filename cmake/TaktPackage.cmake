@@ -91,7 +91,7 @@ set(CPACK_DEBIAN_RUNTIME_PACKAGE_DEPENDS "systemd | systemd-standalone-sysusers,
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_RECOMMENDS "linux-image-rt-amd64 | linux-image-rt-arm64")
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SUGGESTS "can-utils, lttng-tools, babeltrace2")
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
-set(CPACK_DEBIAN_RUNTIME_PACKAGE_CONTROL_EXTRA ${package_files}/postinst ${package_files}/prerm ${package_files}/postrm
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_CONTROL_EXTRA ${package_files}/preinst ${package_files}/postinst ${package_files}/prerm ${package_files}/postrm
     ${package_files}/conffiles)
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "") # each package has its own
 set(CPACK_DEBIAN_RUNTIME_DESCRIPTION

@@ -33,7 +33,7 @@ std::expected<void, std::string> ClosingReviews::begin(const std::string& run_fo
   posix_spawnattr_destroy(&attributes);
   if (fault != 0)
     return std::unexpected(
-        fmt::format("metrics.json is missing: no process to write it: {}; `takt report {}` writes it",
+        fmt::format("metrics.json is missing: no process to write it: {}; `takt-monitor --review {}` does",
                     std::strerror(fault), run_folder));
   under_way_.push_back({pid, run_folder});
   return {};
@@ -51,7 +51,8 @@ bool ClosingReviews::is_over(const Review& review, int options) {
   } while (ended < 0 && errno == EINTR);
   if (ended == 0) return false;
   if (ended < 0 || !WIFEXITED(status) || WEXITSTATUS(status) != 0)
-    spdlog::warn("metrics.json is missing: its writer ended early; `takt report {}` writes it", review.run_folder);
+    spdlog::warn("metrics.json is missing: its writer ended early; `takt-monitor --review {}` is another",
+                 review.run_folder);
   return true;
 }
 

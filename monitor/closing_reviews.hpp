@@ -18,8 +18,8 @@ class ClosingReviews {
   ClosingReviews& operator=(const ClosingReviews&) = delete;
   ~ClosingReviews();  // waits for those under way
 
-  // Starts this very program with `--review RUN_FOLDER`; signals that end the monitor do not end it. The error is one
-  // sentence.
+  // Starts this very program with `--review RUN_FOLDER`; the signals that ask a monitor to end do not end it, a monitor
+  // that crashes does. The error is one sentence.
   std::expected<void, std::string> begin(const std::string& run_folder);
   // Takes leave of those that ended, and logs what was not written. Does not wait.
   void look();

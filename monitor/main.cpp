@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
+#include <sys/prctl.h>
 #include <time.h>
 
 #include <CLI/CLI.hpp>
@@ -178,7 +179,10 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kExitUsage;
   }
-  if (!options.review.empty()) return write_review(options.review);
+  if (!options.review.empty()) {
+    prctl(PR_SET_PDEATHSIG, SIGKILL);  // a monitor that crashed must not wait for its review to be started again
+    return write_review(options.review);
+  }
   stop_on_signals();
   return monitor_robot(std::move(options));
 }

@@ -22,10 +22,10 @@ takt deploy new.yaml --name new --simulated --arm --watch 1s --arm-within 20s --
 cat deploy.json
 grep -q '"verdict":"proven"' deploy.json || fail "not proven"
 [ "$(readlink /etc/takt/robot)" = deployments/new ] || fail "in use: $(readlink /etc/takt/robot)"
-[ "$(readlink $RUN/robot)" = /etc/takt/deployments/new ] || fail "started for: $(readlink $RUN/robot)"
+[ "$(readlink $RUN/.robot)" = /etc/takt/deployments/new ] || fail "started for: $(readlink $RUN/.robot)"
 mode_is tracking || fail "mode $(field mode)"
 scripts=/var/lib/dpkg/info/takt
-$scripts.prerm upgrade 9.9 2>upgrade.txt && fail "upgraded under a moving robot"
+$scripts.preinst upgrade 0.0 2>upgrade.txt && fail "upgraded under a moving robot"
 grep -q 'is armed' upgrade.txt || fail "not upgraded for another reason: $(cat upgrade.txt)"
 takt rollback >rollback.txt 2>&1 && fail "rolled back under a moving robot"
 halt
@@ -34,7 +34,7 @@ cat rollback.txt
 [ "$(readlink /etc/takt/robot)" = deployments/demo ] || fail "in use: $(readlink /etc/takt/robot)"
 within 5 "standby" mode_is standby
 before=$(main_pid takt-executive)
-$scripts.prerm upgrade 9.9 || fail "not upgraded although disarmed"
+$scripts.preinst upgrade 0.0 || fail "not upgraded although disarmed"
 $scripts.postinst configure 0.0 || fail "postinst"
 within 10 "standby after the upgrade" mode_is standby
 [ "$(main_pid takt-executive)" != "$before" ] || fail "the old executive runs on"
