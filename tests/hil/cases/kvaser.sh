@@ -1,7 +1,7 @@
 #!/bin/bash
 # Goal: Takt drives real CAN controllers: SJA1000 with bit timing, interrupts in threads, short queues.
 # Method: four emulated PCI cards on two emulated buses; the executive has can0 and can2, the plant can1 and can3. `takt bus up` sets the
-#   bit rates of the robot file.
+#   bit rates of the robot file. The plant refuses real interfaces unless told; `takt bus scan` refuses an executive's buses wherever it is told to look.
 # Mode: virtual
 # Machine: kvaser
 # Limit: 120 s
@@ -22,6 +22,8 @@ plant --on-hardware
 takt_up
 tracking
 no_overrun_in 1000 "on SJA1000 controllers"
+takt bus scan --robot $ROBOT --runtime-dir /run/elsewhere >scan.txt 2>&1 && fail "a second master on the bus: $(cat scan.txt)"
+grep -q "an executive runs in $RUN" scan.txt || fail "no scan, for another reason: $(cat scan.txt)"
 mode_is tracking || fail "mode $(field mode): $(cat /var/lib/takt/runs/*/transitions.jsonl)"
 ip link set can2 down
 within 2 "fault" happened tracking fault_latched bus_down
