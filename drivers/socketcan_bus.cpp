@@ -78,6 +78,10 @@ bool SocketCanBus::is_virtual(const std::string& interface) {
   return !error && device.string().find("/virtual/") != std::string::npos;
 }
 
+bool SocketCanBus::has_hardware(const std::string& interface) {
+  return interface_exists(interface) && !is_virtual(interface);
+}
+
 bool SocketCanBus::interface_exists(const std::string& interface) {
   return ::if_nametoindex(interface.c_str()) != 0;
 }

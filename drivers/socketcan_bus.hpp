@@ -20,8 +20,10 @@ namespace takt::drivers {
 class SocketCanBus final : public CanBus {
  public:
   static bool interface_exists(const std::string& interface);
-  // By where the device hangs: vcan and its like, where no drive can be; an interface over a serial line too.
+  // By where the device hangs: vcan and its like, where no drive can be. An interface over a serial line counts as one.
   static bool is_virtual(const std::string& interface);
+  // It exists and is not virtual: real drives may be there.
+  static bool has_hardware(const std::string& interface);
   static std::expected<std::unique_ptr<SocketCanBus>, std::string> open(const BusOptions& options,
                                                                         std::uint32_t bitrate);
   // Takes a socket that is already set up (tests use a socket pair: there, as here, one message is one frame).

@@ -148,6 +148,7 @@ int monitor_robot(Options options) {
       said = session.error();
       spdlog::info("waiting for the executive: {}", said);
     }
+    reviews.look();
     if (!g_stop) sleep_until(monotonic_now() + kAttachPeriod);
   }
   return exit_code;

@@ -16,12 +16,13 @@ std::expected<PlantBuses, std::string> PlantBuses::open(const config::RobotConfi
   for (std::size_t i = 0; i < robot.buses.size(); ++i) {
     const config::Bus& bus = robot.buses[i];
     const std::vector<config::IdPattern> ids = drivers::device_ids(robot, i);
-    const bool exists = drivers::SocketCanBus::interface_exists(bus.interface);
-    if (exists && !on_hardware && !drivers::SocketCanBus::is_virtual(bus.interface))
+    if (!on_hardware && drivers::SocketCanBus::has_hardware(bus.interface))
       return std::unexpected(bus.interface +
                              " is a real CAN interface: simulated drives would answer there beside real " +
                              "ones; name another interface, or say --on-hardware");
-    if (!exists && bus.when_missing == config::WhenBusMissing::loopback) {
+    const bool hosts_hub =
+        !drivers::SocketCanBus::interface_exists(bus.interface) && bus.when_missing == config::WhenBusMissing::loopback;
+    if (hosts_hub) {
       const std::string path = config::loopback_socket(runtime_directory, bus.interface);
       auto hub = drivers::LoopbackHub::listen(path, {bus.interface, bus.fd, ids});
       if (!hub) return std::unexpected(hub.error());

@@ -42,10 +42,6 @@ std::unexpected<Refusal> refused(const std::string& sentence, int exit_code = kE
   return std::unexpected(Refusal{exit_code, sentence});
 }
 
-bool has_hardware(const std::string& interface) {
-  return drivers::SocketCanBus::interface_exists(interface) && !drivers::SocketCanBus::is_virtual(interface);
-}
-
 // Back to what ran before, or to nothing if nothing did.
 std::expected<void, Refusal> go_back(deploy::Store& store, const DeployedRobot& place, const std::string& previous) {
   ask_to_stop(place);
@@ -82,7 +78,7 @@ std::expected<Outcome, Refusal> deploy_robot(const Options& options) {
   const auto checked = check_robot_file(options.robot_file);
   if (!checked) return refused(checked.error(), config::kExitBadConfiguration);
   const config::RobotConfig& robot = checked->robot;
-  const auto real = std::ranges::find_if(robot.buses, has_hardware, &config::Bus::interface);
+  const auto real = std::ranges::find_if(robot.buses, drivers::SocketCanBus::has_hardware, &config::Bus::interface);
   if (options.simulated && real != robot.buses.end())
     return refused(
         fmt::format("--simulated, but {} is a real CAN interface: the executive would command what hangs "

@@ -33,8 +33,8 @@ void catch_interruptions();
 
 // Runs the restart command; the error says how it ended.
 std::expected<void, Refusal> restart(const DeployedRobot& robot);
-// The same, and waits until the executive and, where one is wanted, the policy answer. Interruptions are ignored: this
-// is the way back.
+// The same, and waits until the executive answers and has its monitor and, where one is wanted, its policy.
+// Interruptions are ignored: this is the way back.
 std::expected<void, Refusal> restart_and_wait(const DeployedRobot& robot, bool wants_policy);
 
 // Polls the executive until the probation is over, or an interruption was caught: failed. `arm`: arms it as soon as it
