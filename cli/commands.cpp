@@ -2,7 +2,7 @@
 #include <cstdio>
 #include <exception>
 
-#include "monitor/cli/command.hpp"
+#include "cli/command.hpp"
 #include "takt_version.hpp"
 
 namespace takt::cli {

@@ -1,4 +1,4 @@
-#include "monitor/cli/command.hpp"
+#include "cli/command.hpp"
 
 int main(int argc, char** argv) {
   return takt::cli::run_command_line(argc, argv);

@@ -2,7 +2,7 @@
 # rollout computes, so that an artifact names its script exactly. Written only when it changes.
 cmake_minimum_required(VERSION 3.25)
 set(sources)
-foreach(room executive config drivers policy_host monitor)
+foreach(room executive config drivers policy_host monitor simulation evidence)
   file(GLOB_RECURSE found RELATIVE ${ROOT} ${ROOT}/${room}/*.cpp ${ROOT}/${room}/*.hpp ${ROOT}/${room}/CMakeLists.txt)
   list(APPEND sources ${found})
 endforeach()

@@ -10,8 +10,8 @@
 #include "config/paths.hpp"
 #include "executive/contract/contract_layout.hpp"
 #include "executive/ipc/executive_segments.hpp"
-#include "monitor/bounded_file.hpp"
-#include "monitor/run_folder.hpp"
+#include "monitor/record/bounded_file.hpp"
+#include "monitor/record/run_folder.hpp"
 
 namespace takt::monitor {
 namespace {

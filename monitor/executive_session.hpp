@@ -14,8 +14,8 @@
 #include "config/robot_config.hpp"
 #include "executive/ipc/rendezvous.hpp"
 #include "executive/ipc/segment.hpp"
-#include "monitor/record_stream.hpp"
-#include "monitor/run_manifest.hpp"
+#include "monitor/record/record_stream.hpp"
+#include "monitor/record/run_manifest.hpp"
 
 namespace takt::monitor {
 

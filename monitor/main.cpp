@@ -24,9 +24,9 @@
 #include "monitor/closing_reviews.hpp"
 #include "monitor/executive_session.hpp"
 #include "monitor/exports.hpp"
-#include "monitor/record_stream.hpp"
-#include "monitor/recorder.hpp"
-#include "monitor/run_metrics.hpp"
+#include "monitor/judge/run_metrics.hpp"
+#include "monitor/record/record_stream.hpp"
+#include "monitor/record/recorder.hpp"
 
 namespace {
 

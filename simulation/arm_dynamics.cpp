@@ -1,4 +1,4 @@
-#include "drivers/plant/arm_dynamics.hpp"
+#include "simulation/arm_dynamics.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>

@@ -17,9 +17,9 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
-#include "drivers/plant/mechanics.hpp"
-#include "drivers/plant/serial_chain.hpp"
 #include "executive/contract/mono_time.hpp"
+#include "simulation/mechanics.hpp"
+#include "simulation/serial_chain.hpp"
 
 namespace takt::plant {
 

@@ -1,11 +1,11 @@
-#include "drivers/plant/bus_trouble.hpp"
+#include "simulation/bus_trouble.hpp"
 
 #include <algorithm>
 #include <array>
 
 #include "config/drive_ids.hpp"
-#include "drivers/plant/chance.hpp"
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/protocol_table.hpp"
+#include "simulation/chance.hpp"
 
 namespace takt::plant {
 namespace {

@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
-#include "drivers/joint_driver.hpp"
-#include "drivers/plant/device.hpp"
+#include "drivers/protocol/joint_driver.hpp"
 #include "executive/contract/feedback.hpp"
+#include "simulation/device.hpp"
 
 namespace takt::plant {
 

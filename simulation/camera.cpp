@@ -1,10 +1,10 @@
-#include "drivers/plant/camera.hpp"
+#include "simulation/camera.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-#include "drivers/plant/chance.hpp"
+#include "simulation/chance.hpp"
 
 namespace takt::plant {
 

@@ -1,4 +1,4 @@
-#include "drivers/plant/cart_pole_dynamics.hpp"
+#include "simulation/cart_pole_dynamics.hpp"
 
 #include <Eigen/LU>
 #include <algorithm>

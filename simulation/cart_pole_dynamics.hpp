@@ -17,7 +17,7 @@
 #include <string>
 
 #include "config/robot_config.hpp"
-#include "drivers/plant/mechanics.hpp"
+#include "simulation/mechanics.hpp"
 
 namespace takt::plant {
 

@@ -1,4 +1,4 @@
-#include "drivers/plant/cia402_device.hpp"
+#include "simulation/cia402_device.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -15,9 +15,9 @@
 
 #include <optional>
 
-#include "drivers/plant/cia402_objects.hpp"
-#include "drivers/plant/cia402_power.hpp"
-#include "drivers/plant/device.hpp"
+#include "simulation/cia402_objects.hpp"
+#include "simulation/cia402_power.hpp"
+#include "simulation/device.hpp"
 
 namespace takt::plant {
 

@@ -1,4 +1,4 @@
-#include "drivers/plant/cia402_objects.hpp"
+#include "simulation/cia402_objects.hpp"
 
 namespace takt::plant {
 namespace {

@@ -1,4 +1,4 @@
-#include "drivers/plant/cia402_power.hpp"
+#include "simulation/cia402_power.hpp"
 
 namespace takt::plant {
 namespace {

@@ -1,4 +1,4 @@
-#include "drivers/plant/damiao_register_file.hpp"
+#include "simulation/damiao_register_file.hpp"
 
 #include <algorithm>
 #include <bit>

@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
-#include "drivers/can_bus.hpp"
+#include "drivers/bus/can_bus.hpp"
 #include "executive/contract/mono_time.hpp"
 
 namespace takt::plant {

@@ -1,10 +1,10 @@
-#include "drivers/plant/device_table.hpp"
+#include "simulation/device_table.hpp"
 
-#include "drivers/plant/cia402_device.hpp"
-#include "drivers/plant/mit_device.hpp"
-#include "drivers/plant/moteus_device.hpp"
-#include "drivers/plant/odrive_device.hpp"
-#include "drivers/plant/robstride_device.hpp"
+#include "simulation/cia402_device.hpp"
+#include "simulation/mit_device.hpp"
+#include "simulation/moteus_device.hpp"
+#include "simulation/odrive_device.hpp"
+#include "simulation/robstride_device.hpp"
 
 namespace takt::plant {
 

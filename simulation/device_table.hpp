@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "config/robot_config.hpp"
-#include "drivers/plant/device.hpp"
+#include "simulation/device.hpp"
 
 namespace takt::plant {
 

@@ -1,4 +1,4 @@
-#include "drivers/plant/devices_file.hpp"
+#include "simulation/devices_file.hpp"
 
 #include <array>
 

@@ -1,4 +1,4 @@
-#include "drivers/plant/free_inertias.hpp"
+#include "simulation/free_inertias.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -3,7 +3,7 @@
 // exact, and a wheel at rest stays there up to a creep of kRestSpeed.
 #pragma once
 
-#include "drivers/plant/dynamics.hpp"
+#include "simulation/dynamics.hpp"
 
 namespace takt::plant {
 

@@ -17,18 +17,18 @@
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
-#include "drivers/plant/camera.hpp"
-#include "drivers/plant/chance.hpp"
-#include "drivers/plant/devices_file.hpp"
-#include "drivers/plant/pacer.hpp"
-#include "drivers/plant/plant_buses.hpp"
-#include "drivers/plant/robot_plant.hpp"
-#include "drivers/plant/scenario_player.hpp"
-#include "drivers/plant/sensor_path.hpp"
-#include "drivers/plant/sensor_server.hpp"
-#include "drivers/plant/truth_log.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/unix_socket.hpp"
+#include "simulation/camera.hpp"
+#include "simulation/chance.hpp"
+#include "simulation/devices_file.hpp"
+#include "simulation/pacer.hpp"
+#include "simulation/plant_buses.hpp"
+#include "simulation/robot_plant.hpp"
+#include "simulation/scenario_player.hpp"
+#include "simulation/sensor_path.hpp"
+#include "simulation/sensor_server.hpp"
+#include "simulation/truth_log.hpp"
 
 namespace takt::plant {
 namespace {

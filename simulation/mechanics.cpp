@@ -1,7 +1,7 @@
-#include "drivers/plant/mechanics.hpp"
+#include "simulation/mechanics.hpp"
 
-#include "drivers/plant/arm_dynamics.hpp"
-#include "drivers/plant/cart_pole_dynamics.hpp"
+#include "simulation/arm_dynamics.hpp"
+#include "simulation/cart_pole_dynamics.hpp"
 
 namespace takt::plant {
 

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "config/robot_config.hpp"
-#include "drivers/plant/dynamics.hpp"
+#include "simulation/dynamics.hpp"
 
 namespace takt::plant {
 

@@ -1,4 +1,4 @@
-#include "drivers/plant/mit_device.hpp"
+#include "simulation/mit_device.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -8,8 +8,8 @@
 // which hold what its fields span, its control mode and its watchdog's time: it obeys motion commands in mode 1 only.
 #pragma once
 
-#include "drivers/plant/damiao_register_file.hpp"
-#include "drivers/plant/device.hpp"
+#include "simulation/damiao_register_file.hpp"
+#include "simulation/device.hpp"
 
 namespace takt::plant {
 

@@ -1,4 +1,4 @@
-#include "drivers/plant/moteus_device.hpp"
+#include "simulation/moteus_device.hpp"
 
 #include <algorithm>
 #include <array>

@@ -12,7 +12,7 @@
 #include <cmath>
 #include <optional>
 
-#include "drivers/plant/device.hpp"
+#include "simulation/device.hpp"
 
 namespace takt::plant {
 

@@ -1,4 +1,4 @@
-#include "drivers/plant/odrive_device.hpp"
+#include "simulation/odrive_device.hpp"
 
 #include <bit>
 #include <cmath>

@@ -8,7 +8,7 @@
 // and shows as `lost`. Supply on: position control, the factory's choice.
 #pragma once
 
-#include "drivers/plant/device.hpp"
+#include "simulation/device.hpp"
 
 namespace takt::plant {
 

@@ -1,4 +1,4 @@
-#include "drivers/plant/pacer.hpp"
+#include "simulation/pacer.hpp"
 
 #include <algorithm>
 

@@ -1,11 +1,11 @@
-#include "drivers/plant/plant.hpp"
+#include "simulation/plant.hpp"
 
 #include <cmath>
 #include <utility>
 
-#include "drivers/plant/chance.hpp"
-#include "drivers/plant/device_table.hpp"
-#include "drivers/plant/free_inertias.hpp"
+#include "simulation/chance.hpp"
+#include "simulation/device_table.hpp"
+#include "simulation/free_inertias.hpp"
 
 namespace takt::plant {
 namespace {

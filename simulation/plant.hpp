@@ -14,11 +14,11 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
-#include "drivers/can_bus.hpp"
-#include "drivers/plant/device.hpp"
-#include "drivers/plant/dynamics.hpp"
-#include "drivers/plant/reply_path.hpp"
+#include "drivers/bus/can_bus.hpp"
 #include "executive/contract/mono_time.hpp"
+#include "simulation/device.hpp"
+#include "simulation/dynamics.hpp"
+#include "simulation/reply_path.hpp"
 
 namespace takt::plant {
 

@@ -1,11 +1,11 @@
-#include "drivers/plant/plant_buses.hpp"
+#include "simulation/plant_buses.hpp"
 
 #include <algorithm>
 #include <utility>
 
 #include "config/paths.hpp"
-#include "drivers/open_bus.hpp"
-#include "drivers/socketcan_bus.hpp"
+#include "drivers/bus/open_bus.hpp"
+#include "drivers/bus/socketcan_bus.hpp"
 
 namespace takt::plant {
 

@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
-#include "drivers/can_bus.hpp"
-#include "drivers/loopback_hub.hpp"
-#include "drivers/plant/bus_trouble.hpp"
-#include "drivers/plant/plant.hpp"
+#include "drivers/bus/can_bus.hpp"
+#include "drivers/bus/loopback_hub.hpp"
+#include "simulation/bus_trouble.hpp"
+#include "simulation/plant.hpp"
 
 namespace takt::plant {
 

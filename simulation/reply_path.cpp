@@ -1,6 +1,6 @@
-#include "drivers/plant/reply_path.hpp"
+#include "simulation/reply_path.hpp"
 
-#include "drivers/plant/chance.hpp"
+#include "simulation/chance.hpp"
 
 namespace takt::plant {
 

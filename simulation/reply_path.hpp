@@ -6,8 +6,8 @@
 #include <deque>
 #include <random>
 
-#include "drivers/plant/device.hpp"
 #include "executive/contract/mono_time.hpp"
+#include "simulation/device.hpp"
 
 namespace takt::plant {
 

@@ -1,4 +1,4 @@
-#include "drivers/plant/robot_plant.hpp"
+#include "simulation/robot_plant.hpp"
 
 #include <utility>
 

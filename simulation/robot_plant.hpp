@@ -3,8 +3,8 @@
 
 #include <span>
 
-#include "drivers/plant/plant.hpp"
-#include "drivers/plant/troubled_mechanics.hpp"
+#include "simulation/plant.hpp"
+#include "simulation/troubled_mechanics.hpp"
 
 namespace takt::plant {
 

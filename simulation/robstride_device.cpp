@@ -1,4 +1,4 @@
-#include "drivers/plant/robstride_device.hpp"
+#include "simulation/robstride_device.hpp"
 
 #include <algorithm>
 #include <bit>

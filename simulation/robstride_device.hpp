@@ -11,7 +11,7 @@
 #include <map>
 #include <optional>
 
-#include "drivers/plant/device.hpp"
+#include "simulation/device.hpp"
 
 namespace takt::plant {
 

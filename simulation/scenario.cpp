@@ -1,4 +1,4 @@
-#include "drivers/plant/scenario.hpp"
+#include "simulation/scenario.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -12,8 +12,8 @@
 #include "config/document.hpp"
 #include "config/reader.hpp"
 #include "config/schema.hpp"
-#include "drivers/plant/device_table.hpp"
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/protocol_table.hpp"
+#include "simulation/device_table.hpp"
 
 namespace takt::plant {
 namespace {

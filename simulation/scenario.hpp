@@ -16,8 +16,8 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
-#include "drivers/plant/device.hpp"
 #include "executive/contract/mono_time.hpp"
+#include "simulation/device.hpp"
 
 namespace takt::plant {
 

@@ -1,4 +1,4 @@
-#include "drivers/plant/scenario_player.hpp"
+#include "simulation/scenario_player.hpp"
 
 #include <fmt/format.h>
 

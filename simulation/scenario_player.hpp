@@ -8,11 +8,11 @@
 #include <string>
 #include <vector>
 
-#include "drivers/plant/bus_trouble.hpp"
-#include "drivers/plant/plant.hpp"
-#include "drivers/plant/scenario.hpp"
-#include "drivers/plant/sensor_path.hpp"
-#include "drivers/plant/troubled_mechanics.hpp"
+#include "simulation/bus_trouble.hpp"
+#include "simulation/plant.hpp"
+#include "simulation/scenario.hpp"
+#include "simulation/sensor_path.hpp"
+#include "simulation/troubled_mechanics.hpp"
 
 namespace takt::plant {
 

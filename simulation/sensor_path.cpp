@@ -1,8 +1,8 @@
-#include "drivers/plant/sensor_path.hpp"
+#include "simulation/sensor_path.hpp"
 
 #include <algorithm>
 
-#include "drivers/plant/chance.hpp"
+#include "simulation/chance.hpp"
 
 namespace takt::plant {
 namespace {

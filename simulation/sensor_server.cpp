@@ -1,4 +1,4 @@
-#include "drivers/plant/sensor_server.hpp"
+#include "simulation/sensor_server.hpp"
 
 #include <unistd.h>
 

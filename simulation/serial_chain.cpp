@@ -1,4 +1,4 @@
-#include "drivers/plant/serial_chain.hpp"
+#include "simulation/serial_chain.hpp"
 
 namespace takt::plant {
 namespace {

@@ -1,4 +1,4 @@
-#include "drivers/plant/troubled_mechanics.hpp"
+#include "simulation/troubled_mechanics.hpp"
 
 #include <algorithm>
 #include <utility>

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
-#include "drivers/plant/mechanics.hpp"
+#include "simulation/mechanics.hpp"
 
 namespace takt::plant {
 

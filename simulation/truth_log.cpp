@@ -1,4 +1,4 @@
-#include "drivers/plant/truth_log.hpp"
+#include "simulation/truth_log.hpp"
 
 #include <fmt/format.h>
 

@@ -10,8 +10,8 @@
 #include <string>
 
 #include "config/robot_config.hpp"
-#include "drivers/plant/arm_dynamics.hpp"
 #include "executive/contract/mono_time.hpp"
+#include "simulation/arm_dynamics.hpp"
 
 namespace takt::plant {
 

@@ -3,9 +3,9 @@
 
 #include <memory>
 
-#include "monitor/cli/command.hpp"
-#include "monitor/panel/audit.hpp"
-#include "monitor/panel/post_mortem.hpp"
+#include "cli/command.hpp"
+#include "evidence/judge/audit.hpp"
+#include "evidence/judge/post_mortem.hpp"
 
 namespace takt::cli {
 namespace {

@@ -6,13 +6,13 @@
 #include <memory>
 #include <optional>
 
+#include "cli/command.hpp"
+#include "cli/run/checked_robot.hpp"
+#include "cli/run/scenario.hpp"
 #include "config/load.hpp"
 #include "config/units.hpp"
-#include "monitor/bounded_file.hpp"
-#include "monitor/budget/budget_sources.hpp"
-#include "monitor/cli/checked_robot.hpp"
-#include "monitor/cli/command.hpp"
-#include "monitor/cli/scenario.hpp"
+#include "evidence/study/budget_sources.hpp"
+#include "monitor/record/bounded_file.hpp"
 
 namespace takt::cli {
 namespace {

@@ -3,9 +3,9 @@
 
 #include <memory>
 
-#include "monitor/bounded_file.hpp"
-#include "monitor/cli/command.hpp"
-#include "monitor/panel/compare.hpp"
+#include "cli/command.hpp"
+#include "evidence/judge/compare.hpp"
+#include "monitor/record/bounded_file.hpp"
 
 namespace takt::cli {
 namespace {

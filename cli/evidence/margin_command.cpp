@@ -4,11 +4,11 @@
 
 #include <memory>
 
+#include "cli/command.hpp"
+#include "cli/run/checked_robot.hpp"
 #include "config/load.hpp"
-#include "monitor/bounded_file.hpp"
-#include "monitor/cli/checked_robot.hpp"
-#include "monitor/cli/command.hpp"
-#include "monitor/margin/margin_report.hpp"
+#include "evidence/study/margin_report.hpp"
+#include "monitor/record/bounded_file.hpp"
 
 namespace takt::cli {
 namespace {

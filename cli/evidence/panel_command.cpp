@@ -1,5 +1,5 @@
 // takt panel: rollouts of a panel and their artifacts.
-#include "monitor/cli/command.hpp"
+#include "cli/command.hpp"
 
 namespace takt::cli {
 

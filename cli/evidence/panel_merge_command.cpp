@@ -4,8 +4,8 @@
 #include <memory>
 #include <vector>
 
-#include "monitor/cli/command.hpp"
-#include "monitor/panel/merge.hpp"
+#include "cli/command.hpp"
+#include "evidence/artifact/merge.hpp"
 
 namespace takt::cli {
 namespace {

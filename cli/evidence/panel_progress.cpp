@@ -1,4 +1,4 @@
-#include "monitor/cli/panel_progress.hpp"
+#include "cli/evidence/panel_progress.hpp"
 
 #include <fmt/format.h>
 #include <unistd.h>

@@ -8,15 +8,15 @@
 #include <optional>
 #include <vector>
 
+#include "cli/command.hpp"
+#include "cli/evidence/panel_progress.hpp"
+#include "cli/evidence/real_rollouts.hpp"
 #include "config/load.hpp"
-#include "monitor/cli/command.hpp"
-#include "monitor/cli/panel_progress.hpp"
-#include "monitor/cli/real_rollouts.hpp"
-#include "monitor/panel/artifact.hpp"
-#include "monitor/panel/confusion.hpp"
-#include "monitor/panel/panel_plan.hpp"
-#include "monitor/panel/panel_table.hpp"
-#include "monitor/panel/worker_pool.hpp"
+#include "evidence/artifact/artifact.hpp"
+#include "evidence/artifact/confusion.hpp"
+#include "evidence/panel/panel_plan.hpp"
+#include "evidence/panel/panel_table.hpp"
+#include "evidence/panel/worker_pool.hpp"
 
 namespace takt::cli {
 namespace {

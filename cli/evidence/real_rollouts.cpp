@@ -1,4 +1,4 @@
-#include "monitor/cli/real_rollouts.hpp"
+#include "cli/evidence/real_rollouts.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -13,11 +13,11 @@
 #include <thread>
 #include <vector>
 
-#include "monitor/bounded_file.hpp"
-#include "monitor/cli/child_process.hpp"
-#include "monitor/panel/arm_world.hpp"
-#include "monitor/panel/real_perturbation.hpp"
-#include "monitor/panel/recorded_row.hpp"
+#include "cli/run/child_process.hpp"
+#include "evidence/panel/recorded_row.hpp"
+#include "evidence/rollout/arm_world.hpp"
+#include "evidence/rollout/real_perturbation.hpp"
+#include "monitor/record/bounded_file.hpp"
 
 namespace takt::cli {
 namespace {

@@ -13,7 +13,7 @@
 #include <expected>
 #include <string>
 
-#include "monitor/panel/panel_plan.hpp"
+#include "evidence/panel/panel_plan.hpp"
 
 namespace takt::cli {
 

@@ -3,8 +3,8 @@
 
 #include <memory>
 
-#include "monitor/cli/command.hpp"
-#include "monitor/replay.hpp"
+#include "cli/command.hpp"
+#include "evidence/review/replay.hpp"
 
 namespace takt::cli {
 namespace {

@@ -5,12 +5,12 @@
 #include <filesystem>
 #include <memory>
 
-#include "monitor/bounded_file.hpp"
-#include "monitor/cli/command.hpp"
-#include "monitor/report/report_html.hpp"
-#include "monitor/report/report_text.hpp"
-#include "monitor/report/task_target.hpp"
-#include "monitor/run_review.hpp"
+#include "cli/command.hpp"
+#include "evidence/review/report/report_html.hpp"
+#include "evidence/review/report/report_text.hpp"
+#include "evidence/review/report/task_target.hpp"
+#include "evidence/review/run_review.hpp"
+#include "monitor/record/bounded_file.hpp"
 
 namespace takt::cli {
 namespace {

@@ -12,12 +12,12 @@
 #include <thread>
 #include <vector>
 
+#include "cli/command.hpp"
+#include "cli/evidence/trace_snapshot.hpp"
+#include "cli/evidence/traceable_processes.hpp"
+#include "cli/run/external_tool.hpp"
 #include "executive/contract/mode.hpp"
-#include "monitor/cli/command.hpp"
-#include "monitor/cli/external_tool.hpp"
-#include "monitor/cli/trace_snapshot.hpp"
-#include "monitor/cli/traceable_processes.hpp"
-#include "monitor/run_folder.hpp"
+#include "monitor/record/run_folder.hpp"
 
 namespace takt::cli {
 namespace {

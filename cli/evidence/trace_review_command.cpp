@@ -9,11 +9,11 @@
 #include <memory>
 #include <optional>
 
-#include "monitor/cli/command.hpp"
-#include "monitor/trace_review/otlp_check.hpp"
-#include "monitor/trace_review/perfetto.hpp"
-#include "monitor/trace_review/review.hpp"
-#include "monitor/trace_review/run_records.hpp"
+#include "cli/command.hpp"
+#include "evidence/review/trace/otlp_check.hpp"
+#include "evidence/review/trace/perfetto.hpp"
+#include "evidence/review/trace/review.hpp"
+#include "evidence/review/trace/run_records.hpp"
 
 namespace takt::cli {
 namespace {

@@ -4,7 +4,7 @@
 #include <expected>
 #include <string>
 
-#include "monitor/cli/command.hpp"
+#include "cli/command.hpp"
 
 namespace takt::cli {
 

@@ -1,4 +1,4 @@
-#include "monitor/cli/traceable_processes.hpp"
+#include "cli/evidence/traceable_processes.hpp"
 
 #include <fmt/format.h>
 

@@ -7,10 +7,10 @@
 #include <ctime>
 #include <memory>
 
+#include "cli/command.hpp"
+#include "cli/robot/bus_watch.hpp"
+#include "cli/robot/direct_bus.hpp"
 #include "executive/contract/monotonic_clock.hpp"
-#include "monitor/cli/bus_watch.hpp"
-#include "monitor/cli/command.hpp"
-#include "monitor/cli/direct_bus.hpp"
 
 namespace takt::cli {
 namespace {

@@ -7,11 +7,11 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "drivers/discovery.hpp"
+#include "cli/command.hpp"
+#include "cli/robot/direct_bus.hpp"
+#include "cli/robot/executive_guard.hpp"
+#include "drivers/tools/discovery.hpp"
 #include "executive/contract/monotonic_clock.hpp"
-#include "monitor/cli/command.hpp"
-#include "monitor/cli/direct_bus.hpp"
-#include "monitor/cli/executive_guard.hpp"
 
 namespace takt::cli {
 namespace {

@@ -6,12 +6,12 @@
 #include <memory>
 #include <vector>
 
+#include "cli/command.hpp"
+#include "cli/robot/direct_bus.hpp"
+#include "cli/robot/executive_guard.hpp"
+#include "cli/run/external_tool.hpp"
 #include "config/load.hpp"
-#include "drivers/socketcan_bus.hpp"
-#include "monitor/cli/command.hpp"
-#include "monitor/cli/direct_bus.hpp"
-#include "monitor/cli/executive_guard.hpp"
-#include "monitor/cli/external_tool.hpp"
+#include "drivers/bus/socketcan_bus.hpp"
 
 namespace takt::cli {
 namespace {

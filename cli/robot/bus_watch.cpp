@@ -1,11 +1,11 @@
-#include "monitor/cli/bus_watch.hpp"
+#include "cli/robot/bus_watch.hpp"
 
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/protocol_table.hpp"
 #include "executive/contract/feedback_names.hpp"
 
 namespace takt::cli {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
-#include "drivers/can_bus.hpp"
-#include "drivers/joint_driver.hpp"
+#include "drivers/bus/can_bus.hpp"
+#include "drivers/protocol/joint_driver.hpp"
 
 namespace takt::cli {
 

@@ -7,13 +7,13 @@
 #include <ctime>
 #include <memory>
 
+#include "cli/command.hpp"
+#include "cli/robot/direct_bus.hpp"
+#include "cli/robot/executive_guard.hpp"
 #include "config/load.hpp"
-#include "drivers/discovery.hpp"
-#include "drivers/protocol_table.hpp"
-#include "drivers/receive_stamp.hpp"
-#include "monitor/cli/command.hpp"
-#include "monitor/cli/direct_bus.hpp"
-#include "monitor/cli/executive_guard.hpp"
+#include "drivers/bus/receive_stamp.hpp"
+#include "drivers/protocol/protocol_table.hpp"
+#include "drivers/tools/discovery.hpp"
 
 namespace takt::cli {
 namespace {

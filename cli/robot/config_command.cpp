@@ -4,10 +4,10 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "cli/command.hpp"
+#include "cli/run/checked_robot.hpp"
 #include "config/key_table.hpp"
 #include "config/load.hpp"
-#include "monitor/cli/checked_robot.hpp"
-#include "monitor/cli/command.hpp"
 
 namespace takt::cli {
 namespace {

@@ -10,15 +10,15 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "cli/command.hpp"
+#include "cli/robot/deployed_robot.hpp"
+#include "cli/robot/executive_guard.hpp"
+#include "cli/run/checked_robot.hpp"
+#include "cli/run/scenario.hpp"
 #include "config/load.hpp"
-#include "drivers/socketcan_bus.hpp"
-#include "monitor/cli/checked_robot.hpp"
-#include "monitor/cli/command.hpp"
-#include "monitor/cli/deployed_robot.hpp"
-#include "monitor/cli/executive_guard.hpp"
-#include "monitor/cli/scenario.hpp"
-#include "monitor/deploy/smoke.hpp"
-#include "monitor/deploy/store.hpp"
+#include "drivers/bus/socketcan_bus.hpp"
+#include "systemd/deploy/smoke.hpp"
+#include "systemd/deploy/store.hpp"
 
 namespace takt::cli {
 namespace {

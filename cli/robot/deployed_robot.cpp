@@ -1,4 +1,4 @@
-#include "monitor/cli/deployed_robot.hpp"
+#include "cli/robot/deployed_robot.hpp"
 
 #include <fmt/format.h>
 
@@ -6,10 +6,10 @@
 #include <ctime>
 #include <filesystem>
 
+#include "cli/run/external_tool.hpp"
 #include "config/paths.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/rendezvous.hpp"
-#include "monitor/cli/external_tool.hpp"
 
 namespace takt::cli {
 namespace {

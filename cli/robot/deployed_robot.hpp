@@ -5,9 +5,9 @@
 #include <expected>
 #include <string>
 
+#include "cli/command.hpp"
 #include "config/robot_config.hpp"
-#include "monitor/cli/command.hpp"
-#include "monitor/deploy/probation.hpp"
+#include "systemd/deploy/probation.hpp"
 
 namespace takt::cli {
 

@@ -1,4 +1,4 @@
-#include "monitor/cli/direct_bus.hpp"
+#include "cli/robot/direct_bus.hpp"
 
 #include <fmt/format.h>
 
@@ -6,8 +6,8 @@
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
-#include "drivers/open_bus.hpp"
-#include "drivers/socketcan_bus.hpp"
+#include "drivers/bus/open_bus.hpp"
+#include "drivers/bus/socketcan_bus.hpp"
 
 namespace takt::cli {
 namespace {

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "cli/command.hpp"
 #include "config/robot_config.hpp"
-#include "drivers/can_bus.hpp"
-#include "monitor/cli/command.hpp"
+#include "drivers/bus/can_bus.hpp"
 
 namespace takt::cli {
 

@@ -6,14 +6,14 @@
 #include <filesystem>
 #include <memory>
 
+#include "cli/command.hpp"
+#include "cli/run/external_tool.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
-#include "monitor/bounded_file.hpp"
-#include "monitor/cli/command.hpp"
-#include "monitor/cli/external_tool.hpp"
-#include "monitor/doctor/collect.hpp"
-#include "monitor/doctor/diagnose.hpp"
-#include "monitor/doctor/wakeup_probe.hpp"
+#include "monitor/record/bounded_file.hpp"
+#include "systemd/doctor/collect.hpp"
+#include "systemd/doctor/diagnose.hpp"
+#include "systemd/doctor/wakeup_probe.hpp"
 
 namespace takt::cli {
 namespace {

@@ -1,4 +1,4 @@
-#include "monitor/cli/executive_guard.hpp"
+#include "cli/robot/executive_guard.hpp"
 
 #include <fmt/format.h>
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "monitor/cli/command.hpp"
+#include "cli/command.hpp"
 
 namespace takt::cli {
 

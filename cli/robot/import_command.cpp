@@ -5,10 +5,10 @@
 #include <fstream>
 #include <memory>
 
+#include "cli/command.hpp"
 #include "config/deploy_import.hpp"
 #include "config/document.hpp"
 #include "config/load.hpp"
-#include "monitor/cli/command.hpp"
 
 namespace takt::cli {
 namespace {

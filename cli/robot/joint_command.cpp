@@ -7,14 +7,14 @@
 #include <cstdio>
 #include <memory>
 
+#include "cli/command.hpp"
+#include "cli/robot/direct_bus.hpp"
+#include "cli/robot/executive_guard.hpp"
 #include "config/load.hpp"
-#include "drivers/joint_jog.hpp"
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/protocol_table.hpp"
+#include "drivers/tools/joint_jog.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/contract/pace.hpp"
-#include "monitor/cli/command.hpp"
-#include "monitor/cli/direct_bus.hpp"
-#include "monitor/cli/executive_guard.hpp"
 
 namespace takt::cli {
 namespace {

@@ -5,11 +5,11 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "cli/command.hpp"
+#include "cli/run/status_text.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "executive/ipc/rendezvous.hpp"
-#include "monitor/cli/command.hpp"
-#include "monitor/cli/status_text.hpp"
 
 namespace takt::cli {
 namespace {

@@ -5,11 +5,11 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "cli/command.hpp"
+#include "cli/robot/deployed_robot.hpp"
+#include "cli/robot/executive_guard.hpp"
 #include "config/load.hpp"
-#include "monitor/cli/command.hpp"
-#include "monitor/cli/deployed_robot.hpp"
-#include "monitor/cli/executive_guard.hpp"
-#include "monitor/deploy/store.hpp"
+#include "systemd/deploy/store.hpp"
 
 namespace takt::cli {
 namespace {

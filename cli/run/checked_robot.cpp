@@ -1,9 +1,9 @@
-#include "monitor/cli/checked_robot.hpp"
+#include "cli/run/checked_robot.hpp"
 
 #include <fmt/format.h>
 
 #include "config/load.hpp"
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/protocol_table.hpp"
 
 namespace takt::cli {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
-#include "drivers/bus_load.hpp"
+#include "drivers/protocol/bus_load.hpp"
 
 namespace takt::cli {
 

@@ -1,4 +1,4 @@
-#include "monitor/cli/child_process.hpp"
+#include "cli/run/child_process.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>

@@ -1,4 +1,4 @@
-#include "monitor/cli/contention.hpp"
+#include "cli/run/contention.hpp"
 
 #include <fmt/format.h>
 #include <signal.h>

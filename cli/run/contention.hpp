@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
+#include "cli/command.hpp"
+#include "cli/run/child_process.hpp"
+#include "cli/run/cpu_hog.hpp"
+#include "cli/run/scenario.hpp"
 #include "config/robot_config.hpp"
-#include "monitor/cli/child_process.hpp"
-#include "monitor/cli/command.hpp"
-#include "monitor/cli/cpu_hog.hpp"
-#include "monitor/cli/scenario.hpp"
 
 namespace takt::cli {
 

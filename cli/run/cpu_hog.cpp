@@ -1,4 +1,4 @@
-#include "monitor/cli/cpu_hog.hpp"
+#include "cli/run/cpu_hog.hpp"
 
 #include <fmt/format.h>
 #include <sched.h>

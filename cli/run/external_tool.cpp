@@ -1,4 +1,4 @@
-#include "monitor/cli/external_tool.hpp"
+#include "cli/run/external_tool.hpp"
 
 #include <fcntl.h>
 #include <sys/wait.h>

@@ -1,11 +1,11 @@
-#include "monitor/cli/live_display.hpp"
+#include "cli/run/live_display.hpp"
 
 #include <fmt/format.h>
 #include <unistd.h>
 
 #include <cstdio>
 
-#include "monitor/cli/status_text.hpp"
+#include "cli/run/status_text.hpp"
 
 namespace takt::cli {
 

@@ -1,4 +1,4 @@
-#include "monitor/cli/rearming.hpp"
+#include "cli/run/rearming.hpp"
 
 namespace takt::cli {
 

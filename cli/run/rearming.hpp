@@ -1,4 +1,4 @@
-// The person who ends stops, in real time, by the rule of the simulated one (monitor/panel/operator.hpp): `after` a
+// The person who ends stops, in real time, by the rule of the simulated one (evidence/rollout/operator.hpp): `after` a
 // stop or fault began, reset, and arm again once nothing blocks it. Knows what a person could see: the executive's
 // status. Pure. Thread rule: one thread at a time.
 #pragma once

@@ -1,4 +1,4 @@
-#include "monitor/cli/robot_processes.hpp"
+#include "cli/run/robot_processes.hpp"
 
 #include <fmt/format.h>
 #include <signal.h>

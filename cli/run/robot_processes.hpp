@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
+#include "cli/run/child_process.hpp"
+#include "cli/run/scenario.hpp"
 #include "config/robot_config.hpp"
 #include "executive/contract/session.hpp"
-#include "monitor/cli/child_process.hpp"
-#include "monitor/cli/scenario.hpp"
 
 namespace takt::cli {
 

@@ -8,13 +8,13 @@
 #include <filesystem>
 #include <memory>
 
+#include "cli/command.hpp"
+#include "cli/run/checked_robot.hpp"
+#include "cli/run/supervisor.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "executive/ipc/rendezvous.hpp"
-#include "monitor/cli/checked_robot.hpp"
-#include "monitor/cli/command.hpp"
-#include "monitor/cli/supervisor.hpp"
-#include "monitor/run_folder.hpp"
+#include "monitor/record/run_folder.hpp"
 
 namespace takt::cli {
 namespace {

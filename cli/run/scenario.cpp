@@ -1,4 +1,4 @@
-#include "monitor/cli/scenario.hpp"
+#include "cli/run/scenario.hpp"
 
 #include <fmt/format.h>
 
@@ -8,8 +8,8 @@
 #include <optional>
 #include <sstream>
 
+#include "cli/run/cpu_hog.hpp"
 #include "config/units.hpp"
-#include "monitor/cli/cpu_hog.hpp"
 
 namespace takt::cli {
 namespace {

@@ -1,4 +1,4 @@
-#include "monitor/cli/supervisor.hpp"
+#include "cli/run/supervisor.hpp"
 
 #include <fmt/format.h>
 #include <poll.h>
@@ -10,8 +10,8 @@
 #include <chrono>
 #include <cstdio>
 
-#include "monitor/cli/command.hpp"
-#include "monitor/cli/status_text.hpp"
+#include "cli/command.hpp"
+#include "cli/run/status_text.hpp"
 
 namespace takt::cli {
 namespace {

@@ -14,11 +14,11 @@
 #include <string>
 #include <vector>
 
-#include "monitor/cli/contention.hpp"
-#include "monitor/cli/live_display.hpp"
-#include "monitor/cli/rearming.hpp"
-#include "monitor/cli/robot_processes.hpp"
-#include "monitor/cli/scenario.hpp"
+#include "cli/run/contention.hpp"
+#include "cli/run/live_display.hpp"
+#include "cli/run/rearming.hpp"
+#include "cli/run/robot_processes.hpp"
+#include "cli/run/scenario.hpp"
 
 namespace takt::cli {
 

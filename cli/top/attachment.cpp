@@ -1,4 +1,4 @@
-#include "monitor/top/attachment.hpp"
+#include "cli/top/attachment.hpp"
 
 #include <utility>
 

@@ -7,10 +7,10 @@
 #include <optional>
 #include <string>
 
+#include "cli/top/live_view.hpp"
 #include "config/robot_config.hpp"
 #include "monitor/executive_session.hpp"
-#include "monitor/record_stream.hpp"
-#include "monitor/top/live_view.hpp"
+#include "monitor/record/record_stream.hpp"
 
 namespace takt::monitor::top {
 

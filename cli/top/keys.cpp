@@ -1,4 +1,4 @@
-#include "monitor/top/keys.hpp"
+#include "cli/top/keys.hpp"
 
 #include <algorithm>
 #include <utility>

@@ -1,10 +1,10 @@
-#include "monitor/top/live_view.hpp"
+#include "cli/top/live_view.hpp"
 
 #include <algorithm>
 #include <utility>
 
-#include "drivers/bus_load.hpp"
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/bus_load.hpp"
+#include "drivers/protocol/protocol_table.hpp"
 
 namespace takt::monitor::top {
 namespace {

@@ -9,12 +9,12 @@
 #include <string>
 #include <vector>
 
+#include "cli/top/picture.hpp"
+#include "cli/top/rate_meter.hpp"
 #include "config/robot_config.hpp"
 #include "executive/contract/session.hpp"
-#include "monitor/run_messages.hpp"
+#include "monitor/record/run_messages.hpp"
 #include "monitor/telemetry/live_metrics.hpp"
-#include "monitor/top/picture.hpp"
-#include "monitor/top/rate_meter.hpp"
 
 namespace takt::monitor::top {
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "executive/contract/tick_record.hpp"
-#include "monitor/freshness_statistics.hpp"
+#include "monitor/judge/freshness_statistics.hpp"
 #include "monitor/telemetry/live_metrics.hpp"
 
 namespace takt::monitor::top {

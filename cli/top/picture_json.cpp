@@ -1,4 +1,4 @@
-#include "monitor/top/picture_json.hpp"
+#include "cli/top/picture_json.hpp"
 
 #include <fmt/format.h>
 

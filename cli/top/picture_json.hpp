@@ -4,7 +4,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "monitor/top/picture.hpp"
+#include "cli/top/picture.hpp"
 
 namespace takt::monitor::top {
 

@@ -1,4 +1,4 @@
-#include "monitor/top/rate_meter.hpp"
+#include "cli/top/rate_meter.hpp"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "monitor/top/screen.hpp"
+#include "cli/top/screen.hpp"
 
 #include <fmt/format.h>
 
@@ -6,8 +6,8 @@
 #include <array>
 #include <utility>
 
-#include "monitor/top/screen_summary.hpp"
-#include "monitor/top/screen_tables.hpp"
+#include "cli/top/screen_summary.hpp"
+#include "cli/top/screen_tables.hpp"
 
 namespace takt::monitor::top {
 namespace {

@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "monitor/top/keys.hpp"
-#include "monitor/top/picture.hpp"
-#include "monitor/top/screen_line.hpp"
-#include "monitor/top/screen_plots.hpp"
+#include "cli/top/keys.hpp"
+#include "cli/top/picture.hpp"
+#include "cli/top/screen_line.hpp"
+#include "cli/top/screen_plots.hpp"
 
 namespace takt::monitor::top {
 

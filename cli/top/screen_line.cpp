@@ -1,4 +1,4 @@
-#include "monitor/top/screen_line.hpp"
+#include "cli/top/screen_line.hpp"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "monitor/top/screen_plots.hpp"
+#include "cli/top/screen_plots.hpp"
 
 #include <algorithm>
 #include <array>

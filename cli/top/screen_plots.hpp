@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
-#include "monitor/top/picture.hpp"
-#include "monitor/top/screen_line.hpp"
+#include "cli/top/picture.hpp"
+#include "cli/top/screen_line.hpp"
 
 namespace takt::monitor::top {
 

@@ -1,11 +1,11 @@
-#include "monitor/top/screen_summary.hpp"
+#include "cli/top/screen_summary.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
 
-#include "monitor/run_metrics.hpp"
+#include "monitor/judge/run_metrics.hpp"
 
 namespace takt::monitor::top {
 namespace {

@@ -1,9 +1,9 @@
 // The screen's upper lines: what holds for the robot as a whole. Pure.
 #pragma once
 
-#include "monitor/top/picture.hpp"
-#include "monitor/top/screen_line.hpp"
-#include "monitor/top/screen_plots.hpp"
+#include "cli/top/picture.hpp"
+#include "cli/top/screen_line.hpp"
+#include "cli/top/screen_plots.hpp"
 
 namespace takt::monitor::top {
 

@@ -1,4 +1,4 @@
-#include "monitor/top/screen_tables.hpp"
+#include "cli/top/screen_tables.hpp"
 
 #include <fmt/format.h>
 

@@ -4,8 +4,8 @@
 #include <cstddef>
 #include <vector>
 
-#include "monitor/top/picture.hpp"
-#include "monitor/top/screen_line.hpp"
+#include "cli/top/picture.hpp"
+#include "cli/top/screen_line.hpp"
 
 namespace takt::monitor::top {
 

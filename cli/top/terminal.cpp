@@ -1,4 +1,4 @@
-#include "monitor/top/terminal.hpp"
+#include "cli/top/terminal.hpp"
 
 #include <langinfo.h>
 #include <poll.h>

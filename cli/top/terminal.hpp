@@ -17,7 +17,7 @@
 #include <string>
 #include <vector>
 
-#include "monitor/top/screen.hpp"
+#include "cli/top/screen.hpp"
 
 namespace takt::monitor::top {
 

@@ -10,18 +10,18 @@
 #include <optional>
 #include <thread>
 
+#include "cli/command.hpp"
+#include "cli/evidence/trace_snapshot.hpp"
+#include "cli/run/status_text.hpp"
+#include "cli/top/attachment.hpp"
+#include "cli/top/keys.hpp"
+#include "cli/top/picture_json.hpp"
+#include "cli/top/screen.hpp"
+#include "cli/top/terminal.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/rendezvous.hpp"
-#include "monitor/cli/command.hpp"
-#include "monitor/cli/status_text.hpp"
-#include "monitor/cli/trace_snapshot.hpp"
-#include "monitor/top/attachment.hpp"
-#include "monitor/top/keys.hpp"
-#include "monitor/top/picture_json.hpp"
-#include "monitor/top/screen.hpp"
-#include "monitor/top/terminal.hpp"
 
 namespace takt::cli {
 namespace {

@@ -1,4 +1,4 @@
-#include "drivers/can_frame.hpp"
+#include "drivers/bus/can_frame.hpp"
 
 #include <linux/can/error.h>
 

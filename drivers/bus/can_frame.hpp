@@ -10,7 +10,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "drivers/can_bus.hpp"
+#include "drivers/bus/can_bus.hpp"
 #include "executive/contract/tick_record.hpp"
 
 namespace takt::drivers {

@@ -1,4 +1,4 @@
-#include "drivers/candump.hpp"
+#include "drivers/bus/candump.hpp"
 
 #include <linux/can.h>
 #include <linux/can/error.h>
@@ -8,7 +8,7 @@
 #include <cstdio>
 #include <optional>
 
-#include "drivers/can_frame.hpp"
+#include "drivers/bus/can_frame.hpp"
 
 namespace takt::drivers {
 namespace {

@@ -13,7 +13,7 @@
 #include <string>
 #include <string_view>
 
-#include "drivers/can_bus.hpp"
+#include "drivers/bus/can_bus.hpp"
 #include "executive/contract/tick_record.hpp"
 
 namespace takt::drivers {

@@ -1,4 +1,4 @@
-#include "drivers/error_frame.hpp"
+#include "drivers/bus/error_frame.hpp"
 
 #include <linux/can/error.h>
 

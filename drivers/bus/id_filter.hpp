@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "config/drive_ids.hpp"
-#include "drivers/can_bus.hpp"
+#include "drivers/bus/can_bus.hpp"
 
 namespace takt::drivers {
 

@@ -1,13 +1,13 @@
-#include "drivers/loopback_bus.hpp"
+#include "drivers/bus/loopback_bus.hpp"
 
 #include <sys/socket.h>
 
 #include <cerrno>
 #include <cstring>
 
-#include "drivers/can_frame.hpp"
-#include "drivers/error_frame.hpp"
-#include "drivers/loopback_socket.hpp"
+#include "drivers/bus/can_frame.hpp"
+#include "drivers/bus/error_frame.hpp"
+#include "drivers/bus/loopback_socket.hpp"
 
 namespace takt::drivers {
 namespace {

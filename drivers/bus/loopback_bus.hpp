@@ -10,11 +10,11 @@
 #include <memory>
 #include <string>
 
-#include "drivers/bus_options.hpp"
-#include "drivers/can_bus.hpp"
-#include "drivers/file_handle.hpp"
-#include "drivers/id_filter.hpp"
-#include "drivers/message_batch.hpp"
+#include "drivers/bus/bus_options.hpp"
+#include "drivers/bus/can_bus.hpp"
+#include "drivers/bus/file_handle.hpp"
+#include "drivers/bus/id_filter.hpp"
+#include "drivers/bus/message_batch.hpp"
 
 namespace takt::drivers {
 

@@ -1,4 +1,4 @@
-#include "drivers/loopback_hub.hpp"
+#include "drivers/bus/loopback_hub.hpp"
 
 #include <sys/epoll.h>
 #include <sys/socket.h>
@@ -10,9 +10,9 @@
 #include <cstring>
 #include <filesystem>
 
-#include "drivers/can_frame.hpp"
-#include "drivers/error_frame.hpp"
-#include "drivers/loopback_socket.hpp"
+#include "drivers/bus/can_frame.hpp"
+#include "drivers/bus/error_frame.hpp"
+#include "drivers/bus/loopback_socket.hpp"
 
 namespace takt::drivers {
 namespace {

@@ -1,11 +1,11 @@
-#include "drivers/loopback_socket.hpp"
+#include "drivers/bus/loopback_socket.hpp"
 
 #include <sys/socket.h>
 
 #include <cerrno>
 #include <cstring>
 
-#include "drivers/can_frame.hpp"
+#include "drivers/bus/can_frame.hpp"
 
 namespace takt::drivers {
 

@@ -1,4 +1,4 @@
-#include "drivers/message_batch.hpp"
+#include "drivers/bus/message_batch.hpp"
 
 #include <algorithm>
 #include <cerrno>

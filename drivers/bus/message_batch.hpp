@@ -9,7 +9,7 @@
 #include <array>
 #include <cstddef>
 
-#include "drivers/receive_stamp.hpp"
+#include "drivers/bus/receive_stamp.hpp"
 
 namespace takt::drivers {
 

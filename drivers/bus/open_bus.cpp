@@ -1,8 +1,8 @@
-#include "drivers/open_bus.hpp"
+#include "drivers/bus/open_bus.hpp"
 
 #include "config/paths.hpp"
-#include "drivers/loopback_bus.hpp"
-#include "drivers/socketcan_bus.hpp"
+#include "drivers/bus/loopback_bus.hpp"
+#include "drivers/bus/socketcan_bus.hpp"
 
 namespace takt::drivers {
 namespace {

@@ -11,7 +11,7 @@
 
 #include "config/drive_ids.hpp"
 #include "config/robot_config.hpp"
-#include "drivers/can_bus.hpp"
+#include "drivers/bus/can_bus.hpp"
 
 namespace takt::drivers {
 

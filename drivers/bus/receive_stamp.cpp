@@ -1,4 +1,4 @@
-#include "drivers/receive_stamp.hpp"
+#include "drivers/bus/receive_stamp.hpp"
 
 #include <cstring>
 #include <ctime>

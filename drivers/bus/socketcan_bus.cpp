@@ -1,4 +1,4 @@
-#include "drivers/socketcan_bus.hpp"
+#include "drivers/bus/socketcan_bus.hpp"
 
 #include <linux/can/raw.h>
 #include <net/if.h>
@@ -9,8 +9,8 @@
 #include <cstring>
 #include <filesystem>
 
-#include "drivers/can_frame.hpp"
-#include "drivers/error_frame.hpp"
+#include "drivers/bus/can_frame.hpp"
+#include "drivers/bus/error_frame.hpp"
 
 namespace takt::drivers {
 namespace {

@@ -1,4 +1,4 @@
-#include "drivers/cause_detail.hpp"
+#include "drivers/protocol/cause_detail.hpp"
 
 #include <algorithm>
 #include <array>
@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <functional>
 
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/protocol_table.hpp"
 
 namespace takt::drivers {
 namespace {

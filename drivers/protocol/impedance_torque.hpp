@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "drivers/joint_driver.hpp"
+#include "drivers/protocol/joint_driver.hpp"
 
 namespace takt::drivers {
 

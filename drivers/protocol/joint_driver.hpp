@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <span>
 
-#include "drivers/can_bus.hpp"
+#include "drivers/bus/can_bus.hpp"
 #include "executive/contract/feedback.hpp"
 #include "executive/contract/mono_time.hpp"
 

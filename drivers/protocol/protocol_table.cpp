@@ -1,14 +1,14 @@
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/protocol_table.hpp"
 
 #include <array>
 #include <cmath>
 #include <cstdio>
 
-#include "drivers/cia402_driver.hpp"
-#include "drivers/mit_driver.hpp"
-#include "drivers/moteus_driver.hpp"
-#include "drivers/odrive_driver.hpp"
-#include "drivers/robstride_driver.hpp"
+#include "drivers/protocol/cia402/cia402_driver.hpp"
+#include "drivers/protocol/mit/mit_driver.hpp"
+#include "drivers/protocol/moteus/moteus_driver.hpp"
+#include "drivers/protocol/odrive/odrive_driver.hpp"
+#include "drivers/protocol/robstride/robstride_driver.hpp"
 
 namespace takt::drivers {
 namespace {

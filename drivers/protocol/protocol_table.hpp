@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
-#include "drivers/joint_driver.hpp"
+#include "drivers/protocol/joint_driver.hpp"
 
 namespace takt::drivers {
 

@@ -1,4 +1,4 @@
-#include "drivers/discovery.hpp"
+#include "drivers/tools/discovery.hpp"
 
 #include <algorithm>
 #include <array>
@@ -6,11 +6,11 @@
 #include <cstdio>
 #include <cstring>
 
-#include "drivers/cia402_codec.hpp"
-#include "drivers/little_endian.hpp"
-#include "drivers/mit_codec.hpp"
-#include "drivers/odrive_codec.hpp"
-#include "drivers/robstride_codec.hpp"
+#include "drivers/protocol/cia402/cia402_codec.hpp"
+#include "drivers/protocol/little_endian.hpp"
+#include "drivers/protocol/mit/mit_codec.hpp"
+#include "drivers/protocol/odrive/odrive_codec.hpp"
+#include "drivers/protocol/robstride/robstride_codec.hpp"
 
 namespace takt::drivers {
 namespace {

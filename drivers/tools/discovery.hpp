@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
-#include "drivers/can_bus.hpp"
+#include "drivers/bus/can_bus.hpp"
 
 namespace takt::drivers {
 

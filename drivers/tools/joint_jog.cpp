@@ -1,9 +1,9 @@
-#include "drivers/joint_jog.hpp"
+#include "drivers/tools/joint_jog.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/protocol_table.hpp"
 
 namespace takt::drivers {
 namespace {

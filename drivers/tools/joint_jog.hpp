@@ -20,7 +20,7 @@
 #include <string>
 
 #include "config/robot_config.hpp"
-#include "drivers/joint_driver.hpp"
+#include "drivers/protocol/joint_driver.hpp"
 
 namespace takt::drivers {
 

@@ -1,4 +1,4 @@
-#include "monitor/panel/artifact.hpp"
+#include "evidence/artifact/artifact.hpp"
 
 #include <fmt/format.h>
 
@@ -6,9 +6,9 @@
 #include <string_view>
 
 #include "config/load.hpp"
-#include "monitor/bounded_file.hpp"
-#include "monitor/panel/confusion.hpp"
-#include "monitor/panel/rollout_json.hpp"
+#include "evidence/artifact/confusion.hpp"
+#include "evidence/artifact/rollout_json.hpp"
+#include "monitor/record/bounded_file.hpp"
 
 namespace takt::panel {
 namespace {

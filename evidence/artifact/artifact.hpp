@@ -19,8 +19,8 @@
 #include <string_view>
 #include <vector>
 
-#include "monitor/panel/artifact_manifest.hpp"
-#include "monitor/panel/rollout_row.hpp"
+#include "evidence/artifact/artifact_manifest.hpp"
+#include "evidence/artifact/rollout_row.hpp"
 
 namespace takt::panel {
 

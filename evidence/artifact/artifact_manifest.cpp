@@ -1,4 +1,4 @@
-#include "monitor/panel/artifact_manifest.hpp"
+#include "evidence/artifact/artifact_manifest.hpp"
 
 #include <fmt/format.h>
 
@@ -6,8 +6,8 @@
 #include <initializer_list>
 #include <string_view>
 
-#include "monitor/json_error.hpp"
-#include "monitor/run_manifest.hpp"
+#include "monitor/record/json_error.hpp"
+#include "monitor/record/run_manifest.hpp"
 
 namespace takt::panel {
 namespace {

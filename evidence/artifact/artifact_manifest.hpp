@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "monitor/panel/rollout_row.hpp"
+#include "evidence/artifact/rollout_row.hpp"
 
 namespace takt::panel {
 

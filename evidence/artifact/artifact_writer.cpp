@@ -8,11 +8,11 @@
 #include <filesystem>
 
 #include "config/load.hpp"
-#include "monitor/bounded_file.hpp"
-#include "monitor/panel/artifact.hpp"
-#include "monitor/panel/rollout_json.hpp"
-#include "monitor/panel/rollout_parquet.hpp"
-#include "monitor/run_manifest.hpp"
+#include "evidence/artifact/artifact.hpp"
+#include "evidence/artifact/rollout_json.hpp"
+#include "evidence/artifact/rollout_parquet.hpp"
+#include "monitor/record/bounded_file.hpp"
+#include "monitor/record/run_manifest.hpp"
 
 namespace takt::panel {
 namespace {

@@ -1,4 +1,4 @@
-#include "monitor/panel/confusion.hpp"
+#include "evidence/artifact/confusion.hpp"
 
 #include <fmt/format.h>
 

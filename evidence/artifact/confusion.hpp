@@ -16,8 +16,8 @@
 #include <string>
 #include <string_view>
 
-#include "monitor/fault_classifier.hpp"
-#include "monitor/panel/rollout_row.hpp"
+#include "evidence/artifact/rollout_row.hpp"
+#include "monitor/judge/fault_classifier.hpp"
 
 namespace takt::panel {
 

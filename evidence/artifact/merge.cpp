@@ -1,4 +1,4 @@
-#include "monitor/panel/merge.hpp"
+#include "evidence/artifact/merge.hpp"
 
 #include <fmt/format.h>
 
@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <map>
 
-#include "monitor/bounded_file.hpp"
-#include "monitor/run_manifest.hpp"
+#include "monitor/record/bounded_file.hpp"
+#include "monitor/record/run_manifest.hpp"
 
 namespace takt::panel {
 namespace {

@@ -5,7 +5,7 @@
 #include <span>
 #include <string>
 
-#include "monitor/panel/artifact.hpp"
+#include "evidence/artifact/artifact.hpp"
 
 namespace takt::panel {
 

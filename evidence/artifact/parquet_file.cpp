@@ -1,9 +1,9 @@
-#include "monitor/panel/parquet_file.hpp"
+#include "evidence/artifact/parquet_file.hpp"
 
 #include <bit>
 #include <cassert>
 
-#include "monitor/panel/thrift_compact.hpp"
+#include "evidence/artifact/thrift_compact.hpp"
 
 namespace takt::panel {
 namespace {

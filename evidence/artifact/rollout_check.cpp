@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "monitor/fault_classifier.hpp"
-#include "monitor/panel/rollout_fields.hpp"
+#include "evidence/artifact/rollout_fields.hpp"
+#include "monitor/judge/fault_classifier.hpp"
 
 namespace takt::panel {
 namespace {

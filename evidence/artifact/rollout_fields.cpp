@@ -1,4 +1,4 @@
-#include "monitor/panel/rollout_fields.hpp"
+#include "evidence/artifact/rollout_fields.hpp"
 
 namespace takt::panel {
 namespace {

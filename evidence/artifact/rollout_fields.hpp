@@ -14,7 +14,7 @@
 #include <variant>
 #include <vector>
 
-#include "monitor/panel/rollout_row.hpp"
+#include "evidence/artifact/rollout_row.hpp"
 
 namespace takt::panel {
 

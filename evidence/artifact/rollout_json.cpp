@@ -1,4 +1,4 @@
-#include "monitor/panel/rollout_json.hpp"
+#include "evidence/artifact/rollout_json.hpp"
 
 #include <fmt/format.h>
 
@@ -6,7 +6,7 @@
 #include <set>
 #include <vector>
 
-#include "monitor/panel/rollout_fields.hpp"
+#include "evidence/artifact/rollout_fields.hpp"
 
 namespace takt::panel {
 namespace {

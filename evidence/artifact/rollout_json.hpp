@@ -11,7 +11,7 @@
 #include <string>
 #include <string_view>
 
-#include "monitor/panel/rollout_row.hpp"
+#include "evidence/artifact/rollout_row.hpp"
 
 namespace takt::panel {
 

@@ -1,9 +1,9 @@
-#include "monitor/panel/rollout_parquet.hpp"
+#include "evidence/artifact/rollout_parquet.hpp"
 
 #include <algorithm>
 
-#include "monitor/panel/parquet_file.hpp"
-#include "monitor/panel/rollout_fields.hpp"
+#include "evidence/artifact/parquet_file.hpp"
+#include "evidence/artifact/rollout_fields.hpp"
 
 namespace takt::panel {
 namespace {

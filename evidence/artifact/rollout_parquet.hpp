@@ -6,7 +6,7 @@
 #include <span>
 #include <string>
 
-#include "monitor/panel/rollout_row.hpp"
+#include "evidence/artifact/rollout_row.hpp"
 
 namespace takt::panel {
 

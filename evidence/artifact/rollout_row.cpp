@@ -1,4 +1,4 @@
-#include "monitor/panel/rollout_row.hpp"
+#include "evidence/artifact/rollout_row.hpp"
 
 #include <fmt/format.h>
 

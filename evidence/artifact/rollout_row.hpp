@@ -21,7 +21,8 @@ namespace takt::panel {
 
 inline constexpr const char* kRolloutSchema = "takt.rollout/1";
 
-// Exclusive quantiles (monitor/freshness_statistics.hpp), ms; all empty when there was no sample, which is not age 0.
+// Exclusive quantiles (monitor/judge/freshness_statistics.hpp), ms; all empty when there was no sample, which is not
+// age 0.
 struct AgeQuantiles {
   std::optional<double> p50_ms, p95_ms, p99_ms;
   friend bool operator==(const AgeQuantiles&, const AgeQuantiles&) = default;

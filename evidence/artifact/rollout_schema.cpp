@@ -2,8 +2,8 @@
 #include <utility>
 
 #include "config/load.hpp"
-#include "monitor/panel/rollout_fields.hpp"
-#include "monitor/panel/rollout_json.hpp"
+#include "evidence/artifact/rollout_fields.hpp"
+#include "evidence/artifact/rollout_json.hpp"
 
 namespace takt::panel {
 namespace {

@@ -1,4 +1,4 @@
-#include "monitor/panel/thrift_compact.hpp"
+#include "evidence/artifact/thrift_compact.hpp"
 
 #include <utility>
 

@@ -1,4 +1,4 @@
-#include "monitor/panel/audit.hpp"
+#include "evidence/judge/audit.hpp"
 
 #include <fmt/format.h>
 
@@ -8,10 +8,10 @@
 #include <set>
 
 #include "config/load.hpp"
-#include "monitor/bounded_file.hpp"
-#include "monitor/panel/confusion.hpp"
-#include "monitor/panel/post_mortem.hpp"
-#include "monitor/panel/rollout_parquet.hpp"
+#include "evidence/artifact/confusion.hpp"
+#include "evidence/artifact/rollout_parquet.hpp"
+#include "evidence/judge/post_mortem.hpp"
+#include "monitor/record/bounded_file.hpp"
 
 namespace takt::panel {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "monitor/panel/artifact.hpp"
+#include "evidence/artifact/artifact.hpp"
 
 namespace takt::panel {
 

@@ -1,4 +1,4 @@
-#include "monitor/panel/compare.hpp"
+#include "evidence/judge/compare.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -8,7 +8,7 @@
 #include <map>
 #include <string_view>
 
-#include "monitor/panel/rollout_fields.hpp"
+#include "evidence/artifact/rollout_fields.hpp"
 
 namespace takt::panel {
 namespace {

@@ -13,9 +13,9 @@
 #include <string>
 #include <vector>
 
-#include "monitor/panel/artifact.hpp"
-#include "monitor/panel/confusion.hpp"
-#include "monitor/panel/paired_statistics.hpp"
+#include "evidence/artifact/artifact.hpp"
+#include "evidence/artifact/confusion.hpp"
+#include "evidence/judge/paired_statistics.hpp"
 
 namespace takt::panel {
 

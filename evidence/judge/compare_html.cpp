@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "monitor/panel/compare.hpp"
+#include "evidence/judge/compare.hpp"
 
 namespace takt::panel {
 namespace {

@@ -1,7 +1,7 @@
 // A comparison for the terminal and as JSON.
 #include <fmt/format.h>
 
-#include "monitor/panel/compare.hpp"
+#include "evidence/judge/compare.hpp"
 
 namespace takt::panel {
 namespace {

@@ -1,10 +1,10 @@
-#include "monitor/panel/paired_statistics.hpp"
+#include "evidence/judge/paired_statistics.hpp"
 
 #include <algorithm>
 #include <numeric>
 #include <vector>
 
-#include "monitor/freshness_statistics.hpp"
+#include "monitor/judge/freshness_statistics.hpp"
 
 namespace takt::panel {
 namespace {

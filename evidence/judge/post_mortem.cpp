@@ -1,11 +1,11 @@
-#include "monitor/panel/post_mortem.hpp"
+#include "evidence/judge/post_mortem.hpp"
 
 #include <filesystem>
 
-#include "monitor/bounded_file.hpp"
-#include "monitor/fault_classifier.hpp"
-#include "monitor/recorded_run.hpp"
-#include "monitor/run_metrics.hpp"
+#include "monitor/judge/fault_classifier.hpp"
+#include "monitor/judge/run_metrics.hpp"
+#include "monitor/record/bounded_file.hpp"
+#include "monitor/record/recorded_run.hpp"
 
 namespace takt::panel {
 namespace {

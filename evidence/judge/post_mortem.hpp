@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
+#include "evidence/artifact/artifact.hpp"
 #include "executive/contract/tick_record.hpp"
-#include "monitor/panel/artifact.hpp"
-#include "monitor/run_messages.hpp"
+#include "monitor/record/run_messages.hpp"
 
 namespace takt::panel {
 

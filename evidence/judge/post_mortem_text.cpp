@@ -1,7 +1,7 @@
 // The words of a drafted post-mortem, in Markdown.
 #include <fmt/format.h>
 
-#include "monitor/panel/post_mortem.hpp"
+#include "evidence/judge/post_mortem.hpp"
 
 namespace takt::panel {
 namespace {

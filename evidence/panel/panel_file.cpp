@@ -1,4 +1,4 @@
-#include "monitor/panel/panel_file.hpp"
+#include "evidence/panel/panel_file.hpp"
 
 #include <fmt/format.h>
 

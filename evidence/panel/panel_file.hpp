@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "config/load.hpp"
-#include "monitor/panel/artifact_manifest.hpp"
-#include "monitor/panel/perturbation.hpp"
-#include "monitor/panel/rollout.hpp"
+#include "evidence/artifact/artifact_manifest.hpp"
+#include "evidence/rollout/perturbation.hpp"
+#include "evidence/rollout/rollout.hpp"
 
 namespace takt::panel {
 

@@ -1,4 +1,4 @@
-#include "monitor/panel/panel_plan.hpp"
+#include "evidence/panel/panel_plan.hpp"
 
 #include <fmt/format.h>
 #include <sys/resource.h>
@@ -11,9 +11,9 @@
 
 #include "config/hash.hpp"
 #include "config/load.hpp"
-#include "monitor/fault_classifier.hpp"
-#include "monitor/panel/confusion.hpp"
-#include "monitor/panel/post_mortem.hpp"
+#include "evidence/artifact/confusion.hpp"
+#include "evidence/judge/post_mortem.hpp"
+#include "monitor/judge/fault_classifier.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "policy_host/policy_fit.hpp"
 #include "takt_source_hash.hpp"

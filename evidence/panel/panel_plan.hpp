@@ -9,11 +9,11 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
-#include "monitor/fault_classifier.hpp"
-#include "monitor/panel/artifact_manifest.hpp"
-#include "monitor/panel/panel_file.hpp"
-#include "monitor/panel/post_mortem.hpp"
-#include "monitor/panel/rollout_row.hpp"
+#include "evidence/artifact/artifact_manifest.hpp"
+#include "evidence/artifact/rollout_row.hpp"
+#include "evidence/judge/post_mortem.hpp"
+#include "evidence/panel/panel_file.hpp"
+#include "monitor/judge/fault_classifier.hpp"
 #include "policy_host/policy.hpp"
 
 namespace takt::panel {

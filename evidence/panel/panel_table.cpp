@@ -1,4 +1,4 @@
-#include "monitor/panel/panel_table.hpp"
+#include "evidence/panel/panel_table.hpp"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,7 @@
 #include <tuple>
 #include <vector>
 
-#include "monitor/freshness_statistics.hpp"
+#include "monitor/judge/freshness_statistics.hpp"
 
 namespace takt::panel {
 namespace {

@@ -1,4 +1,4 @@
-#include "monitor/panel/recorded_row.hpp"
+#include "evidence/panel/recorded_row.hpp"
 
 #include <fmt/format.h>
 
@@ -9,9 +9,9 @@
 #include <optional>
 #include <vector>
 
-#include "monitor/panel/arm_world.hpp"
-#include "monitor/panel/rollout_measures.hpp"
-#include "monitor/recorded_run.hpp"
+#include "evidence/rollout/arm_world.hpp"
+#include "evidence/rollout/rollout_measures.hpp"
+#include "monitor/record/recorded_run.hpp"
 
 namespace takt::panel {
 namespace {

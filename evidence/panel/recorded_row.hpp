@@ -8,10 +8,10 @@
 #include <expected>
 #include <string>
 
-#include "monitor/panel/panel_plan.hpp"
-#include "monitor/panel/perturbation.hpp"
-#include "monitor/panel/rollout.hpp"
-#include "monitor/panel/rollout_row.hpp"
+#include "evidence/artifact/rollout_row.hpp"
+#include "evidence/panel/panel_plan.hpp"
+#include "evidence/rollout/perturbation.hpp"
+#include "evidence/rollout/rollout.hpp"
 
 namespace takt::panel {
 

@@ -1,4 +1,4 @@
-#include "monitor/panel/worker_pool.hpp"
+#include "evidence/panel/worker_pool.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -20,7 +20,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
-#include "monitor/panel/rollout_json.hpp"
+#include "evidence/artifact/rollout_json.hpp"
 
 namespace takt::panel {
 namespace {

@@ -12,7 +12,7 @@
 #include <span>
 #include <string>
 
-#include "monitor/panel/panel_plan.hpp"
+#include "evidence/panel/panel_plan.hpp"
 
 namespace takt::panel {
 

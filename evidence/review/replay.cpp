@@ -1,4 +1,4 @@
-#include "monitor/replay.hpp"
+#include "evidence/review/replay.hpp"
 
 #include <fmt/format.h>
 
@@ -7,10 +7,10 @@
 #include <memory>
 #include <utility>
 
-#include "config/tick_config_of.hpp"
 #include "executive/ipc/crc32c.hpp"
 #include "executive/ipc/executive_segments.hpp"
 #include "executive/pipeline/control_tick.hpp"
+#include "executive/setup/tick_config_of.hpp"
 
 namespace takt::monitor {
 namespace {

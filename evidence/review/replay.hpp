@@ -12,7 +12,7 @@
 #include <optional>
 #include <string>
 
-#include "monitor/recorded_run.hpp"
+#include "monitor/record/recorded_run.hpp"
 
 namespace takt::monitor {
 

@@ -1,6 +1,6 @@
 #include <fmt/format.h>
 
-#include "monitor/replay.hpp"
+#include "evidence/review/replay.hpp"
 
 namespace takt::monitor {
 namespace {

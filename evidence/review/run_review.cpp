@@ -1,6 +1,6 @@
-#include "monitor/run_review.hpp"
+#include "evidence/review/run_review.hpp"
 
-#include "monitor/metrics_collector.hpp"
+#include "monitor/judge/metrics_collector.hpp"
 
 namespace takt::monitor {
 

@@ -4,8 +4,8 @@
 #include <expected>
 #include <string>
 
-#include "monitor/fault_classifier.hpp"
-#include "monitor/run_metrics.hpp"
+#include "monitor/judge/fault_classifier.hpp"
+#include "monitor/judge/run_metrics.hpp"
 
 namespace takt::monitor {
 

@@ -1,4 +1,4 @@
-#include "monitor/svg.hpp"
+#include "evidence/review/svg.hpp"
 
 #include <fmt/format.h>
 

@@ -3,7 +3,7 @@
 
 #include <cstring>
 
-#include "monitor/tick_schema.hpp"
+#include "monitor/record/tick_schema.hpp"
 
 namespace takt::monitor {
 namespace {

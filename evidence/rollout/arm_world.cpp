@@ -1,10 +1,10 @@
-#include "monitor/panel/arm_world.hpp"
+#include "evidence/rollout/arm_world.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "monitor/panel/random.hpp"
+#include "evidence/rollout/random.hpp"
 
 namespace takt::panel {
 namespace {

@@ -1,9 +1,9 @@
-#include "monitor/panel/cart_pole_world.hpp"
+#include "evidence/rollout/cart_pole_world.hpp"
 
 #include <cmath>
 #include <utility>
 
-#include "monitor/panel/random.hpp"
+#include "evidence/rollout/random.hpp"
 
 namespace takt::panel {
 namespace {

@@ -9,10 +9,10 @@
 #include <string>
 
 #include "config/robot_config.hpp"
-#include "drivers/plant/camera.hpp"
-#include "monitor/panel/perturbation.hpp"
-#include "monitor/panel/troubled_dynamics.hpp"
-#include "monitor/panel/world.hpp"
+#include "evidence/rollout/perturbation.hpp"
+#include "evidence/rollout/troubled_dynamics.hpp"
+#include "evidence/rollout/world.hpp"
+#include "simulation/camera.hpp"
 
 namespace takt::panel {
 

@@ -1,4 +1,4 @@
-#include "monitor/panel/operator.hpp"
+#include "evidence/rollout/operator.hpp"
 
 #include <array>
 

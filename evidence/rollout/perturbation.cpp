@@ -1,4 +1,4 @@
-#include "monitor/panel/perturbation.hpp"
+#include "evidence/rollout/perturbation.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,11 +1,11 @@
-#include "monitor/panel/plant_scenario.hpp"
+#include "evidence/rollout/plant_scenario.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "monitor/panel/troubled_dynamics.hpp"
+#include "evidence/rollout/troubled_dynamics.hpp"
 
 namespace takt::panel {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "config/robot_config.hpp"
-#include "monitor/panel/perturbation.hpp"
+#include "evidence/rollout/perturbation.hpp"
 
 namespace takt::panel {
 

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <random>
 
-#include "drivers/plant/chance.hpp"
+#include "simulation/chance.hpp"
 
 namespace takt::panel {
 

@@ -1,4 +1,4 @@
-#include "monitor/panel/real_perturbation.hpp"
+#include "evidence/rollout/real_perturbation.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -10,11 +10,11 @@
 #include <fstream>
 #include <utility>
 
-#include "drivers/plant/scenario.hpp"
-#include "monitor/panel/plant_scenario.hpp"
-#include "monitor/panel/random.hpp"
-#include "monitor/panel/wake_ups.hpp"
+#include "evidence/rollout/plant_scenario.hpp"
+#include "evidence/rollout/random.hpp"
+#include "evidence/rollout/wake_ups.hpp"
 #include "policy_host/host_faults.hpp"
+#include "simulation/scenario.hpp"
 
 namespace takt::panel {
 namespace {

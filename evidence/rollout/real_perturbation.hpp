@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
-#include "monitor/panel/perturbation.hpp"
+#include "evidence/rollout/perturbation.hpp"
 
 namespace takt::panel {
 

@@ -1,4 +1,4 @@
-#include "monitor/panel/repeat_last.hpp"
+#include "evidence/rollout/repeat_last.hpp"
 
 #include <algorithm>
 #include <cmath>

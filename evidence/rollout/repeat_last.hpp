@@ -9,9 +9,9 @@
 #include <cstdint>
 #include <memory>
 
+#include "evidence/rollout/virtual_policy.hpp"
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/observation.hpp"
-#include "monitor/panel/virtual_policy.hpp"
 
 namespace takt::panel {
 

@@ -1,17 +1,17 @@
-#include "monitor/panel/rollout.hpp"
+#include "evidence/rollout/rollout.hpp"
 
 #include <optional>
 #include <utility>
 
-#include "config/tick_config_of.hpp"
+#include "evidence/rollout/arm_world.hpp"
+#include "evidence/rollout/cart_pole_world.hpp"
+#include "evidence/rollout/operator.hpp"
+#include "evidence/rollout/repeat_last.hpp"
+#include "evidence/rollout/rollout_measures.hpp"
+#include "evidence/rollout/virtual_bus.hpp"
+#include "evidence/rollout/wake_ups.hpp"
 #include "executive/pipeline/control_tick.hpp"
-#include "monitor/panel/arm_world.hpp"
-#include "monitor/panel/cart_pole_world.hpp"
-#include "monitor/panel/operator.hpp"
-#include "monitor/panel/repeat_last.hpp"
-#include "monitor/panel/rollout_measures.hpp"
-#include "monitor/panel/virtual_bus.hpp"
-#include "monitor/panel/wake_ups.hpp"
+#include "executive/setup/tick_config_of.hpp"
 
 namespace takt::panel {
 namespace {

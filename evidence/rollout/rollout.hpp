@@ -17,11 +17,11 @@
 #include <string_view>
 
 #include "config/robot_config.hpp"
+#include "evidence/artifact/rollout_row.hpp"
+#include "evidence/rollout/perturbation.hpp"
+#include "evidence/rollout/virtual_policy.hpp"
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/tick_record.hpp"
-#include "monitor/panel/perturbation.hpp"
-#include "monitor/panel/rollout_row.hpp"
-#include "monitor/panel/virtual_policy.hpp"
 #include "policy_host/policy.hpp"
 
 namespace takt::panel {

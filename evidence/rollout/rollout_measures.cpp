@@ -1,4 +1,4 @@
-#include "monitor/panel/rollout_measures.hpp"
+#include "evidence/rollout/rollout_measures.hpp"
 
 #include <fmt/format.h>
 

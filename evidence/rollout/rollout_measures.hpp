@@ -7,10 +7,10 @@
 #include <string_view>
 #include <vector>
 
+#include "evidence/artifact/rollout_row.hpp"
+#include "evidence/rollout/perturbation.hpp"
 #include "executive/contract/tick_record.hpp"
-#include "monitor/metrics_collector.hpp"
-#include "monitor/panel/perturbation.hpp"
-#include "monitor/panel/rollout_row.hpp"
+#include "monitor/judge/metrics_collector.hpp"
 
 namespace takt::panel {
 

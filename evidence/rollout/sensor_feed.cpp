@@ -1,6 +1,6 @@
-#include "monitor/panel/sensor_feed.hpp"
+#include "evidence/rollout/sensor_feed.hpp"
 
-#include "drivers/plant/chance.hpp"
+#include "simulation/chance.hpp"
 
 namespace takt::panel {
 namespace {

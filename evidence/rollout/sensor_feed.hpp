@@ -1,12 +1,12 @@
-// When a perturbation troubles the way from an outside sensor to the policy host (drivers/plant/sensor_path.hpp says
+// When a perturbation troubles the way from an outside sensor to the policy host (simulation/sensor_path.hpp says
 // how), and what the host's mailbox holds. Pure, virtual time. Thread rule: one thread at a time.
 #pragma once
 
 #include <cstdint>
 
-#include "drivers/plant/sensor_path.hpp"
+#include "evidence/rollout/perturbation.hpp"
 #include "executive/contract/sensor_sample.hpp"
-#include "monitor/panel/perturbation.hpp"
+#include "simulation/sensor_path.hpp"
 
 namespace takt::panel {
 

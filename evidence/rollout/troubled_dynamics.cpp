@@ -1,9 +1,9 @@
-#include "monitor/panel/troubled_dynamics.hpp"
+#include "evidence/rollout/troubled_dynamics.hpp"
 
 #include <cmath>
 #include <utility>
 
-#include "monitor/panel/random.hpp"
+#include "evidence/rollout/random.hpp"
 
 namespace takt::panel {
 namespace {

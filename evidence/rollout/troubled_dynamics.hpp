@@ -1,5 +1,5 @@
 // When a perturbation troubles a robot's mechanics: a push at the tool, a payload, more friction
-// (drivers/plant/troubled_mechanics.hpp says what each is). Everything else passes through.
+// (simulation/troubled_mechanics.hpp says what each is). Everything else passes through.
 // Thread rule: one thread at a time.
 #pragma once
 
@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
-#include "drivers/plant/troubled_mechanics.hpp"
-#include "monitor/panel/perturbation.hpp"
+#include "evidence/rollout/perturbation.hpp"
+#include "simulation/troubled_mechanics.hpp"
 
 namespace takt::panel {
 

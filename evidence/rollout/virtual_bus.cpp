@@ -1,10 +1,10 @@
-#include "monitor/panel/virtual_bus.hpp"
+#include "evidence/rollout/virtual_bus.hpp"
 
 #include <algorithm>
 #include <utility>
 
-#include "drivers/bus_load.hpp"
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/bus_load.hpp"
+#include "drivers/protocol/protocol_table.hpp"
 
 namespace takt::panel {
 namespace {

@@ -1,8 +1,8 @@
 // The CAN buses of a rollout in virtual time: frames take their time on the wire one after the other, drives answer
 // when the command has crossed, and replies reach the host at an instant of their own.
 //
-// Wire time is the worst case of each frame (drivers/bus_load.hpp). A drive obeys a command within the tick it was sent
-// in. No arbitration, no error frames: a perturbed bus loses frames, delays replies, or carries nothing.
+// Wire time is the worst case of each frame (drivers/protocol/bus_load.hpp). A drive obeys a command within the tick it
+// was sent in. No arbitration, no error frames: a perturbed bus loses frames, delays replies, or carries nothing.
 // Thread rule: one thread at a time.
 #pragma once
 
@@ -12,11 +12,11 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
-#include "drivers/joint_driver.hpp"
-#include "drivers/plant/plant.hpp"
+#include "drivers/protocol/joint_driver.hpp"
+#include "evidence/rollout/perturbation.hpp"
+#include "evidence/rollout/random.hpp"
 #include "executive/pipeline/control_tick.hpp"
-#include "monitor/panel/perturbation.hpp"
-#include "monitor/panel/random.hpp"
+#include "simulation/plant.hpp"
 
 namespace takt::panel {
 

@@ -1,4 +1,4 @@
-#include "monitor/panel/virtual_policy.hpp"
+#include "evidence/rollout/virtual_policy.hpp"
 
 #include <algorithm>
 #include <array>

@@ -16,11 +16,11 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
+#include "evidence/rollout/perturbation.hpp"
+#include "evidence/rollout/random.hpp"
+#include "evidence/rollout/sensor_feed.hpp"
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/observation.hpp"
-#include "monitor/panel/perturbation.hpp"
-#include "monitor/panel/random.hpp"
-#include "monitor/panel/sensor_feed.hpp"
 #include "policy_host/policy.hpp"
 #include "policy_host/responder.hpp"
 

@@ -1,4 +1,4 @@
-#include "monitor/panel/wake_ups.hpp"
+#include "evidence/rollout/wake_ups.hpp"
 
 #include <cmath>
 

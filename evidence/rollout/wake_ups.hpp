@@ -11,8 +11,8 @@
 
 #include <cstdint>
 
-#include "monitor/panel/perturbation.hpp"
-#include "monitor/panel/random.hpp"
+#include "evidence/rollout/perturbation.hpp"
+#include "evidence/rollout/random.hpp"
 
 namespace takt::panel {
 

@@ -5,9 +5,9 @@
 
 #include <optional>
 
-#include "drivers/plant/plant.hpp"
 #include "executive/contract/mono_time.hpp"
 #include "executive/contract/sensor_sample.hpp"
+#include "simulation/plant.hpp"
 
 namespace takt::panel {
 

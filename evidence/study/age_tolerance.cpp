@@ -1,4 +1,4 @@
-#include "monitor/margin/age_tolerance.hpp"
+#include "evidence/study/age_tolerance.hpp"
 
 #include <fmt/format.h>
 
@@ -8,9 +8,9 @@
 #include <utility>
 
 #include "config/hash.hpp"
-#include "monitor/freshness_statistics.hpp"
-#include "monitor/panel/panel_plan.hpp"
-#include "monitor/panel/worker_pool.hpp"
+#include "evidence/panel/panel_plan.hpp"
+#include "evidence/panel/worker_pool.hpp"
+#include "monitor/judge/freshness_statistics.hpp"
 
 namespace takt::margin {
 namespace {

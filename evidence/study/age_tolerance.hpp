@@ -19,8 +19,8 @@
 #include <string>
 #include <vector>
 
+#include "evidence/rollout/rollout.hpp"
 #include "executive/contract/mono_time.hpp"
-#include "monitor/panel/rollout.hpp"
 
 namespace takt::margin {
 

@@ -1,4 +1,4 @@
-#include "monitor/budget/budget.hpp"
+#include "evidence/study/budget.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "monitor/budget/budget_sources.hpp"
+#include "evidence/study/budget_sources.hpp"
 
 #include <algorithm>
 #include <array>

@@ -5,10 +5,10 @@
 #include <string>
 
 #include "config/robot_config.hpp"
-#include "drivers/bus_load.hpp"
-#include "monitor/budget/budget.hpp"
-#include "monitor/recorded_run.hpp"
-#include "monitor/run_metrics.hpp"
+#include "drivers/protocol/bus_load.hpp"
+#include "evidence/study/budget.hpp"
+#include "monitor/judge/run_metrics.hpp"
+#include "monitor/record/recorded_run.hpp"
 
 namespace takt::budget {
 

@@ -6,8 +6,8 @@
 #include <array>
 #include <cmath>
 
-#include "monitor/budget/budget.hpp"
-#include "monitor/svg.hpp"
+#include "evidence/review/svg.hpp"
+#include "evidence/study/budget.hpp"
 
 namespace takt::budget {
 namespace {

@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 
-#include "monitor/budget/budget.hpp"
+#include "evidence/study/budget.hpp"
 
 namespace takt::budget {
 namespace {

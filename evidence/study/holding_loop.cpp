@@ -1,4 +1,4 @@
-#include "monitor/margin/holding_loop.hpp"
+#include "evidence/study/holding_loop.hpp"
 
 #include <fmt/format.h>
 
@@ -6,7 +6,7 @@
 #include <array>
 #include <utility>
 
-#include "config/tick_config_of.hpp"
+#include "executive/setup/tick_config_of.hpp"
 
 namespace takt::margin {
 namespace {

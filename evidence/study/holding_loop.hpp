@@ -9,11 +9,11 @@
 #include <string>
 
 #include "config/robot_config.hpp"
+#include "evidence/rollout/perturbation.hpp"
+#include "evidence/rollout/virtual_bus.hpp"
+#include "evidence/study/probed_dynamics.hpp"
 #include "executive/contract/command_chunk.hpp"
 #include "executive/pipeline/control_tick.hpp"
-#include "monitor/margin/probed_dynamics.hpp"
-#include "monitor/panel/perturbation.hpp"
-#include "monitor/panel/virtual_bus.hpp"
 
 namespace takt::margin {
 

@@ -1,4 +1,4 @@
-#include "monitor/margin/injected_sine.hpp"
+#include "evidence/study/injected_sine.hpp"
 
 #include <Eigen/QR>
 #include <algorithm>

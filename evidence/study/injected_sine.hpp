@@ -8,8 +8,8 @@
 #include <string>
 
 #include "config/robot_config.hpp"
-#include "monitor/margin/holding_loop.hpp"
-#include "monitor/margin/inner_loop.hpp"
+#include "evidence/study/holding_loop.hpp"
+#include "evidence/study/inner_loop.hpp"
 
 namespace takt::margin {
 

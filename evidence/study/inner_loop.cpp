@@ -1,12 +1,12 @@
-#include "monitor/margin/inner_loop.hpp"
+#include "evidence/study/inner_loop.hpp"
 
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <utility>
 
-#include "config/tick_config_of.hpp"
 #include "executive/pipeline/gravity_model.hpp"
+#include "executive/setup/tick_config_of.hpp"
 
 namespace takt::margin {
 namespace {

@@ -19,8 +19,8 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
-#include "drivers/plant/dynamics.hpp"
-#include "monitor/margin/linear_plant.hpp"
+#include "evidence/study/linear_plant.hpp"
+#include "simulation/dynamics.hpp"
 
 namespace takt::margin {
 

@@ -1,13 +1,13 @@
-#include "monitor/margin/joint_margins.hpp"
+#include "evidence/study/joint_margins.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 
-#include "drivers/plant/arm_dynamics.hpp"
-#include "drivers/plant/free_inertias.hpp"
-#include "monitor/margin/injected_sine.hpp"
+#include "evidence/study/injected_sine.hpp"
+#include "simulation/arm_dynamics.hpp"
+#include "simulation/free_inertias.hpp"
 
 namespace takt::margin {
 namespace {

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
-#include "drivers/plant/dynamics.hpp"
-#include "monitor/margin/loop_margins.hpp"
+#include "evidence/study/loop_margins.hpp"
+#include "simulation/dynamics.hpp"
 
 namespace takt::margin {
 

@@ -1,4 +1,4 @@
-#include "monitor/margin/linear_plant.hpp"
+#include "evidence/study/linear_plant.hpp"
 
 #include <Eigen/LU>
 #include <Eigen/QR>

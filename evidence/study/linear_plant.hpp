@@ -11,8 +11,8 @@
 #include <expected>
 #include <string>
 
-#include "drivers/plant/dynamics.hpp"
 #include "executive/contract/mono_time.hpp"
+#include "simulation/dynamics.hpp"
 
 namespace takt::margin {
 

@@ -1,4 +1,4 @@
-#include "monitor/margin/loop_margins.hpp"
+#include "evidence/study/loop_margins.hpp"
 
 #include <cmath>
 #include <numbers>

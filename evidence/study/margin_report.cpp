@@ -1,4 +1,4 @@
-#include "monitor/margin/margin_report.hpp"
+#include "evidence/study/margin_report.hpp"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "monitor/svg.hpp"
+#include "evidence/review/svg.hpp"
 
 namespace takt::margin {
 namespace {

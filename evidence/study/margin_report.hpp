@@ -7,8 +7,8 @@
 #include <string>
 
 #include "config/robot_config.hpp"
-#include "monitor/margin/age_tolerance.hpp"
-#include "monitor/margin/joint_margins.hpp"
+#include "evidence/study/age_tolerance.hpp"
+#include "evidence/study/joint_margins.hpp"
 
 namespace takt::margin {
 

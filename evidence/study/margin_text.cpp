@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numbers>
 
-#include "monitor/margin/margin_report.hpp"
+#include "evidence/study/margin_report.hpp"
 
 namespace takt::margin {
 namespace {

@@ -1,4 +1,4 @@
-#include "monitor/margin/probed_dynamics.hpp"
+#include "evidence/study/probed_dynamics.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -6,7 +6,7 @@
 #include <memory>
 #include <vector>
 
-#include "drivers/plant/dynamics.hpp"
+#include "simulation/dynamics.hpp"
 
 namespace takt::margin {
 

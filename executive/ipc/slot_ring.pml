@@ -3,7 +3,7 @@
  *
  * Property: a payload that the reader accepts is whole and is the one that head named.
  * Wrong variants, each of which must violate it: -DNO_SECOND_LOOK, -DNO_ODD_MARK, -DANY_EVEN_VERSION.
- * Run: spin -run slot_ring.pml, or tests/ipc/slot_ring_model.sh, which also runs the wrong variants. */
+ * Run: spin -run slot_ring.pml, or tests/executive/ipc/slot_ring_model.sh, which also runs the wrong variants. */
 
 #define SLOTS 2
 #define PUBLICATIONS 5

@@ -1,5 +1,6 @@
 // Everything the tick needs to know about the robot, resolved, validated and in SI units. Filled once at load from
-// the robot's configuration (config/tick_config_of.hpp); never changes while a run lasts. Plain value, no pointers.
+// the robot's configuration (executive/setup/tick_config_of.hpp); never changes while a run lasts. Plain value, no
+// pointers.
 #pragma once
 
 #include <array>

@@ -1,5 +1,5 @@
 // Every system call that the control thread makes between its first and its last tick. Anything else is a defect:
-// tests/runtime/loop_guard_test.cpp runs the loop under a filter of exactly this table.
+// tests/executive/runtime/loop_guard_test.cpp runs the loop under a filter of exactly this table.
 // Reading CLOCK_MONOTONIC and CLOCK_REALTIME is no system call where the vDSO serves them, and is covered where it does
 // not.
 #pragma once

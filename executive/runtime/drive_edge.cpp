@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "drivers/can_frame.hpp"
+#include "drivers/bus/can_frame.hpp"
 
 namespace takt::runtime {
 

@@ -14,8 +14,8 @@
 #include <span>
 #include <vector>
 
-#include "drivers/can_bus.hpp"
-#include "drivers/joint_driver.hpp"
+#include "drivers/bus/can_bus.hpp"
+#include "drivers/protocol/joint_driver.hpp"
 #include "executive/pipeline/control_tick.hpp"
 #include "executive/runtime/clock.hpp"
 #include "executive/runtime/published_segments.hpp"

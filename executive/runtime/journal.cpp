@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "drivers/cause_detail.hpp"
+#include "drivers/protocol/cause_detail.hpp"
 
 namespace takt::runtime {
 namespace {

@@ -12,8 +12,7 @@
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
-#include "config/tick_config_of.hpp"
-#include "drivers/bus_load.hpp"
+#include "drivers/protocol/bus_load.hpp"
 #include "executive/ipc/unix_socket.hpp"
 #include "executive/runtime/control_thread.hpp"
 #include "executive/runtime/executive_file.hpp"
@@ -22,6 +21,7 @@
 #include "executive/runtime/open_edge.hpp"
 #include "executive/runtime/reception.hpp"
 #include "executive/runtime/service.hpp"
+#include "executive/setup/tick_config_of.hpp"
 #include "executive/trace/trace.hpp"
 
 namespace takt::runtime {

@@ -3,8 +3,8 @@
 #include <thread>
 #include <utility>
 
-#include "drivers/open_bus.hpp"
-#include "drivers/protocol_table.hpp"
+#include "drivers/bus/open_bus.hpp"
+#include "drivers/protocol/protocol_table.hpp"
 
 namespace takt::runtime {
 namespace {

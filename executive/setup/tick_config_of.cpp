@@ -1,4 +1,4 @@
-#include "config/tick_config_of.hpp"
+#include "executive/setup/tick_config_of.hpp"
 
 #include <algorithm>
 #include <cmath>

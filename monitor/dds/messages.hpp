@@ -7,7 +7,7 @@
 
 #include "executive/contract/session.hpp"
 #include "executive/contract/tick_record.hpp"
-#include "monitor/diagnostics.hpp"
+#include "monitor/record/diagnostics.hpp"
 
 namespace takt::monitor::dds {
 

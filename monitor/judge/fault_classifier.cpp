@@ -1,4 +1,4 @@
-#include "monitor/fault_classifier.hpp"
+#include "monitor/judge/fault_classifier.hpp"
 
 #include <algorithm>
 #include <numeric>

@@ -39,7 +39,7 @@
 
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/tick_record.hpp"
-#include "monitor/recorded_run.hpp"
+#include "monitor/record/recorded_run.hpp"
 
 namespace takt::monitor {
 

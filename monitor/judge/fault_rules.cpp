@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <string_view>
 
-#include "monitor/fault_classifier.hpp"
+#include "monitor/judge/fault_classifier.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -1,4 +1,4 @@
-#include "monitor/freshness_statistics.hpp"
+#include "monitor/judge/freshness_statistics.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "monitor/metrics_collector.hpp"
+#include "monitor/judge/metrics_collector.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "executive/contract/tick_record.hpp"
-#include "monitor/run_metrics.hpp"
+#include "monitor/judge/run_metrics.hpp"
 
 namespace takt::monitor {
 

@@ -1,6 +1,6 @@
-#include "monitor/run_metrics.hpp"
+#include "monitor/judge/run_metrics.hpp"
 
-#include "monitor/metrics_collector.hpp"
+#include "monitor/judge/metrics_collector.hpp"
 
 namespace takt::monitor {
 

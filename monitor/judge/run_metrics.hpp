@@ -17,8 +17,8 @@
 #include <string_view>
 #include <vector>
 
-#include "monitor/freshness_statistics.hpp"
-#include "monitor/recorded_run.hpp"
+#include "monitor/judge/freshness_statistics.hpp"
+#include "monitor/record/recorded_run.hpp"
 
 namespace takt::monitor {
 

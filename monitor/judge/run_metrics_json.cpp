@@ -1,6 +1,6 @@
 // metrics.json: the numbers of run_metrics.hpp under stable names. Times in nanoseconds.
-#include "monitor/bounded_file.hpp"
-#include "monitor/run_metrics.hpp"
+#include "monitor/judge/run_metrics.hpp"
+#include "monitor/record/bounded_file.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -1,4 +1,4 @@
-#include "monitor/bounded_file.hpp"
+#include "monitor/record/bounded_file.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>

@@ -1,4 +1,4 @@
-#include "monitor/cdr.hpp"
+#include "monitor/record/cdr.hpp"
 
 namespace takt::monitor {
 namespace {

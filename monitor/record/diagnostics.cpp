@@ -1,12 +1,12 @@
-#include "monitor/diagnostics.hpp"
+#include "monitor/record/diagnostics.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <algorithm>
 
-#include "drivers/cause_detail.hpp"
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/cause_detail.hpp"
+#include "drivers/protocol/protocol_table.hpp"
 #include "executive/contract/feedback_names.hpp"
 
 namespace takt::monitor {

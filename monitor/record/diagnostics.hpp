@@ -11,7 +11,7 @@
 
 #include "config/robot_config.hpp"
 #include "executive/contract/tick_record.hpp"
-#include "monitor/rate_limit.hpp"
+#include "monitor/record/rate_limit.hpp"
 
 namespace takt::monitor {
 

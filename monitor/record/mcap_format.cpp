@@ -1,4 +1,4 @@
-#include "monitor/mcap_format.hpp"
+#include "monitor/record/mcap_format.hpp"
 
 #include <zlib.h>
 

@@ -11,7 +11,7 @@
 #include <string>
 #include <string_view>
 
-#include "monitor/bytes.hpp"
+#include "monitor/record/bytes.hpp"
 
 namespace takt::monitor::mcap {
 

@@ -1,4 +1,4 @@
-#include "monitor/mcap_reader.hpp"
+#include "monitor/record/mcap_reader.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -11,7 +11,7 @@
 #include <cstring>
 #include <utility>
 
-#include "monitor/mcap_format.hpp"
+#include "monitor/record/mcap_format.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -13,7 +13,7 @@
 #include <string>
 #include <string_view>
 
-#include "monitor/bytes.hpp"
+#include "monitor/record/bytes.hpp"
 
 namespace takt::monitor {
 

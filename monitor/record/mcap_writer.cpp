@@ -1,10 +1,10 @@
-#include "monitor/mcap_writer.hpp"
+#include "monitor/record/mcap_writer.hpp"
 
 #include <zstd.h>
 
 #include <algorithm>
 
-#include "monitor/mcap_format.hpp"
+#include "monitor/record/mcap_format.hpp"
 
 namespace takt::monitor {
 namespace {

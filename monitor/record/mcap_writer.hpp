@@ -13,8 +13,8 @@
 #include <string_view>
 #include <vector>
 
-#include "monitor/bounded_file.hpp"
-#include "monitor/bytes.hpp"
+#include "monitor/record/bounded_file.hpp"
+#include "monitor/record/bytes.hpp"
 
 namespace takt::monitor {
 

@@ -1,4 +1,4 @@
-#include "monitor/record_stream.hpp"
+#include "monitor/record/record_stream.hpp"
 
 #include <algorithm>
 #include <cstring>

@@ -18,8 +18,8 @@
 
 #include "executive/contract/tick_record.hpp"
 #include "executive/ipc/slot_ring.hpp"
-#include "monitor/bytes.hpp"
-#include "monitor/run_messages.hpp"
+#include "monitor/record/bytes.hpp"
+#include "monitor/record/run_messages.hpp"
 
 namespace takt::monitor {
 

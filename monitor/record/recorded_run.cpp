@@ -1,9 +1,9 @@
-#include "monitor/recorded_run.hpp"
+#include "monitor/record/recorded_run.hpp"
 
 #include <fmt/format.h>
 
 #include "config/load.hpp"
-#include "monitor/bounded_file.hpp"
+#include "monitor/record/bounded_file.hpp"
 
 namespace takt::monitor {
 

@@ -8,10 +8,10 @@
 #include <string>
 
 #include "config/robot_config.hpp"
-#include "monitor/mcap_reader.hpp"
-#include "monitor/run_folder.hpp"
-#include "monitor/run_messages.hpp"
-#include "monitor/tick_schema.hpp"
+#include "monitor/record/mcap_reader.hpp"
+#include "monitor/record/run_folder.hpp"
+#include "monitor/record/run_messages.hpp"
+#include "monitor/record/tick_schema.hpp"
 
 namespace takt::monitor {
 

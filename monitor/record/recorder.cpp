@@ -1,4 +1,4 @@
-#include "monitor/recorder.hpp"
+#include "monitor/record/recorder.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -7,9 +7,9 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "drivers/candump.hpp"
-#include "monitor/standard_messages.hpp"
-#include "monitor/tick_schema.hpp"
+#include "drivers/bus/candump.hpp"
+#include "monitor/record/standard_messages.hpp"
+#include "monitor/record/tick_schema.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -13,11 +13,11 @@
 #include <string_view>
 
 #include "config/robot_config.hpp"
-#include "monitor/bounded_file.hpp"
-#include "monitor/diagnostics.hpp"
-#include "monitor/mcap_writer.hpp"
-#include "monitor/record_stream.hpp"
-#include "monitor/run_folder.hpp"
+#include "monitor/record/bounded_file.hpp"
+#include "monitor/record/diagnostics.hpp"
+#include "monitor/record/mcap_writer.hpp"
+#include "monitor/record/record_stream.hpp"
+#include "monitor/record/run_folder.hpp"
 
 namespace takt::monitor {
 

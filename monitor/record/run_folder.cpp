@@ -1,4 +1,4 @@
-#include "monitor/run_folder.hpp"
+#include "monitor/record/run_folder.hpp"
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
@@ -7,7 +7,7 @@
 #include <random>
 #include <system_error>
 
-#include "monitor/bounded_file.hpp"
+#include "monitor/record/bounded_file.hpp"
 
 namespace takt::monitor {
 

@@ -5,7 +5,7 @@
 #include <expected>
 #include <string>
 
-#include "monitor/run_manifest.hpp"
+#include "monitor/record/run_manifest.hpp"
 
 namespace takt::monitor {
 

@@ -1,4 +1,4 @@
-#include "monitor/run_manifest.hpp"
+#include "monitor/record/run_manifest.hpp"
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
@@ -7,7 +7,7 @@
 
 #include <fstream>
 
-#include "monitor/json_error.hpp"
+#include "monitor/record/json_error.hpp"
 
 namespace takt::monitor {
 namespace {

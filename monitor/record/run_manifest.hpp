@@ -12,7 +12,7 @@
 
 #include "config/robot_config.hpp"
 #include "executive/contract/mono_time.hpp"
-#include "monitor/run_messages.hpp"
+#include "monitor/record/run_messages.hpp"
 
 namespace takt::monitor {
 

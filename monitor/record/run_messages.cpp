@@ -1,4 +1,4 @@
-#include "monitor/run_messages.hpp"
+#include "monitor/record/run_messages.hpp"
 
 #include <fmt/format.h>
 
@@ -6,8 +6,8 @@
 #include <cstring>
 
 #include "executive/ipc/crc32c.hpp"
-#include "monitor/standard_messages.hpp"
-#include "monitor/tick_schema.hpp"
+#include "monitor/record/standard_messages.hpp"
+#include "monitor/record/tick_schema.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -22,8 +22,8 @@
 
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/tick_record.hpp"
-#include "monitor/cdr.hpp"
-#include "monitor/mcap_writer.hpp"
+#include "monitor/record/cdr.hpp"
+#include "monitor/record/mcap_writer.hpp"
 
 namespace takt::monitor {
 

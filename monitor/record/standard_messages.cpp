@@ -1,4 +1,4 @@
-#include "monitor/standard_messages.hpp"
+#include "monitor/record/standard_messages.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -8,8 +8,8 @@
 #include <string_view>
 
 #include "executive/contract/tick_record.hpp"
-#include "monitor/cdr.hpp"
-#include "monitor/diagnostics.hpp"
+#include "monitor/record/cdr.hpp"
+#include "monitor/record/diagnostics.hpp"
 
 namespace takt::monitor {
 

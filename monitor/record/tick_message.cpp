@@ -6,7 +6,7 @@
 #include <iterator>
 
 #include "executive/ipc/crc32c.hpp"
-#include "monitor/tick_schema.hpp"
+#include "monitor/record/tick_schema.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -1,4 +1,4 @@
-#include "monitor/tick_schema.hpp"
+#include "monitor/record/tick_schema.hpp"
 
 #include <array>
 

@@ -11,7 +11,7 @@
 #include <string_view>
 
 #include "executive/contract/tick_record.hpp"
-#include "monitor/cdr.hpp"
+#include "monitor/record/cdr.hpp"
 
 namespace takt::monitor {
 

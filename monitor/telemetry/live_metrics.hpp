@@ -15,7 +15,7 @@
 
 #include "config/robot_config.hpp"
 #include "executive/contract/tick_record.hpp"
-#include "monitor/run_messages.hpp"
+#include "monitor/record/run_messages.hpp"
 
 namespace takt::monitor {
 

@@ -9,7 +9,7 @@
 
 #include "config/robot_config.hpp"
 #include "executive/contract/tick_record.hpp"
-#include "monitor/bounded_file.hpp"
+#include "monitor/record/bounded_file.hpp"
 #include "monitor/telemetry/command_traces.hpp"
 #include "monitor/telemetry/live_metrics.hpp"
 #include "monitor/telemetry/otlp_json.hpp"

@@ -1,4 +1,4 @@
-#include "monitor/deploy/probation.hpp"
+#include "systemd/deploy/probation.hpp"
 
 #include <fmt/format.h>
 

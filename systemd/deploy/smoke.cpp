@@ -1,9 +1,9 @@
-#include "monitor/deploy/smoke.hpp"
+#include "systemd/deploy/smoke.hpp"
 
 #include <fmt/format.h>
 
 #include "config/load.hpp"
-#include "monitor/panel/rollout.hpp"
+#include "evidence/rollout/rollout.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "policy_host/policy_fit.hpp"
 

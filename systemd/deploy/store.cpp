@@ -1,4 +1,4 @@
-#include "monitor/deploy/store.hpp"
+#include "systemd/deploy/store.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>

@@ -1,4 +1,4 @@
-#include "monitor/doctor/collect.hpp"
+#include "systemd/doctor/collect.hpp"
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
-#include "monitor/doctor/snapshot.hpp"
+#include "systemd/doctor/snapshot.hpp"
 
 namespace takt::doctor {
 

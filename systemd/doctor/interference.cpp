@@ -1,4 +1,4 @@
-#include "monitor/doctor/interference.hpp"
+#include "systemd/doctor/interference.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>

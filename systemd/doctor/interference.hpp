@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "monitor/doctor/snapshot.hpp"
+#include "systemd/doctor/snapshot.hpp"
 
 namespace takt::doctor {
 

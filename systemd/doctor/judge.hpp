@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "monitor/doctor/diagnose.hpp"
+#include "systemd/doctor/diagnose.hpp"
 
 namespace takt::doctor {
 

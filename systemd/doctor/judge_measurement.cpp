@@ -1,7 +1,7 @@
 // The wake-ups that were measured, which have the last word, and what took the processor away meanwhile.
 #include <fmt/format.h>
 
-#include "monitor/doctor/judge.hpp"
+#include "systemd/doctor/judge.hpp"
 
 namespace takt::doctor {
 namespace {

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <optional>
 
-#include "monitor/doctor/judge.hpp"
+#include "systemd/doctor/judge.hpp"
 
 namespace takt::doctor {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "monitor/doctor/judge.hpp"
+#include "systemd/doctor/judge.hpp"
 
 namespace takt::doctor {
 namespace {

@@ -2,7 +2,7 @@
 // itself when all else fails.
 #include <fmt/format.h>
 
-#include "monitor/doctor/judge.hpp"
+#include "systemd/doctor/judge.hpp"
 
 namespace takt::doctor {
 namespace {

@@ -1,4 +1,4 @@
-#include "monitor/doctor/wakeup_probe.hpp"
+#include "systemd/doctor/wakeup_probe.hpp"
 
 #include <fcntl.h>
 #include <pthread.h>
@@ -13,7 +13,7 @@
 #include <thread>
 
 #include "executive/ipc/descriptor.hpp"
-#include "monitor/doctor/interference.hpp"
+#include "systemd/doctor/interference.hpp"
 
 namespace takt::doctor {
 namespace {

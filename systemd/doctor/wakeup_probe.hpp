@@ -8,7 +8,7 @@
 #include <string>
 
 #include "executive/contract/mono_time.hpp"
-#include "monitor/doctor/snapshot.hpp"
+#include "systemd/doctor/snapshot.hpp"
 
 namespace takt::doctor {
 

@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "config/load.hpp"
-#include "drivers/plant/device_table.hpp"
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/protocol_table.hpp"
+#include "simulation/device_table.hpp"
 #include "tests/bench/bench.hpp"
 
 namespace takt::bench {

@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "monitor/recorded_run.hpp"
+#include "monitor/record/recorded_run.hpp"
 #include "tests/bench/bench.hpp"
 #include "tests/process/running_robot.hpp"
 

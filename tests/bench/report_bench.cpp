@@ -15,7 +15,7 @@
 #include <random>
 
 #include "tests/bench/bench.hpp"
-#include "tests/monitor/recorded_demo.hpp"
+#include "tests/monitor/record/recorded_demo.hpp"
 
 namespace takt::bench {
 namespace {
@@ -114,7 +114,7 @@ int measure(const std::string& directory, std::uint64_t ticks, const Report& rep
                 {{"figure", "weight"}, {"MB", page_MB}, {"aim_MB", kWeightTarget}});
   const auto opened = opened_in_browser(directory + "/report.html");
   if (opened.is_null()) {
-    report.remark("not opened in a browser: node, its packages (tests/monitor/node) or chromium are missing");
+    report.remark("not opened in a browser: node, its packages (tests/node) or chromium are missing");
     return 0;
   }
   report.figure(

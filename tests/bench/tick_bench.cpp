@@ -23,7 +23,7 @@
 #include "executive/ipc/slot_ring.hpp"
 #include "executive/pipeline/control_tick.hpp"
 #include "tests/bench/bench.hpp"
-#include "tests/pipeline/rig.hpp"
+#include "tests/executive/pipeline/rig.hpp"
 
 namespace takt::bench {
 namespace {

@@ -13,8 +13,8 @@
 #include <string>
 #include <vector>
 
-#include "monitor/recorded_run.hpp"
-#include "monitor/trace_review/trace_reader.hpp"
+#include "evidence/review/trace/trace_reader.hpp"
+#include "monitor/record/recorded_run.hpp"
 #include "tests/bench/bench.hpp"
 #include "tests/process/running_robot.hpp"
 

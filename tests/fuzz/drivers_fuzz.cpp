@@ -1,10 +1,10 @@
 // Fuzzes every drive protocol's host side: the input is a sequence of frames and setpoints of 32 bytes each; the first
-// byte chooses which and whose. See tests/drivers/every_driver.hpp for what must hold.
+// byte chooses which and whose. See tests/drivers/protocol/every_driver.hpp for what must hold.
 #include <cstdio>
 #include <cstdlib>
 
 #include "config/load.hpp"
-#include "tests/drivers/every_driver.hpp"
+#include "tests/drivers/protocol/every_driver.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace takt;

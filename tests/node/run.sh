@@ -9,7 +9,7 @@ skip() {
   exit 77
 }
 command -v node >/dev/null || skip "node is not installed"
-[ -d "$here/node_modules" ] || skip "npm packages are missing: (cd tests/monitor/node && npm install)"
+[ -d "$here/node_modules" ] || skip "npm packages are missing: (cd tests/node && npm install)"
 if [ -n "$3" ]; then
   TAKT_CHROMIUM=${TAKT_CHROMIUM:-$(command -v chromium)} || skip "chromium is not installed"
   export TAKT_CHROMIUM

@@ -7,7 +7,7 @@
 #include <fstream>
 
 #include "tests/policy_host/fake_server.hpp"
-#include "tests/policy_host/onnx_graph_maker.hpp"
+#include "tests/policy_host/onnx/onnx_graph_maker.hpp"
 
 namespace takt::policy_host {
 namespace {

@@ -13,7 +13,7 @@
 #include <thread>
 
 #include "monitor/dds/type_hash.hpp"
-#include "monitor/recorded_run.hpp"
+#include "monitor/record/recorded_run.hpp"
 #include "tests/process/fast_messages.hpp"
 #include "tests/process/fastdds_peer.hpp"
 #include "tests/process/running_robot.hpp"

@@ -16,7 +16,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "monitor/recorded_run.hpp"
+#include "monitor/record/recorded_run.hpp"
 #include "tests/process/running_robot.hpp"
 
 namespace takt::test {

@@ -23,7 +23,7 @@
 #include <thread>
 #include <vector>
 
-#include "monitor/recorded_run.hpp"
+#include "monitor/record/recorded_run.hpp"
 #include "tests/process/running_robot.hpp"
 
 namespace takt::test {

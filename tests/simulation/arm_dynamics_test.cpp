@@ -1,7 +1,7 @@
 // Goal: the simulated arm obeys physics.
 // Method: a pendulum against its closed form, the demo arm's gravity against the gradient of its potential energy,
 // energy that friction may only take away, stops that hold.
-#include "drivers/plant/arm_dynamics.hpp"
+#include "simulation/arm_dynamics.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "tests/drivers/plant_robots.hpp"
+#include "tests/simulation/plant_robots.hpp"
 
 namespace takt::plant {
 namespace {

@@ -1,5 +1,5 @@
 // Goal: the simulated camera delivers what it saw at the shutter, late by its delay and jitter, repeatably.
-#include "drivers/plant/camera.hpp"
+#include "simulation/camera.hpp"
 
 #include <gtest/gtest.h>
 

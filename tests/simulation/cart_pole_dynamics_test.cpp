@@ -1,7 +1,7 @@
 // Goal: the cart and its pole move as physics says. Method: energy without friction and torque; small motions against
 // the linearised equations, written down here by hand for a point in joint coordinates; a push on the cart against the
 // momentum of the whole; the stops; and what a robot file must say to get one.
-#include "drivers/plant/cart_pole_dynamics.hpp"
+#include "simulation/cart_pole_dynamics.hpp"
 
 #include <gtest/gtest.h>
 

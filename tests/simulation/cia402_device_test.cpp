@@ -1,14 +1,14 @@
 // Goal: the simulated drive keeps the device side of CANopen and CiA 402: bytes, states, refusals, watchdog.
 // Method: frames written out by hand from the standards' tables; the host's codec is not used here.
-#include "drivers/plant/cia402_device.hpp"
+#include "simulation/cia402_device.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 
-#include "drivers/plant/device_table.hpp"
-#include "tests/drivers/cia402_frames.hpp"
+#include "simulation/device_table.hpp"
+#include "tests/drivers/protocol/cia402/cia402_frames.hpp"
 
 namespace takt::plant {
 namespace {

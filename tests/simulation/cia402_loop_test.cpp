@@ -8,8 +8,8 @@
 #include <cmath>
 #include <functional>
 
-#include "drivers/plant/cia402_device.hpp"
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/protocol_table.hpp"
+#include "simulation/cia402_device.hpp"
 
 namespace takt::plant {
 namespace {

@@ -7,8 +7,8 @@
 #include <array>
 #include <memory>
 
-#include "drivers/plant/device_table.hpp"
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/protocol_table.hpp"
+#include "simulation/device_table.hpp"
 
 namespace takt::test {
 

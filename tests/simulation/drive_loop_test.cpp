@@ -2,7 +2,7 @@
 // reaches the host and is cleared by disabling, and a drive without its host stops by itself.
 // Method: one joint behind each protocol in virtual time (drive_loop.hpp), geared, reversed and offset. One row a
 // protocol.
-#include "tests/drivers/drive_loop.hpp"
+#include "tests/simulation/drive_loop.hpp"
 
 #include <cmath>
 

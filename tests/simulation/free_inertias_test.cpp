@@ -1,5 +1,5 @@
 // Goal: a drive on a flywheel moves as Newton says. Method: closed solutions of J ddq + b dq + c sign(dq) = tau.
-#include "drivers/plant/free_inertias.hpp"
+#include "simulation/free_inertias.hpp"
 
 #include <gtest/gtest.h>
 

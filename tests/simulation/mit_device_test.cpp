@@ -1,6 +1,6 @@
 // Goal: the simulated drive keeps the device side of the protocol: bytes, states, watchdog, answers that lag one frame.
 // Method: frames written out by hand from the protocol's facts; the host's codec is not used here.
-#include "drivers/plant/mit_device.hpp"
+#include "simulation/mit_device.hpp"
 
 #include <gtest/gtest.h>
 

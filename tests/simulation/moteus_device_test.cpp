@@ -1,12 +1,12 @@
 // Goal: the simulated moteus keeps the device side of the register protocol: bytes, modes, law, watchdog, faults.
 // Method: frames written out by hand from docs/protocol/can.md and registers.md; the host's codec is not used here.
-#include "drivers/plant/moteus_device.hpp"
+#include "simulation/moteus_device.hpp"
 
 #include <gtest/gtest.h>
 
 #include <random>
 
-#include "tests/drivers/frame_text.hpp"
+#include "tests/drivers/bus/frame_text.hpp"
 
 namespace takt::plant {
 namespace {

@@ -1,12 +1,12 @@
 // Goal: the simulated ODrive keeps the device side of CANSimple: bytes, states, watchdog, broadcasts.
 // Method: frames written out by hand from the protocol's facts; the host's codec is not used here.
-#include "drivers/plant/odrive_device.hpp"
+#include "simulation/odrive_device.hpp"
 
 #include <gtest/gtest.h>
 
 #include <map>
 
-#include "tests/drivers/frame_text.hpp"
+#include "tests/drivers/bus/frame_text.hpp"
 
 namespace takt::plant {
 namespace {

@@ -1,6 +1,6 @@
 // Goal: simulated time keeps up with wall time, short stalls are caught up with, long ones are skipped and counted, and
 // the wake-ups settle behind the commands. Method: wall time is a number here.
-#include "drivers/plant/pacer.hpp"
+#include "simulation/pacer.hpp"
 
 #include <gtest/gtest.h>
 

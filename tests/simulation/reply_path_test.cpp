@@ -1,6 +1,6 @@
 // Goal: each fault of a drive's connection does what it is called, and nothing else; nothing is ever reordered.
 // Method: numbered frames in virtual time; what arrives is listed with the millisecond of its arrival.
-#include "drivers/plant/reply_path.hpp"
+#include "simulation/reply_path.hpp"
 
 #include <gtest/gtest.h>
 

@@ -2,7 +2,7 @@
 // there when the host is not.
 // Method: MitDriver and RobotPlant in virtual time, frames handed over by function call; replies reach the host one
 // step later, as on the bus.
-#include "drivers/plant/robot_plant.hpp"
+#include "simulation/robot_plant.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,9 +11,9 @@
 #include <cmath>
 #include <cstring>
 
-#include "drivers/plant/arm_dynamics.hpp"
-#include "drivers/protocol_table.hpp"
-#include "tests/drivers/plant_robots.hpp"
+#include "drivers/protocol/protocol_table.hpp"
+#include "simulation/arm_dynamics.hpp"
+#include "tests/simulation/plant_robots.hpp"
 
 namespace takt::plant {
 namespace {

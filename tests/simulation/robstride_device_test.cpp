@@ -1,6 +1,6 @@
 // Goal: the simulated drive keeps the device side of the RobStride protocol: bytes, states, parameters, watchdog.
 // Method: frames written out by hand from the protocol's facts; the host's codec is not used here.
-#include "drivers/plant/robstride_device.hpp"
+#include "simulation/robstride_device.hpp"
 
 #include <gtest/gtest.h>
 

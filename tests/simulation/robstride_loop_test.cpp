@@ -6,9 +6,9 @@
 #include <array>
 #include <cmath>
 
-#include "drivers/plant/device_table.hpp"
-#include "drivers/protocol_table.hpp"
-#include "drivers/robstride_driver.hpp"
+#include "drivers/protocol/protocol_table.hpp"
+#include "drivers/protocol/robstride/robstride_driver.hpp"
+#include "simulation/device_table.hpp"
 
 namespace takt::drivers {
 namespace {

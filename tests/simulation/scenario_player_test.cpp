@@ -2,7 +2,7 @@
 // begin to its end.
 // Method: two drives on flywheels and their host drivers in virtual time, one millisecond per tick, frames handed over
 // by function call; what the host saw is read from its feedback.
-#include "drivers/plant/scenario_player.hpp"
+#include "simulation/scenario_player.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,10 +11,10 @@
 #include <utility>
 #include <vector>
 
-#include "drivers/plant/devices_file.hpp"
-#include "drivers/plant/robot_plant.hpp"
-#include "drivers/protocol_table.hpp"
-#include "tests/drivers/plant_robots.hpp"
+#include "drivers/protocol/protocol_table.hpp"
+#include "simulation/devices_file.hpp"
+#include "simulation/robot_plant.hpp"
+#include "tests/simulation/plant_robots.hpp"
 
 namespace takt::plant {
 namespace {

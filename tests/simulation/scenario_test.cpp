@@ -1,6 +1,6 @@
 // Goal: a scenario or devices file is read as written, or refused with a line that says what to mend.
 // Method: one table row per mistake with the exact complaint; every example file of config/ is loaded.
-#include "drivers/plant/scenario.hpp"
+#include "simulation/scenario.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,9 +9,9 @@
 #include <iterator>
 #include <ostream>
 
-#include "drivers/plant/devices_file.hpp"
-#include "drivers/plant/plant.hpp"
-#include "tests/drivers/plant_robots.hpp"
+#include "simulation/devices_file.hpp"
+#include "simulation/plant.hpp"
+#include "tests/simulation/plant_robots.hpp"
 
 namespace takt::plant {
 namespace {

@@ -1,6 +1,6 @@
 // Goal: samples pass as they are, or are lost, frozen or held back as a fault says. Method: a sample every 10 ms of
 // virtual time; what is delivered, and when, is compared.
-#include "drivers/plant/sensor_path.hpp"
+#include "simulation/sensor_path.hpp"
 
 #include <gtest/gtest.h>
 

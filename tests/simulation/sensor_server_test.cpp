@@ -1,5 +1,5 @@
 // Goal: a reader gets the camera's mailbox over the socket, several at once, and no other role gets anything.
-#include "drivers/plant/sensor_server.hpp"
+#include "simulation/sensor_server.hpp"
 
 #include <gtest/gtest.h>
 

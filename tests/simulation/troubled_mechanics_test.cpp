@@ -1,13 +1,13 @@
 // Goal: a push, a payload and more friction do to an arm what mechanics says, for as long as they are set.
 // Method: the demo arm falling from its home pose for 50 ms, with the trouble and without; what a force does to the
 // joints is compared with the work it does at the tool.
-#include "drivers/plant/troubled_mechanics.hpp"
+#include "simulation/troubled_mechanics.hpp"
 
 #include <gtest/gtest.h>
 
 #include <array>
 
-#include "tests/drivers/plant_robots.hpp"
+#include "tests/simulation/plant_robots.hpp"
 
 namespace takt::plant {
 namespace {

@@ -1,4 +1,4 @@
-#include "drivers/cia402_codec.hpp"
+#include "drivers/protocol/cia402/cia402_codec.hpp"
 
 namespace takt::drivers::cia402 {
 namespace {

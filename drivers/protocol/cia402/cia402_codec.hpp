@@ -19,7 +19,7 @@
 #include <span>
 
 #include "config/robot_config.hpp"
-#include "drivers/can_bus.hpp"
+#include "drivers/bus/can_bus.hpp"
 
 namespace takt::drivers::cia402 {
 

@@ -1,4 +1,4 @@
-#include "drivers/cia402_driver.hpp"
+#include "drivers/protocol/cia402/cia402_driver.hpp"
 
 #include <algorithm>
 #include <limits>

@@ -22,10 +22,10 @@
 // `budget` has no field here; see cia402_setup.hpp for the drive's own watchdog. Thread rule: as JointDriver.
 #pragma once
 
-#include "drivers/cia402_codec.hpp"
-#include "drivers/cia402_law.hpp"
-#include "drivers/cia402_setup.hpp"
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/cia402/cia402_codec.hpp"
+#include "drivers/protocol/cia402/cia402_law.hpp"
+#include "drivers/protocol/cia402/cia402_setup.hpp"
+#include "drivers/protocol/protocol_table.hpp"
 
 namespace takt::drivers {
 

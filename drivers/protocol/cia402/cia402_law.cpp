@@ -1,4 +1,4 @@
-#include "drivers/cia402_law.hpp"
+#include "drivers/protocol/cia402/cia402_law.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -17,7 +17,7 @@
 #include <cstdint>
 
 #include "config/robot_config.hpp"
-#include "drivers/joint_driver.hpp"
+#include "drivers/protocol/joint_driver.hpp"
 
 namespace takt::drivers::cia402 {
 

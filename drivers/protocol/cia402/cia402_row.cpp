@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "drivers/cia402_driver.hpp"
+#include "drivers/protocol/cia402/cia402_driver.hpp"
 
 namespace takt::drivers {
 namespace {

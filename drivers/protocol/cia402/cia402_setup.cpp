@@ -1,4 +1,4 @@
-#include "drivers/cia402_setup.hpp"
+#include "drivers/protocol/cia402/cia402_setup.hpp"
 
 #include <algorithm>
 #include <array>

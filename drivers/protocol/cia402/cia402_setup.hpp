@@ -14,8 +14,8 @@
 #include <cstdint>
 #include <optional>
 
-#include "drivers/cia402_codec.hpp"
-#include "drivers/joint_driver.hpp"
+#include "drivers/protocol/cia402/cia402_codec.hpp"
+#include "drivers/protocol/joint_driver.hpp"
 
 namespace takt::drivers::cia402 {
 

@@ -1,4 +1,4 @@
-#include "drivers/damiao_registers.hpp"
+#include "drivers/protocol/mit/damiao_registers.hpp"
 
 #include <algorithm>
 #include <array>

@@ -10,8 +10,8 @@
 #include <cstdint>
 #include <optional>
 
-#include "drivers/joint_driver.hpp"
-#include "drivers/mit_codec.hpp"
+#include "drivers/protocol/joint_driver.hpp"
+#include "drivers/protocol/mit/mit_codec.hpp"
 
 namespace takt::drivers {
 

@@ -1,4 +1,4 @@
-#include "drivers/mit_codec.hpp"
+#include "drivers/protocol/mit/mit_codec.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "drivers/mit_driver.hpp"
+#include "drivers/protocol/mit/mit_driver.hpp"
 
 #include <algorithm>
 #include <array>

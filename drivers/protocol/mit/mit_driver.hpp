@@ -17,9 +17,9 @@
 // JointDriver.
 #pragma once
 
-#include "drivers/damiao_registers.hpp"
-#include "drivers/mit_codec.hpp"
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/mit/damiao_registers.hpp"
+#include "drivers/protocol/mit/mit_codec.hpp"
+#include "drivers/protocol/protocol_table.hpp"
 
 namespace takt::drivers {
 

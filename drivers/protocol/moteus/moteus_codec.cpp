@@ -1,11 +1,11 @@
-#include "drivers/moteus_codec.hpp"
+#include "drivers/protocol/moteus/moteus_codec.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 
-#include "drivers/little_endian.hpp"
+#include "drivers/protocol/little_endian.hpp"
 
 namespace takt::drivers {
 namespace {

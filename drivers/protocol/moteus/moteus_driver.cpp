@@ -1,12 +1,12 @@
-#include "drivers/moteus_driver.hpp"
+#include "drivers/protocol/moteus/moteus_driver.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
 
-#include "drivers/impedance_torque.hpp"
-#include "drivers/little_endian.hpp"
+#include "drivers/protocol/impedance_torque.hpp"
+#include "drivers/protocol/little_endian.hpp"
 
 namespace takt::drivers {
 namespace {

@@ -24,8 +24,8 @@
 // turn), ki 0, 1/5 Mbit/s. Thread rule: as JointDriver.
 #pragma once
 
-#include "drivers/moteus_codec.hpp"
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/moteus/moteus_codec.hpp"
+#include "drivers/protocol/protocol_table.hpp"
 
 namespace takt::drivers {
 

@@ -1,9 +1,9 @@
-#include "drivers/odrive_codec.hpp"
+#include "drivers/protocol/odrive/odrive_codec.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "drivers/little_endian.hpp"
+#include "drivers/protocol/little_endian.hpp"
 
 namespace takt::drivers {
 namespace {

@@ -10,7 +10,7 @@
 #include <numbers>
 #include <optional>
 
-#include "drivers/can_bus.hpp"
+#include "drivers/bus/can_bus.hpp"
 
 namespace takt::drivers {
 

@@ -1,11 +1,11 @@
-#include "drivers/odrive_driver.hpp"
+#include "drivers/protocol/odrive/odrive_driver.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <utility>
 
-#include "drivers/impedance_torque.hpp"
+#include "drivers/protocol/impedance_torque.hpp"
 
 namespace takt::drivers {
 

@@ -24,8 +24,8 @@
 // Thread rule: as JointDriver.
 #pragma once
 
-#include "drivers/odrive_codec.hpp"
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/odrive/odrive_codec.hpp"
+#include "drivers/protocol/protocol_table.hpp"
 
 namespace takt::drivers {
 

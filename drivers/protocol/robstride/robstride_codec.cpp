@@ -1,4 +1,4 @@
-#include "drivers/robstride_codec.hpp"
+#include "drivers/protocol/robstride/robstride_codec.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -12,7 +12,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "drivers/can_bus.hpp"
+#include "drivers/bus/can_bus.hpp"
 
 namespace takt::drivers {
 

@@ -1,4 +1,4 @@
-#include "drivers/robstride_driver.hpp"
+#include "drivers/protocol/robstride/robstride_driver.hpp"
 
 #include <array>
 #include <cmath>

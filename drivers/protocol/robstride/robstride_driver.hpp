@@ -13,8 +13,8 @@
 // Before the first feedback feedback().received_at is unset and drive_state unknown. Thread rule: as JointDriver.
 #pragma once
 
-#include "drivers/protocol_table.hpp"
-#include "drivers/robstride_codec.hpp"
+#include "drivers/protocol/protocol_table.hpp"
+#include "drivers/protocol/robstride/robstride_codec.hpp"
 
 namespace takt::drivers {
 

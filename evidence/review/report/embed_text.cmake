@@ -1,7 +1,7 @@
 # cmake -DOUT=file.cpp "-DFILES=name=path;name=path" -P embed_text.cmake
 # Writes the files into a C++ source as string views of takt::monitor::assets. Files of one name are put one behind the
 # other, in order.
-set(source "#include \"monitor/report/report_assets.hpp\"\n\nnamespace takt::monitor::assets {\nnamespace {\n")
+set(source "#include \"evidence/review/report/report_assets.hpp\"\n\nnamespace takt::monitor::assets {\nnamespace {\n")
 set(names "")
 foreach(entry IN LISTS FILES)
   string(REGEX MATCH "^([^=]+)=(.+)$" matched "${entry}")

@@ -1,4 +1,4 @@
-#include "monitor/report/packed_block.hpp"
+#include "evidence/review/report/packed_block.hpp"
 
 #include <zlib.h>
 

@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "monitor/report/sample_block.hpp"
+#include "evidence/review/report/sample_block.hpp"
 
 namespace takt::monitor {
 

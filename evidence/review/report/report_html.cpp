@@ -1,11 +1,11 @@
 // report.html: page, script and charting library from the build (report_assets), data from the run. The file carries a
 // content security policy that forbids every request, so that opening it tells nobody and needs nobody.
-#include "monitor/report/report_html.hpp"
+#include "evidence/review/report/report_html.hpp"
 
-#include "monitor/report/packed_block.hpp"
-#include "monitor/report/report_assets.hpp"
-#include "monitor/report/report_text.hpp"
-#include "monitor/report/robot_figure.hpp"
+#include "evidence/review/report/packed_block.hpp"
+#include "evidence/review/report/report_assets.hpp"
+#include "evidence/review/report/report_text.hpp"
+#include "evidence/review/report/robot_figure.hpp"
 
 namespace takt::monitor {
 namespace {

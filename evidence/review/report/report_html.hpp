@@ -4,10 +4,10 @@
 #include <optional>
 #include <string>
 
-#include "monitor/fault_classifier.hpp"
-#include "monitor/report/run_comparison.hpp"
-#include "monitor/report/run_series.hpp"
-#include "monitor/run_metrics.hpp"
+#include "evidence/review/report/run_comparison.hpp"
+#include "evidence/review/report/run_series.hpp"
+#include "monitor/judge/fault_classifier.hpp"
+#include "monitor/judge/run_metrics.hpp"
 
 namespace takt::monitor {
 

@@ -1,4 +1,4 @@
-#include "monitor/report/report_text.hpp"
+#include "evidence/review/report/report_text.hpp"
 
 #include <fmt/format.h>
 

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <string>
 
-#include "monitor/run_metrics.hpp"
+#include "monitor/judge/run_metrics.hpp"
 
 namespace takt::monitor {
 

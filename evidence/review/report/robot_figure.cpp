@@ -1,4 +1,4 @@
-#include "monitor/report/robot_figure.hpp"
+#include "evidence/review/report/robot_figure.hpp"
 
 #include <algorithm>
 #include <cmath>

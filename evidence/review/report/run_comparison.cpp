@@ -1,12 +1,12 @@
-#include "monitor/report/run_comparison.hpp"
+#include "evidence/review/report/run_comparison.hpp"
 
 #include <fmt/format.h>
 
 #include <filesystem>
 #include <numeric>
 
-#include "monitor/bounded_file.hpp"
-#include "monitor/run_metrics.hpp"
+#include "monitor/judge/run_metrics.hpp"
+#include "monitor/record/bounded_file.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "monitor/recorded_run.hpp"
+#include "monitor/record/recorded_run.hpp"
 
 namespace takt::monitor {
 

@@ -1,9 +1,9 @@
-#include "monitor/report/run_series.hpp"
+#include "evidence/review/report/run_series.hpp"
 
 #include <algorithm>
 #include <cstring>
 
-#include "monitor/report/task_target.hpp"
+#include "evidence/review/report/task_target.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "monitor/fault_classifier.hpp"
-#include "monitor/report/sample_block.hpp"
-#include "monitor/run_metrics.hpp"
+#include "evidence/review/report/sample_block.hpp"
+#include "monitor/judge/fault_classifier.hpp"
+#include "monitor/judge/run_metrics.hpp"
 
 namespace takt::monitor {
 
@@ -31,7 +31,7 @@ struct RunSeries {
   std::vector<ModeBand> modes;  // the first kListedBands
 };
 
-// `truth_file`: takt-plant's record of what the simulated robot did (drivers/plant/truth_log.hpp), for the task's
+// `truth_file`: takt-plant's record of what the simulated robot did (simulation/truth_log.hpp), for the task's
 // target; empty: none. `whole_bytes` as kWholeBytes, smaller in tests.
 std::expected<RunSeries, std::string> series_of(const RecordedRun& run, const RunMetrics& metrics,
                                                 const FaultSummary& faults, const std::string& truth_file,

@@ -1,4 +1,4 @@
-#include "monitor/report/sample_block.hpp"
+#include "evidence/review/report/sample_block.hpp"
 
 #include <fmt/format.h>
 

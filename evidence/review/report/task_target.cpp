@@ -1,4 +1,4 @@
-#include "monitor/report/task_target.hpp"
+#include "evidence/review/report/task_target.hpp"
 
 #include <algorithm>
 #include <nlohmann/json.hpp>

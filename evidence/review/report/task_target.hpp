@@ -1,4 +1,4 @@
-// Where the task's target was, from the simulator's truth file (drivers/plant/truth_log.hpp): read line by line, as
+// Where the task's target was, from the simulator's truth file (simulation/truth_log.hpp): read line by line, as
 // time goes on. Lines that are none are passed over. Units: m, base frame. Errors are one sentence. Thread rule: one
 // thread.
 #pragma once

@@ -1,4 +1,4 @@
-#include "monitor/trace_review/command_chain.hpp"
+#include "evidence/review/trace/command_chain.hpp"
 
 #include <algorithm>
 

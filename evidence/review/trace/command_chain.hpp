@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "monitor/trace_review/timeline.hpp"
+#include "evidence/review/trace/timeline.hpp"
 
 namespace takt::monitor {
 

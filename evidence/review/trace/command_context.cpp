@@ -1,4 +1,4 @@
-#include "monitor/trace_review/command_context.hpp"
+#include "evidence/review/trace/command_context.hpp"
 
 #include <algorithm>
 #include <span>

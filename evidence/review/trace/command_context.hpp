@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "monitor/trace_review/review.hpp"
+#include "evidence/review/trace/review.hpp"
 
 namespace takt::monitor {
 

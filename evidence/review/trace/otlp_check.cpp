@@ -1,4 +1,4 @@
-#include "monitor/trace_review/otlp_check.hpp"
+#include "evidence/review/trace/otlp_check.hpp"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "monitor/trace_review/perfetto.hpp"
+#include "evidence/review/trace/perfetto.hpp"
 
 #include <fmt/format.h>
 

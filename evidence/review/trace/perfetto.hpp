@@ -6,7 +6,7 @@
 #include <functional>
 #include <string_view>
 
-#include "monitor/trace_review/command_chain.hpp"
+#include "evidence/review/trace/command_chain.hpp"
 
 namespace takt::monitor {
 

@@ -1,4 +1,4 @@
-#include "monitor/trace_review/record_check.hpp"
+#include "evidence/review/trace/record_check.hpp"
 
 #include <algorithm>
 #include <cstdlib>

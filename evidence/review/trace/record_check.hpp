@@ -12,7 +12,7 @@
 #include <string_view>
 #include <vector>
 
-#include "monitor/trace_review/command_chain.hpp"
+#include "evidence/review/trace/command_chain.hpp"
 
 namespace takt::monitor {
 

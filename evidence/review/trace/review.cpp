@@ -1,10 +1,10 @@
-#include "monitor/trace_review/review.hpp"
+#include "evidence/review/trace/review.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 
-#include "monitor/trace_review/command_context.hpp"
+#include "evidence/review/trace/command_context.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -10,10 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "monitor/freshness_statistics.hpp"
-#include "monitor/trace_review/command_chain.hpp"
-#include "monitor/trace_review/record_check.hpp"
-#include "monitor/trace_review/trace_reader.hpp"
+#include "evidence/review/trace/command_chain.hpp"
+#include "evidence/review/trace/record_check.hpp"
+#include "evidence/review/trace/trace_reader.hpp"
+#include "monitor/judge/freshness_statistics.hpp"
 
 namespace takt::monitor {
 

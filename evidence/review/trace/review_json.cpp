@@ -1,4 +1,4 @@
-#include "monitor/trace_review/review.hpp"
+#include "evidence/review/trace/review.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -1,6 +1,6 @@
 #include <fmt/format.h>
 
-#include "monitor/trace_review/review.hpp"
+#include "evidence/review/trace/review.hpp"
 
 namespace takt::monitor {
 namespace {

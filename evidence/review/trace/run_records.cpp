@@ -1,8 +1,8 @@
-#include "monitor/trace_review/run_records.hpp"
+#include "evidence/review/trace/run_records.hpp"
 
 #include <algorithm>
 
-#include "monitor/recorded_run.hpp"
+#include "monitor/record/recorded_run.hpp"
 
 namespace takt::monitor {
 

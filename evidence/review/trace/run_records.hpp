@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "monitor/trace_review/record_check.hpp"
+#include "evidence/review/trace/record_check.hpp"
 
 namespace takt::monitor {
 

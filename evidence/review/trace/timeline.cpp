@@ -1,4 +1,4 @@
-#include "monitor/trace_review/timeline.hpp"
+#include "evidence/review/trace/timeline.hpp"
 
 #include <algorithm>
 #include <ranges>

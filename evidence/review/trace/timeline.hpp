@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "monitor/trace_review/trace_event.hpp"
+#include "evidence/review/trace/trace_event.hpp"
 
 namespace takt::monitor {
 

@@ -1,4 +1,4 @@
-#include "monitor/trace_review/trace_event.hpp"
+#include "evidence/review/trace/trace_event.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -1,4 +1,4 @@
-#include "monitor/trace_review/trace_folders.hpp"
+#include "evidence/review/trace/trace_folders.hpp"
 
 #include <fmt/format.h>
 

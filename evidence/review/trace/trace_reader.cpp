@@ -1,4 +1,4 @@
-#include "monitor/trace_review/trace_reader.hpp"
+#include "evidence/review/trace/trace_reader.hpp"
 
 #include <babeltrace2/babeltrace.h>
 #include <fmt/format.h>
@@ -8,7 +8,7 @@
 #include <optional>
 #include <unordered_map>
 
-#include "monitor/trace_review/trace_folders.hpp"
+#include "evidence/review/trace/trace_folders.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "monitor/trace_review/trace_event.hpp"
+#include "evidence/review/trace/trace_event.hpp"
 
 namespace takt::monitor {
 

@@ -7,7 +7,7 @@
 #include <sstream>
 
 #include "tests/cli/shell.hpp"
-#include "tests/monitor/recorded_demo.hpp"
+#include "tests/monitor/record/recorded_demo.hpp"
 
 namespace takt::cli::test {
 namespace {

@@ -1,7 +1,7 @@
 // Goal: what must not be done beside an executive is refused whenever one may be there, and only then. Method: sockets
 // in a folder of their own: none, one whose server died, one whose server never answers. One that answers is in
 // bus_tools_test, an armed one in deploy_cli_test.
-#include "monitor/cli/executive_guard.hpp"
+#include "cli/robot/executive_guard.hpp"
 
 #include <gtest/gtest.h>
 

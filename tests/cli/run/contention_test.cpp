@@ -1,6 +1,6 @@
 // Goal: a load lasts until its own end and no longer, and one that ended early is told. Method: real processes that
 // sleep for absurd, distinct times, looked for in /proc.
-#include "monitor/cli/contention.hpp"
+#include "cli/run/contention.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/wait.h>

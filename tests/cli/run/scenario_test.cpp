@@ -1,5 +1,5 @@
 // Goal: --at lines mean what they say or are refused with the grammar. Method: tables.
-#include "monitor/cli/scenario.hpp"
+#include "cli/run/scenario.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // Goal: nothing moves a robot by one slip of a finger, and a stop needs one key only. Method: keys pressed by hand with
 // a clock of the test's own; what terminals send for arrows and other special keys.
-#include "monitor/top/keys.hpp"
+#include "cli/top/keys.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,14 +1,14 @@
 // Goal: what the view shows is what the rings said, and what the clock makes of it. Method: a virtual robot whose
 // policy stalls is read through its real rings; its stages, rates and frames are known exactly.
-#include "monitor/top/live_view.hpp"
+#include "cli/top/live_view.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
-#include "drivers/bus_load.hpp"
-#include "monitor/record_stream.hpp"
-#include "tests/monitor/virtual_robot.hpp"
+#include "drivers/protocol/bus_load.hpp"
+#include "monitor/record/record_stream.hpp"
+#include "tests/monitor/record/virtual_robot.hpp"
 
 namespace takt::monitor::top {
 namespace {

@@ -1,11 +1,11 @@
 // Goal: a script finds every number of the screen under a stable name. Method: the sample picture, field by field.
-#include "monitor/top/picture_json.hpp"
+#include "cli/top/picture_json.hpp"
 
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 
-#include "tests/monitor/top/sample_picture.hpp"
+#include "tests/cli/top/sample_picture.hpp"
 
 namespace takt::monitor::top {
 namespace {

@@ -1,6 +1,6 @@
 // Goal: a rate is what came in the last ten whole bins, whatever the order within them. Method: steady, late, stopped
 // and resumed arrivals with known counts.
-#include "monitor/top/rate_meter.hpp"
+#include "cli/top/rate_meter.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "tests/monitor/top/sample_picture.hpp"
+#include "tests/cli/top/sample_picture.hpp"
 
 #include <fmt/format.h>
 

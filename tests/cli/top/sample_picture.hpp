@@ -1,7 +1,7 @@
 // A picture with something in every field, made by hand.
 #pragma once
 
-#include "monitor/top/picture.hpp"
+#include "cli/top/picture.hpp"
 
 namespace takt::monitor::top {
 

@@ -1,5 +1,5 @@
 // Goal: widths are counted in cells, not bytes, and clipping never cuts a character. Method: multi-byte glyphs.
-#include "monitor/top/screen_line.hpp"
+#include "cli/top/screen_line.hpp"
 
 #include <gtest/gtest.h>
 

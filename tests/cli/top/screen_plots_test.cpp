@@ -1,6 +1,6 @@
 // Goal: the drawings say what the slices say: which mode, whether the limit was passed, which part is how long. Method:
 // slices and parts with known outlines, compared as text.
-#include "monitor/top/screen_plots.hpp"
+#include "cli/top/screen_plots.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 // Goal: the screen fits every terminal and says everything that matters at 80 x 24, twelve joints and four buses
 // included. Method: whole screens against files (written anew by TAKT_WRITE_SCREENS=1, then read by a person); a
 // property over arbitrary sizes and robots; what must stand out, by its style.
-#include "monitor/top/screen.hpp"
+#include "cli/top/screen.hpp"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
@@ -10,7 +10,7 @@
 #include <fstream>
 #include <iterator>
 
-#include "tests/monitor/top/sample_picture.hpp"
+#include "tests/cli/top/sample_picture.hpp"
 
 namespace takt::monitor::top {
 namespace {
@@ -26,7 +26,7 @@ std::string text_of(const std::vector<Line>& lines) {
 }
 
 void expect_screen(const std::string& name, const std::vector<Line>& lines) {
-  const std::string path = "tests/monitor/top/screens/" + name + ".txt";
+  const std::string path = "tests/cli/top/screens/" + name + ".txt";
   if (std::getenv("TAKT_WRITE_SCREENS") != nullptr) std::ofstream(path) << text_of(lines);
   std::ifstream file(path);
   const std::string golden{std::istreambuf_iterator<char>(file), {}};

@@ -1,5 +1,5 @@
 // Goal: every frame survives the way to the kernel's layout and into the run's record, and no other frame does.
-#include "drivers/can_frame.hpp"
+#include "drivers/bus/can_frame.hpp"
 
 #include <gtest/gtest.h>
 

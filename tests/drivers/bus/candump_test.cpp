@@ -1,5 +1,5 @@
 // Goal: our logs are can-utils' logs: every frame we write, we and python-can read back; nothing malformed is accepted.
-#include "drivers/candump.hpp"
+#include "drivers/bus/candump.hpp"
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
@@ -11,7 +11,7 @@
 #include <fstream>
 #include <memory>
 
-#include "drivers/can_frame.hpp"
+#include "drivers/bus/can_frame.hpp"
 
 namespace takt::drivers {
 namespace {

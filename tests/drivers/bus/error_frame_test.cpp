@@ -1,6 +1,6 @@
 // Goal: each error class and each errno has the one reaction that the header names.
 // Expectations: bit values of linux/can/error.h, written out.
-#include "drivers/error_frame.hpp"
+#include "drivers/bus/error_frame.hpp"
 
 #include <gtest/gtest.h>
 

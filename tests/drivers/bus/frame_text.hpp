@@ -9,7 +9,7 @@
 #include <string>
 #include <string_view>
 
-#include "drivers/can_bus.hpp"
+#include "drivers/bus/can_bus.hpp"
 
 namespace takt::test {
 

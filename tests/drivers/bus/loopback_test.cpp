@@ -11,9 +11,9 @@
 #include <filesystem>
 #include <thread>
 
-#include "drivers/loopback_bus.hpp"
-#include "drivers/loopback_hub.hpp"
-#include "drivers/loopback_socket.hpp"
+#include "drivers/bus/loopback_bus.hpp"
+#include "drivers/bus/loopback_hub.hpp"
+#include "drivers/bus/loopback_socket.hpp"
 
 namespace takt::drivers {
 namespace {

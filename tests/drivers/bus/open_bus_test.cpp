@@ -1,12 +1,12 @@
 // Goal: a configured bus opens where it should, says where, and refuses with one sentence otherwise.
-#include "drivers/open_bus.hpp"
+#include "drivers/bus/open_bus.hpp"
 
 #include <gtest/gtest.h>
 
 #include <filesystem>
 
 #include "config/paths.hpp"
-#include "drivers/loopback_hub.hpp"
+#include "drivers/bus/loopback_hub.hpp"
 
 namespace takt::drivers {
 namespace {

@@ -1,6 +1,6 @@
 // Goal: kernel stamps land on CLOCK_MONOTONIC, and impossible ones become "now".
 // Method: control messages are laid out by hand in the form recvmsg(2) describes.
-#include "drivers/receive_stamp.hpp"
+#include "drivers/bus/receive_stamp.hpp"
 
 #include <gtest/gtest.h>
 

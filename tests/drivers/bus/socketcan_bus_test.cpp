@@ -1,7 +1,7 @@
 // Goal: the SocketCAN bus reads and writes frames, keeps health, and refuses to open what is not there.
 // Method: a socket pair stands in for the raw socket (one message is one frame there too); what only a kernel with
 // CAN could show, the options and filters, is not tested here.
-#include "drivers/socketcan_bus.hpp"
+#include "drivers/bus/socketcan_bus.hpp"
 
 #include <gtest/gtest.h>
 #include <linux/can.h>

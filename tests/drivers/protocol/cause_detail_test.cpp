@@ -1,5 +1,5 @@
 // Goal: a cause comes with the joint or bus it is about. Method: records made by hand, sentences compared whole.
-#include "drivers/cause_detail.hpp"
+#include "drivers/protocol/cause_detail.hpp"
 
 #include <gtest/gtest.h>
 

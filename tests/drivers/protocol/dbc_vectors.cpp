@@ -3,8 +3,8 @@
 #include <cstdio>
 #include <string>
 
-#include "drivers/cia402_codec.hpp"
-#include "drivers/odrive_codec.hpp"
+#include "drivers/protocol/cia402/cia402_codec.hpp"
+#include "drivers/protocol/odrive/odrive_codec.hpp"
 
 namespace {
 

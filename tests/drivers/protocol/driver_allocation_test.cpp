@@ -8,7 +8,7 @@
 #include <random>
 
 #include "config/load.hpp"
-#include "tests/drivers/every_driver.hpp"
+#include "tests/drivers/protocol/every_driver.hpp"
 
 namespace {
 long g_allocations = 0;

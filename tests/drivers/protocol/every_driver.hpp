@@ -12,8 +12,8 @@
 
 #include "config/drive_ids.hpp"
 #include "config/robot_config.hpp"
-#include "drivers/can_frame.hpp"
-#include "drivers/protocol_table.hpp"
+#include "drivers/bus/can_frame.hpp"
+#include "drivers/protocol/protocol_table.hpp"
 
 namespace takt::drivers::test {
 

@@ -1,7 +1,7 @@
 // Goal: whatever arrives on the bus and whatever is asked of it, a driver of any protocol survives, reports numbers,
 // and sends legal frames with its own drive's ids only. Method: a million random frames per driver, with random
 // setpoints (infinities and NaN among them) in between; seeded. The fuzzer of tests/fuzz looks where this does not.
-#include "tests/drivers/every_driver.hpp"
+#include "tests/drivers/protocol/every_driver.hpp"
 
 #include <gtest/gtest.h>
 

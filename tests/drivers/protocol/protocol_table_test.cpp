@@ -1,5 +1,5 @@
 // Goal: a joint's configuration becomes a driver, or one sentence that names the joint.
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/protocol_table.hpp"
 
 #include <gtest/gtest.h>
 

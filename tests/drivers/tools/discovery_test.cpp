@@ -1,14 +1,14 @@
 // Goal: a scan finds every drive of a mixed robot by number and protocol, invents none, and the zero frame moves a
 // drive's zero. Method: the questions are handed to the simulated drives, their answers to the scan.
-#include "drivers/discovery.hpp"
+#include "drivers/tools/discovery.hpp"
 
 #include <gtest/gtest.h>
 
 #include <array>
 
 #include "config/load.hpp"
-#include "drivers/plant/device_table.hpp"
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/protocol_table.hpp"
+#include "simulation/device_table.hpp"
 
 namespace takt::drivers {
 namespace {

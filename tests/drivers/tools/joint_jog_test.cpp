@@ -1,16 +1,16 @@
 // Goal: a jog moves its joint as far as asked and back into the disabled state, never pulls harder than told, and ends
 // with a reason when the drive is not there, does not enable, faults or falls silent. Method: host driver and simulated
 // drive on a free inertia in virtual time.
-#include "drivers/joint_jog.hpp"
+#include "drivers/tools/joint_jog.hpp"
 
 #include <gtest/gtest.h>
 
 #include <array>
 #include <cmath>
 
-#include "drivers/plant/device_table.hpp"
-#include "drivers/protocol_table.hpp"
-#include "tests/drivers/plant_robots.hpp"
+#include "drivers/protocol/protocol_table.hpp"
+#include "simulation/device_table.hpp"
+#include "tests/simulation/plant_robots.hpp"
 
 namespace takt::drivers {
 namespace {

@@ -1,17 +1,17 @@
 // Goal: an artifact holds exactly the rows that its manifest stands for, through crashes and against mixtures.
 // Method: artifacts written, cut at every byte of a row, resumed; rows and manifests altered by hand.
-#include "monitor/panel/artifact.hpp"
+#include "evidence/artifact/artifact.hpp"
 
 #include <gtest/gtest.h>
 
 #include <filesystem>
 
 #include "config/load.hpp"
-#include "monitor/bounded_file.hpp"
-#include "monitor/panel/rollout_json.hpp"
-#include "tests/monitor/temporary_folder.hpp"
-#include "tests/panel/sample_artifact.hpp"
-#include "tests/panel/sample_rows.hpp"
+#include "evidence/artifact/rollout_json.hpp"
+#include "monitor/record/bounded_file.hpp"
+#include "tests/evidence/artifact/sample_artifact.hpp"
+#include "tests/evidence/artifact/sample_rows.hpp"
+#include "tests/monitor/record/temporary_folder.hpp"
 
 namespace takt::panel {
 namespace {

@@ -1,11 +1,11 @@
 // Goal: the confusion matrix counts every rollout once, under what was planted and what was said, and a false alarm in
 // a nominal rollout shows. Method: rows by hand; the matrix, its figures, its file.
-#include "monitor/panel/confusion.hpp"
+#include "evidence/artifact/confusion.hpp"
 
 #include <gtest/gtest.h>
 
-#include "monitor/panel/perturbation.hpp"
-#include "tests/panel/sample_rows.hpp"
+#include "evidence/rollout/perturbation.hpp"
+#include "tests/evidence/artifact/sample_rows.hpp"
 
 namespace takt::panel {
 namespace {

@@ -3,8 +3,8 @@
 #include <cstdio>
 #include <exception>
 
-#include "tests/panel/sample_artifact.hpp"
-#include "tests/panel/sample_rows.hpp"
+#include "tests/evidence/artifact/sample_artifact.hpp"
+#include "tests/evidence/artifact/sample_rows.hpp"
 
 int main(int argc, char** argv) {
   using namespace takt::panel;

@@ -6,10 +6,10 @@
 #include <limits>
 #include <set>
 
-#include "monitor/bounded_file.hpp"
-#include "monitor/panel/rollout_fields.hpp"
-#include "monitor/panel/rollout_json.hpp"
-#include "tests/panel/sample_rows.hpp"
+#include "evidence/artifact/rollout_fields.hpp"
+#include "evidence/artifact/rollout_json.hpp"
+#include "monitor/record/bounded_file.hpp"
+#include "tests/evidence/artifact/sample_rows.hpp"
 
 namespace takt::panel {
 namespace {
@@ -185,7 +185,7 @@ TEST(RolloutRow, ValuesOutsideTheirRangeOrFormatAreRefused) {
 // The committed schema is what the table says. When this fails after a change of the table: bump kRolloutSchema if
 // old rows no longer read, then write rollout_schema() to the file (TAKT_WRITE_SCHEMA=1 does it).
 TEST(RolloutSchema, CommittedFileMatchesTheTable) {
-  const std::string path = "monitor/panel/rollout.schema.json";
+  const std::string path = "evidence/artifact/rollout.schema.json";
   if (std::getenv("TAKT_WRITE_SCHEMA") != nullptr) {
     ASSERT_TRUE(monitor::replace_file(path, rollout_schema()));
   }

@@ -1,9 +1,9 @@
-#include "tests/panel/sample_artifact.hpp"
+#include "tests/evidence/artifact/sample_artifact.hpp"
 
 #include <numeric>
 #include <stdexcept>
 
-#include "tests/panel/sample_rows.hpp"
+#include "tests/evidence/artifact/sample_rows.hpp"
 
 namespace takt::panel {
 namespace {

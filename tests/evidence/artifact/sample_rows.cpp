@@ -1,4 +1,4 @@
-#include "tests/panel/sample_rows.hpp"
+#include "tests/evidence/artifact/sample_rows.hpp"
 
 #include "config/load.hpp"
 

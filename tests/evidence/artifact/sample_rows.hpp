@@ -1,7 +1,7 @@
 // Rows for tests: valid, with a value of its own in every field.
 #pragma once
 
-#include "monitor/panel/rollout_row.hpp"
+#include "evidence/artifact/rollout_row.hpp"
 
 namespace takt::panel {
 

@@ -1,18 +1,18 @@
 // Goal: an artifact counts as audit-ready only when nothing that a sceptic asks for is missing.
 // Method: a whole artifact with completed post-mortems is ready; then one thing at a time is taken away.
-#include "monitor/panel/audit.hpp"
+#include "evidence/judge/audit.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <filesystem>
 
-#include "monitor/bounded_file.hpp"
-#include "monitor/panel/post_mortem.hpp"
-#include "tests/monitor/recorded_demo.hpp"
-#include "tests/monitor/temporary_folder.hpp"
-#include "tests/panel/sample_artifact.hpp"
-#include "tests/panel/sample_rows.hpp"
+#include "evidence/judge/post_mortem.hpp"
+#include "monitor/record/bounded_file.hpp"
+#include "tests/evidence/artifact/sample_artifact.hpp"
+#include "tests/evidence/artifact/sample_rows.hpp"
+#include "tests/monitor/record/recorded_demo.hpp"
+#include "tests/monitor/record/temporary_folder.hpp"
 
 namespace takt::panel {
 namespace {

@@ -1,16 +1,16 @@
 // Goal: methods are compared pair by pair with the right numbers, and mixtures are refused with their reason.
 // Method: artifacts whose differences are known by hand; then one planted difference at a time.
-#include "monitor/panel/compare.hpp"
+#include "evidence/judge/compare.hpp"
 
 #include <gtest/gtest.h>
 
 #include <array>
 
 #include "config/load.hpp"
-#include "monitor/panel/merge.hpp"
-#include "tests/monitor/temporary_folder.hpp"
-#include "tests/panel/sample_artifact.hpp"
-#include "tests/panel/sample_rows.hpp"
+#include "evidence/artifact/merge.hpp"
+#include "tests/evidence/artifact/sample_artifact.hpp"
+#include "tests/evidence/artifact/sample_rows.hpp"
+#include "tests/monitor/record/temporary_folder.hpp"
 
 namespace takt::panel {
 namespace {

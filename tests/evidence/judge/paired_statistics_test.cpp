@@ -1,7 +1,7 @@
 // Goal: differences between methods come with the right probability and an interval that covers as often as it says.
 // Method: McNemar against values worked by hand from the binomial; the bootstrap against cases with a known answer, and
 // its coverage over a thousand seeded synthetic panels.
-#include "monitor/panel/paired_statistics.hpp"
+#include "evidence/judge/paired_statistics.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,14 +1,14 @@
 // Goal: a panel file means what it says, or is refused with the place and the remedy; a method's overrides reach the
 // robot. Method: a small panel, broken in one place at a time; the committed panels.
-#include "monitor/panel/panel_file.hpp"
+#include "evidence/panel/panel_file.hpp"
 
 #include <gtest/gtest.h>
 
 #include <filesystem>
 #include <fstream>
 
-#include "monitor/panel/panel_plan.hpp"
-#include "tests/monitor/temporary_folder.hpp"
+#include "evidence/panel/panel_plan.hpp"
+#include "tests/monitor/record/temporary_folder.hpp"
 
 namespace takt::panel {
 namespace {

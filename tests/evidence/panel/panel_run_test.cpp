@@ -2,13 +2,13 @@
 // worker's error ends the run with its sentence. Method: the smoke panel, shortened, run whole.
 #include <gtest/gtest.h>
 
-#include "monitor/bounded_file.hpp"
-#include "monitor/panel/artifact.hpp"
-#include "monitor/panel/panel_plan.hpp"
-#include "monitor/panel/panel_table.hpp"
-#include "monitor/panel/rollout_json.hpp"
-#include "monitor/panel/worker_pool.hpp"
-#include "tests/monitor/temporary_folder.hpp"
+#include "evidence/artifact/artifact.hpp"
+#include "evidence/artifact/rollout_json.hpp"
+#include "evidence/panel/panel_plan.hpp"
+#include "evidence/panel/panel_table.hpp"
+#include "evidence/panel/worker_pool.hpp"
+#include "monitor/record/bounded_file.hpp"
+#include "tests/monitor/record/temporary_folder.hpp"
 
 namespace takt::panel {
 namespace {

@@ -1,14 +1,14 @@
 // Goal: a recorded run reproduces bit for bit, and nothing that was changed in it goes unnoticed or unnamed.
 // Method: a run recorded in virtual time, replayed as it is, from the middle, with ticks missing, and with one bit of
 // one field flipped, for fields the decision depends on and fields it does not.
-#include "monitor/replay.hpp"
+#include "evidence/review/replay.hpp"
 
 #include <gtest/gtest.h>
 
 #include <bit>
 
-#include "tests/monitor/recorded_demo.hpp"
-#include "tests/monitor/temporary_folder.hpp"
+#include "tests/monitor/record/recorded_demo.hpp"
+#include "tests/monitor/record/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -6,7 +6,7 @@
 #include <string_view>
 
 #include "config/load.hpp"
-#include "monitor/panel/rollout.hpp"
+#include "evidence/rollout/rollout.hpp"
 #include "policy_host/onnx_policy.hpp"
 
 namespace takt::panel::test {

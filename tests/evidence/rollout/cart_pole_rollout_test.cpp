@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 #include "config/load.hpp"
-#include "monitor/panel/rollout.hpp"
+#include "evidence/rollout/rollout.hpp"
 #include "policy_host/onnx_policy.hpp"
 
 namespace takt::panel {

@@ -7,9 +7,9 @@
 #include <cstdio>
 #include <map>
 
-#include "monitor/fault_classifier.hpp"
-#include "monitor/panel/confusion.hpp"
-#include "tests/panel/arm_rollouts.hpp"
+#include "evidence/artifact/confusion.hpp"
+#include "monitor/judge/fault_classifier.hpp"
+#include "tests/evidence/rollout/arm_rollouts.hpp"
 
 namespace takt::panel {
 namespace {

@@ -1,7 +1,7 @@
 // Goal: a panel's operator ends every stop the same way: no sooner than the panel says, never while something else
 // still blocks arming, and the row tells. Method: the demo arm in virtual time with a dead policy, requests read from
 // its tick records.
-#include "monitor/panel/operator.hpp"
+#include "evidence/rollout/operator.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "executive/pipeline/freshness.hpp"
-#include "tests/panel/arm_rollouts.hpp"
+#include "tests/evidence/rollout/arm_rollouts.hpp"
 
 namespace takt::panel {
 namespace {

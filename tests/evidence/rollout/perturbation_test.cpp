@@ -1,6 +1,6 @@
 // Goal: each perturbation does what its row of the table says, inside its window and nowhere else. Method: the demo
 // arm's rollout with the moderate dose beside the nominal one of the same seed; records and rows are compared.
-#include "monitor/panel/perturbation.hpp"
+#include "evidence/rollout/perturbation.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <cstring>
 #include <vector>
 
-#include "tests/panel/arm_rollouts.hpp"
+#include "tests/evidence/rollout/arm_rollouts.hpp"
 
 namespace takt::panel {
 namespace {

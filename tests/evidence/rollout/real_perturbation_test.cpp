@@ -1,17 +1,17 @@
 // Goal: what a perturbation becomes with real processes is understood by the programs that are told, names the right
 // victim at the right time, and is drawn from the seed; what has no mechanism says so. Method: every kind at its
 // moderate dose, through the readers of `takt run --at`, of the simulator's scenarios and of the policy host's faults.
-#include "monitor/panel/real_perturbation.hpp"
+#include "evidence/rollout/real_perturbation.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
+#include "cli/run/scenario.hpp"
 #include "config/load.hpp"
-#include "drivers/plant/scenario.hpp"
-#include "monitor/cli/scenario.hpp"
-#include "monitor/panel/troubled_dynamics.hpp"
+#include "evidence/rollout/troubled_dynamics.hpp"
 #include "policy_host/host_faults.hpp"
+#include "simulation/scenario.hpp"
 
 namespace takt::panel {
 namespace {

@@ -2,7 +2,7 @@
 // demo arm succeeds when nothing troubles it. Method: rollouts of the demo arm in virtual time, judged by their rows.
 #include <gtest/gtest.h>
 
-#include "tests/panel/arm_rollouts.hpp"
+#include "tests/evidence/rollout/arm_rollouts.hpp"
 
 namespace takt::panel {
 namespace {

@@ -1,6 +1,6 @@
 // Goal: the age that the task tolerates is found, the proposal follows its rule, and neither depends on the number of
 // workers. Method: the demo arm's rollouts, short and few, with a success rate that few can show.
-#include "monitor/margin/age_tolerance.hpp"
+#include "evidence/study/age_tolerance.hpp"
 
 #include <gtest/gtest.h>
 

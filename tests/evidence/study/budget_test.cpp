@@ -1,6 +1,6 @@
 // Goal: the budget's arithmetic is right, above all for the figure it comes from, and what is drawn says the same and
 // keeps to its columns. Method: stages whose sums are known; robot file and recorded demo for the sources.
-#include "monitor/budget/budget.hpp"
+#include "evidence/study/budget.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,9 +8,9 @@
 #include <sstream>
 
 #include "config/load.hpp"
-#include "monitor/budget/budget_sources.hpp"
-#include "tests/monitor/recorded_demo.hpp"
-#include "tests/monitor/temporary_folder.hpp"
+#include "evidence/study/budget_sources.hpp"
+#include "tests/monitor/record/recorded_demo.hpp"
+#include "tests/monitor/record/temporary_folder.hpp"
 
 namespace takt::budget {
 namespace {

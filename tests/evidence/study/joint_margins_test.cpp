@@ -1,7 +1,7 @@
 // Goal: the margins that are computed are those of the loop that runs, for every joint and drive protocol, and a loop
 // that runs otherwise than computed is noticed. Method: the demo robots hold their home pose in virtual time; then one
 // whose torques come later than the computation knows.
-#include "monitor/margin/joint_margins.hpp"
+#include "evidence/study/joint_margins.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "config/load.hpp"
-#include "monitor/margin/injected_sine.hpp"
+#include "evidence/study/injected_sine.hpp"
 
 namespace takt::margin {
 namespace {

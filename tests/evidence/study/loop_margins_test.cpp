@@ -1,7 +1,7 @@
 // Goal: the search finds the margins that a textbook loop has in closed form, and the sine fit finds a known sine.
 // Method: a double integrator under proportional and derivative gain behind a dead time, whose crossovers can be solved
 // for by hand; the same for a loop without a margin to find.
-#include "monitor/margin/loop_margins.hpp"
+#include "evidence/study/loop_margins.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,8 +9,8 @@
 #include <numbers>
 #include <vector>
 
-#include "monitor/margin/injected_sine.hpp"
-#include "monitor/margin/linear_plant.hpp"
+#include "evidence/study/injected_sine.hpp"
+#include "evidence/study/linear_plant.hpp"
 
 namespace takt::margin {
 namespace {

@@ -1,5 +1,5 @@
 // Goal: what `takt margin` shows is what was found, disagreement included, within 80 columns. Method: made-up margins.
-#include "monitor/margin/margin_report.hpp"
+#include "evidence/study/margin_report.hpp"
 
 #include <gtest/gtest.h>
 

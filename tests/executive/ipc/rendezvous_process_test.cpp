@@ -8,7 +8,7 @@
 #include <cstring>
 #include <stdexcept>
 
-#include "tests/ipc/rendezvous_server_thread.hpp"
+#include "tests/executive/ipc/rendezvous_server_thread.hpp"
 
 namespace takt::ipc {
 namespace {

@@ -16,7 +16,7 @@
 #include "executive/contract/contract_layout.hpp"
 #include "executive/ipc/segment.hpp"
 #include "executive/ipc/unix_socket.hpp"
-#include "tests/ipc/rendezvous_server_thread.hpp"
+#include "tests/executive/ipc/rendezvous_server_thread.hpp"
 
 namespace takt::ipc {
 namespace {

@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "executive/ipc/slot_ring.hpp"
-#include "tests/ipc/ring_memory.hpp"
+#include "tests/executive/ipc/ring_memory.hpp"
 
 namespace takt::ipc {
 namespace {

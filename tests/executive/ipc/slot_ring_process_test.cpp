@@ -11,7 +11,7 @@
 
 #include "executive/ipc/ring_layout.hpp"
 #include "executive/ipc/slot_ring.hpp"
-#include "tests/ipc/ring_memory.hpp"
+#include "tests/executive/ipc/ring_memory.hpp"
 
 namespace takt::ipc {
 namespace {

@@ -9,8 +9,8 @@
 
 #include "executive/ipc/ring_layout.hpp"
 #include "executive/ipc/slot_ring.hpp"
-#include "tests/ipc/ring_memory.hpp"
-#include "tests/ipc/stepped_process.hpp"
+#include "tests/executive/ipc/ring_memory.hpp"
+#include "tests/executive/ipc/stepped_process.hpp"
 
 namespace takt::ipc {
 namespace {

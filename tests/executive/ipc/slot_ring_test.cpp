@@ -14,7 +14,7 @@
 
 #include "executive/contract/layout.hpp"
 #include "executive/ipc/ring_layout.hpp"
-#include "tests/ipc/ring_memory.hpp"
+#include "tests/executive/ipc/ring_memory.hpp"
 
 namespace takt::ipc {
 namespace {

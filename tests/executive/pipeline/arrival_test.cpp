@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "tests/pipeline/rig.hpp"
+#include "tests/executive/pipeline/rig.hpp"
 
 namespace takt::pipeline {
 namespace {

@@ -12,7 +12,7 @@
 #include <random>
 #include <vector>
 
-#include "tests/pipeline/rig.hpp"
+#include "tests/executive/pipeline/rig.hpp"
 
 namespace takt::pipeline {
 namespace {

@@ -7,7 +7,7 @@
 #include <array>
 #include <memory>
 
-#include "tests/pipeline/rig.hpp"
+#include "tests/executive/pipeline/rig.hpp"
 
 namespace takt::pipeline {
 namespace {

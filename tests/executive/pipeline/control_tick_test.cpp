@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "executive/pipeline/mode_machine.hpp"
-#include "tests/pipeline/rig.hpp"
+#include "tests/executive/pipeline/rig.hpp"
 
 namespace takt::pipeline {
 namespace {

@@ -18,7 +18,7 @@
 #include <random>
 #include <string>
 
-#include "tests/pipeline/rig.hpp"
+#include "tests/executive/pipeline/rig.hpp"
 
 namespace takt::pipeline {
 namespace {

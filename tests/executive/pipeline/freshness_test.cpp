@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/pipeline/rig.hpp"
+#include "tests/executive/pipeline/rig.hpp"
 
 namespace takt::pipeline {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "executive/ipc/executive_segments.hpp"
 #include "executive/pipeline/tick_state.hpp"
-#include "tests/pipeline/rig.hpp"
+#include "tests/executive/pipeline/rig.hpp"
 
 namespace takt::pipeline {
 namespace {

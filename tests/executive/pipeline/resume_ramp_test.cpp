@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "executive/pipeline/control_tick.hpp"
-#include "tests/pipeline/rig.hpp"
+#include "tests/executive/pipeline/rig.hpp"
 
 namespace takt::pipeline {
 namespace {

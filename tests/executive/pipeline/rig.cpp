@@ -1,4 +1,4 @@
-#include "tests/pipeline/rig.hpp"
+#include "tests/executive/pipeline/rig.hpp"
 
 #include <algorithm>
 

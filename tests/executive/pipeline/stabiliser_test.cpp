@@ -10,7 +10,7 @@
 #include <random>
 
 #include "executive/pipeline/envelope.hpp"
-#include "tests/pipeline/rig.hpp"
+#include "tests/executive/pipeline/rig.hpp"
 
 namespace takt::pipeline {
 namespace {

@@ -9,7 +9,7 @@
 #include <cstring>
 
 #include "executive/pipeline/reference_limits.hpp"
-#include "tests/pipeline/rig.hpp"
+#include "tests/executive/pipeline/rig.hpp"
 
 namespace takt::pipeline {
 namespace {

@@ -7,12 +7,12 @@
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
-#include "drivers/loopback_bus.hpp"
-#include "drivers/loopback_hub.hpp"
-#include "drivers/open_bus.hpp"
+#include "drivers/bus/loopback_bus.hpp"
+#include "drivers/bus/loopback_hub.hpp"
+#include "drivers/bus/open_bus.hpp"
 #include "executive/pipeline/mode_machine.hpp"
 #include "executive/runtime/open_edge.hpp"
-#include "tests/runtime/loop_rig.hpp"
+#include "tests/executive/runtime/loop_rig.hpp"
 
 namespace takt::runtime::test {
 namespace {

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "tests/runtime/loop_rig.hpp"
+#include "tests/executive/runtime/loop_rig.hpp"
 
 namespace takt::runtime::test {
 namespace {

@@ -1,4 +1,4 @@
-#include "tests/runtime/executive_process.hpp"
+#include "tests/executive/runtime/executive_process.hpp"
 
 #include <fcntl.h>
 #include <linux/capability.h>

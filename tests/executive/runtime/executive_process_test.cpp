@@ -1,6 +1,6 @@
 // Goal: takt-executive as a process: what it refuses and with which exit code, what it leaves behind, what the service
 // manager hears, how it ends. Method: the real program on loopback buses, the drives simulated in this process.
-#include "tests/runtime/executive_process.hpp"
+#include "tests/executive/runtime/executive_process.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -16,8 +16,8 @@
 #include "config/load.hpp"
 #include "executive/ipc/rendezvous.hpp"
 #include "executive/runtime/service_manager.hpp"
-#include "tests/runtime/holding_policy.hpp"
-#include "tests/runtime/simulated_drives.hpp"
+#include "tests/executive/runtime/holding_policy.hpp"
+#include "tests/executive/runtime/simulated_drives.hpp"
 
 namespace takt::runtime::test {
 namespace {

@@ -9,7 +9,7 @@
 #include "executive/ipc/executive_segments.hpp"
 #include "executive/ipc/segment.hpp"
 #include "executive/ipc/slot_ring.hpp"
-#include "tests/runtime/prompt_thread.hpp"
+#include "tests/executive/runtime/prompt_thread.hpp"
 
 namespace takt::runtime::test {
 

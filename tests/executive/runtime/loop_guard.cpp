@@ -1,4 +1,4 @@
-#include "tests/runtime/loop_guard.hpp"
+#include "tests/executive/runtime/loop_guard.hpp"
 
 #include <dlfcn.h>
 #include <linux/filter.h>

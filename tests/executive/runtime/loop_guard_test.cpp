@@ -2,7 +2,7 @@
 // makes only the system calls that declared_syscalls.hpp lists. Method: the real loop, real drivers and real loopback
 // buses, a policy that is played, a robot that is armed, all in a child process under the guard; then the same with one
 // violation of each kind planted in the bus port, which the guard must name.
-#include "tests/runtime/loop_guard.hpp"
+#include "tests/executive/runtime/loop_guard.hpp"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -16,13 +16,13 @@
 #include <mutex>
 
 #include "config/load.hpp"
-#include "config/tick_config_of.hpp"
-#include "drivers/open_bus.hpp"
-#include "drivers/protocol_table.hpp"
+#include "drivers/bus/open_bus.hpp"
+#include "drivers/protocol/protocol_table.hpp"
 #include "executive/runtime/cyclic_loop.hpp"
 #include "executive/runtime/declared_syscalls.hpp"
-#include "tests/runtime/holding_policy.hpp"
-#include "tests/runtime/simulated_drives.hpp"
+#include "executive/setup/tick_config_of.hpp"
+#include "tests/executive/runtime/holding_policy.hpp"
+#include "tests/executive/runtime/simulated_drives.hpp"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define TAKT_SANITIZED 1

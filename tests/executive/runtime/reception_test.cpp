@@ -9,11 +9,11 @@
 #include <thread>
 
 #include "config/load.hpp"
-#include "config/tick_config_of.hpp"
 #include "executive/runtime/control_thread.hpp"
 #include "executive/runtime/open_edge.hpp"
-#include "tests/runtime/holding_policy.hpp"
-#include "tests/runtime/simulated_drives.hpp"
+#include "executive/setup/tick_config_of.hpp"
+#include "tests/executive/runtime/holding_policy.hpp"
+#include "tests/executive/runtime/simulated_drives.hpp"
 
 namespace takt::runtime::test {
 namespace {

@@ -14,7 +14,7 @@
 #include <thread>
 
 #include "config/load.hpp"
-#include "tests/runtime/loop_rig.hpp"
+#include "tests/executive/runtime/loop_rig.hpp"
 
 namespace takt::runtime::test {
 namespace {

@@ -13,9 +13,9 @@
 
 #include "config/paths.hpp"
 #include "config/robot_config.hpp"
-#include "drivers/loopback_hub.hpp"
-#include "drivers/open_bus.hpp"
-#include "tests/runtime/prompt_thread.hpp"
+#include "drivers/bus/loopback_hub.hpp"
+#include "drivers/bus/open_bus.hpp"
+#include "tests/executive/runtime/prompt_thread.hpp"
 
 namespace takt::runtime::test {
 

@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/runtime/loop_rig.hpp"
+#include "tests/executive/runtime/loop_rig.hpp"
 
 namespace takt::runtime::test {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "config/document.hpp"
 #include "config/load.hpp"
-#include "config/tick_config_of.hpp"
+#include "executive/setup/tick_config_of.hpp"
 
 namespace takt::config {
 namespace {

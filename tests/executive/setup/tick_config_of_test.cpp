@@ -1,6 +1,6 @@
 // Goal: the tick runs with the numbers the file says. Method: the small robot's values, in float32, and the rotation of
 // a frame against vectors turned by hand.
-#include "config/tick_config_of.hpp"
+#include "executive/setup/tick_config_of.hpp"
 
 #include <gtest/gtest.h>
 

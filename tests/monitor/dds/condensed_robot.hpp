@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "monitor/dds/condenser.hpp"
-#include "tests/monitor/virtual_robot.hpp"
+#include "tests/monitor/record/virtual_robot.hpp"
 
 namespace takt::monitor::dds {
 

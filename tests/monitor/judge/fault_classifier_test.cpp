@@ -1,12 +1,12 @@
 // Goal: every kind of fault is called by its name with its evidence, and calm runs by none.
 // Method: a synthetic robot of two joints whose policy answers every 20 ms; one thing at a time is made to go wrong.
 // The last tests take the recorded demo, whose policy stalls, and plant mistakes in the evidence.
-#include "monitor/fault_classifier.hpp"
+#include "monitor/judge/fault_classifier.hpp"
 
 #include <gtest/gtest.h>
 
-#include "tests/monitor/recorded_demo.hpp"
-#include "tests/monitor/temporary_folder.hpp"
+#include "tests/monitor/record/recorded_demo.hpp"
+#include "tests/monitor/record/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -1,6 +1,6 @@
 // Goal: the review's numbers are what the recorded ticks say. Method: the recorded demo, whose two stalls are known,
 // against counts made here straight from the ticks.
-#include "monitor/run_metrics.hpp"
+#include "monitor/judge/run_metrics.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -9,11 +9,11 @@
 #include <fstream>
 #include <numeric>
 
-#include "monitor/mcap_writer.hpp"
-#include "monitor/report/report_text.hpp"
-#include "monitor/run_review.hpp"
-#include "tests/monitor/recorded_demo.hpp"
-#include "tests/monitor/temporary_folder.hpp"
+#include "evidence/review/report/report_text.hpp"
+#include "evidence/review/run_review.hpp"
+#include "monitor/record/mcap_writer.hpp"
+#include "tests/monitor/record/recorded_demo.hpp"
+#include "tests/monitor/record/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -1,5 +1,5 @@
 // Goal: the byte layout is CDR's, and a reader survives any input. Method: annotated bytes; truncation at every length.
-#include "monitor/cdr.hpp"
+#include "monitor/record/cdr.hpp"
 
 #include <gtest/gtest.h>
 

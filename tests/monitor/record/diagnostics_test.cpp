@@ -1,13 +1,13 @@
 // Goal: what is wrong with the robot shows in ROS 2's diagnostics at the part it is wrong with, and nowhere else.
 // Method: one healthy record, spoilt in one place at a time.
-#include "monitor/diagnostics.hpp"
+#include "monitor/record/diagnostics.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <functional>
 
-#include "tests/monitor/virtual_robot.hpp"
+#include "tests/monitor/record/virtual_robot.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -5,13 +5,13 @@
 #include <exception>
 #include <stdexcept>
 
-#include "drivers/plant/arm_dynamics.hpp"
-#include "drivers/plant/camera.hpp"
-#include "drivers/plant/truth_log.hpp"
-#include "monitor/bounded_file.hpp"
-#include "monitor/report/report_html.hpp"
-#include "monitor/run_metrics.hpp"
-#include "tests/monitor/recorded_demo.hpp"
+#include "evidence/review/report/report_html.hpp"
+#include "monitor/judge/run_metrics.hpp"
+#include "monitor/record/bounded_file.hpp"
+#include "simulation/arm_dynamics.hpp"
+#include "simulation/camera.hpp"
+#include "simulation/truth_log.hpp"
+#include "tests/monitor/record/recorded_demo.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -6,10 +6,10 @@
 #include <fstream>
 #include <map>
 
-#include "monitor/mcap_format.hpp"
-#include "monitor/mcap_reader.hpp"
-#include "monitor/mcap_writer.hpp"
-#include "tests/monitor/temporary_folder.hpp"
+#include "monitor/record/mcap_format.hpp"
+#include "monitor/record/mcap_reader.hpp"
+#include "monitor/record/mcap_writer.hpp"
+#include "tests/monitor/record/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -1,9 +1,9 @@
-#include "tests/monitor/recorded_demo.hpp"
+#include "tests/monitor/record/recorded_demo.hpp"
 
 #include <filesystem>
 #include <stdexcept>
 
-#include "monitor/mcap_writer.hpp"
+#include "monitor/record/mcap_writer.hpp"
 
 namespace takt::monitor {
 namespace {

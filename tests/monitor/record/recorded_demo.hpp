@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <string>
 
-#include "monitor/recorded_run.hpp"
-#include "monitor/recorder.hpp"
-#include "tests/monitor/virtual_robot.hpp"
+#include "monitor/record/recorded_run.hpp"
+#include "monitor/record/recorder.hpp"
+#include "tests/monitor/record/virtual_robot.hpp"
 
 namespace takt::monitor {
 

@@ -1,7 +1,7 @@
 // Goal: whatever happens to the monitor or its disk, what was recorded is right, and what was not is declared.
 // Method: the virtual robot's rings, drained at different paces; files that stop growing; a medium that refuses at
 // write-back what a file took (this program's own fdatasync); folders that exist already.
-#include "monitor/recorder.hpp"
+#include "monitor/record/recorder.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/mount.h>
@@ -16,11 +16,11 @@
 #include <filesystem>
 #include <fstream>
 
-#include "drivers/candump.hpp"
-#include "monitor/replay.hpp"
-#include "monitor/report/report_text.hpp"
-#include "tests/monitor/recorded_demo.hpp"
-#include "tests/monitor/temporary_folder.hpp"
+#include "drivers/bus/candump.hpp"
+#include "evidence/review/replay.hpp"
+#include "evidence/review/report/report_text.hpp"
+#include "tests/monitor/record/recorded_demo.hpp"
+#include "tests/monitor/record/temporary_folder.hpp"
 
 namespace {
 

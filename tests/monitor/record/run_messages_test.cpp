@@ -1,6 +1,6 @@
 // Goal: messages of a policy are kept byte for byte, whatever they are. Method: payloads of every length and shape
 // through encode and decode; single bits flipped and named.
-#include "monitor/run_messages.hpp"
+#include "monitor/record/run_messages.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // Goal: no byte of a tick is lost on its way to disk, and every alteration is found and named. Method: records with
 // random content in every described field; the tables against the structures; every single bit flipped in turn.
-#include "monitor/tick_schema.hpp"
+#include "monitor/record/tick_schema.hpp"
 
 #include <gtest/gtest.h>
 

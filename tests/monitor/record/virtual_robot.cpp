@@ -1,4 +1,4 @@
-#include "tests/monitor/virtual_robot.hpp"
+#include "tests/monitor/record/virtual_robot.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,9 +8,9 @@
 #include <new>
 
 #include "config/load.hpp"
-#include "config/tick_config_of.hpp"
 #include "executive/ipc/executive_segments.hpp"
-#include "monitor/bytes.hpp"
+#include "executive/setup/tick_config_of.hpp"
+#include "monitor/record/bytes.hpp"
 
 namespace takt::monitor {
 namespace {

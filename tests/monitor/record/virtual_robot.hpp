@@ -11,8 +11,8 @@
 #include "config/robot_config.hpp"
 #include "executive/ipc/slot_ring.hpp"
 #include "executive/pipeline/control_tick.hpp"
-#include "monitor/record_stream.hpp"
-#include "monitor/run_manifest.hpp"
+#include "monitor/record/record_stream.hpp"
+#include "monitor/record/run_manifest.hpp"
 
 namespace takt::monitor {
 

@@ -7,8 +7,8 @@
 
 #include <numeric>
 
-#include "monitor/metrics_collector.hpp"
-#include "tests/monitor/virtual_robot.hpp"
+#include "monitor/judge/metrics_collector.hpp"
+#include "tests/monitor/record/virtual_robot.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -2,7 +2,7 @@
 #include <filesystem>
 
 #include "monitor/telemetry/otlp_exporter.hpp"
-#include "tests/monitor/virtual_robot.hpp"
+#include "tests/monitor/record/virtual_robot.hpp"
 
 int main(int argc, char** argv) {
   using namespace takt;

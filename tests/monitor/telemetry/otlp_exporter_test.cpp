@@ -9,8 +9,8 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "tests/monitor/temporary_folder.hpp"
-#include "tests/monitor/virtual_robot.hpp"
+#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/monitor/record/virtual_robot.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "tests/monitor/virtual_robot.hpp"
+#include "tests/monitor/record/virtual_robot.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -17,7 +17,7 @@
 #include <sstream>
 #include <vector>
 
-#include "tests/monitor/virtual_robot.hpp"
+#include "tests/monitor/record/virtual_robot.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -6,7 +6,7 @@
 #include <memory>
 #include <new>
 
-#include "tests/policy_host/onnx_graph_maker.hpp"
+#include "tests/policy_host/onnx/onnx_graph_maker.hpp"
 
 extern "C" {
 void* __libc_malloc(std::size_t size);

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "policy_host/onnx/broadcast.hpp"
-#include "tests/policy_host/onnx_graph_maker.hpp"
+#include "tests/policy_host/onnx/onnx_graph_maker.hpp"
 
 namespace takt::onnx_engine {
 namespace {

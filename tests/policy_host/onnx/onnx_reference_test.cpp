@@ -51,7 +51,7 @@ TEST(OnnxReference, NetworksExportedByPyTorchAgree) {
   ASSERT_NE(mkdtemp(pattern.data()), nullptr);
   const fs::path folder = pattern;
   const std::string command =
-      "/usr/bin/python3 tests/policy_host/onnx_reference_nets.py " + folder.string() + " >/dev/null";
+      "/usr/bin/python3 tests/policy_host/onnx/onnx_reference_nets.py " + folder.string() + " >/dev/null";
   const int status = std::system(command.c_str());
   if (WEXITSTATUS(status) == 77 || WEXITSTATUS(status) == 127) {
     fs::remove_all(folder);

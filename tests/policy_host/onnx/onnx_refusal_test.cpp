@@ -5,7 +5,7 @@
 #include <fstream>
 #include <random>
 
-#include "tests/policy_host/onnx_graph_maker.hpp"
+#include "tests/policy_host/onnx/onnx_graph_maker.hpp"
 
 namespace takt::onnx_engine {
 namespace {

@@ -2,7 +2,7 @@
 // forms that older opsets use. Method: elements numbered from 1, so that every result reads as a permutation.
 #include <limits>
 
-#include "tests/policy_host/onnx_graph_maker.hpp"
+#include "tests/policy_host/onnx/onnx_graph_maker.hpp"
 
 namespace takt::onnx_engine {
 namespace {

@@ -2,7 +2,7 @@
 // Method: statuses by the tenth of a second from a script, one letter each:
 //   - nobody answers   p no policy yet   s standby   a arming   t tracking   d degraded   x damped stop   f fault
 //   R the executive counts its ticks anew   m standby and no monitor   u tracking and no monitor
-#include "monitor/deploy/probation.hpp"
+#include "systemd/deploy/probation.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // Goal: the smoke run lets the demo robots through and catches a policy that does not fit, or whose robot does not
 // stand the first seconds. Method: the committed robot files, and the arm with one value changed.
-#include "monitor/deploy/smoke.hpp"
+#include "systemd/deploy/smoke.hpp"
 
 #include <gtest/gtest.h>
 

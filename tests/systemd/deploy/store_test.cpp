@@ -1,7 +1,7 @@
 // Goal: whatever interrupts a deployment, the store names a whole robot: the old one or the new one; and the next
 // deployment works. Method: a process is killed after every single change on disk, in turn, while it deploys; the store
 // is read afterwards as a unit would.
-#include "monitor/deploy/store.hpp"
+#include "systemd/deploy/store.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>

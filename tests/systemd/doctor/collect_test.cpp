@@ -1,6 +1,6 @@
 // Goal: what the kernel and `ip` say is read as they mean it, and what is absent stays empty. Method: a planted tree in
 // place of /proc, /sys, /dev and /etc, and texts of `ip -details -json` in iproute2's own form.
-#include "monitor/doctor/collect.hpp"
+#include "systemd/doctor/collect.hpp"
 
 #include <gtest/gtest.h>
 #include <unistd.h>

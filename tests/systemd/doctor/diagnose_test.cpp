@@ -1,7 +1,7 @@
 // Goal: every fact that stands between a machine and a punctual loop is named with the right verdict and a way to mend
 // it, and a good machine hears no complaint. Method: a snapshot of a machine without fault; each case plants one fact
 // and expects exactly one finding to change.
-#include "monitor/doctor/diagnose.hpp"
+#include "systemd/doctor/diagnose.hpp"
 
 #include <gtest/gtest.h>
 

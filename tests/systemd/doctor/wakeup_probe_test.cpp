@@ -1,6 +1,6 @@
 // Goal: wake-ups are measured under the conditions of the executive's loop, with what disturbed them meanwhile. Method:
 // known lateness; planted /dev and /proc whose files the test changes at instants that it can tell from the outside.
-#include "monitor/doctor/wakeup_probe.hpp"
+#include "systemd/doctor/wakeup_probe.hpp"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -14,7 +14,7 @@
 #include <thread>
 
 #include "executive/ipc/descriptor.hpp"
-#include "monitor/doctor/interference.hpp"
+#include "systemd/doctor/interference.hpp"
 
 namespace takt::doctor {
 namespace {

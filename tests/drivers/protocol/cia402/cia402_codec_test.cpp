@@ -1,11 +1,11 @@
 // Goal: CANopen frames are exact to the byte, every statusword is read as CiA 402 says, and nothing that arrives can
 // hurt. Method: bytes written out by hand from CiA 301's and 402's tables; all 65536 statuswords against bit patterns
 // as the standard prints them; frames of every kind and length thrown at the decoders.
-#include "drivers/cia402_codec.hpp"
+#include "drivers/protocol/cia402/cia402_codec.hpp"
 
 #include <gtest/gtest.h>
 
-#include "tests/drivers/cia402_frames.hpp"
+#include "tests/drivers/protocol/cia402/cia402_frames.hpp"
 
 namespace takt::drivers::cia402 {
 namespace {

@@ -1,7 +1,7 @@
 // Goal: the driver sets up, enables, drives and disables as its header promises, in joint units, and never brings a
 // drive back that left by itself.
 // Method: the drive's frames are written by hand, byte for byte, and the frames that come out are read.
-#include "drivers/cia402_driver.hpp"
+#include "drivers/protocol/cia402/cia402_driver.hpp"
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
@@ -11,7 +11,7 @@
 #include <limits>
 #include <numbers>
 
-#include "tests/drivers/cia402_frames.hpp"
+#include "tests/drivers/protocol/cia402/cia402_frames.hpp"
 
 namespace takt::drivers {
 namespace {

@@ -6,7 +6,7 @@
 #include <initializer_list>
 #include <string>
 
-#include "drivers/can_bus.hpp"
+#include "drivers/bus/can_bus.hpp"
 
 namespace takt::drivers::test {
 

@@ -1,6 +1,6 @@
 // Goal: an impedance command becomes the number that the mode's header table promises, and torque never leaves its
 // range. Method: numbers worked out by hand; random and hostile commands against the range.
-#include "drivers/cia402_law.hpp"
+#include "drivers/protocol/cia402/cia402_law.hpp"
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>

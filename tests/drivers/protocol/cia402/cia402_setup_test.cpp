@@ -1,12 +1,12 @@
 // Goal: a drive is told exactly what the script says, one question at a time, whatever it answers or leaves unanswered.
 // Method: the whole conversation written out by hand; answers made by hand, dropped, delayed, refused.
-#include "drivers/cia402_setup.hpp"
+#include "drivers/protocol/cia402/cia402_setup.hpp"
 
 #include <gtest/gtest.h>
 
 #include <vector>
 
-#include "tests/drivers/cia402_frames.hpp"
+#include "tests/drivers/protocol/cia402/cia402_frames.hpp"
 
 namespace takt::drivers::cia402 {
 namespace {

@@ -1,7 +1,7 @@
 // Goal: the MIT codec is exact to the byte, and nothing that arrives can hurt it.
 // Method: published vectors worked out from the formulas in the protocol's sources, properties over random commands,
 // and frames of every kind and length thrown at the decoder.
-#include "drivers/mit_codec.hpp"
+#include "drivers/protocol/mit/mit_codec.hpp"
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>

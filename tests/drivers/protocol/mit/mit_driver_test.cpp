@@ -1,6 +1,6 @@
 // Goal: the driver enables, drives and disables as its header promises, in joint units.
 // Method: the drive's replies and answers are written by hand, byte for byte, and the frames that come out are read.
-#include "drivers/mit_driver.hpp"
+#include "drivers/protocol/mit/mit_driver.hpp"
 
 #include <gtest/gtest.h>
 

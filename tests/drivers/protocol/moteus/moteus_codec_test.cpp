@@ -1,7 +1,7 @@
 // Goal: the register codec is exact to the byte for every value type, stays inside its buffers, and nothing that
 // arrives can hurt it. Method: the vectors of mjbots/moteus docs/protocol/can.md, step sizes of
 // docs/protocol/registers.md, a reader of the test's own, and random bytes thrown at the decoder.
-#include "drivers/moteus_codec.hpp"
+#include "drivers/protocol/moteus/moteus_codec.hpp"
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
@@ -12,7 +12,7 @@
 #include <random>
 #include <vector>
 
-#include "tests/drivers/frame_text.hpp"
+#include "tests/drivers/bus/frame_text.hpp"
 
 namespace takt::drivers {
 namespace {

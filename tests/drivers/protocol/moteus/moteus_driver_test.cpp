@@ -1,7 +1,7 @@
 // Goal: the driver enables, drives and disables as its header promises, in joint units, and never asks for more torque,
 // or for longer, than allowed.
 // Method: the drive's replies are written by hand, byte for byte; commands are read by fixed offsets of their layout.
-#include "drivers/moteus_driver.hpp"
+#include "drivers/protocol/moteus/moteus_driver.hpp"
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
@@ -10,7 +10,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "tests/drivers/frame_text.hpp"
+#include "tests/drivers/bus/frame_text.hpp"
 
 namespace takt::drivers {
 namespace {

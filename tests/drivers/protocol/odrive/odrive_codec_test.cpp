@@ -1,7 +1,7 @@
 // Goal: the CANSimple codec is exact to the byte, and nothing that arrives can hurt it.
 // Method: vectors from published layouts (ODriveArduino src/can_simple_messages.hpp) worked out by hand, a reader of
 // the test's own, and frames of every kind and length thrown at the decoder.
-#include "drivers/odrive_codec.hpp"
+#include "drivers/protocol/odrive/odrive_codec.hpp"
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
@@ -9,7 +9,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "tests/drivers/frame_text.hpp"
+#include "tests/drivers/bus/frame_text.hpp"
 
 namespace takt::drivers {
 namespace {

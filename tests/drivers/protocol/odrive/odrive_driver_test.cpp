@@ -1,7 +1,7 @@
 // Goal: the driver enables, drives and disables as its header promises, in joint units, and never asks for more torque
 // than allowed.
 // Method: the drive's reports are written by hand, byte for byte, and the frames that come out are read.
-#include "drivers/odrive_driver.hpp"
+#include "drivers/protocol/odrive/odrive_driver.hpp"
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
@@ -10,7 +10,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "tests/drivers/frame_text.hpp"
+#include "tests/drivers/bus/frame_text.hpp"
 
 namespace takt::drivers {
 namespace {

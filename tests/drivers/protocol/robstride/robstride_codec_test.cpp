@@ -1,7 +1,7 @@
 // Goal: the RobStride codec is exact to the byte, and nothing that arrives can hurt it.
 // Method: bytes worked out by hand from the formulas of the protocol's description, properties over random commands and
 // models, and frames of every kind and length thrown at the decoders.
-#include "drivers/robstride_codec.hpp"
+#include "drivers/protocol/robstride/robstride_codec.hpp"
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
@@ -13,7 +13,7 @@
 #include <string>
 
 #include "config/drive_presets.hpp"
-#include "drivers/plant/robstride_device.hpp"
+#include "simulation/robstride_device.hpp"
 
 namespace takt::drivers {
 namespace {

@@ -1,13 +1,13 @@
 // Goal: the driver sets its drive up, enables, drives and stops it as its header promises, in joint units.
 // Method: the drive's words are written by hand, byte for byte, and the frames that come out are read.
-#include "drivers/robstride_driver.hpp"
+#include "drivers/protocol/robstride/robstride_driver.hpp"
 
 #include <gtest/gtest.h>
 
 #include <array>
 #include <vector>
 
-#include "drivers/bus_load.hpp"
+#include "drivers/protocol/bus_load.hpp"
 
 namespace takt::drivers {
 namespace {

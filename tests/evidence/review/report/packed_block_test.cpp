@@ -1,6 +1,6 @@
 // Goal: what a page unpacks is what was packed, to half a step of 1/65534 of a column's range. Method: the format read
 // back here from its description, base64 and byte planes by hand.
-#include "monitor/report/packed_block.hpp"
+#include "evidence/review/report/packed_block.hpp"
 
 #include <gtest/gtest.h>
 #include <zlib.h>

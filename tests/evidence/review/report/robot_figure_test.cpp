@@ -1,5 +1,5 @@
 // Goal: the page gets the geometry that the robot's file has. Method: the committed robots.
-#include "monitor/report/robot_figure.hpp"
+#include "evidence/review/report/robot_figure.hpp"
 
 #include <gtest/gtest.h>
 

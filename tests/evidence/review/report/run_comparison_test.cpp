@@ -1,15 +1,15 @@
 // Goal: a run is set beside the right one, and differences have the right sign. Method: copies of the recorded demo
 // whose manifests say when they started and which robot they were.
-#include "monitor/report/run_comparison.hpp"
+#include "evidence/review/report/run_comparison.hpp"
 
 #include <gtest/gtest.h>
 
 #include <filesystem>
 #include <fstream>
 
-#include "monitor/run_metrics.hpp"
-#include "tests/monitor/recorded_demo.hpp"
-#include "tests/monitor/temporary_folder.hpp"
+#include "monitor/judge/run_metrics.hpp"
+#include "tests/monitor/record/recorded_demo.hpp"
+#include "tests/monitor/record/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {

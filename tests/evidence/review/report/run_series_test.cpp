@@ -1,6 +1,6 @@
 // Goal: however long the run, the page stays small, shows the oldest command, and holds every tick where something went
 // wrong. Method: the recorded demo, whose two stalls are known, with so little room that it must be thinned out.
-#include "monitor/report/run_series.hpp"
+#include "evidence/review/report/run_series.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,8 +8,8 @@
 #include <cmath>
 #include <fstream>
 
-#include "tests/monitor/recorded_demo.hpp"
-#include "tests/monitor/temporary_folder.hpp"
+#include "tests/monitor/record/recorded_demo.hpp"
+#include "tests/monitor/record/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -1,6 +1,6 @@
 // Goal: thinning out loses no spike and invents nothing. Method: hand-made ticks whose extremes, masks and counters are
 // known, gathered into buckets of ten.
-#include "monitor/report/sample_block.hpp"
+#include "evidence/review/report/sample_block.hpp"
 
 #include <gtest/gtest.h>
 

@@ -2,8 +2,8 @@
 // a publication missing, as a flight recorder's does.
 #include <fstream>
 
-#include "monitor/trace_review/perfetto.hpp"
-#include "tests/monitor/trace_story.hpp"
+#include "evidence/review/trace/perfetto.hpp"
+#include "tests/evidence/review/trace/trace_story.hpp"
 
 int main(int argc, char** argv) {
   using namespace takt::monitor;

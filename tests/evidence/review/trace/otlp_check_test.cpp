@@ -1,6 +1,6 @@
 // Goal: an export that tells other ages than the records is found out. Method: traces exported by the exporter's own
 // code from known records, read back; then one record is changed, one span taken away, one line cut.
-#include "monitor/trace_review/otlp_check.hpp"
+#include "evidence/review/trace/otlp_check.hpp"
 
 #include <gtest/gtest.h>
 

@@ -11,8 +11,8 @@
 #include <set>
 #include <string>
 
+#include "evidence/review/trace/trace_event.hpp"
 #include "executive/contract/mode.hpp"
-#include "monitor/trace_review/trace_event.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -8,10 +8,10 @@
 #include <functional>
 #include <vector>
 
-#include "monitor/trace_review/review.hpp"
-#include "monitor/trace_review/trace_folders.hpp"
-#include "tests/monitor/temporary_folder.hpp"
-#include "tests/monitor/trace_story.hpp"
+#include "evidence/review/trace/review.hpp"
+#include "evidence/review/trace/trace_folders.hpp"
+#include "tests/evidence/review/trace/trace_story.hpp"
+#include "tests/monitor/record/temporary_folder.hpp"
 
 namespace takt::monitor {
 namespace {

@@ -1,4 +1,4 @@
-#include "tests/monitor/trace_story.hpp"
+#include "tests/evidence/review/trace/trace_story.hpp"
 
 #include <algorithm>
 

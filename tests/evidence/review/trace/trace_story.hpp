@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "monitor/trace_review/record_check.hpp"
+#include "evidence/review/trace/record_check.hpp"
 
 namespace takt::monitor::testing {
 

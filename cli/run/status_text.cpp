@@ -1,4 +1,4 @@
-#include "monitor/cli/status_text.hpp"
+#include "cli/run/status_text.hpp"
 
 #include <fmt/format.h>
 

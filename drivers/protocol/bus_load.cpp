@@ -1,9 +1,9 @@
-#include "drivers/bus_load.hpp"
+#include "drivers/protocol/bus_load.hpp"
 
 #include <cmath>
 #include <cstdio>
 
-#include "drivers/protocol_table.hpp"
+#include "drivers/protocol/protocol_table.hpp"
 
 namespace takt::drivers {
 namespace {

@@ -1,5 +1,5 @@
 // Goal: a bus that cannot carry its load is refused with the arithmetic. Expectations worked out from ISO 11898-1.
-#include "drivers/bus_load.hpp"
+#include "drivers/protocol/bus_load.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,0 +1,79 @@
+#!/usr/bin/env python3
+"""Goal: no arrow of the house points back. Method: reads every #include of the project's own headers and fails on one that the
+table does not allow; then plants an include that is not allowed and must find it. A room may use itself and what is below it.
+"""
+import pathlib
+import re
+import sys
+
+SHARED = "executive/contract executive/ipc config"  # the words, the segments, the robot files
+# Room: what it may include. The longest name that fits a file is its room. Rooms stand below those that use them.
+MAY_USE = {
+    "executive/contract": "",
+    "executive/trace": "executive/contract",
+    "executive/ipc": "executive/contract",
+    "executive/pipeline": "executive/contract",
+    "config": "executive/contract",
+    "executive/setup": "executive/contract executive/pipeline config",
+    "drivers/bus": "executive/contract config",
+    "drivers/protocol": "executive/contract config drivers/bus",
+    "drivers/tools": "executive/contract config drivers/bus drivers/protocol",
+    "executive/runtime": f"{SHARED} executive/pipeline executive/setup executive/trace drivers/bus drivers/protocol",
+    "policy_host": f"{SHARED} executive/trace",
+    "monitor/record": f"{SHARED} drivers/bus drivers/protocol",
+    "monitor/judge": f"{SHARED} drivers/protocol monitor/record",
+    "monitor/telemetry": f"{SHARED} monitor/record monitor/judge",
+    "monitor/dds": f"{SHARED} monitor/record monitor/judge",
+    "monitor": f"{SHARED} executive/trace monitor/record monitor/judge monitor/telemetry monitor/dds",
+    "simulation": f"{SHARED} drivers/bus drivers/protocol",
+    "evidence/review": f"{SHARED} executive/pipeline executive/setup monitor/record monitor/judge",
+    "evidence/artifact": f"{SHARED} monitor/record monitor/judge evidence/review",
+    "evidence/judge": f"{SHARED} monitor/record monitor/judge evidence/review evidence/artifact",
+    "evidence/rollout": f"{SHARED} executive/pipeline executive/setup drivers/bus drivers/protocol policy_host "
+                        "monitor/judge simulation evidence/artifact",
+    "evidence/panel": f"{SHARED} policy_host simulation monitor/record monitor/judge evidence/artifact evidence/judge evidence/rollout",
+    "evidence/study": f"{SHARED} executive/pipeline executive/setup drivers/protocol simulation monitor/record monitor/judge evidence/review "
+                      "evidence/rollout evidence/panel",
+    "systemd/doctor": f"{SHARED}",
+    "systemd/deploy": f"{SHARED} policy_host evidence/rollout",
+    "cli/run": f"{SHARED} cli drivers/protocol monitor/record",
+    "cli/evidence": f"{SHARED} cli cli/run monitor/record evidence/artifact evidence/judge evidence/panel "
+                    "evidence/review evidence/rollout evidence/study",
+    "cli/top": f"{SHARED} cli cli/run cli/evidence drivers/protocol monitor monitor/record monitor/judge monitor/telemetry",
+    "cli/robot": f"{SHARED} cli cli/run drivers/bus drivers/protocol drivers/tools monitor/record systemd/deploy systemd/doctor",
+    "cli": f"{SHARED}",
+}
+
+
+def room_of(path):
+    names = [room for room in MAY_USE if path.startswith(room + "/")]
+    return max(names, key=len, default=None)
+
+
+def arrows(path, text):
+    """Arrows of one file that the table does not allow, as sentences."""
+    room = room_of(path)
+    for header in re.findall(r'^#include "([^"]+)"', text, re.M):
+        other = room_of(header)
+        if room and other and other != room and other not in MAY_USE[room].split():
+            yield f"{path} includes {header}: {room} may not use {other} (tests/house/arrows_test.py)"
+
+
+def main(root):
+    found, files = [], 0
+    for file in sorted(root.rglob("*.[ch]pp")):
+        path = file.relative_to(root).as_posix()
+        if room_of(path):
+            files += 1
+            found += arrows(path, file.read_text())
+    for sentence in found:
+        print(sentence)
+    planted = list(arrows("executive/pipeline/planted.cpp", '#include "config/robot_config.hpp"\n'))
+    assert planted, "a planted arrow was not found"
+    assert files > 300, f"only {files} files were read"
+    print(f"{files} files, {len(found)} arrows that are not allowed")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(pathlib.Path(sys.argv[1]).resolve()))
