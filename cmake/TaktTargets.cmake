@@ -66,9 +66,10 @@ endfunction()
 
 # takt_test(NAME SOURCES... DEPENDS... LABELS...): one GoogleTest program, one CTest entry; of `process` tests, one entry
 # NAME.CASE for each case, so that one which a stall broke is all that runs again.
-# Labels: `tsan` tests also run under ThreadSanitizer; `process` tests start real processes.
+# Labels: `tsan` tests also run under ThreadSanitizer; `process` tests start real processes. Those run side by side; LOCK names
+# what on this machine only one of them may use at a time.
 function(takt_test name)
-  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;DEPENDS;LABELS" ${ARGN})
+  cmake_parse_arguments(ARG "" "TIMEOUT;LOCK" "SOURCES;DEPENDS;LABELS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE takt_options ${ARG_DEPENDS} GTest::gtest GTest::gtest_main)
   if(NOT ARG_TIMEOUT)
@@ -76,13 +77,13 @@ function(takt_test name)
   endif()
   if(ARG_LABELS STREQUAL "process" AND NOT TAKT_SANITIZE)
     gtest_discover_tests(${name} TEST_PREFIX "${name}." WORKING_DIRECTORY ${CMAKE_SOURCE_DIR} DISCOVERY_MODE PRE_TEST
-      PROPERTIES LABELS process TIMEOUT ${ARG_TIMEOUT})
+      PROPERTIES LABELS process TIMEOUT ${ARG_TIMEOUT} RESOURCE_LOCK "${ARG_LOCK}")
   else()
     add_test(NAME ${name} COMMAND ${name} WORKING_DIRECTORY ${CMAKE_SOURCE_DIR})
     set_tests_properties(${name} PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT ${ARG_TIMEOUT})
   endif()
-  if(TAKT_SANITIZE AND "process" IN_LIST ARG_LABELS)
-    set_target_properties(${name} PROPERTIES EXCLUDE_FROM_ALL ON)
+  if(TAKT_SANITIZE AND NOT "process" IN_LIST ARG_LABELS AND NOT "slow" IN_LIST ARG_LABELS)
+    set_property(GLOBAL APPEND PROPERTY TAKT_SANITIZED_TESTS ${name})
   endif()
   if("tsan" IN_LIST ARG_LABELS)
     set_property(GLOBAL APPEND PROPERTY TAKT_TSAN_TESTS ${name})
