@@ -56,7 +56,7 @@ void BusTrouble::speak(Frames& out) {
   if (faults_.babble) out.insert(out.end(), babble_per_step_, babble_);
   for (const Rival& rival : rivals_) {
     std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> frames;
-    const std::size_t count = rival.host->encode(true, {}, milliseconds(100), frames);
+    const std::size_t count = rival.host->encode(true, {}, {}, {}, frames);
     out.insert(out.end(), frames.begin(), frames.begin() + static_cast<std::ptrdiff_t>(count));
   }
 }

@@ -69,7 +69,7 @@ class Disabler {
     std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out;
     for (std::size_t joint = 0; joint < drivers_.size(); ++joint) {
       if (!is_reached(joint)) continue;
-      const std::size_t frames = drivers_[joint]->encode(false, {}, {}, out);
+      const std::size_t frames = drivers_[joint]->encode(false, {}, {}, {}, out);
       for (std::size_t i = 0; i < frames; ++i) buses_[robot_->joints[joint].bus]->send(out[i]);
     }
   }

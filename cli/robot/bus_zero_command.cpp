@@ -34,7 +34,7 @@ class Listener {
       : bus_(bus), driver_(driver), period_(period) {}
   void turn() {
     std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out;
-    const std::size_t frames = driver_.encode(false, {}, {}, out);
+    const std::size_t frames = driver_.encode(false, {}, {}, {}, out);
     for (std::size_t i = 0; i < frames; ++i) bus_.send(out[i]);
     const timespec time{period_.ns / 1'000'000'000, period_.ns % 1'000'000'000};
     ::nanosleep(&time, nullptr);

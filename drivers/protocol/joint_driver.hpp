@@ -68,9 +68,10 @@ class JointDriver {
  public:
   virtual ~JointDriver() = default;
   // Frames for this tick; returns how many were written: at most kMaxFramesPerDrive, which `out` has room for.
-  // `enable` false: whatever keeps the drive disabled and makes it report. `budget`: remaining life of the command, for
-  // a drive-side watchdog.
-  virtual std::size_t encode(bool enable, const DriveSetpoint& setpoint, Duration budget,
+  // `enable` false: whatever takes the drive's power away, keeps it away and makes the drive report. `now`: just before
+  // the frames are written. `valid_until`: when the command in use dies; a drive-side watchdog is told what is left of
+  // it at `now`. Unset: no command is in use, the executive itself holds or damps.
+  virtual std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
                              std::span<CanFrame> out) noexcept = 0;
   // For a listener beside the host that set the drive up: its reports mean from now on what they mean to that host.
   virtual void assume_set_up() noexcept {}

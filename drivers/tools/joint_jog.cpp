@@ -49,7 +49,7 @@ std::size_t JointJog::tick(MonoTime now, std::span<CanFrame> out) {
   ticked_ = now;
   if (phase_ == Phase::ended) return 0;
   const bool enable = phase_ == Phase::enabling || drives(phase_);
-  return driver_.encode(enable, setpoint(), kSilence, out);
+  return driver_.encode(enable, setpoint(), now, now + kSilence, out);
 }
 
 void JointJog::advance(MonoTime now) {

@@ -95,8 +95,8 @@ void VirtualBus::send(plant::Plant& plant, MonoTime now, const pipeline::TickOut
     for (const std::size_t joint : buses_[index].joints) {
       const pipeline::JointSetpoint& wanted = output.setpoints[joint];
       const std::size_t count =
-          drivers_[joint]->encode(output.drives_enabled, {wanted.q, wanted.dq, wanted.kp, wanted.kd, wanted.tau},
-                                  output.command_budget, encoded_);
+          drivers_[joint]->encode(output.drive_enabled[joint], {wanted.q, wanted.dq, wanted.kp, wanted.kd, wanted.tau},
+                                  now, output.valid_until, encoded_);
       for (std::size_t i = 0; i < count; ++i) {
         if (is_off(index, now)) ++buses_[index].health.tx_dropped;
         if (!carry(index, encoded_[i], now)) continue;

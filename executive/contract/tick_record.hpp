@@ -62,7 +62,7 @@ struct TickRecordHeader {
   Arrival arrival = Arrival::none;
   Freshness freshness = Freshness::missing;
   std::uint8_t chunk_step = 0;      // step being played
-  std::uint8_t drives_enabled = 0;  // 1 when drives are told to be enabled
+  std::uint8_t drives_enabled = 0;  // 1 when drives are told to be enabled; which: JointRecord::drive_enabled
   std::uint8_t policy_session = 0;  // input: differs from the previous tick's when another policy's mailbox is read now
   std::uint64_t causes_active = 0;  // bit per Cause that holds this tick
 };
@@ -82,7 +82,7 @@ struct JointRecord {
   float tau_command = 0.0F;   // Nm, feed-forward
   InterventionMask interventions = 0;
   ReplyFaultMask reply_faults = 0;
-  std::uint8_t reserved = 0;
+  std::uint8_t drive_enabled = 0;  // 1 when this drive is told to be enabled; 0: to de-energise
 };
 
 static_assert(std::is_standard_layout_v<AgeParts> && sizeof(AgeParts) == 40);
@@ -106,7 +106,8 @@ inline constexpr std::uint64_t kTickRecordLayout = layout_hash(
      TAKT_FIELD(TickRecordHeader, window_misses), TAKT_FIELD(TickRecordHeader, mode),
      TAKT_FIELD(TickRecordHeader, causes_active), TAKT_FIELD(JointRecord, feedback),
      TAKT_FIELD(JointRecord, q_estimate), TAKT_FIELD(JointRecord, tau_command), TAKT_FIELD(JointRecord, interventions),
-     TAKT_FIELD(JointRecord, reply_faults), TAKT_FIELD(JointFeedback, replies), TAKT_FIELD(BusHealth, flooded)});
+     TAKT_FIELD(JointRecord, reply_faults), TAKT_FIELD(JointRecord, drive_enabled), TAKT_FIELD(JointFeedback, replies),
+     TAKT_FIELD(BusHealth, flooded)});
 
 // One CAN frame as it crossed the edge, for the run's candump log. Mirrors struct canfd_frame's content.
 enum class FrameDirection : std::uint8_t { received, sent };

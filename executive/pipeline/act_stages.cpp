@@ -155,10 +155,12 @@ void record(TickState& state, const Choice& choice, const TickConfig& config, Ti
   header.chunk_step = choice.step;
   output.drives_enabled = state.mode.mode != Mode::standby;
   header.drives_enabled = output.drives_enabled ? 1 : 0;
-  output.command_budget = choice.playing ? config.freshness.max_age - header.age.total() : Duration{};
+  output.valid_until = choice.playing ? header.now + (config.freshness.max_age - header.age.total()) : MonoTime{};
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     JointRecord& joint = output.record.joints[j];
     const JointSetpoint& setpoint = output.setpoints[j];
+    output.drive_enabled[j] = output.drives_enabled;
+    joint.drive_enabled = output.drive_enabled[j] ? 1 : 0;
     joint.q_command = setpoint.q;
     joint.dq_command = setpoint.dq;
     joint.kp_command = setpoint.kp;

@@ -46,7 +46,8 @@ struct JointSetpoint {  // joint side; what the encoder turns into one drive's f
 struct TickOutput {
   bool drives_enabled = false;
   bool observation_due = false;
-  Duration command_budget;  // how much longer the command in use may live: for drive-side watchdogs; 0: none in use
+  MonoTime valid_until;                 // when the command in use dies: for drive-side watchdogs; unset: none in use
+  bool drive_enabled[kMaxJoints] = {};  // false: that drive is told to de-energise
   JointSetpoint setpoints[kMaxJoints];
   Observation observation;  // meaningful when observation_due
   TickRecord record;        // this tick, inputs and outputs

@@ -71,8 +71,7 @@ std::size_t CyclicLoop::tick(MonoTime woken, Duration lateness) noexcept {
   read_command();
   input_.operator_request = parts_.requests.take();
   pipeline::control_tick(*state_, input_, parts_.config, output_);
-  parts_.edge.send(input_.tick, output_.drives_enabled, output_.setpoints, output_.command_budget, parts_.clock,
-                   parts_.published);
+  parts_.edge.send(output_, parts_.clock, parts_.published);
   if (output_.observation_due) {
     parts_.published.observation(output_.observation);
     trace::observation_published(output_.observation);
@@ -118,11 +117,12 @@ void CyclicLoop::publish_status() noexcept {
 }
 
 void CyclicLoop::say_farewell(Pace& pace) noexcept {
-  constexpr std::array<pipeline::JointSetpoint, kMaxJoints> kNothing{};
+  output_ = {};
+  output_.record.header.tick = input_.tick;
   for (int i = 0; i < kFarewellTicks; ++i) {
     wakeup_.wait_until(pace.due());
     parts_.edge.receive(input_, parts_.published);
-    parts_.edge.send(input_.tick, false, kNothing, {}, parts_.clock, parts_.published);
+    parts_.edge.send(output_, parts_.clock, parts_.published);
     pace.advance(parts_.clock.now());
   }
 }

@@ -47,13 +47,15 @@ std::size_t DriveEdge::receive(pipeline::TickInput& input, PublishedSegments& re
   return total;
 }
 
-void DriveEdge::send(std::uint64_t tick, bool enable, std::span<const pipeline::JointSetpoint> setpoints,
-                     Duration budget, Clock& clock, PublishedSegments& records) noexcept {
+void DriveEdge::send(const pipeline::TickOutput& output, Clock& clock, PublishedSegments& records) noexcept {
+  const std::uint64_t tick = output.record.header.tick;
   for (std::size_t bus = 0; bus < buses_.size(); ++bus) {
+    const MonoTime now = clock.now();
     for (const std::size_t joint : joints_of_bus_[bus]) {
-      const pipeline::JointSetpoint& wanted = setpoints[joint];
+      const pipeline::JointSetpoint& wanted = output.setpoints[joint];
       const drivers::DriveSetpoint setpoint{wanted.q, wanted.dq, wanted.kp, wanted.kd, wanted.tau};
-      const std::size_t count = joints_[joint].driver->encode(enable, setpoint, budget, encoded_);
+      const std::size_t count =
+          joints_[joint].driver->encode(output.drive_enabled[joint], setpoint, now, output.valid_until, encoded_);
       for (std::size_t i = 0; i < count; ++i) {
         const MonoTime stamp = clock.now();
         if (buses_[bus]->send(encoded_[i]) != drivers::SendResult::sent) continue;  // counted in the bus's health

@@ -36,9 +36,9 @@ class DriveEdge {
 
   // Everything that arrived, decoded into input.joints and input.buses. Returns the number of frames.
   std::size_t receive(pipeline::TickInput& input, PublishedSegments& records) noexcept;
-  // One setpoint per joint. `enable` false keeps the drives disabled and reporting.
-  void send(std::uint64_t tick, bool enable, std::span<const pipeline::JointSetpoint> setpoints, Duration budget,
-            Clock& clock, PublishedSegments& records) noexcept;
+  // One setpoint per joint, as TickOutput has them. A drive that is not enabled is kept de-energised and reporting.
+  // Drives with a watchdog are told what is left of `valid_until` when their bus is written.
+  void send(const pipeline::TickOutput& output, Clock& clock, PublishedSegments& records) noexcept;
 
  private:
   [[nodiscard]] bool is_flood(std::size_t bus, std::size_t frames) const noexcept;

@@ -98,6 +98,7 @@ constexpr TickField kJointFields[] = {
     {"tau_command", f32, JOINT(tau_command), out, "Nm"},
     {"interventions", u16, JOINT(interventions), out, "bit mask, see INTERVENTION constants"},
     {"reply_faults", u8, JOINT(reply_faults), out, "bit mask: 1 lost, 2 repeated, 4 delayed"},
+    {"drive_enabled", u8, JOINT(drive_enabled), out, "1: this drive is told to be enabled; 0: to de-energise"},
 };
 #undef FEEDBACK
 #undef JOINT

@@ -32,7 +32,7 @@ class Exchange {
     MonoTime now = MonoTime{} + seconds(1);
     for (int tick = 0; tick < kPatience; ++tick, now = now + milliseconds(1)) {
       const bool was_enabled = enabled();
-      const std::size_t sent = driver_->encode(tick > kPatience / 2, setpoint_, milliseconds(50), out_);
+      const std::size_t sent = driver_->encode(tick > kPatience / 2, setpoint_, now, now + milliseconds(50), out_);
       plant::Frames answers;
       for (std::size_t i = 0; i < sent; ++i) device->receive(out_[i], now, answers);
       device->update({0.1, 0.2}, now, milliseconds(1), answers);
@@ -47,10 +47,11 @@ class Exchange {
   }
 
   double encode_ns() {
+    constexpr MonoTime kNow{1};
     const std::int64_t begin = ticks();
     for (int i = 0; i < kPerBatch; ++i) {
       setpoint_.q += 1e-5F;
-      driver_->encode(true, setpoint_, milliseconds(50), out_);
+      driver_->encode(true, setpoint_, kNow, kNow + milliseconds(50), out_);
       keep(out_[0].data[0]);
     }
     return since(begin);

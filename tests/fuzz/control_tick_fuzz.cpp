@@ -88,7 +88,8 @@ void check(const TickOutput& output, const TickConfig& config) {
     require(std::abs(s.tau) <= limits.torque);
   }
   require(output.record.header.freshness == Freshness::missing || output.record.header.age.total() >= Duration{0});
-  require(output.command_budget >= Duration{0} && output.command_budget <= config.freshness.max_age);
+  require(!output.valid_until.is_set() || (output.valid_until >= output.record.header.now &&
+                                           output.valid_until <= output.record.header.now + config.freshness.max_age));
 }
 
 class Session {

@@ -60,7 +60,7 @@ class World {
     if (host_lives) {
       for (auto& host : hosts) {
         std::array<CanFrame, drivers::kMaxFramesPerDrive> out;
-        const std::size_t count = host->encode(enable, setpoint, milliseconds(10), out);
+        const std::size_t count = host->encode(enable, setpoint, {}, {}, out);
         for (std::size_t i = 0; i < count; ++i)
           if (!lost(out[i])) cross(out[i]);
       }

@@ -38,7 +38,7 @@ class DriveLoop {
   // One millisecond: commands out, drive and rotor forward, what it said in.
   void tick(bool enable, const drivers::DriveSetpoint& setpoint = {}, Duration budget = milliseconds(100)) {
     std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out;
-    const std::size_t count = host->encode(enable, setpoint, budget, out);
+    const std::size_t count = host->encode(enable, setpoint, now, now + budget, out);
     ASSERT_LE(count, out.size());
     plant::Frames said;
     for (std::size_t i = 0; i < count; ++i) device->receive(out[i], now, said);

@@ -31,7 +31,7 @@ class Loop {
   void tick(bool enable, const std::vector<drivers::DriveSetpoint>& setpoints) {
     for (std::size_t joint = 0; joint < hosts.size(); ++joint) {
       std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out;
-      const std::size_t count = hosts[joint]->encode(enable, setpoints[joint], {}, out);
+      const std::size_t count = hosts[joint]->encode(enable, setpoints[joint], {}, {}, out);
       Frames answers;
       for (std::size_t i = 0; i < count; ++i) arm.receive(robot_.joints[joint].bus, out[i], answers);
       for (const drivers::CanFrame& answer : answers) hosts[joint]->decode({answer, arm.now()});

@@ -43,7 +43,7 @@ class RobstrideLoop : public testing::Test {
     for (const CanFrame& frame : on_the_wire_) EXPECT_TRUE(driver_->decode({frame, now_}));
     on_the_wire_.clear();
     if (host) {
-      const std::size_t count = driver_->encode(enable, setpoint, milliseconds(20), out_);
+      const std::size_t count = driver_->encode(enable, setpoint, {}, {}, out_);
       for (std::size_t i = 0; i < count; ++i) device_->receive(out_[i], now_, on_the_wire_);
     }
     torque_ = device_->update({motor_.position, motor_.velocity}, now_, kTick, on_the_wire_);

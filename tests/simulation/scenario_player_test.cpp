@@ -63,7 +63,7 @@ class Bench {
     Frames answers;
     for (const auto& host : hosts) {
       std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out;
-      const std::size_t count = host->encode(enable, {.tau = torque}, {}, out);
+      const std::size_t count = host->encode(enable, {.tau = torque}, {}, {}, out);
       for (std::size_t i = 0; i < count; ++i)
         if (!trouble.loses()) plant.receive(0, out[i], answers);
     }

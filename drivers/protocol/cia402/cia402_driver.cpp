@@ -49,7 +49,7 @@ std::int32_t difference(std::int32_t now, std::int32_t before) noexcept {
 Cia402Driver::Cia402Driver(const Cia402DriveSettings& settings) noexcept
     : settings_(settings), setup_(settings.setup, settings.patience) {}
 
-std::size_t Cia402Driver::encode(bool enable, const DriveSetpoint& setpoint, Duration /*budget*/,
+std::size_t Cia402Driver::encode(bool enable, const DriveSetpoint& setpoint, MonoTime /*now*/, MonoTime /*valid_until*/,
                                  std::span<CanFrame> out) noexcept {
   count_tick(reading_age_);
   note_silence(enable);

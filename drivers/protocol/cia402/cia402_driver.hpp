@@ -47,7 +47,7 @@ class Cia402Driver final : public JointDriver {
 
   explicit Cia402Driver(const Cia402DriveSettings& settings) noexcept;
 
-  std::size_t encode(bool enable, const DriveSetpoint& setpoint, Duration budget,
+  std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
                      std::span<CanFrame> out) noexcept override;
   void assume_set_up() noexcept override { setup_.assume_done(); }
   bool decode(const ReceivedFrame& received) noexcept override;

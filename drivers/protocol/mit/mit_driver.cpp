@@ -14,7 +14,7 @@ bool is_positive(float x) {
 
 }  // namespace
 
-std::size_t MitDriver::encode(bool enable, const DriveSetpoint& setpoint, Duration /*budget*/,
+std::size_t MitDriver::encode(bool enable, const DriveSetpoint& setpoint, MonoTime /*now*/, MonoTime /*valid_until*/,
                               std::span<CanFrame> out) noexcept {
   // The protocol has no field for the command's remaining life: the drive's own time-out is a setting in the drive.
   CanFrame& frame = out[0];

@@ -35,7 +35,7 @@ class MitDriver final : public JointDriver {
   explicit MitDriver(const MitDriveSettings& settings) noexcept
       : settings_(settings), readback_(settings.id, settings.range) {}
 
-  std::size_t encode(bool enable, const DriveSetpoint& setpoint, Duration budget,
+  std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
                      std::span<CanFrame> out) noexcept override;
   bool decode(const ReceivedFrame& received) noexcept override;
   [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }

@@ -105,9 +105,10 @@ Verdict judge(const Reply& reply) noexcept {
 
 }  // namespace
 
-std::size_t MoteusDriver::encode(bool enable, const DriveSetpoint& setpoint, Duration budget,
+std::size_t MoteusDriver::encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
                                  std::span<CanFrame> out) noexcept {
   advance(enable);
+  const Duration budget = valid_until.is_set() ? valid_until - now : Duration{};
   CanFrame& frame = out[0];
   frame = {};
   frame.id = kReplyWanted | settings_.id;

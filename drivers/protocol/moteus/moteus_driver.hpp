@@ -3,7 +3,7 @@
 // Every command carries the whole impedance setpoint: position, velocity, feed-forward torque, kp and kd as scales 0..1
 // of the drive's own gains, the torque limit, and how long it is valid: the remaining life of the command, within
 // [silence, kMoteusLongestWatchdog]. It is never zero (the drive's default) nor NaN (for ever). When no
-// policy command is in use (budget 0: the executive's own hold or damping) the shortest applies. Velocity and
+// policy command is in use (valid_until unset: the executive's own hold or damping) the shortest applies. Velocity and
 // acceleration limits are switched off in every command: the drive follows the law and no trajectory of its own.
 //
 // The firmware holds the kd scale down to the kp scale, and no scale exceeds 1. What the scales cannot say, all damping
@@ -48,7 +48,7 @@ class MoteusDriver final : public JointDriver {
  public:
   explicit MoteusDriver(const MoteusDriveSettings& settings) noexcept : settings_(settings) {}
 
-  std::size_t encode(bool enable, const DriveSetpoint& setpoint, Duration budget,
+  std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
                      std::span<CanFrame> out) noexcept override;
   bool decode(const ReceivedFrame& received) noexcept override;
   [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }

@@ -9,7 +9,7 @@
 
 namespace takt::drivers {
 
-std::size_t OdriveDriver::encode(bool enable, const DriveSetpoint& setpoint, Duration /*budget*/,
+std::size_t OdriveDriver::encode(bool enable, const DriveSetpoint& setpoint, MonoTime /*now*/, MonoTime /*valid_until*/,
                                  std::span<CanFrame> out) noexcept {
   if (!enable) return encode_disabled(out);
   out[0] = enabled_frame(setpoint);

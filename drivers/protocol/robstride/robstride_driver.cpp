@@ -75,8 +75,8 @@ void RobstrideSetup::take(const RobstrideAnswer& answer) noexcept {
   }
 }
 
-std::size_t RobstrideDriver::encode(bool enable, const DriveSetpoint& setpoint, Duration /*budget*/,
-                                    std::span<CanFrame> out) noexcept {
+std::size_t RobstrideDriver::encode(bool enable, const DriveSetpoint& setpoint, MonoTime /*now*/,
+                                    MonoTime /*valid_until*/, std::span<CanFrame> out) noexcept {
   // The protocol has no field for the command's remaining life: the drive's own time-out is a setting in the drive.
   if (!enable || !setup_.may_enable()) return encode_standby(out);
   if (wish_ == Wish::enter && feedback_.drive_state == DriveState::enabled) wish_ = Wish::drive;

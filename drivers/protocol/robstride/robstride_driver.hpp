@@ -58,7 +58,7 @@ class RobstrideDriver final : public JointDriver {
  public:
   explicit RobstrideDriver(const RobstrideDriveSettings& settings) noexcept : settings_(settings) {}
 
-  std::size_t encode(bool enable, const DriveSetpoint& setpoint, Duration budget,
+  std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
                      std::span<CanFrame> out) noexcept override;
   bool decode(const ReceivedFrame& received) noexcept override;
   [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }

@@ -48,7 +48,7 @@ class AbusedDriver {
     DriveSetpoint wanted;
     for (float* value : {&wanted.q, &wanted.dq, &wanted.kp, &wanted.kd, &wanted.tau}) *value = take<float>(bytes);
     std::array<CanFrame, kMaxFramesPerDrive> out;
-    const std::size_t count = driver_->encode(enable, wanted, Duration{take<std::int64_t>(bytes)}, out);
+    const std::size_t count = driver_->encode(enable, wanted, MonoTime{}, MonoTime{take<std::int64_t>(bytes)}, out);
     if (count > out.size()) return "more frames than there is room for";
     for (std::size_t i = 0; i < count; ++i) {
       if (!is_legal(out[i])) return "no CAN bus can carry frame " + std::to_string(i);

@@ -17,7 +17,7 @@ TEST(MakeDriver, BuildsEveryJointOfTheDemoArm) {
     const auto driver = make_joint_driver(*robot, joint);
     ASSERT_TRUE(driver) << driver.error();
     std::array<CanFrame, kMaxFramesPerDrive> out;
-    ASSERT_EQ((*driver)->encode(false, {}, {}, out), 1U);
+    ASSERT_EQ((*driver)->encode(false, {}, {}, {}, out), 1U);
     EXPECT_EQ(out[0].id, robot->joints[joint].drive.id);
   }
 }

@@ -82,7 +82,7 @@ TEST_F(DiscoveryTest, TheZeroFrameMovesTheDrivesZero) {
     for (int i = 3; i < 20; ++i) {
       device->update({0.7, 0}, MonoTime{i}, milliseconds(1), said);
       said.clear();
-      const std::size_t sent = driver->encode(false, {}, {}, out);
+      const std::size_t sent = driver->encode(false, {}, MonoTime{i}, {}, out);
       for (std::size_t k = 0; k < sent; ++k) device->receive(out[k], MonoTime{i}, said);
       for (const CanFrame& answer : said) driver->decode({answer, MonoTime{i}});
     }

@@ -255,7 +255,7 @@ class Judge {
   // Unless usable, the reference may only brake (hold), go to the fallback, or follow the measured position.
   const char* stale_is_never_followed() {
     if (usable() || !is_armed(header().mode)) return nullptr;
-    if (rig_.out->command_budget.ns != 0 || header().chunk_step != 0) return "an unusable command is being played";
+    if (rig_.out->valid_until.is_set() || header().chunk_step != 0) return "an unusable command is being played";
     const bool fallback = header().mode == Mode::degraded && config_.degraded == DegradedBehaviour::fallback;
     if (fallback || !is_armed(last_mode_)) return nullptr;
     for (std::size_t j = 0; j < config_.joint_count; ++j) {

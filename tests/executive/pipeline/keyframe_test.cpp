@@ -124,7 +124,7 @@ RC_GTEST_PROP(Replay, FromAnyKeyframeEveryRecordComesOutBitForBit, (std::uint32_
     control_tick(*replayed, input, run.rig().config, *output);
     RC_ASSERT(same_bytes(output->record, recorded.record));
     RC_ASSERT(std::memcmp(output->setpoints, run.rig().out->setpoints, joints * sizeof(JointSetpoint)) == 0);
-    RC_ASSERT(output->command_budget == run.rig().out->command_budget);
+    RC_ASSERT(output->valid_until == run.rig().out->valid_until);
   }
   const std::size_t size = save(*run.rig().state, original);
   RC_ASSERT(save(*replayed, copy) == size);

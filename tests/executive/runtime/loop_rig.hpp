@@ -73,7 +73,7 @@ class FakeBus final : public drivers::CanBus {
 class OneByteDrive final : public drivers::JointDriver {
  public:
   explicit OneByteDrive(std::uint32_t joint) : joint_(joint) {}
-  std::size_t encode(bool enable, const drivers::DriveSetpoint&, Duration,
+  std::size_t encode(bool enable, const drivers::DriveSetpoint&, MonoTime, MonoTime,
                      std::span<drivers::CanFrame> out) noexcept override {
     out[0] = {};
     out[0].id = joint_ + 1;

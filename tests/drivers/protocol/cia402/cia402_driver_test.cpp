@@ -41,7 +41,7 @@ class Bench {
 
   std::vector<CanFrame> tick(bool enable, const DriveSetpoint& setpoint = {}) {
     std::array<CanFrame, kMaxFramesPerDrive> out;
-    const std::size_t count = driver.encode(enable, setpoint, milliseconds(10), out);
+    const std::size_t count = driver.encode(enable, setpoint, {}, {}, out);
     EXPECT_LE(count, 3U);
     return {out.begin(), out.begin() + static_cast<std::ptrdiff_t>(count)};
   }
@@ -410,7 +410,7 @@ TEST_F(Cia402Row, SyncIsSentByTheLastOfEachBus) {
   const auto sends = [this](std::size_t joint) {
     auto driver = make_cia402_driver(robot, joint);
     std::array<CanFrame, kMaxFramesPerDrive> out;
-    const std::size_t count = (*driver)->encode(true, {}, {}, out);
+    const std::size_t count = (*driver)->encode(true, {}, {}, {}, out);
     const auto traffic = cia402_traffic(robot, joint);
     EXPECT_EQ(traffic.size(), count == 1 ? 4U : 3U);
     return count == 1 && out[0].id == 0x080;

@@ -24,7 +24,7 @@ class Bench {
   // The command; a question beside it is kept in `question`.
   CanFrame encode(bool enable, const DriveSetpoint& setpoint = {}) {
     std::array<CanFrame, kMaxFramesPerDrive> out;
-    const std::size_t count = driver.encode(enable, setpoint, milliseconds(10), out);
+    const std::size_t count = driver.encode(enable, setpoint, {}, {}, out);
     EXPECT_TRUE(count == 1 || count == 2);
     EXPECT_EQ(out[0].id, settings_.id);
     EXPECT_EQ(out[0].length, 8);

@@ -23,6 +23,7 @@ constexpr int kSilentTicks = 20;  // MoteusDriveSettings: silence over period
 constexpr const char* kQuery = "11001f01120e110a";
 const std::string kStop = "010000" + std::string(kQuery) + "50";
 const std::string kQueryOnly = kQuery;
+constexpr MonoTime kNow{1'000'000'000};
 
 struct Law {
   float position, velocity, torque, kp_scale, kd_scale, max_torque, watchdog;
@@ -36,7 +37,7 @@ class Bench {
 
   CanFrame encode(bool enable, const DriveSetpoint& setpoint = {}, Duration budget = milliseconds(100)) {
     std::array<CanFrame, kMaxFramesPerDrive> out;
-    EXPECT_EQ(driver.encode(enable, setpoint, budget, out), 1U);
+    EXPECT_EQ(driver.encode(enable, setpoint, kNow, budget.ns != 0 ? kNow + budget : MonoTime{}, out), 1U);
     EXPECT_EQ(out[0].id, 0x8003U);
     EXPECT_TRUE(out[0].extended && out[0].fd && out[0].bit_rate_switch);
     return out[0];

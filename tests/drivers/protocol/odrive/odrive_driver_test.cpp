@@ -45,7 +45,7 @@ class Bench {
 
   CanFrame encode(bool enable, const DriveSetpoint& setpoint = {}) {
     std::array<CanFrame, kMaxFramesPerDrive> out;
-    EXPECT_EQ(driver.encode(enable, setpoint, milliseconds(10), out), 1U);
+    EXPECT_EQ(driver.encode(enable, setpoint, {}, {}, out), 1U);
     return out[0];
   }
   std::string say(bool enable) { return word(encode(enable)); }
@@ -106,7 +106,7 @@ TEST(OdriveDriver, EnabledByTheDrivesOwnWord) {
   EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::enabled);
   EXPECT_EQ(torque_of(bench.encode(true, kPush)), 2);
   std::array<CanFrame, kMaxFramesPerDrive> out;
-  ASSERT_EQ(bench.driver.encode(false, {}, {}, out), 2U);
+  ASSERT_EQ(bench.driver.encode(false, {}, {}, {}, out), 2U);
   EXPECT_EQ(word(out[0]), "idle");
   EXPECT_EQ(word(out[1]), "zero");
 }
@@ -145,7 +145,7 @@ TEST(OdriveDriver, DoesNotBringBackADriveThatLeftByItself) {
   EXPECT_EQ(word(bench.encode(true, kPush)), "idle") << "not even when it returns by itself";
   bench.encode(true);
   std::array<CanFrame, kMaxFramesPerDrive> out;
-  bench.driver.encode(false, {}, {}, out);
+  bench.driver.encode(false, {}, {}, {}, out);
   EXPECT_EQ(bench.say(true), "torque control") << "after a disable in between it may";
 }
 
@@ -159,7 +159,7 @@ TEST(OdriveDriver, TellsWhyTheDriveLeftEvenWhenTheErrorHasPassed) {
   EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::fault);
   EXPECT_EQ(bench.driver.feedback().error_code, 0x0100'0000U);
   std::array<CanFrame, kMaxFramesPerDrive> out;
-  bench.driver.encode(false, {}, {}, out);
+  bench.driver.encode(false, {}, {}, {}, out);
   EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::disabled) << "then it is history";
   EXPECT_EQ(bench.driver.feedback().error_code, 0U);
 }
@@ -201,7 +201,7 @@ TEST(OdriveDriver, NoPollsWhateverTheState) {
   for (int tick = 0; tick < 2000; ++tick) {
     if (tick % 7 == 0) bench.estimates();
     if (tick % 90 == 0) bench.heartbeat(tick % 180 == 0 ? 8 : 1, tick % 540 == 0 ? "00100000" : "00000000");
-    const std::size_t count = bench.driver.encode(tick % 700 > 300, kPush, {}, out);
+    const std::size_t count = bench.driver.encode(tick % 700 > 300, kPush, {}, {}, out);
     for (std::size_t i = 0; i < count; ++i) {
       EXPECT_FALSE(out[i].remote);
       EXPECT_NE(word(out[i]), "?");

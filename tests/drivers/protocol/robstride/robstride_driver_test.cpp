@@ -27,7 +27,7 @@ class Bench {
 
   std::vector<CanFrame> encode(bool enabled, const DriveSetpoint& setpoint = {}) {
     std::array<CanFrame, kMaxFramesPerDrive> out;
-    const std::size_t count = driver.encode(enabled, setpoint, milliseconds(10), out);
+    const std::size_t count = driver.encode(enabled, setpoint, {}, {}, out);
     for (std::size_t i = 0; i < count; ++i) {
       EXPECT_TRUE(out[i].extended);
       EXPECT_EQ(out[i].length, 8);
