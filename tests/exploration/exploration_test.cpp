@@ -1,0 +1,130 @@
+// Goal: whatever strikes and whenever, the wire and the true motion keep the contract (oracles.hpp). Method: the
+// executive's own loop and drivers in a simulated world, many seeded schedules of ten simulated seconds; what breaks a
+// promise is shortened to the events that it takes, and told with one command. Faults planted between executive and bus
+// show that each oracle bites.
+//
+// TAKT_SEED=N explores one schedule, TAKT_KEEP=0,2 only these of its events; TAKT_SEEDS=N how many (default 150).
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <numeric>
+#include <sstream>
+
+#include "executive/pipeline/mode_machine.hpp"
+#include "tests/exploration/oracles.hpp"
+
+namespace takt::exploration {
+namespace {
+
+constexpr Duration kLasting = seconds(10);
+
+using Seen = std::set<std::pair<Mode, Cause>>;
+
+std::string explore(const config::RobotConfig& robot, std::uint64_t seed, const std::vector<Event>& events,
+                    Seen* seen = nullptr, Planted planted = Planted::none) {
+  World world(robot, events, seed, planted);
+  const Oracles oracles(world);
+  world.run(kLasting);
+  if (seen != nullptr) seen->insert(oracles.seen().begin(), oracles.seen().end());
+  return oracles.broken();
+}
+
+std::vector<Event> chosen(const std::vector<Event>& all, const std::vector<std::size_t>& keep) {
+  std::vector<Event> events;
+  for (const std::size_t i : keep) events.push_back(all.at(i));
+  return events;
+}
+
+// Leaves out what the broken promise does not need, one event after the other.
+std::vector<std::size_t> shortened(const config::RobotConfig& robot, std::uint64_t seed,
+                                   const std::vector<Event>& all) {
+  std::vector<std::size_t> keep(all.size());
+  std::iota(keep.begin(), keep.end(), 0);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    std::vector<std::size_t> fewer = keep;
+    std::erase(fewer, i);
+    if (!explore(robot, seed, chosen(all, fewer)).empty()) keep = std::move(fewer);
+  }
+  return keep;
+}
+
+std::string story(const config::RobotConfig& robot, std::uint64_t seed, const std::vector<Event>& all) {
+  const std::vector<std::size_t> keep = shortened(robot, seed, all);
+  std::string list, events;
+  for (const std::size_t i : keep) {
+    list += (list.empty() ? "" : ",") + std::to_string(i);
+    events += "\n  " + text(all[i]);
+  }
+  return fmt::format("seed {}, {} of {} events:{}\nagain: TAKT_SEED={} TAKT_KEEP={} build/release/bin/exploration_test",
+                     seed, keep.size(), all.size(), events, seed, list);
+}
+
+const char* setting(const char* name) {
+  return std::getenv(name);
+}
+
+TEST(Exploration, EveryScheduleKeepsTheContract) {
+  const config::RobotConfig robot = small_robot();
+  const std::uint64_t first = setting("TAKT_SEED") != nullptr ? std::stoull(setting("TAKT_SEED")) : 1;
+  const std::uint64_t count = setting("TAKT_SEED") != nullptr    ? 1
+                              : setting("TAKT_SEEDS") != nullptr ? std::stoull(setting("TAKT_SEEDS"))
+                                                                 : 150;
+  Seen seen;
+  int broken = 0;
+  const auto began = std::chrono::steady_clock::now();
+  for (std::uint64_t seed = first; seed < first + count; ++seed) {
+    std::vector<Event> events = draw(seed, robot.joints.size(), robot.buses.size(), kLasting);
+    if (const char* const keep = setting("TAKT_KEEP")) {
+      std::vector<std::size_t> numbers;
+      std::istringstream list(keep);
+      for (std::string number; std::getline(list, number, ',');) numbers.push_back(std::stoull(number));
+      events = chosen(events, numbers);
+    }
+    const std::string problem = explore(robot, seed, events, &seen);
+    if (problem.empty()) continue;
+    ADD_FAILURE() << problem << "\n" << story(robot, seed, events);
+    if (++broken == 5) break;
+  }
+  const double minutes = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count() / 60;
+  fmt::print("{:.0f} schedules a minute on this core; {} pairs of mode and cause were met:\n",
+             static_cast<double>(count) / minutes, seen.size());
+  for (const auto& [mode, cause] : seen) fmt::print("  {} by {}\n", name(mode), name(cause));
+}
+
+TEST(Exploration, TheSameSeedTellsTheSameStory) {
+  const config::RobotConfig robot = small_robot();
+  const std::vector<Event> events = draw(7, robot.joints.size(), robot.buses.size(), kLasting);
+  const auto motion = [&] {
+    World world(robot, events, 7);
+    world.run(kLasting);
+    return world.plant().state().q;
+  };
+  EXPECT_EQ(motion(), motion());
+}
+
+struct Bites {
+  Planted planted;
+  const char* oracle;
+};
+
+class ExplorationBites : public testing::TestWithParam<Bites> {};
+
+TEST_P(ExplorationBites, APlantedFaultIsFound) {
+  const config::RobotConfig robot = small_robot();
+  std::string found;
+  for (std::uint64_t seed = 1; seed <= 60 && !found.starts_with(GetParam().oracle); ++seed)
+    found = explore(robot, seed, draw(seed, robot.joints.size(), robot.buses.size(), kLasting), nullptr,
+                    GetParam().planted);
+  EXPECT_TRUE(found.starts_with(GetParam().oracle)) << found;
+}
+
+INSTANTIATE_TEST_SUITE_P(Each, ExplorationBites,
+                         testing::Values(Bites{Planted::old_frames, "command_age"}, Bites{Planted::sign, "speed"},
+                                         Bites{Planted::stays_enabled, "standby_still"},
+                                         Bites{Planted::doubled_torque, "torque_slew"},
+                                         Bites{Planted::no_stop, "stop_wins"}));
+
+}  // namespace
+}  // namespace takt::exploration

@@ -1,0 +1,146 @@
+#include "tests/exploration/oracles.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+namespace takt::exploration {
+namespace {
+
+constexpr double kQuantum = 0.01;  // share of a range: more than any field's last bit
+
+double unpacked(unsigned raw, unsigned bits, double low, double high) {
+  return low + (high - low) * raw / ((1U << bits) - 1U);
+}
+
+bool is_special(const drivers::CanFrame& frame) {
+  return std::all_of(frame.data, frame.data + 7, [](std::uint8_t byte) { return byte == 0xFF; });
+}
+
+}  // namespace
+
+Oracles::Oracles(World& world) : world_(world), joints_(world.robot().joints.size()) {
+  world.on_frame = [this](const World::Sent& sent) { frame(sent); };
+  world.on_tick = [this](const TickRecord& record) { tick(record); };
+  world.on_step = [this] { step(); };
+}
+
+void Oracles::breaks(const char* oracle, std::size_t joint, const std::string& how) {
+  if (!broken_.empty()) return;
+  broken_ = fmt::format("{}: {} at {:.4f} s, {}, {}", oracle, world_.robot().joints[joint].name,
+                        (world_.now() - kStart).seconds(), name(mode_), how);
+}
+
+void Oracles::frame(const World::Sent& sent) {
+  last_frame_at_ = sent.at;
+  for (std::size_t j = 0; j < joints_.size(); ++j) {
+    const config::Joint& joint = world_.robot().joints[j];
+    if (joint.bus != sent.bus) continue;
+    if (joint.drive.protocol == config::DriveProtocol::mit && !sent.frame.extended && sent.frame.id == joint.drive.id)
+      mit_frame(j, sent);
+    if (joint.drive.protocol == config::DriveProtocol::odrive && !sent.frame.extended &&
+        sent.frame.id >> 5U == joint.drive.id)
+      odrive_frame(j, sent);
+  }
+}
+
+// position 16 bits, velocity 12, kp 12, kd 12, torque 12, most significant first
+void Oracles::mit_frame(std::size_t j, const World::Sent& sent) {
+  if (is_special(sent.frame) || sent.frame.length != 8) return;
+  const config::Joint& joint = world_.robot().joints[j];
+  const config::Drive& drive = joint.drive;
+  const std::uint8_t* const d = sent.frame.data;
+  const Asked asked{
+      unpacked(static_cast<unsigned>(d[0] << 8 | d[1]), 16, -drive.position_range, drive.position_range),
+      unpacked(static_cast<unsigned>(d[2] << 4 | d[3] >> 4), 12, -drive.velocity_range, drive.velocity_range),
+      unpacked(static_cast<unsigned>((d[3] & 15) << 8 | d[4]), 12, 0, 500),
+      unpacked(static_cast<unsigned>(d[5] << 4 | d[6] >> 4), 12, 0, 5),
+      unpacked(static_cast<unsigned>((d[6] & 15) << 8 | d[7]), 12, -drive.torque_range, drive.torque_range)};
+  const config::Limits& limits = joint.limits;
+  const bool inside = asked.q > limits.q_min - limits.position_margin - 0.01 &&
+                      asked.q < limits.q_max + limits.position_margin + 0.01 &&
+                      std::abs(asked.dq) < limits.velocity + kQuantum * drive.velocity_range &&
+                      asked.kp < limits.kp + kQuantum * 500 && asked.kd < limits.kd + kQuantum * 5 &&
+                      std::abs(asked.tau) < limits.torque + kQuantum * drive.torque_range;
+  if (!inside)
+    breaks("frame_limits", j,
+           fmt::format("q {} dq {} kp {} kd {} tau {}", asked.q, asked.dq, asked.kp, asked.kd, asked.tau));
+  const double policys = kPolicyKp * joint.kp / (kPolicyKd * joint.kd);
+  const bool from_policy = asked.kp > 10 && asked.kd > 0.1 && std::abs(asked.kp / asked.kd / policys - 1) < 0.08;
+  if (!from_policy) return;
+  const Duration age = sent.at - world_.newest_answered();
+  if (!world_.newest_answered().is_set() || age > world_.robot().freshness.max_age + microseconds(5))
+    breaks("command_age", j, fmt::format("written {:.1f} ms after the oldest sample", age.milliseconds()));
+}
+
+// message 0x0E: torque, float32 little endian, Nm at the motor
+void Oracles::odrive_frame(std::size_t j, const World::Sent& sent) {
+  if ((sent.frame.id & 0x1FU) != 0x0E || sent.frame.length < 4) return;
+  const config::Joint& joint = world_.robot().joints[j];
+  float torque = 0;
+  std::memcpy(&torque, sent.frame.data, 4);
+  const double tau = static_cast<double>(torque) * joint.drive.gear_ratio;
+  Watched& watched = joints_[j];
+  if (!(std::abs(tau) < joint.limits.torque * 1.01)) breaks("frame_limits", j, fmt::format("torque {} Nm", tau));
+  const double most = joint.limits.torque_rate * world_.robot().control.period.seconds() * 1.02 + 0.02;
+  if (watched.torque_known && tau != 0 && std::abs(tau - watched.last_torque) > most)
+    breaks("torque_slew", j, fmt::format("{} Nm after {} Nm", tau, watched.last_torque));
+  watched.last_torque = tau;
+  watched.torque_known = true;
+}
+
+void Oracles::watch_unheard(std::size_t j, double speed) {
+  Watched& watched = joints_[j];
+  const MonoTime since = world_.unheard_since(j);
+  const bool executive_stands = world_.now() - last_frame_at_ > world_.robot().control.period * 2;
+  const Duration patience = world_.robot().feedback.timeout + milliseconds(8);
+  const bool shoved = world_.shoved_at(j).is_set() && world_.now() - world_.shoved_at(j) < milliseconds(2);
+  if (!since.is_set() || executive_stands || shoved || world_.now() - since < patience) {
+    watched.allowed_speed = -1;
+  } else if (watched.allowed_speed < 0) {
+    watched.allowed_speed = speed;
+  } else if (speed > watched.allowed_speed + 0.1) {
+    breaks("no_push", j, fmt::format("{:.2f} rad/s, {:.2f} when it was given up", speed, watched.allowed_speed));
+  } else {
+    watched.allowed_speed = std::min(watched.allowed_speed, speed);
+  }
+}
+
+void Oracles::step() {
+  const plant::ArmState& state = world_.plant().state();
+  for (std::size_t j = 0; j < joints_.size(); ++j) {
+    const double speed = std::abs(state.dq[static_cast<Eigen::Index>(j)]);
+    watch_unheard(j, speed);
+    if (!world_.obeys(j) || !world_.is_prompt() || world_.unheard_since(j).is_set() ||
+        world_.shoved_at(j) >= world_.now() - milliseconds(2))
+      joints_[j].disturbed_at = world_.now();
+    const Duration undisturbed = world_.now() - joints_[j].disturbed_at;
+    if (undisturbed > seconds(2) && speed > world_.robot().joints[j].limits.velocity_hard)
+      breaks("speed", j, fmt::format("{:.2f} rad/s", speed));
+    const bool should_rest =
+        damped_since_.is_set() && world_.now() - damped_since_ > seconds(2) && undisturbed > seconds(2);
+    if (should_rest && speed > 0.1) breaks("comes_to_rest", j, fmt::format("{:.2f} rad/s", speed));
+  }
+}
+
+void Oracles::tick(const TickRecord& record) {
+  const TickRecordHeader& header = record.header;
+  if (header.cause != Cause::none) seen_.insert({header.previous_mode, header.cause});
+  if (header.mode != mode_) damped_since_ = header.mode == Mode::damped_stop ? header.now : MonoTime{};
+  mode_ = header.mode;
+  const bool moves = mode_ == Mode::tracking || mode_ == Mode::degraded || mode_ == Mode::arming;
+  const MonoTime asked = world_.stop_asked_at();
+  if (moves && asked.is_set() && header.now > asked + world_.robot().control.period * 2 &&
+      header.now < asked + milliseconds(300))
+    breaks("stop_wins", 0, "the operator asked to stop");
+  for (std::size_t j = 0; j < joints_.size(); ++j) {
+    int& ticks = joints_[j].standby_ticks;
+    ticks = mode_ == Mode::standby && world_.obeys(j) ? ticks + 1 : 0;
+    if (ticks > 50 && world_.plant().drive(j).state() == plant::DeviceState::enabled)
+      breaks("standby_still", j, "its drive is enabled");
+  }
+}
+
+}  // namespace takt::exploration

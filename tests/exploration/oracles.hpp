@@ -1,0 +1,61 @@
+// What must hold of a robot under Takt, judged from frames and true motion alone, by books of its own: nothing here
+// knows the executive's setpoints, and frames are read by the drives' protocol papers (mit, odrive), not by our codecs.
+// Each oracle:
+//
+// command_age    no frame with the policy's gains is written when the newest answered observation is older than max_age
+// frame_limits   position, speed, gains and torque that a frame asks for are inside the robot's limits, to a quantum
+// torque_slew    torque commands follow one another within torque_rate, or fall to zero
+// no_push        a joint that is not heard any more gets no faster by our doing
+// stop_wins      from the second tick after the operator's stop on, nobody tracks
+// standby_still  what is in standby and hears us is not enabled
+// comes_to_rest  two seconds after a damped stop began, undisturbed joints rest
+// speed          without a shove no joint is faster than velocity_hard
+#pragma once
+
+#include <map>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tests/exploration/world.hpp"
+
+namespace takt::exploration {
+
+class Oracles {
+ public:
+  // Watches `world`, which outlives this, from now on.
+  explicit Oracles(World& world);
+  // The first broken promise: "command_age: ..."; empty: none.
+  [[nodiscard]] const std::string& broken() const { return broken_; }
+  // Which cause led out of which mode.
+  [[nodiscard]] const std::set<std::pair<Mode, Cause>>& seen() const { return seen_; }
+
+ private:
+  struct Asked {  // by one frame, joint side
+    double q = 0, dq = 0, kp = 0, kd = 0, tau = 0;
+  };
+  struct Watched {
+    double allowed_speed = -1;  // < 0: not limited at present
+    double last_torque = 0;
+    bool torque_known = false;
+    MonoTime disturbed_at;
+    int standby_ticks = 0;
+  };
+  void frame(const World::Sent& sent);
+  void mit_frame(std::size_t joint, const World::Sent& sent);
+  void odrive_frame(std::size_t joint, const World::Sent& sent);
+  void step();
+  void tick(const TickRecord& record);
+  void watch_unheard(std::size_t joint, double speed);
+  void breaks(const char* oracle, std::size_t joint, const std::string& how);
+
+  World& world_;
+  std::vector<Watched> joints_;
+  MonoTime last_frame_at_, damped_since_;
+  Mode mode_ = Mode::standby;
+  std::string broken_;
+  std::set<std::pair<Mode, Cause>> seen_;
+};
+
+}  // namespace takt::exploration

@@ -1,0 +1,341 @@
+#include "tests/exploration/world.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <utility>
+
+#include "config/load.hpp"
+#include "drivers/protocol/protocol_table.hpp"
+#include "executive/ipc/executive_segments.hpp"
+#include "executive/setup/tick_config_of.hpp"
+
+namespace takt::exploration {
+namespace {
+
+constexpr Duration kInference = milliseconds(12);
+constexpr std::uint16_t kSteps = 30;
+constexpr Duration kStepPeriod = milliseconds(10);
+constexpr Duration kAsksEvery = milliseconds(400);  // the operator: to arm, or to reset
+
+}  // namespace
+
+config::RobotConfig small_robot() {
+  auto robot = config::load("config/dual_arm12.yaml").value();
+  std::vector<config::Joint> joints;
+  for (const config::Joint& joint : robot.joints) {
+    const auto same = [&joint](const config::Joint& other) { return other.drive.protocol == joint.drive.protocol; };
+    if (std::none_of(joints.begin(), joints.end(), same)) joints.push_back(joint);
+  }
+  robot.joints = std::move(joints);
+  robot.model.reset();
+  return robot;
+}
+
+// --- ports ---
+
+class World::VirtualClock final : public runtime::Clock {
+ public:
+  explicit VirtualClock(World& world) : world_(world) {}
+  MonoTime now() noexcept override {
+    world_.stall_in(Happening::stall_in_clock);
+    world_.pass(Duration{200});
+    return world_.now_;
+  }
+  void sleep_until(MonoTime when) noexcept override {
+    world_.before_tick();
+    const Event* const late = world_.active(Happening::late_wake_ups);
+    if (when > world_.now_)
+      world_.go_to(when + (late ? std::min(Duration{late->length.ns / 8}, milliseconds(3)) : microseconds(30)));
+  }
+
+ private:
+  World& world_;
+};
+
+class World::VirtualBus final : public drivers::CanBus {
+ public:
+  VirtualBus(World& world, std::size_t index) : world_(world), index_(index) {}
+  drivers::SendResult send(const drivers::CanFrame& frame) noexcept override {
+    world_.stall_in(Happening::stall_in_send);
+    return world_.send(index_, frame);
+  }
+  std::size_t receive(std::span<drivers::ReceivedFrame> out) noexcept override {
+    world_.stall_in(Happening::stall_in_receive);
+    world_.collect(index_);
+    std::deque<Arriving>& waiting = world_.arriving_[index_];
+    std::size_t count = 0;
+    for (; count < out.size() && !waiting.empty() && waiting.front().readable_at <= world_.now_; waiting.pop_front())
+      out[count++] = waiting.front().frame;
+    return count;
+  }
+  [[nodiscard]] BusHealth health() const noexcept override {
+    BusHealth health;
+    const Event* const off = world_.active(Happening::bus_off);
+    if (off != nullptr && off->joint == index_) health.state = BusState::bus_off;
+    return health;
+  }
+
+ private:
+  World& world_;
+  std::size_t index_;
+};
+
+// --- construction ---
+
+World::World(const config::RobotConfig& robot, std::vector<Event> events, std::uint64_t seed, Planted planted)
+    : robot_(robot),
+      events_(std::move(events)),
+      done_(events_.size()),
+      random_(~seed),
+      planted_(planted),
+      plant_(plant::Plant::on_free_inertias(robot).value()),
+      arriving_(robot.buses.size()),
+      unheard_since_(robot.joints.size()),
+      shoved_at_(robot.joints.size()),
+      config_(config::tick_config_of(robot, 5)),
+      clock_(std::make_unique<VirtualClock>(*this)),
+      edge_(make_edge()),
+      published_(runtime::PublishedSegments::create(robot.joints.size()).value()),
+      ticks_(published_.tick_reader()),
+      observations_([this] {
+        observation_segment_ = ipc::Segment::adopt_read_only(dup(published_.observation_descriptor()),
+                                                             ipc::ring_bytes(ipc::observation_mailbox()))
+                                   .value();
+        return ipc::SlotReader::attach(observation_segment_.readable(), ipc::observation_mailbox()).value();
+      }()),
+      observation_segment_(ipc::Segment::create("unused", 4096, false).value()),
+      command_segment_(ipc::Segment::create("unused", 4096, false).value()) {
+  auto mailbox = ipc::Segment::create("explored", ipc::ring_bytes(ipc::command_mailbox()), false).value();
+  command_segment_ = ipc::Segment::adopt_writable(dup(mailbox.fd()), mailbox.size()).value();
+  commands_ = std::make_unique<ipc::SlotWriter>(command_segment_.writable(), ipc::command_mailbox());
+  mailboxes_.want(runtime::CommandMailbox::seal(std::move(mailbox), 1).value());
+  loop_ = std::make_unique<runtime::CyclicLoop>(
+      runtime::LoopParts{config_, *clock_, edge_, mailboxes_, requests_, published_, board_},
+      runtime::LoopTiming{{}, {}, 1'000'000});
+}
+
+World::~World() = default;
+
+runtime::DriveEdge World::make_edge() {
+  std::vector<std::unique_ptr<drivers::CanBus>> buses;
+  for (std::size_t bus = 0; bus < robot_.buses.size(); ++bus) buses.push_back(std::make_unique<VirtualBus>(*this, bus));
+  std::vector<runtime::JointOnBus> joints;
+  for (std::size_t j = 0; j < robot_.joints.size(); ++j)
+    joints.push_back({drivers::make_joint_driver(robot_, j).value(), robot_.joints[j].bus});
+  return {std::move(buses), std::move(joints)};
+}
+
+void World::run(Duration lasting) {
+  ends_at_ = kStart + lasting;
+  const auto evidence = runtime::EvidenceSource::open().value();
+  loop_->run(evidence, static_cast<std::uint64_t>(lasting.ns / config_.period.ns));
+}
+
+// --- time ---
+
+void World::go_to(MonoTime until) {
+  now_ = until;
+  const Duration step = plant_.step_length();
+  for (; plant_at_ + step <= now_; plant_at_ = plant_at_ + step) {
+    begin_and_end_events();
+    plant_.step();
+    for (std::size_t bus = 0; bus < arriving_.size(); ++bus) collect(bus);
+    if (on_step) on_step();
+  }
+}
+
+void World::stall_in(Happening port) {
+  for (std::size_t i = 0; i < events_.size(); ++i) {
+    if (done_[i] || events_[i].what != port || now_ < kStart + events_[i].at) continue;
+    done_[i] = true;
+    pass(events_[i].length);
+  }
+}
+
+bool World::is_active(const Event& event) const {
+  return plant_at_ >= kStart + event.at && plant_at_ < kStart + event.end();
+}
+
+const Event* World::active(Happening what) const {
+  const auto found =
+      std::find_if(events_.begin(), events_.end(), [&](const Event& e) { return e.what == what && is_active(e); });
+  return found == events_.end() ? nullptr : &*found;
+}
+
+void World::begin_and_end_events() {
+  set_lines();
+  for (std::size_t i = 0; i < events_.size(); ++i) {
+    const Event& event = events_[i];
+    if (done_[i] || plant_at_ < kStart + event.at) continue;
+    if (event.what == Happening::shove) {
+      plant::ArmState state = plant_.state();
+      state.dq[static_cast<Eigen::Index>(event.joint)] += 2;
+      plant_.set_state(std::move(state));
+      shoved_at_[event.joint] = plant_at_;
+      done_[i] = true;
+    } else if (event.what == Happening::drive_error) {
+      plant_.drive(event.joint).inject(plant::DeviceFault::over_temperature);
+      done_[i] = true;
+    } else if (event.what == Happening::drive_restarts) {
+      plant_.drive(event.joint).power_cycle(plant_.now());  // again and again, as long as it lasts
+      done_[i] = !is_active(event);
+    } else if (event.what == Happening::operator_stop) {
+      if (planted_ != Planted::no_stop) requests_.stop();
+      stop_asked_at_ = plant_at_;
+      done_[i] = true;
+    }
+  }
+}
+
+void World::set_lines() {
+  for (std::size_t joint = 0; joint < plant_.joint_count(); ++joint) {
+    plant::LineFaults line;
+    for (const Event& event : events_) {
+      if (event.joint != joint || !is_active(event)) continue;
+      line.silent |= event.what == Happening::drive_silent || event.what == Happening::drive_restarts;
+      line.deaf |= event.what == Happening::drive_deaf;
+      line.repeat |= event.what == Happening::drive_repeats;
+      if (event.what == Happening::drive_late) line.delay = milliseconds(8);
+    }
+    plant_.set_line(joint, line);
+    if (!line.silent)
+      unheard_since_[joint] = {};
+    else if (!unheard_since_[joint].is_set())
+      unheard_since_[joint] = plant_at_;
+  }
+}
+
+// --- frames ---
+
+bool World::loses_frame(std::size_t bus) {
+  const Event* const lost = active(Happening::frames_lost);
+  return lost != nullptr && lost->joint == bus && random_() % 3 == 0;
+}
+
+void World::arrive(std::size_t bus, const plant::Frames& said) {
+  for (const drivers::CanFrame& frame : said) {
+    if (loses_frame(bus)) continue;
+    const MonoTime at = std::max(now_, plant_at_) + kOnTheWire;
+    arriving_[bus].push_back({{frame, at}, at});
+  }
+}
+
+void World::collect(std::size_t bus) {
+  said_.clear();
+  plant_.collect(bus, said_);
+  arrive(bus, said_);
+}
+
+drivers::SendResult World::send(std::size_t bus, drivers::CanFrame frame) {
+  const Event* const off = active(Happening::bus_off);
+  if (off != nullptr && off->joint == bus) return drivers::SendResult::queue_full;
+  if (planted_ != Planted::none && !plant_fault_in(frame)) return drivers::SendResult::sent;
+  if (on_frame) on_frame({bus, frame, now_});
+  pass(microseconds(2));
+  if (loses_frame(bus)) return drivers::SendResult::sent;
+  said_.clear();
+  plant_.receive(bus, frame, said_);
+  arrive(bus, said_);
+  return drivers::SendResult::sent;
+}
+
+bool World::plant_fault_in(drivers::CanFrame& frame) {
+  const bool odrive_torque = !frame.extended && (frame.id & 0x1FU) == 0x0E && frame.length == 8;
+  const bool odrive_idle = !frame.extended && (frame.id & 0x1FU) == 0x07 && frame.data[0] == 1;
+  const bool mit_disable =
+      !frame.extended && frame.length == 8 && frame.data[0] == 0xFF && frame.data[6] == 0xFF && frame.data[7] == 0xFD;
+  float torque = 0;
+  std::memcpy(&torque, frame.data, sizeof torque);
+  switch (planted_) {
+    case Planted::none:
+    case Planted::no_stop:
+      return true;
+    case Planted::old_frames:
+      if (active(Happening::policy_silent) != nullptr && last_frames_.contains(frame.id))
+        frame = last_frames_[frame.id];
+      else
+        last_frames_[frame.id] = frame;
+      return true;
+    case Planted::sign:
+    case Planted::doubled_torque:
+      torque *= planted_ == Planted::sign ? -1.0F : 2.0F;
+      if (odrive_torque) std::memcpy(frame.data, &torque, sizeof torque);
+      return true;
+    case Planted::stays_enabled:
+      return !odrive_idle && !mit_disable;
+  }
+  return true;
+}
+
+// --- policy and operator ---
+
+bool World::obeys(std::size_t joint) const {
+  return std::none_of(events_.begin(), events_.end(), [&](const Event& event) {
+    if (!is_active(event)) return false;
+    const bool of_bus = event.what == Happening::bus_off || event.what == Happening::frames_lost;
+    const bool of_joint = event.what == Happening::drive_deaf || event.what == Happening::drive_restarts;
+    return (of_bus && event.joint == robot_.joints[joint].bus) || (of_joint && event.joint == joint);
+  });
+}
+
+void World::before_tick() {
+  last_tick_at_ = now_;
+  while (ticks_.read_next(std::as_writable_bytes(std::span(&record_, 1))).status == ipc::ReadStatus::fresh)
+    if (on_tick) on_tick(record_);
+  let_policy_work();
+  if (now_ - asked_at_ < kAsksEvery) return;
+  asked_at_ = now_;
+  if (record_.header.mode == Mode::standby)
+    requests_.arm();
+  else
+    requests_.reset();
+}
+
+void World::let_policy_work() {
+  if (observations_.read_latest(std::as_writable_bytes(std::span(&observation_, 1))).status == ipc::ReadStatus::fresh &&
+      active(Happening::policy_silent) == nullptr)
+    answer(observation_);
+  for (; !answers_.empty() && answers_.front().due <= now_; answers_.pop_front()) {
+    const Answer& ready = answers_.front();
+    ready.chunk->header.published_at = now_;
+    commands_->publish(std::as_bytes(std::span(ready.chunk.get(), 1)).first(ready.bytes));
+    newest_answered_ = std::max(newest_answered_, ready.sensed);
+  }
+}
+
+void World::answer(const Observation& observation) {
+  const Event* const slow = active(Happening::policy_slow);
+  const Duration takes =
+      kInference + (slow != nullptr ? std::min(Duration{slow->length.ns / 4}, milliseconds(200)) : Duration{});
+  auto chunk = std::make_unique<CommandChunk>();
+  CommandHeader& header = chunk->header;
+  header.observation_id = observation.id;
+  header.sequence = ++sequence_;
+  header.policy_hash = 5;
+  header.dequeued_at = header.infer_started_at = now_;
+  header.infer_ended_at = header.published_at = now_ + takes;
+  header.step_period = kStepPeriod;
+  header.step_count = kSteps;
+  header.joint_count = static_cast<std::uint16_t>(observation.joint_count);
+  header.fields = static_cast<std::uint8_t>(CommandField::q) | static_cast<std::uint8_t>(CommandField::kp) |
+                  static_cast<std::uint8_t>(CommandField::kd);
+  const bool nonsense = active(Happening::policy_nonsense) != nullptr;
+  for (std::size_t step = 0; step < kSteps; ++step) {
+    const double at = (observation.published_at - kStart + kStepPeriod * static_cast<std::int64_t>(step)).seconds();
+    for (std::size_t j = 0; j < header.joint_count; ++j) {
+      const config::Joint& joint = robot_.joints[j];
+      const double q = joint.home + 0.4 * std::sin(3.0 * at + static_cast<double>(j));
+      chunk->values[value_index(header, CommandField::q, step, j)] =
+          nonsense ? std::numeric_limits<float>::quiet_NaN() : static_cast<float>(q);
+      chunk->values[value_index(header, CommandField::kp, step, j)] = kPolicyKp * config_.joints[j].kp;
+      chunk->values[value_index(header, CommandField::kd, step, j)] = kPolicyKd * config_.joints[j].kd;
+    }
+  }
+  answers_.push_back({now_ + takes, chunk->used_bytes(), std::move(chunk), observation.oldest_sensed_at});
+}
+
+}  // namespace takt::exploration

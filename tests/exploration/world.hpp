@@ -1,0 +1,139 @@
+// A whole robot in one thread and virtual time: the executive's own cyclic loop and drivers, in front of ports that
+// belong to a world in which drives of every protocol turn flywheels, frames take their time, a policy answers and an
+// operator insists on moving. Whatever waits, reads the clock, sends or receives lets time pass, and a stall may strike
+// there.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <random>
+#include <vector>
+
+#include "config/robot_config.hpp"
+#include "executive/ipc/slot_ring.hpp"
+#include "executive/runtime/cyclic_loop.hpp"
+#include "simulation/plant.hpp"
+#include "tests/exploration/schedule.hpp"
+
+namespace takt::exploration {
+
+inline constexpr MonoTime kStart{1'000'000'000'000};
+inline constexpr Duration kOnTheWire = microseconds(130);  // of a frame, each way
+// Share of the robot's default gains that the policy asks for: by its ratio kp / kd a frame says whose it is.
+inline constexpr float kPolicyKp = 0.8F, kPolicyKd = 0.5F;
+
+// A fault of the executive's own, put between its drivers and the bus, so that oracles can be seen to bite.
+enum class Planted : std::uint8_t {
+  none,
+  old_frames,     // while the policy is silent, what was sent before leaves again
+  sign,           // a drive without position control is pushed the wrong way
+  stays_enabled,  // what disables a drive does not leave
+  doubled_torque,
+  no_stop,  // the operator's stop is not heard
+};
+
+// One drive of each protocol, on flywheels; no gravity.
+config::RobotConfig small_robot();
+
+class World {
+ public:
+  World(const config::RobotConfig& robot, std::vector<Event> events, std::uint64_t seed,
+        Planted planted = Planted::none);
+  ~World();
+  World(const World&) = delete;
+  World& operator=(const World&) = delete;
+
+  struct Sent {
+    std::size_t bus;
+    drivers::CanFrame frame;
+    MonoTime at;
+  };
+  // What is watched: every frame as it is written, every tick once it is recorded, the true state after each step.
+  std::function<void(const Sent&)> on_frame;
+  std::function<void(const TickRecord&)> on_tick;
+  std::function<void()> on_step;
+
+  void run(Duration lasting);
+
+  [[nodiscard]] MonoTime now() const { return now_; }
+  [[nodiscard]] plant::Plant& plant() { return plant_; }
+  [[nodiscard]] const config::RobotConfig& robot() const { return robot_; }
+  // Since when nothing this joint says arrives; unset: it is heard.
+  [[nodiscard]] MonoTime unheard_since(std::size_t joint) const { return unheard_since_[joint]; }
+  [[nodiscard]] MonoTime shoved_at(std::size_t joint) const { return shoved_at_[joint]; }
+  // It hears us: nothing is wrong with the way from the executive to this drive.
+  [[nodiscard]] bool obeys(std::size_t joint) const;
+  // The executive wakes and works in time.
+  [[nodiscard]] bool is_prompt() const { return now_ - last_tick_at_ < config_.period * 2; }
+  [[nodiscard]] MonoTime stop_asked_at() const { return stop_asked_at_; }
+  // When the oldest sample was taken of the newest observation that any published command answers; unset before.
+  [[nodiscard]] MonoTime newest_answered() const { return newest_answered_; }
+  [[nodiscard]] pipeline::TickConfig& config() { return config_; }
+
+ private:
+  class VirtualClock;
+  class VirtualBus;
+  struct Arriving {
+    drivers::ReceivedFrame frame;
+    MonoTime readable_at;
+  };
+  struct Answer {
+    MonoTime due;
+    std::size_t bytes;
+    std::unique_ptr<CommandChunk> chunk;
+    MonoTime sensed;
+  };
+  void pass(Duration time) { go_to(now_ + time); }
+  void go_to(MonoTime until);
+  void stall_in(Happening port);
+  void begin_and_end_events();
+  void set_lines();
+  void collect(std::size_t bus);
+  void arrive(std::size_t bus, const plant::Frames& said);
+  void let_policy_work();
+  void answer(const Observation& observation);
+  void before_tick();
+  [[nodiscard]] bool is_active(const Event& event) const;
+  [[nodiscard]] const Event* active(Happening what) const;
+  [[nodiscard]] bool loses_frame(std::size_t bus);
+  drivers::SendResult send(std::size_t bus, drivers::CanFrame frame);
+  // False: the frame does not leave.
+  bool plant_fault_in(drivers::CanFrame& frame);
+  [[nodiscard]] runtime::DriveEdge make_edge();
+
+  const config::RobotConfig& robot_;
+  std::vector<Event> events_;
+  std::vector<bool> done_;  // by event: what strikes once has struck
+  std::mt19937_64 random_;
+  Planted planted_;
+  MonoTime now_ = kStart, ends_at_;
+  plant::Plant plant_;
+  MonoTime plant_at_ = kStart;
+  std::vector<std::deque<Arriving>> arriving_;  // by bus
+  std::vector<MonoTime> unheard_since_, shoved_at_;
+  std::map<std::uint32_t, drivers::CanFrame> last_frames_;  // by id; for planted faults
+  plant::Frames said_;
+
+  pipeline::TickConfig config_;
+  std::unique_ptr<VirtualClock> clock_;
+  runtime::DriveEdge edge_;
+  runtime::MailboxHandover mailboxes_;
+  runtime::OperatorInbox requests_;
+  runtime::PublishedSegments published_;
+  runtime::StatusBoard board_;
+  ipc::SlotReader ticks_, observations_;
+  ipc::Segment observation_segment_, command_segment_;
+  std::unique_ptr<ipc::SlotWriter> commands_;
+  std::unique_ptr<runtime::CyclicLoop> loop_;
+  TickRecord record_{};
+  Observation observation_;
+  std::deque<Answer> answers_;
+  std::uint64_t sequence_ = 0;
+  MonoTime newest_answered_, stop_asked_at_, asked_at_, last_tick_at_;
+};
+
+}  // namespace takt::exploration
