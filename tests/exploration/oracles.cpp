@@ -84,10 +84,13 @@ void Oracles::odrive_frame(std::size_t j, const World::Sent& sent) {
   const double tau = static_cast<double>(torque) * joint.drive.gear_ratio;
   Watched& watched = joints_[j];
   if (!(std::abs(tau) < joint.limits.torque * 1.01)) breaks("frame_limits", j, fmt::format("torque {} Nm", tau));
-  const double most = joint.limits.torque_rate * world_.robot().control.period.seconds() * 1.02 + 0.02;
+  // What did not get out on a dead bus was slewed all the same; a period that was not worked in grants nothing.
+  const auto ticks = static_cast<double>(std::max<std::uint64_t>(ticks_ - watched.last_torque_tick, 1));
+  const double most = joint.limits.torque_rate * world_.robot().control.period.seconds() * ticks * 1.02 + 0.02;
   if (watched.torque_known && tau != 0 && std::abs(tau - watched.last_torque) > most)
     breaks("torque_slew", j, fmt::format("{} Nm after {} Nm", tau, watched.last_torque));
   watched.last_torque = tau;
+  watched.last_torque_tick = ticks_;
   watched.torque_known = true;
 }
 
@@ -126,6 +129,7 @@ void Oracles::step() {
 }
 
 void Oracles::tick(const TickRecord& record) {
+  ++ticks_;
   const TickRecordHeader& header = record.header;
   if (header.cause != Cause::none) seen_.insert({header.previous_mode, header.cause});
   if (header.mode != mode_) damped_since_ = header.mode == Mode::damped_stop ? header.now : MonoTime{};

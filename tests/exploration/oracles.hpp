@@ -38,6 +38,7 @@ class Oracles {
   struct Watched {
     double allowed_speed = -1;  // < 0: not limited at present
     double last_torque = 0;
+    std::uint64_t last_torque_tick = 0;
     bool torque_known = false;
     MonoTime disturbed_at;
     int standby_ticks = 0;
@@ -53,6 +54,7 @@ class Oracles {
   World& world_;
   std::vector<Watched> joints_;
   MonoTime last_frame_at_, damped_since_;
+  std::uint64_t ticks_ = 0;
   Mode mode_ = Mode::standby;
   std::string broken_;
   std::set<std::pair<Mode, Cause>> seen_;

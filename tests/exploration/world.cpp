@@ -244,7 +244,7 @@ drivers::SendResult World::send(std::size_t bus, drivers::CanFrame frame) {
 }
 
 bool World::plant_fault_in(drivers::CanFrame& frame) {
-  const bool odrive_torque = !frame.extended && (frame.id & 0x1FU) == 0x0E && frame.length == 8;
+  const bool odrive_torque = !frame.extended && (frame.id & 0x1FU) == 0x0E && frame.length >= 4;
   const bool odrive_idle = !frame.extended && (frame.id & 0x1FU) == 0x07 && frame.data[0] == 1;
   const bool mit_disable =
       !frame.extended && frame.length == 8 && frame.data[0] == 0xFF && frame.data[6] == 0xFF && frame.data[7] == 0xFD;
@@ -266,7 +266,8 @@ bool World::plant_fault_in(drivers::CanFrame& frame) {
       if (odrive_torque) std::memcpy(frame.data, &torque, sizeof torque);
       return true;
     case Planted::stays_enabled:
-      return !odrive_idle && !mit_disable;
+      return now_ < kStart + seconds(1) ||
+             (!odrive_idle && !mit_disable);  // before, it is how drives are asked where they are
   }
   return true;
 }
