@@ -1,10 +1,13 @@
-// One joint's drive behind its protocol: pure encode / decode, no I/O. The cyclic loop asks every driver for its
-// frame in joint order, sends it on the joint's bus, and offers every received frame to that bus's drivers.
+// One joint's drive behind its protocol: pure encode / decode, no I/O, and no control law: who closes the joint's loop
+// says config/drive_loop.hpp, and a setpoint for a drive that takes a torque or a velocity brings it finished. The
+// cyclic loop asks every driver for its frame in joint order, sends it on the joint's bus, and offers every received
+// frame to that bus's drivers.
 //
 // Conversions between joint side and motor side (direction, offset, gear ratio) happen here, and only here.
 // Thread rule: control thread only, after construction. Nothing allocates or throws after construction.
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -21,6 +24,11 @@ inline constexpr std::size_t kMaxFramesPerDrive = 4;
 struct DriveSetpoint {
   float q = 0, dq = 0, kp = 0, kd = 0, tau = 0;
 };
+
+inline bool is_finite(const DriveSetpoint& s) noexcept {
+  return std::isfinite(s.q) && std::isfinite(s.dq) && std::isfinite(s.kp) && std::isfinite(s.kd) &&
+         std::isfinite(s.tau);
+}
 
 // JointFeedback::error_code of what a driver finds out by itself, whatever the protocol; DriveState::fault goes with
 // it. Drives' own codes stay below.

@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "config/drive_loop.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 
 namespace takt::drivers {
 namespace {
 
 constexpr Duration kSilence = milliseconds(100);
+constexpr Duration kYoung = milliseconds(20);  // a reading that a push may stem from
 
 bool drives(JointJog::Phase phase) {
   return phase == JointJog::Phase::moving || phase == JointJog::Phase::settling;
@@ -106,13 +108,21 @@ void JointJog::watch_drive(MonoTime now) {
 
 DriveSetpoint JointJog::setpoint() const {
   if (!drives(phase_)) return {};
-  const double kp = joint_.kp, q = driver_.feedback().q;
+  const double kp = joint_.kp, kd = joint_.kd, q = driver_.feedback().q;
+  const bool young = ticked_ - driver_.feedback().received_at <= kYoung;
   const double stretch = kp > 0 ? wish_.torque / kp : 0;
-  return {.q = static_cast<float>(std::clamp(reference_, q - stretch, q + stretch)),
-          .dq = 0,
-          .kp = static_cast<float>(kp),
-          .kd = static_cast<float>(joint_.kd),
-          .tau = 0};
+  const double gap = std::clamp(reference_ - q, -stretch, stretch);
+  const double pull = std::clamp(kp * gap - kd * double{driver_.feedback().dq}, -wish_.torque, wish_.torque);
+  const double speed = kd > 0 ? std::clamp(kp / kd * gap, -wish_.speed, wish_.speed) : 0;
+  switch (config::loop_closed_by(joint_.drive)) {
+    case config::LoopClosedBy::drive:
+      return {.q = static_cast<float>(q + gap), .kp = static_cast<float>(kp), .kd = static_cast<float>(kd)};
+    case config::LoopClosedBy::host_torque:
+      return {.q = static_cast<float>(q + gap), .tau = young ? static_cast<float>(pull) : 0};
+    case config::LoopClosedBy::host_velocity:
+      return {.q = static_cast<float>(q + gap), .dq = young ? static_cast<float>(speed) : 0};
+  }
+  return {};
 }
 
 }  // namespace takt::drivers

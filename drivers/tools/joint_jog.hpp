@@ -1,8 +1,9 @@
 // Moves one joint a little, softly, without a policy: for finding out which drive is which and which way it turns.
 //
 // The reference starts where the joint is and goes to the target at `speed`; the spring between joint and reference is
-// never stretched so far that it pulls with more than `torque`, so a blocked joint is pushed no harder than that. The
-// target stays inside the joint's position limits. No gravity compensation: a loaded joint sags by torque / kp at most,
+// never stretched so far that it pulls with more than `torque`, so a blocked joint is pushed no harder than that.
+// Drives that take a finished torque or velocity get the spring's, from a reading no older than 20 ms. The target
+// stays inside the joint's position limits. No gravity compensation: a loaded joint sags by torque / kp at most,
 // or falls when `torque` cannot carry it.
 //
 // phase      entered                              drive meanwhile

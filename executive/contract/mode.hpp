@@ -6,7 +6,8 @@
 // tracking       every drive enabled, fresh command  impedance law on the played chunk
 // degraded       contract violated repeatedly        as configured: hold, slow down, or a named fallback
 // damped_stop    stop request, command lost, ...     damping and gravity compensation until the robot rests, then hold
-// fault_latched  drive, bus or feedback fault        pure damping where a drive still listens; operator reset needed
+// fault_latched  drive, bus or feedback fault        no power where the fault is, damping in the rest of that limb, the
+//                                                    rest as in damped_stop; operator reset needed
 #pragma once
 
 #include <array>

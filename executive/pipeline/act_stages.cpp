@@ -17,7 +17,7 @@ ReferenceStep next_reference(const JointState& joint, const JointTarget& target,
   const ReferenceState& from = joint.reference;
   switch (how) {
     case Reference::follow_measured:
-      return {{static_cast<double>(std::clamp(measured.q_estimate, limits.q_min, limits.q_max)), 0.0}, 0};
+      return {standing_at(measured.q_estimate, limits), 0};
     case Reference::move_with_measured:
       return {moving_with(measured.q_estimate, measured.dq_estimate, limits, dt), 0};
     case Reference::brake:
@@ -28,6 +28,13 @@ ReferenceStep next_reference(const JointState& joint, const JointTarget& target,
   return {from, 0};
 }
 
+// How far out the barriers leave a joint alone: where it is while nobody asks it to be elsewhere, else its reference,
+// which comes back at the pace of the limits.
+float may_stay_at(const Choice& choice, Part part, const JointRecord& joint) {
+  const bool follows = choice.reference == Reference::follow_measured || part != Part::as_chosen;
+  return follows ? joint.q_estimate : joint.q_reference;
+}
+
 void add_gravity(const GravityModel& model, const TickConfig& config, TickRecord& record) {
   std::array<float, kMaxJoints> q, torques;
   for (std::size_t j = 0; j < config.joint_count; ++j) q[j] = record.joints[j].q_estimate;
@@ -35,7 +42,8 @@ void add_gravity(const GravityModel& model, const TickConfig& config, TickRecord
   for (std::size_t j = 0; j < config.joint_count; ++j) record.joints[j].tau_gravity = torques[j];
 }
 
-// Our own arithmetic failed: nothing leaves, and references restart from what is measured.
+// Our own arithmetic failed: nothing leaves, and references restart from what is measured. Afterwards the whole robot
+// damps: no model is trusted any more.
 void stop_for_internal_error(TickState& state, const TickConfig& config, TickOutput& output) {
   TickRecordHeader& header = output.record.header;
   header.causes_active |= bit(Cause::internal_error);
@@ -45,6 +53,7 @@ void stop_for_internal_error(TickState& state, const TickConfig& config, TickOut
     header.mode = transition.to;
     header.cause = transition.cause;
   }
+  if (state.mode.mode == Mode::fault_latched) state.mode.damped = every_joint(config.joint_count);
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     output.setpoints[j] = {};
     output.record.joints[j].tau_total = 0.0F;
@@ -60,7 +69,8 @@ void constrain(TickState& state, const Choice& choice, std::span<const JointTarg
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     JointState& joint = state.joints[j];
     JointRecord& out = record.joints[j];
-    const Reference how = config.joints[j].passive ? Reference::follow_measured : choice.reference;
+    const bool follows = config.joints[j].passive || part_of(state, out, j, config) != Part::as_chosen;
+    const Reference how = follows ? Reference::follow_measured : choice.reference;
     const ReferenceStep step = next_reference(joint, targets[j], out, how, config.joints[j].limits, dt);
     joint.reference = step.next;
     out.q_reference = static_cast<float>(step.next.q);
@@ -75,7 +85,8 @@ void stabilise(const TickState& state, const Choice& choice, std::span<const Joi
   const float dt = period_seconds(config);
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     JointRecord& joint = output.record.joints[j];
-    if (choice.limp || config.joints[j].passive) {
+    const Part part = part_of(state, joint, j, config);
+    if (choice.limp || config.joints[j].passive || part == Part::deenergised) {
       output.setpoints[j] = {joint.q_reference, 0.0F, 0.0F, 0.0F, 0.0F};
       continue;
     }
@@ -84,9 +95,10 @@ void stabilise(const TickState& state, const Choice& choice, std::span<const Joi
                                                      targets[j].kp,
                                                      targets[j].kd,
                                                      targets[j].tau_ff,
-                                                     choice.gravity ? joint.tau_gravity : 0.0F,
+                                                     choice.gravity && part != Part::damped ? joint.tau_gravity : 0.0F,
                                                      state.joints[j].tau_last,
-                                                     choice.barriers},
+                                                     choice.barriers && part != Part::damped,
+                                                     may_stay_at(choice, part, joint)},
                                                     config.joints[j], dt);
     output.setpoints[j] = stable.setpoint;
     joint.interventions = static_cast<InterventionMask>(joint.interventions | stable.interventions);
@@ -159,7 +171,7 @@ void record(TickState& state, const Choice& choice, const TickConfig& config, Ti
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     JointRecord& joint = output.record.joints[j];
     const JointSetpoint& setpoint = output.setpoints[j];
-    output.drive_enabled[j] = output.drives_enabled;
+    output.drive_enabled[j] = output.drives_enabled && (state.mode.deenergised & bit_of_joint(j)) == 0;
     joint.drive_enabled = output.drive_enabled[j] ? 1 : 0;
     joint.q_command = setpoint.q;
     joint.dq_command = setpoint.dq;

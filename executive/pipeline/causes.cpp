@@ -18,6 +18,24 @@ bool is_outside_hard_envelope(const JointRecord& joint, const JointLimits& limit
          std::abs(joint.dq_estimate) > limits.velocity_hard;
 }
 
+bool is_lost(const TickState& state, std::size_t j, const TickRecord& record, const TickConfig& config) {
+  const MonoTime sampled_at = state.joints[j].observer.sampled_at;
+  return !sampled_at.is_set() || record.header.now - sampled_at > config.feedback_timeout;
+}
+
+bool is_faulty(const JointRecord& joint) {
+  return joint.feedback.drive_state == DriveState::fault || joint.feedback.error_code != 0;
+}
+
+// Not because we took its power away.
+bool disabled_itself(const TickState& state, std::size_t j, const JointRecord& joint) {
+  return joint.feedback.drive_state == DriveState::disabled && (state.mode.deenergised & bit_of_joint(j)) == 0;
+}
+
+bool is_cut_off(const BusHealth& bus) {
+  return bus.state == BusState::bus_off || bus.state == BusState::down;
+}
+
 struct DriveSummary {
   bool any_lost = false, any_fault = false, any_disabled = false, any_outside = false, all_enabled = true;
 };
@@ -26,11 +44,10 @@ DriveSummary summarise(const TickState& state, const TickRecord& record, const T
   DriveSummary sum;
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     const JointRecord& joint = record.joints[j];
-    const MonoTime sampled_at = state.joints[j].observer.sampled_at;
-    const bool seen = sampled_at.is_set();
-    sum.any_lost |= !seen || record.header.now - sampled_at > config.feedback_timeout;
-    sum.any_fault |= joint.feedback.drive_state == DriveState::fault || joint.feedback.error_code != 0;
-    sum.any_disabled |= joint.feedback.drive_state == DriveState::disabled;
+    const bool seen = state.joints[j].observer.sampled_at.is_set();
+    sum.any_lost |= is_lost(state, j, record, config);
+    sum.any_fault |= is_faulty(joint);
+    sum.any_disabled |= disabled_itself(state, j, joint);
     sum.all_enabled &= joint.feedback.drive_state == DriveState::enabled;
     sum.any_outside |= seen && is_outside_hard_envelope(joint, config.joints[j].limits);
   }
@@ -74,6 +91,20 @@ CauseMask conditions(const TickState& state, const TickRecord& record, const Tic
   const bool late = config.overrun_limit != 0 && state.mode.consecutive_late >= config.overrun_limit;
   return of_buses(record) | link_faults(state.links, record, config) | of_drives(state, record, config) |
          of_commands(state, record.header.now, config.freshness) | when(late, Cause::overrun);
+}
+
+JointMask affected_joints(const TickState& state, const TickRecord& record, const TickConfig& config) {
+  const Mode mode = state.mode.mode;
+  const bool was_enabled = state.mode.drives_enabled != 0 || mode == Mode::fault_latched;
+  JointMask affected = 0;
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    const JointRecord& joint = record.joints[j];
+    const bool not_yet = mode == Mode::arming && joint.feedback.drive_state != DriveState::enabled;
+    if (is_lost(state, j, record, config) || is_faulty(joint) || not_yet ||
+        (was_enabled && disabled_itself(state, j, joint)) || is_cut_off(record.header.buses[config.joints[j].bus]))
+      affected |= bit_of_joint(j);
+  }
+  return affected;
 }
 
 CauseMask granted_request(const TickState& state, const TickRecord& record, CauseMask active,

@@ -13,6 +13,11 @@ namespace takt::pipeline {
 // Operator requests aside.
 CauseMask conditions(const TickState& state, const TickRecord& record, const TickConfig& config);
 
+// The joints that a reaction with scope `joint` is about: silent, faulty, disabled by themselves, on a bus that is off
+// or down; while arming also those that are not enabled yet. Holds in every mode; means something where a fault
+// latches.
+JointMask affected_joints(const TickState& state, const TickRecord& record, const TickConfig& config);
+
 // The cause of the operator's request if it is granted, else 0. Arming: from standby with no blocker. Reset: from a
 // damped stop at rest, or from a latched fault none of whose lasting conditions is among `active`.
 CauseMask granted_request(const TickState& state, const TickRecord& record, CauseMask active, const TickConfig& config);

@@ -2,14 +2,19 @@
 
 #include <algorithm>
 
+#include "executive/pipeline/mode_machine.hpp"
+
 namespace takt::pipeline {
 namespace {
 
 // Gains and speed that apply unless the chunk says otherwise. q stays at the reference: no motion asked for.
-void default_targets(const TickState& state, const TickConfig& config, bool damping_only,
+void default_targets(const TickState& state, const TickRecord& record, const TickConfig& config,
                      std::span<JointTarget> targets) {
+  const Mode mode = state.mode.mode;
+  const bool none_holds = mode == Mode::arming || (is_latched(mode) && state.mode.resting == 0);
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     const JointConfig& joint = config.joints[j];
+    const bool damping_only = none_holds || part_of(state, record.joints[j], j, config) != Part::as_chosen;
     targets[j] = {static_cast<float>(state.joints[j].reference.q), 0.0F, damping_only ? 0.0F : joint.kp,
                   damping_only ? joint.damping : joint.kd,         0.0F, joint.limits.velocity};
   }
@@ -88,13 +93,21 @@ Choice choose_degraded(const TickState& state, const TickRecord& record, const T
 
 }  // namespace
 
+Part part_of(const TickState& state, const JointRecord& measured, std::size_t joint, const TickConfig& config) {
+  const JointMask bit = bit_of_joint(joint);
+  if ((state.mode.deenergised & bit) != 0) return Part::deenergised;
+  if ((state.mode.damped & bit) != 0) return Part::damped;
+  const JointLimits& limits = config.joints[joint].limits;
+  const bool beyond = measured.q_estimate < limits.q_min - limits.q_hard_margin ||
+                      measured.q_estimate > limits.q_max + limits.q_hard_margin;
+  return is_latched(state.mode.mode) && beyond ? Part::released : Part::as_chosen;
+}
+
 Choice choose(const TickState& state, const TickRecord& record, const TickConfig& config,
               std::span<JointTarget> targets) {
   const Mode mode = state.mode.mode;
   const bool resting = state.mode.resting != 0;
-  const bool damping_only =
-      mode == Mode::arming || mode == Mode::fault_latched || (mode == Mode::damped_stop && !resting);
-  default_targets(state, config, damping_only, targets);
+  default_targets(state, record, config, targets);
   switch (mode) {
     case Mode::standby:
       return {};
@@ -106,9 +119,8 @@ Choice choose(const TickState& state, const TickRecord& record, const TickConfig
     case Mode::degraded:
       return choose_degraded(state, record, config, targets);
     case Mode::damped_stop:
-      return {resting ? Reference::brake : Reference::follow_measured, false, true, true, false, 0};
     case Mode::fault_latched:
-      return {Reference::follow_measured, false, false, false, false, 0};
+      return {resting ? Reference::brake : Reference::follow_measured, false, true, true, false, 0};
   }
   return {};
 }

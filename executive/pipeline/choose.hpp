@@ -10,8 +10,12 @@
 //   or, by its   moves with the measured state           none: torque =       no       yes
 //       kind                                             -K [q - pose; dq]
 // damped_stop    follows until at rest, then stays       damping; at rest default  yes  yes
-// fault_latched  follows the measured position           damping              no       no
+// fault_latched  as damped_stop, but for
+//   the joints it is about: no power                     none (limp)          no       no
+//   the rest of their limbs: follow the measured pos.    damping              no       no
 //
+// A measured position is followed within the hard margin. A joint that comes to rest beyond it is not held there, which
+// would fetch it back: it goes on being damped.
 // A passive joint's reference follows its measured position in every mode, and its setpoint has no gains and no torque.
 //
 // State feedback computes the torque anew in every tick from the executive's own estimates, so that a robot that cannot
@@ -37,6 +41,14 @@ namespace takt::pipeline {
 
 enum class Reference : std::uint8_t { follow_measured, move_with_measured, brake, follow_target };
 
+// What a latched fault leaves of the choice for one joint.
+enum class Part : std::uint8_t {
+  as_chosen,
+  released,     // follows the measured position with damping and gravity: at rest beyond the hard margin
+  damped,       // damping only: its limb lost a drive, or our own arithmetic failed
+  deenergised,  // nothing, its drive disabled
+};
+
 struct Choice {
   Reference reference = Reference::follow_measured;
   bool limp = true;       // no gains, no torque
@@ -45,6 +57,9 @@ struct Choice {
   bool playing = false;   // targets come from the command in use
   std::uint8_t step = 0;  // being played
 };
+
+// Reads the mode and the joint's estimate.
+Part part_of(const TickState& state, const JointRecord& measured, std::size_t joint, const TickConfig& config);
 
 // Reads mode and freshness of `record`, and the joints' estimates.
 Choice choose(const TickState& state, const TickRecord& record, const TickConfig& config,

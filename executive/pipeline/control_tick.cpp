@@ -44,6 +44,7 @@ TickStatePtr make_tick_state(const TickConfig& config) {
   TickStatePtr state(new TickState{});
   state->shape = {config.joint_count, config.freshness.window_ticks};
   state->gravity = GravityModel(config);
+  state->limbs = Limbs(config);
   return state;
 }
 

@@ -10,8 +10,9 @@ float limited(float value, float low, float high) {
 }
 
 bool is_inside(const JointSetpoint& s, float total, const JointLimits& limits) {
-  return s.q >= limits.q_min && s.q <= limits.q_max && std::abs(s.dq) <= limits.velocity && s.kp >= 0.0F &&
-         s.kp <= limits.kp_max && s.kd >= 0.0F && s.kd <= limits.kd_max && std::abs(s.tau) <= limits.torque &&
+  return s.q >= limits.q_min - limits.q_hard_margin && s.q <= limits.q_max + limits.q_hard_margin &&
+         std::abs(s.dq) <= limits.velocity && s.kp >= 0.0F && s.kp <= limits.kp_max && s.kd >= 0.0F &&
+         s.kd <= limits.kd_max && std::abs(s.tau) <= limits.torque &&
          std::abs(total) <= limits.torque * (1.0F + kTorqueRounding);
 }
 
@@ -29,7 +30,8 @@ EnvelopeVerdict clamp_to_envelope(JointSetpoint& setpoint, float& tau_total, flo
   tau_total = total;
   if (is_inside(setpoint, total, limits)) return EnvelopeVerdict::inside;
   tau_total = limited(total, -limits.torque, limits.torque);
-  setpoint = {limited(setpoint.q, limits.q_min, limits.q_max), 0.0F, 0.0F, 0.0F, tau_total};
+  setpoint = {limited(setpoint.q, limits.q_min - limits.q_hard_margin, limits.q_max + limits.q_hard_margin), 0.0F, 0.0F,
+              0.0F, tau_total};
   return EnvelopeVerdict::clamped;
 }
 

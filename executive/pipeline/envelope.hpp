@@ -1,5 +1,6 @@
 // The last word before encoding, written without any of the stages' code: whatever they did, what leaves is finite,
-// inside every limit, and produces no more than the torque limit at the measured state.
+// inside every limit, and produces no more than the torque limit at the measured state. Positions may lie in the hard
+// margin: where a joint that was found there is left, or returns from.
 //
 // It acts only if an earlier stage has a fault; then the setpoint becomes a pure torque, or nothing if not finite.
 #pragma once

@@ -1,6 +1,14 @@
 // Cause -> reaction, in one place. Each row says how severe the cause is, which mode it leads to from each mode
-// (the mode itself: no reaction there), and what clears it. Of all causes that hold in a tick, the most severe one
-// that reacts in the present mode decides.
+// (the mode itself: no reaction there), how far and how hard it stops, within which bound, and what clears it. Of all
+// causes that hold in a tick, the most severe one that reacts in the present mode decides.
+//
+// Stops have a scope: the joints that the cause is about, the rest of their limbs (limbs.hpp), the rest of the robot;
+// and a category, as IEC 60204-1 names them:
+//   0  power is taken away at once
+//   1  brought to rest, then power is taken away
+//   2  brought to rest, power stays: a limb that lost a joint damps, without the gravity model, whose pose it is no
+//      longer sure of; the rest of the robot damps with gravity carried until it rests, then holds its position
+// Bounds count from the tick that finds the condition to the frames that react; what finding takes is named in front.
 //
 // Requests and faults enter as causes; whether a request is granted (arming blockers, rest before a reset) is judged
 // before it becomes a cause: see causes.hpp.
@@ -22,10 +30,20 @@ constexpr CauseMask bit(Cause cause) {
   return CauseMask{1} << static_cast<unsigned>(cause);
 }
 
+enum class Stop : std::uint8_t { none, category_0, category_1, category_2 };
+
+struct Scope {
+  Stop joints = Stop::none;  // that the cause is about
+  Stop limbs = Stop::none;   // the rest of theirs
+  Stop robot = Stop::none;   // the rest of it
+};
+
 struct Reaction {
   Cause cause = Cause::none;
   std::uint8_t severity = 0;          // unique among causes that react
   std::array<Mode, kModeCount> to{};  // from standby, arming, tracking, degraded, damped_stop, fault_latched
+  Scope stops{};                      // all none: no stop
+  std::string_view bound;             // empty: no stop
   std::string_view clears_when;
   [[nodiscard]] constexpr Mode from(Mode mode) const { return to[static_cast<std::size_t>(mode)]; }
 };
@@ -33,41 +51,70 @@ struct Reaction {
 namespace reaction_detail {
 inline constexpr Mode S = Mode::standby, A = Mode::arming, T = Mode::tracking, D = Mode::degraded,
                       P = Mode::damped_stop, F = Mode::fault_latched;
-}
+inline constexpr Scope kNo{}, kRest{.robot = Stop::category_2}, kEnd{.robot = Stop::category_1},
+    kLoss{Stop::category_0, Stop::category_2, Stop::category_2};
+}  // namespace reaction_detail
 
 // clang-format off
 inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
   using namespace reaction_detail;
   return std::array<Reaction, kCauseCount>{{
-    // cause                    severity  S  A  T  D  P  F   clears when
-    {Cause::none,                  0,  {S, A, T, D, P, F}, "always"},
-    {Cause::operator_arm,         10,  {A, A, T, D, P, F}, "request, one tick; granted when nothing blocks arming"},
-    {Cause::operator_stop,        60,  {S, P, P, P, P, F}, "request, one tick; then operator reset"},
-    {Cause::operator_reset,        5,  {S, A, T, D, S, S}, "request, one tick; granted at rest, or when the fault is gone"},
-    {Cause::shutdown,             61,  {S, P, P, P, P, F}, "never: the process ends"},
-    {Cause::drives_enabled,       15,  {S, T, T, D, P, F}, "the tick after"},
-    {Cause::enable_timeout,       70,  {S, F, T, D, P, F}, "operator reset"},
-    {Cause::contract_violated,    30,  {S, A, D, D, P, F}, "misses in the window fall to the bound; mode: contract_restored"},
-    {Cause::contract_restored,    20,  {S, A, T, T, P, F}, "the tick after"},
-    {Cause::command_lost,         50,  {S, P, P, P, P, F}, "a usable command; mode: operator reset"},
-    {Cause::bad_commands,         55,  {S, P, P, P, P, F}, "refusals in the window fall to the limit; mode: operator reset"},
-    {Cause::feedback_lost,        80,  {S, F, F, F, F, F}, "every joint replies again; mode: operator reset"},
-    {Cause::drive_fault,          85,  {S, F, F, F, F, F}, "operator reset disables and clears the drive; blocks arming until clear"},
-    {Cause::drive_disabled,       75,  {S, A, F, F, F, F}, "operator reset"},
-    {Cause::bus_off,              90,  {S, F, F, F, F, F}, "the controller left bus-off; mode: operator reset"},
-    {Cause::bus_down,             91,  {S, F, F, F, F, F}, "the interface is up; mode: operator reset"},
+    // cause                    severity  S  A  T  D  P  F   stops  bound, clears when
+    {Cause::none,                  0,  {S, A, T, D, P, F}, kNo,   "",
+      "always"},
+    {Cause::operator_arm,         10,  {A, A, T, D, P, F}, kNo,   "",
+      "request, one tick; granted when nothing blocks arming"},
+    {Cause::operator_stop,        60,  {S, P, P, P, P, F}, kRest, "one tick",
+      "request, one tick; then operator reset"},
+    {Cause::operator_reset,        5,  {S, A, T, D, S, S}, kNo,   "",
+      "request, one tick; granted at rest, or when the fault is gone"},
+    {Cause::shutdown,             61,  {S, P, P, P, P, F}, kEnd,  "one tick; power off at rest, after 10 s at most",
+      "never: the process ends"},
+    {Cause::drives_enabled,       15,  {S, T, T, D, P, F}, kNo,   "",
+      "the tick after"},
+    {Cause::enable_timeout,       70,  {S, F, T, D, P, F}, kLoss, "feedback.enable_timeout, one tick",
+      "operator reset"},
+    {Cause::contract_violated,    30,  {S, A, D, D, P, F}, kNo,   "",
+      "misses in the window fall to the bound; mode: contract_restored"},
+    {Cause::contract_restored,    20,  {S, A, T, T, P, F}, kNo,   "",
+      "the tick after"},
+    {Cause::command_lost,         50,  {S, P, P, P, P, F}, kRest, "freshness.stop_after, one tick",
+      "a usable command; mode: operator reset"},
+    {Cause::bad_commands,         55,  {S, P, P, P, P, F}, kRest, "freshness.bad_command_limit messages, one tick",
+      "refusals in the window fall to the limit; mode: operator reset"},
+    {Cause::feedback_lost,        80,  {S, F, F, F, F, F}, kLoss, "feedback.timeout, one tick",
+      "every joint replies again; mode: operator reset"},
+    {Cause::drive_fault,          85,  {S, F, F, F, F, F}, kLoss, "one tick",
+      "the drive says so once it is disabled; mode: operator reset; blocks arming until clear"},
+    {Cause::drive_disabled,       75,  {S, A, F, F, F, F}, kLoss, "one tick",
+      "operator reset"},
+    {Cause::bus_off,              90,  {S, F, F, F, F, F}, kLoss, "one tick",
+      "the controller left bus-off; mode: operator reset"},
+    {Cause::bus_down,             91,  {S, F, F, F, F, F}, kLoss, "one tick",
+      "the interface is up; mode: operator reset"},
     // Bus faults that still let us steer: a damped stop, while that is true. Severity: the nearer to the root, the higher.
-    {Cause::bus_error_passive,    59,  {S, P, P, P, P, F}, "its share of the window falls to the limit; mode: operator reset"},
-    {Cause::transmit_queue_full,  66,  {S, P, P, P, P, F}, "drops in the window fall to the limit; mode: operator reset"},
-    {Cause::receive_overflow,     67,  {S, P, P, P, P, F}, "drops in the window fall to the limit; mode: operator reset"},
-    {Cause::replies_lost,         64,  {S, P, P, P, P, F}, "losses in the window fall to the limit; mode: operator reset"},
-    {Cause::replies_repeated,     63,  {S, P, P, P, P, F}, "repetitions in the window fall to the limit; mode: operator reset"},
-    {Cause::replies_delayed,      62,  {S, P, P, P, P, F}, "delays in the window fall to the limit; mode: operator reset"},
-    {Cause::foreign_node,         69,  {S, P, P, P, P, F}, "foreign frames in the window fall to the limit; mode: operator reset"},
-    {Cause::bus_babble,           68,  {S, P, P, P, P, F}, "flooded ticks in the window fall to the limit; mode: operator reset"},
-    {Cause::envelope_exceeded,    65,  {S, P, P, P, P, F}, "position and speed inside the hard envelope; mode: operator reset"},
-    {Cause::overrun,              58,  {S, P, P, P, P, F}, "one tick in time; mode: operator reset"},
-    {Cause::internal_error,      100,  {S, F, F, F, F, F}, "operator reset; report it"},
+    {Cause::bus_error_passive,    59,  {S, P, P, P, P, F}, kRest, "bus_faults.window, one tick",
+      "its share of the window falls to the limit; mode: operator reset"},
+    {Cause::transmit_queue_full,  66,  {S, P, P, P, P, F}, kRest, "bus_faults.window, one tick",
+      "drops in the window fall to the limit; mode: operator reset"},
+    {Cause::receive_overflow,     67,  {S, P, P, P, P, F}, kRest, "bus_faults.window, one tick",
+      "drops in the window fall to the limit; mode: operator reset"},
+    {Cause::replies_lost,         64,  {S, P, P, P, P, F}, kRest, "bus_faults.window, one tick",
+      "losses in the window fall to the limit; mode: operator reset"},
+    {Cause::replies_repeated,     63,  {S, P, P, P, P, F}, kRest, "bus_faults.window, one tick",
+      "repetitions in the window fall to the limit; mode: operator reset"},
+    {Cause::replies_delayed,      62,  {S, P, P, P, P, F}, kRest, "bus_faults.window, one tick",
+      "delays in the window fall to the limit; mode: operator reset"},
+    {Cause::foreign_node,         69,  {S, P, P, P, P, F}, kRest, "bus_faults.window, one tick",
+      "foreign frames in the window fall to the limit; mode: operator reset"},
+    {Cause::bus_babble,           68,  {S, P, P, P, P, F}, kRest, "bus_faults.window, one tick",
+      "flooded ticks in the window fall to the limit; mode: operator reset"},
+    {Cause::envelope_exceeded,    65,  {S, P, P, P, P, F}, kRest, "one tick",
+      "position and speed inside the hard envelope; mode: operator reset"},
+    {Cause::overrun,              58,  {S, P, P, P, P, F}, kRest, "control.overrun_limit ticks, one tick",
+      "one tick in time; mode: operator reset"},
+    {Cause::internal_error,      100,  {S, F, F, F, F, F}, kRest, "the same tick",
+      "operator reset; report it"},
   }};
 }();
 // clang-format on
@@ -136,7 +183,31 @@ constexpr bool faults_never_heal_into_a_stop() {
     if (row.from(F) == P) return false;
   return true;
 }
+constexpr bool leads_to(const Reaction& row, Mode mode) {
+  for (std::size_t from = 0; from < kModeCount; ++from)
+    if (static_cast<Mode>(from) != mode && row.to[from] == mode) return true;
+  return false;
+}
+// Whatever ends in a latched mode stops the whole robot, in a bound; nothing else does.
+constexpr bool latched_modes_are_stops() {
+  for (const Reaction& row : kReactions) {
+    const bool stops = leads_to(row, P) || leads_to(row, F);
+    if (stops != (row.stops.robot != Stop::none) || stops == row.bound.empty()) return false;
+  }
+  return true;
+}
+// The nearer to the cause, the harder; power is taken from joints by a latched fault only, which keeps it away.
+constexpr bool scopes_are_nested() {
+  for (const Reaction& row : kReactions) {
+    const auto [joints, limbs, robot] = row.stops;
+    if (joints != Stop::none && (limbs < joints || robot < limbs || !leads_to(row, F))) return false;
+    if ((joints == Stop::none) != (limbs == Stop::none)) return false;
+  }
+  return true;
+}
 static_assert(rows_are_in_order());
+static_assert(latched_modes_are_stops());
+static_assert(scopes_are_nested());
 static_assert(severities_differ());
 static_assert(standby_is_left_by_arming_only());
 static_assert(only(Cause::drives_enabled, A, T) && only(Cause::contract_restored, D, T));

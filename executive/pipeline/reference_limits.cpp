@@ -64,7 +64,7 @@ ReferenceStep step(const ReferenceState& from, double wanted, double speed, cons
     step.interventions |= bit(Intervention::braking_distance);
     v = std::copysign(magnitude, v);
   }
-  step.next = {std::clamp(from.q + v * dt, limits.q_min, limits.q_max), v};
+  step.next = {std::clamp(from.q + v * dt, std::min(limits.q_min, from.q), std::max(limits.q_max, from.q)), v};
   return step;
 }
 
@@ -95,10 +95,15 @@ ReferenceStep step_towards(const ReferenceState& from, float q_target, float dq_
   return result;
 }
 
+ReferenceState standing_at(float q, const JointLimits& limits) {
+  return {static_cast<double>(std::clamp(q, limits.q_min - limits.q_hard_margin, limits.q_max + limits.q_hard_margin)),
+          0.0};
+}
+
 ReferenceState moving_with(float q, float dq, const JointLimits& limits, double dt) {
   const Wide wide(limits);
-  const double at = std::clamp(static_cast<double>(q), wide.q_min, wide.q_max);
-  const double room = dq > 0.0F ? wide.q_max - at : at - wide.q_min;
+  const double at = standing_at(q, limits).q;
+  const double room = std::max(dq > 0.0F ? wide.q_max - at : at - wide.q_min, 0.0);
   const double speed = std::min(std::abs(static_cast<double>(dq)), wide.velocity);
   return {at, std::copysign(std::min(speed, stopping_speed(room, wide.acceleration, dt)), static_cast<double>(dq))};
 }

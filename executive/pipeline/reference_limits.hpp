@@ -7,6 +7,9 @@
 // stopping_speed(d) is the exact inverse of the discrete stopping distance dt (v + (v - a dt) + ...), not of the
 // continuous v^2 / 2a, which would fall short by up to a dt^2 / 8 and leave the set.
 //
+// A joint found outside q_min..q_max starts from where it is and may only move inwards, within the same speeds and
+// accelerations: it returns, it is not fetched.
+//
 // Towards a moving target the same law is applied to the distance left and added to the target's own velocity, so that
 // a smooth path is followed without lag. Units: rad, rad/s, s.
 #pragma once
@@ -35,8 +38,11 @@ double stopping_distance(double speed, double acceleration, double dt);
 // One step towards q_target that moves with dq_target, at no more than `speed` (<= limits.velocity).
 ReferenceStep step_towards(const ReferenceState& from, float q_target, float dq_target, float speed,
                            const JointLimits& limits, double dt);
-// The state inside the limits nearest to a measured motion: where following the measurement leaves the reference.
+// The state within the hard margin nearest to a measured motion that the limits allow: where following the measurement
+// leaves the reference. Outside q_min..q_max it does not move further out.
 ReferenceState moving_with(float q, float dq, const JointLimits& limits, double dt);
+// The measured position, at rest, within the hard margin.
+ReferenceState standing_at(float q, const JointLimits& limits);
 // One step of braking to rest.
 ReferenceStep step_braking(const ReferenceState& from, const JointLimits& limits, double dt);
 

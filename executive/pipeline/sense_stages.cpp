@@ -44,14 +44,16 @@ bool is_refusal(Arrival arrival) {
   return arrival != Arrival::none && arrival != Arrival::accepted;
 }
 
-// The damped stop holds position once every joint has been slow for this long: an instant at rest is a turning point.
+// A stop holds position once every joint has been slow for this long: an instant at rest is a turning point. A joint
+// without power is not asked: its last velocity may be all that it left behind.
 constexpr Duration kRestDwell = milliseconds(100);
 
 void watch_for_rest(TickState& state, const TickRecord& record, const TickConfig& config) {
-  if (state.mode.mode != Mode::damped_stop || state.mode.resting != 0) return;
-  const bool slow = std::all_of(record.joints, record.joints + config.joint_count, [&](const JointRecord& joint) {
-    return std::abs(joint.dq_estimate) < config.rest_velocity;
-  });
+  if (!is_latched(state.mode.mode) || state.mode.resting != 0) return;
+  bool slow = true;
+  for (std::size_t j = 0; j < config.joint_count; ++j)
+    slow &= (state.mode.deenergised & bit_of_joint(j)) != 0 ||
+            std::abs(record.joints[j].dq_estimate) < config.rest_velocity;
   if (!slow) {
     state.mode.slow_since = {};
   } else if (!state.mode.slow_since.is_set()) {
@@ -59,6 +61,12 @@ void watch_for_rest(TickState& state, const TickRecord& record, const TickConfig
   } else if (record.header.now - state.mode.slow_since >= kRestDwell) {
     state.mode.resting = 1;
   }
+}
+
+// A drive that is given up gets no power until standby, whatever it says later; its limb damps.
+void take_out(TickState& state, JointMask joints) {
+  state.mode.deenergised |= joints;
+  state.mode.damped |= state.limbs.of(joints);
 }
 
 }  // namespace
@@ -115,7 +123,9 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
   const Transition transition = decide(state.mode.mode, header.causes_active);
   header.cause = transition.cause;
   header.mode = transition.to;
+  const JointMask affected = affected_joints(state, record, config);  // by the mode that is left
   if (transition.cause != Cause::none) enter(state, transition.to, input.now, contract);
+  if (state.mode.mode == Mode::fault_latched) take_out(state, affected);
 }
 
 void enter(TickState& state, Mode mode, MonoTime now, const FreshnessContract& contract) {
@@ -124,6 +134,7 @@ void enter(TickState& state, Mode mode, MonoTime now, const FreshnessContract& c
   switch (mode) {
     case Mode::standby:
       state.mode.drives_enabled = 0;
+      state.mode.deenergised = state.mode.damped = 0;
       return;
     case Mode::arming:
       state.mode.armed_at = now;
@@ -140,10 +151,9 @@ void enter(TickState& state, Mode mode, MonoTime now, const FreshnessContract& c
       note_degraded(state.recovery, now, contract);
       return;
     case Mode::damped_stop:
+    case Mode::fault_latched:
       state.mode.resting = 0;
       state.mode.slow_since = {};
-      return;
-    case Mode::fault_latched:
       return;
   }
 }

@@ -27,7 +27,7 @@ float clamp_marked(float value, float low, float high, Intervention why, Interve
 
 // Which barrier binds decides the name of the intervention.
 float apply_barriers(float torque, const StabiliserInput& in, const JointConfig& joint, InterventionMask& marks) {
-  const TorqueRange range = barrier_range(in.measured, joint);
+  const TorqueRange range = barrier_range(in.measured, in.may_stay_at, joint);
   const float beyond = torque - in.gravity;
   const float allowed = std::clamp(beyond, range.low, range.high);
   if (allowed == beyond) return torque;
@@ -50,22 +50,53 @@ void fit_to_torque(JointSetpoint& setpoint, float wanted, const JointMotion& mea
   setpoint.kd *= scale;
 }
 
+// Gains that the drive can say; true: some were not.
+bool fit_gains(JointSetpoint& setpoint, const DriveGains& drive) {
+  if (drive.kp <= 0.0F) return false;
+  const float kp = std::min(setpoint.kp, drive.kp);
+  const float kd = std::min(setpoint.kd, drive.kd * (kp / drive.kp));
+  const bool changed = kp != setpoint.kp || kd != setpoint.kd;
+  setpoint.kp = kp;
+  setpoint.kd = kd;
+  return changed;
+}
+
+StabiliserOutput finished_velocity(const StabiliserInput& in, const JointLimits& limits) {
+  StabiliserOutput out;
+  const float kp = clamp_marked(in.kp, 0.0F, limits.kp_max, Intervention::gain_limit, out.interventions);
+  const float kd = clamp_marked(in.kd, 0.0F, limits.kd_max, Intervention::gain_limit, out.interventions);
+  float velocity = kd > 0.0F ? in.reference.dq + kp * (in.reference.q - in.measured.q) / kd : 0.0F;
+  velocity = clamp_marked(velocity, -limits.velocity, limits.velocity, Intervention::velocity_limit, out.interventions);
+  if (in.barriers) {
+    const SpeedRange speeds = barrier_speeds(in.measured.q, in.may_stay_at, limits);
+    velocity = clamp_marked(velocity, std::max(speeds.low, -limits.velocity), std::min(speeds.high, limits.velocity),
+                            Intervention::position_barrier, out.interventions);
+  }
+  out.setpoint = {in.reference.q, velocity, 0.0F, 0.0F, 0.0F};
+  return out;
+}
+
 }  // namespace
 
-TorqueRange barrier_range(const JointMotion& measured, const JointConfig& joint) {
-  const JointLimits& limits = joint.limits;
+SpeedRange barrier_speeds(float q, float may_stay_at, const JointLimits& limits) {
   const float outside = 0.5F * limits.q_hard_margin;
   const float speed_barrier = 0.5F * (limits.velocity + limits.velocity_hard);
-  const float above = limits.q_max + outside - measured.q;
-  const float below = measured.q - (limits.q_min - outside);
+  const float above = std::max(limits.q_max + outside, may_stay_at) - q;
+  const float below = q - std::min(limits.q_min - outside, may_stay_at);
   float up = allowed_speed(above, speed_barrier, limits.acceleration);
   float down = -allowed_speed(below, speed_barrier, limits.acceleration);
   if (up < down) (above < 0.0F ? down : up) = above < 0.0F ? up : down;
+  return {down, up};
+}
+
+TorqueRange barrier_range(const JointMotion& measured, float may_stay_at, const JointConfig& joint) {
+  const SpeedRange speeds = barrier_speeds(measured.q, may_stay_at, joint.limits);
   const float per_speed = joint.inertia * joint.observer_bandwidth / kBarrierTimeConstants;
-  return {per_speed * (down - measured.dq), per_speed * (up - measured.dq)};
+  return {per_speed * (speeds.low - measured.dq), per_speed * (speeds.high - measured.dq)};
 }
 
 StabiliserOutput stabilise_joint(const StabiliserInput& in, const JointConfig& joint, float dt) {
+  if (joint.loop == LoopAt::host_velocity) return finished_velocity(in, joint.limits);
   const JointLimits& limits = joint.limits;
   StabiliserOutput out;
   InterventionMask& marks = out.interventions;
@@ -79,7 +110,14 @@ StabiliserOutput stabilise_joint(const StabiliserInput& in, const JointConfig& j
   torque = clamp_marked(torque, in.tau_last - slew, in.tau_last + slew, Intervention::torque_rate_limit, marks);
   const bool feed_forward_too_big = std::abs(out.setpoint.tau) > limits.torque;
   if (feed_forward_too_big) marks |= bit(Intervention::torque_limit);
-  if (torque != wanted || feed_forward_too_big) fit_to_torque(out.setpoint, torque, in.measured, limits.torque);
+  if (joint.loop == LoopAt::host_torque) {
+    out.setpoint = {in.reference.q, in.reference.dq, 0.0F, 0.0F, torque};
+    out.tau_total = torque;
+    return out;
+  }
+  const bool unspeakable = fit_gains(out.setpoint, joint.drive_gains);
+  if (torque != wanted || feed_forward_too_big || unspeakable)
+    fit_to_torque(out.setpoint, torque, in.measured, limits.torque);
   out.tau_total = impedance_torque(out.setpoint, in.measured) + out.setpoint.tau;
   return out;
 }

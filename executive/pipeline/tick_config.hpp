@@ -22,6 +22,20 @@ struct JointLimits {
   float velocity_hard = 0;  // rad/s: measured speed above it is a fault, >= velocity
 };
 
+// Who closes a joint's control loop, and so what its setpoint carries.
+enum class LoopAt : std::uint8_t {
+  drive,          // the drive: q, dq, kp, kd and the feed-forward tau
+  host_torque,    // here: a finished torque in tau; kp and kd are 0
+  host_velocity,  // here: a finished velocity in dq; kp, kd and tau are 0. The drive decides the torque
+};
+
+// Of a drive whose gains are shares 0..1 of its own, and whose damping's share never exceeds the stiffness's. What they
+// cannot say goes into the feed-forward torque.
+struct DriveGains {
+  float kp = 0;  // Nm/rad, joint side: share 1; 0: the drive takes any gains
+  float kd = 0;  // Nm s/rad, > 0 where kp is
+};
+
 struct JointConfig {
   JointLimits limits;
   float kp = 0, kd = 0;          // default impedance
@@ -32,7 +46,9 @@ struct JointConfig {
   float fallback_speed = 0;      // rad/s
   float observer_bandwidth = 0;  // rad/s of the velocity observer
   std::uint8_t bus = 0;
+  LoopAt loop = LoopAt::drive;
   bool passive = false;  // measured, never driven: its setpoint has no gains and no torque, whatever is asked
+  DriveGains drive_gains{};
 };
 
 // One link of the kinematic tree for gravity compensation. Joint j moves link j.

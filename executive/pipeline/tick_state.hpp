@@ -14,6 +14,7 @@
 #include "executive/pipeline/control_tick.hpp"
 #include "executive/pipeline/freshness.hpp"
 #include "executive/pipeline/gravity_model.hpp"
+#include "executive/pipeline/limbs.hpp"
 #include "executive/pipeline/observation_memory.hpp"
 #include "executive/pipeline/reference_limits.hpp"
 #include "executive/pipeline/tick_window.hpp"
@@ -23,17 +24,20 @@ namespace takt::pipeline {
 
 struct JointState {
   ObserverState observer;
-  ReferenceState reference;  // inside the limits once armed
+  ReferenceState reference;  // inside the limits once armed, or on its way back there
   float tau_last = 0;        // Nm, torque of the previous tick's setpoint: start of this tick's slew
   float reserved = 0;
 };
 
 struct ModeState {
   MonoTime armed_at;    // start of the present arming
-  MonoTime slow_since;  // damped stop: every joint below the rest velocity since; unset while one is not
+  MonoTime slow_since;  // latched modes: every joint that we hold below the rest velocity since; unset while one is not
   MonoTime resumed_at;  // tracking began, after arming or after degraded: start of the resume ramp; unset before
+  // Since a fault was latched, until standby: drives that get no power from us, and joints that only damp.
+  JointMask deenergised = 0;
+  JointMask damped = 0;
   Mode mode = Mode::standby;
-  std::uint8_t resting = 0;         // damped stop: 1 once at rest; from then on it holds position
+  std::uint8_t resting = 0;         // latched modes: 1 once at rest; from then on what may hold its position does
   std::uint8_t drives_enabled = 0;  // 1 once every drive reported enabled in this arming
   std::uint8_t policy_session = 0;
   std::uint32_t consecutive_late = 0;
@@ -54,7 +58,8 @@ struct StateShape {
 
 struct TickState {
   StateShape shape;
-  GravityModel gravity;  // constants of the configuration, not in keyframes
+  GravityModel gravity;  // constants of the configuration, as are the limbs: not in keyframes
+  Limbs limbs;
   ModeState mode;
   Counters counters;
   Recovery recovery;
@@ -70,7 +75,7 @@ struct TickState {
 static_assert(std::is_trivially_copyable_v<TickState>);
 // No hidden padding: keyframes of equal states are equal bytes.
 static_assert(sizeof(JointState) == sizeof(ObserverState) + sizeof(ReferenceState) + 8 && sizeof(ObserverState) == 16);
-static_assert(sizeof(ModeState) == 32 && sizeof(Counters) == 24 && sizeof(Recovery) == 32);
+static_assert(sizeof(ModeState) == 48 && sizeof(Counters) == 24 && sizeof(Recovery) == 32);
 static_assert(sizeof(CommandInUse) == 56 && sizeof(ObservationMemory) == 8 + 24 * ObservationMemory::kDepth);
 
 }  // namespace takt::pipeline

@@ -24,8 +24,11 @@ void TickFollower::follow() {
   if (tick.mode != tick.previous_mode) on_transition_(latest_);
   last_read_.at(static_cast<std::size_t>(tick.operator_request)) = tick.tick;
   const std::span joints(latest_.joints, std::min<std::size_t>(tick.joint_count, kMaxJoints));
-  const bool slow = std::ranges::all_of(
-      joints, [this](const JointRecord& joint) { return std::abs(joint.dq_estimate) < rest_velocity_; });
+  // A drive given up by a latched fault is not asked: its last velocity may be all that it left behind.
+  const bool slow = std::ranges::all_of(joints, [&](const JointRecord& joint) {
+    const bool given_up = tick.drives_enabled != 0 && joint.drive_enabled == 0;
+    return given_up || std::abs(joint.dq_estimate) < rest_velocity_;
+  });
   if (!slow) {
     slow_since_ = {};
   } else if (!slow_since_.is_set()) {

@@ -22,7 +22,8 @@ class TickFollower {
   void catch_up();
   // All zero before the first tick.
   [[nodiscard]] const TickRecord& latest() const { return latest_; }
-  // Every joint has been slower than rest_velocity for kRestFor, without interruption.
+  // Every joint, but those whose drives a latched fault gave up, has been slower than rest_velocity for kRestFor,
+  // without interruption.
   [[nodiscard]] bool rests() const;
   // The newest tick that read this request; 0: none did.
   [[nodiscard]] std::uint64_t last_read(OperatorRequest request) const {

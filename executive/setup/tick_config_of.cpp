@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "config/drive_loop.hpp"
+
 namespace takt::config {
 namespace {
 
@@ -32,6 +34,18 @@ std::array<float, 9> rotation_of(const Vector3& rpy) {
           narrow(cp * cr)};
 }
 
+pipeline::LoopAt loop_of(const Drive& drive) {
+  switch (loop_closed_by(drive)) {
+    case LoopClosedBy::drive:
+      return pipeline::LoopAt::drive;
+    case LoopClosedBy::host_torque:
+      return pipeline::LoopAt::host_torque;
+    case LoopClosedBy::host_velocity:
+      return pipeline::LoopAt::host_velocity;
+  }
+  return pipeline::LoopAt::host_torque;
+}
+
 pipeline::JointConfig joint_of(const Joint& from) {
   pipeline::JointConfig to;
   to.limits = {.q_min = narrow(from.limits.q_min),
@@ -53,6 +67,7 @@ pipeline::JointConfig joint_of(const Joint& from) {
   to.observer_bandwidth = narrow(from.observer_bandwidth);
   to.bus = static_cast<std::uint8_t>(from.bus);
   to.passive = from.passive;
+  set_loop(from.drive, to);
   return to;
 }
 
@@ -129,6 +144,13 @@ void set_fallback(const RobotConfig& robot, pipeline::TickConfig& tick) {
 }
 
 }  // namespace
+
+void set_loop(const Drive& drive, pipeline::JointConfig& joint) {
+  joint.loop = loop_of(drive);
+  if (drive.protocol != DriveProtocol::moteus) return;
+  const double square = drive.gear_ratio * drive.gear_ratio;
+  joint.drive_gains = {.kp = narrow(drive.servo_kp * square), .kd = narrow(drive.servo_kd * square)};
+}
 
 pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t policy_hash) {
   pipeline::TickConfig tick;

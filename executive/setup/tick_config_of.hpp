@@ -8,6 +8,9 @@
 
 namespace takt::config {
 
+// Who closes the joint's loop, and what its drive's gains can say.
+void set_loop(const Drive& drive, pipeline::JointConfig& joint);
+
 pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t policy_hash);
 
 }  // namespace takt::config

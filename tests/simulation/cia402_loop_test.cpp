@@ -10,6 +10,7 @@
 
 #include "drivers/protocol/protocol_table.hpp"
 #include "simulation/cia402_device.hpp"
+#include "tests/simulation/finished_setpoint.hpp"
 
 namespace takt::plant {
 namespace {
@@ -47,6 +48,7 @@ class World {
  public:
   explicit World(Cia402Mode mode, std::size_t joints = 1) {
     const config::RobotConfig robot = robot_of(mode, joints);
+    drive_ = robot.joints[0].drive;
     for (std::size_t i = 0; i < joints; ++i) {
       drives.push_back(std::make_unique<Cia402Device>(robot.joints[i].drive, milliseconds(100)));
       hosts.push_back(std::move(drivers::make_joint_driver(robot, i).value()));
@@ -60,7 +62,8 @@ class World {
     if (host_lives) {
       for (auto& host : hosts) {
         std::array<CanFrame, drivers::kMaxFramesPerDrive> out;
-        const std::size_t count = host->encode(enable, setpoint, {}, {}, out);
+        const DriveSetpoint told = test::finished(drive_, setpoint, host->feedback(), 3, 5);
+        const std::size_t count = host->encode(enable, told, {}, {}, out);
         for (std::size_t i = 0; i < count; ++i)
           if (!lost(out[i])) cross(out[i]);
       }
@@ -99,6 +102,7 @@ class World {
   MonoTime now{1};
 
  private:
+  config::Drive drive_;
   void cross(const CanFrame& frame) {
     Frames answers;
     for (auto& drive : drives) drive->receive(frame, now, answers);

@@ -9,6 +9,7 @@
 
 #include "drivers/protocol/protocol_table.hpp"
 #include "simulation/device_table.hpp"
+#include "tests/simulation/finished_setpoint.hpp"
 
 namespace takt::test {
 
@@ -38,7 +39,8 @@ class DriveLoop {
   // One millisecond: commands out, drive and rotor forward, what it said in.
   void tick(bool enable, const drivers::DriveSetpoint& setpoint = {}, Duration budget = milliseconds(100)) {
     std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out;
-    const std::size_t count = host->encode(enable, setpoint, now, now + budget, out);
+    const drivers::DriveSetpoint told = finished(drive_, setpoint, host->feedback());
+    const std::size_t count = host->encode(enable, told, now, now + budget, out);
     ASSERT_LE(count, out.size());
     plant::Frames said;
     for (std::size_t i = 0; i < count; ++i) device->receive(out[i], now, said);

@@ -51,7 +51,6 @@ Cia402Driver::Cia402Driver(const Cia402DriveSettings& settings) noexcept
 
 std::size_t Cia402Driver::encode(bool enable, const DriveSetpoint& setpoint, MonoTime /*now*/, MonoTime /*valid_until*/,
                                  std::span<CanFrame> out) noexcept {
-  count_tick(reading_age_);
   note_silence(enable);
   note_wish(enable);
   std::size_t count = 0;
@@ -95,10 +94,10 @@ CanFrame Cia402Driver::command(const DriveSetpoint& setpoint) noexcept {
     case Wish::left:
       break;
   }
-  const bool drives = wish_ == Wish::drive && has_reading_ && reading_age_ <= settings_.max_reading_ticks;
+  const bool drives = wish_ == Wish::drive && has_reading_;
   const std::int32_t target = drives
-                                  ? cia402::target_of(settings_.scale, to_motor(settings_.mapping, setpoint), measured_)
-                                  : cia402::resting_target(settings_.scale, measured_);
+                                  ? cia402::target_of(settings_.scale, to_motor(settings_.mapping, setpoint), counts_)
+                                  : cia402::resting_target(settings_.scale, counts_);
   return cia402::encode_rpdo(settings_.scale.mode, settings_.setup.node, controlword, target);
 }
 
@@ -140,27 +139,25 @@ bool Cia402Driver::take_report(const ReceivedFrame& received) noexcept {
     return false;
   }
   power_ = cia402::power_state(report->statusword);
-  estimate_velocity(report->position);
-  measured_.counts = report->position;
-  measured_.q = static_cast<float>(cia402::to_rad(report->position, settings_.scale));
+  estimate_velocity(report->position, received.received_at);
+  counts_ = report->position;
   has_reading_ = true;
-  take_reading(settings_.mapping, measured_.q, measured_.dq, cia402::to_torque(report->torque, settings_.scale),
-               received.received_at, feedback_);
+  take_reading(settings_.mapping, static_cast<float>(cia402::to_rad(counts_, settings_.scale)), dq_,
+               cia402::to_torque(report->torque, settings_.scale), received.received_at, feedback_);
   return true;
 }
 
-void Cia402Driver::estimate_velocity(std::int32_t position) noexcept {
-  if (!has_reading_) {
-    measured_.dq = 0;
-    reading_age_ = 0;
-    return;
+void Cia402Driver::estimate_velocity(std::int32_t position, MonoTime received_at) noexcept {
+  const Duration passed = received_at - slope_from_.at;
+  if (has_reading_ && passed <= Duration{}) return;  // no time to divide by
+  if (has_reading_) {
+    const double moved = cia402::to_rad(difference(position, slope_from_.counts), settings_.scale);
+    const auto share = static_cast<float>(settings_.velocity_bandwidth * passed.seconds());
+    dq_ += share / (1 + share) * (static_cast<float>(moved / passed.seconds()) - dq_);
+  } else {
+    dq_ = 0;
   }
-  if (reading_age_ == 0) return;  // a second report within the tick: no time has passed to divide by
-  const double seconds = reading_age_ * settings_.period.seconds();
-  const double moved = cia402::to_rad(difference(position, measured_.counts), settings_.scale);
-  const auto share = static_cast<float>(settings_.velocity_bandwidth * seconds);
-  measured_.dq += share / (1 + share) * (static_cast<float>(moved / seconds) - measured_.dq);
-  reading_age_ = 0;
+  slope_from_ = {position, received_at};
 }
 
 bool Cia402Driver::take_heartbeat(const CanFrame& frame) noexcept {

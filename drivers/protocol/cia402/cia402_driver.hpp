@@ -17,14 +17,14 @@
 //
 // SYNC is the bus's: exactly one driver sends it, after its own frames, in every tick: that of the last cia402 joint on
 // the bus, so that every RPDO of the tick is out before. At most 3 frames per tick.
-// Velocity comes from position: differences over whole ticks, low-passed at velocity_bandwidth. What targets mean:
-// cia402_law.hpp; a reading older than max_reading_ticks turns every target into one that pushes nowhere.
-// `budget` has no field here; see cia402_setup.hpp for the drive's own watchdog. Thread rule: as JointDriver.
+// Velocity comes from position: differences between receive stamps, low-passed at velocity_bandwidth. What targets
+// mean: cia402_target.hpp. A command's remaining life has no field here; see cia402_setup.hpp for the drive's own
+// watchdog. Thread rule: as JointDriver.
 #pragma once
 
 #include "drivers/protocol/cia402/cia402_codec.hpp"
-#include "drivers/protocol/cia402/cia402_law.hpp"
 #include "drivers/protocol/cia402/cia402_setup.hpp"
+#include "drivers/protocol/cia402/cia402_target.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 
 namespace takt::drivers {
@@ -34,9 +34,7 @@ struct Cia402DriveSettings {
   cia402::SetupValues setup;
   cia402::SetupPatience patience;
   JointMapping mapping;
-  Duration period = milliseconds(1);  // between calls of encode()
-  float velocity_bandwidth = 200;     // rad/s
-  std::uint32_t max_reading_ticks = 20;
+  float velocity_bandwidth = 200;  // rad/s
   std::uint32_t max_heartbeat_ticks = 300;
   bool sends_sync = true;
 };
@@ -69,7 +67,7 @@ class Cia402Driver final : public JointDriver {
   bool take_heartbeat(const CanFrame& frame) noexcept;
   bool take_emergency(const CanFrame& frame) noexcept;
   bool take_sdo(const CanFrame& frame) noexcept;
-  void estimate_velocity(std::int32_t position) noexcept;
+  void estimate_velocity(std::int32_t position, MonoTime received_at) noexcept;
   void start_over() noexcept;
   void refresh_state() noexcept;
 
@@ -79,12 +77,18 @@ class Cia402Driver final : public JointDriver {
   std::uint64_t malformed_frames_ = 0;
   Wish wish_ = Wish::disable;
   cia402::PowerState power_ = cia402::PowerState::undefined;  // of the newest TPDO since set-up
-  cia402::Measured measured_;
+  struct Slope {
+    std::int32_t counts = 0;
+    MonoTime at;
+  };
+  Slope slope_from_;         // where the next velocity is measured from
+  std::int32_t counts_ = 0;  // newest position
+  float dq_ = 0;             // rad/s, motor side
   std::uint16_t emergency_ = 0;
-  bool seen_ = false;                                  // the drive was operational once
-  bool heartbeat_lost_ = false;                        // latched until set-up went through again
-  std::uint32_t reading_age_ = 0, heartbeat_age_ = 0;  // ticks
-  bool has_reading_ = false;                           // since set-up
+  bool seen_ = false;                // the drive was operational once
+  bool heartbeat_lost_ = false;      // latched until set-up went through again
+  std::uint32_t heartbeat_age_ = 0;  // ticks
+  bool has_reading_ = false;         // since set-up
   std::uint32_t reset_ticks_ = 0;
 };
 

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 #include "drivers/protocol/cia402/cia402_driver.hpp"
 
@@ -21,16 +20,10 @@ std::uint32_t ticks_in(Duration span, Duration period) {
   return static_cast<std::uint32_t>(std::clamp<std::int64_t>((span.ns + period.ns - 1) / period.ns, 1, 1'000'000));
 }
 
-cia402::Scale scale_of(const config::Joint& joint) {
-  const config::Drive& drive = joint.drive;
-  // 1e-9: three tenths are three tenths, however they are stored.
-  const double per_mille = std::floor(1000 * drive.torque_range / drive.rated_torque + 1e-9);
+cia402::Scale scale_of(const config::Drive& drive) {
   return {.mode = drive.mode,
           .counts_per_turn = static_cast<double>(drive.counts_per_turn),
-          .rated_torque = static_cast<float>(drive.rated_torque),
-          .most_per_mille =
-              static_cast<std::int16_t>(std::clamp(per_mille, 0.0, double{std::numeric_limits<std::int16_t>::max()})),
-          .velocity_limit = static_cast<float>(joint.limits.velocity * drive.gear_ratio)};
+          .rated_torque = static_cast<float>(drive.rated_torque)};
 }
 
 const char* wrong_with(const config::Drive& drive) {
@@ -42,6 +35,8 @@ const char* wrong_with(const config::Drive& drive) {
   if (drive.rated_torque > 4e6) return "rated_torque does not fit object 6076, which counts mNm in 32 bits";
   if (drive.torque_range * 1000 < drive.rated_torque)
     return "torque_range is below a thousandth of rated_torque, the drive's smallest torque: check both";
+  if (drive.mode == config::Cia402Mode::cst && drive.torque_range * 1000 > drive.rated_torque * cia402::kMostPerMille)
+    return "torque_range is beyond what object 6071 can ask for, 32.767 times rated_torque: check both";
   return nullptr;
 }
 
@@ -120,7 +115,7 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_cia402_driver(cons
   if (!interpolation)
     return std::unexpected("control.period does not fit object 60C2 (1 to 255 times a power of ten, in whole us)");
   Cia402DriveSettings settings;
-  settings.scale = scale_of(wanted);
+  settings.scale = scale_of(drive);
   settings.setup = {.node = drive.id,
                     .mode = drive.mode,
                     .period = *interpolation,
@@ -129,9 +124,7 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_cia402_driver(cons
                        .tries = 5,
                        .pause_ticks = ticks_in(milliseconds(500), period)};
   settings.mapping = mapping_of(drive);
-  settings.period = period;
   settings.velocity_bandwidth = static_cast<float>(wanted.observer_bandwidth);
-  settings.max_reading_ticks = ticks_in(robot.feedback.timeout, period);
   settings.max_heartbeat_ticks = ticks_in(cia402::kHeartbeatPeriod * 3, period);
   settings.sends_sync = is_last_of_its_bus(robot, joint);
   return std::make_unique<Cia402Driver>(settings);

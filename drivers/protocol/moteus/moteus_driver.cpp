@@ -5,7 +5,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "drivers/protocol/impedance_torque.hpp"
 #include "drivers/protocol/little_endian.hpp"
 
 namespace takt::drivers {
@@ -16,11 +15,6 @@ constexpr std::uint32_t kReplyWanted = 0x8000;
 
 bool is_positive(double x) {
   return std::isfinite(x) && x > 0;
-}
-
-bool is_finite(const DriveSetpoint& setpoint) noexcept {
-  return std::isfinite(setpoint.q) && std::isfinite(setpoint.dq) && std::isfinite(setpoint.kp) &&
-         std::isfinite(setpoint.kd) && std::isfinite(setpoint.tau);
 }
 
 void write_mode(std::uint8_t mode, MoteusWriter& writer) noexcept {
@@ -165,20 +159,14 @@ MoteusDriver::Command MoteusDriver::limp() const noexcept {
 }
 
 MoteusDriver::Command MoteusDriver::command_for(const DriveSetpoint& setpoint) const noexcept {
-  DriveSetpoint motor = to_motor(settings_.mapping, setpoint);
+  const DriveSetpoint motor = to_motor(settings_.mapping, setpoint);
   if (!is_finite(setpoint) || !is_finite(motor)) return limp();
-  motor.kp = std::max(motor.kp, 0.0F);
-  motor.kd = std::max(motor.kd, 0.0F);
-  Command command;
-  command.position = motor.q / kRadPerRev;
-  command.velocity = motor.dq / kRadPerRev;
-  command.kp_scale = std::min(motor.kp / settings_.servo_kp, 1.0F);
-  command.kd_scale = std::min(motor.kd / settings_.servo_kd, command.kp_scale);
-  DriveSetpoint rest = motor;
-  rest.kp = std::max(motor.kp - command.kp_scale * settings_.servo_kp, 0.0F);
-  rest.kd = std::max(motor.kd - command.kd_scale * settings_.servo_kd, 0.0F);
-  command.torque = impedance_torque(rest, q_, dq_, settings_.torque_range);
-  return command;
+  const float kp_scale = std::clamp(motor.kp / settings_.servo_kp, 0.0F, 1.0F);
+  return {.position = motor.q / kRadPerRev,
+          .velocity = motor.dq / kRadPerRev,
+          .torque = motor.tau,
+          .kp_scale = kp_scale,
+          .kd_scale = std::clamp(motor.kd / settings_.servo_kd, 0.0F, kp_scale)};
 }
 
 void MoteusDriver::write_command(const Command& command, Duration budget, MoteusWriter& writer) const noexcept {
@@ -205,8 +193,7 @@ bool MoteusDriver::decode(const ReceivedFrame& received) noexcept {
     return false;
   }
   q_ = q;
-  dq_ = dq;
-  take_reading(settings_.mapping, q_, dq_, reply.torque, received.received_at, feedback_);
+  take_reading(settings_.mapping, q_, dq, reply.torque, received.received_at, feedback_);
   feedback_.temperature_C = hotter(reply.temperature, reply.motor_temperature);
   const Verdict verdict = judge(reply);
   feedback_.drive_state = verdict.state;

@@ -7,7 +7,7 @@
 // acceleration limits are switched off in every command: the drive follows the law and no trajectory of its own.
 //
 // The firmware holds the kd scale down to the kp scale, and no scale exceeds 1. What the scales cannot say, all damping
-// at zero stiffness for one, is added to the feed-forward torque from the newest feedback.
+// at zero stiffness for one, comes within the setpoint's torque: DriveGains in the pipeline's tick_config.hpp.
 //
 // phase        sends                                    entered by
 // disabling    mode 0, which also clears faults         enable false
@@ -72,7 +72,7 @@ class MoteusDriver final : public JointDriver {
   Phase phase_ = Phase::disabling;
   bool heard_since_request_ = false;
   Duration silent_for_{};  // commands since the newest reply, times their period
-  float q_ = 0, dq_ = 0;   // newest, motor side: rad, rad/s
+  float q_ = 0;            // newest, motor side: rad
 };
 
 // The protocol's row in the table.

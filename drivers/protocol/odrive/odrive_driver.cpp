@@ -5,8 +5,6 @@
 #include <cmath>
 #include <utility>
 
-#include "drivers/protocol/impedance_torque.hpp"
-
 namespace takt::drivers {
 
 std::size_t OdriveDriver::encode(bool enable, const DriveSetpoint& setpoint, MonoTime /*now*/, MonoTime /*valid_until*/,
@@ -78,10 +76,8 @@ CanFrame OdriveDriver::waiting_frame(const DriveSetpoint& setpoint) noexcept {
 }
 
 CanFrame OdriveDriver::torque_frame(const DriveSetpoint& setpoint) const noexcept {
-  const bool measured = feedback_.received_at.is_set();
-  const DriveSetpoint motor = to_motor(settings_.mapping, setpoint);
-  return odrive_input_torque(settings_.node,
-                             measured ? impedance_torque(motor, q_, dq_, settings_.torque_range) : 0.0F);
+  const float torque = to_motor(settings_.mapping, setpoint).tau;
+  return odrive_input_torque(settings_.node, std::isfinite(torque) ? torque : 0.0F);
 }
 
 bool OdriveDriver::decode(const ReceivedFrame& received) noexcept {
@@ -150,9 +146,7 @@ bool OdriveDriver::take_estimates(const ReceivedFrame& received) noexcept {
   const float q = turns->first * kRadPerTurn;
   const float dq = turns->second * kRadPerTurn;
   if (!std::isfinite(q) || !std::isfinite(dq)) return false;
-  q_ = q;
-  dq_ = dq;
-  take_reading(settings_.mapping, q_, dq_, tau_, received.received_at, feedback_);
+  take_reading(settings_.mapping, q, dq, tau_, received.received_at, feedback_);
   heartbeat_missing_ = heartbeat_at_.is_set() && received.received_at - heartbeat_at_ > kOdriveHeartbeatTimeout;
   judge_state();
   return true;
@@ -198,7 +192,6 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_odrive_driver(cons
     return std::unexpected("odrive reports come every whole millisecond: make control.period a multiple of 1 ms");
   OdriveDriveSettings settings;
   settings.node = drive.id;
-  settings.torque_range = static_cast<float>(drive.torque_range);
   settings.mapping = mapping_of(drive);
   return std::make_unique<OdriveDriver>(settings);
 }

@@ -1,7 +1,7 @@
 // One ODrive (firmware 0.6, CANSimple), host side: joint units in, torques out, broadcasts in.
 //
-// The drive takes torques; the impedance law runs here, on the newest estimates, clamped to +-torque_range. One frame
-// leaves per tick (two in the tick that disables). We ask for nothing: on some firmware any frame, a question too,
+// The drive takes finished torques: a setpoint's tau, and nothing else of it. One frame leaves per tick (two in the
+// tick that disables). We ask for nothing: on some firmware any frame, a question too,
 // feeds the drive's watchdog, and a live bus is not a live command. So the drive must be set up to tell by itself:
 //   axis.config.can: encoder_msg_rate_ms = control.period (1), heartbeat_msg_rate_ms 10, torques_msg_rate_ms 10,
 //   temperature_msg_rate_ms 100, error_msg_rate_ms 100, bus_voltage_msg_rate_ms 100 or 0, iq_msg_rate_ms 0;
@@ -14,7 +14,7 @@
 //              (a faulty drive: clear errors instead)
 // enabling     torque control, zero torque, closed loop,   enable rising; repeated every kAskAgainTicks
 //              then zero torques
-// driving      the impedance law's torque                  a heartbeat since the request says closed loop
+// driving      the setpoint's torque                       a heartbeat since the request says closed loop
 // left         zero torque; idle, should the drive report  the drive left closed loop or reported an error by itself:
 //              closed loop again                           until enable false
 // The drive's state is its newest heartbeat's: closed loop is enabled, an error is a fault, anything else is disabled.
@@ -35,7 +35,6 @@ inline constexpr std::uint32_t kOdriveNoHeartbeat = 0x7FFF'FFFF;
 
 struct OdriveDriveSettings {
   std::uint32_t node = 0;
-  float torque_range = 0;  // Nm, motor side; finite, > 0
   JointMapping mapping;
 };
 
@@ -79,7 +78,7 @@ class OdriveDriver final : public JointDriver {
   std::uint8_t axis_state_ = 0;
   std::uint32_t active_errors_ = 0, disarm_reason_ = 0;
   bool heartbeat_missing_ = false;
-  float q_ = 0, dq_ = 0, tau_ = 0;  // rad, rad/s, Nm
+  float tau_ = 0;  // Nm
 };
 
 // The protocol's row in the table.

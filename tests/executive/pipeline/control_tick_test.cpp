@@ -275,15 +275,16 @@ struct FaultCase {
   void (*cause)(Rig&);
   Cause expected;
   Mode mode;
+  unsigned about = 0;  // joints that lose their power, as bits
 };
 
 TEST(Faults, EachLeadsToItsMode) {
   const FaultCase cases[] = {
-      {"silent joint", [](Rig& r) { r.drives[1].silent = true; }, Cause::feedback_lost, Mode::fault_latched},
-      {"drive fault", [](Rig& r) { r.drives[2].fault = true; }, Cause::drive_fault, Mode::fault_latched},
-      {"drive disabled", [](Rig& r) { r.drives[0].drops_out = true; }, Cause::drive_disabled, Mode::fault_latched},
-      {"bus off", [](Rig& r) { r.input.buses[0].state = BusState::bus_off; }, Cause::bus_off, Mode::fault_latched},
-      {"bus down", [](Rig& r) { r.input.buses[0].state = BusState::down; }, Cause::bus_down, Mode::fault_latched},
+      {"silent joint", [](Rig& r) { r.drives[1].silent = true; }, Cause::feedback_lost, Mode::fault_latched, 2},
+      {"drive fault", [](Rig& r) { r.drives[2].fault = true; }, Cause::drive_fault, Mode::fault_latched, 4},
+      {"drive disabled", [](Rig& r) { r.drives[0].drops_out = true; }, Cause::drive_disabled, Mode::fault_latched, 1},
+      {"bus off", [](Rig& r) { r.input.buses[0].state = BusState::bus_off; }, Cause::bus_off, Mode::fault_latched, 7},
+      {"bus down", [](Rig& r) { r.input.buses[0].state = BusState::down; }, Cause::bus_down, Mode::fault_latched, 7},
       {"thrown out", [](Rig& r) { r.drives[0].q = 1.7F; }, Cause::envelope_exceeded, Mode::damped_stop},
       {"late ticks", [](Rig& r) { r.input.lateness = milliseconds(3); }, Cause::overrun, Mode::damped_stop},
       {"overruns", [](Rig& r) { r.input.overrun_cause = OverrunCause::preempted; }, Cause::overrun, Mode::damped_stop},
@@ -299,8 +300,12 @@ TEST(Faults, EachLeadsToItsMode) {
     EXPECT_EQ(name(rig.header().cause), name(fault.expected)) << fault.when;
     rig.run_with_policy(5, 0.3F);
     if (fault.mode == Mode::fault_latched) {
-      EXPECT_EQ(rig.out->setpoints[0].kp, 0.0F) << fault.when;
-      EXPECT_EQ(rig.out->setpoints[0].kd, rig.config.joints[0].damping) << fault.when;
+      for (std::size_t j = 0; j < 3; ++j) {
+        const bool energised = rig.out->drive_enabled[j];
+        EXPECT_EQ(energised, (fault.about >> j & 1U) == 0) << fault.when << ", joint " << j;
+        EXPECT_EQ(rig.out->setpoints[j].kp, 0.0F) << fault.when;
+        EXPECT_EQ(rig.out->setpoints[j].kd, energised ? rig.config.joints[j].damping : 0.0F) << fault.when;
+      }
     }
   }
 }

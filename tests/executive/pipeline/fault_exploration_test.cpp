@@ -226,8 +226,9 @@ class Judge {
   // nullptr, or what was broken.
   const char* broken() {
     const char* what = nullptr;
-    for (const auto check : {&Judge::age, &Judge::stale_is_never_followed, &Judge::envelope, &Judge::reference,
-                             &Judge::slew, &Judge::bounded_stop, &Judge::recorded, &Judge::window, &Judge::latches})
+    for (const auto check :
+         {&Judge::age, &Judge::stale_is_never_followed, &Judge::envelope, &Judge::reference, &Judge::slew,
+          &Judge::unheard, &Judge::bounded_stop, &Judge::recorded, &Judge::window, &Judge::latches})
       if (what == nullptr) what = (this->*check)();
     remember();
     return what;
@@ -274,7 +275,12 @@ class Judge {
       const JointRecord& joint = record().joints[j];
       const float torque = s.kp * (s.q - joint.q_estimate) + s.kd * (s.dq - joint.dq_estimate) + s.tau;
       if (!std::isfinite(s.q + s.dq + s.kp + s.kd + s.tau)) return "a setpoint is not finite";
-      if (s.q < limits.q_min || s.q > limits.q_max) return "a position leaves its limits";
+      if (s.q < limits.q_min - limits.q_hard_margin || s.q > limits.q_max + limits.q_hard_margin)
+        return "a position leaves the hard margin";
+      const bool outside = s.q < limits.q_min || s.q > limits.q_max;
+      if (outside && is_armed(header().mode) && is_armed(last_mode_) &&
+          std::abs(s.q) > std::abs(last_.joints[j].q_command))
+        return "a position leaves its limits";
       if (std::abs(s.dq) > limits.velocity) return "a velocity leaves its limits";
       if (s.kp < 0 || s.kp > limits.kp_max || s.kd < 0 || s.kd > limits.kd_max) return "a gain leaves its limits";
       if (std::abs(s.tau) > limits.torque || std::abs(torque) > 1.001F * limits.torque) return "a torque is too big";
@@ -297,9 +303,22 @@ class Judge {
   const char* slew() {
     if (!rig_.out->drives_enabled || !last_enabled_) return nullptr;
     for (std::size_t j = 0; j < config_.joint_count; ++j) {
+      if (!rig_.out->drive_enabled[j]) continue;  // power is taken away at once
       const JointLimits& limits = config_.joints[j].limits;
       const float change = record().joints[j].tau_total - last_.joints[j].tau_total;
       if (std::abs(change) > limits.torque_rate * 0.001F + 2e-3F * limits.torque) return "torque slews too fast";
+    }
+    return nullptr;
+  }
+
+  // A joint that is not heard gets no power and no setpoint that pushes, from the tick on that knows.
+  const char* unheard() {
+    for (std::size_t j = 0; j < config_.joint_count; ++j) {
+      const MonoTime heard = record().joints[j].feedback.received_at;
+      if (heard.is_set() && header().now - heard <= config_.feedback_timeout) continue;
+      const JointSetpoint& s = rig_.out->setpoints[j];
+      if (rig_.out->drive_enabled[j]) return "a drive that is not heard stays enabled";
+      if (s.kp != 0 || s.kd != 0 || s.tau != 0 || s.dq != 0) return "a joint that is not heard is pushed";
     }
     return nullptr;
   }
@@ -321,6 +340,7 @@ class Judge {
                                   joint.tau_command};
       if (std::memcmp(&written, &rig_.out->setpoints[j], sizeof(written)) != 0)
         return "the record differs from the setpoint";
+      if ((joint.drive_enabled != 0) != rig_.out->drive_enabled[j]) return "enabling is recorded wrongly";
       if (std::memcmp(&joint.feedback, &rig_.input.joints[j], sizeof(JointFeedback)) != 0)
         return "feedback is recorded wrongly";
     }

@@ -100,7 +100,7 @@ void Rig::move() {
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     Drive& drive = drives[j];
     const JointSetpoint& setpoint = out->setpoints[j];
-    drive.enabling_ticks = out->drives_enabled ? drive.enabling_ticks + 1 : 0;
+    drive.enabling_ticks = out->drive_enabled[j] ? drive.enabling_ticks + 1 : 0;
     const bool powered = drive.enabling_ticks >= kEnableDelayTicks && !drive.fault && !drive.drops_out;
     const float limit = config.joints[j].limits.torque;
     const float torque = setpoint.kp * (setpoint.q - drive.q) + setpoint.kd * (setpoint.dq - drive.dq) + setpoint.tau;

@@ -83,14 +83,25 @@ RC_GTEST_PROP(Stabiliser, TheDriveProducesTheLimitedTorqueFromFieldsInsideTheirL
 }
 
 TEST(Barriers, LeaveAReferenceAtItsLimitAlone) {
-  const TorqueRange range = barrier_range({kJoint.limits.q_max, 0.0F}, kJoint);
+  const TorqueRange range = barrier_range({kJoint.limits.q_max, 0.0F}, 0.0F, kJoint);
   EXPECT_LT(range.low, 0.0F);
   EXPECT_GT(range.high, 5.0F);
 }
 
 TEST(Barriers, PushBackFromBeyondTheLimit) {
-  EXPECT_LT(barrier_range({kJoint.limits.q_max + 0.1F, 0.0F}, kJoint).high, 0.0F);
-  EXPECT_GT(barrier_range({kJoint.limits.q_min - 0.1F, 0.0F}, kJoint).low, 0.0F);
+  EXPECT_LT(barrier_range({kJoint.limits.q_max + 0.1F, 0.0F}, 0.0F, kJoint).high, 0.0F);
+  EXPECT_GT(barrier_range({kJoint.limits.q_min - 0.1F, 0.0F}, 0.0F, kJoint).low, 0.0F);
+}
+
+TEST(Barriers, LetAJointStayWhereItMayAndGoNoFurther) {
+  for (const float q : {kJoint.limits.q_max + 0.1F, kJoint.limits.q_min - 0.1F}) {
+    const TorqueRange still = barrier_range({q, 0.0F}, q, kJoint);
+    EXPECT_LE(still.low, 0.0F);
+    EXPECT_GE(still.high, 0.0F);
+    const float outwards = q > 0 ? 1.0F : -1.0F;
+    const TorqueRange moving = barrier_range({q, outwards}, q, kJoint);
+    EXPECT_LT(outwards > 0 ? moving.high : -moving.low, 0.0F) << "outwards it is braked";
+  }
 }
 
 TEST(Barriers, NameWhatBinds) {
@@ -112,7 +123,7 @@ RC_GTEST_PROP(Barriers, ARangeIsNeverEmpty, (std::uint32_t seed)) {
   JointConfig joint = kJoint;
   joint.limits.q_min = uniform(-1, 0);
   joint.limits.q_max = joint.limits.q_min + uniform(1e-3F, 1);
-  const TorqueRange range = barrier_range({uniform(-50, 50), uniform(-50, 50)}, joint);
+  const TorqueRange range = barrier_range({uniform(-50, 50), uniform(-50, 50)}, uniform(-50, 50), joint);
   RC_ASSERT(range.low <= range.high);
 }
 
@@ -136,6 +147,86 @@ TEST(Barriers, AHostileTorqueCannotDriveTheJointOutOfTheHardEnvelope) {
       EXPECT_LE(fastest, kJoint.limits.velocity_hard);
     }
   }
+}
+
+// Goal: for a drive that takes a torque, what leaves is the limited torque itself: no driver has a law or a limit.
+// Method: the same random demands; the drive produces tau and nothing else.
+RC_GTEST_PROP(Stabiliser, AHostTorqueIsFinishedAndLimited, (std::uint32_t seed)) {
+  std::mt19937 random(seed);
+  const auto uniform = [&random](float low, float high) {
+    return std::uniform_real_distribution<float>(low, high)(random);
+  };
+  JointConfig joint = kJoint;
+  const StabiliserInput in{.reference = {uniform(-1, 1), uniform(-2, 2)},
+                           .measured = {uniform(-2, 2), uniform(-10, 10)},
+                           .kp = uniform(0, 400),
+                           .kd = uniform(0, 12),
+                           .tau_ff = uniform(-30, 30),
+                           .gravity = uniform(-60, 60),
+                           .tau_last = uniform(-30, 30),
+                           .barriers = random() % 2 == 0};
+  const float by_the_drive = drive_torque(stabilise_joint(in, joint, kDt).setpoint, in.measured);
+  joint.loop = LoopAt::host_torque;
+  const StabiliserOutput out = stabilise_joint(in, joint, kDt);
+  RC_ASSERT(out.setpoint.kp == 0.0F && out.setpoint.kd == 0.0F);
+  RC_ASSERT(out.setpoint.tau == out.tau_total);
+  RC_ASSERT(std::abs(out.tau_total) <= joint.limits.torque);
+  RC_ASSERT(std::abs(out.tau_total - in.tau_last) <= joint.limits.torque_rate * kDt * 1.0001F ||
+            std::abs(in.tau_last) > joint.limits.torque);
+  RC_ASSERT(std::abs(out.tau_total - by_the_drive) <= 1e-3F * joint.limits.torque);
+}
+
+// Worked out by hand: 0.25 + 10 / 2 (0.7 - 0.5) = 1.25 rad/s.
+TEST(Stabiliser, AHostVelocityClosesErrorsAtTheRatioOfTheGains) {
+  JointConfig joint = kJoint;
+  joint.loop = LoopAt::host_velocity;
+  const auto velocity = [&joint](const StabiliserInput& in) {
+    const StabiliserOutput out = stabilise_joint(in, joint, kDt);
+    EXPECT_EQ(out.setpoint.kp, 0.0F);
+    EXPECT_EQ(out.setpoint.kd, 0.0F);
+    EXPECT_EQ(out.setpoint.tau, 0.0F);
+    EXPECT_EQ(out.tau_total, 0.0F);
+    return out.setpoint.dq;
+  };
+  EXPECT_NEAR(velocity({.reference = {0.7F, 0.25F}, .measured = {0.5F, 1}, .kp = 10, .kd = 2}), 1.25, 1e-6);
+  EXPECT_EQ(velocity({.reference = {1, 0}, .measured = {-1, 0}, .kp = 100, .kd = 2}), 3.0F) << "the limit";
+  EXPECT_EQ(velocity({.reference = {1, 3}, .measured = {}, .kp = 10}), 0.0F) << "no damping was asked for";
+  EXPECT_EQ(velocity({.reference = {1, 0}, .measured = {0.2F, 1}, .kd = 3}), 0.0F) << "a damped stop";
+  EXPECT_EQ(velocity({.reference = {0, 0}, .measured = {0, 0}, .kp = 10, .kd = 1e-38F}), 0.0F);
+  EXPECT_EQ(velocity({.reference = {1, 0}, .measured = {0, 0}, .kp = 10, .kd = 1e-38F}), 3.0F) << "not a NaN";
+  const StabiliserInput beyond{
+      .reference = {1.4F, 2}, .measured = {1.475F, 0}, .kp = 0, .kd = 2, .barriers = true, .may_stay_at = 1.4F};
+  EXPECT_EQ(velocity(beyond), 0.0F) << "at its position barrier";
+}
+
+// What scales 0..1 of the drive's own gains cannot say goes into the torque: all damping at zero stiffness, for one.
+TEST(Stabiliser, GainsThatTheDriveCannotSayBecomeTorque) {
+  JointConfig joint = kJoint;
+  joint.drive_gains = {.kp = 20, .kd = 1};
+  const JointMotion measured{0.1F, 0.5F};
+  const auto made = [&](float kp, float kd, float tau_ff) {
+    const StabiliserInput in{.reference = {0.2F, 0},
+                             .measured = measured,
+                             .kp = kp,
+                             .kd = kd,
+                             .tau_ff = tau_ff,
+                             .tau_last = kp * 0.1F - kd * 0.5F + tau_ff};
+    const StabiliserOutput out = stabilise_joint(in, joint, kDt);
+    EXPECT_NEAR(drive_torque(out.setpoint, measured), in.tau_last, 1e-5F) << "the same torque";
+    EXPECT_EQ(out.interventions, 0);
+    return out.setpoint;
+  };
+  const JointSetpoint damping = made(0, 0.5F, 0.25F);
+  EXPECT_EQ(damping.kp, 0.0F);
+  EXPECT_EQ(damping.kd, 0.0F);
+  const JointSetpoint stiff = made(50, 0, 0);
+  EXPECT_EQ(stiff.kp, 20.0F);
+  const JointSetpoint damped = made(4, 1.5F, 0);
+  EXPECT_FLOAT_EQ(damped.kp, 4.0F);
+  EXPECT_FLOAT_EQ(damped.kd, 0.2F) << "no larger a share than the stiffness has";
+  const JointSetpoint within = made(10, 0.5F, 1);
+  EXPECT_EQ(within.kd, 0.5F);
+  EXPECT_EQ(within.tau, 1.0F);
 }
 
 TEST(Envelope, CatchesWhatABrokenStageLetsThrough) {

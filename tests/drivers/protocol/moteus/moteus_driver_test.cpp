@@ -193,21 +193,20 @@ TEST(MoteusDriver, ConvertsBetweenJointAndMotor) {
   EXPECT_EQ(law.max_torque, kTorqueRange);
 }
 
-// Goal: a damped stop damps. The firmware holds the kd scale down to the kp scale, so at zero stiffness it would not.
-TEST(MoteusDriver, WhatTheScalesCannotSayGoesIntoTheTorque) {
+// Goal: what the scales cannot say is not made up here: the setpoint brings it in its torque.
+TEST(MoteusDriver, ScalesSaturateAndTheTorqueIsTheSetpoints) {
   Bench bench;
   bench.enable();  // q = pi/2, dq = pi
   const Law damping = bench.law({.q = 0, .dq = 0, .kp = 0, .kd = 0.5F, .tau = 0.25F});
   EXPECT_EQ(damping.kp_scale, 0);
   EXPECT_EQ(damping.kd_scale, 0);
-  EXPECT_NEAR(damping.torque, -0.5 * M_PI + 0.25, 1e-5);
-  const Law stiff = bench.law({.q = static_cast<float>(M_PI_2) + 0.1F, .dq = 0, .kp = 50, .kd = 0, .tau = 0});
+  EXPECT_EQ(damping.torque, 0.25F);
+  const Law stiff = bench.law({.q = 2, .dq = 0, .kp = 50, .kd = 0, .tau = 0});
   EXPECT_EQ(stiff.kp_scale, 1);
-  EXPECT_NEAR(stiff.torque, 30 * 0.1, 1e-4);
-  const Law damped = bench.law({.q = 0, .dq = static_cast<float>(M_PI) + 1, .kp = 4, .kd = 1.5F, .tau = 0});
+  EXPECT_EQ(stiff.torque, 0);
+  const Law damped = bench.law({.q = 0, .dq = 4, .kp = 4, .kd = 1.5F, .tau = 0});
   EXPECT_EQ(damped.kp_scale, 0.2F);
   EXPECT_EQ(damped.kd_scale, 0.2F);
-  EXPECT_NEAR(damped.torque, 1.3, 1e-4);
 }
 
 TEST(MoteusDriver, PositionsBeyondThreeTurnsArrive) {
@@ -216,14 +215,14 @@ TEST(MoteusDriver, PositionsBeyondThreeTurnsArrive) {
   EXPECT_NEAR(bench.law({.q = 100, .dq = 0, .kp = 1, .kd = 0, .tau = 0}).position, 100 / (2 * M_PI), 1e-5);
 }
 
-TEST(MoteusDriver, NeverMoreThanTheTorqueRangeWhateverTheSetpoint) {
+TEST(MoteusDriver, NoSetpointMakesAFrameThatIsNoCommand) {
   EXPECT_TRUE(rc::check([] {
     Bench bench({.ratio = *rc::gen::element(1.0F, -1.0F, 9.0F, 1e-3F), .offset = 0.3F});
     bench.enable();
     using test::any_float;
     const DriveSetpoint setpoint{any_float(), any_float(), any_float(), any_float(), any_float()};
     const Law law = bench.law(setpoint, Duration{*rc::gen::arbitrary<std::int64_t>()});
-    RC_ASSERT(std::abs(law.torque) <= kTorqueRange);
+    RC_ASSERT(std::isfinite(law.torque));
     RC_ASSERT(law.max_torque == kTorqueRange);
     RC_ASSERT(law.kp_scale >= 0 && law.kp_scale <= 1);
     RC_ASSERT(law.kd_scale >= 0 && law.kd_scale <= 1);

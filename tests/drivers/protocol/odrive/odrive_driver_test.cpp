@@ -19,7 +19,6 @@ using test::frame_of;
 using test::hex;
 
 constexpr std::uint32_t kNode = 3;
-constexpr float kTorqueRange = 6;
 
 // What a frame of ours says, for reading tests aloud.
 std::string word(const CanFrame& frame) {
@@ -40,8 +39,7 @@ float torque_of(const CanFrame& frame) {
 
 class Bench {
  public:
-  explicit Bench(JointMapping mapping = {})
-      : driver({.node = kNode, .torque_range = kTorqueRange, .mapping = mapping}) {}
+  explicit Bench(JointMapping mapping = {}) : driver({.node = kNode, .mapping = mapping}) {}
 
   CanFrame encode(bool enable, const DriveSetpoint& setpoint = {}) {
     std::array<CanFrame, kMaxFramesPerDrive> out;
@@ -209,35 +207,26 @@ TEST(OdriveDriver, NoPollsWhateverTheState) {
   }
 }
 
-TEST(OdriveDriver, TheImpedanceLawInJointUnits) {
+TEST(OdriveDriver, ConvertsBetweenJointAndMotor) {
   Bench bench({.ratio = -2, .offset = 0.5F});
   bench.enable();
   // Motor at a quarter turn, 0.5 turn/s: joint at pi/2 / -2 + 0.5, velocity pi / -2.
-  const float q = static_cast<float>(M_PI_2) / -2 + 0.5F;
-  const float dq = static_cast<float>(M_PI) / -2;
-  EXPECT_NEAR(bench.driver.feedback().q, q, 1e-5);
-  EXPECT_NEAR(bench.driver.feedback().dq, dq, 1e-5);
+  EXPECT_NEAR(bench.driver.feedback().q, M_PI_2 / -2 + 0.5, 1e-5);
+  EXPECT_NEAR(bench.driver.feedback().dq, M_PI / -2, 1e-5);
   bench.hear(0x07C, "00000040000080bf");  // asked for 2, estimated -1 Nm
   bench.estimates();
   EXPECT_NEAR(bench.driver.feedback().tau, 2, 1e-6) << "-1 Nm on the motor's side of the gear";
-  const DriveSetpoint wanted{.q = q + 0.1F, .dq = dq + 0.2F, .kp = 20, .kd = 2, .tau = 1};
-  // Joint side: 20 * 0.1 + 2 * 0.2 + 1 = 3.4 Nm; through the gear 3.4 / -2.
-  EXPECT_NEAR(torque_of(bench.encode(true, wanted)), -1.7, 1e-4);
+  EXPECT_NEAR(torque_of(bench.encode(true, {.tau = 3.4F})), -1.7, 1e-6);
 }
 
-TEST(OdriveDriver, NeverMoreThanTheTorqueRangeWhateverTheSetpoint) {
-  EXPECT_TRUE(rc::check([] {
-    Bench bench({.ratio = *rc::gen::element(1.0F, -1.0F, 9.0F, 1e-3F), .offset = 0.3F});
-    bench.enable();
-    bench.encode(true);
-    using test::any_float;
-    const DriveSetpoint setpoint{any_float(), any_float(), any_float(), any_float(), any_float()};
-    const float torque = torque_of(bench.encode(true, setpoint));
-    RC_ASSERT(std::isfinite(torque));
-    RC_ASSERT(std::abs(torque) <= kTorqueRange);
-    for (const float part : {setpoint.q, setpoint.dq, setpoint.kp, setpoint.kd, setpoint.tau})
-      if (!std::isfinite(part)) RC_ASSERT(torque == 0);
-  }));
+// Goal: the driver has no law of its own, so no reading of its own, however old, can push.
+TEST(OdriveDriver, SendsTheFinishedTorqueAndNothingElse) {
+  Bench bench;
+  bench.enable();
+  bench.encode(true);
+  EXPECT_EQ(torque_of(bench.encode(true, {.q = 9, .dq = 9, .kp = 100, .kd = 10, .tau = 1.5F})), 1.5F);
+  EXPECT_EQ(torque_of(bench.encode(true, {.q = 9, .dq = 9, .kp = 100, .kd = 10})), 0);
+  for (const float odd : {NAN, INFINITY, -INFINITY}) EXPECT_EQ(torque_of(bench.encode(true, {.tau = odd})), 0);
 }
 
 TEST(OdriveDriver, TemperatureIsTheHotterOneThatIsANumber) {

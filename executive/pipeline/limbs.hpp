@@ -1,0 +1,39 @@
+// Which joints share a limb: how far the loss of one drive reaches.
+//
+// The limb of a joint is the serial piece of the kinematic tree that it is part of, and everything beyond: from the
+// nearest branching below the joint's own base up to it, and all that hangs on it. An arm of a two-armed robot is a
+// limb of its own; a torso's limb is the torso and both arms, but an arm's limb leaves the torso out. A robot without a
+// tree (no gravity model), where nobody says what carries what, is one limb. Made once from the configuration. Pure.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "executive/contract/joints.hpp"
+#include "executive/pipeline/tick_config.hpp"
+
+namespace takt::pipeline {
+
+using JointMask = std::uint64_t;  // bit j: joint j
+static_assert(kMaxJoints <= 64);
+
+constexpr JointMask bit_of_joint(std::size_t joint) {
+  return JointMask{1} << joint;
+}
+constexpr JointMask every_joint(std::uint32_t count) {
+  return count >= 64 ? ~JointMask{0} : (JointMask{1} << count) - 1;
+}
+
+class Limbs {
+ public:
+  Limbs() = default;
+  explicit Limbs(const TickConfig& config);
+
+  // The limbs of all of `joints`, themselves included.
+  [[nodiscard]] JointMask of(JointMask joints) const;
+
+ private:
+  std::array<JointMask, kMaxJoints> limb_{};
+};
+
+}  // namespace takt::pipeline

@@ -1,0 +1,192 @@
+// Goal: a fault reaches as far as the table says: the joint it is about gets no power, the rest of its limb damps, the
+// rest of the robot carries its weight, comes to rest and holds; nothing heals before the operator's reset.
+// Method: two arms of three joints on one base, in virtual time with gravity.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "executive/pipeline/limbs.hpp"
+#include "executive/pipeline/mode_machine.hpp"
+#include "tests/executive/pipeline/rig.hpp"
+
+namespace takt::pipeline {
+namespace {
+
+using testing::Rig;
+using testing::robot;
+
+// Joints 0..2 and 3..5: an arm each.
+TickConfig two_arms() {
+  TickConfig config = robot(6);
+  config.gravity_compensation = true;
+  config.bus_count = 2;
+  for (std::size_t j = 3; j < 6; ++j) config.joints[j].bus = 1;
+  config.links[3].parent = -1;
+  return config;
+}
+
+TEST(Limbs, AreSerialPiecesOfTheTreeAndWhatHangsOnThem) {
+  TickConfig config = robot(8);
+  config.gravity_compensation = true;
+  // 0 torso; 1, 2 left arm; 3, 4 right arm; 5, 6 fingers of the right; 7 a head on the base.
+  const std::int32_t parents[] = {-1, 0, 1, 0, 3, 4, 4, -1};
+  for (std::size_t j = 0; j < 8; ++j) config.links[j].parent = parents[j];
+  const Limbs limbs(config);
+  EXPECT_EQ(limbs.of(bit_of_joint(2)), 0b0000'0110U) << "an arm, its shoulder included, the torso left out";
+  EXPECT_EQ(limbs.of(bit_of_joint(1)), 0b0000'0110U);
+  EXPECT_EQ(limbs.of(bit_of_joint(3)), 0b0111'1000U);
+  EXPECT_EQ(limbs.of(bit_of_joint(5)), 0b0010'0000U) << "one finger";
+  EXPECT_EQ(limbs.of(bit_of_joint(0)), 0b0111'1111U) << "all that the torso carries";
+  EXPECT_EQ(limbs.of(bit_of_joint(7)), 0b1000'0000U);
+  EXPECT_EQ(limbs.of(bit_of_joint(5) | bit_of_joint(7)), 0b1010'0000U);
+  EXPECT_EQ(limbs.of(0), 0U);
+}
+
+TEST(Limbs, WithoutATreeTheRobotIsOne) {
+  const Limbs limbs(robot(5));
+  EXPECT_EQ(limbs.of(bit_of_joint(3)), 0b1'1111U);
+}
+
+struct Case {
+  const char* when;
+  void (*cause)(Rig&);
+  Cause expected;
+  JointMask about;
+};
+const Case kCases[] = {
+    {"silent", [](Rig& r) { r.drives[4].silent = true; }, Cause::feedback_lost, 0b01'0000},
+    {"faulty", [](Rig& r) { r.drives[4].fault = true; }, Cause::drive_fault, 0b01'0000},
+    {"dropped out", [](Rig& r) { r.drives[4].drops_out = true; }, Cause::drive_disabled, 0b01'0000},
+    {"bus off", [](Rig& r) { r.input.buses[1].state = BusState::bus_off; }, Cause::bus_off, 0b11'1000},
+    {"bus down", [](Rig& r) { r.input.buses[1].state = BusState::down; }, Cause::bus_down, 0b11'1000},
+};
+
+TEST(Scope, TheJointLosesPowerItsLimbDampsTheRestCarriesItselfAndHolds) {
+  for (const Case& one : kCases) {
+    Rig rig(two_arms());
+    rig.arm(0.3F);
+    rig.run_with_policy(1500, 0.3F);
+    ASSERT_EQ(rig.mode(), Mode::tracking) << one.when;
+    float before[3];
+    for (std::size_t j = 0; j < 3; ++j) before[j] = rig.drives[j].q;
+    one.cause(rig);
+    for (int i = 0; i < 40 && rig.mode() == Mode::tracking; ++i) rig.tick_with_policy(0.3F);
+    ASSERT_EQ(name(rig.header().cause), name(one.expected));
+    ASSERT_EQ(rig.mode(), Mode::fault_latched);
+    for (int i = 0; i < 3000; ++i) {
+      for (std::size_t j = 0; j < 6; ++j) {
+        const JointSetpoint& s = rig.out->setpoints[j];
+        const bool about = (one.about & bit_of_joint(j)) != 0;
+        ASSERT_EQ(rig.out->drive_enabled[j], !about) << one.when << ", joint " << j << ", tick " << i;
+        ASSERT_TRUE(!about || (s.kp == 0 && s.kd == 0 && s.tau == 0 && s.dq == 0)) << one.when << ", joint " << j;
+        ASSERT_TRUE(j < 3 || s.kp == 0) << one.when << ": its limb damps, joint " << j;
+      }
+      rig.tick();
+    }
+    for (std::size_t j = 0; j < 3; ++j) {
+      EXPECT_NEAR(rig.drives[j].q, before[j], 0.02F) << one.when << ": healthy joint " << j;
+      EXPECT_GT(rig.out->setpoints[j].kp, 0.0F) << one.when << ": holds at rest, joint " << j;
+    }
+    EXPECT_TRUE(rig.header().causes_active & bit(one.expected) || one.expected == Cause::drive_disabled);
+  }
+}
+
+// The rest of the limb carries no weight that it is not sure of: damping, and nothing else.
+TEST(Scope, ALimbThatLostAJointOnlyDamps) {
+  Rig rig(two_arms());
+  rig.arm(0.3F);
+  rig.run_with_policy(500, 0.3F);
+  rig.drives[4].silent = true;
+  for (int i = 0; i < 100; ++i) rig.tick_with_policy(0.3F);
+  ASSERT_EQ(rig.mode(), Mode::fault_latched);
+  for (const std::size_t j : {3U, 5U}) {
+    const JointRecord& joint = rig.out->record.joints[j];
+    EXPECT_NEAR(joint.tau_total, -rig.config.joints[j].damping * joint.dq_estimate, 0.02F) << j;
+  }
+  EXPECT_GT(std::abs(rig.out->record.joints[0].tau_gravity), 0.5F);
+  EXPECT_NEAR(rig.out->record.joints[0].tau_total, rig.out->record.joints[0].tau_gravity, 0.5F);
+}
+
+TEST(Scope, ADriveThatIsHeardAgainStaysWithoutPowerUntilTheReset) {
+  Rig rig(two_arms());
+  rig.arm(0.3F);
+  rig.drives[4].silent = true;
+  for (int i = 0; i < 40; ++i) rig.tick_with_policy(0.3F);
+  rig.drives[4].silent = false;
+  for (int i = 0; i < 500; ++i) {
+    rig.tick_with_policy(0.3F);
+    ASSERT_FALSE(rig.out->drive_enabled[4]) << i;
+  }
+  // A second drive goes while the first fault is latched.
+  rig.drives[1].fault = true;
+  rig.tick_with_policy(0.3F);
+  EXPECT_FALSE(rig.out->drive_enabled[1]);
+  EXPECT_TRUE(rig.out->drive_enabled[0]);
+  rig.drives[1].fault = false;
+  rig.run_with_policy(500, 0.3F);
+  EXPECT_FALSE(rig.out->drive_enabled[1]);
+  rig.tick_with_policy(0.3F, OperatorRequest::reset);
+  ASSERT_EQ(rig.mode(), Mode::standby);
+  rig.arm(0.3F);
+  ASSERT_EQ(rig.mode(), Mode::tracking);
+  for (std::size_t j = 0; j < 6; ++j) EXPECT_TRUE(rig.out->drive_enabled[j]);
+}
+
+TEST(Scope, ADriveThatDoesNotEnableIsGivenUpAndTheRestIsCarried) {
+  Rig rig(two_arms());
+  rig.drives[5].never_enables = true;
+  rig.run_with_policy(40, 0.1F);
+  rig.tick_with_policy(0.1F, OperatorRequest::arm);
+  for (int i = 0; i < 3000; ++i) rig.tick_with_policy(0.1F);
+  ASSERT_EQ(rig.mode(), Mode::fault_latched);
+  for (std::size_t j = 0; j < 6; ++j) EXPECT_EQ(rig.out->drive_enabled[j], j != 5) << j;
+  EXPECT_GT(rig.out->setpoints[0].kp, 0.0F) << "at rest";
+}
+
+// Goal: what a lost joint last said of its speed keeps nobody from resting.
+TEST(Scope, RestIsJudgedWithoutTheStaleVelocityOfALostJoint) {
+  Rig rig(two_arms());
+  rig.arm(0.0F);
+  rig.run_with_policy(300, 1.2F);
+  ASSERT_GT(std::abs(rig.drives[4].dq), 0.5F);
+  rig.drives[4].silent = true;
+  for (int i = 0; i < 3000; ++i) rig.tick_with_policy(0.0F);
+  ASSERT_EQ(rig.mode(), Mode::fault_latched);
+  ASSERT_GT(std::abs(rig.out->record.joints[4].dq_estimate), 0.5F) << "all that is known of it";
+  EXPECT_GT(rig.out->setpoints[0].kp, 0.0F) << "the other arm holds";
+}
+
+// Goal: a joint whose loop is closed here is not pushed by a reading that stands still. Its torque frames would also
+// feed the drive's own watchdog for ever. Method: one joint at 3 rad/s; it obeys and is no longer heard.
+TEST(Scope, ALostJointOfAHostClosedLoopIsNotDriven) {
+  TickConfig config = robot(1);
+  config.joints[0].loop = LoopAt::host_torque;
+  config.joints[0].limits.q_min = -100;
+  config.joints[0].limits.q_max = 100;
+  Rig rig(config);
+  rig.arm(0.0F);
+  rig.drives[0].dq = 3.0F;
+  rig.run_with_policy(1, 0.0F);
+  rig.drives[0].silent = true;
+  float fastest = 0;
+  for (int i = 0; i < 5000; ++i) {
+    rig.tick();
+    fastest = std::max(fastest, std::abs(rig.drives[0].dq));
+    if (i > 20) {
+      ASSERT_FALSE(rig.out->drive_enabled[0]);
+      ASSERT_EQ(rig.out->setpoints[0].tau, 0.0F);
+    }
+  }
+  EXPECT_LE(fastest, 3.0F);
+}
+
+// The table says it; the tick does it.
+TEST(Scope, TheTablesPowerColumnIsWhatTheTickTakes) {
+  for (const Case& one : kCases) EXPECT_EQ(reaction(one.expected).stops.joints, Stop::category_0) << one.when;
+  int rows = 0;
+  for (const Reaction& row : kReactions) rows += row.stops.joints == Stop::category_0 ? 1 : 0;
+  EXPECT_EQ(rows, 6) << "the five above and enable_timeout";
+}
+
+}  // namespace
+}  // namespace takt::pipeline
