@@ -44,16 +44,23 @@ bool is_refusal(Arrival arrival) {
   return arrival != Arrival::none && arrival != Arrival::accepted;
 }
 
-// A stop holds position once every joint has been slow for this long: an instant at rest is a turning point. A joint
-// without power is not asked: its last velocity may be all that it left behind.
+// A joint without power is not asked whether it rests: its last velocity may be all that it left behind. Nor is a limb
+// that sags, while there is a rest of the robot that can hold.
+JointMask asked_for_rest(const TickState& state, const TickConfig& config) {
+  const JointMask powered = every_joint(config.joint_count) & ~state.mode.deenergised;
+  const JointMask holding = powered & ~state.mode.damped;
+  return holding != 0 ? holding : powered;
+}
+
+// A stop holds position once every joint has been slow for this long: an instant at rest is a turning point.
 constexpr Duration kRestDwell = milliseconds(100);
 
 void watch_for_rest(TickState& state, const TickRecord& record, const TickConfig& config) {
   if (!is_latched(state.mode.mode) || state.mode.resting != 0) return;
+  const JointMask ours = asked_for_rest(state, config);
   bool slow = true;
   for (std::size_t j = 0; j < config.joint_count; ++j)
-    slow &= (state.mode.deenergised & bit_of_joint(j)) != 0 ||
-            std::abs(record.joints[j].dq_estimate) < config.rest_velocity;
+    slow &= (ours & bit_of_joint(j)) == 0 || std::abs(record.joints[j].dq_estimate) < config.rest_velocity;
   if (!slow) {
     state.mode.slow_since = {};
   } else if (!state.mode.slow_since.is_set()) {
