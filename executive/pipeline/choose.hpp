@@ -2,7 +2,7 @@
 //
 // mode           reference                               impedance            gravity  barriers
 // standby        follows the measured position           none (limp)          no       no
-// arming         follows the measured position           none (limp)          no       no
+// arming         follows the measured position           damping              yes      yes
 // tracking       the chunk's path; brakes when unusable  the chunk's          yes      yes
 // degraded hold  brakes to rest                          default              yes      yes
 //          slow  the chunk's path, slower; brakes when unusable

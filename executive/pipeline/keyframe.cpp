@@ -104,9 +104,10 @@ bool is_consistent(const TickState& state, const TickConfig& config, std::size_t
                               : chunk >= sizeof(CommandHeader) && header.step_count >= 1 &&
                                     header.step_count <= kMaxChunkSteps && header.joint_count == config.joint_count &&
                                     header.step_period > Duration{0} && state.chunk.used_bytes() == chunk;
+  const JointMask given_up = state.mode.deenergised | state.mode.damped;
   return chunk_fits && static_cast<std::size_t>(state.mode.mode) < kModeCount &&
-         state.recovery.relapses <= kMaxDoublings && state.misses.fits(config.freshness.window_ticks) &&
-         state.refusals.fits(config.freshness.window_ticks);
+         (given_up & ~every_joint(config.joint_count)) == 0 && state.recovery.relapses <= kMaxDoublings &&
+         state.misses.fits(config.freshness.window_ticks) && state.refusals.fits(config.freshness.window_ticks);
 }
 
 }  // namespace
