@@ -4,7 +4,6 @@
 // before its run ended, or the summary could not be written, 64 usage, 65 configuration refused, 71 the run folder
 // cannot be written.
 #include <fmt/format.h>
-#include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 #include <sys/prctl.h>
 #include <time.h>
@@ -20,6 +19,7 @@
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "executive/contract/monotonic_clock.hpp"
+#include "executive/log/program_log.hpp"
 #include "executive/trace/trace.hpp"
 #include "monitor/closing_reviews.hpp"
 #include "monitor/executive_session.hpp"
@@ -157,7 +157,7 @@ int monitor_robot(Options options) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  spdlog::set_default_logger(spdlog::stderr_logger_mt("takt-monitor"));
+  log::log_to_stderr("takt-monitor");
   Options options;
   CLI::App app("Records a running executive into run folders.", "takt-monitor");
   auto* const what = app.add_option_group("what to do");

@@ -1,7 +1,6 @@
 #include "policy_host/program.hpp"
 
 #include <fmt/format.h>
-#include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
 
@@ -18,6 +17,7 @@
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
+#include "executive/log/program_log.hpp"
 #include "policy_host/host.hpp"
 #include "policy_host/host_faults.hpp"
 #include "policy_host/policy_fit.hpp"
@@ -102,7 +102,7 @@ int run_policy_host(int argc, char** argv, const LoadPolicy& load) {
     fmt::print(stderr, "{}\n", faults.error());
     return kExitUsage;
   }
-  spdlog::set_default_logger(spdlog::stderr_logger_st("policy-host"));
+  log::log_to_stderr("policy-host");
   stop_on_signals();
   return serve(options, std::move(*faults), load);
 }

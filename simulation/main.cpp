@@ -3,7 +3,6 @@
 // Exit codes: 0 ended by a signal, 64 usage, 65 robot, devices or scenario file refused, 69 a bus or socket is not to
 // be had, 70 internal.
 #include <sched.h>
-#include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 #include <sys/prctl.h>
 
@@ -19,6 +18,7 @@
 #include "config/paths.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/unix_socket.hpp"
+#include "executive/log/program_log.hpp"
 #include "simulation/camera.hpp"
 #include "simulation/chance.hpp"
 #include "simulation/devices_file.hpp"
@@ -267,8 +267,7 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : takt::plant::kExitUsage;
   }
   try {
-    spdlog::set_default_logger(spdlog::stderr_logger_mt("takt-plant"));
-    spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%e %n %l: %v");
+    takt::log::log_to_stderr("takt-plant");
     if (options.debug) spdlog::set_level(spdlog::level::debug);
     return takt::plant::run(options);
   } catch (const std::exception& error) {

@@ -20,6 +20,7 @@ struct Options {
   std::string runtime_dir;
   std::string robot_file;
   bool json = false;
+  bool now = false;
 };
 
 // Where the robot runs, or the exit code after its sentence was printed.
@@ -71,7 +72,10 @@ void add(CLI::App& app, int& exit_code, OperatorVerb verb, const char* word, con
   where->require_option(1);
   command->add_flag("--json", options->json, "one line of JSON");
   command->footer(footer);
-  command->callback([verb, options, &exit_code] { exit_code = request(verb, *options); });
+  command->callback(
+      [verb, options, &exit_code] { exit_code = request(options->now ? OperatorVerb::deenergise : verb, *options); });
+  if (verb == OperatorVerb::press_stop)
+    command->add_flag("--now", options->now, "take the drives' power away at once, in every mode: what hangs falls");
 }
 
 }  // namespace
@@ -83,9 +87,11 @@ void add_arm(CLI::App& app, int& exit_code) {
 }
 
 void add_stop(CLI::App& app, int& exit_code) {
-  add(app, exit_code, OperatorVerb::stop, "stop", "Stop softly: damping until the robot rests, then hold.",
+  add(app, exit_code, OperatorVerb::press_stop, "stop",
+      "Stop softly: damping until the robot rests, then hold. A second time: no power, in every mode.",
       "Example: takt stop --robot config/arm6.yaml\n"
-      "Exit codes: 0 stopping, 1 refused, 65 configuration, 69 not running.");
+      "The second stop may come 0.2 s after the first, until the stop is reset. What hangs falls.\n"
+      "Exit codes: 0 stopping, 65 configuration, 69 not running, or handed over without an answer.");
 }
 
 void add_reset(CLI::App& app, int& exit_code) {

@@ -24,6 +24,7 @@ constexpr std::size_t kLastWords = 5;
   setpgid(0, 0);
   prctl(PR_SET_PDEATHSIG, options.parent_death_signal);
   if (getppid() != parent) _exit(1);  // the parent died before the line above took effect
+  signal(SIGPIPE, SIG_DFL);           // what we ignore is not theirs to ignore
   sigset_t none;
   sigemptyset(&none);
   sigprocmask(SIG_SETMASK, &none, nullptr);

@@ -64,6 +64,7 @@ Supervisor::Supervisor(const config::RobotConfig& robot, RunOptions options)
       contention_(robot_, options_.place.runtime_directory + "/logs/load.log"),
       person_(options_.rearm_after),
       made_at_(steady_now()) {
+  signal(SIGPIPE, SIG_IGN);  // who reads our screen may leave; the robot goes on
   sigset_t watched;
   sigemptyset(&watched);
   for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGCHLD}) sigaddset(&watched, signal);

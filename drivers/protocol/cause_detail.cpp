@@ -133,6 +133,7 @@ std::string cause_detail(Cause cause, const TickRecord& record, const config::Ro
     case Cause::bad_commands:
     case Cause::overrun:
     case Cause::internal_error:
+    case Cause::operator_deenergise:
       return {};
   }
   return {};

@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <type_traits>
 
 namespace takt {
@@ -14,6 +15,16 @@ inline constexpr std::size_t kMaxJoints = 64;
 inline constexpr std::size_t kMaxChunkSteps = 64;
 inline constexpr std::size_t kMaxBuses = 8;
 inline constexpr std::size_t kMaxSensorValues = 64;
+
+using JointMask = std::uint64_t;  // bit j: joint j
+static_assert(kMaxJoints <= 64);
+
+constexpr JointMask bit_of_joint(std::size_t joint) {
+  return JointMask{1} << joint;
+}
+constexpr JointMask every_joint(std::uint32_t count) {
+  return count >= 64 ? ~JointMask{0} : (JointMask{1} << count) - 1;
+}
 
 namespace unit {
 struct Radian;                   // joint position

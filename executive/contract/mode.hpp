@@ -48,8 +48,9 @@ enum class Cause : std::uint8_t {
   envelope_exceeded,    // measured position, velocity or torque outside the hard envelope
   overrun,              // too many consecutive overruns
   internal_error,       // our own bug: an assertion failed
+  operator_deenergise,  // person wants the drives without power, now
 };
-inline constexpr std::size_t kCauseCount = 27;
+inline constexpr std::size_t kCauseCount = 28;
 
 constexpr std::string_view name(Mode mode) {
   constexpr std::array<std::string_view, kModeCount> names{"standby",  "arming",      "tracking",
@@ -85,7 +86,8 @@ constexpr std::string_view name(Cause cause) {
                                                             "bus_babble",
                                                             "envelope_exceeded",
                                                             "overrun",
-                                                            "internal_error"};
+                                                            "internal_error",
+                                                            "operator_deenergise"};
   const auto index = static_cast<std::size_t>(cause);
   return index < names.size() ? names[index] : "invalid";
 }

@@ -50,8 +50,9 @@ struct Welcome {
 };
 static_assert(std::is_standard_layout_v<Welcome> && sizeof(Welcome) == 512);
 
-enum class OperatorVerb : std::uint8_t { status, arm, stop, reset, mark };
-inline constexpr std::size_t kOperatorVerbCount = 5;
+// stop, press_stop and deenergise mean what they mean as an OperatorRequest.
+enum class OperatorVerb : std::uint8_t { status, arm, stop, reset, mark, press_stop, deenergise };
+inline constexpr std::size_t kOperatorVerbCount = 7;
 struct OperatorMessage {
   std::uint64_t magic = kMagic;
   OperatorVerb verb = OperatorVerb::status;

@@ -19,9 +19,11 @@
 
 namespace takt {
 
-// `mark` decides nothing: a person says "look here", and the tick that read it says so in the record.
-enum class OperatorRequest : std::uint8_t { none, arm, stop, reset, shutdown, mark };
-inline constexpr std::size_t kOperatorRequestCount = 6;
+// `stop` may be repeated without end: a damped stop, whoever asks how often. `press_stop` is a person's hand on the
+// stop: the first is a stop, one that comes while it is in force de-energises. `deenergise` does so at once. `mark`
+// decides nothing: a person says "look here", and the tick that read it says so in the record.
+enum class OperatorRequest : std::uint8_t { none, arm, stop, reset, shutdown, mark, press_stop, deenergise };
+inline constexpr std::size_t kOperatorRequestCount = 8;
 
 // Age of the command in use, in parts that add up exactly: total = sense + queue + infer + publish + hold.
 struct AgeParts {
@@ -40,6 +42,9 @@ struct TickRecordHeader {
   Duration lateness;                  // now - scheduled wake-up
   Duration last_duration;             // how long the previous tick worked
   std::uint64_t skipped_periods = 0;  // since start
+  MonoTime last_sent_at;              // just before the previous tick's first frame; unset: it sent nothing
+  JointMask last_damped = 0;          // joints to which the previous tick sent its damping instead: it was too late
+  MonoTime asked_at;                  // when the executive heard the stop or shutdown of operator_request; else unset
   BusHealth buses[kMaxBuses];
   std::uint64_t command_sequence_seen = 0;  // sequence of the message read this tick; 0 none
   OperatorRequest operator_request = OperatorRequest::none;
@@ -87,7 +92,7 @@ struct JointRecord {
 
 static_assert(std::is_standard_layout_v<AgeParts> && sizeof(AgeParts) == 40);
 static_assert(std::is_standard_layout_v<TickRecordHeader> && std::is_trivially_copyable_v<TickRecordHeader>);
-static_assert(sizeof(TickRecordHeader) == 40 + 16 * kMaxBuses + 16 + 40 + 24 + 16 + 16);
+static_assert(sizeof(TickRecordHeader) == 64 + 16 * kMaxBuses + 16 + 40 + 24 + 16 + 16);
 static_assert(std::is_standard_layout_v<JointRecord> && sizeof(JointRecord) == 80);
 
 // Room for the largest record; only used_bytes() of it travel.
@@ -101,7 +106,8 @@ struct TickRecord {
 };
 
 inline constexpr std::uint64_t kTickRecordLayout = layout_hash(
-    {TAKT_FIELD(TickRecordHeader, buses), TAKT_FIELD(TickRecordHeader, operator_request),
+    {TAKT_FIELD(TickRecordHeader, last_damped), TAKT_FIELD(TickRecordHeader, asked_at),
+     TAKT_FIELD(TickRecordHeader, buses), TAKT_FIELD(TickRecordHeader, operator_request),
      TAKT_FIELD(TickRecordHeader, joint_count), TAKT_FIELD(TickRecordHeader, age),
      TAKT_FIELD(TickRecordHeader, window_misses), TAKT_FIELD(TickRecordHeader, mode),
      TAKT_FIELD(TickRecordHeader, causes_active), TAKT_FIELD(JointRecord, feedback),

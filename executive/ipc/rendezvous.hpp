@@ -96,6 +96,7 @@ std::expected<Lease, std::string> attach(const std::string& path, const Hello& h
 std::expected<void, std::string> acknowledge(const Lease& lease);
 // True once the server closed the connection or died.
 bool is_over(const Lease& lease);
+// A stop takes its own way first (stop_line.hpp) and is under way before anybody has to answer; the error says so.
 std::expected<OperatorReply, std::string> ask(const std::string& path, OperatorVerb verb,
                                               std::chrono::milliseconds timeout);
 

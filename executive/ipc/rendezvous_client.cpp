@@ -8,6 +8,7 @@
 
 #include "executive/contract/contract_layout.hpp"
 #include "executive/ipc/rendezvous.hpp"
+#include "executive/ipc/stop_line.hpp"
 #include "executive/ipc/unix_socket.hpp"
 
 namespace takt::ipc {
@@ -119,16 +120,20 @@ bool is_over(const Lease& lease) {
 std::expected<OperatorReply, std::string> ask(const std::string& path, OperatorVerb verb,
                                               std::chrono::milliseconds timeout) {
   const Clock::time_point deadline = Clock::now() + timeout;
+  const bool handed_over = is_stop(verb) && hand_over_stop(stop_socket_beside(path), verb);
+  const auto failed = [handed_over](const std::string& why) {
+    return std::unexpected(handed_over ? "the stop was handed over, but no answer came: " + why : why);
+  };
   Hello hello;
   hello.role = Role::operator_console;
   auto lease = attach_until(path, hello, timeout, deadline);
-  if (!lease) return std::unexpected(lease.error());
+  if (!lease) return failed(lease.error());
   OperatorMessage message;
   message.verb = verb;
   send_message(lease->connection.get(), std::as_bytes(std::span(&message, 1)), {});
   OperatorReply reply;
   if (auto received = receive(lease->connection, reply, deadline, path); !received) {
-    return std::unexpected(received.error());
+    return failed(received.error());
   }
   return reply;
 }

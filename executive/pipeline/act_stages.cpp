@@ -55,10 +55,27 @@ void stop_for_internal_error(TickState& state, const TickConfig& config, TickOut
   }
   if (state.mode.mode == Mode::fault_latched) state.mode.damped = every_joint(config.joint_count);
   for (std::size_t j = 0; j < config.joint_count; ++j) {
-    output.setpoints[j] = {};
+    output.setpoints[j] = output.damping[j] = {};
+    state.joints[j].tau_damping = 0.0F;
     output.record.joints[j].tau_total = 0.0F;
     state.joints[j].reference = {};
   }
+}
+
+// The last instant at which the command in use is neither older than max_age nor past its chunk's horizon.
+MonoTime end_of_life(const TickState& state, const FreshnessContract& contract) {
+  const CommandHeader& chunk = state.chunk.header;
+  const MonoTime horizon = state.command.observed_at + chunk.step_period * chunk.step_count;
+  return std::min(state.command.sensed_at + contract.max_age, horizon - nanoseconds(1));
+}
+
+// As in fault_latched: no stiffness, no gravity model, and no torque but what the slew limit asks for.
+JointSetpoint damping_of(const JointRecord& joint, float tau_last, const JointConfig& config, float dt) {
+  const float q = std::clamp(joint.q_estimate, config.limits.q_min, config.limits.q_max);
+  return stabilise_joint(
+             {{q, 0.0F}, {joint.q_estimate, joint.dq_estimate}, 0.0F, config.damping, 0.0F, 0.0F, tau_last, false},
+             config, dt)
+      .setpoint;
 }
 
 }  // namespace
@@ -72,6 +89,7 @@ void constrain(TickState& state, const Choice& choice, std::span<const JointTarg
     const bool follows = config.joints[j].passive || part_of(state, out, j, config) != Part::as_chosen;
     const Reference how = follows ? Reference::follow_measured : choice.reference;
     const ReferenceStep step = next_reference(joint, targets[j], out, how, config.joints[j].limits, dt);
+    joint.reference_before = joint.reference;
     joint.reference = step.next;
     out.q_reference = static_cast<float>(step.next.q);
     out.dq_reference = static_cast<float>(step.next.dq);
@@ -87,9 +105,10 @@ void stabilise(const TickState& state, const Choice& choice, std::span<const Joi
     JointRecord& joint = output.record.joints[j];
     const Part part = part_of(state, joint, j, config);
     if (choice.limp || config.joints[j].passive || part == Part::deenergised) {
-      output.setpoints[j] = {joint.q_reference, 0.0F, 0.0F, 0.0F, 0.0F};
+      output.setpoints[j] = output.damping[j] = {joint.q_reference, 0.0F, 0.0F, 0.0F, 0.0F};
       continue;
     }
+    output.damping[j] = damping_of(joint, state.joints[j].tau_last, config.joints[j], dt);
     const StabiliserOutput stable = stabilise_joint({{joint.q_reference, joint.dq_reference},
                                                      {joint.q_estimate, joint.dq_estimate},
                                                      targets[j].kp,
@@ -121,6 +140,9 @@ void clamp_output(TickState& state, const TickConfig& config, TickOutput& output
         finite = false;
         break;
     }
+    // Not finite where the setpoint is: its torque rests on the same estimate and the same last torque.
+    (void)clamp_to_envelope(output.damping[j], state.joints[j].tau_damping, joint.q_estimate, joint.dq_estimate,
+                            config.joints[j].limits);
   }
   if (!finite) stop_for_internal_error(state, config, output);
 }
@@ -167,7 +189,9 @@ void record(TickState& state, const Choice& choice, const TickConfig& config, Ti
   header.chunk_step = choice.step;
   output.drives_enabled = state.mode.mode != Mode::standby;
   header.drives_enabled = output.drives_enabled ? 1 : 0;
-  output.valid_until = choice.playing ? header.now + (config.freshness.max_age - header.age.total()) : MonoTime{};
+  output.valid_until = choice.playing ? end_of_life(state, config.freshness) : MonoTime{};
+  const MonoTime next_tick = header.now + config.period;
+  output.send_by = choice.playing ? std::min(next_tick, output.valid_until) : next_tick;
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     JointRecord& joint = output.record.joints[j];
     const JointSetpoint& setpoint = output.setpoints[j];

@@ -119,6 +119,13 @@ CauseMask granted_request(const TickState& state, const TickRecord& record, Caus
     }
     case OperatorRequest::stop:
       return bit(Cause::operator_stop);
+    case OperatorRequest::press_stop: {
+      const MonoTime asked = state.mode.stop_asked_at;
+      const bool again = asked.is_set() && record.header.now - asked >= kStopAgainAfter;
+      return bit(again ? Cause::operator_deenergise : Cause::operator_stop);
+    }
+    case OperatorRequest::deenergise:
+      return bit(Cause::operator_deenergise);
     case OperatorRequest::reset: {
       const bool at_rest = state.mode.mode == Mode::damped_stop && state.mode.resting != 0;
       const bool fault_gone = state.mode.mode == Mode::fault_latched && (active & kLastingFaults) == 0;

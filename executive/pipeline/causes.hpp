@@ -18,8 +18,12 @@ CauseMask conditions(const TickState& state, const TickRecord& record, const Tic
 // latches.
 JointMask affected_joints(const TickState& state, const TickRecord& record, const TickConfig& config);
 
+// A second press within this time is a hand that trembles, or the same press told twice.
+inline constexpr Duration kStopAgainAfter = milliseconds(200);
+
 // The cause of the operator's request if it is granted, else 0. Arming: from standby with no blocker. Reset: from a
-// damped stop at rest, or from a latched fault none of whose lasting conditions is among `active`.
+// damped stop at rest, or from a latched fault none of whose lasting conditions is among `active`. De-energising:
+// always; so does a press of stop while one is in force.
 CauseMask granted_request(const TickState& state, const TickRecord& record, CauseMask active, const TickConfig& config);
 
 }  // namespace takt::pipeline

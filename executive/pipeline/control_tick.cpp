@@ -30,7 +30,10 @@ TickInput input_of(const TickRecord& record, const CommandChunk* command, std::s
   input.last_duration = header.last_duration;
   input.skipped_periods = header.skipped_periods;
   input.overrun_cause = header.overrun_cause;
+  input.last_sent_at = header.last_sent_at;
+  input.last_damped = header.last_damped;
   input.operator_request = header.operator_request;
+  input.asked_at = header.asked_at;
   input.mailbox = header.mailbox;
   input.policy_session = header.policy_session;
   input.command = command;

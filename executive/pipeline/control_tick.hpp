@@ -28,7 +28,12 @@ struct TickInput {
   Duration last_duration;
   std::uint64_t skipped_periods = 0;
   OverrunCause overrun_cause = OverrunCause::none;
+  // What became of the previous tick at the edge: read just before its first frame (unset: nothing was sent), and the
+  // joints to which it was too late for the setpoint, so that they got the damping.
+  MonoTime last_sent_at;
+  JointMask last_damped = 0;
   OperatorRequest operator_request = OperatorRequest::none;
+  MonoTime asked_at;  // when the executive heard a stop or shutdown; decides nothing
   // What the command mailbox gave: none, contended, corrupt, or accepted when `command` points to a private copy.
   Arrival mailbox = Arrival::none;
   // Differs from the previous tick's when another policy's mailbox is read from now on: sequences start over.
@@ -47,8 +52,11 @@ struct TickOutput {
   bool drives_enabled = false;
   bool observation_due = false;
   MonoTime valid_until;                 // when the command in use dies: for drive-side watchdogs; unset: none in use
+  MonoTime send_by;                     // a setpoint that leaves later is too old: `damping` goes out in its place
   bool drive_enabled[kMaxJoints] = {};  // false: that drive is told to de-energise
   JointSetpoint setpoints[kMaxJoints];
+  // For a joint whose setpoint would come too late: the same drive, told to damp, within the torque and slew limits.
+  JointSetpoint damping[kMaxJoints];
   Observation observation;  // meaningful when observation_due
   TickRecord record;        // this tick, inputs and outputs
 };

@@ -14,16 +14,6 @@
 
 namespace takt::pipeline {
 
-using JointMask = std::uint64_t;  // bit j: joint j
-static_assert(kMaxJoints <= 64);
-
-constexpr JointMask bit_of_joint(std::size_t joint) {
-  return JointMask{1} << joint;
-}
-constexpr JointMask every_joint(std::uint32_t count) {
-  return count >= 64 ? ~JointMask{0} : (JointMask{1} << count) - 1;
-}
-
 class Limbs {
  public:
   Limbs() = default;

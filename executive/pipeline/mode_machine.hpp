@@ -52,7 +52,7 @@ namespace reaction_detail {
 inline constexpr Mode S = Mode::standby, A = Mode::arming, T = Mode::tracking, D = Mode::degraded,
                       P = Mode::damped_stop, F = Mode::fault_latched;
 inline constexpr Scope kNo{}, kRest{.robot = Stop::category_2}, kEnd{.robot = Stop::category_1},
-    kLoss{Stop::category_0, Stop::category_2, Stop::category_2};
+    kOff{.robot = Stop::category_0}, kLoss{Stop::category_0, Stop::category_2, Stop::category_2};
 }  // namespace reaction_detail
 
 // clang-format off
@@ -115,6 +115,9 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
       "one tick in time; mode: operator reset"},
     {Cause::internal_error,      100,  {S, F, F, F, F, F}, kRest, "the same tick",
       "operator reset; report it"},
+    // Above every fault, our own bugs included: a person who wants no power gets none.
+    {Cause::operator_deenergise, 110,  {S, S, S, S, S, S}, kOff,  "one tick",
+      "request, one tick; granted always"},
   }};
 }();
 // clang-format on
@@ -171,11 +174,21 @@ constexpr bool standby_is_left_by_arming_only() {
     if (row.from(S) != S && !(row.cause == Cause::operator_arm && row.from(S) == A)) return false;
   return true;
 }
+constexpr bool is_persons_way_out(Cause cause) {
+  return cause == Cause::operator_reset || cause == Cause::operator_deenergise;
+}
 constexpr bool latched_modes_never_rearm() {
   for (const Reaction& row : kReactions)
     for (const Mode mode : {P, F})
-      if (const Mode to = row.from(mode); !is_latched(to) && !(row.cause == Cause::operator_reset && to == S))
-        return false;
+      if (const Mode to = row.from(mode); !is_latched(to) && !(to == S && is_persons_way_out(row.cause))) return false;
+  return true;
+}
+constexpr bool deenergising_always_wins() {
+  const Reaction& wins = kReactions[static_cast<std::size_t>(Cause::operator_deenergise)];
+  for (const Reaction& row : kReactions)
+    if (row.cause != wins.cause && row.severity >= wins.severity) return false;
+  for (const Mode mode : {S, A, T, D, P, F})
+    if (wins.from(mode) != S) return false;
   return true;
 }
 constexpr bool faults_never_heal_into_a_stop() {
@@ -188,10 +201,11 @@ constexpr bool leads_to(const Reaction& row, Mode mode) {
     if (static_cast<Mode>(from) != mode && row.to[from] == mode) return true;
   return false;
 }
-// Whatever ends in a latched mode stops the whole robot, in a bound; nothing else does.
+// Whatever ends in a latched mode, or takes an armed robot to standby, stops the whole robot, in a bound; nothing else
+// does.
 constexpr bool latched_modes_are_stops() {
   for (const Reaction& row : kReactions) {
-    const bool stops = leads_to(row, P) || leads_to(row, F);
+    const bool stops = leads_to(row, P) || leads_to(row, F) || row.from(T) == S;
     if (stops != (row.stops.robot != Stop::none) || stops == row.bound.empty()) return false;
   }
   return true;
@@ -213,6 +227,7 @@ static_assert(standby_is_left_by_arming_only());
 static_assert(only(Cause::drives_enabled, A, T) && only(Cause::contract_restored, D, T));
 static_assert(latched_modes_never_rearm());
 static_assert(faults_never_heal_into_a_stop());
+static_assert(deenergising_always_wins());
 }  // namespace reaction_detail
 
 }  // namespace takt::pipeline

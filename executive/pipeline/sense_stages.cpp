@@ -76,6 +76,21 @@ void take_out(TickState& state, JointMask joints) {
   state.mode.damped |= state.limbs.of(joints);
 }
 
+// A setpoint that never left is undone: torque and reference go on from what the drive was really told.
+void follow_what_was_sent(TickState& state, JointMask damped, const TickConfig& config) {
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    if ((damped & bit_of_joint(j)) == 0) continue;
+    state.joints[j].tau_last = state.joints[j].tau_damping;
+    state.joints[j].reference = state.joints[j].reference_before;
+  }
+}
+
+void remember_stop(ModeState& mode, const TickRecordHeader& header) {
+  const bool asked =
+      header.operator_request == OperatorRequest::stop || header.operator_request == OperatorRequest::press_stop;
+  if (asked && mode.mode != Mode::standby && !mode.stop_asked_at.is_set()) mode.stop_asked_at = header.now;
+}
+
 }  // namespace
 
 void observe(TickState& state, const TickInput& input, const TickConfig& config, TickRecord& record) {
@@ -87,7 +102,10 @@ void observe(TickState& state, const TickInput& input, const TickConfig& config,
   header.last_duration = input.last_duration;
   header.skipped_periods = input.skipped_periods;
   header.overrun_cause = input.overrun_cause;
+  header.last_sent_at = input.last_sent_at;
+  header.last_damped = input.last_damped;
   header.operator_request = input.operator_request;
+  header.asked_at = input.asked_at;
   header.mailbox = input.mailbox;
   header.policy_session = input.policy_session;
   header.command_sequence_seen = sequence_seen(input);
@@ -99,6 +117,7 @@ void observe(TickState& state, const TickInput& input, const TickConfig& config,
     record.joints[j].feedback = input.joints[j];
     take_reply(state.joints[j].observer, input.joints[j], config.joints[j].observer_bandwidth);
   }
+  follow_what_was_sent(state, input.last_damped, config);
   watch_links(state.links, config, record);
   const bool late = input.overrun_cause != OverrunCause::none || input.lateness >= config.period;
   state.mode.consecutive_late = late ? state.mode.consecutive_late + 1 : 0;
@@ -133,6 +152,7 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
   const JointMask affected = affected_joints(state, record, config);  // by the mode that is left
   if (transition.cause != Cause::none) enter(state, transition.to, input.now, contract);
   if (state.mode.mode == Mode::fault_latched) take_out(state, affected);
+  remember_stop(state.mode, header);
 }
 
 void enter(TickState& state, Mode mode, MonoTime now, const FreshnessContract& contract) {
@@ -142,6 +162,7 @@ void enter(TickState& state, Mode mode, MonoTime now, const FreshnessContract& c
     case Mode::standby:
       state.mode.drives_enabled = 0;
       state.mode.deenergised = state.mode.damped = 0;
+      state.mode.stop_asked_at = {};
       return;
     case Mode::arming:
       state.mode.armed_at = now;

@@ -19,7 +19,8 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
 // References: inside position, velocity and acceleration limits.
 void constrain(TickState& state, const Choice& choice, std::span<const JointTarget> targets, const TickConfig& config,
                TickRecord& record);
-// Gravity model and impedance law, barriers, torque limits: one setpoint per joint.
+// Gravity model and impedance law, barriers, torque limits: one setpoint per joint, and the damping in its place should
+// it be too late for that.
 void stabilise(const TickState& state, const Choice& choice, std::span<const JointTarget> targets,
                const TickConfig& config, TickOutput& output);
 // The last clamp. Results that are not finite: internal_error, nothing leaves, fault latched if armed.

@@ -24,15 +24,17 @@ namespace takt::pipeline {
 
 struct JointState {
   ObserverState observer;
-  ReferenceState reference;  // inside the limits once armed, or on its way back there
-  float tau_last = 0;        // Nm, torque of the previous tick's setpoint: start of this tick's slew
-  float reserved = 0;
+  ReferenceState reference;         // inside the limits once armed, or on its way back there
+  ReferenceState reference_before;  // of the tick before: what the drive still follows if this one's never left
+  float tau_last = 0;               // Nm, torque of the previous tick's setpoint: start of this tick's slew
+  float tau_damping = 0;            // Nm, torque of the previous tick's damping
 };
 
 struct ModeState {
   MonoTime armed_at;    // start of the present arming
   MonoTime slow_since;  // latched modes: every joint that we hold below the rest velocity since; unset while one is not
-  MonoTime resumed_at;  // tracking began, after arming or after degraded: start of the resume ramp; unset before
+  MonoTime stop_asked_at;  // the first stop asked for since standby; unset: none
+  MonoTime resumed_at;     // tracking began, after arming or after degraded: start of the resume ramp; unset before
   // Since a fault was latched, until standby: drives that get no power from us, and joints that only damp.
   JointMask deenergised = 0;
   JointMask damped = 0;
@@ -74,8 +76,9 @@ struct TickState {
 
 static_assert(std::is_trivially_copyable_v<TickState>);
 // No hidden padding: keyframes of equal states are equal bytes.
-static_assert(sizeof(JointState) == sizeof(ObserverState) + sizeof(ReferenceState) + 8 && sizeof(ObserverState) == 16);
-static_assert(sizeof(ModeState) == 48 && sizeof(Counters) == 24 && sizeof(Recovery) == 32);
+static_assert(sizeof(JointState) == sizeof(ObserverState) + 2 * sizeof(ReferenceState) + 8 &&
+              sizeof(ObserverState) == 16);
+static_assert(sizeof(ModeState) == 56 && sizeof(Counters) == 24 && sizeof(Recovery) == 32);
 static_assert(sizeof(CommandInUse) == 56 && sizeof(ObservationMemory) == 8 + 24 * ObservationMemory::kDepth);
 
 }  // namespace takt::pipeline

@@ -69,9 +69,13 @@ std::size_t CyclicLoop::tick(MonoTime woken, Duration lateness) noexcept {
   trace::tick_begin(input_.tick, woken, lateness);
   const std::size_t frames = parts_.edge.receive(input_, parts_.published);
   read_command();
-  input_.operator_request = parts_.requests.take();
+  const OperatorInbox::Asked asked = parts_.requests.take();
+  input_.operator_request = asked.request;
+  input_.asked_at = asked.at;
   pipeline::control_tick(*state_, input_, parts_.config, output_);
-  parts_.edge.send(output_, parts_.clock, parts_.published);
+  const Departure departure = parts_.edge.send(output_, parts_.clock, parts_.published);
+  input_.last_sent_at = departure.at;
+  input_.last_damped = departure.damped;
   if (output_.observation_due) {
     parts_.published.observation(output_.observation);
     trace::observation_published(output_.observation);

@@ -1,6 +1,9 @@
 // The 1 kHz loop: waits for the period, gathers the tick's inputs, lets the pure tick decide, carries out and records
 // what it decided. Everything here is allocated before the first tick.
 //
+// A setpoint that is too late when its frame is due stays behind, and the drive is told to damp (drive_edge.hpp): the
+// next tick reads that as an input, goes on from the damping, and records it.
+//
 // A tick that ends after the next period began is an overrun: the periods that have passed are skipped, phase is kept,
 // and the cause reaches the next tick as an input. The loop ends when asked (finish), after telling the drives to
 // disable for kFarewellTicks periods; those frames carry the last tick's number and have no tick record.

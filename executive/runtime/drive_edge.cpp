@@ -47,22 +47,33 @@ std::size_t DriveEdge::receive(pipeline::TickInput& input, PublishedSegments& re
   return total;
 }
 
-void DriveEdge::send(const pipeline::TickOutput& output, Clock& clock, PublishedSegments& records) noexcept {
-  const std::uint64_t tick = output.record.header.tick;
+Departure DriveEdge::send(const pipeline::TickOutput& output, Clock& clock, PublishedSegments& records) noexcept {
+  Departure departure;
   for (std::size_t bus = 0; bus < buses_.size(); ++bus) {
-    const MonoTime now = clock.now();
     for (const std::size_t joint : joints_of_bus_[bus]) {
-      const pipeline::JointSetpoint& wanted = output.setpoints[joint];
-      const drivers::DriveSetpoint setpoint{wanted.q, wanted.dq, wanted.kp, wanted.kd, wanted.tau};
-      const std::size_t count =
-          joints_[joint].driver->encode(output.drive_enabled[joint], setpoint, now, output.valid_until, encoded_);
-      for (std::size_t i = 0; i < count; ++i) {
-        const MonoTime stamp = clock.now();
-        if (buses_[bus]->send(encoded_[i]) != drivers::SendResult::sent) continue;  // counted in the bus's health
-        records.frame(
-            drivers::to_record(encoded_[i], stamp, tick, static_cast<std::uint8_t>(bus), FrameDirection::sent));
-      }
+      const MonoTime now = clock.now();
+      if (!departure.at.is_set()) departure.at = now;
+      const bool damped = output.drive_enabled[joint] && now > output.send_by;
+      if (damped) departure.damped |= bit_of_joint(joint);
+      send_joint(bus, joint, output, damped, now, clock, records);
     }
+  }
+  return departure;
+}
+
+void DriveEdge::send_joint(std::size_t bus, std::size_t joint, const pipeline::TickOutput& output, bool damped,
+                           MonoTime now, Clock& clock, PublishedSegments& records) noexcept {
+  const pipeline::JointSetpoint& wanted = damped ? output.damping[joint] : output.setpoints[joint];
+  const drivers::DriveSetpoint setpoint{wanted.q, wanted.dq, wanted.kp, wanted.kd, wanted.tau};
+  const MonoTime valid_until = damped ? MonoTime{} : output.valid_until;  // no command is behind the damping
+  const std::size_t count =
+      joints_[joint].driver->encode(output.drive_enabled[joint], setpoint, now, valid_until, encoded_);
+  MonoTime stamp = now;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (i != 0) stamp = clock.now();
+    if (buses_[bus]->send(encoded_[i]) != drivers::SendResult::sent) continue;  // counted in the bus's health
+    records.frame(drivers::to_record(encoded_[i], stamp, output.record.header.tick, static_cast<std::uint8_t>(bus),
+                                     FrameDirection::sent));
   }
 }
 

@@ -4,8 +4,11 @@
 // joint's frames in the order its driver wrote them. Receiving is bounded: at most kMaxFramesPerBus per bus and tick;
 // the rest waits in the kernel's queue for the next tick. A drive answers each of its frames once: more than
 // kMaxFramesPerDrive per joint, or a full portion, is more than our drives can say, and the bus's health says `flooded`
-// for that tick. Thread rule: control thread, after construction. No
-// allocation or lock; system calls: the buses' send and receive.
+// for that tick.
+//
+// Looks again before sending: the clock is read before each joint's frames. A setpoint that is too late by then
+// (TickOutput::send_by) stays here, and the drive gets the tick's damping in its place. Thread rule: control thread,
+// after construction. No allocation or lock; system calls: the buses' send and receive.
 #pragma once
 
 #include <cstddef>
@@ -29,6 +32,12 @@ struct JointOnBus {
   std::size_t bus = 0;
 };
 
+// What became of a tick's setpoints; inputs of the next tick.
+struct Departure {
+  MonoTime at;           // just before the first frame; unset: there was none
+  JointMask damped = 0;  // joints whose setpoint was too late
+};
+
 class DriveEdge {
  public:
   // Preconditions: at most kMaxBuses buses and kMaxJoints joints, every joint's bus exists.
@@ -37,11 +46,13 @@ class DriveEdge {
   // Everything that arrived, decoded into input.joints and input.buses. Returns the number of frames.
   std::size_t receive(pipeline::TickInput& input, PublishedSegments& records) noexcept;
   // One setpoint per joint, as TickOutput has them. A drive that is not enabled is kept de-energised and reporting.
-  // Drives with a watchdog are told what is left of `valid_until` when their bus is written.
-  void send(const pipeline::TickOutput& output, Clock& clock, PublishedSegments& records) noexcept;
+  // Drives with a watchdog are told what is left of `valid_until` just before their frames are written.
+  Departure send(const pipeline::TickOutput& output, Clock& clock, PublishedSegments& records) noexcept;
 
  private:
   [[nodiscard]] bool is_flood(std::size_t bus, std::size_t frames) const noexcept;
+  void send_joint(std::size_t bus, std::size_t joint, const pipeline::TickOutput& output, bool damped, MonoTime now,
+                  Clock& clock, PublishedSegments& records) noexcept;
   void offer(std::size_t bus, const drivers::ReceivedFrame& received) noexcept;
 
   std::vector<std::unique_ptr<drivers::CanBus>> buses_;

@@ -1,5 +1,4 @@
 // takt-executive: the only place where the executive's parts are put together.
-#include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
@@ -14,6 +13,7 @@
 #include "config/paths.hpp"
 #include "drivers/protocol/bus_load.hpp"
 #include "executive/ipc/unix_socket.hpp"
+#include "executive/log/program_log.hpp"
 #include "executive/runtime/control_thread.hpp"
 #include "executive/runtime/executive_file.hpp"
 #include "executive/runtime/exit_codes.hpp"
@@ -21,6 +21,7 @@
 #include "executive/runtime/open_edge.hpp"
 #include "executive/runtime/reception.hpp"
 #include "executive/runtime/service.hpp"
+#include "executive/runtime/stop_thread.hpp"
 #include "executive/setup/tick_config_of.hpp"
 #include "executive/trace/trace.hpp"
 
@@ -104,6 +105,8 @@ int run(const Options& options) {
       Reception::open(config::executive_socket(directory), {*robot, *tick_config, admission_rules(*robot, policy_hash),
                                                             *published, mailboxes, requests, board, follower, *guest});
   if (!reception) return refuse(kExitSetUpRefused, reception.error());
+  auto stops = StopThread::start(ipc::stop_socket_beside(config::executive_socket(directory)), requests);
+  if (!stops) return refuse(kExitSetUpRefused, stops.error());
   auto opened = open_edge(*robot, directory, 5s);
   if (!opened) return refuse(kExitUnavailable, opened.error());
 
@@ -131,6 +134,7 @@ int run(const Options& options) {
   if (!thread->finish(1s)) {
     // Its memory is still in use: nothing may be destroyed. The socket stays behind; the next executive replaces it.
     spdlog::critical("the control thread hangs: ending without it");
+    spdlog::default_logger()->flush();
     std::_Exit(kExitInternal);
   }
   spdlog::info("drives disabled, ending");
@@ -159,8 +163,7 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : takt::runtime::kExitUsage;
   }
   try {
-    spdlog::set_default_logger(spdlog::stderr_logger_mt("takt-executive"));
-    spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%e %n %l: %v");
+    takt::log::log_to_stderr("takt-executive");
     return takt::runtime::run(options);
   } catch (const std::exception& error) {
     return takt::runtime::refuse(takt::runtime::kExitInternal, std::string("internal error: ") + error.what());

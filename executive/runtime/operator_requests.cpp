@@ -1,4 +1,6 @@
-// The operator's half of the reception: status, arm, stop, reset, mark.
+// The operator's half of the reception: status, arm, stop, reset, mark. A stop has come by its own way already
+// (stop_thread.hpp) when it is asked for here: this is where it is answered, and asked for again, which changes
+// nothing.
 #include <spdlog/spdlog.h>
 
 #include <string>
@@ -6,7 +8,9 @@
 #include <thread>
 
 #include "executive/runtime/arming.hpp"
+#include "executive/runtime/clock.hpp"
 #include "executive/runtime/reception.hpp"
+#include "executive/runtime/stop_thread.hpp"
 
 namespace takt::runtime {
 namespace {
@@ -21,6 +25,9 @@ void say(OperatorReply& reply, std::string_view sentence) {
 }
 
 constexpr std::string_view kNotNoticed = "the control thread did not answer in time: is it running? see takt status";
+constexpr std::string_view kFaultDampsOnly =
+    "mode fault_latched: the drives that still listen only damp; again, or with --now, takes their power away: what "
+    "hangs falls";
 
 }  // namespace
 
@@ -34,7 +41,9 @@ OperatorReply Reception::answer(OperatorVerb verb) {
       arm(reply);
       break;
     case OperatorVerb::stop:
-      stop(reply);
+    case OperatorVerb::press_stop:
+    case OperatorVerb::deenergise:
+      stop(verb, reply);
       break;
     case OperatorVerb::reset:
       reset(reply);
@@ -77,12 +86,18 @@ void Reception::arm(OperatorReply& reply) {
   }
 }
 
-void Reception::stop(OperatorReply& reply) {
+void Reception::stop(OperatorVerb verb, OperatorReply& reply) {
+  // Not a second press: that would de-energise.
+  const OperatorRequest request =
+      verb == OperatorVerb::deenergise ? OperatorRequest::deenergise : OperatorRequest::stop;
   const std::uint64_t tick = parts_.follower.latest().header.tick;
-  parts_.requests.stop();
-  spdlog::warn("operator stop");
+  pass_on(verb == OperatorVerb::press_stop ? OperatorVerb::stop : verb, SystemClock().now(), parts_.requests);
   reply.done = 1;
-  if (!wait_for(OperatorRequest::stop, tick)) say(reply, kNotNoticed);
+  spdlog::warn("operator {}", request == OperatorRequest::deenergise ? "de-energises" : "stop");
+  if (!wait_for(request, tick) && !parts_.follower.noticed(OperatorRequest::shutdown, tick))
+    return say(reply, kNotNoticed);
+  if (verb == OperatorVerb::press_stop && parts_.follower.latest().header.mode == Mode::fault_latched)
+    say(reply, kFaultDampsOnly);
 }
 
 void Reception::reset(OperatorReply& reply) {

@@ -72,7 +72,7 @@ class Reception {
 
   OperatorReply answer(OperatorVerb verb);
   void arm(OperatorReply& reply);
-  void stop(OperatorReply& reply);
+  void stop(OperatorVerb verb, OperatorReply& reply);
   void reset(OperatorReply& reply);
   void mark(OperatorReply& reply);
   // True when a tick that read `request` is over.

@@ -80,7 +80,7 @@ void serve(Reception& reception, TickFollower& follower, StatusBoard& board, Ope
                    shutdown.is_requested() ? "ending now" : "damped stop, then exit");
       if (!shutdown.is_requested()) asked_at_tick = follower.latest().header.tick;
       shutdown.signal(now);
-      requests.shut_down();
+      requests.shut_down(now);
       reception.begin_shutdown();
       manager.stopping();
     }

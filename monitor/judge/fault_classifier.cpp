@@ -46,13 +46,15 @@ bool is_drive_or_bus(Cause cause) {
     case Cause::envelope_exceeded:
     case Cause::overrun:
     case Cause::internal_error:
+    case Cause::operator_deenergise:
       return false;
   }
   return false;
 }
 
 bool is_wish(Cause cause) {
-  return cause == Cause::operator_stop || cause == Cause::shutdown || cause == Cause::operator_reset;
+  return cause == Cause::operator_stop || cause == Cause::shutdown || cause == Cause::operator_reset ||
+         cause == Cause::operator_deenergise;
 }
 
 // Refused for what it says or when it was numbered, not for its age.

@@ -24,8 +24,8 @@ constexpr auto kCauses = names_of<Cause, kCauseCount>();
 constexpr auto kArrivals = names_of<Arrival, kArrivalCount>();
 constexpr auto kFreshnesses = names_of<Freshness, kFreshnessCount>();
 constexpr auto kOverruns = names_of<OverrunCause, kOverrunCauseCount>();
-constexpr std::array<std::string_view, kOperatorRequestCount> kRequests{"none",  "arm",      "stop",
-                                                                        "reset", "shutdown", "mark"};
+constexpr std::array<std::string_view, kOperatorRequestCount> kRequests{"none",     "arm",  "stop",       "reset",
+                                                                        "shutdown", "mark", "press_stop", "deenergise"};
 
 #define HEADER(member) offsetof(TickRecordHeader, member)
 constexpr TickField kHeaderFields[] = {
@@ -34,6 +34,9 @@ constexpr TickField kHeaderFields[] = {
     {"lateness", i64, HEADER(lateness), in, "ns, wake-up after its schedule"},
     {"last_duration", i64, HEADER(last_duration), in, "ns, work of the previous tick"},
     {"skipped_periods", u64, HEADER(skipped_periods), in, "since start"},
+    {"last_sent_at", i64, HEADER(last_sent_at), in, "ns, just before the previous tick's first frame; 0: none"},
+    {"last_damped", u64, HEADER(last_damped), in, "bit per joint: the previous tick came too late, and damped it"},
+    {"asked_at", i64, HEADER(asked_at), in, "ns, when the executive heard the stop or shutdown; 0: neither"},
     {"command_sequence_seen", u64, HEADER(command_sequence_seen), in, "of the message read; 0 none"},
     {"operator_request", u8, HEADER(operator_request), in, "", kRequests},
     {"overrun_cause", u8, HEADER(overrun_cause), in, "of the previous period", kOverruns},

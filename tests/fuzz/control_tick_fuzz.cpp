@@ -78,14 +78,19 @@ void require(bool holds) {
   if (!holds) std::abort();
 }
 
+void check(const JointSetpoint& s, const JointLimits& limits) {
+  require(std::isfinite(s.q + s.dq + s.kp + s.kd + s.tau));
+  require(s.q >= limits.q_min - limits.q_hard_margin && s.q <= limits.q_max + limits.q_hard_margin);
+  require(std::abs(s.dq) <= limits.velocity);
+  require(s.kp >= 0 && s.kp <= limits.kp_max && s.kd >= 0 && s.kd <= limits.kd_max);
+  require(std::abs(s.tau) <= limits.torque);
+}
+
 void check(const TickOutput& output, const TickConfig& config) {
   for (std::size_t j = 0; j < kJoints; ++j) {
-    const JointSetpoint& s = output.setpoints[j];
-    const JointLimits& limits = config.joints[j].limits;
-    require(std::isfinite(s.q + s.dq + s.kp + s.kd + s.tau));
-    require(s.q >= limits.q_min && s.q <= limits.q_max && std::abs(s.dq) <= limits.velocity);
-    require(s.kp >= 0 && s.kp <= limits.kp_max && s.kd >= 0 && s.kd <= limits.kd_max);
-    require(std::abs(s.tau) <= limits.torque);
+    check(output.setpoints[j], config.joints[j].limits);
+    check(output.damping[j], config.joints[j].limits);
+    require(output.damping[j].kp == 0);
   }
   require(output.record.header.freshness == Freshness::missing || output.record.header.age.total() >= Duration{0});
   require(!output.valid_until.is_set() || (output.valid_until >= output.record.header.now &&
@@ -98,7 +103,8 @@ class Session {
     const std::uint8_t what = source.byte();
     ++input_.tick;
     input_.now = input_.now + milliseconds(1);
-    input_.operator_request = static_cast<OperatorRequest>(what & 3U);
+    input_.operator_request = static_cast<OperatorRequest>(what % kOperatorRequestCount);
+    input_.last_damped = (what & 32U) != 0 ? source.byte() : 0;
     feed_back(source, (what & 4U) != 0);
     input_.mailbox = Arrival::none;
     input_.command = nullptr;

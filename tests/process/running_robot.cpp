@@ -98,8 +98,10 @@ Child RunningRobot::start(const std::string& program, std::vector<std::string> e
   return Child(std::move(arguments), directory_ + "/" + log_name + ".log");
 }
 
-Child RunningRobot::start_executive() {
-  return start("takt-executive", {"--allow-non-realtime"}, "executive");
+Child RunningRobot::start_executive(const std::string& log_path) {
+  if (log_path.empty()) return start("takt-executive", {"--allow-non-realtime"}, "executive");
+  return Child({"takt-executive", "--robot", robot_file_, "--runtime-dir", directory_, "--allow-non-realtime"},
+               log_path);
 }
 
 Child RunningRobot::start_policy_host() {

@@ -43,7 +43,8 @@ class RunningRobot {
   RunningRobot(const RunningRobot&) = delete;
   RunningRobot& operator=(const RunningRobot&) = delete;
 
-  Child start_executive();
+  // Another `log_path` than its own file: a pipe, say.
+  Child start_executive(const std::string& log_path = {});
   Child start_policy_host();
   Child start_rogue(const std::string& behaviour, const std::string& healthy_for);
   Child start_monitor(const std::string& run_directory_name);

@@ -72,6 +72,7 @@ class RandomRun {
     rig_.input.buses[0].tx_dropped += chance(30) ? 1U : 0U;
     rig_.input.buses[0].flooded = chance(15) ? 1 : 0;
     rig_.input.skipped_periods += chance(100) ? random_() % 5 : 0U;
+    rig_.late = chance(20) ? random_() : 0U;
     rig_.input.lateness = microseconds(static_cast<std::int64_t>(random_() % 300));
     rig_.input.overrun_cause = chance(40) ? OverrunCause::platform_stall : OverrunCause::none;
   }
@@ -85,6 +86,8 @@ class RandomRun {
   OperatorRequest request() {
     if (chance(60)) return OperatorRequest::arm;
     if (chance(400)) return OperatorRequest::stop;
+    if (chance(400)) return OperatorRequest::press_stop;
+    if (chance(4000)) return OperatorRequest::deenergise;
     return chance(60) ? OperatorRequest::reset : OperatorRequest::none;
   }
 
@@ -124,7 +127,9 @@ RC_GTEST_PROP(Replay, FromAnyKeyframeEveryRecordComesOutBitForBit, (std::uint32_
     control_tick(*replayed, input, run.rig().config, *output);
     RC_ASSERT(same_bytes(output->record, recorded.record));
     RC_ASSERT(std::memcmp(output->setpoints, run.rig().out->setpoints, joints * sizeof(JointSetpoint)) == 0);
+    RC_ASSERT(std::memcmp(output->damping, run.rig().out->damping, joints * sizeof(JointSetpoint)) == 0);
     RC_ASSERT(output->valid_until == run.rig().out->valid_until);
+    RC_ASSERT(output->send_by == run.rig().out->send_by);
   }
   const std::size_t size = save(*run.rig().state, original);
   RC_ASSERT(save(*replayed, copy) == size);

@@ -39,7 +39,8 @@ const std::map<Cause, std::string>& expected() {
                                                  {Cause::bus_babble, ".ppp.."},
                                                  {Cause::envelope_exceeded, ".ppp.."},
                                                  {Cause::overrun, ".ppp.."},
-                                                 {Cause::internal_error, ".ffff."}};
+                                                 {Cause::internal_error, ".ffff."},
+                                                 {Cause::operator_deenergise, ".sssss"}};
   return rows;
 }
 
@@ -90,10 +91,16 @@ TEST(ModeMachine, TheMoreSevereOfTwoWins) {
 }
 
 RC_GTEST_PROP(ModeMachine, NoSetOfCausesBreaksALatch, (CauseMask causes)) {
-  const CauseMask without_reset = causes & ~bit(Cause::operator_reset);
+  const CauseMask without_reset = causes & ~bit(Cause::operator_reset) & ~bit(Cause::operator_deenergise);
   RC_ASSERT(is_latched(decide(Mode::damped_stop, without_reset).to));
   RC_ASSERT(decide(Mode::fault_latched, without_reset).to == Mode::fault_latched);
   RC_ASSERT(decide(Mode::standby, causes & ~bit(Cause::operator_arm)).to == Mode::standby);
+}
+
+RC_GTEST_PROP(ModeMachine, DeenergisingWinsOverEverySetOfCauses, (CauseMask causes)) {
+  for (std::size_t mode = 0; mode < kModeCount; ++mode)
+    RC_ASSERT(decide(static_cast<Mode>(mode), causes | bit(Cause::operator_deenergise)).to == Mode::standby ||
+              static_cast<Mode>(mode) == Mode::standby);
 }
 
 // Of bus faults at once the one nearest to the root names the transition: babble overflows queues, and that loses

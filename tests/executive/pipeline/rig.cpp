@@ -96,10 +96,14 @@ void Rig::move() {
   std::array<float, kMaxJoints> q{}, gravity{};
   for (std::size_t j = 0; j < config.joint_count; ++j) q[j] = drives[j].q;
   if (config.gravity_compensation) gravity_.torques(q, gravity);
+  input.last_sent_at = now;
+  input.last_damped = 0;
   const float dt = 0.001F;
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     Drive& drive = drives[j];
-    const JointSetpoint& setpoint = out->setpoints[j];
+    const bool damped = out->drive_enabled[j] && (late & bit_of_joint(j)) != 0;
+    if (damped) input.last_damped |= bit_of_joint(j);
+    const JointSetpoint& setpoint = damped ? out->damping[j] : out->setpoints[j];
     drive.enabling_ticks = out->drive_enabled[j] ? drive.enabling_ticks + 1 : 0;
     const bool powered = drive.enabling_ticks >= kEnableDelayTicks && !drive.fault && !drive.drops_out;
     const float limit = config.joints[j].limits.torque;

@@ -55,6 +55,7 @@ class Rig {
   TickInput input;
   MonoTime now;
   std::array<Drive, kMaxJoints> drives{};
+  JointMask late = 0;  // joints whose setpoint comes too late: they get the damping, and the next tick knows
   std::uint64_t sequence = 0;
   std::uint64_t newest_observation = 0;
   std::map<std::uint64_t, MonoTime> sensed_at;  // the test's own memory of observations

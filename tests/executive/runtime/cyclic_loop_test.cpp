@@ -146,11 +146,31 @@ TEST(CyclicLoop, FinishEndsIt) {
 TEST(CyclicLoop, ARequestIsReadOnceAndStopWinsOverArm) {
   LoopRig rig;
   rig.requests.arm();
-  rig.requests.stop();
+  rig.requests.stop(MonoTime{5});
   rig.run(3);
   const auto records = rig.records();
   EXPECT_EQ(records.at(0).header.operator_request, OperatorRequest::stop);
+  EXPECT_EQ(records.at(0).header.asked_at, MonoTime{5});
   EXPECT_EQ(records.at(1).header.operator_request, OperatorRequest::none);
+}
+
+// De-energising comes first, then a person's press, and neither is lost behind a shutdown or behind each other.
+TEST(CyclicLoop, StopsAreReadInTheOrderOfTheirWeight) {
+  LoopRig rig;
+  rig.requests.stop(MonoTime{4});
+  rig.requests.shut_down(MonoTime{3});
+  rig.requests.press_stop(MonoTime{2});
+  rig.requests.press_stop(MonoTime{9});
+  rig.requests.deenergise(MonoTime{1});
+  rig.requests.arm();
+  rig.run(4);
+  const OperatorRequest order[] = {OperatorRequest::deenergise, OperatorRequest::press_stop, OperatorRequest::shutdown,
+                                   OperatorRequest::shutdown};
+  const auto records = rig.records();
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(records.at(i).header.operator_request, order[i]);
+    EXPECT_EQ(records.at(i).header.asked_at, MonoTime{static_cast<std::int64_t>(std::min<std::size_t>(i + 1, 3))});
+  }
 }
 
 TEST(CyclicLoop, AMarkWaitsForATickOfItsOwnAndIsReadOnce) {
@@ -167,7 +187,7 @@ TEST(CyclicLoop, AMarkWaitsForATickOfItsOwnAndIsReadOnce) {
 
 TEST(CyclicLoop, AShutdownRequestStays) {
   LoopRig rig;
-  rig.requests.shut_down();
+  rig.requests.shut_down(MonoTime{5});
   rig.requests.arm();
   rig.run(3);
   for (const TickRecord& record : rig.records()) {

@@ -49,6 +49,7 @@ class FakeBus final : public drivers::CanBus {
     return drivers::SendResult::sent;
   }
   std::size_t receive(std::span<drivers::ReceivedFrame> out) noexcept override {
+    if (on_receive) on_receive();
     std::size_t count = 0;
     for (; count < out.size() && !arriving.empty(); ++count) {
       out[count] = arriving.front();
@@ -60,6 +61,7 @@ class FakeBus final : public drivers::CanBus {
 
   std::deque<drivers::ReceivedFrame> arriving;
   BusHealth health_now;
+  std::function<void()> on_receive;
   std::function<void()> on_send;
   std::function<void(const drivers::CanFrame&)> on_sent;
   bool refuses = false;
@@ -69,16 +71,19 @@ class FakeBus final : public drivers::CanBus {
   std::vector<SentFrame>& sent_;
 };
 
-// Sends one frame: id = joint + 1, byte 0 = enable. Listens to id 0x100 + joint, whose byte 0 is its position.
+// Sends one frame: id = joint + 1, byte 0 = enable, byte 1 = it is told to hold (kp), byte 2 = that a command is behind
+// it. Listens to id 0x100 + joint, whose byte 0 is its position, byte 1 its state.
 class OneByteDrive final : public drivers::JointDriver {
  public:
   explicit OneByteDrive(std::uint32_t joint) : joint_(joint) {}
-  std::size_t encode(bool enable, const drivers::DriveSetpoint&, MonoTime, MonoTime,
+  std::size_t encode(bool enable, const drivers::DriveSetpoint& setpoint, MonoTime, MonoTime valid_until,
                      std::span<drivers::CanFrame> out) noexcept override {
     out[0] = {};
     out[0].id = joint_ + 1;
-    out[0].length = 1;
+    out[0].length = 3;
     out[0].data[0] = enable ? 1 : 0;
+    out[0].data[1] = setpoint.kp > 0 ? 1 : 0;
+    out[0].data[2] = valid_until.is_set() ? 1 : 0;
     return 1;
   }
   bool decode(const drivers::ReceivedFrame& received) noexcept override {
@@ -86,6 +91,7 @@ class OneByteDrive final : public drivers::JointDriver {
     feedback_.received_at = received.received_at;
     ++feedback_.replies;
     feedback_.q = static_cast<float>(received.frame.data[0]);
+    feedback_.drive_state = static_cast<DriveState>(received.frame.data[1]);
     return true;
   }
   [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }

@@ -9,8 +9,10 @@
 #include <thread>
 
 #include "config/load.hpp"
+#include "executive/ipc/stop_line.hpp"
 #include "executive/runtime/control_thread.hpp"
 #include "executive/runtime/open_edge.hpp"
+#include "executive/runtime/stop_thread.hpp"
 #include "executive/setup/tick_config_of.hpp"
 #include "tests/executive/runtime/holding_policy.hpp"
 #include "tests/executive/runtime/simulated_drives.hpp"
@@ -218,6 +220,55 @@ TEST_F(ReceptionTest, APolicyIsPlayedThenStoppedAndReset) {
   ASSERT_TRUE(until([this](const StatusSnapshot&) { return ask(OperatorVerb::reset).done == 1; }));
   EXPECT_EQ(ask(OperatorVerb::status).status.tick.mode, Mode::standby);
   EXPECT_TRUE(until([this](const StatusSnapshot&) { return drives_->all_disabled(); }));
+}
+
+// The stop's own way is served while the reception is not: the request is read by a tick before anybody answers.
+TEST_F(ReceptionTest, AStopReachesTheTickWhileNobodyReceives) {
+  const auto stops = StopThread::start(ipc::stop_socket_beside(path()), requests_).value();
+  Attached attached = attach_policy();
+  ASSERT_EQ(arm_until_granted(), "");
+  done_ = true;
+  service_.join();
+  auto ticks = published_.tick_reader();
+  const auto unanswered = ipc::ask(path(), OperatorVerb::press_stop, 200ms);
+  ASSERT_FALSE(unanswered);
+  EXPECT_THAT(unanswered.error(), HasSubstr("the stop was handed over"));
+  bool stopped = false;
+  for (int i = 0; i < 2000 && !stopped; ++i) {
+    TickRecord record{};
+    while (ticks.read_next(std::as_writable_bytes(std::span(&record, 1))).status == ipc::ReadStatus::fresh)
+      stopped |= record.header.cause == Cause::operator_stop;
+    std::this_thread::sleep_for(1ms);
+  }
+  EXPECT_TRUE(stopped);
+  done_ = false;
+  service_ = std::thread([this] {
+    while (!done_) {
+      reception_->serve(2ms);
+      follower_->catch_up();
+    }
+  });
+}
+
+TEST_F(ReceptionTest, APressIsAskedForOnceAlthoughItIsAnsweredElsewhere) {
+  const auto stops = StopThread::start(ipc::stop_socket_beside(path()), requests_).value();
+  Attached attached = attach_policy();
+  ASSERT_EQ(arm_until_granted(), "");
+  EXPECT_EQ(ask(OperatorVerb::press_stop).status.tick.mode, Mode::damped_stop);
+  ASSERT_TRUE(until([this](const StatusSnapshot&) {
+    return ask(OperatorVerb::press_stop).status.tick.mode == Mode::standby;
+  })) << "again";
+  EXPECT_TRUE(until([this](const StatusSnapshot&) { return drives_->all_disabled(); }));
+}
+
+TEST_F(ReceptionTest, NowTakesThePowerAtOnce) {
+  const auto stops = StopThread::start(ipc::stop_socket_beside(path()), requests_).value();
+  Attached attached = attach_policy();
+  ASSERT_EQ(arm_until_granted(), "");
+  const OperatorReply reply = ask(OperatorVerb::deenergise);
+  EXPECT_EQ(reply.done, 1);
+  EXPECT_EQ(reply.status.tick.mode, Mode::standby);
+  EXPECT_EQ(reply.status.tick.drives_enabled, 0);
 }
 
 TEST_F(ReceptionTest, ASecondPolicyHearsWhoHoldsTheRoleAndASuccessorMayCountFromOne) {

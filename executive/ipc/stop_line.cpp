@@ -1,0 +1,93 @@
+#include "executive/ipc/stop_line.hpp"
+
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <span>
+#include <utility>
+
+#include "executive/ipc/unix_socket.hpp"
+
+namespace takt::ipc {
+namespace {
+
+constexpr int kQueueDrainsWithinMs = 100;
+
+sockaddr_un address_of(const std::string& path) {
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  path.copy(address.sun_path, sizeof address.sun_path - 1);
+  return address;
+}
+
+Descriptor open_datagram() {
+  return Descriptor(socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+}
+
+bool is_request(const OperatorMessage& message, ssize_t size) {
+  return size == sizeof message && message.magic == kMagic && is_stop(message.verb);
+}
+
+}  // namespace
+
+std::string stop_socket_beside(const std::string& executive_socket) {
+  const std::size_t slash = executive_socket.rfind('/');
+  return executive_socket.substr(0, slash == std::string::npos ? 0 : slash + 1) + "stop.sock";
+}
+
+StopLine::StopLine(Descriptor socket, std::string path) : socket_(std::move(socket)), path_(std::move(path)) {}
+
+StopLine::~StopLine() {
+  if (socket_.is_open()) unlink(path_.c_str());
+}
+
+std::expected<StopLine, std::string> StopLine::listen(const std::string& path) {
+  if (auto checked = check_path(path); !checked) return std::unexpected(checked.error());
+  Descriptor socket = open_datagram();
+  unlink(path.c_str());
+  const sockaddr_un address = address_of(path);
+  if (!socket.is_open() || bind(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
+    return std::unexpected("stop line: cannot listen at " + path + ": " + errno_text());
+  StopLine line(std::move(socket), path);
+  if (chmod(path.c_str(), S_IRUSR | S_IWUSR) != 0)
+    return std::unexpected("stop line: cannot set the mode of " + path + ": " + errno_text());
+  return line;
+}
+
+std::optional<OperatorVerb> StopLine::wait() noexcept {
+  while (!closed_->load(std::memory_order_acquire)) {
+    OperatorMessage message;
+    const ssize_t size = recv(socket_.get(), &message, sizeof message, MSG_TRUNC);
+    if (is_request(message, size)) return message.verb;
+  }
+  return std::nullopt;
+}
+
+void StopLine::close() noexcept {
+  closed_->store(true, std::memory_order_release);
+  shutdown(socket_.get(), SHUT_RD);  // ends a recv() under way, and every later one
+}
+
+bool hand_over_stop(const std::string& path, OperatorVerb verb) {
+  if (!check_path(path)) return false;
+  const Descriptor socket = open_datagram();
+  const sockaddr_un address = address_of(path);
+  if (!socket.is_open() || connect(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
+    return false;
+  OperatorMessage message;
+  message.verb = verb;
+  const auto sent = [&] {
+    return send(socket.get(), &message, sizeof message, MSG_NOSIGNAL | MSG_DONTWAIT) == sizeof message;
+  };
+  if (sent()) return true;
+  if (errno != EAGAIN) return false;
+  pollfd room{socket.get(), POLLOUT, 0};
+  poll(&room, 1, kQueueDrainsWithinMs);
+  return sent();
+}
+
+}  // namespace takt::ipc

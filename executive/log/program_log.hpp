@@ -1,0 +1,13 @@
+// The log of a program that runs for long: spdlog's default logger onto standard error, through a queue
+// (line_queue.hpp), so that logging never blocks whoever logs; and SIGPIPE ignored, so that a reader who leaves ends
+// nobody.
+#pragma once
+
+#include <string>
+
+namespace takt::log {
+
+// Call once, before the first line, from the only thread there is. spdlog's flush() waits kLastWords at most.
+void log_to_stderr(const std::string& program);
+
+}  // namespace takt::log

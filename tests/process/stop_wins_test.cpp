@@ -1,0 +1,182 @@
+// Goal: a stop wins over everything that hangs: the log's reader, the monitor (and with it the disk), the policy; and
+// over a latched fault and a drive that is silent. Method: real processes on the loopback bus; the hang is made with
+// full pipes and SIGSTOP; the time from the request to its frames is counted in ticks, by the executive's own records,
+// which this test reads as a viewer. Nothing is judged by the wall clock.
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <fstream>
+#include <thread>
+#include <vector>
+
+#include "config/load.hpp"
+#include "executive/ipc/descriptor.hpp"
+#include "monitor/executive_session.hpp"
+#include "monitor/record/record_stream.hpp"
+#include "tests/process/running_robot.hpp"
+
+namespace takt::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+// A pipe with a name that some program writes to, and that is read only when the test says so.
+class UnreadPipe {
+ public:
+  explicit UnreadPipe(std::string path) : path_(std::move(path)) {
+    EXPECT_EQ(mkfifo(path_.c_str(), 0600), 0);
+    reader_ = ipc::Descriptor(open(path_.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
+    EXPECT_TRUE(reader_.is_open());
+  }
+  [[nodiscard]] const std::string& path() const { return path_; }
+  // From here on whoever writes to it blocks.
+  void fill() const {
+    const ipc::Descriptor writer(open(path_.c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC));
+    const std::string some(4096, '.');
+    while (write(writer.get(), some.data(), some.size()) > 0) {
+    }
+    while (write(writer.get(), some.data(), 1) > 0) {
+    }
+  }
+  // From here on whoever writes to it gets SIGPIPE.
+  void close() { reader_.close(); }
+
+ private:
+  std::string path_;
+  ipc::Descriptor reader_;
+};
+
+// What the executive records, as a viewer sees it.
+class Witness {
+ public:
+  explicit Witness(const RunningRobot& robot)
+      : config_(config::load(robot.robot_file()).value()),
+        session_(
+            monitor::ExecutiveSession::attach(Role::viewer, "stop_wins_test", robot.directory(), config_, 5s).value()),
+        stream_(monitor::RecordStream::attach(session_.rings(), config_.joints.size()).value()),
+        sink_{.command = [](const monitor::RecordedCommand&) {},
+              .tick = [this](const TickRecord& record) { ticks_.push_back(record); },
+              .keyframe = [](const monitor::RecordedKeyframe&) {},
+              .frame = [this](const FrameRecord& frame) { frames_.push_back(frame); },
+              .loss = [](const monitor::Loss&) {}} {}
+
+  // The first tick recorded that read `request`, once it and its frames are there; 20 s at most.
+  const TickRecord* find(OperatorRequest request) {
+    for (int poll = 0; poll < 2000; ++poll) {
+      stream_.drain(sink_, false);
+      const auto found = std::ranges::find_if(
+          ticks_, [request](const TickRecord& record) { return record.header.operator_request == request; });
+      if (found != ticks_.end() && found + 1 != ticks_.end()) return &*found;
+      std::this_thread::sleep_for(10ms);
+    }
+    return nullptr;
+  }
+  // A stop was heard, and these are the ticks that began since, the one that read it included.
+  [[nodiscard]] std::size_t ticks_until_read(const TickRecord& read) const {
+    return static_cast<std::size_t>(std::ranges::count_if(ticks_, [&read](const TickRecord& record) {
+      return record.header.now > read.header.asked_at && record.header.tick <= read.header.tick;
+    }));
+  }
+  [[nodiscard]] std::size_t frames_sent_in(std::uint64_t tick) const {
+    return static_cast<std::size_t>(std::ranges::count_if(frames_, [tick](const FrameRecord& frame) {
+      return frame.tick == tick && frame.direction == FrameDirection::sent;
+    }));
+  }
+  [[nodiscard]] std::size_t joints() const { return config_.joints.size(); }
+
+ private:
+  config::RobotConfig config_;
+  monitor::ExecutiveSession session_;
+  monitor::RecordStream stream_;
+  monitor::RecordSink sink_;
+  std::vector<TickRecord> ticks_;
+  std::vector<FrameRecord> frames_;
+};
+
+void expect_served(Witness& witness, OperatorRequest request, Mode mode) {
+  const TickRecord* const read = witness.find(request);
+  ASSERT_NE(read, nullptr) << "no tick read the request";
+  EXPECT_LE(witness.ticks_until_read(*read), 2U);
+  EXPECT_GE(witness.frames_sent_in(read->header.tick), witness.joints()) << "every drive is told in that very tick";
+  EXPECT_EQ(name(read->header.mode), name(mode));
+  for (std::size_t j = 0; j < witness.joints(); ++j)
+    EXPECT_EQ(read->joints[j].drive_enabled, mode == Mode::standby ? 0 : 1);
+}
+
+TEST(StopWins, WhileTheLogTheMonitorAndThePolicyHang) {
+  RunningRobot robot;
+  robot.executive().signal(SIGTERM);
+  ASSERT_EQ(robot.executive().wait(20s), 0);
+  UnreadPipe log(robot.directory() + "/executive.pipe");
+  robot.executive() = robot.start_executive(log.path());
+  const Child policy = robot.start_policy_host();
+  ASSERT_EQ(robot.arm(), "") << robot.logs();
+  ASSERT_TRUE(robot.wait_for_mode(Mode::tracking)) << robot.logs();
+  Witness witness(robot);
+
+  log.fill();
+  robot.monitor().signal(SIGSTOP);
+  policy.signal(SIGSTOP);
+  EXPECT_TRUE(robot.takt({"stop", "--runtime-dir", robot.directory()})) << robot.logs();
+  expect_served(witness, OperatorRequest::press_stop, Mode::damped_stop);
+  // Hundreds of lines into the full pipe: each stop logs one.
+  for (int i = 0; i < 300; ++i) ASSERT_TRUE(robot.status().has_value());
+  EXPECT_TRUE(robot.takt({"stop", "--now", "--runtime-dir", robot.directory()})) << robot.logs();
+  expect_served(witness, OperatorRequest::deenergise, Mode::standby);
+
+  robot.executive().signal(SIGTERM);
+  EXPECT_EQ(robot.executive().wait(20s), 0) << "a signal is served as well, and the end does not wait for the log";
+  robot.monitor().signal(SIGCONT);
+  policy.signal(SIGCONT);
+}
+
+TEST(StopWins, AfterTheReaderOfTheLogHasGone) {
+  RunningRobot robot;
+  robot.executive().signal(SIGTERM);
+  ASSERT_EQ(robot.executive().wait(20s), 0);
+  UnreadPipe log(robot.directory() + "/executive.pipe");
+  robot.executive() = robot.start_executive(log.path());
+  const Child policy = robot.start_policy_host();
+  ASSERT_EQ(robot.arm(), "") << robot.logs();
+  ASSERT_TRUE(robot.wait_for_mode(Mode::tracking)) << robot.logs();
+  Witness witness(robot);
+
+  log.close();
+  for (int i = 0; i < 3; ++i) EXPECT_TRUE(robot.takt({"mark", "--runtime-dir", robot.directory()})) << "logs a line";
+  EXPECT_TRUE(robot.takt({"stop", "--runtime-dir", robot.directory()})) << robot.logs();
+  expect_served(witness, OperatorRequest::press_stop, Mode::damped_stop);
+  robot.executive().signal(SIGTERM);
+  EXPECT_EQ(robot.executive().wait(20s), 0);
+}
+
+// A drive that is never heard again: the fault stays latched, a first stop changes nothing and says so, a second one
+// takes the power away, and the robot is in standby although the fault is still there.
+TEST(StopWins, OverALatchedFaultWithASilentDrive) {
+  const std::string scenario = testing::TempDir() + "takt-silent-for-ever.yaml";
+  std::ofstream(scenario) << "schema: takt.scenario/1\nevents:\n"
+                             "  - { after: enabled, at: 200 ms, joint: elbow, fault: silent, for: 600 s }\n";
+  RunningRobot robot(scenario);
+  const Child policy = robot.start_policy_host();
+  ASSERT_EQ(robot.arm(), "") << robot.logs();
+  ASSERT_TRUE(robot.wait_for_mode(Mode::fault_latched)) << robot.logs();
+  Witness witness(robot);
+
+  EXPECT_FALSE(robot.takt({"reset", "--runtime-dir", robot.directory()})) << "the fault still holds";
+  EXPECT_TRUE(robot.takt({"stop", "--runtime-dir", robot.directory()})) << robot.logs();
+  expect_served(witness, OperatorRequest::press_stop, Mode::fault_latched);
+  const auto deenergised = robot.wait_until([&robot](const StatusSnapshot& status) {
+    if (status.tick.mode == Mode::standby) return true;
+    (void)robot.takt({"stop", "--runtime-dir", robot.directory()});
+    return false;
+  });
+  ASSERT_TRUE(deenergised.has_value());
+  EXPECT_EQ(deenergised->status.tick.mode, Mode::standby) << robot.logs();
+  EXPECT_EQ(deenergised->status.tick.drives_enabled, 0);
+}
+
+}  // namespace
+}  // namespace takt::test
