@@ -18,9 +18,10 @@ MAY_USE = {
     "executive/setup": "executive/contract executive/pipeline config",
     "drivers/bus": "executive/contract config",
     "drivers/protocol": "executive/contract config drivers/bus",
+    "drivers/guard": "executive/contract config drivers/bus",  # not drivers/protocol: it reads what those write
     "drivers/tools": "executive/contract config drivers/bus drivers/protocol",
     "executive/runtime": f"{SHARED} executive/pipeline executive/setup executive/trace drivers/bus drivers/protocol "
-                         "executive/log",
+                         "executive/log drivers/guard",
     "policy_host": f"{SHARED} executive/trace executive/log",
     "monitor/record": f"{SHARED} drivers/bus drivers/protocol",
     "monitor/judge": f"{SHARED} drivers/protocol monitor/record",
@@ -31,7 +32,7 @@ MAY_USE = {
     "evidence/review": f"{SHARED} executive/pipeline executive/setup monitor/record monitor/judge",
     "evidence/artifact": f"{SHARED} monitor/record monitor/judge evidence/review",
     "evidence/judge": f"{SHARED} monitor/record monitor/judge evidence/review evidence/artifact",
-    "evidence/rollout": f"{SHARED} executive/pipeline executive/setup drivers/bus drivers/protocol policy_host "
+    "evidence/rollout": f"{SHARED} executive/pipeline executive/setup drivers/bus drivers/protocol drivers/guard policy_host "
                         "monitor/judge simulation evidence/artifact",
     "evidence/panel": f"{SHARED} policy_host simulation monitor/record monitor/judge evidence/artifact evidence/judge evidence/rollout",
     "evidence/study": f"{SHARED} executive/pipeline executive/setup drivers/protocol simulation monitor/record monitor/judge evidence/review "
@@ -71,7 +72,8 @@ def main(root):
     for sentence in found:
         print(sentence)
     planted = list(arrows("executive/pipeline/planted.cpp", '#include "config/robot_config.hpp"\n'))
-    assert planted, "a planted arrow was not found"
+    planted_guard = list(arrows("drivers/guard/planted.cpp", '#include "drivers/protocol/mit/mit_codec.hpp"\n'))
+    assert planted and planted_guard, "a planted arrow was not found"
     assert files > 300, f"only {files} files were read"
     print(f"{files} files, {len(found)} arrows that are not allowed")
     return 1 if found else 0

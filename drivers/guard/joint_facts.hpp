@@ -1,0 +1,72 @@
+// What the guard knows of one joint, computed once from the robot file, and what a frame asks of its drive. Joint side:
+// rad, rad/s, Nm, Nm/rad, Nm s/rad.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "config/robot_config.hpp"
+#include "executive/contract/mono_time.hpp"
+
+namespace takt::drivers::guard {
+
+// What a frame that pushes says, and with it what can be judged.
+enum class Law : std::uint8_t {
+  fields,    // an impedance setpoint, each field as the tick decided it
+  total,     // an impedance setpoint whose torque at the estimate counts, however it is split
+  torque,    // a finished torque
+  velocity,  // the drive's own velocity loop
+  position,  // the drive's own position loop
+};
+
+struct Motion {
+  float q = 0, dq = 0, kp = 0, kd = 0, tau = 0;
+};
+
+struct JointFacts {
+  config::DriveProtocol protocol = config::DriveProtocol::mit;
+  config::Cia402Mode mode = config::Cia402Mode::cst;
+  Law law = Law::fields;
+  bool damiao = false;
+  std::uint32_t id = 0, host = 0;
+  std::size_t bus = 0;
+  // limits
+  float q_low = 0, q_high = 0;  // margins included
+  float velocity = 0, torque = 0, torque_step = 0, kp = 0, kd = 0;
+  float damping = 0;
+  // drive side, as the protocol needs them
+  float ratio = 1, offset = 0;  // q_joint = q_motor / ratio + offset; ratio has the direction's sign
+  Motion range;                 // packed fields span +-this, gains 0 to this
+  float servo_kp = 0, servo_kd = 0;
+  float torque_range = 0, torque_per_mille = 0;
+  double rad_per_count = 0;
+  Duration shortest_watchdog;
+  // How far apart what was decided and what the wire says may lie.
+  Motion rounding;
+};
+
+JointFacts facts_of(const config::RobotConfig& robot, std::size_t joint);
+
+struct Demand {
+  enum class Kind : std::uint8_t {
+    unknown,    // nothing that we ever say to this drive
+    aside,      // a question, a synchronisation, a mode that we always use
+    disable,    // switches off, or clears errors
+    energise,   // switches on
+    configure,  // changes settings
+    drive,      // `motion`
+  };
+  Kind kind = Kind::unknown;
+  Motion motion{};        // what the law has no place for is 0
+  float torque_most = 0;  // the frame's own limit; 0: it has none
+  Duration valid_for{};   // how long the drive will obey; 0: the frame does not say
+};
+
+// The torque of the last frame that drove the joint.
+struct LastTorque {
+  float torque = 0;
+  float doubt = 0;         // of it
+  bool is_passive = true;  // it asked for nothing
+};
+
+}  // namespace takt::drivers::guard

@@ -1,0 +1,166 @@
+#include "drivers/guard/judge.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace takt::drivers::guard {
+namespace {
+
+// At the tick's estimate; `doubt`: how far the wire's rounding may have moved it.
+struct Torque {
+  float value = 0, doubt = 0;
+};
+
+bool is_finite(const Motion& m) noexcept {
+  return std::isfinite(m.q + m.dq + m.kp + m.kd + m.tau) && std::isfinite(m.q) && std::isfinite(m.tau);
+}
+
+Torque torque_of(const JointFacts& facts, const Motion& asked, const JointRecord& record) noexcept {
+  const Motion& r = facts.rounding;
+  const float far = asked.q - record.q_estimate;
+  const float fast = asked.dq - record.dq_estimate;
+  return {asked.kp * far + asked.kd * fast + asked.tau,
+          asked.kp * r.q + std::abs(far) * r.kp + asked.kd * r.dq + std::abs(fast) * r.kd + r.tau};
+}
+
+Torque torque_decided(const JointRecord& record) noexcept {
+  return {record.kp_command * (record.q_command - record.q_estimate) +
+          record.kd_command * (record.dq_command - record.dq_estimate) + record.tau_command};
+}
+
+bool has_torque(Law law) noexcept {
+  switch (law) {
+    case Law::fields:
+    case Law::total:
+    case Law::torque:
+      return true;
+    case Law::velocity:
+    case Law::position:
+      return false;
+  }
+  return true;
+}
+
+bool is_near(float a, float b, float tolerance) noexcept {
+  return std::abs(a - b) <= tolerance;  // false for NaN
+}
+
+// No torque, or one that only brakes what the estimate says is moving.
+bool is_damping(float tau, const JointFacts& facts, const Moment& moment, const JointRecord& record) noexcept {
+  if (std::abs(tau) <= facts.rounding.tau) return true;
+  const float speed = record.dq_estimate;
+  return moment.heard && tau * speed <= 0 && std::abs(tau) <= facts.kd * std::abs(speed) + facts.rounding.tau;
+}
+
+bool asks_for_nothing(const JointFacts& facts, const Motion& asked, const Moment& moment,
+                      const JointRecord& record) noexcept {
+  switch (facts.law) {
+    case Law::fields:
+    case Law::total:
+    case Law::torque:
+      return asked.kp == 0 && (asked.kd == 0 || std::abs(asked.dq) <= facts.rounding.dq) &&
+             is_damping(asked.tau, facts, moment, record);
+    case Law::velocity:
+      return std::abs(asked.dq) <= facts.rounding.dq;
+    case Law::position:
+      return is_near(asked.q, record.feedback.q, facts.rounding.q);
+  }
+  return false;
+}
+
+bool exceeds_gains(const JointFacts& facts, const Motion& asked) noexcept {
+  return asked.kp < 0 || asked.kd < 0 || asked.kp > facts.kp + facts.rounding.kp ||
+         asked.kd > facts.kd + facts.rounding.kd;
+}
+
+bool outlives_the_command(const JointFacts& facts, const Demand& demand, const Moment& moment) noexcept {
+  constexpr Duration kFloatOfSeconds = microseconds(1);
+  const Duration left = moment.valid_until.is_set() ? moment.valid_until - moment.decided_at : Duration{};
+  return demand.valid_for > std::max(left, facts.shortest_watchdog) + kFloatOfSeconds;
+}
+
+bool exceeds_slew(const JointFacts& facts, Torque torque, const LastTorque& last) noexcept {
+  const float low = last.is_passive ? std::min(last.torque, 0.0F) : last.torque;
+  const float high = last.is_passive ? std::max(last.torque, 0.0F) : last.torque;
+  const float step = facts.torque_step + torque.doubt + last.doubt;
+  return torque.value < low - step || torque.value > high + step;
+}
+
+WireVerdict judge_limits(const JointFacts& facts, const Motion& asked, Torque torque, const LastTorque& last) noexcept {
+  const Motion& r = facts.rounding;
+  const bool moves_to = asked.kp > 0 || facts.law == Law::position;
+  if (moves_to && (asked.q < facts.q_low - r.q || asked.q > facts.q_high + r.q)) return WireVerdict::position;
+  if (std::abs(asked.dq) > facts.velocity + r.dq) return WireVerdict::velocity;
+  if (!has_torque(facts.law)) return WireVerdict::allowed;
+  const bool too_much =
+      std::abs(torque.value) > facts.torque + torque.doubt || std::abs(asked.tau) > facts.torque + r.tau;
+  if (too_much) return WireVerdict::torque;
+  return exceeds_slew(facts, torque, last) ? WireVerdict::slew : WireVerdict::allowed;
+}
+
+bool is_as_decided(const JointFacts& facts, const Motion& asked, Torque torque, const JointRecord& record) noexcept {
+  const Motion& r = facts.rounding;
+  switch (facts.law) {
+    case Law::fields:
+      return is_near(asked.kp, record.kp_command, r.kp) && is_near(asked.kd, record.kd_command, r.kd) &&
+             is_near(asked.tau, record.tau_command, r.tau) && is_near(asked.q, record.q_command, r.q) &&
+             is_near(asked.dq, record.dq_command, r.dq);
+    case Law::total:
+    case Law::torque:
+      return is_near(torque.value, torque_decided(record).value, torque.doubt);
+    case Law::velocity:
+      return true;
+    case Law::position:
+      return is_near(asked.q, record.q_command, r.q);
+  }
+  return false;
+}
+
+WireVerdict judge_push(const JointFacts& facts, const Motion& asked, Torque torque, const Moment& moment,
+                       const JointRecord& record, const LastTorque& last) noexcept {
+  if (!moment.enabled) return WireVerdict::misplaced;
+  if (moment.valid_until.is_set() && moment.now > moment.valid_until) return WireVerdict::expired;
+  if (!moment.heard) return WireVerdict::feedback_lost;
+  const WireVerdict verdict = judge_limits(facts, asked, torque, last);
+  if (verdict != WireVerdict::allowed) return verdict;
+  return is_as_decided(facts, asked, torque, record) ? WireVerdict::allowed : WireVerdict::differs;
+}
+
+WireVerdict judge_drive(const JointFacts& facts, const Demand& demand, const Moment& moment, const JointRecord& record,
+                        LastTorque& last) noexcept {
+  const Motion& asked = demand.motion;
+  const Torque torque = torque_of(facts, asked, record);
+  if (!is_finite(asked) || !std::isfinite(torque.value)) return WireVerdict::not_finite;
+  if (exceeds_gains(facts, asked)) return WireVerdict::gain;
+  if (outlives_the_command(facts, demand, moment)) return WireVerdict::expired;
+  const bool own_limit_holds = demand.torque_most == 0 || demand.torque_most <= facts.torque_range;  // false for NaN
+  if (!own_limit_holds) return WireVerdict::torque;
+  const bool passive = asks_for_nothing(facts, asked, moment, record);
+  const WireVerdict verdict = passive ? WireVerdict::allowed : judge_push(facts, asked, torque, moment, record, last);
+  if (verdict == WireVerdict::allowed) last = {torque.value, torque.doubt, passive};
+  return verdict;
+}
+
+}  // namespace
+
+WireVerdict judge(const JointFacts& facts, const Demand& demand, const Moment& moment, const JointRecord& record,
+                  LastTorque& last) noexcept {
+  switch (demand.kind) {
+    case Demand::Kind::unknown:
+      return WireVerdict::unknown_frame;
+    case Demand::Kind::aside:
+      return WireVerdict::allowed;
+    case Demand::Kind::disable:
+      last = {};
+      return WireVerdict::allowed;
+    case Demand::Kind::energise:
+      return moment.enabled ? WireVerdict::allowed : WireVerdict::misplaced;
+    case Demand::Kind::configure:
+      return moment.enabled ? WireVerdict::misplaced : WireVerdict::allowed;
+    case Demand::Kind::drive:
+      return judge_drive(facts, demand, moment, record, last);
+  }
+  return WireVerdict::unknown_frame;
+}
+
+}  // namespace takt::drivers::guard

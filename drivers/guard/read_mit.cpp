@@ -1,0 +1,52 @@
+// Sources: bgkatz/motorcontrol Core/Src/can.c (unpack_cmd: p16 v12 kp12 kd12 t12, big-endian; seven FF and FC, FD, FE);
+// enactic/openarm_can dm_motor_control.cpp (FB; registers on 7FF).
+#include <algorithm>
+
+#include "drivers/guard/decoders.hpp"
+#include "drivers/guard/wire_bytes.hpp"
+
+namespace takt::drivers::guard {
+namespace {
+
+constexpr std::uint32_t kRegisterId = 0x7FF;
+constexpr std::uint8_t kReadRegister = 0x33;
+
+Demand read_register_question(const JointFacts& facts, const CanFrame& frame) noexcept {
+  const bool reads = frame.data[2] == kReadRegister && little16(frame.data) == facts.id;
+  return of_kind(reads ? Demand::Kind::aside : Demand::Kind::unknown);
+}
+
+Demand read_special(const JointFacts& facts, std::uint8_t last) noexcept {
+  switch (last) {
+    case 0xFB:
+      return of_kind(facts.damiao ? Demand::Kind::disable : Demand::Kind::unknown);
+    case 0xFC:
+      return of_kind(Demand::Kind::energise);
+    case 0xFD:
+      return of_kind(Demand::Kind::disable);
+    default:  // FE moves the zero
+      return {};
+  }
+}
+
+}  // namespace
+
+Demand read_mit(const JointFacts& facts, const CanFrame& frame) noexcept {
+  if (!is_classic(frame, false, 8)) return {};
+  if (facts.damiao && frame.id == kRegisterId) return read_register_question(facts, frame);
+  if (frame.id != facts.id) return {};
+  const std::uint8_t* const b = frame.data;
+  if (std::all_of(b, b + 7, [](std::uint8_t byte) { return byte == 0xFF; })) return read_special(facts, b[7]);
+  constexpr float k16 = 65535, k12 = 4095;
+  const std::uint32_t v = std::uint32_t{b[2]} << 4U | b[3] >> 4U;
+  const std::uint32_t kp = (b[3] & 0xFU) << 8U | b[4];
+  const std::uint32_t kd = std::uint32_t{b[5]} << 4U | b[6] >> 4U;
+  const std::uint32_t t = (b[6] & 0xFU) << 8U | b[7];
+  const Motion& range = facts.range;
+  return {.kind = Demand::Kind::drive,
+          .motion = to_joint(
+              facts, {two_sided(share(big16(b), k16), range.q), two_sided(share(v, k12), range.dq),
+                      share(kp, k12) * range.kp, share(kd, k12) * range.kd, two_sided(share(t, k12), range.tau)})};
+}
+
+}  // namespace takt::drivers::guard

@@ -1,0 +1,47 @@
+#include "drivers/guard/wire_guard.hpp"
+
+#include "drivers/guard/decoders.hpp"
+#include "drivers/guard/judge.hpp"
+#include "drivers/guard/replace.hpp"
+
+namespace takt::drivers {
+namespace {
+
+guard::Demand read(const guard::JointFacts& facts, const CanFrame& frame) noexcept {
+  switch (facts.protocol) {
+    case config::DriveProtocol::mit:
+      return guard::read_mit(facts, frame);
+    case config::DriveProtocol::robstride:
+      return guard::read_robstride(facts, frame);
+    case config::DriveProtocol::odrive:
+      return guard::read_odrive(facts, frame);
+    case config::DriveProtocol::moteus:
+      return guard::read_moteus(facts, frame);
+    case config::DriveProtocol::cia402:
+      return guard::read_cia402(facts, frame);
+  }
+  return {};
+}
+
+}  // namespace
+
+WireGuard::WireGuard(const config::RobotConfig& robot) : feedback_timeout_(robot.feedback.timeout) {
+  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
+    joints_.push_back({guard::facts_of(robot, joint), {}});
+}
+
+WireVerdict WireGuard::pass(std::size_t joint, std::size_t bus, const GuardedMoment& moment, const JointRecord& record,
+                            CanFrame& frame) noexcept {
+  auto& [facts, last] = joints_[joint];
+  const MonoTime sensed = record.feedback.received_at;
+  const bool heard = sensed.is_set() && moment.decided_at - sensed <= feedback_timeout_;
+  const guard::Demand demand = bus == facts.bus ? read(facts, frame) : guard::Demand{};
+  const WireVerdict verdict = guard::judge(
+      facts, demand, {moment.decided_at, moment.now, moment.valid_until, moment.enabled, heard}, record, last);
+  if (verdict == WireVerdict::allowed) return verdict;
+  frame = moment.enabled ? guard::damping_frame(facts, record, heard) : guard::disable_frame(facts);
+  last = {.torque = moment.enabled ? guard::damping_torque(facts, record, heard) : 0.0F};
+  return verdict;
+}
+
+}  // namespace takt::drivers

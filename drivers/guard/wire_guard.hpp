@@ -1,0 +1,67 @@
+// The last guard on the wire: reads every frame that is about to leave the way its drive will read it, and lets it pass
+// only if what it asks for keeps the contract. It shares no code with the encoders (tests/house/arrows_test.py: this
+// room may not include drivers/protocol); the protocols' facts come from docs/drives.md and the makers' papers named in
+// each decoder.
+//
+// frame                                           passes if
+// switches off, clears errors, asks, synchronises always
+// switches on                                     the joint is to be enabled
+// changes a drive's settings                      the joint is to be disabled, and the setting is one we know
+// asks for nothing: no stiffness, no motion, and  its gains are within their limits
+//   no torque but damping
+// pushes                                          the joint is to be enabled, now <= valid_until, the newest feedback
+//                                                 was no older than feedback.timeout when the tick decided, every
+//                                                 limit holds, and it is what the tick's record says was decided
+// anything else                                   never
+//
+// Limits, joint side: position within [q_min, q_max] and its margin, |velocity|, gains, |torque| at the tick's estimate
+// (kp (q - estimate) + kd (dq - estimate) + tau), and |torque - last frame's torque| <= torque_rate * period. After
+// frames that asked for nothing, a torque may start from theirs or from none.
+// Damping: a torque against the estimated motion, at most kd_max times its speed; a joint whose feedback is lost has no
+// estimate worth damping, so only what the drive damps by its own measurement is damping then.
+// What a protocol cannot say is not judged: torque of drives in CSP and CSV, gains of those that get a torque.
+//
+// Tolerances are what the wire rounds away, derived in joint_facts.cpp, and a thousandth of the torque limit for the
+// arithmetic of two float32 programs.
+//
+// A frame that does not pass is replaced in place: damping for a joint that is to be enabled, else disable, written
+// here too. Pure, no allocation after construction, about 20 ns a frame. Thread rule: one thread at a time.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "config/robot_config.hpp"
+#include "drivers/bus/can_bus.hpp"
+#include "drivers/guard/joint_facts.hpp"
+#include "executive/contract/tick_record.hpp"
+#include "executive/contract/wire_verdict.hpp"
+
+namespace takt::drivers {
+
+struct GuardedMoment {
+  MonoTime decided_at;   // of the tick
+  MonoTime now;          // of the write
+  MonoTime valid_until;  // until when the decision may be obeyed
+  bool enabled = false;  // this joint's drive
+};
+
+class WireGuard {
+ public:
+  explicit WireGuard(const config::RobotConfig& robot);
+
+  // `frame` is about to leave on `bus` for the drive of `joint`, whose feedback, estimate and setpoint `record` holds.
+  // Afterwards `frame` may leave, whatever it was before. Precondition: joint is one of the robot's.
+  WireVerdict pass(std::size_t joint, std::size_t bus, const GuardedMoment& moment, const JointRecord& record,
+                   CanFrame& frame) noexcept;
+
+ private:
+  struct Guarded {
+    guard::JointFacts facts;
+    guard::LastTorque last;
+  };
+  std::vector<Guarded> joints_;
+  Duration feedback_timeout_;
+};
+
+}  // namespace takt::drivers
