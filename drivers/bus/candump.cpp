@@ -121,6 +121,7 @@ void append_candump_line(std::string& out, const FrameRecord& record, std::strin
                 static_cast<long long>(micros % 1'000'000));
   const std::optional<CanFrame> frame = from_record(record);
   if (!frame) out += "# not a frame: ";
+  if (record.direction == FrameDirection::refused) out += "# refused: ";
   out += stamp;
   out += interface;
   out += ' ';
@@ -128,7 +129,7 @@ void append_candump_line(std::string& out, const FrameRecord& record, std::strin
     append_frame_text(out, *frame);
   else
     append_hex(out, record.can_id, 8);
-  out += record.direction == FrameDirection::sent ? " T\n" : " R\n";
+  out += record.direction == FrameDirection::received ? " R\n" : " T\n";
 }
 
 std::expected<LoggedFrame, std::string> parse_candump_line(std::string_view line) {

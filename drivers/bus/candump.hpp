@@ -23,8 +23,8 @@ void append_frame_text(std::string& out, const CanFrame& frame);
 // The sentence says what is wrong with the text.
 std::expected<CanFrame, std::string> parse_frame_text(std::string_view text);
 
-// One line with its newline. A record that holds no legal frame becomes a line of its own kind, `# ...`, which readers
-// of the grammar skip or refuse but never mistake for a frame.
+// One line with its newline. A record that holds no legal frame, or one that never reached the bus, becomes a line of
+// its own kind, `# ...`, which readers of the grammar skip or refuse but never mistake for a frame.
 void append_candump_line(std::string& out, const FrameRecord& record, std::string_view interface,
                          std::int64_t monotonic_to_unix_ns);
 

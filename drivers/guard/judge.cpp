@@ -92,8 +92,8 @@ WireVerdict judge_limits(const JointFacts& facts, const Motion& asked, Torque to
   if (moves_to && (asked.q < facts.q_low - r.q || asked.q > facts.q_high + r.q)) return WireVerdict::position;
   if (std::abs(asked.dq) > facts.velocity + r.dq) return WireVerdict::velocity;
   if (!has_torque(facts.law)) return WireVerdict::allowed;
-  const bool too_much =
-      std::abs(torque.value) > facts.torque + torque.doubt || std::abs(asked.tau) > facts.torque + r.tau;
+  const bool of_its_own = facts.law != Law::total && std::abs(asked.tau) > facts.torque + r.tau;
+  const bool too_much = of_its_own || std::abs(torque.value) > facts.torque + torque.doubt;
   if (too_much) return WireVerdict::torque;
   return exceeds_slew(facts, torque, last) ? WireVerdict::slew : WireVerdict::allowed;
 }
@@ -126,10 +126,17 @@ WireVerdict judge_push(const JointFacts& facts, const Motion& asked, Torque torq
   return is_as_decided(facts, asked, torque, record) ? WireVerdict::allowed : WireVerdict::differs;
 }
 
+// A drive that is told its largest torque keeps to it.
+Torque within(Torque torque, float most, float ratio) noexcept {
+  if (!(most > 0)) return torque;
+  const float joint_side = most * std::abs(ratio);
+  return {std::clamp(torque.value, -joint_side, joint_side), torque.doubt};
+}
+
 WireVerdict judge_drive(const JointFacts& facts, const Demand& demand, const Moment& moment, const JointRecord& record,
                         LastTorque& last) noexcept {
   const Motion& asked = demand.motion;
-  const Torque torque = torque_of(facts, asked, record);
+  const Torque torque = within(torque_of(facts, asked, record), demand.torque_most, facts.ratio);
   if (!is_finite(asked) || !std::isfinite(torque.value)) return WireVerdict::not_finite;
   if (exceeds_gains(facts, asked)) return WireVerdict::gain;
   if (outlives_the_command(facts, demand, moment)) return WireVerdict::expired;

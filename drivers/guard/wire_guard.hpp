@@ -46,14 +46,21 @@ struct GuardedMoment {
   bool enabled = false;  // this joint's drive
 };
 
-class WireGuard {
+// The port that the edge to the drives sends through.
+class FrameGuard {
  public:
-  explicit WireGuard(const config::RobotConfig& robot);
-
+  virtual ~FrameGuard() = default;
   // `frame` is about to leave on `bus` for the drive of `joint`, whose feedback, estimate and setpoint `record` holds.
   // Afterwards `frame` may leave, whatever it was before. Precondition: joint is one of the robot's.
+  virtual WireVerdict pass(std::size_t joint, std::size_t bus, const GuardedMoment& moment, const JointRecord& record,
+                           CanFrame& frame) noexcept = 0;
+};
+
+class WireGuard final : public FrameGuard {
+ public:
+  explicit WireGuard(const config::RobotConfig& robot);
   WireVerdict pass(std::size_t joint, std::size_t bus, const GuardedMoment& moment, const JointRecord& record,
-                   CanFrame& frame) noexcept;
+                   CanFrame& frame) noexcept override;
 
  private:
   struct Guarded {

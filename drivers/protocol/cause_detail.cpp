@@ -47,6 +47,12 @@ std::string drive_error(const JointRecord& joint, const config::Joint& known) {
   return feedback.error_code == 0 ? "the drive reports a fault" : error_name(known.drive, feedback.error_code);
 }
 
+std::string refused_frame(const JointRecord& joint, const config::Joint& /*known*/) {
+  const auto verdict = static_cast<std::size_t>(joint.feedback.refused);
+  if (!is_bug(joint.feedback.refused) || verdict >= kWireVerdictCount) return {};
+  return "the last guard refused a frame: " + std::string(kWireVerdictNames[verdict]);
+}
+
 std::string outside(const JointRecord& joint, const config::Joint& known) {
   const config::Limits& limits = known.limits;
   const double q = joint.feedback.q;
@@ -121,6 +127,8 @@ std::string cause_detail(Cause cause, const TickRecord& record, const config::Ro
       return joints_where(record, robot, replies_with(ReplyFault::repeated, "more replies than commands"));
     case Cause::replies_delayed:
       return joints_where(record, robot, replies_with(ReplyFault::delayed, "replies late"));
+    case Cause::internal_error:
+      return joints_where(record, robot, refused_frame);
     case Cause::none:
     case Cause::operator_arm:
     case Cause::operator_stop:
@@ -132,7 +140,6 @@ std::string cause_detail(Cause cause, const TickRecord& record, const config::Ro
     case Cause::command_lost:
     case Cause::bad_commands:
     case Cause::overrun:
-    case Cause::internal_error:
     case Cause::operator_deenergise:
       return {};
   }

@@ -42,6 +42,8 @@ VirtualBus::VirtualBus(const config::RobotConfig& robot, const Disturbance& dist
       losses_(seed, kLossStream),
       drivers_(std::move(drivers)),
       buses_(robot.buses.size()),
+      guard_(robot),
+      refused_(robot.joints.size()),
       encoded_(drivers::kMaxFramesPerDrive) {
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
     buses_[robot.joints[joint].bus].joints.push_back(joint);
@@ -87,7 +89,10 @@ void VirtualBus::receive(plant::Plant& plant, MonoTime now, pipeline::TickInput&
     bus.health.state = is_off(index, now) ? BusState::bus_off : BusState::up;
     input.buses[index] = bus.health;
   }
-  for (std::size_t joint = 0; joint < drivers_.size(); ++joint) input.joints[joint] = drivers_[joint]->feedback();
+  for (std::size_t joint = 0; joint < drivers_.size(); ++joint) {
+    input.joints[joint] = drivers_[joint]->feedback();
+    input.joints[joint].refused = std::exchange(refused_[joint], WireVerdict::allowed);
+  }
 }
 
 void VirtualBus::send(plant::Plant& plant, MonoTime now, const pipeline::TickOutput& output) {
@@ -98,6 +103,10 @@ void VirtualBus::send(plant::Plant& plant, MonoTime now, const pipeline::TickOut
           drivers_[joint]->encode(output.drive_enabled[joint], {wanted.q, wanted.dq, wanted.kp, wanted.kd, wanted.tau},
                                   now, output.valid_until, encoded_);
       for (std::size_t i = 0; i < count; ++i) {
+        const WireVerdict verdict =
+            guard_.pass(joint, index, {output.record.header.now, now, output.valid_until, output.drive_enabled[joint]},
+                        output.record.joints[joint], encoded_[i]);
+        if (refused_[joint] == WireVerdict::allowed) refused_[joint] = verdict;
         if (is_off(index, now)) ++buses_[index].health.tx_dropped;
         if (!carry(index, encoded_[i], now)) continue;
         plant.receive(index, encoded_[i], said_);

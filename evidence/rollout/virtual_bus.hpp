@@ -2,8 +2,8 @@
 // when the command has crossed, and replies reach the host at an instant of their own.
 //
 // Wire time is the worst case of each frame (drivers/protocol/bus_load.hpp). A drive obeys a command within the tick it
-// was sent in. No arbitration, no error frames: a perturbed bus loses frames, delays replies, or carries nothing.
-// Thread rule: one thread at a time.
+// was sent in. Every frame passes the last guard, as in the executive. No arbitration, no error frames: a perturbed bus
+// loses frames, delays replies, or carries nothing. Thread rule: one thread at a time.
 #pragma once
 
 #include <cstdint>
@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
+#include "drivers/guard/wire_guard.hpp"
 #include "drivers/protocol/joint_driver.hpp"
 #include "evidence/rollout/perturbation.hpp"
 #include "evidence/rollout/random.hpp"
@@ -55,6 +56,8 @@ class VirtualBus {
   Random losses_;
   std::vector<std::unique_ptr<drivers::JointDriver>> drivers_;
   std::vector<Bus> buses_;
+  drivers::WireGuard guard_;
+  std::vector<WireVerdict> refused_;  // per joint, the first since the last receive()
   std::vector<drivers::CanFrame> encoded_;
   plant::Frames said_;
 };

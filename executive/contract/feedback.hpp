@@ -5,6 +5,7 @@
 #include <type_traits>
 
 #include "executive/contract/mono_time.hpp"
+#include "executive/contract/wire_verdict.hpp"
 
 namespace takt {
 
@@ -19,7 +20,9 @@ struct JointFeedback {
   std::uint32_t error_code = 0;  // protocol's own code; 0 none
   DriveState drive_state = DriveState::unknown;
   std::uint8_t replies = 0;  // position reports decoded since start, modulo 256: how the tick tells lost from repeated
-  std::uint8_t reserved[2] = {};
+  // Not the drive's word but the last guard's, on what the previous tick was about to send it: set at the edge.
+  WireVerdict refused = WireVerdict::allowed;
+  std::uint8_t reserved[1] = {};
 };
 static_assert(std::is_standard_layout_v<JointFeedback> && sizeof(JointFeedback) == 32);
 

@@ -113,10 +113,11 @@ inline constexpr std::uint64_t kTickRecordLayout = layout_hash(
      TAKT_FIELD(TickRecordHeader, causes_active), TAKT_FIELD(JointRecord, feedback),
      TAKT_FIELD(JointRecord, q_estimate), TAKT_FIELD(JointRecord, tau_command), TAKT_FIELD(JointRecord, interventions),
      TAKT_FIELD(JointRecord, reply_faults), TAKT_FIELD(JointRecord, drive_enabled), TAKT_FIELD(JointFeedback, replies),
-     TAKT_FIELD(BusHealth, flooded)});
+     TAKT_FIELD(JointFeedback, refused), TAKT_FIELD(BusHealth, flooded)});
 
 // One CAN frame as it crossed the edge, for the run's candump log. Mirrors struct canfd_frame's content.
-enum class FrameDirection : std::uint8_t { received, sent };
+// `refused`: the last guard kept it from the bus; what left instead follows it.
+enum class FrameDirection : std::uint8_t { received, sent, refused };
 struct FrameRecord {
   MonoTime stamp;  // receive: kernel stamp; send: just before the write
   std::uint64_t tick = 0;

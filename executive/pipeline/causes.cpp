@@ -54,6 +54,13 @@ DriveSummary summarise(const TickState& state, const TickRecord& record, const T
   return sum;
 }
 
+// A frame that breaks the contract comes from a fault of ours, whatever joint it was for.
+CauseMask of_guard(const TickRecord& record) {
+  const bool broken = std::any_of(record.joints, record.joints + record.header.joint_count,
+                                  [](const JointRecord& joint) { return is_bug(joint.feedback.refused); });
+  return when(broken, Cause::internal_error);
+}
+
 CauseMask of_buses(const TickRecord& record) {
   CauseMask active = 0;
   for (std::size_t b = 0; b < record.header.bus_count; ++b) {
@@ -90,7 +97,7 @@ CauseMask of_commands(const TickState& state, MonoTime now, const FreshnessContr
 CauseMask conditions(const TickState& state, const TickRecord& record, const TickConfig& config) {
   const bool late = config.overrun_limit != 0 && state.mode.consecutive_late >= config.overrun_limit;
   return of_buses(record) | link_faults(state.links, record, config) | of_drives(state, record, config) |
-         of_commands(state, record.header.now, config.freshness) | when(late, Cause::overrun);
+         of_commands(state, record.header.now, config.freshness) | of_guard(record) | when(late, Cause::overrun);
 }
 
 JointMask affected_joints(const TickState& state, const TickRecord& record, const TickConfig& config) {

@@ -116,6 +116,8 @@ void observe(TickState& state, const TickInput& input, const TickConfig& config,
     record.joints[j] = JointRecord{};
     record.joints[j].feedback = input.joints[j];
     take_reply(state.joints[j].observer, input.joints[j], config.joints[j].observer_bandwidth);
+    // What the guard sent instead drives nothing: torque begins anew.
+    if (input.joints[j].refused != WireVerdict::allowed) state.joints[j].tau_last = 0.0F;
   }
   follow_what_was_sent(state, input.last_damped, config);
   watch_links(state.links, config, record);

@@ -6,10 +6,26 @@
 #include "drivers/bus/can_frame.hpp"
 
 namespace takt::runtime {
+namespace {
 
-DriveEdge::DriveEdge(std::vector<std::unique_ptr<drivers::CanBus>> buses, std::vector<JointOnBus> joints)
+// The record as it would be, had the tick decided this.
+JointRecord told(JointRecord record, const pipeline::JointSetpoint& setpoint) noexcept {
+  record.q_command = setpoint.q;
+  record.dq_command = setpoint.dq;
+  record.kp_command = setpoint.kp;
+  record.kd_command = setpoint.kd;
+  record.tau_command = setpoint.tau;
+  return record;
+}
+
+}  // namespace
+
+DriveEdge::DriveEdge(std::vector<std::unique_ptr<drivers::CanBus>> buses, std::vector<JointOnBus> joints,
+                     std::unique_ptr<drivers::FrameGuard> guard)
     : buses_(std::move(buses)),
       joints_(std::move(joints)),
+      guard_(std::move(guard)),
+      refused_(joints_.size()),
       joints_of_bus_(buses_.size()),
       foreign_frames_(buses_.size()),
       received_(kMaxFramesPerBus),
@@ -43,7 +59,10 @@ std::size_t DriveEdge::receive(pipeline::TickInput& input, PublishedSegments& re
     input.buses[bus].foreign_frames += foreign_frames_[bus];
     input.buses[bus].flooded = is_flood(bus, count) ? 1 : 0;
   }
-  for (std::size_t joint = 0; joint < joints_.size(); ++joint) input.joints[joint] = joints_[joint].driver->feedback();
+  for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
+    input.joints[joint] = joints_[joint].driver->feedback();
+    input.joints[joint].refused = std::exchange(refused_[joint], WireVerdict::allowed);
+  }
   return total;
 }
 
@@ -55,26 +74,42 @@ Departure DriveEdge::send(const pipeline::TickOutput& output, Clock& clock, Publ
       if (!departure.at.is_set()) departure.at = now;
       const bool damped = output.drive_enabled[joint] && now > output.send_by;
       if (damped) departure.damped |= bit_of_joint(joint);
-      send_joint(bus, joint, output, damped, now, clock, records);
+      send_joint(joint, output, damped, now, clock, records);
     }
   }
   return departure;
 }
 
-void DriveEdge::send_joint(std::size_t bus, std::size_t joint, const pipeline::TickOutput& output, bool damped,
-                           MonoTime now, Clock& clock, PublishedSegments& records) noexcept {
+void DriveEdge::send_joint(std::size_t joint, const pipeline::TickOutput& output, bool damped, MonoTime now,
+                           Clock& clock, PublishedSegments& records) noexcept {
   const pipeline::JointSetpoint& wanted = damped ? output.damping[joint] : output.setpoints[joint];
   const drivers::DriveSetpoint setpoint{wanted.q, wanted.dq, wanted.kp, wanted.kd, wanted.tau};
+  const TickRecordHeader& header = output.record.header;
+  const JointRecord& recorded = output.record.joints[joint];
+  const JointRecord decided = damped ? told(recorded, wanted) : recorded;
   const MonoTime valid_until = damped ? MonoTime{} : output.valid_until;  // no command is behind the damping
-  const std::size_t count =
-      joints_[joint].driver->encode(output.drive_enabled[joint], setpoint, now, valid_until, encoded_);
-  MonoTime stamp = now;
+  drivers::GuardedMoment moment{header.now, now, valid_until, output.drive_enabled[joint]};
+  const std::size_t count = joints_[joint].driver->encode(moment.enabled, setpoint, now, valid_until, encoded_);
   for (std::size_t i = 0; i < count; ++i) {
-    if (i != 0) stamp = clock.now();
-    if (buses_[bus]->send(encoded_[i]) != drivers::SendResult::sent) continue;  // counted in the bus's health
-    records.frame(drivers::to_record(encoded_[i], stamp, output.record.header.tick, static_cast<std::uint8_t>(bus),
-                                     FrameDirection::sent));
+    if (i != 0) moment.now = clock.now();
+    send_guarded(joint, moment, decided, encoded_[i], header.tick, records);
   }
+}
+
+void DriveEdge::send_guarded(std::size_t joint, const drivers::GuardedMoment& moment, const JointRecord& decided,
+                             drivers::CanFrame& frame, std::uint64_t tick, PublishedSegments& records) noexcept {
+  const std::size_t bus = joints_[joint].bus;
+  const auto log = [&](const drivers::CanFrame& one, FrameDirection direction) {
+    records.frame(drivers::to_record(one, moment.now, tick, static_cast<std::uint8_t>(bus), direction));
+  };
+  const drivers::CanFrame asked = frame;
+  const WireVerdict verdict = guard_->pass(joint, bus, moment, decided, frame);
+  if (verdict != WireVerdict::allowed) {
+    log(asked, FrameDirection::refused);
+    if (refused_[joint] == WireVerdict::allowed) refused_[joint] = verdict;
+  }
+  // A frame that the bus does not take is counted in its health.
+  if (buses_[bus]->send(frame) == drivers::SendResult::sent) log(frame, FrameDirection::sent);
 }
 
 }  // namespace takt::runtime

@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "drivers/bus/can_bus.hpp"
+#include "drivers/guard/wire_guard.hpp"
 #include "drivers/protocol/joint_driver.hpp"
 #include "executive/pipeline/control_tick.hpp"
 #include "executive/runtime/clock.hpp"
@@ -41,22 +42,29 @@ struct Departure {
 class DriveEdge {
  public:
   // Preconditions: at most kMaxBuses buses and kMaxJoints joints, every joint's bus exists.
-  DriveEdge(std::vector<std::unique_ptr<drivers::CanBus>> buses, std::vector<JointOnBus> joints);
+  DriveEdge(std::vector<std::unique_ptr<drivers::CanBus>> buses, std::vector<JointOnBus> joints,
+            std::unique_ptr<drivers::FrameGuard> guard);
 
   // Everything that arrived, decoded into input.joints and input.buses. Returns the number of frames.
   std::size_t receive(pipeline::TickInput& input, PublishedSegments& records) noexcept;
   // One setpoint per joint, as TickOutput has them. A drive that is not enabled is kept de-energised and reporting.
-  // Drives with a watchdog are told what is left of `valid_until` just before their frames are written.
+  // Every frame passes the guard: one that it refuses is recorded as such, its replacement leaves, and the next
+  // receive() tells the tick. Drives with a watchdog are told what is left of `valid_until` just before their frames
+  // are written.
   Departure send(const pipeline::TickOutput& output, Clock& clock, PublishedSegments& records) noexcept;
 
  private:
   [[nodiscard]] bool is_flood(std::size_t bus, std::size_t frames) const noexcept;
-  void send_joint(std::size_t bus, std::size_t joint, const pipeline::TickOutput& output, bool damped, MonoTime now,
-                  Clock& clock, PublishedSegments& records) noexcept;
+  void send_joint(std::size_t joint, const pipeline::TickOutput& output, bool damped, MonoTime now, Clock& clock,
+                  PublishedSegments& records) noexcept;
+  void send_guarded(std::size_t joint, const drivers::GuardedMoment& moment, const JointRecord& decided,
+                    drivers::CanFrame& frame, std::uint64_t tick, PublishedSegments& records) noexcept;
   void offer(std::size_t bus, const drivers::ReceivedFrame& received) noexcept;
 
   std::vector<std::unique_ptr<drivers::CanBus>> buses_;
   std::vector<JointOnBus> joints_;
+  std::unique_ptr<drivers::FrameGuard> guard_;
+  std::vector<WireVerdict> refused_;  // per joint, the first since the last receive()
   std::vector<std::vector<std::size_t>> joints_of_bus_;
   std::vector<std::uint32_t> foreign_frames_;  // per bus, since start
   std::vector<drivers::ReceivedFrame> received_;

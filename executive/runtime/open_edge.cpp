@@ -43,7 +43,7 @@ std::expected<OpenedEdge, std::string> open_edge(const config::RobotConfig& robo
     buses.push_back(std::move(opened->bus));
     descriptions.push_back(std::move(opened->description));
   }
-  return OpenedEdge{DriveEdge(std::move(buses), std::move(joints)), std::move(descriptions)};
+  return OpenedEdge{DriveEdge(std::move(buses), std::move(joints), std::make_unique<drivers::WireGuard>(robot)), std::move(descriptions)};
 }
 
 }  // namespace takt::runtime

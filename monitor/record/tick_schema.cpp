@@ -88,6 +88,8 @@ constexpr TickField kJointFields[] = {
     {"feedback_error_code", u32, FEEDBACK(error_code), in, "the drive protocol's own code"},
     {"feedback_drive_state", u8, FEEDBACK(drive_state), in, "", kDriveStateNames},
     {"feedback_replies", u8, FEEDBACK(replies), in, "position reports since start, modulo 256"},
+    {"refused", u8, FEEDBACK(refused), in, "what the last guard refused of the previous tick's frames",
+     kWireVerdictNames},
     {"q_estimate", f32, JOINT(q_estimate), out, "rad"},
     {"dq_estimate", f32, JOINT(dq_estimate), out, "rad/s"},
     {"q_reference", f32, JOINT(q_reference), out, "rad"},

@@ -74,6 +74,9 @@ TEST(Candump, LinesCutNanosecondsToMicroseconds) {
   EXPECT_EQ(line_of(frame(0x123, {0xDE, 0xAD}), 1'700'000'000'123'456'999, FrameDirection::received),
             "(1700000000.123456) can0 123#DEAD R\n");
   EXPECT_EQ(line_of(frame(0x123, {}), 5'000'001'000, FrameDirection::sent), "(0000000005.000001) can0 123# T\n");
+  EXPECT_EQ(line_of(frame(0x123, {}), 5'000'001'000, FrameDirection::refused),
+            "# refused: (0000000005.000001) can0 123# T\n");
+  EXPECT_FALSE(parse_candump_line("# refused: (0000000005.000001) can0 123# T")) << "never taken for a frame";
 }
 
 TEST(Candump, MonotonicStampsBecomeUnixTime) {

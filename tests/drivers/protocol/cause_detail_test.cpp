@@ -54,6 +54,12 @@ TEST_F(CauseDetail, TellsWhereTheEnvelopeWasLeft) {
             "joint wrist_yaw: at -12.500 rad/s, faster than velocity_hard");
 }
 
+TEST_F(CauseDetail, TellsWhatTheGuardRefused) {
+  record->joints[1].feedback.refused = WireVerdict::slew;
+  record->joints[2].feedback.refused = WireVerdict::expired;
+  EXPECT_EQ(detail(Cause::internal_error), "joint shoulder: the last guard refused a frame: slew");
+}
+
 TEST_F(CauseDetail, NamesTheBus) {
   record->header.buses[1].state = BusState::bus_off;
   EXPECT_EQ(detail(Cause::bus_off), "bus can1: bus-off");

@@ -13,6 +13,7 @@
 #include "config/drive_ids.hpp"
 #include "config/robot_config.hpp"
 #include "drivers/bus/can_frame.hpp"
+#include "drivers/guard/wire_guard.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 
 namespace takt::drivers::test {
@@ -22,7 +23,10 @@ class AbusedDriver {
   AbusedDriver(const config::RobotConfig& robot, std::size_t joint)
       : drive_(robot.joints[joint].drive),
         ids_(config::ids_of(drive_)),
-        driver_(make_joint_driver(robot, joint).value()) {}
+        driver_(make_joint_driver(robot, joint).value()),
+        guard_(robot),
+        joint_(joint),
+        bus_(robot.joints[joint].bus) {}
 
   // What is wrong; empty: nothing. What `bytes` are too few for counts as zero.
   std::string frame(std::span<const std::uint8_t> bytes) {
@@ -56,6 +60,32 @@ class AbusedDriver {
     }
     return {};
   }
+  // Any frame before the guard: what may leave afterwards is legal, ours, and passes a second time.
+  std::string guarded(bool enable, std::span<const std::uint8_t> bytes) {
+    CanFrame frame;
+    const std::uint8_t kind = take<std::uint8_t>(bytes);
+    const std::uint32_t any = take<std::uint32_t>(bytes);
+    const config::IdPattern& pattern = ids_.commands[any % ids_.commands.size()];
+    frame.extended = (kind & 1U) != 0 ? pattern.extended : (kind & 2U) != 0;
+    frame.id = ((kind & 4U) != 0 ? any : (pattern.id & pattern.mask) | (any & ~pattern.mask)) &
+               (frame.extended ? 0x1FFF'FFFFU : 0x7FFU);
+    frame.fd = frame.bit_rate_switch = (kind & 8U) != 0;
+    constexpr std::array<std::uint8_t, 16> kLengths{0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64};
+    frame.length = kLengths[take<std::uint8_t>(bytes) % (frame.fd ? 16U : 9U)];
+    JointRecord record;
+    record.feedback.received_at = now_;
+    record.feedback.q = record.q_estimate = take<float>(bytes);
+    record.dq_estimate = take<float>(bytes);
+    std::memcpy(frame.data, bytes.data(), std::min<std::size_t>(bytes.size(), frame.length));
+    const GuardedMoment moment{now_, now_, (kind & 0x10U) != 0 ? now_ : MonoTime{}, enable};
+    const WireVerdict verdict = guard_.pass(joint_, bus_, moment, record, frame);
+    if (!is_legal(frame)) return "the guard lets a frame pass that no CAN bus can carry";
+    if (!is_ours(frame)) return "the guard lets a frame pass that is not ours to send";
+    if (verdict == WireVerdict::allowed) return {};
+    return guard_.pass(joint_, bus_, moment, record, frame) == WireVerdict::allowed
+               ? ""
+               : "the guard refuses what it sent in place of a refused frame";
+  }
   [[nodiscard]] std::string_view name() const { return config::name(drive_.protocol); }
 
  private:
@@ -83,6 +113,8 @@ class AbusedDriver {
   config::Drive drive_;
   config::DriveIds ids_;
   std::unique_ptr<JointDriver> driver_;
+  WireGuard guard_;
+  std::size_t joint_, bus_;
   MonoTime now_{1};
 };
 

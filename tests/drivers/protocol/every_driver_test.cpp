@@ -1,5 +1,6 @@
 // Goal: whatever arrives on the bus and whatever is asked of it, a driver of any protocol survives, reports numbers,
-// and sends legal frames with its own drive's ids only. Method: a million random frames per driver, with random
+// and sends legal frames with its own drive's ids only; and so does the last guard, whatever frame it is
+// given. Method: a million random frames per driver, with random
 // setpoints (infinities and NaN among them) in between; seeded. The fuzzer of tests/fuzz looks where this does not.
 #include "tests/drivers/protocol/every_driver.hpp"
 
@@ -28,6 +29,7 @@ TEST(EveryDriver, SurvivesAMillionRandomFrames) {
       }
       std::string wrong = driver.frame(bytes);
       if (i % 4 == 0 && wrong.empty()) wrong = driver.setpoint(bytes[70] % 8 != 0, bytes);
+      if (i % 4 == 1 && wrong.empty()) wrong = driver.guarded(bytes[70] % 2 != 0, bytes);
       ASSERT_EQ(wrong, "") << driver.name() << ", frame " << i;
     }
   }

@@ -103,15 +103,7 @@ TEST(CyclicLoop, EveryFrameThatCrossesIsRecordedAndARefusedOneIsNot) {
   rig.buses[0]->arriving[0].frame.id = 0x123;
   rig.buses[1]->refuses = true;
   rig.run(1);
-  auto segment = ipc::Segment::adopt_read_only(dup(rig.published.monitor_descriptors()[ipc::kFrameRingDescriptor]),
-                                               ipc::ring_bytes(ipc::frame_ring()));
-  ASSERT_TRUE(segment) << segment.error();
-  auto reader = ipc::SlotReader::attach(segment->readable(), ipc::frame_ring()).value();
-  std::vector<FrameRecord> frames;
-  FrameRecord frame;
-  while (reader.read_next(std::as_writable_bytes(std::span(&frame, 1))).status == ipc::ReadStatus::fresh) {
-    frames.push_back(frame);
-  }
+  const std::vector<FrameRecord> frames = rig.frames();
   ASSERT_EQ(frames.size(), 1U + 1U + kFarewellTicks);
   EXPECT_EQ(frames[0].direction, FrameDirection::received);
   EXPECT_EQ(frames[0].can_id, 0x123U);
@@ -121,6 +113,34 @@ TEST(CyclicLoop, EveryFrameThatCrossesIsRecordedAndARefusedOneIsNot) {
     EXPECT_EQ(frames[i].can_id, 1U);
     EXPECT_EQ(frames[i].tick, 1U);
   }
+}
+
+// Goal: what the last guard refuses never reaches the bus, is kept as evidence beside what left instead, and is the
+// next tick's reason to latch. Method: a guard that refuses one joint's frame in the third tick.
+TEST(CyclicLoop, ARefusedFrameIsReplacedRecordedAndReachesTheNextTick) {
+  LoopRig rig(3, 2);
+  rig.guard->judge = [&rig](std::size_t joint, std::size_t bus, const drivers::GuardedMoment& moment,
+                            const JointRecord& record) {
+    EXPECT_EQ(bus, joint % 2);
+    EXPECT_GT(moment.now, moment.decided_at);
+    EXPECT_EQ(record.q_command, 0.0F);
+    return rig.sent.size() == 6 && joint == 0 ? WireVerdict::slew : WireVerdict::allowed;
+  };
+  rig.run(5);
+  for (std::size_t i = 0; i < rig.sent.size(); ++i) EXPECT_EQ(rig.sent[i].frame.length, i == 6 ? 2 : 1) << i;
+  const std::vector<TickRecord> records = rig.records();
+  for (const TickRecord& record : records) {
+    const bool after = record.header.tick == 4;
+    EXPECT_EQ(record.joints[0].feedback.refused, after ? WireVerdict::slew : WireVerdict::allowed);
+    EXPECT_EQ((record.header.causes_active >> static_cast<unsigned>(Cause::internal_error) & 1U) != 0, after);
+    EXPECT_EQ(record.joints[1].feedback.refused, WireVerdict::allowed);
+  }
+  std::vector<FrameRecord> frames = rig.frames();
+  ASSERT_GT(frames.size(), 7U);
+  EXPECT_EQ(frames[6].direction, FrameDirection::refused);
+  EXPECT_EQ(frames[6].length, 1);
+  EXPECT_EQ(frames[7].direction, FrameDirection::sent);
+  EXPECT_EQ(frames[7].length, 2);
 }
 
 TEST(CyclicLoop, TheLastFramesDisableTheDrives) {

@@ -2,6 +2,8 @@
 // ports are what these tests are about; tests/process runs the whole with real ones.
 #pragma once
 
+#include <unistd.h>
+
 #include <deque>
 #include <functional>
 #include <memory>
@@ -101,6 +103,18 @@ class OneByteDrive final : public drivers::JointDriver {
   JointFeedback feedback_;
 };
 
+// Knows nothing of one-byte drives: refuses what the test says, and replaces it by a frame of two bytes.
+class ScriptedGuard final : public drivers::FrameGuard {
+ public:
+  WireVerdict pass(std::size_t joint, std::size_t bus, const drivers::GuardedMoment& moment, const JointRecord& record,
+                   drivers::CanFrame& frame) noexcept override {
+    const WireVerdict verdict = judge ? judge(joint, bus, moment, record) : WireVerdict::allowed;
+    if (verdict != WireVerdict::allowed) frame.length = 2;
+    return verdict;
+  }
+  std::function<WireVerdict(std::size_t, std::size_t, const drivers::GuardedMoment&, const JointRecord&)> judge;
+};
+
 inline pipeline::TickConfig small_tick_config(std::uint32_t joints, std::uint32_t buses) {
   pipeline::TickConfig config;
   config.period = milliseconds(1);
@@ -141,6 +155,18 @@ class LoopRig {
   }
 
   void run(std::uint64_t count) { loop.run(EvidenceSource::open().value(), count); }
+  // The newest frames that crossed the edge, or were kept from it.
+  std::vector<FrameRecord> frames() {
+    auto segment = ipc::Segment::adopt_read_only(dup(published.monitor_descriptors()[ipc::kFrameRingDescriptor]),
+                                                 ipc::ring_bytes(ipc::frame_ring()));
+    auto reader = ipc::SlotReader::attach(segment.value().readable(), ipc::frame_ring()).value();
+    std::vector<FrameRecord> all;
+    FrameRecord frame;
+    while (reader.read_next(std::as_writable_bytes(std::span(&frame, 1))).status == ipc::ReadStatus::fresh) {
+      all.push_back(frame);
+    }
+    return all;
+  }
   // Every tick record published so far and not yet returned.
   std::vector<TickRecord> records() {
     std::vector<TickRecord> all;
@@ -155,6 +181,7 @@ class LoopRig {
   VirtualClock clock;
   std::vector<SentFrame> sent;
   std::vector<FakeBus*> buses;
+  ScriptedGuard* guard = nullptr;
   DriveEdge edge;
   MailboxHandover mailboxes;
   OperatorInbox requests;
@@ -175,7 +202,9 @@ class LoopRig {
     for (std::size_t j = 0; j < joint_count; ++j) {
       joints.push_back({std::make_unique<OneByteDrive>(static_cast<std::uint32_t>(j)), j % bus_count});
     }
-    return DriveEdge(std::move(ports), std::move(joints));
+    auto made = std::make_unique<ScriptedGuard>();
+    guard = made.get();
+    return DriveEdge(std::move(ports), std::move(joints), std::move(made));
   }
 };
 

@@ -1,0 +1,71 @@
+// Goal: the last guard on the wire has nothing to say against the executive as it is: a refusal is a bug, of the
+// executive or of the guard. Method: rollouts of every committed robot in virtual time, undisturbed and under every
+// perturbation, whose buses are guarded as the executive's are; each tick's record says what was refused of the tick
+// before.
+#include <gtest/gtest.h>
+
+#include <map>
+#include <stdexcept>
+#include <string>
+
+#include "config/load.hpp"
+#include "evidence/rollout/rollout.hpp"
+#include "policy_host/onnx_policy.hpp"
+
+namespace takt::panel {
+namespace {
+
+struct Guarded {
+  std::uint64_t ticks = 0, enabled_ticks = 0;
+  std::map<std::string, int> refusals;  // by joint and verdict
+};
+
+Guarded run(const config::RobotConfig& robot, Task task, const Perturbation& perturbation) {
+  const auto policy = policy_host::load_onnx_policy(robot.policy->file, robot.policy->input, robot.policy->output);
+  if (!policy) throw std::runtime_error(policy.error());
+  Guarded guarded;
+  RolloutRow row;
+  const auto look = [&](const TickRecord& record) {
+    ++guarded.ticks;
+    guarded.enabled_ticks += record.header.drives_enabled;
+    for (std::size_t j = 0; j < record.header.joint_count; ++j) {
+      const WireVerdict refused = record.joints[j].feedback.refused;
+      if (refused == WireVerdict::allowed) continue;
+      ++guarded
+            .refusals[robot.joints[j].name + " " + std::string(kWireVerdictNames[static_cast<std::size_t>(refused)])];
+    }
+  };
+  const auto done = run_rollout({.robot = robot,
+                                 .policy = **policy,
+                                 .policy_hash = *config::policy_hash(robot.policy->file),
+                                 .task = task,
+                                 .timing = {},
+                                 .perturbation = perturbation,
+                                 .seed = 7,
+                                 .duration = seconds(5),
+                                 .scored = seconds(2),
+                                 .bound_m = 0.02,
+                                 .on_tick = look},
+                                row);
+  if (!done) throw std::runtime_error(done.error());
+  return guarded;
+}
+
+class GuardedRollout : public testing::TestWithParam<const char*> {};
+
+TEST_P(GuardedRollout, NothingIsRefused) {
+  const config::RobotConfig robot = config::load(std::string("config/") + GetParam() + ".yaml").value();
+  const Task task = robot.simulation->cart_pole ? Task::cart_pole_balance : Task::arm_tracking;
+  for (const PerturbationKind& kind : perturbation_kinds()) {
+    const Guarded guarded = run(robot, task, {kind.trouble, kind.most, seconds(2), seconds(1)});
+    for (const auto& [what, count] : guarded.refusals) ADD_FAILURE() << kind.name << ": " << what << ", " << count;
+    EXPECT_GT(guarded.enabled_ticks, 1000U) << kind.name << ": little was guarded";
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(EveryRobot, GuardedRollout,
+                         testing::Values("arm6", "arm6_visuomotor", "cart_pole", "dual_arm12"),
+                         [](const auto& robot) { return std::string(robot.param); });
+
+}  // namespace
+}  // namespace takt::panel
