@@ -14,7 +14,7 @@ constexpr float kSteps12 = 4095, kSteps16 = 65535;
 constexpr float kOneStep = 1.1F;
 // A saturated mit command loses one more step of damping, so that it cannot be taken for a special frame.
 constexpr float kTwoSteps = 2.1F;
-constexpr float kFloatRounding = 4e-7F;  // of a float32 that went through a handful of operations
+constexpr float kFloatRounding = 1e-6F;  // of a float32 after a handful of operations on either side of the wire
 
 float narrow(double value) {
   return static_cast<float>(value);
@@ -24,9 +24,8 @@ Law law_of(const config::Drive& drive) {
   switch (drive.protocol) {
     case DriveProtocol::mit:
     case DriveProtocol::robstride:
-      return Law::fields;
     case DriveProtocol::moteus:
-      return Law::total;
+      return Law::fields;
     case DriveProtocol::odrive:
       return Law::torque;
     case DriveProtocol::cia402:

@@ -12,8 +12,7 @@ namespace takt::drivers::guard {
 
 // What a frame that pushes says, and with it what can be judged.
 enum class Law : std::uint8_t {
-  fields,    // an impedance setpoint, each field as the tick decided it
-  total,     // an impedance setpoint whose torque at the estimate counts, however it is split
+  fields,    // an impedance setpoint
   torque,    // a finished torque
   velocity,  // the drive's own velocity loop
   position,  // the drive's own position loop

@@ -23,15 +23,9 @@ Torque torque_of(const JointFacts& facts, const Motion& asked, const JointRecord
           asked.kp * r.q + std::abs(far) * r.kp + asked.kd * r.dq + std::abs(fast) * r.kd + r.tau};
 }
 
-Torque torque_decided(const JointRecord& record) noexcept {
-  return {record.kp_command * (record.q_command - record.q_estimate) +
-          record.kd_command * (record.dq_command - record.dq_estimate) + record.tau_command};
-}
-
 bool has_torque(Law law) noexcept {
   switch (law) {
     case Law::fields:
-    case Law::total:
     case Law::torque:
       return true;
     case Law::velocity:
@@ -56,7 +50,6 @@ bool asks_for_nothing(const JointFacts& facts, const Motion& asked, const Moment
                       const JointRecord& record) noexcept {
   switch (facts.law) {
     case Law::fields:
-    case Law::total:
     case Law::torque:
       return asked.kp == 0 && (asked.kd == 0 || std::abs(asked.dq) <= facts.rounding.dq) &&
              is_damping(asked.tau, facts, moment, record);
@@ -92,24 +85,23 @@ WireVerdict judge_limits(const JointFacts& facts, const Motion& asked, Torque to
   if (moves_to && (asked.q < facts.q_low - r.q || asked.q > facts.q_high + r.q)) return WireVerdict::position;
   if (std::abs(asked.dq) > facts.velocity + r.dq) return WireVerdict::velocity;
   if (!has_torque(facts.law)) return WireVerdict::allowed;
-  const bool of_its_own = facts.law != Law::total && std::abs(asked.tau) > facts.torque + r.tau;
+  const bool of_its_own = std::abs(asked.tau) > facts.torque + r.tau;
   const bool too_much = of_its_own || std::abs(torque.value) > facts.torque + torque.doubt;
   if (too_much) return WireVerdict::torque;
   return exceeds_slew(facts, torque, last) ? WireVerdict::slew : WireVerdict::allowed;
 }
 
-bool is_as_decided(const JointFacts& facts, const Motion& asked, Torque torque, const JointRecord& record) noexcept {
+bool is_as_decided(const JointFacts& facts, const Motion& asked, const JointRecord& record) noexcept {
   const Motion& r = facts.rounding;
   switch (facts.law) {
     case Law::fields:
       return is_near(asked.kp, record.kp_command, r.kp) && is_near(asked.kd, record.kd_command, r.kd) &&
              is_near(asked.tau, record.tau_command, r.tau) && is_near(asked.q, record.q_command, r.q) &&
              is_near(asked.dq, record.dq_command, r.dq);
-    case Law::total:
     case Law::torque:
-      return is_near(torque.value, torque_decided(record).value, torque.doubt);
+      return is_near(asked.tau, record.tau_command, r.tau);
     case Law::velocity:
-      return true;
+      return is_near(asked.dq, record.dq_command, r.dq);
     case Law::position:
       return is_near(asked.q, record.q_command, r.q);
   }
@@ -123,7 +115,7 @@ WireVerdict judge_push(const JointFacts& facts, const Motion& asked, Torque torq
   if (!moment.heard) return WireVerdict::feedback_lost;
   const WireVerdict verdict = judge_limits(facts, asked, torque, last);
   if (verdict != WireVerdict::allowed) return verdict;
-  return is_as_decided(facts, asked, torque, record) ? WireVerdict::allowed : WireVerdict::differs;
+  return is_as_decided(facts, asked, record) ? WireVerdict::allowed : WireVerdict::differs;
 }
 
 // A drive that is told its largest torque keeps to it.
