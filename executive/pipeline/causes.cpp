@@ -1,5 +1,6 @@
 #include "executive/pipeline/causes.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 

@@ -176,7 +176,7 @@ TEST(WireGuard, ReadsRobstride) {
 TEST(WireGuard, ReadsOdrive) {
   GuardBench bench("left_wrist_pitch");
   // The papers' -0.75 Nm.
-  const Decision decision{.kp = 10, .tau = 0.25F, .at_q = 0.1F};
+  const Decision decision{.tau = -0.75F};
   EXPECT_EQ(bench.pass(0x0AE, "000040bf", decision), allowed);
   EXPECT_EQ(bench.pass(0x0AE, "0000403f", decision), slew) << "the sign's bit lost";
   GuardBench fresh("left_wrist_pitch");
@@ -233,7 +233,7 @@ TEST(WireGuard, ReadsMoteus) {
   };
   const Row rows[] = {
       {"half the servo's stiffness and 1 Nm", {.torque = 1, .kp = 0.5F}, allowed},
-      {"the firmware cuts damping to stiffness", {.torque = 1, .kp = 0.5F, .kd = 1}, allowed},
+      {"damping that nobody decided", {.torque = 1, .kp = 0.5F, .kd = 0.1F}, differs},
       {"the sign is lost", {.torque = -1, .kp = 0.5F}, differs},
       {"a turn taken for a radian", {.position = 0.05F, .torque = 1, .kp = 0.5F}, slew},
       {"speed", {.velocity = 1, .torque = 1, .kp = 0.5F}, velocity},
@@ -322,8 +322,9 @@ TEST(WireGuard, ReadsCspAndCsv) {
   EXPECT_EQ(hex(csp.left), "0f0008" + counts(0.99)) << "stays where it is";
   EXPECT_EQ(csp.pass(0x201, "0f0008" + counts(3), {.q = 3, .kp = 100}), position);
   GuardBench csv("right_base_yaw", in_mode(config::Cia402Mode::csv));
-  EXPECT_EQ(csv.pass(0x201, "0f0009" + counts(2.9)), allowed);
-  EXPECT_EQ(csv.pass(0x201, "0f0009" + counts(-3.1)), velocity);
+  EXPECT_EQ(csv.pass(0x201, "0f0009" + counts(2.9), {.dq = 2.9F}), allowed);
+  EXPECT_EQ(csv.pass(0x201, "0f0009" + counts(-2.9), {.dq = 2.9F}), differs);
+  EXPECT_EQ(csv.pass(0x201, "0f0009" + counts(-3.1), {.dq = -3.1F}), velocity);
   EXPECT_EQ(hex(csv.left), "0f000900000000");
 }
 
