@@ -139,6 +139,10 @@ void Oracles::tick(const TickRecord& record) {
   if (moves && asked.is_set() && header.now > asked + world_.robot().control.period * 2 &&
       header.now < asked + milliseconds(300))
     breaks("stop_wins", 0, "the operator asked to stop");
+  const MonoTime off = world_.power_off_asked_at();
+  if (off.is_set() && mode_ != Mode::standby && header.now > off + world_.robot().control.period * 2 &&
+      header.now < off + milliseconds(300))
+    breaks("stop_wins", 0, "the operator asked to take the power away");
   for (std::size_t j = 0; j < joints_.size(); ++j) {
     int& ticks = joints_[j].standby_ticks;
     ticks = mode_ == Mode::standby && world_.obeys(j) ? ticks + 1 : 0;

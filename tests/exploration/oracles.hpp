@@ -6,7 +6,7 @@
 // frame_limits   position, speed, gains and torque that a frame asks for are inside the robot's limits, to a quantum
 // torque_slew    torque commands follow one another within torque_rate, or fall to zero
 // no_push        a joint that is not heard any more gets no faster by our doing
-// stop_wins      from the second tick after the operator's stop on, nobody tracks
+// stop_wins      from the second tick after the operator's stop on, nobody tracks; after power off, it is standby
 // standby_still  what is in standby and hears us is not enabled
 // comes_to_rest  two seconds after a damped stop began, undisturbed joints rest
 // speed          without a shove no joint is faster than velocity_hard

@@ -29,7 +29,7 @@ std::string text(const Event& event) {
   constexpr std::array<std::string_view, kHappenings> kNames{
       "clock stalls",    "send stalls",  "receive stalls", "wake-ups late", "policy silent", "policy slow",
       "policy nonsense", "drive silent", "drive deaf",     "drive repeats", "drive late",    "drive error",
-      "drive restarts",  "bus off",      "frames lost",    "shove",         "operator stop"};
+      "drive restarts",  "bus off",      "frames lost",    "shove",         "operator stop", "power off"};
   return fmt::format("{:.3f} s: {} of {}, for {:.1f} ms", event.at.seconds(),
                      kNames.at(static_cast<std::size_t>(event.what)), event.joint, event.length.milliseconds());
 }

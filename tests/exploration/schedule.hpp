@@ -28,8 +28,9 @@ enum class Happening : std::uint8_t {
   frames_lost,       // a third of what crosses the bus
   shove,             // the joint is given 2 rad/s more
   operator_stop,     //
+  operator_deenergise,
 };
-inline constexpr unsigned kHappenings = 17;
+inline constexpr unsigned kHappenings = 18;
 
 struct Event {
   Happening what = Happening::operator_stop;

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "config/load.hpp"
+#include "drivers/guard/wire_guard.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "executive/ipc/executive_segments.hpp"
 #include "executive/setup/tick_config_of.hpp"
@@ -60,8 +61,9 @@ class World::VirtualBus final : public drivers::CanBus {
  public:
   VirtualBus(World& world, std::size_t index) : world_(world), index_(index) {}
   drivers::SendResult send(const drivers::CanFrame& frame) noexcept override {
-    world_.stall_in(Happening::stall_in_send);
-    return world_.send(index_, frame);
+    const drivers::SendResult result = world_.send(index_, frame);
+    world_.stall_in(Happening::stall_in_send);  // the frame is out; what stalls inside the write itself, nobody can see
+    return result;
   }
   std::size_t receive(std::span<drivers::ReceivedFrame> out) noexcept override {
     world_.stall_in(Happening::stall_in_receive);
@@ -126,7 +128,7 @@ runtime::DriveEdge World::make_edge() {
   std::vector<runtime::JointOnBus> joints;
   for (std::size_t j = 0; j < robot_.joints.size(); ++j)
     joints.push_back({drivers::make_joint_driver(robot_, j).value(), robot_.joints[j].bus});
-  return {std::move(buses), std::move(joints)};
+  return {std::move(buses), std::move(joints), std::make_unique<drivers::WireGuard>(robot_)};
 }
 
 void World::run(Duration lasting) {
@@ -184,8 +186,12 @@ void World::begin_and_end_events() {
       plant_.drive(event.joint).power_cycle(plant_.now());  // again and again, as long as it lasts
       done_[i] = !is_active(event);
     } else if (event.what == Happening::operator_stop) {
-      if (planted_ != Planted::no_stop) requests_.stop();
+      if (planted_ != Planted::no_stop) requests_.stop(now_);
       stop_asked_at_ = plant_at_;
+      done_[i] = true;
+    } else if (event.what == Happening::operator_deenergise) {
+      requests_.deenergise(now_);
+      power_off_asked_at_ = plant_at_;
       done_[i] = true;
     }
   }
@@ -288,7 +294,9 @@ void World::before_tick() {
   while (ticks_.read_next(std::as_writable_bytes(std::span(&record_, 1))).status == ipc::ReadStatus::fresh)
     if (on_tick) on_tick(record_);
   let_policy_work();
-  if (now_ - asked_at_ < kAsksEvery) return;
+  const MonoTime stopped =
+      std::max(stop_asked_at_, power_off_asked_at_);  // who stops a robot does not press on at once
+  if (now_ - asked_at_ < kAsksEvery || now_ - stopped < kAsksEvery) return;
   asked_at_ = now_;
   if (record_.header.mode == Mode::standby)
     requests_.arm();

@@ -70,6 +70,7 @@ class World {
   // The executive wakes and works in time.
   [[nodiscard]] bool is_prompt() const { return now_ - last_tick_at_ < config_.period * 2; }
   [[nodiscard]] MonoTime stop_asked_at() const { return stop_asked_at_; }
+  [[nodiscard]] MonoTime power_off_asked_at() const { return power_off_asked_at_; }
   // When the oldest sample was taken of the newest observation that any published command answers; unset before.
   [[nodiscard]] MonoTime newest_answered() const { return newest_answered_; }
   [[nodiscard]] pipeline::TickConfig& config() { return config_; }
@@ -133,7 +134,7 @@ class World {
   Observation observation_;
   std::deque<Answer> answers_;
   std::uint64_t sequence_ = 0;
-  MonoTime newest_answered_, stop_asked_at_, asked_at_, last_tick_at_;
+  MonoTime newest_answered_, stop_asked_at_, power_off_asked_at_, asked_at_, last_tick_at_;
 };
 
 }  // namespace takt::exploration
