@@ -7,6 +7,7 @@
 
 #include "executive/pipeline/limbs.hpp"
 #include "executive/pipeline/mode_machine.hpp"
+#include "executive/pipeline/tick_state.hpp"
 #include "tests/executive/pipeline/rig.hpp"
 
 namespace takt::pipeline {
@@ -96,10 +97,11 @@ TEST(Scope, ALimbThatLostAJointOnlyDamps) {
   Rig rig(two_arms());
   rig.arm(0.3F);
   rig.run_with_policy(500, 0.3F);
-  rig.drives[4].silent = true;
+  rig.drives[5].silent = true;
   for (int i = 0; i < 100; ++i) rig.tick_with_policy(0.3F);
   ASSERT_EQ(rig.mode(), Mode::fault_latched);
-  for (const std::size_t j : {3U, 5U}) {
+  EXPECT_GT(std::abs(rig.out->record.joints[4].tau_gravity), 0.1F) << "the model's word, not followed";
+  for (const std::size_t j : {3U, 4U}) {
     const JointRecord& joint = rig.out->record.joints[j];
     EXPECT_NEAR(joint.tau_total, -rig.config.joints[j].damping * joint.dq_estimate, 0.02F) << j;
   }
@@ -157,6 +159,18 @@ TEST(Scope, RestIsJudgedWithoutTheStaleVelocityOfALostJoint) {
   EXPECT_GT(rig.out->setpoints[0].kp, 0.0F) << "the other arm holds";
 }
 
+// The same where the lost joint is in the only limb there is.
+TEST(Scope, ARobotOfOneLimbRestsWithoutItsLostJointToo) {
+  Rig rig(robot(3));
+  rig.arm(0.0F);
+  rig.run_with_policy(300, 1.2F);
+  rig.drives[2].silent = true;
+  for (int i = 0; i < 1500; ++i) rig.tick_with_policy(0.0F);
+  ASSERT_EQ(rig.mode(), Mode::fault_latched);
+  ASSERT_GT(std::abs(rig.out->record.joints[2].dq_estimate), 0.5F);
+  EXPECT_EQ(rig.state->mode.resting, 1);
+}
+
 // Goal: a joint whose loop is closed here is not pushed by a reading that stands still. Its torque frames would also
 // feed the drive's own watchdog for ever. Method: one joint at 3 rad/s; it obeys and is no longer heard.
 TEST(Scope, ALostJointOfAHostClosedLoopIsNotDriven) {
@@ -167,7 +181,8 @@ TEST(Scope, ALostJointOfAHostClosedLoopIsNotDriven) {
   Rig rig(config);
   rig.arm(0.0F);
   rig.drives[0].dq = 3.0F;
-  rig.run_with_policy(1, 0.0F);
+  rig.run_with_policy(5, 0.0F);
+  ASSERT_GT(rig.out->record.joints[0].dq_estimate, 0.5F);
   rig.drives[0].silent = true;
   float fastest = 0;
   for (int i = 0; i < 5000; ++i) {

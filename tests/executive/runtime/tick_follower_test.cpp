@@ -20,6 +20,9 @@ class TickFollowerTest : public testing::Test {
     record.header.mode = mode_ = mode;
     record.header.operator_request = request;
     record.joints[1].dq_estimate = -speed;
+    record.header.drives_enabled = mode == Mode::standby ? 0 : 1;
+    record.joints[0].drive_enabled = record.header.drives_enabled;
+    record.joints[1].drive_enabled = given_up_ ? 0 : record.header.drives_enabled;
     published_.tick(record);
   }
   PublishedSegments published_ = PublishedSegments::create(2).value();
@@ -28,6 +31,7 @@ class TickFollowerTest : public testing::Test {
                          [this](const TickRecord& record) { entered_.push_back(record.header.mode); }};
   std::uint64_t tick_ = 0;
   Mode mode_ = Mode::standby;
+  bool given_up_ = false;  // joint 1
 };
 
 TEST_F(TickFollowerTest, BeforeTheFirstTickThereIsNothing) {
@@ -57,6 +61,17 @@ TEST_F(TickFollowerTest, RestNeedsAHundredMillisecondsWithoutInterruption) {
   publish(Mode::damped_stop, 0.0F);
   follower_.catch_up();
   EXPECT_FALSE(follower_.rests()) << "a joint that swings through zero does not rest";
+}
+
+// Goal: a process that shall end does not wait for what a lost joint last said of its speed.
+TEST_F(TickFollowerTest, AJointWithoutPowerIsNotAskedWhetherItRests) {
+  given_up_ = true;
+  for (int i = 0; i < 101; ++i) publish(Mode::fault_latched, 3);
+  follower_.catch_up();
+  EXPECT_TRUE(follower_.rests());
+  publish(Mode::standby, 3);
+  follower_.catch_up();
+  EXPECT_FALSE(follower_.rests()) << "in standby nothing is given up, and every joint is asked";
 }
 
 TEST_F(TickFollowerTest, ASpeedThatIsNoNumberIsNoRest) {
