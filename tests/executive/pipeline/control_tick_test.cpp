@@ -431,5 +431,23 @@ TEST(InternalError, ResultsThatAreNotFiniteNeverLeave) {
   EXPECT_EQ(rig.out->setpoints[0].kd, rig.config.joints[0].damping) << "damping again once finite";
 }
 
+TEST(InternalError, AfterwardsNoModelIsTrusted) {
+  TickConfig config = robot(6);
+  config.gravity_compensation = true;
+  Rig rig(config);
+  rig.arm(0.4F);
+  rig.run_with_policy(1000, 0.4F);
+  rig.config.joints[1].kd = NAN;
+  rig.tick_with_policy(0.4F);
+  ASSERT_EQ(rig.mode(), Mode::fault_latched);
+  rig.run(2);
+  for (std::size_t j = 0; j < 6; ++j) {
+    EXPECT_TRUE(rig.out->drive_enabled[j]);
+    EXPECT_EQ(rig.out->setpoints[j].kp, 0.0F);
+    const JointRecord& joint = rig.out->record.joints[j];
+    EXPECT_NEAR(joint.tau_total, -rig.config.joints[j].damping * joint.dq_estimate, 0.02F) << j;
+  }
+}
+
 }  // namespace
 }  // namespace takt::pipeline
