@@ -76,11 +76,13 @@ void take_out(TickState& state, JointMask joints) {
   state.mode.damped |= state.limbs.of(joints);
 }
 
-// A setpoint that never left is undone: torque and reference go on from what the drive was really told.
-void follow_what_was_sent(TickState& state, JointMask damped, const TickConfig& config) {
+// A setpoint that never left is undone: torque and reference go on from what the drive was really told. What the guard
+// sends instead of a refused frame drives nothing: torque begins anew.
+void follow_what_was_sent(TickState& state, const TickInput& input, const TickConfig& config) {
   for (std::size_t j = 0; j < config.joint_count; ++j) {
-    if ((damped & bit_of_joint(j)) == 0) continue;
-    state.joints[j].tau_last = state.joints[j].tau_damping;
+    const bool refused = input.joints[j].refused != WireVerdict::allowed;
+    if (!refused && (input.last_damped & bit_of_joint(j)) == 0) continue;
+    state.joints[j].tau_last = refused ? 0.0F : state.joints[j].tau_damping;
     state.joints[j].reference = state.joints[j].reference_before;
   }
 }
@@ -116,10 +118,8 @@ void observe(TickState& state, const TickInput& input, const TickConfig& config,
     record.joints[j] = JointRecord{};
     record.joints[j].feedback = input.joints[j];
     take_reply(state.joints[j].observer, input.joints[j], config.joints[j].observer_bandwidth);
-    // What the guard sent instead drives nothing: torque begins anew.
-    if (input.joints[j].refused != WireVerdict::allowed) state.joints[j].tau_last = 0.0F;
   }
-  follow_what_was_sent(state, input.last_damped, config);
+  follow_what_was_sent(state, input, config);
   watch_links(state.links, config, record);
   const bool late = input.overrun_cause != OverrunCause::none || input.lateness >= config.period;
   state.mode.consecutive_late = late ? state.mode.consecutive_late + 1 : 0;
@@ -153,7 +153,11 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
   header.mode = transition.to;
   const JointMask affected = affected_joints(state, record, config);  // by the mode that is left
   if (transition.cause != Cause::none) enter(state, transition.to, input.now, contract);
-  if (state.mode.mode == Mode::fault_latched) take_out(state, affected);
+  if (state.mode.mode == Mode::fault_latched) {
+    take_out(state, affected);
+    // A fault of ours: no model is trusted any more.
+    if ((header.causes_active & bit(Cause::internal_error)) != 0) state.mode.damped = every_joint(config.joint_count);
+  }
   remember_stop(state.mode, header);
 }
 

@@ -104,7 +104,8 @@ class Exchange {
 
   config::DriveProtocol protocol_;
   std::unique_ptr<drivers::JointDriver> driver_;
-  drivers::DriveSetpoint setpoint_{.q = 0.1F, .dq = 0.2F, .kp = 20, .kd = 0.5F, .tau = 1};
+  drivers::DriveSetpoint setpoint_{
+      .q = 0.1F, .dq = 0.2F, .kp = 20, .kd = 0.5F, .tau = 0.5F};  // within one tick of none
   std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out_;
   std::vector<drivers::ReceivedFrame> replies_;
   drivers::WireGuard guard_;
