@@ -160,7 +160,16 @@ TEST_F(LateDeparture, AfterAStallInsideTheTickTheDrivesAreDamped) {
   on_tick = [this](std::uint64_t tick) {
     if (tick == kStallAt) rig_.clock.pass(milliseconds(900));
   };
+  int told_late = 0;
+  rig_.guard->judge = [&](std::size_t, std::size_t, const drivers::GuardedMoment& moment, const JointRecord& decided) {
+    if (moment.now - moment.decided_at <= rig_.config.period || !moment.enabled) return WireVerdict::allowed;
+    ++told_late;
+    EXPECT_EQ(decided.kp_command, 0.0F) << "the guard is told that the damping is what was decided";
+    EXPECT_FALSE(moment.valid_until.is_set());
+    return WireVerdict::allowed;
+  };
   run();
+  EXPECT_EQ(told_late, 4);
   expect_nothing_late_was_sent();
   for (const FrameRecord& frame : frames_of(kStallAt)) {
     EXPECT_EQ(frame.data[0], 1) << "still enabled: the robot is not dropped";
