@@ -188,7 +188,10 @@ struct Sensor {
   Duration timeout;
 };
 
+enum class Recorder : std::uint8_t { required, optional };
+
 struct Record {
+  Recorder recorder = Recorder::required;
   std::string directory;  // absolute after load
   Duration keyframe_period;
 };

@@ -6,6 +6,7 @@
 namespace takt::config {
 namespace {
 
+constexpr std::array<std::string_view, 2> kRecorders{"required", "optional"};
 constexpr std::array<std::string_view, 2> kTargetKinds{"lissajous", "steps"};
 
 void describe_camera(Fields& fields, Simulation& simulation, Words sensors) {
@@ -125,6 +126,8 @@ void describe_evidence(Fields& fields, RobotConfig& robot) {
   fields.section({"record", "what a run leaves behind", "{}"}, [&](Fields& f) {
     f.text({"directory", "run folders are made in it; a relative path starts at this file's folder", "runs"},
            robot.record.directory);
+    f.choice({"recorder", "required: without one that writes nobody arms, and a moving robot stops", "required"},
+             robot.record.recorder, kRecorders);
     f.duration({"keyframe_period", "time between two stored states that replay can start from", "1 s"},
                robot.record.keyframe_period, milliseconds(10), seconds(600));
   });

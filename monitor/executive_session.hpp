@@ -28,6 +28,8 @@ class ExecutiveSession {
                                                              const config::RobotConfig& robot,
                                                              std::chrono::milliseconds timeout);
   [[nodiscard]] bool is_over() const { return ipc::is_over(lease_); }
+  // See ipc::tell_recorded.
+  void tell_recorded(std::uint64_t through_tick) const { ipc::tell_recorded(lease_, through_tick); }
   [[nodiscard]] RingMemories rings() const;
   [[nodiscard]] pid_t pid() const { return pid_; }
 

@@ -99,6 +99,10 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
       spdlog::error("recording stopped: {}; what the robot does from here on is not recorded",
                     (*recorder)->stop_reason());
   };
+  auto tell_progress = [&, told = std::uint64_t{0}]() mutable {
+    const std::uint64_t through = (*recorder)->written_through();
+    if (std::exchange(told, through) != through) session.tell_recorded(through);
+  };
   MonoTime next = monotonic_now();
   while (!g_stop && !session.is_over()) {
     introduction.when_traced(monotonic_now());
@@ -107,11 +111,13 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
     trace::drain_end((*recorder)->manifest().last_tick, (*recorder)->manifest().ticks);
     (*recorder)->flush_if_due(monotonic_now());
     tell_if_stopped();
+    tell_progress();
     exports.drained(monotonic_now());
     reviews.look();
     next = std::max(next + kDrainPeriod, monotonic_now());
     sleep_until(next);
   }
+  session.tell_recorded(0);  // before the last words: closing a run takes its time
   stream->drain(sink, true);
   const char* why = g_stop ? "monitor told to end" : "executive ended";
   if (const auto written = (*recorder)->finish(monotonic_now(), why); !written) spdlog::error("{}", written.error());

@@ -11,7 +11,6 @@
 
 #include "cli/command.hpp"
 #include "cli/robot/direct_bus.hpp"
-#include "cli/robot/executive_guard.hpp"
 #include "config/load.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "executive/contract/monotonic_clock.hpp"
@@ -134,7 +133,8 @@ int report(const DirectRobot& robot, const Disabler& disabler, bool json) {
 std::expected<int, Refusal> disable(const Options& options) {
   const auto robot = load_robot(options.robot_file, options.runtime_dir);
   if (!robot) return std::unexpected(robot.error());
-  if (const auto free = require_no_executive(robot->executives); !free) return std::unexpected(free.error());
+  const auto alone = require_alone(*robot);
+  if (!alone) return std::unexpected(alone.error());
   auto disabler = Disabler::open(*robot);
   if (!disabler) return std::unexpected(disabler.error());
   const Duration period = robot->config.control.period;

@@ -9,7 +9,6 @@
 
 #include "cli/command.hpp"
 #include "cli/robot/direct_bus.hpp"
-#include "cli/robot/executive_guard.hpp"
 #include "drivers/tools/discovery.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 
@@ -110,7 +109,8 @@ void print(const std::vector<Line>& lines, bool as_json) {
 std::expected<int, Refusal> scan(const Options& options) {
   const auto robot = load_robot(options.robot_file, options.runtime_dir);
   if (!robot) return std::unexpected(robot.error());
-  if (const auto free = require_no_executive(robot->executives); !free) return std::unexpected(free.error());
+  const auto alone = require_alone(*robot);
+  if (!alone) return std::unexpected(alone.error());
   std::vector<Line> lines;
   for (std::size_t bus = 0; bus < robot->config.buses.size(); ++bus) {
     auto opened = open_bus(*robot, bus);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "cli/robot/executive_guard.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "drivers/bus/open_bus.hpp"
@@ -39,6 +40,13 @@ std::expected<std::size_t, Refusal> find_joint(const DirectRobot& robot, const s
   }
   return std::unexpected(
       Refusal{kExitUsage, fmt::format("{} has no joint `{}`; it has {}", robot.config.file, name, known)});
+}
+
+std::expected<std::vector<drivers::InterfaceClaim>, Refusal> require_alone(const DirectRobot& robot) {
+  if (const auto free = require_no_executive(robot.executives); !free) return std::unexpected(free.error());
+  auto claims = drivers::claim_interfaces(robot.config.buses);
+  if (!claims) return std::unexpected(Refusal{kExitFailed, claims.error()});
+  return std::move(*claims);
 }
 
 std::expected<std::unique_ptr<drivers::CanBus>, Refusal> open_bus(const DirectRobot& robot, std::size_t bus) {

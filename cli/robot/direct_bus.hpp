@@ -1,5 +1,5 @@
 // Access to a robot's buses without an executive, for the person at the robot. Whoever sends asks first
-// (executive_guard.hpp).
+// (require_alone).
 #pragma once
 
 #include <expected>
@@ -10,6 +10,7 @@
 #include "cli/command.hpp"
 #include "config/robot_config.hpp"
 #include "drivers/bus/can_bus.hpp"
+#include "drivers/bus/interface_claim.hpp"
 
 namespace takt::cli {
 
@@ -23,6 +24,9 @@ struct DirectRobot {
 // unless a directory is named and every bus is simulated.
 std::expected<DirectRobot, Refusal> load_robot(const std::string& robot_file, const std::string& runtime_directory);
 std::expected<std::size_t, Refusal> find_joint(const DirectRobot& robot, const std::string& name);
+// For whoever sends: refused while an executive, or another process of Takt, has one of the buses. What is returned
+// keeps others away for as long as it lives.
+std::expected<std::vector<drivers::InterfaceClaim>, Refusal> require_alone(const DirectRobot& robot);
 // Every frame on the bus is received, whoever it is from or for.
 std::expected<std::unique_ptr<drivers::CanBus>, Refusal> open_bus(const DirectRobot& robot, std::size_t bus);
 

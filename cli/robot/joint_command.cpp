@@ -9,7 +9,6 @@
 
 #include "cli/command.hpp"
 #include "cli/robot/direct_bus.hpp"
-#include "cli/robot/executive_guard.hpp"
 #include "config/load.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "drivers/tools/joint_jog.hpp"
@@ -65,7 +64,8 @@ std::expected<int, Refusal> jog(const Options& options) {
   if (!robot) return std::unexpected(robot.error());
   const auto index = find_joint(*robot, options.joint);
   if (!index) return std::unexpected(index.error());
-  if (const auto free = require_no_executive(robot->executives); !free) return std::unexpected(free.error());
+  const auto alone = require_alone(*robot);
+  if (!alone) return std::unexpected(alone.error());
   const config::Joint& joint = robot->config.joints[*index];
   if (joint.passive)
     return std::unexpected(

@@ -13,6 +13,11 @@ std::string age_text(const TickRecordHeader& tick) {
   return fmt::format("{:.1f} ms", tick.age.total().milliseconds());
 }
 
+std::string recording_text(const StatusSnapshot& status) {
+  if (status.tick.recorded_through != 0) return fmt::format("recorded up to tick {}", status.tick.recorded_through);
+  return status.recorder_required != 0 ? "nothing is recorded" : "nothing is recorded (record.recorder: optional)";
+}
+
 std::string peer_text(std::uint64_t pid) {
   return pid == 0 ? "not attached" : fmt::format("pid {}", pid);
 }
@@ -62,7 +67,7 @@ std::string status_text(const StatusSnapshot& status) {
       text += fmt::format("           {} {}\n", status.arrivals[arrival], name(static_cast<Arrival>(arrival)));
   text += fmt::format("drives     {}\n", tick.drives_enabled != 0 ? "enabled" : "disabled");
   text += fmt::format("policy     {}\n", peer_text(status.policy_pid));
-  text += fmt::format("monitor    {}\n", peer_text(status.monitor_pid));
+  text += fmt::format("monitor    {}, {}\n", peer_text(status.monitor_pid), recording_text(status));
   text += fmt::format("real time  {}\n", status.realtime != 0 ? "yes" : "no (--allow-non-realtime)");
   return text;
 }
@@ -101,6 +106,8 @@ nlohmann::json status_json(const StatusSnapshot& status) {
           {"drives_enabled", tick.drives_enabled != 0},
           {"policy_pid", status.policy_pid},
           {"monitor_pid", status.monitor_pid},
+          {"recorded_through", tick.recorded_through},
+          {"recorder_required", status.recorder_required != 0},
           {"realtime", status.realtime != 0}};
 }
 

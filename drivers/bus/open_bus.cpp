@@ -47,6 +47,17 @@ std::expected<OpenedBus, std::string> open_bus(const config::Bus& bus, const std
   return OpenedBus{std::move(*connected), true, bus.interface + ": loopback hub at " + path};
 }
 
+std::expected<std::vector<InterfaceClaim>, std::string> claim_interfaces(const std::vector<config::Bus>& buses) {
+  std::vector<InterfaceClaim> claims;
+  for (const config::Bus& bus : buses) {
+    if (!SocketCanBus::interface_exists(bus.interface)) continue;
+    auto claim = InterfaceClaim::make(bus.interface);
+    if (!claim) return std::unexpected(claim.error());
+    claims.push_back(std::move(*claim));
+  }
+  return claims;
+}
+
 std::vector<config::IdPattern> host_ids(const config::RobotConfig& robot, std::size_t bus) {
   return ids_on(robot, bus, true);
 }

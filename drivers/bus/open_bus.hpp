@@ -12,6 +12,7 @@
 #include "config/drive_ids.hpp"
 #include "config/robot_config.hpp"
 #include "drivers/bus/can_bus.hpp"
+#include "drivers/bus/interface_claim.hpp"
 
 namespace takt::drivers {
 
@@ -24,6 +25,9 @@ struct OpenedBus {
 // `receive`: ids wanted; empty: every frame.
 std::expected<OpenedBus, std::string> open_bus(const config::Bus& bus, const std::string& runtime_directory,
                                                std::vector<config::IdPattern> receive = {});
+
+// Claims every interface that exists; simulated buses need no claim. The error: the sentence of the first that is held.
+std::expected<std::vector<InterfaceClaim>, std::string> claim_interfaces(const std::vector<config::Bus>& buses);
 
 // What the host listens to on that bus: its drives' replies, and their commands too, for those are ours to send: a
 // stranger's are to be noticed. And what the drives listen to.

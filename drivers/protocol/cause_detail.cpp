@@ -141,6 +141,7 @@ std::string cause_detail(Cause cause, const TickRecord& record, const config::Ro
     case Cause::bad_commands:
     case Cause::overrun:
     case Cause::operator_deenergise:
+    case Cause::recording_lost:
       return {};
   }
   return {};

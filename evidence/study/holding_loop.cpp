@@ -73,6 +73,7 @@ void HoldingLoop::tick() {
   const MonoTime now = due_ + kLateness;
   for (const Duration step = plant_.step_length(); plant_at_ + step <= now; plant_at_ = plant_at_ + step) plant_.step();
   ++input_.tick;
+  input_.recorded_through = input_.tick;  // nothing here is lost
   input_.now = now;
   bus_->receive(plant_, now, input_);
   input_.command = answered_ ? chunk_.get() : nullptr;

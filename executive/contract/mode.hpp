@@ -47,10 +47,11 @@ enum class Cause : std::uint8_t {
   bus_babble,           // more frames than our drives can say
   envelope_exceeded,    // measured position, velocity or torque outside the hard envelope
   overrun,              // too many consecutive overruns
+  recording_lost,       // a recorder is required, and none writes
   internal_error,       // our own bug: an assertion failed
   operator_deenergise,  // person wants the drives without power, now
 };
-inline constexpr std::size_t kCauseCount = 28;
+inline constexpr std::size_t kCauseCount = 29;
 
 constexpr std::string_view name(Mode mode) {
   constexpr std::array<std::string_view, kModeCount> names{"standby",  "arming",      "tracking",
@@ -86,6 +87,7 @@ constexpr std::string_view name(Cause cause) {
                                                             "bus_babble",
                                                             "envelope_exceeded",
                                                             "overrun",
+                                                            "recording_lost",
                                                             "internal_error",
                                                             "operator_deenergise"};
   const auto index = static_cast<std::size_t>(cause);

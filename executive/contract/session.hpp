@@ -60,6 +60,13 @@ struct OperatorMessage {
 };
 static_assert(std::is_standard_layout_v<OperatorMessage> && sizeof(OperatorMessage) == 16);
 
+// What the monitor says after its hello, whenever more of the run has reached its medium. Tick 0: it records nothing.
+struct RecorderWord {
+  std::uint64_t magic = kMagic;
+  std::uint64_t through_tick = 0;
+};
+static_assert(std::is_standard_layout_v<RecorderWord> && sizeof(RecorderWord) == 16);
+
 // The loop's state as the control thread last published it, plus what the service thread knows.
 struct StatusSnapshot {
   TickRecordHeader tick;
@@ -69,7 +76,8 @@ struct StatusSnapshot {
   std::uint64_t policy_pid = 0;   // 0: no policy attached
   std::uint64_t monitor_pid = 0;  // 0: no monitor attached
   std::uint8_t realtime = 0;      // 1 when the whole real-time set-up succeeded
-  std::uint8_t reserved[7] = {};
+  std::uint8_t recorder_required = 0;
+  std::uint8_t reserved[6] = {};
 };
 
 struct OperatorReply {

@@ -47,6 +47,7 @@ struct TickRecordHeader {
   MonoTime asked_at;                  // when the executive heard the stop or shutdown of operator_request; else unset
   BusHealth buses[kMaxBuses];
   std::uint64_t command_sequence_seen = 0;  // sequence of the message read this tick; 0 none
+  std::uint64_t recorded_through = 0;       // newest tick the recorder has on its medium; 0: nothing records
   OperatorRequest operator_request = OperatorRequest::none;
   OverrunCause overrun_cause = OverrunCause::none;  // of the previous period
   Arrival mailbox = Arrival::none;                  // none, contended, corrupt; accepted means: a message was read
@@ -92,7 +93,7 @@ struct JointRecord {
 
 static_assert(std::is_standard_layout_v<AgeParts> && sizeof(AgeParts) == 40);
 static_assert(std::is_standard_layout_v<TickRecordHeader> && std::is_trivially_copyable_v<TickRecordHeader>);
-static_assert(sizeof(TickRecordHeader) == 64 + 16 * kMaxBuses + 16 + 40 + 24 + 16 + 16);
+static_assert(sizeof(TickRecordHeader) == 72 + 16 * kMaxBuses + 16 + 40 + 24 + 16 + 16);
 static_assert(std::is_standard_layout_v<JointRecord> && sizeof(JointRecord) == 80);
 
 // Room for the largest record; only used_bytes() of it travel.
@@ -107,9 +108,9 @@ struct TickRecord {
 
 inline constexpr std::uint64_t kTickRecordLayout = layout_hash(
     {TAKT_FIELD(TickRecordHeader, last_damped), TAKT_FIELD(TickRecordHeader, asked_at),
-     TAKT_FIELD(TickRecordHeader, buses), TAKT_FIELD(TickRecordHeader, operator_request),
-     TAKT_FIELD(TickRecordHeader, joint_count), TAKT_FIELD(TickRecordHeader, age),
-     TAKT_FIELD(TickRecordHeader, window_misses), TAKT_FIELD(TickRecordHeader, mode),
+     TAKT_FIELD(TickRecordHeader, buses), TAKT_FIELD(TickRecordHeader, recorded_through),
+     TAKT_FIELD(TickRecordHeader, operator_request), TAKT_FIELD(TickRecordHeader, joint_count),
+     TAKT_FIELD(TickRecordHeader, age), TAKT_FIELD(TickRecordHeader, window_misses), TAKT_FIELD(TickRecordHeader, mode),
      TAKT_FIELD(TickRecordHeader, causes_active), TAKT_FIELD(JointRecord, feedback),
      TAKT_FIELD(JointRecord, q_estimate), TAKT_FIELD(JointRecord, tau_command), TAKT_FIELD(JointRecord, interventions),
      TAKT_FIELD(JointRecord, reply_faults), TAKT_FIELD(JointRecord, drive_enabled), TAKT_FIELD(JointFeedback, replies),

@@ -3,7 +3,8 @@
 // Exchange: client sends Hello -> server checks magic, ABI, layout and SO_PEERCRED, then the lease table, then lets the
 // owner decide -> Welcome with descriptors, or Welcome(refused) with a sentence ("policy is leased by pid 412
 // (takt-policy-host) since 3 s: stop it first"). A lease ends when its connection closes. For the policy role the
-// client acknowledges (one byte) once it has mapped its mailbox; only then does the server seal and read it.
+// client acknowledges (one byte) once it has mapped its mailbox; only then does the server seal and read it. A monitor
+// says again and again how far the run has reached its medium (RecorderWord).
 // Policy and monitor leases are exclusive. A sensor mailbox and the record rings may have several readers, and operator
 // connections, which last for one request, may overlap.
 // Nothing blocks: the server is driven by poll(); connects have a deadline. Whoever speaks out of turn is disconnected.
@@ -27,9 +28,10 @@
 
 namespace takt::ipc {
 
-// At most this many connections are held at once; one more is refused with a sentence. The policy's user has a few of
-// its own: nothing it does keeps an operator out.
-inline constexpr std::size_t kMaxConnections = 32, kMaxPolicyConnections = 8;
+// Nobody keeps an operator out, nor the one policy and the one monitor. Viewers and sensor readers, who stay, are
+// bounded: one more is refused with a sentence. So is the policy's user, who has a few connections of its own. Whoever
+// is greeting or asking, which takes an instant, gives way when too many do: of these the one that was quiet longest.
+inline constexpr std::size_t kMaxReaders = 32, kMaxAsking = 16, kMaxPolicyConnections = 8;
 // A client that connected must speak within this time, an operator must ask within it.
 inline constexpr std::chrono::milliseconds kGreetingTimeout{1000};
 inline constexpr std::size_t kMaxDescriptors = 8;
@@ -58,6 +60,7 @@ class RendezvousServer {
   struct Handlers {
     std::function<Admission(const Peer&)> admit;                                // lease is free: may it have it?
     std::function<void(const Peer&)> acknowledged;                              // policy mapped its mailbox
+    std::function<void(const Peer&, std::uint64_t through_tick)> recorded;      // the monitor's word
     std::function<void(const Peer&)> left;                                      // lease over
     std::function<OperatorReply(const Peer&, const OperatorMessage&)> request;  // operator role only
   };
@@ -94,6 +97,9 @@ struct Lease {
 std::expected<Lease, std::string> attach(const std::string& path, const Hello& hello,
                                          std::chrono::milliseconds timeout);
 std::expected<void, std::string> acknowledge(const Lease& lease);
+// How far the run has reached the monitor's medium; tick 0: nothing is recorded any more. Waits for nobody: a word that
+// finds no room is lost, and the next one says more.
+void tell_recorded(const Lease& lease, std::uint64_t through_tick);
 // True once the server closed the connection or died.
 bool is_over(const Lease& lease);
 // A stop takes its own way first (stop_line.hpp) and is under way before anybody has to answer; the error says so.

@@ -111,6 +111,12 @@ std::expected<void, std::string> acknowledge(const Lease& lease) {
   return std::unexpected("rendezvous: cannot acknowledge: " + errno_text() + ": attach again");
 }
 
+void tell_recorded(const Lease& lease, std::uint64_t through_tick) {
+  RecorderWord word;
+  word.through_tick = through_tick;
+  (void)send(lease.connection.get(), &word, sizeof word, MSG_DONTWAIT | MSG_NOSIGNAL);
+}
+
 bool is_over(const Lease& lease) {
   std::byte ignored{};
   const ssize_t size = recv(lease.connection.get(), &ignored, 1, MSG_PEEK | MSG_DONTWAIT);

@@ -29,6 +29,20 @@ constexpr bool is_exclusive(Role role) {
   return true;
 }
 
+// Roles that several hold, each for as long as it likes.
+constexpr bool is_reader(Role role) {
+  switch (role) {
+    case Role::sensor_reader:
+    case Role::viewer:
+      return true;
+    case Role::policy:
+    case Role::monitor:
+    case Role::operator_console:
+      return false;
+  }
+  return false;
+}
+
 // What the policy's own user may be.
 constexpr bool is_for_policies(Role role) {
   switch (role) {
@@ -90,11 +104,14 @@ class RendezvousServer::State {
   bool is_ours(const Peer& peer) const { return peer.uid == allowed_uid_ || peer.uid == 0; }
   static bool must_speak(const Connection& connection);
   void accept_newcomer();
+  void make_room(const Connection& newcomer);
   void hear(Connection& connection);
   void greet(Connection& connection, Hello hello, ssize_t size);
   std::string lease_conflict(Role role) const;
+  bool has_room_for(Role role) const;
   void answer(Connection& connection, const OperatorMessage& message, ssize_t size);
   void take_acknowledgement(Connection& connection, ssize_t size);
+  void take_word(Connection& connection, const RecorderWord& word, ssize_t size);
   void refuse(Connection& connection, std::uint64_t& counter, const std::string& sentence);
   void drop(Connection& connection);
   void drop_silent();
@@ -161,14 +178,27 @@ void RendezvousServer::State::accept_newcomer() {
   connection.peer.pid = credentials.pid;
   connection.peer.uid = credentials.uid;
   connection.since = Clock::now();
-  const bool ours = is_ours(connection.peer);
-  const std::size_t limit = ours ? kMaxConnections : kMaxPolicyConnections;
+  if (is_ours(connection.peer)) return make_room(connection);
   const auto held = std::ranges::count_if(
-      connections_, [&](const Connection& each) { return each.stage != Stage::closed && is_ours(each.peer) == ours; });
-  if (static_cast<std::size_t>(held) > limit) {
+      connections_, [&](const Connection& each) { return each.stage != Stage::closed && !is_ours(each.peer); });
+  if (static_cast<std::size_t>(held) > kMaxPolicyConnections) {
     refuse(connection, refusals_.unwelcome,
-           "the server holds " + std::to_string(limit) + " connections already: close some, then try again");
+           "the policy's user holds " + std::to_string(kMaxPolicyConnections) +
+               " connections already: close some, then try again");
   }
+}
+
+// An operator who connected speaks at once: whoever is quiet longest is none in need.
+void RendezvousServer::State::make_room(const Connection& newcomer) {
+  std::size_t asking = 0;
+  Connection* quietest = nullptr;
+  for (Connection& each : connections_) {
+    if (!must_speak(each) || !is_ours(each.peer)) continue;
+    ++asking;
+    if (&each != &newcomer && (quietest == nullptr || each.since < quietest->since)) quietest = &each;
+  }
+  if (asking > kMaxAsking && quietest != nullptr)
+    refuse(*quietest, refusals_.silent, "too many ask at once, and this one was quiet longest: try again");
 }
 
 void RendezvousServer::State::hear(Connection& connection) {
@@ -176,6 +206,7 @@ void RendezvousServer::State::hear(Connection& connection) {
   union {
     Hello hello;
     OperatorMessage request;
+    RecorderWord word;
     std::byte bytes[sizeof(Hello) + 1];
   } message{};
   const ssize_t size = recv(connection.socket.get(), message.bytes, sizeof message.bytes, MSG_DONTWAIT | MSG_TRUNC);
@@ -188,6 +219,7 @@ void RendezvousServer::State::hear(Connection& connection) {
     case Role::policy:
       return take_acknowledgement(connection, size);
     case Role::monitor:
+      return take_word(connection, message.word, size);
     case Role::sensor_reader:
     case Role::viewer:
       return refuse(connection, refusals_.malformed, "this role has nothing to say after its hello");
@@ -211,6 +243,11 @@ void RendezvousServer::State::greet(Connection& connection, Hello hello, ssize_t
                       ": run as user " + std::to_string(allowed_uid_) + " or root");
   }
   make_printable(hello);
+  if (ours && !has_room_for(hello.role)) {
+    return refuse(
+        connection, refusals_.unwelcome,
+        std::to_string(kMaxReaders) + " viewers and sensor readers are attached already: close some, then try again");
+  }
   if (const std::string conflict = lease_conflict(hello.role); !conflict.empty()) {
     return refuse(connection, refusals_.unwelcome, conflict);
   }
@@ -220,6 +257,13 @@ void RendezvousServer::State::greet(Connection& connection, Hello hello, ssize_t
   connection.stage = Stage::leased;
   connection.since = Clock::now();
   if (!send_welcome(connection.socket.get(), {}, admission.descriptors)) drop(connection);
+}
+
+bool RendezvousServer::State::has_room_for(Role role) const {
+  const auto readers = std::ranges::count_if(connections_, [this](const Connection& each) {
+    return each.stage == Stage::leased && is_ours(each.peer) && is_reader(each.peer.hello.role);
+  });
+  return !is_reader(role) || static_cast<std::size_t>(readers) < kMaxReaders;
 }
 
 std::string RendezvousServer::State::lease_conflict(Role role) const {
@@ -236,6 +280,12 @@ void RendezvousServer::State::take_acknowledgement(Connection& connection, ssize
   }
   connection.has_spoken = true;
   if (handlers_.acknowledged) handlers_.acknowledged(connection.peer);
+}
+
+void RendezvousServer::State::take_word(Connection& connection, const RecorderWord& word, ssize_t size) {
+  if (size != sizeof word || word.magic != kMagic)
+    return refuse(connection, refusals_.malformed, "not a recorder's word: how far the run is recorded");
+  if (handlers_.recorded) handlers_.recorded(connection.peer, word.through_tick);
 }
 
 void RendezvousServer::State::answer(Connection& connection, const OperatorMessage& message, ssize_t size) {

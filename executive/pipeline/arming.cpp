@@ -82,6 +82,9 @@ std::size_t arming_blockers(const TickRecord& latest, const TickConfig& config, 
   list.add_if(!is_usable(header.freshness), "no fresh command: is the policy host running?");
   list.add_if((header.causes_active & bit(Cause::bad_commands)) != 0, "commands are being refused");
   list.add_if((header.causes_active & bit(Cause::overrun)) != 0, "the control loop overruns its period");
+  list.add_if(
+      (header.causes_active & bit(Cause::recording_lost)) != 0,
+      "nothing is recorded: start takt-monitor, or see why it stopped (record.recorder: optional moves unrecorded)");
   list.add_if((header.causes_active & bit(Cause::internal_error)) != 0, "internal error");
   for (const BusBlocker& blocker : kBusBlockers)
     list.add_if((header.causes_active & bit(blocker.cause)) != 0, blocker.what);

@@ -93,12 +93,21 @@ CauseMask of_commands(const TickState& state, MonoTime now, const FreshnessContr
   return active | when(mode == Mode::degraded && is_restored(state.recovery, now, contract), Cause::contract_restored);
 }
 
+// The record rings keep for a while what the recorder has not written yet, so it may be behind, but not by more than it
+// can make good. A tick that has not happened cannot have been written.
+bool is_unrecorded(const TickRecordHeader& header, const TickConfig& config) {
+  if (config.unrecorded_limit == 0) return false;
+  const std::uint64_t written = header.recorded_through;
+  return written == 0 || written > header.tick || header.tick - written > config.unrecorded_limit;
+}
+
 }  // namespace
 
 CauseMask conditions(const TickState& state, const TickRecord& record, const TickConfig& config) {
   const bool late = config.overrun_limit != 0 && state.mode.consecutive_late >= config.overrun_limit;
   return of_buses(record) | link_faults(state.links, record, config) | of_drives(state, record, config) |
-         of_commands(state, record.header.now, config.freshness) | of_guard(record) | when(late, Cause::overrun);
+         of_commands(state, record.header.now, config.freshness) | of_guard(record) | when(late, Cause::overrun) |
+         when(is_unrecorded(record.header, config), Cause::recording_lost);
 }
 
 JointMask affected_joints(const TickState& state, const TickRecord& record, const TickConfig& config) {

@@ -33,7 +33,8 @@ struct TickInput {
   MonoTime last_sent_at;
   JointMask last_damped = 0;
   OperatorRequest operator_request = OperatorRequest::none;
-  MonoTime asked_at;  // when the executive heard a stop or shutdown; decides nothing
+  MonoTime asked_at;                   // when the executive heard a stop or shutdown; decides nothing
+  std::uint64_t recorded_through = 0;  // newest tick the recorder has on its medium; 0: nothing records
   // What the command mailbox gave: none, contended, corrupt, or accepted when `command` points to a private copy.
   Arrival mailbox = Arrival::none;
   // Differs from the previous tick's when another policy's mailbox is read from now on: sequences start over.

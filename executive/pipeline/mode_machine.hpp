@@ -113,6 +113,8 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
       "position and speed inside the hard envelope; mode: operator reset"},
     {Cause::overrun,              58,  {S, P, P, P, P, F}, kRest, "control.overrun_limit ticks, one tick",
       "one tick in time; mode: operator reset"},
+    {Cause::recording_lost,       57,  {S, P, P, P, P, F}, kRest, "half of the record ring (4096 ticks), one tick",
+      "the recorder writes again; mode: operator reset"},
     {Cause::internal_error,      100,  {S, F, F, F, F, F}, kRest, "the same tick",
       "operator reset; report it"},
     // Above every fault, our own bugs included: a person who wants no power gets none.

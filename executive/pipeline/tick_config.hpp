@@ -100,6 +100,9 @@ struct FeedbackGain {
   float velocity = 0;  // Nm s/rad, on dq
 };
 
+// Half of what the tick ring holds (ipc/executive_segments.hpp): until then a recorder that hesitates loses nothing.
+inline constexpr std::uint32_t kLongestUnrecorded = 4096;
+
 struct TickConfig {
   Duration period;  // of the control loop
   std::uint32_t joint_count = 0;
@@ -115,6 +118,7 @@ struct TickConfig {
   Duration enable_timeout;            // arming must succeed within it
   BusFaultLimits bus_faults;
   std::uint32_t overrun_limit = 0;             // consecutive late ticks: overrun
+  std::uint32_t unrecorded_limit = 0;          // ticks the recorder may be behind; 0: none is required
   float rest_velocity = 0.02F;                 // rad/s: below it the damped stop holds position
   std::array<float, 3> gravity{0, 0, -9.81F};  // m/s^2 in the base frame
   bool gravity_compensation = false;

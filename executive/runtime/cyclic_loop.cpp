@@ -72,6 +72,7 @@ std::size_t CyclicLoop::tick(MonoTime woken, Duration lateness) noexcept {
   const OperatorInbox::Asked asked = parts_.requests.take();
   input_.operator_request = asked.request;
   input_.asked_at = asked.at;
+  input_.recorded_through = parts_.recorded.get();
   pipeline::control_tick(*state_, input_, parts_.config, output_);
   const Departure departure = parts_.edge.send(output_, parts_.clock, parts_.published);
   input_.last_sent_at = departure.at;

@@ -29,6 +29,7 @@
 #include "executive/runtime/mailbox_handover.hpp"
 #include "executive/runtime/operator_inbox.hpp"
 #include "executive/runtime/published_segments.hpp"
+#include "executive/runtime/recorded_through.hpp"
 #include "executive/runtime/status_board.hpp"
 #include "executive/runtime/wakeup.hpp"
 
@@ -49,6 +50,7 @@ struct LoopParts {
   DriveEdge& edge;
   MailboxHandover& mailboxes;
   OperatorInbox& requests;
+  const RecordedThrough& recorded;
   PublishedSegments& published;
   StatusBoard& board;
 };

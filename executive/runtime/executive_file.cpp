@@ -48,6 +48,7 @@ nlohmann::ordered_json json_of(const ExecutiveFacts& facts) {
           {"policy_hash", fmt::format("{:016x}", facts.policy_hash)},
           {"realtime", is_realtime(facts.steps)},
           {"allow_non_realtime", facts.allow_non_realtime},
+          {"recorder", facts.robot.record.recorder == config::Recorder::required ? "required" : "optional"},
           {"realtime_steps", std::move(steps)},
           {"buses", std::move(buses)},
           {"wake", facts.robot.control.wake == config::WakeMode::hybrid ? "hybrid" : "sleep"},

@@ -1,9 +1,9 @@
 // <runtime-dir>/executive.json: what the executive is and under which conditions it runs. Written once it runs, removed
 // when it ends; the monitor copies it into the run's manifest. Schema takt.executive/1:
 //   pid, version, binary_sha256 (of this program; "": unreadable), robot, config_sha256, config_hash, policy_hash
-//   ("0000..." = any), realtime, allow_non_realtime, realtime_steps [{name, ok, essential, detail}],
-//   buses [{name, interface, description}], wake, period_ns, started {monotonic_ns, realtime_ns}. Hashes are
-//   hexadecimal text.
+//   ("0000..." = any), realtime, allow_non_realtime, recorder (required or optional), realtime_steps [{name, ok,
+//   essential, detail}], buses [{name, interface, description}], wake, period_ns, started {monotonic_ns, realtime_ns}.
+//   Hashes are hexadecimal text.
 #pragma once
 
 #include <cstdint>

@@ -96,22 +96,23 @@ int run(const Options& options) {
   if (!published) return refuse(kExitSetUpRefused, published.error());
   MailboxHandover mailboxes;
   OperatorInbox requests;
+  RecordedThrough recorded;
   StatusBoard board;
   TickFollower follower(published->tick_reader(), tick_config->rest_velocity,
                         [&robot](const TickRecord& record) { Journal::transition(record, *robot); });
 
   // The socket first: a second executive is turned away before it touches a bus.
-  auto reception =
-      Reception::open(config::executive_socket(directory), {*robot, *tick_config, admission_rules(*robot, policy_hash),
-                                                            *published, mailboxes, requests, board, follower, *guest});
+  auto reception = Reception::open(config::executive_socket(directory),
+                                   {*robot, *tick_config, admission_rules(*robot, policy_hash), *published, mailboxes,
+                                    requests, recorded, board, follower, *guest});
   if (!reception) return refuse(kExitSetUpRefused, reception.error());
   auto stops = StopThread::start(ipc::stop_socket_beside(config::executive_socket(directory)), requests);
   if (!stops) return refuse(kExitSetUpRefused, stops.error());
   auto opened = open_edge(*robot, directory, 5s);
-  if (!opened) return refuse(kExitUnavailable, opened.error());
+  if (!opened) return refuse(opened.error().exit_code, opened.error().sentence);
 
   SystemClock clock;
-  CyclicLoop loop({*tick_config, clock, opened->edge, mailboxes, requests, *published, board},
+  CyclicLoop loop({*tick_config, clock, opened->edge, mailboxes, requests, recorded, *published, board},
                   {robot->control.wake, robot->control.spin, keyframe_ticks(*robot)});
   auto thread = ControlThread::start(robot->control, loop);
   if (!thread) return refuse(kExitSetUpRefused, thread.error());
@@ -156,7 +157,7 @@ int main(int argc, char** argv) {
   app.footer(
       "Exit codes: 0 ended as asked, 64 command line, 65 configuration, 69 a bus is missing, 70 bug, 71 set-up "
       "refused\n"
-      "(real time, permissions, another executive).");
+      "(real time, permissions, another executive, somebody else commands the drives).");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -1,10 +1,17 @@
 #include "executive/runtime/open_edge.hpp"
 
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <span>
 #include <thread>
 #include <utility>
 
 #include "drivers/bus/open_bus.hpp"
 #include "drivers/protocol/protocol_table.hpp"
+#include "executive/runtime/exit_codes.hpp"
 
 namespace takt::runtime {
 namespace {
@@ -24,26 +31,62 @@ std::expected<drivers::OpenedBus, std::string> open_patiently(const config::Robo
   }
 }
 
+// The first frame among those that arrived which only a controller of these drives sends.
+std::optional<drivers::CanFrame> heard_command(drivers::CanBus& bus, std::span<const config::IdPattern> commands) {
+  std::array<drivers::ReceivedFrame, kMaxFramesPerBus> received;
+  const std::span heard = std::span(received).first(bus.receive(received));
+  for (const drivers::ReceivedFrame& one : heard) {
+    const auto is_it = [&one](const config::IdPattern& id) { return id.matches(one.frame.id, one.frame.extended); };
+    if (std::ranges::any_of(commands, is_it)) return one.frame;
+  }
+  return std::nullopt;
+}
+
+// Interfaces are claimed among our own programs only: a controller of another make, or on another computer, is heard.
+std::expected<void, std::string> listen_for_others(const config::RobotConfig& robot,
+                                                   std::span<const std::unique_ptr<drivers::CanBus>> buses) {
+  const auto until = std::chrono::steady_clock::now() + kListenFor;
+  bool is_last = false;
+  while (!is_last) {
+    is_last = std::chrono::steady_clock::now() >= until;
+    for (std::size_t bus = 0; bus < buses.size(); ++bus) {
+      const auto commands = drivers::device_ids(robot, bus);
+      if (const auto frame = heard_command(*buses[bus], commands))
+        return std::unexpected(fmt::format(
+            "{}: somebody else commands our drives, heard on id 0x{:0{}x}: end that controller, then start again",
+            robot.buses[bus].interface, frame->id, frame->extended ? 8 : 3));
+    }
+    if (!is_last) std::this_thread::sleep_for(5ms);
+  }
+  return {};
+}
+
 }  // namespace
 
-std::expected<OpenedEdge, std::string> open_edge(const config::RobotConfig& robot, const std::string& runtime_directory,
+std::expected<OpenedEdge, EdgeRefusal> open_edge(const config::RobotConfig& robot, const std::string& runtime_directory,
                                                  std::chrono::milliseconds hub_patience) {
   std::vector<JointOnBus> joints;
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
     auto driver = drivers::make_joint_driver(robot, joint);
-    if (!driver) return std::unexpected(driver.error());
+    if (!driver) return std::unexpected(EdgeRefusal{kExitUnavailable, driver.error()});
     joints.push_back({std::move(*driver), robot.joints[joint].bus});
   }
+  auto claims = drivers::claim_interfaces(robot.buses);
+  if (!claims) return std::unexpected(EdgeRefusal{kExitSetUpRefused, claims.error()});
   const auto give_up_at = std::chrono::steady_clock::now() + hub_patience;
   std::vector<std::unique_ptr<drivers::CanBus>> buses;
   std::vector<std::string> descriptions;
   for (std::size_t i = 0; i < robot.buses.size(); ++i) {
     auto opened = open_patiently(robot, i, runtime_directory, give_up_at);
-    if (!opened) return std::unexpected(opened.error());
+    if (!opened) return std::unexpected(EdgeRefusal{kExitUnavailable, opened.error()});
     buses.push_back(std::move(opened->bus));
     descriptions.push_back(std::move(opened->description));
   }
-  return OpenedEdge{DriveEdge(std::move(buses), std::move(joints), std::make_unique<drivers::WireGuard>(robot)), std::move(descriptions)};
+  if (const auto quiet = listen_for_others(robot, buses); !quiet)
+    return std::unexpected(EdgeRefusal{kExitSetUpRefused, quiet.error()});
+  return OpenedEdge{std::move(*claims),
+                    DriveEdge(std::move(buses), std::move(joints), std::make_unique<drivers::WireGuard>(robot)),
+                    std::move(descriptions)};
 }
 
 }  // namespace takt::runtime

@@ -1,4 +1,6 @@
 // Builds the edge to the drives a robot file describes: one driver per joint, one open bus per entry. Set-up only.
+// Before anything is sent it makes sure that nobody else commands the drives: the interfaces are claimed, and for
+// kListenFor nothing may be heard on the ids that are ours to send on.
 #pragma once
 
 #include <chrono>
@@ -7,18 +9,28 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
+#include "drivers/bus/interface_claim.hpp"
 #include "executive/runtime/drive_edge.hpp"
 
 namespace takt::runtime {
 
+// Longer than ten periods of the slowest loop.
+inline constexpr std::chrono::milliseconds kListenFor{100};
+
 struct OpenedEdge {
+  std::vector<drivers::InterfaceClaim> claims;  // held for as long as the edge
   DriveEdge edge;
   std::vector<std::string> bus_descriptions;  // one per bus, in configuration order
 };
 
+struct EdgeRefusal {
+  int exit_code;
+  std::string sentence;
+};
+
 // A bus that may fall back to the loopback hub is waited for until `hub_patience` has passed: the hub's process may
-// still be starting. The error is the sentence of the bus or drive that cannot be had.
-std::expected<OpenedEdge, std::string> open_edge(const config::RobotConfig& robot, const std::string& runtime_directory,
+// still be starting. The error is the sentence of the bus or drive that cannot be had, or of who commands it already.
+std::expected<OpenedEdge, EdgeRefusal> open_edge(const config::RobotConfig& robot, const std::string& runtime_directory,
                                                  std::chrono::milliseconds hub_patience);
 
 }  // namespace takt::runtime

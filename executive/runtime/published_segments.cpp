@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "executive/ipc/executive_segments.hpp"
+#include "executive/pipeline/tick_config.hpp"
 
 namespace takt::runtime {
 namespace {
@@ -13,6 +14,9 @@ std::span<const std::byte> bytes_of(const Value& value) noexcept {
 }
 
 }  // namespace
+
+// The tick lets a recorder be behind by what the ring holds twice.
+static_assert(ipc::tick_ring(1).slot_count >= 2 * pipeline::kLongestUnrecorded);
 
 std::expected<PublishedSegments::Ring, std::string> PublishedSegments::make(const char* name,
                                                                             const ipc::RingShape& shape) {

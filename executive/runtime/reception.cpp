@@ -22,6 +22,7 @@ std::expected<std::unique_ptr<Reception>, std::string> Reception::open(const std
 ipc::RendezvousServer::Handlers Reception::handlers() {
   return {.admit = [this](const ipc::Peer& peer) { return admit(peer); },
           .acknowledged = [this](const ipc::Peer& peer) { hand_over(peer); },
+          .recorded = [this](const ipc::Peer&, std::uint64_t tick) { parts_.recorded.set(tick); },
           .left = [this](const ipc::Peer& peer) { take_leave(peer); },
           .request = [this](const ipc::Peer&, const OperatorMessage& message) { return answer(message.verb); }};
 }
@@ -87,6 +88,7 @@ void Reception::hand_over(const ipc::Peer& peer) {
 void Reception::take_leave(const ipc::Peer& peer) {
   if (peer.hello.role == Role::operator_console) return;
   spdlog::info("{} left: pid {}", name(peer.hello.role), peer.pid);
+  if (peer.hello.role == Role::monitor) parts_.recorded.set(0);
   if (peer.hello.role != Role::policy) return;
   offered_.reset();
   if (std::exchange(policy_attached_, false)) parts_.mailboxes.want(nullptr);
@@ -99,6 +101,7 @@ StatusSnapshot Reception::status() {
   status.policy_pid = policy != nullptr ? static_cast<std::uint64_t>(policy->pid) : 0;
   status.monitor_pid = monitor != nullptr ? static_cast<std::uint64_t>(monitor->pid) : 0;
   status.realtime = realtime_ ? 1 : 0;
+  status.recorder_required = parts_.config.unrecorded_limit != 0 ? 1 : 0;
   return status;
 }
 

@@ -26,6 +26,7 @@
 #include "executive/runtime/mailbox_handover.hpp"
 #include "executive/runtime/operator_inbox.hpp"
 #include "executive/runtime/published_segments.hpp"
+#include "executive/runtime/recorded_through.hpp"
 #include "executive/runtime/status_board.hpp"
 #include "executive/runtime/tick_follower.hpp"
 
@@ -42,6 +43,7 @@ struct ReceptionParts {
   PublishedSegments& published;
   MailboxHandover& mailboxes;
   OperatorInbox& requests;
+  RecordedThrough& recorded;
   StatusBoard& board;
   TickFollower& follower;
   std::optional<uid_t> policy_user = {};  // who may be the policy besides our own user (ipc/rendezvous.hpp)

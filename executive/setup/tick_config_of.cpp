@@ -168,6 +168,7 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
   tick.enable_timeout = robot.feedback.enable_timeout;
   tick.bus_faults = bus_faults_of(robot.bus_faults, robot.control.period);
   tick.overrun_limit = robot.control.overrun_limit;
+  tick.unrecorded_limit = robot.record.recorder == Recorder::required ? pipeline::kLongestUnrecorded : 0;
   tick.rest_velocity = narrow(robot.feedback.rest_velocity);
   for (std::size_t j = 0; j < robot.joints.size(); ++j) tick.joints[j] = joint_of(robot.joints[j]);
   set_fallback(robot, tick);

@@ -45,6 +45,7 @@ bool is_drive_or_bus(Cause cause) {
     case Cause::bad_commands:
     case Cause::envelope_exceeded:
     case Cause::overrun:
+    case Cause::recording_lost:
     case Cause::internal_error:
     case Cause::operator_deenergise:
       return false;

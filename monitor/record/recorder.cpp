@@ -175,7 +175,9 @@ void Recorder::flush() {
 }
 
 void Recorder::flush_if_due(MonoTime now) {
-  if (now - flushed_at_ < kFlushPeriod) return;
+  // The first ticks at once: the executive waits for word that this is a recorder that records.
+  const bool is_first = flushed_ticks_ == 0 && manifest_.ticks != 0;
+  if (!is_first && now - flushed_at_ < kFlushPeriod) return;
   flushed_at_ = now;
   flush();
 }

@@ -1,9 +1,9 @@
 // Writes one run folder: ticks.mcap, transitions.jsonl, can.log, config.yaml and manifest.json.
 //
-// flush_if_due() hands everything older than half a second to the medium, so that a power cut loses at most the last
-// second. When a file takes no more data (disk full, size limit) or its medium refuses what it took, recording stops:
-// room kept in reserve is freed for the words that declare it, stop_reason() says why, and the recorder goes on
-// counting what it no longer writes. Thread rule: one thread. Errors of start() are one sentence.
+// flush_if_due() hands the first ticks at once, then everything older than half a second to the medium, so that a power
+// cut loses at most the last second. When a file takes no more data (disk full, size limit) or its medium refuses what
+// it took, recording stops: room kept in reserve is freed for the words that declare it, stop_reason() says why, and
+// the recorder goes on counting what it no longer writes. Thread rule: one thread. Errors of start() are one sentence.
 #pragma once
 
 #include <cstdint>
@@ -37,6 +37,8 @@ class Recorder {
   std::expected<void, std::string> finish(MonoTime now, const std::string& because);
 
   [[nodiscard]] const std::string& stop_reason() const { return manifest_.stopped_because; }  // empty: recording
+  // Newest tick that the medium has; 0: none yet, or recording stopped.
+  [[nodiscard]] std::uint64_t written_through() const { return stop_reason().empty() ? flushed_tick_ : 0; }
   [[nodiscard]] const RunManifest& manifest() const { return manifest_; }
 
  private:

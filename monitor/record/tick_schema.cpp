@@ -38,6 +38,7 @@ constexpr TickField kHeaderFields[] = {
     {"last_damped", u64, HEADER(last_damped), in, "bit per joint: the previous tick came too late, and damped it"},
     {"asked_at", i64, HEADER(asked_at), in, "ns, when the executive heard the stop or shutdown; 0: neither"},
     {"command_sequence_seen", u64, HEADER(command_sequence_seen), in, "of the message read; 0 none"},
+    {"recorded_through", u64, HEADER(recorded_through), in, "newest tick on the recorder's medium; 0: nothing records"},
     {"operator_request", u8, HEADER(operator_request), in, "", kRequests},
     {"overrun_cause", u8, HEADER(overrun_cause), in, "of the previous period", kOverruns},
     {"mailbox", u8, HEADER(mailbox), in, "ARRIVAL values; accepted: a message was read"},

@@ -75,6 +75,7 @@ class FakeSensor {
                                 return ipc::Admission{{}, {segment_.fd()}};
                               },
                           .acknowledged = [](const ipc::Peer&) {},
+                          .recorded = {},
                           .left = [](const ipc::Peer&) {},
                           .request = {}}) {}
   void publish(const SensorSample& sample) { writer_.publish(std::as_bytes(std::span(&sample, 1))); }
@@ -93,6 +94,7 @@ class FakeExecutive {
         writer_(observations_.writable(), ipc::observation_mailbox()),
         serving_(socket, {.admit = [this](const ipc::Peer& peer) { return admit(peer); },
                           .acknowledged = [this](const ipc::Peer&) { acknowledged_ = true; },
+                          .recorded = {},
                           .left = [](const ipc::Peer&) {},
                           .request = {}}) {}
 

@@ -8,12 +8,14 @@
 
 namespace takt::test {
 
-std::string patient_copy(const std::string& robot_file, const std::string& directory) {
+std::string patient_copy(const std::string& robot_file, const std::string& directory,
+                         const std::vector<config::Override>& changes) {
   const auto robot = config::load(robot_file);
   if (!robot) throw std::runtime_error(robot.error());
-  const config::Override patience[] = {{"feedback.timeout", "200 ms"},
-                                       {"simulation.drive_watchdog", "500 ms"},
-                                       {"policy.file", robot->policy ? robot->policy->file : ""}};
+  std::vector<config::Override> patience{{"feedback.timeout", "200 ms"},
+                                         {"simulation.drive_watchdog", "500 ms"},
+                                         {"policy.file", robot->policy ? robot->policy->file : ""}};
+  patience.insert(patience.end(), changes.begin(), changes.end());
   const auto patient = config::with_overrides(*robot, patience);
   if (!patient) throw std::runtime_error(patient.error());
   const std::string path = directory + "/" + std::filesystem::path(robot_file).filename().string();

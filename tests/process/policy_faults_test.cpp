@@ -85,21 +85,44 @@ TEST(PolicyFaults, SecondPolicyHostIsRefusedByName) {
   EXPECT_EQ(status->status.policy_pid, static_cast<std::uint64_t>(policy.pid())) << "the first lease must survive";
 }
 
-TEST(MonitorFaults, KilledMonitorCostsTheLoopNothingAndMayComeBack) {
+TEST(MonitorFaults, KilledMonitorStopsTheRobotAndMayComeBack) {
   RunningRobot robot;
   const Child policy = robot.start_policy_host();
   arm_and_track(robot);
   robot.monitor().signal(SIGKILL);
   EXPECT_EQ(robot.monitor().wait(std::chrono::seconds(20)), 128 + SIGKILL);
-  const auto before = robot.status();
-  ASSERT_TRUE(before.has_value());
-  // 500 more ticks without a monitor, and still in tracking.
-  const auto after = robot.wait_until([&](const StatusSnapshot& s) { return s.ticks > before->status.ticks + 500; });
-  ASSERT_TRUE(after.has_value());
-  EXPECT_EQ(after->status.tick.mode, Mode::tracking);
+  ASSERT_TRUE(robot.wait_for_mode(Mode::damped_stop)) << robot.logs();
+  EXPECT_NE(text_of(robot.directory() + "/executive.log").find("tracking -> damped_stop: recording_lost"),
+            std::string::npos);
+  EXPECT_EQ(robot.status()->status.tick.recorded_through, 0U);
   robot.monitor() = robot.start_monitor("run");
-  const auto attached = robot.wait_until([](const StatusSnapshot& s) { return s.monitor_pid != 0; });
-  ASSERT_TRUE(attached && attached->status.monitor_pid != 0) << robot.logs();
+  ASSERT_TRUE(robot.reset()) << robot.logs();
+  arm_and_track(robot);
+}
+
+// Stopped, not killed: its connection stays, its words end. What the rings hold meanwhile is still recorded later.
+TEST(MonitorFaults, AFrozenMonitorStopsTheRobotBeforeAnythingIsLost) {
+  RunningRobot robot;
+  const Child policy = robot.start_policy_host();
+  arm_and_track(robot);
+  robot.monitor().signal(SIGSTOP);
+  ASSERT_TRUE(robot.wait_for_mode(Mode::damped_stop)) << robot.logs();
+  robot.monitor().signal(SIGCONT);
+  expect_sound_evidence(robot, "recording_lost");
+  EXPECT_NE(text_of(robot.run_directory() + "/manifest.json").find("\"recorder\": \"required\""), std::string::npos);
+}
+
+TEST(MonitorFaults, WhereTheRobotFileSaysSoTheRobotMovesUnrecorded) {
+  RunningRobot robot({}, "config/arm6.yaml", {{"record.recorder", "optional"}});
+  const Child policy = robot.start_policy_host();
+  arm_and_track(robot);
+  robot.monitor().signal(SIGKILL);
+  const std::uint64_t later = robot.let_run(500);
+  const auto status = robot.status();
+  ASSERT_TRUE(status.has_value());
+  EXPECT_GE(status->status.ticks, later);
+  EXPECT_EQ(status->status.tick.mode, Mode::tracking);
+  EXPECT_EQ(status->status.recorder_required, 0);
 }
 
 // The review's file is a pipe, which lets nobody write before somebody reads: the review waits for the test.

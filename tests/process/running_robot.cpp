@@ -72,10 +72,11 @@ std::optional<int> Child::wait(std::chrono::seconds limit) {
   return std::nullopt;
 }
 
-RunningRobot::RunningRobot(const std::string& scenario, const std::string& robot_file) {
+RunningRobot::RunningRobot(const std::string& scenario, const std::string& robot_file,
+                           const std::vector<config::Override>& changes) {
   std::string pattern = (std::filesystem::temp_directory_path() / "takt-test.XXXXXX").string();
   directory_ = mkdtemp(pattern.data());
-  robot_file_ = patient_copy(robot_file, directory_);
+  robot_file_ = patient_copy(robot_file, directory_, changes);
   std::vector<std::string> faults;
   if (!scenario.empty()) faults = {"--scenario", scenario};
   plant_ = start("takt-plant", faults, "plant");
@@ -161,6 +162,16 @@ std::string RunningRobot::arm() const {
     std::this_thread::sleep_for(kPollEvery);
   }
   return refusal;
+}
+
+bool RunningRobot::reset() const {
+  for (int poll = 0; poll < kPolls; ++poll) {
+    const auto reply =
+        ipc::ask(config::executive_socket(directory_), OperatorVerb::reset, std::chrono::milliseconds(2000));
+    if (reply && reply->done != 0) return true;
+    std::this_thread::sleep_for(kPollEvery);
+  }
+  return false;
 }
 
 bool RunningRobot::finish() {

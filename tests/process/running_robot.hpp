@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "config/load.hpp"
 #include "executive/contract/session.hpp"
 
 namespace takt::test {
@@ -37,8 +38,9 @@ class Child {
 class RunningRobot {
  public:
   // Starts takt-plant, takt-executive and takt-monitor for a patient copy of this robot file; no policy yet.
-  // `scenario`: file of what goes wrong in the plant.
-  explicit RunningRobot(const std::string& scenario = {}, const std::string& robot_file = "config/arm6.yaml");
+  // `scenario`: file of what goes wrong in the plant. `changes`: to the robot file.
+  explicit RunningRobot(const std::string& scenario = {}, const std::string& robot_file = "config/arm6.yaml",
+                        const std::vector<config::Override>& changes = {});
   ~RunningRobot();
   RunningRobot(const RunningRobot&) = delete;
   RunningRobot& operator=(const RunningRobot&) = delete;
@@ -52,6 +54,8 @@ class RunningRobot {
   // Polls the executive until `holds` or 20 s passed; returns the last status.
   std::optional<OperatorReply> wait_until(const std::function<bool(const StatusSnapshot&)>& holds) const;
   bool wait_for_mode(Mode mode) const;
+  // Asks until the robot was reset or 20 s passed.
+  bool reset() const;
   // Asks until armed or 20 s passed; returns the last refusal, empty when armed.
   std::string arm() const;
   [[nodiscard]] std::optional<OperatorReply> status() const;

@@ -165,8 +165,8 @@ TEST_F(TelemetryTest, WhatIsScrapedIsWhatWasRecorded) {
   EXPECT_EQ(get(metrics_port_, "/metrics"), "") << "the port is free again";
 }
 
-// The monitor's files may not grow any more, as on a disk that is full: Prometheus hears of it while the robot tracks
-// on.
+// The monitor's files may not grow any more, as on a disk that is full: Prometheus hears of it, and the robot
+// stops.
 TEST_F(TelemetryTest, PrometheusHearsThatRecordingStopped) {
   start();
   const std::string unrecorded =
@@ -179,7 +179,8 @@ TEST_F(TelemetryTest, PrometheusHearsThatRecordingStopped) {
   ASSERT_EQ(prlimit(robot_->monitor().pid(), RLIMIT_FSIZE, &none, nullptr), 0);
   EXPECT_TRUE(until([&] { return sample(scrape(), unrecorded) > 0; })) << robot_->logs();
   EXPECT_EQ(sample(text, "takt_up{"), 0);
-  EXPECT_EQ(sample(text, "takt_mode{robot=\"" + name_ + "\",mode=\"tracking\"}"), 1) << text;
+  const std::string stopped = "takt_mode{robot=\"" + name_ + "\",mode=\"damped_stop\"}";
+  EXPECT_TRUE(until([&] { return sample(scrape(), stopped) == 1; })) << text;
   EXPECT_FALSE(robot_->finish()) << "the monitor ends with 1";
 }
 

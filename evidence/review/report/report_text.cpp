@@ -114,6 +114,12 @@ std::string_view realtime_word(const RunManifest& manifest) {
   return manifest.executive.at("realtime").get<bool>() ? "yes" : "NO: figures do not stand for a real-time machine";
 }
 
+// Empty: the robot could not move unrecorded.
+std::string_view recorder_line(const RunManifest& manifest) {
+  const bool optional = manifest.executive.is_object() && manifest.executive.value("recorder", "") == "optional";
+  return optional ? "recorder      OPTIONAL: the robot may have moved without being recorded\n" : "";
+}
+
 }  // namespace
 
 std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::size_t most) {
@@ -121,6 +127,7 @@ std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::
   std::string text = fmt::format("run           {}  robot {}  {:.1f} s  {} ticks\n", run.manifest.run_id,
                                  run.manifest.robot, metrics.span.seconds(), metrics.ticks);
   text += fmt::format("real-time     {}\n", realtime_word(run.manifest));
+  text += recorder_line(run.manifest);
   text += fmt::format("contract      Pr(age > {:g} ms) <= {:g} %\n\n", contract.max_age.milliseconds(),
                       100 * contract.epsilon);
   text += age_table("age per tick that relied on the policy", metrics.age_per_tick, kAgePartCount - 1);

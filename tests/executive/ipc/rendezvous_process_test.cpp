@@ -22,7 +22,8 @@ Hello policy_hello(const char* program) {
 }
 
 RendezvousServer::Handlers admit_all() {
-  return {.admit = [](const Peer&) { return Admission{}; }, .acknowledged = {}, .left = {}, .request = {}};
+  return {
+      .admit = [](const Peer&) { return Admission{}; }, .acknowledged = {}, .recorded = {}, .left = {}, .request = {}};
 }
 
 // A child that does `prepare`, tells us the outcome and sleeps until killed.

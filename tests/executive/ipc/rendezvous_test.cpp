@@ -33,7 +33,8 @@ Hello hello_of(Role role, const char* program = "takt-test") {
 }
 
 Handlers admit_all() {
-  return {.admit = [](const Peer&) { return Admission{}; }, .acknowledged = {}, .left = {}, .request = {}};
+  return {
+      .admit = [](const Peer&) { return Admission{}; }, .acknowledged = {}, .recorded = {}, .left = {}, .request = {}};
 }
 
 bool contains(const std::string& text, const std::string& part) {
@@ -275,20 +276,68 @@ TEST_F(Rendezvous, SpeakingOutOfTurnEndsTheLease) {
   EXPECT_EQ(acknowledgements, 1);
 }
 
-TEST_F(Rendezvous, ConnectionsAreBounded) {
-  const ServerThread server(path_, admit_all());
+TEST_F(Rendezvous, AMonitorSaysHowFarItHasRecorded) {
+  std::atomic<std::uint64_t> through = 0;
+  Handlers handlers = admit_all();
+  handlers.recorded = [&](const Peer&, std::uint64_t tick) { through = tick; };
+  ServerThread server(path_, handlers);
+  const auto monitor = attach(path_, hello_of(Role::monitor), kTimeout);
+  ASSERT_TRUE(monitor) << monitor.error();
+  for (const std::uint64_t tick : {41U, 42U}) {
+    tell_recorded(*monitor, tick);
+    while (through != tick && !is_over(*monitor)) std::this_thread::yield();
+    EXPECT_EQ(through, tick);
+  }
+  RecorderWord strange;
+  strange.magic = 0;
+  say(monitor->connection, &strange, sizeof strange);
+  EXPECT_EQ(answer_to(monitor->connection).status, WelcomeStatus::refused);
+  EXPECT_EQ(server.stopped().refusals().malformed, 1U);
+}
+
+// As many viewers as there may be: one more is told so, and whoever matters more still gets in.
+TEST_F(Rendezvous, ViewersAreBoundedAndKeepNobodyElseOut) {
+  Handlers handlers = admit_all();
+  handlers.request = [](const Peer&, const OperatorMessage&) { return OperatorReply{}; };
+  const ServerThread server(path_, handlers);
   std::vector<Lease> leases;
-  for (std::size_t i = 0; i < kMaxConnections; ++i) {
-    auto lease = attach(path_, hello_of(Role::sensor_reader), kTimeout);
+  for (std::size_t i = 0; i < kMaxReaders; ++i) {
+    auto lease = attach(path_, hello_of(i % 2 == 0 ? Role::viewer : Role::sensor_reader), kTimeout);
     ASSERT_TRUE(lease) << i << ": " << lease.error();
     leases.push_back(std::move(*lease));
   }
-  const auto one_more = attach(path_, hello_of(Role::policy), kTimeout);
+  const auto one_more = attach(path_, hello_of(Role::viewer), kTimeout);
   ASSERT_FALSE(one_more);
-  EXPECT_TRUE(contains(one_more.error(), "32 connections")) << one_more.error();
+  EXPECT_TRUE(contains(one_more.error(), "32 viewers")) << one_more.error();
+  const auto stopped = ask(path_, OperatorVerb::stop, kTimeout);
+  EXPECT_TRUE(stopped) << stopped.error();
+  const auto monitor = attach(path_, hello_of(Role::monitor), kTimeout);
+  EXPECT_TRUE(monitor) << monitor.error();
+  const auto policy = attach(path_, hello_of(Role::policy), kTimeout);
+  EXPECT_TRUE(policy) << policy.error();
   leases.pop_back();
   // The departed is noticed before the newcomer is heard.
-  EXPECT_TRUE(attach(path_, hello_of(Role::policy), kTimeout));
+  EXPECT_TRUE(attach(path_, hello_of(Role::viewer), kTimeout));
+}
+
+// Connections that say nothing, and operators that asked once and stay: never longer than until somebody asks.
+TEST_F(Rendezvous, WhoeverIsQuietGivesWayToAnOperator) {
+  Handlers handlers = admit_all();
+  handlers.request = [](const Peer&, const OperatorMessage&) { return OperatorReply{}; };
+  ServerThread server(path_, handlers);
+  std::vector<Descriptor> silent;
+  std::vector<Lease> operators;
+  for (std::size_t i = 0; i < 2 * kMaxAsking; ++i) {
+    silent.push_back(raw_client(path_));
+    auto lease = attach(path_, hello_of(Role::operator_console), kTimeout);
+    ASSERT_TRUE(lease) << i << ": " << lease.error();
+    operators.push_back(std::move(*lease));
+    const auto stopped = ask(path_, OperatorVerb::stop, kTimeout);
+    EXPECT_TRUE(stopped) << i << ": " << stopped.error();
+  }
+  EXPECT_EQ(answer_to(silent.front()).status, WelcomeStatus::refused);
+  EXPECT_TRUE(answer_to(operators.front().connection).hung_up);
+  EXPECT_GE(server.stopped().refusals().silent, 2 * kMaxAsking);
 }
 
 // A policy's process that opens all it can get: the owner has room for as many as ever.
@@ -310,7 +359,7 @@ TEST_F(Rendezvous, ThePolicysUserKeepsNoOperatorOut) {
   EXPECT_EQ(leases.size(), kMaxPolicyConnections);
   ASSERT_FALSE(one_more);
   EXPECT_TRUE(contains(one_more.error(), "8 connections")) << one_more.error();
-  while (leases.size() < kMaxPolicyConnections + kMaxConnections - 1) {
+  while (leases.size() < kMaxPolicyConnections + kMaxReaders) {
     auto lease = attach(path_, hello_of(Role::sensor_reader), kTimeout);
     ASSERT_TRUE(lease) << lease.error();
     leases.push_back(std::move(*lease));

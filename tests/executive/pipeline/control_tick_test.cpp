@@ -340,6 +340,77 @@ TEST(Faults, StandbyReportsButNeverLatches) {
   EXPECT_NE(rig.header().causes_active & bit(Cause::bus_down), 0U);
 }
 
+// A recorder that is required and keeps up until a test says otherwise: it has what was before this tick.
+class RecordedRig : public Rig {
+ public:
+  RecordedRig() : Rig(limited()) {}
+  void run_recorded(int ticks, OperatorRequest request = OperatorRequest::none) {
+    for (int i = 0; i < ticks; ++i) {
+      input.recorded_through = input.tick;
+      tick_with_policy(0.0F, request);
+    }
+  }
+  void arm_recorded() {
+    run_recorded(40);
+    run_recorded(1, OperatorRequest::arm);
+    run_recorded(50);
+  }
+
+ private:
+  static TickConfig limited() {
+    TickConfig config = robot(2);
+    config.unrecorded_limit = 100;
+    return config;
+  }
+};
+
+TEST(Recording, NobodyArmsWhileNothingIsRecorded) {
+  RecordedRig rig;
+  rig.arm();
+  EXPECT_EQ(rig.mode(), Mode::standby);
+  std::array<ArmingBlocker, 1> blocker;
+  ASSERT_EQ(arming_blockers(rig.out->record, rig.config, blocker), 1U);
+  EXPECT_TRUE(blocker[0].what.starts_with("nothing is recorded")) << blocker[0].what;
+  rig.arm_recorded();
+  EXPECT_EQ(rig.mode(), Mode::tracking);
+}
+
+TEST(Recording, ARobotThatMovesStopsWhenItsRecorderEnds) {
+  RecordedRig rig;
+  rig.arm_recorded();
+  rig.input.recorded_through = 0;
+  rig.tick_with_policy(0.0F);
+  EXPECT_EQ(rig.mode(), Mode::damped_stop);
+  EXPECT_EQ(rig.header().cause, Cause::recording_lost);
+}
+
+TEST(Recording, ARecorderMayBeBehindByTheLimitAndNoMore) {
+  RecordedRig rig;
+  rig.arm_recorded();
+  const std::uint64_t written = rig.input.recorded_through = rig.input.tick;
+  while (rig.input.tick < written + rig.config.unrecorded_limit) {
+    rig.tick_with_policy(0.0F);
+    ASSERT_EQ(rig.mode(), Mode::tracking) << rig.input.tick - written;
+  }
+  rig.tick_with_policy(0.0F);
+  EXPECT_EQ(rig.mode(), Mode::damped_stop);
+  EXPECT_EQ(rig.header().cause, Cause::recording_lost);
+}
+
+TEST(Recording, ATickThatHasNotHappenedCannotHaveBeenWritten) {
+  RecordedRig rig;
+  rig.arm_recorded();
+  rig.input.recorded_through = rig.input.tick + 2;
+  rig.tick_with_policy(0.0F);
+  EXPECT_EQ(rig.header().cause, Cause::recording_lost);
+}
+
+TEST(Recording, WhereItIsOptionalNothingWaitsForIt) {
+  Rig rig(robot(2));
+  rig.arm();
+  EXPECT_EQ(rig.mode(), Mode::tracking);
+}
+
 TEST(Commands, RepeatedRefusalsStopTheRobot) {
   Rig rig(robot(2));
   rig.arm();

@@ -51,6 +51,7 @@ class RandomRun {
     config.degraded = static_cast<DegradedBehaviour>(seed % 3);
     config.freshness.window_ticks = 100 + seed % 900;
     config.resume_over = milliseconds(seed % 5 * 100);
+    config.unrecorded_limit = seed % 3 == 0 ? 0 : 20;
     return config;
   }
   bool chance(std::uint32_t one_in) { return random_() % one_in == 0; }
@@ -73,6 +74,8 @@ class RandomRun {
     rig_.input.buses[0].flooded = chance(15) ? 1 : 0;
     rig_.input.skipped_periods += chance(100) ? random_() % 5 : 0U;
     rig_.late = chance(20) ? random_() : 0U;
+    if (!chance(200)) rig_.input.recorded_through = rig_.input.tick;
+    if (chance(3000)) rig_.input.recorded_through = 0;
     rig_.input.lateness = microseconds(static_cast<std::int64_t>(random_() % 300));
     rig_.input.overrun_cause = chance(40) ? OverrunCause::platform_stall : OverrunCause::none;
   }

@@ -24,6 +24,7 @@ const std::map<Cause, std::string>& expected() {
                                                  {Cause::contract_restored, "...t.."},
                                                  {Cause::command_lost, ".ppp.."},
                                                  {Cause::bad_commands, ".ppp.."},
+                                                 {Cause::recording_lost, ".ppp.."},
                                                  {Cause::feedback_lost, ".ffff."},
                                                  {Cause::drive_fault, ".ffff."},
                                                  {Cause::drive_disabled, "..fff."},

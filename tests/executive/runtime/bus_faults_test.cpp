@@ -167,7 +167,7 @@ TEST(BusFaults, ARivalControllerShowsAsForeignFrames) {
                                                 {robot.buses[bus].interface, false, drivers::device_ids(robot, bus)})
                        .value());
   auto edge = open_edge(robot, directory, std::chrono::milliseconds(0));
-  ASSERT_TRUE(edge) << edge.error();
+  ASSERT_TRUE(edge) << edge.error().sentence;
   auto rival = drivers::LoopbackBus::connect(config::loopback_socket(directory, robot.buses[1].interface), {}).value();
   for (const auto& hub : hubs) hub->pump({});
   PublishedSegments records = PublishedSegments::create(robot.joints.size()).value();

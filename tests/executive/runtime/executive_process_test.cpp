@@ -11,9 +11,11 @@
 #include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 
 #include "config/load.hpp"
+#include "drivers/bus/interface_claim.hpp"
 #include "executive/ipc/rendezvous.hpp"
 #include "executive/runtime/service_manager.hpp"
 #include "tests/executive/runtime/holding_policy.hpp"
@@ -32,7 +34,7 @@ class ExecutiveTest : public testing::Test {
 
   void connect_drives() { drives_ = std::make_unique<SimulatedDrives>(robot_, directory_); }
   ExecutiveProcess start(std::vector<std::string> extra = {"--allow-non-realtime"}) const {
-    std::vector<std::string> arguments{"--robot", "config/arm6.yaml", "--runtime-dir", directory_};
+    std::vector<std::string> arguments{"--robot", robot_file_, "--runtime-dir", directory_};
     arguments.insert(arguments.end(), extra.begin(), extra.end());
     return ExecutiveProcess(arguments);
   }
@@ -56,7 +58,16 @@ class ExecutiveTest : public testing::Test {
     return false;
   }
 
+  // A robot that may move unrecorded: no monitor runs here.
+  void need_no_recorder() {
+    const config::Override changes[] = {{"record.recorder", "optional"}, {"policy.file", robot_.policy->file}};
+    robot_ = config::with_overrides(robot_, changes).value();
+    robot_file_ = directory_ + "/arm6.yaml";
+    std::ofstream(robot_file_) << robot_.resolved;
+  }
+
   std::string directory_ = testing::TempDir() + "takt-executive-XXXXXX";
+  std::string robot_file_ = "config/arm6.yaml";
   config::RobotConfig robot_ = config::load("config/arm6.yaml").value();
   std::unique_ptr<SimulatedDrives> drives_;
 };
@@ -118,6 +129,7 @@ TEST_F(ExecutiveTest, ItWritesDownWhatItIsAndRemovesItWhenItEnds) {
   EXPECT_EQ(facts.at("schema"), "takt.executive/1");
   EXPECT_EQ(facts.at("pid"), executive.pid());
   EXPECT_EQ(facts.at("config_sha256"), robot_.sha256);
+  EXPECT_EQ(facts.at("recorder"), "required");
   std::ifstream program(TAKT_BIN_DIR "/takt-executive", std::ios::binary);
   EXPECT_EQ(facts.at("binary_sha256"), config::sha256_hex(std::string{std::istreambuf_iterator<char>(program), {}}));
   EXPECT_EQ(facts.at("buses").size(), robot_.buses.size());
@@ -144,7 +156,28 @@ TEST_F(ExecutiveTest, ASecondOneIsRefusedAndTheFirstIsUndisturbed) {
   EXPECT_EQ(first.wait(), 0);
 }
 
+// The interface of the first bus exists (it carries no CAN frames, which is found later), and this process has it.
+TEST_F(ExecutiveTest, AnInterfaceThatSomebodyHasIsRefusedWhateverTheRuntimeDirectory) {
+  std::string text = robot_.resolved;
+  const std::string interface = "interface: " + robot_.buses[0].interface;
+  ASSERT_NE(text.find(interface), std::string::npos);
+  text.replace(text.find(interface), interface.size(), "interface: lo");
+  const std::string policy = std::filesystem::path(robot_.policy->file).filename();
+  std::filesystem::copy(robot_.policy->file, directory_ + "/" + policy);
+  robot_file_ = directory_ + "/arm6.yaml";
+  std::ofstream(robot_file_) << text;
+  std::optional claim = drivers::InterfaceClaim::make("lo");
+  ASSERT_TRUE(*claim) << claim->error();
+  ExecutiveProcess refused = start();
+  EXPECT_EQ(refused.wait(), 71);
+  EXPECT_THAT(refused.errors(), HasSubstr("lo: another process of Takt (pid " + std::to_string(getpid()) + ")"));
+  claim.reset();
+  ExecutiveProcess later = start();
+  EXPECT_EQ(later.wait(), 69) << later.errors();
+}
+
 TEST_F(ExecutiveTest, SigtermWhileTrackingStopsTheRobotAndDisablesItsDrives) {
+  need_no_recorder();
   connect_drives();
   ExecutiveProcess executive = start();
   ASSERT_TRUE(until_ticking());

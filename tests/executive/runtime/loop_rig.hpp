@@ -151,8 +151,8 @@ class LoopRig {
         edge(make_edge(joint_count, bus_count)),
         published(PublishedSegments::create(joint_count).value()),
         ticks(published.tick_reader()),
-        loop({config, real_time != nullptr ? *real_time : clock, edge, mailboxes, requests, published, board}, timing) {
-  }
+        loop({config, real_time != nullptr ? *real_time : clock, edge, mailboxes, requests, recorded, published, board},
+             timing) {}
 
   void run(std::uint64_t count) { loop.run(EvidenceSource::open().value(), count); }
   // The newest frames that crossed the edge, or were kept from it.
@@ -185,6 +185,7 @@ class LoopRig {
   DriveEdge edge;
   MailboxHandover mailboxes;
   OperatorInbox requests;
+  RecordedThrough recorded;
   PublishedSegments published;
   ipc::SlotReader ticks;
   StatusBoard board;

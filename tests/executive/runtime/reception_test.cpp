@@ -29,7 +29,9 @@ constexpr std::uint64_t kPolicyHash = 0x1122334455667788;
 // An executive but for main(): a loop without real-time scheduling, and its reception.
 class ReceptionTest : public testing::Test {
  protected:
-  ReceptionTest() {
+  // `unrecorded_limit` 0: no recorder is required, and these tests have none.
+  explicit ReceptionTest(std::uint32_t unrecorded_limit = 0) {
+    config_->unrecorded_limit = unrecorded_limit;
     // The loop runs without real-time scheduling here: limits that a busy machine does not reach.
     config_->feedback_timeout = seconds(1);
     config_->enable_timeout = seconds(10);
@@ -39,12 +41,13 @@ class ReceptionTest : public testing::Test {
     EXPECT_NE(mkdtemp(directory_.data()), nullptr);
     drives_ = std::make_unique<SimulatedDrives>(robot_, directory_);
     edge_ = std::make_unique<DriveEdge>(open_edge(robot_, directory_, 5s).value().edge);
-    loop_ = std::make_unique<CyclicLoop>(LoopParts{*config_, clock_, *edge_, mailboxes_, requests_, published_, board_},
-                                         LoopTiming{{}, {}, 1000});
+    loop_ = std::make_unique<CyclicLoop>(
+        LoopParts{*config_, clock_, *edge_, mailboxes_, requests_, recorded_, published_, board_},
+        LoopTiming{{}, {}, 1000});
     follower_ =
         std::make_unique<TickFollower>(published_.tick_reader(), config_->rest_velocity, [](const TickRecord&) {});
     auto opened = Reception::open(path(), {robot_, *config_, admission_rules(robot_, kPolicyHash), published_,
-                                           mailboxes_, requests_, board_, *follower_});
+                                           mailboxes_, requests_, recorded_, board_, *follower_});
     EXPECT_TRUE(opened) << opened.error();
     reception_ = std::move(*opened);
     reception_->set_realtime(true, false);
@@ -125,6 +128,7 @@ class ReceptionTest : public testing::Test {
   SystemClock clock_;
   MailboxHandover mailboxes_;
   OperatorInbox requests_;
+  RecordedThrough recorded_;
   StatusBoard board_;
   PublishedSegments published_ = PublishedSegments::create(robot_.joints.size()).value();
   std::unique_ptr<CyclicLoop> loop_;
@@ -136,7 +140,7 @@ class ReceptionTest : public testing::Test {
 
 TEST_F(ReceptionTest, ASecondExecutiveIsTurnedAway) {
   auto second = Reception::open(path(), {robot_, *config_, admission_rules(robot_, kPolicyHash), published_, mailboxes_,
-                                         requests_, board_, *follower_});
+                                         requests_, recorded_, board_, *follower_});
   ASSERT_FALSE(second);
   EXPECT_THAT(second.error(), HasSubstr(path()));
 }
@@ -309,6 +313,63 @@ TEST_F(ReceptionTest, WithoutRealTimeNobodyArmsUnlessAllowed) {
   EXPECT_EQ(reply.done, 0);
   EXPECT_THAT(reply.sentences, HasSubstr("--allow-non-realtime"));
   EXPECT_EQ(reply.status.realtime, 0);
+}
+
+// A robot that may not move unrecorded, as robot files have it unless they say otherwise.
+class RecordedReceptionTest : public ReceptionTest {
+ protected:
+  RecordedReceptionTest() : ReceptionTest(pipeline::kLongestUnrecorded) {}
+  [[nodiscard]] ipc::Lease attach_monitor() const { return ipc::attach(path(), hello(Role::monitor), 5s).value(); }
+  // The monitor writes every tick that was over when it was asked.
+  bool until_with(const ipc::Lease& monitor, const std::function<bool(const StatusSnapshot&)>& holds) const {
+    return until([&](const StatusSnapshot& status) {
+      ipc::tell_recorded(monitor, status.ticks);
+      return holds(status);
+    });
+  }
+  bool arms_with(const ipc::Lease& monitor) const {
+    return until_with(monitor, [this](const StatusSnapshot&) { return ask(OperatorVerb::arm).done != 0; }) &&
+           until_with(monitor, [](const StatusSnapshot& status) { return status.tick.mode == Mode::tracking; });
+  }
+  bool stops_for_its_recorder() const {
+    constexpr std::uint64_t kLost = std::uint64_t{1} << static_cast<unsigned>(Cause::recording_lost);
+    return until([](const StatusSnapshot& status) {
+      return status.tick.mode == Mode::damped_stop && (status.tick.causes_active & kLost) != 0;
+    });
+  }
+};
+
+TEST_F(RecordedReceptionTest, NobodyArmsUntilTheMonitorSaysThatItWrites) {
+  const Attached policy = attach_policy();
+  ASSERT_TRUE(until([](const StatusSnapshot& status) { return status.tick.freshness == Freshness::fresh; }));
+  const OperatorReply alone = ask(OperatorVerb::arm);
+  EXPECT_EQ(alone.done, 0);
+  EXPECT_THAT(alone.sentences, HasSubstr("nothing is recorded: start takt-monitor"));
+  EXPECT_EQ(alone.status.recorder_required, 1);
+  const ipc::Lease monitor = attach_monitor();
+  EXPECT_EQ(ask(OperatorVerb::arm).done, 0) << "a monitor that is there has written nothing yet";
+  EXPECT_TRUE(arms_with(monitor));
+  EXPECT_NE(ask(OperatorVerb::status).status.tick.recorded_through, 0U);
+}
+
+TEST_F(RecordedReceptionTest, AMovingRobotStopsWhenItsRecordingEnds) {
+  const Attached policy = attach_policy();
+  {
+    const ipc::Lease monitor = attach_monitor();
+    ASSERT_TRUE(arms_with(monitor));
+    ipc::tell_recorded(monitor, 0);  // a full disk
+    EXPECT_TRUE(stops_for_its_recorder());
+    ASSERT_TRUE(until_with(monitor, [this](const StatusSnapshot&) { return ask(OperatorVerb::reset).done == 1; }));
+    ASSERT_TRUE(arms_with(monitor));
+  }  // the monitor dies
+  EXPECT_TRUE(stops_for_its_recorder());
+}
+
+TEST_F(RecordedReceptionTest, AMonitorThatIsThereButFallsBehindIsNoRecorder) {
+  const Attached policy = attach_policy();
+  const ipc::Lease monitor = attach_monitor();
+  ASSERT_TRUE(arms_with(monitor));
+  EXPECT_TRUE(stops_for_its_recorder()) << "it says nothing more";
 }
 
 }  // namespace

@@ -38,10 +38,16 @@ class ServiceTest : public testing::Test {
     rig_.buses[0]->on_send = [this] {
       while (hang_) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     };
-    reception_ =
-        Reception::open(directory_ + "/executive.sock",
-                        {robot_, rig_.config, {}, rig_.published, rig_.mailboxes, rig_.requests, rig_.board, follower_})
-            .value();
+    reception_ = Reception::open(directory_ + "/executive.sock", {robot_,
+                                                                  rig_.config,
+                                                                  {},
+                                                                  rig_.published,
+                                                                  rig_.mailboxes,
+                                                                  rig_.requests,
+                                                                  rig_.recorded,
+                                                                  rig_.board,
+                                                                  follower_})
+                     .value();
     control_ = std::thread([this] { rig_.loop.run(EvidenceSource::open().value()); });
     service_ = std::thread([this] { serve(*reception_, follower_, rig_.board, rig_.requests, introduction_); });
   }

@@ -36,6 +36,12 @@ TEST(TickConfigOf, TheResumeRampHasADefault) {
   EXPECT_EQ(tick_of(test::with("fallback: tuck }", "fallback: tuck, resume_over: 0 ms }")).resume_over, Duration{});
 }
 
+TEST(TickConfigOf, ARecorderIsRequiredUnlessTheFileSaysOtherwise) {
+  EXPECT_EQ(tick_of(test::kSmallRobot).unrecorded_limit, pipeline::kLongestUnrecorded);
+  const std::string optional = std::string(test::kSmallRobot) + "record: { recorder: optional }\n";
+  EXPECT_EQ(tick_of(optional).unrecorded_limit, 0U);
+}
+
 TEST(TickConfigOf, BusFaultsHaveDefaultsAndBecomeTicksAndShares) {
   const pipeline::BusFaultLimits none = tick_of(test::kSmallRobot).bus_faults;
   const pipeline::BusFaultLimits defaults;

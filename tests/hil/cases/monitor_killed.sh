@@ -1,7 +1,7 @@
 #!/bin/bash
-# Goal: the monitor's death does not touch the robot; it is restarted, records into a folder of its own, and to the last stop.
-# Method: SIGKILL to the monitor while tracking; the executive goes on without a late period, in the same mode. Then the whole target is stopped: the second run
-#   must hold the damped stop. Both recordings are handed to the host, which replays them.
+# Goal: a robot whose monitor dies stops, without a late period; the monitor is restarted, records into a folder of its own, and to the last stop.
+# Method: SIGKILL to the monitor while tracking: a damped stop for recording_lost. Reset and armed again once another monitor writes. Then the whole target
+#   is stopped: the second run must hold the damped stop. Both recordings are handed to the host, which replays them.
 # Mode: virtual
 # Limit: 90 s
 # Planted fault: `Restart=no` in the unit: no second folder.
@@ -10,9 +10,12 @@
 tracking_arm6
 sleep 1
 kill -KILL "$(main_pid takt-monitor)"
+within 2 "damped stop" mode_is damped_stop
+journalctl -u takt-executive -o cat | grep -q "tracking -> damped_stop: recording_lost" || fail "stopped for another reason"
 within 10 "monitor restarted" restarts_are takt-monitor 1
 no_overrun_in 1000 "without and with another monitor"
-mode_is tracking || fail "mode $(field mode)"
+within 10 "reset" takt reset --runtime-dir $RUN
+tracking
 within 5 "second run folder" eval '[ "$(ls /var/lib/takt/runs | wc -l)" = 2 ]'
 systemctl stop takt.target
 within 20 "the monitor ended" eval '! is_active takt-monitor && ! is_active takt-executive'

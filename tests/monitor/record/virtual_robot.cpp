@@ -127,6 +127,7 @@ void VirtualRobot::publish() {
 
 void VirtualRobot::step() {
   ++input_->tick;
+  input_->recorded_through = input_->tick;  // nothing here is lost
   input_->now = MonoTime{kStart} + config_.period * static_cast<std::int64_t>(input_->tick);
   input_->lateness = microseconds(static_cast<std::int64_t>(input_->tick % 40));
   input_->last_duration = microseconds(8);
