@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "executive/contract/command_chunk.hpp"
 #include "executive/contract/mono_time.hpp"
 
 namespace takt::config {
@@ -294,5 +295,10 @@ struct RobotConfig {
   std::string sha256;      // of `resolved`, hex
   std::uint64_t hash = 0;  // first 8 bytes of it, big-endian
 };
+
+// Bytes of the largest chunk a policy may send to this robot.
+inline std::size_t largest_command_of(const RobotConfig& robot) {
+  return largest_command_bytes(robot.joints.size(), robot.policy ? robot.policy->steps : 0);
+}
 
 }  // namespace takt::config

@@ -62,7 +62,8 @@ std::expected<ExecutiveSession, std::string> ExecutiveSession::attach(Role role,
         fmt::format("the executive handed out {} segments instead of {}: use programs of one version",
                     lease->descriptors.size(), rings));
   }
-  const ipc::RingShape shapes[rings] = {ipc::tick_ring(robot.joints.size()), ipc::command_ring(), ipc::keyframe_ring(),
+  const ipc::RingShape shapes[rings] = {ipc::tick_ring(robot.joints.size()),
+                                        ipc::command_ring(config::largest_command_of(robot)), ipc::keyframe_ring(),
                                         ipc::frame_ring()};
   ExecutiveSession session;
   for (std::size_t ring = 0; ring < rings; ++ring) {

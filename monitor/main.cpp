@@ -84,7 +84,7 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
   const auto folder = RunFolder::create(wanted_folder(options, robot, manifest.run_id));
   auto recorder =
       folder ? Recorder::start(*folder, manifest, robot, options.max_file_mib << 20U) : std::unexpected(folder.error());
-  auto stream = RecordStream::attach(session.rings(), robot.joints.size());
+  auto stream = RecordStream::attach(session.rings(), robot.joints.size(), config::largest_command_of(robot));
   if (!recorder || !stream) {
     spdlog::error("{}", recorder ? stream.error() : recorder.error());
     return Recorded::not_at_all;

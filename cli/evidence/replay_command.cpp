@@ -30,7 +30,8 @@ int replay(const Options& options) {
   } else {
     fmt::print("{}", monitor::replay_text(*report));
   }
-  return report->reproduces() ? kExitOk : kExitFailed;
+  if (!report->reproduces()) return kExitFailed;
+  return report->not_judged == 0 ? kExitOk : kExitNotJudged;
 }
 
 }  // namespace
@@ -43,9 +44,8 @@ void add_replay(CLI::App& app, int& exit_code) {
   command->add_flag("--json", options->json, "one line of JSON");
   command->footer(
       "Example: takt replay runs/20261121T093300Z-arm6-3f9a2c --from 12000\n"
-      "Exit codes: 0 every judged tick reproduces bit for bit; 1 one does not (tick, field and both values are "
-      "named),\n"
-      "or nothing could be judged.");
+      "Exit codes: 0 every tick reproduces bit for bit; 1 one does not (tick, field and both values are named), or\n"
+      "nothing could be judged; 2 every judged tick does, but some could not be judged.");
   command->callback([options, &exit_code] { exit_code = replay(*options); });
 }
 

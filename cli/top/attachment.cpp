@@ -41,7 +41,7 @@ void Attachment::attach(MonoTime now) {
   tried_at_ = now;
   auto session = ExecutiveSession::attach(Role::viewer, "takt-top", runtime_directory_, robot_, kPatience);
   if (!session) return view_.wait(session.error());
-  auto stream = RecordStream::attach(session->rings(), robot_.joints.size());
+  auto stream = RecordStream::attach(session->rings(), robot_.joints.size(), config::largest_command_of(robot_));
   if (!stream) return view_.wait(stream.error());
   session_ = std::move(*session);
   stream_ = std::move(*stream);

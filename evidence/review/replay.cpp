@@ -7,8 +7,8 @@
 #include <memory>
 #include <utility>
 
-#include "executive/ipc/crc32c.hpp"
 #include "executive/ipc/executive_segments.hpp"
+#include "executive/pipeline/arrival.hpp"
 #include "executive/pipeline/control_tick.hpp"
 #include "executive/setup/tick_config_of.hpp"
 
@@ -49,7 +49,7 @@ class Replayer {
   void command(const RecordedCommand& command) {
     if (command.tick <= start_behind_) return;
     pending_ = command;
-    if (ipc::crc32c(command.payload) == command.crc) return;
+    if (crc_of(command) == command.crc) return;
     const auto field = mend_flipped_bit(*pending_);
     note({command.tick, field ? "command " + *field : "command (more than one bit altered)", {}, {}, {}, true});
     altered_tick_ = command.tick;
@@ -119,8 +119,11 @@ class Replayer {
     const bool there = pending_ && pending_->tick == header.tick;
     if (there) {
       chunk_ = std::make_unique<CommandChunk>();
-      command_bytes_ = std::min(pending_->payload.size(), sizeof(CommandChunk));
-      std::memcpy(chunk_.get(), pending_->payload.data(), command_bytes_);
+      const std::size_t kept = std::min(pending_->payload.size(), sizeof(CommandChunk));
+      std::memcpy(chunk_.get(), pending_->payload.data(), kept);
+      command_bytes_ = pending_->cut_from != 0 ? pending_->cut_from : kept;
+      values_ = pending_->cut_from != 0 ? pipeline::values_behind(header.arrival) : Arrival::none;
+      if (pending_->cut_from != 0 && header.tick >= from_) ++report_.by_header;
       pending_.reset();
     }
     return there == (header.mailbox == Arrival::accepted);
@@ -128,7 +131,9 @@ class Replayer {
 
   void recompute(const TickRecord& recorded) {
     const CommandChunk* command = recorded.header.mailbox == Arrival::accepted ? chunk_.get() : nullptr;
-    pipeline::control_tick(*state_, pipeline::input_of(recorded, command, command_bytes_), config_, *output_);
+    pipeline::TickInput input = pipeline::input_of(recorded, command, command_bytes_);
+    input.command_values = values_;
+    pipeline::control_tick(*state_, input, config_, *output_);
   }
 
   [[nodiscard]] bool is_equal(const TickRecord& recorded) const {
@@ -169,6 +174,7 @@ class Replayer {
   std::unique_ptr<pipeline::TickOutput> output_ = std::make_unique<pipeline::TickOutput>();
   std::unique_ptr<CommandChunk> chunk_;
   std::size_t command_bytes_ = 0;
+  Arrival values_ = Arrival::none;
   std::optional<RecordedCommand> pending_;
   Bytes saved_;
   ReplayReport report_;

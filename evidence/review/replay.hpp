@@ -4,6 +4,7 @@
 // keyframe behind a gap or a mismatch; ticks between are counted as not judged. Every keyframe met on the way must
 // equal the recomputed state. Each record also carries a checksum made when it was recorded, so that an altered record
 // is found even where the decision does not depend on the altered field; one flipped bit is located and named.
+// Of a refused message of which only the header was kept, what was found in its values is taken from the record.
 #pragma once
 
 #include <cstdint>
@@ -30,6 +31,7 @@ struct ReplayReport {
   std::uint64_t identical = 0;   // reproduced bit for bit
   std::uint64_t mismatches = 0;  // ticks that did not
   std::uint64_t not_judged = 0;  // behind a gap or a mismatch, before the next keyframe
+  std::uint64_t by_header = 0;   // read a refused message of which only the header was kept
   std::uint64_t gaps = 0;        // breaks in the recorded ticks or their commands
   std::uint64_t keyframes = 0;   // compared with the recomputed state, equal
   std::uint64_t started_at = 0;  // first tick judged; 0 none

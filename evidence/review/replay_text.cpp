@@ -25,6 +25,10 @@ std::string replay_text(const ReplayReport& report) {
     text += fmt::format("{} ticks could not be judged: {} gaps; replay starts again at the next keyframe\n",
                         report.not_judged, report.gaps);
   }
+  if (report.by_header != 0) {
+    text += fmt::format("{} refused messages were kept by their header: what was found in their values is not judged\n",
+                        report.by_header);
+  }
   if (report.file.damaged_chunks != 0) {
     text += fmt::format("{} chunks of ticks.mcap are damaged and were skipped\n", report.file.damaged_chunks);
   }
@@ -44,6 +48,7 @@ nlohmann::ordered_json to_json(const ReplayReport& report) {
                               {"identical", report.identical},
                               {"mismatches", report.mismatches},
                               {"not_judged", report.not_judged},
+                              {"by_header", report.by_header},
                               {"gaps", report.gaps},
                               {"keyframes_equal", report.keyframes},
                               {"started_at", report.started_at},

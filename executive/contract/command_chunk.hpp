@@ -66,6 +66,12 @@ constexpr std::size_t field_count(std::uint8_t fields) {
 
 inline constexpr std::size_t kMaxChunkValues = kMaxChunkSteps * kMaxJoints * kCommandFieldCount;
 
+// Bytes of the largest chunk that is legal for a robot whose policies send `step_count` steps; 0: any number of them.
+constexpr std::size_t largest_command_bytes(std::size_t joint_count, std::size_t step_count) {
+  const std::size_t steps = step_count == 0 ? kMaxChunkSteps : step_count;
+  return sizeof(CommandHeader) + 4 * steps * joint_count * kCommandFieldCount;
+}
+
 struct CommandChunk {
   CommandHeader header;
   float values[kMaxChunkValues] = {};

@@ -131,10 +131,18 @@ struct FrameRecord {
 };
 static_assert(std::is_standard_layout_v<FrameRecord> && sizeof(FrameRecord) == 88);
 
-// Prefix of the command and keyframe rings' payloads; the chunk's or the state's used bytes follow.
+// Prefix of the keyframe ring's payloads; the state's used bytes follow.
 struct TickTag {
   std::uint64_t tick = 0;
 };
 static_assert(sizeof(TickTag) == 8);
+
+// Prefix of the command ring's payloads. The message follows: whole, or, of a refused one, only its header.
+struct CommandTag {
+  std::uint64_t tick = 0;   // that read it
+  std::uint32_t bytes = 0;  // of the message, whatever follows of it
+  std::uint32_t crc = 0;    // CRC-32C of the message where only its header follows; 0: too long to have been read
+};
+static_assert(sizeof(CommandTag) == 16);
 
 }  // namespace takt

@@ -34,12 +34,22 @@ constexpr RingShape sensor_mailbox() {
   return {kMailboxSlots, sizeof(SensorSample), kSensorSampleLayout};
 }
 
-// At 1 kHz: 8 s of ticks, 2.5 s of commands at 50 Hz, 8 keyframes, 2.7 s of frames at 24 per tick.
+// Of what the largest chunk leaves room for in about 16 MiB: 128 to 8192 messages.
+constexpr std::uint32_t command_slots(std::size_t slot_bytes) {
+  std::uint32_t slots = 8192;
+  while (slots > 128 && slots * slot_bytes > (std::size_t{16} << 20U)) slots /= 2;
+  return slots;
+}
+
+// At 1 kHz: 8 s of ticks, 128 or more commands (8 s of one per tick where they are small), 8 keyframes, 2.7 s of frames
+// at 24 per tick.
 constexpr RingShape tick_ring(std::size_t joint_count) {
   return {8192, static_cast<std::uint32_t>(TickRecord::used_bytes(joint_count)), kTickRecordLayout};
 }
-constexpr RingShape command_ring() {
-  return {128, static_cast<std::uint32_t>(sizeof(TickTag) + sizeof(CommandChunk)), kCommandLayout};
+// `largest_command`: bytes, largest_command_bytes() of the robot.
+constexpr RingShape command_ring(std::size_t largest_command = sizeof(CommandChunk)) {
+  const std::size_t bytes = sizeof(CommandTag) + largest_command;
+  return {command_slots(bytes), static_cast<std::uint32_t>(bytes), kCommandLayout};
 }
 constexpr RingShape keyframe_ring() {
   return {8, kMaxKeyframeBytes, kTickRecordLayout};

@@ -74,11 +74,15 @@ ReadResult SlotReader::copy_slot(std::uint64_t sequence, std::span<std::byte> ou
   }
   const std::uint64_t size_and_crc = slot.size_and_crc.load(std::memory_order_acquire);
   const auto size = static_cast<std::uint32_t>(size_and_crc);
-  const bool fits = size <= std::min<std::size_t>(shape_.payload_capacity, out.size());
-  if (fits) load_words(&shared_at<Word>(at + sizeof(SlotHeader)), out.data(), size);
+  const bool fits = size <= shape_.payload_capacity;
+  const bool is_cut = fits && size > out.size();
+  if (fits) load_words(&shared_at<Word>(at + sizeof(SlotHeader)), out.data(), is_cut ? out.size() : size);
 
   if (slot.version.load(std::memory_order_relaxed) != version) {
     result.status = ReadStatus::contended;
+  } else if (is_cut) {
+    result.status = ReadStatus::cut;
+    result.size = size;
   } else if (!fits || payload_crc(size, out.first(size), {}) != size_and_crc >> 32U) {
     result.status = ReadStatus::corrupt;
   } else {

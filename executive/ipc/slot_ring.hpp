@@ -50,13 +50,14 @@ class SlotWriter {
 // contended: the writer was faster on every try; ask again later.
 // corrupt: the segment says something no honest writer says (checksum, size, version or head running backwards); the
 // payload, if it was one, is skipped.
-enum class ReadStatus : std::uint8_t { fresh, nothing_new, contended, corrupt };
+// cut: the payload is larger than `out`, as the size says. Its beginning is there, unchecked; the rest was not read.
+enum class ReadStatus : std::uint8_t { fresh, nothing_new, contended, corrupt, cut };
 
 struct ReadResult {
   ReadStatus status = ReadStatus::nothing_new;
   std::uint64_t sequence = 0;  // of the payload returned or refused; 1, 2, 3, ...; 0 none
   std::uint64_t lost = 0;      // read_next: payloads overwritten before this one could be read
-  std::uint32_t size = 0;      // bytes of payload returned
+  std::uint32_t size = 0;      // bytes of the payload: all of them returned, unless it was cut
   int tries = 0;
 };
 
@@ -65,7 +66,7 @@ class SlotReader {
   // Checks magic, ABI version, shape, layout and size against what is expected; the error is one sentence.
   static std::expected<SlotReader, std::string> attach(std::span<const std::byte> memory, const RingShape& expected);
 
-  // Newest payload, if newer than the last one returned. At most kMaxTries copies. out.size() >= payload_capacity.
+  // Newest payload, if newer than the last one returned. At most kMaxTries copies, each of at most out.size() bytes.
   ReadResult read_latest(std::span<std::byte> out) noexcept;
   // Oldest payload not yet returned. Skips what was overwritten and says how many.
   ReadResult read_next(std::span<std::byte> out) noexcept;

@@ -8,7 +8,7 @@ namespace takt::pipeline {
 namespace {
 
 bool is_well_shaped(const CommandChunk& chunk, std::size_t bytes, const TickConfig& config) {
-  if (bytes < sizeof(CommandHeader) || bytes > sizeof(CommandChunk)) return false;
+  if (bytes < sizeof(CommandHeader) || bytes > config.largest_command) return false;
   const CommandHeader& header = chunk.header;
   if (header.step_count < 1 || header.step_count > kMaxChunkSteps) return false;
   if (header.joint_count != config.joint_count) return false;
@@ -85,6 +85,11 @@ bool all_in_range(const CommandChunk& chunk, const TickConfig& config) {
   return true;
 }
 
+Arrival judge_values(const CommandChunk& chunk, const TickConfig& config) {
+  if (!all_finite({chunk.values, chunk.value_count()})) return Arrival::not_finite;
+  return all_in_range(chunk, config) ? Arrival::accepted : Arrival::out_of_range;
+}
+
 CommandInUse believed(const CommandHeader& header, const RememberedObservation& observation, MonoTime now) {
   CommandInUse command;
   command.sequence = header.sequence;
@@ -101,7 +106,7 @@ CommandInUse believed(const CommandHeader& header, const RememberedObservation& 
 }  // namespace
 
 ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoTime now, std::uint64_t last_sequence,
-                             const ObservationMemory& memory, const TickConfig& config) {
+                             const ObservationMemory& memory, const TickConfig& config, Arrival values) {
   const auto refused = [](Arrival why, bool backwards = false) { return ArrivalVerdict{why, backwards, {}}; };
   if (!is_well_shaped(chunk, bytes, config)) return refused(Arrival::wrong_shape);
   const CommandHeader& header = chunk.header;
@@ -113,8 +118,8 @@ ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoT
     return refused(known);
   if (claims_the_future(header, now, config.period)) return refused(Arrival::future_observation);
   const bool backwards = runs_backwards(header, observation.published_at);
-  if (!all_finite({chunk.values, chunk.value_count()})) return refused(Arrival::not_finite, backwards);
-  if (!all_in_range(chunk, config)) return refused(Arrival::out_of_range, backwards);
+  if (values == Arrival::none) values = judge_values(chunk, config);
+  if (values != Arrival::accepted) return refused(values, backwards);
   const CommandInUse command = believed(header, observation, now);
   // Compared as instants: a claimed stamp may be so far back that its age would overflow.
   if (command.sensed_at < now - config.freshness.max_age) return refused(Arrival::expired_observation, backwards);

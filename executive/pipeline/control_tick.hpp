@@ -40,7 +40,9 @@ struct TickInput {
   // Differs from the previous tick's when another policy's mailbox is read from now on: sequences start over.
   std::uint8_t policy_session = 0;
   const CommandChunk* command = nullptr;  // not judged yet; valid during the call only
-  std::size_t command_bytes = 0;          // bytes that were read into it
+  std::size_t command_bytes = 0;  // of the message; more than the largest legal one: only its beginning is there
+  // Replay of a refused message whose values were not kept: what was found in them. None: look.
+  Arrival command_values = Arrival::none;
   BusHealth buses[kMaxBuses];
   JointFeedback joints[kMaxJoints];
 };

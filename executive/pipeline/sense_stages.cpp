@@ -34,7 +34,8 @@ Arrival take_message(TickState& state, const TickInput& input, const TickConfig&
   if (input.mailbox == Arrival::contended || input.mailbox == Arrival::corrupt) return input.mailbox;
   if (input.mailbox != Arrival::accepted || input.command == nullptr) return Arrival::none;
   const ArrivalVerdict verdict =
-      judge_arrival(*input.command, input.command_bytes, input.now, state.counters.last_sequence, state.memory, config);
+      judge_arrival(*input.command, input.command_bytes, input.now, state.counters.last_sequence, state.memory, config,
+                    input.command_values);
   state.counters.integration_errors += verdict.stamps_ran_backwards ? 1U : 0U;
   if (verdict.arrival == Arrival::accepted) accept(state, *input.command, verdict.command);
   return verdict.arrival;

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 
+#include "executive/contract/command_chunk.hpp"
 #include "executive/contract/joints.hpp"
 #include "executive/contract/mono_time.hpp"
 
@@ -108,7 +109,8 @@ struct TickConfig {
   std::uint32_t joint_count = 0;
   std::uint32_t bus_count = 0;
   std::uint32_t observation_every_ticks = 0;
-  std::uint64_t policy_hash = 0;  // 0: any
+  std::uint64_t policy_hash = 0;                         // 0: any
+  std::uint32_t largest_command = sizeof(CommandChunk);  // bytes of the largest legal message
   FreshnessContract freshness;
   DegradedBehaviour degraded = DegradedBehaviour::hold;
   FallbackKind fallback = FallbackKind::pose;

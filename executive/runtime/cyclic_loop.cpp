@@ -2,6 +2,7 @@
 
 #include <span>
 
+#include "executive/ipc/crc32c.hpp"
 #include "executive/ipc/executive_segments.hpp"
 #include "executive/runtime/overrun.hpp"
 #include "executive/trace/trace.hpp"
@@ -12,6 +13,7 @@ namespace {
 constexpr Arrival arrival_of(ipc::ReadStatus status) noexcept {
   switch (status) {
     case ipc::ReadStatus::fresh:
+    case ipc::ReadStatus::cut:  // longer than any legal one: the tick refuses it by its size
       return Arrival::accepted;
     case ipc::ReadStatus::nothing_new:
       return Arrival::none;
@@ -95,7 +97,8 @@ void CyclicLoop::read_command() noexcept {
   CommandMailbox* const mailbox = parts_.mailboxes.current();
   if (mailbox == nullptr) return;
   input_.policy_session = mailbox->session;
-  const ipc::ReadResult result = mailbox->reader.read_latest(std::as_writable_bytes(std::span(command_.get(), 1)));
+  const auto largest = std::as_writable_bytes(std::span(command_.get(), 1)).first(parts_.config.largest_command);
+  const ipc::ReadResult result = mailbox->reader.read_latest(largest);
   input_.mailbox = arrival_of(result.status);
   if (input_.mailbox != Arrival::accepted) return;
   input_.command = command_.get();
@@ -104,14 +107,25 @@ void CyclicLoop::read_command() noexcept {
 
 void CyclicLoop::record() noexcept {
   parts_.published.tick(output_.record);
-  if (input_.command != nullptr) {
-    const auto message = std::as_bytes(std::span(command_.get(), 1)).first(input_.command_bytes);
-    parts_.published.command(input_.tick, message);
-  }
+  record_command();
   if (input_.tick % timing_.keyframe_every_ticks == 0) {
     const std::size_t size = pipeline::save(*state_, keyframe_);
     parts_.published.keyframe(input_.tick, std::span(keyframe_).first(size));
   }
+}
+
+void CyclicLoop::record_command() noexcept {
+  refused_bytes_.next_tick();
+  if (input_.command == nullptr) return;
+  const std::size_t bytes = input_.command_bytes;
+  const bool was_read = bytes <= parts_.config.largest_command;
+  const auto message = std::as_bytes(std::span(command_.get(), 1)).first(was_read ? bytes : sizeof(CommandHeader));
+  CommandTag tag{input_.tick, static_cast<std::uint32_t>(bytes), 0};
+  const bool is_refused = output_.record.header.arrival != Arrival::accepted;
+  if (bytes <= sizeof(CommandHeader) || (was_read && (!is_refused || refused_bytes_.take(bytes))))
+    return parts_.published.command(tag, message);
+  if (was_read) tag.crc = ipc::crc32c(message);
+  parts_.published.command(tag, message.first(sizeof(CommandHeader)));
 }
 
 void CyclicLoop::publish_status() noexcept {

@@ -30,6 +30,7 @@
 #include "executive/runtime/operator_inbox.hpp"
 #include "executive/runtime/published_segments.hpp"
 #include "executive/runtime/recorded_through.hpp"
+#include "executive/runtime/refused_bytes.hpp"
 #include "executive/runtime/status_board.hpp"
 #include "executive/runtime/wakeup.hpp"
 
@@ -67,6 +68,7 @@ class CyclicLoop {
   std::size_t tick(MonoTime woken, Duration lateness) noexcept;  // returns the number of frames received
   void read_command() noexcept;
   void record() noexcept;
+  void record_command() noexcept;
   void publish_status() noexcept;
   void say_farewell(Pace& pace) noexcept;
 
@@ -78,6 +80,7 @@ class CyclicLoop {
   pipeline::TickInput input_;
   pipeline::TickOutput output_;
   std::unique_ptr<CommandChunk> command_;
+  RefusedBytes refused_bytes_;
   std::vector<std::byte> keyframe_;
   StatusSnapshot status_;
 };

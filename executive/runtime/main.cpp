@@ -92,7 +92,7 @@ int run(const Options& options) {
 
   block_shutdown_signals();
   ProcessSetup process = prepare_process(robot->control);
-  auto published = PublishedSegments::create(robot->joints.size());
+  auto published = PublishedSegments::create(robot->joints.size(), tick_config->largest_command);
   if (!published) return refuse(kExitSetUpRefused, published.error());
   MailboxHandover mailboxes;
   OperatorInbox requests;

@@ -27,12 +27,13 @@ std::expected<PublishedSegments::Ring, std::string> PublishedSegments::make(cons
   return Ring{std::move(*segment), writer};
 }
 
-std::expected<PublishedSegments, std::string> PublishedSegments::create(std::size_t joint_count) {
+std::expected<PublishedSegments, std::string> PublishedSegments::create(std::size_t joint_count,
+                                                                        std::size_t largest_command) {
   auto observations = make("takt-observation", ipc::observation_mailbox());
   if (!observations) return std::unexpected(observations.error());
   auto ticks = make("takt-ticks", ipc::tick_ring(joint_count));
   if (!ticks) return std::unexpected(ticks.error());
-  auto commands = make("takt-commands", ipc::command_ring());
+  auto commands = make("takt-commands", ipc::command_ring(largest_command));
   if (!commands) return std::unexpected(commands.error());
   auto keyframes = make("takt-keyframes", ipc::keyframe_ring());
   if (!keyframes) return std::unexpected(keyframes.error());
@@ -59,8 +60,8 @@ void PublishedSegments::tick(const TickRecord& record) noexcept {
   ticks_.writer.publish(bytes_of(record).first(TickRecord::used_bytes(joint_count_)));
 }
 
-void PublishedSegments::command(std::uint64_t tick, std::span<const std::byte> message) noexcept {
-  commands_.writer.publish(bytes_of(TickTag{tick}), message);
+void PublishedSegments::command(const CommandTag& tag, std::span<const std::byte> kept) noexcept {
+  commands_.writer.publish(bytes_of(tag), kept);
 }
 
 void PublishedSegments::keyframe(std::uint64_t tick, std::span<const std::byte> state) noexcept {

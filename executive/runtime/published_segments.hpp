@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "executive/contract/command_chunk.hpp"
 #include "executive/contract/observation.hpp"
 #include "executive/contract/tick_record.hpp"
 #include "executive/ipc/segment.hpp"
@@ -21,12 +22,14 @@ namespace takt::runtime {
 
 class PublishedSegments {
  public:
-  static std::expected<PublishedSegments, std::string> create(std::size_t joint_count);
+  // `largest_command`: bytes of the largest message that command() is given.
+  static std::expected<PublishedSegments, std::string> create(std::size_t joint_count,
+                                                              std::size_t largest_command = sizeof(CommandChunk));
 
   void observation(const Observation& observation) noexcept;
   void tick(const TickRecord& record) noexcept;
-  // Bytes of the message as it was read, judged or not.
-  void command(std::uint64_t tick, std::span<const std::byte> message) noexcept;
+  // The message as it was read, or the part of it that is kept.
+  void command(const CommandTag& tag, std::span<const std::byte> kept) noexcept;
   void keyframe(std::uint64_t tick, std::span<const std::byte> state) noexcept;
   void frame(const FrameRecord& frame) noexcept;
 

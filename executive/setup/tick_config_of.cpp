@@ -160,6 +160,7 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
   if (robot.policy)
     tick.observation_every_ticks = static_cast<std::uint32_t>(robot.policy->period.ns / robot.control.period.ns);
   tick.policy_hash = policy_hash;
+  tick.largest_command = static_cast<std::uint32_t>(largest_command_of(robot));
   tick.freshness = contract_of(robot.freshness, robot.control.period);
   tick.degraded = behaviour_of(robot.degraded.behaviour);
   tick.degraded_speed_scale = narrow(robot.degraded.speed_scale);

@@ -18,17 +18,19 @@ std::uint64_t tag_of(std::span<const std::byte> entry) {
 
 }  // namespace
 
-std::expected<RecordStream, std::string> RecordStream::attach(const RingMemories& rings, std::size_t joint_count) {
+std::expected<RecordStream, std::string> RecordStream::attach(const RingMemories& rings, std::size_t joint_count,
+                                                              std::size_t largest_command) {
   auto ticks = ipc::SlotReader::attach(rings.ticks, ipc::tick_ring(joint_count));
-  auto commands = ipc::SlotReader::attach(rings.commands, ipc::command_ring());
+  auto commands = ipc::SlotReader::attach(rings.commands, ipc::command_ring(largest_command));
   auto keyframes = ipc::SlotReader::attach(rings.keyframes, ipc::keyframe_ring());
   auto frames = ipc::SlotReader::attach(rings.frames, ipc::frame_ring());
   for (const auto* ring : {&ticks, &commands, &keyframes, &frames}) {
     if (!*ring) return std::unexpected(ring->error());
   }
-  return RecordStream(
-      {"tick", *ticks, ipc::tick_ring(joint_count).slot_count}, {"command", *commands, ipc::command_ring().slot_count},
-      {"keyframe", *keyframes, ipc::keyframe_ring().slot_count}, {"frame", *frames, ipc::frame_ring().slot_count});
+  return RecordStream({"tick", *ticks, ipc::tick_ring(joint_count).slot_count},
+                      {"command", *commands, ipc::command_ring(largest_command).slot_count},
+                      {"keyframe", *keyframes, ipc::keyframe_ring().slot_count},
+                      {"frame", *frames, ipc::frame_ring().slot_count});
 }
 
 RecordStream::RecordStream(const Ring& ticks, const Ring& commands, const Ring& keyframes, const Ring& frames)
@@ -62,6 +64,7 @@ void RecordStream::read_all(Ring& ring, const RecordSink& sink,
       case ipc::ReadStatus::contended:
         return;
       case ipc::ReadStatus::corrupt:
+      case ipc::ReadStatus::cut:
         if (result.sequence == 0) return;  // the head itself makes no sense: nothing was consumed
         ring.lost += result.lost;
         ++ring.unreadable;
@@ -94,13 +97,18 @@ void RecordStream::read_ticks(const RecordSink& sink) {
 
 void RecordStream::read_tagged(const RecordSink& sink) {
   read_all(commands_, sink, [&](std::span<const std::byte> entry) {
-    if (entry.size() < sizeof(TickTag)) {
+    CommandTag tag;
+    if (entry.size() < sizeof tag) {
       ++commands_.unreadable;
       return;
     }
-    report(commands_, tag_of(entry), sink);
-    const auto payload = entry.subspan(sizeof(TickTag));
-    pending_commands_.push_back({tag_of(entry), Bytes(payload.begin(), payload.end()), ipc::crc32c(payload)});
+    std::memcpy(&tag, entry.data(), sizeof tag);
+    report(commands_, tag.tick, sink);
+    const auto kept = entry.subspan(sizeof tag);
+    RecordedCommand command{tag.tick, Bytes(kept.begin(), kept.end()), 0, {}, {}};
+    if (kept.size() < tag.bytes) command.cut_from = tag.bytes, command.whole_crc = tag.crc;
+    command.crc = crc_of(command);
+    pending_commands_.push_back(std::move(command));
   });
   read_all(keyframes_, sink, [&](std::span<const std::byte> entry) {
     if (entry.size() < sizeof(TickTag)) {

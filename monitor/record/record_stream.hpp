@@ -37,8 +37,10 @@ struct RecordSink {
 
 class RecordStream {
  public:
-  // `joint_count` fixes the shape of the tick ring. The error is one sentence.
-  static std::expected<RecordStream, std::string> attach(const RingMemories& rings, std::size_t joint_count);
+  // `joint_count` fixes the shape of the tick ring, `largest_command` that of the command ring. The error is one
+  // sentence.
+  static std::expected<RecordStream, std::string> attach(const RingMemories& rings, std::size_t joint_count,
+                                                         std::size_t largest_command = sizeof(CommandChunk));
 
   // Hands on what can be handed on now. `all`: the newest tick too, because none will follow.
   void drain(const RecordSink& sink, bool all);

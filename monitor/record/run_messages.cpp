@@ -37,7 +37,8 @@ constexpr std::size_t kReservedAt = offsetof(CommandHeader, reserved);
 constexpr std::string_view kCommandSchema =
     R"(# A policy's message as the executive read it, before any judgement; the verdict is in the tick's `arrival`.
 uint64 tick
-uint32 byte_count             # of the message; fewer than a header's when it was cut short
+uint32 byte_count             # of the message; fewer than a header's when it was cut short; more than is here when
+                              # it was refused and only its header was kept
 uint64 observation_id
 uint64 sequence
 uint64 policy_hash
@@ -54,7 +55,8 @@ uint8 fields                  # 1 q, 2 dq, 4 kp, 8 kd, 16 tau_ff
 uint8[7] reserved
 float32[] values              # step by step, within a step field by field
 uint8[] rest                  # bytes that make no whole float
-uint32 crc                    # CRC-32C of the message
+uint32 crc                    # CRC-32C of the message; with byte_count and whole_crc where only its header was kept
+uint32 whole_crc              # CRC-32C of the whole message where only its header was kept; 0: never read whole
 )";
 
 constexpr std::string_view kKeyframeSchema =
@@ -130,12 +132,19 @@ std::optional<CommandHeader> header_of(const RecordedCommand& command) {
   return header;
 }
 
+std::uint32_t crc_of(const RecordedCommand& command) {
+  const std::uint32_t of_payload = ipc::crc32c(command.payload);
+  if (command.cut_from == 0) return of_payload;
+  const std::uint32_t rest[] = {command.cut_from, command.whole_crc};
+  return ipc::crc32c(std::as_bytes(std::span(rest)), of_payload);
+}
+
 void encode_command(const RecordedCommand& command, CdrWriter& out) {
   std::byte header[sizeof(CommandHeader)] = {};
   std::copy_n(command.payload.begin(), std::min(command.payload.size(), sizeof header), header);
   out.clear();
   out.put(command.tick);
-  out.put_count(command.payload.size());
+  out.put_count(command.cut_from != 0 ? command.cut_from : command.payload.size());
   for (const TickField& field : kCommandFields) out.put_raw(header + field.offset, size_of(field.type));
   for (std::size_t at = kReservedAt; at < sizeof header; ++at) out.put_raw(header + at, 1);
   const std::size_t behind = command.payload.size() - std::min(command.payload.size(), sizeof header);
@@ -144,6 +153,7 @@ void encode_command(const RecordedCommand& command, CdrWriter& out) {
   for (std::size_t value = 0; value < behind / 4; ++value, at += 4) out.put_raw(&command.payload[at], 4);
   out.put_octets(behind % 4 == 0 ? std::span<const std::byte>{} : std::span(command.payload).subspan(at));
   out.put(command.crc);
+  out.put(command.whole_crc);
 }
 
 bool decode_command(std::span<const std::byte> message, RecordedCommand& out) {
@@ -161,8 +171,10 @@ bool decode_command(std::span<const std::byte> message, RecordedCommand& out) {
   const auto rest = reader.get_octets();
   out.payload.insert(out.payload.end(), rest.begin(), rest.end());
   out.crc = reader.get<std::uint32_t>();
-  if (!reader.ok() || byte_count > out.payload.size()) return false;
-  out.payload.resize(byte_count);
+  out.whole_crc = reader.get<std::uint32_t>();
+  out.cut_from = byte_count > out.payload.size() ? static_cast<std::uint32_t>(byte_count) : 0;
+  if (!reader.ok() || (out.cut_from != 0 && out.payload.size() != sizeof(CommandHeader))) return false;
+  if (out.cut_from == 0) out.payload.resize(byte_count);
   return true;
 }
 
@@ -173,7 +185,7 @@ std::optional<std::string> mend_flipped_bit(RecordedCommand& command) {
   for (std::size_t bit = 0; bit < 8 * payload.size(); ++bit) {
     const std::byte mask{static_cast<unsigned char>(1U << (bit % 8))};
     payload[bit / 8] ^= mask;
-    if (ipc::crc32c(payload) == command.crc) return place_in_command(bit / 8);
+    if (crc_of(command) == command.crc) return place_in_command(bit / 8);
     payload[bit / 8] ^= mask;
   }
   return std::nullopt;

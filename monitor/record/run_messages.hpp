@@ -1,8 +1,8 @@
 // The messages of a recorded run beside the tick itself: what they hold, their ros2msg text, their CDR form.
 //
 //   /takt/tick        takt_msgs/msg/Tick        every control tick (tick_schema.hpp)
-//   /takt/command     takt_msgs/msg/Command     every message read from a policy, refused ones included, byte for byte
-//   /takt/keyframe    takt_msgs/msg/Keyframe    the decision's saved state after a tick: replay starts there
+//   /takt/command     takt_msgs/msg/Command     every message read from a policy, byte for byte; of refused ones a
+//   sample /takt/keyframe    takt_msgs/msg/Keyframe    the decision's saved state after a tick: replay starts there
 //   /takt/transition  takt_msgs/msg/Transition  a change of mode and its cause
 //   /takt/loss        takt_msgs/msg/Loss        what was not recorded, and why
 //   /joint_states     sensor_msgs/msg/JointState  decimated, for the usual viewers (standard_messages.hpp), as the rest
@@ -34,10 +34,14 @@ std::vector<McapTopic> run_topics();
 std::string_view topic_name(Topic topic);
 
 struct RecordedCommand {
-  std::uint64_t tick = 0;  // that read it
-  Bytes payload;           // as read from the mailbox, never more than a CommandChunk
-  std::uint32_t crc = 0;   // CRC-32C of the payload when it was recorded
+  std::uint64_t tick = 0;       // that read it
+  Bytes payload;                // as read from the mailbox, never more than a CommandChunk
+  std::uint32_t crc = 0;        // crc_of() when it was recorded
+  std::uint32_t cut_from = 0;   // bytes of a refused message of which only the header was kept; 0: it is whole
+  std::uint32_t whole_crc = 0;  // CRC-32C of that message; 0: longer than any legal one, not read
 };
+// CRC-32C of the payload, and of what stands for the rest where it was cut.
+std::uint32_t crc_of(const RecordedCommand& command);
 // Nothing: the message was cut short.
 std::optional<CommandHeader> header_of(const RecordedCommand& command);
 void encode_command(const RecordedCommand& command, CdrWriter& out);

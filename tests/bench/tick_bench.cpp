@@ -147,7 +147,7 @@ class Loop {
     if (output_->observation_due) observations_.publish(writable_bytes(output_->observation));
     ticks_.publish(writable_bytes(output_->record).first(output_->record.used_bytes()));
     if (input_.command != nullptr) {
-      TickTag tag{input_.tick};
+      CommandTag tag{input_.tick, 0, 0};
       messages_.publish(writable_bytes(tag), writable_bytes(*chunk_).first(input_.command_bytes));
     }
   }

@@ -41,8 +41,9 @@ enum class Lie : std::uint8_t {
   backward_stamps,
   frozen,  // says nothing any more
   torn,    // dies by SIGKILL between two words of a publication
+  flood,   // one message after the other, as long as the mailbox takes, or legal but for its values
 };
-constexpr std::array<std::pair<const char*, Lie>, 12> kLies{{{"nan", Lie::nan},
+constexpr std::array<std::pair<const char*, Lie>, 13> kLies{{{"nan", Lie::nan},
                                                              {"inf", Lie::inf},
                                                              {"wrong_shape", Lie::wrong_shape},
                                                              {"old_observation", Lie::old_observation},
@@ -53,7 +54,8 @@ constexpr std::array<std::pair<const char*, Lie>, 12> kLies{{{"nan", Lie::nan},
                                                              {"wrong_policy", Lie::wrong_policy},
                                                              {"backward_stamps", Lie::backward_stamps},
                                                              {"frozen", Lie::frozen},
-                                                             {"torn", Lie::torn}}};
+                                                             {"torn", Lie::torn},
+                                                             {"flood", Lie::flood}}};
 
 // The executive's two mailboxes, held by hand: a liar needs the bare memory.
 struct Mailboxes {
@@ -110,6 +112,11 @@ class Rogue {
       if (lying && lie_ == Lie::random_bytes) {
         scribble();
         sleep_until(monotonic_now() + microseconds(100));
+        continue;
+      }
+      if (lying && lie_ == Lie::flood) {
+        flood();
+        sleep_until(monotonic_now() + microseconds(200));
         continue;
       }
       sleep_until(next_look(monotonic_now(), published_at, robot_.policy->period, looked));
@@ -180,6 +187,7 @@ class Rogue {
         die_in_mid_publish();
       case Lie::random_bytes:
       case Lie::frozen:
+      case Lie::flood:
         return false;
     }
     return false;
@@ -190,6 +198,14 @@ class Rogue {
     for (std::size_t at = 0; at + 8 <= memory.size(); at += 8) {
       ipc::shared_at<ipc::Word>(memory.data() + at).store(random_(), std::memory_order_relaxed);
     }
+  }
+
+  void flood() {
+    const bool is_legal_in_size = ++chunk_.header.sequence % 2 == 0;
+    chunk_.header.fields = kAllCommandFields;
+    std::fill_n(chunk_.values, kMaxChunkValues, std::numeric_limits<float>::quiet_NaN());
+    const auto whole = std::as_bytes(std::span(&chunk_, 1));
+    mailboxes_.writer.publish(is_legal_in_size ? whole.first(chunk_.used_bytes()) : whole);
   }
 
   // The first half of a publication, as SlotWriter would do it, then the end of the process.

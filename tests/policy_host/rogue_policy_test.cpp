@@ -138,7 +138,12 @@ INSTANTIATE_TEST_SUITE_P(
               return seen.fresh() && seen.chunk.header.infer_ended_at < seen.chunk.header.infer_started_at;
             }},
         Lie{"frozen", [](const Seen& seen) { return !seen.killed && seen.silent > 100; }},
-        Lie{"torn", [](const Seen& seen) { return seen.killed && seen.silent > 10; }}),
+        Lie{"torn", [](const Seen& seen) { return seen.killed && seen.silent > 10; }},
+        Lie{"flood",
+            [](const Seen& seen) {
+              return seen.fresh() && seen.chunk.header.sequence > seen.newest_id &&
+                     std::isnan(value(seen, kMaxChunkValues - 1));
+            }}),
     [](const testing::TestParamInfo<Lie>& lie) { return std::string(lie.param.name); });
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <ostream>
@@ -182,6 +183,23 @@ INSTANTIATE_TEST_SUITE_P(EveryLie, LyingPolicy,
                                          Lie{"frozen", Arrival::none, "command_lost"},
                                          Lie{"torn", Arrival::none, "command_lost"}),
                          [](const testing::TestParamInfo<Lie>& lie) { return std::string(lie.param.when); });
+
+// 82 KB and more than one message per tick for some 2000 ticks: what was recorded before is still there, every tick can
+// be judged, and the folder has not grown by what was refused.
+TEST(LyingPolicy, AFloodOfRefusedMessagesErasesNoEvidence) {
+  RunningRobot robot;
+  const Child rogue = robot.start_rogue("flood", "2 s");
+  arm_and_track(robot);
+  ASSERT_TRUE(robot.wait_for_mode(Mode::damped_stop)) << robot.logs();
+  robot.let_run(2000);
+  const auto status = robot.status();
+  ASSERT_TRUE(status.has_value());
+  EXPECT_GT(status->status.arrivals[static_cast<std::size_t>(Arrival::wrong_shape)], 100U);
+  EXPECT_GT(status->status.arrivals[static_cast<std::size_t>(Arrival::not_finite)], 100U);
+  expect_sound_evidence(robot, "bad_commands");
+  EXPECT_EQ(text_of(robot.run_directory() + "/manifest.json").find("\"command "), std::string::npos) << "lost commands";
+  EXPECT_LT(std::filesystem::file_size(robot.run_directory() + "/ticks.mcap"), std::uintmax_t{24} << 20U);
+}
 
 TEST(LyingPolicy, BackwardStampsAreCountedAsIntegrationErrors) {
   RunningRobot robot;

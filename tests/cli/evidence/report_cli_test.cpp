@@ -46,6 +46,17 @@ TEST_F(ReportCli, WhatCannotBeReadIsRefusedInOneLineAndNothingIsWritten) {
   }
 }
 
+// What was judged reproduces, but ten ticks are gone: not the same as a run of which every tick reproduces.
+TEST_F(ReportCli, ReplaySaysByItsExitCodeThatNotEveryTickCouldBeJudged) {
+  EXPECT_EQ(takt("replay " + in("run")).exit_code, 0);
+  const auto gone = [](std::uint64_t tick) { return tick < 1'050 || tick > 1'060; };
+  monitor::altered_copy(
+      monitor::open_run(in("run")).value(), in("gap"), [](TickRecord&) {}, [](monitor::RecordedCommand&) {}, gone);
+  const Ended ended = takt("replay " + in("gap"));
+  EXPECT_EQ(ended.exit_code, 2) << ended.output;
+  EXPECT_NE(ended.output.find("140 ticks could not be judged"), std::string::npos) << ended.output;
+}
+
 // What a simulator leaves that was ended early: an empty truth file, which nobody asked for.
 TEST_F(ReportCli, ATruthFileWithoutATargetIsSaidAndTheReportGoesOn) {
   std::ofstream(in("run/truth.jsonl")).close();

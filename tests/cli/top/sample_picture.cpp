@@ -72,6 +72,7 @@ Picture sample_picture(std::size_t joints, std::size_t buses) {
   picture.planned_rate = 50;
   picture.policy_pid = 4711;
   picture.monitor_pid = 4712;
+  picture.tick.recorded_through = 14'900;
   picture.realtime = false;
   for (std::size_t bus = 0; bus < buses; ++bus) {
     picture.buses.push_back({.name = fmt::format("can{}", bus), .health = {}, .load = 0.38, .planned = 0.41});

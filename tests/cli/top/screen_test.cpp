@@ -93,7 +93,7 @@ TEST(Screen, WhatIsWrongStandsOut) {
   picture.tick.mode = Mode::damped_stop;
   picture.tick.freshness = Freshness::stale;
   picture.tick.window_misses = 100;
-  picture.monitor_pid = 0;
+  picture.tick.recorded_through = 0;
   picture.buses[0].health.state = BusState::bus_off;
   picture.joints[0].newest.feedback.error_code = 9;
   const auto lines = render(picture, {}, {24, 80}, Glyphs::unicode);

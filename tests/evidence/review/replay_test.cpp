@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <bit>
+#include <limits>
 
 #include "tests/monitor/record/recorded_demo.hpp"
 #include "tests/monitor/record/temporary_folder.hpp"
@@ -126,6 +127,44 @@ TEST_F(ReplayTest, BehindAGapItStartsAgainAtTheNextKeyframe) {
   EXPECT_EQ(report->gaps, 1U);
   EXPECT_EQ(report->not_judged, 1'200U - 1'060U);
   EXPECT_EQ(report->identical, kDemoTicks - 11 - 140);
+}
+
+// Every kind of refusal, each recorded by its header: the ticks that read them reproduce like any other.
+TEST_F(ReplayTest, RefusedMessagesReproduceFromTheirHeaders) {
+  VirtualRobot robot;
+  robot.cuts_what_is_refused = true;
+  std::uint64_t answers = 0;
+  robot.spoil_answer = [&](CommandChunk& chunk) {
+    switch (++answers % 8) {
+      case 1:
+        chunk.values[5] = std::numeric_limits<float>::quiet_NaN();
+        return;
+      case 2:
+        chunk.values[chunk.value_count() - 1] = 100.0F;
+        return;
+      case 3:
+        chunk.header.outside_sensed_at = chunk.header.published_at - seconds(5);  // too old, its values are in order
+        return;
+      case 4:
+        chunk.header.step_count = 0;
+        return;
+      case 5:
+        chunk.header.observation_id += 1000;
+        return;
+      case 6:
+        chunk.header.sequence = 1;
+        return;
+      default:
+        return;
+    }
+  };
+  const RecordedRun run = record(robot, path("refused"), 2'000, [](std::uint64_t) {});
+  const auto report = replay(run, 1);
+  ASSERT_TRUE(report) << report.error();
+  EXPECT_TRUE(report->reproduces()) << replay_text(*report);
+  EXPECT_EQ(report->identical, 2'000U);
+  EXPECT_GT(report->by_header, 40U);
+  EXPECT_NE(replay_text(*report).find(" refused messages were kept by their header"), std::string::npos);
 }
 
 // A configuration that is not the run's is refused before anything is compared.

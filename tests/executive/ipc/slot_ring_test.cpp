@@ -211,13 +211,18 @@ TEST(HostileSegment, SizeBeyondTheSlotCopiesNothing) {
   }
 }
 
-// Bytes behind a reader's buffer are not its own, whatever size the writer claims.
-TEST(HostileSegment, PayloadLargerThanTheReadersBufferCopiesNothing) {
+// Bytes behind a reader's buffer are not its own, whatever size the writer claims: the payload's beginning is read.
+TEST(HostileSegment, PayloadLargerThanTheReadersBufferIsCut) {
   Ring ring;
   ring.publish(64);
   std::ranges::fill(ring.out, std::byte{0xEE});
-  EXPECT_EQ(ring.reader.read_latest(std::span(ring.out).first(32)).status, ReadStatus::corrupt);
-  EXPECT_TRUE(std::ranges::all_of(ring.out, [](std::byte b) { return b == std::byte{0xEE}; }));
+  const ReadResult result = ring.reader.read_latest(std::span(ring.out).first(32));
+  EXPECT_EQ(result.status, ReadStatus::cut);
+  EXPECT_EQ(result.size, 64U);
+  const auto sent = make_payload(1, 64);
+  EXPECT_TRUE(std::ranges::equal(std::span(ring.out).first(32), std::span(sent).first(32)));
+  EXPECT_TRUE(std::ranges::all_of(std::span(ring.out).subspan(32), [](std::byte b) { return b == std::byte{0xEE}; }));
+  EXPECT_EQ(ring.reader.read_latest(ring.out).status, ReadStatus::nothing_new) << "reported once";
 }
 
 // A writer that claims a head for a slot it has marked as being written keeps readers away for ever, but not longer

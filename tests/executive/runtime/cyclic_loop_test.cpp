@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "executive/ipc/crc32c.hpp"
 #include "tests/executive/runtime/loop_rig.hpp"
 
 namespace takt::runtime::test {
@@ -239,8 +240,61 @@ TEST(CyclicLoop, AMessageFromThePolicyIsReadRecordedAndJudged) {
   std::vector<std::byte> payload(ipc::command_ring().payload_capacity);
   const auto result = reader.read_next(payload);
   ASSERT_EQ(result.status, ipc::ReadStatus::fresh);
-  ASSERT_EQ(result.size, sizeof(TickTag) + sizeof(CommandHeader));
-  EXPECT_EQ(std::memcmp(payload.data() + sizeof(TickTag), &header, sizeof header), 0);
+  ASSERT_EQ(result.size, sizeof(CommandTag) + sizeof(CommandHeader));
+  EXPECT_EQ(std::memcmp(payload.data() + sizeof(CommandTag), &header, sizeof header), 0);
+}
+
+// One message after the other, refused for a value, or for being longer than any legal one: the first are recorded
+// whole, then every tick has the header, the size and the checksum of its message, and no long one is recorded whole.
+TEST(CyclicLoop, WhatIsRefusedInMassesLeavesItsHeader) {
+  LoopRig rig;
+  rig.config.largest_command = static_cast<std::uint32_t>(largest_command_bytes(3, 64));
+  auto segment = ipc::Segment::create("test-command", ipc::ring_bytes(ipc::command_mailbox()), false).value();
+  auto policy_side = ipc::Segment::adopt_writable(dup(segment.fd()), segment.size()).value();
+  ipc::SlotWriter writer(policy_side.writable(), ipc::command_mailbox());
+  rig.mailboxes.want(CommandMailbox::seal(std::move(segment), 1).value());
+  auto ring = ipc::Segment::adopt_read_only(dup(rig.published.monitor_descriptors()[ipc::kCommandRingDescriptor]),
+                                            ipc::ring_bytes(ipc::command_ring()))
+                  .value();
+  auto reader = ipc::SlotReader::attach(ring.readable(), ipc::command_ring()).value();
+  std::vector<std::byte> payload(ipc::command_ring().payload_capacity);
+  const auto chunk = std::make_unique<CommandChunk>();
+  chunk->header.sequence = 1;
+  chunk->header.step_count = 64;
+  chunk->header.joint_count = 3;
+  chunk->header.fields = kAllCommandFields;
+  chunk->header.step_period = milliseconds(10);
+  const auto longest = std::as_bytes(std::span(chunk.get(), 1));
+  const auto legal = longest.first(rig.config.largest_command);
+  ASSERT_EQ(chunk->used_bytes(), legal.size());
+
+  std::size_t whole = 0, cut = 0, recorded = 0;
+  for (std::uint64_t tick = 1; tick <= 200; ++tick) {
+    const bool is_legal = tick % 2 == 0;
+    writer.publish(is_legal ? legal : longest);
+    rig.run(tick);
+    const auto result = reader.read_next(payload);
+    ASSERT_EQ(result.status, ipc::ReadStatus::fresh) << tick;
+    CommandTag tag;
+    std::memcpy(&tag, payload.data(), sizeof tag);
+    EXPECT_EQ(tag.tick, tick);
+    EXPECT_EQ(tag.bytes, is_legal ? legal.size() : longest.size());
+    const std::size_t kept = result.size - sizeof tag;
+    EXPECT_TRUE(kept == sizeof(CommandHeader) || (is_legal && kept == legal.size())) << tick << ": " << kept;
+    EXPECT_EQ(std::memcmp(payload.data() + sizeof tag, longest.data(), kept), 0);
+    if (is_legal && kept != legal.size()) {
+      EXPECT_EQ(tag.crc, ipc::crc32c(legal)) << tick;
+    }
+    ++(kept == legal.size() ? whole : cut);
+    recorded += kept;
+  }
+  const auto records = rig.records();
+  ASSERT_EQ(records.size(), 200U);
+  for (const TickRecord& record : records)
+    EXPECT_EQ(record.header.arrival, record.header.tick % 2 == 0 ? Arrival::unknown_observation : Arrival::wrong_shape);
+  EXPECT_GT(whole, 10U);
+  EXPECT_GT(cut, 150U);
+  EXPECT_LE(recorded, kRefusedBytesAtOnce + 200 * (kRefusedBytesPerTick + sizeof(CommandHeader)));
 }
 
 TEST(CyclicLoop, AKeyframeFollowsEveryPeriodOfIts) {

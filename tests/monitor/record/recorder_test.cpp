@@ -106,6 +106,25 @@ class RecorderTest : public TemporaryFolder {
   VirtualRobot robot_;
 };
 
+// What the executive is told: nothing before the medium has something, which it has as soon as there are ticks; no tick
+// that is not there; nothing any more once recording stopped.
+TEST_F(RecorderTest, ItSaysHowFarTheMediumHasTheRun) {
+  auto recorder = start(path("run"), 200'000);
+  auto stream = attach();
+  EXPECT_EQ(recorder->written_through(), 0U);
+  record(stream, *recorder, 50);
+  const std::uint64_t first = recorder->written_through();
+  EXPECT_GT(first, 0U);
+  record(stream, *recorder, 50);
+  EXPECT_EQ(recorder->written_through(), first) << "half a second has not passed";
+  record(stream, *recorder, 600);
+  EXPECT_GT(recorder->written_through(), first + 400);
+  EXPECT_LE(recorder->written_through(), robot_.latest().header.tick);
+  record(stream, *recorder, 5'000);
+  ASSERT_FALSE(recorder->stop_reason().empty()) << "the file was to reach its limit";
+  EXPECT_EQ(recorder->written_through(), 0U);
+}
+
 TEST_F(RecorderTest, AnUndisturbedRunIsWholeAndSaysSo) {
   auto stream = attach();
   const auto recorder = start(path("run"));

@@ -26,6 +26,7 @@ TEST(RunMessages, CommandsOfAnyLengthComeBackByteForByte) {
     encode_command(command, out);
     RecordedCommand back;
     ASSERT_TRUE(decode_command(out.bytes(), back)) << bytes;
+    EXPECT_EQ(back.cut_from, 0U);
     EXPECT_EQ(back.tick, command.tick);
     EXPECT_EQ(back.payload, command.payload);
     EXPECT_EQ(back.crc, command.crc);
@@ -35,6 +36,23 @@ TEST(RunMessages, CommandsOfAnyLengthComeBackByteForByte) {
   RecordedCommand back;
   ASSERT_TRUE(decode_command(out.bytes(), back));
   EXPECT_EQ(back.payload, largest.payload);
+}
+
+TEST(RunMessages, ARefusedCommandMayBeCutToItsHeader) {
+  RecordedCommand command = random_command(sizeof(CommandHeader), 3);
+  command.cut_from = sizeof(CommandChunk);
+  command.whole_crc = 0x1234'5678;
+  command.crc = crc_of(command);
+  CdrWriter out;
+  encode_command(command, out);
+  RecordedCommand back;
+  ASSERT_TRUE(decode_command(out.bytes(), back));
+  EXPECT_EQ(back.payload, command.payload);
+  EXPECT_EQ(back.cut_from, command.cut_from);
+  EXPECT_EQ(back.whole_crc, command.whole_crc);
+  EXPECT_EQ(crc_of(back), command.crc);
+  --back.cut_from;
+  EXPECT_NE(crc_of(back), command.crc) << "what stands for the rest is covered too";
 }
 
 TEST(RunMessages, AFlippedBitInACommandIsNamedAndMended) {

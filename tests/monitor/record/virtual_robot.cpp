@@ -8,6 +8,7 @@
 #include <new>
 
 #include "config/load.hpp"
+#include "executive/ipc/crc32c.hpp"
 #include "executive/ipc/executive_segments.hpp"
 #include "executive/setup/tick_config_of.hpp"
 #include "monitor/record/bytes.hpp"
@@ -114,7 +115,11 @@ void VirtualRobot::publish() {
   ticks_.writer.publish(bytes_of(output_->record).first(output_->record.used_bytes()));
   const TickTag tag{input_->tick};
   if (input_->command != nullptr) {
-    commands_.writer.publish(bytes_of(tag), bytes_of(*command_).first(input_->command_bytes));
+    const auto message = bytes_of(*command_).first(input_->command_bytes);
+    CommandTag command{input_->tick, static_cast<std::uint32_t>(message.size()), 0};
+    const bool is_cut = cuts_what_is_refused && output_->record.header.arrival != Arrival::accepted;
+    if (is_cut) command.crc = ipc::crc32c(message);
+    commands_.writer.publish(bytes_of(command), is_cut ? message.first(sizeof(CommandHeader)) : message);
   }
   if (input_->tick % kKeyframeEvery == 0) {
     Bytes state(ipc::kMaxKeyframeBytes - sizeof tag);

@@ -32,6 +32,8 @@ class VirtualRobot {
   std::uint64_t mark_at = 0;  // tick of a person's mark; 0 never
   // Applied to what a tick is about to read: noise, lateness, faults.
   std::function<void(pipeline::TickInput&)> spoil_input;
+  // Of a refused message only the header is published.
+  bool cuts_what_is_refused = false;
   // Applied to every answer before it is delivered.
   std::function<void(CommandChunk&)> spoil_answer;
 
