@@ -54,11 +54,17 @@ void describe_packed_ranges(Fields& fields, Drive& drive) {
       drive.model, models_of(fields, drive.protocol), "drive model", "none");
   const DrivePreset* preset = find_drive_preset(drive.protocol, drive.model);
   const bool names_model = !drive.model.empty();  // an unknown one too: it is complained about where it stands
-  const std::optional<std::string_view> otherwise =
-      names_model || fields.shows_all() ? std::optional<std::string_view>("the model's") : std::nullopt;
+  const std::string unsettled =
+      preset == nullptr ? std::string()
+                        : "sources disagree about " + drive.model + " (" + std::string(preset->unsettled) +
+                              "), and a wrong range scales every command: write what the drive's own manual says";
   const auto range = [&](std::string_view name, std::string_view doc, double& value, double from_preset,
                          Dimension dimension) {
+    const bool settled = preset == nullptr || from_preset != kUnsettled;
+    if (!settled) return fields.quantity({name, unsettled}, value, dimension, above(0, 1e6));
     if (preset && value == 0) value = from_preset;
+    const std::optional<std::string_view> otherwise =
+        names_model || fields.shows_all() ? std::optional<std::string_view>("the model's") : std::nullopt;
     fields.quantity({name, doc, otherwise, names_model}, value, dimension, above(0, 1e6));
   };
   constexpr DrivePreset kNone{};

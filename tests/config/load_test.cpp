@@ -2,6 +2,7 @@
 // with the exact complaint; properties of the canonical dump; the committed demo robot.
 #include "config/load.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
@@ -9,6 +10,8 @@
 #include <filesystem>
 #include <fstream>
 
+#include "config/document.hpp"
+#include "config/drive_presets.hpp"
 #include "config/key_table.hpp"
 #include "tests/config/refusals.hpp"
 #include "tests/config/small_robot.hpp"
@@ -102,6 +105,61 @@ TEST(Load, ModelGivesRangesAndExplicitOnesOverrideThem) {
   ASSERT_TRUE(overridden.has_value());
   EXPECT_EQ(overridden->joints[0].drive.torque_range, 17);
   EXPECT_EQ(overridden->joints[0].drive.velocity_range, 50);
+}
+
+// Goal: no preset but what the makers say. Method: numbers of RobStride's manuals (RS00; RS03, 4.1.2 in revisions
+// 251112, 260112 and 260713; RS06) beside each other; a seller's table has 50 and 17, 50, 20 and 60 for these.
+TEST(Load, RobstridePresetsAreTheManuals) {
+  struct Row {
+    std::string_view model;
+    double velocity, torque, kp, kd;
+  };
+  for (const Row& row : {Row{"RS00", 33, 14, 500, 5}, Row{"RS03", 20, 60, 5000, 100}, Row{"RS06", 50, 36, 5000, 100}}) {
+    const DrivePreset* const preset = find_drive_preset(DriveProtocol::robstride, row.model);
+    ASSERT_NE(preset, nullptr) << row.model;
+    EXPECT_EQ(preset->velocity, row.velocity) << row.model;
+    EXPECT_EQ(preset->torque, row.torque) << row.model;
+    EXPECT_EQ(preset->kp, row.kp) << row.model;
+    EXPECT_EQ(preset->kd, row.kd) << row.model;
+  }
+}
+
+// Goal: where sources conflict (AK60-6 45 or 50 rad/s, RS05 5.5 or 6 Nm) the model is no answer, whichever number is
+// thought right; what the file says is. Method: the same robot without and with the range.
+TEST(Load, ARangeThatSourcesDisagreeAboutMustBeWritten) {
+  const std::string ak = with("model: AK80-9", "model: AK60-6");
+  const auto refused = parse(ak, "r");
+  ASSERT_FALSE(refused.has_value());
+  EXPECT_EQ(refused.error(),
+            "r:19:12: key `velocity_range` is missing in `joints[0].drive`; add it: sources disagree about AK60-6 (45 "
+            "or 50 rad/s), and a wrong range scales every command: write what the drive's own manual says");
+  const auto written = parse(with("model: AK80-9", "model: AK60-6, velocity_range: 45 rad/s"), "r");
+  ASSERT_TRUE(written.has_value()) << written.error();
+  EXPECT_EQ(written->joints[0].drive.velocity_range, 45);
+  EXPECT_EQ(written->joints[0].drive.torque_range, 15) << "the rest is the model's";
+
+  constexpr std::string_view kTmotor = "{ protocol: mit, variant: tmotor, model: AK80-9, id: 1, reply_id: 0 }";
+  const auto rs05 = parse(with(kTmotor, "{ protocol: robstride, model: RS05, id: 1 }"), "r");
+  ASSERT_FALSE(rs05.has_value());
+  EXPECT_NE(rs05.error().find("key `torque_range` is missing"), std::string::npos) << rs05.error();
+  EXPECT_NE(rs05.error().find("RS05 (5.5 or 6 Nm)"), std::string::npos) << rs05.error();
+  EXPECT_EQ(rs05.error().find("velocity_range"), std::string::npos) << "both sources say 50 rad/s: " << rs05.error();
+}
+
+// Goal: no number without a source, in the table and in the document. Method: docs/drives.md has a row for each.
+TEST(Load, EveryPresetNamesItsSource) {
+  const std::string page = read_file("docs/drives.md").value_or("");
+  for (const DriveProtocol protocol : {DriveProtocol::mit, DriveProtocol::robstride}) {
+    for (const DrivePreset& preset : presets_of(protocol)) {
+      EXPECT_FALSE(preset.source.empty()) << preset.model;
+      const bool complete = preset.position > 0 && preset.velocity > 0 && preset.torque > 0;
+      EXPECT_NE(complete, !preset.unsettled.empty()) << preset.model;
+      const auto number = [](double value) { return value == kUnsettled ? "write it" : fmt::format("{}", value); };
+      const std::string row =
+          fmt::format("| {} | {} | {} |", preset.model, number(preset.velocity), number(preset.torque));
+      EXPECT_NE(page.find(row), std::string::npos) << row;
+    }
+  }
 }
 
 TEST(Load, PathsStartAtTheRobotFilesFolder) {
