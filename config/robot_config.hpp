@@ -112,6 +112,8 @@ struct Drive {
   // mit
   std::string variant;  // "tmotor" (6-byte reply) | "damiao" (8-byte reply)
   std::uint32_t reply_id = 0;
+  // mit, robstride, odrive: why it may be armed though nothing is known to stop it when commands cease; "none": not
+  std::string watchdog_waiver;
   // robstride: our own number on the bus
   std::uint32_t host_id = 0;
   // moteus: the drive's own servo.pid_position gains, which commands scale by 0..1
@@ -272,6 +274,16 @@ constexpr bool has_packed_ranges(DriveProtocol protocol) {
   return protocol == DriveProtocol::mit || protocol == DriveProtocol::robstride;
 }
 
+// The robot file says in writing that this drive may be armed without a time-out of its own.
+inline bool waives_watchdog(const Drive& drive) {
+  return !drive.watchdog_waiver.empty() && drive.watchdog_waiver != "none";
+}
+
+// What no artifact may keep quiet about.
+struct WatchdogWaiver {
+  std::string joint, reason;
+};
+
 struct RobotConfig {
   std::string file;  // as given, for messages
   std::string robot;
@@ -299,6 +311,13 @@ struct RobotConfig {
 // Bytes of the largest chunk a policy may send to this robot.
 inline std::size_t largest_command_of(const RobotConfig& robot) {
   return largest_command_bytes(robot.joints.size(), robot.policy ? robot.policy->steps : 0);
+}
+
+inline std::vector<WatchdogWaiver> watchdog_waivers(const RobotConfig& robot) {
+  std::vector<WatchdogWaiver> waivers;
+  for (const Joint& joint : robot.joints)
+    if (waives_watchdog(joint.drive)) waivers.push_back({joint.name, joint.drive.watchdog_waiver});
+  return waivers;
 }
 
 }  // namespace takt::config

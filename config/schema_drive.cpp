@@ -112,6 +112,12 @@ void describe_drive(Fields& fields, Drive& drive) {
                    highest_id(DriveProtocol::mit));
   if (speaks.any_of({DriveProtocol::robstride}))
     fields.integer({"host_id", "robstride: our own number on the bus", "253"}, drive.host_id, 128, 253);
+  if (speaks.any_of({DriveProtocol::mit, DriveProtocol::robstride, DriveProtocol::odrive}))
+    fields.text({"watchdog_waiver",
+                 "mit, robstride, odrive: the reason why this drive may be armed though its own time-out is off or "
+                 "unknown; none: it may not",
+                 "none"},
+                drive.watchdog_waiver);
   fields.integer({"direction", "1 or -1: q_joint = direction * q_motor / gear_ratio + offset", "1"}, drive.direction,
                  -1, 1);
   fields.quantity({"offset", "joint angle where the motor reads zero", "0 rad"}, drive.offset, Dimension::angle,

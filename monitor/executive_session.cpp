@@ -88,6 +88,7 @@ RunManifest describe(const ExecutiveSession& session, const config::RobotConfig&
   manifest.robot = robot.robot;
   for (const config::Joint& joint : robot.joints) manifest.joints.push_back(joint.name);
   for (const config::Bus& bus : robot.buses) manifest.buses.push_back(bus.interface);
+  manifest.watchdog_waivers = config::watchdog_waivers(robot);
   manifest.config_sha256 = robot.sha256;
   if (robot.policy) {
     manifest.policy_file = robot.policy->file;

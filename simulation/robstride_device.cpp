@@ -20,7 +20,7 @@ enum Type : unsigned {
 };
 
 enum Parameter : std::uint16_t {
-  kCanTimeout = 0x200C,
+  kStoredTimeout = 0x200C,  // CyberGear
   kRunMode = 0x7005,
   kIqRef = 0x7006,
   kSpeedRef = 0x700A,
@@ -30,7 +30,8 @@ enum Parameter : std::uint16_t {
   kLimitCurrent = 0x7018,
   kMechanicalPosition = 0x7019,
   kMechanicalVelocity = 0x701B,
-  kBusVoltage = 0x701C
+  kBusVoltage = 0x701C,
+  kCanTimeout = 0x7028  // RobStride
 };
 
 constexpr std::int64_t kTimeoutUnit_ns = 50'000;
@@ -80,14 +81,17 @@ RobstrideDevice::RobstrideDevice(const config::Drive& drive, Duration watchdog)
 }
 
 void RobstrideDevice::start_up() {
-  written_ = {{kCanTimeout, static_cast<std::uint32_t>(watchdog_.ns / kTimeoutUnit_ns)},
-              {kRunMode, 0},
+  written_ = {{kRunMode, 0},
               {kIqRef, 0},
               {kSpeedRef, 0},
               {kLimitTorque, bits_of(drive_.torque_range)},
               {kLocationRef, 0},
               {kLimitSpeed, bits_of(2)},
               {kLimitCurrent, bits_of(23)}};
+  if (is_cybergear())
+    written_[kStoredTimeout] = static_cast<std::uint32_t>(watchdog_.ns / kTimeoutUnit_ns);
+  else
+    written_[kCanTimeout] = 0;
   zero_ = 0;
   faults_ = 0;
   report_due_ = false;
@@ -105,7 +109,10 @@ void RobstrideDevice::receive(const drivers::CanFrame& frame, MonoTime now, Fram
     case kGetId:
       return out.push_back(identity());
     case kRead:
-      if (const auto value = parameter(index)) out.push_back(answer(index, *value));
+      if (const auto value = parameter(index))
+        out.push_back(answer(index, *value));
+      else if (!is_cybergear())
+        out.push_back(refusal(index));
       return;
     case kMotion:
       move(frame, now);
@@ -171,7 +178,7 @@ std::optional<std::uint32_t> RobstrideDevice::parameter(std::uint16_t index) con
 }
 
 bool RobstrideDevice::is_silent_for_too_long(MonoTime now) const {
-  const std::int64_t allowed = written_.at(kCanTimeout) * kTimeoutUnit_ns;
+  const std::int64_t allowed = written_.at(is_cybergear() ? kStoredTimeout : kCanTimeout) * kTimeoutUnit_ns;
   return allowed != 0 && (now - commanded_at_).ns > allowed;
 }
 
@@ -253,6 +260,12 @@ drivers::CanFrame RobstrideDevice::answer(std::uint16_t index, std::uint32_t val
   drivers::CanFrame frame = make_frame(kRead, drive_.id, host_);
   put_low_first(frame.data, index, 2);
   put_low_first(frame.data + 4, value, 4);
+  return frame;
+}
+
+drivers::CanFrame RobstrideDevice::refusal(std::uint16_t index) const {
+  drivers::CanFrame frame = answer(index, 0);
+  frame.id += 0x1'0000;
   return frame;
 }
 

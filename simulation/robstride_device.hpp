@@ -2,10 +2,12 @@
 //
 // Frames with 29-bit ids and its number as target are obeyed, then answered: with feedback (motion 1, enable 3, stop 4,
 // set zero 6, write 18), its identity (0), or a parameter (17). Stopped by its watchdog it reports reset mode and no
-// fault, and takes the next enable. Parameter 200C holds the watchdog's time in units of 50 us, 0: off; it starts with
-// what the constructor was given. Motion commands and enabling feed it, telemetry does not. An error is reported once
-// by itself (21) as well. Everything written is lost at power-off, the zero included. Only run mode 0 moves.
-// Source: belovictor/cybergear-docs instructionmanual/instructionmanual.md, section 4.
+// fault, and takes the next enable. The watchdog's time, in units of 50 us, 0: off, stands in parameter 7028 and is 0
+// after every power-on; a CyberGear (by the drive's model) has 200C instead, which keeps what the constructor was
+// given. Asked for a parameter that it does not have, a CyberGear says nothing, another answers that the reading
+// failed. Motion commands and enabling feed it, telemetry does not. An error is reported once by itself (21) as well.
+// Everything written is lost at power-off, the zero included. Only run mode 0 moves. Source: belovictor/cybergear-docs
+// instructionmanual/instructionmanual.md, section 4; for 7028 and failed readings the makers' manuals of RS00 to RS06.
 #pragma once
 
 #include <map>
@@ -41,7 +43,9 @@ class RobstrideDevice final : public Device {
   [[nodiscard]] drivers::CanFrame feedback() const;
   [[nodiscard]] drivers::CanFrame identity() const;
   [[nodiscard]] drivers::CanFrame answer(std::uint16_t index, std::uint32_t value) const;
+  [[nodiscard]] drivers::CanFrame refusal(std::uint16_t index) const;
   [[nodiscard]] drivers::CanFrame fault_report() const;
+  [[nodiscard]] bool is_cybergear() const { return drive_.model == "CyberGear"; }
 
   config::Drive drive_;
   Duration watchdog_;

@@ -36,15 +36,34 @@ enum class SetupFault : std::uint32_t {
   settings_differ = 0x8000'0001,  // read back, and not what the robot file says
   settings_unread,                // the drive does not answer the question
   setup_refused,                  // the drive did not take a setting
+  watchdog_off,                   // nothing in the drive would stop it when this computer dies
+  watchdog_unknown,               // perhaps something would: it does not tell
 };
 
-// Which setting, when the protocol numbers them (1..0xFFFF), stands in bits 8..23.
-constexpr std::uint32_t setup_fault_code(SetupFault fault, std::uint32_t setting = 0) noexcept {
-  return static_cast<std::uint32_t>(fault) | (setting & 0xFFFFU) << 8U;
+// Where the protocol numbers its settings: which one (bits 8..23), which part of it (bits 3..7), and what the drive
+// said about it (bits 24..30; what the numbers mean is the protocol's business). 0: none of these.
+struct SettingDetail {
+  std::uint32_t setting = 0;  // 1..0xFFFF
+  std::uint32_t part = 0;     // 0..31
+  std::uint32_t said = 0;     // 0..127
+};
+constexpr std::uint32_t setup_fault_code(SetupFault fault, const SettingDetail& about) noexcept {
+  return static_cast<std::uint32_t>(fault) | (about.setting & 0xFFFFU) << 8U | (about.part & 0x1FU) << 3U |
+         (about.said & 0x7FU) << 24U;
 }
-// 0: not a SetupFault, or one that names no setting.
+constexpr std::uint32_t setup_fault_code(SetupFault fault, std::uint32_t setting = 0) noexcept {
+  return setup_fault_code(fault, SettingDetail{.setting = setting});
+}
+// Nothing of it set: not a SetupFault, or one that names no setting.
+constexpr SettingDetail detail_of(std::uint32_t error_code) noexcept {
+  if ((error_code & 0x8000'0000U) == 0) return {};
+  return {error_code >> 8U & 0xFFFFU, error_code >> 3U & 0x1FU, error_code >> 24U & 0x7FU};
+}
 constexpr std::uint32_t setting_of(std::uint32_t error_code) noexcept {
-  return (error_code & 0x8000'0000U) != 0 ? error_code >> 8U & 0xFFFFU : 0;
+  return detail_of(error_code).setting;
+}
+constexpr SetupFault kind_of(std::uint32_t setup_error_code) noexcept {
+  return static_cast<SetupFault>(setup_error_code & 0x8000'0007U);
 }
 
 // q_joint = direction * q_motor / gear_ratio + offset; torque the other way round, gains by the ratio's square.

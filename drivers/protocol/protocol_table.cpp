@@ -23,13 +23,21 @@ constexpr std::array kProtocols{
 };
 
 std::string setup_fault_name(std::uint32_t code) {
-  switch (static_cast<SetupFault>(code & ~(0xFFFFU << 8U))) {
+  if ((code & 0x8000'0000U) == 0) return {};
+  switch (kind_of(code)) {
     case SetupFault::settings_differ:
       return "the drive's own settings differ from the robot file";
     case SetupFault::settings_unread:
       return "the drive does not tell its settings";
     case SetupFault::setup_refused:
       return "the drive refused its set-up";
+    case SetupFault::watchdog_off:
+      return "the drive's own time-out is off or longer than 1 s, so nothing stops it when this computer dies (set it, "
+             "or write drive.watchdog_waiver)";
+    case SetupFault::watchdog_unknown:
+      return "the drive does not tell its own time-out, so perhaps nothing stops it when this computer dies (see to "
+             "it, "
+             "then write drive.watchdog_waiver)";
   }
   return {};
 }

@@ -65,8 +65,7 @@ void list_joint(const JointRecord& joint, std::int32_t index, MonoTime now, cons
   list.add_if(replies(ReplyFault::delayed), "the drive's replies come late and in bunches", index);
   const JointLimits& limits = config.joints[static_cast<std::size_t>(index)].limits;
   list.add_if(feedback.drive_state == DriveState::unknown, "the drive is not set up yet", index);
-  list.add_if(feedback.drive_state == DriveState::fault || feedback.error_code != 0, "the drive reports a fault",
-              index);
+  list.add_if(feedback.drive_state == DriveState::fault || feedback.error_code != 0, kDriveFaultBlocker, index);
   list.add_if(feedback.q < limits.q_min - limits.q_hard_margin || feedback.q > limits.q_max + limits.q_hard_margin,
               "outside its position limits: move it by hand", index);
   list.add_if(std::abs(joint.dq_estimate) > limits.velocity, "moving too fast", index);

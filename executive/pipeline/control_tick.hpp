@@ -77,6 +77,7 @@ void control_tick(TickState& state, const TickInput& input, const TickConfig& co
 
 // What an operator still misses before arming can be granted; returns how many were written, 0 when nothing is missing.
 // Pure.
+inline constexpr std::string_view kDriveFaultBlocker = "the drive reports a fault";
 struct ArmingBlocker {
   std::string_view what;    // "no fresh command: ...", "no recent feedback from the drive", ...
   std::int32_t joint = -1;  // -1: the whole robot

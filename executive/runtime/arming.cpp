@@ -3,6 +3,7 @@
 #include <array>
 #include <span>
 
+#include "drivers/protocol/protocol_table.hpp"
 #include "executive/pipeline/control_tick.hpp"
 
 namespace takt::runtime {
@@ -11,10 +12,14 @@ namespace {
 // Some causes per joint, and a few of the whole robot.
 constexpr std::size_t kMaxBlockers = 8 * kMaxJoints;
 
-std::string sentence_of(const pipeline::ArmingBlocker& blocker, const std::vector<config::Joint>& joints) {
+std::string sentence_of(const pipeline::ArmingBlocker& blocker, const TickRecord& latest,
+                        const std::vector<config::Joint>& joints) {
   std::string what(blocker.what);
   if (blocker.joint < 0) return what;
   const auto joint = static_cast<std::size_t>(blocker.joint);
+  const std::uint32_t code = latest.joints[joint].feedback.error_code;
+  if (blocker.what == pipeline::kDriveFaultBlocker && code != 0 && joint < joints.size())
+    what += ": " + drivers::error_name(joints[joint].drive, code);
   return "joint " + (joint < joints.size() ? joints[joint].name : std::to_string(joint)) + ": " + what;
 }
 
@@ -33,7 +38,7 @@ std::vector<std::string> missing_for_arming(const TickRecord& latest, const pipe
   std::array<pipeline::ArmingBlocker, kMaxBlockers> blockers{};
   const std::size_t count = pipeline::arming_blockers(latest, config, blockers);
   for (const auto& blocker : std::span(blockers).first(std::min(count, blockers.size()))) {
-    sentences.push_back(sentence_of(blocker, joints));
+    sentences.push_back(sentence_of(blocker, latest, joints));
   }
   return sentences;
 }

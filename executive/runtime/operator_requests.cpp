@@ -36,6 +36,9 @@ OperatorReply Reception::answer(OperatorVerb verb) {
   switch (verb) {
     case OperatorVerb::status:
       reply.done = 1;
+      for (const config::WatchdogWaiver& waiver : config::watchdog_waivers(parts_.robot))
+        say(reply,
+            "joint " + waiver.joint + ": its drive need not stop by itself (watchdog_waiver: " + waiver.reason + ")");
       break;
     case OperatorVerb::arm:
       arm(reply);

@@ -55,6 +55,13 @@ Json losses_json(const RunManifest& manifest) {
   return {{"totals", manifest.losses}, {"first", std::move(listed)}};
 }
 
+Json waivers_json(const RunManifest& manifest) {
+  Json listed = Json::array();
+  for (const config::WatchdogWaiver& waiver : manifest.watchdog_waivers)
+    listed.push_back({{"joint", waiver.joint}, {"reason", waiver.reason}});
+  return listed;
+}
+
 }  // namespace
 
 std::string utc_text(std::int64_t unix_ns) {
@@ -84,6 +91,7 @@ Json to_json(const RunManifest& manifest) {
   json["robot"] = manifest.robot;
   json["joints"] = manifest.joints;
   json["buses"] = manifest.buses;
+  json["watchdog_waivers"] = waivers_json(manifest);
   json["config"] = {{"file", "config.yaml"}, {"sha256", manifest.config_sha256}};
   json["policy"] = manifest.policy_file.empty()
                        ? Json(nullptr)
@@ -121,6 +129,8 @@ std::expected<RunManifest, std::string> manifest_of(const Json& json) {
     json.at("robot").get_to(manifest.robot);
     json.at("joints").get_to(manifest.joints);
     json.at("buses").get_to(manifest.buses);
+    for (const Json& waiver : json.value("watchdog_waivers", Json::array()))
+      manifest.watchdog_waivers.push_back({waiver.at("joint"), waiver.at("reason")});
     json.at("config").at("sha256").get_to(manifest.config_sha256);
     if (const Json& policy = json.at("policy"); !policy.is_null()) {
       policy.at("file").get_to(manifest.policy_file);

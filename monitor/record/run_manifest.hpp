@@ -27,7 +27,8 @@ struct RunManifest {
   std::string run_id;
   std::string robot;
   std::vector<std::string> joints;
-  std::vector<std::string> buses;  // interface names, as in can.log
+  std::vector<std::string> buses;                        // interface names, as in can.log
+  std::vector<config::WatchdogWaiver> watchdog_waivers;  // drives that nothing is known to stop when commands cease
   std::string config_sha256;
   std::string policy_file;    // empty: the robot has no policy
   std::string policy_sha256;  // 64 hex digits

@@ -75,12 +75,19 @@ Finding watchdog(const Snapshot& machine) {
   return fine("watchdog", fmt::format("{}, fed every {}", machine.watchdog, machine.systemd_watchdog), where);
 }
 
+Finding waived(const config::WatchdogWaiver& waiver) {
+  return bad(Verdict::warn, "drive " + waiver.joint, "need not stop by itself: " + waiver.reason,
+             "joints[].drive.watchdog_waiver of the robot file",
+             "set the time-out in the drive; where the drive tells it, drop the waiver");
+}
+
 }  // namespace
 
 void judge_robot(const Case& of, Findings& into) {
   if (of.robot != nullptr) {
     for (std::size_t bus = 0; bus < of.robot->buses.size() && bus < of.machine.can.size(); ++bus)
       into.push_back(can_interface(of.robot->buses[bus], of.machine.can[bus]));
+    for (const config::WatchdogWaiver& waiver : config::watchdog_waivers(*of.robot)) into.push_back(waived(waiver));
     into.push_back(disk(of.machine));
   }
   into.push_back(watchdog(of.machine));

@@ -242,7 +242,7 @@ TEST(Cia402Loop, ADriveThatIsSwitchedOnLaterIsFound) {
   World world(Cia402Mode::cst);
   world.drives[0]->power_cycle(MonoTime{10'000'000'000});  // ten seconds from now
   EXPECT_GT(world.run_until(DriveState::fault, false), 0);
-  EXPECT_EQ(world.feedback().error_code, static_cast<std::uint32_t>(drivers::SetupFault::settings_unread));
+  EXPECT_EQ(drivers::kind_of(world.feedback().error_code), drivers::SetupFault::settings_unread);
   world.run(10'300 - static_cast<int>(world.now.ns / 1'000'000), false);
   EXPECT_GE(world.run_until(DriveState::disabled, false), 0);
   EXPECT_EQ(world.feedback().error_code, 0U);
@@ -254,7 +254,7 @@ TEST(Cia402Loop, AnotherRatedTorqueIsASettingThatDiffers) {
   other.rated_torque = 11;
   world.drives[0] = std::make_unique<Cia402Device>(other, milliseconds(100));
   EXPECT_GT(world.run_until(DriveState::fault, false), 0);
-  EXPECT_EQ(world.feedback().error_code, static_cast<std::uint32_t>(drivers::SetupFault::settings_differ));
+  EXPECT_EQ(drivers::kind_of(world.feedback().error_code), drivers::SetupFault::settings_differ);
   world.run(2000, true);
   EXPECT_EQ(world.drives[0]->state(), DeviceState::disabled);
 }

@@ -30,7 +30,9 @@ config::Drive common(config::DriveProtocol protocol) {
 }
 
 Row odrive() {
-  return {"odrive", common(config::DriveProtocol::odrive), 0x2000, 0x0100'0000};
+  Row row{"odrive", common(config::DriveProtocol::odrive), 0x2000, 0x0100'0000};
+  row.drive.watchdog_waiver = "the simulated drive's is set";
+  return row;
 }
 
 // Wanted are 10 Nm/rad and 0.75 Nm s/rad at the motor: within the servo's gains, and beyond them.

@@ -11,6 +11,7 @@ namespace {
 
 config::Drive cybergear() {
   config::Drive drive;
+  drive.model = "CyberGear";
   drive.protocol = config::DriveProtocol::robstride;
   drive.id = 5;
   drive.host_id = 253;
@@ -151,6 +152,30 @@ TEST_F(SimulatedRobstride, TheTimeoutIsAParameterThatCanBeSwitchedOff) {
   answer_of(frame_of(0x1200FD05, 0x0c20000014000000));  // 20 units: 1 ms
   update();
   EXPECT_EQ(drive.state(), DeviceState::lost);
+}
+
+// The makers' manuals of RS00 to RS06: 7028, u32, 20000 is 1 s, 0 as delivered and after power-on, type 18 writes it
+// for as long as there is power; a reading that fails has 01 in bits 16..23 of the answer's id.
+TEST_F(SimulatedRobstride, ARobstrideForgetsItsTimeoutAndRefusesTheCybergears) {
+  config::Drive rs00 = cybergear();
+  rs00.model = "RS00";
+  drive = RobstrideDevice(rs00, kWatchdog);
+  const drivers::CanFrame ask = frame_of(0x1100FD05, 0x2870000000000000);
+  EXPECT_EQ(bytes_of(*answer_of(ask)), 0x2870000000000000U) << "off as delivered";
+  answer_of(kEnable);
+  for (int ms = 0; ms < 500; ++ms) update();
+  EXPECT_EQ(drive.state(), DeviceState::enabled);
+  answer_of(frame_of(0x1200FD05, 0x2870000014000000));  // 20 units: 1 ms
+  EXPECT_EQ(bytes_of(*answer_of(ask)), 0x2870000014000000U);
+  update();
+  update();
+  EXPECT_EQ(drive.state(), DeviceState::lost);
+  const auto refused = answer_of(frame_of(0x1100FD05, 0x0c20000000000000));
+  ASSERT_TRUE(refused);
+  EXPECT_EQ(refused->id, 0x110105FDU);
+  drive.power_cycle(now);
+  for (int ms = 0; ms < 300; ++ms) update();
+  EXPECT_EQ(bytes_of(*answer_of(ask)), 0x2870000000000000U);
 }
 
 TEST_F(SimulatedRobstride, AnotherRunModeDoesNotObeyMotion) {

@@ -100,7 +100,7 @@ TEST_F(RobstrideLoop, AFaultStopsIsReportedAndClearsInStandby) {
   ticks(5, false);
   EXPECT_EQ(feedback().drive_state, DriveState::disabled);
   EXPECT_EQ(feedback().error_code, 0U);
-  ticks(3, true, kThere);
+  ticks(40, true, kThere);
   EXPECT_EQ(feedback().drive_state, DriveState::enabled);
 }
 
@@ -113,7 +113,7 @@ TEST_F(RobstrideLoop, TheDriveStopsByItselfWhenTheHostFallsSilentAndStaysStopped
   EXPECT_EQ(feedback().drive_state, DriveState::disabled);
   EXPECT_EQ(device_->state(), plant::DeviceState::lost) << "commands alone do not bring it back";
   ticks(2, false);
-  ticks(3, true, kThere);
+  ticks(40, true, kThere);
   EXPECT_EQ(feedback().drive_state, DriveState::enabled) << "the operator does";
 }
 
@@ -124,6 +124,17 @@ TEST_F(RobstrideLoop, ADriveInAnotherRunModeIsPutRightBeforeItIsEnabled) {
   ticks(60, true, kThere);
   EXPECT_EQ(feedback().drive_state, DriveState::enabled);
   EXPECT_NE(torque_, 0) << "obeys motion commands";
+}
+
+// A RobStride forgets its time-out with its supply: were it not told again, the second run would have none.
+TEST_F(RobstrideLoop, ADriveThatWasWithoutPowerIsToldItsTimeoutAgain) {
+  ticks(40, false);
+  device_->power_cycle(now_);
+  ticks(300, false);
+  ticks(40, true, kThere);
+  ASSERT_EQ(feedback().drive_state, DriveState::enabled);
+  ticks(60, true, kThere, false);
+  EXPECT_EQ(device_->state(), plant::DeviceState::lost);
 }
 
 }  // namespace

@@ -216,7 +216,7 @@ void Cia402Driver::refresh_state() noexcept {
   feedback_.error_code = 0;
   if (setup_.fault()) {
     feedback_.drive_state = DriveState::fault;
-    feedback_.error_code = static_cast<std::uint32_t>(*setup_.fault());
+    feedback_.error_code = setup_.error_code();
   } else if (heartbeat_lost_) {
     feedback_.drive_state = DriveState::fault;
     feedback_.error_code = kHeartbeatLost;

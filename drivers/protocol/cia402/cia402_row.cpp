@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
 
 #include "drivers/protocol/cia402/cia402_driver.hpp"
 
@@ -140,6 +141,11 @@ std::vector<FrameTraffic> cia402_traffic(const config::RobotConfig& robot, std::
 }
 
 std::string cia402_error_name(const config::Drive& /*drive*/, std::uint32_t code) {
+  if (const SettingDetail detail = detail_of(code); detail.setting != 0) {
+    std::array<char, 32> object{};
+    std::snprintf(object.data(), object.size(), "object %04X:%02X", detail.setting, detail.part);
+    return object.data() + (detail.said == 0 ? std::string() : ", abort " + cia402::abort_text(detail.said));
+  }
   if (code == 0 || code > 0xFFFF) return {};
   if (const char* const name = name_in(kCodes, code)) return name;
   if (const char* const name = name_in(kClasses, code >> 8U)) return name;

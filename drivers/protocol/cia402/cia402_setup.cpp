@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdio>
 
 namespace takt::drivers::cia402 {
 namespace {
@@ -50,7 +51,7 @@ constexpr std::uint32_t in_ms(Duration duration) {
   return static_cast<std::uint32_t>(duration.ns / 1'000'000);
 }
 
-constexpr ObjectId kDeviceType{0x1000, 0}, kRatedTorque{0x6076, 0};
+constexpr ObjectId kDeviceType{0x1000, 0}, kRatedTorque{0x6076, 0}, kDeadline{0x1400, 5};
 constexpr std::uint32_t kDriveProfile = 402;  // in the lower half of 1000
 
 // Order matters: a PDO is off while its map changes, and a map is empty while its entries change.
@@ -63,7 +64,8 @@ constexpr Row kScript[] = {
     {Action::write, {0x1600, 3}, 4, rpdo_entry<2>},
     {Action::write, {0x1600, 0}, 1, fixed<3>},
     {Action::write, {0x1400, 2}, 1, fixed<1>},  // taken over at every SYNC
-    {Action::write, {0x1400, 5}, 2, fixed<in_ms(kCommandDeadline)>},
+    {Action::write, kDeadline, 2, fixed<in_ms(kCommandDeadline)>},
+    {Action::compare, kDeadline, 2, fixed<in_ms(kCommandDeadline)>},
     {Action::write, {0x1400, 1}, 4, with_node<kRpdo1Id>},
     {Action::write, {0x1800, 1}, 4, with_node<kOff + kNoRemote + kTpdo1Id>},
     {Action::write, {0x1A00, 0}, 1, fixed<0>},
@@ -84,6 +86,45 @@ constexpr Row kScript[] = {
     {Action::compare, kRatedTorque, 4, rated_torque},
 };
 
+SetupFault fault_of(const Row& row) noexcept {
+  return row.object == kDeadline ? SetupFault::watchdog_off : SetupFault::settings_differ;
+}
+
+struct Abort {
+  std::uint32_t code;
+  const char* text;
+};
+// CiA 301, SDO abort codes.
+constexpr std::array kAborts{
+    Abort{0x0503'0000, "toggle bit not alternated"},
+    Abort{0x0504'0000, "protocol timed out"},
+    Abort{0x0504'0001, "command not known"},
+    Abort{0x0504'0005, "out of memory"},
+    Abort{0x0601'0000, "access not supported"},
+    Abort{0x0601'0001, "can only be written"},
+    Abort{0x0601'0002, "can only be read"},
+    Abort{0x0602'0000, "no such object"},
+    Abort{0x0604'0041, "cannot be mapped into a PDO"},
+    Abort{0x0604'0042, "more than a PDO holds"},
+    Abort{0x0604'0043, "parameters do not go together"},
+    Abort{0x0604'0047, "does not go with the inside of the device"},
+    Abort{0x0606'0000, "hardware error"},
+    Abort{0x0607'0010, "wrong length"},
+    Abort{0x0607'0012, "too long"},
+    Abort{0x0607'0013, "too short"},
+    Abort{0x0609'0011, "no such sub-index"},
+    Abort{0x0609'0030, "value out of range"},
+    Abort{0x0609'0031, "value too high"},
+    Abort{0x0609'0032, "value too low"},
+    Abort{0x0609'0036, "maximum below minimum"},
+    Abort{0x0800'0000, "general error"},
+    Abort{0x0800'0020, "cannot be taken over or stored"},
+    Abort{0x0800'0021, "not while the device is controlled locally"},
+    Abort{0x0800'0022, "not in the present state of the device"},
+    Abort{0x0800'0023, "no object dictionary"},
+};
+static_assert(kAborts.size() < kOtherAbort);
+
 bool is_as_expected(const Row& row, std::uint32_t expected, std::uint32_t found) noexcept {
   if (row.object == kDeviceType) return (found & 0xFFFFU) == expected;
   const std::uint32_t apart = std::max(expected, found) - std::min(expected, found);
@@ -91,6 +132,21 @@ bool is_as_expected(const Row& row, std::uint32_t expected, std::uint32_t found)
 }
 
 }  // namespace
+
+std::uint32_t abort_number(std::uint32_t abort_code) noexcept {
+  if (abort_code == 0) return 0;
+  for (std::uint32_t i = 0; i < kAborts.size(); ++i)
+    if (kAborts[i].code == abort_code) return i + 1;
+  return kOtherAbort;
+}
+
+std::string abort_text(std::uint32_t number) {
+  if (number == 0 || number > kAborts.size()) return "an abort code of the maker's own";
+  const Abort& abort = kAborts[number - 1];
+  std::array<char, 80> text{};
+  std::snprintf(text.data(), text.size(), "%08X, %s", abort.code, abort.text);
+  return text.data();
+}
 
 std::optional<InterpolationPeriod> interpolation_period(Duration period) noexcept {
   std::int64_t unit_ns = 1'000'000'000;
@@ -154,7 +210,7 @@ void Setup::take(const SdoAnswer& answer) noexcept {
       return take_abort(answer);
     case SdoAnswer::Kind::value:
       if (!reads) return;
-      if (!is_as_expected(row, row.value(values_), answer.value)) return give_up(SetupFault::settings_differ);
+      if (!is_as_expected(row, row.value(values_), answer.value)) return give_up(fault_of(row));
       return next();
     case SdoAnswer::Kind::written:
       if (!reads) next();
@@ -165,9 +221,13 @@ void Setup::take(const SdoAnswer& answer) noexcept {
 void Setup::take_abort(const SdoAnswer& answer) noexcept {
   const bool absent = answer.value == kAbortNoSuchObject || answer.value == kAbortNoSuchSubIndex;
   if (absent && kScript[row_].action == Action::write_if_there) return next();
-  abort_code_ = answer.value;
-  refused_object_ = answer.object;
   give_up(SetupFault::setup_refused);
+  abort_code_ = answer.value;
+}
+
+std::uint32_t Setup::error_code() const noexcept {
+  if (!fault_) return 0;
+  return setup_fault_code(*fault_, {fault_object_.index, fault_object_.sub, abort_number(abort_code_)});
 }
 
 void Setup::take_operational() noexcept {
@@ -183,6 +243,8 @@ void Setup::next() noexcept {
 
 void Setup::give_up(SetupFault fault) noexcept {
   fault_ = fault;
+  fault_object_ = phase_ == Phase::asking ? kScript[row_].object : ObjectId{};
+  abort_code_ = 0;
   phase_ = Phase::pausing;
   waiting_ = patience_.pause_ticks;
 }

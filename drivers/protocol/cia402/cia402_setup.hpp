@@ -4,7 +4,7 @@
 // The watchdog against a silent host is the RPDO's event timer (1400:05, CiA 301: deadline monitoring): no RPDO for
 // kCommandDeadline and the drive itself reports EMCY 8250 and stops as its own settings say. It watches the command
 // stream, which a heartbeat of ours would not; and it is a fixed time, since SDO is too slow to carry a budget per
-// command. A drive without this object is refused: nothing would stop it when this computer dies.
+// command. It is read back. A drive without this object is refused: nothing would stop it when this computer dies.
 //
 // Answers that do not come within `answer_ticks` are asked for again, `tries` times in all. Then, or when the drive
 // refuses or differs, fault() says which; the script is run again after `pause_ticks`, and the fault stays until it
@@ -13,6 +13,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 
 #include "drivers/protocol/cia402/cia402_codec.hpp"
 #include "drivers/protocol/joint_driver.hpp"
@@ -41,6 +42,12 @@ struct SetupPatience {
   std::uint32_t answer_ticks = 50, tries = 5, pause_ticks = 500;  // each >= 1
 };
 
+// The abort codes of CiA 301 numbered from 1, to fit an error_code: any other is the last, kOtherAbort. 0: none.
+inline constexpr std::uint32_t kOtherAbort = 127;
+std::uint32_t abort_number(std::uint32_t abort_code) noexcept;
+// "06090030, value out of range"; of kOtherAbort: that it is the maker's own.
+std::string abort_text(std::uint32_t number);
+
 class Setup {
  public:
   Setup(const SetupValues& values, const SetupPatience& patience) noexcept : values_(values), patience_(patience) {}
@@ -59,9 +66,11 @@ class Setup {
   [[nodiscard]] bool configured() const noexcept { return phase_ == Phase::starting || phase_ == Phase::done; }
   [[nodiscard]] bool done() const noexcept { return phase_ == Phase::done; }
   [[nodiscard]] std::optional<SetupFault> fault() const noexcept { return fault_; }
-  // Of the newest setup_refused: CiA 301 abort code and the object it was about. 0: never.
+  // What fault() was about, and what the drive said to it: CiA 301 abort code, 0: nothing.
   [[nodiscard]] std::uint32_t abort_code() const noexcept { return abort_code_; }
-  [[nodiscard]] ObjectId refused_object() const noexcept { return refused_object_; }
+  [[nodiscard]] ObjectId fault_object() const noexcept { return fault_object_; }
+  // JointFeedback::error_code of all that, 0: no fault. `said` is abort_number() of the abort code.
+  [[nodiscard]] std::uint32_t error_code() const noexcept;
 
  private:
   enum class Phase : std::uint8_t { stopping, asking, starting, done, pausing };
@@ -79,7 +88,7 @@ class Setup {
   std::uint32_t waiting_ = 0;  // ticks to wait before asking again
   std::optional<SetupFault> fault_;
   std::uint32_t abort_code_ = 0;
-  ObjectId refused_object_;
+  ObjectId fault_object_;
 };
 
 }  // namespace takt::drivers::cia402

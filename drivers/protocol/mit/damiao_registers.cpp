@@ -4,11 +4,15 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <utility>
+
+#include "drivers/protocol/drive_timeout.hpp"
+#include "drivers/protocol/little_endian.hpp"
 
 namespace takt::drivers {
 namespace {
 
-constexpr std::uint8_t kRead = 0x33;
+constexpr std::uint8_t kRead = 0x33, kWrite = 0x55;
 constexpr std::uint32_t kMitMode = 1;
 constexpr std::uint32_t kTicksPerQuestion = 4;  // several drives that are asked at once must not crowd the bus
 // The drive computes with the float32 it stores; the robot file's number went through the same rounding.
@@ -23,14 +27,28 @@ bool is_same(std::uint32_t bits, float expected) noexcept {
 
 }  // namespace
 
-CanFrame encode_damiao_question(std::uint32_t drive_id, DamiaoRegister which) noexcept {
+namespace {
+
+CanFrame register_frame(std::uint32_t drive_id, std::uint8_t operation, DamiaoRegister which) noexcept {
   CanFrame frame;
   frame.id = kDamiaoRegisterId;
   frame.length = 8;
   frame.data[0] = static_cast<std::uint8_t>(drive_id & 0xFFU);
   frame.data[1] = static_cast<std::uint8_t>(drive_id >> 8U & 0xFFU);
-  frame.data[2] = kRead;
+  frame.data[2] = operation;
   frame.data[3] = static_cast<std::uint8_t>(which);
+  return frame;
+}
+
+}  // namespace
+
+CanFrame encode_damiao_question(std::uint32_t drive_id, DamiaoRegister which) noexcept {
+  return register_frame(drive_id, kRead, which);
+}
+
+CanFrame encode_damiao_order(std::uint32_t drive_id, DamiaoRegister which, std::uint32_t value) noexcept {
+  CanFrame frame = register_frame(drive_id, kWrite, which);
+  put_u32(frame.data + 4, value);
   return frame;
 }
 
@@ -39,44 +57,67 @@ std::optional<DamiaoAnswer> decode_damiao_answer(std::uint32_t drive_id, const C
   if (!classic || frame.length != 8) return std::nullopt;
   const std::uint8_t* data = frame.data;
   const auto which = static_cast<DamiaoRegister>(data[3]);
-  const bool about_it = (std::uint32_t{data[0]} | std::uint32_t{data[1]} << 8U) == drive_id && data[2] == kRead;
+  const bool about_it =
+      (std::uint32_t{data[0]} | std::uint32_t{data[1]} << 8U) == drive_id && (data[2] == kRead || data[2] == kWrite);
   if (!about_it || std::ranges::find(kAsked, which) == kAsked.end()) return std::nullopt;
-  std::uint32_t value = 0;
-  for (std::size_t i = 8; i-- > 4;) value = value << 8U | data[i];
-  return DamiaoAnswer{which, value};
+  return DamiaoAnswer{which, get_u32(data + 4), data[2] == kRead};
 }
 
 std::optional<CanFrame> DamiaoReadback::next() noexcept {
   if (stage_ == Stage::agreed) return std::nullopt;
   ++tick_;
-  if (stage_ == Stage::failed && tick_ >= kTicksToRetry) {
-    stage_ = Stage::asking;
-    asked_ = 0;
-    tries_ = 0;
-    tick_ = 0;
-  }
+  if (stage_ == Stage::failed && tick_ >= kTicksToRetry) restart();
   // Ids on a bus differ, and with them the ticks in which their drives are asked.
   if (stage_ == Stage::failed || tick_ % kTicksPerQuestion != drive_id_ % kTicksPerQuestion) return std::nullopt;
   if (tries_ == kTries) {
-    fail(SetupFault::settings_unread, kAsked[asked_]);
+    give_up();
     return std::nullopt;
   }
+  const bool about_timeout = kAsked[asked_] == DamiaoRegister::timeout;
+  if (about_timeout && !std::exchange(ordered_, true))
+    return encode_damiao_order(drive_id_, DamiaoRegister::timeout, wish_.units);
+  ordered_ = false;
   ++tries_;
   return encode_damiao_question(drive_id_, kAsked[asked_]);
 }
 
 void DamiaoReadback::take(const DamiaoAnswer& answer) noexcept {
   // A second answer to a question that was repeated tells nothing new.
-  if (stage_ != Stage::asking || answer.which != kAsked[asked_] || tries_ == 0) return;
+  if (stage_ != Stage::asking || answer.which != kAsked[asked_] || tries_ == 0 || !answer.to_question) return;
   if (!agrees(answer)) {
     fail(SetupFault::settings_differ, answer.which);
     return;
   }
-  if (answer.which == DamiaoRegister::timeout) timeout_ = answer.value;
+  if (answer.which == DamiaoRegister::timeout) return take_timeout(answer.value);
   tries_ = 0;
-  if (++asked_ < kAsked.size()) return;
+  ++asked_;
+}
+
+void DamiaoReadback::take_timeout(std::uint32_t units) noexcept {
+  timeout_ = units;
+  // Otherwise the order was lost, or is not obeyed: again, and in the end give_up() judges what is there.
+  if (units == wish_.units) agree();
+}
+
+void DamiaoReadback::agree() noexcept {
   stage_ = Stage::agreed;
   error_code_ = 0;
+}
+
+void DamiaoReadback::restart() noexcept {
+  stage_ = Stage::asking;
+  asked_ = 0;
+  tries_ = 0;
+  tick_ = 0;
+  ordered_ = false;
+  timeout_.reset();
+}
+
+void DamiaoReadback::give_up() noexcept {
+  const DamiaoRegister which = kAsked[asked_];
+  if (which != DamiaoRegister::timeout) return fail(SetupFault::settings_unread, which);
+  if (wish_.waived || is_watchdog(timeout_)) return agree();
+  fail(timeout_ ? SetupFault::watchdog_off : SetupFault::watchdog_unknown, which);
 }
 
 void DamiaoReadback::fail(SetupFault fault, DamiaoRegister which) noexcept {

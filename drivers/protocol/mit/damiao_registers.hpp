@@ -1,10 +1,13 @@
 // A Damiao drive's own settings, asked for before it may be enabled: a packed range that differs from the robot file's
 // scales every command, and another control mode does not obey MIT commands at all. Pure.
 //
-// Question: id 0x7FF, [drive low, drive high, 0x33, register, 0 0 0 0]. Answer on the master id, the same with the
-// value in bytes 4..7, low byte first. Feedback comes on that id too, and looks like an answer only at one position
-// code, near the end of the range, at a speed near the range's end: losing that report is the price. Source:
-// enactic/openarm_can dm_motor_control.cpp, dm_motor_constants.hpp.
+// The time-out is not only read: what the robot needs is written first, into memory that forgets it with the supply, so
+// that no drive is trusted to have been set up by hand.
+//
+// Question: id 0x7FF, [drive low, drive high, 0x33, register, 0 0 0 0]; order: the same with 0x55 and the value in
+// bytes 4..7, low byte first. Answer to both on the master id: the same with the present value. Feedback comes on that
+// id too, and looks like an answer only at one position code, near the end of the range, at a speed near the range's
+// end: losing that report is the price. Source: enactic/openarm_can dm_motor_control.cpp, dm_motor_constants.hpp.
 #pragma once
 
 #include <cstdint>
@@ -29,27 +32,38 @@ enum class DamiaoRegister : std::uint8_t {
 struct DamiaoAnswer {
   DamiaoRegister which = DamiaoRegister::timeout;
   std::uint32_t value = 0;  // its bits
+  bool to_question = true;  // false: to an order
 };
 
 CanFrame encode_damiao_question(std::uint32_t drive_id, DamiaoRegister which) noexcept;
+// Lost at power-off.
+CanFrame encode_damiao_order(std::uint32_t drive_id, DamiaoRegister which, std::uint32_t value) noexcept;
 // Nothing: not an answer of that drive about one of these registers, or not 8 bytes of classic data.
 std::optional<DamiaoAnswer> decode_damiao_answer(std::uint32_t drive_id, const CanFrame& frame) noexcept;
+
+// What must be true of the drive's own time-out before it may be enabled.
+struct DriveTimeoutWish {
+  std::uint32_t units = 0;  // written, then read back
+  bool waived = false;      // the robot file allows it to be off or unknown
+};
 
 // Asks each register in turn until the drive answers, and judges.
 class DamiaoReadback {
  public:
-  DamiaoReadback(std::uint32_t drive_id, const MitRange& expected) noexcept
-      : drive_id_(drive_id), expected_(expected) {}
+  DamiaoReadback(std::uint32_t drive_id, const MitRange& expected, const DriveTimeoutWish& timeout) noexcept
+      : drive_id_(drive_id), expected_(expected), wish_(timeout) {}
 
   // The question to send in this tick, if it is time for one. Call once per tick in which the drive is heard and
   // disabled. At most kTries per register; all over again kTicksToRetry later when something differed or stayed unread.
   std::optional<CanFrame> next() noexcept;
+  // The drive may have forgotten: everything is asked again. Keeps error_code() until then.
+  void restart() noexcept;
   void take(const DamiaoAnswer& answer) noexcept;
   // Everything was read, and agrees with the robot file.
   [[nodiscard]] bool may_enable() const { return stage_ == Stage::agreed; }
   // JointFeedback::error_code of the newest complete attempt, with the register's number; 0: none failed.
   [[nodiscard]] std::uint32_t error_code() const { return error_code_; }
-  // The drive's own command watchdog, in units of 50 us; 0: off. It is told, not judged.
+  // The drive's own command watchdog as read last, in units of 50 us; 0: off.
   [[nodiscard]] std::optional<std::uint32_t> timeout() const { return timeout_; }
 
   static constexpr int kTries = 10;
@@ -58,13 +72,18 @@ class DamiaoReadback {
  private:
   enum class Stage : std::uint8_t { asking, agreed, failed };
   void fail(SetupFault fault, DamiaoRegister which) noexcept;
+  void agree() noexcept;
+  void give_up() noexcept;
+  void take_timeout(std::uint32_t units) noexcept;
   [[nodiscard]] bool agrees(const DamiaoAnswer& answer) const noexcept;
 
   std::uint32_t drive_id_;
   MitRange expected_;
+  DriveTimeoutWish wish_;
   Stage stage_ = Stage::asking;
   std::size_t asked_ = 0;  // index of the register in question
   int tries_ = 0;
+  bool ordered_ = false;  // the time-out, since it was asked for last
   std::uint32_t tick_ = 0;
   std::uint32_t error_code_ = 0;
   std::optional<std::uint32_t> timeout_;

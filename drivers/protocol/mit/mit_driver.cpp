@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "drivers/protocol/drive_timeout.hpp"
+
 namespace takt::drivers {
 namespace {
 
@@ -16,11 +18,13 @@ bool is_positive(float x) {
 
 std::size_t MitDriver::encode(bool enable, const DriveSetpoint& setpoint, MonoTime /*now*/, MonoTime /*valid_until*/,
                               std::span<CanFrame> out) noexcept {
-  // The protocol has no field for the command's remaining life: the drive's own time-out is a setting in the drive.
+  // The protocol has no field for the command's remaining life: the drive's own time-out stands in.
   CanFrame& frame = out[0];
   frame = {};
   frame.id = settings_.id;
   frame.length = 8;
+  note_silence();
+  if (!enable && wish_ != Wish::disable) readback_.restart();
   const bool wanted = enable && may_enable();
   std::ranges::copy(payload_for(wanted, setpoint), frame.data);
   anything_sent_ = true;
@@ -34,8 +38,28 @@ std::size_t MitDriver::encode(bool enable, const DriveSetpoint& setpoint, MonoTi
   return 2;
 }
 
+void MitDriver::note_silence() noexcept {
+  if (wish_ != Wish::drive && ++silent_ticks_ == kTicksToDoubt) readback_.restart();
+}
+
 bool MitDriver::may_enable() const {
-  return settings_.variant != MitVariant::damiao || readback_.may_enable();
+  switch (settings_.variant) {
+    case MitVariant::damiao:
+      return readback_.may_enable();
+    case MitVariant::tmotor:
+      return settings_.timeout.waived;
+  }
+  return false;
+}
+
+std::uint32_t MitDriver::setup_error() const noexcept {
+  switch (settings_.variant) {
+    case MitVariant::damiao:
+      return readback_.error_code();
+    case MitVariant::tmotor:
+      return settings_.timeout.waived ? 0 : setup_fault_code(SetupFault::watchdog_unknown);
+  }
+  return 0;
 }
 
 MitPayload MitDriver::payload_for(bool enable, const DriveSetpoint& setpoint) noexcept {
@@ -82,13 +106,14 @@ void MitDriver::take(const MitReply& reply, MonoTime received_at) noexcept {
   feedback_.temperature_C = reply.temperature_C;
   status_ = reply.status;
   heard_ = true;
+  silent_ticks_ = 0;
   judge();
 }
 
 void MitDriver::judge() noexcept {
   if (!feedback_.received_at.is_set()) return;
   feedback_.drive_state = reported_state();
-  feedback_.error_code = feedback_.drive_state == DriveState::fault ? status_ : readback_.error_code();
+  feedback_.error_code = feedback_.drive_state == DriveState::fault ? status_ : setup_error();
   if (feedback_.error_code != 0) feedback_.drive_state = DriveState::fault;
 }
 
@@ -109,7 +134,7 @@ DriveState MitDriver::reported_state() const noexcept {
 std::optional<Duration> MitDriver::stored_timeout() const {
   const std::optional<std::uint32_t> units = readback_.timeout();
   if (!units) return std::nullopt;
-  return microseconds(std::int64_t{50} * *units);
+  return kTimeoutUnit * *units;
 }
 
 std::expected<std::unique_ptr<JointDriver>, std::string> make_mit_driver(const config::RobotConfig& robot,
@@ -134,6 +159,7 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_mit_driver(const c
   settings.id = drive.id;
   settings.reply_id = drive.reply_id;
   settings.mapping = mapping_of(drive);
+  settings.timeout = {timeout_units(drive_timeout(robot)), config::waives_watchdog(drive)};
   return std::make_unique<MitDriver>(settings);
 }
 

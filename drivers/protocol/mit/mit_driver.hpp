@@ -1,18 +1,19 @@
 // One MIT drive, host side: joint units in, frames out, replies in.
 //
 // enable false: exit motor mode every tick, which also makes the drive report; a Damiao drive that reports an error is
-//   told to clear it every other tick. Beside it a Damiao drive's settings are read back (damiao_registers.hpp), one
-//   question every fourth tick. What differs from the robot file, or is not told, shows as a fault of the drive until a
-//   later attempt agrees; clearing errors does not touch it.
+//   told to clear it every other tick. Beside it a Damiao drive's time-out is written and its settings are read back
+//   (damiao_registers.hpp), one frame every fourth tick; again after it was enabled, and after kTicksToDoubt without a
+//   reply, for what was written is lost with its supply. What differs from the robot file, is not told, or would not
+//   stop it, shows as a fault of the drive until a later attempt agrees; clearing errors does not touch it.
 // enable rising: enter motor mode every tick until the drive reports that it is enabled; before its settings are known
 // to
 //   agree, as above. A T-Motor drive has no state in its reply and counts as enabled, or disabled, by the first reply
-//   after the frame that asks for it; its settings cannot be read.
+//   after the frame that asks for it; its settings cannot be read, its time-out neither: without a waiver in the robot
+//   file it has a fault that says so, and is not enabled.
 // enabled once: motion commands only. A drive that leaves motor mode by itself is not brought back before `enable` was
 //   false in between: that is the operator's decision.
 //
-// Limitation: whether a drive stops by itself when commands cease is a setting of the drive; stored_timeout() says what
-// is known of it, and blocks nothing. Before the first reply feedback().received_at is unset and drive_state unknown.
+// Before the first reply feedback().received_at is unset and drive_state unknown.
 // Values are clamped to the packed ranges; the joint's own limits are not this class's business. Thread rule: as
 // JointDriver.
 #pragma once
@@ -28,12 +29,13 @@ struct MitDriveSettings {
   MitVariant variant = MitVariant::damiao;
   std::uint32_t id = 0, reply_id = 0;
   JointMapping mapping;
+  DriveTimeoutWish timeout;
 };
 
 class MitDriver final : public JointDriver {
  public:
   explicit MitDriver(const MitDriveSettings& settings) noexcept
-      : settings_(settings), readback_(settings.id, settings.range) {}
+      : settings_(settings), readback_(settings.id, settings.range, settings.timeout) {}
 
   std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
                      std::span<CanFrame> out) noexcept override;
@@ -41,12 +43,14 @@ class MitDriver final : public JointDriver {
   [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }
   // Frames on the reply id that are no reply of this protocol.
   [[nodiscard]] std::uint64_t malformed_frames() const { return malformed_frames_; }
-  // After how long without a command the drive gives up by itself. Zero: never. Nothing: not told (yet).
+  // After how long without a command the drive gives up by itself, as read last. Zero: never. Nothing: not told (yet).
   [[nodiscard]] std::optional<Duration> stored_timeout() const;
 
  private:
   MitPayload payload_for(bool enable, const DriveSetpoint& setpoint) noexcept;
+  void note_silence() noexcept;
   [[nodiscard]] bool may_enable() const;
+  [[nodiscard]] std::uint32_t setup_error() const noexcept;
   void take(const MitReply& reply, MonoTime received_at) noexcept;
   void judge() noexcept;
   [[nodiscard]] DriveState reported_state() const noexcept;
@@ -57,6 +61,7 @@ class MitDriver final : public JointDriver {
   std::uint64_t malformed_frames_ = 0;
   std::uint8_t status_ = 0;  // of the newest reply
   bool heard_ = false;       // a reply came since the last tick that was spent disabled
+  std::uint32_t silent_ticks_ = 0;
   enum class Wish : std::uint8_t { disable, enter, drive };
   Wish wish_ = Wish::disable;
   bool anything_sent_ = false;

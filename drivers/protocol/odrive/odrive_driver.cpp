@@ -9,7 +9,7 @@ namespace takt::drivers {
 
 std::size_t OdriveDriver::encode(bool enable, const DriveSetpoint& setpoint, MonoTime /*now*/, MonoTime /*valid_until*/,
                                  std::span<CanFrame> out) noexcept {
-  if (!enable) return encode_disabled(out);
+  if (!enable || !settings_.watchdog_waived) return encode_disabled(out);
   out[0] = enabled_frame(setpoint);
   return 1;
 }
@@ -30,7 +30,7 @@ std::size_t OdriveDriver::encode_disabled(std::span<CanFrame> out) noexcept {
   else if (turn == 1)
     out[0] = odrive_controller_mode(node, kOdriveTorqueControl, kOdrivePassthrough);
   else
-    out[0] = feedback_.drive_state == DriveState::fault ? odrive_clear_errors(node) : odrive_input_torque(node, 0);
+    out[0] = reports_errors() ? odrive_clear_errors(node) : odrive_input_torque(node, 0);
   return 1;
 }
 
@@ -179,6 +179,7 @@ void OdriveDriver::judge_state() noexcept {
   if (axis_state_ == kOdriveClosedLoop) return judge(DriveState::enabled);
   // Some errors pass, and only the reason for leaving stays. It stays after a normal disable too: then it is history.
   if (phase_ == Phase::left && disarm_reason_ != 0) return judge(DriveState::fault, disarm_reason_);
+  if (!settings_.watchdog_waived) return judge(DriveState::fault, setup_fault_code(SetupFault::watchdog_unknown));
   judge(DriveState::disabled);
 }
 
@@ -193,6 +194,7 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_odrive_driver(cons
   OdriveDriveSettings settings;
   settings.node = drive.id;
   settings.mapping = mapping_of(drive);
+  settings.watchdog_waived = config::waives_watchdog(drive);
   return std::make_unique<OdriveDriver>(settings);
 }
 

@@ -6,7 +6,8 @@
 //   axis.config.can: encoder_msg_rate_ms = control.period (1), heartbeat_msg_rate_ms 10, torques_msg_rate_ms 10,
 //   temperature_msg_rate_ms 100, error_msg_rate_ms 100, bus_voltage_msg_rate_ms 100 or 0, iq_msg_rate_ms 0;
 //   axis.config: enable_watchdog true, watchdog_timeout as long as a command may live: the protocol has no field for
-//   it.
+//   it, and the numbers by which parameters are read over CAN change with every firmware. So it stays unknown: without
+//   a waiver in the robot file the drive has a fault that says so, and is not enabled.
 // Slower reports work too; the bus load is computed from these. Encoder estimates are the replies that are counted.
 //
 // state        says                                        entered by
@@ -36,6 +37,7 @@ inline constexpr std::uint32_t kOdriveNoHeartbeat = 0x7FFF'FFFF;
 struct OdriveDriveSettings {
   std::uint32_t node = 0;
   JointMapping mapping;
+  bool watchdog_waived = false;
 };
 
 class OdriveDriver final : public JointDriver {
@@ -65,6 +67,7 @@ class OdriveDriver final : public JointDriver {
   bool take_temperatures(const CanFrame& frame) noexcept;
   bool take_torques(const CanFrame& frame) noexcept;
   void judge_state() noexcept;
+  [[nodiscard]] bool reports_errors() const noexcept { return heartbeat_missing_ || active_errors_ != 0; }
 
   OdriveDriveSettings settings_;
   JointFeedback feedback_;

@@ -7,7 +7,7 @@ namespace takt::drivers {
 namespace {
 
 constexpr std::uint32_t kIdentity = 0, kMotion = 1, kFeedback = 2, kEnable = 3, kStop = 4, kRead = 17, kWrite = 18,
-                        kFaultReport = 21;
+                        kFaultReport = 21, kActiveReport = 24;
 constexpr std::uint32_t kEveryHost = 0xFE;
 constexpr float kTop = 65535.0F;
 
@@ -121,6 +121,8 @@ std::optional<RobstrideKind> robstride_kind(RobstrideAddress address, const CanF
       return RobstrideKind::answer;
     case kFaultReport:
       return RobstrideKind::fault_report;
+    case kActiveReport:
+      return RobstrideKind::active_report;
     default:
       return std::nullopt;
   }
@@ -143,7 +145,8 @@ std::optional<RobstrideFeedback> decode_robstride_feedback(const RobstrideRange&
 std::optional<RobstrideAnswer> decode_robstride_answer(const CanFrame& frame) noexcept {
   if (!is_whole(frame)) return std::nullopt;
   return RobstrideAnswer{.index = static_cast<std::uint16_t>(frame.data[0] | frame.data[1] << 8U),
-                         .value = little_endian(frame, 4)};
+                         .value = little_endian(frame, 4),
+                         .failed = (frame.id >> 16U & 0xFFU) != 0};
 }
 
 std::optional<RobstrideFaultReport> decode_robstride_fault_report(const CanFrame& frame) noexcept {

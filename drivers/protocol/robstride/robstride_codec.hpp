@@ -6,7 +6,8 @@
 // the motion command, whose data is the torque. From it the target is us and the data's low byte is the drive.
 // Motion and feedback carry big-endian 16-bit codes over their ranges, parameters are little-endian. Units: side of the
 // drive's output, rad, rad/s, Nm/rad, Nm s/rad, Nm. Zero is not representable: over symmetric ranges it comes out half
-// a quantum below. Source: belovictor/cybergear-docs instructionmanual/instructionmanual.md, section 4.
+// a quantum below. Sources: belovictor/cybergear-docs instructionmanual/instructionmanual.md, section 4; for 7028, type
+// 24, stall overload and the failed answer the makers' manuals of RS00 to RS06.
 #pragma once
 
 #include <cstdint>
@@ -41,8 +42,9 @@ CanFrame encode_robstride_stop(RobstrideAddress address, bool clear_faults) noex
 
 // Values of the protocol.
 enum class RobstrideParameter : std::uint16_t {
-  can_timeout = 0x200C,  // u32, in units of 50 us; 0: off, as it comes from the factory
-  run_mode = 0x7005,     // u8; 0: obeys motion commands
+  stored_timeout = 0x200C,  // u32, in units of 50 us; 0: off, as it comes from the factory. CyberGear
+  run_mode = 0x7005,        // u8; 0: obeys motion commands
+  can_timeout = 0x7028,     // u32, 20000 is 1 s; 0: off, as after every power-on. RobStride
 };
 CanFrame encode_robstride_question(RobstrideAddress address, RobstrideParameter parameter) noexcept;
 // Lost at power-off. `value`: the parameter's bits, the low byte first on the wire.
@@ -55,18 +57,22 @@ enum class RobstrideMode : std::uint8_t { reset = 0, calibration = 1, running = 
 struct RobstrideFeedback {
   float p = 0, v = 0, t = 0;
   float temperature_C = 0;
-  std::uint8_t faults = 0;  // from bit 0: undervoltage, overcurrent, over-temperature, encoder, Hall, not calibrated
+  // From bit 0: undervoltage, overcurrent, over-temperature, magnetic encoder, stall overload (CyberGear: Hall
+  // encoder), not calibrated.
+  std::uint8_t faults = 0;
   RobstrideMode mode = RobstrideMode::reset;
 };
 struct RobstrideAnswer {
   std::uint16_t index = 0;  // a RobstrideParameter, when it is one of ours
   std::uint32_t value = 0;  // its bits
+  bool failed = false;      // the drive has no such parameter, and `value` says nothing
 };
 struct RobstrideFaultReport {
   std::uint32_t faults = 0, warnings = 0;  // 0: none
 };
 
-enum class RobstrideKind : std::uint8_t { identity, feedback, answer, fault_report };
+// active_report: feedback that nobody asked for; a drive sends it when a maker's tool told it to.
+enum class RobstrideKind : std::uint8_t { identity, feedback, answer, fault_report, active_report };
 // What this drive says to us; nothing when it is somebody else's, a request, or of no kind a drive sends by itself or
 // as an answer. The length is the decoders' business.
 std::optional<RobstrideKind> robstride_kind(RobstrideAddress address, const CanFrame& frame) noexcept;

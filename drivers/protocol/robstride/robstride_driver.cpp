@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <string_view>
 
 namespace takt::drivers {
 namespace {
@@ -11,6 +12,7 @@ constexpr std::uint32_t kTicksToRetry = 500;  // from a failure to the next atte
 constexpr int kTries = 10;
 constexpr std::uint32_t kMotionMode = 0;
 constexpr std::uint32_t kReportedBits = 0x7F'FFFF;
+constexpr std::string_view kCyberGear = "CyberGear";
 
 bool is_positive(float x) {
   return std::isfinite(x) && x > 0;
@@ -19,31 +21,31 @@ bool is_positive(float x) {
 }  // namespace
 
 std::optional<RobstrideSetup::Step> RobstrideSetup::next(RobstrideAddress address) noexcept {
+  using enum RobstrideParameter;
   ++tick_;
-  if (stage_ == Stage::failed && tick_ >= kTicksToRetry) {
-    stage_ = Stage::set_mode;
-    tick_ = 0;
-    tries_ = 0;
-  }
+  if (stage_ == Stage::failed && tick_ >= kTicksToRetry) restart();
   // Numbers on a bus differ, and with them the ticks in which their drives are asked.
   if (tick_ % kTicksPerStep != address.drive % kTicksPerStep) return std::nullopt;
-  if (stage_ == Stage::set_mode || stage_ == Stage::ask_mode) {
-    if (tries_ == kTries) fail(mode_was_read_ ? SetupFault::setup_refused : SetupFault::settings_unread);
-  } else if (stage_ == Stage::ask_timeout && tries_ == kTries) {
-    stage_ = Stage::done;
-  }
+  if (tries_ == kTries) give_up();
   switch (stage_) {
     case Stage::set_mode:
       stage_ = Stage::ask_mode;
-      return Step{encode_robstride_setting(address, RobstrideParameter::run_mode, kMotionMode), true};
+      return Step{encode_robstride_setting(address, run_mode, kMotionMode), true};
     case Stage::ask_mode:
       ++tries_;
       // No answer: it may be the setting that was lost.
       stage_ = Stage::set_mode;
-      return Step{encode_robstride_question(address, RobstrideParameter::run_mode), false};
+      return Step{encode_robstride_question(address, run_mode), false};
+    case Stage::set_timeout:
+      stage_ = Stage::ask_timeout;
+      return Step{encode_robstride_setting(address, can_timeout, wish_.units), true};
     case Stage::ask_timeout:
       ++tries_;
-      return Step{encode_robstride_question(address, RobstrideParameter::can_timeout), false};
+      stage_ = Stage::set_timeout;
+      return Step{encode_robstride_question(address, can_timeout), false};
+    case Stage::ask_stored:
+      ++tries_;
+      return Step{encode_robstride_question(address, stored_timeout), false};
     case Stage::done:
     case Stage::failed:
       break;
@@ -51,33 +53,85 @@ std::optional<RobstrideSetup::Step> RobstrideSetup::next(RobstrideAddress addres
   return std::nullopt;
 }
 
-void RobstrideSetup::fail(SetupFault fault) noexcept {
-  stage_ = Stage::failed;
+void RobstrideSetup::restart() noexcept {
+  enter(Stage::set_mode);
   tick_ = 0;
-  error_code_ = setup_fault_code(fault, static_cast<std::uint32_t>(RobstrideParameter::run_mode));
+  mode_was_read_ = false;
+  timeout_.reset();
+}
+
+void RobstrideSetup::enter(Stage stage) noexcept {
+  stage_ = stage;
+  tries_ = 0;
+  if (stage == Stage::done) error_code_ = 0;
+}
+
+void RobstrideSetup::fail(SetupFault fault, RobstrideParameter which) noexcept {
+  enter(Stage::failed);
+  tick_ = 0;
+  error_code_ = setup_fault_code(fault, static_cast<std::uint32_t>(which));
+}
+
+// The drive was asked often enough.
+void RobstrideSetup::give_up() noexcept {
+  switch (stage_) {
+    case Stage::set_mode:
+    case Stage::ask_mode:
+      return fail(mode_was_read_ ? SetupFault::setup_refused : SetupFault::settings_unread,
+                  RobstrideParameter::run_mode);
+    case Stage::set_timeout:
+    case Stage::ask_timeout:
+      if (timeout_) return judge_timeout(RobstrideParameter::can_timeout);
+      return enter(Stage::ask_stored);
+    case Stage::ask_stored:
+      return judge_timeout(RobstrideParameter::stored_timeout);
+    case Stage::done:
+    case Stage::failed:
+      return;
+  }
+}
+
+void RobstrideSetup::judge_timeout(RobstrideParameter which) noexcept {
+  if (wish_.waived || is_watchdog(timeout_)) return enter(Stage::done);
+  fail(timeout_ ? SetupFault::watchdog_off : SetupFault::watchdog_unknown, which);
 }
 
 void RobstrideSetup::take(const RobstrideAnswer& answer) noexcept {
   switch (static_cast<RobstrideParameter>(answer.index)) {
     case RobstrideParameter::run_mode:
-      if (may_enable_) return;
-      mode_was_read_ = true;
-      if ((answer.value & 0xFFU) != kMotionMode) return;
-      may_enable_ = true;
-      error_code_ = 0;
-      stage_ = Stage::ask_timeout;
-      tries_ = 0;
-      break;
+      return take_mode(answer);
     case RobstrideParameter::can_timeout:
-      can_timeout_ = answer.value;
-      if (stage_ == Stage::ask_timeout) stage_ = Stage::done;
-      break;
+    case RobstrideParameter::stored_timeout:
+      return take_timeout(answer);
+  }
+}
+
+void RobstrideSetup::take_mode(const RobstrideAnswer& answer) noexcept {
+  if ((stage_ != Stage::set_mode && stage_ != Stage::ask_mode) || tries_ == 0 || answer.failed) return;
+  mode_was_read_ = true;
+  if ((answer.value & 0xFFU) == kMotionMode) enter(wish_.has_volatile ? Stage::set_timeout : Stage::ask_stored);
+}
+
+// A failed answer is no number: what is not there is asked for elsewhere, or stays unknown.
+void RobstrideSetup::take_timeout(const RobstrideAnswer& answer) noexcept {
+  if (tries_ == 0) return;
+  const bool about_volatile = static_cast<RobstrideParameter>(answer.index) == RobstrideParameter::can_timeout;
+  if (about_volatile && (stage_ == Stage::set_timeout || stage_ == Stage::ask_timeout)) {
+    if (answer.failed) return enter(Stage::ask_stored);
+    timeout_ = answer.value;
+    // Another value: the setting was lost, or is not obeyed. Again, and in the end give_up() judges what is there.
+    if (answer.value == wish_.units) enter(Stage::done);
+  } else if (!about_volatile && stage_ == Stage::ask_stored) {
+    if (!answer.failed) timeout_ = answer.value;
+    judge_timeout(RobstrideParameter::stored_timeout);
   }
 }
 
 std::size_t RobstrideDriver::encode(bool enable, const DriveSetpoint& setpoint, MonoTime /*now*/,
                                     MonoTime /*valid_until*/, std::span<CanFrame> out) noexcept {
-  // The protocol has no field for the command's remaining life: the drive's own time-out is a setting in the drive.
+  // The protocol has no field for the command's remaining life: the drive's own time-out stands in.
+  if (wish_ != Wish::drive && ++silent_ticks_ == kTicksToDoubt) setup_.restart();
+  if (!enable && wish_ != Wish::disable) setup_.restart();
   if (!enable || !setup_.may_enable()) return encode_standby(out);
   if (wish_ == Wish::enter && feedback_.drive_state == DriveState::enabled) wish_ = Wish::drive;
   if (wish_ != Wish::drive) {
@@ -126,6 +180,7 @@ bool RobstrideDriver::decode(const ReceivedFrame& received) noexcept {
     case RobstrideKind::answer:
       return taken(decode_robstride_answer(frame));
     case RobstrideKind::identity:
+    case RobstrideKind::active_report:  // not an answer: counted, it would look like two drives with one number
       return true;
   }
   return false;
@@ -137,6 +192,7 @@ void RobstrideDriver::take(const RobstrideFeedback& feedback, MonoTime received_
   mode_ = feedback.mode;
   faults_ = feedback.faults;
   heard_ = true;
+  silent_ticks_ = 0;
   // Some of a report's faults have no bit in feedback: they count as gone once cleared and not reported again.
   if (clear_sent_ && faults_ == 0) reported_faults_ = 0;
   judge();
@@ -176,9 +232,9 @@ void RobstrideDriver::judge() noexcept {
 }
 
 std::optional<Duration> RobstrideDriver::stored_timeout() const {
-  const std::optional<std::uint32_t> units = setup_.can_timeout();
+  const std::optional<std::uint32_t> units = setup_.timeout();
   if (!units) return std::nullopt;
-  return microseconds(std::int64_t{50} * *units);
+  return kTimeoutUnit * *units;
 }
 
 std::expected<std::unique_ptr<JointDriver>, std::string> make_robstride_driver(const config::RobotConfig& robot,
@@ -197,6 +253,9 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_robstride_driver(c
     return std::unexpected("host_id must lie beyond every drive's number and below 254: 253 is usual");
   settings.address = {static_cast<std::uint8_t>(drive.id), static_cast<std::uint8_t>(drive.host_id)};
   settings.mapping = mapping_of(drive);
+  settings.timeout = {.units = timeout_units(drive_timeout(robot)),
+                      .has_volatile = drive.model != kCyberGear,
+                      .waived = config::waives_watchdog(drive)};
   return std::make_unique<RobstrideDriver>(settings);
 }
 
@@ -205,7 +264,23 @@ std::vector<FrameTraffic> robstride_traffic(const config::RobotConfig& /*robot*/
   return {frame, frame};
 }
 
-std::string robstride_error_name(const config::Drive& /*drive*/, std::uint32_t code) {
+namespace {
+
+std::string_view parameter_name(std::uint32_t number) {
+  switch (static_cast<RobstrideParameter>(number)) {
+    case RobstrideParameter::run_mode:
+      return "run mode (parameter 7005)";
+    case RobstrideParameter::can_timeout:
+      return "CAN time-out (parameter 7028)";
+    case RobstrideParameter::stored_timeout:
+      return "CAN time-out (parameter 200C)";
+  }
+  return "";
+}
+
+}  // namespace
+
+std::string robstride_error_name(const config::Drive& drive, std::uint32_t code) {
   struct Bit {
     unsigned number;
     const char* name;
@@ -214,7 +289,7 @@ std::string robstride_error_name(const config::Drive& /*drive*/, std::uint32_t c
                                               {1, "over-current"},
                                               {2, "over-temperature"},
                                               {3, "magnetic encoder fault"},
-                                              {4, "Hall encoder fault"},
+                                              {4, "stall overload"},
                                               {5, "not calibrated"},
                                               {8, "motor over-temperature"},
                                               {9, "driver chip fault"},
@@ -224,13 +299,14 @@ std::string robstride_error_name(const config::Drive& /*drive*/, std::uint32_t c
                                               {13, "phase C over-current"},
                                               {15, "encoder not calibrated"},
                                               {24, "phase A over-current"}}};
+  constexpr unsigned kBitFour = 4;  // RobStride and its older CyberGear differ
   constexpr std::uint32_t kOverload = 0xFFU << 16U;
-  if (const std::uint32_t setting = setting_of(code); setting != 0)
-    return setting == static_cast<std::uint32_t>(RobstrideParameter::run_mode) ? "run mode (parameter 7005)" : "";
+  if (const std::uint32_t setting = setting_of(code); setting != 0) return std::string(parameter_name(setting));
   std::string name;
   const auto add = [&name](const char* one) { name += (name.empty() ? "" : ", ") + std::string(one); };
   for (const Bit& bit : kBits)
-    if ((code >> bit.number & 1U) != 0) add(bit.name);
+    if ((code >> bit.number & 1U) != 0)
+      add(bit.number == kBitFour && drive.model == kCyberGear ? "Hall encoder fault" : bit.name);
   if ((code & kOverload) != 0) add("overload");
   return name;
 }

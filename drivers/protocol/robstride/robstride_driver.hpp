@@ -2,31 +2,42 @@
 //
 // enable false: stop every tick, which the drive answers with its position; while it shows a fault every other stop
 //   clears it. Meanwhile, in every fourth tick, the set-up: run mode 0 (obey motion commands) is written in the place
-//   of one stop and read back, then the stored CAN time-out is read. A run mode that does not stay, or no answer,
-//   becomes a fault of the drive (SetupFault with the parameter's number) and is tried again twice a second at 1 kHz.
+//   of one stop and read back, then the CAN time-out likewise (7028). A drive without that parameter (CyberGear) is
+//   asked for its stored one (200C), which counts when it is set, to at most a second. A run mode that does not stay,
+//   no answer, or a time-out that is off or unknown becomes a fault of the drive (SetupFault with the parameter's
+//   number) and is tried again twice a second at 1 kHz; a waiver in the robot file lets the time-out pass. All of it
+//   again after the drive was enabled and after kTicksToDoubt without a word: what was written is lost with its supply.
 // enable rising: enable every tick until the drive reports that it runs; before its run mode is known, as above.
 // enabled once: motion commands only. A drive that stops by itself is not brought back before `enable` was false in
 //   between: that is the operator's decision.
 //
-// Limitation: these drives stop by themselves when commands cease only if their stored CAN time-out is set; they come
-// with it switched off, and not every firmware tells it. stored_timeout() says what is known; it blocks nothing.
 // Before the first feedback feedback().received_at is unset and drive_state unknown. Thread rule: as JointDriver.
 #pragma once
 
+#include "drivers/protocol/drive_timeout.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "drivers/protocol/robstride/robstride_codec.hpp"
 
 namespace takt::drivers {
 
+// What must be true of the drive's own time-out before it may be enabled.
+struct RobstrideTimeoutWish {
+  std::uint32_t units = 0;   // written into 7028, then read back
+  bool has_volatile = true;  // false: known to have 200C only
+  bool waived = false;       // the robot file allows it to be off or unknown
+};
+
 struct RobstrideDriveSettings {
   RobstrideRange range;
   RobstrideAddress address;
   JointMapping mapping;
+  RobstrideTimeoutWish timeout;
 };
 
 // What the drive must be asked and told before it may be enabled, one step at a time.
 class RobstrideSetup {
  public:
+  explicit RobstrideSetup(const RobstrideTimeoutWish& timeout) noexcept : wish_(timeout) {}
   // The next frame, if it is time for one: `instead_of_stop` tells whether it takes the stop's place (it is answered by
   // feedback) or goes beside it. Call once per tick in which the drive is heard and not running.
   struct Step {
@@ -35,28 +46,37 @@ class RobstrideSetup {
   };
   std::optional<Step> next(RobstrideAddress address) noexcept;
   void take(const RobstrideAnswer& answer) noexcept;
-  // Run mode 0 was read back.
-  [[nodiscard]] bool may_enable() const { return may_enable_; }
+  // The drive may have forgotten: from the beginning. Keeps error_code() until it ends well.
+  void restart() noexcept;
+  // Run mode 0 was read back, and a time-out or a waiver stands behind it.
+  [[nodiscard]] bool may_enable() const { return stage_ == Stage::done; }
   // JointFeedback::error_code of what went wrong; 0: nothing so far.
   [[nodiscard]] std::uint32_t error_code() const { return error_code_; }
-  [[nodiscard]] std::optional<std::uint32_t> can_timeout() const { return can_timeout_; }
+  // As read last, in units of 50 us; nothing: it was not told.
+  [[nodiscard]] std::optional<std::uint32_t> timeout() const { return timeout_; }
 
  private:
-  enum class Stage : std::uint8_t { set_mode, ask_mode, ask_timeout, done, failed };
-  void fail(SetupFault fault) noexcept;
+  enum class Stage : std::uint8_t { set_mode, ask_mode, set_timeout, ask_timeout, ask_stored, done, failed };
+  void enter(Stage stage) noexcept;
+  void fail(SetupFault fault, RobstrideParameter which) noexcept;
+  void give_up() noexcept;
+  void judge_timeout(RobstrideParameter which) noexcept;
+  void take_mode(const RobstrideAnswer& answer) noexcept;
+  void take_timeout(const RobstrideAnswer& answer) noexcept;
 
+  RobstrideTimeoutWish wish_;
   Stage stage_ = Stage::set_mode;
   std::uint32_t tick_ = 0;
   int tries_ = 0;
   bool mode_was_read_ = false;
-  bool may_enable_ = false;
   std::uint32_t error_code_ = 0;
-  std::optional<std::uint32_t> can_timeout_;
+  std::optional<std::uint32_t> timeout_;
 };
 
 class RobstrideDriver final : public JointDriver {
  public:
-  explicit RobstrideDriver(const RobstrideDriveSettings& settings) noexcept : settings_(settings) {}
+  explicit RobstrideDriver(const RobstrideDriveSettings& settings) noexcept
+      : settings_(settings), setup_(settings.timeout) {}
 
   std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
                      std::span<CanFrame> out) noexcept override;
@@ -64,7 +84,7 @@ class RobstrideDriver final : public JointDriver {
   [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }
   // Frames of a known kind from this drive that have not 8 bytes of classic data.
   [[nodiscard]] std::uint64_t malformed_frames() const { return malformed_frames_; }
-  // After how long without a command the drive stops by itself. Zero: never. Nothing: it has not told (yet).
+  // After how long without a command the drive stops by itself, as read last. Zero: never. Nothing: not told (yet).
   [[nodiscard]] std::optional<Duration> stored_timeout() const;
 
  private:
@@ -84,6 +104,7 @@ class RobstrideDriver final : public JointDriver {
   std::uint32_t faults_ = 0;                      // of the newest feedback
   std::uint32_t reported_faults_ = 0;             // of the newest fault report that was not cleared since
   bool heard_ = false;                            // feedback came since the last standby tick
+  std::uint32_t silent_ticks_ = 0;
   bool clear_next_ = false;
   bool clear_sent_ = false;  // since the newest fault report
 };

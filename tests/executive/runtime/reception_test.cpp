@@ -205,6 +205,15 @@ TEST_F(ReceptionTest, ArmingIsRefusedWithTheListOfWhatIsMissing) {
   EXPECT_EQ(ask(OperatorVerb::status).status.tick.mode, Mode::standby);
 }
 
+TEST_F(ReceptionTest, StatusRepeatsEveryWatchdogWaiver) {
+  EXPECT_THAT(ask(OperatorVerb::status).sentences, testing::Not(HasSubstr("watchdog_waiver")));
+  robot_.joints[1].drive.watchdog_waiver = "seen to stop within 100 ms";
+  EXPECT_THAT(ask(OperatorVerb::status).sentences,
+              HasSubstr("joint " + robot_.joints[1].name +
+                        ": its drive need not stop by itself (watchdog_waiver: seen "
+                        "to stop within 100 ms)"));
+}
+
 TEST_F(ReceptionTest, APolicyIsPlayedThenStoppedAndReset) {
   Attached attached = attach_policy();
   EXPECT_EQ(arm_until_granted(), "");

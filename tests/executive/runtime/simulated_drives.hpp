@@ -1,6 +1,6 @@
 // The device side of a robot's loopback buses in a thread of the test: every Damiao drive answers each frame with
 // position zero and its state, as the protocol says, before it obeys the frame, and questions about its settings with
-// what the robot file says. No physics: takt-plant has that.
+// what the robot file says; what is written into them stays. No physics: takt-plant has that.
 #pragma once
 
 #include <atomic>
@@ -68,10 +68,14 @@ class SimulatedDrives {
   // Drives of one robot have numbers of their own, whatever their bus.
   void tell_setting(drivers::LoopbackHub& hub, const drivers::CanFrame& question) {
     const auto id = static_cast<std::uint32_t>(question.data[0] | question.data[1] << 8);
-    if (question.length != 8 || question.data[2] != 0x33 || !settings_.contains(id)) return;
+    const bool writes = question.data[2] == 0x55;
+    if (question.length != 8 || (question.data[2] != 0x33 && !writes) || !settings_.contains(id)) return;
     drivers::CanFrame reply = question;
     reply.id = reply_id_.at(id);
-    const std::uint32_t value = settings_.at(id).at(question.data[3]);
+    std::uint32_t& value = settings_.at(id).at(question.data[3]);
+    if (writes)
+      value = question.data[4] | std::uint32_t{question.data[5]} << 8U | std::uint32_t{question.data[6]} << 16U |
+              std::uint32_t{question.data[7]} << 24U;
     for (unsigned i = 0; i < 4; ++i) reply.data[4 + i] = static_cast<std::uint8_t>(value >> 8 * i & 0xFFU);
     hub.send(reply);
   }

@@ -135,6 +135,9 @@ TEST_F(RecorderTest, AnUndisturbedRunIsWholeAndSaysSo) {
   EXPECT_TRUE(run.manifest.complete);
   EXPECT_EQ(run.manifest.ticks, 2'000U);
   EXPECT_TRUE(run.manifest.losses.empty());
+  ASSERT_EQ(run.manifest.watchdog_waivers.size(), 1U);
+  EXPECT_EQ(run.manifest.watchdog_waivers[0].joint, "elbow");
+  EXPECT_EQ(run.manifest.watchdog_waivers[0].reason, "seen to stop");
   EXPECT_EQ(run.robot.sha256, demo_robot().sha256) << "the recorded configuration is the robot's";
   EXPECT_FALSE(std::filesystem::exists(run.folder.reserve()));
 

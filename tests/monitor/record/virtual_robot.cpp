@@ -64,6 +64,7 @@ RunManifest VirtualRobot::manifest() const {
   manifest.robot = demo_robot().robot;
   for (const config::Joint& joint : demo_robot().joints) manifest.joints.push_back(joint.name);
   for (const config::Bus& bus : demo_robot().buses) manifest.buses.push_back(bus.interface);
+  manifest.watchdog_waivers = {{"elbow", "seen to stop"}};
   manifest.config_sha256 = demo_robot().sha256;
   manifest.executive = {{"realtime", false}, {"policy_hash", "1122334455667788"}};
   manifest.host = host_facts();

@@ -195,6 +195,17 @@ TEST(Diagnose, TheRobotFileDecides) {
   EXPECT_TRUE(complaints(machine, arm()).empty()) << "a virtual interface has no bit rate";
 }
 
+// Goal: a drive that need not stop by itself is never passed over in silence.
+TEST(Diagnose, AWatchdogWaiverIsAWarningThatRepeatsItsReason) {
+  auto robot = arm();
+  robot.joints[2].drive.watchdog_waiver = "seen to stop within 100 ms";
+  const auto found = complaints(good_machine(), robot);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].check, "drive " + robot.joints[2].name);
+  EXPECT_EQ(found[0].verdict, Verdict::warn);
+  EXPECT_NE(found[0].found.find("seen to stop within 100 ms"), std::string::npos);
+}
+
 // Goal: a deep sleep state is fine exactly where the executive may forbid it, as whom it will run. Method: every case
 // of owner, group and mode against every kind of examiner; takt is user 998 in groups 998 and 20.
 TEST(Diagnose, ASleepStateThatTheExecutiveMayForbidIsFine) {

@@ -253,14 +253,14 @@ TEST(Cia402Driver, SetUpFaultsAreFaults) {
   Bench silent;
   for (int i = 0; i < 40; ++i) silent.tick(false);
   EXPECT_EQ(silent.state(), DriveState::fault);
-  EXPECT_EQ(silent.error(), static_cast<std::uint32_t>(SetupFault::settings_unread));
+  EXPECT_EQ(kind_of(silent.error()), SetupFault::settings_unread);
 
   Bench refusing;
   refusing.tick(false);
   const auto question = refusing.tick(false);
   refusing.hear(test::sdo_answer(question[0], 0x80, 0x08000020));
   EXPECT_EQ(refusing.state(), DriveState::fault);
-  EXPECT_EQ(refusing.error(), static_cast<std::uint32_t>(SetupFault::setup_refused));
+  EXPECT_EQ(kind_of(refusing.error()), SetupFault::setup_refused);
   EXPECT_EQ(refusing.driver.abort_code(), 0x08000020U);
   refusing.heartbeat(0);
   refusing.set_up();

@@ -35,10 +35,12 @@ inline CanFrame sdo_answer(const CanFrame& request, std::uint32_t command, std::
                                    value >> 8U & 0xFFU, value >> 16U & 0xFFU, value >> 24U});
 }
 
-// What a drive that agrees with everything answers: device type 402, the given rated torque, else "written".
+// What a drive that agrees with everything answers: device type 402, the deadline, the given rated torque, else
+// "written".
 inline CanFrame agreeing_answer(const CanFrame& request, std::uint32_t rated_torque_mNm) {
   if (request.data[0] != 0x40) return sdo_answer(request, 0x60);
   const bool device_type = request.data[2] == 0x10;
+  if (request.data[2] == 0x14) return sdo_answer(request, 0x4B, 50);  // 1400:05, ms
   return sdo_answer(request, 0x43, device_type ? 0x00020192 : rated_torque_mNm);
 }
 

@@ -6,6 +6,7 @@
 
 #include <vector>
 
+#include "drivers/protocol/protocol_table.hpp"
 #include "tests/drivers/protocol/cia402/cia402_frames.hpp"
 
 namespace takt::drivers::cia402 {
@@ -62,6 +63,7 @@ TEST(Cia402Setup, TheWholeConversationWithATorqueDrive) {
       "605#2f00160003000000",  // three entries
       "605#2f00140201000000",  // at every SYNC
       "605#2b00140532000000",  // deadline 50 ms
+      "605#4000140500000000",  // and is it?
       "605#2300140105020000",  // RPDO on
       "605#23001801850100c0",  // TPDO off: C0000185
       "605#2f001a0000000000",
@@ -154,7 +156,11 @@ TEST(Cia402Setup, ARefusalKeepsItsReason) {
   talk.answer(sdo_answer(talk.agree_until({0x6060, 0}), 0x80, 0x06090030));
   EXPECT_EQ(talk.setup.fault(), SetupFault::setup_refused);
   EXPECT_EQ(talk.setup.abort_code(), 0x06090030U);
-  EXPECT_EQ(talk.setup.refused_object(), (ObjectId{0x6060, 0}));
+  EXPECT_EQ(talk.setup.fault_object(), (ObjectId{0x6060, 0}));
+  config::Drive drive;
+  drive.protocol = config::DriveProtocol::cia402;
+  EXPECT_EQ(error_name(drive, talk.setup.error_code()),
+            "the drive refused its set-up: object 6060:00, abort 06090030, value out of range");
   EXPECT_FALSE(talk.setup.configured());
 }
 
@@ -186,6 +192,21 @@ TEST(Cia402Setup, ComparesWhatTheDriveIs) {
   EXPECT_EQ(verdict_on({0x6076, 0}, 0xFFFF'FFFF), SetupFault::settings_differ);
   EXPECT_EQ(verdict_on({0x1000, 0}, 0x00420192), std::nullopt) << "any drive of the profile";
   EXPECT_EQ(verdict_on({0x1000, 0}, 0x00020191), SetupFault::settings_differ) << "an I/O module";
+}
+
+// Goal: a watchdog is not taken on trust. Method: a drive that acknowledges the deadline, and has none.
+TEST(Cia402Setup, ADeadlineThatDoesNotStayIsAFaultThatNamesIt) {
+  Conversation talk;
+  talk.answer(agreeing_answer(talk.agree_until({0x1400, 5}), kRated_mNm));
+  const auto question = talk.setup.tick();
+  ASSERT_TRUE(question);
+  EXPECT_EQ(text(*question), "605#4000140500000000");
+  talk.answer(sdo_answer(*question, 0x4B, 0));
+  config::Drive drive;
+  drive.protocol = config::DriveProtocol::cia402;
+  const std::string name = error_name(drive, talk.setup.error_code());
+  EXPECT_NE(name.find("own time-out is off"), std::string::npos) << name;
+  EXPECT_NE(name.find("object 1400:05"), std::string::npos) << name;
 }
 
 TEST(Cia402Setup, AnswersToOtherQuestionsAreNone) {

@@ -64,6 +64,14 @@ class Bench {
       ++questions;
       const int number = question->data[3];
       EXPECT_EQ(question->id, 0x7FFU);
+      if (question->data[2] == 0x55) {
+        --questions;
+        ++orders;
+        EXPECT_EQ(number, 9);
+        ordered = question->data[4] | question->data[5] << 8;
+        EXPECT_TRUE(answer(9, obeys ? static_cast<std::uint32_t>(ordered) : told.contains(9) ? told.at(9) : 0, 0x55));
+        continue;
+      }
       if (told.contains(number)) {
         EXPECT_TRUE(answer(number, told.at(number)));
       }
@@ -74,7 +82,7 @@ class Bench {
   static std::map<int, std::uint32_t> right() {
     return {{9, 2000}, {10, 1}, {21, 0x41480000}, {22, 0x41F00000}, {23, 0x41200000}};  // 12.5, 30, 10
   }
-  Bench& set_up() { return live(24, right()); }
+  Bench& set_up() { return live(28, right()); }
 
   // Position 0x8000, velocity and torque in the middle.
   bool reply(int first_byte, int length = 8) {
@@ -89,7 +97,8 @@ class Bench {
 
   MitDriver driver;
   std::optional<CanFrame> question;
-  int questions = 0;
+  int questions = 0, orders = 0, ordered = -1;
+  bool obeys = true;  // an order's answer says what was ordered, whatever is told later
   bool may_enter = false;
 
  private:
@@ -98,10 +107,20 @@ class Bench {
 };
 
 MitDriveSettings damiao() {
-  return {.range = kDm4310, .variant = MitVariant::damiao, .id = 4, .reply_id = 0x14, .mapping = {}};
+  return {.range = kDm4310,
+          .variant = MitVariant::damiao,
+          .id = 4,
+          .reply_id = 0x14,
+          .mapping = {},
+          .timeout = {2000, false}};
 }
 MitDriveSettings tmotor() {
-  return {.range = kDm4310, .variant = MitVariant::tmotor, .id = 4, .reply_id = 0x14, .mapping = {}};
+  return {.range = kDm4310,
+          .variant = MitVariant::tmotor,
+          .id = 4,
+          .reply_id = 0x14,
+          .mapping = {},
+          .timeout = {2000, true}};
 }
 
 constexpr int kDisabled = 0x04, kEnabled = 0x14, kLost = 0xD4;
@@ -150,6 +169,8 @@ TEST(MitDriver, DoesNotBringBackADriveThatLeftByItself) {
     EXPECT_EQ(bench.code_after_seven_ff(true), -1) << state;
   }
   bench.encode(false);
+  bench.reply(kDisabled);
+  bench.set_up();
   EXPECT_EQ(bench.code_after_seven_ff(true), 0xFC) << "after a disable in between it may";
 }
 
@@ -193,13 +214,13 @@ TEST(MitDriver, AsksForEverySettingOnceAndKeepsTheDriveReporting) {
     bench.reply(kDisabled);
     if (!bench.question) continue;
     const CanFrame& question = *bench.question;
-    // [drive low, drive high, 33, register, 0 0 0 0]
-    EXPECT_EQ(question.data[0] | question.data[1] << 8 | question.data[2] << 16, 0x330004);
+    // [drive low, drive high, 33 or 55, register, value]
+    EXPECT_EQ(question.data[0] | question.data[1] << 8, 4);
     EXPECT_EQ(question.length, 8);
-    asked.push_back(question.data[3]);
-    EXPECT_TRUE(bench.answer(asked.back(), Bench::right().at(asked.back())));
+    asked.push_back(question.data[2] << 8 | question.data[3]);
+    EXPECT_TRUE(bench.answer(question.data[3], Bench::right().at(question.data[3]), question.data[2]));
   }
-  EXPECT_EQ(asked, (std::vector<int>{10, 21, 22, 23, 9}));
+  EXPECT_EQ(asked, (std::vector<int>{0x330A, 0x3315, 0x3316, 0x3317, 0x5509, 0x3309}));
   EXPECT_EQ(bench.driver.feedback().replies, 40) << "answers are no reports, and replace none";
   EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::disabled);
   EXPECT_EQ(bench.driver.stored_timeout(), milliseconds(100));
@@ -248,6 +269,82 @@ TEST(MitDriver, ASettingThatDiffersIsAFaultThatNamesIt) {
   }
 }
 
+// Goal: no Damiao drive is armed while nothing would stop it when this computer dies. Method: drives whose register 9
+// (time-out, units of 50 us, 0: off) holds each kind of value and does not take ours.
+TEST(MitDriver, ATimeoutThatIsOffOrUnknownIsAFaultThatNamesIt) {
+  struct Row {
+    const char* when;
+    std::optional<std::uint32_t> told;
+    std::uint32_t code;  // 0: may be enabled
+    const char* name;
+  };
+  const Row rows[] = {
+      {"off", 0U, setup_fault_code(SetupFault::watchdog_off, 9), "off or longer than 1 s"},
+      {"an hour", 72'000'000U, setup_fault_code(SetupFault::watchdog_off, 9), "off or longer than 1 s"},
+      {"untold", std::nullopt, setup_fault_code(SetupFault::watchdog_unknown, 9), "does not tell"},
+      {"another one that stops it soon enough", 1600U, 0, ""},
+  };
+  for (const Row& row : rows) {
+    Bench bench(damiao());
+    bench.obeys = false;
+    bench.may_enter = row.code == 0;
+    auto told = Bench::right();
+    told.erase(9);
+    if (row.told) told[9] = *row.told;
+    bench.live(150, told, true);
+    EXPECT_EQ(bench.ordered, 2000) << row.when;
+    EXPECT_EQ(bench.driver.feedback().error_code, row.code) << row.when;
+    if (row.code == 0) {
+      EXPECT_EQ(bench.code_after_seven_ff(true), 0xFC) << row.when;
+      continue;
+    }
+    EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::fault) << row.when;
+    config::Drive drive;
+    drive.variant = "damiao";
+    const std::string name = error_name(drive, row.code);
+    EXPECT_NE(name.find(row.name), std::string::npos) << name;
+    EXPECT_NE(name.find("register 9"), std::string::npos) << name;
+
+    MitDriveSettings waived = damiao();
+    waived.timeout.waived = true;
+    Bench allowed(waived);
+    allowed.obeys = false;
+    allowed.live(150, told);
+    EXPECT_EQ(allowed.driver.feedback().error_code, 0U) << row.when;
+    EXPECT_EQ(allowed.code_after_seven_ff(true), 0xFC) << row.when << ": waived";
+  }
+}
+
+TEST(MitDriver, ATMotorDriveNeedsAWaiverSinceItTellsNoTimeout) {
+  MitDriveSettings settings = tmotor();
+  settings.timeout.waived = false;
+  Bench bench(settings);
+  for (int tick = 0; tick < 100; ++tick) {
+    EXPECT_EQ(bench.code_after_seven_ff(true), 0xFD);
+    bench.reply(4, 6);
+  }
+  EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::fault);
+  EXPECT_EQ(bench.driver.feedback().error_code, setup_fault_code(SetupFault::watchdog_unknown));
+  config::Drive drive;
+  drive.variant = "tmotor";
+  EXPECT_NE(error_name(drive, bench.driver.feedback().error_code).find("watchdog_waiver"), std::string::npos);
+}
+
+// The order is lost with the supply: a drive that was silent, and one that was driven since, gets it again.
+TEST(MitDriver, TheTimeoutIsWrittenAgainAfterSilenceAndAfterEveryStop) {
+  Bench bench = Bench(damiao()).set_up();
+  EXPECT_EQ(bench.live(200, Bench::right()).orders, 1) << "a drive that goes on answering was told once";
+  for (int tick = 0; tick < 50; ++tick) bench.encode(false);
+  bench.reply(kDisabled);
+  EXPECT_EQ(bench.code_after_seven_ff(true), 0xFD) << "it may have been without power: not before it was told again";
+  EXPECT_EQ(bench.live(40, Bench::right()).orders, 2);
+  bench.encode(true);
+  bench.reply(kEnabled);
+  bench.encode(true);
+  bench.reply(kDisabled);
+  EXPECT_EQ(bench.live(40, Bench::right()).orders, 3) << "its supply may have blinked while it was driven";
+}
+
 TEST(MitDriver, ADriveThatDoesNotTellIsAFaultAfterAFewTries) {
   Bench bench(damiao());
   bench.live(100, {});
@@ -278,7 +375,7 @@ TEST(MitDriver, ASettingsFaultStaysUntilTheDriveAgreesWhateverIsCleared) {
 TEST(MitDriver, AnswersThatNobodyAskedForChangeNothing) {
   Bench bench = Bench(damiao()).set_up();
   EXPECT_TRUE(bench.answer(23, std::bit_cast<std::uint32_t>(28.0F))) << "its own, and no reading";
-  EXPECT_EQ(bench.driver.feedback().replies, 24);
+  EXPECT_EQ(bench.driver.feedback().replies, 28);
   EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::disabled);
   EXPECT_FALSE(bench.answer(23, 0, 0x33, 5)) << "another drive's";
   Bench fresh(damiao());

@@ -39,7 +39,8 @@ float torque_of(const CanFrame& frame) {
 
 class Bench {
  public:
-  explicit Bench(JointMapping mapping = {}) : driver({.node = kNode, .mapping = mapping}) {}
+  explicit Bench(JointMapping mapping = {}, bool waived = true)
+      : driver({.node = kNode, .mapping = mapping, .watchdog_waived = waived}) {}
 
   CanFrame encode(bool enable, const DriveSetpoint& setpoint = {}) {
     std::array<CanFrame, kMaxFramesPerDrive> out;
@@ -69,6 +70,19 @@ class Bench {
 };
 
 constexpr DriveSetpoint kPush{.q = 0, .dq = 0, .kp = 0, .kd = 0, .tau = 2};
+
+// Goal: a drive whose time-out nobody can read is not armed on trust. Method: a drive at rest that would obey.
+TEST(OdriveDriver, NeedsAWaiverSinceItsTimeoutCannotBeRead) {
+  Bench bench({}, false);
+  bench.estimates();
+  bench.heartbeat(1);
+  for (int tick = 0; tick < 20; ++tick) EXPECT_NE(bench.say(tick > 0), "closed loop");
+  EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::fault);
+  EXPECT_EQ(bench.driver.feedback().error_code, setup_fault_code(SetupFault::watchdog_unknown));
+  config::Drive drive;
+  drive.protocol = config::DriveProtocol::odrive;
+  EXPECT_NE(error_name(drive, bench.driver.feedback().error_code).find("watchdog_waiver"), std::string::npos);
+}
 
 TEST(OdriveDriver, KnowsNothingBeforeTheFirstReport) {
   Bench bench;

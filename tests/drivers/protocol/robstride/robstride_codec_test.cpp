@@ -78,10 +78,11 @@ TEST(RobstrideCodec, OtherFramesCarryOurNumberInTheMiddleOfTheId) {
   EXPECT_EQ(text(encode_robstride_stop(kAddress, false)), "0400FD7F#0000000000000000");
   EXPECT_EQ(text(encode_robstride_stop(kAddress, true)), "0400FD7F#0100000000000000");
   // 17 = 11 hex, 18 = 12 hex; index and value with the low byte first.
-  EXPECT_EQ(text(encode_robstride_question(kAddress, RobstrideParameter::can_timeout)), "1100FD7F#0c20000000000000");
+  EXPECT_EQ(text(encode_robstride_question(kAddress, RobstrideParameter::stored_timeout)), "1100FD7F#0c20000000000000");
   EXPECT_EQ(text(encode_robstride_setting(kAddress, RobstrideParameter::run_mode, 0)), "1200FD7F#0570000000000000");
-  EXPECT_EQ(text(encode_robstride_setting(kAddress, RobstrideParameter::can_timeout, 0x00012345)),
-            "1200FD7F#0c20000045230100");
+  // The makers' manuals of RS00 to RS06: 7028, 20000 is 1 s.
+  EXPECT_EQ(text(encode_robstride_setting(kAddress, RobstrideParameter::can_timeout, 20000)),
+            "1200FD7F#28700000204e0000");
 }
 
 TEST(RobstrideCodec, NotFiniteMeansNoStiffnessAndNoTorque) {
@@ -117,10 +118,15 @@ TEST(RobstrideCodec, DecodesAnswersAndFaultReports) {
   ASSERT_EQ(robstride_kind(kAddress, answer), RobstrideKind::answer);
   EXPECT_EQ(decode_robstride_answer(answer)->index, 0x200C);
   EXPECT_EQ(decode_robstride_answer(answer)->value, 20000U);
+  EXPECT_FALSE(decode_robstride_answer(answer)->failed);
+  // Bits 16..23 of the id: 01, the reading failed.
+  EXPECT_TRUE(decode_robstride_answer(frame_of(0x11017FFD, {0x0C, 0x20, 0, 0, 0, 0, 0, 0}))->failed);
   const CanFrame report = frame_of(0x15007FFD, {0x08, 0, 0x01, 0, 0x01, 0, 0, 0x80});
   ASSERT_EQ(robstride_kind(kAddress, report), RobstrideKind::fault_report);
   EXPECT_EQ(decode_robstride_fault_report(report)->faults, 0x10008U);
   EXPECT_EQ(decode_robstride_fault_report(report)->warnings, 0x80000001U);
+  // Type 24: the drive reports by itself, laid out as feedback.
+  EXPECT_EQ(robstride_kind(kAddress, frame_of(0x18807FFD, {})), RobstrideKind::active_report);
   EXPECT_EQ(robstride_kind(kAddress, frame_of(0x00007FFE, {1, 2, 3, 4, 5, 6, 7, 8})), RobstrideKind::identity);
 }
 

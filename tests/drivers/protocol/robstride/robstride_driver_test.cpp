@@ -5,6 +5,9 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cstdio>
+#include <map>
+#include <string>
 #include <vector>
 
 #include "drivers/protocol/bus_load.hpp"
@@ -18,7 +21,14 @@ constexpr std::uint32_t kDrive = 0x05, kHost = 0xFD;
 enum Type : std::uint32_t { motion = 1, enable = 3, stop = 4, question = 17, setting = 18 };
 
 RobstrideDriveSettings settings(JointMapping mapping = {}) {
-  return {.range = kCyberGear, .address = {kDrive, kHost}, .mapping = mapping};
+  return {.range = kCyberGear, .address = {kDrive, kHost}, .mapping = mapping, .timeout = {.units = 2000}};
+}
+
+// "7028"
+std::string index_of(const CanFrame& frame) {
+  std::array<char, 8> digits{};
+  std::snprintf(digits.data(), digits.size(), "%02X%02X", frame.data[1], frame.data[0]);
+  return digits.data();
 }
 
 class Bench {
@@ -55,8 +65,12 @@ class Bench {
   bool answer(int index, int value) {
     return hears(17U << 24U | kDrive << 8U | kHost, {index & 0xFF, index >> 8, 0, 0, value & 0xFF, value >> 8, 0, 0});
   }
-  // What an honest drive does in a standby tick. Returns the frames it got.
-  std::vector<CanFrame> honest_tick(bool enabled, int run_mode = 0, int timeout = 2000) {
+  bool refuses(int index) {
+    return hears(17U << 24U | 1U << 16U | kDrive << 8U | kHost, {index & 0xFF, index >> 8, 0, 0, 0, 0, 0, 0});
+  }
+  // What an honest drive does in a standby tick. Returns the frames it got. `told`: of which parameters it says what,
+  // by index; silent about others.
+  std::vector<CanFrame> honest_tick(bool enabled, const std::map<int, int>& told = {{0x7005, 0}, {0x7028, 2000}}) {
     const auto frames = encode(enabled);
     for (const CanFrame& frame : frames) {
       if (frame.id >> 24U != question) {
@@ -64,12 +78,12 @@ class Bench {
         continue;
       }
       const int index = frame.data[0] | frame.data[1] << 8;
-      answer(index, index == 0x7005 ? run_mode : timeout);
+      if (told.contains(index)) answer(index, told.at(index));
     }
     return frames;
   }
   Bench& set_up() {
-    for (int tick = 0; tick < 40; ++tick) honest_tick(false);
+    for (int tick = 0; tick < 60; ++tick) honest_tick(false);
     EXPECT_TRUE(driver.stored_timeout());
     return *this;
   }
@@ -96,20 +110,19 @@ TEST(RobstrideDriver, AsksASilentDriveNothing) {
   EXPECT_EQ(bench.driver.feedback().error_code, 0U) << "a drive without power is not one that refuses";
 }
 
-TEST(RobstrideDriver, SetsTheRunModeReadsItBackAndThenTheTimeout) {
+TEST(RobstrideDriver, SetsRunModeAndTimeoutAndReadsThemBack) {
   Bench bench;
   std::vector<std::string> told;
   int reports = 0;
   for (int tick = 0; tick < 40; ++tick) {
     for (const CanFrame& frame : bench.honest_tick(false)) {
       reports += frame.id >> 24U != question ? 1 : 0;
-      if (frame.id >> 24U == setting) told.push_back("write " + std::to_string(frame.data[1]));
-      if (frame.id >> 24U == question) told.push_back("read " + std::to_string(frame.data[1]));
+      if (frame.id >> 24U == setting) told.push_back("write " + index_of(frame));
+      if (frame.id >> 24U == question) told.push_back("read " + index_of(frame));
       EXPECT_EQ(frame.id >> 8U & 0xFFFFU, kHost);
     }
   }
-  // High bytes of the indices: 7005 and 200C.
-  EXPECT_EQ(told, (std::vector<std::string>{"write 112", "read 112", "read 32"})) << "each once";
+  EXPECT_EQ(told, (std::vector<std::string>{"write 7005", "read 7005", "write 7028", "read 7028"})) << "each once";
   EXPECT_EQ(reports, 40) << "one frame per tick that feedback answers";
   EXPECT_EQ(bench.driver.stored_timeout(), milliseconds(100)) << "2000 units of 50 us";
 }
@@ -123,7 +136,7 @@ TEST(RobstrideDriver, DoesNotTouchTheModeOfADriveThatRuns) {
   }
 }
 
-TEST(RobstrideDriver, IsNotEnabledBeforeItsRunModeIsKnown) {
+TEST(RobstrideDriver, IsNotEnabledBeforeItsRunModeAndTimeoutAreKnown) {
   Bench bench;
   bool known = false;
   for (int tick = 0; tick < 40; ++tick) {
@@ -131,7 +144,10 @@ TEST(RobstrideDriver, IsNotEnabledBeforeItsRunModeIsKnown) {
       const std::uint32_t type = frame.id >> 24U;
       EXPECT_EQ(type == enable, known);
       if (type != question) bench.feedback(0);
-      if (type == question) known = bench.answer(0x7005, 0);
+      if (type != question) continue;
+      const bool about_timeout = index_of(frame) == "7028";
+      bench.answer(about_timeout ? 0x7028 : 0x7005, about_timeout ? 2000 : 0);
+      known |= about_timeout;
     }
   }
   EXPECT_TRUE(known);
@@ -140,7 +156,7 @@ TEST(RobstrideDriver, IsNotEnabledBeforeItsRunModeIsKnown) {
 TEST(RobstrideDriver, ARunModeThatDoesNotStayIsAFaultUntilItDoes) {
   Bench bench;
   for (int tick = 0; tick < 100; ++tick) {
-    for (const CanFrame& frame : bench.honest_tick(true, 2)) ASSERT_NE(frame.id >> 24U, enable);
+    for (const CanFrame& frame : bench.honest_tick(true, {{0x7005, 2}})) ASSERT_NE(frame.id >> 24U, enable);
   }
   EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::fault);
   EXPECT_EQ(bench.driver.feedback().error_code, setup_fault_code(SetupFault::setup_refused, 0x7005));
@@ -148,7 +164,7 @@ TEST(RobstrideDriver, ARunModeThatDoesNotStayIsAFaultUntilItDoes) {
   drive.protocol = config::DriveProtocol::robstride;
   EXPECT_EQ(error_name(drive, bench.driver.feedback().error_code),
             "the drive refused its set-up: run mode (parameter 7005)");
-  for (int tick = 0; tick < 600; ++tick) bench.honest_tick(false, 0);
+  for (int tick = 0; tick < 600; ++tick) bench.honest_tick(false);
   EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::disabled) << "tried again";
   EXPECT_EQ(bench.driver.feedback().error_code, 0U);
 }
@@ -162,26 +178,94 @@ TEST(RobstrideDriver, ADriveThatDoesNotAnswerIsAFault) {
   EXPECT_EQ(bench.driver.feedback().error_code, setup_fault_code(SetupFault::settings_unread, 0x7005));
 }
 
-TEST(RobstrideDriver, ATimeoutThatIsOffOrUnreadBlocksNothingButIsTold) {
-  Bench off;
-  for (int tick = 0; tick < 40; ++tick) off.honest_tick(false, 0, 0);
-  EXPECT_EQ(off.driver.stored_timeout(), Duration{0});
-  EXPECT_EQ(off.first_type(true), enable);
+// Goal: nothing arms while nothing would stop the drive, and the sentence names the parameter. Method: drives as the
+// manuals have them: 7028 that does not stay (RS), none but 200C (CyberGear: silent about 7028; or refused by answer).
+TEST(RobstrideDriver, ATimeoutThatIsOffOrUnknownIsAFaultThatNamesItsParameter) {
+  struct Row {
+    const char* when;
+    std::map<int, int> told;
+    std::uint32_t code;  // 0: may be enabled
+    const char* name;
+  };
+  const std::uint32_t off_7028 = setup_fault_code(SetupFault::watchdog_off, 0x7028),
+                      off_200c = setup_fault_code(SetupFault::watchdog_off, 0x200C),
+                      unknown = setup_fault_code(SetupFault::watchdog_unknown, 0x200C);
+  const Row rows[] = {
+      {"7028 stays 0", {{0x7005, 0}, {0x7028, 0}}, off_7028, "off or longer"},
+      {"7028 stays at an hour", {{0x7005, 0}, {0x7028, 72'000'000}}, off_7028, "off or longer"},
+      {"7028 stays at 80 ms", {{0x7005, 0}, {0x7028, 1600}}, 0, ""},
+      {"200C alone, off as delivered", {{0x7005, 0}, {0x200C, 0}}, off_200c, "off or longer"},
+      {"200C alone, 1 s", {{0x7005, 0}, {0x200C, 20000}}, 0, ""},
+      {"neither", {{0x7005, 0}}, unknown, "does not tell"},
+  };
+  for (const Row& row : rows) {
+    Bench bench;
+    for (int tick = 0; tick < 400; ++tick)
+      for (const CanFrame& frame : bench.honest_tick(row.code != 0, row.told))
+        ASSERT_NE(frame.id >> 24U, enable) << row.when;
+    EXPECT_EQ(bench.driver.feedback().error_code, row.code) << row.when;
+    EXPECT_EQ(bench.driver.feedback().drive_state, row.code == 0 ? DriveState::disabled : DriveState::fault)
+        << row.when;
+    if (row.code == 0) {
+      EXPECT_EQ(bench.first_type(true), enable) << row.when;
+      continue;
+    }
+    config::Drive drive;
+    drive.protocol = config::DriveProtocol::robstride;
+    const std::string name = error_name(drive, row.code);
+    EXPECT_NE(name.find(row.name), std::string::npos) << name;
+    EXPECT_NE(name.find(row.code == off_7028 ? "parameter 7028" : "parameter 200C"), std::string::npos) << name;
+  }
+}
 
-  Bench unread;
-  int asked = 0;
-  for (int tick = 0; tick < 400; ++tick) {
-    for (const CanFrame& frame : unread.encode(false)) {
-      const bool about_mode = frame.data[1] == 0x70;
-      if (frame.id >> 24U != question) unread.feedback(0);
-      if (frame.id >> 24U == question && about_mode) unread.answer(0x7005, 0);
-      if (frame.id >> 24U == question && !about_mode) ++asked;
+// Goal: an answer that the reading failed carries a 0 that means nothing. Method: a drive that refuses 7028 and 200C.
+TEST(RobstrideDriver, AFailedReadingIsUnknownAndNotZero) {
+  Bench bench;
+  for (int tick = 0; tick < 200; ++tick) {
+    for (const CanFrame& frame : bench.encode(true)) {
+      const std::string index = index_of(frame);
+      if (frame.id >> 24U != question)
+        bench.feedback(0);
+      else if (index == "7005")
+        bench.answer(0x7005, 0);
+      else
+        bench.refuses(index == "7028" ? 0x7028 : 0x200C);
     }
   }
-  EXPECT_EQ(asked, 10) << "then it gives up";
-  EXPECT_EQ(unread.driver.stored_timeout(), std::nullopt);
-  EXPECT_EQ(unread.driver.feedback().error_code, 0U);
-  EXPECT_EQ(unread.first_type(true), enable);
+  EXPECT_EQ(bench.driver.stored_timeout(), std::nullopt);
+  EXPECT_EQ(bench.driver.feedback().error_code, setup_fault_code(SetupFault::watchdog_unknown, 0x200C));
+}
+
+TEST(RobstrideDriver, AWaiverLetsADriveWithoutTimeoutPass) {
+  RobstrideDriveSettings waived = settings();
+  waived.timeout.waived = true;
+  Bench bench(waived);
+  for (int tick = 0; tick < 400; ++tick) bench.honest_tick(false, {{0x7005, 0}, {0x7028, 0}});
+  EXPECT_EQ(bench.driver.stored_timeout(), Duration{0});
+  EXPECT_EQ(bench.driver.feedback().error_code, 0U);
+  EXPECT_EQ(bench.first_type(true), enable);
+}
+
+// 7028 is lost with the supply: a drive that was silent, and one that was driven since, is told again.
+TEST(RobstrideDriver, TheTimeoutIsWrittenAgainAfterSilenceAndAfterEveryStop) {
+  const auto writes = [](Bench& bench) {
+    int count = 0;
+    for (int tick = 0; tick < 60; ++tick)
+      for (const CanFrame& frame : bench.honest_tick(false))
+        count += frame.id >> 24U == setting && index_of(frame) == "7028" ? 1 : 0;
+    return count;
+  };
+  Bench bench = Bench().set_up();
+  EXPECT_EQ(writes(bench), 0) << "a drive that goes on answering was told once";
+  for (int tick = 0; tick < 50; ++tick) bench.encode(false);
+  bench.feedback(0);
+  EXPECT_NE(bench.first_type(true), enable) << "it may have been without power: not before it was told again";
+  EXPECT_EQ(writes(bench), 1);
+  bench.encode(true);
+  bench.feedback(2);
+  bench.encode(true);
+  bench.feedback(0);
+  EXPECT_EQ(writes(bench), 1) << "its supply may have blinked while it was driven";
 }
 
 TEST(RobstrideDriver, IsEnabledByTheDrivesOwnWord) {
@@ -206,7 +290,7 @@ TEST(RobstrideDriver, DoesNotBringBackADriveThatStoppedByItself) {
     EXPECT_EQ(bench.first_type(true), motion) << faults;
   }
   bench.feedback(0);
-  bench.encode(false);
+  bench.set_up();
   EXPECT_EQ(bench.first_type(true), enable) << "after a stop in between it may";
 }
 
@@ -250,6 +334,10 @@ TEST(RobstrideDriver, NamesItsFaults) {
   EXPECT_EQ(error_name(drive, 0x800), "supply over-voltage");
   EXPECT_EQ(error_name(drive, 0x0002'0000), "overload");
   EXPECT_EQ(error_name(drive, 0x40), "error code 0x40");
+  // Id bit 20, the fifth of the faults: stall overload by the makers' manuals of RS00 to RS06, Hall by CyberGear's.
+  EXPECT_EQ(error_name(drive, 0b010000), "stall overload");
+  drive.model = "CyberGear";
+  EXPECT_EQ(error_name(drive, 0b010000), "Hall encoder fault");
 }
 
 TEST(RobstrideDriver, IgnoresWhatIsNotItsOwnAndCountsWhatIsMalformed) {
@@ -265,6 +353,8 @@ TEST(RobstrideDriver, IgnoresWhatIsNotItsOwnAndCountsWhatIsMalformed) {
   EXPECT_FALSE(bench.driver.feedback().received_at.is_set());
   EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::unknown);
   EXPECT_TRUE(bench.hears(0x000005FE, {})) << "its identity";
+  // Type 24, running, at the middle of everything.
+  EXPECT_TRUE(bench.hears(0x188005FD, {0x80, 0, 0x80, 0, 0x80, 0, 0x01, 0x2C})) << "its own, though nobody asked";
   EXPECT_EQ(bench.driver.feedback().replies, 0) << "is no reading";
 }
 
