@@ -3,7 +3,7 @@
 namespace takt::config {
 namespace {
 
-constexpr std::uint32_t kDamiaoRegisters = 0x7FF;
+constexpr std::uint32_t kDamiaoRegisters = 0x7FF, kAkV3Feedback = 0x2900;
 
 IdPattern standard(std::uint32_t id) {
   return {id, 0x7FF, false};
@@ -16,8 +16,9 @@ std::vector<IdPattern> each_of(std::initializer_list<std::uint32_t> ids) {
 }
 
 DriveIds of_mit(const Drive& drive) {
-  DriveIds ids{each_of({drive.id}), {}, each_of({drive.reply_id})};
+  DriveIds ids{each_of({drive.id}), {}, each_of({drive.reply_id}), {}};
   if (drive.variant == "damiao") ids.broadcasts = each_of({kDamiaoRegisters});
+  if (drive.variant == "tmotor") ids.betrayals = {{kAkV3Feedback | drive.id, 0x1FFF'FFFF, true}};
   return ids;
 }
 
@@ -27,7 +28,8 @@ DriveIds of_robstride(const Drive& drive) {
   constexpr std::uint32_t kAllBits = 0x1FFF'FFFF;
   return {{{drive.id, 0xFF, true}},
           {},
-          {{drive.id << 8 | drive.host_id, 0xFFFF, true}, {drive.id << 8 | 0xFE, kAllBits & ~0x00FF'0000U, true}}};
+          {{drive.id << 8 | drive.host_id, 0xFFFF, true}, {drive.id << 8 | 0xFE, kAllBits & ~0x00FF'0000U, true}},
+          {}};
 }
 
 // 11 bits: node 6 | command 5.
@@ -37,21 +39,24 @@ DriveIds of_odrive(const Drive& drive) {
     for (const std::uint32_t command : commands) patterns.push_back(standard(drive.id << 5 | command));
     return patterns;
   };
-  return {all({0x02, 0x07, 0x0B, 0x0C, 0x0D, 0x0E, 0x0F, 0x18}), {}, all({0x01, 0x03, 0x09, 0x14, 0x15, 0x17, 0x1C})};
+  return {
+      all({0x02, 0x07, 0x0B, 0x0C, 0x0D, 0x0E, 0x0F, 0x18}), {}, all({0x01, 0x03, 0x09, 0x14, 0x15, 0x17, 0x1C}), {}};
 }
 
 // Source and destination in a byte each; the source's top bit asks for a reply. We are number 0. A reply's id fits into
 // 11 bits when the drive's number is small, and comes as either kind.
 DriveIds of_moteus(const Drive& drive) {
-  DriveIds ids{{{drive.id, 0x1FFF'7FFF, true}}, {}, {{drive.id << 8, 0x1FFF'FFFF, true}}};
+  DriveIds ids{{{drive.id, 0x1FFF'7FFF, true}}, {}, {{drive.id << 8, 0x1FFF'FFFF, true}}, {}};
   if (drive.id << 8 <= 0x7FF) ids.replies.push_back(standard(drive.id << 8));
   return ids;
 }
 
 DriveIds of_cia402(const Drive& drive) {
   const std::uint32_t n = drive.id;
-  return {each_of({0x200 + n, 0x300 + n, 0x400 + n, 0x500 + n, 0x600 + n}), each_of({0x000, 0x080}),
-          each_of({0x080 + n, 0x180 + n, 0x280 + n, 0x380 + n, 0x480 + n, 0x580 + n, 0x700 + n})};
+  return {each_of({0x200 + n, 0x300 + n, 0x400 + n, 0x500 + n, 0x600 + n}),
+          each_of({0x000, 0x080}),
+          each_of({0x080 + n, 0x180 + n, 0x280 + n, 0x380 + n, 0x480 + n, 0x580 + n, 0x700 + n}),
+          {}};
 }
 
 }  // namespace

@@ -28,6 +28,7 @@ struct DriveIds {
   std::vector<IdPattern> commands;    // to this drive alone
   std::vector<IdPattern> broadcasts;  // to every drive of its protocol
   std::vector<IdPattern> replies;     // from this drive
+  std::vector<IdPattern> betrayals;   // from it too, should it speak another protocol: heard, so that it can be named
 };
 
 DriveIds ids_of(const Drive& drive);

@@ -18,6 +18,7 @@ std::vector<config::IdPattern> ids_on(const config::RobotConfig& robot, std::siz
     add(ids.commands);
     add(ids.broadcasts);
     if (replies_too) add(ids.replies);
+    if (replies_too) add(ids.betrayals);
   }
   return all;
 }

@@ -38,6 +38,8 @@ std::string setup_fault_name(std::uint32_t code) {
       return "the drive does not tell its own time-out, so perhaps nothing stops it when this computer dies (see to "
              "it, "
              "then write drive.watchdog_waiver)";
+    case SetupFault::other_protocol:
+      return "the drive speaks another protocol than the robot file says";
   }
   return {};
 }

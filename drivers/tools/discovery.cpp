@@ -47,7 +47,15 @@ std::vector<CanFrame> ask_mit(std::uint32_t id) {
   return frames;
 }
 
+// What RobStride says to everybody ends in FE too.
+bool is_other_ak_protocol(const CanFrame& frame) {
+  const std::uint32_t id = frame.id & 0xFFU;
+  return id != 0xFE && is_ak_v3_feedback(id, frame);
+}
+
 std::optional<Found> read_mit(const CanFrame& frame) {
+  if (is_other_ak_protocol(frame))
+    return Found{frame.id & 0xFFU, "speaks the protocol of AK V3 firmware or servo mode, which Takt does not"};
   if (!frame.extended && !frame.fd && frame.length == 6)
     return Found{frame.data[0], "T-Motor reply on " + hex(frame.id)};
   if (frame.extended || frame.fd || frame.length != 8 || frame.id == kDamiaoRegisters || frame.data[2] != kRead)

@@ -58,6 +58,8 @@ void list_joint(const JointRecord& joint, std::int32_t index, MonoTime now, cons
   const bool missing =
       !feedback.received_at.is_set() || now - feedback.received_at > config.feedback_timeout || !is_plausible(feedback);
   list.add_if(missing, "no recent feedback from the drive", index);
+  // A drive that speaks another protocol reports nothing, and yet is known to be wrong.
+  list.add_if(missing && feedback.error_code != 0, kDriveFaultBlocker, index);
   if (missing) return;
   const auto replies = [&joint](ReplyFault fault) { return (joint.reply_faults & bit(fault)) != 0; };
   list.add_if(replies(ReplyFault::lost), "the drive leaves commands unanswered", index);

@@ -73,6 +73,11 @@ MitPayload encode_mit_special(MitSpecial special) noexcept {
   return payload;
 }
 
+bool is_ak_v3_feedback(std::uint32_t drive_id, const CanFrame& frame) noexcept {
+  const bool classic = frame.extended && !frame.fd && !frame.remote && !frame.error;
+  return classic && frame.length == 8 && frame.id == (kAkV3Feedback | drive_id);
+}
+
 std::optional<MitReply> decode_mit_reply(const MitRange& range, MitVariant variant, const CanFrame& frame) noexcept {
   const bool classic = !frame.extended && !frame.fd && !frame.remote && !frame.error;
   const bool long_reply = frame.length == 8;
@@ -90,7 +95,7 @@ std::optional<MitReply> decode_mit_reply(const MitRange& range, MitVariant varia
       break;
     case MitVariant::tmotor:
       reply.id = data[0];
-      reply.temperature_C = long_reply ? static_cast<float>(static_cast<std::int8_t>(data[6])) : 0.0F;
+      reply.temperature_C = long_reply ? static_cast<float>(data[6]) - kTmotorColdest_C : 0.0F;
       reply.status = long_reply ? data[7] : std::uint8_t{0};
       break;
   }

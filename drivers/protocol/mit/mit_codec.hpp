@@ -5,7 +5,8 @@
 // p16, v12, t12; Damiao puts its state into the id byte's upper half and appends two temperatures. The reply is sent
 // before the command is read: it reports the earlier state. Units: motor side, rad, rad/s, Nm/rad, Nm s/rad, Nm. Zero
 // is not representable: over symmetric ranges it comes out half a quantum below. Sources: bgkatz/motorcontrol
-// Core/Src/can.c, math_ops.c; enactic/openarm_can dm_motor_control.cpp; neurobionics/TMotorCANControl mit_can.py.
+// Core/Src/can.c, math_ops.c; enactic/openarm_can dm_motor_control.cpp; neurobionics/TMotorCANControl mit_can.py;
+// for 8-byte T-Motor replies and 0x29xx the maker's AK series manual.
 #pragma once
 
 #include <array>
@@ -51,11 +52,19 @@ struct MitReply {
   std::uint8_t status = 0;
   float temperature_C = 0;  // the hotter of what is reported; 0 when nothing is
 };
-// T-Motor: 6 bytes, or 8 with temperature and error code. Damiao: 8 bytes. Anything else is no reply.
+// T-Motor: 6 bytes, or 8 with temperature (unsigned, 0 is -40 deg C) and error code. Damiao: 8 bytes. Anything else is
+// no reply.
 std::optional<MitReply> decode_mit_reply(const MitRange& range, MitVariant variant, const CanFrame& frame) noexcept;
 
 // Damiao states; values of the protocol.
 inline constexpr std::uint8_t kDamiaoDisabled = 0x0;
 inline constexpr std::uint8_t kDamiaoEnabled = 0x1;
+inline constexpr float kTmotorColdest_C = 40;
+
+// AK drives with V3 firmware, and older ones in servo mode, speak another protocol: commands with 29-bit ids (MIT ones
+// 0x800 | drive, stiffness first), feedback with id 0x2900 | drive, 8 bytes. It is not spoken here, only known by
+// sight.
+inline constexpr std::uint32_t kAkV3Feedback = 0x2900;
+bool is_ak_v3_feedback(std::uint32_t drive_id, const CanFrame& frame) noexcept;
 
 }  // namespace takt::drivers

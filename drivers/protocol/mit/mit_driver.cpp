@@ -24,6 +24,7 @@ std::size_t MitDriver::encode(bool enable, const DriveSetpoint& setpoint, MonoTi
   frame.id = settings_.id;
   frame.length = 8;
   note_silence();
+  if (other_protocol_ticks_ > 0 && --other_protocol_ticks_ == 0) judge();
   if (!enable && wish_ != Wish::disable) readback_.restart();
   const bool wanted = enable && may_enable();
   std::ranges::copy(payload_for(wanted, setpoint), frame.data);
@@ -47,7 +48,7 @@ bool MitDriver::may_enable() const {
     case MitVariant::damiao:
       return readback_.may_enable();
     case MitVariant::tmotor:
-      return settings_.timeout.waived;
+      return settings_.timeout.waived && other_protocol_ticks_ == 0;
   }
   return false;
 }
@@ -57,6 +58,7 @@ std::uint32_t MitDriver::setup_error() const noexcept {
     case MitVariant::damiao:
       return readback_.error_code();
     case MitVariant::tmotor:
+      if (other_protocol_ticks_ > 0) return setup_fault_code(SetupFault::other_protocol, kAkV3Feedback);
       return settings_.timeout.waived ? 0 : setup_fault_code(SetupFault::watchdog_unknown);
   }
   return 0;
@@ -81,6 +83,7 @@ MitPayload MitDriver::payload_for(bool enable, const DriveSetpoint& setpoint) no
 
 bool MitDriver::decode(const ReceivedFrame& received) noexcept {
   const CanFrame& frame = received.frame;
+  if (take_other_protocol(frame)) return true;
   if (frame.id != settings_.reply_id || frame.extended) return false;
   if (settings_.variant == MitVariant::damiao) {
     if (const std::optional<DamiaoAnswer> answer = decode_damiao_answer(settings_.id, frame)) {
@@ -110,8 +113,19 @@ void MitDriver::take(const MitReply& reply, MonoTime received_at) noexcept {
   judge();
 }
 
+bool MitDriver::take_other_protocol(const CanFrame& frame) noexcept {
+  if (settings_.variant != MitVariant::tmotor || !is_ak_v3_feedback(settings_.id, frame)) return false;
+  other_protocol_ticks_ = kTicksToForget;
+  judge();
+  return true;
+}
+
 void MitDriver::judge() noexcept {
-  if (!feedback_.received_at.is_set()) return;
+  if (!feedback_.received_at.is_set()) {
+    feedback_.error_code = other_protocol_ticks_ > 0 ? setup_error() : 0;
+    feedback_.drive_state = feedback_.error_code != 0 ? DriveState::fault : DriveState::unknown;
+    return;
+  }
   feedback_.drive_state = reported_state();
   feedback_.error_code = feedback_.drive_state == DriveState::fault ? status_ : setup_error();
   if (feedback_.error_code != 0) feedback_.drive_state = DriveState::fault;
@@ -174,7 +188,12 @@ std::string mit_error_name(const config::Drive& drive, std::uint32_t code) {
   static constexpr std::array<const char*, 7> kDamiaoFrom8{
       "over-voltage",          "under-voltage",      "over-current", "output stage over-temperature",
       "coil over-temperature", "communication lost", "overload"};
-  if (const std::uint32_t setting = setting_of(code); setting != 0) return damiao_register_name(setting);
+  const std::uint32_t setting = setting_of(code);
+  if (setting == kAkV3Feedback)
+    return "that of AK V3 firmware or servo mode (29-bit feedback ids 0x29xx), which this program does not speak: set "
+           "the "
+           "drive to the MIT mode of V2 firmware with the maker's tool";
+  if (setting != 0) return damiao_register_name(setting);
   if (drive.variant == "tmotor") return code < kTmotor.size() ? kTmotor[code] : "";
   return code >= 8 && code - 8 < kDamiaoFrom8.size() ? kDamiaoFrom8[code - 8] : "";
 }

@@ -10,6 +10,8 @@
 //   agree, as above. A T-Motor drive has no state in its reply and counts as enabled, or disabled, by the first reply
 //   after the frame that asks for it; its settings cannot be read, its time-out neither: without a waiver in the robot
 //   file it has a fault that says so, and is not enabled.
+//   One that is heard to speak the protocol of AK V3 firmware has a fault that names it, for kTicksToForget after its
+//   last such word.
 // enabled once: motion commands only. A drive that leaves motor mode by itself is not brought back before `enable` was
 //   false in between: that is the operator's decision.
 //
@@ -34,6 +36,8 @@ struct MitDriveSettings {
 
 class MitDriver final : public JointDriver {
  public:
+  static constexpr std::uint32_t kTicksToForget = 2000;
+
   explicit MitDriver(const MitDriveSettings& settings) noexcept
       : settings_(settings), readback_(settings.id, settings.range, settings.timeout) {}
 
@@ -52,6 +56,7 @@ class MitDriver final : public JointDriver {
   [[nodiscard]] bool may_enable() const;
   [[nodiscard]] std::uint32_t setup_error() const noexcept;
   void take(const MitReply& reply, MonoTime received_at) noexcept;
+  bool take_other_protocol(const CanFrame& frame) noexcept;
   void judge() noexcept;
   [[nodiscard]] DriveState reported_state() const noexcept;
 
@@ -62,6 +67,7 @@ class MitDriver final : public JointDriver {
   std::uint8_t status_ = 0;  // of the newest reply
   bool heard_ = false;       // a reply came since the last tick that was spent disabled
   std::uint32_t silent_ticks_ = 0;
+  std::uint32_t other_protocol_ticks_ = 0;  // left before a word of another protocol is forgotten
   enum class Wish : std::uint8_t { disable, enter, drive };
   Wish wish_ = Wish::disable;
   bool anything_sent_ = false;

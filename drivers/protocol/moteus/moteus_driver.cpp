@@ -31,13 +31,17 @@ void write_query(MoteusWriter& writer) noexcept {
 
 struct Reply {
   float mode = NAN, position = NAN, velocity = NAN, torque = NAN, temperature = 0, motor_temperature = 0, fault = 0;
+  bool tells_position = false;  // as a number or not
 };
 
 // Registers that were not asked for are passed over.
 void sort_in(const MoteusReader::Value& one, Reply& reply) noexcept {
   const auto reg = static_cast<MoteusRegister>(one.reg);
   if (reg == MoteusRegister::mode) reply.mode = one.value;
-  if (reg == MoteusRegister::position) reply.position = one.value;
+  if (reg == MoteusRegister::position) {
+    reply.position = one.value;
+    reply.tells_position = true;
+  }
   if (reg == MoteusRegister::velocity) reply.velocity = one.value;
   if (reg == MoteusRegister::torque) reply.torque = one.value;
   if (reg == MoteusRegister::temperature) reply.temperature = one.value;
@@ -65,7 +69,8 @@ Reply read_usual(const std::uint8_t* at) noexcept {
           .torque = get_f32(at + 13),
           .temperature = plain_int8(at[19]),
           .motor_temperature = plain_int8(at[23]),
-          .fault = plain_int8(at[20])};
+          .fault = plain_int8(at[20]),
+          .tells_position = true};
 }
 
 // False: no whole reply.
@@ -73,11 +78,11 @@ bool parse(const CanFrame& frame, Reply& reply) noexcept {
   if (frame.remote || frame.error || frame.length > sizeof frame.data) return false;
   if (is_usual(frame)) {
     reply = read_usual(frame.data);
-    return std::isfinite(reply.mode) && std::isfinite(reply.torque);
+    return std::isfinite(reply.mode);
   }
   MoteusReader reader(std::span(frame.data, frame.length));
   for (MoteusReader::Value value; reader.next(value);) sort_in(value, reply);
-  return !reader.malformed() && std::isfinite(reply.mode) && std::isfinite(reply.torque);
+  return !reader.malformed() && std::isfinite(reply.mode);
 }
 
 float hotter(float a, float b) noexcept {
@@ -185,12 +190,16 @@ bool MoteusDriver::decode(const ReceivedFrame& received) noexcept {
   const CanFrame& frame = received.frame;
   if (frame.id != settings_.id << 8U) return false;
   Reply reply;
-  const bool whole = parse(frame, reply);
-  const float q = reply.position * kRadPerRev;
-  const float dq = reply.velocity * kRadPerRev;
-  if (!whole || !std::isfinite(q) || !std::isfinite(dq)) {
+  if (!parse(frame, reply)) {
     ++malformed_frames_;
     return false;
+  }
+  const float q = reply.position * kRadPerRev;
+  const float dq = reply.velocity * kRadPerRev;
+  // A drive that does not know where it is says NaN: its own word all the same, and no stranger's.
+  if (!std::isfinite(q) || !std::isfinite(dq) || !std::isfinite(reply.torque)) {
+    ++malformed_frames_;
+    return reply.tells_position;
   }
   q_ = q;
   take_reading(settings_.mapping, q_, dq, reply.torque, received.received_at, feedback_);

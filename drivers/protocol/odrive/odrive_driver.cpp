@@ -140,12 +140,18 @@ bool OdriveDriver::take_errors(const CanFrame& frame) noexcept {
   return true;
 }
 
+// Its own word all the same, and no stranger's.
+bool OdriveDriver::without_a_number() noexcept {
+  ++malformed_frames_;
+  return true;
+}
+
 bool OdriveDriver::take_estimates(const ReceivedFrame& received) noexcept {
   const auto turns = decode_odrive_pair(settings_.node, OdriveMessage::encoder_estimates, received.frame);
   if (!turns) return false;
   const float q = turns->first * kRadPerTurn;
   const float dq = turns->second * kRadPerTurn;
-  if (!std::isfinite(q) || !std::isfinite(dq)) return false;
+  if (!std::isfinite(q) || !std::isfinite(dq)) return without_a_number();
   take_reading(settings_.mapping, q, dq, tau_, received.received_at, feedback_);
   heartbeat_missing_ = heartbeat_at_.is_set() && received.received_at - heartbeat_at_ > kOdriveHeartbeatTimeout;
   judge_state();
@@ -163,7 +169,8 @@ bool OdriveDriver::take_temperatures(const CanFrame& frame) noexcept {
 
 bool OdriveDriver::take_torques(const CanFrame& frame) noexcept {
   const auto torques = decode_odrive_pair(settings_.node, OdriveMessage::torques, frame);
-  if (!torques || !std::isfinite(torques->second)) return false;
+  if (!torques) return false;
+  if (!std::isfinite(torques->second)) return without_a_number();
   tau_ = torques->second;
   return true;
 }

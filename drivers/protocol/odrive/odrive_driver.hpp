@@ -66,6 +66,7 @@ class OdriveDriver final : public JointDriver {
   bool take_estimates(const ReceivedFrame& received) noexcept;
   bool take_temperatures(const CanFrame& frame) noexcept;
   bool take_torques(const CanFrame& frame) noexcept;
+  bool without_a_number() noexcept;
   void judge_state() noexcept;
   [[nodiscard]] bool reports_errors() const noexcept { return heartbeat_missing_ || active_errors_ != 0; }
 

@@ -64,6 +64,18 @@ TEST_F(DiscoveryTest, ReadsTheRangesOfDamiaoDrivesBack) {
     EXPECT_TRUE(said_.contains(what)) << what;
 }
 
+TEST_F(DiscoveryTest, NamesADriveWithAkV3Firmware) {
+  BusScan scan({config::DriveProtocol::mit, config::DriveProtocol::robstride}, 0, 127);
+  CanFrame frame;
+  frame.id = 0x2903;
+  frame.extended = true;
+  frame.length = 8;
+  scan.take(frame);
+  ASSERT_EQ(scan.found().size(), 1U);
+  EXPECT_EQ(scan.found()[0].id, 3U);
+  EXPECT_NE(scan.found()[0].said.begin()->find("AK V3"), std::string::npos);
+}
+
 TEST_F(DiscoveryTest, NumbersBeyondTheLastAreNotReported) {
   EXPECT_EQ(scan(1, 5), (std::set<Key>{{config::DriveProtocol::robstride, 4}, {config::DriveProtocol::odrive, 5}}));
 }

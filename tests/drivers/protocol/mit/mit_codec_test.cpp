@@ -155,10 +155,27 @@ TEST(MitCodec, DecodesASixByteReply) {
 
 TEST(MitCodec, DecodesAnEightByteTMotorReply) {
   const auto reply =
-      decode_mit_reply(preset("AK80-9"), MitVariant::tmotor, frame_of({0x03, 0x8A, 0x3C, 0x7A, 0xD9, 0x54, 41, 2}));
+      decode_mit_reply(preset("AK80-9"), MitVariant::tmotor, frame_of({0x03, 0x8A, 0x3C, 0x7A, 0xD9, 0x54, 65, 2}));
   ASSERT_TRUE(reply);
   EXPECT_EQ(reply->status, 2) << "over-current";
-  EXPECT_EQ(reply->temperature_C, 41);
+  EXPECT_EQ(reply->temperature_C, 25) << "unsigned, offset by 40";
+  const auto temperature = [](int byte) {
+    return decode_mit_reply(preset("AK80-9"), MitVariant::tmotor, frame_of({0x03, 0x80, 0, 0x80, 0x08, 0, byte, 0}))
+        ->temperature_C;
+  };
+  EXPECT_EQ(temperature(0), -40);
+  EXPECT_EQ(temperature(255), 215) << "no sign: the hottest, not one below freezing";
+}
+
+// The maker's AK manual: V3 firmware and servo mode report with 29-bit ids, 0x29 in front of the drive's number.
+TEST(MitCodec, KnowsTheOtherAkProtocolBySight) {
+  CanFrame frame = frame_of({0x0A, 0x3C, 0x00, 0x10, 0x00, 0x20, 35, 0});
+  frame.extended = true;
+  frame.id = 0x2903;
+  EXPECT_TRUE(is_ak_v3_feedback(3, frame));
+  EXPECT_FALSE(is_ak_v3_feedback(4, frame)) << "another drive's";
+  frame.extended = false;
+  EXPECT_FALSE(is_ak_v3_feedback(3, frame));
 }
 
 TEST(MitCodec, DecodesADamiaoReply) {

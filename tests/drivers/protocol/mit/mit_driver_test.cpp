@@ -330,6 +330,28 @@ TEST(MitDriver, ATMotorDriveNeedsAWaiverSinceItTellsNoTimeout) {
   EXPECT_NE(error_name(drive, bench.driver.feedback().error_code).find("watchdog_waiver"), std::string::npos);
 }
 
+// Goal: a drive with other firmware is refused by name, not as one that is silent or a stranger. Method: a drive that
+// answers nothing and reports as AK V3 firmware does (29-bit id, 0x29 in front of its number).
+TEST(MitDriver, AkV3FirmwareIsRefusedByName) {
+  Bench bench(tmotor());
+  ReceivedFrame v3;
+  v3.frame.id = 0x2904;
+  v3.frame.extended = true;
+  v3.frame.length = 8;
+  EXPECT_TRUE(bench.driver.decode(v3)) << "no stranger";
+  EXPECT_EQ(bench.driver.feedback().replies, 0) << "and no reading";
+  EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::fault);
+  config::Drive drive;
+  drive.variant = "tmotor";
+  EXPECT_NE(error_name(drive, bench.driver.feedback().error_code).find("AK V3 firmware"), std::string::npos);
+  EXPECT_EQ(bench.code_after_seven_ff(true), 0xFD) << "not enabled";
+  for (std::uint32_t tick = 0; tick < MitDriver::kTicksToForget; ++tick) bench.encode(false);
+  bench.reply(4, 6);
+  EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::disabled) << "set right with the maker's tool";
+  v3.frame.id = 0x2905;
+  EXPECT_FALSE(bench.driver.decode(v3)) << "another drive's";
+}
+
 // The order is lost with the supply: a drive that was silent, and one that was driven since, gets it again.
 TEST(MitDriver, TheTimeoutIsWrittenAgainAfterSilenceAndAfterEveryStop) {
   Bench bench = Bench(damiao()).set_up();

@@ -249,9 +249,9 @@ TEST(MoteusDriver, IgnoresWhatIsNotItsOwnAndCountsWhatIsMalformed) {
   EXPECT_EQ(bench.driver.malformed_frames(), 0U);
   EXPECT_FALSE(bench.hear(""));
   EXPECT_FALSE(bench.hear("210000")) << "no position";
-  EXPECT_FALSE(bench.hear("2100002f010000c07f0000003f0000c03f")) << "position NaN";
-  EXPECT_FALSE(bench.hear("2100002f010000803e0000003f0000807f")) << "torque infinite";
-  EXPECT_FALSE(bench.hear("2100002f01ffff7f7f0000003f0000c03f")) << "turns beyond any radian";
+  EXPECT_TRUE(bench.hear("2100002f010000c07f0000003f0000c03f")) << "position NaN: no reading, and no stranger";
+  EXPECT_TRUE(bench.hear("2100002f010000803e0000003f0000807f")) << "torque infinite";
+  EXPECT_TRUE(bench.hear("2100002f01ffff7f7f0000003f0000c03f")) << "turns beyond any radian";
   EXPECT_FALSE(bench.hear("01000a")) << "a command";
   EXPECT_FALSE(bench.hear(good + "24")) << "a torn end";
   EXPECT_EQ(bench.driver.malformed_frames(), 7U);

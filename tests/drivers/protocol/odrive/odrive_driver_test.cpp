@@ -257,9 +257,9 @@ TEST(OdriveDriver, IgnoresWhatIsNotItsOwnAndCountsWhatIsMalformed) {
   EXPECT_FALSE(bench.hear(0x06E, "0000803e")) << "a command, by whomever";
   EXPECT_EQ(bench.driver.malformed_frames(), 0U);
   EXPECT_FALSE(bench.hear(0x069, "0000803e000000"));
-  EXPECT_FALSE(bench.hear(0x069, "0000c07f00000000")) << "position NaN";
-  EXPECT_FALSE(bench.hear(0x069, "000000000000807f")) << "velocity infinite";
-  EXPECT_FALSE(bench.hear(0x069, "ffff7f7f00000000")) << "turns beyond any radian";
+  EXPECT_TRUE(bench.hear(0x069, "0000c07f00000000")) << "position NaN: no reading, and no stranger";
+  EXPECT_TRUE(bench.hear(0x069, "000000000000807f")) << "velocity infinite";
+  EXPECT_TRUE(bench.hear(0x069, "ffff7f7f00000000")) << "turns beyond any radian";
   EXPECT_FALSE(bench.hear(0x061, ""));
   EXPECT_EQ(bench.driver.malformed_frames(), 5U);
   EXPECT_FALSE(bench.driver.feedback().received_at.is_set());
