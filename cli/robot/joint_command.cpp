@@ -6,6 +6,8 @@
 #include <csignal>
 #include <cstdio>
 #include <memory>
+#include <optional>
+#include <vector>
 
 #include "cli/command.hpp"
 #include "cli/robot/direct_bus.hpp"
@@ -14,6 +16,7 @@
 #include "drivers/tools/joint_jog.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/contract/pace.hpp"
+#include "executive/setup/holding_torques.hpp"
 
 namespace takt::cli {
 namespace {
@@ -21,24 +24,95 @@ namespace {
 struct Options {
   std::string joint, robot_file, runtime_dir;
   double by_degrees = 5, torque = 0, speed_degrees = 10;
-  bool json = false;
+  bool json = false, without_gravity = false;
 };
 
 volatile std::sig_atomic_t g_interrupted = 0;
 
+constexpr Duration kFresh = milliseconds(100);  // a position that gravity may be computed from
+
+// The drives that are talked to: all of them where gravity is to be carried, since it depends on where every joint is;
+// only the jogged one otherwise. All but that one stay disabled.
+class Drives {
+ public:
+  struct Drive {
+    std::unique_ptr<drivers::JointDriver> driver;  // null: left in peace
+    std::size_t bus = 0;
+  };
+
+  static std::expected<Drives, Refusal> open(const DirectRobot& robot, std::size_t jogged, bool all) {
+    Drives opened;
+    opened.buses_.resize(robot.config.buses.size());
+    for (std::size_t joint = 0; joint < robot.config.joints.size(); ++joint) {
+      Drive& drive = opened.drives_.emplace_back();
+      drive.bus = robot.config.joints[joint].bus;
+      if (!all && joint != jogged) continue;
+      auto driver =
+          all ? drivers::make_joint_driver(robot.config, joint) : drivers::make_lone_driver(robot.config, joint);
+      if (!driver) return std::unexpected(Refusal{config::kExitBadConfiguration, driver.error()});
+      drive.driver = std::move(*driver);
+      if (opened.buses_[drive.bus] != nullptr) continue;
+      auto bus = open_bus(robot, drive.bus);
+      if (!bus) return std::unexpected(bus.error());
+      opened.buses_[drive.bus] = std::move(*bus);
+    }
+    return opened;
+  }
+
+  [[nodiscard]] drivers::JointDriver& driver(std::size_t joint) { return *drives_[joint].driver; }
+
+  void listen() {
+    for (std::size_t bus = 0; bus < buses_.size(); ++bus) {
+      const std::size_t count = buses_[bus] == nullptr ? 0 : buses_[bus]->receive(received_);
+      for (std::size_t i = 0; i < count; ++i)
+        for (const Drive& drive : drives_)
+          if (drive.driver && drive.bus == bus && drive.driver->decode(received_[i])) break;
+    }
+  }
+  void speak(drivers::JointJog& jog, std::size_t jogged, MonoTime now) {
+    for (std::size_t joint = 0; joint < drives_.size(); ++joint) {
+      if (!drives_[joint].driver) continue;
+      const std::size_t frames =
+          joint == jogged ? jog.tick(now, out_) : drives_[joint].driver->encode(false, {}, now, {}, out_);
+      for (std::size_t i = 0; i < frames; ++i) buses_[drives_[joint].bus]->send(out_[i]);
+    }
+  }
+  // Nothing: some joint has not told, or not lately.
+  [[nodiscard]] std::optional<std::vector<double>> positions(MonoTime now) const {
+    std::vector<double> q;
+    for (const Drive& drive : drives_) {
+      const JointFeedback& feedback = drive.driver->feedback();
+      if (!feedback.received_at.is_set() || now - feedback.received_at > kFresh) return std::nullopt;
+      q.push_back(double{feedback.q});
+    }
+    return q;
+  }
+
+ private:
+  std::vector<Drive> drives_;
+  std::vector<std::unique_ptr<drivers::CanBus>> buses_;  // null: nobody on it is talked to
+  std::array<drivers::ReceivedFrame, 64> received_;
+  std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out_;
+};
+
+drivers::GravityTerm gravity_at(std::size_t joint, const config::RobotConfig& robot, const Drives& drives) {
+  const auto torques = std::make_shared<const config::HoldingTorques>(robot);
+  return [joint, torques, &drives]() -> std::optional<double> {
+    const auto q = drives.positions(monotonic_now());
+    if (!q) return std::nullopt;
+    return torques->at(*q)[joint];
+  };
+}
+
 // Interrupting it releases the drive first.
-void run(drivers::JointJog& jog, drivers::JointDriver& driver, drivers::CanBus& bus, Duration period) {
+void run(drivers::JointJog& jog, std::size_t jogged, Drives& drives, Duration period) {
   std::signal(SIGINT, [](int) { g_interrupted = 1; });
   std::signal(SIGTERM, [](int) { g_interrupted = 1; });
-  std::array<drivers::ReceivedFrame, 64> received;
-  std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out;
   for (Pace pace(monotonic_now(), period); !jog.ended(); pace.advance(monotonic_now())) {
     sleep_until(pace.due());
     if (g_interrupted != 0) jog.stop();
-    const std::size_t count = bus.receive(received);
-    for (std::size_t i = 0; i < count; ++i) driver.decode(received[i]);
-    const std::size_t frames = jog.tick(monotonic_now(), out);
-    for (std::size_t i = 0; i < frames; ++i) bus.send(out[i]);
+    drives.listen();
+    drives.speak(jog, jogged, monotonic_now());
   }
 }
 
@@ -75,13 +149,13 @@ std::expected<int, Refusal> jog(const Options& options) {
   if (torque > most)
     return std::unexpected(
         Refusal{kExitUsage, fmt::format("--torque {} Nm exceeds limits.torque {} Nm of {}", torque, most, joint.name)});
-  auto driver = drivers::make_lone_driver(robot->config, *index);
-  if (!driver) return std::unexpected(Refusal{config::kExitBadConfiguration, driver.error()});
-  auto bus = open_bus(*robot, joint.bus);
-  if (!bus) return std::unexpected(bus.error());
+  const bool carries = robot->config.model.has_value() && !options.without_gravity;
+  auto drives = Drives::open(*robot, *index, carries);
+  if (!drives) return std::unexpected(drives.error());
   const drivers::JogWish wish{options.by_degrees * kDegree, options.speed_degrees * kDegree, torque};
-  drivers::JointJog moving(joint, wish, **driver);
-  run(moving, **driver, **bus, robot->config.control.period);
+  drivers::JointJog moving(joint, wish, drives->driver(*index),
+                           carries ? gravity_at(*index, robot->config, *drives) : drivers::GravityTerm());
+  run(moving, *index, *drives, robot->config.control.period);
   return report(moving, options);
 }
 
@@ -99,13 +173,20 @@ void add_joint(CLI::App& app, int& exit_code) {
   command->add_option("--speed", options->speed_degrees, "degrees per second")
       ->check(CLI::Range(0.1, 90.0))
       ->capture_default_str();
-  command->add_option("--torque", options->torque, "Nm that are never exceeded (default a tenth of limits.torque)")
+  command
+      ->add_option("--torque", options->torque,
+                   "Nm that are never exceeded, gravity aside (default a tenth of limits.torque)")
       ->check(CLI::PositiveNumber);
+  command->add_flag("--without-gravity", options->without_gravity,
+                    "carry nothing and leave the other drives in peace: for a drive on the bench");
   command->add_flag("--json", options->json, "one line of JSON");
   command->footer(
       "Example: takt joint jog elbow --robot robot.yaml --by -5\n"
-      "Hold or support the joint: without a policy nothing carries it. Ctrl-C disables the drive.\n"
-      "Exit codes: 0 moved, 1 refused or the drive failed, 64 command line, 65 configuration, 69 the bus is not "
+      "With a model in the robot file gravity is carried while it moves; support it all the same: at the end the drive "
+      "is\n"
+      "disabled. Ctrl-C disables it too, and so does straying 2 degrees from the way.\n"
+      "Exit codes: 0 moved as asked, 1 refused, not moved as asked, or the drive failed, 64 command line, 65 "
+      "configuration, 69 the bus is not "
       "there.");
   command->callback([options, &exit_code] {
     const auto done = jog(*options);

@@ -1,7 +1,10 @@
 #include "drivers/tools/joint_jog.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdio>
+#include <utility>
 
 #include "config/drive_loop.hpp"
 #include "drivers/protocol/protocol_table.hpp"
@@ -12,14 +15,20 @@ namespace {
 constexpr Duration kSilence = milliseconds(100);
 constexpr Duration kYoung = milliseconds(20);  // a reading that a push may stem from
 
+std::string degrees(double rad) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.1f deg", rad * 180 / std::numbers::pi);
+  return text.data();
+}
+
 bool drives(JointJog::Phase phase) {
   return phase == JointJog::Phase::moving || phase == JointJog::Phase::settling;
 }
 
 }  // namespace
 
-JointJog::JointJog(const config::Joint& joint, const JogWish& wish, JointDriver& driver)
-    : joint_(joint), wish_(wish), driver_(driver) {}
+JointJog::JointJog(const config::Joint& joint, const JogWish& wish, JointDriver& driver, GravityTerm gravity)
+    : joint_(joint), wish_(wish), driver_(driver), gravity_(std::move(gravity)) {}
 
 void JointJog::enter(Phase phase, MonoTime now) {
   phase_ = phase;
@@ -58,18 +67,10 @@ void JointJog::advance(MonoTime now) {
   const JointFeedback& feedback = driver_.feedback();
   if (stopping_ && phase_ < Phase::releasing) enter(Phase::releasing, now);
   watch_drive(now);
+  watch_ramp(now);
   switch (phase_) {
     case Phase::finding:
-      if (feedback.received_at.is_set() && feedback.drive_state == DriveState::disabled) {
-        start_ = feedback.q;
-        const double low = std::min(joint_.limits.q_min, start_), high = std::max(joint_.limits.q_max, start_);
-        target_ = std::clamp(start_ + wish_.by, low, high);
-        enter(Phase::enabling, now);
-      } else if (now - entered_ > kFindWithin) {
-        fail(feedback.received_at.is_set() ? "its drive does not get ready" + reported()
-                                           : "no answer from its drive: is it powered, and are id and bus right?",
-             now);
-      }
+      find(now);
       break;
     case Phase::enabling:
       reference_ = feedback.q;
@@ -85,7 +86,7 @@ void JointJog::advance(MonoTime now) {
       break;
     }
     case Phase::settling:
-      if (now - entered_ > kSettle) enter(Phase::releasing, now);
+      if (now - entered_ > kSettle) settle(now);
       break;
     case Phase::releasing:
       if (now - entered_ > kRelease) enter(Phase::ended, now);
@@ -93,6 +94,46 @@ void JointJog::advance(MonoTime now) {
     case Phase::ended:
       break;
   }
+}
+
+void JointJog::find(MonoTime now) {
+  const JointFeedback& feedback = driver_.feedback();
+  const bool ready = feedback.received_at.is_set() && feedback.drive_state == DriveState::disabled;
+  if (ready && (!gravity_ || gravity_())) return aim(now);
+  if (now - entered_ <= kFindWithin) return;
+  if (!feedback.received_at.is_set())
+    fail("no answer from its drive: is it powered, and are id and bus right?", now);
+  else if (!ready)
+    fail("its drive does not get ready" + reported(), now);
+  else
+    fail("gravity is not known: not every joint of the model tells where it is", now);
+}
+
+void JointJog::aim(MonoTime now) {
+  start_ = driver_.feedback().q;
+  target_ = start_ + wish_.by;
+  const double low = std::min(joint_.limits.q_min, start_), high = std::max(joint_.limits.q_max, start_);
+  if (target_ >= low && target_ <= high) return enter(Phase::enabling, now);
+  fail("from " + degrees(start_) + " it would go to " + degrees(target_) + ", outside limits.position " +
+           degrees(joint_.limits.q_min) + " to " + degrees(joint_.limits.q_max) + ": ask for less",
+       now);
+}
+
+// Half of the way, or 2 degrees short of it, is no success.
+void JointJog::settle(MonoTime now) {
+  const double missed = std::abs(moved() - wish_.by);
+  if (missed <= std::min(kOffRamp, std::abs(wish_.by) / 2)) return enter(Phase::releasing, now);
+  fail("moved " + degrees(moved()) + " instead of " + degrees(wish_.by) + ": blocked, or --torque too low", now);
+}
+
+void JointJog::watch_ramp(MonoTime now) {
+  if (!drives(phase_)) return;
+  const double strayed = driver_.feedback().q - reference_;
+  if (std::abs(strayed) <= kOffRamp) return;
+  fail("strayed " + degrees(strayed) +
+           " from where it was led, and was let go: blocked, pulled by gravity harder than "
+           "--torque and the model carry, turning the wrong way, or led too fast",
+       now);
 }
 
 void JointJog::watch_drive(MonoTime now) {
@@ -106,6 +147,12 @@ void JointJog::watch_drive(MonoTime now) {
     fail("its drive fell silent", now);
 }
 
+// Never more than the joint may bear.
+float JointJog::carried() const {
+  const std::optional<double> torque = gravity_ ? gravity_() : std::nullopt;
+  return torque ? static_cast<float>(std::clamp(*torque, -joint_.limits.torque, joint_.limits.torque)) : 0.0F;
+}
+
 DriveSetpoint JointJog::setpoint() const {
   if (!drives(phase_)) return {};
   const double kp = joint_.kp, kd = joint_.kd, q = driver_.feedback().q;
@@ -116,9 +163,12 @@ DriveSetpoint JointJog::setpoint() const {
   const double speed = kd > 0 ? std::clamp(kp / kd * gap, -wish_.speed, wish_.speed) : 0;
   switch (config::loop_closed_by(joint_.drive)) {
     case config::LoopClosedBy::drive:
-      return {.q = static_cast<float>(q + gap), .kp = static_cast<float>(kp), .kd = static_cast<float>(kd)};
+      return {.q = static_cast<float>(q + gap),
+              .kp = static_cast<float>(kp),
+              .kd = static_cast<float>(kd),
+              .tau = carried()};
     case config::LoopClosedBy::host_torque:
-      return {.q = static_cast<float>(q + gap), .tau = young ? static_cast<float>(pull) : 0};
+      return {.q = static_cast<float>(q + gap), .tau = young ? static_cast<float>(pull) + carried() : 0};
     case config::LoopClosedBy::host_velocity:
       return {.q = static_cast<float>(q + gap), .dq = young ? static_cast<float>(speed) : 0};
   }

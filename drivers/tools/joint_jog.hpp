@@ -3,11 +3,13 @@
 // The reference starts where the joint is and goes to the target at `speed`; the spring between joint and reference is
 // never stretched so far that it pulls with more than `torque`, so a blocked joint is pushed no harder than that.
 // Drives that take a finished torque or velocity get the spring's, from a reading no older than 20 ms. The target
-// stays inside the joint's position limits. No gravity compensation: a loaded joint sags by torque / kp at most,
-// or falls when `torque` cannot carry it.
+// must lie inside the joint's position limits, or on the way to them: otherwise nothing is enabled. Gravity, where it
+// is known, is carried besides, by feed-forward torque: drives that close their own loop get it where their protocol
+// has room for it. A joint that strays further than kOffRamp from the reference is let go at once: it is blocked,
+// falls, or turns the other way.
 //
 // phase      entered                              drive meanwhile
-// finding    start                                disabled, polled
+// finding    start                                disabled, polled, until gravity is known too
 // enabling   drive answers and is ready           being enabled, zero torque
 // moving     drive enabled                        follows the reference
 // settling   reference at the target              held there for kSettle
@@ -17,6 +19,9 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <numbers>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -31,14 +36,18 @@ struct JogWish {
   double torque = 0;  // Nm > 0
 };
 
+// What holds the joint still against gravity where the robot is now, Nm, joint side. Nothing: not known (yet).
+using GravityTerm = std::function<std::optional<double>()>;
+
 class JointJog {
  public:
   enum class Phase : std::uint8_t { finding, enabling, moving, settling, releasing, ended };
   static constexpr Duration kFindWithin = seconds(3), kEnableWithin = seconds(3), kSettle = milliseconds(500),
                             kRelease = milliseconds(100);
+  static constexpr double kOffRamp = 2 * std::numbers::pi / 180;  // rad
 
-  // `driver` must outlive this object.
-  JointJog(const config::Joint& joint, const JogWish& wish, JointDriver& driver);
+  // `driver` must outlive this object. `gravity` empty: nothing is carried.
+  JointJog(const config::Joint& joint, const JogWish& wish, JointDriver& driver, GravityTerm gravity = {});
 
   // Frames for this tick; call once per control period until ended().
   std::size_t tick(MonoTime now, std::span<CanFrame> out);
@@ -56,13 +65,19 @@ class JointJog {
   void enter(Phase phase, MonoTime now);
   void fail(const std::string& why, MonoTime now);
   void advance(MonoTime now);
+  void find(MonoTime now);
+  void aim(MonoTime now);
+  void settle(MonoTime now);
   void watch_drive(MonoTime now);
+  void watch_ramp(MonoTime now);
+  [[nodiscard]] float carried() const;
   [[nodiscard]] DriveSetpoint setpoint() const;
   [[nodiscard]] std::string reported() const;  // ": over-current", or nothing
 
   config::Joint joint_;
   JogWish wish_;
   JointDriver& driver_;
+  GravityTerm gravity_;
   Phase phase_ = Phase::finding;
   MonoTime entered_, ticked_;
   bool stopping_ = false;

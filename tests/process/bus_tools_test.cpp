@@ -81,6 +81,18 @@ INSTANTIATE_TEST_SUITE_P(Joints, JogOfEveryProtocol,
                          testing::Values("left_wrist_roll", "left_wrist_yaw", "right_base_yaw", "right_wrist_yaw"),
                          [](const auto& joint) { return std::string(joint.param); });
 
+// The demo arm's shoulder carries the arm: it moves as asked in either direction, or says that it did not.
+TEST_F(BusTools, JogGoesWhereItIsToldAgainstGravityOrNotAtAll) {
+  for (const char* by : {"5", "-5"}) {
+    const Ended jog = takt({"joint", "jog", "left_shoulder", "--by", by, "--json"});
+    ASSERT_EQ(jog.exit_code, 0) << jog.output;
+    EXPECT_NEAR(jog.json().at("moved_rad").get<double>(), std::stod(by) * 0.01745, 0.02) << jog.output;
+  }
+  const Ended beyond = takt({"joint", "jog", "left_shoulder", "--by", "500"});
+  EXPECT_EQ(beyond.exit_code, 1) << beyond.output;
+  EXPECT_NE(beyond.output.find("outside limits.position"), std::string::npos) << beyond.output;
+}
+
 // Periods that a pause swallowed are skipped: sent in a burst, their frames would look to the driver like as many ticks
 // without a reply. Pauses are far shorter than the drive's watchdog.
 TEST_F(BusTools, JogGoesOnAfterAPause) {

@@ -1,0 +1,22 @@
+#include "executive/setup/holding_torques.hpp"
+
+#include "executive/pipeline/gravity_model.hpp"
+#include "executive/setup/tick_config_of.hpp"
+
+namespace takt::config {
+
+HoldingTorques::HoldingTorques(const RobotConfig& robot) {
+  const auto config = std::make_unique<pipeline::TickConfig>(tick_config_of(robot, 0));
+  model_ = std::make_unique<pipeline::GravityModel>(*config);
+}
+
+HoldingTorques::~HoldingTorques() = default;
+
+std::vector<double> HoldingTorques::at(std::span<const double> q) const {
+  const std::vector<float> narrow(q.begin(), q.end());
+  std::vector<float> torques(q.size());
+  model_->torques(narrow, torques);
+  return {torques.begin(), torques.end()};
+}
+
+}  // namespace takt::config
