@@ -135,6 +135,8 @@ void Oracles::tick(const TickRecord& record) {
   if (header.mode != mode_) damped_since_ = header.mode == Mode::damped_stop ? header.now : MonoTime{};
   mode_ = header.mode;
   const bool moves = mode_ == Mode::tracking || mode_ == Mode::degraded || mode_ == Mode::arming;
+  unrecorded_ticks_ = moves && !world_.is_recorded() ? unrecorded_ticks_ + 1 : 0;
+  if (unrecorded_ticks_ > 2) breaks("recorded", 0, "nothing records");
   const MonoTime asked = world_.stop_asked_at();
   if (moves && asked.is_set() && header.now > asked + world_.robot().control.period * 2 &&
       header.now < asked + milliseconds(300))

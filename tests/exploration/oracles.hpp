@@ -7,6 +7,7 @@
 // torque_slew    torque commands follow one another within torque_rate, or fall to zero
 // no_push        a joint that is not heard any more gets no faster by our doing
 // stop_wins      from the second tick after the operator's stop on, nobody tracks; after power off, it is standby
+// recorded       nobody tracks for more than two ticks while nothing is recorded
 // standby_still  what is in standby and hears us is not enabled
 // comes_to_rest  two seconds after a damped stop began, undisturbed joints rest
 // speed          without a shove no joint is faster than velocity_hard
@@ -55,6 +56,7 @@ class Oracles {
   std::vector<Watched> joints_;
   MonoTime last_frame_at_, damped_since_;
   std::uint64_t ticks_ = 0;
+  int unrecorded_ticks_ = 0;
   Mode mode_ = Mode::standby;
   std::string broken_;
   std::set<std::pair<Mode, Cause>> seen_;

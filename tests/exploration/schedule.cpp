@@ -27,9 +27,10 @@ std::vector<Event> draw(std::uint64_t seed, std::size_t joints, std::size_t buse
 
 std::string text(const Event& event) {
   constexpr std::array<std::string_view, kHappenings> kNames{
-      "clock stalls",    "send stalls",  "receive stalls", "wake-ups late", "policy silent", "policy slow",
-      "policy nonsense", "drive silent", "drive deaf",     "drive repeats", "drive late",    "drive error",
-      "drive restarts",  "bus off",      "frames lost",    "shove",         "operator stop", "power off"};
+      "clock stalls", "send stalls",     "receive stalls", "wake-ups late", "policy silent",
+      "policy slow",  "policy nonsense", "drive silent",   "drive deaf",    "drive repeats",
+      "drive late",   "drive error",     "drive restarts", "bus off",       "frames lost",
+      "shove",        "operator stop",   "power off",      "recorder ends"};
   return fmt::format("{:.3f} s: {} of {}, for {:.1f} ms", event.at.seconds(),
                      kNames.at(static_cast<std::size_t>(event.what)), event.joint, event.length.milliseconds());
 }

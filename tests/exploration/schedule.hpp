@@ -29,8 +29,9 @@ enum class Happening : std::uint8_t {
   shove,             // the joint is given 2 rad/s more
   operator_stop,     //
   operator_deenergise,
+  recorder_ends,  // for `length`, nothing is written
 };
-inline constexpr unsigned kHappenings = 18;
+inline constexpr unsigned kHappenings = 19;
 
 struct Event {
   Happening what = Happening::operator_stop;

@@ -116,7 +116,7 @@ World::World(const config::RobotConfig& robot, std::vector<Event> events, std::u
   commands_ = std::make_unique<ipc::SlotWriter>(command_segment_.writable(), ipc::command_mailbox());
   mailboxes_.want(runtime::CommandMailbox::seal(std::move(mailbox), 1).value());
   loop_ = std::make_unique<runtime::CyclicLoop>(
-      runtime::LoopParts{config_, *clock_, edge_, mailboxes_, requests_, published_, board_},
+      runtime::LoopParts{config_, *clock_, edge_, mailboxes_, requests_, recorded_, published_, board_},
       runtime::LoopTiming{{}, {}, 1'000'000});
 }
 
@@ -293,6 +293,7 @@ void World::before_tick() {
   last_tick_at_ = now_;
   while (ticks_.read_next(std::as_writable_bytes(std::span(&record_, 1))).status == ipc::ReadStatus::fresh)
     if (on_tick) on_tick(record_);
+  recorded_.set(active(Happening::recorder_ends) == nullptr ? record_.header.tick : 0);
   let_policy_work();
   const MonoTime stopped =
       std::max(stop_asked_at_, power_off_asked_at_);  // who stops a robot does not press on at once

@@ -71,6 +71,7 @@ class World {
   [[nodiscard]] bool is_prompt() const { return now_ - last_tick_at_ < config_.period * 2; }
   [[nodiscard]] MonoTime stop_asked_at() const { return stop_asked_at_; }
   [[nodiscard]] MonoTime power_off_asked_at() const { return power_off_asked_at_; }
+  [[nodiscard]] bool is_recorded() const { return recorded_.get() != 0; }
   // When the oldest sample was taken of the newest observation that any published command answers; unset before.
   [[nodiscard]] MonoTime newest_answered() const { return newest_answered_; }
   [[nodiscard]] pipeline::TickConfig& config() { return config_; }
@@ -124,6 +125,7 @@ class World {
   runtime::DriveEdge edge_;
   runtime::MailboxHandover mailboxes_;
   runtime::OperatorInbox requests_;
+  runtime::RecordedThrough recorded_;
   runtime::PublishedSegments published_;
   runtime::StatusBoard board_;
   ipc::SlotReader ticks_, observations_;
