@@ -139,7 +139,9 @@ TEST(Scope, ADriveThatDoesNotEnableIsGivenUpAndTheRestIsCarried) {
   rig.drives[5].never_enables = true;
   rig.run_with_policy(40, 0.1F);
   rig.tick_with_policy(0.1F, OperatorRequest::arm);
-  for (int i = 0; i < 1000; ++i) rig.tick_with_policy(0.1F);
+  for (int i = 0; i < 1000 && rig.mode() == Mode::arming; ++i) rig.tick_with_policy(0.1F);
+  EXPECT_FALSE(rig.out->drive_enabled[5]) << "from the first tick on";
+  for (int i = 0; i < 700; ++i) rig.tick_with_policy(0.1F);
   ASSERT_EQ(rig.mode(), Mode::fault_latched);
   for (std::size_t j = 0; j < 6; ++j) EXPECT_EQ(rig.out->drive_enabled[j], j != 5) << j;
   ASSERT_GT(std::abs(rig.drives[4].dq), rig.config.rest_velocity) << "its limb sags";
