@@ -101,8 +101,8 @@ TEST(MonitorFaults, KilledMonitorStopsTheRobotAndMayComeBack) {
   arm_and_track(robot);
 }
 
-// Stopped, not killed: its connection stays, its words end. What the rings hold meanwhile is still recorded later.
-TEST(MonitorFaults, AFrozenMonitorStopsTheRobotBeforeAnythingIsLost) {
+// Stopped, not killed: its connection stays, its words end. What the tick ring holds meanwhile is recorded later.
+TEST(MonitorFaults, AFrozenMonitorStopsTheRobotAndNoTickIsLost) {
   RunningRobot robot;
   const Child policy = robot.start_policy_host();
   arm_and_track(robot);
