@@ -18,6 +18,7 @@ TEST(Arming, ARefusalNamesTheSettingThatTheDriveLacks) {
   const auto config = std::make_unique<pipeline::TickConfig>(config::tick_config_of(robot, 1));
   const auto record = std::make_unique<TickRecord>();
   record->header.tick = 1;
+  record->header.joint_count = static_cast<std::uint32_t>(robot.joints.size());
   record->header.now = MonoTime{1'000'000};
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
     JointFeedback& feedback = record->joints[joint].feedback;
