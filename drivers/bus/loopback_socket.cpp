@@ -38,8 +38,7 @@ std::optional<ReceivedFrame> frame_of(const MessageBatch& batch, std::size_t ind
   if (batch.size(index) != sizeof(canfd_frame)) return std::nullopt;
   const std::optional<CanFrame> frame = from_kernel(batch.frame(index));
   if (!frame) return std::nullopt;
-  const std::optional<std::int64_t> stamp = batch.control(index).realtime_ns;
-  return ReceivedFrame{*frame, stamp ? to_monotonic(*stamp, clocks) : clocks.monotonic};
+  return ReceivedFrame{*frame, to_monotonic(batch.control(index).realtime_ns, clocks)};
 }
 
 }  // namespace takt::drivers

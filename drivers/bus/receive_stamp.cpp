@@ -1,5 +1,6 @@
 #include "drivers/bus/receive_stamp.hpp"
 
+#include <algorithm>
 #include <cstring>
 #include <ctime>
 
@@ -26,10 +27,9 @@ ClockPair sample_clocks() noexcept {
   return {MonoTime{read_clock(CLOCK_MONOTONIC)}, read_clock(CLOCK_REALTIME)};
 }
 
-MonoTime to_monotonic(std::int64_t realtime_ns, const ClockPair& clocks) noexcept {
-  const Duration ago{clocks.realtime_ns - realtime_ns};
-  if (ago < Duration{0} || ago > kOldestStamp) return clocks.monotonic;
-  return clocks.monotonic - ago;
+MonoTime to_monotonic(std::optional<std::int64_t> realtime_ns, const ClockPair& clocks) noexcept {
+  if (!realtime_ns || *realtime_ns > clocks.realtime_ns) return kUndated;
+  return std::max(clocks.monotonic - Duration{clocks.realtime_ns - *realtime_ns}, kUndated);
 }
 
 ControlMessages read_control_messages(const msghdr& message) noexcept {

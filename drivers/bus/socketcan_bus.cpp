@@ -145,7 +145,7 @@ bool SocketCanBus::take(std::size_t index, const ClockPair& clocks, ReceivedFram
     return false;
   }
   out.frame = *frame;
-  out.received_at = control.realtime_ns ? to_monotonic(*control.realtime_ns, clocks) : clocks.monotonic;
+  out.received_at = to_monotonic(control.realtime_ns, clocks);
   return true;
 }
 
