@@ -5,6 +5,7 @@
 // (takt-policy-host) since 3 s: stop it first"). A lease ends when its connection closes. For the policy role the
 // client acknowledges (one byte) once it has mapped its mailbox; only then does the server seal and read it. A monitor
 // says again and again how far the run has reached its medium (RecorderWord).
+// A policy that does not acknowledge within kGreetingTimeout loses the lease, so that it keeps nobody else out.
 // Policy and monitor leases are exclusive. A sensor mailbox and the record rings may have several readers, and operator
 // connections, which last for one request, may overlap.
 // Nothing blocks: the server is driven by poll(); connects have a deadline. Whoever speaks out of turn is disconnected.
@@ -32,7 +33,7 @@ namespace takt::ipc {
 // bounded: one more is refused with a sentence. So is the policy's user, who has a few connections of its own. Whoever
 // is greeting or asking, which takes an instant, gives way when too many do: of these the one that was quiet longest.
 inline constexpr std::size_t kMaxReaders = 32, kMaxAsking = 16, kMaxPolicyConnections = 8;
-// A client that connected must speak within this time, an operator must ask within it.
+// A client that connected must speak within this time, an operator must ask and a policy acknowledge within it.
 inline constexpr std::chrono::milliseconds kGreetingTimeout{1000};
 inline constexpr std::size_t kMaxDescriptors = 8;
 
@@ -53,7 +54,7 @@ class RendezvousServer {
   // What was turned away since the start.
   struct Refusals {
     std::uint64_t malformed = 0;  // hello or message of a wrong size, magic, ABI, layout or role
-    std::uint64_t silent = 0;     // connected, but said nothing in time
+    std::uint64_t silent = 0;     // connected or leased, but said nothing in time
     std::uint64_t unwelcome = 0;  // well-formed, but of another user, too many, role leased, or refused by the owner
   };
   // admit is mandatory; an absent other handler ignores its event. A handler may call holder() and evict().

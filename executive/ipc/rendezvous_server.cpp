@@ -131,8 +131,25 @@ RendezvousServer::State::~State() {
 }
 
 bool RendezvousServer::State::must_speak(const Connection& connection) {
-  return connection.stage == Stage::greeting ||
-         (connection.stage == Stage::leased && connection.peer.hello.role == Role::operator_console);
+  switch (connection.stage) {
+    case Stage::greeting:
+      return true;
+    case Stage::closed:
+      return false;
+    case Stage::leased:
+      break;
+  }
+  switch (connection.peer.hello.role) {
+    case Role::operator_console:
+      return true;
+    case Role::policy:
+      return !connection.has_spoken;
+    case Role::monitor:
+    case Role::sensor_reader:
+    case Role::viewer:
+      return false;
+  }
+  return false;
 }
 
 int RendezvousServer::State::wait_time(std::chrono::milliseconds timeout) const {

@@ -255,6 +255,31 @@ TEST_F(Rendezvous, SilentClientsAreDroppedAndCounted) {
   EXPECT_EQ(server.stopped().refusals().silent, 1U);
 }
 
+// Goal: whoever takes the policy's lease and never acknowledges keeps it for a moment, not for ever; one that did keeps
+// it although it says nothing more. Method: one silent client, whose hang-up is waited for, then another's lease.
+TEST_F(Rendezvous, APolicyThatNeverAcknowledgesLosesItsLease) {
+  std::atomic<int> left = 0;
+  Handlers handlers = admit_all();
+  handlers.left = [&](const Peer&) { ++left; };
+  ServerThread server(path_, handlers);
+  const auto silent = attach(path_, hello_of(Role::policy), kTimeout);
+  ASSERT_TRUE(silent) << silent.error();
+  EXPECT_FALSE(attach(path_, hello_of(Role::policy), kTimeout)) << "leased for now";
+  std::byte byte{};
+  EXPECT_LE(recv(silent->connection.get(), &byte, 1, 0), 0) << "waits for the hang-up";
+  const auto next = attach(path_, hello_of(Role::policy), kTimeout);
+  ASSERT_TRUE(next) << next.error();
+  ASSERT_TRUE(acknowledge(*next));
+  const auto monitor = attach(path_, hello_of(Role::monitor), kTimeout);
+  ASSERT_TRUE(monitor) << monitor.error();
+  const Descriptor later = raw_client(path_);  // its deadline comes after that of `next`
+  EXPECT_LE(recv(later.get(), &byte, 1, 0), 0) << "waits for the hang-up";
+  EXPECT_FALSE(is_over(*next));
+  EXPECT_FALSE(is_over(*monitor)) << "has nothing to say";
+  EXPECT_EQ(left, 1);
+  EXPECT_EQ(server.stopped().refusals().silent, 2U);
+}
+
 TEST_F(Rendezvous, SpeakingOutOfTurnEndsTheLease) {
   std::atomic<int> acknowledgements = 0;
   Handlers handlers = admit_all();
