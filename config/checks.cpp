@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "config/units.hpp"
+#include "executive/contract/observation.hpp"
 
 namespace takt::config {
 void Checker::require(bool holds, const std::string& path, std::string_view sentence) {
@@ -45,6 +46,13 @@ void check_timing(const RobotConfig& robot, Checker& checker) {
                   fmt::format("{} must be at least control.period {}; raise it", text(f.recover_after), text(period)));
   checker.require(f.max_age > period, "freshness.max_age",
                   fmt::format("{} must exceed control.period {}; raise it", text(f.max_age), text(period)));
+  const Duration every = robot.policy ? robot.policy->period : period;
+  const std::int64_t remembered = observations_to_remember(f.max_age, every);
+  checker.require(
+      remembered <= kMaxRememberedObservations, "freshness.max_age",
+      fmt::format("{} with an observation every {} means remembering {} of them; at most {} are: lower it, or "
+                  "raise policy.period",
+                  text(f.max_age), text(every), remembered, kMaxRememberedObservations));
   checker.require(
       f.window.ns % period.ns == 0, "freshness.window",
       fmt::format("{} is no whole number of control periods of {}; choose a multiple", text(f.window), text(period)));

@@ -37,7 +37,7 @@ struct Control {
   std::optional<int> cpu;
   WakeMode wake = WakeMode::sleep;
   Duration spin;
-  std::uint32_t overrun_limit = 0;
+  double late_share = 0;  // (0, 1]; 1: switched off
 };
 
 // The sliding window's capacity in the tick.

@@ -17,8 +17,10 @@ void describe_control(Fields& fields, Control& control) {
                 kWakeModes);
   fields.duration({"spin", "hybrid: spin for this long before the tick", "100 us"}, control.spin, microseconds(1),
                   milliseconds(50));
-  fields.integer({"overrun_limit", "consecutive late ticks that cause a damped stop", "50"}, control.overrun_limit, 1,
-                 1'000'000);
+  fields.quantity(
+      {"late_share",
+       "more of freshness.window's periods late or skipped than this cause a damped stop; 1 switches it off", "0.25"},
+      control.late_share, Dimension::none, Range{.low = 0, .high = 1, .low_open = true});
 }
 
 void describe_freshness(Fields& fields, Freshness& freshness) {
@@ -39,7 +41,8 @@ void describe_freshness(Fields& fields, Freshness& freshness) {
       freshness.flap_memory, milliseconds(0), seconds(3600));
   fields.duration({"stop_after", "no usable command for this long causes a damped stop"}, freshness.stop_after,
                   milliseconds(1), seconds(600));
-  fields.integer({"bad_command_limit", "refused messages within the window that count as an integration error", "25"},
+  fields.integer({"bad_command_limit",
+                  "messages within the window refused for what they say that count as an integration error", "25"},
                  freshness.bad_command_limit, 1, 1'000'000);
 }
 

@@ -95,6 +95,8 @@ std::string cause_detail(Cause cause, const TickRecord& record, const config::Ro
         return joint.feedback.drive_state == DriveState::enabled ? "" : "not enabled in time";
       });
     case Cause::feedback_lost:
+      if (record.header.slept_ms != 0)
+        return "the computer was suspended for " + digits(record.header.slept_ms / 1000.0, 1) + " s";
       return joints_where(record, robot, [&](const JointRecord& joint, const config::Joint&) {
         return silence(joint.feedback, record.header.now, robot.feedback.timeout);
       });

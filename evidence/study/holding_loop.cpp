@@ -65,7 +65,8 @@ void HoldingLoop::answer(const Observation& observation) {
   CommandHeader& header = chunk_->header;
   header.observation_id = observation.id;
   ++header.sequence;
-  header.dequeued_at = header.infer_started_at = header.infer_ended_at = header.published_at = observation.published_at;
+  header.outside_sensed_at = header.dequeued_at = header.infer_started_at = header.infer_ended_at =
+      header.published_at = observation.published_at;
   answered_ = true;
 }
 

@@ -31,7 +31,7 @@ enum class Cause : std::uint8_t {
   contract_violated,    // misses in the window exceed epsilon
   contract_restored,    // fresh without interruption for long enough
   command_lost,         // no usable command for stop_after
-  bad_commands,         // refused messages repeatedly: integration error
+  bad_commands,         // messages refused for what they say, repeatedly: integration error
   feedback_lost,        // a joint's feedback is older than its limit
   drive_fault,          // a drive reports an error
   drive_disabled,       // a drive left the enabled state by itself
@@ -46,7 +46,7 @@ enum class Cause : std::uint8_t {
   foreign_node,         // frames on our ids that are none of ours: a second controller, or a malformed answer
   bus_babble,           // more frames than our drives can say
   envelope_exceeded,    // measured position, velocity or torque outside the hard envelope
-  overrun,              // too many consecutive overruns
+  overrun,              // too many periods of the window late or skipped
   recording_lost,       // a recorder is required, and none writes
   internal_error,       // our own bug: an assertion failed
   operator_deenergise,  // person wants the drives without power, now

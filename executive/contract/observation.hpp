@@ -43,4 +43,12 @@ static_assert(is_gapless(TAKT_OBSERVATION_FIELDS, sizeof(Observation)));
 inline constexpr std::uint64_t kObservationLayout = layout_hash(TAKT_OBSERVATION_FIELDS);
 #undef TAKT_OBSERVATION_FIELDS
 
+// How many observations must be remembered so that none is forgotten before it is max_age old: all that are published
+// within max_age, one for the present, and one because a late wake-up brings two of them closer together by less than a
+// control period. period > 0.
+constexpr std::int64_t observations_to_remember(Duration max_age, Duration period) {
+  return max_age.ns / period.ns + 2;
+}
+inline constexpr std::int64_t kMaxRememberedObservations = 2048;
+
 }  // namespace takt

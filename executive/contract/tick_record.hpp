@@ -71,6 +71,9 @@ struct TickRecordHeader {
   std::uint8_t drives_enabled = 0;  // 1 when drives are told to be enabled; which: JointRecord::drive_enabled
   std::uint8_t policy_session = 0;  // input: differs from the previous tick's when another policy's mailbox is read now
   std::uint64_t causes_active = 0;  // bit per Cause that holds this tick
+  std::uint32_t slept_ms = 0;       // input: the computer was suspended this long since the tick before; 0: it was not
+  Arrival last_refusal = Arrival::none;  // of the newest message; none: it was accepted, or there was none
+  std::uint8_t reserved[3] = {};
 };
 
 struct JointRecord {
@@ -93,7 +96,7 @@ struct JointRecord {
 
 static_assert(std::is_standard_layout_v<AgeParts> && sizeof(AgeParts) == 40);
 static_assert(std::is_standard_layout_v<TickRecordHeader> && std::is_trivially_copyable_v<TickRecordHeader>);
-static_assert(sizeof(TickRecordHeader) == 72 + 16 * kMaxBuses + 16 + 40 + 24 + 16 + 16);
+static_assert(sizeof(TickRecordHeader) == 72 + 16 * kMaxBuses + 16 + 40 + 24 + 16 + 16 + 8);
 static_assert(std::is_standard_layout_v<JointRecord> && sizeof(JointRecord) == 80);
 
 // Room for the largest record; only used_bytes() of it travel.
@@ -106,15 +109,27 @@ struct TickRecord {
   }
 };
 
-inline constexpr std::uint64_t kTickRecordLayout = layout_hash(
-    {TAKT_FIELD(TickRecordHeader, last_damped), TAKT_FIELD(TickRecordHeader, asked_at),
-     TAKT_FIELD(TickRecordHeader, buses), TAKT_FIELD(TickRecordHeader, recorded_through),
-     TAKT_FIELD(TickRecordHeader, operator_request), TAKT_FIELD(TickRecordHeader, joint_count),
-     TAKT_FIELD(TickRecordHeader, age), TAKT_FIELD(TickRecordHeader, window_misses), TAKT_FIELD(TickRecordHeader, mode),
-     TAKT_FIELD(TickRecordHeader, causes_active), TAKT_FIELD(JointRecord, feedback),
-     TAKT_FIELD(JointRecord, q_estimate), TAKT_FIELD(JointRecord, tau_command), TAKT_FIELD(JointRecord, interventions),
-     TAKT_FIELD(JointRecord, reply_faults), TAKT_FIELD(JointRecord, drive_enabled), TAKT_FIELD(JointFeedback, replies),
-     TAKT_FIELD(JointFeedback, refused), TAKT_FIELD(BusHealth, flooded)});
+inline constexpr std::uint64_t kTickRecordLayout = layout_hash({TAKT_FIELD(TickRecordHeader, last_damped),
+                                                                TAKT_FIELD(TickRecordHeader, asked_at),
+                                                                TAKT_FIELD(TickRecordHeader, buses),
+                                                                TAKT_FIELD(TickRecordHeader, recorded_through),
+                                                                TAKT_FIELD(TickRecordHeader, operator_request),
+                                                                TAKT_FIELD(TickRecordHeader, joint_count),
+                                                                TAKT_FIELD(TickRecordHeader, age),
+                                                                TAKT_FIELD(TickRecordHeader, window_misses),
+                                                                TAKT_FIELD(TickRecordHeader, mode),
+                                                                TAKT_FIELD(TickRecordHeader, causes_active),
+                                                                TAKT_FIELD(TickRecordHeader, slept_ms),
+                                                                TAKT_FIELD(TickRecordHeader, last_refusal),
+                                                                TAKT_FIELD(JointRecord, feedback),
+                                                                TAKT_FIELD(JointRecord, q_estimate),
+                                                                TAKT_FIELD(JointRecord, tau_command),
+                                                                TAKT_FIELD(JointRecord, interventions),
+                                                                TAKT_FIELD(JointRecord, reply_faults),
+                                                                TAKT_FIELD(JointRecord, drive_enabled),
+                                                                TAKT_FIELD(JointFeedback, replies),
+                                                                TAKT_FIELD(JointFeedback, refused),
+                                                                TAKT_FIELD(BusHealth, flooded)});
 
 // One CAN frame as it crossed the edge, for the run's candump log. Mirrors struct canfd_frame's content.
 // `refused`: the last guard kept it from the bus; what left instead follows it.

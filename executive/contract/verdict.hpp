@@ -23,8 +23,19 @@ enum class Arrival : std::uint8_t {
   future_observation,   // answers an id not yet published, or carries stamps from the future
   not_finite,           // NaN or infinity inside
   out_of_range,         // a value outside the configured envelope by more than the tolerated margin
+  missing_stamp,        // does not say when its outside sensors sensed, although the robot's policy uses some
+  overtaken,            // answers an older observation than the command in use does
 };
-inline constexpr std::size_t kArrivalCount = 12;
+inline constexpr std::size_t kArrivalCount = 14;
+
+constexpr bool is_refusal(Arrival arrival) {
+  return arrival != Arrival::none && arrival != Arrival::accepted;
+}
+// Refused because it came too late. Lateness is the freshness contract's business (degraded, command_lost), never an
+// integration error (bad_commands).
+constexpr bool is_refused_for_age(Arrival arrival) {
+  return arrival == Arrival::expired_observation || arrival == Arrival::overtaken;
+}
 
 // State of the command in use at this tick.
 enum class Freshness : std::uint8_t {
@@ -47,7 +58,9 @@ constexpr std::string_view name(Arrival arrival) {
                                                               "expired_observation",
                                                               "future_observation",
                                                               "not_finite",
-                                                              "out_of_range"};
+                                                              "out_of_range",
+                                                              "missing_stamp",
+                                                              "overtaken"};
   const auto index = static_cast<std::size_t>(arrival);
   return index < names.size() ? names[index] : "invalid";
 }

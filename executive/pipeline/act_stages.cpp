@@ -3,6 +3,7 @@
 #include <array>
 
 #include "executive/pipeline/envelope.hpp"
+#include "executive/pipeline/freshness.hpp"
 #include "executive/pipeline/gravity_model.hpp"
 #include "executive/pipeline/mode_machine.hpp"
 #include "executive/pipeline/reference_limits.hpp"
@@ -60,13 +61,6 @@ void stop_for_internal_error(TickState& state, const TickConfig& config, TickOut
     output.record.joints[j].tau_total = 0.0F;
     state.joints[j].reference = {};
   }
-}
-
-// The last instant at which the command in use is neither older than max_age nor past its chunk's horizon.
-MonoTime end_of_life(const TickState& state, const FreshnessContract& contract) {
-  const CommandHeader& chunk = state.chunk.header;
-  const MonoTime horizon = state.command.observed_at + chunk.step_period * chunk.step_count;
-  return std::min(state.command.sensed_at + contract.max_age, horizon - nanoseconds(1));
 }
 
 // As in fault_latched: no stiffness, no gravity model, and no torque but what the slew limit asks for.
@@ -160,7 +154,7 @@ void publish(TickState& state, const TickConfig& config, TickOutput& output) {
   }
   state.counters.next_observation_ordinal = ordinal + 1;
   Observation& observation = output.observation;
-  observation.id = header.observation_published = state.memory.remember(oldest, header.now);
+  observation.id = header.observation_published = state.memory.remember({oldest, header.now}, state.shape.remembered);
   observation.tick = header.tick;
   observation.oldest_sensed_at = oldest;
   observation.published_at = header.now;
@@ -184,12 +178,13 @@ void record(TickState& state, const Choice& choice, const TickConfig& config, Ti
   header.observation_answered = state.command.observation_id;
   header.window_misses = state.misses.count();
   header.window_ticks = state.misses.seen();
+  header.last_refusal = state.mode.last_refusal;
   header.integration_errors = state.counters.integration_errors;
   header.refused_commands = state.counters.refused_commands;
   header.chunk_step = choice.step;
   output.drives_enabled = state.mode.mode != Mode::standby;
   header.drives_enabled = output.drives_enabled ? 1 : 0;
-  output.valid_until = choice.playing ? end_of_life(state, config.freshness) : MonoTime{};
+  output.valid_until = choice.playing ? valid_until(state.command, state.chunk.header, config.freshness) : MonoTime{};
   const MonoTime next_tick = header.now + config.period;
   output.send_by = choice.playing ? std::min(next_tick, output.valid_until) : next_tick;
   for (std::size_t j = 0; j < config.joint_count; ++j) {

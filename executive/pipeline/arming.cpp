@@ -52,6 +52,32 @@ std::string_view mode_blocker(Mode mode) {
   return "in an invalid mode";
 }
 
+// What an operator is told while no command is fresh.
+std::string_view command_blocker(Arrival last_refusal) {
+  switch (last_refusal) {
+    case Arrival::none:
+    case Arrival::accepted:
+      return "no fresh command: is the policy host running?";
+    case Arrival::missing_stamp:
+      return "commands do not say when the outside sensors sensed: the policy's host must set outside_sensed_at";
+    case Arrival::expired_observation:
+    case Arrival::overtaken:
+      return "no fresh command: the newest one came too late";
+    case Arrival::wrong_policy:
+      return "no fresh command: the newest one is another policy's than the robot file's";
+    case Arrival::contended:
+    case Arrival::corrupt:
+    case Arrival::wrong_shape:
+    case Arrival::repeated_sequence:
+    case Arrival::unknown_observation:
+    case Arrival::future_observation:
+    case Arrival::not_finite:
+    case Arrival::out_of_range:
+      return "no fresh command: the newest one was refused; takt status says why";
+  }
+  return "no fresh command";
+}
+
 void list_joint(const JointRecord& joint, std::int32_t index, MonoTime now, const TickConfig& config,
                 BlockerList& list) {
   const JointFeedback& feedback = joint.feedback;
@@ -80,9 +106,9 @@ std::size_t arming_blockers(const TickRecord& latest, const TickConfig& config, 
   BlockerList list(out);
   const std::string_view mode = mode_blocker(header.mode);
   list.add_if(!mode.empty(), mode);
-  list.add_if(!is_usable(header.freshness), "no fresh command: is the policy host running?");
+  list.add_if(!is_usable(header.freshness), command_blocker(header.last_refusal));
   list.add_if((header.causes_active & bit(Cause::bad_commands)) != 0, "commands are being refused");
-  list.add_if((header.causes_active & bit(Cause::overrun)) != 0, "the control loop overruns its period");
+  list.add_if((header.causes_active & bit(Cause::overrun)) != 0, "the control loop is late too often");
   list.add_if(
       (header.causes_active & bit(Cause::recording_lost)) != 0,
       "nothing is recorded: start takt-monitor, or see why it stopped (record.recorder: optional moves unrecorded)");

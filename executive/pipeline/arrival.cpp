@@ -93,7 +93,7 @@ Arrival judge_values(const CommandChunk& chunk, const TickConfig& config) {
 CommandInUse believed(const CommandHeader& header, const RememberedObservation& observation, MonoTime now) {
   CommandInUse command;
   command.sequence = header.sequence;
-  command.observation_id = observation.id;
+  command.observation_id = header.observation_id;
   command.sensed_at = observation.oldest_sensed_at;
   if (header.outside_sensed_at.is_set()) command.sensed_at = std::min(command.sensed_at, header.outside_sensed_at);
   command.observed_at = observation.published_at;
@@ -106,16 +106,19 @@ CommandInUse believed(const CommandHeader& header, const RememberedObservation& 
 }  // namespace
 
 ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoTime now, std::uint64_t last_sequence,
-                             const ObservationMemory& memory, const TickConfig& config, Arrival values) {
+                             const CommandInUse& in_use, const ObservationMemory& memory, const TickConfig& config,
+                             Arrival values) {
   const auto refused = [](Arrival why, bool backwards = false) { return ArrivalVerdict{why, backwards, {}}; };
   if (!is_well_shaped(chunk, bytes, config)) return refused(Arrival::wrong_shape);
   const CommandHeader& header = chunk.header;
   if (config.policy_hash != 0 && header.policy_hash != config.policy_hash) return refused(Arrival::wrong_policy);
   if (header.sequence <= last_sequence) return refused(Arrival::repeated_sequence);
   RememberedObservation observation;
-  if (const Arrival known = judge_observation(memory.recall(header.observation_id, observation));
+  if (const Arrival known =
+          judge_observation(memory.recall(header.observation_id, remembered_observations(config), observation));
       known != Arrival::accepted)
     return refused(known);
+  if (config.needs_outside_stamp && !header.outside_sensed_at.is_set()) return refused(Arrival::missing_stamp);
   if (claims_the_future(header, now, config.period)) return refused(Arrival::future_observation);
   const bool backwards = runs_backwards(header, observation.published_at);
   if (values == Arrival::none) values = judge_values(chunk, config);
@@ -123,6 +126,7 @@ ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoT
   const CommandInUse command = believed(header, observation, now);
   // Compared as instants: a claimed stamp may be so far back that its age would overflow.
   if (command.sensed_at < now - config.freshness.max_age) return refused(Arrival::expired_observation, backwards);
+  if (command.observation_id < in_use.observation_id) return refused(Arrival::overtaken, backwards);
   return {Arrival::accepted, backwards, command};
 }
 

@@ -3,11 +3,14 @@
 //  1 wrong_shape          byte count (the robot's largest legal chunk at most), step and joint counts, field mask,
 //  reserved bytes, step period (0, 10 s] 2 wrong_policy         hash differs from the configured one (0 accepts any) 3
 //  repeated_sequence    not greater than the last accepted one of this policy session 4 unknown_observation  id 0;
-//  future_observation: an id not published yet; expired_observation: a forgotten one 5 future_observation   any stamp
-//  later than now 6 not_finite           NaN or infinity among the values 7 out_of_range         q outside the limits
-//  by more than the hard margin, |dq| above the hard velocity, kp or kd
+//  future_observation: an id not published yet; expired_observation: a forgotten one 5 missing_stamp        no stamp of
+//  outside sensors, although the robot's policy uses some
+//    future_observation   any stamp later than now
+//  6 not_finite           NaN or infinity among the values
+//  7 out_of_range         q outside the limits by more than the hard margin, |dq| above the hard velocity, kp or kd
 //                         negative or above kGainTolerance times its maximum, |tau_ff| above the torque limit
 //  8 expired_observation  older than max_age on arrival
+//  9 overtaken            answers an older observation than the command in use does: it would make the robot older
 //
 // Stamps that run backwards are clamped and counted, not refused: they spoil the decomposition, never the total.
 // An outside sensor's stamp can only make the command older. Pure; reads values only after the shape was found sound,
@@ -34,8 +37,10 @@ struct ArrivalVerdict {
   CommandInUse command;  // meaningful when accepted
 };
 
+// `in_use`: the command that a new one would replace.
 ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoTime now, std::uint64_t last_sequence,
-                             const ObservationMemory& memory, const TickConfig& config, Arrival values = Arrival::none);
+                             const CommandInUse& in_use, const ObservationMemory& memory, const TickConfig& config,
+                             Arrival values = Arrival::none);
 // What a refused message tells without its values: checks 6 and 7, of which `arrival` is the outcome. A message that
 // did not get there, or failed later, has nothing wrong with its values as far as the outcome goes.
 constexpr Arrival values_behind(Arrival arrival) {

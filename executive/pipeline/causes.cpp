@@ -93,6 +93,12 @@ CauseMask of_commands(const TickState& state, MonoTime now, const FreshnessContr
   return active | when(mode == Mode::degraded && is_restored(state.recovery, now, contract), Cause::contract_restored);
 }
 
+// Silent for long enough to be given up. After a suspend every joint is lost at once, and has to be asked first.
+bool is_silent(const TickState& state, std::size_t j, const TickRecord& record, const TickConfig& config) {
+  const MonoTime heard_at = std::max(state.joints[j].observer.sampled_at, state.mode.awake_since);
+  return !heard_at.is_set() || record.header.now - heard_at > config.feedback_timeout;
+}
+
 // The record rings keep for a while what the recorder has not written yet, so it may be behind, but not by more than it
 // can make good. A tick that has not happened cannot have been written.
 bool is_unrecorded(const TickRecordHeader& header, const TickConfig& config) {
@@ -104,7 +110,7 @@ bool is_unrecorded(const TickRecordHeader& header, const TickConfig& config) {
 }  // namespace
 
 CauseMask conditions(const TickState& state, const TickRecord& record, const TickConfig& config) {
-  const bool late = config.overrun_limit != 0 && state.mode.consecutive_late >= config.overrun_limit;
+  const bool late = static_cast<double>(state.late.count()) > config.late_share * config.freshness.window_ticks;
   return of_buses(record) | link_faults(state.links, record, config) | of_drives(state, record, config) |
          of_commands(state, record.header.now, config.freshness) | of_guard(record) | when(late, Cause::overrun) |
          when(is_unrecorded(record.header, config), Cause::recording_lost);
@@ -117,7 +123,7 @@ JointMask affected_joints(const TickState& state, const TickRecord& record, cons
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     const JointRecord& joint = record.joints[j];
     const bool not_yet = mode == Mode::arming && joint.feedback.drive_state != DriveState::enabled;
-    if (is_lost(state, j, record, config) || is_faulty(joint) || not_yet ||
+    if (is_silent(state, j, record, config) || is_faulty(joint) || not_yet ||
         (was_enabled && disabled_itself(state, j, joint)) || is_cut_off(record.header.buses[config.joints[j].bus]))
       affected |= bit_of_joint(j);
   }
@@ -144,9 +150,8 @@ CauseMask granted_request(const TickState& state, const TickRecord& record, Caus
     case OperatorRequest::deenergise:
       return bit(Cause::operator_deenergise);
     case OperatorRequest::reset: {
-      const bool at_rest = state.mode.mode == Mode::damped_stop && state.mode.resting != 0;
-      const bool fault_gone = state.mode.mode == Mode::fault_latched && (active & kLastingFaults) == 0;
-      return when(at_rest || fault_gone, Cause::operator_reset);
+      const bool fault_holds = state.mode.mode == Mode::fault_latched && (active & kLastingFaults) != 0;
+      return when(rests(state.mode, record.header.now) && !fault_holds, Cause::operator_reset);
     }
     case OperatorRequest::shutdown:
       return bit(Cause::shutdown);

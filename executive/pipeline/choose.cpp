@@ -96,7 +96,8 @@ Choice choose_degraded(const TickState& state, const TickRecord& record, const T
 Part part_of(const TickState& state, const JointRecord& measured, std::size_t joint, const TickConfig& config) {
   const JointMask bit = bit_of_joint(joint);
   if ((state.mode.deenergised & bit) != 0) return Part::deenergised;
-  if ((state.mode.damped & bit) != 0) return Part::damped;
+  // Right after a suspend nobody knows where a joint is: no gravity by a pose of before.
+  if ((state.mode.damped & bit) != 0 || !state.joints[joint].observer.sampled_at.is_set()) return Part::damped;
   const JointLimits& limits = config.joints[joint].limits;
   const bool beyond = measured.q_estimate < limits.q_min - limits.q_hard_margin ||
                       measured.q_estimate > limits.q_max + limits.q_hard_margin;

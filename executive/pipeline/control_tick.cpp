@@ -29,6 +29,7 @@ TickInput input_of(const TickRecord& record, const CommandChunk* command, std::s
   input.lateness = header.lateness;
   input.last_duration = header.last_duration;
   input.skipped_periods = header.skipped_periods;
+  input.slept_ms = header.slept_ms;
   input.overrun_cause = header.overrun_cause;
   input.last_sent_at = header.last_sent_at;
   input.last_damped = header.last_damped;
@@ -46,7 +47,7 @@ TickInput input_of(const TickRecord& record, const CommandChunk* command, std::s
 
 TickStatePtr make_tick_state(const TickConfig& config) {
   TickStatePtr state(new TickState{});
-  state->shape = {config.joint_count, config.freshness.window_ticks};
+  state->shape = {config.joint_count, config.freshness.window_ticks, remembered_observations(config)};
   state->gravity = GravityModel(config);
   state->limbs = Limbs(config);
   return state;

@@ -26,7 +26,9 @@ struct TickInput {
   MonoTime now;
   Duration lateness;
   Duration last_duration;
-  std::uint64_t skipped_periods = 0;
+  std::uint64_t skipped_periods = 0;  // since start
+  // For how long the computer was suspended since the tick before: the clock of `now` stood still meanwhile. 0: not.
+  std::uint32_t slept_ms = 0;
   OverrunCause overrun_cause = OverrunCause::none;
   // What became of the previous tick at the edge: read just before its first frame (unset: nothing was sent), and the
   // joints to which it was too late for the setpoint, so that they got the damping.
@@ -54,7 +56,9 @@ struct JointSetpoint {  // joint side; what the encoder turns into one drive's f
 struct TickOutput {
   bool drives_enabled = false;
   bool observation_due = false;
-  MonoTime valid_until;                 // when the command in use dies: for drive-side watchdogs; unset: none in use
+  // When the command in use dies, for drive-side watchdogs: it is max_age old or its chunk is spent, whichever comes
+  // first. Unset: none in use.
+  MonoTime valid_until;
   MonoTime send_by;                     // a setpoint that leaves later is too old: `damping` goes out in its place
   bool drive_enabled[kMaxJoints] = {};  // false: that drive is told to de-energise
   JointSetpoint setpoints[kMaxJoints];
@@ -64,7 +68,7 @@ struct TickOutput {
   TickRecord record;        // this tick, inputs and outputs
 };
 
-// Opaque to callers; defined in tick_state.hpp. Plain value, about 120 KiB: keep it off the stack.
+// Opaque to callers; defined in tick_state.hpp. Plain value, about 160 KiB: keep it off the stack.
 struct TickState;
 
 struct TickStateDeleter {

@@ -4,12 +4,20 @@
 
 namespace takt::pipeline {
 
+MonoTime spent_at(const CommandInUse& command, const CommandHeader& header) {
+  return command.observed_at + header.step_period * header.step_count;
+}
+
+MonoTime valid_until(const CommandInUse& command, const CommandHeader& header, const FreshnessContract& contract) {
+  return std::min(command.sensed_at + contract.max_age, spent_at(command, header));
+}
+
 Freshness freshness_of(const CommandInUse& command, const CommandHeader& header, MonoTime now,
                        const FreshnessContract& contract) {
   if (command.sequence == 0) return Freshness::missing;
   const Duration age = command.age(now);
   if (age > contract.max_age) return Freshness::stale;
-  if (now - command.observed_at >= header.step_period * header.step_count) return Freshness::missing;
+  if (now >= spent_at(command, header)) return Freshness::missing;
   const double aging_from = static_cast<double>(contract.aging_fraction) * static_cast<double>(contract.max_age.ns);
   return static_cast<double>(age.ns) <= aging_from ? Freshness::fresh : Freshness::aging;
 }

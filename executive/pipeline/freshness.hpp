@@ -22,6 +22,11 @@ inline constexpr std::uint32_t kMaxDoublings = 4;
 Freshness freshness_of(const CommandInUse& command, const CommandHeader& header, MonoTime now,
                        const FreshnessContract& contract);
 
+// The instant from which the chunk is spent: one step period after its last step's.
+MonoTime spent_at(const CommandInUse& command, const CommandHeader& header);
+// When the command dies: it is max_age old or its chunk is spent, whichever comes first.
+MonoTime valid_until(const CommandInUse& command, const CommandHeader& header, const FreshnessContract& contract);
+
 constexpr bool is_usable(Freshness freshness) {
   return freshness == Freshness::fresh || freshness == Freshness::aging;
 }

@@ -1,8 +1,8 @@
 // save and load of TickState's used part.
 //
-// A keyframe is a KeyframeHeader, the fixed pieces, the words that the configured window uses, the link watch and
-// joint_count ReplyWatches, joint_count JointStates,
-// and the used bytes of the chunk in use (none while there is no command). The checksum covers everything after the
+// A keyframe is a KeyframeHeader, the fixed pieces, as much of memory and windows as the configuration uses, the link
+// watch and joint_count ReplyWatches, joint_count JointStates, and the used bytes of the chunk in use (none while there
+// is no command). The checksum covers everything after the
 // header. Little-endian, this ABI only: the magic and the layout refuse another.
 #include <bit>
 #include <cstring>
@@ -21,7 +21,7 @@ struct KeyframeHeader {
   std::uint32_t bytes = 0;  // whole keyframe
   std::uint32_t joint_count = 0;
   std::uint32_t window_ticks = 0;
-  std::uint32_t chunk_bytes = 0;
+  std::uint32_t remembered = 0;
 };
 static_assert(sizeof(KeyframeHeader) == 40);
 
@@ -32,6 +32,7 @@ constexpr std::uint64_t kStateLayout = layout_hash({{kAbiVersion, sizeof(TickSta
                                                     {offsetof(TickState, command), sizeof(CommandInUse)},
                                                     {offsetof(TickState, memory), sizeof(ObservationMemory)},
                                                     {offsetof(TickState, misses), sizeof(TickWindow)},
+                                                    {offsetof(TickState, late), sizeof(TickWindow)},
                                                     {offsetof(TickState, links), sizeof(LinkWatch)},
                                                     {offsetof(TickState, joints), sizeof(JointState)},
                                                     {offsetof(TickState, chunk), sizeof(CommandChunk)}});
@@ -39,10 +40,15 @@ constexpr std::uint64_t kStateLayout = layout_hash({{kAbiVersion, sizeof(TickSta
 // Of the links: everything but the joints, which are as many as the robot has.
 constexpr std::size_t kLinkBytes = offsetof(LinkWatch, joints);
 
-std::size_t fixed_bytes(std::uint32_t joint_count, std::uint32_t window_ticks) {
+// All but the chunk.
+std::size_t fixed_bytes(const StateShape& shape) {
   return sizeof(KeyframeHeader) + sizeof(ModeState) + sizeof(Counters) + sizeof(Recovery) + sizeof(CommandInUse) +
-         sizeof(ObservationMemory) + 2 * TickWindow::saved_bytes(window_ticks) + kLinkBytes +
-         joint_count * (sizeof(ReplyWatch) + sizeof(JointState));
+         ObservationMemory::saved_bytes(shape.remembered) + 3 * TickWindow::saved_bytes(shape.window_ticks) +
+         kLinkBytes + shape.joint_count * (sizeof(ReplyWatch) + sizeof(JointState));
+}
+
+StateShape shape_of(const KeyframeHeader& header) {
+  return {header.joint_count, header.window_ticks, header.remembered};
 }
 
 std::size_t chunk_bytes(const TickState& state) {
@@ -65,17 +71,18 @@ std::uint64_t checksum(std::span<const std::byte> bytes) {
 
 // Walks the pieces of a keyframe once, for saving and for loading, so that the two cannot disagree.
 template <class State, class Piece>
-void walk(State& state, std::uint32_t joint_count, std::uint32_t window_ticks, std::size_t chunk, Piece&& piece) {
+void walk(State& state, const StateShape& shape, std::size_t chunk, Piece&& piece) {
   piece(&state.mode, sizeof(state.mode));
   piece(&state.counters, sizeof(state.counters));
   piece(&state.recovery, sizeof(state.recovery));
   piece(&state.command, sizeof(state.command));
-  piece(&state.memory, sizeof(state.memory));
-  piece(&state.misses, TickWindow::saved_bytes(window_ticks));
-  piece(&state.refusals, TickWindow::saved_bytes(window_ticks));
+  piece(&state.memory, ObservationMemory::saved_bytes(shape.remembered));
+  piece(&state.misses, TickWindow::saved_bytes(shape.window_ticks));
+  piece(&state.refusals, TickWindow::saved_bytes(shape.window_ticks));
+  piece(&state.late, TickWindow::saved_bytes(shape.window_ticks));
   piece(&state.links, kLinkBytes);
-  piece(&state.links.joints[0], joint_count * sizeof(ReplyWatch));
-  piece(&state.joints[0], joint_count * sizeof(JointState));
+  piece(&state.links.joints[0], shape.joint_count * sizeof(ReplyWatch));
+  piece(&state.joints[0], shape.joint_count * sizeof(JointState));
   piece(&state.chunk, chunk);
 }
 
@@ -88,9 +95,9 @@ const char* damage_in(const KeyframeHeader& header, const TickConfig& config, st
   if (header.layout != kStateLayout) return "made by a different version of the pipeline";
   if (header.joint_count != config.joint_count) return "joint count differs from the configuration's";
   if (header.window_ticks != config.freshness.window_ticks) return "freshness window differs from the configuration's";
-  if (header.chunk_bytes > sizeof(CommandChunk) ||
-      header.bytes != fixed_bytes(header.joint_count, header.window_ticks) + header.chunk_bytes)
-    return "sizes do not add up";
+  if (header.remembered != remembered_observations(config)) return "max_age differs from the configuration's";
+  const std::size_t fixed = fixed_bytes(shape_of(header));
+  if (header.bytes < fixed || header.bytes - fixed > sizeof(CommandChunk)) return "sizes do not add up";
   if (bytes.size() < header.bytes) return "cut short";
   if (checksum(bytes.subspan(sizeof(header), header.bytes - sizeof(header))) != header.checksum)
     return "checksum does not match";
@@ -107,17 +114,18 @@ bool is_consistent(const TickState& state, const TickConfig& config, std::size_t
   const JointMask given_up = state.mode.deenergised | state.mode.damped;
   return chunk_fits && static_cast<std::size_t>(state.mode.mode) < kModeCount &&
          (given_up & ~every_joint(config.joint_count)) == 0 && state.recovery.relapses <= kMaxDoublings &&
-         state.misses.fits(config.freshness.window_ticks) && state.refusals.fits(config.freshness.window_ticks);
+         state.misses.fits(config.freshness.window_ticks) && state.refusals.fits(config.freshness.window_ticks) &&
+         state.late.fits(config.freshness.window_ticks) && state.memory.is_consistent();
 }
 
 }  // namespace
 
 std::size_t save(const TickState& state, std::span<std::byte> out) noexcept {
   const std::size_t chunk = chunk_bytes(state);
-  const std::size_t total = fixed_bytes(state.shape.joint_count, state.shape.window_ticks) + chunk;
+  const std::size_t total = fixed_bytes(state.shape) + chunk;
   if (out.size() < total) return 0;
   std::size_t at = sizeof(KeyframeHeader);
-  walk(state, state.shape.joint_count, state.shape.window_ticks, chunk, [&](const void* piece, std::size_t size) {
+  walk(state, state.shape, chunk, [&](const void* piece, std::size_t size) {
     std::memcpy(out.data() + at, piece, size);
     at += size;
   });
@@ -126,7 +134,7 @@ std::size_t save(const TickState& state, std::span<std::byte> out) noexcept {
   header.bytes = static_cast<std::uint32_t>(total);
   header.joint_count = state.shape.joint_count;
   header.window_ticks = state.shape.window_ticks;
-  header.chunk_bytes = static_cast<std::uint32_t>(chunk);
+  header.remembered = state.shape.remembered;
   header.checksum = checksum(out.subspan(sizeof(header), total - sizeof(header)));
   std::memcpy(out.data(), &header, sizeof(header));
   return total;
@@ -138,13 +146,13 @@ std::expected<void, std::string> load(TickState& state, const TickConfig& config
   std::memcpy(&header, bytes.data(), sizeof(header));
   if (const char* what = damage_in(header, config, bytes); what != nullptr) return std::unexpected(refuse(what));
   const TickStatePtr loaded = make_tick_state(config);
+  const std::size_t chunk = header.bytes - fixed_bytes(shape_of(header));
   std::size_t at = sizeof(header);
-  walk(*loaded, header.joint_count, header.window_ticks, header.chunk_bytes, [&](void* piece, std::size_t size) {
+  walk(*loaded, shape_of(header), chunk, [&](void* piece, std::size_t size) {
     std::memcpy(piece, bytes.data() + at, size);
     at += size;
   });
-  if (!is_consistent(*loaded, config, header.chunk_bytes))
-    return std::unexpected(refuse("contents contradict themselves"));
+  if (!is_consistent(*loaded, config, chunk)) return std::unexpected(refuse("contents contradict themselves"));
   state = *loaded;
   return {};
 }

@@ -1,7 +1,9 @@
 // What the executive itself remembers of the observations it published: id -> when its oldest sample was sensed and
 // when it was published. A command's age rests on this memory, never on what a policy says.
 //
-// Ring of kDepth; older ids are forgotten (at 50 Hz: after 1.28 s). Ids run 1, 2, 3, ... without gaps.
+// Ring of the newest `depth` observations, so many that none is forgotten before it is max_age old
+// (observations_to_remember). Ids run 1, 2, 3, ... without gaps. Range: depth 1..kMaxRememberedObservations, the same
+// at every call.
 #pragma once
 
 #include <array>
@@ -9,40 +11,48 @@
 #include <cstdint>
 
 #include "executive/contract/mono_time.hpp"
+#include "executive/contract/observation.hpp"
 
 namespace takt::pipeline {
 
 struct RememberedObservation {
-  std::uint64_t id = 0;
   MonoTime oldest_sensed_at;
   MonoTime published_at;
 };
 
 class ObservationMemory {
  public:
-  static constexpr std::size_t kDepth = 64;
-
   enum class Recall : std::uint8_t { known, never_published, not_yet_published, forgotten };
 
-  [[nodiscard]] std::uint64_t newest_id() const { return newest_id_; }
-
   // Takes the next id and returns it.
-  std::uint64_t remember(MonoTime oldest_sensed_at, MonoTime published_at) {
+  std::uint64_t remember(const RememberedObservation& observation, std::uint32_t depth) {
     ++newest_id_;
-    ring_[newest_id_ % kDepth] = {newest_id_, oldest_sensed_at, published_at};
+    ring_[newest_id_ % depth] = observation;
     return newest_id_;
   }
 
-  [[nodiscard]] Recall recall(std::uint64_t id, RememberedObservation& found) const {
+  [[nodiscard]] Recall recall(std::uint64_t id, std::uint32_t depth, RememberedObservation& found) const {
     if (id == 0) return Recall::never_published;
     if (id > newest_id_) return Recall::not_yet_published;
-    found = ring_[id % kDepth];
-    return found.id == id ? Recall::known : Recall::forgotten;
+    if (id <= forgotten_id_ || newest_id_ - id >= depth) return Recall::forgotten;
+    found = ring_[id % depth];
+    return Recall::known;
   }
+
+  // Everything published so far. Ids go on.
+  void forget() { forgotten_id_ = newest_id_; }
+
+  // What keyframes carry: two ids, then the part of the ring that `depth` uses.
+  static constexpr std::size_t saved_bytes(std::uint32_t depth) {
+    return 16 + sizeof(RememberedObservation) * std::size_t{depth};
+  }
+  [[nodiscard]] bool is_consistent() const { return forgotten_id_ <= newest_id_; }
 
  private:
   std::uint64_t newest_id_ = 0;
-  std::array<RememberedObservation, kDepth> ring_{};
+  std::uint64_t forgotten_id_ = 0;  // this one and all before it
+  std::array<RememberedObservation, kMaxRememberedObservations> ring_{};
 };
+static_assert(sizeof(ObservationMemory) == ObservationMemory::saved_bytes(kMaxRememberedObservations));
 
 }  // namespace takt::pipeline

@@ -30,19 +30,29 @@ Arrival take_message(TickState& state, const TickInput& input, const TickConfig&
   if (input.policy_session != state.mode.policy_session) {
     state.mode.policy_session = input.policy_session;
     state.counters.last_sequence = 0;
+    state.mode.last_refusal = Arrival::none;
   }
   if (input.mailbox == Arrival::contended || input.mailbox == Arrival::corrupt) return input.mailbox;
   if (input.mailbox != Arrival::accepted || input.command == nullptr) return Arrival::none;
   const ArrivalVerdict verdict =
-      judge_arrival(*input.command, input.command_bytes, input.now, state.counters.last_sequence, state.memory, config,
-                    input.command_values);
+      judge_arrival(*input.command, input.command_bytes, input.now, state.counters.last_sequence, state.command,
+                    state.memory, config, input.command_values);
   state.counters.integration_errors += verdict.stamps_ran_backwards ? 1U : 0U;
   if (verdict.arrival == Arrival::accepted) accept(state, *input.command, verdict.command);
   return verdict.arrival;
 }
 
-bool is_refusal(Arrival arrival) {
-  return arrival != Arrival::none && arrival != Arrival::accepted;
+void note_arrival(TickState& state, Arrival arrival, const FreshnessContract& contract) {
+  const bool refused = is_refusal(arrival);
+  state.refusals.push(refused && !is_refused_for_age(arrival), contract.window_ticks);
+  state.counters.refused_commands += refused ? 1U : 0U;
+  if (arrival != Arrival::none) state.mode.last_refusal = refused ? arrival : Arrival::none;
+}
+
+// Of a joint that is not heard nobody knows how fast it is; the others still tell whether the robot rests.
+bool is_slow(const JointState& joint, const JointRecord& record, MonoTime now, const TickConfig& config) {
+  const bool heard = joint.observer.sampled_at.is_set() && now - joint.observer.sampled_at <= config.feedback_timeout;
+  return !heard || std::abs(record.dq_estimate) < config.rest_velocity;
 }
 
 // A joint without power is not asked whether it rests: its last velocity may be all that it left behind. Nor is a limb
@@ -53,22 +63,34 @@ JointMask asked_for_rest(const TickState& state, const TickConfig& config) {
   return holding != 0 ? holding : powered;
 }
 
-// A stop holds position once every joint has been slow for this long: an instant at rest is a turning point.
-constexpr Duration kRestDwell = milliseconds(100);
-
 void watch_for_rest(TickState& state, const TickRecord& record, const TickConfig& config) {
-  if (!is_latched(state.mode.mode) || state.mode.resting != 0) return;
+  if (!is_latched(state.mode.mode)) return;
+  const MonoTime now = record.header.now;
   const JointMask ours = asked_for_rest(state, config);
   bool slow = true;
   for (std::size_t j = 0; j < config.joint_count; ++j)
-    slow &= (ours & bit_of_joint(j)) == 0 || std::abs(record.joints[j].dq_estimate) < config.rest_velocity;
+    slow &= (ours & bit_of_joint(j)) == 0 || is_slow(state.joints[j], record.joints[j], now, config);
   if (!slow) {
     state.mode.slow_since = {};
   } else if (!state.mode.slow_since.is_set()) {
-    state.mode.slow_since = record.header.now;
-  } else if (record.header.now - state.mode.slow_since >= kRestDwell) {
-    state.mode.resting = 1;
+    state.mode.slow_since = now;
   }
+  if (rests(state.mode, now)) state.mode.resting = 1;
+}
+
+// Every period of the grid is a tick in time, a late one, or one that was skipped.
+void count_periods(TickState& state, const TickInput& input, const TickConfig& config) {
+  const std::uint32_t window = config.freshness.window_ticks;
+  state.late.push_marked(input.skipped_periods - state.links.skipped_periods, window);
+  state.late.push(input.lateness >= config.period, window);
+}
+
+// The clock stood still while the computer slept: nothing from before has a known age any more.
+void forget_what_was_before_sleep(TickState& state, MonoTime now, const TickConfig& config) {
+  state.mode.awake_since = now;
+  state.command = {};
+  state.memory.forget();
+  for (std::size_t j = 0; j < config.joint_count; ++j) state.joints[j].observer = {};
 }
 
 // A drive that is given up gets no power until standby, whatever it says later; its limb damps.
@@ -104,6 +126,7 @@ void observe(TickState& state, const TickInput& input, const TickConfig& config,
   header.lateness = input.lateness;
   header.last_duration = input.last_duration;
   header.skipped_periods = input.skipped_periods;
+  header.slept_ms = input.slept_ms;
   header.overrun_cause = input.overrun_cause;
   header.last_sent_at = input.last_sent_at;
   header.last_damped = input.last_damped;
@@ -116,15 +139,16 @@ void observe(TickState& state, const TickInput& input, const TickConfig& config,
   header.bus_count = static_cast<std::uint8_t>(config.bus_count);
   header.joint_count = config.joint_count;
   std::copy_n(input.buses, config.bus_count, header.buses);
+  if (input.slept_ms != 0) forget_what_was_before_sleep(state, input.now, config);
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     record.joints[j] = JointRecord{};
     record.joints[j].feedback = input.joints[j];
-    take_reply(state.joints[j].observer, input.joints[j], config.joints[j].observer_bandwidth);
+    if (input.joints[j].received_at > state.mode.awake_since)
+      take_reply(state.joints[j].observer, input.joints[j], config.joints[j].observer_bandwidth);
   }
   follow_what_was_sent(state, input, config);
+  count_periods(state, input, config);
   watch_links(state.links, config, record);
-  const bool late = input.overrun_cause != OverrunCause::none || input.lateness >= config.period;
-  state.mode.consecutive_late = late ? state.mode.consecutive_late + 1 : 0;
 }
 
 void estimate(const TickState& state, const TickConfig& config, TickRecord& record) {
@@ -141,8 +165,7 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
   header.arrival = take_message(state, input, config);
   header.freshness = freshness_of(state.command, state.chunk.header, input.now, contract);
   note_freshness(state.recovery, header.freshness, input.now);
-  state.refusals.push(is_refusal(header.arrival), contract.window_ticks);
-  state.counters.refused_commands += is_refusal(header.arrival) ? 1U : 0U;
+  note_arrival(state, header.arrival, contract);
   if (state.mode.mode == Mode::tracking || state.mode.mode == Mode::degraded)
     state.misses.push(!is_usable(header.freshness), contract.window_ticks);
   watch_for_rest(state, record, config);

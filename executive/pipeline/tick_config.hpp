@@ -3,12 +3,14 @@
 // pointers.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/joints.hpp"
 #include "executive/contract/mono_time.hpp"
+#include "executive/contract/observation.hpp"
 
 namespace takt::pipeline {
 
@@ -70,7 +72,7 @@ struct FreshnessContract {
   Duration recover_after;               // uninterrupted fresh time that restores tracking
   Duration flap_memory;                 // each relapse within it doubles the next recovery time, up to 16x
   Duration stop_after;                  // no usable command for this long: damped stop
-  std::uint32_t bad_command_limit = 0;  // refused messages within the window that count as an integration error
+  std::uint32_t bad_command_limit = 0;  // messages within the window refused for what they say: integration error
 };
 inline constexpr std::uint32_t kMaxWindowTicks = 8192;
 
@@ -111,6 +113,8 @@ struct TickConfig {
   std::uint32_t observation_every_ticks = 0;
   std::uint64_t policy_hash = 0;                         // 0: any
   std::uint32_t largest_command = sizeof(CommandChunk);  // bytes of the largest legal message
+  // The policy uses outside sensors: a command that does not say when they sensed is refused (missing_stamp).
+  bool needs_outside_stamp = false;
   FreshnessContract freshness;
   DegradedBehaviour degraded = DegradedBehaviour::hold;
   FallbackKind fallback = FallbackKind::pose;
@@ -119,9 +123,9 @@ struct TickConfig {
   Duration feedback_timeout;          // a joint silent for longer: feedback_lost
   Duration enable_timeout;            // arming must succeed within it
   BusFaultLimits bus_faults;
-  std::uint32_t overrun_limit = 0;             // consecutive late ticks: overrun
-  std::uint32_t unrecorded_limit = 0;          // ticks the recorder may be behind; 0: none is required
-  float rest_velocity = 0.02F;                 // rad/s: below it the damped stop holds position
+  double late_share = 0.25;            // of the freshness window: more periods late or skipped are an overrun; 1: never
+  std::uint32_t unrecorded_limit = 0;  // ticks the recorder may be behind; 0: none is required
+  float rest_velocity = 0.02F;         // rad/s: below it the damped stop holds position
   std::array<float, 3> gravity{0, 0, -9.81F};  // m/s^2 in the base frame
   bool gravity_compensation = false;
   std::array<JointConfig, kMaxJoints> joints{};
@@ -129,5 +133,12 @@ struct TickConfig {
   // Fallback state_feedback: feedback_gains[j][k] of joint k on the torque of joint j.
   std::array<std::array<FeedbackGain, kMaxJoints>, kMaxJoints> feedback_gains{};
 };
+
+// Observations in memory; the most that fit when max_age asks for more, which the configuration's checks rule out.
+constexpr std::uint32_t remembered_observations(const TickConfig& config) {
+  const Duration every = config.period * std::max<std::int64_t>(config.observation_every_ticks, 1);
+  return static_cast<std::uint32_t>(std::clamp<std::int64_t>(observations_to_remember(config.freshness.max_age, every),
+                                                             1, kMaxRememberedObservations));
+}
 
 }  // namespace takt::pipeline

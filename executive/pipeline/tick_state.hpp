@@ -38,11 +38,13 @@ struct ModeState {
   // Since a fault was latched, until standby: drives that get no power from us, and joints that only damp.
   JointMask deenergised = 0;
   JointMask damped = 0;
+  MonoTime awake_since;  // the tick that noticed the newest suspend: feedback from before is not believed; unset: none
   Mode mode = Mode::standby;
   std::uint8_t resting = 0;         // latched modes: 1 once at rest; from then on what may hold its position does
   std::uint8_t drives_enabled = 0;  // 1 once every drive reported enabled in this arming
   std::uint8_t policy_session = 0;
-  std::uint32_t consecutive_late = 0;
+  Arrival last_refusal = Arrival::none;  // of the newest message
+  std::uint8_t reserved[3] = {};
 };
 
 struct Counters {
@@ -56,6 +58,7 @@ struct Counters {
 struct StateShape {
   std::uint32_t joint_count = 0;
   std::uint32_t window_ticks = 0;
+  std::uint32_t remembered = 0;  // observations
 };
 
 struct TickState {
@@ -68,7 +71,8 @@ struct TickState {
   CommandInUse command;
   ObservationMemory memory;
   TickWindow misses;
-  TickWindow refusals;
+  TickWindow refusals;  // messages refused for what they say
+  TickWindow late;      // periods late or skipped
   LinkWatch links;
   JointState joints[kMaxJoints];
   CommandChunk chunk;  // of the command in use; only its used part is ever written or read
@@ -78,7 +82,7 @@ static_assert(std::is_trivially_copyable_v<TickState>);
 // No hidden padding: keyframes of equal states are equal bytes.
 static_assert(sizeof(JointState) == sizeof(ObserverState) + 2 * sizeof(ReferenceState) + 8 &&
               sizeof(ObserverState) == 16);
-static_assert(sizeof(ModeState) == 56 && sizeof(Counters) == 24 && sizeof(Recovery) == 32);
-static_assert(sizeof(CommandInUse) == 56 && sizeof(ObservationMemory) == 8 + 24 * ObservationMemory::kDepth);
+static_assert(sizeof(ModeState) == 64 && sizeof(Counters) == 24 && sizeof(Recovery) == 32);
+static_assert(sizeof(CommandInUse) == 56);
 
 }  // namespace takt::pipeline

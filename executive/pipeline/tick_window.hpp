@@ -4,6 +4,7 @@
 // at every call.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -25,6 +26,11 @@ class TickWindow {
     word = marked ? word | bit : word & ~bit;
     count_ += marked ? 1U : 0U;
     position_ = position_ + 1 == length ? 0 : position_ + 1;
+  }
+
+  // `count` marked ticks in a row; no more of them than the window holds make a difference.
+  void push_marked(std::uint64_t count, std::uint32_t length) {
+    for (std::uint64_t left = std::min<std::uint64_t>(count, length); left != 0; --left) push(true, length);
   }
 
   void restart() { position_ = seen_ = count_ = 0; }

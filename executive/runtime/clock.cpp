@@ -6,12 +6,23 @@
 namespace takt::runtime {
 namespace {
 constexpr std::int64_t kSecond = 1'000'000'000;
+
+std::int64_t read_ns(clockid_t clock) noexcept {
+  timespec at{};
+  clock_gettime(clock, &at);
+  return std::int64_t{at.tv_sec} * kSecond + at.tv_nsec;
 }
 
+}  // namespace
+
 MonoTime SystemClock::now() noexcept {
-  timespec at{};
-  clock_gettime(CLOCK_MONOTONIC, &at);
-  return {std::int64_t{at.tv_sec} * kSecond + at.tv_nsec};
+  return {read_ns(CLOCK_MONOTONIC)};
+}
+
+BootReading SystemClock::read_boot_time() noexcept {
+  const MonoTime before = now();
+  const Duration since_boot{read_ns(CLOCK_BOOTTIME)};
+  return {before, since_boot, now()};
 }
 
 void SystemClock::sleep_until(MonoTime when) noexcept {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "executive/contract/mono_time.hpp"
+#include "executive/runtime/suspend_watch.hpp"
 
 namespace takt::runtime {
 
@@ -16,6 +17,8 @@ class Clock {
   virtual MonoTime now() noexcept = 0;
   // Returns at `when` or later; at once when it has passed.
   virtual void sleep_until(MonoTime when) noexcept = 0;
+  // For noticing that the computer was suspended; now() stands still meanwhile.
+  virtual BootReading read_boot_time() noexcept = 0;
 };
 
 // CLOCK_MONOTONIC: read through the vDSO (19 ns), waited for with an absolute clock_nanosleep.
@@ -23,6 +26,7 @@ class SystemClock final : public Clock {
  public:
   MonoTime now() noexcept override;
   void sleep_until(MonoTime when) noexcept override;
+  BootReading read_boot_time() noexcept override;
 };
 
 }  // namespace takt::runtime

@@ -1,5 +1,6 @@
 #include "executive/runtime/cyclic_loop.hpp"
 
+#include <algorithm>
 #include <span>
 
 #include "executive/ipc/crc32c.hpp"
@@ -9,6 +10,12 @@
 
 namespace takt::runtime {
 namespace {
+
+// Rounded up: the shortest sleep counts.
+constexpr std::uint32_t whole_milliseconds(Duration span) noexcept {
+  const std::int64_t up = (span.ns + milliseconds(1).ns - 1) / milliseconds(1).ns;
+  return static_cast<std::uint32_t>(std::min<std::int64_t>(up, UINT32_MAX));
+}
 
 constexpr Arrival arrival_of(ipc::ReadStatus status) noexcept {
   switch (status) {
@@ -31,6 +38,7 @@ CyclicLoop::CyclicLoop(const LoopParts& parts, const LoopTiming& timing)
     : parts_(parts),
       timing_(timing),
       wakeup_(parts.clock, timing.wake, timing.spin),
+      suspend_(parts.clock.read_boot_time()),
       state_(pipeline::make_tick_state(parts.config)),
       command_(std::make_unique<CommandChunk>()),
       keyframe_(ipc::kMaxKeyframeBytes - sizeof(TickTag)) {}
@@ -68,6 +76,7 @@ std::size_t CyclicLoop::tick(MonoTime woken, Duration lateness) noexcept {
   ++input_.tick;
   input_.now = woken;
   input_.lateness = lateness;
+  input_.slept_ms = whole_milliseconds(suspend_.slept(parts_.clock.read_boot_time()));
   trace::tick_begin(input_.tick, woken, lateness);
   const std::size_t frames = parts_.edge.receive(input_, parts_.published);
   read_command();

@@ -32,6 +32,7 @@
 #include "executive/runtime/recorded_through.hpp"
 #include "executive/runtime/refused_bytes.hpp"
 #include "executive/runtime/status_board.hpp"
+#include "executive/runtime/suspend_watch.hpp"
 #include "executive/runtime/wakeup.hpp"
 
 namespace takt::runtime {
@@ -75,6 +76,7 @@ class CyclicLoop {
   LoopParts parts_;
   LoopTiming timing_;
   Wakeup wakeup_;
+  SuspendWatch suspend_;
   std::atomic<bool> finishing_ = false;
   pipeline::TickStatePtr state_;
   pipeline::TickInput input_;

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <thread>
 
+#include "executive/pipeline/mode_machine.hpp"
 #include "executive/runtime/arming.hpp"
 #include "executive/runtime/clock.hpp"
 #include "executive/runtime/reception.hpp"
@@ -114,6 +115,8 @@ void Reception::reset(OperatorReply& reply) {
     case Mode::damped_stop:
       return say(reply, "the robot still moves: wait until it rests, then reset");
     case Mode::fault_latched:
+      if ((now.causes_active & pipeline::kLastingFaults) == 0)
+        return say(reply, "the robot still moves: wait until it rests, then reset");
       return say(reply, "the fault still holds: " + active_causes(now) + ": mend it, then reset");
     case Mode::arming:
     case Mode::tracking:

@@ -157,8 +157,11 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
   tick.period = robot.control.period;
   tick.joint_count = static_cast<std::uint32_t>(robot.joints.size());
   tick.bus_count = static_cast<std::uint32_t>(robot.buses.size());
-  if (robot.policy)
+  if (robot.policy) {
     tick.observation_every_ticks = static_cast<std::uint32_t>(robot.policy->period.ns / robot.control.period.ns);
+    tick.needs_outside_stamp = std::ranges::any_of(
+        robot.policy->observation, [](const ObservationTerm& term) { return term.kind == TermKind::sensor; });
+  }
   tick.policy_hash = policy_hash;
   tick.largest_command = static_cast<std::uint32_t>(largest_command_of(robot));
   tick.freshness = contract_of(robot.freshness, robot.control.period);
@@ -168,7 +171,7 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
   tick.feedback_timeout = robot.feedback.timeout;
   tick.enable_timeout = robot.feedback.enable_timeout;
   tick.bus_faults = bus_faults_of(robot.bus_faults, robot.control.period);
-  tick.overrun_limit = robot.control.overrun_limit;
+  tick.late_share = robot.control.late_share;
   tick.unrecorded_limit = robot.record.recorder == Recorder::required ? pipeline::kLongestUnrecorded : 0;
   tick.rest_velocity = narrow(robot.feedback.rest_velocity);
   for (std::size_t j = 0; j < robot.joints.size(); ++j) tick.joints[j] = joint_of(robot.joints[j]);

@@ -69,11 +69,13 @@ bool is_refused_for_content(Arrival arrival) {
     case Arrival::future_observation:
     case Arrival::not_finite:
     case Arrival::out_of_range:
+    case Arrival::missing_stamp:
       return true;
     case Arrival::none:
     case Arrival::accepted:
     case Arrival::contended:
     case Arrival::expired_observation:
+    case Arrival::overtaken:
       return false;
   }
   return false;
@@ -115,6 +117,7 @@ void FaultEvidence::take(const FaultClue& clue) {
   has_miss = has_miss || clue.is_miss || clue.arrival == Arrival::expired_observation;
   worst_lateness = std::max(worst_lateness, clue.lateness);
   skipped += clue.skipped;
+  slept_ms = std::max(slept_ms, clue.slept_ms);
   if (clue.overrun != OverrunCause::none && overruns++ == 0) overrun = clue.overrun;
   if (is_refused_for_content(clue.arrival)) ++refusals[clue.arrival];
   ran_backwards += clue.ran_backwards;
@@ -142,7 +145,7 @@ std::optional<AgeParts> FaultClassifier::parts_of_arrival(const TickRecordHeader
     parts.hold = {};
     return parts;
   }
-  if (header.arrival != Arrival::expired_observation || !command_) return {};
+  if (!is_refused_for_age(header.arrival) || !command_) return {};
   const auto known = observations_.find(command_->observation_id);
   if (known == observations_.end()) return {};
   const Published& observation = known->second;
@@ -188,6 +191,7 @@ FaultClue FaultClassifier::clue_of(const TickRecord& record) {
   } else {
     clue.replies = clue.replies_due;  // counters run since start, not since this tick
   }
+  clue.slept_ms = header.slept_ms;
   clue.overrun = header.overrun_cause;
   clue.arrival = header.arrival;
   clue.command_parts = parts_of_arrival(header);
@@ -199,7 +203,7 @@ FaultClue FaultClassifier::clue_of(const TickRecord& record) {
   clue.command_before = last_command_;
   const bool relied = relied_on_policy(header.previous_mode);
   clue.is_miss = relied && (header.freshness == Freshness::stale || header.freshness == Freshness::missing);
-  const bool refused = header.arrival == Arrival::expired_observation || is_refused_for_content(header.arrival);
+  const bool refused = is_refused_for_age(header.arrival) || is_refused_for_content(header.arrival);
   const bool lost_period = clue.overrun != OverrunCause::none || clue.skipped != 0;
   clue.is_trouble =
       enters_trouble(header) || (relied && (clue.is_miss || refused || lost_period || clue.ran_backwards != 0));

@@ -8,6 +8,7 @@
 //
 // The rules, in order; the first that holds gives the verdict. "Stands out" means: more above its median over the run's
 // untroubled commands than a fifth of max_age, and more than any other part.
+//   0 the computer was suspended                                           platform_stall
 //   1 feedback_lost while the loop itself stood still                      as 4
 //     feedback_lost while at least half of the replies came                 estimator_lag
 //     a drive or bus cause; a bus not up                                    actuator_or_bus_fault
@@ -90,7 +91,8 @@ struct FaultClue {
   MonoTime now;
   bool is_trouble = false, is_miss = false;
   Duration lateness;
-  std::uint64_t skipped = 0;  // periods since the tick before
+  std::uint64_t skipped = 0;   // periods since the tick before
+  std::uint32_t slept_ms = 0;  // the computer, since the tick before
   OverrunCause overrun = OverrunCause::none;
   Arrival arrival = Arrival::none;
   std::uint64_t ran_backwards = 0;        // commands since the tick before
@@ -112,6 +114,7 @@ struct FaultEvidence {
   Duration worst_lateness;
   OverrunCause overrun = OverrunCause::none;  // the first
   std::uint64_t overruns = 0, skipped = 0;
+  std::uint32_t slept_ms = 0;                 // the longest sleep of the computer
   std::map<Arrival, std::uint64_t> refusals;  // for content or order
   std::uint64_t ran_backwards = 0;
   Duration feedback_age;

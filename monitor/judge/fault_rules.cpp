@@ -78,6 +78,13 @@ bool slept_through_the_feedback(const Case& c) {
   return evidence.worst_lateness >= c.rules.period && awake <= c.baseline.feedback_age + c.rules.period * 2;
 }
 
+// Nobody was there: no other rule can say anything of it.
+Judged suspended(const Case& c) {
+  if (c.evidence.slept_ms == 0) return {};
+  return c.verdict(Fault::platform_stall,
+                   fmt::format("the computer was suspended for {:.1f} s", c.evidence.slept_ms / 1000.0));
+}
+
 Judged drives_and_buses(const Case& c) {
   const FaultEvidence& evidence = c.evidence;
   if (evidence.fault_cause == Cause::feedback_lost && !evidence.bus_was_bad && slept_through_the_feedback(c)) {
@@ -164,7 +171,7 @@ FaultVerdict unknown(const Case& c) {
 
 FaultVerdict judge(const FaultEvidence& evidence, const FaultBaseline& baseline, const FaultRules& rules) {
   const Case judged{evidence, baseline, rules};
-  for (const auto rule : {drives_and_buses, integration, age_part, lost_period, silence, lost_replies}) {
+  for (const auto rule : {suspended, drives_and_buses, integration, age_part, lost_period, silence, lost_replies}) {
     if (auto verdict = rule(judged)) return std::move(*verdict);
   }
   return unknown(judged);

@@ -65,6 +65,8 @@ constexpr TickField kHeaderFields[] = {
     {"drives_enabled", u8, HEADER(drives_enabled), out, "1: drives are told to be enabled"},
     {"policy_session", u8, HEADER(policy_session), in, "changes when another policy's mailbox is read"},
     {"causes_active", u64, HEADER(causes_active), out, "bit per CAUSE value"},
+    {"slept_ms", u32, HEADER(slept_ms), in, "the computer was suspended this long since the tick before"},
+    {"last_refusal", u8, HEADER(last_refusal), out, "ARRIVAL values; of the newest message, none: accepted"},
 };
 #undef HEADER
 

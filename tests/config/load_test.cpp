@@ -82,7 +82,7 @@ TEST(Load, ConvertsUnitsAndFillsDefaults) {
   EXPECT_EQ(robot->simulation->step, microseconds(500));
   EXPECT_EQ(robot->buses[0].bitrate, 1'000'000U);
   EXPECT_EQ(robot->control.cpu, std::nullopt);
-  EXPECT_EQ(robot->control.overrun_limit, 50U) << "default";
+  EXPECT_EQ(robot->control.late_share, 0.25) << "default";
   EXPECT_EQ(robot->joints[0].observer_bandwidth, 200) << "default";
   EXPECT_EQ(robot->policy->input, "obs") << "default";
   EXPECT_EQ(robot->joints[1].drive.id, 2U) << "hexadecimal";

@@ -212,6 +212,13 @@ inline constexpr Refusal kRefusals[] = {
     Refusal{"bus fault window too short", "feedback: { timeout: 20 ms }",
             "feedback: { timeout: 20 ms }\nbus_faults: { window: 9 ms }",
             "11:23: bus_faults.window: 9 ms must be at least ten control periods of 1 ms; raise it"},
+    Refusal{
+        "more observations than are remembered", "max_age: 120 ms", "max_age: 41 s",
+        "5:12: freshness.max_age: 41 s with an observation every 20 ms means remembering 2052 of them; at most 2048 "
+        "are: lower it, or raise policy.period\n"
+        "9:15: freshness.stop_after: 600 ms must exceed max_age 41 s; raise it"},
+    Refusal{"no late period at all", "spin: 100 us", "spin: 100 us, late_share: 0",
+            "3:90: control.late_share: 0 is out of range; write above 0 and at most 1"},
     Refusal{"a share of nothing", "feedback: { timeout: 20 ms }",
             "feedback: { timeout: 20 ms }\nbus_faults: { foreign_frames: 0 }",
             "11:31: bus_faults.foreign_frames: 0 is out of range; write above 0 and at most 1"},

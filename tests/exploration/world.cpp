@@ -52,6 +52,9 @@ class World::VirtualClock final : public runtime::Clock {
     if (when > world_.now_)
       world_.go_to(when + (late ? std::min(Duration{late->length.ns / 8}, milliseconds(3)) : microseconds(30)));
   }
+  runtime::BootReading read_boot_time() noexcept override {  // this computer never sleeps
+    return {world_.now_, world_.now_ - MonoTime{}, world_.now_};
+  }
 
  private:
   World& world_;
@@ -326,6 +329,7 @@ void World::answer(const Observation& observation) {
   header.observation_id = observation.id;
   header.sequence = ++sequence_;
   header.policy_hash = 5;
+  header.outside_sensed_at = observation.published_at;
   header.dequeued_at = header.infer_started_at = now_;
   header.infer_ended_at = header.published_at = now_ + takes;
   header.step_period = kStepPeriod;

@@ -35,7 +35,7 @@ TickConfig fuzzed_robot() {
                       .bad_command_limit = 20};
   config.feedback_timeout = milliseconds(20);
   config.enable_timeout = milliseconds(50);
-  config.overrun_limit = 5;
+  config.late_share = 0.05;
   config.gravity_compensation = true;
   for (std::size_t j = 0; j < kJoints; ++j) {
     JointConfig& joint = config.joints[j];

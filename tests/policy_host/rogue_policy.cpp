@@ -148,6 +148,7 @@ class Rogue {
     header.policy_hash = policy_hash_;
     header.observation_id = observation.id;
     ++header.sequence;
+    header.outside_sensed_at = observation.published_at;
     header.dequeued_at = header.infer_started_at = header.infer_ended_at = header.published_at = monotonic_now();
   }
 

@@ -46,6 +46,11 @@ TEST_F(CauseDetail, TellsHowLongAJointWasSilent) {
   EXPECT_EQ(detail(Cause::feedback_lost), "joint base_yaw: silent for 21.0 ms; joint shoulder: never answered");
 }
 
+TEST_F(CauseDetail, TellsThatTheComputerSlept) {
+  record->header.slept_ms = 3'249;
+  EXPECT_EQ(detail(Cause::feedback_lost), "the computer was suspended for 3.2 s");
+}
+
 TEST_F(CauseDetail, TellsWhereTheEnvelopeWasLeft) {
   record->joints[4].feedback.q = 2.0F;  // limit 1.8, margin 0.15
   record->joints[5].dq_estimate = -12.5F;

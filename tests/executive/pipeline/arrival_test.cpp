@@ -20,17 +20,22 @@ constexpr std::uint64_t kLastSequence = 41;
 struct Case {
   TickConfig config = testing::robot(3);
   ObservationMemory memory;
+  CommandInUse in_use;
   CommandChunk chunk;
   std::size_t bytes = 0;
   MonoTime now = kNow;
 
   Case() {
     config.policy_hash = 77;
-    for (int i = 0; i < 100; ++i) memory.remember(kSensed - milliseconds(99 - i), kPublished - milliseconds(99 - i));
+    for (int i = 0; i < 100; ++i)
+      memory.remember({kSensed - milliseconds(99 - i), kPublished - milliseconds(99 - i)},
+                      remembered_observations(config));
     chunk = testing::chunk_for(config, 100, kPublished, kNow, kLastSequence + 1, 0.1F, 4);
     bytes = chunk.used_bytes();
   }
-  [[nodiscard]] ArrivalVerdict judge() const { return judge_arrival(chunk, bytes, now, kLastSequence, memory, config); }
+  [[nodiscard]] ArrivalVerdict judge() const {
+    return judge_arrival(chunk, bytes, now, kLastSequence, in_use, memory, config);
+  }
   void give(CommandField field, float value) {
     chunk.header.fields = static_cast<std::uint8_t>(chunk.header.fields | static_cast<unsigned>(field));
     for (std::size_t i = 0; i < chunk.value_count(); ++i) chunk.values[i] = 0.0F;
@@ -76,7 +81,8 @@ const std::vector<Spoilt>& spoilt_messages() {
       {"no observation", Arrival::unknown_observation, [](Case& c) { c.chunk.header.observation_id = 0; }},
       {"next observation", Arrival::future_observation, [](Case& c) { c.chunk.header.observation_id = 101; }},
       {"far observation", Arrival::future_observation, [](Case& c) { c.chunk.header.observation_id = UINT64_MAX; }},
-      {"just forgotten", Arrival::expired_observation, [](Case& c) { c.chunk.header.observation_id = 36; }},
+      {"just forgotten", Arrival::expired_observation, [](Case& c) { c.chunk.header.observation_id = 93; }},
+      {"sensors without a stamp", Arrival::missing_stamp, [](Case& c) { c.config.needs_outside_stamp = true; }},
       {"sensor ahead of now", Arrival::future_observation,
        [](Case& c) { c.chunk.header.outside_sensed_at = kNow + c.config.period + nanoseconds(1); }},
       {"published ahead of now", Arrival::future_observation,
@@ -95,6 +101,11 @@ const std::vector<Spoilt>& spoilt_messages() {
        [](Case& c) { c.chunk.header.outside_sensed_at = kNow - milliseconds(101); }},
       {"sensor before time began", Arrival::expired_observation,
        [](Case& c) { c.chunk.header.outside_sensed_at = {INT64_MIN}; }},
+      {"older than the one in use", Arrival::overtaken,
+       [](Case& c) {
+         c.in_use.observation_id = 100;
+         c.chunk.header.observation_id = 99;
+       }},
   };
   return rows;
 }
@@ -113,10 +124,12 @@ TEST(Arrival, ChecksRunInTheDocumentedOrder) {
       {"unknown field", "another policy"},
       {"another policy", "same sequence"},
       {"same sequence", "no observation"},
-      {"just forgotten", "sensor ahead of now"},
+      {"just forgotten", "sensors without a stamp"},
+      {"sensors without a stamp", "published ahead of now"},
       {"sensor ahead of now", "infinite"},
       {"not a number", "q beyond the margin"},
-      {"q beyond the margin", "sensor older than max_age"}};
+      {"q beyond the margin", "sensor older than max_age"},
+      {"sensor older than max_age", "older than the one in use"}};
   const auto row = [](std::string_view when) -> const Spoilt& {
     for (const Spoilt& candidate : spoilt_messages())
       if (candidate.when == when) return candidate;
@@ -169,20 +182,74 @@ TEST(Arrival, BackwardStampsAreClampedAndCounted) {
   }
 }
 
-TEST(ObservationMemory, RemembersTheNewest64) {
+TEST(Arrival, ASecondAnswerToTheSameObservationIsNotOvertaken) {
+  Case message;
+  message.in_use.observation_id = 100;
+  EXPECT_EQ(message.judge().arrival, Arrival::accepted);
+}
+
+TEST(Arrival, AStampOfOutsideSensorsIsAskedForWhereThePolicyUsesThem) {
+  Case message;
+  message.config.needs_outside_stamp = true;
+  message.chunk.header.outside_sensed_at = kSensed - milliseconds(30);
+  EXPECT_EQ(message.judge().arrival, Arrival::accepted);
+  EXPECT_EQ(message.judge().command.sensed_at, kSensed - milliseconds(30));
+}
+
+TEST(ObservationMemory, RemembersAsManyAsItIsDeep) {
+  constexpr std::uint32_t kDepth = 64;
   ObservationMemory memory;
   RememberedObservation found;
-  EXPECT_EQ(memory.recall(1, found), ObservationMemory::Recall::not_yet_published);
+  EXPECT_EQ(memory.recall(1, kDepth, found), ObservationMemory::Recall::not_yet_published);
   for (std::int64_t i = 1; i <= 1000; ++i) {
-    EXPECT_EQ(memory.remember({i}, {i + 1}), static_cast<std::uint64_t>(i));
+    EXPECT_EQ(memory.remember({{i}, {i + 1}}, kDepth), static_cast<std::uint64_t>(i));
     for (std::uint64_t id = 1; id <= static_cast<std::uint64_t>(i); ++id) {
-      const bool known = id + ObservationMemory::kDepth > static_cast<std::uint64_t>(i);
-      ASSERT_EQ(memory.recall(id, found) == ObservationMemory::Recall::known, known) << id << " of " << i;
+      const bool known = id + kDepth > static_cast<std::uint64_t>(i);
+      ASSERT_EQ(memory.recall(id, kDepth, found) == ObservationMemory::Recall::known, known) << id << " of " << i;
       if (known) {
         ASSERT_EQ(found.oldest_sensed_at.ns, static_cast<std::int64_t>(id));
       }
     }
   }
+}
+
+// Goal: no observation is forgotten before it is max_age old, at any rate, with wake-ups as uneven as they can be.
+// Method: ticks that are published as late as the grid allows, then in time; every id that is young enough is recalled.
+TEST(ObservationMemory, ForgetsNothingThatIsYoungerThanMaxAge) {
+  for (const std::uint32_t every_ticks : {1U, 2U, 7U, 20U, 100U}) {
+    TickConfig config = testing::robot(1);
+    config.observation_every_ticks = every_ticks;
+    const std::uint32_t depth = remembered_observations(config);
+    ObservationMemory memory;
+    std::vector<MonoTime> published_at{MonoTime{}};
+    for (std::uint64_t tick = 0; tick < 1000; ++tick) {
+      const bool late = tick / 150 % 2 == 0;
+      const MonoTime now = kSensed + config.period * static_cast<std::int64_t>(tick) +
+                           (late ? config.period - nanoseconds(1) : Duration{});
+      RememberedObservation found;
+      for (std::uint64_t id = 1; id < published_at.size(); ++id) {
+        if (now - published_at[id] > config.freshness.max_age) continue;
+        ASSERT_EQ(memory.recall(id, depth, found), ObservationMemory::Recall::known)
+            << id << " at tick " << tick << ", every " << every_ticks;
+        ASSERT_EQ(found.published_at, published_at[id]);
+      }
+      if (tick % every_ticks != 0) continue;
+      memory.remember({now, now}, depth);
+      published_at.push_back(now);
+    }
+  }
+}
+
+TEST(ObservationMemory, ForgetsAllWhenTold) {
+  ObservationMemory memory;
+  RememberedObservation found;
+  for (std::int64_t i = 1; i <= 5; ++i) memory.remember({{i}, {i}}, 10);
+  memory.forget();
+  EXPECT_EQ(memory.recall(5, 10, found), ObservationMemory::Recall::forgotten);
+  EXPECT_EQ(memory.recall(6, 10, found), ObservationMemory::Recall::not_yet_published);
+  EXPECT_EQ(memory.remember({{6}, {6}}, 10), 6U) << "ids go on";
+  EXPECT_EQ(memory.recall(6, 10, found), ObservationMemory::Recall::known);
+  EXPECT_EQ(memory.recall(5, 10, found), ObservationMemory::Recall::forgotten);
 }
 
 }  // namespace

@@ -153,6 +153,47 @@ TEST(Age, PartsAddUpAndHoldGrows) {
   }
 }
 
+// Goal: a drive is never told to go on beyond the end of the chunk. Method: a chunk of three steps, shorter than
+// max_age.
+TEST(Age, DrivesAreToldWhenTheChunkEndsIfThatIsSooner) {
+  Rig rig(robot(2));
+  rig.arm();
+  rig.run_with_policy(100, 0.0F);
+  while (!rig.out->observation_due) rig.tick();
+  const std::uint64_t id = rig.newest_observation;
+  const CommandChunk chunk = chunk_for(rig.config, id, rig.published_at[id], rig.now, ++rig.sequence, 0.0F, 3);
+  rig.tick(&chunk);
+  ASSERT_EQ(rig.header().arrival, Arrival::accepted);
+  EXPECT_EQ(rig.out->valid_until, rig.published_at[id] + milliseconds(30));
+  for (int i = 0; i < 40; ++i) {
+    rig.tick();
+    EXPECT_EQ(rig.out->valid_until.is_set(), rig.now < rig.published_at[id] + milliseconds(30));
+  }
+}
+
+// Goal: from one tick to the next a joint's whole torque changes by no more than its slew, counted from the torque of
+// the tick before. Method: the first tick of tracking asks for all the torque there is, and the drive produces none.
+TEST(Tracking, TorqueRisesFromWhatTheTickBeforeAskedFor) {
+  TickConfig config = robot(1);
+  config.joints[0].limits.torque_rate = 500.0F;
+  Rig rig(config);
+  rig.arm(0.0F);
+  rig.run_with_policy(100, 0.0F);
+  float before = rig.out->record.joints[0].tau_total;
+  float largest = 0.0F;
+  for (int i = 0; i < 50; ++i) {
+    rig.drives[0].q = -0.4F;  // blocked, far from where it should be
+    rig.drives[0].dq = 0.0F;
+    rig.drives[0].tau = 0.0F;
+    rig.tick_with_policy(0.0F);
+    const float now = rig.out->record.joints[0].tau_total;
+    EXPECT_LE(std::abs(now - before), 0.5F * 1.001F) << "tick " << i;
+    largest = std::max(largest, std::abs(now));
+    before = now;
+  }
+  EXPECT_GT(largest, 10.0F) << "twenty slews and more were asked for";
+}
+
 TEST(Freshness, PolicyDeathDegradesThenStopsWithinItsBound) {
   Rig rig(robot(3));
   rig.arm(0.5F);
@@ -287,7 +328,7 @@ TEST(Faults, EachLeadsToItsMode) {
       {"bus down", [](Rig& r) { r.input.buses[0].state = BusState::down; }, Cause::bus_down, Mode::fault_latched, 7},
       {"thrown out", [](Rig& r) { r.drives[0].q = 1.7F; }, Cause::envelope_exceeded, Mode::damped_stop},
       {"late ticks", [](Rig& r) { r.input.lateness = milliseconds(3); }, Cause::overrun, Mode::damped_stop},
-      {"overruns", [](Rig& r) { r.input.overrun_cause = OverrunCause::preempted; }, Cause::overrun, Mode::damped_stop},
+      {"skipped periods", [](Rig& r) { r.input.skipped_periods += 21; }, Cause::overrun, Mode::damped_stop},
   };
   for (const FaultCase& fault : cases) {
     Rig rig(robot(3));
@@ -322,7 +363,7 @@ TEST(Faults, ResetWaitsUntilTheConditionIsGone) {
   Rig rig(robot(2));
   rig.arm();
   rig.input.buses[0].state = BusState::bus_off;
-  rig.run_with_policy(50, 0.0F);
+  rig.run_with_policy(150, 0.0F);
   rig.tick(nullptr, OperatorRequest::reset);
   EXPECT_EQ(rig.mode(), Mode::fault_latched);
   rig.input.buses[0].state = BusState::up;
@@ -426,6 +467,82 @@ TEST(Commands, RepeatedRefusalsStopTheRobot) {
   EXPECT_EQ(rig.header().cause, Cause::bad_commands);
   EXPECT_EQ(sent, rig.config.freshness.bad_command_limit + 1);
   EXPECT_EQ(rig.header().refused_commands, sent);
+}
+
+// An answer to the observation `lag` before the newest, all stamps sound.
+CommandChunk late_answer(Rig& rig, std::uint64_t lag) {
+  const std::uint64_t id = rig.newest_observation - lag;
+  return chunk_for(rig.config, id, rig.published_at[id], rig.now, ++rig.sequence, 0.0F);
+}
+
+// Goal: what is younger than max_age is never refused as forgotten, however fast observations are published. Method:
+// one per tick, answers of every age up to max_age, each in a policy session with nothing newer in use.
+TEST(Commands, AnAnswerYoungerThanMaxAgeIsRemembered) {
+  TickConfig config = robot(2);
+  config.observation_every_ticks = 1;
+  for (const std::uint64_t lag : {0U, 62U, 63U, 64U, 80U, 98U}) {
+    Rig rig(config);
+    rig.run(300);
+    const CommandChunk chunk = late_answer(rig, lag);
+    rig.tick(&chunk);
+    EXPECT_EQ(rig.header().arrival, Arrival::accepted) << rig.header().age.total().milliseconds() << " ms";
+    EXPECT_LE(rig.header().age.total(), config.freshness.max_age);
+  }
+}
+
+TEST(Commands, AnAnswerToAnOlderObservationReplacesNoNewerOne) {
+  Rig rig(robot(2));
+  rig.arm();
+  rig.run_with_policy(101, 0.0F);
+  while (!rig.out->observation_due) rig.tick_with_policy(0.0F);
+  rig.tick_with_policy(0.0F);
+  ASSERT_EQ(rig.header().arrival, Arrival::accepted);
+  const Duration age = rig.header().age.total();
+  const CommandChunk chunk = late_answer(rig, 2);
+  rig.tick(&chunk);
+  EXPECT_EQ(rig.header().arrival, Arrival::overtaken);
+  EXPECT_EQ(rig.header().age.total(), age + rig.config.period);
+  EXPECT_EQ(rig.header().refused_commands, 1U);
+  EXPECT_EQ(rig.header().last_refusal, Arrival::overtaken);
+}
+
+// Goal: lateness is judged by the freshness contract and is no integration error. Method: more late messages than
+// bad_command_limit allows, beside commands in time and instead of them.
+TEST(Commands, LateOnesAreNoIntegrationError) {
+  Rig rig(robot(2));
+  rig.arm();
+  for (int i = 0; i < 2'000; ++i) {
+    if (rig.out->observation_due || i < 100) {
+      rig.tick_with_policy(0.0F);
+    } else {
+      const CommandChunk chunk = late_answer(rig, 3);
+      rig.tick(&chunk);
+    }
+    ASSERT_EQ(rig.mode(), Mode::tracking);
+  }
+  EXPECT_GT(rig.header().refused_commands, 1'000U);
+  CauseMask seen = 0;
+  for (int i = 0; i < 1'000 && rig.mode() != Mode::damped_stop; ++i) {
+    const CommandChunk chunk = late_answer(rig, 6);
+    rig.tick(&chunk);
+    ASSERT_EQ(rig.header().arrival, Arrival::expired_observation);
+    seen |= rig.header().causes_active;
+  }
+  EXPECT_NE(seen & bit(Cause::contract_violated), 0U);
+  EXPECT_EQ(rig.header().cause, Cause::command_lost);
+  EXPECT_EQ(seen & bit(Cause::bad_commands), 0U);
+}
+
+TEST(Commands, WithoutTheStampOfTheirSensorsTheyNeitherMoveNorArm) {
+  TickConfig config = robot(2);
+  config.needs_outside_stamp = true;
+  Rig rig(config);
+  rig.run_with_policy(100, 0.0F);
+  EXPECT_EQ(rig.header().last_refusal, Arrival::missing_stamp);
+  EXPECT_EQ(rig.header().freshness, Freshness::missing);
+  EXPECT_TRUE(blocks(rig, "outside_sensed_at"));
+  rig.tick(nullptr, OperatorRequest::arm);
+  EXPECT_EQ(rig.mode(), Mode::standby);
 }
 
 TEST(Commands, ContendedAndCorruptReadsAreRefusalsOfTheirOwnName) {

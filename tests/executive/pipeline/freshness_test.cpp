@@ -43,6 +43,23 @@ TEST(Freshness, ASpentChunkIsMissingUntilItIsStale) {
   EXPECT_EQ(at(kPublished + milliseconds(200), period, 2), Freshness::stale);
 }
 
+// Goal: a command dies with its age or with its chunk, whichever comes first, at the instant from which freshness_of
+// no longer calls it usable. Method: a chunk that outlives max_age, and one that does not.
+TEST(Freshness, ACommandIsValidUntilItsAgeOrItsChunkEnds) {
+  CommandInUse command;
+  command.sequence = 1;
+  command.sensed_at = kSensed;
+  command.observed_at = kPublished;
+  CommandHeader header;
+  header.step_period = milliseconds(10);
+  header.step_count = 16;
+  EXPECT_EQ(valid_until(command, header, kContract), kSensed + kContract.max_age);
+  header.step_count = 3;
+  EXPECT_EQ(valid_until(command, header, kContract), kPublished + milliseconds(30));
+  EXPECT_TRUE(is_usable(freshness_of(command, header, kPublished + milliseconds(30) - nanoseconds(1), kContract)));
+  EXPECT_FALSE(is_usable(freshness_of(command, header, kPublished + milliseconds(30), kContract)));
+}
+
 TEST(Freshness, ViolationNeedsMoreThanTheBound) {
   EXPECT_FALSE(is_violated(10, kContract)) << "epsilon * window = 10 is still allowed";
   EXPECT_TRUE(is_violated(11, kContract));

@@ -52,6 +52,8 @@ class RandomRun {
     config.freshness.window_ticks = 100 + seed % 900;
     config.resume_over = milliseconds(seed % 5 * 100);
     config.unrecorded_limit = seed % 3 == 0 ? 0 : 20;
+    config.late_share = 0.03;
+    config.observation_every_ticks = 1 + seed % 20;
     return config;
   }
   bool chance(std::uint32_t one_in) { return random_() % one_in == 0; }
@@ -76,6 +78,7 @@ class RandomRun {
     rig_.late = chance(20) ? random_() : 0U;
     if (!chance(200)) rig_.input.recorded_through = rig_.input.tick;
     if (chance(3000)) rig_.input.recorded_through = 0;
+    rig_.input.slept_ms = chance(1500) ? 1 + static_cast<std::uint32_t>(random_() % 10'000) : 0;
     rig_.input.lateness = microseconds(static_cast<std::int64_t>(random_() % 300));
     rig_.input.overrun_cause = chance(40) ? OverrunCause::platform_stall : OverrunCause::none;
   }
@@ -171,9 +174,21 @@ TEST(Keyframe, AnotherRobotsIsRefusedWithASentence) {
   EXPECT_NE(loaded.error().find("joint count"), std::string::npos) << loaded.error();
 }
 
+TEST(Keyframe, AnotherMaxAgesIsRefusedWithASentence) {
+  const Sample sample;
+  TickConfig other = sample.rig.config;
+  other.freshness.max_age = milliseconds(200);
+  const TickStatePtr state = make_tick_state(other);
+  const auto loaded = load(*state, other, sample.keyframe);
+  ASSERT_FALSE(loaded.has_value());
+  EXPECT_NE(loaded.error().find("max_age"), std::string::npos) << loaded.error();
+}
+
 TEST(Keyframe, TheLargestFitsAndASmallBufferIsRefused) {
   TickConfig config = robot(kMaxJoints);
   config.freshness.window_ticks = kMaxWindowTicks;
+  config.freshness.max_age = seconds(60);
+  ASSERT_EQ(remembered_observations(config), kMaxRememberedObservations);
   Rig rig(config);
   rig.run(25);
   CommandChunk chunk =

@@ -27,7 +27,7 @@ TickConfig robot(std::uint32_t joints) {
                       .bad_command_limit = 20};
   config.feedback_timeout = milliseconds(20);
   config.enable_timeout = milliseconds(300);
-  config.overrun_limit = 10;
+  config.late_share = 0.02;
   for (std::uint32_t j = 0; j < joints; ++j) {
     const float k = 1.0F + 0.05F * static_cast<float>(j % 7);
     config.joints[j] = {.limits = {.q_min = -1.5F * k,

@@ -59,6 +59,37 @@ TEST(CyclicLoop, ALateWakeUpIsSeenByTheTick) {
   for (const TickRecord& record : rig.records()) EXPECT_GE(record.header.lateness, microseconds(137));
 }
 
+// Goal: every age counts from the instant the loop woke, however late that is; one that counted from when it was due
+// would call everything younger than it is. Method: wake-ups that are 137 us late, against the clock's own book.
+TEST(CyclicLoop, ATickHappensWhenTheLoopWokeNotWhenItWasDue) {
+  LoopRig rig;
+  rig.clock.wake_delay = microseconds(137);
+  rig.run(20);
+  const auto records = rig.records();
+  ASSERT_EQ(records.size(), 20U);
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    const MonoTime due = rig.clock.sleeps_until.at(i);
+    EXPECT_GE(records[i].header.now, due + rig.clock.wake_delay);
+    EXPECT_EQ(records[i].header.lateness, records[i].header.now - due);
+  }
+}
+
+// Goal: the tick learns of a suspend once, in the first tick after it. Method: the boot clock leaps ahead of the other.
+TEST(CyclicLoop, ASuspendIsToldToTheNextTickOnce) {
+  LoopRig rig;
+  int frames = 0;
+  rig.buses[0]->on_send = [&] {
+    if (++frames == 20) rig.clock.slept_in_all = seconds(7) + microseconds(1);
+  };
+  rig.run(40);
+  const auto records = rig.records();
+  const auto asleep = [](const TickRecord& record) { return record.header.slept_ms != 0; };
+  ASSERT_EQ(std::ranges::count_if(records, asleep), 1);
+  const auto told = std::ranges::find_if(records, asleep);
+  EXPECT_EQ(told->header.slept_ms, 7'001U) << "rounded up";
+  EXPECT_EQ(told->header.tick, 11U) << "two frames a tick";
+}
+
 TEST(CyclicLoop, FramesLeaveBusByBusAndInJointOrder) {
   LoopRig rig(5, 2);  // bus 0: joints 0, 2, 4; bus 1: joints 1, 3
   rig.run(2);

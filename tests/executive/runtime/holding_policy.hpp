@@ -57,8 +57,8 @@ class HoldingPolicy {
     CommandHeader& header = chunk_->header;
     header.observation_id = observation.id;
     ++header.sequence;
-    header.dequeued_at = header.infer_started_at = header.infer_ended_at = header.published_at =
-        observation.published_at;
+    header.outside_sensed_at = header.dequeued_at = header.infer_started_at = header.infer_ended_at =
+        header.published_at = observation.published_at;
     header.joint_count = static_cast<std::uint16_t>(observation.joint_count);
     for (std::size_t step = 0; step < header.step_count; ++step) {
       for (std::size_t joint = 0; joint < header.joint_count; ++joint) {

@@ -25,9 +25,11 @@ class VirtualClock final : public Clock {
     sleeps_until.push_back(when);
     if (when > now_) now_ = when + wake_delay;
   }
+  BootReading read_boot_time() noexcept override { return {now_, now_ - MonoTime{} + slept_in_all, now_}; }
   void pass(Duration time) noexcept { now_ = now_ + time; }
 
   Duration wake_delay;
+  Duration slept_in_all;  // suspended since boot
   std::vector<MonoTime> sleeps_until;
 
  private:
@@ -129,7 +131,6 @@ inline pipeline::TickConfig small_tick_config(std::uint32_t joints, std::uint32_
   config.freshness.bad_command_limit = 25;
   config.feedback_timeout = milliseconds(20);
   config.enable_timeout = milliseconds(500);
-  config.overrun_limit = 50;
   for (std::uint32_t j = 0; j < joints; ++j) {
     pipeline::JointConfig& joint = config.joints[j];
     joint.limits = {-2, 2, 3, 15, 40, 4000, 300, 5, 0.15F, 8};

@@ -35,7 +35,7 @@ class ReceptionTest : public testing::Test {
     // The loop runs without real-time scheduling here: limits that a busy machine does not reach.
     config_->feedback_timeout = seconds(1);
     config_->enable_timeout = seconds(10);
-    config_->overrun_limit = 1'000'000;
+    config_->late_share = 1;
     config_->freshness.max_age = seconds(2);
     config_->freshness.stop_after = seconds(3);
     EXPECT_NE(mkdtemp(directory_.data()), nullptr);

@@ -31,6 +31,21 @@ TEST(TickConfigOf, CarriesTimingContractAndCounts) {
   EXPECT_EQ(tick.degraded, pipeline::DegradedBehaviour::fallback);
 }
 
+TEST(TickConfigOf, TheShareOfLatePeriodsIsTheFiles) {
+  EXPECT_EQ(tick_of(test::kSmallRobot).late_share, pipeline::TickConfig{}.late_share) << "the same default";
+  EXPECT_EQ(tick_of(test::with("spin: 100 us", "spin: 100 us, late_share: 0.5")).late_share, 0.5);
+}
+
+TEST(TickConfigOf, AStampIsAskedForWhereThePolicyUsesASensor) {
+  EXPECT_TRUE(tick_of(test::kSmallRobot).needs_outside_stamp);
+  EXPECT_FALSE(tick_of(test::with("term: sensor, sensor: target, scale: [1, 1, 0.5]", "term: constant, values: [1]"))
+                   .needs_outside_stamp);
+}
+
+TEST(TickConfigOf, AsManyObservationsAreRememberedAsMaxAgeHolds) {
+  EXPECT_EQ(pipeline::remembered_observations(tick_of(test::kSmallRobot)), 120U / 20U + 2U);
+}
+
 TEST(TickConfigOf, TheResumeRampHasADefault) {
   EXPECT_EQ(tick_of(test::kSmallRobot).resume_over, seconds(2));
   EXPECT_EQ(tick_of(test::with("fallback: tuck }", "fallback: tuck, resume_over: 0 ms }")).resume_over, Duration{});

@@ -146,6 +146,26 @@ TEST(FaultClassifier, ReadsTheCommandThatWasRefusedForItsAge) {
   EXPECT_EQ(robot.sentences(), Sentences{"inference_stall: tau_infer 147 ms against a median of 14 ms"});
 }
 
+TEST(FaultClassifier, ACommandThatWasOvertakenIsTooLateNotWrong) {
+  Robot robot;
+  robot.run(500);
+  robot.tick([](TickRecordHeader& header) { header.arrival = Arrival::overtaken; });
+  robot.run(300);
+  for (const std::string& sentence : robot.sentences())
+    EXPECT_EQ(sentence.find("controller_integration_error"), std::string::npos) << sentence;
+}
+
+TEST(FaultClassifier, ASuspendIsThePlatforms) {
+  Robot robot;
+  robot.run(500);
+  robot.tick([](TickRecordHeader& header) {
+    header.slept_ms = 3'200;
+    header.mode = Mode::fault_latched;
+    header.cause = Cause::feedback_lost;
+  });
+  EXPECT_EQ(robot.sentences(), Sentences{"platform_stall: the computer was suspended for 3.2 s"});
+}
+
 TEST(FaultClassifier, LostPeriodsAreTheSchedulersOrThePlatforms) {
   const auto verdict_with = [](OverrunCause cause) {
     Robot robot;
