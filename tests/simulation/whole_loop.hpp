@@ -30,6 +30,7 @@ class WholeLoop {
     hear();
     input_.now = plant_.now();
     ++input_.tick;
+    input_.recorded_through = input_.tick;  // nothing here is lost
     input_.operator_request = request;
     const bool answers = out->observation_due && has_policy;
     if (answers) answer();
