@@ -9,11 +9,16 @@ namespace takt::drivers::guard {
 namespace {
 
 constexpr std::uint32_t kRegisterId = 0x7FF;
-constexpr std::uint8_t kReadRegister = 0x33;
+constexpr std::uint8_t kReadRegister = 0x33, kWriteRegister = 0x55;
+constexpr std::uint8_t kTimeout = 9;
 
-Demand read_register_question(const JointFacts& facts, const CanFrame& frame) noexcept {
-  const bool reads = frame.data[2] == kReadRegister && little16(frame.data) == facts.id;
-  return of_kind(reads ? Demand::Kind::aside : Demand::Kind::unknown);
+// Questions; of orders only that for the drive's own time-out.
+Demand read_register_frame(const JointFacts& facts, const CanFrame& frame) noexcept {
+  const bool reads = frame.data[2] == kReadRegister;
+  const bool sets_timeout =
+      frame.data[2] == kWriteRegister && frame.data[3] == kTimeout && is_timeout(little32(frame.data + 4));
+  const bool ours = little16(frame.data) == facts.id && (reads || sets_timeout);
+  return of_kind(ours ? Demand::Kind::aside : Demand::Kind::unknown);
 }
 
 Demand read_special(const JointFacts& facts, std::uint8_t last) noexcept {
@@ -33,7 +38,7 @@ Demand read_special(const JointFacts& facts, std::uint8_t last) noexcept {
 
 Demand read_mit(const JointFacts& facts, const CanFrame& frame) noexcept {
   if (!is_classic(frame, false, 8)) return {};
-  if (facts.damiao && frame.id == kRegisterId) return read_register_question(facts, frame);
+  if (facts.damiao && frame.id == kRegisterId) return read_register_frame(facts, frame);
   if (frame.id != facts.id) return {};
   const std::uint8_t* const b = frame.data;
   if (std::all_of(b, b + 7, [](std::uint8_t byte) { return byte == 0xFF; })) return read_special(facts, b[7]);

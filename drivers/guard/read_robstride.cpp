@@ -6,7 +6,7 @@
 namespace takt::drivers::guard {
 namespace {
 
-constexpr std::uint32_t kRunMode = 0x7005;
+constexpr std::uint32_t kRunMode = 0x7005, kTimeout = 0x7028;
 
 Demand read_motion(const JointFacts& facts, std::uint32_t torque, const std::uint8_t* b) noexcept {
   constexpr float k16 = 65535;
@@ -26,6 +26,7 @@ Demand read_robstride(const JointFacts& facts, const CanFrame& frame) noexcept {
   if (type == 1) return read_motion(facts, data, frame.data);
   if ((data & 0xFFU) != facts.host) return {};
   const bool sets_motion_mode = little16(frame.data) == kRunMode && little32(frame.data + 4) == 0;
+  const bool sets_timeout = little16(frame.data) == kTimeout && is_timeout(little32(frame.data + 4));
   switch (type) {
     case 3:
       return of_kind(Demand::Kind::energise);
@@ -33,8 +34,8 @@ Demand read_robstride(const JointFacts& facts, const CanFrame& frame) noexcept {
       return of_kind(Demand::Kind::disable);
     case 17:
       return of_kind(Demand::Kind::aside);
-    case 18:  // the mode that obeys motion commands, and no other setting
-      return of_kind(sets_motion_mode ? Demand::Kind::aside : Demand::Kind::unknown);
+    case 18:  // the mode that obeys motion commands, the drive's own time-out, and no other setting
+      return of_kind(sets_motion_mode || sets_timeout ? Demand::Kind::aside : Demand::Kind::unknown);
     default:
       return {};
   }

@@ -32,6 +32,11 @@ inline void write_little_float(std::uint8_t* at, float value) noexcept {
   write_little32(at, std::bit_cast<std::uint32_t>(value));
 }
 
+// A drive's own time-out as Damiao and RobStride count it, in units of 50 us: on, and one second at most.
+inline bool is_timeout(std::uint32_t units) noexcept {
+  return units > 0 && units <= 20'000;
+}
+
 // A code's share of its field.
 inline float share(std::uint32_t code, float top) noexcept {
   return static_cast<float>(code) / top;

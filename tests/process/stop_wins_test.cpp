@@ -9,14 +9,20 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <expected>
 #include <fstream>
+#include <optional>
+#include <span>
 #include <thread>
 #include <vector>
 
 #include "config/load.hpp"
+#include "config/paths.hpp"
 #include "executive/ipc/descriptor.hpp"
-#include "monitor/executive_session.hpp"
-#include "monitor/record/record_stream.hpp"
+#include "executive/ipc/executive_segments.hpp"
+#include "executive/ipc/rendezvous.hpp"
+#include "executive/ipc/segment.hpp"
+#include "executive/ipc/slot_ring.hpp"
 #include "tests/process/running_robot.hpp"
 
 namespace takt::test {
@@ -50,24 +56,43 @@ class UnreadPipe {
   ipc::Descriptor reader_;
 };
 
+// One of the executive's record rings, as a viewer maps it.
+class Ring {
+ public:
+  Ring(const ipc::Lease& lease, std::size_t descriptor, const ipc::RingShape& shape)
+      : segment_(
+            ipc::Segment::adopt_read_only(dup(lease.descriptors.at(descriptor).get()), ipc::ring_bytes(shape)).value()),
+        reader_(ipc::SlotReader::attach(segment_.readable(), shape).value()) {}
+  // Appends what is new.
+  template <class Record>
+  void read_into(std::vector<Record>& all) {
+    Record record{};
+    while (reader_.read_next(std::as_writable_bytes(std::span(&record, 1))).status == ipc::ReadStatus::fresh)
+      all.push_back(record);
+  }
+
+ private:
+  ipc::Segment segment_;
+  ipc::SlotReader reader_;
+};
+
 // What the executive records, as a viewer sees it.
 class Witness {
  public:
-  explicit Witness(const RunningRobot& robot)
-      : config_(config::load(robot.robot_file()).value()),
-        session_(
-            monitor::ExecutiveSession::attach(Role::viewer, "stop_wins_test", robot.directory(), config_, 5s).value()),
-        stream_(monitor::RecordStream::attach(session_.rings(), config_.joints.size()).value()),
-        sink_{.command = [](const monitor::RecordedCommand&) {},
-              .tick = [this](const TickRecord& record) { ticks_.push_back(record); },
-              .keyframe = [](const monitor::RecordedKeyframe&) {},
-              .frame = [this](const FrameRecord& frame) { frames_.push_back(frame); },
-              .loss = [](const monitor::Loss&) {}} {}
+  explicit Witness(const RunningRobot& robot) : config_(config::load(robot.robot_file()).value()) {
+    Hello hello;
+    hello.role = Role::viewer;
+    hello.config_hash = config_.hash;
+    lease_ = ipc::attach(config::executive_socket(robot.directory()), hello, 5s).value();
+    tick_ring_.emplace(lease_, ipc::kTickRingDescriptor, ipc::tick_ring(config_.joints.size()));
+    frame_ring_.emplace(lease_, ipc::kFrameRingDescriptor, ipc::frame_ring());
+  }
 
   // The first tick recorded that read `request`, once it and its frames are there; 20 s at most.
   const TickRecord* find(OperatorRequest request) {
     for (int poll = 0; poll < 2000; ++poll) {
-      stream_.drain(sink_, false);
+      tick_ring_->read_into(ticks_);
+      frame_ring_->read_into(frames_);
       const auto found = std::ranges::find_if(
           ticks_, [request](const TickRecord& record) { return record.header.operator_request == request; });
       if (found != ticks_.end() && found + 1 != ticks_.end()) return &*found;
@@ -90,9 +115,8 @@ class Witness {
 
  private:
   config::RobotConfig config_;
-  monitor::ExecutiveSession session_;
-  monitor::RecordStream stream_;
-  monitor::RecordSink sink_;
+  ipc::Lease lease_;
+  std::optional<Ring> tick_ring_, frame_ring_;
   std::vector<TickRecord> ticks_;
   std::vector<FrameRecord> frames_;
 };
@@ -105,6 +129,11 @@ void expect_served(Witness& witness, OperatorRequest request, Mode mode) {
   EXPECT_EQ(name(read->header.mode), name(mode));
   for (std::size_t j = 0; j < witness.joints(); ++j)
     EXPECT_EQ(read->joints[j].drive_enabled, mode == Mode::standby ? 0 : 1);
+}
+
+// As `takt stop` does it.
+std::expected<OperatorReply, std::string> ask(const RunningRobot& robot, OperatorVerb verb) {
+  return ipc::ask(config::executive_socket(robot.directory()), verb, 5s);
 }
 
 TEST(StopWins, WhileTheLogTheMonitorAndThePolicyHang) {
@@ -121,11 +150,10 @@ TEST(StopWins, WhileTheLogTheMonitorAndThePolicyHang) {
   log.fill();
   robot.monitor().signal(SIGSTOP);
   policy.signal(SIGSTOP);
-  EXPECT_TRUE(robot.takt({"stop", "--runtime-dir", robot.directory()})) << robot.logs();
+  EXPECT_TRUE(ask(robot, OperatorVerb::press_stop)) << robot.logs();
   expect_served(witness, OperatorRequest::press_stop, Mode::damped_stop);
-  // Hundreds of lines into the full pipe: each stop logs one.
-  for (int i = 0; i < 300; ++i) ASSERT_TRUE(robot.status().has_value());
-  EXPECT_TRUE(robot.takt({"stop", "--now", "--runtime-dir", robot.directory()})) << robot.logs();
+  for (int i = 0; i < 3; ++i) EXPECT_TRUE(ask(robot, OperatorVerb::mark)) << "logs a line";
+  EXPECT_TRUE(ask(robot, OperatorVerb::deenergise)) << robot.logs();
   expect_served(witness, OperatorRequest::deenergise, Mode::standby);
 
   robot.executive().signal(SIGTERM);
@@ -146,8 +174,8 @@ TEST(StopWins, AfterTheReaderOfTheLogHasGone) {
   Witness witness(robot);
 
   log.close();
-  for (int i = 0; i < 3; ++i) EXPECT_TRUE(robot.takt({"mark", "--runtime-dir", robot.directory()})) << "logs a line";
-  EXPECT_TRUE(robot.takt({"stop", "--runtime-dir", robot.directory()})) << robot.logs();
+  for (int i = 0; i < 3; ++i) EXPECT_TRUE(ask(robot, OperatorVerb::mark)) << "logs a line";
+  EXPECT_TRUE(ask(robot, OperatorVerb::press_stop)) << robot.logs();
   expect_served(witness, OperatorRequest::press_stop, Mode::damped_stop);
   robot.executive().signal(SIGTERM);
   EXPECT_EQ(robot.executive().wait(20s), 0);
@@ -165,12 +193,12 @@ TEST(StopWins, OverALatchedFaultWithASilentDrive) {
   ASSERT_TRUE(robot.wait_for_mode(Mode::fault_latched)) << robot.logs();
   Witness witness(robot);
 
-  EXPECT_FALSE(robot.takt({"reset", "--runtime-dir", robot.directory()})) << "the fault still holds";
-  EXPECT_TRUE(robot.takt({"stop", "--runtime-dir", robot.directory()})) << robot.logs();
+  EXPECT_EQ(ask(robot, OperatorVerb::reset).value().done, 0) << "the fault still holds";
+  EXPECT_TRUE(ask(robot, OperatorVerb::press_stop)) << robot.logs();
   expect_served(witness, OperatorRequest::press_stop, Mode::fault_latched);
   const auto deenergised = robot.wait_until([&robot](const StatusSnapshot& status) {
     if (status.tick.mode == Mode::standby) return true;
-    (void)robot.takt({"stop", "--runtime-dir", robot.directory()});
+    (void)ask(robot, OperatorVerb::press_stop);
     return false;
   });
   ASSERT_TRUE(deenergised.has_value());
