@@ -14,6 +14,7 @@ namespace takt::cli {
 inline constexpr int kExitOk = 0;
 inline constexpr int kExitFailed = 1;         // the check failed, the request was refused
 inline constexpr int kExitNotJudged = 2;      // replay: what was judged reproduces, but not all could be judged
+inline constexpr int kExitStopped = 2;        // a stop or fault that nobody asked for stands
 inline constexpr int kExitUsage = 64;         // command line
 inline constexpr int kExitUnavailable = 69;   // a needed process, socket or bus is not there
 inline constexpr int kExitInternal = 70;      // our own bug

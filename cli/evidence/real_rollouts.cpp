@@ -98,7 +98,8 @@ std::expected<void, std::string> run_to_its_end(ChildProcess& process, std::chro
     }
     std::this_thread::sleep_for(kLookEvery);
   }
-  if (process.exit_code() == 0) return {};
+  // A robot that stands at the end is a result.
+  if (process.exit_code() == kExitOk || process.exit_code() == kExitStopped) return {};
   return std::unexpected(fmt::format("takt run {}\n{}", process.how_it_ended(), process.last_words()));
 }
 

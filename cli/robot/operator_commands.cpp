@@ -38,11 +38,11 @@ void print_reply(OperatorVerb verb, const OperatorReply& reply, const Options& o
   const auto sentences = sentences_of(reply);
   if (options.json) {
     const nlohmann::json json{
-        {"done", reply.done != 0}, {"sentences", sentences}, {"status", status_json(reply.status)}};
+        {"done", reply.done != 0}, {"sentences", sentences}, {"status", status_json(reply.status, reply.incident)}};
     fmt::print("{}\n", json.dump());
     return;
   }
-  if (verb == OperatorVerb::status) fmt::print("{}", status_text(reply.status));
+  if (verb == OperatorVerb::status) fmt::print("{}", status_text(reply.status, reply.incident));
   for (const std::string& sentence : sentences) fmt::print(reply.done != 0 ? stdout : stderr, "{}\n", sentence);
   if (verb != OperatorVerb::status && reply.done != 0 && sentences.empty())
     fmt::print("mode {}\n", name(reply.status.tick.mode));

@@ -26,7 +26,8 @@ constexpr const char* kFooter =
     "plant, executive.\n"
     "The run ends after --duration, on SIGINT or SIGTERM, or once the robot rests after a scripted stop or kill of the "
     "policy.\n"
-    "Exit codes: 0 ended as asked, 1 arming refused or a process failed, 64 command line, 65 configuration,\n"
+    "Exit codes: 0 ended as asked, 1 arming refused or a process failed, 2 ended in a stop or fault that nobody asked\n"
+    "for: the last line says which; 64 command line, 65 configuration,\n"
     "69 a process or bus is missing or the executive answers nothing, 70 bug, 71 set-up refused (real time, "
     "permissions).";
 

@@ -22,6 +22,19 @@ std::string peer_text(std::uint64_t pid) {
   return pid == 0 ? "not attached" : fmt::format("pid {}", pid);
 }
 
+template <std::size_t size>
+std::string said(const char (&field)[size]) {
+  return {field, strnlen(field, size)};
+}
+
+nlohmann::json incident_json(const IncidentNote& incident) {
+  if (incident.tick == 0) return nullptr;
+  return {{"stands", incident.stands != 0},     {"tick", incident.tick},         {"monotonic_ns", incident.at.ns},
+          {"first_tick", incident.first_tick},  {"mode", name(incident.mode)},   {"cause", name(incident.cause)},
+          {"asked", incident.asked != 0},       {"where", said(incident.where)}, {"error_code", incident.error_code},
+          {"sentence", said(incident.sentence)}};
+}
+
 }  // namespace
 
 std::vector<std::string> sentences_of(const OperatorReply& reply) {
@@ -49,9 +62,15 @@ std::uint64_t refused_of(const StatusSnapshot& status) {
   return sum;
 }
 
-std::string status_text(const StatusSnapshot& status) {
+std::string incident_sentence(const IncidentNote& incident) {
+  return incident.stands == 0 ? "" : said(incident.sentence);
+}
+
+std::string status_text(const StatusSnapshot& status, const IncidentNote& incident) {
   const TickRecordHeader& tick = status.tick;
   std::string text = fmt::format("mode       {}\n", name(tick.mode));
+  if (incident.tick != 0)
+    text += fmt::format("incident   {}{}\n", incident.stands != 0 ? "" : "over: ", said(incident.sentence));
   text += fmt::format("command    {}, age {}\n", name(tick.freshness), age_text(tick));
   text += fmt::format("misses     {} of the last {} ticks\n", tick.window_misses, tick.window_ticks);
   text += fmt::format("ticks      {}, {} overruns, {} periods skipped\n", status.ticks, overruns_of(status),
@@ -80,7 +99,7 @@ std::string status_line(const StatusSnapshot& status, Duration max_age) {
                      status.realtime != 0 ? "" : "  (not real time)");
 }
 
-nlohmann::json status_json(const StatusSnapshot& status) {
+nlohmann::json status_json(const StatusSnapshot& status, const IncidentNote& incident) {
   const TickRecordHeader& tick = status.tick;
   nlohmann::json overruns;
   for (std::size_t cause = 1; cause < kOverrunCauseCount; ++cause)
@@ -103,6 +122,7 @@ nlohmann::json status_json(const StatusSnapshot& status) {
           {"arrivals", arrivals},
           {"integration_errors", tick.integration_errors},
           {"causes_active", active},
+          {"incident", incident_json(incident)},
           {"drives_enabled", tick.drives_enabled != 0},
           {"policy_pid", status.policy_pid},
           {"monitor_pid", status.monitor_pid},

@@ -16,10 +16,12 @@ std::vector<std::string> sentences_of(const OperatorReply& reply);
 std::uint64_t overruns_of(const StatusSnapshot& status);
 std::uint64_t refused_of(const StatusSnapshot& status);  // messages not accepted, whatever the reason
 
-// Several lines, for `takt status`.
-std::string status_text(const StatusSnapshot& status);
+// The newest stop or fault in one sentence; empty: there was none, or the robot was reset since.
+std::string incident_sentence(const IncidentNote& incident);
+// Several lines, for `takt status`; why the robot stands comes first.
+std::string status_text(const StatusSnapshot& status, const IncidentNote& incident);
 // One line, for the live display. `max_age`: the configured limit; 0 when unknown.
 std::string status_line(const StatusSnapshot& status, Duration max_age);
-nlohmann::json status_json(const StatusSnapshot& status);
+nlohmann::json status_json(const StatusSnapshot& status, const IncidentNote& incident);
 
 }  // namespace takt::cli

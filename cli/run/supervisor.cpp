@@ -87,6 +87,7 @@ int Supervisor::run() {
   display_.finish();
   End end = outcome.error();  // follow() always ends with one
   if (!end.sentence.empty()) std::fprintf(end.exit_code == 0 ? stdout : stderr, "%s\n", end.sentence.c_str());
+  if (const auto last = processes_.ask(OperatorVerb::status)) incident_ = last->incident;
   processes_.end_all();
   for (const ProcessName process : {ProcessName::executive, ProcessName::monitor}) {
     const ChildProcess* child = processes_.find(process);
@@ -99,7 +100,18 @@ int Supervisor::run() {
   const bool recorded = access(options_.place.run_directory.c_str(), F_OK) == 0;
   std::printf("%s %s\n", recorded ? "run folder:" : "no run folder was written; logs:",
               recorded ? options_.place.run_directory.c_str() : logs.c_str());
+  tell_incident(end);
   return end.exit_code;
+}
+
+// What the script killed or stopped ends as it was asked to.
+void Supervisor::tell_incident(End& end) const {
+  const std::string sentence = incident_sentence(incident_);
+  if (sentence.empty()) return;
+  const bool is_asked = incident_.asked != 0 || script_ends_run_;
+  std::fflush(stdout);
+  std::fprintf(is_asked ? stdout : stderr, "%s\n", sentence.c_str());
+  if (end.exit_code == kExitOk && !is_asked) end.exit_code = kExitStopped;
 }
 
 Supervisor::Outcome Supervisor::start_all() {
@@ -148,9 +160,9 @@ Supervisor::Outcome Supervisor::follow() {
     if (auto fired = fire_due_events(); !fired) return fired;
     if (now() >= next_display) {
       next_display = now() + (options_.arm && !tracking_since_ ? kTrackingSeenWithin : kDisplayEvery);
-      if (const auto status = processes_.ask_status()) {
-        see(*status);
-        if (auto goes_on = judge_progress(*status); !goes_on) return goes_on;
+      if (const auto reply = processes_.ask(OperatorVerb::status)) {
+        see(*reply);
+        if (auto goes_on = judge_progress(reply->status); !goes_on) return goes_on;
       }
     }
     if (auto goes_on = judge_time(); !goes_on) return goes_on;
@@ -163,8 +175,12 @@ Supervisor::Outcome Supervisor::follow() {
   }
 }
 
-void Supervisor::see(const StatusSnapshot& status) {
+void Supervisor::see(const OperatorReply& reply) {
+  const StatusSnapshot& status = reply.status;
   answered_at_ = now();
+  if (reply.incident.stands != 0 && reply.incident.tick != incident_.tick)
+    display_.note(incident_sentence(reply.incident));
+  incident_ = reply.incident;
   const bool tracks = status.tick.mode == Mode::tracking || status.tick.mode == Mode::degraded;
   if (!tracking_since_ && tracks) tracking_since_ = answered_at_;
   display_.show(answered_at_ - tracking_since_.value_or(*ready_at_), status);

@@ -59,7 +59,9 @@ class Supervisor {
   void restart(ProcessName process);
   void request(OperatorVerb verb);
   void rearm(Mode mode);
-  void see(const StatusSnapshot& status);
+  void see(const OperatorReply& reply);
+  // The last word about a robot that stands: in which stop or fault, and the exit code that it calls for.
+  void tell_incident(End& end) const;
   // What ends the run, whether or not the executive answers.
   Outcome judge_time() const;
   Outcome judge_progress(const StatusSnapshot& status);
@@ -77,7 +79,8 @@ class Supervisor {
   Duration made_at_;
   std::size_t next_event_ = 0;
   std::optional<Duration> ready_at_, tracking_since_, stopped_at_;
-  Duration answered_at_;  // the newest status
+  Duration answered_at_;   // the newest status
+  IncidentNote incident_;  // as of then
   std::set<ProcessName> reported_dead_;
   bool script_ends_run_ = false;  // it killed the policy or asked for a stop
 };

@@ -53,7 +53,7 @@ void Attachment::ask_status(MonoTime now) {
   if (asked_at_.is_set() && now - asked_at_ < kAskEvery) return;
   asked_at_ = now;
   const auto reply = ipc::ask(config::executive_socket(runtime_directory_), OperatorVerb::status, kPatience);
-  if (reply) view_.status(reply->status);
+  if (reply) view_.status(*reply);
 }
 
 }  // namespace takt::monitor::top

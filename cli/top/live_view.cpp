@@ -1,6 +1,7 @@
 #include "cli/top/live_view.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <utility>
 
 #include "drivers/protocol/bus_load.hpp"
@@ -37,7 +38,7 @@ void forget_older(std::deque<Entry>& entries, MonoTime than) {
 }  // namespace
 
 LiveView::Session::Session(const config::RobotConfig& robot)
-    : metrics(robot), intervened_at(robot.joints.size()), wire_seconds(robot.buses.size()) {}
+    : metrics(robot), intervened_at(robot.joints.size()), wire_seconds(robot.buses.size()), incidents(robot) {}
 
 LiveView::LiveView(const config::RobotConfig& robot) : robot_(robot), session_(robot) {
   if (const auto loads = drivers::check_bus_load(robot))
@@ -55,8 +56,8 @@ void LiveView::wait(std::string why) {
   why_ = std::move(why);
 }
 
-void LiveView::status(const StatusSnapshot& status) {
-  session_.status = status;
+void LiveView::status(const OperatorReply& reply) {
+  session_.reply = reply;
   session_.has_status = true;
 }
 
@@ -69,6 +70,7 @@ void LiveView::tick(const TickRecord& record) {
   if (header.joint_count != robot_.joints.size()) return;
   const bool is_first = session_.metrics.ticks == 0;
   session_.metrics.tick(record);
+  session_.incidents.tick(record);
   if (is_first || header.mode != header.previous_mode) session_.mode_since = header.now;
   if (header.mode != header.previous_mode) session_.entered_by = header.cause;
   if (header.arrival == Arrival::accepted) {
@@ -133,9 +135,9 @@ void LiveView::describe_policy(Picture& picture, MonoTime now) const {
   if (robot_.policy) picture.planned_rate = 1 / robot_.policy->period.seconds();
   picture.arrivals = session_.metrics.arrivals;
   if (!session_.has_status) return;
-  picture.policy_pid = session_.status.policy_pid;
-  picture.monitor_pid = session_.status.monitor_pid;
-  picture.realtime = session_.status.realtime != 0;
+  picture.policy_pid = session_.reply.status.policy_pid;
+  picture.monitor_pid = session_.reply.status.monitor_pid;
+  picture.realtime = session_.reply.status.realtime != 0;
 }
 
 std::vector<BusPicture> LiveView::buses(MonoTime now) const {
@@ -154,6 +156,8 @@ std::vector<JointPicture> LiveView::joints() const {
   for (std::size_t joint = 0; joint < robot_.joints.size(); ++joint) {
     JointPicture picture{.name = robot_.joints[joint].name, .newest = session_.metrics.joints[joint]};
     picture.ticks = session_.metrics.interventions[joint];
+    if (const std::uint32_t code = picture.newest.feedback.error_code; code != 0)
+      picture.error = drivers::error_name(robot_.joints[joint].drive, code);
     for (std::size_t kind = 0; kind < kInterventionCount; ++kind) {
       const MonoTime at = session_.intervened_at[joint][kind];
       if (at.is_set() && session_.metrics.newest.now - at <= kRecently)
@@ -162,6 +166,14 @@ std::vector<JointPicture> LiveView::joints() const {
     pictures.push_back(std::move(picture));
   }
   return pictures;
+}
+
+// The executive's own word where the stop is older than what the rings still held when this view attached.
+std::string LiveView::incident() const {
+  if (!attached_ || !session_.incidents.stands()) return {};
+  if (session_.incidents.latest()) return session_.incidents.latest()->sentence;
+  const char* const said = session_.reply.incident.sentence;
+  return {said, strnlen(said, sizeof session_.reply.incident.sentence)};
 }
 
 Picture LiveView::picture(MonoTime now) const {
@@ -177,6 +189,7 @@ Picture LiveView::picture(MonoTime now) const {
   if (attached_) picture.link = is_silent ? Link::silent : Link::live;
   picture.in_mode = metrics.newest.now - session_.mode_since;
   picture.entered_by = session_.entered_by;
+  picture.incident = incident();
   picture.history = history(now);
   std::vector<std::int64_t> samples;
   for (const Aged& aged : session_.ages) samples.push_back(aged.age_ns);

@@ -31,7 +31,7 @@ class LiveView {
   void begin();
   // There is no session, for this reason.
   void wait(std::string why);
-  void status(const StatusSnapshot& status);
+  void status(const OperatorReply& reply);
   void command(const RecordedCommand& command);  // before its tick
   void tick(const TickRecord& record);
   void frame(const FrameRecord& frame);
@@ -61,13 +61,15 @@ class LiveView {
     Cause entered_by = Cause::none;
     std::uint64_t claimed_hash = 0, policy_hash = 0;
     std::uint64_t lost_ticks = 0;
-    StatusSnapshot status;
+    IncidentWatch incidents;
+    OperatorReply reply;
     bool has_status = false;
   };
 
   void remember_ages(const TickRecordHeader& header);
   void remember_slice(const TickRecordHeader& header);
   [[nodiscard]] std::vector<Slice> history(MonoTime now) const;
+  [[nodiscard]] std::string incident() const;
   void describe_policy(Picture& picture, MonoTime now) const;
   [[nodiscard]] std::vector<BusPicture> buses(MonoTime now) const;
   [[nodiscard]] std::vector<JointPicture> joints() const;

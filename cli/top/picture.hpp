@@ -41,6 +41,7 @@ struct BusPicture {
 struct JointPicture {
   std::string name{};
   JointRecord newest{};
+  std::string error{};                                    // in the drive's own words; empty: none
   InterventionMask recent = 0;                            // in the last second
   std::array<std::uint64_t, kInterventionCount> ticks{};  // with each, since attached
 };
@@ -53,6 +54,7 @@ struct Picture {
   TickRecordHeader tick{};  // newest; its number 0: none yet
   Duration in_mode{};       // since the mode was entered, or since attached
   Cause entered_by = Cause::none;
+  std::string incident{};  // why the robot stands, in one sentence; empty: it does not
 
   Duration max_age{};
   double epsilon = 0, confidence = 0;

@@ -75,6 +75,7 @@ Json joint_json(const JointPicture& joint) {
           {"torque", joint.newest.tau_total},
           {"temperature_C", joint.newest.feedback.temperature_C},
           {"error_code", joint.newest.feedback.error_code},
+          {"error", joint.error},
           {"intervention_ticks", interventions}};
 }
 
@@ -85,6 +86,7 @@ Json to_json(const Picture& picture) {
   json["mode"] = takt::name(picture.tick.mode);
   json["in_mode_ns"] = picture.in_mode.ns;
   json["entered_by"] = takt::name(picture.entered_by);
+  json["incident"] = picture.incident.empty() ? Json(nullptr) : Json(picture.incident);
   json["realtime"] = picture.realtime ? Json(*picture.realtime) : Json(nullptr);
   json["monitor_pid"] = picture.monitor_pid;
   json["age"] = age_json(picture);

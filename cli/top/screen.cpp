@@ -72,13 +72,18 @@ Line band_line(const Picture& picture, std::size_t columns) {
 
 std::vector<Line> screen(const Picture& picture, const Prompt& prompt, Size size, Glyphs glyphs) {
   std::vector<Line> buses = bus_lines(picture, size.columns);
-  const std::size_t most_buses = size.rows - kFixedRows - 3;  // leaves the plot and two rows of joints
+  std::vector<Line> incident = incident_lines(picture, size.columns);
+  const std::size_t fixed_rows = kFixedRows + incident.size();
+  const std::size_t most_buses = size.rows - fixed_rows - 3;  // leaves the plot and two rows of joints
   if (buses.size() > most_buses) buses.resize(most_buses);
-  const std::size_t room = size.rows - kFixedRows - buses.size();  // for plot and joints
+  const std::size_t room = size.rows - fixed_rows - buses.size();  // for plot and joints
   const std::size_t wanted = prompt.help ? kHelp.size() : picture.joints.size() + 1;
   const std::size_t plot_rows = room > wanted ? std::min(room - wanted, kMostPlotRows) : 1;
 
-  std::vector<Line> lines{title(picture), band_line(picture, size.columns), age_line(picture)};
+  std::vector<Line> lines{title(picture)};
+  append(lines, std::move(incident));
+  lines.push_back(band_line(picture, size.columns));
+  lines.push_back(age_line(picture));
   append(lines, age_lines(picture, size.columns, plot_rows, glyphs));
   lines.push_back(stages_line(picture, glyphs));
   lines.push_back(misses_line(picture));

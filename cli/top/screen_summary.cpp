@@ -69,6 +69,21 @@ Line title(const Picture& picture) {
   return line.add(fmt::format("  tick {}", picture.tick.tick), Style::faint);
 }
 
+std::vector<Line> incident_lines(const Picture& picture, std::size_t columns) {
+  std::vector<Line> lines;
+  const std::size_t width = columns - kLabel;
+  std::string_view rest = picture.incident;
+  while (!rest.empty() && lines.size() < kIncidentRows) {
+    std::size_t end = rest.size();
+    if (end > width) end = std::max<std::size_t>(rest.rfind(' ', width) + 1, 1);
+    if (rest.size() > width && end == 1) end = width;  // no space to break at
+    lines.push_back(labelled(lines.empty() ? "why" : ""));
+    lines.back().add(rest.substr(0, end), Style::alarm);
+    rest.remove_prefix(end);
+  }
+  return lines;
+}
+
 Line age_line(const Picture& picture) {
   const Freshness freshness = picture.tick.freshness;
   const bool is_missing = freshness == Freshness::missing;

@@ -8,6 +8,9 @@
 namespace takt::monitor::top {
 
 Line title(const Picture& picture);
+// Why the robot stands, over as many lines as it takes, at most kIncidentRows; none while it does not.
+inline constexpr std::size_t kIncidentRows = 3;
+std::vector<Line> incident_lines(const Picture& picture, std::size_t columns);
 Line age_line(const Picture& picture);
 Line stages_line(const Picture& picture, Glyphs glyphs);
 Line misses_line(const Picture& picture);

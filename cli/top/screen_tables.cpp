@@ -44,8 +44,7 @@ Line joint_line(const JointPicture& joint) {
   line.add(first_cells(joint.name, 19)).to(20);
   line.add(fmt::format("{:>8.3f} {:>8.3f} {:>8.2f} {:>5.0f}  ", record.q_estimate, record.q_reference, record.tau_total,
                        record.feedback.temperature_C));
-  if (record.feedback.error_code != 0)
-    line.add(fmt::format("drive error {}  ", record.feedback.error_code), Style::alarm);
+  if (!joint.error.empty()) line.add(joint.error + "  ", Style::alarm);
   if (record.reply_faults != 0) line.add("replies bad  ", Style::warning);
   return line.add(interventions_text(joint), Style::warning);
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <functional>
+#include <utility>
 
 #include "drivers/protocol/protocol_table.hpp"
 
@@ -15,24 +16,22 @@ namespace {
 using OfJoint = std::function<std::string(const JointRecord&, const config::Joint&)>;
 using OfBus = std::function<std::string(const BusHealth&)>;
 
-void add(std::string& text, const std::string& kind, const std::string& name, const std::string& what) {
-  if (what.empty()) return;
-  text += (text.empty() ? "" : "; ") + kind + " " + name + ": " + what;
+void add(CauseFindings& found, CauseFinding finding) {
+  if (!finding.what.empty()) found.push_back(std::move(finding));
 }
 
-std::string joints_where(const TickRecord& record, const config::RobotConfig& robot, const OfJoint& wrong) {
-  std::string text;
+CauseFindings joints_where(const TickRecord& record, const config::RobotConfig& robot, const OfJoint& wrong) {
+  CauseFindings found;
   const std::size_t count = std::min<std::size_t>(record.header.joint_count, robot.joints.size());
-  for (std::size_t j = 0; j < count; ++j)
-    add(text, "joint", robot.joints[j].name, wrong(record.joints[j], robot.joints[j]));
-  return text;
+  for (std::size_t j = 0; j < count; ++j) add(found, {CausePlace::joint, j, wrong(record.joints[j], robot.joints[j])});
+  return found;
 }
 
-std::string buses_where(const TickRecord& record, const config::RobotConfig& robot, const OfBus& wrong) {
-  std::string text;
+CauseFindings buses_where(const TickRecord& record, const config::RobotConfig& robot, const OfBus& wrong) {
+  CauseFindings found;
   const std::size_t count = std::min<std::size_t>(record.header.bus_count, robot.buses.size());
-  for (std::size_t b = 0; b < count; ++b) add(text, "bus", robot.buses[b].name, wrong(record.header.buses[b]));
-  return text;
+  for (std::size_t b = 0; b < count; ++b) add(found, {CausePlace::bus, b, wrong(record.header.buses[b])});
+  return found;
 }
 
 std::string digits(double number, int after_point) {
@@ -82,7 +81,7 @@ OfJoint replies_with(ReplyFault fault, const std::string& what) {
 
 }  // namespace
 
-std::string cause_detail(Cause cause, const TickRecord& record, const config::RobotConfig& robot) {
+CauseFindings cause_findings(Cause cause, const TickRecord& record, const config::RobotConfig& robot) {
   switch (cause) {
     case Cause::drive_fault:
       return joints_where(record, robot, drive_error);
@@ -147,6 +146,23 @@ std::string cause_detail(Cause cause, const TickRecord& record, const config::Ro
       return {};
   }
   return {};
+}
+
+std::string place_text(const CauseFinding& finding, const config::RobotConfig& robot) {
+  switch (finding.place) {
+    case CausePlace::joint:
+      return "joint " + robot.joints[finding.index].name;
+    case CausePlace::bus:
+      return "bus " + robot.buses[finding.index].name;
+  }
+  return {};
+}
+
+std::string cause_detail(Cause cause, const TickRecord& record, const config::RobotConfig& robot) {
+  std::string text;
+  for (const CauseFinding& finding : cause_findings(cause, record, robot))
+    text += (text.empty() ? "" : "; ") + place_text(finding, robot) + ": " + finding.what;
+  return text;
 }
 
 }  // namespace takt::drivers

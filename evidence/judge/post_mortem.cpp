@@ -48,15 +48,24 @@ std::expected<std::string, std::string> draft_of(const Artifact& artifact, std::
                         .row_number = index + 1,
                         .artifact_id = artifact.manifest.artifact_id,
                         .show_again = show_again(artifact, row),
-                        .verdicts = {}};
+                        .verdicts = {},
+                        .incidents = {}};
   if (row.run_folder.empty()) return post_mortem_text(draft);
   const auto run = monitor::open_run(artifact.folder.path() + "/" + row.run_folder);
   if (!run) return std::unexpected(run.error());
   FailureWatch watch;
-  const auto scan = monitor::scan_run(
-      *run,
-      {.tick = [&](const auto& tick) { watch.tick(tick.record.header); }, .command = {}, .keyframe = {}, .loss = {}});
+  IncidentWatch incidents(run->robot);
+  const auto scan = monitor::scan_run(*run, {.tick =
+                                                 [&](const monitor::RecordedTick& tick) {
+                                                   watch.tick(tick.record.header);
+                                                   if (auto incident = incidents.tick(tick.record))
+                                                     draft.incidents.push_back(std::move(*incident));
+                                                 },
+                                             .command = {},
+                                             .keyframe = {},
+                                             .loss = {}});
   if (!scan) return std::unexpected(scan.error());
+  draft.incidents = monitor::by_gravity(std::move(draft.incidents));
   draft.ticks = &watch;
   const auto faults = monitor::classify_run(*run);
   if (!faults) return std::unexpected(faults.error());

@@ -14,6 +14,7 @@
 
 #include "evidence/artifact/artifact.hpp"
 #include "executive/contract/tick_record.hpp"
+#include "executive/incident/incident.hpp"
 #include "monitor/record/run_messages.hpp"
 
 namespace takt::panel {
@@ -50,6 +51,7 @@ struct PostMortemDraft {
   std::string show_again{};             // command line that replays or repeats the rollout
   const FailureWatch* ticks = nullptr;  // null: no records were kept
   std::vector<std::string> verdicts;    // of the fault classifier, a sentence each
+  std::vector<Incident> incidents{};    // the gravest first
 };
 std::string post_mortem_text(const PostMortemDraft& draft);
 

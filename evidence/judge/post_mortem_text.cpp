@@ -48,6 +48,21 @@ std::string causes(const PostMortemDraft& draft) {
                      draft.ticks == nullptr ? " No records were kept; the command below makes them again." : "");
 }
 
+// Every stop and fault in one sentence, with what came before it.
+std::string incidents(const PostMortemDraft& draft) {
+  constexpr std::size_t kShown = 10;
+  std::string text;
+  for (std::size_t index = 0; index < draft.incidents.size() && index < kShown; ++index) {
+    const Incident& incident = draft.incidents[index];
+    text += fmt::format("- {}\n", incident.sentence);
+    for (const IncidentLink& link : incident.chain)
+      text +=
+          fmt::format("  - tick {}, {:+.1f} ms: {}\n", link.tick, (link.at - incident.at).milliseconds(), link.what);
+  }
+  if (draft.incidents.size() > kShown) text += fmt::format("- and {} more\n", draft.incidents.size() - kShown);
+  return text.empty() ? "" : "\n## Why it stopped\n\n" + text;
+}
+
 std::string timeline(const FailureWatch& ticks) {
   if (ticks.transitions().empty()) return "No change of mode.\n";
   std::string text = "| tick | s | from | to | cause |\n|---:|---:|---|---|---|\n";
@@ -83,6 +98,7 @@ std::string ticks_table(const FailureWatch& ticks) {
 std::string post_mortem_text(const PostMortemDraft& draft) {
   std::string text = fmt::format("# Post-mortem: {}\n\n{}\n## Cause, as the records show it\n\n{}",
                                  rollout_id(draft.row), facts(draft), causes(draft));
+  text += incidents(draft);
   if (draft.ticks != nullptr) {
     text += "\n## Timeline\n\n" + timeline(*draft.ticks);
     text += "\n## The ticks around the failure\n\n" + ticks_table(*draft.ticks);

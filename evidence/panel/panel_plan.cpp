@@ -191,7 +191,8 @@ RolloutSetup Contest::setup_of(const PlannedRollout& planned) const {
           .rearm_after = panel_.rearm_after};
 }
 
-RolloutWatch::RolloutWatch(const config::RobotConfig& robot) : classifier_(monitor::fault_rules_of(robot)) {}
+RolloutWatch::RolloutWatch(const config::RobotConfig& robot)
+    : classifier_(monitor::fault_rules_of(robot)), incidents_(robot) {}
 
 std::expected<RanRollout, std::string> Contest::run(const PlannedRollout& planned) {
   const HostMeter meter;
@@ -216,7 +217,8 @@ RanRollout Contest::conclude(RolloutRow row, RolloutWatch& watch) const {
                         .show_again = fmt::format("takt panel run {} --only {} --out again  # panel: SHA-256 {}",
                                                   panel_.file, rollout_id(ran.row), panel_.sha256),
                         .ticks = &watch.failure_,
-                        .verdicts = {}};
+                        .verdicts = {},
+                        .incidents = monitor::by_gravity(std::move(watch.told_))};
   for (const monitor::FaultVerdict& verdict : faults.verdicts) draft.verdicts.push_back(verdict.sentence);
   ran.post_mortem = post_mortem_text(draft);
   return ran;

@@ -14,6 +14,7 @@
 #include "evidence/judge/post_mortem.hpp"
 #include "evidence/panel/panel_file.hpp"
 #include "monitor/judge/fault_classifier.hpp"
+#include "monitor/judge/run_metrics.hpp"
 #include "policy_host/policy.hpp"
 
 namespace takt::panel {
@@ -52,12 +53,16 @@ class RolloutWatch {
   void tick(const TickRecord& record) {
     failure_.tick(record.header);
     classifier_.tick(record);
+    if (auto incident = incidents_.tick(record); incident && told_.size() < monitor::kListedIncidents)
+      told_.push_back(std::move(*incident));
   }
 
  private:
   friend class Contest;
   FailureWatch failure_;
   monitor::FaultClassifier classifier_;
+  IncidentWatch incidents_;
+  std::vector<Incident> told_;
 };
 
 class Contest {

@@ -8,10 +8,13 @@ std::expected<RunReview, std::string> review_of(const RecordedRun& run) {
   RunReview review;
   MetricsCollector collector(review.metrics);
   FaultClassifier classifier(fault_rules_of(run.robot));
+  IncidentWatch incidents(run.robot);
   const auto scan = scan_run(run, {.tick =
                                        [&](const RecordedTick& tick) {
                                          collector.tick(tick.record);
                                          classifier.tick(tick.record);
+                                         if (auto incident = incidents.tick(tick.record))
+                                           note(review.metrics, std::move(*incident));
                                        },
                                    .command =
                                        [&](const RecordedCommand& command) {

@@ -80,11 +80,26 @@ struct StatusSnapshot {
   std::uint8_t reserved[6] = {};
 };
 
+// The newest stop or fault since the executive started (incident/incident.hpp), for who has no tick records.
+struct IncidentNote {
+  std::uint64_t tick = 0;  // that entered it; 0: none yet
+  MonoTime at;
+  std::uint64_t first_tick = 0;  // of its chain
+  std::uint32_t error_code = 0;  // the drive's own
+  Mode mode = Mode::standby;     // entered
+  Cause cause = Cause::none;
+  std::uint8_t asked = 0;    // 1: a person wanted it
+  std::uint8_t stands = 0;   // 1: the robot still stands in it
+  char where[96] = {};       // "joint elbow"; empty: the robot as a whole
+  char sentence[1024] = {};  // cut off where it does not fit
+};
+
 struct OperatorReply {
   std::uint64_t magic = kMagic;
   std::uint8_t done = 0;  // 1: request carried out or under way
   std::uint8_t reserved[7] = {};
   StatusSnapshot status;
+  IncidentNote incident;
   char sentences[2048] = {};  // one per line: why not, or what is missing
 };
 static_assert(std::is_standard_layout_v<OperatorReply> && std::is_trivially_copyable_v<OperatorReply>);

@@ -5,8 +5,6 @@
 
 #include <string>
 
-#include "drivers/protocol/cause_detail.hpp"
-
 namespace takt::runtime {
 namespace {
 
@@ -24,14 +22,13 @@ std::string growth(const std::uint64_t (&now)[N], const std::uint64_t (&before)[
 
 }  // namespace
 
-void Journal::transition(const TickRecord& record, const config::RobotConfig& robot) {
+void Journal::transition(const TickRecord& record, const std::optional<Incident>& incident) {
   const TickRecordHeader& tick = record.header;
   const bool expected = tick.cause == Cause::operator_arm || tick.cause == Cause::drives_enabled ||
                         tick.cause == Cause::operator_reset || tick.cause == Cause::contract_restored;
-  const std::string detail = drivers::cause_detail(tick.cause, record, robot);
   spdlog::log(expected ? spdlog::level::info : spdlog::level::warn,
-              "{} -> {}: {}{}{} (tick {}, age {:.1f} ms, misses {} of {})", name(tick.previous_mode), name(tick.mode),
-              name(tick.cause), detail.empty() ? "" : ", ", detail, tick.tick, tick.age.total().milliseconds(),
+              "{} -> {}: {} (tick {}, age {:.1f} ms, misses {} of {})", name(tick.previous_mode), name(tick.mode),
+              incident ? incident->sentence : std::string(name(tick.cause)), tick.tick, tick.age.total().milliseconds(),
               tick.window_misses, tick.window_ticks);
 }
 

@@ -3,17 +3,19 @@
 // thread never logs.
 #pragma once
 
+#include <optional>
 #include <string>
 
-#include "config/robot_config.hpp"
 #include "executive/contract/mono_time.hpp"
 #include "executive/contract/session.hpp"
+#include "executive/incident/incident.hpp"
 
 namespace takt::runtime {
 
 class Journal {
  public:
-  static void transition(const TickRecord& record, const config::RobotConfig& robot);
+  // `incident`: that the transition is, if it is one.
+  static void transition(const TickRecord& record, const std::optional<Incident>& incident);
   // Call it often; it says what is new since it last spoke.
   void summarise(MonoTime now, const StatusSnapshot& status);
 

@@ -98,8 +98,11 @@ int run(const Options& options) {
   OperatorInbox requests;
   RecordedThrough recorded;
   StatusBoard board;
-  TickFollower follower(published->tick_reader(), tick_config->rest_velocity,
-                        [&robot](const TickRecord& record) { Journal::transition(record, *robot); });
+  IncidentWatch incidents(*robot);
+  TickFollower follower(published->tick_reader(), tick_config->rest_velocity, [&](const TickRecord& record) {
+    Journal::transition(record, incidents.stands() ? incidents.latest() : std::nullopt);
+  });
+  follower.tell(incidents);
 
   // The socket first: a second executive is turned away before it touches a bus.
   auto reception = Reception::open(config::executive_socket(directory),

@@ -57,6 +57,8 @@ OperatorReply Reception::answer(OperatorVerb verb) {
       break;
   }
   reply.status = status();
+  parts_.follower.catch_up();
+  reply.incident = incident();
   return reply;
 }
 

@@ -105,4 +105,22 @@ StatusSnapshot Reception::status() {
   return status;
 }
 
+IncidentNote Reception::incident() const {
+  IncidentNote note;
+  const IncidentWatch* const incidents = parts_.follower.incidents();
+  if (incidents == nullptr || !incidents->latest()) return note;
+  const std::optional<Incident>& incident = incidents->latest();
+  note.tick = incident->tick;
+  note.at = incident->at;
+  note.first_tick = incident->chain.front().tick;
+  note.error_code = incident->error_code;
+  note.mode = incident->to;
+  note.cause = incident->cause;
+  note.asked = incident->asked ? 1 : 0;
+  note.stands = incidents->stands() ? 1 : 0;
+  incident->where.copy(note.where, sizeof note.where - 1);
+  incident->sentence.copy(note.sentence, sizeof note.sentence - 1);
+  return note;
+}
+
 }  // namespace takt::runtime

@@ -80,6 +80,7 @@ class Reception {
   // True when a tick that read `request` is over.
   bool wait_for(OperatorRequest request, std::uint64_t after_tick);
   StatusSnapshot status();
+  [[nodiscard]] IncidentNote incident() const;
 
   ReceptionParts parts_;
   std::unique_ptr<ipc::RendezvousServer> server_;

@@ -7,6 +7,7 @@
 #include <functional>
 
 #include "executive/contract/tick_record.hpp"
+#include "executive/incident/incident.hpp"
 #include "executive/ipc/slot_ring.hpp"
 
 namespace takt::runtime {
@@ -18,6 +19,9 @@ class TickFollower {
   // `rest_velocity` in rad/s. on_transition is called for every record in which the mode changed.
   TickFollower(ipc::SlotReader ticks, float rest_velocity, OnTransition on_transition);
 
+  // Stops and faults are followed with this from now on; it outlives the follower.
+  void tell(IncidentWatch& incidents) { incidents_ = &incidents; }
+  [[nodiscard]] const IncidentWatch* incidents() const { return incidents_; }  // null: told nobody
   // Reads everything published so far.
   void catch_up();
   // All zero before the first tick.
@@ -40,6 +44,7 @@ class TickFollower {
   ipc::SlotReader ticks_;
   float rest_velocity_;
   OnTransition on_transition_;
+  IncidentWatch* incidents_ = nullptr;
   TickRecord latest_{};
   MonoTime slow_since_;
   std::array<std::uint64_t, kOperatorRequestCount> last_read_{};  // tick that last read each request; 0 never

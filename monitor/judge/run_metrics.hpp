@@ -17,6 +17,7 @@
 #include <string_view>
 #include <vector>
 
+#include "executive/incident/incident.hpp"
 #include "monitor/judge/freshness_statistics.hpp"
 #include "monitor/record/recorded_run.hpp"
 
@@ -49,7 +50,9 @@ struct RunMetrics {
   std::array<std::uint64_t, kInterventionCount> interventions{};  // joint-ticks
   std::vector<Transition> transitions;
   std::uint64_t transition_count = 0;  // transitions holds the first kListedTransitions
-  std::vector<Mark> marks;             // the first kListedMarks
+  std::vector<Incident> incidents;     // the first kListedIncidents
+  std::uint64_t incident_count = 0;
+  std::vector<Mark> marks;  // the first kListedMarks
   std::uint64_t mark_count = 0;
   std::map<std::string, std::uint64_t> losses;  // "tick overwritten" -> entries
   std::uint64_t missing_ticks = 0;              // gaps in the tick numbers
@@ -57,6 +60,11 @@ struct RunMetrics {
 };
 inline constexpr std::size_t kListedTransitions = 1000;
 inline constexpr std::size_t kListedMarks = 1000;
+inline constexpr std::size_t kListedIncidents = 1000;
+
+void note(RunMetrics& metrics, Incident incident);
+// The gravest comes first: what nobody asked for, faults before stops; among equals the oldest.
+std::vector<Incident> by_gravity(std::vector<Incident> incidents);
 
 std::expected<RunMetrics, std::string> metrics_of(const RecordedRun& run);
 nlohmann::ordered_json to_json(const RunMetrics& metrics, const RecordedRun& run);

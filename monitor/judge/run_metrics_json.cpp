@@ -35,6 +35,25 @@ Json counts_json(const std::array<std::uint64_t, size>& counts) {
   return json;
 }
 
+Json incident_json(const Incident& incident) {
+  Json chain = Json::array();
+  for (const IncidentLink& link : incident.chain)
+    chain.push_back({{"tick", link.tick}, {"monotonic_ns", link.at.ns}, {"what", link.what}});
+  return {{"tick", incident.tick},
+          {"monotonic_ns", incident.at.ns},
+          {"from", takt::name(incident.from)},
+          {"mode", takt::name(incident.to)},
+          {"cause", takt::name(incident.cause)},
+          {"asked", incident.asked},
+          {"where", incident.where},
+          {"error_code", incident.error_code},
+          {"detail", incident.detail},
+          {"chain", chain},
+          {"done", incident.done},
+          {"clears_when", incident.clears_when},
+          {"sentence", incident.sentence}};
+}
+
 }  // namespace
 
 std::string_view name(Verdict verdict) {
@@ -79,6 +98,9 @@ Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
   for (std::size_t index = 0; index < kInterventionCount; ++index) {
     json["interventions"][std::string(kInterventionNames[index])] = metrics.interventions[index];
   }
+  json["incident_count"] = metrics.incident_count;
+  json["incidents"] = Json::array();
+  for (const Incident& incident : by_gravity(metrics.incidents)) json["incidents"].push_back(incident_json(incident));
   json["transition_count"] = metrics.transition_count;
   json["transitions"] = Json::array();
   for (const Transition& each : metrics.transitions) {

@@ -37,6 +37,7 @@ Diagnostic diagnose_executive(const RobotStatus& status, const config::RobotConf
   std::string message(takt::name(header.mode));
   if (status.cause != Cause::none) message += fmt::format(": {}", takt::name(status.cause));
   if (!status.detail.empty()) message += fmt::format(": {}", status.detail);
+  if (!status.incident.empty()) message = status.incident;
   const bool has_age = header.freshness != Freshness::missing;
   return {level_of(header.mode),
           robot.robot + ": executive",
@@ -131,9 +132,11 @@ std::vector<Diagnostic> diagnose_absence(const config::RobotConfig& robot) {
 std::optional<std::vector<Diagnostic>> Diagnoser::tick(const TickRecord& record) {
   const TickRecordHeader& header = record.header;
   const bool changed = header.mode != header.previous_mode;
+  const auto incident = incidents_.tick(record);
   if (changed) {
     status_.cause = header.cause;
-    status_.detail = drivers::cause_detail(header.cause, record, robot_);
+    status_.detail = incident ? incident->detail : drivers::cause_detail(header.cause, record, robot_);
+    status_.incident = incident ? incident->sentence : "";
   }
   if (header.overrun_cause != OverrunCause::none) ++status_.overruns;
   status_.tick = header;

@@ -11,6 +11,7 @@
 
 #include "config/robot_config.hpp"
 #include "executive/contract/tick_record.hpp"
+#include "executive/incident/incident.hpp"
 #include "monitor/record/rate_limit.hpp"
 
 namespace takt::monitor {
@@ -31,6 +32,7 @@ struct RobotStatus {
   TickRecordHeader tick{};
   Cause cause = Cause::none;   // of the last change of mode
   std::string detail{};        // of that cause
+  std::string incident{};      // the sentence of the stop or fault that the robot stands in; empty: it stands in none
   std::uint64_t overruns = 0;  // of the ticks seen
 };
 
@@ -45,13 +47,14 @@ class Diagnoser {
   static constexpr Duration kPeriod = seconds(1);
 
   // `robot` outlives this.
-  explicit Diagnoser(const config::RobotConfig& robot) : robot_(robot) {}
+  explicit Diagnoser(const config::RobotConfig& robot) : robot_(robot), incidents_(robot) {}
   // Diagnostics once a period, and at once when the mode changes.
   std::optional<std::vector<Diagnostic>> tick(const TickRecord& record);
   [[nodiscard]] const RobotStatus& status() const { return status_; }
 
  private:
   const config::RobotConfig& robot_;
+  IncidentWatch incidents_;
   RobotStatus status_;
   RateLimit rate_{kPeriod};
 };

@@ -118,9 +118,12 @@ void Recorder::transition(const TickRecord& record) {
   const TickRecordHeader& header = record.header;
   encode_transition({header.tick, header.now, header.previous_mode, header.mode, header.cause}, message_);
   write(Topic::transition, now_);
-  const std::string& detail = diagnoser_.status().detail;
-  log(level_of(header.mode), fmt::format("{} -> {}: {}{}{}", name(header.previous_mode), name(header.mode),
-                                         name(header.cause), detail.empty() ? "" : ": ", detail));
+  const RobotStatus& status = diagnoser_.status();
+  const std::string& detail = status.detail;
+  const std::string why = status.incident.empty()
+                              ? fmt::format("{}{}{}", name(header.cause), detail.empty() ? "" : ": ", detail)
+                              : status.incident;
+  log(level_of(header.mode), fmt::format("{} -> {}: {}", name(header.previous_mode), name(header.mode), why));
   const nlohmann::ordered_json line{{"tick", header.tick},
                                     {"monotonic_ns", header.now.ns},
                                     {"utc", utc_text(unix_ns(header.now))},
@@ -128,6 +131,7 @@ void Recorder::transition(const TickRecord& record) {
                                     {"to", name(header.mode)},
                                     {"cause", name(header.cause)},
                                     {"detail", detail},
+                                    {"incident", status.incident},
                                     {"age_ns", header.age.total().ns}};
   if (stop_reason().empty() && !transitions_.append(line.dump() + "\n")) stop(transitions_.failure());
 }

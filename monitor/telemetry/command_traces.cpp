@@ -7,6 +7,25 @@ namespace {
 
 constexpr std::size_t kMostTicks = 16'384;  // frames run ahead of ticks by a ring's worth at most
 
+bool is_refusal(Arrival arrival) {
+  return arrival != Arrival::none && arrival != Arrival::accepted;
+}
+
+CommandTrace refused(const TickRecordHeader& header) {
+  return {.tick = header.tick,
+          .sequence = header.command_sequence_seen,
+          .policy_session = header.policy_session,
+          .mode = header.mode,
+          .arrival = header.arrival,
+          .sensed_at = header.now,
+          .observed_at = header.now,
+          .infer_began_at = header.now,
+          .infer_ended_at = header.now,
+          .consumed_at = header.now,
+          .actuating_at = header.now,
+          .actuated_at = header.now};
+}
+
 }  // namespace
 
 void CommandTraces::frame(const FrameRecord& frame) {
@@ -21,6 +40,7 @@ void CommandTraces::tick(const TickRecord& record) {
   const auto found = sent_.find(header.tick);
   const Sent sent = found == sent_.end() ? Sent{header.now, header.now} : found->second;
   sent_.erase(sent_.begin(), sent_.upper_bound(header.tick));
+  if (is_refusal(header.arrival)) return out_(refused(header));
   if (header.arrival != Arrival::accepted || header.freshness == Freshness::missing) return;
   CommandTrace trace{.tick = header.tick,
                      .sequence = header.command_sequence,

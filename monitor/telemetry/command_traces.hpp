@@ -1,5 +1,6 @@
-// Ticks and frames in, one CommandTrace per policy command out: when each stage of it began and ended, by the
-// executive's own clock and judgement (contract/tick_record.hpp, AgeParts). Pure. Thread rule: one thread.
+// Ticks and frames in, one CommandTrace per policy command out, refused ones included: when each stage of it began and
+// ended, by the executive's own clock and judgement (contract/tick_record.hpp, AgeParts). Pure. Thread rule: one
+// thread.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +18,9 @@ struct CommandTrace {
   std::uint64_t observation = 0;
   std::uint8_t policy_session = 0;
   Mode mode = Mode::standby;
-  MonoTime sensed_at;      // oldest sample of the observation
-  MonoTime observed_at{};  // observation published
+  Arrival arrival = Arrival::accepted;  // otherwise refused: its stages are not known, all instants are the tick's
+  MonoTime sensed_at;                   // oldest sample of the observation
+  MonoTime observed_at{};               // observation published
   MonoTime infer_began_at{};
   MonoTime infer_ended_at{};
   MonoTime consumed_at{};   // the tick that used it woke

@@ -45,7 +45,9 @@ LiveMetrics::LiveMetrics(const config::RobotConfig& robot)
       lateness(loop_bounds()),
       work(loop_bounds()),
       interventions(robot.joints.size()),
-      joints(robot.joints.size()) {
+      joints(robot.joints.size()),
+      incidents_(robot) {
+  for (const auto& change : possible_transitions()) transitions[change] = 0;
   for (const std::string_view ring : kRingNames)
     for (const std::string_view reason : kRingLossReasons) losses[{std::string(ring), std::string(reason)}] = 0;
   losses[{"tick", std::string(kRecordingStopped)}] = 0;
@@ -62,6 +64,7 @@ void LiveMetrics::tick(const TickRecord& record) {
   const TickRecordHeader& header = record.header;
   if (header.joint_count != joints.size()) return;
   ++ticks;
+  incidents_.tick(record);
   lateness.observe(header.lateness);
   work.observe(header.last_duration);
   count(arrivals, header.arrival);

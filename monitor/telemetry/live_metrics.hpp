@@ -2,7 +2,7 @@
 // OTLP carries those of one session.
 //
 // Fed with every tick record in order, over any number of sessions of the executive. Plain value: copied to be read
-// elsewhere. Memory is fixed by the robot, the transitions seen and the buckets, never by the running time.
+// elsewhere. Memory is fixed by the robot, the reaction table and the buckets, never by the running time.
 // Thread rule: one thread at a time.
 #pragma once
 
@@ -15,6 +15,7 @@
 
 #include "config/robot_config.hpp"
 #include "executive/contract/tick_record.hpp"
+#include "executive/incident/incident.hpp"
 #include "monitor/record/run_messages.hpp"
 
 namespace takt::monitor {
@@ -57,13 +58,19 @@ class LiveMetrics {
   std::array<std::uint64_t, kArrivalCount> arrivals{};
   std::array<std::uint64_t, kOverrunCauseCount> overruns{};
   std::uint64_t skipped_periods = 0;
-  std::map<std::pair<Mode, Cause>, std::uint64_t> transitions;               // mode entered, and why
+  std::map<std::pair<Mode, Cause>, std::uint64_t> transitions;               // mode entered, and why; each from 0 on
   std::map<std::pair<std::string, std::string>, std::uint64_t> losses;       // ring, reason -> entries; each from 0 on
   std::vector<std::array<std::uint64_t, kInterventionCount>> interventions;  // by joint, in ticks
   std::vector<JointRecord> joints;                                           // newest
   TickRecordHeader newest;                                                   // its tick; 0: none yet
 
+  // The stop or fault that the robot stands in; null: none.
+  [[nodiscard]] const Incident* standing() const {
+    return running && incidents_.stands() && incidents_.latest() ? &*incidents_.latest() : nullptr;
+  }
+
  private:
+  IncidentWatch incidents_;
   void joint_ticks(const TickRecord& record);
   std::uint64_t unrecorded_ticks_ = 0;  // of this session, that `losses` holds already
 };

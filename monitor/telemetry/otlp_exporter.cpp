@@ -27,8 +27,9 @@ std::expected<OtlpExporter, std::string> OtlpExporter::start(const config::Robot
   exporter.traces_ = std::make_unique<CommandTraces>(
       [waiting = exporter.waiting_.get()](const CommandTrace& trace) { waiting->push_back(trace); });
   if (!options.file) return exporter;
-  for (auto [file, name] : {std::pair{&exporter.trace_file_, "/otlp_traces.jsonl"},
-                            std::pair{&exporter.metric_file_, "/otlp_metrics.jsonl"}}) {
+  for (auto [file, name] :
+       {std::pair{&exporter.trace_file_, "/otlp_traces.jsonl"},
+        std::pair{&exporter.metric_file_, "/otlp_metrics.jsonl"}, std::pair{&exporter.log_file_, "/otlp_logs.jsonl"}}) {
     auto made = BoundedFile::create(folder + name, max_file_bytes);
     if (!made) return std::unexpected(made.error());
     file->emplace(std::move(*made));
@@ -40,6 +41,8 @@ void OtlpExporter::tick(const TickRecord& record) {
   if (record.header.now < since_) return;
   metrics_.tick(record);
   traces_->tick(record);
+  if (const auto incident = incidents_.tick(record))
+    write(log_file_, OtlpSignal::logs, otlp_logs(source_, std::span(&*incident, 1)));
   if (waiting_->size() >= kMostTracesAtOnce) export_traces();
 }
 

@@ -1,5 +1,6 @@
-// One session's OTLP export: commands become traces, ticks become metrics whose sums begin with the session, in files
-// of the run folder and in requests to a receiver, as the robot file's `otlp` section says. Thread rule: one thread.
+// One session's OTLP export: commands become traces, stops and faults log records, ticks metrics whose sums begin with
+// the session, in files of the run folder and in requests to a receiver, as the robot file's `otlp` section says.
+// Thread rule: one thread.
 #pragma once
 
 #include <expected>
@@ -34,7 +35,7 @@ class OtlpExporter {
   void finish(MonoTime now);
 
  private:
-  explicit OtlpExporter(const config::RobotConfig& robot) : metrics_(robot) {}
+  explicit OtlpExporter(const config::RobotConfig& robot) : metrics_(robot), incidents_(robot) {}
   void write(std::optional<BoundedFile>& file, OtlpSignal signal, std::string line);
   void export_traces();
   void export_metrics(MonoTime now);
@@ -44,7 +45,8 @@ class OtlpExporter {
   Duration metrics_period_;
   MonoTime since_, traces_due_, metrics_due_;
   OtlpSender* sender_ = nullptr;
-  std::optional<BoundedFile> trace_file_, metric_file_;
+  IncidentWatch incidents_;
+  std::optional<BoundedFile> trace_file_, metric_file_, log_file_;
   std::unique_ptr<std::vector<CommandTrace>> waiting_ = std::make_unique<std::vector<CommandTrace>>();
   std::unique_ptr<CommandTraces> traces_;
 };

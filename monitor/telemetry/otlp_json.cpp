@@ -13,8 +13,10 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr int kInternal = 1;    // SPAN_KIND_INTERNAL
-constexpr int kCumulative = 2;  // AGGREGATION_TEMPORALITY_CUMULATIVE
+constexpr int kInternal = 1;                           // SPAN_KIND_INTERNAL
+constexpr int kStatusError = 2;                        // STATUS_CODE_ERROR
+constexpr int kSeverityInfo = 9, kSeverityError = 17;  // SEVERITY_NUMBER_INFO, SEVERITY_NUMBER_ERROR
+constexpr int kCumulative = 2;                         // AGGREGATION_TEMPORALITY_CUMULATIVE
 
 // OTLP's JSON has 64-bit integers as text.
 Json integer(std::uint64_t value) {
@@ -48,7 +50,7 @@ std::uint64_t mixed(std::uint64_t value) {
   return value ^ (value >> 31U);
 }
 
-enum class Identified : std::uint64_t { command = 1, observation = 2 };
+enum class Identified : std::uint64_t { command = 1, observation = 2, refusal = 3 };
 
 struct TraceId {
   std::uint64_t high, low;
@@ -76,6 +78,7 @@ class SpanWriter {
   explicit SpanWriter(const OtlpSource& source) : source_(source) {}
 
   void write(const CommandTrace& trace) {
+    if (trace.arrival != Arrival::accepted) return write_refused(trace);
     const TraceId id = trace_id(source_, Identified::command, trace.policy_session, trace.sequence);
     const TraceId observation = trace_id(source_, Identified::observation, 0, trace.observation);
     Json root = span(id, "command", trace.sensed_at, trace.actuated_at, 0);
@@ -95,6 +98,17 @@ class SpanWriter {
     Json seen = span(observation, "observation", trace.sensed_at, trace.observed_at, 0);
     seen["attributes"] = Json::array({attribute("takt.observation", trace.observation)});
     executive_.push_back(std::move(seen));
+  }
+
+  // By its tick: a refused command's number may be another's.
+  void write_refused(const CommandTrace& trace) {
+    Json root = span(trace_id(source_, Identified::refusal, trace.policy_session, trace.tick), "command",
+                     trace.sensed_at, trace.actuated_at, 0);
+    root["attributes"] =
+        Json::array({attribute("takt.sequence", trace.sequence), attribute("takt.tick", trace.tick),
+                     attribute("takt.mode", name(trace.mode)), attribute("takt.arrival", name(trace.arrival))});
+    root["status"] = {{"code", kStatusError}, {"message", fmt::format("refused: {}", name(trace.arrival))}};
+    executive_.push_back(std::move(root));
   }
 
   Json request() {
@@ -188,6 +202,24 @@ std::string otlp_traces(const OtlpSource& source, std::span<const CommandTrace> 
   SpanWriter writer(source);
   for (const CommandTrace& trace : traces) writer.write(trace);
   return writer.request().dump();
+}
+
+std::string otlp_logs(const OtlpSource& source, std::span<const Incident> incidents) {
+  Json records = Json::array();
+  for (const Incident& incident : incidents)
+    records.push_back(
+        {{"timeUnixNano", fmt::format("{}", incident.at.ns + source.monotonic_to_unix_ns)},
+         {"severityNumber", incident.asked ? kSeverityInfo : kSeverityError},
+         {"severityText", incident.asked ? "INFO" : "ERROR"},
+         {"body", {{"stringValue", incident.sentence}}},
+         {"attributes",
+          Json::array({attribute("takt.tick", incident.tick), attribute("takt.mode", name(incident.to)),
+                       attribute("takt.cause", name(incident.cause)), attribute("takt.where", incident.where),
+                       attribute("takt.error_code", std::uint64_t{incident.error_code})})}});
+  return Json{{"resourceLogs",
+               {{{"resource", resource(source, "takt-executive")},
+                 {"scopeLogs", {{{"scope", scope(source)}, {"logRecords", std::move(records)}}}}}}}}
+      .dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 std::string otlp_metrics(const OtlpSource& source, const LiveMetrics& metrics, MonoTime since, MonoTime now) {

@@ -3,7 +3,9 @@
 //
 // One trace per command: root `command` with children sense, queue, infer, publish, consume, actuate, each under the
 // resource of the process that spent the time, and a link from the root to the span of the observation it answers,
-// which is a trace of its own. Ids come from run and numbers, so that the same records give the same bytes.
+// which is a trace of its own. A refused command is a trace of one span whose status is an error and says why. Stops
+// and faults are log records: an error unless somebody asked for it. Ids come from run and numbers, so that the same
+// records give the same bytes.
 #pragma once
 
 #include <cstdint>
@@ -24,8 +26,9 @@ struct OtlpSource {
   std::int64_t monotonic_to_unix_ns = 0;  // run_manifest.hpp, ClockOffset
 };
 
-// No line end in either.
+// No line end in any.
 std::string otlp_traces(const OtlpSource& source, std::span<const CommandTrace> traces);
+std::string otlp_logs(const OtlpSource& source, std::span<const Incident> incidents);
 // `metrics` count from `since` on.
 std::string otlp_metrics(const OtlpSource& source, const LiveMetrics& metrics, MonoTime since, MonoTime now);
 

@@ -18,7 +18,15 @@ constexpr auto kRequestTimeout = std::chrono::seconds(10);
 constexpr auto kLastWords = milliseconds(2000);
 
 std::string_view path_of(OtlpSignal signal) {
-  return signal == OtlpSignal::traces ? "/v1/traces" : "/v1/metrics";
+  switch (signal) {
+    case OtlpSignal::traces:
+      return "/v1/traces";
+    case OtlpSignal::metrics:
+      return "/v1/metrics";
+    case OtlpSignal::logs:
+      return "/v1/logs";
+  }
+  return "";
 }
 
 bool is_temporary(int status) {

@@ -16,7 +16,7 @@
 
 namespace takt::monitor {
 
-enum class OtlpSignal : std::uint8_t { traces, metrics };
+enum class OtlpSignal : std::uint8_t { traces, metrics, logs };
 
 struct OtlpDeliveries {
   std::uint64_t delivered = 0, refused = 0, overflowed = 0;  // requests
@@ -28,7 +28,7 @@ class OtlpSender {
     std::chrono::milliseconds first{1000}, longest{30'000};  // between two tries of one request
     std::size_t most_waiting_bytes = std::size_t{8} << 20U;
   };
-  // `endpoint`: scheme://host[:port][/path]; /v1/traces and /v1/metrics are put behind it.
+  // `endpoint`: scheme://host[:port][/path]; /v1/traces, /v1/metrics and /v1/logs are put behind it.
   explicit OtlpSender(const std::string& endpoint);
   OtlpSender(const std::string& endpoint, Patience patience);
   // Tries each waiting request once more, for two seconds at most.

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <utility>
 
+#include "drivers/protocol/protocol_table.hpp"
 #include "executive/contract/feedback_names.hpp"
 
 namespace takt::monitor {
@@ -99,6 +100,18 @@ void modes(Exposition& out, const LiveMetrics& metrics) {
     out.sample(times, {{"mode", name(change.first)}, {"cause", name(change.second)}});
 }
 
+// Labels of which there are as many as joints, buses and causes: never the sentence, which has numbers in it.
+void incident(Exposition& out, const LiveMetrics& metrics, const config::RobotConfig& robot) {
+  out.family("takt_incident", "gauge", "1 while the robot stands in a stop or fault, by what it is about.");
+  const Incident* const standing = metrics.standing();
+  if (standing == nullptr)
+    return out.sample(0, {{"mode", "none"}, {"cause", "none"}, {"where", robot.robot}, {"asked", "no"}});
+  out.sample(1, {{"mode", name(standing->to)},
+                 {"cause", name(standing->cause)},
+                 {"where", standing->where.empty() ? robot.robot : standing->where},
+                 {"asked", standing->asked ? "yes" : "no"}});
+}
+
 void loop(Exposition& out, const LiveMetrics& metrics, const config::RobotConfig& robot) {
   out.family("takt_up", "gauge", "1 while an executive runs and is recorded.");
   out.sample(metrics.recording ? 1 : 0);
@@ -157,6 +170,13 @@ void joints(Exposition& out, const LiveMetrics& metrics, const config::RobotConf
         [](const JointRecord& j) { return j.feedback.tau; });
   gauge("takt_joint_temperature_celsius", "Hottest part the drive reports; 0 when it reports none.",
         [](const JointRecord& j) { return j.feedback.temperature_C; });
+  gauge("takt_joint_error_code", "The drive's own error code; 0 none.",
+        [](const JointRecord& j) { return j.feedback.error_code; });
+  out.family("takt_joint_error", "gauge", "1 while a drive reports an error, in its own words.");
+  for (std::size_t joint = 0; joint < robot.joints.size() && metrics.newest.tick != 0; ++joint)
+    if (const std::uint32_t code = metrics.joints[joint].feedback.error_code; code != 0)
+      out.sample(
+          1, {{"joint", robot.joints[joint].name}, {"error", drivers::error_name(robot.joints[joint].drive, code)}});
   out.family("takt_interventions_total", "counter", "Ticks in which a constraint changed a joint's command, by kind.");
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
     for (std::size_t kind = 0; kind < kInterventionCount; ++kind)
@@ -170,6 +190,7 @@ std::string prometheus_text(const LiveMetrics& metrics, const config::RobotConfi
   Exposition out(robot.robot);
   loop(out, metrics, robot);
   modes(out, metrics);
+  incident(out, metrics, robot);
   contract(out, metrics, robot);
   buses(out, metrics, robot);
   joints(out, metrics, robot);

@@ -20,29 +20,30 @@ MAY_USE = {
     "drivers/protocol": "executive/contract config drivers/bus",
     "drivers/guard": "executive/contract config drivers/bus",  # not drivers/protocol: it reads what those write
     "drivers/tools": "executive/contract config drivers/bus drivers/protocol",
-    "executive/runtime": f"{SHARED} executive/pipeline executive/setup executive/trace drivers/bus drivers/protocol "
-                         "executive/log drivers/guard",
+    "executive/incident": "executive/contract executive/pipeline config drivers/protocol",
+    "executive/runtime": f"{SHARED} executive/pipeline executive/setup executive/incident executive/trace executive/log drivers/bus drivers/protocol "
+                         "drivers/guard",
     "policy_host": f"{SHARED} executive/trace executive/log",
-    "monitor/record": f"{SHARED} drivers/bus drivers/protocol",
-    "monitor/judge": f"{SHARED} drivers/protocol monitor/record",
-    "monitor/telemetry": f"{SHARED} monitor/record monitor/judge",
-    "monitor/dds": f"{SHARED} monitor/record monitor/judge",
+    "monitor/record": f"{SHARED} executive/incident drivers/bus drivers/protocol",
+    "monitor/judge": f"{SHARED} executive/incident drivers/protocol monitor/record",
+    "monitor/telemetry": f"{SHARED} executive/incident drivers/protocol monitor/record monitor/judge",
+    "monitor/dds": f"{SHARED} executive/incident monitor/record monitor/judge",
     "monitor": f"{SHARED} executive/trace executive/log monitor/record monitor/judge monitor/telemetry monitor/dds",
     "simulation": f"{SHARED} executive/log drivers/bus drivers/protocol",
-    "evidence/review": f"{SHARED} executive/pipeline executive/setup monitor/record monitor/judge",
+    "evidence/review": f"{SHARED} executive/incident executive/pipeline executive/setup monitor/record monitor/judge",
     "evidence/artifact": f"{SHARED} monitor/record monitor/judge evidence/review",
-    "evidence/judge": f"{SHARED} monitor/record monitor/judge evidence/review evidence/artifact",
+    "evidence/judge": f"{SHARED} executive/incident monitor/record monitor/judge evidence/review evidence/artifact",
     "evidence/rollout": f"{SHARED} executive/pipeline executive/setup drivers/bus drivers/protocol drivers/guard policy_host "
                         "monitor/judge simulation evidence/artifact",
-    "evidence/panel": f"{SHARED} policy_host simulation monitor/record monitor/judge evidence/artifact evidence/judge evidence/rollout",
+    "evidence/panel": f"{SHARED} executive/incident policy_host simulation monitor/record monitor/judge evidence/artifact evidence/judge evidence/rollout",
     "evidence/study": f"{SHARED} executive/pipeline executive/setup drivers/protocol simulation monitor/record monitor/judge evidence/review "
                       "evidence/rollout evidence/panel",
     "systemd/doctor": f"{SHARED}",
     "systemd/deploy": f"{SHARED} policy_host evidence/rollout",
-    "cli/run": f"{SHARED} cli drivers/protocol monitor/record",
+    "cli/run": f"{SHARED} executive/incident cli drivers/protocol monitor/record",
     "cli/evidence": f"{SHARED} cli cli/run monitor/record evidence/artifact evidence/judge evidence/panel "
                     "evidence/review evidence/rollout evidence/study",
-    "cli/top": f"{SHARED} cli cli/run cli/evidence drivers/protocol monitor monitor/record monitor/judge monitor/telemetry",
+    "cli/top": f"{SHARED} executive/incident cli cli/run cli/evidence drivers/protocol monitor monitor/record monitor/judge monitor/telemetry",
     "cli/robot": f"{SHARED} executive/setup cli cli/run drivers/bus drivers/protocol drivers/tools monitor/record systemd/deploy systemd/doctor",
     "cli": f"{SHARED}",
 }

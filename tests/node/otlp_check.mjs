@@ -1,12 +1,12 @@
 // node otlp_check.mjs FOLDER
-// Reads otlp_traces.jsonl and otlp_metrics.jsonl by OpenTelemetry's own protobuf definitions: every line must be a whole
+// Reads otlp_traces.jsonl, otlp_metrics.jsonl and otlp_logs.jsonl by OpenTelemetry's own protobuf definitions: every line must be a whole
 // export request in which nothing is unknown to them, and must survive the way through the wire format.
 import assert from 'node:assert/strict';
 import { createRequire } from 'node:module';
 import { readFileSync } from 'node:fs';
 
 const root = createRequire(import.meta.url)('@opentelemetry/otlp-transformer/build/src/generated/root');
-const { trace, metrics } = root.opentelemetry.proto.collector;
+const { trace, metrics, logs } = root.opentelemetry.proto.collector;
 
 // OTLP's JSON writes ids in hex where protobuf's own JSON has base64.
 function withBinaryIds(value) {
@@ -41,4 +41,5 @@ function check(file, type) {
 
 const traces = check('otlp_traces.jsonl', trace.v1.ExportTraceServiceRequest);
 const points = check('otlp_metrics.jsonl', metrics.v1.ExportMetricsServiceRequest);
+check('otlp_logs.jsonl', logs.v1.ExportLogsServiceRequest);
 console.log(`${traces} trace requests, ${points} metric requests`);

@@ -8,6 +8,8 @@
 namespace takt::monitor {
 namespace {
 
+constexpr std::size_t kShownIncidents = 5;
+
 double ms(double ns) {
   return ns * 1e-6;
 }
@@ -70,6 +72,20 @@ std::string transitions(const RunMetrics& metrics, std::size_t most) {
   return text;
 }
 
+// What stopped the robot comes first of all: nothing else on the page matters as much.
+std::string incidents(const RunMetrics& metrics, std::size_t most) {
+  if (metrics.incident_count == 0) return "stops         none\n";
+  std::string text;
+  std::size_t shown = 0;
+  for (const Incident& incident : by_gravity(metrics.incidents)) {
+    if (shown++ == most) break;
+    text += fmt::format("{:<14}{:+.3f} s: {}\n", incident.asked ? "asked" : "STOPPED",
+                        (incident.at - metrics.start).seconds(), incident.sentence);
+  }
+  if (metrics.incident_count > most) text += fmt::format("              and {} more\n", metrics.incident_count - most);
+  return text;
+}
+
 std::string marks(const RunMetrics& metrics, std::size_t most) {
   if (metrics.mark_count == 0) return "marks         none\n";
   std::string text = fmt::format("marks         {}\n", metrics.mark_count);
@@ -126,6 +142,7 @@ std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::
   const config::Freshness& contract = run.robot.freshness;
   std::string text = fmt::format("run           {}  robot {}  {:.1f} s  {} ticks\n", run.manifest.run_id,
                                  run.manifest.robot, metrics.span.seconds(), metrics.ticks);
+  text += incidents(metrics, std::min<std::size_t>(most, kShownIncidents));
   text += fmt::format("real-time     {}\n", realtime_word(run.manifest));
   text += recorder_line(run.manifest);
   text += fmt::format("contract      Pr(age > {:g} ms) <= {:g} %\n\n", contract.max_age.milliseconds(),

@@ -46,6 +46,7 @@ class ReceptionTest : public testing::Test {
         LoopTiming{{}, {}, 1000});
     follower_ =
         std::make_unique<TickFollower>(published_.tick_reader(), config_->rest_velocity, [](const TickRecord&) {});
+    follower_->tell(incidents_);
     auto opened = Reception::open(path(), {robot_, *config_, admission_rules(robot_, kPolicyHash), published_,
                                            mailboxes_, requests_, recorded_, board_, *follower_});
     EXPECT_TRUE(opened) << opened.error();
@@ -132,6 +133,7 @@ class ReceptionTest : public testing::Test {
   StatusBoard board_;
   PublishedSegments published_ = PublishedSegments::create(robot_.joints.size()).value();
   std::unique_ptr<CyclicLoop> loop_;
+  IncidentWatch incidents_{robot_};
   std::unique_ptr<TickFollower> follower_;
   std::unique_ptr<Reception> reception_;
   std::atomic<bool> done_ = false;

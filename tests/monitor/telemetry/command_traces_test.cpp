@@ -70,13 +70,21 @@ TEST_F(CommandTracesTest, OnlyAFirstUseMakesATrace) {
   TickRecord later = first_use(101);
   later.header.arrival = Arrival::none;
   traces_.tick(later);
-  TickRecord refused = first_use(102);
-  refused.header.arrival = Arrival::not_finite;
-  traces_.tick(refused);
   TickRecord spent = first_use(103);
   spent.header.freshness = Freshness::missing;
   traces_.tick(spent);
   EXPECT_TRUE(made_.empty());
+}
+
+TEST_F(CommandTracesTest, ARefusedCommandIsTracedAsRefused) {
+  TickRecord refused = first_use(102);
+  refused.header.arrival = Arrival::not_finite;
+  refused.header.command_sequence_seen = 77;
+  traces_.tick(refused);
+  ASSERT_EQ(made_.size(), 1U);
+  EXPECT_EQ(made_[0].arrival, Arrival::not_finite);
+  EXPECT_EQ(made_[0].sequence, 77U);
+  EXPECT_EQ(made_[0].actuated_at, refused.header.now) << "its stages are not known";
 }
 
 }  // namespace

@@ -16,6 +16,7 @@ int main(int argc, char** argv) {
                                       nullptr, MonoTime{1});
   if (!exporter) return 71;
   for (int tick = 0; tick < 3000; ++tick) {
+    robot.policy_is_frozen = tick > 2500;  // ends in a stop
     robot.run(1);
     exporter->tick(robot.latest());
     exporter->export_if_due(robot.latest().header.now);

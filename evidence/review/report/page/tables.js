@@ -34,13 +34,28 @@ takt.tables = (function () {
     text('text', facts.text);
   }
 
+  // What stopped the robot, before what held: red when nobody asked for it.
+  function incidents(metrics) {
+    const shown = metrics.incidents.slice(0, 5);
+    for (const incident of shown) {
+      const box = document.createElement('div');
+      box.className = 'incident' + (incident.asked ? '' : ' fault');
+      const [name, sentence] = ['b', 'span'].map((tag) => document.createElement(tag));
+      name.textContent = incident.asked ? 'Stopped as asked' : `Stopped by itself: ${incident.cause.replaceAll('_', ' ')}` + (incident.where ? `, ${incident.where}` : '');
+      sentence.textContent = incident.sentence;
+      box.append(name, sentence);
+      document.getElementById('incidents').append(box);
+    }
+    if (metrics.incident_count > shown.length) document.getElementById('incidents').append(`and ${metrics.incident_count - shown.length} more: see the report below`);
+  }
+
   function verdict(title, misses, confidence) {
     const box = document.createElement('div');
     const isJudged = misses.count > 0;
     box.className = 'verdict' + (isJudged ? ' ' + misses.verdict : '');
     const [name, word, numbers] = ['span', 'b', 'span'].map((tag) => document.createElement(tag));
     name.textContent = title;
-    word.textContent = isJudged ? misses.verdict : 'nothing to judge';
+    word.textContent = isJudged ? 'freshness ' + misses.verdict : 'nothing to judge';
     numbers.textContent = !isJudged ? 'the robot never relied on the policy' :
       `${misses.misses} of ${misses.count} missed, at most ${(100 * misses.upper_bound).toFixed(3)} % with ${100 * confidence} % confidence`;
     box.append(name, word, numbers);
@@ -68,6 +83,7 @@ takt.tables = (function () {
   return function (facts) {
     const { contract, deadline_misses: misses } = facts.metrics;
     head(facts);
+    incidents(facts.metrics);
     verdict(`per tick: Pr(age > ${contract.max_age_ns * 1e-6} ms) <= ${100 * contract.epsilon} %`, misses.per_tick, contract.confidence);
     verdict('per command', misses.per_command, contract.confidence);
     comparison(facts.comparison);

@@ -1,0 +1,233 @@
+#include "executive/incident/incident.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "drivers/protocol/cause_detail.hpp"
+#include "drivers/protocol/protocol_table.hpp"
+#include "executive/contract/feedback_names.hpp"
+#include "executive/pipeline/mode_machine.hpp"
+
+namespace takt {
+namespace {
+
+constexpr std::uint64_t kSilentTicks = 3;  // a reply may come a tick late
+
+bool relies_on_policy(Mode mode) {
+  return mode == Mode::tracking || mode == Mode::degraded;
+}
+
+bool is_usable(Freshness freshness) {
+  return freshness == Freshness::fresh || freshness == Freshness::aging;
+}
+
+// Of causes: those that are something wrong.
+bool is_sign(Cause cause) {
+  const pipeline::Reaction& row = pipeline::reaction(cause);
+  const bool stops = pipeline::is_latched(row.from(Mode::tracking)) || pipeline::is_latched(row.from(Mode::arming));
+  return (stops || cause == Cause::contract_violated) && !is_asked(cause);
+}
+
+std::string done_text(Mode mode) {
+  return mode == Mode::fault_latched ? "the failed drives get no power, the rest of their limbs damps, the rest of the "
+                                       "robot comes to rest and holds; "
+                                       "the fault stays latched"
+                                     : "the robot is damped to rest and held";
+}
+
+std::string sentence_of(const Incident& incident) {
+  std::string text = incident.asked ? "stop asked for" : incident.to == Mode::fault_latched ? "fault" : "stop";
+  text += fmt::format(" at tick {}: {}", incident.tick, name(incident.cause));
+  if (!incident.detail.empty()) text += fmt::format(": {}", incident.detail);
+  if (const IncidentLink& first = incident.chain.front(); !incident.asked && first.tick < incident.tick)
+    text += fmt::format("; first sign {:.1f} ms before, at tick {}: {}", (incident.at - first.at).milliseconds(),
+                        first.tick, first.what);
+  return text + fmt::format("; done: {}; clears with: {}", incident.done, incident.clears_when);
+}
+
+}  // namespace
+
+bool is_asked(Cause cause) {
+  return cause == Cause::operator_stop || cause == Cause::operator_deenergise || cause == Cause::shutdown;
+}
+
+std::vector<std::pair<Mode, Cause>> possible_transitions() {
+  std::vector<std::pair<Mode, Cause>> all;
+  for (const pipeline::Reaction& row : pipeline::kReactions)
+    for (std::size_t from = 0; from < kModeCount; ++from) {
+      const std::pair change{row.to[from], row.cause};
+      if (change.first != static_cast<Mode>(from) && std::ranges::find(all, change) == all.end()) all.push_back(change);
+    }
+  return all;
+}
+
+IncidentWatch::IncidentWatch(const config::RobotConfig& robot) : robot_(robot) {
+  heard_.resize(robot_.joints.size());
+  forget();
+}
+
+void IncidentWatch::forget() {
+  causes_.assign(kCauseCount, {});
+  errors_.assign(robot_.joints.size(), {});
+  silences_.assign(robot_.joints.size(), {});
+  buses_.assign(robot_.buses.size(), {});
+  command_ = {};
+}
+
+namespace {
+
+// One more tick in which a sign shows.
+template <class Sign>
+void note(Sign& sign, const TickRecordHeader& header, std::uint64_t first_tick, MonoTime since,
+          std::uint32_t code = 0) {
+  const bool goes_on = sign.tick != 0 && header.now - sign.last <= kSignLasts && sign.code == code;
+  if (!goes_on) sign = {first_tick, since, {}, code};
+  sign.last = header.now;
+}
+
+}  // namespace
+
+void IncidentWatch::look_at_joint(const TickRecord& record, std::size_t joint) {
+  const TickRecordHeader& header = record.header;
+  const JointFeedback& feedback = record.joints[joint].feedback;
+  if (feedback.drive_state == DriveState::fault || feedback.error_code != 0)
+    note(errors_[joint], header, header.tick, header.now, feedback.error_code);
+  Heard& heard = heard_[joint];
+  if (heard.tick == 0 || feedback.received_at != heard.stamp)
+    heard = {feedback.received_at, header.now, header.tick};
+  else if (header.tick - heard.tick >= kSilentTicks)
+    note(silences_[joint], header, heard.tick + 1, heard.at + robot_.control.period);
+}
+
+void IncidentWatch::look(const TickRecord& record) {
+  const TickRecordHeader& header = record.header;
+  for (std::size_t cause = 1; cause < kCauseCount; ++cause)
+    if ((header.causes_active >> cause & 1U) != 0 && is_sign(static_cast<Cause>(cause)))
+      note(causes_[cause], header, header.tick, header.now);
+  const std::size_t joints = std::min<std::size_t>(header.joint_count, robot_.joints.size());
+  for (std::size_t joint = 0; joint < joints; ++joint) look_at_joint(record, joint);
+  const std::size_t buses = std::min<std::size_t>(header.bus_count, robot_.buses.size());
+  for (std::size_t bus = 0; bus < buses; ++bus)
+    if (const BusState state = header.buses[bus].state; state != BusState::up)
+      note(buses_[bus], header, header.tick, header.now, static_cast<std::uint32_t>(state));
+  if (relies_on_policy(header.previous_mode) && !is_usable(header.freshness))
+    note(command_, header, header.tick, header.now);
+  if (header.arrival != Arrival::none && header.arrival != Arrival::accepted) refused_ = header.arrival;
+  if (header.overrun_cause != OverrunCause::none) late_ = header.overrun_cause;
+}
+
+std::vector<IncidentLink> IncidentWatch::chain(const TickRecordHeader& header) const {
+  std::vector<IncidentLink> links;
+  const auto add = [&](const Sign& sign, const auto& what) {
+    if (sign.tick != 0 && sign.tick < header.tick && header.now - sign.last <= kSignLasts)
+      links.push_back({sign.tick, sign.since, what()});
+  };
+  for (std::size_t joint = 0; joint < robot_.joints.size(); ++joint) {
+    const config::Joint& known = robot_.joints[joint];
+    add(errors_[joint], [&] {
+      const std::uint32_t code = errors_[joint].code;
+      return fmt::format("joint {}: {}", known.name, code == 0 ? "fault" : drivers::error_name(known.drive, code));
+    });
+    add(silences_[joint], [&] { return fmt::format("joint {}: silent", known.name); });
+  }
+  for (std::size_t bus = 0; bus < robot_.buses.size(); ++bus)
+    add(buses_[bus], [&] {
+      return fmt::format("bus {}: {}", robot_.buses[bus].name, name(static_cast<BusState>(buses_[bus].code)));
+    });
+  add(command_, [] { return std::string("no usable command"); });
+  for (std::size_t cause = 1; cause < kCauseCount; ++cause)
+    add(causes_[cause], [&] { return std::string(name(static_cast<Cause>(cause))); });
+  std::ranges::stable_sort(links, {}, &IncidentLink::tick);
+  links.push_back({header.tick, header.now, fmt::format("{} -> {}", name(header.previous_mode), name(header.mode))});
+  return links;
+}
+
+// Of causes that are about the robot as a whole.
+std::string IncidentWatch::words(const TickRecord& record) const {
+  const config::Freshness& limits = robot_.freshness;
+  const TickRecordHeader& header = record.header;
+  const std::string newest = header.freshness == Freshness::missing
+                                 ? "none is left"
+                                 : fmt::format("the newest is {:.0f} ms old", header.age.total().milliseconds());
+  switch (header.cause) {
+    case Cause::operator_stop:
+      return "a person asked for it";
+    case Cause::operator_deenergise:
+      return "a person took the power away";
+    case Cause::shutdown:
+      return "the executive was told to end";
+    case Cause::command_lost:
+      return fmt::format("the policy gave no usable command for {:g} ms (stop_after), {}",
+                         limits.stop_after.milliseconds(), newest);
+    case Cause::bad_commands:
+      return fmt::format("more of the policy's commands were refused than bad_command_limit allows, the last one as {}",
+                         name(refused_));
+    case Cause::enable_timeout:
+      return fmt::format("every drive is enabled, but no usable command came: {}", newest);
+    case Cause::overrun:
+      return fmt::format("the control loop was late again and again, last by {}", name(late_));
+    case Cause::recording_lost:
+      return "a recorder is required (record.recorder), and none writes";
+    case Cause::internal_error:
+      return "an assertion of Takt failed: report it with the run folder";
+    case Cause::none:
+    case Cause::operator_arm:
+    case Cause::operator_reset:
+    case Cause::drives_enabled:
+    case Cause::contract_violated:
+    case Cause::contract_restored:
+    case Cause::feedback_lost:
+    case Cause::drive_fault:
+    case Cause::drive_disabled:
+    case Cause::bus_off:
+    case Cause::bus_down:
+    case Cause::bus_error_passive:
+    case Cause::transmit_queue_full:
+    case Cause::receive_overflow:
+    case Cause::replies_lost:
+    case Cause::replies_repeated:
+    case Cause::replies_delayed:
+    case Cause::foreign_node:
+    case Cause::bus_babble:
+    case Cause::envelope_exceeded:
+      return {};
+  }
+  return {};
+}
+
+Incident IncidentWatch::made_of(const TickRecord& record) const {
+  const TickRecordHeader& header = record.header;
+  Incident incident{.tick = header.tick,
+                    .at = header.now,
+                    .from = header.previous_mode,
+                    .to = header.mode,
+                    .cause = header.cause,
+                    .asked = is_asked(header.cause)};
+  incident.detail = drivers::cause_detail(header.cause, record, robot_);
+  for (const drivers::CauseFinding& finding : drivers::cause_findings(header.cause, record, robot_)) {
+    const bool is_first = incident.where.empty();
+    incident.where += (is_first ? "" : ", ") + drivers::place_text(finding, robot_);
+    if (is_first && finding.place == drivers::CausePlace::joint)
+      incident.error_code = record.joints[finding.index].feedback.error_code;
+  }
+  if (incident.detail.empty()) incident.detail = words(record);
+  incident.chain = chain(header);
+  incident.done = done_text(header.mode);
+  incident.clears_when = pipeline::reaction(header.cause).clears_when;
+  incident.sentence = sentence_of(incident);
+  return incident;
+}
+
+std::optional<Incident> IncidentWatch::tick(const TickRecord& record) {
+  const TickRecordHeader& header = record.header;
+  const bool changed = header.mode != header.previous_mode;
+  if (changed && header.mode == Mode::arming) forget();
+  look(record);
+  stands_ = pipeline::is_latched(header.mode);
+  if (!changed || !stands_) return std::nullopt;
+  latest_ = made_of(record);
+  return latest_;
+}
+
+}  // namespace takt

@@ -1,0 +1,163 @@
+// Goal: one incident per stop or fault, with the joint or bus, the drive's own words, what came before it, and one
+// sentence that says it all. Method: ticks made by hand, one story each; every cause of the reaction table is entered
+// once.
+#include "executive/incident/incident.hpp"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+
+#include "config/load.hpp"
+#include "executive/pipeline/mode_machine.hpp"
+
+namespace takt {
+namespace {
+
+class IncidentTest : public testing::Test {
+ protected:
+  IncidentTest() {
+    record.header.joint_count = static_cast<std::uint32_t>(robot.joints.size());
+    record.header.bus_count = static_cast<std::uint8_t>(robot.buses.size());
+    record.header.freshness = Freshness::fresh;
+    for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
+      record.joints[joint].feedback.drive_state = DriveState::enabled;
+    enter(Mode::arming, Cause::operator_arm);
+    enter(Mode::tracking, Cause::drives_enabled);
+  }
+  // One tick later, in `mode`.
+  std::optional<Incident> enter(Mode mode, Cause cause) {
+    TickRecordHeader& header = record.header;
+    ++header.tick;
+    header.now = MonoTime{} + milliseconds(static_cast<std::int64_t>(1000 + header.tick));
+    header.previous_mode = header.mode;
+    header.mode = mode;
+    header.cause = cause;
+    for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
+      if (joint != silent) record.joints[joint].feedback.received_at = header.now;
+    return watch.tick(record);
+  }
+  void stay(int ticks) {
+    for (int i = 0; i < ticks; ++i) EXPECT_FALSE(enter(record.header.mode, Cause::none));
+  }
+
+  config::RobotConfig robot = config::load("config/arm6.yaml").value();
+  std::unique_ptr<TickRecord> memory = std::make_unique<TickRecord>();
+  TickRecord& record = *memory;
+  std::size_t silent = 99;
+  IncidentWatch watch{robot};
+};
+
+TEST_F(IncidentTest, AnOverTemperatureIsToldInTheDrivesOwnWords) {
+  stay(98);
+  record.joints[2].feedback.drive_state = DriveState::fault;
+  record.joints[2].feedback.error_code = 0xB;
+  const auto incident = enter(Mode::fault_latched, Cause::drive_fault);
+  ASSERT_TRUE(incident);
+  EXPECT_EQ(incident->where, "joint elbow");
+  EXPECT_EQ(incident->error_code, 0xBU);
+  EXPECT_FALSE(incident->asked);
+  EXPECT_EQ(incident->clears_when, pipeline::reaction(Cause::drive_fault).clears_when);
+  EXPECT_EQ(incident->sentence, "fault at tick 101: drive_fault: joint elbow: output stage over-temperature; done: " +
+                                    incident->done + "; clears with: " + incident->clears_when);
+  EXPECT_TRUE(watch.stands());
+  stay(5);
+  EXPECT_TRUE(watch.stands());
+  EXPECT_FALSE(enter(Mode::standby, Cause::operator_reset));
+  EXPECT_FALSE(watch.stands());
+  EXPECT_TRUE(watch.latest()) << "what is over is still remembered";
+}
+
+TEST_F(IncidentTest, TheChainLeadsBackToTheFirstDeviatingTick) {
+  stay(48);  // up to tick 50
+  silent = 4;
+  stay(10);
+  record.header.freshness = Freshness::stale;
+  stay(10);
+  const auto incident = enter(Mode::fault_latched, Cause::feedback_lost);
+  ASSERT_TRUE(incident);
+  ASSERT_EQ(incident->chain.size(), 3U);
+  EXPECT_EQ(incident->chain[0].tick, 51U);
+  EXPECT_EQ(incident->chain[0].what, "joint wrist_pitch: silent");
+  EXPECT_EQ(incident->chain[1].tick, 61U);
+  EXPECT_EQ(incident->chain[1].what, "no usable command");
+  EXPECT_EQ(incident->chain[2].tick, 71U);
+  EXPECT_NE(incident->sentence.find("joint wrist_pitch: silent for 21.0 ms"), std::string::npos) << incident->sentence;
+  EXPECT_NE(incident->sentence.find("first sign 20.0 ms before, at tick 51: joint wrist_pitch: silent"),
+            std::string::npos)
+      << incident->sentence;
+}
+
+// What was over long before the stop is not its beginning, nor what was there before the robot was armed.
+TEST_F(IncidentTest, OldSignsAreForgotten) {
+  record.header.buses[1].state = BusState::error_passive;
+  stay(10);
+  record.header.buses[1].state = BusState::up;
+  stay(150);
+  const auto incident = enter(Mode::damped_stop, Cause::command_lost);
+  ASSERT_TRUE(incident);
+  EXPECT_EQ(incident->chain.size(), 1U);
+
+  enter(Mode::standby, Cause::operator_reset);
+  record.header.buses[1].state = BusState::error_passive;
+  stay(10);
+  record.header.buses[1].state = BusState::up;
+  enter(Mode::arming, Cause::operator_arm);
+  EXPECT_EQ(enter(Mode::fault_latched, Cause::enable_timeout)->chain.size(), 1U);
+}
+
+TEST_F(IncidentTest, ABusIsNamed) {
+  record.header.buses[1].state = BusState::down;
+  const auto incident = enter(Mode::fault_latched, Cause::bus_down);
+  ASSERT_TRUE(incident);
+  EXPECT_EQ(incident->where, "bus can1");
+  EXPECT_NE(incident->sentence.find("bus_down: bus can1: down or gone"), std::string::npos) << incident->sentence;
+}
+
+TEST_F(IncidentTest, WhatAPersonAskedForIsNoFault) {
+  const auto stop = enter(Mode::damped_stop, Cause::operator_stop);
+  ASSERT_TRUE(stop);
+  EXPECT_TRUE(stop->asked);
+  EXPECT_TRUE(stop->sentence.starts_with("stop asked for at tick 3: operator_stop")) << stop->sentence;
+  // A fault that catches up with it is another matter.
+  record.joints[0].feedback.error_code = 0xB;
+  const auto fault = enter(Mode::fault_latched, Cause::drive_fault);
+  ASSERT_TRUE(fault);
+  EXPECT_FALSE(fault->asked);
+}
+
+TEST_F(IncidentTest, ARobotThatRunsOnIsNoIncident) {
+  EXPECT_FALSE(enter(Mode::degraded, Cause::contract_violated));
+  EXPECT_FALSE(enter(Mode::tracking, Cause::contract_restored));
+  EXPECT_FALSE(watch.latest());
+}
+
+// Whatever stops the robot is told in words: the place, or for the robot as a whole why.
+TEST_F(IncidentTest, EveryCauseThatStopsHasWordsOrAPlace) {
+  for (const auto& [mode, cause] : possible_transitions()) {
+    if (!pipeline::is_latched(mode)) continue;
+    for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
+      JointRecord& each = record.joints[joint];
+      each.feedback.drive_state = cause == Cause::drive_disabled ? DriveState::disabled : DriveState::fault;
+      each.dq_estimate = 99;
+      each.reply_faults = 7;
+    }
+    for (BusHealth& bus : record.header.buses)
+      bus.flooded = 1, bus.tx_dropped = bus.rx_dropped = bus.foreign_frames = 3;
+    const BusState state = cause == Cause::bus_off    ? BusState::bus_off
+                           : cause == Cause::bus_down ? BusState::down
+                                                      : BusState::error_passive;
+    for (BusHealth& bus : record.header.buses) bus.state = state;
+    silent = cause == Cause::feedback_lost ? 0 : 99;
+    record.joints[0].feedback.received_at = {};
+    enter(Mode::tracking, Cause::drives_enabled);
+    const auto incident = enter(mode, cause);
+    ASSERT_TRUE(incident) << name(cause);
+    EXPECT_FALSE(incident->detail.empty()) << name(cause);
+    EXPECT_FALSE(incident->clears_when.empty()) << name(cause);
+    EXPECT_NE(incident->sentence.find(incident->detail), std::string::npos);
+    EXPECT_EQ(incident->sentence.find('\n'), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace takt
