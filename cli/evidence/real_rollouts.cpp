@@ -13,6 +13,7 @@
 #include <thread>
 #include <vector>
 
+#include "cli/command.hpp"
 #include "cli/run/child_process.hpp"
 #include "evidence/panel/recorded_row.hpp"
 #include "evidence/rollout/arm_world.hpp"
