@@ -95,9 +95,9 @@ TEST(Screen, WhatIsWrongStandsOut) {
   picture.tick.window_misses = 100;
   picture.tick.recorded_through = 0;
   picture.buses[0].health.state = BusState::bus_off;
-  picture.joints[0].newest.feedback.error_code = 9;
+  picture.joints[0].error = "over-temperature";
   const auto lines = render(picture, {}, {24, 80}, Glyphs::unicode);
-  for (const char* alarm : {"DAMPED_STOP", "stale", "100/1000", "violated", "bus-off", "drive error 9"})
+  for (const char* alarm : {"DAMPED_STOP", "stale", "100/1000", "violated", "bus-off", "over-temperature"})
     EXPECT_EQ(style_of(lines, alarm), Style::alarm) << alarm;
   for (const char* warning : {"UNRECORDED", "NOT REAL TIME", "preempted 2", "tx lost 12", "velocity_limit 17"})
     EXPECT_EQ(style_of(lines, warning), Style::warning) << warning;

@@ -105,6 +105,15 @@ TEST_F(IncidentTest, OldSignsAreForgotten) {
   EXPECT_EQ(enter(Mode::fault_latched, Cause::enable_timeout)->chain.size(), 1U);
 }
 
+// A sign that ended shortly before the stop is still its beginning.
+TEST_F(IncidentTest, ASignThatJustEndedIsRemembered) {
+  record.header.buses[1].state = BusState::error_passive;
+  stay(10);
+  record.header.buses[1].state = BusState::up;
+  stay(90);
+  EXPECT_EQ(enter(Mode::damped_stop, Cause::command_lost)->chain.front().what, "bus can1: error_passive");
+}
+
 TEST_F(IncidentTest, ABusIsNamed) {
   record.header.buses[1].state = BusState::down;
   const auto incident = enter(Mode::fault_latched, Cause::bus_down);

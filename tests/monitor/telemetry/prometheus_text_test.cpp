@@ -97,6 +97,8 @@ TEST(PrometheusText, HasEverySeriesOfTheRulesTestFromTheStart) {
   std::size_t found = 0;
   for (std::sregex_iterator at(told.begin(), told.end(), series), end; at != end; ++at, ++found) {
     const std::string name = at->str(1), labels = at->str(2);
+    // Prometheus' own, and what is there while it holds (incident_surfaces_test).
+    if (name == "up" || name == "takt_incident") continue;
     EXPECT_TRUE(std::ranges::any_of(exported,
                                     [&](const std::string& line) {
                                       if (!line.starts_with(name + "{")) return false;
