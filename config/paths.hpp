@@ -1,13 +1,18 @@
-// Where a running robot's sockets live, given its runtime directory (default /run/takt/<robot>).
+// Where a running robot's sockets live, given its runtime directory.
 #pragma once
 
 #include <string>
 
 namespace takt::config {
 
-inline std::string default_runtime_directory(const std::string& robot) {
-  return "/run/takt/" + robot;
-}
+// The runtime directory of the one robot that the systemd units run.
+inline constexpr const char* kServiceRuntimeDirectory = "/run/takt";
+// Where a user's robots have their runtime directories, one folder per robot: $XDG_RUNTIME_DIR/takt; where that is not
+// set, /run/takt for root, and for others takt in /run/user/UID where there is one, else /tmp/takt-UID.
+std::string runtime_home();
+// The robot's folder in runtime_home().
+std::string default_runtime_directory(const std::string& robot);
+
 inline std::string executive_socket(const std::string& runtime_directory) {
   return runtime_directory + "/executive.sock";
 }

@@ -8,7 +8,7 @@ void describe(Fields& fields, RobotConfig& robot) {
   constexpr std::array kSchemas{kSchemaName};
   std::string schema(kSchemaName);
   fields.one_of({"schema", "format of this file"}, schema, kSchemas, "schema");
-  fields.identifier({"robot", "name of the robot; its runtime directory is /run/takt/NAME"}, robot.robot);
+  fields.identifier({"robot", "name of the robot, and of its runtime directory"}, robot.robot);
   describe_timing(fields, robot);
   describe_machine(fields, robot);
   describe_policy(fields, robot);

@@ -170,7 +170,8 @@ int main(int argc, char** argv) {
   what->add_option("--robot", options.robot_file, "robot file: record its executive");
   what->add_option("--review", options.review, "run folder that was closed: write its metrics.json, and end");
   what->require_option(1);
-  app.add_option("--runtime-dir", options.runtime_directory, "default /run/takt/<robot>");
+  app.add_option("--runtime-dir", options.runtime_directory,
+                 "default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt");
   app.add_option("--run-dir", options.run_directory,
                  "run folder; default <record.directory>/<UTC time>-<robot>-<id>; a second session gets .2 behind it");
   app.add_option("--max-file-mib", options.max_file_mib, "recording stops when ticks.mcap or can.log reaches it")

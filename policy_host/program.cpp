@@ -83,7 +83,7 @@ int run_policy_host(int argc, char** argv, const LoadPolicy& load) {
   Options options;
   app.add_option("--robot", options.robot, "robot file")->required();
   app.add_option("--runtime-dir", options.runtime_directory,
-                 "where the robot's sockets are (default /run/takt/<robot>)");
+                 "where the robot's sockets are (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
   app.add_option("--fault", options.faults,
                  "do something wrong, for tests: 'FROM for LENGTH: FAULT', FROM counted from tracking "
                  "(docs/panels-real-time.md)")

@@ -247,7 +247,7 @@ int main(int argc, char** argv) {
   what->require_option(1);
   app.add_option("--scenario", options.scenario, "what goes wrong, and when (docs/plant-scenarios.md)");
   app.add_option("--runtime-dir", options.runtime_directory,
-                 "where sockets live (default /run/takt/<robot>; --devices: /run/takt/devices)");
+                 "where sockets live (default ROBOT or `devices` in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
   app.add_option("--seed", options.seed, "instead of simulation.seed");
   app.add_option("--truth", options.truth_file, "--robot: write what the robot really did to this file, as JSON lines")
       ->excludes("--devices");

@@ -77,7 +77,8 @@ void add_bus(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
   CLI::App* command = bus->add_subcommand("watch", "What the drives say, decoded, live; sends nothing.");
   command->add_option("--robot", options->robot_file, "robot file")->required();
-  command->add_option("--runtime-dir", options->runtime_dir, "where loopback buses are (default /run/takt/<robot>)");
+  command->add_option("--runtime-dir", options->runtime_dir,
+                      "where loopback buses are (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
   command->add_option("--seconds", options->seconds, "end after this long; default: at Ctrl-C")
       ->check(CLI::PositiveNumber);
   command->add_flag("--json", options->json, "at the end, one line of JSON instead of the table");

@@ -154,7 +154,8 @@ void add_bus_disable(CLI::App& bus, int& exit_code) {
   CLI::App* command = bus.add_subcommand("disable", "Tell every drive to be disabled, and wait until it says so.");
   auto options = std::make_shared<Options>();
   command->add_option("--robot", options->robot_file, "robot file")->required();
-  command->add_option("--runtime-dir", options->runtime_dir, "where loopback buses are (default /run/takt/<robot>)");
+  command->add_option("--runtime-dir", options->runtime_dir,
+                      "where loopback buses are (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
   command->add_option("--seconds", options->seconds, "wait for answers at most this long")
       ->check(CLI::Range(0.01, 60.0))
       ->capture_default_str();

@@ -131,7 +131,8 @@ void add_bus_scan(CLI::App& bus, int& exit_code) {
   auto options = std::make_shared<Options>();
   command->add_option("--robot", options->robot_file, "robot file: its buses, and the protocols spoken on each")
       ->required();
-  command->add_option("--runtime-dir", options->runtime_dir, "where loopback buses are (default /run/takt/<robot>)");
+  command->add_option("--runtime-dir", options->runtime_dir,
+                      "where loopback buses are (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
   command->add_option("--last-id", options->last_id, "highest number asked")
       ->check(CLI::Range(1, 127))
       ->capture_default_str();

@@ -103,7 +103,8 @@ void add_bus_zero(CLI::App& bus, int& exit_code) {
   auto options = std::make_shared<Options>();
   command->add_option("joint", options->joint, "name in the robot file")->required();
   command->add_option("--robot", options->robot_file, "robot file")->required();
-  command->add_option("--runtime-dir", options->runtime_dir, "where loopback buses are (default /run/takt/<robot>)");
+  command->add_option("--runtime-dir", options->runtime_dir,
+                      "where loopback buses are (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
   command->add_flag("--yes", options->yes, "do it; without, only what would happen is said");
   command->footer(
       "Example: takt bus zero elbow --robot robot.yaml --yes\n"

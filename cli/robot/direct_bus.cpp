@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "cli/robot/executive_guard.hpp"
+#include "cli/robot/running_robots.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "drivers/bus/open_bus.hpp"
@@ -12,8 +13,6 @@
 
 namespace takt::cli {
 namespace {
-
-constexpr const char* kServiceRuntimeDirectory = "/run/takt";  // of the systemd units
 
 // A simulated bus is the plant's alone; an interface of the kernel is there for every executive of this machine.
 bool has_real_bus(const config::RobotConfig& robot) {
@@ -28,7 +27,9 @@ std::expected<DirectRobot, Refusal> load_robot(const std::string& robot_file, co
   const bool is_named = !runtime_directory.empty();
   const std::string own = is_named ? runtime_directory : config::default_runtime_directory(robot->robot);
   std::vector<std::string> executives{own};
-  if (!is_named || has_real_bus(*robot)) executives.emplace_back(kServiceRuntimeDirectory);
+  if (!is_named) executives.emplace_back(config::kServiceRuntimeDirectory);
+  if (has_real_bus(*robot)) executives = possible_runtime_directories(places_of_this_user());
+  if (std::ranges::find(executives, own) == executives.end()) executives.push_back(own);
   return DirectRobot{std::move(*robot), own, std::move(executives)};
 }
 

@@ -168,7 +168,8 @@ void add_joint(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
   command->add_option("joint", options->joint, "name in the robot file")->required();
   command->add_option("--robot", options->robot_file, "robot file")->required();
-  command->add_option("--runtime-dir", options->runtime_dir, "where loopback buses are (default /run/takt/<robot>)");
+  command->add_option("--runtime-dir", options->runtime_dir,
+                      "where loopback buses are (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
   command->add_option("--by", options->by_degrees, "degrees, joint side, signed")->capture_default_str();
   command->add_option("--speed", options->speed_degrees, "degrees per second")
       ->check(CLI::Range(0.1, 90.0))

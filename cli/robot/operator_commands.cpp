@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.hpp"
+#include "cli/robot/running_robots.hpp"
 #include "cli/run/status_text.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
@@ -23,15 +24,26 @@ struct Options {
   bool now = false;
 };
 
-// Where the robot runs, or the exit code after its sentence was printed.
-std::expected<std::string, int> runtime_dir_of(const Options& options) {
+std::expected<std::string, Refusal> runtime_dir_of(const Options& options) {
   if (!options.runtime_dir.empty()) return options.runtime_dir;
-  const auto robot = config::load(options.robot_file);
-  if (!robot) {
-    fmt::print(stderr, "{}\n", robot.error());
-    return std::unexpected(config::kExitBadConfiguration);
+  std::string name;
+  if (!options.robot_file.empty()) {
+    const auto robot = config::load(options.robot_file);
+    if (!robot) return std::unexpected(Refusal{config::kExitBadConfiguration, robot.error()});
+    name = robot->robot;
   }
-  return config::default_runtime_directory(robot->robot);
+  auto running = the_running_robot(places_of_this_user(), name);
+  if (!running) return std::unexpected(running.error());
+  return std::move(running->runtime_directory);
+}
+
+// Before anybody was asked.
+int refuse(const Refusal& refusal, const std::string& sentence, bool json) {
+  if (json)
+    fmt::print("{}\n", nlohmann::json{{"done", false}, {"sentences", {refusal.sentence}}, {"status", nullptr}}.dump());
+  else
+    fmt::print(stderr, "{}\n", sentence);
+  return refusal.exit_code;
 }
 
 void print_reply(OperatorVerb verb, const OperatorReply& reply, const Options& options) {
@@ -50,15 +62,11 @@ void print_reply(OperatorVerb verb, const OperatorReply& reply, const Options& o
 
 int request(OperatorVerb verb, const Options& options) {
   const auto directory = runtime_dir_of(options);
-  if (!directory) return directory.error();
+  if (!directory) return refuse(directory.error(), directory.error().sentence, options.json);
   const auto reply = ipc::ask(config::executive_socket(*directory), verb, kAnswerWithin);
-  if (!reply) {
-    if (options.json)
-      fmt::print("{}\n", nlohmann::json{{"done", false}, {"sentences", {reply.error()}}, {"status", nullptr}}.dump());
-    else
-      fmt::print(stderr, "no executive answers in {}: {}\n", *directory, reply.error());
-    return kExitUnavailable;
-  }
+  if (!reply)
+    return refuse({kExitUnavailable, reply.error()},
+                  fmt::format("no executive answers in {}: {}", *directory, reply.error()), options.json);
   print_reply(verb, *reply, options);
   return verb == OperatorVerb::status || reply->done != 0 ? kExitOk : kExitFailed;
 }
@@ -66,10 +74,10 @@ int request(OperatorVerb verb, const Options& options) {
 void add(CLI::App& app, int& exit_code, OperatorVerb verb, const char* word, const char* what, const char* footer) {
   CLI::App* command = app.add_subcommand(word, what);
   auto options = std::make_shared<Options>();
-  CLI::Option_group* where = command->add_option_group("where", "which running robot");
+  CLI::Option_group* where = command->add_option_group("where", "which running robot, where there are several");
   where->add_option("--runtime-dir", options->runtime_dir, "its runtime directory");
-  where->add_option("--robot", options->robot_file, "its robot file; runs in /run/takt/NAME");
-  where->require_option(1);
+  where->add_option("--robot", options->robot_file, "its robot file: the one of that name");
+  where->require_option(0, 1);
   command->add_flag("--json", options->json, "one line of JSON");
   command->footer(footer);
   command->callback(
@@ -82,34 +90,35 @@ void add(CLI::App& app, int& exit_code, OperatorVerb verb, const char* word, con
 
 void add_arm(CLI::App& app, int& exit_code) {
   add(app, exit_code, OperatorVerb::arm, "arm", "Enable the drives and let the policy move the robot.",
-      "Example: takt arm --robot config/arm6.yaml\n"
-      "Exit codes: 0 arming, 1 refused (what is missing, one per line), 65 configuration, 69 not running.");
+      "Example: takt arm\n"
+      "Exit codes: 0 arming, 1 refused (what is missing, one per line), 64 several run, 65 configuration, 69 none "
+      "runs.");
 }
 
 void add_stop(CLI::App& app, int& exit_code) {
   add(app, exit_code, OperatorVerb::press_stop, "stop",
       "Stop softly: damping until the robot rests, then hold. A second time: no power, in every mode.",
-      "Example: takt stop --robot config/arm6.yaml\n"
+      "Example: takt stop\n"
       "The second stop may come 0.2 s after the first, until the stop is reset. What hangs falls.\n"
-      "Exit codes: 0 stopping, 65 configuration, 69 not running, or handed over without an answer.");
+      "Exit codes: 0 stopping, 64 several run, 65 configuration, 69 none runs, or handed over without an answer.");
 }
 
 void add_reset(CLI::App& app, int& exit_code) {
   add(app, exit_code, OperatorVerb::reset, "reset", "Clear a latched stop or fault: back to standby.",
-      "Example: takt reset --robot config/arm6.yaml\n"
-      "Exit codes: 0 reset, 1 refused (what still holds), 65 configuration, 69 not running.");
+      "Example: takt reset\n"
+      "Exit codes: 0 reset, 1 refused (what still holds), 64 several run, 65 configuration, 69 none runs.");
 }
 
 void add_mark(CLI::App& app, int& exit_code) {
   add(app, exit_code, OperatorVerb::mark, "mark", "Mark this instant in the run; takt report lists the marks.",
-      "Example: takt mark --robot config/arm6.yaml\n"
-      "Exit codes: 0 marked, 1 the control thread does not answer, 65 configuration, 69 not running.");
+      "Example: takt mark\n"
+      "Exit codes: 0 marked, 1 the control thread does not answer, 64 several run, 65 configuration, 69 none runs.");
 }
 
 void add_status(CLI::App& app, int& exit_code) {
   add(app, exit_code, OperatorVerb::status, "status", "Mode, age of the command, misses, overruns.",
-      "Example: takt status --robot config/arm6.yaml --json\n"
-      "Exit codes: 0 running, 65 configuration, 69 not running.");
+      "Example: takt status --json\n"
+      "Exit codes: 0 running, 64 several run, 65 configuration, 69 none runs.");
 }
 
 }  // namespace takt::cli

@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "cli/command.hpp"
+#include "cli/robot/running_robots.hpp"
 #include "cli/run/checked_robot.hpp"
 #include "cli/run/supervisor.hpp"
 #include "config/load.hpp"
@@ -101,6 +102,10 @@ int run(const Given& given) {
                std::chrono::milliseconds(500)))
     return refuse(kExitFailed, fmt::format("a robot already runs in {}; end it first or choose another --runtime-dir",
                                            options.place.runtime_directory));
+  if (given.runtime_dir.empty())
+    if (const auto home = make_runtime_home(config::runtime_home()); !home)
+      return refuse(kExitUnavailable, home.error());
+  remember_robot_file(options.place.runtime_directory, given.robot_file);
   return Supervisor(robot, std::move(options)).run();
 }
 
@@ -111,7 +116,8 @@ void add_run(CLI::App& app, int& exit_code) {
       app.add_subcommand("run", "Start all processes of a robot, supervise them, and end them together.");
   auto given = std::make_shared<Given>();
   command->add_option("ROBOT", given->robot_file, "robot file")->required();
-  command->add_option("--runtime-dir", given->runtime_dir, "where its sockets live; default /run/takt/NAME");
+  command->add_option("--runtime-dir", given->runtime_dir,
+                      "where its sockets live; default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt");
   command->add_option("--run-dir", given->run_dir, "run folder to make; default: a new one in record.directory");
   command->add_option("--duration", given->duration, "end after this long, such as 20s");
   command->add_option("--at", given->at, "scripted event 'T: ACTION', T after tracking began")->allow_extra_args(false);

@@ -12,6 +12,7 @@
 
 #include "cli/command.hpp"
 #include "cli/evidence/trace_snapshot.hpp"
+#include "cli/robot/running_robots.hpp"
 #include "cli/run/status_text.hpp"
 #include "cli/top/attachment.hpp"
 #include "cli/top/keys.hpp"
@@ -139,17 +140,56 @@ int print_once(const config::RobotConfig& robot, const std::string& directory, c
   return kExitOk;
 }
 
-int run_top(const Options& options) {
-  const auto robot = config::load(options.robot_file);
-  if (!robot) {
-    fmt::print(stderr, "{}\n", robot.error());
-    return config::kExitBadConfiguration;
+struct Subject {
+  config::RobotConfig robot;
+  std::string runtime_directory;
+};
+
+std::expected<config::RobotConfig, Refusal> load_robot_file(const std::string& path) {
+  auto robot = config::load(path);
+  if (!robot) return std::unexpected(Refusal{config::kExitBadConfiguration, robot.error()});
+  return std::move(*robot);
+}
+
+// Nothing named: the one that runs. Only its file named: where it runs, or will.
+std::expected<Subject, Refusal> subject_of(const Options& options) {
+  Subject subject{{}, options.runtime_dir};
+  if (!options.robot_file.empty()) {
+    auto robot = load_robot_file(options.robot_file);
+    if (!robot) return std::unexpected(robot.error());
+    subject.robot = std::move(*robot);
+    if (!subject.runtime_directory.empty()) return subject;
+    subject.runtime_directory = config::default_runtime_directory(subject.robot.robot);
+    const auto running = the_running_robot(places_of_this_user(), subject.robot.robot);
+    if (running) subject.runtime_directory = running->runtime_directory;
+    if (!running && running.error().exit_code != kExitUnavailable) return std::unexpected(running.error());
+    return subject;
   }
-  const std::string directory =
-      options.runtime_dir.empty() ? config::default_runtime_directory(robot->robot) : options.runtime_dir;
+  if (subject.runtime_directory.empty()) {
+    const auto running = the_running_robot(places_of_this_user(), {});
+    if (!running) return std::unexpected(running.error());
+    subject.runtime_directory = running->runtime_directory;
+  }
+  const std::string file = remembered_robot_file(subject.runtime_directory);
+  if (file.empty())
+    return std::unexpected(Refusal{
+        kExitUsage, fmt::format("which robot runs in {}? Name its file with --robot", subject.runtime_directory)});
+  auto robot = load_robot_file(file);
+  if (!robot) return std::unexpected(robot.error());
+  subject.robot = std::move(*robot);
+  return subject;
+}
+
+int run_top(const Options& options) {
+  const auto subject = subject_of(options);
+  if (!subject) {
+    fmt::print(stderr, "{}\n", subject.error().sentence);
+    return subject.error().exit_code;
+  }
+  const auto& [robot, directory] = *subject;
   const top::Glyphs glyphs = options.ascii ? top::Glyphs::ascii : top::glyphs_of_locale();
-  if (options.once) return print_once(*robot, directory, options, glyphs);
-  Console console(*robot, directory, glyphs);
+  if (options.once) return print_once(robot, directory, options, glyphs);
+  Console console(robot, directory, glyphs);
   const auto terminal = top::Terminal::open(top::wants_colour());
   if (!terminal) {
     fmt::print(stderr, "takt top: {}\n", terminal.error());
@@ -164,17 +204,18 @@ int run_top(const Options& options) {
 void add_top(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("top", "A running robot, live: mode, ages, misses, buses, joints; arm, stop.");
   auto options = std::make_shared<Options>();
-  command->add_option("--robot", options->robot_file, "robot file")->required();
-  command->add_option("--runtime-dir", options->runtime_dir, "its runtime directory; default /run/takt/NAME");
+  command->add_option("--robot", options->robot_file, "its robot file; default: what it was started with");
+  command->add_option("--runtime-dir", options->runtime_dir, "its runtime directory; default: the running robot's");
   command->add_flag("--ascii", options->ascii, "no characters beyond ASCII; the default where the locale is not UTF-8");
   CLI::Option* const once = command->add_flag("--once", options->once, "print one frame of 80 x 24 and end");
   command->add_flag("--json", options->json, "with --once: the same as one line of JSON")->needs(once);
   command->footer(
-      "Example: takt top --robot config/arm6.yaml\n"
+      "Example: takt top\n"
       "Keys: a arm (asks), s stop, r reset, m mark, p trace snapshot, ? help, q quit. Waits for the executive, and for "
       "its return.\n"
-      "Exit codes: 0 ended by q or a signal, or printed; 64 command line, or no terminal; 65 configuration; 69 with "
-      "--once: not running. See docs/top.md.");
+      "Exit codes: 0 ended by q or a signal, or printed; 64 command line, several run, or no terminal; 65 "
+      "configuration; "
+      "69 no robot runs. See docs/top.md.");
   command->callback([options, &exit_code] { exit_code = run_top(*options); });
 }
 

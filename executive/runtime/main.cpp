@@ -152,7 +152,8 @@ int main(int argc, char** argv) {
   takt::runtime::Options options;
   CLI::App app("Takt's real-time control loop for one robot.\nExample: takt-executive --robot config/arm6.yaml");
   app.add_option("--robot", options.robot, "robot file")->required();
-  app.add_option("--runtime-dir", options.runtime_directory, "where sockets live (default /run/takt/<robot>)");
+  app.add_option("--runtime-dir", options.runtime_directory,
+                 "where sockets live (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
   app.add_option("--policy-user", options.policy_user, "a user who may lend a policy, but not arm; default: ours only");
   app.add_flag("--allow-non-realtime", options.allow_non_realtime,
                "run although real-time set-up failed; every artifact says so");

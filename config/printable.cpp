@@ -1,0 +1,45 @@
+#include "config/printable.hpp"
+
+#include <fmt/format.h>
+
+#include <cstddef>
+
+namespace takt::config {
+namespace {
+
+unsigned char byte(std::string_view text, std::size_t at) {
+  return at < text.size() ? static_cast<unsigned char>(text[at]) : 0;
+}
+
+bool continues(unsigned char c) {
+  return (c & 0xC0U) == 0x80;
+}
+
+// Bytes of the character that begins `text`; 0: none, or one that a terminal obeys instead of showing it.
+std::size_t shown_length(std::string_view text) {
+  const unsigned char first = byte(text, 0), second = byte(text, 1);
+  if (first < 0x80) return (first >= 0x20 && first != 0x7F) || first == '\n' ? 1 : 0;
+  if (first < 0xC2 || first > 0xF4 || !continues(second)) return 0;
+  if (first < 0xE0) return first == 0xC2 && second < 0xA0 ? 0 : 2;  // C1
+  const bool overlong = (first == 0xE0 && second < 0xA0) || (first == 0xF0 && second < 0x90);
+  const bool beyond = (first == 0xED && second >= 0xA0) || (first == 0xF4 && second >= 0x90);
+  if (overlong || beyond || !continues(byte(text, 2))) return 0;
+  if (first < 0xF0) return 3;
+  return continues(byte(text, 3)) ? 4 : 0;
+}
+
+}  // namespace
+
+std::string printable(std::string_view text) {
+  std::string shown;
+  shown.reserve(text.size());
+  while (!text.empty()) {
+    const std::size_t length = shown_length(text);
+    if (length == 0) shown += fmt::format("\\x{:02x}", byte(text, 0));
+    shown += text.substr(0, length);
+    text.remove_prefix(length == 0 ? 1 : length);
+  }
+  return shown;
+}
+
+}  // namespace takt::config
