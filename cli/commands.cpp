@@ -1,8 +1,12 @@
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <exception>
+#include <string>
+#include <vector>
 
 #include "cli/command.hpp"
+#include "cli/mistyped.hpp"
 #include "takt_version.hpp"
 
 namespace takt::cli {
@@ -11,6 +15,42 @@ namespace {
 constexpr std::array kCommands{add_run,     add_arm,    add_stop,   add_reset,  add_mark,   add_status, add_top,
                                add_report,  add_replay, add_trace,  add_config, add_bus,    add_joint,  add_audit,
                                add_compare, add_panel,  add_budget, add_margin, add_doctor, add_deploy, add_rollback};
+
+// Listed like a command; `takt help X` is read as `takt X --help`.
+void add_help(CLI::App& app) {
+  CLI::App* command = app.add_subcommand("help", "Say what a command does and which options it has.");
+  command->footer(
+      "Examples: takt help; takt help run; takt help config check\n"
+      "Exit codes: 0 said, 64 there is no such command.");
+}
+
+std::vector<std::string> without_help_verb(std::vector<std::string> words) {
+  const bool is_about_help_itself = words.size() > 1 && words[1] == "--help";
+  if (words.empty() || words.front() != "help" || is_about_help_itself) return words;
+  words.erase(words.begin());
+  words.emplace_back("--help");
+  return words;
+}
+
+int parse(CLI::App& app, std::vector<std::string> words) {
+  const bool asks_for_help = !words.empty() && words.front() == "help";
+  words = without_help_verb(std::move(words));
+  const auto wrong = mistyped(app, words);
+  if (wrong && asks_for_help) {
+    std::fprintf(stderr, "takt: %s\n", wrong->c_str());
+    return kExitUsage;
+  }
+  try {
+    std::ranges::reverse(words);  // CLI11 takes them from the back
+    app.parse(std::move(words));
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) return app.exit(error);
+    if (!wrong) return app.exit(error) == 0 ? kExitOk : kExitUsage;
+    std::fprintf(stderr, "takt: %s\n", wrong->c_str());
+    return kExitUsage;
+  }
+  return kExitOk;
+}
 
 }  // namespace
 
@@ -26,15 +66,14 @@ int run_command_line(int argc, const char* const* argv) {
       "Exit codes: 0 done, 1 refused or failed, 64 command line, 65 configuration, 69 not running, 70 bug, 71 set-up.");
   int exit_code = kExitOk;
   for (const AddCommand add : commands()) add(app, exit_code);
+  add_help(app);
   try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? kExitOk : kExitUsage;
+    const int parsed = parse(app, std::vector<std::string>(argv + std::min(argc, 1), argv + argc));
+    return parsed == kExitOk ? exit_code : parsed;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "takt: %s\n", error.what());
     return kExitInternal;
   }
-  return exit_code;
 }
 
 }  // namespace takt::cli

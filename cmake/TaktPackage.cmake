@@ -24,11 +24,11 @@ endfunction()
 set(share ${CMAKE_BINARY_DIR}/share)
 set(package_files ${CMAKE_SOURCE_DIR}/cmake/package)
 
-# Manual pages and completion, out of the programs themselves. Not part of `all`: only the package wants them.
+# Manual pages and shell completion, out of the programs themselves. Not part of `all`: only the package wants them.
 add_custom_target(takt-manual
   COMMAND ${package_files}/manual.py $<TARGET_FILE_DIR:takt> ${PROJECT_VERSION} ${share}
-  DEPENDS takt takt-executive takt-policy-host takt-plant takt-monitor COMMENT "Manual pages and bash completion")
-install(DIRECTORY ${share}/man ${share}/bash-completion DESTINATION ${CMAKE_INSTALL_DATADIR} OPTIONAL)
+  DEPENDS takt takt-executive takt-policy-host takt-plant takt-monitor COMMENT "Manual pages and shell completion")
+install(DIRECTORY ${share}/man ${share}/bash-completion ${share}/zsh ${share}/fish DESTINATION ${CMAKE_INSTALL_DATADIR} OPTIONAL)
 
 # Debian wants its own changelog, dated: by the newest commit, so that the same sources give the same package.
 execute_process(COMMAND git log -1 --format=%cD WORKING_DIRECTORY ${CMAKE_SOURCE_DIR} OUTPUT_VARIABLE takt_date
@@ -43,7 +43,7 @@ execute_process(COMMAND gzip -9nf changelog.Debian changelog WORKING_DIRECTORY $
 
 set(docs ${CMAKE_INSTALL_DATADIR}/doc/takt)
 install(FILES ${share}/doc/changelog.Debian.gz ${share}/doc/changelog.gz ${package_files}/copyright README.md DESTINATION ${docs})
-install(DIRECTORY docs/ DESTINATION ${docs} FILES_MATCHING PATTERN "*.md" PATTERN "*.xml" PATTERN examples EXCLUDE)
+install(DIRECTORY docs/ DESTINATION ${docs} FILES_MATCHING PATTERN "*.md" PATTERN "*.svg" PATTERN "*.xml" PATTERN examples EXCLUDE)
 install(DIRECTORY config/ DESTINATION ${CMAKE_INSTALL_DATADIR}/takt/robots
         FILES_MATCHING PATTERN "*.yaml" PATTERN "*.onnx"
         PATTERN grafana EXCLUDE PATTERN prometheus EXCLUDE)

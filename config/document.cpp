@@ -10,8 +10,11 @@
 #include <cerrno>
 #include <cstring>
 #include <fstream>
+#include <span>
 #include <sstream>
 #include <streambuf>
+
+#include "config/printable.hpp"
 
 namespace takt::config {
 namespace {
@@ -52,6 +55,8 @@ class TreeBuilder : public YAML::EventHandler {
     Node node = node_at(mark, Node::Kind::scalar);
     node.text = value;
     node.quoted = quoted;
+    if (printable(value) != value)  // by an escape such as "\e": it would reach terminals and logs
+      problems_.add(place_of(mark), "holds a control character; remove it");
     read_tag(mark, tag, node);
     if (!quoted && (value.empty() || value == "~" || value == "null")) node.kind = Node::Kind::null;
     place_value(std::move(node));
@@ -164,13 +169,15 @@ void Problems::add(Place place, std::string_view sentence) {
 std::string Problems::text() const {
   auto sorted = found_;
   std::ranges::stable_sort(sorted, {}, [](const auto& problem) { return problem.first; });
+  const std::size_t told = std::min(sorted.size(), kMostTold);
   std::string all;
-  for (const auto& [place, sentence] : sorted) {
+  for (const auto& [place, sentence] : std::span(sorted).first(told)) {
     if (!all.empty()) all += '\n';
     all += place.line == 0 ? fmt::format("{}: {}", file_, sentence)
                            : fmt::format("{}:{}:{}: {}", file_, place.line, place.column, sentence);
   }
-  return all;
+  if (told < sorted.size()) all += fmt::format("\n{}: and {} more", file_, sorted.size() - told);
+  return printable(all);
 }
 
 const Node* Node::find(std::string_view key) const {

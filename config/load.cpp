@@ -43,7 +43,7 @@ std::expected<RobotConfig, std::string> robot_of(const Node& root, const std::st
 
   seal(robot);
   if (robot.policy) robot.policy->file = absolute_path(robot.policy->file, robot.file);
-  robot.record.directory = absolute_path(robot.record.directory, robot.file);
+  robot.record.directory = std::filesystem::absolute(robot.record.directory).lexically_normal().string();
   return robot;
 }
 

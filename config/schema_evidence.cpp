@@ -124,7 +124,7 @@ void describe_otlp(Fields& fields, Otlp& otlp) {
 
 void describe_evidence(Fields& fields, RobotConfig& robot) {
   fields.section({"record", "what a run leaves behind", "{}"}, [&](Fields& f) {
-    f.text({"directory", "run folders are made in it; a relative path starts at this file's folder", "runs"},
+    f.text({"directory", "run folders are made in it; a relative path starts at the working directory", "runs"},
            robot.record.directory);
     f.choice({"recorder", "required: without one that writes nobody arms, and a moving robot stops", "required"},
              robot.record.recorder, kRecorders);

@@ -61,6 +61,14 @@ std::string_view without_leading_zeros(std::string_view text) {
   return text;
 }
 
+// Of the number that `text` begins with; 0: it begins with none.
+std::size_t number_length(std::string_view text) {
+  const std::size_t sign = text.starts_with('-') ? 1 : 0;
+  if (text.size() == sign || (!is_digit(text[sign]) && text[sign] != '.')) return 0;
+  double ignored = 0;
+  return static_cast<std::size_t>(std::from_chars(text.data(), text.data() + text.size(), ignored).ptr - text.data());
+}
+
 }  // namespace
 
 std::span<const Unit> units() {
@@ -109,25 +117,18 @@ std::expected<double, std::string> parse_number(std::string_view text) {
 std::expected<double, std::string> parse_quantity(std::string_view text, Dimension dimension) {
   if (dimension == Dimension::none) return parse_number(text);
   const std::string wanted = symbols(dimension);
-  const std::size_t split = text.find_last_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ/%2");
-  // Where the unit begins: after the space if there is one, else at the first letter behind the digits.
-  const std::size_t space = text.find(' ');
-  if (space == std::string_view::npos) {
-    if (const auto number = parse_number(text); number || looks_octal(text))
-      return std::unexpected(number ? fmt::format("{0} has no unit; write `{0} {1}`", text, usual_symbol(dimension))
-                                    : number.error());
-    if (split != std::string_view::npos && is_digit(text[split]) && split + 1 < text.size())
-      return std::unexpected(fmt::format("`{}` needs a space between number and unit; write `{} {}`", text,
-                                         text.substr(0, split + 1), text.substr(split + 1)));
-    return std::unexpected(
-        fmt::format("`{}` is not {}; write a number, a space and {}", text, noun(dimension), wanted));
-  }
-  const std::string_view symbol = text.substr(space + 1);
+  const std::size_t digits = number_length(text);
+  if (digits == 0)
+    return std::unexpected(fmt::format("`{}` is not {}; write a number and {}", text, noun(dimension), wanted));
+  const auto number = parse_number(text.substr(0, digits));
+  if (!number) return std::unexpected(number.error());
+  std::string_view symbol = text.substr(digits);
+  if (symbol.empty())
+    return std::unexpected(fmt::format("{0} has no unit; write `{0} {1}`", text, usual_symbol(dimension)));
+  if (symbol.starts_with(' ')) symbol.remove_prefix(1);
   const auto unit = std::ranges::find(kUnits, symbol, &Unit::symbol);
   if (unit == kUnits.end())
     return std::unexpected(fmt::format("{} is not {}; write it in {}", text, noun(dimension), wanted));
-  const auto number = parse_number(text.substr(0, space));
-  if (!number) return std::unexpected(number.error());
   if (unit->dimension != dimension)
     return std::unexpected(
         fmt::format("{} is {}, not {}; write it in {}", text, noun(unit->dimension), noun(dimension), wanted));

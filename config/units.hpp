@@ -47,7 +47,7 @@ std::string symbols(Dimension dimension);            // "rad or deg"
 
 // Decimal number: optional sign, digits, fraction, exponent. Refuses octal-looking 010, nan, inf, 1_000 and +1.
 std::expected<double, std::string> parse_number(std::string_view text);
-// Number, one space, unit; the result is in the base unit.
+// Number and unit, with or without one space between them; the result is in the base unit.
 std::expected<double, std::string> parse_quantity(std::string_view text, Dimension dimension);
 
 // Shortest text that parse_quantity reads back to the same value.

@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "cli/command.hpp"
+#include "cli/quantity_option.hpp"
 #include "cli/run/checked_robot.hpp"
 #include "config/load.hpp"
 #include "evidence/study/margin_report.hpp"
@@ -81,7 +82,7 @@ void add_margin(CLI::App& app, int& exit_code) {
       ->check(CLI::Range(std::uint64_t{margin::kLeastSeeds}, std::uint64_t{100'000}));
   command->add_option("--workers", options->workers, "processes that share the rollouts; results do not depend on it")
       ->check(CLI::Range(1, 1024));
-  command->add_option("--bound", options->bound_mm, "mm of rms tracking error that still is success")
+  add_quantity(*command, "--bound", options->bound_mm, "mm", "rms tracking error that still is success")
       ->check(CLI::PositiveNumber);
   command->add_option("--safety", options->safety, "share of what is tolerated that is proposed")
       ->check(CLI::Range(0.01, 1.0));

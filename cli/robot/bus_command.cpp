@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "cli/command.hpp"
+#include "cli/quantity_option.hpp"
 #include "cli/robot/bus_watch.hpp"
 #include "cli/robot/direct_bus.hpp"
 #include "executive/contract/monotonic_clock.hpp"
@@ -79,7 +80,7 @@ void add_bus(CLI::App& app, int& exit_code) {
   command->add_option("--robot", options->robot_file, "robot file")->required();
   command->add_option("--runtime-dir", options->runtime_dir,
                       "where loopback buses are (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
-  command->add_option("--seconds", options->seconds, "end after this long; default: at Ctrl-C")
+  add_quantity(*command, "--seconds", options->seconds, "s", "end after this long; default: at Ctrl-C")
       ->check(CLI::PositiveNumber);
   command->add_flag("--json", options->json, "at the end, one line of JSON instead of the table");
   command->footer(

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "cli/command.hpp"
+#include "cli/quantity_option.hpp"
 #include "cli/robot/direct_bus.hpp"
 #include "config/load.hpp"
 #include "drivers/protocol/protocol_table.hpp"
@@ -156,7 +157,7 @@ void add_bus_disable(CLI::App& bus, int& exit_code) {
   command->add_option("--robot", options->robot_file, "robot file")->required();
   command->add_option("--runtime-dir", options->runtime_dir,
                       "where loopback buses are (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
-  command->add_option("--seconds", options->seconds, "wait for answers at most this long")
+  add_quantity(*command, "--seconds", options->seconds, "s", "wait for answers at most this long")
       ->check(CLI::Range(0.01, 60.0))
       ->capture_default_str();
   command->add_flag("--json", options->json, "one line of JSON");

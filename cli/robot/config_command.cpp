@@ -6,6 +6,7 @@
 
 #include "cli/command.hpp"
 #include "cli/run/checked_robot.hpp"
+#include "config/json_schema.hpp"
 #include "config/key_table.hpp"
 #include "config/load.hpp"
 
@@ -89,6 +90,15 @@ void add_config(CLI::App& app, int& exit_code) {
   keys->footer("Example: takt config keys | grep freshness\nExit codes: 0.");
   keys->callback([&exit_code] {
     fmt::print("{}", config::key_table());
+    exit_code = kExitOk;
+  });
+  CLI::App* schema = parent->add_subcommand("schema", "Print the JSON Schema of robot files, for editors.");
+  schema->footer(
+      "Example: takt config schema >takt.robot.schema.json\n"
+      "First line of a robot file, for yaml-language-server: # yaml-language-server: $schema=takt.robot.schema.json\n"
+      "Exit codes: 0.");
+  schema->callback([&exit_code] {
+    fmt::print("{}", config::json_schema());
     exit_code = kExitOk;
   });
   add_config_import(*parent, exit_code);

@@ -150,7 +150,7 @@ void add_deploy(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
   command->add_option("ROBOT", options->robot_file, "robot file")->required();
   command->add_option("--name", options->name, "of the deployment; default: UTC time and the robot's name");
-  command->add_option("--watch", options->watch, "seconds of tracking that prove it")->capture_default_str();
+  command->add_option("--watch", options->watch, "tracking for this long proves it")->capture_default_str();
   command->add_option("--arm-within", options->arm_within, "wait this long for somebody to arm it")
       ->capture_default_str();
   command->add_flag("--arm", options->arm, "arm it as soon as nothing is missing");

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "cli/command.hpp"
+#include "cli/quantity_option.hpp"
 #include "cli/run/external_tool.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
@@ -79,7 +80,7 @@ void add_doctor(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
   CLI::Option* const robot = command->add_option("--robot", options->robot_file,
                                                  "robot file: its core, priority, CAN interfaces and disk too");
-  command->add_option("--seconds", options->seconds, "measure wake-ups this long; 0: not at all")
+  add_quantity(*command, "--seconds", options->seconds, "s", "measure wake-ups this long; 0: not at all")
       ->check(CLI::Range(0.0, 3600.0))
       ->capture_default_str();
   command->add_flag("--json", options->json, "one line of JSON, schema takt.doctor/1");

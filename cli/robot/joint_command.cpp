@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "cli/command.hpp"
+#include "cli/quantity_option.hpp"
 #include "cli/robot/direct_bus.hpp"
 #include "config/load.hpp"
 #include "drivers/protocol/protocol_table.hpp"
@@ -170,19 +171,18 @@ void add_joint(CLI::App& app, int& exit_code) {
   command->add_option("--robot", options->robot_file, "robot file")->required();
   command->add_option("--runtime-dir", options->runtime_dir,
                       "where loopback buses are (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
-  command->add_option("--by", options->by_degrees, "degrees, joint side, signed")->capture_default_str();
-  command->add_option("--speed", options->speed_degrees, "degrees per second")
+  add_quantity(*command, "--by", options->by_degrees, "deg", "how far, joint side, signed")->capture_default_str();
+  add_quantity(*command, "--speed", options->speed_degrees, "deg/s", "at most this fast")
       ->check(CLI::Range(0.1, 90.0))
       ->capture_default_str();
-  command
-      ->add_option("--torque", options->torque,
-                   "Nm that are never exceeded, gravity aside (default a tenth of limits.torque)")
+  add_quantity(*command, "--torque", options->torque, "Nm",
+               "never exceeded, gravity aside (default a tenth of limits.torque)")
       ->check(CLI::PositiveNumber);
   command->add_flag("--without-gravity", options->without_gravity,
                     "carry nothing and leave the other drives in peace: for a drive on the bench");
   command->add_flag("--json", options->json, "one line of JSON");
   command->footer(
-      "Example: takt joint jog elbow --robot robot.yaml --by -5\n"
+      "Example: takt joint jog elbow --robot robot.yaml --by -5deg\n"
       "With a model in the robot file gravity is carried while it moves; support it all the same: at the end the drive "
       "is\n"
       "disabled. Ctrl-C disables it too, and so does straying 2 degrees from the way.\n"

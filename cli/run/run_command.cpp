@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <expected>
@@ -14,6 +15,7 @@
 #include "cli/run/supervisor.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
+#include "drivers/bus/socketcan_bus.hpp"
 #include "executive/ipc/rendezvous.hpp"
 #include "monitor/record/run_folder.hpp"
 
@@ -46,6 +48,14 @@ int refuse(int exit_code, const std::string& sentence) {
 std::string new_run_directory(const config::RobotConfig& robot) {
   const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
   return robot.record.directory + "/" + monitor::new_run_id(robot.robot, since_epoch / std::chrono::nanoseconds(1));
+}
+
+// Nothing can move: real time is not worth a refusal.
+bool only_simulated(const config::RobotConfig& robot) {
+  return robot.simulation && std::ranges::none_of(robot.buses, [](const config::Bus& bus) {
+           return bus.when_missing != config::WhenBusMissing::loopback ||
+                  drivers::SocketCanBus::interface_exists(bus.interface);
+         });
 }
 
 // Can the program that was named instead of takt-policy-host be started?
@@ -89,7 +99,7 @@ int run(const Given& given) {
                    .runtime_directory =
                        given.runtime_dir.empty() ? config::default_runtime_directory(robot.robot) : given.runtime_dir,
                    .run_directory = given.run_dir.empty() ? new_run_directory(robot) : given.run_dir,
-                   .allow_non_realtime = given.allow_non_realtime,
+                   .allow_non_realtime = given.allow_non_realtime || only_simulated(robot),
                    .plant_arguments = given.plant,
                    .policy_host = given.policy_host,
                    .policy_arguments = given.policy};
@@ -136,7 +146,8 @@ void add_run(CLI::App& app, int& exit_code) {
                    "end a stop or fault this long after it began, and arm again, as a person would; simulated robots")
       ->needs("--arm");
   command->add_flag("--restart", given->restart, "restart a policy host or monitor that died");
-  command->add_flag("--allow-non-realtime", given->allow_non_realtime, "run even without real-time guarantees");
+  command->add_flag("--allow-non-realtime", given->allow_non_realtime,
+                    "run even without real-time guarantees; a simulated robot does anyway");
   command->footer(kFooter);
   command->callback([given, &exit_code] { exit_code = run(*given); });
 }

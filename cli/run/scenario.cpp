@@ -140,10 +140,7 @@ std::expected<Duration, std::string> parse_duration(std::string_view text) {
     while (t.ends_with(' ')) t.remove_suffix(1);
     return t;
   };
-  const std::string_view trimmed = trim(text);
-  const std::size_t digits = std::min(trimmed.find_first_not_of("0123456789."), trimmed.size());
-  const auto quantity = config::parse_quantity(
-      fmt::format("{} {}", trimmed.substr(0, digits), trim(trimmed.substr(digits))), config::Dimension::time);
+  const auto quantity = config::parse_quantity(trim(text), config::Dimension::time);
   if (!quantity) return std::unexpected(fmt::format("`{}` is not a time; write such as 300ms or 20s", text));
   return Duration{std::llround(*quantity)};
 }

@@ -121,6 +121,11 @@ Supervisor::Outcome Supervisor::start_all() {
     if (auto ready = wait_ready(process); !ready) return ready;
   }
   ready_at_ = now();
+  if (const auto status = processes_.ask_status(); status && status->realtime == 0)
+    display_.note(
+        "warning: without real-time guarantees on this machine: fine for a look, not for a robot, and every artifact "
+        "says "
+        "so; `takt doctor` says how to mend it");
   return {};
 }
 

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""Manual pages and bash completion out of the programs' own --help: manual.py BIN_DIR VERSION OUT_DIR
+"""Manual pages and shell completion out of the programs' own --help: manual.py BIN_DIR VERSION OUT_DIR
 
-Writes OUT_DIR/man/man1/*.1.gz, one page per program and per first-level subcommand of takt (takt-run.1: takt run), and
-OUT_DIR/bash-completion/completions/takt with links for the other programs. Nothing is written by hand, so nothing can
+Writes OUT_DIR/man/man1/*.1.gz, one page per program and per first-level subcommand of takt (takt-run.1: takt run),
+man5/takt.robot.5.gz out of `takt config keys`, OUT_DIR/bash-completion/completions/takt with links for the other
+programs, zsh/vendor-completions/_takt and fish/vendor_completions.d/*.fish. Nothing is written by hand, so nothing can
 name an option that is gone. The same input gives the same bytes. Exit codes: 0 written; 1 a program's help is missing
 an example or its exit codes; 64 command line.
 """
@@ -164,6 +165,85 @@ def completion(helps):
         f"complete -o bashdefault -o default -F _takt {' '.join(PROGRAMS)}", ""])
 
 
+def walk(helps):
+    for help_ in helps:
+        yield help_
+        yield from walk(help_.children)
+
+
+def quoted(text):
+    """For zsh and fish."""
+    return "'" + text.replace("'", "’").replace("\\", "") + "'"
+
+
+def option_entries(help_):
+    """(names, takes a value, meaning) of each option."""
+    for term, meaning in help_.sections.get("Options:", []):
+        names = term.split()[0].split(",")
+        if names[0].startswith("-"):
+            yield names, len(term.split()) > 1, meaning
+
+
+def zsh_completion(helps):
+    def described(name, meaning):
+        return quoted(f"{name}:{meaning.replace(':', ' -')}")
+
+    lines = ["#compdef " + " ".join(PROGRAMS), "# Generated from --help. Options and subcommands; everything else completes as file names.",
+             "_takt() {", "  local at=${words[1]:t} word", "  local -a commands options",
+             '  for word in "${(@)words[2,CURRENT-1]}"; do', '    case "$at $word" in']
+    known = [quoted(child.name) for help_ in walk(helps) for child in help_.children]
+    lines += [f"      ({'|'.join(known)}) at=\"$at $word\" ;;", "    esac", "  done", '  case "$at" in']
+    for help_ in walk(helps):
+        commands = [described(child.words[-1], child.summary.rstrip(".")) for child in help_.children]
+        options = [described(name, meaning) for names, _, meaning in option_entries(help_) for name in names]
+        lines.append(f"    ({quoted(help_.name)}) commands=({' '.join(commands)}); options=({' '.join(options)}) ;;")
+    lines += ["  esac", "  if [[ $PREFIX == -* ]]; then", "    _describe -o option options",
+              "  elif (( $#commands )); then", "    _describe command commands", "  else", "    _files", "  fi", "}",
+              '_takt "$@"', ""]
+    return "\n".join(lines)
+
+
+def fish_completion(helps, program):
+    """Each program's own file: fish looks for PROGRAM.fish."""
+    own = list(walk([help_ for help_ in helps if help_.name == program]))
+    function = "__" + program.replace("-", "_") + "_at"
+    known = " ".join(quoted(child.name) for help_ in own for child in help_.children)
+    lines = ["# Generated from --help. Options and subcommands; everything else completes as file names.", f"function {function}",
+             f"  set -l at {program}", "  for word in (commandline -opc)[2..-1]"]
+    lines += ['    switch "$at $word"', f"      case {known}", '        set at "$at $word"', "    end"] if known else []
+    lines += ["  end", '  test "$at" = "$argv"', "end"]
+    for help_ in own:
+        begin = f"complete -c {program} -n {quoted(f'{function} {help_.name}')}"
+        lines += [f"{begin} -f -a {child.words[-1]} -d {quoted(child.summary.rstrip('.'))}" for child in help_.children]
+        for names, takes_value, meaning in option_entries(help_):
+            spelt = " ".join(f"-l {name[2:]}" if name.startswith("--") else f"-s {name[1:]}" for name in names)
+            lines.append(f"{begin} {spelt}{' -r' if takes_value else ''} -d {quoted(meaning)}")
+    return "\n".join(lines) + "\n"
+
+
+def robot_page(bin_dir, version):
+    """takt.robot(5): the key table."""
+    table = subprocess.run([bin_dir / "takt", "config", "keys"], check=True, capture_output=True, text=True).stdout
+    rows = [[cell.strip().strip("`") for cell in line.strip("|").split(" | ")] for line in table.splitlines()[2:]]
+    parts = [f".TH TAKT.ROBOT 5 \"\" \"Takt {version}\" \"Takt\"", ".\\\" Generated from takt config keys.",
+             ".SH NAME\ntakt.robot \\- file that describes a robot to Takt",
+             ".SH DESCRIPTION\n" + escape("One YAML file describes one robot: its buses, drives, limits, policy and contract. "
+             "A quantity is a number and a unit, such as 120 ms, 250ms, 30deg or 18 Nm; a missing or wrong unit is an error. "
+             "Anchors, aliases, merge keys, tags and tabs are refused, and so is a key that is not listed here."),
+             ".PP\n" + escape("takt config check FILE names what is wrong with one; takt config schema prints a JSON Schema for "
+             "editors."), ".SH KEYS\n" + escape("[] stands for an entry of a list, NAME for a name of your own.")]
+    for key, value, otherwise, meaning in rows:
+        default = "required" if otherwise == "required" else f"default: {otherwise}"
+        parts.append(f"{term_line(key)}\n{escape(f'{meaning[:1].upper()}{meaning[1:]}. Value: {value}; {default}.')}")
+    parts.append(".SH SEE ALSO\n.BR takt\\-config (1),\n.BR takt\\-run (1)")
+    return "\n".join(parts) + "\n"
+
+
+def write(path, content):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+
+
 def main():
     if len(sys.argv) != 4:
         print(__doc__, file=sys.stderr)
@@ -185,6 +265,10 @@ def main():
     for other in PROGRAMS[1:]:
         (folder / other).unlink(missing_ok=True)
         (folder / other).symlink_to("takt")
+    write(out / "zsh/vendor-completions/_takt", zsh_completion(programs).encode())
+    for program in PROGRAMS:
+        write(out / f"fish/vendor_completions.d/{program}.fish", fish_completion(programs, program).encode())
+    write(out / "man/man5/takt.robot.5.gz", gzip.compress(robot_page(bin_dir, version).encode(), 9, mtime=0))
     return 0
 
 

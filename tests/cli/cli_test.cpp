@@ -90,8 +90,47 @@ TEST_F(Cli, HelpOfEveryCommandHasAnExampleAndItsExitCodes) {
 TEST_F(Cli, WrongCommandLinesEndWith64) {
   EXPECT_EQ(run("").exit_code, 64);
   EXPECT_EQ(run("fly").exit_code, 64);
+  const auto says = [](const char* words) {
+    const Ended ended = run(words);
+    EXPECT_EQ(ended.exit_code, 64) << words;
+    return ended.output;
+  };
+  EXPECT_EQ(says("stauts"),
+            "takt: there is no command `takt stauts`; did you mean `takt status`? `takt help` lists them\n");
+  EXPECT_EQ(says("config chek x.yaml"),
+            "takt: there is no command `takt config chek`; did you mean `takt config check`? `takt help config` lists "
+            "them\n");
+  EXPECT_EQ(says("run config/arm6.yaml --duratoin 3s"),
+            "takt: `takt run` has no option --duratoin; did you mean `--duration`? `takt help run` lists them\n");
+  EXPECT_EQ(
+      says("status --runtime-dri=/x"),
+      "takt: `takt status` has no option --runtime-dri; did you mean `--runtime-dir`? `takt help status` lists them\n");
+  EXPECT_EQ(says("help stauts"), says("stauts"));
+  EXPECT_EQ(says("xyzzyxyzzy"), "takt: there is no command `takt xyzzyxyzzy`; `takt help` lists them\n");
   EXPECT_EQ(run(run_arguments("--at 'soon: stop'")).exit_code, 64);
   EXPECT_EQ(run(run_arguments("--duration 20")).exit_code, 64);
+}
+
+TEST_F(Cli, HelpIsAWordToo) {
+  EXPECT_EQ(run("help").output, run("--help").output);
+  EXPECT_EQ(run("help run").output, run("run --help").output);
+  EXPECT_EQ(run("help config check").output, run("config check --help").output);
+  EXPECT_EQ(run("help config check").exit_code, 0);
+  EXPECT_NE(run("help").output.find("  help "), std::string::npos) << "it lists itself";
+}
+
+// Numbers alone are in the option's unit, which the help names; with a unit they are written as in robot files.
+TEST_F(Cli, QuantitiesAreWrittenAsInRobotFiles) {
+  EXPECT_EQ(run("doctor --seconds 10ms --json").output.find("is not a time"), std::string::npos);
+  const Ended wrong = run("doctor --seconds 10deg");
+  EXPECT_EQ(wrong.exit_code, 64);
+  EXPECT_NE(wrong.output.find("10deg is an angle, not a time; write it in ns or us or ms or s"), std::string::npos)
+      << wrong.output;
+  EXPECT_EQ(run("bus disable --robot no-such-robot.yaml --seconds 61s").exit_code, 64) << "at most a minute";
+  EXPECT_EQ(run("bus disable --robot no-such-robot.yaml --seconds 61ms").exit_code, 65);
+  EXPECT_EQ(run("joint jog elbow --robot no-such-robot.yaml --by -0.1rad --speed 0.2rad/s --torque 1Nm").exit_code, 65);
+  EXPECT_EQ(run("joint jog elbow --robot no-such-robot.yaml --speed 2rad/s").exit_code, 64) << "90 deg/s at most";
+  EXPECT_NE(run("joint jog --help").output.find("--by deg"), std::string::npos);
 }
 
 TEST_F(Cli, ConfigCheckNamesProblemsAndEndsWith65) {
@@ -166,6 +205,23 @@ TEST_F(Cli, BareCommandsFindTheOneRobotThatRuns) {
   EXPECT_EQ(bare("status --robot config/cart_pole.yaml").exit_code, 69) << "another one runs";
 }
 
+// The first try of somebody without real-time rights (taken away here), who knows no option: the simulated robot runs,
+// is recorded in ./runs, and one warning says what is missing.
+TEST_F(Cli, AFirstTryWithoutOptionsRunsWithOneWarning) {
+  const std::string robot = fs::absolute("config/arm6.yaml");
+  const Ended ended = shell("cd " + directory() + " && XDG_RUNTIME_DIR=" + directory() +
+                            " setpriv --bounding-set=-sys_nice,-ipc_lock --inh-caps=-all sh -c 'ulimit -r 0; exec " +
+                            takt() + "run " + robot + " --duration 1s'");
+  EXPECT_EQ(ended.exit_code, 0) << ended.output;
+  const std::string warning = "warning: without real-time guarantees";
+  const std::size_t first = ended.output.find(warning);
+  EXPECT_NE(first, std::string::npos) << ended.output;
+  EXPECT_EQ(ended.output.find("warning", first + 1), std::string::npos) << ended.output;
+  EXPECT_NE(ended.output.find("run folder: " + fs::canonical(directory()).string() + "/runs/"), std::string::npos)
+      << ended.output;
+  EXPECT_FALSE(fs::exists("config/runs"));
+}
+
 TEST_F(Cli, RunRefusesABadConfigurationAndStartsNothing) {
   std::ofstream(in("bad.yaml")) << "robot: x\n";
   EXPECT_EQ(run("run " + in("bad.yaml") + " --runtime-dir " + in("rt")).exit_code, 65);
@@ -217,13 +273,17 @@ TEST_F(Cli, ARunThatWasNotRecordedToItsEndFails) {
 }
 
 TEST_F(Cli, TheManifestQuotesTheDoctorsKeptVerdict) {
+  // A relative record.directory starts where the command was typed.
+  const auto here = [this](const std::string& arguments) {
+    return shell("cd " + directory() + " && " + takt() + arguments);
+  };
   const std::string examine = "doctor --robot " + robot_ + " --seconds 0 --keep";
-  const Ended refused = run(examine);
+  const Ended refused = here(examine);
   EXPECT_EQ(refused.exit_code, 1);
   EXPECT_NE(refused.output.find("was not kept: " + in("runs") + " is not there"), std::string::npos) << refused.output;
   fs::create_directory(in("runs"));
-  run(examine);
-  ASSERT_EQ(run(run_arguments("--duration 1s")).exit_code, 0);
+  here(examine);
+  ASSERT_EQ(here(run_arguments("--duration 1s")).exit_code, 0);
   std::ifstream file(in("run/manifest.json"));
   const auto doctor = nlohmann::json::parse(file).at("doctor");
   EXPECT_EQ(doctor.at("schema"), "takt.doctor/1");

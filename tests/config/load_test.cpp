@@ -162,11 +162,37 @@ TEST(Load, EveryPresetNamesItsSource) {
   }
 }
 
-TEST(Load, PathsStartAtTheRobotFilesFolder) {
+TEST(Load, APolicyLiesBesideItsRobotFileAndRunsInTheWorkingDirectory) {
   const auto robot = parse(kSmallRobot, "/somewhere/robots/r.yaml");
   ASSERT_TRUE(robot.has_value());
   EXPECT_EQ(robot->policy->file, "/somewhere/robots/small.onnx");
-  EXPECT_EQ(robot->record.directory, "/somewhere/robots/runs");
+  EXPECT_EQ(robot->record.directory, std::filesystem::current_path() / "runs");
+}
+
+TEST(Load, OfManyProblemsTenAreTold) {
+  std::string text = "schema: takt.robot/1\n";
+  for (int key = 0; key < 25; ++key) text += "unknown_" + std::to_string(key) + ": 1\n";
+  const auto robot = parse(text, "r");
+  ASSERT_FALSE(robot.has_value());
+  EXPECT_EQ(std::ranges::count(robot.error(), '\n'), 10);
+  EXPECT_TRUE(robot.error().ends_with(" more")) << robot.error();
+  EXPECT_NE(robot.error().find("\nr: and "), std::string::npos) << robot.error();
+}
+
+// What stands in a file is printed: a value with an escape sequence may not get as far as a terminal, nor may the
+// complaint about it.
+TEST(Load, NothingInAFileMovesTheCursor) {
+  for (const char* value : {"\"small\\e[2J\"", "\"small\\x9b2J\"",
+                            "small\xC2\x9b"
+                            "2J"}) {
+    std::string text(kSmallRobot);
+    text.replace(text.find("robot: small") + 7, 5, value);
+    const auto robot = parse(text, "r");
+    ASSERT_FALSE(robot.has_value()) << value;
+    EXPECT_NE(robot.error().find("control character"), std::string::npos) << robot.error();
+    EXPECT_EQ(robot.error().find('\x1b'), std::string::npos);
+    EXPECT_EQ(robot.error().find("\xC2\x9b"), std::string::npos);
+  }
 }
 
 TEST(Load, DemoRobotIsValid) {

@@ -18,6 +18,25 @@ TEST(Units, EveryUnitIsReadInItsBase) {
   }
 }
 
+// One way for robot files and command lines.
+TEST(Units, TheSpaceBeforeTheUnitMayBeLeftOut) {
+  for (const Unit& unit : units())
+    for (const char* number : {"2.5", "-0.5", "1e3", "25e-1", "7"}) {
+      const std::string symbol(unit.symbol);
+      const auto apart = parse_quantity(std::string(number) + ' ' + symbol, unit.dimension);
+      ASSERT_TRUE(apart) << number << ' ' << symbol << ": " << apart.error();
+      EXPECT_EQ(parse_quantity(number + symbol, unit.dimension), apart) << number << symbol;
+    }
+  EXPECT_EQ(*parse_quantity("250ms", Dimension::time), 250e6);
+  EXPECT_DOUBLE_EQ(*parse_quantity("30deg", Dimension::angle), std::acos(-1.0) / 6);
+}
+
+TEST(Units, WhatIsNoQuantityIsRefused) {
+  for (const char* text : {"", "-", "ms", "250", "250  ms", " 250ms", "250ms ", "250msx", "0250ms", "infs", "nan s",
+                           "+1s", "0x1Fs", "1_0ms", "1,5s", "250 deg", "1e999s"})
+    EXPECT_FALSE(parse_quantity(text, Dimension::time)) << text;
+}
+
 TEST(Units, DurationsUseTheLargestWholeUnit) {
   EXPECT_EQ(format_duration(seconds(2)), "2 s");
   EXPECT_EQ(format_duration(milliseconds(2500)), "2500 ms");

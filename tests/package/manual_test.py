@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Goal: manual pages and completion say what the programs' --help says, all of it, and are well-formed. Method: they are
 made anew from this build; every command is found by asking the programs (not by the generator), every word of every
-help text is looked for in its rendered page, `man` is asked for warnings, and a real bash completes lines.
+help text is looked for in its rendered page, `man` is asked for warnings, and real shells complete lines: bash and fish;
+zsh, which completes on a terminal only, runs the function with its own two words for offering replaced.
 Usage: manual_test.py MANUAL.py BIN_DIR. Exit codes: 0 fine, 1 not, 77 man or bash is not installed.
 """
 import os
@@ -71,6 +72,31 @@ def completed(out, line):
     return set(subprocess.run(["bash", "-c", script], check=True, capture_output=True, text=True).stdout.split())
 
 
+def completed_by_fish(out, line):
+    program = line.split()[0]
+    script = f"source {out}/fish/vendor_completions.d/{program}.fish; complete -C {line!r}"
+    done = subprocess.run(["fish", "--no-config", "-c", script], check=True, capture_output=True, text=True)
+    return {offer.split("\t")[0] for offer in done.stdout.splitlines()} | ({done.stderr} if done.stderr else set())
+
+
+def completed_by_zsh(out, line):
+    words = line.split(" ")
+    script = (f"compdef() {{ :; }}\n_files() {{ :; }}\n_describe() {{ print -l -- ${{${{(P)@[-1]}}%%:*}}; }}\n"
+              f"words=({' '.join(map(repr, words))}) CURRENT={len(words)} PREFIX={words[-1]!r}\nsource {out}/zsh/vendor-completions/_takt\n")
+    offered = subprocess.run(["zsh", "-f", "-c", script], check=True, capture_output=True, text=True).stdout.split()
+    return {word for word in offered if word.startswith(words[-1])}
+
+
+def robot_page_problems(out, bin_dir):
+    """Every key of the reference is a term of takt.robot(5)."""
+    text, warnings = rendered(out / "man/man5/takt.robot.5.gz")
+    table = subprocess.run([bin_dir / "takt", "config", "keys"], check=True, capture_output=True, text=True).stdout
+    keys = re.findall(r"^\| `([^`]+)`", table, re.M)
+    missing = [key for key in keys if not re.search(rf"^ +{re.escape(key)}( |$)", text, re.M)]
+    return ([f"takt.robot.5: {warnings}"] if warnings else []) + [f"takt.robot(5) lacks {key}" for key in missing] + (
+        [] if len(keys) > 100 else [f"only {len(keys)} keys"])
+
+
 def main():
     if len(sys.argv) != 3:
         print(__doc__, file=sys.stderr)
@@ -84,10 +110,15 @@ def main():
         subprocess.run([generator, bin_dir, "0", out], check=True)
         commands = [[program] for program in PROGRAMS] + [["takt", name] for name in subcommands(help_of(bin_dir, ["takt"]))]
         problems = [problem for words in commands for problem in page_problems(out, bin_dir, words)]
-        for line, wanted, unwanted in LINES:
-            offered = completed(out, line)
-            if not wanted <= offered or unwanted & offered:
-                problems.append(f"completing `{line}` offers {sorted(offered)}")
+        problems += robot_page_problems(out, bin_dir)
+        for shell, complete in (("bash", completed), ("fish", completed_by_fish), ("zsh", completed_by_zsh)):
+            if not shutil.which(shell):
+                print(f"SKIPPED: {shell} is not installed: ITS COMPLETION WAS NOT TESTED")
+                continue
+            for line, wanted, unwanted in LINES:
+                offered = complete(out, line)
+                if not wanted <= offered or unwanted & offered:
+                    problems.append(f"{shell}: completing `{line}` offers {sorted(offered)}")
     print("\n".join(problems) or f"{len(commands)} pages say what --help says")
     return 1 if problems else 0
 

@@ -1,0 +1,15 @@
+// What somebody probably meant who typed a command or option that does not exist.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace takt::cli {
+
+// The first of `words` (behind the program's name) that no command or option is called by, as a sentence with the
+// nearest one there is; none: every word is known, or is a value.
+std::optional<std::string> mistyped(const CLI::App& app, const std::vector<std::string>& words);
+
+}  // namespace takt::cli

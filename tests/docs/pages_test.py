@@ -1,0 +1,34 @@
+#!/usr/bin/env python3
+"""Goal: a newcomer finds every page, no link leads nowhere, and the first page stays short. Method: links of README.md and
+of docs/*.md are followed on disk; docs/README.md names every page; README.md has at most 120 lines of at most 120
+columns. Usage: pages_test.py REPOSITORY. Exit codes: 0 fine, 1 not.
+"""
+import pathlib
+import re
+import sys
+
+MOST_LINES = MOST_COLUMNS = 120
+
+
+def broken_links(page):
+    for target in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", page.read_text()):
+        if not re.match(r"[a-z]+:", target) and not (page.parent / target).exists():
+            yield f"{page}: {target} is not there"
+
+
+def main():
+    root = pathlib.Path(sys.argv[1])
+    pages = [root / "README.md", root / "CONTRIBUTING.md", *sorted((root / "docs").glob("*.md"))]
+    problems = [problem for page in pages for problem in broken_links(page)]
+    index = (root / "docs/README.md").read_text()
+    problems += [f"docs/README.md does not name {page.name}" for page in pages[2:]
+                 if page.name != "README.md" and f"({page.name})" not in index]
+    lines = (root / "README.md").read_text().splitlines()
+    problems += [f"README.md has {len(lines)} lines"] if len(lines) > MOST_LINES else []
+    problems += [f"README.md:{number}: {len(line)} columns" for number, line in enumerate(lines, 1) if len(line) > MOST_COLUMNS]
+    print("\n".join(problems) or f"{len(pages)} pages, no link leads nowhere")
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
