@@ -34,7 +34,7 @@ std::vector<std::string> commands_of(const CLI::App& app) {
 std::string meant(const std::string& word, const std::vector<std::string>& known, const std::string& before) {
   const std::vector<std::string_view> words(known.begin(), known.end());
   const std::string_view best = config::nearest(word, words);
-  return best.empty() ? "" : fmt::format("; did you mean `{}{}`?", before, best);
+  return best.empty() ? "; " : fmt::format("; did you mean `{}{}`? ", before, best);
 }
 
 std::string help_for(const std::string& path) {
@@ -53,12 +53,12 @@ std::optional<std::string> mistyped(const CLI::App& app, const std::vector<std::
       const std::vector<std::string> known = options_of(*at);
       if (std::ranges::find(known, name) != known.end()) continue;
       return config::printable(
-          fmt::format("`{}` has no option {}{}; {} lists them", path, name, meant(name, known, ""), help_for(path)));
+          fmt::format("`{}` has no option {}{}{} lists them", path, name, meant(name, known, ""), help_for(path)));
     }
     const std::vector<std::string> known = commands_of(*at);
     if (word.starts_with('-') || known.empty()) continue;
     if (std::ranges::find(known, word) == known.end())
-      return config::printable(fmt::format("there is no command `{} {}`{}; {} lists them", path, word,
+      return config::printable(fmt::format("there is no command `{} {}`{}{} lists them", path, word,
                                            meant(word, known, path + ' '), help_for(path)));
     at = at->get_subcommand(word);
     path += ' ' + word;

@@ -10,7 +10,6 @@
 #include <cerrno>
 #include <cstring>
 #include <fstream>
-#include <span>
 #include <sstream>
 #include <streambuf>
 
@@ -169,14 +168,12 @@ void Problems::add(Place place, std::string_view sentence) {
 std::string Problems::text() const {
   auto sorted = found_;
   std::ranges::stable_sort(sorted, {}, [](const auto& problem) { return problem.first; });
-  const std::size_t told = std::min(sorted.size(), kMostTold);
   std::string all;
-  for (const auto& [place, sentence] : std::span(sorted).first(told)) {
+  for (const auto& [place, sentence] : sorted) {
     if (!all.empty()) all += '\n';
     all += place.line == 0 ? fmt::format("{}: {}", file_, sentence)
                            : fmt::format("{}:{}:{}: {}", file_, place.line, place.column, sentence);
   }
-  if (told < sorted.size()) all += fmt::format("\n{}: and {} more", file_, sorted.size() - told);
   return printable(all);
 }
 

@@ -23,13 +23,10 @@ struct Place {
 
 class Problems {
  public:
-  static constexpr std::size_t kMostTold = 10;
   explicit Problems(std::string file) : file_(std::move(file)) {}
   void add(Place place, std::string_view sentence);
   [[nodiscard]] bool empty() const { return found_.empty(); }
-  [[nodiscard]] std::string text() const;  // in file order, one per line, no trailing newline; the first
-                                         // kMostTold, then how many more
-
+  [[nodiscard]] std::string text() const;  // in file order, one per line, no trailing newline, printable
 
  private:
   std::string file_;

@@ -63,8 +63,6 @@ std::string_view without_leading_zeros(std::string_view text) {
 
 // Of the number that `text` begins with; 0: it begins with none.
 std::size_t number_length(std::string_view text) {
-  const std::size_t sign = text.starts_with('-') ? 1 : 0;
-  if (text.size() == sign || (!is_digit(text[sign]) && text[sign] != '.')) return 0;
   double ignored = 0;
   return static_cast<std::size_t>(std::from_chars(text.data(), text.data() + text.size(), ignored).ptr - text.data());
 }

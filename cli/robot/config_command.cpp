@@ -28,7 +28,7 @@ int refuse(const std::string& problems, bool json) {
     }
     fmt::print("{}\n", nlohmann::json{{"valid", false}, {"problems", lines}}.dump());
   } else {
-    fmt::print(stderr, "{}\n", problems);
+    fmt::print(stderr, "{}\n", first_problems(problems));
   }
   return config::kExitBadConfiguration;
 }

@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "cli/robot/executive_guard.hpp"
-#include "cli/robot/running_robots.hpp"
+#include "cli/running_robots.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "drivers/bus/open_bus.hpp"

@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.hpp"
-#include "cli/robot/running_robots.hpp"
 #include "cli/run/status_text.hpp"
+#include "cli/running_robots.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "executive/ipc/rendezvous.hpp"

@@ -2,6 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cstddef>
+
 #include "config/load.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 
@@ -22,6 +25,17 @@ std::expected<CheckedRobot, std::string> check_robot_file(const std::string& pat
   if (!loads) problems += (problems.empty() ? "" : "\n") + loads.error();
   if (!problems.empty()) return std::unexpected(problems);
   return CheckedRobot{std::move(*robot), std::move(*loads)};
+}
+
+std::string first_problems(const std::string& problems) {
+  constexpr std::size_t kMostTold = 10;
+  std::size_t end = 0;
+  for (std::size_t line = 0; line < kMostTold; ++line) {
+    end = problems.find('\n', line == 0 ? 0 : end + 1);
+    if (end == std::string::npos) return problems;
+  }
+  const auto more = std::count(problems.begin() + static_cast<std::ptrdiff_t>(end), problems.end(), '\n');
+  return fmt::format("{}\nand {} more; `takt config check --json FILE` lists them all", problems.substr(0, end), more);
 }
 
 }  // namespace takt::cli

@@ -19,4 +19,7 @@ struct CheckedRobot {
 // The error: one problem per line; exit code config::kExitBadConfiguration.
 std::expected<CheckedRobot, std::string> check_robot_file(const std::string& path);
 
+// For a terminal: the first ten of `problems`, one per line, and how many more there are.
+std::string first_problems(const std::string& problems);
+
 }  // namespace takt::cli

@@ -10,12 +10,11 @@
 #include <memory>
 
 #include "cli/command.hpp"
-#include "cli/robot/running_robots.hpp"
 #include "cli/run/checked_robot.hpp"
 #include "cli/run/supervisor.hpp"
+#include "cli/running_robots.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
-#include "drivers/bus/socketcan_bus.hpp"
 #include "executive/ipc/rendezvous.hpp"
 #include "monitor/record/run_folder.hpp"
 
@@ -54,7 +53,7 @@ std::string new_run_directory(const config::RobotConfig& robot) {
 bool only_simulated(const config::RobotConfig& robot) {
   return robot.simulation && std::ranges::none_of(robot.buses, [](const config::Bus& bus) {
            return bus.when_missing != config::WhenBusMissing::loopback ||
-                  drivers::SocketCanBus::interface_exists(bus.interface);
+                  std::filesystem::exists("/sys/class/net/" + bus.interface);
          });
 }
 
@@ -73,7 +72,7 @@ std::expected<void, Refusal> check_policy_host(const Given& given, const config:
 
 int run(const Given& given) {
   const auto checked = check_robot_file(given.robot_file);
-  if (!checked) return refuse(config::kExitBadConfiguration, checked.error());
+  if (!checked) return refuse(config::kExitBadConfiguration, first_problems(checked.error()));
   const config::RobotConfig& robot = checked->robot;
 
   RunOptions options;

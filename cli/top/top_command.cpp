@@ -12,8 +12,8 @@
 
 #include "cli/command.hpp"
 #include "cli/evidence/trace_snapshot.hpp"
-#include "cli/robot/running_robots.hpp"
 #include "cli/run/status_text.hpp"
+#include "cli/running_robots.hpp"
 #include "cli/top/attachment.hpp"
 #include "cli/top/keys.hpp"
 #include "cli/top/picture_json.hpp"

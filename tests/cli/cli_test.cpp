@@ -6,6 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
@@ -145,6 +146,22 @@ TEST_F(Cli, ConfigCheckNamesProblemsAndEndsWith65) {
   EXPECT_EQ(nlohmann::json::parse(json.output)["problems"].size(), 1U);
 }
 
+TEST_F(Cli, OfManyProblemsTenAreTold) {
+  const auto lines = [](const Ended& ended) { return std::ranges::count(ended.output, '\n'); };
+  std::ofstream file(in("bad.yaml"));
+  file << "schema: takt.robot/1\n";
+  for (int key = 0; key < 25; ++key) file << "unknown_" << key << ": \"\\e[2J\"\n";
+  file.close();
+  for (const char* command : {"config check ", "config show ", "run "}) {
+    const Ended told = run(command + in("bad.yaml"));
+    EXPECT_EQ(told.exit_code, 65);
+    EXPECT_EQ(lines(told), 11) << told.output;
+    EXPECT_TRUE(told.output.ends_with(" more; `takt config check --json FILE` lists them all\n")) << told.output;
+    EXPECT_EQ(told.output.find('\x1b'), std::string::npos);
+  }
+  EXPECT_GE(nlohmann::json::parse(run("config check --json " + in("bad.yaml")).output)["problems"].size(), 25U);
+}
+
 TEST_F(Cli, ConfigCheckLooksForThePolicyFile) {
   fs::copy("config/arm6.yaml", in("elsewhere.yaml"));
   const Ended ended = run("config check " + in("elsewhere.yaml"));
@@ -168,7 +185,7 @@ TEST_F(Cli, ImportRefusesToOverwrite) {
       "config import " + deploy + " --policy ../shared/policies/g1_velocity/policy.onnx --robot g1 -o " + in("g1.yaml");
   EXPECT_EQ(run(command).exit_code, 0);
   EXPECT_EQ(run(command).exit_code, 1);
-  const Ended check = run("config check " + in("g1.yaml"));
+  const Ended check = run("config check --json " + in("g1.yaml"));
   EXPECT_EQ(check.exit_code, 65);
   EXPECT_NE(check.output.find("joints[28].limits.torque: is still FILL_IN"), std::string::npos);
 }

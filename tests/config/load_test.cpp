@@ -6,7 +6,6 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-#include <algorithm>
 #include <filesystem>
 #include <fstream>
 
@@ -167,16 +166,6 @@ TEST(Load, APolicyLiesBesideItsRobotFileAndRunsInTheWorkingDirectory) {
   ASSERT_TRUE(robot.has_value());
   EXPECT_EQ(robot->policy->file, "/somewhere/robots/small.onnx");
   EXPECT_EQ(robot->record.directory, std::filesystem::current_path() / "runs");
-}
-
-TEST(Load, OfManyProblemsTenAreTold) {
-  std::string text = "schema: takt.robot/1\n";
-  for (int key = 0; key < 25; ++key) text += "unknown_" + std::to_string(key) + ": 1\n";
-  const auto robot = parse(text, "r");
-  ASSERT_FALSE(robot.has_value());
-  EXPECT_EQ(std::ranges::count(robot.error(), '\n'), 10);
-  EXPECT_TRUE(robot.error().ends_with(" more")) << robot.error();
-  EXPECT_NE(robot.error().find("\nr: and "), std::string::npos) << robot.error();
 }
 
 // What stands in a file is printed: a value with an escape sequence may not get as far as a terminal, nor may the

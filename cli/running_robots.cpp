@@ -1,4 +1,4 @@
-#include "cli/robot/running_robots.hpp"
+#include "cli/running_robots.hpp"
 
 #include <fmt/format.h>
 #include <sys/stat.h>

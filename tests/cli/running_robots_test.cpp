@@ -2,7 +2,7 @@
 // asks when there are several; folders that a robot left behind never count. Method: sockets in folders of the test's
 // own: one served, several, one whose server died, one below a folder of somebody else. That a real robot is found is
 // in cli_test.
-#include "cli/robot/running_robots.hpp"
+#include "cli/running_robots.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
