@@ -141,7 +141,8 @@ std::expected<Duration, std::string> parse_duration(std::string_view text) {
     return t;
   };
   const auto quantity = config::parse_quantity(trim(text), config::Dimension::time);
-  if (!quantity) return std::unexpected(fmt::format("`{}` is not a time; write such as 300ms or 20s", text));
+  if (!quantity || *quantity < 0)
+    return std::unexpected(fmt::format("`{}` is not a time; write such as 300ms or 20s", text));
   return Duration{std::llround(*quantity)};
 }
 

@@ -112,7 +112,8 @@ def main():
     folder = pathlib.Path(tempfile.mkdtemp(prefix="takt-docs."))
     try:
         (folder / "config").symlink_to(page.parent.parent / "config")
-        environment = dict(os.environ, PATH=f"{programs}:{os.environ['PATH']}", LC_ALL="C.UTF-8")
+        # A robot of the page is nobody else's: two pages, or a page and a test, may run at once.
+        environment = dict(os.environ, PATH=f"{programs}:{os.environ['PATH']}", LC_ALL="C.UTF-8", XDG_RUNTIME_DIR=str(folder))
         count, wrong = run_page(page, folder, environment)
     finally:
         shutil.rmtree(folder)
