@@ -94,8 +94,7 @@ CauseFindings cause_findings(Cause cause, const TickRecord& record, const config
         return joint.feedback.drive_state == DriveState::enabled ? "" : "not enabled in time";
       });
     case Cause::feedback_lost:
-      if (record.header.slept_ms != 0)
-        return "the computer was suspended for " + digits(record.header.slept_ms / 1000.0, 1) + " s";
+      if (record.header.slept_ms != 0) return {};  // nobody's fault alone: every joint is unheard
       return joints_where(record, robot, [&](const JointRecord& joint, const config::Joint&) {
         return silence(joint.feedback, record.header.now, robot.feedback.timeout);
       });
@@ -159,6 +158,8 @@ std::string place_text(const CauseFinding& finding, const config::RobotConfig& r
 }
 
 std::string cause_detail(Cause cause, const TickRecord& record, const config::RobotConfig& robot) {
+  if (cause == Cause::feedback_lost && record.header.slept_ms != 0)
+    return "the computer was suspended for " + digits(record.header.slept_ms / 1000.0, 1) + " s";
   std::string text;
   for (const CauseFinding& finding : cause_findings(cause, record, robot))
     text += (text.empty() ? "" : "; ") + place_text(finding, robot) + ": " + finding.what;

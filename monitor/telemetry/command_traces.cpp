@@ -7,10 +7,6 @@ namespace {
 
 constexpr std::size_t kMostTicks = 16'384;  // frames run ahead of ticks by a ring's worth at most
 
-bool is_refusal(Arrival arrival) {
-  return arrival != Arrival::none && arrival != Arrival::accepted;
-}
-
 CommandTrace refused(const TickRecordHeader& header) {
   return {.tick = header.tick,
           .sequence = header.command_sequence_seen,

@@ -44,7 +44,9 @@ class Exchange {
         driver_->decode({answer, now});
         replies_.push_back({answer, now});
       }
-      if (was_enabled && !replies_.empty()) return decide(now);
+      if (!was_enabled || replies_.empty()) continue;
+      decide(now);
+      return;
     }
     throw std::runtime_error("the drive was never enabled");
   }

@@ -86,9 +86,10 @@ DriveEdge make_edge(const config::RobotConfig& robot, const std::string& directo
   SystemClock clock;
   MailboxHandover mailboxes;
   OperatorInbox requests;
+  RecordedThrough recorded;
   StatusBoard board;
   auto published = PublishedSegments::create(robot.joints.size()).value();
-  CyclicLoop loop({config, clock, edge, mailboxes, requests, published, board},
+  CyclicLoop loop({config, clock, edge, mailboxes, requests, recorded, published, board},
                   {config::WakeMode::hybrid, microseconds(100), 100});
 
   auto segment = ipc::Segment::create("test-command", ipc::ring_bytes(ipc::command_mailbox()), false).value();
