@@ -142,7 +142,7 @@ class Doses {
 };
 
 std::expected<void, std::string> find_age(const ToleranceSetup& setup, AgeTolerance& found) {
-  auto contest = panel::Contest::prepare(panel_of(setup, "publish_delay", kDelayGrid_ms, kMostDelay_ms, 60'000));
+  auto contest = panel::Contest::prepare(panel_of(setup, "publish_delay", kDelayGrid_ms, kMostDelay_ms, 40'000));
   if (!contest) return std::unexpected(contest.error());
   Doses doses(setup, std::move(*contest));
   const auto nominal = doses.look_at(0);

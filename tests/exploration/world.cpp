@@ -330,7 +330,7 @@ void World::answer(const Observation& observation) {
   header.sequence = ++sequence_;
   header.policy_hash = 5;
   header.outside_sensed_at = observation.published_at;
-  header.dequeued_at = header.infer_started_at = now_;
+  header.outside_sensed_at = header.dequeued_at = header.infer_started_at = now_;
   header.infer_ended_at = header.published_at = now_ + takes;
   header.step_period = kStepPeriod;
   header.step_count = kSteps;

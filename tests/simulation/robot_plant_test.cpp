@@ -154,7 +154,7 @@ TEST(RobotPlant, WhenTheHostFallsSilentTheDrivesStopByThemselves) {
   // The operator disables: the host clears the error, and the drives may be enabled again.
   for (int ms = 0; ms < 5; ++ms) loop.tick(false, kNothing);
   EXPECT_TRUE(loop.all(DriveState::disabled));
-  for (int ms = 0; ms < 5; ++ms) loop.tick(true, kNothing);
+  for (int ms = 0; ms < 60; ++ms) loop.tick(true, kNothing);  // their time-outs are written and read back first
   EXPECT_TRUE(loop.all(DriveState::enabled));
 }
 

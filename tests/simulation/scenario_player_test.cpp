@@ -121,10 +121,10 @@ TEST(ScenarioPlayer, SilentObeysAndIsNotHeardThenIsHeardAgain) {
 }
 
 TEST(ScenarioPlayer, DeafTripsTheDrivesOwnWatchdog) {
-  Bench bench("  - { at: 100 ms, joint: hip, fault: deaf, for: 30 ms }\n");
+  Bench bench("  - { at: 100 ms, joint: hip, fault: deaf, for: 80 ms }\n");
   bench.run(100);
   EXPECT_EQ(bench.plant.drive(kHip).state(), DeviceState::enabled);
-  bench.run(29);
+  bench.run(79);  // the host wrote a time-out of 50 ms
   EXPECT_EQ(bench.plant.drive(kHip).state(), DeviceState::lost);
   EXPECT_EQ(bench.plant.drive(kKnee).state(), DeviceState::enabled);
   bench.run(2);
@@ -204,7 +204,7 @@ TEST(ScenarioPlayer, OnABusItWaitsForEveryDriveOfIt) {
   bench.enable = false;
   bench.run(5);
   bench.enable = true;
-  bench.run(5);
+  bench.run(60);  // set up again
   EXPECT_EQ(bench.replies_in_a_tick(kHip), 0);
 }
 
@@ -229,7 +229,7 @@ TEST(ScenarioPlayer, ARivalTakesTheCommandAwayAndDoublesTheReplies) {
   const std::size_t in_all = bench.strange_frames;
   bench.run(20);
   EXPECT_EQ(bench.strange_frames, in_all) << "it is gone";
-  EXPECT_GT(bench.plant.state().dq[kHip], speed + 0.1);
+  EXPECT_EQ(bench.plant.drive(kHip).state(), DeviceState::disabled) << "a host takes the power away before it sets up";
 }
 
 TEST(ScenarioPlayer, ABabblerFillsTheBusWithAnIdThatIsNobodys) {

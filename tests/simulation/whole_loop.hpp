@@ -88,7 +88,8 @@ class WholeLoop {
     CommandHeader& header = chunk_->header;
     header.observation_id = out->observation.id;
     ++header.sequence;
-    header.dequeued_at = header.infer_started_at = header.infer_ended_at = header.published_at = input_.now;
+    header.outside_sensed_at = header.dequeued_at = header.infer_started_at = header.infer_ended_at =
+        header.published_at = input_.now;
     header.step_period = milliseconds(10);
     header.step_count = 16;
     header.joint_count = static_cast<std::uint16_t>(pose.size());

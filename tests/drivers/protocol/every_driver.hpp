@@ -82,9 +82,11 @@ class AbusedDriver {
     if (!is_legal(frame)) return "the guard lets a frame pass that no CAN bus can carry";
     if (!is_ours(frame)) return "the guard lets a frame pass that is not ours to send";
     if (verdict == WireVerdict::allowed) return {};
-    return guard_.pass(joint_, bus_, moment, record, frame) == WireVerdict::allowed
-               ? ""
-               : "the guard refuses what it sent in place of a refused frame";
+    const WireVerdict again = guard_.pass(joint_, bus_, moment, record, frame);
+    return again == WireVerdict::allowed ? std::string()
+                                         : "the guard refuses what it sent in place of a refused frame: " +
+                                               (std::to_string(static_cast<int>(again))) + " after " +
+                                               (std::to_string(static_cast<int>(verdict)));
   }
   [[nodiscard]] std::string_view name() const { return config::name(drive_.protocol); }
 

@@ -35,7 +35,7 @@ policy_host::Policy& policy() {
 // As the headline panel's method of that name.
 const config::RobotConfig& blind_robot() {
   static const config::RobotConfig robot = [] {
-    const std::vector<config::Override> overrides{{"freshness.max_age", "60 s"},
+    const std::vector<config::Override> overrides{{"freshness.max_age", "40 s"},
                                                   {"freshness.epsilon", "0.999999"},
                                                   {"freshness.recover_after", "1 ms"},
                                                   {"freshness.stop_after", "600 s"},

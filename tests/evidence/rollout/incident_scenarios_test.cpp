@@ -104,6 +104,7 @@ class ScenarioRun {
     input_.mailbox = due ? Arrival::accepted : Arrival::none;
     input_.command_bytes = due ? read_->used_bytes() : 0;
     input_.policy_session = 1;
+    input_.recorded_through = input_.tick;
   }
 
   pipeline::TickConfig config_ = config::tick_config_of(robot(), kHash);

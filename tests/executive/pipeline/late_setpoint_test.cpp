@@ -115,7 +115,7 @@ TEST(LateSetpoint, ACommandAlsoDiesAtTheEndOfItsChunk) {
       testing::chunk_for(rig.config, rig.newest_observation, observed_at, rig.now, ++rig.sequence, 1.0F, 3);
   rig.tick(&chunk);
   ASSERT_EQ(rig.header().arrival, Arrival::accepted);
-  EXPECT_EQ(rig.out->valid_until, observed_at + milliseconds(30) - nanoseconds(1));
+  EXPECT_EQ(rig.out->valid_until, observed_at + milliseconds(30));
 }
 
 }  // namespace

@@ -24,7 +24,8 @@ Rig moving() {
 
 bool is_fast(const Rig& rig) {
   for (std::size_t j = 0; j < rig.config.joint_count; ++j)
-    if (std::abs(rig.out->record.joints[j].dq_estimate) >= rig.config.rest_velocity) return true;
+    if (rig.out->drive_enabled[j] && std::abs(rig.out->record.joints[j].dq_estimate) >= rig.config.rest_velocity)
+      return true;
   return false;
 }
 

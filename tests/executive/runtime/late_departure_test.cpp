@@ -110,7 +110,7 @@ class LateDeparture : public testing::Test {
     std::vector<std::byte> payload(ipc::command_ring().payload_capacity);
     for (auto read = commands_.reader.read_next(payload); read.status == ipc::ReadStatus::fresh;
          read = commands_.reader.read_next(payload)) {
-      TickTag tag;
+      CommandTag tag;
       std::memcpy(&tag, payload.data(), sizeof tag);
       messages[tag.tick].assign(payload.begin() + sizeof tag, payload.begin() + static_cast<std::ptrdiff_t>(read.size));
     }
@@ -220,7 +220,7 @@ TEST_F(LateDeparture, ACommandThatDiesInsideItsTickStaysBehind) {
 // damped.
 TEST_F(LateDeparture, InStandbyNothingIsDamped) {
   on_tick = [this](std::uint64_t tick) {
-    if (tick == 20) rig_.clock.pass(milliseconds(900));
+    if (tick == 20) rig_.clock.pass(milliseconds(100));
   };
   run();
   EXPECT_EQ(records_.at(21).header.last_damped, 0U);

@@ -60,7 +60,7 @@ TEST(TickSchema, TablesCoverEverythingButReservedBytes) {
   for (const std::size_t at : range(offsetof(TickRecordHeader, reserved), 3)) expected.push_back(at);
   EXPECT_EQ(uncovered(header_fields(), sizeof(TickRecordHeader)), expected);
   EXPECT_EQ(uncovered(bus_fields(), sizeof(BusHealth)), range(offsetof(BusHealth, reserved), 2));
-  expected = range(offsetof(JointFeedback, reserved), 2);
+  expected = range(offsetof(JointFeedback, reserved), sizeof(JointFeedback::reserved));
   EXPECT_EQ(uncovered(joint_fields(), sizeof(JointRecord)), expected);
 }
 
