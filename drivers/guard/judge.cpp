@@ -129,12 +129,13 @@ WireVerdict judge_drive(const JointFacts& facts, const Demand& demand, const Mom
                         LastTorque& last) noexcept {
   const Motion& asked = demand.motion;
   const Torque torque = within(torque_of(facts, asked, record), demand.torque_most, facts.ratio);
-  if (!is_finite(asked) || !std::isfinite(torque.value)) return WireVerdict::not_finite;
+  const bool passive = asks_for_nothing(facts, asked, moment, record);
+  // Damping needs no estimate: whatever the record says, the drive brakes what it measures itself.
+  if (!is_finite(asked) || (!passive && !std::isfinite(torque.value))) return WireVerdict::not_finite;
   if (exceeds_gains(facts, asked)) return WireVerdict::gain;
   if (outlives_the_command(facts, demand, moment)) return WireVerdict::expired;
   const bool own_limit_holds = demand.torque_most == 0 || demand.torque_most <= facts.torque_range;  // false for NaN
   if (!own_limit_holds) return WireVerdict::torque;
-  const bool passive = asks_for_nothing(facts, asked, moment, record);
   const WireVerdict verdict = passive ? WireVerdict::allowed : judge_push(facts, asked, torque, moment, record, last);
   if (verdict == WireVerdict::allowed) last = {torque.value, torque.doubt, passive};
   return verdict;

@@ -65,8 +65,7 @@ std::expected<InnerLoop, std::string> InnerLoop::make(const config::RobotConfig&
   std::vector<Gains> gains;
   for (const config::Joint& joint : robot.joints) {
     const bool open = !not_computable(joint).empty();
-    gains.push_back({open ? 0 : joint.kp, open ? 0 : joint.kd, closed_by_host(joint.drive),
-                     joint.drive.protocol == config::DriveProtocol::cia402});
+    gains.push_back({open ? 0 : joint.kp, open ? 0 : joint.kd, closed_by_host(joint.drive)});
   }
   return InnerLoop(sample(*linear, robot.simulation->step), std::move(gains), robot,
                    slope_of_compensation(robot, pose));
@@ -85,7 +84,7 @@ InnerLoop::InnerLoop(SampledPlant plant, std::vector<Gains> gains, const config:
 
 // velocity_observer.cpp as a transfer function, from the position it is given to the position at the tick; a reply is
 // on average half a period old by its stamp.
-Complex InnerLoop::observer(std::size_t joint, Complex z) const {
+InnerLoop::Observed InnerLoop::observer(std::size_t joint, Complex z) const {
   const double dt = period_.seconds(), bandwidth = observer_bandwidth_[joint];
   const double pole = 1 / (1 + bandwidth * dt), speed_gain = bandwidth * bandwidth * pole * pole * dt;
   const double position_gain = 1 - pole * pole;
@@ -93,13 +92,7 @@ Complex InnerLoop::observer(std::size_t joint, Complex z) const {
   update << 1 - position_gain, (1 - position_gain) * dt, -speed_gain, 1 - speed_gain * dt;
   const Eigen::Matrix2cd system = Eigen::Matrix2cd::Identity() - update / z;
   const Eigen::Vector2cd state = system.partialPivLu().solve(Eigen::Vector2cd(position_gain, speed_gain));
-  return state[0] + state[1] * (dt / 2);
-}
-
-// cia402_driver.cpp: differences over whole periods through a first-order low-pass.
-Complex InnerLoop::speed_from_position(std::size_t joint, Complex z) const {
-  const double dt = period_.seconds(), share = observer_bandwidth_[joint] * dt, weight = share / (1 + share);
-  return weight * (1.0 - 1.0 / z) / dt / (1.0 - (1 - weight) / z);
+  return {state[0] + state[1] * (dt / 2), state[1]};
 }
 
 Eigen::MatrixXcd InnerLoop::controller(double omega) const {
@@ -111,16 +104,18 @@ Eigen::MatrixXcd InnerLoop::controller(double omega) const {
   Eigen::MatrixXcd made = Eigen::MatrixXcd::Zero(n, 2 * n);
   for (Eigen::Index j = 0; j < n; ++j) {
     const Gains& gains = gains_[static_cast<std::size_t>(j)];
-    const Complex feedback = acts * (gains.by_host ? by_host : Complex(1));
-    made(j, j) = gains.kp * feedback;
-    if (gains.speed_by_difference)
-      made(j, j) += gains.kd * feedback * speed_from_position(static_cast<std::size_t>(j), z_of_period);
-    else
-      made(j, n + j) = gains.kd * feedback;
+    if (gains.by_host) {  // the law is the pipeline's, on its own estimates
+      const Observed seen = observer(static_cast<std::size_t>(j), z_of_period);
+      made(j, j) = acts * by_host * (gains.kp * seen.position + gains.kd * seen.velocity);
+    } else {
+      made(j, j) = gains.kp * acts;
+      made(j, n + j) = gains.kd * acts;
+    }
   }
   if (gravity_slope_.isZero()) return made;
   for (Eigen::Index i = 0; i < n; ++i)
-    made.col(i) -= gravity_slope_.col(i) * (acts * by_host * observer(static_cast<std::size_t>(i), z_of_period));
+    made.col(i) -=
+        gravity_slope_.col(i) * (acts * by_host * observer(static_cast<std::size_t>(i), z_of_period).position);
   return made;
 }
 

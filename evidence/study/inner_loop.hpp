@@ -40,14 +40,16 @@ class InnerLoop {
   struct Gains {
     double kp = 0, kd = 0;
     bool by_host = false;
-    bool speed_by_difference = false;
   };
   InnerLoop(SampledPlant plant, std::vector<Gains> gains, const config::RobotConfig& robot,
             Eigen::MatrixXd gravity_slope);
   // Torque per state with the sign turned: tau = -C x. n x 2n.
   [[nodiscard]] Eigen::MatrixXcd controller(double omega) const;
-  [[nodiscard]] std::complex<double> speed_from_position(std::size_t joint, std::complex<double> z) const;
-  [[nodiscard]] std::complex<double> observer(std::size_t joint, std::complex<double> z) const;
+  // What the executive estimates at a tick, per measured position.
+  struct Observed {
+    std::complex<double> position, velocity;
+  };
+  [[nodiscard]] Observed observer(std::size_t joint, std::complex<double> z) const;
 
   SampledPlant plant_;
   std::vector<Gains> gains_;

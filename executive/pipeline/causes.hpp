@@ -24,7 +24,7 @@ inline constexpr Duration kStopAgainAfter = milliseconds(200);
 // The robot rests once every joint that is heard has been slow for this long: an instant at rest is a turning point.
 inline constexpr Duration kRestDwell = milliseconds(100);
 constexpr bool rests(const ModeState& mode, MonoTime now) {
-  return mode.still_since.is_set() && now - mode.still_since >= kRestDwell;
+  return mode.slow_since.is_set() && now - mode.slow_since >= kRestDwell;
 }
 
 // The cause of the operator's request if it is granted, else 0. Arming: from standby with no blocker. Reset: it turns

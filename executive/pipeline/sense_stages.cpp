@@ -63,24 +63,19 @@ JointMask asked_for_rest(const TickState& state, const TickConfig& config) {
   return holding != 0 ? holding : powered;
 }
 
-void note_since(bool holds, MonoTime now, MonoTime& since) {
-  if (!holds) since = {};
-  if (holds && !since.is_set()) since = now;
-}
-
 void watch_for_rest(TickState& state, const TickRecord& record, const TickConfig& config) {
   if (!is_latched(state.mode.mode)) return;
   const MonoTime now = record.header.now;
   const JointMask ours = asked_for_rest(state, config);
-  bool all_slow = true, ours_slow = true;
-  for (std::size_t j = 0; j < config.joint_count; ++j) {
-    const bool slow = is_slow(state.joints[j], record.joints[j], now, config);
-    all_slow &= slow || (state.mode.deenergised & bit_of_joint(j)) != 0;
-    ours_slow &= slow || (ours & bit_of_joint(j)) == 0;
+  bool slow = true;
+  for (std::size_t j = 0; j < config.joint_count; ++j)
+    slow &= (ours & bit_of_joint(j)) == 0 || is_slow(state.joints[j], record.joints[j], now, config);
+  if (!slow) {
+    state.mode.slow_since = {};
+  } else if (!state.mode.slow_since.is_set()) {
+    state.mode.slow_since = now;
   }
-  note_since(ours_slow, now, state.mode.slow_since);
-  note_since(all_slow, now, state.mode.still_since);
-  if (state.mode.slow_since.is_set() && now - state.mode.slow_since >= kRestDwell) state.mode.resting = 1;
+  if (rests(state.mode, now)) state.mode.resting = 1;
 }
 
 // Every period of the grid is a tick in time, a late one, or one that was skipped.
@@ -218,7 +213,6 @@ void enter(TickState& state, Mode mode, MonoTime now, const FreshnessContract& c
     case Mode::fault_latched:
       state.mode.resting = 0;
       state.mode.slow_since = {};
-      state.mode.still_since = {};
       return;
   }
 }

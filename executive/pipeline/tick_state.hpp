@@ -33,7 +33,6 @@ struct JointState {
 struct ModeState {
   MonoTime armed_at;    // start of the present arming
   MonoTime slow_since;  // latched modes: every joint that we hold below the rest velocity since; unset while one is not
-  MonoTime still_since;    // latched modes: every joint that a reset would take the power from
   MonoTime stop_asked_at;  // the first stop asked for since standby; unset: none
   MonoTime resumed_at;     // tracking began, after arming or after degraded: start of the resume ramp; unset before
   // Since a fault was latched, until standby: drives that get no power from us, and joints that only damp.
@@ -83,7 +82,7 @@ static_assert(std::is_trivially_copyable_v<TickState>);
 // No hidden padding: keyframes of equal states are equal bytes.
 static_assert(sizeof(JointState) == sizeof(ObserverState) + 2 * sizeof(ReferenceState) + 8 &&
               sizeof(ObserverState) == 16);
-static_assert(sizeof(ModeState) == 72 && sizeof(Counters) == 24 && sizeof(Recovery) == 32);
+static_assert(sizeof(ModeState) == 64 && sizeof(Counters) == 24 && sizeof(Recovery) == 32);
 static_assert(sizeof(CommandInUse) == 56);
 
 }  // namespace takt::pipeline

@@ -18,8 +18,8 @@ namespace takt::exploration {
 namespace {
 
 constexpr Duration kInference = milliseconds(12);
-constexpr std::uint16_t kSteps = 30;
-constexpr Duration kStepPeriod = milliseconds(10);
+constexpr std::uint16_t kSteps = 16;  // as the robot file says
+constexpr Duration kStepPeriod = milliseconds(20);
 constexpr Duration kAsksEvery = milliseconds(400);  // the operator: to arm, or to reset
 
 }  // namespace

@@ -50,7 +50,7 @@ TEST(Rest, ALatchedFaultIsResetAtRestOnly) {
   expect_reset_only_after_rest(rig);
 }
 
-TEST(Rest, AJointThatWasLostIsJudgedOnceItIsHeardAgain) {
+TEST(Rest, AJointWithoutPowerDelaysNoReset) {
   Rig rig(robot(2));
   rig.arm(0.0F);
   rig.run_with_policy(100, 0.0F);
@@ -62,7 +62,9 @@ TEST(Rest, AJointThatWasLostIsJudgedOnceItIsHeardAgain) {
   ASSERT_EQ(rig.mode(), Mode::fault_latched) << "feedback is lost still";
   rig.drives[1].silent = false;
   rig.drives[1].q = 0.3F;
-  expect_reset_only_after_rest(rig);
+  rig.drives[1].dq = 2.5F;  // nothing holds it, and a reset takes nothing from it
+  for (int i = 0; i < 5 && rig.mode() != Mode::standby; ++i) rig.tick(nullptr, OperatorRequest::reset);
+  EXPECT_EQ(rig.mode(), Mode::standby);
 }
 
 TEST(Rest, AStoppedRobotThatIsPushedIsNotResetMeanwhile) {

@@ -127,7 +127,7 @@ TEST(Scope, ADriveThatIsHeardAgainStaysWithoutPowerUntilTheReset) {
   rig.drives[1].fault = false;
   rig.run_with_policy(500, 0.3F);
   EXPECT_FALSE(rig.out->drive_enabled[1]);
-  rig.tick_with_policy(0.3F, OperatorRequest::reset);
+  rig.tick_with_policy(0.3F, OperatorRequest::deenergise);  // both limbs sag: nothing here ever rests
   ASSERT_EQ(rig.mode(), Mode::standby);
   rig.arm(0.3F);
   ASSERT_EQ(rig.mode(), Mode::tracking);
