@@ -27,9 +27,9 @@ void Journal::transition(const TickRecord& record, const std::optional<Incident>
   const bool expected = tick.cause == Cause::operator_arm || tick.cause == Cause::drives_enabled ||
                         tick.cause == Cause::operator_reset || tick.cause == Cause::contract_restored;
   spdlog::log(expected ? spdlog::level::info : spdlog::level::warn,
-              "{} -> {}: {} (tick {}, age {:.1f} ms, misses {} of {})", name(tick.previous_mode), name(tick.mode),
-              incident ? incident->sentence : std::string(name(tick.cause)), tick.tick, tick.age.total().milliseconds(),
-              tick.window_misses, tick.window_ticks);
+              "{} -> {}: {} (tick {}, age {:.1f} ms, misses {} of {}){}", name(tick.previous_mode), name(tick.mode),
+              name(tick.cause), tick.tick, tick.age.total().milliseconds(), tick.window_misses, tick.window_ticks,
+              incident ? ": " + incident->sentence : std::string());
 }
 
 void Journal::summarise(MonoTime now, const StatusSnapshot& status) {

@@ -68,18 +68,18 @@ constexpr const char* kFeedbackLost = R"("to":"fault_latched","cause":"feedback_
 
 INSTANTIATE_TEST_SUITE_P(
     EveryFault, ScenarioRun,
-    testing::Values(
-        Case{"silent", "joint: elbow, fault: silent, for: 600 ms", kFeedbackLost, 0},
-        Case{"over_temperature", "joint: elbow, error: over_temperature",
-             R"("to":"fault_latched","cause":"drive_fault")", only(Cause::drive_fault)},
-        // It boots, and is not enabled again behind the operator's back.
-        Case{"power_cycle", "joint: elbow, fault: power_cycle, for: 600 ms", kFeedbackLost,
-             only(Cause::drive_disabled)},
-        // A drive that hears nothing has nothing to answer; heard again, it reports that it lost communication.
-        Case{"deaf", "joint: elbow, fault: deaf, for: 900 ms", kFeedbackLost, only(Cause::drive_fault)},
-        Case{"bus_off", "bus: can0, fault: bus_off, for: 50 ms", R"("to":"fault_latched","cause":"bus_off")", 0},
-        Case{"bus_down", "bus: can1, fault: down", R"("to":"fault_latched","cause":"bus_down")",
-             only(Cause::bus_down) | only(Cause::feedback_lost)}),
+    testing::Values(Case{"silent", "joint: elbow, fault: silent, for: 600 ms", kFeedbackLost, 0},
+                    Case{"over_temperature", "joint: elbow, error: over_temperature",
+                         R"("to":"fault_latched","cause":"drive_fault")", only(Cause::drive_fault)},
+                    // It boots, and is not enabled again behind the operator's back: its power was taken away.
+                    Case{"power_cycle", "joint: elbow, fault: power_cycle, for: 600 ms", kFeedbackLost, 0},
+                    // A drive that hears nothing has nothing to answer; heard again, it is told to de-energise, which
+                    // clears its error.
+                    Case{"deaf", "joint: elbow, fault: deaf, for: 900 ms", kFeedbackLost, 0},
+                    Case{"bus_off", "bus: can0, fault: bus_off, for: 50 ms",
+                         R"("to":"fault_latched","cause":"bus_off")", 0},
+                    Case{"bus_down", "bus: can1, fault: down", R"("to":"fault_latched","cause":"bus_down")",
+                         only(Cause::bus_down) | only(Cause::feedback_lost)}),
     [](const testing::TestParamInfo<Case>& row) { return std::string(row.param.when); });
 
 TEST(ForeignCommands, AreCountedOnTheirBusAndOnNoOther) {

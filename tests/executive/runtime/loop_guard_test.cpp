@@ -87,6 +87,7 @@ DriveEdge make_edge(const config::RobotConfig& robot, const std::string& directo
   MailboxHandover mailboxes;
   OperatorInbox requests;
   RecordedThrough recorded;
+  recorded.set(1);  // for the first four seconds that is not too far behind
   StatusBoard board;
   auto published = PublishedSegments::create(robot.joints.size()).value();
   CyclicLoop loop({config, clock, edge, mailboxes, requests, recorded, published, board},
