@@ -66,10 +66,10 @@ endfunction()
 
 # takt_test(NAME SOURCES... DEPENDS... LABELS...): one GoogleTest program, one CTest entry; of `process` tests, one entry
 # NAME.CASE for each case, so that one which a stall broke is all that runs again.
-# Labels: `tsan` tests also run under ThreadSanitizer; `process` tests start real processes. Those run side by side; LOCK names
-# what on this machine only one of them may use at a time.
+# Labels: `tsan` tests also run under ThreadSanitizer; `process` tests start real processes. Those run side by side, but
+# for those that are ALONE: what they watch is the whole machine.
 function(takt_test name)
-  cmake_parse_arguments(ARG "" "TIMEOUT;LOCK" "SOURCES;DEPENDS;LABELS" ${ARGN})
+  cmake_parse_arguments(ARG "ALONE" "TIMEOUT" "SOURCES;DEPENDS;LABELS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE takt_options ${ARG_DEPENDS} GTest::gtest GTest::gtest_main)
   if(NOT ARG_TIMEOUT)
@@ -77,7 +77,7 @@ function(takt_test name)
   endif()
   if(ARG_LABELS STREQUAL "process" AND NOT TAKT_SANITIZE)
     gtest_discover_tests(${name} TEST_PREFIX "${name}." WORKING_DIRECTORY ${CMAKE_SOURCE_DIR} DISCOVERY_MODE PRE_TEST
-      PROPERTIES LABELS process TIMEOUT ${ARG_TIMEOUT} RESOURCE_LOCK "${ARG_LOCK}")
+      PROPERTIES LABELS process TIMEOUT ${ARG_TIMEOUT} RUN_SERIAL ${ARG_ALONE})
   else()
     add_test(NAME ${name} COMMAND ${name} WORKING_DIRECTORY ${CMAKE_SOURCE_DIR})
     set_tests_properties(${name} PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT ${ARG_TIMEOUT})
