@@ -197,7 +197,8 @@ void record(TickState& state, const Choice& choice, const TickConfig& config, Ti
     joint.kp_command = setpoint.kp;
     joint.kd_command = setpoint.kd;
     joint.tau_command = setpoint.tau;
-    // A drive that is not enabled yet makes no torque: its first one begins from none, whatever the others carry already.
+    // A drive that is not enabled yet makes no torque: its first one begins from none, whatever the others carry
+    // already.
     state.joints[j].tau_last = joint.feedback.drive_state == DriveState::enabled ? joint.tau_total : 0.0F;
   }
 }
