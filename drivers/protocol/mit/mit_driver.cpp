@@ -24,7 +24,10 @@ std::size_t MitDriver::encode(bool enable, const DriveSetpoint& setpoint, MonoTi
   frame.id = settings_.id;
   frame.length = 8;
   note_silence();
-  if (other_protocol_ticks_ > 0 && --other_protocol_ticks_ == 0) judge();
+  if (other_protocol_ticks_ > 0) {
+    --other_protocol_ticks_;
+    if (other_protocol_ticks_ == 0) judge();
+  }
   if (!enable && wish_ != Wish::disable) readback_.restart();
   const bool wanted = enable && may_enable();
   std::ranges::copy(payload_for(wanted, setpoint), frame.data);
@@ -40,7 +43,9 @@ std::size_t MitDriver::encode(bool enable, const DriveSetpoint& setpoint, MonoTi
 }
 
 void MitDriver::note_silence() noexcept {
-  if (wish_ != Wish::drive && ++silent_ticks_ == kTicksToDoubt) readback_.restart();
+  if (wish_ == Wish::drive) return;
+  ++silent_ticks_;
+  if (silent_ticks_ == kTicksToDoubt) readback_.restart();
 }
 
 bool MitDriver::may_enable() const {
