@@ -105,19 +105,15 @@ World::World(const config::RobotConfig& robot, std::vector<Event> events, std::u
       clock_(std::make_unique<VirtualClock>(*this)),
       edge_(make_edge()),
       published_(runtime::PublishedSegments::create(robot.joints.size()).value()),
+      observation_segment_(ipc::Segment::adopt_read_only(dup(published_.observation_descriptor()),
+                                                         ipc::ring_bytes(ipc::observation_mailbox()))
+                               .value()),
+      mailbox_(ipc::Segment::create("explored", ipc::ring_bytes(ipc::command_mailbox()), false).value()),
+      command_segment_(ipc::Segment::adopt_writable(dup(mailbox_.fd()), mailbox_.size()).value()),
       ticks_(published_.tick_reader()),
-      observations_([this] {
-        observation_segment_ = ipc::Segment::adopt_read_only(dup(published_.observation_descriptor()),
-                                                             ipc::ring_bytes(ipc::observation_mailbox()))
-                                   .value();
-        return ipc::SlotReader::attach(observation_segment_.readable(), ipc::observation_mailbox()).value();
-      }()),
-      observation_segment_(ipc::Segment::create("unused", 4096, false).value()),
-      command_segment_(ipc::Segment::create("unused", 4096, false).value()) {
-  auto mailbox = ipc::Segment::create("explored", ipc::ring_bytes(ipc::command_mailbox()), false).value();
-  command_segment_ = ipc::Segment::adopt_writable(dup(mailbox.fd()), mailbox.size()).value();
-  commands_ = std::make_unique<ipc::SlotWriter>(command_segment_.writable(), ipc::command_mailbox());
-  mailboxes_.want(runtime::CommandMailbox::seal(std::move(mailbox), 1).value());
+      observations_(ipc::SlotReader::attach(observation_segment_.readable(), ipc::observation_mailbox()).value()),
+      commands_(std::make_unique<ipc::SlotWriter>(command_segment_.writable(), ipc::command_mailbox())) {
+  mailboxes_.want(runtime::CommandMailbox::seal(std::move(mailbox_), 1).value());
   loop_ = std::make_unique<runtime::CyclicLoop>(
       runtime::LoopParts{config_, *clock_, edge_, mailboxes_, requests_, recorded_, published_, board_},
       runtime::LoopTiming{{}, {}, 1'000'000});
@@ -135,7 +131,6 @@ runtime::DriveEdge World::make_edge() {
 }
 
 void World::run(Duration lasting) {
-  ends_at_ = kStart + lasting;
   const auto evidence = runtime::EvidenceSource::open().value();
   loop_->run(evidence, static_cast<std::uint64_t>(lasting.ns / config_.period.ns));
 }

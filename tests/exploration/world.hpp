@@ -74,7 +74,6 @@ class World {
   [[nodiscard]] bool is_recorded() const { return recorded_.get() != 0; }
   // When the oldest sample was taken of the newest observation that any published command answers; unset before.
   [[nodiscard]] MonoTime newest_answered() const { return newest_answered_; }
-  [[nodiscard]] pipeline::TickConfig& config() { return config_; }
 
  private:
   class VirtualClock;
@@ -112,7 +111,7 @@ class World {
   std::vector<bool> done_;  // by event: what strikes once has struck
   std::mt19937_64 random_;
   Planted planted_;
-  MonoTime now_ = kStart, ends_at_;
+  MonoTime now_ = kStart;
   plant::Plant plant_;
   MonoTime plant_at_ = kStart;
   std::vector<std::deque<Arriving>> arriving_;  // by bus
@@ -128,8 +127,8 @@ class World {
   runtime::RecordedThrough recorded_;
   runtime::PublishedSegments published_;
   runtime::StatusBoard board_;
+  ipc::Segment observation_segment_, mailbox_, command_segment_;
   ipc::SlotReader ticks_, observations_;
-  ipc::Segment observation_segment_, command_segment_;
   std::unique_ptr<ipc::SlotWriter> commands_;
   std::unique_ptr<runtime::CyclicLoop> loop_;
   TickRecord record_{};
