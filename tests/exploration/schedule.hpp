@@ -10,34 +10,49 @@
 
 namespace takt::exploration {
 
+// What lasts, lasts for the event's `length`.
 enum class Happening : std::uint8_t {
-  stall_in_clock,    // the port does not return for `length`
-  stall_in_send,     //
-  stall_in_receive,  //
-  late_wake_ups,     // every wake-up of the stretch comes `length / 8` late, at most 3 ms
-  policy_silent,     // for `length`
-  policy_slow,       // answers take `length / 4` more, at most 200 ms
-  policy_nonsense,   // what it says is not finite
-  drive_silent,      // obeys, is not heard
-  drive_deaf,        // hears nothing
-  drive_repeats,     // everything it says arrives twice
-  drive_late,        // everything it says arrives 8 ms later
-  drive_error,       // finds an error; stays until cleared
-  drive_restarts,    // supply off for `length`
-  bus_off,           //
-  frames_lost,       // a third of what crosses the bus
-  shove,             // the joint is given 2 rad/s more
-  operator_stop,     //
+  stall_in_clock,     // the port does not return for `length`
+  stall_in_send,      //
+  stall_in_receive,   //
+  late_wake_ups,      // every wake-up of the stretch comes `length / 8` late, at most 3 ms
+  policy_silent,      //
+  policy_slow,        // answers take `length / 4` more, at most 200 ms
+  policy_nonsense,    // what it says is not finite
+  drive_silent,       // obeys, is not heard
+  drive_deaf,         // hears nothing
+  drive_repeats,      // everything it says arrives twice
+  drive_late,         // what it says arrives in bunches, up to 12 ms later
+  drive_error,        // finds an error; stays until cleared
+  drive_restarts,     // without power
+  drive_taken_away,   // a stranger disables it, again and again
+  shove,              // the joint is given 2 rad/s more
+  hurl,               // the joint is given 40 rad/s more
+  bus_off,            //
+  bus_down,           // the interface is gone
+  bus_error_passive,  // the controller warns
+  bus_refuses,        // every other of our frames is not taken
+  bus_overflows,      // a frame is lost on our side in every millisecond
+  bus_babbles,        // what was last said is said again, twenty times a tick
+  bus_has_stranger,   // malformed frames on a drive's id
+  frames_lost,        // a third of what crosses the bus
+  recorder_ends,      // nothing is written
+  operator_stop,
   operator_deenergise,
-  recorder_ends,  // for `length`, nothing is written
+  shutdown,  // for good
 };
-inline constexpr unsigned kHappenings = 19;
+inline constexpr unsigned kHappenings = 28;
+
+// Whether Event::index counts buses; else joints, as far as it has one.
+constexpr bool is_of_bus(Happening what) {
+  return what >= Happening::bus_off && what <= Happening::frames_lost;
+}
 
 struct Event {
   Happening what = Happening::operator_stop;
   Duration at;            // after the start
   Duration length;        // of what lasts
-  std::size_t joint = 0;  // or bus, as far as it has one
+  std::size_t index = 0;  // of the joint or bus
   [[nodiscard]] Duration end() const { return at + length; }
 };
 

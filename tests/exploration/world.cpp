@@ -8,6 +8,7 @@
 #include <limits>
 #include <utility>
 
+#include "config/drive_ids.hpp"
 #include "config/load.hpp"
 #include "drivers/guard/wire_guard.hpp"
 #include "drivers/protocol/protocol_table.hpp"
@@ -65,28 +66,50 @@ class World::VirtualBus final : public drivers::CanBus {
   VirtualBus(World& world, std::size_t index) : world_(world), index_(index) {}
   drivers::SendResult send(const drivers::CanFrame& frame) noexcept override {
     const drivers::SendResult result = world_.send(index_, frame);
+    health_.tx_dropped += result == drivers::SendResult::sent ? 0U : 1U;
     world_.stall_in(Happening::stall_in_send);  // the frame is out; what stalls inside the write itself, nobody can see
     return result;
   }
   std::size_t receive(std::span<drivers::ReceivedFrame> out) noexcept override {
     world_.stall_in(Happening::stall_in_receive);
     world_.collect(index_);
+    health_.rx_dropped += world_.is_on(Happening::bus_overflows, index_) ? 1U : 0U;
     std::deque<Arriving>& waiting = world_.arriving_[index_];
     std::size_t count = 0;
+    if (world_.is_on(Happening::bus_has_stranger, index_)) out[count++] = {strange_reply(), world_.now_};
+    for (int i = 0; i < 20 && world_.is_on(Happening::bus_babbles, index_) && count < out.size(); ++i)
+      out[count++] = {last_said_, world_.now_};
     for (; count < out.size() && !waiting.empty() && waiting.front().readable_at <= world_.now_; waiting.pop_front())
       out[count++] = waiting.front().frame;
+    if (count != 0) last_said_ = out[count - 1].frame;
     return count;
   }
   [[nodiscard]] BusHealth health() const noexcept override {
-    BusHealth health;
-    const Event* const off = world_.active(Happening::bus_off);
-    if (off != nullptr && off->joint == index_) health.state = BusState::bus_off;
+    BusHealth health = health_;
+    if (world_.is_on(Happening::bus_error_passive, index_)) health.state = BusState::error_passive;
+    if (world_.is_on(Happening::bus_off, index_)) health.state = BusState::bus_off;
+    if (world_.is_on(Happening::bus_down, index_)) health.state = BusState::down;
     return health;
   }
 
  private:
+  // On the id of the bus's first drive, and too short to be its word.
+  [[nodiscard]] drivers::CanFrame strange_reply() const {
+    const auto& joints = world_.robot_.joints;
+    const auto first = std::ranges::find(joints, index_, &config::Joint::bus);
+    drivers::CanFrame frame;
+    if (first == joints.end()) return frame;
+    const config::IdPattern id = config::ids_of(first->drive).replies.front();
+    frame.id = id.id;
+    frame.extended = id.extended;
+    frame.length = 1;
+    return frame;
+  }
+
   World& world_;
   std::size_t index_;
+  BusHealth health_;
+  drivers::CanFrame last_said_;
 };
 
 // --- construction ---
@@ -166,44 +189,109 @@ const Event* World::active(Happening what) const {
   return found == events_.end() ? nullptr : &*found;
 }
 
+bool World::is_on(Happening what, std::size_t index) const {
+  return std::any_of(events_.begin(), events_.end(),
+                     [&](const Event& e) { return e.what == what && e.index == index && is_active(e); });
+}
+
+// What a second host sends to take the power away.
+void World::disable_from_outside(std::size_t joint) {
+  const config::Drive& drive = robot_.joints[joint].drive;
+  drivers::CanFrame frame;
+  if (drive.protocol == config::DriveProtocol::mit) {
+    frame.id = drive.id;
+    frame.length = 8;
+    std::fill_n(frame.data, 7, std::uint8_t{0xFF});
+    frame.data[7] = 0xFD;
+  } else if (drive.protocol == config::DriveProtocol::odrive) {
+    frame.id = drive.id << 5U | 0x07;
+    frame.length = 4;
+    frame.data[0] = 1;  // idle
+  } else {
+    return;
+  }
+  said_.clear();
+  plant_.receive(robot_.joints[joint].bus, frame, said_);
+}
+
 void World::begin_and_end_events() {
   set_lines();
   for (std::size_t i = 0; i < events_.size(); ++i) {
     const Event& event = events_[i];
     if (done_[i] || plant_at_ < kStart + event.at) continue;
-    if (event.what == Happening::shove) {
-      plant::ArmState state = plant_.state();
-      state.dq[static_cast<Eigen::Index>(event.joint)] += 2;
-      plant_.set_state(std::move(state));
-      shoved_at_[event.joint] = plant_at_;
-      done_[i] = true;
-    } else if (event.what == Happening::drive_error) {
-      plant_.drive(event.joint).inject(plant::DeviceFault::over_temperature);
-      done_[i] = true;
-    } else if (event.what == Happening::drive_restarts) {
-      plant_.drive(event.joint).power_cycle(plant_.now());  // again and again, as long as it lasts
-      done_[i] = !is_active(event);
-    } else if (event.what == Happening::operator_stop) {
-      if (planted_ != Planted::no_stop) requests_.stop(now_);
-      stop_asked_at_ = plant_at_;
-      done_[i] = true;
-    } else if (event.what == Happening::operator_deenergise) {
-      requests_.deenergise(now_);
-      power_off_asked_at_ = plant_at_;
-      done_[i] = true;
+    done_[i] = true;
+    switch (event.what) {
+      case Happening::shove:
+        push(event.index, 2);
+        break;
+      case Happening::hurl:
+        push(event.index, 40);
+        break;
+      case Happening::drive_error:
+        plant_.drive(event.index).inject(plant::DeviceFault::over_temperature);
+        break;
+      case Happening::drive_restarts:
+        plant_.drive(event.index).power_cycle(plant_.now());  // again and again, as long as it lasts
+        done_[i] = !is_active(event);
+        break;
+      case Happening::drive_taken_away:
+        disable_from_outside(event.index);
+        done_[i] = !is_active(event);
+        break;
+      case Happening::operator_stop:
+        if (planted_ != Planted::no_stop) requests_.stop(now_);
+        stop_asked_at_ = plant_at_;
+        break;
+      case Happening::operator_deenergise:
+        requests_.deenergise(now_);
+        power_off_asked_at_ = plant_at_;
+        break;
+      case Happening::shutdown:
+        requests_.shut_down(now_);
+        stop_asked_at_ = plant_at_;
+        break;
+      case Happening::stall_in_clock:
+      case Happening::stall_in_send:
+      case Happening::stall_in_receive:
+      case Happening::late_wake_ups:
+      case Happening::policy_silent:
+      case Happening::policy_slow:
+      case Happening::policy_nonsense:
+      case Happening::drive_silent:
+      case Happening::drive_deaf:
+      case Happening::drive_repeats:
+      case Happening::drive_late:
+      case Happening::bus_off:
+      case Happening::bus_down:
+      case Happening::bus_error_passive:
+      case Happening::bus_refuses:
+      case Happening::bus_overflows:
+      case Happening::bus_babbles:
+      case Happening::bus_has_stranger:
+      case Happening::frames_lost:
+      case Happening::recorder_ends:
+        done_[i] = false;  // lasts, or strikes at a port
     }
   }
+}
+
+void World::push(std::size_t joint, double speed) {
+  plant::ArmState state = plant_.state();
+  state.dq[static_cast<Eigen::Index>(joint)] += speed;
+  plant_.set_state(std::move(state));
+  shoved_at_[joint] = plant_at_;
 }
 
 void World::set_lines() {
   for (std::size_t joint = 0; joint < plant_.joint_count(); ++joint) {
     plant::LineFaults line;
     for (const Event& event : events_) {
-      if (event.joint != joint || !is_active(event)) continue;
+      if (is_of_bus(event.what) || event.index != joint || !is_active(event)) continue;
       line.silent |= event.what == Happening::drive_silent || event.what == Happening::drive_restarts;
       line.deaf |= event.what == Happening::drive_deaf;
       line.repeat |= event.what == Happening::drive_repeats;
-      if (event.what == Happening::drive_late) line.delay = milliseconds(8);
+      if (event.what == Happening::drive_late)
+        line.delay = milliseconds((plant_at_ - kStart).ns / milliseconds(1).ns % 12 < 6 ? 12 : 0);
     }
     plant_.set_line(joint, line);
     if (!line.silent)
@@ -216,8 +304,7 @@ void World::set_lines() {
 // --- frames ---
 
 bool World::loses_frame(std::size_t bus) {
-  const Event* const lost = active(Happening::frames_lost);
-  return lost != nullptr && lost->joint == bus && random_() % 3 == 0;
+  return is_on(Happening::frames_lost, bus) && random_() % 3 == 0;
 }
 
 void World::arrive(std::size_t bus, const plant::Frames& said) {
@@ -235,8 +322,9 @@ void World::collect(std::size_t bus) {
 }
 
 drivers::SendResult World::send(std::size_t bus, drivers::CanFrame frame) {
-  const Event* const off = active(Happening::bus_off);
-  if (off != nullptr && off->joint == bus) return drivers::SendResult::queue_full;
+  if (is_on(Happening::bus_off, bus) || (is_on(Happening::bus_refuses, bus) && random_() % 2 == 0))
+    return drivers::SendResult::queue_full;
+  if (is_on(Happening::bus_down, bus)) return drivers::SendResult::bus_down;
   if (planted_ != Planted::none && !plant_fault_in(frame)) return drivers::SendResult::sent;
   if (on_frame) on_frame({bus, frame, now_});
   pass(microseconds(2));
@@ -281,9 +369,10 @@ bool World::plant_fault_in(drivers::CanFrame& frame) {
 bool World::obeys(std::size_t joint) const {
   return std::none_of(events_.begin(), events_.end(), [&](const Event& event) {
     if (!is_active(event)) return false;
-    const bool of_bus = event.what == Happening::bus_off || event.what == Happening::frames_lost;
+    const bool of_bus = event.what == Happening::bus_off || event.what == Happening::bus_down ||
+                        event.what == Happening::bus_refuses || event.what == Happening::frames_lost;
     const bool of_joint = event.what == Happening::drive_deaf || event.what == Happening::drive_restarts;
-    return (of_bus && event.joint == robot_.joints[joint].bus) || (of_joint && event.joint == joint);
+    return (of_bus && event.index == robot_.joints[joint].bus) || (of_joint && event.index == joint);
   });
 }
 

@@ -92,6 +92,8 @@ class World {
   void go_to(MonoTime until);
   void stall_in(Happening port);
   void begin_and_end_events();
+  void push(std::size_t joint, double speed);
+  void disable_from_outside(std::size_t joint);
   void set_lines();
   void collect(std::size_t bus);
   void arrive(std::size_t bus, const plant::Frames& said);
@@ -100,6 +102,7 @@ class World {
   void before_tick();
   [[nodiscard]] bool is_active(const Event& event) const;
   [[nodiscard]] const Event* active(Happening what) const;
+  [[nodiscard]] bool is_on(Happening what, std::size_t index) const;
   [[nodiscard]] bool loses_frame(std::size_t bus);
   drivers::SendResult send(std::size_t bus, drivers::CanFrame frame);
   // False: the frame does not leave.

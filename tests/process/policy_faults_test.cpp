@@ -192,10 +192,13 @@ TEST(LyingPolicy, AFloodOfRefusedMessagesErasesNoEvidence) {
   arm_and_track(robot);
   ASSERT_TRUE(robot.wait_for_mode(Mode::damped_stop)) << robot.logs();
   robot.let_run(2000);
-  const auto status = robot.status();
+  const auto arrived = [](const StatusSnapshot& s, Arrival as) { return s.arrivals[static_cast<std::size_t>(as)]; };
+  const auto status = robot.wait_until([&](const StatusSnapshot& s) {
+    return arrived(s, Arrival::wrong_shape) > 100 && arrived(s, Arrival::not_finite) > 100;
+  });
   ASSERT_TRUE(status.has_value());
-  EXPECT_GT(status->status.arrivals[static_cast<std::size_t>(Arrival::wrong_shape)], 100U);
-  EXPECT_GT(status->status.arrivals[static_cast<std::size_t>(Arrival::not_finite)], 100U);
+  EXPECT_GT(arrived(status->status, Arrival::wrong_shape), 100U);
+  EXPECT_GT(arrived(status->status, Arrival::not_finite), 100U);
   expect_sound_evidence(robot, "bad_commands");
   EXPECT_EQ(text_of(robot.run_directory() + "/manifest.json").find("\"command "), std::string::npos) << "lost commands";
   EXPECT_LT(std::filesystem::file_size(robot.run_directory() + "/ticks.mcap"), std::uintmax_t{24} << 20U);

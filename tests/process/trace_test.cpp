@@ -220,7 +220,7 @@ TEST_F(TraceTest, AFlightRecorderWritesOnlyWhenAsked) {
   RunningRobot robot;
   const std::string directory = robot.directory() + "/flight";
   ASSERT_EQ(takt(robot, {"trace", "start", "--flight-recorder", "--output", directory}), 0) << robot.logs();
-  robot.wait_until([](const StatusSnapshot& status) { return status.ticks >= kTracedTicks; });
+  robot.let_run(kTracedTicks);
   const std::set<pid_t> executive{robot.executive().pid()};
   EXPECT_TRUE(read_trace(directory, executive).empty());
   EXPECT_EQ(takt(robot, {"trace", "snapshot"}), 0) << robot.logs();

@@ -33,7 +33,7 @@ class ReceptionTest : public testing::Test {
   explicit ReceptionTest(std::uint32_t unrecorded_limit = 0) {
     config_->unrecorded_limit = unrecorded_limit;
     // The loop runs without real-time scheduling here: limits that a busy machine does not reach.
-    config_->feedback_timeout = seconds(1);
+    config_->feedback_timeout = robot_.feedback.timeout = seconds(1);
     config_->enable_timeout = seconds(10);
     config_->late_share = 1;
     config_->freshness.max_age = seconds(2);
@@ -92,6 +92,8 @@ class ReceptionTest : public testing::Test {
       if (holds(ask(OperatorVerb::status).status)) return true;
       std::this_thread::sleep_for(5ms);
     }
+    const OperatorReply last = ask(OperatorVerb::status);
+    std::cerr << "it stands in " << name(last.status.tick.mode) << ": " << last.incident.sentence << "\n";
     return false;
   }
   // Attaches, plays, and has it acknowledged.
