@@ -36,6 +36,7 @@ std::expected<EvidenceSource, std::string> EvidenceSource::open() {
 
 Evidence EvidenceSource::read() const noexcept {
   Evidence evidence;
+  if (!schedstat_.is_open()) return evidence;
   timespec cpu{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &cpu);
   evidence.cpu = seconds(cpu.tv_sec) + nanoseconds(cpu.tv_nsec);

@@ -30,6 +30,8 @@ class EvidenceSource {
  public:
   // For the calling thread, which must also be the one that reads. Opens a file: before the loop.
   static std::expected<EvidenceSource, std::string> open();
+  // Of a thread in virtual time, of which the kernel knows nothing that belongs there: reads as zero.
+  static EvidenceSource none() { return EvidenceSource({}); }
   // No allocation or lock. System calls: clock_gettime, pread64, getrusage.
   [[nodiscard]] Evidence read() const noexcept;
 

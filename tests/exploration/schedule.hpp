@@ -22,7 +22,7 @@ enum class Happening : std::uint8_t {
   drive_silent,       // obeys, is not heard
   drive_deaf,         // hears nothing
   drive_repeats,      // everything it says arrives twice
-  drive_late,         // what it says arrives in bunches, up to 12 ms later
+  drive_late,         // what it says arrives in bunches, every 12 ms
   drive_error,        // finds an error; stays until cleared
   drive_restarts,     // without power
   drive_taken_away,   // a stranger disables it, again and again
@@ -33,7 +33,7 @@ enum class Happening : std::uint8_t {
   bus_error_passive,  // the controller warns
   bus_refuses,        // every other of our frames is not taken
   bus_overflows,      // a frame is lost on our side in every millisecond
-  bus_babbles,        // what was last said is said again, twenty times a tick
+  bus_babbles,        // a drive's heartbeat comes twenty times a tick, where one has a heartbeat
   bus_has_stranger,   // malformed frames on a drive's id
   frames_lost,        // a third of what crosses the bus
   recorder_ends,      // nothing is written

@@ -78,10 +78,11 @@ class World::VirtualBus final : public drivers::CanBus {
     std::size_t count = 0;
     if (world_.is_on(Happening::bus_has_stranger, index_)) out[count++] = {strange_reply(), world_.now_};
     for (int i = 0; i < 20 && world_.is_on(Happening::bus_babbles, index_) && count < out.size(); ++i)
-      out[count++] = {last_said_, world_.now_};
+      out[count++] = {heartbeat_, world_.now_};
     for (; count < out.size() && !waiting.empty() && waiting.front().readable_at <= world_.now_; waiting.pop_front())
       out[count++] = waiting.front().frame;
-    if (count != 0) last_said_ = out[count - 1].frame;
+    for (std::size_t i = 0; i < count; ++i)
+      if (is_heartbeat(out[i].frame)) heartbeat_ = out[i].frame;
     return count;
   }
   [[nodiscard]] BusHealth health() const noexcept override {
@@ -93,6 +94,10 @@ class World::VirtualBus final : public drivers::CanBus {
   }
 
  private:
+  // An ODrive's: it counts as no reply, however often it comes.
+  static bool is_heartbeat(const drivers::CanFrame& frame) {
+    return !frame.extended && frame.length == 8 && (frame.id & 0x1FU) == 0x01;
+  }
   // On the id of the bus's first drive, and too short to be its word.
   [[nodiscard]] drivers::CanFrame strange_reply() const {
     const auto& joints = world_.robot_.joints;
@@ -109,7 +114,7 @@ class World::VirtualBus final : public drivers::CanBus {
   World& world_;
   std::size_t index_;
   BusHealth health_;
-  drivers::CanFrame last_said_;
+  drivers::CanFrame heartbeat_;
 };
 
 // --- construction ---
@@ -127,7 +132,7 @@ World::World(const config::RobotConfig& robot, std::vector<Event> events, std::u
       config_(config::tick_config_of(robot, 5)),
       clock_(std::make_unique<VirtualClock>(*this)),
       edge_(make_edge()),
-      published_(runtime::PublishedSegments::create(robot.joints.size()).value()),
+      published_(runtime::PublishedSegments::create(robot.joints.size(), config_.largest_command).value()),
       observation_segment_(ipc::Segment::adopt_read_only(dup(published_.observation_descriptor()),
                                                          ipc::ring_bytes(ipc::observation_mailbox()))
                                .value()),
@@ -154,8 +159,7 @@ runtime::DriveEdge World::make_edge() {
 }
 
 void World::run(Duration lasting) {
-  const auto evidence = runtime::EvidenceSource::open().value();
-  loop_->run(evidence, static_cast<std::uint64_t>(lasting.ns / config_.period.ns));
+  loop_->run(runtime::EvidenceSource::none(), static_cast<std::uint64_t>(lasting.ns / config_.period.ns));
 }
 
 // --- time ---
@@ -291,7 +295,7 @@ void World::set_lines() {
       line.deaf |= event.what == Happening::drive_deaf;
       line.repeat |= event.what == Happening::drive_repeats;
       if (event.what == Happening::drive_late)
-        line.delay = milliseconds((plant_at_ - kStart).ns / milliseconds(1).ns % 12 < 6 ? 12 : 0);
+        line.delay = milliseconds(12 - (plant_at_ - kStart).ns / milliseconds(1).ns % 12);
     }
     plant_.set_line(joint, line);
     if (!line.silent)
