@@ -70,12 +70,15 @@ class Exchange {
     return since(begin);
   }
   double guard_ns() {
+    setpoint_.q = record_.q_command;  // the batches before have moved it
     const std::size_t sent = driver_->encode(true, setpoint_, moment_.now, moment_.valid_until, out_);
     const std::int64_t begin = ticks();
     for (int i = 0; i < kPerBatch; ++i) {
       for (std::size_t f = 0; f < sent; ++f) {
         const WireVerdict verdict = guard_.pass(joint_, bus_, moment_, record_, out_[f]);
-        if (verdict != WireVerdict::allowed) throw std::runtime_error("the guard refused what was encoded");
+        if (verdict != WireVerdict::allowed)
+          throw std::runtime_error(fmt::format("the guard refused {}'s frame: {}", name(),
+                                               kWireVerdictNames.at(static_cast<std::size_t>(verdict))));
       }
       keep(out_[0].data[0]);
     }

@@ -83,10 +83,11 @@ class AbusedDriver {
     if (!is_ours(frame)) return "the guard lets a frame pass that is not ours to send";
     if (verdict == WireVerdict::allowed) return {};
     const WireVerdict again = guard_.pass(joint_, bus_, moment, record, frame);
-    return again == WireVerdict::allowed ? std::string()
-                                         : "the guard refuses what it sent in place of a refused frame: " +
-                                               (std::to_string(static_cast<int>(again))) + " after " +
-                                               (std::to_string(static_cast<int>(verdict)));
+    return again == WireVerdict::allowed
+               ? std::string()
+               : "the guard refuses what it sent in place of a refused frame: " +
+                     std::string(kWireVerdictNames.at(static_cast<std::size_t>(again))) + " after " +
+                     std::string(kWireVerdictNames.at(static_cast<std::size_t>(verdict)));
   }
   [[nodiscard]] std::string_view name() const { return config::name(drive_.protocol); }
 
