@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "executive/pipeline/mode_machine.hpp"
+
 namespace takt::exploration {
 namespace {
 
@@ -134,6 +136,10 @@ void Oracles::tick(const TickRecord& record) {
   if (header.cause != Cause::none) seen_.insert({header.previous_mode, header.cause});
   if (header.mode != mode_) damped_since_ = header.mode == Mode::damped_stop ? header.now : MonoTime{};
   mode_ = header.mode;
+  const bool refuses_our_own =
+      std::ranges::any_of(record.joints, [](const JointRecord& joint) { return is_bug(joint.feedback.refused); });
+  if ((header.causes_active & pipeline::bit(Cause::internal_error)) != 0 || refuses_our_own)
+    breaks("no_bug", 0, "the executive found an error of its own");
   const bool moves = mode_ == Mode::tracking || mode_ == Mode::degraded || mode_ == Mode::arming;
   unrecorded_ticks_ = moves && !world_.is_recorded() ? unrecorded_ticks_ + 1 : 0;
   if (unrecorded_ticks_ > 2) breaks("recorded", 0, "nothing records");

@@ -10,6 +10,7 @@
 // recorded       nobody tracks for more than two ticks while nothing is recorded
 // standby_still  what is in standby and hears us is not enabled
 // comes_to_rest  two seconds after a damped stop began, undisturbed joints rest
+// no_bug         the executive never finds an error of its own, and its guard refuses nothing that it decided
 // speed          without a shove no joint is faster than velocity_hard
 #pragma once
 

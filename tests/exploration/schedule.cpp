@@ -49,10 +49,12 @@ std::string text(const Event& event) {
                                                              "receive overflow",
                                                              "babble",
                                                              "stranger on an id",
+                                                             "frames undated",
                                                              "frames lost",
                                                              "recorder ends",
                                                              "operator stop",
                                                              "power off",
+                                                             "computer sleeps",
                                                              "shutdown"};
   return fmt::format("{:.3f} s: {} of {}, for {:.1f} ms", event.at.seconds(),
                      kNames.at(static_cast<std::size_t>(event.what)), event.index, event.length.milliseconds());

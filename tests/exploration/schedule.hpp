@@ -35,15 +35,20 @@ enum class Happening : std::uint8_t {
   bus_overflows,      // a frame is lost on our side in every millisecond
   bus_babbles,        // a drive's heartbeat comes twenty times a tick, where one has a heartbeat
   bus_has_stranger,   // malformed frames on a drive's id
+  frames_undated,     // what arrives has no time of receipt
   frames_lost,        // a third of what crosses the bus
   recorder_ends,      // nothing is written
   operator_stop,
   operator_deenergise,
-  shutdown,  // for good
+  computer_sleeps,  // between two ticks
+  shutdown,         // for good
 };
-inline constexpr unsigned kHappenings = 28;
+inline constexpr unsigned kHappenings = 30;
 
-// Whether Event::index counts buses; else joints, as far as it has one.
+// What Event::index counts; of what is neither, nothing.
+constexpr bool is_of_joint(Happening what) {
+  return what >= Happening::drive_silent && what <= Happening::hurl;
+}
 constexpr bool is_of_bus(Happening what) {
   return what >= Happening::bus_off && what <= Happening::frames_lost;
 }

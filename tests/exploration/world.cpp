@@ -10,6 +10,7 @@
 
 #include "config/drive_ids.hpp"
 #include "config/load.hpp"
+#include "drivers/bus/receive_stamp.hpp"
 #include "drivers/guard/wire_guard.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "executive/ipc/executive_segments.hpp"
@@ -52,9 +53,10 @@ class World::VirtualClock final : public runtime::Clock {
     const Event* const late = world_.active(Happening::late_wake_ups);
     if (when > world_.now_)
       world_.go_to(when + (late ? std::min(Duration{late->length.ns / 8}, milliseconds(3)) : microseconds(30)));
+    world_.fall_asleep();
   }
-  runtime::BootReading read_boot_time() noexcept override {  // this computer never sleeps
-    return {world_.now_, world_.now_ - MonoTime{}, world_.now_};
+  runtime::BootReading read_boot_time() noexcept override {
+    return {world_.now_, world_.now_ - MonoTime{} + world_.slept_, world_.now_};
   }
 
  private:
@@ -79,8 +81,12 @@ class World::VirtualBus final : public drivers::CanBus {
     if (world_.is_on(Happening::bus_has_stranger, index_)) out[count++] = {strange_reply(), world_.now_};
     for (int i = 0; i < 20 && world_.is_on(Happening::bus_babbles, index_) && count < out.size(); ++i)
       out[count++] = {heartbeat_, world_.now_};
-    for (; count < out.size() && !waiting.empty() && waiting.front().readable_at <= world_.now_; waiting.pop_front())
-      out[count++] = waiting.front().frame;
+    const bool undated = world_.is_on(Happening::frames_undated, index_);
+    for (; count < out.size() && !waiting.empty() && waiting.front().readable_at <= world_.now_; waiting.pop_front()) {
+      out[count] = waiting.front().frame;
+      if (undated) out[count].received_at = drivers::kUndated;
+      ++count;
+    }
     for (std::size_t i = 0; i < count; ++i)
       if (is_heartbeat(out[i].frame)) heartbeat_ = out[i].frame;
     return count;
@@ -183,6 +189,23 @@ void World::stall_in(Happening port) {
   }
 }
 
+// Drives live on, by their own watchdogs; CLOCK_MONOTONIC stands still, and nothing that was said meanwhile is heard.
+void World::fall_asleep() {
+  for (std::size_t i = 0; i < events_.size(); ++i) {
+    if (done_[i] || events_[i].what != Happening::computer_sleeps || now_ < kStart + events_[i].at) continue;
+    done_[i] = true;
+    const Duration length = events_[i].length;
+    slept_ = slept_ + length;
+    for (Duration passed; passed < length; passed = passed + plant_.step_length()) {
+      plant_.step();
+      for (std::size_t bus = 0; bus < arriving_.size(); ++bus) plant_.collect(bus, said_);
+    }
+    std::ranges::fill(shoved_at_, plant_at_);
+    newest_answered_ = newest_answered_ - length;
+    for (Answer& answer : answers_) answer.sensed = answer.sensed - length;
+  }
+}
+
 bool World::is_active(const Event& event) const {
   return plant_at_ >= kStart + event.at && plant_at_ < kStart + event.end();
 }
@@ -272,8 +295,10 @@ void World::begin_and_end_events() {
       case Happening::bus_overflows:
       case Happening::bus_babbles:
       case Happening::bus_has_stranger:
+      case Happening::frames_undated:
       case Happening::frames_lost:
       case Happening::recorder_ends:
+      case Happening::computer_sleeps:
         done_[i] = false;  // lasts, or strikes at a port
     }
   }
@@ -339,11 +364,18 @@ drivers::SendResult World::send(std::size_t bus, drivers::CanFrame frame) {
   return drivers::SendResult::sent;
 }
 
+bool World::is_of_mit(std::uint32_t id) const {
+  return std::ranges::any_of(robot_.joints, [id](const config::Joint& joint) {
+    return joint.drive.protocol == config::DriveProtocol::mit && joint.drive.id == id;
+  });
+}
+
 bool World::plant_fault_in(drivers::CanFrame& frame) {
   const bool odrive_torque = !frame.extended && (frame.id & 0x1FU) == 0x0E && frame.length >= 4;
   const bool odrive_idle = !frame.extended && (frame.id & 0x1FU) == 0x07 && frame.data[0] == 1;
   const bool mit_disable =
       !frame.extended && frame.length == 8 && frame.data[0] == 0xFF && frame.data[6] == 0xFF && frame.data[7] == 0xFD;
+  const bool mit_motion = !frame.extended && frame.length == 8 && frame.data[6] != 0xFF && is_of_mit(frame.id);
   float torque = 0;
   std::memcpy(&torque, frame.data, sizeof torque);
   switch (planted_) {
@@ -360,6 +392,22 @@ bool World::plant_fault_in(drivers::CanFrame& frame) {
     case Planted::doubled_torque:
       torque *= planted_ == Planted::sign ? -1.0F : 2.0F;
       if (odrive_torque) std::memcpy(frame.data, &torque, sizeof torque);
+      return true;
+    case Planted::deaf_to_recorder:
+      return true;
+    case Planted::wide_frames:
+      if (mit_motion) frame.data[0] = frame.data[1] = 0xFF;
+      return true;
+    case Planted::pushes_unheard:
+      if (!odrive_idle || active(Happening::drive_silent) == nullptr) return true;
+      frame.id += 0x0E - 0x07;
+      frame.length = 8;
+      torque = 0.2F;
+      std::memcpy(frame.data, &torque, sizeof torque);
+      return true;
+    case Planted::swings_on:
+      torque += static_cast<float>(0.5 * std::sin(12 * (now_ - kStart).seconds()));
+      if (odrive_torque && record_.header.mode == Mode::damped_stop) std::memcpy(frame.data, &torque, sizeof torque);
       return true;
     case Planted::stays_enabled:
       return now_ < kStart + seconds(1) ||
@@ -384,7 +432,7 @@ void World::before_tick() {
   last_tick_at_ = now_;
   while (ticks_.read_next(std::as_writable_bytes(std::span(&record_, 1))).status == ipc::ReadStatus::fresh)
     if (on_tick) on_tick(record_);
-  recorded_.set(active(Happening::recorder_ends) == nullptr ? record_.header.tick : 0);
+  recorded_.set(is_recorded() || planted_ == Planted::deaf_to_recorder ? record_.header.tick : 0);
   let_policy_work();
   const MonoTime stopped =
       std::max(stop_asked_at_, power_off_asked_at_);  // who stops a robot does not press on at once

@@ -33,7 +33,11 @@ enum class Planted : std::uint8_t {
   sign,           // a drive without position control is pushed the wrong way
   stays_enabled,  // what disables a drive does not leave
   doubled_torque,
-  no_stop,  // the operator's stop is not heard
+  no_stop,           // the operator's stop is not heard
+  deaf_to_recorder,  // a recorder that ended is believed to write on
+  wide_frames,       // asks for positions outside of every limit
+  pushes_unheard,    // a silent drive is pushed instead of disabled
+  swings_on,         // a drive without position control is pushed to and fro in a damped stop
 };
 
 // One drive of each protocol, on flywheels; no gravity.
@@ -71,7 +75,7 @@ class World {
   [[nodiscard]] bool is_prompt() const { return now_ - last_tick_at_ < config_.period * 2; }
   [[nodiscard]] MonoTime stop_asked_at() const { return stop_asked_at_; }
   [[nodiscard]] MonoTime power_off_asked_at() const { return power_off_asked_at_; }
-  [[nodiscard]] bool is_recorded() const { return recorded_.get() != 0; }
+  [[nodiscard]] bool is_recorded() const { return active(Happening::recorder_ends) == nullptr; }
   // When the oldest sample was taken of the newest observation that any published command answers; unset before.
   [[nodiscard]] MonoTime newest_answered() const { return newest_answered_; }
 
@@ -91,6 +95,7 @@ class World {
   void pass(Duration time) { go_to(now_ + time); }
   void go_to(MonoTime until);
   void stall_in(Happening port);
+  void fall_asleep();
   void begin_and_end_events();
   void push(std::size_t joint, double speed);
   void disable_from_outside(std::size_t joint);
@@ -105,6 +110,7 @@ class World {
   [[nodiscard]] bool is_on(Happening what, std::size_t index) const;
   [[nodiscard]] bool loses_frame(std::size_t bus);
   drivers::SendResult send(std::size_t bus, drivers::CanFrame frame);
+  [[nodiscard]] bool is_of_mit(std::uint32_t id) const;
   // False: the frame does not leave.
   bool plant_fault_in(drivers::CanFrame& frame);
   [[nodiscard]] runtime::DriveEdge make_edge();
@@ -117,6 +123,7 @@ class World {
   MonoTime now_ = kStart;
   plant::Plant plant_;
   MonoTime plant_at_ = kStart;
+  Duration slept_;
   std::vector<std::deque<Arriving>> arriving_;  // by bus
   std::vector<MonoTime> unheard_since_, shoved_at_;
   std::map<std::uint32_t, drivers::CanFrame> last_frames_;  // by id; for planted faults
