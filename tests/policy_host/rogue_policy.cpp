@@ -202,7 +202,12 @@ class Rogue {
   }
 
   void flood() {
-    const bool is_legal_in_size = ++chunk_.header.sequence % 2 == 0;
+    Observation observation;  // the newest, for answers to forgotten ones are refused before their values are read
+    if (mailboxes_.reader.read_latest(std::as_writable_bytes(std::span(&observation, 1))).status ==
+        ipc::ReadStatus::fresh)
+      chunk_.header.observation_id = observation.id;
+    ++chunk_.header.sequence;
+    const bool is_legal_in_size = random_() % 2 == 0;  // by turns it may fall in step with the reader's period
     chunk_.header.fields = kAllCommandFields;
     std::fill_n(chunk_.values, kMaxChunkValues, std::numeric_limits<float>::quiet_NaN());
     const auto whole = std::as_bytes(std::span(&chunk_, 1));
