@@ -63,7 +63,8 @@ int run_command_line(int argc, const char* const* argv) {
   app.set_version_flag("--version", "takt " TAKT_VERSION);
   app.require_subcommand(1);
   app.footer(
-      "Exit codes: 0 done, 1 refused or failed, 64 command line, 65 configuration, 69 not running, 70 bug, 71 set-up.");
+      "Exit codes: 0 done, 1 refused or failed, 2 not all is well (run, replay), 64 command line, 65 configuration, 69 "
+      "not running, 70 bug, 71 set-up.");
   int exit_code = kExitOk;
   for (const AddCommand add : commands()) add(app, exit_code);
   add_help(app);

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <chrono>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -15,15 +14,12 @@
 
 #include "config/paths.hpp"
 #include "config/printable.hpp"
-#include "executive/ipc/rendezvous.hpp"
 #include "executive/ipc/unix_socket.hpp"
 
 namespace takt::cli {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr auto kAnswerWithin = std::chrono::milliseconds(500);
 
 // A folder below /tmp may be somebody else's trap.
 bool is_own_folder(const std::string& path) {
@@ -45,8 +41,7 @@ std::vector<std::string> folders_in(const std::string& place) {
 // Without permission to look, nothing is known of a robot there.
 bool may_run_in(const std::string& directory) {
   const std::string socket = config::executive_socket(directory);
-  if (access(directory.c_str(), X_OK) != 0 || !ipc::may_listen(socket)) return false;
-  return ipc::ask(socket, OperatorVerb::status, kAnswerWithin).has_value() || ipc::may_listen(socket);
+  return access(directory.c_str(), X_OK) == 0 && ipc::may_listen(socket);
 }
 
 std::string name_of_robot_in(const std::string& directory) {
@@ -62,7 +57,7 @@ std::string name_of_robot_in(const std::string& directory) {
 
 std::string described(const std::string& place) {
   const bool is_there = access(place.c_str(), F_OK) == 0;
-  return is_there && access(place.c_str(), R_OK | X_OK) != 0 ? place + " (no permission: use sudo, or be in group takt)"
+  return is_there && access(place.c_str(), R_OK | X_OK) != 0 ? place + " (no permission: use sudo, or run as user takt)"
                                                              : place;
 }
 
@@ -123,7 +118,8 @@ std::expected<void, std::string> make_runtime_home(const std::string& home) {
 
 void remember_robot_file(const std::string& runtime_directory, const std::string& robot_file) {
   std::error_code error;
-  fs::create_directories(runtime_directory, error);
+  fs::create_directories(fs::path(runtime_directory).parent_path(), error);
+  mkdir(runtime_directory.c_str(), S_IRWXU | S_IRGRP | S_IXGRP);  // as the executive would make it
   const fs::path file = fs::canonical(robot_file, error);
   if (error) return;
   fs::remove(runtime_directory + "/.robot.yaml", error);

@@ -1,8 +1,8 @@
 // takt-monitor: records what an executive does into run folders, and tells ROS 2, Prometheus and OpenTelemetry where
-// the robot file says so. Reads only, unless its `dds` section allows requests; the executive's loop waits for nothing
-// here. Or writes the summary of one closed run. Exit codes: 0 ended by a signal, 1 so too, but a recording had stopped
-// before its run ended, or the summary could not be written, 64 usage, 65 configuration refused, 71 the run folder
-// cannot be written.
+// the robot file says so. Tells the executive how far the run has reached its medium, and else only reads, unless its
+// `dds` section allows requests; the executive's loop waits for nothing here. Or writes the summary of one closed run.
+// Exit codes: 0 ended by a signal, 1 so too, but a recording had stopped before its run ended, or the summary could not
+// be written, 64 usage, 65 configuration refused, 71 the run folder cannot be written.
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 #include <sys/prctl.h>

@@ -76,7 +76,7 @@ std::expected<void, Refusal> prove(deploy::Store& store, const Options& options,
 
 std::expected<Outcome, Refusal> deploy_robot(const Options& options) {
   const auto checked = check_robot_file(options.robot_file);
-  if (!checked) return refused(checked.error(), config::kExitBadConfiguration);
+  if (!checked) return refused(first_problems(checked.error()), config::kExitBadConfiguration);
   const config::RobotConfig& robot = checked->robot;
   const auto real = std::ranges::find_if(robot.buses, drivers::SocketCanBus::has_hardware, &config::Bus::interface);
   if (options.simulated && real != robot.buses.end())

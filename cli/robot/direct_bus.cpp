@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "cli/robot/executive_guard.hpp"
-#include "cli/running_robots.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "drivers/bus/open_bus.hpp"
@@ -27,9 +26,10 @@ std::expected<DirectRobot, Refusal> load_robot(const std::string& robot_file, co
   const bool is_named = !runtime_directory.empty();
   const std::string own = is_named ? runtime_directory : config::default_runtime_directory(robot->robot);
   std::vector<std::string> executives{own};
-  if (!is_named) executives.emplace_back(config::kServiceRuntimeDirectory);
-  if (has_real_bus(*robot)) executives = possible_runtime_directories(places_of_this_user());
-  if (std::ranges::find(executives, own) == executives.end()) executives.push_back(own);
+  // Of what runs elsewhere on this machine the claims know (require_alone).
+  const bool may_be_the_units = !is_named || has_real_bus(*robot);
+  if (may_be_the_units && own != config::kServiceRuntimeDirectory)
+    executives.emplace_back(config::kServiceRuntimeDirectory);
   return DirectRobot{std::move(*robot), own, std::move(executives)};
 }
 

@@ -1,6 +1,7 @@
 #include "cli/robot/executive_guard.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <optional>
@@ -16,8 +17,9 @@ constexpr auto kAnswerWithin = std::chrono::milliseconds(500);
 
 using Answer = std::expected<OperatorReply, std::string>;
 
-// Nothing where nobody listens.
+// Nothing where nobody listens, or where we may not even look: that is somebody else's, whose buses are claimed.
 std::optional<Answer> ask_status(const std::string& runtime_directory) {
+  if (access(runtime_directory.c_str(), X_OK) != 0) return std::nullopt;
   const std::string socket = config::executive_socket(runtime_directory);
   if (!ipc::may_listen(socket)) return std::nullopt;
   Answer answer = ipc::ask(socket, OperatorVerb::status, kAnswerWithin);

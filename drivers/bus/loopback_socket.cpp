@@ -25,7 +25,7 @@ FileHandle open_loopback_socket() {
 
 void ask_for_stamps(int socket) {
   const int on = 1;
-  // Where it is not to be had, frames count as received when they are read.
+  // Where it is not to be had, frames are of unknown age: older than any feedback may be.
   (void)::setsockopt(socket, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
 }
 

@@ -6,7 +6,8 @@
 // frame                                           passes if
 // switches off, clears errors, asks, synchronises always
 // switches on                                     the joint is to be enabled
-// changes a drive's settings                      the joint is to be disabled, and the setting is one we know
+// changes a drive's settings                      the joint is to be disabled, and the setting is one we know; a
+//                                                 drive's own time-out and its motion mode: always
 // asks for nothing: no stiffness, no motion, and  its gains are within their limits
 //   no torque but damping
 // pushes                                          the joint is to be enabled, now <= valid_until, the newest feedback
@@ -25,7 +26,8 @@
 // arithmetic of two float32 programs.
 //
 // A frame that does not pass is replaced in place: damping for a joint that is to be enabled, else disable, written
-// here too. Pure, no allocation after construction, about 20 ns a frame. Thread rule: one thread at a time.
+// here too. Pure, no allocation after construction, 9 to 23 ns a frame (`./dev bench codec`). Thread rule: one thread
+// at a time.
 #pragma once
 
 #include <cstddef>

@@ -82,14 +82,17 @@ constexpr DriveSetpoint to_motor(const JointMapping& mapping, const DriveSetpoin
           .tau = joint.tau / mapping.ratio};
 }
 
-// What the drive measured, motor side, becomes the joint's feedback, and counts as one more reply.
-constexpr void take_reading(const JointMapping& mapping, float q, float dq, float tau, MonoTime received_at,
+// What the drive measured, motor side, becomes the joint's feedback, and counts as one more reply. A reading older than
+// the newest one (its stamp says so, or is none) only counts: what is known is not replaced by what was. False then.
+constexpr bool take_reading(const JointMapping& mapping, float q, float dq, float tau, MonoTime received_at,
                             JointFeedback& feedback) noexcept {
+  ++feedback.replies;
+  if (received_at < feedback.received_at) return false;
   feedback.received_at = received_at;
   feedback.q = q / mapping.ratio + mapping.offset;
   feedback.dq = dq / mapping.ratio;
   feedback.tau = tau * mapping.ratio;
-  ++feedback.replies;
+  return true;
 }
 
 class JointDriver {

@@ -150,7 +150,11 @@ void JointJog::watch_drive(MonoTime now) {
 // Never more than the joint may bear.
 float JointJog::carried() const {
   const std::optional<double> torque = gravity_ ? gravity_() : std::nullopt;
-  return torque ? static_cast<float>(std::clamp(*torque, -joint_.limits.torque, joint_.limits.torque)) : 0.0F;
+  return torque ? within_limit(*torque) : 0.0F;
+}
+
+float JointJog::within_limit(double torque) const {
+  return static_cast<float>(std::clamp(torque, -joint_.limits.torque, joint_.limits.torque));
 }
 
 DriveSetpoint JointJog::setpoint() const {
@@ -168,7 +172,7 @@ DriveSetpoint JointJog::setpoint() const {
               .kd = static_cast<float>(kd),
               .tau = carried()};
     case config::LoopClosedBy::host_torque:
-      return {.q = static_cast<float>(q + gap), .tau = young ? static_cast<float>(pull) + carried() : 0};
+      return {.q = static_cast<float>(q + gap), .tau = young ? within_limit(pull + double{carried()}) : 0};
     case config::LoopClosedBy::host_velocity:
       return {.q = static_cast<float>(q + gap), .dq = young ? static_cast<float>(speed) : 0};
   }

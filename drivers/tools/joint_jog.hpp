@@ -71,6 +71,7 @@ class JointJog {
   void watch_drive(MonoTime now);
   void watch_ramp(MonoTime now);
   [[nodiscard]] float carried() const;
+  [[nodiscard]] float within_limit(double torque) const;  // Nm, joint side
   [[nodiscard]] DriveSetpoint setpoint() const;
   [[nodiscard]] std::string reported() const;  // ": over-current", or nothing
 

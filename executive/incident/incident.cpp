@@ -29,10 +29,12 @@ bool is_sign(Cause cause) {
   return (stops || cause == Cause::contract_violated) && !is_asked(cause);
 }
 
-std::string done_text(Mode mode) {
+std::string done_text(Mode mode, Cause cause) {
+  if (cause == Cause::operator_deenergise) return "every drive lost its power; what hung fell";
+  if (cause == Cause::internal_error) return "every joint only damps; the fault stays latched";
+  if (cause == Cause::shutdown) return "the robot is damped to rest, then loses its power";
   return mode == Mode::fault_latched ? "the failed drives get no power, the rest of their limbs damps, the rest of the "
-                                       "robot comes to rest and holds; "
-                                       "the fault stays latched"
+                                       "robot comes to rest and holds; the fault stays latched"
                                      : "the robot is damped to rest and held";
 }
 
@@ -213,7 +215,7 @@ Incident IncidentWatch::made_of(const TickRecord& record) const {
   }
   if (incident.detail.empty()) incident.detail = words(record);
   incident.chain = chain(header);
-  incident.done = done_text(header.mode);
+  incident.done = done_text(header.mode, header.cause);
   incident.clears_when = pipeline::reaction(header.cause).clears_when;
   incident.sentence = sentence_of(incident);
   return incident;
@@ -225,7 +227,8 @@ std::optional<Incident> IncidentWatch::tick(const TickRecord& record) {
   if (changed && header.mode == Mode::arming) forget();
   look(record);
   stands_ = pipeline::is_latched(header.mode);
-  if (!changed || !stands_) return std::nullopt;
+  const bool power_taken = changed && header.cause == Cause::operator_deenergise;
+  if (!changed || (!stands_ && !power_taken)) return std::nullopt;
   latest_ = made_of(record);
   return latest_;
 }

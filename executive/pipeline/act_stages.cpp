@@ -63,8 +63,12 @@ void stop_for_internal_error(TickState& state, const TickConfig& config, TickOut
   }
 }
 
-// As in fault_latched: no stiffness, no gravity model, and no torque but what the slew limit asks for.
-JointSetpoint damping_of(const JointRecord& joint, float tau_last, const JointConfig& config, float dt) {
+// As in fault_latched: no stiffness, no gravity model, and no torque but what the slew limit asks for. A drive that
+// follows positions with gains of its own stays where it was told to be last: everything else would be a jump.
+JointSetpoint damping_of(const JointRecord& joint, const JointState& state, const JointConfig& config, float dt) {
+  if (config.loop == LoopAt::drive_position)
+    return {static_cast<float>(state.reference_before.q), 0.0F, config.kp, config.kd, 0.0F};
+  const float tau_last = state.tau_last;
   const float q = std::clamp(joint.q_estimate, config.limits.q_min, config.limits.q_max);
   return stabilise_joint(
              {{q, 0.0F}, {joint.q_estimate, joint.dq_estimate}, 0.0F, config.damping, 0.0F, 0.0F, tau_last, false},
@@ -102,7 +106,7 @@ void stabilise(const TickState& state, const Choice& choice, std::span<const Joi
       output.setpoints[j] = output.damping[j] = {joint.q_reference, 0.0F, 0.0F, 0.0F, 0.0F};
       continue;
     }
-    output.damping[j] = damping_of(joint, state.joints[j].tau_last, config.joints[j], dt);
+    output.damping[j] = damping_of(joint, state.joints[j], config.joints[j], dt);
     const StabiliserOutput stable = stabilise_joint({{joint.q_reference, joint.dq_reference},
                                                      {joint.q_estimate, joint.dq_estimate},
                                                      targets[j].kp,
@@ -199,7 +203,9 @@ void record(TickState& state, const Choice& choice, const TickConfig& config, Ti
     joint.tau_command = setpoint.tau;
     // A drive that is not enabled yet makes no torque: its first one begins from none, whatever the others carry
     // already.
-    state.joints[j].tau_last = joint.feedback.drive_state == DriveState::enabled ? joint.tau_total : 0.0F;
+    const bool makes_torque = joint.feedback.drive_state == DriveState::enabled;
+    state.joints[j].tau_last = makes_torque ? joint.tau_total : 0.0F;
+    if (!makes_torque) state.joints[j].tau_damping = 0.0F;
   }
 }
 

@@ -78,11 +78,11 @@ std::string_view command_blocker(Arrival last_refusal) {
   return "no fresh command";
 }
 
-void list_joint(const JointRecord& joint, std::int32_t index, MonoTime now, const TickConfig& config,
+void list_joint(const JointRecord& joint, std::int32_t index, const TickRecordHeader& header, const TickConfig& config,
                 BlockerList& list) {
   const JointFeedback& feedback = joint.feedback;
-  const bool missing =
-      !feedback.received_at.is_set() || now - feedback.received_at > config.feedback_timeout || !is_plausible(feedback);
+  const bool missing = !feedback.received_at.is_set() || header.now - feedback.received_at > config.feedback_timeout ||
+                       !is_plausible(feedback);
   list.add_if(missing, "no recent feedback from the drive", index);
   // A drive that speaks another protocol reports nothing, and yet is known to be wrong.
   list.add_if(missing && feedback.error_code != 0, kDriveFaultBlocker, index);
@@ -93,6 +93,8 @@ void list_joint(const JointRecord& joint, std::int32_t index, MonoTime now, cons
   list.add_if(replies(ReplyFault::delayed), "the drive's replies come late and in bunches", index);
   const JointLimits& limits = config.joints[static_cast<std::size_t>(index)].limits;
   list.add_if(feedback.drive_state == DriveState::unknown, "the drive is not set up yet", index);
+  list.add_if(header.mode == Mode::standby && feedback.drive_state == DriveState::enabled,
+              "the drive is still switching off", index);
   list.add_if(feedback.drive_state == DriveState::fault || feedback.error_code != 0, kDriveFaultBlocker, index);
   list.add_if(feedback.q < limits.q_min - limits.q_hard_margin || feedback.q > limits.q_max + limits.q_hard_margin,
               "outside its position limits: move it by hand", index);
@@ -116,7 +118,7 @@ std::size_t arming_blockers(const TickRecord& latest, const TickConfig& config, 
   for (const BusBlocker& blocker : kBusBlockers)
     list.add_if((header.causes_active & bit(blocker.cause)) != 0, blocker.what);
   for (std::size_t j = 0; j < header.joint_count && j < config.joint_count; ++j)
-    list_joint(latest.joints[j], static_cast<std::int32_t>(j), header.now, config, list);
+    list_joint(latest.joints[j], static_cast<std::int32_t>(j), header, config, list);
   return list.count();
 }
 

@@ -1,11 +1,13 @@
 // Judges one message from a policy, in a fixed order; the first failing check names the refusal:
 //
-//  1 wrong_shape          byte count (the robot's largest legal chunk at most), step and joint counts, field mask,
-//  reserved bytes, step period (0, 10 s] 2 wrong_policy         hash differs from the configured one (0 accepts any) 3
-//  repeated_sequence    not greater than the last accepted one of this policy session 4 unknown_observation  id 0;
-//  future_observation: an id not published yet; expired_observation: a forgotten one 5 missing_stamp        no stamp of
-//  outside sensors, although the robot's policy uses some
-//    future_observation   any stamp later than now
+//  1 wrong_shape          byte count, at most the robot's largest legal chunk; counts, mask, reserved, step period
+//  2 wrong_policy         hash differs from the configured one (0 accepts any)
+//  3 repeated_sequence    not greater than the last accepted one of this policy session
+//  4 unknown_observation  id 0
+//    future_observation   an id not published yet
+//    expired_observation  a forgotten one
+//  5 missing_stamp        no stamp of outside sensors, although the robot's policy uses some
+//    future_observation   any stamp more than a period later than now
 //  6 not_finite           NaN or infinity among the values
 //  7 out_of_range         q outside the limits by more than the hard margin, |dq| above the hard velocity, kp or kd
 //                         negative or above kGainTolerance times its maximum, |tau_ff| above the torque limit

@@ -77,7 +77,8 @@ CauseMask of_drives(const TickState& state, const TickRecord& record, const Tick
   // Tracking begins with a usable command only; until then arming waits, within enable_timeout.
   const bool ready = sum.all_enabled && is_usable(record.header.freshness);
   return when(sum.any_lost, Cause::feedback_lost) | when(sum.any_fault, Cause::drive_fault) |
-         when(sum.any_disabled && state.mode.drives_enabled != 0, Cause::drive_disabled) |
+         when(sum.any_disabled && (state.mode.drives_enabled != 0 || is_latched(state.mode.mode)),
+              Cause::drive_disabled) |
          when(sum.any_outside, Cause::envelope_exceeded) | when(arming && ready, Cause::drives_enabled) |
          when(arming && !ready && record.header.now - state.mode.armed_at > config.enable_timeout,
               Cause::enable_timeout);

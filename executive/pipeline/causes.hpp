@@ -21,7 +21,8 @@ JointMask affected_joints(const TickState& state, const TickRecord& record, cons
 // A second press within this time is a hand that trembles, or the same press told twice.
 inline constexpr Duration kStopAgainAfter = milliseconds(200);
 
-// The robot rests once every joint that is heard has been slow for this long: an instant at rest is a turning point.
+// The robot rests once every joint that can hold has been slow for this long: an instant at rest is a turning point.
+// Which joints are asked: watch_for_rest (sense_stages.cpp).
 inline constexpr Duration kRestDwell = milliseconds(100);
 constexpr bool rests(const ModeState& mode, MonoTime now) {
   return mode.slow_since.is_set() && now - mode.slow_since >= kRestDwell;

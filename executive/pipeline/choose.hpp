@@ -13,6 +13,8 @@
 // fault_latched  as damped_stop, but for
 //   the joints it is about: no power                     none (limp)          no       no
 //   the rest of their limbs: follow the measured pos.    damping              no       no
+//   every joint, after an error of our own               damping              no       no
+//   a joint not heard since a suspend                    damping              no       no
 //
 // A measured position is followed within the hard margin. A joint that comes to rest beyond it is not held there, which
 // would fetch it back: it goes on being damped.

@@ -30,7 +30,13 @@ constexpr CauseMask bit(Cause cause) {
   return CauseMask{1} << static_cast<unsigned>(cause);
 }
 
-enum class Stop : std::uint8_t { none, category_0, category_1, category_2 };
+enum class Stop : std::uint8_t {
+  none,
+  category_0,
+  category_1,
+  category_2_damping,  // category 2 that trusts no model: damps for ever, and sags
+  category_2,
+};
 
 struct Scope {
   Stop joints = Stop::none;  // that the cause is about
@@ -52,7 +58,8 @@ namespace reaction_detail {
 inline constexpr Mode S = Mode::standby, A = Mode::arming, T = Mode::tracking, D = Mode::degraded,
                       P = Mode::damped_stop, F = Mode::fault_latched;
 inline constexpr Scope kNo{}, kRest{.robot = Stop::category_2}, kEnd{.robot = Stop::category_1},
-    kOff{.robot = Stop::category_0}, kLoss{Stop::category_0, Stop::category_2, Stop::category_2};
+    kOff{.robot = Stop::category_0}, kLoss{Stop::category_0, Stop::category_2_damping, Stop::category_2},
+    kSag{.robot = Stop::category_2_damping};
 }  // namespace reaction_detail
 
 // clang-format off
@@ -115,7 +122,7 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
       "late and skipped periods in the window fall to the limit; mode: operator reset"},
     {Cause::recording_lost,       57,  {S, P, P, P, P, F}, kRest, "half of the record ring (4096 ticks), one tick",
       "the recorder writes again; mode: operator reset"},
-    {Cause::internal_error,      100,  {S, F, F, F, F, F}, kRest, "the same tick",
+    {Cause::internal_error,      100,  {S, F, F, F, F, F}, kSag, "the same tick",
       "operator reset; report it"},
     // Above every fault, our own bugs included: a person who wants no power gets none.
     {Cause::operator_deenergise, 110,  {S, S, S, S, S, S}, kOff,  "one tick",

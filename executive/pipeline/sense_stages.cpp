@@ -55,10 +55,10 @@ bool is_slow(const JointState& joint, const JointRecord& record, MonoTime now, c
   return !heard || std::abs(record.dq_estimate) < config.rest_velocity;
 }
 
-// A joint without power is not asked whether it rests: its last velocity may be all that it left behind. Nor is a limb
-// that sags, while there is a rest of the robot that can hold.
+// A joint without power, or that never has any, is not asked whether it rests: its last velocity may be all that it
+// left behind. Nor is a limb that sags, while there is a rest of the robot that can hold.
 JointMask asked_for_rest(const TickState& state, const TickConfig& config) {
-  const JointMask powered = every_joint(config.joint_count) & ~state.mode.deenergised;
+  const JointMask powered = every_joint(config.joint_count) & ~state.mode.deenergised & ~passive_joints(config);
   const JointMask holding = powered & ~state.mode.damped;
   return holding != 0 ? holding : powered;
 }
@@ -90,13 +90,23 @@ void forget_what_was_before_sleep(TickState& state, MonoTime now, const TickConf
   state.mode.awake_since = now;
   state.command = {};
   state.memory.forget();
-  for (std::size_t j = 0; j < config.joint_count; ++j) state.joints[j].observer = {};
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    state.joints[j].observer = {};
+    state.joints[j].tau_last = state.joints[j].tau_damping = 0.0F;
+  }
 }
 
 // A drive that is given up gets no power until standby, whatever it says later; its limb damps.
 void take_out(TickState& state, JointMask joints) {
   state.mode.deenergised |= joints;
   state.mode.damped |= state.limbs.of(joints);
+}
+
+JointMask not_enabled(const TickRecord& record, const TickConfig& config) {
+  JointMask mask = 0;
+  for (std::size_t j = 0; j < config.joint_count; ++j)
+    if (record.joints[j].feedback.drive_state != DriveState::enabled) mask |= bit_of_joint(j);
+  return mask;
 }
 
 // A setpoint that never left is undone: torque and reference go on from what the drive was really told. What the guard
@@ -177,7 +187,10 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
   header.cause = transition.cause;
   header.mode = transition.to;
   const JointMask affected = affected_joints(state, record, config);  // by the mode that is left
+  const bool stops_arming = header.previous_mode == Mode::arming && header.mode == Mode::damped_stop;
   if (transition.cause != Cause::none) enter(state, transition.to, input.now, contract);
+  // Who stops the arming does not want the drives that are still off.
+  if (stops_arming) take_out(state, affected & not_enabled(record, config));
   if (state.mode.mode == Mode::fault_latched) {
     take_out(state, affected);
     // A fault of ours: no model is trusted any more.

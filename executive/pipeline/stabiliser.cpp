@@ -69,8 +69,9 @@ StabiliserOutput finished_velocity(const StabiliserInput& in, const JointLimits&
   velocity = clamp_marked(velocity, -limits.velocity, limits.velocity, Intervention::velocity_limit, out.interventions);
   if (in.barriers) {
     const SpeedRange speeds = barrier_speeds(in.measured.q, in.may_stay_at, limits);
-    velocity = clamp_marked(velocity, std::max(speeds.low, -limits.velocity), std::min(speeds.high, limits.velocity),
-                            Intervention::position_barrier, out.interventions);
+    velocity = clamp_marked(velocity, std::clamp(speeds.low, -limits.velocity, limits.velocity),
+                            std::clamp(speeds.high, -limits.velocity, limits.velocity), Intervention::position_barrier,
+                            out.interventions);
   }
   out.setpoint = {in.reference.q, velocity, 0.0F, 0.0F, 0.0F};
   return out;

@@ -27,9 +27,10 @@ struct JointLimits {
 
 // Who closes a joint's control loop, and so what its setpoint carries.
 enum class LoopAt : std::uint8_t {
-  drive,          // the drive: q, dq, kp, kd and the feed-forward tau
-  host_torque,    // here: a finished torque in tau; kp and kd are 0
-  host_velocity,  // here: a finished velocity in dq; kp, kd and tau are 0. The drive decides the torque
+  drive,           // the drive: q, dq, kp, kd and the feed-forward tau
+  drive_position,  // the drive, with gains of its own: q; none where kp is 0
+  host_torque,     // here: a finished torque in tau; kp and kd are 0
+  host_velocity,   // here: a finished velocity in dq; kp, kd and tau are 0. The drive decides the torque
 };
 
 // Of a drive whose gains are shares 0..1 of its own, and whose damping's share never exceeds the stiffness's. What they
@@ -103,7 +104,8 @@ struct FeedbackGain {
   float velocity = 0;  // Nm s/rad, on dq
 };
 
-// Half of what the tick ring holds (ipc/executive_segments.hpp): until then a recorder that hesitates loses nothing.
+// Half of what the tick ring holds (ipc/executive_segments.hpp): until then a recorder that hesitates loses no tick and
+// no command. CAN frames it may lose before: 65,536 of them wait, which is 2.7 s at 24 per tick; can.log says how many.
 inline constexpr std::uint32_t kLongestUnrecorded = 4096;
 
 struct TickConfig {
@@ -133,6 +135,14 @@ struct TickConfig {
   // Fallback state_feedback: feedback_gains[j][k] of joint k on the torque of joint j.
   std::array<std::array<FeedbackGain, kMaxJoints>, kMaxJoints> feedback_gains{};
 };
+
+// Those that never have power from us.
+constexpr JointMask passive_joints(const TickConfig& config) {
+  JointMask mask = 0;
+  for (std::size_t j = 0; j < config.joint_count; ++j)
+    if (config.joints[j].passive) mask |= bit_of_joint(j);
+  return mask;
+}
 
 // Observations in memory; the most that fit when max_age asks for more, which the configuration's checks rule out.
 constexpr std::uint32_t remembered_observations(const TickConfig& config) {

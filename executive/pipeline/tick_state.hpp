@@ -35,7 +35,8 @@ struct ModeState {
   MonoTime slow_since;  // latched modes: every joint that we hold below the rest velocity since; unset while one is not
   MonoTime stop_asked_at;  // the first stop asked for since standby; unset: none
   MonoTime resumed_at;     // tracking began, after arming or after degraded: start of the resume ramp; unset before
-  // Since a fault was latched, until standby: drives that get no power from us, and joints that only damp.
+  // Since a fault was latched, or an arming stopped, until standby: drives that get no power from us, and joints that
+  // only damp.
   JointMask deenergised = 0;
   JointMask damped = 0;
   MonoTime awake_since;  // the tick that noticed the newest suspend: feedback from before is not believed; unset: none

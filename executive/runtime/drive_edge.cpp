@@ -91,7 +91,7 @@ void DriveEdge::send_joint(std::size_t joint, const pipeline::TickOutput& output
   drivers::GuardedMoment moment{header.now, now, valid_until, output.drive_enabled[joint]};
   const std::size_t count = joints_[joint].driver->encode(moment.enabled, setpoint, now, valid_until, encoded_);
   for (std::size_t i = 0; i < count; ++i) {
-    if (i != 0) moment.now = clock.now();
+    moment.now = clock.now();
     send_guarded(joint, moment, decided, encoded_[i], header.tick, records);
   }
 }

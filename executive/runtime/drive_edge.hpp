@@ -35,7 +35,7 @@ struct JointOnBus {
 
 // What became of a tick's setpoints; inputs of the next tick.
 struct Departure {
-  MonoTime at;           // just before the first frame; unset: there was none
+  MonoTime at;           // just before the first frame; unset: the robot has no joint
   JointMask damped = 0;  // joints whose setpoint was too late
 };
 

@@ -99,9 +99,10 @@ int run(const Options& options) {
   RecordedThrough recorded;
   StatusBoard board;
   IncidentWatch incidents(*robot);
-  TickFollower follower(published->tick_reader(), tick_config->rest_velocity, [&](const TickRecord& record) {
-    Journal::transition(record, incidents.stands() ? incidents.latest() : std::nullopt);
-  });
+  TickFollower follower(published->tick_reader(), tick_config->rest_velocity, pipeline::passive_joints(*tick_config),
+                        [&](const TickRecord& record) {
+                          Journal::transition(record, incidents.stands() ? incidents.latest() : std::nullopt);
+                        });
   follower.tell(incidents);
 
   // The socket first: a second executive is turned away before it touches a bus.

@@ -27,7 +27,8 @@ void say(OperatorReply& reply, std::string_view sentence) {
 
 constexpr std::string_view kNotNoticed = "the control thread did not answer in time: is it running? see takt status";
 constexpr std::string_view kFaultDampsOnly =
-    "mode fault_latched: the drives that still listen only damp; again, or with --now, takes their power away: what "
+    "mode fault_latched: what failed has no power, and nothing moves on purpose; again, or with --now, takes their "
+    "power away: what "
     "hangs falls";
 
 }  // namespace
@@ -102,7 +103,7 @@ void Reception::stop(OperatorVerb verb, OperatorReply& reply) {
   spdlog::warn("operator {}", request == OperatorRequest::deenergise ? "de-energises" : "stop");
   if (!wait_for(request, tick) && !parts_.follower.noticed(OperatorRequest::shutdown, tick))
     return say(reply, kNotNoticed);
-  if (verb == OperatorVerb::press_stop && parts_.follower.latest().header.mode == Mode::fault_latched)
+  if (verb != OperatorVerb::deenergise && parts_.follower.latest().header.mode == Mode::fault_latched)
     say(reply, kFaultDampsOnly);
 }
 

@@ -7,8 +7,8 @@
 
 namespace takt::runtime {
 
-TickFollower::TickFollower(ipc::SlotReader ticks, float rest_velocity, OnTransition on_transition)
-    : ticks_(ticks), rest_velocity_(rest_velocity), on_transition_(std::move(on_transition)) {}
+TickFollower::TickFollower(ipc::SlotReader ticks, float rest_velocity, JointMask passive, OnTransition on_transition)
+    : ticks_(ticks), rest_velocity_(rest_velocity), passive_(passive), on_transition_(std::move(on_transition)) {}
 
 void TickFollower::catch_up() {
   while (true) {
@@ -28,7 +28,8 @@ void TickFollower::follow() {
   // A drive given up by a latched fault is not asked: its last velocity may be all that it left behind.
   const bool slow = std::ranges::all_of(joints, [&](const JointRecord& joint) {
     const bool given_up = tick.drives_enabled != 0 && joint.drive_enabled == 0;
-    return given_up || std::abs(joint.dq_estimate) < rest_velocity_;
+    const bool passive = (passive_ & bit_of_joint(static_cast<std::size_t>(&joint - joints.data()))) != 0;
+    return given_up || passive || std::abs(joint.dq_estimate) < rest_velocity_;
   });
   if (!slow) {
     slow_since_ = {};

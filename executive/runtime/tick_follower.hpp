@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 
+#include "executive/contract/joints.hpp"
 #include "executive/contract/tick_record.hpp"
 #include "executive/incident/incident.hpp"
 #include "executive/ipc/slot_ring.hpp"
@@ -16,8 +17,9 @@ class TickFollower {
  public:
   using OnTransition = std::function<void(const TickRecord&)>;
 
-  // `rest_velocity` in rad/s. on_transition is called for every record in which the mode changed.
-  TickFollower(ipc::SlotReader ticks, float rest_velocity, OnTransition on_transition);
+  // `rest_velocity` in rad/s; `passive` joints are not asked whether they rest. on_transition is called for every
+  // record in which the mode changed.
+  TickFollower(ipc::SlotReader ticks, float rest_velocity, JointMask passive, OnTransition on_transition);
 
   // Stops and faults are followed with this from now on; it outlives the follower.
   void tell(IncidentWatch& incidents) { incidents_ = &incidents; }
@@ -26,8 +28,8 @@ class TickFollower {
   void catch_up();
   // All zero before the first tick.
   [[nodiscard]] const TickRecord& latest() const { return latest_; }
-  // Every joint, but those whose drives a latched fault gave up, has been slower than rest_velocity for kRestFor,
-  // without interruption.
+  // Every joint, but passive ones and those whose drives a latched fault gave up, has been slower than rest_velocity
+  // for kRestFor, without interruption.
   [[nodiscard]] bool rests() const;
   // The newest tick that read this request; 0: none did.
   [[nodiscard]] std::uint64_t last_read(OperatorRequest request) const {
@@ -43,6 +45,7 @@ class TickFollower {
 
   ipc::SlotReader ticks_;
   float rest_velocity_;
+  JointMask passive_;
   OnTransition on_transition_;
   IncidentWatch* incidents_ = nullptr;
   TickRecord latest_{};

@@ -37,7 +37,7 @@ std::array<float, 9> rotation_of(const Vector3& rpy) {
 pipeline::LoopAt loop_of(const Drive& drive) {
   switch (loop_closed_by(drive)) {
     case LoopClosedBy::drive:
-      return pipeline::LoopAt::drive;
+      return drive.protocol == DriveProtocol::cia402 ? pipeline::LoopAt::drive_position : pipeline::LoopAt::drive;
     case LoopClosedBy::host_torque:
       return pipeline::LoopAt::host_torque;
     case LoopClosedBy::host_velocity:

@@ -49,6 +49,9 @@ MAY_USE = {
 }
 
 
+TOP_ROOMS = {room.split("/")[0] for room in MAY_USE}
+
+
 def room_of(path):
     names = [room for room in MAY_USE if path.startswith(room + "/")]
     return max(names, key=len, default=None)
@@ -61,18 +64,21 @@ def arrows(path, text):
         other = room_of(header)
         if room and other and other != room and other not in MAY_USE[room].split():
             yield f"{path} includes {header}: {room} may not use {other} (tests/house/arrows_test.py)"
+    if not room and path.split("/")[0] in TOP_ROOMS:
+        yield f"{path} lies in no room of the table (tests/house/arrows_test.py)"
 
 
 def main(root):
     found, files = [], 0
     for file in sorted(root.rglob("*.[ch]pp")):
         path = file.relative_to(root).as_posix()
-        if room_of(path):
-            files += 1
-            found += arrows(path, file.read_text())
+        files += room_of(path) is not None
+        found += arrows(path, file.read_text())
     for sentence in found:
         print(sentence)
     planted = list(arrows("executive/pipeline/planted.cpp", '#include "config/robot_config.hpp"\n'))
+    planted_room = list(arrows("executive/planted/room.cpp", ""))
+    assert planted_room, "a room without a row was not found"
     planted_guard = list(arrows("drivers/guard/planted.cpp", '#include "drivers/protocol/mit/mit_codec.hpp"\n'))
     assert planted and planted_guard, "a planted arrow was not found"
     assert files > 300, f"only {files} files were read"

@@ -41,11 +41,14 @@ inside takt --version
 inside takt config check /etc/takt/robot/robot.yaml
 ! pgrep -f "^/usr/bin/takt" >/dev/null || fail "something was started"
 inside getent passwd takt takt-policy >/dev/null || fail "the users are missing"
+# 2 of `takt run`: it ended in a stop that nobody asked for, which happens without real-time rights; of `takt replay`:
+# some ticks could not be judged, all others reproduce.
+may_end_with_2() { "$@" || [ $? -eq 2 ]; }
 run_demo() { # RUN [OPTION...]
-  inside takt run /etc/takt/robot/robot.yaml --arm --duration 5s --allow-non-realtime --runtime-dir /run/takt --run-dir "$@" >"$root/tmp/run.log" 2>&1 ||
+  may_end_with_2 inside takt run /etc/takt/robot/robot.yaml --arm --duration 5s --allow-non-realtime --runtime-dir /run/takt --run-dir "$@" >"$root/tmp/run.log" 2>&1 ||
     { cat "$root/tmp/run.log"; fail "the demo robot does not run"; }
   grep -q tracking "$root/tmp/run.log" || fail "the demo robot never tracked"
-  inside takt replay "$1"
+  may_end_with_2 inside takt replay "$1"
 }
 run_demo /var/lib/takt/runs/try
 

@@ -17,7 +17,7 @@ MOST_EXPOSED_OTHERWISE = 2.0
 DEMANDED = {
     "takt-executive.service": ["Type=notify", "WatchdogSec=", "CPUSchedulingPolicy=fifo", "CPUAffinity=", "LimitMEMLOCK=",
                                "LimitRTPRIO=", "AmbientCapabilities=", "OOMScoreAdjust=", "User=takt",
-                               "ExecStopPost=-/usr/bin/takt bus disable"],
+                               "ExecStopPost="],
     "takt-policy-host@.service": ["User=takt-policy", "PrivateNetwork=yes", "RestrictAddressFamilies=AF_UNIX",
                                   "DevicePolicy=closed", "MemoryMax=", "CPUQuota=", "ProtectSystem=strict"],
     # A restart of takt.target, as `takt deploy` does it, applies a new file's bit rates and control core.
@@ -73,7 +73,7 @@ def exposure(unit):
 
 def unknown_options(unit, bin_dir):
     problems = []
-    for command in re.findall(r"^Exec\w+=-?/usr/bin/(takt\S*.*)$", unit.read_text(), re.M):
+    for command in re.findall(r"^Exec\w+=.*?/usr/bin/(takt[^;\n]*)", unit.read_text(), re.M):
         words = command.split()
         subcommand = [word for word in words[1:3] if re.fullmatch(r"[a-z]+", word)] if words[0] == "takt" else []
         _, said = output_of(str(bin_dir / words[0]), *subcommand, "--help")

@@ -140,10 +140,10 @@ bool Cia402Driver::take_report(const ReceivedFrame& received) noexcept {
   }
   power_ = cia402::power_state(report->statusword);
   estimate_velocity(report->position, received.received_at);
-  counts_ = report->position;
+  if (take_reading(settings_.mapping, static_cast<float>(cia402::to_rad(report->position, settings_.scale)), dq_,
+                   cia402::to_torque(report->torque, settings_.scale), received.received_at, feedback_))
+    counts_ = report->position;
   has_reading_ = true;
-  take_reading(settings_.mapping, static_cast<float>(cia402::to_rad(counts_, settings_.scale)), dq_,
-               cia402::to_torque(report->torque, settings_.scale), received.received_at, feedback_);
   return true;
 }
 

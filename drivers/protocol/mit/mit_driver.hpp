@@ -5,13 +5,11 @@
 //   (damiao_registers.hpp), one frame every fourth tick; again after it was enabled, and after kTicksToDoubt without a
 //   reply, for what was written is lost with its supply. What differs from the robot file, is not told, or would not
 //   stop it, shows as a fault of the drive until a later attempt agrees; clearing errors does not touch it.
-// enable rising: enter motor mode every tick until the drive reports that it is enabled; before its settings are known
-// to
-//   agree, as above. A T-Motor drive has no state in its reply and counts as enabled, or disabled, by the first reply
-//   after the frame that asks for it; its settings cannot be read, its time-out neither: without a waiver in the robot
-//   file it has a fault that says so, and is not enabled.
-//   One that is heard to speak the protocol of AK V3 firmware has a fault that names it, for kTicksToForget after its
-//   last such word.
+// enable rising: enter motor mode every tick until the drive reports that it is enabled; as above before its settings
+//   are known to agree. A T-Motor drive has no state in its reply and counts as enabled, or disabled, by the first
+//   reply after the frame that asks for it; its settings cannot be read, its time-out neither: without a waiver in the
+//   robot file it has a fault that says so, and is not enabled. One that is heard to speak the protocol of AK V3
+//   firmware has a fault that names it, for kTicksToForget after its last such word.
 // enabled once: motion commands only. A drive that leaves motor mode by itself is not brought back before `enable` was
 //   false in between: that is the operator's decision.
 //

@@ -201,8 +201,7 @@ bool MoteusDriver::decode(const ReceivedFrame& received) noexcept {
     ++malformed_frames_;
     return reply.tells_position;
   }
-  q_ = q;
-  take_reading(settings_.mapping, q_, dq, reply.torque, received.received_at, feedback_);
+  if (take_reading(settings_.mapping, q, dq, reply.torque, received.received_at, feedback_)) q_ = q;
   feedback_.temperature_C = hotter(reply.temperature, reply.motor_temperature);
   const Verdict verdict = judge(reply);
   feedback_.drive_state = verdict.state;

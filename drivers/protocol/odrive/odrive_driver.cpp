@@ -122,7 +122,7 @@ bool OdriveDriver::take(OdriveMessage message, const ReceivedFrame& received) no
 bool OdriveDriver::take_heartbeat(const ReceivedFrame& received) noexcept {
   const auto heartbeat = decode_odrive_heartbeat(settings_.node, received.frame);
   if (!heartbeat) return false;
-  heartbeat_at_ = received.received_at;
+  heartbeat_at_ = std::max(heartbeat_at_, received.received_at);
   heartbeat_missing_ = false;
   heard_since_request_ = true;
   axis_state_ = heartbeat->axis_state;

@@ -134,6 +134,15 @@ TEST_F(IncidentTest, WhatAPersonAskedForIsNoFault) {
   EXPECT_FALSE(fault->asked);
 }
 
+// Goal: an arm that fell because a person took its power is on record, in words that say so.
+TEST_F(IncidentTest, PowerTakenByAPersonIsAnIncidentToo) {
+  const auto taken = enter(Mode::standby, Cause::operator_deenergise);
+  ASSERT_TRUE(taken);
+  EXPECT_TRUE(taken->asked);
+  EXPECT_FALSE(watch.stands());
+  EXPECT_NE(taken->done.find("lost its power"), std::string::npos) << taken->done;
+}
+
 TEST_F(IncidentTest, ARobotThatRunsOnIsNoIncident) {
   EXPECT_FALSE(enter(Mode::degraded, Cause::contract_violated));
   EXPECT_FALSE(enter(Mode::tracking, Cause::contract_restored));

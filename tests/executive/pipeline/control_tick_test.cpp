@@ -34,6 +34,16 @@ bool blocks(const Rig& rig, std::string_view what) {
                      [&](const std::string& text) { return text.find(what) != std::string::npos; });
 }
 
+TEST(Standby, ADriveThatIsStillOnBlocksArming) {
+  Rig rig(robot(2));
+  rig.run_with_policy(40, 0.0F);
+  ASSERT_TRUE(blockers(rig).empty());
+  rig.out->record.joints[1].feedback.drive_state = DriveState::enabled;
+  EXPECT_TRUE(blocks(rig, "still switching off"));
+  rig.out->record.header.mode = Mode::damped_stop;
+  EXPECT_FALSE(blocks(rig, "still switching off")) << "there it is meant to be on";
+}
+
 TEST(Standby, BeforeAnyInputNothingMoves) {
   Rig rig(robot(6));
   for (auto& drive : rig.drives) drive.silent = true;

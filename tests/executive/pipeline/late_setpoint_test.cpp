@@ -68,6 +68,20 @@ TEST(LateSetpoint, TheReferenceWaitsForAJointThatIsDamped) {
   EXPECT_GT(rig.out->record.joints[0].q_reference, other_left_at + 4 * one_step) << "the others go on";
 }
 
+// A drive that follows positions with gains of its own: everything but where it was told to be last would be a jump.
+TEST(LateSetpoint, APositionDriveStaysWhereItWasToldToBe) {
+  TickConfig config = robot(3);
+  config.joints[1].loop = LoopAt::drive_position;
+  Rig rig(config);
+  rig.arm(0.0F);
+  rig.run_with_policy(200, 1.0F);
+  const float told = rig.out->setpoints[1].q;
+  rig.tick_with_policy(1.0F);
+  EXPECT_NEAR(rig.out->damping[1].q, told, 1e-5F);
+  EXPECT_GT(std::abs(told - rig.out->record.joints[1].q_estimate), 0.01F) << "it trails behind";
+  EXPECT_GT(rig.out->damping[1].kp, 0.0F) << "none would be no target";
+}
+
 // The slew of the next tick begins where the damping ended, not at a torque that no drive produced.
 TEST(LateSetpoint, TheSlewGoesOnFromWhatWasSent) {
   Rig rig = moving_rig();

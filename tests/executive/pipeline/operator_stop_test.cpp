@@ -114,6 +114,25 @@ TEST(OperatorStop, AProgramThatRepeatsItsStopNeverTakesThePower) {
   }
 }
 
+// Goal: who stops an arming never sees a drive come on afterwards. Method: one drive takes its time.
+TEST(OperatorStop, WhileArmingLeavesOffWhatIsStillOff) {
+  Rig rig(robot(3));
+  rig.drives[1].never_enables = true;
+  rig.run_with_policy(40, 0.3F);
+  rig.tick_with_policy(0.3F, OperatorRequest::arm);
+  rig.run_with_policy(20, 0.3F);
+  ASSERT_EQ(rig.mode(), Mode::arming);
+  rig.tick_with_policy(0.3F, OperatorRequest::stop);
+  ASSERT_EQ(rig.mode(), Mode::damped_stop);
+  EXPECT_TRUE(rig.out->drive_enabled[0]);
+  EXPECT_FALSE(rig.out->drive_enabled[1]);
+  rig.drives[1].never_enables = false;
+  for (int i = 0; i < 300; ++i) {
+    rig.tick_with_policy(0.3F);
+    ASSERT_FALSE(rig.out->drive_enabled[1]) << i;
+  }
+}
+
 // What stopped by itself is stopped by the first press, which is no second one.
 TEST(OperatorStop, AStopThatNobodyAskedForIsNotAFirstPress) {
   Rig rig(robot(3));

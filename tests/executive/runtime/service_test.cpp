@@ -90,7 +90,7 @@ class ServiceTest : public testing::Test {
   config::RobotConfig robot_ = config::load("config/arm6.yaml").value();
   SystemClock clock_;
   LoopRig rig_{6, 2, {{}, {}, 1000}, &clock_};
-  TickFollower follower_{rig_.published.tick_reader(), 0.02F, [](const TickRecord&) {}};
+  TickFollower follower_{rig_.published.tick_reader(), 0.02F, 0, [](const TickRecord&) {}};
   trace::Introduction introduction_{"takt-executive", 0, 0, robot_.joints};
   std::unique_ptr<Reception> reception_;
   std::atomic<bool> hang_ = false;

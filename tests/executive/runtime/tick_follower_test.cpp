@@ -27,7 +27,7 @@ class TickFollowerTest : public testing::Test {
   }
   PublishedSegments published_ = PublishedSegments::create(2).value();
   std::vector<Mode> entered_;
-  TickFollower follower_{published_.tick_reader(), 0.02F,
+  TickFollower follower_{published_.tick_reader(), 0.02F, 0,
                          [this](const TickRecord& record) { entered_.push_back(record.header.mode); }};
   std::uint64_t tick_ = 0;
   Mode mode_ = Mode::standby;
@@ -61,6 +61,16 @@ TEST_F(TickFollowerTest, RestNeedsAHundredMillisecondsWithoutInterruption) {
   publish(Mode::damped_stop, 0.0F);
   follower_.catch_up();
   EXPECT_FALSE(follower_.rests()) << "a joint that swings through zero does not rest";
+}
+
+// Goal: a pole that nobody drives may swing on; its cart's process ends all the same.
+TEST_F(TickFollowerTest, APassiveJointIsNotAskedWhetherItRests) {
+  TickFollower follower(published_.tick_reader(), 0.02F, JointMask{2}, [](const TickRecord&) {});
+  for (int i = 0; i < 101; ++i) publish(Mode::damped_stop, 3);
+  follower.catch_up();
+  follower_.catch_up();
+  EXPECT_TRUE(follower.rests());
+  EXPECT_FALSE(follower_.rests());
 }
 
 // Goal: a process that shall end does not wait for what a lost joint last said of its speed.

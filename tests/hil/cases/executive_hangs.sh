@@ -1,6 +1,6 @@
 #!/bin/bash
 # Goal: drives that nobody commands stop by their own watchdogs; systemd's ends the executive that hangs, and starts another, disarmed.
-# Method: SIGSTOP while tracking: no thread runs, as after a deadlock in the kernel. After the drives' 100 ms, and before systemd's 500, each is asked
+# Method: SIGSTOP while tracking: no thread runs, as after a deadlock in the kernel. After the drives' 50 ms, which the executive wrote into them, and before systemd's 500, each is asked
 #   for its state (Damiao's refresh, which commands nothing): D, communication lost. Then WatchdogSec passes; the abort signal finds nobody, so that
 #   SIGKILL follows after TimeoutAbortSec. The journal names the watchdog as the reason.
 # Mode: virtual
@@ -11,7 +11,7 @@
 tracking_arm6
 hung=$(main_pid takt-executive)
 kill -STOP "$hung"
-sleep 0.12
+sleep 0.07
 candump -L vcan0 vcan1 >drives.log &
 candump=$!
 sleep 0.03

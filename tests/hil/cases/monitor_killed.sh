@@ -3,6 +3,7 @@
 # Method: SIGKILL to the monitor while tracking: a damped stop for recording_lost. Reset and armed again once another monitor writes. Then the whole target
 #   is stopped: the second run must hold the damped stop. Both recordings are handed to the host, which replays them.
 # Mode: virtual
+# Replay: partly
 # Limit: 90 s
 # Planted fault: `Restart=no` in the unit: no second folder.
 # Planted by: /^tracking_arm6/i drop_in takt-monitor.service Service Restart=no
@@ -20,6 +21,6 @@ within 5 "second run folder" eval '[ "$(ls /var/lib/takt/runs | wc -l)" = 2 ]'
 systemctl stop takt.target
 within 20 "the monitor ended" eval '! is_active takt-monitor && ! is_active takt-executive'
 newest=$(ls -d /var/lib/takt/runs/* | tail -1)
-grep -q '"to":"damped_stop"' "$newest/transitions.jsonl" || fail "the stop is not recorded: $(cat "$newest/transitions.jsonl")"
+grep -q '"to":"damped_stop","cause":"shutdown"' "$newest/transitions.jsonl" || fail "the stop is not recorded: $(cat "$newest/transitions.jsonl")"
 grep -q '"ended_because": "executive ended"' "$newest/manifest.json" || fail "$(grep ended_because "$newest/manifest.json")"
 say "the stop of the whole target is in the run"

@@ -69,8 +69,8 @@ plant() {
   within 5 "the plant" is_active $PLANT
 }
 
-# field NAME: of the executive's status, as text; empty while nobody answers.
-field() { takt status --runtime-dir $RUN --json 2>/dev/null | grep -oE "\"$1\":(\"[^\"]*\"|[^,}]*)" | cut -d: -f2- | tr -d '"'; }
+# field NAME: of the executive's status, as text; empty while nobody answers. Its newest incident has names of its own.
+field() { takt status --runtime-dir $RUN --json 2>/dev/null | sed 's/"incident":{[^}]*}//' | grep -oE "\"$1\":(\"[^\"]*\"|[^,}]*)" | cut -d: -f2- | tr -d '"'; }
 mode_is() { [ "$(field mode)" = "$1" ]; }
 main_pid() { systemctl show -P MainPID "$1"; }
 is_active() { systemctl is-active -q "$1"; }

@@ -3,7 +3,8 @@
 Header lines, comments at the top of the file: `Goal:`, `Method:`, `Mode: virtual|paced` (one CPU in virtual time, or two
 CPUs at real pace), `Limit: N s` of the guest's time, and, where the machine needs more than vcan, `Machine: kvaser`
 or `Machine: watchdog`; further `Planted fault:`, in words, and `Planted by:`, the sed expression that puts it into the case;
-`Runs: none` where no monitor records.
+`Runs: none` where no monitor records, `Replay: partly` where one comes late, so that
+not every tick can be judged.
 A line that begins with two more spaces goes on where the one above ended.
 """
 from __future__ import annotations
@@ -16,7 +17,7 @@ import subprocess
 MODES = ("virtual", "paced")
 MACHINES = ("plain", "kvaser", "watchdog")
 REQUIRED = ("Goal", "Method", "Planted fault", "Planted by")
-HEADER = re.compile(rf"# ({'|'.join(REQUIRED)}|Mode|Limit|Machine|Runs): (.*)")
+HEADER = re.compile(rf"# ({'|'.join(REQUIRED)}|Mode|Limit|Machine|Runs|Replay): (.*)")
 
 
 class BadCase(Exception):
@@ -33,6 +34,7 @@ class Case:
     machine: str
     limit_s: int
     records: bool = True  # at least one run, which the host replays
+    replay: str = "whole"
 
 
 def read_header(text: str) -> dict[str, str]:
@@ -65,7 +67,8 @@ def read_case(path: pathlib.Path) -> Case:
     return Case(path.stem, path, header["Goal"], header["Planted by"],
                 one_of(path, "Mode", header.get("Mode"), MODES),
                 one_of(path, "Machine", header.get("Machine", "plain"), MACHINES), int(limit[1]),
-                one_of(path, "Runs", header.get("Runs", "some"), ("some", "none")) == "some")
+                one_of(path, "Runs", header.get("Runs", "some"), ("some", "none")) == "some",
+                one_of(path, "Replay", header.get("Replay", "whole"), ("whole", "partly")))
 
 
 def all_cases(folder: pathlib.Path) -> list[Case]:

@@ -419,6 +419,24 @@ TEST(MitDriver, IgnoresWhatIsNotItsOwnAndCountsWhatIsMalformed) {
   EXPECT_FALSE(bench.driver.feedback().received_at.is_set());
 }
 
+// Goal: a drive whose replies lost their stamps goes silent, it does not go back in time. What is older than the newest
+// reading, or of unknown age, only counts.
+TEST(MitDriver, AReplyOlderThanTheNewestOnlyCounts) {
+  Bench bench = Bench(damiao()).set_up();
+  bench.reply(kDisabled);
+  const JointFeedback before = bench.driver.feedback();
+  ReceivedFrame old;
+  old.received_at = before.received_at - Duration{1};
+  old.frame.id = 0x14;
+  old.frame.length = 8;
+  old.frame.data[0] = 0x04;
+  old.frame.data[1] = 0xC0;
+  EXPECT_TRUE(bench.driver.decode(old));
+  EXPECT_EQ(bench.driver.feedback().received_at, before.received_at);
+  EXPECT_EQ(bench.driver.feedback().q, before.q);
+  EXPECT_EQ(bench.driver.feedback().replies, before.replies + 1);
+}
+
 TEST(MitDriver, StampsAndTemperatureOfTheNewestReply) {
   Bench bench(damiao());
   bench.reply(kDisabled);
@@ -443,6 +461,7 @@ TEST(MitDriver, ConvertsBetweenJointAndMotor) {
   // Motor 0x8000 is +0.19 mrad: almost at zero, hence the joint almost at its offset.
   EXPECT_NEAR(bench.driver.feedback().q, 0.5, 4e-4);
   ReceivedFrame received;
+  received.received_at = bench.driver.feedback().received_at + milliseconds(1);
   received.frame.id = 0x14;
   received.frame.length = 8;
   // Position code 0xC000 is 12.5 * (2 * 49152 / 65535 - 1) = 6.2502 rad; velocity and torque codes
