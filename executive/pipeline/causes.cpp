@@ -152,7 +152,7 @@ CauseMask granted_request(const TickState& state, const TickRecord& record, Caus
       return bit(Cause::operator_deenergise);
     case OperatorRequest::reset: {
       const bool fault_holds = state.mode.mode == Mode::fault_latched && (active & kLastingFaults) != 0;
-      return when(rests(state.mode, record.header.now) && !fault_holds, Cause::operator_reset);
+      return when(state.mode.rest.rests(record.header.now) && !fault_holds, Cause::operator_reset);
     }
     case OperatorRequest::shutdown:
       return bit(Cause::shutdown);

@@ -21,13 +21,6 @@ JointMask affected_joints(const TickState& state, const TickRecord& record, cons
 // A second press within this time is a hand that trembles, or the same press told twice.
 inline constexpr Duration kStopAgainAfter = milliseconds(200);
 
-// The robot rests once every joint that can hold has been slow for this long: an instant at rest is a turning point.
-// Which joints are asked: watch_for_rest (sense_stages.cpp).
-inline constexpr Duration kRestDwell = milliseconds(100);
-constexpr bool rests(const ModeState& mode, MonoTime now) {
-  return mode.slow_since.is_set() && now - mode.slow_since >= kRestDwell;
-}
-
 // The cause of the operator's request if it is granted, else 0. Arming: from standby with no blocker. Reset: it turns
 // the drives off, so only while the robot rests; from a latched fault only while none of its lasting conditions is
 // among `active`. De-energising: always; so does a press of stop while one is

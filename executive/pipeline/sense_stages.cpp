@@ -49,33 +49,26 @@ void note_arrival(TickState& state, Arrival arrival, const FreshnessContract& co
   if (arrival != Arrival::none) state.mode.last_refusal = refused ? arrival : Arrival::none;
 }
 
-// Of a joint that is not heard nobody knows how fast it is; the others still tell whether the robot rests.
-bool is_slow(const JointState& joint, const JointRecord& record, MonoTime now, const TickConfig& config) {
-  const bool heard = joint.observer.sampled_at.is_set() && now - joint.observer.sampled_at <= config.feedback_timeout;
-  return !heard || std::abs(record.dq_estimate) < config.rest_velocity;
-}
-
 // A joint without power, or that never has any, is not asked whether it rests: its last velocity may be all that it
-// left behind. Nor is a limb that sags, while there is a rest of the robot that can hold.
-JointMask asked_for_rest(const TickState& state, const TickConfig& config) {
+// left behind. Nor is a limb that sags, while there is a rest of the robot that can hold. Of a joint that is not heard
+// nobody knows where it is; the others still tell whether the robot rests.
+JointMask asked_for_rest(const TickState& state, MonoTime now, const TickConfig& config) {
   const JointMask powered = every_joint(config.joint_count) & ~state.mode.deenergised & ~passive_joints(config);
   const JointMask holding = powered & ~state.mode.damped;
-  return holding != 0 ? holding : powered;
+  JointMask heard = 0;
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    const MonoTime at = state.joints[j].observer.sampled_at;
+    if (at.is_set() && now - at <= config.feedback_timeout) heard |= bit_of_joint(j);
+  }
+  return (holding != 0 ? holding : powered) & heard;
 }
 
 void watch_for_rest(TickState& state, const TickRecord& record, const TickConfig& config) {
   if (!is_latched(state.mode.mode)) return;
   const MonoTime now = record.header.now;
-  const JointMask ours = asked_for_rest(state, config);
-  bool slow = true;
-  for (std::size_t j = 0; j < config.joint_count; ++j)
-    slow &= (ours & bit_of_joint(j)) == 0 || is_slow(state.joints[j], record.joints[j], now, config);
-  if (!slow) {
-    state.mode.slow_since = {};
-  } else if (!state.mode.slow_since.is_set()) {
-    state.mode.slow_since = now;
-  }
-  if (rests(state.mode, now)) state.mode.resting = 1;
+  state.mode.rest.follow(now, std::span(record.joints, config.joint_count), asked_for_rest(state, now, config),
+                         config.rest_velocity);
+  if (state.mode.rest.rests(now)) state.mode.resting = 1;
 }
 
 // Every period of the grid is a tick in time, a late one, or one that was skipped.
@@ -225,7 +218,7 @@ void enter(TickState& state, Mode mode, MonoTime now, const FreshnessContract& c
     case Mode::damped_stop:
     case Mode::fault_latched:
       state.mode.resting = 0;
-      state.mode.slow_since = {};
+      state.mode.rest.forget();
       return;
   }
 }

@@ -17,6 +17,7 @@
 #include "executive/pipeline/limbs.hpp"
 #include "executive/pipeline/observation_memory.hpp"
 #include "executive/pipeline/reference_limits.hpp"
+#include "executive/pipeline/rest_watch.hpp"
 #include "executive/pipeline/tick_window.hpp"
 #include "executive/pipeline/velocity_observer.hpp"
 
@@ -31,8 +32,8 @@ struct JointState {
 };
 
 struct ModeState {
-  MonoTime armed_at;    // start of the present arming
-  MonoTime slow_since;  // latched modes: every joint that we hold below the rest velocity since; unset while one is not
+  MonoTime armed_at;       // start of the present arming
+  RestWatch rest;          // latched modes, of the joints that we hold
   MonoTime stop_asked_at;  // the first stop asked for since standby; unset: none
   MonoTime resumed_at;     // tracking began, after arming or after degraded: start of the resume ramp; unset before
   // Since a fault was latched, or an arming stopped, until standby: drives that get no power from us, and joints that
@@ -83,7 +84,8 @@ static_assert(std::is_trivially_copyable_v<TickState>);
 // No hidden padding: keyframes of equal states are equal bytes.
 static_assert(sizeof(JointState) == sizeof(ObserverState) + 2 * sizeof(ReferenceState) + 8 &&
               sizeof(ObserverState) == 16);
-static_assert(sizeof(ModeState) == 64 && sizeof(Counters) == 24 && sizeof(Recovery) == 32);
+static_assert(sizeof(RestWatch) == 16 + 4 * kMaxJoints && sizeof(ModeState) == 56 + sizeof(RestWatch) &&
+              sizeof(Counters) == 24 && sizeof(Recovery) == 32);
 static_assert(sizeof(CommandInUse) == 56);
 
 }  // namespace takt::pipeline

@@ -1,7 +1,6 @@
 #include "executive/runtime/tick_follower.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <span>
 #include <utility>
 
@@ -25,17 +24,17 @@ void TickFollower::follow() {
   if (tick.mode != tick.previous_mode) on_transition_(latest_);
   last_read_.at(static_cast<std::size_t>(tick.operator_request)) = tick.tick;
   const std::span joints(latest_.joints, std::min<std::size_t>(tick.joint_count, kMaxJoints));
-  // A drive given up by a latched fault is not asked: its last velocity may be all that it left behind.
-  const bool slow = std::ranges::all_of(joints, [&](const JointRecord& joint) {
-    const bool given_up = tick.drives_enabled != 0 && joint.drive_enabled == 0;
-    const bool passive = (passive_ & bit_of_joint(static_cast<std::size_t>(&joint - joints.data()))) != 0;
-    return given_up || passive || std::abs(joint.dq_estimate) < rest_velocity_;
-  });
-  if (!slow) {
-    slow_since_ = {};
-  } else if (!slow_since_.is_set()) {
-    slow_since_ = tick.now;
+  rest_.follow(tick.now, joints, asked_for_rest(), rest_velocity_);
+}
+
+// A drive given up by a latched fault is not asked: its last velocity may be all that it left behind.
+JointMask TickFollower::asked_for_rest() const {
+  JointMask asked = 0;
+  for (std::size_t j = 0; j < std::min<std::size_t>(latest_.header.joint_count, kMaxJoints); ++j) {
+    const bool given_up = latest_.header.drives_enabled != 0 && latest_.joints[j].drive_enabled == 0;
+    if (!given_up) asked |= bit_of_joint(j);
   }
+  return asked & ~passive_;
 }
 
 bool TickFollower::noticed(OperatorRequest request, std::uint64_t after_tick) const {
@@ -43,7 +42,7 @@ bool TickFollower::noticed(OperatorRequest request, std::uint64_t after_tick) co
 }
 
 bool TickFollower::rests() const {
-  return slow_since_.is_set() && latest_.header.now - slow_since_ >= kRestFor;
+  return rest_.rests(latest_.header.now);
 }
 
 }  // namespace takt::runtime

@@ -10,6 +10,7 @@
 #include "executive/contract/tick_record.hpp"
 #include "executive/incident/incident.hpp"
 #include "executive/ipc/slot_ring.hpp"
+#include "executive/pipeline/rest_watch.hpp"
 
 namespace takt::runtime {
 
@@ -28,8 +29,8 @@ class TickFollower {
   void catch_up();
   // All zero before the first tick.
   [[nodiscard]] const TickRecord& latest() const { return latest_; }
-  // Every joint, but passive ones and those whose drives a latched fault gave up, has been slower than rest_velocity
-  // for kRestFor, without interruption.
+  // Every joint, but passive ones and those whose drives a latched fault gave up, rests by the rule of
+  // pipeline/rest_watch.hpp.
   [[nodiscard]] bool rests() const;
   // The newest tick that read this request; 0: none did.
   [[nodiscard]] std::uint64_t last_read(OperatorRequest request) const {
@@ -42,6 +43,7 @@ class TickFollower {
 
  private:
   void follow();
+  [[nodiscard]] JointMask asked_for_rest() const;
 
   ipc::SlotReader ticks_;
   float rest_velocity_;
@@ -49,11 +51,9 @@ class TickFollower {
   OnTransition on_transition_;
   IncidentWatch* incidents_ = nullptr;
   TickRecord latest_{};
-  MonoTime slow_since_;
+  pipeline::RestWatch rest_;
   std::array<std::uint64_t, kOperatorRequestCount> last_read_{};  // tick that last read each request; 0 never
   std::uint64_t lost_ = 0;
 };
-
-inline constexpr Duration kRestFor = milliseconds(100);
 
 }  // namespace takt::runtime

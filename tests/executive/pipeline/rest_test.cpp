@@ -2,9 +2,14 @@
 // turning point. Method: a moving robot in each latched mode, asked for a reset in every tick.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <deque>
+#include <limits>
+#include <span>
 
 #include "executive/pipeline/mode_machine.hpp"
+#include "executive/pipeline/rest_watch.hpp"
 #include "tests/executive/pipeline/rig.hpp"
 
 namespace takt::pipeline {
@@ -29,15 +34,23 @@ bool is_fast(const Rig& rig) {
   return false;
 }
 
-// Asks for a reset in every tick until it is granted; checks that every joint was slow for the dwell before.
+// Asks for a reset in every tick until it is granted; checks that in the dwell before it no joint that had power got
+// further than at the rest velocity.
 void expect_reset_only_after_rest(Rig& rig) {
-  MonoTime fast_at = rig.now;
+  std::deque<Positions> been;
   for (int i = 0; i < 3'000 && rig.mode() != Mode::standby; ++i) {
+    Positions& now = been.emplace_back();
+    for (std::size_t j = 0; j < rig.config.joint_count; ++j) now.at[j] = rig.drives[j].q;
+    if (been.size() > 101) been.pop_front();
+    for (std::size_t j = 0; j < rig.config.joint_count; ++j)
+      if (!rig.out->drive_enabled[j]) been.back().at[j] = std::numeric_limits<float>::quiet_NaN();
     rig.tick(nullptr, OperatorRequest::reset);
-    if (is_fast(rig)) fast_at = rig.now;
   }
   EXPECT_EQ(rig.mode(), Mode::standby);
-  EXPECT_GE(rig.now - fast_at, kDwell);
+  EXPECT_EQ(been.size(), 101U) << "the dwell";
+  for (std::size_t j = 0; j < rig.config.joint_count; ++j)
+    for (const Positions& at : been)
+      EXPECT_FALSE(std::abs(at.at[j] - been.back().at[j]) > 0.1F * rig.config.rest_velocity) << "joint " << j;
 }
 
 TEST(Rest, ALatchedFaultIsResetAtRestOnly) {
@@ -109,6 +122,47 @@ TEST(Rest, OfAnEarlierStopCountsForNothing) {
     expect_reset_only_after_rest(rig);
     EXPECT_GT(rig.now - stopped_at, kDwell) << "stop " << stop;
   }
+}
+
+// Goal: steps of an encoder are no motion; creeping slower than the rest velocity is rest, faster is not, a turning
+// point is not. Method: one joint's estimate is played to the watch as a 14-bit encoder has it, a tick each
+// millisecond. Returns the first tick at which it is said to rest, 0 if none of 2 s.
+template <class Position>
+int tick_of_rest(Position&& position) {
+  constexpr float kStep = 6.2832F / 16'384;
+  RestWatch watch;
+  JointRecord joint;
+  for (int tick = 1; tick <= 2'000; ++tick) {
+    joint.q_estimate = std::floor(position(static_cast<float>(tick) * 0.001F) / kStep) * kStep;
+    const MonoTime now = MonoTime{} + milliseconds(tick);
+    watch.follow(now, std::span(&joint, 1), JointMask{1}, 0.02F);
+    if (watch.rests(now)) return tick;
+  }
+  return 0;
+}
+
+TEST(Rest, StepsOfAnEncoderAreNoMotion) {
+  EXPECT_EQ(tick_of_rest([](float) { return 0.5F; }), 101);
+  EXPECT_EQ(tick_of_rest([](float t) { return 0.01F * t; }), 101);
+  EXPECT_EQ(tick_of_rest([](float t) { return -0.01F * t; }), 101);
+  EXPECT_EQ(tick_of_rest([](float t) { return 0.03F * t; }), 0);
+  EXPECT_EQ(tick_of_rest([](float t) { return 0.05F * std::sin(10.0F * t); }), 0)
+      << "turns round, at 0.5 rad/s between";
+  EXPECT_GE(tick_of_rest([](float t) { return 0.5F * std::exp(-4.0F * t); }), 1'150) << "creeps to rest";
+  EXPECT_EQ(tick_of_rest([](float) { return std::numeric_limits<float>::quiet_NaN(); }), 0);
+}
+
+TEST(Rest, AJointThatIsNotAskedMayMove) {
+  RestWatch watch;
+  std::array<JointRecord, 2> joints;
+  for (int tick = 1; tick <= 101; ++tick) {
+    joints[1].q_estimate += 0.01F;
+    watch.follow(MonoTime{} + milliseconds(tick), joints, JointMask{1}, 0.02F);
+  }
+  EXPECT_TRUE(watch.rests(MonoTime{} + milliseconds(101)));
+  joints[1].q_estimate += 0.01F;
+  watch.follow(MonoTime{} + milliseconds(102), joints, JointMask{3}, 0.02F);
+  EXPECT_FALSE(watch.rests(MonoTime{} + milliseconds(102))) << "from now on it is asked, and it moved";
 }
 
 }  // namespace

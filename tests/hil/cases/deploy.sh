@@ -13,7 +13,7 @@ tracking
 sed 's/velocity: 3 rad/velocity: 2.5 rad/' $ROBOT >new.yaml
 halt() {
   takt stop --runtime-dir $RUN
-  within 10 "reset" takt reset --runtime-dir $RUN
+  within 10 "reset" was_reset
 }
 takt deploy new.yaml --name early >early.txt 2>&1 && fail "deployed under a moving robot"
 grep -q 'is armed' early.txt || fail "refused for another reason: $(cat early.txt)"

@@ -15,7 +15,7 @@ within 2 "damped stop" mode_is damped_stop
 journalctl -u takt-executive -o cat | grep -q "tracking -> damped_stop: recording_lost" || fail "stopped for another reason"
 within 10 "monitor restarted" restarts_are takt-monitor 1
 no_overrun_in 1000 "without and with another monitor"
-within 10 "reset" takt reset --runtime-dir $RUN
+within 10 "reset" was_reset
 tracking
 within 5 "second run folder" eval '[ "$(ls /var/lib/takt/runs | wc -l)" = 2 ]'
 systemctl stop takt.target

@@ -27,7 +27,7 @@ is_active takt-executive && restarts_are takt-executive 0 || fail "the executive
 
 systemctl stop $POLICY
 within 5 "damped stop without policy host" mode_is damped_stop
-within 10 "reset" takt reset --runtime-dir $RUN
+within 10 "reset" was_reset
 systemd-run --quiet --unit hil-rogue --uid takt-policy --gid takt -p RestrictAddressFamilies=AF_UNIX \
   "$HIL_LIB/tools/takt-rogue-policy" --robot $ROBOT --runtime-dir $RUN --behaviour nan --healthy-for '4 s'
 tracking

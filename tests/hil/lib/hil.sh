@@ -26,7 +26,7 @@ within() {
   shift 2
   polls=$(awk "BEGIN { print $limit * 4 }")
   until "$@" >/dev/null 2>&1; do
-    ((polls-- > 0)) || fail "$what: not within $limit s; $(takt status --runtime-dir $RUN 2>&1; cat arm.txt 2>/dev/null)"
+    ((polls-- > 0)) || fail "$what: not within $limit s; $(takt status --runtime-dir $RUN 2>&1; cat answer.txt 2>/dev/null)"
     sleep 0.25
   done
 }
@@ -82,7 +82,8 @@ takt_up() {
   within 10 "$POLICY" is_active "$POLICY"
   within 10 "standby" mode_is standby
 }
-armed() { takt arm --runtime-dir $RUN >arm.txt 2>&1; }
+armed() { takt arm --runtime-dir $RUN >answer.txt 2>&1; }
+was_reset() { takt reset --runtime-dir $RUN >answer.txt 2>&1; }
 tracking() {
   within 10 "arming" armed
   within 5 "tracking" mode_is tracking
@@ -100,7 +101,7 @@ tracking_arm6() {
 lift() { systemctl restart $PLANT || fail "the plant does not start again"; }
 # Back to standby after a stop or fault, and tracking again.
 recover() {
-  within 10 "reset" takt reset --runtime-dir $RUN
+  within 10 "reset" was_reset
   within 5 "standby after reset" mode_is standby
   lift
   tracking
