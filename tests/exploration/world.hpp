@@ -38,6 +38,7 @@ enum class Planted : std::uint8_t {
   wide_frames,       // asks for positions outside of every limit
   pushes_unheard,    // a silent drive is pushed instead of disabled
   swings_on,         // a drive without position control is pushed to and fro in a damped stop
+  refused,           // the guard finds one frame of a tracking robot to be another than was decided
 };
 
 // One drive of each protocol, on flywheels; no gravity.
@@ -75,6 +76,8 @@ class World {
   [[nodiscard]] bool is_prompt() const { return now_ - last_tick_at_ < config_.period * 2; }
   [[nodiscard]] MonoTime stop_asked_at() const { return stop_asked_at_; }
   [[nodiscard]] MonoTime power_off_asked_at() const { return power_off_asked_at_; }
+  // When the planted guard refused its frame; unset: it did not.
+  [[nodiscard]] MonoTime refused_at() const { return refused_at_; }
   [[nodiscard]] bool is_recorded() const { return active(Happening::recorder_ends) == nullptr; }
   // When the oldest sample was taken of the newest observation that any published command answers; unset before.
   [[nodiscard]] MonoTime newest_answered() const { return newest_answered_; }
@@ -82,6 +85,7 @@ class World {
  private:
   class VirtualClock;
   class VirtualBus;
+  class PlantedGuard;
   struct Arriving {
     drivers::ReceivedFrame frame;
     MonoTime readable_at;
@@ -145,7 +149,7 @@ class World {
   Observation observation_;
   std::deque<Answer> answers_;
   std::uint64_t sequence_ = 0;
-  MonoTime newest_answered_, stop_asked_at_, power_off_asked_at_, asked_at_, last_tick_at_;
+  MonoTime newest_answered_, stop_asked_at_, power_off_asked_at_, refused_at_, asked_at_, last_tick_at_;
 };
 
 }  // namespace takt::exploration

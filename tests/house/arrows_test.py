@@ -14,6 +14,7 @@ MAY_USE = {
     "executive/log": "",
     "executive/ipc": "executive/contract",
     "executive/pipeline": "executive/contract",
+    "executive/hazards": "executive/contract executive/pipeline",
     "config": "executive/contract",
     "executive/setup": "executive/contract executive/pipeline config",
     "drivers/bus": "executive/contract config",
