@@ -135,7 +135,8 @@ enum class Unsafe : std::uint8_t {
   D3,
   D4,
   D5,
-  D6
+  D6,
+  D7
 };
 
 struct UnsafeRow {
@@ -148,7 +149,7 @@ struct UnsafeRow {
   Proof proof;
 };
 
-inline constexpr std::array<UnsafeRow, 31> kUnsafe{{
+inline constexpr std::array<UnsafeRow, 32> kUnsafe{{
     {Unsafe::A1,
      Action::arm,
      Guide::not_given,
@@ -371,6 +372,13 @@ inline constexpr std::array<UnsafeRow, 31> kUnsafe{{
      {Hazard::uncommanded, Hazard::unfelt},
      "it stays without power until a person's reset",
      "pipeline_test Scope.ADriveThatIsHeardAgainStaysWithoutPowerUntilTheReset"},
+    {Unsafe::D7,
+     Action::disarm,
+     Guide::not_given,
+     "drives are told to disable and do not: their bus is dead, their firmware hangs",
+     {Hazard::powered},
+     "where the robot file names an output into safe torque off, it drops before the first frame of the same tick",
+     "pipeline_test TorqueOutput.IsPermittedFromArmingToStandby"},
 }};
 
 namespace hazards_detail {

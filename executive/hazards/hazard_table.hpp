@@ -280,12 +280,22 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
      {Device::emergency_stop, Device::fence, Device::gantry}},
     {Cause::operator_deenergise,
      {Hazard::powered},
-     {Unsafe::D1, Unsafe::D4},
+     {Unsafe::D1, Unsafe::D4, Unsafe::D7},
      "a person wants no power, now",
      "`takt stop --now`, or a second press 0.2 s or more after the first",
      {"pipeline_test OperatorStop.DeenergisesInTheVeryTickFromEveryMode",
       "pipeline_test OperatorStop.WinsOverOurOwnBug"},
      "what hangs falls; drives whose bus is dead do not hear it; it is software, and no emergency stop",
+     {Device::emergency_stop, Device::brakes, Device::gantry}},
+    {Cause::torque_output_lost,
+     {Hazard::powered},
+     {Unsafe::D7},
+     "the line of the output that permits torque cannot be set, or somebody else pulls it",
+     "it is set where it changes, and read back in every tick",
+     {"pipeline_test TorqueOutput.OneThatFailsStopsTheRobotAndNobodyArms",
+      "runtime_test TorqueOutput.ItIsToldBeforeTheFirstFrameOfATick"},
+     "its level is not known: torque may be gone already, or may stay whatever is told; the output is one channel, and "
+     "reads its own register, not the drives' inputs",
      {Device::emergency_stop, Device::brakes, Device::gantry}},
 }};
 

@@ -56,6 +56,7 @@ constexpr Strike kStrikes[] = {
     {Cause::recording_lost, Happening::recorder_ends, "the recorder says that it ended", {}},
     {Cause::internal_error, Happening::operator_stop, "the guard refuses a frame", {}, 1, {}, {}, Planted::refused},
     {Cause::operator_deenergise, Happening::operator_deenergise, "the executive hears it", {}},
+    {Cause::torque_output_lost, Happening::torque_output_fails, "the torque output fails", {}},
 };
 
 bool has_drive(const config::RobotConfig& robot, std::size_t bus, config::DriveProtocol protocol) {
@@ -152,6 +153,7 @@ std::optional<Duration> finding(const Strike& strike, const config::RobotConfig&
     case Cause::recording_lost:
     case Cause::internal_error:
     case Cause::operator_deenergise:
+    case Cause::torque_output_lost:
       return Duration{};
   }
   return std::nullopt;

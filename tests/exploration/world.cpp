@@ -35,6 +35,7 @@ config::RobotConfig small_robot() {
   }
   robot.joints = std::move(joints);
   robot.model.reset();
+  robot.safe_torque_off.emplace().on_joint_fault = config::OnJointFault::keep;
   return robot;
 }
 
@@ -123,6 +124,19 @@ class World::VirtualBus final : public drivers::CanBus {
   drivers::CanFrame heartbeat_;
 };
 
+class World::VirtualTorque final : public drivers::TorqueOutput {
+ public:
+  explicit VirtualTorque(World& world) : world_(world) {}
+  bool tell(bool permitted) noexcept override {
+    if (!world_.torque_output_works()) return false;
+    if (permitted || world_.planted_ != Planted::keeps_torque) world_.torque_permitted_ = permitted;
+    return true;
+  }
+
+ private:
+  World& world_;
+};
+
 class World::PlantedGuard final : public drivers::FrameGuard {
  public:
   explicit PlantedGuard(World& world) : world_(world), guard_(world.robot_) {}
@@ -178,7 +192,8 @@ runtime::DriveEdge World::make_edge() {
   std::vector<runtime::JointOnBus> joints;
   for (std::size_t j = 0; j < robot_.joints.size(); ++j)
     joints.push_back({drivers::make_joint_driver(robot_, j).value(), robot_.joints[j].bus});
-  return {std::move(buses), std::move(joints), std::make_unique<PlantedGuard>(*this)};
+  return {std::move(buses), std::move(joints), std::make_unique<PlantedGuard>(*this),
+          std::make_unique<VirtualTorque>(*this)};
 }
 
 void World::run(Duration lasting) {
@@ -316,6 +331,7 @@ void World::begin_and_end_events() {
       case Happening::frames_lost:
       case Happening::recorder_ends:
       case Happening::computer_sleeps:
+      case Happening::torque_output_fails:
         done_[i] = false;  // lasts, or strikes at a port
     }
   }
@@ -398,6 +414,7 @@ bool World::plant_fault_in(drivers::CanFrame& frame) {
   switch (planted_) {
     case Planted::none:
     case Planted::refused:
+    case Planted::keeps_torque:
     case Planted::no_stop:
       return true;
     case Planted::old_frames:
