@@ -191,6 +191,20 @@ struct Sensor {
   Duration timeout;
 };
 
+enum class TorqueOutputKind : std::uint8_t { gpio, file };
+enum class ActiveLevel : std::uint8_t { high, low };
+enum class OnJointFault : std::uint8_t { keep, drop };
+
+// The output that permits torque (docs/safe-torque-off.md).
+struct SafeTorqueOff {
+  TorqueOutputKind output = TorqueOutputKind::gpio;
+  std::string chip;        // gpio
+  std::uint32_t line = 0;  // gpio
+  ActiveLevel active = ActiveLevel::high;
+  std::string file;  // file: absolute after load
+  OnJointFault on_joint_fault = OnJointFault::drop;
+};
+
 enum class Recorder : std::uint8_t { required, optional };
 
 struct Record {
@@ -295,7 +309,8 @@ struct RobotConfig {
   BusFaults bus_faults;
   std::vector<Bus> buses;
   std::vector<Joint> joints;
-  std::optional<Model> model;  // absent: no gravity compensation, no simulation
+  std::optional<SafeTorqueOff> safe_torque_off;  // absent: torque is taken by frames alone
+  std::optional<Model> model;                    // absent: no gravity compensation, no simulation
   std::optional<Policy> policy;
   std::vector<Sensor> sensors;
   Record record;

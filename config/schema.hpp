@@ -13,7 +13,7 @@ void describe(Fields& fields, RobotConfig& robot);
 
 // Parts of it, by topic.
 void describe_timing(Fields& fields, RobotConfig& robot);       // control, freshness, feedback, bus_faults
-void describe_machine(Fields& fields, RobotConfig& robot);      // buses, joints, model
+void describe_machine(Fields& fields, RobotConfig& robot);      // buses, joints, model, safety
 void describe_drive(Fields& fields, Drive& drive);              // joints[].drive
 void describe_bus(Fields& fields, Bus& bus);                    // buses[]
 void describe_physics(Fields& fields, Simulation& simulation);  // simulation, without camera and target

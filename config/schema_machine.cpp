@@ -1,4 +1,4 @@
-// Keys: buses, joints, model.
+// Keys: buses, joints, model, safety.
 #include <array>
 #include <cmath>
 
@@ -9,6 +9,9 @@ namespace takt::config {
 namespace {
 
 constexpr std::array<std::string_view, 2> kWhenMissing{"refuse", "loopback"};
+constexpr std::array<std::string_view, 2> kTorqueOutputs{"gpio", "file"};
+constexpr std::array<std::string_view, 2> kLevels{"high", "low"};
+constexpr std::array<std::string_view, 2> kOnJointFault{"keep", "drop"};
 
 }  // namespace
 
@@ -117,6 +120,21 @@ void describe_model(Fields& fields, Model& model, Words joints) {
   });
 }
 
+void describe_safe_torque_off(Fields& fields, SafeTorqueOff& output) {
+  fields.choice({"output", "what permits torque: a GPIO line, or, for simulated robots, the lock on a file", "gpio"},
+                output.output, kTorqueOutputs);
+  const auto is = [&](TorqueOutputKind one) { return output.output == one || fields.shows_all(); };
+  if (is(TorqueOutputKind::gpio)) {
+    fields.text({"chip", "gpio: the chip's device", "/dev/gpiochip0"}, output.chip);
+    fields.integer({"line", "gpio: number of the line on it"}, output.line, 0, 65535);
+    fields.choice({"active", "gpio: level at which torque is permitted", "high"}, output.active, kLevels);
+  }
+  if (is(TorqueOutputKind::file)) fields.text({"file", "file: its path"}, output.file);
+  fields.choice({"on_joint_fault",
+                 "a fault that takes a joint's power takes the whole robot's torque by this output too, or keeps it"},
+                output.on_joint_fault, kOnJointFault);
+}
+
 }  // namespace
 
 void describe_machine(Fields& fields, RobotConfig& robot) {
@@ -129,6 +147,12 @@ void describe_machine(Fields& fields, RobotConfig& robot) {
   fields.optional_section({"model", "rigid bodies: gravity compensation and simulation"}, present, [&](Fields& f) {
     if (!robot.model) robot.model.emplace();
     describe_model(f, *robot.model, joint_names(robot));
+  });
+  bool is_safe = robot.safe_torque_off.has_value();
+  fields.optional_section({"safety", "outputs for the robot's own safety devices"}, is_safe, [&](Fields& f) {
+    if (!robot.safe_torque_off) robot.safe_torque_off.emplace();
+    f.section({"safe_torque_off", "the output that permits torque"},
+              [&](Fields& g) { describe_safe_torque_off(g, *robot.safe_torque_off); });
   });
 }
 

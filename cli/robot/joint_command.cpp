@@ -15,6 +15,7 @@
 #include "config/load.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "drivers/tools/joint_jog.hpp"
+#include "drivers/torque_output/torque_output.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/contract/pace.hpp"
 #include "executive/setup/holding_torques.hpp"
@@ -117,6 +118,17 @@ void run(drivers::JointJog& jog, std::size_t jogged, Drives& drives, Duration pe
   }
 }
 
+// Permitted until it is destroyed; null where the robot has no such output.
+std::expected<std::unique_ptr<drivers::TorqueOutput>, Refusal> permit_torque(const config::RobotConfig& robot) {
+  if (!robot.safe_torque_off) return nullptr;
+  auto opened = drivers::open_torque_output(*robot.safe_torque_off);
+  if (!opened) return std::unexpected(Refusal{kExitFailed, opened.error()});
+  if (!opened->output->tell(true))
+    return std::unexpected(
+        Refusal{kExitFailed, fmt::format("safety.safe_torque_off: {} does not do as it is told", opened->description)});
+  return std::move(opened->output);
+}
+
 constexpr double kDegree = 3.14159265358979323846 / 180;
 
 int report(const drivers::JointJog& jog, const Options& options) {
@@ -156,6 +168,8 @@ std::expected<int, Refusal> jog(const Options& options) {
   const drivers::JogWish wish{options.by_degrees * kDegree, options.speed_degrees * kDegree, torque};
   drivers::JointJog moving(joint, wish, drives->driver(*index),
                            carries ? gravity_at(*index, robot->config, *drives) : drivers::GravityTerm());
+  const auto torque = permit_torque(robot->config);
+  if (!torque) return std::unexpected(torque.error());
   run(moving, *index, *drives, robot->config.control.period);
   return report(moving, options);
 }

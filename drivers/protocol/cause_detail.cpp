@@ -142,6 +142,7 @@ CauseFindings cause_findings(Cause cause, const TickRecord& record, const config
     case Cause::overrun:
     case Cause::operator_deenergise:
     case Cause::recording_lost:
+    case Cause::torque_output_lost:
       return {};
   }
   return {};

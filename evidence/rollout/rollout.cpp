@@ -77,6 +77,7 @@ class Rollout {
   void tick(MonoTime now, Duration late) {
     ++input_.tick;
     input_.recorded_through = input_.tick;  // nothing here is lost
+    input_.torque_output = TorqueOutputState::as_told;
     input_.now = now;
     input_.lateness = late;
     if (const auto sample = world_.sample(now)) policy_.sense(*sample);

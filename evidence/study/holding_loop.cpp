@@ -76,6 +76,7 @@ void HoldingLoop::tick() {
   for (const Duration step = plant_.step_length(); plant_at_ + step <= now; plant_at_ = plant_at_ + step) plant_.step();
   ++input_.tick;
   input_.recorded_through = input_.tick;  // nothing here is lost
+  input_.torque_output = TorqueOutputState::as_told;
   input_.now = now;
   bus_->receive(plant_, now, input_);
   input_.command = answered_ ? chunk_.get() : nullptr;

@@ -50,8 +50,9 @@ enum class Cause : std::uint8_t {
   recording_lost,       // a recorder is required, and none writes
   internal_error,       // our own bug: an assertion failed
   operator_deenergise,  // person wants the drives without power, now
+  torque_output_lost,   // the output that permits torque does not do as it is told
 };
-inline constexpr std::size_t kCauseCount = 29;
+inline constexpr std::size_t kCauseCount = 30;
 
 constexpr std::string_view name(Mode mode) {
   constexpr std::array<std::string_view, kModeCount> names{"standby",  "arming",      "tracking",
@@ -89,7 +90,8 @@ constexpr std::string_view name(Cause cause) {
                                                             "overrun",
                                                             "recording_lost",
                                                             "internal_error",
-                                                            "operator_deenergise"};
+                                                            "operator_deenergise",
+                                                            "torque_output_lost"};
   const auto index = static_cast<std::size_t>(cause);
   return index < names.size() ? names[index] : "invalid";
 }

@@ -15,6 +15,7 @@
 #include "executive/contract/mode.hpp"
 #include "executive/contract/mono_time.hpp"
 #include "executive/contract/overrun.hpp"
+#include "executive/contract/torque_output.hpp"
 #include "executive/contract/verdict.hpp"
 
 namespace takt {
@@ -73,7 +74,9 @@ struct TickRecordHeader {
   std::uint64_t causes_active = 0;  // bit per Cause that holds this tick
   std::uint32_t slept_ms = 0;       // input: the computer was suspended this long since the tick before; 0: it was not
   Arrival last_refusal = Arrival::none;  // of the newest message; none: it was accepted, or there was none
-  std::uint8_t reserved[3] = {};
+  TorqueOutputState torque_output = TorqueOutputState::none;  // input
+  std::uint8_t torque_permitted = 0;                          // 1 when that output is told to permit torque
+  std::uint8_t reserved[1] = {};
 };
 
 struct JointRecord {
@@ -121,6 +124,8 @@ inline constexpr std::uint64_t kTickRecordLayout = layout_hash({TAKT_FIELD(TickR
                                                                 TAKT_FIELD(TickRecordHeader, causes_active),
                                                                 TAKT_FIELD(TickRecordHeader, slept_ms),
                                                                 TAKT_FIELD(TickRecordHeader, last_refusal),
+                                                                TAKT_FIELD(TickRecordHeader, torque_output),
+                                                                TAKT_FIELD(TickRecordHeader, torque_permitted),
                                                                 TAKT_FIELD(JointRecord, feedback),
                                                                 TAKT_FIELD(JointRecord, q_estimate),
                                                                 TAKT_FIELD(JointRecord, tau_command),

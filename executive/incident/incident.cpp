@@ -171,6 +171,8 @@ std::string IncidentWatch::words(const TickRecord& record) const {
       return fmt::format("the control loop was late again and again, last by {}", name(late_));
     case Cause::recording_lost:
       return "a recorder is required (record.recorder), and none writes";
+    case Cause::torque_output_lost:
+      return "the output that permits torque (safety.safe_torque_off) could not be set, or reads otherwise";
     case Cause::internal_error:
       return "an assertion of Takt failed: report it with the run folder";
     case Cause::none:

@@ -175,6 +175,17 @@ void publish(TickState& state, const TickConfig& config, TickOutput& output) {
   output.observation_due = true;
 }
 
+namespace {
+
+// The robot's torque, by an output of its own. It cannot take a joint's alone.
+bool permits_torque(const ModeState& mode, const TickConfig& config) {
+  if (!config.has_torque_output || mode.mode == Mode::standby) return false;
+  const bool took_power = mode.mode == Mode::fault_latched && mode.deenergised != 0;
+  return !(took_power && config.joint_fault_takes_torque);
+}
+
+}  // namespace
+
 void record(TickState& state, const Choice& choice, const TickConfig& config, TickOutput& output) {
   TickRecordHeader& header = output.record.header;
   if (header.freshness != Freshness::missing) header.age = state.command.age_parts(header.now);
@@ -188,6 +199,8 @@ void record(TickState& state, const Choice& choice, const TickConfig& config, Ti
   header.chunk_step = choice.step;
   output.drives_enabled = state.mode.mode != Mode::standby;
   header.drives_enabled = output.drives_enabled ? 1 : 0;
+  output.torque_permitted = permits_torque(state.mode, config);
+  header.torque_permitted = output.torque_permitted ? 1 : 0;
   output.valid_until = choice.playing ? valid_until(state.command, state.chunk.header, config.freshness) : MonoTime{};
   const MonoTime next_tick = header.now + config.period;
   output.send_by = choice.playing ? std::min(next_tick, output.valid_until) : next_tick;

@@ -114,6 +114,8 @@ std::size_t arming_blockers(const TickRecord& latest, const TickConfig& config, 
   list.add_if(
       (header.causes_active & bit(Cause::recording_lost)) != 0,
       "nothing is recorded: start takt-monitor, or see why it stopped (record.recorder: optional moves unrecorded)");
+  list.add_if((header.causes_active & bit(Cause::torque_output_lost)) != 0,
+              "the output that permits torque does not do as it is told (safety.safe_torque_off)");
   list.add_if((header.causes_active & bit(Cause::internal_error)) != 0, "internal error");
   for (const BusBlocker& blocker : kBusBlockers)
     list.add_if((header.causes_active & bit(blocker.cause)) != 0, blocker.what);

@@ -100,6 +100,11 @@ bool is_silent(const TickState& state, std::size_t j, const TickRecord& record, 
   return !heard_at.is_set() || record.header.now - heard_at > config.feedback_timeout;
 }
 
+// Before it was told anything, nothing is known of it: nobody arms on doubt.
+bool is_torque_output_lost(const TickRecordHeader& header, const TickConfig& config) {
+  return config.has_torque_output && header.torque_output != TorqueOutputState::as_told;
+}
+
 // The record rings keep for a while what the recorder has not written yet, so it may be behind, but not by more than it
 // can make good. A tick that has not happened cannot have been written.
 bool is_unrecorded(const TickRecordHeader& header, const TickConfig& config) {
@@ -114,7 +119,8 @@ CauseMask conditions(const TickState& state, const TickRecord& record, const Tic
   const bool late = static_cast<double>(state.late.count()) > config.late_share * config.freshness.window_ticks;
   return of_buses(record) | link_faults(state.links, record, config) | of_drives(state, record, config) |
          of_commands(state, record.header.now, config.freshness) | of_guard(record) | when(late, Cause::overrun) |
-         when(is_unrecorded(record.header, config), Cause::recording_lost);
+         when(is_unrecorded(record.header, config), Cause::recording_lost) |
+         when(is_torque_output_lost(record.header, config), Cause::torque_output_lost);
 }
 
 JointMask affected_joints(const TickState& state, const TickRecord& record, const TickConfig& config) {

@@ -36,6 +36,7 @@ TickInput input_of(const TickRecord& record, const CommandChunk* command, std::s
   input.operator_request = header.operator_request;
   input.asked_at = header.asked_at;
   input.recorded_through = header.recorded_through;
+  input.torque_output = header.torque_output;
   input.mailbox = header.mailbox;
   input.policy_session = header.policy_session;
   input.command = command;

@@ -37,6 +37,7 @@ struct TickInput {
   OperatorRequest operator_request = OperatorRequest::none;
   MonoTime asked_at;                   // when the executive heard a stop or shutdown; decides nothing
   std::uint64_t recorded_through = 0;  // newest tick the recorder has on its medium; 0: nothing records
+  TorqueOutputState torque_output = TorqueOutputState::none;  // what became of the previous tick's torque_permitted
   // What the command mailbox gave: none, contended, corrupt, or accepted when `command` points to a private copy.
   Arrival mailbox = Arrival::none;
   // Differs from the previous tick's when another policy's mailbox is read from now on: sequences start over.
@@ -55,6 +56,7 @@ struct JointSetpoint {  // joint side; what the encoder turns into one drive's f
 
 struct TickOutput {
   bool drives_enabled = false;
+  bool torque_permitted = false;  // by the output that permits torque, where the robot has one
   bool observation_due = false;
   // When the command in use dies, for drive-side watchdogs: it is max_age old or its chunk is spent, whichever comes
   // first. Unset: none in use.

@@ -127,6 +127,9 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
     // Above every fault, our own bugs included: a person who wants no power gets none.
     {Cause::operator_deenergise, 110,  {S, S, S, S, S, S}, kOff,  "one tick",
       "request, one tick; granted always"},
+    // The drives still hear us, so the robot comes to rest while it has torque; then nobody arms it.
+    {Cause::torque_output_lost,   56,  {S, P, P, P, P, F}, kRest, "one tick",
+      "the output does as it is told; mode: operator reset"},
   }};
 }();
 // clang-format on

@@ -136,6 +136,7 @@ void observe(TickState& state, const TickInput& input, const TickConfig& config,
   header.operator_request = input.operator_request;
   header.asked_at = input.asked_at;
   header.recorded_through = input.recorded_through;
+  header.torque_output = input.torque_output;
   header.mailbox = input.mailbox;
   header.policy_session = input.policy_session;
   header.command_sequence_seen = sequence_seen(input);

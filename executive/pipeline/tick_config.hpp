@@ -127,7 +127,9 @@ struct TickConfig {
   BusFaultLimits bus_faults;
   double late_share = 0.25;            // of the freshness window: more periods late or skipped are an overrun; 1: never
   std::uint32_t unrecorded_limit = 0;  // ticks the recorder may be behind; 0: none is required
-  float rest_velocity = 0.02F;         // rad/s: below it the damped stop holds position
+  bool has_torque_output = false;      // an output permits torque; it has to do as it is told
+  bool joint_fault_takes_torque = false;       // that output drops as soon as a fault takes a joint's power
+  float rest_velocity = 0.02F;                 // rad/s: below it the damped stop holds position
   std::array<float, 3> gravity{0, 0, -9.81F};  // m/s^2 in the base frame
   bool gravity_compensation = false;
   std::array<JointConfig, kMaxJoints> joints{};

@@ -88,6 +88,7 @@ std::size_t CyclicLoop::tick(MonoTime woken, Duration lateness) noexcept {
   const Departure departure = parts_.edge.send(output_, parts_.clock, parts_.published);
   input_.last_sent_at = departure.at;
   input_.last_damped = departure.damped;
+  input_.torque_output = departure.torque_output;
   if (output_.observation_due) {
     parts_.published.observation(output_.observation);
     trace::observation_published(output_.observation);

@@ -22,6 +22,10 @@ inline constexpr std::array kDeclaredSyscalls{
     DeclaredSyscall{SYS_recvmmsg, "recvmmsg", "frames received, up to 32 at a time, never blocking"},
     DeclaredSyscall{SYS_clock_gettime, "clock_gettime", "evidence: CPU time of the thread"},
     DeclaredSyscall{SYS_pread64, "pread64", "evidence: run delay, from the schedstat file opened before the loop"},
+    DeclaredSyscall{SYS_ioctl, "ioctl", "a GPIO line that permits torque: set where it changes, read once a tick"},
+    DeclaredSyscall{SYS_fcntl, "fcntl", "the same where a locked file is in its place"},
+    DeclaredSyscall{SYS_newfstatat, "newfstatat", "the same: is it still there"},
+    DeclaredSyscall{SYS_fstat, "fstat", "the same, by another C library"},
     DeclaredSyscall{SYS_getrusage, "getrusage", "evidence: switches and faults of the thread"},
 };
 

@@ -21,10 +21,11 @@ JointRecord told(JointRecord record, const pipeline::JointSetpoint& setpoint) no
 }  // namespace
 
 DriveEdge::DriveEdge(std::vector<std::unique_ptr<drivers::CanBus>> buses, std::vector<JointOnBus> joints,
-                     std::unique_ptr<drivers::FrameGuard> guard)
+                     std::unique_ptr<drivers::FrameGuard> guard, std::unique_ptr<drivers::TorqueOutput> torque)
     : buses_(std::move(buses)),
       joints_(std::move(joints)),
       guard_(std::move(guard)),
+      torque_(std::move(torque)),
       refused_(joints_.size()),
       joints_of_bus_(buses_.size()),
       foreign_frames_(buses_.size()),
@@ -68,6 +69,9 @@ std::size_t DriveEdge::receive(pipeline::TickInput& input, PublishedSegments& re
 
 Departure DriveEdge::send(const pipeline::TickOutput& output, Clock& clock, PublishedSegments& records) noexcept {
   Departure departure;
+  if (torque_)
+    departure.torque_output =
+        torque_->tell(output.torque_permitted) ? TorqueOutputState::as_told : TorqueOutputState::failed;
   for (std::size_t bus = 0; bus < buses_.size(); ++bus) {
     for (const std::size_t joint : joints_of_bus_[bus]) {
       const MonoTime now = clock.now();

@@ -8,7 +8,10 @@
 //
 // Looks again before sending: the clock is read before each joint's frames. A setpoint that is too late by then
 // (TickOutput::send_by) stays here, and the drive gets the tick's damping in its place. Thread rule: control thread,
-// after construction. No allocation or lock; system calls: the buses' send and receive.
+// after construction. No allocation or lock; system calls: the buses' send and receive, and the torque output's.
+//
+// The output that permits torque, where the robot has one, is told before the tick's first frame, in every tick: power
+// that is to go does not wait for a bus.
 #pragma once
 
 #include <cstddef>
@@ -20,6 +23,7 @@
 #include "drivers/bus/can_bus.hpp"
 #include "drivers/guard/wire_guard.hpp"
 #include "drivers/protocol/joint_driver.hpp"
+#include "drivers/torque_output/torque_output.hpp"
 #include "executive/pipeline/control_tick.hpp"
 #include "executive/runtime/clock.hpp"
 #include "executive/runtime/published_segments.hpp"
@@ -37,13 +41,14 @@ struct JointOnBus {
 struct Departure {
   MonoTime at;           // just before the first frame; unset: the robot has no joint
   JointMask damped = 0;  // joints whose setpoint was too late
+  TorqueOutputState torque_output = TorqueOutputState::none;
 };
 
 class DriveEdge {
  public:
   // Preconditions: at most kMaxBuses buses and kMaxJoints joints, every joint's bus exists.
   DriveEdge(std::vector<std::unique_ptr<drivers::CanBus>> buses, std::vector<JointOnBus> joints,
-            std::unique_ptr<drivers::FrameGuard> guard);
+            std::unique_ptr<drivers::FrameGuard> guard, std::unique_ptr<drivers::TorqueOutput> torque = nullptr);
 
   // Everything that arrived, decoded into input.joints and input.buses. Returns the number of frames.
   std::size_t receive(pipeline::TickInput& input, PublishedSegments& records) noexcept;
@@ -64,7 +69,8 @@ class DriveEdge {
   std::vector<std::unique_ptr<drivers::CanBus>> buses_;
   std::vector<JointOnBus> joints_;
   std::unique_ptr<drivers::FrameGuard> guard_;
-  std::vector<WireVerdict> refused_;  // per joint, the first since the last receive()
+  std::unique_ptr<drivers::TorqueOutput> torque_;  // null: the robot has none
+  std::vector<WireVerdict> refused_;               // per joint, the first since the last receive()
   std::vector<std::vector<std::size_t>> joints_of_bus_;
   std::vector<std::uint32_t> foreign_frames_;  // per bus, since start
   std::vector<drivers::ReceivedFrame> received_;

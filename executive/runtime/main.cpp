@@ -132,6 +132,7 @@ int run(const Options& options) {
                                    {*robot, policy_hash, options.allow_non_realtime, steps, opened->bus_descriptions});
   if (!file) return refuse(kExitSetUpRefused, file.error());
   for (const std::string& bus : opened->bus_descriptions) spdlog::info("bus {}", bus);
+  if (!opened->torque_output.empty()) spdlog::info("torque is permitted by {}", opened->torque_output);
 
   trace::Introduction introduction("takt-executive", robot->hash, policy_hash, robot->joints);
   thread->go();

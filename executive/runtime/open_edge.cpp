@@ -84,9 +84,16 @@ std::expected<OpenedEdge, EdgeRefusal> open_edge(const config::RobotConfig& robo
   }
   if (const auto quiet = listen_for_others(robot, buses); !quiet)
     return std::unexpected(EdgeRefusal{kExitSetUpRefused, quiet.error()});
+  drivers::OpenedTorqueOutput torque;
+  if (robot.safe_torque_off) {
+    auto output = drivers::open_torque_output(*robot.safe_torque_off);
+    if (!output) return std::unexpected(EdgeRefusal{kExitSetUpRefused, output.error()});
+    torque = std::move(*output);
+  }
   return OpenedEdge{std::move(*claims),
-                    DriveEdge(std::move(buses), std::move(joints), std::make_unique<drivers::WireGuard>(robot)),
-                    std::move(descriptions)};
+                    DriveEdge(std::move(buses), std::move(joints), std::make_unique<drivers::WireGuard>(robot),
+                              std::move(torque.output)),
+                    std::move(descriptions), std::move(torque.description)};
 }
 
 }  // namespace takt::runtime

@@ -21,6 +21,7 @@ struct OpenedEdge {
   std::vector<drivers::InterfaceClaim> claims;  // held for as long as the edge
   DriveEdge edge;
   std::vector<std::string> bus_descriptions;  // one per bus, in configuration order
+  std::string torque_output;                  // what it is; empty: the robot has none
 };
 
 struct EdgeRefusal {

@@ -174,6 +174,8 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
   tick.late_share = robot.control.late_share;
   tick.unrecorded_limit = robot.record.recorder == Recorder::required ? pipeline::kLongestUnrecorded : 0;
   tick.rest_velocity = narrow(robot.feedback.rest_velocity);
+  tick.has_torque_output = robot.safe_torque_off.has_value();
+  tick.joint_fault_takes_torque = robot.safe_torque_off && robot.safe_torque_off->on_joint_fault == OnJointFault::drop;
   for (std::size_t j = 0; j < robot.joints.size(); ++j) tick.joints[j] = joint_of(robot.joints[j]);
   set_fallback(robot, tick);
   if (robot.model) {

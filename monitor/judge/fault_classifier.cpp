@@ -48,6 +48,7 @@ bool is_drive_or_bus(Cause cause) {
     case Cause::recording_lost:
     case Cause::internal_error:
     case Cause::operator_deenergise:
+    case Cause::torque_output_lost:
       return false;
   }
   return false;

@@ -67,6 +67,8 @@ constexpr TickField kHeaderFields[] = {
     {"causes_active", u64, HEADER(causes_active), out, "bit per CAUSE value"},
     {"slept_ms", u32, HEADER(slept_ms), in, "the computer was suspended this long since the tick before"},
     {"last_refusal", u8, HEADER(last_refusal), out, "ARRIVAL values; of the newest message, none: accepted"},
+    {"torque_output", u8, HEADER(torque_output), in, "the output that permits torque", kTorqueOutputStateNames},
+    {"torque_permitted", u8, HEADER(torque_permitted), out, "1: that output is told to permit torque"},
 };
 #undef HEADER
 

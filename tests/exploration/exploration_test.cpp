@@ -134,6 +134,18 @@ TEST(Exploration, TheSameSeedTellsTheSameStory) {
   EXPECT_EQ(motion(), motion());
 }
 
+TEST(Exploration, TheLoopsEndTakesTheTorque) {
+  const config::RobotConfig robot = small_robot();
+  World world(robot, {}, 1);
+  bool was_permitted = false;
+  world.on_tick = [&](const TickRecord& record) {
+    was_permitted |= record.header.mode == Mode::tracking && world.is_torque_permitted();
+  };
+  world.run(seconds(2));
+  EXPECT_TRUE(was_permitted);
+  EXPECT_FALSE(world.is_torque_permitted());
+}
+
 struct Bites {
   Planted planted;
   const char* oracle;
@@ -156,7 +168,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Bites{Planted::stays_enabled, "standby_still"}, Bites{Planted::doubled_torque, "torque_slew"},
                     Bites{Planted::no_stop, "stop_wins"}, Bites{Planted::deaf_to_recorder, "recorded"},
                     Bites{Planted::wide_frames, "frame_limits"}, Bites{Planted::pushes_unheard, "no_push"},
-                    Bites{Planted::swings_on, "comes_to_rest"}));
+                    Bites{Planted::swings_on, "comes_to_rest"}, Bites{Planted::keeps_torque, "torque_off"}));
 
 }  // namespace
 }  // namespace takt::exploration

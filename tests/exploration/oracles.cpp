@@ -151,6 +151,9 @@ void Oracles::tick(const TickRecord& record) {
   if (off.is_set() && mode_ != Mode::standby && header.now > off + world_.robot().control.period * 2 &&
       header.now < off + milliseconds(300))
     breaks("stop_wins", 0, "the operator asked to take the power away");
+  permitted_ticks_ =
+      mode_ == Mode::standby && world_.torque_output_works() && world_.is_torque_permitted() ? permitted_ticks_ + 1 : 0;
+  if (permitted_ticks_ > 1) breaks("torque_off", 0, "its output permits torque");
   for (std::size_t j = 0; j < joints_.size(); ++j) {
     int& ticks = joints_[j].standby_ticks;
     ticks = mode_ == Mode::standby && world_.obeys(j) ? ticks + 1 : 0;

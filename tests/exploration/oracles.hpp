@@ -9,6 +9,7 @@
 // stop_wins      from the second tick after the operator's stop on, nobody tracks; after power off, it is standby
 // recorded       nobody tracks for more than two ticks while nothing is recorded
 // standby_still  what is in standby and hears us is not enabled
+// torque_off     from the second tick in standby on, the output that permits torque does not, unless it is broken
 // comes_to_rest  two seconds after a damped stop began, undisturbed joints rest
 // no_bug         the executive never finds an error of its own, and its guard refuses nothing that it decided
 // speed          without a shove no joint is faster than velocity_hard
@@ -57,7 +58,7 @@ class Oracles {
   std::vector<Watched> joints_;
   MonoTime last_frame_at_, damped_since_;
   std::uint64_t ticks_ = 0;
-  int unrecorded_ticks_ = 0;
+  int unrecorded_ticks_ = 0, permitted_ticks_ = 0;
   Mode mode_ = Mode::standby;
   std::string broken_;
   std::set<std::pair<Mode, Cause>> seen_;

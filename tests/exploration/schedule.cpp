@@ -55,7 +55,8 @@ std::string text(const Event& event) {
                                                              "operator stop",
                                                              "power off",
                                                              "computer sleeps",
-                                                             "shutdown"};
+                                                             "shutdown",
+                                                             "torque output fails"};
   return fmt::format("{:.3f} s: {} of {}, for {:.1f} ms", event.at.seconds(),
                      kNames.at(static_cast<std::size_t>(event.what)), event.index, event.length.milliseconds());
 }

@@ -35,6 +35,7 @@ config::RobotConfig small_robot() {
   }
   robot.joints = std::move(joints);
   robot.model.reset();
+  robot.safe_torque_off.emplace().on_joint_fault = config::OnJointFault::keep;
   return robot;
 }
 
@@ -123,6 +124,36 @@ class World::VirtualBus final : public drivers::CanBus {
   drivers::CanFrame heartbeat_;
 };
 
+class World::VirtualTorque final : public drivers::TorqueOutput {
+ public:
+  explicit VirtualTorque(World& world) : world_(world) {}
+  bool tell(bool permitted) noexcept override {
+    if (!world_.torque_output_works()) return false;
+    if (permitted || world_.planted_ != Planted::keeps_torque) world_.torque_permitted_ = permitted;
+    return true;
+  }
+
+ private:
+  World& world_;
+};
+
+class World::PlantedGuard final : public drivers::FrameGuard {
+ public:
+  explicit PlantedGuard(World& world) : world_(world), guard_(world.robot_) {}
+  WireVerdict pass(std::size_t joint, std::size_t bus, const drivers::GuardedMoment& moment, const JointRecord& record,
+                   drivers::CanFrame& frame) noexcept override {
+    const WireVerdict verdict = guard_.pass(joint, bus, moment, record, frame);
+    const bool is_due = world_.planted_ == Planted::refused && moment.now > kStart + seconds(2);
+    if (!is_due || world_.refused_at_.is_set()) return verdict;
+    world_.refused_at_ = moment.now;
+    return WireVerdict::differs;
+  }
+
+ private:
+  World& world_;
+  drivers::WireGuard guard_;
+};
+
 // --- construction ---
 
 World::World(const config::RobotConfig& robot, std::vector<Event> events, std::uint64_t seed, Planted planted)
@@ -161,7 +192,8 @@ runtime::DriveEdge World::make_edge() {
   std::vector<runtime::JointOnBus> joints;
   for (std::size_t j = 0; j < robot_.joints.size(); ++j)
     joints.push_back({drivers::make_joint_driver(robot_, j).value(), robot_.joints[j].bus});
-  return {std::move(buses), std::move(joints), std::make_unique<drivers::WireGuard>(robot_)};
+  return {std::move(buses), std::move(joints), std::make_unique<PlantedGuard>(*this),
+          std::make_unique<VirtualTorque>(*this)};
 }
 
 void World::run(Duration lasting) {
@@ -299,6 +331,7 @@ void World::begin_and_end_events() {
       case Happening::frames_lost:
       case Happening::recorder_ends:
       case Happening::computer_sleeps:
+      case Happening::torque_output_fails:
         done_[i] = false;  // lasts, or strikes at a port
     }
   }
@@ -380,6 +413,8 @@ bool World::plant_fault_in(drivers::CanFrame& frame) {
   std::memcpy(&torque, frame.data, sizeof torque);
   switch (planted_) {
     case Planted::none:
+    case Planted::refused:
+    case Planted::keeps_torque:
     case Planted::no_stop:
       return true;
     case Planted::old_frames:

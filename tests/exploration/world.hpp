@@ -38,9 +38,11 @@ enum class Planted : std::uint8_t {
   wide_frames,       // asks for positions outside of every limit
   pushes_unheard,    // a silent drive is pushed instead of disabled
   swings_on,         // a drive without position control is pushed to and fro in a damped stop
+  keeps_torque,      // the output that permits torque never takes it, and says it did
+  refused,           // the guard finds one frame of a tracking robot to be another than was decided
 };
 
-// One drive of each protocol, on flywheels; no gravity.
+// One drive of each protocol, on flywheels; no gravity; an output that permits torque.
 config::RobotConfig small_robot();
 
 class World {
@@ -75,6 +77,11 @@ class World {
   [[nodiscard]] bool is_prompt() const { return now_ - last_tick_at_ < config_.period * 2; }
   [[nodiscard]] MonoTime stop_asked_at() const { return stop_asked_at_; }
   [[nodiscard]] MonoTime power_off_asked_at() const { return power_off_asked_at_; }
+  // When the planted guard refused its frame; unset: it did not.
+  [[nodiscard]] MonoTime refused_at() const { return refused_at_; }
+  // By the output that permits it, whatever the drives do.
+  [[nodiscard]] bool is_torque_permitted() const { return torque_permitted_; }
+  [[nodiscard]] bool torque_output_works() const { return active(Happening::torque_output_fails) == nullptr; }
   [[nodiscard]] bool is_recorded() const { return active(Happening::recorder_ends) == nullptr; }
   // When the oldest sample was taken of the newest observation that any published command answers; unset before.
   [[nodiscard]] MonoTime newest_answered() const { return newest_answered_; }
@@ -82,6 +89,8 @@ class World {
  private:
   class VirtualClock;
   class VirtualBus;
+  class PlantedGuard;
+  class VirtualTorque;
   struct Arriving {
     drivers::ReceivedFrame frame;
     MonoTime readable_at;
@@ -120,6 +129,7 @@ class World {
   std::vector<bool> done_;  // by event: what strikes once has struck
   std::mt19937_64 random_;
   Planted planted_;
+  bool torque_permitted_ = false;
   MonoTime now_ = kStart;
   plant::Plant plant_;
   MonoTime plant_at_ = kStart;
@@ -145,7 +155,7 @@ class World {
   Observation observation_;
   std::deque<Answer> answers_;
   std::uint64_t sequence_ = 0;
-  MonoTime newest_answered_, stop_asked_at_, power_off_asked_at_, asked_at_, last_tick_at_;
+  MonoTime newest_answered_, stop_asked_at_, power_off_asked_at_, refused_at_, asked_at_, last_tick_at_;
 };
 
 }  // namespace takt::exploration

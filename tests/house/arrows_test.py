@@ -14,15 +14,17 @@ MAY_USE = {
     "executive/log": "",
     "executive/ipc": "executive/contract",
     "executive/pipeline": "executive/contract",
+    "executive/hazards": "executive/contract executive/pipeline",
     "config": "executive/contract",
     "executive/setup": "executive/contract executive/pipeline config",
     "drivers/bus": "executive/contract config",
     "drivers/protocol": "executive/contract config drivers/bus",
     "drivers/guard": "executive/contract config drivers/bus",  # not drivers/protocol: it reads what those write
+    "drivers/torque_output": "config drivers/bus",
     "drivers/tools": "executive/contract config drivers/bus drivers/protocol",
     "executive/incident": "executive/contract executive/pipeline config drivers/protocol",
     "executive/runtime": f"{SHARED} executive/pipeline executive/setup executive/incident executive/trace executive/log drivers/bus drivers/protocol "
-                         "drivers/guard",
+                         "drivers/guard drivers/torque_output",
     "policy_host": f"{SHARED} executive/trace executive/log",
     "monitor/record": f"{SHARED} executive/incident drivers/bus drivers/protocol",
     "monitor/judge": f"{SHARED} executive/incident drivers/protocol monitor/record",
@@ -44,7 +46,7 @@ MAY_USE = {
     "cli/evidence": f"{SHARED} cli cli/run monitor/record evidence/artifact evidence/judge evidence/panel "
                     "evidence/review evidence/rollout evidence/study",
     "cli/top": f"{SHARED} executive/incident cli cli/run cli/evidence drivers/protocol monitor monitor/record monitor/judge monitor/telemetry",
-    "cli/robot": f"{SHARED} executive/setup cli cli/run drivers/bus drivers/protocol drivers/tools monitor/record systemd/deploy systemd/doctor",
+    "cli/robot": f"{SHARED} executive/setup cli cli/run drivers/bus drivers/protocol drivers/tools drivers/torque_output monitor/record systemd/deploy systemd/doctor",
     "cli": f"{SHARED}",
 }
 

@@ -41,7 +41,8 @@ const std::map<Cause, std::string>& expected() {
                                                  {Cause::envelope_exceeded, ".ppp.."},
                                                  {Cause::overrun, ".ppp.."},
                                                  {Cause::internal_error, ".ffff."},
-                                                 {Cause::operator_deenergise, ".sssss"}};
+                                                 {Cause::operator_deenergise, ".sssss"},
+                                                 {Cause::torque_output_lost, ".ppp.."}};
   return rows;
 }
 

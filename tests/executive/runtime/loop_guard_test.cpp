@@ -74,7 +74,11 @@ DriveEdge make_edge(const config::RobotConfig& robot, const std::string& directo
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
     joints.push_back({drivers::make_joint_driver(robot, joint).value(), robot.joints[joint].bus});
   }
-  return DriveEdge(std::move(buses), std::move(joints), std::make_unique<drivers::WireGuard>(robot));
+  config::SafeTorqueOff torque;
+  torque.output = config::TorqueOutputKind::file;
+  torque.file = directory + "/torque";
+  return DriveEdge(std::move(buses), std::move(joints), std::make_unique<drivers::WireGuard>(robot),
+                   drivers::open_torque_output(torque).value().output);
 }
 
 // Never returns: a thread under the filter cannot end, the process can.

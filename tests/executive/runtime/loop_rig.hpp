@@ -117,6 +117,17 @@ class ScriptedGuard final : public drivers::FrameGuard {
   std::function<WireVerdict(std::size_t, std::size_t, const drivers::GuardedMoment&, const JointRecord&)> judge;
 };
 
+// Works unless the test says otherwise.
+class FakeTorqueOutput final : public drivers::TorqueOutput {
+ public:
+  bool tell(bool permitted) noexcept override {
+    if (on_tell) on_tell(permitted);
+    return works;
+  }
+  std::function<void(bool)> on_tell;
+  bool works = true;
+};
+
 inline pipeline::TickConfig small_tick_config(std::uint32_t joints, std::uint32_t buses) {
   pipeline::TickConfig config;
   config.period = milliseconds(1);
@@ -183,6 +194,7 @@ class LoopRig {
   std::vector<SentFrame> sent;
   std::vector<FakeBus*> buses;
   ScriptedGuard* guard = nullptr;
+  FakeTorqueOutput* torque = nullptr;
   DriveEdge edge;
   MailboxHandover mailboxes;
   OperatorInbox requests;
@@ -206,7 +218,9 @@ class LoopRig {
     }
     auto made = std::make_unique<ScriptedGuard>();
     guard = made.get();
-    return DriveEdge(std::move(ports), std::move(joints), std::move(made));
+    auto output = std::make_unique<FakeTorqueOutput>();
+    torque = output.get();
+    return DriveEdge(std::move(ports), std::move(joints), std::move(made), std::move(output));
   }
 };
 

@@ -1,0 +1,216 @@
+// Prints docs/hazards.md: the table of executive/hazards, the reaction table, and reaction times as they are measured
+// now, in virtual time. `hazard_page --proofs`: the tests that the table names, one a line, and nothing measured.
+// Exit codes: 0 fine; 1 a cause was not met, or not within its bound; 64 command line.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <set>
+#include <string_view>
+
+#include "executive/hazards/hazard_table.hpp"
+#include "tests/exploration/reaction_times.hpp"
+#include "tests/exploration/world.hpp"
+
+namespace takt::exploration {
+namespace {
+
+using namespace hazards;
+using pipeline::Reaction;
+using pipeline::Stop;
+using ReactionTimes = std::vector<ReactionTime>;
+
+std::string_view category(Stop stop) {
+  switch (stop) {
+    case Stop::none:
+      return "-";
+    case Stop::category_0:
+      return "0";
+    case Stop::category_1:
+      return "1";
+    case Stop::category_2_damping:
+      return "2, damping only";
+    case Stop::category_2:
+      return "2";
+  }
+  return "";
+}
+
+std::string id(Unsafe unsafe) {
+  const UnsafeRow& row = kUnsafe.at(static_cast<std::size_t>(unsafe));
+  const auto first = std::ranges::find(kUnsafe, row.action, &UnsafeRow::action);
+  return fmt::format("{}{}", kActions.at(static_cast<std::size_t>(row.action)).letter, &row - &*first + 1);
+}
+
+// "H1 H3": the members' numbers behind a letter.
+template <class Enum>
+std::string ids(SetOf<Enum> set, char letter, std::size_t count) {
+  std::string text;
+  for (std::size_t i = 0; i < count; ++i)
+    if (set.has(static_cast<Enum>(i))) text += fmt::format("{}{}{}", text.empty() ? "" : " ", letter, i + 1);
+  return text;
+}
+
+std::string ids(SetOf<Hazard> set) {
+  return ids(set, 'H', kHazards.size());
+}
+
+std::string ids(SetOf<Unsafe> set) {
+  std::string text;
+  for (const UnsafeRow& row : kUnsafe)
+    if (set.has(row.id)) text += (text.empty() ? "" : " ") + id(row.id);
+  return text;
+}
+
+std::string milliseconds_text(Duration time) {
+  return fmt::format("{:.1f} ms", time.milliseconds());
+}
+
+const ReactionTime* time_of(Cause cause, const ReactionTimes& times) {
+  const auto found = std::ranges::find(times, cause, &ReactionTime::cause);
+  return found == times.end() ? nullptr : &*found;
+}
+
+// Scope by scope: the joints, the rest of their limbs, the rest of the robot.
+std::string stop_text(const Reaction& reaction) {
+  const pipeline::Scope& stops = reaction.stops;
+  if (stops.robot == Stop::none) return "none";
+  if (stops.joints == Stop::none) return std::string(category(stops.robot));
+  return fmt::format("{}; limb: {}; rest: {}", category(stops.joints), category(stops.limbs), category(stops.robot));
+}
+
+std::string modes_text(const Reaction& reaction) {
+  std::string text;
+  for (std::size_t from = 0; from < kModeCount; ++from) {
+    const Mode mode = static_cast<Mode>(from);
+    if (reaction.from(mode) != mode)
+      text += fmt::format("{}{} → {}", text.empty() ? "" : ", ", name(mode), name(reaction.from(mode)));
+  }
+  return text;
+}
+
+void print_head() {
+  fmt::print(R"(# Hazards
+
+What can go wrong with a robot under Takt, what is done about it, how fast, which test proves it, and what no software here
+can do. The words are those of STPA (N. G. Leveson and J. P. Thomas, STPA Handbook, 2018); stop categories are named as
+IEC 60204-1 names them.
+
+**This page claims conformance to no standard.** Takt is not a safety-rated control system, and none of its stops is an
+emergency stop: it runs on a general-purpose computer, and its single channel fails with that computer. A robot's
+assessment has to name the devices of the last section, and this page says for each cause which ones.
+
+Made by `build/release/bin/hazard_page >docs/hazards.md` out of `executive/hazards` and the reaction table
+(`executive/pipeline/mode_machine.hpp`). The compiler refuses a cause without a row; a test runs every proof that is named
+here, and measures every time again (`ctest -R hazards`).
+
+```
+ person ── arm, stop, disarm ──► executive ── frames ──► drives ──► joints
+ policy ── targets, gains ─────►    ▲                      │
+                                    └─ feedback, bus state ┘
+```
+)");
+}
+
+void print_losses_and_hazards() {
+  fmt::print("\n## Losses\n\n| | loss |\n|---|---|\n");
+  for (std::size_t i = 0; i < kLosses.size(); ++i) fmt::print("| L{} | {} |\n", i + 1, kLosses.at(i));
+  fmt::print("\n## Hazards and constraints\n\n| | hazard | losses | constraint on the system |\n|---|---|---|---|\n");
+  for (std::size_t i = 0; i < kHazards.size(); ++i) {
+    const HazardRow& row = kHazards.at(i);
+    fmt::print("| H{} | {} | {} | {} |\n", i + 1, row.text, ids(row.losses, 'L', kLosses.size()), row.constraint);
+  }
+}
+
+void print_unsafe_actions() {
+  fmt::print("\n## Unsafe control actions\n");
+  for (const ActionRow& action : kActions) {
+    fmt::print("\n### {}\n\nFrom {}.\n\n| | when | unsafe because | hazards | what the executive does | proof |\n",
+               action.name, action.from);
+    fmt::print("|---|---|---|---|---|---|\n");
+    for (const UnsafeRow& row : kUnsafe)
+      if (row.action == action.action)
+        fmt::print("| {} | {} | {} | {} | {} | `{}` |\n", id(row.id), kGuides.at(static_cast<std::size_t>(row.guide)),
+                   row.text, ids(row.hazards), row.constraint, row.proof);
+  }
+}
+
+void print_times(const ReactionTimes& times) {
+  fmt::print(R"(
+## Reaction times
+
+Virtual time, the executive's own loop at 1 kHz, drivers and guard, one simulated drive of each protocol of
+`config/dual_arm12.yaml` with that file's limits: from the deviation to the last frame of the tick that reacts, the worst
+of so many strikes, on every joint or bus that can be struck and at five instants of a period. The bound is the reaction table's in that
+file's figures: what finding takes, one period since a tick may just have looked, one tick, and what the
+world takes to show it (an ODrive tells its state every 10 ms, the policy answers after 12 ms). The robot needs time of its own
+afterwards, to come to rest or to fall. Real computers add their lateness; how much: [performance.md](performance.md).
+
+| cause | counted from | strikes | worst | bound |
+|---|---|---|---|---|
+)");
+  for (const ReactionTime& time : times)
+    fmt::print("| `{}` | {} | {} | {} | {} |\n", name(time.cause), time.from, time.strikes,
+               milliseconds_text(time.worst), time.bound ? milliseconds_text(*time.bound) : "by chance");
+}
+
+void print_cause(const Row& row, const ReactionTimes& times) {
+  const Reaction& reaction = pipeline::reaction(row.cause);
+  const ReactionTime* const time = time_of(row.cause, times);
+  fmt::print("\n### `{}`\n\n", name(row.cause));
+  fmt::print("- Hazards {}; unsafe control actions {}\n", ids(row.hazards), ids(row.unsafe));
+  fmt::print("- Causal scenario: {}\n- Found by: {}\n", row.scenario, row.found);
+  fmt::print("- Reaction: {}; stop category: {}\n", modes_text(reaction), stop_text(reaction));
+  if (!reaction.bound.empty()) fmt::print("- Within: {}\n", reaction.bound);
+  if (time != nullptr) fmt::print("- Measured: {} after {}, at worst\n", milliseconds_text(time->worst), time->from);
+  fmt::print("- Clears when: {}\n- Proofs: `{}`, `{}`\n", reaction.clears_when, row.proofs[0], row.proofs[1]);
+  fmt::print("- Residual risk: {}\n- Covered by: {}\n", row.residual, ids(row.devices, 'X', kDevices.size()));
+}
+
+void print_devices() {
+  fmt::print("\n## Devices outside of this computer\n\n| | device | for |\n|---|---|---|\n");
+  for (std::size_t i = 0; i < kDevices.size(); ++i) {
+    std::string causes;
+    for (const Row& row : kRows)
+      if (row.devices.has(static_cast<Device>(i)))
+        causes += fmt::format("{}`{}`", causes.empty() ? "" : ", ", name(row.cause));
+    fmt::print("| X{} | {} | {} |\n", i + 1, kDevices.at(i), causes);
+  }
+}
+
+int print_page() {
+  const auto times = measure_reaction_times(small_robot());
+  if (!times) {
+    fmt::print(stderr, "{}\n", times.error());
+    return 1;
+  }
+  print_head();
+  print_losses_and_hazards();
+  print_unsafe_actions();
+  print_times(*times);
+  fmt::print(
+      "\n## Causes\n\nStop categories: of the joints that the cause is about, the rest of their limbs, the rest of the "
+      "robot; one figure: of the\nwhole robot. 0: power off at once; 1: to rest, then power off; 2: to rest, power "
+      "stays.\n");
+  for (const Row& row : kRows) print_cause(row, *times);
+  print_devices();
+  return 0;
+}
+
+int print_proofs() {
+  std::set<Proof> proofs;
+  for (const UnsafeRow& row : kUnsafe) proofs.insert(row.proof);
+  for (const Row& row : kRows) proofs.insert(row.proofs.begin(), row.proofs.end());
+  for (const Proof proof : proofs) fmt::print("{}\n", proof);
+  return 0;
+}
+
+}  // namespace
+}  // namespace takt::exploration
+
+int main(int argc, char** argv) {
+  if (argc == 2 && std::string_view(argv[1]) == "--proofs") return takt::exploration::print_proofs();
+  if (argc == 1) return takt::exploration::print_page();
+  std::fputs("usage: hazard_page [--proofs], in the repository\n", stderr);
+  return 64;
+}
