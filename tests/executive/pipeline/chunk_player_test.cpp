@@ -34,7 +34,8 @@ struct Player {
 
 TEST(ChunkPlayer, PositionsFollowStraightLines) {
   Player player;
-  for (std::size_t step = 0; step < 4; ++step) player.set(CommandField::q, step, 1, 0.1F * static_cast<float>(step * step));
+  for (std::size_t step = 0; step < 4; ++step)
+    player.set(CommandField::q, step, 1, 0.1F * static_cast<float>(step * step));
   EXPECT_EQ(player.at(milliseconds(0)), 0);
   EXPECT_EQ(player.targets[1].q, 0.0F);
   EXPECT_EQ(player.at(milliseconds(15)), 1);
