@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "config/checks.hpp"
+#include "config/drive_loop.hpp"
 #include "config/observation_shape.hpp"
 #include "config/units.hpp"
 
@@ -39,6 +40,27 @@ void check_terms(const RobotConfig& robot, const Policy& policy, Checker& checke
   }
 }
 
+// Velocities and torques go into the drive's own impedance law, or into the one on this computer.
+bool takes_gains(const Drive& drive) {
+  return drive.protocol != DriveProtocol::cia402 || loop_closed_by(drive) == LoopClosedBy::host_torque;
+}
+
+void check_meaning(const RobotConfig& robot, const Policy& policy, Checker& checker) {
+  const Action& action = policy.action;
+  checker.require(action.interpolation != Interpolation::cubic || policy.steps > 1, "policy.action.interpolation",
+                  "cubic needs a path of two steps or more; write hold, or raise policy.steps");
+  if (action.kind == ActionKind::joint_position) return;
+  checker.require(action.interpolation == Interpolation::hold, "policy.action.interpolation",
+                  "velocities and torques are held for their step; write hold");
+  checker.require(action.offset == OffsetKind::zero, "policy.action.offset",
+                  "velocities and torques start from zero; write zero");
+  for (const Joint& joint : robot.joints)
+    checker.require(joint.passive || takes_gains(joint.drive), "policy.action.kind",
+                    fmt::format("joint {}'s drive takes neither gains nor torque in its mode; write joint_position, or "
+                                "run the drive in cst",
+                                joint.name));
+}
+
 void check_action(const RobotConfig& robot, const Action& action, Checker& checker) {
   const std::size_t outputs = outputs_per_step(robot);
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
@@ -63,6 +85,7 @@ void check_policy(const RobotConfig& robot, Checker& checker) {
   const Policy& policy = *robot.policy;
   check_periods(robot, policy, checker);
   check_terms(robot, policy, checker);
+  check_meaning(robot, policy, checker);
   check_action(robot, policy.action, checker);
 }
 

@@ -134,7 +134,8 @@ std::string policy_text(const DeployFile& deploy, const ImportOptions& options) 
       "  joint_order: [{}]\n"
       "  history_layout: by_term\n"
       "  observation:\n{}"
-      "  action: {{ kind: joint_position, scale: {}, offset: {} }}\n",
+      "  action: {{ kind: joint_position, interpolation: hold, scale: {}, offset: {} }}   # as trained: no velocity "
+      "target\n",
       options.policy_file, format_duration(deploy.step_dt), format_duration(deploy.step_dt * kTargetLastsPeriods),
       fmt::join(order, ", "), terms_text(deploy), one_or_list(deploy.action_scale),
       offset_is_home ? "home" : fmt::format("[{}]", fmt::join(offsets, ", ")));

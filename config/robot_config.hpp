@@ -29,7 +29,9 @@ enum class TermKind : std::uint8_t {
   last_action,
   constant
 };
-enum class OffsetKind : std::uint8_t { zero, home, values };
+enum class ActionKind : std::uint8_t { joint_position, joint_velocity, joint_torque };
+enum class Interpolation : std::uint8_t { hold, linear, cubic };
+enum class OffsetKind : std::uint8_t { zero, home, measured, values };
 
 struct Control {
   Duration period;
@@ -53,6 +55,7 @@ struct Freshness {
   Duration flap_memory;
   Duration stop_after;
   std::uint32_t bad_command_limit = 0;
+  double clamped_share = 0;  // (0, 1]; 1: switched off
 };
 
 // One driven joint's torque: -(position . (q - pose) + velocity . dq).
@@ -125,8 +128,8 @@ struct Drive {
 };
 
 struct Limits {
-  double q_min = 0, q_max = 0, position_margin = 0, velocity = 0, velocity_hard = 0, acceleration = 0, torque = 0,
-         torque_rate = 0, kp = 0, kd = 0;
+  double q_min = 0, q_max = 0, position_margin = 0, target_margin = 0, velocity = 0, velocity_hard = 0,
+         acceleration = 0, torque = 0, torque_rate = 0, kp = 0, kd = 0;
 };
 
 struct Joint {
@@ -166,6 +169,8 @@ struct ObservationTerm {
 };
 
 struct Action {
+  ActionKind kind = ActionKind::joint_position;
+  Interpolation interpolation = Interpolation::linear;
   std::vector<double> scale;  // one, or one per policy output
   OffsetKind offset = OffsetKind::home;
   std::vector<double> offset_values;

@@ -46,6 +46,11 @@ void describe_limits(Fields& fields, Limits& limits, bool passive) {
   fields.quantity({"velocity_hard", "measured velocity above it is a fault"}, limits.velocity_hard,
                   Dimension::angular_velocity, above(0, 1000));
   if (!commanded) return;
+  fields.quantity({"target_margin",
+                   "a policy's target further outside the position limits counts as out of range; any "
+                   "is clamped to them",
+                   "0.1 rad"},
+                  limits.target_margin, Dimension::angle, between(0, 1000));
   fields.quantity({"acceleration", "of the reference, also its braking deceleration"}, limits.acceleration,
                   Dimension::angular_acceleration, above(0, 1e5));
   fields.quantity({"torque", "commanded torque never exceeds it"}, limits.torque, Dimension::torque, above(0, 1e5));

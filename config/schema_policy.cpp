@@ -12,7 +12,8 @@ constexpr std::array<std::string_view, 6> kTerms{
 constexpr std::array<std::string_view, 3> kDegraded{"hold", "slow", "fallback"};
 constexpr std::array<std::string_view, 2> kLayouts{"by_term", "by_time"};
 constexpr std::array<std::string_view, 2> kFallbackKinds{"pose", "state_feedback"};
-constexpr std::array<std::string_view, 1> kActionKinds{"joint_position"};
+constexpr std::array<std::string_view, 3> kActionKinds{"joint_position", "joint_velocity", "joint_torque"};
+constexpr std::array<std::string_view, 3> kInterpolations{"hold", "linear", "cubic"};
 constexpr std::size_t kMaxTerms = 32;
 constexpr std::size_t kMaxSensors = 16;
 
@@ -35,15 +36,20 @@ void describe_term(Fields& fields, ObservationTerm& term, Words sensors) {
 }
 
 void describe_action(Fields& fields, Action& action, Words joints) {
-  constexpr std::array<std::string_view, 2> kOffsets{"zero", "home"};
-  std::string kind(kActionKinds[0]);
-  fields.one_of({"kind", "what the outputs mean: q target = offset + scale * output", "joint_position"}, kind,
-                kActionKinds, "action");
-  fields.quantities({"scale", "factor in rad, one for all outputs or one each", "1"}, action.scale, Dimension::none,
-                    any_value(), {.low = 1, .high = kMaxJoints, .single_allowed = true});
+  constexpr std::array<std::string_view, 3> kOffsets{"zero", "home", "measured"};
+  fields.choice({"kind", "what the outputs mean: target = offset + scale * output", "joint_position"}, action.kind,
+                kActionKinds);
+  fields.choice({"interpolation",
+                 "hold: a step's target for its whole period, no velocity setpoint but a joint_velocity's own; linear: "
+                 "straight lines between steps; cubic: a smooth curve through them",
+                 "linear"},
+                action.interpolation, kInterpolations);
+  fields.quantities({"scale", "factor in rad, rad/s or Nm, one for all outputs or one each", "1"}, action.scale,
+                    Dimension::none, any_value(), {.low = 1, .high = kMaxJoints, .single_allowed = true});
   auto offset = static_cast<std::size_t>(action.offset);
-  fields.word_or_quantities({"offset", "home, zero, or one angle per output", "home"}, offset, kOffsets,
-                            action.offset_values, Dimension::angle, any_value(), {.low = 1, .high = kMaxJoints});
+  fields.word_or_quantities(
+      {"offset", "home, zero, measured (the position in the answered observation), or one angle per output", "home"},
+      offset, kOffsets, action.offset_values, Dimension::angle, any_value(), {.low = 1, .high = kMaxJoints});
   action.offset = static_cast<OffsetKind>(offset);
   fields.references({"joints", "joint of each output; empty: as joint_order", "[]"}, action.joint_of_output, joints,
                     "joint");

@@ -44,6 +44,11 @@ void describe_freshness(Fields& fields, Freshness& freshness) {
   fields.integer({"bad_command_limit",
                   "messages within the window refused for what they say that count as an integration error", "25"},
                  freshness.bad_command_limit, 1, 1'000'000);
+  fields.quantity({"clamped_share",
+                   "more of the window's ticks with a target out of its joint's range than this count as an "
+                   "integration error; 1 switches it off",
+                   "0.25"},
+                  freshness.clamped_share, Dimension::none, Range{.low = 0, .high = 1, .low_open = true});
 }
 
 void describe_feedback(Fields& fields, FeedbackConfig& feedback) {

@@ -11,6 +11,7 @@ float offset_of(const config::RobotConfig& robot, std::size_t output, std::size_
   const config::Action& action = robot.policy->action;
   switch (action.offset) {
     case config::OffsetKind::zero:
+    case config::OffsetKind::measured:
       return 0.0F;
     case config::OffsetKind::home:
       return static_cast<float>(robot.joints[joint].home);
@@ -20,34 +21,102 @@ float offset_of(const config::RobotConfig& robot, std::size_t output, std::size_
   return 0.0F;
 }
 
+constexpr unsigned bit(CommandField field) {
+  return static_cast<unsigned>(field);
+}
+
+std::uint8_t fields_of(const config::Action& action) {
+  constexpr unsigned kWithGains = bit(CommandField::q) | bit(CommandField::kp) | bit(CommandField::kd);
+  switch (action.kind) {
+    case config::ActionKind::joint_position: {
+      const bool cubic = action.interpolation == config::Interpolation::cubic;
+      return static_cast<std::uint8_t>(bit(CommandField::q) | (cubic ? bit(CommandField::dq) : 0U));
+    }
+    case config::ActionKind::joint_velocity:
+      return static_cast<std::uint8_t>(kWithGains | bit(CommandField::dq));
+    case config::ActionKind::joint_torque:
+      return static_cast<std::uint8_t>(kWithGains | bit(CommandField::tau_ff));
+  }
+  return 0;
+}
+
+float& value(CommandChunk& chunk, CommandField field, std::size_t step, std::size_t joint) {
+  return chunk.values[value_index(chunk.header, field, step, joint)];
+}
+
 }  // namespace
 
-ChunkBuilder::ChunkBuilder(const config::RobotConfig& robot, std::uint64_t policy_hash) {
+ChunkBuilder::ChunkBuilder(const config::RobotConfig& robot, std::uint64_t policy_hash)
+    : kind_(robot.policy->action.kind),
+      measured_(robot.policy->action.offset == config::OffsetKind::measured),
+      cubic_(robot.policy->action.interpolation == config::Interpolation::cubic) {
   const config::Policy& policy = *robot.policy;
   for (std::size_t i = 0; i < config::outputs_per_step(robot); ++i) {
     const std::size_t joint = policy.action.joint_of_output.empty() ? i : policy.action.joint_of_output[i];
     const double scale = policy.action.scale.size() == 1 ? policy.action.scale.front() : policy.action.scale[i];
     outputs_.push_back({joint, static_cast<float>(scale), offset_of(robot, i, joint)});
   }
-  for (const config::Joint& joint : robot.joints) home_.push_back(static_cast<float>(joint.home));
+  for (const config::Joint& joint : robot.joints)
+    idle_.push_back({static_cast<float>(joint.home), static_cast<float>(joint.kp), static_cast<float>(joint.kd)});
   header_.policy_hash = policy_hash;
   header_.step_period = policy.step_period;
   header_.step_count = static_cast<std::uint16_t>(policy.steps);
   header_.joint_count = static_cast<std::uint16_t>(robot.joints.size());
-  header_.fields = static_cast<std::uint8_t>(CommandField::q);
+  header_.fields = fields_of(policy.action);
+}
+
+void ChunkBuilder::fill_step(CommandChunk& chunk, const Observation& answered, std::size_t step,
+                             std::span<const float> outputs) const {
+  for (std::size_t i = 0; i < outputs_.size(); ++i) {
+    const auto [joint, scale, offset] = outputs_[i];
+    const float target = offset + scale * outputs[i];
+    float& q = value(chunk, CommandField::q, step, joint);
+    switch (kind_) {
+      case config::ActionKind::joint_position:
+        q = measured_ ? answered.q[joint] + target : target;
+        break;
+      case config::ActionKind::joint_velocity:
+        q = answered.q[joint];
+        value(chunk, CommandField::dq, step, joint) = target;
+        value(chunk, CommandField::kp, step, joint) = 0.0F;
+        break;
+      case config::ActionKind::joint_torque:
+        q = answered.q[joint];
+        value(chunk, CommandField::tau_ff, step, joint) = target;
+        value(chunk, CommandField::kp, step, joint) = 0.0F;
+        value(chunk, CommandField::kd, step, joint) = 0.0F;
+        break;
+    }
+  }
+}
+
+void ChunkBuilder::fill_velocities(CommandChunk& chunk) const {
+  const float period = static_cast<float>(header_.step_period.ns) * 1.0e-9F;
+  for (std::size_t step = 0; step < header_.step_count; ++step) {
+    const std::size_t before = step == 0 ? 0 : step - 1;
+    const std::size_t after = std::min<std::size_t>(step + 1, header_.step_count - 1U);
+    const float span = static_cast<float>(after - before) * period;
+    for (std::size_t joint = 0; joint < idle_.size(); ++joint)
+      value(chunk, CommandField::dq, step, joint) =
+          (value(chunk, CommandField::q, after, joint) - value(chunk, CommandField::q, before, joint)) / span;
+  }
 }
 
 void ChunkBuilder::fill(CommandChunk& chunk, const Observation& answered, std::span<const float> outputs) const {
   chunk.header = header_;
   chunk.header.observation_id = answered.id;
+  std::fill_n(chunk.values, chunk.value_count(), 0.0F);
+  const bool with_gains = kind_ != config::ActionKind::joint_position;
   for (std::size_t step = 0; step < header_.step_count; ++step) {
-    std::ranges::copy(home_, &chunk.values[value_index(chunk.header, CommandField::q, step, 0)]);
-    for (std::size_t i = 0; i < outputs_.size(); ++i) {
-      const Output& output = outputs_[i];
-      chunk.values[value_index(chunk.header, CommandField::q, step, output.joint)] =
-          output.offset + output.scale * outputs[step * outputs_.size() + i];
+    for (std::size_t joint = 0; joint < idle_.size(); ++joint) {
+      value(chunk, CommandField::q, step, joint) = idle_[joint].home;
+      if (!with_gains) continue;
+      value(chunk, CommandField::kp, step, joint) = idle_[joint].kp;
+      value(chunk, CommandField::kd, step, joint) = idle_[joint].kd;
     }
+    fill_step(chunk, answered, step, outputs.subspan(step * outputs_.size(), outputs_.size()));
   }
+  if (cubic_) fill_velocities(chunk);
 }
 
 LastAction::LastAction(const config::Policy& policy, std::size_t outputs_per_step)

@@ -1,7 +1,12 @@
 // A command chunk from the network's output: joint target = offset + scale * output, mapped to the robot's joints.
 //
 // Shapes: the output is steps * outputs_per_step values, step by step. Joints that no output drives are told to stay at
-// home. Only the q field is filled (rad). Step k is due k * step_period after the answered observation's publication.
+// home, with their own gains. Step k is due k * step_period after the answered observation's publication. Fields:
+//
+// joint_position   q (rad); with cubic interpolation also dq (rad/s), by central differences of q over the steps
+// joint_velocity   dq (rad/s), with no stiffness and the joint's own damping; q: as in the answered observation
+// joint_torque     tau_ff (Nm), with no gains; q: as in the answered observation
+//
 // Pure: no clock, no I/O, no allocation after construction. Thread rule: one thread.
 #pragma once
 
@@ -28,11 +33,20 @@ class ChunkBuilder {
   struct Output {
     std::size_t joint;
     float scale;
-    float offset;  // rad
+    float offset;  // rad; measured: added to the observed position
   };
+  struct Idle {
+    float home, kp, kd;  // rad, Nm/rad, Nms/rad: what a joint is told that no output drives
+  };
+  void fill_step(CommandChunk& chunk, const Observation& answered, std::size_t step,
+                 std::span<const float> outputs) const;
+  void fill_velocities(CommandChunk& chunk) const;
+
+  config::ActionKind kind_;
+  bool measured_, cubic_;
   std::vector<Output> outputs_;
-  std::vector<float> home_;  // rad, per joint
-  CommandHeader header_;     // the constant part
+  std::vector<Idle> idle_;  // per joint
+  CommandHeader header_;    // the constant part
 };
 
 // What the `last_action` term shows: the raw outputs of the previous chunk's step that is due when the new observation

@@ -7,17 +7,19 @@
 namespace takt::panel {
 namespace {
 
-// Value of one joint's target `since` the source's observation: linear between steps, the last one for ever.
-float value_at(const CommandChunk& chunk, Duration since, std::size_t joint) {
+// One value of a joint's target `since` the source's observation: held or linear between steps, the last one for ever,
+// at rest there.
+float value_at(const CommandChunk& chunk, CommandField field, Duration since, std::size_t joint, bool held) {
   const CommandHeader& header = chunk.header;
   const std::int64_t last = header.step_count - 1;
   const std::int64_t ns = std::max<std::int64_t>(since.ns, 0);
   const std::int64_t step = std::min(ns / header.step_period.ns, last);
   const std::int64_t next = std::min(step + 1, last);
   const auto at = [&](std::int64_t k) {
-    return chunk.values[value_index(header, CommandField::q, static_cast<std::size_t>(k), joint)];
+    return chunk.values[value_index(header, field, static_cast<std::size_t>(k), joint)];
   };
-  if (step == next) return at(last);
+  if (held) return at(step);
+  if (step == next) return field == CommandField::dq ? 0.0F : at(last);
   const auto share = static_cast<float>(ns - step * header.step_period.ns) / static_cast<float>(header.step_period.ns);
   return at(step) + (at(next) - at(step)) * share;
 }
@@ -48,11 +50,14 @@ void RepeatLast::observe(const Observation& observation) {
   header.sequence = ++sequence_;
   header.outside_sensed_at = source_sensed_at_;
   header.dequeued_at = header.infer_started_at = header.infer_ended_at = header.published_at = now;
-  header.fields = static_cast<std::uint8_t>(CommandField::q);
   for (std::size_t step = 0; step < header.step_count; ++step) {
     const Duration since = now - source_observed_at_ + header.step_period * static_cast<std::int64_t>(step);
-    for (std::size_t joint = 0; joint < header.joint_count; ++joint)
-      repeated_->values[value_index(header, CommandField::q, step, joint)] = value_at(*source_, since, joint);
+    for (unsigned bit = 0; bit < kCommandFieldCount; ++bit) {
+      if ((header.fields >> bit & 1U) == 0) continue;
+      const auto field = static_cast<CommandField>(1U << bit);
+      for (std::size_t joint = 0; joint < header.joint_count; ++joint)
+        repeated_->values[value_index(header, field, step, joint)] = value_at(*source_, field, since, joint, held_);
+    }
   }
   due_ = true;
 }

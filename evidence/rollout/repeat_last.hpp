@@ -17,6 +17,8 @@ namespace takt::panel {
 
 class RepeatLast {
  public:
+  // `held`: steps mean hold (policy.action.interpolation).
+  explicit RepeatLast(bool held) : held_(held) {}
   // Renumbers it in place, since both kinds of command share one sequence. One that is not finite is not kept.
   void pass(const ArrivedCommand& command);
   void observe(const Observation& observation);
@@ -28,6 +30,7 @@ class RepeatLast {
   std::unique_ptr<CommandChunk> source_ = std::make_unique<CommandChunk>(),
                                 repeated_ = std::make_unique<CommandChunk>();
   std::uint64_t sequence_ = 0;
+  bool held_;
   bool has_source_ = false, due_ = false;
 };
 

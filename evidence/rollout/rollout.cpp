@@ -40,6 +40,7 @@ class Rollout {
         world_(world),
         bus_(std::move(bus)),
         policy_(setup.robot, setup.policy_hash, setup.policy, setup.timing, disturbance, setup.seed),
+        repeater_(config_.interpolation == pipeline::Interpolation::hold),
         operator_(setup.rearm_after),
         wakes_(disturbance, config_.period, setup.seed),
         measures_({kStart + kSettle, kStart + (setup.duration - setup.scored), setup.bound_m}, disturbance) {

@@ -56,6 +56,8 @@ HoldingLoop::HoldingLoop(const config::RobotConfig& robot, plant::Plant plant, P
   header.step_count = 16;
   header.joint_count = static_cast<std::uint16_t>(robot.joints.size());
   header.fields = static_cast<std::uint8_t>(CommandField::q);
+  if (config_.interpolation == pipeline::Interpolation::cubic)
+    header.fields |= static_cast<std::uint8_t>(CommandField::dq);  // zeros: it stands
   for (std::size_t step = 0; step < header.step_count; ++step)
     for (std::size_t joint = 0; joint < header.joint_count; ++joint)
       chunk_->values[value_index(header, CommandField::q, step, joint)] =

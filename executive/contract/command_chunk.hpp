@@ -5,7 +5,8 @@
 // kd from the joint's gains, tau_ff 0). Units: q rad, dq rad/s, kp Nm/rad, kd Nm s/rad, tau_ff Nm.
 //
 // Step 0 is the target for the instant the answered observation was published (as the executive remembers it), step k
-// for k * step_period later; between steps the executive interpolates; after the last step the chunk is spent.
+// for k * step_period later; between steps the executive plays what the robot's file declares (hold, linear, cubic);
+// after the last step the chunk is spent.
 //
 // Everything in it is a claim by an untrusted process. Stamps may only make the command older.
 #pragma once

@@ -19,8 +19,9 @@ enum class Intervention : std::uint16_t {
   torque_rate_limit = 1U << 7U,   // torque slew clamped
   gain_limit = 1U << 8U,          // requested kp or kd clamped
   envelope_clamp = 1U << 9U,      // the last clamp before encoding had to act: one of the above missed something
+  target_range = 1U << 10U,       // the policy's target lay outside the joint's range: clamped, and counted
 };
-inline constexpr std::size_t kInterventionCount = 10;
+inline constexpr std::size_t kInterventionCount = 11;
 
 using InterventionMask = std::uint16_t;
 
@@ -29,7 +30,8 @@ constexpr InterventionMask bit(Intervention intervention) {
 }
 
 inline constexpr std::array<std::string_view, kInterventionCount> kInterventionNames{
-    "position_limit",   "braking_distance", "velocity_limit",    "acceleration_limit", "position_barrier",
-    "velocity_barrier", "torque_limit",     "torque_rate_limit", "gain_limit",         "envelope_clamp"};
+    "position_limit",   "braking_distance", "velocity_limit", "acceleration_limit",
+    "position_barrier", "velocity_barrier", "torque_limit",   "torque_rate_limit",
+    "gain_limit",       "envelope_clamp",   "target_range"};
 
 }  // namespace takt

@@ -31,7 +31,7 @@ enum class Cause : std::uint8_t {
   contract_violated,    // misses in the window exceed epsilon
   contract_restored,    // fresh without interruption for long enough
   command_lost,         // no usable command for stop_after
-  bad_commands,         // messages refused for what they say, repeatedly: integration error
+  bad_commands,         // messages refused for what they say, or targets out of range, repeatedly: integration error
   feedback_lost,        // a joint's feedback is older than its limit
   drive_fault,          // a drive reports an error
   drive_disabled,       // a drive left the enabled state by itself

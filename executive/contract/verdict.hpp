@@ -22,7 +22,7 @@ enum class Arrival : std::uint8_t {
   expired_observation,  // answers an id so old that it was forgotten, or older than max_age
   future_observation,   // answers an id not yet published, or carries stamps from the future
   not_finite,           // NaN or infinity inside
-  out_of_range,         // a value outside the configured envelope by more than the tolerated margin
+  out_of_range,         // a value too large to be any joint's target (what exceeds a joint's range is clamped)
   missing_stamp,        // does not say when its outside sensors sensed, although the robot's policy uses some
   overtaken,            // answers an older observation than the command in use does
 };

@@ -73,6 +73,7 @@ void IncidentWatch::forget() {
   causes_.assign(kCauseCount, {});
   errors_.assign(robot_.joints.size(), {});
   silences_.assign(robot_.joints.size(), {});
+  clamped_.assign(robot_.joints.size(), {});
   buses_.assign(robot_.buses.size(), {});
   command_ = {};
 }
@@ -95,6 +96,8 @@ void IncidentWatch::look_at_joint(const TickRecord& record, std::size_t joint) {
   const JointFeedback& feedback = record.joints[joint].feedback;
   if (feedback.drive_state == DriveState::fault || feedback.error_code != 0)
     note(errors_[joint], header, header.tick, header.now, feedback.error_code);
+  if ((record.joints[joint].interventions & bit(Intervention::target_range)) != 0)
+    note(clamped_[joint], header, header.tick, header.now);
   Heard& heard = heard_[joint];
   if (heard.tick == 0 || feedback.received_at != heard.stamp)
     heard = {feedback.received_at, header.now, header.tick};
@@ -132,6 +135,7 @@ std::vector<IncidentLink> IncidentWatch::chain(const TickRecordHeader& header) c
       return fmt::format("joint {}: {}", known.name, code == 0 ? "fault" : drivers::error_name(known.drive, code));
     });
     add(silences_[joint], [&] { return fmt::format("joint {}: silent", known.name); });
+    add(clamped_[joint], [&] { return fmt::format("joint {}: target out of range", known.name); });
   }
   for (std::size_t bus = 0; bus < robot_.buses.size(); ++bus)
     add(buses_[bus], [&] {
@@ -143,6 +147,23 @@ std::vector<IncidentLink> IncidentWatch::chain(const TickRecordHeader& header) c
   std::ranges::stable_sort(links, {}, &IncidentLink::tick);
   links.push_back({header.tick, header.now, fmt::format("{} -> {}", name(header.previous_mode), name(header.mode))});
   return links;
+}
+
+// Clamping ends with the tick that stops the robot: what was clamped in the tick before tells which of the two it is.
+std::string IncidentWatch::bad_commands(const TickRecordHeader& header) const {
+  std::string joints;
+  for (std::size_t joint = 0; joint < robot_.joints.size(); ++joint) {
+    const Sign& sign = clamped_[joint];
+    if (sign.tick != 0 && header.now - sign.last < robot_.control.period * 2)
+      joints += (joints.empty() ? "" : ", ") + robot_.joints[joint].name;
+  }
+  if (joints.empty())
+    return fmt::format("more of the policy's commands were refused than bad_command_limit allows, the last one as {}",
+                       name(refused_));
+  return fmt::format(
+      "the policy's targets were out of range in more than {:g} % of the window (clamped_share), last of "
+      "joint {}",
+      100 * robot_.freshness.clamped_share, joints);
 }
 
 // Of causes that are about the robot as a whole.
@@ -163,8 +184,7 @@ std::string IncidentWatch::words(const TickRecord& record) const {
       return fmt::format("the policy gave no usable command for {:g} ms (stop_after), {}",
                          limits.stop_after.milliseconds(), newest);
     case Cause::bad_commands:
-      return fmt::format("more of the policy's commands were refused than bad_command_limit allows, the last one as {}",
-                         name(refused_));
+      return bad_commands(header);
     case Cause::enable_timeout:
       return fmt::format("every drive is enabled, but no usable command came: {}", newest);
     case Cause::overrun:

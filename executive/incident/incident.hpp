@@ -77,10 +77,11 @@ class IncidentWatch {
   void look_at_joint(const TickRecord& record, std::size_t joint);
   [[nodiscard]] std::vector<IncidentLink> chain(const TickRecordHeader& header) const;
   [[nodiscard]] std::string words(const TickRecord& record) const;
+  [[nodiscard]] std::string bad_commands(const TickRecordHeader& header) const;
   [[nodiscard]] Incident made_of(const TickRecord& record) const;
 
   config::RobotConfig robot_;
-  std::vector<Sign> causes_, errors_, silences_, buses_;
+  std::vector<Sign> causes_, errors_, silences_, clamped_, buses_;
   std::vector<Heard> heard_;
   Sign command_;
   Arrival refused_ = Arrival::none;         // the newest command that was not accepted

@@ -81,6 +81,7 @@ JointSetpoint damping_of(const JointRecord& joint, const JointState& state, cons
 void constrain(TickState& state, const Choice& choice, std::span<const JointTarget> targets, const TickConfig& config,
                TickRecord& record) {
   const double dt = config.period.seconds();
+  bool clamped = false;
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     JointState& joint = state.joints[j];
     JointRecord& out = record.joints[j];
@@ -92,7 +93,12 @@ void constrain(TickState& state, const Choice& choice, std::span<const JointTarg
     out.q_reference = static_cast<float>(step.next.q);
     out.dq_reference = static_cast<float>(step.next.dq);
     out.interventions = step.interventions;
+    if (targets[j].out_of_range) {
+      out.interventions = static_cast<InterventionMask>(out.interventions | bit(Intervention::target_range));
+      clamped = true;
+    }
   }
+  state.clamped.push(clamped, config.freshness.window_ticks);
 }
 
 void stabilise(const TickState& state, const Choice& choice, std::span<const JointTarget> targets,
@@ -107,7 +113,8 @@ void stabilise(const TickState& state, const Choice& choice, std::span<const Joi
       continue;
     }
     output.damping[j] = damping_of(joint, state.joints[j], config.joints[j], dt);
-    const StabiliserOutput stable = stabilise_joint({{joint.q_reference, joint.dq_reference},
+    const float dq = choice.moving_setpoint ? joint.dq_reference : targets[j].dq_held;
+    const StabiliserOutput stable = stabilise_joint({{joint.q_reference, dq},
                                                      {joint.q_estimate, joint.dq_estimate},
                                                      targets[j].kp,
                                                      targets[j].kd,

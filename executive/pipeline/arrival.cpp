@@ -13,6 +13,10 @@ bool is_well_shaped(const CommandChunk& chunk, std::size_t bytes, const TickConf
   if (header.step_count < 1 || header.step_count > kMaxChunkSteps) return false;
   if (header.joint_count != config.joint_count) return false;
   if ((header.fields & static_cast<unsigned>(CommandField::q)) == 0 || header.fields > kAllCommandFields) return false;
+  // Velocities are part of a cubic path, and mean nothing on a straight one.
+  const bool with_dq = (header.fields & static_cast<unsigned>(CommandField::dq)) != 0;
+  if (config.interpolation != Interpolation::hold && with_dq != (config.interpolation == Interpolation::cubic))
+    return false;
   if (!std::all_of(std::begin(header.reserved), std::end(header.reserved), [](std::uint8_t b) { return b == 0; }))
     return false;
   if (header.step_period <= Duration{0} || header.step_period > kLongestStepPeriod) return false;
@@ -45,49 +49,11 @@ bool runs_backwards(const CommandHeader& header, MonoTime observed_at) {
          header.infer_ended_at < header.infer_started_at || header.published_at < header.infer_ended_at;
 }
 
-bool all_finite(std::span<const float> values) {
-  return std::all_of(values.begin(), values.end(), [](float value) { return std::isfinite(value); });
-}
-
-struct Range {
-  float low, high;
-};
-
-Range tolerated(CommandField field, const JointLimits& limits) {
-  switch (field) {
-    case CommandField::q:
-      return {limits.q_min - limits.q_hard_margin, limits.q_max + limits.q_hard_margin};
-    case CommandField::dq:
-      return {-limits.velocity_hard, limits.velocity_hard};
-    case CommandField::kp:
-      return {0.0F, kGainTolerance * limits.kp_max};
-    case CommandField::kd:
-      return {0.0F, kGainTolerance * limits.kd_max};
-    case CommandField::tau_ff:
-      return {-limits.torque, limits.torque};
-  }
-  return {0.0F, 0.0F};
-}
-
-bool all_in_range(const CommandChunk& chunk, const TickConfig& config) {
-  const CommandHeader& header = chunk.header;
-  for (unsigned bit = 0; bit < kCommandFieldCount; ++bit) {
-    if ((header.fields >> bit & 1U) == 0) continue;
-    const auto field = static_cast<CommandField>(1U << bit);
-    const std::size_t stride = field_count(header.fields) * header.joint_count;
-    for (std::size_t joint = 0; joint < header.joint_count; ++joint) {
-      const Range range = tolerated(field, config.joints[joint].limits);
-      const float* value = chunk.values + value_index(header, field, 0, joint);
-      for (std::size_t step = 0; step < header.step_count; ++step, value += stride)
-        if (*value < range.low || *value > range.high) return false;
-    }
-  }
-  return true;
-}
-
-Arrival judge_values(const CommandChunk& chunk, const TickConfig& config) {
-  if (!all_finite({chunk.values, chunk.value_count()})) return Arrival::not_finite;
-  return all_in_range(chunk, config) ? Arrival::accepted : Arrival::out_of_range;
+Arrival judge_values(const CommandChunk& chunk) {
+  const std::span values(chunk.values, chunk.value_count());
+  if (!std::ranges::all_of(values, [](float value) { return std::isfinite(value); })) return Arrival::not_finite;
+  const bool sensible = std::ranges::all_of(values, [](float value) { return std::abs(value) <= kLargestTarget; });
+  return sensible ? Arrival::accepted : Arrival::out_of_range;
 }
 
 CommandInUse believed(const CommandHeader& header, const RememberedObservation& observation, MonoTime now) {
@@ -121,7 +87,7 @@ ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoT
   if (config.needs_outside_stamp && !header.outside_sensed_at.is_set()) return refused(Arrival::missing_stamp);
   if (claims_the_future(header, now, config.period)) return refused(Arrival::future_observation);
   const bool backwards = runs_backwards(header, observation.published_at);
-  if (values == Arrival::none) values = judge_values(chunk, config);
+  if (values == Arrival::none) values = judge_values(chunk);
   if (values != Arrival::accepted) return refused(values, backwards);
   const CommandInUse command = believed(header, observation, now);
   // Compared as instants: a claimed stamp may be so far back that its age would overflow.

@@ -1,6 +1,7 @@
 // Judges one message from a policy, in a fixed order; the first failing check names the refusal:
 //
-//  1 wrong_shape          byte count, at most the robot's largest legal chunk; counts, mask, reserved, step period
+//  1 wrong_shape          byte count, at most the robot's largest legal chunk; counts, mask, reserved, step period; dq
+//                         missing where steps are joined by cubics, or there where they are joined by lines
 //  2 wrong_policy         hash differs from the configured one (0 accepts any)
 //  3 repeated_sequence    not greater than the last accepted one of this policy session
 //  4 unknown_observation  id 0
@@ -9,8 +10,9 @@
 //  5 missing_stamp        no stamp of outside sensors, although the robot's policy uses some
 //    future_observation   any stamp more than a period later than now
 //  6 not_finite           NaN or infinity among the values
-//  7 out_of_range         q outside the limits by more than the hard margin, |dq| above the hard velocity, kp or kd
-//                         negative or above kGainTolerance times its maximum, |tau_ff| above the torque limit
+//  7 out_of_range         a value beyond kLargestTarget: no target of any joint. What lies outside a joint's own range
+//  is
+//                         clamped where it is played (chunk_player.hpp), and counted
 //  8 expired_observation  older than max_age on arrival
 //  9 overtaken            answers an older observation than the command in use does: it would make the robot older
 //
@@ -30,7 +32,7 @@
 
 namespace takt::pipeline {
 
-inline constexpr float kGainTolerance = 2.0F;  // up to it a gain is clamped (gain_limit) rather than refused
+inline constexpr float kLargestTarget = 1.0e6F;  // in any unit: garbage, or a unit mistaken by orders of magnitude
 inline constexpr Duration kLongestStepPeriod = seconds(10);
 
 struct ArrivalVerdict {

@@ -84,8 +84,10 @@ CauseMask of_drives(const TickState& state, const TickRecord& record, const Tick
               Cause::enable_timeout);
 }
 
-CauseMask of_commands(const TickState& state, MonoTime now, const FreshnessContract& contract) {
-  CauseMask active = when(state.refusals.count() > contract.bad_command_limit, Cause::bad_commands);
+CauseMask of_commands(const TickState& state, MonoTime now, const TickConfig& config) {
+  const FreshnessContract& contract = config.freshness;
+  const bool out_of_range = static_cast<double>(state.clamped.count()) > config.clamped_share * contract.window_ticks;
+  CauseMask active = when(out_of_range || state.refusals.count() > contract.bad_command_limit, Cause::bad_commands);
   const Mode mode = state.mode.mode;
   const bool counting = mode == Mode::tracking || mode == Mode::degraded;
   if (!counting && mode != Mode::arming) return active;
@@ -118,7 +120,7 @@ bool is_unrecorded(const TickRecordHeader& header, const TickConfig& config) {
 CauseMask conditions(const TickState& state, const TickRecord& record, const TickConfig& config) {
   const bool late = static_cast<double>(state.late.count()) > config.late_share * config.freshness.window_ticks;
   return of_buses(record) | link_faults(state.links, record, config) | of_drives(state, record, config) |
-         of_commands(state, record.header.now, config.freshness) | of_guard(record) | when(late, Cause::overrun) |
+         of_commands(state, record.header.now, config) | of_guard(record) | when(late, Cause::overrun) |
          when(is_unrecorded(record.header, config), Cause::recording_lost) |
          when(is_torque_output_lost(record.header, config), Cause::torque_output_lost);
 }

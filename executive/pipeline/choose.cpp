@@ -15,8 +15,14 @@ void default_targets(const TickState& state, const TickRecord& record, const Tic
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     const JointConfig& joint = config.joints[j];
     const bool damping_only = none_holds || part_of(state, record.joints[j], j, config) != Part::as_chosen;
-    targets[j] = {static_cast<float>(state.joints[j].reference.q), 0.0F, damping_only ? 0.0F : joint.kp,
-                  damping_only ? joint.damping : joint.kd,         0.0F, joint.limits.velocity};
+    targets[j] = {static_cast<float>(state.joints[j].reference.q),
+                  0.0F,
+                  damping_only ? 0.0F : joint.kp,
+                  damping_only ? joint.damping : joint.kd,
+                  0.0F,
+                  joint.limits.velocity,
+                  0.0F,
+                  false};
   }
 }
 
@@ -33,9 +39,14 @@ float resume_scale(const TickState& state, MonoTime now, const TickConfig& confi
   return config.degraded_speed_scale + (1.0F - config.degraded_speed_scale) * share;
 }
 
+// A policy trained without a velocity setpoint gets none where its own path is braked either: it would come as a jump.
+Choice brake(const TickConfig& config) {
+  return {Reference::brake, false, true, true, false, config.interpolation != Interpolation::hold, 0};
+}
+
 Choice play_or_brake(const TickState& state, const TickRecord& record, const TickConfig& config,
                      std::span<JointTarget> targets) {
-  Choice choice{Reference::brake, false, true, true, false, 0};
+  Choice choice = brake(config);
   if (!is_usable(record.header.freshness)) return choice;
   choice.step = play(state.chunk, state.command.observed_at, record.header.now, config, targets);
   choice.reference = Reference::follow_target;
@@ -48,7 +59,7 @@ Choice go_to_fallback(const TickConfig& config, std::span<JointTarget> targets) 
     targets[j].q = config.joints[j].fallback_pose;
     targets[j].speed = config.joints[j].fallback_speed;
   }
-  return {Reference::follow_target, false, true, true, false, 0};
+  return {Reference::follow_target, false, true, true, false, true, 0};
 }
 
 // Linear state feedback over every joint, passive ones included: at most kMaxJoints^2 products.
@@ -64,7 +75,7 @@ Choice feed_back_state(const TickRecord& record, const TickConfig& config, std::
     targets[j].kd = 0.0F;
     targets[j].tau_ff = torque;
   }
-  return {Reference::move_with_measured, false, false, true, false, 0};
+  return {Reference::move_with_measured, false, false, true, false, true, 0};
 }
 
 Choice fall_back(const TickRecord& record, const TickConfig& config, std::span<JointTarget> targets) {
@@ -74,21 +85,21 @@ Choice fall_back(const TickRecord& record, const TickConfig& config, std::span<J
     case FallbackKind::state_feedback:
       return feed_back_state(record, config, targets);
   }
-  return {Reference::brake, false, true, true, false, 0};
+  return brake(config);
 }
 
 Choice choose_degraded(const TickState& state, const TickRecord& record, const TickConfig& config,
                        std::span<JointTarget> targets) {
   switch (config.degraded) {
     case DegradedBehaviour::hold:
-      return {Reference::brake, false, true, true, false, 0};
+      return brake(config);
     case DegradedBehaviour::slow:
       scale_speed(config.degraded_speed_scale, config, targets);
       return play_or_brake(state, record, config, targets);
     case DegradedBehaviour::fallback:
       return fall_back(record, config, targets);
   }
-  return {Reference::brake, false, true, true, false, 0};
+  return brake(config);
 }
 
 }  // namespace
@@ -113,7 +124,7 @@ Choice choose(const TickState& state, const TickRecord& record, const TickConfig
     case Mode::standby:
       return {};
     case Mode::arming:  // drives enable one after another: the first must not let their joints fall
-      return {Reference::follow_measured, false, true, true, false, 0};
+      return {Reference::follow_measured, false, true, true, false, true, 0};
     case Mode::tracking:
       scale_speed(resume_scale(state, record.header.now, config), config, targets);
       return play_or_brake(state, record, config, targets);
@@ -121,7 +132,7 @@ Choice choose(const TickState& state, const TickRecord& record, const TickConfig
       return choose_degraded(state, record, config, targets);
     case Mode::damped_stop:
     case Mode::fault_latched:
-      return {resting ? Reference::brake : Reference::follow_measured, false, true, true, false, 0};
+      return {resting ? Reference::brake : Reference::follow_measured, false, true, true, false, true, 0};
   }
   return {};
 }

@@ -28,6 +28,10 @@
 // `degraded_speed_scale` of it to all of it. What moved on while the robot held is then approached, not rushed at.
 // Accelerations, torques and barriers are those of every other tick.
 //
+// Velocity setpoint: the reference's velocity, so that a moving path is followed without lag. Not where steps are held
+// (Interpolation::hold): the reference's chase of a step is no velocity that the policy meant, and kd would make a kick
+// of it with every action. There it is the step's own dq, else 0, and stays 0 while that reference is braked.
+//
 // The chunk is consulted only while the command is usable, so no target ever stems from one older than max_age.
 #pragma once
 
@@ -53,11 +57,12 @@ enum class Part : std::uint8_t {
 
 struct Choice {
   Reference reference = Reference::follow_measured;
-  bool limp = true;       // no gains, no torque
-  bool gravity = false;   // add the gravity model
-  bool barriers = false;  // barriers on the measured state
-  bool playing = false;   // targets come from the command in use
-  std::uint8_t step = 0;  // being played
+  bool limp = true;             // no gains, no torque
+  bool gravity = false;         // add the gravity model
+  bool barriers = false;        // barriers on the measured state
+  bool playing = false;         // targets come from the command in use
+  bool moving_setpoint = true;  // velocity setpoint: the reference's velocity; else what the target holds
+  std::uint8_t step = 0;        // being played
 };
 
 // Reads the mode and the joint's estimate.

@@ -24,10 +24,6 @@ Place place_of(const CommandHeader& header, Duration since) {
           static_cast<float>(header.step_period.ns) * 1.0e-9F};
 }
 
-bool has(const CommandHeader& header, CommandField field) {
-  return (header.fields & static_cast<unsigned>(field)) != 0;
-}
-
 struct PathPoint {
   float q, dq;
 };
@@ -48,32 +44,93 @@ PathPoint cubic(float q0, float v0, float q1, float v1, const Place& place) {
   return {q0 + s * (m0 + s * (c2 + s * c3)), (m0 + s * (2.0F * c2 + s * (3.0F * c3))) / place.span};
 }
 
+struct Range {
+  float low, high;
+};
+
+Range range_of(CommandField field, const JointLimits& limits) {
+  switch (field) {
+    case CommandField::q:
+      return {limits.q_min - limits.target_margin, limits.q_max + limits.target_margin};
+    case CommandField::dq:
+      return {-limits.velocity, limits.velocity};
+    case CommandField::kp:
+      return {0.0F, kGainTolerance * limits.kp_max};
+    case CommandField::kd:
+      return {0.0F, kGainTolerance * limits.kd_max};
+    case CommandField::tau_ff:
+      return {-limits.torque, limits.torque};
+  }
+  return {0.0F, 0.0F};
+}
+
+// One joint's values at the two steps around the instant.
+class Reader {
+ public:
+  Reader(const CommandChunk& chunk, const Place& place, std::size_t joint, const JointLimits& limits)
+      : chunk_(chunk), place_(place), joint_(joint), limits_(limits) {}
+
+  [[nodiscard]] bool has(CommandField field) const {
+    return (chunk_.header.fields & static_cast<unsigned>(field)) != 0;
+  }
+  [[nodiscard]] bool out_of_range() const { return out_of_range_; }
+  float here(CommandField field) { return at(place_.step, field); }
+  float next(CommandField field) { return at(place_.next, field); }
+  float blend(CommandField field, float otherwise) {
+    if (!has(field)) return otherwise;
+    const float from = here(field);
+    return from + (next(field) - from) * place_.fraction;
+  }
+
+ private:
+  float at(std::size_t step, CommandField field) {
+    const float value = chunk_.values[value_index(chunk_.header, field, step, joint_)];
+    const Range range = range_of(field, limits_);
+    const float inside = std::clamp(value, range.low, range.high);
+    out_of_range_ |= inside != value;
+    return inside;
+  }
+
+  const CommandChunk& chunk_;
+  const Place& place_;
+  std::size_t joint_;
+  const JointLimits& limits_;
+  bool out_of_range_ = false;
+};
+
+PathPoint path_at(Reader& reader, const Place& place, Interpolation interpolation) {
+  const float q0 = reader.here(CommandField::q);
+  const float q1 = reader.next(CommandField::q);
+  switch (interpolation) {
+    case Interpolation::hold:
+      return {q0, 0.0F};
+    case Interpolation::linear:
+      return line(q0, q1, place);
+    case Interpolation::cubic:
+      return cubic(q0, reader.here(CommandField::dq), q1, reader.next(CommandField::dq), place);
+  }
+  return {q0, 0.0F};
+}
+
 }  // namespace
 
 std::uint8_t play(const CommandChunk& chunk, MonoTime observed_at, MonoTime now, const TickConfig& config,
                   std::span<JointTarget> targets) {
-  const CommandHeader& header = chunk.header;
-  const Place place = place_of(header, now - observed_at);
-  const auto value = [&](CommandField field, std::size_t step, std::size_t joint) {
-    return chunk.values[value_index(header, field, step, joint)];
-  };
-  const auto blend = [&](CommandField field, std::size_t joint) {
-    const float from = value(field, place.step, joint);
-    return from + (value(field, place.next, joint) - from) * place.fraction;
-  };
-  const bool with_dq = has(header, CommandField::dq), with_kp = has(header, CommandField::kp),
-             with_kd = has(header, CommandField::kd), with_tau = has(header, CommandField::tau_ff);
+  Place place = place_of(chunk.header, now - observed_at);
+  if (config.interpolation == Interpolation::hold) place.next = place.step;
   for (std::size_t j = 0; j < config.joint_count; ++j) {
-    const float q0 = value(CommandField::q, place.step, j);
-    const float q1 = value(CommandField::q, place.next, j);
-    const PathPoint point =
-        with_dq ? cubic(q0, value(CommandField::dq, place.step, j), q1, value(CommandField::dq, place.next, j), place)
-                : line(q0, q1, place);
-    targets[j].q = point.q;
-    targets[j].dq = point.dq;
-    targets[j].kp = with_kp ? blend(CommandField::kp, j) : config.joints[j].kp;
-    targets[j].kd = with_kd ? blend(CommandField::kd, j) : config.joints[j].kd;
-    targets[j].tau_ff = with_tau ? blend(CommandField::tau_ff, j) : 0.0F;
+    const JointConfig& joint = config.joints[j];
+    Reader reader(chunk, place, j, joint.limits);
+    const PathPoint point = path_at(reader, place, config.interpolation);
+    const bool holds_dq = config.interpolation == Interpolation::hold && reader.has(CommandField::dq);
+    JointTarget& target = targets[j];
+    target.q = point.q;
+    target.dq = point.dq;
+    target.kp = reader.blend(CommandField::kp, joint.kp);
+    target.kd = reader.blend(CommandField::kd, joint.kd);
+    target.tau_ff = reader.blend(CommandField::tau_ff, 0.0F);
+    target.dq_held = holds_dq ? std::clamp(reader.here(CommandField::dq), -target.speed, target.speed) : 0.0F;
+    target.out_of_range = reader.out_of_range();
   }
   return static_cast<std::uint8_t>(place.step);
 }

@@ -32,6 +32,7 @@ constexpr std::uint64_t kStateLayout = layout_hash({{kAbiVersion, sizeof(TickSta
                                                     {offsetof(TickState, command), sizeof(CommandInUse)},
                                                     {offsetof(TickState, memory), sizeof(ObservationMemory)},
                                                     {offsetof(TickState, misses), sizeof(TickWindow)},
+                                                    {offsetof(TickState, clamped), sizeof(TickWindow)},
                                                     {offsetof(TickState, late), sizeof(TickWindow)},
                                                     {offsetof(TickState, links), sizeof(LinkWatch)},
                                                     {offsetof(TickState, joints), sizeof(JointState)},
@@ -43,7 +44,7 @@ constexpr std::size_t kLinkBytes = offsetof(LinkWatch, joints);
 // All but the chunk.
 std::size_t fixed_bytes(const StateShape& shape) {
   return sizeof(KeyframeHeader) + sizeof(ModeState) + sizeof(Counters) + sizeof(Recovery) + sizeof(CommandInUse) +
-         ObservationMemory::saved_bytes(shape.remembered) + 3 * TickWindow::saved_bytes(shape.window_ticks) +
+         ObservationMemory::saved_bytes(shape.remembered) + 4 * TickWindow::saved_bytes(shape.window_ticks) +
          kLinkBytes + shape.joint_count * (sizeof(ReplyWatch) + sizeof(JointState));
 }
 
@@ -79,6 +80,7 @@ void walk(State& state, const StateShape& shape, std::size_t chunk, Piece&& piec
   piece(&state.memory, ObservationMemory::saved_bytes(shape.remembered));
   piece(&state.misses, TickWindow::saved_bytes(shape.window_ticks));
   piece(&state.refusals, TickWindow::saved_bytes(shape.window_ticks));
+  piece(&state.clamped, TickWindow::saved_bytes(shape.window_ticks));
   piece(&state.late, TickWindow::saved_bytes(shape.window_ticks));
   piece(&state.links, kLinkBytes);
   piece(&state.links.joints[0], shape.joint_count * sizeof(ReplyWatch));
@@ -115,7 +117,8 @@ bool is_consistent(const TickState& state, const TickConfig& config, std::size_t
   return chunk_fits && static_cast<std::size_t>(state.mode.mode) < kModeCount &&
          (given_up & ~every_joint(config.joint_count)) == 0 && state.recovery.relapses <= kMaxDoublings &&
          state.misses.fits(config.freshness.window_ticks) && state.refusals.fits(config.freshness.window_ticks) &&
-         state.late.fits(config.freshness.window_ticks) && state.memory.is_consistent();
+         state.clamped.fits(config.freshness.window_ticks) && state.late.fits(config.freshness.window_ticks) &&
+         state.memory.is_consistent();
 }
 
 }  // namespace

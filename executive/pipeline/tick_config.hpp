@@ -23,6 +23,7 @@ struct JointLimits {
   float kp_max = 0, kd_max = 0;
   float q_hard_margin = 0;  // rad: measured position this far outside q_min..q_max is a fault
   float velocity_hard = 0;  // rad/s: measured speed above it is a fault, >= velocity
+  float target_margin = 0;  // rad: a target further outside q_min..q_max than this counts as out of range
 };
 
 // Who closes a joint's control loop, and so what its setpoint carries.
@@ -95,6 +96,13 @@ struct BusFaultLimits {
   std::uint32_t error_passive = share_of_ticks(0.5);
 };
 
+// What a chunk's steps mean.
+enum class Interpolation : std::uint8_t {
+  hold,    // each step's values for its whole period; velocity setpoint: the step's dq, 0 where the chunk carries none
+  linear,  // straight lines between the steps' positions, no dq; velocity setpoint: the reference's
+  cubic,   // curves through the steps' positions and dq; velocity setpoint: the reference's
+};
+
 enum class DegradedBehaviour : std::uint8_t { hold, slow, fallback };
 enum class FallbackKind : std::uint8_t { pose, state_feedback };
 
@@ -117,6 +125,8 @@ struct TickConfig {
   std::uint32_t largest_command = sizeof(CommandChunk);  // bytes of the largest legal message
   // The policy uses outside sensors: a command that does not say when they sensed is refused (missing_stamp).
   bool needs_outside_stamp = false;
+  Interpolation interpolation = Interpolation::linear;
+  double clamped_share = 0.25;  // of the freshness window: more ticks with a target out of range are bad commands
   FreshnessContract freshness;
   DegradedBehaviour degraded = DegradedBehaviour::hold;
   FallbackKind fallback = FallbackKind::pose;

@@ -74,6 +74,7 @@ struct TickState {
   ObservationMemory memory;
   TickWindow misses;
   TickWindow refusals;  // messages refused for what they say
+  TickWindow clamped;   // ticks that played a target out of its joint's range
   TickWindow late;      // periods late or skipped
   LinkWatch links;
   JointState joints[kMaxJoints];

@@ -57,7 +57,8 @@ pipeline::JointConfig joint_of(const Joint& from) {
                .kp_max = narrow(from.limits.kp),
                .kd_max = narrow(from.limits.kd),
                .q_hard_margin = narrow(from.limits.position_margin),
-               .velocity_hard = narrow(from.limits.velocity_hard)};
+               .velocity_hard = narrow(from.limits.velocity_hard),
+               .target_margin = narrow(from.limits.target_margin)};
   to.kp = narrow(from.kp);
   to.kd = narrow(from.kd);
   to.damping = narrow(from.damping);
@@ -119,6 +120,18 @@ pipeline::DegradedBehaviour behaviour_of(Degraded behaviour) {
   return pipeline::DegradedBehaviour::hold;
 }
 
+pipeline::Interpolation interpolation_of(Interpolation interpolation) {
+  switch (interpolation) {
+    case Interpolation::hold:
+      return pipeline::Interpolation::hold;
+    case Interpolation::linear:
+      return pipeline::Interpolation::linear;
+    case Interpolation::cubic:
+      return pipeline::Interpolation::cubic;
+  }
+  return pipeline::Interpolation::linear;
+}
+
 pipeline::FallbackKind kind_of(FallbackKind kind) {
   switch (kind) {
     case FallbackKind::pose:
@@ -159,11 +172,13 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
   tick.bus_count = static_cast<std::uint32_t>(robot.buses.size());
   if (robot.policy) {
     tick.observation_every_ticks = static_cast<std::uint32_t>(robot.policy->period.ns / robot.control.period.ns);
+    tick.interpolation = interpolation_of(robot.policy->action.interpolation);
     tick.needs_outside_stamp = std::ranges::any_of(
         robot.policy->observation, [](const ObservationTerm& term) { return term.kind == TermKind::sensor; });
   }
   tick.policy_hash = policy_hash;
   tick.largest_command = static_cast<std::uint32_t>(largest_command_of(robot));
+  tick.clamped_share = robot.freshness.clamped_share;
   tick.freshness = contract_of(robot.freshness, robot.control.period);
   tick.degraded = behaviour_of(robot.degraded.behaviour);
   tick.degraded_speed_scale = narrow(robot.degraded.speed_scale);

@@ -91,6 +91,7 @@ TEST(DeployImport, CarriesGainsPoseAndMapIntoTheRobotsOrder) {
   EXPECT_EQ(policy.action.joint_of_output, policy.joint_order);
   EXPECT_EQ(policy.action.scale, (std::vector<double>{0.25, 0.5})) << "in the policy's order";
   EXPECT_EQ(policy.action.offset, OffsetKind::home);
+  EXPECT_EQ(policy.action.interpolation, Interpolation::hold) << "as trained: no velocity target";
   EXPECT_EQ(policy.period, milliseconds(20));
 }
 

@@ -21,7 +21,7 @@ inline constexpr Refusal kRefusals[] = {
             "5:3: unknown key `max_agee` in `freshness`; did you mean `max_age`?"},
     Refusal{"an unknown key, near none", "epsilon: 0.01", "epsilon: 0.01\n  colour: red",
             "7:3: unknown key `colour` in `freshness`; known here: max_age, aging_fraction, epsilon, confidence, "
-            "window, recover_after, flap_memory, stop_after, bad_command_limit"},
+            "window, recover_after, flap_memory, stop_after, bad_command_limit, clamped_share"},
     Refusal{"an unknown key at the top", "robot: small", "robot: small\nrobots: 2",
             "3:1: unknown key `robots` at the top; did you mean `robot`?"},
     Refusal{"a duplicate key", "epsilon: 0.01", "epsilon: 0.01\n  epsilon: 0.02",

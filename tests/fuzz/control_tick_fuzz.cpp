@@ -39,7 +39,7 @@ TickConfig fuzzed_robot() {
   config.gravity_compensation = true;
   for (std::size_t j = 0; j < kJoints; ++j) {
     JointConfig& joint = config.joints[j];
-    joint.limits = {-1.5F, 1.5F, 3.0F, 15.0F, 30.0F, 3000.0F, 200.0F, 6.0F, 0.15F, 8.0F};
+    joint.limits = {-1.5F, 1.5F, 3.0F, 15.0F, 30.0F, 3000.0F, 200.0F, 6.0F, 0.15F, 8.0F, 0.15F};
     joint.kp = 100.0F;
     joint.kd = joint.damping = 4.0F;
     joint.inertia = 0.1F;
@@ -99,6 +99,8 @@ void check(const TickOutput& output, const TickConfig& config) {
 
 class Session {
  public:
+  explicit Session(Interpolation interpolation) { config_.interpolation = interpolation; }
+
   void tick(Source& source) {
     const std::uint8_t what = source.byte();
     ++input_.tick;
@@ -166,7 +168,7 @@ class Session {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   Source source({data, size});
-  Session session;
+  Session session(static_cast<Interpolation>(source.byte() % 3));
   for (int i = 0; i < 400 && !source.is_empty(); ++i) session.tick(source);
   return 0;
 }

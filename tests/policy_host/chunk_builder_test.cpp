@@ -69,6 +69,57 @@ TEST(ChunkBuilder, MapsOutputsToJointsAndKeepsTheOthersAtHome) {
   EXPECT_FLOAT_EQ(q(chunk, 1, 1), 2) << "home";
 }
 
+float of(const CommandChunk& chunk, CommandField field, std::size_t step, std::size_t joint) {
+  return chunk.values[value_index(chunk.header, field, step, joint)];
+}
+
+TEST(ChunkBuilder, MeasuredTargetsStartFromTheAnsweredObservation) {
+  auto robot = small_robot();
+  robot.policy->action.offset = config::OffsetKind::measured;
+  robot.policy->action.joint_of_output = {2, 0};
+  CommandChunk chunk;
+  ChunkBuilder(robot, 0).fill(chunk, small_observation(1), counting(8));
+  EXPECT_FLOAT_EQ(q(chunk, 1, 2), 3.5F + 2) << "the first output's joint was seen at 3.5";
+  EXPECT_FLOAT_EQ(q(chunk, 1, 0), 1.5F + 3);
+  EXPECT_FLOAT_EQ(q(chunk, 1, 1), 2) << "not driven: home";
+}
+
+TEST(ChunkBuilder, ACubicPathCarriesCentralDifferences) {
+  auto robot = small_robot();
+  robot.policy->action.interpolation = config::Interpolation::cubic;
+  std::vector<float> outputs(12, 0.0F);
+  for (std::size_t step = 0; step < 4; ++step) outputs[3 * step] = 0.01F * static_cast<float>(step * step);
+  CommandChunk chunk;
+  ChunkBuilder(robot, 0).fill(chunk, small_observation(1), outputs);
+  EXPECT_NEAR(of(chunk, CommandField::dq, 0, 0), 1.0F, 1e-4F) << "10 ms apart";
+  EXPECT_NEAR(of(chunk, CommandField::dq, 1, 0), 2.0F, 1e-4F);
+  EXPECT_NEAR(of(chunk, CommandField::dq, 3, 0), 5.0F, 1e-4F);
+  EXPECT_NEAR(of(chunk, CommandField::dq, 1, 1), 0.0F, 1e-4F);
+}
+
+TEST(ChunkBuilder, VelocitiesAndTorquesBringTheirGains) {
+  auto robot = small_robot();
+  for (config::Joint& joint : robot.joints) joint.kp = 100, joint.kd = 4;
+  robot.policy->action.interpolation = config::Interpolation::hold;
+  robot.policy->action.offset = config::OffsetKind::zero;
+  robot.policy->action.joint_of_output = {2};
+  CommandChunk chunk;
+  robot.policy->action.kind = config::ActionKind::joint_velocity;
+  ChunkBuilder(robot, 0).fill(chunk, small_observation(1), counting(4));
+  EXPECT_FLOAT_EQ(of(chunk, CommandField::dq, 3, 2), 3);
+  EXPECT_FLOAT_EQ(of(chunk, CommandField::kp, 3, 2), 0);
+  EXPECT_FLOAT_EQ(of(chunk, CommandField::kd, 3, 2), 4);
+  EXPECT_FLOAT_EQ(q(chunk, 3, 2), 3.5F);
+  EXPECT_FLOAT_EQ(of(chunk, CommandField::kp, 3, 0), 100) << "not driven: held at home";
+  EXPECT_FLOAT_EQ(q(chunk, 3, 0), 1);
+  robot.policy->action.kind = config::ActionKind::joint_torque;
+  ChunkBuilder(robot, 0).fill(chunk, small_observation(1), counting(4));
+  EXPECT_FLOAT_EQ(of(chunk, CommandField::tau_ff, 2, 2), 2);
+  EXPECT_FLOAT_EQ(of(chunk, CommandField::kp, 2, 2), 0);
+  EXPECT_FLOAT_EQ(of(chunk, CommandField::kd, 2, 2), 0);
+  EXPECT_FLOAT_EQ(of(chunk, CommandField::kd, 2, 1), 4);
+}
+
 TEST(LastAction, IsTheStepDueAtTheNextObservation) {
   LastAction last(*small_robot().policy, 3);
   const auto answered = small_observation(1);  // published at 20 ms

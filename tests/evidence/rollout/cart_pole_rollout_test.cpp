@@ -39,7 +39,8 @@ const config::RobotConfig& blind_robot() {
                                                   {"freshness.epsilon", "0.999999"},
                                                   {"freshness.recover_after", "1 ms"},
                                                   {"freshness.stop_after", "600 s"},
-                                                  {"freshness.bad_command_limit", "1000000"}};
+                                                  {"freshness.bad_command_limit", "1000000"},
+                                                  {"freshness.clamped_share", "1"}};
     auto made = config::with_overrides(robot_file(), overrides);
     if (!made) throw std::runtime_error(made.error());
     return *made;

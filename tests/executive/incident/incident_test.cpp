@@ -149,6 +149,19 @@ TEST_F(IncidentTest, ARobotThatRunsOnIsNoIncident) {
   EXPECT_FALSE(watch.latest());
 }
 
+TEST_F(IncidentTest, TargetsOutOfRangeAreToldWithTheirJoint) {
+  record.joints[3].interventions = bit(Intervention::target_range);
+  stay(300);
+  record.joints[3].interventions = 0;
+  const auto incident = enter(Mode::damped_stop, Cause::bad_commands);
+  ASSERT_TRUE(incident);
+  EXPECT_NE(incident->detail.find("out of range in more than 25 % of the window (clamped_share), last of joint " +
+                                  robot.joints[3].name),
+            std::string::npos)
+      << incident->detail;
+  EXPECT_EQ(incident->chain.front().what, "joint " + robot.joints[3].name + ": target out of range");
+}
+
 // Whatever stops the robot is told in words: the place, or for the robot as a whole why.
 TEST_F(IncidentTest, EveryCauseThatStopsHasWordsOrAPlace) {
   for (const auto& [mode, cause] : possible_transitions()) {

@@ -73,6 +73,7 @@ class Schedule {
     config.gravity_compensation = seed % 3 == 0;
     config.degraded = static_cast<DegradedBehaviour>(seed / 3 % 3);
     config.policy_hash = 5;
+    config.interpolation = static_cast<Interpolation>(seed / 9 % 3);
     return config;
   }
   bool chance(std::uint32_t one_in) { return random_() % one_in == 0; }
@@ -155,6 +156,11 @@ class Schedule {
   void spoil() {
     CommandHeader& header = chunk_->header;
     if (chance(2)) header.fields = static_cast<std::uint8_t>(1U | (random_() & 31U));
+    const auto dq = static_cast<unsigned>(CommandField::dq);
+    if (rig_.config.interpolation == Interpolation::cubic)
+      header.fields = static_cast<std::uint8_t>(header.fields | dq);
+    if (rig_.config.interpolation == Interpolation::linear)
+      header.fields = static_cast<std::uint8_t>(header.fields & ~dq);
     bytes_ = chunk_->used_bytes();
     switch (policy_) {
       case Policy::good:
@@ -305,7 +311,8 @@ class Judge {
     for (std::size_t j = 0; j < config_.joint_count; ++j) {
       if (!rig_.out->drive_enabled[j]) continue;  // power is taken away at once
       const JointLimits& limits = config_.joints[j].limits;
-      const float change = record().joints[j].tau_total - last_.joints[j].tau_total;
+      const bool made_torque = last_.joints[j].feedback.drive_state == DriveState::enabled;
+      const float change = record().joints[j].tau_total - (made_torque ? last_.joints[j].tau_total : 0.0F);
       if (std::abs(change) > limits.torque_rate * 0.001F + 2e-3F * limits.torque) return "torque slews too fast";
     }
     return nullptr;

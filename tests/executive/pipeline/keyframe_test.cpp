@@ -49,6 +49,7 @@ class RandomRun {
     TickConfig config = robot(joints);
     config.gravity_compensation = seed % 2 == 0;
     config.degraded = static_cast<DegradedBehaviour>(seed % 3);
+    config.interpolation = static_cast<Interpolation>(seed / 3 % 3);
     config.freshness.window_ticks = 100 + seed % 900;
     config.resume_over = milliseconds(seed % 5 * 100);
     config.unrecorded_limit = seed % 3 == 0 ? 0 : 20;
@@ -86,7 +87,10 @@ class RandomRun {
     if (!policy_alive_ || rig_.newest_observation == 0 || !chance(15)) return false;
     const std::uint64_t id = rig_.newest_observation - (chance(5) ? random_() % 3 : 0);
     chunk = chunk_for(rig_.config, id, rig_.published_at[id], rig_.now, ++rig_.sequence, spread(2.0F), 12);
-    if (chance(3)) chunk.header.fields = kAllCommandFields;
+    const Interpolation meaning = rig_.config.interpolation;
+    if (meaning == Interpolation::cubic || chance(3)) chunk.header.fields = kAllCommandFields;
+    if (meaning == Interpolation::linear)
+      chunk.header.fields = static_cast<std::uint8_t>(chunk.header.fields & ~static_cast<unsigned>(CommandField::dq));
     return true;
   }
   OperatorRequest request() {
@@ -187,6 +191,7 @@ TEST(Keyframe, AnotherMaxAgesIsRefusedWithASentence) {
 TEST(Keyframe, TheLargestFitsAndASmallBufferIsRefused) {
   TickConfig config = robot(kMaxJoints);
   config.freshness.window_ticks = kMaxWindowTicks;
+  config.interpolation = Interpolation::cubic;
   config.freshness.max_age = seconds(60);
   ASSERT_EQ(remembered_observations(config), kMaxRememberedObservations);
   Rig rig(config);

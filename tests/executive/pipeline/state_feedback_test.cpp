@@ -182,7 +182,7 @@ TEST(PassiveJoint, GetsNothingInAnyMode) {
     EXPECT_TRUE(seen[static_cast<std::size_t>(mode)]) << name(mode);
 }
 
-TEST(PassiveJoint, ACommandThatAsksForTorqueThereIsRefused) {
+TEST(PassiveJoint, ACommandThatAsksForTorqueThereIsOutOfRangeAndGetsNone) {
   const TickConfig config = balancing_robot(2);
   Rig rig(config);
   rig.arm(0.0F);
@@ -191,9 +191,12 @@ TEST(PassiveJoint, ACommandThatAsksForTorqueThereIsRefused) {
                                           rig.now, ++rig.sequence, 0.0F);
   chunk.header.fields = static_cast<std::uint8_t>(CommandField::q) | static_cast<std::uint8_t>(CommandField::tau_ff);
   std::fill_n(chunk.values, chunk.value_count(), 0.0F);
-  chunk.values[value_index(chunk.header, CommandField::tau_ff, 3, 1)] = 0.5F;
+  for (std::size_t step = 0; step < chunk.header.step_count; ++step)
+    chunk.values[value_index(chunk.header, CommandField::tau_ff, step, 1)] = 0.5F;
   rig.tick(&chunk);
-  EXPECT_EQ(rig.header().arrival, Arrival::out_of_range);
+  ASSERT_EQ(rig.header().arrival, Arrival::accepted);
+  EXPECT_NE(rig.out->record.joints[1].interventions & bit(Intervention::target_range), 0);
+  EXPECT_EQ(rig.out->setpoints[1].tau, 0.0F);
 }
 
 TEST(MovingWith, IsAStateThatCanStillStop) {
