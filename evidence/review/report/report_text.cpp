@@ -81,6 +81,7 @@ std::string incidents(const RunMetrics& metrics, std::size_t most) {
     if (shown++ == most) break;
     text += fmt::format("{:<14}{:+.3f} s: {}\n", incident.asked ? "asked" : "STOPPED",
                         (incident.at - metrics.start).seconds(), incident.sentence);
+    if (!incident.counterfactual.empty()) text += fmt::format("{:<14}{}\n", "", incident.counterfactual);
   }
   if (metrics.incident_count > most) text += fmt::format("              and {} more\n", metrics.incident_count - most);
   return text;

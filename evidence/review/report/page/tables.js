@@ -44,6 +44,12 @@ takt.tables = (function () {
       name.textContent = incident.asked ? 'Stopped as asked' : `Stopped by itself: ${incident.cause.replaceAll('_', ' ')}` + (incident.where ? `, ${incident.where}` : '');
       sentence.textContent = incident.sentence;
       box.append(name, sentence);
+      if (incident.counterfactual) {
+        const other = document.createElement('span');
+        other.className = 'counterfactual';
+        other.textContent = incident.counterfactual;
+        box.append(other);
+      }
       document.getElementById('incidents').append(box);
     }
     if (metrics.incident_count > shown.length) document.getElementById('incidents').append(`and ${metrics.incident_count - shown.length} more: see the report below`);
