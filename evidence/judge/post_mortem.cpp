@@ -2,6 +2,7 @@
 
 #include <filesystem>
 
+#include "evidence/review/counterfactual.hpp"
 #include "monitor/judge/fault_classifier.hpp"
 #include "monitor/judge/run_metrics.hpp"
 #include "monitor/record/bounded_file.hpp"
@@ -65,6 +66,7 @@ std::expected<std::string, std::string> draft_of(const Artifact& artifact, std::
                                              .keyframe = {},
                                              .loss = {}});
   if (!scan) return std::unexpected(scan.error());
+  monitor::add_counterfactuals(draft.incidents, *run);
   draft.incidents = monitor::by_gravity(std::move(draft.incidents));
   draft.ticks = &watch;
   const auto faults = monitor::classify_run(*run);

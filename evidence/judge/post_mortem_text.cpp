@@ -58,6 +58,7 @@ std::string incidents(const PostMortemDraft& draft) {
     for (const IncidentLink& link : incident.chain)
       text +=
           fmt::format("  - tick {}, {:+.1f} ms: {}\n", link.tick, (link.at - incident.at).milliseconds(), link.what);
+    if (!incident.counterfactual.empty()) text += fmt::format("  - {}\n", incident.counterfactual);
   }
   if (draft.incidents.size() > kShown) text += fmt::format("- and {} more\n", draft.incidents.size() - kShown);
   return text.empty() ? "" : "\n## Why it stopped\n\n" + text;

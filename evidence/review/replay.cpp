@@ -7,22 +7,12 @@
 #include <memory>
 #include <utility>
 
+#include "evidence/review/recorded_input.hpp"
 #include "executive/ipc/executive_segments.hpp"
-#include "executive/pipeline/arrival.hpp"
 #include "executive/pipeline/control_tick.hpp"
-#include "executive/setup/tick_config_of.hpp"
 
 namespace takt::monitor {
 namespace {
-
-// The policy the executive admitted, as it wrote it down itself; a run without that word admitted the configured one.
-std::uint64_t policy_hash_of(const RunManifest& manifest) {
-  std::string text = manifest.policy_sha256.substr(0, 16);
-  if (manifest.executive.is_object() && manifest.executive.contains("policy_hash")) {
-    text = manifest.executive.at("policy_hash").get<std::string>();
-  }
-  return text.empty() ? 0 : std::stoull(text, nullptr, 16);
-}
 
 std::string where_of(const FieldPlace& place, const RunManifest& manifest) {
   switch (place.group) {
@@ -40,7 +30,7 @@ class Replayer {
  public:
   Replayer(const RecordedRun& run, std::uint64_t from, std::uint64_t start_behind)
       : run_(run),
-        config_(config::tick_config_of(run.robot, policy_hash_of(run.manifest))),
+        config_(recorded_config(run)),
         state_(pipeline::make_tick_state(config_)),
         from_(from),
         start_behind_(start_behind),
@@ -48,12 +38,12 @@ class Replayer {
 
   void command(const RecordedCommand& command) {
     if (command.tick <= start_behind_) return;
-    pending_ = command;
-    if (crc_of(command) == command.crc) return;
-    const auto field = mend_flipped_bit(*pending_);
+    if (crc_of(command) == command.crc) return input_.command(command);
+    RecordedCommand mended = command;
+    const auto field = mend_flipped_bit(mended);
     note({command.tick, field ? "command " + *field : "command (more than one bit altered)", {}, {}, {}, true});
     altered_tick_ = command.tick;
-    if (!field) pending_.reset();
+    if (field) input_.command(mended);
   }
 
   void tick(const RecordedTick& recorded) {
@@ -63,14 +53,16 @@ class Replayer {
     RecordedTick tick = recorded;
     const bool whole = crc_of(recorded.record) == recorded.crc || mend(tick);
     if (tick.record.header.tick != at_ + 1) lose_track();
-    if (!take_command(tick.record.header)) lose_track();
+    const pipeline::TickInput* input = input_.of(tick.record);
+    if (input == nullptr) lose_track();
+    if (number >= from_ && input_.is_by_header()) ++report_.by_header;
     at_ = tick.record.header.tick;
     if (!ready_) {
       if (number >= from_) ++report_.not_judged;
       return;
     }
     if (report_.started_at == 0 && number >= from_) report_.started_at = number;
-    recompute(tick.record);
+    pipeline::control_tick(*state_, *input, config_, *output_);
     if (!whole || !is_equal(tick.record)) {
       blame(tick.record, !whole);
       ready_ = false;
@@ -113,29 +105,6 @@ class Replayer {
     ready_ = false;
   }
 
-  // False when the tick read a message that is not in the recording.
-  bool take_command(const TickRecordHeader& header) {
-    command_bytes_ = 0;
-    const bool there = pending_ && pending_->tick == header.tick;
-    if (there) {
-      chunk_ = std::make_unique<CommandChunk>();
-      const std::size_t kept = std::min(pending_->payload.size(), sizeof(CommandChunk));
-      std::memcpy(chunk_.get(), pending_->payload.data(), kept);
-      command_bytes_ = pending_->cut_from != 0 ? pending_->cut_from : kept;
-      values_ = pending_->cut_from != 0 ? pipeline::values_behind(header.arrival) : Arrival::none;
-      if (pending_->cut_from != 0 && header.tick >= from_) ++report_.by_header;
-      pending_.reset();
-    }
-    return there == (header.mailbox == Arrival::accepted);
-  }
-
-  void recompute(const TickRecord& recorded) {
-    const CommandChunk* command = recorded.header.mailbox == Arrival::accepted ? chunk_.get() : nullptr;
-    pipeline::TickInput input = pipeline::input_of(recorded, command, command_bytes_);
-    input.command_values = values_;
-    pipeline::control_tick(*state_, input, config_, *output_);
-  }
-
   [[nodiscard]] bool is_equal(const TickRecord& recorded) const {
     return recorded.header.joint_count == output_->record.header.joint_count &&
            std::memcmp(&recorded, &output_->record, recorded.used_bytes()) == 0;
@@ -172,10 +141,7 @@ class Replayer {
   pipeline::TickConfig config_;
   pipeline::TickStatePtr state_;
   std::unique_ptr<pipeline::TickOutput> output_ = std::make_unique<pipeline::TickOutput>();
-  std::unique_ptr<CommandChunk> chunk_;
-  std::size_t command_bytes_ = 0;
-  Arrival values_ = Arrival::none;
-  std::optional<RecordedCommand> pending_;
+  RecordedInput input_;
   Bytes saved_;
   ReplayReport report_;
   std::uint64_t from_, start_behind_;

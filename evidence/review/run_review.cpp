@@ -1,5 +1,6 @@
 #include "evidence/review/run_review.hpp"
 
+#include "evidence/review/counterfactual.hpp"
 #include "monitor/judge/metrics_collector.hpp"
 
 namespace takt::monitor {
@@ -26,6 +27,7 @@ std::expected<RunReview, std::string> review_of(const RecordedRun& run) {
   review.metrics.scan = *scan;
   collector.finish(run.robot.freshness.epsilon, run.robot.freshness.confidence);
   review.faults = classifier.finish();
+  add_counterfactuals(review.metrics.incidents, run);
   return review;
 }
 

@@ -1,4 +1,5 @@
-// A recorded run's numbers and its faults, from one pass over its ticks. Errors are one sentence.
+// A recorded run's numbers and its faults, from one pass over its ticks; where it stopped, from a second one what would
+// have kept it going (counterfactual.hpp). Errors are one sentence.
 #pragma once
 
 #include <expected>

@@ -37,7 +37,10 @@ struct Incident {
   std::vector<IncidentLink> chain{};  // oldest first; the last one is the stop itself
   std::string done{};                 // what the executive did
   std::string clears_when{};          // of the reaction table
-  std::string sentence{};             // all of it; no line end, never empty
+  std::string sentence{};             // all of the above; no line end, never empty
+  // What would have kept this rule from firing, found by replay where a recording is at hand (evidence/review); no line
+  // end. Empty: no recording, or replay cannot say.
+  std::string counterfactual{};
 };
 
 // A stop that a person asked for.

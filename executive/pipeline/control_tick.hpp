@@ -95,6 +95,10 @@ std::size_t arming_blockers(const TickRecord& latest, const TickConfig& config, 
 std::size_t save(const TickState& state, std::span<std::byte> out) noexcept;
 std::expected<void, std::string> load(TickState& state, const TickConfig& config, std::span<const std::byte> bytes);
 
+// Whoever asks what another configuration would have decided goes on from a loaded state: `config` may remember more
+// observations than the state was made for (a larger max_age), nothing else that has a size may differ.
+void remember_more(TickState& state, const TickConfig& config) noexcept;
+
 // Rebuilds the tick's input from its record (the command, if any, is supplied by the caller).
 TickInput input_of(const TickRecord& record, const CommandChunk* command, std::size_t command_bytes) noexcept;
 

@@ -160,4 +160,10 @@ std::expected<void, std::string> load(TickState& state, const TickConfig& config
   return {};
 }
 
+void remember_more(TickState& state, const TickConfig& config) noexcept {
+  const std::uint32_t remembered = remembered_observations(config);
+  state.memory.deepen(state.shape.remembered, remembered);
+  state.shape.remembered = remembered;
+}
+
 }  // namespace takt::pipeline

@@ -6,6 +6,7 @@
 // at every call.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -37,6 +38,13 @@ class ObservationMemory {
     if (id <= forgotten_id_ || newest_id_ - id >= depth) return Recall::forgotten;
     found = ring_[id % depth];
     return Recall::known;
+  }
+
+  // From now on `to` are remembered, not `from` <= `to`. What was forgotten stays so.
+  void deepen(std::uint32_t from, std::uint32_t to) {
+    const auto before = ring_;
+    if (newest_id_ > from) forgotten_id_ = std::max(forgotten_id_, newest_id_ - from);
+    for (std::uint64_t id = forgotten_id_ + 1; id <= newest_id_; ++id) ring_[id % to] = before[id % from];
   }
 
   // Everything published so far. Ids go on.

@@ -114,6 +114,7 @@ void FaultEvidence::take(const FaultClue& clue) {
   if (clue.is_trouble) {
     last_tick = clue.tick;
     last_trouble = clue.now;
+    gravity = std::max(gravity, clue.gravity);
   }
   has_miss = has_miss || clue.is_miss || clue.arrival == Arrival::expired_observation;
   worst_lateness = std::max(worst_lateness, clue.lateness);
@@ -208,6 +209,11 @@ FaultClue FaultClassifier::clue_of(const TickRecord& record) {
   const bool lost_period = clue.overrun != OverrunCause::none || clue.skipped != 0;
   clue.is_trouble =
       enters_trouble(header) || (relied && (clue.is_miss || refused || lost_period || clue.ran_backwards != 0));
+  if (enters_trouble(header) && header.mode != Mode::degraded) {
+    clue.gravity = Gravity::stopped;
+  } else if (enters_trouble(header) || clue.is_miss || refused || clue.ran_backwards != 0) {
+    clue.gravity = Gravity::missed;
+  }
   remember_observation(record, oldest);
   return clue;
 }
@@ -269,9 +275,19 @@ FaultSummary FaultClassifier::finish() {
   for (const FaultEvidence& evidence : closed_) {
     FaultVerdict verdict = judge(evidence, usual, rules_);
     ++summary.counts[static_cast<std::size_t>(verdict.fault)];
-    if (summary.verdicts.size() < kListedVerdicts) summary.verdicts.push_back(std::move(verdict));
+    summary.verdicts.push_back(std::move(verdict));
+  }
+  if (summary.verdicts.size() > kListedVerdicts) {
+    summary.verdicts = by_gravity(std::move(summary.verdicts));
+    summary.verdicts.resize(kListedVerdicts);
+    std::ranges::sort(summary.verdicts, {}, &FaultVerdict::first_tick);
   }
   return summary;
+}
+
+std::vector<FaultVerdict> by_gravity(std::vector<FaultVerdict> verdicts) {
+  std::ranges::stable_sort(verdicts, std::greater{}, &FaultVerdict::gravity);
+  return verdicts;
 }
 
 std::expected<FaultSummary, std::string> classify_run(const RecordedRun& run) {

@@ -64,16 +64,28 @@ constexpr std::string_view name(Fault fault) {
   return kFaultNames[static_cast<std::size_t>(fault)];
 }
 
+// What a stretch of trouble came to. The graver, the larger.
+enum class Gravity : std::uint8_t { late, missed, stopped };
+inline constexpr std::array<std::string_view, 3> kGravityNames{"late", "missed", "stopped"};
+constexpr std::string_view name(Gravity gravity) {
+  return kGravityNames[static_cast<std::size_t>(gravity)];
+}
+
 struct FaultVerdict {
   Fault fault = Fault::unknown;
   std::uint64_t first_tick = 0, last_tick = 0;  // with trouble
   MonoTime at;
   std::string sentence;  // begins with the fault's name
+  // late: nothing but late wake-ups; missed: commands missed or refused, or degraded; stopped: nobody wished it to.
+  Gravity gravity = Gravity::missed;
+  Duration lateness{};  // the latest wake-up
 };
+// The gravest comes first; among equals the oldest.
+std::vector<FaultVerdict> by_gravity(std::vector<FaultVerdict> verdicts);
 
 struct FaultSummary {
   std::array<std::uint64_t, kFaultCount> counts{};
-  std::vector<FaultVerdict> verdicts;  // the first kListedVerdicts
+  std::vector<FaultVerdict> verdicts;  // the gravest kListedVerdicts, oldest first
   [[nodiscard]] std::uint64_t total() const;
 };
 inline constexpr std::size_t kListedVerdicts = 1000;
@@ -90,6 +102,7 @@ struct FaultClue {
   std::uint64_t tick = 0;
   MonoTime now;
   bool is_trouble = false, is_miss = false;
+  Gravity gravity = Gravity::late;  // if it is trouble
   Duration lateness;
   std::uint64_t skipped = 0;   // periods since the tick before
   std::uint32_t slept_ms = 0;  // the computer, since the tick before
@@ -110,6 +123,7 @@ struct FaultEvidence {
   std::uint64_t first_tick = 0, last_tick = 0;
   MonoTime at, last_trouble;
   bool has_miss = false, command_came = false;
+  Gravity gravity = Gravity::late;
   std::array<Duration, 4> worst_parts{};  // sense, queue, infer, publish: the largest of each
   Duration worst_lateness;
   OverrunCause overrun = OverrunCause::none;  // the first
@@ -172,7 +186,8 @@ class FaultClassifier {
 // All of a recorded run.
 std::expected<FaultSummary, std::string> classify_run(const RecordedRun& run);
 
-// "inference_stall 3, platform_stall 1" and the first sentences; "none" without any.
+// "inference_stall 3, platform_stall 1" and the gravest sentences; what cost nothing but late wake-ups is one line per
+// fault. "none" without any.
 std::string fault_text(const FaultSummary& summary, std::size_t most_sentences = 5);
 nlohmann::ordered_json to_json(const FaultSummary& summary);
 

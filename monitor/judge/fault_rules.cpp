@@ -24,7 +24,13 @@ struct Case {
   const FaultRules& rules;
 
   [[nodiscard]] FaultVerdict verdict(Fault fault, const std::string& why) const {
-    return {fault, evidence.first_tick, evidence.last_tick, evidence.at, fmt::format("{}: {}", name(fault), why)};
+    return {.fault = fault,
+            .first_tick = evidence.first_tick,
+            .last_tick = evidence.last_tick,
+            .at = evidence.at,
+            .sentence = fmt::format("{}: {}", name(fault), why),
+            .gravity = evidence.gravity,
+            .lateness = evidence.worst_lateness};
   }
   [[nodiscard]] Duration excess(Part part) const { return evidence.worst_parts[part] - baseline.parts[part]; }
   [[nodiscard]] std::string part_text(Part part) const {
@@ -177,6 +183,43 @@ FaultVerdict judge(const FaultEvidence& evidence, const FaultBaseline& baseline,
   return unknown(judged);
 }
 
+namespace {
+
+struct Line {
+  std::string text;
+  std::uint64_t verdicts = 1;  // that it stands for
+};
+using Lines = std::vector<Line>;
+
+Line line_of_late(const std::vector<const FaultVerdict*>& late) {
+  const FaultVerdict& worst = **std::ranges::max_element(late, {}, [](const auto* each) { return each->lateness; });
+  if (late.size() == 1) return {fmt::format("  tick {:>9}  no miss: {}\n", worst.first_tick, worst.sentence)};
+  return {fmt::format("  {:>14}  no miss: {}: the control loop woke up late, at tick {} by {:.3g} ms\n",
+                      fmt::format("{} times", late.size()), name(worst.fault), worst.first_tick,
+                      worst.lateness.milliseconds()),
+          late.size()};
+}
+
+// The gravest first; what cost nothing but late wake-ups comes last, a line for each fault.
+Lines lines_of(const FaultSummary& summary) {
+  Lines lines;
+  std::array<std::vector<const FaultVerdict*>, kFaultCount> late;
+  const std::vector<FaultVerdict> verdicts = by_gravity(summary.verdicts);
+  for (const FaultVerdict& verdict : verdicts) {
+    if (verdict.gravity == Gravity::late) {
+      late[static_cast<std::size_t>(verdict.fault)].push_back(&verdict);
+      continue;
+    }
+    lines.push_back({fmt::format("  tick {:>9}  {}{}\n", verdict.first_tick,
+                                 verdict.gravity == Gravity::stopped ? "STOPPED: " : "", verdict.sentence)});
+  }
+  for (const auto& same : late)
+    if (!same.empty()) lines.push_back(line_of_late(same));
+  return lines;
+}
+
+}  // namespace
+
 std::string fault_text(const FaultSummary& summary, std::size_t most_sentences) {
   std::string text;
   for (std::size_t index = 0; index < kFaultCount; ++index) {
@@ -184,11 +227,11 @@ std::string fault_text(const FaultSummary& summary, std::size_t most_sentences) 
     text += fmt::format("{}{} {}", text.empty() ? "" : ", ", kFaultNames[index], summary.counts[index]);
   }
   text = fmt::format("faults        {}\n", text.empty() ? "none" : text);
-  for (std::size_t index = 0; index < std::min(most_sentences, summary.verdicts.size()); ++index) {
-    const FaultVerdict& verdict = summary.verdicts[index];
-    text += fmt::format("  tick {:>9}  {}\n", verdict.first_tick, verdict.sentence);
-  }
-  if (summary.total() > most_sentences) text += fmt::format("  and {} more\n", summary.total() - most_sentences);
+  const Lines found = lines_of(summary);
+  for (std::size_t index = 0; index < std::min(most_sentences, found.size()); ++index) text += found[index].text;
+  std::uint64_t told = 0;
+  for (std::size_t index = 0; index < std::min(most_sentences, found.size()); ++index) told += found[index].verdicts;
+  if (summary.total() > told) text += fmt::format("  and {} more\n", summary.total() - told);
   return text;
 }
 
@@ -200,6 +243,7 @@ nlohmann::ordered_json to_json(const FaultSummary& summary) {
     json["verdicts"].push_back({{"fault", name(verdict.fault)},
                                 {"first_tick", verdict.first_tick},
                                 {"last_tick", verdict.last_tick},
+                                {"gravity", name(verdict.gravity)},
                                 {"sentence", verdict.sentence}});
   }
   return json;

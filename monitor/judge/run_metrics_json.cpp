@@ -51,7 +51,8 @@ Json incident_json(const Incident& incident) {
           {"chain", chain},
           {"done", incident.done},
           {"clears_when", incident.clears_when},
-          {"sentence", incident.sentence}};
+          {"sentence", incident.sentence},
+          {"counterfactual", incident.counterfactual.empty() ? Json(nullptr) : Json(incident.counterfactual)}};
 }
 
 }  // namespace

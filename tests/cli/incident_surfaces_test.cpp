@@ -97,6 +97,10 @@ TEST_P(Surfaces, TheReportBeginsWithIt) {
   const std::string line = text.substr(second_line, text.find('\n', second_line) - second_line);
   EXPECT_TRUE(line.starts_with(GetParam().asked ? "asked" : "STOPPED")) << line;
   EXPECT_TRUE(line.ends_with(incident().sentence)) << line;
+  const std::string& counterfactual = review->metrics.incidents.front().counterfactual;
+  EXPECT_EQ(counterfactual.empty(), !GetParam().freezes_policy) << counterfactual;
+  EXPECT_NE(text.find(line + "\n" + (counterfactual.empty() ? "" : std::string(14, ' ') + counterfactual + "\n")),
+            std::string::npos);
 }
 
 TEST_P(Surfaces, ThePageAndMetricsJsonHoldIt) {
@@ -112,6 +116,7 @@ TEST_P(Surfaces, ThePageAndMetricsJsonHoldIt) {
   ASSERT_TRUE(series) << series.error();
   const std::string page = report_html({run, review->metrics, review->faults, *series, std::nullopt});
   EXPECT_NE(page.find(incident().sentence.substr(0, 60)), std::string::npos);
+  EXPECT_NE(page.find(review->metrics.incidents.front().counterfactual), std::string::npos);
   EXPECT_LT(page.find("id=\"incidents\""), page.find("id=\"verdicts\"")) << "it comes before what held";
 }
 

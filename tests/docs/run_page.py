@@ -113,7 +113,8 @@ def main():
     try:
         (folder / "config").symlink_to(page.parent.parent / "config")
         # A robot of the page is nobody else's: two pages, or a page and a test, may run at once.
-        environment = dict(os.environ, PATH=f"{programs}:{os.environ['PATH']}", LC_ALL="C.UTF-8", XDG_RUNTIME_DIR=str(folder))
+        # Of other programs Debian's come first: a page's Python is the one that Debian's packages are for.
+        environment = dict(os.environ, PATH=f"{programs}:/usr/bin:{os.environ['PATH']}", LC_ALL="C.UTF-8", XDG_RUNTIME_DIR=str(folder))
         count, wrong = run_page(page, folder, environment)
     finally:
         shutil.rmtree(folder)

@@ -37,6 +37,7 @@ async function drawsEverything(page) {
   drawn.forEach((colours, index) => assert.ok(colours >= 3, `${[...charts, 'figure'][index]}: ${colours} colours`));
   assert.ok((await page.textContent('#text')).includes('deadline misses'));
   assert.equal(await page.locator('.verdict').count(), 2);
+  assert.match(await page.textContent('#together'), /^\d+ of \d+ commands missed, and [\d.]+ % of the time there was no usable one: /);
   assert.ok(await page.locator('#comparison tr').count() > 10, 'compared with the other run');
   return drawn;
 }
@@ -149,8 +150,9 @@ async function zoomsTogether(page) {
 async function jumpsToViolations(page) {
   const rows = page.locator('#violations tbody tr');
   assert.equal(await rows.count(), 2);
-  assert.match(await rows.nth(0).textContent(), /inference stall.*no command came/);
-  await rows.nth(1).click();
+  assert.match(await rows.nth(0).textContent(), /the robot stopped.*inference stall.*no command came/, 'the gravest first');
+  assert.match(await rows.nth(1).textContent(), /commands missed/);
+  await rows.nth(0).click();
   const there = await view(page);
   assert.ok(there.from < there.cursor && there.cursor < there.to && there.to - there.from < 2, 'zoomed in on it');
   assert.equal(await page.locator('#violations tr[aria-current]').count(), 1);
@@ -159,6 +161,114 @@ async function jumpsToViolations(page) {
   assert.ok(back.cursor < there.cursor, 'p: the one before');
   await page.keyboard.press('n');
   assert.equal((await view(page)).cursor, there.cursor, 'n: the next');
+}
+
+// Late wake-ups that cost nothing share a row; whatever a key jumps to is in sight afterwards, be it in that row, far down
+// the list, or on a small screen.
+async function hidesNothingItJumpsTo(page) {
+  const kCount = 60;
+  const found = await page.evaluate((count) => {
+    const { view, violations } = takt.page;
+    const list = Array.from({ length: count }, (_, index) => ({ at_s: 0.5 + 0.04 * index, fault: index === 7 ? 'unknown' : 'platform_stall',
+      gravity: index === 7 ? 'missed' : index === 50 ? 'stopped' : 'late', lateness_ms: index }));
+    document.querySelector('#violations tbody').replaceChildren();
+    const many = new takt.Moments('violations', list, count, view, (each, number) => [each.gravity, each.fault, `number ${number}`], takt.byGravity);
+    const rows = () => [...document.querySelectorAll('#violations tbody tr')].filter((row) => !row.hidden).map((row) => [...row.cells].slice(1).map((cell) => cell.textContent).join(', '));
+    const closed = rows();
+    view.setCursor(0);
+    const seen = [];
+    for (let step = 0; step < count; ++step) {
+      many.next();
+      const row = document.querySelector('#violations tr[aria-current]'), box = row.getBoundingClientRect(), list = row.closest('.scroll').getBoundingClientRect();
+      const age = document.getElementById('age').getBoundingClientRect(), bar = document.getElementById('transport').getBoundingClientRect();
+      const isInSight = !row.hidden && box.top >= list.top - 1 && box.bottom <= list.bottom + 1 && age.top >= bar.top && age.bottom <= innerHeight + 1;
+      seen.push([row.cells[3].textContent, isInSight]);
+    }
+    document.querySelector('#violations tbody').replaceChildren(...violations.rows);
+    return { closed, seen };
+  }, kCount);
+  assert.deepEqual(found.closed, ['stopped, platform_stall, number 51', 'missed, unknown, number 8',
+    'no command missed, platform stall, the control loop woke up late, by 59.0 ms at most']);
+  assert.deepEqual(found.seen, Array.from({ length: kCount }, (_, index) => [`number ${index + 1}`, true]));
+}
+
+// A limit that holds is no alarm: nothing red on the charts of a calm stretch.
+async function alarmsOnlyAtAlarms(page) {
+  const red = await page.evaluate(([from, to]) => {
+    takt.page.view.setWindow(from, to);
+    const isRed = (r, g, b, a) => a > 200 && r > 150 && r > 1.8 * g && r > 1.8 * b;
+    return ['age', 'tracking', 'interventions', 'timing'].map((id) => [...document.querySelectorAll(`#${id} canvas`)].reduce((sum, canvas) => {
+      const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+      for (let at = 0; at < data.length; at += 4) sum += isRed(...data.slice(at, at + 4));
+      return sum;
+    }, 0));
+  }, calm);
+  assert.deepEqual(red, [0, 0, 0, 0]);
+}
+
+// With one long loss in view two thirds of the chart are still those of ages up to twice the limit.
+async function breaksTheScaleOfALongLoss(page) {
+  const { ends, parts } = await page.evaluate(() => {
+    const scale = takt.scaleFor(150, 15000);
+    const values = [0, 75, 150, 300, 1000, 15000];
+    return { ends: values.map(scale.to), parts: [takt.scaleFor(150, 600).isBroken, scale.isBroken, scale.ticks(200).map(({ label }) => +label)] };
+  });
+  ends.forEach((each, index) => assert.ok(index === 0 ? each === 0 : each > ends[index - 1], 'rises'));
+  assert.ok(Math.abs(ends[2] - 1 / 3) < 1e-9 && Math.abs(ends[3] - 2 / 3) < 1e-9 && Math.abs(ends[5] - 1) < 1e-9, ends);
+  assert.deepEqual(parts.slice(0, 2), [false, true]);
+  assert.ok(parts[2].includes(15000) && parts[2].includes(0) && parts[2].some((each) => each > 0 && each <= 150), parts[2].join());
+}
+
+// Every joint's numbers at the cursor are the samples', beside the robot file's limits; the chart follows what is chosen.
+async function showsEveryJoint(page) {
+  const found = await page.evaluate(() => {
+    const { facts, samples, view } = takt.page;
+    view.whole();
+    view.setCursor(1);
+    const place = samples.at(1);
+    const rows = [...document.querySelectorAll('#joints tr')].slice(1).map((row) => [...row.cells].map((cell) => cell.firstChild.textContent));
+    const [joint, quantity] = ['joint', 'quantity'].map((id) => document.getElementById(id));
+    const choose = (select, value) => { select.value = value; select.dispatchEvent(new Event('change')); };
+    const legends = [...quantity.options].map((option) => {
+      choose(quantity, option.value);
+      return document.getElementById('tracking-legend').textContent;
+    });
+    choose(quantity, 'position');
+    choose(joint, 'all');
+    const all = document.getElementById('tracking-legend').textContent;
+    choose(joint, '0');
+    return { rows, legends, all, names: facts.joints.map(({ name }) => name), limits: document.querySelector('#joints small').textContent,
+      wanted: facts.joints.map((_, index) => [['q' + index, `q${index}.spread`, 4], ['dq' + index, null, 3], ['kp' + index, null, 1]].map(([name, spread, digits]) => samples.value(place, name, spread).toFixed(digits))) };
+  });
+  assert.deepEqual(found.rows.map(([name]) => name), found.names);
+  found.rows.forEach((cells, index) => assert.deepEqual([cells[1], cells[4], cells[7]].map(Number), found.wanted[index].map(Number), cells.join()));
+  assert.match(found.limits, /^ of (±|-?[\d.]+ to )/);
+  assert.equal(found.legends.length, 6);
+  assert.match(found.legends[1], /estimated.*limits -.* rad\/s/);
+  for (const name of found.names) assert.ok(found.all.includes(name));
+}
+
+// The pointer says what the chart holds where it points.
+async function saysTheValueAtThePointer(page) {
+  await page.keyboard.press('0');
+  await page.evaluate(() => scrollTo(0, 0));
+  for (const id of charts) {
+    await page.locator(`#${id}`).scrollIntoViewIfNeeded();
+    const box = await page.locator(`#${id}`).boundingBox();
+    await page.mouse.move(box.x + 0.6 * box.width, box.y + 0.4 * box.height);
+    const text = await page.evaluate(() => (document.getElementById('pointer').hidden ? '' : [...document.getElementById('pointer').rows].map((row) => [...row.cells].map((cell) => cell.textContent).join(' ')).join('\n')));
+    assert.match(text, /^[\d.]+ s/, id);
+    if (id !== 'age') continue;
+    const [time, age] = [parseFloat(text), parseFloat(text.match(/age ([\d.]+) ms/)[1])];
+    const [wanted, inside] = await page.evaluate((at) => {
+      const { samples } = takt.page, box = document.getElementById('pointer').getBoundingClientRect();
+      return [samples.value(samples.at(at), 'age', 'age.spread'), box.left >= 0 && box.right <= innerWidth && box.bottom <= innerHeight];
+    }, time);
+    assert.ok(Math.abs(age - wanted) < 1.1, `${age}, not ${wanted} ms`);
+    assert.ok(inside, 'all of it is on the screen');
+  }
+  await page.mouse.move(5, 5);
+  assert.ok(await page.evaluate(() => document.getElementById('pointer').hidden));
 }
 
 // Which pixel columns of each chart would look different without the marks, counted from the cursor's line.
@@ -361,6 +471,15 @@ const calmAge = await inBrowser({ colorScheme: 'light' }, async (page, { errors,
   await scalesToWhatIsInView(page);
   await zoomsTogether(page);
   await jumpsToViolations(page);
+  await hidesNothingItJumpsTo(page);
+  await page.setViewportSize({ width: 400, height: 900 });
+  await hidesNothingItJumpsTo(page);
+  await page.setViewportSize({ width: 1500, height: 1900 });
+  await alarmsOnlyAtAlarms(page);
+  await breaksTheScaleOfALongLoss(page);
+  await showsEveryJoint(page);
+  await saysTheValueAtThePointer(page);
+  await page.keyboard.press('0');
   await showsMarks(page);
   await obeysTheKeyboard(page);
   await plays(page);

@@ -1,5 +1,5 @@
 // Goal: a robot of twelve joints on four buses with drives of all five protocols runs the demo policy, and whichever of
-// its drives fails, the cause is named with its joint and in its protocol's words.
+// its drives fails, the cause is named with its joint and in its protocol's words, by the run and by its report.
 // Method: real processes on the loopback buses; per case one drive's fault strikes 800 ms after it was first enabled.
 #include <gtest/gtest.h>
 
@@ -58,6 +58,14 @@ TEST_P(MixedDrives, AFailingDriveIsNamedInItsOwnWords) {
   EXPECT_TRUE(detail.starts_with("joint " + std::string(row.joint) + ": " + row.said)) << detail;
   const auto from = transition.at("from").get<std::string>();
   EXPECT_TRUE(from == "tracking" || from == "degraded") << from << ": it did not move: nothing was tested";
+  const std::string log = robot.directory() + "/report.log";
+  Child report({"takt", "report", robot.run_directory()}, log);
+  ASSERT_EQ(report.wait(std::chrono::seconds(60)), 0) << robot.logs();
+  std::string line;
+  std::ifstream told(log);
+  for (int number = 0; number < 2; ++number) std::getline(told, line);
+  EXPECT_TRUE(line.starts_with("STOPPED")) << line;
+  EXPECT_NE(line.find("joint " + std::string(row.joint) + ": " + row.said), std::string::npos) << line;
 }
 
 INSTANTIATE_TEST_SUITE_P(

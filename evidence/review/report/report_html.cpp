@@ -43,6 +43,8 @@ Json violations_json(const FaultSummary& faults, MonoTime start) {
                           {"first_tick", verdict.first_tick},
                           {"last_tick", verdict.last_tick},
                           {"fault", name(verdict.fault)},
+                          {"gravity", name(verdict.gravity)},
+                          {"lateness_ms", verdict.lateness.milliseconds()},
                           {"sentence", verdict.sentence}});
   }
   return violations;
@@ -59,7 +61,15 @@ Json marks_json(const RunMetrics& metrics) {
 Json joints_json(const config::RobotConfig& robot) {
   Json joints = Json::array();
   for (const config::Joint& joint : robot.joints) {
-    joints.push_back({{"name", joint.name}, {"q_min", joint.limits.q_min}, {"q_max", joint.limits.q_max}});
+    const config::Limits& limits = joint.limits;
+    joints.push_back({{"name", joint.name},
+                      {"q_min", limits.q_min},
+                      {"q_max", limits.q_max},
+                      {"velocity", limits.velocity},
+                      {"torque", limits.torque},
+                      {"kp", joint.kp},
+                      {"kd", joint.kd},
+                      {"damping", joint.damping}});
   }
   return joints;
 }
@@ -82,6 +92,7 @@ Json facts_of(const ReportContent& content, const Json& whole, const Json& momen
           {"marks", marks_json(content.metrics)},
           {"figure", robot_figure(content.run.robot)},
           {"comparison", content.comparison ? to_json(*content.comparison) : Json(nullptr)},
+          {"together", contract_text(content.metrics)},
           {"text", report_text(content.metrics, content.run, 200) + fault_text(content.faults, 200)},
           {"whole", whole},
           {"moments", moments}};

@@ -81,6 +81,7 @@ std::string incidents(const RunMetrics& metrics, std::size_t most) {
     if (shown++ == most) break;
     text += fmt::format("{:<14}{:+.3f} s: {}\n", incident.asked ? "asked" : "STOPPED",
                         (incident.at - metrics.start).seconds(), incident.sentence);
+    if (!incident.counterfactual.empty()) text += fmt::format("{:<14}{}\n", "", incident.counterfactual);
   }
   if (metrics.incident_count > most) text += fmt::format("              and {} more\n", metrics.incident_count - most);
   return text;
@@ -138,6 +139,29 @@ std::string_view recorder_line(const RunManifest& manifest) {
 
 }  // namespace
 
+std::string contract_text(const RunMetrics& metrics) {
+  const MissRate& time = metrics.misses_per_tick;
+  const MissRate& commands = metrics.misses_per_command;
+  if (commands.count == 0 || time.count == 0) return {};
+  const std::string facts =
+      fmt::format("{} of {} commands missed, and {:.3g} % of the time there was no usable one: ", commands.misses,
+                  commands.count, 100 * time.rate);
+  const std::string by_time(name(time.verdict));
+  switch (commands.verdict) {
+    case Verdict::held:
+      return facts + (time.verdict == Verdict::held
+                          ? "the contract was held"
+                          : "few losses, but long ones; held by commands, " + by_time + " by time");
+    case Verdict::violated:
+      return facts + (time.verdict == Verdict::violated
+                          ? "the contract was violated"
+                          : "many losses, but short ones; violated by commands, " + by_time + " by time");
+    case Verdict::undecided:
+      return facts + "too few commands to decide; by time the contract was " + by_time;
+  }
+  return facts;
+}
+
 std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::size_t most) {
   const config::Freshness& contract = run.robot.freshness;
   std::string text = fmt::format("run           {}  robot {}  {:.1f} s  {} ticks\n", run.manifest.run_id,
@@ -151,6 +175,8 @@ std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::
   text += age_table("age per command at first use", metrics.age_per_command, kAgePartCount - 2);
   text += "\ndeadline misses\n" + miss_row("per tick", metrics.misses_per_tick, contract.confidence) +
           miss_row("per command", metrics.misses_per_command, contract.confidence);
+  if (const std::string together = contract_text(metrics); !together.empty())
+    text += fmt::format("  {:<12} {}\n", "together", together);
   text += "  consecutive ticks share a command: the per-tick bound is optimistic, quote the one per command\n\n";
   text += fmt::format("modes         {}\n", modes_line(metrics)) + transitions(metrics, most) + marks(metrics, most);
   const auto arrival = [](std::size_t index) { return takt::name(static_cast<Arrival>(index)); };

@@ -8,6 +8,9 @@
 
 namespace takt::monitor {
 
+// What the verdict per command and the verdict per tick mean together, in one sentence; empty: nothing to judge.
+std::string contract_text(const RunMetrics& metrics);
+
 // Tables: age by stage, deadline misses against the contract, modes, transitions, marks, refusals, interventions,
 // overruns, losses. `most` transitions and marks are listed, the rest counted.
 std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::size_t most = 20);

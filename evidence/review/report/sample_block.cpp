@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace takt::monitor {
@@ -26,7 +27,7 @@ std::vector<SampleColumn> columns_of(std::size_t joints, std::size_t buses, bool
       add(fmt::format("{}{}", what, joint));
       add(fmt::format("{}{}.spread", what, joint));
     }
-    add(fmt::format("target{}", joint));
+    for (const char* what : {"target", "dq", "tau", "temperature", "kp", "kd"}) add(fmt::format("{}{}", what, joint));
   }
   if (has_task_target) {
     for (const char* axis : {"x", "y", "z"}) add(fmt::format("task.{}", axis));
@@ -61,6 +62,14 @@ void SampleBlockBuilder::Extremes::add(float value) {
   empty = false;
 }
 
+void SampleBlockBuilder::Strain::add(const JointRecord& joint) {
+  if (std::abs(joint.dq_estimate) >= std::abs(dq)) dq = joint.dq_estimate;
+  if (std::abs(joint.feedback.tau) >= std::abs(tau)) tau = joint.feedback.tau;
+  temperature = std::max(temperature, joint.feedback.temperature_C);
+  kp = joint.kp_command;
+  kd = joint.kd_command;
+}
+
 void SampleBlockBuilder::tick(const TickRecord& record, double at_s, const TickContext& context) {
   if (last_tick_ != 0 && record.header.tick != last_tick_ + 1) {
     pause();
@@ -91,6 +100,7 @@ void SampleBlockBuilder::begin(double at_s, const TickContext& context) {
   bucket_.bus_errors.resize(buses_);
   bucket_.q.resize(joints_);
   bucket_.reference.resize(joints_);
+  bucket_.strain.resize(joints_);
   bucket_.policy_target.assign(context.policy_target.begin(), context.policy_target.end());
   bucket_.task_target = context.task_target;
 }
@@ -110,6 +120,7 @@ void SampleBlockBuilder::take(const TickRecord& record) {
     bucket_.interventions |= each.interventions;
     bucket_.q[joint].add(each.feedback.q);
     bucket_.reference[joint].add(each.q_reference);
+    bucket_.strain[joint].add(each);
   }
 }
 
@@ -159,6 +170,8 @@ void SampleBlockBuilder::flush() {
     put(bucket_.q[joint]);
     put(bucket_.reference[joint]);
     put(joint < bucket_.policy_target.size() ? bucket_.policy_target[joint] : kNothing);
+    const Strain& strain = bucket_.strain[joint];
+    for (const float value : {strain.dq, strain.tau, strain.temperature, strain.kp, strain.kd}) put(value);
   }
   for (std::size_t axis = 0; has_task_target_ && axis < 3; ++axis) {
     put(bucket_.task_target ? static_cast<float>((*bucket_.task_target)[axis]) : kNothing);

@@ -9,6 +9,9 @@
 //   bus@.errors                  frames    dropped or foreign, within the bucket
 //   q@, q@.spread, reference@, reference@.spread  rad
 //   target@                      rad       last step of the policy's chunk in use: where it wants the joint to go
+//   dq@, tau@                    rad/s, Nm estimated speed, torque that the drive reports: the largest, with its sign
+//   temperature@                 deg C     the highest that the drive reports; 0: it reports none
+//   kp@, kd@                     Nm/rad, Nm s/rad  told to the drive in the bucket's last tick
 //   task.x task.y task.z         m         the task's target, when it is known
 // A value that does not exist is NaN. Memory: four bytes per value. Thread rule: one thread.
 #pragma once
@@ -64,6 +67,10 @@ class SampleBlockBuilder {
     bool empty = true;
     void add(float value);
   };
+  struct Strain {
+    float dq = 0, tau = 0, temperature = 0, kp = 0, kd = 0;
+    void add(const JointRecord& joint);
+  };
   struct Bucket {
     double at_s = 0;
     std::uint64_t ticks = 0;
@@ -74,6 +81,7 @@ class SampleBlockBuilder {
     std::vector<unsigned> bus_state;
     std::vector<std::uint32_t> bus_errors;
     std::vector<Extremes> q, reference;
+    std::vector<Strain> strain;
     std::vector<float> policy_target;
     std::optional<config::Vector3> task_target;
   };

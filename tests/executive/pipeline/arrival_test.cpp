@@ -242,6 +242,25 @@ TEST(ObservationMemory, ForgetsNothingThatIsYoungerThanMaxAge) {
   }
 }
 
+// Who asks what a larger max_age would have decided goes on from a state that remembered fewer observations.
+TEST(ObservationMemory, OnceDeepenedItForgetsNothingMoreAndRecallsNothingForgotten) {
+  constexpr std::uint32_t kBefore = 5, kAfter = 12, kMany = 23;
+  ObservationMemory memory;
+  const auto publish = [&](std::uint64_t ordinal, std::uint32_t depth) {
+    memory.remember({MonoTime{static_cast<std::int64_t>(ordinal)}, {}}, depth);
+  };
+  for (std::uint64_t id = 1; id <= kMany; ++id) publish(id, kBefore);
+  memory.deepen(kBefore, kAfter);
+  for (std::uint64_t id = kMany + 1; id <= kMany + 7; ++id) publish(id, kAfter);
+  RememberedObservation found;
+  for (std::uint64_t id = 1; id <= kMany + 7; ++id) {
+    const bool known = id > kMany - kBefore;
+    ASSERT_EQ(memory.recall(id, kAfter, found) == ObservationMemory::Recall::known, known) << id;
+    if (!known) continue;
+    EXPECT_EQ(found.oldest_sensed_at.ns, static_cast<std::int64_t>(id));
+  }
+}
+
 TEST(ObservationMemory, ForgetsAllWhenTold) {
   ObservationMemory memory;
   RememberedObservation found;

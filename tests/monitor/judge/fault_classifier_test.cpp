@@ -312,6 +312,49 @@ TEST(FaultClassifier, TroublesFarApartAreTwoAndNearOnesAreOne) {
                                           "controller_integration_error: commands refused: corrupt 1"}));
 }
 
+// What stopped the robot comes first, what cost nothing but a late wake-up last, and many of those are one line.
+TEST(FaultText, OrdersByGravityAndGroupsLateWakeUps) {
+  Robot robot;
+  robot.run(500);
+  for (const int late_ms : {2, 7, 3}) {
+    robot.tick([&](TickRecordHeader& header) {
+      header.lateness = milliseconds(late_ms);
+      header.overrun_cause = OverrunCause::platform_stall;
+    });
+    robot.run(300);
+  }
+  robot.tick([](TickRecordHeader& header) { header.arrival = Arrival::corrupt; });
+  robot.run(300);
+  robot.enter(Mode::damped_stop, Cause::envelope_exceeded);
+  robot.run(300);
+  const FaultSummary summary = robot.classifier.finish();
+  ASSERT_EQ(summary.total(), 5U);
+  const std::string text = fault_text(summary);
+  const std::size_t stop = text.find("STOPPED: unknown"), missed = text.find("commands refused: corrupt 1");
+  const std::size_t late = text.find("3 times  no miss: platform_stall: the control loop woke up late, at tick ");
+  EXPECT_TRUE(stop < missed && missed < late && late != std::string::npos) << text;
+  EXPECT_NE(text.find(" by 7 ms\n"), std::string::npos) << text;
+  EXPECT_EQ(std::ranges::count(text, '\n'), 4) << text;
+  EXPECT_TRUE(fault_text(summary, 2).ends_with("  and 3 more\n")) << fault_text(summary, 2);
+}
+
+// More than are listed: the gravest stay, however late they came.
+TEST(FaultSummaryList, KeepsTheGravest) {
+  Robot robot;
+  robot.run(500);
+  for (std::size_t i = 0; i < kListedVerdicts + 2; ++i) {
+    robot.tick([](TickRecordHeader& header) { header.overrun_cause = OverrunCause::platform_stall; });
+    robot.run(110);
+  }
+  robot.enter(Mode::damped_stop, Cause::envelope_exceeded);
+  robot.run(300);
+  const FaultSummary summary = robot.classifier.finish();
+  EXPECT_EQ(summary.total(), kListedVerdicts + 3);
+  ASSERT_EQ(summary.verdicts.size(), kListedVerdicts);
+  EXPECT_EQ(summary.verdicts.back().gravity, Gravity::stopped);
+  EXPECT_TRUE(std::ranges::is_sorted(summary.verdicts, {}, &FaultVerdict::first_tick));
+}
+
 class FaultsOfARun : public TemporaryFolder {};
 
 TEST_F(FaultsOfARun, TheDemosFrozenPolicyIsAStall) {
@@ -320,7 +363,10 @@ TEST_F(FaultsOfARun, TheDemosFrozenPolicyIsAStall) {
   EXPECT_EQ(summary.counts[static_cast<std::size_t>(Fault::inference_stall)], summary.verdicts.size())
       << fault_text(summary);
   EXPECT_EQ(summary.verdicts.size(), 2U) << fault_text(summary);
+  EXPECT_EQ(summary.verdicts[0].gravity, Gravity::missed);
+  EXPECT_EQ(summary.verdicts[1].gravity, Gravity::stopped) << "the second stall stopped the robot";
   EXPECT_TRUE(fault_text(summary, 1).starts_with("faults        inference_stall 2\n  tick "));
+  EXPECT_NE(fault_text(summary, 1).find("  STOPPED: inference_stall: "), std::string::npos) << fault_text(summary, 1);
   EXPECT_TRUE(fault_text(summary, 1).ends_with("  and 1 more\n"));
   EXPECT_EQ(to_json(summary)["counts"]["inference_stall"], 2);
 }

@@ -17,7 +17,6 @@ namespace takt::monitor {
 namespace {
 
 constexpr std::int64_t kStart = 1'000'000'000'000;  // ns: some 17 minutes after boot
-constexpr std::uint64_t kAnswerTicks = 12;
 
 std::byte* zeroed(std::size_t bytes) {
   void* memory = std::aligned_alloc(4096, (bytes + 4095) / 4096 * 4096);
@@ -40,8 +39,8 @@ const config::RobotConfig& demo_robot() {
 VirtualRobot::RingMemory::RingMemory(const ipc::RingShape& shape)
     : size(ipc::ring_bytes(shape)), data(zeroed(size), &std::free), writer({data.get(), size}, shape) {}
 
-VirtualRobot::VirtualRobot()
-    : config_(config::tick_config_of(demo_robot(), kPolicyHash)),
+VirtualRobot::VirtualRobot(const config::RobotConfig& robot)
+    : config_(config::tick_config_of(robot, kPolicyHash)),
       state_(pipeline::make_tick_state(config_)),
       ticks_(ipc::tick_ring(config_.joint_count)),
       commands_(ipc::command_ring()),
@@ -109,7 +108,7 @@ void VirtualRobot::answer(const Observation& observation) {
     }
   }
   if (spoil_answer) spoil_answer(*chunk);
-  answers_.push_back({observation.tick + kAnswerTicks, std::move(chunk)});
+  answers_.push_back({observation.tick + answer_ticks, std::move(chunk)});
 }
 
 void VirtualRobot::publish() {

@@ -25,11 +25,13 @@ class VirtualRobot {
   static constexpr std::uint64_t kPolicyHash = 0x1122'3344'5566'7788;
   static constexpr std::uint64_t kKeyframeEvery = 200;
 
-  VirtualRobot();
+  // Decides by `robot`, whose joints and buses are the demo's.
+  explicit VirtualRobot(const config::RobotConfig& robot = demo_robot());
   void run(std::uint64_t ticks);
   // While true the policy answers nothing.
   bool policy_is_frozen = false;
-  std::uint64_t mark_at = 0;  // tick of a person's mark; 0 never
+  std::uint64_t answer_ticks = 12;  // from an observation to its answer
+  std::uint64_t mark_at = 0;        // tick of a person's mark; 0 never
   // Applied to what a tick is about to read: noise, lateness, faults.
   std::function<void(pipeline::TickInput&)> spoil_input;
   // Of a refused message only the header is published.

@@ -9,6 +9,8 @@ takt.colour = (function () {
   return colour;
 })();
 
+// Hues far apart, however many joints there are.
+takt.jointColour = (index) => `hsl(${(205 + 137.5 * index) % 360} 50% ${takt.theme.isDark() ? 68 : 42}%)`;
 takt.partColours = ['#4e79a7', '#f28e2b', '#e15759', '#76b7b2', '#b07aa1'];
 takt.busStates = [
   { name: 'up', colour: 'tracking' }, { name: 'error-passive', colour: 'degraded' },

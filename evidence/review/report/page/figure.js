@@ -166,7 +166,7 @@ takt.figure = (function () {
         for (const [joint] of scene.measured.lines) pane.dot(joint, takt.colour('ink'), 3);
         if (scene.measured.tool) pane.dot(scene.measured.tool, takt.colour('data'), 4);
       }
-      if (scene.task) pane.cross(scene.task, takt.colour('limit'));
+      if (scene.task) pane.cross(scene.task, takt.colour('ink'));
     }
 
     // Numbers beside the figure.
@@ -180,12 +180,7 @@ takt.figure = (function () {
         [['mode', scene.mode?.replaceAll('_', ' ') ?? 'unknown'],
           ['age', Number.isFinite(age) ? number(age, 2) + ' ms' : 'none'],
           ['interventions', acting.join(', ').replaceAll('_', ' ') || 'none']];
-      const table = document.getElementById('now');
-      table.replaceChildren(...rows.map((row) => takt.row(row)), takt.row(['joint', 'measured', 'setpoint', 'policy'], true));
-      const [q, reference, target] = [this.angles(place, 'q', true), this.angles(place, 'reference', true), this.angles(place, 'target', false)];
-      this.facts.joints.forEach((joint, index) => {
-        table.append(takt.row([joint.name].concat([q, reference, target].map((each) => number(each[index], 4)))));
-      });
+      document.getElementById('now').replaceChildren(...rows.map((row) => takt.row(row)));
     }
   };
 })();

@@ -22,7 +22,7 @@ takt.lanes = (function () {
   }
 
   // names: of the lanes, top first. styleOf(level): [colour, share of the lane's height] of a painted column.
-  return function (id, view, samples, names, levelsOf, styleOf) {
+  return function (id, view, samples, names, levelsOf, styleOf, valuesAt) {
     const count = names.length;
     const paint = (context, area, graph) => {
       const [from, to] = graph.xAxisRange();
@@ -39,13 +39,13 @@ takt.lanes = (function () {
       }
     };
     return takt.chart(id, view, (from, to) => [[from, null], [to, null]], {
-      labels: ['s', 'lanes'], valueRange: [0, Math.max(count, 1)], underlayCallback: paint,
+      labels: ['s', 'lanes'], valueRange: [0, Math.max(count, 1)], underlayCallback: paint, valuesAt,
       yAxis: { drawGrid: false, ticker: () => names.map((label, lane) => ({ v: count - lane - 0.5, label })) },
     });
   };
 })();
 
-takt.modeLane = function (view, modes) {
+takt.modeLane = function (view, modes, valuesAt) {
   // The number of each mark on a flag at its line.
   const paintFlags = (context, area, graph) => {
     view.marks.forEach((time, index) => {
@@ -66,16 +66,16 @@ takt.modeLane = function (view, modes) {
       context.fillRect(left, area.y, Math.max(right - left, 1), area.h);
       if (right - left > 8 * mode.length) {
         context.fillStyle = takt.colour('ink');
-        context.fillText(mode, left + 6, area.y + area.h / 2 + 4);
+        context.fillText(mode.replaceAll('_', ' '), left + 6, area.y + area.h / 2 + 4);
       }
     }
     paintFlags(context, area, graph);
   };
   return takt.chart('modes', view, (from, to) => [[from, null], [to, null]], {
-    labels: ['s', 'mode'], valueRange: [0, 1], underlayCallback: paint, yAxis: { drawGrid: false, ticker: () => [] } });
+    labels: ['s', 'mode'], valueRange: [0, 1], underlayCallback: paint, valuesAt, yAxis: { drawGrid: false, ticker: () => [] } });
 };
 
-takt.interventionLanes = function (view, samples, kinds) {
+takt.interventionLanes = function (view, samples, kinds, valuesAt) {
   const levels = new Float32Array(kinds.length);
   const levelsOf = (block) => {
     const masks = block.column('interventions');
@@ -86,11 +86,11 @@ takt.interventionLanes = function (view, samples, kinds) {
     };
   };
   return takt.lanes('interventions', view, samples, kinds.map((kind) => kind.replaceAll('_', ' ')), levelsOf,
-    () => [takt.colour('second'), 1]);
+    () => [takt.colour('data'), 1], valuesAt);
 };
 
 // Two lanes per bus: its state, and frames that were dropped or foreign.
-takt.busLanes = function (view, samples, buses) {
+takt.busLanes = function (view, samples, buses, valuesAt) {
   const names = buses.flatMap((bus) => [bus + ' state', bus + ' errors']);
   const levels = new Float32Array(names.length);
   const kErrors = takt.busStates.length;  // level of a lane with errors, above those of states
@@ -110,5 +110,5 @@ takt.busLanes = function (view, samples, buses) {
       return levels;
     };
   };
-  return takt.lanes('buses', view, samples, names, levelsOf, styleOf);
+  return takt.lanes('buses', view, samples, names, levelsOf, styleOf, valuesAt);
 };

@@ -10,33 +10,45 @@ takt.main = async function (say) {
   const view = new takt.View(end, facts.period_s, facts.marks.map((mark) => mark.at_s));
   const limitMs = facts.metrics.contract.max_age_ns * 1e-6;
 
+  const ms = (value) => (Number.isFinite(value) ? value.toFixed(2) + ' ms' : 'none');
+  const parts = ['sense', 'queue', 'infer', 'publish', 'hold'];
+  const agesAt = (time) => {
+    const place = samples.at(time);
+    return [['age', ms(samples.value(place, 'age', 'age.spread'))]].concat(parts.map((part) => [part, ms(samples.value(place, part))]));
+  };
+  const modeAt = (time) => [['mode', facts.modes.find(([from, to]) => from <= time && time < to)?.[2].replaceAll('_', ' ') ?? 'unknown']];
+  const interventionsAt = (time) => {
+    const mask = samples.value(samples.at(time), 'interventions');
+    const acting = facts.intervention_kinds.filter((kind, bit) => mask >> bit & 1);
+    return (acting.length ? acting : ['none']).map((kind) => [kind.replaceAll('_', ' '), '']);
+  };
+  const busesAt = (time) => facts.buses.map((bus, index) => {
+    const place = samples.at(time), errors = samples.value(place, `bus${index}.errors`);
+    return [bus, (takt.busStates[samples.value(place, `bus${index}.state`)]?.name ?? 'not recorded') + (errors > 0 ? `, ${errors} frames dropped or foreign` : '')];
+  });
+  const timingAt = (time) => [['late wake-up', 'lateness'], ['work', 'work']].map(([label, name]) => [label, `${samples.value(samples.at(time), name).toFixed(1)} µs`]);
+
   function charts() {
+    const scale = (to) => (value) => (value === null ? null : to(value));
     takt.chart('age', view, (from, to) => samples.bands(from, to, [['age', 'age.spread']]), {
       labels: ['s', 'age'], customBars: true, ylabel: 'ms', heightOf: ([, band]) => band[2] ?? 0, alwaysHigh: limitMs,
-      underlayCallback: takt.underlay(facts.modes, { value: limitMs, text: `max age ${limitMs} ms` }) },
+      rescaled: ([time, band], to) => [time, band.map(scale(to))], valuesAt: agesAt,
+      underlayCallback: takt.underlay(facts.modes, () => [{ value: limitMs, text: `max age ${limitMs} ms` }]) },
     () => ({ colors: [takt.colour('data')] }));
-    const parts = ['sense', 'queue', 'infer', 'publish', 'hold'];
+    // The last part lies at the bottom: each is as high as the scale makes it there.
+    const stacked = ([time, ...values], to) => [time].concat(values.map((value, index) => {
+      const below = values.slice(index + 1).reduce((sum, each) => sum + each, 0);
+      return value === null ? null : to(below + value) - to(below);
+    }));
     takt.chart('stages', view, (from, to) => samples.atLargest(from, to, parts, ['age', 'age.spread']), {
-      labels: ['s'].concat(parts), stackedGraph: true, ylabel: 'ms', fillAlpha: 0.65, strokeWidth: 0.6, legend: 'always',
-      labelsDiv: 'stages-legend', colors: takt.partColours, heightOf: ([, ...values]) => values.reduce((sum, value) => sum + value, 0), alwaysHigh: limitMs });
-    takt.modeLane(view, facts.modes);
-    takt.interventionLanes(view, samples, facts.intervention_kinds);
-    takt.busLanes(view, samples, facts.buses);
+      labels: ['s'].concat(parts), stackedGraph: true, ylabel: 'ms', fillAlpha: 0.65, strokeWidth: 0.6, colors: takt.partColours, rescaled: stacked, valuesAt: agesAt,
+      heightOf: ([, ...values]) => values.reduce((sum, value) => sum + value, 0), alwaysHigh: limitMs, underlayCallback: takt.underlay([]) });
+    takt.modeLane(view, facts.modes, modeAt);
+    takt.interventionLanes(view, samples, facts.intervention_kinds, interventionsAt);
+    takt.busLanes(view, samples, facts.buses, busesAt);
     takt.chart('timing', view, (from, to) => samples.bands(from, to, [['lateness', null], ['work', null]]), {
-      labels: ['s', 'late wake-up', 'work'], customBars: true, ylabel: 'us', legend: 'always', labelsDiv: 'timing-legend',
+      labels: ['s', 'late wake-up', 'work'], customBars: true, ylabel: 'µs', valuesAt: timingAt,
       underlayCallback: takt.underlay(facts.modes) }, () => ({ colors: [takt.colour('second'), takt.colour('data')] }));
-  }
-
-  function jointChart() {
-    const select = element('joint');
-    facts.joints.forEach((joint, index) => select.add(new Option(joint.name, index)));
-    const lines = () => [['q', 'q@.spread'], ['reference', 'reference@.spread'], ['target', null]].map(([name, spread]) =>
-      [name + select.value, spread && spread.replace('@', select.value)]);
-    const chart = takt.chart('tracking', view, (from, to) => samples.bands(from, to, lines()), {
-      labels: ['s', 'measured', 'setpoint', 'policy target'], customBars: true, ylabel: 'rad', legend: 'always',
-      labelsDiv: 'tracking-legend', underlayCallback: takt.underlay(facts.modes) },
-    () => ({ colors: [takt.colour('data'), takt.colour('second'), takt.colour('third')] }));
-    select.addEventListener('change', () => chart.reload());
   }
 
   function legends() {
@@ -46,11 +58,13 @@ takt.main = async function (say) {
     if (facts.modes.length && facts.metrics.transition_count >= facts.modes.length) {
       element('mode-legend').append(`; not drawn after ${facts.modes.at(-1)[1].toFixed(1)} s: the page holds ${facts.modes.length} of ${facts.metrics.transition_count + 1} stretches`);
     }
+    takt.swatches('stages-legend', parts.map((part, index) => [takt.partColours[index], part]));
+    takt.swatches('timing-legend', [[takt.colour('second'), 'late wake-up'], [takt.colour('data'), 'work']]);
     takt.swatches('bus-legend', takt.busStates.map((state) => [takt.colour(state.colour), state.name])
       .concat([[takt.colour('violated'), 'frames dropped or foreign']]));
     element('bus-legend').append('; the higher the worse');
     takt.swatches('figure-legend', [[takt.colour('tracking'), 'measured, in the colour of the mode'], [takt.colour('second'), 'setpoint'], [takt.colour('third'), 'policy target'],
-      [takt.colour('data'), 'way of the last second']].concat(samples.has('task.x') ? [[takt.colour('limit'), 'task target']] : []));
+      [takt.colour('data'), 'way of the last second']].concat(samples.has('task.x') ? [[takt.colour('ink'), 'cross: task target']] : []));
   }
 
   function transport() {
@@ -76,13 +90,13 @@ takt.main = async function (say) {
   }
 
   charts();
-  jointChart();
+  takt.joints(facts, samples, view);
   transport();
   takt.theme.onChange(legends);
   legends();
   const figure = new takt.figure(facts, samples, view);
   const violations = new takt.Moments('violations', facts.violations, facts.violation_count, view,
-    (violation) => [violation.fault.replaceAll('_', ' '), violation.sentence.replace(/^[a-z_]+: /, '')]);
+    (violation) => [takt.cameTo[violation.gravity], violation.fault.replaceAll('_', ' '), violation.sentence.replace(/^[a-z_]+: /, '')], takt.byGravity);
   const marks = new takt.Moments('marks', facts.marks, facts.metrics.mark_count, view, (mark, number) => [String(number), String(mark.tick)]);
   takt.keyboard(view, violations, marks);
   figure.draw();

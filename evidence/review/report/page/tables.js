@@ -40,10 +40,18 @@ takt.tables = (function () {
     for (const incident of shown) {
       const box = document.createElement('div');
       box.className = 'incident' + (incident.asked ? '' : ' fault');
-      const [name, sentence] = ['b', 'span'].map((tag) => document.createElement(tag));
+      const name = document.createElement('b');
       name.textContent = incident.asked ? 'Stopped as asked' : `Stopped by itself: ${incident.cause.replaceAll('_', ' ')}` + (incident.where ? `, ${incident.where}` : '');
-      sentence.textContent = incident.sentence;
-      box.append(name, sentence);
+      box.append(name);
+      const clauses = incident.sentence.split(/(?<=; )(?=first sign |done: |clears with: )/);
+      for (const clause of clauses.concat(incident.counterfactual ?? [])) {
+        const line = document.createElement('p');
+        const [, label, rest] = clause.match(/^(first sign|done:|clears with:|by replay:)?(.*?)(?:; )?$/s);
+        const name = document.createElement('i');
+        name.textContent = label ?? '';
+        line.append(name, rest);
+        box.append(line);
+      }
       document.getElementById('incidents').append(box);
     }
     if (metrics.incident_count > shown.length) document.getElementById('incidents').append(`and ${metrics.incident_count - shown.length} more: see the report below`);
@@ -86,6 +94,7 @@ takt.tables = (function () {
     incidents(facts.metrics);
     verdict(`per tick: Pr(age > ${contract.max_age_ns * 1e-6} ms) <= ${100 * contract.epsilon} %`, misses.per_tick, contract.confidence);
     verdict('per command', misses.per_command, contract.confidence);
+    text('together', facts.together);
     comparison(facts.comparison);
   };
 })();

@@ -66,6 +66,24 @@ TEST_F(SampleBlockTest, JointsAreThinnedOneByOne) {
   EXPECT_FLOAT_EQ(column(block, "q0.spread")[0], 0.0);
 }
 
+// Speed and torque keep their largest with its sign, temperature its highest; gains are those told last.
+TEST_F(SampleBlockTest, AJointsStrainKeepsItsPeaks) {
+  for (std::uint64_t number = 1; number <= 10; ++number) {
+    tick(number, 1, [&](TickRecord& record) {
+      JointRecord& joint = record.joints[1];
+      joint.dq_estimate = number == 3 ? -4.0F : 1.0F;
+      joint.feedback.tau = number == 6 ? 7.5F : -2.0F;
+      joint.feedback.temperature_C = number == 2 ? 61.0F : 40.0F;
+      joint.kp_command = number == 10 ? 0.0F : 80.0F;
+      joint.kd_command = number == 10 ? 3.0F : 1.0F;
+    });
+  }
+  const SampleBlock block = builder_.finish();
+  const std::pair<const char*, float> wanted[] = {{"dq1", -4}, {"tau1", 7.5}, {"temperature1", 61}, {"kp1", 0},
+                                                  {"kd1", 3},  {"tau0", 0},   {"temperature0", 0}};
+  for (const auto& [name, value] : wanted) EXPECT_FLOAT_EQ(column(block, name)[0], value) << name;
+}
+
 // Interventions of all joints and ticks are joined; a bus shows its worst state and the errors of the bucket alone.
 TEST_F(SampleBlockTest, MasksAreJoinedAndCountersBecomeDifferences) {
   for (std::uint64_t number = 1; number <= 20; ++number) {

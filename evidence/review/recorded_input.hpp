@@ -1,0 +1,34 @@
+// A recorded tick's input, put together again from its record and the message it read: what replay feeds to the
+// decision.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "executive/pipeline/control_tick.hpp"
+#include "monitor/record/recorded_run.hpp"
+
+namespace takt::monitor {
+
+// The configuration that the recorded executive decided by, its admitted policy included.
+pipeline::TickConfig recorded_config(const RecordedRun& run);
+
+// Thread rule: one thread.
+class RecordedInput {
+ public:
+  // Call before of() of the tick that read it.
+  void command(RecordedCommand command) { pending_ = std::move(command); }
+  // Valid until the next call; null: the tick read a message that is not in the recording, or was told of one that it
+  // did not read.
+  const pipeline::TickInput* of(const TickRecord& record);
+  // Of the message that the newest tick read only the header was kept.
+  [[nodiscard]] bool is_by_header() const { return is_by_header_; }
+
+ private:
+  std::unique_ptr<CommandChunk> chunk_ = std::make_unique<CommandChunk>();
+  std::unique_ptr<pipeline::TickInput> input_ = std::make_unique<pipeline::TickInput>();
+  std::optional<RecordedCommand> pending_;
+  bool is_by_header_ = false;
+};
+
+}  // namespace takt::monitor
