@@ -20,7 +20,7 @@ Responder::Responder(const config::RobotConfig& robot, std::uint64_t policy_hash
 void Responder::start_session() {
   forget();
   sequence_ = 0;
-  last_id_ = 0;
+  continuity_.start_session();
 }
 
 void Responder::forget() {
@@ -29,18 +29,10 @@ void Responder::forget() {
   policy_.reset();
 }
 
-bool Responder::continues(const Observation& observation) const {
-  const bool starts_arming = observation.mode == static_cast<std::uint8_t>(Mode::arming) && last_mode_ != Mode::arming;
-  return observation.id > last_id_ && observation.id - last_id_ <= 1 + kMaxGap && !starts_arming;
-}
-
 const CommandChunk& Responder::answer(const Observation& observation, std::span<const SensorSample> samples,
                                       MonoTime dequeued_at, Clock clock) {
-  if (!continues(observation)) forget();
-  const bool skipped = last_id_ != 0 && observation.id > last_id_;
-  const std::uint64_t dropped = skipped ? observation.id - last_id_ - 1 : 0;
-  last_id_ = observation.id;
-  last_mode_ = static_cast<Mode>(observation.mode);
+  const auto [continues, dropped] = continuity_.advance(observation);
+  if (!continues) forget();
 
   const auto last_action = last_action_.due_at(observation.published_at);
   const std::uint64_t sequence = ++sequence_;

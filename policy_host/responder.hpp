@@ -1,9 +1,9 @@
 // One observation in, one command chunk out: input vector, inference, joint targets, stamps. Everything a policy host
 // does between reading and publishing, without the reading and publishing.
 //
-// Forgets the past (histories, last action, hidden state) at the start of a session, when observation ids run backwards
-// or skip more than kMaxGap, when the robot starts arming, and after an output that is not finite; a short gap only
-// counts as dropped observations. Time comes from the clock passed in. Thread rule: one thread; no allocation.
+// Forgets the past (histories, last action, hidden state) where an observation does not go on from the last
+// (continuity.hpp), and after an output that is not finite. Time comes from the clock passed in. Thread rule: one
+// thread; no allocation.
 #pragma once
 
 #include <cstdint>
@@ -12,10 +12,10 @@
 
 #include "config/robot_config.hpp"
 #include "executive/contract/command_chunk.hpp"
-#include "executive/contract/mode.hpp"
 #include "executive/contract/observation.hpp"
 #include "executive/contract/sensor_sample.hpp"
 #include "policy_host/chunk_builder.hpp"
+#include "policy_host/continuity.hpp"
 #include "policy_host/observation_builder.hpp"
 #include "policy_host/policy.hpp"
 
@@ -25,8 +25,6 @@ using Clock = MonoTime (*)();
 
 class Responder {
  public:
-  static constexpr std::uint64_t kMaxGap = 5;  // observations missed in a row before history is worthless
-
   // Precondition: check_policy_section and check_fit passed. `policy` outlives this.
   Responder(const config::RobotConfig& robot, std::uint64_t policy_hash, Policy& policy);
 
@@ -39,7 +37,6 @@ class Responder {
 
  private:
   void forget();
-  [[nodiscard]] bool continues(const Observation& observation) const;
 
   Policy& policy_;
   ObservationBuilder input_;
@@ -49,8 +46,7 @@ class Responder {
   std::vector<float> output_;
   CommandChunk chunk_;
   std::uint64_t sequence_ = 0;
-  std::uint64_t last_id_ = 0;  // 0: none answered in this session
-  Mode last_mode_ = Mode::standby;
+  Continuity continuity_;
 };
 
 }  // namespace takt::policy_host

@@ -26,6 +26,7 @@ MAY_USE = {
     "executive/runtime": f"{SHARED} executive/pipeline executive/setup executive/incident executive/trace executive/log drivers/bus drivers/protocol "
                          "drivers/guard drivers/torque_output",
     "policy_host": f"{SHARED} executive/trace executive/log",
+    "client": f"{SHARED} policy_host",
     "monitor/record": f"{SHARED} executive/incident drivers/bus drivers/protocol",
     "monitor/judge": f"{SHARED} executive/incident drivers/protocol monitor/record",
     "monitor/telemetry": f"{SHARED} executive/incident drivers/protocol monitor/record monitor/judge",

@@ -93,9 +93,9 @@ TEST_F(ResponderTest, ForgetsOnLongGapsBackwardIdsAndArming) {
   responder_.start_session();
   answer(1);
   EXPECT_EQ(resets_of(2), 0);
-  EXPECT_EQ(resets_of(3 + Responder::kMaxGap), 0) << "a gap that history survives";
+  EXPECT_EQ(resets_of(3 + Continuity::kMaxGap), 0) << "a gap that history survives";
   EXPECT_EQ(policy_.last_input[7], 2.09F) << "the spent chunk's last step";
-  EXPECT_EQ(resets_of(5 + 2 * Responder::kMaxGap), 1) << "one more";
+  EXPECT_EQ(resets_of(5 + 2 * Continuity::kMaxGap), 1) << "one more";
   EXPECT_EQ(policy_.last_input[7], 0.0F);
   EXPECT_EQ(resets_of(1), 1) << "backwards";
   EXPECT_EQ(resets_of(1), 1) << "repeated";

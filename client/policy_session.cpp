@@ -1,0 +1,322 @@
+#include "client/policy_session.hpp"
+
+#include <fmt/format.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <span>
+#include <utility>
+
+#include "config/load.hpp"
+#include "config/paths.hpp"
+#include "config/units.hpp"
+#include "executive/contract/mode.hpp"
+#include "executive/contract/monotonic_clock.hpp"
+#include "policy_host/pacing.hpp"
+#include "policy_host/policy_fit.hpp"
+
+namespace takt::client {
+namespace {
+
+constexpr Duration kAttachRetry = milliseconds(200);
+
+std::unexpected<Refusal> refuse(std::string sentence) {
+  return std::unexpected(Refusal{TAKT_BAD_CONFIG, std::move(sentence)});
+}
+
+std::expected<void, Refusal> check_chunk(const config::RobotConfig& robot, const PolicySpec& spec) {
+  const config::Policy& policy = *robot.policy;
+  const auto step = config::parse_quantity(spec.step, config::Dimension::time);
+  if (!step) return refuse(fmt::format("step \"{}\" of the policy's chunk: {}", spec.step, step.error()));
+  if (spec.steps != policy.steps) {
+    return refuse(fmt::format("{}: policy.steps is {}, the policy's chunks have {}: make them equal", robot.file,
+                              policy.steps, spec.steps));
+  }
+  if (std::llround(*step) != policy.step_period.ns) {
+    return refuse(fmt::format("{}: policy.step_period is {}, the policy's is {}: make them equal", robot.file,
+                              config::format_duration(policy.step_period), spec.step));
+  }
+  return {};
+}
+
+std::expected<void, Refusal> check_stream(const config::RobotConfig& robot, const Term& term) {
+  const auto sensor = std::ranges::find(robot.sensors, term.stream, &config::Sensor::name);
+  if (sensor == robot.sensors.end()) {
+    std::string names;
+    for (const config::Sensor& known : robot.sensors) names += (names.empty() ? "" : ", ") + known.name;
+    return refuse(
+        fmt::format("{}: the policy reads stream '{}', which `sensors` does not list ({}); add it there, or "
+                    "correct the name",
+                    robot.file, term.stream, names.empty() ? "it is empty" : "there is " + names));
+  }
+  if (sensor->values != term.values) {
+    return refuse(fmt::format("{}: sensor {} has {} values, the policy's stream of that name {}: make them equal",
+                              robot.file, term.stream, sensor->values, term.values));
+  }
+  return {};
+}
+
+bool reads(const PolicySpec& spec, const std::string& sensor) {
+  return std::ranges::any_of(spec.terms, [&](const Term& term) { return term.stream == sensor; });
+}
+
+// The executive refuses commands without a stamp of outside sensors where policy.observation has one: that the policy
+// reads the same ones keeps anything else from passing.
+std::expected<void, Refusal> check_terms(const config::RobotConfig& robot, const PolicySpec& spec) {
+  for (const Term& term : spec.terms) {
+    if (term.kind != TAKT_TERM_STREAM) continue;
+    if (auto fine = check_stream(robot, term); !fine) return fine;
+  }
+  const std::vector<std::size_t> listed = policy_host::sensors_in_use(robot);
+  for (std::size_t i = 0; i < robot.sensors.size(); ++i) {
+    const std::string& name = robot.sensors[i].name;
+    const bool is_listed = std::ranges::find(listed, i) != listed.end();
+    if (is_listed == reads(spec, name)) continue;
+    return refuse(is_listed
+                      ? fmt::format("{}: policy.observation lists sensor {}, which the policy does not read: read it, "
+                                    "or take it out of there",
+                                    robot.file, name)
+                      : fmt::format("{}: the policy reads stream {}, which policy.observation does not list: add "
+                                    "`- {{ term: sensor, sensor: {} }}` there, and the executive insists on its age",
+                                    robot.file, name, name));
+  }
+  return {};
+}
+
+std::size_t width(const config::RobotConfig& robot, const Term& term) {
+  return term.kind == TAKT_TERM_STREAM ? term.values : robot.joints.size();
+}
+
+// What went wrong on the way to the executive, and not what it answered (executive/ipc/rendezvous_client.cpp).
+bool is_no_answer(const std::string& sentence) {
+  return sentence.starts_with("rendezvous: ");
+}
+
+}  // namespace
+
+std::expected<std::unique_ptr<PolicySession>, Refusal> PolicySession::open(const PolicySpec& spec) {
+  auto robot = config::load(spec.robot_file);
+  if (!robot) return refuse(robot.error().substr(0, robot.error().find('\n')));
+  if (const auto fine = policy_host::check_policy_section(*robot); !fine) return refuse(fine.error());
+  if (auto fine = check_chunk(*robot, spec); !fine) return std::unexpected(fine.error());
+  if (auto fine = check_terms(*robot, spec); !fine) return std::unexpected(fine.error());
+  const auto hash = config::policy_hash(robot->policy->file);
+  if (!hash) return refuse(hash.error());
+  const std::string directory =
+      spec.runtime_directory.empty() ? config::default_runtime_directory(robot->robot) : spec.runtime_directory;
+  // Where it is not granted, the policy runs at the level it has.
+  (void)setpriority(PRIO_PROCESS, 0, robot->policy->nice);
+  return std::unique_ptr<PolicySession>(new PolicySession(std::move(*robot), spec, *hash, directory));
+}
+
+PolicySession::PolicySession(config::RobotConfig robot, const PolicySpec& spec, std::uint64_t policy_hash,
+                             const std::string& runtime_directory)
+    : robot_(std::move(robot)),
+      socket_(config::executive_socket(runtime_directory)),
+      hello_(policy_host::hello_of(robot_, policy_hash, Role::policy, spec.program.c_str())),
+      sensors_in_use_(policy_host::sensors_in_use(robot_)),
+      samples_(robot_.sensors.size()) {
+  for (const std::size_t sensor : sensors_in_use_) {
+    sensors_.emplace_back(config::sensor_socket(runtime_directory, robot_.sensors[sensor].name),
+                          policy_host::hello_of(robot_, policy_hash, Role::sensor_reader, spec.program.c_str()));
+  }
+  std::size_t count = 0;
+  for (const Term& term : spec.terms) {
+    const auto sensor = std::ranges::find(robot_.sensors, term.stream, &config::Sensor::name);
+    blocks_.push_back({term.kind, static_cast<std::size_t>(sensor - robot_.sensors.begin()), width(robot_, term)});
+    count += blocks_.back().values;
+  }
+  values_.resize(count);
+  for (const config::Joint& joint : robot_.joints) {
+    joint_names_.push_back(joint.name.c_str());
+    home_.push_back(static_cast<float>(joint.home));
+  }
+  robot_view_ = {.name = robot_.robot.c_str(),
+                 .policy_file = robot_.policy->file.c_str(),
+                 .policy_hash = policy_hash,
+                 .joint_count = static_cast<std::uint32_t>(robot_.joints.size()),
+                 .steps = robot_.policy->steps,
+                 .joints = joint_names_.data(),
+                 .home = home_.data(),
+                 .period_ns = robot_.policy->period.ns,
+                 .step_ns = robot_.policy->step_period.ns};
+  view_.values = values_.data();
+  view_.value_count = static_cast<std::uint32_t>(count);
+  view_.mode = name(Mode::standby).data();
+  chunk_.header.policy_hash = policy_hash;
+  chunk_.header.step_period = robot_.policy->step_period;
+  chunk_.header.step_count = static_cast<std::uint16_t>(robot_.policy->steps);
+  chunk_.header.joint_count = static_cast<std::uint16_t>(robot_.joints.size());
+}
+
+int PolicySession::misused(const char* sentence) {
+  sentence_ = sentence;
+  return TAKT_USAGE;
+}
+
+int PolicySession::try_to_attach(MonoTime now) {
+  next_attempt_ = now + kAttachRetry;
+  auto link = policy_host::ExecutiveLink::attach(socket_, hello_);
+  if (!link) {
+    sentence_ = link.error();
+    if (!is_no_answer(sentence_)) return TAKT_REFUSED;
+    sentence_.insert(0, "waiting for the executive: ");
+    return TAKT_NOTHING;
+  }
+  executive_.emplace(std::move(*link));
+  continuity_.start_session();
+  forget_ = true;
+  sequence_ = 0;
+  seen_published_at_ = {};
+  dequeued_at_ = {};
+  view_.id = 0;
+  sentence_.clear();
+  return TAKT_OK;
+}
+
+int PolicySession::attach(Duration timeout) {
+  const MonoTime deadline = monotonic_now() + timeout;
+  while (!executive_) {
+    sleep_until(std::min(next_attempt_, deadline));
+    const int result = try_to_attach(monotonic_now());
+    if (result == TAKT_REFUSED || (result == TAKT_NOTHING && monotonic_now() >= deadline)) return result;
+  }
+  return TAKT_OK;
+}
+
+int PolicySession::next(Duration timeout) {
+  const MonoTime deadline = monotonic_now() + timeout;
+  do {
+    if (!executive_) {
+      const int result = attach(std::max(Duration{}, deadline - monotonic_now()));
+      if (result != TAKT_OK) return result;
+    }
+    const MonoTime now = monotonic_now();
+    sleep_until(
+        std::min(policy_host::next_look(now, seen_published_at_, robot_.policy->period, looked_since_due_), deadline));
+    if (const int result = look(monotonic_now()); result == TAKT_OK) return result;
+  } while (monotonic_now() < deadline);
+  return TAKT_NOTHING;
+}
+
+int PolicySession::look(MonoTime now) {
+  Observation newest;
+  if (!executive_->read(newest)) {
+    looked_since_due_ = true;
+    if (executive_->is_over()) {
+      sentence_ = "the executive ended the session";
+      executive_.reset();
+    }
+    return TAKT_NOTHING;
+  }
+  looked_since_due_ = false;
+  seen_published_at_ = newest.published_at;
+  if (!has_usable_samples(now)) return TAKT_NOTHING;
+  observation_ = newest;
+  show(now);
+  sentence_.clear();
+  return TAKT_OK;
+}
+
+bool PolicySession::has_usable_samples(MonoTime now) {
+  for (std::size_t i = 0; i < sensors_.size(); ++i) sensors_[i].update(now, samples_[sensors_in_use_[i]]);
+  std::string reason = policy_host::unusable(robot_, sensors_in_use_, samples_, now);
+  if (reason.empty()) return true;
+  for (const policy_host::SensorLink& sensor : sensors_) {
+    if (!sensor.problem().empty()) reason += "; " + sensor.problem();
+  }
+  sentence_ = "no observation is passed on: " + reason;
+  return false;
+}
+
+void PolicySession::show(MonoTime now) {
+  const auto step = continuity_.advance(observation_);
+  dequeued_at_ = now;
+  infer_started_at_ = {};
+  infer_ended_at_ = {};
+  MonoTime outside;
+  for (const std::size_t sensor : sensors_in_use_) {
+    const MonoTime sensed = samples_[sensor].sensed_at;
+    if (!outside.is_set() || sensed < outside) outside = sensed;
+  }
+  view_.id = observation_.id;
+  view_.dropped = step.dropped;
+  view_.published_ns = observation_.published_at.ns;
+  view_.sensed_ns = observation_.oldest_sensed_at.ns;
+  view_.outside_sensed_ns = outside.ns;
+  view_.mode = name(static_cast<Mode>(observation_.mode)).data();
+  view_.reset = forget_ || !step.continues ? 1 : 0;
+  forget_ = false;
+  fill_values();
+}
+
+void PolicySession::fill_values() {
+  const std::array<const float*, 4> of_joints{observation_.q.at.data(), observation_.dq.at.data(),
+                                              observation_.tau.at.data(), observation_.q_setpoint.at.data()};
+  auto out = values_.begin();
+  for (const Block& block : blocks_) {
+    const float* from =
+        block.kind == TAKT_TERM_STREAM ? std::data(samples_[block.sensor].values) : of_joints[block.kind];
+    out = std::copy_n(from, block.values, out);
+  }
+}
+
+int PolicySession::infer_begin() {
+  if (!dequeued_at_.is_set()) return misused("infer_begin without an observation: call takt_policy_next first");
+  infer_started_at_ = monotonic_now();
+  infer_ended_at_ = {};
+  return TAKT_OK;
+}
+
+int PolicySession::infer_end() {
+  if (!infer_started_at_.is_set()) return misused("infer_end without infer_begin for this observation");
+  infer_ended_at_ = monotonic_now();
+  return TAKT_OK;
+}
+
+void PolicySession::fill_chunk(const takt_chunk& given) {
+  CommandHeader& header = chunk_.header;
+  const std::array<std::pair<const float*, CommandField>, kCommandFieldCount> fields{
+      {{given.q, CommandField::q},
+       {given.dq, CommandField::dq},
+       {given.kp, CommandField::kp},
+       {given.kd, CommandField::kd},
+       {given.tau_ff, CommandField::tau_ff}}};
+  unsigned mask = 0;
+  for (const auto& [values, field] : fields) mask |= values != nullptr ? static_cast<unsigned>(field) : 0U;
+  header.fields = static_cast<std::uint8_t>(mask);
+  for (const auto& [values, field] : fields) {
+    if (values == nullptr) continue;
+    for (std::size_t step = 0; step < header.step_count; ++step)
+      std::copy_n(values + step * header.joint_count, header.joint_count,
+                  &chunk_.values[value_index(header, field, step, 0)]);
+  }
+}
+
+int PolicySession::publish(const takt_chunk& given) {
+  if (given.size != sizeof given || given.reserved != 0)
+    return misused("takt_chunk has another size: set `size`, and compile with the header of this library");
+  if (given.q == nullptr) return misused("a chunk without q: position targets are mandatory");
+  if (!executive_ || !dequeued_at_.is_set())
+    return misused("publish without an observation to answer: call takt_policy_next first");
+  fill_chunk(given);
+  // The executive refuses and names such a chunk; what must not happen is that it stays in the policy's memory.
+  const std::span<const float> values(chunk_.values, chunk_.value_count());
+  forget_ = forget_ || !std::ranges::all_of(values, [](float value) { return std::isfinite(value); });
+  CommandHeader& header = chunk_.header;
+  header.observation_id = view_.id;
+  header.sequence = ++sequence_;
+  header.outside_sensed_at = {view_.outside_sensed_ns};
+  header.dequeued_at = dequeued_at_;
+  header.published_at = monotonic_now();
+  header.infer_started_at = infer_started_at_.is_set() ? infer_started_at_ : dequeued_at_;
+  header.infer_ended_at = infer_ended_at_.is_set() ? infer_ended_at_ : header.published_at;
+  header.dropped_observations = static_cast<std::uint32_t>(std::min<std::uint64_t>(view_.dropped, UINT32_MAX));
+  executive_->publish(chunk_);
+  sentence_.clear();
+  return TAKT_OK;
+}
+
+}  // namespace takt::client

@@ -1,0 +1,106 @@
+// A policy in a process of its own, behind takt/client.h: the robot file against what the policy says it is, the lease,
+// the newest observation as the terms that were asked for, stamps, and the chunk on its way out.
+//
+// Errors: an outcome and one sentence. Thread rule: one thread; nothing blocks but attach() and next(), as long as they
+// are told to, a sensor's connect deadline apart (policy_host/sensor_link.hpp). After open() nothing allocates but an
+// attach.
+#pragma once
+
+#include <cstdint>
+#include <expected>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/takt/client.h"
+#include "config/robot_config.hpp"
+#include "executive/contract/command_chunk.hpp"
+#include "executive/contract/observation.hpp"
+#include "executive/contract/sensor_sample.hpp"
+#include "executive/contract/session.hpp"
+#include "policy_host/continuity.hpp"
+#include "policy_host/executive_link.hpp"
+#include "policy_host/sensor_link.hpp"
+
+namespace takt::client {
+
+struct Term {
+  std::uint32_t kind = TAKT_TERM_Q;
+  std::uint32_t values = 0;  // streams only
+  std::string stream;
+};
+
+struct PolicySpec {
+  std::vector<Term> terms;
+  std::string robot_file, runtime_directory, program, step;
+  std::uint32_t steps = 0;
+};
+
+// Has one of the return codes that are an exit code as well.
+struct Refusal {
+  int code;
+  std::string sentence;
+};
+
+class PolicySession {
+ public:
+  static std::expected<std::unique_ptr<PolicySession>, Refusal> open(const PolicySpec& spec);
+  PolicySession(const PolicySession&) = delete;
+  PolicySession& operator=(const PolicySession&) = delete;
+  ~PolicySession() = default;
+
+  // These return the codes of takt/client.h.
+  int attach(Duration timeout);
+  int next(Duration timeout);
+  int infer_begin();
+  int infer_end();
+  int publish(const takt_chunk& chunk);
+  void detach() { executive_.reset(); }
+
+  [[nodiscard]] const takt_robot& robot() const { return robot_view_; }
+  [[nodiscard]] const takt_observation& observation() const { return view_; }
+  [[nodiscard]] const std::string& sentence() const { return sentence_; }
+
+ private:
+  struct Block {
+    std::uint32_t kind;
+    std::size_t sensor;  // index into the robot's sensors; streams only
+    std::size_t values;
+  };
+  PolicySession(config::RobotConfig robot, const PolicySpec& spec, std::uint64_t policy_hash,
+                const std::string& runtime_directory);
+  int try_to_attach(MonoTime now);
+  int look(MonoTime now);
+  [[nodiscard]] bool has_usable_samples(MonoTime now);
+  void show(MonoTime now);
+  void fill_values();
+  void fill_chunk(const takt_chunk& given);
+  int misused(const char* sentence);
+
+  config::RobotConfig robot_;
+  std::string socket_;
+  Hello hello_;
+  std::vector<Block> blocks_;
+  std::vector<std::size_t> sensors_in_use_;
+  std::vector<policy_host::SensorLink> sensors_;  // one per sensor in use
+  std::vector<SensorSample> samples_;             // one per sensor of the robot file
+  std::optional<policy_host::ExecutiveLink> executive_;
+  MonoTime next_attempt_;
+  MonoTime seen_published_at_;  // of the newest observation read; unset: none in this session
+  bool looked_since_due_ = false;
+  policy_host::Continuity continuity_;
+  bool forget_ = true;
+  Observation observation_;
+  CommandChunk chunk_;
+  MonoTime dequeued_at_, infer_started_at_, infer_ended_at_;  // of the observation returned last
+  std::uint64_t sequence_ = 0;
+  std::string sentence_;
+  std::vector<float> values_;
+  std::vector<const char*> joint_names_;
+  std::vector<float> home_;
+  takt_robot robot_view_{};
+  takt_observation view_{};
+};
+
+}  // namespace takt::client

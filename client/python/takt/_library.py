@@ -1,0 +1,68 @@
+"""takt/client.h for ctypes: structures, codes and functions as that header declares them."""
+import ctypes
+import pathlib
+from ctypes import POINTER, c_char_p, c_float, c_int64, c_uint32, c_uint64, c_void_p
+
+ABI = 1
+SONAME = f"libtakt-client.so.{ABI}"
+OK, NOTHING, USAGE, BAD_CONFIG, REFUSED, BUG = 0, 1, 64, 65, 69, 70
+KINDS = {"q": 0, "dq": 1, "tau": 2, "q_setpoint": 3}
+STREAM = 4
+FloatP = POINTER(c_float)
+
+
+class TermStruct(ctypes.Structure):
+    _fields_ = [("kind", c_uint32), ("values", c_uint32), ("stream", c_char_p)]
+
+
+class SpecStruct(ctypes.Structure):
+    _fields_ = [("size", c_uint32), ("term_count", c_uint32), ("terms", POINTER(TermStruct)), ("robot_file", c_char_p),
+                ("runtime_directory", c_char_p), ("program", c_char_p), ("step", c_char_p), ("steps", c_uint32),
+                ("reserved", c_uint32)]
+
+
+class RobotStruct(ctypes.Structure):
+    _fields_ = [("name", c_char_p), ("policy_file", c_char_p), ("policy_hash", c_uint64), ("joint_count", c_uint32),
+                ("steps", c_uint32), ("joints", POINTER(c_char_p)), ("home", FloatP), ("period_ns", c_int64), ("step_ns", c_int64)]
+
+
+class ObservationStruct(ctypes.Structure):
+    _fields_ = [("id", c_uint64), ("dropped", c_uint64), ("published_ns", c_int64), ("sensed_ns", c_int64),
+                ("outside_sensed_ns", c_int64), ("values", FloatP), ("mode", c_char_p), ("value_count", c_uint32),
+                ("reset", c_uint32)]
+
+
+class ChunkStruct(ctypes.Structure):
+    _fields_ = [("size", c_uint32), ("reserved", c_uint32), ("q", c_void_p), ("dq", c_void_p), ("kp", c_void_p),
+                ("kd", c_void_p), ("tau_ff", c_void_p)]
+
+
+FUNCTIONS = {
+    "takt_policy_open": [POINTER(SpecStruct), POINTER(c_void_p), c_char_p, c_uint32],
+    "takt_policy_attach": [c_void_p, c_int64],
+    "takt_policy_next": [c_void_p, c_int64],
+    "takt_policy_infer_begin": [c_void_p],
+    "takt_policy_infer_end": [c_void_p],
+    "takt_policy_publish": [c_void_p, POINTER(ChunkStruct)],
+}
+
+
+def load() -> ctypes.CDLL:
+    """The library of this package: beside it, as in a wheel, or where the system has it. ImportError where it does not fit."""
+    beside = pathlib.Path(__file__).parent / SONAME
+    try:
+        library = ctypes.CDLL(str(beside) if beside.exists() else SONAME)
+    except OSError as error:
+        raise ImportError(f"takt: {SONAME} cannot be loaded: {error}; install Takt's package for this system") from None
+    library.takt_client_abi.restype = c_uint32
+    if library.takt_client_abi() != ABI:
+        raise ImportError(f"takt: {SONAME} has ABI {library.takt_client_abi()}, this package wants {ABI}: install both from one version")
+    for name, arguments in FUNCTIONS.items():
+        getattr(library, name).argtypes = arguments
+        getattr(library, name).restype = ctypes.c_int
+    for name, result in {"takt_policy_robot": POINTER(RobotStruct), "takt_policy_observation": POINTER(ObservationStruct),
+                         "takt_policy_sentence": c_char_p, "takt_policy_detach": None,
+                         "takt_policy_close": None}.items():
+        getattr(library, name).argtypes = [c_void_p]
+        getattr(library, name).restype = result
+    return library

@@ -1,0 +1,346 @@
+"""A policy: what it reads and gives, the connection to a running robot, and its observations."""
+import argparse
+import ctypes
+import logging
+import os
+import pathlib
+import signal
+import sys
+import threading
+import time
+from dataclasses import dataclass
+from typing import Any, Dict, Iterator, Mapping, Optional, Sequence, Tuple, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from takt import _library
+from takt._refused import Refused
+
+_WAIT_NS = 100_000_000  # a signal is heeded within this time
+_SAY_AGAIN_S = 10.0
+_FIELDS = ("q", "dq", "kp", "kd", "tau")
+
+_log = logging.getLogger("takt")
+
+
+@dataclass(frozen=True)
+class Joints:
+    """A term with one row per quantity and one column per joint."""
+
+    quantities: Tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Stream:
+    """A term with the newest sample of an outside sensor."""
+
+    name: str
+    values: int
+
+
+Term = Union[Joints, Stream]
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """What a policy gives: `steps` targets per joint, `step` apart."""
+
+    field: str
+    steps: int
+    step: str
+
+
+def joints(*quantities: str) -> Joints:
+    """Of every joint: "q" (position, rad), "dq" (velocity, rad/s), "tau" (torque, Nm), "q_setpoint" (what the drives were last
+    told, rad). The term has the shape (quantities, joints).
+    """
+    for name in quantities:
+        if name not in _library.KINDS:
+            raise Refused(f"takt.joints: there is no quantity {name!r}; there are {', '.join(_library.KINDS)}")
+    if not quantities:
+        raise Refused("takt.joints: name at least one of " + ", ".join(_library.KINDS))
+    return Joints(quantities)
+
+
+def stream(name: str, values: int) -> Stream:
+    """The newest sample of the outside sensor `name`, which the robot file lists under `sensors` and under
+    `policy.observation`. The term has the shape (values,), in the sensor's units. A sample older than the sensor's `timeout` is
+    not passed on, and neither is its observation.
+    """
+    return Stream(name, int(values))
+
+
+def chunk(field: str, *, steps: int, step: str) -> Chunk:
+    """Joint position targets: field "q", rad. Step 0 is meant for the instant obs.time, step k for k times `step` ("10 ms") later.
+    Both are what the robot file's policy.steps and policy.step_period say.
+    """
+    if field != "q":
+        raise Refused(f"takt.chunk: a chunk's targets are 'q' (rad), not {field!r}; dq, kp, kd and tau may go with them in publish()")
+    return Chunk(field, int(steps), step)
+
+
+@dataclass(frozen=True)
+class Policy:
+    """What a policy is: named terms of its observation, which become attributes of `obs`, and its action."""
+
+    observation: Mapping[str, Term]
+    action: Chunk
+
+    def __post_init__(self) -> None:
+        taken = [name for name in self.observation if hasattr(Observation, name) or name.startswith("_") or not name.isidentifier()]
+        if taken:
+            raise Refused(f"takt.Policy: an observation cannot be named {taken[0]!r}: that is no free name of an attribute; choose another")
+        if not self.observation:
+            raise Refused("takt.Policy: an observation has at least one term")
+
+
+class _Handle:
+    """The library's policy. Freed with the last that refers to it, so that no array ever outlives its memory."""
+
+    def __init__(self, library: ctypes.CDLL, pointer: ctypes.c_void_p) -> None:
+        self._as_parameter_ = pointer  # what ctypes passes on
+        self._close = library.takt_policy_close
+
+    def __del__(self) -> None:
+        self._close(self._as_parameter_)
+
+    def array(self, address: int, count: int) -> NDArray[np.float32]:
+        memory = (ctypes.c_float * count).from_address(address)
+        memory.owner = self
+        values = np.frombuffer(memory, np.float32)
+        values.flags.writeable = False
+        return values
+
+
+class _Infer:
+    """`with obs.infer():` stamps when the inference began and ended."""
+
+    def __init__(self, robot: "Robot") -> None:
+        self._begin = robot._library.takt_policy_infer_begin
+        self._end = robot._library.takt_policy_infer_end
+        self._robot = robot
+
+    def __enter__(self) -> None:
+        self._robot._check(self._begin(self._robot._handle))
+
+    def __exit__(self, *error: object) -> None:
+        self._robot._check(self._end(self._robot._handle))
+
+
+class Observation:
+    """One observation, and the answer to it. The terms of the Policy are its attributes: float32 arrays on memory of the
+    client, which the next step overwrites; copy what you keep.
+    """
+
+    def __init__(self, robot: "Robot", terms: Mapping[str, Term]) -> None:
+        self._robot = robot
+        self._raw = robot._library.takt_policy_observation(robot._handle).contents
+        self._chunk = _library.ChunkStruct(size=ctypes.sizeof(_library.ChunkStruct))
+        self._shape = (robot.steps, len(robot.joints))
+        self._infer = _Infer(robot)
+        values = robot._handle.array(ctypes.addressof(self._raw.values.contents), self._raw.value_count)
+        begin = 0
+        for name, term in terms.items():
+            shape = (len(term.quantities), len(robot.joints)) if isinstance(term, Joints) else (term.values,)
+            end = begin + int(np.prod(shape))
+            setattr(self, name, values[begin:end].reshape(shape))
+            begin = end
+
+    def __getattr__(self, name: str) -> NDArray[np.float32]:  # for type checkers: terms are attributes
+        raise AttributeError(f"this observation has no term {name!r}; name it in takt.Policy(observation=...)")
+
+    @property
+    def id(self) -> int:
+        """Number of the observation in this session: 1, 2, 3, ..."""
+        return self._raw.id
+
+    @property
+    def time(self) -> int:
+        """When the executive published it, ns of time.monotonic_ns(). Step 0 of the answer is meant for this instant."""
+        return self._raw.published_ns
+
+    @property
+    def sensed(self) -> int:
+        """When the oldest of the samples in it was sensed, streams included, ns of time.monotonic_ns()."""
+        outside = self._raw.outside_sensed_ns
+        return min(self._raw.sensed_ns, outside) if outside else self._raw.sensed_ns
+
+    @property
+    def mode(self) -> str:
+        """Of the executive when it published: "standby", "arming", "tracking", "degraded", "damped_stop" or "fault_latched"."""
+        return self._raw.mode.decode()
+
+    @property
+    def dropped(self) -> int:
+        """Observations published since the previous one that this policy never saw."""
+        return self._raw.dropped
+
+    @property
+    def reset(self) -> bool:
+        """True: forget hidden state. A new session, a long gap, the robot began to arm, or the last answer was not finite."""
+        return bool(self._raw.reset)
+
+    def infer(self) -> _Infer:
+        """Around the network's work: `with obs.infer(): ...`. Without it the whole step counts as inference."""
+        return self._infer
+
+    def publish(self, *, q: ArrayLike, dq: Optional[ArrayLike] = None, kp: Optional[ArrayLike] = None,
+                kd: Optional[ArrayLike] = None, tau: Optional[ArrayLike] = None) -> None:
+        """Answers this observation. Each array has the shape (steps, joints): q rad, dq rad/s, kp Nm/rad, kd Nms/rad, tau Nm
+        (added to the controller's torque). Float32 in C order is not copied on the way to the library; the library copies
+        it before this returns. Without dq the executive interpolates; without kp and kd the joint's gains hold.
+        """
+        kept = [self._checked(name, given) for name, given in zip(_FIELDS, (q, dq, kp, kd, tau))]
+        out = self._chunk
+        out.q, out.dq, out.kp, out.kd, out.tau_ff = [None if one is None else one.ctypes.data for one in kept]
+        self._robot._check(self._robot._library.takt_policy_publish(self._robot._handle, out))
+
+    def _checked(self, name: str, given: Optional[ArrayLike]) -> Optional[NDArray[np.float32]]:
+        if given is None:
+            return None
+        array = np.ascontiguousarray(given, np.float32)
+        if array.shape != self._shape:
+            raise Refused(f"publish: {name} has the shape {array.shape}, this robot's chunk {self._shape}: (steps, joints)", _library.USAGE)
+        return array
+
+
+class Robot:
+    """A robot under this policy. Iterate over it for the newest observation, again and again; the loop ends with SIGTERM or the
+    first Ctrl-C, between two steps. While no executive is there, or a stream has no usable sample, it waits, and says so in
+    the log "takt". Use it in a `with` statement.
+    """
+
+    def __init__(self, library: ctypes.CDLL, handle: _Handle, spec: Policy) -> None:
+        self._library, self._handle = library, handle
+        self._stopped = False
+        self._before: Dict[int, Any] = {}
+        self._said, self._say_again_at = "", 0.0
+        facts = library.takt_policy_robot(handle).contents
+        self.name: str = facts.name.decode()
+        self.joints: Tuple[str, ...] = tuple(facts.joints[i].decode() for i in range(facts.joint_count))
+        self.home: NDArray[np.float32] = np.array(facts.home[:facts.joint_count], np.float32)
+        self.steps: int = facts.steps
+        self.step: float = facts.step_ns * 1e-9
+        self.period: float = facts.period_ns * 1e-9
+        self.policy_file: str = os.fsdecode(facts.policy_file)
+        self._observation = Observation(self, spec.observation)
+
+    def __enter__(self) -> "Robot":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Gives the lease back, and signals their handlers. What was observed last may still be read."""
+        for number, handler in self._before.items():
+            signal.signal(number, handler or signal.SIG_DFL)
+        self._before.clear()
+        self._stopped = True
+        self._library.takt_policy_detach(self._handle)
+
+    def __iter__(self) -> Iterator[Observation]:
+        while not self._stopped:
+            result = self._library.takt_policy_next(self._handle, _WAIT_NS)
+            if result == _library.OK:
+                self._said = ""
+                yield self._observation
+            elif result == _library.NOTHING:
+                self._say(self._sentence())
+            else:
+                self._check(result)
+
+    def _attach(self) -> None:
+        while not self._stopped:
+            result = self._library.takt_policy_attach(self._handle, _WAIT_NS)
+            if result == _library.OK:
+                return
+            if result != _library.NOTHING:
+                self._check(result)
+            self._say(self._sentence())
+
+    def _stop_on_signals(self) -> None:
+        if threading.current_thread() is not threading.main_thread():
+            return
+        for number in (signal.SIGTERM, signal.SIGINT):
+            self._before[number] = signal.signal(number, self._stop)
+
+    def _stop(self, number: int, _frame: object) -> None:
+        # A second one does what it did before: whoever hangs in a step can still be ended.
+        signal.signal(number, self._before[number] or signal.SIG_DFL)
+        self._stopped = True
+
+    def _sentence(self) -> str:
+        return self._library.takt_policy_sentence(self._handle).decode()
+
+    def _check(self, result: int) -> None:
+        if result != _library.OK:
+            raise Refused(self._sentence(), result)
+
+    def _say(self, sentence: str) -> None:
+        now = time.monotonic()
+        if not sentence or (sentence == self._said and now < self._say_again_at):
+            return
+        self._said, self._say_again_at = sentence, now + _SAY_AGAIN_S
+        _log.warning("%s", sentence)
+
+
+def _terms_of(spec: Policy) -> "ctypes.Array[_library.TermStruct]":
+    flat = []
+    for term in spec.observation.values():
+        if isinstance(term, Joints):
+            flat += [_library.TermStruct(_library.KINDS[name], 0, None) for name in term.quantities]
+        else:
+            flat.append(_library.TermStruct(_library.STREAM, term.values, term.name.encode()))
+    return (_library.TermStruct * len(flat))(*flat)
+
+
+def _place(robot_file: str, runtime_dir: Optional[str], arguments: Optional[Sequence[str]]) -> Tuple[str, Optional[str]]:
+    """Robot file and runtime directory: those of the command line, where it has them, as `takt run` gives them."""
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("--robot", default=robot_file)
+    parser.add_argument("--runtime-dir", default=runtime_dir)
+    given, _ = parser.parse_known_args(sys.argv[1:] if arguments is None else arguments)
+    return given.robot, given.runtime_dir
+
+
+def _check_identity(robot_file: str, policy_file: str) -> None:
+    """Where `policy.file` is a Python program, its SHA-256 speaks for the program that runs."""
+    program = getattr(sys.modules.get("__main__"), "__file__", None)
+    if pathlib.Path(policy_file).suffix != ".py" or (program and os.path.samefile(program, policy_file)):
+        return
+    raise Refused(f"{robot_file}: policy.file is {policy_file}, and the program that runs is {program}: name it there, or the file "
+                  "that holds what it has learned")
+
+
+def connect(robot_file: Union[str, "os.PathLike[str]"], spec: Policy, *, runtime_dir: Optional[str] = None,
+            arguments: Optional[Sequence[str]] = None) -> Robot:
+    """Compares the spec with the robot file, and takes the robot's one policy lease; waits for an executive that is not there yet.
+
+    `--robot` and `--runtime-dir` in `arguments` (default: this program's command line, where `takt run --policy-host` puts them)
+    win over the two parameters. SIGTERM and SIGINT end the iteration from here on, until the robot is closed; a second one does
+    what it did before. Raises Refused with one sentence: names, shapes, units, hashes.
+    """
+    if not isinstance(spec, Policy):
+        raise Refused("takt.connect: the second argument is a takt.Policy", _library.USAGE)
+    library = _library.load()
+    file, directory = _place(os.fspath(robot_file), runtime_dir, arguments)
+    terms = _terms_of(spec)
+    wanted = _library.SpecStruct(
+        size=ctypes.sizeof(_library.SpecStruct), term_count=len(terms), terms=terms, robot_file=os.fsencode(file),
+        runtime_directory=None if directory is None else os.fsencode(directory),
+        program=os.path.basename(sys.argv[0] or "python3")[:39].encode(), step=spec.action.step.encode(), steps=spec.action.steps)
+    handle, why = ctypes.c_void_p(), ctypes.create_string_buffer(2048)
+    result = library.takt_policy_open(wanted, handle, why, len(why))
+    if result != _library.OK:
+        raise Refused(why.value.decode(errors="replace"), result)
+    robot = Robot(library, _Handle(library, handle), spec)
+    try:
+        _check_identity(file, robot.policy_file)
+        robot._stop_on_signals()
+        robot._attach()
+    except BaseException:
+        robot.close()
+        raise
+    return robot

@@ -1,0 +1,24 @@
+"""What is said when something is refused."""
+import sys
+
+
+class Refused(Exception):
+    """One sentence: what is wrong, where, how to mend it. Uncaught, it ends the program with that line alone and `exit_code`:
+    65 the robot file, or what the policy says it is; 69 the executive answered, and refused; 64 a call that cannot be meant;
+    70 a fault of the library.
+    """
+
+    def __init__(self, sentence: str, exit_code: int = 65) -> None:
+        super().__init__(sentence)
+        self.exit_code = exit_code
+
+
+def _hook(kind, error, trace, before=sys.excepthook):
+    if not isinstance(error, Refused):
+        before(kind, error, trace)
+        return
+    print(error, file=sys.stderr, flush=True)
+    raise SystemExit(error.exit_code)
+
+
+sys.excepthook = _hook

@@ -1,0 +1,149 @@
+/* Takt for a process of your own, in C: be a robot's policy.
+ *
+ * A policy reads observations of a running executive and answers them with chunks of joint targets. Age stays the
+ * executive's affair: the oldest sample of everything that was read counts, and the library says so in every command.
+ *
+ *   takt_policy_open -> takt_policy_attach -> { takt_policy_next -> [infer_begin, infer_end] -> takt_policy_publish }*
+ *   -> takt_policy_detach -> takt_policy_close
+ *
+ * Shapes, units: joints are those of the robot file in its order; q rad, dq rad/s, tau Nm, kp Nm/rad, kd Nms/rad;
+ * float32; stamps in ns of CLOCK_MONOTONIC.
+ * Errors: a return code below, and one line of text: what is wrong, how to mend it. No function ends the process, prints
+ * or throws.
+ * Thread rule: a policy belongs to the thread that opened it. Several policies are independent of one another.
+ * Versions: what this header promises is TAKT_CLIENT_ABI; fields and functions are only ever added to it, at the end.
+ * Library and executive must come from the same version of Takt; the executive refuses others.
+ */
+#ifndef TAKT_CLIENT_H
+#define TAKT_CLIENT_H
+
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define TAKT_CLIENT_ABI 1
+
+/* The ABI that the library has; compare with TAKT_CLIENT_ABI where it may be another than the one compiled with. */
+uint32_t takt_client_abi(void);
+
+/* Return codes. Those that end a program are also its exit code (docs/exit-codes.md). */
+enum {
+  TAKT_OK = 0,
+  TAKT_NOTHING = 1,     /* not yet: no executive, no new observation, or no usable sample of a stream; go on waiting */
+  TAKT_USAGE = 64,      /* called in a wrong order or with an argument that cannot be */
+  TAKT_BAD_CONFIG = 65, /* the robot file, or what was asked of it, is refused */
+  TAKT_REFUSED = 69,    /* the executive answered, and wants another policy, robot file or version, or has a policy */
+  TAKT_BUG = 70         /* a fault of the library's own; the policy is only good for takt_policy_close */
+};
+
+/* What a term of the observation is. */
+enum {
+  TAKT_TERM_Q = 0,          /* joint_count values: estimated positions, rad */
+  TAKT_TERM_DQ = 1,         /* joint_count values: estimated velocities, rad/s */
+  TAKT_TERM_TAU = 2,        /* joint_count values: measured torques, Nm */
+  TAKT_TERM_Q_SETPOINT = 3, /* joint_count values: what the drives were last told, rad */
+  TAKT_TERM_STREAM = 4      /* newest sample of an outside sensor of the robot file, in its own units */
+};
+
+typedef struct takt_term {
+  uint32_t kind;
+  uint32_t values;    /* TAKT_TERM_STREAM: how many the policy expects; else 0 */
+  const char* stream; /* TAKT_TERM_STREAM: name of an entry in the robot file's `sensors`; else NULL */
+} takt_term;
+
+/* What the policy is. Copied; nothing has to outlive takt_policy_open. */
+typedef struct takt_policy_spec {
+  uint32_t size;                 /* sizeof(takt_policy_spec) */
+  uint32_t term_count;           /* 1 or more */
+  const takt_term* terms;        /* laid out in takt_observation.values in this order */
+  const char* robot_file;        /* path */
+  const char* runtime_directory; /* where the robot's sockets are; NULL: the default for this user and robot */
+  const char* program;           /* how others call this process, at most 39 characters */
+  const char* step;              /* time between two steps of a chunk, as in a robot file: "10 ms" */
+  uint32_t steps;                /* steps of a chunk, 1 to 64 */
+  uint32_t reserved;             /* 0 */
+} takt_policy_spec;
+
+/* The robot as its file describes it; constant. */
+typedef struct takt_robot {
+  const char* name;
+  const char* policy_file; /* absolute path; its SHA-256 is the policy's identity */
+  uint64_t policy_hash;    /* first 8 bytes of that, big-endian */
+  uint32_t joint_count;
+  uint32_t steps;
+  const char* const* joints; /* joint_count names */
+  const float* home;         /* joint_count positions, rad */
+  int64_t period_ns;         /* between two observations */
+  int64_t step_ns;           /* between two steps of a chunk */
+} takt_robot;
+
+/* The observation that takt_policy_next returned last; contents change with the next call, addresses never. */
+typedef struct takt_observation {
+  uint64_t id;               /* 1, 2, 3, ... within a session; 0: none yet */
+  uint64_t dropped;          /* observations published since the one before this that were never returned */
+  int64_t published_ns;      /* when the executive published it; step 0 of a chunk is meant for then */
+  int64_t sensed_ns;         /* receive stamp of the oldest joint sample inside */
+  int64_t outside_sensed_ns; /* when the oldest of the streams' samples was sensed; 0: no streams */
+  const float* values;       /* the terms one after the other */
+  const char* mode;          /* of the executive: "standby", "arming", "tracking", "degraded", "damped_stop", ... */
+  uint32_t value_count;
+  uint32_t reset; /* 1: forget what you remember: a new session, a long gap, arming, or your own output was not finite */
+} takt_observation;
+
+/* A chunk: steps x joint_count values each, step after step. Without a field the robot's own holds: dq by
+ * interpolation, kp and kd the joint's gains, tau_ff 0. */
+typedef struct takt_chunk {
+  uint32_t size;       /* sizeof(takt_chunk) */
+  uint32_t reserved;   /* 0 */
+  const float* q;      /* rad; not NULL */
+  const float* dq;     /* rad/s, or NULL */
+  const float* kp;     /* Nm/rad, or NULL */
+  const float* kd;     /* Nms/rad, or NULL */
+  const float* tau_ff; /* Nm, or NULL */
+} takt_chunk;
+
+typedef struct takt_policy takt_policy;
+
+/* Reads the robot file and compares it with the spec; talks to nobody. On success *policy is to be closed; otherwise it
+ * is NULL and `why` (why_bytes of room, zero-terminated, cut off where it does not fit) has the sentence. Also sets the
+ * calling thread's niceness to the robot file's policy.nice, where that is granted. Returns OK, USAGE, BAD_CONFIG, BUG. */
+int takt_policy_open(const takt_policy_spec* spec, takt_policy** policy, char* why, uint32_t why_bytes);
+
+/* Takes the executive's one policy lease, waiting at most about `timeout_ns` for somebody to listen. Returns OK, also when
+ * attached already, NOTHING, REFUSED, BUG. */
+int takt_policy_attach(takt_policy* policy, int64_t timeout_ns);
+
+/* Waits at most about `timeout_ns` for the newest observation that was not returned before; one that was overtaken is
+ * dropped and counted. Attaches again when the executive went away. An observation for which a stream has no usable sample
+ * (none yet, or older than the sensor's timeout) is not returned: takt_policy_sentence says which. A signal does
+ * not end the wait. Returns OK, NOTHING, REFUSED, BUG. */
+int takt_policy_next(takt_policy* policy, int64_t timeout_ns);
+
+/* Optional stamps around the inference, once each per observation. Without them all from takt_policy_next to
+ * takt_policy_publish is called inference. Returns OK, USAGE. */
+int takt_policy_infer_begin(takt_policy* policy);
+int takt_policy_infer_end(takt_policy* policy);
+
+/* Answers the observation returned last; the values are copied before it returns. Values that are not finite or out of
+ * range travel: the executive judges them, and refuses the command. Never waits. Returns OK, USAGE, BUG. */
+int takt_policy_publish(takt_policy* policy, const takt_chunk* chunk);
+
+/* Valid until takt_policy_close; never NULL. */
+const takt_robot* takt_policy_robot(const takt_policy* policy);
+const takt_observation* takt_policy_observation(const takt_policy* policy);
+/* Why the last call did not return OK; empty where there is nothing to say. Valid until the next call. */
+const char* takt_policy_sentence(const takt_policy* policy);
+
+/* Gives the lease back; the robot then has no policy, and what was observed last may still be read. */
+void takt_policy_detach(takt_policy* policy);
+
+/* Detaches and frees. NULL is fine. */
+void takt_policy_close(takt_policy* policy);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
