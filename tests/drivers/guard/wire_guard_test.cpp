@@ -9,6 +9,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <string>
 
 #include "tests/drivers/guard/guard_bench.hpp"
@@ -340,6 +341,16 @@ TEST(WireGuard, ATorqueMayStartFromNoneAfterDamping) {
   EXPECT_EQ(bench.pass(0x0A7, "01000000"), allowed);
   EXPECT_EQ(step(-0.9F), allowed) << "from nothing: it was off";
   EXPECT_EQ(step(0.9F), slew);
+}
+
+TEST(WireGuard, ATorqueGoesOnFromTheBrakingThatWentOutInstead) {
+  GuardBench bench("left_wrist_pitch");  // 1 Nm a tick
+  const auto step = [&bench](float tau) { return bench.pass(0x0AE, float_bytes(tau), {.tau = tau, .at_dq = -2}); };
+  EXPECT_EQ(step(-3), slew);
+  float braking = 0;
+  std::memcpy(&braking, bench.left.data, sizeof braking);
+  ASSERT_GT(braking, 1.2F);
+  EXPECT_EQ(step(braking + 0.9F), allowed);
 }
 
 }  // namespace

@@ -150,6 +150,30 @@ TEST(Tracking, GravityIsCarriedByTheModel) {
   EXPECT_GT(heaviest, 1.0F);
 }
 
+// Gravity is asked for from the first tick of arming on; a drive that is still off has ramped nothing up.
+TEST(Arming, TheFirstTorqueOfADriveBeginsFromNone) {
+  TickConfig config = robot(6);
+  config.gravity_compensation = true;
+  for (std::size_t j = 0; j < 6; ++j) config.joints[j].limits.torque_rate = 100;
+  constexpr float kStep = 100 * 0.001F;
+  Rig rig(config);
+  rig.run_with_policy(100, 0.4F);
+  rig.tick_with_policy(0.4F, OperatorRequest::arm);
+  ASSERT_EQ(rig.mode(), Mode::arming);
+  float heaviest = 0;
+  for (int tick = 0; tick < 200 && rig.mode() == Mode::arming; ++tick) {
+    for (std::size_t j = 0; j < 6; ++j) {
+      const JointRecord& joint = rig.out->record.joints[j];
+      if (joint.feedback.drive_state == DriveState::enabled) continue;
+      EXPECT_LE(std::abs(joint.tau_total), kStep * 1.001F);
+      heaviest = std::max(heaviest, std::abs(joint.tau_gravity));
+    }
+    rig.tick_with_policy(0.4F);
+  }
+  ASSERT_EQ(rig.mode(), Mode::tracking);
+  EXPECT_GT(heaviest, 4 * kStep) << "the rig asks for more than one step";
+}
+
 TEST(Age, PartsAddUpAndHoldGrows) {
   Rig rig(robot(2));
   rig.arm();
