@@ -111,6 +111,16 @@ def replay_failure(case: Case, job: pathlib.Path, takt: pathlib.Path) -> str:
     return "no run with a tick was recorded" if case.records and replayed == 0 else ""
 
 
+def judge_failure(case: Case, job: pathlib.Path) -> str:
+    """What CASE.py beside CASE.sh finds in what the guest left; its figures are printed. Empty: there is none, or all is well."""
+    judge = case.path.with_suffix(".py")
+    if not judge.exists():
+        return ""
+    judged = subprocess.run([sys.executable, str(judge), str(job / "out")], check=False, capture_output=True, text=True)
+    print(f"{case.name:18} | {judged.stdout.strip()}", flush=True)
+    return "" if judged.returncode == 0 else judged.stderr.strip() or f"{judge}: exit code {judged.returncode}"
+
+
 def run_case(case: Case, image: pathlib.Path, options: argparse.Namespace) -> Verdict:
     job = case_job(case, options)
     start = []
@@ -121,6 +131,9 @@ def run_case(case: Case, image: pathlib.Path, options: argparse.Namespace) -> Ve
     began = time.monotonic()
     ending = run_machine(case, image, job, options.wall_limit, lambda line: print(f"{case.name:18} | {line}", flush=True), start)
     result = result_of(job, ending.in_time)
+    if result == "passed" and (failure := judge_failure(case, job)):
+        print(f"{case.name:18} | {failure}", flush=True)
+        result = "failed"
     if options.planted:
         result = {"passed": "missed", "failed": "found", "limit": "found"}.get(result, result)
     verdict = Verdict(case.name, case.mode, result, round(time.monotonic() - began, 1), round(ending.cpu_s, 1))
