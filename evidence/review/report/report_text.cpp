@@ -143,7 +143,7 @@ std::string contract_text(const RunMetrics& metrics) {
   const MissRate& time = metrics.misses_per_tick;
   const MissRate& commands = metrics.misses_per_command;
   if (commands.count == 0 || time.count == 0) return {};
-  const std::string facts =
+  std::string facts =
       fmt::format("{} of {} commands missed, and {:.3g} % of the time there was no usable one: ", commands.misses,
                   commands.count, 100 * time.rate);
   const std::string by_time(name(time.verdict));

@@ -1,0 +1,40 @@
+#!/usr/bin/env python3
+"""Goal: the documents' pictures show what today's sources draw. Method: top.svg is drawn again and must be the same bytes; of
+report.png, which only a browser can draw, the sources' hash must be the one that was written beside it. `./dev pictures`
+draws both anew. Usage: pictures_test.py REPOSITORY MAKE_TOP_PICTURE [--write]: write the hash. Exit codes: 0 fine, 1 not.
+"""
+import hashlib
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+STALE = "docs/pictures/{} is not what today's sources draw: ./dev pictures"
+
+
+def hash_of_sources(root):
+    sources = sorted((root / "evidence/review/report/page").iterdir()) + [root / "evidence/review/report/report_html.cpp"]
+    digest = hashlib.sha256()
+    for source in sources:
+        digest.update(f"{source.name}\0".encode() + source.read_bytes())
+    return digest.hexdigest() + "\n"
+
+
+def main():
+    root, program = pathlib.Path(sys.argv[1]), sys.argv[2]
+    beside = root / "docs/pictures/report.sources.sha256"
+    if "--write" in sys.argv:
+        beside.write_text(hash_of_sources(root))
+        return 0
+    problems = [] if beside.read_text() == hash_of_sources(root) else [STALE.format("report.png")]
+    with tempfile.TemporaryDirectory() as folder:
+        drawn = pathlib.Path(folder) / "top.svg"
+        subprocess.run([program, str(drawn)], cwd=root, check=True)
+        if drawn.read_bytes() != (root / "docs/pictures/top.svg").read_bytes():
+            problems.append(STALE.format("top.svg"))
+    print("\n".join(problems) or "the pictures are today's")
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
