@@ -168,8 +168,8 @@ std::expected<int, Refusal> jog(const Options& options) {
   const drivers::JogWish wish{options.by_degrees * kDegree, options.speed_degrees * kDegree, torque};
   drivers::JointJog moving(joint, wish, drives->driver(*index),
                            carries ? gravity_at(*index, robot->config, *drives) : drivers::GravityTerm());
-  const auto torque = permit_torque(robot->config);
-  if (!torque) return std::unexpected(torque.error());
+  const auto permission = permit_torque(robot->config);
+  if (!permission) return std::unexpected(permission.error());
   run(moving, *index, *drives, robot->config.control.period);
   return report(moving, options);
 }

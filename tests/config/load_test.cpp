@@ -71,6 +71,27 @@ TEST(Load, DdsIsOffUnlessAskedFor) {
   EXPECT_EQ(again->sha256, wide->sha256);
 }
 
+TEST(Load, TheTorqueOutputIsAbsentUnlessAskedForAndWhatAFaultDoesToItIsNoDefault) {
+  const auto without = parse(kSmallRobot, "r").value();
+  EXPECT_FALSE(without.safe_torque_off.has_value());
+  EXPECT_EQ(without.resolved.find("safety"), std::string::npos) << "a robot without one keeps its hash";
+  const auto with_output = [](const std::string& keys) {
+    return parse(with("sensors:", "safety: { safe_torque_off: { " + keys + " } }\nsensors:"), "r");
+  };
+  const auto line = with_output("line: 17, active: low, on_joint_fault: drop");
+  ASSERT_TRUE(line.has_value()) << line.error();
+  EXPECT_EQ(line->safe_torque_off->output, TorqueOutputKind::gpio);
+  EXPECT_EQ(line->safe_torque_off->chip, "/dev/gpiochip0");
+  EXPECT_EQ(line->safe_torque_off->line, 17U);
+  EXPECT_EQ(line->safe_torque_off->active, ActiveLevel::low);
+  EXPECT_EQ(line->safe_torque_off->on_joint_fault, OnJointFault::drop);
+  const auto file = with_output("output: file, file: /run/torque, on_joint_fault: keep");
+  ASSERT_TRUE(file.has_value()) << file.error();
+  EXPECT_EQ(file->safe_torque_off->file, "/run/torque");
+  EXPECT_NE(with_output("line: 17").error().find("`on_joint_fault` is missing"), std::string::npos);
+  EXPECT_NE(with_output("on_joint_fault: drop").error().find("`line` is missing"), std::string::npos);
+}
+
 TEST(Load, ConvertsUnitsAndFillsDefaults) {
   const auto robot = parse(kSmallRobot, "robot.yaml");
   ASSERT_TRUE(robot.has_value()) << robot.error();

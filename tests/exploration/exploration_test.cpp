@@ -159,7 +159,7 @@ class ExplorationBites : public testing::TestWithParam<Bites> {};
 TEST_P(ExplorationBites, APlantedFaultIsFound) {
   const config::RobotConfig robot = small_robot();
   std::string found;
-  for (std::uint64_t seed = 1; seed <= 60 && !found.starts_with(GetParam().oracle); ++seed)
+  for (std::uint64_t seed = 1; seed <= 300 && !found.starts_with(GetParam().oracle); ++seed)
     found = explore(robot, seed, draw(seed, robot.joints.size(), robot.buses.size(), kLasting), nullptr,
                     GetParam().planted);
   EXPECT_TRUE(found.starts_with(GetParam().oracle)) << found;
