@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <bit>
 #include <cstring>
 #include <vector>
 
@@ -115,8 +116,11 @@ const Claim kClaims[] = {
      }},
     {"bad_actions_nan", "commands are refused",
      [](const Seen& with, const Seen&) { return with.last.refused_commands > 10; }},
-    {"bad_actions_range", "commands are refused",
-     [](const Seen& with, const Seen&) { return with.last.refused_commands > 10; }},
+    {"bad_actions_range", "one joint's target is clamped, and the command accepted",
+     [](const Seen& with, const Seen&) {
+       const auto clamped = static_cast<std::size_t>(std::countr_zero(bit(Intervention::target_range)));
+       return with.last.refused_commands == 0 && with.row.interventions[clamped] > 10;
+     }},
     {"wrong_joint_order", "accepted, and wrong",
      [](const Seen& with, const Seen& without) {
        return with.last.refused_commands == 0 && with.row.tracking_error_rms_m > 10 * without.row.tracking_error_rms_m;

@@ -280,6 +280,7 @@ TEST(CyclicLoop, AMessageFromThePolicyIsReadRecordedAndJudged) {
 TEST(CyclicLoop, WhatIsRefusedInMassesLeavesItsHeader) {
   LoopRig rig;
   rig.config.largest_command = static_cast<std::uint32_t>(largest_command_bytes(3, 64));
+  rig.config.interpolation = pipeline::Interpolation::cubic;
   auto segment = ipc::Segment::create("test-command", ipc::ring_bytes(ipc::command_mailbox()), false).value();
   auto policy_side = ipc::Segment::adopt_writable(dup(segment.fd()), segment.size()).value();
   ipc::SlotWriter writer(policy_side.writable(), ipc::command_mailbox());
