@@ -1,5 +1,5 @@
 # The Debian packages: what they hold beside programs, units and exported libraries, and how CPack makes them (`./dev
-# package`). `takt` is what a robot PC runs; `takt-dev` builds policy hosts with an engine of their own.
+# package`). `takt` is what a robot PC runs; `takt-dev` builds policies in C and hosts with an engine of their own; `python3-takt` is for policies in Python.
 
 # The demo robot, ready to start: a folder that /etc/takt/robot points to until `takt deploy` points it elsewhere. Its buses
 # have names that no adapter has: a simulated robot must never meet real drives.
@@ -70,15 +70,19 @@ set(dev_docs ${CMAKE_INSTALL_DATADIR}/doc/takt-dev)
 install(FILES ${share}/doc/changelog.Debian.gz ${share}/doc/changelog.gz ${package_files}/copyright
         DESTINATION ${dev_docs} COMPONENT dev)
 install(DIRECTORY docs/examples DESTINATION ${dev_docs} COMPONENT dev)
+install(FILES ${share}/doc/changelog.Debian.gz ${share}/doc/changelog.gz ${package_files}/copyright
+        DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/python3-takt COMPONENT python)
+install(DIRECTORY client/python/takt DESTINATION lib/python3/dist-packages COMPONENT python PATTERN __pycache__ EXCLUDE)
 
 # `./dev package` builds what is installed; packing must not build every test as well.
 set(CMAKE_SKIP_INSTALL_ALL_DEPENDENCY ON)
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME takt)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
-set(CPACK_COMPONENTS_ALL runtime dev)
+set(CPACK_COMPONENTS_ALL runtime dev python)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_NAME takt)
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME takt-dev)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-takt)
 set(CPACK_PACKAGE_DIRECTORY ${CMAKE_BINARY_DIR}/package)
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
@@ -87,12 +91,14 @@ set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_RELEASE 1)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SECTION misc)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS ON) # libtakt-client: who links it needs this very package
+set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS_POLICY "=")
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_DEPENDS "systemd | systemd-standalone-sysusers, systemd | systemd-standalone-tmpfiles, iproute2")
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_RECOMMENDS "linux-image-rt-amd64 | linux-image-rt-arm64")
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SUGGESTS "can-utils, lttng-tools, babeltrace2")
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_CONTROL_EXTRA ${package_files}/preinst ${package_files}/postinst ${package_files}/prerm ${package_files}/postrm
-    ${package_files}/conffiles)
+    ${package_files}/conffiles ${package_files}/triggers)
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "") # each package has its own
 set(CPACK_DEBIAN_RUNTIME_DESCRIPTION
 "real-time executive for learned robot policies
@@ -120,4 +126,14 @@ TensorRT, libtorch or C++ of your own.
 It holds static libraries, headers and a CMake package: a program that links
 takt::policy_host is a policy host like Takt's own around its engine. An
 example is in /usr/share/doc/takt-dev/examples.")
+# The same files as in the wheel, with the library of `takt`.
+set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_ARCHITECTURE all)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3 (>= 3.11), python3-numpy, takt (= ${PROJECT_VERSION}-1)")
+set(CPACK_DEBIAN_PYTHON_DESCRIPTION
+"policies in Python for Takt
+Takt runs learned policies on robots in real time. With this package a policy
+is a Python program: it reads observations as numpy arrays and answers them
+with chunks of joint targets, which the executive judges as it judges any
+other policy's.")
 include(CPack)

@@ -148,7 +148,9 @@ std::expected<Model, std::string> load(std::span<const std::byte> bytes, std::st
   try {
     onnx::ModelProto model;
     if (!model.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
-      return std::unexpected(one_line(name, "not an ONNX model, or cut short"));
+      return std::unexpected(one_line(name,
+                                      "not an ONNX model, or cut short; what another engine or a Python policy reads "
+                                      "runs by `takt run --policy-host` only"));
     }
     return Model(compile(model));
   } catch (const Refusal& refusal) {

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Executes a page of the documentation: run_page.py PAGE.md BIN_DIR
 
-Blocks are taken in the page's order, in one new temporary folder that sees the repository's `config/` and has BIN_DIR
-first in PATH:
+Blocks are taken in the page's order, in one new temporary folder that sees the repository's `config/` and `docs/`, the build's wheel
+in `build/python`, and has BIN_DIR first in PATH:
 
     ```yaml lab.yaml      a block with a file name after its language is written to that file
     ```console            lines that begin with "$ " are commands for bash; "> " below one goes on with it
@@ -111,7 +111,10 @@ def main():
     page, programs = pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(sys.argv[2]).resolve()
     folder = pathlib.Path(tempfile.mkdtemp(prefix="takt-docs."))
     try:
-        (folder / "config").symlink_to(page.parent.parent / "config")
+        for name in ("config", "docs"):
+            (folder / name).symlink_to(page.parent.parent / name)
+        (folder / "build").mkdir()
+        (folder / "build/python").symlink_to(programs.parent / "python")
         # A robot of the page is nobody else's: two pages, or a page and a test, may run at once.
         # Of other programs Debian's come first: a page's Python is the one that Debian's packages are for.
         environment = dict(os.environ, PATH=f"{programs}:/usr/bin:{os.environ['PATH']}", LC_ALL="C.UTF-8", XDG_RUNTIME_DIR=str(folder))

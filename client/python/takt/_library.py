@@ -33,14 +33,17 @@ class ObservationStruct(ctypes.Structure):
 
 
 class ChunkStruct(ctypes.Structure):
-    _fields_ = [("size", c_uint32), ("reserved", c_uint32), ("q", c_void_p), ("dq", c_void_p), ("kp", c_void_p),
-                ("kd", c_void_p), ("tau_ff", c_void_p)]
+    # The numbers as bytes: c_char_p is the one type that takes them, and their address, in one step.
+    _fields_ = [("size", c_uint32), ("reserved", c_uint32), ("q", c_char_p), ("dq", c_char_p), ("kp", c_char_p),
+                ("kd", c_char_p), ("tau_ff", c_char_p)]
 
 
 FUNCTIONS = {
     "takt_policy_open": [POINTER(SpecStruct), POINTER(c_void_p), c_char_p, c_uint32],
     "takt_policy_attach": [c_void_p, c_int64],
     "takt_policy_next": [c_void_p, c_int64],
+}
+QUICK_FUNCTIONS = {  # they return at once: other threads need not be let in meanwhile
     "takt_policy_infer_begin": [c_void_p],
     "takt_policy_infer_end": [c_void_p],
     "takt_policy_publish": [c_void_p, POINTER(ChunkStruct)],
@@ -57,9 +60,12 @@ def load() -> ctypes.CDLL:
     library.takt_client_abi.restype = c_uint32
     if library.takt_client_abi() != ABI:
         raise ImportError(f"takt: {SONAME} has ABI {library.takt_client_abi()}, this package wants {ABI}: install both from one version")
-    for name, arguments in FUNCTIONS.items():
-        getattr(library, name).argtypes = arguments
-        getattr(library, name).restype = ctypes.c_int
+    quick = ctypes.PyDLL(library._name)
+    for source, functions in ((library, FUNCTIONS), (quick, QUICK_FUNCTIONS)):
+        for name, arguments in functions.items():
+            function = getattr(source, name)
+            function.argtypes, function.restype = arguments, ctypes.c_int
+            setattr(library, name, function)
     for name, result in {"takt_policy_robot": POINTER(RobotStruct), "takt_policy_observation": POINTER(ObservationStruct),
                          "takt_policy_sentence": c_char_p, "takt_policy_detach": None,
                          "takt_policy_close": None}.items():

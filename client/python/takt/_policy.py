@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from dataclasses import dataclass
-from typing import Any, Dict, Iterator, Mapping, Optional, Sequence, Tuple, Union
+from typing import Any, Dict, Iterator, Mapping, NoReturn, Optional, Sequence, Tuple, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +19,6 @@ from takt._refused import Refused
 
 _WAIT_NS = 100_000_000  # a signal is heeded within this time
 _SAY_AGAIN_S = 10.0
-_FIELDS = ("q", "dq", "kp", "kd", "tau")
 
 _log = logging.getLogger("takt")
 
@@ -99,11 +98,11 @@ class _Handle:
     """The library's policy. Freed with the last that refers to it, so that no array ever outlives its memory."""
 
     def __init__(self, library: ctypes.CDLL, pointer: ctypes.c_void_p) -> None:
-        self._as_parameter_ = pointer  # what ctypes passes on
+        self.pointer = pointer
         self._close = library.takt_policy_close
 
     def __del__(self) -> None:
-        self._close(self._as_parameter_)
+        self._close(self.pointer)
 
     def array(self, address: int, count: int) -> NDArray[np.float32]:
         memory = (ctypes.c_float * count).from_address(address)
@@ -117,15 +116,17 @@ class _Infer:
     """`with obs.infer():` stamps when the inference began and ended."""
 
     def __init__(self, robot: "Robot") -> None:
+        self._robot, self._pointer = robot, robot._handle.pointer
         self._begin = robot._library.takt_policy_infer_begin
         self._end = robot._library.takt_policy_infer_end
-        self._robot = robot
 
     def __enter__(self) -> None:
-        self._robot._check(self._begin(self._robot._handle))
+        if result := self._begin(self._pointer):
+            self._robot._refuse(result)
 
     def __exit__(self, *error: object) -> None:
-        self._robot._check(self._end(self._robot._handle))
+        if result := self._end(self._pointer):
+            self._robot._refuse(result)
 
 
 class Observation:
@@ -134,11 +135,13 @@ class Observation:
     """
 
     def __init__(self, robot: "Robot", terms: Mapping[str, Term]) -> None:
-        self._robot = robot
-        self._raw = robot._library.takt_policy_observation(robot._handle).contents
-        self._chunk = _library.ChunkStruct(size=ctypes.sizeof(_library.ChunkStruct))
-        self._shape = (robot.steps, len(robot.joints))
+        self._robot, self._pointer = robot, robot._handle.pointer
+        self._raw = robot._library.takt_policy_observation(self._pointer).contents
+        self._publish = robot._library.takt_policy_publish
         self._infer = _Infer(robot)
+        self._chunk = _library.ChunkStruct(size=ctypes.sizeof(_library.ChunkStruct))
+        self._chunk_by_reference = ctypes.byref(self._chunk)
+        self._shape = (robot.steps, len(robot.joints))
         values = robot._handle.array(ctypes.addressof(self._raw.values.contents), self._raw.value_count)
         begin = 0
         for name, term in terms.items():
@@ -188,21 +191,23 @@ class Observation:
     def publish(self, *, q: ArrayLike, dq: Optional[ArrayLike] = None, kp: Optional[ArrayLike] = None,
                 kd: Optional[ArrayLike] = None, tau: Optional[ArrayLike] = None) -> None:
         """Answers this observation. Each array has the shape (steps, joints): q rad, dq rad/s, kp Nm/rad, kd Nms/rad, tau Nm
-        (added to the controller's torque). Float32 in C order is not copied on the way to the library; the library copies
-        it before this returns. Without dq the executive interpolates; without kp and kd the joint's gains hold.
+        (added to the controller's torque); it is copied before this returns. Without dq the executive interpolates; without kp
+        and kd the joint's gains hold. Values that are not finite or out of range travel: the executive refuses the command.
         """
-        kept = [self._checked(name, given) for name, given in zip(_FIELDS, (q, dq, kp, kd, tau))]
-        out = self._chunk
-        out.q, out.dq, out.kp, out.kd, out.tau_ff = [None if one is None else one.ctypes.data for one in kept]
-        self._robot._check(self._robot._library.takt_policy_publish(self._robot._handle, out))
+        chunk = self._chunk
+        chunk.q = self._bytes("q", q)
+        chunk.dq = None if dq is None else self._bytes("dq", dq)
+        chunk.kp = None if kp is None else self._bytes("kp", kp)
+        chunk.kd = None if kd is None else self._bytes("kd", kd)
+        chunk.tau_ff = None if tau is None else self._bytes("tau", tau)
+        if result := self._publish(self._pointer, self._chunk_by_reference):
+            self._robot._refuse(result)
 
-    def _checked(self, name: str, given: Optional[ArrayLike]) -> Optional[NDArray[np.float32]]:
-        if given is None:
-            return None
-        array = np.ascontiguousarray(given, np.float32)
+    def _bytes(self, name: str, given: ArrayLike) -> bytes:
+        array = np.asarray(given, np.float32)
         if array.shape != self._shape:
             raise Refused(f"publish: {name} has the shape {array.shape}, this robot's chunk {self._shape}: (steps, joints)", _library.USAGE)
-        return array
+        return array.tobytes()  # a hundred numbers: cheaper than asking numpy for their address
 
 
 class Robot:
@@ -216,7 +221,7 @@ class Robot:
         self._stopped = False
         self._before: Dict[int, Any] = {}
         self._said, self._say_again_at = "", 0.0
-        facts = library.takt_policy_robot(handle).contents
+        facts = library.takt_policy_robot(handle.pointer).contents
         self.name: str = facts.name.decode()
         self.joints: Tuple[str, ...] = tuple(facts.joints[i].decode() for i in range(facts.joint_count))
         self.home: NDArray[np.float32] = np.array(facts.home[:facts.joint_count], np.float32)
@@ -238,26 +243,26 @@ class Robot:
             signal.signal(number, handler or signal.SIG_DFL)
         self._before.clear()
         self._stopped = True
-        self._library.takt_policy_detach(self._handle)
+        self._library.takt_policy_detach(self._handle.pointer)
 
     def __iter__(self) -> Iterator[Observation]:
         while not self._stopped:
-            result = self._library.takt_policy_next(self._handle, _WAIT_NS)
+            result = self._library.takt_policy_next(self._handle.pointer, _WAIT_NS)
             if result == _library.OK:
                 self._said = ""
                 yield self._observation
             elif result == _library.NOTHING:
                 self._say(self._sentence())
             else:
-                self._check(result)
+                self._refuse(result)
 
     def _attach(self) -> None:
         while not self._stopped:
-            result = self._library.takt_policy_attach(self._handle, _WAIT_NS)
+            result = self._library.takt_policy_attach(self._handle.pointer, _WAIT_NS)
             if result == _library.OK:
                 return
             if result != _library.NOTHING:
-                self._check(result)
+                self._refuse(result)
             self._say(self._sentence())
 
     def _stop_on_signals(self) -> None:
@@ -272,11 +277,10 @@ class Robot:
         self._stopped = True
 
     def _sentence(self) -> str:
-        return self._library.takt_policy_sentence(self._handle).decode()
+        return self._library.takt_policy_sentence(self._handle.pointer).decode()
 
-    def _check(self, result: int) -> None:
-        if result != _library.OK:
-            raise Refused(self._sentence(), result)
+    def _refuse(self, result: int) -> NoReturn:
+        raise Refused(self._sentence(), result)
 
     def _say(self, sentence: str) -> None:
         now = time.monotonic()

@@ -1,0 +1,302 @@
+// Goal: what a policy is told and what its commands say is true: newest observation only, what was dropped, when to
+// forget, the oldest sample of everything read, its own stamps, packed fields. Method: takt/client.h against an
+// executive and a sensor on real sockets and mailboxes; the test publishes, then reads the commands.
+#include "client/takt/client.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "config/load.hpp"
+#include "config/paths.hpp"
+#include "executive/contract/monotonic_clock.hpp"
+#include "tests/policy_host/fake_server.hpp"
+
+namespace takt::client {
+namespace {
+
+using policy_host::FakeExecutive;
+using policy_host::FakeSensor;
+
+constexpr std::int64_t kLongNs = 10'000'000'000;
+constexpr std::int64_t kShortNs = 30'000'000;
+constexpr std::uint32_t kJoints = 6, kSteps = 16, kRoom = 1024;
+const std::array<takt_term, 3> kTerms{
+    {{TAKT_TERM_Q, 0, nullptr}, {TAKT_TERM_DQ, 0, nullptr}, {TAKT_TERM_STREAM, 3, "target"}}};
+
+takt_policy_spec spec_of(const char* robot_file, const std::string& directory) {
+  takt_policy_spec spec{};
+  spec.size = sizeof spec;
+  spec.term_count = kTerms.size();
+  spec.terms = kTerms.data();
+  spec.robot_file = robot_file;
+  spec.runtime_directory = directory.c_str();
+  spec.program = "client_test";
+  spec.step = "10 ms";
+  spec.steps = kSteps;
+  return spec;
+}
+
+class ClientTest : public testing::Test {
+ protected:
+  ClientTest() : spec_(spec_of("config/arm6.yaml", directory_.path())) {}
+  ~ClientTest() override { takt_policy_close(policy_); }
+
+  void start_servers() {
+    executive_ = std::make_unique<FakeExecutive>(config::executive_socket(directory_.path()));
+    if (!sensor_) sensor_ = std::make_unique<FakeSensor>(config::sensor_socket(directory_.path(), "target"));
+  }
+  void open_and_attach() {
+    start_servers();
+    ASSERT_EQ(takt_policy_open(&spec_, &policy_, why_.data(), kRoom), TAKT_OK) << why_.data();
+    ASSERT_EQ(takt_policy_attach(policy_, kLongNs), TAKT_OK) << takt_policy_sentence(policy_);
+    wait_for_acknowledgement();
+    sense(now());
+  }
+  void wait_for_acknowledgement() {
+    const MonoTime give_up = monotonic_now() + seconds(20);
+    while (!executive_->acknowledged() && monotonic_now() < give_up) sleep_until(monotonic_now() + milliseconds(1));
+  }
+  static MonoTime now() { return monotonic_now(); }
+  void sense(MonoTime at) {
+    SensorSample sample;
+    sample.sequence = ++sample_sequence_;
+    sample.sensed_at = at;
+    sample.value_count = 3;
+    for (std::size_t i = 0; i < 3; ++i) sample.values[i] = static_cast<float>(i) + 0.5F;
+    sensor_->publish(sample);
+  }
+  void observe(std::uint64_t id, Mode mode = Mode::tracking) {
+    Observation observation;
+    observation.id = id;
+    observation.published_at = now();
+    observation.oldest_sensed_at = observation.published_at - milliseconds(1);
+    observation.period = milliseconds(20);
+    observation.joint_count = kJoints;
+    observation.mode = static_cast<std::uint8_t>(mode);
+    for (std::size_t j = 0; j < kJoints; ++j) {
+      observation.q[j] = static_cast<float>(j);
+      observation.dq[j] = 10.0F * static_cast<float>(j);
+    }
+    executive_->publish(observation);
+  }
+  const takt_observation& next(std::uint64_t id, Mode mode = Mode::tracking) {
+    observe(id, mode);
+    EXPECT_EQ(takt_policy_next(policy_, kLongNs), TAKT_OK) << takt_policy_sentence(policy_);
+    return *takt_policy_observation(policy_);
+  }
+  takt_chunk chunk(std::vector<float>& values) const {
+    takt_chunk chunk{};
+    chunk.size = sizeof chunk;
+    chunk.q = values.data();
+    return chunk;
+  }
+  int publish(float first = 0.0F) {
+    std::vector<float> values(kSteps * kJoints, 0.0F);
+    values[0] = first;
+    const takt_chunk given = chunk(values);
+    return takt_policy_publish(policy_, &given);
+  }
+  std::string refusal() {
+    takt_policy* policy = nullptr;
+    EXPECT_EQ(takt_policy_open(&spec_, &policy, why_.data(), kRoom), TAKT_BAD_CONFIG);
+    EXPECT_EQ(policy, nullptr);
+    return why_.data();
+  }
+
+  policy_host::TemporaryDirectory directory_;
+  takt_policy_spec spec_;
+  std::unique_ptr<FakeExecutive> executive_;
+  std::unique_ptr<FakeSensor> sensor_;
+  takt_policy* policy_ = nullptr;
+  std::array<char, kRoom> why_{};
+  std::uint64_t sample_sequence_ = 0;
+};
+
+TEST_F(ClientTest, ShowsTheTermsInTheirOrder) {
+  open_and_attach();
+  const takt_observation& seen = next(1);
+  EXPECT_EQ(seen.id, 1U);
+  EXPECT_STREQ(seen.mode, "tracking");
+  ASSERT_EQ(seen.value_count, 15U);
+  EXPECT_FLOAT_EQ(seen.values[5], 5.0F);
+  EXPECT_FLOAT_EQ(seen.values[6 + 5], 50.0F);
+  EXPECT_FLOAT_EQ(seen.values[12 + 2], 2.5F);
+  const takt_robot& robot = *takt_policy_robot(policy_);
+  EXPECT_EQ(robot.joint_count, kJoints);
+  EXPECT_STREQ(robot.joints[5], "wrist_yaw");
+  EXPECT_FLOAT_EQ(robot.home[2], -1.2F);
+}
+
+TEST_F(ClientTest, ReturnsTheNewestOnceAndCountsWhatItDropped) {
+  open_and_attach();
+  next(1);
+  observe(2);
+  observe(3);
+  EXPECT_EQ(next(4).id, 4U);
+  EXPECT_EQ(takt_policy_observation(policy_)->dropped, 2U);
+  EXPECT_EQ(takt_policy_next(policy_, kShortNs), TAKT_NOTHING) << "returned before";
+  ASSERT_EQ(publish(), TAKT_OK);
+  CommandChunk command;
+  ASSERT_TRUE(executive_->read(command));
+  EXPECT_EQ(command.header.dropped_observations, 2U);
+  EXPECT_EQ(command.header.observation_id, 4U);
+}
+
+TEST_F(ClientTest, SaysWhenToForget) {
+  open_and_attach();
+  EXPECT_EQ(next(1).reset, 1U) << "a new session";
+  EXPECT_EQ(next(2).reset, 0U);
+  ASSERT_EQ(publish(std::numeric_limits<float>::quiet_NaN()), TAKT_OK) << "the executive judges values";
+  EXPECT_EQ(next(3).reset, 1U) << "its own answer was not finite";
+  EXPECT_EQ(next(4).reset, 0U);
+  EXPECT_EQ(next(5, Mode::arming).reset, 1U);
+  EXPECT_EQ(next(5 + 7).reset, 1U) << "a long gap";
+  executive_.reset();
+  EXPECT_EQ(takt_policy_next(policy_, kShortNs), TAKT_NOTHING);
+  start_servers();
+  ASSERT_EQ(takt_policy_attach(policy_, kLongNs), TAKT_OK);
+  wait_for_acknowledgement();
+  sense(now());
+  EXPECT_EQ(next(1).reset, 1U) << "attached again";
+  ASSERT_EQ(publish(), TAKT_OK);
+  CommandChunk command;
+  ASSERT_TRUE(executive_->read(command));
+  EXPECT_EQ(command.header.sequence, 1U) << "of the new session";
+}
+
+TEST_F(ClientTest, TheOldestSampleReadIsInEveryCommand) {
+  open_and_attach();
+  const MonoTime sensed = now() - milliseconds(90);
+  sense(sensed);
+  const takt_observation& seen = next(1);
+  EXPECT_EQ(seen.outside_sensed_ns, sensed.ns);
+  ASSERT_EQ(publish(), TAKT_OK);
+  CommandChunk command;
+  ASSERT_TRUE(executive_->read(command));
+  EXPECT_EQ(command.header.outside_sensed_at, sensed);
+}
+
+TEST_F(ClientTest, AnObservationWithoutAUsableSampleIsNotPassedOn) {
+  open_and_attach();
+  sense(now() - seconds(1));
+  observe(1);
+  EXPECT_EQ(takt_policy_next(policy_, kShortNs), TAKT_NOTHING);
+  EXPECT_NE(std::string(takt_policy_sentence(policy_)).find("sensor target: its newest sample is older than 200 ms"),
+            std::string::npos)
+      << takt_policy_sentence(policy_);
+  sense(now());
+  EXPECT_EQ(next(2).id, 2U);
+}
+
+TEST_F(ClientTest, StampsTelescope) {
+  open_and_attach();
+  CommandChunk command;
+  next(1);
+  ASSERT_EQ(publish(), TAKT_OK);
+  ASSERT_TRUE(executive_->read(command));
+  EXPECT_EQ(command.header.infer_started_at, command.header.dequeued_at) << "unstamped: all of it is inference";
+  EXPECT_EQ(command.header.infer_ended_at, command.header.published_at);
+  next(2);
+  EXPECT_EQ(takt_policy_infer_end(policy_), TAKT_USAGE);
+  ASSERT_EQ(takt_policy_infer_begin(policy_), TAKT_OK);
+  ASSERT_EQ(takt_policy_infer_end(policy_), TAKT_OK);
+  ASSERT_EQ(publish(), TAKT_OK);
+  ASSERT_TRUE(executive_->read(command));
+  EXPECT_LT(command.header.dequeued_at, command.header.infer_started_at);
+  EXPECT_LE(command.header.infer_started_at, command.header.infer_ended_at);
+  EXPECT_LE(command.header.infer_ended_at, command.header.published_at);
+  EXPECT_LE(command.header.published_at, now());
+}
+
+TEST_F(ClientTest, PacksEveryFieldWhereTheExecutiveReadsIt) {
+  open_and_attach();
+  next(1);
+  std::array<std::vector<float>, 5> given;
+  for (std::size_t field = 0; field < 5; ++field) {
+    for (std::size_t i = 0; i < kSteps * kJoints; ++i) given.at(field).push_back(static_cast<float>(1000 * field + i));
+  }
+  takt_chunk all = chunk(given[0]);
+  all.dq = given[1].data();
+  all.kp = given[2].data();
+  all.kd = given[3].data();
+  all.tau_ff = given[4].data();
+  ASSERT_EQ(takt_policy_publish(policy_, &all), TAKT_OK);
+  CommandChunk command;
+  ASSERT_TRUE(executive_->read(command));
+  EXPECT_EQ(command.header.fields, kAllCommandFields);
+  EXPECT_EQ(command.header.step_period, milliseconds(10));
+  const std::array<CommandField, 5> fields{CommandField::q, CommandField::dq, CommandField::kp, CommandField::kd,
+                                           CommandField::tau_ff};
+  for (std::size_t field = 0; field < 5; ++field)
+    EXPECT_FLOAT_EQ(command.values[value_index(command.header, fields.at(field), 7, 3)],
+                    static_cast<float>(1000 * field + 7 * kJoints + 3));
+}
+
+TEST_F(ClientTest, RefusesWhatDoesNotFitTheRobotFileInOneSentence) {
+  spec_.steps = 12;
+  EXPECT_NE(refusal().find("policy.steps is 16, the policy's chunks have 12: make them equal"), std::string::npos)
+      << why_.data();
+  spec_.steps = kSteps;
+  spec_.step = "33.3 ms";
+  EXPECT_NE(refusal().find("policy.step_period is 10 ms, the policy's is 33.3 ms"), std::string::npos) << why_.data();
+  spec_.step = "10";
+  EXPECT_NE(refusal().find("step \"10\""), std::string::npos) << why_.data();
+  spec_.step = "10 ms";
+  auto terms = kTerms;
+  terms[2].stream = "cam0";
+  spec_.terms = terms.data();
+  EXPECT_NE(refusal().find("stream 'cam0', which `sensors` does not list (there is target)"), std::string::npos)
+      << why_.data();
+  terms[2] = {TAKT_TERM_STREAM, 4, "target"};
+  EXPECT_NE(refusal().find("sensor target has 3 values, the policy's stream of that name 4"), std::string::npos)
+      << why_.data();
+  spec_.term_count = 2;
+  EXPECT_NE(refusal().find("policy.observation lists sensor target, which the policy does not read"), std::string::npos)
+      << why_.data();
+  spec_.robot_file = "/nowhere/robot.yaml";
+  EXPECT_NE(refusal().find("/nowhere/robot.yaml"), std::string::npos) << why_.data();
+}
+
+TEST_F(ClientTest, WhatCannotBeMeantIsUsage) {
+  spec_.size = 8;
+  takt_policy* none = nullptr;
+  EXPECT_EQ(takt_policy_open(&spec_, &none, why_.data(), kRoom), TAKT_USAGE);
+  spec_.size = sizeof spec_;
+  open_and_attach();
+  EXPECT_EQ(publish(), TAKT_USAGE) << "nothing to answer yet";
+  next(1);
+  takt_policy_detach(policy_);
+  EXPECT_EQ(publish(), TAKT_USAGE);
+  EXPECT_FLOAT_EQ(takt_policy_observation(policy_)->values[5], 5.0F) << "may still be read";
+}
+
+TEST_F(ClientTest, WaitsForNobodyLongerThanItIsTold) {
+  ASSERT_EQ(takt_policy_open(&spec_, &policy_, why_.data(), kRoom), TAKT_OK) << why_.data();
+  EXPECT_EQ(takt_policy_attach(policy_, kShortNs), TAKT_NOTHING);
+  EXPECT_NE(std::string(takt_policy_sentence(policy_)).find("nobody listens"), std::string::npos);
+}
+
+TEST_F(ClientTest, AnExecutiveThatRefusesIsNoneToWaitFor) {
+  const policy_host::Serving refusing(config::executive_socket(directory_.path()),
+                                      {.admit =
+                                           [](const ipc::Peer&) {
+                                             return ipc::Admission{"another robot: go away", {}};
+                                           },
+                                       .acknowledged = {},
+                                       .recorded = {},
+                                       .left = {},
+                                       .request = {}});
+  ASSERT_EQ(takt_policy_open(&spec_, &policy_, why_.data(), kRoom), TAKT_OK) << why_.data();
+  EXPECT_EQ(takt_policy_attach(policy_, kLongNs), TAKT_REFUSED);
+  EXPECT_STREQ(takt_policy_sentence(policy_), "another robot: go away");
+}
+
+}  // namespace
+}  // namespace takt::client

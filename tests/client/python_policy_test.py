@@ -1,0 +1,173 @@
+#!/usr/bin/env python3
+"""Goal: the wheel, in a fresh environment, is all that a numpy policy needs to drive the demo robot; what does not fit is refused in
+one sentence; a policy sees what it asked for, and leaves cleanly. Method: `takt run` with real processes, policies of a few lines
+written by the tests; the arm's true motion comes from the simulator. Usage: python_policy_test.py SOURCE_DIR BUILD_DIR
+"""
+import json
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+SOURCE, BUILD = pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(sys.argv[2]).resolve()
+SPEC = """
+import json, os, signal, sys, time
+import numpy as np
+import takt
+spec = takt.Policy(observation={"state": takt.joints("q", "dq"), "target": takt.stream("target", 3)},
+                   action=takt.chunk("q", steps=16, step="10 ms"))
+"""
+HOLD = "obs.publish(q=np.tile(robot.home, (16, 1)))"
+
+
+class PythonPolicy(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.python_home = tempfile.mkdtemp(prefix="takt-venv.")
+        cls.venv = pathlib.Path(cls.python_home) / "venv"
+        # Debian's numpy is the one thing it sees of the system.
+        subprocess.run(["/usr/bin/python3", "-m", "venv", "--system-site-packages", cls.venv], check=True)
+        subprocess.run([cls.venv / "bin/pip", "install", "--quiet", "--disable-pip-version-check", "--no-index", "--no-deps", "--find-links",
+                        BUILD / "python", "takt"], check=True)
+
+    @classmethod
+    def tearDownClass(cls):
+        shutil.rmtree(cls.python_home)
+
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="takt-python."))
+        self.addCleanup(shutil.rmtree, self.folder)
+        self.environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "LD_"))}
+        self.environment.update(XDG_RUNTIME_DIR=str(self.folder), PATH=f"{self.venv}/bin:{BUILD}/bin:/usr/bin:/bin")
+        self.robot(lambda text: text)
+
+    def robot(self, change):
+        """robot.yaml: the demo arm under policy.py, patient with a machine that stalls."""
+        text = (SOURCE / "config/arm6.yaml").read_text()
+        for old, new in ((r"file: arm6_reach.onnx", "file: policy.py"), (r"timeout: 20 ms", "timeout: 200 ms"),
+                         (r"drive_watchdog: 100 ms", "drive_watchdog: 500 ms")):
+            self.assertIn(old, text)
+            text = text.replace(old, new)
+        (self.folder / "robot.yaml").write_text(change(text))
+
+    def policy(self, text):
+        path = self.folder / "policy.py"
+        path.write_text(f"#!{self.venv}/bin/python\n" + text)
+        path.chmod(0o755)
+
+    def command(self, *arguments):
+        return subprocess.run(arguments, cwd=self.folder, env=self.environment, capture_output=True, text=True, timeout=120, check=False)
+
+    def run_robot(self, duration):
+        done = self.command("takt", "run", "robot.yaml", "--policy-host", "./policy.py", "--arm", "--duration", duration, "--run-dir", "run",
+                            "--plant=--truth=truth.jsonl")
+        log = self.folder / "run/logs/takt-policy-host.log"
+        return done, log.read_text() if log.exists() else ""
+
+    def refusal(self, text, code):
+        """The one line with which a policy of this text ends by itself, no robot running."""
+        self.policy(text)
+        done = self.command("./policy.py")
+        self.assertEqual(done.returncode, code, done.stderr)
+        self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
+        return done.stderr
+
+    def connect(self, old="", new=""):
+        return SPEC.replace(old, new) + "takt.connect('robot.yaml', spec)\n"
+
+    def test_the_demo_arm_follows_the_target_under_numpy(self):
+        self.policy((SOURCE / "docs/examples/numpy-policy/reach.py").read_text())
+        done, log = self.run_robot("5s")
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr + log)
+        self.assertIn("tracking", done.stdout)
+        rows = [json.loads(line) for line in (self.folder / "truth.jsonl").read_text().splitlines()]
+        errors = sorted(row["error_m"] for row in rows[len(rows) // 2:])
+        self.assertLess(errors[len(errors) // 2], 0.05, "it began 0.25 m away")
+        replayed = self.command("takt", "replay", "run")
+        self.assertEqual(replayed.returncode, 0, replayed.stdout)
+
+    def test_a_policy_sees_what_it_asked_for_and_leaves_on_a_signal(self):
+        self.policy(SPEC + f"""
+with takt.connect("robot.yaml", spec) as robot:
+    seen, kept, newest = [], None, 0
+    for obs in robot:
+        if kept is None:
+            kept = obs.state
+            assert obs.reset and obs.state.shape == (2, 6) and obs.target.shape == (3,) and obs.state.dtype == np.float32, obs.state
+            assert robot.joints[0] == "base_yaw" and robot.steps == 16 and abs(robot.period - 0.02) < 1e-9
+            try:
+                obs.state[0] = 1
+                sys.exit("an observation was writable")
+            except ValueError:
+                pass
+        assert kept.base is not None and np.shares_memory(kept, obs.state), "a copy"
+        assert obs.id > newest, "not newer"
+        newest = obs.id
+        assert obs.sensed <= obs.time <= time.monotonic_ns()
+        seen.append(obs.mode)
+        with obs.infer():
+            pass
+        {HOLD}
+        if obs.mode == "tracking" and seen.count("tracking") == 20:
+            os.kill(os.getpid(), signal.SIGTERM)
+assert abs(kept[0, 2] + 1.2) < 0.2, "may still be read"
+print("left", sorted(set(seen)))
+""")
+        done, log = self.run_robot("3s")
+        self.assertIn("left", log, done.stdout + done.stderr)
+        self.assertIn("'tracking'", log)
+        self.assertNotIn("Traceback", log)
+
+    def test_a_wrong_shape_ends_the_policy_in_one_sentence(self):
+        self.policy(SPEC + """
+with takt.connect("robot.yaml", spec) as robot:
+    for obs in robot:
+        obs.publish(q=np.zeros((16, 5)))
+""")
+        _, log = self.run_robot("2s")
+        self.assertIn("publish: q has the shape (16, 5), this robot's chunk (16, 6): (steps, joints)\n", log)
+        self.assertNotIn("Traceback", log)
+
+    def test_another_robot_file_is_refused_by_the_executive(self):
+        # The policy says another file than the robot runs with: same policy, other limits.
+        self.policy(self.connect() .replace("'robot.yaml', spec", "'other.yaml', spec, arguments=['--robot', 'other.yaml']"))
+        (self.folder / "other.yaml").write_text((self.folder / "robot.yaml").read_text().replace("velocity: 3 rad/s", "velocity: 2 rad/s"))
+        done, log = self.run_robot("2s")
+        self.assertNotEqual(done.returncode, 0)
+        self.assertRegex(log, r"configuration hash [0-9a-f]{16} is not the executive's [0-9a-f]{16}: start both with the same robot file")
+        self.assertNotIn("Traceback", log)
+
+    def test_what_does_not_fit_is_refused_in_one_sentence(self):
+        for old, new, said in (
+                ("steps=16", "steps=100", "policy.steps is 16, the policy's chunks have 100"),
+                ('"10 ms"', '"33.3 ms"', "policy.step_period is 10 ms, the policy's is 33.3 ms"),
+                ('"10 ms"', '"10"', 'step "10" of the policy'),
+                ('"target", 3', '"cam0", 3', "stream 'cam0', which `sensors` does not list (there is target)"),
+                ('"target", 3', '"target", 4', "sensor target has 3 values, the policy's stream of that name 4"),
+                (', "target": takt.stream("target", 3)', "", "lists sensor target, which the policy does not read"),
+                ('"q", "dq"', '"q", "speed"', "there is no quantity 'speed'"),
+                ('chunk("q"', 'chunk("tau"', "a chunk's targets are 'q' (rad), not 'tau'"),
+                ('"state"', '"mode"', "an observation cannot be named 'mode'")):
+            with self.subTest(said):
+                self.assertIn(said, self.refusal(self.connect(old, new), 65))
+
+    def test_a_python_file_as_policy_is_the_program_that_runs(self):
+        (self.folder / "another.py").write_text("")
+        self.robot(lambda text: text.replace("file: policy.py", "file: another.py"))
+        self.assertRegex(self.refusal(self.connect(), 65), r"policy.file is \S+/another.py, and the program that runs is \S*policy.py")
+
+    def test_what_needs_the_built_in_engine_refuses_a_python_policy_in_one_sentence(self):
+        self.policy(self.connect())
+        for arguments in (("deploy", "robot.yaml", "--store", "store", "--runs", "runs", "--runtime-dir", "rt", "--no-restart"),
+                          ("margin", "robot.yaml")):
+            done = self.command("takt", *arguments)
+            self.assertIn(done.returncode, (1, 65), done.stderr)
+            self.assertRegex(done.stderr, r"policy.py: not an ONNX model, .* runs by `takt run --policy-host` only")
+            self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1], verbosity=2)
