@@ -236,6 +236,7 @@ TEST(Envelope, CatchesWhatABrokenStageLetsThrough) {
     float total = 0;
     const EnvelopeVerdict result = clamp_to_envelope(setpoint, total, q, 0.0F, limits);
     EXPECT_LE(std::abs(total), limits.torque * 1.0011F);
+    EXPECT_TRUE(result != EnvelopeVerdict::not_finite || total == 0.0F);
     EXPECT_TRUE(setpoint.q >= limits.q_min || result == EnvelopeVerdict::not_finite);
     EXPECT_LE(std::abs(drive_torque(setpoint, {q, 0})), limits.torque * 1.0011F);
     return result;

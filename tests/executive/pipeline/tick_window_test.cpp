@@ -11,6 +11,11 @@
 namespace takt::pipeline {
 namespace {
 
+TEST(TickWindow, KeyframesCarryEveryWordThatIsUsed) {
+  for (std::uint32_t length = 1; length <= kMaxWindowTicks; ++length)
+    ASSERT_EQ(TickWindow::saved_bytes(length), 16U + (length / 64U + (length % 64U != 0 ? 1U : 0U)) * 8U) << length;
+}
+
 RC_GTEST_PROP(TickWindow, CountsWhatAPlainListCounts, ()) {
   const auto length = static_cast<std::uint32_t>(*rc::gen::inRange(1, 300));
   const auto marks = *rc::gen::container<std::vector<bool>>(1000, rc::gen::arbitrary<bool>());
