@@ -87,7 +87,7 @@ class Tree:
         self.folder = self.root / "build/mutants/tree"
         self.build = self.folder / "build/release"
         self.mutants = []
-        outside = [one["file"] for one in scope["outside"]]
+        outside = [one["file"] for one in scope["outside"] if "function" not in one]
         self.wanted = {name for name in self.files() if name.endswith((".cpp", ".hpp")) and name.startswith(tuple(scope["rooms"]))
                        and not any(re.fullmatch(pattern, name) for pattern in outside)}
 
@@ -118,7 +118,7 @@ class Tree:
 
     def find(self):
         """{path: Places} of every wanted file; remembered until one of the sources or the finder changes."""
-        digest = hashlib.sha256(b"".join((HERE / name).read_bytes() for name in ("places.py", "scope.toml")))
+        digest = hashlib.sha256((HERE / "places.py").read_bytes() + repr(sorted(self.wanted)).encode())
         for name in self.files():
             if name.startswith(("executive/", "drivers/", "config/")) and name.endswith((".cpp", ".hpp")):
                 digest.update(name.encode() + (self.root / name).read_bytes())
@@ -149,7 +149,7 @@ class Tree:
                 if fault["file"] == name:
                     add_fault(fault, source, found)
             text = rewritten(source, without_lines(source, found.edits, {line for file, line in broken if file == name}))
-            self.mutants += [mutant for mutant in found.mutants if f"0x{mutant.id}U".encode() in text]
+            self.mutants += [mutant for mutant in found.mutants if f"0x{mutant.id}U".encode() in text and not self.is_left_alone(mutant)]
             write_if_new(self.folder / name, SWITCH.encode() + text)
         for fault in faults:
             if not any(mutant.operator == "fault" and mutant.change == fault["name"] for mutant in self.mutants):
@@ -158,6 +158,10 @@ class Tree:
         if len(set(ids)) != len(ids):
             twice = [mutant.key for mutant in self.mutants if ids.count(mutant.id) > 1]
             raise ValueError(f"two mutants have one number: {twice}")
+
+    def is_left_alone(self, mutant):
+        return mutant.operator != "fault" and any(re.fullmatch(one["file"], mutant.file) and re.fullmatch(one["function"], mutant.function)
+                                                  for one in self.scope["outside"] if "function" in one)
 
     def make(self, programs):
         """Builds the judges. What does not compile is left out, and said."""

@@ -245,6 +245,8 @@ TEST(Envelope, CatchesWhatABrokenStageLetsThrough) {
   EXPECT_EQ(verdict({1.6F, 0, 1, 0, 0}), EnvelopeVerdict::clamped);
   EXPECT_EQ(verdict({0, 3.5F, 0, 0, 0}), EnvelopeVerdict::clamped);
   EXPECT_EQ(verdict({0, 0, -1, 0, 0}), EnvelopeVerdict::clamped);
+  EXPECT_EQ(verdict({0, 0, -0.1F, 0, 0}), EnvelopeVerdict::clamped);
+  EXPECT_EQ(verdict({0, 0, 0, -0.1F, 0}), EnvelopeVerdict::clamped);
   EXPECT_EQ(verdict({0, 0, 0, 7, 0}), EnvelopeVerdict::clamped);
   EXPECT_EQ(verdict({0, 0, 0, 0, 31}), EnvelopeVerdict::clamped);
   EXPECT_EQ(verdict({1, 0, 200, 0, 0}, -1), EnvelopeVerdict::clamped) << "400 Nm at this position";
