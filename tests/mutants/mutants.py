@@ -74,9 +74,9 @@ def choose(mutants, arguments):
 
 
 def judge(mutant, programs, memory, until_first):
-    """{program: Outcome} of those that reach it, the cheapest first."""
+    """{program: Outcome} of those that reach it, the quickest first."""
     outcomes = {}
-    for program in sorted(programs, key=lambda one: one.cpu_s):
+    for program in sorted(programs, key=lambda one: one.wall_s):
         if mutant.id not in program.reaches:
             continue
         outcomes[program.name] = memory.outcome(mutant.id, program)
@@ -180,7 +180,7 @@ def main():
         work = {pool.submit(judge, mutant, programs, memory, arguments.first): mutant for mutant in chosen}
         for done in concurrent.futures.as_completed(work):
             results.append((work[done], done.result()))
-            print(line_of(*results[-1], explained), flush=True)
+            print(f"{len(results)}/{len(chosen)} {line_of(*results[-1], explained)}", flush=True)
     results.sort(key=lambda one: (one[0].file, one[0].line, one[0].id))
     code = sum_up(results, explained, arguments.first)
     print(f"{built - began:.0f} s to find and build, {time.monotonic() - built:.0f} s to run")

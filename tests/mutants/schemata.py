@@ -61,6 +61,17 @@ def add_fault(fault, source, found):
     found.mutants.append(mutant)
 
 
+def without_lines(source, edits, lines):
+    """Those edits that touch none of the lines."""
+    if not lines:
+        return edits
+
+    def line_at(offset):
+        return source.count(b"\n", 0, offset) + 1
+
+    return [edit for edit in edits if lines.isdisjoint(range(line_at(edit.start), line_at(edit.end) + 1))]
+
+
 def write_if_new(path, data):
     if path.exists() and path.read_bytes() == data:
         return
@@ -76,6 +87,9 @@ class Tree:
         self.folder = self.root / "build/mutants/tree"
         self.build = self.folder / "build/release"
         self.mutants = []
+        outside = [one["file"] for one in scope["outside"] if "function" not in one]
+        self.wanted = {name for name in self.files() if name.endswith((".cpp", ".hpp")) and name.startswith(tuple(scope["rooms"]))
+                       and not any(re.fullmatch(pattern, name) for pattern in outside)}
 
     def files(self):
         names = subprocess.run(["git", "ls-files", "-co", "--exclude-standard"], cwd=self.root, check=True, capture_output=True, text=True).stdout.split("\n")
@@ -88,7 +102,7 @@ class Tree:
         # The copy names the present sources, changed or not, before anything is rewritten.
         names = self.files()
         for name in names:
-            if not self.is_wanted(name) or not (self.folder / name).exists():
+            if name not in self.wanted or not (self.folder / name).exists():
                 write_if_new(self.folder / name, (self.root / name).read_bytes())
                 (self.folder / name).chmod((self.root / name).stat().st_mode)
         kept = set(names)
@@ -102,19 +116,9 @@ class Tree:
         if done.returncode != 0:
             sys.exit(done.stdout + done.stderr)
 
-    def is_wanted(self, name):
-        return name in self.wanted()
-
-    def wanted(self):
-        if not hasattr(self, "_wanted"):
-            outside = [one["file"] for one in self.scope["outside"]]
-            self._wanted = {name for name in self.files() if name.endswith((".cpp", ".hpp")) and name.startswith(tuple(self.scope["rooms"]))
-                            and not any(re.fullmatch(pattern, name) for pattern in outside)}
-        return self._wanted
-
     def find(self):
         """{path: Places} of every wanted file; remembered until one of the sources or the finder changes."""
-        digest = hashlib.sha256(b"".join((HERE / name).read_bytes() for name in ("places.py", "schemata.py", "scope.toml")))
+        digest = hashlib.sha256((HERE / "places.py").read_bytes() + repr(sorted(self.wanted)).encode())
         for name in self.files():
             if name.startswith(("executive/", "drivers/", "config/")) and name.endswith((".cpp", ".hpp")):
                 digest.update(name.encode() + (self.root / name).read_bytes())
@@ -127,7 +131,7 @@ class Tree:
                  if os.path.relpath(entry["file"], self.folder).startswith(tuple(self.scope["rooms"]))]
         found = {}
         with multiprocessing.Pool(os.cpu_count()) as pool:
-            jobs = [(str(self.root), str(self.folder), unit, self.wanted()) for unit in units]
+            jobs = [(str(self.root), str(self.folder), unit, self.wanted) for unit in units]
             for one in pool.starmap(places.places_of_unit, jobs, chunksize=2):
                 for name, there in one.items():
                     if name not in found or len(there.mutants) > len(found[name].mutants):
@@ -144,11 +148,8 @@ class Tree:
             for fault in faults:
                 if fault["file"] == name:
                     add_fault(fault, source, found)
-            lines = {line for file, line in broken if file == name}
-            line_at = lambda offset: source.count(b"\n", 0, offset) + 1
-            found.edits = [edit for edit in found.edits if not lines & set(range(line_at(edit.start), line_at(edit.end) + 1))] if lines else found.edits
-            text = rewritten(source, found.edits)
-            self.mutants += [mutant for mutant in found.mutants if f"0x{mutant.id}U".encode() in text]
+            text = rewritten(source, without_lines(source, found.edits, {line for file, line in broken if file == name}))
+            self.mutants += [mutant for mutant in found.mutants if f"0x{mutant.id}U".encode() in text and not self.is_left_alone(mutant)]
             write_if_new(self.folder / name, SWITCH.encode() + text)
         for fault in faults:
             if not any(mutant.operator == "fault" and mutant.change == fault["name"] for mutant in self.mutants):
@@ -157,6 +158,10 @@ class Tree:
         if len(set(ids)) != len(ids):
             twice = [mutant.key for mutant in self.mutants if ids.count(mutant.id) > 1]
             raise ValueError(f"two mutants have one number: {twice}")
+
+    def is_left_alone(self, mutant):
+        return mutant.operator != "fault" and any(re.fullmatch(one["file"], mutant.file) and re.fullmatch(one["function"], mutant.function)
+                                                  for one in self.scope["outside"] if "function" in one)
 
     def make(self, programs):
         """Builds the judges. What does not compile is left out, and said."""
@@ -169,8 +174,8 @@ class Tree:
                 for file, line in sorted(broken):
                     print(f"left out, for it does not compile: {file}:{line}")
                 return
-            worse = {(os.path.relpath(os.path.realpath(self.build / file), self.folder), int(line)) for file, line in re.findall(r"^([^\s:]+):(\d+):\d+: (?:error|  required)", done.stdout, re.M)}
-            worse = {(file, line) for file, line in worse if self.is_wanted(file)} - broken
+            worse = {(os.path.relpath(os.path.realpath(self.build / file), self.folder), int(line)) for file, line in re.findall(r"^([^\s:]+):(\d+):\d+: error", done.stdout, re.M)}
+            worse = {(file, line) for file, line in worse if file in self.wanted} - broken
             if not worse:
                 sys.exit(done.stdout[-4000:])
             broken |= worse

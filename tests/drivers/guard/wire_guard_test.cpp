@@ -345,12 +345,14 @@ TEST(WireGuard, ATorqueMayStartFromNoneAfterDamping) {
 
 TEST(WireGuard, ATorqueGoesOnFromTheBrakingThatWentOutInstead) {
   GuardBench bench("left_wrist_pitch");  // 1 Nm a tick
-  const auto step = [&bench](float tau) { return bench.pass(0x0AE, float_bytes(tau), {.tau = tau, .at_dq = -2}); };
-  EXPECT_EQ(step(-3), slew);
+  const auto step = [&bench](float tau, float speed) {
+    return bench.pass(0x0AE, float_bytes(tau), {.tau = tau, .at_dq = speed});
+  };
+  EXPECT_EQ(step(-3, -2), slew);
   float braking = 0;
   std::memcpy(&braking, bench.left.data, sizeof braking);
   ASSERT_GT(braking, 1.2F);
-  EXPECT_EQ(step(braking + 0.9F), allowed);
+  EXPECT_EQ(step(braking + 0.9F, 2), allowed);
 }
 
 }  // namespace

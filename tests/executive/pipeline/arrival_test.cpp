@@ -117,6 +117,15 @@ TEST(Arrival, EachFaultHasItsName) {
   }
 }
 
+TEST(Arrival, WhatIsJustAtALimitIsAccepted) {
+  for (const float torque : {-20.0F, 20.0F}) {
+    Case message;
+    for (JointConfig& joint : message.config.joints) joint.limits.torque = 20;
+    message.give(CommandField::tau_ff, torque);
+    EXPECT_EQ(name(message.judge().arrival), name(Arrival::accepted)) << torque;
+  }
+}
+
 TEST(Arrival, ChecksRunInTheDocumentedOrder) {
   // Shape before policy before sequence before observation before stamps before values.
   const std::vector<std::pair<std::string_view, std::string_view>> pairs{

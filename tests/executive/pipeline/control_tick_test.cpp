@@ -509,6 +509,20 @@ CommandChunk late_answer(Rig& rig, std::uint64_t lag) {
   return chunk_for(rig.config, id, rig.published_at[id], rig.now, ++rig.sequence, 0.0F);
 }
 
+TEST(Commands, BackwardStampsAreAnIntegrationErrorEach) {
+  Rig rig(robot(2));
+  rig.arm();
+  for (std::uint32_t errors = 1; errors <= 2; ++errors) {
+    CommandChunk chunk = late_answer(rig, 0);
+    chunk.header.infer_ended_at = chunk.header.infer_started_at - nanoseconds(1);
+    rig.tick(&chunk);
+    EXPECT_EQ(rig.header().arrival, Arrival::accepted);
+    EXPECT_EQ(rig.header().integration_errors, errors);
+  }
+  rig.tick_with_policy(0.0F);
+  EXPECT_EQ(rig.header().integration_errors, 2U);
+}
+
 // Goal: what is younger than max_age is never refused as forgotten, however fast observations are published. Method:
 // one per tick, answers of every age up to max_age, each in a policy session with nothing newer in use.
 TEST(Commands, AnAnswerYoungerThanMaxAgeIsRemembered) {

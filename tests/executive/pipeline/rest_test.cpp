@@ -80,6 +80,18 @@ TEST(Rest, AJointWithoutPowerDelaysNoReset) {
   EXPECT_EQ(rig.mode(), Mode::standby);
 }
 
+// A limb that sags is all there is: then it is asked.
+TEST(Rest, ALimbThatOnlyDampsIsWaitedForWhereNothingElseHolds) {
+  Rig rig = moving();
+  rig.drives[1].fault = true;
+  rig.tick();
+  ASSERT_EQ(rig.mode(), Mode::fault_latched);
+  rig.drives[1].fault = false;
+  ASSERT_EQ(rig.out->setpoints[0].kp, 0.0F) << "damps";
+  ASSERT_TRUE(is_fast(rig));
+  expect_reset_only_after_rest(rig);
+}
+
 TEST(Rest, AStoppedRobotThatIsPushedIsNotResetMeanwhile) {
   Rig rig = moving();
   rig.tick(nullptr, OperatorRequest::stop);

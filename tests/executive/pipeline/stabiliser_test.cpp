@@ -236,6 +236,7 @@ TEST(Envelope, CatchesWhatABrokenStageLetsThrough) {
     float total = 0;
     const EnvelopeVerdict result = clamp_to_envelope(setpoint, total, q, 0.0F, limits);
     EXPECT_LE(std::abs(total), limits.torque * 1.0011F);
+    EXPECT_TRUE(result != EnvelopeVerdict::not_finite || total == 0.0F);
     EXPECT_TRUE(setpoint.q >= limits.q_min || result == EnvelopeVerdict::not_finite);
     EXPECT_LE(std::abs(drive_torque(setpoint, {q, 0})), limits.torque * 1.0011F);
     return result;
@@ -244,6 +245,8 @@ TEST(Envelope, CatchesWhatABrokenStageLetsThrough) {
   EXPECT_EQ(verdict({1.6F, 0, 1, 0, 0}), EnvelopeVerdict::clamped);
   EXPECT_EQ(verdict({0, 3.5F, 0, 0, 0}), EnvelopeVerdict::clamped);
   EXPECT_EQ(verdict({0, 0, -1, 0, 0}), EnvelopeVerdict::clamped);
+  EXPECT_EQ(verdict({0, 0, -0.1F, 0, 0}), EnvelopeVerdict::clamped);
+  EXPECT_EQ(verdict({0, 0, 0, -0.1F, 0}), EnvelopeVerdict::clamped);
   EXPECT_EQ(verdict({0, 0, 0, 7, 0}), EnvelopeVerdict::clamped);
   EXPECT_EQ(verdict({0, 0, 0, 0, 31}), EnvelopeVerdict::clamped);
   EXPECT_EQ(verdict({1, 0, 200, 0, 0}, -1), EnvelopeVerdict::clamped) << "400 Nm at this position";

@@ -5,11 +5,17 @@
 #include <rapidcheck/gtest.h>
 
 #include <algorithm>
+#include <cstring>
 #include <deque>
 #include <memory>
 
 namespace takt::pipeline {
 namespace {
+
+TEST(TickWindow, KeyframesCarryEveryWordThatIsUsed) {
+  for (std::uint32_t length = 1; length <= kMaxWindowTicks; ++length)
+    ASSERT_EQ(TickWindow::saved_bytes(length), 16U + (length / 64U + (length % 64U != 0 ? 1U : 0U)) * 8U) << length;
+}
 
 RC_GTEST_PROP(TickWindow, CountsWhatAPlainListCounts, ()) {
   const auto length = static_cast<std::uint32_t>(*rc::gen::inRange(1, 300));
@@ -29,6 +35,20 @@ RC_GTEST_PROP(TickWindow, CountsWhatAPlainListCounts, ()) {
     RC_ASSERT(window->seen() == plain.size());
     RC_ASSERT(window->fits(length));
   }
+}
+
+// As a keyframe may say it: position, seen, count.
+TEST(TickWindow, CountersThatCannotBeAreNotBelieved) {
+  const auto fits = [](std::uint32_t position, std::uint32_t seen, std::uint32_t count) {
+    const std::uint32_t counters[3] = {position, seen, count};
+    const auto window = std::make_unique<TickWindow>();
+    std::memcpy(static_cast<void*>(window.get()), counters, sizeof counters);
+    return window->fits(64);
+  };
+  EXPECT_TRUE(fits(63, 64, 64));
+  EXPECT_FALSE(fits(64, 64, 0));
+  EXPECT_FALSE(fits(0, 65, 0));
+  EXPECT_FALSE(fits(0, 3, 4));
 }
 
 TEST(TickWindow, HoldsItsLargestLength) {

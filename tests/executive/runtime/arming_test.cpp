@@ -4,7 +4,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <memory>
+#include <string_view>
 
 #include "config/load.hpp"
 #include "drivers/protocol/joint_driver.hpp"
@@ -37,6 +39,24 @@ TEST(Arming, ARefusalNamesTheSettingThatTheDriveLacks) {
             std::string::npos)
       << all;
   EXPECT_NE(all.find("time-out (register 9)"), std::string::npos) << all;
+}
+
+TEST(Arming, SaysWhatTheProcessItselfLacks) {
+  const config::RobotConfig robot = config::load("config/arm6.yaml").value();
+  const auto config = std::make_unique<pipeline::TickConfig>(config::tick_config_of(robot, 1));
+  const auto record = std::make_unique<TickRecord>();
+  const auto says = [&](const ArmingSituation& situation, std::string_view text) {
+    const auto sentences = missing_for_arming(*record, *config, robot.joints, situation);
+    return std::ranges::any_of(sentences, [&](const std::string& one) { return one.find(text) != std::string::npos; });
+  };
+  EXPECT_TRUE(says({.realtime = true}, "no policy is attached"));
+  EXPECT_FALSE(says({.policy_attached = true, .realtime = true}, "no policy is attached"));
+  EXPECT_TRUE(says({.policy_attached = true}, "real-time set-up is incomplete"));
+  EXPECT_FALSE(says({.policy_attached = true, .allow_non_realtime = true}, "real-time set-up is incomplete"));
+  EXPECT_TRUE(says({.policy_attached = true}, "the control loop has not run yet"));
+  record->header.tick = 1;
+  EXPECT_FALSE(says({.policy_attached = true}, "the control loop has not run yet"));
+  EXPECT_TRUE(says({.shutting_down = true}, "shutting down"));
 }
 
 }  // namespace

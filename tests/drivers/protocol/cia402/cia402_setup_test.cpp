@@ -229,7 +229,7 @@ TEST(Cia402Setup, PeriodsThatObject60C2CanHold) {
   };
   for (const Row& row : {Row{milliseconds(1), 1, -3}, Row{milliseconds(2), 2, -3}, Row{milliseconds(10), 1, -2},
                          Row{microseconds(500), 5, -4}, Row{microseconds(1250), 125, -5},
-                         Row{microseconds(125), 125, -6}, Row{seconds(1), 1, 0}}) {
+                         Row{microseconds(125), 125, -6}, Row{seconds(1), 1, 0}, Row{milliseconds(255), 255, -3}}) {
     const auto period = interpolation_period(row.period);
     ASSERT_TRUE(period) << row.period.ns;
     EXPECT_EQ(period->value, row.value) << row.period.ns;
@@ -237,6 +237,7 @@ TEST(Cia402Setup, PeriodsThatObject60C2CanHold) {
   }
   EXPECT_FALSE(interpolation_period(nanoseconds(1'000'001)));
   EXPECT_FALSE(interpolation_period(microseconds(1001)));
+  EXPECT_FALSE(interpolation_period(milliseconds(256)));
   EXPECT_FALSE(interpolation_period({}));
 }
 

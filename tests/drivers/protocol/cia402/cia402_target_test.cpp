@@ -24,6 +24,7 @@ TEST(Cia402Target, TorqueIsTheSetpointsInPerMilleAndNothingElse) {
   const Scale cst = scale(Cia402Mode::cst);
   EXPECT_EQ(target_of(cst, {.q = 0.5F, .dq = 1, .kp = 2, .kd = 0.5F, .tau = 0.25F}, 17), 25) << "no law in here";
   EXPECT_EQ(target_of(cst, {.tau = -1.25F}, 0), -125);
+  EXPECT_EQ(target_of(cst, {.tau = 20}, 0), 2000) << "twice the rated torque";
   EXPECT_EQ(target_of(cst, {.tau = 0.0149F}, 0), 1) << "rounded to the nearest";
   EXPECT_EQ(target_of(cst, {.tau = 0.0151F}, 0), 2);
   EXPECT_EQ(target_of(cst, {.tau = 1e30F}, 0), kMostPerMille) << "all that 16 bits can say";

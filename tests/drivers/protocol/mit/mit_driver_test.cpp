@@ -446,6 +446,19 @@ TEST(MitDriver, StampsAndTemperatureOfTheNewestReply) {
 }
 
 // Goal: direction, offset and gear are applied once, both ways, gains squared.
+TEST(MitDriver, NamesTheErrorsOfBothVariantsAndNoOthers) {
+  config::Drive drive;
+  drive.variant = "damiao";
+  EXPECT_EQ(mit_error_name(drive, 7), "");
+  EXPECT_EQ(mit_error_name(drive, 8), "over-voltage");
+  EXPECT_EQ(mit_error_name(drive, 14), "overload");
+  EXPECT_EQ(mit_error_name(drive, 15), "");
+  drive.variant = "tmotor";
+  EXPECT_EQ(mit_error_name(drive, 1), "over-temperature");
+  EXPECT_EQ(mit_error_name(drive, 6), "phase unbalance");
+  EXPECT_EQ(mit_error_name(drive, 7), "");
+}
+
 TEST(MitDriver, ConvertsBetweenJointAndMotor) {
   MitDriveSettings settings = damiao();
   settings.mapping.offset = 0.5F;
