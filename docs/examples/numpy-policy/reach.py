@@ -5,22 +5,25 @@ import takt
 
 # The arm of config/arm6.yaml: axis of each joint, and where the next one sits (m); the last offset is the tool's.
 AXES = np.eye(3)[[2, 1, 1, 0, 1, 2]]
-LINKS = [(0, 0, .06), (0, 0, .28), (.24, 0, 0), (.06, 0, 0), (.05, 0, 0), (.08, 0, 0)]
+CROSS = [np.cross(np.eye(3), axis) for axis in AXES]
+LINKS = np.array([(0, 0, .06), (0, 0, .28), (.24, 0, 0), (.06, 0, 0), (.05, 0, 0), (.08, 0, 0)])
 
 
 def tool(q):
-    at, frame = np.array([0, 0, .08]), np.eye(3)
-    for angle, axis, link in zip(q, AXES, LINKS):
-        cross = np.cross(np.eye(3), axis)
+    """Where the tool is (m), and its Jacobian (m/rad)."""
+    at, frame, joints, axes = np.array([0, 0, .08]), np.eye(3), [], []
+    for angle, axis, cross, link in zip(q, AXES, CROSS, LINKS):
+        joints.append(at)
+        axes.append(frame @ axis)
         frame = frame @ (np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
         at = at + frame @ link
-    return at
+    return at, np.cross(axes, at - joints).T
 
 
 def solve(q, target):
-    for _ in range(4):
-        jacobian = np.array([(tool(q + step) - tool(q - step)) / 2e-3 for step in 1e-3 * np.eye(6)]).T
-        q = q + jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + 1e-3 * np.eye(3), target - tool(q))
+    for _ in range(3):
+        at, jacobian = tool(q)
+        q = q + jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + 1e-3 * np.eye(3), target - at)
     return q
 
 
