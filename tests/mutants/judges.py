@@ -6,6 +6,7 @@ import os
 import pathlib
 import re
 import resource
+import signal
 import subprocess
 import tempfile
 import threading
@@ -15,7 +16,7 @@ EXPLORED_SCHEDULES = 15
 CASES_OF_A_PROPERTY = 30  # of rapidcheck
 LARGEST_OUTPUT = 32 << 20  # bytes
 LARGEST_MEMORY = 4 << 30
-LONGEST_WAIT_S = 300  # by the clock of a machine that others use too; what counts is processor time
+LONGEST_SLEEP_S = 60  # with no thread that could run; who only waits for a busy machine is waited for
 ORACLE = re.compile(r"^([a-z_]+): \S+ at [0-9.]+ s, ", re.M)
 FAILED = re.compile(r"^\[  FAILED  \] ([\w/]+\.[\w/]+)", re.M)
 STARTED = re.compile(r"^\[ RUN      \] ([\w/]+\.[\w/]+)", re.M)
@@ -39,6 +40,24 @@ def outcome_of(code, output):
     started = STARTED.findall(output)
     how = {-9: "time", -24: "time", -25: "output"}.get(code, "crash")
     return Outcome(True, tests or started[-1:], oracles, how)
+
+
+def can_run(pid):
+    """Whether a thread of the process runs, or waits for a processor or a disk; a process that is gone does not."""
+    try:
+        return any(pathlib.Path(task, "stat").read_text().rpartition(")")[2].split()[0] in "RD" for task in pathlib.Path(f"/proc/{pid}/task").iterdir())
+    except OSError:
+        return False
+
+
+def end_who_sleeps(child, ended, longest_s=LONGEST_SLEEP_S):
+    """A mutant may wait for ever for what never comes."""
+    slept_s, step_s = 0.0, longest_s / 240
+    while not ended.wait(step_s):
+        slept_s = 0.0 if can_run(child.pid) else slept_s + step_s
+        if slept_s >= longest_s:
+            os.kill(child.pid, signal.SIGKILL)  # not reaped yet: the number is still its
+            return
 
 
 class Program:
@@ -69,10 +88,13 @@ class Program:
             environment.update(XDG_RUNTIME_DIR=folder, TMPDIR=folder)
             child = subprocess.Popen(self.command, cwd=self.top, env=environment, stdin=subprocess.DEVNULL, stdout=output,
                                      stderr=subprocess.STDOUT, preexec_fn=bounded)
-            waker = threading.Timer(LONGEST_WAIT_S, child.kill)
-            waker.start()
+            ended = threading.Event()
+            watcher = threading.Thread(target=end_who_sleeps, args=(child, ended))
+            watcher.start()
+            os.waitid(os.P_PID, child.pid, os.WEXITED | os.WNOWAIT)
+            ended.set()
+            watcher.join()
             _, status, usage = os.wait4(child.pid, 0)
-            waker.cancel()
             child.returncode = os.waitstatus_to_exitcode(status)
             output.seek(0)
             return outcome_of(child.returncode, output.read(4 << 20).decode(errors="replace")), usage.ru_utime + usage.ru_stime

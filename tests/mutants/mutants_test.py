@@ -8,6 +8,7 @@ import pathlib
 import subprocess
 import sys
 import tempfile
+import threading
 import unittest
 
 try:
@@ -110,6 +111,16 @@ class Judging(unittest.TestCase):
         self.assertEqual(judges.outcome_of(-11, "[ RUN      ] A.B\n[ RUN      ] A.C\n"), judges.Outcome(True, ["A.C"], [], "crash"))
         self.assertEqual(judges.outcome_of(-9, "").how, "time")
         self.assertFalse(judges.outcome_of(0, failed).killed)
+
+    def test_who_sleeps_for_ever_is_ended_and_who_works_is_not(self):
+        for words, code in ((["sleep", "1000"], -9), (["sh", "-c", "i=0; while [ $i -lt 20000 ]; do i=$((i+1)); done"], 0)):
+            child, ended = subprocess.Popen(words), threading.Event()
+            watcher = threading.Thread(target=judges.end_who_sleeps, args=(child, ended, 0.5 if code else 60))
+            watcher.start()
+            os.waitid(os.P_PID, child.pid, os.WEXITED | os.WNOWAIT)
+            ended.set()
+            watcher.join()
+            self.assertEqual(child.wait(), code)
 
     def test_survivors_count_unless_explained_and_stale_explanations_are_refused(self):
         one = places.Mutant("a.cpp", 1, "f", "negate", "x")
