@@ -88,7 +88,7 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
     {Cause::command_lost,         50,  {S, P, P, P, P, F}, kRest, "freshness.stop_after, one tick",
       "a usable command; mode: operator reset"},
     {Cause::bad_commands,         55,  {S, P, P, P, P, F}, kRest,
-      "freshness.bad_command_limit messages or targets.clamped_share of the window, one tick",
+      "freshness.bad_command_limit messages or freshness.clamped_share of the window, one tick",
       "refusals and clamped ticks in the window fall to their limits; mode: operator reset"},
     {Cause::feedback_lost,        80,  {S, F, F, F, F, F}, kLoss, "feedback.timeout, one tick",
       "every joint replies again; mode: operator reset"},
