@@ -14,7 +14,7 @@ command -v node >/dev/null || skip "node is not installed"
 /usr/bin/python3 -c 'import pandas, zstandard' 2>/dev/null || skip "python3-pandas or python3-zstandard is not installed"
 folder=$(mktemp -d) || exit 1
 trap 'rm -rf "$folder"' EXIT
-"$2" "$folder/run" && "$3" "$folder/panel" >/dev/null || exit 1
+cd "$root" && "$2" "$folder/run" && "$3" "$folder/panel" >/dev/null || exit 1
 cd "$folder" || exit 1
 for file in read_run.py with_pandas.py; do
   sed -n "/^\`\`\`python $file\$/,/^\`\`\`\$/p" "$page" | sed '1d;$d' >"$file"

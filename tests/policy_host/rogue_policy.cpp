@@ -208,7 +208,8 @@ class Rogue {
       chunk_.header.observation_id = observation.id;
     ++chunk_.header.sequence;
     const bool is_legal_in_size = random_() % 2 == 0;  // by turns it may fall in step with the reader's period
-    chunk_.header.fields = kAllCommandFields;
+    // Velocities would be refused for their shape where targets are joined linearly.
+    chunk_.header.fields = kAllCommandFields & ~static_cast<std::uint8_t>(CommandField::dq);
     std::fill_n(chunk_.values, kMaxChunkValues, std::numeric_limits<float>::quiet_NaN());
     const auto whole = std::as_bytes(std::span(&chunk_, 1));
     mailboxes_.writer.publish(is_legal_in_size ? whole.first(chunk_.used_bytes()) : whole);
