@@ -116,7 +116,7 @@ def judge_failure(case: Case, job: pathlib.Path) -> str:
     judge = case.path.with_suffix(".py")
     if not judge.exists():
         return ""
-    judged = subprocess.run([sys.executable, str(judge), str(job / "out")], check=False, capture_output=True, text=True)
+    judged = subprocess.run([str(judge), str(job / "out")], check=False, capture_output=True, text=True)
     print(f"{case.name:18} | {judged.stdout.strip()}", flush=True)
     return "" if judged.returncode == 0 else judged.stderr.strip() or f"{judge}: exit code {judged.returncode}"
 

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """age_on_wire.py OUT: how old commands were when a peer saw their frames, in what the case of that name left in OUT.
 
 Ticks are read by the reader that docs/reading-runs.md gives to users. A frame belongs to the tick that began last before the
