@@ -3,6 +3,7 @@
 // replaced by values made up for the test.
 #include "config/deploy_import.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -71,7 +72,7 @@ std::string filled_in(std::string text) {
                                                                 {"bus", "bus0"},
                                                                 {"reply_id", "0"}};
   for (const auto& [key, value] : values)
-    text = std::regex_replace(text, std::regex("\\b" + key + ": FILL_IN"), key + ": " + value);
+    text = std::regex_replace(text, std::regex(fmt::format("\\b{}: FILL_IN", key)), fmt::format("{}: {}", key, value));
   text = std::regex_replace(text, std::regex("\\[FILL_IN, FILL_IN\\]"), "[-3 rad, 3 rad]");
   for (int id = 1; text.find("id: FILL_IN") != std::string::npos; ++id)
     text.replace(text.find("id: FILL_IN"), 11, "id: " + std::to_string(id));

@@ -9,6 +9,7 @@
 // 300).
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstdlib>
@@ -16,6 +17,7 @@
 #include <deque>
 #include <optional>
 #include <random>
+#include <span>
 #include <string>
 
 #include "tests/executive/pipeline/rig.hpp"
@@ -26,6 +28,11 @@ namespace {
 using testing::chunk_for;
 using testing::Rig;
 using testing::robot;
+
+template <class Value>
+bool same_bits(const Value& a, const Value& b) {
+  return std::ranges::equal(std::as_bytes(std::span(&a, 1)), std::as_bytes(std::span(&b, 1)));
+}
 
 enum class Policy : std::uint8_t {
   good,
@@ -345,11 +352,9 @@ class Judge {
       const JointRecord& joint = record().joints[j];
       const JointSetpoint written{joint.q_command, joint.dq_command, joint.kp_command, joint.kd_command,
                                   joint.tau_command};
-      if (std::memcmp(&written, &rig_.out->setpoints[j], sizeof(written)) != 0)
-        return "the record differs from the setpoint";
+      if (!same_bits(written, rig_.out->setpoints[j])) return "the record differs from the setpoint";
       if ((joint.drive_enabled != 0) != rig_.out->drive_enabled[j]) return "enabling is recorded wrongly";
-      if (std::memcmp(&joint.feedback, &rig_.input.joints[j], sizeof(JointFeedback)) != 0)
-        return "feedback is recorded wrongly";
+      if (!same_bits(joint.feedback, rig_.input.joints[j])) return "feedback is recorded wrongly";
     }
     if (header().tick != rig_.input.tick || header().now != rig_.now) return "the tick is recorded wrongly";
     if ((header().drives_enabled != 0) != rig_.out->drives_enabled) return "enabling is recorded wrongly";
