@@ -53,7 +53,7 @@ void RepeatLast::observe(const Observation& observation) {
   for (std::size_t step = 0; step < header.step_count; ++step) {
     const Duration since = now - source_observed_at_ + header.step_period * static_cast<std::int64_t>(step);
     for (unsigned bit = 0; bit < kCommandFieldCount; ++bit) {
-      if ((header.fields >> bit & 1U) == 0) continue;
+      if ((static_cast<unsigned>(header.fields) >> bit & 1U) == 0) continue;
       const auto field = static_cast<CommandField>(1U << bit);
       for (std::size_t joint = 0; joint < header.joint_count; ++joint)
         repeated_->values[value_index(header, field, step, joint)] = value_at(*source_, field, since, joint, held_);
