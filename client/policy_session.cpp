@@ -41,6 +41,23 @@ std::expected<void, Refusal> check_chunk(const config::RobotConfig& robot, const
   return {};
 }
 
+// Why such a chunk would be refused by the executive; null: it would not.
+const char* wrong_with_dq(bool has_dq, config::Interpolation interpolation) {
+  switch (interpolation) {
+    case config::Interpolation::hold:
+      return nullptr;
+    case config::Interpolation::linear:
+      return has_dq ? "a chunk with dq, but the robot file joins steps by lines: leave dq out, or say "
+                      "policy.action.interpolation: cubic (or hold) there"
+                    : nullptr;
+    case config::Interpolation::cubic:
+      return has_dq ? nullptr
+                    : "a chunk without dq, but the robot file says policy.action.interpolation: cubic: give dq, or "
+                      "say linear or hold there";
+  }
+  return nullptr;
+}
+
 std::expected<void, Refusal> check_stream(const config::RobotConfig& robot, const Term& term) {
   const auto sensor = std::ranges::find(robot.sensors, term.stream, &config::Sensor::name);
   if (sensor == robot.sensors.end()) {
@@ -299,6 +316,9 @@ int PolicySession::publish(const takt_chunk& given) {
   if (given.size != sizeof given || given.reserved != 0)
     return misused("takt_chunk has another size: set `size`, and compile with the header of this library");
   if (given.q == nullptr) return misused("a chunk without q: position targets are mandatory");
+  if (const char* const wrong = wrong_with_dq(given.dq != nullptr, robot_.policy->action.interpolation);
+      wrong != nullptr)
+    return misused(wrong);
   if (!executive_ || !dequeued_at_.is_set())
     return misused("publish without an observation to answer: call takt_policy_next first");
   fill_chunk(given);

@@ -8,9 +8,12 @@
  *
  * Shapes, units: joints are those of the robot file in its order; q rad, dq rad/s, tau Nm, kp Nm/rad, kd Nms/rad;
  * float32; stamps in ns of CLOCK_MONOTONIC.
- * Errors: a return code below, and one line of text: what is wrong, how to mend it. No function ends the process, prints
- * or throws.
+ *
+ * Errors: a return code below, and one line of text: what is wrong, how to mend it. No function ends the process,
+ * prints or throws.
+ *
  * Thread rule: a policy belongs to the thread that opened it. Several policies are independent of one another.
+ *
  * Versions: what this header promises is TAKT_CLIENT_ABI; fields and functions are only ever added to it, at the end.
  * Library and executive must come from the same version of Takt; the executive refuses others.
  */
@@ -89,16 +92,16 @@ typedef struct takt_observation {
   const float* values;       /* the terms one after the other */
   const char* mode;          /* of the executive: "standby", "arming", "tracking", "degraded", "damped_stop", ... */
   uint32_t value_count;
-  uint32_t reset; /* 1: forget what you remember: a new session, a long gap, arming, or your own output was not finite */
+  uint32_t reset; /* 1: forget what you remember: new session, long gap, arming, own output was not finite */
 } takt_observation;
 
-/* A chunk: steps x joint_count values each, step after step. Without a field the robot's own holds: dq by
- * interpolation, kp and kd the joint's gains, tau_ff 0. */
+/* A chunk: steps x joint_count values each, step after step. Between steps the executive does what the robot file's
+ * policy.action.interpolation declares. Without kp and kd the joint's gains hold, without tau_ff it is 0. */
 typedef struct takt_chunk {
   uint32_t size;       /* sizeof(takt_chunk) */
   uint32_t reserved;   /* 0 */
   const float* q;      /* rad; not NULL */
-  const float* dq;     /* rad/s, or NULL */
+  const float* dq;     /* rad/s, or NULL; hold: either, linear: NULL, cubic: not NULL */
   const float* kp;     /* Nm/rad, or NULL */
   const float* kd;     /* Nms/rad, or NULL */
   const float* tau_ff; /* Nm, or NULL */
@@ -108,16 +111,17 @@ typedef struct takt_policy takt_policy;
 
 /* Reads the robot file and compares it with the spec; talks to nobody. On success *policy is to be closed; otherwise it
  * is NULL and `why` (why_bytes of room, zero-terminated, cut off where it does not fit) has the sentence. Also sets the
- * calling thread's niceness to the robot file's policy.nice, where that is granted. Returns OK, USAGE, BAD_CONFIG, BUG. */
+ * calling thread's niceness to the robot file's policy.nice, where that is granted. Returns OK, USAGE, BAD_CONFIG, BUG.
+ */
 int takt_policy_open(const takt_policy_spec* spec, takt_policy** policy, char* why, uint32_t why_bytes);
 
-/* Takes the executive's one policy lease, waiting at most about `timeout_ns` for somebody to listen. Returns OK, also when
- * attached already, NOTHING, REFUSED, BUG. */
+/* Takes the executive's one policy lease, waiting at most about `timeout_ns` for somebody to listen. Returns OK, also
+ * when attached already, NOTHING, REFUSED, BUG. */
 int takt_policy_attach(takt_policy* policy, int64_t timeout_ns);
 
 /* Waits at most about `timeout_ns` for the newest observation that was not returned before; one that was overtaken is
- * dropped and counted. Attaches again when the executive went away. An observation for which a stream has no usable sample
- * (none yet, or older than the sensor's timeout) is not returned: takt_policy_sentence says which. A signal does
+ * dropped and counted. Attaches again when the executive went away. An observation for which a stream has no usable
+ * sample (none yet, or older than the sensor's timeout) is not returned: takt_policy_sentence says which. A signal does
  * not end the wait. Returns OK, NOTHING, REFUSED, BUG. */
 int takt_policy_next(takt_policy* policy, int64_t timeout_ns);
 
@@ -126,8 +130,9 @@ int takt_policy_next(takt_policy* policy, int64_t timeout_ns);
 int takt_policy_infer_begin(takt_policy* policy);
 int takt_policy_infer_end(takt_policy* policy);
 
-/* Answers the observation returned last; the values are copied before it returns. Values that are not finite or out of
- * range travel: the executive judges them, and refuses the command. Never waits. Returns OK, USAGE, BUG. */
+/* Answers the observation returned last; the values are copied before it returns. Values travel as they are: the
+ * executive refuses a chunk that is not finite, and clamps and counts what is out of a joint's range. Never waits.
+ * Returns OK, USAGE (also for dq where the robot file's interpolation has none, or lacks one), BUG. */
 int takt_policy_publish(takt_policy* policy, const takt_chunk* chunk);
 
 /* Valid until takt_policy_close; never NULL. */

@@ -40,7 +40,9 @@ class LockedFile final : public TorqueOutput {
 std::expected<OpenedTorqueOutput, std::string> open_locked_file(const config::SafeTorqueOff& wanted) {
   FileHandle file(open(wanted.file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
   if (!file.is_open())
-    return std::unexpected(fmt::format("safety.safe_torque_off: {}: {}", wanted.file, std::strerror(errno)));
+    return std::unexpected(
+        fmt::format("safety.safe_torque_off: {}: {}: name a file in a folder where this user may write", wanted.file,
+                    std::strerror(errno)));
   auto output = std::make_unique<LockedFile>(std::move(file));
   return OpenedTorqueOutput{std::move(output), fmt::format("a lock on {}, which moves no relay", wanted.file)};
 }

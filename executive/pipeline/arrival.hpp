@@ -10,9 +10,8 @@
 //  5 missing_stamp        no stamp of outside sensors, although the robot's policy uses some
 //    future_observation   any stamp more than a period later than now
 //  6 not_finite           NaN or infinity among the values
-//  7 out_of_range         a value beyond kLargestTarget: no target of any joint. What lies outside a joint's own range
-//  is
-//                         clamped where it is played (chunk_player.hpp), and counted
+//  7 out_of_range         a value beyond kLargestTarget: no target of any joint (what lies outside a joint's own range
+//                         is clamped where it is played, chunk_player.hpp, and counted)
 //  8 expired_observation  older than max_age on arrival
 //  9 overtaken            answers an older observation than the command in use does: it would make the robot older
 //

@@ -28,8 +28,7 @@ void say(OperatorReply& reply, std::string_view sentence) {
 constexpr std::string_view kNotNoticed = "the control thread did not answer in time: is it running? see takt status";
 constexpr std::string_view kFaultDampsOnly =
     "mode fault_latched: what failed has no power, and nothing moves on purpose; again, or with --now, takes their "
-    "power away: what "
-    "hangs falls";
+    "power away: what hangs falls";
 
 }  // namespace
 

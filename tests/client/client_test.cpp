@@ -7,9 +7,11 @@
 
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <limits>
 #include <memory>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -48,6 +50,20 @@ class ClientTest : public testing::Test {
   ClientTest() : spec_(spec_of("config/arm6.yaml", directory_.path())) {}
   ~ClientTest() override { takt_policy_close(policy_); }
 
+  // From here on the robot file is arm6's with another policy.action.interpolation.
+  void steps_joined_by(const std::string& interpolation) {
+    std::stringstream text;
+    text << std::ifstream("config/arm6.yaml").rdbuf();
+    robot_file_ = directory_.path() + "/" + interpolation + ".yaml";
+    const std::string policy = std::filesystem::absolute("config/arm6_reach.onnx");
+    const auto replaced = [](std::string where, const std::string& what, const std::string& by) {
+      return where.replace(where.find(what), what.size(), by);
+    };
+    std::ofstream(robot_file_) << replaced(replaced(text.str(), "file: arm6_reach.onnx", "file: " + policy),
+                                           "action: { kind: joint_position,",
+                                           "action: { kind: joint_position, interpolation: " + interpolation + ",");
+    spec_.robot_file = robot_file_.c_str();
+  }
   void start_servers() {
     executive_ = std::make_unique<FakeExecutive>(config::executive_socket(directory_.path()));
     if (!sensor_) sensor_ = std::make_unique<FakeSensor>(config::sensor_socket(directory_.path(), "target"));
@@ -112,6 +128,7 @@ class ClientTest : public testing::Test {
 
   policy_host::TemporaryDirectory directory_;
   takt_policy_spec spec_;
+  std::string robot_file_;
   std::unique_ptr<FakeExecutive> executive_;
   std::unique_ptr<FakeSensor> sensor_;
   takt_policy* policy_ = nullptr;
@@ -216,6 +233,7 @@ TEST_F(ClientTest, StampsTelescope) {
 }
 
 TEST_F(ClientTest, PacksEveryFieldWhereTheExecutiveReadsIt) {
+  steps_joined_by("hold");
   open_and_attach();
   next(1);
   std::array<std::vector<float>, 5> given;
@@ -237,6 +255,26 @@ TEST_F(ClientTest, PacksEveryFieldWhereTheExecutiveReadsIt) {
   for (std::size_t field = 0; field < 5; ++field)
     EXPECT_FLOAT_EQ(command.values[value_index(command.header, fields.at(field), 7, 3)],
                     static_cast<float>(1000 * field + 7 * kJoints + 3));
+}
+
+// Goal: what the executive would refuse for its shape, and soon stop the robot for, is told to the author at once.
+TEST_F(ClientTest, VelocitiesBelongWhereTheRobotFileJoinsStepsByThem) {
+  std::vector<float> values(kSteps * kJoints, 0.0F);
+  takt_chunk with = chunk(values), without = with;
+  with.dq = values.data();
+  open_and_attach();  // linear
+  next(1);
+  EXPECT_EQ(takt_policy_publish(policy_, &with), TAKT_USAGE);
+  EXPECT_NE(std::string(takt_policy_sentence(policy_)).find("leave dq out"), std::string::npos);
+  EXPECT_EQ(takt_policy_publish(policy_, &without), TAKT_OK);
+  takt_policy_close(policy_);
+  executive_.reset();
+  steps_joined_by("cubic");
+  open_and_attach();
+  next(1);
+  EXPECT_EQ(takt_policy_publish(policy_, &without), TAKT_USAGE);
+  EXPECT_NE(std::string(takt_policy_sentence(policy_)).find("give dq"), std::string::npos);
+  EXPECT_EQ(takt_policy_publish(policy_, &with), TAKT_OK);
 }
 
 TEST_F(ClientTest, RefusesWhatDoesNotFitTheRobotFileInOneSentence) {

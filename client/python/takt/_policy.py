@@ -191,8 +191,9 @@ class Observation:
     def publish(self, *, q: ArrayLike, dq: Optional[ArrayLike] = None, kp: Optional[ArrayLike] = None,
                 kd: Optional[ArrayLike] = None, tau: Optional[ArrayLike] = None) -> None:
         """Answers this observation. Each array has the shape (steps, joints): q rad, dq rad/s, kp Nm/rad, kd Nms/rad, tau Nm
-        (added to the controller's torque); it is copied before this returns. Without dq the executive interpolates; without kp
-        and kd the joint's gains hold. Values that are not finite or out of range travel: the executive refuses the command.
+        (added to the controller's torque); it is copied before this returns. dq is part of `policy.action.interpolation: cubic`, may
+        stand beside `hold`, and is refused with `linear`; without kp and kd the joint's gains hold. Values travel as they
+        are: the executive refuses a command that is not finite, and clamps and counts what is out of a joint's range.
         """
         chunk = self._chunk
         chunk.q = self._bytes("q", q)

@@ -65,8 +65,10 @@ TEST_F(LockedFileTest, WhatSomebodyElseHoldsOrHasRemovedIsNotAsTold) {
 
 TEST_F(LockedFileTest, APlaceThatIsNotThereIsTold) {
   wanted.file = "/no/such/folder/torque";
-  EXPECT_EQ(open_torque_output(wanted).error(),
-            "safety.safe_torque_off: /no/such/folder/torque: No such file or directory");
+  EXPECT_EQ(
+      open_torque_output(wanted).error(),
+      "safety.safe_torque_off: /no/such/folder/torque: No such file or directory: name a file in a folder where this "
+      "user may write");
 }
 
 }  // namespace
