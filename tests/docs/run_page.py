@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Executes a page of the documentation: run_page.py PAGE.md BIN_DIR
+"""Executes a page of the documentation: run_page.py [--patient] PAGE.md BIN_DIR
 
 Blocks are taken in the page's order, in one new temporary folder that sees the repository's `config/` and `docs/`, the build's wheel
 in `build/python`, and has BIN_DIR first in PATH:
@@ -11,6 +11,9 @@ Lines below a command are what it prints, on stdout and stderr together: `...` s
 alone on a line for any number of lines; a number with a decimal point may be off by a tenth. Without such lines the output is not looked at. A command must exit with 0; one
 that is meant to fail prints its code (`; echo "exit code $?"`). Other blocks are left alone.
 
+--patient: the demo arm of the page's `config/` is patient with a machine that stalls, as the tests' robots are: what a page of a robot at real
+pace shows is not how fast the machine is.
+
 Exit codes: 0 the page is true; 1 it is not, with page, line, command and what came out instead; 64 command line.
 """
 import os
@@ -20,6 +23,9 @@ import shutil
 import subprocess
 import sys
 import tempfile
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "process"))
+from patient import patient  # noqa: E402
 
 COMMAND_TIMEOUT_S = 240
 TOLERANCE = 0.1  # of numbers with a decimal point: mathematical functions differ between processors
@@ -104,15 +110,30 @@ def run_page(page, folder, environment):
     return count, ""
 
 
+def patient_config(config, folder):
+    """All of config/ under that name in the folder, but for the demo arm, which waits longer for its drives, and they for it."""
+    (folder / "config").mkdir()
+    for entry in config.iterdir():
+        (folder / "config" / entry.name).symlink_to(entry)
+    arm = folder / "config/arm6.yaml"
+    text = patient(arm.read_text())
+    arm.unlink()
+    arm.write_text(text)
+
+
 def main():
-    if len(sys.argv) != 3:
+    arguments = [argument for argument in sys.argv[1:] if argument != "--patient"]
+    if len(arguments) != 2:
         print(__doc__, file=sys.stderr)
         return 64
-    page, programs = pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(sys.argv[2]).resolve()
+    page, programs = (pathlib.Path(argument).resolve() for argument in arguments)
     folder = pathlib.Path(tempfile.mkdtemp(prefix="takt-docs."))
     try:
-        for name in ("config", "docs"):
-            (folder / name).symlink_to(page.parent.parent / name)
+        (folder / "docs").symlink_to(page.parent)
+        if "--patient" in sys.argv:
+            patient_config(page.parent.parent / "config", folder)
+        else:
+            (folder / "config").symlink_to(page.parent.parent / "config")
         (folder / "build").mkdir()
         (folder / "build/python").symlink_to(programs.parent / "python")
         # A robot of the page is nobody else's: two pages, or a page and a test, may run at once.
