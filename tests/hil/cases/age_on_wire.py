@@ -56,7 +56,10 @@ def ages_on_wire(run, frames):
 
 def main():
     out = pathlib.Path(sys.argv[1])
-    (run,) = out.glob("runs/*")
+    runs = list(out.glob("runs/*"))
+    if len(runs) != 1:
+        sys.exit(f"{len(runs)} runs, not one")
+    (run,) = runs
     clock = json.loads((run / "manifest.json").read_text())["clock"]
     ages, delays = ages_on_wire(run, enabled_frames(out / "frames.log", clock["monotonic_to_unix_ns"]))
     if len(ages) < ENOUGH:
