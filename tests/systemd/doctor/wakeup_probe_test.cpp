@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr ProbePlan kPlan{.length = milliseconds(20), .period = milliseconds(1), .priority = 1, .cpu = 1};
+constexpr ProbePlan kPlan{.length = milliseconds(20), .period = milliseconds(1), .priority = 1, .cpu = 1, .load_in = {}};
 
 class PlantedProbe : public testing::Test {
  protected:
@@ -198,7 +198,7 @@ TEST(WakeupProbe, TheRarestQuantileWantsAMillion) {
 
 TEST(WakeupProbe, MeasuresAsManyPeriodsAsAsked) {
   const WakeupLatency latency =
-      measure_wakeups({.length = milliseconds(50), .period = milliseconds(1), .priority = 1, .cpu = {}});
+      measure_wakeups({.length = milliseconds(50), .period = milliseconds(1), .priority = 1, .cpu = {}, .load_in = {}});
   EXPECT_EQ(latency.samples, 50U);
   EXPECT_GE(latency.max_ns, latency.p50_ns);
 }
