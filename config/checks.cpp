@@ -170,8 +170,10 @@ void check_simulation(const RobotConfig& robot, Checker& checker) {
   if (!robot.simulation) return;
   const Simulation& simulation = *robot.simulation;
   const Duration period = robot.control.period;
-  checker.require(robot.model.has_value() || simulation.cart_pole.has_value(), "simulation",
-                  "needs rigid bodies; add a `model` section");
+  checker.require(robot.model.has_value() || simulation.cart_pole.has_value() || simulation.mujoco.has_value(),
+                  "simulation", "needs rigid bodies; add a `model` section, or `simulation.mujoco`");
+  checker.require(!simulation.cart_pole || !simulation.mujoco, "simulation.mujoco",
+                  "stands beside `cart_pole`: the simulator would not know which to move; drop one");
   if (simulation.cart_pole) check_cart_pole(robot, *simulation.cart_pole, checker);
   checker.require(simulation.step.ns <= period.ns && period.ns % simulation.step.ns == 0, "simulation.step",
                   fmt::format("control.period {} is no whole number of steps of {}; choose a divisor",

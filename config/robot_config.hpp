@@ -256,6 +256,13 @@ struct CartPole {
   double pivot_viscous = 0;             // Nm s/rad
 };
 
+// Physics by MuJoCo, of the user's own model.
+struct MujocoWorld {
+  std::string model;     // MJCF; absolute once loaded
+  std::string keyframe;  // where the robot begins; empty: as the model stands, joints at home
+  std::string imu_site;  // empty: no IMU
+};
+
 struct Simulation {
   Duration step;
   double viscous = 0, coulomb = 0;  // Nm s/rad, Nm
@@ -270,6 +277,7 @@ struct Simulation {
   double step_amplitude = 0;                                        // steps: m
   Duration step_period;                                             // steps
   std::optional<CartPole> cart_pole;                                // instead of rigid bodies
+  std::optional<MujocoWorld> mujoco;                                // likewise
 };
 
 constexpr std::string_view name(DriveProtocol protocol) {

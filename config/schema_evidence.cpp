@@ -49,6 +49,19 @@ void describe_cart_pole(Fields& fields, CartPole& machine) {
                   between(0, 1e3));
 }
 
+void describe_mujoco(Fields& fields, MujocoWorld& world) {
+  fields.text({"model", "MJCF file; its joints are found by the robot file's names"}, world.model);
+  bool keyframe = !world.keyframe.empty();
+  fields.optional_section({"begin", "where the robot begins; absent: as the model stands, joints at home"}, keyframe,
+                          [&](Fields& f) {
+                            f.text({"keyframe", "its name in the model"}, world.keyframe);
+                          });
+  bool imu = !world.imu_site.empty();
+  fields.optional_section({"imu", "inertial measurement unit on the robot"}, imu, [&](Fields& f) {
+    f.text({"site", "its name in the model"}, world.imu_site);
+  });
+}
+
 }  // namespace
 
 void describe_physics(Fields& fields, Simulation& simulation) {
@@ -78,6 +91,12 @@ void describe_simulation(Fields& fields, Simulation& simulation, const RobotConf
                           [&](Fields& f) {
                             if (!simulation.cart_pole) simulation.cart_pole.emplace();
                             describe_cart_pole(f, *simulation.cart_pole);
+                          });
+  bool mujoco = simulation.mujoco.has_value();
+  fields.optional_section({"mujoco", "instead of `model`'s dynamics: physics by MuJoCo (docs/mujoco.md)"}, mujoco,
+                          [&](Fields& f) {
+                            if (!simulation.mujoco) simulation.mujoco.emplace();
+                            describe_mujoco(f, *simulation.mujoco);
                           });
   bool camera = !simulation.camera_sensor.empty();
   fields.optional_section({"camera", "simulated camera that sees the target"}, camera,

@@ -28,6 +28,8 @@ class Dynamics {
   // One step of at most a few milliseconds under constant torque; `friction` one entry per joint.
   virtual void integrate(ArmState& state, const Eigen::VectorXd& tau, const std::vector<Friction>& friction,
                          Duration step) = 0;
+  // A robot with a base of its own hangs on a hoist from now on, or no longer. Others have none.
+  virtual void hoist(bool hangs) { (void)hangs; }
 };
 
 }  // namespace takt::plant

@@ -2,10 +2,12 @@
 
 #include "simulation/arm_dynamics.hpp"
 #include "simulation/cart_pole_dynamics.hpp"
+#include "simulation/mujoco_mechanics.hpp"
 
 namespace takt::plant {
 
 std::expected<std::unique_ptr<Mechanics>, std::string> make_mechanics(const config::RobotConfig& robot) {
+  if (robot.simulation && robot.simulation->mujoco) return MujocoMechanics::make(robot);
   if (robot.simulation && robot.simulation->cart_pole) return CartPoleDynamics::make(robot);
   return ArmDynamics::make(robot);
 }

@@ -1,9 +1,11 @@
-// The dynamics of a whole robot, with the two points its task is about. Implementations: ArmDynamics, CartPoleDynamics;
-// the robot file says which.
+// The dynamics of a whole robot, with the two points its task is about. Implementations: ArmDynamics, CartPoleDynamics,
+// MujocoMechanics; the robot file says which.
 #pragma once
 
+#include <array>
 #include <expected>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "config/robot_config.hpp"
@@ -11,12 +13,26 @@
 
 namespace takt::plant {
 
+// What an inertial measurement unit on the robot reads.
+struct ImuReading {
+  std::array<double, 4> orientation{1, 0, 0, 0};  // w x y z, of the unit in the world; length 1
+  std::array<double, 3> angular_velocity{};       // rad/s, in the unit's axes
+  std::array<double, 3> acceleration{};           // m/s2, specific force in the unit's axes: 9.81 upwards at rest
+};
+
 class Mechanics : public Dynamics {
  public:
   // Where the world takes hold of the robot: an arm's tool, a pole's tip. m, base frame.
   [[nodiscard]] virtual config::Vector3 tool_position(const Eigen::VectorXd& q) = 0;
   // What the task wants at its target. m, base frame.
   [[nodiscard]] virtual config::Vector3 controlled_point(const Eigen::VectorXd& q) { return tool_position(q); }
+  // Of now. Absent: the robot has none.
+  [[nodiscard]] virtual std::optional<ImuReading> imu() { return std::nullopt; }
+  // A force at the tool, N, from the next step on. False: these mechanics know joint torques only.
+  virtual bool push(const config::Vector3& force) {
+    (void)force;
+    return false;
+  }
 };
 
 // The error is one sentence: what the robot file lacks.

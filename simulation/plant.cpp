@@ -89,12 +89,14 @@ double Plant::update_drive(std::size_t joint, Duration step) {
 }
 
 void Plant::step() {
+  bool held_somewhere = false;
   Eigen::VectorXd torque(index(joints_.size()));
   std::vector<Friction> friction(joints_.size());
   for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
     const config::Joint& settings = joints_[joint].settings;
     torque[index(joint)] = update_drive(joint, simulation_.step) * ratio(settings.drive);
     const bool held = joints_[joint].device->brake_engaged();
+    held_somewhere |= held;
     if (settings.passive) {
       torque[index(joint)] = 0;
       friction[joint] = {0, held ? kHoldingHand : 0};
@@ -103,6 +105,7 @@ void Plant::step() {
     }
   }
   on_their_way_.push_back(std::move(torque));
+  dynamics_->hoist(held_somewhere);
   dynamics_->integrate(state_, on_their_way_.front(), friction, simulation_.step);
   on_their_way_.pop_front();
   now_ = now_ + simulation_.step;

@@ -2,9 +2,9 @@
 //
 // Each step: encoders are read (quantised), every drive computes its torque from the newest command it has, the torque
 // reaches the joint `simulation.torque_delay` later, the dynamics advance by `simulation.step`.
-// A passive joint moves freely, whatever its drive wants; while the drive is disabled, somebody holds it where it is.
-// Starts at the home pose, at rest, drives disabled and braked. Same inputs, same bits out.
-// Units: joint side, rad, rad/s. Thread rule: one thread at a time.
+// A passive joint moves freely, whatever its drive wants; while the drive is disabled, somebody holds it where it is. A
+// robot with a base of its own hangs on a hoist while any drive is disabled. Starts at the home pose, at rest, drives
+// disabled and braked. Same inputs, same bits out. Units: joint side, rad, rad/s. Thread rule: one thread at a time.
 #pragma once
 
 #include <deque>

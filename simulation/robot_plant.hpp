@@ -16,6 +16,7 @@ class RobotPlant final : public Plant {
                                                      std::span<const double> payloads = {});
 
   void set_trouble(const BodyTrouble& trouble) { mechanics_->set(trouble); }
+  [[nodiscard]] std::optional<ImuReading> imu() { return mechanics_->imu(); }
   [[nodiscard]] config::Vector3 controlled_point() { return mechanics_->controlled_point(state().q); }
 
  private:

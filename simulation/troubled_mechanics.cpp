@@ -52,6 +52,9 @@ std::expected<std::unique_ptr<TroubledMechanics>, std::string> TroubledMechanics
     const config::RobotConfig& robot, std::span<const double> payloads) {
   auto bare = make_mechanics(robot);
   if (!bare) return std::unexpected(bare.error());
+  // Each payload is a body of its own, and a base's pose is a body's.
+  if (robot.simulation->mujoco && !payloads.empty())
+    return std::unexpected(robot.file + ": `simulation.mujoco` takes no payload events; put the mass into the model");
   std::unique_ptr<TroubledMechanics> made(new TroubledMechanics(std::move(*bare), robot));
   for (const double payload : payloads) {
     auto loaded = make_mechanics(with_payload(robot, payload));
@@ -95,7 +98,9 @@ std::vector<Friction> TroubledMechanics::with_more(std::vector<Friction> frictio
 
 void TroubledMechanics::integrate(ArmState& state, const Eigen::VectorXd& tau, const std::vector<Friction>& friction,
                                   Duration step) {
-  const bool pushed = trouble_.force != 0, rubs = trouble_.friction != 1;
+  const config::Vector3 force{trouble_.towards[0] * trouble_.force, trouble_.towards[1] * trouble_.force,
+                              trouble_.towards[2] * trouble_.force};
+  const bool pushed = !body_->push(force) && trouble_.force != 0, rubs = trouble_.friction != 1;
   if (!pushed && !rubs) return body_->integrate(state, tau, friction, step);
   body_->integrate(state, pushed ? Eigen::VectorXd(tau + torque_of_force(state.q)) : tau,
                    rubs ? with_more(friction) : friction, step);

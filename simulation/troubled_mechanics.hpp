@@ -37,6 +37,8 @@ class TroubledMechanics final : public Mechanics {
   // As without a payload.
   config::Vector3 tool_position(const Eigen::VectorXd& q) override { return bare_->tool_position(q); }
   config::Vector3 controlled_point(const Eigen::VectorXd& q) override { return bare_->controlled_point(q); }
+  std::optional<ImuReading> imu() override { return bare_->imu(); }
+  void hoist(bool hangs) override { bare_->hoist(hangs); }
 
  private:
   TroubledMechanics(std::unique_ptr<Mechanics> bare, const config::RobotConfig& robot);

@@ -1,0 +1,18 @@
+// A model file of newer MuJoCo versions as version 2.2.2 reads it: what it does not know and the simulator does not
+// need is taken out, paths become absolute. Line numbers stay. Files that it includes are read as they are.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace takt::plant {
+
+struct MendedMjcf {
+  std::string text;
+  std::vector<std::string> mended;  // one sentence for each kind of change, with the first line it was made in
+};
+
+// `folder`: of the file, absolute; what the model names relatively is found there.
+MendedMjcf mend_mjcf(std::string text, const std::string& folder);
+
+}  // namespace takt::plant

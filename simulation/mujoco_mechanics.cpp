@@ -1,0 +1,277 @@
+#include "simulation/mujoco_mechanics.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <mujoco/mujoco.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <stdexcept>
+#include <utility>
+
+#include "simulation/mjcf_file.hpp"
+
+namespace takt::plant {
+namespace {
+
+struct DeleteModel {
+  void operator()(mjModel* model) const { mj_deleteModel(model); }
+};
+struct DeleteData {
+  void operator()(mjData* data) const { mj_deleteData(data); }
+};
+using Model = std::unique_ptr<mjModel, DeleteModel>;
+using Data = std::unique_ptr<mjData, DeleteData>;
+
+constexpr mjtNum kHoist = 1e9;                        // kg, kg m2
+constexpr int kFreeCoordinates = 7, kFreeSpeeds = 6;  // of a free joint: position and quaternion; velocity and rate
+
+// By itself MuJoCo writes a file into the working directory and goes on from the initial state: see check_sane().
+void keep_quiet() {
+  mju_user_warning = [](const char*) {};
+}
+
+// MuJoCo reads files; this one lives as long as the object.
+class TemporaryFile {
+ public:
+  explicit TemporaryFile(const std::string& text)
+      : path_(std::filesystem::temp_directory_path() / "takt-mjcf-XXXXXX.xml") {
+    const int file = mkstemps(path_.data(), 4);
+    if (file >= 0) close(file);
+    std::ofstream(path_) << text;
+  }
+  TemporaryFile(const TemporaryFile&) = delete;
+  TemporaryFile& operator=(const TemporaryFile&) = delete;
+  ~TemporaryFile() { unlink(path_.c_str()); }
+  [[nodiscard]] const char* path() const { return path_.c_str(); }
+
+ private:
+  std::string path_;
+};
+
+struct Loaded {
+  Model model;
+  std::vector<std::string> mended;
+};
+
+std::expected<Loaded, std::string> load(const std::string& path) {
+  std::ifstream file(path);
+  if (!file) return std::unexpected(path + ": cannot be read; name an MJCF file as simulation.mujoco.model");
+  std::ostringstream text;
+  text << file.rdbuf();
+  MendedMjcf mended = mend_mjcf(text.str(), std::filesystem::path(path).parent_path());
+  char error[1000] = "";
+  const TemporaryFile copy(mended.text);
+  Model model(mj_loadXML(copy.path(), nullptr, error, sizeof error));
+  if (model) return Loaded{std::move(model), std::move(mended.mended)};
+  std::string sentence = error;
+  std::ranges::replace(sentence, '\n', ' ');
+  return std::unexpected(fmt::format("{}: MuJoCo {} refuses it: {}", path, mj_versionString(), sentence));
+}
+
+std::string name_of(const mjModel& model, int type, int id) {
+  const char* const name = mj_id2name(&model, type, id);
+  return name == nullptr ? fmt::format("number {}", id) : name;
+}
+
+int root_of(const mjModel& model, int joint) {
+  return model.body_rootid[model.jnt_bodyid[joint]];
+}
+
+class Engine final : public MujocoMechanics {
+ public:
+  Engine(Loaded loaded, std::vector<int> joints, int keyframe, int imu_site, Duration step)
+      : model_(std::move(loaded.model)),
+        mended_(std::move(loaded.mended)),
+        data_(mj_makeData(model_.get())),
+        joints_(std::move(joints)),
+        imu_site_(imu_site),
+        sub_steps_(static_cast<int>(std::ceil(step.seconds() / model_->opt.timestep - 1e-9))) {
+    model_->opt.timestep = step.seconds() / sub_steps_;
+    // What a held joint is held by acts implicitly, which of MuJoCo's integrators RK4 cannot.
+    if (model_->opt.integrator == mjINT_RK4) {
+      model_->opt.integrator = mjINT_EULER;
+      mended_.emplace_back("integrator Euler instead of RK4, which has no implicit damping");
+    }
+    if (keyframe >= 0) mj_resetDataKeyframe(model_.get(), data_.get(), keyframe);
+    const int root = root_of(*model_, joints_.front());
+    root_body_ = root;
+    for (int joint = 0; joint < model_->njnt; ++joint)
+      if (model_->jnt_type[joint] == mjJNT_FREE && model_->jnt_bodyid[joint] == root) free_joint_ = joint;
+    damping_.assign(model_->dof_damping, model_->dof_damping + model_->nv);
+    if (free_joint_ >= 0) {
+      const mjtNum* const at = data_->qpos + model_->jnt_qposadr[free_joint_];
+      began_.assign(at, at + kFreeCoordinates);
+      std::copy_n(model_->dof_armature + model_->jnt_dofadr[free_joint_], kFreeSpeeds, armature_.begin());
+    }
+    mj_forward(model_.get(), data_.get());
+  }
+
+  void integrate(ArmState& state, const Eigen::VectorXd& tau, const std::vector<Friction>& friction,
+                 Duration) override {
+    for (std::size_t j = 0; j < joints_.size(); ++j) {
+      const auto i = static_cast<Eigen::Index>(j);
+      coordinate(j) = state.q[i];
+      speed(j) = state.dq[i];
+      data_->qfrc_applied[address(j)] = tau[i];
+    }
+    for (int turn = 0; turn < sub_steps_; ++turn) {
+      for (std::size_t j = 0; j < joints_.size(); ++j)
+        model_->dof_damping[address(j)] = damping_[static_cast<std::size_t>(address(j))] + friction[j].viscous +
+                                          friction[j].coulomb / std::max(std::abs(speed(j)), kRestSpeed);
+      mj_step(model_.get(), data_.get());
+      if (hangs_) hang();
+    }
+    check_sane();
+    for (std::size_t j = 0; j < joints_.size(); ++j) {
+      const auto i = static_cast<Eigen::Index>(j);
+      state.q[i] = coordinate(j);
+      state.dq[i] = speed(j);
+    }
+  }
+
+  void hoist(bool hangs) override {
+    if (free_joint_ < 0 || hangs == hangs_) return;
+    hangs_ = hangs;
+    // So heavy that nothing moves it, and what hangs from it feels its own weight.
+    for (int i = 0; i < kFreeSpeeds; ++i)
+      model_->dof_armature[model_->jnt_dofadr[free_joint_] + i] =
+          hangs ? kHoist : armature_[static_cast<std::size_t>(i)];
+    if (hangs_) hang();
+  }
+
+  bool push(const config::Vector3& force) override {
+    std::copy(force.begin(), force.end(), data_->xfrc_applied + std::ptrdiff_t{6} * root_body_);
+    return true;
+  }
+
+  // Where the root body is: what the world takes hold of. Of now, whatever `q`.
+  config::Vector3 tool_position(const Eigen::VectorXd&) override { return base().position; }
+
+  [[nodiscard]] BasePose base() const override {
+    BasePose pose;
+    const mjtNum* at = data_->xpos + std::ptrdiff_t{3} * root_body_;
+    const mjtNum* turned = data_->xquat + std::ptrdiff_t{4} * root_body_;
+    if (free_joint_ >= 0) {  // the others are of before the last step
+      at = data_->qpos + model_->jnt_qposadr[free_joint_];
+      turned = at + 3;
+    }
+    std::copy_n(at, 3, pose.position.begin());
+    std::copy_n(turned, 4, pose.orientation.begin());
+    return pose;
+  }
+
+  std::optional<ImuReading> imu() override {
+    if (imu_site_ < 0) return std::nullopt;
+    mj_kinematics(model_.get(), data_.get());
+    mj_comPos(model_.get(), data_.get());
+    mj_comVel(model_.get(), data_.get());
+    mj_rnePostConstraint(model_.get(), data_.get());
+    ImuReading reading;
+    mju_mat2Quat(reading.orientation.data(), data_->site_xmat + std::ptrdiff_t{9} * imu_site_);
+    mjtNum motion[6];  // rotation first, in the site's axes
+    mj_objectVelocity(model_.get(), data_.get(), mjOBJ_SITE, imu_site_, motion, 1);
+    std::copy_n(motion, 3, reading.angular_velocity.begin());
+    mj_objectAcceleration(model_.get(), data_.get(), mjOBJ_SITE, imu_site_, motion, 1);
+    std::copy_n(motion + 3, 3, reading.acceleration.begin());
+    return reading;
+  }
+
+  [[nodiscard]] const std::vector<std::string>& mended() const override { return mended_; }
+
+ private:
+  [[nodiscard]] int address(std::size_t j) const { return model_->jnt_dofadr[joints_[j]]; }
+  mjtNum& coordinate(std::size_t j) { return data_->qpos[model_->jnt_qposadr[joints_[j]]]; }
+  mjtNum& speed(std::size_t j) { return data_->qvel[address(j)]; }
+
+  void hang() {
+    std::ranges::copy(began_, data_->qpos + model_->jnt_qposadr[free_joint_]);
+    std::fill_n(data_->qvel + model_->jnt_dofadr[free_joint_], kFreeSpeeds, 0.0);
+  }
+
+  // After one of these MuJoCo has begun anew from its initial state, as if nothing had happened.
+  void check_sane() const {
+    for (const mjtWarning bad : {mjWARN_BADQPOS, mjWARN_BADQVEL, mjWARN_BADQACC})
+      if (data_->warning[bad].number > 0)
+        throw std::runtime_error(
+            fmt::format("MuJoCo: the simulation diverged ({} at degree of freedom {}): shorten "
+                        "simulation.step, or look for masses without inertia",
+                        mju_warningText(bad, 0), data_->warning[bad].lastinfo));
+  }
+
+  Model model_;
+  std::vector<std::string> mended_;
+  Data data_;
+  std::vector<int> joints_;  // of the robot, in its order: the model's ids
+  int imu_site_;             // -1: none
+  int sub_steps_;
+  int free_joint_ = -1, root_body_ = 0;
+  std::vector<mjtNum> damping_;                 // the model's own, by degree of freedom
+  std::array<mjtNum, kFreeSpeeds> armature_{};  // the free joint's own
+  std::vector<mjtNum> began_;                   // the free joint's coordinates at the start
+  bool hangs_ = false;
+};
+
+// Which of the model's joints the robot's are. Error: one sentence.
+std::expected<std::vector<int>, std::string> find_joints(const mjModel& model, const config::RobotConfig& robot) {
+  std::vector<int> found;
+  std::vector<std::string> missing, others, forgotten;
+  for (const config::Joint& joint : robot.joints) {
+    const int id = mj_name2id(&model, mjOBJ_JOINT, joint.name.c_str());
+    if (id < 0)
+      missing.push_back(joint.name);
+    else if (model.jnt_type[id] != mjJNT_HINGE)
+      others.push_back(joint.name);
+    found.push_back(id);
+  }
+  const std::string where = robot.simulation->mujoco->model;
+  if (!missing.empty())
+    return std::unexpected(fmt::format("{}: has no joint {}; rename the robot file's joints or the model's", where,
+                                       fmt::join(missing, ", ")));
+  if (!others.empty())
+    return std::unexpected(
+        fmt::format("{}: {} turns about no axis; a drive's joint is a hinge", where, fmt::join(others, ", ")));
+  for (int joint = 0; joint < model.njnt; ++joint)
+    if (model.jnt_type[joint] == mjJNT_HINGE && root_of(model, joint) == root_of(model, found.front()) &&
+        std::ranges::find(found, joint) == found.end())
+      forgotten.push_back(name_of(model, mjOBJ_JOINT, joint));
+  if (!forgotten.empty())
+    return std::unexpected(
+        fmt::format("{}: {} of the same robot: in the robot file no joint has that name; add it (`passive: true` "
+                    "without a drive of its own), or take it out of the model",
+                    where, fmt::join(forgotten, ", ")));
+  return found;
+}
+
+// Of a name that may be empty: -1 then. Error: one sentence.
+std::expected<int, std::string> find_named(const mjModel& model, int type, const std::string& name, const char* what,
+                                           const std::string& where) {
+  if (name.empty()) return -1;
+  const int id = mj_name2id(&model, type, name.c_str());
+  if (id >= 0) return id;
+  return std::unexpected(fmt::format("{}: has no {} `{}`", where, what, name));
+}
+
+}  // namespace
+
+std::expected<std::unique_ptr<MujocoMechanics>, std::string> MujocoMechanics::make(const config::RobotConfig& robot) {
+  keep_quiet();
+  const config::MujocoWorld& world = *robot.simulation->mujoco;
+  auto loaded = load(world.model);
+  if (!loaded) return std::unexpected(loaded.error());
+  const mjModel& model = *loaded->model;
+  auto joints = find_joints(model, robot);
+  if (!joints) return std::unexpected(joints.error());
+  const auto keyframe = find_named(model, mjOBJ_KEY, world.keyframe, "keyframe", world.model);
+  if (!keyframe) return std::unexpected(keyframe.error());
+  const auto site = find_named(model, mjOBJ_SITE, world.imu_site, "site", world.model);
+  if (!site) return std::unexpected(site.error());
+  return std::make_unique<Engine>(std::move(*loaded), std::move(*joints), *keyframe, *site, robot.simulation->step);
+}
+
+}  // namespace takt::plant
