@@ -48,11 +48,16 @@ TroubledMechanics::TroubledMechanics(std::unique_ptr<Mechanics> bare, const conf
   for (const config::Joint& joint : robot.joints) passive_.push_back(joint.passive);
 }
 
+std::unique_ptr<TroubledMechanics> TroubledMechanics::around(std::unique_ptr<Mechanics> bare,
+                                                             const config::RobotConfig& robot) {
+  return std::unique_ptr<TroubledMechanics>(new TroubledMechanics(std::move(bare), robot));
+}
+
 std::expected<std::unique_ptr<TroubledMechanics>, std::string> TroubledMechanics::make(
     const config::RobotConfig& robot, std::span<const double> payloads) {
   auto bare = make_mechanics(robot);
   if (!bare) return std::unexpected(bare.error());
-  std::unique_ptr<TroubledMechanics> made(new TroubledMechanics(std::move(*bare), robot));
+  auto made = around(std::move(*bare), robot);
   for (const double payload : payloads) {
     auto loaded = make_mechanics(with_payload(robot, payload));
     if (!loaded) return std::unexpected(loaded.error());
