@@ -70,6 +70,7 @@ set(dev_docs ${CMAKE_INSTALL_DATADIR}/doc/takt-dev)
 install(FILES ${share}/doc/changelog.Debian.gz ${share}/doc/changelog.gz ${package_files}/copyright
         DESTINATION ${dev_docs} COMPONENT dev)
 install(DIRECTORY docs/examples DESTINATION ${dev_docs} COMPONENT dev)
+install(FILES client/javascript/takt-world.mjs DESTINATION ${dev_docs}/examples/world COMPONENT dev)
 install(FILES ${share}/doc/changelog.Debian.gz ${share}/doc/changelog.gz ${package_files}/copyright
         DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/python3-takt COMPONENT python)
 install(DIRECTORY client/python/takt DESTINATION lib/python3/dist-packages COMPONENT python PATTERN __pycache__ EXCLUDE)

@@ -1,7 +1,7 @@
 // takt-plant: the device side of a simulated robot. Drives on the CAN buses, behind them an arm or a cart with a pole,
 // and a camera; or nothing but flywheels; and what a scenario file lets go wrong.
 // Exit codes: 0 ended by a signal, 64 usage, 65 robot, devices or scenario file refused, 69 a bus or socket is not to
-// be had, 70 internal.
+// be had, or the world of --world ended otherwise than by success, 70 internal.
 #include <sched.h>
 #include <spdlog/spdlog.h>
 #include <sys/prctl.h>
@@ -22,6 +22,7 @@
 #include "simulation/camera.hpp"
 #include "simulation/chance.hpp"
 #include "simulation/devices_file.hpp"
+#include "simulation/outside_mechanics.hpp"
 #include "simulation/pacer.hpp"
 #include "simulation/plant_buses.hpp"
 #include "simulation/robot_plant.hpp"
@@ -40,7 +41,7 @@ constexpr Duration kReportPeriod = seconds(1);
 constexpr std::uint64_t kSensorPathStream = 201;
 
 struct Options {
-  std::string robot, devices, scenario, runtime_directory, truth_file, policy_user;
+  std::string robot, devices, scenario, runtime_directory, truth_file, policy_user, world;
   std::optional<std::uint64_t> seed;
   double target_entry_s = 0;
   bool on_hardware = false, debug = false;
@@ -119,7 +120,8 @@ class Observer {
 
 struct Stage {
   Plant& plant;
-  RobotPlant* body;  // the plant, if it is a robot
+  RobotPlant* body;               // the plant, if it is a robot
+  const OutsideMechanics* world;  // the robot's, if another process plays it
   PlantBuses& buses;
   ScenarioPlayer& scenario;
   std::size_t bus_count;
@@ -127,7 +129,7 @@ struct Stage {
 };
 
 void simulate(const Stage& stage, const std::function<void(MonoTime)>& observe) {
-  while (!g_stop) {
+  while (!g_stop && !(stage.world && stage.world->end())) {
     sleep_until(stage.pacer.next_wake());
     const MonoTime now = monotonic_now();
     const int steps = stage.pacer.steps_due(now);
@@ -177,7 +179,8 @@ std::string unplayable(const Scenario& scenario, const PlantBuses& buses, const 
   return {};
 }
 
-int serve(const Options& options, const config::RobotConfig& robot, Scenario scenario, Plant& plant, RobotPlant* body) {
+int serve(const Options& options, const config::RobotConfig& robot, Scenario scenario, Plant& plant, RobotPlant* body,
+          const OutsideMechanics* world) {
   const std::string directory =
       options.runtime_directory.empty() ? config::default_runtime_directory(robot.robot) : options.runtime_directory;
   stop_on_signals();
@@ -199,11 +202,12 @@ int serve(const Options& options, const config::RobotConfig& robot, Scenario sce
   Pacer pacer(plant.step_length(), started + plant.step_length());
   ScenarioPlayer player(std::move(scenario), robot.buses.size(),
                         [](const std::string& line) { spdlog::info("scenario: {}", line); });
-  simulate({plant, body, *buses, player, robot.buses.size(), pacer}, [&](MonoTime now) {
+  simulate({plant, body, world, *buses, player, robot.buses.size(), pacer}, [&](MonoTime now) {
     if (body) observer.look(*body, player.on_sensor(), pacer, now);
   });
   spdlog::info("ending after {} skipped steps", pacer.skipped());
-  return 0;
+  if (!world || !world->end()) return 0;
+  return world->end()->kind == WorldEndKind::succeeded ? 0 : refuse(kExitUnavailable, world->end()->sentence);
 }
 
 std::vector<double> payloads_of(const Scenario& scenario) {
@@ -211,6 +215,29 @@ std::vector<double> payloads_of(const Scenario& scenario) {
   for (const FaultEvent& event : scenario.events)
     if (event.kind == FaultKind::payload) payloads.push_back(event.amount);
   return payloads;
+}
+
+// The scenario's events that reach into the mechanics, which are the world's own. Empty: none.
+std::string beyond_reach(const Scenario& scenario, const std::string& file) {
+  for (const FaultEvent& event : scenario.events)
+    if (event.kind == FaultKind::payload || event.kind == FaultKind::push)
+      return file + ": " + text_of(event) + " is not for --world, whose mechanics are its own; play it there";
+  return {};
+}
+
+int serve_in_world(const Options& options, const config::RobotConfig& robot, Scenario scenario) {
+  if (!robot.simulation)
+    return refuse(config::kExitBadConfiguration, robot.file + ": no `simulation`: --world needs it");
+  if (const std::string why = beyond_reach(scenario, options.scenario); !why.empty())
+    return refuse(config::kExitBadConfiguration, why);
+  auto world = OutsideMechanics::connect(robot, options.world);
+  if (!world) return refuse(kExitUnavailable, world.error().sentence);
+  const OutsideMechanics& played = **world;  // the plant's
+  auto body = RobotPlant::make_in(std::move(*world), robot);
+  if (!body) return refuse(config::kExitBadConfiguration, body.error());
+  spdlog::info("world {} ({}), over {}", options.world, played.link().world(),
+               played.link().is_over_shared_memory() ? "shared memory" : "its socket");
+  return serve(options, robot, std::move(scenario), *body, &*body, &played);
 }
 
 int run(const Options& options) {
@@ -223,11 +250,12 @@ int run(const Options& options) {
   if (!options.devices.empty()) {
     auto plant = Plant::on_free_inertias(*robot);
     if (!plant) return refuse(config::kExitBadConfiguration, plant.error());
-    return serve(options, *robot, std::move(*scenario), *plant, nullptr);
+    return serve(options, *robot, std::move(*scenario), *plant, nullptr, nullptr);
   }
+  if (!options.world.empty()) return serve_in_world(options, *robot, std::move(*scenario));
   auto body = RobotPlant::make(*robot, payloads_of(*scenario));
   if (!body) return refuse(config::kExitBadConfiguration, body.error());
-  return serve(options, *robot, std::move(*scenario), *body, &*body);
+  return serve(options, *robot, std::move(*scenario), *body, &*body, nullptr);
 }
 
 }  // namespace
@@ -249,6 +277,9 @@ int main(int argc, char** argv) {
   app.add_option("--runtime-dir", options.runtime_directory,
                  "where sockets live (default ROBOT or `devices` in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
   app.add_option("--seed", options.seed, "instead of simulation.seed");
+  app.add_option("--world", options.world,
+                 "--robot: socket of the process that plays its mechanics (docs/world-protocol.md)")
+      ->excludes("--devices");
   app.add_option("--truth", options.truth_file, "--robot: write what the robot really did to this file, as JSON lines")
       ->excludes("--devices");
   app.add_option("--target-entry", options.target_entry_s, "s, how far along its path the camera's target begins")
@@ -260,7 +291,7 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", TAKT_VERSION);
   app.footer(
       "Exit codes: 0 ended by a signal, 64 command line, 65 robot, devices or scenario file refused, 69 a bus or\n"
-      "socket is not to be had, 70 bug.");
+      "socket is not to be had, or the world of --world ended, 70 bug.");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -14,4 +14,15 @@ std::expected<RobotPlant, std::string> RobotPlant::make(const config::RobotConfi
   return RobotPlant(std::move(*plant), mechanics);
 }
 
+std::expected<RobotPlant, std::string> RobotPlant::make_in(std::unique_ptr<OutsideMechanics> world,
+                                                           const config::RobotConfig& robot) {
+  const ArmState begin = world->begin();
+  auto made = TroubledMechanics::around(std::move(world), robot);
+  TroubledMechanics& mechanics = *made;
+  auto plant = Plant::make(robot, std::move(made));
+  if (!plant) return std::unexpected(plant.error());
+  plant->set_state(begin);
+  return RobotPlant(std::move(*plant), mechanics);
+}
+
 }  // namespace takt::plant

@@ -1,8 +1,10 @@
 // The simulated robot: a plant whose mechanics are what the robot file describes.
 #pragma once
 
+#include <memory>
 #include <span>
 
+#include "simulation/outside_mechanics.hpp"
 #include "simulation/plant.hpp"
 #include "simulation/troubled_mechanics.hpp"
 
@@ -14,6 +16,9 @@ class RobotPlant final : public Plant {
   // `payloads`: the masses that set_trouble() may ask for.
   static std::expected<RobotPlant, std::string> make(const config::RobotConfig& robot,
                                                      std::span<const double> payloads = {});
+  // In a world that another process plays, beginning where that says; it takes no push and no payload.
+  static std::expected<RobotPlant, std::string> make_in(std::unique_ptr<OutsideMechanics> world,
+                                                        const config::RobotConfig& robot);
 
   void set_trouble(const BodyTrouble& trouble) { mechanics_->set(trouble); }
   [[nodiscard]] std::optional<ImuReading> imu() { return mechanics_->imu(); }

@@ -48,6 +48,11 @@ TroubledMechanics::TroubledMechanics(std::unique_ptr<Mechanics> bare, const conf
   for (const config::Joint& joint : robot.joints) passive_.push_back(joint.passive);
 }
 
+std::unique_ptr<TroubledMechanics> TroubledMechanics::around(std::unique_ptr<Mechanics> bare,
+                                                             const config::RobotConfig& robot) {
+  return std::unique_ptr<TroubledMechanics>(new TroubledMechanics(std::move(bare), robot));
+}
+
 std::expected<std::unique_ptr<TroubledMechanics>, std::string> TroubledMechanics::make(
     const config::RobotConfig& robot, std::span<const double> payloads) {
   auto bare = make_mechanics(robot);
@@ -55,7 +60,7 @@ std::expected<std::unique_ptr<TroubledMechanics>, std::string> TroubledMechanics
   // Each payload is a body of its own, and a base's pose is a body's.
   if (robot.simulation->mujoco && !payloads.empty())
     return std::unexpected(robot.file + ": `simulation.mujoco` takes no payload events; put the mass into the model");
-  std::unique_ptr<TroubledMechanics> made(new TroubledMechanics(std::move(*bare), robot));
+  auto made = around(std::move(*bare), robot);
   for (const double payload : payloads) {
     auto loaded = make_mechanics(with_payload(robot, payload));
     if (!loaded) return std::unexpected(loaded.error());

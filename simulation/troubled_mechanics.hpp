@@ -29,6 +29,8 @@ class TroubledMechanics final : public Mechanics {
   // knows.
   static std::expected<std::unique_ptr<TroubledMechanics>, std::string> make(const config::RobotConfig& robot,
                                                                              std::span<const double> payloads);
+  // Around mechanics that are there already, of `robot`: no payloads.
+  static std::unique_ptr<TroubledMechanics> around(std::unique_ptr<Mechanics> bare, const config::RobotConfig& robot);
 
   // From the next step on. Precondition: a payload that make() was told of, or none.
   void set(const BodyTrouble& trouble);

@@ -32,7 +32,7 @@ MAY_USE = {
     "monitor/telemetry": f"{SHARED} executive/incident drivers/protocol monitor/record monitor/judge",
     "monitor/dds": f"{SHARED} executive/incident monitor/record monitor/judge",
     "monitor": f"{SHARED} executive/trace executive/log monitor/record monitor/judge monitor/telemetry monitor/dds",
-    "simulation": f"{SHARED} executive/log drivers/bus drivers/protocol",
+    "simulation": f"{SHARED} executive/log drivers/bus drivers/protocol client",
     "evidence/review": f"{SHARED} executive/incident executive/pipeline executive/setup monitor/record monitor/judge",
     "evidence/artifact": f"{SHARED} monitor/record monitor/judge evidence/review",
     "evidence/judge": f"{SHARED} executive/incident monitor/record monitor/judge evidence/review evidence/artifact",

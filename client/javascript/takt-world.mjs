@@ -1,0 +1,134 @@
+// A world for Takt in JavaScript: a process that plays a robot's mechanics over its Unix socket (docs/world-protocol.md).
+// Needs Node.js and nothing else.
+//
+//   import { serve } from './takt-world.mjs';
+//   await serve('/tmp/world.sock', {
+//     reset(robot, seed, q) { return { q, dq: q.map(() => 0) }; },
+//     step({ torque, viscous, coulomb }, seconds) { return { q, dq }; },
+//   });
+//
+// Joints are those of the robot file, in its order. Units: rad, rad/s, Nm, s. A state may also have point (m), imu
+// ({ orientation: w x y z, angularVelocity: rad/s, acceleration: m/s2 }), outcome ('succeeded', 'failed', 'unable') and reason.
+// An exception of reset or step ends that simulation, and Takt is told its text.
+import fs from 'node:fs';
+import net from 'node:net';
+
+const PROTOCOL = 1, MAX_JOINTS = 64, JOINT_BYTES = 8 * MAX_JOINTS;
+const HELLO = 1, WELCOME = 2, RESET = 3, STEP = 4, STATE = 5;
+const IMU = 2, POINT = 4;
+const OUTCOMES = ['running', 'succeeded', 'failed', 'unable'];
+const WELCOME_BYTES = 216, STATE_BYTES = 1288, LONGEST_QUESTION = 4192;
+
+const textAt = (bytes, at) => bytes.toString('utf8', at, Math.max(at, bytes.indexOf(0, at)));
+const numbersAt = (bytes, at, count) => Array.from({ length: count }, (_, i) => bytes.readDoubleLE(at + 8 * i));
+
+function header(bytes, kind, sequence) {
+  bytes.writeUInt32LE(bytes.length, 0);
+  bytes.writeUInt16LE(kind, 4);
+  bytes.writeUInt16LE(PROTOCOL, 6);
+  bytes.writeBigUInt64LE(sequence, 8);
+}
+
+function welcome(sequence, name, gives) {
+  const bytes = Buffer.alloc(WELCOME_BYTES);
+  header(bytes, WELCOME, sequence);
+  bytes.writeUInt32LE(gives, 16);
+  bytes.write(name.slice(0, 63), 24);
+  return bytes;
+}
+
+function stateMessage(state, sequence, time) {
+  const bytes = Buffer.alloc(STATE_BYTES);
+  header(bytes, STATE, sequence);
+  bytes.writeBigUInt64LE(time, 16);
+  bytes.writeUInt32LE(OUTCOMES.indexOf(state.outcome ?? 'running'), 24);
+  const put = (values, at) => values?.forEach((value, i) => bytes.writeDoubleLE(value, at + 8 * i));
+  put(state.q, 32);
+  put(state.dq, 32 + JOINT_BYTES);
+  const after = 32 + 2 * JOINT_BYTES;
+  put(state.point, after);
+  put(state.imu?.orientation, after + 24);
+  put(state.imu?.angularVelocity, after + 56);
+  put(state.imu?.acceleration, after + 80);
+  bytes.write((state.reason ?? '').slice(0, 127), after + 104);
+  return bytes;
+}
+
+class Simulation {
+  constructor(peer, world, name, gives) {
+    Object.assign(this, { peer, world, name, gives, heard: Buffer.alloc(0) });
+  }
+
+  // One piece of what Takt says, whole messages or not.
+  hear(piece) {
+    this.heard = Buffer.concat([this.heard, piece]);
+    while (this.heard.length >= 4) {
+      const size = this.heard.readUInt32LE(0);
+      if (size < 16 || size > LONGEST_QUESTION) throw new Error(`Takt sent a message of ${size} bytes`);
+      if (this.heard.length < size) return;
+      const message = this.heard.subarray(0, size);
+      this.heard = this.heard.subarray(size);
+      this.answer(message);
+    }
+  }
+
+  answer(message) {
+    const kind = message.readUInt16LE(4), sequence = message.readBigUInt64LE(8);
+    if (message.readUInt16LE(6) !== PROTOCOL) throw new Error(`Takt speaks protocol ${message.readUInt16LE(6)}`);
+    if (kind === HELLO) {
+      this.meet(message);
+      this.peer.write(welcome(sequence, this.name, this.gives));
+      return;
+    }
+    const time = kind === STEP ? message.readBigUInt64LE(16) + message.readBigUInt64LE(24) : 0n;
+    try {
+      this.peer.write(stateMessage(kind === RESET ? this.reset(message) : this.step(message), sequence, time));
+    } catch (error) {
+      this.peer.write(stateMessage({ outcome: 'unable', reason: String(error) }, sequence, time));
+      throw error;
+    }
+  }
+
+  meet(message) {
+    const count = message.readUInt32LE(24);
+    this.robot = {
+      name: textAt(message, 32),
+      joints: Array.from({ length: count }, (_, i) => textAt(message, 96 + 64 * i)),
+      stepSeconds: Number(message.readBigUInt64LE(16)) * 1e-9,
+    };
+  }
+
+  reset(message) {
+    return this.world.reset(this.robot, message.readBigUInt64LE(16), numbersAt(message, 24, this.robot.joints.length));
+  }
+
+  step(message) {
+    const joints = (field) => numbersAt(message, 32 + field * JOINT_BYTES, this.robot.joints.length);
+    return this.world.step({ torque: joints(0), viscous: joints(1), coulomb: joints(2) },
+      Number(message.readBigUInt64LE(24)) * 1e-9);
+  }
+}
+
+// Plays `world` at the socket `path`, one simulation of Takt's after the other; options: name, imu, point (true: states have
+// them), simulations (that many, else for ever).
+export function serve(path, world, { name = 'javascript', imu = false, point = false, simulations = Infinity } = {}) {
+  if (fs.existsSync(path)) fs.unlinkSync(path);
+  return new Promise((resolve, reject) => {
+    let played = 0;
+    const server = net.createServer((peer) => {
+      const simulation = new Simulation(peer, world, name, imu * IMU + point * POINT);
+      peer.on('data', (piece) => {
+        try {
+          simulation.hear(piece);
+        } catch (error) {
+          console.error(error);
+          peer.end();
+        }
+      });
+      peer.on('error', () => peer.destroy()); // Takt has gone
+      peer.on('close', () => ++played >= simulations && server.close(() => resolve()));
+    });
+    server.on('error', reject);
+    server.listen(path);
+  });
+}

@@ -1,0 +1,213 @@
+"""A world for Takt in Python: a process that plays a robot's mechanics (docs/world-protocol.md). Needs numpy and Linux.
+
+    import numpy as np
+    from takt import world
+
+    class Flywheels:
+        def reset(self, robot, seed, q):
+            self.q, self.dq = q.copy(), np.zeros_like(q)
+            return world.State(self.q, self.dq)
+
+        def step(self, drive, seconds):
+            self.dq += seconds * drive.torque / 0.1
+            self.q += seconds * self.dq
+            return world.State(self.q, self.dq)
+
+    world.serve(Flywheels(), "/tmp/world.sock")
+
+Joints are those of the robot file, in its order. Units: rad, rad/s, Nm, s; an IMU's in `Imu`. Arrays are float64; those that are
+passed in are good until the call returns. An exception of reset or step leaves serve(), and Takt is told its text.
+"""
+import mmap
+import os
+import select
+import socket
+import struct
+from dataclasses import dataclass
+from typing import Any, Optional, Protocol, Sequence, Tuple, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+RUNNING, SUCCEEDED, FAILED, UNABLE = range(4)
+
+_PROTOCOL, _MAX_JOINTS, _ANSWER_OFFSET, _MEMORY_BYTES = 1, 64, 8192, 16384
+_HELLO, _WELCOME, _RESET, _STEP, _STATE = range(1, 6)
+_SHARED_MEMORY, _IMU, _POINT = 1, 2, 4
+_HEADER = [("bytes", "<u4"), ("kind", "<u2"), ("protocol", "<u2"), ("sequence", "<u8")]
+_JOINTS = ("<f8", _MAX_JOINTS)
+_HELLO_TYPE = np.dtype(_HEADER + [("step_ns", "<u8"), ("joint_count", "<u4"), ("reserved", "<u4"), ("robot", "S64"), ("joints", "S64", _MAX_JOINTS)])
+_RESET_TYPE = np.dtype(_HEADER + [("seed", "<u8"), ("q", *_JOINTS)])
+_STEP_TYPE = np.dtype(_HEADER + [("time_ns", "<u8"), ("step_ns", "<u8"), ("torque", *_JOINTS), ("viscous", *_JOINTS), ("coulomb", *_JOINTS)])
+_STATE_TYPE = np.dtype(_HEADER + [("time_ns", "<u8"), ("outcome", "<u4"), ("reserved", "<u4"), ("q", *_JOINTS), ("dq", *_JOINTS), ("point", "<f8", 3),
+                                  ("orientation", "<f8", 4), ("angular_velocity", "<f8", 3), ("acceleration", "<f8", 3), ("reason", "S128")])
+_HEADER_STRUCT = struct.Struct("<IHHQ")
+_WELCOME_STRUCT = struct.Struct("<IHHQII64s128s")
+_AFTER_HEADER = struct.Struct("<QQ")
+
+
+@dataclass(frozen=True)
+class Robot:
+    name: str
+    joints: Tuple[str, ...]
+    step_seconds: float
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What the drives do to the joints during a step: torque, and the friction that drive and brake add (an engaged brake is in `coulomb`)."""
+
+    torque: NDArray[np.float64]
+    viscous: NDArray[np.float64]
+    coulomb: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Imu:
+    orientation: Sequence[float]  # w x y z, of the IMU in the world, length 1
+    angular_velocity: Sequence[float]  # rad/s, in the IMU's axes
+    acceleration: Sequence[float]  # m/s2, specific force in the IMU's axes: 9.81 upwards at rest
+
+
+@dataclass(frozen=True)
+class State:
+    q: ArrayLike
+    dq: ArrayLike
+    point: Optional[Sequence[float]] = None  # m, what the task wants at its target; worlds of serve(point=True)
+    imu: Optional[Imu] = None  # worlds of serve(imu=True)
+    outcome: int = RUNNING
+    reason: str = ""
+
+
+class World(Protocol):
+    def reset(self, robot: Robot, seed: int, q: NDArray[np.float64]) -> State: ...
+
+    def step(self, drive: Drive, seconds: float) -> State: ...
+
+
+class _Gone(Exception):
+    """Takt has gone."""
+
+
+def serve(world: World, path: Union[str, "os.PathLike[str]"], *, name: str = "python", imu: bool = False, point: bool = False,
+          shared_memory: bool = True, simulations: Optional[int] = None) -> None:
+    """Plays `world` at the Unix socket `path` for one simulation of Takt's after the other; `simulations`: that many, else for ever."""
+    if os.path.exists(path):
+        os.unlink(path)
+    gives = _SHARED_MEMORY * shared_memory | _IMU * imu | _POINT * point
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
+        listener.bind(os.fspath(path))
+        listener.listen(4)
+        played = 0
+        while simulations is None or played < simulations:
+            peer = listener.accept()[0]
+            with peer:
+                try:
+                    _Simulation(peer, name, gives).play(world)
+                except (_Gone, ConnectionError):
+                    pass
+            played += 1
+
+
+class _Simulation:
+    def __init__(self, peer: socket.socket, name: str, gives: int) -> None:
+        self._peer = peer
+        self._gives = gives
+        data, files, _, _ = socket.recv_fds(peer, _HELLO_TYPE.itemsize, 3)
+        while len(data) < _HELLO_TYPE.itemsize:
+            data += self._receive(_HELLO_TYPE.itemsize - len(data))
+        hello = np.frombuffer(data, _HELLO_TYPE)[0]
+        if hello["kind"] != _HELLO or hello["protocol"] != _PROTOCOL or len(files) != 3:
+            raise _Gone
+        memory, self._question_bell, self._answer_bell = files
+        self._files = files[1:]
+        self._memory = mmap.mmap(memory, _MEMORY_BYTES)
+        os.close(memory)
+        self._count = int(hello["joint_count"])
+        self._robot = Robot(hello["robot"].decode(), tuple(joint.decode() for joint in hello["joints"][:self._count]), hello["step_ns"] * 1e-9)
+        self._waits = select.poll()
+        self._waits.register(self._question_bell, select.POLLIN)
+        self._waits.register(peer, select.POLLIN)
+        self._views()
+        peer.sendall(_WELCOME_STRUCT.pack(_WELCOME_STRUCT.size, _WELCOME, _PROTOCOL, int(hello["sequence"]), gives, 0, name.encode()[:63], b""))
+
+    def _views(self) -> None:
+        """Arrays over one buffer for each message, made once: a step allocates nothing of its own."""
+        count = self._count
+        self._question = bytearray(_STEP_TYPE.itemsize)
+        self._answer = np.zeros((), _STATE_TYPE)
+        step, reset = np.frombuffer(self._question, _STEP_TYPE, 1), np.frombuffer(self._question, _RESET_TYPE, 1)
+        self._drive = Drive(step["torque"][0, :count], step["viscous"][0, :count], step["coulomb"][0, :count])
+        self._home = reset["q"][0, :count]
+        self._q, self._dq = self._answer["q"][:count], self._answer["dq"][:count]
+        self._answer_bytes = memoryview(self._answer.reshape(1).view(np.uint8))
+
+    def _receive(self, size: int) -> bytes:
+        data = b""
+        while len(data) < size:
+            piece = self._peer.recv(size - len(data))
+            if not piece:
+                raise _Gone
+            data += piece
+        return data
+
+    def _ask(self) -> Tuple[int, int]:
+        """Waits for Takt's next message and copies it; returns kind and sequence."""
+        if self._gives & _SHARED_MEMORY:
+            while not any(fd == self._question_bell for fd, _ in self._waits.poll()):
+                if not self._peer.recv(1, socket.MSG_PEEK):
+                    raise _Gone
+            os.eventfd_read(self._question_bell)
+            self._question[:] = self._memory[:len(self._question)]
+        else:
+            head = self._receive(_HEADER_STRUCT.size)
+            size = _HEADER_STRUCT.unpack(head)[0]
+            if not _HEADER_STRUCT.size <= size <= len(self._question):
+                raise _Gone
+            self._question[:size] = head + self._receive(size - len(head))
+        _, kind, _, sequence = _HEADER_STRUCT.unpack_from(self._question)
+        return kind, sequence
+
+    def _say(self, state: State, sequence: int, time_ns: int) -> None:
+        _HEADER_STRUCT.pack_into(self._answer_bytes, 0, len(self._answer_bytes), _STATE, _PROTOCOL, sequence)
+        _AFTER_HEADER.pack_into(self._answer_bytes, _HEADER_STRUCT.size, time_ns, state.outcome)
+        self._q[:], self._dq[:] = state.q, state.dq
+        if state.point is not None:
+            self._answer["point"] = state.point
+        if state.imu is not None:
+            self._answer["orientation"] = state.imu.orientation
+            self._answer["angular_velocity"] = state.imu.angular_velocity
+            self._answer["acceleration"] = state.imu.acceleration
+        if state.reason:
+            self._answer["reason"] = state.reason.encode()[:127]
+        if self._gives & _SHARED_MEMORY:
+            self._memory[_ANSWER_OFFSET:_ANSWER_OFFSET + len(self._answer_bytes)] = self._answer_bytes
+            os.eventfd_write(self._answer_bell, 1)
+        else:
+            self._peer.sendall(self._answer_bytes)
+
+    def play(self, world: World) -> None:
+        try:
+            while True:
+                kind, sequence = self._ask()
+                time_ns = 0
+                try:
+                    if kind == _RESET:
+                        (seed,) = struct.unpack_from("<Q", self._question, _HEADER_STRUCT.size)
+                        state = world.reset(self._robot, seed, self._home)
+                    else:
+                        begin_ns, step_ns = _AFTER_HEADER.unpack_from(self._question, _HEADER_STRUCT.size)
+                        time_ns = begin_ns + step_ns
+                        state = world.step(self._drive, step_ns * 1e-9)
+                    self._say(state, sequence, time_ns)
+                except (_Gone, ConnectionError):
+                    raise
+                except Exception as error:  # Takt is told; whoever wrote the world sees where it was
+                    self._say(State(0.0, 0.0, outcome=UNABLE, reason=f"{type(error).__name__}: {error}"), sequence, time_ns)
+                    raise
+        finally:
+            for file in self._files:
+                os.close(file)
+
+
+__all__: Any = ["FAILED", "RUNNING", "SUCCEEDED", "UNABLE", "Drive", "Imu", "Robot", "State", "World", "serve"]

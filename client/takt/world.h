@@ -1,0 +1,169 @@
+/* A world for Takt in C: a process that plays a robot's mechanics, over shared memory. Nothing to link; needs Linux.
+ *
+ *   takt_world world;
+ *   if (takt_world_listen(&world, "/tmp/world.sock") != 0) return 1;
+ *   while (takt_world_accept(&world, "mine", TAKT_WORLD_POINT) == 0) {      one simulation of Takt's after the other
+ *     takt_world_state state = {0};
+ *     while (takt_world_next(&world) == 0) {
+ *       if (world.kind == TAKT_WORLD_RESET) begin(&world.reset, &state); else move(&world.step, &state);
+ *       takt_world_answer(&world, &state);
+ *     }
+ *   }
+ *
+ * Errors: -1 with errno. takt_world_next says -1 when Takt has gone, which ends that simulation and is no fault.
+ * Thread rule: a world belongs to one thread. Messages and units: takt/world_messages.h, docs/world-protocol.md.
+ */
+#ifndef TAKT_WORLD_H
+#define TAKT_WORLD_H
+
+#include <errno.h>
+#include <poll.h>
+#include <stddef.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include "world_messages.h"
+
+typedef struct takt_world {
+  int listener, peer;
+  int memory, question_bell, answer_bell;
+  unsigned char* shared; /* TAKT_WORLD_MEMORY_BYTES */
+  takt_world_hello hello;
+  uint16_t kind; /* of the latest message: reset or step */
+  union {
+    takt_world_header header;
+    takt_world_reset reset;
+    takt_world_step step;
+  };
+} takt_world;
+
+/* A socket that an earlier world left behind at `path` is replaced. */
+static inline int takt_world_listen(takt_world* world, const char* path) {
+  struct sockaddr_un address;
+  memset(world, 0, sizeof *world);
+  memset(&address, 0, sizeof address);
+  world->listener = world->peer = world->memory = world->question_bell = world->answer_bell = -1;
+  if (strlen(path) >= sizeof address.sun_path) {
+    errno = ENAMETOOLONG;
+    return -1;
+  }
+  address.sun_family = AF_UNIX;
+  strcpy(address.sun_path, path);
+  world->listener = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  if (world->listener < 0) return -1;
+  unlink(path);
+  if (bind(world->listener, (struct sockaddr*)&address, sizeof address) != 0) return -1;
+  return listen(world->listener, 4);
+}
+
+/* Ends the simulation that is under way. */
+static inline void takt_world_leave(takt_world* world) {
+  int* const files[4] = {&world->peer, &world->memory, &world->question_bell, &world->answer_bell};
+  size_t i;
+  if (world->shared != NULL) munmap(world->shared, TAKT_WORLD_MEMORY_BYTES);
+  world->shared = NULL;
+  for (i = 0; i < 4; ++i) {
+    if (*files[i] >= 0) close(*files[i]);
+    *files[i] = -1;
+  }
+}
+
+/* Receives hello with its three files. */
+static inline int takt_world_receive_hello(takt_world* world) {
+  union {
+    struct cmsghdr aligned;
+    char bytes[CMSG_SPACE(3 * sizeof(int))];
+  } control;
+  struct iovec piece;
+  struct msghdr message;
+  struct cmsghdr* part;
+  size_t got = 0;
+  memset(&message, 0, sizeof message);
+  while (got < sizeof world->hello) {
+    ssize_t size;
+    piece.iov_base = (char*)&world->hello + got;
+    piece.iov_len = sizeof world->hello - got;
+    message.msg_iov = &piece;
+    message.msg_iovlen = 1;
+    message.msg_control = control.bytes;
+    message.msg_controllen = sizeof control.bytes;
+    size = recvmsg(world->peer, &message, MSG_CMSG_CLOEXEC);
+    if (size < 0 && errno == EINTR) continue;
+    if (size <= 0) return -1;
+    got += (size_t)size;
+    part = CMSG_FIRSTHDR(&message);
+    if (part != NULL && part->cmsg_type == SCM_RIGHTS && part->cmsg_len == CMSG_LEN(3 * sizeof(int))) {
+      int files[3];
+      memcpy(files, CMSG_DATA(part), sizeof files);
+      world->memory = files[0];
+      world->question_bell = files[1];
+      world->answer_bell = files[2];
+    }
+  }
+  if (world->memory >= 0 && world->hello.header.kind == TAKT_WORLD_HELLO &&
+      world->hello.header.protocol == TAKT_WORLD_PROTOCOL && world->hello.joint_count <= TAKT_WORLD_MAX_JOINTS)
+    return 0;
+  errno = EPROTO;
+  return -1;
+}
+
+/* Tells Takt why its robot is not played, one sentence, or, with NULL, that it is. */
+static inline int takt_world_welcome_takt(takt_world* world, const char* name, uint32_t gives, const char* refusal) {
+  takt_world_welcome welcome;
+  memset(&welcome, 0, sizeof welcome);
+  welcome.header = world->hello.header;
+  welcome.header.bytes = sizeof welcome;
+  welcome.header.kind = TAKT_WORLD_WELCOME;
+  welcome.gives = gives | TAKT_WORLD_SHARED_MEMORY;
+  strncpy(welcome.world, name, sizeof welcome.world - 1);
+  if (refusal != NULL) strncpy(welcome.refusal, refusal, sizeof welcome.refusal - 1);
+  return send(world->peer, &welcome, sizeof welcome, MSG_NOSIGNAL) == (ssize_t)sizeof welcome ? 0 : -1;
+}
+
+/* Waits for the next simulation. world->hello says which robot; to look at it before welcoming it, call these parts. */
+static inline int takt_world_accept(takt_world* world, const char* name, uint32_t gives) {
+  takt_world_leave(world);
+  do {
+    world->peer = accept(world->listener, NULL, NULL);
+  } while (world->peer < 0 && errno == EINTR);
+  if (world->peer < 0 || takt_world_receive_hello(world) != 0) return -1;
+  void* const at = mmap(NULL, TAKT_WORLD_MEMORY_BYTES, PROT_READ | PROT_WRITE, MAP_SHARED, world->memory, 0);
+  if (at == MAP_FAILED) return -1;
+  world->shared = (unsigned char*)at;
+  return takt_world_welcome_takt(world, name, gives, NULL);
+}
+
+/* Waits for a reset or a step: world->kind, world->reset, world->step. */
+static inline int takt_world_next(takt_world* world) {
+  struct pollfd waits[2];
+  eventfd_t rung;
+  waits[0].fd = world->question_bell;
+  waits[1].fd = world->peer;
+  waits[0].events = waits[1].events = POLLIN;
+  for (;;) {
+    if (poll(waits, 2, -1) < 0) {
+      if (errno == EINTR) continue;
+      return -1;
+    }
+    if (waits[0].revents != 0 && eventfd_read(world->question_bell, &rung) == 0) break;
+    if (waits[1].revents != 0) return -1; /* Takt says nothing by the socket any more: it has gone */
+  }
+  memcpy(&world->step, world->shared, sizeof world->step);
+  world->kind = world->header.kind;
+  return 0;
+}
+
+/* `state` without its header, which is filled in here. */
+static inline int takt_world_answer(takt_world* world, takt_world_state* state) {
+  state->header = world->header;
+  state->header.bytes = sizeof *state;
+  state->header.kind = TAKT_WORLD_STATE;
+  memcpy(world->shared + TAKT_WORLD_ANSWER_OFFSET, state, sizeof *state);
+  return eventfd_write(world->answer_bell, 1);
+}
+
+#endif

@@ -1,0 +1,99 @@
+/* What Takt and a world, a process of the user's that plays mechanics and sensors, say to one another in lock step.
+ * docs/world-protocol.md is the protocol on one page; takt/world.h the world's side of it in C.
+ *
+ * Little-endian, as laid out here, without padding but the reserved fields, which are zero. Arrays have room for
+ * TAKT_WORLD_MAX_JOINTS; the first hello.joint_count are used, in the robot file's order. Joint side: rad, rad/s, Nm.
+ */
+#ifndef TAKT_WORLD_MESSAGES_H
+#define TAKT_WORLD_MESSAGES_H
+
+#include <stdint.h>
+
+#define TAKT_WORLD_PROTOCOL 1
+#define TAKT_WORLD_MAX_JOINTS 64
+#define TAKT_WORLD_NAME_BYTES 64
+#define TAKT_WORLD_TEXT_BYTES 128
+
+/* Where the messages lie in the shared memory: Takt's from the beginning, the world's from here. */
+#define TAKT_WORLD_ANSWER_OFFSET 8192
+#define TAKT_WORLD_MEMORY_BYTES 16384
+
+/* Kinds of message. */
+enum {
+  TAKT_WORLD_HELLO = 1,   /* Takt: the robot; first, by the socket */
+  TAKT_WORLD_WELCOME = 2, /* world: answers hello, by the socket */
+  TAKT_WORLD_RESET = 3,   /* Takt: begin anew */
+  TAKT_WORLD_STEP = 4,    /* Takt: move on under these torques */
+  TAKT_WORLD_STATE = 5    /* world: answers reset and step */
+};
+
+/* What a welcome may say of its world (bits). */
+enum {
+  TAKT_WORLD_SHARED_MEMORY = 1, /* further messages go through the memory that came with hello, not by the socket */
+  TAKT_WORLD_IMU = 2,           /* states have an IMU's readings */
+  TAKT_WORLD_POINT = 4          /* states have the controlled point */
+};
+
+/* How a rollout stands. */
+enum {
+  TAKT_WORLD_RUNNING = 0,
+  TAKT_WORLD_SUCCEEDED = 1, /* the task is done */
+  TAKT_WORLD_FAILED = 2,    /* the task is beyond help: something fell */
+  TAKT_WORLD_UNABLE = 3     /* the world cannot go on: its physics diverged */
+};
+
+typedef struct takt_world_header {
+  uint32_t bytes; /* of the whole message */
+  uint16_t kind;
+  uint16_t protocol; /* TAKT_WORLD_PROTOCOL */
+  uint64_t sequence; /* of Takt's messages, from 1, by one; an answer repeats that of its question */
+} takt_world_header;
+
+typedef struct takt_world_hello {
+  takt_world_header header;
+  uint64_t step_ns; /* of every step */
+  uint32_t joint_count;
+  uint32_t reserved;
+  char robot[TAKT_WORLD_NAME_BYTES]; /* names end with a zero byte */
+  char joints[TAKT_WORLD_MAX_JOINTS][TAKT_WORLD_NAME_BYTES];
+} takt_world_hello;
+
+typedef struct takt_world_welcome {
+  takt_world_header header;
+  uint32_t gives; /* bits above */
+  uint32_t reserved;
+  char world[TAKT_WORLD_NAME_BYTES];
+  char refusal[TAKT_WORLD_TEXT_BYTES]; /* empty: welcome; else why this robot is not played, one sentence */
+} takt_world_welcome;
+
+typedef struct takt_world_reset {
+  takt_world_header header;
+  uint64_t seed; /* of everything that the world draws */
+  double
+      q[TAKT_WORLD_MAX_JOINTS]; /* rad, where the robot file wants its joints to begin; the state says where they do */
+} takt_world_reset;
+
+typedef struct takt_world_step {
+  takt_world_header header;
+  uint64_t time_ns;                      /* since the reset, at the step's beginning */
+  uint64_t step_ns;                      /* as in hello */
+  double torque[TAKT_WORLD_MAX_JOINTS];  /* Nm, of the drives, constant over the step */
+  double viscous[TAKT_WORLD_MAX_JOINTS]; /* Nm s/rad, friction of drive and brake beside the world's own */
+  double coulomb[TAKT_WORLD_MAX_JOINTS]; /* Nm; holds a joint at rest: an engaged brake is in here */
+} takt_world_step;
+
+typedef struct takt_world_state {
+  takt_world_header header;
+  uint64_t time_ns; /* since the reset, at the step's end */
+  uint32_t outcome; /* how the rollout stands */
+  uint32_t reserved;
+  double q[TAKT_WORLD_MAX_JOINTS];
+  double dq[TAKT_WORLD_MAX_JOINTS];
+  double point[3];                    /* m, world frame: what the task wants at its target */
+  double orientation[4];              /* w x y z, of the IMU in the world, length 1 */
+  double angular_velocity[3];         /* rad/s, in the IMU's axes */
+  double acceleration[3];             /* m/s2, specific force in the IMU's axes: 9.81 upwards at rest */
+  char reason[TAKT_WORLD_TEXT_BYTES]; /* of an outcome that is not running, one sentence, or empty */
+} takt_world_state;
+
+#endif

@@ -1,0 +1,279 @@
+#include "simulation/world_link.hpp"
+
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+
+#include <algorithm>
+#include <bit>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+#include "executive/contract/joints.hpp"
+#include "executive/contract/monotonic_clock.hpp"
+#include "executive/ipc/unix_socket.hpp"
+
+namespace takt::plant {
+namespace {
+
+static_assert(TAKT_WORLD_MAX_JOINTS == kMaxJoints);
+static_assert(sizeof(takt_world_header) == 16 && sizeof(takt_world_hello) == 4192 && sizeof(takt_world_welcome) == 216);
+static_assert(sizeof(takt_world_reset) == 536 && sizeof(takt_world_step) == 1568 && sizeof(takt_world_state) == 1288);
+static_assert(sizeof(takt_world_step) <= TAKT_WORLD_ANSWER_OFFSET &&
+              TAKT_WORLD_ANSWER_OFFSET + sizeof(takt_world_state) <= TAKT_WORLD_MEMORY_BYTES);
+static_assert(std::endian::native == std::endian::little);
+
+// What no joint does: beyond it, an answer is no state of a robot.
+constexpr double kMostTurns = 1e6, kMostSpeed = 1e5;  // rad, rad/s
+constexpr Duration kCallAgain = milliseconds(10);
+
+ipc::Descriptor open_bell() {
+  return ipc::Descriptor(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
+}
+
+// Rounded up: a poll that ends too early would be asked again without a pause.
+int milliseconds_until(MonoTime deadline) {
+  const std::int64_t left = (deadline - monotonic_now()).ns;
+  return left <= 0 ? 0 : static_cast<int>((left + 999'999) / 1'000'000);
+}
+
+template <class Message>
+std::span<const std::byte> bytes_of(const Message& message) {
+  return std::as_bytes(std::span(&message, 1));
+}
+template <class Message>
+std::span<std::byte> room_of(Message& message) {
+  return std::as_writable_bytes(std::span(&message, 1));
+}
+
+// Of a text that may lack its end, without what would garble a line.
+template <std::size_t kBytes>
+std::string text_of(const char (&text)[kBytes]) {
+  std::string line(text, strnlen(text, kBytes));
+  std::ranges::replace_if(
+      line, [](unsigned char c) { return c < 0x20 || c == 0x7F; }, '?');
+  return line;
+}
+
+bool all_within(std::span<const double> values, double most) {
+  return std::ranges::all_of(values, [most](double value) { return std::abs(value) <= most; });  // not of NaN
+}
+
+bool is_rotation(const double (&q)[4]) {
+  const double square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+  return std::abs(square - 1) < 1e-3;
+}
+
+std::string mismatch(const takt_world_header& question, const takt_world_header& answer, std::uint16_t kind,
+                     std::size_t bytes) {
+  if (answer.protocol != TAKT_WORLD_PROTOCOL)
+    return fmt::format("speaks protocol {}, Takt {}", answer.protocol, TAKT_WORLD_PROTOCOL);
+  if (answer.kind != kind || answer.bytes != bytes)
+    return fmt::format("message of kind {} with {} bytes, expected kind {} with {}", answer.kind, answer.bytes, kind,
+                       bytes);
+  if (answer.sequence != question.sequence)
+    return fmt::format("answers question {}, asked was {}", answer.sequence, question.sequence);
+  return {};
+}
+
+}  // namespace
+
+std::string_view name(WorldEndKind kind) {
+  switch (kind) {
+    case WorldEndKind::absent:
+      return "absent";
+    case WorldEndKind::refused:
+      return "refused";
+    case WorldEndKind::hung:
+      return "hung";
+    case WorldEndKind::died:
+      return "died";
+    case WorldEndKind::nonsense:
+      return "nonsense";
+    case WorldEndKind::unable:
+      return "unable";
+    case WorldEndKind::failed:
+      return "failed";
+    case WorldEndKind::succeeded:
+      return "succeeded";
+  }
+  return "invalid";
+}
+
+WorldLink::WorldLink(std::string path, const Robot& robot, const Patience& patience)
+    : path_(std::move(path)), patience_(patience), joint_count_(robot.joints.size()), step_(robot.step) {}
+
+WorldEnd WorldLink::end(WorldEndKind kind, const std::string& what) const {
+  return {kind, fmt::format("world {}{}: {}", path_, name_.empty() ? "" : " (" + name_ + ")", what)};
+}
+
+std::expected<WorldLink, WorldEnd> WorldLink::connect(const std::string& path, const Robot& robot,
+                                                      const Patience& patience) {
+  WorldLink link(path, robot, patience);
+  const MonoTime deadline = monotonic_now() + patience.greeting;
+  if (auto called = link.call_on(deadline); !called) return std::unexpected(called.error());
+  if (auto greeted = link.greet(robot, deadline); !greeted) return std::unexpected(greeted.error());
+  return link;
+}
+
+std::expected<void, WorldEnd> WorldLink::call_on(MonoTime deadline) {
+  if (path_.empty() || path_.size() >= sizeof(sockaddr_un::sun_path))
+    return std::unexpected(end(WorldEndKind::absent, "no path of a Unix socket; choose one of 1 to 107 bytes"));
+  while (true) {
+    socket_ = ipc::Descriptor(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+    if (socket_.is_open() && ipc::connect_to(socket_, path_)) return {};
+    const bool may_come = errno == ENOENT || errno == ECONNREFUSED || errno == EAGAIN || errno == EINTR;
+    if (!may_come || monotonic_now() >= deadline)
+      return std::unexpected(
+          end(WorldEndKind::absent, "nobody to connect to (" + ipc::errno_text() + "); start the world first"));
+    sleep_until(monotonic_now() + kCallAgain);
+  }
+}
+
+takt_world_header WorldLink::next_header(std::uint16_t kind, std::size_t bytes) {
+  return {static_cast<std::uint32_t>(bytes), kind, TAKT_WORLD_PROTOCOL, ++sequence_};
+}
+
+std::expected<void, WorldEnd> WorldLink::greet(const Robot& robot, MonoTime deadline) {
+  auto memory = ipc::Segment::create("takt-world", TAKT_WORLD_MEMORY_BYTES, true);
+  if (!memory) return std::unexpected(end(WorldEndKind::absent, memory.error()));
+  memory_ = std::move(*memory);
+  question_bell_ = open_bell();
+  answer_bell_ = open_bell();
+
+  takt_world_hello hello{};
+  hello.header = next_header(TAKT_WORLD_HELLO, sizeof hello);
+  hello.step_ns = static_cast<std::uint64_t>(step_.ns);
+  hello.joint_count = static_cast<std::uint32_t>(joint_count_);
+  robot.name.copy(hello.robot, sizeof hello.robot - 1);
+  for (std::size_t joint = 0; joint < joint_count_; ++joint)
+    robot.joints[joint].copy(hello.joints[joint], sizeof hello.joints[joint] - 1);
+  const std::array files{memory_->fd(), question_bell_.get(), answer_bell_.get()};
+  if (auto ended = send(bytes_of(hello), files)) return std::unexpected(*ended);
+
+  takt_world_welcome welcome{};
+  if (auto ended = receive_by_socket(room_of(welcome), deadline)) return std::unexpected(*ended);
+  name_ = text_of(welcome.world);
+  if (const auto why = mismatch(hello.header, welcome.header, TAKT_WORLD_WELCOME, sizeof welcome); !why.empty())
+    return std::unexpected(end(WorldEndKind::nonsense, why));
+  if (welcome.refusal[0] != '\0') return std::unexpected(end(WorldEndKind::refused, text_of(welcome.refusal)));
+  gives_ = welcome.gives;
+  return {};
+}
+
+std::expected<takt_world_state, WorldEnd> WorldLink::reset(std::uint64_t seed, std::span<const double> q) {
+  takt_world_reset question{};
+  question.header = next_header(TAKT_WORLD_RESET, sizeof question);
+  question.seed = seed;
+  std::ranges::copy(q.first(joint_count_), question.q);
+  time_ = {};
+  return ask(bytes_of(question));
+}
+
+std::expected<takt_world_state, WorldEnd> WorldLink::step(const Load& load) {
+  takt_world_step question{};
+  question.header = next_header(TAKT_WORLD_STEP, sizeof question);
+  question.time_ns = static_cast<std::uint64_t>(time_.ns);
+  question.step_ns = static_cast<std::uint64_t>(step_.ns);
+  std::ranges::copy(load.torque.first(joint_count_), question.torque);
+  std::ranges::copy(load.viscous.first(joint_count_), question.viscous);
+  std::ranges::copy(load.coulomb.first(joint_count_), question.coulomb);
+  time_ = time_ + step_;
+  return ask(bytes_of(question));
+}
+
+std::expected<takt_world_state, WorldEnd> WorldLink::ask(std::span<const std::byte> question) {
+  if (ended_) return std::unexpected(*ended_);
+  takt_world_header asked{};
+  std::memcpy(&asked, question.data(), sizeof asked);
+  const MonoTime deadline = monotonic_now() + patience_.answer;
+  takt_world_state state{};
+  ended_ = send(question, {});
+  if (!ended_)
+    ended_ = is_over_shared_memory() ? receive_by_memory(room_of(state), deadline)
+                                     : receive_by_socket(room_of(state), deadline);
+  if (!ended_) {
+    const std::string why = mismatch(asked, state.header, TAKT_WORLD_STATE, sizeof state);
+    ended_ = why.empty() ? judge(state) : end(WorldEndKind::nonsense, why);
+  }
+  if (ended_) return std::unexpected(*ended_);
+  return state;
+}
+
+std::optional<WorldEnd> WorldLink::send(std::span<const std::byte> question, std::span<const int> files) {
+  if (is_over_shared_memory()) {
+    std::ranges::copy(question, memory_->writable().begin());
+    eventfd_write(question_bell_.get(), 1);  // fails only where its counter is full, and then it rings
+    return {};
+  }
+  // The world reads every question before it is asked the next: there is room.
+  if (ipc::send_message(socket_.get(), question, files)) return {};
+  return end(WorldEndKind::died, "takes no message (" + ipc::errno_text() + ")");
+}
+
+std::optional<WorldEnd> WorldLink::receive_by_socket(std::span<std::byte> into, MonoTime deadline) {
+  for (std::size_t got = 0; got < into.size();) {
+    pollfd wait{socket_.get(), POLLIN, 0};
+    if (::poll(&wait, 1, milliseconds_until(deadline)) == 0)
+      return end(WorldEndKind::hung, fmt::format("no answer to question {} in time", sequence_));
+    const ssize_t size = recv(socket_.get(), into.data() + got, into.size() - got, 0);
+    if (size < 0 && (errno == EINTR || errno == EAGAIN)) continue;
+    if (size <= 0) return end(WorldEndKind::died, fmt::format("went away before it answered question {}", sequence_));
+    got += static_cast<std::size_t>(size);
+  }
+  return {};
+}
+
+std::optional<WorldEnd> WorldLink::receive_by_memory(std::span<std::byte> into, MonoTime deadline) {
+  while (true) {
+    std::array<pollfd, 2> waits{{{answer_bell_.get(), POLLIN, 0}, {socket_.get(), POLLIN, 0}}};
+    if (::poll(waits.data(), waits.size(), milliseconds_until(deadline)) == 0)
+      return end(WorldEndKind::hung, fmt::format("no answer to question {} in time", sequence_));
+    eventfd_t rung = 0;
+    if (eventfd_read(answer_bell_.get(), &rung) == 0) {
+      std::ranges::copy(memory_->readable().subspan(TAKT_WORLD_ANSWER_OFFSET, into.size()), into.begin());
+      return {};
+    }
+    std::byte one{};
+    if (waits[1].revents == 0) continue;
+    if (recv(socket_.get(), &one, 1, MSG_PEEK) > 0)
+      return end(WorldEndKind::nonsense, "speaks by the socket after it chose shared memory");
+    return end(WorldEndKind::died, fmt::format("went away before it answered question {}", sequence_));
+  }
+}
+
+std::optional<WorldEnd> WorldLink::judge(const takt_world_state& state) const {
+  if (state.outcome != TAKT_WORLD_RUNNING) return judge_outcome(state);
+  const auto nonsense = [this](const std::string& what) { return end(WorldEndKind::nonsense, what); };
+  if (state.time_ns != static_cast<std::uint64_t>(time_.ns))
+    return nonsense(fmt::format("state of {} ns, expected {} ns", state.time_ns, time_.ns));
+  for (std::size_t joint = 0; joint < joint_count_; ++joint)
+    if (!all_within({&state.q[joint], 1}, kMostTurns) || !all_within({&state.dq[joint], 1}, kMostSpeed))
+      return nonsense(fmt::format("joint {} at {} rad with {} rad/s", joint, state.q[joint], state.dq[joint]));
+  if (gives(TAKT_WORLD_POINT) && !all_within(state.point, kMostTurns)) return nonsense("controlled point is no place");
+  if (!gives(TAKT_WORLD_IMU)) return {};
+  if (!is_rotation(state.orientation)) return nonsense("the IMU's orientation is no rotation: its length is not 1");
+  if (!all_within(state.angular_velocity, kMostSpeed) || !all_within(state.acceleration, kMostTurns))
+    return nonsense("the IMU's angular velocity or acceleration is none that a robot has");
+  return {};
+}
+
+std::optional<WorldEnd> WorldLink::judge_outcome(const takt_world_state& state) const {
+  const std::string reason = text_of(state.reason);
+  switch (state.outcome) {
+    case TAKT_WORLD_SUCCEEDED:
+      return end(WorldEndKind::succeeded, "the task is done" + (reason.empty() ? "" : ": " + reason));
+    case TAKT_WORLD_FAILED:
+      return end(WorldEndKind::failed, "the task is beyond help" + (reason.empty() ? "" : ": " + reason));
+    case TAKT_WORLD_UNABLE:
+      return end(WorldEndKind::unable, "cannot go on" + (reason.empty() ? "" : ": " + reason));
+    default:
+      return end(WorldEndKind::nonsense, fmt::format("outcome {} is none", state.outcome));
+  }
+}
+
+}  // namespace takt::plant

@@ -1,0 +1,66 @@
+// A world for tests: a forked child that plays through takt/world.h, or as a raw socket says anything at all.
+#pragma once
+
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wold-style-cast"
+#include "client/takt/world.h"
+#pragma GCC diagnostic pop
+
+#include <signal.h>
+#include <stdlib.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+
+#include <filesystem>
+#include <functional>
+#include <stdexcept>
+#include <string>
+
+namespace takt::test {
+
+// Runs `body` with a socket path in a child, which never outlives this.
+class ForkedWorld {
+ public:
+  explicit ForkedWorld(const std::function<void(const std::string&)>& body) {
+    std::string pattern = (std::filesystem::temp_directory_path() / "takt-world.XXXXXX").string();
+    folder_ = mkdtemp(pattern.data());
+    pid_ = fork();
+    if (pid_ < 0) throw std::runtime_error("fork failed");
+    if (pid_ != 0) return;
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    body(path());
+    _exit(0);
+  }
+  ForkedWorld(const ForkedWorld&) = delete;
+  ForkedWorld& operator=(const ForkedWorld&) = delete;
+  ~ForkedWorld() {
+    kill();
+    std::error_code ignored;
+    std::filesystem::remove_all(folder_, ignored);
+  }
+  [[nodiscard]] std::string path() const { return folder_ + "/world.sock"; }
+  void kill() {
+    if (pid_ > 0 && ::kill(pid_, SIGKILL) == 0) waitpid(pid_, nullptr, 0);
+    pid_ = 0;
+  }
+
+ private:
+  std::string folder_;
+  pid_t pid_ = 0;
+};
+
+// Plays one simulation; `fill` makes the answer to world.reset or world.step, false: says nothing and ends.
+inline void play(const std::string& path, std::uint32_t gives,
+                 const std::function<bool(const takt_world&, takt_world_state&)>& fill) {
+  takt_world world;
+  if (takt_world_listen(&world, path.c_str()) != 0 || takt_world_accept(&world, "forked", gives) != 0) return;
+  takt_world_state state{};
+  state.orientation[0] = 1;
+  while (takt_world_next(&world) == 0) {
+    const bool begins = world.kind == TAKT_WORLD_RESET;
+    state.time_ns = begins ? 0 : world.step.time_ns + world.step.step_ns;
+    if (!fill(world, state) || takt_world_answer(&world, &state) != 0) return;
+  }
+}
+
+}  // namespace takt::test

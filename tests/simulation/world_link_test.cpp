@@ -1,0 +1,304 @@
+// Goal: a world in another process is the same world, bit for bit; one that hangs, dies, answers nonsense or gives up
+// is a named end, at once and for good. Method: the demo arm's own dynamics behind the C header in a forked child,
+// against the same in process; then children that spoil one thing each, some through the header, some as a raw socket.
+#include "simulation/world_link.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "simulation/arm_dynamics.hpp"
+#include "simulation/outside_mechanics.hpp"
+#include "simulation/robot_plant.hpp"
+#include "tests/simulation/forked_world.hpp"
+#include "tests/simulation/plant_robots.hpp"
+
+namespace takt::plant {
+namespace {
+
+using test::ForkedWorld;
+using testing::HasSubstr;
+
+const WorldLink::Robot kPendulum{"pendulum", {"pivot"}, milliseconds(1)};
+constexpr WorldLink::Patience kPatience{seconds(10), seconds(10)};
+constexpr WorldLink::Patience kImpatience{milliseconds(50), milliseconds(50)};
+
+void play_arm(const std::string& path) {
+  const config::RobotConfig robot = test::demo_arm();
+  const auto arm = ArmDynamics::make(robot).value();
+  ArmState now{Eigen::VectorXd::Zero(6), Eigen::VectorXd::Zero(6)};
+  test::play(path, TAKT_WORLD_POINT, [&](const takt_world& world, takt_world_state& state) {
+    if (world.kind == TAKT_WORLD_RESET) {
+      now = {Eigen::Map<const Eigen::VectorXd>(world.reset.q, 6), Eigen::VectorXd::Zero(6)};
+    } else {
+      std::vector<Friction> friction(6);
+      for (std::size_t i = 0; i < 6; ++i) friction[i] = {world.step.viscous[i], world.step.coulomb[i]};
+      arm->integrate(now, Eigen::Map<const Eigen::VectorXd>(world.step.torque, 6), friction, robot.simulation->step);
+    }
+    const config::Vector3 tool = arm->tool_position(now.q);
+    for (Eigen::Index i = 0; i < 6; ++i) {
+      state.q[i] = now.q[i];
+      state.dq[i] = now.dq[i];
+    }
+    std::ranges::copy(tool, state.point);
+    return true;
+  });
+}
+
+bool same_bits(const ArmState& a, const ArmState& b) {
+  return std::memcmp(a.q.data(), b.q.data(), sizeof(double) * 6) == 0 &&
+         std::memcmp(a.dq.data(), b.dq.data(), sizeof(double) * 6) == 0;
+}
+
+TEST(WorldLink, TheArmInAnotherProcessIsTheSameArmBitForBit) {
+  const config::RobotConfig robot = test::demo_arm();
+  const ForkedWorld process(play_arm);
+  auto outside = OutsideMechanics::connect(robot, process.path(), kPatience);
+  ASSERT_TRUE(outside) << outside.error().sentence;
+  EXPECT_TRUE((*outside)->link().is_over_shared_memory());
+  const auto inside = ArmDynamics::make(robot).value();
+  ArmState here = (*outside)->begin(), there = here;
+  EXPECT_EQ(here.q[2], robot.joints[2].home);
+  const std::vector<Friction> friction(6, Friction{0.15, 0.1});
+  for (int step = 0; step < 2000; ++step) {
+    const Eigen::VectorXd torque =
+        Eigen::VectorXd::NullaryExpr(6, [step](Eigen::Index i) { return std::sin(0.01 * step + double(i)); });
+    inside->integrate(here, torque, friction, robot.simulation->step);
+    (*outside)->integrate(there, torque, friction, robot.simulation->step);
+    ASSERT_TRUE(same_bits(here, there)) << step;
+  }
+  EXPECT_GT(here.dq.norm(), 1e-3) << "it moved";
+  EXPECT_EQ((*outside)->tool_position(there.q), inside->tool_position(here.q));
+  EXPECT_FALSE((*outside)->end());
+}
+
+TEST(WorldLink, APlantInAWorldIsTheSamePlantBitForBit) {
+  const config::RobotConfig robot = test::demo_arm();
+  const ForkedWorld process(play_arm);
+  auto outside = OutsideMechanics::connect(robot, process.path(), kPatience);
+  ASSERT_TRUE(outside) << outside.error().sentence;
+  auto there = RobotPlant::make_in(std::move(*outside), robot);
+  auto here = RobotPlant::make(robot);
+  ASSERT_TRUE(there && here);
+  there->set_trouble({.friction = 3});
+  here->set_trouble({.friction = 3});
+  for (int step = 0; step < 500; ++step) {
+    there->step();
+    here->step();
+    ASSERT_TRUE(same_bits(here->state(), there->state())) << step;
+  }
+}
+
+// --- through the header, one thing spoilt each ---
+
+struct Spoilt {
+  const char* when;
+  std::function<void(takt_world_state&)> how;
+  WorldEndKind kind;
+  const char* says;
+};
+const double kNaN = std::numeric_limits<double>::quiet_NaN();
+const std::vector<Spoilt> kSpoilt{
+    {"a joint that is nowhere", [](auto& s) { s.q[0] = kNaN; }, WorldEndKind::nonsense, "joint 0 at nan rad"},
+    {"a joint infinitely fast", [](auto& s) { s.dq[0] = -INFINITY; }, WorldEndKind::nonsense, "-inf rad/s"},
+    {"a joint faster than any", [](auto& s) { s.dq[0] = 1e6; }, WorldEndKind::nonsense, "1000000 rad/s"},
+    {"a state of another time", [](auto& s) { s.time_ns += 1; }, WorldEndKind::nonsense, "expected 1000000 ns"},
+    {"no rotation", [](auto& s) { s.orientation[0] = 0.9; }, WorldEndKind::nonsense, "length is not 1"},
+    {"a rotation of NaN", [](auto& s) { s.orientation[1] = kNaN; }, WorldEndKind::nonsense, "length is not 1"},
+    {"no acceleration", [](auto& s) { s.acceleration[2] = kNaN; }, WorldEndKind::nonsense, "acceleration"},
+    {"no angular velocity", [](auto& s) { s.angular_velocity[0] = kNaN; }, WorldEndKind::nonsense, "angular velocity"},
+    {"a point that is nowhere", [](auto& s) { s.point[1] = kNaN; }, WorldEndKind::nonsense, "no place"},
+    {"an outcome that is none", [](auto& s) { s.outcome = 77; }, WorldEndKind::nonsense, "outcome 77"},
+    {"success", [](auto& s) { s.outcome = TAKT_WORLD_SUCCEEDED; }, WorldEndKind::succeeded, "the task is done"},
+    {"a fall",
+     [](auto& s) {
+       s.outcome = TAKT_WORLD_FAILED;
+       strcpy(s.reason, "fell\n");
+     },
+     WorldEndKind::failed, "beyond help: fell?"},
+    {"physics that diverged",
+     [](auto& s) {
+       s.outcome = TAKT_WORLD_UNABLE;
+       std::memset(s.reason, 'x', sizeof s.reason);
+     },
+     WorldEndKind::unable, "cannot go on: xxx"},
+};
+
+TEST(WorldLink, WhatCannotBeIsANamedEndForGood) {
+  for (const Spoilt& spoilt : kSpoilt) {
+    const ForkedWorld process([&spoilt](const std::string& path) {
+      test::play(path, TAKT_WORLD_POINT | TAKT_WORLD_IMU, [&](const takt_world& world, takt_world_state& state) {
+        if (world.kind == TAKT_WORLD_STEP) spoilt.how(state);
+        return true;
+      });
+    });
+    auto link = WorldLink::connect(process.path(), kPendulum, kPatience);
+    ASSERT_TRUE(link) << spoilt.when << ": " << link.error().sentence;
+    const std::vector<double> zero{0};
+    ASSERT_TRUE(link->reset(1, zero)) << spoilt.when;
+    const auto state = link->step({zero, zero, zero});
+    ASSERT_FALSE(state) << spoilt.when;
+    EXPECT_EQ(name(state.error().kind), name(spoilt.kind)) << spoilt.when;
+    EXPECT_THAT(state.error().sentence, HasSubstr(spoilt.says)) << spoilt.when;
+    EXPECT_THAT(state.error().sentence, HasSubstr(process.path() + " (forked)"));
+    const auto again = link->reset(1, zero);
+    ASSERT_FALSE(again) << spoilt.when;
+    EXPECT_EQ(again.error().sentence, state.error().sentence);
+  }
+}
+
+// The reset answered, then this.
+WorldEnd end_after(const std::function<bool()>& then, const WorldLink::Patience& patience) {
+  const ForkedWorld process([&then](const std::string& path) {
+    test::play(path, 0,
+               [&](const takt_world& world, takt_world_state&) { return world.kind == TAKT_WORLD_RESET || then(); });
+  });
+  auto link = WorldLink::connect(process.path(), kPendulum, {kPatience.greeting, patience.answer});
+  if (!link) return link.error();
+  const std::vector<double> zero{0};
+  if (auto first = link->reset(1, zero); !first) return first.error();
+  auto state = link->step({zero, zero, zero});
+  return state ? WorldEnd{WorldEndKind::succeeded, "answered"} : state.error();
+}
+
+TEST(WorldLink, AWorldThatEndsOrHangsIsNotWaitedFor) {
+  const WorldEnd died = end_after([] { return false; }, kPatience);
+  EXPECT_EQ(name(died.kind), "died");
+  EXPECT_THAT(died.sentence, HasSubstr("question 3"));
+  const WorldEnd hung = end_after([] { return pause() == 0; }, {seconds(10), milliseconds(500)});
+  EXPECT_EQ(name(hung.kind), "hung");
+  EXPECT_THAT(hung.sentence, HasSubstr("in time"));
+}
+
+TEST(WorldLink, WhereNobodyListensItSaysSo) {
+  const auto link = WorldLink::connect("/tmp/takt-no-such-world.sock", kPendulum, kImpatience);
+  ASSERT_FALSE(link);
+  EXPECT_EQ(name(link.error().kind), "absent");
+  EXPECT_THAT(link.error().sentence, HasSubstr("start the world first"));
+  const auto nowhere = WorldLink::connect(std::string(200, 'x'), kPendulum, kPatience);
+  ASSERT_FALSE(nowhere);
+  EXPECT_THAT(nowhere.error().sentence, HasSubstr("1 to 107 bytes"));
+}
+
+// --- as a raw socket: the header would not let these happen ---
+
+void play_raw(const std::string& path, const std::function<void(takt_world&)>& greet_and_go_on) {
+  takt_world world;
+  if (takt_world_listen(&world, path.c_str()) != 0) return;
+  world.peer = accept(world.listener, nullptr, nullptr);
+  if (takt_world_receive_hello(&world) == 0) greet_and_go_on(world);
+  pause();
+}
+
+template <class Message>
+void say(const takt_world& world, const Message& message) {
+  send(world.peer, &message, sizeof message, MSG_NOSIGNAL);
+}
+
+takt_world_welcome welcome_of(const takt_world& world) {
+  takt_world_welcome welcome{};
+  welcome.header = world.hello.header;
+  welcome.header.bytes = sizeof welcome;
+  welcome.header.kind = TAKT_WORLD_WELCOME;
+  return welcome;
+}
+
+struct BadWelcome {
+  const char* when;
+  std::function<void(takt_world_welcome&)> how;
+  WorldEndKind kind;
+  const char* says;
+};
+
+TEST(WorldLink, AWelcomeThatIsNoneIsANamedEnd) {
+  const std::vector<BadWelcome> bad{
+      {"refusal", [](auto& w) { strcpy(w.refusal, "two arms wanted"); }, WorldEndKind::refused, "two arms wanted"},
+      {"protocol", [](auto& w) { w.header.protocol = 2; }, WorldEndKind::nonsense, "speaks protocol 2, Takt 1"},
+      {"kind", [](auto& w) { w.header.kind = TAKT_WORLD_STATE; }, WorldEndKind::nonsense, "kind 5"},
+      {"length", [](auto& w) { w.header.bytes = 8; }, WorldEndKind::nonsense, "with 8 bytes"},
+      {"sequence", [](auto& w) { w.header.sequence = 9; }, WorldEndKind::nonsense, "answers question 9, asked was 1"},
+  };
+  for (const BadWelcome& one : bad) {
+    const ForkedWorld process([&one](const std::string& path) {
+      play_raw(path, [&one](takt_world& world) {
+        takt_world_welcome welcome = welcome_of(world);
+        one.how(welcome);
+        say(world, welcome);
+      });
+    });
+    const auto link = WorldLink::connect(process.path(), kPendulum, kPatience);
+    ASSERT_FALSE(link) << one.when;
+    EXPECT_EQ(name(link.error().kind), name(one.kind)) << one.when;
+    EXPECT_THAT(link.error().sentence, HasSubstr(one.says)) << one.when;
+  }
+}
+
+TEST(WorldLink, OneThatAcceptsAndSaysNothingHangs) {
+  const ForkedWorld process([](const std::string& path) { play_raw(path, [](takt_world&) {}); });
+  const auto link = WorldLink::connect(process.path(), kPendulum, {milliseconds(500), seconds(10)});
+  ASSERT_FALSE(link);
+  EXPECT_EQ(name(link.error().kind), "hung");
+}
+
+TEST(WorldLink, OneThatHalfAnswersAndDiesHasDied) {
+  ForkedWorld process([](const std::string& path) {
+    play_raw(path, [](takt_world& world) {
+      say(world, welcome_of(world));
+      takt_world_reset question{};
+      recv(world.peer, &question, sizeof question, MSG_WAITALL);
+      say(world, question.header);
+      _exit(0);
+    });
+  });
+  auto link = WorldLink::connect(process.path(), kPendulum, kPatience);
+  ASSERT_TRUE(link) << link.error().sentence;
+  EXPECT_FALSE(link->is_over_shared_memory());
+  const std::vector<double> zero{0};
+  const auto state = link->reset(1, zero);
+  ASSERT_FALSE(state);
+  EXPECT_EQ(name(state.error().kind), "died");
+}
+
+TEST(WorldLink, OneThatChoseMemoryAndSpeaksByTheSocketIsRefused) {
+  const ForkedWorld process([](const std::string& path) {
+    play_raw(path, [](takt_world& world) {
+      takt_world_welcome welcome = welcome_of(world);
+      welcome.gives = TAKT_WORLD_SHARED_MEMORY;
+      say(world, welcome);
+      say(world, welcome);
+    });
+  });
+  auto link = WorldLink::connect(process.path(), kPendulum, kPatience);
+  ASSERT_TRUE(link) << link.error().sentence;
+  const std::vector<double> zero{0};
+  const auto state = link->reset(1, zero);
+  ASSERT_FALSE(state);
+  EXPECT_THAT(state.error().sentence, HasSubstr("speaks by the socket"));
+}
+
+TEST(OutsideMechanics, WhenTheWorldEndsTheRobotStaysWhereItWas) {
+  const config::RobotConfig robot = test::demo_arm();
+  ForkedWorld process(play_arm);
+  auto outside = OutsideMechanics::connect(robot, process.path(), kPatience);
+  ASSERT_TRUE(outside) << outside.error().sentence;
+  ArmState state = (*outside)->begin();
+  const std::vector<Friction> friction(6);
+  for (int step = 0; step < 50; ++step)
+    (*outside)->integrate(state, Eigen::VectorXd::Zero(6), friction, robot.simulation->step);
+  ASSERT_GT(state.dq.norm(), 0.01) << "it falls";
+  process.kill();
+  const Eigen::VectorXd q = state.q;
+  for (int step = 0; step < 3; ++step) {
+    (*outside)->integrate(state, Eigen::VectorXd::Zero(6), friction, robot.simulation->step);
+    EXPECT_EQ(state.q, q);
+    EXPECT_EQ(state.dq.norm(), 0);
+  }
+  ASSERT_TRUE((*outside)->end());
+  EXPECT_EQ(name((*outside)->end()->kind), "died");
+}
+
+}  // namespace
+}  // namespace takt::plant
