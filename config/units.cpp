@@ -18,6 +18,8 @@ constexpr std::array kUnits{
     Unit{"us", Dimension::time, 1e3},
     Unit{"ms", Dimension::time, 1e6},
     Unit{"s", Dimension::time, 1e9},
+    Unit{"min", Dimension::time, 60e9},
+    Unit{"h", Dimension::time, 3600e9},
     Unit{"rad", Dimension::angle, 1},
     Unit{"deg", Dimension::angle, kDegree},
     Unit{"rad/s", Dimension::angular_velocity, 1},

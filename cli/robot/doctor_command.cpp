@@ -22,7 +22,7 @@ namespace {
 struct Options {
   std::string robot_file;
   double seconds = 10;
-  bool json = false, keep = false;
+  bool load = false, json = false, keep = false;
 };
 
 std::string output_of(const std::vector<std::string>& words) {
@@ -30,9 +30,19 @@ std::string output_of(const std::vector<std::string>& words) {
   return result.exit_code == 0 ? result.output : std::string();
 }
 
-doctor::ProbePlan probe_plan(const config::RobotConfig* robot, double seconds) {
-  doctor::ProbePlan plan{
-      .length = Duration{std::llround(seconds * 1e9)}, .period = milliseconds(1), .priority = 80, .cpu = {}};
+// Where the runs go, so that the disk is the robot's.
+std::string load_folder(const config::RobotConfig* robot) {
+  if (robot != nullptr && std::filesystem::is_directory(robot->record.directory)) return robot->record.directory;
+  return std::filesystem::current_path();
+}
+
+doctor::ProbePlan probe_plan(const config::RobotConfig* robot, const Options& options) {
+  doctor::ProbePlan plan{.length = Duration{std::llround(options.seconds * 1e9)},
+                         .period = milliseconds(1),
+                         .priority = 80,
+                         .cpu = {},
+                         .load_in = {}};
+  if (options.load) plan.load_in = load_folder(robot);
   if (robot == nullptr) return plan;
   plan.period = robot->control.period;
   plan.priority = robot->control.priority;
@@ -64,7 +74,7 @@ int examine(const Options& options) {
   }
   const config::RobotConfig* const known = robot ? &*robot : nullptr;
   doctor::Snapshot snapshot = doctor::collect({{}, output_of}, known);
-  if (options.seconds > 0) snapshot.wakeup = doctor::measure_wakeups(probe_plan(known, options.seconds));
+  if (options.seconds > 0) snapshot.wakeup = doctor::measure_wakeups(probe_plan(known, options));
   const auto findings = doctor::diagnose(snapshot, known);
   fmt::print("{}{}", options.json ? doctor::json_of(findings, snapshot) : doctor::text_of(findings, snapshot),
              options.json ? "\n" : "");
@@ -80,9 +90,10 @@ void add_doctor(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
   CLI::Option* const robot = command->add_option("--robot", options->robot_file,
                                                  "robot file: its core, priority, CAN interfaces and disk too");
-  add_quantity(*command, "--seconds", options->seconds, "s", "measure wake-ups this long; 0: not at all")
+  add_quantity(*command, "--for", options->seconds, "s", "measure wake-ups this long (10s, 20min, 1h); 0: not at all")
       ->check(CLI::Range(0.0, 3600.0))
       ->capture_default_str();
+  command->add_flag("--load", options->load, "load memory, disk and the other cores while measuring");
   command->add_flag("--json", options->json, "one line of JSON, schema takt.doctor/1");
   command
       ->add_flag("--keep", options->keep,
@@ -90,7 +101,7 @@ void add_doctor(CLI::App& app, int& exit_code) {
       ->needs(robot);
   command->footer(
       "Example: sudo takt doctor --robot robot.yaml --keep\n"
-      "Measure while the machine does what it does when the robot runs.\n"
+      "Measure while the machine does what it does when the robot runs, or with --load.\n"
       "Exit codes: 0 nothing failed (there may be warnings), 1 something did or could not be kept, 64 command line, 65 "
       "robot file.");
   command->callback([options, &exit_code] { exit_code = examine(*options); });

@@ -19,10 +19,8 @@ MonoTime SystemClock::now() noexcept {
   return {read_ns(CLOCK_MONOTONIC)};
 }
 
-BootReading SystemClock::read_boot_time() noexcept {
-  const MonoTime before = now();
-  const Duration since_boot{read_ns(CLOCK_BOOTTIME)};
-  return {before, since_boot, now()};
+Duration SystemClock::since_boot() noexcept {
+  return {read_ns(CLOCK_BOOTTIME)};
 }
 
 void SystemClock::sleep_until(MonoTime when) noexcept {

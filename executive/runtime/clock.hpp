@@ -17,8 +17,14 @@ class Clock {
   virtual MonoTime now() noexcept = 0;
   // Returns at `when` or later; at once when it has passed.
   virtual void sleep_until(MonoTime when) noexcept = 0;
-  // For noticing that the computer was suspended; now() stands still meanwhile.
-  virtual BootReading read_boot_time() noexcept = 0;
+  // For noticing that the computer was suspended: now() stands still meanwhile, this does not.
+  virtual Duration since_boot() noexcept = 0;
+
+  BootReading read_boot_time() noexcept {
+    const MonoTime before = now();
+    const Duration boot = since_boot();
+    return {before, boot, now()};
+  }
 };
 
 // CLOCK_MONOTONIC: read through the vDSO (19 ns), waited for with an absolute clock_nanosleep.
@@ -26,7 +32,7 @@ class SystemClock final : public Clock {
  public:
   MonoTime now() noexcept override;
   void sleep_until(MonoTime when) noexcept override;
-  BootReading read_boot_time() noexcept override;
+  Duration since_boot() noexcept override;
 };
 
 }  // namespace takt::runtime

@@ -85,7 +85,7 @@ std::size_t CyclicLoop::tick(MonoTime woken, Duration lateness) noexcept {
   input_.asked_at = asked.at;
   input_.recorded_through = parts_.recorded.get();
   pipeline::control_tick(*state_, input_, parts_.config, output_);
-  const Departure departure = parts_.edge.send(output_, parts_.clock, parts_.published);
+  const Departure departure = parts_.edge.send(output_, parts_.clock, suspend_, parts_.published);
   input_.last_sent_at = departure.at;
   input_.last_damped = departure.damped;
   input_.torque_output = departure.torque_output;
@@ -151,7 +151,7 @@ void CyclicLoop::say_farewell(Pace& pace) noexcept {
   for (int i = 0; i < kFarewellTicks; ++i) {
     wakeup_.wait_until(pace.due());
     parts_.edge.receive(input_, parts_.published);
-    parts_.edge.send(output_, parts_.clock, parts_.published);
+    parts_.edge.send(output_, parts_.clock, suspend_, parts_.published);
     pace.advance(parts_.clock.now());
   }
 }

@@ -67,7 +67,8 @@ std::size_t DriveEdge::receive(pipeline::TickInput& input, PublishedSegments& re
   return total;
 }
 
-Departure DriveEdge::send(const pipeline::TickOutput& output, Clock& clock, PublishedSegments& records) noexcept {
+Departure DriveEdge::send(const pipeline::TickOutput& output, Clock& clock, const SuspendWatch& suspend,
+                          PublishedSegments& records) noexcept {
   Departure departure;
   if (torque_)
     departure.torque_output =
@@ -78,14 +79,14 @@ Departure DriveEdge::send(const pipeline::TickOutput& output, Clock& clock, Publ
       if (!departure.at.is_set()) departure.at = now;
       const bool damped = output.drive_enabled[joint] && now > output.send_by;
       if (damped) departure.damped |= bit_of_joint(joint);
-      send_joint(joint, output, damped, now, clock, records);
+      send_joint(joint, output, damped, now, clock, suspend, records);
     }
   }
   return departure;
 }
 
 void DriveEdge::send_joint(std::size_t joint, const pipeline::TickOutput& output, bool damped, MonoTime now,
-                           Clock& clock, PublishedSegments& records) noexcept {
+                           Clock& clock, const SuspendWatch& suspend, PublishedSegments& records) noexcept {
   const pipeline::JointSetpoint& wanted = damped ? output.damping[joint] : output.setpoints[joint];
   const drivers::DriveSetpoint setpoint{wanted.q, wanted.dq, wanted.kp, wanted.kd, wanted.tau};
   const TickRecordHeader& header = output.record.header;
@@ -95,7 +96,9 @@ void DriveEdge::send_joint(std::size_t joint, const pipeline::TickOutput& output
   drivers::GuardedMoment moment{header.now, now, valid_until, output.drive_enabled[joint]};
   const std::size_t count = joints_[joint].driver->encode(moment.enabled, setpoint, now, valid_until, encoded_);
   for (std::size_t i = 0; i < count; ++i) {
+    const Duration since_boot = clock.since_boot();
     moment.now = clock.now();
+    if (suspend.has_slept(since_boot, moment.now)) return;
     send_guarded(joint, moment, decided, encoded_[i], header.tick, records);
   }
 }

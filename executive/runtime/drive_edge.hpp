@@ -7,7 +7,8 @@
 // for that tick.
 //
 // Looks again before sending: the clock is read before each joint's frames. A setpoint that is too late by then
-// (TickOutput::send_by) stays here, and the drive gets the tick's damping in its place. Thread rule: control thread,
+// (TickOutput::send_by) stays here, and the drive gets the tick's damping in its place. Once the computer was suspended
+// since the tick began, nothing of that tick leaves any more: how old it is, nobody knows. Thread rule: control thread,
 // after construction. No allocation or lock; system calls: the buses' send and receive, and the torque output's.
 //
 // The output that permits torque, where the robot has one, is told before the tick's first frame, in every tick: power
@@ -27,6 +28,7 @@
 #include "executive/pipeline/control_tick.hpp"
 #include "executive/runtime/clock.hpp"
 #include "executive/runtime/published_segments.hpp"
+#include "executive/runtime/suspend_watch.hpp"
 
 namespace takt::runtime {
 
@@ -55,13 +57,14 @@ class DriveEdge {
   // One setpoint per joint, as TickOutput has them. A drive that is not enabled is kept de-energised and reporting.
   // Every frame passes the guard: one that it refuses is recorded as such, its replacement leaves, and the next
   // receive() tells the tick. Drives with a watchdog are told what is left of `valid_until` just before their frames
-  // are written.
-  Departure send(const pipeline::TickOutput& output, Clock& clock, PublishedSegments& records) noexcept;
+  // are written. `suspend`: as the tick read it when it began.
+  Departure send(const pipeline::TickOutput& output, Clock& clock, const SuspendWatch& suspend,
+                 PublishedSegments& records) noexcept;
 
  private:
   [[nodiscard]] bool is_flood(std::size_t bus, std::size_t frames) const noexcept;
   void send_joint(std::size_t joint, const pipeline::TickOutput& output, bool damped, MonoTime now, Clock& clock,
-                  PublishedSegments& records) noexcept;
+                  const SuspendWatch& suspend, PublishedSegments& records) noexcept;
   void send_guarded(std::size_t joint, const drivers::GuardedMoment& moment, const JointRecord& decided,
                     drivers::CanFrame& frame, std::uint64_t tick, PublishedSegments& records) noexcept;
   void offer(std::size_t bus, const drivers::ReceivedFrame& received) noexcept;

@@ -26,12 +26,20 @@ class SuspendWatch {
 
   // For how long the computer slept since the reading before, rather too short than too long; 0: it did not.
   Duration slept(const BootReading& reading) noexcept {
-    const Duration grown = reading.since_boot - (reading.after - MonoTime{}) - largest_lead_;
-    largest_lead_ = grown >= kShortestSleep ? upper(reading) : std::min(largest_lead_, upper(reading));
-    return grown >= kShortestSleep ? grown : Duration{};
+    const bool has = has_slept(reading.since_boot, reading.after);
+    const Duration grown = growth(reading.since_boot, reading.after);
+    largest_lead_ = has ? upper(reading) : std::min(largest_lead_, upper(reading));
+    return has ? grown : Duration{};
+  }
+  // Whether it slept since that reading. `now`: CLOCK_MONOTONIC, read after `since_boot`.
+  [[nodiscard]] bool has_slept(Duration since_boot, MonoTime now) const noexcept {
+    return growth(since_boot, now) >= kShortestSleep;
   }
 
  private:
+  [[nodiscard]] Duration growth(Duration since_boot, MonoTime after) const noexcept {
+    return since_boot - (after - MonoTime{}) - largest_lead_;
+  }
   static Duration upper(const BootReading& reading) noexcept {
     return reading.since_boot - (reading.before - MonoTime{});
   }

@@ -19,6 +19,8 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "systemd/doctor/kernel_files.hpp"
+#include "systemd/doctor/neighbourhood.hpp"
 #include "takt_version.hpp"
 
 namespace takt::doctor {
@@ -28,21 +30,6 @@ namespace fs = std::filesystem;
 
 // Below this: a list of processors that names more is malformed.
 constexpr int kMostCpus = 4096;
-
-std::string first_line(const std::string& path) {
-  std::ifstream file(path);
-  std::string line;
-  std::getline(file, line);
-  return line;
-}
-
-std::optional<std::int64_t> number_in(const std::string& path) {
-  const std::string text = first_line(path);
-  std::int64_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{}) return std::nullopt;
-  return value;
-}
 
 bool has_capability(unsigned capability) {
   __user_cap_header_struct header{_LINUX_CAPABILITY_VERSION_3, 0};
@@ -265,6 +252,7 @@ Snapshot collect(const Sources& sources, const config::RobotConfig* robot) {
   read_interrupts(sources.root, snapshot);
   read_rights(sources.root, snapshot);
   read_watchdog(sources.root, snapshot);
+  snapshot.neighbourhood = read_neighbourhood(sources.root, control_cpu);
   if (robot == nullptr) return snapshot;
   read_disk(*robot, snapshot);
   for (const config::Bus& bus : robot->buses)

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "systemd/doctor/judge.hpp"
+#include "systemd/doctor/wakeup_probe.hpp"
 
 namespace takt::doctor {
 namespace {
@@ -13,10 +14,14 @@ using Json = nlohmann::ordered_json;
 constexpr std::size_t kBarLength = 40;
 
 std::string histogram(const WakeupLatency& latency) {
-  std::string text = fmt::format("\nwake-ups, {}, {}: p50 {} us, p99 {} us, p99.9 {} us, worst {} us\n",
+  const std::string rarest = latency.p99999_ns
+                                 ? fmt::format("p99.999 {} us ({} of {} later)", *latency.p99999_ns / 1000,
+                                               latency.beyond_p99999, latency.samples)
+                                 : fmt::format("p99.999 wants {} wake-ups (--for 20min)", kFewestForP99999);
+  std::string text = fmt::format("\nwake-ups, {}, {}: p50 {} us, p99 {} us, p99.9 {} us, {}, worst {} us\n",
                                  latency.real_time ? "real time" : "WITHOUT real-time priority",
                                  latency.held_awake ? "kept awake" : "SLEEP STATES ALLOWED", latency.p50_ns / 1000,
-                                 latency.p99_ns / 1000, latency.p999_ns / 1000, latency.max_ns / 1000);
+                                 latency.p99_ns / 1000, latency.p999_ns / 1000, rarest, latency.max_ns / 1000);
   const std::uint64_t most = latency.histogram.empty() ? 0 : *std::ranges::max_element(latency.histogram);
   for (std::size_t bucket = 0; bucket < latency.histogram.size(); ++bucket) {
     const std::uint64_t count = latency.histogram[bucket];
@@ -31,6 +36,11 @@ Json or_null(const std::optional<Count>& count) {
   return count ? Json(*count) : Json(nullptr);
 }
 
+Json others_busy(const Interference& interference) {
+  if (!interference.others || interference.others->all_ticks <= 0) return nullptr;
+  return static_cast<double>(interference.others->busy_ticks) / static_cast<double>(interference.others->all_ticks);
+}
+
 Json wakeup_of(const Snapshot& snapshot) {
   if (!snapshot.wakeup) return nullptr;
   const WakeupLatency& latency = *snapshot.wakeup;
@@ -40,10 +50,14 @@ Json wakeup_of(const Snapshot& snapshot) {
           {"p50_ns", latency.p50_ns},
           {"p99_ns", latency.p99_ns},
           {"p999_ns", latency.p999_ns},
+          {"p99999_ns", or_null(latency.p99999_ns)},
+          {"beyond_p99999", latency.beyond_p99999},
           {"max_ns", latency.max_ns},
           {"histogram_log2_us", latency.histogram},
           {"smis", or_null(smis_counted(snapshot))},
-          {"stolen_ms", or_null(latency.interference.stolen_ms)}};
+          {"stolen_ms", or_null(latency.interference.stolen_ms)},
+          {"own_load", latency.own_load},
+          {"others_busy", others_busy(latency.interference)}};
 }
 
 }  // namespace
@@ -52,6 +66,7 @@ std::vector<Finding> diagnose(const Snapshot& snapshot, const config::RobotConfi
   const Case of{snapshot, robot};
   Findings findings;
   judge_processor(of, findings);
+  judge_neighbourhood(of, findings);
   judge_rights(of, findings);
   judge_robot(of, findings);
   judge_measurement(of, findings);

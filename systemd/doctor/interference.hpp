@@ -1,8 +1,9 @@
 // Reads how often something took a processor away without the kernel's doing: system management interrupts (the
 // firmware's; Intel's processors count them, and the msr driver shows the count) and time that a hypervisor gave to
-// others ("steal"). Counts since the machine started, in steps of 10 ms for the time; read before and after a
-// measurement, they tell what happened within it. They do not say when, nor how long an SMI took: hwlatdetect
-// (rt-tests) does. Nothing here fails; thread rule: any thread.
+// others ("steal"); and how busy the other cores were, without which a punctual machine proves little. Counts since the
+// machine started, in steps of 10 ms for the time; read before and after a measurement, they tell what happened within
+// it. They do not say when, nor how long an SMI took: hwlatdetect (rt-tests) does. Nothing here fails; thread rule: any
+// thread.
 #pragma once
 
 #include <optional>

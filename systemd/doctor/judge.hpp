@@ -26,6 +26,8 @@ using Findings = std::vector<Finding>;
 // Kernel, processors, interrupts, limits.
 void judge_processor(const Case& of, Findings& into);
 void judge_rights(const Case& of, Findings& into);
+// What else may take the control core or slow it down.
+void judge_neighbourhood(const Case& of, Findings& into);
 // CAN interfaces, disk, hardware watchdog.
 void judge_robot(const Case& of, Findings& into);
 // Measured wake-ups, and what disturbed them unseen by the kernel: nothing where none were measured.

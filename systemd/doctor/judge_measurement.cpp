@@ -36,6 +36,20 @@ Finding stolen(const WakeupLatency& latency) {
   return bad(Verdict::warn, "stolen time", found, where, "a hypervisor gave it to others: run on the metal");
 }
 
+constexpr double kLeastBusy = 0.5;  // of the other cores, for a measurement to count as one under load
+
+Finding load(const WakeupLatency& latency) {
+  const std::string where = fmt::format("/proc/stat, over {} wake-ups", latency.samples);
+  const auto& others = latency.interference.others;
+  if (!others || others->all_ticks <= 0) return fine("load", "not counted", where);
+  const double busy = static_cast<double>(others->busy_ticks) / static_cast<double>(others->all_ticks);
+  const std::string found = fmt::format("the other cores were busy for {:.0f} % of the measurement{}", 100 * busy,
+                                        latency.own_load ? ", by the doctor's own load" : "");
+  if (busy >= kLeastBusy) return fine("load", found, where);
+  return bad(Verdict::warn, "load", found + ": what follows was measured on an idle machine", where,
+             "takt doctor --load, or run it while the robot's programs run");
+}
+
 // Late wake-ups from sleep states that the executive would forbid say little of the executive.
 std::string first_hold_awake(const WakeupLatency& latency) {
   if (latency.held_awake) return {};
@@ -45,7 +59,10 @@ std::string first_hold_awake(const WakeupLatency& latency) {
 Finding wakeups(const WakeupLatency& latency, const config::RobotConfig* robot) {
   const std::int64_t period_ns = robot == nullptr ? 1'000'000 : robot->control.period.ns;
   const std::string where = fmt::format("{} wake-ups measured here", latency.samples);
-  const std::string found = fmt::format("late by {} us at p99, {} us at worst{}{}", latency.p99_ns / 1000,
+  const std::string rarest =
+      latency.p99999_ns ? fmt::format("{} us at p99.999 ({} later), ", *latency.p99999_ns / 1000, latency.beyond_p99999)
+                        : std::string();
+  const std::string found = fmt::format("late by {} us at p99, {}{} us at worst{}{}", latency.p99_ns / 1000, rarest,
                                         latency.max_ns / 1000, latency.real_time ? "" : ", without real-time priority",
                                         latency.held_awake ? "" : ", with sleep states allowed");
   if (latency.max_ns > period_ns / 2)
@@ -71,6 +88,7 @@ void judge_measurement(const Case& of, Findings& into) {
   if (!of.machine.wakeup) return;
   into.push_back(smis(of.machine, *of.machine.wakeup));
   into.push_back(stolen(*of.machine.wakeup));
+  into.push_back(load(*of.machine.wakeup));
   into.push_back(wakeups(*of.machine.wakeup, of.robot));
 }
 

@@ -44,17 +44,28 @@ Finding cores(const Case& of) {
   return fine("cores", found, "/sys/devices/system/cpu/online");
 }
 
-// One finding for isolcpus and nohz_full each.
-Finding reserved(const Case& of, const char* parameter, const std::vector<int>& cpus, const char* what) {
-  const std::string where = fmt::format("/sys/devices/system/cpu/{}", parameter[0] == 'i' ? "isolated" : "nohz_full");
+Finding isolated(const Case& of) {
+  const std::string where = "/sys/devices/system/cpu/isolated";
   const auto wanted = control_cpu(of);
   if (!wanted)
-    return bad(Verdict::warn, parameter, "the robot file pins the loop to no core", "control.cpu",
+    return bad(Verdict::warn, "isolcpus", "the robot file pins the loop to no core", "control.cpu",
                "write `cpu: N` into the robot file, and isolate core N");
-  if (contains(cpus, *wanted)) return fine(parameter, fmt::format("core {} is set apart", *wanted), where);
-  return bad(Verdict::warn, parameter, fmt::format("core {} {}", *wanted, what), where,
-             fmt::format("add {}={}{} to GRUB_CMDLINE_LINUX in /etc/default/grub, update-grub, reboot", parameter,
-                         parameter[0] == 'i' ? "managed_irq,domain," : "", *wanted));
+  if (contains(of.machine.isolated, *wanted))
+    return fine("isolcpus", fmt::format("core {} is set apart", *wanted), where);
+  return bad(Verdict::warn, "isolcpus", fmt::format("core {} runs whatever else there is", *wanted), where,
+             fmt::format("add isolcpus=managed_irq,domain,{} to GRUB_CMDLINE_LINUX in /etc/default/grub, update-grub, "
+                         "reboot",
+                         *wanted));
+}
+
+// An option, no fault: a loop that sleeps every period gains nothing from it, and each sleep costs more with it.
+Finding scheduler_ticks(const Case& of) {
+  const auto wanted = control_cpu(of);
+  const bool stopped = wanted && contains(of.machine.nohz_full, *wanted);
+  return fine("nohz_full",
+              stopped ? fmt::format("core {} has no scheduler tick while one thread runs", *wanted)
+                      : "not used: helps loops that spin, not those that sleep",
+              "/sys/devices/system/cpu/nohz_full");
 }
 
 Finding governor(const Snapshot& machine) {
@@ -151,8 +162,8 @@ void judge_processor(const Case& of, Findings& into) {
   into.push_back(kernel(of.machine));
   into.push_back(platform(of.machine));
   into.push_back(cores(of));
-  into.push_back(reserved(of, "isolcpus", of.machine.isolated, "runs whatever else there is"));
-  into.push_back(reserved(of, "nohz_full", of.machine.nohz_full, "is interrupted by the scheduler's tick"));
+  into.push_back(isolated(of));
+  into.push_back(scheduler_ticks(of));
   into.push_back(governor(of.machine));
   into.push_back(sleep_states(of.machine));
   into.push_back(interrupts(of));

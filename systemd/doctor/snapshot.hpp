@@ -48,6 +48,27 @@ struct CanInterface {
   std::int64_t queue_length = 0;  // frames
 };
 
+// A thread of somebody else that the scheduler treats as real-time.
+struct RealTimeThread {
+  std::string name;  // "irq/24-can0"
+  int priority = 0;  // SCHED_FIFO or SCHED_RR, 1..99
+  std::vector<int> cpus;
+};
+
+// What else may take the control core, or slow it down.
+struct Neighbourhood {
+  std::vector<int> hardware_threads;  // of the control core's physical core, itself among them
+  std::vector<RealTimeThread> real_time_threads;
+  bool irqbalance_runs = false;
+  std::string huge_pages;  // "always", "madvise", "never"
+  bool has_swap = false;
+  std::vector<int> work_queue_cpus;    // where unbound kernel work runs
+  std::optional<bool> timers_migrate;  // kernel.timer_migration
+  std::string idle_driver;             // "intel_idle", "acpi_idle"
+  std::string tuned_profile;           // empty: tuned sets nothing
+  std::vector<int> unit_cpus;          // CPUAffinity= of the executive's unit, drop-ins included; empty: any
+};
+
 // Whether the processor's count of system management interrupts (SMIs) could be read.
 enum class SmiCounter : std::uint8_t {
   read,
@@ -61,6 +82,11 @@ struct Interference {
   SmiCounter smi_counter = SmiCounter::no_driver;
   std::uint32_t smis = 0;                 // 0 unless read
   std::optional<std::int64_t> stolen_ms;  // that a hypervisor gave to others; absent: not told
+  // Of all cores but the measured one, busy or idle: since the machine started, or within a measurement.
+  struct Time {
+    std::int64_t busy_ticks = 0, all_ticks = 0;
+  };
+  std::optional<Time> others;  // absent: not told, or there are no others
 };
 
 // Lateness of periodic wake-ups of a thread like the control thread, ns.
@@ -70,8 +96,11 @@ struct WakeupLatency {
   std::optional<int> cpu;   // to which the thread was to be pinned; absent: none
   std::uint64_t samples = 0;
   std::int64_t p50_ns = 0, p99_ns = 0, p999_ns = 0, max_ns = 0;
-  std::vector<std::uint64_t> histogram;  // bucket k counts lateness in [2^k, 2^(k+1)) us; bucket 0 from 0
-  Interference interference;             // while it was measured
+  std::optional<std::int64_t> p99999_ns;  // absent: too few samples to say
+  std::uint64_t beyond_p99999 = 0;        // samples that were later still
+  bool own_load = false;                  // the doctor loaded the other cores meanwhile
+  std::vector<std::uint64_t> histogram;   // bucket k counts lateness in [2^k, 2^(k+1)) us; bucket 0 from 0
+  Interference interference;              // while it was measured
 };
 
 struct Snapshot {
@@ -94,10 +123,11 @@ struct Snapshot {
   bool hypervisor = false;
   double steal_share = 0;             // of all processor time since boot
   std::vector<Interrupt> interrupts;  // all
-  std::string watchdog;               // of the hardware: its identity
-  std::string systemd_watchdog;       // RuntimeWatchdogSec=, as written
-  std::vector<CanInterface> can;      // the robot file's interfaces, in its order
-  std::string runs_folder;            // record.directory, or its nearest parent that exists
+  Neighbourhood neighbourhood;
+  std::string watchdog;           // of the hardware: its identity
+  std::string systemd_watchdog;   // RuntimeWatchdogSec=, as written
+  std::vector<CanInterface> can;  // the robot file's interfaces, in its order
+  std::string runs_folder;        // record.directory, or its nearest parent that exists
   std::uint64_t runs_free_bytes = 0;
   std::optional<WakeupLatency> wakeup;  // absent: not measured
 };

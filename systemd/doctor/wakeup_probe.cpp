@@ -14,6 +14,7 @@
 
 #include "executive/ipc/descriptor.hpp"
 #include "systemd/doctor/interference.hpp"
+#include "systemd/doctor/own_load.hpp"
 
 namespace takt::doctor {
 namespace {
@@ -80,12 +81,19 @@ WakeupLatency summarise(std::vector<std::int64_t> lateness_ns, bool real_time) {
   latency.p99_ns = quantile(0.99);
   latency.p999_ns = quantile(0.999);
   latency.max_ns = lateness_ns.back();
+  if (lateness_ns.size() >= kFewestForP99999) {
+    latency.p99999_ns = quantile(0.99999);
+    latency.beyond_p99999 =
+        static_cast<std::uint64_t>(lateness_ns.end() - std::ranges::upper_bound(lateness_ns, *latency.p99999_ns));
+  }
   return latency;
 }
 
 WakeupLatency measure_wakeups(const ProbePlan& plan, const std::string& root) {
   const bool locked = mlockall(MCL_CURRENT | MCL_FUTURE) == 0;
   const ipc::Descriptor awake = hold_awake(root);
+  std::optional<OwnLoad> load;
+  if (plan.load_in) load.emplace(*plan.load_in, plan.cpu);
   const Interference before = read_interference(root, plan.cpu);
   bool real_time = false;
   std::vector<std::int64_t> lateness;
@@ -98,6 +106,7 @@ WakeupLatency measure_wakeups(const ProbePlan& plan, const std::string& root) {
   WakeupLatency latency = summarise(std::move(lateness), real_time && locked);
   latency.held_awake = awake.is_open();
   latency.cpu = plan.cpu;
+  latency.own_load = load.has_value();
   latency.interference = interference_between(before, after);
   return latency;
 }

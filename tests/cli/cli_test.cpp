@@ -122,10 +122,10 @@ TEST_F(Cli, HelpIsAWordToo) {
 
 // Numbers alone are in the option's unit, which the help names; with a unit they are written as in robot files.
 TEST_F(Cli, QuantitiesAreWrittenAsInRobotFiles) {
-  EXPECT_EQ(run("doctor --seconds 10ms --json").output.find("is not a time"), std::string::npos);
-  const Ended wrong = run("doctor --seconds 10deg");
+  EXPECT_EQ(run("doctor --for 10ms --json").output.find("is not a time"), std::string::npos);
+  const Ended wrong = run("doctor --for 10deg");
   EXPECT_EQ(wrong.exit_code, 64);
-  EXPECT_NE(wrong.output.find("10deg is an angle, not a time; write it in ns or us or ms or s"), std::string::npos)
+  EXPECT_NE(wrong.output.find("10deg is an angle, not a time; write it in ns or us or ms or s or min or h"), std::string::npos)
       << wrong.output;
   EXPECT_EQ(run("bus disable --robot no-such-robot.yaml --seconds 61s").exit_code, 64) << "at most a minute";
   EXPECT_EQ(run("bus disable --robot no-such-robot.yaml --seconds 61ms").exit_code, 65);
@@ -294,7 +294,7 @@ TEST_F(Cli, TheManifestQuotesTheDoctorsKeptVerdict) {
   const auto here = [this](const std::string& arguments) {
     return shell("cd " + directory() + " && " + takt() + arguments);
   };
-  const std::string examine = "doctor --robot " + robot_ + " --seconds 0 --keep";
+  const std::string examine = "doctor --robot " + robot_ + " --for 0 --keep";
   const Ended refused = here(examine);
   EXPECT_EQ(refused.exit_code, 1);
   EXPECT_NE(refused.output.find("was not kept: " + in("runs") + " is not there"), std::string::npos) << refused.output;

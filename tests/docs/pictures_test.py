@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Goal: the documents' pictures show what today's sources draw. Method: top.svg is drawn again and must be the same bytes; of
-report.png, which only a browser can draw, the sources' hash must be the one that was written beside it. `./dev pictures`
-draws both anew. Usage: pictures_test.py REPOSITORY MAKE_TOP_PICTURE [--write]: write the hash. Exit codes: 0 fine, 1 not.
+"""Goal: the documents' pictures show what today's sources draw. Method: age.svg and top.svg are drawn again and must be the same
+bytes; of report.png, which only a browser can draw, the sources' hash must be the one that was written beside it. `./dev
+pictures` draws all anew. Usage: pictures_test.py REPOSITORY PROGRAMS [--write]: write the hash. Exit codes: 0 fine, 1 not.
 """
 import hashlib
 import pathlib
@@ -21,17 +21,18 @@ def hash_of_sources(root):
 
 
 def main():
-    root, program = pathlib.Path(sys.argv[1]), sys.argv[2]
+    root, programs = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2])
     beside = root / "docs/pictures/report.sources.sha256"
     if "--write" in sys.argv:
         beside.write_text(hash_of_sources(root))
         return 0
     problems = [] if beside.read_text() == hash_of_sources(root) else [STALE.format("report.png")]
     with tempfile.TemporaryDirectory() as folder:
-        drawn = pathlib.Path(folder) / "top.svg"
-        subprocess.run([program, str(drawn)], cwd=root, check=True)
-        if drawn.read_bytes() != (root / "docs/pictures/top.svg").read_bytes():
-            problems.append(STALE.format("top.svg"))
+        for name in ("age", "top"):
+            drawn = pathlib.Path(folder) / f"{name}.svg"
+            subprocess.run([programs / f"make_{name}_picture", drawn], cwd=root, check=True)
+            if drawn.read_bytes() != (root / "docs/pictures" / drawn.name).read_bytes():
+                problems.append(STALE.format(drawn.name))
     print("\n".join(problems) or "the pictures are today's")
     return 1 if problems else 0
 

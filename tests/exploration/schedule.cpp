@@ -55,6 +55,7 @@ std::string text(const Event& event) {
                                                              "operator stop",
                                                              "power off",
                                                              "computer sleeps",
+                                                             "computer sleeps in a tick",
                                                              "shutdown",
                                                              "torque output fails"};
   return fmt::format("{:.3f} s: {} of {}, for {:.1f} ms", event.at.seconds(),

@@ -40,11 +40,12 @@ enum class Happening : std::uint8_t {
   recorder_ends,      // nothing is written
   operator_stop,
   operator_deenergise,
-  computer_sleeps,      // between two ticks
-  shutdown,             // for good
-  torque_output_fails,  // is not set, and says so; torque stays as it was
+  computer_sleeps,          // between two ticks
+  computer_sleeps_in_tick,  // where a bus is read or written
+  shutdown,                 // for good
+  torque_output_fails,      // is not set, and says so; torque stays as it was
 };
-inline constexpr unsigned kHappenings = 31;
+inline constexpr unsigned kHappenings = 32;
 
 // What Event::index counts; of what is neither, nothing.
 constexpr bool is_of_joint(Happening what) {

@@ -54,11 +54,9 @@ class World::VirtualClock final : public runtime::Clock {
     const Event* const late = world_.active(Happening::late_wake_ups);
     if (when > world_.now_)
       world_.go_to(when + (late ? std::min(Duration{late->length.ns / 8}, milliseconds(3)) : microseconds(30)));
-    world_.fall_asleep();
+    world_.fall_asleep(Happening::computer_sleeps);
   }
-  runtime::BootReading read_boot_time() noexcept override {
-    return {world_.now_, world_.now_ - MonoTime{} + world_.slept_, world_.now_};
-  }
+  Duration since_boot() noexcept override { return world_.now_ - MonoTime{} + world_.slept_; }
 
  private:
   World& world_;
@@ -70,10 +68,12 @@ class World::VirtualBus final : public drivers::CanBus {
   drivers::SendResult send(const drivers::CanFrame& frame) noexcept override {
     const drivers::SendResult result = world_.send(index_, frame);
     health_.tx_dropped += result == drivers::SendResult::sent ? 0U : 1U;
+    world_.fall_asleep(Happening::computer_sleeps_in_tick);
     world_.stall_in(Happening::stall_in_send);  // the frame is out; what stalls inside the write itself, nobody can see
     return result;
   }
   std::size_t receive(std::span<drivers::ReceivedFrame> out) noexcept override {
+    world_.fall_asleep(Happening::computer_sleeps_in_tick);
     world_.stall_in(Happening::stall_in_receive);
     world_.collect(index_);
     health_.rx_dropped += world_.is_on(Happening::bus_overflows, index_) ? 1U : 0U;
@@ -222,9 +222,9 @@ void World::stall_in(Happening port) {
 }
 
 // Drives live on, by their own watchdogs; CLOCK_MONOTONIC stands still, and nothing that was said meanwhile is heard.
-void World::fall_asleep() {
+void World::fall_asleep(Happening when) {
   for (std::size_t i = 0; i < events_.size(); ++i) {
-    if (done_[i] || events_[i].what != Happening::computer_sleeps || now_ < kStart + events_[i].at) continue;
+    if (done_[i] || events_[i].what != when || now_ < kStart + events_[i].at) continue;
     done_[i] = true;
     const Duration length = events_[i].length;
     slept_ = slept_ + length;
@@ -331,6 +331,7 @@ void World::begin_and_end_events() {
       case Happening::frames_lost:
       case Happening::recorder_ends:
       case Happening::computer_sleeps:
+      case Happening::computer_sleeps_in_tick:
       case Happening::torque_output_fails:
         done_[i] = false;  // lasts, or strikes at a port
     }

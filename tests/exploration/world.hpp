@@ -104,7 +104,7 @@ class World {
   void pass(Duration time) { go_to(now_ + time); }
   void go_to(MonoTime until);
   void stall_in(Happening port);
-  void fall_asleep();
+  void fall_asleep(Happening when);
   void begin_and_end_events();
   void push(std::size_t joint, double speed);
   void disable_from_outside(std::size_t joint);

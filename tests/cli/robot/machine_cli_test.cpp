@@ -14,13 +14,13 @@ using test::Ended;
 class Machine : public test::Shell {};
 
 TEST_F(Machine, TheDoctorJudgesThisMachine) {
-  const Ended quick = takt("doctor --seconds 0 --json");
+  const Ended quick = takt("doctor --for 0 --json");
   const auto without_robot = nlohmann::json::parse(quick.output);
   EXPECT_EQ(without_robot["schema"], "takt.doctor/1");
   EXPECT_TRUE(without_robot["wakeup"].is_null());
   EXPECT_EQ(quick.exit_code, without_robot["verdict"] == "fail" ? 1 : 0);
 
-  const Ended whole = takt("doctor --robot config/dual_arm12.yaml --seconds 0.1 --json");
+  const Ended whole = takt("doctor --robot config/dual_arm12.yaml --for 0.1 --json");
   const auto json = nlohmann::json::parse(whole.output);
   EXPECT_EQ(json["wakeup"]["samples"], 100);
   EXPECT_TRUE(json["wakeup"]["held_awake"].is_boolean());
@@ -32,14 +32,15 @@ TEST_F(Machine, TheDoctorJudgesThisMachine) {
     EXPECT_EQ(finding["mend"] == "", finding["verdict"] == "ok") << finding;
   }
   EXPECT_EQ(interfaces, 4);
-  const Ended text = takt("doctor --robot config/arm6.yaml --seconds 0.05");
+  const Ended text = takt("doctor --robot config/arm6.yaml --for 50ms --load");
+  EXPECT_NE(text.output.find("by the doctor's own load"), std::string::npos) << text.output;
   EXPECT_NE(text.output.find("wake-ups"), std::string::npos);
   EXPECT_NE(text.output.find("for hard real time"), std::string::npos) << text.output;
 }
 
 TEST_F(Machine, TheDoctorRefusesWhatItCannotRead) {
   EXPECT_EQ(takt("doctor --robot no-such-robot.yaml").exit_code, 65);
-  EXPECT_EQ(takt("doctor --seconds -1").exit_code, 64);
+  EXPECT_EQ(takt("doctor --for -1").exit_code, 64);
 }
 
 TEST_F(Machine, InterfacesAreSetAsTheRobotFileSays) {

@@ -25,7 +25,7 @@ class VirtualClock final : public Clock {
     sleeps_until.push_back(when);
     if (when > now_) now_ = when + wake_delay;
   }
-  BootReading read_boot_time() noexcept override { return {now_, now_ - MonoTime{} + slept_in_all, now_}; }
+  Duration since_boot() noexcept override { return now_ - MonoTime{} + slept_in_all; }
   void pass(Duration time) noexcept { now_ = now_ + time; }
 
   Duration wake_delay;

@@ -27,6 +27,17 @@ TEST(SuspendWatch, ASleepIsToldOnceAndWhole) {
   EXPECT_GT(watch.slept(reading_at({5'000}, kLead + seconds(6), {20}, {20})), milliseconds(999));
 }
 
+// A look in between does not take the news from the next tick.
+TEST(SuspendWatch, ALookTellsOfASleepAndLeavesItToBeTold) {
+  SuspendWatch watch(reading_at({1'000}, kLead, {20}, {20}));
+  const auto boot_at = [](MonoTime now) { return now - MonoTime{} + kLead; };
+  EXPECT_FALSE(watch.has_slept(boot_at({2'000}), {2'020}));
+  EXPECT_FALSE(watch.has_slept(boot_at({2'000}), MonoTime{2'000} + seconds(1))) << "preempted between the readings";
+  EXPECT_TRUE(watch.has_slept(boot_at({3'000}) + seconds(5), {3'020}));
+  EXPECT_GT(watch.slept(reading_at({4'000}, kLead + seconds(5), {20}, {20})), milliseconds(4'999));
+  EXPECT_FALSE(watch.has_slept(boot_at({5'000}) + seconds(5), {5'020}));
+}
+
 RC_GTEST_PROP(SuspendWatch, PreemptionBetweenTwoReadingsIsNoSleep, ()) {
   const auto gaps =
       *rc::gen::container<std::vector<std::int64_t>>(40, rc::gen::inRange<std::int64_t>(0, 1'000'000'000));

@@ -22,7 +22,7 @@ hash=$(sha256sum /usr/bin/takt-executive | cut -d' ' -f1)
 grep -q "\"binary_sha256\": \"$hash\"" $RUN/executive.json || fail "executive.json does not state the binary's hash: $(grep sha256 $RUN/executive.json)"
 grep -q "$hash" /var/lib/takt/runs/*/manifest.json || fail "the manifest does not state it"
 
-takt doctor --seconds 1 --robot $ROBOT --json >doctor.json 2>doctor.txt
+takt doctor --for 1 --robot $ROBOT --json >doctor.json 2>doctor.txt
 [ $? -le 1 ] || fail "takt doctor: $(cat doctor.txt)"
 say "takt doctor: $(grep -oE '"verdict":"[a-z]+"' doctor.json | head -1)"
 grep -q '"schema":"takt.doctor/1"' doctor.json || fail "no verdict: $(head -c 300 doctor.json)"

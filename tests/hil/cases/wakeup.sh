@@ -9,7 +9,7 @@
 # Planted by: /^cyclictest/i (sleep 2; chrt -f 90 dd if=/dev/zero of=/dev/null bs=64M count=4) &
 . "$HIL_LIB/hil.sh"
 cyclictest -q -m -p 80 -i 1000 -l 5000 -h 100 >cyclictest.txt || fail "cyclictest"
-takt doctor --seconds 5 --json >doctor.json 2>doctor.txt
+takt doctor --for 5 --json >doctor.json 2>doctor.txt
 grep -o '"wakeup[^}]*}' doctor.json || fail "takt doctor: $(cat doctor.txt doctor.json)"
 say "cyclictest, us: $(grep -hE '^# (Min|Avg|Max) Lat' cyclictest.txt | sed 's/^# //; s/ Latencies//' | tr '\n' ' ')"
 

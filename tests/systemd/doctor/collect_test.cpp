@@ -89,6 +89,47 @@ TEST_F(Collect, FilesAreReadAsTheKernelWritesThem) {
   EXPECT_GT(machine.runs_free_bytes, 0U);
 }
 
+// Goal: what else may take the control core (1, of config/arm6.yaml) is read as kernel, systemd and tuned write it.
+// Method: planted files; a thread whose name has brackets and blanks; a drop-in that starts the unit's cores over.
+TEST_F(Collect, WhatElseMayTakeTheCore) {
+  plant("/sys/devices/system/cpu/cpu1/topology/thread_siblings_list", "1,5\n");
+  const std::string zeros =
+      " 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0";  // fields 4 to 39
+  plant("/proc/7/comm", "irqbalance\n");
+  plant("/proc/7/task/7/stat", "7 (irqbalance) S" + zeros + " 0 0 0 0\n");
+  plant("/proc/24/task/24/stat", "24 (irq/24-a) b)) S" + zeros + " 50 1 0 0\n");
+  plant("/proc/24/task/24/status", "Name:\tirq/24\nCpus_allowed_list:\t0-1\n");
+  plant("/proc/24/task/25/stat", "25 (rr) S" + zeros + " 7 2 0 0\n");
+  plant("/proc/24/task/26/stat", "26 (cut S 1 2");
+  plant("/proc/swaps", "Filename Type Size Used Priority\n/dev/sda2 partition 1 0 -2\n");
+  plant("/sys/kernel/mm/transparent_hugepage/enabled", "always [madvise] never\n");
+  plant("/sys/devices/virtual/workqueue/cpumask", "1,00000005\n");
+  plant("/proc/sys/kernel/timer_migration", "1\n");
+  plant("/sys/devices/system/cpu/cpuidle/current_driver", "intel_idle\n");
+  plant("/etc/tuned/active_profile", "balanced\n");
+  plant("/usr/lib/systemd/system/takt-executive.service", "[Service]\nCPUAffinity=0\n");
+  const auto robot = config::load("config/arm6.yaml");
+  ASSERT_TRUE(robot.has_value());
+  const Neighbourhood around = collected(&*robot).neighbourhood;
+  EXPECT_EQ(around.hardware_threads, (std::vector<int>{1, 5}));
+  EXPECT_TRUE(around.irqbalance_runs);
+  ASSERT_EQ(around.real_time_threads.size(), 2U) << "of the others none is real-time, or one cannot be read";
+  const auto& irq = *std::ranges::find(around.real_time_threads, 50, &RealTimeThread::priority);
+  EXPECT_EQ(irq.name, "irq/24-a) b)");
+  EXPECT_EQ(irq.cpus, (std::vector<int>{0, 1}));
+  EXPECT_TRUE(around.has_swap);
+  EXPECT_EQ(around.huge_pages, "madvise");
+  EXPECT_EQ(around.work_queue_cpus, (std::vector<int>{0, 2, 32}));
+  EXPECT_EQ(around.timers_migrate, true);
+  EXPECT_EQ(around.idle_driver, "intel_idle");
+  EXPECT_EQ(around.tuned_profile, "balanced");
+  EXPECT_EQ(around.unit_cpus, (std::vector<int>{0}));
+  plant("/etc/systemd/system/takt-executive.service.d/override.conf", "[Service]\nCPUAffinity=\nCPUAffinity=2 3\n");
+  EXPECT_EQ(collected(&*robot).neighbourhood.unit_cpus, (std::vector<int>{2, 3}));
+  plant("/proc/swaps", "Filename Type Size Used Priority\n");
+  EXPECT_FALSE(collected().neighbourhood.has_swap);
+}
+
 // Users and groups in the form of passwd(5) and group(5): takt is in its own group and in two that list it; names that
 // only begin alike, and lines that are cut off, are not its.
 TEST_F(Collect, RightsAreFactsOfTheFileAndOfTheServiceUser) {

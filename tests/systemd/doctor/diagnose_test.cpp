@@ -34,6 +34,14 @@ Snapshot good_machine() {
   machine.clocksource = "tsc";
   machine.processor_vendor = "GenuineIntel";
   machine.interrupts = {{0, "timer", {0}}, {120, "nvme0q1", {0, 2, 3}}, {8, "", {0, 1, 2, 3}}};
+  Neighbourhood& around = machine.neighbourhood;
+  around.hardware_threads = {1, 5};  // 5 is switched off
+  around.real_time_threads = {{"migration/1", 99, {1}}, {"irq/24-can0", 50, {0, 1}}, {"rtkit", 99, {0}}};
+  around.huge_pages = "madvise";
+  around.work_queue_cpus = {0, 2, 3};
+  around.timers_migrate = false;
+  around.idle_driver = "intel_idle";
+  around.unit_cpus = {0};
   machine.watchdog = "iTCO_wdt";
   machine.systemd_watchdog = "10s";
   for (const char* name : {"can0", "can1"}) {
@@ -51,7 +59,7 @@ Snapshot good_machine() {
   wakeup.real_time = true;
   wakeup.held_awake = true;
   wakeup.cpu = 1;
-  wakeup.interference = {SmiCounter::read, 0, 0};
+  wakeup.interference = {SmiCounter::read, 0, 0, Interference::Time{900, 1000}};
   wakeup.samples = 10'000;
   wakeup.p50_ns = 3'000;
   wakeup.p99_ns = 8'000;
@@ -104,7 +112,31 @@ TEST(Diagnose, EachBadFactIsNamedAloneWithItsCure) {
       {"one core", Verdict::warn, "cores", "two or more", [](Snapshot& m) { m.cpus = {1}; }},
       {"not isolated", Verdict::warn, "isolcpus", "isolcpus=managed_irq,domain,1",
        [](Snapshot& m) { m.isolated = {2}; }},
-      {"ticks", Verdict::warn, "nohz_full", "nohz_full=1", [](Snapshot& m) { m.nohz_full.clear(); }},
+      {"a busy hardware thread", Verdict::warn, "hw threads", "cpu3/online",
+       [](Snapshot& m) {
+         m.neighbourhood.hardware_threads = {1, 3};
+       }},
+      {"somebody's real-time thread", Verdict::warn, "rt threads", "control.priority",
+       [](Snapshot& m) { m.neighbourhood.real_time_threads[1].priority = 99; }},
+      {"irqbalance", Verdict::warn, "irqbalance", "IRQBALANCE_BANNED_CPULIST",
+       [](Snapshot& m) { m.neighbourhood.irqbalance_runs = true; }},
+      {"work queues", Verdict::warn, "work queues", "mask",
+       [](Snapshot& m) { m.neighbourhood.work_queue_cpus.push_back(1); }},
+      {"timers", Verdict::warn, "timers", "timer_migration=0",
+       [](Snapshot& m) { m.neighbourhood.timers_migrate = true; }},
+      {"the unit's core", Verdict::warn, "unit", "systemctl edit",
+       [](Snapshot& m) {
+         m.neighbourhood.unit_cpus = {0, 1};
+       }},
+      {"huge pages", Verdict::warn, "huge pages", "madvise",
+       [](Snapshot& m) { m.neighbourhood.huge_pages = "always"; }},
+      {"swap", Verdict::warn, "swap", "swapoff", [](Snapshot& m) { m.neighbourhood.has_swap = true; }},
+      {"the firmware's idle driver", Verdict::warn, "idle driver", "max_cstate",
+       [](Snapshot& m) { m.neighbourhood.idle_driver = "acpi_idle"; }},
+      {"a tuned profile that saves power", Verdict::warn, "tuned", "realtime",
+       [](Snapshot& m) { m.neighbourhood.tuned_profile = "balanced"; }},
+      {"an idle machine", Verdict::warn, "load", "--load",
+       [](Snapshot& m) { m.wakeup->interference.others->busy_ticks = 20; }},
       {"governor", Verdict::warn, "governor", "performance", [](Snapshot& m) { m.governor = "powersave"; }},
       {"deep sleep", Verdict::warn, "sleep states", "cpu_dma_latency",
        [](Snapshot& m) { m.sleep_states[2].disabled = false; }},
@@ -166,6 +198,27 @@ TEST(Diagnose, EachBadFactIsNamedAloneWithItsCure) {
     EXPECT_NE(found[0].mend.find(fact.mend), std::string::npos) << fact.what << ": " << found[0].mend;
     EXPECT_FALSE(found[0].found.empty() || found[0].where.empty()) << fact.what;
   }
+}
+
+// nohz_full is an option: without it nothing is wrong.
+TEST(Diagnose, TheSchedulersTickIsNoFault) {
+  Snapshot machine = good_machine();
+  machine.nohz_full.clear();
+  EXPECT_TRUE(complaints(machine, arm()).empty());
+}
+
+// Goal: a quantile is told with the count behind it, or not at all. Method: a million wake-ups, and fewer.
+TEST(Diagnose, TheRarestQuantileComesWithItsCount) {
+  Snapshot machine = good_machine();
+  const auto robot = arm();
+  EXPECT_NE(text_of(diagnose(machine, &robot), machine).find("p99.999 wants 1000000 wake-ups"), std::string::npos);
+  machine.wakeup->p99999_ns = 28'000;
+  machine.wakeup->beyond_p99999 = 9;
+  machine.wakeup->samples = 1'000'000;
+  const auto findings = diagnose(machine, &robot);
+  const std::string text = text_of(findings, machine);
+  EXPECT_NE(text.find("p99.999 28 us (9 of 1000000 later)"), std::string::npos) << text;
+  EXPECT_NE(text.find("28 us at p99.999 (9 later)"), std::string::npos) << text;
 }
 
 // What the robot file says decides what a fact means.
@@ -342,7 +395,7 @@ TEST(Diagnose, WhatCannotBeCountedIsNotHeldAgainstTheMachine) {
 TEST(Diagnose, TheMeasurementTellsWhatDisturbedIt) {
   const auto robot = arm();
   Snapshot machine = good_machine();
-  machine.wakeup->interference = {SmiCounter::read, 3, 20};
+  machine.wakeup->interference = {SmiCounter::read, 3, 20, Interference::Time{9, 10}};
   auto findings = diagnose(machine, &robot);
   EXPECT_TRUE(finding_of(findings, "SMIs").found.starts_with("3 during the measurement"));
   EXPECT_NE(finding_of(findings, "SMIs").where.find("/dev/cpu/1/msr"), std::string::npos);

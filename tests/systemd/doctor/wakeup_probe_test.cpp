@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr ProbePlan kPlan{.length = milliseconds(20), .period = milliseconds(1), .priority = 1, .cpu = 1};
+constexpr ProbePlan kPlan{.length = milliseconds(20), .period = milliseconds(1), .priority = 1, .cpu = 1, .load_in = {}};
 
 class PlantedProbe : public testing::Test {
  protected:
@@ -141,12 +141,29 @@ TEST_F(PlantedProbe, StolenTimeIsOfTheCoreOrOfAll) {
   EXPECT_FALSE(read_interference(root_, 3).stolen_ms.has_value()) << "no such core";
 }
 
+// The other cores' time, in which a machine without load betrays itself; waiting for a disk is idle.
+TEST_F(PlantedProbe, TheOthersTimeIsWithoutTheMeasuredCore) {
+  plant_stat(
+      "cpu 1 1 1 1 1 1 1 300 0 0\ncpu0 10 20 30 40 50 1 2 3 0 0\ncpu1 900 0 0 0 0 0 0 0 0 0\ncpu2 1 0 0 9 0 0 0 0\n");
+  const auto others = read_interference(root_, 1).others;
+  ASSERT_TRUE(others.has_value());
+  EXPECT_EQ(others->all_ticks, 156 + 10);
+  EXPECT_EQ(others->busy_ticks, 66 + 1);
+  plant_stat("cpu 1 1 1 1 1 1 1 300 0 0\ncpu1 900 0 0 0 0 0 0 0 0 0\n");
+  EXPECT_FALSE(read_interference(root_, 1).others.has_value()) << "there is no other";
+  Interference before, after;
+  before.others = {10, 100};
+  after.others = {60, 200};
+  EXPECT_EQ(interference_between(before, after).others->busy_ticks, 50);
+  EXPECT_EQ(interference_between(before, after).others->all_ticks, 100);
+}
+
 TEST(Interference, IsCountedOnlyWhereItWasReadTwice) {
-  const Interference early{SmiCounter::read, 0xfffffffe, 100}, late{SmiCounter::read, 1, 140};
+  const Interference early{SmiCounter::read, 0xfffffffe, 100, {}}, late{SmiCounter::read, 1, 140, {}};
   EXPECT_EQ(interference_between(early, late).smis, 3U) << "across the overflow of 32 bits";
   EXPECT_EQ(interference_between(early, late).stolen_ms, 40);
   EXPECT_EQ(interference_between(late, early).stolen_ms, 0) << "a kernel that counts backwards";
-  const Interference unread{SmiCounter::refused, 0, {}};
+  const Interference unread{SmiCounter::refused, 0, {}, {}};
   for (const Interference& between : {interference_between(unread, late), interference_between(early, unread)}) {
     EXPECT_EQ(between.smi_counter, SmiCounter::refused);
     EXPECT_EQ(between.smis, 0U);
@@ -167,9 +184,21 @@ TEST(WakeupProbe, QuantilesAndHistogramOfKnownLateness) {
   EXPECT_EQ(latency.histogram, (std::vector<std::uint64_t>{19, 20, 40, 80, 160, 320, 361}));
 }
 
+TEST(WakeupProbe, TheRarestQuantileWantsAMillion) {
+  std::vector<std::int64_t> late(kFewestForP99999, 5'000);
+  std::fill_n(late.begin(), 15, 90'000);
+  const WakeupLatency enough = summarise(late, true);
+  EXPECT_EQ(enough.p99999_ns, 90'000);
+  EXPECT_EQ(enough.beyond_p99999, 0U);
+  std::fill_n(late.begin(), 9, 200'000);
+  EXPECT_EQ(summarise(late, true).beyond_p99999, 9U);
+  late.pop_back();
+  EXPECT_FALSE(summarise(late, true).p99999_ns.has_value());
+}
+
 TEST(WakeupProbe, MeasuresAsManyPeriodsAsAsked) {
   const WakeupLatency latency =
-      measure_wakeups({.length = milliseconds(50), .period = milliseconds(1), .priority = 1, .cpu = {}});
+      measure_wakeups({.length = milliseconds(50), .period = milliseconds(1), .priority = 1, .cpu = {}, .load_in = {}});
   EXPECT_EQ(latency.samples, 50U);
   EXPECT_GE(latency.max_ns, latency.p50_ns);
 }
