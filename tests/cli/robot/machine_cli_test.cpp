@@ -2,7 +2,10 @@
 // Method: the real binary on whatever machine this is; only what holds on every machine is expected.
 #include <gtest/gtest.h>
 
+#include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
+#include <string>
 
 #include "tests/cli/shell.hpp"
 
