@@ -61,6 +61,9 @@ function(takt_program name)
   cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE takt_options ${ARG_DEPENDS})
+  # No symbol is looked up while it runs: inside the loop that is time nobody planned.
+  target_link_options(${name} PRIVATE LINKER:-z,now)
+  set_property(GLOBAL APPEND PROPERTY TAKT_PROGRAMS ${name})
   install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 endfunction()
 

@@ -3,7 +3,7 @@
 namespace takt::config {
 namespace {
 
-constexpr std::uint32_t kDamiaoRegisters = 0x7FF, kAkV3Feedback = 0x2900;
+constexpr std::uint32_t kDamiaoRegisters = 0x7FF, kAkV3Feedback = 0x2900, kCia402HostNode = 127;
 
 IdPattern standard(std::uint32_t id) {
   return {id, 0x7FF, false};
@@ -54,7 +54,7 @@ DriveIds of_moteus(const Drive& drive) {
 DriveIds of_cia402(const Drive& drive) {
   const std::uint32_t n = drive.id;
   return {each_of({0x200 + n, 0x300 + n, 0x400 + n, 0x500 + n, 0x600 + n}),
-          each_of({0x000, 0x080}),
+          each_of({0x000, 0x080, 0x700 + kCia402HostNode}),
           each_of({0x080 + n, 0x180 + n, 0x280 + n, 0x380 + n, 0x480 + n, 0x580 + n, 0x700 + n}),
           {}};
 }

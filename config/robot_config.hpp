@@ -16,6 +16,8 @@ namespace takt::config {
 
 enum class DriveProtocol : std::uint8_t { mit, robstride, odrive, moteus, cia402 };
 enum class Cia402Mode : std::uint8_t { csp, csv, cst };
+// What one count of a target velocity (object 60FF) means, motor side.
+enum class Cia402VelocityUnit : std::uint8_t { counts_per_s, rpm, tenth_rpm, hundredth_rpm, thousandth_rpm };
 enum class WakeMode : std::uint8_t { sleep, hybrid };
 enum class WhenBusMissing : std::uint8_t { refuse, loopback };
 enum class Degraded : std::uint8_t { hold, slow, fallback };
@@ -99,6 +101,9 @@ struct Bus {
   std::uint32_t bitrate = 0;  // bit/s
   bool fd = false;
   std::uint32_t data_bitrate = 0;  // bit/s of FD frames' data phase; fd only
+  // Where in a bit it is read, (0, 1), and by how many time quanta the controller may shift it; 0: the kernel's choice.
+  double sample_point = 0, data_sample_point = 0;
+  std::uint32_t sjw = 0, data_sjw = 0;
   WhenBusMissing when_missing = WhenBusMissing::refuse;
 };
 
@@ -115,7 +120,7 @@ struct Drive {
   // mit
   std::string variant;  // "tmotor" (6-byte reply) | "damiao" (8-byte reply)
   std::uint32_t reply_id = 0;
-  // mit, robstride, odrive: why it may be armed though nothing is known to stop it when commands cease; "none": not
+  // all but moteus: why it may be armed though nothing is known to stop it when commands cease; "none": not
   std::string watchdog_waiver;
   // robstride: our own number on the bus
   std::uint32_t host_id = 0;
@@ -123,8 +128,9 @@ struct Drive {
   double servo_kp = 0, servo_kd = 0;  // Nm/rad, Nm s/rad, motor side
   // cia402
   Cia402Mode mode = Cia402Mode::cst;
-  std::uint32_t counts_per_turn = 0;  // position units of object 6064 per motor turn
-  double rated_torque = 0;            // Nm, object 6076: 1000 per mille
+  std::uint32_t counts_per_turn = 0;                                    // position units of object 6064 per motor turn
+  double rated_torque = 0;                                              // Nm, object 6076: 1000 per mille
+  Cia402VelocityUnit velocity_unit = Cia402VelocityUnit::counts_per_s;  // csv
 };
 
 struct Limits {

@@ -11,6 +11,8 @@ namespace {
 constexpr std::array<std::string_view, 5> kProtocols{"mit", "robstride", "odrive", "moteus", "cia402"};
 constexpr std::array<std::string_view, 2> kVariants{"tmotor", "damiao"};
 constexpr std::array<std::string_view, 3> kCia402Modes{"csp", "csv", "cst"};
+constexpr std::array<std::string_view, 5> kVelocityUnits{"counts_per_s", "rpm", "tenth_rpm", "hundredth_rpm",
+                                                         "thousandth_rpm"};
 
 // The key table shows the keys of every protocol.
 class Speaks {
@@ -33,8 +35,9 @@ std::int64_t highest_id(DriveProtocol protocol) {
       return 63;
     case DriveProtocol::robstride:
     case DriveProtocol::moteus:
-    case DriveProtocol::cia402:
       return 127;
+    case DriveProtocol::cia402:
+      return 126;  // 127 is this computer's own number
   }
   return 0;
 }
@@ -95,6 +98,11 @@ void describe_own_units(Fields& fields, Drive& drive, const Speaks& speaks) {
                    1LL << 30);
     fields.quantity({"rated_torque", "cia402: object 6076 of the drive"}, drive.rated_torque, Dimension::torque,
                     above(0, 1e6));
+    if (drive.mode == Cia402Mode::csv || fields.shows_all())
+      fields.choice({"velocity_unit",
+                     "cia402, csv: what the drive takes a count of target velocity (60FF) for; compared with object "
+                     "60A9 of drives that have it"},
+                    drive.velocity_unit, kVelocityUnits);
   }
 }
 
@@ -112,9 +120,9 @@ void describe_drive(Fields& fields, Drive& drive) {
                    highest_id(DriveProtocol::mit));
   if (speaks.any_of({DriveProtocol::robstride}))
     fields.integer({"host_id", "robstride: our own number on the bus", "253"}, drive.host_id, 128, 253);
-  if (speaks.any_of({DriveProtocol::mit, DriveProtocol::robstride, DriveProtocol::odrive}))
+  if (speaks.any_of({DriveProtocol::mit, DriveProtocol::robstride, DriveProtocol::odrive, DriveProtocol::cia402}))
     fields.text({"watchdog_waiver",
-                 "mit, robstride, odrive: the reason why this drive may be armed though its own time-out is off or "
+                 "all but moteus: the reason why this drive may be armed though its own time-out is off or "
                  "unknown; none: it may not",
                  "none"},
                 drive.watchdog_waiver);

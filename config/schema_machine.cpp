@@ -21,12 +21,20 @@ void describe_bus(Fields& fields, Bus& bus) {
   double bitrate = bus.bitrate;
   fields.quantity({"bitrate", "nominal bit rate", "1 Mbit/s"}, bitrate, Dimension::bit_rate, between(10e3, 1e6));
   bus.bitrate = static_cast<std::uint32_t>(std::lround(bitrate));
+  constexpr std::string_view kKernelChooses = "0";
+  fields.quantity({"sample_point", "share of a bit after which it is read; 0: the kernel's choice", kKernelChooses},
+                  bus.sample_point, Dimension::none, between(0, 0.999));
+  fields.integer({"sjw", "time quanta by which the controller may shift a bit; 0: the kernel's choice", kKernelChooses},
+                 bus.sjw, 0, 128);
   fields.flag({"fd", "frames may be CAN FD", "false"}, bus.fd);
   if (bus.fd || fields.shows_all()) {
     double data_bitrate = bus.data_bitrate;
     fields.quantity({"data_bitrate", "fd: bit rate of the data phase", "5 Mbit/s"}, data_bitrate, Dimension::bit_rate,
                     between(10e3, 10e6));
     bus.data_bitrate = static_cast<std::uint32_t>(std::lround(data_bitrate));
+    fields.quantity({"data_sample_point", "fd: sample_point of the data phase", kKernelChooses}, bus.data_sample_point,
+                    Dimension::none, between(0, 0.999));
+    fields.integer({"data_sjw", "fd: sjw of the data phase", kKernelChooses}, bus.data_sjw, 0, 128);
   }
   fields.choice({"when_missing", "interface absent: refuse to start, or use the built-in loopback bus", "refuse"},
                 bus.when_missing, kWhenMissing);

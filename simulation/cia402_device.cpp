@@ -40,9 +40,13 @@ struct ErrorCode {
 }  // namespace
 
 Cia402Device::Cia402Device(const config::Drive& drive, Duration watchdog)
+    : Cia402Device(drive, watchdog, profile_of(drive)) {}
+
+Cia402Device::Cia402Device(const config::Drive& drive, Duration watchdog, const Cia402Profile& profile)
     : drive_(drive),
-      objects_(drive.id, whole(drive.rated_torque * 1000),
-               static_cast<std::uint16_t>(std::clamp<std::int64_t>(watchdog.ns / 1'000'000, 0, 0xFFFF))) {}
+      profile_(profile),
+      objects_(drive, static_cast<std::uint16_t>(std::clamp<std::int64_t>(watchdog.ns / 1'000'000, 0, 0xFFFF)),
+               profile) {}
 
 void Cia402Device::receive(const drivers::CanFrame& frame, MonoTime now, Frames& out) {
   if (nmt_ == Nmt::booting || frame.extended || frame.fd || frame.remote || frame.error) return;
@@ -53,6 +57,8 @@ void Cia402Device::receive(const drivers::CanFrame& frame, MonoTime now, Frames&
     synchronise(out);
   else if (frame.id == 0x600 + drive_.id && nmt_ != Nmt::stopped)
     serve_sdo(frame, out);
+  else if (frame.id > 0x700 && frame.id < 0x780)
+    hear_heartbeat(frame, now);
   else if (operational && objects_.pdo_exists(0x1400) && frame.id == objects_.pdo_id(0x1400))
     take_rpdo(frame, now, out);
 }
@@ -118,6 +124,7 @@ void Cia402Device::serve_sdo(const drivers::CanFrame& frame, Frames& out) {
     default:
       break;
   }
+  show_mode();
   if (why != SdoAbort::none) {
     answer = 0x80;
     value = static_cast<std::uint32_t>(why);
@@ -129,6 +136,22 @@ void Cia402Device::serve_sdo(const drivers::CanFrame& frame, Frames& out) {
   append(reply, sub, 1);
   append(reply, value, 4);
   out.push_back(reply);
+}
+
+void Cia402Device::show_mode() {
+  if (profile_.shows_mode) objects_.set(0x6061, objects_.value(0x6060));
+}
+
+void Cia402Device::hear_heartbeat(const drivers::CanFrame& frame, MonoTime now) {
+  if (!objects_.has(0x1016, 1) || frame.length != 1) return;
+  const std::uint32_t watched = objects_.value(0x1016, 1);
+  if (frame.id == 0x700 + (watched >> 16 & 0x7F) && (watched & 0xFFFF) != 0) host_heard_at_ = now;
+}
+
+void Cia402Device::watch_heartbeat(MonoTime now) {
+  if (!host_heard_at_ || now - *host_heard_at_ <= milliseconds(objects_.value(0x1016, 1) & 0xFFFF)) return;
+  host_heard_at_.reset();
+  if (objects_.value(0x6007) != 0) trip(0x8130, kCommunicationError, true);
 }
 
 void Cia402Device::take_rpdo(const drivers::CanFrame& frame, MonoTime now, Frames& out) {
@@ -150,7 +173,7 @@ void Cia402Device::take_over(const drivers::CanFrame& rpdo, Frames& out) {
     // A value that the object does not take stays out; a PDO has no answer to say so.
     objects_.write(object.index, object.sub, value, object.bytes, true);
   }
-  objects_.set(0x6061, objects_.value(0x6060));
+  show_mode();
   const bool was_faulty = power_.faulty(), was_enabled = power_.enabled();
   power_.obey(static_cast<std::uint16_t>(objects_.value(0x6040)));
   if (!was_enabled && power_.enabled()) velocity_integral_ = 0;
@@ -202,14 +225,22 @@ double Cia402Device::update(MotorReading reading, MonoTime now, Duration step, F
   }
   power_.settle();
   watch_commands(now);
+  watch_heartbeat(now);
   say_emergencies(out);
   say_heartbeat(now, out);
-  torque_ = std::clamp(wanted_torque(step), -drive_.torque_range, drive_.torque_range);
+  const double wanted = wanted_torque(step), most = most_torque();
+  limited_ = power_.enabled() && std::abs(wanted) > most;
+  torque_ = std::clamp(wanted, -most, most);
   return torque_;
 }
 
+double Cia402Device::most_torque() const {
+  if (!objects_.has(0x6072)) return drive_.torque_range;
+  return std::min(drive_.torque_range, objects_.value(0x6072) / 1000.0 * drive_.rated_torque);
+}
+
 void Cia402Device::watch_commands(MonoTime now) {
-  const Duration deadline = milliseconds(objects_.value(0x1400, 5));
+  const Duration deadline = milliseconds(objects_.has(0x1400, 5) ? objects_.value(0x1400, 5) : 0);
   if (!power_.enabled() || !commanded_at_ || deadline.ns == 0) return;
   if (now - *commanded_at_ > deadline) trip(0x8250, kCommunicationError, true);
 }
@@ -248,7 +279,9 @@ drivers::CanFrame Cia402Device::heartbeat(std::uint8_t state) const {
 
 void Cia402Device::refresh_objects() {
   const double counts_per_rad = drive_.counts_per_turn / (2 * std::numbers::pi);
-  objects_.set(0x6041, power_.statusword());
+  constexpr std::uint32_t kLimited = 0x0800, kFollows = 0x1000;
+  const std::uint32_t word = power_.statusword() | (limited_ ? kLimited : 0U);
+  objects_.set(0x6041, profile_.follows ? word : word & ~kFollows);
   objects_.set(0x6064, whole(reading_.position * counts_per_rad));
   objects_.set(0x606C, whole(reading_.velocity * counts_per_rad));
   objects_.set(0x6077, whole(torque_ / drive_.rated_torque * 1000) & 0xFFFFU);
@@ -257,13 +290,15 @@ void Cia402Device::refresh_objects() {
 double Cia402Device::wanted_torque(Duration step) {
   if (!power_.enabled()) return lost_ ? -kLostDamping * reading_.velocity : 0;
   const double rad_per_count = 2 * std::numbers::pi / drive_.counts_per_turn;
+  const double rad_per_speed_count =
+      profile_.speed_counts > 0 ? 2 * std::numbers::pi / profile_.speed_counts : rad_per_count;
   switch (objects_.value(0x6061)) {
     case 8: {
       const double target = signed_value<std::int32_t>(objects_, 0x607A) * rad_per_count;
       return torque_for_velocity(kPosition * (target - reading_.position), step);
     }
     case 9:
-      return torque_for_velocity(signed_value<std::int32_t>(objects_, 0x60FF) * rad_per_count, step);
+      return torque_for_velocity(signed_value<std::int32_t>(objects_, 0x60FF) * rad_per_speed_count, step);
     case 10:
       return signed_value<std::int16_t>(objects_, 0x6071) / 1000 * drive_.rated_torque;
     default:
@@ -316,6 +351,7 @@ void Cia402Device::power_cycle(MonoTime now) {
   lost_ = false;
   pending_rpdo_.reset();
   commanded_at_.reset();
+  host_heard_at_.reset();
   emergencies_.clear();
   velocity_integral_ = torque_ = 0;
 }

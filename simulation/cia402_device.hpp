@@ -9,8 +9,10 @@
 // TPDO of type 1..240 is sent at every SYNC, whatever the number, and tells the drive's state before the RPDOs of that
 // SYNC; event-driven TPDOs are not simulated. Watchdog: the event timer of RPDO 1 (1400:05), from the first RPDO after
 // NMT start, while operation is enabled; out of time is EMCY 8250 and DeviceState::lost. So is leaving NMT state
-// operational with operation enabled (EMCY 8100). A fault reset clears lost ones and errors alike.
-// `watchdog` is what the drive has stored in 1400:05 before the host writes its own.
+// operational with operation enabled (EMCY 8100). A fault reset clears lost ones and errors alike. Besides, where
+// 1016:01 names a node: its heartbeat, from the first one on; out of time is EMCY 8130 and lost as well, unless 6007 is
+// 0. `watchdog` is what the drive has stored in 1400:05 before the host writes its own. Max torque (6072) holds the
+// torque down, and shows in statusword bit 11. What drives differ in: cia402_profile.hpp.
 #pragma once
 
 #include <optional>
@@ -24,6 +26,7 @@ namespace takt::plant {
 class Cia402Device final : public Device {
  public:
   Cia402Device(const config::Drive& drive, Duration watchdog);
+  Cia402Device(const config::Drive& drive, Duration watchdog, const Cia402Profile& profile);
 
   void receive(const drivers::CanFrame& frame, MonoTime now, Frames& out) override;
   double update(MotorReading reading, MonoTime now, Duration step, Frames& out) override;
@@ -45,18 +48,25 @@ class Cia402Device final : public Device {
   void say_emergencies(Frames& out);
   void say_heartbeat(MonoTime now, Frames& out);
   void watch_commands(MonoTime now);
+  void hear_heartbeat(const drivers::CanFrame& frame, MonoTime now);
+  void watch_heartbeat(MonoTime now);
+  void show_mode();
+  [[nodiscard]] double most_torque() const;
   void refresh_objects();
   [[nodiscard]] drivers::CanFrame heartbeat(std::uint8_t state) const;
   [[nodiscard]] double wanted_torque(Duration step);
   [[nodiscard]] double torque_for_velocity(double velocity, Duration step);
 
   config::Drive drive_;
+  Cia402Profile profile_;
   Cia402Objects objects_;
   Cia402Power power_;
   Nmt nmt_ = Nmt::pre_operational;
   bool lost_ = false;
   std::optional<drivers::CanFrame> pending_rpdo_;
-  std::optional<MonoTime> commanded_at_;  // since NMT start
+  std::optional<MonoTime> commanded_at_;   // since NMT start
+  std::optional<MonoTime> host_heard_at_;  // its heartbeat
+  bool limited_ = false;                   // by 6072
   MonoTime booted_at_, heartbeat_at_;
   Frames emergencies_;  // not sent yet
   MotorReading reading_;

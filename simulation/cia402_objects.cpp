@@ -1,5 +1,7 @@
 #include "simulation/cia402_objects.hpp"
 
+#include <cmath>
+
 namespace takt::plant {
 namespace {
 
@@ -27,30 +29,60 @@ MappedObject unpack(std::uint32_t mapping) {
 
 }  // namespace
 
-Cia402Objects::Cia402Objects(std::uint32_t node, std::uint32_t rated_torque_mNm, std::uint16_t deadline_ms) {
+Cia402Profile profile_of(const config::Drive& drive) {
+  constexpr std::uint32_t kCountsPerSecond = 0x00B5'0300, kRpm = 0x00B4'4700, kTenth = 0xFF00'0000,
+                          kHundredth = 0xFE00'0000, kThousandth = 0xFD00'0000;
+  Cia402Profile profile;
+  const auto counts = [&profile](double speed_counts, std::uint32_t unit) {
+    profile.speed_counts = speed_counts;
+    profile.velocity_unit = unit;
+    return profile;
+  };
+  switch (drive.velocity_unit) {
+    case config::Cia402VelocityUnit::counts_per_s:
+      return counts(0, kCountsPerSecond);
+    case config::Cia402VelocityUnit::rpm:
+      return counts(60, kRpm);
+    case config::Cia402VelocityUnit::tenth_rpm:
+      return counts(600, kRpm | kTenth);
+    case config::Cia402VelocityUnit::hundredth_rpm:
+      return counts(6'000, kRpm | kHundredth);
+    case config::Cia402VelocityUnit::thousandth_rpm:
+      return counts(60'000, kRpm | kThousandth);
+  }
+  return profile;
+}
+
+Cia402Objects::Cia402Objects(const config::Drive& drive, std::uint16_t deadline_ms, const Cia402Profile& profile) {
   using Use = ObjectEntry::Use;
+  const std::uint32_t node = drive.id;
   const auto add = [this](std::uint16_t index, std::uint8_t sub, unsigned bytes, Use use, std::uint32_t value = 0) {
     power_on_[key(index, sub)] = {bytes, value, use};
   };
-  const auto add_pdo = [&add](std::uint16_t communication, std::uint32_t cob_id, std::uint32_t first_object) {
+  const auto add_pdo = [&add, &profile](std::uint16_t communication, std::uint32_t cob_id, std::uint32_t first_object) {
     const auto map = static_cast<std::uint16_t>(communication + 0x200);
-    add(communication, 0, 1, Use::constant, 5);
+    add(communication, 0, 1, Use::constant, profile.has_deadline ? 5 : 2);
     add(communication, 1, 4, Use::setting, cob_id);
     add(communication, 2, 1, Use::setting, 255);
-    add(communication, 5, 2, Use::setting);
+    if (profile.has_deadline) add(communication, 5, 2, Use::setting);
     add(map, 0, 1, Use::setting, 1);
     for (std::uint8_t entry = 1; entry <= kMapEntries; ++entry)
       add(map, entry, 4, Use::setting, entry == 1 ? first_object : 0);
   };
   add(0x1000, 0, 4, Use::constant, 0x0002'0192);  // servo drive of profile 402
   add(0x1001, 0, 1, Use::from_drive);
+  if (profile.has_heartbeat_watch) {
+    add(0x1016, 0, 1, Use::constant, 1);
+    add(0x1016, 1, 4, Use::setting);
+    add(0x6007, 0, 2, Use::setting);
+  }
   add(0x1017, 0, 2, Use::setting);
   // By default the PDOs exist, with the control- and statusword alone.
   add_pdo(0x1400, 0x200 + node, 0x6040'0010);
-  add_pdo(0x1401, 0x300 + node, 0x6040'0010);
+  if (profile.has_second_pdos) add_pdo(0x1401, 0x300 + node, 0x6040'0010);
   add_pdo(0x1800, kNoRemote + 0x180 + node, 0x6041'0010);
-  add_pdo(0x1801, kNoRemote + 0x280 + node, 0x6041'0010);
-  power_on_[key(0x1400, 5)].value = deadline_ms;
+  if (profile.has_second_pdos) add_pdo(0x1801, kNoRemote + 0x280 + node, 0x6041'0010);
+  if (profile.has_deadline) power_on_[key(0x1400, 5)].value = deadline_ms;
   add(0x603F, 0, 2, Use::from_drive);
   add(0x6040, 0, 2, Use::to_drive);
   add(0x6041, 0, 2, Use::from_drive);
@@ -59,14 +91,47 @@ Cia402Objects::Cia402Objects(std::uint32_t node, std::uint32_t rated_torque_mNm,
   add(0x6064, 0, 4, Use::from_drive);
   add(0x606C, 0, 4, Use::from_drive);
   add(0x6071, 0, 2, Use::to_drive);
-  add(0x6076, 0, 4, Use::constant, rated_torque_mNm);
+  if (profile.has_max_torque) add(0x6072, 0, 2, Use::setting, 3000);
+  add(0x6076, 0, 4, Use::constant, static_cast<std::uint32_t>(std::llround(drive.rated_torque * 1000)));
   add(0x6077, 0, 2, Use::from_drive);
   add(0x607A, 0, 4, Use::to_drive);
   add(0x60C2, 0, 1, Use::constant, 2);
   add(0x60C2, 1, 1, Use::setting, 1);
   add(0x60C2, 2, 1, Use::setting, 0xFD);
+  if (profile.velocity_unit) add(0x60A9, 0, 4, Use::constant, *profile.velocity_unit);
   add(0x60FF, 0, 4, Use::to_drive);
+  add(0x6502, 0, 4, Use::constant, profile.modes);
+  if (profile.map != Cia402Profile::Map::free) fix_maps(drive, profile);
   reset();
+}
+
+// As delivered, and not to be written.
+void Cia402Objects::fix_maps(const config::Drive& drive, const Cia402Profile& profile) {
+  const auto target = [&drive]() -> std::uint32_t {
+    switch (drive.mode) {
+      case config::Cia402Mode::csp:
+        return 0x607A'0020;
+      case config::Cia402Mode::csv:
+        return 0x60FF'0020;
+      case config::Cia402Mode::cst:
+        return 0x6071'0010;
+    }
+    return 0;
+  };
+  const bool whole = profile.map == Cia402Profile::Map::fixed;
+  const std::vector<std::uint32_t> words{whole ? 3U : 1U, 0x6040'0010, 0x6060'0008, target(), 0},
+      reports{whole ? 3U : 1U, 0x6041'0010, 0x6064'0020, 0x6077'0010, 0};
+  for (std::uint8_t sub = 0; sub <= kMapEntries; ++sub) {
+    ObjectEntry& receive = power_on_[key(0x1600, sub)];
+    ObjectEntry& transmit = power_on_[key(0x1A00, sub)];
+    receive.use = transmit.use = ObjectEntry::Use::constant;
+    receive.value = words[sub];
+    transmit.value = reports[sub];
+  }
+}
+
+bool Cia402Objects::has(std::uint16_t index, std::uint8_t sub) const {
+  return entries_.contains(key(index, sub));
 }
 
 void Cia402Objects::reset() {

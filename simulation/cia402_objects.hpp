@@ -11,6 +11,8 @@
 #include <map>
 #include <vector>
 
+#include "simulation/cia402_profile.hpp"
+
 namespace takt::plant {
 
 enum class SdoAbort : std::uint32_t {
@@ -44,7 +46,7 @@ struct MappedObject {
 class Cia402Objects {
  public:
   // `deadline_ms`: what the drive has stored in 1400:05.
-  Cia402Objects(std::uint32_t node, std::uint32_t rated_torque_mNm, std::uint16_t deadline_ms);
+  Cia402Objects(const config::Drive& drive, std::uint16_t deadline_ms, const Cia402Profile& profile);
 
   // Values of power-on: of everything, or of 1000..1FFF only.
   void reset();
@@ -55,6 +57,7 @@ class Cia402Objects {
   SdoAbort write(std::uint16_t index, std::uint8_t sub, std::uint32_t value, unsigned bytes, bool operational);
 
   // From inside the drive: no rules but that the object exists.
+  [[nodiscard]] bool has(std::uint16_t index, std::uint8_t sub = 0) const;
   [[nodiscard]] const ObjectEntry& at(std::uint16_t index, std::uint8_t sub = 0) const;
   [[nodiscard]] std::uint32_t value(std::uint16_t index, std::uint8_t sub = 0) const { return at(index, sub).value; }
   void set(std::uint16_t index, std::uint32_t value) { set(index, 0, value); }
@@ -73,6 +76,7 @@ class Cia402Objects {
   [[nodiscard]] SdoAbort check_count(std::uint16_t index, std::uint32_t count) const;
 
   using Entries = std::map<std::uint32_t, ObjectEntry>;  // by index << 8 | sub-index
+  void fix_maps(const config::Drive& drive, const Cia402Profile& profile);
   Entries power_on_, entries_;
 };
 

@@ -131,10 +131,14 @@ void MoteusDevice::write(unsigned reg, double value, bool& mode_written) {
     write_mode(static_cast<int>(value));
     return;
   }
+  if (reg == 0x131 && std::isfinite(value)) {
+    zero_ = reading_.position - value * kRev;
+    home_state_ = 2;
+  }
   if (!mode_written) return;
   switch (reg) {
     case 0x020:
-      command_.position = std::isnan(value) ? reading_.position / kRev : value;
+      command_.position = std::isnan(value) ? position() / kRev : value;
       break;
     case 0x021:
       command_.velocity = std::isnan(value) ? 0 : value;
@@ -173,13 +177,15 @@ double MoteusDevice::read(unsigned reg) const {
     case 0x000:
       return mode();
     case 0x001:
-      return reading_.position / kRev;
+      return position() / kRev;
     case 0x002:
       return reading_.velocity / kRev;
     case 0x003:
       return torque_;
     case 0x00A:
       return winding_.winding_C();
+    case 0x00C:
+      return home_state_;
     case 0x00D:
       return kBusVoltage_V;
     case 0x00E:
@@ -215,7 +221,7 @@ void MoteusDevice::answer(unsigned type, unsigned first, unsigned count, drivers
 double MoteusDevice::law() const {
   const double p = command_.position * kRev, v = command_.velocity * kRev;
   const double kd_scale = std::min(command_.kd_scale, command_.kp_scale);
-  const double torque = command_.kp_scale * drive_.servo_kp * (p - reading_.position) +
+  const double torque = command_.kp_scale * drive_.servo_kp * (p - position()) +
                         kd_scale * drive_.servo_kd * (v - reading_.velocity) + command_.torque;
   const double most = std::isfinite(command_.max_torque) ? std::max(command_.max_torque, 0.0) : drive_.torque_range;
   return std::isfinite(torque) ? std::clamp(torque, -most, most) : 0;
@@ -287,7 +293,7 @@ bool MoteusDevice::inject(DeviceFault fault) {
 }
 
 void MoteusDevice::power_cycle(MonoTime now) {
-  *this = MoteusDevice(drive_, default_watchdog_);
+  *this = MoteusDevice(drive_, default_watchdog_, home_state_at_power_on_);
   state_ = DeviceState::booting;
   booted_at_ = now + kBootTime;
 }

@@ -6,7 +6,8 @@
 //   kp_scale servo_kp (p - q) + kd_scale servo_kd (v - dq) + feed-forward, within the commanded maximum,
 // kd_scale held down to kp_scale, p advancing by v between commands, and no position (NaN) meaning the present one.
 // The command's watchdog: 0 the drive's default, NaN none. When it expires the mode is 11, shown as `lost`: only mode 0
-// leads out of it, and out of 1, a fault. Supply on: mode 0.
+// leads out of it, and out of 1, a fault. Supply on: mode 0, and the home state (00C) that it was made with: 0
+// relative, 1 the rotor's, 2 the output's; "set output exact" (131) makes it 2.
 #pragma once
 
 #include <cmath>
@@ -18,7 +19,11 @@ namespace takt::plant {
 
 class MoteusDevice final : public Device {
  public:
-  MoteusDevice(const config::Drive& drive, Duration watchdog) : drive_(drive), default_watchdog_(watchdog) {}
+  explicit MoteusDevice(const config::Drive& drive, Duration watchdog, int home_state_at_power_on = 2)
+      : drive_(drive),
+        default_watchdog_(watchdog),
+        home_state_at_power_on_(home_state_at_power_on),
+        home_state_(home_state_at_power_on) {}
 
   void receive(const drivers::CanFrame& frame, MonoTime now, Frames& out) override;
   double update(MotorReading reading, MonoTime now, Duration step, Frames& out) override;
@@ -38,10 +43,13 @@ class MoteusDevice final : public Device {
   [[nodiscard]] double read(unsigned reg) const;
   void answer(unsigned type, unsigned first, unsigned count, drivers::CanFrame& reply) const;
   [[nodiscard]] double law() const;
+  [[nodiscard]] double position() const { return reading_.position - zero_; }
   [[nodiscard]] int mode() const;
 
   config::Drive drive_;
   Duration default_watchdog_;
+  int home_state_at_power_on_, home_state_;
+  double zero_ = 0;  // rad: where position reads 0
   DeviceState state_ = DeviceState::disabled;
   int fault_ = 0;
   Command command_;

@@ -1,4 +1,4 @@
-// takt bus up: the kernel's CAN interfaces get the bit rates of the robot file, so that these stand in one place only.
+// takt bus up: the kernel's CAN interfaces get the bit timing of the robot file, so that it stands in one place only.
 #include <fmt/format.h>
 
 #include <cstdio>
@@ -35,6 +35,12 @@ std::string line_of(const Words& words) {
   return line;
 }
 
+// What the robot file leaves to the kernel is not mentioned. `phase`: "d" for the data phase.
+void add_timing(const std::string& phase, double sample_point, std::uint32_t sjw, Words& words) {
+  if (sample_point > 0) words.insert(words.end(), {phase + "sample-point", fmt::format("{:.3f}", sample_point)});
+  if (sjw > 0) words.insert(words.end(), {phase + "sjw", std::to_string(sjw)});
+}
+
 std::vector<Words> commands_for(const config::RobotConfig& robot, std::size_t index) {
   const config::Bus& bus = robot.buses[index];
   std::size_t drives = 0;
@@ -43,7 +49,12 @@ std::vector<Words> commands_for(const config::RobotConfig& robot, std::size_t in
   std::vector<Words> all{{"ip", "link", "set", bus.interface, "down"}};
   if (!drivers::SocketCanBus::is_virtual(bus.interface)) {  // a virtual one has no bit rate
     Words type{"ip", "link", "set", bus.interface, "type", "can", "bitrate", std::to_string(bus.bitrate)};
-    if (bus.fd) type.insert(type.end(), {"dbitrate", std::to_string(bus.data_bitrate), "fd", "on"});
+    add_timing("", bus.sample_point, bus.sjw, type);
+    if (bus.fd) {
+      type.insert(type.end(), {"dbitrate", std::to_string(bus.data_bitrate)});
+      add_timing("d", bus.data_sample_point, bus.data_sjw, type);
+      type.insert(type.end(), {"fd", "on"});
+    }
     type.insert(type.end(), {"restart-ms", std::to_string(kRestart_ms)});
     all.push_back(std::move(type));
   } else if (bus.fd) {

@@ -44,7 +44,8 @@ class Listener {
     for (int i = 0; i < kPatience; ++i) {
       turn();
       const JointFeedback& feedback = driver_.feedback();
-      if (feedback.received_at.is_set() && feedback.drive_state == DriveState::disabled) return true;
+      const bool wants_home = drivers::kind_of(feedback.error_code) == drivers::SetupFault::home_unknown;
+      if (feedback.received_at.is_set() && (feedback.drive_state == DriveState::disabled || wants_home)) return true;
     }
     return false;
   }
@@ -108,7 +109,8 @@ void add_bus_zero(CLI::App& bus, int& exit_code) {
   command->add_flag("--yes", options->yes, "do it; without, only what would happen is said");
   command->footer(
       "Example: takt bus zero elbow --robot robot.yaml --yes\n"
-      "Protocols without such a frame (odrive, moteus, cia402): the `offset` to write into the robot file is printed.\n"
+      "A moteus forgets it with its supply, and is not armed before it was told again.\n"
+      "Protocols without such a frame (odrive, cia402): the `offset` to write into the robot file is printed.\n"
       "Exit codes: 0 done or said, 1 refused or the drive did not take it, 64 command line, 65 configuration, 69 the "
       "bus "
       "is not there.");

@@ -67,7 +67,7 @@ Motion wire_rounding(const JointFacts& facts) {
       return {};  // float32
     case DriveProtocol::cia402:
       // Rounded to the nearest count and per mille; the drive's largest torque is rounded down.
-      return across_gear({count, count, 0, 0, kOneStep * facts.torque_per_mille}, facts.ratio);
+      return across_gear({count, narrow(facts.rad_s_per_count), 0, 0, kOneStep * facts.torque_per_mille}, facts.ratio);
   }
   return {};
 }
@@ -83,6 +83,24 @@ void set_limits(const config::Joint& joint, Duration period, JointFacts& facts) 
   facts.torque_step = narrow(limits.torque_rate * period.seconds());
   facts.kp = narrow(limits.kp);
   facts.kd = narrow(limits.kd);
+}
+
+// One count of object 60FF, rad/s.
+double speed_step(const config::Drive& drive, double rad_per_count) {
+  constexpr double kRpm = 2 * std::numbers::pi / 60;
+  switch (drive.velocity_unit) {
+    case config::Cia402VelocityUnit::counts_per_s:
+      return rad_per_count;
+    case config::Cia402VelocityUnit::rpm:
+      return kRpm;
+    case config::Cia402VelocityUnit::tenth_rpm:
+      return kRpm / 10;
+    case config::Cia402VelocityUnit::hundredth_rpm:
+      return kRpm / 100;
+    case config::Cia402VelocityUnit::thousandth_rpm:
+      return kRpm / 1000;
+  }
+  return 0;
 }
 
 void set_drive(const config::Drive& drive, JointFacts& facts) {
@@ -101,6 +119,7 @@ void set_drive(const config::Drive& drive, JointFacts& facts) {
   facts.torque_range = narrow(drive.torque_range);
   facts.torque_per_mille = narrow(drive.rated_torque / 1000);
   if (drive.counts_per_turn != 0) facts.rad_per_count = 2 * std::numbers::pi / drive.counts_per_turn;
+  facts.rad_s_per_count = speed_step(drive, facts.rad_per_count);
 }
 
 }  // namespace

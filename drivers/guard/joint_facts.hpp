@@ -38,7 +38,7 @@ struct JointFacts {
   Motion range;                 // packed fields span +-this, gains 0 to this
   float servo_kp = 0, servo_kd = 0;
   float torque_range = 0, torque_per_mille = 0;
-  double rad_per_count = 0;
+  double rad_per_count = 0, rad_s_per_count = 0;
   Duration shortest_watchdog;
   // How far apart what was decided and what the wire says may lie.
   Motion rounding;

@@ -2,12 +2,15 @@
 // 6040 controlword, 6060 mode, 607A, 60FF, 6071 targets.
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "drivers/guard/decoders.hpp"
 #include "drivers/guard/wire_bytes.hpp"
 
 namespace takt::drivers::guard {
 namespace {
+
+constexpr std::uint32_t kHost = 127;  // our own number on the bus
 
 struct ModeOnTheWire {
   std::uint8_t mode;
@@ -35,7 +38,7 @@ Motion target_of(const JointFacts& facts, const std::uint8_t* at) noexcept {
       return {.tau = static_cast<float>(per_mille) * facts.torque_per_mille * facts.ratio};
     }
     case config::Cia402Mode::csv:
-      return {.dq = static_cast<float>(wide * facts.rad_per_count) / facts.ratio};
+      return {.dq = static_cast<float>(wide * facts.rad_s_per_count) / facts.ratio};
     case config::Cia402Mode::csp:
       return {.q = static_cast<float>(wide * facts.rad_per_count / facts.ratio) + facts.offset};
   }
@@ -59,12 +62,28 @@ Demand read_rpdo(const JointFacts& facts, const CanFrame& frame) noexcept {
   }
 }
 
-// Process data, heartbeat, mode and period; nothing that limits, scales or stores.
+// A time of at most a second, after which the drive gives up by itself.
+bool is_deadline(std::uint32_t ms) noexcept {
+  return ms >= 1 && ms <= 1000;
+}
+
+// Motor side. Where the drive closes its own loop, this is the joint's limit; elsewhere frames keep that.
+float most_torque(const JointFacts& facts) noexcept {
+  const float joint_limit = facts.torque / std::abs(facts.ratio);
+  const bool own_loop = facts.mode != config::Cia402Mode::cst && facts.torque > 0;
+  return own_loop ? std::min(facts.torque_range, joint_limit) : facts.torque_range;
+}
+
+// Process data, heartbeat, mode, period and watchdog; no torque beyond the drive's range; nothing that scales or
+// stores.
 bool is_known_setting(const JointFacts& facts, std::uint32_t index, std::uint32_t sub, std::uint32_t value) noexcept {
   constexpr std::array<std::uint32_t, 9> kProcessData{0x1400, 0x1800, 0x1801, 0x1802, 0x1803,
                                                       0x1A00, 0x1017, 0x60C2, 0x1600};
   const ModeOnTheWire expected = on_the_wire(facts.mode);
   if (index == 0x6060) return value == expected.mode;
+  if (index == 0x6007) return value == 1;
+  if (index == 0x1016) return value >> 16 == kHost && is_deadline(value & 0xFFFF);
+  if (index == 0x6072) return static_cast<float>(value) * facts.torque_per_mille <= most_torque(facts) * 1.0001F;
   const std::array<std::uint32_t, 3> map{0x6040'0010, 0x6060'0008, expected.target_map};
   if (index == 0x1600 && sub != 0) return sub <= map.size() && value == map[sub - 1];
   return std::ranges::find(kProcessData, index) != kProcessData.end();
@@ -94,6 +113,7 @@ Demand read_cia402(const JointFacts& facts, const CanFrame& frame) noexcept {
   if (frame.id == 0x200 + facts.id) return read_rpdo(facts, frame);
   if (frame.id == 0x080) return of_kind(frame.length == 0 ? Demand::Kind::aside : Demand::Kind::unknown);
   if (frame.id == 0x600 + facts.id) return read_sdo(facts, frame);
+  if (frame.id == 0x700 + kHost) return of_kind(frame.length == 1 ? Demand::Kind::aside : Demand::Kind::unknown);
   return frame.id == 0 ? read_nmt(facts, frame) : Demand{};
 }
 

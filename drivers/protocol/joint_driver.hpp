@@ -39,6 +39,7 @@ enum class SetupFault : std::uint32_t {
   watchdog_off,                   // nothing in the drive would stop it when this computer dies
   watchdog_unknown,               // perhaps something would: it does not tell
   other_protocol,                 // what it says is known, and not spoken here
+  home_unknown,                   // the drive says itself that its position means nothing after power-on
 };
 
 // Where the protocol numbers its settings: which one (bits 8..23), which part of it (bits 3..7), and what the drive

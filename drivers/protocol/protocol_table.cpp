@@ -40,6 +40,10 @@ std::string setup_fault_name(std::uint32_t code) {
              "then write drive.watchdog_waiver)";
     case SetupFault::other_protocol:
       return "the drive speaks another protocol than the robot file says";
+    case SetupFault::home_unknown:
+      return "the drive does not know where the joint is since power-on, so no limit holds (bring the joint to its "
+             "zero "
+             "and say so with `takt bus zero JOINT --yes`)";
   }
   return {};
 }

@@ -190,6 +190,13 @@ void read_disk(const config::RobotConfig& robot, Snapshot& into) {
   into.runs_free_bytes = error ? 0 : space.available;
 }
 
+// `ip` writes it as text.
+double share(const std::string& text) {
+  double number = 0;
+  std::from_chars(text.data(), text.data() + text.size(), number);
+  return number;
+}
+
 }  // namespace
 
 std::vector<int> cpu_list(const std::string& text) {
@@ -221,8 +228,14 @@ CanInterface can_interface_of(const std::string& name, const std::string& ip_jso
   can.is_virtual = info.value("info_kind", "") != "can";
   const nlohmann::json data = info.value("info_data", nlohmann::json::object());
   can.controller_state = data.value("state", "");
-  can.bitrate = data.value("bittiming", nlohmann::json::object()).value("bitrate", 0U);
-  can.data_bitrate = data.value("data_bittiming", nlohmann::json::object()).value("bitrate", 0U);
+  const nlohmann::json timing = data.value("bittiming", nlohmann::json::object()),
+                       data_timing = data.value("data_bittiming", nlohmann::json::object());
+  can.bitrate = timing.value("bitrate", 0U);
+  can.data_bitrate = data_timing.value("bitrate", 0U);
+  can.sample_point = share(timing.value("sample_point", ""));
+  can.data_sample_point = share(data_timing.value("sample_point", ""));
+  can.sjw = timing.value("sjw", 0U);
+  can.data_sjw = data_timing.value("sjw", 0U);
   const nlohmann::json modes = data.value("ctrlmode", nlohmann::json::array());
   can.fd = std::ranges::find(modes, "FD") != modes.end();
   return can;

@@ -2,6 +2,9 @@
 // itself when all else fails.
 #include <fmt/format.h>
 
+#include <cmath>
+#include <string_view>
+
 #include "systemd/doctor/judge.hpp"
 
 namespace takt::doctor {
@@ -23,6 +26,18 @@ Finding missing(const config::Bus& bus, const std::string& check, const std::str
   return fine(check, "not needed", where);
 }
 
+// A controller reads a bit at a whole time quantum: 0.666 is 0.65 or 0.7 where a bit has 20 of them.
+constexpr double kSamplePointStep = 0.04;
+
+// What the robot file asks for, against what the controller does; 0 asks for nothing.
+std::string wrong_timing(std::string_view phase, double sample_point, double found, std::uint32_t sjw,
+                         std::uint32_t sjw_found) {
+  if (sample_point > 0 && std::abs(found - sample_point) > kSamplePointStep)
+    return fmt::format("sample point {:.3f}{}, the robot file says {:.3f}", found, phase, sample_point);
+  if (sjw > 0 && sjw_found != sjw) return fmt::format("sjw {}{}, the robot file says {}", sjw_found, phase, sjw);
+  return {};
+}
+
 // What is wrong with how an interface is set; empty: nothing.
 std::string wrong_setting(const config::Bus& bus, const CanInterface& can) {
   if (!can.up) return "down";
@@ -32,6 +47,13 @@ std::string wrong_setting(const config::Bus& bus, const CanInterface& can) {
   if (bus.fd && !can.fd) return "classic CAN, the robot file says FD";
   if (bus.fd && can.data_bitrate != bus.data_bitrate)
     return fmt::format("{} bit/s for FD data, the robot file says {} bit/s", can.data_bitrate, bus.data_bitrate);
+  if (const std::string wrong = wrong_timing("", bus.sample_point, can.sample_point, bus.sjw, can.sjw); !wrong.empty())
+    return wrong;
+  if (bus.fd) {
+    const std::string wrong =
+        wrong_timing(" for FD data", bus.data_sample_point, can.data_sample_point, bus.data_sjw, can.data_sjw);
+    if (!wrong.empty()) return wrong;
+  }
   if (can.controller_state == "BUS-OFF") return "bus-off";
   return {};
 }

@@ -39,8 +39,11 @@ struct CanInterface {
   bool exists = false;
   bool is_virtual = false;  // vcan: no bit rate, no controller
   bool up = false;
-  std::string controller_state;                 // "ERROR-ACTIVE", "ERROR-PASSIVE", "BUS-OFF", ...
-  std::uint32_t bitrate = 0, data_bitrate = 0;  // bit/s; 0: not set
+  std::string controller_state;  // "ERROR-ACTIVE", "ERROR-PASSIVE", "BUS-OFF", ...
+  // Of the arbitration phase and, for FD, of the data phase; 0: not set.
+  std::uint32_t bitrate = 0, data_bitrate = 0;     // bit/s
+  double sample_point = 0, data_sample_point = 0;  // share of a bit
+  std::uint32_t sjw = 0, data_sjw = 0;             // time quanta
   bool fd = false;
   std::int64_t queue_length = 0;  // frames
 };

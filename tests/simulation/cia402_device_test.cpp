@@ -121,7 +121,7 @@ TEST_F(SimulatedServo, RefusesWithTheRightAbortCode) {
     const char* code;  // little-endian
   };
   const Row rows[] = {
-      {"no such object", 1, 0x6007, 0, 1, "00000206"},
+      {"no such object", 1, 0x6008, 0, 1, "00000206"},
       {"no such sub-index", 1, 0x60C2, 7, 1, "11000906"},
       {"read only", 4, 0x6076, 0, 1, "02000106"},
       {"wrong size", 2, 0x6060, 0, 10, "10000706"},
@@ -226,7 +226,7 @@ TEST_F(SimulatedServo, TorqueIsPerMilleOfRatedWhenEnabledOnly) {
   cycle(0x0F, 1000);
   EXPECT_EQ(update(), 3) << "the motor's own limit";
   cycle(0x0F, 0);
-  EXPECT_EQ(answer(frame(0x080, {})), "185#3712000000002c01") << "300 per mille were flowing";
+  EXPECT_EQ(answer(frame(0x080, {})), "185#371a000000002c01") << "300 per mille were flowing, the most";
 }
 
 TEST_F(SimulatedServo, ShortRpdosAreReportedAndNotObeyed) {

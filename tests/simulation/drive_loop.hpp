@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <functional>
 #include <memory>
 
 #include "drivers/protocol/protocol_table.hpp"
@@ -30,6 +31,7 @@ class DriveLoop {
     robot.joints.resize(1);
     robot.joints[0].name = "elbow";
     robot.joints[0].drive = drive;
+    robot.joints[0].observer_bandwidth = 200;
     auto made = drivers::make_joint_driver(robot, 0);
     if (!made) throw std::runtime_error(made.error());
     host = std::move(*made);
@@ -43,9 +45,11 @@ class DriveLoop {
     const std::size_t count = host->encode(enable, told, now, now + budget, out);
     ASSERT_LE(count, out.size());
     plant::Frames said;
-    for (std::size_t i = 0; i < count; ++i) device->receive(out[i], now, said);
+    for (std::size_t i = 0; i < count; ++i)
+      if (!on_the_way || on_the_way(out[i])) device->receive(out[i], now, said);
     silent_tick(said);
-    for (const drivers::CanFrame& frame : said) host->decode({frame, now});
+    for (drivers::CanFrame& frame : said)
+      if (!on_the_way || on_the_way(frame)) host->decode({frame, now});
   }
   // The host is gone.
   void silent_tick() {
@@ -68,6 +72,8 @@ class DriveLoop {
   MonoTime now{1};
   double motor_q = 0, motor_dq = 0, torque = 0;  // rad, rad/s, Nm
   double load = 0;                               // Nm on the rotor from outside
+  // What becomes of a frame of either side; false: lost. Empty: nothing.
+  std::function<bool(drivers::CanFrame&)> on_the_way;
 
  private:
   void silent_tick(plant::Frames& said) {

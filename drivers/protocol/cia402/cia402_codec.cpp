@@ -93,6 +93,12 @@ CanFrame encode_sync() noexcept {
   return frame_to(kSyncId);
 }
 
+CanFrame encode_our_heartbeat() noexcept {
+  CanFrame frame = frame_to(kHeartbeatId + kHostNode);
+  put(frame, static_cast<std::uint8_t>(NmtState::operational), 1);
+  return frame;
+}
+
 std::optional<NmtState> decode_heartbeat(const CanFrame& frame) noexcept {
   if (!is_data(frame, 1)) return std::nullopt;
   for (const NmtState state : {NmtState::boot, NmtState::stopped, NmtState::operational, NmtState::pre_operational})

@@ -37,6 +37,11 @@ enum class NmtCommand : std::uint8_t {
 CanFrame encode_nmt(NmtCommand command, std::uint32_t node) noexcept;
 CanFrame encode_sync() noexcept;
 
+// This computer's own number, which no drive has.
+inline constexpr std::uint32_t kHostNode = 127;
+// That this computer lives, for drives that watch it: NMT state operational.
+CanFrame encode_our_heartbeat() noexcept;
+
 enum class NmtState : std::uint8_t { boot = 0, stopped = 4, operational = 5, pre_operational = 127 };
 // Nothing for another length or a state that CiA 301 does not know.
 std::optional<NmtState> decode_heartbeat(const CanFrame& frame) noexcept;
@@ -87,6 +92,9 @@ struct DriveReport {
   std::int16_t torque = 0;    // per mille
 };
 std::optional<DriveReport> decode_tpdo(const CanFrame& frame) noexcept;
+
+// Statusword in the cyclic modes: a limit inside the drive acts; the target is obeyed.
+inline constexpr std::uint16_t kInternalLimit = 0x0800, kFollowsTarget = 0x1000;
 
 // CiA 402's state machine as the statusword tells it; `undefined`: none of the eight patterns.
 enum class PowerState : std::uint8_t {

@@ -57,6 +57,7 @@ std::size_t Cia402Driver::encode(bool enable, const DriveSetpoint& setpoint, Mon
   const auto frame = enable ? std::nullopt : setup_.tick();
   if (frame) out[count++] = *frame;
   if (setup_.configured()) out[count++] = command(setpoint);
+  if (is_time_for_our_heartbeat()) out[count++] = cia402::encode_our_heartbeat();
   if (settings_.sends_sync) out[count++] = cia402::encode_sync();
   refresh_state();
   return count;
@@ -69,11 +70,28 @@ void Cia402Driver::note_silence(bool enable) noexcept {
   if (heartbeat_lost_ && !enable) start_over();
 }
 
+bool Cia402Driver::is_time_for_our_heartbeat() noexcept {
+  if (!setup_.needs_our_heartbeat() || ++our_heartbeat_age_ < settings_.our_heartbeat_ticks) return false;
+  our_heartbeat_age_ = 0;
+  return true;
+}
+
+// Every report is of one tick.
+void Cia402Driver::note_obedience(std::uint16_t statusword) noexcept {
+  const bool drives = wish_ == Wish::drive && power_ == PowerState::operation_enabled;
+  ignored_reports_ = drives && (statusword & cia402::kFollowsTarget) == 0 ? ignored_reports_ + 1 : 0;
+  limited_reports_ = drives && (statusword & cia402::kInternalLimit) != 0 ? limited_reports_ + 1 : 0;
+  if (limited_reports_ > settings_.limit_ticks) disobedience_ = kLimited;
+  if (ignored_reports_ > settings_.follow_ticks) disobedience_ = kNotFollowing;
+}
+
 void Cia402Driver::note_wish(bool enable) noexcept {
   if (!enable) {
     wish_ = Wish::disable;
+    disobedience_ = 0;
     return;
   }
+  if (disobedience_ != 0) wish_ = Wish::left;
   if (!setup_.done() || heartbeat_lost_) wish_ = Wish::left;
   if (wish_ == Wish::disable) wish_ = Wish::enter;
   if (wish_ == Wish::enter && power_ == PowerState::operation_enabled) wish_ = Wish::drive;
@@ -139,6 +157,7 @@ bool Cia402Driver::take_report(const ReceivedFrame& received) noexcept {
     return false;
   }
   power_ = cia402::power_state(report->statusword);
+  note_obedience(report->statusword);
   estimate_velocity(report->position, received.received_at);
   if (take_reading(settings_.mapping, static_cast<float>(cia402::to_rad(report->position, settings_.scale)), dq_,
                    cia402::to_torque(report->torque, settings_.scale), received.received_at, feedback_))
@@ -224,7 +243,12 @@ void Cia402Driver::refresh_state() noexcept {
     feedback_.drive_state = seen_ ? DriveState::disabled : DriveState::unknown;
   } else {
     feedback_.drive_state = drive_state_of(power_);
-    if (is_fault(power_)) feedback_.error_code = emergency_ != 0 ? emergency_ : kGenericError;
+    if (is_fault(power_)) {
+      feedback_.error_code = emergency_ != 0 ? emergency_ : kGenericError;
+    } else if (disobedience_ != 0) {
+      feedback_.drive_state = DriveState::fault;
+      feedback_.error_code = disobedience_;
+    }
   }
 }
 

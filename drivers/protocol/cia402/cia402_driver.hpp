@@ -11,12 +11,15 @@
 //   fault. RPDO and SYNC go on, so position is reported every tick.
 // enable rising: 06, 07, 0F, each when the statusword asks for it. Until then, and in every frame before operation is
 //   enabled, the target is one that pushes nowhere. Enabled is what the drive calls "operation enabled", nothing less.
-// enabled once: a drive that leaves operation by itself, whatever for, gets 00 until `enable` was false in between.
+// enabled once: a drive that leaves operation by itself, whatever for, gets 00 until `enable` was false in between. So
+//   does one that says it is enabled and ignores its target (statusword bit 12 clear for follow_ticks: kNotFollowing),
+//   or that a limit inside it stands in the target's way (bit 11 set for limit_ticks: kLimited).
 // Faults: error_code is the newest EMCY code (kGenericError if none was heard); no heartbeat for three of its periods
 //   is kHeartbeatLost, until set-up went through again; SetupFault as in cia402_setup.hpp.
+// A drive that watches our heartbeat hears it every our_heartbeat_ticks, from the set-up on.
 //
 // SYNC is the bus's: exactly one driver sends it, after its own frames, in every tick: that of the last cia402 joint on
-// the bus, so that every RPDO of the tick is out before. At most 3 frames per tick.
+// the bus, so that every RPDO of the tick is out before. At most 4 frames per tick.
 // Velocity comes from position: differences between receive stamps, low-passed at velocity_bandwidth. What targets
 // mean: cia402_target.hpp. A command's remaining life has no field here; see cia402_setup.hpp for the drive's own
 // watchdog. Thread rule: as JointDriver.
@@ -36,12 +39,14 @@ struct Cia402DriveSettings {
   JointMapping mapping;
   float velocity_bandwidth = 200;  // rad/s
   std::uint32_t max_heartbeat_ticks = 300;
+  std::uint32_t our_heartbeat_ticks = 10, follow_ticks = 50, limit_ticks = 1000;  // each >= 1
   bool sends_sync = true;
 };
 
 class Cia402Driver final : public JointDriver {
  public:
   static constexpr std::uint32_t kGenericError = 0x1000, kHeartbeatLost = 0x8130;  // CiA 301 error codes
+  static constexpr std::uint32_t kNotFollowing = 0x1'0001, kLimited = 0x1'0002;    // beyond them
 
   explicit Cia402Driver(const Cia402DriveSettings& settings) noexcept;
 
@@ -60,6 +65,8 @@ class Cia402Driver final : public JointDriver {
   enum class Wish : std::uint8_t { disable, enter, drive, left };
   void note_wish(bool enable) noexcept;
   void note_silence(bool enable) noexcept;
+  void note_obedience(std::uint16_t statusword) noexcept;
+  bool is_time_for_our_heartbeat() noexcept;
   [[nodiscard]] CanFrame command(const DriveSetpoint& setpoint) noexcept;
   std::uint16_t way_down() noexcept;
   bool obey(const ReceivedFrame& received) noexcept;
@@ -90,6 +97,9 @@ class Cia402Driver final : public JointDriver {
   std::uint32_t heartbeat_age_ = 0;  // ticks
   bool has_reading_ = false;         // since set-up
   std::uint32_t reset_ticks_ = 0;
+  std::uint32_t our_heartbeat_age_ = 0;                      // ticks
+  std::uint32_t ignored_reports_ = 0, limited_reports_ = 0;  // in a row, while it drives
+  std::uint32_t disobedience_ = 0;                           // kNotFollowing or kLimited, until `enable` was false
 };
 
 // The protocol's row in the table.

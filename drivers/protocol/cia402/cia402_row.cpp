@@ -21,14 +21,42 @@ std::uint32_t ticks_in(Duration span, Duration period) {
   return static_cast<std::uint32_t>(std::clamp<std::int64_t>((span.ns + period.ns - 1) / period.ns, 1, 1'000'000));
 }
 
+double speed_counts_of(const config::Drive& drive) {
+  switch (drive.velocity_unit) {
+    case config::Cia402VelocityUnit::counts_per_s:
+      return static_cast<double>(drive.counts_per_turn);
+    case config::Cia402VelocityUnit::rpm:
+      return 60;
+    case config::Cia402VelocityUnit::tenth_rpm:
+      return 600;
+    case config::Cia402VelocityUnit::hundredth_rpm:
+      return 6'000;
+    case config::Cia402VelocityUnit::thousandth_rpm:
+      return 60'000;
+  }
+  return 1;
+}
+
 cia402::Scale scale_of(const config::Drive& drive) {
   return {.mode = drive.mode,
           .counts_per_turn = static_cast<double>(drive.counts_per_turn),
+          .speed_counts = speed_counts_of(drive),
           .rated_torque = static_cast<float>(drive.rated_torque)};
 }
 
+// What the drive itself is to hold its torque to. Frames hold it to the joint's limit where they say a torque; where
+// the drive closes its own loop, this alone does.
+std::uint32_t max_torque_per_mille(const config::Joint& joint) {
+  const config::Drive& drive = joint.drive;
+  const bool frames_say = drive.mode == config::Cia402Mode::cst || joint.limits.torque <= 0;
+  const double most =
+      frames_say ? drive.torque_range : std::min(drive.torque_range, joint.limits.torque / drive.gear_ratio);
+  return static_cast<std::uint32_t>(std::clamp(std::floor(most / drive.rated_torque * 1000 + 1e-6), 1.0, 65'535.0));
+}
+
 const char* wrong_with(const config::Drive& drive) {
-  if (drive.id < 1 || drive.id > 127) return "cia402 node numbers are 1 to 127: correct id";
+  if (drive.id < 1 || drive.id > 126)
+    return "cia402 node numbers are 1 to 126 here, 127 being this computer's: correct id";
   if (drive.counts_per_turn == 0) return "counts_per_turn must be positive: the units of object 6064 per motor turn";
   const bool positive = std::isfinite(drive.rated_torque) && drive.rated_torque > 0 &&
                         std::isfinite(drive.torque_range) && drive.torque_range > 0;
@@ -120,19 +148,27 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_cia402_driver(cons
   settings.setup = {.node = drive.id,
                     .mode = drive.mode,
                     .period = *interpolation,
-                    .rated_torque_mNm = static_cast<std::uint32_t>(std::llround(drive.rated_torque * 1000))};
+                    .rated_torque_mNm = static_cast<std::uint32_t>(std::llround(drive.rated_torque * 1000)),
+                    .max_torque_per_mille = max_torque_per_mille(wanted),
+                    .velocity_unit = drive.velocity_unit,
+                    .watchdog_waived = config::waives_watchdog(drive)};
   settings.patience = {.answer_ticks = ticks_in(milliseconds(50), period),
                        .tries = 5,
                        .pause_ticks = ticks_in(milliseconds(500), period)};
   settings.mapping = mapping_of(drive);
   settings.velocity_bandwidth = static_cast<float>(wanted.observer_bandwidth);
   settings.max_heartbeat_ticks = ticks_in(cia402::kHeartbeatPeriod * 3, period);
+  settings.our_heartbeat_ticks = ticks_in(cia402::kOurHeartbeatPeriod, period);
+  settings.follow_ticks = ticks_in(milliseconds(50), period);
+  settings.limit_ticks = ticks_in(seconds(1), period);
   settings.sends_sync = is_last_of_its_bus(robot, joint);
   return std::make_unique<Cia402Driver>(settings);
 }
 
 std::vector<FrameTraffic> cia402_traffic(const config::RobotConfig& robot, std::size_t joint) {
-  const double heartbeats = robot.control.period.seconds() / cia402::kHeartbeatPeriod.seconds();
+  const double period = robot.control.period.seconds();
+  const double heartbeats =
+      period / cia402::kHeartbeatPeriod.seconds() + std::min(1.0, period / cia402::kOurHeartbeatPeriod.seconds());
   std::vector<FrameTraffic> traffic{{.bytes = cia402::rpdo_bytes(robot.joints[joint].drive.mode)},
                                     {.bytes = cia402::kTpdoBytes},
                                     {.bytes = 1, .per_tick = heartbeats}};
@@ -146,6 +182,10 @@ std::string cia402_error_name(const config::Drive& /*drive*/, std::uint32_t code
     std::snprintf(object.data(), object.size(), "object %04X:%02X", detail.setting, detail.part);
     return object.data() + (detail.said == 0 ? std::string() : ", abort " + cia402::abort_text(detail.said));
   }
+  if (code == Cia402Driver::kNotFollowing)
+    return "it is enabled and does not obey its target (statusword bit 12): another mode, a halt or a limit of its own";
+  if (code == Cia402Driver::kLimited)
+    return "a limit inside the drive has stood in the target's way for a second (statusword bit 11)";
   if (code == 0 || code > 0xFFFF) return {};
   if (const char* const name = name_in(kCodes, code)) return name;
   if (const char* const name = name_in(kClasses, code >> 8U)) return name;

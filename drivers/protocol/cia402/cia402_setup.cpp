@@ -4,13 +4,28 @@
 #include <array>
 #include <cstdio>
 
+#include "drivers/protocol/drive_timeout.hpp"
+
 namespace takt::drivers::cia402 {
 namespace {
 
 enum class Action : std::uint8_t {
-  write,
-  write_if_there,  // a drive without this object needs no telling
-  compare,         // read, and judge
+  write,             // refused as not to be written: read, and judged
+  write_if_there,    // the same, but a drive without this object needs no telling
+  write_if_lets,     // a later row sees to it
+  compare,           // read, and judge
+  compare_if_there,  // the same, but a drive without this object is taken at the robot file's word
+  await,             // read until it is so
+};
+
+// Which drives a row is for.
+enum class For : std::uint8_t {
+  all,
+  has_deadline,       // 1400:05 is there
+  watches_heartbeat,  // it is not
+  cst,
+  own_loop,  // csp, csv
+  csv,
 };
 
 struct Row {
@@ -18,6 +33,10 @@ struct Row {
   ObjectId object;
   unsigned bytes;
   std::uint32_t (*value)(const SetupValues&);
+  bool (*fits)(std::uint32_t expected, std::uint32_t found) = [](std::uint32_t expected, std::uint32_t found) {
+    return expected == found;
+  };
+  For whom = For::all;
 };
 
 // In a COB-ID object: the PDO is off; and, for TPDOs, not to be asked for with remote frames.
@@ -38,6 +57,10 @@ std::uint32_t rpdo_entry(const SetupValues& values) {
 std::uint32_t mode_value(const SetupValues& values) {
   return mode_of_operation(values.mode);
 }
+// Object 6502 has a bit per mode, from mode 1 on.
+std::uint32_t mode_bit(const SetupValues& values) {
+  return 1U << (mode_of_operation(values.mode) - 1U);
+}
 std::uint32_t period_value(const SetupValues& values) {
   return values.period.value;
 }
@@ -47,48 +70,112 @@ std::uint32_t period_exponent(const SetupValues& values) {
 std::uint32_t rated_torque(const SetupValues& values) {
   return values.rated_torque_mNm;
 }
+std::uint32_t max_torque(const SetupValues& values) {
+  return values.max_torque_per_mille;
+}
 constexpr std::uint32_t in_ms(Duration duration) {
   return static_cast<std::uint32_t>(duration.ns / 1'000'000);
 }
+// Object 60A9: power of ten, unit, per which time, reserved. B5 counts, B4 turns; 03 second, 47 minute.
+std::uint32_t velocity_unit(const SetupValues& values) {
+  switch (values.velocity_unit) {
+    case config::Cia402VelocityUnit::counts_per_s:
+      return 0x00B5'0300;
+    case config::Cia402VelocityUnit::rpm:
+      return 0x00B4'4700;
+    case config::Cia402VelocityUnit::tenth_rpm:
+      return 0xFFB4'4700;
+    case config::Cia402VelocityUnit::hundredth_rpm:
+      return 0xFEB4'4700;
+    case config::Cia402VelocityUnit::thousandth_rpm:
+      return 0xFDB4'4700;
+  }
+  return 0;
+}
 
-constexpr ObjectId kDeviceType{0x1000, 0}, kRatedTorque{0x6076, 0}, kDeadline{0x1400, 5};
+// What was read, against what it should be.
+bool same_profile(std::uint32_t expected, std::uint32_t found) {
+  return (found & 0xFFFFU) == expected;
+}
+bool has_bits(std::uint32_t expected, std::uint32_t found) {
+  return (found & expected) == expected;
+}
+// Existence and 11-bit id; whether remote frames are answered is nobody's business.
+bool same_pdo(std::uint32_t expected, std::uint32_t found) {
+  constexpr std::uint32_t kMeant = kOff | 0x1FFF'FFFF;
+  return (found & kMeant) == (expected & kMeant);
+}
+bool same_unit(std::uint32_t expected, std::uint32_t found) {
+  return found >> 8U == expected >> 8U;
+}
+bool within_half_a_percent(std::uint32_t expected, std::uint32_t found) {
+  const std::uint32_t apart = std::max(expected, found) - std::min(expected, found);
+  return std::uint64_t{apart} * 200 <= expected;
+}
+bool at_most(std::uint32_t expected, std::uint32_t found) {
+  return found > 0 && found <= expected;
+}
+bool is_deadline(std::uint32_t /*expected*/, std::uint32_t found) {
+  return found > 0 && found <= in_ms(kLongestDriveTimeout);
+}
+bool watches_us(std::uint32_t expected, std::uint32_t found) {
+  return found >> 16U == expected >> 16U && is_deadline(expected, found & 0xFFFFU);
+}
+// 0 is none; 1 fault, 2 disable voltage, 3 quick stop.
+bool is_reaction(std::uint32_t /*expected*/, std::uint32_t found) {
+  return found >= 1 && found <= 3;
+}
+
+constexpr ObjectId kDeadline{0x1400, 5}, kHeartbeatWatch{0x1016, 1}, kAbortConnection{0x6007, 0}, kMaxTorque{0x6072, 0};
 constexpr std::uint32_t kDriveProfile = 402;  // in the lower half of 1000
+
+bool is_about_watchdog(ObjectId object) noexcept {
+  return object == kDeadline || object == kHeartbeatWatch || object == kAbortConnection;
+}
 
 // Order matters: a PDO is off while its map changes, and a map is empty while its entries change.
 constexpr Row kScript[] = {
-    {Action::compare, kDeviceType, 4, fixed<kDriveProfile>},
-    {Action::write, {0x1400, 1}, 4, with_node<kOff + kRpdo1Id>},
-    {Action::write, {0x1600, 0}, 1, fixed<0>},
+    {Action::compare, {0x1000, 0}, 4, fixed<kDriveProfile>, same_profile},
+    {Action::compare_if_there, {0x6502, 0}, 4, mode_bit, has_bits},
+    {Action::write_if_lets, {0x1400, 1}, 4, with_node<kOff + kRpdo1Id>},
+    {Action::write_if_lets, {0x1600, 0}, 1, fixed<0>},
     {Action::write, {0x1600, 1}, 4, rpdo_entry<0>},
     {Action::write, {0x1600, 2}, 4, rpdo_entry<1>},
     {Action::write, {0x1600, 3}, 4, rpdo_entry<2>},
     {Action::write, {0x1600, 0}, 1, fixed<3>},
     {Action::write, {0x1400, 2}, 1, fixed<1>},  // taken over at every SYNC
-    {Action::write, kDeadline, 2, fixed<in_ms(kCommandDeadline)>},
-    {Action::compare, kDeadline, 2, fixed<in_ms(kCommandDeadline)>},
-    {Action::write, {0x1400, 1}, 4, with_node<kRpdo1Id>},
-    {Action::write, {0x1800, 1}, 4, with_node<kOff + kNoRemote + kTpdo1Id>},
-    {Action::write, {0x1A00, 0}, 1, fixed<0>},
+    {Action::write_if_there, kDeadline, 2, fixed<in_ms(kCommandDeadline)>, is_deadline},
+    {Action::compare, kDeadline, 2, fixed<in_ms(kCommandDeadline)>, is_deadline, For::has_deadline},
+    {Action::write, kHeartbeatWatch, 4, fixed<kHostNode << 16U | in_ms(kCommandDeadline)>, watches_us,
+     For::watches_heartbeat},
+    {Action::compare, kHeartbeatWatch, 4, fixed<kHostNode << 16U | in_ms(kCommandDeadline)>, watches_us,
+     For::watches_heartbeat},
+    {Action::write, kAbortConnection, 2, fixed<1>, is_reaction, For::watches_heartbeat},
+    {Action::compare, kAbortConnection, 2, fixed<1>, is_reaction, For::watches_heartbeat},
+    {Action::write, {0x1400, 1}, 4, with_node<kRpdo1Id>, same_pdo},
+    {Action::write_if_lets, {0x1800, 1}, 4, with_node<kOff + kNoRemote + kTpdo1Id>},
+    {Action::write_if_lets, {0x1A00, 0}, 1, fixed<0>},
     {Action::write, {0x1A00, 1}, 4, fixed<kTpdoMap[0]>},
     {Action::write, {0x1A00, 2}, 4, fixed<kTpdoMap[1]>},
     {Action::write, {0x1A00, 3}, 4, fixed<kTpdoMap[2]>},
     {Action::write, {0x1A00, 0}, 1, fixed<3>},
     {Action::write, {0x1800, 2}, 1, fixed<1>},  // sent at every SYNC
-    {Action::write, {0x1800, 1}, 4, with_node<kNoRemote + kTpdo1Id>},
+    {Action::write, {0x1800, 1}, 4, with_node<kNoRemote + kTpdo1Id>, same_pdo},
     // What drives send by default and nobody reads.
-    {Action::write_if_there, {0x1801, 1}, 4, with_node<kOff + kNoRemote + kTpdo2Id>},
-    {Action::write_if_there, {0x1802, 1}, 4, with_node<kOff + kNoRemote + kTpdo3Id>},
-    {Action::write_if_there, {0x1803, 1}, 4, with_node<kOff + kNoRemote + kTpdo4Id>},
+    {Action::write_if_there, {0x1801, 1}, 4, with_node<kOff + kNoRemote + kTpdo2Id>, same_pdo},
+    {Action::write_if_there, {0x1802, 1}, 4, with_node<kOff + kNoRemote + kTpdo3Id>, same_pdo},
+    {Action::write_if_there, {0x1803, 1}, 4, with_node<kOff + kNoRemote + kTpdo4Id>, same_pdo},
     {Action::write, {0x1017, 0}, 2, fixed<in_ms(kHeartbeatPeriod)>},
     {Action::write, {0x6060, 0}, 1, mode_value},
+    {Action::await, {0x6061, 0}, 1, mode_value},
     {Action::write, {0x60C2, 1}, 1, period_value},
     {Action::write, {0x60C2, 2}, 1, period_exponent},
-    {Action::compare, kRatedTorque, 4, rated_torque},
+    {Action::compare_if_there, {0x60A9, 0}, 4, velocity_unit, same_unit, For::csv},
+    {Action::compare, {0x6076, 0}, 4, rated_torque, within_half_a_percent},
+    {Action::write_if_there, kMaxTorque, 2, max_torque, at_most, For::cst},
+    {Action::write, kMaxTorque, 2, max_torque, at_most, For::own_loop},
+    {Action::compare_if_there, kMaxTorque, 2, max_torque, at_most},
 };
-
-SetupFault fault_of(const Row& row) noexcept {
-  return row.object == kDeadline ? SetupFault::watchdog_off : SetupFault::settings_differ;
-}
 
 struct Abort {
   std::uint32_t code;
@@ -125,10 +212,12 @@ constexpr std::array kAborts{
 };
 static_assert(kAborts.size() < kOtherAbort);
 
-bool is_as_expected(const Row& row, std::uint32_t expected, std::uint32_t found) noexcept {
-  if (row.object == kDeviceType) return (found & 0xFFFFU) == expected;
-  const std::uint32_t apart = std::max(expected, found) - std::min(expected, found);
-  return std::uint64_t{apart} * 200 <= expected;
+bool says_absent(std::uint32_t abort_code) noexcept {
+  return abort_code == kAbortNoSuchObject || abort_code == kAbortNoSuchSubIndex;
+}
+bool says_not_to_be_written(std::uint32_t abort_code) noexcept {
+  constexpr std::uint32_t kNotSupported = 0x0601'0000, kReadOnly = 0x0601'0002;
+  return abort_code == kNotSupported || abort_code == kReadOnly;
 }
 
 }  // namespace
@@ -160,6 +249,8 @@ void Setup::restart() noexcept {
   phase_ = Phase::stopping;
   row_ = 0;
   asked_ = waiting_ = 0;
+  refusal_ = 0;
+  differed_ = false;
 }
 
 std::optional<CanFrame> Setup::tick() noexcept {
@@ -185,7 +276,7 @@ std::optional<CanFrame> Setup::ask() noexcept {
     return std::nullopt;
   }
   if (asked_ == patience_.tries) {
-    give_up(SetupFault::settings_unread);
+    give_up(differed_ ? SetupFault::settings_differ : SetupFault::settings_unread);
     return std::nullopt;
   }
   ++asked_;
@@ -193,36 +284,89 @@ std::optional<CanFrame> Setup::ask() noexcept {
   return question();
 }
 
+bool Setup::reads() const noexcept {
+  switch (kScript[row_].action) {
+    case Action::write:
+    case Action::write_if_there:
+    case Action::write_if_lets:
+      return refusal_ != 0;
+    case Action::compare:
+    case Action::compare_if_there:
+    case Action::await:
+      return true;
+  }
+  return true;
+}
+
+bool Setup::row_applies() const noexcept {
+  switch (kScript[row_].whom) {
+    case For::all:
+      return true;
+    case For::has_deadline:
+      return watchdog_ == Watchdog::deadline;
+    case For::watches_heartbeat:
+      return watchdog_ == Watchdog::heartbeat;
+    case For::cst:
+      return values_.mode == config::Cia402Mode::cst;
+    case For::own_loop:
+      return values_.mode != config::Cia402Mode::cst;
+    case For::csv:
+      return values_.mode == config::Cia402Mode::csv;
+  }
+  return true;
+}
+
 CanFrame Setup::question() const noexcept {
   if (phase_ == Phase::starting) return encode_nmt(NmtCommand::start, values_.node);
   const Row& row = kScript[row_];
-  if (row.action == Action::compare) return encode_sdo_read(values_.node, row.object);
+  if (reads()) return encode_sdo_read(values_.node, row.object);
   return encode_sdo_write(values_.node, row.object, row.value(values_), row.bytes);
 }
 
 void Setup::take(const SdoAnswer& answer) noexcept {
   // Not what was asked: the late answer to a question that was asked twice.
   if (phase_ != Phase::asking || asked_ == 0 || answer.object != kScript[row_].object) return;
-  const Row& row = kScript[row_];
-  const bool reads = row.action == Action::compare;
   switch (answer.kind) {
     case SdoAnswer::Kind::aborted:
-      return take_abort(answer);
+      return take_abort(answer.value);
     case SdoAnswer::Kind::value:
-      if (!reads) return;
-      if (!is_as_expected(row, row.value(values_), answer.value)) return give_up(fault_of(row));
-      return next();
-    case SdoAnswer::Kind::written:
-      if (!reads) next();
+      if (reads()) take_value(answer.value);
       return;
+    case SdoAnswer::Kind::written:
+      if (reads()) return;
+      if (kScript[row_].object == kDeadline) watchdog_ = Watchdog::deadline;
+      return next();
   }
 }
 
-void Setup::take_abort(const SdoAnswer& answer) noexcept {
-  const bool absent = answer.value == kAbortNoSuchObject || answer.value == kAbortNoSuchSubIndex;
-  if (absent && kScript[row_].action == Action::write_if_there) return next();
-  give_up(SetupFault::setup_refused);
-  abort_code_ = answer.value;
+void Setup::take_value(std::uint32_t found) noexcept {
+  const Row& row = kScript[row_];
+  if (row.fits(row.value(values_), found)) {
+    if (row.object == kDeadline) watchdog_ = Watchdog::deadline;
+    return next();
+  }
+  if (row.action == Action::await) {
+    differed_ = true;
+    return;
+  }
+  give_up(refusal_ != 0 ? SetupFault::setup_refused : SetupFault::settings_differ, refusal_);
+}
+
+void Setup::take_abort(std::uint32_t code) noexcept {
+  const Action action = kScript[row_].action;
+  const bool optional = action == Action::write_if_there || action == Action::compare_if_there;
+  if (refusal_ != 0) return give_up(SetupFault::setup_refused, refusal_);
+  if (says_absent(code) && optional) {
+    if (kScript[row_].object == kDeadline) watchdog_ = Watchdog::heartbeat;
+    return next();
+  }
+  if (action == Action::write_if_lets) return next();
+  if (says_not_to_be_written(code) && !reads()) {
+    refusal_ = code;
+    asked_ = waiting_ = 0;
+    return;
+  }
+  give_up(SetupFault::setup_refused, code);
 }
 
 std::uint32_t Setup::error_code() const noexcept {
@@ -238,13 +382,23 @@ void Setup::take_operational() noexcept {
 
 void Setup::next() noexcept {
   asked_ = waiting_ = 0;
-  if (++row_ == std::size(kScript)) phase_ = Phase::starting;
+  refusal_ = 0;
+  differed_ = false;
+  do {
+    if (++row_ == std::size(kScript)) {
+      phase_ = Phase::starting;
+      return;
+    }
+  } while (!row_applies());
 }
 
-void Setup::give_up(SetupFault fault) noexcept {
-  fault_ = fault;
-  fault_object_ = phase_ == Phase::asking ? kScript[row_].object : ObjectId{};
-  abort_code_ = 0;
+void Setup::give_up(SetupFault fault, std::uint32_t abort_code) noexcept {
+  const bool asking = phase_ == Phase::asking;
+  const bool about_watchdog = asking && is_about_watchdog(kScript[row_].object);
+  if (about_watchdog && values_.watchdog_waived) return next();
+  fault_ = about_watchdog && fault != SetupFault::settings_unread ? SetupFault::watchdog_off : fault;
+  fault_object_ = asking ? kScript[row_].object : ObjectId{};
+  abort_code_ = abort_code;
   phase_ = Phase::pausing;
   waiting_ = patience_.pause_ticks;
 }

@@ -3,8 +3,15 @@
 //
 // The watchdog against a silent host is the RPDO's event timer (1400:05, CiA 301: deadline monitoring): no RPDO for
 // kCommandDeadline and the drive itself reports EMCY 8250 and stops as its own settings say. It watches the command
-// stream, which a heartbeat of ours would not; and it is a fixed time, since SDO is too slow to carry a budget per
-// command. It is read back. A drive without this object is refused: nothing would stop it when this computer dies.
+// stream, which a heartbeat of ours does not; and it is a fixed time, since SDO is too slow to carry a budget per
+// command. Sub-index 5 is optional, though: a drive without it watches our heartbeat instead (1016:01), sent by the
+// thread that commands, and takes its loss for a fault (abort connection option code 6007). Either is read back. A
+// drive with neither is refused unless the robot file waives its watchdog.
+//
+// What a drive does not let be written (its mapping is fixed, say) is read, and must already be so.
+// Modes: 6502 must have the mode where the drive has 6502; 6061 must show it, within `tries`. The unit of target
+// velocity is compared with 60A9 where the drive has it. Torque: 6072 is written and read back; without it a drive that
+// closes its own loop (CSP, CSV) is refused, since nothing that we send limits its torque.
 //
 // Answers that do not come within `answer_ticks` are asked for again, `tries` times in all. Then, or when the drive
 // refuses or differs, fault() says which; the script is run again after `pause_ticks`, and the fault stays until it
@@ -22,6 +29,7 @@ namespace takt::drivers::cia402 {
 
 inline constexpr Duration kCommandDeadline = milliseconds(50);
 inline constexpr Duration kHeartbeatPeriod = milliseconds(100);  // of the drive, object 1017
+inline constexpr Duration kOurHeartbeatPeriod = milliseconds(10);
 
 // Object 60C2: value * 10^exponent seconds.
 struct InterpolationPeriod {
@@ -35,7 +43,10 @@ struct SetupValues {
   std::uint32_t node = 0;
   config::Cia402Mode mode = config::Cia402Mode::cst;
   InterpolationPeriod period;
-  std::uint32_t rated_torque_mNm = 0;  // compared with object 6076, to half a percent
+  std::uint32_t rated_torque_mNm = 0;         // compared with object 6076, to half a percent
+  std::uint32_t max_torque_per_mille = 1000;  // object 6072
+  config::Cia402VelocityUnit velocity_unit = config::Cia402VelocityUnit::counts_per_s;  // csv
+  bool watchdog_waived = false;
 };
 
 struct SetupPatience {
@@ -65,6 +76,8 @@ class Setup {
   // Every object is written, the drive is being started: its TPDO means what the script says, RPDOs may go.
   [[nodiscard]] bool configured() const noexcept { return phase_ == Phase::starting || phase_ == Phase::done; }
   [[nodiscard]] bool done() const noexcept { return phase_ == Phase::done; }
+  // The drive has no deadline of its own for RPDOs: it is to hear our heartbeat every kOurHeartbeatPeriod.
+  [[nodiscard]] bool needs_our_heartbeat() const noexcept { return watchdog_ == Watchdog::heartbeat; }
   [[nodiscard]] std::optional<SetupFault> fault() const noexcept { return fault_; }
   // What fault() was about, and what the drive said to it: CiA 301 abort code, 0: nothing.
   [[nodiscard]] std::uint32_t abort_code() const noexcept { return abort_code_; }
@@ -74,11 +87,15 @@ class Setup {
 
  private:
   enum class Phase : std::uint8_t { stopping, asking, starting, done, pausing };
+  enum class Watchdog : std::uint8_t { unknown, deadline, heartbeat };
   [[nodiscard]] CanFrame question() const noexcept;
+  [[nodiscard]] bool reads() const noexcept;
+  [[nodiscard]] bool row_applies() const noexcept;
   std::optional<CanFrame> ask() noexcept;
   void next() noexcept;
-  void give_up(SetupFault fault) noexcept;
-  void take_abort(const SdoAnswer& answer) noexcept;
+  void give_up(SetupFault fault, std::uint32_t abort_code = 0) noexcept;
+  void take_value(std::uint32_t found) noexcept;
+  void take_abort(std::uint32_t code) noexcept;
 
   SetupValues values_;
   SetupPatience patience_;
@@ -86,6 +103,9 @@ class Setup {
   std::size_t row_ = 0;
   std::uint32_t asked_ = 0;    // how often this row was asked
   std::uint32_t waiting_ = 0;  // ticks to wait before asking again
+  std::uint32_t refusal_ = 0;  // abort code of the write whose object is read instead; 0: none
+  bool differed_ = false;      // this row's object was read, and was not as it should be (yet)
+  Watchdog watchdog_ = Watchdog::unknown;
   std::optional<SetupFault> fault_;
   std::uint32_t abort_code_ = 0;
   ObjectId fault_object_;

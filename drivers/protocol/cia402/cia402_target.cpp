@@ -13,6 +13,12 @@ std::int32_t to_per_mille(float torque, const Scale& scale) noexcept {
   return static_cast<std::int32_t>(std::lround(std::clamp(torque / scale.rated_torque * 1000.0F, -kMost, kMost)));
 }
 
+std::int32_t whole(double counts) noexcept {
+  using Limits = std::numeric_limits<std::int32_t>;
+  return static_cast<std::int32_t>(
+      std::clamp(std::round(counts), static_cast<double>(Limits::min()), static_cast<double>(Limits::max())));
+}
+
 }  // namespace
 
 double to_rad(double counts, const Scale& scale) noexcept {
@@ -20,10 +26,11 @@ double to_rad(double counts, const Scale& scale) noexcept {
 }
 
 std::int32_t to_counts(double rad, const Scale& scale) noexcept {
-  using Limits = std::numeric_limits<std::int32_t>;
-  const double counts = std::round(rad / (2 * std::numbers::pi) * scale.counts_per_turn);
-  return static_cast<std::int32_t>(
-      std::clamp(counts, static_cast<double>(Limits::min()), static_cast<double>(Limits::max())));
+  return whole(rad / (2 * std::numbers::pi) * scale.counts_per_turn);
+}
+
+std::int32_t to_speed_counts(double rad_s, const Scale& scale) noexcept {
+  return whole(rad_s / (2 * std::numbers::pi) * scale.speed_counts);
 }
 
 float to_torque(std::int16_t per_mille, const Scale& scale) noexcept {
@@ -40,7 +47,7 @@ std::int32_t target_of(const Scale& scale, const DriveSetpoint& motor, std::int3
     case config::Cia402Mode::csp:
       return motor.kp > 0 ? to_counts(motor.q, scale) : counts;
     case config::Cia402Mode::csv:
-      return to_counts(motor.dq, scale);
+      return to_speed_counts(motor.dq, scale);
     case config::Cia402Mode::cst:
       return to_per_mille(motor.tau, scale);
   }

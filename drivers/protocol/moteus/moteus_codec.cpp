@@ -49,6 +49,7 @@ constexpr Steps steps_named(std::uint32_t reg) noexcept {
     case MoteusRegister::watchdog_timeout:
       return {0.01, 1e-3, 1e-6};
     case MoteusRegister::mode:
+    case MoteusRegister::home_state:
     case MoteusRegister::fault:
       break;
   }

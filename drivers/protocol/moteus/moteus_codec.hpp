@@ -29,6 +29,7 @@ enum class MoteusRegister : std::uint16_t {
   absolute_position = 0x006,
   power = 0x007,
   motor_temperature = 0x00A,
+  home_state = 0x00C,
   voltage = 0x00D,
   temperature = 0x00E,
   fault = 0x00F,

@@ -22,15 +22,18 @@ void write_mode(std::uint8_t mode, MoteusWriter& writer) noexcept {
   writer.write(MoteusType::int8, MoteusRegister::mode, value);
 }
 
-void write_query(MoteusWriter& writer) noexcept {
+constexpr float kReferencedToOutput = 2;  // of register 00C
+
+void write_query(MoteusWriter& writer, bool with_home) noexcept {
   writer.read(MoteusType::int8, MoteusRegister::mode, 1);
-  writer.read(MoteusType::float32, MoteusRegister::position, 3);  // and velocity, torque
-  writer.read(MoteusType::int8, MoteusRegister::temperature, 2);  // and fault
-  writer.read(MoteusType::int8, MoteusRegister::motor_temperature, 1);
+  writer.read(MoteusType::float32, MoteusRegister::position, 3);                        // and velocity, torque
+  writer.read(MoteusType::int8, MoteusRegister::temperature, 2);                        // and fault
+  writer.read(MoteusType::int8, MoteusRegister::motor_temperature, with_home ? 3 : 1);  // to home state
 }
 
 struct Reply {
-  float mode = NAN, position = NAN, velocity = NAN, torque = NAN, temperature = 0, motor_temperature = 0, fault = 0;
+  float mode = NAN, position = NAN, velocity = NAN, torque = NAN, temperature = 0, motor_temperature = 0, fault = 0,
+        home = NAN;
   bool tells_position = false;  // as a number or not
 };
 
@@ -47,6 +50,7 @@ void sort_in(const MoteusReader::Value& one, Reply& reply) noexcept {
   if (reg == MoteusRegister::temperature) reply.temperature = one.value;
   if (reg == MoteusRegister::motor_temperature) reply.motor_temperature = one.value;
   if (reg == MoteusRegister::fault) reply.fault = one.value;
+  if (reg == MoteusRegister::home_state) reply.home = one.value;
 }
 
 // int8 registers whose step is 1.
@@ -70,6 +74,7 @@ Reply read_usual(const std::uint8_t* at) noexcept {
           .temperature = plain_int8(at[19]),
           .motor_temperature = plain_int8(at[23]),
           .fault = plain_int8(at[20]),
+          .home = NAN,
           .tells_position = true};
 }
 
@@ -127,7 +132,7 @@ std::size_t MoteusDriver::encode(bool enable, const DriveSetpoint& setpoint, Mon
       if (feedback_.drive_state == DriveState::enabled) write_mode(kMoteusStopped, writer);
       break;
   }
-  write_query(writer);
+  write_query(writer, phase_ == Phase::disabling);
   frame.length = static_cast<std::uint8_t>(writer.finish());
   return 1;
 }
@@ -140,6 +145,7 @@ void MoteusDriver::advance(bool enable) noexcept {
   const DriveState state = feedback_.drive_state;
   switch (phase_) {
     case Phase::disabling:
+      if (!knows_home_) break;
       phase_ = Phase::enabling;
       heard_since_request_ = false;
       break;
@@ -203,7 +209,11 @@ bool MoteusDriver::decode(const ReceivedFrame& received) noexcept {
   }
   if (take_reading(settings_.mapping, q, dq, reply.torque, received.received_at, feedback_)) q_ = q;
   feedback_.temperature_C = hotter(reply.temperature, reply.motor_temperature);
-  const Verdict verdict = judge(reply);
+  if (std::isfinite(reply.home)) knows_home_ = reply.home == kReferencedToOutput;
+  Verdict verdict = judge(reply);
+  if (verdict.state == DriveState::disabled && !knows_home_)
+    verdict = {DriveState::fault,
+               setup_fault_code(SetupFault::home_unknown, static_cast<std::uint32_t>(MoteusRegister::home_state))};
   feedback_.drive_state = verdict.state;
   feedback_.error_code = verdict.code;
   heard_since_request_ = true;
@@ -255,6 +265,7 @@ std::string moteus_error_name(const config::Drive& /*drive*/, std::uint32_t code
                                                        "timing violation",
                                                        "back-EMF feed-forward without acceleration limit",
                                                        "position limits out of range"};
+  if (setting_of(code) == static_cast<std::uint32_t>(MoteusRegister::home_state)) return "home state (register 00C)";
   if (code == kMoteusTimeout) return "command watchdog expired";
   if (code == kMoteusFault) return "fault without a code";
   return code >= 32 && code - 32 < kFrom32.size() ? kFrom32[code - 32] : "";

@@ -11,7 +11,7 @@
 //
 // phase        sends                                    entered by
 // disabling    mode 0, which also clears faults         enable false
-// enabling     position mode with zero gains            enable rising
+// enabling     position mode with zero gains            enable rising, once the drive's home is known
 // driving      the setpoint                             a reply since then says mode 10
 // left         the query alone; mode 0 while the        a fault while enabling; while driving any other mode than
 //              drive reports mode 10                    10, or no reply for `silence`: until enable false
@@ -19,6 +19,8 @@
 // A drive whose supply blinked would obey the next position command as if nothing had been: hence silence counts too.
 // Mode 10 is enabled; 1 (fault) and 11 (watchdog expired) are faults; anything else is disabled. error_code is the
 // drive's fault code, or the mode's number when there is none; codes 96..103 tell limits, not faults, and are dropped.
+// While disabled the home state (00C) is asked for too: anything but 2, referenced to the output, is a fault
+// (SetupFault::home_unknown): a rotor's own reference leaves a geared joint in one of several places.
 //
 // Expected in the drive: id.id, servo.pid_position kp and kd as servo_kp and servo_kd say (per radian, times 2 pi per
 // turn), ki 0, 1/5 Mbit/s. Thread rule: as JointDriver.
@@ -71,8 +73,9 @@ class MoteusDriver final : public JointDriver {
   std::uint64_t malformed_frames_ = 0;
   Phase phase_ = Phase::disabling;
   bool heard_since_request_ = false;
-  Duration silent_for_{};  // commands since the newest reply, times their period
-  float q_ = 0;            // newest, motor side: rad
+  Duration silent_for_{};    // commands since the newest reply, times their period
+  float q_ = 0;              // newest, motor side: rad
+  bool knows_home_ = false;  // as told last, while disabled
 };
 
 // The protocol's row in the table.

@@ -2,7 +2,10 @@
 // Method: the real binary on whatever machine this is; only what holds on every machine is expected.
 #include <gtest/gtest.h>
 
+#include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
+#include <string>
 
 #include "tests/cli/shell.hpp"
 
@@ -50,6 +53,19 @@ TEST_F(Machine, InterfacesAreSetAsTheRobotFileSays) {
                            "dbitrate 5000000 fd on restart-ms 100\n", "ip link set can3 txqueuelen 32 up\n"})
     EXPECT_NE(all.output.find(line), std::string::npos) << line << " is missing in\n" << all.output;
   EXPECT_EQ(takt("bus up --robot config/arm6.yaml --interface can7 --dry-run").exit_code, 64);
+  std::ifstream file("config/dual_arm12.yaml");
+  std::string text((std::istreambuf_iterator<char>(file)), {});
+  const std::string rate = "data_bitrate: 5 Mbit/s";
+  ASSERT_NE(text.find(rate), std::string::npos);
+  text.replace(text.find(rate), rate.size(),
+               rate + ", sample_point: 0.875, sjw: 8, data_sample_point: 0.666, data_sjw: 2");
+  const std::string timed = testing::TempDir() + "timed_arm.yaml";
+  std::ofstream(timed) << text;
+  const Ended exact = takt("bus up --dry-run --robot " + timed);
+  EXPECT_NE(exact.output.find("bitrate 1000000 sample-point 0.875 sjw 8 dbitrate 5000000 dsample-point 0.666 dsjw 2 "
+                              "fd on restart-ms 100\n"),
+            std::string::npos)
+      << exact.output;
   EXPECT_EQ(takt("bus up --robot no-such-robot.yaml").exit_code, 65);
 }
 

@@ -194,7 +194,11 @@ class Rehearsal {
     if (worst != WireVerdict::allowed) tau_last_ = 0;
     const double ratio = robot_.joints[0].drive.direction * robot_.joints[0].drive.gear_ratio;
     device_->update({q_ * ratio, speed_ * ratio}, now_, kTick, said);
-    for (const CanFrame& frame : said) driver_->decode({frame, now_});
+    for (CanFrame& frame : said) {
+      // The motion is imposed, so the drive pushes as hard as it may: that is no news (statusword bit 11).
+      if (one_.mode != config::Cia402Mode::cst && frame.id == 0x180 + robot_.joints[0].drive.id) frame.data[1] &= 0xF7;
+      driver_->decode({frame, now_});
+    }
     return worst;
   }
 

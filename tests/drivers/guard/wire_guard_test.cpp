@@ -299,7 +299,13 @@ TEST(WireGuard, SettingsOfCia402) {
   EXPECT_EQ(bench.pass(0x601, "2f60600008000000", off), unknown_frame) << "6060 = 8: not this robot's mode";
   EXPECT_EQ(bench.pass(0x601, "2300160310007160", off), allowed) << "1600:03 = 6071, 16 bits";
   EXPECT_EQ(bench.pass(0x601, "230016032000ff60", off), unknown_frame) << "1600:03 = 60FF, 32 bits";
-  EXPECT_EQ(bench.pass(0x601, "2b726000e8030000", off), unknown_frame) << "6072: largest torque";
+  EXPECT_EQ(bench.pass(0x601, "2b726000d0070000", off), allowed) << "6072: the drive's 50 Nm, of 25 Nm rated";
+  EXPECT_EQ(bench.pass(0x601, "2b726000d1070000", off), unknown_frame) << "6072: more than that";
+  EXPECT_EQ(bench.pass(0x601, "2316100132007f00", off), allowed) << "1016:01: node 127, 50 ms";
+  EXPECT_EQ(bench.pass(0x601, "2316100100007f00", off), unknown_frame) << "1016:01: for ever";
+  EXPECT_EQ(bench.pass(0x601, "2b07600001000000", off), allowed) << "6007: its loss is a fault";
+  EXPECT_EQ(bench.pass(0x601, "2b07600000000000", off), unknown_frame) << "6007: its loss is nothing";
+  EXPECT_EQ(bench.pass(0x77F, "05"), allowed) << "our heartbeat";
   EXPECT_EQ(bench.pass(0x601, "4076600000000000"), allowed) << "a question";
   EXPECT_EQ(bench.pass(0x000, "8001", off), allowed) << "pre-operational";
   EXPECT_EQ(bench.pass(0x000, "8000", off), unknown_frame) << "every node";

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 
 #include "config/load.hpp"
@@ -81,7 +82,11 @@ TEST_F(DiscoveryTest, NumbersBeyondTheLastAreNotReported) {
 }
 
 TEST_F(DiscoveryTest, TheZeroFrameMovesTheDrivesZero) {
-  for (const std::size_t joint : {0U, 3U}) {
+  const auto moteus = std::ranges::find(robot_.joints, config::DriveProtocol::moteus,
+                                        [](const config::Joint& joint) { return joint.drive.protocol; });
+  ASSERT_NE(moteus, robot_.joints.end());
+  const auto its_index = static_cast<std::size_t>(moteus - robot_.joints.begin());
+  for (const std::size_t joint : {std::size_t{0}, std::size_t{3}, its_index}) {
     const config::Drive& drive = robot_.joints[joint].drive;
     const auto device = plant::make_device(drive, milliseconds(100));
     const auto frame = zero_frame(drive);

@@ -157,11 +157,15 @@ TEST_F(Collect, RightsAreFactsOfTheFileAndOfTheServiceUser) {
 TEST(CanInterfaceOf, ReadsWhatIpPrints) {
   const CanInterface can = can_interface_of("can0", R"([{"ifindex":3,"ifname":"can0","flags":["NOARP","UP","LOWER_UP"],
     "mtu":72,"operstate":"UP","txqlen":64,"linkinfo":{"info_kind":"can","info_data":{"ctrlmode":["LOOPBACK","FD"],
-    "state":"ERROR-PASSIVE","bittiming":{"bitrate":1000000,"sample_point":"0.750"},
-    "data_bittiming":{"bitrate":5000000}}}}])");
+    "state":"ERROR-PASSIVE","bittiming":{"bitrate":1000000,"sample_point":"0.750","tq":25,"sjw":5},
+    "data_bittiming":{"bitrate":5000000,"sample_point":"0.666","sjw":2}}}}])");
   EXPECT_TRUE(can.exists && can.up && can.fd && !can.is_virtual);
   EXPECT_EQ(can.bitrate, 1'000'000U);
   EXPECT_EQ(can.data_bitrate, 5'000'000U);
+  EXPECT_DOUBLE_EQ(can.sample_point, 0.75);
+  EXPECT_DOUBLE_EQ(can.data_sample_point, 0.666);
+  EXPECT_EQ(can.sjw, 5U);
+  EXPECT_EQ(can.data_sjw, 2U);
   EXPECT_EQ(can.controller_state, "ERROR-PASSIVE");
   EXPECT_EQ(can.queue_length, 64);
   const CanInterface virtual_can = can_interface_of(

@@ -248,6 +248,37 @@ TEST(Diagnose, TheRobotFileDecides) {
   EXPECT_TRUE(complaints(machine, arm()).empty()) << "a virtual interface has no bit rate";
 }
 
+// Goal: bit timing that the robot file asks for is what the controller does. moteus at 5 Mbit/s wants 0.666 (maker's
+// page).
+TEST(Diagnose, BitTimingIsComparedWhereTheRobotFileGivesIt) {
+  auto robot = arm();
+  config::Bus& bus = robot.buses[0];
+  bus.fd = true;
+  bus.data_bitrate = 5'000'000;
+  Snapshot machine = good_machine();
+  CanInterface& can = machine.can[0];
+  can.fd = true;
+  can.data_bitrate = 5'000'000;
+  can.sample_point = can.data_sample_point = 0.75;
+  can.sjw = can.data_sjw = 1;
+  EXPECT_TRUE(complaints(machine, robot).empty()) << "the kernel may choose";
+  bus.data_sample_point = 0.666;
+  bus.data_sjw = 2;
+  auto found = complaints(machine, robot);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].found, "sample point 0.750 for FD data, the robot file says 0.666");
+  can.data_sample_point = 0.65;  // a bit of 20 quanta has no 0.666
+  found = complaints(machine, robot);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].found, "sjw 1 for FD data, the robot file says 2");
+  can.data_sjw = 2;
+  EXPECT_TRUE(complaints(machine, robot).empty());
+  bus.sample_point = 0.875;
+  found = complaints(machine, robot);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].found, "sample point 0.750, the robot file says 0.875");
+}
+
 // Goal: a drive that need not stop by itself is never passed over in silence.
 TEST(Diagnose, AWatchdogWaiverIsAWarningThatRepeatsItsReason) {
   auto robot = arm();

@@ -41,7 +41,7 @@ class Bench {
   std::vector<CanFrame> tick(bool enable, const DriveSetpoint& setpoint = {}) {
     std::array<CanFrame, kMaxFramesPerDrive> out;
     const std::size_t count = driver.encode(enable, setpoint, {}, {}, out);
-    EXPECT_LE(count, 3U);
+    EXPECT_LE(count, 4U);
     return {out.begin(), out.begin() + static_cast<std::ptrdiff_t>(count)};
   }
   // The RPDO of one tick, as text; empty: none.
@@ -63,7 +63,7 @@ class Bench {
   void converse() {
     for (int i = 0; i < 200 && !driver.setup().configured(); ++i)
       for (const CanFrame& one : tick(false))
-        if (one.id == 0x600 + kNode) hear(test::agreeing_answer(one, kRated_mNm));
+        if (one.id == 0x600 + kNode) hear(agreeing.answer(one));
     ASSERT_TRUE(driver.setup().configured());
   }
   void set_up(std::uint32_t statusword = kSwitchOnDisabled) {
@@ -84,6 +84,7 @@ class Bench {
   [[nodiscard]] std::uint32_t error() const { return driver.feedback().error_code; }
 
   Cia402Driver driver;
+  test::AgreeingDrive agreeing{kRated_mNm};
   MonoTime now{100};
 };
 
@@ -127,6 +128,49 @@ TEST(Cia402Driver, SetUpWaitsWhileEnableIsWanted) {
   }
   bench.set_up();
   EXPECT_EQ(bench.state(), DriveState::disabled);
+}
+
+Cia402DriveSettings patient() {
+  Cia402DriveSettings made = settings();
+  made.max_heartbeat_ticks = 10'000;  // these tests say nothing about heartbeats
+  return made;
+}
+
+// Goal: "enabled" is not enough: a drive that says it ignores its target is let go, and stays so until it was disabled.
+TEST(Cia402Driver, ADriveThatIgnoresItsTargetIsAFault) {
+  constexpr std::uint32_t kIgnores = kOperation & ~0x1000U;
+  Bench bench(patient());
+  bench.enable();
+  for (int i = 0; i < 50; ++i) {
+    bench.hear(tpdo(kNode, kIgnores));
+    EXPECT_EQ(bench.controlword(true), 0x0F);
+  }
+  EXPECT_EQ(bench.state(), DriveState::enabled) << "not at once: it may be about to";
+  bench.hear(tpdo(kNode, kIgnores));
+  EXPECT_EQ(bench.state(), DriveState::fault);
+  EXPECT_EQ(bench.error(), Cia402Driver::kNotFollowing);
+  EXPECT_EQ(bench.controlword(true), 0x00);
+  bench.hear(tpdo(kNode, kOperation));
+  EXPECT_EQ(bench.controlword(true), 0x00) << "not brought back";
+  bench.tick(false);
+  bench.hear(tpdo(kNode, kSwitchOnDisabled));
+  EXPECT_EQ(bench.state(), DriveState::disabled);
+  config::Drive drive;
+  drive.protocol = config::DriveProtocol::cia402;
+  EXPECT_NE(error_name(drive, Cia402Driver::kNotFollowing).find("statusword bit 12"), std::string::npos);
+}
+
+TEST(Cia402Driver, ALimitInsideTheDriveThatLastsIsAFault) {
+  constexpr std::uint32_t kLimited = kOperation | 0x0800U;
+  Bench bench(patient());
+  bench.enable();
+  for (int i = 0; i < 1500; ++i) bench.hear(tpdo(kNode, i % 1000 == 999 ? kOperation : kLimited));
+  EXPECT_EQ(bench.state(), DriveState::enabled) << "a push against a limit that ends";
+  for (int i = 0; i < 600; ++i) bench.hear(tpdo(kNode, kLimited));
+  EXPECT_EQ(bench.state(), DriveState::fault);
+  EXPECT_EQ(bench.error(), Cia402Driver::kLimited);
+  bench.tick(false);
+  EXPECT_EQ(bench.error(), 0U);
 }
 
 TEST(Cia402Driver, FollowsTheStatuswordUp) {
@@ -391,8 +435,8 @@ TEST_F(Cia402Row, RefusesWhatItCannotBuild) {
   EXPECT_NE(refusal().find("60C2"), std::string::npos);
   robot.control.period = milliseconds(1);
   config::Drive& drive = robot.joints[0].drive;
-  drive.id = 128;
-  EXPECT_NE(refusal().find("1 to 127"), std::string::npos);
+  drive.id = 127;  // this computer's own
+  EXPECT_NE(refusal().find("1 to 126"), std::string::npos);
   drive.id = 5;
   drive.counts_per_turn = 0;
   EXPECT_NE(refusal().find("counts_per_turn"), std::string::npos);
@@ -433,7 +477,7 @@ TEST_F(Cia402Row, TrafficIsWhatCrossesTheBus) {
   EXPECT_EQ(traffic[0].bytes, 5U);
   EXPECT_EQ(traffic[1].bytes, 8U);
   EXPECT_EQ(traffic[2].bytes, 1U);
-  EXPECT_DOUBLE_EQ(traffic[2].per_tick, 0.01) << "a heartbeat each 100 ms";
+  EXPECT_DOUBLE_EQ(traffic[2].per_tick, 0.11) << "the drive's heartbeat each 100 ms, and ours each 10 ms";
   EXPECT_EQ(traffic[3].bytes, 0U) << "SYNC";
   robot.joints[0].drive.mode = config::Cia402Mode::csp;
   EXPECT_EQ(cia402_traffic(robot, 0)[0].bytes, 7U);

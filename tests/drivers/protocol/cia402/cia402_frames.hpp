@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <initializer_list>
+#include <map>
 #include <string>
 
 #include "drivers/bus/can_bus.hpp"
@@ -35,14 +36,27 @@ inline CanFrame sdo_answer(const CanFrame& request, std::uint32_t command, std::
                                    value >> 8U & 0xFFU, value >> 16U & 0xFFU, value >> 24U});
 }
 
-// What a drive that agrees with everything answers: device type 402, the deadline, the given rated torque, else
-// "written".
-inline CanFrame agreeing_answer(const CanFrame& request, std::uint32_t rated_torque_mNm) {
-  if (request.data[0] != 0x40) return sdo_answer(request, 0x60);
-  const bool device_type = request.data[2] == 0x10;
-  if (request.data[2] == 0x14) return sdo_answer(request, 0x4B, 50);  // 1400:05, ms
-  return sdo_answer(request, 0x43, device_type ? 0x00020192 : rated_torque_mNm);
-}
+// A drive that agrees: it tells what was written to it, shows the mode that it was given, and has every mode.
+class AgreeingDrive {
+ public:
+  explicit AgreeingDrive(std::uint32_t rated_torque_mNm) {
+    values_[0x1000'00] = 0x00020192;
+    values_[0x6076'00] = rated_torque_mNm;
+    values_[0x6502'00] = 0x380;
+    values_[0x60A9'00] = 0x00B50300;
+  }
+  CanFrame answer(const CanFrame& request) {
+    const std::uint8_t* data = request.data;
+    const std::uint32_t object = std::uint32_t{data[2]} << 16 | std::uint32_t{data[1]} << 8 | data[3];
+    if (data[0] == 0x40) return sdo_answer(request, 0x43, values_[object == 0x6061'00 ? 0x6060'00 : object]);
+    values_[object] =
+        std::uint32_t{data[7]} << 24 | std::uint32_t{data[6]} << 16 | std::uint32_t{data[5]} << 8 | data[4];
+    return sdo_answer(request, 0x60);
+  }
+
+ private:
+  std::map<std::uint32_t, std::uint32_t> values_;  // by index << 8 | sub-index
+};
 
 inline CanFrame tpdo(std::uint32_t node, std::uint32_t statusword, std::uint32_t position = 0,
                      std::uint32_t torque = 0) {

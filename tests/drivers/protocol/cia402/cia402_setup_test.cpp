@@ -12,7 +12,6 @@
 namespace takt::drivers::cia402 {
 namespace {
 
-using test::agreeing_answer;
 using test::sdo_answer;
 using test::text;
 
@@ -38,23 +37,26 @@ class Conversation {
       if (!question) continue;
       const auto* data = question->data;
       if (question->id == 0x605 && (data[2] << 8 | data[1]) == object.index && data[3] == object.sub) return *question;
-      if (question->id == 0x605) answer(agreeing_answer(*question, kRated_mNm));
+      if (question->id == 0x605) answer(agreeing.answer(*question));
     }
     ADD_FAILURE() << "never asked";
     return {};
   }
+  void agree_with(ObjectId object) { answer(agreeing.answer(agree_until(object))); }
   int ticks_until_asked() {
     for (int tick = 1; tick < 100; ++tick)
       if (setup.tick()) return tick;
     return -1;
   }
   Setup setup;
+  test::AgreeingDrive agreeing{kRated_mNm};
 };
 
 TEST(Cia402Setup, TheWholeConversationWithATorqueDrive) {
   const char* const expected[] = {
       "000#8005",              // pre-operational
       "605#4000100000000000",  // what are you?
+      "605#4002650000000000",  // which modes do you have?
       "605#2300140105020080",  // RPDO off: 80000205
       "605#2f00160000000000",  // empty its map
       "605#2300160110004060",  // 60400010
@@ -78,9 +80,12 @@ TEST(Cia402Setup, TheWholeConversationWithATorqueDrive) {
       "605#23031801850400c0",
       "605#2b17100064000000",  // heartbeat every 100 ms
       "605#2f6060000a000000",  // torque mode
+      "605#4061600000000000",  // is it?
       "605#2fc2600101000000",  // 1
       "605#2fc26002fd000000",  // times 10^-3 s
       "605#4076600000000000",  // rated torque
+      "605#2b726000e8030000",  // no more than 1000 per mille of it
+      "605#4072600000000000",  // and is it?
       "000#0105",              // start
   };
   Conversation talk;
@@ -91,7 +96,7 @@ TEST(Cia402Setup, TheWholeConversationWithATorqueDrive) {
     if (frame->id == 0x605) {
       EXPECT_FALSE(talk.setup.configured());
       EXPECT_FALSE(talk.setup.tick()) << "one question in flight";
-      talk.answer(agreeing_answer(*frame, kRated_mNm));
+      talk.answer(talk.agreeing.answer(*frame));
     }
   }
   EXPECT_TRUE(talk.setup.configured());
@@ -133,8 +138,8 @@ TEST(Cia402Setup, AsksAgainThenGivesUpThenStartsOver) {
   ASSERT_TRUE(over);
   EXPECT_EQ(text(*over), "000#8005");
   EXPECT_TRUE(talk.setup.fault()) << "until it ends well";
-  talk.agree_until({0x6076, 0});
-  talk.answer(sdo_answer(test::frame(0x605, {0x40, 0x76, 0x60, 0}), 0x43, kRated_mNm));
+  talk.agree_with({0x6072, 0});
+  talk.agree_with({0x6072, 0});
   EXPECT_EQ(text(*talk.setup.tick()), "000#0105");
   talk.setup.take_operational();
   EXPECT_TRUE(talk.setup.done());
@@ -143,7 +148,8 @@ TEST(Cia402Setup, AsksAgainThenGivesUpThenStartsOver) {
 
 TEST(Cia402Setup, ADriveThatNeverSaysItIsOperationalIsAskedAgain) {
   Conversation talk;
-  talk.answer(agreeing_answer(talk.agree_until({0x6076, 0}), kRated_mNm));
+  talk.agree_with({0x6072, 0});
+  talk.agree_with({0x6072, 0});
   EXPECT_EQ(talk.ticks_until_asked(), 1);
   EXPECT_EQ(talk.ticks_until_asked(), 4);
   EXPECT_EQ(talk.ticks_until_asked(), 4);
@@ -170,13 +176,145 @@ TEST(Cia402Setup, OnlyPdosThatNobodyNeedsMayBeAbsent) {
     talk.answer(sdo_answer(talk.agree_until({0x1801, 1}), 0x80, absent));
     EXPECT_FALSE(talk.setup.fault());
     EXPECT_EQ(text(*talk.setup.tick()), "605#23021801850300c0");
-    Conversation no_watchdog;
-    no_watchdog.answer(sdo_answer(no_watchdog.agree_until({0x1400, 5}), 0x80, absent));
-    EXPECT_EQ(no_watchdog.setup.fault(), SetupFault::setup_refused);
+    Conversation no_heartbeat;
+    no_heartbeat.answer(sdo_answer(no_heartbeat.agree_until({0x1017, 0}), 0x80, absent));
+    EXPECT_EQ(no_heartbeat.setup.fault(), SetupFault::setup_refused);
   }
   Conversation talk;
   talk.answer(sdo_answer(talk.agree_until({0x1801, 1}), 0x80, 0x08000022));
   EXPECT_EQ(talk.setup.fault(), SetupFault::setup_refused) << "there, and not willing";
+}
+
+std::string name_of(const Setup& setup) {
+  config::Drive drive;
+  drive.protocol = config::DriveProtocol::cia402;
+  return error_name(drive, setup.error_code());
+}
+
+// Goal: sub-index 5 of 1400 is optional (CiA 301): such a drive is made to watch our heartbeat, and that is read back.
+TEST(Cia402Setup, ADriveWithoutADeadlineWatchesOurHeartbeat) {
+  Conversation talk;
+  EXPECT_FALSE(talk.setup.needs_our_heartbeat());
+  talk.answer(sdo_answer(talk.agree_until({0x1400, 5}), 0x80, 0x06090011));
+  EXPECT_TRUE(talk.setup.needs_our_heartbeat());
+  for (const char* const expected : {
+           "605#2316100132007f00",  // node 127, 50 ms
+           "605#4016100100000000",  // and is it?
+           "605#2b07600001000000",  // its loss is a fault
+           "605#4007600000000000",  //
+           "605#2300140105020000",  // RPDO on
+       }) {
+    const auto question = talk.setup.tick();
+    ASSERT_TRUE(question) << expected;
+    EXPECT_EQ(text(*question), expected);
+    talk.answer(talk.agreeing.answer(*question));
+  }
+  talk.agree_with({0x6072, 0});
+  talk.agree_with({0x6072, 0});
+  EXPECT_TRUE(talk.setup.tick());
+  EXPECT_TRUE(talk.setup.configured());
+}
+
+TEST(Cia402Setup, NeitherDeadlineNorHeartbeatIsRefusedUnlessWaived) {
+  Conversation talk;
+  talk.answer(sdo_answer(talk.agree_until({0x1400, 5}), 0x80, 0x06090011));
+  talk.answer(sdo_answer(talk.agree_until({0x1016, 1}), 0x80, 0x06020000));
+  EXPECT_EQ(
+      name_of(talk.setup),
+      "the drive's own time-out is off or longer than 1 s, so nothing stops it when this computer dies (set it, or "
+      "write drive.watchdog_waiver): object 1016:01, abort 06020000, no such object");
+  // Heard, and to no effect: 6007 stays 0.
+  Conversation idle;
+  idle.answer(sdo_answer(idle.agree_until({0x1400, 5}), 0x80, 0x06090011));
+  idle.agree_with({0x6007, 0});
+  idle.answer(sdo_answer(idle.agree_until({0x6007, 0}), 0x4B, 0));
+  EXPECT_NE(name_of(idle.setup).find("object 6007:00"), std::string::npos) << name_of(idle.setup);
+  SetupValues waived = kCst;
+  waived.watchdog_waived = true;
+  Conversation allowed(waived);
+  for (const ObjectId object : {ObjectId{0x1400, 5}, ObjectId{0x1016, 1}, ObjectId{0x1016, 1}, ObjectId{0x6007, 0}})
+    allowed.answer(sdo_answer(allowed.agree_until(object), 0x80, 0x06020000));
+  EXPECT_FALSE(allowed.setup.fault());
+}
+
+// Goal: what cannot be written is no refusal where it is already so: drives with a fixed mapping.
+TEST(Cia402Setup, WhatIsNotToBeWrittenMustAlreadyBeSo) {
+  for (const bool same : {true, false}) {
+    Conversation talk;
+    talk.answer(sdo_answer(talk.agree_until({0x1600, 0}), 0x80, 0x06010002));
+    EXPECT_FALSE(talk.setup.fault()) << "its entries will tell";
+    talk.answer(sdo_answer(talk.agree_until({0x1600, 1}), 0x80, 0x06010002));
+    const auto question = talk.setup.tick();
+    ASSERT_TRUE(question);
+    EXPECT_EQ(text(*question), "605#4000160100000000");
+    talk.answer(sdo_answer(*question, 0x43, same ? 0x60400010 : 0x60410010));
+    EXPECT_EQ(talk.setup.fault().has_value(), !same);
+    if (same)
+      EXPECT_EQ(text(*talk.setup.tick()), "605#2300160208006060");
+    else
+      EXPECT_EQ(name_of(talk.setup), "the drive refused its set-up: object 1600:01, abort 06010002, can only be read");
+  }
+}
+
+TEST(Cia402Setup, TheModeIsWaitedFor) {
+  Conversation talk;
+  auto question = talk.agree_until({0x6061, 0});
+  for (int i = 0; i < 2; ++i) {
+    talk.answer(sdo_answer(question, 0x4F, 0));  // no mode yet
+    EXPECT_EQ(talk.ticks_until_asked(), 4);
+  }
+  talk.answer(sdo_answer(question, 0x4F, 10));
+  EXPECT_EQ(text(*talk.setup.tick()), "605#2fc2600101000000");
+  Conversation other;
+  question = other.agree_until({0x6061, 0});
+  for (int i = 0; i < 20; ++i) {
+    other.answer(sdo_answer(question, 0x4F, 1));  // profile position, and it stays so
+    other.setup.tick();
+  }
+  EXPECT_EQ(name_of(other.setup), "the drive's own settings differ from the robot file: object 6061:00");
+}
+
+// Goal: 1 rad/s never becomes 68. Method: the unit that drives' manuals give for 60A9 (00B44700: rpm).
+TEST(Cia402Setup, TheUnitOfTargetVelocityIsComparedWhereTheDriveTellsIt) {
+  struct Row {
+    config::Cia402VelocityUnit file;
+    std::uint32_t told;
+    bool agrees;
+  };
+  using enum config::Cia402VelocityUnit;
+  for (const Row& row : {Row{rpm, 0x00B44700, true}, Row{counts_per_s, 0x00B44700, false}, Row{rpm, 0x00B50300, false},
+                         Row{tenth_rpm, 0xFFB44700, true}, Row{rpm, 0xFFB44700, false},
+                         Row{hundredth_rpm, 0xFEB44700, true}, Row{thousandth_rpm, 0xFDB44700, true}}) {
+    SetupValues values = kCst;
+    values.mode = config::Cia402Mode::csv;
+    values.velocity_unit = row.file;
+    Conversation talk(values);
+    talk.answer(sdo_answer(talk.agree_until({0x60A9, 0}), 0x43, row.told));
+    EXPECT_EQ(talk.setup.fault().has_value(), !row.agrees) << std::hex << row.told;
+    Conversation silent(values);
+    silent.answer(sdo_answer(silent.agree_until({0x60A9, 0}), 0x80, 0x06020000));
+    EXPECT_FALSE(silent.setup.fault()) << "the robot file's word stands";
+  }
+}
+
+// Goal: what is sent to a drive that closes its own loop limits no torque, so the drive must.
+TEST(Cia402Setup, TorqueIsLimitedInTheDriveWhereNothingElseDoes) {
+  for (const auto mode : {config::Cia402Mode::csp, config::Cia402Mode::csv, config::Cia402Mode::cst}) {
+    SetupValues values = kCst;
+    values.mode = mode;
+    values.max_torque_per_mille = 800;
+    Conversation absent(values);
+    absent.answer(sdo_answer(absent.agree_until({0x6072, 0}), 0x80, 0x06020000));
+    EXPECT_EQ(absent.setup.fault().has_value(), mode != config::Cia402Mode::cst);
+    Conversation deaf(values);
+    deaf.agree_with({0x6072, 0});
+    deaf.answer(sdo_answer(deaf.agree_until({0x6072, 0}), 0x4B, 801));
+    EXPECT_EQ(deaf.setup.fault(), SetupFault::settings_differ);
+    Conversation stricter(values);
+    stricter.answer(sdo_answer(stricter.agree_until({0x6072, 0}), 0x80, 0x06010002));
+    stricter.answer(sdo_answer(stricter.agree_until({0x6072, 0}), 0x4B, 500));
+    EXPECT_FALSE(stricter.setup.fault());
+  }
 }
 
 TEST(Cia402Setup, ComparesWhatTheDriveIs) {
@@ -190,6 +328,8 @@ TEST(Cia402Setup, ComparesWhatTheDriveIs) {
   EXPECT_EQ(verdict_on({0x6076, 0}, 10'051), SetupFault::settings_differ);
   EXPECT_EQ(verdict_on({0x6076, 0}, 0), SetupFault::settings_differ);
   EXPECT_EQ(verdict_on({0x6076, 0}, 0xFFFF'FFFF), SetupFault::settings_differ);
+  EXPECT_EQ(verdict_on({0x6502, 0}, 0x200), std::nullopt);
+  EXPECT_EQ(verdict_on({0x6502, 0}, 0x1FF), SetupFault::settings_differ) << "everything but torque mode";
   EXPECT_EQ(verdict_on({0x1000, 0}, 0x00420192), std::nullopt) << "any drive of the profile";
   EXPECT_EQ(verdict_on({0x1000, 0}, 0x00020191), SetupFault::settings_differ) << "an I/O module";
 }
@@ -197,7 +337,7 @@ TEST(Cia402Setup, ComparesWhatTheDriveIs) {
 // Goal: a watchdog is not taken on trust. Method: a drive that acknowledges the deadline, and has none.
 TEST(Cia402Setup, ADeadlineThatDoesNotStayIsAFaultThatNamesIt) {
   Conversation talk;
-  talk.answer(agreeing_answer(talk.agree_until({0x1400, 5}), kRated_mNm));
+  talk.agree_with({0x1400, 5});
   const auto question = talk.setup.tick();
   ASSERT_TRUE(question);
   EXPECT_EQ(text(*question), "605#4000140500000000");

@@ -17,7 +17,7 @@ constexpr float kNan = std::numeric_limits<float>::quiet_NaN(), kInf = std::nume
 
 // 10 Nm rated; 4096 counts per turn.
 Scale scale(Cia402Mode mode) {
-  return {.mode = mode, .counts_per_turn = 4096, .rated_torque = 10};
+  return {.mode = mode, .counts_per_turn = 4096, .speed_counts = 4096, .rated_torque = 10};
 }
 
 TEST(Cia402Target, TorqueIsTheSetpointsInPerMilleAndNothingElse) {
@@ -60,6 +60,11 @@ TEST(Cia402Target, VelocityIsTheSetpoints) {
   EXPECT_EQ(target_of(csv, {.q = 0.7F, .dq = 1.25F, .kp = 10, .kd = 2}, 5), std::lround(1.25 * counts_per_rad));
   EXPECT_EQ(target_of(csv, {.dq = -3}, 5), std::lround(-3 * counts_per_rad));
   EXPECT_EQ(resting_target(csv, 5), 0);
+  // Roboteq's manual says rpm: 1 rad/s is 9.549 rpm, and no 652 counts.
+  Scale rpm = csv;
+  rpm.speed_counts = 60;
+  EXPECT_EQ(target_of(rpm, {.dq = 1}, 5), 10);
+  EXPECT_EQ(target_of(rpm, {.dq = -100}, 5), -955);
 }
 
 TEST(Cia402Target, CountsSaturateAndComeBack) {

@@ -21,7 +21,8 @@ using test::hex;
 constexpr float kTorqueRange = 6, kServoKp = 20, kServoKd = 1;
 constexpr int kSilentTicks = 20;  // MoteusDriveSettings: silence over period
 constexpr const char* kQuery = "11001f01120e110a";
-const std::string kStop = "010000" + std::string(kQuery) + "50";
+const std::string kStop = "01000011001f01120e130a50";                  // and asks for the home state besides
+const std::string kStopAlone = "010000" + std::string(kQuery) + "50";  // a drive that left and is enabled again
 const std::string kQueryOnly = kQuery;
 constexpr MonoTime kNow{1'000'000'000};
 
@@ -61,12 +62,16 @@ class Bench {
     now = now + milliseconds(1);
     return driver.decode({frame_of(id, bytes, true, extended), now});
   }
-  // A quarter turn, half a turn per second, 1.5 Nm; 40 and 50 deg C.
-  bool reply(std::string_view mode, std::string_view fault = "00", bool extended = false) {
-    return hear("2100" + std::string(mode) + "2f010000803e0000003f0000c03f" + "220e28" + std::string(fault) + "210a32",
+  // A quarter turn, half a turn per second, 1.5 Nm; 40 and 50 deg C; where home state is told: referenced to the
+  // output.
+  bool reply(std::string_view mode, std::string_view fault = "00", bool extended = false,
+             std::string_view home = "02") {
+    const std::string end = mode == "0a" ? "210a32" : "230a3200" + std::string(home);
+    return hear("2100" + std::string(mode) + "2f010000803e0000003f0000c03f" + "220e28" + std::string(fault) + end,
                 0x300, extended);
   }
   void enable() {
+    reply("00");
     encode(true);
     reply("0a");
   }
@@ -89,6 +94,28 @@ TEST(MoteusDriver, StandbyStopsAndAsks) {
   EXPECT_EQ(bench.say(false), kStop);
 }
 
+// Goal: a drive that says itself that its position means nothing is not armed, and is once it was told.
+// Method: register 00C as its maker's page has it: 0 relative, 1 referenced to the rotor, 2 to the output.
+TEST(MoteusDriver, AnUnknownHomeIsAFaultUntilTheDriveKnowsIt) {
+  Bench bench;
+  config::Drive drive;
+  drive.protocol = config::DriveProtocol::moteus;
+  for (const std::string_view home : {"00", "01"}) {
+    EXPECT_EQ(bench.say(false), kStop);
+    bench.reply("00", "00", false, home);
+    EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::fault) << home;
+    const std::string name = error_name(drive, bench.driver.feedback().error_code);
+    EXPECT_NE(name.find("does not know where the joint is"), std::string::npos) << name;
+    EXPECT_NE(name.find("register 00C"), std::string::npos) << name;
+  }
+  bench.reply("00");
+  EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::disabled);
+  EXPECT_EQ(bench.driver.feedback().error_code, 0U);
+  bench.say(false);
+  bench.reply("00", "00", false, "00");
+  EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::fault) << "its supply blinked";
+}
+
 TEST(MoteusDriver, EnabledByTheDrivesOwnWord) {
   Bench bench;
   bench.reply("00");
@@ -107,6 +134,7 @@ TEST(MoteusDriver, EnabledByTheDrivesOwnWord) {
 
 TEST(MoteusDriver, AReplyFromBeforeTheRequestProvesNothing) {
   Bench bench;
+  bench.reply("00");
   bench.reply("0a");
   EXPECT_EQ(bench.law({.q = 1, .dq = 0, .kp = 10, .kd = 0, .tau = 2}).kp_scale, 0);
   EXPECT_EQ(bench.law({.q = 1, .dq = 0, .kp = 10, .kd = 0, .tau = 2}).kp_scale, 0);
@@ -121,7 +149,7 @@ TEST(MoteusDriver, DoesNotBringBackADriveThatLeftByItself) {
     EXPECT_NE(bench.driver.feedback().drive_state, DriveState::enabled);
     for (int tick = 0; tick < 5; ++tick) EXPECT_EQ(bench.say(true), kQueryOnly) << mode;
     bench.reply("0a");
-    EXPECT_EQ(bench.say(true), kStop) << "not even when it returns by itself";
+    EXPECT_EQ(bench.say(true), kStopAlone) << "not even when it returns by itself";
     EXPECT_EQ(bench.say(false), kStop);
     bench.law();
   }
@@ -134,7 +162,7 @@ TEST(MoteusDriver, SilenceEndsDriving) {
   for (int tick = 0; tick < kSilentTicks; ++tick) bench.law();
   bench.reply("0a");
   for (int tick = 0; tick < kSilentTicks; ++tick) bench.law();
-  EXPECT_EQ(bench.say(true), kStop);
+  EXPECT_EQ(bench.say(true), kStopAlone);
   bench.reply("00");
   EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::disabled);
   EXPECT_EQ(bench.say(true), kQueryOnly);

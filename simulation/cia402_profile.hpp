@@ -1,0 +1,30 @@
+// What CiA 402 drives differ in, as far as a host has to care. The default is a drive with everything.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "config/robot_config.hpp"
+
+namespace takt::plant {
+
+struct Cia402Profile {
+  bool has_deadline = true;         // sub-index 5 of 1400
+  bool has_heartbeat_watch = true;  // 1016 and 6007
+  bool has_second_pdos = true;      // 1401, 1801
+  bool has_max_torque = true;       // 6072
+  bool shows_mode = true;           // 6061 goes with 6060
+  bool follows = true;              // bit 12 while enabled
+  // RPDO1 and TPDO1 cannot be mapped anew: as a host of Cia402Mode would have them, or with the control- and statusword
+  // alone.
+  enum class Map : std::uint8_t { free, fixed, fixed_words_only };
+  Map map = Map::free;
+  std::uint32_t modes = 0x380;                   // object 6502: csp, csv, cst
+  double speed_counts = 0;                       // of 60FF at one turn per second; 0: position's counts
+  std::optional<std::uint32_t> velocity_unit{};  // object 60A9; nothing: it is not there
+};
+
+// A drive that is as the robot file says.
+Cia402Profile profile_of(const config::Drive& drive);
+
+}  // namespace takt::plant

@@ -1,0 +1,248 @@
+// Goal: a drive that is set up otherwise than the robot file says is not armed, and the sentence names what is wrong;
+// the same drive, set up right, is.
+// Method: for each protocol a simulated drive and its host driver in virtual time, and one planted difference per row:
+// in the drive itself, or, where it is the simulator's habit to be right, in its word on the wire. The sentences were
+// written down here from the settings' names in the makers' manuals.
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "config/drive_presets.hpp"
+#include "simulation/cia402_device.hpp"
+#include "simulation/moteus_device.hpp"
+#include "tests/simulation/drive_loop.hpp"
+
+namespace takt::plant {
+namespace {
+
+using config::Drive;
+using drivers::CanFrame;
+
+struct Planted {
+  std::unique_ptr<Device> device;
+  std::function<bool(CanFrame&)> on_the_way;  // false: lost
+};
+
+struct Row {
+  const char* when;
+  Drive file;  // as the robot file has it
+  std::function<Planted(const Drive&)> plant;
+  const char* sentence;  // part of it; empty: arms
+  friend void PrintTo(const Row& row, std::ostream* out) { *out << row.when; }
+};
+
+Drive packed(config::DriveProtocol protocol, const char* model, const char* variant = "") {
+  const config::DrivePreset& preset = *config::find_drive_preset(protocol, model);
+  Drive drive;
+  drive.protocol = protocol;
+  drive.model = model;
+  drive.variant = variant;
+  drive.id = 3;
+  drive.reply_id = 0x13;
+  drive.host_id = 253;
+  drive.position_range = preset.position;
+  drive.velocity_range = preset.velocity;
+  drive.torque_range = preset.torque;
+  drive.kp_range = preset.kp;
+  drive.kd_range = preset.kd;
+  return drive;
+}
+
+Drive with(Drive drive, const std::function<void(Drive&)>& change) {
+  change(drive);
+  return drive;
+}
+const auto kWaived = [](Drive& drive) { drive.watchdog_waiver = "the simulated drive's is set"; };
+
+Drive damiao() {
+  return packed(config::DriveProtocol::mit, "DM4310", "damiao");
+}
+Drive tmotor() {
+  return with(packed(config::DriveProtocol::mit, "AK80-9", "tmotor"), kWaived);
+}
+Drive robstride(const char* model = "RS03") {
+  return packed(config::DriveProtocol::robstride, model);
+}
+Drive own_units(config::DriveProtocol protocol) {
+  Drive drive;
+  drive.protocol = protocol;
+  drive.id = 3;
+  drive.torque_range = 3;
+  drive.servo_kp = 20;
+  drive.servo_kd = 1;
+  drive.counts_per_turn = 1 << 17;
+  drive.rated_torque = 10;
+  return drive;
+}
+Drive odrive() {
+  return with(own_units(config::DriveProtocol::odrive), kWaived);
+}
+Drive moteus() {
+  return own_units(config::DriveProtocol::moteus);
+}
+Drive servo(config::Cia402Mode mode = config::Cia402Mode::cst) {
+  Drive drive = own_units(config::DriveProtocol::cia402);
+  drive.mode = mode;
+  return drive;
+}
+
+std::function<Planted(const Drive&)> as_delivered(Duration watchdog = milliseconds(100)) {
+  return [watchdog](const Drive& file) { return Planted{make_device(file, watchdog), {}}; };
+}
+// The drive differs from the robot file.
+std::function<Planted(const Drive&)> built(const std::function<void(Drive&)>& change) {
+  return [change](const Drive& file) { return Planted{make_device(with(file, change), milliseconds(100)), {}}; };
+}
+// Its word on the wire differs from what the simulated drive would say.
+std::function<Planted(const Drive&)> saying(std::function<bool(CanFrame&)> otherwise,
+                                            Duration watchdog = milliseconds(100)) {
+  return [otherwise, watchdog](const Drive& file) { return Planted{make_device(file, watchdog), otherwise}; };
+}
+std::function<Planted(const Drive&)> servo_with(const Cia402Profile& profile) {
+  return [profile](const Drive& file) {
+    return Planted{std::make_unique<Cia402Device>(file, Duration{}, profile), {}};
+  };
+}
+std::function<Planted(const Drive&)> moteus_at_home(int state) {
+  return [state](const Drive& file) {
+    return Planted{std::make_unique<MoteusDevice>(file, milliseconds(100), state), {}};
+  };
+}
+
+// Damiao's registers, on 7FF and back on the drive's reply id: id, 33 read or 55 write, register, u32.
+bool is_register(const CanFrame& frame, std::uint8_t op, std::uint8_t number) {
+  const bool there = frame.id == 0x7FF || frame.id == 0x13;
+  return there && !frame.extended && frame.data[0] == 3 && frame.data[1] == 0 && frame.data[2] == op &&
+         frame.data[3] == number;
+}
+std::function<bool(CanFrame&)> register_reads(std::uint8_t number, std::uint32_t value) {
+  return [number, value](CanFrame& frame) {
+    if (is_register(frame, 0x55, number) && frame.id == 0x7FF) return false;  // no order to it arrives
+    if (frame.id == 0x13 && (is_register(frame, 0x33, number) || is_register(frame, 0x55, number)))
+      std::memcpy(frame.data + 4, &value, sizeof value);
+    return true;
+  };
+}
+
+// RobStride's parameters: type 17 read, 18 write; index in bytes 0 and 1, value in 4 to 7.
+bool is_parameter(const CanFrame& frame, std::uint32_t type, std::uint16_t index) {
+  return frame.extended && frame.id >> 24 == type && frame.data[0] == (index & 0xFF) && frame.data[1] == index >> 8;
+}
+std::function<bool(CanFrame&)> parameter_reads(std::uint16_t index, std::uint32_t value) {
+  return [index, value](CanFrame& frame) {
+    if (is_parameter(frame, 18, index)) return false;
+    if (is_parameter(frame, 17, index) && (frame.id & 0xFF) == 253) std::memcpy(frame.data + 4, &value, sizeof value);
+    return true;
+  };
+}
+// The manual's "reading failed": bits 23 to 16 of the answer's id are not 0.
+std::function<bool(CanFrame&)> parameter_fails(std::uint16_t index) {
+  return [index](CanFrame& frame) {
+    if (is_parameter(frame, 17, index) && (frame.id & 0xFF) == 253) frame.id |= 0x1U << 16;
+    return true;
+  };
+}
+bool ak_v3_firmware(CanFrame& frame) {
+  if (frame.id == 0x13) {
+    frame.id = 0x2903;
+    frame.extended = true;
+    frame.length = 8;
+  }
+  return true;
+}
+
+const std::vector<Row>& rows() {
+  using config::Cia402Mode;
+  static const std::vector<Row> all{
+      {"damiao, as the file says", damiao(), as_delivered(), ""},
+      {"damiao spans another position", damiao(), built([](Drive& d) { d.position_range = 3.14; }),
+       "differ from the robot file: position range (register 21)"},
+      {"damiao spans another velocity", damiao(), built([](Drive& d) { d.velocity_range = 45; }),
+       "differ from the robot file: velocity range (register 22)"},
+      {"damiao spans another torque", damiao(), built([](Drive& d) { d.torque_range = 28; }),
+       "differ from the robot file: torque range (register 23)"},
+      {"damiao in velocity mode", damiao(), saying(register_reads(10, 3)),
+       "differ from the robot file: control mode (register 10)"},
+      {"damiao whose time-out stays off", damiao(), saying(register_reads(9, 0)), "nothing stops it"},
+      {"damiao whose time-out is an hour", damiao(), saying(register_reads(9, 72'000'000)), "longer than 1 s"},
+      {"damiao that does not tell its ranges", damiao(),
+       saying([](CanFrame& frame) { return !is_register(frame, 0x33, 21); }), "does not tell its settings"},
+      {"t-motor, waived", tmotor(), as_delivered(), ""},
+      {"t-motor without a waiver", with(tmotor(), [](Drive& d) { d.watchdog_waiver = "none"; }), as_delivered(),
+       "does not tell its own time-out"},
+      {"t-motor with V3 firmware", tmotor(), saying(ak_v3_firmware), "AK V3 firmware"},
+      {"robstride, as the file says", robstride(), as_delivered(), ""},
+      {"robstride whose time-out stays off", robstride(), saying(parameter_reads(0x7028, 0)), "nothing stops it"},
+      {"robstride whose time-out is two seconds", robstride(), saying(parameter_reads(0x7028, 40'000)),
+       "longer than 1 s"},
+      {"robstride that stays in another run mode", robstride(), saying(parameter_reads(0x7005, 2)),
+       "refused its set-up: run mode (parameter 7005)"},
+      {"cybergear with its time-out set", robstride("CyberGear"), as_delivered(), ""},
+      {"cybergear as delivered", robstride("CyberGear"), as_delivered(Duration{}), "parameter 200C"},
+      {"cybergear that cannot tell it", robstride("CyberGear"), saying(parameter_fails(0x200C)),
+       "does not tell its own time-out"},
+      {"odrive, waived", odrive(), as_delivered(), ""},
+      {"odrive without a waiver", with(odrive(), [](Drive& d) { d.watchdog_waiver = "none"; }), as_delivered(),
+       "does not tell its own time-out"},
+      {"moteus, as the file says", moteus(), as_delivered(), ""},
+      {"moteus that counts from where it stood", moteus(), moteus_at_home(0), "does not know where the joint is"},
+      {"moteus that knows its rotor alone", moteus(), moteus_at_home(1), "home state (register 00C)"},
+      {"servo, as the file says", servo(), as_delivered(), ""},
+      {"servo of another size", servo(), built([](Drive& d) { d.rated_torque = 11; }), "object 6076:00"},
+      {"servo in rpm, the file says counts", servo(Cia402Mode::csv),
+       servo_with({.speed_counts = 60, .velocity_unit = 0x00B4'4700}), "object 60A9:00"},
+      {"servo in rpm, as the file says",
+       with(servo(Cia402Mode::csv), [](Drive& d) { d.velocity_unit = config::Cia402VelocityUnit::rpm; }),
+       as_delivered(), ""},
+      {"servo without torque mode", servo(), servo_with({.modes = 0x180}), "object 6502:00"},
+      {"servo whose mode does not change", servo(), servo_with({.shows_mode = false}), "object 6061:00"},
+      {"servo without a watchdog", servo(), servo_with({.has_deadline = false, .has_heartbeat_watch = false}),
+       "object 1016:01, abort 06020000, no such object"},
+      {"servo with a mapping of its own", servo(), servo_with({.map = Cia402Profile::Map::fixed_words_only}),
+       "object 1600:00, abort 06010002, can only be read"},
+      {"servo without a torque limit, in CSP", servo(Cia402Mode::csp), servo_with({.has_max_torque = false}),
+       "object 6072:00, abort 06020000, no such object"},
+      {"servo that ignores its target", servo(), servo_with({.follows = false}), "statusword bit 12"},
+  };
+  return all;
+}
+
+class EveryDrive : public testing::TestWithParam<Row> {};
+
+TEST_P(EveryDrive, ArmsWhenItIsRightAndSaysWhatIsWrongWhenNot) {
+  const Row& row = GetParam();
+  test::DriveLoop loop(row.file, milliseconds(100));
+  Planted planted = row.plant(row.file);
+  loop.device = std::move(planted.device);
+  loop.on_the_way = planted.on_the_way;
+  for (int i = 0; i < 3000 && loop.host->feedback().drive_state != DriveState::disabled; ++i) loop.tick(false);
+  // A difference may show in the words of a drive that has just been said to be fit.
+  for (int i = 0; i < 300; ++i) loop.tick(false);
+  double most_torque = 0;
+  for (int i = 0; i < 300; ++i) {
+    loop.tick(true, {.q = 0.2F, .kp = 5, .kd = 0.5F});
+    most_torque = std::max(most_torque, std::abs(loop.torque));
+  }
+  const JointFeedback& feedback = loop.host->feedback();
+  if (*row.sentence == '\0') {
+    EXPECT_EQ(feedback.drive_state, DriveState::enabled) << drivers::error_name(row.file, feedback.error_code);
+    EXPECT_GT(most_torque, 0);
+    return;
+  }
+  EXPECT_EQ(feedback.drive_state, DriveState::fault);
+  const std::string said = drivers::error_name(row.file, feedback.error_code);
+  EXPECT_NE(said.find(row.sentence), std::string::npos) << said;
+  // Only a drive that says it is enabled and fit can be found to ignore what it is told.
+  const bool was_driven = said.find("bit 12") != std::string::npos;
+  EXPECT_TRUE(was_driven || most_torque == 0) << "never pushed";
+}
+
+INSTANTIATE_TEST_SUITE_P(Misconfigured, EveryDrive, testing::ValuesIn(rows()), [](const auto& row) {
+  std::string name = row.param.when;
+  for (char& c : name)
+    if (std::isalnum(static_cast<unsigned char>(c)) == 0) c = '_';
+  return name;
+});
+
+}  // namespace
+}  // namespace takt::plant
