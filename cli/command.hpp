@@ -33,6 +33,7 @@ void add_arm(CLI::App& app, int& exit_code);
 void add_stop(CLI::App& app, int& exit_code);
 void add_reset(CLI::App& app, int& exit_code);
 void add_mark(CLI::App& app, int& exit_code);
+void add_person_command(CLI::App& app, int& exit_code);
 void add_status(CLI::App& app, int& exit_code);
 void add_top(CLI::App& app, int& exit_code);
 void add_report(CLI::App& app, int& exit_code);

@@ -1,4 +1,4 @@
-// takt/client.h over PolicySession: what crosses into C is checked here, and no exception leaves.
+// takt/client.h over PolicySession and SensorSession: what crosses into C is checked here, and no exception leaves.
 #include "client/takt/client.h"
 
 #include <algorithm>
@@ -10,6 +10,11 @@
 #include <utility>
 
 #include "client/policy_session.hpp"
+#include "client/sensor_session.hpp"
+
+struct takt_sensor {
+  std::unique_ptr<takt::client::SensorSession> session;
+};
 
 struct takt_policy {
   std::unique_ptr<takt::client::PolicySession> session;
@@ -20,6 +25,8 @@ namespace {
 
 using takt::client::PolicySession;
 using takt::client::PolicySpec;
+using takt::client::SensorSession;
+using takt::client::SensorSpec;
 
 constexpr std::uint32_t kMostTerms = 64;
 
@@ -37,9 +44,10 @@ const char* fault_in(const takt_policy_spec* spec) {
   if (spec->robot_file == nullptr || spec->step == nullptr) return "takt_policy_spec: robot_file and step must be said";
   for (std::uint32_t i = 0; i < spec->term_count; ++i) {
     const takt_term& term = spec->terms[i];
-    if (term.kind > TAKT_TERM_STREAM) return "takt_term: this kind of term does not exist";
-    if ((term.kind == TAKT_TERM_STREAM) != (term.stream != nullptr))
-      return "takt_term: a stream has a name, and nothing else has";
+    if (term.kind > TAKT_TERM_IMAGE) return "takt_term: this kind of term does not exist";
+    const bool of_sensor = term.kind == TAKT_TERM_STREAM || term.kind == TAKT_TERM_IMAGE;
+    if (of_sensor != (term.stream != nullptr))
+      return "takt_term: a stream or an image has a name, and nothing else has";
   }
   return "";
 }
@@ -61,6 +69,38 @@ void tell(const std::string& sentence, char* why, std::uint32_t why_bytes) {
   why[sentence.copy(why, why_bytes - 1)] = '\0';
 }
 
+const char* fault_in(const takt_sensor_spec* spec) {
+  if (spec == nullptr || spec->size != sizeof *spec)
+    return "takt_sensor_spec has another size: set `size`, and compile with the header of this library";
+  if (spec->robot_file == nullptr || spec->name == nullptr) return "takt_sensor_spec: robot_file and name must be said";
+  if (spec->type != TAKT_FLOAT32 && spec->type != TAKT_UINT8)
+    return "takt_sensor_spec: this type of values does not exist";
+  return "";
+}
+
+SensorSpec copy_of(const takt_sensor_spec& given) {
+  return {.robot_file = given.robot_file,
+          .runtime_directory = text_of(given.runtime_directory),
+          .name = given.name,
+          .unit = text_of(given.unit),
+          .policy_user = text_of(given.policy_user),
+          .is_image = given.type == TAKT_UINT8,
+          .values = given.values,
+          .image = {given.height, given.width, given.channels}};
+}
+
+int open(const takt_sensor_spec* given, takt_sensor** sensor, std::string& why) {
+  why = fault_in(given);
+  if (!why.empty()) return TAKT_USAGE;
+  auto session = SensorSession::open(copy_of(*given));
+  if (!session) {
+    why = session.error().sentence;
+    return session.error().code;
+  }
+  *sensor = new takt_sensor{std::move(*session)};
+  return TAKT_OK;
+}
+
 int open(const takt_policy_spec* given, takt_policy** policy, std::string& why) {
   why = fault_in(given);
   if (!why.empty()) return TAKT_USAGE;
@@ -71,6 +111,22 @@ int open(const takt_policy_spec* given, takt_policy** policy, std::string& why) 
   }
   *policy = new takt_policy{std::move(*session), {}};
   return TAKT_OK;
+}
+
+// Opens either kind, with what it throws turned into TAKT_BUG.
+template <class Spec, class Made>
+int open_guarded(const Spec* spec, Made** made, char* why, std::uint32_t why_bytes) noexcept {
+  if (made == nullptr) return TAKT_USAGE;
+  *made = nullptr;
+  try {
+    std::string sentence;
+    const int result = open(spec, made, sentence);
+    tell(sentence, why, why_bytes);
+    return result;
+  } catch (const std::exception& error) {
+    tell(std::string("libtakt-client: ") + error.what(), why, why_bytes);
+    return TAKT_BUG;
+  }
 }
 
 // The call, with what it throws turned into TAKT_BUG.
@@ -96,17 +152,7 @@ uint32_t takt_client_abi(void) {
 }
 
 int takt_policy_open(const takt_policy_spec* spec, takt_policy** policy, char* why, uint32_t why_bytes) {
-  if (policy == nullptr) return TAKT_USAGE;
-  *policy = nullptr;
-  try {
-    std::string sentence;
-    const int result = open(spec, policy, sentence);
-    tell(sentence, why, why_bytes);
-    return result;
-  } catch (const std::exception& error) {
-    tell(std::string("libtakt-client: ") + error.what(), why, why_bytes);
-    return TAKT_BUG;
-  }
+  return open_guarded(spec, policy, why, why_bytes);
 }
 
 int takt_policy_attach(takt_policy* policy, int64_t timeout_ns) {
@@ -138,6 +184,10 @@ const takt_observation* takt_policy_observation(const takt_policy* policy) {
   return &policy->session->observation();
 }
 
+const takt_stream* takt_policy_stream(const takt_policy* policy, const char* name) {
+  return name == nullptr ? nullptr : policy->session->stream(name);
+}
+
 const char* takt_policy_sentence(const takt_policy* policy) {
   return policy->bug.empty() ? policy->session->sentence().c_str() : policy->bug.c_str();
 }
@@ -148,4 +198,28 @@ void takt_policy_detach(takt_policy* policy) {
 
 void takt_policy_close(takt_policy* policy) {
   delete policy;
+}
+
+int takt_sensor_open(const takt_sensor_spec* spec, takt_sensor** sensor, char* why, uint32_t why_bytes) {
+  return open_guarded(spec, sensor, why, why_bytes);
+}
+
+void* takt_sensor_values(takt_sensor* sensor) {
+  return sensor->session->values();
+}
+
+int takt_sensor_publish(takt_sensor* sensor, int64_t sensed_ns) {
+  return sensor == nullptr ? TAKT_USAGE : sensor->session->publish({sensed_ns});
+}
+
+const takt_stream* takt_sensor_stream(const takt_sensor* sensor) {
+  return &sensor->session->stream();
+}
+
+const char* takt_sensor_sentence(const takt_sensor* sensor) {
+  return sensor->session->sentence();
+}
+
+void takt_sensor_close(takt_sensor* sensor) {
+  delete sensor;
 }

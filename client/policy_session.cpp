@@ -6,9 +6,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <span>
+#include <string_view>
 #include <utility>
 
+#include "client/stream_view.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "config/units.hpp"
@@ -68,7 +71,16 @@ std::expected<void, Refusal> check_stream(const config::RobotConfig& robot, cons
                     "correct the name",
                     robot.file, term.stream, names.empty() ? "it is empty" : "there is " + names));
   }
-  if (sensor->values != term.values) {
+  if ((term.kind == TAKT_TERM_IMAGE) != sensor->image.has_value()) {
+    return refuse(fmt::format("{}: sensor {} gives {}: read it as what it is", robot.file, term.stream,
+                              sensor->image ? "images" : "values, and no images"));
+  }
+  if (sensor->image && sensor->image->bytes() != term.values && term.values != 0) {
+    return refuse(fmt::format("{}: sensor {}'s images are {} x {} x {}, the policy's have {} bytes: make them equal",
+                              robot.file, term.stream, sensor->image->height, sensor->image->width,
+                              sensor->image->channels, term.values));
+  }
+  if (!sensor->image && sensor->values != term.values) {
     return refuse(fmt::format("{}: sensor {} has {} values, the policy's stream of that name {}: make them equal",
                               robot.file, term.stream, sensor->values, term.values));
   }
@@ -83,7 +95,7 @@ bool reads(const PolicySpec& spec, const std::string& sensor) {
 // reads the same ones keeps anything else from passing.
 std::expected<void, Refusal> check_terms(const config::RobotConfig& robot, const PolicySpec& spec) {
   for (const Term& term : spec.terms) {
-    if (term.kind != TAKT_TERM_STREAM) continue;
+    if (term.stream.empty()) continue;
     if (auto fine = check_stream(robot, term); !fine) return fine;
   }
   const std::vector<std::size_t> listed = policy_host::sensors_in_use(robot);
@@ -103,6 +115,7 @@ std::expected<void, Refusal> check_terms(const config::RobotConfig& robot, const
 }
 
 std::size_t width(const config::RobotConfig& robot, const Term& term) {
+  if (term.kind == TAKT_TERM_IMAGE) return 0;
   return term.kind == TAKT_TERM_STREAM ? term.values : robot.joints.size();
 }
 
@@ -134,16 +147,25 @@ PolicySession::PolicySession(config::RobotConfig robot, const PolicySpec& spec, 
       socket_(config::executive_socket(runtime_directory)),
       hello_(policy_host::hello_of(robot_, policy_hash, Role::policy, spec.program.c_str())),
       sensors_in_use_(policy_host::sensors_in_use(robot_)),
-      samples_(robot_.sensors.size()) {
+      samples_(robot_.sensors.size()),
+      used_(robot_.sensors.size()) {
   for (const std::size_t sensor : sensors_in_use_) {
     sensors_.emplace_back(config::sensor_socket(runtime_directory, robot_.sensors[sensor].name),
-                          policy_host::hello_of(robot_, policy_hash, Role::sensor_reader, spec.program.c_str()));
+                          policy_host::hello_of(robot_, policy_hash, Role::sensor_reader, spec.program.c_str()),
+                          policy_host::mailbox_of(robot_.sensors[sensor]));
+    const auto& image = robot_.sensors[sensor].image;
+    payloads_.emplace_back(image ? sizeof(ImageHeader) + image->bytes() : 0);
   }
+  for (const config::Sensor& sensor : robot_.sensors) streams_.push_back(view_of(sensor));
   std::size_t count = 0;
   for (const Term& term : spec.terms) {
     const auto sensor = std::ranges::find(robot_.sensors, term.stream, &config::Sensor::name);
     blocks_.push_back({term.kind, static_cast<std::size_t>(sensor - robot_.sensors.begin()), width(robot_, term)});
     count += blocks_.back().values;
+    if (term.kind != TAKT_TERM_IMAGE) continue;
+    const auto used = std::ranges::find(sensors_in_use_, blocks_.back().sensor) - sensors_in_use_.begin();
+    images_.push_back(
+        reinterpret_cast<const std::uint8_t*>(payloads_[static_cast<std::size_t>(used)].data() + sizeof(ImageHeader)));
   }
   values_.resize(count);
   for (const config::Joint& joint : robot_.joints) {
@@ -160,6 +182,8 @@ PolicySession::PolicySession(config::RobotConfig robot, const PolicySpec& spec, 
                  .period_ns = robot_.policy->period.ns,
                  .step_ns = robot_.policy->step_period.ns};
   view_.values = values_.data();
+  view_.images = images_.data();
+  view_.image_count = static_cast<std::uint32_t>(images_.size());
   view_.value_count = static_cast<std::uint32_t>(count);
   view_.mode = name(Mode::standby).data();
   chunk_.header.policy_hash = policy_hash;
@@ -237,9 +261,28 @@ int PolicySession::look(MonoTime now) {
   return TAKT_OK;
 }
 
+// An image is copied once, to where the policy sees it: a copy that failed leaves none.
+void PolicySession::update_sensor(std::size_t used, MonoTime now) {
+  SensorSample& sample = samples_[sensors_in_use_[used]];
+  std::vector<std::byte>& payload = payloads_[used];
+  if (payload.empty()) return sensors_[used].update(now, sample);
+  const ipc::ReadStatus status = sensors_[used].update(now, payload);
+  if (status == ipc::ReadStatus::nothing_new) return;
+  ImageHeader header;
+  if (status == ipc::ReadStatus::fresh) std::memcpy(&header, payload.data(), sizeof header);
+  sample.sequence = header.sequence;
+  sample.sensed_at = header.sensed_at;
+  sample.published_at = header.published_at;
+}
+
+const takt_stream* PolicySession::stream(const char* name) const {
+  const auto found = std::ranges::find(robot_.sensors, std::string_view(name), &config::Sensor::name);
+  return found == robot_.sensors.end() ? nullptr : &streams_[static_cast<std::size_t>(found - robot_.sensors.begin())];
+}
+
 bool PolicySession::has_usable_samples(MonoTime now) {
-  for (std::size_t i = 0; i < sensors_.size(); ++i) sensors_[i].update(now, samples_[sensors_in_use_[i]]);
-  std::string reason = policy_host::unusable(robot_, sensors_in_use_, samples_, now);
+  for (std::size_t i = 0; i < sensors_.size(); ++i) update_sensor(i, now);
+  std::string reason = policy_host::take_usable(robot_, sensors_in_use_, samples_, monotonic_now(), used_);
   if (reason.empty()) return true;
   for (const policy_host::SensorLink& sensor : sensors_) {
     if (!sensor.problem().empty()) reason += "; " + sensor.problem();
@@ -255,7 +298,7 @@ void PolicySession::show(MonoTime now) {
   infer_ended_at_ = {};
   MonoTime outside;
   for (const std::size_t sensor : sensors_in_use_) {
-    const MonoTime sensed = samples_[sensor].sensed_at;
+    const MonoTime sensed = used_[sensor].sensed_at;
     if (!outside.is_set() || sensed < outside) outside = sensed;
   }
   view_.id = observation_.id;
@@ -274,8 +317,8 @@ void PolicySession::fill_values() {
                                               observation_.tau.at.data(), observation_.q_setpoint.at.data()};
   auto out = values_.begin();
   for (const Block& block : blocks_) {
-    const float* from =
-        block.kind == TAKT_TERM_STREAM ? std::data(samples_[block.sensor].values) : of_joints[block.kind];
+    if (block.kind == TAKT_TERM_IMAGE) continue;
+    const float* from = block.kind == TAKT_TERM_STREAM ? std::data(used_[block.sensor].values) : of_joints[block.kind];
     out = std::copy_n(from, block.values, out);
   }
 }

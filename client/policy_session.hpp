@@ -6,6 +6,7 @@
 // attach.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <expected>
 #include <memory>
@@ -27,7 +28,7 @@ namespace takt::client {
 
 struct Term {
   std::uint32_t kind = TAKT_TERM_Q;
-  std::uint32_t values = 0;  // streams only
+  std::uint32_t values = 0;  // streams and images only
   std::string stream;
 };
 
@@ -60,18 +61,20 @@ class PolicySession {
 
   [[nodiscard]] const takt_robot& robot() const { return robot_view_; }
   [[nodiscard]] const takt_observation& observation() const { return view_; }
+  [[nodiscard]] const takt_stream* stream(const char* name) const;
   [[nodiscard]] const std::string& sentence() const { return sentence_; }
 
  private:
   struct Block {
     std::uint32_t kind;
-    std::size_t sensor;  // index into the robot's sensors; streams only
+    std::size_t sensor;  // index into the robot's sensors; streams and images only
     std::size_t values;
   };
   PolicySession(config::RobotConfig robot, const PolicySpec& spec, std::uint64_t policy_hash,
                 const std::string& runtime_directory);
   int try_to_attach(MonoTime now);
   int look(MonoTime now);
+  void update_sensor(std::size_t used, MonoTime now);
   [[nodiscard]] bool has_usable_samples(MonoTime now);
   void show(MonoTime now);
   void fill_values();
@@ -84,7 +87,10 @@ class PolicySession {
   std::vector<Block> blocks_;
   std::vector<std::size_t> sensors_in_use_;
   std::vector<policy_host::SensorLink> sensors_;  // one per sensor in use
-  std::vector<SensorSample> samples_;             // one per sensor of the robot file
+  std::vector<SensorSample> samples_, used_;      // one per sensor of the robot file: newest, and what is shown
+  std::vector<std::vector<std::byte>> payloads_;  // per sensor in use: an image's header and bytes; else empty
+  std::vector<const std::uint8_t*> images_;       // into those, in the terms' order
+  std::vector<takt_stream> streams_;              // one per sensor of the robot file
   std::optional<policy_host::ExecutiveLink> executive_;
   MonoTime next_attempt_;
   MonoTime seen_published_at_;  // of the newest observation read; unset: none in this session

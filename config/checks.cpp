@@ -25,6 +25,7 @@ void check(const RobotConfig& robot, const Places& places, Problems& problems) {
   check_drives(robot, checker);
   check_joints(robot, checker);
   check_model(robot, checker);
+  check_sensors(robot, checker);
   check_policy(robot, checker);
   check_fallbacks(robot, checker);
   check_dds(robot, checker);

@@ -33,6 +33,7 @@ void check_buses_and_ids(const RobotConfig& robot, Checker& checker);
 void check_drives(const RobotConfig& robot, Checker& checker);  // each by itself
 void check_joints(const RobotConfig& robot, Checker& checker);
 void check_model(const RobotConfig& robot, Checker& checker);
+void check_sensors(const RobotConfig& robot, Checker& checker);
 void check_policy(const RobotConfig& robot, Checker& checker);
 void check_fallbacks(const RobotConfig& robot, Checker& checker);
 void check_dds(const RobotConfig& robot, Checker& checker);

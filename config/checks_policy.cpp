@@ -7,6 +7,8 @@
 #include "config/drive_loop.hpp"
 #include "config/observation_shape.hpp"
 #include "config/units.hpp"
+#include "executive/contract/image_sample.hpp"
+#include "executive/contract/imu.hpp"
 
 namespace takt::config {
 namespace {
@@ -26,10 +28,33 @@ void check_periods(const RobotConfig& robot, const Policy& policy, Checker& chec
                               format_duration(horizon), format_duration(policy.period)));
 }
 
+void check_source(const RobotConfig& robot, const ObservationTerm& term, const std::string& path, Checker& checker) {
+  const bool from_imu = term.kind == TermKind::base_angular_velocity || term.kind == TermKind::projected_gravity;
+  checker.require(robot.imu || !from_imu, path, "the robot has no IMU that says it; add `imu`");
+}
+
+// What a person may ask for.
+void check_command(const Sensor& sensor, const std::string& path, Checker& checker) {
+  const CommandLimits& limits = *sensor.command;
+  const std::size_t count = sensor.values;
+  for (const auto& [key, values] : {std::pair{"minimum", &limits.minimum}, std::pair{"maximum", &limits.maximum},
+                                    std::pair{"when_absent", &limits.when_absent}}) {
+    checker.require(values->size() == count, fmt::format("{}.{}", path, key),
+                    fmt::format("has {} values for a sensor of {}; write one each", values->size(), count));
+    if (values->size() != count) return;
+  }
+  for (std::size_t i = 0; i < count; ++i)
+    checker.require(limits.minimum[i] <= limits.when_absent[i] && limits.when_absent[i] <= limits.maximum[i],
+                    path + ".when_absent",
+                    fmt::format("value {} is {}, outside [{}, {}]; write one inside", i + 1, limits.when_absent[i],
+                                limits.minimum[i], limits.maximum[i]));
+}
+
 void check_terms(const RobotConfig& robot, const Policy& policy, Checker& checker) {
   for (std::size_t i = 0; i < policy.observation.size(); ++i) {
     const ObservationTerm& term = policy.observation[i];
     const std::size_t width = term_width(robot, term);
+    check_source(robot, term, fmt::format("policy.observation[{}].term", i), checker);
     checker.require(term.scale.size() == 1 || term.scale.size() == width,
                     fmt::format("policy.observation[{}].scale", i),
                     fmt::format("has {} values for a term of {}; write one, or {}", term.scale.size(), width, width));
@@ -79,6 +104,23 @@ void check_action(const RobotConfig& robot, const Action& action, Checker& check
 }
 
 }  // namespace
+
+void check_sensors(const RobotConfig& robot, Checker& checker) {
+  for (std::size_t i = 0; i < robot.sensors.size(); ++i) {
+    const Sensor& sensor = robot.sensors[i];
+    const std::string path = fmt::format("sensors[{}].command", i);
+    checker.require(!sensor.image || sensor.image->bytes() <= kMaxImageBytes, fmt::format("sensors[{}].image", i),
+                    fmt::format("has {} bytes; at most {} travel: send a smaller one",
+                                sensor.image ? sensor.image->bytes() : 0, kMaxImageBytes));
+    checker.require(!sensor.command || !sensor.image, path, "an image is no command; drop one of the two");
+    if (sensor.command && !sensor.image) check_command(sensor, path, checker);
+  }
+  if (!robot.imu) return;
+  const auto sensor = std::ranges::find(robot.sensors, robot.imu->sensor, &Sensor::name);
+  checker.require(sensor == robot.sensors.end() || sensor->values == kImuValues, "imu.sensor",
+                  fmt::format("sensor {} has another number of values than an IMU's {}; declare {}", robot.imu->sensor,
+                              kImuValues, kImuValues));
+}
 
 void check_policy(const RobotConfig& robot, Checker& checker) {
   if (!robot.policy) return;

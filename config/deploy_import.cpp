@@ -31,6 +31,9 @@ std::string_view takt_term(std::string_view name) {
   if (name == "joint_pos") return "joint_position";
   if (name == "joint_vel_rel" || name == "joint_vel") return "joint_velocity";
   if (name == "last_action" || name == "actions") return "last_action";
+  if (name == "base_ang_vel") return "base_angular_velocity";
+  if (name == "projected_gravity") return "projected_gravity";
+  if (name == "gait_phase") return "gait_phase";
   return {};
 }
 
@@ -84,38 +87,62 @@ std::string joints_text(const DeployFile& deploy, const ImportOptions& options) 
   return text;
 }
 
+bool reads_imu(const DeployFile& deploy) {
+  return std::ranges::any_of(deploy.terms, [](const DeployTerm& term) {
+    return term.name == "base_ang_vel" || term.name == "projected_gravity";
+  });
+}
+
+// Limits as the deploy file has them; nobody speaking means: stand still, as near as they allow.
+std::string command_sensor_text(const DeployFile& deploy) {
+  std::vector<double> low, high, absent;
+  std::vector<std::string> names;
+  for (const auto& [name, range] : deploy.command_ranges) {
+    names.push_back(name);
+    low.push_back(range.first);
+    high.push_back(range.second);
+    absent.push_back(std::clamp(0.0, range.first, range.second));
+  }
+  return fmt::format(
+      "  - name: velocity_command   # {}\n"
+      "    values: {}\n"
+      "    timeout: FILL_IN          # of a person who says no more\n"
+      "    command: {{ minimum: [{}], maximum: [{}], when_absent: [{}] }}\n",
+      fmt::join(names, ", "), names.size(), fmt::join(low, ", "), fmt::join(high, ", "), fmt::join(absent, ", "));
+}
+
+// Its thresholds are those of unitree_rl_lab's own deployment (terminations.hpp).
+std::string imu_text(const DeployFile& deploy) {
+  if (!reads_imu(deploy)) return {};
+  return "\nimu: { sensor: imu, tilt: 1 rad, angular_velocity: 6 rad/s }   # as unitree_rl_lab's deployment stops\n";
+}
+
 std::string sensors_text(const DeployFile& deploy) {
   std::string text;
   for (const DeployTerm& term : deploy.terms)
     if (takt_term(term.name).empty() && !is_command(deploy, term))
       text += fmt::format("  - {{ name: {}, values: {}, timeout: FILL_IN }}\n", term.name, term.scale.size());
-  return text.empty() ? "" : "\nsensors:   # each served by a process of yours on sensor-NAME.sock\n" + text;
+  for (const DeployTerm& term : deploy.terms)
+    if (is_command(deploy, term)) text += command_sensor_text(deploy);
+  if (reads_imu(deploy)) text += "  - { name: imu, values: 10, timeout: FILL_IN }   # see imu below\n";
+  return text.empty()
+             ? ""
+             : "\nsensors:   # each served by a process of yours on sensor-NAME.sock\n" + text + imu_text(deploy);
 }
 
-std::string command_term_text(const DeployFile& deploy, const DeployTerm& term) {
-  std::vector<std::string> values, ranges;
-  for (const auto& [name, range] : deploy.command_ranges) {
-    values.push_back(fmt::format("{}", std::clamp(0.0, range.first, range.second)));
-    ranges.push_back(fmt::format("{} {}..{}", name, range.first, range.second));
-  }
-  return fmt::format(
-      "    # {}: {}; constant here, use a sensor term to steer\n"
-      "    - {{ term: constant, values: [{}], scale: {}, history: {} }}\n",
-      term.name, fmt::join(ranges, ", "), fmt::join(values, ", "), one_or_list(term.scale), term.history);
+// What stands behind `term:`.
+std::string source_of(const DeployFile& deploy, const DeployTerm& term) {
+  if (is_command(deploy, term)) return "command, sensor: velocity_command";
+  const std::string_view known = takt_term(term.name);
+  if (known.empty()) return fmt::format("sensor, sensor: {}", term.name);
+  return known == "gait_phase" ? "gait_phase, gait_period: FILL_IN" : std::string(known);
 }
 
 std::string terms_text(const DeployFile& deploy) {
   std::string text;
-  for (const DeployTerm& term : deploy.terms) {
-    if (is_command(deploy, term)) {
-      text += command_term_text(deploy, term);
-      continue;
-    }
-    const std::string_view known = takt_term(term.name);
-    text += fmt::format("    - {{ term: {}, scale: {}, history: {} }}\n",
-                        known.empty() ? fmt::format("sensor, sensor: {}", term.name) : known, one_or_list(term.scale),
-                        term.history);
-  }
+  for (const DeployTerm& term : deploy.terms)
+    text += fmt::format("    - {{ term: {}, scale: {}, history: {} }}\n", source_of(deploy, term),
+                        one_or_list(term.scale), term.history);
   return text;
 }
 

@@ -21,12 +21,19 @@ std::size_t term_width(const RobotConfig& robot, const ObservationTerm& term) {
       return observed_joints(robot);
     case TermKind::last_action:
       return outputs_per_step(robot);
-    case TermKind::sensor: {
+    case TermKind::sensor:
+    case TermKind::command: {
       const auto sensor = std::ranges::find(robot.sensors, term.sensor, &Sensor::name);
-      return sensor == robot.sensors.end() ? 0 : sensor->values;
+      if (sensor == robot.sensors.end()) return 0;
+      return sensor->image ? sensor->image->bytes() : sensor->values;
     }
     case TermKind::constant:
       return term.constant.size();
+    case TermKind::base_angular_velocity:
+    case TermKind::projected_gravity:
+      return 3;
+    case TermKind::gait_phase:
+      return 2;
   }
   return 0;
 }

@@ -9,7 +9,7 @@ namespace takt::config {
 
 std::size_t observed_joints(const RobotConfig& robot);   // length of every joint term
 std::size_t outputs_per_step(const RobotConfig& robot);  // joints the policy drives
-// Numbers of one instant of a term; 0 for a sensor that is not declared.
+// Numbers of one instant of a term, bytes of an image; 0 for a sensor that is not declared.
 std::size_t term_width(const RobotConfig& robot, const ObservationTerm& term);
 // Width of the model's input: every term times its history.
 std::size_t observation_width(const RobotConfig& robot);

@@ -29,7 +29,11 @@ enum class TermKind : std::uint8_t {
   joint_velocity,
   sensor,
   last_action,
-  constant
+  constant,
+  base_angular_velocity,
+  projected_gravity,
+  command,
+  gait_phase
 };
 enum class ActionKind : std::uint8_t { joint_position, joint_velocity, joint_torque };
 enum class Interpolation : std::uint8_t { hold, linear, cubic };
@@ -168,9 +172,10 @@ struct Model {
 
 struct ObservationTerm {
   TermKind kind = TermKind::joint_position;
-  std::string sensor;            // TermKind::sensor only
+  std::string sensor;            // TermKind::sensor and command
   std::vector<double> scale;     // one, or one per value
   std::vector<double> constant;  // TermKind::constant only
+  Duration gait_period;          // TermKind::gait_phase only
   std::uint32_t history = 1;     // oldest first, newest last
 };
 
@@ -196,10 +201,32 @@ struct Policy {
   std::vector<std::size_t> joint_order;  // policy's joint k is this joint; empty: identity
 };
 
+// 8-bit, row after row, channels of a pixel together.
+struct ImageShape {
+  std::uint32_t height = 0, width = 0, channels = 0;
+  [[nodiscard]] std::uint32_t bytes() const { return height * width * channels; }
+};
+
+// What a person wants, and what holds while nobody says anything.
+struct CommandLimits {
+  std::vector<double> minimum, maximum, when_absent;  // one per value
+};
+
 struct Sensor {
   std::string name;
-  std::uint32_t values = 0;
+  std::uint32_t values = 0;  // float32; 0: an image
   Duration timeout;
+  std::string unit = "unstated";
+  std::optional<ImageShape> image{};
+  std::optional<CommandLimits> command{};
+};
+
+// The base's inertial measurement unit: a sensor of kImuValues values (executive/contract/imu.hpp).
+struct Imu {
+  std::string sensor;
+  double tilt = 0;              // rad
+  double angular_velocity = 0;  // rad/s
+  Duration frozen_after;        // 0: not looked for
 };
 
 enum class TorqueOutputKind : std::uint8_t { gpio, file };
@@ -332,6 +359,7 @@ struct RobotConfig {
   std::optional<Model> model;                    // absent: no gravity compensation, no simulation
   std::optional<Policy> policy;
   std::vector<Sensor> sensors;
+  std::optional<Imu> imu;  // absent: the base stands on the ground, or nobody asks how it stands
   Record record;
   std::optional<Dds> dds;                // absent: no DDS at all
   std::optional<Prometheus> prometheus;  // absent: no port is opened

@@ -1,4 +1,4 @@
-// Keys: sensors, policy, fallbacks, degraded.
+// Keys: sensors, imu, policy, fallbacks, degraded.
 #include <array>
 
 #include "config/schema.hpp"
@@ -7,8 +7,9 @@
 namespace takt::config {
 namespace {
 
-constexpr std::array<std::string_view, 6> kTerms{
-    "joint_position_relative", "joint_position", "joint_velocity", "sensor", "last_action", "constant"};
+constexpr std::array<std::string_view, 10> kTerms{
+    "joint_position_relative", "joint_position",    "joint_velocity", "sensor",    "last_action", "constant",
+    "base_angular_velocity",   "projected_gravity", "command",        "gait_phase"};
 constexpr std::array<std::string_view, 3> kDegraded{"hold", "slow", "fallback"};
 constexpr std::array<std::string_view, 2> kLayouts{"by_term", "by_time"};
 constexpr std::array<std::string_view, 2> kFallbackKinds{"pose", "state_feedback"};
@@ -17,16 +18,59 @@ constexpr std::array<std::string_view, 3> kInterpolations{"hold", "linear", "cub
 constexpr std::size_t kMaxTerms = 32;
 constexpr std::size_t kMaxSensors = 16;
 
+void describe_image(Fields& fields, Sensor& sensor) {
+  if (!sensor.image) sensor.image.emplace();
+  fields.integer({"height", "rows"}, sensor.image->height, 1, 4096);
+  fields.integer({"width", "pixels of a row"}, sensor.image->width, 1, 4096);
+  fields.integer({"channels", "bytes of a pixel", "3"}, sensor.image->channels, 1, 4);
+}
+
+void describe_command(Fields& fields, Sensor& sensor) {
+  if (!sensor.command) sensor.command.emplace();
+  CommandLimits& limits = *sensor.command;
+  const Count one_each{.low = 1, .high = kMaxSensorValues};
+  fields.quantities({"minimum", "of each value"}, limits.minimum, Dimension::none, any_value(), one_each);
+  fields.quantities({"maximum", "of each value"}, limits.maximum, Dimension::none, any_value(), one_each);
+  fields.quantities({"when_absent", "each value while no usable sample is there"}, limits.when_absent, Dimension::none,
+                    any_value(), one_each);
+}
+
 void describe_sensor(Fields& fields, Sensor& sensor) {
   fields.identifier({"name", "its socket is sensor-NAME.sock in the runtime directory"}, sensor.name);
-  fields.integer({"values", "numbers per sample"}, sensor.values, 1, kMaxSensorValues);
+  bool is_image = sensor.image.has_value();
+  fields.optional_section({"image", "samples are images of 8 bits, row after row, channels of a pixel together"},
+                          is_image, [&](Fields& f) { describe_image(f, sensor); });
+  if (!is_image || fields.shows_all())
+    fields.integer({"values", "numbers per sample; none for an image"}, sensor.values, 1, kMaxSensorValues);
   fields.duration({"timeout", "a sample older than this is not used"}, sensor.timeout, milliseconds(1), seconds(60));
+  fields.text({"unit", "of its values; whoever publishes another is refused", "unstated"}, sensor.unit);
+  bool is_command = sensor.command.has_value();
+  fields.optional_section({"command", "a person's wish: limits, and what holds while nobody says anything"}, is_command,
+                          [&](Fields& f) { describe_command(f, sensor); });
+}
+
+void describe_imu(Fields& fields, Imu& imu, Words sensors) {
+  fields.one_of({"sensor",
+                 "name of an entry in sensors, of ten values: rotation w x y z (base in world), angular velocity x y z "
+                 "(rad/s, base frame), specific force x y z (m/s^2, base frame)"},
+                imu.sensor, sensors, "sensor");
+  fields.quantity({"tilt", "angle from upright beyond which the robot stops"}, imu.tilt, Dimension::angle,
+                  above(0, 3.2));
+  fields.quantity({"angular_velocity", "of the base; beyond it the robot stops", "100 rad/s"}, imu.angular_velocity,
+                  Dimension::angular_velocity, above(0, 1000));
+  fields.duration(
+      {"frozen_after",
+       "the same ten values for longer, under fresh stamps, are an IMU that is lost; 0 ms: not looked for", "0 ms"},
+      imu.frozen_after, {}, seconds(60));
 }
 
 void describe_term(Fields& fields, ObservationTerm& term, Words sensors) {
   fields.choice({"term", "what is observed"}, term.kind, kTerms);
-  if (term.kind == TermKind::sensor || fields.shows_all())
-    fields.one_of({"sensor", "term sensor: name of an entry in sensors"}, term.sensor, sensors, "sensor");
+  if (term.kind == TermKind::sensor || term.kind == TermKind::command || fields.shows_all())
+    fields.one_of({"sensor", "terms sensor and command: name of an entry in sensors"}, term.sensor, sensors, "sensor");
+  if (term.kind == TermKind::gait_phase || fields.shows_all())
+    fields.duration({"gait_period", "term gait_phase: one gait cycle; counted from the policy's last reset"},
+                    term.gait_period, milliseconds(1), seconds(60));
   if (term.kind == TermKind::constant || fields.shows_all())
     fields.quantities({"values", "term constant: the numbers themselves"}, term.constant, Dimension::none, any_value(),
                       {.low = 1, .high = kMaxSensorValues});
@@ -124,6 +168,13 @@ void describe_policy(Fields& fields, RobotConfig& robot) {
   fields.section({"degraded", "what happens when the freshness contract is violated"},
                  [&](Fields& f) { describe_degraded(f, robot.degraded, robot.fallbacks); });
   fields.each({"sensors", "outside sensors the policy reads", "[]"}, robot.sensors, kMaxSensors, describe_sensor);
+  bool has_imu = robot.imu.has_value();
+  fields.optional_section({"imu", "the base's inertial measurement unit"}, has_imu, [&](Fields& f) {
+    if (!robot.imu) robot.imu.emplace();
+    std::vector<std::string_view> sensors;
+    for (const Sensor& sensor : robot.sensors) sensors.emplace_back(sensor.name);
+    describe_imu(f, *robot.imu, sensors);
+  });
   bool present = robot.policy.has_value();
   fields.optional_section({"policy", "the learned policy"}, present, [&](Fields& f) {
     if (!robot.policy) robot.policy.emplace();

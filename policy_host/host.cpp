@@ -26,6 +26,7 @@ Host::Host(const config::RobotConfig& robot, const std::string& runtime_director
       responder_(robot, policy_hash, policy),
       sensors_in_use_(sensors_in_use(robot)),
       samples_(robot.sensors.size()),
+      used_(robot.sensors.size()),
       faults_(std::move(faults)) {
   for (const std::size_t sensor : sensors_in_use_) {
     sensors_.emplace_back(config::sensor_socket(runtime_directory, robot.sensors[sensor].name),
@@ -117,7 +118,7 @@ bool Host::read_from_queue(Observation& observation) {
 
 void Host::answer(const Observation& observation, MonoTime dequeued_at) {
   for (std::size_t i = 0; i < sensors_.size(); ++i) sensors_[i].update(dequeued_at, samples_[sensors_in_use_[i]]);
-  std::string reason = unusable(robot_, sensors_in_use_, samples_, dequeued_at);
+  std::string reason = take_usable(robot_, sensors_in_use_, samples_, monotonic_now(), used_);
   if (!reason.empty()) {
     for (const SensorLink& sensor : sensors_) {
       if (!sensor.problem().empty()) reason += "; " + sensor.problem();
@@ -127,7 +128,7 @@ void Host::answer(const Observation& observation, MonoTime dequeued_at) {
     return;
   }
   no_sensor_.clear();
-  const CommandChunk& chunk = responder_.answer(observation, samples_, dequeued_at, monotonic_now);
+  const CommandChunk& chunk = responder_.answer(observation, used_, dequeued_at, monotonic_now);
   if (!faults_.any()) return publish(chunk);
   const MonoTime at = chunk.header.published_at;
   held_.push_back({at + faults_.publish_delay(at), chunk});

@@ -50,8 +50,8 @@ class Host {
   trace::Introduction introduction_;
   Responder responder_;
   std::vector<std::size_t> sensors_in_use_;
-  std::vector<SensorLink> sensors_;    // one per sensor in use
-  std::vector<SensorSample> samples_;  // one per sensor of the robot file
+  std::vector<SensorLink> sensors_;           // one per sensor in use
+  std::vector<SensorSample> samples_, used_;  // one per sensor of the robot file: newest, and what the policy is shown
   std::optional<ExecutiveLink> executive_;
   MonoTime observed_;              // published_at of the newest observation; unset: none in this session
   std::uint64_t observed_id_ = 0;  // its id

@@ -1,6 +1,9 @@
 #include "policy_host/observation_builder.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
 #include <numeric>
 
 #include "config/observation_shape.hpp"
@@ -14,6 +17,11 @@ std::vector<float> to_float(const std::vector<double>& values) {
   std::vector<float> result(values.size());
   std::ranges::transform(values, result.begin(), [](double value) { return static_cast<float>(value); });
   return result;
+}
+
+std::array<float, 2> gait(Duration since, double period_s) {
+  const double angle = 2 * std::numbers::pi * std::fmod(since.seconds(), period_s) / period_s;
+  return {static_cast<float>(std::sin(angle)), static_cast<float>(std::cos(angle))};
 }
 
 }  // namespace
@@ -30,7 +38,8 @@ ObservationBuilder::ObservationBuilder(const config::RobotConfig& robot) : joint
     term.kind = described.kind;
     term.width = config::term_width(robot, described);
     term.history = described.history;
-    if (term.kind == TermKind::sensor) {
+    term.gait_period = std::max(described.gait_period, nanoseconds(1)).seconds();
+    if (term.kind == TermKind::sensor || term.kind == TermKind::command) {
       const auto sensor = std::ranges::find(robot.sensors, described.sensor, &config::Sensor::name);
       term.sensor = static_cast<std::size_t>(sensor - robot.sensors.begin());
     }
@@ -46,6 +55,7 @@ ObservationBuilder::ObservationBuilder(const config::RobotConfig& robot) : joint
 }
 
 void ObservationBuilder::reset() {
+  began_at_ = {};
   for (Term& term : terms_) {
     term.filled = false;
     term.sample_seen = 0;
@@ -67,6 +77,7 @@ void ObservationBuilder::read(const Term& term, const Observation& observation, 
         value = observation.dq[joints_[i]];
         break;
       case TermKind::sensor:
+      case TermKind::command:
         value = samples[term.sensor].values[i];
         break;
       case TermKind::last_action:
@@ -74,6 +85,15 @@ void ObservationBuilder::read(const Term& term, const Observation& observation, 
         break;
       case TermKind::constant:
         value = term.constant[i];
+        break;
+      case TermKind::base_angular_velocity:
+        value = observation.imu.angular_velocity[i];
+        break;
+      case TermKind::projected_gravity:
+        value = projected_gravity(observation.imu)[i];
+        break;
+      case TermKind::gait_phase:
+        value = gait(observation.published_at - began_at_, term.gait_period)[i];
         break;
     }
     newest_[i] = term.scale[i] * value;
@@ -93,6 +113,7 @@ void ObservationBuilder::remember(Term& term, std::span<const float> newest) {
 
 std::span<const float> ObservationBuilder::build(const Observation& observation, std::span<const SensorSample> samples,
                                                  std::span<const float> last_action) {
+  if (!began_at_.is_set()) began_at_ = observation.published_at;
   for (Term& term : terms_) {
     if (term.kind == TermKind::sensor) {
       const std::uint64_t sequence = samples[term.sensor].sequence;

@@ -1,10 +1,11 @@
 // The network's input vector from an observation, as the robot file's terms describe it: scale, history, joint order.
 //
 // Shapes: input_size() values; histories oldest first, newest last, laid out by term (each term's history together) or
-// by time (all terms of an instant together). Joint terms and last_action gain one history entry per observation; a
-// sensor gains one per new sample, so that a slow camera's history holds distinct frames. After reset() the first
-// values fill the whole history. Units: rad, rad/s, a sensor's own, each times its scale.
-// Pure: no clock, no I/O; allocates nothing after construction. Thread rule: one thread.
+// by time (all terms of an instant together). Every term gains one history entry per observation, but for a sensor,
+// which gains one per new sample, so that a slow camera's history holds distinct frames. After reset() the first values
+// fill the whole history. Units: rad, rad/s, a sensor's own, each times its scale. gait_phase is the sine and the
+// cosine of the phase, which is 0 at the first observation after reset(). Pure: no clock, no I/O; allocates nothing
+// after construction. Thread rule: one thread.
 #pragma once
 
 #include <cstddef>
@@ -38,6 +39,7 @@ class ObservationBuilder {
     std::size_t history = 1;
     std::vector<float> scale;     // width values
     std::vector<float> constant;  // TermKind::constant only
+    double gait_period = 1;       // s
     std::vector<float> past;      // history * width, oldest first
     std::uint64_t sample_seen = 0;
     bool filled = false;
@@ -49,6 +51,7 @@ class ObservationBuilder {
   std::vector<Term> terms_;
   std::vector<std::size_t> joints_;  // policy's joint k is this joint
   std::vector<float> home_;
+  MonoTime began_at_;  // of the phase; unset: with the next observation
   bool by_time_ = false;
   std::size_t input_size_ = 0;
   std::vector<float> newest_;  // values of the term being read

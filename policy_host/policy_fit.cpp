@@ -32,6 +32,14 @@ std::string term_name(const ObservationTerm& term) {
       return "last_action";
     case TermKind::constant:
       return "constant";
+    case TermKind::base_angular_velocity:
+      return "base_angular_velocity";
+    case TermKind::projected_gravity:
+      return "projected_gravity";
+    case TermKind::command:
+      return "command " + term.sensor;
+    case TermKind::gait_phase:
+      return "gait_phase";
   }
   return "invalid";
 }
@@ -57,7 +65,7 @@ bool one_or(std::size_t count, std::size_t wanted) {
 std::expected<void, std::string> check_term(const RobotConfig& robot, const ObservationTerm& term) {
   const std::string name = term_name(term);
   const bool known = std::ranges::any_of(robot.sensors, [&](const auto& sensor) { return sensor.name == term.sensor; });
-  if (term.kind == TermKind::sensor && !known) {
+  if (!term.sensor.empty() && !known) {
     return refuse(robot, fmt::format("policy.observation uses sensor '{}', which `sensors` does not list; add it there",
                                      term.sensor));
   }
@@ -69,6 +77,11 @@ std::expected<void, std::string> check_term(const RobotConfig& robot, const Obse
                                      name, term.scale.size(), width));
   }
   return {};
+}
+
+bool is_image(const RobotConfig& robot, const ObservationTerm& term) {
+  const auto sensor = std::ranges::find(robot.sensors, term.sensor, &config::Sensor::name);
+  return sensor != robot.sensors.end() && sensor->image;
 }
 
 std::expected<void, std::string> check_action(const RobotConfig& robot) {
@@ -118,6 +131,11 @@ std::expected<void, std::string> check_policy_section(const RobotConfig& robot) 
 
 std::expected<void, std::string> check_fit(const RobotConfig& robot, const Policy& policy) {
   const config::Policy& section = *robot.policy;
+  for (const ObservationTerm& term : section.observation)
+    if (is_image(robot, term))
+      return refuse(robot, fmt::format("policy.observation {}: this host reads no images; a policy in Python does "
+                                       "(docs/sensors.md)",
+                                       term_name(term)));
   const std::size_t input = config::observation_width(robot);
   std::string sum;
   for (const ObservationTerm& term : section.observation) {

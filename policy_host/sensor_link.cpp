@@ -16,7 +16,8 @@ constexpr Duration kRetry = milliseconds(500);
 
 }  // namespace
 
-SensorLink::SensorLink(std::string socket, const Hello& hello) : socket_(std::move(socket)), hello_(hello) {}
+SensorLink::SensorLink(std::string socket, const Hello& hello, const ipc::RingShape& shape)
+    : socket_(std::move(socket)), hello_(hello), shape_(shape) {}
 
 void SensorLink::attach() {
   auto lease = ipc::attach(socket_, hello_, kAttachTimeout);
@@ -28,12 +29,12 @@ void SensorLink::attach() {
     problem_ = socket_ + ": the sensor handed out no mailbox";
     return;
   }
-  auto segment = ipc::Segment::adopt_read_only(lease->descriptors[0].release(), ipc::ring_bytes(ipc::sensor_mailbox()));
+  auto segment = ipc::Segment::adopt_read_only(lease->descriptors[0].release(), ipc::ring_bytes(shape_));
   if (!segment) {
     problem_ = segment.error();
     return;
   }
-  auto reader = ipc::SlotReader::attach(segment->readable(), ipc::sensor_mailbox());
+  auto reader = ipc::SlotReader::attach(segment->readable(), shape_);
   if (!reader) {
     problem_ = reader.error();
     return;
@@ -42,7 +43,7 @@ void SensorLink::attach() {
   problem_.clear();
 }
 
-void SensorLink::update(MonoTime now, SensorSample& sample) {
+void SensorLink::stay_attached(MonoTime now) {
   if (attached_ && ipc::is_over(attached_->lease)) {
     attached_.reset();
     problem_ = socket_ + ": the sensor's process went away";
@@ -51,38 +52,91 @@ void SensorLink::update(MonoTime now, SensorSample& sample) {
     next_attempt_ = now + kRetry;
     attach();
   }
-  if (!attached_) return;
+}
+
+ipc::ReadStatus SensorLink::update(MonoTime now, std::span<std::byte> newest) {
+  stay_attached(now);
+  return attached_ ? attached_->reader.read_latest(newest).status : ipc::ReadStatus::nothing_new;
+}
+
+void SensorLink::update(MonoTime now, SensorSample& sample) {
   SensorSample newest;
-  const auto result = attached_->reader.read_latest(std::as_writable_bytes(std::span(&newest, 1)));
-  if (result.status == ipc::ReadStatus::fresh) sample = newest;
+  if (update(now, std::as_writable_bytes(std::span(&newest, 1))) == ipc::ReadStatus::fresh) sample = newest;
 }
 
 std::vector<std::size_t> sensors_in_use(const config::RobotConfig& robot) {
   std::vector<std::size_t> in_use;
   for (std::size_t i = 0; i < robot.sensors.size(); ++i) {
-    const auto uses = [&](const config::ObservationTerm& term) {
-      return term.kind == config::TermKind::sensor && term.sensor == robot.sensors[i].name;
-    };
+    const auto uses = [&](const config::ObservationTerm& term) { return term.sensor == robot.sensors[i].name; };
     if (std::ranges::any_of(robot.policy->observation, uses)) in_use.push_back(i);
   }
   return in_use;
 }
 
-std::string unusable(const config::RobotConfig& robot, std::span<const std::size_t> in_use,
-                     std::span<const SensorSample> samples, MonoTime now) {
-  for (const std::size_t i : in_use) {
-    const config::Sensor& sensor = robot.sensors[i];
-    const SensorSample& sample = samples[i];
-    if (sample.sequence == 0) return fmt::format("sensor {}: no sample yet", sensor.name);
-    if (sample.value_count != sensor.values) {
-      return fmt::format("sensor {}: its sample has {} values, {} lists {}", sensor.name, sample.value_count,
-                         robot.file, sensor.values);
-    }
-    const Duration age = now - sample.sensed_at;
-    if (age > sensor.timeout) {
+ipc::RingShape mailbox_of(const config::Sensor& sensor) {
+  if (!sensor.image) return ipc::sensor_mailbox();
+  return ipc::image_mailbox(sensor.image->height, sensor.image->width, sensor.image->channels);
+}
+
+SampleVerdict judge(const config::Sensor& sensor, const SensorSample& sample, MonoTime now) {
+  const SampleVerdict stamps =
+      judge_stamps({sample.sequence, sample.sensed_at, sample.published_at}, now, sensor.timeout);
+  if (stamps == SampleVerdict::none_yet || sensor.image) return stamps;
+  if (sample.value_count != sensor.values) return SampleVerdict::wrong_width;
+  const std::span values(sample.values, sensor.values);
+  if (!all_finite(values)) return SampleVerdict::not_finite;
+  for (std::size_t i = 0; sensor.command && i < values.size(); ++i)
+    if (values[i] < sensor.command->minimum[i] || values[i] > sensor.command->maximum[i])
+      return SampleVerdict::out_of_limits;
+  return stamps;
+}
+
+std::string sentence_of(SampleVerdict verdict, const config::RobotConfig& robot, const config::Sensor& sensor) {
+  switch (verdict) {
+    case SampleVerdict::usable:
+      return {};
+    case SampleVerdict::none_yet:
+      return fmt::format("sensor {}: no sample yet", sensor.name);
+    case SampleVerdict::wrong_width:
+      return fmt::format("sensor {}: its sample has another number of values than the {} that {} lists", sensor.name,
+                         sensor.values, robot.file);
+    case SampleVerdict::from_future:
+      return fmt::format("sensor {}: its newest sample is stamped after now; stamps are ns of CLOCK_MONOTONIC",
+                         sensor.name);
+    case SampleVerdict::not_finite:
+      return fmt::format("sensor {}: its newest sample has values that are no numbers", sensor.name);
+    case SampleVerdict::out_of_limits:
+      return fmt::format("sensor {}: its newest sample is outside the limits of its `command` in {}", sensor.name,
+                         robot.file);
+    case SampleVerdict::too_old:
       return fmt::format("sensor {}: its newest sample is older than {:.0f} ms", sensor.name,
                          sensor.timeout.milliseconds());
-    }
+  }
+  return {};
+}
+
+namespace {
+
+SensorSample absent(const config::CommandLimits& limits, MonoTime now) {
+  SensorSample sample;
+  sample.sequence = kAbsentSequence;
+  sample.sensed_at = sample.published_at = now;
+  sample.value_count = static_cast<std::uint32_t>(limits.when_absent.size());
+  std::ranges::transform(limits.when_absent, sample.values, [](double value) { return static_cast<float>(value); });
+  return sample;
+}
+
+}  // namespace
+
+std::string take_usable(const config::RobotConfig& robot, std::span<const std::size_t> in_use,
+                        std::span<const SensorSample> seen, MonoTime now, std::span<SensorSample> used) {
+  for (const std::size_t i : in_use) {
+    const config::Sensor& sensor = robot.sensors[i];
+    used[i] = seen[i];
+    const SampleVerdict verdict = judge(sensor, seen[i], now);
+    if (verdict == SampleVerdict::usable) continue;
+    if (!sensor.command) return sentence_of(verdict, robot, sensor);
+    used[i] = absent(*sensor.command, now);
   }
   return {};
 }

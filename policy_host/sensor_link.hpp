@@ -12,8 +12,10 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
+#include "executive/contract/sample_verdict.hpp"
 #include "executive/contract/sensor_sample.hpp"
 #include "executive/contract/session.hpp"
+#include "executive/ipc/executive_segments.hpp"
 #include "executive/ipc/rendezvous.hpp"
 #include "executive/ipc/segment.hpp"
 #include "executive/ipc/slot_ring.hpp"
@@ -22,9 +24,11 @@ namespace takt::policy_host {
 
 class SensorLink {
  public:
-  SensorLink(std::string socket, const Hello& hello);
+  SensorLink(std::string socket, const Hello& hello, const ipc::RingShape& shape = ipc::sensor_mailbox());
   // Attaches if due, then reads. `sample` changes only when a newer one arrived.
   void update(MonoTime now, SensorSample& sample);
+  // The same for a payload of any shape; what is in `newest` after anything but `fresh` and `nothing_new` is no sample.
+  ipc::ReadStatus update(MonoTime now, std::span<std::byte> newest);
   // Why it is not attached; empty while it is.
   [[nodiscard]] const std::string& problem() const { return problem_; }
 
@@ -35,8 +39,10 @@ class SensorLink {
     ipc::SlotReader reader;
   };
   void attach();
+  void stay_attached(MonoTime now);
   std::string socket_;
   Hello hello_;
+  ipc::RingShape shape_;
   std::optional<Attached> attached_;
   std::string problem_ = "not attached yet";
   MonoTime next_attempt_;
@@ -45,9 +51,20 @@ class SensorLink {
 // Indices of the sensors that the observation terms use, in the robot file's order.
 std::vector<std::size_t> sensors_in_use(const config::RobotConfig& robot);
 
-// The first reason why these samples must not drive the robot (never seen, wrong size, too old), empty when all may.
-// `samples`: one per sensor of the robot file, in its order.
-std::string unusable(const config::RobotConfig& robot, std::span<const std::size_t> in_use,
-                     std::span<const SensorSample> samples, MonoTime now);
+// The mailbox of its samples: of floats, or of images of its shape.
+ipc::RingShape mailbox_of(const config::Sensor& sensor);
+
+// Of a sample of floats, and of an image by its stamps. `now`: read after the sample was.
+SampleVerdict judge(const config::Sensor& sensor, const SensorSample& sample, MonoTime now);
+std::string sentence_of(SampleVerdict verdict, const config::RobotConfig& robot, const config::Sensor& sensor);
+
+// Stands for a person who says nothing: another sequence than any real sample's.
+inline constexpr std::uint64_t kAbsentSequence = UINT64_MAX;
+
+// Fills `used` with what may drive the robot: the samples seen, and for a command without a usable one its when_absent,
+// as of now. The first reason why there is no such thing (never seen, wrong size, a lie, too old); empty: there is.
+// `seen`, `used`: one per sensor of the robot file, in its order.
+std::string take_usable(const config::RobotConfig& robot, std::span<const std::size_t> in_use,
+                        std::span<const SensorSample> seen, MonoTime now, std::span<SensorSample> used);
 
 }  // namespace takt::policy_host

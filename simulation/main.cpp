@@ -17,6 +17,7 @@
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "executive/contract/monotonic_clock.hpp"
+#include "executive/ipc/sensor_server.hpp"
 #include "executive/ipc/unix_socket.hpp"
 #include "executive/log/program_log.hpp"
 #include "simulation/camera.hpp"
@@ -28,7 +29,6 @@
 #include "simulation/robot_plant.hpp"
 #include "simulation/scenario_player.hpp"
 #include "simulation/sensor_path.hpp"
-#include "simulation/sensor_server.hpp"
 #include "simulation/truth_log.hpp"
 
 namespace takt::plant {
@@ -72,7 +72,7 @@ void ask_for_punctuality() {
 }
 
 struct Outputs {
-  std::unique_ptr<SensorServer> sensor;
+  std::unique_ptr<ipc::SensorServer> sensor;
   std::optional<TruthLog> truth;
 };
 
@@ -155,7 +155,8 @@ std::expected<Outputs, std::string> open_outputs(const config::RobotConfig& robo
     policy_user = *user;
   }
   if (!robot.simulation->camera_sensor.empty()) {
-    auto sensor = SensorServer::start(config::sensor_socket(directory, robot.simulation->camera_sensor), policy_user);
+    auto sensor =
+        ipc::SensorServer::start(config::sensor_socket(directory, robot.simulation->camera_sensor), policy_user);
     if (!sensor) return std::unexpected(sensor.error());
     outputs.sensor = std::move(*sensor);
   }

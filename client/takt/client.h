@@ -1,4 +1,4 @@
-/* Takt for a process of your own, in C: be a robot's policy.
+/* Takt for a process of your own, in C: be a robot's policy, or one of its sensors.
  *
  * A policy reads observations of a running executive and answers them with chunks of joint targets. Age stays the
  * executive's affair: the oldest sample of everything that was read counts, and the library says so in every command.
@@ -6,13 +6,19 @@
  *   takt_policy_open -> takt_policy_attach -> { takt_policy_next -> [infer_begin, infer_end] -> takt_policy_publish }*
  *   -> takt_policy_detach -> takt_policy_close
  *
+ * A sensor of the robot file (its `sensors`: float32 values, or images of 8 bits) publishes samples into shared memory,
+ * written in place, each stamped with the instant at which it was sensed. Who reads it is nobody's business here:
+ * policies, the executive, none or several.
+ *
+ *   takt_sensor_open -> { takt_sensor_values, fill -> takt_sensor_publish }* -> takt_sensor_close
+ *
  * Shapes, units: joints are those of the robot file in its order; q rad, dq rad/s, tau Nm, kp Nm/rad, kd Nms/rad;
  * float32; stamps in ns of CLOCK_MONOTONIC.
  *
  * Errors: a return code below, and one line of text: what is wrong, how to mend it. No function ends the process,
  * prints or throws.
  *
- * Thread rule: a policy belongs to the thread that opened it. Several policies are independent of one another.
+ * Thread rule: a policy or a sensor belongs to the thread that opened it. Several are independent of one another.
  *
  * Versions: what this header promises is TAKT_CLIENT_ABI; fields and functions are only ever added to it, at the end.
  * Library and executive must come from the same version of Takt; the executive refuses others.
@@ -47,13 +53,26 @@ enum {
   TAKT_TERM_DQ = 1,         /* joint_count values: estimated velocities, rad/s */
   TAKT_TERM_TAU = 2,        /* joint_count values: measured torques, Nm */
   TAKT_TERM_Q_SETPOINT = 3, /* joint_count values: what the drives were last told, rad */
-  TAKT_TERM_STREAM = 4      /* newest sample of an outside sensor of the robot file, in its own units */
+  TAKT_TERM_STREAM = 4,     /* newest sample of an outside sensor of the robot file, in its own units */
+  TAKT_TERM_IMAGE = 5       /* newest image of an outside sensor; in takt_observation.images, not in its values */
 };
+
+/* A sensor as the robot file describes it; constant. */
+enum { TAKT_FLOAT32 = 0, TAKT_UINT8 = 1 };
+typedef struct takt_stream {
+  const char* name;
+  const char* unit;                 /* "unstated": the robot file does not say */
+  int64_t timeout_ns;               /* a sample that is older is not used */
+  uint32_t type;                    /* TAKT_FLOAT32, TAKT_UINT8 */
+  uint32_t values;                  /* of a sample: floats, or the bytes of an image */
+  uint32_t height, width, channels; /* TAKT_UINT8: row after row, the channels of a pixel together; else 0 */
+  uint32_t reserved;
+} takt_stream;
 
 typedef struct takt_term {
   uint32_t kind;
-  uint32_t values;    /* TAKT_TERM_STREAM: how many the policy expects; else 0 */
-  const char* stream; /* TAKT_TERM_STREAM: name of an entry in the robot file's `sensors`; else NULL */
+  uint32_t values;    /* TAKT_TERM_STREAM: how many the policy expects; TAKT_TERM_IMAGE: how many bytes; else 0 */
+  const char* stream; /* TAKT_TERM_STREAM, TAKT_TERM_IMAGE: name of an entry in the robot file's `sensors`; else NULL */
 } takt_term;
 
 /* What the policy is. Copied; nothing has to outlive takt_policy_open. */
@@ -93,6 +112,9 @@ typedef struct takt_observation {
   const char* mode;          /* of the executive: "standby", "arming", "tracking", "degraded", "damped_stop", ... */
   uint32_t value_count;
   uint32_t reset; /* 1: forget what you remember: new session, long gap, arming, own output was not finite */
+  const uint8_t* const* images; /* image_count, in the terms' order */
+  uint32_t image_count;
+  uint32_t reserved;
 } takt_observation;
 
 /* A chunk: steps x joint_count values each, step after step. Between steps the executive does what the robot file's
@@ -138,6 +160,8 @@ int takt_policy_publish(takt_policy* policy, const takt_chunk* chunk);
 /* Valid until takt_policy_close; never NULL. */
 const takt_robot* takt_policy_robot(const takt_policy* policy);
 const takt_observation* takt_policy_observation(const takt_policy* policy);
+/* The sensor of this name; NULL: the robot file lists none. */
+const takt_stream* takt_policy_stream(const takt_policy* policy, const char* name);
 /* Why the last call did not return OK; empty where there is nothing to say. Valid until the next call. */
 const char* takt_policy_sentence(const takt_policy* policy);
 
@@ -146,6 +170,44 @@ void takt_policy_detach(takt_policy* policy);
 
 /* Detaches and frees. NULL is fine. */
 void takt_policy_close(takt_policy* policy);
+
+/* What the sensor gives. Copied. */
+typedef struct takt_sensor_spec {
+  uint32_t size;                    /* sizeof(takt_sensor_spec) */
+  uint32_t type;                    /* TAKT_FLOAT32, TAKT_UINT8 */
+  const char* robot_file;           /* path */
+  const char* runtime_directory;    /* where the robot's sockets are; NULL: the default for this user and robot */
+  const char* name;                 /* of an entry in the robot file's `sensors` */
+  const char* unit;                 /* as there; NULL: not compared */
+  const char* policy_user;          /* one more user who may read it, besides this one and root; NULL: none */
+  uint32_t values;                  /* TAKT_FLOAT32: of a sample; else 0 */
+  uint32_t height, width, channels; /* TAKT_UINT8; else 0 */
+} takt_sensor_spec;
+
+typedef struct takt_sensor takt_sensor;
+
+/* Compares the spec with the robot file and serves sensor-NAME.sock in the runtime directory. Errors as
+ * takt_policy_open's, and REFUSED: another process serves this sensor already. Starts one thread, which greets readers
+ * and takes no signals. */
+int takt_sensor_open(const takt_sensor_spec* spec, takt_sensor** sensor, char* why, uint32_t why_bytes);
+
+/* The memory of the next sample: `values` floats or bytes, shared with the readers, who see none of it before it is
+ * published. What is in it is an earlier sample. Another address after every takt_sensor_publish; write no more to the
+ * old one. */
+void* takt_sensor_values(takt_sensor* sensor);
+
+/* Publishes what is in there. `sensed_ns`: when it was sensed (a camera's shutter), ns of CLOCK_MONOTONIC; it counts in
+ * the age of every command that rests on it. Never waits. Returns OK, USAGE (also for a stamp that is after now), BUG.
+ */
+int takt_sensor_publish(takt_sensor* sensor, int64_t sensed_ns);
+
+/* Valid until takt_sensor_close; never NULL. */
+const takt_stream* takt_sensor_stream(const takt_sensor* sensor);
+/* Why the last call did not return OK; empty where there is nothing to say. Valid until the next call. */
+const char* takt_sensor_sentence(const takt_sensor* sensor);
+
+/* Readers see that it is gone, and keep the last sample for as long as its timeout lets them. NULL is fine. */
+void takt_sensor_close(takt_sensor* sensor);
 
 #ifdef __cplusplus
 }

@@ -143,6 +143,8 @@ CauseFindings cause_findings(Cause cause, const TickRecord& record, const config
     case Cause::operator_deenergise:
     case Cause::recording_lost:
     case Cause::torque_output_lost:
+    case Cause::tilt:
+    case Cause::imu_lost:
       return {};
   }
   return {};

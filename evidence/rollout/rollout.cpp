@@ -22,6 +22,8 @@ constexpr Duration kSettle = seconds(2);  // from power-on to the task: arming, 
 
 std::expected<std::unique_ptr<World>, std::string> make_world(const RolloutSetup& setup,
                                                               const Disturbance& disturbance) {
+  if (setup.robot.imu)
+    return std::unexpected(setup.robot.file + ": rollouts have no simulated IMU yet; take `imu` out, or run it live");
   switch (setup.task) {
     case Task::arm_tracking:
       return ArmWorld::make(setup.robot, disturbance, kStart, setup.seed);

@@ -50,7 +50,8 @@ VirtualPolicy::VirtualPolicy(const config::RobotConfig& robot, std::uint64_t pol
       responder_(robot, policy_hash, policy),
       feed_(disturbance, seed),
       sensors_in_use_(policy_host::sensors_in_use(robot)),
-      samples_(robot.sensors.size()) {
+      samples_(robot.sensors.size()),
+      used_(robot.sensors.size()) {
   responder_.start_session();
 }
 
@@ -146,7 +147,7 @@ void VirtualPolicy::answer(const Waiting& waiting, MonoTime dequeued_at) {
   for (const std::size_t sensor : sensors_in_use_) samples_[sensor] = feed_.newest(dequeued_at);
   const MonoTime started = dequeued_at + kBuildInput;
   free_at_ = started;
-  if (!policy_host::unusable(robot_, sensors_in_use_, samples_, dequeued_at).empty()) return;
+  if (!policy_host::take_usable(robot_, sensors_in_use_, samples_, dequeued_at, used_).empty()) return;
   Random draw(plant::seed_for(seed_, kPolicyStream + 1), waiting.observation.id);
   const MonoTime ended = end_of(started, inference_time(draw, started));
   const MonoTime published = ended + timing_.publish;
@@ -154,7 +155,7 @@ void VirtualPolicy::answer(const Waiting& waiting, MonoTime dequeued_at) {
   t_script = {{started, ended, published}, 0};
   ArrivedCommand command{waiting.observation.oldest_sensed_at, waiting.observation.published_at, published,
                          published + disturbance_.delay(Trouble::publish_delay, published),
-                         copy_of(responder_.answer(waiting.observation, samples_, dequeued_at, scripted_clock))};
+                         copy_of(responder_.answer(waiting.observation, used_, dequeued_at, scripted_clock))};
   spoil(*command.chunk, draw, published);
   // The way is one queue: what was published later does not arrive earlier.
   if (!sent_.empty()) command.arrives_at = std::max(command.arrives_at, sent_.back().arrives_at);

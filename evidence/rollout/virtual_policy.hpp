@@ -76,7 +76,7 @@ class VirtualPolicy {
   policy_host::Responder responder_;
   SensorFeed feed_;
   std::vector<std::size_t> sensors_in_use_;
-  std::vector<SensorSample> samples_;
+  std::vector<SensorSample> samples_, used_;  // newest, and what the policy is shown
   std::deque<Waiting> waiting_;
   std::deque<ArrivedCommand> sent_;
   ArrivedCommand newest_;

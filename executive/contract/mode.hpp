@@ -51,8 +51,10 @@ enum class Cause : std::uint8_t {
   internal_error,       // our own bug: an assertion failed
   operator_deenergise,  // person wants the drives without power, now
   torque_output_lost,   // the output that permits torque does not do as it is told
+  tilt,                 // the base leans or turns beyond its limits
+  imu_lost,             // no usable sample of the base's IMU for its timeout
 };
-inline constexpr std::size_t kCauseCount = 30;
+inline constexpr std::size_t kCauseCount = 32;
 
 constexpr std::string_view name(Mode mode) {
   constexpr std::array<std::string_view, kModeCount> names{"standby",  "arming",      "tracking",
@@ -91,7 +93,9 @@ constexpr std::string_view name(Cause cause) {
                                                             "recording_lost",
                                                             "internal_error",
                                                             "operator_deenergise",
-                                                            "torque_output_lost"};
+                                                            "torque_output_lost",
+                                                            "tilt",
+                                                            "imu_lost"};
   const auto index = static_cast<std::size_t>(cause);
   return index < names.size() ? names[index] : "invalid";
 }

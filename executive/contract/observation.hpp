@@ -1,13 +1,14 @@
 // What the executive tells a policy about the robot, published into the observation mailbox every policy period.
 //
-// Source: drive feedback, decoded and filtered by the executive. Thread rule: plain value, copied whole.
-// The executive remembers (id -> oldest_sensed_at, published_at) itself; what a policy says later about an
-// observation is never believed in its place.
+// Source: drive feedback, decoded and filtered by the executive, and the base's IMU where the robot has one. Thread
+// rule: plain value, copied whole. The executive remembers (id -> oldest_sensed_at, published_at) itself; what a policy
+// says later about an observation is never believed in its place.
 #pragma once
 
 #include <cstdint>
 #include <type_traits>
 
+#include "executive/contract/imu.hpp"
 #include "executive/contract/joints.hpp"
 #include "executive/contract/layout.hpp"
 #include "executive/contract/mono_time.hpp"
@@ -17,7 +18,7 @@ namespace takt {
 struct Observation {
   std::uint64_t id = 0;       // 1, 2, 3, ...; 0 means none
   std::uint64_t tick = 0;     // control tick that published it
-  MonoTime oldest_sensed_at;  // receive stamp of the oldest joint sample inside
+  MonoTime oldest_sensed_at;  // of the oldest sample inside: a joint's receive stamp, or when the IMU sensed
   MonoTime published_at;
   Duration period;                // time to the next observation
   std::uint32_t joint_count = 0;  // 1..kMaxJoints
@@ -27,6 +28,7 @@ struct Observation {
   Velocities dq;
   Torques tau;
   Positions q_setpoint;  // what the drives were last told
+  ImuSample imu;         // newest usable one; sequence 0: the robot has none
 };
 
 #define TAKT_OBSERVATION_FIELDS                                                                                       \
@@ -34,11 +36,12 @@ struct Observation {
     TAKT_FIELD(Observation, id), TAKT_FIELD(Observation, tick), TAKT_FIELD(Observation, oldest_sensed_at),            \
         TAKT_FIELD(Observation, published_at), TAKT_FIELD(Observation, period), TAKT_FIELD(Observation, joint_count), \
         TAKT_FIELD(Observation, mode), TAKT_FIELD(Observation, reserved), TAKT_FIELD(Observation, q),                 \
-        TAKT_FIELD(Observation, dq), TAKT_FIELD(Observation, tau), TAKT_FIELD(Observation, q_setpoint)                \
+        TAKT_FIELD(Observation, dq), TAKT_FIELD(Observation, tau), TAKT_FIELD(Observation, q_setpoint),               \
+        TAKT_FIELD(Observation, imu)                                                                                  \
   }
 
 static_assert(std::is_standard_layout_v<Observation> && std::is_trivially_copyable_v<Observation>);
-static_assert(sizeof(Observation) == 48 + 4 * sizeof(Positions));
+static_assert(sizeof(Observation) == 48 + 4 * sizeof(Positions) + sizeof(ImuSample));
 static_assert(is_gapless(TAKT_OBSERVATION_FIELDS, sizeof(Observation)));
 inline constexpr std::uint64_t kObservationLayout = layout_hash(TAKT_OBSERVATION_FIELDS);
 #undef TAKT_OBSERVATION_FIELDS

@@ -9,6 +9,7 @@
 #include <type_traits>
 
 #include "executive/contract/feedback.hpp"
+#include "executive/contract/imu.hpp"
 #include "executive/contract/intervention.hpp"
 #include "executive/contract/joints.hpp"
 #include "executive/contract/layout.hpp"
@@ -47,6 +48,7 @@ struct TickRecordHeader {
   JointMask last_damped = 0;          // joints to which the previous tick sent its damping instead: it was too late
   MonoTime asked_at;                  // when the executive heard the stop or shutdown of operator_request; else unset
   BusHealth buses[kMaxBuses];
+  ImuSample imu;                            // as it was read, newest; sequence 0: none yet
   std::uint64_t command_sequence_seen = 0;  // sequence of the message read this tick; 0 none
   std::uint64_t recorded_through = 0;       // newest tick the recorder has on its medium; 0: nothing records
   OperatorRequest operator_request = OperatorRequest::none;
@@ -76,7 +78,7 @@ struct TickRecordHeader {
   Arrival last_refusal = Arrival::none;  // of the newest message; none: it was accepted, or there was none
   TorqueOutputState torque_output = TorqueOutputState::none;  // input
   std::uint8_t torque_permitted = 0;                          // 1 when that output is told to permit torque
-  std::uint8_t reserved[1] = {};
+  ImuVerdict imu_verdict = ImuVerdict::absent;
 };
 
 struct JointRecord {
@@ -99,7 +101,7 @@ struct JointRecord {
 
 static_assert(std::is_standard_layout_v<AgeParts> && sizeof(AgeParts) == 40);
 static_assert(std::is_standard_layout_v<TickRecordHeader> && std::is_trivially_copyable_v<TickRecordHeader>);
-static_assert(sizeof(TickRecordHeader) == 72 + 16 * kMaxBuses + 16 + 40 + 24 + 16 + 16 + 8);
+static_assert(sizeof(TickRecordHeader) == 72 + 16 * kMaxBuses + sizeof(ImuSample) + 16 + 40 + 24 + 16 + 16 + 8);
 static_assert(std::is_standard_layout_v<JointRecord> && sizeof(JointRecord) == 80);
 
 // Room for the largest record; only used_bytes() of it travel.
@@ -115,6 +117,7 @@ struct TickRecord {
 inline constexpr std::uint64_t kTickRecordLayout = layout_hash({TAKT_FIELD(TickRecordHeader, last_damped),
                                                                 TAKT_FIELD(TickRecordHeader, asked_at),
                                                                 TAKT_FIELD(TickRecordHeader, buses),
+                                                                TAKT_FIELD(TickRecordHeader, imu),
                                                                 TAKT_FIELD(TickRecordHeader, recorded_through),
                                                                 TAKT_FIELD(TickRecordHeader, operator_request),
                                                                 TAKT_FIELD(TickRecordHeader, joint_count),
@@ -126,6 +129,7 @@ inline constexpr std::uint64_t kTickRecordLayout = layout_hash({TAKT_FIELD(TickR
                                                                 TAKT_FIELD(TickRecordHeader, last_refusal),
                                                                 TAKT_FIELD(TickRecordHeader, torque_output),
                                                                 TAKT_FIELD(TickRecordHeader, torque_permitted),
+                                                                TAKT_FIELD(TickRecordHeader, imu_verdict),
                                                                 TAKT_FIELD(JointRecord, feedback),
                                                                 TAKT_FIELD(JointRecord, q_estimate),
                                                                 TAKT_FIELD(JointRecord, tau_command),

@@ -297,6 +297,25 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
      "its level is not known: torque may be gone already, or may stay whatever is told; the output is one channel, and "
      "reads its own register, not the drives' inputs",
      {Device::emergency_stop, Device::brakes, Device::gantry}},
+    {Cause::tilt,
+     {Hazard::falls, Hazard::beyond},
+     {Unsafe::T2, Unsafe::S7},
+     "the base is pushed, slips or stumbles, or the policy throws it over",
+     "the angle of the base's z axis from upright beyond imu.tilt, or its rate beyond imu.angular_velocity",
+     {"pipeline_test ImuCauses.ABaseThatLeansOrTurnsTooFarStopsTheRobot",
+      "incident_test ImuIncident.SaysHowFarTheBaseLeans"},
+     "a robot that leans that far falls: a damped stop only softens it",
+     {Device::gantry, Device::fence}},
+    {Cause::imu_lost,
+     {Hazard::unfelt, Hazard::falls},
+     {Unsafe::T7},
+     "the IMU's cable, its process or its clock fails, or it says the same again and again",
+     "no usable sample sensed within the sensor's timeout; samples that lie (future, backwards, no number, no unit "
+     "quaternion) are not used; imu.frozen_after",
+     {"pipeline_test ImuCauses.EachWayToLoseItStopsTheRobot", "imu_link_test ImuLinkTest.ASensorThatIsKilledIsLost"},
+     "one that drifts, or is mounted otherwise than the model says, is believed; a robot that balances falls without "
+     "it",
+     {Device::gantry, Device::fence}},
 }};
 
 namespace hazards_detail {

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "drivers/protocol/cause_detail.hpp"
 #include "drivers/protocol/protocol_table.hpp"
@@ -36,6 +37,34 @@ std::string done_text(Mode mode, Cause cause) {
   return mode == Mode::fault_latched ? "the failed drives get no power, the rest of their limbs damps, the rest of the "
                                        "robot comes to rest and holds; the fault stays latched"
                                      : "the robot is damped to rest and held";
+}
+
+std::string tilt_words(const TickRecordHeader& header, const config::Imu& limits) {
+  const auto& turning = header.imu.angular_velocity;
+  return fmt::format(
+      "the base leans {:.2f} rad from upright (imu.tilt {:g}) and turns at {:.2f} rad/s "
+      "(imu.angular_velocity {:g})",
+      tilt_of(header.imu), limits.tilt, std::hypot(turning[0], turning[1], turning[2]), limits.angular_velocity);
+}
+
+std::string imu_words(const TickRecordHeader& header, const std::string& sensor) {
+  switch (header.imu_verdict) {
+    case ImuVerdict::absent:
+      return fmt::format("nothing was ever read of sensor {}", sensor);
+    case ImuVerdict::usable:
+      return fmt::format("sensor {}: its newest sample is {:.0f} ms old, or says the same as all before it", sensor,
+                         (header.now - header.imu.sensed_at).milliseconds());
+    case ImuVerdict::from_future:
+      return fmt::format("sensor {}: its newest sample is stamped {:.1f} ms ahead of now", sensor,
+                         (header.imu.sensed_at - header.now).milliseconds());
+    case ImuVerdict::backwards:
+      return fmt::format("sensor {}: its stamps run backwards", sensor);
+    case ImuVerdict::not_finite:
+      return fmt::format("sensor {}: its newest sample has values that are no numbers", sensor);
+    case ImuVerdict::not_unit:
+      return fmt::format("sensor {}: its quaternion is no unit quaternion", sensor);
+  }
+  return {};
 }
 
 std::string sentence_of(const Incident& incident) {
@@ -193,6 +222,10 @@ std::string IncidentWatch::words(const TickRecord& record) const {
       return "a recorder is required (record.recorder), and none writes";
     case Cause::torque_output_lost:
       return "the output that permits torque (safety.safe_torque_off) could not be set, or reads otherwise";
+    case Cause::tilt:
+      return tilt_words(header, robot_.imu.value_or(config::Imu{}));
+    case Cause::imu_lost:
+      return imu_words(header, robot_.imu.value_or(config::Imu{}).sensor);
     case Cause::internal_error:
       return "an assertion of Takt failed: report it with the run folder";
     case Cause::none:

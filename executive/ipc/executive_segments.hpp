@@ -10,6 +10,7 @@
 
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/contract_layout.hpp"
+#include "executive/contract/image_sample.hpp"
 #include "executive/ipc/slot_ring.hpp"
 
 namespace takt::ipc {
@@ -32,6 +33,12 @@ constexpr RingShape command_mailbox() {
 }
 constexpr RingShape sensor_mailbox() {
   return {kMailboxSlots, sizeof(SensorSample), kSensorSampleLayout};
+}
+
+// Half as many slots: an image is large, and cameras are slow.
+constexpr RingShape image_mailbox(std::uint32_t height, std::uint32_t width, std::uint32_t channels) {
+  return {kMailboxSlots / 2, static_cast<std::uint32_t>(sizeof(ImageHeader)) + height * width * channels,
+          image_layout(height, width, channels)};
 }
 
 // Of what the largest chunk leaves room for in about 16 MiB: 128 to 8192 messages.

@@ -43,7 +43,7 @@ static_assert(sizeof(SlotHeader) == 16);
 
 constexpr bool is_valid(const RingShape& shape) {
   return shape.slot_count >= 2 && shape.slot_count <= 65536 && (shape.slot_count & (shape.slot_count - 1)) == 0 &&
-         shape.payload_capacity >= 1 && shape.payload_capacity <= (1U << 20U);
+         shape.payload_capacity >= 1 && shape.payload_capacity <= kLargestPayload;
 }
 
 constexpr std::size_t slot_stride(const RingShape& shape) {

@@ -20,10 +20,11 @@ namespace takt::ipc {
 
 inline constexpr std::size_t kMailboxSlots = 8;
 inline constexpr int kMaxTries = 4;
+inline constexpr std::uint32_t kLargestPayload = (16U << 20U) + 4096;  // bytes: the largest image, and its header
 
 struct RingShape {
   std::uint32_t slot_count = 0;        // power of two, 2..65536
-  std::uint32_t payload_capacity = 0;  // bytes per slot, 1..1 MiB
+  std::uint32_t payload_capacity = 0;  // bytes per slot, 1..kLargestPayload
   std::uint64_t layout = 0;            // layout hash of the payload structure
   friend bool operator==(const RingShape&, const RingShape&) = default;
 };
@@ -39,12 +40,20 @@ class SlotWriter {
   void publish(std::span<const std::byte> payload) noexcept;
   // Same, payload given in two pieces that are stored one after the other; head.size() must be a multiple of 8.
   void publish(std::span<const std::byte> head, std::span<const std::byte> tail) noexcept;
+  // Large payloads, without a copy: the slot of the next one, to be filled in place, payload_capacity bytes. It is
+  // marked as being written until commit(); calling begin() again gives the same slot. What is in it is what was
+  // published there slot_count payloads ago.
+  std::span<std::byte> begin() noexcept;
+  // Publishes the first `bytes` of what begin() gave. Who writes to it afterwards makes the payload corrupt.
+  // Precondition: begin() was called, bytes <= payload_capacity (aborts otherwise: our own bug).
+  void commit(std::size_t bytes) noexcept;
   [[nodiscard]] std::uint64_t published() const noexcept { return published_; }
 
  private:
   std::byte* memory_;
   RingShape shape_;
   std::uint64_t published_ = 0;
+  bool begun_ = false;
 };
 
 // contended: the writer was faster on every try; ask again later.

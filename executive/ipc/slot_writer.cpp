@@ -84,4 +84,30 @@ void SlotWriter::publish(std::span<const std::byte> head, std::span<const std::b
   published_ = sequence;
 }
 
+// The caller's stores are plain: the fence keeps them behind the odd version, as the release stores of publish() do. A
+// reader that is overtaken all the same has the checksum.
+std::span<std::byte> SlotWriter::begin() noexcept {
+  const std::uint64_t sequence = published_ + 1;
+  std::byte* const at = memory_ + slot_offset(shape_, sequence);
+  shared_at<SlotHeader>(at).version.store(version_while_writing(sequence), std::memory_order_relaxed);
+  std::atomic_thread_fence(std::memory_order_release);
+  begun_ = true;
+  return {at + sizeof(SlotHeader), shape_.payload_capacity};
+}
+
+void SlotWriter::commit(std::size_t bytes) noexcept {
+  if (!begun_) abort_on_our_bug("commit without begin");
+  if (bytes > shape_.payload_capacity) abort_on_our_bug("payload larger than the slot");
+  begun_ = false;
+  const std::uint64_t sequence = published_ + 1;
+  std::byte* const at = memory_ + slot_offset(shape_, sequence);
+  auto& slot = shared_at<SlotHeader>(at);
+  const auto size = static_cast<std::uint32_t>(bytes);
+  const std::uint32_t crc = payload_crc(size, {at + sizeof(SlotHeader), bytes}, {});
+  slot.size_and_crc.store(pack_size_and_crc(size, crc), std::memory_order_release);
+  slot.version.store(version_when_complete(sequence), std::memory_order_release);
+  shared_at<RingHeader>(memory_).head.store(sequence, std::memory_order_release);
+  published_ = sequence;
+}
+
 }  // namespace takt::ipc

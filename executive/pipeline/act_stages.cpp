@@ -163,6 +163,10 @@ void publish(TickState& state, const TickConfig& config, TickOutput& output) {
     if (!sampled_at.is_set()) return;  // a joint that never replied: there is nothing to observe yet
     oldest = std::min(oldest, sampled_at);
   }
+  if (config.imu.present) {
+    if (state.imu.in_force.sequence == 0) return;
+    oldest = std::min(oldest, state.imu.in_force.sensed_at);
+  }
   state.counters.next_observation_ordinal = ordinal + 1;
   Observation& observation = output.observation;
   observation.id = header.observation_published = state.memory.remember({oldest, header.now}, state.shape.remembered);
@@ -170,6 +174,7 @@ void publish(TickState& state, const TickConfig& config, TickOutput& output) {
   observation.oldest_sensed_at = oldest;
   observation.published_at = header.now;
   observation.period = config.period * std::max<std::uint32_t>(config.observation_every_ticks, 1);
+  observation.imu = state.imu.in_force;
   observation.joint_count = config.joint_count;
   observation.mode = static_cast<std::uint8_t>(state.mode.mode);
   for (std::size_t j = 0; j < config.joint_count; ++j) {

@@ -116,6 +116,9 @@ std::size_t arming_blockers(const TickRecord& latest, const TickConfig& config, 
       "nothing is recorded: start takt-monitor, or see why it stopped (record.recorder: optional moves unrecorded)");
   list.add_if((header.causes_active & bit(Cause::torque_output_lost)) != 0,
               "the output that permits torque does not do as it is told (safety.safe_torque_off)");
+  list.add_if((header.causes_active & bit(Cause::imu_lost)) != 0,
+              "no usable sample of the base's IMU: is its process running? takt status says what is wrong with it");
+  list.add_if((header.causes_active & bit(Cause::tilt)) != 0, "the base leans or turns beyond its limits (imu)");
   list.add_if((header.causes_active & bit(Cause::internal_error)) != 0, "internal error");
   for (const BusBlocker& blocker : kBusBlockers)
     list.add_if((header.causes_active & bit(blocker.cause)) != 0, blocker.what);

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "executive/pipeline/bus_watch.hpp"
+#include "executive/pipeline/imu_watch.hpp"
 
 namespace takt::pipeline {
 namespace {
@@ -122,7 +123,8 @@ CauseMask conditions(const TickState& state, const TickRecord& record, const Tic
   return of_buses(record) | link_faults(state.links, record, config) | of_drives(state, record, config) |
          of_commands(state, record.header.now, config) | of_guard(record) | when(late, Cause::overrun) |
          when(is_unrecorded(record.header, config), Cause::recording_lost) |
-         when(is_torque_output_lost(record.header, config), Cause::torque_output_lost);
+         when(is_torque_output_lost(record.header, config), Cause::torque_output_lost) |
+         imu_conditions(state.imu, record.header.now, config.imu);
 }
 
 JointMask affected_joints(const TickState& state, const TickRecord& record, const TickConfig& config) {

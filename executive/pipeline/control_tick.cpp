@@ -37,6 +37,7 @@ TickInput input_of(const TickRecord& record, const CommandChunk* command, std::s
   input.asked_at = header.asked_at;
   input.recorded_through = header.recorded_through;
   input.torque_output = header.torque_output;
+  input.imu = header.imu;
   input.mailbox = header.mailbox;
   input.policy_session = header.policy_session;
   input.command = command;

@@ -46,6 +46,7 @@ struct TickInput {
   std::size_t command_bytes = 0;  // of the message; more than the largest legal one: only its beginning is there
   // Replay of a refused message whose values were not kept: what was found in them. None: look.
   Arrival command_values = Arrival::none;
+  ImuSample imu;  // newest that was read, not judged yet; sequence 0: none yet, or the robot has none
   BusHealth buses[kMaxBuses];
   JointFeedback joints[kMaxJoints];
 };

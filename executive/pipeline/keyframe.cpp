@@ -35,6 +35,7 @@ constexpr std::uint64_t kStateLayout = layout_hash({{kAbiVersion, sizeof(TickSta
                                                     {offsetof(TickState, clamped), sizeof(TickWindow)},
                                                     {offsetof(TickState, late), sizeof(TickWindow)},
                                                     {offsetof(TickState, links), sizeof(LinkWatch)},
+                                                    {offsetof(TickState, imu), sizeof(ImuWatch)},
                                                     {offsetof(TickState, joints), sizeof(JointState)},
                                                     {offsetof(TickState, chunk), sizeof(CommandChunk)}});
 
@@ -45,7 +46,7 @@ constexpr std::size_t kLinkBytes = offsetof(LinkWatch, joints);
 std::size_t fixed_bytes(const StateShape& shape) {
   return sizeof(KeyframeHeader) + sizeof(ModeState) + sizeof(Counters) + sizeof(Recovery) + sizeof(CommandInUse) +
          ObservationMemory::saved_bytes(shape.remembered) + 4 * TickWindow::saved_bytes(shape.window_ticks) +
-         kLinkBytes + shape.joint_count * (sizeof(ReplyWatch) + sizeof(JointState));
+         kLinkBytes + sizeof(ImuWatch) + shape.joint_count * (sizeof(ReplyWatch) + sizeof(JointState));
 }
 
 StateShape shape_of(const KeyframeHeader& header) {
@@ -84,6 +85,7 @@ void walk(State& state, const StateShape& shape, std::size_t chunk, Piece&& piec
   piece(&state.late, TickWindow::saved_bytes(shape.window_ticks));
   piece(&state.links, kLinkBytes);
   piece(&state.links.joints[0], shape.joint_count * sizeof(ReplyWatch));
+  piece(&state.imu, sizeof(state.imu));
   piece(&state.joints[0], shape.joint_count * sizeof(JointState));
   piece(&state.chunk, chunk);
 }

@@ -131,6 +131,11 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
     // The drives still hear us, so the robot comes to rest while it has torque; then nobody arms it.
     {Cause::torque_output_lost,   56,  {S, P, P, P, P, F}, kRest, "one tick",
       "the output does as it is told; mode: operator reset"},
+    {Cause::tilt,                 54,  {S, P, P, P, P, F}, kRest, "one tick",
+      "the base is upright and still within imu.tilt and imu.angular_velocity; mode: operator reset"},
+    // What is commanded next would be decided by an attitude that nobody knows.
+    {Cause::imu_lost,             53,  {S, P, P, P, P, F}, kRest, "the IMU sensor's timeout, one tick",
+      "a usable sample; mode: operator reset"},
   }};
 }();
 // clang-format on

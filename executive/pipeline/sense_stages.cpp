@@ -137,6 +137,8 @@ void observe(TickState& state, const TickInput& input, const TickConfig& config,
   header.asked_at = input.asked_at;
   header.recorded_through = input.recorded_through;
   header.torque_output = input.torque_output;
+  header.imu = input.imu;
+  header.imu_verdict = take_imu(state.imu, input.imu, input.now, config);
   header.mailbox = input.mailbox;
   header.policy_session = input.policy_session;
   header.command_sequence_seen = sequence_seen(input);

@@ -103,6 +103,15 @@ enum class Interpolation : std::uint8_t {
   cubic,   // curves through the steps' positions and dq; velocity setpoint: the reference's
 };
 
+// The base's IMU (contract/imu.hpp).
+struct ImuConfig {
+  bool present = false;
+  Duration timeout;            // no usable sample sensed within it: imu_lost
+  Duration frozen_after;       // the same ten values for longer, under fresh stamps: imu_lost; 0: not looked for
+  float tilt = 0;              // rad, from upright
+  float angular_velocity = 0;  // rad/s, of the base
+};
+
 enum class DegradedBehaviour : std::uint8_t { hold, slow, fallback };
 enum class FallbackKind : std::uint8_t { pose, state_feedback };
 
@@ -138,7 +147,8 @@ struct TickConfig {
   double late_share = 0.25;            // of the freshness window: more periods late or skipped are an overrun; 1: never
   std::uint32_t unrecorded_limit = 0;  // ticks the recorder may be behind; 0: none is required
   bool has_torque_output = false;      // an output permits torque; it has to do as it is told
-  bool joint_fault_takes_torque = false;       // that output drops as soon as a fault takes a joint's power
+  bool joint_fault_takes_torque = false;  // that output drops as soon as a fault takes a joint's power
+  ImuConfig imu;
   float rest_velocity = 0.02F;                 // rad/s: below it the damped stop holds position
   std::array<float, 3> gravity{0, 0, -9.81F};  // m/s^2 in the base frame
   bool gravity_compensation = false;

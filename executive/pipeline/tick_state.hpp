@@ -14,6 +14,7 @@
 #include "executive/pipeline/control_tick.hpp"
 #include "executive/pipeline/freshness.hpp"
 #include "executive/pipeline/gravity_model.hpp"
+#include "executive/pipeline/imu_watch.hpp"
 #include "executive/pipeline/limbs.hpp"
 #include "executive/pipeline/observation_memory.hpp"
 #include "executive/pipeline/reference_limits.hpp"
@@ -77,6 +78,7 @@ struct TickState {
   TickWindow clamped;   // ticks that played a target out of its joint's range
   TickWindow late;      // periods late or skipped
   LinkWatch links;
+  ImuWatch imu;
   JointState joints[kMaxJoints];
   CommandChunk chunk;  // of the command in use; only its used part is ever written or read
 };
@@ -88,5 +90,6 @@ static_assert(sizeof(JointState) == sizeof(ObserverState) + 2 * sizeof(Reference
 static_assert(sizeof(RestWatch) == 16 + 4 * kMaxJoints && sizeof(ModeState) == 56 + sizeof(RestWatch) &&
               sizeof(Counters) == 24 && sizeof(Recovery) == 32);
 static_assert(sizeof(CommandInUse) == 56);
+static_assert(sizeof(ImuWatch) == sizeof(ImuSample) + 8);
 
 }  // namespace takt::pipeline

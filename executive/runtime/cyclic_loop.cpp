@@ -80,6 +80,7 @@ std::size_t CyclicLoop::tick(MonoTime woken, Duration lateness) noexcept {
   trace::tick_begin(input_.tick, woken, lateness);
   const std::size_t frames = parts_.edge.receive(input_, parts_.published);
   read_command();
+  read_imu();
   const OperatorInbox::Asked asked = parts_.requests.take();
   input_.operator_request = asked.request;
   input_.asked_at = asked.at;
@@ -113,6 +114,12 @@ void CyclicLoop::read_command() noexcept {
   if (input_.mailbox != Arrival::accepted) return;
   input_.command = command_.get();
   input_.command_bytes = result.size;
+}
+
+// What was read last stays: its age tells.
+void CyclicLoop::read_imu() noexcept {
+  ImuMailbox* const mailbox = parts_.imu == nullptr ? nullptr : parts_.imu->current();
+  if (mailbox != nullptr) mailbox->read(input_.imu);
 }
 
 void CyclicLoop::record() noexcept {

@@ -26,6 +26,7 @@
 #include "executive/runtime/clock.hpp"
 #include "executive/runtime/drive_edge.hpp"
 #include "executive/runtime/evidence.hpp"
+#include "executive/runtime/imu_link.hpp"
 #include "executive/runtime/mailbox_handover.hpp"
 #include "executive/runtime/operator_inbox.hpp"
 #include "executive/runtime/published_segments.hpp"
@@ -55,6 +56,7 @@ struct LoopParts {
   const RecordedThrough& recorded;
   PublishedSegments& published;
   StatusBoard& board;
+  Handover<ImuMailbox>* imu = nullptr;  // null: the robot has none
 };
 
 class CyclicLoop {
@@ -68,6 +70,7 @@ class CyclicLoop {
  private:
   std::size_t tick(MonoTime woken, Duration lateness) noexcept;  // returns the number of frames received
   void read_command() noexcept;
+  void read_imu() noexcept;
   void record() noexcept;
   void record_command() noexcept;
   void publish_status() noexcept;

@@ -15,23 +15,4 @@ std::expected<std::unique_ptr<CommandMailbox>, std::string> CommandMailbox::seal
   return std::make_unique<CommandMailbox>(std::move(mapped_by_policy), *reader, session);
 }
 
-void MailboxHandover::want(std::unique_ptr<CommandMailbox> mailbox) {
-  next_ = std::move(mailbox);
-  has_next_ = true;
-  settle();
-}
-
-void MailboxHandover::settle() {
-  if (in_use_.load(std::memory_order_acquire) != published_.get()) return;
-  retired_.reset();
-  if (!std::exchange(has_next_, false)) return;
-  retired_ = std::move(published_);
-  published_ = std::move(next_);
-  wanted_.store(published_.get(), std::memory_order_release);
-}
-
-bool MailboxHandover::is_settled() const {
-  return !has_next_ && !retired_ && in_use_.load(std::memory_order_acquire) == published_.get();
-}
-
 }  // namespace takt::runtime

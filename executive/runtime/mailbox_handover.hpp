@@ -1,4 +1,5 @@
-// Gives the control thread another policy's command mailbox, and takes the old one back, without either thread waiting.
+// Gives the control thread another mailbox to read (a policy's commands, the IMU's samples), and takes the old one
+// back, without either thread waiting.
 //
 //   service thread                        control thread, once per tick
 //   wanted = B          (S1, release) --> now = wanted            (C1, acquire)
@@ -19,6 +20,7 @@
 #include <expected>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "executive/ipc/segment.hpp"
 #include "executive/ipc/slot_ring.hpp"
@@ -36,33 +38,49 @@ struct CommandMailbox {
                                                                           std::uint8_t session);
 };
 
-class MailboxHandover {
+template <class Mailbox>
+class Handover {
  public:
-  MailboxHandover() = default;
-  MailboxHandover(const MailboxHandover&) = delete;
-  MailboxHandover& operator=(const MailboxHandover&) = delete;
+  Handover() = default;
+  Handover(const Handover&) = delete;
+  Handover& operator=(const Handover&) = delete;
 
   // Reads from `mailbox` as soon as possible; null: from none.
-  void want(std::unique_ptr<CommandMailbox> mailbox);
+  void want(std::unique_ptr<Mailbox> mailbox) {
+    next_ = std::move(mailbox);
+    has_next_ = true;
+    settle();
+  }
   // Frees what the control thread has let go of. Call it now and then.
-  void settle();
+  void settle() {
+    if (in_use_.load(std::memory_order_acquire) != published_.get()) return;
+    retired_.reset();
+    if (!std::exchange(has_next_, false)) return;
+    retired_ = std::move(published_);
+    published_ = std::move(next_);
+    wanted_.store(published_.get(), std::memory_order_release);
+  }
   // The control thread reads what was last asked for, and nothing else is kept.
-  [[nodiscard]] bool is_settled() const;
+  [[nodiscard]] bool is_settled() const {
+    return !has_next_ && !retired_ && in_use_.load(std::memory_order_acquire) == published_.get();
+  }
 
   // Null: none. Valid until the next call.
-  CommandMailbox* current() noexcept {
-    CommandMailbox* const now = wanted_.load(std::memory_order_acquire);
+  Mailbox* current() noexcept {
+    Mailbox* const now = wanted_.load(std::memory_order_acquire);
     in_use_.store(now, std::memory_order_release);
     return now;
   }
 
  private:
-  std::atomic<CommandMailbox*> wanted_ = nullptr;
-  std::atomic<CommandMailbox*> in_use_ = nullptr;
-  std::unique_ptr<CommandMailbox> published_;  // behind wanted_
-  std::unique_ptr<CommandMailbox> retired_;    // published before, perhaps still read
-  std::unique_ptr<CommandMailbox> next_;
+  std::atomic<Mailbox*> wanted_ = nullptr;
+  std::atomic<Mailbox*> in_use_ = nullptr;
+  std::unique_ptr<Mailbox> published_;  // behind wanted_
+  std::unique_ptr<Mailbox> retired_;    // published before, perhaps still read
+  std::unique_ptr<Mailbox> next_;
   bool has_next_ = false;
 };
+
+using MailboxHandover = Handover<CommandMailbox>;
 
 }  // namespace takt::runtime

@@ -116,7 +116,10 @@ int run(const Options& options) {
   if (!opened) return refuse(opened.error().exit_code, opened.error().sentence);
 
   SystemClock clock;
-  CyclicLoop loop({*tick_config, clock, opened->edge, mailboxes, requests, recorded, *published, board},
+  std::optional<ImuLink> imu;
+  if (robot->imu) imu.emplace(config::sensor_socket(directory, robot->imu->sensor), robot->imu->sensor);
+  CyclicLoop loop({*tick_config, clock, opened->edge, mailboxes, requests, recorded, *published, board,
+                   imu ? &imu->mailboxes() : nullptr},
                   {robot->control.wake, robot->control.spin, keyframe_ticks(*robot)});
   auto thread = ControlThread::start(robot->control, loop);
   if (!thread) return refuse(kExitSetUpRefused, thread.error());
@@ -136,7 +139,7 @@ int run(const Options& options) {
 
   trace::Introduction introduction("takt-executive", robot->hash, policy_hash, robot->joints);
   thread->go();
-  serve(**reception, follower, board, requests, introduction);
+  serve(**reception, follower, board, requests, introduction, imu ? &*imu : nullptr);
   if (!thread->finish(1s)) {
     // Its memory is still in use: nothing may be destroyed. The socket stays behind; the next executive replaces it.
     spdlog::critical("the control thread hangs: ending without it");

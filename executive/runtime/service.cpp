@@ -59,7 +59,7 @@ void block_shutdown_signals() {
 }
 
 void serve(Reception& reception, TickFollower& follower, StatusBoard& board, OperatorInbox& requests,
-           trace::Introduction& introduction) {
+           trace::Introduction& introduction, ImuLink* imu) {
   SystemClock clock;
   Journal journal;
   ServiceManager manager;
@@ -71,6 +71,7 @@ void serve(Reception& reception, TickFollower& follower, StatusBoard& board, Ope
     follower.catch_up();
     const MonoTime now = clock.now();
     introduction.when_traced(now);
+    if (imu != nullptr) imu->serve(now);
     const StatusSnapshot& status = board.read();
     journal.summarise(now, status);
     alarm.watch(now, status.ticks);

@@ -2,6 +2,7 @@
 // manager, and carries out the shutdown when a signal asks for it. Thread rule: service thread.
 #pragma once
 
+#include "executive/runtime/imu_link.hpp"
 #include "executive/runtime/operator_inbox.hpp"
 #include "executive/runtime/reception.hpp"
 #include "executive/runtime/status_board.hpp"
@@ -13,8 +14,9 @@ namespace takt::runtime {
 // SIGTERM, SIGINT and SIGHUP are blocked from here on, in this thread and those it starts; serve() takes them.
 void block_shutdown_signals();
 
-// Returns when the loop may end: after a signal, once the robot rests or the time for it is over.
+// `imu`: null where the robot has none. Returns when the loop may end: after a signal, once the robot rests or the time
+// for it is over.
 void serve(Reception& reception, TickFollower& follower, StatusBoard& board, OperatorInbox& requests,
-           trace::Introduction& introduction);
+           trace::Introduction& introduction, ImuLink* imu = nullptr);
 
 }  // namespace takt::runtime

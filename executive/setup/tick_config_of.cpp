@@ -142,6 +142,19 @@ pipeline::FallbackKind kind_of(FallbackKind kind) {
   return pipeline::FallbackKind::pose;
 }
 
+bool reads_sensor(const ObservationTerm& term) {
+  return !term.sensor.empty();
+}
+
+pipeline::ImuConfig imu_of(const RobotConfig& robot) {
+  const auto sensor = std::ranges::find(robot.sensors, robot.imu->sensor, &Sensor::name);
+  return {.present = true,
+          .timeout = sensor->timeout,
+          .frozen_after = robot.imu->frozen_after,
+          .tilt = narrow(robot.imu->tilt),
+          .angular_velocity = narrow(robot.imu->angular_velocity)};
+}
+
 void set_fallback(const RobotConfig& robot, pipeline::TickConfig& tick) {
   const auto chosen = std::ranges::find(robot.fallbacks, robot.degraded.fallback, &Fallback::name);
   if (chosen == robot.fallbacks.end()) return;
@@ -173,8 +186,7 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
   if (robot.policy) {
     tick.observation_every_ticks = static_cast<std::uint32_t>(robot.policy->period.ns / robot.control.period.ns);
     tick.interpolation = interpolation_of(robot.policy->action.interpolation);
-    tick.needs_outside_stamp = std::ranges::any_of(
-        robot.policy->observation, [](const ObservationTerm& term) { return term.kind == TermKind::sensor; });
+    tick.needs_outside_stamp = std::ranges::any_of(robot.policy->observation, reads_sensor);
   }
   tick.policy_hash = policy_hash;
   tick.largest_command = static_cast<std::uint32_t>(largest_command_of(robot));
@@ -193,6 +205,7 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
   tick.joint_fault_takes_torque = robot.safe_torque_off && robot.safe_torque_off->on_joint_fault == OnJointFault::drop;
   for (std::size_t j = 0; j < robot.joints.size(); ++j) tick.joints[j] = joint_of(robot.joints[j]);
   set_fallback(robot, tick);
+  if (robot.imu) tick.imu = imu_of(robot);
   if (robot.model) {
     tick.gravity = narrow(robot.model->gravity);
     tick.gravity_compensation = true;

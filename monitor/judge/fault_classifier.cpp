@@ -49,6 +49,8 @@ bool is_drive_or_bus(Cause cause) {
     case Cause::internal_error:
     case Cause::operator_deenergise:
     case Cause::torque_output_lost:
+    case Cause::tilt:
+    case Cause::imu_lost:
       return false;
   }
   return false;

@@ -23,11 +23,13 @@ constexpr auto kModes = names_of<Mode, kModeCount>();
 constexpr auto kCauses = names_of<Cause, kCauseCount>();
 constexpr auto kArrivals = names_of<Arrival, kArrivalCount>();
 constexpr auto kFreshnesses = names_of<Freshness, kFreshnessCount>();
+constexpr auto kImuVerdicts = names_of<ImuVerdict, kImuVerdictCount>();
 constexpr auto kOverruns = names_of<OverrunCause, kOverrunCauseCount>();
 constexpr std::array<std::string_view, kOperatorRequestCount> kRequests{"none",     "arm",  "stop",       "reset",
                                                                         "shutdown", "mark", "press_stop", "deenergise"};
 
 #define HEADER(member) offsetof(TickRecordHeader, member)
+#define IMU(member, axis) HEADER(imu) + offsetof(ImuSample, member) + sizeof(float) * (axis)
 constexpr TickField kHeaderFields[] = {
     {"tick", u64, HEADER(tick), in, "control period counter"},
     {"now", i64, HEADER(now), in, "ns, CLOCK_MONOTONIC"},
@@ -68,8 +70,22 @@ constexpr TickField kHeaderFields[] = {
     {"slept_ms", u32, HEADER(slept_ms), in, "the computer was suspended this long since the tick before"},
     {"last_refusal", u8, HEADER(last_refusal), out, "ARRIVAL values; of the newest message, none: accepted"},
     {"torque_output", u8, HEADER(torque_output), in, "the output that permits torque", kTorqueOutputStateNames},
+    {"imu_sequence", u64, HEADER(imu) + offsetof(ImuSample, sequence), in, "of the base's IMU, as read; 0: none yet"},
+    {"imu_sensed_at", i64, HEADER(imu) + offsetof(ImuSample, sensed_at), in, "ns, CLOCK_MONOTONIC"},
+    {"imu_rotation_w", f32, IMU(rotation, 0), in, "base in world, unit quaternion"},
+    {"imu_rotation_x", f32, IMU(rotation, 1), in, ""},
+    {"imu_rotation_y", f32, IMU(rotation, 2), in, ""},
+    {"imu_rotation_z", f32, IMU(rotation, 3), in, ""},
+    {"imu_angular_velocity_x", f32, IMU(angular_velocity, 0), in, "rad/s, base frame"},
+    {"imu_angular_velocity_y", f32, IMU(angular_velocity, 1), in, "rad/s, base frame"},
+    {"imu_angular_velocity_z", f32, IMU(angular_velocity, 2), in, "rad/s, base frame"},
+    {"imu_acceleration_x", f32, IMU(acceleration, 0), in, "m/s^2, base frame, specific force"},
+    {"imu_acceleration_y", f32, IMU(acceleration, 1), in, "m/s^2, base frame, specific force"},
+    {"imu_acceleration_z", f32, IMU(acceleration, 2), in, "m/s^2, base frame, specific force"},
+    {"imu_verdict", u8, HEADER(imu_verdict), out, "on that sample", kImuVerdicts},
     {"torque_permitted", u8, HEADER(torque_permitted), out, "1: that output is told to permit torque"},
 };
+#undef IMU
 #undef HEADER
 
 #define BUS(member) offsetof(BusHealth, member)

@@ -75,9 +75,9 @@ class Cli : public test::Shell {
 
 TEST_F(Cli, HelpOfEveryCommandHasAnExampleAndItsExitCodes) {
   for (const char* command :
-       {"run",           "arm",    "stop",   "reset",    "mark",         "status",      "top",
-        "report",        "replay", "budget", "margin",   "config check", "config show", "config keys",
-        "config import", "doctor", "deploy", "rollback", "bus up",       "bus disable"}) {
+       {"run",         "arm",           "stop",   "reset",  "mark",     "command",      "status",
+        "top",         "report",        "replay", "budget", "margin",   "config check", "config show",
+        "config keys", "config import", "doctor", "deploy", "rollback", "bus up",       "bus disable"}) {
     const Ended help = run(std::string(command) + " --help");
     EXPECT_EQ(help.exit_code, 0) << command;
     const bool has_example = help.output.find("Example: takt ") != std::string::npos ||
@@ -125,7 +125,8 @@ TEST_F(Cli, QuantitiesAreWrittenAsInRobotFiles) {
   EXPECT_EQ(run("doctor --for 10ms --json").output.find("is not a time"), std::string::npos);
   const Ended wrong = run("doctor --for 10deg");
   EXPECT_EQ(wrong.exit_code, 64);
-  EXPECT_NE(wrong.output.find("10deg is an angle, not a time; write it in ns or us or ms or s or min or h"), std::string::npos)
+  EXPECT_NE(wrong.output.find("10deg is an angle, not a time; write it in ns or us or ms or s or min or h"),
+            std::string::npos)
       << wrong.output;
   EXPECT_EQ(run("bus disable --robot no-such-robot.yaml --seconds 61s").exit_code, 64) << "at most a minute";
   EXPECT_EQ(run("bus disable --robot no-such-robot.yaml --seconds 61ms").exit_code, 65);

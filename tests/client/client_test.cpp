@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <filesystem>
@@ -334,6 +335,175 @@ TEST_F(ClientTest, AnExecutiveThatRefusesIsNoneToWaitFor) {
   ASSERT_EQ(takt_policy_open(&spec_, &policy_, why_.data(), kRoom), TAKT_OK) << why_.data();
   EXPECT_EQ(takt_policy_attach(policy_, kLongNs), TAKT_REFUSED);
   EXPECT_STREQ(takt_policy_sentence(policy_), "another robot: go away");
+}
+
+// A robot file with a camera and a force sensor beside arm6's own; the policy reads what the test says.
+class SensorTest : public ClientTest {
+ protected:
+  SensorTest() {
+    std::stringstream text;
+    text << std::ifstream("config/arm6.yaml").rdbuf();
+    std::string robot = text.str();
+    const auto insert_after = [&robot](const std::string& where, const std::string& what) {
+      robot.insert(robot.find(where) + where.size(), what);
+    };
+    const std::string network = "file: arm6_reach.onnx";
+    robot.replace(robot.find(network), network.size(), "file: " + policy_file_);
+    robot.replace(robot.find("timeout: 200 ms }                # target"), 15, "timeout: 60 s  ");
+    insert_after("\nsensors:\n",
+                 "  - { name: cam0, image: { height: 3, width: 4, channels: 2 }, timeout: 60 s }\n"
+                 "  - { name: force, values: 6, timeout: 50 ms, unit: N }\n");
+    insert_after("  observation:                # in input order\n", "    - { term: sensor, sensor: cam0 }\n");
+    robot_file_ = directory_.path() + "/robot.yaml";
+    std::ofstream(robot_file_) << robot;
+    spec_.robot_file = robot_file_.c_str();
+    spec_.terms = terms_.data();
+    spec_.term_count = static_cast<std::uint32_t>(terms_.size());
+  }
+  takt_sensor_spec camera(std::uint32_t height = 3, std::uint32_t width = 4) const {
+    takt_sensor_spec spec = any_sensor("cam0");
+    spec.type = TAKT_UINT8;
+    spec.height = height, spec.width = width, spec.channels = 2;
+    return spec;
+  }
+  takt_sensor_spec floats(const char* name, std::uint32_t values) const {
+    takt_sensor_spec spec = any_sensor(name);
+    spec.values = values;
+    return spec;
+  }
+  takt_sensor* opened(const takt_sensor_spec& spec) {
+    takt_sensor* sensor = nullptr;
+    EXPECT_EQ(takt_sensor_open(&spec, &sensor, why_.data(), kRoom), TAKT_OK) << why_.data();
+    return sensor;
+  }
+  std::string refusal_of(const takt_sensor_spec& spec, int code = TAKT_BAD_CONFIG) {
+    takt_sensor* sensor = nullptr;
+    EXPECT_EQ(takt_sensor_open(&spec, &sensor, why_.data(), kRoom), code);
+    EXPECT_EQ(sensor, nullptr);
+    return why_.data();
+  }
+  static void fill(takt_sensor* sensor, std::uint8_t value) {
+    std::fill_n(static_cast<std::uint8_t*>(takt_sensor_values(sensor)), 24, value);
+  }
+
+  std::array<takt_term, 3> terms_{
+      {{TAKT_TERM_Q, 0, nullptr}, {TAKT_TERM_IMAGE, 24, "cam0"}, {TAKT_TERM_STREAM, 3, "target"}}};
+
+ private:
+  [[nodiscard]] takt_sensor_spec any_sensor(const char* name) const {
+    takt_sensor_spec spec{};
+    spec.size = sizeof spec;
+    spec.robot_file = robot_file_.c_str();
+    spec.runtime_directory = directory_.path().c_str();
+    spec.name = name;
+    return spec;
+  }
+  std::string policy_file_ = std::filesystem::absolute("config/arm6_reach.onnx");
+};
+
+TEST_F(SensorTest, AnImageReachesThePolicyWithItsStampInTheAge) {
+  takt_sensor* const camera = opened(this->camera());
+  takt_sensor* const target = opened(floats("target", 3));
+  sensor_.reset();
+  executive_ = std::make_unique<FakeExecutive>(config::executive_socket(directory_.path()));
+  ASSERT_EQ(takt_policy_open(&spec_, &policy_, why_.data(), kRoom), TAKT_OK) << why_.data();
+  ASSERT_EQ(takt_policy_attach(policy_, kLongNs), TAKT_OK) << takt_policy_sentence(policy_);
+  wait_for_acknowledgement();
+  static_cast<float*>(takt_sensor_values(target))[2] = 2.5F;
+  ASSERT_EQ(takt_sensor_publish(target, now().ns), TAKT_OK);
+  const std::int64_t shutter = (now() - milliseconds(30)).ns;
+  fill(camera, 7);
+  ASSERT_EQ(takt_sensor_publish(camera, shutter), TAKT_OK);
+  const takt_observation& seen = next(1);
+  ASSERT_EQ(seen.image_count, 1U);
+  EXPECT_EQ(seen.images[0][23], 7);
+  ASSERT_EQ(seen.value_count, 6U + 3U) << "an image is in no vector of floats";
+  EXPECT_FLOAT_EQ(seen.values[8], 2.5F);
+  EXPECT_EQ(seen.outside_sensed_ns, shutter);
+  const std::uint8_t* const where = seen.images[0];
+  fill(camera, 9);
+  ASSERT_EQ(takt_sensor_publish(camera, now().ns), TAKT_OK);
+  EXPECT_EQ(next(2).images[0], where) << "addresses never change";
+  EXPECT_EQ(where[0], 9);
+
+  // An image that is too old is not passed on, though it is whole and the newest.
+  fill(camera, 11);
+  ASSERT_EQ(takt_sensor_publish(camera, (now() - seconds(61)).ns), TAKT_OK);
+  observe(3);
+  EXPECT_EQ(takt_policy_next(policy_, kShortNs), TAKT_NOTHING);
+  EXPECT_EQ(std::string(takt_policy_sentence(policy_))
+                .find("no observation is passed on: sensor cam0: its newest sample is older than 60000 ms"),
+            0U)
+      << takt_policy_sentence(policy_);
+
+  // Killed while it fills an image: the last whole one stays.
+  fill(camera, 9);
+  ASSERT_EQ(takt_sensor_publish(camera, now().ns), TAKT_OK);
+  EXPECT_EQ(next(4).images[0][5], 9);
+  fill(camera, 200);
+  takt_sensor_close(camera);
+  EXPECT_EQ(next(5).images[0][5], 9);
+  takt_sensor_close(target);
+}
+
+TEST_F(SensorTest, WhoeverWritesToAPublishedImageSpoilsItAndIsNotBelieved) {
+  takt_sensor* const camera = opened(this->camera());
+  executive_ = std::make_unique<FakeExecutive>(config::executive_socket(directory_.path()));
+  sensor_ = std::make_unique<FakeSensor>(config::sensor_socket(directory_.path(), "target"));
+  ASSERT_EQ(takt_policy_open(&spec_, &policy_, why_.data(), kRoom), TAKT_OK) << why_.data();
+  ASSERT_EQ(takt_policy_attach(policy_, kLongNs), TAKT_OK) << takt_policy_sentence(policy_);
+  wait_for_acknowledgement();
+  sense(now());
+  auto* const memory = static_cast<std::uint8_t*>(takt_sensor_values(camera));
+  ASSERT_EQ(takt_sensor_publish(camera, now().ns), TAKT_OK);
+  memory[3] = 1;
+  observe(1);
+  EXPECT_EQ(takt_policy_next(policy_, kShortNs), TAKT_NOTHING);
+  EXPECT_NE(std::string(takt_policy_sentence(policy_)).find("sensor cam0: no sample"), std::string::npos);
+  takt_sensor_close(camera);
+}
+
+TEST_F(SensorTest, SaysWhatTheRobotFileHas) {
+  takt_sensor* const sensor = opened(floats("force", 6));
+  const takt_stream& stream = *takt_sensor_stream(sensor);
+  EXPECT_STREQ(stream.name, "force");
+  EXPECT_STREQ(stream.unit, "N");
+  EXPECT_EQ(stream.timeout_ns, 50'000'000);
+  EXPECT_EQ(stream.values, 6U);
+  takt_sensor_close(sensor);
+  ASSERT_EQ(takt_policy_open(&spec_, &policy_, why_.data(), kRoom), TAKT_OK) << why_.data();
+  EXPECT_EQ(takt_policy_stream(policy_, "cam0")->width, 4U);
+  EXPECT_EQ(takt_policy_stream(policy_, "cam1"), nullptr);
+}
+
+TEST_F(SensorTest, IsRefusedInOneSentenceWhereItIsNotWhatTheRobotFileSays) {
+  const auto says = [this](const takt_sensor_spec& spec, const char* sentence, int code = TAKT_BAD_CONFIG) {
+    EXPECT_NE(refusal_of(spec, code).find(sentence), std::string::npos) << why_.data();
+  };
+  says(floats("lidar", 3), "`sensors` does not list 'lidar' (there is cam0, force, target)");
+  says(floats("force", 3), "sensor force gives 6 values, this one 3: make them equal");
+  says(camera(4, 3), "sensor cam0 gives images of 3 x 4 x 2, this one 4 x 3 x 2: make them equal");
+  says(floats("cam0", 24), "sensor cam0 gives images of uint8, 3 x 4 x 2");
+  takt_sensor_spec pounds = floats("force", 6);
+  pounds.unit = "lbf";
+  says(pounds, "sensor force gives N, this one lbf");
+  takt_sensor* const first = opened(floats("force", 6));
+  says(floats("force", 6), "", TAKT_REFUSED);
+  EXPECT_NE(std::string(why_.data()), "");
+  takt_sensor_close(first);
+  takt_sensor_spec old = floats("force", 6);
+  old.size = 8;
+  says(old, "takt_sensor_spec has another size", TAKT_USAGE);
+}
+
+TEST_F(SensorTest, AStampThatIsAfterNowIsUsage) {
+  takt_sensor* const sensor = opened(floats("force", 6));
+  EXPECT_EQ(takt_sensor_publish(sensor, (now() + seconds(1)).ns), TAKT_USAGE);
+  EXPECT_NE(std::string(takt_sensor_sentence(sensor)).find("CLOCK_MONOTONIC"), std::string::npos);
+  EXPECT_EQ(takt_sensor_publish(sensor, 0), TAKT_USAGE);
+  EXPECT_EQ(takt_sensor_publish(sensor, now().ns), TAKT_OK);
+  takt_sensor_close(sensor);
+  takt_sensor_close(nullptr);
 }
 
 }  // namespace

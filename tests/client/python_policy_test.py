@@ -155,6 +155,39 @@ with takt.connect("robot.yaml", spec) as robot:
             with self.subTest(said):
                 self.assertIn(said, self.refusal(self.connect(old, new), 65))
 
+    def test_a_sensor_publishes_in_place_and_says_what_cannot_be(self):
+        self.policy("""
+import time
+import numpy as np
+import takt
+with takt.Sensor("target", "robot.yaml", shape=3, unit="unstated", runtime_dir="sensors") as sensor:
+    assert abs(sensor.timeout - 0.2) < 1e-9 and sensor.unit == "unstated"
+    first = sensor.values
+    assert first.shape == (3,) and first.dtype == np.float32 and first.flags.writeable
+    first[:] = 1, 2, 3
+    sensor.publish()
+    assert not np.shares_memory(first, sensor.values), "another slot"
+    sensor.publish([4, 5, 6], stamp=time.monotonic_ns() - 1000)
+    for wrong in (lambda: sensor.publish([1, 2]), lambda: sensor.publish(stamp=time.monotonic_ns() + 10**9),
+                  lambda: takt.Sensor("target", "robot.yaml", shape=3, runtime_dir="sensors")):
+        try:
+            wrong()
+            raise SystemExit("was not refused")
+        except takt.Refused as refused:
+            print(refused)
+try:
+    sensor.publish()
+    raise SystemExit("was not refused")
+except takt.Refused as refused:
+    print(refused)
+takt.Sensor("target", "robot.yaml", shape=4, runtime_dir="sensors")
+""")
+        done = self.command("./policy.py")
+        self.assertEqual(done.returncode, 65, done.stdout + done.stderr)
+        self.assertEqual(done.stderr, "robot.yaml: sensor target gives 3 values, this one 4: make them equal\n")
+        for said in ("publish: the shape is (2,), the sensor's (3,)", "the stamp is after now", "sensor-target.sock", "sensor target: it is closed"):
+            self.assertIn(said, done.stdout)
+
     def test_a_python_file_as_policy_is_the_program_that_runs(self):
         (self.folder / "another.py").write_text("")
         self.robot(lambda text: text.replace("file: policy.py", "file: another.py"))

@@ -101,12 +101,17 @@ TEST(DeployImport, CarriesTermsInOrderWithScaleAndHistory) {
   ASSERT_TRUE(robot.has_value()) << robot.error();
   const auto& terms = robot->policy->observation;
   ASSERT_EQ(terms.size(), 4U);
-  EXPECT_EQ(terms[0].kind, TermKind::sensor);
-  EXPECT_EQ(terms[0].sensor, "base_ang_vel");
+  EXPECT_EQ(terms[0].kind, TermKind::base_angular_velocity);
+  ASSERT_TRUE(robot->imu);
+  EXPECT_EQ(robot->imu->tilt, 1.0);
   EXPECT_EQ(terms[0].scale, std::vector<double>{0.2});
   EXPECT_EQ(terms[0].history, 5U);
-  EXPECT_EQ(terms[1].kind, TermKind::constant);
-  EXPECT_EQ(terms[1].constant, (std::vector<double>{0, 0.1})) << "zero, or what of the range is nearest to it";
+  EXPECT_EQ(terms[1].kind, TermKind::command);
+  ASSERT_TRUE(robot->sensors[0].command);
+  EXPECT_EQ(robot->sensors[0].command->minimum, (std::vector<double>{-0.5, 0.1}));
+  EXPECT_EQ(robot->sensors[0].command->maximum, (std::vector<double>{1, 0.2}));
+  EXPECT_EQ(robot->sensors[0].command->when_absent, (std::vector<double>{0, 0.1}))
+      << "zero, or what of the range is nearest to it";
   EXPECT_EQ(terms[1].scale, (std::vector<double>{1, 2}));
   EXPECT_EQ(terms[2].kind, TermKind::joint_position_relative);
   EXPECT_EQ(terms[3].kind, TermKind::last_action);
@@ -173,8 +178,8 @@ TEST(DeployImport, UnitreeG1GivesTheModelsShape) {
   EXPECT_EQ(robot->joints[3].kp, 150) << "left knee";
   EXPECT_EQ(robot->joints[3].home, 0.3) << "left knee";
   EXPECT_EQ(robot->joints[13].kd, 5) << "waist";
-  EXPECT_EQ(robot->sensors.size(), 2U) << "angular velocity and gravity direction";
-  EXPECT_EQ(robot->policy->observation[2].constant.size(), 3U) << "velocity command";
+  EXPECT_EQ(robot->sensors.size(), 2U) << "IMU and velocity command";
+  EXPECT_EQ(robot->policy->observation[2].sensor, "velocity_command");
 }
 
 }  // namespace

@@ -30,6 +30,7 @@ constexpr Duration kReport = milliseconds(10), kAnswer = milliseconds(12), kBunc
 // A reply may come this much early before it counts as one too many.
 constexpr Duration kEarlyReplies = milliseconds(4);
 constexpr Duration kTwoLateWakeUps = milliseconds(6);
+constexpr Duration kImuPeriod = milliseconds(1);
 
 constexpr Strike kStrikes[] = {
     {Cause::operator_stop, Happening::operator_stop, "the executive hears it", {}},
@@ -57,6 +58,8 @@ constexpr Strike kStrikes[] = {
     {Cause::internal_error, Happening::operator_stop, "the guard refuses a frame", {}, 1, {}, {}, Planted::refused},
     {Cause::operator_deenergise, Happening::operator_deenergise, "the executive hears it", {}},
     {Cause::torque_output_lost, Happening::torque_output_fails, "the torque output fails", {}},
+    {Cause::tilt, Happening::base_leans, "the base leans over", kImuPeriod},
+    {Cause::imu_lost, Happening::imu_silent, "the IMU falls silent", {}},
 };
 
 bool has_drive(const config::RobotConfig& robot, std::size_t bus, config::DriveProtocol protocol) {
@@ -139,6 +142,8 @@ std::optional<Duration> finding(const Strike& strike, const config::RobotConfig&
       return Duration{static_cast<std::int64_t>(2e9 / robot.joints.front().observer_bandwidth)};
     case Cause::overrun:
       return of_window(robot.control.late_share);
+    case Cause::imu_lost:
+      return robot.sensors.back().timeout;
     case Cause::none:
     case Cause::operator_arm:
     case Cause::operator_stop:
@@ -154,6 +159,7 @@ std::optional<Duration> finding(const Strike& strike, const config::RobotConfig&
     case Cause::internal_error:
     case Cause::operator_deenergise:
     case Cause::torque_output_lost:
+    case Cause::tilt:
       return Duration{};
   }
   return std::nullopt;

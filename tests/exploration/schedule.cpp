@@ -57,7 +57,10 @@ std::string text(const Event& event) {
                                                              "computer sleeps",
                                                              "computer sleeps in a tick",
                                                              "shutdown",
-                                                             "torque output fails"};
+                                                             "torque output fails",
+                                                             "IMU silent",
+                                                             "IMU lies",
+                                                             "base leans"};
   return fmt::format("{:.3f} s: {} of {}, for {:.1f} ms", event.at.seconds(),
                      kNames.at(static_cast<std::size_t>(event.what)), event.index, event.length.milliseconds());
 }

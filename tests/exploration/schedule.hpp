@@ -44,8 +44,11 @@ enum class Happening : std::uint8_t {
   computer_sleeps_in_tick,  // where a bus is read or written
   shutdown,                 // for good
   torque_output_fails,      // is not set, and says so; torque stays as it was
+  imu_silent,               // publishes nothing
+  imu_lies,                 // says what is no unit quaternion
+  base_leans,               // 1.5 rad
 };
-inline constexpr unsigned kHappenings = 32;
+inline constexpr unsigned kHappenings = 35;
 
 // What Event::index counts; of what is neither, nothing.
 constexpr bool is_of_joint(Happening what) {

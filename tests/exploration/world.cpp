@@ -36,6 +36,9 @@ config::RobotConfig small_robot() {
   robot.joints = std::move(joints);
   robot.model.reset();
   robot.safe_torque_off.emplace().on_joint_fault = config::OnJointFault::keep;
+  robot.sensors.push_back({.name = "base_imu", .values = kImuValues, .timeout = milliseconds(20)});
+  robot.imu =
+      config::Imu{.sensor = "base_imu", .tilt = 1.0, .angular_velocity = 6.0, .frozen_after = milliseconds(100)};
   return robot;
 }
 
@@ -177,11 +180,16 @@ World::World(const config::RobotConfig& robot, std::vector<Event> events, std::u
       command_segment_(ipc::Segment::adopt_writable(dup(mailbox_.fd()), mailbox_.size()).value()),
       ticks_(published_.tick_reader()),
       observations_(ipc::SlotReader::attach(observation_segment_.readable(), ipc::observation_mailbox()).value()),
-      commands_(std::make_unique<ipc::SlotWriter>(command_segment_.writable(), ipc::command_mailbox())) {
+      imu_segment_(ipc::Segment::create("explored", ipc::ring_bytes(ipc::sensor_mailbox()), true).value()),
+      commands_(std::make_unique<ipc::SlotWriter>(command_segment_.writable(), ipc::command_mailbox())),
+      imu_(imu_segment_.writable(), ipc::sensor_mailbox()) {
+  auto seen = ipc::Segment::adopt_read_only(dup(imu_segment_.fd()), imu_segment_.size()).value();
+  const auto reader = ipc::SlotReader::attach(seen.readable(), ipc::sensor_mailbox()).value();
+  imu_mailboxes_.want(std::make_unique<runtime::ImuMailbox>(std::move(seen), reader));
   mailboxes_.want(runtime::CommandMailbox::seal(std::move(mailbox_), 1).value());
-  loop_ = std::make_unique<runtime::CyclicLoop>(
-      runtime::LoopParts{config_, *clock_, edge_, mailboxes_, requests_, recorded_, published_, board_},
-      runtime::LoopTiming{{}, {}, 1'000'000});
+  loop_ = std::make_unique<runtime::CyclicLoop>(runtime::LoopParts{config_, *clock_, edge_, mailboxes_, requests_,
+                                                                   recorded_, published_, board_, &imu_mailboxes_},
+                                                runtime::LoopTiming{{}, {}, 1'000'000});
 }
 
 World::~World() = default;
@@ -208,9 +216,24 @@ void World::go_to(MonoTime until) {
   for (; plant_at_ + step <= now_; plant_at_ = plant_at_ + step) {
     begin_and_end_events();
     plant_.step();
+    sense_base();
     for (std::size_t bus = 0; bus < arriving_.size(); ++bus) collect(bus);
     if (on_step) on_step();
   }
+}
+
+// Once a millisecond, with a little noise: no IMU says the same twice.
+void World::sense_base() {
+  if ((plant_at_ - kStart).ns % milliseconds(1).ns != 0 || active(Happening::imu_silent) != nullptr) return;
+  SensorSample sample;
+  sample.sequence = ++imu_sequence_;
+  sample.sensed_at = sample.published_at = plant_at_;
+  sample.value_count = kImuValues;
+  const float lean = active(Happening::base_leans) != nullptr ? 1.5F : 0.0F;
+  sample.values[0] = active(Happening::imu_lies) != nullptr ? 0.5F : std::cos(lean / 2);
+  sample.values[1] = std::sin(lean / 2);
+  sample.values[9] = 9.81F + 1e-3F * static_cast<float>(imu_sequence_ % 7);
+  imu_.publish(std::as_bytes(std::span(&sample, 1)));
 }
 
 void World::stall_in(Happening port) {
@@ -333,6 +356,9 @@ void World::begin_and_end_events() {
       case Happening::computer_sleeps:
       case Happening::computer_sleeps_in_tick:
       case Happening::torque_output_fails:
+      case Happening::imu_silent:
+      case Happening::imu_lies:
+      case Happening::base_leans:
         done_[i] = false;  // lasts, or strikes at a port
     }
   }

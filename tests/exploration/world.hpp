@@ -42,7 +42,7 @@ enum class Planted : std::uint8_t {
   refused,           // the guard finds one frame of a tracking robot to be another than was decided
 };
 
-// One drive of each protocol, on flywheels; no gravity; an output that permits torque.
+// One drive of each protocol, on flywheels; no gravity; an output that permits torque; an IMU in the base.
 config::RobotConfig small_robot();
 
 class World {
@@ -109,6 +109,7 @@ class World {
   void push(std::size_t joint, double speed);
   void disable_from_outside(std::size_t joint);
   void set_lines();
+  void sense_base();
   void collect(std::size_t bus);
   void arrive(std::size_t bus, const plant::Frames& said);
   void let_policy_work();
@@ -149,7 +150,11 @@ class World {
   runtime::StatusBoard board_;
   ipc::Segment observation_segment_, mailbox_, command_segment_;
   ipc::SlotReader ticks_, observations_;
+  ipc::Segment imu_segment_;
   std::unique_ptr<ipc::SlotWriter> commands_;
+  ipc::SlotWriter imu_;
+  runtime::Handover<runtime::ImuMailbox> imu_mailboxes_;
+  std::uint64_t imu_sequence_ = 0;
   std::unique_ptr<runtime::CyclicLoop> loop_;
   TickRecord record_{};
   Observation observation_;

@@ -4,6 +4,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "tests/policy_host/small_robot.hpp"
 
 namespace takt::policy_host {
@@ -85,6 +88,50 @@ TEST(ObservationBuilder, ByTimeInterleavesTheTermsOfAnInstant) {
   ObservationBuilder builder(robot);
   build(builder, small_observation(1), {}, {1});
   EXPECT_EQ(build(builder, second, {}, {2}), (Values{10, 1, 11, 2}));
+}
+
+TEST(ObservationBuilder, BaseTermsComeFromTheImu) {
+  auto robot = small_robot();
+  robot.policy->observation = {term(TermKind::base_angular_velocity, 0.2), term(TermKind::projected_gravity, 1)};
+  ObservationBuilder builder(robot);
+  Observation observation = small_observation(1);
+  const float rolled[] = {std::cos(0.25F), std::sin(0.25F), 0, 0}, turning[] = {1, 2, 3};
+  std::ranges::copy(rolled, observation.imu.rotation);
+  std::ranges::copy(turning, observation.imu.angular_velocity);
+  const Values input = build(builder, observation, {}, {});
+  const Values expected{0.2F, 0.4F, 0.6F, 0, -std::sin(0.5F), -std::cos(0.5F)};
+  ASSERT_EQ(input.size(), expected.size());
+  for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_NEAR(input[i], expected[i], 1e-6) << "value " << i;
+}
+
+TEST(ObservationBuilder, ACommandIsRememberedPerObservationAlsoWhileItIsTheSame) {
+  auto robot = small_robot();
+  auto wish = term(TermKind::command, 1, 3);
+  wish.sensor = "eye";
+  robot.policy->observation = {wish};
+  ObservationBuilder builder(robot);
+  build(builder, small_observation(1), small_sample(1, 1, 2), {});
+  build(builder, small_observation(2), small_sample(2, 3, 4), {});
+  EXPECT_EQ(build(builder, small_observation(3), small_sample(2, 3, 4), {}), (Values{1, 2, 3, 4, 3, 4}));
+}
+
+TEST(ObservationBuilder, TheGaitBeginsWithEveryReset) {
+  auto robot = small_robot();
+  robot.policy->observation = {term(TermKind::gait_phase, 1)};
+  robot.policy->observation[0].gait_period = milliseconds(80);
+  ObservationBuilder builder(robot);
+  const auto expect_phase = [&](std::uint64_t id, float sine, float cosine) {
+    const Values input = build(builder, small_observation(id), {}, {});
+    ASSERT_EQ(input.size(), 2U);
+    EXPECT_NEAR(input[0], sine, 1e-6) << id;
+    EXPECT_NEAR(input[1], cosine, 1e-6) << id;
+  };
+  expect_phase(3, 0, 1);
+  expect_phase(4, 1, 0);  // 20 ms later
+  expect_phase(6, 0 - 1.0F, 0);
+  expect_phase(7, 0, 1);
+  builder.reset();
+  expect_phase(8, 0, 1);
 }
 
 }  // namespace

@@ -45,6 +45,11 @@ const char* term_word(config::TermKind kind) {
       return "sensor";
     case config::TermKind::last_action:
       return "last_action";
+    case config::TermKind::base_angular_velocity:
+    case config::TermKind::projected_gravity:
+    case config::TermKind::command:
+    case config::TermKind::gait_phase:
+      return "not trained here";
     case config::TermKind::constant:
       return "constant";
   }

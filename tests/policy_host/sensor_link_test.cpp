@@ -4,6 +4,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <span>
+
 #include "tests/policy_host/fake_server.hpp"
 #include "tests/policy_host/small_robot.hpp"
 
@@ -49,23 +52,65 @@ TEST(SensorLink, AttachesReadsAndAttachesAgain) {
   EXPECT_EQ(sample.sequence, 1U);
 }
 
-TEST(Unusable, NamesTheFirstReason) {
+// Each way in which a sensor fails or lies has its verdict, and its sentence.
+TEST(Samples, EachFaultHasItsVerdict) {
+  struct Fault {
+    SampleVerdict verdict;
+    void (*strike)(SensorSample& sample, MonoTime now);
+    const char* sentence;
+  };
+  const Fault faults[] = {
+      {SampleVerdict::usable, [](SensorSample&, MonoTime) {}, ""},
+      {SampleVerdict::none_yet, [](SensorSample& sample, MonoTime) { sample = {}; }, "sensor eye: no sample yet"},
+      {SampleVerdict::wrong_width, [](SensorSample& sample, MonoTime) { sample.value_count = 3; },
+       "sensor eye: its sample has another number of values than the 2 that small.yaml lists"},
+      {SampleVerdict::too_old,
+       [](SensorSample& sample, MonoTime now) { sample.sensed_at = now - nanoseconds(200'000'001); },
+       "sensor eye: its newest sample is older than 200 ms"},
+      {SampleVerdict::from_future, [](SensorSample& sample, MonoTime now) { sample.sensed_at = now + nanoseconds(1); },
+       "sensor eye: its newest sample is stamped after now; stamps are ns of CLOCK_MONOTONIC"},
+      {SampleVerdict::not_finite, [](SensorSample& sample, MonoTime) { sample.values[1] = std::nanf(""); },
+       "sensor eye: its newest sample has values that are no numbers"},
+      {SampleVerdict::usable, [](SensorSample& sample, MonoTime) { sample.values[2] = std::nanf(""); }, ""},
+      {SampleVerdict::usable, [](SensorSample& sample, MonoTime now) { sample.sensed_at = now - milliseconds(200); },
+       ""},
+  };
   const auto robot = small_robot();
   const auto in_use = sensors_in_use(robot);
   ASSERT_EQ(in_use.size(), 1U);
-  const auto judge = [&](const SensorSample& sample, MonoTime now) {
-    return unusable(robot, in_use, std::span(&sample, 1), now);
-  };
-  const auto sample = small_sample(1, 0, 0);  // sensed at 30 ms
-  EXPECT_EQ(judge(sample, MonoTime{} + milliseconds(230)), "");
-  EXPECT_EQ(judge(sample, MonoTime{} + nanoseconds(230'000'001)), "sensor eye: its newest sample is older than 200 ms");
-  EXPECT_EQ(judge(SensorSample{}, MonoTime{}), "sensor eye: no sample yet");
-  auto wide = sample;
-  wide.value_count = 3;
-  EXPECT_EQ(judge(wide, MonoTime{} + milliseconds(40)), "sensor eye: its sample has 3 values, small.yaml lists 2");
+  const MonoTime now = MonoTime{} + milliseconds(230);
+  for (const Fault& fault : faults) {
+    SensorSample sample = small_sample(1, 0, 0), used;
+    fault.strike(sample, now);
+    EXPECT_EQ(name(judge(robot.sensors[0], sample, now)), name(fault.verdict));
+    EXPECT_EQ(take_usable(robot, in_use, std::span(&sample, 1), now, std::span(&used, 1)), fault.sentence);
+  }
 }
 
-TEST(Unusable, IgnoresSensorsThatNoTermUses) {
+// A person who says nothing, too much or nonsense says what the robot file has for that, as of now.
+TEST(Samples, ACommandThatIsAbsentHasItsDefault) {
+  auto robot = small_robot();
+  robot.sensors[0].command = config::CommandLimits{{-1, -1}, {1, 1}, {0, 0.5}};
+  const auto in_use = sensors_in_use(robot);
+  const MonoTime now = MonoTime{} + milliseconds(40);
+  const auto used_for = [&](const SensorSample& sample, MonoTime at) {
+    SensorSample used;
+    EXPECT_EQ(take_usable(robot, in_use, std::span(&sample, 1), at, std::span(&used, 1)), "");
+    return used;
+  };
+  const SensorSample wish = small_sample(1, -1, 0.75F);
+  EXPECT_EQ(used_for(wish, now).values[1], 0.75F);
+  EXPECT_EQ(used_for(wish, now).sensed_at, wish.sensed_at) << "its age counts";
+  for (const SensorSample& sample : {SensorSample{}, small_sample(1, -1.01F, 0), small_sample(1, std::nanf(""), 0)}) {
+    EXPECT_EQ(used_for(sample, now).values[0], 0.0F);
+    EXPECT_EQ(used_for(sample, now).values[1], 0.5F);
+    EXPECT_EQ(used_for(sample, now).sensed_at, now);
+    EXPECT_EQ(used_for(sample, now).sequence, kAbsentSequence);
+  }
+  EXPECT_EQ(used_for(wish, MonoTime{} + seconds(1)).values[0], 0.0F) << "the dead man's time-out";
+}
+
+TEST(Samples, IgnoresSensorsThatNoTermUses) {
   auto robot = small_robot();
   robot.policy->observation = {term(config::TermKind::joint_position, 1)};
   EXPECT_TRUE(sensors_in_use(robot).empty());

@@ -1,4 +1,4 @@
-"""Takt for policies in Python: read a robot's observations, answer them with chunks of joint targets.
+"""Takt in Python: policies and sensors. A policy reads a robot's observations, and answers them with chunks of joint targets:
 
     import takt
 
@@ -10,10 +10,16 @@
                 actions = net(obs.state, obs.target)
             obs.publish(q=actions)
 
+A sensor publishes what it senses, into shared memory, with the stamp of its own instant:
+
+    with takt.Sensor("target", "robot.yaml", shape=3, unit="m") as sensor:
+        sensor.publish(position, stamp=time.monotonic_ns())
+
 Joints are those of the robot file, in its order (`robot.joints`). Units: q rad, dq rad/s, tau Nm, kp Nm/rad, kd Nms/rad;
 stamps in ns of the clock of time.monotonic_ns(). Arrays are float32. Everything belongs to the thread that connected.
 """
-from takt._policy import Chunk, Joints, Observation, Policy, Robot, Stream, chunk, connect, joints, stream
+from takt._policy import Chunk, Image, Joints, Observation, Policy, Robot, Stream, chunk, connect, image, joints, stream
 from takt._refused import Refused
+from takt._sensor import Sensor
 
-__all__ = ["Chunk", "Joints", "Observation", "Policy", "Refused", "Robot", "Stream", "chunk", "connect", "joints", "stream"]
+__all__ = ["Chunk", "Image", "Joints", "Observation", "Policy", "Refused", "Robot", "Sensor", "Stream", "chunk", "connect", "image", "joints", "stream"]

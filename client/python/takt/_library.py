@@ -7,7 +7,8 @@ ABI = 1
 SONAME = f"libtakt-client.so.{ABI}"
 OK, NOTHING, USAGE, BAD_CONFIG, REFUSED, BUG = 0, 1, 64, 65, 69, 70
 KINDS = {"q": 0, "dq": 1, "tau": 2, "q_setpoint": 3}
-STREAM = 4
+STREAM, IMAGE = 4, 5
+FLOAT32, UINT8 = 0, 1
 FloatP = POINTER(c_float)
 
 
@@ -29,7 +30,18 @@ class RobotStruct(ctypes.Structure):
 class ObservationStruct(ctypes.Structure):
     _fields_ = [("id", c_uint64), ("dropped", c_uint64), ("published_ns", c_int64), ("sensed_ns", c_int64),
                 ("outside_sensed_ns", c_int64), ("values", FloatP), ("mode", c_char_p), ("value_count", c_uint32),
-                ("reset", c_uint32)]
+                ("reset", c_uint32), ("images", POINTER(c_void_p)), ("image_count", c_uint32), ("reserved", c_uint32)]
+
+
+class StreamStruct(ctypes.Structure):
+    _fields_ = [("name", c_char_p), ("unit", c_char_p), ("timeout_ns", c_int64), ("type", c_uint32), ("values", c_uint32),
+                ("height", c_uint32), ("width", c_uint32), ("channels", c_uint32), ("reserved", c_uint32)]
+
+
+class SensorSpecStruct(ctypes.Structure):
+    _fields_ = [("size", c_uint32), ("type", c_uint32), ("robot_file", c_char_p), ("runtime_directory", c_char_p), ("name", c_char_p),
+                ("unit", c_char_p), ("policy_user", c_char_p), ("values", c_uint32), ("height", c_uint32), ("width", c_uint32),
+                ("channels", c_uint32)]
 
 
 class ChunkStruct(ctypes.Structure):
@@ -42,11 +54,13 @@ FUNCTIONS = {
     "takt_policy_open": [POINTER(SpecStruct), POINTER(c_void_p), c_char_p, c_uint32],
     "takt_policy_attach": [c_void_p, c_int64],
     "takt_policy_next": [c_void_p, c_int64],
+    "takt_sensor_open": [POINTER(SensorSpecStruct), POINTER(c_void_p), c_char_p, c_uint32],
 }
 QUICK_FUNCTIONS = {  # they return at once: other threads need not be let in meanwhile
     "takt_policy_infer_begin": [c_void_p],
     "takt_policy_infer_end": [c_void_p],
     "takt_policy_publish": [c_void_p, POINTER(ChunkStruct)],
+    "takt_sensor_publish": [c_void_p, c_int64],
 }
 
 
@@ -68,7 +82,10 @@ def load() -> ctypes.CDLL:
             setattr(library, name, function)
     for name, result in {"takt_policy_robot": POINTER(RobotStruct), "takt_policy_observation": POINTER(ObservationStruct),
                          "takt_policy_sentence": c_char_p, "takt_policy_detach": None,
-                         "takt_policy_close": None}.items():
+                         "takt_policy_close": None, "takt_sensor_values": c_void_p, "takt_sensor_stream": POINTER(StreamStruct),
+                         "takt_sensor_sentence": c_char_p, "takt_sensor_close": None}.items():
         getattr(library, name).argtypes = [c_void_p]
         getattr(library, name).restype = result
+    library.takt_policy_stream.argtypes = [c_void_p, c_char_p]
+    library.takt_policy_stream.restype = POINTER(StreamStruct)
     return library

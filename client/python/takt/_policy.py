@@ -1,5 +1,4 @@
 """A policy: what it reads and gives, the connection to a running robot, and its observations."""
-import argparse
 import ctypes
 import logging
 import os
@@ -16,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from takt import _library
 from takt._refused import Refused
+from takt._sensor import place
 
 _WAIT_NS = 100_000_000  # a signal is heeded within this time
 _SAY_AGAIN_S = 10.0
@@ -38,7 +38,16 @@ class Stream:
     values: int
 
 
-Term = Union[Joints, Stream]
+@dataclass(frozen=True)
+class Image:
+    """A term with the newest image of an outside sensor."""
+
+    name: str
+    shape: Optional[Tuple[int, int, int]]
+    max_age: Optional[str]
+
+
+Term = Union[Joints, Stream, Image]
 
 
 @dataclass(frozen=True)
@@ -68,6 +77,14 @@ def stream(name: str, values: int) -> Stream:
     not passed on, and neither is its observation.
     """
     return Stream(name, int(values))
+
+
+def image(name: str, *, shape: Optional[Tuple[int, int, int]] = None, max_age: Optional[str] = None) -> Image:
+    """The newest image of the outside sensor `name`: uint8, (height, width, channels) as the robot file has it; `shape`, where it
+    is given, is compared with that. The age of every command counts from the image's own stamp. `max_age` ("80 ms"), where it
+    is given, is compared with the sensor's `timeout`: an older image is not passed on, and neither is its observation.
+    """
+    return Image(name, shape, max_age)
 
 
 def chunk(field: str, *, steps: int, step: str) -> Chunk:
@@ -104,10 +121,10 @@ class _Handle:
     def __del__(self) -> None:
         self._close(self.pointer)
 
-    def array(self, address: int, count: int) -> NDArray[np.float32]:
-        memory = (ctypes.c_float * count).from_address(address)
+    def array(self, address: int, count: int, dtype: Any = np.float32) -> NDArray[Any]:
+        memory = (ctypes.c_ubyte * (count * np.dtype(dtype).itemsize)).from_address(address)
         memory.owner = self
-        values = np.frombuffer(memory, np.float32)
+        values = np.frombuffer(memory, dtype)
         values.flags.writeable = False
         return values
 
@@ -142,9 +159,15 @@ class Observation:
         self._chunk = _library.ChunkStruct(size=ctypes.sizeof(_library.ChunkStruct))
         self._chunk_by_reference = ctypes.byref(self._chunk)
         self._shape = (robot.steps, len(robot.joints))
-        values = robot._handle.array(ctypes.addressof(self._raw.values.contents), self._raw.value_count)
-        begin = 0
+        values = robot._handle.array(ctypes.addressof(self._raw.values.contents), self._raw.value_count) if self._raw.value_count else np.empty(0)
+        begin, images = 0, 0
         for name, term in terms.items():
+            if isinstance(term, Image):
+                stream = robot._stream(term.name)
+                shape = (stream.height, stream.width, stream.channels)
+                setattr(self, name, robot._handle.array(self._raw.images[images], stream.values, np.uint8).reshape(shape))
+                images += 1
+                continue
             shape = (len(term.quantities), len(robot.joints)) if isinstance(term, Joints) else (term.values,)
             end = begin + int(np.prod(shape))
             setattr(self, name, values[begin:end].reshape(shape))
@@ -230,6 +253,9 @@ class Robot:
         self.step: float = facts.step_ns * 1e-9
         self.period: float = facts.period_ns * 1e-9
         self.policy_file: str = os.fsdecode(facts.policy_file)
+        for term in spec.observation.values():
+            if isinstance(term, Image):
+                self._check_image(term)
         self._observation = Observation(self, spec.observation)
 
     def __enter__(self) -> "Robot":
@@ -277,6 +303,18 @@ class Robot:
         signal.signal(number, self._before[number] or signal.SIG_DFL)
         self._stopped = True
 
+    def _stream(self, name: str) -> "_library.StreamStruct":
+        return self._library.takt_policy_stream(self._handle.pointer, name.encode()).contents
+
+    def _check_image(self, term: Image) -> None:
+        stream = self._stream(term.name)
+        shape = (stream.height, stream.width, stream.channels)
+        if term.shape is not None and tuple(term.shape) != shape:
+            raise Refused(f"takt.image: sensor {term.name} has the shape {shape} in the robot file, the policy's {tuple(term.shape)}: make them equal")
+        if term.max_age is not None and round(_seconds(term.max_age) * 1e9) != stream.timeout_ns:
+            raise Refused(f"takt.image: sensor {term.name} has the timeout {stream.timeout_ns / 1e6:g} ms in the robot file, the policy's "
+                          f"max_age is {term.max_age}: make them equal")
+
     def _sentence(self) -> str:
         return self._library.takt_policy_sentence(self._handle.pointer).decode()
 
@@ -291,23 +329,24 @@ class Robot:
         _log.warning("%s", sentence)
 
 
+def _seconds(text: str) -> float:
+    number, _, unit = text.strip().partition(" ")
+    try:
+        return float(number) * {"us": 1e-6, "ms": 1e-3, "s": 1.0}[unit]
+    except (KeyError, ValueError):
+        raise Refused(f"takt.image: max_age {text!r} is no time; write one such as '80 ms'", _library.USAGE) from None
+
+
 def _terms_of(spec: Policy) -> "ctypes.Array[_library.TermStruct]":
     flat = []
     for term in spec.observation.values():
         if isinstance(term, Joints):
             flat += [_library.TermStruct(_library.KINDS[name], 0, None) for name in term.quantities]
+        elif isinstance(term, Image):
+            flat.append(_library.TermStruct(_library.IMAGE, 0, term.name.encode()))
         else:
             flat.append(_library.TermStruct(_library.STREAM, term.values, term.name.encode()))
     return (_library.TermStruct * len(flat))(*flat)
-
-
-def _place(robot_file: str, runtime_dir: Optional[str], arguments: Optional[Sequence[str]]) -> Tuple[str, Optional[str]]:
-    """Robot file and runtime directory: those of the command line, where it has them, as `takt run` gives them."""
-    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
-    parser.add_argument("--robot", default=robot_file)
-    parser.add_argument("--runtime-dir", default=runtime_dir)
-    given, _ = parser.parse_known_args(sys.argv[1:] if arguments is None else arguments)
-    return given.robot, given.runtime_dir
 
 
 def _check_identity(robot_file: str, policy_file: str) -> None:
@@ -330,7 +369,7 @@ def connect(robot_file: Union[str, "os.PathLike[str]"], spec: Policy, *, runtime
     if not isinstance(spec, Policy):
         raise Refused("takt.connect: the second argument is a takt.Policy", _library.USAGE)
     library = _library.load()
-    file, directory = _place(os.fspath(robot_file), runtime_dir, arguments)
+    file, directory = place(os.fspath(robot_file), runtime_dir, arguments)
     terms = _terms_of(spec)
     wanted = _library.SpecStruct(
         size=ctypes.sizeof(_library.SpecStruct), term_count=len(terms), terms=terms, robot_file=os.fsencode(file),

@@ -190,5 +190,35 @@ TEST_F(IncidentTest, EveryCauseThatStopsHasWordsOrAPlace) {
   }
 }
 
+class ImuIncident : public IncidentTest {
+ protected:
+  ImuIncident() {
+    robot.imu = config::Imu{.sensor = "torso", .tilt = 1.0, .angular_velocity = 6.0, .frozen_after = {}};
+    record.header.imu.sequence = 1;
+    record.header.imu_verdict = ImuVerdict::usable;
+  }
+  std::string detail_of(Cause cause) {
+    watch = IncidentWatch(robot);
+    enter(Mode::tracking, Cause::drives_enabled);
+    record.header.imu.sensed_at = record.header.now - milliseconds(49);
+    return enter(Mode::damped_stop, cause)->detail;
+  }
+};
+
+TEST_F(ImuIncident, SaysHowFarTheBaseLeans) {
+  record.header.imu.rotation[0] = 0.8F;
+  record.header.imu.rotation[1] = 0.6F;
+  record.header.imu.angular_velocity[1] = 2;
+  EXPECT_EQ(detail_of(Cause::tilt),
+            "the base leans 1.29 rad from upright (imu.tilt 1) and turns at 2.00 rad/s (imu.angular_velocity 6)");
+}
+
+TEST_F(ImuIncident, SaysHowTheImuWasLost) {
+  EXPECT_EQ(detail_of(Cause::imu_lost),
+            "sensor torso: its newest sample is 50 ms old, or says the same as all before it");
+  record.header.imu_verdict = ImuVerdict::not_unit;
+  EXPECT_EQ(detail_of(Cause::imu_lost), "sensor torso: its quaternion is no unit quaternion");
+}
+
 }  // namespace
 }  // namespace takt

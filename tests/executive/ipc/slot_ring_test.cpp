@@ -200,6 +200,44 @@ TEST(HostileSegment, EveryChangedBitOfSizeOrChecksumIsCorrupt) {
   }
 }
 
+TEST(InPlace, WhatIsBegunIsSeenOnceItIsCommittedAndNotBefore) {
+  Ring ring;
+  ring.publish(64);
+  const std::span<std::byte> slot = ring.writer.begin();
+  ASSERT_EQ(slot.size(), ring.shape.payload_capacity);
+  std::ranges::fill(slot, std::byte{0x5A});
+  EXPECT_EQ(ring.reader.read_latest(ring.out).sequence, 1U)
+      << "the one before stays readable, for ever if the writer dies";
+  EXPECT_EQ(ring.writer.begin().data(), slot.data()) << "still the same one";
+  ring.writer.commit(48);
+  const ReadResult result = ring.reader.read_latest(ring.out);
+  EXPECT_EQ(result.status, ReadStatus::fresh);
+  EXPECT_EQ(result.sequence, 2U);
+  EXPECT_EQ(result.size, 48U);
+  EXPECT_EQ(ring.out[47], std::byte{0x5A});
+  EXPECT_NE(ring.writer.begin().data(), slot.data());
+}
+
+TEST(InPlace, ASlotThatIsBeingFilledAgainIsNotReadUnderItsOldName) {
+  Ring ring;
+  ring.publish_many(1);
+  for (std::uint32_t i = 1; i < ring.shape.slot_count; ++i) ring.publish(8);
+  (void)ring.writer.begin();  // the oldest, sequence 1
+  const ReadResult oldest = ring.reader.read_next(ring.out);
+  EXPECT_EQ(oldest.status, ReadStatus::fresh);
+  EXPECT_GT(oldest.sequence, 1U);
+  EXPECT_GT(oldest.lost, 0U);
+}
+
+TEST(InPlace, WhoWritesAfterTheCommitMakesItCorrupt) {
+  Ring ring;
+  const std::span<std::byte> slot = ring.writer.begin();
+  std::ranges::fill(slot, std::byte{1});
+  ring.writer.commit(slot.size());
+  slot[7] = std::byte{2};
+  EXPECT_EQ(ring.reader.read_latest(ring.out).status, ReadStatus::corrupt);
+}
+
 TEST(HostileSegment, SizeBeyondTheSlotCopiesNothing) {
   for (const std::uint32_t size : {kShape.payload_capacity + 1, 1U << 20U, std::numeric_limits<std::uint32_t>::max()}) {
     Ring ring;

@@ -42,7 +42,9 @@ const std::map<Cause, std::string>& expected() {
                                                  {Cause::overrun, ".ppp.."},
                                                  {Cause::internal_error, ".ffff."},
                                                  {Cause::operator_deenergise, ".sssss"},
-                                                 {Cause::torque_output_lost, ".ppp.."}};
+                                                 {Cause::torque_output_lost, ".ppp.."},
+                                                 {Cause::tilt, ".ppp.."},
+                                                 {Cause::imu_lost, ".ppp.."}};
   return rows;
 }
 

@@ -1,13 +1,11 @@
 // Goal: a reader gets the camera's mailbox over the socket, several at once, and no other role gets anything.
-#include "simulation/sensor_server.hpp"
+#include "executive/ipc/sensor_server.hpp"
 
 #include <gtest/gtest.h>
 
 #include <filesystem>
 
-#include "executive/ipc/executive_segments.hpp"
-
-namespace takt::plant {
+namespace takt::ipc {
 namespace {
 
 using namespace std::chrono_literals;
@@ -25,13 +23,12 @@ TEST(SensorServer, ReadersSeeTheNewestSample) {
   Hello hello;
   hello.role = Role::sensor_reader;
   for (int reader = 0; reader < 2; ++reader) {
-    auto lease = ipc::attach(socket, hello, 2000ms);
+    auto lease = attach(socket, hello, 2000ms);
     ASSERT_TRUE(lease) << lease.error();
     ASSERT_EQ(lease->descriptors.size(), 1U);
-    const auto segment =
-        ipc::Segment::adopt_read_only(lease->descriptors[0].release(), ipc::ring_bytes(ipc::sensor_mailbox()));
+    const auto segment = Segment::adopt_read_only(lease->descriptors[0].release(), ring_bytes(sensor_mailbox()));
     ASSERT_TRUE(segment) << segment.error();
-    auto mailbox = ipc::SlotReader::attach(segment->readable(), ipc::sensor_mailbox());
+    auto mailbox = SlotReader::attach(segment->readable(), sensor_mailbox());
     ASSERT_TRUE(mailbox) << mailbox.error();
     SensorSample sent;
     sent.sequence = static_cast<std::uint64_t>(reader) + 1;
@@ -39,7 +36,7 @@ TEST(SensorServer, ReadersSeeTheNewestSample) {
     sent.values[2] = 0.25F;
     (*server)->publish(sent);
     SensorSample read;
-    EXPECT_EQ(mailbox->read_latest(std::as_writable_bytes(std::span(&read, 1))).status, ipc::ReadStatus::fresh);
+    EXPECT_EQ(mailbox->read_latest(std::as_writable_bytes(std::span(&read, 1))).status, ReadStatus::fresh);
     EXPECT_EQ(read.sequence, sent.sequence);
     EXPECT_EQ(read.values[2], 0.25F);
   }
@@ -51,10 +48,10 @@ TEST(SensorServer, OtherRolesAreRefused) {
   ASSERT_TRUE(server) << server.error();
   Hello hello;
   hello.role = Role::monitor;
-  const auto lease = ipc::attach(socket, hello, 2000ms);
+  const auto lease = attach(socket, hello, 2000ms);
   ASSERT_FALSE(lease);
   EXPECT_NE(lease.error().find("sensor"), std::string::npos) << lease.error();
 }
 
 }  // namespace
-}  // namespace takt::plant
+}  // namespace takt::ipc

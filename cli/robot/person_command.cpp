@@ -1,0 +1,125 @@
+// takt command: a person's wish (a velocity, say) as one of the robot's sensors, for as long as it is said.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "cli/command.hpp"
+#include "cli/quantity_option.hpp"
+#include "cli/running_robots.hpp"
+#include "config/load.hpp"
+#include "config/paths.hpp"
+#include "executive/contract/monotonic_clock.hpp"
+#include "executive/ipc/sensor_server.hpp"
+
+namespace takt::cli {
+namespace {
+
+constexpr std::int64_t kSamplesPerTimeout = 4;  // so that one or two that come late change nothing
+
+std::atomic<bool> g_released = false;
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+struct Options {
+  std::string sensor, robot_file, runtime_dir;
+  std::vector<double> values;
+  double lasting_s = 1;
+};
+
+std::unexpected<Refusal> refuse(int exit_code, std::string sentence) {
+  return std::unexpected(Refusal{exit_code, std::move(sentence)});
+}
+
+// The entry of the robot file that this is a command of, and its limits.
+std::expected<config::Sensor, Refusal> sensor_of(const config::RobotConfig& robot, const Options& options) {
+  const auto sensor = std::ranges::find(robot.sensors, options.sensor, &config::Sensor::name);
+  if (sensor == robot.sensors.end() || !sensor->command) {
+    std::vector<std::string> known;
+    for (const config::Sensor& each : robot.sensors)
+      if (each.command) known.push_back(each.name);
+    return refuse(
+        config::kExitBadConfiguration,
+        fmt::format("{}: `sensors` lists no command '{}' (there is {}); add it with `command: {{ minimum, "
+                    "maximum, when_absent }}`, or correct the name",
+                    robot.file, options.sensor, known.empty() ? "none" : fmt::format("{}", fmt::join(known, ", "))));
+  }
+  if (options.values.size() != sensor->values)
+    return refuse(kExitUsage, fmt::format("{} has {} values ({}), this is {}: say them all", sensor->name,
+                                          sensor->values, sensor->unit, options.values.size()));
+  for (std::size_t i = 0; i < options.values.size(); ++i) {
+    const double low = sensor->command->minimum[i], high = sensor->command->maximum[i];
+    if (!(options.values[i] >= low && options.values[i] <= high))
+      return refuse(kExitUsage, fmt::format("value {} of {} is {}, outside [{}, {}] of {}: nobody would believe it",
+                                            i + 1, sensor->name, options.values[i], low, high, robot.file));
+  }
+  return *sensor;
+}
+
+void release_on_signals() {
+  struct sigaction action {};
+  action.sa_handler = [](int) { g_released = true; };
+  sigaction(SIGTERM, &action, nullptr);
+  sigaction(SIGINT, &action, nullptr);
+}
+
+void say(ipc::SensorServer& server, const Options& options, Duration timeout) {
+  SensorSample sample;
+  sample.value_count = static_cast<std::uint32_t>(options.values.size());
+  std::ranges::transform(options.values, sample.values, [](double value) { return static_cast<float>(value); });
+  const MonoTime end = monotonic_now() + Duration{static_cast<std::int64_t>(options.lasting_s * 1e9)};
+  for (MonoTime next = monotonic_now(); next < end && !g_released;
+       next = next + Duration{timeout.ns / kSamplesPerTimeout}) {
+    ++sample.sequence;
+    sample.sensed_at = sample.published_at = monotonic_now();
+    server.publish(sample);
+    sleep_until(std::min(next + Duration{timeout.ns / kSamplesPerTimeout}, end));
+  }
+}
+
+std::expected<void, Refusal> command(const Options& options) {
+  const auto robot = config::load(options.robot_file);
+  if (!robot) return refuse(config::kExitBadConfiguration, robot.error());
+  const auto sensor = sensor_of(*robot, options);
+  if (!sensor) return std::unexpected(sensor.error());
+  const std::string directory =
+      options.runtime_dir.empty() ? config::default_runtime_directory(robot->robot) : options.runtime_dir;
+  const auto server = ipc::SensorServer::start(config::sensor_socket(directory, sensor->name));
+  if (!server) return refuse(kExitUnavailable, server.error());
+  release_on_signals();
+  say(**server, options, sensor->timeout);
+  return {};
+}
+
+}  // namespace
+
+void add_person_command(CLI::App& app, int& exit_code) {
+  CLI::App* added =
+      app.add_subcommand("command", "Tell a running robot's policy what you want, through one of its command sensors.");
+  auto options = std::make_shared<Options>();
+  added->add_option("sensor", options->sensor, "name of an entry in the robot file's sensors that has `command`")
+      ->required();
+  added->add_option("values", options->values, "one number per value, in the sensor's unit")
+      ->required()
+      ->expected(1, 64);
+  added->add_option("--robot", options->robot_file, "robot file")->required();
+  added->add_option("--runtime-dir", options->runtime_dir, "the robot's runtime directory");
+  add_quantity(*added, "--for", options->lasting_s, "s", "how long it is said; Ctrl-C ends it before");
+  added->footer(
+      "Example: takt command wish 0.5 0 0 --for 2s --robot g1.yaml\n"
+      "Afterwards what the robot file calls when_absent holds, once the sensor's timeout is over.\n"
+      "Exit codes: 0 said, 64 command line (also a value outside its limits), 65 configuration, 69 somebody else "
+      "commands.");
+  added->callback([options, &exit_code] {
+    const auto done = command(*options);
+    if (!done) fmt::print(stderr, "takt command: {}\n", done.error().sentence);
+    exit_code = done ? kExitOk : done.error().exit_code;
+  });
+}
+
+}  // namespace takt::cli
