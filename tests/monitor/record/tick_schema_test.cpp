@@ -57,8 +57,6 @@ std::vector<std::size_t> range(std::size_t first, std::size_t count) {
 
 TEST(TickSchema, TablesCoverEverythingButReservedBytes) {
   std::vector<std::size_t> expected = range(offsetof(TickRecordHeader, buses), sizeof(TickRecordHeader::buses));
-  for (const std::size_t at : range(offsetof(TickRecordHeader, reserved), sizeof(TickRecordHeader::reserved)))
-    expected.push_back(at);
   EXPECT_EQ(uncovered(header_fields(), sizeof(TickRecordHeader)), expected);
   EXPECT_EQ(uncovered(bus_fields(), sizeof(BusHealth)), range(offsetof(BusHealth, reserved), 2));
   expected = range(offsetof(JointFeedback, reserved), sizeof(JointFeedback::reserved));
