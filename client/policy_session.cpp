@@ -307,6 +307,9 @@ void PolicySession::show(MonoTime now) {
   view_.sensed_ns = observation_.oldest_sensed_at.ns;
   view_.outside_sensed_ns = outside.ns;
   view_.mode = name(static_cast<Mode>(observation_.mode)).data();
+  view_.following = observation_.command_sequence;
+  view_.committed_from = observation_.committed_from;
+  view_.committed_count = observation_.committed_count;
   view_.reset = forget_ || !step.continues ? 1 : 0;
   forget_ = false;
   fill_values();

@@ -86,6 +86,50 @@ void check_meaning(const RobotConfig& robot, const Policy& policy, Checker& chec
                                 joint.name));
 }
 
+// d <= s <= H - d, where s, the steps played of a chunk, is the policy's period: what is promised is played before the
+// next observation, and the rest of the chunk reaches past the answer to that one.
+void check_join(const RobotConfig& robot, const Policy& policy, Checker& checker) {
+  const Action& action = policy.action;
+  const Join& join = action.join;
+  const Duration horizon = policy.step_period * policy.steps;
+  switch (join.kind) {
+    case JoinKind::replace:
+    case JoinKind::blend:
+      return;
+    case JoinKind::ensemble:
+      checker.require(
+          join.taper <= horizon, "policy.action.join.taper",
+          fmt::format("{} exceeds the chunk's {}; lower it", format_duration(join.taper), format_duration(horizon)));
+      return;
+    case JoinKind::quintic:
+      checker.require(action.interpolation != Interpolation::hold, "policy.action.join.kind",
+                      "quintic smooths a path, and held steps are none; write align, or interpolate");
+      [[fallthrough]];
+    case JoinKind::align:
+      checker.require(action.kind == ActionKind::joint_position, "policy.action.join.kind",
+                      fmt::format("aligns positions, and policy.action.kind is another; write replace, cross_fade, "
+                                  "blend or ensemble"));
+      [[fallthrough]];
+    case JoinKind::cross_fade:
+      checker.require(
+          join.over <= horizon, "policy.action.join.over",
+          fmt::format("{} exceeds the chunk's {}; lower it", format_duration(join.over), format_duration(horizon)));
+      return;
+    case JoinKind::prefix:
+      checker.require(
+          join.longest <= policy.period - robot.control.period, "policy.action.join.longest",
+          fmt::format("{} must end a control period before the next observation is published, {} after this "
+                      "one; lower it, or raise policy.period",
+                      format_duration(join.longest), format_duration(policy.period)));
+      checker.require(
+          policy.period + join.longest <= horizon, "policy.action.join.longest",
+          fmt::format("{} and policy.period {} exceed the chunk's {}: it would end before the answer to the "
+                      "next observation is played; lower it, or raise policy.steps",
+                      format_duration(join.longest), format_duration(policy.period), format_duration(horizon)));
+      return;
+  }
+}
+
 void check_action(const RobotConfig& robot, const Action& action, Checker& checker) {
   const std::size_t outputs = outputs_per_step(robot);
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
@@ -128,6 +172,7 @@ void check_policy(const RobotConfig& robot, Checker& checker) {
   check_periods(robot, policy, checker);
   check_terms(robot, policy, checker);
   check_meaning(robot, policy, checker);
+  check_join(robot, policy, checker);
   check_action(robot, policy.action, checker);
 }
 

@@ -179,9 +179,21 @@ struct ObservationTerm {
   std::uint32_t history = 1;     // oldest first, newest last
 };
 
+enum class JoinKind : std::uint8_t { replace, cross_fade, blend, ensemble, align, quintic, prefix };
+
+struct Join {
+  JoinKind kind = JoinKind::replace;
+  Duration over;         // cross_fade, align, quintic
+  double new_share = 0;  // blend: (0, 1]
+  double decay = 0;      // ensemble: m of exp(-m i), i = 0 the oldest prediction; >= 0
+  Duration taper;        // ensemble: >= 0
+  Duration longest;      // prefix
+};
+
 struct Action {
   ActionKind kind = ActionKind::joint_position;
   Interpolation interpolation = Interpolation::linear;
+  Join join;
   std::vector<double> scale;  // one, or one per policy output
   OffsetKind offset = OffsetKind::home;
   std::vector<double> offset_values;

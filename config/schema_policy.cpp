@@ -15,6 +15,8 @@ constexpr std::array<std::string_view, 2> kLayouts{"by_term", "by_time"};
 constexpr std::array<std::string_view, 2> kFallbackKinds{"pose", "state_feedback"};
 constexpr std::array<std::string_view, 3> kActionKinds{"joint_position", "joint_velocity", "joint_torque"};
 constexpr std::array<std::string_view, 3> kInterpolations{"hold", "linear", "cubic"};
+constexpr std::array<std::string_view, 7> kJoins{"replace", "cross_fade", "blend", "ensemble",
+                                                 "align",   "quintic",    "prefix"};
 constexpr std::size_t kMaxTerms = 32;
 constexpr std::size_t kMaxSensors = 16;
 
@@ -79,6 +81,27 @@ void describe_term(Fields& fields, ObservationTerm& term, Words sensors) {
   fields.integer({"history", "how many instants, oldest first", "1"}, term.history, 1, 64);
 }
 
+void describe_join(Fields& fields, Join& join) {
+  fields.choice(
+      {"kind",
+       "replace: at once; cross_fade: from the old path to the new one; blend: a fixed mixture; ensemble: all "
+       "predictions of an instant, weighted; align: the difference at the join fades; quintic: the same, smooth "
+       "in velocity and acceleration; prefix: the old path is played for as long as the policy was told",
+       "replace"},
+      join.kind, kJoins);
+  fields.duration({"over", "cross_fade, align, quintic: how long a join takes", "100 ms"}, join.over, milliseconds(1),
+                  seconds(10));
+  fields.quantity({"new_share", "blend: the new chunk's share where both say something", "0.7"}, join.new_share,
+                  Dimension::none, above(0, 1));
+  fields.quantity({"decay", "ensemble: m of the weights exp(-m i), i = 0 the oldest prediction", "0.01"}, join.decay,
+                  Dimension::none, between(0, 10));
+  fields.duration({"taper", "ensemble: a prediction's weight falls to zero over the end of its chunk", "0 ms"},
+                  join.taper, {}, seconds(10));
+  fields.duration(
+      {"longest", "prefix: no more of the path than this is promised; the longest delay trained for", "10 ms"},
+      join.longest, microseconds(100), seconds(10));
+}
+
 void describe_action(Fields& fields, Action& action, Words joints) {
   constexpr std::array<std::string_view, 3> kOffsets{"zero", "home", "measured"};
   fields.choice({"kind", "what the outputs mean: target = offset + scale * output", "joint_position"}, action.kind,
@@ -88,6 +111,8 @@ void describe_action(Fields& fields, Action& action, Words joints) {
                  "straight lines between steps; cubic: a smooth curve through them",
                  "linear"},
                 action.interpolation, kInterpolations);
+  fields.section({"join", "how a new chunk takes over from the path being played", "{}"},
+                 [&](Fields& f) { describe_join(f, action.join); });
   fields.quantities({"scale", "factor in rad, rad/s or Nm, one for all outputs or one each", "1"}, action.scale,
                     Dimension::none, any_value(), {.low = 1, .high = kMaxJoints, .single_allowed = true});
   auto offset = static_cast<std::size_t>(action.offset);

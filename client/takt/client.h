@@ -84,7 +84,7 @@ typedef struct takt_policy_spec {
   const char* runtime_directory; /* where the robot's sockets are; NULL: the default for this user and robot */
   const char* program;           /* how others call this process, at most 39 characters */
   const char* step;              /* time between two steps of a chunk, as in a robot file: "10 ms" */
-  uint32_t steps;                /* steps of a chunk, 1 to 64 */
+  uint32_t steps;                /* steps of a chunk, 1 to 128 */
   uint32_t reserved;             /* 0 */
 } takt_policy_spec;
 
@@ -115,6 +115,12 @@ typedef struct takt_observation {
   const uint8_t* const* images; /* image_count, in the terms' order */
   uint32_t image_count;
   uint32_t reserved;
+  /* The robot follows the chunk of this session's publish number `following` (1, 2, ...; 0: none), and will play
+   * committed_count of its steps, from committed_from on, whatever answers this observation. 0: nothing is promised,
+   * unless the robot file's policy.action.join is `prefix`. */
+  uint64_t following;
+  uint32_t committed_from;
+  uint32_t committed_count;
 } takt_observation;
 
 /* A chunk: steps x joint_count values each, step after step. Between steps the executive does what the robot file's

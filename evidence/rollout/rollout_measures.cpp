@@ -44,7 +44,7 @@ void RolloutMeasures::tick(const TickRecord& record, const TruthOfTick& truth) {
   collector_.tick(record);
   add_hash(record);
   add_joints(record);
-  if (header.arrival == Arrival::accepted) {
+  if (is_first_use(header)) {
     ++accepted_;
     inference_ms_ += header.age.infer.milliseconds();
   }

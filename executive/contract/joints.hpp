@@ -12,7 +12,7 @@
 namespace takt {
 
 inline constexpr std::size_t kMaxJoints = 64;
-inline constexpr std::size_t kMaxChunkSteps = 64;
+inline constexpr std::size_t kMaxChunkSteps = 128;
 inline constexpr std::size_t kMaxBuses = 8;
 inline constexpr std::size_t kMaxSensorValues = 64;
 

@@ -99,6 +99,11 @@ struct JointRecord {
   std::uint8_t drive_enabled = 0;  // 1 when this drive is told to be enabled; 0: to de-energise
 };
 
+// The tick in which its command was first played.
+constexpr bool is_first_use(const TickRecordHeader& header) {
+  return header.freshness != Freshness::missing && header.age.hold == Duration{};
+}
+
 static_assert(std::is_standard_layout_v<AgeParts> && sizeof(AgeParts) == 40);
 static_assert(std::is_standard_layout_v<TickRecordHeader> && std::is_trivially_copyable_v<TickRecordHeader>);
 static_assert(sizeof(TickRecordHeader) == 72 + 16 * kMaxBuses + sizeof(ImuSample) + 16 + 40 + 24 + 16 + 16 + 8);

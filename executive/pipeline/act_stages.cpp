@@ -152,7 +152,36 @@ void clamp_output(TickState& state, const TickConfig& config, TickOutput& output
   if (!finite) stop_for_internal_error(state, config, output);
 }
 
-void publish(TickState& state, const TickConfig& config, TickOutput& output) {
+namespace {
+
+// Sequences start over with every policy session: a larger one than the newest is of a session before.
+bool is_of_this_session(const TickState& state) {
+  return state.command.sequence <= state.counters.last_sequence;
+}
+
+// How much of the path in use will be played whatever answers this observation. It ends before the next one is
+// published, so that no two observations promise differently.
+Duration promised(const TickState& state, const Choice& choice, MonoTime now, const TickConfig& config) {
+  if (config.join.kind != JoinKind::prefix || !choice.playing || !is_of_this_session(state)) return {};
+  const Duration delay = state.join.delays.longest(now);
+  return delay > Duration{} ? std::min(delay, config.join.longest_delay) : config.join.longest_delay;
+}
+
+void commit(const TickState& state, const Choice& choice, MonoTime until, Observation& observation) {
+  observation.command_sequence = is_of_this_session(state) ? state.command.sequence : 0;
+  observation.committed_from = choice.step;
+  observation.committed_count = 0;
+  if (!until.is_set()) return;
+  const CommandHeader& header = state.chunk.header;
+  const std::int64_t period = header.step_period.ns;
+  const std::int64_t end = ((until - state.command.observed_at).ns + period - 1) / period;
+  observation.committed_count =
+      static_cast<std::uint32_t>(std::clamp<std::int64_t>(end, choice.step, header.step_count) - choice.step);
+}
+
+}  // namespace
+
+void publish(TickState& state, const Choice& choice, const TickConfig& config, TickOutput& output) {
   TickRecordHeader& header = output.record.header;
   output.observation_due = false;
   const std::uint64_t ordinal = header.tick / std::max<std::uint32_t>(config.observation_every_ticks, 1);
@@ -169,7 +198,11 @@ void publish(TickState& state, const TickConfig& config, TickOutput& output) {
   }
   state.counters.next_observation_ordinal = ordinal + 1;
   Observation& observation = output.observation;
-  observation.id = header.observation_published = state.memory.remember({oldest, header.now}, state.shape.remembered);
+  const Duration promise = promised(state, choice, header.now, config);
+  const MonoTime until = promise > Duration{} ? header.now + promise : MonoTime{};
+  observation.id = header.observation_published =
+      state.memory.remember({oldest, header.now, until}, state.shape.remembered);
+  commit(state, choice, until, observation);
   observation.tick = header.tick;
   observation.oldest_sensed_at = oldest;
   observation.published_at = header.now;

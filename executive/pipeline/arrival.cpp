@@ -72,9 +72,9 @@ CommandInUse believed(const CommandHeader& header, const RememberedObservation& 
 }  // namespace
 
 ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoTime now, std::uint64_t last_sequence,
-                             const CommandInUse& in_use, const ObservationMemory& memory, const TickConfig& config,
+                             const CommandInUse& newest, const ObservationMemory& memory, const TickConfig& config,
                              Arrival values) {
-  const auto refused = [](Arrival why, bool backwards = false) { return ArrivalVerdict{why, backwards, {}}; };
+  const auto refused = [](Arrival why, bool backwards = false) { return ArrivalVerdict{why, backwards, {}, {}}; };
   if (!is_well_shaped(chunk, bytes, config)) return refused(Arrival::wrong_shape);
   const CommandHeader& header = chunk.header;
   if (config.policy_hash != 0 && header.policy_hash != config.policy_hash) return refused(Arrival::wrong_policy);
@@ -92,8 +92,8 @@ ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoT
   const CommandInUse command = believed(header, observation, now);
   // Compared as instants: a claimed stamp may be so far back that its age would overflow.
   if (command.sensed_at < now - config.freshness.max_age) return refused(Arrival::expired_observation, backwards);
-  if (command.observation_id < in_use.observation_id) return refused(Arrival::overtaken, backwards);
-  return {Arrival::accepted, backwards, command};
+  if (command.observation_id < newest.observation_id) return refused(Arrival::overtaken, backwards);
+  return {Arrival::accepted, backwards, command, observation.committed_until};
 }
 
 }  // namespace takt::pipeline

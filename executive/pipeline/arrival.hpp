@@ -13,7 +13,7 @@
 //  7 out_of_range         a value beyond kLargestTarget: no target of any joint (what lies outside a joint's own range
 //                         is clamped where it is played, chunk_player.hpp, and counted)
 //  8 expired_observation  older than max_age on arrival
-//  9 overtaken            answers an older observation than the command in use does: it would make the robot older
+//  9 overtaken            answers an older observation than the newest command does: it would make the robot older
 //
 // Stamps that run backwards are clamped and counted, not refused: they spoil the decomposition, never the total.
 // An outside sensor's stamp can only make the command older. Pure; reads values only after the shape was found sound,
@@ -37,12 +37,13 @@ inline constexpr Duration kLongestStepPeriod = seconds(10);
 struct ArrivalVerdict {
   Arrival arrival = Arrival::none;
   bool stamps_ran_backwards = false;
-  CommandInUse command;  // meaningful when accepted
+  CommandInUse command;      // meaningful when accepted
+  MonoTime committed_until;  // what the answered observation promised; meaningful when accepted
 };
 
-// `in_use`: the command that a new one would replace.
+// `newest`: the one accepted last, whether it is in use yet or waits.
 ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoTime now, std::uint64_t last_sequence,
-                             const CommandInUse& in_use, const ObservationMemory& memory, const TickConfig& config,
+                             const CommandInUse& newest, const ObservationMemory& memory, const TickConfig& config,
                              Arrival values = Arrival::none);
 // What a refused message tells without its values: checks 6 and 7, of which `arrival` is the outcome. A message that
 // did not get there, or failed later, has nothing wrong with its values as far as the outcome goes.

@@ -48,7 +48,7 @@ Choice play_or_brake(const TickState& state, const TickRecord& record, const Tic
                      std::span<JointTarget> targets) {
   Choice choice = brake(config);
   if (!is_usable(record.header.freshness)) return choice;
-  choice.step = play(state.chunk, state.command.observed_at, record.header.now, config, targets);
+  choice.step = play(state.join, {state.chunk, state.command.observed_at}, record.header.now, config, targets);
   choice.reference = Reference::follow_target;
   choice.playing = true;
   return choice;

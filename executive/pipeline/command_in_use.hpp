@@ -16,7 +16,7 @@ struct CommandInUse {
   MonoTime observed_at;       // t1, when the answered observation was published: step 0's instant
   MonoTime infer_started_at;  // t2, claimed
   MonoTime infer_ended_at;    // t3, claimed
-  MonoTime first_used_at;     // t4
+  MonoTime first_used_at;     // t4; while it waits for its turn: when it arrived
 
   [[nodiscard]] Duration age(MonoTime now) const { return now - sensed_at; }
   // Telescoping: the parts add up to age(now) exactly.

@@ -17,7 +17,7 @@ void control_tick(TickState& state, const TickInput& input, const TickConfig& co
   constrain(state, choice, targets, config, output.record);
   stabilise(state, choice, targets, config, output);
   clamp_output(state, config, output);
-  publish(state, config, output);
+  publish(state, choice, config, output);
   record(state, choice, config, output);
 }
 

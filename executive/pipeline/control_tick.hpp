@@ -71,7 +71,7 @@ struct TickOutput {
   TickRecord record;        // this tick, inputs and outputs
 };
 
-// Opaque to callers; defined in tick_state.hpp. Plain value, about 160 KiB: keep it off the stack.
+// Opaque to callers; defined in tick_state.hpp. Plain value, about 400 KiB: keep it off the stack.
 struct TickState;
 
 struct TickStateDeleter {

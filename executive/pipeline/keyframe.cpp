@@ -1,9 +1,9 @@
 // save and load of TickState's used part.
 //
 // A keyframe is a KeyframeHeader, the fixed pieces, as much of memory and windows as the configuration uses, the link
-// watch and joint_count ReplyWatches, joint_count JointStates, and the used bytes of the chunk in use (none while there
-// is no command). The checksum covers everything after the
-// header. Little-endian, this ABI only: the magic and the layout refuse another.
+// watch and joint_count ReplyWatches, joint_count JointStates, the join, what waits, and the used bytes of the chunks
+// in use and waiting (none while there is no such command). The checksum covers everything after the header.
+// Little-endian, this ABI only: the magic and the layout refuse another.
 #include <bit>
 #include <cstring>
 #include <string>
@@ -22,8 +22,10 @@ struct KeyframeHeader {
   std::uint32_t joint_count = 0;
   std::uint32_t window_ticks = 0;
   std::uint32_t remembered = 0;
+  std::uint32_t in_use_bytes = 0;   // of the chunk in use
+  std::uint32_t waiting_bytes = 0;  // of the one that waits
 };
-static_assert(sizeof(KeyframeHeader) == 40);
+static_assert(sizeof(KeyframeHeader) == 48);
 
 constexpr std::uint64_t kStateLayout = layout_hash({{kAbiVersion, sizeof(TickState)},
                                                     {offsetof(TickState, mode), sizeof(ModeState)},
@@ -37,24 +39,35 @@ constexpr std::uint64_t kStateLayout = layout_hash({{kAbiVersion, sizeof(TickSta
                                                     {offsetof(TickState, links), sizeof(LinkWatch)},
                                                     {offsetof(TickState, imu), sizeof(ImuWatch)},
                                                     {offsetof(TickState, joints), sizeof(JointState)},
+                                                    {offsetof(TickState, join), sizeof(JoinState)},
+                                                    {offsetof(TickState, waiting), sizeof(WaitingCommand)},
                                                     {offsetof(TickState, chunk), sizeof(CommandChunk)}});
 
 // Of the links: everything but the joints, which are as many as the robot has.
 constexpr std::size_t kLinkBytes = offsetof(LinkWatch, joints);
 
-// All but the chunk.
+// All but the chunks.
 std::size_t fixed_bytes(const StateShape& shape) {
   return sizeof(KeyframeHeader) + sizeof(ModeState) + sizeof(Counters) + sizeof(Recovery) + sizeof(CommandInUse) +
          ObservationMemory::saved_bytes(shape.remembered) + 4 * TickWindow::saved_bytes(shape.window_ticks) +
-         kLinkBytes + sizeof(ImuWatch) + shape.joint_count * (sizeof(ReplyWatch) + sizeof(JointState));
+         sizeof(JoinState) + sizeof(WaitingCommand) + kLinkBytes + sizeof(ImuWatch) +
+         shape.joint_count * (sizeof(ReplyWatch) + sizeof(JointState));
 }
 
 StateShape shape_of(const KeyframeHeader& header) {
   return {header.joint_count, header.window_ticks, header.remembered};
 }
 
-std::size_t chunk_bytes(const TickState& state) {
-  return state.command.sequence == 0 ? 0 : state.chunk.used_bytes();
+struct ChunkBytes {
+  std::size_t in_use, waiting;
+};
+
+std::size_t bytes_of(const CommandInUse& command, const CommandChunk& chunk) {
+  return command.sequence == 0 ? 0 : chunk.used_bytes();
+}
+
+ChunkBytes chunk_bytes(const TickState& state) {
+  return {bytes_of(state.command, state.chunk), bytes_of(state.waiting.command, state.waiting_chunk)};
 }
 
 // Word-wise multiply and rotate: catches damage, not malice; cheap enough for the control thread.
@@ -73,7 +86,7 @@ std::uint64_t checksum(std::span<const std::byte> bytes) {
 
 // Walks the pieces of a keyframe once, for saving and for loading, so that the two cannot disagree.
 template <class State, class Piece>
-void walk(State& state, const StateShape& shape, std::size_t chunk, Piece&& piece) {
+void walk(State& state, const StateShape& shape, const ChunkBytes& chunks, Piece&& piece) {
   piece(&state.mode, sizeof(state.mode));
   piece(&state.counters, sizeof(state.counters));
   piece(&state.recovery, sizeof(state.recovery));
@@ -87,7 +100,10 @@ void walk(State& state, const StateShape& shape, std::size_t chunk, Piece&& piec
   piece(&state.links.joints[0], shape.joint_count * sizeof(ReplyWatch));
   piece(&state.imu, sizeof(state.imu));
   piece(&state.joints[0], shape.joint_count * sizeof(JointState));
-  piece(&state.chunk, chunk);
+  piece(&state.join, sizeof(state.join));
+  piece(&state.waiting, sizeof(state.waiting));
+  piece(&state.chunk, chunks.in_use);
+  piece(&state.waiting_chunk, chunks.waiting);
 }
 
 std::string refuse(const char* what) {
@@ -100,21 +116,26 @@ const char* damage_in(const KeyframeHeader& header, const TickConfig& config, st
   if (header.joint_count != config.joint_count) return "joint count differs from the configuration's";
   if (header.window_ticks != config.freshness.window_ticks) return "freshness window differs from the configuration's";
   if (header.remembered != remembered_observations(config)) return "max_age differs from the configuration's";
-  const std::size_t fixed = fixed_bytes(shape_of(header));
-  if (header.bytes < fixed || header.bytes - fixed > sizeof(CommandChunk)) return "sizes do not add up";
+  if (header.in_use_bytes > sizeof(CommandChunk) || header.waiting_bytes > sizeof(CommandChunk) ||
+      header.bytes != fixed_bytes(shape_of(header)) + header.in_use_bytes + header.waiting_bytes)
+    return "sizes do not add up";
   if (bytes.size() < header.bytes) return "cut short";
   if (checksum(bytes.subspan(sizeof(header), header.bytes - sizeof(header))) != header.checksum)
     return "checksum does not match";
   return nullptr;
 }
 
-bool is_consistent(const TickState& state, const TickConfig& config, std::size_t chunk) {
-  const CommandHeader& header = state.chunk.header;
-  const bool chunk_fits = state.command.sequence == 0
-                              ? chunk == 0
-                              : chunk >= sizeof(CommandHeader) && header.step_count >= 1 &&
-                                    header.step_count <= kMaxChunkSteps && header.joint_count == config.joint_count &&
-                                    header.step_period > Duration{0} && state.chunk.used_bytes() == chunk;
+bool is_consistent(const CommandInUse& command, const CommandChunk& chunk, std::size_t bytes,
+                   const TickConfig& config) {
+  if (command.sequence == 0) return bytes == 0;
+  const CommandHeader& header = chunk.header;
+  return bytes >= sizeof(CommandHeader) && header.step_count >= 1 && header.step_count <= kMaxChunkSteps &&
+         header.joint_count == config.joint_count && header.step_period > Duration{0} && chunk.used_bytes() == bytes;
+}
+
+bool is_consistent(const TickState& state, const TickConfig& config, const ChunkBytes& chunks) {
+  const bool chunk_fits = is_consistent(state.command, state.chunk, chunks.in_use, config) &&
+                          is_consistent(state.waiting.command, state.waiting_chunk, chunks.waiting, config);
   const JointMask given_up = state.mode.deenergised | state.mode.damped;
   return chunk_fits && static_cast<std::size_t>(state.mode.mode) < kModeCount &&
          (given_up & ~every_joint(config.joint_count)) == 0 && state.recovery.relapses <= kMaxDoublings &&
@@ -126,11 +147,11 @@ bool is_consistent(const TickState& state, const TickConfig& config, std::size_t
 }  // namespace
 
 std::size_t save(const TickState& state, std::span<std::byte> out) noexcept {
-  const std::size_t chunk = chunk_bytes(state);
-  const std::size_t total = fixed_bytes(state.shape) + chunk;
+  const ChunkBytes chunks = chunk_bytes(state);
+  const std::size_t total = fixed_bytes(state.shape) + chunks.in_use + chunks.waiting;
   if (out.size() < total) return 0;
   std::size_t at = sizeof(KeyframeHeader);
-  walk(state, state.shape, chunk, [&](const void* piece, std::size_t size) {
+  walk(state, state.shape, chunks, [&](const void* piece, std::size_t size) {
     std::memcpy(out.data() + at, piece, size);
     at += size;
   });
@@ -140,6 +161,8 @@ std::size_t save(const TickState& state, std::span<std::byte> out) noexcept {
   header.joint_count = state.shape.joint_count;
   header.window_ticks = state.shape.window_ticks;
   header.remembered = state.shape.remembered;
+  header.in_use_bytes = static_cast<std::uint32_t>(chunks.in_use);
+  header.waiting_bytes = static_cast<std::uint32_t>(chunks.waiting);
   header.checksum = checksum(out.subspan(sizeof(header), total - sizeof(header)));
   std::memcpy(out.data(), &header, sizeof(header));
   return total;
@@ -151,13 +174,13 @@ std::expected<void, std::string> load(TickState& state, const TickConfig& config
   std::memcpy(&header, bytes.data(), sizeof(header));
   if (const char* what = damage_in(header, config, bytes); what != nullptr) return std::unexpected(refuse(what));
   const TickStatePtr loaded = make_tick_state(config);
-  const std::size_t chunk = header.bytes - fixed_bytes(shape_of(header));
+  const ChunkBytes chunks{header.in_use_bytes, header.waiting_bytes};
   std::size_t at = sizeof(header);
-  walk(*loaded, shape_of(header), chunk, [&](void* piece, std::size_t size) {
+  walk(*loaded, shape_of(header), chunks, [&](void* piece, std::size_t size) {
     std::memcpy(piece, bytes.data() + at, size);
     at += size;
   });
-  if (!is_consistent(*loaded, config, chunk)) return std::unexpected(refuse("contents contradict themselves"));
+  if (!is_consistent(*loaded, config, chunks)) return std::unexpected(refuse("contents contradict themselves"));
   state = *loaded;
   return {};
 }

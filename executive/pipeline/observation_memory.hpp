@@ -19,6 +19,8 @@ namespace takt::pipeline {
 struct RememberedObservation {
   MonoTime oldest_sensed_at;
   MonoTime published_at;
+  MonoTime
+      committed_until{};  // until then the path of before is played, whatever answers this; unset: nothing promised
 };
 
 class ObservationMemory {

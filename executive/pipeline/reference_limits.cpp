@@ -40,31 +40,42 @@ bool cut_to_stop(double& speed, double distance, double acceleration, double dt)
   return true;
 }
 
-// Speed that closes the gap without overshooting: all of it at once when one step suffices.
-double closing_speed(double gap, double acceleration, double dt) {
+// Rates of the pursuit, 1/s.
+struct Pursuit {
+  double gap;       // of the gap
+  double velocity;  // of the velocity error
+  Pursuit(double acceleration, double dt)
+      : gap(std::min(std::sqrt(acceleration / (4.0 * kGentleGap)), kFastestPursuit / (4.0 * dt))),
+        velocity(4.0 * gap) {}
+};
+
+double closing_speed(double gap, double rate, double acceleration) {
   const double distance = std::abs(gap);
-  const double one_step = acceleration * dt * dt;
-  const double speed = distance <= one_step ? distance / dt : stopping_speed(distance, acceleration, dt);
+  const double braking = kBrakingShare * acceleration;
+  const double near = braking / (rate * rate);
+  const double speed = distance <= near ? rate * distance : std::sqrt(2.0 * braking * (distance - 0.5 * near));
   return std::copysign(speed, gap);
 }
 
-ReferenceStep step(const ReferenceState& from, double wanted, double speed, const Wide& limits, double dt) {
+double clamp_marked(double value, double magnitude, Intervention why, InterventionMask& marks) {
+  const double inside = std::clamp(value, -magnitude, magnitude);
+  if (inside != value) marks |= bit(why);
+  return inside;
+}
+
+// Moves on with velocity `wanted`, as far as the limits allow.
+ReferenceStep step(const ReferenceState& from, double wanted, const Wide& limits, double dt) {
   ReferenceStep step;
   const double change = limits.acceleration * dt;
-  // A speed limit that was lowered is approached by braking, never by a jump.
-  const double top = std::min(std::max(speed, std::abs(from.dq) - change), limits.velocity);
-  double v = std::clamp(wanted, -top, top);
-  if (v != wanted) step.interventions |= bit(Intervention::velocity_limit);
-  const double reachable = std::clamp(v, from.dq - change, from.dq + change);
-  if (reachable != v) step.interventions |= bit(Intervention::acceleration_limit);
-  v = reachable;
+  double v = std::clamp(std::clamp(wanted, -limits.velocity, limits.velocity), from.dq - change, from.dq + change);
   double magnitude = std::abs(v);
   const double room = v > 0.0 ? limits.q_max - from.q : from.q - limits.q_min;
   if (magnitude > 0.0 && cut_to_stop(magnitude, room, limits.acceleration, dt)) {
     step.interventions |= bit(Intervention::braking_distance);
     v = std::copysign(magnitude, v);
   }
-  step.next = {std::clamp(from.q + v * dt, std::min(limits.q_min, from.q), std::max(limits.q_max, from.q)), v};
+  step.next = {std::clamp(from.q + v * dt, std::min(limits.q_min, from.q), std::max(limits.q_max, from.q)), v,
+               (v - from.dq) / dt};
   return step;
 }
 
@@ -83,15 +94,24 @@ double stopping_distance(double speed, double acceleration, double dt) {
 ReferenceStep step_towards(const ReferenceState& from, float q_target, float dq_target, float speed,
                            const JointLimits& limits, double dt) {
   const Wide wide(limits);
+  const Pursuit pursuit(wide.acceleration, dt);
   const double asked = static_cast<double>(q_target);
   const double target = std::clamp(asked, wide.q_min, wide.q_max);
   const bool cut = target != asked;
   const double path = cut ? 0.0 : static_cast<double>(dq_target);
+  InterventionMask marks = cut ? bit(Intervention::position_limit) : InterventionMask{0};
   // Where the path was one step ago, so that following it exactly means moving with it.
   const double gap = target - path * dt - from.q;
-  ReferenceStep result =
-      step(from, path + closing_speed(gap, wide.acceleration, dt), static_cast<double>(speed), wide, dt);
-  if (cut) result.interventions |= bit(Intervention::position_limit);
+  // A speed limit that was lowered is approached by braking, never by a jump.
+  const double top = std::min(static_cast<double>(speed), wide.velocity);
+  const double velocity =
+      clamp_marked(path + closing_speed(gap, pursuit.gap, wide.acceleration), top, Intervention::velocity_limit, marks);
+  const double acceleration =
+      clamp_marked(pursuit.velocity * (velocity - from.dq), wide.acceleration, Intervention::acceleration_limit, marks);
+  const double jerk = pursuit.velocity * wide.acceleration * dt;
+  const double smooth = std::clamp(acceleration, from.ddq - jerk, from.ddq + jerk);
+  ReferenceStep result = step(from, from.dq + smooth * dt, wide, dt);
+  result.interventions |= marks;
   return result;
 }
 
@@ -111,7 +131,7 @@ ReferenceState moving_with(float q, float dq, const JointLimits& limits, double 
 ReferenceStep step_braking(const ReferenceState& from, const JointLimits& limits, double dt) {
   const Wide wide(limits);
   const double slower = std::max(std::abs(from.dq) - wide.acceleration * dt, 0.0);
-  return step(from, std::copysign(slower, from.dq), wide.velocity, wide, dt);
+  return step(from, std::copysign(slower, from.dq), wide, dt);
 }
 
 }  // namespace takt::pipeline

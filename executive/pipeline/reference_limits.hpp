@@ -10,8 +10,13 @@
 // A joint found outside q_min..q_max starts from where it is and may only move inwards, within the same speeds and
 // accelerations: it returns, it is not fetched.
 //
-// Towards a moving target the same law is applied to the distance left and added to the target's own velocity, so that
-// a smooth path is followed without lag. Units: rad, rad/s, s.
+// Towards a target it moves so that nothing rings: the velocity asked for is the target's own plus one that closes the
+// gap, in proportion to it nearby (rate k), further away as fast as kBrakingShare of the acceleration can brake; the
+// acceleration asked for leads to that velocity at rate 4 k, and changes by no more than 4 k times the limit per
+// second, which is the limit on jerk. k = sqrt(acceleration / (4 kGentleGap)): at rest, a gap of kGentleGap is what
+// asks for the whole acceleration. acceleration_limit and velocity_limit say that more than the limit was asked for:
+// then the path is one that the joint cannot follow. Stops, and whatever a limit ahead asks for, keep to no limit on
+// jerk. Units: rad, rad/s, s.
 #pragma once
 
 #include "executive/contract/intervention.hpp"
@@ -23,12 +28,17 @@ namespace takt::pipeline {
 struct ReferenceState {
   double q = 0;
   double dq = 0;
+  double ddq = 0;  // rad/s^2, of the step that led here
 };
 
 struct ReferenceStep {
   ReferenceState next;
   InterventionMask interventions = 0;
 };
+
+inline constexpr double kGentleGap = 0.005;     // rad
+inline constexpr double kBrakingShare = 0.8;    // of the acceleration, when a target is approached
+inline constexpr double kFastestPursuit = 0.5;  // of a velocity error in one step, however large the acceleration
 
 // Fastest speed from which a joint that first moves one step can still stop within `distance` (>= 0).
 double stopping_speed(double distance, double acceleration, double dt);

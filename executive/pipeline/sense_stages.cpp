@@ -19,11 +19,45 @@ std::uint64_t sequence_seen(const TickInput& input) {
   return readable ? input.command->header.sequence : 0;
 }
 
-void accept(TickState& state, const CommandChunk& chunk, const CommandInUse& command) {
+// Only what the robot follows is joined with what comes: a path that nobody plays leads nowhere.
+bool plays(const TickState& state, MonoTime now, const TickConfig& config) {
+  const bool follows = state.mode.mode == Mode::tracking ||
+                       (state.mode.mode == Mode::degraded && config.degraded == DegradedBehaviour::slow);
+  return follows && is_usable(freshness_of(state.command, state.chunk.header, now, config.freshness));
+}
+
+void take_over(TickState& state, const CommandChunk& chunk, const CommandInUse& command, MonoTime now,
+               const TickConfig& config) {
+  if (plays(state, now, config))
+    join_path(state.join, state.chunk, state.command.observed_at, {chunk, command.observed_at}, now, config);
+  else
+    begin_path(state.join, state.chunk, chunk);
   state.command = command;
-  state.counters.last_sequence = command.sequence;
-  state.chunk.header = chunk.header;
-  std::copy_n(chunk.values, chunk.value_count(), state.chunk.values);
+  state.command.first_used_at = now;
+  state.waiting.command = {};
+}
+
+void accept(TickState& state, const CommandChunk& chunk, const ArrivalVerdict& verdict, MonoTime now,
+            const TickConfig& config) {
+  state.counters.last_sequence = verdict.command.sequence;
+  const bool played = plays(state, now, config);
+  if (played) state.join.delays.note(now, now - std::max(verdict.command.observed_at, state.mode.resumed_at));
+  if (config.join.kind != JoinKind::prefix || !played || now >= verdict.committed_until)
+    return take_over(state, chunk, verdict.command, now, config);
+  state.waiting = {verdict.command, verdict.committed_until};
+  state.waiting_chunk.header = chunk.header;
+  std::copy_n(chunk.values, chunk.value_count(), state.waiting_chunk.values);
+}
+
+// What waits takes over once the promise is kept, or cannot be kept because there is nothing left to play.
+void relieve(TickState& state, MonoTime now, const TickConfig& config) {
+  if (state.waiting.command.sequence == 0 || (now < state.waiting.due && plays(state, now, config))) return;
+  const CommandInUse command = state.waiting.command;
+  take_over(state, state.waiting_chunk, command, now, config);
+}
+
+const CommandInUse& newest_command(const TickState& state) {
+  return state.waiting.command.sequence != 0 ? state.waiting.command : state.command;
 }
 
 Arrival take_message(TickState& state, const TickInput& input, const TickConfig& config) {
@@ -31,14 +65,15 @@ Arrival take_message(TickState& state, const TickInput& input, const TickConfig&
     state.mode.policy_session = input.policy_session;
     state.counters.last_sequence = 0;
     state.mode.last_refusal = Arrival::none;
+    state.join.delays.forget();
   }
   if (input.mailbox == Arrival::contended || input.mailbox == Arrival::corrupt) return input.mailbox;
   if (input.mailbox != Arrival::accepted || input.command == nullptr) return Arrival::none;
   const ArrivalVerdict verdict =
-      judge_arrival(*input.command, input.command_bytes, input.now, state.counters.last_sequence, state.command,
+      judge_arrival(*input.command, input.command_bytes, input.now, state.counters.last_sequence, newest_command(state),
                     state.memory, config, input.command_values);
   state.counters.integration_errors += verdict.stamps_ran_backwards ? 1U : 0U;
-  if (verdict.arrival == Arrival::accepted) accept(state, *input.command, verdict.command);
+  if (verdict.arrival == Arrival::accepted) accept(state, *input.command, verdict, input.now, config);
   return verdict.arrival;
 }
 
@@ -81,7 +116,7 @@ void count_periods(TickState& state, const TickInput& input, const TickConfig& c
 // The clock stood still while the computer slept: nothing from before has a known age any more.
 void forget_what_was_before_sleep(TickState& state, MonoTime now, const TickConfig& config) {
   state.mode.awake_since = now;
-  state.command = {};
+  state.command = state.waiting.command = {};
   state.memory.forget();
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     state.joints[j].observer = {};
@@ -169,6 +204,7 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
   const FreshnessContract& contract = config.freshness;
   TickRecordHeader& header = record.header;
   header.arrival = take_message(state, input, config);
+  relieve(state, input.now, config);
   header.freshness = freshness_of(state.command, state.chunk.header, input.now, contract);
   note_freshness(state.recovery, header.freshness, input.now);
   note_arrival(state, header.arrival, contract);
@@ -195,6 +231,16 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
   remember_stop(state.mode, header);
 }
 
+namespace {
+
+// Whoever answers an observation of before a reset or an arming knows nothing of what the robot is there for now.
+void begin_epoch(TickState& state) {
+  state.memory.forget();
+  state.waiting.command = {};
+}
+
+}  // namespace
+
 void enter(TickState& state, Mode mode, MonoTime now, const FreshnessContract& contract) {
   const Mode left = state.mode.mode;
   state.mode.mode = mode;
@@ -203,8 +249,10 @@ void enter(TickState& state, Mode mode, MonoTime now, const FreshnessContract& c
       state.mode.drives_enabled = 0;
       state.mode.deenergised = state.mode.damped = 0;
       state.mode.stop_asked_at = {};
+      begin_epoch(state);
       return;
     case Mode::arming:
+      begin_epoch(state);
       state.mode.armed_at = now;
       state.recovery.restored_at = {};
       state.recovery.relapses = 0;

@@ -26,7 +26,7 @@ void stabilise(const TickState& state, const Choice& choice, std::span<const Joi
 // The last clamp. Results that are not finite: internal_error, nothing leaves, fault latched if armed.
 void clamp_output(TickState& state, const TickConfig& config, TickOutput& output);
 // The observation, when one is due.
-void publish(TickState& state, const TickConfig& config, TickOutput& output);
+void publish(TickState& state, const Choice& choice, const TickConfig& config, TickOutput& output);
 // Outcome into the record and the state of the next tick.
 void record(TickState& state, const Choice& choice, const TickConfig& config, TickOutput& output);
 

@@ -112,6 +112,16 @@ struct ImuConfig {
   float angular_velocity = 0;  // rad/s, of the base
 };
 
+// How a new chunk takes over from the path that is being played (join.hpp).
+enum class JoinKind : std::uint8_t { replace, cross_fade, blend, ensemble, align, quintic, prefix };
+struct JoinRule {
+  JoinKind kind = JoinKind::replace;
+  Duration over{};           // cross_fade, align, quintic: how long it takes, > 0; ensemble: taper, 0: none
+  float new_share = 0.7F;    // blend: 0 < .. <= 1
+  float decay = 1.0F;        // ensemble: weight of a prediction over that of the one before it, > 0
+  Duration longest_delay{};  // prefix: no more than this is promised to be played, < the policy's period
+};
+
 enum class DegradedBehaviour : std::uint8_t { hold, slow, fallback };
 enum class FallbackKind : std::uint8_t { pose, state_feedback };
 
@@ -135,6 +145,7 @@ struct TickConfig {
   // The policy uses outside sensors: a command that does not say when they sensed is refused (missing_stamp).
   bool needs_outside_stamp = false;
   Interpolation interpolation = Interpolation::linear;
+  JoinRule join;
   double clamped_share = 0.25;  // of the freshness window: more ticks with a target out of range are bad commands
   FreshnessContract freshness;
   DegradedBehaviour degraded = DegradedBehaviour::hold;

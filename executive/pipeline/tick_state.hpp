@@ -15,6 +15,7 @@
 #include "executive/pipeline/freshness.hpp"
 #include "executive/pipeline/gravity_model.hpp"
 #include "executive/pipeline/imu_watch.hpp"
+#include "executive/pipeline/join.hpp"
 #include "executive/pipeline/limbs.hpp"
 #include "executive/pipeline/observation_memory.hpp"
 #include "executive/pipeline/reference_limits.hpp"
@@ -57,6 +58,12 @@ struct Counters {
   std::uint32_t refused_commands = 0;
 };
 
+// An answer that came before all of the path was played that its observation promised.
+struct WaitingCommand {
+  CommandInUse command;  // sequence 0: none waits
+  MonoTime due;          // when it takes over
+};
+
 // What keyframes need to know about the configuration the state was made for.
 struct StateShape {
   std::uint32_t joint_count = 0;
@@ -80,7 +87,10 @@ struct TickState {
   LinkWatch links;
   ImuWatch imu;
   JointState joints[kMaxJoints];
-  CommandChunk chunk;  // of the command in use; only its used part is ever written or read
+  JoinState join;
+  WaitingCommand waiting;
+  CommandChunk chunk;          // the path in use; only its used part is ever written or read
+  CommandChunk waiting_chunk;  // likewise
 };
 
 static_assert(std::is_trivially_copyable_v<TickState>);
@@ -89,7 +99,8 @@ static_assert(sizeof(JointState) == sizeof(ObserverState) + 2 * sizeof(Reference
               sizeof(ObserverState) == 16);
 static_assert(sizeof(RestWatch) == 16 + 4 * kMaxJoints && sizeof(ModeState) == 56 + sizeof(RestWatch) &&
               sizeof(Counters) == 24 && sizeof(Recovery) == 32);
-static_assert(sizeof(CommandInUse) == 56);
+static_assert(sizeof(CommandInUse) == 56 && sizeof(WaitingCommand) == 64);
+static_assert(sizeof(JoinState) == 8 + 12 * kMaxJoints + 8 * kMaxChunkSteps + 168);
 static_assert(sizeof(ImuWatch) == sizeof(ImuSample) + 8);
 
 }  // namespace takt::pipeline

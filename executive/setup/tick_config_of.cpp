@@ -132,6 +132,34 @@ pipeline::Interpolation interpolation_of(Interpolation interpolation) {
   return pipeline::Interpolation::linear;
 }
 
+pipeline::JoinKind kind_of(JoinKind kind) {
+  switch (kind) {
+    case JoinKind::replace:
+      return pipeline::JoinKind::replace;
+    case JoinKind::cross_fade:
+      return pipeline::JoinKind::cross_fade;
+    case JoinKind::blend:
+      return pipeline::JoinKind::blend;
+    case JoinKind::ensemble:
+      return pipeline::JoinKind::ensemble;
+    case JoinKind::align:
+      return pipeline::JoinKind::align;
+    case JoinKind::quintic:
+      return pipeline::JoinKind::quintic;
+    case JoinKind::prefix:
+      return pipeline::JoinKind::prefix;
+  }
+  return pipeline::JoinKind::replace;
+}
+
+pipeline::JoinRule join_of(const Join& from) {
+  return {.kind = kind_of(from.kind),
+          .over = from.kind == JoinKind::ensemble ? from.taper : from.over,
+          .new_share = narrow(from.new_share),
+          .decay = narrow(std::exp(-from.decay)),
+          .longest_delay = from.longest};
+}
+
 pipeline::FallbackKind kind_of(FallbackKind kind) {
   switch (kind) {
     case FallbackKind::pose:
@@ -186,6 +214,7 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
   if (robot.policy) {
     tick.observation_every_ticks = static_cast<std::uint32_t>(robot.policy->period.ns / robot.control.period.ns);
     tick.interpolation = interpolation_of(robot.policy->action.interpolation);
+    tick.join = join_of(robot.policy->action.join);
     tick.needs_outside_stamp = std::ranges::any_of(robot.policy->observation, reads_sensor);
   }
   tick.policy_hash = policy_hash;

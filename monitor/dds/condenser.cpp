@@ -19,7 +19,7 @@ void Condenser::tick(const TickRecord& record) {
   const TickRecordHeader& header = record.header;
   if (header.now < since_ || header.joint_count != robot_.joints.size()) return;
   auto diagnostics = diagnoser_.tick(record);
-  if (header.arrival == Arrival::accepted && header.freshness != Freshness::missing)
+  if (is_first_use(header))
     out_.put(
         CommandAge{unix_ns(header.now), header.tick, header.command_sequence, header.observation_answered, header.age});
   if (joint_state_rate_.is_due(header.now)) put_joint_states(record);

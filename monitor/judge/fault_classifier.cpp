@@ -144,7 +144,7 @@ void FaultEvidence::take(const FaultClue& clue) {
 }
 
 std::optional<AgeParts> FaultClassifier::parts_of_arrival(const TickRecordHeader& header) const {
-  if (header.arrival == Arrival::accepted && header.freshness != Freshness::missing) {
+  if (is_first_use(header)) {
     AgeParts parts = header.age;
     parts.hold = {};
     return parts;

@@ -98,7 +98,7 @@ void MetricsCollector::relied(const TickRecordHeader& header) {
   ++metrics_.relied_ticks;
   if (is_stale_or_missing(header.freshness)) ++tick_misses_;
   if (header.freshness != Freshness::missing) add(per_tick_, header.age);
-  if (header.arrival == Arrival::accepted && header.freshness != Freshness::missing) add(per_command_, header.age);
+  if (is_first_use(header)) add(per_command_, header.age);
   command(header);
 }
 

@@ -37,7 +37,7 @@ void CommandTraces::tick(const TickRecord& record) {
   const Sent sent = found == sent_.end() ? Sent{header.now, header.now} : found->second;
   sent_.erase(sent_.begin(), sent_.upper_bound(header.tick));
   if (is_refusal(header.arrival)) return out_(refused(header));
-  if (header.arrival != Arrival::accepted || header.freshness == Freshness::missing) return;
+  if (!is_first_use(header)) return;
   CommandTrace trace{.tick = header.tick,
                      .sequence = header.command_sequence,
                      .observation = header.observation_answered,

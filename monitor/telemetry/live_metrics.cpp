@@ -76,7 +76,7 @@ void LiveMetrics::tick(const TickRecord& record) {
     if (!is_usable(header.freshness)) ++deadline_misses;
     if (header.freshness != Freshness::missing) age.observe(header.age.total());
   }
-  if (header.arrival == Arrival::accepted && header.freshness != Freshness::missing) {
+  if (is_first_use(header)) {
     const std::array<Duration, kAgeStageCount> parts{header.age.sense, header.age.queue, header.age.infer,
                                                      header.age.publish};
     for (std::size_t stage = 0; stage < kAgeStageCount; ++stage) stages[stage].observe(parts[stage]);

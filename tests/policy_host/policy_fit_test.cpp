@@ -66,7 +66,7 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(
         Deviation{"no policy", [](auto& robot) { robot.policy.reset(); }, "no `policy` section"},
         Deviation{"no joints", [](auto& robot) { robot.joints.clear(); }, "0 joints"},
-        Deviation{"too many steps", [](auto& robot) { robot.policy->steps = 65; }, "policy.steps is 65"},
+        Deviation{"too many steps", [](auto& robot) { robot.policy->steps = 129; }, "policy.steps is 129"},
         Deviation{"sensor unknown", [](auto& robot) { robot.policy->observation[1].sensor = "ear"; }, "sensor 'ear'"},
         Deviation{"joint order repeats",
                   [](auto& robot) {

@@ -30,7 +30,8 @@ class RobotStruct(ctypes.Structure):
 class ObservationStruct(ctypes.Structure):
     _fields_ = [("id", c_uint64), ("dropped", c_uint64), ("published_ns", c_int64), ("sensed_ns", c_int64),
                 ("outside_sensed_ns", c_int64), ("values", FloatP), ("mode", c_char_p), ("value_count", c_uint32),
-                ("reset", c_uint32), ("images", POINTER(c_void_p)), ("image_count", c_uint32), ("reserved", c_uint32)]
+                ("reset", c_uint32), ("images", POINTER(c_void_p)), ("image_count", c_uint32), ("reserved", c_uint32),
+                ("following", c_uint64), ("committed_from", c_uint32), ("committed_count", c_uint32)]
 
 
 class StreamStruct(ctypes.Structure):

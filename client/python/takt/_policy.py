@@ -207,6 +207,13 @@ class Observation:
         """True: forget hidden state. A new session, a long gap, the robot began to arm, or the last answer was not finite."""
         return bool(self._raw.reset)
 
+    @property
+    def committed(self) -> Tuple[int, int, int]:
+        """(publish, first, count): the robot follows the chunk of this session's publish number `publish` (1, 2, ...; 0: none) and
+        plays `count` of its steps from `first` on, whatever answers this observation. 0 unless `policy.action.join` is `prefix`.
+        """
+        return self._raw.following, self._raw.committed_from, self._raw.committed_count
+
     def infer(self) -> _Infer:
         """Around the network's work: `with obs.infer(): ...`. Without it the whole step counts as inference."""
         return self._infer

@@ -67,7 +67,7 @@ const std::vector<Spoilt>& spoilt_messages() {
       {"one byte short", Arrival::wrong_shape, [](Case& c) { c.bytes -= 1; }},
       {"one byte long", Arrival::wrong_shape, [](Case& c) { c.bytes += 1; }},
       {"no steps", Arrival::wrong_shape, [](Case& c) { c.chunk.header.step_count = 0; }},
-      {"65 steps", Arrival::wrong_shape, [](Case& c) { c.chunk.header.step_count = kMaxChunkSteps + 1; }},
+      {"a step too many", Arrival::wrong_shape, [](Case& c) { c.chunk.header.step_count = kMaxChunkSteps + 1; }},
       {"a joint too many", Arrival::wrong_shape, [](Case& c) { c.chunk.header.joint_count = 4; }},
       {"no q", Arrival::wrong_shape, [](Case& c) { c.chunk.header.fields = 2; }},
       {"unknown field", Arrival::wrong_shape, [](Case& c) { c.chunk.header.fields |= 32; }},

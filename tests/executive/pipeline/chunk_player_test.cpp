@@ -29,7 +29,7 @@ struct Player {
   void set(CommandField field, std::size_t step, std::size_t joint, float value) {
     chunk->values[value_index(chunk->header, field, step, joint)] = value;
   }
-  std::uint8_t at(Duration since) { return play(*chunk, kStart, kStart + since, config, targets); }
+  std::uint8_t at(Duration since) { return play({}, {*chunk, kStart}, kStart + since, config, targets); }
 };
 
 TEST(ChunkPlayer, PositionsFollowStraightLines) {

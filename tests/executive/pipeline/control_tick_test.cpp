@@ -512,6 +512,7 @@ CommandChunk late_answer(Rig& rig, std::uint64_t lag) {
 TEST(Commands, BackwardStampsAreAnIntegrationErrorEach) {
   Rig rig(robot(2));
   rig.arm();
+  rig.run_with_policy(25, 0.0F);
   for (std::uint32_t errors = 1; errors <= 2; ++errors) {
     CommandChunk chunk = late_answer(rig, 0);
     chunk.header.infer_ended_at = chunk.header.infer_started_at - nanoseconds(1);

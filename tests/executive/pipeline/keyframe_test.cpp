@@ -50,11 +50,15 @@ class RandomRun {
     config.gravity_compensation = seed % 2 == 0;
     config.degraded = static_cast<DegradedBehaviour>(seed % 3);
     config.interpolation = static_cast<Interpolation>(seed / 3 % 3);
+    config.observation_every_ticks = 1 + seed % 20;
+    config.join = {.kind = static_cast<JoinKind>(seed / 9 % 7),
+                   .over = milliseconds(1 + seed % 60),
+                   .decay = 0.9F,
+                   .longest_delay = config.period * (seed % 20)};
     config.freshness.window_ticks = 100 + seed % 900;
     config.resume_over = milliseconds(seed % 5 * 100);
     config.unrecorded_limit = seed % 3 == 0 ? 0 : 20;
     config.late_share = 0.03;
-    config.observation_every_ticks = 1 + seed % 20;
     return config;
   }
   bool chance(std::uint32_t one_in) { return random_() % one_in == 0; }
@@ -165,7 +169,7 @@ TEST(Keyframe, AnyFlippedByteIsRefused) {
     damaged[i] ^= std::byte{0x10};
     ASSERT_FALSE(load(*state, sample.rig.config, damaged).has_value()) << "byte " << i;
   }
-  for (const std::size_t size : {std::size_t{0}, std::size_t{39}, std::size_t{40}, sample.keyframe.size() - 1})
+  for (const std::size_t size : {std::size_t{0}, std::size_t{47}, std::size_t{48}, sample.keyframe.size() - 1})
     EXPECT_FALSE(load(*state, sample.rig.config, std::span(sample.keyframe).first(size)).has_value());
 }
 
@@ -196,8 +200,8 @@ TEST(Keyframe, TheLargestFitsAndASmallBufferIsRefused) {
   ASSERT_EQ(remembered_observations(config), kMaxRememberedObservations);
   Rig rig(config);
   rig.run(25);
-  CommandChunk chunk =
-      chunk_for(config, rig.newest_observation, rig.published_at[rig.newest_observation], rig.now, 1, 0.0F, 64);
+  CommandChunk chunk = chunk_for(config, rig.newest_observation, rig.published_at[rig.newest_observation], rig.now, 1,
+                                 0.0F, kMaxChunkSteps);
   chunk.header.fields = kAllCommandFields;
   rig.tick(&chunk);
   ASSERT_EQ(rig.header().arrival, Arrival::accepted);

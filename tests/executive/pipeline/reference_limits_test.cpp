@@ -98,13 +98,48 @@ TEST(ReferenceLimits, ReachesItsTargetWithoutOvershoot) {
   }
   EXPECT_NEAR(state.q, 0.8, 1e-6);
   EXPECT_LE(farthest, 0.8 + 1e-6);
-  // Fastest possible: accelerate for 0.2 s, coast 0.2 s, brake for 0.2 s.
+  // Fastest possible: accelerate for 0.2 s, coast 0.2 s, brake for 0.2 s. A fifth more for a soft arrival.
   ReferenceState again;
-  for (int i = 0; i < 610; ++i) again = step_towards(again, 0.8F, 0.0F, kLimits.velocity, kLimits, kDt).next;
-  EXPECT_NEAR(again.q, 0.8, 1e-4);
+  for (int i = 0; i < 720; ++i) again = step_towards(again, 0.8F, 0.0F, kLimits.velocity, kLimits, kDt).next;
+  EXPECT_NEAR(again.q, 0.8, 1e-3);
 }
 
-TEST(ReferenceLimits, FollowsASmoothPathWithoutLag) {
+// Goal: the pursuit does not ring. Method: targets of every size for slow and nimble joints, at rest and noisy as a
+// network's; the acceleration never jumps, does not go from one limit to the other in a tick, and turns round at most
+// once on the way to a target that stays.
+TEST(ReferenceLimits, ThePursuitDoesNotRing) {
+  for (const float acceleration : {5.0F, 15.0F, 200.0F, 2000.0F}) {
+    JointLimits limits = kLimits;
+    limits.acceleration = acceleration;
+    limits.velocity = 4.0F;
+    const double most = static_cast<double>(acceleration);
+    for (const float target : {1e-4F, 2e-3F, 0.01F, 0.1F, 0.8F}) {
+      ReferenceState state;
+      int turns = 0;
+      for (int i = 0; i < 3000; ++i) {
+        const ReferenceState next = step_towards(state, target, 0.0F, limits.velocity, limits, kDt).next;
+        EXPECT_LE(std::abs(next.ddq - state.ddq), kFastestPursuit * most * (1 + 1e-6)) << target << ", tick " << i;
+        if (next.ddq * state.ddq < 0 && std::abs(next.ddq) > 1e-6 * most) ++turns;
+        state = next;
+      }
+      EXPECT_NEAR(state.q, static_cast<double>(target), 1e-5);
+      EXPECT_LE(turns, 1) << "acceleration " << acceleration << ", target " << target;
+    }
+    std::mt19937 random(5);
+    ReferenceState state;
+    int saturated = 0;
+    for (int i = 0; i < 5000; ++i) {
+      const float t = 0.001F * static_cast<float>(i);
+      const float target = 0.2F * std::sin(2.0F * t) + uniform(random, -2e-5F, 2e-5F);
+      state = step_towards(state, target, 0.4F * std::cos(2.0F * t), limits.velocity, limits, kDt).next;
+      if (i > 500 && std::abs(state.ddq) > 0.9 * most) ++saturated;
+    }
+    EXPECT_EQ(saturated, 0) << "acceleration " << acceleration;
+  }
+}
+
+// It trails by what the path accelerates: 2 rad/s^2 over 4 k^2 = 2000 /s^2.
+TEST(ReferenceLimits, FollowsASmoothPath) {
   ReferenceState state;
   for (int i = 1; i < 3000; ++i) {
     const float t = 0.001F * static_cast<float>(i);
@@ -112,7 +147,7 @@ TEST(ReferenceLimits, FollowsASmoothPathWithoutLag) {
     const ReferenceStep step = step_towards(state, q, std::cos(2.0F * t), kLimits.velocity, kLimits, kDt);
     state = step.next;
     if (i > 300) {
-      EXPECT_NEAR(state.q, static_cast<double>(q), 1e-4) << "at " << t << " s";
+      EXPECT_NEAR(state.q, static_cast<double>(q), 1.1e-3) << "at " << t << " s";
       EXPECT_EQ(step.interventions, 0) << "at " << t << " s";
     }
   }
@@ -135,7 +170,7 @@ TEST(ReferenceLimits, ALoweredSpeedIsApproachedByBraking) {
     EXPECT_GE(next.dq, state.dq - 0.01 - 1e-9);
     state = next;
   }
-  EXPECT_NEAR(state.dq, 1.5, 1e-6);
+  EXPECT_NEAR(state.dq, 1.5, 0.07) << "the acceleration builds up first";
 }
 
 }  // namespace

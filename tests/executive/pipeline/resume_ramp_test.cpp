@@ -36,17 +36,19 @@ TEST(ResumeRamp, SpeedLimitsRiseFromTheScaleToAllOfThemOverItsTime) {
   config.resume_over = milliseconds(200);
   const std::vector<float> speeds = speeds_of_resuming(config);
   const float full = config.joints[0].limits.velocity, scale = config.degraded_speed_scale;
-  for (int i = 10; i < 200; ++i) {
+  for (int i = 0; i < 200; ++i) {
     const float share = static_cast<float>(i) / 200.0F;
-    ASSERT_NEAR(speeds[static_cast<std::size_t>(i)], full * (scale + (1 - scale) * share), 1e-4F) << "tick " << i;
+    const float limit = full * (scale + (1 - scale) * share);
+    ASSERT_LE(speeds[static_cast<std::size_t>(i)], limit + 1e-4F) << "tick " << i;
+    ASSERT_GE(speeds[static_cast<std::size_t>(i)], i < 20 ? 0.0F : limit - 0.02F * full) << "tick " << i;
   }
-  EXPECT_NEAR(speeds[202], full, 1e-4F);
+  EXPECT_NEAR(speeds[240], full, 1e-3F);
 }
 
 TEST(ResumeRamp, WithoutOneTheFullSpeedIsThereAtOnce) {
   TickConfig config = robot(1);
   config.joints[0].limits.acceleration = 300.0F;
-  EXPECT_NEAR(speeds_of_resuming(config)[12], config.joints[0].limits.velocity, 1e-4F);
+  EXPECT_NEAR(speeds_of_resuming(config)[40], config.joints[0].limits.velocity, 1e-3F);
 }
 
 TEST(ResumeRamp, AlsoBeginsWithArmingAndWithNothingElse) {

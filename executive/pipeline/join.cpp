@@ -1,0 +1,192 @@
+#include "executive/pipeline/join.hpp"
+
+#include <algorithm>
+
+namespace takt::pipeline {
+namespace {
+
+void copy_used(CommandChunk& to, const CommandChunk& from) {
+  to.header = from.header;
+  std::copy_n(from.values, from.value_count(), to.values);
+}
+
+bool leaves_remainder(JoinKind kind) {
+  return kind == JoinKind::cross_fade || kind == JoinKind::align || kind == JoinKind::quintic;
+}
+
+bool mixes(JoinKind kind) {
+  return kind == JoinKind::cross_fade || kind == JoinKind::blend || kind == JoinKind::ensemble;
+}
+
+float share(Duration part, Duration whole) {
+  return std::clamp(static_cast<float>(part.ns) / static_cast<float>(whole.ns), 0.0F, 1.0F);
+}
+
+// How much of one step is the new chunk's.
+struct Mixture {
+  float next;  // 0..1
+  float rate;  // 1/s, how fast that rises
+};
+
+// Mixes a new chunk into the path, in place: a step of it stands never after the path's step for the same instant.
+class Mixer {
+ public:
+  Mixer(JoinState& state, CommandChunk& path, MonoTime path_begins, const Timed& next, MonoTime now,
+        const TickConfig& config)
+      : state_(state), path_(path), next_(next), now_(now), config_(config), old_(path.header) {
+    ahead_ = next.begins - path_begins;
+    path_ends_ = path_begins + old_.step_period * old_.step_count;
+  }
+
+  void run() {
+    const CommandHeader& header = next_.chunk.header;
+    for (std::size_t step = 0; step < header.step_count; ++step) {
+      const MonoTime due = next_.begins + header.step_period * static_cast<std::int64_t>(step);
+      const bool over = due >= path_ends_;
+      place_ = place_of(old_, due - next_.begins + ahead_, config_.interpolation);
+      const Mixture mixture = over ? alone(step) : mixture_at(step, due);
+      for (std::size_t joint = 0; joint < config_.joint_count; ++joint) mix(step, joint, mixture);
+    }
+    path_.header = header;
+  }
+
+ private:
+  Mixture alone(std::size_t step) {
+    state_.weights[step] = {1.0F, 1.0F};
+    return {1.0F, 0.0F};
+  }
+
+  Mixture mixture_at(std::size_t step, MonoTime due) {
+    const JoinRule& rule = config_.join;
+    switch (rule.kind) {
+      case JoinKind::blend:
+        return {rule.new_share, 0.0F};
+      case JoinKind::cross_fade: {
+        const Duration since = due - now_;
+        const bool rising = since > Duration{} && since < rule.over;
+        return {share(since, rule.over), rising ? 1.0e9F / static_cast<float>(rule.over.ns) : 0.0F};
+      }
+      case JoinKind::ensemble: {
+        const StepWeight before = state_.weights[place_.step];
+        const float left = rule.over > Duration{} ? share(path_ends_ - due, rule.over) : 1.0F;
+        const float newest = before.newest * rule.decay;
+        const float total = before.total * left + newest;
+        state_.weights[step] = {total, newest};
+        return {total > 0.0F ? newest / total : 1.0F, 0.0F};
+      }
+      case JoinKind::replace:
+      case JoinKind::align:
+      case JoinKind::quintic:
+      case JoinKind::prefix:
+        return {1.0F, 0.0F};
+    }
+    return {1.0F, 0.0F};
+  }
+
+  [[nodiscard]] float old_at(std::size_t step, CommandField field, std::size_t joint) const {
+    return path_.values[value_index(old_, field, step, joint)];
+  }
+  [[nodiscard]] PathPoint old_position(std::size_t joint) const {
+    const float q0 = old_at(place_.step, CommandField::q, joint), q1 = old_at(place_.next, CommandField::q, joint);
+    if (config_.interpolation != Interpolation::cubic) return line(q0, q1, place_);
+    return cubic(q0, old_at(place_.step, CommandField::dq, joint), q1, old_at(place_.next, CommandField::dq, joint),
+                 place_);
+  }
+
+  void mix(std::size_t step, std::size_t joint, const Mixture& mixture) {
+    const CommandHeader& header = next_.chunk.header;
+    const PathPoint was = old_position(joint);
+    const bool cubic_path = config_.interpolation == Interpolation::cubic;
+    const float q_next = next_.chunk.values[value_index(header, CommandField::q, step, joint)];
+    for (std::size_t bit = 0; bit < kCommandFieldCount; ++bit) {
+      const auto field = static_cast<CommandField>(1U << bit);
+      if ((header.fields & static_cast<unsigned>(field)) == 0) continue;
+      const std::size_t index = value_index(header, field, step, joint);
+      const float from = old_at(place_.step, field, joint);
+      float before = from + (old_at(place_.next, field, joint) - from) * place_.fraction;
+      float slope = 0.0F;
+      if (field == CommandField::q) before = was.q;
+      if (field == CommandField::dq && cubic_path) {
+        before = was.dq;
+        slope = mixture.rate * (q_next - was.q);
+      }
+      const float next = next_.chunk.values[index];
+      mixed_[bit] = mixture.next >= 1.0F ? next : before + mixture.next * (next - before) + slope;
+    }
+    for (std::size_t bit = 0; bit < kCommandFieldCount; ++bit) {
+      const auto field = static_cast<CommandField>(1U << bit);
+      if ((header.fields & static_cast<unsigned>(field)) != 0)
+        path_.values[value_index(header, field, step, joint)] = mixed_[bit];
+    }
+  }
+
+  JoinState& state_;
+  CommandChunk& path_;
+  const Timed& next_;
+  MonoTime now_;
+  const TickConfig& config_;
+  const CommandHeader old_;
+  Duration ahead_;  // of the new chunk's first step over the path's
+  MonoTime path_ends_;
+  Place place_;
+  std::array<float, kCommandFieldCount> mixed_{};
+};
+
+}  // namespace
+
+Duration DelayMemory::longest(MonoTime now) const {
+  Duration longest;
+  for (const Noted& one : noted_)
+    if (one.at.is_set() && now - one.at <= kDelayMemory) longest = std::max(longest, one.delay);
+  return longest;
+}
+
+PathPoint remainder_after(const PathPoint& at_join, Duration since, const JoinRule& rule) {
+  if (since >= rule.over) return {};
+  const float span = static_cast<float>(rule.over.ns) * 1.0e-9F;
+  const float s = share(since, rule.over);
+  if (rule.kind != JoinKind::quintic) return {at_join.q * (1.0F - s), -at_join.q / span, 0.0F};
+  const float c0 = at_join.q, c1 = at_join.dq * span, c2 = 0.5F * at_join.ddq * span * span;
+  const float c3 = -10.0F * c0 - 6.0F * c1 - 3.0F * c2;
+  const float c4 = 15.0F * c0 + 8.0F * c1 + 3.0F * c2;
+  const float c5 = -6.0F * c0 - 3.0F * c1 - c2;
+  return {c0 + s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5)))),
+          (c1 + s * (2.0F * c2 + s * (3.0F * c3 + s * (4.0F * c4 + s * 5.0F * c5)))) / span,
+          (2.0F * c2 + s * (6.0F * c3 + s * (12.0F * c4 + s * 20.0F * c5))) / (span * span)};
+}
+
+PathPoint path_at(const JoinState& state, const Timed& path, MonoTime now, std::size_t joint,
+                  const TickConfig& config) {
+  const Place place = place_of(path.chunk.header, now - path.begins, config.interpolation);
+  const PathPoint steps =
+      PathReader(path.chunk, place, joint, config.joints[joint].limits).position(config.interpolation);
+  if (!state.joined_at.is_set()) return steps;
+  return steps + remainder_after(state.remainder[joint], now - state.joined_at, config.join);
+}
+
+void begin_path(JoinState& state, CommandChunk& path, const CommandChunk& next) {
+  copy_used(path, next);
+  state.joined_at = {};
+  std::fill_n(state.weights.begin(), next.header.step_count, StepWeight{1.0F, 1.0F});
+}
+
+void join_path(JoinState& state, CommandChunk& path, MonoTime path_begins, const Timed& next, MonoTime now,
+               const TickConfig& config) {
+  const CommandHeader &from = path.header, &to = next.chunk.header;
+  const bool alike = from.fields == to.fields && from.step_period == to.step_period && path_begins <= next.begins;
+  const bool remains = leaves_remainder(config.join.kind);
+  std::array<PathPoint, kMaxJoints> before;
+  for (std::size_t j = 0; remains && j < config.joint_count; ++j)
+    before[j] = path_at(state, {path, path_begins}, now, j, config);
+  if (mixes(config.join.kind) && alike)
+    Mixer(state, path, path_begins, next, now, config).run();
+  else
+    begin_path(state, path, next.chunk);
+  state.joined_at = remains ? now : MonoTime{};
+  for (std::size_t j = 0; remains && j < config.joint_count; ++j) {
+    const Place place = place_of(path.header, now - next.begins, config.interpolation);
+    state.remainder[j] = before[j] - PathReader(path, place, j, config.joints[j].limits).position(config.interpolation);
+  }
+}
+
+}  // namespace takt::pipeline

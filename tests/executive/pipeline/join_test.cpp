@@ -1,0 +1,379 @@
+// Goal: every join is the rule that its name stands for, what promises a smooth path keeps it, what is promised to be
+// played is played, and whatever joins follow one another, the reference stays inside its limits. Method: chunks on
+// one grid against the published formulas; random chunks at random instants against the path of before; the whole tick
+// in virtual time for promises, delays and epochs; 1e6 random joins in front of the reference.
+#include "executive/pipeline/join.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <random>
+#include <vector>
+
+#include "executive/pipeline/chunk_player.hpp"
+#include "executive/pipeline/reference_limits.hpp"
+#include "tests/executive/pipeline/rig.hpp"
+
+namespace takt::pipeline {
+namespace {
+
+using testing::chunk_for;
+using testing::Rig;
+using testing::robot;
+
+constexpr MonoTime kStart{1'000'000'000};
+constexpr Duration kStep = milliseconds(10);
+constexpr JoinKind kEveryKind[] = {JoinKind::replace, JoinKind::cross_fade, JoinKind::blend, JoinKind::ensemble,
+                                   JoinKind::align,   JoinKind::quintic,    JoinKind::prefix};
+
+// One joint's path, joined as often as one likes.
+struct Path {
+  TickConfig config = robot(1);
+  JoinState state;
+  std::unique_ptr<CommandChunk> steps = std::make_unique<CommandChunk>(), next = std::make_unique<CommandChunk>();
+  MonoTime begins;
+
+  explicit Path(JoinRule rule, Interpolation interpolation = Interpolation::linear) {
+    config.join = rule;
+    config.interpolation = interpolation;
+    config.joints[0].limits.velocity = 100.0F;  // clamps none of the test's values
+    *next = chunk_for(config, 1, kStart, kStart, 1, 0.0F);
+  }
+  // The next chunk: positions, and velocities where the path is a cubic.
+  void make(const std::vector<float>& q, const std::vector<float>& dq, Duration period = kStep) {
+    next->header.step_count = static_cast<std::uint16_t>(q.size());
+    next->header.step_period = period;
+    if (config.interpolation == Interpolation::cubic)
+      next->header.fields |= static_cast<std::uint8_t>(CommandField::dq);
+    for (std::size_t i = 0; i < q.size(); ++i) {
+      next->values[value_index(next->header, CommandField::q, i, 0)] = q[i];
+      if (config.interpolation == Interpolation::cubic)
+        next->values[value_index(next->header, CommandField::dq, i, 0)] = dq.empty() ? 0.0F : dq[i];
+    }
+  }
+  void begin(const std::vector<float>& q, const std::vector<float>& dq = {}) {
+    make(q, dq);
+    begins = kStart;
+    begin_path(state, *steps, *next);
+  }
+  void join(Duration chunk_begins, Duration now, const std::vector<float>& q, const std::vector<float>& dq = {},
+            Duration period = kStep) {
+    make(q, dq, period);
+    join_path(state, *steps, begins, {*next, kStart + chunk_begins}, kStart + now, config);
+    begins = kStart + chunk_begins;
+  }
+  [[nodiscard]] PathPoint at(Duration since) const {
+    return path_at(state, {*steps, begins}, kStart + since, 0, config);
+  }
+  [[nodiscard]] float step(std::size_t k) const { return steps->values[k]; }
+};
+
+TEST(Join, ReplaceTakesTheNewPathAtOnce) {
+  Path path({.kind = JoinKind::replace});
+  path.begin({0, 0, 0, 0});
+  path.join(milliseconds(10), milliseconds(20), {1, 1, 1, 1});
+  EXPECT_EQ(path.at(milliseconds(20)).q, 1.0F);
+}
+
+TEST(Join, BlendMixesWhereBothSaySomething) {
+  Path path({.kind = JoinKind::blend, .new_share = 0.7F});
+  path.begin({0, 1, 2, 3});
+  path.join(milliseconds(10), milliseconds(10), {10, 10, 10, 10});
+  EXPECT_FLOAT_EQ(path.step(0), 0.3F * 1 + 7);
+  EXPECT_FLOAT_EQ(path.step(1), 0.3F * 2 + 7);
+  EXPECT_FLOAT_EQ(path.step(2), 0.3F * 3 + 7);
+  EXPECT_FLOAT_EQ(path.step(3), 10) << "beyond the old chunk's end";
+}
+
+TEST(Join, CrossFadeLeadsFromOldToNew) {
+  Path path({.kind = JoinKind::cross_fade, .over = milliseconds(40)});
+  path.begin({0, 0, 0, 0, 0, 0, 0, 0});
+  path.join(milliseconds(10), milliseconds(20), {1, 1, 1, 1, 1, 1, 1, 1});
+  for (const auto& [ms, q] : {std::pair{20, 0.0F}, {30, 0.25F}, {40, 0.5F}, {45, 0.625F}, {60, 1.0F}, {70, 1.0F}})
+    EXPECT_NEAR(path.at(milliseconds(ms)).q, q, 1e-6F) << ms << " ms";
+}
+
+// ACT: w_i = exp(-m i), i = 0 the oldest, normalised; here against the sum over all predictions.
+TEST(Join, EnsembleIsTheWeightedMeanOfAllPredictions) {
+  constexpr double kM = 0.1;
+  Path path({.kind = JoinKind::ensemble, .decay = static_cast<float>(std::exp(-kM))});
+  std::vector<std::vector<float>> chunks;
+  std::mt19937 random(3);
+  for (int made = 0; made < 12; ++made) {
+    std::vector<float> q(8);
+    for (float& value : q) value = std::uniform_real_distribution<float>(-1, 1)(random);
+    chunks.push_back(q);
+    if (made == 0)
+      path.begin(q);
+    else
+      path.join(kStep * made, kStep * made, q);
+    for (std::size_t k = 0; k < 8; ++k) {
+      double sum = 0, weights = 0;
+      int i = 0;
+      for (std::size_t c = 0; c < chunks.size(); ++c) {
+        const std::size_t ahead = chunks.size() - 1 - c + k;
+        if (ahead >= 8) continue;
+        const double weight = std::exp(-kM * i++);
+        sum += weight * static_cast<double>(chunks[c][ahead]);
+        weights += weight;
+      }
+      EXPECT_NEAR(path.step(k), sum / weights, 1e-5) << "chunk " << made << ", step " << k;
+    }
+  }
+}
+
+TEST(Join, AnEnsemblesTaperLetsTheOldEndQuietly) {
+  Path path({.kind = JoinKind::ensemble, .over = milliseconds(40), .decay = 1.0F});
+  path.begin({0, 0, 0, 0, 0, 0});
+  path.join(milliseconds(10), milliseconds(10), {1, 1, 1, 1, 1, 1});
+  // Old weight: what is left of the old chunk over the taper, 1 at most.
+  EXPECT_FLOAT_EQ(path.step(0), 0.5F);
+  EXPECT_FLOAT_EQ(path.step(2), 1.0F / 1.75F);
+  EXPECT_FLOAT_EQ(path.step(4), 1.0F / 1.25F);
+  EXPECT_FLOAT_EQ(path.step(5), 1.0F);
+}
+
+TEST(Join, AlignFadesTheDifferenceInAStraightLine) {
+  Path path({.kind = JoinKind::align, .over = milliseconds(100)});
+  path.begin({0.2F, 0.2F, 0.2F, 0.2F});
+  path.join(milliseconds(5), milliseconds(12), std::vector<float>(16, 1.0F));
+  EXPECT_FLOAT_EQ(path.at(milliseconds(12)).q, 0.2F);
+  EXPECT_FLOAT_EQ(path.at(milliseconds(62)).q, 0.6F);
+  EXPECT_FLOAT_EQ(path.at(milliseconds(62)).dq, 8.0F);
+  EXPECT_FLOAT_EQ(path.at(milliseconds(112)).q, 1.0F);
+}
+
+TEST(Join, QuinticKeepsPositionVelocityAndAcceleration) {
+  Path path({.kind = JoinKind::quintic, .over = milliseconds(80)}, Interpolation::cubic);
+  path.begin({0, 0.1F, 0.3F, 0.4F, 0.4F}, {1, 15, 12, 4, 0});
+  const PathPoint before = path.at(milliseconds(23));
+  path.join(milliseconds(20), milliseconds(23), std::vector<float>(16, 0.0F), std::vector<float>(16, -3.0F));
+  const PathPoint after = path.at(milliseconds(23));
+  EXPECT_NEAR(after.q, before.q, 1e-5F);
+  EXPECT_NEAR(after.dq, before.dq, 1e-3F);
+  EXPECT_NEAR(after.ddq, before.ddq, 1e-1F * std::abs(before.ddq));
+  EXPECT_NEAR(path.at(milliseconds(103) - nanoseconds(1)).q, path.at(milliseconds(103)).q, 1e-5F);
+  EXPECT_NEAR(path.at(milliseconds(103) - nanoseconds(1)).dq, path.at(milliseconds(103)).dq, 1e-3F);
+  // Derivatives are those of the positions.
+  for (int us = 24'000; us < 100'000; us += 1'700) {
+    const float forth = path.at(microseconds(us + 50)).q, back = path.at(microseconds(us - 50)).q;
+    EXPECT_NEAR(path.at(microseconds(us)).dq, (forth - back) * 1e4F, 0.05F) << us << " us";
+  }
+}
+
+// Steps of another period, or other fields, do not mix: the new chunk is taken, and what smooths goes on smoothing.
+TEST(Join, ChunksThatDoNotMatchAreTakenAlone) {
+  Path path({.kind = JoinKind::blend, .new_share = 0.5F});
+  path.begin({0, 0, 0, 0});
+  path.join(milliseconds(10), milliseconds(10), {1, 1, 1, 1}, {}, milliseconds(7));
+  EXPECT_EQ(path.step(0), 1.0F);
+}
+
+TEST(Join, WhatIsSmoothedHasNoJump) {
+  std::mt19937 random(11);
+  const auto draw = [&](float width) { return std::uniform_real_distribution<float>(-width, width)(random); };
+  for (const JoinKind kind : {JoinKind::cross_fade, JoinKind::align, JoinKind::quintic}) {
+    for (const Interpolation how : {Interpolation::linear, Interpolation::cubic}) {
+      Path path({.kind = kind, .over = milliseconds(60)}, how);
+      std::vector<float> q(20), dq(20);
+      path.begin(q, dq);
+      for (int join = 1; join < 200; ++join) {
+        for (float& value : q) value = draw(1.0F);
+        for (float& value : dq) value = draw(5.0F);
+        const Duration begins = microseconds(join * 31'700), now = begins + microseconds(9'300);
+        const PathPoint before = path.at(now);
+        path.join(begins, now, q, dq);
+        ASSERT_NEAR(path.at(now).q, before.q, 1e-5F) << "kind " << static_cast<int>(kind) << ", join " << join;
+      }
+    }
+  }
+}
+
+// Random chunks, late by random delays, of random periods and counts: 1e6 joins in all.
+TEST(Join, TheReferenceStaysInsideItsLimits) {
+  constexpr int kJoins = 1'000'000 / 7 + 1;
+  constexpr double kDt = 0.001;
+  std::uint64_t joins = 0;
+  for (const JoinKind kind : kEveryKind) {
+    std::mt19937 random(static_cast<unsigned>(kind) + 1U);
+    const auto draw = [&](float low, float high) { return std::uniform_real_distribution<float>(low, high)(random); };
+    auto path = std::make_unique<Path>(JoinRule{.kind = kind, .over = milliseconds(50), .decay = 0.99F});
+    path->config.joints[0].limits = robot(1).joints[0].limits;
+    const JointLimits& limits = path->config.joints[0].limits;
+    const double q_min = static_cast<double>(limits.q_min), q_max = static_cast<double>(limits.q_max);
+    const double a = static_cast<double>(limits.acceleration);
+    std::array<JointTarget, 1> target{};
+    target[0].speed = limits.velocity;
+    ReferenceState reference;
+    Duration now = milliseconds(20);
+    std::vector<float> q(12, 0.0F), dq(12, 0.0F);
+    path->begin(q, dq);
+    for (int join = 0; join < kJoins; ++join, ++joins) {
+      q.resize(4 + random() % 9);
+      for (float& value : q) value = draw(-3.0F, 3.0F) * (random() % 50 == 0 ? 1.0e5F : 1.0F);
+      path->join(now - milliseconds(static_cast<std::int64_t>(random() % 15)), now, q, {},
+                 random() % 20 == 0 ? milliseconds(7) : kStep);
+      for (unsigned tick = 0, ticks = 1 + random() % 4; tick < ticks; ++tick) {
+        play(path->state, {*path->steps, path->begins}, kStart + now, path->config, target);
+        const ReferenceState before = reference;
+        reference = step_towards(reference, target[0].q, target[0].dq, target[0].speed, limits, kDt).next;
+        const double room = reference.dq > 0 ? q_max - reference.q : reference.q - q_min;
+        const double braked = std::max(std::abs(reference.dq) - a * kDt, 0.0);
+        ASSERT_TRUE(std::isfinite(target[0].q) && reference.q >= q_min && reference.q <= q_max) << "join " << join;
+        ASSERT_LE(std::abs(reference.dq), static_cast<double>(limits.velocity));
+        ASSERT_LE(std::abs(reference.dq - before.dq), a * kDt * (1 + 1e-6));
+        ASSERT_LE(stopping_distance(braked, a, kDt), room + 1e-12);
+        now = now + milliseconds(1);
+      }
+    }
+  }
+  std::printf("%llu joins\n", static_cast<unsigned long long>(joins));
+}
+
+// The whole tick: an answer to the newest observation, `q` for every step, after `ticks` ticks of inference.
+class Robot {
+ public:
+  explicit Robot(JoinRule rule) : rig_(configured(rule)) { rig_.arm(); }
+  Rig& rig() { return rig_; }
+  // Runs until the next observation and returns it.
+  Observation next_observation() {
+    do rig_.tick();
+    while (!rig_.out->observation_due);
+    return rig_.out->observation;
+  }
+  CommandChunk answer(const Observation& observation, float q) {
+    return chunk_for(rig_.config, observation.id, observation.published_at, rig_.now, ++rig_.sequence, q, 8);
+  }
+  // Answers every observation after `delay` ticks.
+  void live(int observations, int delay, float q) {
+    for (int i = 0; i < observations; ++i) {
+      const Observation observation = next_observation();
+      rig_.run(delay - 1);
+      const CommandChunk chunk = answer(observation, q);
+      rig_.tick(&chunk);
+    }
+  }
+
+ private:
+  static TickConfig configured(JoinRule rule) {
+    TickConfig config = robot(2);
+    config.join = rule;
+    return config;
+  }
+  Rig rig_;
+};
+
+constexpr JoinRule kPrefix{.kind = JoinKind::prefix, .longest_delay = milliseconds(19)};
+
+TEST(Prefix, PromisesAsManyStepsAsAnAnswerTakesAndPlaysThem) {
+  Robot robot(kPrefix);
+  robot.live(15, 6, 0.0F);
+  const Observation observation = robot.next_observation();
+  EXPECT_EQ(observation.command_sequence, robot.rig().sequence);
+  EXPECT_EQ(observation.committed_from, 2U) << "20 ms after its observation, steps of 10 ms";
+  EXPECT_EQ(observation.committed_count, 1U) << "6 ms: within one step";
+  const std::uint64_t old = robot.rig().sequence;
+  CommandChunk early = robot.answer(observation, 0.3F);
+  robot.rig().tick(&early);
+  EXPECT_EQ(robot.rig().header().arrival, Arrival::accepted);
+  for (int tick = 2; tick < 6; ++tick) {
+    EXPECT_EQ(robot.rig().header().command_sequence, old) << "the promise is kept";
+    robot.rig().tick();
+  }
+  robot.rig().tick();
+  EXPECT_EQ(robot.rig().header().command_sequence, early.header.sequence);
+  EXPECT_EQ(robot.rig().header().age.hold, Duration{}) << "first use";
+}
+
+TEST(Prefix, AnAnswerLaterThanThePromiseIsTakenAtOnce) {
+  Robot robot(kPrefix);
+  robot.live(15, 6, 0.0F);
+  const Observation observation = robot.next_observation();
+  robot.rig().run(9);
+  const CommandChunk late = robot.answer(observation, 0.3F);
+  robot.rig().tick(&late);
+  EXPECT_EQ(robot.rig().header().command_sequence, late.header.sequence);
+}
+
+TEST(Prefix, AnOlderAnswerNeverReplacesOneThatWaits) {
+  Robot robot(kPrefix);
+  robot.live(15, 6, 0.0F);
+  const Observation older = robot.next_observation();
+  const Observation newer = robot.next_observation();
+  const CommandChunk early = robot.answer(newer, 0.1F);
+  robot.rig().tick(&early);
+  const CommandChunk late = robot.answer(older, 0.5F);
+  robot.rig().tick(&late);
+  EXPECT_EQ(robot.rig().header().arrival, Arrival::overtaken);
+  robot.rig().run(6);
+  EXPECT_EQ(robot.rig().header().command_sequence, early.header.sequence);
+}
+
+TEST(Prefix, WhatWaitsTakesOverWhenThePathEndsEarlier) {
+  Robot robot({.kind = JoinKind::prefix, .longest_delay = milliseconds(19)});
+  robot.live(15, 18, 0.0F);
+  const Observation first = robot.next_observation();
+  CommandChunk brief = robot.answer(first, 0.0F);
+  brief.header.step_count = 3;  // spent 30 ms after its observation
+  robot.rig().run(17);
+  robot.rig().tick(&brief);
+  const Observation second = robot.next_observation();
+  CommandChunk next = robot.answer(second, 0.1F);
+  robot.rig().tick(&next);
+  for (int tick = 0; tick < 19 && robot.rig().header().command_sequence != next.header.sequence; ++tick) {
+    robot.rig().tick();
+    EXPECT_EQ(robot.rig().header().freshness, Freshness::fresh);
+  }
+  EXPECT_EQ(robot.rig().header().command_sequence, next.header.sequence);
+}
+
+TEST(Prefix, NothingIsPromisedWhereNothingIsPlayedOrTheJoinIsAnother) {
+  Rig standing(robot(2));
+  standing.run(25);
+  EXPECT_EQ(standing.out->observation.committed_count, 0U);
+  Robot other({.kind = JoinKind::replace});
+  other.live(5, 6, 0.0F);
+  EXPECT_EQ(other.next_observation().committed_count, 0U);
+}
+
+TEST(DelayMemory, IsTheLongestOfTheLastTenThatHaveNotExpiredAndNotOfTheFirst) {
+  DelayMemory memory;
+  memory.note(kStart, milliseconds(900));
+  EXPECT_EQ(memory.longest(kStart), Duration{}) << "the first inference is no measure";
+  memory.note(kStart, milliseconds(30));
+  for (int i = 1; i < 10; ++i) memory.note(kStart + milliseconds(i), milliseconds(10));
+  EXPECT_EQ(memory.longest(kStart + milliseconds(20)), milliseconds(30));
+  memory.note(kStart + milliseconds(20), milliseconds(12));
+  EXPECT_EQ(memory.longest(kStart + milliseconds(20)), milliseconds(12)) << "ten later the spike is forgotten";
+  EXPECT_EQ(memory.longest(kStart + seconds(6)), Duration{});
+}
+
+// Goal: what was in flight before an arming or a reset plays no part after it, and is counted.
+TEST(Epoch, AnswersToObservationsOfBeforeAnArmingOrAResetAreRefused) {
+  Rig rig(robot(2));
+  rig.run_with_policy(60, 0.0F);
+  const std::uint64_t before = rig.newest_observation;
+  rig.tick_with_policy(0.0F, OperatorRequest::arm);
+  ASSERT_EQ(rig.mode(), Mode::arming);
+  const std::uint32_t refused = rig.header().refused_commands;
+  CommandChunk chunk = chunk_for(rig.config, before, rig.published_at[before], rig.now, ++rig.sequence, 0.5F);
+  rig.tick(&chunk);
+  EXPECT_EQ(rig.header().arrival, Arrival::expired_observation);
+  EXPECT_EQ(rig.header().refused_commands, refused + 1);
+  rig.run_with_policy(60, 0.0F);
+  ASSERT_EQ(rig.mode(), Mode::tracking) << "the command in use carries the arming";
+
+  rig.tick(nullptr, OperatorRequest::stop);
+  rig.run_with_policy(300, 0.0F);
+  const std::uint64_t stopped = rig.newest_observation;
+  rig.tick(nullptr, OperatorRequest::reset);
+  ASSERT_EQ(rig.mode(), Mode::standby);
+  chunk = chunk_for(rig.config, stopped, rig.published_at[stopped], rig.now, ++rig.sequence, 0.5F);
+  rig.tick(&chunk);
+  EXPECT_EQ(rig.header().arrival, Arrival::expired_observation);
+}
+
+}  // namespace
+}  // namespace takt::pipeline
