@@ -69,6 +69,7 @@ TEST_F(CommandTracesTest, ATickWithoutFramesActuatesAtOnce) {
 TEST_F(CommandTracesTest, OnlyAFirstUseMakesATrace) {
   TickRecord later = first_use(101);
   later.header.arrival = Arrival::none;
+  later.header.age.hold = milliseconds(1);
   traces_.tick(later);
   TickRecord spent = first_use(103);
   spent.header.freshness = Freshness::missing;
