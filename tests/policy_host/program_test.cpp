@@ -73,8 +73,8 @@ TEST_F(Program, RefusesTermsThatDoNotAddUp) {
 }
 
 TEST_F(Program, RefusesStepsThatDoNotMatch) {
-  const auto said = refusal_of(robot_with("steps: 16", "steps: 8"));
-  EXPECT_NE(said.find("actions gives 96 values, the configuration wants 48: 8 steps x 6 outputs"), std::string::npos)
+  const auto said = refusal_of(robot_with("steps: 16", "steps: 12"));
+  EXPECT_NE(said.find("actions gives 96 values, the configuration wants 72: 12 steps x 6 outputs"), std::string::npos)
       << said;
 }
 
