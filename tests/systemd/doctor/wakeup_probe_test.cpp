@@ -21,7 +21,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr ProbePlan kPlan{.length = milliseconds(20), .period = milliseconds(1), .priority = 1, .cpu = 1, .load_in = {}};
+constexpr ProbePlan kPlan{
+    .length = milliseconds(20), .period = milliseconds(1), .priority = 1, .cpu = 1, .load_in = {}};
 
 class PlantedProbe : public testing::Test {
  protected:
