@@ -7,7 +7,14 @@
 namespace takt::plant {
 
 std::expected<std::unique_ptr<Mechanics>, std::string> make_mechanics(const config::RobotConfig& robot) {
-  if (robot.simulation && robot.simulation->mujoco) return MujocoMechanics::make(robot);
+  if (robot.simulation && robot.simulation->mujoco) {
+#ifdef TAKT_HAS_MUJOCO
+    return MujocoMechanics::make(robot);
+#else
+    return std::unexpected(robot.file +
+                           ": `simulation.mujoco`: this build has no MuJoCo; install libmujoco-dev and build again");
+#endif
+  }
   if (robot.simulation && robot.simulation->cart_pole) return CartPoleDynamics::make(robot);
   return ArmDynamics::make(robot);
 }
