@@ -13,6 +13,7 @@
 #include <cstdio>
 #include <functional>
 #include <optional>
+#include <span>
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
@@ -72,7 +73,7 @@ void ask_for_punctuality() {
 }
 
 struct Outputs {
-  std::unique_ptr<ipc::SensorServer> sensor;
+  std::unique_ptr<ipc::SensorServer> sensor, imu;
   std::optional<TruthLog> truth;
 };
 
@@ -94,6 +95,7 @@ class Observer {
       if (const auto sample = camera_.poll(now)) path_.take(*sample, faults);
       while (const auto sample = path_.deliver(now)) outputs_.sensor->publish(*sample);
     }
+    if (outputs_.imu) publish_imu(body, now);
     if (outputs_.truth && now >= next_truth_) {
       next_truth_ = now + kTruthPeriod;
       outputs_.truth->write(truth_of(body, now));
@@ -106,6 +108,19 @@ class Observer {
   }
 
  private:
+  // The ten values of contract/imu.hpp.
+  void publish_imu(RobotPlant& body, MonoTime now) {
+    const auto reading = body.imu();
+    if (!reading) return;
+    SensorSample sample;
+    sample.sequence = ++imu_samples_;
+    sample.sensed_at = sample.published_at = now;
+    for (const auto& part :
+         {std::span<const double>(reading->orientation), std::span<const double>(reading->angular_velocity),
+          std::span<const double>(reading->acceleration)})
+      for (const double value : part) sample.values[sample.value_count++] = static_cast<float>(value);
+    outputs_.imu->publish(sample);
+  }
   [[nodiscard]] Truth truth_of(RobotPlant& body, MonoTime now) const {
     return {now, body.state(), body.controlled_point(), target_at(simulation_, now - started_)};
   }
@@ -115,6 +130,7 @@ class Observer {
   Camera camera_;
   SensorPath path_;
   Outputs outputs_;
+  std::uint64_t imu_samples_ = 0;
   MonoTime next_truth_, next_report_;
 };
 
@@ -145,8 +161,9 @@ void simulate(const Stage& stage, const std::function<void(MonoTime)>& observe) 
   }
 }
 
+// `plays_imu`: the mechanics have an IMU; otherwise a process of the user's plays it.
 std::expected<Outputs, std::string> open_outputs(const config::RobotConfig& robot, const std::string& directory,
-                                                 const Options& options) {
+                                                 const Options& options, bool plays_imu) {
   Outputs outputs;
   std::optional<uid_t> policy_user;
   if (!options.policy_user.empty()) {
@@ -159,6 +176,11 @@ std::expected<Outputs, std::string> open_outputs(const config::RobotConfig& robo
         ipc::SensorServer::start(config::sensor_socket(directory, robot.simulation->camera_sensor), policy_user);
     if (!sensor) return std::unexpected(sensor.error());
     outputs.sensor = std::move(*sensor);
+  }
+  if (robot.imu && plays_imu) {
+    auto imu = ipc::SensorServer::start(config::sensor_socket(directory, robot.imu->sensor), policy_user);
+    if (!imu) return std::unexpected(imu.error());
+    outputs.imu = std::move(*imu);
   }
   if (!options.truth_file.empty()) {
     auto truth = TruthLog::create(options.truth_file);
@@ -185,7 +207,7 @@ int serve(const Options& options, const config::RobotConfig& robot, Scenario sce
   const std::string directory =
       options.runtime_directory.empty() ? config::default_runtime_directory(robot.robot) : options.runtime_directory;
   stop_on_signals();
-  auto outputs = open_outputs(robot, directory, options);
+  auto outputs = open_outputs(robot, directory, options, body != nullptr && body->imu().has_value());
   if (!outputs) return refuse(kExitUnavailable, outputs.error());
   auto buses = PlantBuses::open(robot, directory, options.on_hardware);
   if (!buses) return refuse(kExitUnavailable, buses.error());
@@ -195,6 +217,9 @@ int serve(const Options& options, const config::RobotConfig& robot, Scenario sce
   spdlog::info("{} {}, stepping every {:.3f} ms, seed {}", plant.joint_count(),
                body ? "joints at home" : "devices on flywheels", plant.step_length().milliseconds(),
                robot.simulation->seed);
+
+  if (body != nullptr)
+    for (const std::string& note : body->notes()) spdlog::info("model: {}", note);
 
   ask_for_punctuality();
   const MonoTime started = monotonic_now();

@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "config/robot_config.hpp"
 #include "simulation/dynamics.hpp"
@@ -28,6 +29,8 @@ class Mechanics : public Dynamics {
   [[nodiscard]] virtual config::Vector3 controlled_point(const Eigen::VectorXd& q) { return tool_position(q); }
   // Of now. Absent: the robot has none.
   [[nodiscard]] virtual std::optional<ImuReading> imu() { return std::nullopt; }
+  // What a user should know about the model that was loaded: one sentence each.
+  [[nodiscard]] virtual std::vector<std::string> notes() const { return {}; }
   // A force at the tool, N, from the next step on. False: these mechanics know joint torques only.
   virtual bool push(const config::Vector3& force) {
     (void)force;

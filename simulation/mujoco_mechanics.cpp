@@ -182,7 +182,8 @@ class Engine final : public MujocoMechanics {
     return reading;
   }
 
-  [[nodiscard]] const std::vector<std::string>& mended() const override { return mended_; }
+  // What was changed in the file so that MuJoCo 2.2.2 reads it.
+  [[nodiscard]] std::vector<std::string> notes() const override { return mended_; }
 
  private:
   [[nodiscard]] int address(std::size_t j) const { return model_->jnt_dofadr[joints_[j]]; }

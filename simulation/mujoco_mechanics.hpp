@@ -31,8 +31,6 @@ class MujocoMechanics : public Mechanics {
     std::array<double, 4> orientation{1, 0, 0, 0};
   };
   [[nodiscard]] virtual BasePose base() const = 0;
-  // What was changed in the file so that MuJoCo 2.2.2 reads it; empty: nothing.
-  [[nodiscard]] virtual const std::vector<std::string>& mended() const = 0;
 };
 
 }  // namespace takt::plant

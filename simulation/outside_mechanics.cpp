@@ -1,5 +1,7 @@
 #include "simulation/outside_mechanics.hpp"
 
+#include <algorithm>
+
 namespace takt::plant {
 namespace {
 
@@ -12,12 +14,22 @@ config::Vector3 point_of(const takt_world_state& answer) {
   return {answer.point[0], answer.point[1], answer.point[2]};
 }
 
+std::optional<ImuReading> imu_of(const takt_world_state& answer, const WorldLink& link) {
+  if (!link.gives(TAKT_WORLD_IMU)) return std::nullopt;
+  ImuReading reading;
+  std::ranges::copy(answer.orientation, reading.orientation.begin());
+  std::ranges::copy(answer.angular_velocity, reading.angular_velocity.begin());
+  std::ranges::copy(answer.acceleration, reading.acceleration.begin());
+  return reading;
+}
+
 }  // namespace
 
 OutsideMechanics::OutsideMechanics(WorldLink link, const takt_world_state& first, std::size_t joint_count)
     : link_(std::move(link)),
       begin_(state_of(first, joint_count)),
       point_(point_of(first)),
+      imu_(imu_of(first, link_)),
       viscous_(joint_count),
       coulomb_(joint_count) {}
 
@@ -51,6 +63,7 @@ void OutsideMechanics::integrate(ArmState& state, const Eigen::VectorXd& tau, co
   }
   state = state_of(*answer, friction.size());
   point_ = point_of(*answer);
+  imu_ = imu_of(*answer, link_);
 }
 
 config::Vector3 OutsideMechanics::tool_position(const Eigen::VectorXd& /*q*/) {

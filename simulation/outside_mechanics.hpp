@@ -27,6 +27,8 @@ class OutsideMechanics final : public Mechanics {
   void integrate(ArmState& state, const Eigen::VectorXd& tau, const std::vector<Friction>& friction,
                  Duration step) override;
   [[nodiscard]] config::Vector3 tool_position(const Eigen::VectorXd& q) override;
+  // Of worlds that give one.
+  [[nodiscard]] std::optional<ImuReading> imu() override { return imu_; }
 
   [[nodiscard]] ArmState begin() const { return begin_; }
   [[nodiscard]] const std::optional<WorldEnd>& end() const { return end_; }
@@ -38,6 +40,7 @@ class OutsideMechanics final : public Mechanics {
   WorldLink link_;
   ArmState begin_;
   config::Vector3 point_{};
+  std::optional<ImuReading> imu_;
   std::vector<double> viscous_, coulomb_;  // work space
   std::optional<WorldEnd> end_;
 };

@@ -21,6 +21,7 @@ class RobotPlant final : public Plant {
                                                         const config::RobotConfig& robot);
 
   void set_trouble(const BodyTrouble& trouble) { mechanics_->set(trouble); }
+  [[nodiscard]] std::vector<std::string> notes() const { return mechanics_->notes(); }
   [[nodiscard]] std::optional<ImuReading> imu() { return mechanics_->imu(); }
   [[nodiscard]] config::Vector3 controlled_point() { return mechanics_->controlled_point(state().q); }
 
