@@ -127,13 +127,15 @@ class Loop {
   // What the bus edge does: drives that follow their setpoints at once. Not measured.
   void prepare(MonoTime now) {
     ++input_.tick;
+    input_.last_sent_at = input_.now;
     input_.now = now;
     input_.operator_request =
         output_->record.header.mode == Mode::standby ? OperatorRequest::arm : OperatorRequest::none;
     for (std::size_t j = 0; j < joints_; ++j) {
       input_.joints[j].received_at = now - microseconds(200);
+      ++input_.joints[j].replies;
       input_.joints[j].q = output_->setpoints[j].q;
-      input_.joints[j].drive_state = DriveState::enabled;
+      input_.joints[j].drive_state = output_->drive_enabled[j] ? DriveState::enabled : DriveState::disabled;
     }
     if (!commands_) {
       auto reader = ipc::SlotReader::attach(rings_.commands.bytes(), ipc::command_mailbox());
