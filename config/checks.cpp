@@ -6,6 +6,7 @@
 #include <cctype>
 #include <cmath>
 
+#include "config/observation_shape.hpp"
 #include "config/units.hpp"
 #include "executive/contract/observation.hpp"
 
@@ -91,6 +92,31 @@ void check_feedback_rows(const RobotConfig& robot, const Fallback& fallback, con
         path + ".gains", fmt::format("has no row for {}; every driven joint needs one", robot.joints[j].name));
 }
 
+// What a fallback policy reads in place of a person's command, and whether it can take over before the robot stops.
+void check_fallback_policy(const RobotConfig& robot, const Fallback& fallback, const std::string& path,
+                           Checker& checker) {
+  checker.require(robot.policy.has_value(), path, "a second policy needs a first one; add `policy`");
+  if (!robot.policy) return;
+  for (const ObservationTerm& term : robot.policy->observation) {
+    const std::size_t width = term.kind == TermKind::command ? term_width(robot, term) : fallback.command.size();
+    checker.require(fallback.command.size() == width, path + ".command",
+                    fmt::format("has {} values, the policy's observation term `command` {}; write one each",
+                                fallback.command.size(), width));
+  }
+  const bool reads_command = std::ranges::any_of(
+      robot.policy->observation, [](const ObservationTerm& term) { return term.kind == TermKind::command; });
+  checker.require(reads_command || fallback.command.empty(), path + ".command",
+                  "the policy has no observation term `command`; drop it");
+  const Freshness& contract = robot.freshness;
+  const Duration by_share{static_cast<std::int64_t>(contract.epsilon * static_cast<double>(contract.window.ns))};
+  const Duration after = robot.degraded.after;
+  const Duration bound = after.ns > 0 ? std::min(after, by_share) : by_share;
+  checker.require(bound < contract.stop_after, path,
+                  fmt::format("takes over {} after the last usable command, when freshness.stop_after {} has stopped "
+                              "the robot; set degraded.after",
+                              format_duration(bound), format_duration(contract.stop_after)));
+}
+
 void check_cart_pole(const RobotConfig& robot, const CartPole& machine, Checker& checker) {
   const bool fits = robot.joints.size() == 2 && !robot.joints[0].passive && robot.joints[1].passive;
   checker.require(fits, "simulation.cart_pole",
@@ -121,12 +147,16 @@ void check_camera(const RobotConfig& robot, const Simulation& simulation, Checke
 }  // namespace
 
 void check_fallbacks(const RobotConfig& robot, Checker& checker) {
+  checker.require(robot.degraded.after < robot.freshness.stop_after, "degraded.after",
+                  fmt::format("{} is not shorter than freshness.stop_after {}: the robot would stop before; lower it",
+                              format_duration(robot.degraded.after), format_duration(robot.freshness.stop_after)));
   if (robot.degraded.behaviour == Degraded::fallback)
     checker.require(!robot.degraded.fallback.empty(), "degraded.fallback",
                     "none, but behaviour is `fallback`; name an entry of `fallbacks`");
   for (const Fallback& fallback : robot.fallbacks) {
     const std::string path = fmt::format("fallbacks.{}", fallback.name);
     if (fallback.kind == FallbackKind::state_feedback) check_feedback_rows(robot, fallback, path, checker);
+    if (fallback.kind == FallbackKind::policy) check_fallback_policy(robot, fallback, path, checker);
     for (std::size_t j = 0; j < robot.joints.size() && j < fallback.pose.size(); ++j) {
       const Joint& joint = robot.joints[j];
       checker.require(fallback.pose[j] >= joint.limits.q_min && fallback.pose[j] <= joint.limits.q_max, path + ".pose",

@@ -43,6 +43,8 @@ std::expected<RobotConfig, std::string> robot_of(const Node& root, const std::st
 
   seal(robot);
   if (robot.policy) robot.policy->file = absolute_path(robot.policy->file, robot.file);
+  for (Fallback& fallback : robot.fallbacks)
+    if (fallback.has_own_file()) fallback.file = absolute_path(fallback.file, robot.file);
   if (robot.simulation && robot.simulation->mujoco)
     robot.simulation->mujoco->model = absolute_path(robot.simulation->mujoco->model, robot.file);
   if (robot.safe_torque_off && !robot.safe_torque_off->file.empty())

@@ -44,4 +44,20 @@ std::size_t observation_width(const RobotConfig& robot) {
   return width;
 }
 
+RobotConfig seen_by_fallback(const RobotConfig& robot, const Fallback& fallback) {
+  RobotConfig seen = robot;
+  if (fallback.has_own_file()) seen.policy->file = fallback.file;
+  for (ObservationTerm& term : seen.policy->observation) {
+    if (term.kind != TermKind::command) continue;
+    term.kind = TermKind::constant;
+    term.constant = fallback.command;
+    term.sensor.clear();
+  }
+  return seen;
+}
+
+bool reads_sensors(const Policy& policy) {
+  return std::ranges::any_of(policy.observation, [](const ObservationTerm& term) { return !term.sensor.empty(); });
+}
+
 }  // namespace takt::config

@@ -14,4 +14,9 @@ std::size_t term_width(const RobotConfig& robot, const ObservationTerm& term);
 // Width of the model's input: every term times its history.
 std::size_t observation_width(const RobotConfig& robot);
 
+// The robot as its fallback policy's host sees it: `policy` is the fallback, which reads its own constant command.
+RobotConfig seen_by_fallback(const RobotConfig& robot, const Fallback& fallback);
+// The policy reads sensors outside the executive, so that its commands must say when those sensed.
+bool reads_sensors(const Policy& policy);
+
 }  // namespace takt::config

@@ -21,7 +21,7 @@ enum class Cia402VelocityUnit : std::uint8_t { counts_per_s, rpm, tenth_rpm, hun
 enum class WakeMode : std::uint8_t { sleep, hybrid };
 enum class WhenBusMissing : std::uint8_t { refuse, loopback };
 enum class Degraded : std::uint8_t { hold, slow, fallback };
-enum class FallbackKind : std::uint8_t { pose, state_feedback };
+enum class FallbackKind : std::uint8_t { pose, state_feedback, policy };
 enum class TargetKind : std::uint8_t { lissajous, steps };
 enum class TermKind : std::uint8_t {
   joint_position_relative,
@@ -74,15 +74,20 @@ struct FeedbackRow {
 struct Fallback {
   std::string name;
   FallbackKind kind = FallbackKind::pose;
-  std::vector<double> pose;        // rad, one per joint
+  std::vector<double> pose;        // rad, one per joint; pose and state_feedback
   double speed = 0;                // rad/s; pose only
   std::vector<FeedbackRow> gains;  // state_feedback only, one per driven joint
+  std::string file;                // policy only; none: the policy's own
+  std::vector<double> command;     // policy only: what its observation terms `command` read
+  Duration longest;                // policy only: how long it may move the robot at one go; 0: without end
+  [[nodiscard]] bool has_own_file() const { return kind == FallbackKind::policy && file != "none"; }
 };
 
 struct DegradedConfig {
   Degraded behaviour = Degraded::hold;
   double speed_scale = 0;  // (0, 1]
   Duration resume_over;    // >= 0; 0: full speed at once
+  Duration after;          // no usable command for this long; 0: the contract's window alone decides
   std::string fallback;    // empty: none
 };
 
@@ -385,6 +390,14 @@ struct RobotConfig {
 // Bytes of the largest chunk a policy may send to this robot.
 inline std::size_t largest_command_of(const RobotConfig& robot) {
   return largest_command_bytes(robot.joints.size(), robot.policy ? robot.policy->steps : 0);
+}
+
+// The fallback policy that runs beside the policy; nullptr: none does.
+inline const Fallback* fallback_policy_of(const RobotConfig& robot) {
+  if (robot.degraded.behaviour != Degraded::fallback) return nullptr;
+  for (const Fallback& fallback : robot.fallbacks)
+    if (fallback.name == robot.degraded.fallback && fallback.kind == FallbackKind::policy) return &fallback;
+  return nullptr;
 }
 
 inline std::vector<WatchdogWaiver> watchdog_waivers(const RobotConfig& robot) {

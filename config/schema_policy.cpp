@@ -12,7 +12,7 @@ constexpr std::array<std::string_view, 10> kTerms{
     "base_angular_velocity",   "projected_gravity", "command",        "gait_phase"};
 constexpr std::array<std::string_view, 3> kDegraded{"hold", "slow", "fallback"};
 constexpr std::array<std::string_view, 2> kLayouts{"by_term", "by_time"};
-constexpr std::array<std::string_view, 2> kFallbackKinds{"pose", "state_feedback"};
+constexpr std::array<std::string_view, 3> kFallbackKinds{"pose", "state_feedback", "policy"};
 constexpr std::array<std::string_view, 3> kActionKinds{"joint_position", "joint_velocity", "joint_torque"};
 constexpr std::array<std::string_view, 3> kInterpolations{"hold", "linear", "cubic"};
 constexpr std::array<std::string_view, 7> kJoins{"replace", "cross_fade", "blend", "ensemble",
@@ -158,17 +158,30 @@ void describe_feedback_row(Fields& fields, FeedbackRow& row, Words joints) {
                     one_each);
 }
 
+void describe_fallback_policy(Fields& fields, Fallback& fallback) {
+  fields.text({"file", "policy: another file for the same observation and action; none: policy.file", "none"},
+              fallback.file);
+  fields.quantities({"command", "policy: what its observation terms `command` read, whatever a person asks for", "[]"},
+                    fallback.command, Dimension::none, any_value(), {.low = 0, .high = kMaxSensorValues});
+  fields.duration({"for", "policy: how long it may move the robot at one go, then a damped stop; 0 s: without end"},
+                  fallback.longest, {}, seconds(3600));
+}
+
 void describe_fallback(Fields& fields, Fallback& fallback, Words joints) {
-  fields.choice({"kind", "pose: move to a fixed pose; state_feedback: torque = -gains [q - pose; dq]"}, fallback.kind,
-                kFallbackKinds);
-  fields.quantities({"pose", "one angle per joint"}, fallback.pose, Dimension::angle, between(-1000, 1000),
-                    {.low = joints.size(), .high = joints.size(), .of = "joint"});
+  fields.choice({"kind",
+                 "pose: move to a fixed pose; state_feedback: torque = -gains [q - pose; dq]; policy: a second policy, "
+                 "kept warm by takt-policy-host --fallback"},
+                fallback.kind, kFallbackKinds);
+  if (fallback.kind != FallbackKind::policy || fields.shows_all())
+    fields.quantities({"pose", "pose, state_feedback: one angle per joint"}, fallback.pose, Dimension::angle,
+                      between(-1000, 1000), {.low = joints.size(), .high = joints.size(), .of = "joint"});
   if (fallback.kind == FallbackKind::pose || fields.shows_all())
     fields.quantity({"speed", "pose: joint speed on the way"}, fallback.speed, Dimension::angular_velocity,
                     above(0, 100));
   if (fallback.kind == FallbackKind::state_feedback || fields.shows_all())
     fields.each({"gains", "state_feedback: one row per driven joint"}, fallback.gains, kMaxJoints,
                 [&](Fields& f, FeedbackRow& row) { describe_feedback_row(f, row, joints); });
+  if (fallback.kind == FallbackKind::policy || fields.shows_all()) describe_fallback_policy(fields, fallback);
 }
 
 void describe_degraded(Fields& fields, DegradedConfig& degraded, const std::vector<Fallback>& fallbacks) {
@@ -181,6 +194,11 @@ void describe_degraded(Fields& fields, DegradedConfig& degraded, const std::vect
   fields.duration(
       {"resume_over", "back in tracking, velocity limits rise from speed_scale of them to all of them in it", "2 s"},
       degraded.resume_over, {}, seconds(60));
+  fields.duration(
+      {"after",
+       "no usable command for this long violates the contract too, whatever the window's share; 0 ms: the share alone",
+       "0 ms"},
+      degraded.after, {}, seconds(10));
   fields.one_of({"fallback", "fallback: name of an entry in fallbacks, or none", "none"}, degraded.fallback, names,
                 "fallback", "none");
 }

@@ -21,7 +21,7 @@ Hello hello_of(const config::RobotConfig& robot, std::uint64_t policy_hash, Role
   hello.layout = contract_layout();
   hello.config_hash = robot.hash;
   std::strncpy(hello.program, program, sizeof hello.program - 1);
-  if (role == Role::policy) {
+  if (is_policy(role)) {
     hello.policy_hash = policy_hash;
     hello.joint_names_hash = config::joint_names_hash(robot);
     hello.joint_count = static_cast<std::uint32_t>(robot.joints.size());

@@ -18,7 +18,7 @@
 
 namespace takt::policy_host {
 
-// What a process of this robot says first. The policy's own fields are filled for Role::policy.
+// What a process of this robot says first. The policy's own fields are filled for the policies' roles.
 Hello hello_of(const config::RobotConfig& robot, std::uint64_t policy_hash, Role role, const char* program);
 
 class ExecutiveLink {

@@ -18,10 +18,10 @@ constexpr Duration kReportPeriod = seconds(10);
 }  // namespace
 
 Host::Host(const config::RobotConfig& robot, const std::string& runtime_directory, std::uint64_t policy_hash,
-           Policy& policy, HostFaults faults)
+           Policy& policy, HostFaults faults, Role role)
     : robot_(robot),
       socket_(config::executive_socket(runtime_directory)),
-      hello_(hello_of(robot, policy_hash, Role::policy, kProgram)),
+      hello_(hello_of(robot, policy_hash, role, kProgram)),
       introduction_(kProgram, robot.hash, policy_hash, robot.joints),
       responder_(robot, policy_hash, policy),
       sensors_in_use_(sensors_in_use(robot)),

@@ -27,9 +27,10 @@ namespace takt::policy_host {
 
 class Host {
  public:
-  // Precondition: check_policy_section and check_fit passed. `robot` and `policy` outlive this.
+  // Precondition: check_policy_section and check_fit passed. `robot` and `policy` outlive this. `role`: policy, or
+  // fallback_policy, for which `robot` is what config::seen_by_fallback says.
   Host(const config::RobotConfig& robot, const std::string& runtime_directory, std::uint64_t policy_hash,
-       Policy& policy, HostFaults faults = {{}, 0});
+       Policy& policy, HostFaults faults = {{}, 0}, Role role = Role::policy);
   // Returns within half a second after `stop` turns true.
   void run(const std::atomic<bool>& stop);
 

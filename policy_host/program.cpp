@@ -52,11 +52,18 @@ struct Options {
   std::string robot, runtime_directory;
   std::vector<std::string> faults;
   std::uint64_t fault_seed = 1;
+  bool fallback = false;
 };
 
 int serve(const Options& options, std::vector<HostFaultWindow> faults, const LoadPolicy& load) {
-  const auto robot = config::load(options.robot);
+  auto robot = config::load(options.robot);
   if (!robot) return refuse(robot.error());
+  if (options.fallback) {
+    const config::Fallback* const fallback = config::fallback_policy_of(*robot);
+    if (fallback == nullptr)
+      return refuse(options.robot + ": has no fallback policy; name one of kind `policy` in degraded.fallback");
+    robot = config::seen_by_fallback(*robot, *fallback);
+  }
   if (const auto fine = check_policy_section(*robot); !fine) return refuse(fine.error());
   const config::Policy& section = *robot->policy;
   const auto hash = config::policy_hash(section.file);
@@ -72,7 +79,8 @@ int serve(const Options& options, std::vector<HostFaultWindow> faults, const Loa
                (*policy)->input_size(), section.steps, config::outputs_per_step(*robot));
   for (const std::string& fault : options.faults) spdlog::warn("does wrong on request: {}", fault);
   HostFaults wrong(std::move(faults), options.fault_seed);
-  Host(*robot, directory, *hash, **policy, std::move(wrong)).run(g_stop);
+  const Role role = options.fallback ? Role::fallback_policy : Role::policy;
+  Host(*robot, directory, *hash, **policy, std::move(wrong), role).run(g_stop);
   return 0;
 }
 
@@ -84,6 +92,8 @@ int run_policy_host(int argc, char** argv, const LoadPolicy& load) {
   app.add_option("--robot", options.robot, "robot file")->required();
   app.add_option("--runtime-dir", options.runtime_directory,
                  "where the robot's sockets are (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
+  app.add_flag("--fallback", options.fallback,
+               "be the robot's fallback policy (degraded.fallback), beside the host of its policy");
   app.add_option("--fault", options.faults,
                  "do something wrong, for tests: 'FROM for LENGTH: FAULT', FROM counted from tracking "
                  "(docs/panels-real-time.md)")
@@ -102,7 +112,7 @@ int run_policy_host(int argc, char** argv, const LoadPolicy& load) {
     fmt::print(stderr, "{}\n", faults.error());
     return kExitUsage;
   }
-  log::log_to_stderr("policy-host");
+  log::log_to_stderr(options.fallback ? "fallback-host" : "policy-host");
   stop_on_signals();
   return serve(options, std::move(*faults), load);
 }

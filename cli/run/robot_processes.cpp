@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::array<std::string_view, kProcessCount> kPrograms{"takt-plant", "takt-executive", "takt-monitor",
-                                                                "takt-policy-host"};
+                                                                "takt-policy-host", "takt-policy-host"};
 // A damped stop may take a while; the recorder compresses what is left.
 constexpr auto kExecutiveEndsWithin = std::chrono::seconds(15);
 constexpr auto kOthersEndWithin = std::chrono::seconds(5);
@@ -40,6 +40,7 @@ int parent_death_signal(ProcessName process) {
       return SIGTERM;
     case ProcessName::plant:
     case ProcessName::policy:
+    case ProcessName::fallback:
       return SIGKILL;
   }
   return SIGKILL;
@@ -64,6 +65,10 @@ std::string_view program(ProcessName process) {
   return kPrograms[static_cast<std::size_t>(process)];
 }
 
+std::string label(ProcessName process) {
+  return std::string(program(process)) + (process == ProcessName::fallback ? "-fallback" : "");
+}
+
 RobotProcesses::RobotProcesses(const config::RobotConfig& robot, const RobotPlace& place)
     : robot_(robot), place_(place) {}
 
@@ -73,6 +78,7 @@ std::vector<ProcessName> RobotProcesses::wanted() const {
   processes.push_back(ProcessName::executive);
   processes.push_back(ProcessName::monitor);
   if (robot_.policy) processes.push_back(ProcessName::policy);
+  if (config::fallback_policy_of(robot_) != nullptr) processes.push_back(ProcessName::fallback);
   return processes;
 }
 
@@ -81,7 +87,8 @@ std::string RobotProcesses::log_directory() const {
 }
 
 std::string RobotProcesses::path_of(ProcessName process) const {
-  const bool is_own = process == ProcessName::policy && !place_.policy_host.empty();
+  const bool is_host = process == ProcessName::policy || process == ProcessName::fallback;
+  const bool is_own = is_host && !place_.policy_host.empty();
   return is_own ? place_.policy_host : beside_this_program(program(process));
 }
 
@@ -92,7 +99,7 @@ std::expected<void, std::string> RobotProcesses::start(ProcessName process) {
     return std::unexpected(
         fmt::format("{} cannot be made: {}; choose another --runtime-dir", log_directory(), error.message()));
   ChildProcess::Options options;
-  options.name = program(process);
+  options.name = label(process);
   options.arguments = {path_of(process), "--robot", place_.robot_file, "--runtime-dir", place_.runtime_directory};
   if (access(options.arguments[0].c_str(), X_OK) != 0)
     return std::unexpected(fmt::format("{} is not there: {}; build or install it beside takt", options.arguments[0],
@@ -103,11 +110,12 @@ std::expected<void, std::string> RobotProcesses::start(ProcessName process) {
     options.arguments.insert(options.arguments.end(), place_.plant_arguments.begin(), place_.plant_arguments.end());
   if (process == ProcessName::policy)
     options.arguments.insert(options.arguments.end(), place_.policy_arguments.begin(), place_.policy_arguments.end());
+  if (process == ProcessName::fallback) options.arguments.emplace_back("--fallback");
   if (process == ProcessName::monitor) {
     options.arguments.emplace_back("--run-dir");
     options.arguments.push_back(place_.run_directory);
   }
-  options.log_path = fmt::format("{}/{}.log", log_directory(), program(process));
+  options.log_path = fmt::format("{}/{}.log", log_directory(), label(process));
   options.parent_death_signal = parent_death_signal(process);
   std::optional<ChildProcess>& child = children_[static_cast<std::size_t>(process)];
   if (!child) fs::remove(options.log_path, error);  // of an earlier run; a restart adds to this run's
@@ -137,6 +145,8 @@ bool RobotProcesses::is_ready(ProcessName process, const std::optional<StatusSna
       return status && is_pid(status->monitor_pid);
     case ProcessName::policy:
       return status && is_pid(status->policy_pid);
+    case ProcessName::fallback:
+      return status && is_pid(status->fallback_pid);
   }
   return false;
 }
@@ -152,6 +162,7 @@ void RobotProcesses::end_all() {
   };
   end(ProcessName::executive, kExecutiveEndsWithin);
   end(ProcessName::policy, kOthersEndWithin);
+  end(ProcessName::fallback, kOthersEndWithin);
   end(ProcessName::plant, kOthersEndWithin);
   end(ProcessName::monitor, kMonitorEndsWithin);
 }

@@ -1,6 +1,7 @@
 // The processes of one robot, as `takt run` starts and ends them: takt-plant (when the robot file has `simulation`),
-// takt-executive, takt-monitor, takt-policy-host (when it has `policy`), all found beside the `takt` program; instead
-// of the last another program may stand, made with policy_host/program.hpp. Thread rule: one thread.
+// takt-executive, takt-monitor, takt-policy-host (when it has `policy`) and a second one of it (when it has a fallback
+// policy), all found beside the `takt` program; instead of the last two another program may stand, made with
+// policy_host/program.hpp. Thread rule: one thread.
 #pragma once
 
 #include <array>
@@ -57,5 +58,7 @@ class RobotProcesses {
 
 // "takt-policy-host"
 std::string_view program(ProcessName process);
+// The same, but where one program runs twice: "takt-policy-host-fallback". Names its log.
+std::string label(ProcessName process);
 
 }  // namespace takt::cli

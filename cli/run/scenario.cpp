@@ -14,7 +14,7 @@
 namespace takt::cli {
 namespace {
 
-constexpr std::array<std::string_view, kProcessCount> kProcesses{"plant", "executive", "monitor", "policy"};
+constexpr std::array<std::string_view, kProcessCount> kProcesses{"plant", "executive", "monitor", "policy", "fallback"};
 constexpr std::string_view kGrammar =
     "write 'T: ACTION', ACTION one of `freeze PROCESS DURATION`, `kill PROCESS`, `start PROCESS`, `hog control|policy "
     "DURATION`, `throttle control DURATION`, `crowd policy N DURATION`, `load N DURATION COMMAND`, `arm`, `stop`, "

@@ -31,8 +31,9 @@ enum class ActionKind : std::uint8_t {
   stop,
   reset
 };
-enum class ProcessName : std::uint8_t { plant, executive, monitor, policy };
-inline constexpr std::size_t kProcessCount = 4;
+// fallback: the host of the fallback policy.
+enum class ProcessName : std::uint8_t { plant, executive, monitor, policy, fallback };
+inline constexpr std::size_t kProcessCount = 5;
 std::string_view name(ProcessName process);
 
 struct Event {

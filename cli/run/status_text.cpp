@@ -68,7 +68,8 @@ std::string incident_sentence(const IncidentNote& incident) {
 
 std::string status_text(const StatusSnapshot& status, const IncidentNote& incident) {
   const TickRecordHeader& tick = status.tick;
-  std::string text = fmt::format("mode       {}\n", name(tick.mode));
+  const bool falls_back = tick.player == Player::fallback;
+  std::string text = fmt::format("mode       {}{}\n", name(tick.mode), falls_back ? ", by the fallback policy" : "");
   if (incident.tick != 0)
     text += fmt::format("incident   {}{}\n", incident.stands != 0 ? "" : "over: ", said(incident.sentence));
   text += fmt::format("command    {}, age {}\n", name(tick.freshness), age_text(tick));
@@ -86,6 +87,9 @@ std::string status_text(const StatusSnapshot& status, const IncidentNote& incide
       text += fmt::format("           {} {}\n", status.arrivals[arrival], name(static_cast<Arrival>(arrival)));
   text += fmt::format("drives     {}\n", tick.drives_enabled != 0 ? "enabled" : "disabled");
   text += fmt::format("policy     {}\n", peer_text(status.policy_pid));
+  if (status.fallback_pid != 0 || tick.fallback.freshness != Freshness::missing)
+    text += fmt::format("fallback   {}, command {}, age {:.1f} ms\n", peer_text(status.fallback_pid),
+                        name(tick.fallback.freshness), tick.fallback.age.milliseconds());
   text += fmt::format("monitor    {}, {}\n", peer_text(status.monitor_pid), recording_text(status));
   text += fmt::format("real time  {}\n", status.realtime != 0 ? "yes" : "no (--allow-non-realtime)");
   return text;
@@ -94,7 +98,8 @@ std::string status_text(const StatusSnapshot& status, const IncidentNote& incide
 std::string status_line(const StatusSnapshot& status, Duration max_age) {
   const TickRecordHeader& tick = status.tick;
   std::string limit = max_age.ns > 0 ? fmt::format(" / {:.0f} ms", max_age.milliseconds()) : "";
-  return fmt::format("{:<13} age {:>9}{}  {:<7}  misses {}/{}  overruns {}{}", name(tick.mode), age_text(tick), limit,
+  const std::string_view mode = tick.player == Player::fallback ? "fallback" : name(tick.mode);
+  return fmt::format("{:<13} age {:>9}{}  {:<7}  misses {}/{}  overruns {}{}", mode, age_text(tick), limit,
                      name(tick.freshness), tick.window_misses, tick.window_ticks, overruns_of(status),
                      status.realtime != 0 ? "" : "  (not real time)");
 }
@@ -124,7 +129,11 @@ nlohmann::json status_json(const StatusSnapshot& status, const IncidentNote& inc
           {"causes_active", active},
           {"incident", incident_json(incident)},
           {"drives_enabled", tick.drives_enabled != 0},
+          {"player", name(tick.player)},
           {"policy_pid", status.policy_pid},
+          {"fallback_pid", status.fallback_pid},
+          {"fallback_freshness", name(tick.fallback.freshness)},
+          {"fallback_age_ns", tick.fallback.age.ns},
           {"monitor_pid", status.monitor_pid},
           {"recorded_through", tick.recorded_through},
           {"recorder_required", status.recorder_required != 0},

@@ -133,13 +133,13 @@ Supervisor::Outcome Supervisor::wait_ready(ProcessName process) {
   for (const Duration give_up = now() + kReadyWithin; now() < give_up;) {
     if (auto alive = look_after_children(); !alive) return alive;
     if (ChildProcess* child = processes_.find(process); !child->alive())
-      return std::unexpected(End{exit_code_for(*child), fmt::format("{} {} before it was ready\n{}", program(process),
+      return std::unexpected(End{exit_code_for(*child), fmt::format("{} {} before it was ready\n{}", label(process),
                                                                     child->how_it_ended(), child->last_words())});
     if (processes_.is_ready(process, processes_.ask_status())) return {};
     if (auto paused = pause(now() + kPollEvery); !paused) return paused;
   }
   return std::unexpected(
-      End{kExitUnavailable, fmt::format("{} was not ready within {} s\n{}", program(process),
+      End{kExitUnavailable, fmt::format("{} was not ready within {} s\n{}", label(process),
                                         kReadyWithin.ns / seconds(1).ns, processes_.find(process)->last_words())});
 }
 
@@ -221,7 +221,7 @@ Supervisor::Outcome Supervisor::look_after_children() {
     ChildProcess* child = processes_.find(process);
     if (!child || child->alive() || !ready_at_) continue;
     if (!reported_dead_.insert(process).second) continue;
-    display_.note(fmt::format("{} {}", program(process), child->how_it_ended()));
+    display_.note(fmt::format("{} {}", label(process), child->how_it_ended()));
     if (is_essential(process))
       return std::unexpected(
           End{std::max(exit_code_for(*child), kExitFailed),
@@ -234,10 +234,10 @@ Supervisor::Outcome Supervisor::look_after_children() {
 
 void Supervisor::restart(ProcessName process) {
   if (ChildProcess* child = processes_.find(process); child && child->alive())
-    return display_.note(fmt::format("{} still runs", program(process)));
+    return display_.note(fmt::format("{} still runs", label(process)));
   if (auto started = processes_.start(process); started) {
     reported_dead_.erase(process);
-    display_.note(fmt::format("{} restarted", program(process)));
+    display_.note(fmt::format("{} restarted", label(process)));
   } else {
     display_.note(started.error());
   }
@@ -264,7 +264,9 @@ Supervisor::Outcome Supervisor::fire(const Event& event) {
       return {};
     case ActionKind::kill:
       if (child) child->signal(SIGKILL);
-      script_ends_run_ |= event.process == ProcessName::policy && !options_.restart;
+      // With a fallback policy the robot goes on.
+      script_ends_run_ |=
+          event.process == ProcessName::policy && !options_.restart && config::fallback_policy_of(robot_) == nullptr;
       return {};
     case ActionKind::start:
       restart(event.process);

@@ -62,7 +62,7 @@ void LiveView::status(const OperatorReply& reply) {
 }
 
 void LiveView::command(const RecordedCommand& command) {
-  if (const auto header = header_of(command)) session_.claimed_hash = header->policy_hash;
+  if (const auto header = policy_header_of(command)) session_.claimed_hash = header->policy_hash;
 }
 
 void LiveView::tick(const TickRecord& record) {

@@ -84,6 +84,7 @@ Json joint_json(const JointPicture& joint) {
 Json to_json(const Picture& picture) {
   Json json{{"robot", picture.robot}, {"link", name(picture.link)}, {"tick", picture.tick.tick}};
   json["mode"] = takt::name(picture.tick.mode);
+  json["player"] = takt::name(picture.tick.player);
   json["in_mode_ns"] = picture.in_mode.ns;
   json["entered_by"] = takt::name(picture.entered_by);
   json["incident"] = picture.incident.empty() ? Json(nullptr) : Json(picture.incident);

@@ -145,6 +145,7 @@ CauseFindings cause_findings(Cause cause, const TickRecord& record, const config
     case Cause::torque_output_lost:
     case Cause::tilt:
     case Cause::imu_lost:
+    case Cause::fallback_spent:
       return {};
   }
   return {};

@@ -102,7 +102,7 @@ std::int64_t step_of(std::int64_t value) {
 
 struct RecordedMoment {
   Bytes record;  // its used part
-  std::optional<RecordedCommand> command;
+  std::vector<RecordedCommand> commands;
 };
 
 // What was recorded around one incident.
@@ -110,7 +110,7 @@ class Slice {
  public:
   explicit Slice(Incident& about) : incident(&about) {}
 
-  void command(const RecordedCommand& command) { pending_ = command; }
+  void command(const RecordedCommand& command) { pending_.push_back(command); }
   void tick(const TickRecord& record) {
     const TickRecordHeader& header = record.header;
     const bool follows = header.tick == last_ + 1;
@@ -128,8 +128,8 @@ class Slice {
     if (header.mode == Mode::arming && header.previous_mode != Mode::arming) armed_at = header.tick;
     if (moments.size() == kMostTicks) return give_up(header.tick);
     const auto bytes = std::as_bytes(std::span(&record, 1)).first(record.used_bytes());
-    moments.push_back({{bytes.begin(), bytes.end()}, std::nullopt});
-    if (pending_ && pending_->tick == header.tick) moments.back().command = std::move(pending_);
+    std::erase_if(pending_, [&](const RecordedCommand& command) { return command.tick != header.tick; });
+    moments.push_back({{bytes.begin(), bytes.end()}, std::exchange(pending_, {})});
     behind = header.now - incident->at;
   }
   void keyframe(const RecordedKeyframe& keyframe, Duration period) {
@@ -155,7 +155,7 @@ class Slice {
     is_whole_ = is_over_;
     if (!is_whole_) moments.clear();
   }
-  std::optional<RecordedCommand> pending_;
+  std::vector<RecordedCommand> pending_;  // of one tick
   std::uint64_t last_ = 0;
   bool is_whole_ = false, is_over_ = false;
 };
@@ -183,7 +183,8 @@ class Laboratory {
 
   Outcome with(const config::RobotConfig& robot) {
     Outcome outcome;
-    const pipeline::TickConfig config = config::tick_config_of(robot, recorded_.policy_hash);
+    const pipeline::TickConfig config =
+        config::tick_config_of(robot, recorded_.policy.hash, recorded_.fallback_policy.hash);
     decide(config, [&](const TickRecord& was, const TickRecord& is) {
       if (is.header.tick < slice_.armed_at) return true;
       if (!outcome.kept && fires(is.header)) return false;
@@ -236,7 +237,7 @@ class Laboratory {
     pipeline::remember_more(*state, config);
     for (const RecordedMoment& moment : slice_.moments) {
       std::memcpy(static_cast<void*>(was_.get()), moment.record.data(), moment.record.size());
-      if (moment.command) input_.command(*moment.command);
+      for (const RecordedCommand& command : moment.commands) input_.command(command);
       const pipeline::TickInput* input = input_.of(*was_);
       if (input == nullptr) return false;
       pipeline::control_tick(*state, *input, config, *output_);

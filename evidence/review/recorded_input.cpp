@@ -9,11 +9,12 @@
 namespace takt::monitor {
 namespace {
 
-// The policy the executive admitted, as it wrote it down itself; a run without that word admitted the configured one.
-std::uint64_t policy_hash_of(const RunManifest& manifest) {
+// The policies the executive admitted, as it wrote them down itself; a run without that word admitted the configured
+// one.
+std::uint64_t admitted(const RunManifest& manifest, const char* key) {
   std::string text = manifest.policy_sha256.substr(0, 16);
-  if (manifest.executive.is_object() && manifest.executive.contains("policy_hash")) {
-    text = manifest.executive.at("policy_hash").get<std::string>();
+  if (manifest.executive.is_object() && manifest.executive.contains(key)) {
+    text = manifest.executive.at(key).get<std::string>();
   }
   return text.empty() ? 0 : std::stoull(text, nullptr, 16);
 }
@@ -21,25 +22,43 @@ std::uint64_t policy_hash_of(const RunManifest& manifest) {
 }  // namespace
 
 pipeline::TickConfig recorded_config(const RecordedRun& run) {
-  return config::tick_config_of(run.robot, policy_hash_of(run.manifest));
+  return config::tick_config_of(run.robot, admitted(run.manifest, "policy_hash"),
+                                admitted(run.manifest, "fallback_policy_hash"));
+}
+
+std::optional<pipeline::PolicyMessage> RecordedInput::Mailbox::take(std::uint64_t tick, Arrival mailbox,
+                                                                    std::uint8_t session, Arrival verdict) {
+  const bool there = pending && pending->tick == tick;
+  if (there != (mailbox == Arrival::accepted)) {
+    if (there) pending.reset();
+    return std::nullopt;
+  }
+  pipeline::PolicyMessage message{.mailbox = mailbox, .session = session};
+  if (!there) return message;
+  *chunk = CommandChunk{};
+  message.command = chunk.get();
+  message.bytes = std::min(pending->payload.size(), sizeof(CommandChunk));
+  std::memcpy(chunk.get(), pending->payload.data(), message.bytes);
+  if (pending->cut_from != 0) {
+    message.bytes = pending->cut_from;
+    message.values = pipeline::values_behind(verdict);
+  }
+  pending.reset();
+  return message;
 }
 
 const pipeline::TickInput* RecordedInput::of(const TickRecord& record) {
   const TickRecordHeader& header = record.header;
-  const bool there = pending_ && pending_->tick == header.tick;
-  std::size_t bytes = 0;
-  is_by_header_ = there && pending_->cut_from != 0;
-  if (there) {
-    *chunk_ = CommandChunk{};
-    bytes = std::min(pending_->payload.size(), sizeof(CommandChunk));
-    std::memcpy(chunk_.get(), pending_->payload.data(), bytes);
-    if (is_by_header_) bytes = pending_->cut_from;
-    pending_.reset();
-  }
-  const bool has_read = header.mailbox == Arrival::accepted;
-  *input_ = pipeline::input_of(record, has_read ? chunk_.get() : nullptr, bytes);
-  if (is_by_header_) input_->command_values = pipeline::values_behind(header.arrival);
-  return there == has_read ? input_.get() : nullptr;
+  const FallbackRecord& second = header.fallback;
+  const auto policy = policy_.take(header.tick, header.mailbox, header.policy_session, header.arrival);
+  const auto fallback = fallback_.take(header.tick, second.mailbox, second.session, second.arrival);
+  is_by_header_ = false;
+  if (!policy || !fallback) return nullptr;
+  *input_ = pipeline::input_of(record, policy->command, policy->bytes);
+  input_->command_values = policy->values;
+  input_->fallback = *fallback;
+  is_by_header_ = policy->values != Arrival::none || fallback->values != Arrival::none;
+  return input_.get();
 }
 
 }  // namespace takt::monitor

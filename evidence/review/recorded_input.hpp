@@ -17,17 +17,25 @@ pipeline::TickConfig recorded_config(const RecordedRun& run);
 class RecordedInput {
  public:
   // Call before of() of the tick that read it.
-  void command(RecordedCommand command) { pending_ = std::move(command); }
+  void command(RecordedCommand command) {
+    (command.sender == Player::fallback ? fallback_ : policy_).pending = std::move(command);
+  }
   // Valid until the next call; null: the tick read a message that is not in the recording, or was told of one that it
   // did not read.
   const pipeline::TickInput* of(const TickRecord& record);
-  // Of the message that the newest tick read only the header was kept.
+  // Of a message that the newest tick read only the header was kept.
   [[nodiscard]] bool is_by_header() const { return is_by_header_; }
 
  private:
-  std::unique_ptr<CommandChunk> chunk_ = std::make_unique<CommandChunk>();
+  struct Mailbox {
+    std::unique_ptr<CommandChunk> chunk = std::make_unique<CommandChunk>();
+    std::optional<RecordedCommand> pending{};
+    // What that tick read; nothing: the recording and the record disagree. `verdict`: the record's, on the message.
+    std::optional<pipeline::PolicyMessage> take(std::uint64_t tick, Arrival mailbox, std::uint8_t session,
+                                                Arrival verdict);
+  };
+  Mailbox policy_, fallback_;
   std::unique_ptr<pipeline::TickInput> input_ = std::make_unique<pipeline::TickInput>();
-  std::optional<RecordedCommand> pending_;
   bool is_by_header_ = false;
 };
 

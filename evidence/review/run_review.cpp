@@ -19,7 +19,7 @@ std::expected<RunReview, std::string> review_of(const RecordedRun& run) {
                                        },
                                    .command =
                                        [&](const RecordedCommand& command) {
-                                         if (const auto header = header_of(command)) classifier.command(*header);
+                                         if (const auto header = policy_header_of(command)) classifier.command(*header);
                                        },
                                    .keyframe = {},
                                    .loss = [&](const Loss& loss) { collector.loss(loss); }});

@@ -53,8 +53,9 @@ enum class Cause : std::uint8_t {
   torque_output_lost,   // the output that permits torque does not do as it is told
   tilt,                 // the base leans or turns beyond its limits
   imu_lost,             // no usable sample of the base's IMU for its timeout
+  fallback_spent,       // the fallback policy has moved the robot for as long as it may
 };
-inline constexpr std::size_t kCauseCount = 32;
+inline constexpr std::size_t kCauseCount = 33;
 
 constexpr std::string_view name(Mode mode) {
   constexpr std::array<std::string_view, kModeCount> names{"standby",  "arming",      "tracking",
@@ -95,7 +96,8 @@ constexpr std::string_view name(Cause cause) {
                                                             "operator_deenergise",
                                                             "torque_output_lost",
                                                             "tilt",
-                                                            "imu_lost"};
+                                                            "imu_lost",
+                                                            "fallback_spent"};
   const auto index = static_cast<std::size_t>(cause);
   return index < names.size() ? names[index] : "invalid";
 }

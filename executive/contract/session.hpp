@@ -16,13 +16,19 @@ namespace takt {
 // One lease per role and server: a second holder is refused with a sentence that names the first.
 // `operator_console` leases are short: a connection per request. `sensor_reader` and `viewer` (who reads what the
 // monitor reads, to show it) may be several.
-enum class Role : std::uint8_t { policy, monitor, operator_console, sensor_reader, viewer };
-inline constexpr std::size_t kRoleCount = 5;
+// `fallback_policy` is a second policy, with a mailbox of its own.
+enum class Role : std::uint8_t { policy, monitor, operator_console, sensor_reader, viewer, fallback_policy };
+inline constexpr std::size_t kRoleCount = 6;
 
 constexpr std::string_view name(Role role) {
-  constexpr std::array<std::string_view, kRoleCount> names{"policy", "monitor", "operator", "sensor reader", "viewer"};
+  constexpr std::array<std::string_view, kRoleCount> names{"policy",        "monitor", "operator",
+                                                           "sensor reader", "viewer",  "fallback policy"};
   const auto index = static_cast<std::size_t>(role);
   return index < names.size() ? names[index] : "invalid";
+}
+
+constexpr bool is_policy(Role role) {
+  return role == Role::policy || role == Role::fallback_policy;
 }
 
 struct Hello {
@@ -32,10 +38,10 @@ struct Hello {
   std::uint8_t reserved[3] = {};
   std::uint64_t layout = 0;            // contract_layout()
   std::uint64_t config_hash = 0;       // first 8 bytes of the resolved configuration's SHA-256; 0: not claimed
-  std::uint64_t policy_hash = 0;       // policy role: as in CommandHeader
-  std::uint64_t joint_names_hash = 0;  // policy role: layout-independent hash of the joint names in order
-  std::uint32_t joint_count = 0;       // policy role
-  std::uint32_t step_count = 0;        // policy role
+  std::uint64_t policy_hash = 0;       // policy roles: as in CommandHeader
+  std::uint64_t joint_names_hash = 0;  // policy roles: layout-independent hash of the joint names in order
+  std::uint32_t joint_count = 0;       // policy roles
+  std::uint32_t step_count = 0;        // policy roles
   char program[40] = {};
 };
 static_assert(std::is_standard_layout_v<Hello> && sizeof(Hello) == 96);
@@ -73,9 +79,10 @@ struct StatusSnapshot {
   std::uint64_t ticks = 0;
   std::uint64_t overruns[kOverrunCauseCount] = {};
   std::uint64_t arrivals[kArrivalCount] = {};
-  std::uint64_t policy_pid = 0;   // 0: no policy attached
-  std::uint64_t monitor_pid = 0;  // 0: no monitor attached
-  std::uint8_t realtime = 0;      // 1 when the whole real-time set-up succeeded
+  std::uint64_t policy_pid = 0;    // 0: no policy attached
+  std::uint64_t fallback_pid = 0;  // 0: no fallback policy attached
+  std::uint64_t monitor_pid = 0;   // 0: no monitor attached
+  std::uint8_t realtime = 0;       // 1 when the whole real-time set-up succeeded
   std::uint8_t recorder_required = 0;
   std::uint8_t reserved[6] = {};
 };

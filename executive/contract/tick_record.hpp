@@ -4,8 +4,10 @@
 // periodic TickState keyframe travel in rings of their own, tied to the tick number.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <string_view>
 #include <type_traits>
 
 #include "executive/contract/feedback.hpp"
@@ -35,6 +37,30 @@ struct AgeParts {
   Duration publish;  // inference ended -> first tick that used the command
   Duration hold;     // first use -> now
   [[nodiscard]] constexpr Duration total() const { return sense + queue + infer + publish + hold; }
+};
+
+// Whose chunk the robot follows in a tick.
+enum class Player : std::uint8_t { none, policy, fallback };
+inline constexpr std::size_t kPlayerCount = 3;
+
+constexpr std::string_view name(Player player) {
+  constexpr std::array<std::string_view, kPlayerCount> names{"none", "policy", "fallback"};
+  const auto index = static_cast<std::size_t>(player);
+  return index < names.size() ? names[index] : "invalid";
+}
+
+// The fallback policy, which is judged in every tick as the policy is. All zero where the robot has none.
+struct FallbackRecord {
+  std::uint64_t command_sequence_seen = 0;  // input: of the message read this tick; 0 none
+  Duration age;                             // of its command in use; zero while freshness is missing
+  std::uint64_t command_sequence = 0;       // in use; 0 none
+  std::uint64_t observation_answered = 0;
+  Arrival mailbox = Arrival::none;  // input: as TickRecordHeader::mailbox
+  std::uint8_t session = 0;         // input: as TickRecordHeader::policy_session
+  Arrival arrival = Arrival::none;
+  Arrival last_refusal = Arrival::none;  // of the newest message; none: it was accepted, or there was none
+  Freshness freshness = Freshness::missing;
+  std::uint8_t reserved[3] = {};
 };
 
 struct TickRecordHeader {
@@ -70,7 +96,7 @@ struct TickRecordHeader {
   Cause cause = Cause::none;  // of the transition, if one happened this tick
   Arrival arrival = Arrival::none;
   Freshness freshness = Freshness::missing;
-  std::uint8_t chunk_step = 0;      // step being played
+  std::uint8_t chunk_step = 0;      // step being played, of `player`
   std::uint8_t drives_enabled = 0;  // 1 when drives are told to be enabled; which: JointRecord::drive_enabled
   std::uint8_t policy_session = 0;  // input: differs from the previous tick's when another policy's mailbox is read now
   std::uint64_t causes_active = 0;  // bit per Cause that holds this tick
@@ -79,6 +105,9 @@ struct TickRecordHeader {
   TorqueOutputState torque_output = TorqueOutputState::none;  // input
   std::uint8_t torque_permitted = 0;                          // 1 when that output is told to permit torque
   ImuVerdict imu_verdict = ImuVerdict::absent;
+  FallbackRecord fallback;
+  Player player = Player::none;  // whose chunk the robot follows
+  std::uint8_t reserved[7] = {};
 };
 
 struct JointRecord {
@@ -106,7 +135,9 @@ constexpr bool is_first_use(const TickRecordHeader& header) {
 
 static_assert(std::is_standard_layout_v<AgeParts> && sizeof(AgeParts) == 40);
 static_assert(std::is_standard_layout_v<TickRecordHeader> && std::is_trivially_copyable_v<TickRecordHeader>);
-static_assert(sizeof(TickRecordHeader) == 72 + 16 * kMaxBuses + sizeof(ImuSample) + 16 + 40 + 24 + 16 + 16 + 8);
+static_assert(std::is_standard_layout_v<FallbackRecord> && sizeof(FallbackRecord) == 40);
+static_assert(sizeof(TickRecordHeader) ==
+              72 + 16 * kMaxBuses + sizeof(ImuSample) + 16 + 40 + 24 + 16 + 16 + 8 + sizeof(FallbackRecord) + 8);
 static_assert(std::is_standard_layout_v<JointRecord> && sizeof(JointRecord) == 80);
 
 // Room for the largest record; only used_bytes() of it travel.
@@ -135,6 +166,8 @@ inline constexpr std::uint64_t kTickRecordLayout = layout_hash({TAKT_FIELD(TickR
                                                                 TAKT_FIELD(TickRecordHeader, torque_output),
                                                                 TAKT_FIELD(TickRecordHeader, torque_permitted),
                                                                 TAKT_FIELD(TickRecordHeader, imu_verdict),
+                                                                TAKT_FIELD(TickRecordHeader, fallback),
+                                                                TAKT_FIELD(TickRecordHeader, player),
                                                                 TAKT_FIELD(JointRecord, feedback),
                                                                 TAKT_FIELD(JointRecord, q_estimate),
                                                                 TAKT_FIELD(JointRecord, tau_command),
@@ -171,7 +204,9 @@ struct CommandTag {
   std::uint64_t tick = 0;   // that read it
   std::uint32_t bytes = 0;  // of the message, whatever follows of it
   std::uint32_t crc = 0;    // CRC-32C of the message where only its header follows; 0: too long to have been read
+  Player sender = Player::policy;  // whose mailbox it was read from
+  std::uint8_t reserved[7] = {};
 };
-static_assert(sizeof(CommandTag) == 16);
+static_assert(sizeof(CommandTag) == 24);
 
 }  // namespace takt

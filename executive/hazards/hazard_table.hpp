@@ -316,6 +316,17 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
      "one that drifts, or is mounted otherwise than the model says, is believed; a robot that balances falls without "
      "it",
      {Device::gantry, Device::fence}},
+    {Cause::fallback_spent,
+     {Hazard::falls, Hazard::outdated},
+     {Unsafe::S2},
+     "the policy does not come back, and the fallback policy has moved the robot for as long as it may",
+     "time since it took over beyond fallbacks.NAME.for",
+     {"pipeline_test FallbackPolicy.MayPlayForSoLongAndNoLonger",
+      "incident_test FallbackIncident.SaysThatItsTimeIsOver"},
+     "a robot that stands by its policies alone falls when it stops; with `for: 0 s` a robot plays on without "
+     "anybody's "
+     "word",
+     {Device::gantry, Device::fence}},
 }};
 
 namespace hazards_detail {

@@ -104,7 +104,7 @@ void IncidentWatch::forget() {
   silences_.assign(robot_.joints.size(), {});
   clamped_.assign(robot_.joints.size(), {});
   buses_.assign(robot_.buses.size(), {});
-  command_ = {};
+  command_ = fallback_ = {};
 }
 
 namespace {
@@ -147,6 +147,8 @@ void IncidentWatch::look(const TickRecord& record) {
       note(buses_[bus], header, header.tick, header.now, static_cast<std::uint32_t>(state));
   if (relies_on_policy(header.previous_mode) && !is_usable(header.freshness))
     note(command_, header, header.tick, header.now);
+  if (header.player == Player::fallback || (fallback_.tick != 0 && header.previous_mode == Mode::degraded))
+    note(fallback_, header, header.tick, header.now);
   if (header.arrival != Arrival::none && header.arrival != Arrival::accepted) refused_ = header.arrival;
   if (header.overrun_cause != OverrunCause::none) late_ = header.overrun_cause;
 }
@@ -171,6 +173,7 @@ std::vector<IncidentLink> IncidentWatch::chain(const TickRecordHeader& header) c
       return fmt::format("bus {}: {}", robot_.buses[bus].name, name(static_cast<BusState>(buses_[bus].code)));
     });
   add(command_, [] { return std::string("no usable command"); });
+  add(fallback_, [&] { return fmt::format("the fallback policy {} took over", robot_.degraded.fallback); });
   for (std::size_t cause = 1; cause < kCauseCount; ++cause)
     add(causes_[cause], [&] { return std::string(name(static_cast<Cause>(cause))); });
   std::ranges::stable_sort(links, {}, &IncidentLink::tick);
@@ -199,6 +202,8 @@ std::string IncidentWatch::bad_commands(const TickRecordHeader& header) const {
 std::string IncidentWatch::words(const TickRecord& record) const {
   const config::Freshness& limits = robot_.freshness;
   const TickRecordHeader& header = record.header;
+  const config::Fallback* const fallback = config::fallback_policy_of(robot_);
+  const bool may_have_fallen_back = fallback != nullptr && header.previous_mode == Mode::degraded;
   const std::string newest = header.freshness == Freshness::missing
                                  ? "none is left"
                                  : fmt::format("the newest is {:.0f} ms old", header.age.total().milliseconds());
@@ -210,8 +215,16 @@ std::string IncidentWatch::words(const TickRecord& record) const {
     case Cause::shutdown:
       return "the executive was told to end";
     case Cause::command_lost:
-      return fmt::format("the policy gave no usable command for {:g} ms (stop_after), {}",
-                         limits.stop_after.milliseconds(), newest);
+      return fmt::format(
+          "{} gave {} usable command for {:g} ms (stop_after), {}",
+          may_have_fallen_back ? "neither the policy nor the fallback policy " + fallback->name : "the policy",
+          may_have_fallen_back ? "a" : "no", limits.stop_after.milliseconds(), newest);
+    case Cause::fallback_spent:
+      return fmt::format(
+          "the fallback policy {} has moved the robot for {:g} s (fallbacks.{}.for), and the policy is "
+          "not back: {}",
+          robot_.degraded.fallback, fallback != nullptr ? fallback->longest.seconds() : 0, robot_.degraded.fallback,
+          newest);
     case Cause::bad_commands:
       return bad_commands(header);
     case Cause::enable_timeout:

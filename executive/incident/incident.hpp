@@ -86,7 +86,7 @@ class IncidentWatch {
   config::RobotConfig robot_;
   std::vector<Sign> causes_, errors_, silences_, clamped_, buses_;
   std::vector<Heard> heard_;
-  Sign command_;
+  Sign command_, fallback_;
   Arrival refused_ = Arrival::none;         // the newest command that was not accepted
   OverrunCause late_ = OverrunCause::none;  // the newest period that was lost
   std::optional<Incident> latest_;

@@ -1,6 +1,7 @@
 // Which segments the executive hands to which role, in descriptor order, and the shape of each ring.
 //
-//   policy:  [0] observation mailbox (read-only)   [1] command mailbox (writable, until sealed)
+//   policy, fallback policy: [0] observation mailbox (read-only)   [1] command mailbox of its own (writable, until
+//   sealed)
 //   monitor, viewer: [0] tick records  [1] accepted and refused commands  [2] keyframes  [3] CAN frames   (all
 //   read-only)
 #pragma once
@@ -23,7 +24,7 @@ inline constexpr std::size_t kCommandRingDescriptor = 1;
 inline constexpr std::size_t kKeyframeRingDescriptor = 2;
 inline constexpr std::size_t kFrameRingDescriptor = 3;
 
-inline constexpr std::uint32_t kMaxKeyframeBytes = 432 * 1024;
+inline constexpr std::uint32_t kMaxKeyframeBytes = 600 * 1024;
 
 constexpr RingShape observation_mailbox() {
   return {kMailboxSlots, sizeof(Observation), kObservationLayout};

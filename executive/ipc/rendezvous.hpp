@@ -2,14 +2,14 @@
 //
 // Exchange: client sends Hello -> server checks magic, ABI, layout and SO_PEERCRED, then the lease table, then lets the
 // owner decide -> Welcome with descriptors, or Welcome(refused) with a sentence ("policy is leased by pid 412
-// (takt-policy-host) since 3 s: stop it first"). A lease ends when its connection closes. For the policy role the
+// (takt-policy-host) since 3 s: stop it first"). A lease ends when its connection closes. For the policy roles the
 // client acknowledges (one byte) once it has mapped its mailbox; only then does the server seal and read it. A monitor
 // says again and again how far the run has reached its medium (RecorderWord).
 // A policy that does not acknowledge within kGreetingTimeout loses the lease, so that it keeps nobody else out.
-// Policy and monitor leases are exclusive. A sensor mailbox and the record rings may have several readers, and operator
-// connections, which last for one request, may overlap.
-// Nothing blocks: the server is driven by poll(); connects have a deadline. Whoever speaks out of turn is disconnected.
-// Thread rule: service threads only; a server and its handlers belong to one thread.
+// Policy, fallback policy and monitor leases are exclusive. A sensor mailbox and the record rings may have several
+// readers, and operator connections, which last for one request, may overlap. Nothing blocks: the server is driven by
+// poll(); connects have a deadline. Whoever speaks out of turn is disconnected. Thread rule: service threads only; a
+// server and its handlers belong to one thread.
 #pragma once
 
 #include <sys/types.h>

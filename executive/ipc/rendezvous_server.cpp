@@ -19,6 +19,7 @@ using Clock = std::chrono::steady_clock;
 constexpr bool is_exclusive(Role role) {
   switch (role) {
     case Role::policy:
+    case Role::fallback_policy:
     case Role::monitor:
       return true;
     case Role::operator_console:
@@ -36,6 +37,7 @@ constexpr bool is_reader(Role role) {
     case Role::viewer:
       return true;
     case Role::policy:
+    case Role::fallback_policy:
     case Role::monitor:
     case Role::operator_console:
       return false;
@@ -47,6 +49,7 @@ constexpr bool is_reader(Role role) {
 constexpr bool is_for_policies(Role role) {
   switch (role) {
     case Role::policy:
+    case Role::fallback_policy:
     case Role::sensor_reader:
       return true;
     case Role::monitor:
@@ -143,6 +146,7 @@ bool RendezvousServer::State::must_speak(const Connection& connection) {
     case Role::operator_console:
       return true;
     case Role::policy:
+    case Role::fallback_policy:
       return !connection.has_spoken;
     case Role::monitor:
     case Role::sensor_reader:
@@ -234,6 +238,7 @@ void RendezvousServer::State::hear(Connection& connection) {
     case Role::operator_console:
       return answer(connection, message.request, size);
     case Role::policy:
+    case Role::fallback_policy:
       return take_acknowledgement(connection, size);
     case Role::monitor:
       return take_word(connection, message.word, size);

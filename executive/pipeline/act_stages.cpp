@@ -55,6 +55,7 @@ void stop_for_internal_error(TickState& state, const TickConfig& config, TickOut
     header.cause = transition.cause;
   }
   if (state.mode.mode == Mode::fault_latched) state.mode.damped = every_joint(config.joint_count);
+  header.player = state.mode.player = Player::none;
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     output.setpoints[j] = output.damping[j] = {};
     state.joints[j].tau_damping = 0.0F;
@@ -162,14 +163,14 @@ bool is_of_this_session(const TickState& state) {
 // How much of the path in use will be played whatever answers this observation. It ends before the next one is
 // published, so that no two observations promise differently.
 Duration promised(const TickState& state, const Choice& choice, MonoTime now, const TickConfig& config) {
-  if (config.join.kind != JoinKind::prefix || !choice.playing || !is_of_this_session(state)) return {};
+  if (config.join.kind != JoinKind::prefix || choice.player != Player::policy || !is_of_this_session(state)) return {};
   const Duration delay = state.join.delays.longest(now);
   return delay > Duration{} ? std::min(delay, config.join.longest_delay) : config.join.longest_delay;
 }
 
 void commit(const TickState& state, const Choice& choice, MonoTime until, Observation& observation) {
   observation.command_sequence = is_of_this_session(state) ? state.command.sequence : 0;
-  observation.committed_from = choice.step;
+  observation.committed_from = choice.player == Player::policy ? choice.step : 0;
   observation.committed_count = 0;
   if (!until.is_set()) return;
   const CommandHeader& header = state.chunk.header;
@@ -222,6 +223,18 @@ void publish(TickState& state, const Choice& choice, const TickConfig& config, T
 
 namespace {
 
+MonoTime valid_until(const TickState& state, Player player, const FreshnessContract& contract) {
+  switch (player) {
+    case Player::none:
+      return {};
+    case Player::policy:
+      return valid_until(state.command, state.chunk.header, contract);
+    case Player::fallback:
+      return valid_until(state.fallback.command, state.fallback_chunk.header, contract);
+  }
+  return {};
+}
+
 // The robot's torque, by an output of its own. It cannot take a joint's alone.
 bool permits_torque(const ModeState& mode, const TickConfig& config) {
   if (!config.has_torque_output || mode.mode == Mode::standby) return false;
@@ -246,9 +259,9 @@ void record(TickState& state, const Choice& choice, const TickConfig& config, Ti
   header.drives_enabled = output.drives_enabled ? 1 : 0;
   output.torque_permitted = permits_torque(state.mode, config);
   header.torque_permitted = output.torque_permitted ? 1 : 0;
-  output.valid_until = choice.playing ? valid_until(state.command, state.chunk.header, config.freshness) : MonoTime{};
+  output.valid_until = valid_until(state, choice.player, config.freshness);
   const MonoTime next_tick = header.now + config.period;
-  output.send_by = choice.playing ? std::min(next_tick, output.valid_until) : next_tick;
+  output.send_by = choice.player != Player::none ? std::min(next_tick, output.valid_until) : next_tick;
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     JointRecord& joint = output.record.joints[j];
     const JointSetpoint& setpoint = output.setpoints[j];

@@ -78,6 +78,15 @@ std::string_view command_blocker(Arrival last_refusal) {
   return "no fresh command";
 }
 
+std::string_view fallback_blocker(Arrival last_refusal) {
+  if (last_refusal == Arrival::none)
+    return "no fresh command of the fallback policy: is its host running (takt-policy-host --fallback)?";
+  if (is_refused_for_age(last_refusal)) return "no fresh command of the fallback policy: the newest one came too late";
+  if (last_refusal == Arrival::wrong_policy)
+    return "no fresh command of the fallback policy: the newest one is another policy's than the robot file's";
+  return "no fresh command of the fallback policy: the newest one was refused";
+}
+
 void list_joint(const JointRecord& joint, std::int32_t index, const TickRecordHeader& header, const TickConfig& config,
                 BlockerList& list) {
   const JointFeedback& feedback = joint.feedback;
@@ -109,6 +118,8 @@ std::size_t arming_blockers(const TickRecord& latest, const TickConfig& config, 
   const std::string_view mode = mode_blocker(header.mode);
   list.add_if(!mode.empty(), mode);
   list.add_if(!is_usable(header.freshness), command_blocker(header.last_refusal));
+  list.add_if(has_fallback_policy(config) && !is_usable(header.fallback.freshness),
+              fallback_blocker(header.fallback.last_refusal));
   list.add_if((header.causes_active & bit(Cause::bad_commands)) != 0, "commands are being refused");
   list.add_if((header.causes_active & bit(Cause::overrun)) != 0, "the control loop is late too often");
   list.add_if(

@@ -71,20 +71,20 @@ CommandInUse believed(const CommandHeader& header, const RememberedObservation& 
 
 }  // namespace
 
-ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoTime now, std::uint64_t last_sequence,
-                             const CommandInUse& newest, const ObservationMemory& memory, const TickConfig& config,
-                             Arrival values) {
+ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoTime now, const Sender& sender,
+                             const ObservationMemory& memory, const TickConfig& config, Arrival values) {
   const auto refused = [](Arrival why, bool backwards = false) { return ArrivalVerdict{why, backwards, {}, {}}; };
   if (!is_well_shaped(chunk, bytes, config)) return refused(Arrival::wrong_shape);
   const CommandHeader& header = chunk.header;
-  if (config.policy_hash != 0 && header.policy_hash != config.policy_hash) return refused(Arrival::wrong_policy);
-  if (header.sequence <= last_sequence) return refused(Arrival::repeated_sequence);
+  const ExpectedPolicy& expected = sender.expected;
+  if (expected.hash != 0 && header.policy_hash != expected.hash) return refused(Arrival::wrong_policy);
+  if (header.sequence <= sender.last_sequence) return refused(Arrival::repeated_sequence);
   RememberedObservation observation;
   if (const Arrival known =
           judge_observation(memory.recall(header.observation_id, remembered_observations(config), observation));
       known != Arrival::accepted)
     return refused(known);
-  if (config.needs_outside_stamp && !header.outside_sensed_at.is_set()) return refused(Arrival::missing_stamp);
+  if (expected.needs_outside_stamp && !header.outside_sensed_at.is_set()) return refused(Arrival::missing_stamp);
   if (claims_the_future(header, now, config.period)) return refused(Arrival::future_observation);
   const bool backwards = runs_backwards(header, observation.published_at);
   if (values == Arrival::none) values = judge_values(chunk);
@@ -92,7 +92,7 @@ ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoT
   const CommandInUse command = believed(header, observation, now);
   // Compared as instants: a claimed stamp may be so far back that its age would overflow.
   if (command.sensed_at < now - config.freshness.max_age) return refused(Arrival::expired_observation, backwards);
-  if (command.observation_id < newest.observation_id) return refused(Arrival::overtaken, backwards);
+  if (command.observation_id < sender.newest.observation_id) return refused(Arrival::overtaken, backwards);
   return {Arrival::accepted, backwards, command, observation.committed_until};
 }
 

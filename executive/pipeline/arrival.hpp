@@ -41,10 +41,15 @@ struct ArrivalVerdict {
   MonoTime committed_until;  // what the answered observation promised; meaningful when accepted
 };
 
-// `newest`: the one accepted last, whether it is in use yet or waits.
-ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoTime now, std::uint64_t last_sequence,
-                             const CommandInUse& newest, const ObservationMemory& memory, const TickConfig& config,
-                             Arrival values = Arrival::none);
+// The policy whose message is judged: config.policy or config.fallback_policy, and what it said before. `newest`: the
+// one accepted last, whether it is in use yet or waits.
+struct Sender {
+  const ExpectedPolicy& expected;
+  std::uint64_t last_sequence;
+  const CommandInUse& newest;
+};
+ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoTime now, const Sender& sender,
+                             const ObservationMemory& memory, const TickConfig& config, Arrival values = Arrival::none);
 // What a refused message tells without its values: checks 6 and 7, of which `arrival` is the outcome. A message that
 // did not get there, or failed later, has nothing wrong with its values as far as the outcome goes.
 constexpr Arrival values_behind(Arrival arrival) {

@@ -85,6 +85,18 @@ CauseMask of_drives(const TickState& state, const TickRecord& record, const Tick
               Cause::enable_timeout);
 }
 
+// What has moved, or could have moved, the robot in its present mode.
+MonoTime last_usable_at(const TickState& state, const TickConfig& config) {
+  const bool may_take_over = state.mode.mode == Mode::degraded && has_fallback_policy(config);
+  const MonoTime of_policy = state.recovery.last_usable_at;
+  return may_take_over ? std::max(of_policy, state.fallback.last_usable_at) : of_policy;
+}
+
+bool is_fallback_spent(const FallbackState& fallback, MonoTime now, const TickConfig& config) {
+  return config.fallback_longest > Duration{} && fallback.plays_since.is_set() &&
+         now - fallback.plays_since >= config.fallback_longest;
+}
+
 CauseMask of_commands(const TickState& state, MonoTime now, const TickConfig& config) {
   const FreshnessContract& contract = config.freshness;
   const bool out_of_range = static_cast<double>(state.clamped.count()) > config.clamped_share * contract.window_ticks;
@@ -92,8 +104,10 @@ CauseMask of_commands(const TickState& state, MonoTime now, const TickConfig& co
   const Mode mode = state.mode.mode;
   const bool counting = mode == Mode::tracking || mode == Mode::degraded;
   if (!counting && mode != Mode::arming) return active;
-  active |= when(is_command_lost(state.recovery, now, contract), Cause::command_lost);
-  active |= when(counting && is_violated(state.misses.count(), contract), Cause::contract_violated);
+  active |= when(is_command_lost(last_usable_at(state, config), now, contract), Cause::command_lost);
+  active |=
+      when(counting && is_violated(state.misses.count(), state.recovery, now, contract), Cause::contract_violated);
+  active |= when(is_fallback_spent(state.fallback, now, config), Cause::fallback_spent);
   return active | when(mode == Mode::degraded && is_restored(state.recovery, now, contract), Cause::contract_restored);
 }
 

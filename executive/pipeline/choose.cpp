@@ -41,16 +41,26 @@ float resume_scale(const TickState& state, MonoTime now, const TickConfig& confi
 
 // A policy trained without a velocity setpoint gets none where its own path is braked either: it would come as a jump.
 Choice brake(const TickConfig& config) {
-  return {Reference::brake, false, true, true, false, config.interpolation != Interpolation::hold, 0};
+  return {Reference::brake, false, true, true, Player::none, config.interpolation != Interpolation::hold, 0};
 }
 
 Choice play_or_brake(const TickState& state, const TickRecord& record, const TickConfig& config,
                      std::span<JointTarget> targets) {
   Choice choice = brake(config);
-  if (!is_usable(record.header.freshness)) return choice;
-  choice.step = play(state.join, {state.chunk, state.command.observed_at}, record.header.now, config, targets);
+  const MonoTime now = record.header.now;
+  choice.player = record.header.player;
+  switch (choice.player) {
+    case Player::none:
+      return choice;
+    case Player::policy:
+      choice.step = play(state.join, {state.chunk, state.command.observed_at}, now, config, targets);
+      break;
+    case Player::fallback:
+      choice.step =
+          play(state.fallback_join, {state.fallback_chunk, state.fallback.command.observed_at}, now, config, targets);
+      break;
+  }
   choice.reference = Reference::follow_target;
-  choice.playing = true;
   return choice;
 }
 
@@ -59,7 +69,7 @@ Choice go_to_fallback(const TickConfig& config, std::span<JointTarget> targets) 
     targets[j].q = config.joints[j].fallback_pose;
     targets[j].speed = config.joints[j].fallback_speed;
   }
-  return {Reference::follow_target, false, true, true, false, true, 0};
+  return {Reference::follow_target, false, true, true, Player::none, true, 0};
 }
 
 // Linear state feedback over every joint, passive ones included: at most kMaxJoints^2 products.
@@ -75,15 +85,18 @@ Choice feed_back_state(const TickRecord& record, const TickConfig& config, std::
     targets[j].kd = 0.0F;
     targets[j].tau_ff = torque;
   }
-  return {Reference::move_with_measured, false, false, true, false, true, 0};
+  return {Reference::move_with_measured, false, false, true, Player::none, true, 0};
 }
 
-Choice fall_back(const TickRecord& record, const TickConfig& config, std::span<JointTarget> targets) {
+Choice fall_back(const TickState& state, const TickRecord& record, const TickConfig& config,
+                 std::span<JointTarget> targets) {
   switch (config.fallback) {
     case FallbackKind::pose:
       return go_to_fallback(config, targets);
     case FallbackKind::state_feedback:
       return feed_back_state(record, config, targets);
+    case FallbackKind::policy:
+      return play_or_brake(state, record, config, targets);
   }
   return brake(config);
 }
@@ -97,7 +110,7 @@ Choice choose_degraded(const TickState& state, const TickRecord& record, const T
       scale_speed(config.degraded_speed_scale, config, targets);
       return play_or_brake(state, record, config, targets);
     case DegradedBehaviour::fallback:
-      return fall_back(record, config, targets);
+      return fall_back(state, record, config, targets);
   }
   return brake(config);
 }
@@ -124,7 +137,7 @@ Choice choose(const TickState& state, const TickRecord& record, const TickConfig
     case Mode::standby:
       return {};
     case Mode::arming:  // drives enable one after another: the first must not let their joints fall
-      return {Reference::follow_measured, false, true, true, false, true, 0};
+      return {Reference::follow_measured, false, true, true, Player::none, true, 0};
     case Mode::tracking:
       scale_speed(resume_scale(state, record.header.now, config), config, targets);
       return play_or_brake(state, record, config, targets);
@@ -132,7 +145,7 @@ Choice choose(const TickState& state, const TickRecord& record, const TickConfig
       return choose_degraded(state, record, config, targets);
     case Mode::damped_stop:
     case Mode::fault_latched:
-      return {resting ? Reference::brake : Reference::follow_measured, false, true, true, false, true, 0};
+      return {resting ? Reference::brake : Reference::follow_measured, false, true, true, Player::none, true, 0};
   }
   return {};
 }

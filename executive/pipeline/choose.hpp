@@ -9,6 +9,9 @@
 //      fallback  to the fallback pose at its speed       default              yes      yes
 //   or, by its   moves with the measured state           none: torque =       no       yes
 //       kind                                             -K [q - pose; dq]
+//   or, by its   the fallback policy's path; the     the chunk's          yes      yes
+//       kind     policy's; brakes when neither is
+//                usable
 // damped_stop    follows until at rest, then stays       damping; at rest default  yes  yes
 // fault_latched  as damped_stop, but for
 //   the joints it is about: no power                     none (limp)          no       no
@@ -57,12 +60,12 @@ enum class Part : std::uint8_t {
 
 struct Choice {
   Reference reference = Reference::follow_measured;
-  bool limp = true;             // no gains, no torque
-  bool gravity = false;         // add the gravity model
-  bool barriers = false;        // barriers on the measured state
-  bool playing = false;         // targets come from the command in use
-  bool moving_setpoint = true;  // velocity setpoint: the reference's velocity; else what the target holds
-  std::uint8_t step = 0;        // being played
+  bool limp = true;              // no gains, no torque
+  bool gravity = false;          // add the gravity model
+  bool barriers = false;         // barriers on the measured state
+  Player player = Player::none;  // whose command in use the targets come from
+  bool moving_setpoint = true;   // velocity setpoint: the reference's velocity; else what the target holds
+  std::uint8_t step = 0;         // being played
 };
 
 // Reads the mode and the joint's estimate.

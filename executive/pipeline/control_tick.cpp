@@ -40,6 +40,8 @@ TickInput input_of(const TickRecord& record, const CommandChunk* command, std::s
   input.imu = header.imu;
   input.mailbox = header.mailbox;
   input.policy_session = header.policy_session;
+  input.fallback.mailbox = header.fallback.mailbox;
+  input.fallback.session = header.fallback.session;
   input.command = command;
   input.command_bytes = command == nullptr ? 0 : command_bytes;
   std::copy_n(header.buses, kMaxBuses, input.buses);

@@ -21,6 +21,16 @@
 
 namespace takt::pipeline {
 
+// What a command mailbox gave in this tick, not judged yet.
+struct PolicyMessage {
+  Arrival mailbox = Arrival::none;        // none, contended, corrupt, or accepted when `command` is there
+  std::uint8_t session = 0;               // differs from the tick's before when another mailbox is read from now on
+  const CommandChunk* command = nullptr;  // a private copy, valid during the call only
+  std::size_t bytes = 0;  // of the message; more than the largest legal one: only its beginning is there
+  // Replay of a refused message whose values were not kept: what was found in them. None: look.
+  Arrival values = Arrival::none;
+};
+
 struct TickInput {
   std::uint64_t tick = 0;
   MonoTime now;
@@ -46,7 +56,8 @@ struct TickInput {
   std::size_t command_bytes = 0;  // of the message; more than the largest legal one: only its beginning is there
   // Replay of a refused message whose values were not kept: what was found in them. None: look.
   Arrival command_values = Arrival::none;
-  ImuSample imu;  // newest that was read, not judged yet; sequence 0: none yet, or the robot has none
+  PolicyMessage fallback;  // of the fallback policy; empty where the robot has none
+  ImuSample imu;           // newest that was read, not judged yet; sequence 0: none yet, or the robot has none
   BusHealth buses[kMaxBuses];
   JointFeedback joints[kMaxJoints];
 };
@@ -71,7 +82,7 @@ struct TickOutput {
   TickRecord record;        // this tick, inputs and outputs
 };
 
-// Opaque to callers; defined in tick_state.hpp. Plain value, about 400 KiB: keep it off the stack.
+// Opaque to callers; defined in tick_state.hpp. Plain value, about 560 KiB: keep it off the stack.
 struct TickState;
 
 struct TickStateDeleter {
@@ -100,7 +111,7 @@ std::expected<void, std::string> load(TickState& state, const TickConfig& config
 // observations than the state was made for (a larger max_age), nothing else that has a size may differ.
 void remember_more(TickState& state, const TickConfig& config) noexcept;
 
-// Rebuilds the tick's input from its record (the command, if any, is supplied by the caller).
+// Rebuilds the tick's input from its record (the commands, if any, are supplied by the caller).
 TickInput input_of(const TickRecord& record, const CommandChunk* command, std::size_t command_bytes) noexcept;
 
 }  // namespace takt::pipeline

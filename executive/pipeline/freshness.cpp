@@ -46,8 +46,8 @@ bool is_restored(const Recovery& recovery, MonoTime now, const FreshnessContract
   return recovery.usable_since.is_set() && now - recovery.usable_since >= needed;
 }
 
-bool is_command_lost(const Recovery& recovery, MonoTime now, const FreshnessContract& contract) {
-  return now - recovery.last_usable_at >= contract.stop_after;
+bool is_command_lost(MonoTime last_usable_at, MonoTime now, const FreshnessContract& contract) {
+  return now - last_usable_at >= contract.stop_after;
 }
 
 }  // namespace takt::pipeline

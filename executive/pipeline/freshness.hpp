@@ -3,8 +3,9 @@
 //
 // A tick misses when the command in use is missing or stale. Ticks count while tracking or degraded only.
 // Violated: misses among the last `window_ticks` exceed epsilon * window_ticks. The bound is that of the full window
-// from the first tick on: ticks not seen yet count as met. Restored: usable at every tick for recover_after, doubled
-// for each relapse that came within flap_memory of the previous restoration, up to 16 times; the window then restarts.
+// from the first tick on: ticks not seen yet count as met. Violated too: no usable command for degrade_after, if set.
+// Restored: usable at every tick for recover_after, doubled for each relapse that came within flap_memory of the
+// previous restoration, up to 16 times; the window then restarts.
 #pragma once
 
 #include <cstdint>
@@ -31,10 +32,6 @@ constexpr bool is_usable(Freshness freshness) {
   return freshness == Freshness::fresh || freshness == Freshness::aging;
 }
 
-constexpr bool is_violated(std::uint32_t misses, const FreshnessContract& contract) {
-  return static_cast<double>(misses) > contract.epsilon * static_cast<double>(contract.window_ticks);
-}
-
 // Memory of the hysteresis.
 struct Recovery {
   MonoTime usable_since;    // start of the present unbroken run of usable ticks; unset while broken
@@ -44,10 +41,16 @@ struct Recovery {
   std::uint32_t reserved = 0;
 };
 
+constexpr bool is_violated(std::uint32_t misses, const Recovery& recovery, MonoTime now,
+                           const FreshnessContract& contract) {
+  const bool too_long = contract.degrade_after > Duration{} && now - recovery.last_usable_at >= contract.degrade_after;
+  return too_long || static_cast<double>(misses) > contract.epsilon * static_cast<double>(contract.window_ticks);
+}
+
 void note_freshness(Recovery& recovery, Freshness freshness, MonoTime now);
 void note_degraded(Recovery& recovery, MonoTime now, const FreshnessContract& contract);
 void note_restored(Recovery& recovery, MonoTime now);
 bool is_restored(const Recovery& recovery, MonoTime now, const FreshnessContract& contract);
-bool is_command_lost(const Recovery& recovery, MonoTime now, const FreshnessContract& contract);
+bool is_command_lost(MonoTime last_usable_at, MonoTime now, const FreshnessContract& contract);
 
 }  // namespace takt::pipeline

@@ -170,6 +170,15 @@ void begin_path(JoinState& state, CommandChunk& path, const CommandChunk& next) 
   std::fill_n(state.weights.begin(), next.header.step_count, StepWeight{1.0F, 1.0F});
 }
 
+void join_references(JoinState& state, const Timed& path, std::span<const PathPoint> references, MonoTime now,
+                     const TickConfig& config) {
+  state.joined_at = {};
+  if (!leaves_remainder(config.join.kind)) return;
+  for (std::size_t j = 0; j < references.size(); ++j)
+    state.remainder[j] = references[j] - path_at(state, path, now, j, config);
+  state.joined_at = now;
+}
+
 void join_path(JoinState& state, CommandChunk& path, MonoTime path_begins, const Timed& next, MonoTime now,
                const TickConfig& config) {
   const CommandHeader &from = path.header, &to = next.chunk.header;

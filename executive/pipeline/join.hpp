@@ -30,6 +30,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/mono_time.hpp"
@@ -91,6 +92,10 @@ PathPoint path_at(const JoinState& state, const Timed& path, MonoTime now, std::
 
 // The chunk becomes the path, whatever was before.
 void begin_path(JoinState& state, CommandChunk& path, const CommandChunk& next);
+// Another policy's path takes over: the difference to where the references are fades by the rule (cross_fade, align,
+// quintic), or is left to the limits. `references`: one per joint.
+void join_references(JoinState& state, const Timed& path, std::span<const PathPoint> references, MonoTime now,
+                     const TickConfig& config);
 // The chunk takes over from the path in use, `path`, which is being played at `now`. path_begins <= next.begins.
 void join_path(JoinState& state, CommandChunk& path, MonoTime path_begins, const Timed& next, MonoTime now,
                const TickConfig& config);

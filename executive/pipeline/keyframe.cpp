@@ -2,8 +2,9 @@
 //
 // A keyframe is a KeyframeHeader, the fixed pieces, as much of memory and windows as the configuration uses, the link
 // watch and joint_count ReplyWatches, joint_count JointStates, the join, what waits, and the used bytes of the chunks
-// in use and waiting (none while there is no such command). The checksum covers everything after the header.
-// Little-endian, this ABI only: the magic and the layout refuse another.
+// in use, waiting and the fallback's (none while there is no such command). The checksum covers everything after the
+// header. Little-endian, this ABI only: the magic and the layout refuse another.
+#include <algorithm>
 #include <bit>
 #include <cstring>
 #include <string>
@@ -22,10 +23,12 @@ struct KeyframeHeader {
   std::uint32_t joint_count = 0;
   std::uint32_t window_ticks = 0;
   std::uint32_t remembered = 0;
-  std::uint32_t in_use_bytes = 0;   // of the chunk in use
-  std::uint32_t waiting_bytes = 0;  // of the one that waits
+  std::uint32_t in_use_bytes = 0;    // of the chunk in use
+  std::uint32_t waiting_bytes = 0;   // of the one that waits
+  std::uint32_t fallback_bytes = 0;  // of the fallback's
+  std::uint32_t reserved = 0;
 };
-static_assert(sizeof(KeyframeHeader) == 48);
+static_assert(sizeof(KeyframeHeader) == 56);
 
 constexpr std::uint64_t kStateLayout = layout_hash({{kAbiVersion, sizeof(TickState)},
                                                     {offsetof(TickState, mode), sizeof(ModeState)},
@@ -41,6 +44,7 @@ constexpr std::uint64_t kStateLayout = layout_hash({{kAbiVersion, sizeof(TickSta
                                                     {offsetof(TickState, joints), sizeof(JointState)},
                                                     {offsetof(TickState, join), sizeof(JoinState)},
                                                     {offsetof(TickState, waiting), sizeof(WaitingCommand)},
+                                                    {offsetof(TickState, fallback), sizeof(FallbackState)},
                                                     {offsetof(TickState, chunk), sizeof(CommandChunk)}});
 
 // Of the links: everything but the joints, which are as many as the robot has.
@@ -50,7 +54,7 @@ constexpr std::size_t kLinkBytes = offsetof(LinkWatch, joints);
 std::size_t fixed_bytes(const StateShape& shape) {
   return sizeof(KeyframeHeader) + sizeof(ModeState) + sizeof(Counters) + sizeof(Recovery) + sizeof(CommandInUse) +
          ObservationMemory::saved_bytes(shape.remembered) + 4 * TickWindow::saved_bytes(shape.window_ticks) +
-         sizeof(JoinState) + sizeof(WaitingCommand) + kLinkBytes + sizeof(ImuWatch) +
+         2 * sizeof(JoinState) + sizeof(WaitingCommand) + sizeof(FallbackState) + kLinkBytes + sizeof(ImuWatch) +
          shape.joint_count * (sizeof(ReplyWatch) + sizeof(JointState));
 }
 
@@ -59,15 +63,21 @@ StateShape shape_of(const KeyframeHeader& header) {
 }
 
 struct ChunkBytes {
-  std::size_t in_use, waiting;
+  std::size_t in_use, waiting, fallback;
+  [[nodiscard]] std::size_t all() const { return in_use + waiting + fallback; }
 };
+
+ChunkBytes chunks_of(const KeyframeHeader& header) {
+  return {header.in_use_bytes, header.waiting_bytes, header.fallback_bytes};
+}
 
 std::size_t bytes_of(const CommandInUse& command, const CommandChunk& chunk) {
   return command.sequence == 0 ? 0 : chunk.used_bytes();
 }
 
 ChunkBytes chunk_bytes(const TickState& state) {
-  return {bytes_of(state.command, state.chunk), bytes_of(state.waiting.command, state.waiting_chunk)};
+  return {bytes_of(state.command, state.chunk), bytes_of(state.waiting.command, state.waiting_chunk),
+          bytes_of(state.fallback.command, state.fallback_chunk)};
 }
 
 // Word-wise multiply and rotate: catches damage, not malice; cheap enough for the control thread.
@@ -102,8 +112,11 @@ void walk(State& state, const StateShape& shape, const ChunkBytes& chunks, Piece
   piece(&state.joints[0], shape.joint_count * sizeof(JointState));
   piece(&state.join, sizeof(state.join));
   piece(&state.waiting, sizeof(state.waiting));
+  piece(&state.fallback, sizeof(state.fallback));
+  piece(&state.fallback_join, sizeof(state.fallback_join));
   piece(&state.chunk, chunks.in_use);
   piece(&state.waiting_chunk, chunks.waiting);
+  piece(&state.fallback_chunk, chunks.fallback);
 }
 
 std::string refuse(const char* what) {
@@ -111,13 +124,14 @@ std::string refuse(const char* what) {
 }
 
 const char* damage_in(const KeyframeHeader& header, const TickConfig& config, std::span<const std::byte> bytes) {
-  if (header.magic != kMagic) return "not a keyframe";
+  if (header.magic != kMagic || header.reserved != 0) return "not a keyframe";
   if (header.layout != kStateLayout) return "made by a different version of the pipeline";
   if (header.joint_count != config.joint_count) return "joint count differs from the configuration's";
   if (header.window_ticks != config.freshness.window_ticks) return "freshness window differs from the configuration's";
   if (header.remembered != remembered_observations(config)) return "max_age differs from the configuration's";
-  if (header.in_use_bytes > sizeof(CommandChunk) || header.waiting_bytes > sizeof(CommandChunk) ||
-      header.bytes != fixed_bytes(shape_of(header)) + header.in_use_bytes + header.waiting_bytes)
+  const ChunkBytes chunks = chunks_of(header);
+  if (std::max({chunks.in_use, chunks.waiting, chunks.fallback}) > sizeof(CommandChunk) ||
+      header.bytes != fixed_bytes(shape_of(header)) + chunks.all())
     return "sizes do not add up";
   if (bytes.size() < header.bytes) return "cut short";
   if (checksum(bytes.subspan(sizeof(header), header.bytes - sizeof(header))) != header.checksum)
@@ -135,9 +149,12 @@ bool is_consistent(const CommandInUse& command, const CommandChunk& chunk, std::
 
 bool is_consistent(const TickState& state, const TickConfig& config, const ChunkBytes& chunks) {
   const bool chunk_fits = is_consistent(state.command, state.chunk, chunks.in_use, config) &&
-                          is_consistent(state.waiting.command, state.waiting_chunk, chunks.waiting, config);
+                          is_consistent(state.waiting.command, state.waiting_chunk, chunks.waiting, config) &&
+                          is_consistent(state.fallback.command, state.fallback_chunk, chunks.fallback, config);
   const JointMask given_up = state.mode.deenergised | state.mode.damped;
   return chunk_fits && static_cast<std::size_t>(state.mode.mode) < kModeCount &&
+         static_cast<std::size_t>(state.mode.player) < kPlayerCount &&
+         static_cast<std::size_t>(state.mode.last_player) < kPlayerCount &&
          (given_up & ~every_joint(config.joint_count)) == 0 && state.recovery.relapses <= kMaxDoublings &&
          state.misses.fits(config.freshness.window_ticks) && state.refusals.fits(config.freshness.window_ticks) &&
          state.clamped.fits(config.freshness.window_ticks) && state.late.fits(config.freshness.window_ticks) &&
@@ -148,7 +165,7 @@ bool is_consistent(const TickState& state, const TickConfig& config, const Chunk
 
 std::size_t save(const TickState& state, std::span<std::byte> out) noexcept {
   const ChunkBytes chunks = chunk_bytes(state);
-  const std::size_t total = fixed_bytes(state.shape) + chunks.in_use + chunks.waiting;
+  const std::size_t total = fixed_bytes(state.shape) + chunks.all();
   if (out.size() < total) return 0;
   std::size_t at = sizeof(KeyframeHeader);
   walk(state, state.shape, chunks, [&](const void* piece, std::size_t size) {
@@ -163,6 +180,7 @@ std::size_t save(const TickState& state, std::span<std::byte> out) noexcept {
   header.remembered = state.shape.remembered;
   header.in_use_bytes = static_cast<std::uint32_t>(chunks.in_use);
   header.waiting_bytes = static_cast<std::uint32_t>(chunks.waiting);
+  header.fallback_bytes = static_cast<std::uint32_t>(chunks.fallback);
   header.checksum = checksum(out.subspan(sizeof(header), total - sizeof(header)));
   std::memcpy(out.data(), &header, sizeof(header));
   return total;
@@ -174,7 +192,7 @@ std::expected<void, std::string> load(TickState& state, const TickConfig& config
   std::memcpy(&header, bytes.data(), sizeof(header));
   if (const char* what = damage_in(header, config, bytes); what != nullptr) return std::unexpected(refuse(what));
   const TickStatePtr loaded = make_tick_state(config);
-  const ChunkBytes chunks{header.in_use_bytes, header.waiting_bytes};
+  const ChunkBytes chunks = chunks_of(header);
   std::size_t at = sizeof(header);
   walk(*loaded, shape_of(header), chunks, [&](void* piece, std::size_t size) {
     std::memcpy(piece, bytes.data() + at, size);

@@ -1,5 +1,6 @@
 // observe, estimate, judge: from what arrived to the mode of this tick.
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "executive/pipeline/arrival.hpp"
@@ -13,17 +14,25 @@
 namespace takt::pipeline {
 namespace {
 
-std::uint64_t sequence_seen(const TickInput& input) {
+std::uint64_t sequence_seen(const PolicyMessage& message) {
   const bool readable =
-      input.mailbox == Arrival::accepted && input.command != nullptr && input.command_bytes >= sizeof(CommandHeader);
-  return readable ? input.command->header.sequence : 0;
+      message.mailbox == Arrival::accepted && message.command != nullptr && message.bytes >= sizeof(CommandHeader);
+  return readable ? message.command->header.sequence : 0;
+}
+
+PolicyMessage message_of_policy(const TickInput& input) {
+  return {input.mailbox, input.policy_session, input.command, input.command_bytes, input.command_values};
 }
 
 // Only what the robot follows is joined with what comes: a path that nobody plays leads nowhere.
 bool plays(const TickState& state, MonoTime now, const TickConfig& config) {
-  const bool follows = state.mode.mode == Mode::tracking ||
-                       (state.mode.mode == Mode::degraded && config.degraded == DegradedBehaviour::slow);
-  return follows && is_usable(freshness_of(state.command, state.chunk.header, now, config.freshness));
+  return state.mode.player == Player::policy &&
+         is_usable(freshness_of(state.command, state.chunk.header, now, config.freshness));
+}
+
+bool fallback_plays(const TickState& state, MonoTime now, const TickConfig& config) {
+  return state.mode.player == Player::fallback &&
+         is_usable(freshness_of(state.fallback.command, state.fallback_chunk.header, now, config.freshness));
 }
 
 void take_over(TickState& state, const CommandChunk& chunk, const CommandInUse& command, MonoTime now,
@@ -60,21 +69,102 @@ const CommandInUse& newest_command(const TickState& state) {
   return state.waiting.command.sequence != 0 ? state.waiting.command : state.command;
 }
 
-Arrival take_message(TickState& state, const TickInput& input, const TickConfig& config) {
-  if (input.policy_session != state.mode.policy_session) {
-    state.mode.policy_session = input.policy_session;
+Arrival take_message(TickState& state, const PolicyMessage& message, MonoTime now, const TickConfig& config) {
+  if (message.session != state.mode.policy_session) {
+    state.mode.policy_session = message.session;
     state.counters.last_sequence = 0;
     state.mode.last_refusal = Arrival::none;
     state.join.delays.forget();
   }
-  if (input.mailbox == Arrival::contended || input.mailbox == Arrival::corrupt) return input.mailbox;
-  if (input.mailbox != Arrival::accepted || input.command == nullptr) return Arrival::none;
-  const ArrivalVerdict verdict =
-      judge_arrival(*input.command, input.command_bytes, input.now, state.counters.last_sequence, newest_command(state),
-                    state.memory, config, input.command_values);
+  if (message.mailbox == Arrival::contended || message.mailbox == Arrival::corrupt) return message.mailbox;
+  if (message.mailbox != Arrival::accepted || message.command == nullptr) return Arrival::none;
+  const ArrivalVerdict verdict = judge_arrival(*message.command, message.bytes, now,
+                                               {config.policy, state.counters.last_sequence, newest_command(state)},
+                                               state.memory, config, message.values);
   state.counters.integration_errors += verdict.stamps_ran_backwards ? 1U : 0U;
-  if (verdict.arrival == Arrival::accepted) accept(state, *input.command, verdict, input.now, config);
+  if (verdict.arrival == Arrival::accepted) accept(state, *message.command, verdict, now, config);
   return verdict.arrival;
+}
+
+// Nothing is promised while it plays, so that nothing of its waits.
+Arrival take_fallback_message(TickState& state, const PolicyMessage& message, MonoTime now, const TickConfig& config) {
+  FallbackState& fallback = state.fallback;
+  if (message.session != fallback.session) {
+    fallback.session = message.session;
+    fallback.last_sequence = 0;
+    fallback.last_refusal = Arrival::none;
+  }
+  if (message.mailbox == Arrival::contended || message.mailbox == Arrival::corrupt) return message.mailbox;
+  if (message.mailbox != Arrival::accepted || message.command == nullptr) return Arrival::none;
+  const ArrivalVerdict verdict = judge_arrival(*message.command, message.bytes, now,
+                                               {config.fallback_policy, fallback.last_sequence, fallback.command},
+                                               state.memory, config, message.values);
+  state.counters.integration_errors += verdict.stamps_ran_backwards ? 1U : 0U;
+  if (verdict.arrival != Arrival::accepted) return verdict.arrival;
+  if (fallback_plays(state, now, config))
+    join_path(state.fallback_join, state.fallback_chunk, fallback.command.observed_at,
+              {*message.command, verdict.command.observed_at}, now, config);
+  else
+    begin_path(state.fallback_join, state.fallback_chunk, *message.command);
+  fallback.last_sequence = verdict.command.sequence;
+  fallback.command = verdict.command;
+  return verdict.arrival;
+}
+
+// Its refusals are told, and stop nobody: it is not fresh then.
+void judge_fallback(TickState& state, const TickInput& input, const TickConfig& config, FallbackRecord& record) {
+  FallbackState& fallback = state.fallback;
+  record.arrival = take_fallback_message(state, input.fallback, input.now, config);
+  if (record.arrival != Arrival::none)
+    fallback.last_refusal = is_refusal(record.arrival) ? record.arrival : Arrival::none;
+  record.last_refusal = fallback.last_refusal;
+  record.freshness = freshness_of(fallback.command, state.fallback_chunk.header, input.now, config.freshness);
+  if (is_usable(record.freshness)) fallback.last_usable_at = input.now;
+  if (record.freshness != Freshness::missing) record.age = fallback.command.age(input.now);
+  record.command_sequence = fallback.command.sequence;
+  record.observation_answered = fallback.command.observation_id;
+}
+
+// While degraded the fallback goes first. Where it has nothing to say, and the policy is back, but not for long enough
+// yet, the policy is better than nobody.
+Player player_of(const TickRecordHeader& header, const TickConfig& config) {
+  const Player policy = is_usable(header.freshness) ? Player::policy : Player::none;
+  switch (header.mode) {
+    case Mode::standby:
+    case Mode::arming:
+    case Mode::damped_stop:
+    case Mode::fault_latched:
+      return Player::none;
+    case Mode::tracking:
+      return policy;
+    case Mode::degraded:
+      break;
+  }
+  if (has_fallback_policy(config)) return is_usable(header.fallback.freshness) ? Player::fallback : policy;
+  return config.degraded == DegradedBehaviour::slow ? policy : Player::none;
+}
+
+void hand_over(TickState& state, Player to, MonoTime now, const TickConfig& config) {
+  std::array<PathPoint, kMaxJoints> references;
+  for (std::size_t j = 0; j < config.joint_count; ++j)
+    references[j] = {static_cast<float>(state.joints[j].reference.q), static_cast<float>(state.joints[j].reference.dq)};
+  const std::span<const PathPoint> joints(references.data(), config.joint_count);
+  if (to == Player::fallback)
+    return join_references(state.fallback_join, {state.fallback_chunk, state.fallback.command.observed_at}, joints, now,
+                           config);
+  join_references(state.join, {state.chunk, state.command.observed_at}, joints, now, config);
+}
+
+void choose_player(TickState& state, TickRecordHeader& header, const TickConfig& config) {
+  const Player player = player_of(header, config);
+  ModeState& mode = state.mode;
+  if (player == Player::fallback && mode.player != player) state.fallback.plays_since = header.now;
+  if (player != Player::fallback) state.fallback.plays_since = {};
+  if (player != Player::none) {
+    if (mode.last_player != Player::none && mode.last_player != player) hand_over(state, player, header.now, config);
+    mode.last_player = player;
+  }
+  header.player = mode.player = player;
 }
 
 void note_arrival(TickState& state, Arrival arrival, const FreshnessContract& contract) {
@@ -116,7 +206,7 @@ void count_periods(TickState& state, const TickInput& input, const TickConfig& c
 // The clock stood still while the computer slept: nothing from before has a known age any more.
 void forget_what_was_before_sleep(TickState& state, MonoTime now, const TickConfig& config) {
   state.mode.awake_since = now;
-  state.command = state.waiting.command = {};
+  state.command = state.waiting.command = state.fallback.command = {};
   state.memory.forget();
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     state.joints[j].observer = {};
@@ -176,7 +266,10 @@ void observe(TickState& state, const TickInput& input, const TickConfig& config,
   header.imu_verdict = take_imu(state.imu, input.imu, input.now, config);
   header.mailbox = input.mailbox;
   header.policy_session = input.policy_session;
-  header.command_sequence_seen = sequence_seen(input);
+  header.command_sequence_seen = sequence_seen(message_of_policy(input));
+  header.fallback.mailbox = input.fallback.mailbox;
+  header.fallback.session = input.fallback.session;
+  header.fallback.command_sequence_seen = sequence_seen(input.fallback);
   header.bus_count = static_cast<std::uint8_t>(config.bus_count);
   header.joint_count = config.joint_count;
   std::copy_n(input.buses, config.bus_count, header.buses);
@@ -203,11 +296,12 @@ void estimate(const TickState& state, const TickConfig& config, TickRecord& reco
 void judge(TickState& state, const TickInput& input, const TickConfig& config, TickRecord& record) {
   const FreshnessContract& contract = config.freshness;
   TickRecordHeader& header = record.header;
-  header.arrival = take_message(state, input, config);
+  header.arrival = take_message(state, message_of_policy(input), input.now, config);
   relieve(state, input.now, config);
   header.freshness = freshness_of(state.command, state.chunk.header, input.now, contract);
   note_freshness(state.recovery, header.freshness, input.now);
   note_arrival(state, header.arrival, contract);
+  if (has_fallback_policy(config)) judge_fallback(state, input, config, header.fallback);
   if (state.mode.mode == Mode::tracking || state.mode.mode == Mode::degraded)
     state.misses.push(!is_usable(header.freshness), contract.window_ticks);
   watch_for_rest(state, record, config);
@@ -229,6 +323,7 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
     if ((header.causes_active & bit(Cause::internal_error)) != 0) state.mode.damped = every_joint(config.joint_count);
   }
   remember_stop(state.mode, header);
+  choose_player(state, header, config);
 }
 
 namespace {
@@ -249,17 +344,20 @@ void enter(TickState& state, Mode mode, MonoTime now, const FreshnessContract& c
       state.mode.drives_enabled = 0;
       state.mode.deenergised = state.mode.damped = 0;
       state.mode.stop_asked_at = {};
+      state.mode.last_player = Player::none;
       begin_epoch(state);
       return;
     case Mode::arming:
       begin_epoch(state);
+      state.mode.last_player = Player::none;
       state.mode.armed_at = now;
       state.recovery.restored_at = {};
       state.recovery.relapses = 0;
       return;
     case Mode::tracking:
       state.mode.drives_enabled = 1;
-      state.mode.resumed_at = now;
+      // Handed back by a policy that moved the robot, nothing has to be approached.
+      if (state.mode.player != Player::fallback) state.mode.resumed_at = now;
       state.misses.restart();
       if (left == Mode::degraded) note_restored(state.recovery, now);
       return;

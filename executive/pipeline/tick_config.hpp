@@ -74,6 +74,7 @@ struct FreshnessContract {
   Duration recover_after;               // uninterrupted fresh time that restores tracking
   Duration flap_memory;                 // each relapse within it doubles the next recovery time, up to 16x
   Duration stop_after;                  // no usable command for this long: damped stop
+  Duration degrade_after;               // no usable command for this long violates it too; 0: misses alone do
   std::uint32_t bad_command_limit = 0;  // messages within the window refused for what they say: integration error
 };
 inline constexpr std::uint32_t kMaxWindowTicks = 8192;
@@ -123,7 +124,14 @@ struct JoinRule {
 };
 
 enum class DegradedBehaviour : std::uint8_t { hold, slow, fallback };
-enum class FallbackKind : std::uint8_t { pose, state_feedback };
+enum class FallbackKind : std::uint8_t { pose, state_feedback, policy };
+
+// Whose commands are taken.
+struct ExpectedPolicy {
+  std::uint64_t hash = 0;  // 0: any
+  // It uses outside sensors: a command that does not say when they sensed is refused (missing_stamp).
+  bool needs_outside_stamp = false;
+};
 
 // What one joint contributes to another's torque in state feedback.
 struct FeedbackGain {
@@ -140,16 +148,16 @@ struct TickConfig {
   std::uint32_t joint_count = 0;
   std::uint32_t bus_count = 0;
   std::uint32_t observation_every_ticks = 0;
-  std::uint64_t policy_hash = 0;                         // 0: any
+  ExpectedPolicy policy;
   std::uint32_t largest_command = sizeof(CommandChunk);  // bytes of the largest legal message
-  // The policy uses outside sensors: a command that does not say when they sensed is refused (missing_stamp).
-  bool needs_outside_stamp = false;
   Interpolation interpolation = Interpolation::linear;
   JoinRule join;
   double clamped_share = 0.25;  // of the freshness window: more ticks with a target out of range are bad commands
   FreshnessContract freshness;
   DegradedBehaviour degraded = DegradedBehaviour::hold;
   FallbackKind fallback = FallbackKind::pose;
+  ExpectedPolicy fallback_policy;
+  Duration fallback_longest;          // how long it may move the robot at one go; 0: without end
   float degraded_speed_scale = 0.3F;  // 0 < .. <= 1
   Duration resume_over;               // >= 0: after tracking begins, speed limits rise from the scale to the full ones
   Duration feedback_timeout;          // a joint silent for longer: feedback_lost
@@ -168,6 +176,11 @@ struct TickConfig {
   // Fallback state_feedback: feedback_gains[j][k] of joint k on the torque of joint j.
   std::array<std::array<FeedbackGain, kMaxJoints>, kMaxJoints> feedback_gains{};
 };
+
+// A second policy is judged in every tick, and moves the robot while degraded.
+constexpr bool has_fallback_policy(const TickConfig& config) {
+  return config.degraded == DegradedBehaviour::fallback && config.fallback == FallbackKind::policy;
+}
 
 // Those that never have power from us.
 constexpr JointMask passive_joints(const TickConfig& config) {

@@ -48,7 +48,9 @@ struct ModeState {
   std::uint8_t drives_enabled = 0;  // 1 once every drive reported enabled in this arming
   std::uint8_t policy_session = 0;
   Arrival last_refusal = Arrival::none;  // of the newest message
-  std::uint8_t reserved[3] = {};
+  Player player = Player::none;          // in the newest tick
+  Player last_player = Player::none;     // the newest one since arming, whoever plays now
+  std::uint8_t reserved = 0;
 };
 
 struct Counters {
@@ -62,6 +64,17 @@ struct Counters {
 struct WaitingCommand {
   CommandInUse command;  // sequence 0: none waits
   MonoTime due;          // when it takes over
+};
+
+// The policy that takes over while degraded (FallbackKind::policy). Its messages are judged in every tick.
+struct FallbackState {
+  CommandInUse command;
+  std::uint64_t last_sequence = 0;  // of the last accepted command of its session
+  MonoTime last_usable_at;
+  MonoTime plays_since;  // unset: it does not
+  std::uint8_t session = 0;
+  Arrival last_refusal = Arrival::none;  // of the newest message
+  std::uint8_t reserved[6] = {};
 };
 
 // What keyframes need to know about the configuration the state was made for.
@@ -89,8 +102,11 @@ struct TickState {
   JointState joints[kMaxJoints];
   JoinState join;
   WaitingCommand waiting;
-  CommandChunk chunk;          // the path in use; only its used part is ever written or read
-  CommandChunk waiting_chunk;  // likewise
+  FallbackState fallback;
+  JoinState fallback_join;
+  CommandChunk chunk;           // the path in use; only its used part is ever written or read
+  CommandChunk waiting_chunk;   // likewise
+  CommandChunk fallback_chunk;  // likewise
 };
 
 static_assert(std::is_trivially_copyable_v<TickState>);
@@ -99,7 +115,7 @@ static_assert(sizeof(JointState) == sizeof(ObserverState) + 2 * sizeof(Reference
               sizeof(ObserverState) == 16);
 static_assert(sizeof(RestWatch) == 16 + 4 * kMaxJoints && sizeof(ModeState) == 56 + sizeof(RestWatch) &&
               sizeof(Counters) == 24 && sizeof(Recovery) == 32);
-static_assert(sizeof(CommandInUse) == 56 && sizeof(WaitingCommand) == 64);
+static_assert(sizeof(CommandInUse) == 56 && sizeof(WaitingCommand) == 64 && sizeof(FallbackState) == 88);
 static_assert(sizeof(JoinState) == 8 + 12 * kMaxJoints + 8 * kMaxChunkSteps + 168);
 static_assert(sizeof(ImuWatch) == sizeof(ImuSample) + 8);
 

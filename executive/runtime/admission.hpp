@@ -19,6 +19,7 @@ struct AdmissionRules {
   std::string policy_file;       // for messages
 };
 
+// `robot`: as the policy's host sees it.
 AdmissionRules admission_rules(const config::RobotConfig& robot, std::uint64_t policy_hash);
 // Empty: admitted.
 std::string refusal_of_policy(const Hello& hello, const AdmissionRules& rules);

@@ -41,6 +41,7 @@ CyclicLoop::CyclicLoop(const LoopParts& parts, const LoopTiming& timing)
       suspend_(parts.clock.read_boot_time()),
       state_(pipeline::make_tick_state(parts.config)),
       command_(std::make_unique<CommandChunk>()),
+      fallback_command_(std::make_unique<CommandChunk>()),
       keyframe_(ipc::kMaxKeyframeBytes - sizeof(TickTag)) {}
 
 void CyclicLoop::run(const EvidenceSource& evidence, std::uint64_t ticks) noexcept {
@@ -79,7 +80,7 @@ std::size_t CyclicLoop::tick(MonoTime woken, Duration lateness) noexcept {
   input_.slept_ms = whole_milliseconds(suspend_.slept(parts_.clock.read_boot_time()));
   trace::tick_begin(input_.tick, woken, lateness);
   const std::size_t frames = parts_.edge.receive(input_, parts_.published);
-  read_command();
+  read_commands();
   read_imu();
   const OperatorInbox::Asked asked = parts_.requests.take();
   input_.operator_request = asked.request;
@@ -101,19 +102,24 @@ std::size_t CyclicLoop::tick(MonoTime woken, Duration lateness) noexcept {
   return frames;
 }
 
-void CyclicLoop::read_command() noexcept {
-  input_.mailbox = Arrival::none;
-  input_.command = nullptr;
-  input_.command_bytes = 0;
-  CommandMailbox* const mailbox = parts_.mailboxes.current();
-  if (mailbox == nullptr) return;
-  input_.policy_session = mailbox->session;
-  const auto largest = std::as_writable_bytes(std::span(command_.get(), 1)).first(parts_.config.largest_command);
+void CyclicLoop::read_commands() noexcept {
+  const pipeline::PolicyMessage policy = read_command(parts_.mailboxes, input_.policy_session, *command_);
+  input_.mailbox = policy.mailbox;
+  input_.policy_session = policy.session;
+  input_.command = policy.command;
+  input_.command_bytes = policy.bytes;
+  input_.fallback = read_command(parts_.fallback_mailboxes, input_.fallback.session, *fallback_command_);
+}
+
+pipeline::PolicyMessage CyclicLoop::read_command(MailboxHandover& mailboxes, std::uint8_t session_before,
+                                                 CommandChunk& copy) noexcept {
+  CommandMailbox* const mailbox = mailboxes.current();
+  if (mailbox == nullptr) return {.session = session_before};
+  const auto largest = std::as_writable_bytes(std::span(&copy, 1)).first(parts_.config.largest_command);
   const ipc::ReadResult result = mailbox->reader.read_latest(largest);
-  input_.mailbox = arrival_of(result.status);
-  if (input_.mailbox != Arrival::accepted) return;
-  input_.command = command_.get();
-  input_.command_bytes = result.size;
+  const Arrival arrival = arrival_of(result.status);
+  if (arrival != Arrival::accepted) return {.mailbox = arrival, .session = mailbox->session};
+  return {.mailbox = arrival, .session = mailbox->session, .command = &copy, .bytes = result.size};
 }
 
 // What was read last stays: its age tells.
@@ -124,21 +130,23 @@ void CyclicLoop::read_imu() noexcept {
 
 void CyclicLoop::record() noexcept {
   parts_.published.tick(output_.record);
-  record_command();
+  refused_bytes_.next_tick();
+  const TickRecordHeader& header = output_.record.header;
+  record_command(Player::policy, input_.command, input_.command_bytes, header.arrival);
+  record_command(Player::fallback, input_.fallback.command, input_.fallback.bytes, header.fallback.arrival);
   if (input_.tick % timing_.keyframe_every_ticks == 0) {
     const std::size_t size = pipeline::save(*state_, keyframe_);
     parts_.published.keyframe(input_.tick, std::span(keyframe_).first(size));
   }
 }
 
-void CyclicLoop::record_command() noexcept {
-  refused_bytes_.next_tick();
-  if (input_.command == nullptr) return;
-  const std::size_t bytes = input_.command_bytes;
+void CyclicLoop::record_command(Player sender, const CommandChunk* command, std::size_t bytes,
+                                Arrival verdict) noexcept {
+  if (command == nullptr) return;
   const bool was_read = bytes <= parts_.config.largest_command;
-  const auto message = std::as_bytes(std::span(command_.get(), 1)).first(was_read ? bytes : sizeof(CommandHeader));
-  CommandTag tag{input_.tick, static_cast<std::uint32_t>(bytes), 0};
-  const bool is_refused = output_.record.header.arrival != Arrival::accepted;
+  const auto message = std::as_bytes(std::span(command, 1)).first(was_read ? bytes : sizeof(CommandHeader));
+  CommandTag tag{input_.tick, static_cast<std::uint32_t>(bytes), 0, sender};
+  const bool is_refused = verdict != Arrival::accepted;
   if (bytes <= sizeof(CommandHeader) || (was_read && (!is_refused || refused_bytes_.take(bytes))))
     return parts_.published.command(tag, message);
   if (was_read) tag.crc = ipc::crc32c(message);

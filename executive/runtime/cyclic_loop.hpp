@@ -52,6 +52,7 @@ struct LoopParts {
   Clock& clock;
   DriveEdge& edge;
   MailboxHandover& mailboxes;
+  MailboxHandover& fallback_mailboxes;
   OperatorInbox& requests;
   const RecordedThrough& recorded;
   PublishedSegments& published;
@@ -69,10 +70,12 @@ class CyclicLoop {
 
  private:
   std::size_t tick(MonoTime woken, Duration lateness) noexcept;  // returns the number of frames received
-  void read_command() noexcept;
+  void read_commands() noexcept;
+  pipeline::PolicyMessage read_command(MailboxHandover& mailboxes, std::uint8_t session_before,
+                                       CommandChunk& copy) noexcept;
   void read_imu() noexcept;
   void record() noexcept;
-  void record_command() noexcept;
+  void record_command(Player sender, const CommandChunk* command, std::size_t bytes, Arrival verdict) noexcept;
   void publish_status() noexcept;
   void say_farewell(Pace& pace) noexcept;
 
@@ -84,7 +87,7 @@ class CyclicLoop {
   pipeline::TickStatePtr state_;
   pipeline::TickInput input_;
   pipeline::TickOutput output_;
-  std::unique_ptr<CommandChunk> command_;
+  std::unique_ptr<CommandChunk> command_, fallback_command_;
   RefusedBytes refused_bytes_;
   std::vector<std::byte> keyframe_;
   StatusSnapshot status_;

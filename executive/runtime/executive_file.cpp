@@ -46,6 +46,7 @@ nlohmann::ordered_json json_of(const ExecutiveFacts& facts) {
           {"config_sha256", facts.robot.sha256},
           {"config_hash", fmt::format("{:016x}", facts.robot.hash)},
           {"policy_hash", fmt::format("{:016x}", facts.policy_hash)},
+          {"fallback_policy_hash", fmt::format("{:016x}", facts.fallback_hash)},
           {"realtime", is_realtime(facts.steps)},
           {"allow_non_realtime", facts.allow_non_realtime},
           {"recorder", facts.robot.record.recorder == config::Recorder::required ? "required" : "optional"},

@@ -1,6 +1,7 @@
 // <runtime-dir>/executive.json: what the executive is and under which conditions it runs. Written once it runs, removed
 // when it ends; the monitor copies it into the run's manifest. Schema takt.executive/1:
-//   pid, version, binary_sha256 (of this program; "": unreadable), robot, config_sha256, config_hash, policy_hash
+//   pid, version, binary_sha256 (of this program; "": unreadable), robot, config_sha256, config_hash, policy_hash,
+//   fallback_policy_hash
 //   ("0000..." = any), realtime, allow_non_realtime, recorder (required or optional), realtime_steps [{name, ok,
 //   essential, detail}], buses [{name, interface, description}], wake, period_ns, started {monotonic_ns, realtime_ns}.
 //   Hashes are hexadecimal text.
@@ -19,6 +20,7 @@ namespace takt::runtime {
 struct ExecutiveFacts {
   const config::RobotConfig& robot;
   std::uint64_t policy_hash = 0;
+  std::uint64_t fallback_hash = 0;  // of the fallback policy; 0: there is none
   bool allow_non_realtime = false;
   std::vector<SetupStep> steps;
   std::vector<std::string> bus_descriptions;  // one per bus, in configuration order

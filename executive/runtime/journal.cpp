@@ -27,8 +27,9 @@ void Journal::transition(const TickRecord& record, const std::optional<Incident>
   const bool expected = tick.cause == Cause::operator_arm || tick.cause == Cause::drives_enabled ||
                         tick.cause == Cause::operator_reset || tick.cause == Cause::contract_restored;
   spdlog::log(expected ? spdlog::level::info : spdlog::level::warn,
-              "{} -> {}: {} (tick {}, age {:.1f} ms, misses {} of {}){}", name(tick.previous_mode), name(tick.mode),
+              "{} -> {}: {} (tick {}, age {:.1f} ms, misses {} of {}){}{}", name(tick.previous_mode), name(tick.mode),
               name(tick.cause), tick.tick, tick.age.total().milliseconds(), tick.window_misses, tick.window_ticks,
+              tick.player == Player::fallback ? ": the fallback policy took over" : "",
               incident ? ": " + incident->sentence : std::string());
 }
 

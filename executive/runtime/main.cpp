@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "config/load.hpp"
+#include "config/observation_shape.hpp"
 #include "config/paths.hpp"
 #include "drivers/protocol/bus_load.hpp"
 #include "executive/ipc/unix_socket.hpp"
@@ -86,15 +87,24 @@ int run(const Options& options) {
     if (!hash) return refuse(config::kExitBadConfiguration, hash.error());
     policy_hash = *hash;
   }
+  const config::Fallback* const fallback = config::fallback_policy_of(*robot);
+  const config::RobotConfig fallback_robot = fallback != nullptr ? config::seen_by_fallback(*robot, *fallback) : *robot;
+  std::uint64_t fallback_hash = 0;
+  if (fallback != nullptr) {
+    const auto hash = config::policy_hash(fallback_robot.policy->file);
+    if (!hash) return refuse(config::kExitBadConfiguration, hash.error());
+    fallback_hash = *hash;
+  }
   const std::string directory =
       options.runtime_directory.empty() ? config::default_runtime_directory(robot->robot) : options.runtime_directory;
-  const auto tick_config = std::make_unique<pipeline::TickConfig>(config::tick_config_of(*robot, policy_hash));
+  const auto tick_config =
+      std::make_unique<pipeline::TickConfig>(config::tick_config_of(*robot, policy_hash, fallback_hash));
 
   block_shutdown_signals();
   ProcessSetup process = prepare_process(robot->control);
   auto published = PublishedSegments::create(robot->joints.size(), tick_config->largest_command);
   if (!published) return refuse(kExitSetUpRefused, published.error());
-  MailboxHandover mailboxes;
+  MailboxHandover mailboxes, fallback_mailboxes;
   OperatorInbox requests;
   RecordedThrough recorded;
   StatusBoard board;
@@ -106,9 +116,10 @@ int run(const Options& options) {
   follower.tell(incidents);
 
   // The socket first: a second executive is turned away before it touches a bus.
-  auto reception = Reception::open(config::executive_socket(directory),
-                                   {*robot, *tick_config, admission_rules(*robot, policy_hash), *published, mailboxes,
-                                    requests, recorded, board, follower, *guest});
+  auto reception = Reception::open(
+      config::executive_socket(directory),
+      {*robot, *tick_config, admission_rules(*robot, policy_hash), admission_rules(fallback_robot, fallback_hash),
+       *published, mailboxes, fallback_mailboxes, requests, recorded, board, follower, *guest});
   if (!reception) return refuse(kExitSetUpRefused, reception.error());
   auto stops = StopThread::start(ipc::stop_socket_beside(config::executive_socket(directory)), requests);
   if (!stops) return refuse(kExitSetUpRefused, stops.error());
@@ -118,8 +129,8 @@ int run(const Options& options) {
   SystemClock clock;
   std::optional<ImuLink> imu;
   if (robot->imu) imu.emplace(config::sensor_socket(directory, robot->imu->sensor), robot->imu->sensor);
-  CyclicLoop loop({*tick_config, clock, opened->edge, mailboxes, requests, recorded, *published, board,
-                   imu ? &imu->mailboxes() : nullptr},
+  CyclicLoop loop({*tick_config, clock, opened->edge, mailboxes, fallback_mailboxes, requests, recorded, *published,
+                   board, imu ? &imu->mailboxes() : nullptr},
                   {robot->control.wake, robot->control.spin, keyframe_ticks(*robot)});
   auto thread = ControlThread::start(robot->control, loop);
   if (!thread) return refuse(kExitSetUpRefused, thread.error());
@@ -131,8 +142,8 @@ int run(const Options& options) {
   if (!realtime && !options.allow_non_realtime) return refuse(kExitSetUpRefused, essential_failures(steps));
   if (!realtime) spdlog::warn("running WITHOUT real-time guarantees, as asked: every artifact says so");
   (*reception)->set_realtime(realtime, options.allow_non_realtime);
-  auto file = ExecutiveFile::write(directory,
-                                   {*robot, policy_hash, options.allow_non_realtime, steps, opened->bus_descriptions});
+  auto file = ExecutiveFile::write(
+      directory, {*robot, policy_hash, fallback_hash, options.allow_non_realtime, steps, opened->bus_descriptions});
   if (!file) return refuse(kExitSetUpRefused, file.error());
   for (const std::string& bus : opened->bus_descriptions) spdlog::info("bus {}", bus);
   if (!opened->torque_output.empty()) spdlog::info("torque is permitted by {}", opened->torque_output);

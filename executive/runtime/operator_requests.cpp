@@ -76,7 +76,7 @@ void Reception::arm(OperatorReply& reply) {
   parts_.follower.catch_up();
   const TickRecord& latest = parts_.follower.latest();
   const auto missing = missing_for_arming(latest, parts_.config, parts_.robot.joints,
-                                          {policy_attached_, realtime_, allow_non_realtime_, shutting_down_});
+                                          {policy_.attached, realtime_, allow_non_realtime_, shutting_down_});
   for (const std::string& sentence : missing) say(reply, sentence);
   if (!missing.empty()) {
     spdlog::info("arming refused: {}", missing.front());

@@ -35,12 +35,14 @@ void Reception::set_realtime(bool realtime, bool allow_non_realtime) {
 void Reception::serve(std::chrono::milliseconds timeout) {
   server_->serve(timeout);
   parts_.mailboxes.settle();
+  parts_.fallback_mailboxes.settle();
 }
 
 ipc::Admission Reception::admit(const ipc::Peer& peer) {
   ipc::Admission admission;
   switch (peer.hello.role) {
     case Role::policy:
+    case Role::fallback_policy:
       admission = admit_policy(peer);
       break;
     case Role::monitor:
@@ -63,42 +65,49 @@ ipc::Admission Reception::admit(const ipc::Peer& peer) {
 }
 
 ipc::Admission Reception::admit_policy(const ipc::Peer& peer) {
-  if (auto refusal = refusal_of_policy(peer.hello, parts_.rules); !refusal.empty()) return {std::move(refusal), {}};
+  if (peer.hello.role == Role::fallback_policy && !pipeline::has_fallback_policy(parts_.config))
+    return {"the robot has no fallback policy: name one of kind `policy` in degraded.fallback, or do not start it", {}};
+  PolicySeat& seat = seat_of(peer.hello.role);
+  if (auto refusal = refusal_of_policy(peer.hello, seat.rules); !refusal.empty()) return {std::move(refusal), {}};
   // Unmapped here until the policy has mapped it: see the sealing order in ipc/segment.hpp.
   auto segment = ipc::Segment::create("takt-command", ipc::ring_bytes(ipc::command_mailbox()), false);
   if (!segment) return {segment.error(), {}};
-  offered_ = std::move(*segment);
-  return {{}, {parts_.published.observation_descriptor(), offered_->fd()}};
+  seat.offered = std::move(*segment);
+  return {{}, {parts_.published.observation_descriptor(), seat.offered->fd()}};
 }
 
 void Reception::hand_over(const ipc::Peer& peer) {
-  if (!offered_) return;
-  ipc::Segment mapped = std::move(*offered_);
-  offered_.reset();
-  auto mailbox = CommandMailbox::seal(std::move(mapped), ++session_);
+  PolicySeat& seat = seat_of(peer.hello.role);
+  if (!seat.offered) return;
+  ipc::Segment mapped = std::move(*seat.offered);
+  seat.offered.reset();
+  auto mailbox = CommandMailbox::seal(std::move(mapped), ++seat.session);
   if (!mailbox) {
-    spdlog::error("policy pid {}: {}", peer.pid, mailbox.error());
+    spdlog::error("{} pid {}: {}", name(peer.hello.role), peer.pid, mailbox.error());
     return;  // never read; the policy's commands go nowhere until it attaches again
   }
-  parts_.mailboxes.want(std::move(*mailbox));
-  policy_attached_ = true;
-  spdlog::info("policy pid {}: mailbox sealed, session {}", peer.pid, session_);
+  seat.mailboxes.want(std::move(*mailbox));
+  seat.attached = true;
+  spdlog::info("{} pid {}: mailbox sealed, session {}", name(peer.hello.role), peer.pid, seat.session);
 }
 
 void Reception::take_leave(const ipc::Peer& peer) {
   if (peer.hello.role == Role::operator_console) return;
   spdlog::info("{} left: pid {}", name(peer.hello.role), peer.pid);
   if (peer.hello.role == Role::monitor) parts_.recorded.set(0);
-  if (peer.hello.role != Role::policy) return;
-  offered_.reset();
-  if (std::exchange(policy_attached_, false)) parts_.mailboxes.want(nullptr);
+  if (!is_policy(peer.hello.role)) return;
+  PolicySeat& seat = seat_of(peer.hello.role);
+  seat.offered.reset();
+  if (std::exchange(seat.attached, false)) seat.mailboxes.want(nullptr);
 }
 
 StatusSnapshot Reception::status() {
   StatusSnapshot status = parts_.board.read();
   const ipc::Peer* const policy = server_->holder(Role::policy);
+  const ipc::Peer* const fallback = server_->holder(Role::fallback_policy);
   const ipc::Peer* const monitor = server_->holder(Role::monitor);
   status.policy_pid = policy != nullptr ? static_cast<std::uint64_t>(policy->pid) : 0;
+  status.fallback_pid = fallback != nullptr ? static_cast<std::uint64_t>(fallback->pid) : 0;
   status.monitor_pid = monitor != nullptr ? static_cast<std::uint64_t>(monitor->pid) : 0;
   status.realtime = realtime_ ? 1 : 0;
   status.recorder_required = parts_.config.unrecorded_limit != 0 ? 1 : 0;

@@ -39,9 +39,10 @@ inline constexpr std::chrono::milliseconds kRequestPatience{100};
 struct ReceptionParts {
   const config::RobotConfig& robot;
   const pipeline::TickConfig& config;
-  AdmissionRules rules;
+  AdmissionRules rules, fallback_rules;
   PublishedSegments& published;
   MailboxHandover& mailboxes;
+  MailboxHandover& fallback_mailboxes;
   OperatorInbox& requests;
   RecordedThrough& recorded;
   StatusBoard& board;
@@ -68,6 +69,15 @@ class Reception {
   ipc::RendezvousServer::Handlers handlers();
 
   ipc::Admission admit(const ipc::Peer& peer);
+  // One of the two policies that lend themselves to the robot.
+  struct PolicySeat {
+    const AdmissionRules& rules;
+    MailboxHandover& mailboxes;
+    std::optional<ipc::Segment> offered = {};  // to a policy that has not acknowledged yet
+    bool attached = false;                     // acknowledged, sealed and handed over
+    std::uint8_t session = 0;
+  };
+  PolicySeat& seat_of(Role role) { return role == Role::fallback_policy ? fallback_ : policy_; }
   ipc::Admission admit_policy(const ipc::Peer& peer);
   void hand_over(const ipc::Peer& peer);
   void take_leave(const ipc::Peer& peer);
@@ -84,9 +94,8 @@ class Reception {
 
   ReceptionParts parts_;
   std::unique_ptr<ipc::RendezvousServer> server_;
-  std::optional<ipc::Segment> offered_;  // to a policy that has not acknowledged yet
-  bool policy_attached_ = false;         // acknowledged, sealed and handed over
-  std::uint8_t session_ = 0;
+  PolicySeat policy_{parts_.rules, parts_.mailboxes};
+  PolicySeat fallback_{parts_.fallback_rules, parts_.fallback_mailboxes};
   bool realtime_ = false;
   bool allow_non_realtime_ = false;
   bool shutting_down_ = false;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "config/drive_loop.hpp"
+#include "config/observation_shape.hpp"
 
 namespace takt::config {
 namespace {
@@ -83,7 +84,7 @@ pipeline::LinkModel link_of(const Link& from) {
           .com = narrow(from.com)};
 }
 
-pipeline::FreshnessContract contract_of(const Freshness& from, Duration period) {
+pipeline::FreshnessContract contract_of(const Freshness& from, Duration degrade_after, Duration period) {
   return {.max_age = from.max_age,
           .aging_fraction = narrow(from.aging_fraction),
           .epsilon = from.epsilon,
@@ -91,6 +92,7 @@ pipeline::FreshnessContract contract_of(const Freshness& from, Duration period) 
           .recover_after = from.recover_after,
           .flap_memory = from.flap_memory,
           .stop_after = from.stop_after,
+          .degrade_after = degrade_after,
           .bad_command_limit = from.bad_command_limit};
 }
 
@@ -166,12 +168,10 @@ pipeline::FallbackKind kind_of(FallbackKind kind) {
       return pipeline::FallbackKind::pose;
     case FallbackKind::state_feedback:
       return pipeline::FallbackKind::state_feedback;
+    case FallbackKind::policy:
+      return pipeline::FallbackKind::policy;
   }
   return pipeline::FallbackKind::pose;
-}
-
-bool reads_sensor(const ObservationTerm& term) {
-  return !term.sensor.empty();
 }
 
 pipeline::ImuConfig imu_of(const RobotConfig& robot) {
@@ -183,10 +183,15 @@ pipeline::ImuConfig imu_of(const RobotConfig& robot) {
           .angular_velocity = narrow(robot.imu->angular_velocity)};
 }
 
-void set_fallback(const RobotConfig& robot, pipeline::TickConfig& tick) {
+void set_fallback(const RobotConfig& robot, std::uint64_t fallback_hash, pipeline::TickConfig& tick) {
   const auto chosen = std::ranges::find(robot.fallbacks, robot.degraded.fallback, &Fallback::name);
   if (chosen == robot.fallbacks.end()) return;
   tick.fallback = kind_of(chosen->kind);
+  if (const Fallback* policy = fallback_policy_of(robot)) {
+    tick.fallback_policy = {fallback_hash, reads_sensors(*seen_by_fallback(robot, *policy).policy)};
+    tick.fallback_longest = policy->longest;
+  }
+  if (chosen->kind == FallbackKind::policy) return;
   for (std::size_t j = 0; j < robot.joints.size(); ++j) {
     tick.joints[j].fallback_pose = narrow(chosen->pose[j]);
     tick.joints[j].fallback_speed = narrow(chosen->speed);
@@ -206,7 +211,7 @@ void set_loop(const Drive& drive, pipeline::JointConfig& joint) {
   joint.drive_gains = {.kp = narrow(drive.servo_kp * square), .kd = narrow(drive.servo_kd * square)};
 }
 
-pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t policy_hash) {
+pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t policy_hash, std::uint64_t fallback_hash) {
   pipeline::TickConfig tick;
   tick.period = robot.control.period;
   tick.joint_count = static_cast<std::uint32_t>(robot.joints.size());
@@ -215,12 +220,12 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
     tick.observation_every_ticks = static_cast<std::uint32_t>(robot.policy->period.ns / robot.control.period.ns);
     tick.interpolation = interpolation_of(robot.policy->action.interpolation);
     tick.join = join_of(robot.policy->action.join);
-    tick.needs_outside_stamp = std::ranges::any_of(robot.policy->observation, reads_sensor);
+    tick.policy.needs_outside_stamp = reads_sensors(*robot.policy);
   }
-  tick.policy_hash = policy_hash;
+  tick.policy.hash = policy_hash;
   tick.largest_command = static_cast<std::uint32_t>(largest_command_of(robot));
   tick.clamped_share = robot.freshness.clamped_share;
-  tick.freshness = contract_of(robot.freshness, robot.control.period);
+  tick.freshness = contract_of(robot.freshness, robot.degraded.after, robot.control.period);
   tick.degraded = behaviour_of(robot.degraded.behaviour);
   tick.degraded_speed_scale = narrow(robot.degraded.speed_scale);
   tick.resume_over = robot.degraded.resume_over;
@@ -233,7 +238,7 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
   tick.has_torque_output = robot.safe_torque_off.has_value();
   tick.joint_fault_takes_torque = robot.safe_torque_off && robot.safe_torque_off->on_joint_fault == OnJointFault::drop;
   for (std::size_t j = 0; j < robot.joints.size(); ++j) tick.joints[j] = joint_of(robot.joints[j]);
-  set_fallback(robot, tick);
+  set_fallback(robot, fallback_hash, tick);
   if (robot.imu) tick.imu = imu_of(robot);
   if (robot.model) {
     tick.gravity = narrow(robot.model->gravity);

@@ -1,4 +1,4 @@
-// The robot's configuration as the tick wants it: fixed-size, float32, no strings. `policy_hash` 0 accepts any policy.
+// The robot's configuration as the tick wants it: fixed-size, float32, no strings. A hash of 0 accepts any policy.
 #pragma once
 
 #include <cstdint>
@@ -11,6 +11,8 @@ namespace takt::config {
 // Who closes the joint's loop, and what its drive's gains can say.
 void set_loop(const Drive& drive, pipeline::JointConfig& joint);
 
-pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t policy_hash);
+// `fallback_hash`: of the fallback policy's file, where the robot has one.
+pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t policy_hash,
+                                    std::uint64_t fallback_hash = 0);
 
 }  // namespace takt::config

@@ -51,6 +51,7 @@ bool is_drive_or_bus(Cause cause) {
     case Cause::torque_output_lost:
     case Cause::tilt:
     case Cause::imu_lost:
+    case Cause::fallback_spent:
       return false;
   }
   return false;
@@ -297,7 +298,7 @@ std::expected<FaultSummary, std::string> classify_run(const RecordedRun& run) {
   const auto scan = scan_run(run, {.tick = [&](const RecordedTick& tick) { classifier.tick(tick.record); },
                                    .command =
                                        [&](const RecordedCommand& command) {
-                                         if (const auto header = header_of(command)) classifier.command(*header);
+                                         if (const auto header = policy_header_of(command)) classifier.command(*header);
                                        },
                                    .keyframe = {},
                                    .loss = {}});

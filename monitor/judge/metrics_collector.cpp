@@ -45,6 +45,7 @@ void MetricsCollector::tick(const TickRecord& record) {
   lateness_.push_back(header.lateness.ns);
   work_.push_back(header.last_duration.ns);
   count(metrics_.ticks_in_mode, header.mode);
+  count(metrics_.ticks_of_player, header.player);
   count(metrics_.arrivals, header.arrival);
   count(metrics_.overruns, header.overrun_cause);
   for (std::size_t joint = 0; joint < header.joint_count; ++joint) interventions(record.joints[joint].interventions);

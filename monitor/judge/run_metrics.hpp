@@ -44,6 +44,7 @@ struct RunMetrics {
   MissRate misses_per_tick, misses_per_command;
   Quantiles lateness, work;  // of every tick
   std::array<std::uint64_t, kModeCount> ticks_in_mode{};
+  std::array<std::uint64_t, kPlayerCount> ticks_of_player{};  // whose chunk the robot followed
   std::array<std::uint64_t, kArrivalCount> arrivals{};
   std::array<std::uint64_t, kOverrunCauseCount> overruns{};
   std::uint64_t skipped_periods = 0, integration_errors = 0;      // within the recorded part

@@ -105,7 +105,7 @@ void RecordStream::read_tagged(const RecordSink& sink) {
     std::memcpy(&tag, entry.data(), sizeof tag);
     report(commands_, tag.tick, sink);
     const auto kept = entry.subspan(sizeof tag);
-    RecordedCommand command{tag.tick, Bytes(kept.begin(), kept.end()), 0, {}, {}};
+    RecordedCommand command{tag.tick, Bytes(kept.begin(), kept.end()), 0, {}, {}, tag.sender};
     if (kept.size() < tag.bytes) command.cut_from = tag.bytes, command.whole_crc = tag.crc;
     command.crc = crc_of(command);
     pending_commands_.push_back(std::move(command));

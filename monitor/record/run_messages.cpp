@@ -57,6 +57,7 @@ float32[] values              # step by step, within a step field by field
 uint8[] rest                  # bytes that make no whole float
 uint32 crc                    # CRC-32C of the message; with byte_count and whole_crc where only its header was kept
 uint32 whole_crc              # CRC-32C of the whole message where only its header was kept; 0: never read whole
+uint8 sender                  # 1 the policy, 2 the fallback policy (Tick's fallback_arrival)
 )";
 
 constexpr std::string_view kKeyframeSchema =
@@ -132,6 +133,10 @@ std::optional<CommandHeader> header_of(const RecordedCommand& command) {
   return header;
 }
 
+std::optional<CommandHeader> policy_header_of(const RecordedCommand& command) {
+  return command.sender == Player::policy ? header_of(command) : std::nullopt;
+}
+
 std::uint32_t crc_of(const RecordedCommand& command) {
   const std::uint32_t of_payload = ipc::crc32c(command.payload);
   if (command.cut_from == 0) return of_payload;
@@ -154,6 +159,7 @@ void encode_command(const RecordedCommand& command, CdrWriter& out) {
   out.put_octets(behind % 4 == 0 ? std::span<const std::byte>{} : std::span(command.payload).subspan(at));
   out.put(command.crc);
   out.put(command.whole_crc);
+  out.put(static_cast<std::uint8_t>(command.sender));
 }
 
 bool decode_command(std::span<const std::byte> message, RecordedCommand& out) {
@@ -172,7 +178,9 @@ bool decode_command(std::span<const std::byte> message, RecordedCommand& out) {
   out.payload.insert(out.payload.end(), rest.begin(), rest.end());
   out.crc = reader.get<std::uint32_t>();
   out.whole_crc = reader.get<std::uint32_t>();
+  out.sender = static_cast<Player>(reader.get<std::uint8_t>());
   out.cut_from = byte_count > out.payload.size() ? static_cast<std::uint32_t>(byte_count) : 0;
+  if (out.sender != Player::policy && out.sender != Player::fallback) return false;
   if (!reader.ok() || (out.cut_from != 0 && out.payload.size() != sizeof(CommandHeader))) return false;
   if (out.cut_from == 0) out.payload.resize(byte_count);
   return true;

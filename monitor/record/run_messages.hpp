@@ -39,11 +39,14 @@ struct RecordedCommand {
   std::uint32_t crc = 0;        // crc_of() when it was recorded
   std::uint32_t cut_from = 0;   // bytes of a refused message of which only the header was kept; 0: it is whole
   std::uint32_t whole_crc = 0;  // CRC-32C of that message; 0: longer than any legal one, not read
+  Player sender = Player::policy;
 };
 // CRC-32C of the payload, and of what stands for the rest where it was cut.
 std::uint32_t crc_of(const RecordedCommand& command);
 // Nothing: the message was cut short.
 std::optional<CommandHeader> header_of(const RecordedCommand& command);
+// Nothing for the fallback policy's messages too: what judges the policy does not read them.
+std::optional<CommandHeader> policy_header_of(const RecordedCommand& command);
 void encode_command(const RecordedCommand& command, CdrWriter& out);
 bool decode_command(std::span<const std::byte> message, RecordedCommand& out);
 // When one flipped bit explains a checksum that does not match: puts it right and names its place, "infer_ended_at" or

@@ -23,12 +23,14 @@ constexpr auto kModes = names_of<Mode, kModeCount>();
 constexpr auto kCauses = names_of<Cause, kCauseCount>();
 constexpr auto kArrivals = names_of<Arrival, kArrivalCount>();
 constexpr auto kFreshnesses = names_of<Freshness, kFreshnessCount>();
+constexpr auto kPlayers = names_of<Player, kPlayerCount>();
 constexpr auto kImuVerdicts = names_of<ImuVerdict, kImuVerdictCount>();
 constexpr auto kOverruns = names_of<OverrunCause, kOverrunCauseCount>();
 constexpr std::array<std::string_view, kOperatorRequestCount> kRequests{"none",     "arm",  "stop",       "reset",
                                                                         "shutdown", "mark", "press_stop", "deenergise"};
 
 #define HEADER(member) offsetof(TickRecordHeader, member)
+#define FALLBACK(member) HEADER(fallback) + offsetof(FallbackRecord, member)
 #define IMU(member, axis) HEADER(imu) + offsetof(ImuSample, member) + sizeof(float) * (axis)
 constexpr TickField kHeaderFields[] = {
     {"tick", u64, HEADER(tick), in, "control period counter"},
@@ -84,7 +86,19 @@ constexpr TickField kHeaderFields[] = {
     {"imu_acceleration_z", f32, IMU(acceleration, 2), in, "m/s^2, base frame, specific force"},
     {"imu_verdict", u8, HEADER(imu_verdict), out, "on that sample", kImuVerdicts},
     {"torque_permitted", u8, HEADER(torque_permitted), out, "1: that output is told to permit torque"},
+    {"player", u8, HEADER(player), out, "whose chunk the robot follows", kPlayers},
+    {"fallback_command_sequence_seen", u64, FALLBACK(command_sequence_seen), in,
+     "of the fallback policy's message; 0 none"},
+    {"fallback_age", i64, FALLBACK(age), out, "ns, of the fallback policy's command in use"},
+    {"fallback_command_sequence", u64, FALLBACK(command_sequence), out, "in use; 0 none"},
+    {"fallback_observation_answered", u64, FALLBACK(observation_answered), out, ""},
+    {"fallback_mailbox", u8, FALLBACK(mailbox), in, "ARRIVAL values; accepted: a message was read"},
+    {"fallback_session", u8, FALLBACK(session), in, "changes when another fallback policy's mailbox is read"},
+    {"fallback_arrival", u8, FALLBACK(arrival), out, "ARRIVAL values; verdict on the message read"},
+    {"fallback_last_refusal", u8, FALLBACK(last_refusal), out, "ARRIVAL values"},
+    {"fallback_freshness", u8, FALLBACK(freshness), out, "FRESHNESS values"},
 };
+#undef FALLBACK
 #undef IMU
 #undef HEADER
 

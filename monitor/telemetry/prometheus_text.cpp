@@ -95,6 +95,12 @@ void modes(Exposition& out, const LiveMetrics& metrics) {
     const auto mode = static_cast<Mode>(i);
     out.sample(metrics.is_in(mode) ? 1 : 0, {{"mode", name(mode)}});
   }
+  out.family("takt_player", "gauge", "1 for the policy whose chunk the robot follows.");
+  for (std::size_t i = 0; i < kPlayerCount; ++i) {
+    const auto player = static_cast<Player>(i);
+    out.sample(metrics.running && metrics.newest.tick != 0 && metrics.newest.player == player ? 1 : 0,
+               {{"player", name(player)}});
+  }
   out.family("takt_mode_transitions_total", "counter", "Changes of mode, by the mode entered and the cause.");
   for (const auto& [change, times] : metrics.transitions)
     out.sample(times, {{"mode", name(change.first)}, {"cause", name(change.second)}});

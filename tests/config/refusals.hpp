@@ -81,6 +81,17 @@ inline constexpr Refusal kRefusals[] = {
             "13:47: fallbacks.tuck.pose: 1.745 rad for knee is outside its limits [-1.571, 1.571] rad; move it inside"},
     Refusal{"a fallback faster than a joint", "speed: 0.5 rad/s", "speed: 2.5 rad/s",
             "13:30: fallbacks.tuck.speed: 2.5 rad/s exceeds the velocity limit 2 rad/s of hip; lower it"},
+    Refusal{"a fallback policy without its time", "kind: pose, speed: 0.5 rad/s, pose: [0 rad, 10 deg]", "kind: policy",
+            "13:9: key `for` is missing in `fallbacks.tuck`; add it: policy: how long it may move the robot at one go, "
+            "then a "
+            "damped stop; 0 s: without end"},
+    Refusal{"a command that the fallback policy does not read", "kind: pose, speed: 0.5 rad/s, pose: [0 rad, 10 deg]",
+            "kind: policy, for: 0 s, command: [0]",
+            "13:44: fallbacks.tuck.command: the policy has no observation term `command`; drop it"},
+    Refusal{
+        "degraded only after the stop", "fallback: tuck }", "fallback: tuck, after: 600 ms }",
+        "11:57: degraded.after: 600 ms is not shorter than freshness.stop_after 600 ms: the robot would stop before; "
+        "lower it"},
     Refusal{"too few action scales", "scale: [0.25, 0.5]", "scale: [0.25, 0.5, 1]",
             "57:20: policy.action.scale: has 3 values for 2 outputs; write one, or 2"},
     Refusal{"too few observation scales", "scale: [1, 1, 0.5]", "scale: [1, 1]",

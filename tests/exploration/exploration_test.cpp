@@ -75,7 +75,8 @@ const char* setting(const char* name) {
 void expect_every_cause(const Seen& seen) {
   for (const pipeline::Reaction& row : pipeline::kReactions) {
     const auto is_met = [&row](const std::pair<Mode, Cause>& one) { return one.second == row.cause; };
-    if (row.severity == 0 || row.cause == Cause::internal_error) continue;
+    // fallback_spent: TwoPoliciesKeepTheContract.
+    if (row.severity == 0 || row.cause == Cause::internal_error || row.cause == Cause::fallback_spent) continue;
     EXPECT_TRUE(std::ranges::any_of(seen, is_met)) << name(row.cause) << " was never met";
   }
 }
@@ -124,6 +125,26 @@ TEST(Exploration, EveryHappeningAloneKeepsTheContractAndEveryCauseIsMet) {
     }
   }
   expect_every_cause(seen);
+}
+
+// Goal: with a second policy nothing of that is lost, it does take over, and the tick tells whose frames left. Method:
+// the same oracles, which know each policy's gains; schedules of both falling silent, and the general ones.
+TEST(Exploration, TwoPoliciesKeepTheContract) {
+  const config::RobotConfig robot = robot_with_fallback();
+  Seen seen;
+  for (std::uint64_t seed = 1; seed <= 60; ++seed) {
+    std::vector<Event> events = draw(seed, robot.joints.size(), robot.buses.size(), kLasting);
+    for (std::size_t i = 0; i < events.size(); i += 2)
+      events[i].what = (seed + i) % 3 == 0 ? Happening::fallback_silent : Happening::policy_silent;
+    EXPECT_EQ(explore(robot, seed, events, &seen), "") << story(robot, seed, events);
+  }
+  const std::vector<Event> both{{Happening::policy_silent, seconds(3), seconds(3)},
+                                {Happening::fallback_silent, milliseconds(3300), seconds(3)}};
+  EXPECT_EQ(explore(robot, 1, both, &seen), "");
+  for (const auto& [mode, cause] :
+       {std::pair{Mode::tracking, Cause::contract_violated}, std::pair{Mode::degraded, Cause::contract_restored},
+        std::pair{Mode::degraded, Cause::command_lost}, std::pair{Mode::degraded, Cause::fallback_spent}})
+    EXPECT_TRUE(seen.contains({mode, cause})) << name(mode) << " by " << name(cause);
 }
 
 TEST(Exploration, TheSameSeedTellsTheSameStory) {

@@ -69,12 +69,19 @@ void Oracles::mit_frame(std::size_t j, const World::Sent& sent) {
   if (!inside)
     breaks("frame_limits", j,
            fmt::format("q {} dq {} kp {} kd {} tau {}", asked.q, asked.dq, asked.kp, asked.kd, asked.tau));
-  const double policys = kPolicyKp * joint.kp / (kPolicyKd * joint.kd);
-  const bool from_policy = asked.kp > 10 && asked.kd > 0.1 && std::abs(asked.kp / asked.kd / policys - 1) < 0.08;
-  if (!from_policy) return;
-  const Duration age = sent.at - world_.newest_answered();
-  if (!world_.newest_answered().is_set() || age > world_.robot().freshness.max_age + microseconds(5))
-    breaks("command_age", j, fmt::format("written {:.1f} ms after the oldest sample", age.milliseconds()));
+  const auto has_gains = [&](float kd) {
+    const double ratio = kPolicyKp * joint.kp / (kd * joint.kd);
+    return asked.kp > 10 && asked.kd > 0.1 && std::abs(asked.kp / asked.kd / ratio - 1) < 0.08;
+  };
+  const Player player =
+      has_gains(kPolicyKd) ? Player::policy : (has_gains(kFallbackKd) ? Player::fallback : Player::none);
+  if (player == Player::none) return;
+  seen_player_ = player;
+  const MonoTime answered = world_.newest_answered(player);
+  const Duration age = sent.at - answered;
+  if (!answered.is_set() || age > world_.robot().freshness.max_age + microseconds(5))
+    breaks("command_age", j,
+           fmt::format("{}'s, written {:.1f} ms after the oldest sample", name(player), age.milliseconds()));
 }
 
 // message 0x0E: torque, float32 little endian, Nm at the motor
@@ -136,6 +143,10 @@ void Oracles::tick(const TickRecord& record) {
   if (header.cause != Cause::none) seen_.insert({header.previous_mode, header.cause});
   if (header.mode != mode_) damped_since_ = header.mode == Mode::damped_stop ? header.now : MonoTime{};
   mode_ = header.mode;
+  if (seen_player_ != Player::none && seen_player_ != header.player)
+    breaks("player", 0,
+           fmt::format("the frames are the {}'s, the tick says {}", name(seen_player_), name(header.player)));
+  seen_player_ = Player::none;
   const bool refuses_our_own =
       std::ranges::any_of(record.joints, [](const JointRecord& joint) { return is_bug(joint.feedback.refused); });
   if ((header.causes_active & pipeline::bit(Cause::internal_error)) != 0 || refuses_our_own)

@@ -2,7 +2,9 @@
 // knows the executive's setpoints, and frames are read by the drives' protocol papers (mit, odrive), not by our codecs.
 // Each oracle:
 //
-// command_age    no frame with the policy's gains is written when the newest answered observation is older than max_age
+// command_age    no frame with a policy's gains is written when the newest observation that this policy answered is
+//                older than max_age
+// player         the tick says whose gains its frames have
 // frame_limits   position, speed, gains and torque that a frame asks for are inside the robot's limits, to a quantum
 // torque_slew    torque commands follow one another within torque_rate, or fall to zero
 // no_push        a joint that is not heard any more gets no faster by our doing
@@ -60,6 +62,7 @@ class Oracles {
   std::uint64_t ticks_ = 0;
   int unrecorded_ticks_ = 0, permitted_ticks_ = 0;
   Mode mode_ = Mode::standby;
+  Player seen_player_ = Player::none;  // by the gains of the frames since the last tick was recorded
   std::string broken_;
   std::set<std::pair<Mode, Cause>> seen_;
 };

@@ -60,6 +60,7 @@ constexpr Strike kStrikes[] = {
     {Cause::torque_output_lost, Happening::torque_output_fails, "the torque output fails", {}},
     {Cause::tilt, Happening::base_leans, "the base leans over", kImuPeriod},
     {Cause::imu_lost, Happening::imu_silent, "the IMU falls silent", {}},
+    {Cause::fallback_spent, Happening::policy_silent, "the policy falls silent", {}},
 };
 
 bool has_drive(const config::RobotConfig& robot, std::size_t bus, config::DriveProtocol protocol) {
@@ -142,6 +143,8 @@ std::optional<Duration> finding(const Strike& strike, const config::RobotConfig&
       return Duration{static_cast<std::int64_t>(2e9 / robot.joints.front().observer_bandwidth)};
     case Cause::overrun:
       return of_window(robot.control.late_share);
+    case Cause::fallback_spent:
+      return robot.freshness.max_age + of_window(robot.freshness.epsilon) + robot.fallbacks.front().longest;
     case Cause::imu_lost:
       return robot.sensors.back().timeout;
     case Cause::none:
@@ -167,9 +170,11 @@ std::optional<Duration> finding(const Strike& strike, const config::RobotConfig&
 
 }  // namespace
 
-std::expected<std::vector<ReactionTime>, std::string> measure_reaction_times(const config::RobotConfig& robot) {
+std::expected<std::vector<ReactionTime>, std::string> measure_reaction_times(const config::RobotConfig& plain) {
   std::vector<ReactionTime> rows;
+  const config::RobotConfig with_fallback = robot_with_fallback();
   for (const Strike& strike : kStrikes) {
+    const config::RobotConfig& robot = strike.cause == Cause::fallback_spent ? with_fallback : plain;
     ReactionTime row{strike.cause, strike.from, 0, {}, finding(strike, robot)};
     // A deviation may begin just after a tick looked: one period more than the table's tick.
     if (row.bound) row.bound = *row.bound + strike.shows + robot.control.period * 2;

@@ -60,7 +60,8 @@ std::string text(const Event& event) {
                                                              "torque output fails",
                                                              "IMU silent",
                                                              "IMU lies",
-                                                             "base leans"};
+                                                             "base leans",
+                                                             "fallback silent"};
   return fmt::format("{:.3f} s: {} of {}, for {:.1f} ms", event.at.seconds(),
                      kNames.at(static_cast<std::size_t>(event.what)), event.index, event.length.milliseconds());
 }

@@ -47,8 +47,9 @@ enum class Happening : std::uint8_t {
   imu_silent,               // publishes nothing
   imu_lies,                 // says what is no unit quaternion
   base_leans,               // 1.5 rad
+  fallback_silent,          // the fallback policy, where the robot has one
 };
-inline constexpr unsigned kHappenings = 35;
+inline constexpr unsigned kHappenings = 36;
 
 // What Event::index counts; of what is neither, nothing.
 constexpr bool is_of_joint(Happening what) {

@@ -22,6 +22,7 @@ namespace {
 constexpr Duration kInference = milliseconds(12);
 constexpr std::uint16_t kSteps = 16;  // as the robot file says
 constexpr Duration kStepPeriod = milliseconds(20);
+constexpr std::uint64_t kPolicyHash = 5, kFallbackHash = 6;
 constexpr Duration kAsksEvery = milliseconds(400);  // the operator: to arm, or to reset
 
 }  // namespace
@@ -39,6 +40,19 @@ config::RobotConfig small_robot() {
   robot.sensors.push_back({.name = "base_imu", .values = kImuValues, .timeout = milliseconds(20)});
   robot.imu =
       config::Imu{.sensor = "base_imu", .tilt = 1.0, .angular_velocity = 6.0, .frozen_after = milliseconds(100)};
+  return robot;
+}
+
+config::RobotConfig robot_with_fallback() {
+  config::RobotConfig robot = small_robot();
+  robot.degraded.behaviour = config::Degraded::fallback;
+  robot.degraded.fallback = "second";
+  config::Fallback second;
+  second.name = "second";
+  second.kind = config::FallbackKind::policy;
+  second.file = "none";
+  second.longest = seconds(1);
+  robot.fallbacks = {second};
   return robot;
 }
 
@@ -159,6 +173,20 @@ class World::PlantedGuard final : public drivers::FrameGuard {
 
 // --- construction ---
 
+ipc::Segment World::Policy::new_mailbox() {
+  return ipc::Segment::create("explored", ipc::ring_bytes(ipc::command_mailbox()), false).value();
+}
+
+World::Policy::Policy(runtime::MailboxHandover& mailboxes, std::uint64_t policy_hash, Happening what_silences,
+                      float kd_share, ipc::Segment mailbox)
+    : hash(policy_hash),
+      silence(what_silences),
+      kd(kd_share),
+      command_segment(ipc::Segment::adopt_writable(dup(mailbox.fd()), mailbox.size()).value()),
+      commands(std::make_unique<ipc::SlotWriter>(command_segment.writable(), ipc::command_mailbox())) {
+  mailboxes.want(runtime::CommandMailbox::seal(std::move(mailbox), 1).value());
+}
+
 World::World(const config::RobotConfig& robot, std::vector<Event> events, std::uint64_t seed, Planted planted)
     : robot_(robot),
       events_(std::move(events)),
@@ -169,27 +197,26 @@ World::World(const config::RobotConfig& robot, std::vector<Event> events, std::u
       arriving_(robot.buses.size()),
       unheard_since_(robot.joints.size()),
       shoved_at_(robot.joints.size()),
-      config_(config::tick_config_of(robot, 5)),
+      config_(config::tick_config_of(robot, kPolicyHash, kFallbackHash)),
       clock_(std::make_unique<VirtualClock>(*this)),
       edge_(make_edge()),
       published_(runtime::PublishedSegments::create(robot.joints.size(), config_.largest_command).value()),
       observation_segment_(ipc::Segment::adopt_read_only(dup(published_.observation_descriptor()),
                                                          ipc::ring_bytes(ipc::observation_mailbox()))
                                .value()),
-      mailbox_(ipc::Segment::create("explored", ipc::ring_bytes(ipc::command_mailbox()), false).value()),
-      command_segment_(ipc::Segment::adopt_writable(dup(mailbox_.fd()), mailbox_.size()).value()),
       ticks_(published_.tick_reader()),
       observations_(ipc::SlotReader::attach(observation_segment_.readable(), ipc::observation_mailbox()).value()),
       imu_segment_(ipc::Segment::create("explored", ipc::ring_bytes(ipc::sensor_mailbox()), true).value()),
-      commands_(std::make_unique<ipc::SlotWriter>(command_segment_.writable(), ipc::command_mailbox())),
+      policy_(mailboxes_, kPolicyHash, Happening::policy_silent, kPolicyKd),
+      fallback_(fallback_mailboxes_, kFallbackHash, Happening::fallback_silent, kFallbackKd),
       imu_(imu_segment_.writable(), ipc::sensor_mailbox()) {
   auto seen = ipc::Segment::adopt_read_only(dup(imu_segment_.fd()), imu_segment_.size()).value();
   const auto reader = ipc::SlotReader::attach(seen.readable(), ipc::sensor_mailbox()).value();
   imu_mailboxes_.want(std::make_unique<runtime::ImuMailbox>(std::move(seen), reader));
-  mailboxes_.want(runtime::CommandMailbox::seal(std::move(mailbox_), 1).value());
-  loop_ = std::make_unique<runtime::CyclicLoop>(runtime::LoopParts{config_, *clock_, edge_, mailboxes_, requests_,
-                                                                   recorded_, published_, board_, &imu_mailboxes_},
-                                                runtime::LoopTiming{{}, {}, 1'000'000});
+  loop_ = std::make_unique<runtime::CyclicLoop>(
+      runtime::LoopParts{config_, *clock_, edge_, mailboxes_, fallback_mailboxes_, requests_, recorded_, published_,
+                         board_, &imu_mailboxes_},
+      runtime::LoopTiming{{}, {}, 1'000'000});
 }
 
 World::~World() = default;
@@ -256,8 +283,10 @@ void World::fall_asleep(Happening when) {
       for (std::size_t bus = 0; bus < arriving_.size(); ++bus) plant_.collect(bus, said_);
     }
     std::ranges::fill(shoved_at_, plant_at_);
-    newest_answered_ = newest_answered_ - length;
-    for (Answer& answer : answers_) answer.sensed = answer.sensed - length;
+    for (Policy* const policy : {&policy_, &fallback_}) {
+      policy->newest_answered = policy->newest_answered - length;
+      for (Answer& answer : policy->answers) answer.sensed = answer.sensed - length;
+    }
   }
 }
 
@@ -359,6 +388,7 @@ void World::begin_and_end_events() {
       case Happening::imu_silent:
       case Happening::imu_lies:
       case Happening::base_leans:
+      case Happening::fallback_silent:
         done_[i] = false;  // lasts, or strikes at a port
     }
   }
@@ -495,7 +525,7 @@ void World::before_tick() {
   while (ticks_.read_next(std::as_writable_bytes(std::span(&record_, 1))).status == ipc::ReadStatus::fresh)
     if (on_tick) on_tick(record_);
   recorded_.set(is_recorded() || planted_ == Planted::deaf_to_recorder ? record_.header.tick : 0);
-  let_policy_work();
+  let_policies_work();
   const MonoTime stopped =
       std::max(stop_asked_at_, power_off_asked_at_);  // who stops a robot does not press on at once
   if (now_ - asked_at_ < kAsksEvery || now_ - stopped < kAsksEvery) return;
@@ -506,27 +536,33 @@ void World::before_tick() {
     requests_.reset();
 }
 
-void World::let_policy_work() {
-  if (observations_.read_latest(std::as_writable_bytes(std::span(&observation_, 1))).status == ipc::ReadStatus::fresh &&
-      active(Happening::policy_silent) == nullptr)
-    answer(observation_);
-  for (; !answers_.empty() && answers_.front().due <= now_; answers_.pop_front()) {
-    const Answer& ready = answers_.front();
+void World::let_policies_work() {
+  const bool observes =
+      observations_.read_latest(std::as_writable_bytes(std::span(&observation_, 1))).status == ipc::ReadStatus::fresh;
+  let_work(policy_, observes);
+  if (pipeline::has_fallback_policy(config_)) let_work(fallback_, observes);
+}
+
+void World::let_work(Policy& policy, bool observes) {
+  if (observes && active(policy.silence) == nullptr) answer(policy, observation_);
+  for (; !policy.answers.empty() && policy.answers.front().due <= now_; policy.answers.pop_front()) {
+    const Answer& ready = policy.answers.front();
     ready.chunk->header.published_at = now_;
-    commands_->publish(std::as_bytes(std::span(ready.chunk.get(), 1)).first(ready.bytes));
-    newest_answered_ = std::max(newest_answered_, ready.sensed);
+    policy.commands->publish(std::as_bytes(std::span(ready.chunk.get(), 1)).first(ready.bytes));
+    policy.newest_answered = std::max(policy.newest_answered, ready.sensed);
   }
 }
 
-void World::answer(const Observation& observation) {
-  const Event* const slow = active(Happening::policy_slow);
+void World::answer(Policy& policy, const Observation& observation) {
+  const bool is_main = &policy == &policy_;
+  const Event* const slow = is_main ? active(Happening::policy_slow) : nullptr;
   const Duration takes =
       kInference + (slow != nullptr ? std::min(Duration{slow->length.ns / 4}, milliseconds(200)) : Duration{});
   auto chunk = std::make_unique<CommandChunk>();
   CommandHeader& header = chunk->header;
   header.observation_id = observation.id;
-  header.sequence = ++sequence_;
-  header.policy_hash = 5;
+  header.sequence = ++policy.sequence;
+  header.policy_hash = policy.hash;
   header.outside_sensed_at = observation.published_at;
   header.outside_sensed_at = header.dequeued_at = header.infer_started_at = now_;
   header.infer_ended_at = header.published_at = now_ + takes;
@@ -535,7 +571,7 @@ void World::answer(const Observation& observation) {
   header.joint_count = static_cast<std::uint16_t>(observation.joint_count);
   header.fields = static_cast<std::uint8_t>(CommandField::q) | static_cast<std::uint8_t>(CommandField::kp) |
                   static_cast<std::uint8_t>(CommandField::kd);
-  const bool nonsense = active(Happening::policy_nonsense) != nullptr;
+  const bool nonsense = is_main && active(Happening::policy_nonsense) != nullptr;
   for (std::size_t step = 0; step < kSteps; ++step) {
     const double at = (observation.published_at - kStart + kStepPeriod * static_cast<std::int64_t>(step)).seconds();
     for (std::size_t j = 0; j < header.joint_count; ++j) {
@@ -544,10 +580,10 @@ void World::answer(const Observation& observation) {
       chunk->values[value_index(header, CommandField::q, step, j)] =
           nonsense ? std::numeric_limits<float>::quiet_NaN() : static_cast<float>(q);
       chunk->values[value_index(header, CommandField::kp, step, j)] = kPolicyKp * config_.joints[j].kp;
-      chunk->values[value_index(header, CommandField::kd, step, j)] = kPolicyKd * config_.joints[j].kd;
+      chunk->values[value_index(header, CommandField::kd, step, j)] = policy.kd * config_.joints[j].kd;
     }
   }
-  answers_.push_back({now_ + takes, chunk->used_bytes(), std::move(chunk), observation.oldest_sensed_at});
+  policy.answers.push_back({now_ + takes, chunk->used_bytes(), std::move(chunk), observation.oldest_sensed_at});
 }
 
 }  // namespace takt::exploration

@@ -24,7 +24,7 @@ namespace takt::exploration {
 inline constexpr MonoTime kStart{1'000'000'000'000};
 inline constexpr Duration kOnTheWire = microseconds(130);  // of a frame, each way
 // Share of the robot's default gains that the policy asks for: by its ratio kp / kd a frame says whose it is.
-inline constexpr float kPolicyKp = 0.8F, kPolicyKd = 0.5F;
+inline constexpr float kPolicyKp = 0.8F, kPolicyKd = 0.5F, kFallbackKd = 0.3F;
 
 // A fault of the executive's own, put between its drivers and the bus, so that oracles can be seen to bite.
 enum class Planted : std::uint8_t {
@@ -44,6 +44,8 @@ enum class Planted : std::uint8_t {
 
 // One drive of each protocol, on flywheels; no gravity; an output that permits torque; an IMU in the base.
 config::RobotConfig small_robot();
+// The same with a fallback policy, which may move it for a second at one go.
+config::RobotConfig robot_with_fallback();
 
 class World {
  public:
@@ -83,8 +85,11 @@ class World {
   [[nodiscard]] bool is_torque_permitted() const { return torque_permitted_; }
   [[nodiscard]] bool torque_output_works() const { return active(Happening::torque_output_fails) == nullptr; }
   [[nodiscard]] bool is_recorded() const { return active(Happening::recorder_ends) == nullptr; }
-  // When the oldest sample was taken of the newest observation that any published command answers; unset before.
-  [[nodiscard]] MonoTime newest_answered() const { return newest_answered_; }
+  // When the oldest sample was taken of the newest observation that any command published by this one of the policies
+  // answers; unset before.
+  [[nodiscard]] MonoTime newest_answered(Player player) const {
+    return player == Player::fallback ? fallback_.newest_answered : policy_.newest_answered;
+  }
 
  private:
   class VirtualClock;
@@ -101,6 +106,21 @@ class World {
     std::unique_ptr<CommandChunk> chunk;
     MonoTime sensed;
   };
+  // One of the two, behind its mailbox.
+  struct Policy {
+    // `mailbox` is the executive's from then on.
+    Policy(runtime::MailboxHandover& mailboxes, std::uint64_t policy_hash, Happening what_silences, float kd_share,
+           ipc::Segment mailbox = new_mailbox());
+    static ipc::Segment new_mailbox();
+    std::uint64_t hash;
+    Happening silence;
+    float kd;  // share of the robot's default gains that it asks for
+    ipc::Segment command_segment;
+    std::unique_ptr<ipc::SlotWriter> commands;
+    std::deque<Answer> answers{};
+    std::uint64_t sequence = 0;
+    MonoTime newest_answered{};
+  };
   void pass(Duration time) { go_to(now_ + time); }
   void go_to(MonoTime until);
   void stall_in(Happening port);
@@ -112,8 +132,9 @@ class World {
   void sense_base();
   void collect(std::size_t bus);
   void arrive(std::size_t bus, const plant::Frames& said);
-  void let_policy_work();
-  void answer(const Observation& observation);
+  void let_policies_work();
+  void let_work(Policy& policy, bool observes);
+  void answer(Policy& policy, const Observation& observation);
   void before_tick();
   [[nodiscard]] bool is_active(const Event& event) const;
   [[nodiscard]] const Event* active(Happening what) const;
@@ -143,24 +164,22 @@ class World {
   pipeline::TickConfig config_;
   std::unique_ptr<VirtualClock> clock_;
   runtime::DriveEdge edge_;
-  runtime::MailboxHandover mailboxes_;
+  runtime::MailboxHandover mailboxes_, fallback_mailboxes_;
   runtime::OperatorInbox requests_;
   runtime::RecordedThrough recorded_;
   runtime::PublishedSegments published_;
   runtime::StatusBoard board_;
-  ipc::Segment observation_segment_, mailbox_, command_segment_;
+  ipc::Segment observation_segment_;
   ipc::SlotReader ticks_, observations_;
   ipc::Segment imu_segment_;
-  std::unique_ptr<ipc::SlotWriter> commands_;
+  Policy policy_, fallback_;
   ipc::SlotWriter imu_;
   runtime::Handover<runtime::ImuMailbox> imu_mailboxes_;
   std::uint64_t imu_sequence_ = 0;
   std::unique_ptr<runtime::CyclicLoop> loop_;
   TickRecord record_{};
   Observation observation_;
-  std::deque<Answer> answers_;
-  std::uint64_t sequence_ = 0;
-  MonoTime newest_answered_, stop_asked_at_, power_off_asked_at_, refused_at_, asked_at_, last_tick_at_;
+  MonoTime stop_asked_at_, power_off_asked_at_, refused_at_, asked_at_, last_tick_at_;
 };
 
 }  // namespace takt::exploration

@@ -109,6 +109,10 @@ Child RunningRobot::start_policy_host() {
   return start("takt-policy-host", {}, "policy-host");
 }
 
+Child RunningRobot::start_fallback_host() {
+  return start("takt-policy-host", {"--fallback"}, "fallback-host");
+}
+
 Child RunningRobot::start_rogue(const std::string& behaviour, const std::string& healthy_for) {
   return start("takt-rogue-policy", {"--behaviour", behaviour, "--healthy-for", healthy_for}, "rogue");
 }

@@ -48,6 +48,7 @@ class RunningRobot {
   // Another `log_path` than its own file: a pipe, say.
   Child start_executive(const std::string& log_path = {});
   Child start_policy_host();
+  Child start_fallback_host();
   Child start_rogue(const std::string& behaviour, const std::string& healthy_for);
   Child start_monitor(const std::string& run_directory_name);
 

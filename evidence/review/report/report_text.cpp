@@ -56,6 +56,8 @@ std::string modes_line(const RunMetrics& metrics) {
     text += fmt::format("{}{} {:.1f} %", text.empty() ? "" : ", ", takt::name(static_cast<Mode>(mode)),
                         percent(metrics.ticks_in_mode[mode], metrics.ticks));
   }
+  const std::uint64_t fallback = metrics.ticks_of_player[static_cast<std::size_t>(Player::fallback)];
+  if (fallback != 0) text += fmt::format("; moved by the fallback policy {:.1f} %", percent(fallback, metrics.ticks));
   return text.empty() ? "none: not one tick was recorded" : text;
 }
 

@@ -39,7 +39,7 @@ class PolicyTarget {
 
   // Read by the tick to come.
   void command(const RecordedCommand& command) {
-    const auto header = header_of(command);
+    const auto header = policy_header_of(command);
     if (!header || header->joint_count != joints_ || header->step_count == 0) return;
     const std::size_t first = value_index(*header, CommandField::q, header->step_count - 1U, 0);
     const std::size_t at = sizeof *header + first * sizeof(float);

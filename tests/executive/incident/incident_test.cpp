@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <memory>
 
 #include "config/load.hpp"
@@ -211,6 +212,45 @@ TEST_F(ImuIncident, SaysHowFarTheBaseLeans) {
   record.header.imu.angular_velocity[1] = 2;
   EXPECT_EQ(detail_of(Cause::tilt),
             "the base leans 1.29 rad from upright (imu.tilt 1) and turns at 2.00 rad/s (imu.angular_velocity 6)");
+}
+
+struct FallbackIncident : IncidentTest {
+  FallbackIncident() {
+    robot.degraded.behaviour = config::Degraded::fallback;
+    robot.degraded.fallback = "stand";
+    config::Fallback& stand = robot.fallbacks.emplace_back();
+    stand.name = "stand";
+    stand.kind = config::FallbackKind::policy;
+    stand.longest = seconds(20);
+    watch = IncidentWatch(robot);
+    enter(Mode::tracking, Cause::drives_enabled);
+    record.header.freshness = Freshness::missing;
+    record.header.player = Player::fallback;
+    enter(Mode::degraded, Cause::contract_violated);
+  }
+};
+
+TEST_F(FallbackIncident, BothLostAreNamedAndTheChainSaysWhoTookOver) {
+  stay(300);
+  record.header.player = Player::none;
+  stay(600);
+  const auto incident = enter(Mode::damped_stop, Cause::command_lost);
+  ASSERT_TRUE(incident);
+  EXPECT_EQ(
+      incident->detail,
+      "neither the policy nor the fallback policy stand gave a usable command for 600 ms (stop_after), none is left");
+  ASSERT_GE(incident->chain.size(), 2U);
+  const auto took_over = [](const IncidentLink& link) { return link.what == "the fallback policy stand took over"; };
+  EXPECT_TRUE(std::ranges::any_of(incident->chain, took_over));
+}
+
+TEST_F(FallbackIncident, SaysThatItsTimeIsOver) {
+  stay(10);
+  const auto incident = enter(Mode::damped_stop, Cause::fallback_spent);
+  ASSERT_TRUE(incident);
+  EXPECT_EQ(incident->detail,
+            "the fallback policy stand has moved the robot for 20 s (fallbacks.stand.for), and the policy is not back: "
+            "none is left");
 }
 
 TEST_F(ImuIncident, SaysHowTheImuWasLost) {

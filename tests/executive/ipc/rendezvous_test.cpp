@@ -149,7 +149,7 @@ TEST_F(Rendezvous, HandsOutDescriptorsAndHearsTheAcknowledgement) {
 
 TEST_F(Rendezvous, SecondHolderIsToldWhoHoldsTheLeaseAndHowToMend) {
   const ServerThread server(path_, admit_all());
-  for (const Role role : {Role::policy, Role::monitor}) {
+  for (const Role role : {Role::policy, Role::fallback_policy, Role::monitor}) {
     const auto first = attach(path_, hello_of(role, "first-holder"), kTimeout);
     ASSERT_TRUE(first) << first.error();
     const auto second = attach(path_, hello_of(role, "second"), kTimeout);

@@ -26,7 +26,7 @@ struct Case {
   MonoTime now = kNow;
 
   Case() {
-    config.policy_hash = 77;
+    config.policy.hash = 77;
     for (int i = 0; i < 100; ++i)
       memory.remember({kSensed - milliseconds(99 - i), kPublished - milliseconds(99 - i)},
                       remembered_observations(config));
@@ -34,7 +34,7 @@ struct Case {
     bytes = chunk.used_bytes();
   }
   [[nodiscard]] ArrivalVerdict judge() const {
-    return judge_arrival(chunk, bytes, now, kLastSequence, in_use, memory, config);
+    return judge_arrival(chunk, bytes, now, {config.policy, kLastSequence, in_use}, memory, config);
   }
   void give(CommandField field, float value) {
     chunk.header.fields = static_cast<std::uint8_t>(chunk.header.fields | static_cast<unsigned>(field));
@@ -85,7 +85,7 @@ const std::vector<Spoilt>& spoilt_messages() {
       {"next observation", Arrival::future_observation, [](Case& c) { c.chunk.header.observation_id = 101; }},
       {"far observation", Arrival::future_observation, [](Case& c) { c.chunk.header.observation_id = UINT64_MAX; }},
       {"just forgotten", Arrival::expired_observation, [](Case& c) { c.chunk.header.observation_id = 93; }},
-      {"sensors without a stamp", Arrival::missing_stamp, [](Case& c) { c.config.needs_outside_stamp = true; }},
+      {"sensors without a stamp", Arrival::missing_stamp, [](Case& c) { c.config.policy.needs_outside_stamp = true; }},
       {"sensor ahead of now", Arrival::future_observation,
        [](Case& c) { c.chunk.header.outside_sensed_at = kNow + c.config.period + nanoseconds(1); }},
       {"published ahead of now", Arrival::future_observation,
@@ -201,7 +201,7 @@ TEST(Arrival, ASecondAnswerToTheSameObservationIsNotOvertaken) {
 
 TEST(Arrival, AStampOfOutsideSensorsIsAskedForWhereThePolicyUsesThem) {
   Case message;
-  message.config.needs_outside_stamp = true;
+  message.config.policy.needs_outside_stamp = true;
   message.chunk.header.outside_sensed_at = kSensed - milliseconds(30);
   EXPECT_EQ(message.judge().arrival, Arrival::accepted);
   EXPECT_EQ(message.judge().command.sensed_at, kSensed - milliseconds(30));

@@ -584,7 +584,7 @@ TEST(Commands, LateOnesAreNoIntegrationError) {
 
 TEST(Commands, WithoutTheStampOfTheirSensorsTheyNeitherMoveNorArm) {
   TickConfig config = robot(2);
-  config.needs_outside_stamp = true;
+  config.policy.needs_outside_stamp = true;
   Rig rig(config);
   rig.run_with_policy(100, 0.0F);
   EXPECT_EQ(rig.header().last_refusal, Arrival::missing_stamp);

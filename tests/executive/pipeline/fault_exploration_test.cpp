@@ -79,7 +79,7 @@ class Schedule {
     TickConfig config = robot(1 + seed % 8);
     config.gravity_compensation = seed % 3 == 0;
     config.degraded = static_cast<DegradedBehaviour>(seed / 3 % 3);
-    config.policy_hash = 5;
+    config.policy.hash = 5;
     config.interpolation = static_cast<Interpolation>(seed / 9 % 3);
     return config;
   }

@@ -61,8 +61,21 @@ TEST(Freshness, ACommandIsValidUntilItsAgeOrItsChunkEnds) {
 }
 
 TEST(Freshness, ViolationNeedsMoreThanTheBound) {
-  EXPECT_FALSE(is_violated(10, kContract)) << "epsilon * window = 10 is still allowed";
-  EXPECT_TRUE(is_violated(11, kContract));
+  const MonoTime now{1'000'000'000};
+  EXPECT_FALSE(is_violated(10, {}, now, kContract)) << "epsilon * window = 10 is still allowed";
+  EXPECT_TRUE(is_violated(11, {}, now, kContract));
+}
+
+// Goal: a silent policy is noticed after degrade_after, whatever the window's share allows, and not a moment before.
+// Method: one usable tick, then the instants around degrade_after, without a single miss counted.
+TEST(Freshness, SilenceAloneViolatesAfterDegradeAfter) {
+  FreshnessContract contract = kContract;
+  contract.degrade_after = milliseconds(40);
+  const MonoTime heard{1'000'000'000};
+  Recovery recovery;
+  note_freshness(recovery, Freshness::fresh, heard);
+  EXPECT_FALSE(is_violated(0, recovery, heard + milliseconds(40) - nanoseconds(1), contract));
+  EXPECT_TRUE(is_violated(0, recovery, heard + milliseconds(40), contract));
 }
 
 TEST(Recovery, FlappingDoublesTheWaitUpToSixteenTimes) {
@@ -104,8 +117,8 @@ TEST(Recovery, ACommandIsLostExactlyAfterStopAfter) {
   const MonoTime start{1'000'000'000};
   note_freshness(recovery, Freshness::fresh, start);
   note_freshness(recovery, Freshness::missing, start + milliseconds(1));
-  EXPECT_FALSE(is_command_lost(recovery, start + milliseconds(500) - nanoseconds(1), kContract));
-  EXPECT_TRUE(is_command_lost(recovery, start + milliseconds(500), kContract));
+  EXPECT_FALSE(is_command_lost(recovery.last_usable_at, start + milliseconds(500) - nanoseconds(1), kContract));
+  EXPECT_TRUE(is_command_lost(recovery.last_usable_at, start + milliseconds(500), kContract));
 }
 
 }  // namespace

@@ -44,7 +44,8 @@ const std::map<Cause, std::string>& expected() {
                                                  {Cause::operator_deenergise, ".sssss"},
                                                  {Cause::torque_output_lost, ".ppp.."},
                                                  {Cause::tilt, ".ppp.."},
-                                                 {Cause::imu_lost, ".ppp.."}};
+                                                 {Cause::imu_lost, ".ppp.."},
+                                                 {Cause::fallback_spent, "...p.."}};
   return rows;
 }
 

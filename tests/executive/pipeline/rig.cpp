@@ -24,6 +24,7 @@ TickConfig robot(std::uint32_t joints) {
                       .recover_after = milliseconds(200),
                       .flap_memory = seconds(10),
                       .stop_after = milliseconds(500),
+                      .degrade_after = {},
                       .bad_command_limit = 20};
   config.feedback_timeout = milliseconds(20);
   config.enable_timeout = milliseconds(300);
@@ -63,7 +64,7 @@ CommandChunk chunk_for(const TickConfig& config, std::uint64_t observation, Mono
   CommandHeader& header = chunk.header;
   header.observation_id = observation;
   header.sequence = sequence;
-  header.policy_hash = config.policy_hash;
+  header.policy_hash = config.policy.hash;
   header.dequeued_at = header.infer_started_at = observed_at;
   header.infer_ended_at = header.published_at = now;
   header.step_period = milliseconds(10);

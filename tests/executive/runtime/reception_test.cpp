@@ -25,13 +25,19 @@ using testing::HasSubstr;
 using testing::MatchesRegex;
 
 constexpr std::uint64_t kPolicyHash = 0x1122334455667788;
+constexpr std::uint64_t kFallbackHash = 0x8877665544332211;
 
 // An executive but for main(): a loop without real-time scheduling, and its reception.
 class ReceptionTest : public testing::Test {
  protected:
   // `unrecorded_limit` 0: no recorder is required, and these tests have none.
-  explicit ReceptionTest(std::uint32_t unrecorded_limit = 0) {
+  explicit ReceptionTest(std::uint32_t unrecorded_limit = 0, bool with_fallback = false) {
     config_->unrecorded_limit = unrecorded_limit;
+    if (with_fallback) {
+      config_->degraded = pipeline::DegradedBehaviour::fallback;
+      config_->fallback = pipeline::FallbackKind::policy;
+      config_->fallback_policy.hash = kFallbackHash;
+    }
     // The loop runs without real-time scheduling here: limits that a busy machine does not reach.
     config_->feedback_timeout = robot_.feedback.timeout = seconds(1);
     config_->enable_timeout = seconds(10);
@@ -42,13 +48,14 @@ class ReceptionTest : public testing::Test {
     drives_ = std::make_unique<SimulatedDrives>(robot_, directory_);
     edge_ = std::make_unique<DriveEdge>(open_edge(robot_, directory_, 5s).value().edge);
     loop_ = std::make_unique<CyclicLoop>(
-        LoopParts{*config_, clock_, *edge_, mailboxes_, requests_, recorded_, published_, board_},
+        LoopParts{*config_, clock_, *edge_, mailboxes_, fallback_mailboxes_, requests_, recorded_, published_, board_},
         LoopTiming{{}, {}, 1000});
     follower_ =
         std::make_unique<TickFollower>(published_.tick_reader(), config_->rest_velocity, 0, [](const TickRecord&) {});
     follower_->tell(incidents_);
-    auto opened = Reception::open(path(), {robot_, *config_, admission_rules(robot_, kPolicyHash), published_,
-                                           mailboxes_, requests_, recorded_, board_, *follower_});
+    auto opened = Reception::open(
+        path(), {robot_, *config_, admission_rules(robot_, kPolicyHash), admission_rules(robot_, kFallbackHash),
+                 published_, mailboxes_, fallback_mailboxes_, requests_, recorded_, board_, *follower_});
     EXPECT_TRUE(opened) << opened.error();
     reception_ = std::move(*opened);
     reception_->set_realtime(true, false);
@@ -75,7 +82,7 @@ class ReceptionTest : public testing::Test {
     Hello hello;
     hello.role = role;
     hello.config_hash = robot_.hash;
-    hello.policy_hash = kPolicyHash;
+    hello.policy_hash = role == Role::fallback_policy ? kFallbackHash : kPolicyHash;
     hello.joint_names_hash = config::joint_names_hash(robot_);
     hello.joint_count = static_cast<std::uint32_t>(robot_.joints.size());
     hello.step_count = robot_.policy->steps;
@@ -101,13 +108,13 @@ class ReceptionTest : public testing::Test {
     ipc::Lease lease;
     std::unique_ptr<HoldingPolicy> policy;
   };
-  Attached attach_policy() const {
+  Attached attach_policy(Role role = Role::policy) const {
     Attached attached;
-    attached.lease = ipc::attach(path(), hello(Role::policy), 5s).value();
-    attached.policy =
-        std::make_unique<HoldingPolicy>(attached.lease.descriptors.at(ipc::kObservationDescriptor).get(),
-                                        attached.lease.descriptors.at(ipc::kCommandDescriptor).get(), kPolicyHash,
-                                        static_cast<std::uint16_t>(robot_.policy->steps), robot_.policy->step_period);
+    attached.lease = ipc::attach(path(), hello(role), 5s).value();
+    attached.policy = std::make_unique<HoldingPolicy>(
+        attached.lease.descriptors.at(ipc::kObservationDescriptor).get(),
+        attached.lease.descriptors.at(ipc::kCommandDescriptor).get(), hello(role).policy_hash,
+        static_cast<std::uint16_t>(robot_.policy->steps), robot_.policy->step_period);
     EXPECT_TRUE(ipc::acknowledge(attached.lease));
     attached.policy->start();
     return attached;
@@ -129,7 +136,7 @@ class ReceptionTest : public testing::Test {
   std::unique_ptr<SimulatedDrives> drives_;
   std::unique_ptr<DriveEdge> edge_;
   SystemClock clock_;
-  MailboxHandover mailboxes_;
+  MailboxHandover mailboxes_, fallback_mailboxes_;
   OperatorInbox requests_;
   RecordedThrough recorded_;
   StatusBoard board_;
@@ -143,8 +150,9 @@ class ReceptionTest : public testing::Test {
 };
 
 TEST_F(ReceptionTest, ASecondExecutiveIsTurnedAway) {
-  auto second = Reception::open(path(), {robot_, *config_, admission_rules(robot_, kPolicyHash), published_, mailboxes_,
-                                         requests_, recorded_, board_, *follower_});
+  auto second = Reception::open(
+      path(), {robot_, *config_, admission_rules(robot_, kPolicyHash), admission_rules(robot_, kFallbackHash),
+               published_, mailboxes_, fallback_mailboxes_, requests_, recorded_, board_, *follower_});
   ASSERT_FALSE(second);
   EXPECT_THAT(second.error(), HasSubstr(path()));
 }
@@ -187,6 +195,43 @@ TEST_F(ReceptionTest, AnInadmissiblePolicyHearsWhy) {
   const auto lease = ipc::attach(path(), wrong, 5s);
   ASSERT_FALSE(lease);
   EXPECT_THAT(lease.error(), HasSubstr("7 joints, the robot has 6"));
+}
+
+TEST_F(ReceptionTest, ARobotWithoutAFallbackPolicyAdmitsNone) {
+  const auto lease = ipc::attach(path(), hello(Role::fallback_policy), 5s);
+  ASSERT_FALSE(lease);
+  EXPECT_THAT(lease.error(), HasSubstr("has no fallback policy"));
+}
+
+class TwoPoliciesTest : public ReceptionTest {
+ protected:
+  TwoPoliciesTest() : ReceptionTest(0, true) {}
+};
+
+// Goal: the two have a lease, a mailbox and a session each, arming waits for both, and either may go and come back
+// without the other noticing. Method: two policies in this process; the fallback leaves and returns while the robot
+// tracks.
+TEST_F(TwoPoliciesTest, EachHasASeatOfItsOwnAndArmingWaitsForBoth) {
+  const Attached policy = attach_policy();
+  ASSERT_TRUE(until([](const StatusSnapshot& status) { return status.tick.freshness == Freshness::fresh; }));
+  EXPECT_THAT(ask(OperatorVerb::arm).sentences, HasSubstr("no fresh command of the fallback policy"));
+  {
+    const Attached fallback = attach_policy(Role::fallback_policy);
+    ASSERT_EQ(arm_until_granted(), "");
+    ASSERT_TRUE(until([](const StatusSnapshot& status) {
+      return status.tick.mode == Mode::tracking && status.tick.fallback.session == 1 && status.fallback_pid != 0;
+    }));
+    EXPECT_FALSE(ipc::attach(path(), hello(Role::fallback_policy), 5s)) << "its seat is taken";
+  }
+  ASSERT_TRUE(until([](const StatusSnapshot& status) { return status.fallback_pid == 0; }));
+  const Attached successor = attach_policy(Role::fallback_policy);
+  EXPECT_TRUE(until([](const StatusSnapshot& status) {
+    return status.tick.fallback.session == 2 && status.tick.fallback.freshness == Freshness::fresh;
+  }));
+  const StatusSnapshot status = ask(OperatorVerb::status).status;
+  EXPECT_EQ(status.tick.mode, Mode::tracking);
+  EXPECT_EQ(status.tick.player, Player::policy);
+  EXPECT_EQ(status.tick.policy_session, 1);
 }
 
 TEST_F(ReceptionTest, ASensorReaderIsSentElsewhere) {

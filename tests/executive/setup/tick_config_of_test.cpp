@@ -24,7 +24,7 @@ TEST(TickConfigOf, CarriesTimingContractAndCounts) {
   EXPECT_EQ(tick.joint_count, 2U);
   EXPECT_EQ(tick.bus_count, 1U);
   EXPECT_EQ(tick.observation_every_ticks, 20U);
-  EXPECT_EQ(tick.policy_hash, 7U);
+  EXPECT_EQ(tick.policy.hash, 7U);
   EXPECT_EQ(tick.freshness.max_age, milliseconds(120));
   EXPECT_EQ(tick.freshness.window_ticks, 1000U);
   EXPECT_EQ(tick.freshness.stop_after, milliseconds(600));
@@ -37,9 +37,26 @@ TEST(TickConfigOf, TheShareOfLatePeriodsIsTheFiles) {
 }
 
 TEST(TickConfigOf, AStampIsAskedForWhereThePolicyUsesASensor) {
-  EXPECT_TRUE(tick_of(test::kSmallRobot).needs_outside_stamp);
+  EXPECT_TRUE(tick_of(test::kSmallRobot).policy.needs_outside_stamp);
   EXPECT_FALSE(tick_of(test::with("term: sensor, sensor: target, scale: [1, 1, 0.5]", "term: constant, values: [1]"))
-                   .needs_outside_stamp);
+                   .policy.needs_outside_stamp);
+}
+
+constexpr const char* kPose = "kind: pose, speed: 0.5 rad/s, pose: [0 rad, 10 deg]";  // of the small robot
+
+TEST(TickConfigOf, AFallbackPolicyHasItsOwnHashItsTimeAndTheBound) {
+  std::string text = test::with(kPose, "kind: policy, for: 20 s");
+  constexpr std::string_view kChosen = "fallback: tuck }";
+  text.replace(text.find(kChosen), kChosen.size(), "fallback: tuck, after: 40 ms }");
+  const auto robot = parse(text, "r");
+  ASSERT_TRUE(robot.has_value()) << robot.error();
+  const auto tick = tick_config_of(*robot, 7, 8);
+  EXPECT_TRUE(pipeline::has_fallback_policy(tick));
+  EXPECT_EQ(tick.fallback_policy.hash, 8U);
+  EXPECT_TRUE(tick.fallback_policy.needs_outside_stamp) << "it reads the same sensor";
+  EXPECT_EQ(tick.fallback_longest, seconds(20));
+  EXPECT_EQ(tick.freshness.degrade_after, milliseconds(40));
+  EXPECT_FALSE(pipeline::has_fallback_policy(tick_of(test::kSmallRobot)));
 }
 
 TEST(TickConfigOf, AsManyObservationsAreRememberedAsMaxAgeHolds) {

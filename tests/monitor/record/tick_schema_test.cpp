@@ -57,6 +57,11 @@ std::vector<std::size_t> range(std::size_t first, std::size_t count) {
 
 TEST(TickSchema, TablesCoverEverythingButReservedBytes) {
   std::vector<std::size_t> expected = range(offsetof(TickRecordHeader, buses), sizeof(TickRecordHeader::buses));
+  const auto reserved_in_fallback = range(offsetof(TickRecordHeader, fallback) + offsetof(FallbackRecord, reserved),
+                                          sizeof(FallbackRecord::reserved));
+  expected.insert(expected.end(), reserved_in_fallback.begin(), reserved_in_fallback.end());
+  const auto reserved = range(offsetof(TickRecordHeader, reserved), sizeof(TickRecordHeader::reserved));
+  expected.insert(expected.end(), reserved.begin(), reserved.end());
   EXPECT_EQ(uncovered(header_fields(), sizeof(TickRecordHeader)), expected);
   EXPECT_EQ(uncovered(bus_fields(), sizeof(BusHealth)), range(offsetof(BusHealth, reserved), 2));
   expected = range(offsetof(JointFeedback, reserved), sizeof(JointFeedback::reserved));

@@ -1,0 +1,378 @@
+// Goal: a second policy that is kept warm takes over in time when the first is lost, hands back when it returns, never
+// makes the reference jump, never moves the robot by an old command, and every tick says who moved it. Method: the
+// rig's robot in virtual time with two policies that answer each observation, each told when to be silent and what to
+// want; limits of the reference checked at every tick, for every join rule.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <memory>
+#include <random>
+#include <vector>
+
+#include "executive/ipc/executive_segments.hpp"
+#include "executive/pipeline/mode_machine.hpp"
+#include "tests/executive/pipeline/rig.hpp"
+
+namespace takt::pipeline {
+namespace {
+
+using testing::chunk_for;
+using testing::Rig;
+
+constexpr std::uint64_t kFallbackHash = 0xFA11;
+
+TickConfig robot_with_fallback(std::uint32_t joints = 3) {
+  TickConfig config = testing::robot(joints);
+  config.degraded = DegradedBehaviour::fallback;
+  config.fallback = FallbackKind::policy;
+  config.fallback_policy.hash = kFallbackHash;
+  config.freshness.recover_after = milliseconds(100);
+  return config;
+}
+
+// Both policies answer every observation in the tick after it, unless they are silent.
+struct TwoPolicies {
+  explicit TwoPolicies(const TickConfig& config) : rig(config) {}
+
+  const TickOutput& tick(OperatorRequest request = OperatorRequest::none) {
+    rig.input.fallback.mailbox = Arrival::none;
+    rig.input.fallback.command = nullptr;
+    const bool due = rig.newest_observation != 0 && rig.out->observation_due;
+    if (due && fallback_speaks) {
+      *second = chunk_for(rig.config, rig.newest_observation, rig.published_at[rig.newest_observation], rig.now,
+                          ++sequence, fallback_wants);
+      second->header.policy_hash = fallback_hash;
+      rig.input.fallback.mailbox = Arrival::accepted;
+      rig.input.fallback.command = second.get();
+      rig.input.fallback.bytes = second->used_bytes();
+    }
+    return policy_speaks ? rig.tick_with_policy(policy_wants, request) : rig.tick(nullptr, request);
+  }
+  void run(int ticks) {
+    for (int i = 0; i < ticks; ++i) tick();
+  }
+  // Ticks until `mode`, at most `most`.
+  int run_until(Mode mode, int most) {
+    for (int i = 0; i < most; ++i) {
+      if (rig.mode() == mode) return i;
+      tick();
+    }
+    return rig.mode() == mode ? most : -1;
+  }
+  void arm() {
+    run(40);
+    tick(OperatorRequest::arm);
+    ASSERT_GE(run_until(Mode::tracking, 60), 0);
+  }
+  [[nodiscard]] const TickRecordHeader& header() const { return rig.header(); }
+
+  Rig rig;
+  bool policy_speaks = true, fallback_speaks = true;
+  float policy_wants = 0.4F, fallback_wants = -0.4F;
+  std::uint64_t fallback_hash = kFallbackHash, sequence = 0;
+  std::unique_ptr<CommandChunk> second = std::make_unique<CommandChunk>();
+};
+
+std::vector<std::string_view> blockers_of(const Rig& rig) {
+  std::array<ArmingBlocker, 16> found;
+  const std::size_t count = arming_blockers(rig.out->record, rig.config, found);
+  std::vector<std::string_view> sentences;
+  for (std::size_t i = 0; i < count; ++i) sentences.push_back(found[i].what);
+  return sentences;
+}
+
+TEST(FallbackPolicy, NobodyArmsWhileItIsNotFresh) {
+  TwoPolicies two(robot_with_fallback());
+  two.fallback_speaks = false;
+  two.run(60);
+  ASSERT_EQ(blockers_of(two.rig).size(), 1U);
+  EXPECT_NE(blockers_of(two.rig)[0].find("fallback policy: is its host running"), std::string_view::npos);
+  two.tick(OperatorRequest::arm);
+  EXPECT_EQ(two.rig.mode(), Mode::standby);
+
+  two.fallback_speaks = true;
+  two.fallback_hash = 1;
+  two.run(60);
+  ASSERT_EQ(blockers_of(two.rig).size(), 1U);
+  EXPECT_NE(blockers_of(two.rig)[0].find("another policy's"), std::string_view::npos);
+  EXPECT_EQ(two.header().fallback.last_refusal, Arrival::wrong_policy);
+  EXPECT_EQ(two.header().freshness, Freshness::fresh) << "the policy's own command is not the fallback's";
+
+  two.fallback_hash = kFallbackHash;
+  two.run(40);
+  EXPECT_TRUE(blockers_of(two.rig).empty());
+  two.tick(OperatorRequest::arm);
+  EXPECT_EQ(two.rig.mode(), Mode::arming);
+}
+
+TEST(FallbackPolicy, TakesOverWithinTheBoundAndHandsBack) {
+  TwoPolicies two(robot_with_fallback());
+  two.arm();
+  two.run(500);
+  ASSERT_EQ(two.header().player, Player::policy);
+  ASSERT_NEAR(two.rig.out->record.joints[0].q_reference, 0.4F, 0.01F);
+
+  two.policy_speaks = false;
+  const MonoTime silent = two.rig.now;
+  ASSERT_GE(two.run_until(Mode::degraded, 400), 0);
+  const FreshnessContract& contract = two.rig.config.freshness;
+  const Duration bound =
+      contract.max_age + milliseconds(static_cast<std::int64_t>(contract.epsilon * contract.window_ticks) + 2);
+  EXPECT_LE(two.rig.now - silent, bound);
+  EXPECT_EQ(two.header().player, Player::fallback) << "in the very tick that notices";
+  two.run(3000);
+  EXPECT_EQ(two.rig.mode(), Mode::degraded) << "the policy's loss stops nobody while the fallback plays";
+  EXPECT_EQ(two.header().player, Player::fallback);
+  EXPECT_NEAR(two.rig.out->record.joints[0].q_reference, -0.4F, 0.01F);
+
+  two.policy_speaks = true;
+  ASSERT_GE(two.run_until(Mode::tracking, 400), 0);
+  EXPECT_EQ(two.header().cause, Cause::contract_restored);
+  EXPECT_EQ(two.header().player, Player::policy);
+  two.run(1500);
+  EXPECT_NEAR(two.rig.out->record.joints[0].q_reference, 0.4F, 0.01F);
+}
+
+TEST(FallbackPolicy, DegradeAfterReachesWhatTheWindowsShareCannot) {
+  TickConfig config = robot_with_fallback();
+  config.freshness.epsilon = 0.4;  // of a second
+  config.freshness.degrade_after = milliseconds(30);
+  TwoPolicies two(config);
+  two.arm();
+  two.run(200);
+  two.policy_speaks = false;
+  const MonoTime silent = two.rig.now;
+  ASSERT_GE(two.run_until(Mode::degraded, 400), 0);
+  EXPECT_LE(two.rig.now - silent, config.freshness.max_age + milliseconds(31));
+}
+
+TEST(FallbackPolicy, BothLostIsCommandLost) {
+  TwoPolicies two(robot_with_fallback());
+  two.arm();
+  two.run(200);
+  two.policy_speaks = false;
+  ASSERT_GE(two.run_until(Mode::degraded, 400), 0);
+  two.run(700);
+  ASSERT_EQ(two.rig.mode(), Mode::degraded);
+  two.fallback_speaks = false;
+  const MonoTime silent = two.rig.now;
+  ASSERT_GE(two.run_until(Mode::damped_stop, 700), 0);
+  EXPECT_EQ(two.header().cause, Cause::command_lost);
+  const FreshnessContract& contract = two.rig.config.freshness;
+  EXPECT_LE(two.rig.now - silent, contract.max_age + contract.stop_after + milliseconds(1));
+  EXPECT_EQ(two.header().player, Player::none);
+}
+
+TEST(FallbackPolicy, LostWhileThePolicyMovesTheRobotChangesNothing) {
+  TwoPolicies two(robot_with_fallback());
+  two.arm();
+  two.fallback_speaks = false;
+  two.run(1500);
+  EXPECT_EQ(two.rig.mode(), Mode::tracking);
+  EXPECT_EQ(two.header().player, Player::policy);
+  EXPECT_EQ(two.header().fallback.freshness, Freshness::stale);
+}
+
+TEST(FallbackPolicy, ThePolicyThatIsBackPlaysWhereTheFallbackHasNothingToSay) {
+  TickConfig config = robot_with_fallback();
+  config.freshness.recover_after = seconds(2);
+  TwoPolicies two(config);
+  two.arm();
+  two.run(200);
+  two.policy_speaks = false;
+  ASSERT_GE(two.run_until(Mode::degraded, 400), 0);
+  two.policy_speaks = true;
+  two.fallback_speaks = false;
+  two.run(200);
+  EXPECT_EQ(two.rig.mode(), Mode::degraded);
+  EXPECT_EQ(two.header().player, Player::policy);
+}
+
+TEST(FallbackPolicy, MayPlayForSoLongAndNoLonger) {
+  TickConfig config = robot_with_fallback();
+  config.fallback_longest = milliseconds(800);
+  TwoPolicies two(config);
+  two.arm();
+  two.run(200);
+  two.policy_speaks = false;
+  ASSERT_GE(two.run_until(Mode::degraded, 400), 0);
+  const MonoTime took_over = two.rig.now;
+  ASSERT_GE(two.run_until(Mode::damped_stop, 900), 0);
+  EXPECT_EQ(two.header().cause, Cause::fallback_spent);
+  EXPECT_EQ(two.rig.now - took_over, config.fallback_longest);
+}
+
+TEST(FallbackPolicy, ItsTimeCountsAtOneGo) {
+  TickConfig config = robot_with_fallback();
+  config.fallback_longest = milliseconds(800);
+  TwoPolicies two(config);
+  two.arm();
+  for (int i = 0; i < 3; ++i) {
+    two.policy_speaks = false;
+    ASSERT_GE(two.run_until(Mode::degraded, 400), 0);
+    two.run(300);
+    two.policy_speaks = true;
+    ASSERT_GE(two.run_until(Mode::tracking, 450), 0) << "relapse " << i;
+    two.run(900);
+    EXPECT_EQ(two.header().causes_active & bit(Cause::fallback_spent), 0U);
+  }
+  EXPECT_EQ(two.rig.mode(), Mode::tracking);
+}
+
+TEST(FallbackPolicy, WhereTheContractNeverBreaksThePolicysLossStopsTheRobot) {
+  TickConfig config = robot_with_fallback();
+  config.freshness.epsilon = 1;
+  TwoPolicies two(config);
+  two.arm();
+  two.policy_speaks = false;
+  ASSERT_GE(two.run_until(Mode::damped_stop, 700), 0);
+  EXPECT_EQ(two.header().cause, Cause::command_lost);
+}
+
+// Goal: what is handed back by a policy is not held back by the ramp of a robot that waited. Method: targets far apart,
+// a long ramp at a crawl; the fastest reference after the hand-over.
+TEST(FallbackPolicy, HandingBackKnowsNoRamp) {
+  TickConfig config = robot_with_fallback();
+  config.degraded_speed_scale = 0.05F;
+  config.resume_over = seconds(2);
+  TwoPolicies two(config);
+  two.arm();
+  two.run(4000);
+  two.policy_speaks = false;
+  ASSERT_GE(two.run_until(Mode::degraded, 400), 0);
+  two.run(1500);
+  two.policy_speaks = true;
+  ASSERT_GE(two.run_until(Mode::tracking, 400), 0);
+  float fastest = 0;
+  for (int i = 0; i < 300; ++i) {
+    two.tick();
+    fastest = std::max(fastest, std::abs(two.rig.out->record.joints[0].dq_reference));
+  }
+  EXPECT_GT(fastest, 0.3F * config.joints[0].limits.velocity);
+}
+
+TEST(FallbackPolicy, AnotherHostStartsItsSequencesOver) {
+  TwoPolicies two(robot_with_fallback());
+  two.arm();
+  two.run(100);
+  two.sequence = 0;
+  two.run(25);
+  EXPECT_EQ(two.header().fallback.last_refusal, Arrival::repeated_sequence);
+  ++two.rig.input.fallback.session;
+  two.run(25);
+  EXPECT_EQ(two.header().fallback.last_refusal, Arrival::none);
+  EXPECT_EQ(two.header().fallback.freshness, Freshness::fresh);
+}
+
+// What a tick's frames carry is never older than max_age, whoever plays, and lives no longer than that.
+void check_age(const TickRecordHeader& header, const TickOutput& out, const TickConfig& config) {
+  if (header.player == Player::none) return;
+  const bool is_fallback = header.player == Player::fallback;
+  const Duration age = is_fallback ? header.fallback.age : header.age.total();
+  ASSERT_LE(age, config.freshness.max_age);
+  ASSERT_LE(out.valid_until, header.now - age + config.freshness.max_age);
+}
+
+// Goal: handing over and back keeps position, velocity and acceleration of the reference inside the limits, and the
+// velocity continuous. Method: for every join rule 40 handovers at random instants between policies that want opposite
+// things, each tick against the one before.
+TEST(FallbackPolicy, HandingOverNeverMakesTheReferenceJump) {
+  std::mt19937 random(7);
+  for (const JoinKind kind : {JoinKind::replace, JoinKind::cross_fade, JoinKind::blend, JoinKind::ensemble,
+                              JoinKind::align, JoinKind::quintic, JoinKind::prefix}) {
+    TickConfig config = robot_with_fallback();
+    config.join = {.kind = kind, .over = milliseconds(60), .longest_delay = milliseconds(10)};
+    config.freshness.flap_memory = {};
+    TwoPolicies two(config);
+    two.arm();
+    int handovers = 0;
+    Player before = Player::policy;
+    std::array<JointRecord, 3> last{};
+    std::copy_n(two.rig.out->record.joints, 3, last.begin());
+    for (int i = 0; i < 60'000 && handovers < 40; ++i) {
+      if (random() % 400 == 0) two.policy_speaks = !two.policy_speaks;
+      if (random() % 60 == 0) two.policy_wants = static_cast<float>(random() % 200) * 0.01F - 1.0F;
+      if (random() % 60 == 0) two.fallback_wants = static_cast<float>(random() % 200) * 0.01F - 1.0F;
+      const TickOutput& out = two.tick();
+      check_age(two.header(), out, config);
+      if (::testing::Test::HasFatalFailure()) return;
+      const Player player = two.header().player;
+      if (player != Player::none && player != before) ++handovers, before = player;
+      for (std::size_t j = 0; j < 3; ++j) {
+        const JointRecord& joint = out.record.joints[j];
+        const JointLimits& limits = config.joints[j].limits;
+        const float dt = 0.001F;
+        ASSERT_LE(std::abs(joint.dq_reference), limits.velocity * 1.0001F);
+        ASSERT_LE(std::abs(joint.dq_reference - last[j].dq_reference), limits.acceleration * dt * 1.01F + 1e-5F)
+            << "join " << static_cast<int>(kind) << " tick " << i;
+        ASSERT_LE(std::abs(joint.q_reference - last[j].q_reference), limits.velocity * dt * 1.01F + 1e-6F);
+        last[j] = joint;
+      }
+    }
+    EXPECT_GE(handovers, 40) << "join " << static_cast<int>(kind);
+    EXPECT_NE(two.rig.mode(), Mode::damped_stop);
+  }
+}
+
+// How far the first joint's reference goes in the tick of the takeover and the five behind it.
+float moved_at_takeover(const JoinRule& join) {
+  TickConfig config = robot_with_fallback();
+  config.join = join;
+  TwoPolicies two(config);
+  two.arm();
+  two.run(800);
+  two.policy_speaks = false;
+  float before = 0;
+  while (two.rig.mode() != Mode::degraded) {
+    before = two.rig.out->record.joints[0].q_reference;
+    two.tick();
+  }
+  two.run(5);
+  return std::abs(two.rig.out->record.joints[0].q_reference - before);
+}
+
+// Goal: a join that fades begins where the reference is. Method: a slow one asks for next to nothing at first, where
+// the same takeover without a join leaves at full acceleration.
+TEST(FallbackPolicy, AJoinThatFadesBeginsAtTheReference) {
+  const float at_once = moved_at_takeover({.kind = JoinKind::replace});
+  const float faded = moved_at_takeover({.kind = JoinKind::quintic, .over = seconds(1)});
+  EXPECT_GT(at_once, 5.0e-5F);
+  EXPECT_LT(faded, 0.1F * at_once);
+}
+
+// Goal: what the second policy says and does is state, input and record, so that it replays from a keyframe. Method: a
+// run with losses, saved in the middle while the fallback plays; the rest again from the keyframe and the records
+// alone.
+TEST(FallbackPolicy, ReplaysBitForBitFromAKeyframe) {
+  TickConfig config = robot_with_fallback();
+  config.join = {.kind = JoinKind::cross_fade, .over = milliseconds(60)};
+  TwoPolicies two(config);
+  two.arm();
+  two.policy_speaks = false;
+  ASSERT_GE(two.run_until(Mode::degraded, 400), 0);
+  two.run(77);
+  ASSERT_EQ(two.header().player, Player::fallback);
+  std::vector<std::byte> keyframe(ipc::kMaxKeyframeBytes);
+  keyframe.resize(save(*two.rig.state, keyframe));
+  ASSERT_GT(keyframe.size(), 0U);
+
+  const TickStatePtr replayed = make_tick_state(config);
+  const auto loaded = load(*replayed, config, keyframe);
+  ASSERT_TRUE(loaded.has_value()) << loaded.error();
+  const auto again = std::make_unique<TickOutput>();
+  for (int i = 0; i < 900; ++i) {
+    if (i == 200) two.policy_speaks = true;
+    if (i == 600) two.fallback_speaks = two.policy_speaks = false;
+    two.tick();
+    TickInput input = input_of(two.rig.out->record, two.rig.input.command, two.rig.input.command_bytes);
+    input.fallback.command = two.rig.input.fallback.command;
+    input.fallback.bytes = two.rig.input.fallback.bytes;
+    control_tick(*replayed, input, config, *again);
+    ASSERT_EQ(std::memcmp(&again->record, &two.rig.out->record, again->record.used_bytes()), 0) << "tick " << i;
+  }
+}
+
+}  // namespace
+}  // namespace takt::pipeline
