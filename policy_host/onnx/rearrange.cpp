@@ -236,7 +236,8 @@ void build_split(Builder& builder, const Node& node) {
   for (const std::int64_t length : part_lengths(node, in.shape[axis])) {
     Shape shape = in.shape;
     shape[axis] = length;
-    if (node.has_output(output)) rearrange_strided(builder, node, in, shape, steps, begin * steps[axis], output);
+    // A part of nothing is no value here; who reads it is refused.
+    if (node.has_output(output) && length > 0) rearrange_strided(builder, node, in, shape, steps, begin * steps[axis], output);
     begin += length;
     ++output;
   }
