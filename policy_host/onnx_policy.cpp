@@ -78,7 +78,8 @@ std::vector<std::string> split_names(std::string_view list) {
 struct Ending {
   std::string_view input, output;
 };
-constexpr std::array kStateEndings{Ending{"_in", "_out"}, Ending{".in", ".out"}, Ending{"h0", "hn"}, Ending{"c0", "cn"}};
+constexpr std::array kStateEndings{Ending{"_in", "_out"}, Ending{".in", ".out"}, Ending{"h0", "hn"},
+                                   Ending{"c0", "cn"}};
 
 // The output that feeds a state input: by its name, and of the same shape.
 std::optional<PolicyTensors::State> pair_state(const onnx_engine::Model& model, std::size_t input) {

@@ -1,8 +1,8 @@
 // A policy file tried out before anything moves: does the built-in engine take it, does it compute what ONNX Runtime
 // computes, and how long does each need?
 //
-// Both engines get the same 16 observations, one after the other, from a fixed sequence of numbers in [-1, 1); each feeds
-// its own state back. Thread rule: one thread, set-up or command line only.
+// Both engines get the same 16 observations, one after the other, from a fixed sequence of numbers in [-1, 1); each
+// feeds its own state back. Thread rule: one thread, set-up or command line only.
 #pragma once
 
 #include <expected>

@@ -1,5 +1,5 @@
-// Functions of one element: arithmetic (Abs, Neg, Reciprocal, Sqrt, Exp, Log, Sin, Cos, Erf), activations (Relu, LeakyRelu,
-// Elu, Tanh, Sigmoid, Softplus, Gelu) and Clip.
+// Functions of one element: arithmetic (Abs, Neg, Reciprocal, Sqrt, Exp, Log, Sin, Cos, Erf), activations (Relu,
+// LeakyRelu, Elu, Tanh, Sigmoid, Softplus, Gelu) and Clip.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -71,9 +71,7 @@ void build_cos(Builder& builder, const Node& node) {
 
 void build_softplus(Builder& builder, const Node& node) {
   // log(1 + e^x) without overflow for large x.
-  build_unary(builder, node, [](const Lane& x) noexcept -> Lane {
-    return lane_relu(x) + lane_exp(-x.abs()).log1p();
-  });
+  build_unary(builder, node, [](const Lane& x) noexcept -> Lane { return lane_relu(x) + lane_exp(-x.abs()).log1p(); });
 }
 
 void build_gelu(Builder& builder, const Node& node) {

@@ -1,4 +1,5 @@
-// Conv over one or two dimensions: the input's patches, gathered as the panels of a right-hand matrix, times the kernels.
+// Conv over one or two dimensions: the input's patches, gathered as the panels of a right-hand matrix, times the
+// kernels.
 #include <fmt/format.h>
 
 #include <algorithm>

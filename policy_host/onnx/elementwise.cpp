@@ -1,5 +1,5 @@
-// Add, Sub, Mul, Div, Pow, Min, Max with NumPy broadcasting; all but Pow on int64 constants too, where exporters compute
-// shapes.
+// Add, Sub, Mul, Div, Pow, Min, Max with NumPy broadcasting; all but Pow on int64 constants too, where exporters
+// compute shapes.
 #include "policy_host/onnx/elementwise.hpp"
 
 #include <fmt/format.h>
@@ -197,10 +197,12 @@ void build_pow(Builder& builder, const Node& node) {
   build_binary(builder, node, run_each<power>, nullptr);
 }
 void build_min(Builder& builder, const Node& node) {
-  build_chain(builder, node, run_each<smaller>, [](std::int64_t a, std::int64_t b) { return std::optional(std::min(a, b)); });
+  build_chain(builder, node, run_each<smaller>,
+              [](std::int64_t a, std::int64_t b) { return std::optional(std::min(a, b)); });
 }
 void build_max(Builder& builder, const Node& node) {
-  build_chain(builder, node, run_each<larger>, [](std::int64_t a, std::int64_t b) { return std::optional(std::max(a, b)); });
+  build_chain(builder, node, run_each<larger>,
+              [](std::int64_t a, std::int64_t b) { return std::optional(std::max(a, b)); });
 }
 
 void add_in_place(Builder& builder, const Node& node, const Value& target, const Value& source) {

@@ -12,6 +12,7 @@
 #include <string>
 #include <system_error>
 
+#include "config/hash.hpp"
 #include "config/load.hpp"
 #include "policy_host/onnx/builder.hpp"
 
@@ -46,22 +47,30 @@ Reference reference_of(const onnx::TensorProto& tensor, const std::string& where
   return reference;
 }
 
-// The file itself, or a Refusal: a model may name only what lies below its own folder.
-fs::path vetted_path(const fs::path& folder, const std::string& location, const std::string& where) {
-  const fs::path relative(location);
-  if (location.empty() || location.find('\0') != std::string::npos || relative.is_absolute() ||
-      std::ranges::find(relative, fs::path("..")) != relative.end()) {
-    throw Refusal(fmt::format("{} keeps its data in '{}'; only a relative path below the model's folder is read", where,
-                              location));
+// The file itself, or a Refusal: what the policy's hash does not cover is not read.
+fs::path vetted_path(const fs::path& model_file, const std::string& location, const std::string& where) {
+  const fs::path folder = model_file.parent_path();
+  const std::vector<std::string> covered = config::policy_files(model_file.string());
+  const bool plain =
+      !location.empty() && location.find('\0') == std::string::npos && fs::path(location).filename() == location;
+  const std::string name = model_file.filename().string();
+  if (!plain || (location != name + ".data" && location != name + "_data")) {
+    throw Refusal(
+        fmt::format("{} keeps its data in '{}'; only {}.data or {}_data beside the model is read, which the "
+                    "policy's hash covers: export it under that name, or as one file",
+                    where, location, name, name));
+  }
+  if (std::ranges::find(covered, (folder / location).string()) == covered.end()) {
+    throw Refusal(
+        fmt::format("{} keeps its data in '{}', which is not there; put it beside the model", where, location));
   }
   std::error_code error;
   const fs::path root = fs::canonical(folder.empty() ? fs::path(".") : folder, error);
-  const fs::path file = fs::canonical(root / relative, error);
+  const fs::path file = fs::canonical(root / location, error);
   if (error || !fs::is_regular_file(file, error)) {
-    throw Refusal(fmt::format("{} keeps its data in '{}', which is not there; put it beside the model", where, location));
+    throw Refusal(fmt::format("{} keeps its data in '{}', which is no file", where, location));
   }
-  const auto [root_end, file_at] = std::ranges::mismatch(root, file);
-  if (root_end != root.end()) {
+  if (file.parent_path() != root) {
     throw Refusal(fmt::format("{} keeps its data in '{}', a link that leaves the model's folder", where, location));
   }
   return file;
@@ -69,12 +78,12 @@ fs::path vetted_path(const fs::path& folder, const std::string& location, const 
 
 class Files {
  public:
-  explicit Files(const fs::path& folder) : folder_(folder) {}
+  explicit Files(const fs::path& model_file) : model_file_(model_file) {}
 
   const std::string& contents(const std::string& location, const std::string& where) {
     const auto known = contents_.find(location);
     if (known != contents_.end()) return known->second;
-    const fs::path file = vetted_path(folder_, location, where);
+    const fs::path file = vetted_path(model_file_, location, where);
     std::error_code error;
     const std::uintmax_t size = fs::file_size(file, error);
     if (error || size > max_model_bytes - bytes_) {
@@ -93,7 +102,7 @@ class Files {
   std::vector<ExternalFile> read() { return std::move(read_); }
 
  private:
-  fs::path folder_;
+  fs::path model_file_;
   std::uintmax_t bytes_ = 0;
   std::map<std::string, std::string> contents_;
   std::vector<ExternalFile> read_;
@@ -101,8 +110,8 @@ class Files {
 
 }  // namespace
 
-std::vector<ExternalFile> bring_in_external_data(onnx::ModelProto& model, const std::filesystem::path& folder) {
-  Files files(folder);
+std::vector<ExternalFile> bring_in_external_data(onnx::ModelProto& model, const std::filesystem::path& model_file) {
+  Files files(model_file);
   std::uintmax_t copied = 0;
   for (onnx::TensorProto& tensor : *model.mutable_graph()->mutable_initializer()) {
     if (tensor.data_location() != onnx::TensorProto_DataLocation_EXTERNAL) continue;
@@ -110,9 +119,10 @@ std::vector<ExternalFile> bring_in_external_data(onnx::ModelProto& model, const 
     const Reference reference = reference_of(tensor, where);
     const std::string& bytes = files.contents(reference.location, where);
     if (reference.offset > bytes.size() || reference.length.value_or(0) > bytes.size() - reference.offset) {
-      throw Refusal(fmt::format("{} keeps its data at byte {} of '{}', which has {} bytes: the file is cut short or "
-                                "another one's",
-                                where, reference.offset, reference.location, bytes.size()));
+      throw Refusal(
+          fmt::format("{} keeps its data at byte {} of '{}', which has {} bytes: the file is cut short or "
+                      "another one's",
+                      where, reference.offset, reference.location, bytes.size()));
     }
     const std::uint64_t length = reference.length.value_or(bytes.size() - reference.offset);
     copied += length;  // tensors may share bytes

@@ -12,9 +12,10 @@ class ModelProto;
 
 namespace takt::onnx_engine {
 
-// Copies such data into the initializers that name it, each file read once. Throws Refusal unless every location is a
-// relative path without "..", of a regular file that lies below `folder` (symbolic links followed), offset and length
-// lie within it, and all of it fits into a model. Thread rule: set-up only.
-std::vector<ExternalFile> bring_in_external_data(onnx::ModelProto& model, const std::filesystem::path& folder);
+// Copies such data into the initializers that name it, each file read once. Throws Refusal unless every location is one
+// of the files that the policy's hash covers (config::policy_files of `model_file`), a regular one in the model's own
+// folder (symbolic links followed), offset and length lie within it, and all of it fits into a model. Thread rule:
+// set-up only.
+std::vector<ExternalFile> bring_in_external_data(onnx::ModelProto& model, const std::filesystem::path& model_file);
 
 }  // namespace takt::onnx_engine

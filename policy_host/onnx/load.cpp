@@ -149,7 +149,7 @@ std::string one_line(std::string_view name, std::string_view why) {
 }
 
 std::expected<Model, std::string> load_from(std::span<const std::byte> bytes, std::string_view name,
-                                            const std::filesystem::path* folder) {
+                                            const std::filesystem::path* file) {
   if (bytes.size() > max_model_bytes) {
     return std::unexpected(one_line(name, fmt::format("larger than {} MiB", max_model_bytes >> 20)));
   }
@@ -161,7 +161,7 @@ std::expected<Model, std::string> load_from(std::span<const std::byte> bytes, st
                                       "runs by `takt run --policy-host` only"));
     }
     std::vector<ExternalFile> external;
-    if (folder != nullptr) external = bring_in_external_data(model, *folder);
+    if (file != nullptr) external = bring_in_external_data(model, *file);
     std::unique_ptr<Program> program = compile(model);
     program->external_files = std::move(external);
     program->opset = opset_of(model);
@@ -196,8 +196,7 @@ std::expected<Model, std::string> load(const std::filesystem::path& file) {
   if (!stream.read(bytes.data(), static_cast<std::streamsize>(bytes.size()))) {
     return std::unexpected(one_line(file.string(), "cannot be read; check its permissions"));
   }
-  const std::filesystem::path folder = file.parent_path();
-  return load_from(std::as_bytes(std::span(bytes)), file.string(), &folder);
+  return load_from(std::as_bytes(std::span(bytes)), file.string(), &file);
 }
 
 }  // namespace takt::onnx_engine

@@ -9,7 +9,7 @@
 // live only inside, as constants. Memory of one model is capped at 1 GiB. Input elements are zero until written.
 //
 // Operators: ONNX opset 8 to 21, those that operators.cpp lists. Anything else is refused at load, never at run().
-// Weights may lie in files beside the model (external data): below its folder, by relative paths.
+// Weights may lie beside the model (external data), in FILE.data or FILE_data.
 // Not a number in an input reaches every output that depends on it: no operator swallows it.
 //
 // Threads: one thread at a time per Model. run() allocates nothing, takes no lock and cannot fail.
@@ -41,7 +41,7 @@ struct TensorInfo {
   std::vector<std::int64_t> shape;  // row-major, every dimension known and at least 1
 };
 
-// A file that the weights were read from, as the model names it: relative to the model's folder.
+// A file that the weights were read from, by its name beside the model.
 struct ExternalFile {
   std::string location;
   std::uintmax_t bytes = 0;

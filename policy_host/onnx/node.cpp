@@ -28,7 +28,8 @@ const Value& Node::input(std::size_t i) const {
 
 const Value& Node::float_input(std::size_t i) const {
   const Value& value = input(i);
-  if (value.type != ElementType::float32) refuse(fmt::format("input {} must be float32, it is {}", i, to_text(value.type)));
+  if (value.type != ElementType::float32)
+    refuse(fmt::format("input {} must be float32, it is {}", i, to_text(value.type)));
   return value;
 }
 

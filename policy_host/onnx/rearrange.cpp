@@ -1,6 +1,7 @@
 // Operators that move elements without changing them: Transpose, Slice, Split, Gather, Expand, Concat.
 //
-// All but Concat, and a Gather whose index an input decides, are one table: for each element of the result, where it comes from.
+// All but Concat, and a Gather whose index an input decides, are one table: for each element of the result, where it
+// comes from.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -237,7 +238,8 @@ void build_split(Builder& builder, const Node& node) {
     Shape shape = in.shape;
     shape[axis] = length;
     // A part of nothing is no value here; who reads it is refused.
-    if (node.has_output(output) && length > 0) rearrange_strided(builder, node, in, shape, steps, begin * steps[axis], output);
+    if (node.has_output(output) && length > 0)
+      rearrange_strided(builder, node, in, shape, steps, begin * steps[axis], output);
     begin += length;
     ++output;
   }

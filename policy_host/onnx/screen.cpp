@@ -61,8 +61,9 @@ std::size_t listed_elements(const onnx::TensorProto& tensor) {
 void screen_tensor(const onnx::TensorProto& tensor, const std::string& where) {
   const std::size_t size = stored_size(tensor.data_type());
   if (size == 0) {
-    throw Refusal(fmt::format("{} has data type {}; this engine takes FLOAT, INT64 and BOOL, export the model in float32",
-                              where, type_name(tensor.data_type())));
+    throw Refusal(
+        fmt::format("{} has data type {}; this engine takes FLOAT, INT64 and BOOL, export the model in float32", where,
+                    type_name(tensor.data_type())));
   }
   if (tensor.data_location() == onnx::TensorProto_DataLocation_EXTERNAL || tensor.external_data_size() > 0) {
     throw Refusal(fmt::format("{} keeps its data in another file, which only an initializer of a file may", where));
@@ -182,7 +183,8 @@ Value& define_constant(Builder& builder, const std::string& name, const onnx::Te
   Value& value = builder.define_floats(name, shape, truths ? ElementType::boolean : ElementType::float32);
   if (truths) {
     for (std::size_t i = 0; i < count; ++i) {
-      const bool truth = tensor.has_raw_data() ? tensor.raw_data()[i] != 0 : tensor.int32_data(static_cast<int>(i)) != 0;
+      const bool truth =
+          tensor.has_raw_data() ? tensor.raw_data()[i] != 0 : tensor.int32_data(static_cast<int>(i)) != 0;
       value.floats[i] = truth ? 1.0F : 0.0F;
     }
   } else if (tensor.has_raw_data()) {

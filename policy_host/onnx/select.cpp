@@ -101,8 +101,8 @@ void build_where(Builder& builder, const Node& node) {
   }
   Value& out = builder.define_floats(node.output(), shape, a.type);
   builder.compute(out, {&truth, &a, &b},
-                  [in_truth = std::move(in_truth), in_a = std::move(in_a), in_b = std::move(in_b),
-                   by = truth.floats, left = a.floats, right = b.floats, to = out.floats]() noexcept {
+                  [in_truth = std::move(in_truth), in_a = std::move(in_a), in_b = std::move(in_b), by = truth.floats,
+                   left = a.floats, right = b.floats, to = out.floats]() noexcept {
                     for (std::size_t i = 0; i < in_truth.size(); ++i) {
                       const float choice = by[in_truth[i]];
                       const float chosen = choice != 0.0F ? left[in_a[i]] : right[in_b[i]];

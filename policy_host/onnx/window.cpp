@@ -29,8 +29,7 @@ bool within(std::int64_t at, std::int64_t low, std::int64_t high) {
 std::vector<std::int64_t> numbers(const Node& node, std::string_view name, std::size_t count, std::int64_t otherwise,
                                   std::int64_t least) {
   constexpr std::int64_t most = 1 << 20;
-  const std::vector<std::int64_t> given =
-      node.integers(name).value_or(std::vector<std::int64_t>(count, otherwise));
+  const std::vector<std::int64_t> given = node.integers(name).value_or(std::vector<std::int64_t>(count, otherwise));
   if (given.size() != count) node.refuse(fmt::format("{} must have {} numbers", name, count));
   for (const std::int64_t number : given) {
     if (number < least || number > most) node.refuse(fmt::format("{} of {} is not supported", name, number));

@@ -37,8 +37,8 @@ struct Window {
   Shape output_shape(std::int64_t batch, std::int64_t channels) const;
 };
 
-// From the input's shape and the attributes kernel_shape (or `kernel` where the node has none), strides, pads, dilations,
-// auto_pad, ceil_mode; refuses what does not fit.
+// From the input's shape and the attributes kernel_shape (or `kernel` where the node has none), strides, pads,
+// dilations, auto_pad, ceil_mode; refuses what does not fit.
 Window read_window(const Node& node, const Shape& input, const Shape& kernel);
 
 }  // namespace takt::onnx_engine

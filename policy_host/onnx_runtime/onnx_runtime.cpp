@@ -66,7 +66,8 @@ class Library {
     const auto function = reinterpret_cast<Status (*)(Parameters...)>(table_[static_cast<std::size_t>(place)]);
     const Status status = function(arguments...);
     if (status == nullptr) return {};
-    const auto message = reinterpret_cast<const char* (*)(Status)>(table_[static_cast<std::size_t>(Place::get_error_message)]);
+    const auto message =
+        reinterpret_cast<const char* (*)(Status)>(table_[static_cast<std::size_t>(Place::get_error_message)]);
     std::string said = message(status);
     release(Place::release_status, status);
     for (char& c : said) c = c == '\n' ? ' ' : c;
@@ -137,11 +138,11 @@ std::span<Tensor> Session::outputs() noexcept {
 }
 
 std::expected<void, std::string> Session::run() {
-  return parts_->library->call<void*, void*, const char* const*, void* const*, std::size_t, const char* const*,
-                               std::size_t, void**>(
-      Place::run, parts_->session, nullptr, parts_->input_names.data(), parts_->input_values.data(),
-      parts_->input_values.size(), parts_->output_names.data(), parts_->output_values.size(),
-      parts_->output_values.data());
+  return parts_->library
+      ->call<void*, void*, const char* const*, void* const*, std::size_t, const char* const*, std::size_t, void**>(
+          Place::run, parts_->session, nullptr, parts_->input_names.data(), parts_->input_values.data(),
+          parts_->input_values.size(), parts_->output_names.data(), parts_->output_values.size(),
+          parts_->output_values.data());
 }
 
 OnnxRuntime::OnnxRuntime(std::shared_ptr<Library> library) : library_(std::move(library)) {}

@@ -1,8 +1,8 @@
-// ONNX Runtime as a second opinion on what the built-in engine computes, and on how long it takes: a shared library that
-// the reader has, opened at run time. Takt neither links nor ships it.
+// ONNX Runtime as a second opinion on what the built-in engine computes, and on how long it takes: a shared library
+// that the reader has, opened at run time. Takt neither links nor ships it.
 //
-// One thread, sequential execution. Works with any libonnxruntime since 1.0 on Linux, x86-64 and aarch64. The library runs
-// in this process and is trusted as much as any other that one loads.
+// One thread, sequential execution. Works with any libonnxruntime since 1.0 on Linux, x86-64 and aarch64. The library
+// runs in this process and is trusted as much as any other that one loads.
 //
 // Threads: one thread at a time per OnnxRuntime and its sessions. Sessions must not outlive it.
 #pragma once
@@ -17,7 +17,8 @@
 
 namespace takt::onnx_runtime {
 
-// A float32 tensor of a model by name; `values` is its storage, as many floats as the shape says, and stays where it is.
+// A float32 tensor of a model by name; `values` is its storage, as many floats as the shape says, and stays where it
+// is.
 struct Tensor {
   std::string name;
   std::vector<std::int64_t> shape;
@@ -33,8 +34,8 @@ class Session {
   Session(Session&&) noexcept;
   ~Session();
 
-  std::span<Tensor> inputs() noexcept;    // write the values before run()
-  std::span<Tensor> outputs() noexcept;   // read the values after it
+  std::span<Tensor> inputs() noexcept;     // write the values before run()
+  std::span<Tensor> outputs() noexcept;    // read the values after it
   std::expected<void, std::string> run();  // the error is ONNX Runtime's own sentence
 
  private:

@@ -1,7 +1,7 @@
-// Goal: every operator in its edge cases, and every published policy, gives what ONNX Runtime gives, over 16 observations
-// in sequence. Method: models of one operator made by operator_models.py, and the policies of ../shared/policies, run by
-// both engines where ONNX Runtime is installed (tests/node's npm packages); by the built-in one against ONNX Runtime's
-// committed numbers everywhere. Where both are there, the committed numbers are judged too.
+// Goal: every operator in its edge cases, and every published policy, gives what ONNX Runtime gives, over 16
+// observations in sequence. Method: models of one operator made by operator_models.py, and the policies of
+// ../shared/policies, run by both engines where ONNX Runtime is installed (tests/node's npm packages); by the built-in
+// one against ONNX Runtime's committed numbers everywhere. Where both are there, the committed numbers are judged too.
 #include "policy_host/policy_trial.hpp"
 
 #include <gtest/gtest.h>
@@ -80,11 +80,12 @@ class TrialTest : public testing::Test {
   }
 
   void report(const std::optional<onnx_runtime::OnnxRuntime>& runtime) const {
-    std::printf("%d models; %s\n", judged_,
-                runtime ? ("ONNX Runtime " + runtime->version() + ", largest difference " + std::to_string(worst_ * 1e6) +
-                           "e-6")
-                              .c_str()
-                        : "NOT TESTED against a running ONNX Runtime (./dev test installs it), only its committed numbers");
+    std::printf(
+        "%d models; %s\n", judged_,
+        runtime
+            ? ("ONNX Runtime " + runtime->version() + ", largest difference " + std::to_string(worst_ * 1e6) + "e-6")
+                  .c_str()
+            : "NOT TESTED against a running ONNX Runtime (./dev test installs it), only its committed numbers");
   }
 
   fs::path folder_;
@@ -108,11 +109,11 @@ TEST_F(TrialTest, EveryOperatorAgreesWithOnnxRuntime) {
 TEST_F(TrialTest, PublishedPoliciesAgreeWithOnnxRuntime) {
   if (!fs::exists(kShared)) GTEST_SKIP() << "NOT TESTED: " << kShared << " is not there";
   const auto runtime = peer();
-  for (const char* name : {"g1_velocity/policy.onnx", "mujoco_playground/go1_policy.onnx",
-                           "mujoco_playground/apollo_policy.onnx"}) {
+  for (const char* name :
+       {"g1_velocity/policy.onnx", "mujoco_playground/go1_policy.onnx", "mujoco_playground/apollo_policy.onnx"}) {
     // The vectors go by one name a policy.
-    const fs::path copy = folder_ / (std::string(name).substr(0, std::string(name).find('/')) + "-" +
-                                     fs::path(name).filename().string());
+    const fs::path copy =
+        folder_ / (std::string(name).substr(0, std::string(name).find('/')) + "-" + fs::path(name).filename().string());
     fs::copy_file(kShared / name, copy);
     judge(copy, runtime);
   }

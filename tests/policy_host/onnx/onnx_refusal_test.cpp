@@ -90,7 +90,8 @@ class ExternalData : public testing::Test {
     folder_ = std::filesystem::path(pattern) / "model";
     std::filesystem::create_directory(folder_);
     const std::vector<float> numbers{0, 1, 2, 3, 4};
-    write(folder_ / "weights.data", {reinterpret_cast<const char*>(numbers.data()), numbers.size() * sizeof(float)});
+    write(folder_ / "policy.onnx.data",
+          {reinterpret_cast<const char*>(numbers.data()), numbers.size() * sizeof(float)});
     write(folder_.parent_path() / "outside.data", std::string(64, '\0'));
   }
   void TearDown() override { std::filesystem::remove_all(folder_.parent_path()); }
@@ -105,7 +106,8 @@ class ExternalData : public testing::Test {
     onnx::TensorProto& tensor = weights(maker);
     tensor.clear_float_data();
     tensor.set_data_location(onnx::TensorProto_DataLocation_EXTERNAL);
-    const std::pair<const char*, std::string> entries[] = {{"location", location}, {"offset", offset}, {"length", length}};
+    const std::pair<const char*, std::string> entries[] = {
+        {"location", location}, {"offset", offset}, {"length", length}};
     for (const auto& [key, value] : entries) {
       auto& entry = *tensor.add_external_data();
       entry.set_key(key);
@@ -123,37 +125,40 @@ class ExternalData : public testing::Test {
 };
 
 TEST_F(ExternalData, IsReadWhereTheModelSaysAndItsHashIsTold) {
-  auto model = load("weights.data");
+  auto model = load("policy.onnx.data");
   ASSERT_TRUE(model) << model.error();
   std::ranges::copy(std::vector<float>{0, 0.5F}, model->input(0).begin());
   model->run();
   EXPECT_FLOAT_EQ(model->output(0)[0], std::tanh(0.5F * 3 + 1));
   ASSERT_EQ(model->external_files().size(), 1U);
   const ExternalFile& file = model->external_files()[0];
-  EXPECT_EQ(file.location, "weights.data");
+  EXPECT_EQ(file.location, "policy.onnx.data");
   EXPECT_EQ(file.bytes, 20U);
   // Of the five numbers 0, 1, 2, 3, 4 in little-endian float32, by sha256sum.
   EXPECT_EQ(file.sha256, "8deb90668ea3a6845d5c04454798ccb63829a88ff827892f2dc11c808baac7af");
 }
 
-TEST_F(ExternalData, NeverLeavesTheModelsFolder) {
-  expect_sentence(refusal("../outside.data"), {"initializer 'w'", "../outside.data", "below the model's folder"});
-  expect_sentence(refusal((folder_ / "weights.data").string()), {"below the model's folder"});
-  expect_sentence(refusal("sub/../weights.data"), {"below the model's folder"});
-  expect_sentence(refusal(""), {"below the model's folder"});
-  std::filesystem::create_symlink("../outside.data", folder_ / "link.data");
-  expect_sentence(refusal("link.data"), {"a link that leaves the model's folder"});
-  expect_sentence(refusal("absent.data"), {"absent.data", "not there; put it beside the model"});
-  expect_sentence(refusal("."), {"not there"});
+TEST_F(ExternalData, IsReadFromNoFileThatThePolicysHashDoesNotCover) {
+  for (const std::string location :
+       {"../outside.data", "weights.data", "./policy.onnx.data", "sub/../policy.onnx.data", ""}) {
+    expect_sentence(refusal(location), {"initializer 'w'", "only policy.onnx.data or policy.onnx_data", "hash covers"});
+  }
+  expect_sentence(refusal((folder_ / "policy.onnx.data").string()), {"hash covers"});
+  expect_sentence(refusal("policy.onnx_data"), {"policy.onnx_data", "not there; put it beside the model"});
+  std::filesystem::create_symlink("../outside.data", folder_ / "policy.onnx_data");
+  expect_sentence(refusal("policy.onnx_data"), {"a link that leaves the model's folder"});
+  std::filesystem::remove(folder_ / "policy.onnx_data");
+  std::filesystem::create_directory(folder_ / "policy.onnx_data");
+  expect_sentence(refusal("policy.onnx_data"), {"no file"});
 }
 
 TEST_F(ExternalData, LiesWithinItsFile) {
-  expect_sentence(refusal("weights.data", "8"), {"at byte 8 of 'weights.data', which has 20 bytes"});
-  expect_sentence(refusal("weights.data", "24"), {"which has 20 bytes"});
-  expect_sentence(refusal("weights.data", "18446744073709551612"), {"which has 20 bytes"});
-  expect_sentence(refusal("weights.data", "-4"), {"offset '-4'"});
-  expect_sentence(refusal("weights.data", "4", "1x"), {"length '1x'"});
-  expect_sentence(refusal("weights.data", "4", "12"), {"holds 12 bytes", "damaged"});
+  expect_sentence(refusal("policy.onnx.data", "8"), {"at byte 8 of 'policy.onnx.data', which has 20 bytes"});
+  expect_sentence(refusal("policy.onnx.data", "24"), {"which has 20 bytes"});
+  expect_sentence(refusal("policy.onnx.data", "18446744073709551612"), {"which has 20 bytes"});
+  expect_sentence(refusal("policy.onnx.data", "-4"), {"offset '-4'"});
+  expect_sentence(refusal("policy.onnx.data", "4", "1x"), {"length '1x'"});
+  expect_sentence(refusal("policy.onnx.data", "4", "12"), {"holds 12 bytes", "damaged"});
 }
 
 TEST(Refusal, WhatOnlyALaterOperatorHas) {
