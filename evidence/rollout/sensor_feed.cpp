@@ -5,12 +5,12 @@
 namespace takt::panel {
 namespace {
 
-constexpr std::uint64_t kLossStream = 201;
+constexpr std::uint64_t kSampleLossStream = 201;
 
 }  // namespace
 
 SensorFeed::SensorFeed(const Disturbance& disturbance, std::uint64_t seed)
-    : disturbance_(disturbance), path_(plant::seed_for(seed, kLossStream)) {}
+    : disturbance_(disturbance), path_(plant::seed_for(seed, kSampleLossStream)) {}
 
 void SensorFeed::take(const SensorSample& sample) {
   const MonoTime at = sample.published_at;
