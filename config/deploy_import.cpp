@@ -47,6 +47,11 @@ bool is_command(const DeployFile& deploy, const DeployTerm& term) {
 
 constexpr const char* kUnfilled = "FILL_IN";
 
+// A person's last word ages the policy's commands until it times out: well before they are too old to be played.
+Duration command_lasts(const DeployFile& deploy) {
+  return {deploy.step_dt.ns * kTargetLastsPeriods / 2};
+}
+
 std::string or_unfilled(const std::optional<double>& value, std::string_view unit) {
   return value ? fmt::format("{:.6g} {}", *value, unit) : kUnfilled;
 }
@@ -246,12 +251,13 @@ std::string imu_text(const DeployFile& deploy) {
 
 std::string sensors_text(const DeployFile& deploy, bool simulated) {
   std::string text;
-  const std::string timeout = simulated ? "500 ms" : kUnfilled;
+  const std::string timeout = simulated ? "100 ms" : kUnfilled;
+  const std::string held = simulated ? format_duration(command_lasts(deploy)) : kUnfilled;
   for (const DeployTerm& term : deploy.terms)
     if (takt_term(term.name).empty() && !is_command(deploy, term))
       text += fmt::format("  - {{ name: {}, values: {}, timeout: FILL_IN }}\n", term.name, term.scale.size());
   for (const DeployTerm& term : deploy.terms)
-    if (is_command(deploy, term)) text += command_sensor_text(deploy, timeout);
+    if (is_command(deploy, term)) text += command_sensor_text(deploy, held);
   if (reads_imu(deploy))
     text += fmt::format("  - {{ name: imu, values: 10, timeout: {} }}   # see imu below\n", timeout);
   return text.empty()
