@@ -7,6 +7,7 @@
 #include <CLI/CLI.hpp>
 #include <span>
 #include <string>
+#include <string_view>
 
 namespace takt::cli {
 
@@ -25,6 +26,10 @@ struct Refusal {
   int exit_code = kExitFailed;
   std::string sentence;
 };
+
+// How a command says on stderr why it ends; both return the exit code.
+int refuse(int exit_code, const std::string& sentences);
+int fail(std::string_view command, const std::string& sentence);  // "takt report: ...": kExitFailed
 
 using AddCommand = void (*)(CLI::App& app, int& exit_code);
 

@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -54,6 +56,16 @@ int parse(CLI::App& app, std::vector<std::string> words) {
 }
 
 }  // namespace
+
+int refuse(int exit_code, const std::string& sentences) {
+  std::fprintf(stderr, "%s\n", sentences.c_str());
+  return exit_code;
+}
+
+int fail(std::string_view command, const std::string& sentence) {
+  fmt::print(stderr, "{}: {}\n", command, sentence);
+  return kExitFailed;
+}
 
 std::span<const AddCommand> commands() {
   return kCommands;

@@ -33,6 +33,10 @@ endif()
 set(TAKT_TEXT $<$<CONFIG:RelWithDebInfo>:-O1>)
 set(TAKT_ARITHMETIC $<$<CONFIG:RelWithDebInfo>:-O2>) # for targets in such a folder that compute
 
+# A first build in half the time: such folders' sources are compiled several at once, so that headers are read once for all of
+# them. Off for who edits them. Their file-local names must differ therefore; the sanitizers' builds hold them to it.
+option(TAKT_UNITY_BUILD "Compile several sources of a library at once, where that pays" OFF)
+
 # takt_library(NAME SOURCES... DEPENDS...) ; without sources it is header-only.
 function(takt_library name)
   cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS;PRIVATE_DEPENDS" ${ARGN})

@@ -12,7 +12,7 @@
 namespace takt::config {
 namespace {
 
-std::string range_text(Range range, Dimension dimension) {
+std::string range_symbols(Range range, Dimension dimension) {
   const std::string low = std::isfinite(range.low)
                               ? fmt::format("{} {}", range.low_open ? ">" : "≥", format_quantity(range.low, dimension))
                               : "";
@@ -32,7 +32,7 @@ class TableMaker final : public Fields {
   std::string result() { return fmt::format("| key | value | default | meaning |\n|---|---|---|---|\n{}", rows_); }
 
   void quantity(const Key& key, double&, Dimension dimension, Range range) override {
-    row(key, joined(unit_text(dimension), range_text(range, dimension)));
+    row(key, joined(unit_text(dimension), range_symbols(range, dimension)));
   }
   void duration(const Key& key, Duration&, Duration low, Duration high) override {
     row(key, joined("time", fmt::format("{} to {}", format_duration(low), format_duration(high))));
@@ -56,7 +56,7 @@ class TableMaker final : public Fields {
                              : count.of == "axis"   ? "list of 3"
                              : count.single_allowed ? "one value or a list"
                                                     : "list";
-    row(key, joined(fmt::format("{}, {}", list, unit_text(dimension)), range_text(range, dimension)));
+    row(key, joined(fmt::format("{}, {}", list, unit_text(dimension)), range_symbols(range, dimension)));
   }
   void interval(const Key& key, double&, double&, Dimension dimension, Range) override {
     row(key, fmt::format("[min, max], {}", unit_text(dimension)));

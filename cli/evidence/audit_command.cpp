@@ -10,22 +10,17 @@
 namespace takt::cli {
 namespace {
 
-struct Options {
+struct AuditOptions {
   std::string directory;
   bool json = false, draft = false;
 };
 
-int fail(const std::string& sentence) {
-  fmt::print(stderr, "takt audit: {}\n", sentence);
-  return kExitFailed;
-}
-
-int audit(const Options& options) {
+int audit(const AuditOptions& options) {
   const auto artifact = panel::open_artifact(options.directory);
-  if (!artifact) return fail(artifact.error());
+  if (!artifact) return fail("takt audit", artifact.error());
   if (options.draft) {
     const auto drafted = panel::draft_post_mortems(*artifact);
-    if (!drafted) return fail(drafted.error());
+    if (!drafted) return fail("takt audit", drafted.error());
     fmt::print(stderr, "{} post-mortems drafted in {}\n", *drafted, artifact->folder.post_mortems());
   }
   const panel::Audit result = panel::audit(*artifact);
@@ -41,7 +36,7 @@ int audit(const Options& options) {
 
 void add_audit(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("audit", "Say whether a panel's artifact is ready to be audited.");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<AuditOptions>();
   command->add_option("DIR", options->directory, "artifact folder")->required();
   command->add_flag("--json", options->json, "print the audit as one line of JSON (docs/evidence.md)");
   command->add_flag("--draft", options->draft, "first draft a post-mortem for every failed rollout that has none");

@@ -17,7 +17,7 @@
 namespace takt::cli {
 namespace {
 
-struct Options {
+struct BudgetOptions {
   std::string source, max_age, require, svg;
   std::vector<std::string> stages, rates;
   bool serial = false, json = false;
@@ -87,7 +87,7 @@ std::expected<Asked, Refusal> ask_source(const std::string& source) {
 }
 
 // A stage of the command line replaces the one of its name, or comes last.
-std::expected<void, Refusal> add_stages(const Options& options, budget::Question& question) {
+std::expected<void, Refusal> add_stages(const BudgetOptions& options, budget::Question& question) {
   for (const std::string& text : options.stages) {
     auto stage = parse_stage(text);
     if (!stage) return Refused(stage.error());
@@ -104,7 +104,7 @@ std::expected<void, Refusal> add_stages(const Options& options, budget::Question
   return {};
 }
 
-std::expected<void, Refusal> add_rates(const Options& options, Asked& asked) {
+std::expected<void, Refusal> add_rates(const BudgetOptions& options, Asked& asked) {
   if (!options.rates.empty()) asked.question.rates_Hz.clear();
   for (const std::string& text : options.rates) {
     const auto rate = parse_rate(text);
@@ -119,7 +119,7 @@ std::expected<void, Refusal> add_rates(const Options& options, Asked& asked) {
   return {};
 }
 
-std::expected<Asked, Refusal> ask(const Options& options) {
+std::expected<Asked, Refusal> ask(const BudgetOptions& options) {
   auto asked = ask_source(options.source);
   if (!asked) return asked;
   if (auto added = add_stages(options, asked->question); !added) return Refused(added.error());
@@ -131,14 +131,14 @@ std::expected<Asked, Refusal> ask(const Options& options) {
   return asked;
 }
 
-int judge(const Options& options, const budget::Budget& result, double focus_Hz) {
+int judge(const BudgetOptions& options, const budget::Budget& result, double focus_Hz) {
   if (options.require.empty()) return kExitOk;
   const auto rate = std::ranges::find(result.rates, focus_Hz, &budget::RateBudget::rate_Hz);
   const budget::Execution& how = options.serial ? rate->serial : rate->pipelined;
   return how.fit == budget::Fit::fits && how.is_fresh ? kExitOk : kExitFailed;
 }
 
-int run(const Options& options) {
+int run(const BudgetOptions& options) {
   auto asked = ask(options);
   if (!asked) {
     fmt::print(stderr, "{}\n", asked.error().sentence);
@@ -159,7 +159,7 @@ int run(const Options& options) {
 
 void add_budget(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("budget", "Draw which loop rates fit, and how old the commands then are.");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<BudgetOptions>();
   command->add_option("SOURCE", options->source,
                       "robot file or run folder; default: 30, 15, 5 and 1 ms of perception, inference, planning, "
                       "actuation");

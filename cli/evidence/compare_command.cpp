@@ -10,26 +10,21 @@
 namespace takt::cli {
 namespace {
 
-struct Options {
+struct CompareOptions {
   std::string a, b, method_a, method_b, html;
   bool json = false, rows = false;
 };
 
-int fail(const std::string& sentence) {
-  fmt::print(stderr, "takt compare: {}\n", sentence);
-  return kExitFailed;
-}
-
-int compare(const Options& options) {
+int compare(const CompareOptions& options) {
   const auto a = panel::open_artifact(options.a);
-  if (!a) return fail(a.error());
+  if (!a) return fail("takt compare", a.error());
   const auto b = panel::open_artifact(options.b.empty() ? options.a : options.b);
-  if (!b) return fail(b.error());
+  if (!b) return fail("takt compare", b.error());
   const auto comparison = panel::compare(*a, *b, options.method_a, options.method_b);
-  if (!comparison) return fail(comparison.error());
+  if (!comparison) return fail("takt compare", comparison.error());
   if (!options.html.empty()) {
     auto written = monitor::replace_file(options.html, panel::comparison_html(*comparison));
-    if (!written) return fail(written.error());
+    if (!written) return fail("takt compare", written.error());
   }
   if (options.json) {
     fmt::print("{}\n", panel::to_json(*comparison).dump());
@@ -43,7 +38,7 @@ int compare(const Options& options) {
 
 void add_compare(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("compare", "Compare two methods row by row, if they are comparable.");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<CompareOptions>();
   command->add_option("A", options->a, "artifact folder")->required();
   command->add_option("B", options->b, "artifact folder; default: A, to compare two of its methods");
   command->add_option("--method-a", options->method_a, "method of A; needed where A holds several");

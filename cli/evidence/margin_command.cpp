@@ -17,7 +17,7 @@
 namespace takt::cli {
 namespace {
 
-struct Options {
+struct MarginOptions {
   std::string robot, svg;
   std::uint64_t seeds = 60;
   std::size_t workers = 1;
@@ -31,17 +31,12 @@ struct Options {
 constexpr double kArmBound_m = 0.02, kWalkBound_m = 0.3;
 constexpr Duration kArmRollout = seconds(8), kWalkRollout = seconds(12);
 
-int refuse(int exit_code, const std::string& sentences) {
-  fmt::print(stderr, "takt margin: {}\n", sentences);
-  return exit_code;
-}
-
 // On a terminal only: one line that is overwritten.
 void show_progress(const std::string& sentence) {
   if (::isatty(STDERR_FILENO) == 1) fmt::print(stderr, "\r\x1b[K{}", sentence);
 }
 
-std::expected<std::optional<margin::AgeTolerance>, std::string> measure_task(const Options& options,
+std::expected<std::optional<margin::AgeTolerance>, std::string> measure_task(const MarginOptions& options,
                                                                              const config::RobotConfig& robot) {
   if (options.no_task || !robot.policy) return std::nullopt;
   const panel::Task task = panel::task_of(robot);
@@ -61,7 +56,7 @@ std::expected<std::optional<margin::AgeTolerance>, std::string> measure_task(con
   return std::move(*found);
 }
 
-int run(const Options& options) {
+int run(const MarginOptions& options) {
   const auto checked = check_robot_file(options.robot);
   if (!checked) {
     fmt::print(stderr, "{}\n", checked.error());
@@ -76,15 +71,15 @@ int run(const Options& options) {
     joints = margin::joint_margins(
         {.robot = robot, .measured = robot, .pose = margin::home_pose(robot), .on_joint = on_joint});
   else if (options.no_task || !options.svg.empty())
-    return refuse(kExitFailed, robot.file + ": " + margin::kNoInnerLoop + "; leave out --no-task and --svg");
-  if (!joints) return refuse(kExitFailed, joints.error());
+    return fail("takt margin", robot.file + ": " + margin::kNoInnerLoop + "; leave out --no-task and --svg");
+  if (!joints) return fail("takt margin", joints.error());
   auto task = measure_task(options, robot);
   show_progress("");
-  if (!task) return refuse(kExitFailed, task.error());
+  if (!task) return fail("takt margin", task.error());
   const margin::MarginReport report{robot, std::move(*joints), std::move(*task)};
   if (!options.svg.empty()) {
     if (auto written = monitor::replace_file(options.svg, margin::bode_svg(report.joints)); !written)
-      return refuse(kExitFailed, written.error());
+      return fail("takt margin", written.error());
   }
   fmt::print("{}", options.json ? margin::to_json(report).dump() + "\n" : margin::margin_text(report));
   return report.agrees() ? kExitOk : kExitFailed;
@@ -95,7 +90,7 @@ int run(const Options& options) {
 void add_margin(CLI::App& app, int& exit_code) {
   CLI::App* command =
       app.add_subcommand("margin", "Measure the stabiliser's margins and the command age that the task tolerates.");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<MarginOptions>();
   command->add_option("ROBOT", options->robot, "robot file with a `simulation`")->required();
   command->add_flag("--no-task", options->no_task, "the stabiliser only, without the policy's rollouts");
   command->add_option("--seeds", options->seeds, "rollouts per dose; below 59 nothing can be shown")

@@ -10,25 +10,20 @@
 namespace takt::cli {
 namespace {
 
-struct Options {
+struct PanelMergeOptions {
   std::string out;
   std::vector<std::string> directories;
 };
 
-int fail(const std::string& sentence) {
-  fmt::print(stderr, "takt panel merge: {}\n", sentence);
-  return kExitFailed;
-}
-
-int merge(const Options& options) {
+int merge(const PanelMergeOptions& options) {
   std::vector<panel::Artifact> artifacts;
   for (const std::string& directory : options.directories) {
     auto artifact = panel::open_artifact(directory);
-    if (!artifact) return fail(artifact.error());
+    if (!artifact) return fail("takt panel merge", artifact.error());
     artifacts.push_back(std::move(*artifact));
   }
   const auto merged = panel::merge(options.out, artifacts);
-  if (!merged) return fail(merged.error());
+  if (!merged) return fail("takt panel merge", merged.error());
   fmt::print("{}: {} rows, {} methods\n", merged->manifest.artifact_id, merged->rows.size(),
              merged->manifest.methods.size());
   return kExitOk;
@@ -38,7 +33,7 @@ int merge(const Options& options) {
 
 void add_panel_merge(CLI::App& panel, int& exit_code) {
   CLI::App* command = panel.add_subcommand("merge", "Put artifacts of one panel into one; refuse mixtures.");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<PanelMergeOptions>();
   command->add_option("OUT", options->out, "folder of the new artifact")->required();
   command->add_option("DIR", options->directories, "artifact folders")->required()->expected(1, -1);
   command->footer(

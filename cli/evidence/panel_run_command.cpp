@@ -21,17 +21,12 @@
 namespace takt::cli {
 namespace {
 
-struct Options {
+struct PanelRunOptions {
   std::string panel, robot, out, only, method, shard = "1/1";
   std::size_t workers = 1;
   std::uint64_t seeds = 0;  // 0: as many as the panel says
   bool resume = false, json = false, real_time = false, allow_non_realtime = false;
 };
-
-int refuse(int exit_code, const std::string& sentences) {
-  fmt::print(stderr, "{}\n", sentences);
-  return exit_code;
-}
 
 std::optional<panel::Shard> shard_of(const std::string& text) {
   panel::Shard shard;
@@ -61,7 +56,7 @@ void plan_for(std::uint64_t seed, panel::Panel& panel) {
   panel.seed_count = 1;
 }
 
-std::expected<panel::ArtifactWriter, std::string> open_writer(const Options& options,
+std::expected<panel::ArtifactWriter, std::string> open_writer(const PanelRunOptions& options,
                                                               const panel::ArtifactManifest& manifest,
                                                               const std::string& panel_text) {
   const bool begun = std::filesystem::exists(panel::ArtifactFolder(options.out).manifest());
@@ -78,7 +73,7 @@ std::expected<void, std::string> keep(panel::ArtifactWriter& rows, const panel::
   return rows.append(ran.row);
 }
 
-void print_summary(const Options& options, const std::string& id, const std::vector<panel::RolloutRow>& rows,
+void print_summary(const PanelRunOptions& options, const std::string& id, const std::vector<panel::RolloutRow>& rows,
                    std::size_t ran) {
   const auto succeeded = std::ranges::count_if(rows, &panel::RolloutRow::success);
   if (options.json) {
@@ -92,12 +87,12 @@ void print_summary(const Options& options, const std::string& id, const std::vec
              id, options.out);
 }
 
-panel::Timing timing_of(const Options& options) {
+panel::Timing timing_of(const PanelRunOptions& options) {
   if (!options.real_time) return panel::Timing::virtual_time;
   return options.allow_non_realtime ? panel::Timing::real_without_guarantees : panel::Timing::real;
 }
 
-std::expected<void, std::string> run_all(const Options& options, panel::Contest& contest,
+std::expected<void, std::string> run_all(const PanelRunOptions& options, panel::Contest& contest,
                                          const std::vector<panel::PlannedRollout>& rollouts,
                                          const std::optional<RealRollouts>& real, panel::ArtifactWriter& rows) {
   PanelProgress progress(rollouts.size());
@@ -114,7 +109,7 @@ std::expected<void, std::string> run_all(const Options& options, panel::Contest&
   return {};
 }
 
-int run(const Options& options) {
+int run(const PanelRunOptions& options) {
   const auto shard = shard_of(options.shard);
   if (!shard) return refuse(kExitUsage, "takt panel run: --shard " + options.shard + ": write I/N, such as 1/4");
   auto panel = panel::load_panel(options.panel);
@@ -160,7 +155,7 @@ int run(const Options& options) {
 }  // namespace
 
 void add_panel_run(CLI::App& panel, int& exit_code) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<PanelRunOptions>();
   CLI::App* command = panel.add_subcommand("run", "Run every rollout of a panel file; write one row each.");
   command->add_option("PANEL", options->panel, "panel file (docs/panels.md)")->required();
   command->add_option("--out", options->out, "folder to write the rows into")->required();

@@ -28,7 +28,7 @@ namespace fs = std::filesystem;
 constexpr Duration kBeyondTheEnd = milliseconds(200);       // recorded, so that the rollout surely is whole
 constexpr auto kOverheadWithin = std::chrono::seconds(90);  // starting, arming, ending, on a busy machine
 constexpr auto kEndsWithin = std::chrono::seconds(40);
-constexpr auto kLookEvery = std::chrono::milliseconds(20);
+constexpr auto kChildrenLookEvery = std::chrono::milliseconds(20);
 
 // A short path for sockets, gone with this object.
 class RuntimeDirectory {
@@ -97,7 +97,7 @@ std::expected<void, std::string> run_to_its_end(ChildProcess& process, std::chro
       process.end(kEndsWithin);
       return std::unexpected("takt run did not end in time\n" + process.last_words());
     }
-    std::this_thread::sleep_for(kLookEvery);
+    std::this_thread::sleep_for(kChildrenLookEvery);
   }
   // A robot that stands at the end is a result.
   if (process.exit_code() == kExitOk || process.exit_code() == kExitStopped) return {};

@@ -9,22 +9,17 @@
 namespace takt::cli {
 namespace {
 
-struct Options {
+struct ReplayOptions {
   std::string directory;
   std::uint64_t from = 1;
   bool json = false;
 };
 
-int fail(const std::string& sentence) {
-  fmt::print(stderr, "takt replay: {}\n", sentence);
-  return kExitFailed;
-}
-
-int replay(const Options& options) {
+int replay(const ReplayOptions& options) {
   const auto run = monitor::open_run(options.directory);
-  if (!run) return fail(run.error());
+  if (!run) return fail("takt replay", run.error());
   const auto report = monitor::replay(*run, options.from);
-  if (!report) return fail(report.error());
+  if (!report) return fail("takt replay", report.error());
   if (options.json) {
     fmt::print("{}\n", monitor::to_json(*report).dump());
   } else {
@@ -38,7 +33,7 @@ int replay(const Options& options) {
 
 void add_replay(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("replay", "Feed a run's recorded inputs through the decision again.");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ReplayOptions>();
   command->add_option("DIR", options->directory, "run folder")->required();
   command->add_option("--from", options->from, "first tick to judge; replay starts at the keyframe before it");
   command->add_flag("--json", options->json, "one line of JSON");

@@ -15,18 +15,13 @@
 namespace takt::cli {
 namespace {
 
-struct Options {
+struct ReportOptions {
   std::string directory, html, against, truth;
   bool json = false;
 };
 
-int fail(const std::string& sentence) {
-  fmt::print(stderr, "takt report: {}\n", sentence);
-  return kExitFailed;
-}
-
 // A file beside the run that tells nothing, as a simulator leaves it that was ended early, is no error.
-std::string truth_file(const Options& options, const monitor::RecordedRun& run) {
+std::string truth_file(const ReportOptions& options, const monitor::RecordedRun& run) {
   if (!options.truth.empty()) return options.truth;
   std::string beside = run.folder.path() + "/truth.jsonl";
   if (!std::filesystem::exists(beside)) return "";
@@ -37,7 +32,7 @@ std::string truth_file(const Options& options, const monitor::RecordedRun& run) 
 }
 
 // Nothing to compare with is no error unless it was asked for by name.
-std::expected<std::optional<monitor::RunComparison>, std::string> comparison_of(const Options& options,
+std::expected<std::optional<monitor::RunComparison>, std::string> comparison_of(const ReportOptions& options,
                                                                                 const monitor::RecordedRun& run,
                                                                                 const nlohmann::ordered_json& metrics) {
   if (options.against == "none") return std::nullopt;
@@ -50,17 +45,17 @@ std::expected<std::optional<monitor::RunComparison>, std::string> comparison_of(
   return std::nullopt;
 }
 
-int report(const Options& options) {
+int report(const ReportOptions& options) {
   const auto run = monitor::open_run(options.directory);
-  if (!run) return fail(run.error());
+  if (!run) return fail("takt report", run.error());
   const auto review = monitor::review_of(*run);
-  if (!review) return fail(review.error());
+  if (!review) return fail("takt report", review.error());
   const auto& [metrics, faults] = *review;
   auto json = monitor::to_json(metrics, *run);
   const auto comparison = comparison_of(options, *run, json);
-  if (!comparison) return fail(comparison.error());
+  if (!comparison) return fail("takt report", comparison.error());
   const auto series = monitor::series_of(*run, metrics, faults, truth_file(options, *run));
-  if (!series) return fail(series.error());
+  if (!series) return fail("takt report", series.error());
   const std::string path = options.html.empty() ? run->folder.report() : options.html;
   const std::string page = monitor::report_html({*run, metrics, faults, *series, *comparison});
   const auto written = monitor::replace_file(path, page);
@@ -74,7 +69,7 @@ int report(const Options& options) {
     if (written) fmt::print("page          {}\n", path);
   }
   std::fflush(stdout);
-  if (!written) return fail(written.error() + "; --html FILE writes the page elsewhere");
+  if (!written) return fail("takt report", written.error() + "; --html FILE writes the page elsewhere");
   return kExitOk;
 }
 
@@ -82,7 +77,7 @@ int report(const Options& options) {
 
 void add_report(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("report", "Show how fresh a run's commands were, and write report.html.");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ReportOptions>();
   command->add_option("DIR", options->directory, "run folder")->required();
   command->add_flag("--json", options->json, "print the metrics as one line of JSON (docs/report.md)");
   command->add_option("--html", options->html, "where to write the page; default DIR/report.html");

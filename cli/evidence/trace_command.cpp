@@ -34,7 +34,7 @@ using Done = std::expected<void, Refusal>;
 
 constexpr const char* kTrigger = "takt-left-tracking";
 
-struct Options {
+struct TraceOptions {
   std::string output;
   bool flight_recorder = false;
   bool snapshot_on_leaving_tracking = false;
@@ -95,7 +95,7 @@ std::optional<std::string> trace_directory() {
 }
 
 // Which thread had each core, beside our events: what kept a tick or an inference from running.
-Done add_scheduling(const Options& options) {
+Done add_scheduling(const TraceOptions& options) {
   if (!lttng({"list", "--kernel"})) {
     fmt::print("without the kernel's scheduling events: no kernel tracer (root and lttng-modules-dkms)\n");
     return {};
@@ -118,7 +118,7 @@ Done snapshot_on_leaving_tracking() {
                 "--action=snapshot-session", kSession});
 }
 
-Done set_up(const Options& options) {
+Done set_up(const TraceOptions& options) {
   std::vector<std::string> channel{"enable-channel", "--userspace", kBufferSize, kBufferCount,
                                    kReadTimer,       "--session",   kSession,    kSession};
   if (options.flight_recorder) channel.insert(channel.begin() + 1, "--overwrite");
@@ -154,7 +154,7 @@ void wait_until_registered() {
                process.pid);
 }
 
-Done start(const Options& options) {
+Done start(const TraceOptions& options) {
   if (auto done = ensure_session_daemon(); !done) return done;
   if (const auto running = trace_directory())
     return std::unexpected(
@@ -200,7 +200,7 @@ Done stop() {
   return {};
 }
 
-Done snapshot(const Options& options) {
+Done snapshot(const TraceOptions& options) {
   const auto into = trace_snapshot(options.output);
   if (!into) return std::unexpected(into.error());
   fmt::print("snapshot in {}\n", *into);
@@ -234,7 +234,7 @@ void add_trace(CLI::App& app, int& exit_code) {
       "Example: takt trace start --output /var/tmp/t1; takt trace stop; takt trace review /var/tmp/t1\n"
       "Exit codes: 0 done, 1 refused, 64 command line, 69 lttng-tools is missing or no trace runs. See "
       "docs/tracing.md.");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<TraceOptions>();
 
   CLI::App* begin = command->add_subcommand("start", "Begin a trace; starts a session daemon when none runs.");
   begin->add_option("--output", options->output, "folder to make; default: a new one here");

@@ -18,15 +18,10 @@
 namespace takt::cli {
 namespace {
 
-struct Options {
+struct TraceReviewOptions {
   std::string directory, run, perfetto;
   bool json = false;
 };
-
-int fail(const std::string& sentence) {
-  fmt::print(stderr, "takt trace review: {}\n", sentence);
-  return kExitFailed;
-}
 
 // Empty when written.
 std::string export_perfetto(const std::string& path, const monitor::Timeline& timeline,
@@ -50,42 +45,43 @@ std::expected<std::optional<monitor::OtlpCheck>, std::string> otlp_of(const std:
   return monitor::check_told_commands(*told, *records);
 }
 
-int review(const Options& options) {
+int review(const TraceReviewOptions& options) {
   Records records;
   if (!options.run.empty()) {
     auto read = monitor::records_of(options.run);
-    if (!read) return fail(read.error());
+    if (!read) return fail("takt trace review", read.error());
     records = std::move(*read);
   }
   monitor::Timeline timeline;
   const auto reading =
       monitor::read_trace(options.directory, [&timeline](const monitor::TraceEvent& event) { timeline.add(event); });
-  if (!reading) return fail(reading.error());
+  if (!reading) return fail("takt trace review", reading.error());
   const auto review = monitor::review_trace(timeline, records ? &*records : nullptr);
-  if (!review) return fail(review.error());
+  if (!review) return fail("takt trace review", review.error());
   if (!options.perfetto.empty()) {
     const std::string error = export_perfetto(options.perfetto, timeline, *review);
-    if (!error.empty()) return fail(error);
+    if (!error.empty()) return fail("takt trace review", error);
   }
   const auto otlp = otlp_of(options.run, records);
-  if (!otlp) return fail(otlp.error());
+  if (!otlp) return fail("takt trace review", otlp.error());
   if (options.json)
     fmt::print("{}\n", monitor::to_json(*review, *reading, timeline).dump());
   else
     fmt::print("{}{}", monitor::review_text(*review, *reading, timeline), *otlp ? otlp_text(**otlp) : "");
   if (*otlp && !(*otlp)->agrees())
-    return fail(fmt::format("OpenTelemetry was told otherwise than was recorded: {} commands compared, {} differences",
+    return fail("takt trace review",
+                fmt::format("OpenTelemetry was told otherwise than was recorded: {} commands compared, {} differences",
                             (*otlp)->commands, (*otlp)->disagreement_count));
   if (!review->records || review->records->agrees()) return kExitOk;
-  return fail(fmt::format("trace and records disagree: {} ticks compared, {} differences", review->records->ticks,
-                          review->records->disagreement_count));
+  return fail("takt trace review", fmt::format("trace and records disagree: {} ticks compared, {} differences",
+                                               review->records->ticks, review->records->disagreement_count));
 }
 
 }  // namespace
 
 void add_trace_review(CLI::App& trace, int& exit_code) {
   CLI::App* command = trace.add_subcommand("review", "Say where the time went in a trace, and check it against a run.");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<TraceReviewOptions>();
   command->add_option("DIR", options->directory, "what takt trace start or a snapshot wrote")->required();
   command->add_option("--run", options->run, "run folder of the same time, to compare every age with");
   command->add_flag("--json", options->json, "one line of JSON (docs/tracing.md)");

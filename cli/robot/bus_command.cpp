@@ -16,7 +16,7 @@
 namespace takt::cli {
 namespace {
 
-struct Options {
+struct BusOptions {
   std::string robot_file, runtime_dir;
   double seconds = 0;
   bool json = false;
@@ -25,14 +25,14 @@ struct Options {
 constexpr long kLookPeriod_ns = 5'000'000;
 constexpr Duration kShowPeriod = milliseconds(500);
 
-volatile std::sig_atomic_t g_interrupted = 0;
+volatile std::sig_atomic_t g_watch_interrupted = 0;
 
 void pause_a_little() {
   const timespec pause{0, kLookPeriod_ns};
   ::nanosleep(&pause, nullptr);
 }
 
-std::expected<int, Refusal> watch(const Options& options) {
+std::expected<int, Refusal> watch(const BusOptions& options) {
   const auto robot = load_robot(options.robot_file, options.runtime_dir);
   if (!robot) return std::unexpected(robot.error());
   std::vector<std::unique_ptr<drivers::CanBus>> buses;
@@ -42,12 +42,12 @@ std::expected<int, Refusal> watch(const Options& options) {
     buses.push_back(std::move(*opened));
   }
   BusWatch watched(robot->config, std::move(buses));
-  std::signal(SIGINT, [](int) { g_interrupted = 1; });
+  std::signal(SIGINT, [](int) { g_watch_interrupted = 1; });
   const bool redraw = ::isatty(STDOUT_FILENO) != 0 && !options.json;
   const MonoTime started = monotonic_now();
   MonoTime shown = started;
   const auto over = [&](MonoTime now) {
-    return g_interrupted != 0 || (options.seconds > 0 && (now - started).seconds() >= options.seconds);
+    return g_watch_interrupted != 0 || (options.seconds > 0 && (now - started).seconds() >= options.seconds);
   };
   watched.count(started);
   for (MonoTime now = started; !over(now); now = monotonic_now()) {
@@ -75,7 +75,7 @@ void add_bus(CLI::App& app, int& exit_code) {
   add_bus_zero(*bus, exit_code);
   add_bus_up(*bus, exit_code);
   add_bus_disable(*bus, exit_code);
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<BusOptions>();
   CLI::App* command = bus->add_subcommand("watch", "What the drives say, decoded, live; sends nothing.");
   command->add_option("--robot", options->robot_file, "robot file")->required();
   command->add_option("--runtime-dir", options->runtime_dir,

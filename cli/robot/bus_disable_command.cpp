@@ -19,7 +19,7 @@
 namespace takt::cli {
 namespace {
 
-struct Options {
+struct BusDisableOptions {
   std::string robot_file, runtime_dir;
   double seconds = 1;
   bool json = false;
@@ -131,7 +131,7 @@ int report(const DirectRobot& robot, const Disabler& disabler, bool json) {
   return left.empty() ? kExitOk : kExitFailed;
 }
 
-std::expected<int, Refusal> disable(const Options& options) {
+std::expected<int, Refusal> disable(const BusDisableOptions& options) {
   const auto robot = load_robot(options.robot_file, options.runtime_dir);
   if (!robot) return std::unexpected(robot.error());
   const auto alone = require_alone(*robot);
@@ -153,7 +153,7 @@ std::expected<int, Refusal> disable(const Options& options) {
 
 void add_bus_disable(CLI::App& bus, int& exit_code) {
   CLI::App* command = bus.add_subcommand("disable", "Tell every drive to be disabled, and wait until it says so.");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<BusDisableOptions>();
   command->add_option("--robot", options->robot_file, "robot file")->required();
   command->add_option("--runtime-dir", options->runtime_dir,
                       "where loopback buses are (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");

@@ -17,7 +17,7 @@ namespace {
 
 using drivers::BusScan;
 
-struct Options {
+struct BusScanOptions {
   std::string robot_file, runtime_dir;
   std::uint32_t last_id = 127;
   bool json = false;
@@ -106,7 +106,7 @@ void print(const std::vector<Line>& lines, bool as_json) {
                line.answered ? fmt::format("{}", fmt::join(line.said, "; ")) : "NO ANSWER");
 }
 
-std::expected<int, Refusal> scan(const Options& options) {
+std::expected<int, Refusal> scan(const BusScanOptions& options) {
   const auto robot = load_robot(options.robot_file, options.runtime_dir);
   if (!robot) return std::unexpected(robot.error());
   const auto alone = require_alone(*robot);
@@ -128,7 +128,7 @@ std::expected<int, Refusal> scan(const Options& options) {
 
 void add_bus_scan(CLI::App& bus, int& exit_code) {
   CLI::App* command = bus.add_subcommand("scan", "Ask every number on every bus who is there; moves nothing.");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<BusScanOptions>();
   command->add_option("--robot", options->robot_file, "robot file: its buses, and the protocols spoken on each")
       ->required();
   command->add_option("--runtime-dir", options->runtime_dir,

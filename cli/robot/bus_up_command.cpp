@@ -16,7 +16,7 @@
 namespace takt::cli {
 namespace {
 
-struct Options {
+struct BusUpOptions {
   std::string robot_file, interface;
   bool dry_run = false;
 };
@@ -87,7 +87,7 @@ std::expected<void, Refusal> bring_up(const config::RobotConfig& robot, std::siz
   return {};
 }
 
-std::expected<int, Refusal> up(const Options& options) {
+std::expected<int, Refusal> up(const BusUpOptions& options) {
   const auto robot = load_robot(options.robot_file, {});
   if (!robot) return std::unexpected(robot.error());
   if (!options.dry_run) {
@@ -109,7 +109,7 @@ std::expected<int, Refusal> up(const Options& options) {
 
 void add_bus_up(CLI::App& bus, int& exit_code) {
   CLI::App* command = bus.add_subcommand("up", "Give the CAN interfaces the robot file's bit rates and bring them up.");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<BusUpOptions>();
   command->add_option("--robot", options->robot_file, "robot file")->required();
   command->add_option("--interface", options->interface, "only this one");
   command->add_flag("--dry-run", options->dry_run, "print the commands instead of running them");

@@ -17,7 +17,7 @@
 namespace takt::cli {
 namespace {
 
-struct Options {
+struct BusZeroOptions {
   std::string joint, robot_file, runtime_dir;
   bool yes = false;
 };
@@ -58,7 +58,7 @@ class Listener {
   std::array<drivers::ReceivedFrame, 64> received_;
 };
 
-std::expected<int, Refusal> set_zero(const Options& options) {
+std::expected<int, Refusal> set_zero(const BusZeroOptions& options) {
   const auto robot = load_robot(options.robot_file, options.runtime_dir);
   if (!robot) return std::unexpected(robot.error());
   const auto index = find_joint(*robot, options.joint);
@@ -101,7 +101,7 @@ std::expected<int, Refusal> set_zero(const Options& options) {
 
 void add_bus_zero(CLI::App& bus, int& exit_code) {
   CLI::App* command = bus.add_subcommand("zero", "Make where a joint stands its zero; its drive stays disabled.");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<BusZeroOptions>();
   command->add_option("joint", options->joint, "name in the robot file")->required();
   command->add_option("--robot", options->robot_file, "robot file")->required();
   command->add_option("--runtime-dir", options->runtime_dir,

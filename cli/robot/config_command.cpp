@@ -13,12 +13,12 @@
 namespace takt::cli {
 namespace {
 
-struct Options {
+struct ConfigOptions {
   std::string file;
   bool json = false;
 };
 
-int refuse(const std::string& problems, bool json) {
+int refuse_file(const std::string& problems, bool json) {
   if (json) {
     nlohmann::json lines = nlohmann::json::array();
     for (std::size_t begin = 0; begin < problems.size();) {
@@ -33,9 +33,9 @@ int refuse(const std::string& problems, bool json) {
   return config::kExitBadConfiguration;
 }
 
-int check(const Options& options) {
+int check(const ConfigOptions& options) {
   const auto checked = check_robot_file(options.file);
-  if (!checked) return refuse(checked.error(), options.json);
+  if (!checked) return refuse_file(checked.error(), options.json);
   const config::RobotConfig& robot = checked->robot;
   if (options.json) {
     nlohmann::json buses = nlohmann::json::array();
@@ -55,9 +55,9 @@ int check(const Options& options) {
   return kExitOk;
 }
 
-int show(const Options& options) {
+int show(const ConfigOptions& options) {
   const auto robot = config::load(options.file);
-  if (!robot) return refuse(robot.error(), options.json);
+  if (!robot) return refuse_file(robot.error(), options.json);
   if (options.json)
     fmt::print("{}\n", nlohmann::json{{"sha256", robot->sha256}, {"resolved", robot->resolved}}.dump());
   else
@@ -66,9 +66,9 @@ int show(const Options& options) {
 }
 
 void add_file_command(CLI::App& parent, int& exit_code, const char* word, const char* what, const char* footer,
-                      int (*run)(const Options&)) {
+                      int (*run)(const ConfigOptions&)) {
   CLI::App* command = parent.add_subcommand(word, what);
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ConfigOptions>();
   command->add_option("FILE", options->file, "robot file")->required();
   command->add_flag("--json", options->json, "one line of JSON");
   command->footer(footer);

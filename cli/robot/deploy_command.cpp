@@ -23,7 +23,7 @@
 namespace takt::cli {
 namespace {
 
-struct Options : DeploymentOptions {
+struct DeployOptions : DeploymentOptions {
   std::string robot_file, name, runs = "/var/lib/takt/runs", watch = "30s", arm_within = "120s";
   bool simulated = false, arm = false;
   deploy::ProbationTimes times;  // of `watch` and `arm_within`
@@ -55,7 +55,7 @@ std::expected<void, Refusal> go_back(deploy::Store& store, const DeployedRobot& 
 }
 
 // From here on the new robot is in use: every way out proves it, leaves it unproven, or goes back.
-std::expected<void, Refusal> prove(deploy::Store& store, const Options& options, const config::RobotConfig& robot,
+std::expected<void, Refusal> prove(deploy::Store& store, const DeployOptions& options, const config::RobotConfig& robot,
                                    Outcome& outcome) {
   const auto restarted = restart(options.place);
   Watched watched{deploy::Stage::unproven, "not restarted, so not watched: restart its processes yourself"};
@@ -74,7 +74,7 @@ std::expected<void, Refusal> prove(deploy::Store& store, const Options& options,
   return {};
 }
 
-std::expected<Outcome, Refusal> deploy_robot(const Options& options) {
+std::expected<Outcome, Refusal> deploy_robot(const DeployOptions& options) {
   const auto checked = check_robot_file(options.robot_file);
   if (!checked) return refused(first_problems(checked.error()), config::kExitBadConfiguration);
   const config::RobotConfig& robot = checked->robot;
@@ -120,7 +120,7 @@ int report(const Outcome& outcome, bool json) {
   return rolled_back ? kExitFailed : kExitOk;
 }
 
-int run(Options& options) {
+int run(DeployOptions& options) {
   const auto watch_for = parse_duration(options.watch), arm_within = parse_duration(options.arm_within);
   if (!watch_for || !arm_within) {
     fmt::print(stderr, "takt deploy: {}\n",
@@ -147,7 +147,7 @@ int run(Options& options) {
 void add_deploy(CLI::App& app, int& exit_code) {
   CLI::App* command =
       app.add_subcommand("deploy", "Make a robot file and its policy what this machine runs, on probation.");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<DeployOptions>();
   command->add_option("ROBOT", options->robot_file, "robot file")->required();
   command->add_option("--name", options->name, "of the deployment; default: UTC time and the robot's name");
   command->add_option("--watch", options->watch, "tracking for this long proves it")->capture_default_str();

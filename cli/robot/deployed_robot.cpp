@@ -15,9 +15,9 @@ namespace takt::cli {
 namespace {
 
 constexpr auto kAnswerWithin = std::chrono::milliseconds(500);
-constexpr long kLookPeriod_ns = 50'000'000;
+constexpr long kProofPeriod_ns = 50'000'000;
 
-volatile std::sig_atomic_t g_interrupted = 0;
+volatile std::sig_atomic_t g_given_up = 0;
 
 std::optional<StatusSnapshot> status_of(const DeployedRobot& robot) {
   const auto reply = ipc::ask(config::executive_socket(robot.runtime_directory), OperatorVerb::status, kAnswerWithin);
@@ -26,15 +26,15 @@ std::optional<StatusSnapshot> status_of(const DeployedRobot& robot) {
 }
 
 void wait_a_little() {
-  const timespec pause{0, kLookPeriod_ns};
+  const timespec pause{0, kProofPeriod_ns};
   ::nanosleep(&pause, nullptr);
 }
 
 }  // namespace
 
 void catch_interruptions() {
-  g_interrupted = 0;
-  for (const int number : {SIGINT, SIGTERM, SIGHUP}) std::signal(number, [](int) { g_interrupted = 1; });
+  g_given_up = 0;
+  for (const int number : {SIGINT, SIGTERM, SIGHUP}) std::signal(number, [](int) { g_given_up = 1; });
 }
 
 void add_deployment_options(CLI::App& command, DeploymentOptions& options) {
@@ -67,7 +67,7 @@ Watched watch(const DeployedRobot& place, const config::RobotConfig& robot, cons
               bool arm) {
   deploy::Probation probation(times, robot.policy.has_value());
   const MonoTime started = monotonic_now();
-  while (g_interrupted == 0) {
+  while (g_given_up == 0) {
     const deploy::Stage stage = probation.look(monotonic_now() - started, status_of(place));
     if (deploy::is_over(stage)) return {stage, probation.reason()};
     // Refused as long as something is missing; `arm_within` bounds how often this is asked.

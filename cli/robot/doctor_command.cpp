@@ -19,7 +19,7 @@
 namespace takt::cli {
 namespace {
 
-struct Options {
+struct DoctorOptions {
   std::string robot_file;
   double seconds = 10;
   bool load = false, json = false, keep = false;
@@ -36,7 +36,7 @@ std::string load_folder(const config::RobotConfig* robot) {
   return std::filesystem::current_path();
 }
 
-doctor::ProbePlan probe_plan(const config::RobotConfig* robot, const Options& options) {
+doctor::ProbePlan probe_plan(const config::RobotConfig* robot, const DoctorOptions& options) {
   doctor::ProbePlan plan{.length = Duration{std::llround(options.seconds * 1e9)},
                          .period = milliseconds(1),
                          .priority = 80,
@@ -62,7 +62,7 @@ bool kept(const std::string& verdict, const config::RobotConfig& robot) {
   return written.has_value();
 }
 
-int examine(const Options& options) {
+int examine(const DoctorOptions& options) {
   std::optional<config::RobotConfig> robot;
   if (!options.robot_file.empty()) {
     auto loaded = config::load(options.robot_file);
@@ -87,7 +87,7 @@ int examine(const Options& options) {
 void add_doctor(CLI::App& app, int& exit_code) {
   CLI::App* command =
       app.add_subcommand("doctor", "Say whether this machine can do hard real time, and how to mend it.");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<DoctorOptions>();
   CLI::Option* const robot = command->add_option("--robot", options->robot_file,
                                                  "robot file: its core, priority, CAN interfaces and disk too");
   add_quantity(*command, "--for", options->seconds, "s", "measure wake-ups this long (10s, 20min, 1h); 0: not at all")

@@ -13,7 +13,7 @@
 namespace takt::cli {
 namespace {
 
-constexpr auto kAnswerWithin = std::chrono::milliseconds(500);
+constexpr auto kExecutiveAnswersWithin = std::chrono::milliseconds(500);
 
 using Answer = std::expected<OperatorReply, std::string>;
 
@@ -22,12 +22,12 @@ std::optional<Answer> ask_status(const std::string& runtime_directory) {
   if (access(runtime_directory.c_str(), X_OK) != 0) return std::nullopt;
   const std::string socket = config::executive_socket(runtime_directory);
   if (!ipc::may_listen(socket)) return std::nullopt;
-  Answer answer = ipc::ask(socket, OperatorVerb::status, kAnswerWithin);
+  Answer answer = ipc::ask(socket, OperatorVerb::status, kExecutiveAnswersWithin);
   if (!answer && !ipc::may_listen(socket)) return std::nullopt;  // it ended meanwhile
   return answer;
 }
 
-std::unexpected<Refusal> refused(std::string sentence) {
+std::unexpected<Refusal> not_alone(std::string sentence) {
   return std::unexpected(Refusal{kExitFailed, std::move(sentence)});
 }
 
@@ -38,10 +38,10 @@ std::expected<void, Refusal> require_no_executive(const std::vector<std::string>
     const auto answer = ask_status(directory);
     if (!answer) continue;
     if (!*answer)
-      return refused(
+      return not_alone(
           fmt::format("an executive may run in {}: {}; two masters on one bus fight over its drives: end it first",
                       directory, answer->error()));
-    return refused(
+    return not_alone(
         fmt::format("an executive runs in {}, mode {}: two masters on one bus fight over its drives; end it "
                     "first",
                     directory, name((*answer)->status.tick.mode)));
@@ -54,12 +54,12 @@ std::expected<void, Refusal> require_disarmed(const std::vector<std::string>& ru
     const auto answer = ask_status(directory);
     if (!answer) continue;
     if (!*answer)
-      return refused(fmt::format("nobody knows whether the robot in {} is armed: {}; end its executive first",
-                                 directory, answer->error()));
+      return not_alone(fmt::format("nobody knows whether the robot in {} is armed: {}; end its executive first",
+                                   directory, answer->error()));
     const auto& tick = (*answer)->status.tick;
     if (tick.drives_enabled != 0)
-      return refused(fmt::format("the robot in {} is armed, mode {}: `takt stop`, then `takt reset`, first", directory,
-                                 name(tick.mode)));
+      return not_alone(fmt::format("the robot in {} is armed, mode {}: `takt stop`, then `takt reset`, first",
+                                   directory, name(tick.mode)));
   }
   return {};
 }

@@ -20,11 +20,6 @@ struct Given {
   std::vector<std::string> joint_names;
 };
 
-int refuse(int exit_code, const std::string& sentence) {
-  fmt::print(stderr, "{}\n", sentence);
-  return exit_code;
-}
-
 // As it is best written in `out`: relative to its folder, when both are given so.
 std::string path_from(const std::string& out, const std::string& file) {
   if (fs::path(file).is_absolute()) return file;

@@ -23,13 +23,13 @@
 namespace takt::cli {
 namespace {
 
-struct Options {
+struct JointOptions {
   std::string joint, robot_file, runtime_dir;
   double by_degrees = 5, torque = 0, speed_degrees = 10;
   bool json = false, without_gravity = false;
 };
 
-volatile std::sig_atomic_t g_interrupted = 0;
+volatile std::sig_atomic_t g_jog_interrupted = 0;
 
 constexpr Duration kFresh = milliseconds(100);  // a position that gravity may be computed from
 
@@ -108,11 +108,11 @@ drivers::GravityTerm gravity_at(std::size_t joint, const config::RobotConfig& ro
 
 // Interrupting it releases the drive first.
 void run(drivers::JointJog& jog, std::size_t jogged, Drives& drives, Duration period) {
-  std::signal(SIGINT, [](int) { g_interrupted = 1; });
-  std::signal(SIGTERM, [](int) { g_interrupted = 1; });
+  std::signal(SIGINT, [](int) { g_jog_interrupted = 1; });
+  std::signal(SIGTERM, [](int) { g_jog_interrupted = 1; });
   for (Pace pace(monotonic_now(), period); !jog.ended(); pace.advance(monotonic_now())) {
     sleep_until(pace.due());
-    if (g_interrupted != 0) jog.stop();
+    if (g_jog_interrupted != 0) jog.stop();
     drives.listen();
     drives.speak(jog, jogged, monotonic_now());
   }
@@ -131,7 +131,7 @@ std::expected<std::unique_ptr<drivers::TorqueOutput>, Refusal> permit_torque(con
 
 constexpr double kDegree = 3.14159265358979323846 / 180;
 
-int report(const drivers::JointJog& jog, const Options& options) {
+int report(const drivers::JointJog& jog, const JointOptions& options) {
   const bool failed = !jog.failure().empty();
   if (options.json)
     fmt::print(
@@ -146,7 +146,7 @@ int report(const drivers::JointJog& jog, const Options& options) {
   return failed ? kExitFailed : kExitOk;
 }
 
-std::expected<int, Refusal> jog(const Options& options) {
+std::expected<int, Refusal> jog(const JointOptions& options) {
   const auto robot = load_robot(options.robot_file, options.runtime_dir);
   if (!robot) return std::unexpected(robot.error());
   const auto index = find_joint(*robot, options.joint);
@@ -180,7 +180,7 @@ void add_joint(CLI::App& app, int& exit_code) {
   CLI::App* joint = app.add_subcommand("joint", "Try one joint without a policy.");
   joint->require_subcommand(1);
   CLI::App* command = joint->add_subcommand("jog", "Move one joint a little, softly; its drive alone is enabled.");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<JointOptions>();
   command->add_option("joint", options->joint, "name in the robot file")->required();
   command->add_option("--robot", options->robot_file, "robot file")->required();
   command->add_option("--runtime-dir", options->runtime_dir,

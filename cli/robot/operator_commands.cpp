@@ -15,16 +15,16 @@
 namespace takt::cli {
 namespace {
 
-constexpr auto kAnswerWithin = std::chrono::milliseconds(2000);
+constexpr auto kOperatorAnswersWithin = std::chrono::milliseconds(2000);
 
-struct Options {
+struct OperatorOptions {
   std::string runtime_dir;
   std::string robot_file;
   bool json = false;
   bool now = false;
 };
 
-std::expected<std::string, Refusal> runtime_dir_of(const Options& options) {
+std::expected<std::string, Refusal> runtime_dir_of(const OperatorOptions& options) {
   if (!options.runtime_dir.empty()) return options.runtime_dir;
   std::string name;
   if (!options.robot_file.empty()) {
@@ -38,7 +38,7 @@ std::expected<std::string, Refusal> runtime_dir_of(const Options& options) {
 }
 
 // Before anybody was asked.
-int refuse(const Refusal& refusal, const std::string& sentence, bool json) {
+int refuse_request(const Refusal& refusal, const std::string& sentence, bool json) {
   if (json)
     fmt::print("{}\n", nlohmann::json{{"done", false}, {"sentences", {refusal.sentence}}, {"status", nullptr}}.dump());
   else
@@ -46,7 +46,7 @@ int refuse(const Refusal& refusal, const std::string& sentence, bool json) {
   return refusal.exit_code;
 }
 
-void print_reply(OperatorVerb verb, const OperatorReply& reply, const Options& options) {
+void print_reply(OperatorVerb verb, const OperatorReply& reply, const OperatorOptions& options) {
   const auto sentences = sentences_of(reply);
   if (options.json) {
     const nlohmann::json json{
@@ -60,20 +60,20 @@ void print_reply(OperatorVerb verb, const OperatorReply& reply, const Options& o
     fmt::print("mode {}\n", name(reply.status.tick.mode));
 }
 
-int request(OperatorVerb verb, const Options& options) {
+int request(OperatorVerb verb, const OperatorOptions& options) {
   const auto directory = runtime_dir_of(options);
-  if (!directory) return refuse(directory.error(), directory.error().sentence, options.json);
-  const auto reply = ipc::ask(config::executive_socket(*directory), verb, kAnswerWithin);
+  if (!directory) return refuse_request(directory.error(), directory.error().sentence, options.json);
+  const auto reply = ipc::ask(config::executive_socket(*directory), verb, kOperatorAnswersWithin);
   if (!reply)
-    return refuse({kExitUnavailable, reply.error()},
-                  fmt::format("no executive answers in {}: {}", *directory, reply.error()), options.json);
+    return refuse_request({kExitUnavailable, reply.error()},
+                          fmt::format("no executive answers in {}: {}", *directory, reply.error()), options.json);
   print_reply(verb, *reply, options);
   return verb == OperatorVerb::status || reply->done != 0 ? kExitOk : kExitFailed;
 }
 
 void add(CLI::App& app, int& exit_code, OperatorVerb verb, const char* word, const char* what, const char* footer) {
   CLI::App* command = app.add_subcommand(word, what);
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<OperatorOptions>();
   CLI::Option_group* where = command->add_option_group("where", "which running robot, where there are several");
   where->add_option("--runtime-dir", options->runtime_dir, "its runtime directory");
   where->add_option("--robot", options->robot_file, "its robot file: the one of that name");

@@ -26,37 +26,37 @@ constexpr std::int64_t kSamplesPerTimeout = 4;  // so that one or two that come 
 std::atomic<bool> g_released = false;
 static_assert(std::atomic<bool>::is_always_lock_free);
 
-struct Options {
+struct PersonOptions {
   std::string sensor, robot_file, runtime_dir;
   std::vector<double> values;
   double lasting_s = 1;
 };
 
-std::unexpected<Refusal> refuse(int exit_code, std::string sentence) {
+std::unexpected<Refusal> refusal(int exit_code, std::string sentence) {
   return std::unexpected(Refusal{exit_code, std::move(sentence)});
 }
 
 // The entry of the robot file that this is a command of, and its limits.
-std::expected<config::Sensor, Refusal> sensor_of(const config::RobotConfig& robot, const Options& options) {
+std::expected<config::Sensor, Refusal> sensor_of(const config::RobotConfig& robot, const PersonOptions& options) {
   const auto sensor = std::ranges::find(robot.sensors, options.sensor, &config::Sensor::name);
   if (sensor == robot.sensors.end() || !sensor->command) {
     std::vector<std::string> known;
     for (const config::Sensor& each : robot.sensors)
       if (each.command) known.push_back(each.name);
-    return refuse(
+    return refusal(
         config::kExitBadConfiguration,
         fmt::format("{}: `sensors` lists no command '{}' (there is {}); add it with `command: {{ minimum, "
                     "maximum, when_absent }}`, or correct the name",
                     robot.file, options.sensor, known.empty() ? "none" : fmt::format("{}", fmt::join(known, ", "))));
   }
   if (options.values.size() != sensor->values)
-    return refuse(kExitUsage, fmt::format("{} has {} values ({}), this is {}: say them all", sensor->name,
-                                          sensor->values, sensor->unit, options.values.size()));
+    return refusal(kExitUsage, fmt::format("{} has {} values ({}), this is {}: say them all", sensor->name,
+                                           sensor->values, sensor->unit, options.values.size()));
   for (std::size_t i = 0; i < options.values.size(); ++i) {
     const double low = sensor->command->minimum[i], high = sensor->command->maximum[i];
     if (!(options.values[i] >= low && options.values[i] <= high))
-      return refuse(kExitUsage, fmt::format("value {} of {} is {}, outside [{}, {}] of {}: nobody would believe it",
-                                            i + 1, sensor->name, options.values[i], low, high, robot.file));
+      return refusal(kExitUsage, fmt::format("value {} of {} is {}, outside [{}, {}] of {}: nobody would believe it",
+                                             i + 1, sensor->name, options.values[i], low, high, robot.file));
   }
   return *sensor;
 }
@@ -68,7 +68,7 @@ void release_on_signals() {
   sigaction(SIGINT, &action, nullptr);
 }
 
-void say(ipc::SensorServer& server, const Options& options, Duration timeout) {
+void say(ipc::SensorServer& server, const PersonOptions& options, Duration timeout) {
   SensorSample sample;
   sample.value_count = static_cast<std::uint32_t>(options.values.size());
   std::ranges::transform(options.values, sample.values, [](double value) { return static_cast<float>(value); });
@@ -82,15 +82,15 @@ void say(ipc::SensorServer& server, const Options& options, Duration timeout) {
   }
 }
 
-std::expected<void, Refusal> command(const Options& options) {
+std::expected<void, Refusal> command(const PersonOptions& options) {
   const auto robot = config::load(options.robot_file);
-  if (!robot) return refuse(config::kExitBadConfiguration, robot.error());
+  if (!robot) return refusal(config::kExitBadConfiguration, robot.error());
   const auto sensor = sensor_of(*robot, options);
   if (!sensor) return std::unexpected(sensor.error());
   const std::string directory =
       options.runtime_dir.empty() ? config::default_runtime_directory(robot->robot) : options.runtime_dir;
   const auto server = ipc::SensorServer::start(config::sensor_socket(directory, sensor->name));
-  if (!server) return refuse(kExitUnavailable, server.error());
+  if (!server) return refusal(kExitUnavailable, server.error());
   release_on_signals();
   say(**server, options, sensor->timeout);
   return {};
@@ -101,7 +101,7 @@ std::expected<void, Refusal> command(const Options& options) {
 void add_person_command(CLI::App& app, int& exit_code) {
   CLI::App* added =
       app.add_subcommand("command", "Tell a running robot's policy what you want, through one of its command sensors.");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<PersonOptions>();
   added->add_option("sensor", options->sensor, "name of an entry in the robot file's sensors that has `command`")
       ->required();
   added->add_option("values", options->values, "one number per value, in the sensor's unit")

@@ -14,11 +14,11 @@
 namespace takt::cli {
 namespace {
 
-struct Options : DeploymentOptions {
+struct RollbackOptions : DeploymentOptions {
   std::string to;
 };
 
-std::expected<int, Refusal> roll_back(const Options& options) {
+std::expected<int, Refusal> roll_back(const RollbackOptions& options) {
   auto store = deploy::Store::open(options.store);
   if (!store) return std::unexpected(Refusal{kExitFailed, store.error()});
   const std::string from = store->current(), to = options.to.empty() ? store->previous() : options.to;
@@ -46,7 +46,7 @@ std::expected<int, Refusal> roll_back(const Options& options) {
 
 void add_rollback(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("rollback", "Go back to the deployment that was in use before.");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<RollbackOptions>();
   command->add_option("--to", options->to, "name of a deployment; default: the one before");
   add_deployment_options(*command, *options);
   command->footer(

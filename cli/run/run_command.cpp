@@ -39,11 +39,6 @@ struct Given {
   bool arm = false, allow_non_realtime = false, restart = false, to_the_end = false;
 };
 
-int refuse(int exit_code, const std::string& sentence) {
-  std::fprintf(stderr, "%s\n", sentence.c_str());
-  return exit_code;
-}
-
 std::string new_run_directory(const config::RobotConfig& robot) {
   const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
   return robot.record.directory + "/" + monitor::new_run_id(robot.robot, since_epoch / std::chrono::nanoseconds(1));

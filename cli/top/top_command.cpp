@@ -30,10 +30,10 @@ namespace {
 namespace top = monitor::top;
 
 constexpr std::chrono::milliseconds kFramePeriod{100};
-constexpr std::chrono::milliseconds kAnswerWithin{2000};
+constexpr std::chrono::milliseconds kTopAnswersWithin{2000};
 constexpr int kLooksForATick = 20;  // of --once, kFramePeriod apart
 
-struct Options {
+struct TopOptions {
   std::string robot_file, runtime_dir;
   bool once = false, json = false, ascii = false;
 };
@@ -87,7 +87,7 @@ class Console {
   }
 
   void ask(OperatorVerb verb, std::string_view done) {
-    const auto reply = ipc::ask(socket_, verb, kAnswerWithin);
+    const auto reply = ipc::ask(socket_, verb, kTopAnswersWithin);
     if (!reply) return keys_.note(reply.error(), true, monotonic_now());
     const std::string said = joined(sentences_of(*reply));
     const bool refused = reply->done == 0;
@@ -124,7 +124,7 @@ std::expected<top::Picture, Refusal> one_picture(const config::RobotConfig& robo
   }
 }
 
-int print_once(const config::RobotConfig& robot, const std::string& directory, const Options& options,
+int print_once(const config::RobotConfig& robot, const std::string& directory, const TopOptions& options,
                top::Glyphs glyphs) {
   const auto picture = one_picture(robot, directory);
   if (!picture) {
@@ -152,7 +152,7 @@ std::expected<config::RobotConfig, Refusal> load_robot_file(const std::string& p
 }
 
 // Nothing named: the one that runs. Only its file named: where it runs, or will.
-std::expected<Subject, Refusal> subject_of(const Options& options) {
+std::expected<Subject, Refusal> subject_of(const TopOptions& options) {
   Subject subject{{}, options.runtime_dir};
   if (!options.robot_file.empty()) {
     auto robot = load_robot_file(options.robot_file);
@@ -180,7 +180,7 @@ std::expected<Subject, Refusal> subject_of(const Options& options) {
   return subject;
 }
 
-int run_top(const Options& options) {
+int run_top(const TopOptions& options) {
   const auto subject = subject_of(options);
   if (!subject) {
     fmt::print(stderr, "{}\n", subject.error().sentence);
@@ -203,7 +203,7 @@ int run_top(const Options& options) {
 
 void add_top(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("top", "A running robot, live: mode, ages, misses, buses, joints; arm, stop.");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<TopOptions>();
   command->add_option("--robot", options->robot_file, "its robot file; default: what it was started with");
   command->add_option("--runtime-dir", options->runtime_dir, "its runtime directory; default: the running robot's");
   command->add_flag("--ascii", options->ascii, "no characters beyond ASCII; the default where the locale is not UTF-8");

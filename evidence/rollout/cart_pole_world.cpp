@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::uint64_t kCommandStream = 551;
 
-config::Simulation with_seed(config::Simulation simulation, std::uint64_t seed) {
+config::Simulation seeded(config::Simulation simulation, std::uint64_t seed) {
   simulation.seed = seed;
   return simulation;
 }
@@ -44,7 +44,7 @@ CartPoleWorld::CartPoleWorld(const config::RobotConfig& robot, plant::Plant plan
     : robot_(robot),
       plant_(std::move(plant)),
       dynamics_(dynamics),
-      simulation_(with_seed(*robot.simulation, seed)),
+      simulation_(seeded(*robot.simulation, seed)),
       told_since_(told_since),
       sensor_(simulation_, told_since) {}
 

@@ -37,7 +37,7 @@ std::string microseconds_text(Duration time) {
   return fmt::format("{}us", time.ns / 1000);
 }
 
-Duration dose_time(const Perturbation& perturbation) {
+Duration length_of(const Perturbation& perturbation) {
   return {std::llround(perturbation.dose * 1e6)};
 }
 
@@ -78,7 +78,7 @@ Answer hogs_at(const std::vector<Duration>& instants, const Perturbation& pertur
     return refuse(perturbation, fmt::format("with real processes at most {} ms", kLongestPreemption_ms));
   std::vector<std::string> actions;
   for (const Duration at : instants)
-    actions.push_back(action(at, "hog control " + microseconds_text(dose_time(perturbation))));
+    actions.push_back(action(at, "hog control " + microseconds_text(length_of(perturbation))));
   return RealTrouble{.actions = std::move(actions)};
 }
 
@@ -123,7 +123,7 @@ Answer crowd(const Perturbation& perturbation) {
 }
 
 Answer policy_fault(const Perturbation& perturbation) {
-  const Duration dose = dose_time(perturbation);
+  const Duration dose = length_of(perturbation);
   const std::string text = fmt::format(
       "{} us for {} us: {} {}", perturbation.from.ns / 1000, perturbation.length.ns / 1000, name_of(perturbation),
       perturbation.trouble == Trouble::publish_delay ? fmt::format("{} us", dose.ns / 1000)
@@ -134,9 +134,9 @@ Answer policy_fault(const Perturbation& perturbation) {
 }
 
 Answer stalls(const Perturbation& perturbation) {
-  if (dose_time(perturbation) >= kRepeat)
+  if (length_of(perturbation) >= kRepeat)
     return refuse(perturbation, "a stall per second must be shorter than a second");
-  return RealTrouble{.actions = repeated(perturbation, "hog policy " + microseconds_text(dose_time(perturbation)))};
+  return RealTrouble{.actions = repeated(perturbation, "hog policy " + microseconds_text(length_of(perturbation)))};
 }
 
 // What the simulator cannot play, its own reader refuses.
@@ -150,7 +150,7 @@ Answer played(const Perturbation& perturbation, std::string scenario, const conf
 
 std::expected<RealTrouble, std::string> real_trouble_of(const Perturbation& perturbation,
                                                         const config::RobotConfig& robot, std::uint64_t seed) {
-  const Duration from = perturbation.from, dose = dose_time(perturbation);
+  const Duration from = perturbation.from, dose = length_of(perturbation);
   switch (perturbation.trouble) {
     case Trouble::none:
       return RealTrouble{};

@@ -12,7 +12,7 @@
 namespace takt::budget {
 namespace {
 
-constexpr int kCycles = 3;
+constexpr int kDrawnCycles = 3;
 constexpr double kLeft = 130, kWidth = 620, kRow = 26, kBarHeight = 18;
 constexpr std::array<std::string_view, 6> kColours{"#4477aa", "#66ccee", "#228833", "#ccbb44", "#ee6677", "#aa3377"};
 
@@ -93,7 +93,7 @@ std::string budget_svg(const Budget& budget, double focus_Hz) {
                             fmt::format("pipelined: {} takes {:.4g} ms, up to {:.4g} Hz", slowest.name,
                                         slowest.worst_ms, budget.pipelined_Hz),
                             "start");
-  y = draw_timeline(budget, focus_Hz, kCycles, y + 12, body);
+  y = draw_timeline(budget, focus_Hz, kDrawnCycles, y + 12, body);
   y = draw_rates(budget, y + 10, body);
   return monitor::svg_document(kLeft + kWidth + 20, y, "Control-rate budget", body);
 }

@@ -8,7 +8,7 @@
 namespace takt::margin {
 namespace {
 
-constexpr double kDegrees = 180 / std::numbers::pi, kHertz = 0.5 / std::numbers::pi;
+constexpr double kDegreesPerRad = 180 / std::numbers::pi, kHertz = 0.5 / std::numbers::pi;
 
 std::string pair(const std::optional<double>& computed, const std::optional<double>& injected, double factor) {
   const auto one = [&](const std::optional<double>& value) {
@@ -27,7 +27,7 @@ std::string joint_lines(const JointMargins& joint) {
   const std::optional<double>& crossover = joint.injected.crossover;
   std::string text = fmt::format("{:<18.18}{:>14}  {:>14}  {:>14}{:>7}{:>9}\n", joint.joint,
                                  pair(joint.computed.gain, joint.injected.gain, 1),
-                                 pair(joint.computed.phase_rad, joint.injected.phase_rad, kDegrees),
+                                 pair(joint.computed.phase_rad, joint.injected.phase_rad, kDegreesPerRad),
                                  pair(joint.computed.delay_s, joint.injected.delay_s, 1e3),
                                  crossover ? fmt::format("{:.1f}", *crossover * kHertz) : "-", differ(joint));
   if (!joint.not_computed.empty()) text += fmt::format("  not computed: {}\n", joint.not_computed);

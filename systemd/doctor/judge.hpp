@@ -1,6 +1,7 @@
 // Shared by the judging files of this room: what every check is given, and how it says what it found.
 #pragma once
 
+#include <algorithm>
 #include <optional>
 #include <string>
 #include <utility>
@@ -20,6 +21,10 @@ inline Finding fine(std::string check, std::string found, std::string where) {
 }
 inline Finding bad(Verdict verdict, std::string check, std::string found, std::string where, std::string mend) {
   return {std::move(check), verdict, std::move(found), std::move(where), std::move(mend)};
+}
+
+inline bool contains(const std::vector<int>& list, int value) {
+  return std::ranges::find(list, value) != list.end();
 }
 
 using Findings = std::vector<Finding>;

@@ -11,10 +11,6 @@
 namespace takt::doctor {
 namespace {
 
-bool contains(const std::vector<int>& list, int value) {
-  return std::ranges::find(list, value) != list.end();
-}
-
 Finding hardware_threads(const Case& of, int cpu) {
   const std::string where = fmt::format("/sys/devices/system/cpu/cpu{}/topology/thread_siblings_list", cpu);
   std::vector<int> busy;

@@ -15,10 +15,6 @@ namespace {
 constexpr std::int64_t kLongestWakeUp_us = 20;  // of a sleep state that a 1 kHz loop bears
 constexpr double kMostSteal = 0.001;
 
-bool contains(const std::vector<int>& list, int value) {
-  return std::ranges::find(list, value) != list.end();
-}
-
 std::optional<int> control_cpu(const Case& of) {
   return of.robot == nullptr ? std::nullopt : of.robot->control.cpu;
 }

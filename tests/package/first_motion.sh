@@ -38,7 +38,8 @@ case "$1" in
     CCACHE_DISABLE=1 until_it_moves ./dev demo
     echo "clone to first motion: $((SECONDS - began)) s"
     wait
-    times | awk 'NR == 2 { split($1 "m" $2, t, /[ms]+/); printf "processor time of all of it: %d s\n", t[1] * 60 + t[2] + t[3] * 60 + t[4] }'
+    times >"$folder/times"
+    awk 'NR == 2 { split($1 "m" $2, t, /[ms]+/); printf "processor time of all of it: %d s\n", t[1] * 60 + t[2] + t[3] * 60 + t[4] }' "$folder/times"
     ;;
   package)
     mmdebstrap -q --variant=minbase bookworm "$root"
