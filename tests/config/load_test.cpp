@@ -114,6 +114,65 @@ TEST(Load, ConvertsUnitsAndFillsDefaults) {
   EXPECT_EQ(robot->policy->action.joint_of_output, robot->policy->joint_order) << "outputs follow the joint order";
 }
 
+// --- joint_defaults ---
+
+constexpr std::string_view kKneesOwn =
+    "    limits: { position: [-90 deg, 90 deg], position_margin: 5 deg, velocity: 3 rad/s, velocity_hard: 6 rad/s, "
+    "acceleration: 20 rad/s2, torque: 8 Nm, torque_rate: 900 Nm/s, kp: 80 Nm/rad, kd: 3 Nms/rad }\n"
+    "    gains: { kp: 40 Nm/rad, kd: 1 Nms/rad, damping: 1 Nms/rad }\n"
+    "    inertia: 0.05 kgm2\n";
+
+// The small robot, its knee written by `blocks` and what is left of its own.
+std::string by_defaults(const std::string& blocks, const std::string& own) {
+  std::string text = with(kKneesOwn, own);
+  return text.insert(text.find("joints:\n"), "joint_defaults:\n" + blocks);
+}
+
+constexpr const char* kEverybody =
+    "  - joints: [\"*\"]\n"
+    "    limits: { position: [-1 rad, 1 rad], position_margin: 5 deg, velocity: 3 rad/s, velocity_hard: 6 rad/s, "
+    "acceleration: 20 rad/s2, torque: 9 Nm, torque_rate: 900 Nm/s, kp: 80 Nm/rad, kd: 3 Nms/rad }\n"
+    "    inertia: 0.07 kgm2\n";
+
+// Goal: a robot written by blocks is the same robot as one written out. Method: a block for all and one by a pattern;
+// the joint's own key wins, then the later block, key by key inside a section.
+TEST(JointDefaults, MakeTheSameRobotAsOneWrittenOut) {
+  const auto plain = parse(kSmallRobot, "r");
+  const auto robot =
+      parse(by_defaults(std::string(kEverybody) + "  - joints: [\"kn?e\"]\n"
+                                                  "    limits: { torque: 8 Nm }\n"
+                                                  "    gains: { kp: 40 Nm/rad, kd: 1 Nms/rad, damping: 1 Nms/rad }\n"
+                                                  "    inertia: 0.06 kgm2\n",
+                        "    limits: { position: [-90 deg, 90 deg] }\n    inertia: 0.05 kgm2\n"),
+            "r");
+  ASSERT_TRUE(plain && robot) << robot.error();
+  EXPECT_EQ(robot->resolved, plain->resolved);
+  EXPECT_EQ(robot->hash, plain->hash);
+}
+
+// Goal: what is wrong in a block is told once, with the block's place and whose it is. Method: one fault each.
+TEST(JointDefaults, AProblemIsToldOnceWithItsBlock) {
+  const std::string own = "    gains: { kp: 40 Nm/rad, kd: 1 Nms/rad, damping: 1 Nms/rad }\n";
+  const auto complaint = [&](const std::string& blocks) { return parse(by_defaults(blocks, own), "r").error(); };
+  std::string wrong = kEverybody;
+  wrong.replace(wrong.find("0.07 kgm2"), 9, "heavy");
+  const std::string told = complaint(wrong);
+  EXPECT_NE(told.find("joints[1].inertia"), std::string::npos) << told;
+  EXPECT_NE(told.find("(joint_defaults[0], 2 joints from hip)"), std::string::npos) << told;
+  const std::string both = parse(by_defaults(std::string(kEverybody) + "    colour: red\n", own), "r").error();
+  EXPECT_NE(both.find("unknown key `colour` in `joints[0]`"), std::string::npos) << both;
+  EXPECT_EQ(std::ranges::count(both, '\n'), 0) << both;
+  EXPECT_NE(complaint(std::string(kEverybody) + "  - { joints: [\"*_hip\"], home: 0 rad }\n")
+                .find("joint_defaults[1].joints: no joint is called `*_hip`"),
+            std::string::npos);
+  EXPECT_NE(complaint("  - { inertia: 1 kgm2 }\n").find("joint_defaults[0]: says not which joints it is for"),
+            std::string::npos);
+  EXPECT_NE(complaint(std::string(kEverybody) + "    name: hip\n").find("is each joint's own"), std::string::npos);
+  EXPECT_NE(
+      parse(with("joints:\n", "joint_default: []\njoints:\n"), "r").error().find("did you mean `joint_defaults`?"),
+      std::string::npos);
+}
+
 TEST(Load, ModelGivesRangesAndExplicitOnesOverrideThem) {
   const auto named = parse(kSmallRobot, "r");
   ASSERT_TRUE(named.has_value());
