@@ -93,9 +93,9 @@ class Engine final : public MujocoMechanics {
   }
 
   // Where the root body is: what the world takes hold of. Of now, whatever `q`.
-  config::Vector3 tool_position(const Eigen::VectorXd&) override { return base().position; }
+  config::Vector3 tool_position(const Eigen::VectorXd&) override { return base()->position; }
 
-  [[nodiscard]] BasePose base() const override {
+  [[nodiscard]] std::optional<BasePose> base() const override {
     BasePose pose;
     const mjtNum* at = data_->xpos + std::ptrdiff_t{3} * root_body_;
     const mjtNum* turned = data_->xquat + std::ptrdiff_t{4} * root_body_;

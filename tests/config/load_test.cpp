@@ -12,6 +12,7 @@
 
 #include "config/document.hpp"
 #include "config/drive_presets.hpp"
+#include "config/hash.hpp"
 #include "config/key_table.hpp"
 #include "tests/config/refusals.hpp"
 #include "tests/config/small_robot.hpp"
@@ -359,6 +360,22 @@ TEST(Hash, PolicyFileIsHashedWholeAndItsAbsenceIsASentence) {
   EXPECT_EQ(*hash, 0xba7816bf8f01cfeaULL);
   std::filesystem::remove(file);
   EXPECT_NE(policy_hash(file.string()).error().find("No such file"), std::string::npos);
+}
+
+TEST(Hash, WeightsBesideThePolicyAreItsPart) {
+  const auto file = std::filesystem::path(testing::TempDir()) / "beside.onnx";
+  const std::string data = file.string() + ".data";
+  std::ofstream(file) << "a";
+  EXPECT_EQ(policy_files(file.string()), std::vector<std::string>{file.string()});
+  std::ofstream(data) << "bc";
+  EXPECT_EQ(policy_files(file.string()), (std::vector<std::string>{file.string(), data}));
+  EXPECT_EQ(policy_hash(file.string()).value(), 0xba7816bf8f01cfeaULL);  // of "abc", in this order
+  std::filesystem::remove(data);
+  EXPECT_NE(policy_hash(file.string()).value(), 0xba7816bf8f01cfeaULL);
+  std::filesystem::create_directory(data);
+  EXPECT_NE(policy_hash(file.string()).error().find(data), std::string::npos);
+  std::filesystem::remove(data);
+  std::filesystem::remove(file);
 }
 
 // The reference in the documentation is this table, word for word.
