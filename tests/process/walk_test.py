@@ -13,7 +13,7 @@ TRIES = 3
 
 
 def main():
-    source, programs = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2])
+    source, programs = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
     shared = source.parent / "shared"
     files = {"--model": shared / "robots/g1/g1_29dof.xml", "--policy": shared / "policies/g1_velocity/policy.onnx",
              "--deploy": shared / "policies/g1_velocity/deploy.yaml"}
