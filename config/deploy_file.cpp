@@ -22,8 +22,8 @@ class DeployReader {
     const std::size_t joints = file.robot_joint.size();
     if (const auto dt = number(root, "step_dt")) file.step_dt = {std::llround(*dt * 1e9)};
     if (file.step_dt.ns <= 0) problems_.add(root.place, "step_dt is missing or not positive; write seconds");
-    file.stiffness = numbers(root, "stiffness", joints);
-    file.damping = numbers(root, "damping", joints);
+    file.stiffness = by_slot(root, "stiffness", file);
+    file.damping = by_slot(root, "damping", file);
     file.default_position = numbers(root, "default_joint_pos", joints);
     read_action(root, file, joints);
     read_commands(root, file);
@@ -66,19 +66,39 @@ class DeployReader {
 
   void read_joints(const Node& root, DeployFile& file) {
     const std::vector<double> map = numbers(root, "joint_ids_map", 0);
-    std::vector<bool> seen(map.size(), false);
     for (const double value : map) {
-      const auto index = static_cast<std::size_t>(value);
-      if (value < 0 || static_cast<double>(index) != value || index >= map.size() || seen[index] ||
-          map.size() > kMaxJoints) {
+      const bool whole = value >= 0 && value < static_cast<double>(kMaxJoints) && value == std::floor(value);
+      const auto slot = static_cast<std::size_t>(whole ? value : 0);
+      if (!whole || std::ranges::find(file.slot, slot) != file.slot.end()) {
         problems_.add(root.find("joint_ids_map")->place,
-                      fmt::format("joint_ids_map must name each of 0..{} once, at most {} of them; export it again",
-                                  map.size() - 1, kMaxJoints));
+                      fmt::format("joint_ids_map must name a slot of 0..{} for each joint, none twice; export it again",
+                                  kMaxJoints - 1));
+        file.slot.clear();
         return;
       }
-      seen[index] = true;
-      file.robot_joint.push_back(index);
+      file.slot.push_back(slot);
     }
+    const std::vector<std::size_t> of_policy = file.slot;
+    std::ranges::sort(file.slot);
+    for (const std::size_t slot : of_policy)
+      file.robot_joint.push_back(
+          static_cast<std::size_t>(std::ranges::lower_bound(file.slot, slot) - file.slot.begin()));
+  }
+
+  // One value per joint, or one per slot, free ones too.
+  std::vector<double> by_slot(const Node& root, std::string_view key, const DeployFile& file) {
+    const std::size_t joints = file.slot.size();
+    std::vector<double> values = numbers(root, key, 0);
+    if (values.empty() || joints == 0 || values.size() == joints) return values;
+    if (values.size() <= file.slot.back()) {
+      problems_.add(root.find(key)->place,
+                    fmt::format("`{}` has {} values, joint_ids_map {} up to slot {}; export it again", key,
+                                values.size(), joints, file.slot.back()));
+      return {};
+    }
+    std::vector<double> used;
+    for (const std::size_t slot : file.slot) used.push_back(values[slot]);
+    return used;
   }
 
   void note_clip(const Node& map, const std::string& of, DeployFile& file) {

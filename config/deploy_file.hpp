@@ -1,9 +1,10 @@
 // The deploy.yaml that Isaac Lab based tools (Unitree RL Lab's exporter) write beside an exported policy: what it says,
 // as values. Python tags in it are data and are never executed.
 //
-// Orders, as that exporter writes them: `joint_ids_map[k]` is the robot's index of the policy's joint k; stiffness and
-// damping are in the robot's order; default_joint_pos, action scale and offset are in the policy's. Angles rad, gains
-// Nm/rad and Nms/rad, step_dt s. Errors: one line per problem, "file:line:column: what; how to mend".
+// Orders, as that exporter writes them: `joint_ids_map[k]` is the motor slot of the policy's joint k; stiffness and
+// damping are in the slots' order; default_joint_pos, action scale and offset are in the policy's. A robot with fewer
+// joints than its maker's largest leaves slots free: the robot's order is that of its slots, without the free ones.
+// Angles rad, gains Nm/rad and Nms/rad, step_dt s. Errors: one line per problem, "file:line:column: what; how to mend".
 #pragma once
 
 #include <expected>
@@ -24,7 +25,8 @@ struct DeployTerm {
 };
 
 struct DeployFile {
-  std::vector<std::size_t> robot_joint;  // of each policy joint; a permutation
+  std::vector<std::size_t> robot_joint;  // of each policy joint, in the robot's order; a permutation
+  std::vector<std::size_t> slot;         // of each of the robot's joints; ascending
   Duration step_dt;
   std::vector<double> stiffness, damping;  // robot's order
   std::vector<double> default_position;    // policy's order

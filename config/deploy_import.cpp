@@ -5,16 +5,20 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <set>
 
 #include "config/reader.hpp"
 #include "config/units.hpp"
+#include "executive/contract/joints.hpp"
 
 namespace takt::config {
 namespace {
 
 // A policy of one step a period: how many periods its target may be played before the next one must have come.
 constexpr std::int64_t kTargetLastsPeriods = 3;
+
+constexpr double kHalfTurn = 3.14159;
 
 std::string joint_name(const ImportOptions& options, std::size_t index) {
   return options.joint_names.empty() ? fmt::format("joint_{:02}", index) : options.joint_names[index];
@@ -41,14 +45,100 @@ bool is_command(const DeployFile& deploy, const DeployTerm& term) {
   return term.name == "velocity_commands" && deploy.command_ranges.size() == term.scale.size();
 }
 
+constexpr const char* kUnfilled = "FILL_IN";
+
+// A person's last word ages the policy's commands until it times out: well before they are too old to be played.
+Duration command_lasts(const DeployFile& deploy) {
+  return {deploy.step_dt.ns * kTargetLastsPeriods / 2};
+}
+
+std::string or_unfilled(const std::optional<double>& value, std::string_view unit) {
+  return value ? fmt::format("{:.6g} {}", *value, unit) : kUnfilled;
+}
+
+// --- a simulated robot ---
+
+// An MIT command and its reply are at most 135 bits each, and a bus is loaded to 90 %.
+constexpr std::size_t kDrivesPerMillisecond = 3;
+constexpr std::size_t kMostPerBus = 15;  // of 4 bits of id
+
+struct SimulatedBuses {
+  int period_ms;
+  std::size_t drives_per_bus;
+};
+
+// The shortest control period at which the drives fit on the buses there may be.
+SimulatedBuses buses_for(std::size_t joints) {
+  for (int period = 1;; ++period) {
+    const std::size_t each = std::min(kDrivesPerMillisecond * static_cast<std::size_t>(period), kMostPerBus);
+    if (each * kMaxBuses >= joints || each == kMostPerBus) return {period, each};
+  }
+}
+
+// One drive for all: its packed fields span what the strongest joint needs.
+std::string simulated_drive_text(const DeployFile& deploy, const ModelFacts& model) {
+  double torque = 0;
+  for (const ModelJoint& joint : model.joints) torque = std::max(torque, joint.torque.value_or(0));
+  return fmt::format(
+      "    drive: {{ protocol: mit, variant: damiao, position_range: 12.5 rad, velocity_range: 60 rad/s, torque_range: "
+      "{} "
+      "Nm, kp_range: {} Nm/rad, kd_range: {} Nms/rad }}\n",
+      torque > 0 ? fmt::format("{:.6g}", torque) : "200", std::max(500.0, std::ranges::max(deploy.stiffness)),
+      std::max(5.0, std::ranges::max(deploy.damping)));
+}
+
+std::string simulated_contract_text(const DeployFile& deploy, const SimulatedBuses& buses) {
+  return fmt::format(
+      "control: {{ period: {} ms }}\n"
+      "freshness:\n"
+      "  max_age: {}\n"
+      "  epsilon: 0.05\n"
+      "  window: 1 s\n"
+      "  recover_after: {}\n"
+      "  flap_memory: 0 ms\n"
+      "  stop_after: 600 ms\n"
+      "degraded: {{ behaviour: hold }}\n"
+      "feedback: {{ timeout: 100 ms }}\n\n",
+      buses.period_ms, format_duration(deploy.step_dt * kTargetLastsPeriods), format_duration(deploy.step_dt));
+}
+
+std::string simulated_buses_text(std::size_t joints, const SimulatedBuses& buses) {
+  std::string text = "buses:   # virtual\n";
+  for (std::size_t i = 0; i * buses.drives_per_bus < joints; ++i)
+    text += fmt::format("  - {{ name: bus{0}, interface: takt_sim{0}, when_missing: loopback }}\n", i);
+  return text + "\n";
+}
+
+std::string simulation_text(const ImportOptions& options) {
+  std::string text = fmt::format("\nsimulation:\n  step: 1 ms\n  mujoco:\n    model: \"{}\"\n", options.model_file);
+  if (!options.model->keyframe.empty()) text += fmt::format("    begin: {{ keyframe: {} }}\n", options.model->keyframe);
+  if (!options.model->imu_site.empty()) text += fmt::format("    imu: {{ site: {} }}\n", options.model->imu_site);
+  return text;
+}
+
+constexpr const char* kBeforeARealRobot =
+    "\n# Before a real robot: what a model and an export cannot know, and what is made up above for the simulator.\n"
+    "#   buses[]: interface and bit rate of each; when_missing: refuse\n"
+    "#   joint_defaults[0].drive, joints[].drive: protocol, model, id, direction, offset, gear ratio\n"
+    "#   joint_defaults[0].limits: velocity, acceleration, torque rate, margins\n"
+    "#   freshness, degraded: the contract, from `takt margin`\n"
+    "#   sensors, imu: who publishes the IMU, its time-outs and limits\n";
+
+// --- the parts ---
+
 std::string header_text(const DeployFile& deploy, const ImportOptions& options) {
-  std::string text = fmt::format(
-      "# Imported from {}. A deploy.yaml says nothing about drives, limits and the contract: replace every FILL_IN by\n"
-      "# what is true of your robot; `takt config check` names those that are left.\n",
-      options.source);
+  std::string text = fmt::format("# Imported from {}.\n", options.source);
+  if (!options.simulated)
+    text +=
+        "# A deploy.yaml says nothing about drives and the contract: replace every FILL_IN by what is true of your\n"
+        "# robot; `takt config check` names those that are left.\n";
   for (const std::string& note : deploy.notes) text += fmt::format("# Not carried over: {}\n", note);
+  text += fmt::format("schema: takt.robot/1\nrobot: {}\n\n", options.robot);
+  if (options.simulated) {
+    const SimulatedBuses buses = buses_for(deploy.robot_joint.size());
+    return text + simulated_contract_text(deploy, buses) + simulated_buses_text(deploy.robot_joint.size(), buses);
+  }
   return text + fmt::format(
-                    "schema: takt.robot/1\nrobot: {}\n\n"
                     "freshness:\n"
                     "  max_age: FILL_IN            # above policy.period {}\n"
                     "  epsilon: FILL_IN            # contract: Pr(age > max_age) <= epsilon\n"
@@ -58,32 +148,73 @@ std::string header_text(const DeployFile& deploy, const ImportOptions& options) 
                     "degraded: {{ behaviour: FILL_IN }}   # hold | slow | fallback\n"
                     "feedback: {{ timeout: FILL_IN }}\n\n"
                     "buses:\n  - {{ name: FILL_IN, interface: FILL_IN }}\n\n",
-                    options.robot, format_duration(deploy.step_dt));
+                    format_duration(deploy.step_dt));
+}
+
+std::string defaults_text(const DeployFile& deploy, const ImportOptions& options) {
+  if (options.simulated)
+    return "joint_defaults:\n"
+           "  - joints: [\"*\"]\n" +
+           simulated_drive_text(deploy, *options.model) +
+           "    limits: { position_margin: 0.3 rad, target_margin: 2 rad, velocity: 40 rad/s, velocity_hard: 55 rad/s, "
+           "acceleration: 20000 rad/s2, torque_rate: 200000 Nm/s }\n\n";
+  return "joint_defaults:   # what differs between joints goes to the joint\n"
+         "  - joints: [\"*\"]\n"
+         "    drive: { protocol: FILL_IN, variant: FILL_IN, model: FILL_IN }\n"
+         "    limits:\n"
+         "      position_margin: FILL_IN\n"
+         "      velocity: FILL_IN\n"
+         "      velocity_hard: FILL_IN\n"
+         "      acceleration: FILL_IN\n"
+         "      torque_rate: FILL_IN\n\n";
+}
+
+struct Wiring {
+  std::string bus, id, reply_id;
+};
+
+Wiring wiring_of(std::size_t joint, std::size_t joints, bool simulated) {
+  if (!simulated) return {kUnfilled, kUnfilled, kUnfilled};
+  const std::size_t each = buses_for(joints).drives_per_bus;
+  const std::size_t id = 1 + joint % each;
+  return {fmt::format("bus{}", joint / each), fmt::format("{}", id), fmt::format("0x{:x}", 0x10 + id)};
+}
+
+const ModelJoint* find_in_model(const ImportOptions& options, const std::string& name) {
+  if (!options.model) return nullptr;
+  const auto found = std::ranges::find(options.model->joints, name, &ModelJoint::name);
+  return found == options.model->joints.end() ? nullptr : &*found;
 }
 
 std::string joints_text(const DeployFile& deploy, const ImportOptions& options) {
-  std::vector<double> home(deploy.robot_joint.size());
-  for (std::size_t k = 0; k < home.size(); ++k) home[deploy.robot_joint[k]] = deploy.default_position[k];
+  const std::size_t joints = deploy.robot_joint.size();
+  std::vector<double> home(joints);
+  for (std::size_t k = 0; k < joints; ++k) home[deploy.robot_joint[k]] = deploy.default_position[k];
   std::string text = "joints:   # in the robot's order; kp and kd limits are the deployed gains\n";
-  for (std::size_t j = 0; j < home.size(); ++j)
+  for (std::size_t j = 0; j < joints; ++j) {
+    const std::string name = joint_name(options, j);
+    const ModelJoint* const in_model = find_in_model(options, name);
+    const ModelJoint known = in_model == nullptr ? ModelJoint{} : *in_model;
+    const Wiring wiring = wiring_of(j, joints, options.simulated);
+    const auto end = [&](bool high) -> std::optional<double> {
+      if (known.position) return high ? known.position->second : known.position->first;
+      if (options.simulated) return high ? 2 * kHalfTurn : -2 * kHalfTurn;  // the model sets no limit
+      return std::nullopt;
+    };
+    const std::string speed =
+        known.velocity && !options.simulated ? fmt::format("velocity: {:.6g} rad/s, ", *known.velocity) : "";
     text += fmt::format(
         "  - name: {0}\n"
-        "    bus: FILL_IN\n"
-        "    drive: {{ protocol: FILL_IN, variant: FILL_IN, model: FILL_IN, id: FILL_IN, reply_id: FILL_IN }}\n"
-        "    limits:\n"
-        "      position: [FILL_IN, FILL_IN]\n"
-        "      position_margin: FILL_IN\n"
-        "      velocity: FILL_IN\n"
-        "      velocity_hard: FILL_IN\n"
-        "      acceleration: FILL_IN\n"
-        "      torque: FILL_IN\n"
-        "      torque_rate: FILL_IN\n"
-        "      kp: {1} Nm/rad\n"
-        "      kd: {2} Nms/rad\n"
-        "    gains: {{ kp: {1} Nm/rad, kd: {2} Nms/rad, damping: {2} Nms/rad }}\n"
-        "    inertia: FILL_IN\n"
-        "    home: {3} rad\n",
-        joint_name(options, j), deploy.stiffness[j], deploy.damping[j], home[j]);
+        "    bus: {1}\n"
+        "    drive: {{ id: {2}, reply_id: {3} }}\n"
+        "    limits: {{ position: [{4}, {5}], {6}torque: {7}, kp: {8} Nm/rad, kd: {9} Nms/rad }}\n"
+        "    gains: {{ kp: {8} Nm/rad, kd: {9} Nms/rad, damping: {9} Nms/rad }}\n"
+        "    inertia: {10}\n"
+        "    home: {11} rad\n",
+        name, wiring.bus, wiring.id, wiring.reply_id, or_unfilled(end(false), "rad"), or_unfilled(end(true), "rad"),
+        speed, or_unfilled(known.torque, "Nm"), deploy.stiffness[j], deploy.damping[j],
+        or_unfilled(in_model == nullptr ? std::nullopt : std::optional(known.inertia), "kgm2"), home[j]);
+  }
   return text;
 }
 
@@ -94,7 +225,7 @@ bool reads_imu(const DeployFile& deploy) {
 }
 
 // Limits as the deploy file has them; nobody speaking means: stand still, as near as they allow.
-std::string command_sensor_text(const DeployFile& deploy) {
+std::string command_sensor_text(const DeployFile& deploy, const std::string& timeout) {
   std::vector<double> low, high, absent;
   std::vector<std::string> names;
   for (const auto& [name, range] : deploy.command_ranges) {
@@ -106,9 +237,10 @@ std::string command_sensor_text(const DeployFile& deploy) {
   return fmt::format(
       "  - name: velocity_command   # {}\n"
       "    values: {}\n"
-      "    timeout: FILL_IN          # of a person who says no more\n"
+      "    timeout: {}          # of a person who says no more\n"
       "    command: {{ minimum: [{}], maximum: [{}], when_absent: [{}] }}\n",
-      fmt::join(names, ", "), names.size(), fmt::join(low, ", "), fmt::join(high, ", "), fmt::join(absent, ", "));
+      fmt::join(names, ", "), names.size(), timeout, fmt::join(low, ", "), fmt::join(high, ", "),
+      fmt::join(absent, ", "));
 }
 
 // Its thresholds are those of unitree_rl_lab's own deployment (terminations.hpp).
@@ -117,14 +249,17 @@ std::string imu_text(const DeployFile& deploy) {
   return "\nimu: { sensor: imu, tilt: 1 rad, angular_velocity: 6 rad/s }   # as unitree_rl_lab's deployment stops\n";
 }
 
-std::string sensors_text(const DeployFile& deploy) {
+std::string sensors_text(const DeployFile& deploy, bool simulated) {
   std::string text;
+  const std::string timeout = simulated ? "100 ms" : kUnfilled;
+  const std::string held = simulated ? format_duration(command_lasts(deploy)) : kUnfilled;
   for (const DeployTerm& term : deploy.terms)
     if (takt_term(term.name).empty() && !is_command(deploy, term))
       text += fmt::format("  - {{ name: {}, values: {}, timeout: FILL_IN }}\n", term.name, term.scale.size());
   for (const DeployTerm& term : deploy.terms)
-    if (is_command(deploy, term)) text += command_sensor_text(deploy);
-  if (reads_imu(deploy)) text += "  - { name: imu, values: 10, timeout: FILL_IN }   # see imu below\n";
+    if (is_command(deploy, term)) text += command_sensor_text(deploy, held);
+  if (reads_imu(deploy))
+    text += fmt::format("  - {{ name: imu, values: 10, timeout: {} }}   # see imu below\n", timeout);
   return text.empty()
              ? ""
              : "\nsensors:   # each served by a process of yours on sensor-NAME.sock\n" + text + imu_text(deploy);
@@ -168,23 +303,50 @@ std::string policy_text(const DeployFile& deploy, const ImportOptions& options) 
       offset_is_home ? "home" : fmt::format("[{}]", fmt::join(offsets, ", ")));
 }
 
+// The model's joints stand in the order of the robot's motors, as their maker numbers them: one each, or one per slot.
+std::expected<std::vector<std::string>, std::string> names_in_model(const DeployFile& deploy, const ModelFacts& model) {
+  const std::size_t joints = deploy.robot_joint.size();
+  std::vector<std::string> names;
+  for (std::size_t j = 0; j < joints; ++j) {
+    const std::size_t at = model.joints.size() == joints ? j : deploy.slot[j];
+    if (at < model.joints.size()) names.push_back(model.joints[at].name);
+  }
+  if (model.joints.size() == joints) return names;
+  return std::unexpected(fmt::format(
+      "the model has {} hinges, the policy moves {}: take the model of the robot that it was trained for, or name the "
+      "joints with --joint-names",
+      model.joints.size(), joints));
+}
+
 }  // namespace
 
-std::expected<std::string, std::string> import_deploy_file(const DeployFile& deploy, const ImportOptions& options) {
-  const std::vector<std::string>& names = options.joint_names;
+std::expected<std::string, std::string> import_deploy_file(const DeployFile& deploy, const ImportOptions& given) {
+  ImportOptions options = given;
   const std::size_t joints = deploy.robot_joint.size();
+  if (options.joint_names.empty() && options.model) {
+    auto names = names_in_model(deploy, *options.model);
+    if (!names) return std::unexpected(names.error());
+    options.joint_names = std::move(*names);
+  }
+  const std::vector<std::string>& names = options.joint_names;
   if (!names.empty() && names.size() != joints)
     return std::unexpected(
         fmt::format("{} joint names for {} joints; name every joint, in the robot's order", names.size(), joints));
   if (std::set<std::string>(names.begin(), names.end()).size() != names.size())
     return std::unexpected("a joint name is given twice; name each joint once");
-  for (const std::string& name : names)
+  for (const std::string& name : names) {
     if (!is_identifier(name))
       return std::unexpected(fmt::format("`{}` is no joint name; use letters, digits, _ and -", name));
+    if (options.model && find_in_model(options, name) == nullptr)
+      return std::unexpected(fmt::format("the model has no joint `{}`; name its joints as the model does", name));
+  }
   if (!is_identifier(options.robot))
     return std::unexpected(fmt::format("`{}` is no robot name; use letters, digits, _ and -", options.robot));
-  return header_text(deploy, options) + joints_text(deploy, options) + sensors_text(deploy) +
-         policy_text(deploy, options);
+  if (options.simulated && !options.model)
+    return std::unexpected("a simulated robot needs its model; name its MJCF file");
+  return header_text(deploy, options) + defaults_text(deploy, options) + joints_text(deploy, options) +
+         sensors_text(deploy, options.simulated) + policy_text(deploy, options) +
+         (options.simulated ? simulation_text(options) + kBeforeARealRobot : "");
 }
 
 }  // namespace takt::config

@@ -1,13 +1,16 @@
-// Writes a robot file from a deploy.yaml: everything it knows is carried over; what it cannot know (drives, CAN ids,
-// limits, inertias, the freshness contract) is written as FILL_IN, which the loader refuses key by key until a person
-// has replaced it. Nothing about the hardware is invented.
+// Writes a robot file from a deploy.yaml and, where given, the robot's published model: everything they know is carried
+// over; what they cannot know (drives, CAN ids, the freshness contract) is written as FILL_IN, which the loader refuses
+// key by key until a person has replaced it. Nothing about the hardware is invented, unless a simulated robot is asked
+// for: then buses, drives and the contract are made up so that it runs at once, and the file ends with their list.
 #pragma once
 
 #include <expected>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "config/deploy_file.hpp"
+#include "config/model_facts.hpp"
 
 namespace takt::config {
 
@@ -16,6 +19,9 @@ struct ImportOptions {
   std::string policy_file;               // as it shall stand in the file
   std::vector<std::string> joint_names;  // the robot's order; empty: joint_00, joint_01, ...
   std::string source;                    // for the first comment
+  std::optional<ModelFacts> model{};     // names (unless given), position limits, torques, inertias
+  std::string model_file{};              // as it shall stand in the file
+  bool simulated = false;                // needs `model`
 };
 
 // Text of the robot file; the error is one sentence about the options.

@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <cstring>
 #include <fstream>
+#include <set>
 #include <sstream>
 #include <streambuf>
 
@@ -159,20 +160,35 @@ bool refuse_characters(std::string_view text, Problems& problems) {
   return fine;
 }
 
+// "joints[3].limits.torque" and "joints[4].limits.torque" are the same problem where both are written in one place.
+std::string without_index(const std::string& sentence) {
+  const std::size_t open = sentence.find('[');
+  const std::size_t close = sentence.find(']', open);
+  return close == std::string::npos ? sentence : sentence.substr(0, open) + sentence.substr(close + 1);
+}
+
 }  // namespace
 
 void Problems::add(Place place, std::string_view sentence) {
   found_.emplace_back(place, sentence);
 }
 
+void Problems::share(const std::vector<Place>& places, const std::string& whose) {
+  for (const Place& place : places) shared_.insert_or_assign(place, whose);
+}
+
 std::string Problems::text() const {
   auto sorted = found_;
   std::ranges::stable_sort(sorted, {}, [](const auto& problem) { return problem.first; });
   std::string all;
+  std::set<std::pair<Place, std::string>> told;
   for (const auto& [place, sentence] : sorted) {
+    const auto whose = shared_.find(place);
+    if (whose != shared_.end() && !told.emplace(place, without_index(sentence)).second) continue;
     if (!all.empty()) all += '\n';
     all += place.line == 0 ? fmt::format("{}: {}", file_, sentence)
                            : fmt::format("{}:{}:{}: {}", file_, place.line, place.column, sentence);
+    if (whose != shared_.end()) all += fmt::format(" ({})", whose->second);
   }
   return printable(all);
 }

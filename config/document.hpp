@@ -8,6 +8,7 @@
 
 #include <cstdint>
 #include <expected>
+#include <map>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -25,12 +26,16 @@ class Problems {
  public:
   explicit Problems(std::string file) : file_(std::move(file)) {}
   void add(Place place, std::string_view sentence);
+  // What stands at these places is meant for several parts of the file, `whose`: of the problems at one of them only
+  // the first is told, and whose it is.
+  void share(const std::vector<Place>& places, const std::string& whose);
   [[nodiscard]] bool empty() const { return found_.empty(); }
   [[nodiscard]] std::string text() const;  // in file order, one per line, no trailing newline, printable
 
  private:
   std::string file_;
   std::vector<std::pair<Place, std::string>> found_;
+  std::map<Place, std::string> shared_;
 };
 
 struct Entry;

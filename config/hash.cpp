@@ -33,6 +33,19 @@ class Sha256 {
   std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context_;
 };
 
+// False: it cannot be read, and errno says why.
+bool add_file(Sha256& sha, const std::string& path) {
+  const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0) return false;
+  std::array<char, 65536> buffer{};
+  ssize_t got = 0;
+  while ((got = read(fd, buffer.data(), buffer.size())) > 0) sha.add(buffer.data(), static_cast<std::size_t>(got));
+  const int error = errno;
+  close(fd);
+  errno = error;
+  return got == 0;
+}
+
 }  // namespace
 
 std::string sha256_hex(std::string_view bytes) {
@@ -57,20 +70,21 @@ std::uint64_t joint_names_hash(const RobotConfig& robot) {
   return hash;
 }
 
+std::vector<std::string> policy_files(const std::string& path) {
+  std::vector<std::string> files{path};
+  for (const char* ending : {".data", "_data"}) {
+    if (access((path + ending).c_str(), F_OK) == 0) files.push_back(path + ending);
+  }
+  return files;
+}
+
 std::expected<std::uint64_t, std::string> policy_hash(const std::string& path) {
-  const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  const auto refuse = [&] {
-    return std::unexpected(fmt::format("policy file {}: {}; check `policy.file`", path, std::strerror(errno)));
-  };
-  if (fd < 0) return refuse();
   Sha256 sha;
-  std::array<char, 65536> buffer{};
-  ssize_t got = 0;
-  while ((got = read(fd, buffer.data(), buffer.size())) > 0) sha.add(buffer.data(), static_cast<std::size_t>(got));
-  const int error = errno;
-  close(fd);
-  errno = error;
-  if (got < 0) return refuse();
+  for (const std::string& file : policy_files(path)) {
+    if (!add_file(sha, file)) {
+      return std::unexpected(fmt::format("policy file {}: {}; check `policy.file`", file, std::strerror(errno)));
+    }
+  }
   return leading_64_bits(sha.hex());
 }
 

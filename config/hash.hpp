@@ -2,11 +2,17 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <string_view>
+#include <vector>
 
 namespace takt::config {
 
 // The number spelt by the first 16 hex digits of a SHA-256: its first 8 bytes, big-endian.
 std::uint64_t leading_64_bits(std::string_view sha256_hex);
+
+// What a policy consists of, all of which policy_hash() covers: the file itself and, where they are there, the weights
+// that exporters write beside it as FILE.data or FILE_data.
+std::vector<std::string> policy_files(const std::string& path);
 
 }  // namespace takt::config

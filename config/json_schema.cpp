@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "config/fields.hpp"
+#include "config/joint_defaults.hpp"
 #include "config/schema.hpp"
 
 namespace takt::config {
@@ -145,6 +146,9 @@ std::string json_schema() {
   Json schema{{"$schema", "https://json-schema.org/draft/2020-12/schema"}, {"title", "Takt robot file"}};
   schema["required"] = maker.required();
   schema.update(maker.result());
+  Json& shared = schema["properties"][std::string(kJointDefaults)]["items"]["properties"];
+  for (const auto& [key, value] : schema["properties"]["joints"]["items"]["properties"].items())
+    if (key != "name") shared[key] = value;
   return schema.dump(2) + '\n';
 }
 

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <utility>
 
 #include "config/checks.hpp"
 #include "config/document.hpp"
 #include "config/hash.hpp"
+#include "config/joint_defaults.hpp"
 #include "config/reader.hpp"
 #include "config/schema.hpp"
 #include "config/writer.hpp"
@@ -27,12 +29,13 @@ std::string absolute_path(const std::string& written, const std::string& robot_f
   return (folder / written).lexically_normal().string();
 }
 
-std::expected<RobotConfig, std::string> robot_of(const Node& root, const std::string& name_for_messages,
-                                                 Problems& problems) {
+std::expected<RobotConfig, std::string> robot_of(Node root, const std::string& name_for_messages, Problems& problems) {
   RobotConfig robot;
   robot.file = name_for_messages;
   Places places;
+  spread_joint_defaults(root, problems);
   Reader reader(root, "", problems, places);
+  reader.knows(kJointDefaults);
   describe(reader, robot);
   reader.finish();
   if (!problems.empty()) return std::unexpected(problems.text());
@@ -79,11 +82,11 @@ Node* find_by_path(Node& root, std::string_view path) {
 
 std::expected<RobotConfig, std::string> parse(std::string_view text, const std::string& name_for_messages) {
   Problems problems(name_for_messages);
-  const Node root = read_document(text, Tags::refuse, problems);
+  Node root = read_document(text, Tags::refuse, problems);
   if (problems.empty() && root.kind != Node::Kind::map)
     problems.add(root.place, "holds no robot; begin with `schema: takt.robot/1`");
   if (!problems.empty()) return std::unexpected(problems.text());
-  return robot_of(root, name_for_messages, problems);
+  return robot_of(std::move(root), name_for_messages, problems);
 }
 
 std::expected<RobotConfig, std::string> with_overrides(const RobotConfig& robot, std::span<const Override> overrides) {
@@ -101,7 +104,7 @@ std::expected<RobotConfig, std::string> with_overrides(const RobotConfig& robot,
     node->quoted = false;
   }
   if (!problems.empty()) return std::unexpected(problems.text());
-  return robot_of(root, robot.file, problems);
+  return robot_of(std::move(root), robot.file, problems);
 }
 
 std::expected<RobotConfig, std::string> load(const std::string& path) {

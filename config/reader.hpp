@@ -19,6 +19,8 @@ class Reader final : public Fields {
  public:
   // `node` must be a map; `path` is empty for the whole file. All references outlive the reader.
   Reader(const Node& node, std::string path, Problems& problems, Places& places);
+  // A key that is dealt with elsewhere, and no unknown one.
+  void knows(std::string_view key) { declared_.emplace_back(key); }
   // Reports the keys nobody asked for. Call once, after the description was walked.
   void finish();
 

@@ -2,6 +2,7 @@
 #include <array>
 #include <cmath>
 
+#include "config/joint_defaults.hpp"
 #include "config/schema.hpp"
 #include "executive/contract/joints.hpp"
 
@@ -96,6 +97,18 @@ void describe_joint(Fields& fields, Joint& joint, Words buses) {
                   between(-1000, 1000));
 }
 
+// For the key table and the schema; a reader finds the joints filled already (config/joint_defaults.hpp).
+void describe_joint_defaults(Fields& fields) {
+  fields.sequence(
+      {kJointDefaults, "what several joints share; a joint's own key wins, then the last block that has it", "[]"}, 0,
+      kMaxJoints, [](std::size_t) {},
+      [](Fields& f, std::size_t) {
+        std::vector<std::string> patterns;
+        f.names({"joints", "for whom, as a list of patterns: * any letters, ? one; and any key of joints[] but name"},
+                patterns, {}, "joint");
+      });
+}
+
 void describe_link(Fields& fields, Link& link, Words joints, Words earlier) {
   fields.one_of({"joint", "joint that moves this link"}, link.joint, joints, "joint");
   std::string parent = link.parent < 0 ? "base" : std::string(earlier[static_cast<std::size_t>(link.parent) + 1]);
@@ -154,6 +167,7 @@ void describe_machine(Fields& fields, RobotConfig& robot) {
   fields.each({"buses", "CAN buses", {}}, robot.buses, kMaxBuses, describe_bus);
   std::vector<std::string_view> buses;
   for (const Bus& bus : robot.buses) buses.emplace_back(bus.name);
+  if (fields.shows_all()) describe_joint_defaults(fields);
   fields.each({"joints", "joints, in the order every vector of joints uses"}, robot.joints, kMaxJoints,
               [&](Fields& f, Joint& joint) { describe_joint(f, joint, buses); });
   bool present = robot.model.has_value();

@@ -13,7 +13,6 @@
 #include <cstdio>
 #include <functional>
 #include <optional>
-#include <span>
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
@@ -108,18 +107,10 @@ class Observer {
   }
 
  private:
-  // The ten values of contract/imu.hpp.
   void publish_imu(RobotPlant& body, MonoTime now) {
     const auto reading = body.imu();
     if (!reading) return;
-    SensorSample sample;
-    sample.sequence = ++imu_samples_;
-    sample.sensed_at = sample.published_at = now;
-    for (const auto& part :
-         {std::span<const double>(reading->orientation), std::span<const double>(reading->angular_velocity),
-          std::span<const double>(reading->acceleration)})
-      for (const double value : part) sample.values[sample.value_count++] = static_cast<float>(value);
-    outputs_.imu->publish(sample);
+    outputs_.imu->publish(imu_sample(*reading, ++imu_samples_, now));
   }
   [[nodiscard]] Truth truth_of(RobotPlant& body, MonoTime now) const {
     return {now, body.state(), body.controlled_point(), target_at(simulation_, now - started_)};

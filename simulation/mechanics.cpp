@@ -1,10 +1,23 @@
 #include "simulation/mechanics.hpp"
 
+#include <span>
+
 #include "simulation/arm_dynamics.hpp"
 #include "simulation/cart_pole_dynamics.hpp"
 #include "simulation/mujoco_mechanics.hpp"
 
 namespace takt::plant {
+
+SensorSample imu_sample(const ImuReading& reading, std::uint64_t sequence, MonoTime at) {
+  SensorSample sample;
+  sample.sequence = sequence;
+  sample.sensed_at = sample.published_at = at;
+  for (const auto& part :
+       {std::span<const double>(reading.orientation), std::span<const double>(reading.angular_velocity),
+        std::span<const double>(reading.acceleration)})
+    for (const double value : part) sample.values[sample.value_count++] = static_cast<float>(value);
+  return sample;
+}
 
 std::expected<std::unique_ptr<Mechanics>, std::string> make_mechanics(const config::RobotConfig& robot) {
   if (robot.simulation && robot.simulation->mujoco) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
+#include "executive/contract/sensor_sample.hpp"
 #include "simulation/dynamics.hpp"
 
 namespace takt::plant {
@@ -21,6 +22,12 @@ struct ImuReading {
   std::array<double, 3> acceleration{};           // m/s2, specific force in the unit's axes: 9.81 upwards at rest
 };
 
+// Where a robot's base is in the world: m, and w x y z of length 1.
+struct BasePose {
+  config::Vector3 position{};
+  std::array<double, 4> orientation{1, 0, 0, 0};
+};
+
 class Mechanics : public Dynamics {
  public:
   // Where the world takes hold of the robot: an arm's tool, a pole's tip. m, base frame.
@@ -29,6 +36,8 @@ class Mechanics : public Dynamics {
   [[nodiscard]] virtual config::Vector3 controlled_point(const Eigen::VectorXd& q) { return tool_position(q); }
   // Of now. Absent: the robot has none.
   [[nodiscard]] virtual std::optional<ImuReading> imu() { return std::nullopt; }
+  // Of the root body. Absent: the mechanics know no base that moves.
+  [[nodiscard]] virtual std::optional<BasePose> base() const { return std::nullopt; }
   // What a user should know about the model that was loaded: one sentence each.
   [[nodiscard]] virtual std::vector<std::string> notes() const { return {}; }
   // A force at the tool, N, from the next step on. False: these mechanics know joint torques only.
@@ -37,6 +46,9 @@ class Mechanics : public Dynamics {
     return false;
   }
 };
+
+// As its process publishes it: the ten values of executive/contract/imu.hpp, sensed and published at `at`.
+SensorSample imu_sample(const ImuReading& reading, std::uint64_t sequence, MonoTime at);
 
 // The error is one sentence: what the robot file lacks.
 std::expected<std::unique_ptr<Mechanics>, std::string> make_mechanics(const config::RobotConfig& robot);

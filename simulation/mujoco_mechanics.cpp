@@ -2,77 +2,19 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <mujoco/mujoco.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <sstream>
 #include <stdexcept>
 #include <utility>
 
-#include "simulation/mjcf_file.hpp"
+#include "simulation/mujoco_model.hpp"
 
 namespace takt::plant {
 namespace {
 
-struct DeleteModel {
-  void operator()(mjModel* model) const { mj_deleteModel(model); }
-};
-struct DeleteData {
-  void operator()(mjData* data) const { mj_deleteData(data); }
-};
-using Model = std::unique_ptr<mjModel, DeleteModel>;
-using Data = std::unique_ptr<mjData, DeleteData>;
-
 constexpr mjtNum kHoist = 1e9;                        // kg, kg m2
 constexpr int kFreeCoordinates = 7, kFreeSpeeds = 6;  // of a free joint: position and quaternion; velocity and rate
-
-// By itself MuJoCo writes a file into the working directory and goes on from the initial state: see check_sane().
-void keep_quiet() {
-  mju_user_warning = [](const char*) {};
-}
-
-// MuJoCo reads files; this one lives as long as the object.
-class TemporaryFile {
- public:
-  explicit TemporaryFile(const std::string& text)
-      : path_(std::filesystem::temp_directory_path() / "takt-mjcf-XXXXXX.xml") {
-    const int file = mkstemps(path_.data(), 4);
-    if (file >= 0) close(file);
-    std::ofstream(path_) << text;
-  }
-  TemporaryFile(const TemporaryFile&) = delete;
-  TemporaryFile& operator=(const TemporaryFile&) = delete;
-  ~TemporaryFile() { unlink(path_.c_str()); }
-  [[nodiscard]] const char* path() const { return path_.c_str(); }
-
- private:
-  std::string path_;
-};
-
-struct Loaded {
-  Model model;
-  std::vector<std::string> mended;
-};
-
-std::expected<Loaded, std::string> load(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) return std::unexpected(path + ": cannot be read; name an MJCF file as simulation.mujoco.model");
-  std::ostringstream text;
-  text << file.rdbuf();
-  MendedMjcf mended = mend_mjcf(text.str(), std::filesystem::path(path).parent_path());
-  char error[1000] = "";
-  const TemporaryFile copy(mended.text);
-  Model model(mj_loadXML(copy.path(), nullptr, error, sizeof error));
-  if (model) return Loaded{std::move(model), std::move(mended.mended)};
-  std::string sentence = error;
-  std::ranges::replace(sentence, '\n', ' ');
-  return std::unexpected(fmt::format("{}: MuJoCo {} refuses it: {}", path, mj_versionString(), sentence));
-}
 
 std::string name_of(const mjModel& model, int type, int id) {
   const char* const name = mj_id2name(&model, type, id);
@@ -85,7 +27,7 @@ int root_of(const mjModel& model, int joint) {
 
 class Engine final : public MujocoMechanics {
  public:
-  Engine(Loaded loaded, std::vector<int> joints, int keyframe, int imu_site, Duration step)
+  Engine(LoadedModel loaded, std::vector<int> joints, int keyframe, int imu_site, Duration step)
       : model_(std::move(loaded.model)),
         mended_(std::move(loaded.mended)),
         data_(mj_makeData(model_.get())),
@@ -151,9 +93,9 @@ class Engine final : public MujocoMechanics {
   }
 
   // Where the root body is: what the world takes hold of. Of now, whatever `q`.
-  config::Vector3 tool_position(const Eigen::VectorXd&) override { return base().position; }
+  config::Vector3 tool_position(const Eigen::VectorXd&) override { return base()->position; }
 
-  [[nodiscard]] BasePose base() const override {
+  [[nodiscard]] std::optional<BasePose> base() const override {
     BasePose pose;
     const mjtNum* at = data_->xpos + std::ptrdiff_t{3} * root_body_;
     const mjtNum* turned = data_->xquat + std::ptrdiff_t{4} * root_body_;
@@ -205,9 +147,9 @@ class Engine final : public MujocoMechanics {
                         mju_warningText(bad, 0), data_->warning[bad].lastinfo));
   }
 
-  Model model_;
+  std::unique_ptr<mjModel, DeleteModel> model_;
   std::vector<std::string> mended_;
-  Data data_;
+  std::unique_ptr<mjData, DeleteData> data_;
   std::vector<int> joints_;  // of the robot, in its order: the model's ids
   int imu_site_;             // -1: none
   int sub_steps_;
@@ -261,9 +203,10 @@ std::expected<int, std::string> find_named(const mjModel& model, int type, const
 }  // namespace
 
 std::expected<std::unique_ptr<MujocoMechanics>, std::string> MujocoMechanics::make(const config::RobotConfig& robot) {
-  keep_quiet();
   const config::MujocoWorld& world = *robot.simulation->mujoco;
-  auto loaded = load(world.model);
+  const auto text = read_model_file(world.model);
+  if (!text) return std::unexpected(text.error());
+  auto loaded = load_model(*text, world.model);
   if (!loaded) return std::unexpected(loaded.error());
   const mjModel& model = *loaded->model;
   auto joints = find_joints(model, robot);

@@ -4,17 +4,16 @@
 //
 // Each step is as many of MuJoCo's as keep its step at or below the model's `timestep`. Joint friction and limits are
 // the model's; what `simulation.joint_friction` and a drive's brake add acts on top. A robot with a free joint at its
-// root hangs where it began while hoist(true) stands. The same model, torques and build give the same bits.
+// root hangs where it began while hoist(true) stands; base() of one without stands still. The same model, torques and
+// build give the same bits.
 //
 // Errors of make(): one sentence; for what MuJoCo refuses, its own with the file's line. A simulation that diverges
 // throws std::runtime_error. Thread rule: one thread at a time. Source: MuJoCo 2.2.2, mujoco.h and its documentation.
 #pragma once
 
-#include <array>
 #include <expected>
 #include <memory>
 #include <string>
-#include <vector>
 
 #include "config/robot_config.hpp"
 #include "simulation/mechanics.hpp"
@@ -24,13 +23,6 @@ namespace takt::plant {
 class MujocoMechanics : public Mechanics {
  public:
   static std::expected<std::unique_ptr<MujocoMechanics>, std::string> make(const config::RobotConfig& robot);
-
-  // Of the root body in the world: m, and w x y z. A robot without a free base stands still.
-  struct BasePose {
-    config::Vector3 position{};
-    std::array<double, 4> orientation{1, 0, 0, 0};
-  };
-  [[nodiscard]] virtual BasePose base() const = 0;
 };
 
 }  // namespace takt::plant

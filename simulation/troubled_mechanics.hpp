@@ -40,6 +40,7 @@ class TroubledMechanics final : public Mechanics {
   config::Vector3 tool_position(const Eigen::VectorXd& q) override { return bare_->tool_position(q); }
   config::Vector3 controlled_point(const Eigen::VectorXd& q) override { return bare_->controlled_point(q); }
   std::optional<ImuReading> imu() override { return bare_->imu(); }
+  [[nodiscard]] std::optional<BasePose> base() const override { return bare_->base(); }
   [[nodiscard]] std::vector<std::string> notes() const override { return bare_->notes(); }
   void hoist(bool hangs) override { bare_->hoist(hangs); }
 

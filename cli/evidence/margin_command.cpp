@@ -2,7 +2,10 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <memory>
+#include <optional>
+#include <vector>
 
 #include "cli/command.hpp"
 #include "cli/quantity_option.hpp"
@@ -19,8 +22,14 @@ struct MarginOptions {
   std::uint64_t seeds = 60;
   std::size_t workers = 1;
   double bound_mm = 20, safety = 0.8;
+  bool has_bound = false;
+  std::vector<double> command{0.5, 0, 0};  // m/s, m/s, rad/s
   bool no_task = false, json = false;
 };
+
+// A robot that walks sways about its way; its velocity is judged over longer.
+constexpr double kArmBound_m = 0.02, kWalkBound_m = 0.3;
+constexpr Duration kArmRollout = seconds(8), kWalkRollout = seconds(12);
 
 // On a terminal only: one line that is overwritten.
 void show_progress(const std::string& sentence) {
@@ -30,12 +39,19 @@ void show_progress(const std::string& sentence) {
 std::expected<std::optional<margin::AgeTolerance>, std::string> measure_task(const MarginOptions& options,
                                                                              const config::RobotConfig& robot) {
   if (options.no_task || !robot.policy) return std::nullopt;
-  auto found = margin::age_tolerance({.robot_file = options.robot,
-                                      .seeds = options.seeds,
-                                      .workers = options.workers,
-                                      .safety = options.safety,
-                                      .bound_m = options.bound_mm / 1e3,
-                                      .on_progress = show_progress});
+  const panel::Task task = panel::task_of(robot);
+  const bool walks = task == panel::Task::base_velocity;
+  margin::ToleranceSetup setup{.robot_file = options.robot,
+                               .task = task,
+                               .seeds = options.seeds,
+                               .workers = options.workers,
+                               .safety = options.safety,
+                               .bound_m = walks ? kWalkBound_m : kArmBound_m,
+                               .duration = walks ? kWalkRollout : kArmRollout,
+                               .on_progress = show_progress};
+  std::ranges::copy(options.command, setup.base_velocity.command.begin());
+  if (options.has_bound) setup.bound_m = options.bound_mm / 1e3;
+  auto found = margin::age_tolerance(setup);
   if (!found) return std::unexpected(found.error());
   return std::move(*found);
 }
@@ -50,8 +66,12 @@ int run(const MarginOptions& options) {
   const auto on_joint = [](std::size_t done, std::size_t of) {
     show_progress(fmt::format("joint {} of {}", done, of));
   };
-  auto joints = margin::joint_margins(
-      {.robot = robot, .measured = robot, .pose = margin::home_pose(robot), .on_joint = on_joint});
+  std::expected<std::vector<margin::JointMargins>, std::string> joints;
+  if (panel::task_of(robot) != panel::Task::base_velocity)
+    joints = margin::joint_margins(
+        {.robot = robot, .measured = robot, .pose = margin::home_pose(robot), .on_joint = on_joint});
+  else if (options.no_task || !options.svg.empty())
+    return fail("takt margin", robot.file + ": " + margin::kNoInnerLoop + "; leave out --no-task and --svg");
   if (!joints) return fail("takt margin", joints.error());
   auto task = measure_task(options, robot);
   show_progress("");
@@ -77,18 +97,24 @@ void add_margin(CLI::App& app, int& exit_code) {
       ->check(CLI::Range(std::uint64_t{margin::kLeastSeeds}, std::uint64_t{100'000}));
   command->add_option("--workers", options->workers, "processes that share the rollouts; results do not depend on it")
       ->check(CLI::Range(1, 1024));
-  add_quantity(*command, "--bound", options->bound_mm, "mm", "rms tracking error that still is success")
-      ->check(CLI::PositiveNumber);
+  CLI::Option* const bound = add_quantity(*command, "--bound", options->bound_mm, "mm",
+                                          "rms error that still is success; a robot that walks: 300 mm unless said")
+                                 ->check(CLI::PositiveNumber);
   command->add_option("--safety", options->safety, "share of what is tolerated that is proposed")
       ->check(CLI::Range(0.01, 1.0));
   command->add_option("--svg", options->svg, "also write the loops' Bode plot");
+  command->add_option("--command", options->command, "of a robot that walks: m/s ahead, m/s and rad/s left")
+      ->expected(3);
   command->add_flag("--json", options->json, "print everything as one line of JSON (docs/margin.md)");
   command->footer(
       "Example: takt margin config/arm6.yaml --workers 2 --svg bode.svg\n"
       "Exit codes: 0 measured; 1 computed and injected margins differ by more than 10 %, the loop does not come to "
       "rest, "
       "or the task fails without any delay; 64 command line; 65 robot file.");
-  command->callback([options, &exit_code] { exit_code = run(*options); });
+  command->callback([options, bound, &exit_code] {
+    options->has_bound = bound->count() != 0;
+    exit_code = run(*options);
+  });
 }
 
 }  // namespace takt::cli

@@ -22,7 +22,7 @@ namespace takt::cli {
 namespace {
 
 struct PanelRunOptions {
-  std::string panel, out, only, method, shard = "1/1";
+  std::string panel, robot, out, only, method, shard = "1/1";
   std::size_t workers = 1;
   std::uint64_t seeds = 0;  // 0: as many as the panel says
   bool resume = false, json = false, real_time = false, allow_non_realtime = false;
@@ -120,6 +120,7 @@ int run(const PanelRunOptions& options) {
       return refuse(kExitUsage, "takt panel run: --method " + options.method + ": no method of this panel");
   }
   if (options.seeds != 0) panel->seed_count = options.seeds;
+  panel->robot = options.robot;
   if (const auto seed = seed_of(options.only)) plan_for(*seed, *panel);
   auto plan = panel::plan_of(*panel, *shard);
   auto contest = panel::Contest::prepare(std::move(*panel));
@@ -161,6 +162,7 @@ void add_panel_run(CLI::App& panel, int& exit_code) {
   command->add_option("--workers", options->workers, "processes that share the work; rows do not depend on it")
       ->check(CLI::Range(1, 1024));
   command->add_option("--shard", options->shard, "I/N: run only the I-th of N parts of the plan");
+  command->add_option("--robot", options->robot, "robot file instead of those that the panel names");
   command->add_option("--method", options->method, "run this one of the panel's methods");
   command->add_option("--seeds", options->seeds, "this many seeds from the first on, instead of the panel's count")
       ->check(CLI::Range(1, 1'000'000));

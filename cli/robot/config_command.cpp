@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.hpp"
+#include "cli/robot/process_check.hpp"
 #include "cli/run/checked_robot.hpp"
 #include "config/json_schema.hpp"
 #include "config/key_table.hpp"
@@ -16,6 +17,7 @@ namespace {
 struct ConfigOptions {
   std::string file;
   bool json = false;
+  std::string policy_host{};  // check: not ours
 };
 
 int refuse_file(const std::string& problems, bool json) {
@@ -37,6 +39,10 @@ int check(const ConfigOptions& options) {
   const auto checked = check_robot_file(options.file);
   if (!checked) return refuse_file(checked.error(), options.json);
   const config::RobotConfig& robot = checked->robot;
+  std::string refused = options.policy_host.empty() ? refused_by_policy_host(robot) : "";
+  if (const std::string plant = refused_by_plant(robot); !plant.empty())
+    refused += (refused.empty() ? "" : "\n") + plant;
+  if (!refused.empty()) return refuse_file(refused, options.json);
   if (options.json) {
     nlohmann::json buses = nlohmann::json::array();
     for (const drivers::BusLoad& load : checked->loads)
@@ -65,14 +71,15 @@ int show(const ConfigOptions& options) {
   return kExitOk;
 }
 
-void add_file_command(CLI::App& parent, int& exit_code, const char* word, const char* what, const char* footer,
-                      int (*run)(const ConfigOptions&)) {
+std::shared_ptr<ConfigOptions> add_file_command(CLI::App& parent, int& exit_code, const char* word, const char* what,
+                                          const char* footer, int (*run)(const ConfigOptions&)) {
   CLI::App* command = parent.add_subcommand(word, what);
   auto options = std::make_shared<ConfigOptions>();
   command->add_option("FILE", options->file, "robot file")->required();
   command->add_flag("--json", options->json, "one line of JSON");
   command->footer(footer);
   command->callback([run, options, &exit_code] { exit_code = run(*options); });
+  return options;
 }
 
 }  // namespace
@@ -80,10 +87,15 @@ void add_file_command(CLI::App& parent, int& exit_code, const char* word, const 
 void add_config(CLI::App& app, int& exit_code) {
   CLI::App* parent = app.add_subcommand("config", "Check, show or import a robot file.");
   parent->require_subcommand(1);
-  add_file_command(*parent, exit_code, "check", "Say what is wrong with a robot file, or that nothing is.",
-                   "Example: takt config check config/arm6.yaml\n"
-                   "Exit codes: 0 valid, 65 not (one line per problem: file:line:column: what; how to mend).",
-                   check);
+  const auto checked =
+      add_file_command(*parent, exit_code, "check", "Say what is wrong with a robot file, or that nothing is.",
+                       "Example: takt config check config/arm6.yaml\n"
+                       "Also what takt-policy-host would refuse of an ONNX policy, and takt-plant of `simulation`.\n"
+                       "Exit codes: 0 valid, 65 not (one line per problem: file:line:column: what; how to mend).",
+                       check);
+  parent->get_subcommand("check")->add_option(
+      "--policy-host", checked->policy_host,
+      "program that `takt run` will start instead of takt-policy-host: the policy is its own affair");
   add_file_command(*parent, exit_code, "show", "Print the file with every default written out, in base units.",
                    "Example: takt config show config/arm6.yaml\nExit codes: 0 shown, 65 not valid.", show);
   CLI::App* keys = parent->add_subcommand("keys", "Print the reference of every key, as a Markdown table.");

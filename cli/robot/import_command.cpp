@@ -4,11 +4,14 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <optional>
+#include <utility>
 
 #include "cli/command.hpp"
 #include "config/deploy_import.hpp"
 #include "config/document.hpp"
 #include "config/load.hpp"
+#include "simulation/model_survey.hpp"
 
 namespace takt::cli {
 namespace {
@@ -16,14 +19,22 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Given {
-  std::string deploy_file, policy_file, robot, out;
+  std::string deploy_file, policy_file, model_file, robot, out;
   std::vector<std::string> joint_names;
+  bool simulated = false;
 };
 
 // As it is best written in `out`: relative to its folder, when both are given so.
 std::string path_from(const std::string& out, const std::string& file) {
   if (fs::path(file).is_absolute()) return file;
   return fs::relative(file, fs::absolute(out).parent_path()).string();
+}
+
+std::string unfilled_in(const std::string& robot) {
+  std::size_t count = 0;
+  for (std::size_t at = 0; (at = robot.find(": FILL_IN", at)) != std::string::npos; ++at) ++count;
+  for (std::size_t at = 0; (at = robot.find("[FILL_IN", at)) != std::string::npos; ++at) ++count;
+  return count == 0 ? "no FILL_IN" : fmt::format("{} FILL_IN", count);
 }
 
 int import(const Given& given) {
@@ -33,10 +44,19 @@ int import(const Given& given) {
   if (!deploy) return refuse(config::kExitBadConfiguration, deploy.error());
   if (const auto hash = config::policy_hash(given.policy_file); !hash)
     return refuse(config::kExitBadConfiguration, hash.error());
+  std::optional<config::ModelFacts> model;
+  if (!given.model_file.empty()) {
+    auto facts = plant::survey_model(given.model_file);
+    if (!facts) return refuse(config::kExitBadConfiguration, facts.error());
+    model = std::move(*facts);
+  }
   const auto robot = config::import_deploy_file(*deploy, {.robot = given.robot,
                                                           .policy_file = path_from(given.out, given.policy_file),
                                                           .joint_names = given.joint_names,
-                                                          .source = fs::path(given.deploy_file).filename().string()});
+                                                          .source = fs::path(given.deploy_file).filename().string(),
+                                                          .model = std::move(model),
+                                                          .model_file = path_from(given.out, given.model_file),
+                                                          .simulated = given.simulated});
   if (!robot) return refuse(kExitUsage, robot.error());
   if (fs::exists(given.out))
     return refuse(kExitFailed, fmt::format("{} exists already; choose another -o, or remove it", given.out));
@@ -44,8 +64,8 @@ int import(const Given& given) {
   file << *robot;
   if (!file.flush()) return refuse(kExitFailed, fmt::format("{} cannot be written; choose another -o", given.out));
   for (const std::string& note : deploy->notes) fmt::print(stderr, "not carried over: {}\n", note);
-  fmt::print("{}: {} joints, {} observation terms; replace each FILL_IN, then: takt config check {}\n", given.out,
-             deploy->robot_joint.size(), deploy->terms.size(), given.out);
+  fmt::print("{}: {} joints, {} observation terms; {} to replace, then: takt config check {}\n", given.out,
+             deploy->robot_joint.size(), deploy->terms.size(), unfilled_in(*robot), given.out);
   return kExitOk;
 }
 
@@ -57,12 +77,17 @@ void add_config_import(CLI::App& config, int& exit_code) {
   command->add_option("DEPLOY", given->deploy_file, "deploy.yaml; its Python tags are data, never executed")
       ->required();
   command->add_option("--policy", given->policy_file, "the exported ONNX file")->required();
+  command->add_option("--model", given->model_file,
+                      "the robot's MJCF or URDF: names, position limits, torques, inertias, IMU, keyframe");
+  command->add_flag("--simulated", given->simulated,
+                    "make up buses, drives and contract, so that `takt run` simulates it at once; needs --model");
   command->add_option("--robot", given->robot, "name of the robot")->required();
   command->add_option("-o,--output", given->out, "robot file to write; must not exist yet")->required();
   command->add_option("--joint-names", given->joint_names, "joints in the robot's own order, separated by commas")
       ->delimiter(',');
   command->footer(
       "Example: takt config import deploy.yaml --policy policy.onnx --robot g1 -o g1.yaml\n"
+      "         takt config import deploy.yaml --policy policy.onnx --model g1.xml --simulated --robot g1 -o g1.yaml\n"
       "What the export cannot know is written as FILL_IN; `takt config check` names what is left.\n"
       "Exit codes: 0 written, 1 the output exists or cannot be written, 64 command line, 65 the export cannot be "
       "read.");

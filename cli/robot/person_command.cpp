@@ -22,6 +22,8 @@ namespace takt::cli {
 namespace {
 
 constexpr std::int64_t kSamplesPerTimeout = 4;  // so that one or two that come late change nothing
+// What a policy reads makes its command as old: what a person holds is said again long before it would count.
+constexpr Duration kLongestInterval = milliseconds(10);
 
 std::atomic<bool> g_released = false;
 static_assert(std::atomic<bool>::is_always_lock_free);
@@ -73,12 +75,12 @@ void say(ipc::SensorServer& server, const PersonOptions& options, Duration timeo
   sample.value_count = static_cast<std::uint32_t>(options.values.size());
   std::ranges::transform(options.values, sample.values, [](double value) { return static_cast<float>(value); });
   const MonoTime end = monotonic_now() + Duration{static_cast<std::int64_t>(options.lasting_s * 1e9)};
-  for (MonoTime next = monotonic_now(); next < end && !g_released;
-       next = next + Duration{timeout.ns / kSamplesPerTimeout}) {
+  const Duration interval = std::min(Duration{timeout.ns / kSamplesPerTimeout}, kLongestInterval);
+  for (MonoTime next = monotonic_now(); next < end && !g_released; next = next + interval) {
     ++sample.sequence;
     sample.sensed_at = sample.published_at = monotonic_now();
     server.publish(sample);
-    sleep_until(std::min(next + Duration{timeout.ns / kSamplesPerTimeout}, end));
+    sleep_until(std::min(next + interval, end));
   }
 }
 

@@ -37,6 +37,19 @@ void describe_overrides(Fields& fields, const char* what, std::vector<config::Ov
   });
 }
 
+void describe_base_velocity(Fields& fields, BaseVelocityTask& task) {
+  std::vector<double> command(task.command.begin(), task.command.end());
+  fields.quantities({"command", "m/s ahead, m/s to the left, rad/s to the left", "[0.5, 0, 0]"}, command,
+                    Dimension::none, config::any_value(), {.low = 3, .high = 3, .of = "value"});
+  for (std::size_t i = 0; i < task.command.size() && i < command.size(); ++i) task.command[i] = command[i];
+  fields.duration({"until", "since the rollout's start; then the robot is to stand; 0 ms: it walks to the end", "0 ms"},
+                  task.until, {}, kLongest);
+  fields.quantity({"least_height", "share of the base's height at the start; lower, the robot has fallen", "0.6"},
+                  task.least_height, Dimension::none, config::between(0, 1));
+  fields.quantity({"most_tilt", "of the base from upright; further, the robot has fallen", "1 rad"}, task.most_tilt,
+                  Dimension::angle, config::above(0, 3.2));
+}
+
 void describe_task(Fields& fields, PanelTask& task) {
   fields.choice({"task", "what the robot has to do"}, task.task, kTaskNames);
   fields.text({"robot", "robot file; a relative path starts at this file's folder"}, task.robot);
@@ -44,6 +57,7 @@ void describe_task(Fields& fields, PanelTask& task) {
                   kLongest);
   fields.quantity({"bound", "success: root mean square error of the scored part at most this"}, task.bound_m,
                   Dimension::length, config::above(0));
+  if (task.task == Task::base_velocity) describe_base_velocity(fields, task.base_velocity);
   describe_overrides(fields, "keys of the robot file said otherwise, for every method", task.overrides);
 }
 

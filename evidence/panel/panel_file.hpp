@@ -25,6 +25,7 @@ struct PanelTask {
   Duration scored;
   double bound_m = 0;
   std::vector<config::Override> overrides{};  // of the robot file, for every method
+  BaseVelocityTask base_velocity{};           // of that task only
 };
 
 struct PanelMethod {
@@ -55,6 +56,7 @@ struct Panel {
   PolicyTiming timing;
   Duration window_from, window_length;  // of perturbations that say nothing else
   std::optional<Duration> rearm_after;  // operator: from a stop or fault to the next arming; empty: none
+  std::string robot{};                  // instead of every task's own; empty: the file's hold
   std::vector<PanelTask> tasks;         // different ones; a method's overrides go to every task's robot
   std::vector<PanelMethod> methods;
   std::vector<PanelPerturbation> perturbations;

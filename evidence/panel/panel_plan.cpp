@@ -110,7 +110,7 @@ std::expected<Contest, std::string> Contest::prepare(Panel panel) {
   std::string problems;
   const auto note = [&](const std::string& what) { problems += (problems.empty() ? "" : "\n") + what; };
   for (const PanelTask& task : contest.panel_.tasks) {
-    auto robot = config::load(task.robot);
+    auto robot = config::load(contest.panel_.robot.empty() ? task.robot : contest.panel_.robot);
     if (robot && !task.overrides.empty()) robot = config::with_overrides(*robot, task.overrides);
     if (!robot) {
       note(robot.error());
@@ -188,7 +188,8 @@ RolloutSetup Contest::setup_of(const PlannedRollout& planned) const {
           .duration = panel_.duration,
           .scored = task.scored,
           .bound_m = task.bound_m,
-          .rearm_after = panel_.rearm_after};
+          .rearm_after = panel_.rearm_after,
+          .base_velocity = task.base_velocity};
 }
 
 RolloutWatch::RolloutWatch(const config::RobotConfig& robot)
@@ -214,8 +215,9 @@ RanRollout Contest::conclude(RolloutRow row, RolloutWatch& watch) const {
   RanRollout ran{.row = std::move(row), .post_mortem = {}};
   if (ran.row.success) return ran;
   PostMortemDraft draft{.row = ran.row,
-                        .show_again = fmt::format("takt panel run {} --only {} --out again  # panel: SHA-256 {}",
-                                                  panel_.file, rollout_id(ran.row), panel_.sha256),
+                        .show_again = fmt::format("takt panel run {}{} --only {} --out again  # panel: SHA-256 {}",
+                                                  panel_.file, panel_.robot.empty() ? "" : " --robot " + panel_.robot,
+                                                  rollout_id(ran.row), panel_.sha256),
                         .ticks = &watch.failure_,
                         .verdicts = {},
                         .incidents = monitor::by_gravity(std::move(watch.told_))};

@@ -1,6 +1,8 @@
 #include "evidence/rollout/rollout.hpp"
 
+#include <algorithm>
 #include <optional>
+#include <stdexcept>
 #include <utility>
 
 #include "evidence/rollout/arm_world.hpp"
@@ -8,8 +10,10 @@
 #include "evidence/rollout/operator.hpp"
 #include "evidence/rollout/repeat_last.hpp"
 #include "evidence/rollout/rollout_measures.hpp"
+#include "evidence/rollout/sensor_feed.hpp"
 #include "evidence/rollout/virtual_bus.hpp"
 #include "evidence/rollout/wake_ups.hpp"
+#include "executive/contract/imu_of_sample.hpp"
 #include "executive/pipeline/control_tick.hpp"
 #include "executive/setup/tick_config_of.hpp"
 
@@ -18,17 +22,18 @@ namespace {
 
 constexpr MonoTime kStart{1'000'000'000'000};  // some 17 minutes after boot
 constexpr Duration kTickWork = microseconds(25);
+constexpr std::uint64_t kImuLossStream = 211;
 constexpr Duration kSettle = seconds(2);  // from power-on to the task: arming, and the way to it
 
 std::expected<std::unique_ptr<World>, std::string> make_world(const RolloutSetup& setup,
                                                               const Disturbance& disturbance) {
-  if (setup.robot.imu)
-    return std::unexpected(setup.robot.file + ": rollouts have no simulated IMU yet; take `imu` out, or run it live");
   switch (setup.task) {
     case Task::arm_tracking:
       return ArmWorld::make(setup.robot, disturbance, kStart, setup.seed);
     case Task::cart_pole_balance:
       return CartPoleWorld::make(setup.robot, disturbance, kStart, setup.seed);
+    case Task::base_velocity:
+      return BaseVelocityWorld::make(setup.robot, setup.base_velocity, disturbance, kStart, setup.seed);
   }
   return std::unexpected("this build does not know the task");
 }
@@ -41,6 +46,7 @@ class Rollout {
         state_(pipeline::make_tick_state(config_)),
         world_(world),
         bus_(std::move(bus)),
+        imu_(disturbance, setup.seed, kImuLossStream),
         policy_(setup.robot, setup.policy_hash, setup.policy, setup.timing, disturbance, setup.seed),
         repeater_(config_.interpolation == pipeline::Interpolation::hold),
         operator_(setup.rearm_after),
@@ -50,11 +56,15 @@ class Rollout {
   }
 
   void run(RolloutRow& row) {
-    const MonoTime end = kStart + setup_.duration;
+    MonoTime end = kStart + setup_.duration;
     for (MonoTime due = kStart; due < end;) {
       const MonoTime woken = wakes_.after(due);
       step_plant(woken);
       tick(woken, woken - due);
+      if (const auto aftermath = world_.ends_after_loss(); aftermath && world_.is_lost() && !lost_at_.is_set()) {
+        lost_at_ = woken;
+        end = std::min(end, woken + *aftermath);
+      }
       due = next_due(due, woken + kTickWork);
     }
     measures_.finish(setup_.robot.freshness.epsilon, setup_.robot.freshness.confidence, row);
@@ -84,6 +94,8 @@ class Rollout {
     input_.now = now;
     input_.lateness = late;
     if (const auto sample = world_.sample(now)) policy_.sense(*sample);
+    if (const auto sample = world_.imu(now)) imu_.take(*sample);
+    input_.imu = imu_of(imu_.newest(now));
     policy_.run_until(now);
     bus_.receive(world_.plant(), now, input_);
     read_command(now);
@@ -124,6 +136,7 @@ class Rollout {
   pipeline::TickStatePtr state_;
   World& world_;
   VirtualBus bus_;
+  SensorFeed imu_;
   VirtualPolicy policy_;
   RepeatLast repeater_;
   Operator operator_;
@@ -131,10 +144,16 @@ class Rollout {
   RolloutMeasures measures_;
   pipeline::TickInput input_;
   std::unique_ptr<pipeline::TickOutput> output_ = std::make_unique<pipeline::TickOutput>();
-  MonoTime plant_at_ = kStart;
+  MonoTime plant_at_ = kStart, lost_at_;
 };
 
 }  // namespace
+
+Task task_of(const config::RobotConfig& robot) {
+  if (!robot.simulation) return Task::arm_tracking;
+  if (robot.simulation->cart_pole) return Task::cart_pole_balance;
+  return robot.simulation->mujoco && robot.imu ? Task::base_velocity : Task::arm_tracking;
+}
 
 std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutRow& row) {
   const Disturbance disturbance(setup.perturbation, kStart);
@@ -144,7 +163,11 @@ std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutR
   if (!bus) return std::unexpected(bus.error());
   setup.policy.reset();
   Rollout rollout(setup, disturbance, **world, std::move(*bus));
-  rollout.run(row);
+  try {
+    rollout.run(row);
+  } catch (const std::runtime_error& diverged) {
+    return std::unexpected(setup.robot.file + ": " + diverged.what());
+  }
   return {};
 }
 

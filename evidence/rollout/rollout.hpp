@@ -18,6 +18,7 @@
 
 #include "config/robot_config.hpp"
 #include "evidence/artifact/rollout_row.hpp"
+#include "evidence/rollout/base_velocity_world.hpp"
 #include "evidence/rollout/perturbation.hpp"
 #include "evidence/rollout/virtual_policy.hpp"
 #include "executive/contract/command_chunk.hpp"
@@ -26,8 +27,10 @@
 
 namespace takt::panel {
 
-enum class Task : std::uint8_t { arm_tracking, cart_pole_balance };
-inline constexpr std::array<std::string_view, 2> kTaskNames{"arm_tracking", "cart_pole_balance"};
+enum class Task : std::uint8_t { arm_tracking, cart_pole_balance, base_velocity };
+inline constexpr std::array<std::string_view, 3> kTaskNames{"arm_tracking", "cart_pole_balance", "base_velocity"};
+// What a robot's simulation is made for.
+Task task_of(const config::RobotConfig& robot);
 
 struct RolloutSetup {
   const config::RobotConfig& robot;  // as the method wants it
@@ -42,12 +45,13 @@ struct RolloutSetup {
   Duration scored;                                            // last part of the duration, judged
   double bound_m = 0;                                         // rms error of the scored part
   std::optional<Duration> rearm_after = {};                   // from a stop or fault; empty: nobody re-arms
+  BaseVelocityTask base_velocity = {};                        // of that task only
   std::function<void(const CommandHeader&)> on_command = {};  // before the tick that reads it
   std::function<void(const TickRecord&)> on_tick = {};
 };
 
 // Fills everything of the row but its identity and host fields. The error is one sentence: what the robot lacks for the
-// task.
+// task, or that its physics diverged.
 std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutRow& row);
 
 }  // namespace takt::panel

@@ -3,14 +3,9 @@
 #include "simulation/chance.hpp"
 
 namespace takt::panel {
-namespace {
 
-constexpr std::uint64_t kSampleLossStream = 201;
-
-}  // namespace
-
-SensorFeed::SensorFeed(const Disturbance& disturbance, std::uint64_t seed)
-    : disturbance_(disturbance), path_(plant::seed_for(seed, kSampleLossStream)) {}
+SensorFeed::SensorFeed(const Disturbance& disturbance, std::uint64_t seed, std::uint64_t stream)
+    : disturbance_(disturbance), path_(plant::seed_for(seed, stream)) {}
 
 void SensorFeed::take(const SensorSample& sample) {
   const MonoTime at = sample.published_at;

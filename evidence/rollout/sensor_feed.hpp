@@ -1,5 +1,6 @@
-// When a perturbation troubles the way from an outside sensor to the policy host (simulation/sensor_path.hpp says
-// how), and what the host's mailbox holds. Pure, virtual time. Thread rule: one thread at a time.
+// When a perturbation troubles the way from an outside sensor to the policy host, or from the IMU to the executive
+// (simulation/sensor_path.hpp says how), and what the reader's mailbox holds. Pure, virtual time. Thread rule: one
+// thread at a time.
 #pragma once
 
 #include <cstdint>
@@ -12,10 +13,11 @@ namespace takt::panel {
 
 class SensorFeed {
  public:
-  SensorFeed(const Disturbance& disturbance, std::uint64_t seed);  // `disturbance` outlives this
+  // `disturbance` outlives this. Feeds of different `stream` lose samples independently.
+  SensorFeed(const Disturbance& disturbance, std::uint64_t seed, std::uint64_t stream);
 
   void take(const SensorSample& sample);
-  // What the host's mailbox holds at `now`; sequence 0 before the first sample. `now` never runs backwards.
+  // What the mailbox holds at `now`; sequence 0 before the first sample. `now` never runs backwards.
   const SensorSample& newest(MonoTime now);
 
  private:

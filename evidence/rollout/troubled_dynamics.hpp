@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <expected>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,6 +31,9 @@ class TroubledDynamics final : public plant::Mechanics {
                  Duration step) override;
   config::Vector3 tool_position(const Eigen::VectorXd& q) override { return body_->tool_position(q); }
   config::Vector3 controlled_point(const Eigen::VectorXd& q) override { return body_->controlled_point(q); }
+  std::optional<plant::ImuReading> imu() override { return body_->imu(); }
+  [[nodiscard]] std::optional<plant::BasePose> base() const override { return body_->base(); }
+  void hoist(bool hangs) override { body_->hoist(hangs); }
 
  private:
   TroubledDynamics(std::unique_ptr<plant::TroubledMechanics> body, const Disturbance& disturbance, MonoTime started,

@@ -13,7 +13,7 @@
 namespace takt::panel {
 namespace {
 
-constexpr std::uint64_t kPolicyStream = 301;
+constexpr std::uint64_t kSampleLossStream = 201, kPolicyStream = 301;
 constexpr Duration kPollSpread = microseconds(100);
 constexpr Duration kBuildInput = microseconds(20);  // dequeued -> inference starts
 
@@ -48,7 +48,7 @@ VirtualPolicy::VirtualPolicy(const config::RobotConfig& robot, std::uint64_t pol
       disturbance_(disturbance),
       seed_(seed),
       responder_(robot, policy_hash, policy),
-      feed_(disturbance, seed),
+      feed_(disturbance, seed, kSampleLossStream),
       sensors_in_use_(policy_host::sensors_in_use(robot)),
       samples_(robot.sensors.size()),
       used_(robot.sensors.size()) {

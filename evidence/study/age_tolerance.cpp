@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "config/hash.hpp"
+#include "config/load.hpp"
 #include "evidence/panel/panel_plan.hpp"
 #include "evidence/panel/worker_pool.hpp"
 #include "monitor/judge/freshness_statistics.hpp"
@@ -17,8 +18,10 @@ namespace {
 
 constexpr double kDelayGrid_ms = 10, kMostDelay_ms = 640;
 constexpr double kStallGrid_ms = 25, kMostStall_ms = 800;
+constexpr double kSilenceGrid_ms = 50, kMostSilence_ms = 1600;
 constexpr std::uint64_t kFailuresShown = 5;  // beyond these, a refused dose is not looked at any longer
 constexpr double kAgeStep_ms = 5;
+constexpr double kLongestTarget_ms = 10'000;
 
 double lower_bound(std::uint64_t successes, std::uint64_t rollouts) {
   return 1 - monitor::clopper_pearson_upper(rollouts - successes, rollouts, kConfidence);
@@ -31,19 +34,23 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-// The policy's word counts however old it is, up to `max_age`; nothing degrades or stops the robot.
-std::vector<config::Override> without_consequences(double max_age_ms) {
-  return {{"freshness.max_age", fmt::format("{:.0f} ms", max_age_ms)},
-          {"freshness.epsilon", "0.999999"},
-          {"freshness.recover_after", "1 ms"},
-          {"freshness.flap_memory", "0 ms"},
-          {"freshness.stop_after", "600 s"},
-          {"freshness.bad_command_limit", "1000000"}};
+// The policy's word counts however old it is, up to `max_age`; nothing degrades or stops the robot. The one target of a
+// policy that gives one at a time stays playable for as long.
+std::vector<config::Override> without_consequences(const config::RobotConfig& robot, double max_age_ms) {
+  std::vector<config::Override> said{{"freshness.max_age", fmt::format("{:.0f} ms", max_age_ms)},
+                                     {"freshness.epsilon", "0.999999"},
+                                     {"freshness.recover_after", fmt::format("{} us", robot.control.period.ns / 1000)},
+                                     {"freshness.flap_memory", "0 ms"},
+                                     {"freshness.stop_after", "600 s"},
+                                     {"freshness.bad_command_limit", "1000000"}};
+  if (robot.policy && robot.policy->steps == 1)
+    said.push_back({"policy.step_period", fmt::format("{:.0f} ms", kLongestTarget_ms)});
+  return said;
 }
 
 // A panel that exists in memory only: one task, one method, one kind of perturbation at every dose of a grid.
-panel::Panel panel_of(const ToleranceSetup& setup, std::string_view kind, double grid_ms, double most_ms,
-                      double max_age_ms) {
+panel::Panel panel_of(const ToleranceSetup& setup, const config::RobotConfig& robot, std::string_view kind,
+                      double grid_ms, double most_ms, double max_age_ms, Duration from = {}) {
   panel::Panel made;
   made.file = setup.robot_file;
   made.name = "margin";
@@ -51,10 +58,14 @@ panel::Panel panel_of(const ToleranceSetup& setup, std::string_view kind, double
   made.sha256 = config::sha256_hex(made.text);
   made.duration = setup.duration;
   made.seed_count = setup.seeds;
-  made.tasks.push_back({setup.task, setup.robot_file, setup.scored, setup.bound_m});
-  made.methods.push_back({"margin", "no consequences", false, without_consequences(max_age_ms)});
+  made.tasks.push_back({.task = setup.task,
+                        .robot = setup.robot_file,
+                        .scored = setup.scored,
+                        .bound_m = setup.bound_m,
+                        .base_velocity = setup.base_velocity});
+  made.methods.push_back({"margin", "no consequences", false, without_consequences(robot, max_age_ms)});
   for (int i = 0; i * grid_ms <= most_ms; ++i)
-    made.perturbations.push_back({std::string(kind), i * grid_ms, Duration{0}, setup.duration});
+    made.perturbations.push_back({std::string(kind), i * grid_ms, from, setup.duration - from});
   return made;
 }
 
@@ -131,6 +142,7 @@ class Doses {
     point.age_p50_ms = median(std::move(p50));
     point.age_p99_ms = median(std::move(p99));
     point.success_lower = lower_bound(point.successes, point.rollouts);
+    point.success_upper = monitor::clopper_pearson_upper(point.successes, point.rollouts, kConfidence);
     point.tolerated = point.rollouts == setup_.seeds && point.success_lower >= setup_.success;
     return point;
   }
@@ -141,8 +153,9 @@ class Doses {
   std::map<std::size_t, TolerancePoint> seen_;
 };
 
-std::expected<void, std::string> find_age(const ToleranceSetup& setup, AgeTolerance& found) {
-  auto contest = panel::Contest::prepare(panel_of(setup, "publish_delay", kDelayGrid_ms, kMostDelay_ms, 40'000));
+std::expected<void, std::string> find_age(const ToleranceSetup& setup, const config::RobotConfig& robot,
+                                          AgeTolerance& found) {
+  auto contest = panel::Contest::prepare(panel_of(setup, robot, "publish_delay", kDelayGrid_ms, kMostDelay_ms, 40'000));
   if (!contest) return std::unexpected(contest.error());
   Doses doses(setup, std::move(*contest));
   const auto nominal = doses.look_at(0);
@@ -166,9 +179,10 @@ double two_digits_below(double value) {
   return digit * std::floor(value / digit + 1e-9);
 }
 
-std::expected<void, std::string> find_share(const ToleranceSetup& setup, AgeTolerance& found) {
-  auto contest =
-      panel::Contest::prepare(panel_of(setup, "inference_stall", kStallGrid_ms, kMostStall_ms, found.max_age_ms));
+std::expected<void, std::string> find_share(const ToleranceSetup& setup, const config::RobotConfig& robot,
+                                            AgeTolerance& found) {
+  auto contest = panel::Contest::prepare(
+      panel_of(setup, robot, "inference_stall", kStallGrid_ms, kMostStall_ms, found.max_age_ms));
   if (!contest) return std::unexpected(contest.error());
   Doses doses(setup, std::move(*contest));
   const auto largest = doses.largest_tolerated();
@@ -183,13 +197,34 @@ std::expected<void, std::string> find_share(const ToleranceSetup& setup, AgeTole
   return {};
 }
 
+// Halfway through the rollout the task is under way, and what follows is long enough to be judged.
+std::expected<void, std::string> find_silence(const ToleranceSetup& setup, const config::RobotConfig& robot,
+                                              AgeTolerance& found) {
+  auto contest = panel::Contest::prepare(panel_of(setup, robot, "policy_freeze", kSilenceGrid_ms, kMostSilence_ms,
+                                                  found.max_age_ms, Duration{setup.duration.ns / 2}));
+  if (!contest) return std::unexpected(contest.error());
+  Doses doses(setup, std::move(*contest));
+  const auto largest = doses.largest_tolerated();
+  if (!largest) return std::unexpected(largest.error());
+  found.silences = doses.points();
+  found.silence_is_open = *largest == doses.last();
+  if (*largest == 0) return {};
+  found.tolerated_silence_ms = doses.look_at(*largest)->dose_ms;
+  const double proposed = kAgeStep_ms * std::floor(setup.safety * *found.tolerated_silence_ms / kAgeStep_ms);
+  if (proposed > found.max_age_ms) found.stop_after_ms = proposed;
+  return {};
+}
+
 }  // namespace
 
 std::expected<AgeTolerance, std::string> age_tolerance(const ToleranceSetup& setup) {
+  const auto robot = config::load(setup.robot_file);
+  if (!robot) return std::unexpected(robot.error());
   AgeTolerance found;
-  if (auto done = find_age(setup, found); !done) return std::unexpected(done.error());
+  if (auto done = find_age(setup, *robot, found); !done) return std::unexpected(done.error());
   if (found.max_age_ms <= 0) return found;
-  if (auto done = find_share(setup, found); !done) return std::unexpected(done.error());
+  if (auto done = find_share(setup, *robot, found); !done) return std::unexpected(done.error());
+  if (auto done = find_silence(setup, *robot, found); !done) return std::unexpected(done.error());
   return found;
 }
 

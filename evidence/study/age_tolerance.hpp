@@ -7,8 +7,9 @@
 //            with is the median over ticks.
 //   misses   the proposed max_age gates; once per second an inference stalls for a dose, so that the gate refuses and
 //            the robot brakes. Tolerated as above; the share of ticks that missed is measured.
+//   silence  the policy stands still once, for a dose; the proposed max_age gates, and nothing stops the robot.
 //   rule     max_age = safety * tolerated age, rounded down to 5 ms; epsilon = safety * tolerated share, rounded down
-//            to two digits.
+//            to two digits; stop_after = safety * tolerated silence, rounded down to 5 ms, where it exceeds max_age.
 // Larger doses are presumed to be no easier. Same setup, same result, whatever the number of workers.
 #pragma once
 
@@ -30,8 +31,9 @@ inline constexpr std::uint64_t kLeastSeeds = 59;  // fewer cannot show a success
 struct ToleranceSetup {
   std::string robot_file;
   panel::Task task = panel::Task::arm_tracking;
-  std::uint64_t seeds = 60;  // enough to show `success`
-  double success = 0.95;     // (0, 1): rate that has to be shown
+  panel::BaseVelocityTask base_velocity = {};  // of that task only
+  std::uint64_t seeds = 60;                    // enough to show `success`
+  double success = 0.95;                       // (0, 1): rate that has to be shown
   std::size_t workers = 1;
   double safety = 0.8;  // (0, 1]
   double bound_m = 0.02;
@@ -43,20 +45,23 @@ struct ToleranceSetup {
 struct TolerancePoint {
   double dose_ms = 0;
   std::uint64_t rollouts = 0, successes = 0;
-  double success_lower = 0;               // bound of the success rate
-  double age_p50_ms = 0, age_p99_ms = 0;  // per tick; medians over the rollouts
-  double miss_share = 0;                  // of ticks, mean over the rollouts
+  double success_lower = 0, success_upper = 1;  // one-sided bounds of the success rate, each of kConfidence
+  double age_p50_ms = 0, age_p99_ms = 0;        // per tick; medians over the rollouts
+  double miss_share = 0;                        // of ticks, mean over the rollouts
   bool tolerated = false;
 };
 
 struct AgeTolerance {
-  std::vector<TolerancePoint> ages, misses;         // by dose
-  double tolerated_age_ms = 0;                      // median age at the largest tolerated delay
-  double nominal_p99_ms = 0;                        // age without any added delay
-  double max_age_ms = 0;                            // proposed
-  std::optional<double> tolerated_share;            // of misses; absent: none was tolerated, or none came about
-  std::optional<double> epsilon;                    // proposed
-  bool age_is_open = false, share_is_open = false;  // the largest dose tried was tolerated
+  std::vector<TolerancePoint> ages, misses, silences;  // by dose
+  double tolerated_age_ms = 0;                         // median age at the largest tolerated delay
+  double nominal_p99_ms = 0;                           // age without any added delay
+  double max_age_ms = 0;                               // proposed
+  std::optional<double> tolerated_share;               // of misses; absent: none was tolerated, or none came about
+  std::optional<double> epsilon;                       // proposed
+  std::optional<double> tolerated_silence_ms;          // absent: not even the shortest
+  std::optional<double> stop_after_ms;                 // proposed; absent: it would not exceed max_age
+  // The largest dose tried was tolerated.
+  bool age_is_open = false, share_is_open = false, silence_is_open = false;
 };
 
 // The error: what the robot file lacks, one problem per line, or that the task fails without any delay.

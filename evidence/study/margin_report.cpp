@@ -45,6 +45,7 @@ Json to_json(const std::vector<TolerancePoint>& points) {
                    {"rollouts", point.rollouts},
                    {"successes", point.successes},
                    {"success_lower", point.success_lower},
+                   {"success_upper", point.success_upper},
                    {"age_p50_ms", point.age_p50_ms},
                    {"age_p99_ms", point.age_p99_ms},
                    {"miss_share", point.miss_share},
@@ -55,13 +56,17 @@ Json to_json(const std::vector<TolerancePoint>& points) {
 Json to_json(const AgeTolerance& found) {
   return {{"publish_delay", to_json(found.ages)},
           {"inference_stall", to_json(found.misses)},
+          {"policy_freeze", to_json(found.silences)},
           {"tolerated_age_ms", found.tolerated_age_ms},
           {"tolerated_age_is_open", found.age_is_open},
           {"nominal_age_p99_ms", found.nominal_p99_ms},
           {"tolerated_miss_share", number(found.tolerated_share)},
           {"tolerated_miss_share_is_open", found.share_is_open},
+          {"tolerated_silence_ms", number(found.tolerated_silence_ms)},
+          {"tolerated_silence_is_open", found.silence_is_open},
           {"proposed_max_age_ms", found.max_age_ms},
-          {"proposed_epsilon", number(found.epsilon)}};
+          {"proposed_epsilon", number(found.epsilon)},
+          {"proposed_stop_after_ms", number(found.stop_after_ms)}};
 }
 
 constexpr std::array<std::string_view, 7> kColours{"#4477aa", "#ee6677", "#228833", "#ccbb44",

@@ -12,6 +12,10 @@
 
 namespace takt::margin {
 
+// Why a robot on a base of its own has no joints in its report.
+inline constexpr const char* kNoInnerLoop =
+    "its base is free: without the policy it falls, and there is no rest to measure a joint's loop at";
+
 struct MarginReport {
   const config::RobotConfig& robot;
   std::vector<JointMargins> joints;

@@ -38,12 +38,13 @@ std::string joint_lines(const JointMargins& joint) {
 }
 
 std::string point_lines(const std::vector<TolerancePoint>& points, std::string_view dose, bool misses) {
-  std::string text = fmt::format("  {:>12}  {:>12}  {:>10}  {:>9}  {:>9}{}\n", dose, "success", ">= (95 %)", "age p50",
+  std::string text = fmt::format("{:>13}  {:>8}  {:>13}  {:>9}  {:>9}{}\n", dose, "success", "95 % bounds", "age p50",
                                  "age p99", misses ? "     misses" : "");
   for (const TolerancePoint& point : points) {
-    text += fmt::format("  {:>9.0f} ms  {:>12}  {:>10.3f}  {:>6.1f} ms  {:>6.1f} ms{}{}\n", point.dose_ms,
-                        fmt::format("{} of {}", point.successes, point.rollouts), point.success_lower, point.age_p50_ms,
-                        point.age_p99_ms, misses ? fmt::format("  {:>7.2f} %", point.miss_share * 100) : "",
+    text += fmt::format("{:>10.0f} ms  {:>8}  [{:.3f} {:.3f}]  {:>6.1f} ms  {:>6.1f} ms{}{}\n", point.dose_ms,
+                        fmt::format("{} of {}", point.successes, point.rollouts), point.success_lower,
+                        point.success_upper, point.age_p50_ms, point.age_p99_ms,
+                        misses ? fmt::format("  {:>7.2f} %", point.miss_share * 100) : "",
                         point.tolerated ? "" : "  refused");
   }
   return text;
@@ -55,10 +56,16 @@ std::string proposal(const AgeTolerance& found, const config::RobotConfig& robot
   if (found.tolerated_share)
     text += fmt::format("misses tolerated {}{:.2f} % of ticks\n", found.share_is_open ? "at least " : "",
                         *found.tolerated_share * 100);
-  text += fmt::format("proposed: max_age {:.0f} ms, epsilon {}\n", found.max_age_ms,
-                      found.epsilon ? fmt::format("{:g}", *found.epsilon) : "none (no miss is tolerated)");
-  text += fmt::format("robot file: max_age {:.0f} ms, epsilon {:g}\n", robot.freshness.max_age.milliseconds(),
-                      robot.freshness.epsilon);
+  if (found.tolerated_silence_ms)
+    text += fmt::format("silence tolerated {}{:.0f} ms\n", found.silence_is_open ? "at least " : "",
+                        *found.tolerated_silence_ms);
+  text += fmt::format("proposed: max_age {:.0f} ms, epsilon {}, stop_after {}\n", found.max_age_ms,
+                      found.epsilon ? fmt::format("{:g}", *found.epsilon) : "none (no miss is tolerated)",
+                      found.stop_after_ms ? fmt::format("{:.0f} ms", *found.stop_after_ms)
+                                          : "none (silence is not tolerated for longer than max_age)");
+  text += fmt::format("robot file: max_age {:.0f} ms, epsilon {:g}, stop_after {:.0f} ms\n",
+                      robot.freshness.max_age.milliseconds(), robot.freshness.epsilon,
+                      robot.freshness.stop_after.milliseconds());
   if (found.max_age_ms < found.nominal_p99_ms)
     text += "the policy's path alone is older than the proposed max_age: make it faster before trusting it\n";
   return text;
@@ -71,11 +78,16 @@ std::string margin_text(const MarginReport& report) {
   text += fmt::format("{:<18}{:>14}  {:>14}  {:>14}{:>7}{:>9}\n", "joint", "gain factor", "phase deg", "delay ms",
                       "at Hz", "differ");
   for (const JointMargins& joint : report.joints) text += joint_lines(joint);
+  if (report.joints.empty())
+    text = fmt::format("inner loop of {}, not measured:\n{}\n", report.robot.robot, kNoInnerLoop);
   if (!report.tolerance) return text;
   text += "\ncommand age, no gate\n" + point_lines(report.tolerance->ages, "delay", false);
   if (!report.tolerance->misses.empty())
     text += fmt::format("\nmisses, gated at {:.0f} ms\n", report.tolerance->max_age_ms) +
             point_lines(report.tolerance->misses, "stall per 1 s", true);
+  if (!report.tolerance->silences.empty())
+    text += fmt::format("\nsilence, gated at {:.0f} ms\n", report.tolerance->max_age_ms) +
+            point_lines(report.tolerance->silences, "one freeze", false);
   return text + proposal(*report.tolerance, report.robot);
 }
 

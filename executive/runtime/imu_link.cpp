@@ -2,11 +2,11 @@
 
 #include <spdlog/spdlog.h>
 
-#include <algorithm>
 #include <cstring>
 #include <span>
 #include <utility>
 
+#include "executive/contract/imu_of_sample.hpp"
 #include "executive/ipc/executive_segments.hpp"
 
 namespace takt::runtime {
@@ -28,11 +28,7 @@ void ImuMailbox::read(ImuSample& sample) noexcept {
   const auto result = reader.read_latest(std::as_writable_bytes(std::span(&newest, 1)));
   if (result.status != ipc::ReadStatus::fresh || result.size != sizeof newest || newest.value_count != kImuValues)
     return;
-  sample.sequence = newest.sequence;
-  sample.sensed_at = newest.sensed_at;
-  std::copy_n(newest.values, 4, sample.rotation);
-  std::copy_n(newest.values + 4, 3, sample.angular_velocity);
-  std::copy_n(newest.values + 7, 3, sample.acceleration);
+  sample = imu_of(newest);
 }
 
 std::string ImuLink::attach() {

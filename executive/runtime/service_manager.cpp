@@ -28,7 +28,7 @@ std::int64_t number_in(const char* name) {
 
 ServiceManager::ServiceManager() {
   const std::string_view path = environment("NOTIFY_SOCKET");
-  if (path.size() < 2 || path.size() >= sizeof address_.sun_path) return;
+  if (path.size() < 2 || path.size() > sizeof address_.sun_path) return;
   address_.sun_family = AF_UNIX;
   path.copy(address_.sun_path, path.size());
   if (path.front() == '@') address_.sun_path[0] = '\0';  // abstract

@@ -17,15 +17,29 @@ std::size_t vetted_elements(const std::string& name, const Shape& shape) {
 
 }  // namespace
 
+std::string_view to_text(ElementType type) {
+  switch (type) {
+    case ElementType::float32:
+      return "float32";
+    case ElementType::int64:
+      return "int64";
+    case ElementType::live_int64:
+      return "int64 that an input decides";
+    case ElementType::boolean:
+      return "bool";
+  }
+  return "invalid";
+}
+
 const Value* Builder::find(std::string_view name) const {
   const auto found = values_.find(name);
   return found == values_.end() ? nullptr : &found->second;
 }
 
-Value& Builder::define_floats(const std::string& name, const Shape& shape) {
+Value& Builder::define_floats(const std::string& name, const Shape& shape, ElementType type) {
   const std::size_t count = vetted_elements(name, shape);
   if (count == 0) throw Refusal(fmt::format("tensor '{}' of shape {} has no elements", name, to_text(shape)));
-  return insert(name, {.type = ElementType::float32, .shape = shape, .floats = allocate(count), .integers = {}});
+  return insert(name, {.type = type, .shape = shape, .floats = allocate(count), .integers = {}});
 }
 
 Value& Builder::define_integers(const std::string& name, const Shape& shape, std::vector<std::int64_t> integers) {

@@ -25,13 +25,16 @@ class Refusal : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-enum class ElementType : std::uint8_t { float32, int64 };
+// Integers known at load; those that an input decides (a step counted by the caller) and truths live as floats, whole
+// numbers and 0 or 1, so that not a number passes through them as well.
+enum class ElementType : std::uint8_t { float32, int64, live_int64, boolean };
+std::string_view to_text(ElementType type);
 
 struct Value {
   ElementType type = ElementType::float32;
   Shape shape;
   bool constant = false;
-  float* floats = nullptr;             // float32 only; owned by the Program
+  float* floats = nullptr;             // all but int64; owned by the Program
   std::vector<std::int64_t> integers;  // int64 only
 };
 
@@ -43,7 +46,7 @@ class Builder {
   const Value* find(std::string_view name) const;
 
   // New values. A name may be defined once; an output nobody asked for has an empty name and cannot be found.
-  Value& define_floats(const std::string& name, const Shape& shape);
+  Value& define_floats(const std::string& name, const Shape& shape, ElementType type = ElementType::float32);
   Value& define_integers(const std::string& name, const Shape& shape, std::vector<std::int64_t> integers);
   // The same elements in the same order under another name and shape.
   Value& define_view(const std::string& name, const Shape& shape, const Value& source);
@@ -52,6 +55,9 @@ class Builder {
   float* allocate(std::size_t floats);
   // Counts index tables against the cap of a model.
   void charge(std::size_t bytes);
+
+  // A recurrent node of one element whose start state no input decides.
+  void report_lost_state(std::string node) { program_.lost_states.push_back(std::move(node)); }
 
   // Work for every run.
   template <std::invocable Work>

@@ -26,8 +26,8 @@ Shape vector_shape(std::size_t size) {
 }  // namespace
 
 void build_constant(Builder& builder, const Node& node) {
-  if (const onnx::AttributeProto* value = node.find_attribute("value")) {
-    define_constant(builder, node.output(), value->t());
+  if (const onnx::TensorProto* value = node.tensor("value")) {
+    define_constant(builder, node.output(), *value);
   } else if (node.has_attribute("value_float")) {
     define_numbers(builder, node.output(), {}, {node.number("value_float", 0.0F)});
   } else if (node.has_attribute("value_floats")) {
@@ -49,8 +49,8 @@ void build_constant_of_shape(Builder& builder, const Node& node) {
   Value fill{.type = ElementType::float32, .shape = {1}, .integers = {}};
   float zero = 0.0F;
   fill.floats = &zero;
-  if (const onnx::AttributeProto* value = node.find_attribute("value")) {
-    fill = define_constant(builder, "", value->t());
+  if (const onnx::TensorProto* value = node.tensor("value")) {
+    fill = define_constant(builder, "", *value);
     if (elements(fill.shape) != 1) node.refuse("its value must be one element");
   }
   if (fill.type == ElementType::int64) {
@@ -59,7 +59,7 @@ void build_constant_of_shape(Builder& builder, const Node& node) {
                             std::vector<std::int64_t>(static_cast<std::size_t>(count), fill.integers[0]));
     return;
   }
-  Value& out = builder.define_floats(node.output(), shape);
+  Value& out = builder.define_floats(node.output(), shape, fill.type);
   std::fill_n(out.floats, count, *fill.floats);
   out.constant = true;
 }
@@ -76,27 +76,66 @@ void build_shape(Builder& builder, const Node& node) {
   builder.define_integers(node.output(), result, std::move(part));
 }
 
+namespace {
+
+bool is_integer(ElementType type) {
+  return type == ElementType::int64 || type == ElementType::live_int64;
+}
+
+ElementType cast_target(const Node& node, const Value& in) {
+  switch (node.integer("to", 0)) {
+    case onnx::TensorProto_DataType_FLOAT:
+      return ElementType::float32;
+    case onnx::TensorProto_DataType_INT64:
+      return in.constant ? ElementType::int64 : ElementType::live_int64;
+    case onnx::TensorProto_DataType_BOOL:
+      return ElementType::boolean;
+    default:
+      node.refuse("casts only to FLOAT, INT64 and BOOL are supported");
+  }
+}
+
+// Elements that live as floats, from type to type; no whole number changes on the way to float32.
+void cast_floats(Builder& builder, const Node& node, const Value& in, ElementType target) {
+  Value& out = builder.define_floats(node.output(), in.shape, target);
+  const bool truth = target == ElementType::boolean;
+  const bool whole = target == ElementType::live_int64;
+  builder.compute(out, {&in}, [from = in.floats, to = out.floats, count = elements(in.shape), truth, whole]() noexcept {
+    for (std::size_t i = 0; i < count; ++i) {
+      const float x = from[i];
+      const float is_true = std::isnan(x) ? x : (x == 0.0F ? 0.0F : 1.0F);
+      to[i] = truth ? is_true : (whole ? std::trunc(x) : x);
+    }
+  });
+}
+
+void cast_to_known_integers(Builder& builder, const Node& node, const Value& in) {
+  std::vector<std::int64_t> integers;
+  for (std::size_t i = 0; i < elements(in.shape); ++i) {
+    constexpr float beyond = 9.2e18F;
+    if (!(std::abs(in.floats[i]) < beyond)) node.refuse("its input does not fit into INT64");
+    integers.push_back(static_cast<std::int64_t>(in.floats[i]));
+  }
+  builder.define_integers(node.output(), in.shape, std::move(integers));
+}
+
+}  // namespace
+
 void build_cast(Builder& builder, const Node& node) {
   const Value& in = node.input(0);
-  const std::int64_t target = node.integer("to", 0);
-  const bool to_float = target == onnx::TensorProto_DataType_FLOAT;
-  if (!to_float && target != onnx::TensorProto_DataType_INT64)
-    node.refuse("casts only to FLOAT and INT64 are supported");
-  if (to_float == (in.type == ElementType::float32)) {
+  const ElementType target = cast_target(node, in);
+  if (in.type == target || (is_integer(in.type) && is_integer(target))) {
     builder.define_view(node.output(), in.shape, in);
-  } else if (to_float) {
-    std::vector<float> numbers(in.integers.size());
-    std::ranges::transform(in.integers, numbers.begin(), [](std::int64_t i) { return static_cast<float>(i); });
-    define_numbers(builder, node.output(), in.shape, numbers);
+  } else if (in.type != ElementType::int64) {
+    if (target == ElementType::int64) return cast_to_known_integers(builder, node, in);
+    cast_floats(builder, node, in, target);
   } else {
-    if (!in.constant) node.refuse("a cast to INT64 is supported for constants only");
-    std::vector<std::int64_t> integers;
-    for (std::size_t i = 0; i < elements(in.shape); ++i) {
-      constexpr float beyond = 9.2e18F;
-      if (!(std::abs(in.floats[i]) < beyond)) node.refuse("its input does not fit into INT64");
-      integers.push_back(static_cast<std::int64_t>(in.floats[i]));
-    }
-    builder.define_integers(node.output(), in.shape, std::move(integers));
+    Value& out = builder.define_floats(node.output(), in.shape, target);
+    const bool truth = target == ElementType::boolean;
+    std::ranges::transform(in.integers, out.floats, [truth](std::int64_t i) {
+      return truth ? static_cast<float>(i != 0) : static_cast<float>(i);
+    });
+    out.constant = true;
   }
 }
 

@@ -1,10 +1,11 @@
-// Add, Sub, Mul, Div, Pow with NumPy broadcasting; the first four on int64 constants too, where exporters compute
-// shapes.
+// Add, Sub, Mul, Div, Pow, Min, Max with NumPy broadcasting; all but Pow on int64 constants too, where exporters
+// compute shapes.
 #include "policy_host/onnx/elementwise.hpp"
 
 #include <fmt/format.h>
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -58,12 +59,21 @@ float power(float base, float exponent) noexcept {
   return std::pow(base, exponent);
 }
 
-void run_power(const Broadcast& plan, const float* left, const float* right, float* out) noexcept {
+// Not a number on either side comes out of both.
+float smaller(float a, float b) noexcept {
+  return a < b || std::isnan(a) ? a : b;
+}
+float larger(float a, float b) noexcept {
+  return a > b || std::isnan(a) ? a : b;
+}
+
+template <auto function>
+void run_each(const Broadcast& plan, const float* left, const float* right, float* out) noexcept {
   for (std::size_t r = 0; r < plan.left_offsets.size(); ++r) {
     const float* a = left + plan.left_offsets[r];
     const float* b = right + plan.right_offsets[r];
     for (std::size_t i = 0; i < plan.length; ++i) {
-      *out++ = power(plan.left_advances ? a[i] : *a, plan.right_advances ? b[i] : *b);
+      *out++ = function(plan.left_advances ? a[i] : *a, plan.right_advances ? b[i] : *b);
     }
   }
 }
@@ -78,7 +88,8 @@ Broadcast plan_for(Builder& builder, const Node& node, const Shape& left, const 
 using RunFloats = void (*)(const Broadcast&, const float*, const float*, float*) noexcept;
 using OnIntegers = std::optional<std::int64_t> (*)(std::int64_t, std::int64_t);
 
-void build_integers(Builder& builder, const Node& node, const Value& a, const Value& b, OnIntegers operation) {
+void build_integers(Builder& builder, const Node& node, const std::string& name, const Value& a, const Value& b,
+                    OnIntegers operation) {
   if (operation == nullptr) node.refuse("int64 operands are not supported");
   const Broadcast plan = plan_for(builder, node, a.shape, b.shape);
   std::vector<std::int64_t> result;
@@ -91,20 +102,61 @@ void build_integers(Builder& builder, const Node& node, const Value& a, const Va
       result.push_back(*value);
     }
   }
-  builder.define_integers(node.output(), plan.shape, std::move(result));
+  builder.define_integers(name, plan.shape, std::move(result));
 }
 
-void build_binary(Builder& builder, const Node& node, RunFloats run, OnIntegers on_integers) {
-  const Value& a = node.input(0);
-  const Value& b = node.input(1);
-  if (a.type != b.type) node.refuse("its two inputs differ in data type");
-  if (a.type == ElementType::int64) return build_integers(builder, node, a, b, on_integers);
+// The result of `a` and `b`, called `name`.
+void build_pair(Builder& builder, const Node& node, const std::string& name, const Value& a, const Value& b,
+                RunFloats run, OnIntegers on_integers) {
+  if (a.type != b.type) node.refuse("its inputs differ in data type");
+  if (a.type == ElementType::int64) return build_integers(builder, node, name, a, b, on_integers);
+  if (a.type != ElementType::float32) node.refuse(fmt::format("operands of {} are not supported", to_text(a.type)));
   Broadcast plan = plan_for(builder, node, a.shape, b.shape);
-  Value& out = builder.define_floats(node.output(), plan.shape);
+  Value& out = builder.define_floats(name, plan.shape);
   builder.compute(out, {&a, &b},
                   [plan = std::move(plan), left = a.floats, right = b.floats, result = out.floats, run]() noexcept {
                     run(plan, left, right, result);
                   });
+}
+
+// As floats whose type is float32 for as long as arithmetic goes on.
+Value as_live(Builder& builder, const Node& node, const Value& value) {
+  Value live = value;
+  if (value.type == ElementType::int64) {
+    live = builder.define_floats("", value.shape);
+    std::ranges::transform(value.integers, live.floats, [](std::int64_t i) { return static_cast<float>(i); });
+    live.constant = true;
+  } else if (value.type != ElementType::live_int64) {
+    node.refuse("its inputs differ in data type");
+  }
+  live.type = ElementType::float32;
+  return live;
+}
+
+void build_binary(Builder& builder, const Node& node, RunFloats run, OnIntegers on_integers) {
+  build_pair(builder, node, node.output(), node.input(0), node.input(1), run, on_integers);
+}
+
+// Any number of inputs, pair by pair; one alone is itself. Integers that an input decides meet known ones as floats.
+void build_chain(Builder& builder, const Node& node, RunFloats run, OnIntegers on_integers) {
+  std::vector<Value> terms;
+  bool live = false;
+  for (std::size_t i = 0; i < node.input_count(); ++i) {
+    terms.push_back(node.input(i));
+    live = live || terms.back().type == ElementType::live_int64;
+  }
+  for (Value& term : terms) {
+    if (live) term = as_live(builder, node, term);
+  }
+  if (terms.empty()) node.refuse("input 0 is missing");
+  Value so_far = terms.front();
+  for (std::size_t i = 1; i < terms.size(); ++i) {
+    const std::string name = fmt::format("{} of {} inputs of {}", i, terms.size(), node.output());
+    build_pair(builder, node, name, so_far, terms[i], run, on_integers);
+    so_far = *builder.find(name);
+  }
+  if (live) so_far.type = ElementType::live_int64;
+  builder.define_view(node.output(), so_far.shape, so_far);
 }
 
 std::optional<std::int64_t> add_integers(std::int64_t a, std::int64_t b) {
@@ -142,7 +194,15 @@ void build_div(Builder& builder, const Node& node) {
   build_binary(builder, node, run_rows<Over>, divide_integers);
 }
 void build_pow(Builder& builder, const Node& node) {
-  build_binary(builder, node, run_power, nullptr);
+  build_binary(builder, node, run_each<power>, nullptr);
+}
+void build_min(Builder& builder, const Node& node) {
+  build_chain(builder, node, run_each<smaller>,
+              [](std::int64_t a, std::int64_t b) { return std::optional(std::min(a, b)); });
+}
+void build_max(Builder& builder, const Node& node) {
+  build_chain(builder, node, run_each<larger>,
+              [](std::int64_t a, std::int64_t b) { return std::optional(std::max(a, b)); });
 }
 
 void add_in_place(Builder& builder, const Node& node, const Value& target, const Value& source) {

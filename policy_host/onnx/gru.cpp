@@ -88,6 +88,7 @@ void run_direction(const Direction& d) noexcept {
 
 void build_gru(Builder& builder, const Node& node) {
   const RecurrentShape shape(node, gates, {"Sigmoid", "Tanh"});
+  note_lost_state(builder, node, shape);
   float* y = define_sequence_output(builder, node, shape);
   float* h = define_state(builder, node, 5, 1, shape);
   float* input_part = builder.allocate(shape.sequence * shape.batch * gates * shape.hidden);

@@ -1,4 +1,5 @@
-// From bytes to a Program: parse, screen, settle the batch, let libonnx check and infer, compile, compare.
+// From bytes to a Program: parse, bring in what lies beside the file, screen, settle the batch, let libonnx check and
+// infer where it knows the opset (without it: what the screen and the operators check themselves), compile, compare.
 #include <fmt/format.h>
 #include <onnx/checker.h>
 #include <onnx/onnx_pb.h>
@@ -10,8 +11,10 @@
 #include <fstream>
 #include <set>
 #include <system_error>
+#include <utility>
 
 #include "policy_host/onnx/builder.hpp"
+#include "policy_host/onnx/external_data.hpp"
 #include "policy_host/onnx/model.hpp"
 #include "policy_host/onnx/node.hpp"
 #include "policy_host/onnx/operators.hpp"
@@ -111,9 +114,14 @@ std::unique_ptr<Program> compile(onnx::ModelProto& model) {
   Names constants;
   for (const onnx::TensorProto& tensor : model.graph().initializer()) constants.insert(tensor.name());
   settle_batch(*model.mutable_graph(), constants);
-  onnx::checker::check_model(model);
+  const bool second_opinion = libonnx_knows(opset_of(model));
+  if (second_opinion) {
+    // The version of the file's own form says nothing of what the operators mean.
+    model.set_ir_version(std::min<std::int64_t>(model.ir_version(), onnx::Version::IR_VERSION));
+    onnx::checker::check_model(model);
+  }
   forget_open_claims(*model.mutable_graph());
-  onnx::shape_inference::InferShapes(model, onnx::OpSchemaRegistry::Instance(), {true, 1, true});
+  if (second_opinion) onnx::shape_inference::InferShapes(model, onnx::OpSchemaRegistry::Instance(), {true, 1, true});
 
   auto program = std::make_unique<Program>();
   Builder builder(*program, opset_of(model));
@@ -122,6 +130,7 @@ std::unique_ptr<Program> compile(onnx::ModelProto& model) {
   define_inputs(graph, constants, builder, *program);
   for (const onnx::NodeProto& proto : graph.node()) {
     find_operator(proto.op_type())(builder, Node(proto, builder));
+    ++program->operators[proto.op_type()];
   }
   define_outputs(graph, builder, *program);
   for (const onnx::ValueInfoProto& inferred : graph.value_info()) compare_shapes(inferred, builder);
@@ -131,7 +140,7 @@ std::unique_ptr<Program> compile(onnx::ModelProto& model) {
 
 // Names inside the file are not ours: the message stays one printable line of a sane length.
 std::string one_line(std::string_view name, std::string_view why) {
-  constexpr std::size_t longest = 600;
+  constexpr std::size_t longest = 1000;
   std::string line = fmt::format("{}: {}", name, why);
   std::ranges::replace_if(
       line, [](unsigned char c) { return std::iscntrl(c) != 0; }, ' ');
@@ -139,9 +148,8 @@ std::string one_line(std::string_view name, std::string_view why) {
   return line;
 }
 
-}  // namespace
-
-std::expected<Model, std::string> load(std::span<const std::byte> bytes, std::string_view name) {
+std::expected<Model, std::string> load_from(std::span<const std::byte> bytes, std::string_view name,
+                                            const std::filesystem::path* file) {
   if (bytes.size() > max_model_bytes) {
     return std::unexpected(one_line(name, fmt::format("larger than {} MiB", max_model_bytes >> 20)));
   }
@@ -152,7 +160,13 @@ std::expected<Model, std::string> load(std::span<const std::byte> bytes, std::st
                                       "not an ONNX model, or cut short; what another engine or a Python policy reads "
                                       "runs by `takt run --policy-host` only"));
     }
-    return Model(compile(model));
+    std::vector<ExternalFile> external;
+    if (file != nullptr) external = bring_in_external_data(model, *file);
+    std::unique_ptr<Program> program = compile(model);
+    program->external_files = std::move(external);
+    program->opset = opset_of(model);
+    for (const auto& entry : model.metadata_props()) program->metadata.emplace_back(entry.key(), entry.value());
+    return Model(std::move(program));
   } catch (const Refusal& refusal) {
     return std::unexpected(one_line(name, refusal.what()));
   } catch (const std::bad_alloc&) {
@@ -160,6 +174,12 @@ std::expected<Model, std::string> load(std::span<const std::byte> bytes, std::st
   } catch (const std::exception& error) {
     return std::unexpected(one_line(name, fmt::format("libonnx finds it invalid: {}", error.what())));
   }
+}
+
+}  // namespace
+
+std::expected<Model, std::string> load(std::span<const std::byte> bytes, std::string_view name) {
+  return load_from(bytes, name, nullptr);
 }
 
 std::expected<Model, std::string> load(const std::filesystem::path& file) {
@@ -176,7 +196,7 @@ std::expected<Model, std::string> load(const std::filesystem::path& file) {
   if (!stream.read(bytes.data(), static_cast<std::streamsize>(bytes.size()))) {
     return std::unexpected(one_line(file.string(), "cannot be read; check its permissions"));
   }
-  return load(std::as_bytes(std::span(bytes)), file.string());
+  return load_from(std::as_bytes(std::span(bytes)), file.string(), &file);
 }
 
 }  // namespace takt::onnx_engine

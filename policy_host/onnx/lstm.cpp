@@ -57,6 +57,7 @@ void run_direction(const Direction& d) noexcept {
 
 void build_lstm(Builder& builder, const Node& node) {
   const RecurrentShape shape(node, gates, {"Sigmoid", "Tanh", "Tanh"});
+  note_lost_state(builder, node, shape);
   float* y = define_sequence_output(builder, node, shape);
   float* h = define_state(builder, node, 5, 1, shape);
   float* c = define_state(builder, node, 6, 2, shape);

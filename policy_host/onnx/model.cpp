@@ -24,6 +24,22 @@ std::span<const float> Model::output(std::size_t i) const noexcept {
   return program_->outputs[i];
 }
 
+std::int64_t Model::opset() const noexcept {
+  return program_->opset;
+}
+const OperatorCounts& Model::operators() const noexcept {
+  return program_->operators;
+}
+std::span<const ExternalFile> Model::external_files() const noexcept {
+  return program_->external_files;
+}
+const Metadata& Model::metadata() const noexcept {
+  return program_->metadata;
+}
+std::span<const std::string> Model::lost_states() const noexcept {
+  return program_->lost_states;
+}
+
 void Model::run() noexcept {
   for (const std::unique_ptr<Step>& step : program_->steps) step->run();
 }

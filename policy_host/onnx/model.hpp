@@ -8,7 +8,8 @@
 // Shapes: fixed at load; a symbolic batch dimension becomes 1. Tensors are row-major float32 at the boundary; integers
 // live only inside, as constants. Memory of one model is capped at 1 GiB. Input elements are zero until written.
 //
-// Operators: ONNX opset 8 to 17, those that operators.cpp lists. Anything else is refused at load, never at run().
+// Operators: ONNX opset 8 to 21, those that operators.cpp lists. Anything else is refused at load, never at run().
+// Weights may lie beside the model (external data), in FILE.data or FILE_data.
 // Not a number in an input reaches every output that depends on it: no operator swallows it.
 //
 // Threads: one thread at a time per Model. run() allocates nothing, takes no lock and cannot fail.
@@ -25,10 +26,12 @@
 #include <cstdint>
 #include <expected>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace takt::onnx_engine {
@@ -37,6 +40,17 @@ struct TensorInfo {
   std::string name;
   std::vector<std::int64_t> shape;  // row-major, every dimension known and at least 1
 };
+
+// A file that the weights were read from, by its name beside the model.
+struct ExternalFile {
+  std::string location;
+  std::uintmax_t bytes = 0;
+  std::string sha256;  // of the whole file, hex
+};
+
+using OperatorCounts = std::map<std::string, int>;
+// metadata_props in the file's order: what the exporter says, unchecked.
+using Metadata = std::vector<std::pair<std::string, std::string>>;
 
 struct Program;
 
@@ -55,6 +69,14 @@ class Model {
   void run() noexcept;
   // Output `i` of the latest run(); unspecified before the first.
   std::span<const float> output(std::size_t i) const noexcept;
+
+  std::int64_t opset() const noexcept;
+  const OperatorCounts& operators() const noexcept;
+  std::span<const ExternalFile> external_files() const noexcept;
+  const Metadata& metadata() const noexcept;
+  // The recurrent nodes, described, that forget between runs what they were trained to remember: one element long, and
+  // with a start state that no input decides. Such a network runs, and is wrong from its second step on.
+  std::span<const std::string> lost_states() const noexcept;
 
  private:
   std::unique_ptr<Program> program_;

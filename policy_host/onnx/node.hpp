@@ -12,6 +12,7 @@
 namespace onnx {
 class AttributeProto;
 class NodeProto;
+class TensorProto;
 }  // namespace onnx
 
 namespace takt::onnx_engine {
@@ -29,6 +30,7 @@ class Node {
   const Value& float_input(std::size_t i) const;
   const std::vector<std::int64_t>& integer_input(std::size_t i) const;
 
+  std::size_t output_count() const;
   bool has_output(std::size_t i) const;
   std::string output(std::size_t i = 0) const;  // "" when nobody asked for it
 
@@ -39,16 +41,20 @@ class Node {
   std::optional<std::vector<std::int64_t>> integers(std::string_view name) const;
   std::vector<float> numbers(std::string_view name) const;
   std::vector<std::string> texts(std::string_view name) const;
-  const onnx::AttributeProto* find_attribute(std::string_view name) const;
+  const onnx::TensorProto* tensor(std::string_view name) const;  // null: it has none
 
   // `axes` moved from the attributes to the inputs as the opsets went on: whichever the node has.
   std::optional<std::vector<std::int64_t>> axes(std::size_t input) const;
   // A negative axis counts from the end; refuses one outside [-rank, rank).
   std::size_t axis(std::int64_t axis, std::size_t rank) const;
 
+  std::string description() const;
   [[noreturn]] void refuse(const std::string& why) const;
 
  private:
+  const onnx::AttributeProto* find_attribute(std::string_view name) const;
+  const onnx::AttributeProto* find_attribute(std::string_view name, int type) const;  // refuses one of another kind
+
   const onnx::NodeProto& proto_;
   const Builder& builder_;
 };

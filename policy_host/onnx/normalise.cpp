@@ -1,13 +1,13 @@
-// Reductions and normalisations over some axes: ReduceMean, Softmax, LayerNormalization. Sums run in ascending order.
+// Softmax, LayerNormalization, BatchNormalization. Sums run in ascending order.
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
 #include "policy_host/onnx/lanes.hpp"
 #include "policy_host/onnx/operators.hpp"
-#include "policy_host/onnx/strides.hpp"
 
 namespace takt::onnx_engine {
 
@@ -38,38 +38,6 @@ void normalise_row(const float* in, float* out, std::size_t length, float epsilo
 }
 
 }  // namespace
-
-void build_reduce_mean(Builder& builder, const Node& node) {
-  const Value& in = node.float_input(0);
-  const std::vector<std::int64_t> axes = node.axes(1).value_or(std::vector<std::int64_t>{});
-  if (axes.empty() && node.integer("noop_with_empty_axes", 0) != 0) {
-    builder.define_view(node.output(), in.shape, in);
-    return;
-  }
-  std::vector<bool> reduced(in.shape.size(), axes.empty());
-  for (const std::int64_t axis : axes) reduced[node.axis(axis, in.shape.size())] = true;
-
-  const std::vector<std::int64_t> steps = row_major_steps(in.shape);
-  const bool keep = node.integer("keepdims", 1) != 0;
-  Shape shape, kept, summed;
-  std::vector<std::int64_t> kept_steps, summed_steps;
-  for (std::size_t d = 0; d < reduced.size(); ++d) {
-    (reduced[d] ? summed : kept).push_back(in.shape[d]);
-    (reduced[d] ? summed_steps : kept_steps).push_back(steps[d]);
-    if (!reduced[d] || keep) shape.push_back(reduced[d] ? 1 : in.shape[d]);
-  }
-  builder.charge((elements(kept) + elements(summed)) * sizeof(std::uint32_t));
-  Value& out = builder.define_floats(node.output(), shape);
-  builder.compute(out, {&in},
-                  [from = in.floats, to = out.floats, starts = strided_offsets(kept, kept_steps, 0),
-                   terms = strided_offsets(summed, summed_steps, 0)]() noexcept {
-                    for (std::size_t i = 0; i < starts.size(); ++i) {
-                      float sum = 0.0F;
-                      for (const std::uint32_t term : terms) sum += from[starts[i] + term];
-                      to[i] = sum / static_cast<float>(terms.size());
-                    }
-                  });
-}
 
 void build_softmax(Builder& builder, const Node& node) {
   const Value& in = node.float_input(0);
@@ -122,6 +90,37 @@ void build_layer_normalization(Builder& builder, const Node& node) {
                       for (std::size_t i = 0; offset != nullptr && i < length; ++i) row[i] += offset[i];
                     }
                   });
+}
+
+void build_batch_normalization(Builder& builder, const Node& node) {
+  const Value& in = node.float_input(0);
+  if (in.shape.size() < 2) node.refuse("its input has no channels");
+  if (node.integer("training_mode", 0) != 0 || node.has_output(1)) node.refuse("training is not supported");
+  const std::size_t channels = elements_between(in.shape, 1, 2);
+  const std::array<const Value*, 4> parameters{&node.float_input(1), &node.float_input(2), &node.float_input(3),
+                                               &node.float_input(4)};
+  for (const Value* parameter : parameters) {
+    if (!parameter->constant || elements(parameter->shape) != channels) {
+      node.refuse("scale, bias, mean and variance must be constants, one number per channel");
+    }
+  }
+  const auto [scale, bias, mean, variance] = parameters;
+  const float epsilon = node.number("epsilon", 1e-5F);
+  float* gain = builder.allocate(channels);
+  float* offset = builder.allocate(channels);
+  for (std::size_t c = 0; c < channels; ++c) {
+    gain[c] = scale->floats[c] / std::sqrt(variance->floats[c] + epsilon);
+    offset[c] = bias->floats[c] - mean->floats[c] * gain[c];
+  }
+  const std::size_t rows = elements_between(in.shape, 0, 2);
+  const std::size_t length = elements_between(in.shape, 2, in.shape.size());
+  Value& out = builder.define_floats(node.output(), in.shape);
+  builder.compute(out, {&in}, [from = in.floats, to = out.floats, gain, offset, rows, channels, length]() noexcept {
+    for (std::size_t r = 0; r < rows; ++r) {
+      const std::size_t c = r % channels;
+      for (std::size_t i = r * length; i < (r + 1) * length; ++i) to[i] = from[i] * gain[c] + offset[c];
+    }
+  });
 }
 
 }  // namespace takt::onnx_engine

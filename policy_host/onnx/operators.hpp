@@ -1,6 +1,7 @@
 // The operators this engine evaluates: one table, one function per operator, one file per family.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <string_view>
 
@@ -13,6 +14,15 @@ namespace takt::onnx_engine {
 using BuildOperator = void (*)(Builder&, const Node&);
 
 BuildOperator find_operator(std::string_view op_type);  // null: not supported
+
+// What a node of an operator may have, of any opset that this engine takes. What each attribute means to which opset is
+// the operator's own affair.
+struct OperatorForm {
+  std::size_t most_inputs = 1;
+  std::size_t most_outputs = 1;
+  std::string_view attributes = {};  // separated by blanks
+};
+const OperatorForm& form_of(std::string_view op_type);  // precondition: find_operator() knows it
 std::string supported_operators();                      // comma-separated, for the refusal
 
 // elementwise.cpp
@@ -21,7 +31,25 @@ void build_sub(Builder&, const Node&);
 void build_mul(Builder&, const Node&);
 void build_div(Builder&, const Node&);
 void build_pow(Builder&, const Node&);
+void build_min(Builder&, const Node&);
+void build_max(Builder&, const Node&);
+// select.cpp
+void build_equal(Builder&, const Node&);
+void build_greater(Builder&, const Node&);
+void build_greater_or_equal(Builder&, const Node&);
+void build_less(Builder&, const Node&);
+void build_less_or_equal(Builder&, const Node&);
+void build_where(Builder&, const Node&);
 // activations.cpp
+void build_abs(Builder&, const Node&);
+void build_neg(Builder&, const Node&);
+void build_reciprocal(Builder&, const Node&);
+void build_exp(Builder&, const Node&);
+void build_log(Builder&, const Node&);
+void build_sin(Builder&, const Node&);
+void build_cos(Builder&, const Node&);
+void build_softplus(Builder&, const Node&);
+void build_gelu(Builder&, const Node&);
 void build_sqrt(Builder&, const Node&);
 void build_relu(Builder&, const Node&);
 void build_elu(Builder&, const Node&);
@@ -33,8 +61,18 @@ void build_clip(Builder&, const Node&);
 // matmul.cpp
 void build_gemm(Builder&, const Node&);
 void build_matmul(Builder&, const Node&);
-// normalise.cpp
+// reduce.cpp
+void build_reduce_l2(Builder&, const Node&);
 void build_reduce_mean(Builder&, const Node&);
+void build_reduce_sum(Builder&, const Node&);
+// convolution.cpp
+void build_conv(Builder&, const Node&);
+// pooling.cpp
+void build_average_pool(Builder&, const Node&);
+void build_global_average_pool(Builder&, const Node&);
+void build_max_pool(Builder&, const Node&);
+// normalise.cpp
+void build_batch_normalization(Builder&, const Node&);
 void build_softmax(Builder&, const Node&);
 void build_layer_normalization(Builder&, const Node&);
 // views.cpp
@@ -47,6 +85,7 @@ void build_unsqueeze(Builder&, const Node&);
 void build_transpose(Builder&, const Node&);
 void build_slice(Builder&, const Node&);
 void build_gather(Builder&, const Node&);
+void build_split(Builder&, const Node&);
 void build_expand(Builder&, const Node&);
 void build_concat(Builder&, const Node&);
 // constants.cpp

@@ -3,61 +3,101 @@
 #include <algorithm>
 #include <cstring>
 
-#include "policy_host/onnx/lanes.hpp"
-
 namespace takt::onnx_engine {
 
 namespace {
 
-constexpr std::size_t lane_width = Lane::SizeAtCompileTime;
-constexpr std::size_t lanes_per_panel = panel_columns / lane_width;
-constexpr std::size_t tile_rows = 4;
+// Registers of the compiler's own, so that one text serves every width of them.
+using Narrow = float __attribute__((vector_size(32)));  // two registers where only SSE or NEON is there
+using Wide = float __attribute__((vector_size(64)));
 
-// A lane's leading `count` elements: the last panel of a matrix is wider than what is left to write.
-void store_leading(const Lane& lane, float* to, std::size_t count) noexcept {
-  std::memcpy(to, lane.data(), std::min(count, lane_width) * sizeof(float));
+// What is multiplied: `rows` rows of `a` by all panels.
+struct Product {
+  const float* a;
+  const float* packed;
+  std::size_t rows, inner, columns;
+  float* out;
+};
+
+// `row_count` rows by `panel_count` panels from column `first` on, in slices of `width` registers. Every element has a
+// sum of its own, in ascending k, one rounding per product and one per addition: no register width changes a bit. That
+// many sums at once hide the latency of the additions.
+template <class Register, std::size_t row_count, std::size_t panel_count, std::size_t width>
+[[gnu::always_inline]] inline void multiply_block(const Product& p, std::size_t row, std::size_t first) noexcept {
+  constexpr std::size_t lanes = sizeof(Register) / sizeof(float);
+  for (std::size_t offset = 0; offset < panel_columns; offset += width * lanes) {
+    Register sums[row_count][panel_count * width] = {};
+    const float* a = p.a + row * p.inner;
+    const float* panel = p.packed + first * p.inner + offset;
+    for (std::size_t k = 0; k < p.inner; ++k, panel += panel_columns) {
+      Register b[panel_count * width];
+#pragma GCC unroll 16
+      for (std::size_t i = 0; i < panel_count * width; ++i) {
+        std::memcpy(&b[i], panel + i / width * p.inner * panel_columns + i % width * lanes, sizeof(Register));
+      }
+#pragma GCC unroll 16
+      for (std::size_t r = 0; r < row_count; ++r) {
+#pragma GCC unroll 16
+        for (std::size_t i = 0; i < panel_count * width; ++i) sums[r][i] += a[r * p.inner + k] * b[i];
+      }
+    }
+    // The last panel of a matrix is wider than what is left to write.
+    for (std::size_t r = 0; r < row_count; ++r) {
+      for (std::size_t i = 0; i < panel_count * width; ++i) {
+        const std::size_t column = first + i / width * panel_columns + offset + i % width * lanes;
+        if (column >= p.columns) continue;
+        std::memcpy(p.out + (row + r) * p.columns + column, &sums[r][i],
+                    std::min(p.columns - column, lanes) * sizeof(float));
+      }
+    }
+  }
 }
 
-// One row against one panel: four independent lanes hide the latency of the additions.
-void multiply_row(const float* a, const float* panel, std::size_t inner, std::size_t columns, float* out) noexcept {
-  Lane s0 = Lane::Zero();
-  Lane s1 = Lane::Zero();
-  Lane s2 = Lane::Zero();
-  Lane s3 = Lane::Zero();
-  for (std::size_t k = 0; k < inner; ++k, panel += panel_columns) {
-    const float x = a[k];
-    s0 += x * Lane::Map(panel);
-    s1 += x * Lane::Map(panel + lane_width);
-    s2 += x * Lane::Map(panel + 2 * lane_width);
-    s3 += x * Lane::Map(panel + 3 * lane_width);
+template <class Register>
+[[gnu::always_inline]] inline void multiply(const Product& p) noexcept {
+  constexpr std::size_t tile_rows = 4;
+  constexpr std::size_t all = panel_columns * sizeof(float) / sizeof(Register);
+  const std::size_t tiled = p.rows / tile_rows * tile_rows;
+  for (std::size_t first = 0; first < p.columns; first += panel_columns) {
+    for (std::size_t row = 0; row < tiled; row += tile_rows) multiply_block<Register, tile_rows, 1, 2>(p, row, first);
   }
-  const Lane* sums[lanes_per_panel] = {&s0, &s1, &s2, &s3};
-  for (std::size_t l = 0; l * lane_width < columns; ++l) {
-    store_leading(*sums[l], out + l * lane_width, columns - l * lane_width);
+  std::size_t first = 0;
+  for (; first + panel_columns < p.columns; first += 2 * panel_columns) {
+    for (std::size_t row = tiled; row < p.rows; ++row) multiply_block<Register, 1, 2, all>(p, row, first);
   }
+  for (std::size_t row = tiled; first < p.columns && row < p.rows; ++row)
+    multiply_block<Register, 1, 1, all>(p, row, first);
 }
 
-// Four rows against one lane of a panel: the panel is read once for four rows.
-void multiply_tile(const float* a, const float* panel, std::size_t inner, std::size_t columns, std::size_t out_step,
-                   float* out) noexcept {
-  Lane s0 = Lane::Zero();
-  Lane s1 = Lane::Zero();
-  Lane s2 = Lane::Zero();
-  Lane s3 = Lane::Zero();
-  for (std::size_t k = 0; k < inner; ++k, panel += panel_columns) {
-    const Lane b = Lane::Map(panel);
-    s0 += a[k] * b;
-    s1 += a[inner + k] * b;
-    s2 += a[2 * inner + k] * b;
-    s3 += a[3 * inner + k] * b;
-  }
-  store_leading(s0, out, columns);
-  store_leading(s1, out + out_step, columns);
-  store_leading(s2, out + 2 * out_step, columns);
-  store_leading(s3, out + 3 * out_step, columns);
+void multiply_anywhere(const float* a, const float* packed, std::size_t rows, std::size_t inner, std::size_t columns,
+                       float* out) noexcept {
+  multiply<Narrow>({a, packed, rows, inner, columns, out});
 }
+
+#if defined(__x86_64__)
+[[gnu::target("avx2")]] void multiply_avx2(const float* a, const float* packed, std::size_t rows, std::size_t inner,
+                                           std::size_t columns, float* out) noexcept {
+  multiply<Narrow>({a, packed, rows, inner, columns, out});
+}
+
+[[gnu::target("avx512f")]] void multiply_avx512(const float* a, const float* packed, std::size_t rows,
+                                                std::size_t inner, std::size_t columns, float* out) noexcept {
+  multiply<Wide>({a, packed, rows, inner, columns, out});
+}
+#endif
+
+const MultiplyPanels widest = every_multiply_panels().back();
 
 }  // namespace
+
+std::vector<MultiplyPanels> every_multiply_panels() {
+  std::vector<MultiplyPanels> known{multiply_anywhere};
+#if defined(__x86_64__)
+  if (__builtin_cpu_supports("avx2")) known.push_back(multiply_avx2);
+  if (__builtin_cpu_supports("avx512f")) known.push_back(multiply_avx512);
+#endif
+  return known;
+}
 
 std::size_t packed_size(std::size_t inner, std::size_t columns) noexcept {
   return inner * ((columns + panel_columns - 1) / panel_columns) * panel_columns;
@@ -77,18 +117,7 @@ void pack_panels(const float* from, std::size_t inner, std::size_t columns, std:
 
 void multiply_panels(const float* a, const float* packed, std::size_t rows, std::size_t inner, std::size_t columns,
                      float* out) noexcept {
-  const std::size_t tiled = rows / tile_rows * tile_rows;
-  for (std::size_t first = 0; first < columns; first += panel_columns, packed += inner * panel_columns) {
-    const std::size_t used = std::min(panel_columns, columns - first);
-    for (std::size_t r = 0; r < tiled; r += tile_rows) {
-      for (std::size_t c = 0; c < used; c += lane_width) {
-        multiply_tile(a + r * inner, packed + c, inner, used - c, columns, out + r * columns + first + c);
-      }
-    }
-    for (std::size_t r = tiled; r < rows; ++r) {
-      multiply_row(a + r * inner, packed, inner, used, out + r * columns + first);
-    }
-  }
+  widest(a, packed, rows, inner, columns, out);
 }
 
 }  // namespace takt::onnx_engine

@@ -2,11 +2,12 @@
 //
 // The right-hand matrix is packed into panels of 32 columns, padded with zeros. Every element of the result is summed
 // in ascending k from zero, one rounding per product and one per addition, whatever the number of rows and the width of
-// the registers; so the bits do not depend on tiling, on cache sizes or on the machine. (Eigen's own product chooses
-// its blocking from the cache sizes it finds, and may allocate.)
+// the registers; so the bits do not depend on tiling, on cache sizes or on the machine. The widest registers that the
+// processor has are used. (Eigen's own product chooses its blocking from the cache sizes it finds, and may allocate.)
 #pragma once
 
 #include <cstddef>
+#include <vector>
 
 namespace takt::onnx_engine {
 
@@ -23,5 +24,9 @@ void pack_panels(const float* from, std::size_t inner, std::size_t columns, std:
 // out[rows x columns] = a[rows x inner] * packed; dense row-major. `out` must not overlap `a`.
 void multiply_panels(const float* a, const float* packed, std::size_t rows, std::size_t inner, std::size_t columns,
                      float* out) noexcept;
+
+// Every version of it that this processor can run, the one that multiply_panels() uses last.
+using MultiplyPanels = decltype(&multiply_panels);
+std::vector<MultiplyPanels> every_multiply_panels();
 
 }  // namespace takt::onnx_engine

@@ -27,6 +27,11 @@ struct Program {
   std::vector<TensorInfo> output_info;
   std::vector<std::span<float>> inputs;
   std::vector<std::span<const float>> outputs;
+  std::int64_t opset = 0;
+  OperatorCounts operators;
+  std::vector<ExternalFile> external_files;
+  Metadata metadata;
+  std::vector<std::string> lost_states;
 };
 
 }  // namespace takt::onnx_engine

@@ -1,6 +1,7 @@
-// Operators that move elements without changing them: Transpose, Slice, Gather, Expand, Concat.
+// Operators that move elements without changing them: Transpose, Slice, Split, Gather, Expand, Concat.
 //
-// All but Concat are one table: for each element of the result, where it comes from.
+// All but Concat, and a Gather whose index an input decides, are one table: for each element of the result, where it
+// comes from.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -15,16 +16,16 @@ namespace takt::onnx_engine {
 
 namespace {
 
-// result[i] = in[from[i]]
-void rearrange(Builder& builder, const Node& node, const Value& in, const Shape& shape,
+// result[i] = in[from[i]]; the result is called `name`.
+void rearrange(Builder& builder, const std::string& name, const Value& in, const Shape& shape,
                std::vector<std::uint32_t> from) {
   if (in.type == ElementType::int64) {
     std::vector<std::int64_t> moved;
     for (const std::uint32_t i : from) moved.push_back(in.integers[i]);
-    builder.define_integers(node.output(), shape, std::move(moved));
+    builder.define_integers(name, shape, std::move(moved));
     return;
   }
-  Value& out = builder.define_floats(node.output(), shape);
+  Value& out = builder.define_floats(name, shape, in.type);
   builder.compute(out, {&in}, [from = std::move(from), source = in.floats, to = out.floats]() noexcept {
     for (std::size_t i = 0; i < from.size(); ++i) to[i] = source[from[i]];
   });
@@ -38,9 +39,9 @@ void charge_table(Builder& builder, const Node& node, const Shape& shape) {
 }
 
 void rearrange_strided(Builder& builder, const Node& node, const Value& in, const Shape& shape,
-                       const std::vector<std::int64_t>& steps, std::int64_t first) {
+                       const std::vector<std::int64_t>& steps, std::int64_t first, std::size_t output = 0) {
   charge_table(builder, node, shape);
-  rearrange(builder, node, in, shape, strided_offsets(shape, steps, first));
+  rearrange(builder, node.output(output), in, shape, strided_offsets(shape, steps, first));
 }
 
 struct Cut {
@@ -135,20 +136,55 @@ void build_slice(Builder& builder, const Node& node) {
   rearrange_strided(builder, node, in, shape, steps, first);
 }
 
+namespace {
+
+Shape gathered_shape(const Shape& shape, std::size_t axis, const Shape& indices) {
+  const auto split = shape.begin() + static_cast<std::ptrdiff_t>(axis);
+  Shape result(shape.begin(), split);
+  result.insert(result.end(), indices.begin(), indices.end());
+  result.insert(result.end(), split + 1, shape.end());
+  return result;
+}
+
+// The index an input decides is beyond what a load can check: one outside the dimension, like not a number, gathers not
+// a number.
+void gather_live(Builder& builder, const Node& node, const Value& in, const Value& indices, std::size_t axis) {
+  if (in.type == ElementType::int64) node.refuse("int64 by an index that an input decides is not supported");
+  Value& out = builder.define_floats(node.output(), gathered_shape(in.shape, axis, indices.shape), in.type);
+  builder.compute(out, {&in, &indices},
+                  [from = in.floats, index = indices.floats, to = out.floats, count = elements(indices.shape),
+                   outer = elements_between(in.shape, 0, axis), size = static_cast<std::size_t>(in.shape[axis]),
+                   inner = elements_between(in.shape, axis + 1, in.shape.size())]() noexcept {
+                    const auto rows = static_cast<float>(size);
+                    float* next = to;
+                    for (std::size_t o = 0; o < outer; ++o) {
+                      for (std::size_t i = 0; i < count; ++i, next += inner) {
+                        const bool inside = index[i] >= -rows && index[i] < rows;
+                        if (!inside) {
+                          std::fill_n(next, inner, std::numeric_limits<float>::quiet_NaN());
+                          continue;
+                        }
+                        const float row = index[i] < 0.0F ? index[i] + rows : index[i];
+                        std::copy_n(from + (o * size + static_cast<std::size_t>(row)) * inner, inner, next);
+                      }
+                    }
+                  });
+}
+
+}  // namespace
+
 void build_gather(Builder& builder, const Node& node) {
   const Value& in = node.input(0);
   const Value& indices = node.input(1);
   const std::size_t axis = node.axis(node.integer("axis", 0), in.shape.size());
+  if (indices.type == ElementType::live_int64) return gather_live(builder, node, in, indices, axis);
   std::vector<std::size_t> rows;
   for (const std::int64_t index : node.integer_input(1)) {
     const std::int64_t size = in.shape[axis];
     if (index < -size || index >= size) node.refuse(fmt::format("index {} is outside 0..{}", index, size - 1));
     rows.push_back(static_cast<std::size_t>(index < 0 ? index + size : index));
   }
-  const auto split = in.shape.begin() + static_cast<std::ptrdiff_t>(axis);
-  Shape shape(in.shape.begin(), split);
-  shape.insert(shape.end(), indices.shape.begin(), indices.shape.end());
-  shape.insert(shape.end(), split + 1, in.shape.end());
+  const Shape shape = gathered_shape(in.shape, axis, indices.shape);
   charge_table(builder, node, shape);
 
   const std::size_t inner = elements_between(in.shape, axis + 1, in.shape.size());
@@ -159,7 +195,54 @@ void build_gather(Builder& builder, const Node& node) {
       for (std::size_t i = 0; i < inner; ++i) from.push_back(static_cast<std::uint32_t>((o * size + row) * inner + i));
     }
   }
-  rearrange(builder, node, in, shape, std::move(from));
+  rearrange(builder, node.output(), in, shape, std::move(from));
+}
+
+namespace {
+
+// How long each part of a dimension of `size` is: as the node says, else equal ones, the last one what is left.
+std::vector<std::int64_t> part_lengths(const Node& node, std::int64_t size) {
+  const std::vector<std::int64_t> given = slice_parameter(node, 1, "split");
+  const auto parts = static_cast<std::int64_t>(node.output_count());
+  if (!given.empty()) {
+    std::int64_t left = size;
+    for (const std::int64_t length : given) {
+      if (length < 0 || length > left) left = -1;
+      if (left >= 0) left -= length;
+    }
+    if (left != 0 || std::ssize(given) != parts) {
+      node.refuse(fmt::format("parts of {} do not make up {}, for {} outputs", to_text(given), size, parts));
+    }
+    return given;
+  }
+  if (node.integer("num_outputs", parts) != parts) node.refuse("num_outputs differs from its outputs");
+  if (parts == 0 || (size % parts != 0 && !node.has_attribute("num_outputs"))) {
+    node.refuse(fmt::format("{} does not divide into {} equal parts", size, parts));
+  }
+  const std::int64_t length = (size + parts - 1) / parts;
+  std::vector<std::int64_t> lengths(static_cast<std::size_t>(parts), length);
+  lengths.back() = size - (parts - 1) * length;
+  if (lengths.back() < 0) node.refuse(fmt::format("{} does not divide into {} parts", size, parts));
+  return lengths;
+}
+
+}  // namespace
+
+void build_split(Builder& builder, const Node& node) {
+  const Value& in = node.input(0);
+  const std::size_t axis = node.axis(node.integer("axis", 0), in.shape.size());
+  const std::vector<std::int64_t> steps = row_major_steps(in.shape);
+  std::int64_t begin = 0;
+  std::size_t output = 0;
+  for (const std::int64_t length : part_lengths(node, in.shape[axis])) {
+    Shape shape = in.shape;
+    shape[axis] = length;
+    // A part of nothing is no value here; who reads it is refused.
+    if (node.has_output(output) && length > 0)
+      rearrange_strided(builder, node, in, shape, steps, begin * steps[axis], output);
+    begin += length;
+    ++output;
+  }
 }
 
 void build_expand(Builder& builder, const Node& node) {
@@ -205,7 +288,7 @@ void build_concat(Builder& builder, const Node& node) {
     builder.define_integers(node.output(), shape, std::move(joined));
     return;
   }
-  Value& out = builder.define_floats(node.output(), shape);
+  Value& out = builder.define_floats(node.output(), shape, first.type);
   builder.compute(out, sources,
                   [floats = std::move(floats), rows, to = out.floats]() noexcept { join(floats, rows, to); });
 }

@@ -85,6 +85,11 @@ Biases gate_biases(Builder& builder, const Node& node, const RecurrentShape& sha
   return {first, first + half};
 }
 
+void note_lost_state(Builder& builder, const Node& node, const RecurrentShape& shape) {
+  const bool decided = node.has_input(5) && !node.input(5).constant;
+  if (shape.sequence == 1 && !decided) builder.report_lost_state(node.description());
+}
+
 float* define_state(Builder& builder, const Node& node, std::size_t input, std::size_t output,
                     const RecurrentShape& shape) {
   const Shape dims{dimension(shape.directions), dimension(shape.batch), dimension(shape.hidden)};

@@ -56,6 +56,9 @@ struct Biases {
 Biases gate_biases(Builder& builder, const Node& node, const RecurrentShape& shape, std::size_t gates,
                    std::size_t direction);
 
+// Tells the builder of a network that steps once a run and begins each run anew.
+void note_lost_state(Builder& builder, const Node& node, const RecurrentShape& shape);
+
 // A state [directions, batch, hidden] defined as output `output`, set from input `input` (or zero) at the start of a
 // run.
 float* define_state(Builder& builder, const Node& node, std::size_t input, std::size_t output,

@@ -15,17 +15,11 @@ namespace takt::onnx_engine {
 namespace {
 
 constexpr std::int64_t oldest_opset = 8;
-constexpr std::int64_t newest_opset = 18;
+constexpr std::int64_t newest_opset = 21;
 constexpr int most_nodes = 100'000;
 
 bool standard_domain(const std::string& domain) {
   return domain.empty() || domain == "ai.onnx";
-}
-
-std::int64_t newest_checked_opset() {
-  const auto& known = onnx::OpSchemaRegistry::DomainToVersionRange::Instance().Map();
-  const auto standard = known.find(onnx::ONNX_DOMAIN);
-  return standard == known.end() ? newest_opset : std::min<std::int64_t>(newest_opset, standard->second.second);
 }
 
 std::string type_name(std::int32_t type) {
@@ -38,14 +32,41 @@ Shape shape_of(const onnx::TensorProto& tensor) {
   return {tensor.dims().begin(), tensor.dims().end()};
 }
 
+// Bytes of one element in a file; 0: a type that this engine does not take.
+std::size_t stored_size(std::int32_t type) {
+  switch (type) {
+    case onnx::TensorProto_DataType_FLOAT:
+      return sizeof(float);
+    case onnx::TensorProto_DataType_INT64:
+      return sizeof(std::int64_t);
+    case onnx::TensorProto_DataType_BOOL:
+      return 1;
+    default:
+      return 0;
+  }
+}
+
+// Elements outside of raw_data.
+std::size_t listed_elements(const onnx::TensorProto& tensor) {
+  switch (tensor.data_type()) {
+    case onnx::TensorProto_DataType_FLOAT:
+      return static_cast<std::size_t>(tensor.float_data_size());
+    case onnx::TensorProto_DataType_INT64:
+      return static_cast<std::size_t>(tensor.int64_data_size());
+    default:
+      return static_cast<std::size_t>(tensor.int32_data_size());
+  }
+}
+
 void screen_tensor(const onnx::TensorProto& tensor, const std::string& where) {
-  const bool floats = tensor.data_type() == onnx::TensorProto_DataType_FLOAT;
-  if (!floats && tensor.data_type() != onnx::TensorProto_DataType_INT64) {
-    throw Refusal(fmt::format("{} has data type {}; this engine takes FLOAT and INT64, export the model in float32",
-                              where, type_name(tensor.data_type())));
+  const std::size_t size = stored_size(tensor.data_type());
+  if (size == 0) {
+    throw Refusal(
+        fmt::format("{} has data type {}; this engine takes FLOAT, INT64 and BOOL, export the model in float32", where,
+                    type_name(tensor.data_type())));
   }
   if (tensor.data_location() == onnx::TensorProto_DataLocation_EXTERNAL || tensor.external_data_size() > 0) {
-    throw Refusal(fmt::format("{} keeps its data in another file; save the model as a single file", where));
+    throw Refusal(fmt::format("{} keeps its data in another file, which only an initializer of a file may", where));
   }
   if (tensor.has_segment()) throw Refusal(fmt::format("{} is segmented, which is not supported", where));
   const std::int64_t count = checked_elements(shape_of(tensor));
@@ -53,12 +74,8 @@ void screen_tensor(const onnx::TensorProto& tensor, const std::string& where) {
     throw Refusal(fmt::format("{} of shape {} is larger than this engine holds ({} MiB, {} dimensions)", where,
                               to_text(shape_of(tensor)), max_model_bytes >> 20, max_rank));
   }
-  const auto expected = static_cast<std::size_t>(count);
-  const auto stored = tensor.has_raw_data()
-                          ? tensor.raw_data().size()
-                          : (floats ? sizeof(float) * static_cast<std::size_t>(tensor.float_data_size())
-                                    : sizeof(std::int64_t) * static_cast<std::size_t>(tensor.int64_data_size()));
-  if (stored != expected * (floats ? sizeof(float) : sizeof(std::int64_t))) {
+  const std::size_t stored = tensor.has_raw_data() ? tensor.raw_data().size() : size * listed_elements(tensor);
+  if (stored != size * static_cast<std::size_t>(count)) {
     throw Refusal(fmt::format("{} of shape {} holds {} bytes of data: the file is damaged", where,
                               to_text(shape_of(tensor)), stored));
   }
@@ -89,13 +106,33 @@ void screen_attribute(const onnx::NodeProto& node, const onnx::AttributeProto& a
   throw Refusal(fmt::format("{}: attribute '{}' is of a kind that is not supported", describe(node), attribute.name()));
 }
 
+bool has_word(std::string_view words, std::string_view word) {
+  while (!words.empty()) {
+    const std::size_t end = std::min(words.find(' '), words.size());
+    if (words.substr(0, end) == word) return true;
+    words.remove_prefix(std::min(end + 1, words.size()));
+  }
+  return false;
+}
+
 void screen_node(const onnx::NodeProto& node) {
   if (!standard_domain(node.domain()) || find_operator(node.op_type()) == nullptr) {
     throw Refusal(fmt::format("{} is not supported{}; supported operators: {}", describe(node),
                               standard_domain(node.domain()) ? "" : " (domain " + node.domain() + ")",
                               supported_operators()));
   }
-  for (const onnx::AttributeProto& attribute : node.attribute()) screen_attribute(node, attribute);
+  const OperatorForm& form = form_of(node.op_type());
+  if (static_cast<std::size_t>(node.input_size()) > form.most_inputs ||
+      static_cast<std::size_t>(node.output_size()) > form.most_outputs) {
+    throw Refusal(fmt::format("{} has {} inputs and {} outputs, more than this engine knows of", describe(node),
+                              node.input_size(), node.output_size()));
+  }
+  for (const onnx::AttributeProto& attribute : node.attribute()) {
+    screen_attribute(node, attribute);
+    if (!has_word(form.attributes, attribute.name())) {
+      throw Refusal(fmt::format("{}: attribute '{}' is not known to this engine", describe(node), attribute.name()));
+    }
+  }
 }
 
 }  // namespace
@@ -108,12 +145,18 @@ std::int64_t opset_of(const onnx::ModelProto& model) {
   return version;
 }
 
+bool libonnx_knows(std::int64_t opset) {
+  const auto& known = onnx::OpSchemaRegistry::DomainToVersionRange::Instance().Map();
+  const auto standard = known.find(onnx::ONNX_DOMAIN);
+  return standard != known.end() && opset <= standard->second.second;
+}
+
 void screen_model(const onnx::ModelProto& model) {
   if (!model.has_graph() || model.graph().node_size() == 0) throw Refusal("it has no graph: is it an ONNX model?");
   const std::int64_t opset = opset_of(model);
-  if (opset < oldest_opset || opset > newest_checked_opset()) {
+  if (opset < oldest_opset || opset > newest_opset) {
     throw Refusal(fmt::format("its opset is {}; this engine takes {} to {}, export it for one of those", opset,
-                              oldest_opset, newest_checked_opset()));
+                              oldest_opset, newest_opset));
   }
   const onnx::GraphProto& graph = model.graph();
   if (model.functions_size() > 0) throw Refusal("it defines functions of its own, which is not supported");
@@ -136,8 +179,15 @@ Value& define_constant(Builder& builder, const std::string& name, const onnx::Te
     }
     return builder.define_integers(name, shape, std::move(integers));
   }
-  Value& value = builder.define_floats(name, shape);
-  if (tensor.has_raw_data()) {
+  const bool truths = tensor.data_type() == onnx::TensorProto_DataType_BOOL;
+  Value& value = builder.define_floats(name, shape, truths ? ElementType::boolean : ElementType::float32);
+  if (truths) {
+    for (std::size_t i = 0; i < count; ++i) {
+      const bool truth =
+          tensor.has_raw_data() ? tensor.raw_data()[i] != 0 : tensor.int32_data(static_cast<int>(i)) != 0;
+      value.floats[i] = truth ? 1.0F : 0.0F;
+    }
+  } else if (tensor.has_raw_data()) {
     std::memcpy(value.floats, tensor.raw_data().data(), count * sizeof(float));
   } else {
     std::ranges::copy(tensor.float_data(), value.floats);

@@ -13,11 +13,14 @@ class TensorProto;
 
 namespace takt::onnx_engine {
 
-// Throws Refusal unless the model has one known opset, only supported operators with plain attributes, and only tensors
-// of a supported type whose data is inside the file and exactly as long as the shape says.
+// Throws Refusal unless the model has one opset that this engine takes, only supported operators with attributes,
+// inputs and outputs that they have, and only tensors of a supported type whose data is exactly as long as the shape
+// says. It needs no libonnx that knows the opset. Data of other files must have been brought in (external_data.hpp).
 void screen_model(const onnx::ModelProto& model);
 
 std::int64_t opset_of(const onnx::ModelProto& model);
+// Whether the installed libonnx can check it and infer its shapes.
+bool libonnx_knows(std::int64_t opset);
 
 // A screened tensor as a constant.
 Value& define_constant(Builder& builder, const std::string& name, const onnx::TensorProto& tensor);

@@ -14,10 +14,6 @@ namespace {
 constexpr Duration kScored = seconds(1);
 constexpr double kAnyError_m = 1e9;
 
-panel::Task task_of(const config::RobotConfig& robot) {
-  return robot.simulation->cart_pole ? panel::Task::cart_pole_balance : panel::Task::arm_tracking;
-}
-
 std::string trouble_in(const panel::RolloutRow& row) {
   if (row.safety.entered_fault_latched > 0) return fmt::format("a fault was latched: {}", name(row.final_cause));
   if (row.safety.entered_damped_stop > 0) return fmt::format("it came to a damped stop: {}", name(row.final_cause));
@@ -36,7 +32,7 @@ std::expected<std::string, std::string> roll_out(const config::RobotConfig& robo
   const panel::RolloutSetup setup{.robot = robot,
                                   .policy = policy,
                                   .policy_hash = *hash,
-                                  .task = task_of(robot),
+                                  .task = panel::task_of(robot),
                                   .timing = {},
                                   .perturbation = {},
                                   .duration = kSmokeLength,

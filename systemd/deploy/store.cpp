@@ -15,6 +15,7 @@
 #include <sstream>
 #include <vector>
 
+#include "config/hash.hpp"
 #include "config/load.hpp"
 
 namespace takt::deploy {
@@ -54,6 +55,14 @@ Done copy_file(const std::string& from, const std::string& to) {
   fs::copy_file(from, to, fs::copy_options::overwrite_existing, error);
   if (error) return cannot("copied to " + to, from, error.message());
   return readable_by_all(to);
+}
+
+// With the weights beside it, under its own names: the policy names them.
+Done copy_policy(const std::string& policy, const std::string& folder) {
+  for (const std::string& file : config::policy_files(policy)) {
+    if (auto done = copy_file(file, folder + "/" + fs::path(file).filename().string()); !done) return done;
+  }
+  return {};
 }
 
 // Last part of where a link points; empty: no link, or it points nowhere.
@@ -126,18 +135,16 @@ Done Store::fill(const std::string& staging, const Newcomer& newcomer) {
     return done;
   };
   const std::string before = current();
-  return in_turn(
-      [&] { return stepping(write_file(staging + "/robot.yaml", copy->resolved)); },
-      [&] { return stepping(copy_file(newcomer.robot.file, staging + "/original.yaml")); },
-      [&] {
-        return policy.empty() ? Done{} : stepping(copy_file(newcomer.robot.policy->file, staging + "/" + policy));
-      },
-      [&] {
-        return newcomer.simulated ? stepping(write_file(staging + "/simulated", "takt-plant plays this robot\n"))
-                                  : Done{};
-      },
-      [&] { return before.empty() ? Done{} : link("../" + before, staging + "/previous"); },
-      [&] { return readable_by_all(staging); });
+  return in_turn([&] { return stepping(write_file(staging + "/robot.yaml", copy->resolved)); },
+                 [&] { return stepping(copy_file(newcomer.robot.file, staging + "/original.yaml")); },
+                 [&] { return policy.empty() ? Done{} : stepping(copy_policy(newcomer.robot.policy->file, staging)); },
+                 [&] {
+                   return newcomer.simulated
+                              ? stepping(write_file(staging + "/simulated", "takt-plant plays this robot\n"))
+                              : Done{};
+                 },
+                 [&] { return before.empty() ? Done{} : link("../" + before, staging + "/previous"); },
+                 [&] { return readable_by_all(staging); });
 }
 
 Done Store::add(const Newcomer& newcomer) {

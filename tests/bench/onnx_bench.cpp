@@ -1,23 +1,29 @@
 // What one inference of the built-in ONNX engine costs, next to a floor: the same layers as Eigen matrix-vector
-// products with ELU between them, written by hand and compiled with the same options.
+// products with ELU between them, written by hand and compiled with the same options; and next to ONNX Runtime, one
+// thread, where --onnxruntime names it.
 //
-// Networks: an arm-sized multilayer perceptron made here, and the walking policy of --policy where that file is there
-// (its floor assumes the published layer sizes). Method: one pinned thread; engine and floor take turns in batches;
-// every inference is timed by itself; figures are medians over repetitions of each repetition's p50 and p99. Caches are
-// warm, so a host that infers at 50 Hz pays more: --pause sleeps between inferences.
+// Networks: an arm-sized multilayer perceptron and an LSTM actor made here, and the walking policy of --policy where
+// that file is there (its floor assumes the published layer sizes). Method: one pinned thread; all take turns in
+// batches; every inference is timed by itself; figures are medians over repetitions of each repetition's p50 and p99.
+// Caches are warm, so a host that infers at 50 Hz pays more: --pause sleeps between inferences.
 #include <fmt/format.h>
 #include <onnx/onnx_pb.h>
 
 #include <CLI/CLI.hpp>
 #include <Eigen/Core>
 #include <chrono>
+#include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <functional>
+#include <nlohmann/json.hpp>
+#include <optional>
 #include <random>
 #include <span>
 #include <thread>
 
 #include "policy_host/onnx/model.hpp"
+#include "policy_host/onnx_runtime/onnx_runtime.hpp"
 #include "tests/bench/bench.hpp"
 
 namespace takt::bench {
@@ -80,6 +86,39 @@ std::string perceptron(const Sizes& sizes) {
   return model.SerializeAsString();
 }
 
+// One LSTM step with its state as inputs and outputs, and a layer behind it.
+std::string recurrent(int input, int hidden, int output) {
+  std::mt19937 random(1);
+  onnx::ModelProto model;
+  model.set_ir_version(7);
+  model.add_opset_import()->set_version(13);
+  onnx::GraphProto& graph = *model.mutable_graph();
+  graph.set_name("recurrent");
+  const auto declare_sequence = [](onnx::ValueInfoProto& info, const std::string& name, int size) {
+    declare(info, name, size);
+    auto& dims = *info.mutable_type()->mutable_tensor_type()->mutable_shape();
+    dims.mutable_dim(1)->set_dim_value(1);
+    dims.add_dim()->set_dim_value(size);
+  };
+  declare_sequence(*graph.add_input(), "obs", input);
+  for (const char* state : {"h_in", "c_in"}) declare_sequence(*graph.add_input(), state, hidden);
+  add_floats(graph, "w", {1, 4 * hidden, input}, random);
+  add_floats(graph, "r", {1, 4 * hidden, hidden}, random);
+  add_floats(graph, "b", {1, 8 * hidden}, random);
+  add_floats(graph, "head", {hidden, output}, random);
+  onnx::NodeProto& lstm = add_node(graph, "LSTM", {"obs", "w", "r", "b", "", "h_in", "c_in"}, "y");
+  lstm.add_output("h_out");
+  lstm.add_output("c_out");
+  onnx::AttributeProto& size = *lstm.add_attribute();
+  size.set_name("hidden_size");
+  size.set_type(onnx::AttributeProto_AttributeType_INT);
+  size.set_i(hidden);
+  add_node(graph, "MatMul", {"h_out", "head"}, "actions");
+  declare_sequence(*graph.add_output(), "actions", output);
+  for (const char* state : {"h_out", "c_out"}) declare_sequence(*graph.add_output(), state, hidden);
+  return model.SerializeAsString();
+}
+
 // The floor: nothing but the arithmetic.
 class EigenChain {
  public:
@@ -130,57 +169,109 @@ struct Options {
   int inferences = 2000;
   std::chrono::microseconds pause{0};
   std::string policy = "../shared/policies/g1_velocity/policy.onnx";
+  std::string library;
 };
 
-void compare(const std::string& name, onnx_engine::Model model, const Sizes& sizes, const Options& options,
-             const Report& report) {
-  std::ranges::fill(model.input(0), 0.1F);
-  EigenChain chain(sizes);
-  Figures engine;
-  Figures floor;
-  for (int i = 0; i < options.repetitions; ++i) {
-    engine.take(options.inferences, options.pause, [&model] { model.run(); });
-    floor.take(options.inferences, options.pause, [&chain] { chain.run(); });
+// The same network behind ONNX Runtime, its inputs filled likewise.
+std::optional<onnx_runtime::Session> peer_session(const onnx_runtime::OnnxRuntime& runtime,
+                                                  const std::filesystem::path& file, const onnx_engine::Model& model,
+                                                  const Report& report) {
+  const auto tensors = [](std::span<const onnx_engine::TensorInfo> infos) {
+    std::vector<onnx_runtime::Tensor> list;
+    for (const onnx_engine::TensorInfo& info : infos) list.push_back({info.name, info.shape, {}});
+    return list;
+  };
+  auto session = runtime.load(file, tensors(model.inputs()), tensors(model.outputs()));
+  if (!session) {
+    report.remark(session.error());
+    return std::nullopt;
   }
-  const double ratio = median(engine.p50) / median(floor.p50);
-  report.figure(fmt::format("{:<28} {:>9.2f} {:>9.2f} {:>9.2f} {:>9.2f} {:>7.2f}", name, median(engine.p50),
-                            median(engine.p99), median(floor.p50), median(floor.p99), ratio),
-                {{"bench", "onnx"},
-                 {"network", name},
-                 {"engine_p50_us", median(engine.p50)},
-                 {"engine_p99_us", median(engine.p99)},
-                 {"floor_p50_us", median(floor.p50)},
-                 {"floor_p99_us", median(floor.p99)},
-                 {"ratio_p50", ratio}});
+  for (onnx_runtime::Tensor& input : session->inputs()) std::ranges::fill(input.values, 0.1F);
+  return *std::move(session);
 }
 
-int run(const Options& options) {
-  const Report report(options.as_json);
-  const Pinned pinned(allowed_cpus().back(), 0);
-  report.remark(
-      fmt::format("one inference in microseconds, medians of {} x {}, floor = the layers as plain Eigen products",
-                  options.repetitions, options.inferences));
-  report.remark(
-      fmt::format("{:<28} {:>9} {:>9} {:>9} {:>9} {:>7}", "network", "p50", "p99", "floor p50", "floor p99", "ratio"));
-  const Sizes arm{48, 512, 256, 128, 12};
-  const std::string bytes = perceptron(arm);
-  auto generated = onnx_engine::load(std::as_bytes(std::span(bytes)), "perceptron");
-  if (!generated) {
-    report.remark(generated.error());
-    return 1;
+// "" where there is nothing to compare with.
+std::string ratio_text(const Figures& engine, const Figures& other) {
+  return other.p50.empty() ? "" : fmt::format("{:.2f}", median(engine.p50) / median(other.p50));
+}
+std::string p50_text(const Figures& figures) {
+  return figures.p50.empty() ? "" : fmt::format("{:.2f}", median(figures.p50));
+}
+
+// `sizes`: of the floor's layers; none: no floor.
+bool compare(const std::string& name, const std::filesystem::path& file, const Sizes& sizes, const Options& options,
+             const std::optional<onnx_runtime::OnnxRuntime>& runtime, const Report& report) {
+  auto model = onnx_engine::load(file);
+  if (!model) {
+    report.remark(model.error());
+    return false;
   }
-  compare("MLP 48-512-256-128-12", *std::move(generated), arm, options, report);
+  for (std::size_t i = 0; i < model->inputs().size(); ++i) std::ranges::fill(model->input(i), 0.1F);
+  std::optional<EigenChain> chain;
+  if (!sizes.empty()) chain.emplace(sizes);
+  std::optional<onnx_runtime::Session> session = runtime ? peer_session(*runtime, file, *model, report) : std::nullopt;
+  Figures engine, floor, peer;
+  for (int i = 0; i < options.repetitions; ++i) {
+    engine.take(options.inferences, options.pause, [&model] { model->run(); });
+    if (chain) floor.take(options.inferences, options.pause, [&chain] { chain->run(); });
+    if (session) peer.take(options.inferences, options.pause, [&session] { (void)session->run(); });
+  }
+  nlohmann::json row{{"bench", "onnx"},
+                     {"network", name},
+                     {"engine_p50_us", median(engine.p50)},
+                     {"engine_p99_us", median(engine.p99)}};
+  if (chain) row["floor_p50_us"] = median(floor.p50);
+  if (session) row["onnxruntime_p50_us"] = median(peer.p50);
+  report.figure(
+      fmt::format("{:<28} {:>9.2f} {:>9.2f} {:>9} {:>7} {:>9} {:>7}", name, median(engine.p50), median(engine.p99),
+                  p50_text(floor), ratio_text(engine, floor), p50_text(peer), ratio_text(engine, peer)),
+      row);
+  return true;
+}
+
+std::filesystem::path write(const std::filesystem::path& folder, const std::string& name, const std::string& bytes) {
+  std::ofstream(folder / name, std::ios::binary) << bytes;
+  return folder / name;
+}
+
+int compare_all(const std::filesystem::path& folder, const Options& options,
+                const std::optional<onnx_runtime::OnnxRuntime>& runtime, const Report& report) {
+  const Sizes arm{48, 512, 256, 128, 12};
+  const bool made =
+      compare("MLP 48-512-256-128-12", write(folder, "mlp.onnx", perceptron(arm)), arm, options, runtime, report) &&
+      compare("LSTM 48-256-12", write(folder, "lstm.onnx", recurrent(48, 256, 12)), {}, options, runtime, report);
+  if (!made) return 1;
   if (!std::filesystem::exists(options.policy)) {
     report.remark("skipped: no walking policy at " + options.policy);
     return 0;
   }
-  auto walking = onnx_engine::load(std::filesystem::path(options.policy));
-  if (!walking) {
-    report.remark(walking.error());
-    return 1;
+  return compare("G1 walk 480-512-256-128-29", options.policy, {480, 512, 256, 128, 29}, options, runtime, report) ? 0
+                                                                                                                   : 1;
+}
+
+int run(const Options& options) {
+  const Report report(options.as_json);
+  std::optional<onnx_runtime::OnnxRuntime> runtime;
+  if (!options.library.empty()) {
+    auto opened = onnx_runtime::OnnxRuntime::open(options.library);
+    if (!opened) {
+      report.remark(opened.error());
+      return 1;
+    }
+    runtime.emplace(*std::move(opened));
   }
-  compare("G1 walk 480-512-256-128-29", *std::move(walking), {480, 512, 256, 128, 29}, options, report);
-  return 0;
+  const Pinned pinned(allowed_cpus().back(), 0);
+  report.remark(
+      fmt::format("one inference in microseconds, medians of {} x {}, floor = the layers as plain Eigen products; {}",
+                  options.repetitions, options.inferences,
+                  runtime ? "ONNX Runtime " + runtime->version() : "no ONNX Runtime was named"));
+  report.remark(fmt::format("{:<28} {:>9} {:>9} {:>9} {:>7} {:>9} {:>7}", "network", "p50", "p99", "floor p50", "ratio",
+                            "ORT p50", "ratio"));
+  std::string pattern = (std::filesystem::temp_directory_path() / "takt-bench-onnx.XXXXXX").string();
+  if (mkdtemp(pattern.data()) == nullptr) return 1;
+  const int result = compare_all(pattern, options, runtime, report);
+  std::filesystem::remove_all(pattern);
+  return result;
 }
 
 }  // namespace
@@ -197,6 +288,7 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--pause", pause_us, "microseconds of sleep before each inference")->check(CLI::Range(0, 100'000));
   app.add_option("--policy", options.policy, "walking policy to measure as well")->capture_default_str();
+  app.add_option("--onnxruntime", options.library, "libonnxruntime.so to measure beside it");
   CLI11_PARSE(app, argc, argv);
   options.pause = std::chrono::microseconds(pause_us);
   return takt::bench::run(options);

@@ -147,6 +147,36 @@ TEST_F(Cli, ConfigCheckNamesProblemsAndEndsWith65) {
   EXPECT_EQ(nlohmann::json::parse(json.output)["problems"].size(), 1U);
 }
 
+// Goal: what a process would refuse at its start is said before anything is started. Method: the demo robot with one
+// fault each: an observation one value too wide, a model that is not there, a link that branches off; a host
+// of one's own judges its policy itself.
+TEST_F(Cli, ConfigCheckRefusesWhatHostAndPlantWould) {
+  const auto checked = [&](const std::string& from, const std::string& to, const std::string& more = "") {
+    std::ifstream file("config/arm6.yaml");
+    std::string text{std::istreambuf_iterator<char>(file), {}};
+    const auto replace = [&text](const std::string& one, const std::string& other) {
+      EXPECT_NE(text.find(one), std::string::npos) << one;
+      text.replace(text.find(one), one.size(), other);
+    };
+    replace("file: arm6_reach.onnx", "file: " + fs::absolute("config/arm6_reach.onnx").string());
+    replace(from, to);
+    std::ofstream(in("robot.yaml")) << text;
+    return run("config check " + in("robot.yaml") + more);
+  };
+  const std::string terms = "    - { term:", wider = "    - { term: constant, values: [1] }\n" + terms;
+  EXPECT_EQ(checked(terms, terms).exit_code, 0);
+  const Ended wide = checked(terms, wider);
+  EXPECT_EQ(wide.exit_code, 65);
+  EXPECT_NE(wide.output.find("the configuration's terms give"), std::string::npos) << wide.output;
+  EXPECT_EQ(checked(terms, wider, " --policy-host mine").exit_code, 0);
+  const Ended absent = checked("simulation:\n", "simulation:\n  mujoco: { model: nowhere.xml }\n");
+  EXPECT_EQ(absent.exit_code, 65);
+  EXPECT_NE(absent.output.find("simulation"), std::string::npos) << absent.output;
+  const Ended tree = checked("parent: wrist_roll,", "parent: shoulder,");
+  EXPECT_EQ(tree.exit_code, 65);
+  EXPECT_NE(tree.output.find("link "), std::string::npos) << tree.output;
+}
+
 TEST_F(Cli, OfManyProblemsTenAreTold) {
   const auto lines = [](const Ended& ended) { return std::ranges::count(ended.output, '\n'); };
   std::ofstream file(in("bad.yaml"));

@@ -142,7 +142,7 @@ struct BadDeploy {
 TEST(DeployFile, RefusesWhatDoesNotFitTogether) {
   for (const BadDeploy& bad :
        {BadDeploy{"a map that is no permutation", "[1, 0]", "[1, 1]",
-                  "d:1:16: joint_ids_map must name each of 0..1 once"},
+                  "d:1:16: joint_ids_map must name a slot of 0..63 for each joint, none twice"},
         BadDeploy{"a count that differs", "[100.0, 40.0]", "[100.0]",
                   "d:3:12: `stiffness` has 1 values, joint_ids_map 2"},
         BadDeploy{"another action", "JointPositionAction:", "JointEffortAction:", "d:10:3: action `JointEffortAction`"},
@@ -154,6 +154,75 @@ TEST(DeployFile, RefusesWhatDoesNotFitTogether) {
     ASSERT_FALSE(deploy.has_value()) << bad.when;
     EXPECT_NE(deploy.error().find(bad.complaint), std::string::npos) << bad.when << ": " << deploy.error();
   }
+}
+
+// Goal: a robot with fewer joints than its maker's largest loads. Method: free motor slots, with gains per slot, as
+// unitree_rl_lab writes its 23-joint G1, and with gains per joint.
+TEST(DeployImport, SlotsThatAreFreeAreLeftOut) {
+  std::string text(kDeploy);
+  text.replace(text.find("[1, 0]"), 6, "[5, 2]");
+  const auto by_joint = read_deploy_file(text, "d");
+  ASSERT_TRUE(by_joint) << by_joint.error();
+  EXPECT_EQ(by_joint->robot_joint, (std::vector<std::size_t>{1, 0}));
+  EXPECT_EQ(by_joint->slot, (std::vector<std::size_t>{2, 5}));
+  EXPECT_EQ(by_joint->stiffness, (std::vector<double>{100, 40}));
+  text.replace(text.find("[100.0, 40.0]"), 13, "[0, 0, 100.0, 0, 0, 40.0]");
+  const auto by_slot = read_deploy_file(text, "d");
+  ASSERT_TRUE(by_slot) << by_slot.error();
+  EXPECT_EQ(by_slot->stiffness, by_joint->stiffness);
+}
+
+ModelFacts two_hinges() {
+  ModelFacts model;
+  model.joints = {{.name = "hip", .position = {{-1, 2}}, .velocity = 20, .torque = 88, .inertia = 0.1},
+                  {.name = "knee", .position = {{-2, 1}}, .velocity = {}, .torque = 139, .inertia = 0.2}};
+  model.keyframe = "stand";
+  model.imu_site = "torso";
+  return model;
+}
+
+std::expected<std::string, std::string> import_with(const ModelFacts& model, bool simulated) {
+  return import_deploy_file(read_deploy_file(kDeploy, "d").value(), {.robot = "walker",
+                                                                     .policy_file = "policy.onnx",
+                                                                     .joint_names = {},
+                                                                     .source = "d",
+                                                                     .model = model,
+                                                                     .model_file = "walker.xml",
+                                                                     .simulated = simulated});
+}
+
+// Goal: with a model the simulated robot needs no edit. Method: both files' values stand in the robot that is read.
+TEST(DeployImport, AModelFillsTheRestOfASimulatedRobot) {
+  const auto text = import_with(two_hinges(), true);
+  ASSERT_TRUE(text) << text.error();
+  EXPECT_EQ(text->find("FILL_IN"), std::string::npos);
+  const auto robot = parse(*text, "r");
+  ASSERT_TRUE(robot) << robot.error();
+  EXPECT_EQ(robot->joints[1].name, "knee");
+  EXPECT_EQ(robot->joints[1].limits.q_max, 1);
+  EXPECT_EQ(robot->joints[1].limits.torque, 139);
+  EXPECT_EQ(robot->joints[0].inertia, 0.1);
+  EXPECT_EQ(robot->joints[0].home, 0.3);
+  ASSERT_TRUE(robot->simulation && robot->simulation->mujoco);
+  EXPECT_EQ(robot->simulation->mujoco->imu_site, "torso");
+  EXPECT_EQ(robot->simulation->mujoco->keyframe, "stand");
+}
+
+// Goal: for a real robot the model's facts are carried over, and nothing about its hardware is invented.
+TEST(DeployImport, AModelLeavesTheHardwareOfARealRobotOpen) {
+  const auto text = import_with(two_hinges(), false);
+  ASSERT_TRUE(text) << text.error();
+  EXPECT_NE(text->find("position: [-1 rad, 2 rad], velocity: 20 rad/s, torque: 88 Nm"), std::string::npos) << *text;
+  const std::string open = parse(*text, "r").error();
+  for (const char* key : {"joints[1].drive.id", "joints[0].drive.protocol", "freshness.max_age"})
+    EXPECT_NE(open.find(std::string(key) + ": is still FILL_IN"), std::string::npos) << open;
+  EXPECT_EQ(open.find("inertia"), std::string::npos) << open;
+}
+
+TEST(DeployImport, AModelOfAnotherRobotIsRefused) {
+  ModelFacts model = two_hinges();
+  model.joints.resize(1);
+  EXPECT_NE(import_with(model, true).error().find("the model has 1 hinges, the policy moves 2"), std::string::npos);
 }
 
 TEST(DeployImport, RefusesNamesThatDoNotFit) {

@@ -24,6 +24,9 @@ CHANGES = [
     (["joints", 0, "limits", "position"], ["-30deg"], True),
     (["joints", 0, "limits", "colour"], "red", True),
     (["joints", 0, "passive"], "no", True),
+    (["joint_defaults"], [{"joints": ["*"], "inertia": "1kgm2"}], False),
+    (["joint_defaults"], [{"joints": "*", "inertia": "1kgm2"}], True),
+    (["joint_defaults"], [{"joints": ["*"], "name": "hip"}], True),
     (["robot"], "a robot", True),
     (["schema"], "takt.robot/2", True),
 ]

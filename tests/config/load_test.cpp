@@ -12,6 +12,7 @@
 
 #include "config/document.hpp"
 #include "config/drive_presets.hpp"
+#include "config/hash.hpp"
 #include "config/key_table.hpp"
 #include "tests/config/refusals.hpp"
 #include "tests/config/small_robot.hpp"
@@ -111,6 +112,65 @@ TEST(Load, ConvertsUnitsAndFillsDefaults) {
   EXPECT_EQ(robot->model->links[1].parent, 0);
   EXPECT_EQ(robot->policy->joint_order, (std::vector<std::size_t>{1, 0}));
   EXPECT_EQ(robot->policy->action.joint_of_output, robot->policy->joint_order) << "outputs follow the joint order";
+}
+
+// --- joint_defaults ---
+
+constexpr std::string_view kKneesOwn =
+    "    limits: { position: [-90 deg, 90 deg], position_margin: 5 deg, velocity: 3 rad/s, velocity_hard: 6 rad/s, "
+    "acceleration: 20 rad/s2, torque: 8 Nm, torque_rate: 900 Nm/s, kp: 80 Nm/rad, kd: 3 Nms/rad }\n"
+    "    gains: { kp: 40 Nm/rad, kd: 1 Nms/rad, damping: 1 Nms/rad }\n"
+    "    inertia: 0.05 kgm2\n";
+
+// The small robot, its knee written by `blocks` and what is left of its own.
+std::string by_defaults(const std::string& blocks, const std::string& own) {
+  std::string text = with(kKneesOwn, own);
+  return text.insert(text.find("joints:\n"), "joint_defaults:\n" + blocks);
+}
+
+constexpr const char* kEverybody =
+    "  - joints: [\"*\"]\n"
+    "    limits: { position: [-1 rad, 1 rad], position_margin: 5 deg, velocity: 3 rad/s, velocity_hard: 6 rad/s, "
+    "acceleration: 20 rad/s2, torque: 9 Nm, torque_rate: 900 Nm/s, kp: 80 Nm/rad, kd: 3 Nms/rad }\n"
+    "    inertia: 0.07 kgm2\n";
+
+// Goal: a robot written by blocks is the same robot as one written out. Method: a block for all and one by a pattern;
+// the joint's own key wins, then the later block, key by key inside a section.
+TEST(JointDefaults, MakeTheSameRobotAsOneWrittenOut) {
+  const auto plain = parse(kSmallRobot, "r");
+  const auto robot =
+      parse(by_defaults(std::string(kEverybody) + "  - joints: [\"kn?e\"]\n"
+                                                  "    limits: { torque: 8 Nm }\n"
+                                                  "    gains: { kp: 40 Nm/rad, kd: 1 Nms/rad, damping: 1 Nms/rad }\n"
+                                                  "    inertia: 0.06 kgm2\n",
+                        "    limits: { position: [-90 deg, 90 deg] }\n    inertia: 0.05 kgm2\n"),
+            "r");
+  ASSERT_TRUE(plain && robot) << robot.error();
+  EXPECT_EQ(robot->resolved, plain->resolved);
+  EXPECT_EQ(robot->hash, plain->hash);
+}
+
+// Goal: what is wrong in a block is told once, with the block's place and whose it is. Method: one fault each.
+TEST(JointDefaults, AProblemIsToldOnceWithItsBlock) {
+  const std::string own = "    gains: { kp: 40 Nm/rad, kd: 1 Nms/rad, damping: 1 Nms/rad }\n";
+  const auto complaint = [&](const std::string& blocks) { return parse(by_defaults(blocks, own), "r").error(); };
+  std::string wrong = kEverybody;
+  wrong.replace(wrong.find("0.07 kgm2"), 9, "heavy");
+  const std::string told = complaint(wrong);
+  EXPECT_NE(told.find("joints[1].inertia"), std::string::npos) << told;
+  EXPECT_NE(told.find("(joint_defaults[0], 2 joints from hip)"), std::string::npos) << told;
+  const std::string both = parse(by_defaults(std::string(kEverybody) + "    colour: red\n", own), "r").error();
+  EXPECT_NE(both.find("unknown key `colour` in `joints[0]`"), std::string::npos) << both;
+  EXPECT_EQ(std::ranges::count(both, '\n'), 0) << both;
+  EXPECT_NE(complaint(std::string(kEverybody) + "  - { joints: [\"*_hip\"], home: 0 rad }\n")
+                .find("joint_defaults[1].joints: no joint is called `*_hip`"),
+            std::string::npos);
+  EXPECT_NE(complaint("  - { inertia: 1 kgm2 }\n").find("joint_defaults[0]: says not which joints it is for"),
+            std::string::npos);
+  EXPECT_NE(complaint(std::string(kEverybody) + "    name: hip\n").find("is each joint's own"), std::string::npos);
+  EXPECT_NE(
+      parse(with("joints:\n", "joint_default: []\njoints:\n"), "r").error().find("did you mean `joint_defaults`?"),
+      std::string::npos);
 }
 
 TEST(Load, ModelGivesRangesAndExplicitOnesOverrideThem) {
@@ -300,6 +360,22 @@ TEST(Hash, PolicyFileIsHashedWholeAndItsAbsenceIsASentence) {
   EXPECT_EQ(*hash, 0xba7816bf8f01cfeaULL);
   std::filesystem::remove(file);
   EXPECT_NE(policy_hash(file.string()).error().find("No such file"), std::string::npos);
+}
+
+TEST(Hash, WeightsBesideThePolicyAreItsPart) {
+  const auto file = std::filesystem::path(testing::TempDir()) / "beside.onnx";
+  const std::string data = file.string() + ".data";
+  std::ofstream(file) << "a";
+  EXPECT_EQ(policy_files(file.string()), std::vector<std::string>{file.string()});
+  std::ofstream(data) << "bc";
+  EXPECT_EQ(policy_files(file.string()), (std::vector<std::string>{file.string(), data}));
+  EXPECT_EQ(policy_hash(file.string()).value(), 0xba7816bf8f01cfeaULL);  // of "abc", in this order
+  std::filesystem::remove(data);
+  EXPECT_NE(policy_hash(file.string()).value(), 0xba7816bf8f01cfeaULL);
+  std::filesystem::create_directory(data);
+  EXPECT_NE(policy_hash(file.string()).error().find(data), std::string::npos);
+  std::filesystem::remove(data);
+  std::filesystem::remove(file);
 }
 
 // The reference in the documentation is this table, word for word.

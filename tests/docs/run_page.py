@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Executes a page of the documentation: run_page.py [--patient] PAGE.md BIN_DIR
+"""Executes a page of the documentation: run_page.py [--patient] PAGE.md BIN_DIR [NAME=FILE...]
 
 Blocks are taken in the page's order, in one new temporary folder that sees the repository's `config/` and `docs/`, the build's wheel
 in `build/python`, and has BIN_DIR first in PATH:
@@ -14,7 +14,9 @@ that is meant to fail prints its code (`; echo "exit code $?"`). Other blocks ar
 --patient: the demo arm of the page's `config/` is patient with a machine that stalls, as the tests' robots are: what a page of a robot at real
 pace shows is not how fast the machine is.
 
-Exit codes: 0 the page is true; 1 it is not, with page, line, command and what came out instead; 64 command line.
+NAME=FILE: a file that the page's reader brings along, under that name.
+
+Exit codes: 0 the page is true; 1 it is not, with page, line, command and what came out instead; 64 command line; 77 a file to bring along is absent.
 """
 import os
 import pathlib
@@ -123,13 +125,20 @@ def patient_config(config, folder):
 
 def main():
     arguments = [argument for argument in sys.argv[1:] if argument != "--patient"]
-    if len(arguments) != 2:
+    brought = dict(argument.split("=", 1) for argument in arguments[2:])
+    if len(arguments) < 2:
         print(__doc__, file=sys.stderr)
         return 64
-    page, programs = (pathlib.Path(argument).resolve() for argument in arguments)
+    page, programs = (pathlib.Path(argument).resolve() for argument in arguments[:2])
+    absent = [file for file in brought.values() if not pathlib.Path(file).exists()]
+    if absent:
+        print(f"SKIPPED: {', '.join(absent)} IS ABSENT: THE COMMANDS OF {page.name} WERE NOT RUN")
+        return 77
     folder = pathlib.Path(tempfile.mkdtemp(prefix="takt-docs."))
     try:
         (folder / "docs").symlink_to(page.parent)
+        for name, file in brought.items():
+            shutil.copy(file, folder / name)
         if "--patient" in sys.argv:
             patient_config(page.parent.parent / "config", folder)
         else:

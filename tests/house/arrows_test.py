@@ -46,8 +46,9 @@ MAY_USE = {
     "cli/run": f"{SHARED} executive/incident cli drivers/protocol monitor/record",
     "cli/evidence": f"{SHARED} cli cli/run monitor/record evidence/artifact evidence/judge evidence/panel "
                     "evidence/review evidence/rollout evidence/study",
+    "cli/policy": f"{SHARED} cli policy_host",
     "cli/top": f"{SHARED} executive/incident cli cli/run cli/evidence drivers/protocol monitor monitor/record monitor/judge monitor/telemetry",
-    "cli/robot": f"{SHARED} executive/setup cli cli/run drivers/bus drivers/protocol drivers/tools drivers/torque_output monitor/record systemd/deploy systemd/doctor",
+    "cli/robot": f"{SHARED} executive/setup cli cli/run drivers/bus drivers/protocol drivers/tools drivers/torque_output monitor/record policy_host simulation systemd/deploy systemd/doctor",
     "cli": f"{SHARED}",
 }
 

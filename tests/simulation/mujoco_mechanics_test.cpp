@@ -119,16 +119,16 @@ TEST_F(MujocoTest, AFreeBaseFallsAndIsHeldByTheHoist) {
   robot.simulation->mujoco->keyframe = "high";
   auto body = MujocoMechanics::make(robot);
   ASSERT_TRUE(body) << body.error();
-  EXPECT_EQ((*body)->base().position[2], 5);
+  EXPECT_EQ((*body)->base()->position[2], 5);
   ArmState state = at({0.5});
   const std::vector<Friction> free(1);
   (*body)->hoist(true);
   for (int step = 0; step < 200; ++step) (*body)->integrate(state, Eigen::VectorXd::Zero(1), free, milliseconds(1));
-  EXPECT_EQ((*body)->base().position[2], 5);
+  EXPECT_EQ((*body)->base()->position[2], 5);
   EXPECT_NEAR(state.q[0], 0.5 * std::cos(std::sqrt(9.81 / 0.2) * 0.2), 0.03) << "the leg swings as from a base at rest";
   (*body)->hoist(false);
   for (int step = 0; step < 500; ++step) (*body)->integrate(state, Eigen::VectorXd::Zero(1), free, milliseconds(1));
-  EXPECT_NEAR((*body)->base().position[2], 5 - 0.5 * 9.81 * 0.25, 0.05);
+  EXPECT_NEAR((*body)->base()->position[2], 5 - 0.5 * 9.81 * 0.25, 0.05);
 }
 
 // Goal: the IMU tells what a real one does. Method: upright on the hoist it feels 1 g upwards; in free fall nothing,
@@ -144,7 +144,7 @@ TEST_F(MujocoTest, TheImuFeelsSpecificForceAndItsOwnRate) {
   for (int step = 0; step < 2'000; ++step) (*body)->integrate(state, Eigen::VectorXd::Zero(1), free, milliseconds(1));
   const auto resting = (*body)->imu();
   ASSERT_TRUE(resting);
-  EXPECT_LT((*body)->base().position[2], 0.1) << "it lies on the floor";
+  EXPECT_LT((*body)->base()->position[2], 0.1) << "it lies on the floor";
   EXPECT_NEAR(resting->acceleration[2], 9.81, 0.5);
   EXPECT_NEAR(std::abs(resting->orientation[0]), 1, 0.05);
   EXPECT_NEAR(resting->angular_velocity[1], 0, 0.05);
@@ -162,7 +162,7 @@ TEST_F(MujocoTest, APushMovesTheRobot) {
   EXPECT_TRUE((*body)->push({21, 0, 0}));
   for (int step = 0; step < 200; ++step)
     (*body)->integrate(state, Eigen::VectorXd::Zero(1), std::vector<Friction>(1), milliseconds(1));
-  EXPECT_NEAR((*body)->base().position[0], 0.5 * 10 * 0.04, 0.02) << "21 N on 2.1 kg for 0.2 s";
+  EXPECT_NEAR((*body)->base()->position[0], 0.5 * 10 * 0.04, 0.02) << "21 N on 2.1 kg for 0.2 s";
 }
 
 TEST_F(MujocoTest, AHeldJointStays) {
@@ -308,7 +308,7 @@ class G1 {
       }
       body_->integrate(state, tau, std::vector<Friction>(29), milliseconds(1));
     }
-    const auto base = body_->base();
+    const auto base = *body_->base();
     return {base.position[0], base.position[2], {state.q.begin(), state.q.end()}};
   }
 

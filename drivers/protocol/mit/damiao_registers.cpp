@@ -25,10 +25,6 @@ bool is_same(std::uint32_t bits, float expected) noexcept {
   return std::abs(std::bit_cast<float>(bits) - expected) <= kSameWithin * expected;  // false for NaN
 }
 
-}  // namespace
-
-namespace {
-
 CanFrame register_frame(std::uint32_t drive_id, std::uint8_t operation, DamiaoRegister which) noexcept {
   CanFrame frame;
   frame.id = kDamiaoRegisterId;

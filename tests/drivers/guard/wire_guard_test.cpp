@@ -246,6 +246,8 @@ TEST(WireGuard, ReadsMoteus) {
       {"as much as the drive can", {.torque = 1, .kp = 0.5F, .most = NAN}, torque},
       {"position is no number", {.position = NAN, .torque = 1, .kp = 0.5F}, not_finite},
       {"a trajectory of its own", {.torque = 1, .kp = 0.5F, .trajectory = "022801ff"}, unknown_frame},
+      {"the fastest one", {.torque = 1, .kp = 0.5F, .trajectory = "02287f7f"}, unknown_frame},
+      {"none, by the int8 that is no number", {.torque = 1, .kp = 0.5F, .trajectory = "02288080"}, allowed},
       {"another mode", {.mode = "01000f", .torque = 1, .kp = 0.5F}, unknown_frame},
   };
   for (const Row& row : rows) {

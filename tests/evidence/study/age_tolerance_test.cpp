@@ -41,6 +41,11 @@ TEST(AgeTolerance, ProposalFollowsWhatTheTaskTolerates) {
     EXPECT_LE(*found->epsilon, 0.8 * *found->tolerated_share);
     EXPECT_GT(*found->epsilon, 0.7 * *found->tolerated_share);
   }
+  ASSERT_FALSE(found->silences.empty());
+  if (found->stop_after_ms) {
+    EXPECT_EQ(*found->stop_after_ms, 5 * std::floor(0.8 * *found->tolerated_silence_ms / 5));
+    EXPECT_GT(*found->stop_after_ms, found->max_age_ms);
+  }
 }
 
 TEST(AgeTolerance, DoesNotDependOnWorkers) {

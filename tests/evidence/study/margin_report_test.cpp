@@ -27,8 +27,11 @@ JointMargins joint(double computed, double injected, double disagreement) {
 
 MarginReport report(const config::RobotConfig& robot, std::vector<JointMargins> joints) {
   AgeTolerance found;
-  found.ages = {{0, 60, 60, 0.951, 36, 55, 0, true}, {80, 41, 36, 0.75, 116, 135, 0, false}};
-  found.misses = {{100, 60, 60, 0.951, 40, 99, 0.034, true}};
+  found.ages = {{0, 60, 60, 0.951, 1, 36, 55, 0, true}, {80, 41, 36, 0.75, 0.95, 116, 135, 0, false}};
+  found.misses = {{100, 60, 60, 0.951, 1, 40, 99, 0.034, true}, {1600, 60, 57, 0.875, 0.986, 140, 1699, 0.134, false}};
+  found.silences = {{250, 60, 60, 0.951, 1, 40, 299, 0, true}};
+  found.tolerated_silence_ms = 250;
+  found.stop_after_ms = 200;
   found.tolerated_age_ms = 96.04;
   found.nominal_p99_ms = 55;
   found.max_age_ms = 75;
@@ -60,12 +63,22 @@ TEST(MarginReport, KeepsToEightyColumns) {
   for (std::string line; std::getline(lines, line);) EXPECT_LE(line.size(), 80U) << line;
 }
 
+// Goal: a robot whose joints have no rest to be measured at says so. Method: a report without joints.
+TEST(MarginReport, SaysWhyThereIsNoInnerLoop) {
+  const config::RobotConfig robot;
+  const std::string text = margin_text(report(robot, {}));
+  EXPECT_NE(text.find(kNoInnerLoop), std::string::npos);
+  EXPECT_NE(text.find("silence tolerated 250 ms"), std::string::npos);
+  EXPECT_NE(text.find("stop_after 200 ms"), std::string::npos);
+}
+
 TEST(MarginReport, JsonHoldsTheProposal) {
   const config::RobotConfig robot;
   const auto json = to_json(report(robot, {joint(10, 10.5, 0.05)}));
   EXPECT_EQ(json["schema"], "takt.margin/1");
   EXPECT_EQ(json["task"]["proposed_max_age_ms"], 75);
   EXPECT_EQ(json["task"]["proposed_epsilon"], 0.027);
+  EXPECT_EQ(json["task"]["proposed_stop_after_ms"], 200);
   EXPECT_NEAR(json["joints"][0]["computed"]["phase_deg"], 57.2958, 1e-3);
   EXPECT_EQ(json["joints"][0]["injected"]["delay_ms"], 20);
 }

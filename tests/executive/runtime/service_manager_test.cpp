@@ -9,7 +9,8 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <cstring>
+#include <string>
+#include <utility>
 #include <vector>
 
 namespace takt::runtime {
@@ -18,21 +19,24 @@ namespace {
 class ServiceManagerTest : public testing::Test {
  protected:
   void SetUp() override {
-    path_ = testing::TempDir() + "takt-notify-" + std::to_string(getpid());
-    socket_ = socket(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-    sockaddr_un address{};
-    address.sun_family = AF_UNIX;
-    std::strncpy(address.sun_path, path_.c_str(), sizeof address.sun_path - 1);
-    ASSERT_EQ(bind(socket_, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
-    setenv("NOTIFY_SOCKET", path_.c_str(), 1);
+    listen_at(testing::TempDir() + "takt-notify-" + std::to_string(getpid()));
     setenv("WATCHDOG_USEC", "300000", 1);
     unsetenv("WATCHDOG_PID");
   }
   void TearDown() override {
     unsetenv("NOTIFY_SOCKET");
     unsetenv("WATCHDOG_USEC");
-    close(socket_);
-    unlink(path_.c_str());
+    deafen();
+  }
+  void listen_at(const std::string& path) {
+    deafen();
+    path_ = path;
+    socket_ = socket(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    path_.copy(address.sun_path, sizeof address.sun_path);
+    ASSERT_EQ(bind(socket_, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+    setenv("NOTIFY_SOCKET", path_.c_str(), 1);
   }
   std::vector<std::string> heard() {
     std::vector<std::string> messages;
@@ -47,6 +51,11 @@ class ServiceManagerTest : public testing::Test {
   static constexpr MonoTime kStart{1'000'000'000};
 
  private:
+  void deafen() {
+    if (socket_ < 0) return;
+    close(std::exchange(socket_, -1));
+    unlink(path_.c_str());
+  }
   std::string path_;
   int socket_ = -1;
 };
@@ -62,6 +71,18 @@ TEST_F(ServiceManagerTest, ReadyComesWithTheHundredthTickAndOnce) {
   EXPECT_EQ(heard(), Messages{"READY=1"});
   EXPECT_FALSE(manager.report(kStart, kTicksUntilReady + 1, "standby"));
   EXPECT_TRUE(heard().empty());
+}
+
+TEST_F(ServiceManagerTest, ASocketMayHaveTheLongestNameThatThereIs) {
+  std::string path = testing::TempDir() + "takt-notify-";
+  path.resize(sizeof sockaddr_un::sun_path, 'x');
+  listen_at(path);
+  EXPECT_TRUE(ServiceManager().report(kStart, kTicksUntilReady, "standby"));
+  EXPECT_EQ(heard().size(), 3U);
+  path.push_back('x');
+  setenv("NOTIFY_SOCKET", path.c_str(), 1);
+  EXPECT_TRUE(ServiceManager().report(kStart, kTicksUntilReady, "standby"));
+  EXPECT_TRUE(heard().empty()) << "cut to what fits, it would be another's";
 }
 
 TEST_F(ServiceManagerTest, PingsComeThreeTimesPerWatchdogPeriodWhileTicksAdvance) {

@@ -87,31 +87,33 @@ TEST(MatMul, RefusesFactorsThatDoNotFit) {
 
 // Sizes around the panel (32 columns), the register (8) and the tile (4 rows). The reference adds in ascending k, one
 // rounding per operation, so the comparison is exact.
-TEST(Panels, EveryTilingGivesTheBitsOfThePlainLoop) {
+TEST(Panels, EveryTilingAndRegisterWidthGivesTheBitsOfThePlainLoop) {
   std::mt19937 random(7);
   std::uniform_real_distribution<float> number(-1.0F, 1.0F);
   for (const std::size_t rows : {1U, 3U, 4U, 5U, 9U}) {
-    for (const std::size_t columns : {1U, 7U, 8U, 31U, 32U, 33U, 65U}) {
+    for (const std::size_t columns : {1U, 7U, 8U, 31U, 32U, 33U, 64U, 100U}) {
       for (const std::size_t inner : {1U, 2U, 37U, 300U}) {
         std::vector<float> left(rows * inner);
         std::vector<float> right(inner * columns);
         for (float& x : left) x = number(random);
         for (float& x : right) x = number(random);
         std::vector<float> packed(packed_size(inner, columns));
-        std::vector<float> out(rows * columns + 1, 77.0F);
         pack_panels(right.data(), inner, columns, columns, 1, packed.data());
-        multiply_panels(left.data(), packed.data(), rows, inner, columns, out.data());
-        for (std::size_t r = 0; r < rows; ++r) {
-          for (std::size_t c = 0; c < columns; ++c) {
-            float sum = 0.0F;
-            for (std::size_t k = 0; k < inner; ++k) {
-              const float term = left[r * inner + k] * right[k * columns + c];
-              sum += term;
-            }
-            ASSERT_EQ(out[r * columns + c], sum) << rows << "x" << inner << "x" << columns;
+        std::vector<float> plain;
+        for (std::size_t i = 0; i < rows * columns; ++i) {
+          float sum = 0.0F;
+          for (std::size_t k = 0; k < inner; ++k) {
+            const float term = left[i / columns * inner + k] * right[k * columns + i % columns];
+            sum += term;
           }
+          plain.push_back(sum);
         }
-        ASSERT_EQ(out.back(), 77.0F) << "wrote past the end";
+        plain.push_back(77.0F);  // behind the end
+        for (const MultiplyPanels multiply : every_multiply_panels()) {
+          std::vector<float> out(rows * columns + 1, 77.0F);
+          multiply(left.data(), packed.data(), rows, inner, columns, out.data());
+          ASSERT_EQ(out, plain) << rows << "x" << inner << "x" << columns;
+        }
       }
     }
   }

@@ -80,6 +80,15 @@ TEST_F(Deployments, ADeploymentStandsOnItsOwn) {
   EXPECT_FALSE(fs::exists(store() + "/robot/simulated"));
 }
 
+TEST_F(Deployments, WeightsBesideThePolicyComeAlong) {
+  std::ofstream(root_ + "/from/arm6_reach.onnx.data") << "weights";
+  const auto hash = config::policy_hash(root_ + "/from/arm6_reach.onnx").value();
+  deploy("one");
+  fs::remove_all(root_ + "/from");
+  const auto robot = config::load(store() + "/robot/robot.yaml").value();
+  EXPECT_EQ(config::policy_hash(robot.policy->file).value(), hash);
+}
+
 // The robot's processes are other users than who deploys.
 TEST_F(Deployments, AreReadableWhateverTheUmask) {
   const mode_t before = umask(077);

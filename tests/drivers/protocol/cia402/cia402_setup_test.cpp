@@ -362,6 +362,16 @@ TEST(Cia402Setup, AnswersToOtherQuestionsAreNone) {
   EXPECT_EQ(text(*talk.setup.tick()), "605#2300160208006060");
 }
 
+TEST(Cia402Setup, AnAnswerOfBeforeARestartIsNone) {
+  Conversation talk;
+  EXPECT_EQ(text(*talk.setup.tick()), "000#8005");
+  const CanFrame first = *talk.setup.tick();
+  talk.setup.restart();
+  EXPECT_EQ(text(*talk.setup.tick()), "000#8005");
+  talk.answer(talk.agreeing.answer(first));
+  EXPECT_EQ(text(*talk.setup.tick()), text(first));
+}
+
 TEST(Cia402Setup, PeriodsThatObject60C2CanHold) {
   struct Row {
     Duration period;

@@ -239,6 +239,17 @@ TEST(MitDriver, IsNotEnabledBeforeItsSettingsAreKnown) {
   EXPECT_EQ(bench.code_after_seven_ff(true), 0xFC);
 }
 
+TEST(MitDriver, SettingsHalfReadBeforeSilenceAreReadAgain) {
+  Bench bench(damiao());
+  bench.live(14, Bench::right());
+  EXPECT_GT(bench.questions, 1);
+  EXPECT_LT(bench.questions, 5);
+  for (int tick = 0; tick < 50; ++tick) bench.encode(false);  // another drive may come back with this id
+  bench.questions = 0;
+  bench.live(28, Bench::right());
+  EXPECT_EQ(bench.questions, 5) << "each of them";
+}
+
 TEST(MitDriver, ASettingThatDiffersIsAFaultThatNamesIt) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   struct Row {

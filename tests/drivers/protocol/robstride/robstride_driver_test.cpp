@@ -268,6 +268,20 @@ TEST(RobstrideDriver, TheTimeoutIsWrittenAgainAfterSilenceAndAfterEveryStop) {
   EXPECT_EQ(writes(bench), 1) << "its supply may have blinked while it was driven";
 }
 
+TEST(RobstrideDriver, AnAnswerOfBeforeItsSilenceSettlesNothing) {
+  Bench bench;
+  while (
+      !std::ranges::any_of(bench.honest_tick(false, {}), [](const CanFrame& f) { return f.id >> 24U == question; })) {
+  }
+  for (int tick = 0; tick < 50; ++tick) bench.encode(false);
+  bench.answer(0x7005, 0);  // to the question above
+  std::vector<std::string> told;
+  for (int tick = 0; tick < 40; ++tick)
+    for (const CanFrame& frame : bench.honest_tick(false))
+      if (frame.id >> 24U == setting) told.push_back(index_of(frame));
+  EXPECT_EQ(told, (std::vector<std::string>{"7005", "7028"}));
+}
+
 TEST(RobstrideDriver, IsEnabledByTheDrivesOwnWord) {
   Bench bench = Bench().set_up();
   EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::disabled);

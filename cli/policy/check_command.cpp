@@ -1,0 +1,261 @@
+// takt policy check: one policy file, in full, and whether it fits a robot.
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "cli/command.hpp"
+#include "config/document.hpp"
+#include "config/load.hpp"
+#include "policy_host/exporter_metadata.hpp"
+#include "policy_host/leapp/leapp_bundle.hpp"
+#include "policy_host/onnx/model.hpp"
+#include "policy_host/onnx_policy.hpp"
+#include "policy_host/policy_fit.hpp"
+#include "policy_host/policy_trial.hpp"
+
+namespace takt::cli {
+namespace {
+
+using onnx_engine::TensorInfo;
+using policy_host::PolicyTensors;
+using policy_host::PolicyTrial;
+
+struct PolicyCheckOptions {
+  std::string file, robot;
+  bool json = false;
+};
+
+nlohmann::json tensor_json(const TensorInfo& info) {
+  return {{"name", info.name}, {"shape", info.shape}};
+}
+
+// Everything that is known of the file: the one source of both outputs.
+nlohmann::json policy_json(const std::string& file, const PolicyTrial& trial) {
+  const onnx_engine::Model& model = trial.model();
+  const PolicyTensors& tensors = trial.tensors();
+  nlohmann::json about{{"file", file}, {"opset", model.opset()}, {"operators", model.operators()}};
+  about["observation"] = nlohmann::json::array();
+  for (const std::size_t i : tensors.observation) about["observation"].push_back(tensor_json(model.inputs()[i]));
+  about["state"] = nlohmann::json::array();
+  for (const PolicyTensors::State& state : tensors.states) {
+    nlohmann::json fed = tensor_json(model.inputs()[state.input]);
+    fed["from"] = model.outputs()[state.output].name;
+    about["state"].push_back(fed);
+  }
+  about["time_step"] = tensors.time_step ? nlohmann::json(model.inputs()[*tensors.time_step].name) : nlohmann::json();
+  about["actions"] = tensor_json(model.outputs()[tensors.actions]);
+  about["external_data"] = nlohmann::json::array();
+  for (const onnx_engine::ExternalFile& external : model.external_files()) {
+    about["external_data"].push_back(
+        {{"location", external.location}, {"bytes", external.bytes}, {"sha256", external.sha256}});
+  }
+  about["metadata"] = nlohmann::json::object();
+  for (const auto& [key, value] : model.metadata()) about["metadata"][key] = value;
+  return about;
+}
+
+std::string shortened(std::string text) {
+  constexpr std::size_t longest = 100;
+  for (char& c : text) {
+    if (static_cast<unsigned char>(c) < ' ' || c == '\x7f') c = ' ';
+  }
+  if (text.size() > longest) text = text.substr(0, longest) + "...";
+  return text;
+}
+
+std::string tensor_text(const nlohmann::json& tensor) {
+  return fmt::format("{} {}", shortened(tensor["name"].get<std::string>()), tensor["shape"].dump());
+}
+
+void print_line(const char* what, const std::string& text) {
+  fmt::print("{:<14} {}\n", what, text);
+}
+
+void print_policy(const nlohmann::json& about) {
+  print_line("opset", std::to_string(about["opset"].get<int>()));
+  std::string operators;
+  for (const auto& [name, count] : about["operators"].items()) {
+    operators += fmt::format("{}{} {}", operators.empty() ? "" : ", ", name, count.get<int>());
+  }
+  print_line("operators", operators);
+  for (const auto& tensor : about["observation"]) print_line("observation", tensor_text(tensor));
+  for (const auto& state : about["state"]) {
+    print_line("state", fmt::format("{}, fed by {}, zeros at the start", tensor_text(state),
+                                    shortened(state["from"].get<std::string>())));
+  }
+  if (!about["time_step"].is_null()) {
+    print_line("time step", about["time_step"].get<std::string>() + ", inferences since the reset");
+  }
+  print_line("actions", tensor_text(about["actions"]));
+  for (const auto& external : about["external_data"]) {
+    print_line("external data",
+               fmt::format("{}, {} bytes, sha256 {}", shortened(external["location"].get<std::string>()),
+                           external["bytes"].get<std::uint64_t>(), external["sha256"].get<std::string>()));
+  }
+  for (const auto& [key, value] : about["metadata"].items()) {
+    print_line("metadata", fmt::format("{}: {}", shortened(key), shortened(value.get<std::string>())));
+  }
+  if (about["rounded_to_3_decimals"].get<bool>()) {
+    print_line("rounded", "the exporter's gains and poses have three decimals at most");
+  }
+}
+
+std::optional<std::string> model_bytes(const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  if (!stream) return std::nullopt;
+  return std::string(std::istreambuf_iterator<char>(stream), {});
+}
+
+Refusal policy_refused(const std::string& sentence) {
+  return {config::kExitBadConfiguration, sentence};
+}
+
+// The robot whose policy `file` is to be; its file's own `policy.file` is not looked at.
+std::expected<config::RobotConfig, Refusal> load_policys_robot(const PolicyCheckOptions& options) {
+  auto robot = config::load(options.robot);
+  if (!robot) return std::unexpected(policy_refused(robot.error()));
+  if (const auto fine = policy_host::check_policy_section(*robot); !fine)
+    return std::unexpected(policy_refused(fine.error()));
+  robot->policy->file = options.file;
+  return *std::move(robot);
+}
+
+std::expected<nlohmann::json, Refusal> examine_policy(const PolicyCheckOptions& options) {
+  std::optional<config::RobotConfig> robot;
+  if (!options.robot.empty()) {
+    auto loaded = load_policys_robot(options);
+    if (!loaded) return std::unexpected(loaded.error());
+    robot = *std::move(loaded);
+  }
+  const std::string input = robot ? robot->policy->input : "";
+  const std::string output = robot ? robot->policy->output : "";
+  const auto trial = PolicyTrial::load(options.file, input, output);
+  if (!trial) return std::unexpected(policy_refused(trial.error()));
+  nlohmann::json about = policy_json(options.file, *trial);
+  const auto metadata = policy_host::read_exporter_metadata(trial->model().metadata());
+  if (!metadata) return std::unexpected(policy_refused(options.file + ": " + metadata.error()));
+  about["rounded_to_3_decimals"] = metadata->rounded;
+  if (!robot) return about;
+  const auto policy = policy_host::load_onnx_policy(options.file, input, output);
+  if (!policy) return std::unexpected(policy_refused(policy.error()));
+  if (const auto fits = policy_host::check_fit(*robot, **policy); !fits)
+    return std::unexpected(policy_refused(fits.error()));
+  const auto differences = policy_host::compare_metadata(*metadata, *robot);
+  if (!differences) return std::unexpected(policy_refused(differences.error()));
+  about["differences"] = *differences;
+  about["robot"] = {
+      {"name", robot->robot}, {"values_in", (*policy)->input_size()}, {"values_out", (*policy)->output_size()}};
+  return about;
+}
+
+std::string ports_text(const std::vector<policy_host::LeappPort>& ports) {
+  std::string text;
+  for (const policy_host::LeappPort& port : ports) text += (text.empty() ? "" : ", ") + shortened(port.tensor);
+  return text;
+}
+
+std::string kind_text(const policy_host::LeappTensor& tensor) {
+  std::string text = fmt::format("{} {}", shortened(tensor.name), nlohmann::json(tensor.shape).dump());
+  if (!tensor.kind.empty()) text += ", " + shortened(tensor.kind);
+  if (tensor.temporal) text += ", a chunk";
+  return text;
+}
+
+// The model of a node beside the bundle's YAML: is it the file that was exported?
+std::expected<void, Refusal> check_model_file(const std::string& bundle, const policy_host::LeappNode& node) {
+  if (node.backend != "onnx") {
+    print_line("model", fmt::format("{}: backend {} is not read by the built-in engine", shortened(node.model_path),
+                                    shortened(node.backend)));
+    return {};
+  }
+  const std::filesystem::path file = std::filesystem::path(bundle).parent_path() / node.model_path;
+  const auto bytes = model_bytes(file);
+  if (!bytes) {
+    print_line("model", fmt::format("{}: not there, so not checked", shortened(node.model_path)));
+    return {};
+  }
+  const std::string sha256 = config::sha256_hex(*bytes);
+  if (!node.sha256.empty() && node.sha256 != sha256) {
+    return std::unexpected(policy_refused(fmt::format("{}: sha256 {} is not the bundle's {}; export it again",
+                                                      file.string(), sha256, shortened(node.sha256))));
+  }
+  const auto trial = PolicyTrial::load(file);
+  if (!trial) return std::unexpected(policy_refused(trial.error()));
+  print_line("model", fmt::format("{}: runs on the built-in engine, sha256 {}", shortened(node.model_path),
+                                  node.sha256.empty() ? sha256 + ", none in the bundle" : "as in the bundle"));
+  return {};
+}
+
+int check_bundle(const std::string& file) {
+  const auto text = config::read_file(file);
+  const auto bundle = text ? policy_host::read_leapp_bundle(*text, file) : std::unexpected(text.error());
+  if (!bundle) {
+    return refuse(config::kExitBadConfiguration, bundle.error());
+  }
+  fmt::print("{}: LEAPP bundle, configuration version {}\n", file, shortened(bundle->version));
+  for (const policy_host::LeappNode& node : bundle->nodes) {
+    const auto fine = check_model_file(file, node);
+    if (!fine) return refuse(fine.error().exit_code, fine.error().sentence);
+    for (const policy_host::LeappTensor& tensor : node.inputs) print_line("input", kind_text(tensor));
+    for (const policy_host::LeappTensor& tensor : node.outputs) print_line("output", kind_text(tensor));
+  }
+  print_line("of the robot", ports_text(bundle->inputs));
+  print_line("to the robot", ports_text(bundle->outputs));
+  for (const policy_host::LeappFlow& flow : bundle->feedback) {
+    print_line("feedback", fmt::format("{} to {}, start in {}", shortened(flow.from.tensor), shortened(flow.to.tensor),
+                                       bundle->initial_values.empty() ? "no file" : shortened(bundle->initial_values)));
+  }
+  if (bundle->frequency_hz) print_line("frequency", fmt::format("{} Hz", *bundle->frequency_hz));
+  for (const std::string& note : bundle->notes) print_line("left open", shortened(note));
+  return kExitOk;
+}
+
+int check_policy(const PolicyCheckOptions& options) {
+  if (options.file.ends_with(".yaml")) {
+    if (options.robot.empty() && !options.json) return check_bundle(options.file);
+    return refuse(kExitUsage, options.file + ": a bundle is checked alone; leave --robot and --json out");
+  }
+  const auto about = examine_policy(options);
+  if (!about) {
+    if (!options.json) return refuse(about.error().exit_code, about.error().sentence);
+    fmt::print("{}\n", nlohmann::json{{"runs", false}, {"problem", about.error().sentence}}.dump());
+    return about.error().exit_code;
+  }
+  if (options.json) {
+    nlohmann::json all = *about;
+    all["runs"] = true;
+    fmt::print("{}\n", all.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+    return kExitOk;
+  }
+  fmt::print("{}: runs on the built-in engine\n", options.file);
+  print_policy(*about);
+  if (about->contains("robot")) {
+    for (const auto& difference : (*about)["differences"]) print_line("differs", difference.get<std::string>());
+    const auto& robot = (*about)["robot"];
+    print_line("fits", fmt::format("{}: {} values in, {} out", robot["name"].get<std::string>(),
+                                   robot["values_in"].get<std::size_t>(), robot["values_out"].get<std::size_t>()));
+  }
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_policy_check(CLI::App& policy, int& exit_code) {
+  CLI::App* command = policy.add_subcommand(
+      "check", "Say what an ONNX policy or a LEAPP bundle is, and whether a policy fits a robot.");
+  auto options = std::make_shared<PolicyCheckOptions>();
+  command->add_option("FILE", options->file, "ONNX file, or the YAML of a LEAPP bundle (alone)")->required();
+  command->add_option("--robot", options->robot, "robot file whose terms, actions and tensor names it must fit");
+  command->add_flag("--json", options->json, "one line of JSON");
+  command->footer(
+      "Example: takt policy check config/arm6_reach.onnx --robot config/arm6.yaml\n"
+      "Exit codes: 0 runs (and fits), 64 command line, 65 not, with the reason.");
+  command->callback([options, &exit_code] { exit_code = check_policy(*options); });
+}
+
+}  // namespace takt::cli

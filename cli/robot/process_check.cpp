@@ -1,0 +1,24 @@
+#include "cli/robot/process_check.hpp"
+
+#include "policy_host/onnx_policy.hpp"
+#include "policy_host/policy_fit.hpp"
+#include "simulation/robot_plant.hpp"
+
+namespace takt::cli {
+
+std::string refused_by_policy_host(const config::RobotConfig& robot) {
+  if (!robot.policy || !robot.policy->file.ends_with(".onnx")) return {};
+  if (const auto fine = policy_host::check_policy_section(robot); !fine) return fine.error();
+  const auto policy = policy_host::load_onnx_policy(robot.policy->file, robot.policy->input, robot.policy->output);
+  if (!policy) return policy.error();
+  const auto fits = policy_host::check_fit(robot, **policy);
+  return fits ? "" : fits.error();
+}
+
+std::string refused_by_plant(const config::RobotConfig& robot) {
+  if (!robot.simulation) return {};
+  const auto plant = plant::RobotPlant::make(robot);
+  return plant ? "" : plant.error();
+}
+
+}  // namespace takt::cli

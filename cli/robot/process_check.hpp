@@ -1,0 +1,15 @@
+// What takt-policy-host and takt-plant would refuse of a robot file at their start: said before anything is started.
+#pragma once
+
+#include <string>
+
+#include "config/robot_config.hpp"
+
+namespace takt::cli {
+
+// One problem per line; empty: none. A policy that is no ONNX file is another host's, and `simulation` is looked at as
+// the plant does that plays the robot itself, without --world.
+std::string refused_by_policy_host(const config::RobotConfig& robot);
+std::string refused_by_plant(const config::RobotConfig& robot);
+
+}  // namespace takt::cli

@@ -1,0 +1,224 @@
+#include "policy_host/leapp/leapp_bundle.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+
+#include "config/document.hpp"
+
+namespace takt::policy_host {
+namespace {
+
+using config::Entry;
+using config::Node;
+using config::Problems;
+using Kind = config::Node::Kind;
+
+constexpr std::string_view kTimeAxis = "__temporal_axis__";
+
+const LeappTensor* find_tensor(const std::vector<LeappTensor>& tensors, std::string_view name) {
+  const auto found = std::ranges::find(tensors, name, &LeappTensor::name);
+  return found == tensors.end() ? nullptr : &*found;
+}
+
+class Reader {
+ public:
+  explicit Reader(Problems& problems) : problems_(problems) {}
+
+  LeappBundle read(const Node& root) {
+    if (const Node* models = need(root, "models", Kind::map)) {
+      for (const Entry& entry : models->entries) bundle_.nodes.push_back(read_node(entry));
+    }
+    if (const Node* pipeline = need(root, "pipeline", Kind::map)) read_pipeline(*pipeline);
+    if (const Node* system = root.find("system information"))
+      bundle_.version = text_of(system->find("leapp config version"));
+    note_unread(root, "the file", std::array<std::string_view, 4>{"models", "pipeline", "system information", "agile"});
+    check_inputs(root);
+    return std::move(bundle_);
+  }
+
+ private:
+  const Node* need(const Node& map, std::string_view key, Kind kind) {
+    const Node* node = map.find(key);
+    if (node && node->kind == kind) return node;
+    problems_.add(node ? node->place : map.place,
+                  fmt::format("`{}` is missing or no {}; export the bundle again", key, config::kind_name(kind)));
+    return nullptr;
+  }
+
+  static std::string text_of(const Node* node) { return node && node->kind == Kind::scalar ? node->text : ""; }
+
+  std::string need_text(const Node& map, std::string_view key) { return text_of(need(map, key, Kind::scalar)); }
+
+  template <class Number>
+  std::optional<Number> number(const Node* node) {
+    if (!node || node->kind == Kind::null) return std::nullopt;
+    Number value{};
+    const std::string& text = node->text;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (node->kind == Kind::scalar && error == std::errc() && end == text.data() + text.size()) return value;
+    problems_.add(node->place, fmt::format("'{}' is not a number; export the bundle again", text));
+    return std::nullopt;
+  }
+
+  void note_unread(const Node& map, const std::string& where, const auto& known) {
+    for (const Entry& entry : map.entries) {
+      if (std::ranges::find(known, entry.key.text) == known.end()) {
+        bundle_.notes.push_back(fmt::format("{}: `{}` is not read", where, entry.key.text));
+      }
+    }
+  }
+
+  LeappNode read_node(const Entry& entry) {
+    LeappNode node;
+    node.name = entry.key.text;
+    if (const Node* inputs = need(entry.value, "inputs", Kind::sequence)) node.inputs = read_tensors(*inputs);
+    if (const Node* outputs = need(entry.value, "outputs", Kind::sequence)) node.outputs = read_tensors(*outputs);
+    if (const Node* parameters = need(entry.value, "parameters", Kind::map)) {
+      node.model_path = need_text(*parameters, "model_path");
+      node.backend = need_text(*parameters, "backend");
+      node.sha256 = text_of(parameters->find("sha256sum"));
+      node.md5 = text_of(parameters->find("md5sum"));
+      node.opset = number<int>(parameters->find("opset_version"));
+      note_unread(*parameters, node.name,
+                  std::array<std::string_view, 6>{"model_path", "backend", "sha256sum", "md5sum", "opset_version",
+                                                  "tensorrt_compatible"});
+    }
+    return node;
+  }
+
+  std::vector<LeappTensor> read_tensors(const Node& list) {
+    std::vector<LeappTensor> tensors;
+    for (const Node& item : list.items) tensors.push_back(read_tensor(item));
+    return tensors;
+  }
+
+  LeappTensor read_tensor(const Node& item) {
+    LeappTensor tensor;
+    tensor.name = need_text(item, "name");
+    tensor.dtype = need_text(item, "dtype");
+    if (const Node* shape = need(item, "shape", Kind::sequence)) {
+      for (const Node& size : shape->items) tensor.shape.push_back(number<std::int64_t>(&size).value_or(0));
+    }
+    tensor.kind = text_of(item.find("kind"));
+    tensor.temporal_period_ms = number<double>(item.find("temporal_period_ms"));
+    if (const Node* names = item.find("element_names")) read_names(*names, tensor);
+    note_unread(item, tensor.name,
+                std::array<std::string_view, 8>{"name", "dtype", "shape", "type", "kind", "element_names",
+                                                "temporal_period_ms", "isaaclab_connection"});
+    return tensor;
+  }
+
+  void read_names(const Node& dimensions, LeappTensor& tensor) {
+    for (const Node& dimension : dimensions.items) {
+      if (dimension.text == kTimeAxis) tensor.temporal = true;
+      if (dimension.kind != Kind::sequence) continue;
+      std::vector<std::string> names;
+      for (const Node& name : dimension.items) names.push_back(name.text);
+      if (names.size() == 1 && names.front() == kTimeAxis) {
+        tensor.temporal = true;
+        continue;
+      }
+      const auto size = static_cast<std::int64_t>(names.size());
+      if (std::ranges::find(tensor.shape, size) == tensor.shape.end()) {
+        bundle_.notes.push_back(fmt::format("{}: {} names for {} values; which is which the file does not say",
+                                            tensor.name, size, tensor.shape.empty() ? 1 : tensor.shape.back()));
+      }
+      tensor.element_names.push_back(std::move(names));
+    }
+  }
+
+  void read_pipeline(const Node& pipeline) {
+    if (const Node* flow = pipeline.find("data_flow")) read_flows(*flow, bundle_.data_flow);
+    const Node* feedback = pipeline.find("feedback_flow");
+    if (!feedback) feedback = pipeline.find("feedback_connections");
+    if (feedback) read_flows(*feedback, bundle_.feedback);
+    bundle_.initial_values = text_of(pipeline.find("initial_values"));
+    if (const Node* ports = need(pipeline, "inputs", Kind::map)) read_ports(*ports, bundle_.inputs, true);
+    if (const Node* ports = need(pipeline, "outputs", Kind::map)) read_ports(*ports, bundle_.outputs, false);
+    if (const Node* configs = pipeline.find("configs"))
+      bundle_.frequency_hz = number<double>(configs->find("frequency"));
+    if (!bundle_.feedback.empty() && bundle_.initial_values.empty()) {
+      bundle_.notes.push_back("the feedback's start values are not given");
+    }
+    note_unread(pipeline, "pipeline",
+                std::array<std::string_view, 7>{"data_flow", "feedback_flow", "feedback_connections", "initial_values",
+                                                "inputs", "outputs", "configs"});
+  }
+
+  const LeappTensor* tensor_at(const Node& node, const LeappPort& port, bool input) {
+    const auto found = std::ranges::find(bundle_.nodes, port.node, &LeappNode::name);
+    const LeappTensor* tensor =
+        found == bundle_.nodes.end() ? nullptr : find_tensor(input ? found->inputs : found->outputs, port.tensor);
+    if (!tensor) {
+      problems_.add(node.place, fmt::format("model '{}' has no {} '{}'; export the bundle again", port.node,
+                                            input ? "input" : "output", port.tensor));
+    }
+    return tensor;
+  }
+
+  // A tensor's name holds no slash, a node's may.
+  static LeappPort port_of(const std::string& text) {
+    const std::size_t slash = text.rfind('/');
+    return slash == std::string::npos ? LeappPort{text, ""} : LeappPort{text.substr(0, slash), text.substr(slash + 1)};
+  }
+
+  void read_flows(const Node& flows, std::vector<LeappFlow>& into) {
+    for (const Entry& entry : flows.entries) {
+      const LeappPort from = port_of(entry.key.text);
+      const LeappTensor* source = tensor_at(entry.key, from, false);
+      for (const Node& target : entry.value.items) {
+        const LeappPort to = port_of(target.text);
+        const LeappTensor* sink = tensor_at(target, to, true);
+        if (source && sink && source->shape != sink->shape) {
+          problems_.add(target.place, fmt::format("'{}' and '{}' differ in shape; export the bundle again",
+                                                  entry.key.text, target.text));
+        }
+        into.push_back({from, to});
+      }
+    }
+  }
+
+  void read_ports(const Node& nodes, std::vector<LeappPort>& into, bool input) {
+    for (const Entry& entry : nodes.entries) {
+      for (const Node& tensor : entry.value.items) {
+        const LeappPort port{entry.key.text, tensor.text};
+        if (tensor_at(tensor, port, input)) into.push_back(port);
+      }
+    }
+  }
+
+  void check_inputs(const Node& root) {
+    for (const LeappNode& node : bundle_.nodes) {
+      for (const LeappTensor& input : node.inputs) {
+        const LeappPort port{node.name, input.name};
+        auto feeds = std::ranges::count(bundle_.inputs, port);
+        feeds += std::ranges::count(bundle_.data_flow, port, &LeappFlow::to);
+        feeds += std::ranges::count(bundle_.feedback, port, &LeappFlow::to);
+        if (feeds == 1) continue;
+        problems_.add(root.place, fmt::format("input '{}' of model '{}' is fed {}; a value would have to be guessed",
+                                              input.name, node.name, feeds == 0 ? "by nothing" : "more than once"));
+      }
+    }
+  }
+
+  Problems& problems_;
+  LeappBundle bundle_;
+};
+
+}  // namespace
+
+std::expected<LeappBundle, std::string> read_leapp_bundle(std::string_view text, const std::string& name_for_messages) {
+  Problems problems(name_for_messages);
+  const Node root = config::read_document(text, config::Tags::refuse, problems);
+  if (problems.empty() && root.kind != Kind::map)
+    problems.add(root.place, "is no map; is it the YAML of a LEAPP bundle?");
+  if (!problems.empty()) return std::unexpected(problems.text());
+  LeappBundle bundle = Reader(problems).read(root);
+  if (!problems.empty()) return std::unexpected(problems.text());
+  return bundle;
+}
+
+}  // namespace takt::policy_host

@@ -1,0 +1,109 @@
+// Conv over one or two dimensions: the input's patches, gathered as the panels of a right-hand matrix, times the
+// kernels.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include "policy_host/onnx/operators.hpp"
+#include "policy_host/onnx/panels.hpp"
+#include "policy_host/onnx/window.hpp"
+
+namespace takt::onnx_engine {
+
+namespace {
+
+constexpr std::uint32_t padding = std::numeric_limits<std::uint32_t>::max();
+
+// For each element of the packed patches of one group, in the order of pack_panels: where in the group's planes it is.
+std::vector<std::uint32_t> patch_table(const Window& window, std::size_t channels) {
+  const std::size_t inner = channels * window.kernel_size();
+  const std::size_t columns = window.output_size();
+  std::vector<std::uint32_t> table;
+  table.reserve(packed_size(inner, columns));
+  for (std::size_t first = 0; first < columns; first += panel_columns) {
+    for (std::size_t k = 0; k < inner; ++k) {
+      const std::size_t plane = k / window.kernel_size() * window.input_size();
+      for (std::size_t position = first; position < first + panel_columns; ++position) {
+        const std::int64_t source = position < columns ? window.source(position, k % window.kernel_size()) : -1;
+        table.push_back(source < 0 ? padding : static_cast<std::uint32_t>(plane + static_cast<std::size_t>(source)));
+      }
+    }
+  }
+  return table;
+}
+
+struct Convolution {
+  std::vector<std::uint32_t> table;
+  std::size_t batch, groups;
+  std::size_t group_input;  // elements of one group's planes
+  std::size_t kernels;      // of one group
+  std::size_t inner, columns;
+  const float* from;
+  const float* weights;
+  const float* bias;  // one per kernel, or null
+  float* patches;
+  float* to;
+
+  void run() const noexcept {
+    float* out = to;
+    const float* in = from;
+    for (std::size_t b = 0; b < batch; ++b) {
+      for (std::size_t g = 0; g < groups; ++g, in += group_input, out += kernels * columns) {
+        for (std::size_t i = 0; i < table.size(); ++i) patches[i] = table[i] == padding ? 0.0F : in[table[i]];
+        multiply_panels(weights + g * kernels * inner, patches, kernels, inner, columns, out);
+        for (std::size_t k = 0; bias != nullptr && k < kernels; ++k) {
+          for (std::size_t c = 0; c < columns; ++c) out[k * columns + c] += bias[g * kernels + k];
+        }
+      }
+    }
+  }
+};
+
+}  // namespace
+
+void build_conv(Builder& builder, const Node& node) {
+  const Value& in = node.float_input(0);
+  const Value& weight = node.float_input(1);
+  const Value* bias = node.has_input(2) ? &node.float_input(2) : nullptr;
+  const Shape& w = weight.shape;
+  if (w.size() != in.shape.size() || w.size() < 3) {
+    node.refuse(fmt::format("kernels of shape {} do not fit an input of shape {}", to_text(w), to_text(in.shape)));
+  }
+  const Window window = read_window(node, in.shape, Shape(w.begin() + 2, w.end()));
+  const std::int64_t groups = node.integer("group", 1);
+  if (groups < 1 || groups > in.shape[1] || w[0] % groups != 0 || in.shape[1] % groups != 0 ||
+      in.shape[1] / groups != w[1]) {
+    node.refuse(fmt::format("kernels of shape {} in {} groups do not fit an input of shape {}", to_text(w), groups,
+                            to_text(in.shape)));
+  }
+  if (bias != nullptr && elements(bias->shape) != static_cast<std::size_t>(w[0])) {
+    node.refuse(fmt::format("a bias of shape {} does not fit {} kernels", to_text(bias->shape), w[0]));
+  }
+  const auto channels = static_cast<std::size_t>(w[1]);
+  const std::size_t inner = channels * window.kernel_size();
+  Value& out = builder.define_floats(node.output(), window.output_shape(in.shape[0], w[0]));
+  if (checked_elements({static_cast<std::int64_t>(inner), static_cast<std::int64_t>(window.output_size())}) < 0) {
+    node.refuse("its patches are larger than this engine holds");
+  }
+  const std::size_t patches = packed_size(inner, window.output_size());
+  builder.charge(patches * sizeof(std::uint32_t));
+  Convolution convolution{.table = patch_table(window, channels),
+                          .batch = static_cast<std::size_t>(in.shape[0]),
+                          .groups = static_cast<std::size_t>(groups),
+                          .group_input = channels * window.input_size(),
+                          .kernels = static_cast<std::size_t>(w[0] / groups),
+                          .inner = inner,
+                          .columns = window.output_size(),
+                          .from = in.floats,
+                          .weights = weight.floats,
+                          .bias = bias == nullptr ? nullptr : bias->floats,
+                          .patches = builder.allocate(patches),
+                          .to = out.floats};
+  std::vector<const Value*> sources{&in, &weight};
+  if (bias != nullptr) sources.push_back(bias);
+  builder.compute(out, sources, [convolution = std::move(convolution)]() noexcept { convolution.run(); });
+}
+
+}  // namespace takt::onnx_engine

@@ -1,0 +1,186 @@
+#include "policy_host/onnx_runtime/onnx_runtime.hpp"
+
+#include <dlfcn.h>
+#include <fmt/format.h>
+
+#include <functional>
+#include <numeric>
+#include <utility>
+
+namespace takt::onnx_runtime {
+
+namespace {
+
+// The functions used, by their place in the library's table. New functions are only ever added behind the old ones, so
+// that these places are the same in every version (onnxruntime_c_api.h, struct OrtApi).
+enum class Place : std::size_t {
+  get_error_message = 2,
+  create_env = 3,
+  create_session = 7,
+  run = 9,
+  create_session_options = 10,
+  set_intra_op_threads = 24,
+  set_inter_op_threads = 25,
+  create_tensor_with_data = 49,
+  create_cpu_memory_info = 69,
+  release_env = 92,
+  release_status = 93,
+  release_memory_info = 94,
+  release_session = 95,
+  release_value = 96,
+  release_session_options = 100,
+};
+
+using Table = void* const*;
+using Status = void*;  // null: fine
+
+struct Base {
+  Table (*table)(std::uint32_t version) noexcept;
+  const char* (*version)() noexcept;
+};
+
+constexpr std::uint32_t kFirstVersion = 1;
+constexpr int kErrorsOnly = 3;
+constexpr int kFloat = 1;
+constexpr int kArenaAllocator = 1;
+constexpr int kDefaultMemory = 0;
+
+}  // namespace
+
+class Library {
+ public:
+  Library(const Base* base, Table table) : base_(base), table_(table) {}
+  Library(const Library&) = delete;
+  Library& operator=(const Library&) = delete;
+  ~Library() {
+    release(Place::release_memory_info, memory);
+    release(Place::release_session_options, options);
+    release(Place::release_env, environment);
+    // The library keeps threads and thread-local state: it stays loaded.
+  }
+
+  std::string version() const { return base_->version(); }
+
+  template <class... Parameters, class... Arguments>
+  std::expected<void, std::string> call(Place place, Arguments... arguments) const {
+    const auto function = reinterpret_cast<Status (*)(Parameters...)>(table_[static_cast<std::size_t>(place)]);
+    const Status status = function(arguments...);
+    if (status == nullptr) return {};
+    const auto message =
+        reinterpret_cast<const char* (*)(Status)>(table_[static_cast<std::size_t>(Place::get_error_message)]);
+    std::string said = message(status);
+    release(Place::release_status, status);
+    for (char& c : said) c = c == '\n' ? ' ' : c;
+    return std::unexpected("ONNX Runtime: " + said);
+  }
+
+  void release(Place place, void* object) const noexcept {
+    if (object != nullptr) reinterpret_cast<void (*)(void*)>(table_[static_cast<std::size_t>(place)])(object);
+  }
+
+  std::expected<void, std::string> set_up() {
+    auto done = call<int, const char*, void**>(Place::create_env, kErrorsOnly, "takt", &environment);
+    if (done) done = call<void**>(Place::create_session_options, &options);
+    if (done) done = call<void*, int>(Place::set_intra_op_threads, options, 1);
+    if (done) done = call<void*, int>(Place::set_inter_op_threads, options, 1);
+    if (done) done = call<int, int, void**>(Place::create_cpu_memory_info, kArenaAllocator, kDefaultMemory, &memory);
+    return done;
+  }
+
+  void* environment = nullptr;
+  void* options = nullptr;
+  void* memory = nullptr;
+
+ private:
+  const Base* base_;
+  Table table_;
+};
+
+struct Session::Parts {
+  std::shared_ptr<Library> library;
+  void* session = nullptr;
+  std::vector<Tensor> inputs, outputs;
+  std::vector<const char*> input_names, output_names;
+  std::vector<void*> input_values, output_values;
+
+  ~Parts() {
+    for (void* value : input_values) library->release(Place::release_value, value);
+    for (void* value : output_values) library->release(Place::release_value, value);
+    library->release(Place::release_session, session);
+  }
+
+  std::expected<void, std::string> bind(std::vector<Tensor>& tensors, std::vector<const char*>& names,
+                                        std::vector<void*>& values) const {
+    for (Tensor& tensor : tensors) {
+      const std::int64_t count =
+          std::accumulate(tensor.shape.begin(), tensor.shape.end(), std::int64_t{1}, std::multiplies<>());
+      tensor.values.assign(static_cast<std::size_t>(count), 0.0F);
+      names.push_back(tensor.name.c_str());
+      values.push_back(nullptr);
+      const auto made = library->call<void*, void*, std::size_t, const std::int64_t*, std::size_t, int, void**>(
+          Place::create_tensor_with_data, library->memory, tensor.values.data(), tensor.values.size() * sizeof(float),
+          tensor.shape.data(), tensor.shape.size(), kFloat, &values.back());
+      if (!made) return made;
+    }
+    return {};
+  }
+};
+
+Session::Session(std::unique_ptr<Parts> parts) noexcept : parts_(std::move(parts)) {}
+Session::Session(Session&&) noexcept = default;
+Session::~Session() = default;
+
+std::span<Tensor> Session::inputs() noexcept {
+  return parts_->inputs;
+}
+std::span<Tensor> Session::outputs() noexcept {
+  return parts_->outputs;
+}
+
+std::expected<void, std::string> Session::run() {
+  return parts_->library
+      ->call<void*, void*, const char* const*, void* const*, std::size_t, const char* const*, std::size_t, void**>(
+          Place::run, parts_->session, nullptr, parts_->input_names.data(), parts_->input_values.data(),
+          parts_->input_values.size(), parts_->output_names.data(), parts_->output_values.size(),
+          parts_->output_values.data());
+}
+
+OnnxRuntime::OnnxRuntime(std::shared_ptr<Library> library) : library_(std::move(library)) {}
+OnnxRuntime::OnnxRuntime(OnnxRuntime&&) noexcept = default;
+OnnxRuntime::~OnnxRuntime() = default;
+
+std::expected<OnnxRuntime, std::string> OnnxRuntime::open(const std::filesystem::path& library) {
+  const std::filesystem::path path = std::filesystem::absolute(library);
+  void* handle = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
+  if (handle == nullptr) return std::unexpected(fmt::format("{}: cannot be loaded: {}", library.string(), dlerror()));
+  const auto entry = reinterpret_cast<const Base* (*)()>(dlsym(handle, "OrtGetApiBase"));
+  const Base* base = entry == nullptr ? nullptr : entry();
+  const Table table = base == nullptr ? nullptr : base->table(kFirstVersion);
+  if (table == nullptr) {
+    dlclose(handle);
+    return std::unexpected(fmt::format("{}: is not ONNX Runtime; name its libonnxruntime.so", library.string()));
+  }
+  auto opened = std::make_shared<Library>(base, table);
+  if (const auto ready = opened->set_up(); !ready) return std::unexpected(ready.error());
+  return OnnxRuntime(std::move(opened));
+}
+
+std::string OnnxRuntime::version() const {
+  return library_->version();
+}
+
+std::expected<Session, std::string> OnnxRuntime::load(const std::filesystem::path& model, std::vector<Tensor> inputs,
+                                                      std::vector<Tensor> outputs) const {
+  auto parts = std::make_unique<Session::Parts>();
+  parts->library = library_;
+  parts->inputs = std::move(inputs);
+  parts->outputs = std::move(outputs);
+  auto done = library_->call<void*, const char*, void*, void**>(Place::create_session, library_->environment,
+                                                                model.c_str(), library_->options, &parts->session);
+  if (done) done = parts->bind(parts->inputs, parts->input_names, parts->input_values);
+  if (done) done = parts->bind(parts->outputs, parts->output_names, parts->output_values);
+  if (!done) return std::unexpected(done.error());
+  return Session(std::move(parts));
+}
+
+}  // namespace takt::onnx_runtime

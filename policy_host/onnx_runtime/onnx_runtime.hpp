@@ -1,0 +1,62 @@
+// ONNX Runtime as a second opinion on what the built-in engine computes, and on how long it takes: a shared library
+// that the reader has, opened at run time. Takt neither links nor ships it.
+//
+// One thread, sequential execution. Works with any libonnxruntime since 1.0 on Linux, x86-64 and aarch64. The library
+// runs in this process and is trusted as much as any other that one loads.
+//
+// Threads: one thread at a time per OnnxRuntime and its sessions. Sessions must not outlive it.
+#pragma once
+
+#include <cstdint>
+#include <expected>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace takt::onnx_runtime {
+
+// A float32 tensor of a model by name; `values` is its storage, as many floats as the shape says, and stays where it
+// is.
+struct Tensor {
+  std::string name;
+  std::vector<std::int64_t> shape;
+  std::vector<float> values;
+};
+
+class Library;
+
+class Session {
+ public:
+  struct Parts;
+  explicit Session(std::unique_ptr<Parts> parts) noexcept;
+  Session(Session&&) noexcept;
+  ~Session();
+
+  std::span<Tensor> inputs() noexcept;     // write the values before run()
+  std::span<Tensor> outputs() noexcept;    // read the values after it
+  std::expected<void, std::string> run();  // the error is ONNX Runtime's own sentence
+
+ private:
+  std::unique_ptr<Parts> parts_;
+};
+
+class OnnxRuntime {
+ public:
+  // `library`: path of libonnxruntime.so. The error is one line.
+  static std::expected<OnnxRuntime, std::string> open(const std::filesystem::path& library);
+  OnnxRuntime(OnnxRuntime&&) noexcept;
+  ~OnnxRuntime();
+
+  std::string version() const;
+  // Tensors as the model declares them, by name, with fixed shapes.
+  std::expected<Session, std::string> load(const std::filesystem::path& model, std::vector<Tensor> inputs,
+                                           std::vector<Tensor> outputs) const;
+
+ private:
+  explicit OnnxRuntime(std::shared_ptr<Library> library);
+  std::shared_ptr<Library> library_;
+};
+
+}  // namespace takt::onnx_runtime

@@ -1,0 +1,135 @@
+#include "simulation/model_survey.hpp"
+
+#ifndef TAKT_HAS_MUJOCO
+
+namespace takt::plant {
+
+std::expected<config::ModelFacts, std::string> survey_model(const std::string& path) {
+  return std::unexpected(path + ": this build has no MuJoCo to read it; install libmujoco-dev and build again");
+}
+
+}  // namespace takt::plant
+
+#else
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <regex>
+
+#include "config/units.hpp"
+#include "simulation/mujoco_model.hpp"
+
+namespace takt::plant {
+namespace {
+
+using config::ModelJoint;
+
+std::string name_of(const mjModel& model, int type, int id) {
+  const char* const name = mj_id2name(&model, type, id);
+  return name == nullptr ? "" : name;
+}
+
+// What MuJoCo 2.2.2 does not know of a joint it keeps as the joint's user data, defaults of classes and all.
+std::string with_forces_as_user_data(const std::string& text) {
+  return std::regex_replace(text, std::regex(R"(\bactuatorfrcrange(\s*=))"), "user$1");
+}
+
+std::optional<double> smaller_end(const mjtNum* range) {
+  const double least = std::min(std::abs(range[0]), std::abs(range[1]));
+  return least > 0 ? std::optional(least) : std::nullopt;
+}
+
+std::optional<double> actuator_torque(const mjModel& model, int joint) {
+  for (int i = 0; i < model.nu; ++i) {
+    if (model.actuator_trntype[i] != mjTRN_JOINT || model.actuator_trnid[std::ptrdiff_t{2} * i] != joint) continue;
+    const double gear = std::abs(model.actuator_gear[std::ptrdiff_t{6} * i]);
+    const bool is_motor = model.actuator_biastype[i] == mjBIAS_NONE;
+    const auto force =
+        model.actuator_forcelimited[i] != 0 ? smaller_end(model.actuator_forcerange + std::ptrdiff_t{2} * i)
+        : is_motor && model.actuator_ctrllimited[i] != 0 ? smaller_end(model.actuator_ctrlrange + std::ptrdiff_t{2} * i)
+                                                         : std::nullopt;
+    if (force) return *force * gear;
+  }
+  return std::nullopt;
+}
+
+double effective_inertia(const mjModel& model, mjData& data, int joint) {
+  std::vector<mjtNum> torque(static_cast<std::size_t>(model.nv), 0.0), answer(static_cast<std::size_t>(model.nv));
+  const int dof = model.jnt_dofadr[joint];
+  torque[static_cast<std::size_t>(dof)] = 1;
+  mj_solveM(&model, &data, answer.data(), torque.data(), 1);
+  return 1 / answer[static_cast<std::size_t>(dof)];
+}
+
+// URDF's <limit effort velocity>, which MuJoCo 2.2.2 passes over.
+void read_urdf_limits(const std::string& text, std::vector<ModelJoint>& joints) {
+  const std::regex joint_element(R"re(<joint\b[^>]*\bname\s*=\s*["']([^"']+)["'][^>]*>([\s\S]*?)</joint>)re");
+  for (std::sregex_iterator at(text.begin(), text.end(), joint_element), end; at != end; ++at) {
+    const std::string body = at->str(2);
+    const auto joint = std::ranges::find(joints, at->str(1), &ModelJoint::name);
+    std::smatch limit, value;
+    if (joint == joints.end() || !std::regex_search(body, limit, std::regex(R"(<limit\b[^>]*>)"))) continue;
+    const std::string limits = limit.str();
+    const auto attribute = [&](const char* name) -> std::optional<double> {
+      if (!std::regex_search(limits, value, std::regex(fmt::format(R"re(\b{}\s*=\s*["']([^"']+)["'])re", name))))
+        return std::nullopt;
+      const auto number = config::parse_number(value.str(1));
+      return number && *number > 0 ? std::optional(*number) : std::nullopt;
+    };
+    joint->torque = attribute("effort");
+    joint->velocity = attribute("velocity");
+  }
+}
+
+std::string imu_site_of(const mjModel& model) {
+  for (int i = 0; i < model.nsensor; ++i)
+    if (model.sensor_type[i] == mjSENS_GYRO) return name_of(model, mjOBJ_SITE, model.sensor_objid[i]);
+  for (int i = 0; i < model.nsite; ++i)
+    if (const std::string name = name_of(model, mjOBJ_SITE, i); name.find("imu") != std::string::npos) return name;
+  return {};
+}
+
+int keyframe_of(const mjModel& model) {
+  for (const char* name : {"home", "stand"})
+    if (const int id = mj_name2id(&model, mjOBJ_KEY, name); id >= 0) return id;
+  return model.nkey > 0 && !name_of(model, mjOBJ_KEY, 0).empty() ? 0 : -1;
+}
+
+ModelJoint joint_of(const mjModel& model, mjData& data, int id) {
+  ModelJoint joint;
+  joint.name = name_of(model, mjOBJ_JOINT, id);
+  joint.inertia = effective_inertia(model, data, id);
+  const mjtNum* const range = model.jnt_range + std::ptrdiff_t{2} * id;
+  if (model.jnt_limited[id] != 0) joint.position = {range[0], range[1]};
+  if (model.nuser_jnt >= 2) joint.torque = smaller_end(model.jnt_user + std::ptrdiff_t{model.nuser_jnt} * id);
+  if (!joint.torque) joint.torque = actuator_torque(model, id);
+  return joint;
+}
+
+}  // namespace
+
+std::expected<config::ModelFacts, std::string> survey_model(const std::string& path) {
+  const auto text = read_model_file(path);
+  if (!text) return std::unexpected(text.error());
+  const auto loaded = load_model(with_forces_as_user_data(*text), path);
+  if (!loaded) return std::unexpected(loaded.error());
+  const mjModel& model = *loaded->model;
+  const std::unique_ptr<mjData, DeleteData> data(mj_makeData(&model));
+  const int keyframe = keyframe_of(model);
+  if (keyframe >= 0) mj_resetDataKeyframe(&model, data.get(), keyframe);
+  mj_forward(&model, data.get());
+  config::ModelFacts facts;
+  for (int id = 0; id < model.njnt; ++id)
+    if (model.jnt_type[id] == mjJNT_HINGE) facts.joints.push_back(joint_of(model, *data, id));
+  if (facts.joints.empty()) return std::unexpected(path + ": has no hinge that a drive could move");
+  if (text->find("<robot") != std::string::npos) read_urdf_limits(*text, facts.joints);
+  if (keyframe >= 0) facts.keyframe = name_of(model, mjOBJ_KEY, keyframe);
+  facts.imu_site = imu_site_of(model);
+  return facts;
+}
+
+}  // namespace takt::plant
+
+#endif

@@ -1,0 +1,65 @@
+#include "simulation/mujoco_model.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <utility>
+
+#include "simulation/mjcf_file.hpp"
+
+namespace takt::plant {
+namespace {
+
+// By itself MuJoCo writes a file into the working directory and goes on from the initial state.
+void keep_quiet() {
+  mju_user_warning = [](const char*) {};
+}
+
+// MuJoCo reads files; this one lives as long as the object.
+class TemporaryFile {
+ public:
+  explicit TemporaryFile(const std::string& text)
+      : path_(std::filesystem::temp_directory_path() / "takt-mjcf-XXXXXX.xml") {
+    const int file = mkstemps(path_.data(), 4);
+    if (file >= 0) close(file);
+    std::ofstream(path_) << text;
+  }
+  TemporaryFile(const TemporaryFile&) = delete;
+  TemporaryFile& operator=(const TemporaryFile&) = delete;
+  ~TemporaryFile() { unlink(path_.c_str()); }
+  [[nodiscard]] const char* path() const { return path_.c_str(); }
+
+ private:
+  std::string path_;
+};
+
+}  // namespace
+
+std::expected<std::string, std::string> read_model_file(const std::string& path) {
+  std::ifstream file(path);
+  if (!file) return std::unexpected(path + ": cannot be read; name an MJCF file as simulation.mujoco.model");
+  std::ostringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+std::expected<LoadedModel, std::string> load_model(std::string text, const std::string& path) {
+  keep_quiet();
+  MendedMjcf mended =
+      mend_mjcf(std::move(text), std::filesystem::absolute(path).parent_path().lexically_normal().string());
+  char error[1000] = "";
+  const TemporaryFile copy(mended.text);
+  LoadedModel loaded{std::unique_ptr<mjModel, DeleteModel>(mj_loadXML(copy.path(), nullptr, error, sizeof error)),
+                     std::move(mended.mended)};
+  if (loaded.model) return loaded;
+  std::string sentence = error;
+  std::ranges::replace(sentence, '\n', ' ');
+  return std::unexpected(fmt::format("{}: MuJoCo {} refuses it: {}", path, mj_versionString(), sentence));
+}
+
+}  // namespace takt::plant

@@ -1,0 +1,107 @@
+// Goal: `takt policy` says what a policy file is and whether it fits a robot, before anything moves, and ends with the
+// documented exit codes. Method: the real binary on the demo's policies and on files that are none.
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "tests/cli/shell.hpp"
+
+namespace takt::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using test::Ended;
+
+class PolicyCli : public test::Shell {};
+
+TEST_F(PolicyCli, CheckSaysWhatAPolicyIsAndThatItFits) {
+  const Ended ended = takt("policy check config/arm6_reach.onnx --robot config/arm6.yaml");
+  EXPECT_EQ(ended.exit_code, 0) << ended.output;
+  for (const char* part :
+       {"runs on the built-in engine", "opset ", "operators ", "observation ", "actions ", "fits "}) {
+    EXPECT_NE(ended.output.find(part), std::string::npos) << part << " not in\n" << ended.output;
+  }
+}
+
+TEST_F(PolicyCli, CheckInJsonIsOneObject) {
+  const Ended ended = takt("policy check config/arm6_reach.onnx --json");
+  ASSERT_EQ(ended.exit_code, 0) << ended.output;
+  const auto about = nlohmann::json::parse(ended.output);
+  EXPECT_EQ(about["runs"], true);
+  EXPECT_TRUE(about["operators"].contains("Gemm")) << about;
+  EXPECT_EQ(about["observation"].size(), 1U);
+  EXPECT_TRUE(about["external_data"].empty());
+}
+
+TEST_F(PolicyCli, CheckRefusesThePolicyOfAnotherRobotWithBothSizes) {
+  const Ended ended = takt("policy check config/cart_pole_balance.onnx --robot config/arm6.yaml");
+  EXPECT_EQ(ended.exit_code, 65) << ended.output;
+  EXPECT_NE(ended.output.find("config/cart_pole_balance.onnx: "), std::string::npos) << ended.output;
+  EXPECT_NE(ended.output.find("values"), std::string::npos) << ended.output;
+}
+
+TEST_F(PolicyCli, CheckRefusesWhatIsNoPolicy) {
+  const Ended ended = takt("policy check README.md");
+  EXPECT_EQ(ended.exit_code, 65);
+  EXPECT_NE(ended.output.find("not an ONNX model"), std::string::npos) << ended.output;
+  const Ended json = takt("policy check " + in("absent.onnx") + " --json");
+  EXPECT_EQ(json.exit_code, 65);
+  EXPECT_EQ(nlohmann::json::parse(json.output)["runs"], false);
+}
+
+TEST_F(PolicyCli, CheckReadsALeappBundleAndItsModelsHash) {
+  fs::copy_file("config/arm6_reach.onnx", in("reach.onnx"));
+  const auto bundle = [&](const std::string& sha256) {
+    std::ofstream(in("reach.yaml"))
+        << "models:\n"
+           "  reach:\n"
+           "    inputs: [{name: obs, dtype: float32, shape: [1, 3], kind: state/vector3d}]\n"
+           "    outputs: [{name: q, dtype: float32, shape: [1, 6]}]\n"
+           "    parameters: {model_path: reach.onnx, backend: onnx, sha256sum: '"
+        << sha256
+        << "'}\n"
+           "pipeline: {inputs: {reach: [obs]}, outputs: {reach: [q]}}\n";
+  };
+  const Ended sum = shell("sha256sum " + in("reach.onnx"));
+  bundle(sum.output.substr(0, 64));
+  const Ended fine = takt("policy check " + in("reach.yaml"));
+  EXPECT_EQ(fine.exit_code, 0) << fine.output;
+  EXPECT_NE(fine.output.find("obs [1,3], state/vector3d"), std::string::npos) << fine.output;
+  EXPECT_NE(fine.output.find("sha256 as in the bundle"), std::string::npos) << fine.output;
+  bundle(std::string(64, '0'));
+  const Ended other = takt("policy check " + in("reach.yaml"));
+  EXPECT_EQ(other.exit_code, 65) << other.output;
+  EXPECT_NE(other.output.find("is not the bundle's 0000"), std::string::npos) << other.output;
+  EXPECT_EQ(takt("policy check " + in("reach.yaml") + " --json").exit_code, 64);
+  EXPECT_EQ(takt("policy check config/arm6.yaml").exit_code, 65) << "no bundle";
+}
+
+TEST_F(PolicyCli, TryMakesATableWithReasons) {
+  fs::create_directory(in("below"));
+  fs::copy_file("config/arm6_reach.onnx", in("below/reach.onnx"));
+  std::ofstream(in("bad.onnx")) << "no | model";
+  std::ofstream(in("script.pt")) << "PK";
+  const Ended printed = takt("policy try " + directory());
+  EXPECT_EQ(printed.exit_code, 0) << printed.output;
+  EXPECT_NE(printed.output.find("3 files, 1 load"), std::string::npos) << printed.output;
+  EXPECT_NE(printed.output.find("Not judged: no ONNX Runtime was named"), std::string::npos) << printed.output;
+  EXPECT_NE(printed.output.find("| below/reach.onnx | yes |"), std::string::npos) << printed.output;
+  EXPECT_NE(printed.output.find("| bad.onnx | no: not an ONNX model"), std::string::npos) << printed.output;
+  EXPECT_NE(printed.output.find("| script.pt | no: TorchScript"), std::string::npos) << printed.output;
+
+  const Ended written = takt("policy try " + directory() + " --out " + in("tried.md"));
+  EXPECT_EQ(written.exit_code, 0) << written.output;
+  EXPECT_TRUE(fs::exists(in("tried.md")));
+  EXPECT_EQ(takt("policy try " + directory() + " --out " + in("no/such/tried.md")).exit_code, 1);
+}
+
+TEST_F(PolicyCli, TryRefusesWhatItCannotDo) {
+  EXPECT_EQ(takt("policy try " + in("absent")).exit_code, 64);
+  EXPECT_EQ(takt("policy try " + directory()).exit_code, 1);
+  const Ended library = takt("policy try config --onnxruntime config/arm6.yaml");
+  EXPECT_EQ(library.exit_code, 69);
+  EXPECT_NE(library.output.find("config/arm6.yaml: cannot be loaded"), std::string::npos) << library.output;
+}
+
+}  // namespace
+}  // namespace takt::cli

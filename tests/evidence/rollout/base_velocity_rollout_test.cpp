@@ -1,0 +1,204 @@
+// Goal: a robot whose base moves by itself rolls out in virtual time as it runs: its IMU reaches tick and policy, a
+// person commands its velocity, it is judged by how it goes and whether it stands. Method: a box on two wheels of our
+// own with a policy written here; Unitree's G1 by its published policy where ../shared has them.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <array>
+#include <cmath>
+#include <fstream>
+#include <stdexcept>
+
+#include "config/load.hpp"
+#include "evidence/rollout/rollout.hpp"
+#include "policy_host/onnx_policy.hpp"
+#include "tests/evidence/rollout/g1_robot.hpp"
+
+namespace takt::panel {
+namespace {
+
+// Wheels as fast as the command asks; keeps what the IMU's terms said.
+class Driver final : public policy_host::Policy {
+ public:
+  [[nodiscard]] std::size_t input_size() const override { return 9; }
+  [[nodiscard]] std::size_t output_size() const override { return 2; }
+  void infer(std::span<const float> input, std::span<float> output) override {
+    std::copy_n(input.begin(), 9, seen.begin());
+    const float ahead = input[6] / 0.1F, turn = input[8] * 0.13F / 0.1F;
+    output[0] = ahead - turn;
+    output[1] = ahead + turn;
+  }
+  void reset() override {}
+  std::array<float, 9> seen{};
+};
+
+const config::RobotConfig& rover() {
+  static const config::RobotConfig robot = [] {
+    auto loaded = config::load("tests/evidence/rollout/rover.yaml");
+    if (!loaded) throw std::runtime_error(loaded.error());
+    return *loaded;
+  }();
+  return robot;
+}
+
+RolloutSetup setup_of(const config::RobotConfig& robot, policy_host::Policy& policy, std::string_view perturbation,
+                      double dose, std::uint64_t seed) {
+  return {.robot = robot,
+          .policy = policy,
+          .policy_hash = 1,
+          .task = Task::base_velocity,
+          .timing = {},
+          .perturbation = {find_perturbation(perturbation)->trouble, dose, seconds(4), seconds(3)},
+          .seed = seed,
+          .duration = seconds(8),
+          .scored = seconds(2),
+          .bound_m = 0.3};
+}
+
+RolloutRow run(const RolloutSetup& setup) {
+  RolloutRow row;
+  if (const auto done = run_rollout(setup, row); !done) throw std::runtime_error(done.error());
+  return row;
+}
+
+RolloutRow drive(std::string_view perturbation = "none", double dose = 0, std::uint64_t seed = 1) {
+  Driver driver;
+  return run(setup_of(rover(), driver, perturbation, dose, seed));
+}
+
+TEST(BaseVelocityRollout, GoesAsCommandedAndStands) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    const RolloutRow row = drive("none", 0, seed);
+    EXPECT_TRUE(row.success) << row.failure_label << ", seed " << seed << ", " << row.tracking_error_rms_m;
+    EXPECT_LT(row.tracking_error_rms_m, 0.1) << "m off, per second";
+    EXPECT_EQ(row.safety.entered_degraded, 0U);
+  }
+}
+
+TEST(BaseVelocityRollout, NotGoingIsATrackingError) {
+  Driver driver;
+  RolloutSetup setup = setup_of(rover(), driver, "policy_crash", 60'000, 1);
+  const RolloutRow lost = run(setup);
+  EXPECT_EQ(lost.failure_label, "command_lost");
+  EXPECT_NEAR(lost.tracking_error_rms_m, 0.5, 0.05) << "it stands, and is told to go";
+}
+
+TEST(BaseVelocityRollout, RepeatsItselfBitForBit) {
+  const RolloutRow one = drive("sensor_dropout", 0.5, 3), other = drive("sensor_dropout", 0.5, 3);
+  EXPECT_EQ(one.replay_hash, other.replay_hash);
+  EXPECT_EQ(one.tracking_error_rms_m, other.tracking_error_rms_m);
+  EXPECT_NE(one.replay_hash, drive("sensor_dropout", 0.5, 4).replay_hash);
+  EXPECT_NE(one.replay_hash, drive("sensor_dropout", 0.6, 3).replay_hash);
+}
+
+// Goal: what the IMU says reaches tick and policy with its stamp. Method: the records of a nominal rollout; the
+// policy's newest input.
+TEST(BaseVelocityRollout, TheImuReachesTickAndPolicy) {
+  Driver driver;
+  RolloutSetup setup = setup_of(rover(), driver, "none", 0, 1);
+  std::uint64_t ticks = 0, usable = 0;
+  Duration oldest;
+  setup.on_tick = [&](const TickRecord& record) {
+    ++ticks;
+    usable += record.header.imu_verdict == ImuVerdict::usable ? 1U : 0U;
+    oldest = std::max(oldest, record.header.now - record.header.imu.sensed_at);
+  };
+  run(setup);
+  EXPECT_EQ(usable, ticks);
+  EXPECT_LE(oldest, milliseconds(1));
+  EXPECT_NEAR(driver.seen[5], -1, 0.01) << "down is down";
+  EXPECT_NE(driver.seen[0], 0) << "noise";
+  EXPECT_NEAR(driver.seen[0], 0, 0.2);
+  EXPECT_FLOAT_EQ(driver.seen[6], 0.5F) << "the command";
+}
+
+// Goal: sensor troubles reach the IMU's way too. Method: every sample lost in the window; values frozen in it.
+TEST(BaseVelocityRollout, AnImuThatIsLostStopsTheRobot) {
+  EXPECT_EQ(drive("sensor_dropout", 1).failure_label, "imu_lost");
+  EXPECT_EQ(drive("camera_freeze", 900).failure_label, "imu_lost");
+  EXPECT_TRUE(drive("sensor_burst", 20).success);
+}
+
+TEST(BaseVelocityRollout, ARobotThatIsThrownOverHasFallenAndTheRolloutEnds) {
+  const RolloutRow row = drive("push", 600);
+  EXPECT_FALSE(row.success);
+  EXPECT_TRUE(row.failure_label == "fell" || row.failure_label == "tilt") << row.failure_label;
+  EXPECT_LT(row.ticks, drive().ticks);
+}
+
+// Goal: the command may end, and standing is then what is asked. Method: judged on the seconds after.
+TEST(BaseVelocityRollout, StandsWhenTheCommandEnds) {
+  Driver driver;
+  RolloutSetup setup = setup_of(rover(), driver, "none", 0, 1);
+  setup.base_velocity.until = seconds(4);
+  const RolloutRow row = run(setup);
+  EXPECT_TRUE(row.success) << row.failure_label;
+  EXPECT_LT(row.tracking_error_rms_m, 0.02);
+}
+
+TEST(BaseVelocityRollout, WalkingBeginsWhenTheSeedSays) {
+  EXPECT_NE(walk_begins(1), walk_begins(2));
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    EXPECT_GE(walk_begins(seed), seconds(2));
+    EXPECT_LT(walk_begins(seed), seconds(3));
+  }
+}
+
+TEST(BaseVelocityRollout, RefusesWhatItCannotPlay) {
+  Driver driver;
+  config::RobotConfig robot = rover();
+  const auto refusal = [&](const BaseVelocityTask& task = {}) {
+    RolloutSetup setup = setup_of(robot, driver, "none", 0, 1);
+    setup.base_velocity = task;
+    RolloutRow row;
+    const auto done = run_rollout(setup, row);
+    return done ? std::string() : done.error();
+  };
+  EXPECT_NE(refusal({.command = {2, 0, 0}}).find("outside the limits of sensor velocity"), std::string::npos);
+  robot.simulation->mujoco->imu_site.clear();
+  EXPECT_NE(refusal().find("simulation.mujoco.imu.site"), std::string::npos);
+  robot.policy->observation.pop_back();
+  EXPECT_NE(refusal().find("needs a policy with a term `command`"), std::string::npos);
+  robot.simulation->mujoco.reset();
+  EXPECT_NE(refusal().find("needs `simulation.mujoco`"), std::string::npos);
+}
+
+// --- Unitree's G1 ---
+
+class G1Rollout : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto text = test::g1_robot_text();
+    if (!text) GTEST_SKIP() << "NOT TESTED: ../shared has no published G1 model and policy";
+    std::ofstream(path_) << *text;
+    auto robot = config::load(path_);
+    ASSERT_TRUE(robot) << robot.error();
+    robot_ = *robot;
+    policy_ = policy_host::load_onnx_policy(robot_.policy->file, "obs", "actions").value();
+  }
+  ~G1Rollout() override { std::remove(path_.c_str()); }
+  RolloutRow walk(std::string_view perturbation, double dose, std::uint64_t seed = 1) {
+    return run(setup_of(robot_, *policy_, perturbation, dose, seed));
+  }
+
+  std::string path_ = testing::TempDir() + "takt-g1-" + std::to_string(getpid()) + ".yaml";
+  config::RobotConfig robot_;
+  std::unique_ptr<policy_host::Policy> policy_;
+};
+
+TEST_F(G1Rollout, WalksAsCommandedAndIsTheSameTwice) {
+  const RolloutRow row = walk("none", 0);
+  EXPECT_TRUE(row.success) << row.failure_label << ", " << row.tracking_error_rms_m;
+  EXPECT_EQ(walk("none", 0).replay_hash, row.replay_hash);
+  RecordProperty("error_mm", static_cast<int>(1e3 * row.tracking_error_rms_m));
+}
+
+TEST_F(G1Rollout, FallsWhenItsPolicyIsFrozenForLong) {
+  const RolloutRow row = walk("policy_freeze", 3000);
+  EXPECT_FALSE(row.success);
+  EXPECT_TRUE(row.failure_label == "fell" || row.failure_label == "command_lost" || row.failure_label == "tilt")
+      << row.failure_label;
+}
+
+}  // namespace
+}  // namespace takt::panel

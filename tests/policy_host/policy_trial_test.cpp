@@ -1,0 +1,133 @@
+// Goal: every operator in its edge cases, and every published policy, gives what ONNX Runtime gives, over 16
+// observations in sequence. Method: models of one operator made by operator_models.py, and the policies of
+// ../shared/policies, run by both engines where ONNX Runtime is installed (tests/node's npm packages); by the built-in
+// one against ONNX Runtime's committed numbers everywhere. Where both are there, the committed numbers are judged too.
+#include "policy_host/policy_trial.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+
+namespace takt::policy_host {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kTolerance = 1e-5;
+const fs::path kVectors = "tests/policy_host/onnx_runtime_vectors.json";
+const fs::path kShared = "../shared/policies";
+
+// tests/node's package has the library of every machine that it knows.
+std::optional<onnx_runtime::OnnxRuntime> peer() {
+#if defined(__aarch64__)
+  const std::string machine = "arm64";
+#else
+  const std::string machine = "x64";
+#endif
+  const fs::path package = "tests/node/node_modules/onnxruntime-node/bin";
+  if (!fs::exists(package)) return std::nullopt;
+  for (const fs::directory_entry& version : fs::directory_iterator(package)) {
+    const fs::path library = version.path() / "linux" / machine / "libonnxruntime.so.1";
+    if (!fs::exists(library)) continue;
+    auto opened = onnx_runtime::OnnxRuntime::open(library);
+    EXPECT_TRUE(opened) << opened.error();
+    if (opened) return *std::move(opened);
+  }
+  return std::nullopt;
+}
+
+class TrialTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = (fs::path(testing::TempDir()) / "takt_trial_XXXXXX").string();
+    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
+    folder_ = pattern;
+    std::ifstream file(kVectors);
+    if (file) vectors_ = nlohmann::json::parse(file);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  // Whether the script ran; 77 or no Python: it could not.
+  bool make(const std::string& command) {
+    const int status = std::system(("/usr/bin/python3 tests/policy_host/" + command + " >/dev/null 2>&1").c_str());
+    if (WEXITSTATUS(status) == 77 || WEXITSTATUS(status) == 127) return false;
+    EXPECT_EQ(status, 0) << command;
+    return true;
+  }
+
+  void judge(const fs::path& file, const std::optional<onnx_runtime::OnnxRuntime>& runtime) {
+    SCOPED_TRACE(file.filename().string());
+    auto trial = PolicyTrial::load(file);
+    ASSERT_TRUE(trial) << trial.error();
+    const std::string name = file.stem().string();
+    ++judged_;
+    const std::vector<float> own = trial->last_outputs();
+    ASSERT_TRUE(vectors_.contains(name)) << "no numbers of ONNX Runtime in " << kVectors;
+    const auto committed = vectors_[name].get<std::vector<float>>();
+    ASSERT_EQ(committed.size(), own.size());
+    for (std::size_t i = 0; i < own.size(); ++i) {
+      EXPECT_NEAR(own[i], committed[i], kTolerance * std::max(1.0F, std::abs(committed[i]))) << "at " << i;
+    }
+    if (!runtime) return;
+    const auto agreement = trial->against(*runtime, 0);
+    ASSERT_TRUE(agreement) << agreement.error();
+    EXPECT_LE(agreement->error, kTolerance);
+    worst_ = std::max(worst_, agreement->error);
+  }
+
+  void report(const std::optional<onnx_runtime::OnnxRuntime>& runtime) const {
+    std::printf(
+        "%d models; %s\n", judged_,
+        runtime
+            ? ("ONNX Runtime " + runtime->version() + ", largest difference " + std::to_string(worst_ * 1e6) + "e-6")
+                  .c_str()
+            : "NOT TESTED against a running ONNX Runtime (./dev test installs it), only its committed numbers");
+  }
+
+  fs::path folder_;
+  nlohmann::json vectors_;
+  int judged_ = 0;
+  double worst_ = 0;
+};
+
+TEST_F(TrialTest, EveryOperatorAgreesWithOnnxRuntime) {
+  if (!make("onnx/operator_models.py " + folder_.string())) {
+    GTEST_SKIP() << "NOT TESTED: /usr/bin/python3 with onnx is not installed";
+  }
+  const auto runtime = peer();
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder_)) {
+    if (entry.path().extension() == ".onnx") judge(entry.path(), runtime);
+  }
+  EXPECT_GE(judged_, 120);
+  report(runtime);
+}
+
+TEST_F(TrialTest, PublishedPoliciesAgreeWithOnnxRuntime) {
+  if (!fs::exists(kShared)) GTEST_SKIP() << "NOT TESTED: " << kShared << " is not there";
+  const auto runtime = peer();
+  for (const char* name :
+       {"g1_velocity/policy.onnx", "mujoco_playground/go1_policy.onnx", "mujoco_playground/apollo_policy.onnx"}) {
+    // The vectors go by one name a policy.
+    const fs::path copy =
+        folder_ / (std::string(name).substr(0, std::string(name).find('/')) + "-" + fs::path(name).filename().string());
+    fs::copy_file(kShared / name, copy);
+    judge(copy, runtime);
+  }
+  if (make("onnx/published_policies.py " + kShared.string() + " " + folder_.string())) {
+    for (const char* name : {"b2.onnx", "himloco.onnx", "g1_lstm.onnx"}) judge(folder_ / name, runtime);
+    const auto lost = PolicyTrial::load(folder_ / "g1_lstm_without_state.onnx");
+    ASSERT_FALSE(lost) << "a recurrent policy without its state was accepted";
+    EXPECT_NE(lost.error().find("LSTM node"), std::string::npos) << lost.error();
+    EXPECT_NE(lost.error().find("memory is lost"), std::string::npos) << lost.error();
+  } else {
+    std::puts("NOT TESTED: the TorchScript policies, /usr/bin/python3 has no PyTorch");
+  }
+  report(runtime);
+}
+
+}  // namespace
+}  // namespace takt::policy_host
