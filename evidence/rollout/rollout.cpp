@@ -27,6 +27,10 @@ constexpr Duration kSettle = seconds(2);  // from power-on to the task: arming, 
 
 std::expected<std::unique_ptr<World>, std::string> make_world(const RolloutSetup& setup,
                                                               const Disturbance& disturbance) {
+  if (config::fallback_policy_of(setup.robot) != nullptr)
+    return std::unexpected(setup.robot.file +
+                           ": rollouts run no fallback policy yet, and arming would wait for it; choose another "
+                           "degraded.behaviour, or run it live");
   switch (setup.task) {
     case Task::arm_tracking:
       return ArmWorld::make(setup.robot, disturbance, kStart, setup.seed);

@@ -53,6 +53,8 @@ std::expected<std::string, std::string> smoke_run(const config::RobotConfig& rob
   if (!policy) return std::unexpected(policy.error());
   if (const auto fits = policy_host::check_fit(robot, **policy); !fits) return std::unexpected(fits.error());
   if (!robot.simulation) return "the policy loads and fits; no `simulation`, so nothing was run";
+  if (config::fallback_policy_of(robot) != nullptr)
+    return "the policy loads and fits; rollouts run no fallback policy yet, so nothing was run";
   return roll_out(robot, **policy);
 }
 
