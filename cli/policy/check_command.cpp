@@ -11,6 +11,7 @@
 #include "cli/command.hpp"
 #include "config/document.hpp"
 #include "config/load.hpp"
+#include "policy_host/exporter_metadata.hpp"
 #include "policy_host/leapp/leapp_bundle.hpp"
 #include "policy_host/onnx/model.hpp"
 #include "policy_host/onnx_policy.hpp"
@@ -99,6 +100,9 @@ void print_policy(const nlohmann::json& about) {
   for (const auto& [key, value] : about["metadata"].items()) {
     print_line("metadata", fmt::format("{}: {}", shortened(key), shortened(value.get<std::string>())));
   }
+  if (about["rounded_to_3_decimals"].get<bool>()) {
+    print_line("rounded", "the exporter's gains and poses have three decimals at most");
+  }
 }
 
 std::optional<std::string> model_bytes(const std::filesystem::path& file) {
@@ -133,11 +137,17 @@ std::expected<nlohmann::json, Refusal> examine_policy(const PolicyCheckOptions& 
   const auto trial = PolicyTrial::load(options.file, input, output);
   if (!trial) return std::unexpected(policy_refused(trial.error()));
   nlohmann::json about = policy_json(options.file, *trial);
+  const auto metadata = policy_host::read_exporter_metadata(trial->model().metadata());
+  if (!metadata) return std::unexpected(policy_refused(options.file + ": " + metadata.error()));
+  about["rounded_to_3_decimals"] = metadata->rounded;
   if (!robot) return about;
   const auto policy = policy_host::load_onnx_policy(options.file, input, output);
   if (!policy) return std::unexpected(policy_refused(policy.error()));
   if (const auto fits = policy_host::check_fit(*robot, **policy); !fits)
     return std::unexpected(policy_refused(fits.error()));
+  const auto differences = policy_host::compare_metadata(*metadata, *robot);
+  if (!differences) return std::unexpected(policy_refused(differences.error()));
+  about["differences"] = *differences;
   about["robot"] = {
       {"name", robot->robot}, {"values_in", (*policy)->input_size()}, {"values_out", (*policy)->output_size()}};
   return about;
@@ -225,6 +235,7 @@ int check_policy(const PolicyCheckOptions& options) {
   fmt::print("{}: runs on the built-in engine\n", options.file);
   print_policy(*about);
   if (about->contains("robot")) {
+    for (const auto& difference : (*about)["differences"]) print_line("differs", difference.get<std::string>());
     const auto& robot = (*about)["robot"];
     print_line("fits", fmt::format("{}: {} values in, {} out", robot["name"].get<std::string>(),
                                    robot["values_in"].get<std::size_t>(), robot["values_out"].get<std::size_t>()));

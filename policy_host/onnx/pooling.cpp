@@ -31,6 +31,7 @@ PoolPlan plan_pool(Builder& builder, const Node& node, const Window& window, boo
       if (source >= 0) plan.sources.push_back(static_cast<std::uint32_t>(source));
       if (source >= 0 || (padding_counts && window.inside_padding(position, k))) ++counted;
     }
+    // What ceil_mode makes of a window behind the input differs from opset to opset and from engine to engine.
     if (plan.sources.size() == begin) node.refuse("a window lies in the padding altogether");
     plan.ends.push_back(static_cast<std::uint32_t>(plan.sources.size()));
     plan.divisors.push_back(static_cast<float>(counted));

@@ -50,8 +50,6 @@ void settle_output(const Node& node, WindowAxis& axis, bool round_up) {
   const std::int64_t room = axis.input + axis.pad_before + axis.pad_after - reach;
   if (room < 0) node.refuse(fmt::format("a window of {} does not fit into {}", reach, axis.input));
   axis.output = (room + (round_up ? axis.stride - 1 : 0)) / axis.stride + 1;
-  // A window that would begin in the padding behind the input is left out.
-  if (round_up && (axis.output - 1) * axis.stride >= axis.input + axis.pad_before) --axis.output;
 }
 
 }  // namespace

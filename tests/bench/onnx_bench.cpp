@@ -209,8 +209,7 @@ bool compare(const std::string& name, const std::filesystem::path& file, const S
   for (std::size_t i = 0; i < model->inputs().size(); ++i) std::ranges::fill(model->input(i), 0.1F);
   std::optional<EigenChain> chain;
   if (!sizes.empty()) chain.emplace(sizes);
-  std::optional<onnx_runtime::Session> session;
-  if (runtime) session = peer_session(*runtime, file, *model, report);
+  std::optional<onnx_runtime::Session> session = runtime ? peer_session(*runtime, file, *model, report) : std::nullopt;
   Figures engine, floor, peer;
   for (int i = 0; i < options.repetitions; ++i) {
     engine.take(options.inferences, options.pause, [&model] { model->run(); });

@@ -144,9 +144,40 @@ TEST_F(PanelFile, CommittedPanelsAreGood) {
     auto panel = load_panel(entry.path().string());
     ASSERT_TRUE(panel.has_value()) << panel.error();
     EXPECT_EQ(panel->name, entry.path().stem().string());
+    if (panel->name == "walkers") continue;  // names no robot of ours: below
     const auto contest = Contest::prepare(std::move(*panel));
     EXPECT_TRUE(contest.has_value()) << contest.error();
   }
+}
+
+// Goal: a robot that walks is asked for what the file says, and the panel for walkers fits one. Method: its keys, and a
+// refusal; the committed panel's overrides on a robot file of the tests.
+TEST_F(PanelFile, AsksARobotThatWalksForAVelocity) {
+  const auto panel = load_panel("config/panels/walkers.yaml");
+  ASSERT_TRUE(panel) << panel.error();
+  const BaseVelocityTask& asked = panel->tasks[0].base_velocity;
+  EXPECT_EQ(asked.command, (std::array<double, 3>{0.5, 0, 0}));
+  EXPECT_EQ(asked.until, seconds(8));
+  EXPECT_EQ(asked.least_height, 0.6);
+  const auto robot = config::load("tests/evidence/rollout/rover.yaml");
+  ASSERT_TRUE(robot) << robot.error();
+  for (const PanelMethod& method : panel->methods) {
+    const auto overridden = config::with_overrides(*robot, method.overrides);
+    EXPECT_TRUE(overridden) << method.name << ": " << overridden.error();
+  }
+  const auto refused = load_panel(written(with("scored: 1 s,", "scored: 1 s, command: [1, 0, 0],")));
+  ASSERT_FALSE(refused) << "an arm goes nowhere";
+  EXPECT_NE(refused.error().find("command"), std::string::npos) << refused.error();
+}
+
+// Goal: --robot takes the place of every robot file that the panel names. Method: a panel whose own is not there.
+TEST_F(PanelFile, AnotherRobotFileTakesThePlaceOfItsOwn) {
+  auto panel = load_panel(written(with(kRobot, "nowhere.yaml")));
+  ASSERT_TRUE(panel) << panel.error();
+  EXPECT_FALSE(Contest::prepare(*panel));
+  panel->robot = kRobot;
+  const auto contest = Contest::prepare(*panel);
+  EXPECT_TRUE(contest) << contest.error();
 }
 
 }  // namespace

@@ -68,6 +68,19 @@ GraphMaker every_family() {
   maker.node("Concat", {"cut", "row"}, {"y"}).with("axis", std::int64_t{0});
   maker.node("LSTM", {"x", "lw", "lr"}, {"", "h"}).with("hidden_size", std::int64_t{16});
   maker.node("GRU", {"x", "gw", "gr", "", "", "h"}, {"z"}).with("hidden_size", std::int64_t{16});
+  maker.integers("picture", {4}, {1, 4, 8, 8}).floats("kernels", {2, 4, 3, 3}, some(72)).floats("one", {1}, {1});
+  maker.output("chosen").output("row of a step").input("step", {1});
+  maker.node("Reshape", {"x", "picture"}, {"plane"});
+  maker.node("Conv", {"plane", "kernels"}, {"folded"});
+  maker.node("MaxPool", {"folded"}, {"largest"}).with("kernel_shape", Dims{2, 2});
+  maker.node("AveragePool", {"largest"}, {"average"}).with("kernel_shape", Dims{2, 2});
+  maker.node("Split", {"average"}, {"left", "right"}).with("axis", std::int64_t{1});
+  maker.node("ReduceL2", {"left"}, {"length"});
+  maker.node("Max", {"right", "length", "one"}, {"most"});
+  maker.node("Less", {"left", "most"}, {"less"});
+  maker.node("Where", {"less", "left", "most"}, {"chosen"});
+  maker.node("Cast", {"step"}, {"index of a step"}).with("to", std::int64_t{onnx::TensorProto_DataType_INT64});
+  maker.node("Gather", {"w", "index of a step"}, {"row of a step"});
   return maker;
 }
 

@@ -1,6 +1,8 @@
 // Goal: binary arithmetic with every kind of NumPy broadcasting. Method: sums small enough to do in the head, and a
 // comparison of all shape pairs of up to three dimensions with an index-by-index reference.
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "policy_host/onnx/broadcast.hpp"
 #include "tests/policy_host/onnx/onnx_graph_maker.hpp"
@@ -94,6 +96,45 @@ TEST(Elementwise, IntegersAreWorkedOutAtLoad) {
   maker.node("Concat", {"rows", "columns"}, {"shape"}).with("axis", std::int64_t{0});
   maker.node("Reshape", {"x", "shape"}, {"y"});
   EXPECT_EQ(evaluate(maker, {{1, 2, 3, 4, 5, 6}}), (Result{{3, 2}, {1, 2, 3, 4, 5, 6}}));
+}
+
+// A policy that sees not a number must not act on it: no choice, comparison or pooling swallows it.
+TEST(Elementwise, NotANumberIsNeverChosenAway) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const auto ends_as_nan = [&](const auto& add_nodes) {
+    GraphMaker maker;
+    maker.input("x", {1, 1, 2}).output("y").floats("one", {1}, {1}).floats("two", {1}, {2});
+    add_nodes(maker);
+    for (const auto& x : {std::vector<float>{nan, 3}, std::vector<float>{3, nan}}) {
+      const Result result = evaluate(maker, {x});
+      EXPECT_TRUE(std::ranges::any_of(result.values, [](float y) { return std::isnan(y); }))
+          << maker.graph().node(0).op_type();
+    }
+  };
+  for (const char* op : {"Equal", "Greater", "GreaterOrEqual", "Less", "LessOrEqual"}) {
+    ends_as_nan([op](GraphMaker& maker) {
+      maker.node(op, {"x", "one"}, {"t"});
+      maker.node("Where", {"t", "one", "two"}, {"y"});
+    });
+  }
+  for (const char* op : {"Min", "Max"}) {
+    ends_as_nan([op](GraphMaker& maker) { maker.node(op, {"x", "one"}, {"y"}); });
+    ends_as_nan([op](GraphMaker& maker) { maker.node(op, {"one", "x"}, {"y"}); });
+  }
+  for (const char* op : {"MaxPool", "AveragePool"}) {
+    ends_as_nan([op](GraphMaker& maker) { maker.node(op, {"x"}, {"y"}).with("kernel_shape", Dims{2}); });
+  }
+  for (const char* op : {"ReduceL2", "ReduceMean", "Softplus", "Gelu", "Abs", "Exp", "Log", "Sin", "Cos"}) {
+    ends_as_nan([op](GraphMaker& maker) {
+      maker.model.mutable_opset_import(0)->set_version(20);
+      maker.node(op, {"x"}, {"y"});
+    });
+  }
+  ends_as_nan([](GraphMaker& maker) {
+    maker.integers("index", {1}, {0}).floats("table", {3}, {0, 1, 2});
+    maker.node("Cast", {"x"}, {"i"}).with("to", std::int64_t{onnx::TensorProto_DataType_INT64});
+    maker.node("Gather", {"table", "i"}, {"y"});
+  });
 }
 
 TEST(Elementwise, RefusesShapesThatDoNotBroadcastAndDivisionByZero) {

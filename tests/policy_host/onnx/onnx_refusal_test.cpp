@@ -184,6 +184,25 @@ TEST(Refusal, WhatOnlyALaterOperatorHas) {
   }
 }
 
+TEST(Refusal, AWindowThatSeesNothing) {
+  for (const char* pool : {"MaxPool", "AveragePool"}) {
+    GraphMaker maker;
+    maker.input("x", {1, 1, 6}).output("y");
+    maker.node(pool, {"x"}, {"y"}).with("kernel_shape", Dims{2}).with("strides", Dims{3}).with("pads", Dims{0, 1});
+    EXPECT_EQ(maker.refusal(), "");
+    NodeMaker(*maker.graph().mutable_node(0)).with("ceil_mode", std::int64_t{1});
+    expect_sentence(maker.refusal(), {pool, "a window lies in the padding altogether"});
+  }
+}
+
+TEST(Refusal, AnEmptyPartIsNoInput) {
+  GraphMaker maker;
+  maker.input("x", {2}).output("a").output("y").integers("parts", {2}, {2, 0});
+  maker.node("Split", {"x", "parts"}, {"a", "b"});
+  maker.node("Relu", {"b"}, {"y"});
+  expect_sentence(maker.refusal(), {"the_Relu", "'b'"});
+}
+
 TEST(Refusal, Cycle) {
   GraphMaker maker = small_policy();
   maker.graph().mutable_node(0)->set_input(2, "action");

@@ -35,7 +35,7 @@ def number(name, value):
 
 
 def node(op, inputs, outputs, **attributes):
-    return helper.make_node(op, inputs.split(), outputs.split(), name=f"the_{op}", **attributes)
+    return helper.make_node(op, inputs.split(), outputs.split(), name=f"{op}_of_{outputs.split()[0]}", **attributes)
 
 
 def model(opset, nodes, inputs, outputs, constants=()):
@@ -70,7 +70,8 @@ def comparison():
         for opset in (13, 19):
             if opset == 13 and op.endswith("OrEqual"):
                 continue
-            nodes = [node(op, "x y", "t"), node("Where", "t x c", "z")]
+            # Equal numbers too: half of what Relu lets through is 0.
+            nodes = [node("Relu", "x", "p"), node("Relu", "y", "q"), node(op, "p q", "t"), node("Where", "t x c", "z")]
             yield f"{op}-{opset}", model(opset, nodes, {"x": [2, 3], "y": [3]}, {"z": [2, 3]}, [floats("c", 2, 1)])
     yield "Where-cast", model(16, [node("Relu", "x", "r"), node("Cast", "r", "t", to=TensorProto.BOOL),
                                    node("Where", "t y x", "z")], {"x": [5], "y": [2, 1]}, {"z": [2, 5]})
@@ -89,6 +90,7 @@ def splits():
     yield "Split-sizes-11", model(11, [node("Split", "x", "a b", axis=1, split=[1, 5])], {"x": [2, 6]}, {"a": [2, 1], "b": [2, 5]})
     yield "Split-sizes-13", model(13, [node("Split", "x p", "a b", axis=-2)], {"x": [5, 2]}, {"a": [2, 2], "b": [3, 2]}, [integers("p", 2, 3)])
     yield "Split-unasked", model(13, [node("Split", "x", "a b c", axis=1), node("Neg", "b", "z")], {"x": [2, 6]}, {"z": [2, 2]})
+    yield "Split-three-13", model(13, [node("Split", "x p", "a b c", axis=1)], {"x": [2, 6]}, {"a": [2, 1], "b": [2, 3], "c": [2, 2]}, [integers("p", 1, 3, 2)])
     yield "Split-uneven-18", model(18, [node("Split", "x", "a b c", axis=0, num_outputs=3)], {"x": [7, 2]}, {"a": [3, 2], "b": [3, 2], "c": [1, 2]})
     yield "Split-empty", model(13, [node("Split", "x p", "a b", axis=0), node("Concat", "a y", "z", axis=0)], {"x": [3, 2], "y": [1, 2]}, {"z": [4, 2]}, [integers("p", 3, 0)])
 

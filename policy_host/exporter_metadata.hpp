@@ -1,0 +1,34 @@
+// What exporters of the mjlab and whole_body_tracking family leave in an ONNX file's metadata_props: lists separated by
+// commas, joints in the policy's order. Read as written; a list that is not there stays empty, none is filled in.
+//
+// Units: rad, Nm/rad, Nms/rad. mjlab prints three decimals: what it says of gains and poses is rounded, and so is a
+// comparison. Errors: one line. Thread rule: set-up only.
+#pragma once
+
+#include <expected>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "config/robot_config.hpp"
+
+namespace takt::policy_host {
+
+struct ExporterMetadata {
+  std::vector<std::string> joint_names;
+  std::vector<double> stiffness, damping, default_position;  // one per joint, or empty
+  std::vector<double> action_scale;                          // one, one per output, or empty
+  std::vector<std::string> observation_names;
+  bool rounded = false;  // no number has more than three decimals
+};
+
+// No joint_names: not such an exporter's, everything is empty.
+std::expected<ExporterMetadata, std::string> read_exporter_metadata(
+    const std::vector<std::pair<std::string, std::string>>& metadata);
+
+// What differs from the robot's file, one sentence each; the error: joints in another order than the robot's policy
+// section has them, with which every action would move another joint.
+std::expected<std::vector<std::string>, std::string> compare_metadata(const ExporterMetadata& metadata,
+                                                                      const config::RobotConfig& robot);
+
+}  // namespace takt::policy_host
