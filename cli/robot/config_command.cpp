@@ -72,7 +72,7 @@ int show(const ConfigOptions& options) {
 }
 
 std::shared_ptr<ConfigOptions> add_file_command(CLI::App& parent, int& exit_code, const char* word, const char* what,
-                                          const char* footer, int (*run)(const ConfigOptions&)) {
+                                                const char* footer, int (*run)(const ConfigOptions&)) {
   CLI::App* command = parent.add_subcommand(word, what);
   auto options = std::make_shared<ConfigOptions>();
   command->add_option("FILE", options->file, "robot file")->required();
