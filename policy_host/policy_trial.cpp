@@ -25,7 +25,6 @@ class TrialNumbers {
 
 namespace {
 
-using onnx_runtime::Session;
 using onnx_runtime::Tensor;
 
 std::vector<Tensor> tensors_of(std::span<const onnx_engine::TensorInfo> infos) {

@@ -202,7 +202,7 @@ namespace {
 
 // How long each part of a dimension of `size` is: as the node says, else equal ones, the last one what is left.
 std::vector<std::int64_t> part_lengths(const Node& node, std::int64_t size) {
-  const std::vector<std::int64_t> given = slice_parameter(node, 1, "split");
+  std::vector<std::int64_t> given = slice_parameter(node, 1, "split");
   const auto parts = static_cast<std::int64_t>(node.output_count());
   if (!given.empty()) {
     std::int64_t left = size;
