@@ -87,6 +87,19 @@ std::string simulated_drive_text(const DeployFile& deploy, const ModelFacts& mod
       std::max(5.0, std::ranges::max(deploy.damping)));
 }
 
+// Who takes over when the policy is lost: where it takes a velocity command, the same network, told to stand.
+std::string simulated_reaction_text(const DeployFile& deploy) {
+  const auto commanded =
+      std::ranges::find_if(deploy.terms, [&](const DeployTerm& term) { return is_command(deploy, term); });
+  if (commanded == deploy.terms.end()) return "degraded: { behaviour: hold }\n";
+  const std::vector<int> still(deploy.command_ranges.size(), 0);
+  return fmt::format(
+      "degraded: {{ behaviour: fallback, fallback: stand, after: 40 ms, resume_over: 0 ms }}\n"
+      "fallbacks:\n"
+      "  stand: {{ kind: policy, command: [{}], for: 0 s }}   # for ever\n",
+      fmt::join(still, ", "));
+}
+
 std::string simulated_contract_text(const DeployFile& deploy, const SimulatedBuses& buses) {
   return fmt::format(
       "control: {{ period: {} ms }}\n"
@@ -97,9 +110,10 @@ std::string simulated_contract_text(const DeployFile& deploy, const SimulatedBus
       "  recover_after: {}\n"
       "  flap_memory: 0 ms\n"
       "  stop_after: 600 ms\n"
-      "degraded: {{ behaviour: hold }}\n"
+      "{}"
       "feedback: {{ timeout: 100 ms }}\n\n",
-      buses.period_ms, format_duration(deploy.step_dt * kTargetLastsPeriods), format_duration(deploy.step_dt));
+      buses.period_ms, format_duration(deploy.step_dt * kTargetLastsPeriods), format_duration(deploy.step_dt),
+      simulated_reaction_text(deploy));
 }
 
 std::string simulated_buses_text(std::size_t joints, const SimulatedBuses& buses) {

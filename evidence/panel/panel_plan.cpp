@@ -57,6 +57,9 @@ std::expected<Contestant, std::string> make_contestant(const config::RobotConfig
   if (!policy) return std::unexpected(policy.error());
   if (const auto fits = policy_host::check_fit(made.robot, **policy); !fits) return std::unexpected(fits.error());
   made.policy = std::move(*policy);
+  auto fallback = load_fallback_host(made.robot);
+  if (!fallback) return std::unexpected(fallback.error());
+  made.fallback = std::move(*fallback);
   made.policy_sha256 = std::move(*sha256);
   made.policy_hash = config::leading_64_bits(made.policy_sha256);
   made.plant_sha256 = config::sha256_hex(plant_text(base));
@@ -180,6 +183,7 @@ RolloutSetup Contest::setup_of(const PlannedRollout& planned) const {
   return {.robot = who.robot,
           .policy = *who.policy,
           .policy_hash = who.policy_hash,
+          .fallback = who.fallback.get(),
           .task = task.task,
           .timing = panel_.timing,
           .repeat_last = panel_.methods[planned.method].repeat_last,

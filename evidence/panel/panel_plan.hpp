@@ -36,6 +36,7 @@ std::vector<PlannedRollout> plan_of(const Panel& panel, const Shard& shard);
 struct Contestant {
   config::RobotConfig robot;
   std::unique_ptr<policy_host::Policy> policy;
+  std::unique_ptr<FallbackHost> fallback;  // null: the robot has none
   std::uint64_t policy_hash = 0;
   std::string policy_sha256, plant_sha256;
 };

@@ -27,10 +27,6 @@ constexpr Duration kSettle = seconds(2);  // from power-on to the task: arming, 
 
 std::expected<std::unique_ptr<World>, std::string> make_world(const RolloutSetup& setup,
                                                               const Disturbance& disturbance) {
-  if (config::fallback_policy_of(setup.robot) != nullptr)
-    return std::unexpected(setup.robot.file +
-                           ": rollouts run no fallback policy yet, and arming would wait for it; choose another "
-                           "degraded.behaviour, or run it live");
   switch (setup.task) {
     case Task::arm_tracking:
       return ArmWorld::make(setup.robot, disturbance, kStart, setup.seed);
@@ -46,17 +42,21 @@ class Rollout {
  public:
   Rollout(const RolloutSetup& setup, const Disturbance& disturbance, World& world, VirtualBus bus)
       : setup_(setup),
-        config_(config::tick_config_of(setup.robot, setup.policy_hash)),
+        config_(config::tick_config_of(setup.robot, setup.policy_hash,
+                                       setup.fallback != nullptr ? setup.fallback->policy_hash : 0)),
         state_(pipeline::make_tick_state(config_)),
         world_(world),
         bus_(std::move(bus)),
         imu_(disturbance, setup.seed, kImuLossStream),
-        policy_(setup.robot, setup.policy_hash, setup.policy, setup.timing, disturbance, setup.seed),
+        policy_(setup.robot, setup.policy_hash, setup.policy, setup.timing, disturbance, disturbance, setup.seed),
         repeater_(config_.interpolation == pipeline::Interpolation::hold),
         operator_(setup.rearm_after),
         wakes_(disturbance, config_.period, setup.seed),
         measures_({kStart + kSettle, kStart + (setup.duration - setup.scored), setup.bound_m}, disturbance) {
     input_.last_duration = kTickWork;
+    if (setup.fallback != nullptr)
+      fallback_.emplace(setup.fallback->robot, setup.fallback->policy_hash, *setup.fallback->policy, setup.timing,
+                        untroubled_, disturbance, setup.seed);
   }
 
   void run(RolloutRow& row) {
@@ -97,12 +97,17 @@ class Rollout {
     input_.torque_output = TorqueOutputState::as_told;
     input_.now = now;
     input_.lateness = late;
-    if (const auto sample = world_.sample(now)) policy_.sense(*sample);
+    if (const auto sample = world_.sample(now)) {
+      policy_.sense(*sample);
+      if (fallback_) fallback_->sense(*sample);
+    }
     if (const auto sample = world_.imu(now)) imu_.take(*sample);
     input_.imu = imu_of(imu_.newest(now));
     policy_.run_until(now);
+    if (fallback_) fallback_->run_until(now);
     bus_.receive(world_.plant(), now, input_);
     read_command(now);
+    if (fallback_) input_.fallback = message_of(*fallback_, now);
     input_.operator_request = input_.tick == 1 ? OperatorRequest::none : operator_.next(output_->record, config_);
     pipeline::control_tick(*state_, input_, config_, *output_);
     bus_.send(world_.plant(), now, *output_);
@@ -116,7 +121,18 @@ class Rollout {
 
   void publish(const Observation& observation) {
     policy_.observe(observation);
+    if (fallback_) fallback_->observe(observation);
     if (setup_.repeat_last) repeater_.observe(observation);
+  }
+
+  static pipeline::PolicyMessage message_of(VirtualPolicy& policy, MonoTime now) {
+    const ArrivedCommand* const arrived = policy.read(now);
+    pipeline::PolicyMessage message{.session = policy.session()};
+    if (arrived == nullptr) return message;
+    message.mailbox = Arrival::accepted;
+    message.command = arrived->chunk.get();
+    message.bytes = arrived->chunk->used_bytes();
+    return message;
   }
 
   void read_command(MonoTime now) {
@@ -141,7 +157,9 @@ class Rollout {
   World& world_;
   VirtualBus bus_;
   SensorFeed imu_;
+  Disturbance untroubled_{{}, kStart};
   VirtualPolicy policy_;
+  std::optional<VirtualPolicy> fallback_;
   RepeatLast repeater_;
   Operator operator_;
   WakeUps wakes_;
@@ -161,11 +179,14 @@ Task task_of(const config::RobotConfig& robot) {
 
 std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutRow& row) {
   const Disturbance disturbance(setup.perturbation, kStart);
+  if (config::fallback_policy_of(setup.robot) != nullptr && setup.fallback == nullptr)
+    return std::unexpected(setup.robot.file + ": its fallback policy was not given to the rollout");
   auto world = make_world(setup, disturbance);
   if (!world) return std::unexpected(world.error());
   auto bus = VirtualBus::make(setup.robot, disturbance, setup.seed);
   if (!bus) return std::unexpected(bus.error());
   setup.policy.reset();
+  if (setup.fallback != nullptr) setup.fallback->policy->reset();
   Rollout rollout(setup, disturbance, **world, std::move(*bus));
   try {
     rollout.run(row);

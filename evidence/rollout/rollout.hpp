@@ -19,6 +19,7 @@
 #include "config/robot_config.hpp"
 #include "evidence/artifact/rollout_row.hpp"
 #include "evidence/rollout/base_velocity_world.hpp"
+#include "evidence/rollout/fallback_host.hpp"
 #include "evidence/rollout/perturbation.hpp"
 #include "evidence/rollout/virtual_policy.hpp"
 #include "executive/contract/command_chunk.hpp"
@@ -36,6 +37,7 @@ struct RolloutSetup {
   const config::RobotConfig& robot;  // as the method wants it
   policy_host::Policy& policy;       // fits the robot
   std::uint64_t policy_hash = 0;
+  FallbackHost* fallback = nullptr;  // of a robot that has a fallback policy; its timing is the policy's
   Task task = Task::arm_tracking;
   PolicyTiming timing;
   bool repeat_last = false;  // repeat_last.hpp stands between policy and executive

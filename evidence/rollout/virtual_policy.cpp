@@ -42,13 +42,14 @@ std::unique_ptr<CommandChunk> copy_of(const CommandChunk& chunk) {
 }  // namespace
 
 VirtualPolicy::VirtualPolicy(const config::RobotConfig& robot, std::uint64_t policy_hash, policy_host::Policy& policy,
-                             const PolicyTiming& timing, const Disturbance& disturbance, std::uint64_t seed)
+                             const PolicyTiming& timing, const Disturbance& disturbance, const Disturbance& of_sensors,
+                             std::uint64_t seed)
     : robot_(robot),
       timing_(timing),
       disturbance_(disturbance),
       seed_(seed),
       responder_(robot, policy_hash, policy),
-      feed_(disturbance, seed, kSampleLossStream),
+      feed_(of_sensors, seed, kSampleLossStream),
       sensors_in_use_(policy_host::sensors_in_use(robot)),
       samples_(robot.sensors.size()),
       used_(robot.sensors.size()) {

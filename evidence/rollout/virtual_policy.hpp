@@ -44,7 +44,8 @@ class VirtualPolicy {
  public:
   // Preconditions as the responder's. Everything referred to outlives this.
   VirtualPolicy(const config::RobotConfig& robot, std::uint64_t policy_hash, policy_host::Policy& policy,
-                const PolicyTiming& timing, const Disturbance& disturbance, std::uint64_t seed);
+                const PolicyTiming& timing, const Disturbance& disturbance, const Disturbance& of_sensors,
+                std::uint64_t seed);
 
   void observe(const Observation& observation);
   void sense(const SensorSample& sample) { feed_.take(sample); }

@@ -28,10 +28,13 @@ std::string trouble_in(const panel::RolloutRow& row) {
 std::expected<std::string, std::string> roll_out(const config::RobotConfig& robot, policy_host::Policy& policy) {
   const auto hash = config::policy_hash(robot.policy->file);
   if (!hash) return std::unexpected(hash.error());
+  const auto fallback = panel::load_fallback_host(robot);
+  if (!fallback) return std::unexpected(fallback.error());
   panel::RolloutRow row;
   const panel::RolloutSetup setup{.robot = robot,
                                   .policy = policy,
                                   .policy_hash = *hash,
+                                  .fallback = fallback->get(),
                                   .task = panel::task_of(robot),
                                   .timing = {},
                                   .perturbation = {},
@@ -53,8 +56,6 @@ std::expected<std::string, std::string> smoke_run(const config::RobotConfig& rob
   if (!policy) return std::unexpected(policy.error());
   if (const auto fits = policy_host::check_fit(robot, **policy); !fits) return std::unexpected(fits.error());
   if (!robot.simulation) return "the policy loads and fits; no `simulation`, so nothing was run";
-  if (config::fallback_policy_of(robot) != nullptr)
-    return "the policy loads and fits; rollouts run no fallback policy yet, so nothing was run";
   return roll_out(robot, **policy);
 }
 

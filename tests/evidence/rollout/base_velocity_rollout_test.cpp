@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "config/load.hpp"
+#include "config/observation_shape.hpp"
 #include "evidence/rollout/rollout.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "tests/evidence/rollout/g1_robot.hpp"
@@ -81,6 +82,37 @@ TEST(BaseVelocityRollout, NotGoingIsATrackingError) {
   const RolloutRow lost = run(setup);
   EXPECT_EQ(lost.failure_label, "command_lost");
   EXPECT_NEAR(lost.tracking_error_rms_m, 0.5, 0.05) << "it stands, and is told to go";
+}
+
+// Goal: a robot whose policy is gone stands by its fallback policy, for as long as it is gone. Method: the same driver
+// as both; the fallback's command says stand still. The command ends with the policy, so that standing is what is
+// asked.
+TEST(BaseVelocityRollout, TheFallbackPolicyStandsInForOneThatIsGone) {
+  config::RobotConfig robot = rover();
+  robot.degraded.behaviour = config::Degraded::fallback;
+  robot.degraded.fallback = "stand";
+  config::Fallback& stand = robot.fallbacks.emplace_back();
+  stand.name = "stand";
+  stand.kind = config::FallbackKind::policy;
+  stand.file = "none";
+  stand.command = {0, 0, 0};
+  Driver driver;
+  FallbackHost host{config::seen_by_fallback(robot, stand), std::make_unique<Driver>(), 2};
+  for (const double gone_ms : {1'000.0, 60'000.0}) {
+    RolloutSetup setup = setup_of(robot, driver, "policy_crash", gone_ms, 1);
+    setup.base_velocity.until = seconds(5);
+    setup.fallback = &host;
+    std::uint64_t by_fallback = 0, by_policy_at_last = 0;
+    setup.on_tick = [&](const TickRecord& record) {
+      by_fallback += record.header.player == Player::fallback ? 1U : 0U;
+      by_policy_at_last = record.header.player == Player::policy ? by_policy_at_last + 1 : 0;
+    };
+    const RolloutRow row = run(setup);
+    EXPECT_TRUE(row.success) << row.failure_label << ", gone for " << gone_ms << " ms";
+    EXPECT_EQ(row.safety.entered_damped_stop, 0U);
+    EXPECT_GT(by_fallback, 500U);
+    EXPECT_EQ(by_policy_at_last > 500U, gone_ms < 2000) << "handed back to a policy that came back";
+  }
 }
 
 TEST(BaseVelocityRollout, RepeatsItselfBitForBit) {
