@@ -62,7 +62,11 @@ int import(const Given& given) {
     return refuse(kExitFailed, fmt::format("{} exists already; choose another -o, or remove it", given.out));
   std::ofstream file(given.out);
   file << *robot;
-  if (!file.flush()) return refuse(kExitFailed, fmt::format("{} cannot be written; choose another -o", given.out));
+  if (!file.flush()) {
+    std::error_code ignored;
+    fs::remove(given.out, ignored);  // half a robot file would stand in the way of the next try
+    return refuse(kExitFailed, fmt::format("{} cannot be written; is its disk full? choose another -o", given.out));
+  }
   for (const std::string& note : deploy->notes) fmt::print(stderr, "not carried over: {}\n", note);
   fmt::print("{}: {} joints, {} observation terms; {} to replace, then: takt config check {}\n", given.out,
              deploy->robot_joint.size(), deploy->terms.size(), unfilled_in(*robot), given.out);

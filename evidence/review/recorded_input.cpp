@@ -55,7 +55,7 @@ const pipeline::TickInput* RecordedInput::of(const TickRecord& record) {
   is_by_header_ = false;
   if (!policy || !fallback) return nullptr;
   *input_ = pipeline::input_of(record, policy->command, policy->bytes);
-  input_->command_values = policy->values;
+  input_->policy = *policy;
   input_->fallback = *fallback;
   is_by_header_ = policy->values != Arrival::none || fallback->values != Arrival::none;
   return input_.get();

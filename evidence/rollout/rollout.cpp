@@ -106,8 +106,7 @@ class Rollout {
     policy_.run_until(now);
     if (fallback_) fallback_->run_until(now);
     bus_.receive(world_.plant(), now, input_);
-    read_command(now);
-    if (fallback_) input_.fallback = message_of(*fallback_, now);
+    read_commands(now);
     input_.operator_request = input_.tick == 1 ? OperatorRequest::none : operator_.next(output_->record, config_);
     pipeline::control_tick(*state_, input_, config_, *output_);
     bus_.send(world_.plant(), now, *output_);
@@ -125,30 +124,22 @@ class Rollout {
     if (setup_.repeat_last) repeater_.observe(observation);
   }
 
-  static pipeline::PolicyMessage message_of(VirtualPolicy& policy, MonoTime now) {
-    const ArrivedCommand* const arrived = policy.read(now);
-    pipeline::PolicyMessage message{.session = policy.session()};
-    if (arrived == nullptr) return message;
-    message.mailbox = Arrival::accepted;
-    message.command = arrived->chunk.get();
-    message.bytes = arrived->chunk->used_bytes();
-    return message;
+  static pipeline::PolicyMessage message_of(const CommandChunk* chunk, std::uint8_t session) {
+    if (chunk == nullptr) return {.session = session};
+    return {.mailbox = Arrival::accepted, .session = session, .command = chunk, .bytes = chunk->used_bytes()};
   }
 
-  void read_command(MonoTime now) {
+  void read_commands(MonoTime now) {
     const ArrivedCommand* const arrived = policy_.read(now);
-    input_.command = arrived != nullptr ? arrived->chunk.get() : nullptr;
-    input_.policy_session = policy_.session();
-    if (setup_.repeat_last) {
-      if (arrived != nullptr)
-        repeater_.pass(*arrived);
-      else
-        input_.command = repeater_.read();
-      input_.policy_session = 1;
-    }
-    input_.mailbox = input_.command != nullptr ? Arrival::accepted : Arrival::none;
-    input_.command_bytes = input_.command != nullptr ? input_.command->used_bytes() : 0;
-    if (input_.command != nullptr && setup_.on_command) setup_.on_command(input_.command->header);
+    if (setup_.repeat_last && arrived != nullptr) repeater_.pass(*arrived);
+    const CommandChunk* const chunk = arrived != nullptr ? arrived->chunk.get() : nullptr;
+    input_.policy = setup_.repeat_last && chunk == nullptr
+                        ? message_of(repeater_.read(), 1)
+                        : message_of(chunk, setup_.repeat_last ? 1 : policy_.session());
+    if (input_.policy.command != nullptr && setup_.on_command) setup_.on_command(input_.policy.command->header);
+    if (!fallback_) return;
+    const ArrivedCommand* const of_fallback = fallback_->read(now);
+    input_.fallback = message_of(of_fallback != nullptr ? of_fallback->chunk.get() : nullptr, fallback_->session());
   }
 
   const RolloutSetup& setup_;

@@ -38,12 +38,12 @@ TickInput input_of(const TickRecord& record, const CommandChunk* command, std::s
   input.recorded_through = header.recorded_through;
   input.torque_output = header.torque_output;
   input.imu = header.imu;
-  input.mailbox = header.mailbox;
-  input.policy_session = header.policy_session;
+  input.policy.mailbox = header.mailbox;
+  input.policy.session = header.policy_session;
   input.fallback.mailbox = header.fallback.mailbox;
   input.fallback.session = header.fallback.session;
-  input.command = command;
-  input.command_bytes = command == nullptr ? 0 : command_bytes;
+  input.policy.command = command;
+  input.policy.bytes = command == nullptr ? 0 : command_bytes;
   std::copy_n(header.buses, kMaxBuses, input.buses);
   for (std::size_t j = 0; j < header.joint_count && j < kMaxJoints; ++j) input.joints[j] = record.joints[j].feedback;
   return input;

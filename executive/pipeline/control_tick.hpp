@@ -23,8 +23,8 @@ namespace takt::pipeline {
 
 // What a command mailbox gave in this tick, not judged yet.
 struct PolicyMessage {
-  Arrival mailbox = Arrival::none;        // none, contended, corrupt, or accepted when `command` is there
-  std::uint8_t session = 0;               // differs from the tick's before when another mailbox is read from now on
+  Arrival mailbox = Arrival::none;  // none, contended, corrupt, or accepted when `command` is there
+  std::uint8_t session = 0;         // differs from the tick's before when another mailbox is read: sequences start over
   const CommandChunk* command = nullptr;  // a private copy, valid during the call only
   std::size_t bytes = 0;  // of the message; more than the largest legal one: only its beginning is there
   // Replay of a refused message whose values were not kept: what was found in them. None: look.
@@ -48,14 +48,7 @@ struct TickInput {
   MonoTime asked_at;                   // when the executive heard a stop or shutdown; decides nothing
   std::uint64_t recorded_through = 0;  // newest tick the recorder has on its medium; 0: nothing records
   TorqueOutputState torque_output = TorqueOutputState::none;  // what became of the previous tick's torque_permitted
-  // What the command mailbox gave: none, contended, corrupt, or accepted when `command` points to a private copy.
-  Arrival mailbox = Arrival::none;
-  // Differs from the previous tick's when another policy's mailbox is read from now on: sequences start over.
-  std::uint8_t policy_session = 0;
-  const CommandChunk* command = nullptr;  // not judged yet; valid during the call only
-  std::size_t command_bytes = 0;  // of the message; more than the largest legal one: only its beginning is there
-  // Replay of a refused message whose values were not kept: what was found in them. None: look.
-  Arrival command_values = Arrival::none;
+  PolicyMessage policy;
   PolicyMessage fallback;  // of the fallback policy; empty where the robot has none
   ImuSample imu;           // newest that was read, not judged yet; sequence 0: none yet, or the robot has none
   BusHealth buses[kMaxBuses];

@@ -20,10 +20,6 @@ std::uint64_t sequence_seen(const PolicyMessage& message) {
   return readable ? message.command->header.sequence : 0;
 }
 
-PolicyMessage message_of_policy(const TickInput& input) {
-  return {input.mailbox, input.policy_session, input.command, input.command_bytes, input.command_values};
-}
-
 // Only what the robot follows is joined with what comes: a path that nobody plays leads nowhere.
 bool plays(const TickState& state, MonoTime now, const TickConfig& config) {
   return state.mode.player == Player::policy &&
@@ -264,9 +260,9 @@ void observe(TickState& state, const TickInput& input, const TickConfig& config,
   header.torque_output = input.torque_output;
   header.imu = input.imu;
   header.imu_verdict = take_imu(state.imu, input.imu, input.now, config);
-  header.mailbox = input.mailbox;
-  header.policy_session = input.policy_session;
-  header.command_sequence_seen = sequence_seen(message_of_policy(input));
+  header.mailbox = input.policy.mailbox;
+  header.policy_session = input.policy.session;
+  header.command_sequence_seen = sequence_seen(input.policy);
   header.fallback.mailbox = input.fallback.mailbox;
   header.fallback.session = input.fallback.session;
   header.fallback.command_sequence_seen = sequence_seen(input.fallback);
@@ -296,7 +292,7 @@ void estimate(const TickState& state, const TickConfig& config, TickRecord& reco
 void judge(TickState& state, const TickInput& input, const TickConfig& config, TickRecord& record) {
   const FreshnessContract& contract = config.freshness;
   TickRecordHeader& header = record.header;
-  header.arrival = take_message(state, message_of_policy(input), input.now, config);
+  header.arrival = take_message(state, input.policy, input.now, config);
   relieve(state, input.now, config);
   header.freshness = freshness_of(state.command, state.chunk.header, input.now, contract);
   note_freshness(state.recovery, header.freshness, input.now);

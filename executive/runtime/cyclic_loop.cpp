@@ -95,7 +95,7 @@ std::size_t CyclicLoop::tick(MonoTime woken, Duration lateness) noexcept {
     parts_.published.observation(output_.observation);
     trace::observation_published(output_.observation);
   }
-  if (input_.command != nullptr) trace::command_consumed(output_.record.header);
+  if (input_.policy.command != nullptr) trace::command_consumed(output_.record.header);
   record();
   publish_status();
   trace::tick_end(output_.record.header);
@@ -103,11 +103,7 @@ std::size_t CyclicLoop::tick(MonoTime woken, Duration lateness) noexcept {
 }
 
 void CyclicLoop::read_commands() noexcept {
-  const pipeline::PolicyMessage policy = read_command(parts_.mailboxes, input_.policy_session, *command_);
-  input_.mailbox = policy.mailbox;
-  input_.policy_session = policy.session;
-  input_.command = policy.command;
-  input_.command_bytes = policy.bytes;
+  input_.policy = read_command(parts_.mailboxes, input_.policy.session, *command_);
   input_.fallback = read_command(parts_.fallback_mailboxes, input_.fallback.session, *fallback_command_);
 }
 
@@ -132,7 +128,7 @@ void CyclicLoop::record() noexcept {
   parts_.published.tick(output_.record);
   refused_bytes_.next_tick();
   const TickRecordHeader& header = output_.record.header;
-  record_command(Player::policy, input_.command, input_.command_bytes, header.arrival);
+  record_command(Player::policy, input_.policy.command, input_.policy.bytes, header.arrival);
   record_command(Player::fallback, input_.fallback.command, input_.fallback.bytes, header.fallback.arrival);
   if (input_.tick % timing_.keyframe_every_ticks == 0) {
     const std::size_t size = pipeline::save(*state_, keyframe_);

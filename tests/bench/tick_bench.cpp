@@ -148,22 +148,22 @@ class Loop {
     pipeline::control_tick(*state_, input_, config, *output_);
     if (output_->observation_due) observations_.publish(writable_bytes(output_->observation));
     ticks_.publish(writable_bytes(output_->record).first(output_->record.used_bytes()));
-    if (input_.command != nullptr) {
+    if (input_.policy.command != nullptr) {
       CommandTag tag{input_.tick, 0, 0};
-      messages_.publish(writable_bytes(tag), writable_bytes(*chunk_).first(input_.command_bytes));
+      messages_.publish(writable_bytes(tag), writable_bytes(*chunk_).first(input_.policy.bytes));
     }
   }
 
   void read_command() {
-    input_.mailbox = Arrival::none;
-    input_.command = nullptr;
-    input_.command_bytes = 0;
+    input_.policy.mailbox = Arrival::none;
+    input_.policy.command = nullptr;
+    input_.policy.bytes = 0;
     if (!commands_) return;
     const ipc::ReadResult result = commands_->read_latest(writable_bytes(*chunk_));
     if (result.status != ipc::ReadStatus::fresh) return;
-    input_.mailbox = Arrival::accepted;
-    input_.command = chunk_.get();
-    input_.command_bytes = result.size;
+    input_.policy.mailbox = Arrival::accepted;
+    input_.policy.command = chunk_.get();
+    input_.policy.bytes = result.size;
   }
 
   std::uint32_t joints_;

@@ -108,8 +108,8 @@ class Session {
     input_.operator_request = static_cast<OperatorRequest>(what % kOperatorRequestCount);
     input_.last_damped = (what & 32U) != 0 ? source.byte() : 0;
     feed_back(source, (what & 4U) != 0);
-    input_.mailbox = Arrival::none;
-    input_.command = nullptr;
+    input_.policy.mailbox = Arrival::none;
+    input_.policy.command = nullptr;
     if ((what & 8U) != 0) give_message(source, (what & 16U) != 0);
     control_tick(*state_, input_, config_, *output_);
     if (output_->observation_due) observation_ = output_->observation;
@@ -142,13 +142,13 @@ class Session {
     header.fields = static_cast<std::uint8_t>(1U | (source.byte() & 31U));
     if (behind_a_sound_header) {
       source.copy_to(chunk_->values, 4 * chunk_->value_count());
-      input_.command_bytes = chunk_->used_bytes();
+      input_.policy.bytes = chunk_->used_bytes();
     } else {
-      input_.command_bytes = std::size_t{source.byte()} * 4;
-      source.copy_to(chunk_.get(), input_.command_bytes);
+      input_.policy.bytes = std::size_t{source.byte()} * 4;
+      source.copy_to(chunk_.get(), input_.policy.bytes);
     }
-    input_.mailbox = Arrival::accepted;
-    input_.command = chunk_.get();
+    input_.policy.mailbox = Arrival::accepted;
+    input_.policy.command = chunk_.get();
   }
 
   TickConfig config_ = fuzzed_robot();

@@ -6,14 +6,17 @@
 
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <stdexcept>
 
+#include "config/deploy_import.hpp"
+#include "config/document.hpp"
 #include "config/load.hpp"
 #include "config/observation_shape.hpp"
 #include "evidence/rollout/rollout.hpp"
 #include "policy_host/onnx_policy.hpp"
-#include "tests/evidence/rollout/g1_robot.hpp"
+#include "simulation/model_survey.hpp"
 
 namespace takt::panel {
 namespace {
@@ -192,25 +195,44 @@ TEST(BaseVelocityRollout, RefusesWhatItCannotPlay) {
 
 // --- Unitree's G1 ---
 
+// As takt config import writes it from the published files, fallback policy included.
 class G1Rollout : public testing::Test {
  protected:
   void SetUp() override {
-    const auto text = test::g1_robot_text();
-    if (!text) GTEST_SKIP() << "NOT TESTED: ../shared has no published G1 model and policy";
+    if (!std::filesystem::exists(kModel) || !std::filesystem::exists(kPolicy + "policy.onnx"))
+      GTEST_SKIP() << "NOT TESTED: ../shared has no published G1 model and policy";
+    const auto deploy = config::read_deploy_file(config::read_file(kPolicy + "deploy.yaml").value(), "deploy.yaml");
+    ASSERT_TRUE(deploy) << deploy.error();
+    const auto text =
+        config::import_deploy_file(*deploy, {.robot = "g1",
+                                             .policy_file = std::filesystem::absolute(kPolicy) / "policy.onnx",
+                                             .joint_names = {},
+                                             .source = "deploy.yaml",
+                                             .model = plant::survey_model(kModel).value(),
+                                             .model_file = std::filesystem::absolute(kModel),
+                                             .simulated = true});
+    ASSERT_TRUE(text) << text.error();
     std::ofstream(path_) << *text;
     auto robot = config::load(path_);
     ASSERT_TRUE(robot) << robot.error();
     robot_ = *robot;
     policy_ = policy_host::load_onnx_policy(robot_.policy->file, "obs", "actions").value();
+    fallback_ = std::move(load_fallback_host(robot_).value());
+    ASSERT_NE(fallback_, nullptr);
   }
   ~G1Rollout() override { std::remove(path_.c_str()); }
-  RolloutRow walk(std::string_view perturbation, double dose, std::uint64_t seed = 1) {
-    return run(setup_of(robot_, *policy_, perturbation, dose, seed));
+  RolloutRow walk(std::string_view perturbation, double dose) {
+    RolloutSetup setup = setup_of(robot_, *policy_, perturbation, dose, 1);
+    setup.fallback = fallback_.get();
+    setup.base_velocity.until = seconds(5);
+    return run(setup);
   }
 
+  const std::string kModel = "../shared/robots/g1/g1_29dof.xml", kPolicy = "../shared/policies/g1_velocity/";
   std::string path_ = testing::TempDir() + "takt-g1-" + std::to_string(getpid()) + ".yaml";
   config::RobotConfig robot_;
   std::unique_ptr<policy_host::Policy> policy_;
+  std::unique_ptr<FallbackHost> fallback_;
 };
 
 TEST_F(G1Rollout, WalksAsCommandedAndIsTheSameTwice) {
@@ -220,8 +242,15 @@ TEST_F(G1Rollout, WalksAsCommandedAndIsTheSameTwice) {
   RecordProperty("error_mm", static_cast<int>(1e3 * row.tracking_error_rms_m));
 }
 
-TEST_F(G1Rollout, FallsWhenItsPolicyIsFrozenForLong) {
-  const RolloutRow row = walk("policy_freeze", 3000);
+TEST_F(G1Rollout, StandsByItsFallbackPolicyWhenItsPolicyIsGone) {
+  EXPECT_TRUE(walk("policy_freeze", 2000).success);
+  EXPECT_TRUE(walk("policy_crash", 60'000).success);
+}
+
+TEST_F(G1Rollout, FallsWhenItHoldsInstead) {
+  robot_.degraded.behaviour = config::Degraded::hold;
+  fallback_.reset();
+  const RolloutRow row = walk("policy_freeze", 2000);
   EXPECT_FALSE(row.success);
   EXPECT_TRUE(row.failure_label == "fell" || row.failure_label == "command_lost" || row.failure_label == "tilt")
       << row.failure_label;

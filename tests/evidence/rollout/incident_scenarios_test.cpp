@@ -111,10 +111,10 @@ class ScenarioRun {
   void deliver() {
     const bool due = answer_ && input_.tick >= answer_due_;
     if (due) read_ = std::move(answer_);
-    input_.command = due ? read_.get() : nullptr;
-    input_.mailbox = due ? Arrival::accepted : Arrival::none;
-    input_.command_bytes = due ? read_->used_bytes() : 0;
-    input_.policy_session = 1;
+    input_.policy.command = due ? read_.get() : nullptr;
+    input_.policy.mailbox = due ? Arrival::accepted : Arrival::none;
+    input_.policy.bytes = due ? read_->used_bytes() : 0;
+    input_.policy.session = 1;
     input_.recorded_through = input_.tick;
   }
 

@@ -627,7 +627,7 @@ TEST(Commands, ANewPolicySessionMayCountFromOneAgain) {
       chunk_for(rig.config, rig.newest_observation, rig.published_at[rig.newest_observation], rig.now, 1, 0.0F);
   rig.tick(&first);
   EXPECT_EQ(rig.header().arrival, Arrival::repeated_sequence);
-  rig.input.policy_session = 9;
+  rig.input.policy.session = 9;
   rig.tick(&first);
   EXPECT_EQ(rig.header().arrival, Arrival::accepted);
   rig.tick(&first);

@@ -366,7 +366,7 @@ TEST(FallbackPolicy, ReplaysBitForBitFromAKeyframe) {
     if (i == 200) two.policy_speaks = true;
     if (i == 600) two.fallback_speaks = two.policy_speaks = false;
     two.tick();
-    TickInput input = input_of(two.rig.out->record, two.rig.input.command, two.rig.input.command_bytes);
+    TickInput input = input_of(two.rig.out->record, two.rig.input.policy.command, two.rig.input.policy.bytes);
     input.fallback.command = two.rig.input.fallback.command;
     input.fallback.bytes = two.rig.input.fallback.bytes;
     control_tick(*replayed, input, config, *again);

@@ -69,7 +69,7 @@ class RandomRun {
     if (chance(700)) rig_.drives[0].silent = !rig_.drives[0].silent;
     if (chance(50)) rig_.drives[random_() % rig_.config.joint_count].dq += spread(1.0F);
     if (chance(400)) {  // another policy host, counting from 1 again
-      ++rig_.input.policy_session;
+      ++rig_.input.policy.session;
       rig_.sequence = 0;
     }
     if (chance(300))

@@ -114,8 +114,8 @@ void VirtualRobot::answer(const Observation& observation) {
 void VirtualRobot::publish() {
   ticks_.writer.publish(bytes_of(output_->record).first(output_->record.used_bytes()));
   const TickTag tag{input_->tick};
-  if (input_->command != nullptr) {
-    const auto message = bytes_of(*command_).first(input_->command_bytes);
+  if (input_->policy.command != nullptr) {
+    const auto message = bytes_of(*command_).first(input_->policy.bytes);
     CommandTag command{input_->tick, static_cast<std::uint32_t>(message.size()), 0};
     const bool is_cut = cuts_what_is_refused && output_->record.header.arrival != Arrival::accepted;
     if (is_cut) command.crc = ipc::crc32c(message);
@@ -140,15 +140,15 @@ void VirtualRobot::step() {
   input_->operator_request = input_->tick == kArmAt ? OperatorRequest::arm : OperatorRequest::none;
   if (mark_at != 0 && input_->tick == mark_at) input_->operator_request = OperatorRequest::mark;
   if (spoil_input) spoil_input(*input_);
-  input_->mailbox = Arrival::none;
-  input_->command = nullptr;
-  input_->command_bytes = 0;
+  input_->policy.mailbox = Arrival::none;
+  input_->policy.command = nullptr;
+  input_->policy.bytes = 0;
   if (!answers_.empty() && answers_.front().due <= input_->tick) {
     command_ = std::move(answers_.front().chunk);
     answers_.erase(answers_.begin());
-    input_->mailbox = Arrival::accepted;
-    input_->command = command_.get();
-    input_->command_bytes = command_->used_bytes();
+    input_->policy.mailbox = Arrival::accepted;
+    input_->policy.command = command_.get();
+    input_->policy.bytes = command_->used_bytes();
   }
   pipeline::control_tick(*state_, *input_, config_, *output_);
   if (output_->observation_due && !policy_is_frozen) answer(output_->observation);
