@@ -18,10 +18,6 @@ bool relies_on_policy(const TickRecordHeader& header) {
   return header.previous_mode == Mode::tracking || header.previous_mode == Mode::degraded;
 }
 
-bool is_usable(Freshness freshness) {
-  return freshness == Freshness::fresh || freshness == Freshness::aging;
-}
-
 double seconds_on_wire(const FrameRecord& frame, const config::Bus& bus) {
   const drivers::FrameTraffic traffic{
       .bytes = frame.length, .extended = (frame.can_id & kExtendedId) != 0, .fd = (frame.fd_flags & kFdFrame) != 0};

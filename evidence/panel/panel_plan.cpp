@@ -116,7 +116,7 @@ std::expected<Contest, std::string> Contest::prepare(Panel panel) {
     auto robot = config::load(contest.panel_.robot.empty() ? task.robot : contest.panel_.robot);
     if (robot && !task.overrides.empty()) robot = config::with_overrides(*robot, task.overrides);
     if (!robot) {
-      note(robot.error());
+      note(robot.error() + (contest.panel_.robot.empty() ? ", or name the robot file by --robot" : ""));
       continue;
     }
     if (const std::string problem = joints_problem(contest.panel_, *robot); !problem.empty()) note(problem);

@@ -226,7 +226,6 @@ class Laboratory {
     if (cause_ == Cause::command_lost) return is.arrival == Arrival::accepted && is_usable(is.freshness);
     return !holds(was);
   }
-  static bool is_usable(Freshness freshness) { return freshness == Freshness::fresh || freshness == Freshness::aging; }
 
   // Calls `visit(recorded, decided)` tick by tick while it returns true; false: it did not, or a message that this
   // configuration accepts was not kept whole.

@@ -46,6 +46,10 @@ enum class Freshness : std::uint8_t {
 };
 inline constexpr std::size_t kFreshnessCount = 4;
 
+constexpr bool is_usable(Freshness freshness) {
+  return freshness == Freshness::fresh || freshness == Freshness::aging;
+}
+
 constexpr std::string_view name(Arrival arrival) {
   constexpr std::array<std::string_view, kArrivalCount> names{"none",
                                                               "accepted",

@@ -19,10 +19,6 @@ bool relies_on_policy(Mode mode) {
   return mode == Mode::tracking || mode == Mode::degraded;
 }
 
-bool is_usable(Freshness freshness) {
-  return freshness == Freshness::fresh || freshness == Freshness::aging;
-}
-
 // Of causes: those that are something wrong.
 bool is_sign(Cause cause) {
   const pipeline::Reaction& row = pipeline::reaction(cause);

@@ -28,10 +28,6 @@ MonoTime spent_at(const CommandInUse& command, const CommandHeader& header);
 // When the command dies: it is max_age old or its chunk is spent, whichever comes first.
 MonoTime valid_until(const CommandInUse& command, const CommandHeader& header, const FreshnessContract& contract);
 
-constexpr bool is_usable(Freshness freshness) {
-  return freshness == Freshness::fresh || freshness == Freshness::aging;
-}
-
 // Memory of the hysteresis.
 struct Recovery {
   MonoTime usable_since;    // start of the present unbroken run of usable ticks; unset while broken

@@ -207,7 +207,7 @@ FaultClue FaultClassifier::clue_of(const TickRecord& record) {
   if (header.mode != header.previous_mode) clue.cause = header.cause;
   clue.command_before = last_command_;
   const bool relied = relied_on_policy(header.previous_mode);
-  clue.is_miss = relied && (header.freshness == Freshness::stale || header.freshness == Freshness::missing);
+  clue.is_miss = relied && !is_usable(header.freshness);
   const bool refused = is_refused_for_age(header.arrival) || is_refused_for_content(header.arrival);
   const bool lost_period = clue.overrun != OverrunCause::none || clue.skipped != 0;
   clue.is_trouble =

@@ -9,18 +9,6 @@ std::array<std::int64_t, kAgePartCount> parts_of(const AgeParts& age) {
   return {age.sense.ns, age.queue.ns, age.infer.ns, age.publish.ns, age.hold.ns, age.total().ns};
 }
 
-bool is_stale_or_missing(Freshness freshness) {
-  switch (freshness) {
-    case Freshness::missing:
-    case Freshness::stale:
-      return true;
-    case Freshness::fresh:
-    case Freshness::aging:
-      return false;
-  }
-  return true;
-}
-
 template <std::size_t size, class Enum>
 void count(std::array<std::uint64_t, size>& counts, Enum value) {
   if (const auto index = static_cast<std::size_t>(value); index < size) ++counts[index];
@@ -51,7 +39,10 @@ void MetricsCollector::tick(const TickRecord& record) {
   for (std::size_t joint = 0; joint < header.joint_count; ++joint) interventions(record.joints[joint].interventions);
   if (header.mode != header.previous_mode) transition(header);
   if (header.operator_request == OperatorRequest::mark) mark(header);
-  if (header.previous_mode == Mode::tracking || header.previous_mode == Mode::degraded) relied(header);
+  const bool relies = header.previous_mode == Mode::tracking || header.previous_mode == Mode::degraded;
+  if (relies) relied(header);
+  const bool has_fallback = header.fallback.session != 0;  // attached once: arming waits for it
+  if (relies && has_fallback && !is_usable(header.fallback.freshness)) ++metrics_.ticks_without_fallback;
   last_ = header;
 }
 
@@ -97,7 +88,7 @@ void MetricsCollector::mark(const TickRecordHeader& header) {
 
 void MetricsCollector::relied(const TickRecordHeader& header) {
   ++metrics_.relied_ticks;
-  if (is_stale_or_missing(header.freshness)) ++tick_misses_;
+  if (!is_usable(header.freshness)) ++tick_misses_;
   if (header.freshness != Freshness::missing) add(per_tick_, header.age);
   if (is_first_use(header)) add(per_command_, header.age);
   command(header);
@@ -110,7 +101,7 @@ void MetricsCollector::command(const TickRecordHeader& header) {
     in_use_missed_ = false;
     ++commands_;
   }
-  if (header.command_sequence != 0 && is_stale_or_missing(header.freshness) && !in_use_missed_) {
+  if (header.command_sequence != 0 && !is_usable(header.freshness) && !in_use_missed_) {
     in_use_missed_ = true;
     ++command_misses_;
   }

@@ -45,6 +45,7 @@ struct RunMetrics {
   Quantiles lateness, work;  // of every tick
   std::array<std::uint64_t, kModeCount> ticks_in_mode{};
   std::array<std::uint64_t, kPlayerCount> ticks_of_player{};  // whose chunk the robot followed
+  std::uint64_t ticks_without_fallback = 0;  // that relied on a policy while the fallback policy was not fresh
   std::array<std::uint64_t, kArrivalCount> arrivals{};
   std::array<std::uint64_t, kOverrunCauseCount> overruns{};
   std::uint64_t skipped_periods = 0, integration_errors = 0;      // within the recorded part

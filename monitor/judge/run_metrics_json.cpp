@@ -93,6 +93,7 @@ Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
   json["work_ns"] = quantiles_json(metrics.work);
   json["ticks_in_mode"] = counts_json<Mode>(metrics.ticks_in_mode);
   json["ticks_of_player"] = counts_json<Player>(metrics.ticks_of_player);
+  json["ticks_without_fallback"] = metrics.ticks_without_fallback;
   json["arrivals"] = counts_json<Arrival>(metrics.arrivals);
   json["overruns"] = counts_json<OverrunCause>(metrics.overruns);
   json["skipped_periods"] = metrics.skipped_periods;

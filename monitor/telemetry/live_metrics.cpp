@@ -26,10 +26,6 @@ std::vector<Duration> loop_bounds() {
   return bounds;
 }
 
-bool is_usable(Freshness freshness) {
-  return freshness == Freshness::fresh || freshness == Freshness::aging;
-}
-
 }  // namespace
 
 void Histogram::observe(Duration value) {

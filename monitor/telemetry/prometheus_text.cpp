@@ -101,6 +101,10 @@ void modes(Exposition& out, const LiveMetrics& metrics) {
     out.sample(metrics.running && metrics.newest.tick != 0 && metrics.newest.player == player ? 1 : 0,
                {{"player", name(player)}});
   }
+  out.family("takt_fallback_usable", "gauge",
+             "1 while the fallback policy's command is fresh; none of a robot without one.");
+  if (metrics.newest.fallback.session != 0)
+    out.sample(metrics.running && is_usable(metrics.newest.fallback.freshness) ? 1 : 0);
   out.family("takt_mode_transitions_total", "counter", "Changes of mode, by the mode entered and the cause.");
   for (const auto& [change, times] : metrics.transitions)
     out.sample(times, {{"mode", name(change.first)}, {"cause", name(change.second)}});

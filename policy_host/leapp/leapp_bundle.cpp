@@ -43,8 +43,9 @@ class Reader {
   const Node* need(const Node& map, std::string_view key, Kind kind) {
     const Node* node = map.find(key);
     if (node && node->kind == kind) return node;
-    problems_.add(node ? node->place : map.place,
-                  fmt::format("`{}` is missing or no {}; export the bundle again", key, config::kind_name(kind)));
+    problems_.add(
+        node ? node->place : map.place,
+        fmt::format("`{}` is missing, or not {}; is this the YAML of a LEAPP bundle?", key, config::kind_name(kind)));
     return nullptr;
   }
 

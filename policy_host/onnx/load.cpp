@@ -185,7 +185,8 @@ std::expected<Model, std::string> load(std::span<const std::byte> bytes, std::st
 std::expected<Model, std::string> load(const std::filesystem::path& file) {
   std::error_code error;
   if (!std::filesystem::is_regular_file(file, error)) {
-    return std::unexpected(one_line(file.string(), "no such file"));
+    const bool exists = std::filesystem::exists(file, error);
+    return std::unexpected(one_line(file.string(), exists ? "not a regular file" : "no such file"));
   }
   const std::uintmax_t size = std::filesystem::file_size(file, error);
   if (error || size > max_model_bytes) {

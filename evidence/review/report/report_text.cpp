@@ -58,6 +58,8 @@ std::string modes_line(const RunMetrics& metrics) {
   }
   const std::uint64_t fallback = metrics.ticks_of_player[static_cast<std::size_t>(Player::fallback)];
   if (fallback != 0) text += fmt::format("; moved by the fallback policy {:.1f} %", percent(fallback, metrics.ticks));
+  if (const std::uint64_t without = metrics.ticks_without_fallback; without != 0)
+    text += fmt::format("; without a fresh fallback policy {:.1f} %", percent(without, metrics.ticks));
   return text.empty() ? "none: not one tick was recorded" : text;
 }
 

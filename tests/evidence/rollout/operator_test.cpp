@@ -51,7 +51,7 @@ TEST(Operator, EndsAStopOnceNothingElseBlocksAndTheRolloutMaySucceed) {
   ASSERT_GE(story.requests.size(), 3U);
   const TickRecordHeader& reset = story.requests[1];
   EXPECT_EQ(reset.operator_request, OperatorRequest::reset);
-  EXPECT_TRUE(pipeline::is_usable(reset.freshness)) << "disabled, the arm would fall while the policy is still dead";
+  EXPECT_TRUE(is_usable(reset.freshness)) << "disabled, the arm would fall while the policy is still dead";
   EXPECT_GE(reset.now - *story.stopped_at, milliseconds(500));
   EXPECT_EQ(story.row.rearms, 1U);
   EXPECT_EQ(story.row.safety.entered_damped_stop, 1U) << "an ended stop stays an event";

@@ -11,6 +11,7 @@
 
 #include "evidence/review/report/report_text.hpp"
 #include "evidence/review/run_review.hpp"
+#include "monitor/judge/metrics_collector.hpp"
 #include "monitor/record/mcap_writer.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
 #include "tests/monitor/record/temporary_folder.hpp"
@@ -35,9 +36,7 @@ TEST_F(RunMetricsTest, CountsAreTheTicksOwn) {
                               if (header.previous_mode != Mode::tracking && header.previous_mode != Mode::degraded)
                                 return;
                               ++relied;
-                              const bool usable =
-                                  header.freshness == Freshness::fresh || header.freshness == Freshness::aging;
-                              missed += usable ? 0U : 1U;
+                              missed += is_usable(header.freshness) ? 0U : 1U;
                               oldest = std::max(oldest, header.age.total().ns);
                             },
                         .command = {},
@@ -51,6 +50,28 @@ TEST_F(RunMetricsTest, CountsAreTheTicksOwn) {
   EXPECT_EQ(metrics->age_per_tick.back().max, static_cast<double>(oldest));
   EXPECT_EQ(std::accumulate(metrics->ticks_in_mode.begin(), metrics->ticks_in_mode.end(), std::uint64_t{0}),
             kDemoTicks);
+}
+
+// Goal: the evidence says for how long nothing would have taken over. Method: records of a robot whose fallback
+// policy attached, fell silent while tracking, and one of standby, where nobody needs it.
+TEST(MetricsCollector, CountsTicksThatReliedOnAPolicyWithoutAFreshFallback) {
+  RunMetrics metrics;
+  MetricsCollector collector(metrics);
+  TickRecord record;
+  const auto tick = [&](Mode mode, std::uint8_t session, Freshness freshness) {
+    ++record.header.tick;
+    record.header.mode = record.header.previous_mode = mode;
+    record.header.fallback.session = session;
+    record.header.fallback.freshness = freshness;
+    collector.tick(record);
+  };
+  tick(Mode::tracking, 0, Freshness::missing);  // the robot has none
+  tick(Mode::tracking, 1, Freshness::fresh);
+  tick(Mode::standby, 1, Freshness::stale);
+  EXPECT_EQ(metrics.ticks_without_fallback, 0U);
+  tick(Mode::tracking, 1, Freshness::stale);
+  tick(Mode::degraded, 1, Freshness::missing);
+  EXPECT_EQ(metrics.ticks_without_fallback, 2U);
 }
 
 // The policy stalls twice: hundreds of ticks miss, but they are the fault of two commands.

@@ -28,7 +28,9 @@ std::string text_of_a_run(const std::string& run_id = "run-1") {
   VirtualRobot robot;
   for (int tick = 0; tick < 400; ++tick) {
     robot.run(1);
-    metrics.tick(robot.latest());
+    TickRecord record = robot.latest();
+    record.header.fallback.session = 1;  // as of a robot with everything
+    metrics.tick(record);
   }
   metrics.loss({"tick", "overwritten", 3, 1, 5});
   return prometheus_text(metrics, demo_robot());
@@ -97,8 +99,8 @@ TEST(PrometheusText, HasEverySeriesOfTheRulesTestFromTheStart) {
   std::size_t found = 0;
   for (std::sregex_iterator at(told.begin(), told.end(), series), end; at != end; ++at, ++found) {
     const std::string name = at->str(1), labels = at->str(2);
-    // Prometheus' own, and what is there while it holds (incident_surfaces_test).
-    if (name == "up" || name == "takt_incident") continue;
+    // Prometheus' own, what is there while it holds (incident_surfaces_test), and what is not every robot's.
+    if (name == "up" || name == "takt_incident" || name == "takt_fallback_usable") continue;
     EXPECT_TRUE(std::ranges::any_of(exported,
                                     [&](const std::string& line) {
                                       if (!line.starts_with(name + "{")) return false;
@@ -113,6 +115,25 @@ TEST(PrometheusText, HasEverySeriesOfTheRulesTestFromTheStart) {
         << "not exported: " << at->str();
   }
   EXPECT_GT(found, 10U);
+}
+
+TEST(PrometheusText, OnlyARobotWithAFallbackPolicyTellsWhetherItIsThere) {
+  LiveMetrics metrics(demo_robot());
+  metrics.begin("run-1");
+  VirtualRobot robot;
+  robot.run(1);
+  TickRecord record = robot.latest();
+  const auto told = [&] {
+    metrics.tick(record);
+    const std::string text = prometheus_text(metrics, demo_robot());
+    const std::size_t at = text.find("\ntakt_fallback_usable{");
+    return at == std::string::npos ? ' ' : text[text.find('\n', at + 1) - 1];
+  };
+  EXPECT_EQ(told(), ' ');
+  record.header.fallback.session = 1;
+  EXPECT_EQ(told(), '0');
+  record.header.fallback.freshness = Freshness::aging;
+  EXPECT_EQ(told(), '1');
 }
 
 TEST(PrometheusText, ARecordingThatStoppedIsNotUp) {

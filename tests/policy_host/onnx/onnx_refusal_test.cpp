@@ -257,6 +257,7 @@ TEST(Refusal, NamesFromTheFileCannotForgeALogLine) {
 
 TEST(Refusal, FilesThatAreMissingEmptyOrSomethingElse) {
   expect_sentence(load(std::filesystem::path("no/such/policy.onnx")).error(), {"no/such/policy.onnx", "no such file"});
+  expect_sentence(load(std::filesystem::path(".")).error(), {"not a regular file"});
   const auto file = std::filesystem::path(testing::TempDir()) / "takt_not_a_model.onnx";
   std::ofstream(file) << "robot: arm6\n";
   expect_sentence(load(file).error(), {"not an ONNX model"});
