@@ -57,9 +57,30 @@ Done copy_file(const std::string& from, const std::string& to) {
   return readable_by_all(to);
 }
 
+struct PolicyCopy {
+  std::string key, from;
+  std::string folder;  // in the deployment; empty: the deployment's own
+  [[nodiscard]] std::string path() const { return (fs::path(folder) / fs::path(from).filename()).string(); }
+};
+
+// Each that is not the first in a folder of its own: two files may have one name.
+std::vector<PolicyCopy> policies_of(const config::RobotConfig& robot) {
+  std::vector<PolicyCopy> policies;
+  if (robot.policy) policies.push_back({"policy.file", robot.policy->file, ""});
+  for (const config::Fallback& fallback : robot.fallbacks)
+    if (fallback.has_own_file())
+      policies.push_back({"fallbacks." + fallback.name + ".file", fallback.file, "fallback-" + fallback.name});
+  return policies;
+}
+
 // With the weights beside it, under its own names: the policy names them.
-Done copy_policy(const std::string& policy, const std::string& folder) {
-  for (const std::string& file : config::policy_files(policy)) {
+Done copy_policy(const PolicyCopy& policy, const std::string& deployment) {
+  const std::string folder = (fs::path(deployment) / policy.folder).string();
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) return cannot("made", folder, error.message());
+  if (auto done = readable_by_all(folder); !done) return done;
+  for (const std::string& file : config::policy_files(policy.from)) {
     if (auto done = copy_file(file, folder + "/" + fs::path(file).filename().string()); !done) return done;
   }
   return {};
@@ -121,12 +142,9 @@ bool Store::is_proven(const std::string& name) const {
 
 // Paths in the copy are the copy's own, so that neither an edited policy nor a moved folder changes what is deployed.
 Done Store::fill(const std::string& staging, const Newcomer& newcomer) {
+  const std::vector<PolicyCopy> policies = policies_of(newcomer.robot);
   std::vector<config::Override> own;
-  std::string policy;
-  if (newcomer.robot.policy) {
-    policy = fs::path(newcomer.robot.policy->file).filename();
-    own.push_back({"policy.file", policy});
-  }
+  for (const PolicyCopy& policy : policies) own.push_back({policy.key, policy.path()});
   own.push_back({"record.directory", newcomer.runs_folder});
   const auto copy = config::with_overrides(newcomer.robot, own);
   if (!copy) return std::unexpected(copy.error());
@@ -137,7 +155,12 @@ Done Store::fill(const std::string& staging, const Newcomer& newcomer) {
   const std::string before = current();
   return in_turn([&] { return stepping(write_file(staging + "/robot.yaml", copy->resolved)); },
                  [&] { return stepping(copy_file(newcomer.robot.file, staging + "/original.yaml")); },
-                 [&] { return policy.empty() ? Done{} : stepping(copy_policy(newcomer.robot.policy->file, staging)); },
+                 [&] {
+                   Done done;
+                   for (const PolicyCopy& policy : policies)
+                     if (done) done = stepping(copy_policy(policy, staging));
+                   return done;
+                 },
                  [&] {
                    return newcomer.simulated
                               ? stepping(write_file(staging + "/simulated", "takt-plant plays this robot\n"))

@@ -32,6 +32,7 @@ TickConfig fuzzed_robot() {
                       .recover_after = milliseconds(5),
                       .flap_memory = seconds(1),
                       .stop_after = milliseconds(20),
+                      .degrade_after = milliseconds(15),
                       .bad_command_limit = 20};
   config.feedback_timeout = milliseconds(20);
   config.enable_timeout = milliseconds(50);

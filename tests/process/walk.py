@@ -109,7 +109,6 @@ def main():
     parse.add_argument("--folder", required=True, type=pathlib.Path, help="folder to make, for the robot file and the runs")
     parse.add_argument("--speed", type=float, default=0.5, help="m/s ahead")
     parse.add_argument("--seconds", type=float, default=30, help="of walking")
-    parse.add_argument("--walk-only", action="store_true", help="no runs in which the policy is lost")
     options = parse.parse_args()
     options.programs, options.folder = options.programs.resolve(), options.folder.resolve()
     options.folder.mkdir(parents=True)
@@ -121,9 +120,8 @@ def main():
             return done.returncode
     command = command_of(robot.read_text(), options.speed)
     saved = "kind: policy" in robot.read_text()  # a fallback that knows how to stand; without one, losing the policy is a fall
-    acts = [("walk", "walks; the policy is frozen for 300 ms on the way", options.seconds, [f"{options.seconds * 0.6:.0f}s: freeze policy 300ms"])]
-    if not options.walk_only:
-        acts += [("frozen", "the policy is frozen for 2 s", 8, ["4s: freeze policy 2s"]), ("killed", "the policy is killed for good", 8, ["4s: kill policy"])]
+    acts = [("walk", "walks; the policy is frozen for 300 ms on the way", options.seconds, [f"{options.seconds * 0.6:.0f}s: freeze policy 300ms"]),
+            ("frozen", "the policy is frozen for 2 s", 8, ["4s: freeze policy 2s"]), ("killed", "the policy is killed for good", 8, ["4s: kill policy"])]
     wrong = []
     for name, what, seconds, events in acts:
         walk = Walk(options, robot, name, seconds, events)

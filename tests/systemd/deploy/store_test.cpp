@@ -10,6 +10,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <sstream>
 
 #include "config/load.hpp"
 
@@ -87,6 +88,28 @@ TEST_F(Deployments, WeightsBesideThePolicyComeAlong) {
   fs::remove_all(root_ + "/from");
   const auto robot = config::load(store() + "/robot/robot.yaml").value();
   EXPECT_EQ(config::policy_hash(robot.policy->file).value(), hash);
+}
+
+// Goal: what plays when the policy is gone is deployed like the policy. Method: both files have one name, in two
+// folders.
+TEST_F(Deployments, TheFallbacksPolicyComesAlongWithItsWeights) {
+  const std::string fallback = root_ + "/from/safe/arm6_reach.onnx";
+  fs::create_directory(root_ + "/from/safe");
+  fs::copy("config/arm6_visuomotor_reach.onnx", fallback);
+  std::ofstream(fallback + ".data") << "weights";
+  std::ostringstream text;
+  text << std::ifstream(root_ + "/from/robot.yaml").rdbuf();
+  std::string edited = text.str();
+  edited.insert(edited.find("fallbacks:\n") + 11, "  stand: {kind: policy, file: safe/arm6_reach.onnx, for: 2 s}\n");
+  const auto robot_file = config::parse(edited, root_ + "/from/robot.yaml");
+  ASSERT_TRUE(robot_file.has_value()) << robot_file.error();
+  robot_ = *robot_file;
+  const auto hash = config::policy_hash(fallback).value();
+  deploy("one");
+  fs::remove_all(root_ + "/from");
+  EXPECT_EQ(problem_in_use(), "");
+  const auto robot = config::load(store() + "/robot/robot.yaml").value();
+  EXPECT_EQ(config::policy_hash(robot.fallbacks.front().file).value(), hash);
 }
 
 // The robot's processes are other users than who deploys.
