@@ -132,6 +132,19 @@ class Judging(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, "no such mutant any more"):
             mutants.Explained([{**entry, "function": "gone"}], [one])
 
+    def test_a_header_without_places_follows_the_checkout(self):
+        with tempfile.TemporaryDirectory() as folder:
+            subprocess.run(["git", "init", "-q", folder], check=True)
+            header = pathlib.Path(folder, "executive/a.hpp")
+            header.parent.mkdir()
+            header.write_text("struct A { int now; };")
+            tree = schemata.Tree(folder, {"rooms": ["executive/"], "outside": []})
+            schemata.write_if_new(tree.folder / "executive/a.hpp", b"struct A { int before; };")
+            tree.find = lambda: {}
+            with self.assertRaisesRegex(ValueError, "faults.toml"):  # whose files this checkout lacks
+                tree.rewrite()
+            self.assertEqual((tree.folder / "executive/a.hpp").read_text(), header.read_text())
+
     def test_a_surviving_fault_fails(self):
         explained = mutants.Explained([], [])
         killed = {"t": judges.Outcome(True, ["A.B"], [])}

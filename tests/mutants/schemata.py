@@ -139,11 +139,18 @@ class Tree:
         memory.write_text(json.dumps({"digest": digest.hexdigest(), "places": {name: written(one) for name, one in found.items()}}))
         return found
 
+    def follow(self, names):
+        """Of sources in which there is nothing to change: they may be others than last time."""
+        for name in names:
+            write_if_new(self.folder / name, (self.root / name).read_bytes())
+
     def rewrite(self, broken=()):
         """Writes the rewritten copies. `broken`: (file, line) whose edits do not compile and are left out."""
         faults = tomllib.loads((HERE / "faults.toml").read_text())["fault"]
         self.mutants = []
-        for name, found in sorted(self.find().items()):
+        everywhere = self.find()
+        self.follow(self.wanted - everywhere.keys())
+        for name, found in sorted(everywhere.items()):
             source = (self.root / name).read_bytes()
             for fault in faults:
                 if fault["file"] == name:
