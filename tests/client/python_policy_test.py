@@ -12,7 +12,8 @@ import sys
 import tempfile
 import unittest
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "process"))
+HERE = pathlib.Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parent / "process")]
 from patient import patient  # noqa: E402
 
 SOURCE, BUILD = pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(sys.argv[2]).resolve()
@@ -87,6 +88,43 @@ class PythonPolicy(unittest.TestCase):
         rows = [json.loads(line) for line in (self.folder / "truth.jsonl").read_text().splitlines()]
         errors = sorted(row["error_m"] for row in rows[len(rows) // 2:])
         self.assertLess(errors[len(errors) // 2], 0.05, "it began 0.25 m away")
+        replayed = self.command("takt", "replay", "run")
+        self.assertEqual(replayed.returncode, 0, replayed.stdout)
+
+    def test_a_policy_on_a_server_moves_the_arm_and_the_servers_silence_stops_it(self):
+        try:
+            from openpi_server import OpenPiServer, array
+            import msgpack
+        except ImportError as error:
+            self.skipTest(f"NO POLICY SERVER WAS TALKED TO: {error}")
+
+        async def moves_and_falls_silent(peer, asked, count):
+            if asked["mode"] == "tracking":
+                moves_and_falls_silent.tracked += 1
+            if moves_and_falls_silent.tracked < 60:
+                away = 0.2 * min(moves_and_falls_silent.tracked / 60, 1)
+                await peer.send(msgpack.packb({"actions": array([[value + away for value in asked["home"]]] * 16)}))
+        moves_and_falls_silent.tracked = 0
+        server = OpenPiServer(moves_and_falls_silent)
+        self.addCleanup(server.close)
+        self.policy(f"""
+import time, numpy as np, takt
+from takt import servers
+{SPEC}
+with takt.connect("robot.yaml", spec) as robot, servers.OpenPi("{server.url}", shape=(16, 6), deadline="200 ms") as server:
+    for obs in robot:
+        with obs.infer():
+            q = server.infer({{"mode": obs.mode, "home": robot.home.tolist(), "state": obs.state, "target": obs.target}})
+        if q is not None:
+            obs.publish(q=q)
+""")
+        done, log = self.run_robot("6s")
+        for mode in ("tracking", "degraded", "damped_stop"):
+            self.assertIn(mode, done.stdout + done.stderr + log)
+        self.assertIn(f"{server.url} did not answer within 200 ms", log)
+        self.assertNotIn("Traceback", log)
+        moved = [json.loads(line)["q"][0] for line in (self.folder / "truth.jsonl").read_text().splitlines()]
+        self.assertGreater(max(moved) - moved[0], 0.05)
         replayed = self.command("takt", "replay", "run")
         self.assertEqual(replayed.returncode, 0, replayed.stdout)
 

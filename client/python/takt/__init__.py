@@ -15,6 +15,8 @@ A sensor publishes what it senses, into shared memory, with the stamp of its own
     with takt.Sensor("target", "robot.yaml", shape=3, unit="m") as sensor:
         sensor.publish(position, stamp=time.monotonic_ns())
 
+A policy that infers on another machine is a client of its server: see takt.servers.
+
 Joints are those of the robot file, in its order (`robot.joints`). Units: q rad, dq rad/s, tau Nm, kp Nm/rad, kd Nms/rad;
 stamps in ns of the clock of time.monotonic_ns(). Arrays are float32. Everything belongs to the thread that connected.
 """

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from takt import _library
+from takt._quantity import seconds
 from takt._refused import Refused
 from takt._sensor import place
 
@@ -318,7 +319,7 @@ class Robot:
         shape = (stream.height, stream.width, stream.channels)
         if term.shape is not None and tuple(term.shape) != shape:
             raise Refused(f"takt.image: sensor {term.name} has the shape {shape} in the robot file, the policy's {tuple(term.shape)}: make them equal")
-        if term.max_age is not None and round(_seconds(term.max_age) * 1e9) != stream.timeout_ns:
+        if term.max_age is not None and round(seconds(term.max_age, "takt.image: max_age") * 1e9) != stream.timeout_ns:
             raise Refused(f"takt.image: sensor {term.name} has the timeout {stream.timeout_ns / 1e6:g} ms in the robot file, the policy's "
                           f"max_age is {term.max_age}: make them equal")
 
@@ -334,14 +335,6 @@ class Robot:
             return
         self._said, self._say_again_at = sentence, now + _SAY_AGAIN_S
         _log.warning("%s", sentence)
-
-
-def _seconds(text: str) -> float:
-    number, _, unit = text.strip().partition(" ")
-    try:
-        return float(number) * {"us": 1e-6, "ms": 1e-3, "s": 1.0}[unit]
-    except (KeyError, ValueError):
-        raise Refused(f"takt.image: max_age {text!r} is no time; write one such as '80 ms'", _library.USAGE) from None
 
 
 def _terms_of(spec: Policy) -> "ctypes.Array[_library.TermStruct]":

@@ -1,0 +1,362 @@
+"""Policies that infer on another machine: clients of openpi's and of GR00T's policy servers.
+
+    from takt import servers
+
+    with takt.connect("robot.yaml", spec) as robot, \\
+         servers.OpenPi("ws://gpu:8000", shape=(robot.steps, len(robot.joints)), deadline="300 ms") as server:
+        for obs in robot:
+            with obs.infer():
+                q = server.infer({"observation/joint_position": obs.state[0], "prompt": "pick up the cup"})
+            if q is not None:
+                obs.publish(q=q)
+
+`infer` returns within the deadline: an array of that shape, all finite, or None, with the reason in the log "takt". Without an
+answer nothing is published, and the executive's freshness contract does what the robot file says; the age of what is published counts
+from the observation, by this machine's clock alone. Neither protocol says which question an answer belongs to: after a missed deadline,
+and after any message that nobody asked for, the connection is given up and made anew, so that a late answer is nobody's.
+
+Needs Debian's python3-msgpack, and python3-websockets (OpenPi) or python3-zmq (Groot). An object belongs to the thread that made it.
+"""
+import asyncio
+import importlib
+import io
+import logging
+import math
+import threading
+import time
+from types import ModuleType, TracebackType
+from typing import Any, Callable, Dict, List, Mapping, NoReturn, Optional, Sequence, Tuple, Type
+from urllib.parse import urlsplit
+
+import numpy as np
+from numpy.typing import NDArray
+
+from takt import _library
+from takt._quantity import seconds
+from takt._refused import Refused
+
+_LARGEST_MESSAGE = 16 << 20  # bytes; an answer is some kilobytes
+_CONNECT_S = 10.0
+_PAUSE_S = 0.2  # between two connections
+_SAY_AGAIN_S = 10.0
+
+_log = logging.getLogger("takt")
+
+
+class _NoAnswer(Exception):
+    """Why there is none, in one sentence's end."""
+
+
+def _need(module: str, package: str) -> ModuleType:
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        raise Refused(f"takt.servers needs the Python module {module}: sudo apt install {package}") from None
+
+
+def _shaped(data: bytes, dtype: Any, shape: Any) -> NDArray[Any]:
+    kind = np.dtype(dtype)
+    if kind.kind not in "biuf":
+        raise ValueError(f"arrays of {kind} are not taken")
+    return np.frombuffer(data, kind).reshape([int(extent) for extent in shape])
+
+
+def _openpi_from(value: Any) -> Any:
+    if isinstance(value, (np.ndarray, np.generic)) and value.dtype.kind in "biuf":
+        if isinstance(value, np.generic):
+            return {b"__npgeneric__": True, b"data": value.item(), b"dtype": value.dtype.str}
+        return {b"__ndarray__": True, b"data": value.tobytes(), b"dtype": value.dtype.str, b"shape": value.shape}
+    raise Refused(f"takt.servers: {type(value).__name__} cannot be sent: numbers, text, lists, maps and arrays of numbers can", _library.USAGE)
+
+
+def _openpi_to(value: Dict[Any, Any]) -> Any:
+    if b"__ndarray__" in value:
+        return _shaped(value[b"data"], value[b"dtype"], value[b"shape"])
+    if b"__npgeneric__" in value:
+        return np.dtype(value[b"dtype"]).type(value[b"data"])
+    return value
+
+
+def _groot_from(value: Any) -> Any:
+    if isinstance(value, np.ndarray) and value.dtype.kind in "biufU":
+        file = io.BytesIO()
+        np.save(file, value, allow_pickle=False)
+        return {"__ndarray_class__": True, "as_npy": file.getvalue()}
+    return _openpi_from(value)
+
+
+def _groot_to(value: Dict[Any, Any]) -> Any:
+    return np.load(io.BytesIO(value["as_npy"]), allow_pickle=False) if "__ndarray_class__" in value else value
+
+
+class _Server:
+    """What both have in common: which answers are taken, and what is said about the others."""
+
+    _SCHEMES: Tuple[str, ...] = ()
+    _ACTIONS: Tuple[str, ...] = ()
+
+    def __init__(self, url: str, *, shape: Tuple[int, int], deadline: str, actions: Optional[Sequence[str]]) -> None:
+        name = type(self).__name__
+        parts = urlsplit(url)
+        if parts.scheme == "grpc":
+            raise Refused(f"{name}: {url} is LeRobot's server: its messages are pickles, which run whatever code their sender put into them; "
+                          "serve the policy by openpi's or GR00T's protocol")
+        if parts.scheme not in self._SCHEMES or not parts.hostname:
+            raise Refused(f"{name}: {url!r} is no address of a server; write one such as '{self._SCHEMES[0]}://host:port'")
+        self._steps, self._width = shape
+        self._deadline_s = seconds(deadline, f"{name}: deadline")
+        if self._deadline_s <= 0:
+            raise Refused(f"{name}: deadline is {deadline}: it has to be longer than nothing", _library.USAGE)
+        self._keys = tuple(actions or self._ACTIONS)
+        self._msgpack = _need("msgpack", "python3-msgpack")
+        self.url = url
+        self.problem: str = ""  # why the last infer() had no answer; empty: it had one
+        self._said, self._say_again_at = "", 0.0
+
+    def _answer(self, ask: Callable[[], Any]) -> Optional[NDArray[np.float32]]:
+        try:
+            actions = self._actions(ask())
+        except _NoAnswer as why:
+            self.problem = f"{self.url} {why}"
+            self._say(self.problem)
+            return None
+        self.problem = self._said = ""
+        return actions
+
+    def _actions(self, reply: Any) -> NDArray[np.float32]:
+        if not isinstance(reply, Mapping):
+            raise _NoAnswer("answered without a map of actions")
+        parts: List[NDArray[Any]] = []
+        for key in self._keys:
+            part = np.asarray(reply.get(key, ()))
+            part = part[0] if part.ndim == 3 and part.shape[0] == 1 else part  # a batch of one
+            if part.ndim != 2 or part.dtype.kind not in "biuf" or part.shape[0] < self._steps:
+                raise _NoAnswer(f"answered `{key}` of shape {part.shape} and type {part.dtype}; wanted are at least {self._steps} rows of numbers "
+                                f"(there is {', '.join(map(str, reply)) or 'nothing'})")
+            parts.append(part[:self._steps])
+        actions = np.concatenate(parts, axis=1).astype(np.float32)
+        if actions.shape[1] != self._width:
+            raise _NoAnswer(f"answered {actions.shape[1]} values per step; the robot has {self._width} joints")
+        if not np.isfinite(actions).all():
+            raise _NoAnswer("answered with values that are not finite")
+        return actions
+
+    def _unpack(self, data: bytes, hook: Callable[[Dict[Any, Any]], Any]) -> Any:
+        try:
+            return self._msgpack.unpackb(data, object_hook=hook, strict_map_key=False)
+        except Exception as error:  # whatever the bytes of a stranger cause
+            raise _NoAnswer(f"answered with what is no message: {error}") from None
+
+    def _say(self, sentence: str) -> None:
+        now = time.monotonic()
+        if sentence != self._said or now >= self._say_again_at:
+            self._said, self._say_again_at = sentence, now + _SAY_AGAIN_S
+            _log.warning("%s", sentence)
+
+    def close(self) -> None:
+        raise NotImplementedError
+
+    def __exit__(self, kind: Optional[Type[BaseException]], error: Optional[BaseException], trace: Optional[TracebackType]) -> None:
+        self.close()
+
+
+class OpenPi(_Server):
+    """openpi's websocket server: `ws://host:8000`. Connects, and connects again, in a thread of its own.
+
+    `shape`: (steps, joints) of what infer() returns; an answer may have more steps, they are cut. `actions`: the reply's key, or
+    keys, joined along the joints. `deadline`: "300 ms"; from infer() to its return. `api_key`: sent as the server wants it.
+
+    A server whose metadata have `"echo": "KEY"` gets a number under KEY in every observation, and has to answer with it under the same
+    key: a repeated or late answer is then known at once. Any other is known by the message too many, one answer later.
+    """
+
+    _SCHEMES, _ACTIONS = ("ws", "wss"), ("actions",)
+
+    def __init__(self, url: str, *, shape: Tuple[int, int], deadline: str, actions: Optional[Sequence[str]] = None,
+                 api_key: Optional[str] = None) -> None:
+        super().__init__(url, shape=shape, deadline=deadline, actions=actions)
+        self._websockets = _need("websockets", "python3-websockets")
+        self._headers = {"Authorization": f"Api-Key {api_key}"} if api_key else {}
+        self.metadata: Mapping[str, Any] = {}  # what the server said of itself when it was connected last
+        self._asked = 0
+        self._lost = "is not connected yet"
+        self._given_up = False  # by us, for the reason in _lost
+        self._socket: Any = None
+        self._pending: Optional["asyncio.Future[Any]"] = None
+        self._loop = asyncio.new_event_loop()
+        self._keeper = self._loop.create_task(self._keep_connected())
+        self._thread = threading.Thread(target=self._loop.run_forever, name="openpi", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> "OpenPi":
+        return self
+
+    @property
+    def connected(self) -> bool:
+        """The server has said what it is, and nothing is known against it since."""
+        return self._socket is not None
+
+    def infer(self, observation: Mapping[str, Any]) -> Optional[NDArray[np.float32]]:
+        """The server's actions, (steps, joints), float32, all finite; or None. `observation`: text keys; numbers, text and arrays
+        of numbers (numpy) as values, under the names that the policy was trained with.
+        """
+        return self._answer(lambda: asyncio.run_coroutine_threadsafe(self._ask(dict(observation)), self._loop).result())
+
+    def close(self) -> None:
+        """Ends the connection. A second time does nothing."""
+        if self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._keeper.cancel)
+            asyncio.run_coroutine_threadsafe(self._ended(), self._loop).result()
+            self._loop.call_soon_threadsafe(self._loop.stop)
+            self._thread.join()
+            self._loop.close()
+
+    async def _ended(self) -> None:
+        await asyncio.wait([self._keeper])
+
+    async def _ask(self, observation: Dict[str, Any]) -> Any:
+        socket = self._socket
+        if socket is None:
+            raise _NoAnswer(self._lost)
+        self._asked += 1
+        echo = self.metadata.get("echo")
+        if isinstance(echo, str):
+            observation[echo] = self._asked
+        question = self._msgpack.packb(observation, default=_openpi_from)
+        self._pending = self._loop.create_future()
+        try:
+            return await asyncio.wait_for(self._exchange(socket, question, echo), self._deadline_s)
+        except asyncio.TimeoutError:
+            self._give_up(socket, f"did not answer within {self._deadline_s * 1e3:g} ms")
+        except _NoAnswer as why:
+            self._give_up(socket, str(why))
+        except self._websockets.exceptions.ConnectionClosed as why:
+            self._give_up(socket, f"closed the connection: {why}")
+        finally:
+            self._pending = None
+
+    async def _exchange(self, socket: Any, question: bytes, echo: Any) -> Any:
+        assert self._pending is not None
+        await socket.send(question)
+        message = await self._pending
+        if isinstance(message, str):
+            raise _NoAnswer(f"has an error: {(message.strip().splitlines() or ['of no words'])[-1]}")
+        reply = self._unpack(message, _openpi_to)
+        if isinstance(echo, str) and (not isinstance(reply, Mapping) or reply.get(echo) != self._asked):
+            raise _NoAnswer("answered another question")
+        return reply
+
+    def _give_up(self, socket: Any, why: str) -> NoReturn:
+        if self._socket is socket:
+            self._lost, self._socket, self._given_up = why, None, True
+        if socket.transport is not None:
+            socket.transport.abort()
+        raise _NoAnswer(why)
+
+    async def _keep_connected(self) -> None:
+        while True:
+            try:
+                # Its pings are answered; none of ours, for a server that infers answers none. The deadline finds who is gone.
+                async with self._websockets.connect(self.url, compression=None, max_size=_LARGEST_MESSAGE, ping_interval=None,
+                                                    open_timeout=_CONNECT_S, close_timeout=1, extra_headers=self._headers) as socket:
+                    await self._listen(socket)
+                self._lose("closed the connection")
+            except _NoAnswer as why:
+                self._lose(str(why))
+            except self._websockets.exceptions.ConnectionClosed as why:
+                self._lose(f"closed the connection: {why}")
+            except Exception as error:  # of a network, or of a stranger at its other end
+                self._lose(f"cannot be talked to: {error or type(error).__name__}")
+            await asyncio.sleep(_PAUSE_S)
+
+    def _lose(self, why: str) -> None:
+        if not self._given_up:
+            self._lost = why
+        self._socket, self._given_up = None, False
+        if self._pending is not None and not self._pending.done():
+            self._pending.set_exception(_NoAnswer(self._lost))
+
+    async def _listen(self, socket: Any) -> None:
+        said = await asyncio.wait_for(socket.recv(), _CONNECT_S)
+        metadata = self._unpack(said, _openpi_to) if isinstance(said, bytes) else None
+        if not isinstance(metadata, Mapping):
+            raise _NoAnswer("is no openpi server: it does not begin with a map of its metadata")
+        self.metadata, self._socket = metadata, socket
+        async for message in socket:
+            if self._pending is None or self._pending.done():
+                raise _NoAnswer("sent a message that nobody asked for")
+            self._pending.set_result(message)
+
+
+class Groot(_Server):
+    """GR00T's ZeroMQ server: `tcp://host:5555`. `shape`, `deadline` as for OpenPi; `actions`: the keys of the answer, such as
+    ("action.left_arm", "action.left_hand"), joined along the joints in this order.
+    """
+
+    _SCHEMES = ("tcp",)
+
+    def __init__(self, url: str, *, shape: Tuple[int, int], deadline: str, actions: Sequence[str], api_token: Optional[str] = None) -> None:
+        super().__init__(url, shape=shape, deadline=deadline, actions=actions)
+        self._zmq = _need("zmq", "python3-zmq")
+        self._token = {"api_token": api_token} if api_token else {}
+        self._context = self._zmq.Context()
+        self._socket: Any = None
+
+    def __enter__(self) -> "Groot":
+        return self
+
+    def infer(self, observation: Mapping[str, Any], options: Optional[Mapping[str, Any]] = None) -> Optional[NDArray[np.float32]]:
+        """The server's actions, (steps, joints), float32, all finite; or None. `observation` and `options`: as the model's modality
+        configuration names them; a batch of one is taken off the answer.
+        """
+        return self._answer(lambda: self._first(self._ask("get_action", {"observation": dict(observation), "options": dict(options or {})})))
+
+    def reset(self) -> bool:
+        """Tells the server to forget what it remembers (`if obs.reset: server.reset()`). False: no answer, see `problem`."""
+        try:
+            self._ask("reset", {"options": {}})
+        except _NoAnswer as why:
+            self.problem = f"{self.url} {why}"
+            self._say(self.problem)
+            return False
+        return True
+
+    def close(self) -> None:
+        """Ends the connection. A second time does nothing."""
+        self._drop()
+        self._context.term()
+
+    def _first(self, reply: Any) -> Any:
+        return reply[0] if isinstance(reply, (list, tuple)) and reply else reply  # [actions, info]
+
+    def _ask(self, endpoint: str, data: Mapping[str, Any]) -> Any:
+        question = self._msgpack.packb({"endpoint": endpoint, "data": data, **self._token}, default=_groot_from)
+        until = time.monotonic() + self._deadline_s
+        socket = self._socket = self._socket or self._opened()
+        try:
+            socket.SNDTIMEO = math.ceil(1e3 * self._deadline_s)
+            socket.send(question)
+            socket.RCVTIMEO = max(1, math.ceil(1e3 * (until - time.monotonic())))
+            reply = self._unpack(socket.recv(), _groot_to)
+        except self._zmq.Again:
+            self._drop()  # a late answer finds nobody
+            raise _NoAnswer(f"did not answer within {self._deadline_s * 1e3:g} ms") from None
+        except self._zmq.ZMQError as error:
+            self._drop()
+            raise _NoAnswer(f"cannot be talked to: {error}") from None
+        if isinstance(reply, Mapping) and "error" in reply:
+            raise _NoAnswer(f"has an error: {reply['error']}")
+        return reply
+
+    def _opened(self) -> Any:
+        socket = self._context.socket(self._zmq.REQ)
+        socket.setsockopt(self._zmq.LINGER, 0)
+        socket.setsockopt(self._zmq.IMMEDIATE, 1)  # no question waits for a server that is not there
+        socket.setsockopt(self._zmq.MAXMSGSIZE, _LARGEST_MESSAGE)
+        socket.connect(self.url)
+        return socket
+
+    def _drop(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None

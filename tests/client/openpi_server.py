@@ -1,0 +1,61 @@
+"""A policy server as openpi's speaks, by python3-websockets and python3-msgpack, that behaves as a test says."""
+import asyncio
+import threading
+
+import msgpack
+import numpy as np
+import websockets
+
+STEPS, JOINTS = 4, 3
+
+
+def array(values, dtype="<f4", shape=None):
+    values = np.asarray(values, np.float32)
+    return {b"__ndarray__": True, b"data": values.tobytes(), b"dtype": dtype, b"shape": shape or values.shape}
+
+
+def answer(number, width=JOINTS, steps=STEPS + 2, **more):
+    return msgpack.packb({"actions": array(np.full((steps, width), number)), "server_timing": {"infer_ms": 1.0}, **more})
+
+
+async def well(peer, asked, _):
+    await peer.send(answer(asked["n"]))
+
+
+class OpenPiServer:
+    """Accepts one connection after the other, on a thread; `behaves(peer, question, count)` is awaited for each question."""
+
+    def __init__(self, behaves=well, metadata=b"\x81\xa5reset\xc0", port=0):
+        self.behaves, self.metadata, self.port = behaves, metadata, port
+        self.questions, self.connections = 0, 0
+        self.loop, ready = asyncio.new_event_loop(), threading.Event()
+        self.thread = threading.Thread(target=self._run, args=(ready,))
+        self.thread.start()
+        ready.wait()
+        self.url = f"ws://127.0.0.1:{self.port}"
+
+    def _run(self, ready):
+        self.over = asyncio.Event()
+        self.loop.run_until_complete(self._serve(ready))
+        self.loop.close()
+
+    async def _serve(self, ready):
+        async with websockets.serve(self._converse, "127.0.0.1", self.port, compression=None, max_size=None, close_timeout=0.1) as server:
+            self.port = server.sockets[0].getsockname()[1]
+            ready.set()
+            await self.over.wait()
+
+    async def _converse(self, peer, _path=None):
+        self.connections += 1
+        try:
+            if self.metadata is not None:
+                await peer.send(self.metadata)
+            async for message in peer:
+                self.questions += 1
+                await self.behaves(peer, msgpack.unpackb(message, strict_map_key=False), self.questions)
+        except websockets.ConnectionClosed:
+            pass
+
+    def close(self):
+        self.loop.call_soon_threadsafe(self.over.set)
+        self.thread.join()

@@ -1,0 +1,401 @@
+#!/usr/bin/env python3
+"""Goal: whatever a policy server does, infer() returns in its time with the answer to this very question, or with None and the reason;
+never with another's; and once the server behaves, it answers again. Method: servers of one misbehaviour each, openpi's with
+python3-websockets and GR00T's with python3-zmq; a good answer repeats the question's number in every value. Exit code 77: those are not installed.
+"""
+import pathlib
+import socket
+import sys
+import threading
+import time
+import unittest
+
+sys.dont_write_bytecode = True
+try:
+    import msgpack
+    import websockets
+    import zmq
+    from openpi_server import JOINTS, STEPS, OpenPiServer, answer, array, well
+except ImportError as error:
+    print(f"SKIPPED: {error}: NO POLICY SERVER WAS TALKED TO")
+    sys.exit(77)
+import numpy as np
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "client/python"))
+import takt  # noqa: E402
+from takt import servers  # noqa: E402
+
+PATIENCE_S = 20
+
+
+class RawServer:
+    """A TCP port; `behaves(connection)` per connection, on a thread."""
+
+    def __init__(self, behaves):
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.url = "ws://127.0.0.1:%d" % self.listener.getsockname()[1]
+        self.behaves, self.over = behaves, threading.Event()
+        self.thread = threading.Thread(target=self._run)
+        self.thread.start()
+
+    def _run(self):
+        while not self.over.is_set():
+            try:
+                connection, _ = self.listener.accept()
+            except OSError:
+                return
+            with connection:
+                try:
+                    self.behaves(connection, self.over)
+                except OSError:
+                    pass
+
+    def close(self):
+        self.over.set()
+        self.listener.shutdown(socket.SHUT_RDWR)
+        self.listener.close()
+        self.thread.join()
+
+
+class Asking(unittest.TestCase):
+    def open(self, server, **more):
+        self.addCleanup(server.close)
+        client = servers.OpenPi(server.url, shape=(STEPS, JOINTS), deadline=more.pop("deadline", "300 ms"), **more)
+        self.addCleanup(client.close)
+        return client
+
+    def ask(self, client, number):
+        """What came back is this question's, or nothing with a reason."""
+        values = client.infer({"n": number, "state": np.zeros(3, np.float32)})
+        if values is None:
+            self.assertIn(client.url, client.problem)
+        else:
+            self.assertEqual(client.problem, "")
+            self.assertEqual(values.shape, (STEPS, JOINTS))
+            self.assertTrue((values == number).all(), f"asked {number}, got {values[0, 0]}")
+        return values
+
+    def until(self, client, wanted, first=1):
+        """Asks until `wanted(values, problem)`; returns the next number."""
+        end = time.monotonic() + PATIENCE_S
+        for number in range(first, 1 << 30):
+            values = self.ask(client, number)
+            if wanted(values, client.problem):
+                return number + 1
+            self.assertLess(time.monotonic(), end, f"last: {client.problem or 'an answer'}")
+            if not getattr(client, "connected", True):
+                time.sleep(0.01)
+
+    def good(self, values, _problem):
+        return values is not None
+
+    def says(self, *words):
+        return lambda _values, problem: any(one in problem for one in words)
+
+
+class OpenPi(Asking):
+    def test_bytes_are_openpis(self):
+        # One float32, and the order of the keys, as openpi-client writes them.
+        wanted = bytes.fromhex("84c40b5f5f6e6461727261795f5fc3c40464617461c4040000803fc4056474797065a33c6634c40573686170659101")
+        self.assertEqual(msgpack.packb(np.float32([1.0]), default=servers._openpi_from), wanted)
+        self.assertEqual(msgpack.unpackb(wanted, object_hook=servers._openpi_to), np.float32([1.0]))
+        scalar = msgpack.packb(np.float32(2.5), default=servers._openpi_from)
+        self.assertEqual(msgpack.unpackb(scalar, object_hook=servers._openpi_to), np.float32(2.5))
+        for values in (np.arange(6, dtype=np.uint8).reshape(1, 2, 3), np.array([True]), np.array([-1], np.int64), np.zeros((0, 2))):
+            there = msgpack.unpackb(msgpack.packb(values, default=servers._openpi_from), object_hook=servers._openpi_to)
+            np.testing.assert_array_equal(there, values)
+            self.assertEqual(there.dtype, values.dtype)
+
+    def test_answers_are_those_of_their_questions(self):
+        client = self.open(OpenPiServer(), api_key="secret")
+        number = self.until(client, self.good)
+        for more in range(50):
+            self.assertIsNotNone(self.ask(client, number + more))
+        self.assertEqual(client.metadata, {"reset": None})
+
+    def misbehaves(self, behaves, *said):
+        """Twice misbehaviour, told as `said`; then a server that behaves is believed again."""
+        async def twice(peer, asked, count):
+            await (behaves if count <= 2 else well)(peer, asked, count)
+        server = OpenPiServer(twice)
+        client = self.open(server)
+        number = self.until(client, self.says(*said))
+        self.until(client, self.good, number)
+        return server
+
+    def test_silence_ends_with_the_deadline(self):
+        async def never(peer, asked, count):
+            pass
+        self.misbehaves(never, "did not answer within 300 ms")
+
+    def test_a_late_answer_is_nobodys(self):
+        asked_before = []
+
+        async def late(peer, asked, count):
+            for before, number in asked_before:
+                try:
+                    await before.send(answer(number))
+                except websockets.ConnectionClosed:
+                    pass
+            if count > 2:
+                await well(peer, asked, count)
+            else:
+                asked_before.append((peer, asked["n"]))
+        server = OpenPiServer(late)
+        client = self.open(server)
+        number = self.until(client, self.says("did not answer"))
+        for _ in range(5):
+            number = self.until(client, self.good, number)
+        self.assertEqual(server.connections, 3, "every question without an answer had a connection of its own")
+
+    def test_a_server_that_echoes_cannot_mix_answers_up(self):
+        metadata = msgpack.packb({"echo": "question"})
+        sent = []
+
+        async def mixed_up(peer, asked, count):
+            sent.append(asked)
+            with_number = sent[-2] if count % 3 == 0 and len(sent) > 1 else asked
+            await peer.send(answer(with_number["n"], question=with_number["question"]))
+            if count % 4 == 0:
+                await peer.send(answer(asked["n"], question=asked["question"]))
+        client = self.open(OpenPiServer(mixed_up, metadata=metadata))
+        number = self.until(client, self.says("answered another question"))
+        for _ in range(5):
+            number = self.until(client, self.good, number)
+
+    def test_an_error_in_words_is_told(self):
+        async def text(peer, asked, count):
+            await peer.send("Traceback (most recent call last):\n  File x\nKeyError: 'prompt'\n")
+            await peer.close(1011, "Internal server error")
+        self.misbehaves(text, "has an error: KeyError: 'prompt'")
+
+    def test_a_close_in_the_middle_is_told_and_mended(self):
+        async def close(peer, asked, count):
+            await peer.close(1011, "out of memory")
+        self.assertGreaterEqual(self.misbehaves(close, "closed the connection").connections, 2)
+
+    def test_actions_of_another_robot_are_not_taken(self):
+        for reply, said in ((lambda n: answer(n, width=8), "8 values per step; the robot has 3 joints"),
+                            (lambda n: answer(n, steps=2), "`actions` of shape (2, 3)"),
+                            (lambda n: answer(float("nan")), "not finite"),
+                            (lambda n: answer(float("inf")), "not finite"),
+                            (lambda n: msgpack.packb({"error": 3}), "`actions` of shape (0,)"),
+                            (lambda n: msgpack.packb({"actions": "up"}), "`actions` of shape ()"),
+                            (lambda n: msgpack.packb([1, 2]), "without a map of actions"),
+                            (lambda n: b"\xc1\xff", "what is no message"),
+                            (lambda n: msgpack.packb({"actions": array([1], dtype="|O")}), "what is no message"),
+                            (lambda n: msgpack.packb({"actions": array([1], shape=[1 << 28, 3])}), "what is no message"),
+                            (lambda n: b"\xdd\x7f\xff\xff\xff", "what is no message"),
+                            (lambda n: b"\x91" * 2000 + b"\xc0", "what is no message")):
+            with self.subTest(said):
+                async def wrong(peer, asked, count):
+                    await peer.send(reply(asked["n"]))
+                self.misbehaves(wrong, said)
+
+    def test_a_giant_is_cut_off(self):
+        async def giant(peer, asked, count):
+            await peer.send(bytes(servers._LARGEST_MESSAGE + 1))
+        self.misbehaves(giant, "1009", "did not answer")  # how soon the connection ends depends on the machine
+
+    def test_what_nobody_asked_for_ends_the_connection(self):
+        async def and_again(peer, asked, count):
+            await peer.send(answer(asked["n"]))
+            await peer.send(answer(asked["n"]))
+        server = OpenPiServer(and_again)
+        client = self.open(server)
+        number = self.until(client, self.good)
+        end = time.monotonic() + PATIENCE_S
+        while client.connected:  # nothing is asked meanwhile: the answer too many comes by itself
+            self.assertLess(time.monotonic(), end)
+            time.sleep(0.005)
+        server.behaves = well
+        self.until(client, self.good, number)
+
+    def test_who_is_no_openpi_server_is_named(self):
+        for metadata in ("hello", b"\x07"):
+            with self.subTest(metadata):
+                client = self.open(OpenPiServer(metadata=metadata))
+                self.until(client, self.says("is no openpi server"))
+        client = self.open(OpenPiServer(metadata=None))
+        self.until(client, self.says("is not connected yet"))
+        client = self.open(RawServer(lambda connection, over: connection.sendall(b"HTTP/1.1 200 OK\r\n\r\n")))
+        self.until(client, self.says("cannot be talked to"))
+
+    def test_one_byte_at_a_time_is_no_answer(self):
+        def dribbles(connection, over):
+            request = b""
+            while b"\r\n\r\n" not in request:
+                request += connection.recv(4096)
+            key = request.lower().split(b"sec-websocket-key: ")[1]
+            key = request[len(request) - len(key):].split(b"\r\n")[0].decode()
+            import base64
+            import hashlib
+            accept = base64.b64encode(hashlib.sha1((key + "258EAFA5-E914-47DA-95CA-C5AB0DC85B11").encode()).digest())
+            connection.sendall(b"HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: " + accept
+                               + b"\r\n\r\n\x82\x01\x80")  # a frame of one byte: an empty map
+            frame = b"\x82\x7e\x7f\xff" + b"\x00" * 100
+            for at in range(len(frame)):
+                connection.sendall(frame[at:at + 1])
+                if over.wait(0.05):
+                    return
+        self.until(self.open(RawServer(dribbles)), self.says("did not answer within"))
+
+    def test_a_server_that_reads_nothing_blocks_nobody(self):
+        async def reads_no_more(peer, asked, count):
+            peer.transport.pause_reading()
+        client = self.open(OpenPiServer(reads_no_more))
+        large = np.zeros(8 << 20, np.uint8)  # more than the sockets' buffers hold
+        end = time.monotonic() + PATIENCE_S
+        seen = set()
+        while len(seen) < 1 or "did not answer" not in "".join(seen):
+            self.assertIsNone(client.infer({"n": 0, "image": large}))
+            seen.add(client.problem)
+            self.assertLess(time.monotonic(), end, seen)
+
+    def test_a_server_may_come_later_and_go_and_come_back(self):
+        first = OpenPiServer()
+        first.close()
+        client = servers.OpenPi(first.url, shape=(STEPS, JOINTS), deadline="300 ms")
+        self.addCleanup(client.close)
+        number = self.until(client, self.says("cannot be talked to"))
+        for _ in range(2):
+            server = OpenPiServer(port=first.port)
+            number = self.until(client, self.good, number)
+            server.close()
+            number = self.until(client, self.says(client.url), number)
+
+    def test_what_cannot_be_meant_is_refused_in_a_sentence(self):
+        fine = {"url": "ws://127.0.0.1:1", "shape": (STEPS, JOINTS), "deadline": "1 s"}
+        for change, said in (({"url": "grpc://gpu:8080"}, "pickles"), ({"url": "http://gpu"}, "is no address of a server"), ({"url": "ws://"}, "is no address"),
+                             ({"deadline": "1"}, "is no time"), ({"deadline": "0 s"}, "longer than nothing")):
+            with self.subTest(said), self.assertRaisesRegex(takt.Refused, said):
+                servers.OpenPi(**{**fine, **change})
+        client = servers.OpenPi(**fine)
+        client.close()
+        client.close()
+        with OpenPiClosing() as (client, number), self.assertRaisesRegex(takt.Refused, "object cannot be sent"):
+            client.infer({"n": number, "x": object()})
+
+
+class OpenPiClosing:
+    """A client that is connected."""
+
+    def __enter__(self):
+        self.server = OpenPiServer()
+        self.client = servers.OpenPi(self.server.url, shape=(STEPS, JOINTS), deadline="300 ms")
+        end = time.monotonic() + PATIENCE_S
+        while not self.client.connected and time.monotonic() < end:
+            time.sleep(0.005)
+        return self.client, 1
+
+    def __exit__(self, *error):
+        self.client.close()
+        self.server.close()
+
+
+def npy(values, **how):
+    import io
+    file = io.BytesIO()
+    np.save(file, values, **how)
+    return {"__ndarray_class__": True, "as_npy": file.getvalue()}
+
+
+class GrootServer:
+    """REP; `behaves(question, count)` gives the reply's bytes, or None: none at all."""
+
+    def __init__(self, behaves):
+        self.behaves, self.count = behaves, 0
+        self.context = zmq.Context()
+        # A router, for a REP socket cannot keep an answer back.
+        self.socket = self.context.socket(zmq.ROUTER)
+        self.url = f"tcp://127.0.0.1:{self.socket.bind_to_random_port('tcp://127.0.0.1')}"
+        self.over = threading.Event()
+        self.kept = []
+        self.thread = threading.Thread(target=self._run)
+        self.thread.start()
+
+    def _run(self):
+        while not self.over.is_set():
+            if not self.socket.poll(20):
+                continue
+            frames = self.socket.recv_multipart()
+            self.count += 1
+            reply = self.behaves(msgpack.unpackb(frames[-1], strict_map_key=False), self.count)
+            if reply is None:
+                self.kept.append(frames[:-1])
+            else:
+                self.socket.send_multipart([*frames[:-1], reply])
+
+    def close(self):
+        self.over.set()
+        self.thread.join()
+        self.socket.close(0)
+        self.context.term()
+
+
+class Groot(Asking):
+    @staticmethod
+    def well(asked, count=0, arm=2, hand=1, dtype=np.float32, **how):
+        number = asked["data"]["observation"]["n"]
+        return msgpack.packb([{"action.arm": npy(np.full((1, STEPS + 1, arm), number, dtype), **how), "action.hand": npy(np.full((1, STEPS + 1, hand), number, dtype), **how)}, {}])
+
+    def open(self, server, **more):
+        self.addCleanup(server.close)
+        client = servers.Groot(server.url, shape=(STEPS, JOINTS), deadline="300 ms", actions=("action.arm", "action.hand"), **more)
+        self.addCleanup(client.close)
+        return client
+
+    def test_answers_are_those_of_their_questions(self):
+        asked = []
+
+        def behaves(question, count):
+            asked.append(question)
+            return msgpack.packb({"status": "ok"}) if question["endpoint"] == "reset" else self.well(question)
+        client = self.open(GrootServer(behaves), api_token="secret")
+        self.assertTrue(client.reset())
+        number = self.until(client, self.good)
+        for more in range(20):
+            self.assertIsNotNone(self.ask(client, number + more))
+        self.assertEqual(asked[1]["endpoint"], "get_action")
+        self.assertEqual(asked[1]["api_token"], "secret")
+        state = asked[1]["data"]["observation"]["state"]
+        self.assertTrue(state["__ndarray_class__"] and state["as_npy"].startswith(b"\x93NUMPY"))
+
+    def test_misbehaviour_is_told_and_ends(self):
+        for wrong, said in ((lambda question: None, "did not answer within 300 ms"),
+                            (lambda question: msgpack.packb({"error": "no such modality"}), "has an error: no such modality"),
+                            (lambda question: self.well(question, hand=2), "4 values per step"),
+                            (lambda question: msgpack.packb([{"action.arm": npy(np.full((1, STEPS, 2), np.nan)), "action.hand": npy(np.zeros((1, STEPS, 1)))}, {}]), "not finite"),
+                            (lambda question: msgpack.packb([{}, {}]), "`action.arm` of shape (0,)"),
+                            (lambda question: msgpack.packb([]), "without a map of actions"),
+                            (lambda question: b"\xc1", "what is no message"),
+                            (lambda question: self.well(question, dtype=object), "what is no message"),
+                            (lambda question: bytes(servers._LARGEST_MESSAGE + 1), "did not answer within 300 ms")):
+            with self.subTest(said):
+                client = self.open(GrootServer(lambda question, count: wrong(question) if count <= 2 else self.well(question)))
+                number = self.until(client, self.says(said))
+                self.until(client, self.good, number)
+
+    def test_a_late_answer_is_nobodys(self):
+        server = GrootServer(lambda question, count: None)
+
+        def with_the_old_ones(question, count):
+            for frames in server.kept:
+                server.socket.send_multipart([*frames, self.well({"data": {"observation": {"n": -1}}})])
+            return self.well(question)
+        client = self.open(server)
+        number = self.until(client, self.says("did not answer"))
+        server.behaves = with_the_old_ones
+        self.until(client, self.good, number)
+
+    def test_who_is_not_there_is_told(self):
+        client = servers.Groot("tcp://127.0.0.1:1", shape=(STEPS, JOINTS), deadline="50 ms", actions=("a",))
+        self.addCleanup(client.close)
+        self.assertIsNone(self.ask(client, 1))
+        self.assertFalse(client.reset())
+        with self.assertRaisesRegex(takt.Refused, "is no address"):
+            servers.Groot("ws://127.0.0.1:1", shape=(1, 1), deadline="1 s", actions=("a",))
+
+
+if __name__ == "__main__":
+    unittest.main()
