@@ -45,7 +45,7 @@ set(docs ${CMAKE_INSTALL_DATADIR}/doc/takt)
 install(FILES ${share}/doc/changelog.Debian.gz ${share}/doc/changelog.gz ${package_files}/copyright README.md DESTINATION ${docs})
 install(DIRECTORY docs DESTINATION ${docs} FILES_MATCHING PATTERN "*.md" PATTERN "*.svg" PATTERN "*.xml" PATTERN examples EXCLUDE)
 install(DIRECTORY config/ DESTINATION ${CMAKE_INSTALL_DATADIR}/takt/robots
-        FILES_MATCHING PATTERN "*.yaml" PATTERN "*.onnx"
+        FILES_MATCHING PATTERN "*.yaml" PATTERN "*.onnx" PATTERN "*.xml"
         PATTERN grafana EXCLUDE PATTERN prometheus EXCLUDE)
 
 takt_demo_robot(${CMAKE_BINARY_DIR}/demo)

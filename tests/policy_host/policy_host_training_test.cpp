@@ -46,8 +46,11 @@ const char* term_word(config::TermKind kind) {
     case config::TermKind::last_action:
       return "last_action";
     case config::TermKind::base_angular_velocity:
+      return "base_angular_velocity";
     case config::TermKind::projected_gravity:
+      return "projected_gravity";
     case config::TermKind::command:
+      return "command";
     case config::TermKind::gait_phase:
       return "not trained here";
     case config::TermKind::constant:
@@ -193,6 +196,67 @@ TEST_F(CartPoleReport, ClaimsABalancingPolicy) {
   EXPECT_EQ(evaluation["policy"]["fell"].get<double>(), 0.0);
   EXPECT_EQ(evaluation["hold"]["fell"].get<double>(), 1.0);
   EXPECT_LT(evaluation["policy"]["rms_m"].get<double>(), 1.1 * evaluation["teacher"]["rms_m"].get<double>());
+}
+
+// What the attribute holds that follows `place` in the MJCF.
+std::string attribute(const std::string& model, std::string_view place, const std::string& name) {
+  const std::size_t begin = model.find(" " + name + "=\"", model.find(place)) + name.size() + 3;
+  return model.substr(begin, model.find('"', begin) - begin);
+}
+
+// The lines that balancer_model.py's load() writes.
+std::vector<std::string> balancer_facts(const config::RobotConfig& robot) {
+  const std::string model = text_of(robot.simulation->mujoco->model);
+  constexpr const char *kBase = "<inertial", *kWheel = "left_wheel_body";
+  std::vector<std::string> lines{
+      "mass " + attribute(model, kBase, "mass"),
+      "inertia " + attribute(model, kBase, "diaginertia"),
+      "wheel " + attribute(model, kWheel, "pos"),
+      "wheel_mass " + attribute(model, kWheel, "mass"),
+      "wheel_inertia " + attribute(model, kWheel, "diaginertia"),
+      "armature " + attribute(model, kWheel, "armature"),
+      "size " + attribute(model, kWheel, "size"),
+  };
+  const config::Joint& wheel = robot.joints[0];
+  lines.push_back("drive" + numbers({wheel.kd, wheel.limits.torque}));
+  const config::Policy& policy = *robot.policy;
+  lines.push_back("policy" + numbers({policy.period.seconds()}) + fmt::format(" {} {}", policy.input, policy.output) +
+                  numbers({policy.action.scale.front()}));
+  for (const config::ObservationTerm& term : policy.observation)
+    lines.push_back(fmt::format("term {} {}", term_word(term.kind), term.sensor.empty() ? "-" : term.sensor) +
+                    numbers({term.scale.front()}));
+  const config::CommandLimits& command = *robot.sensors.back().command;
+  std::string limits = "command";
+  for (const auto& values : {command.minimum, command.maximum})
+    for (const double value : values) limits += numbers({value});
+  lines.push_back(limits);
+  return lines;
+}
+
+class BalancerReport : public testing::Test {
+ protected:
+  void SetUp() override {
+    auto robot = config::load("config/balancer.yaml");
+    ASSERT_TRUE(robot) << robot.error();
+    robot_ = *std::move(robot);
+    ASSERT_NO_THROW(report_ = nlohmann::json::parse(text_of("config/balancer.training.json")));
+  }
+  config::RobotConfig robot_;
+  nlohmann::json report_;
+};
+
+TEST_F(BalancerReport, DescribesThisNetworkAndThisRobot) {
+  EXPECT_EQ(config::sha256_hex(text_of(robot_.policy->file)), report_["onnx_sha256"].get<std::string>());
+  EXPECT_EQ(balancer_facts(robot_), report_["configuration"].get<std::vector<std::string>>());
+}
+
+TEST_F(BalancerReport, ItsExamplesComeOutOfOurEngine) {
+  expect_examples(robot_, report_);
+}
+
+TEST_F(BalancerReport, ClaimsABalancingPolicy) {
+  for (const char* latency : {"10 ms", "20 ms", "40 ms"})
+    EXPECT_EQ(report_["evaluation"][latency]["fell"].get<int>(), 0) << latency;
 }
 
 TEST_P(TrainingReport, ClaimsATrackingPolicy) {

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Imports a robot from its published files and lets it walk: executive, plant, policy host and monitor as real processes by `takt run`.
+"""Lets a robot walk, from its published files or by its robot file: executive, plant, policy host and monitor as real processes by `takt run`.
 
 First it walks as commanded, with the policy frozen for 300 ms on the way; then, in runs of their own, the policy is frozen for 2 s and
 killed for good. What is printed comes from the plant's truth log (distance, height), the run's record (ages, misses with their causes)
 and `takt replay`.
 
-Exit codes: 0 it walked, stood at the end of the walk (with a fallback policy in its robot file: of every run) and every run replays; 1 not; 64 command line, 65 a file is refused.
+A robot without legs may walk on wheels. Exit codes: 0 it walked, stood at the end of the walk (with a fallback policy in its robot file: of every run) and every run replays; 1 not; 64 command line, 65 a file is refused.
 """
 import argparse
 import json
@@ -102,19 +102,26 @@ def report_lines(report):
 
 def main():
     parse = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parse.add_argument("--model", required=True, type=pathlib.Path, help="MJCF file")
-    parse.add_argument("--policy", required=True, type=pathlib.Path, help="ONNX file")
-    parse.add_argument("--deploy", required=True, type=pathlib.Path, help="deploy.yaml")
+    parse.add_argument("--model", type=pathlib.Path, help="MJCF file")
+    parse.add_argument("--policy", type=pathlib.Path, help="ONNX file")
+    parse.add_argument("--deploy", type=pathlib.Path, help="deploy.yaml")
+    parse.add_argument("--robot", type=pathlib.Path, help="robot file with simulation.mujoco, instead of those three")
     parse.add_argument("--programs", required=True, type=pathlib.Path, help="folder of Takt's programs")
     parse.add_argument("--folder", required=True, type=pathlib.Path, help="folder to make, for the robot file and the runs")
     parse.add_argument("--speed", type=float, default=0.5, help="m/s ahead")
     parse.add_argument("--seconds", type=float, default=30, help="of walking")
     options = parse.parse_args()
     options.programs, options.folder = options.programs.resolve(), options.folder.resolve()
+    published = (options.model, options.policy, options.deploy)
+    if (options.robot is None) != (None not in published) or (options.robot and any(published)):
+        parse.error("give --model, --policy and --deploy, or --robot alone")
     options.folder.mkdir(parents=True)
-    robot = options.folder / "robot.yaml"
-    for words in (["config", "import", options.deploy.resolve(), "--policy", options.policy.resolve(), "--model", options.model.resolve(),
-                   "--simulated", "--robot", "walker", "-o", robot], ["config", "check", robot]):
+    robot = options.robot.resolve() if options.robot else options.folder / "robot.yaml"
+    steps = [["config", "check", robot]]
+    if not options.robot:
+        steps.insert(0, ["config", "import", options.deploy.resolve(), "--policy", options.policy.resolve(), "--model", options.model.resolve(),
+                         "--simulated", "--robot", "walker", "-o", robot])
+    for words in steps:
         done = subprocess.run([options.programs / "takt", *words])
         if done.returncode != 0:
             return done.returncode

@@ -1,6 +1,7 @@
 // Goal: a robot whose base moves by itself rolls out in virtual time as it runs: its IMU reaches tick and policy, a
 // person commands its velocity, it is judged by how it goes and whether it stands. Method: a box on two wheels of our
-// own with a policy written here; Unitree's G1 by its published policy where ../shared has them.
+// own with a policy written here; the robot in config/ that falls when nobody balances it; Unitree's G1 by its
+// published policy where ../shared has them.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -193,14 +194,26 @@ TEST(BaseVelocityRollout, RefusesWhatItCannotPlay) {
   EXPECT_NE(refusal().find("needs `simulation.mujoco`"), std::string::npos);
 }
 
-// --- Unitree's G1 ---
+// --- robots that fall by themselves ---
 
-// As takt config import writes it from the published files, fallback policy included.
-class G1Rollout : public testing::Test {
+// The parameter: balancer, the robot in config/; g1, Unitree's, as takt config import writes it from the published
+// files, fallback policy included.
+class WalkerRollout : public testing::TestWithParam<const char*> {
  protected:
   void SetUp() override {
-    if (!std::filesystem::exists(kModel) || !std::filesystem::exists(kPolicy + "policy.onnx"))
+    const bool published = std::string_view(GetParam()) == "g1";
+    if (published && (!std::filesystem::exists(kModel) || !std::filesystem::exists(kPolicy + "policy.onnx")))
       GTEST_SKIP() << "NOT TESTED: ../shared has no published G1 model and policy";
+    if (published) ASSERT_NO_FATAL_FAILURE(import_g1());
+    auto robot = config::load(published ? path_ : "config/balancer.yaml");
+    ASSERT_TRUE(robot) << robot.error();
+    robot_ = *robot;
+    policy_ = policy_host::load_onnx_policy(robot_.policy->file, "obs", "actions").value();
+    fallback_ = std::move(load_fallback_host(robot_).value());
+    ASSERT_NE(fallback_, nullptr);
+  }
+  ~WalkerRollout() override { std::remove(path_.c_str()); }
+  void import_g1() const {
     const auto deploy = config::read_deploy_file(config::read_file(kPolicy + "deploy.yaml").value(), "deploy.yaml");
     ASSERT_TRUE(deploy) << deploy.error();
     const auto text =
@@ -213,14 +226,7 @@ class G1Rollout : public testing::Test {
                                              .simulated = true});
     ASSERT_TRUE(text) << text.error();
     std::ofstream(path_) << *text;
-    auto robot = config::load(path_);
-    ASSERT_TRUE(robot) << robot.error();
-    robot_ = *robot;
-    policy_ = policy_host::load_onnx_policy(robot_.policy->file, "obs", "actions").value();
-    fallback_ = std::move(load_fallback_host(robot_).value());
-    ASSERT_NE(fallback_, nullptr);
   }
-  ~G1Rollout() override { std::remove(path_.c_str()); }
   RolloutRow walk(std::string_view perturbation, double dose) {
     RolloutSetup setup = setup_of(robot_, *policy_, perturbation, dose, 1);
     setup.fallback = fallback_.get();
@@ -235,19 +241,19 @@ class G1Rollout : public testing::Test {
   std::unique_ptr<FallbackHost> fallback_;
 };
 
-TEST_F(G1Rollout, WalksAsCommandedAndIsTheSameTwice) {
+TEST_P(WalkerRollout, WalksAsCommandedAndIsTheSameTwice) {
   const RolloutRow row = walk("none", 0);
   EXPECT_TRUE(row.success) << row.failure_label << ", " << row.tracking_error_rms_m;
   EXPECT_EQ(walk("none", 0).replay_hash, row.replay_hash);
   RecordProperty("error_mm", static_cast<int>(1e3 * row.tracking_error_rms_m));
 }
 
-TEST_F(G1Rollout, StandsByItsFallbackPolicyWhenItsPolicyIsGone) {
+TEST_P(WalkerRollout, StandsByItsFallbackPolicyWhenItsPolicyIsGone) {
   EXPECT_TRUE(walk("policy_freeze", 2000).success);
   EXPECT_TRUE(walk("policy_crash", 60'000).success);
 }
 
-TEST_F(G1Rollout, FallsWhenItHoldsInstead) {
+TEST_P(WalkerRollout, FallsWhenItHoldsInstead) {
   robot_.degraded.behaviour = config::Degraded::hold;
   fallback_.reset();
   const RolloutRow row = walk("policy_freeze", 2000);
@@ -255,6 +261,9 @@ TEST_F(G1Rollout, FallsWhenItHoldsInstead) {
   EXPECT_TRUE(row.failure_label == "fell" || row.failure_label == "command_lost" || row.failure_label == "tilt")
       << row.failure_label;
 }
+
+INSTANTIATE_TEST_SUITE_P(Robots, WalkerRollout, testing::Values("balancer", "g1"),
+                         [](const auto& robot) { return std::string(robot.param); });
 
 }  // namespace
 }  // namespace takt::panel
