@@ -204,7 +204,9 @@ class WalkerRollout : public testing::TestWithParam<const char*> {
     const bool published = std::string_view(GetParam()) == "g1";
     if (published && (!std::filesystem::exists(kModel) || !std::filesystem::exists(kPolicy + "policy.onnx")))
       GTEST_SKIP() << "NOT TESTED: ../shared has no published G1 model and policy";
-    if (published) ASSERT_NO_FATAL_FAILURE(import_g1());
+    if (published) {
+      ASSERT_NO_FATAL_FAILURE(import_g1());
+    }
     auto robot = config::load(published ? path_ : "config/balancer.yaml");
     ASSERT_TRUE(robot) << robot.error();
     robot_ = *robot;
