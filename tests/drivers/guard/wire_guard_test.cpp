@@ -305,6 +305,8 @@ TEST(WireGuard, SettingsOfCia402) {
   EXPECT_EQ(bench.pass(0x601, "2b726000d1070000", off), unknown_frame) << "6072: more than that";
   EXPECT_EQ(bench.pass(0x601, "2316100132007f00", off), allowed) << "1016:01: node 127, 50 ms";
   EXPECT_EQ(bench.pass(0x601, "2316100100007f00", off), unknown_frame) << "1016:01: for ever";
+  EXPECT_EQ(bench.pass(0x601, "23161001e8037f00", off), allowed) << "1016:01: a second";
+  EXPECT_EQ(bench.pass(0x601, "23161001e9037f00", off), unknown_frame) << "1016:01: longer";
   EXPECT_EQ(bench.pass(0x601, "2b07600001000000", off), allowed) << "6007: its loss is a fault";
   EXPECT_EQ(bench.pass(0x601, "2b07600000000000", off), unknown_frame) << "6007: its loss is nothing";
   EXPECT_EQ(bench.pass(0x77F, "05"), allowed) << "our heartbeat";
@@ -318,6 +320,17 @@ config::RobotConfig in_mode(config::Cia402Mode mode) {
   config::RobotConfig robot = test::every_protocol();
   robot.joints[test::joint_named(robot, "right_base_yaw")].drive.mode = mode;
   return robot;
+}
+
+// Where the drive closes its own loop the joint's limit is what keeps its torque; elsewhere every frame does.
+TEST(WireGuard, ADriveWithALoopOfItsOwnGetsNoMoreThanTheJointsTorque) {
+  Decision off;
+  off.moment.enabled = false;
+  for (const auto mode : {config::Cia402Mode::csp, config::Cia402Mode::csv}) {
+    GuardBench own("right_base_yaw", in_mode(mode));
+    EXPECT_EQ(own.pass(0x601, "2b72600040060000", off), allowed) << "6072: the joint's 40 Nm, of 25 Nm rated";
+    EXPECT_EQ(own.pass(0x601, "2b72600041060000", off), unknown_frame);
+  }
 }
 
 TEST(WireGuard, ReadsCspAndCsv) {

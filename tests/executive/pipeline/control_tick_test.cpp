@@ -34,6 +34,17 @@ bool blocks(const Rig& rig, std::string_view what) {
                      [&](const std::string& text) { return text.find(what) != std::string::npos; });
 }
 
+TEST(Record, NamesNoSequenceWhereNoMessageCame) {
+  Rig rig(robot(2));
+  rig.run_with_policy(40, 0.0F);
+  const CommandChunk chunk =
+      chunk_for(rig.config, rig.out->observation.id, rig.out->observation.published_at, rig.now, 77, 0.0F);
+  rig.tick(&chunk);
+  EXPECT_EQ(rig.header().command_sequence_seen, 77U);
+  rig.tick();
+  EXPECT_EQ(rig.header().command_sequence_seen, 0U);
+}
+
 TEST(Standby, ADriveThatIsStillOnBlocksArming) {
   Rig rig(robot(2));
   rig.run_with_policy(40, 0.0F);

@@ -87,6 +87,18 @@ TEST(Join, BlendMixesWhereBothSaySomething) {
   EXPECT_FLOAT_EQ(path.step(3), 10) << "beyond the old chunk's end";
 }
 
+// Goal: what a cubic path says between its steps is what is mixed, not the straight line. Method: a new chunk whose
+// steps lie half way between the old one's; Hermite: (q0 + q1) / 2 + h / 8 (dq0 - dq1), dq: 3 / 2 (q1 - q0) / h - (dq0
+// + dq1) / 4.
+TEST(Join, ACubicPathIsMixedAsItIsPlayed) {
+  Path path({.kind = JoinKind::blend, .new_share = 0.7F}, Interpolation::cubic);
+  path.begin({0, 0, 1, 1, 1}, {0, 10, 20, 0, 0});
+  path.join(milliseconds(15), milliseconds(15), {3, 3, 3}, {0, 0, 0});
+  EXPECT_FLOAT_EQ(path.step(0), 0.3F * (0.5F + 0.01F / 8 * (10 - 20)) + 0.7F * 3);
+  EXPECT_FLOAT_EQ(path.steps->values[value_index(path.steps->header, CommandField::dq, 0, 0)],
+                  0.3F * (1.5F * 100 - 0.25F * 30));
+}
+
 TEST(Join, CrossFadeLeadsFromOldToNew) {
   Path path({.kind = JoinKind::cross_fade, .over = milliseconds(40)});
   path.begin({0, 0, 0, 0, 0, 0, 0, 0});
@@ -285,6 +297,15 @@ TEST(Prefix, PromisesAsManyStepsAsAnAnswerTakesAndPlaysThem) {
   robot.rig().tick();
   EXPECT_EQ(robot.rig().header().command_sequence, early.header.sequence);
   EXPECT_EQ(robot.rig().header().age.hold, Duration{}) << "first use";
+}
+
+// An answer that takes exactly to the end of a step promises that step and not the one after.
+TEST(Prefix, APromiseThatEndsWithAStepNamesNoFurtherOne) {
+  Robot robot(kPrefix);
+  robot.live(15, 10, 0.0F);
+  const Observation observation = robot.next_observation();
+  EXPECT_EQ(observation.committed_from, 2U);
+  EXPECT_EQ(observation.committed_count, 1U);
 }
 
 TEST(Prefix, AnAnswerLaterThanThePromiseIsTakenAtOnce) {
