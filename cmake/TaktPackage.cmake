@@ -131,7 +131,7 @@ example is in /usr/share/doc/takt-dev/examples.")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_ARCHITECTURE all)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3 (>= 3.11), python3-numpy, takt (= ${PROJECT_VERSION}-1)")
-set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS "python3-msgpack, python3-websockets, python3-zmq")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS "python3-msgpack, python3-pandas, python3-websockets, python3-zmq, python3-zstandard")
 set(CPACK_DEBIAN_PYTHON_DESCRIPTION
 "policies in Python for Takt
 Takt runs learned policies on robots in real time. With this package a policy

@@ -37,7 +37,6 @@ class OpenPiServer:
     def _run(self, ready):
         self.over = asyncio.Event()
         self.loop.run_until_complete(self._serve(ready))
-        self.loop.close()
 
     async def _serve(self, ready):
         async with websockets.serve(self._converse, "127.0.0.1", self.port, compression=None, max_size=None, close_timeout=0.1) as server:
@@ -56,6 +55,11 @@ class OpenPiServer:
         except websockets.ConnectionClosed:
             pass
 
-    def close(self):
+    def leave(self):
+        """Begins to close; close() ends it."""
         self.loop.call_soon_threadsafe(self.over.set)
+
+    def close(self):
+        self.leave()
         self.thread.join()
+        self.loop.close()

@@ -264,6 +264,22 @@ class OpenPi(Asking):
             server.close()
             number = self.until(client, self.says(client.url), number)
 
+    def test_a_client_may_be_closed_while_its_connection_is_being_closed(self):
+        async def too_many_and_deaf(peer, asked, count):
+            await peer.send(answer(asked["n"]))
+            await peer.send(answer(asked["n"]))
+            peer.transport.pause_reading()  # the client's close is not answered
+        client = self.open(OpenPiServer(too_many_and_deaf))
+        self.until(client, self.good)
+        end = time.monotonic() + PATIENCE_S
+        while client._socket is not None and client._socket.state == websockets.legacy.protocol.State.OPEN:
+            self.assertLess(time.monotonic(), end)
+            time.sleep(0.001)
+        closing = threading.Thread(target=client.close, daemon=True)
+        closing.start()
+        closing.join(PATIENCE_S)
+        self.assertFalse(closing.is_alive())
+
     def test_what_cannot_be_meant_is_refused_in_a_sentence(self):
         fine = {"url": "ws://127.0.0.1:1", "shape": (STEPS, JOINTS), "deadline": "1 s"}
         for change, said in (({"url": "grpc://gpu:8080"}, "pickles"), ({"url": "http://gpu"}, "is no address of a server"), ({"url": "ws://"}, "is no address"),

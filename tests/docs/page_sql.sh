@@ -16,8 +16,6 @@ folder=$(mktemp -d) || exit 1
 trap 'rm -rf "$folder"' EXIT
 cd "$root" && "$2" "$folder/run" && "$3" "$folder/panel" >/dev/null || exit 1
 cd "$folder" || exit 1
-for file in read_run.py with_pandas.py; do
-  sed -n "/^\`\`\`python $file\$/,/^\`\`\`\$/p" "$page" | sed '1d;$d' >"$file"
-done
-/usr/bin/python3 with_pandas.py >/dev/null || exit 1
+sed -n '/^```python with_pandas.py$/,/^```$/p' "$page" | sed '1d;$d' >with_pandas.py
+PYTHONPATH=$root/client/python /usr/bin/python3 with_pandas.py >/dev/null || exit 1
 node "$root/tests/node/page_sql.mjs" "$page" "$folder"

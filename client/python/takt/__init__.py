@@ -1,4 +1,4 @@
-"""Takt in Python: policies and sensors. A policy reads a robot's observations, and answers them with chunks of joint targets:
+"""Takt in Python: policies, sensors, and what runs leave behind. A policy reads a robot's observations, and answers them with chunks of joint targets:
 
     import takt
 
@@ -15,6 +15,8 @@ A sensor publishes what it senses, into shared memory, with the stamp of its own
     with takt.Sensor("target", "robot.yaml", shape=3, unit="m") as sensor:
         sensor.publish(position, stamp=time.monotonic_ns())
 
+takt.open(FOLDER) reads a run or a panel's artifact as tables of pandas.
+
 A policy that infers on another machine is a client of its server: see takt.servers.
 
 Joints are those of the robot file, in its order (`robot.joints`). Units: q rad, dq rad/s, tau Nm, kp Nm/rad, kd Nms/rad;
@@ -22,6 +24,7 @@ stamps in ns of the clock of time.monotonic_ns(). Arrays are float32. Everything
 """
 from takt._policy import Chunk, Image, Joints, Observation, Policy, Robot, Stream, chunk, connect, image, joints, stream
 from takt._refused import Refused
+from takt._run import Artifact, Run, open
 from takt._sensor import Sensor
 
-__all__ = ["Chunk", "Image", "Joints", "Observation", "Policy", "Refused", "Robot", "Sensor", "Stream", "chunk", "connect", "image", "joints", "stream"]
+__all__ = ["Artifact", "Chunk", "Image", "Joints", "Observation", "Policy", "Refused", "Robot", "Run", "Sensor", "Stream", "chunk", "connect", "image", "joints", "open", "stream"]

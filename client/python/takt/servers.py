@@ -181,6 +181,7 @@ class OpenPi(_Server):
         self._asked = 0
         self._lost = "is not connected yet"
         self._given_up = False  # by us, for the reason in _lost
+        self._closing = False
         self._socket: Any = None
         self._pending: Optional["asyncio.Future[Any]"] = None
         self._loop = asyncio.new_event_loop()
@@ -205,6 +206,7 @@ class OpenPi(_Server):
     def close(self) -> None:
         """Ends the connection. A second time does nothing."""
         if self._thread.is_alive():
+            self._closing = True  # the library swallows a cancellation that comes while a connection closes
             self._loop.call_soon_threadsafe(self._keeper.cancel)
             asyncio.run_coroutine_threadsafe(self._ended(), self._loop).result()
             self._loop.call_soon_threadsafe(self._loop.stop)
@@ -254,7 +256,7 @@ class OpenPi(_Server):
         raise _NoAnswer(why)
 
     async def _keep_connected(self) -> None:
-        while True:
+        while not self._closing:
             try:
                 # Its pings are answered; none of ours, for a server that infers answers none. The deadline finds who is gone.
                 async with self._websockets.connect(self.url, compression=None, max_size=_LARGEST_MESSAGE, ping_interval=None,

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """age_on_wire.py OUT: how old commands were when a peer saw their frames, in what the case of that name left in OUT.
 
-Ticks are read by the reader that docs/reading-runs.md gives to users. A frame belongs to the tick that began last before the
+Ticks are read by takt.open, as users read them. A frame belongs to the tick that began last before the
 peer's stamp; it carries a command if that tick played one and did not keep this joint's setpoint back. Fails when a command was
 older than max_age then, or when there was too little to judge.
 """
@@ -9,25 +9,16 @@ import json
 import pathlib
 import re
 import sys
-import tempfile
 
 import numpy as np
 
-DOCS = pathlib.Path(__file__).resolve().parents[3] / "docs"
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "client/python"))
+import takt  # noqa: E402
+
 JOINTS = 6  # MIT, ids 1 to 6 in the joints' order
 MAX_AGE_MS = 150
 WRITE_MS = 0.05  # the executive looks at its clock before it writes; then the kernel stamps what was written
 ENOUGH = 20_000
-
-
-def reader_of_the_page():
-    page = (DOCS / "reading-runs.md").read_text()
-    source = re.search(r"```python read_run\.py\n(.*?)```", page, re.S)[1]
-    with tempfile.TemporaryDirectory() as folder:
-        pathlib.Path(folder, "read_run.py").write_text(source)
-        sys.path.insert(0, folder)
-        import read_run
-    return read_run
 
 
 def enabled_frames(log, offset_ns):
@@ -40,7 +31,8 @@ def enabled_frames(log, offset_ns):
 
 def ages_on_wire(run, frames):
     """ms, of each frame that carries a command; and us from the tick's beginning to the frame."""
-    ticks, enums = reader_of_the_page().ticks(str(run))
+    opened = takt.open(run)
+    ticks, enums = opened.tick_array, opened.enumerations
     oldest = ticks["now"].astype(np.int64) - sum(ticks["age_" + part].astype(np.int64) for part in ("sense", "queue", "infer", "publish", "hold"))
     usable = [value for value, name in enums["freshness"].items() if name in ("fresh", "aging")]
     plays = np.isin(ticks["freshness"], usable) & np.isin(ticks["mode"], [value for value, name in enums["mode"].items() if name in ("tracking", "degraded")])

@@ -1,0 +1,145 @@
+"""The messages of a run's ticks.mcap: chunks of MCAP, bodies in CDR, laid out as the file's own ros2msg schemas say."""
+import pathlib
+import re
+from typing import Any, Dict, Iterator, List, NamedTuple, Tuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from takt._refused import Refused
+
+_TYPES = {"uint8": "u1", "uint16": "<u2", "uint32": "<u4", "uint64": "<u8", "int64": "<i8", "float32": "<f4"}
+_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 3, 4, 5, 6
+_MAGIC = b"\x89MCAP0\r\n"
+_BODY = 22  # of a message record, behind channel, sequence and two times
+_ENCAPSULATION = 4  # bytes before CDR's own alignment begins
+
+
+class Field(NamedTuple):
+    name: str
+    type: str  # of the schema; "string" too
+    count: int  # 1; of a fixed array its length; -1: a sequence, with its length before it
+    names: Dict[int, str]  # of an enumeration's values
+    about: str  # the schema's comment: unit, meaning
+
+
+def _number(data: memoryview, at: int, size: int) -> int:
+    return int.from_bytes(data[at:at + size], "little")
+
+
+def _records(data: memoryview) -> Iterator[Tuple[int, memoryview]]:
+    """Opcode and content; what is cut off at the end is left out."""
+    at = 0
+    while at + 9 <= len(data):
+        size = _number(data, at + 1, 8)
+        if at + 9 + size > len(data):
+            return
+        yield data[at], data[at + 9:at + 9 + size]
+        at += 9 + size
+
+
+def _texts(data: memoryview, at: int, count: int) -> List[bytes]:
+    found = []
+    for _ in range(count):
+        size = _number(data, at, 4)
+        found.append(bytes(data[at + 4:at + 4 + size]))
+        at += 4 + size
+    return found
+
+
+def _unpacked(data: memoryview) -> Iterator[Tuple[int, memoryview]]:
+    """All records, those in chunks included."""
+    for opcode, content in _records(data):
+        if opcode != _CHUNK:
+            yield opcode, content
+            continue
+        (compression,) = _texts(content, 28, 1)
+        inner = content[32 + len(compression) + 8:]
+        yield from _records(memoryview(_decompressed(inner, _number(content, 16, 8)) if compression == b"zstd" else inner))
+
+
+def _decompressed(data: memoryview, size: int) -> bytes:
+    try:
+        import zstandard
+    except ImportError:
+        raise Refused("takt.open needs the Python module zstandard: sudo apt install python3-zstandard") from None
+    return zstandard.decompress(data, size)
+
+
+def fields_of(schema: str) -> List[Field]:
+    """Of a flat ros2msg text. Constants MODE_... name the values of the field `mode`, and of those whose comment says "MODE values"."""
+    fields, constants, catalogue = [], {}, {}
+    for line in schema.splitlines():
+        if constant := re.match(r"\w+ ([A-Z]\w*)=(\d+)", line):
+            constants[constant[1]] = int(constant[2])
+        elif field := re.match(r"(\w+)(\[(\d*)\])? (\w+)\s*#?\s*(.*)", line):
+            own = field[4].upper()
+            catalogue[own] = {value: name[len(own) + 1:].lower() for name, value in constants.items() if name.startswith(own + "_")}
+            constants = {}
+            shared = re.search(r"\b([A-Z_]+) values", field[5])
+            count = 1 if field[2] is None else int(field[3] or -1)
+            fields.append(Field(field[4], field[1], count, catalogue[shared[1] if shared and shared[1] in catalogue else own], field[5]))
+    return fields
+
+
+def _places(fields: List[Field], body: memoryview) -> Iterator[Tuple[Field, int, int]]:
+    """Where each field of this message lies: its first value's offset, and how many there are. Of a text: its bytes."""
+    at = 4  # behind the encapsulation
+    for field in fields:
+        count = field.count
+        if field.type == "string" or count < 0:
+            at += -(at - _ENCAPSULATION) % 4
+            count, at = _number(body, at, 4), at + 4
+        size = 1 if field.type == "string" else np.dtype(_TYPES[field.type]).itemsize
+        at += -(at - _ENCAPSULATION) % size if count else 0
+        yield field, at, count
+        at += size * count
+
+
+def table(fields: List[Field], bodies: List[memoryview]) -> NDArray[Any]:
+    """Messages of one size as one structured array; its sequences are as long as in the first."""
+    places = [(field, at, count) for field, at, count in _places(fields, bodies[0])] if bodies else [(field, 0, max(field.count, 1)) for field in fields]
+    kind = np.dtype({"names": [field.name for field, _, _ in places],
+                     "formats": [(_TYPES[field.type], (count,)) if field.count != 1 else _TYPES[field.type] for field, _, count in places],
+                     **({"offsets": [at for _, at, _ in places], "itemsize": len(bodies[0])} if bodies else {})})
+    if any(len(body) != kind.itemsize for body in bodies):
+        raise Refused("takt.open: ticks of one run differ in size; the file is damaged")
+    return np.frombuffer(b"".join(bodies), kind)
+
+
+def rows(fields: List[Field], bodies: List[memoryview]) -> List[Dict[str, Any]]:
+    """Messages of any size: numbers, texts, and arrays where the schema has some."""
+    found = []
+    for body in bodies:
+        row: Dict[str, Any] = {}
+        for field, at, count in _places(fields, body):
+            if field.type == "string":
+                row[field.name] = bytes(body[at:at + count - 1]).decode()  # CDR's texts end with a zero
+                continue
+            values = np.frombuffer(body, _TYPES[field.type], count, at)
+            row[field.name] = values if field.count != 1 else values[0].item()
+        found.append(row)
+    return found
+
+
+class Recording:
+    """Schemas and messages of the file, by topic."""
+
+    def __init__(self, path: pathlib.Path) -> None:
+        data = memoryview(path.read_bytes())
+        if bytes(data[:8]) != _MAGIC:
+            raise Refused(f"{path} is no MCAP file")
+        schemas: Dict[int, str] = {}
+        topics: Dict[int, str] = {}
+        self.fields: Dict[str, List[Field]] = {}
+        self.bodies: Dict[str, List[memoryview]] = {}
+        for opcode, content in _unpacked(data[8:]):
+            if opcode == _SCHEMA:
+                schemas[_number(content, 0, 2)] = _texts(content, 2, 3)[2].decode()
+            elif opcode == _CHANNEL:
+                topic = _texts(content, 4, 1)[0].decode()
+                topics[_number(content, 0, 2)] = topic
+                self.fields.setdefault(topic, fields_of(schemas[_number(content, 2, 2)]))
+                self.bodies.setdefault(topic, [])
+            elif opcode == _MESSAGE:
+                self.bodies[topics[_number(content, 0, 2)]].append(content[_BODY:])

@@ -1,0 +1,116 @@
+#!/usr/bin/env python3
+"""Goal: takt.open gives what a run and a panel left behind, as tables that agree with what was computed from the same files elsewhere; what is cut off or
+is something else is said in one sentence. Method: a recorded run of the demo arm and a sample artifact, made by the build; metrics.json, transitions.jsonl
+and the Parquet file's twin are the judges. Usage: open_run_test.py SOURCE_DIR MAKE_RECORDED_DEMO MAKE_SAMPLE_ARTIFACT. Exit code 77: pandas or zstandard is missing.
+"""
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+SOURCE, MAKE_RUN, MAKE_ARTIFACT = (pathlib.Path(argument).resolve() for argument in sys.argv[1:4])
+sys.dont_write_bytecode = True
+sys.path.insert(0, str(SOURCE / "client/python"))
+try:
+    import pandas
+    import zstandard  # noqa: F401
+except ImportError as error:
+    print(f"SKIPPED: {error}: NO RUN WAS READ")
+    sys.exit(77)
+import numpy as np  # noqa: E402
+
+import takt  # noqa: E402
+
+
+class OpenRun(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.temporary = tempfile.TemporaryDirectory()
+        cls.folder = pathlib.Path(cls.temporary.name)
+        subprocess.run([MAKE_RUN, cls.folder / "run"], cwd=SOURCE, check=True, stdout=subprocess.DEVNULL)
+        subprocess.run([MAKE_ARTIFACT, cls.folder / "panel"], cwd=SOURCE, check=True, stdout=subprocess.DEVNULL)
+        cls.run_ = takt.open(cls.folder / "run")
+        cls.metrics = json.loads((cls.folder / "run/metrics.json").read_text())
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.temporary.cleanup()
+
+    def test_ticks_are_those_of_the_report(self):
+        ticks = self.run_.ticks
+        self.assertEqual(len(ticks), self.metrics["ticks"]["recorded"])
+        self.assertTrue((np.diff(ticks["tick"]) == 1).all())
+        self.assertEqual(ticks["s"].iloc[0], 0)
+        self.assertAlmostEqual(ticks["s"].iloc[-1], 1e-9 * self.metrics["ticks"]["span_ns"], places=9)
+        modes = ticks["mode"].value_counts()
+        for mode, count in self.metrics["ticks_in_mode"].items():
+            self.assertEqual(modes.get(mode, 0), count, mode)
+        relied = ticks[ticks["previous_mode"].isin(["tracking", "degraded"])]
+        self.assertAlmostEqual(relied["age_ms"].max(), 1e-6 * self.metrics["age_ns"]["per_tick"]["total"]["max"], places=6)
+
+    def test_joints_and_buses_have_columns_of_their_own(self):
+        ticks, array = self.run_.ticks, self.run_.tick_array
+        self.assertEqual(self.run_.joints[2], "elbow")
+        np.testing.assert_array_equal(ticks["q_estimate.elbow"], array["q_estimate"][:, 2])
+        self.assertEqual(sum(name.startswith("bus_state.") for name in ticks), len(self.run_.buses))
+        self.assertEqual(set(ticks[f"feedback_drive_state.{self.run_.joints[0]}"]), {"enabled", "disabled"})
+        self.assertEqual(self.run_.enumerations["mode"][2], "tracking")
+        self.assertEqual(self.run_.enumerations["previous_mode"], self.run_.enumerations["mode"])
+        self.assertEqual(self.run_.about["q_estimate"], "output; rad")
+
+    def test_commands_are_the_messages_of_the_policy(self):
+        commands = self.run_.commands
+        read = self.run_.ticks.set_index("tick")["arrival"].loc[commands["tick"]]
+        by_arrival = read.value_counts()
+        for arrival, count in self.metrics["arrivals"].items():
+            if arrival not in ("none", "contended", "corrupt"):
+                self.assertEqual(by_arrival.get(arrival, 0), count, arrival)
+        whole = commands[commands["q"].notna()]
+        self.assertEqual({steps.shape for steps in whole["q"]}, {(int(whole["step_count"].iloc[0]), 6)})
+        self.assertEqual(set(commands["sender"]), {"policy"})
+        self.assertTrue(np.isfinite(np.stack(whole["q"])).all())
+
+    def test_transitions_name_their_causes(self):
+        lines = (self.folder / "run/transitions.jsonl").read_text().splitlines()
+        self.assertEqual(list(self.run_.transitions["cause"]), [json.loads(line)["cause"] for line in lines])
+        self.assertEqual(len(self.run_.losses), 0)
+        self.assertEqual(list(self.run_.losses.columns), ["ring", "reason", "count", "after_tick", "before_tick"])
+
+    def test_an_artifacts_rows_are_those_of_its_parquet_twin(self):
+        artifact = takt.open(self.folder / "panel")
+        lines = [json.loads(line) for line in (self.folder / "panel/rollouts.jsonl").read_text().splitlines()]
+        self.assertEqual(len(artifact.rows), len(lines))
+        self.assertEqual(artifact.rows["age_per_tick.total.p99_ms"].iloc[0], lines[0]["age_per_tick"]["total"]["p99_ms"])
+
+    def test_what_was_cut_off_is_read_as_far_as_it_goes(self):
+        cut = self.folder / "cut"
+        cut.mkdir()
+        for name in ("manifest.json", "transitions.jsonl"):
+            (cut / name).write_bytes((self.folder / "run" / name).read_bytes()[:None if name == "manifest.json" else -9])
+        data = (self.folder / "run/ticks.mcap").read_bytes()
+        (cut / "ticks.mcap").write_bytes(data[:len(data) * 2 // 3])
+        run = takt.open(str(cut))
+        self.assertGreater(len(run.ticks), 1000)
+        pandas.testing.assert_frame_equal(run.ticks, self.run_.ticks.iloc[:len(run.ticks)])
+        self.assertEqual(len(run.transitions), len(self.run_.transitions) - 1)
+
+    def test_what_is_something_else_is_said_in_one_sentence(self):
+        other = self.folder / "other"
+        other.mkdir()
+        with self.assertRaisesRegex(takt.Refused, "neither a run folder nor a panel's artifact"):
+            takt.open(other)
+        (other / "ticks.mcap").write_bytes(b"no such thing")
+        with self.assertRaisesRegex(takt.Refused, "manifest.json cannot be read"):
+            takt.open(other)
+        (other / "manifest.json").write_text('{"joints": [], "buses": []}')
+        with self.assertRaisesRegex(takt.Refused, "is no MCAP file"):
+            takt.open(other).ticks
+        (other / "ticks.mcap").write_bytes((self.folder / "run/ticks.mcap").read_bytes()[:8])
+        with self.assertRaisesRegex(takt.Refused, "has no topic /takt/tick"):
+            takt.open(other).ticks
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])
