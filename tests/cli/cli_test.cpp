@@ -316,8 +316,14 @@ TEST_F(Cli, ARunThatWasNotRecordedToItsEndFails) {
   fs::permissions(in("takt-monitor"), fs::perms::owner_all);
   const Ended ended = shell(in("takt ") + run_arguments("--arm --duration 3s"));
   EXPECT_EQ(ended.exit_code, 1) << ended.output;
-  const bool before_arming = ended.output.find("nothing is recorded: ") != std::string::npos;
-  EXPECT_TRUE(before_arming || ended.output.find("recording stopped: ") != std::string::npos) << ended.output;
+  // How far the run came by then depends on the machine: nobody may arm, arming ends in a stop, or the robot moved.
+  bool is_said = false;
+  for (const char* said : {"nothing is recorded: ", "stop at tick ", "recording stopped: "})
+    is_said |= ended.output.find(said) != std::string::npos;
+  EXPECT_TRUE(is_said) << ended.output;
+  if (const auto stop = ended.output.find("stop at tick "); stop != std::string::npos) {
+    EXPECT_NE(ended.output.find("recording_lost", stop), std::string::npos) << ended.output;
+  }
 }
 
 TEST_F(Cli, TheManifestQuotesTheDoctorsKeptVerdict) {
