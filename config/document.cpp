@@ -145,6 +145,10 @@ class TreeBuilder : public YAML::EventHandler {
 };
 
 bool refuse_characters(std::string_view text, Problems& problems) {
+  if (text.find('\0') != std::string_view::npos) {
+    problems.add({}, "is a binary file; name one of YAML text");
+    return false;
+  }
   Place place{1, 1};
   bool fine = true;
   for (const char c : text) {

@@ -250,6 +250,12 @@ TEST(Load, APolicyLiesBesideItsRobotFileAndRunsInTheWorkingDirectory) {
   EXPECT_EQ(robot->record.directory, std::filesystem::current_path() / "runs");
 }
 
+TEST(Load, ABinaryFileIsRefusedInOneLine) {
+  const auto robot = parse(std::string_view("\x08\x07\0\x12", 4), "policy.onnx");
+  ASSERT_FALSE(robot.has_value());
+  EXPECT_EQ(robot.error(), "policy.onnx: is a binary file; name one of YAML text");
+}
+
 // What stands in a file is printed: a value with an escape sequence may not get as far as a terminal, nor may the
 // complaint about it.
 TEST(Load, NothingInAFileMovesTheCursor) {
