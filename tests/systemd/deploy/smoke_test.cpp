@@ -17,7 +17,7 @@ std::expected<std::string, std::string> tried(const std::vector<config::Override
 }
 
 TEST(SmokeRun, TheDemoRobotsPass) {
-  for (const char* file : {"config/arm6.yaml", "config/cart_pole.yaml"}) {
+  for (const char* file : {"config/arm6.yaml", "config/cart_pole.yaml", "config/balancer.yaml"}) {
     const auto passed = tried({}, file);
     ASSERT_TRUE(passed.has_value()) << file << ": " << passed.error();
     EXPECT_NE(passed->find("tracked for 5 s"), std::string::npos) << *passed;
