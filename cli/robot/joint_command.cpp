@@ -132,18 +132,32 @@ std::expected<std::unique_ptr<drivers::TorqueOutput>, Refusal> permit_torque(con
 constexpr double kDegree = 3.14159265358979323846 / 180;
 
 int report(const drivers::JointJog& jog, const JointOptions& options) {
-  const bool failed = !jog.failure().empty();
-  if (options.json)
+  using Verdict = drivers::VelocityScale::Verdict;
+  const drivers::VelocityScale velocity = jog.velocity_scale();
+  // A move that was cut short says nothing about scales.
+  const bool cut_short = !jog.failure().empty();
+  const std::string failure = cut_short                            ? jog.failure()
+                              : velocity.verdict == Verdict::wrong ? velocity.sentence
+                                                                   : std::string();
+  if (options.json) {
+    const std::string scale = velocity.scale == 0 ? "null" : fmt::format("{:.4f}", velocity.scale);
     fmt::print(
-        "{{\"joint\":\"{}\",\"from_rad\":{:.6f},\"moved_rad\":{:.6f},\"asked_rad\":{:.6f},\"failure\":\"{}\"}}\n",
-        options.joint, jog.started_at(), jog.moved(), jog.target() - jog.started_at(), jog.failure());
-  else if (failed)
-    fmt::print(stderr, "joint {}: {}\n", options.joint, jog.failure());
-  else
+        "{{\"joint\":\"{}\",\"from_rad\":{:.6f},\"moved_rad\":{:.6f},\"asked_rad\":{:.6f},\"velocity_scale\":{},"
+        "\"failure\":\"{}\"}}\n",
+        options.joint, jog.started_at(), jog.moved(), jog.target() - jog.started_at(), scale, failure);
+    return failure.empty() ? kExitOk : kExitFailed;
+  }
+  if (!cut_short)
     fmt::print("joint {}: asked for {:+.2f} deg, moved {:+.2f} deg, from {:.2f} to {:.2f} deg; drive disabled again\n",
                options.joint, (jog.target() - jog.started_at()) / kDegree, jog.moved() / kDegree,
                jog.started_at() / kDegree, (jog.started_at() + jog.moved()) / kDegree);
-  return failed ? kExitFailed : kExitOk;
+  if (velocity.verdict == Verdict::right)
+    fmt::print("joint {}: its velocity belongs to its position: {:.3f}, known within {:.0f} %\n", options.joint,
+               velocity.scale, 100 * velocity.uncertainty);
+  else if (velocity.verdict == Verdict::not_judged && !cut_short)
+    fmt::print("joint {}: {}\n", options.joint, velocity.sentence);
+  if (!failure.empty()) fmt::print(stderr, "joint {}: {}\n", options.joint, failure);
+  return failure.empty() ? kExitOk : kExitFailed;
 }
 
 std::expected<int, Refusal> jog(const JointOptions& options) {
@@ -200,7 +214,9 @@ void add_joint(CLI::App& app, int& exit_code) {
       "With a model in the robot file gravity is carried while it moves; support it all the same: at the end the drive "
       "is\n"
       "disabled. Ctrl-C disables it too, and so does straying 2 degrees from the way.\n"
-      "Exit codes: 0 moved as asked, 1 refused, not moved as asked, or the drive failed, 64 command line, 65 "
+      "Exit codes: 0 moved as asked, 1 refused, not moved as asked, the drive failed, or its velocity does not belong "
+      "to\n"
+      "its position, 64 command line, 65 "
       "configuration, 69 the bus is not "
       "there.");
   command->callback([options, &exit_code] {

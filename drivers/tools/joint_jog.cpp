@@ -55,7 +55,9 @@ std::string JointJog::reported() const {
 
 std::size_t JointJog::tick(MonoTime now, std::span<CanFrame> out) {
   if (!entered_.is_set()) entered_ = ticked_ = now;
-  if (driver_.feedback().received_at.is_set()) last_seen_ = driver_.feedback().q;
+  const JointFeedback& feedback = driver_.feedback();
+  if (feedback.received_at.is_set()) last_seen_ = feedback.q;
+  if (phase_ == Phase::enabling || drives(phase_)) fit_.take(feedback.received_at, feedback.q, feedback.dq);
   advance(now);
   ticked_ = now;
   if (phase_ == Phase::ended) return 0;

@@ -27,6 +27,7 @@
 
 #include "config/robot_config.hpp"
 #include "drivers/protocol/joint_driver.hpp"
+#include "drivers/tools/velocity_fit.hpp"
 
 namespace takt::drivers {
 
@@ -60,6 +61,8 @@ class JointJog {
   [[nodiscard]] double started_at() const { return start_; }  // rad
   [[nodiscard]] double target() const { return target_; }     // rad
   [[nodiscard]] double moved() const;                         // rad, so far
+  // What the readings so far say of the reported velocity.
+  [[nodiscard]] VelocityScale velocity_scale() const { return fit_.judge(); }
 
  private:
   void enter(Phase phase, MonoTime now);
@@ -84,6 +87,7 @@ class JointJog {
   bool stopping_ = false;
   double start_ = 0, target_ = 0, reference_ = 0, last_seen_ = 0;
   std::string failure_;
+  VelocityFit fit_;
 };
 
 }  // namespace takt::drivers

@@ -29,6 +29,7 @@ class Jog : public testing::Test {
     EXPECT_TRUE(jog.ended());
     failure_ = jog.failure();
     moved_ = jog.moved();
+    velocity_ = jog.velocity_scale();
   }
   void step(JointJog& jog) {
     now_ = now_ + milliseconds(1);
@@ -60,6 +61,7 @@ class Jog : public testing::Test {
   GravityTerm gravity_;
   std::optional<plant::DeviceFault> fault_;
   std::string failure_;
+  VelocityScale velocity_;
 };
 
 TEST_F(Jog, MovesAsFarAsAskedAndLetsGo) {
@@ -68,6 +70,19 @@ TEST_F(Jog, MovesAsFarAsAskedAndLetsGo) {
   EXPECT_NEAR(q_, 0.4, 0.01);
   EXPECT_NEAR(moved_, 0.1, 0.01);
   EXPECT_EQ(device_->state(), plant::DeviceState::disabled);
+  EXPECT_EQ(velocity_.verdict, VelocityScale::Verdict::right) << velocity_.sentence;
+}
+
+// The drive packs its velocity into four fifths of the range that the file says.
+TEST_F(Jog, AVelocityOfAnotherRangeIsNamed) {
+  config::Drive other = robot_.joints[3].drive;
+  other.velocity_range *= 0.8;
+  device_ = plant::make_device(other, milliseconds(100));
+  plant::Frames said;
+  device_->update({q_, dq_}, now_, {}, said);
+  run({.by = 0.15, .speed = 0.2, .torque = 1});
+  EXPECT_EQ(velocity_.verdict, VelocityScale::Verdict::wrong) << velocity_.scale;
+  EXPECT_NE(velocity_.sentence.find("range"), std::string::npos) << velocity_.sentence;
 }
 
 TEST_F(Jog, NeverPullsHarderThanTold) {
