@@ -105,8 +105,11 @@ std::vector<CardEntry> DriveCard::entries() const {
     const auto end = std::find_if(row, rows_.end(), [&](const CardRow& one) { return one.item != row->item; });
     const bool any_told = std::any_of(row, end, [this](const CardRow& one) { return was_told(one); });
     if (!any_told) entries.push_back(entry_of(*row));
-    for (; row != end; ++row)
-      if (any_told && was_told(*row)) entries.push_back(entry_of(*row));
+    for (bool told = false; row != end; ++row) {
+      if (!was_told(*row) || (row->instead && told)) continue;
+      entries.push_back(entry_of(*row));
+      told = true;
+    }
   }
   return entries;
 }

@@ -63,12 +63,14 @@ struct ToldSettings {
   }
 };
 
-// What a protocol can say about an item. Of several rows about one item those that were told count, else the first.
+// What a protocol can say about an item. Of several rows about one item those that were told count, else the first; one
+// that says `instead` counts only where none before it was told.
 struct CardRow {
   CardItem item = CardItem::identity;
   std::string source;
   std::string expected;
   std::vector<std::uint32_t> keys;  // all of them must be told; none and a text: known from the start
+  bool instead = false;
   // Of the keys' values, in their order; unset: nobody can tell.
   std::function<std::string(std::span<const std::uint32_t>)> text{};
   // Unset: agrees where nothing else is expected than the text, differs where another is.

@@ -163,6 +163,7 @@ TEST(DriveCard, OfACia402Drive) {
                    {velocity_unit, "00B50300", told},
                    {watchdog, "50 ms", agrees}});
   EXPECT_EQ(entry(entries, watchdog).source, "object 1400:05");
+  EXPECT_EQ(std::ranges::count(entries, identity, &CardEntry::item), 1);
   EXPECT_EQ(std::ranges::count(entries, torque_range, &CardEntry::item), 2) << "rated, and the most it lets through";
 }
 

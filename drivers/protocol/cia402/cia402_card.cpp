@@ -76,9 +76,11 @@ std::vector<CardRow> cia402_card_rows(const config::RobotConfig& robot, std::siz
   const auto named =
       words_of("", drive.identity, {.style = WordStyle::hex, .least = 2, .most = 3}).value_or(DriveWords{});
   const auto revision = words_of("", drive.firmware, {.style = WordStyle::hex}).value_or(DriveWords{});
+  CardRow without_serial = words_row(identity, "object 1018:01, 02", {kVendor, kProduct}, WordStyle::hex, named);
+  without_serial.instead = true;
   std::vector<CardRow> rows{
       words_row(identity, "object 1018:01, 02, 04", {kVendor, kProduct, kSerial}, WordStyle::hex, named),
-      words_row(identity, "object 1018:01, 02", {kVendor, kProduct}, WordStyle::hex, named), untold(hardware),
+      std::move(without_serial), untold(hardware),
       words_row(firmware, "object 1018:03", {kRevision}, WordStyle::hex, revision), mode_row(drive.mode)};
   for (CardRow& row : torque_rows(drive)) rows.push_back(std::move(row));
   if (drive.mode == config::Cia402Mode::csv) rows.push_back(unit_row());
