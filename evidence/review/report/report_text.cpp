@@ -163,7 +163,9 @@ std::string text_or(const nlohmann::ordered_json& json, const char* key, const s
 // "identity 70003, watchdog 50 ms, DIFFERS: firmware 5012 (should be 5013); unknown: home"
 std::string drive_card(const nlohmann::ordered_json& drive) {
   std::string known, unknown;
-  const auto add = [](std::string& to, const std::string& what) { to += (to.empty() ? "" : ", ") + what; };
+  const auto add = [](std::string& to, const std::string& what) {
+    to += fmt::format("{}{}", to.empty() ? "" : ", ", what);
+  };
   for (const auto& fact : drive.value("facts", nlohmann::ordered_json::array())) {
     const std::string what = text_or(fact, "fact", "?"), value = text_or(fact, "value", ""),
                       verdict = text_or(fact, "verdict", "");
@@ -172,7 +174,7 @@ std::string drive_card(const nlohmann::ordered_json& drive) {
     else if (verdict == "differs")
       add(known, fmt::format("DIFFERS: {} {} (should be {})", what, value, text_or(fact, "expected", "?")));
     else
-      add(known, what + " " + value);
+      add(known, fmt::format("{} {}", what, value));
   }
   std::string text = known.empty() ? "tells nothing of itself" : known;
   if (!unknown.empty()) text += "; unknown: " + unknown;
