@@ -46,7 +46,7 @@ install(FILES ${share}/doc/changelog.Debian.gz ${share}/doc/changelog.gz ${packa
 install(DIRECTORY docs DESTINATION ${docs} FILES_MATCHING PATTERN "*.md" PATTERN "*.svg" PATTERN "*.xml" PATTERN examples EXCLUDE)
 install(DIRECTORY config/ DESTINATION ${CMAKE_INSTALL_DATADIR}/takt/robots
         FILES_MATCHING PATTERN "*.yaml" PATTERN "*.onnx" PATTERN "*.xml"
-        PATTERN grafana EXCLUDE PATTERN prometheus EXCLUDE)
+        PATTERN grafana EXCLUDE PATTERN prometheus EXCLUDE PATTERN drives EXCLUDE)
 
 takt_demo_robot(${CMAKE_BINARY_DIR}/demo)
 install(DIRECTORY ${CMAKE_BINARY_DIR}/demo DESTINATION /etc/takt/deployments)

@@ -131,6 +131,9 @@ struct Drive {
   std::uint32_t reply_id = 0;
   // all but moteus: why it may be armed though nothing is known to stop it when commands cease; "none": not
   std::string watchdog_waiver;
+  // What the drive must tell of itself before it may be enabled, in the words of its drive card; "any": nothing.
+  std::string identity;  // damiao, robstride, moteus, cia402
+  std::string firmware;  // damiao, odrive, moteus, cia402
   // robstride: our own number on the bus
   std::uint32_t host_id = 0;
   // moteus: the drive's own servo.pid_position gains, which commands scale by 0..1

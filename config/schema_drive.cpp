@@ -126,6 +126,19 @@ void describe_drive(Fields& fields, Drive& drive) {
                  "unknown; none: it may not",
                  "none"},
                 drive.watchdog_waiver);
+  if (speaks.any_of({DriveProtocol::mit, DriveProtocol::robstride, DriveProtocol::moteus, DriveProtocol::cia402}))
+    fields.text(
+        {"identity",
+         "mit (damiao), robstride, moteus, cia402: the number that the drive must tell, as its drive card shows "
+         "it; cia402: VENDOR:PRODUCT or VENDOR:PRODUCT:SERIAL; any: not compared",
+         "any"},
+        drive.identity);
+  if (speaks.any_of({DriveProtocol::mit, DriveProtocol::odrive, DriveProtocol::moteus, DriveProtocol::cia402}))
+    fields.text({"firmware",
+                 "mit (damiao), odrive, moteus, cia402 (revision number): the version that the drive must tell, as its "
+                 "drive card shows it; any: not compared",
+                 "any"},
+                drive.firmware);
   fields.integer({"direction", "1 or -1: q_joint = direction * q_motor / gear_ratio + offset", "1"}, drive.direction,
                  -1, 1);
   fields.quantity({"offset", "joint angle where the motor reads zero", "0 rad"}, drive.offset, Dimension::angle,

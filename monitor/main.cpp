@@ -13,6 +13,7 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -25,6 +26,7 @@
 #include "monitor/executive_session.hpp"
 #include "monitor/exports.hpp"
 #include "monitor/judge/run_metrics.hpp"
+#include "monitor/record/bounded_file.hpp"
 #include "monitor/record/record_stream.hpp"
 #include "monitor/record/recorder.hpp"
 
@@ -67,6 +69,23 @@ std::string wanted_folder(const Options& options, const config::RobotConfig& rob
   return options.run_directory.empty() ? robot.record.directory + "/" + run_id : options.run_directory;
 }
 
+// Looks ten times a second for what is new in a small file.
+class DriveCardCopy {
+ public:
+  explicit DriveCardCopy(std::string path) : path_(std::move(path)) {}
+  std::optional<std::string> look(MonoTime now) {
+    if (looked_at_.is_set() && now - looked_at_ < milliseconds(100)) return std::nullopt;
+    looked_at_ = now;
+    auto text = read_file(path_);
+    if (!text || *text == known_) return std::nullopt;
+    return known_ = std::move(*text);
+  }
+
+ private:
+  std::string path_, known_;
+  MonoTime looked_at_;
+};
+
 int write_review(const std::string& folder) {
   const auto run = open_run(folder);
   const auto metrics = run ? write_metrics(*run) : std::unexpected(run.error());
@@ -103,6 +122,7 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
     const std::uint64_t through = (*recorder)->written_through();
     if (std::exchange(told, through) != through) session.tell_recorded(through);
   };
+  DriveCardCopy cards(options.runtime_directory + "/drives.json");
   MonoTime next = monotonic_now();
   while (!g_stop && !session.is_over()) {
     introduction.when_traced(monotonic_now());
@@ -110,6 +130,7 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
     stream->drain(sink, false);
     trace::drain_end((*recorder)->manifest().last_tick, (*recorder)->manifest().ticks);
     (*recorder)->flush_if_due(monotonic_now());
+    if (const auto changed = cards.look(monotonic_now())) (*recorder)->drive_cards(*changed);
     tell_if_stopped();
     tell_progress();
     exports.drained(monotonic_now());

@@ -1,6 +1,7 @@
 #include "simulation/cia402_objects.hpp"
 
 #include <cmath>
+#include <string>
 
 namespace takt::plant {
 namespace {
@@ -27,12 +28,29 @@ MappedObject unpack(std::uint32_t mapping) {
           (mapping & 0xFFU) / 8};
 }
 
+// VENDOR:PRODUCT or VENDOR:PRODUCT:SERIAL, and the revision, as the robot file wants them.
+void take_identity(const config::Drive& drive, Cia402Profile& profile) {
+  constexpr std::size_t kDigits = 8;
+  const auto word = [](const std::string& digits, std::size_t place) {
+    return static_cast<std::uint32_t>(std::stoul(digits.substr(place * kDigits, kDigits), nullptr, 16));
+  };
+  std::string digits = drive.identity;
+  std::erase(digits, ':');
+  if (digits.size() >= 2 * kDigits) {
+    profile.identity[0] = word(digits, 0);
+    profile.identity[1] = word(digits, 1);
+  }
+  if (digits.size() == 3 * kDigits) profile.identity[3] = word(digits, 2);
+  if (drive.firmware.size() == kDigits) profile.identity[2] = word(drive.firmware, 0);
+}
+
 }  // namespace
 
 Cia402Profile profile_of(const config::Drive& drive) {
   constexpr std::uint32_t kCountsPerSecond = 0x00B5'0300, kRpm = 0x00B4'4700, kTenth = 0xFF00'0000,
                           kHundredth = 0xFE00'0000, kThousandth = 0xFD00'0000;
   Cia402Profile profile;
+  take_identity(drive, profile);
   const auto counts = [&profile](double speed_counts, std::uint32_t unit) {
     profile.speed_counts = speed_counts;
     profile.velocity_unit = unit;
@@ -77,6 +95,9 @@ Cia402Objects::Cia402Objects(const config::Drive& drive, std::uint16_t deadline_
     add(0x6007, 0, 2, Use::setting);
   }
   add(0x1017, 0, 2, Use::setting);
+  if (profile.identity_entries > 0) add(0x1018, 0, 1, Use::constant, profile.identity_entries);
+  for (std::uint8_t sub = 1; sub <= profile.identity_entries; ++sub)
+    add(0x1018, sub, 4, Use::constant, profile.identity.at(sub - 1U));
   // By default the PDOs exist, with the control- and statusword alone.
   add_pdo(0x1400, 0x200 + node, 0x6040'0010);
   if (profile.has_second_pdos) add_pdo(0x1401, 0x300 + node, 0x6040'0010);

@@ -1,6 +1,7 @@
 // What CiA 402 drives differ in, as far as a host has to care. The default is a drive with everything.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 
@@ -22,6 +23,9 @@ struct Cia402Profile {
   std::uint32_t modes = 0x380;                   // object 6502: csp, csv, cst
   double speed_counts = 0;                       // of 60FF at one turn per second; 0: position's counts
   std::optional<std::uint32_t> velocity_unit{};  // object 60A9; nothing: it is not there
+  // Object 1018: vendor, product, revision, serial number; how many of them there are.
+  std::array<std::uint32_t, 4> identity{0x0000'0054, 0x0402'0001, 0x0001'0002, 7};
+  std::uint8_t identity_entries = 4;
 };
 
 // A drive that is as the robot file says.

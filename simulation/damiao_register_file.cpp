@@ -2,12 +2,17 @@
 
 #include <algorithm>
 #include <bit>
+#include <string>
 
 namespace takt::plant {
 namespace {
 
 constexpr std::int64_t kTimeoutUnit_ns = 50'000;
 constexpr std::uint32_t kMitMode = 1;
+
+std::uint32_t number_or(const std::string& text, std::uint32_t otherwise) {
+  return text.empty() || text == "any" ? otherwise : static_cast<std::uint32_t>(std::stoul(text));
+}
 
 std::uint32_t float_bits(double value) {
   return std::bit_cast<std::uint32_t>(static_cast<float>(value));
@@ -18,6 +23,9 @@ std::uint32_t float_bits(double value) {
 DamiaoRegisterFile::DamiaoRegisterFile(const config::Drive& drive, Duration watchdog)
     : present_{{kTimeout, static_cast<std::uint32_t>(watchdog.ns / kTimeoutUnit_ns)},
                {kControlMode, kMitMode},
+               {kHardware, 21},
+               {kFirmware, number_or(drive.firmware, 5013)},
+               {kSerialNumber, number_or(drive.identity, 70'000 + drive.id)},
                {kPositionMax, float_bits(drive.position_range)},
                {kVelocityMax, float_bits(drive.velocity_range)},
                {kTorqueMax, float_bits(drive.torque_range)}},

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdio>
 #include <cstring>
 #include <numbers>
+#include <string>
 
 namespace takt::plant {
 namespace {
@@ -172,8 +174,24 @@ void MoteusDevice::write_mode(int mode) {
   if (mode == 10 && state_ == DeviceState::disabled) state_ = DeviceState::enabled;
 }
 
+// Of 24 hexadecimal digits the last eight are place 0.
+double MoteusDevice::serial_word(unsigned place) const {
+  std::string digits = drive_.identity;
+  std::erase(digits, ':');
+  if (digits.size() != 24) return place == 0 ? 4000.0 + drive_.id : 0x11;
+  return static_cast<std::int32_t>(std::stoul(digits.substr(16 - 8 * place, 8), nullptr, 16));
+}
+
 double MoteusDevice::read(unsigned reg) const {
+  if (reg >= 0x120 && reg <= 0x122) return serial_word(reg - 0x120);
   switch (reg) {
+    case 0x100:
+      return 0x11;
+    case 0x101: {
+      unsigned major = 0, minor = 3, micro = 8;
+      std::sscanf(drive_.firmware.c_str(), "%u.%u.%u", &major, &minor, &micro);
+      return major * 0x10000 + minor * 0x100 + micro;
+    }
     case 0x000:
       return mode();
     case 0x001:
@@ -198,12 +216,13 @@ double MoteusDevice::read(unsigned reg) const {
 }
 
 void MoteusDevice::answer(unsigned type, unsigned first, unsigned count, drivers::CanFrame& reply) const {
-  const unsigned needed = 2 + (count > 3 ? 1U : 0U) + count * kSize[type];
-  if (count == 0 || count > 64 || first > 0x7F || reply.length + needed > 64) return;
+  const unsigned needed = 2 + (count > 3 ? 1U : 0U) + (first > 0x7F ? 1U : 0U) + count * kSize[type];
+  if (count == 0 || count > 64 || first > 0x3FFF || reply.length + needed > 64) return;
   const auto put = [&reply](unsigned byte) { reply.data[reply.length++] = static_cast<std::uint8_t>(byte & 0xFFU); };
   put(0x20U | type << 2U | (count > 3 ? 0U : count));
   if (count > 3) put(count);
-  put(first);
+  if (first > 0x7F) put(0x80U | (first & 0x7FU));
+  put(first > 0x7F ? first >> 7U : first);
   for (unsigned reg = first; reg < first + count; ++reg) {
     std::uint32_t raw = 0;
     if (type == kFloat) {

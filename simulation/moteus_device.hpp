@@ -7,7 +7,8 @@
 // kd_scale held down to kp_scale, p advancing by v between commands, and no position (NaN) meaning the present one.
 // The command's watchdog: 0 the drive's default, NaN none. When it expires the mode is 11, shown as `lost`: only mode 0
 // leads out of it, and out of 1, a fault. Supply on: mode 0, and the home state (00C) that it was made with: 0
-// relative, 1 the rotor's, 2 the output's; "set output exact" (131) makes it 2.
+// relative, 1 the rotor's, 2 the output's; "set output exact" (131) makes it 2. Who it is: 100 model, 101 firmware (a
+// byte each of major.minor.micro), 120 to 122 serial number, the least significant word first.
 #pragma once
 
 #include <cmath>
@@ -41,6 +42,7 @@ class MoteusDevice final : public Device {
   void write(unsigned reg, double value, bool& mode_written);
   void write_mode(int mode);
   [[nodiscard]] double read(unsigned reg) const;
+  [[nodiscard]] double serial_word(unsigned place) const;
   void answer(unsigned type, unsigned first, unsigned count, drivers::CanFrame& reply) const;
   [[nodiscard]] double law() const;
   [[nodiscard]] double position() const { return reading_.position - zero_; }

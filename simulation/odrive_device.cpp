@@ -2,6 +2,7 @@
 
 #include <bit>
 #include <cmath>
+#include <cstdio>
 #include <numbers>
 
 namespace takt::plant {
@@ -40,9 +41,18 @@ bool OdriveDevice::Clockwork::strikes(MonoTime now) {
   return true;
 }
 
-void OdriveDevice::receive(const drivers::CanFrame& frame, MonoTime now, Frames& /*out*/) {
-  if (frame.extended || frame.fd || frame.remote || frame.id >> 5U != drive_.id) return;
-  if (state_ != DeviceState::booting) obey(frame.id & 0x1FU, frame, now);
+void OdriveDevice::receive(const drivers::CanFrame& frame, MonoTime now, Frames& out) {
+  if (frame.extended || frame.fd || frame.id >> 5U != drive_.id || state_ == DeviceState::booting) return;
+  if (!frame.remote) return obey(frame.id & 0x1FU, frame, now);
+  if ((frame.id & 0x1FU) == 0) tell_version(out);
+}
+
+// Protocol 2; hardware 4.4, variant 58; firmware as the robot file wants it, else 0.6.10; released.
+void OdriveDevice::tell_version(Frames& out) const {
+  unsigned major = 0, minor = 6, revision = 10;
+  std::sscanf(drive_.firmware.c_str(), "%u.%u.%u", &major, &minor, &revision);
+  const std::uint32_t hardware = 2 | 4U << 8U | 4U << 16U | 58U << 24U;
+  say(0x00, two(hardware, major | minor << 8U | revision << 16U), out);
 }
 
 void OdriveDevice::obey(std::uint32_t command, const drivers::CanFrame& frame, MonoTime now) {

@@ -1,11 +1,12 @@
 // An ODrive with firmware 0.6 that speaks CANSimple, as a drive that was set up for this host.
 //
 // It broadcasts by itself: encoder estimates every millisecond, heartbeat and torques every 10 ms, temperatures, errors
-// and bus voltage every 100 ms. Nothing is answered. Heard are: axis state 1 (idle) and 8 (closed loop; refused while
-// an error is active), controller mode, input torque, clear errors, emergency stop. In closed loop with torque control
-// and passthrough it applies the input torque; in any other mode it applies none, so that a host that forgot to choose
-// gets nowhere. Idle forgets the torque. Only input torques feed the watchdog; its expiry is an error like any other,
-// and shows as `lost`. Supply on: position control, the factory's choice.
+// and bus voltage every 100 ms. One question is answered: a remote frame of message 00 (version). Heard are: axis state
+// 1 (idle) and 8 (closed loop; refused while an error is active), controller mode, input torque, clear errors,
+// emergency stop. In closed loop with torque control and passthrough it applies the input torque; in any other mode it
+// applies none, so that a host that forgot to choose gets nowhere. Idle forgets the torque. Only input torques feed the
+// watchdog; its expiry is an error like any other, and shows as `lost`. Supply on: position control, the factory's
+// choice.
 #pragma once
 
 #include "simulation/device.hpp"
@@ -29,6 +30,7 @@ class OdriveDevice final : public Device {
     MonoTime next;
     bool strikes(MonoTime now);
   };
+  void tell_version(Frames& out) const;
   void obey(std::uint32_t command, const drivers::CanFrame& frame, MonoTime now);
   void request_state(std::uint32_t state, MonoTime now);
   void fail(std::uint32_t error, DeviceState state);

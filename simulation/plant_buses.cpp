@@ -15,7 +15,8 @@ std::expected<PlantBuses, std::string> PlantBuses::open(const config::RobotConfi
   opened.received_.resize(kMaxFrames);
   for (std::size_t i = 0; i < robot.buses.size(); ++i) {
     const config::Bus& bus = robot.buses[i];
-    const std::vector<config::IdPattern> ids = drivers::device_ids(robot, i);
+    // Answers' ids too: questions have them, as remote frames.
+    const std::vector<config::IdPattern> ids = drivers::host_ids(robot, i);
     if (!on_hardware && drivers::SocketCanBus::has_hardware(bus.interface))
       return std::unexpected(bus.interface +
                              " is a real CAN interface: simulated drives would answer there beside real " +

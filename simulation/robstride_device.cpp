@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <string>
 
 namespace takt::plant {
 namespace {
@@ -252,7 +253,13 @@ drivers::CanFrame RobstrideDevice::feedback() const {
 
 drivers::CanFrame RobstrideDevice::identity() const {
   drivers::CanFrame frame = make_frame(kGetId, drive_.id, 0xFE);
-  put_low_first(frame.data, 0x5441'4B54'0000'0000 + drive_.id, 8);
+  std::string digits = drive_.identity;
+  std::erase(digits, ':');
+  if (digits.size() == 16)
+    for (std::size_t i = 0; i < 8; ++i)
+      frame.data[i] = static_cast<std::uint8_t>(std::stoul(digits.substr(2 * i, 2), nullptr, 16));
+  else
+    put_low_first(frame.data, 0x5441'4B54'0000'0000 + drive_.id, 8);
   return frame;
 }
 

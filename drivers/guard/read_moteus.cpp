@@ -63,8 +63,11 @@ class Subframes {
       count = *at_++;
     }
     if (at_ == end_ || count == 0 || count > 16) return false;
-    const std::uint32_t first = *at_++;
-    if (first > 0x7F) return false;
+    std::uint32_t first = *at_++;
+    if (first > 0x7F) {
+      if (at_ == end_ || *at_ > 0x7F) return false;
+      first = (first & 0x7FU) | std::uint32_t{*at_++} << 7U;
+    }
     if ((head & 0xF0U) == kRead) return true;
     return (head & 0xF0U) == kWrite && take_values(head >> 2U & 3U, first, count, written);
   }

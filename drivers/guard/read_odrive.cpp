@@ -5,6 +5,11 @@
 namespace takt::drivers::guard {
 namespace {
 
+// As a remote frame alone: what 00 and its data would mean, nobody says.
+bool is_version_question(const CanFrame& frame) noexcept {
+  return (frame.id & 0x1FU) == 0 && !frame.extended && !frame.fd && !frame.error && frame.length == 0;
+}
+
 Demand read_axis_state(const CanFrame& frame) noexcept {
   constexpr std::uint32_t kIdle = 1, kClosedLoop = 8;
   if (frame.length != 4) return {};
@@ -28,7 +33,9 @@ Demand read_torque(const JointFacts& facts, const CanFrame& frame) noexcept {
 }  // namespace
 
 Demand read_odrive(const JointFacts& facts, const CanFrame& frame) noexcept {
-  if (!is_classic(frame, false, frame.length) || frame.id >> 5U != facts.id) return {};
+  if (frame.id >> 5U != facts.id) return {};
+  if (frame.remote) return of_kind(is_version_question(frame) ? Demand::Kind::aside : Demand::Kind::unknown);
+  if (!is_classic(frame, false, frame.length)) return {};
   switch (frame.id & 0x1FU) {
     case 0x02:  // emergency stop
     case 0x18:  // clear errors

@@ -28,6 +28,8 @@ Demand read_robstride(const JointFacts& facts, const CanFrame& frame) noexcept {
   const bool sets_motion_mode = little16(frame.data) == kRunMode && little32(frame.data + 4) == 0;
   const bool sets_timeout = little16(frame.data) == kTimeout && is_timeout(little32(frame.data + 4));
   switch (type) {
+    case 0:  // who are you
+      return of_kind(Demand::Kind::aside);
     case 3:
       return of_kind(Demand::Kind::energise);
     case 4:

@@ -15,11 +15,16 @@ namespace {
 
 // Data path order: commands leave through one of these rows.
 constexpr std::array kProtocols{
-    Protocol{config::DriveProtocol::mit, make_mit_driver, mit_traffic, mit_error_name},
-    Protocol{config::DriveProtocol::odrive, make_odrive_driver, odrive_traffic, odrive_error_name},
-    Protocol{config::DriveProtocol::cia402, make_cia402_driver, cia402_traffic, cia402_error_name},
-    Protocol{config::DriveProtocol::robstride, make_robstride_driver, robstride_traffic, robstride_error_name},
-    Protocol{config::DriveProtocol::moteus, make_moteus_driver, moteus_traffic, moteus_error_name},
+    Protocol{config::DriveProtocol::mit, make_mit_driver, mit_traffic, mit_error_name, mit_card_rows,
+             mit_settings_told},
+    Protocol{config::DriveProtocol::odrive, make_odrive_driver, odrive_traffic, odrive_error_name, odrive_card_rows,
+             odrive_settings_told},
+    Protocol{config::DriveProtocol::cia402, make_cia402_driver, cia402_traffic, cia402_error_name, cia402_card_rows,
+             cia402_settings_told},
+    Protocol{config::DriveProtocol::robstride, make_robstride_driver, robstride_traffic, robstride_error_name,
+             robstride_card_rows, robstride_settings_told},
+    Protocol{config::DriveProtocol::moteus, make_moteus_driver, moteus_traffic, moteus_error_name, moteus_card_rows,
+             moteus_settings_told},
 };
 
 std::string setup_fault_name(std::uint32_t code) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
+#include "drivers/protocol/drive_card.hpp"
 #include "drivers/protocol/joint_driver.hpp"
 
 namespace takt::drivers {
@@ -31,6 +32,10 @@ struct Protocol {
   // protocol. Codes that all drivers share are named by error_name() below; of those that tell which setting is meant
   // (setting_of), this one names the setting.
   std::string (*error_name)(const config::Drive& drive, std::uint32_t code) = nullptr;
+  // What the card of robot.joints[joint] has room for, rows about one item beside each other.
+  std::vector<CardRow> (*card_rows)(const config::RobotConfig& robot, std::size_t joint) = nullptr;
+  // Which settings this frame of the drive's tells; another's tells none. No allocation.
+  void (*settings_told)(const config::Drive& drive, const CanFrame& frame, ToldSettings& told) = nullptr;
 };
 
 inline JointMapping mapping_of(const config::Drive& drive) {

@@ -156,9 +156,10 @@ int run(const Options& options) {
   for (const std::string& bus : opened->bus_descriptions) spdlog::info("bus {}", bus);
   if (!opened->torque_output.empty()) spdlog::info("torque is permitted by {}", opened->torque_output);
 
+  DriveCards cards(*robot, published->frame_reader(), directory);
   trace::Introduction introduction("takt-executive", robot->hash, policy_hash, robot->joints);
   thread->go();
-  serve(**reception, follower, board, requests, queues, introduction, imu ? &*imu : nullptr);
+  serve(**reception, follower, cards, board, requests, queues, introduction, imu ? &*imu : nullptr);
   if (!thread->finish(1s)) {
     // Its memory is still in use: nothing may be destroyed. The socket stays behind; the next executive replaces it.
     spdlog::critical("the control thread hangs: ending without it");

@@ -80,4 +80,8 @@ ipc::SlotReader PublishedSegments::tick_reader() const {
   return ipc::SlotReader::attach(ticks_.segment.readable(), ipc::tick_ring(joint_count_)).value();
 }
 
+ipc::SlotReader PublishedSegments::frame_reader() const {
+  return ipc::SlotReader::attach(frames_.segment.readable(), ipc::frame_ring()).value();
+}
+
 }  // namespace takt::runtime

@@ -37,6 +37,7 @@ class PublishedSegments {
   // In the order of ipc/executive_segments.hpp.
   [[nodiscard]] std::vector<int> monitor_descriptors() const;
   [[nodiscard]] ipc::SlotReader tick_reader() const;
+  [[nodiscard]] ipc::SlotReader frame_reader() const;
 
  private:
   struct Ring {

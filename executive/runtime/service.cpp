@@ -58,7 +58,7 @@ void block_shutdown_signals() {
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
 }
 
-void serve(Reception& reception, TickFollower& follower, StatusBoard& board, OperatorInbox& requests,
+void serve(Reception& reception, TickFollower& follower, DriveCards& cards, StatusBoard& board, OperatorInbox& requests,
            TransmitQueues& queues, trace::Introduction& introduction, ImuLink* imu) {
   SystemClock clock;
   Journal journal;
@@ -69,6 +69,7 @@ void serve(Reception& reception, TickFollower& follower, StatusBoard& board, Ope
   while (true) {
     reception.serve(kServeFor);
     follower.catch_up();
+    cards.catch_up();
     const MonoTime now = clock.now();
     queues.serve(now);
     introduction.when_traced(now);

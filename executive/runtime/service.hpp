@@ -2,6 +2,7 @@
 // manager, and carries out the shutdown when a signal asks for it. Thread rule: service thread.
 #pragma once
 
+#include "executive/runtime/drive_cards.hpp"
 #include "executive/runtime/imu_link.hpp"
 #include "executive/runtime/operator_inbox.hpp"
 #include "executive/runtime/reception.hpp"
@@ -17,7 +18,7 @@ void block_shutdown_signals();
 
 // `imu`: null where the robot has none. Returns when the loop may end: after a signal, once the robot rests or the time
 // for it is over.
-void serve(Reception& reception, TickFollower& follower, StatusBoard& board, OperatorInbox& requests,
+void serve(Reception& reception, TickFollower& follower, DriveCards& cards, StatusBoard& board, OperatorInbox& requests,
            TransmitQueues& queues, trace::Introduction& introduction, ImuLink* imu = nullptr);
 
 }  // namespace takt::runtime

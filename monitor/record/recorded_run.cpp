@@ -18,6 +18,10 @@ std::expected<RecordedRun, std::string> open_run(const std::string& directory) {
     return std::unexpected(fmt::format("{} was altered: its SHA-256 is {}, the manifest says {}", run.folder.config(),
                                        found, run.manifest.config_sha256));
   }
+  // The manifest of a recording that was cut off is older than the cards.
+  if (const auto cards = read_file(run.folder.drives()))
+    if (auto json = nlohmann::ordered_json::parse(*cards, nullptr, false); json.is_object())
+      run.manifest.drives = std::move(json);
   auto robot = config::parse(*text, run.folder.config());
   if (!robot) return std::unexpected(robot.error());
   run.robot = std::move(*robot);

@@ -186,6 +186,18 @@ void Recorder::flush_if_due(MonoTime now) {
   flush();
 }
 
+void Recorder::drive_cards(std::string_view text) {
+  auto json = nlohmann::ordered_json::parse(text, nullptr, false);
+  const auto says = [&json](const char* key, std::string_view what) {
+    const auto found = json.find(key);
+    return found != json.end() && found->is_string() && found->get<std::string>() == what;
+  };
+  if (!json.is_object() || !says("schema", kDrivesSchema) || !says("config_sha256", manifest_.config_sha256)) return;
+  manifest_.drives = std::move(json);
+  // A disk that has no room for it has none for ticks either, which says so.
+  (void)replace_file(folder_.drives(), text);
+}
+
 // The chunk that did not fit is gone; what was flushed before is what the run has. The freed reserve takes the loss,
 // the index and the manifest.
 void Recorder::stop(std::string because) {

@@ -1,4 +1,4 @@
-// Writes one run folder: ticks.mcap, transitions.jsonl, can.log, config.yaml and manifest.json.
+// Writes one run folder: ticks.mcap, transitions.jsonl, can.log, config.yaml, drives.json and manifest.json.
 //
 // flush_if_due() hands the first ticks at once, then everything older than half a second to the medium, so that a power
 // cut loses at most the last second. When a file takes no more data (disk full, size limit) or its medium refuses what
@@ -33,6 +33,9 @@ class Recorder {
   // What a RecordStream hands on goes in here. Valid as long as the recorder.
   [[nodiscard]] const RecordSink& sink() const { return sink_; }
   void flush_if_due(MonoTime now);
+  // The executive's drives.json, whenever it says something new: kept in the folder, and quoted by the manifest. What
+  // is no such file of this robot is left alone.
+  void drive_cards(std::string_view text);
   // Last words. Afterwards nothing may be recorded.
   std::expected<void, std::string> finish(MonoTime now, const std::string& because);
 

@@ -18,6 +18,7 @@ class RunFolder {
   [[nodiscard]] const std::string& path() const { return path_; }
   [[nodiscard]] std::string manifest() const { return path_ + "/manifest.json"; }
   [[nodiscard]] std::string config() const { return path_ + "/config.yaml"; }
+  [[nodiscard]] std::string drives() const { return path_ + "/drives.json"; }
   [[nodiscard]] std::string ticks() const { return path_ + "/ticks.mcap"; }
   [[nodiscard]] std::string frames() const { return path_ + "/can.log"; }
   [[nodiscard]] std::string transitions() const { return path_ + "/transitions.jsonl"; }

@@ -103,6 +103,7 @@ Json to_json(const RunManifest& manifest) {
                        {"facts", manifest.executive}};
   json["host"] = manifest.host;
   json["doctor"] = manifest.doctor;
+  json["drives"] = manifest.drives;
   json["clock"] = {{"log_time", "CLOCK_MONOTONIC + monotonic_to_unix_ns; stamps inside messages are CLOCK_MONOTONIC"},
                    {"monotonic_to_unix_ns", manifest.clock.monotonic_to_unix_ns},
                    {"source", manifest.clock.source}};
@@ -142,6 +143,7 @@ std::expected<RunManifest, std::string> manifest_of(const Json& json) {
     manifest.executive = executive.at("facts");
     manifest.host = json.at("host");
     manifest.doctor = json.value("doctor", Json(nullptr));
+    manifest.drives = json.value("drives", Json(nullptr));
     json.at("clock").at("monotonic_to_unix_ns").get_to(manifest.clock.monotonic_to_unix_ns);
     json.at("clock").at("source").get_to(manifest.clock.source);
     manifest.started_at = moment_of(json.at("started"));

@@ -17,6 +17,7 @@
 namespace takt::monitor {
 
 inline constexpr const char* kRunSchema = "takt.run/1";
+inline constexpr const char* kDrivesSchema = "takt.drives/1";
 
 struct ClockOffset {
   std::int64_t monotonic_to_unix_ns = 0;  // unix = monotonic + this; fixed for the whole run
@@ -37,6 +38,7 @@ struct RunManifest {
   nlohmann::ordered_json executive;  // executive.json as found; null when absent
   nlohmann::ordered_json host;       // host_facts()
   nlohmann::ordered_json doctor;     // what `takt doctor --keep` said of this machine; null: nothing was kept
+  nlohmann::ordered_json drives;     // drives.json: what the drives said of themselves; null: nobody kept it
   ClockOffset clock;
   MonoTime started_at, ended_at;  // ended_at unset while recording
   std::string ended_because;

@@ -5,6 +5,7 @@
 
 #include <fstream>
 #include <iterator>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <ostream>
 #include <string>
@@ -32,6 +33,25 @@ nlohmann::json transition_to(const std::string& mode, const std::string& run_dir
     if (json.at("to") == mode) return json;
   }
   return {};
+}
+
+// Every drive was as the robot file says, and told who it is as far as its protocol can.
+void expect_a_card_per_drive(const nlohmann::json& cards) {
+  const std::map<std::string, nlohmann::json> firmware{
+      {"mit", "5013"}, {"odrive", "0.6.10"}, {"moteus", "0.3.8"}, {"cia402", "00010002"}, {"robstride", nullptr}};
+  ASSERT_EQ(cards.at("drives").size(), 12U);
+  int waived = 0;
+  for (const auto& drive : cards.at("drives")) {
+    const std::string protocol = drive.at("protocol");
+    for (const auto& fact : drive.at("facts")) {
+      EXPECT_NE(fact.at("verdict"), "differs") << drive;
+      waived += fact.at("verdict") == "waived" ? 1 : 0;
+      const bool says_nothing = protocol == "mit" && !drive.at("watchdog_waiver").is_null();  // T-Motor
+      if (fact.at("fact") != "firmware") continue;
+      EXPECT_EQ(fact.at("value"), says_nothing ? nlohmann::json() : firmware.at(protocol)) << drive;
+    }
+  }
+  EXPECT_EQ(waived, 4);
 }
 
 class MixedDrives : public testing::TestWithParam<Case> {
@@ -94,8 +114,10 @@ TEST(MixedDrivesRun, ReplaysBitForBit) {
   ASSERT_TRUE(robot.wait_for_mode(Mode::tracking)) << robot.logs();
   ASSERT_TRUE(robot.finish()) << robot.logs();
   // One T-Motor drive and three ODrives do not tell their time-outs: the run says with which excuse it was armed.
-  std::ifstream manifest(robot.run_directory() + "/manifest.json");
-  EXPECT_EQ(nlohmann::json::parse(manifest).at("watchdog_waivers").size(), 4U);
+  const auto manifest = nlohmann::json::parse(std::ifstream(robot.run_directory() + "/manifest.json"));
+  EXPECT_EQ(manifest.at("watchdog_waivers").size(), 4U);
+  expect_a_card_per_drive(manifest.at("drives"));
+  EXPECT_EQ(nlohmann::json::parse(std::ifstream(robot.run_directory() + "/drives.json")), manifest.at("drives"));
   Child replay({"takt", "replay", robot.run_directory()}, robot.directory() + "/replay.log");
   EXPECT_EQ(replay.wait(std::chrono::seconds(60)), 0) << robot.logs();
 }

@@ -54,6 +54,14 @@ Drive with(Drive drive, const std::function<void(Drive&)>& change) {
 }
 const auto kWaived = [](Drive& drive) { drive.watchdog_waiver = "the simulated drive's is set"; };
 
+// Of the drive that the robot file means.
+std::function<void(Drive&)> named(const char* identity, const char* firmware = "any") {
+  return [identity, firmware](Drive& drive) {
+    drive.identity = identity;
+    drive.firmware = firmware;
+  };
+}
+
 Drive damiao() {
   return packed(config::DriveProtocol::mit, "DM4310", "damiao");
 }
@@ -167,6 +175,16 @@ const std::vector<Row>& rows() {
       {"damiao whose time-out is an hour", damiao(), saying(register_reads(9, 72'000'000)), "longer than 1 s"},
       {"damiao that does not tell its ranges", damiao(),
        saying([](CanFrame& frame) { return !is_register(frame, 0x33, 21); }), "does not tell its settings"},
+      {"damiao, the one that the file names", with(damiao(), named("70123", "5013")), as_delivered(), ""},
+      {"damiao, another one", with(damiao(), named("70123")), built(named("70124")),
+       "differ from the robot file: identity (register 15)"},
+      {"damiao with other firmware", with(damiao(), named("any", "5013")), built(named("any", "5012")),
+       "differ from the robot file: firmware (register 14)"},
+      {"damiao that does not tell its number, and need not", damiao(),
+       saying([](CanFrame& frame) { return !is_register(frame, 0x33, 15) && !is_register(frame, 0x33, 13); }), ""},
+      {"damiao that does not tell its number", with(damiao(), named("70123")),
+       saying([](CanFrame& frame) { return !is_register(frame, 0x33, 15); }),
+       "does not tell its settings: identity (register 15)"},
       {"t-motor, waived", tmotor(), as_delivered(), ""},
       {"t-motor without a waiver", with(tmotor(), [](Drive& d) { d.watchdog_waiver = "none"; }), as_delivered(),
        "does not tell its own time-out"},
@@ -181,12 +199,50 @@ const std::vector<Row>& rows() {
       {"cybergear as delivered", robstride("CyberGear"), as_delivered(Duration{}), "parameter 200C"},
       {"cybergear that cannot tell it", robstride("CyberGear"), saying(parameter_fails(0x200C)),
        "does not tell its own time-out"},
+      {"robstride, the one that the file names", with(robstride(), named("00C0FFEE:12345678")), as_delivered(), ""},
+      {"robstride, another one", with(robstride(), named("00C0FFEE:12345678")), built(named("00C0FFEE:12345679")),
+       "differ from the robot file: identity (unique id, type 0)"},
+      {"robstride that does not tell its number, and need not", robstride(),
+       saying([](CanFrame& frame) { return frame.id >> 24 != 0; }), ""},
+      {"robstride that does not tell its number", with(robstride(), named("00C0FFEE:12345678")),
+       saying([](CanFrame& frame) { return frame.id >> 24 != 0; }), "does not tell its settings: identity"},
+      {"odrive with the firmware that the file names", with(odrive(), named("any", "0.6.9")), as_delivered(), ""},
+      {"odrive with other firmware", with(odrive(), named("any", "0.6.9")), built(named("any", "0.6.8")),
+       "differ from the robot file: firmware (message 00)"},
+      {"odrive that does not tell its firmware, and need not", odrive(),
+       saying([](CanFrame& frame) { return (frame.id & 0x1F) != 0; }), ""},
+      {"odrive that does not tell its firmware", with(odrive(), named("any", "0.6.9")),
+       saying([](CanFrame& frame) { return (frame.id & 0x1F) != 0; }), "does not tell its settings: firmware"},
       {"odrive, waived", odrive(), as_delivered(), ""},
       {"odrive without a waiver", with(odrive(), [](Drive& d) { d.watchdog_waiver = "none"; }), as_delivered(),
        "does not tell its own time-out"},
       {"moteus, as the file says", moteus(), as_delivered(), ""},
       {"moteus that counts from where it stood", moteus(), moteus_at_home(0), "does not know where the joint is"},
       {"moteus that knows its rotor alone", moteus(), moteus_at_home(1), "home state (register 00C)"},
+      {"moteus, the one that the file names", with(moteus(), named("00110022:00330044:8055F0F1", "0.3.8")),
+       as_delivered(), ""},
+      {"moteus, another one", with(moteus(), named("00110022:00330044:8055F0F1")),
+       built(named("00110022:00330044:8055F0F2")), "differ from the robot file: identity (registers 120 to 122)"},
+      {"moteus with other firmware", with(moteus(), named("any", "0.3.8")), built(named("any", "0.3.7")),
+       "differ from the robot file: firmware (register 101)"},
+      {"moteus that does not tell who it is", with(moteus(), named("any", "0.3.8")),
+       saying([](CanFrame& frame) { return frame.id >> 8 != 3 || frame.length <= 48; }),
+       "does not tell its settings: firmware"},
+      {"moteus that does not tell who it is, and need not", moteus(),
+       saying([](CanFrame& frame) { return frame.id >> 8 != 3 || frame.length <= 48; }), ""},
+      {"servo, the one that the file names", with(servo(), named("0000009A:00030924:0000CAFE", "00010003")),
+       as_delivered(), ""},
+      {"servo of another maker", with(servo(), named("0000009A:00030924")), built(named("0000009B:00030924")),
+       "differ from the robot file: object 1018:01"},
+      {"servo of another model", with(servo(), named("0000009A:00030924")), built(named("0000009A:00030925")),
+       "differ from the robot file: object 1018:02"},
+      {"servo, another one of its kind", with(servo(), named("0000009A:00030924:00000001")),
+       built(named("0000009A:00030924:00000002")), "differ from the robot file: object 1018:04"},
+      {"servo with other firmware", with(servo(), named("any", "00010003")), built(named("any", "00010002")),
+       "differ from the robot file: object 1018:03"},
+      {"servo that tells its maker alone, and need not more", servo(), servo_with({.identity_entries = 1}), ""},
+      {"servo that tells its maker alone", with(servo(), named("00000054:04020001")),
+       servo_with({.identity_entries = 1}), "does not tell its settings: object 1018:02, abort 06090011"},
       {"servo, as the file says", servo(), as_delivered(), ""},
       {"servo of another size", servo(), built([](Drive& d) { d.rated_torque = 11; }), "object 6076:00"},
       {"servo in rpm, the file says counts", servo(Cia402Mode::csv),

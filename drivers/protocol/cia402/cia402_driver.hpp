@@ -107,5 +107,7 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_cia402_driver(cons
                                                                             std::size_t joint);
 std::vector<FrameTraffic> cia402_traffic(const config::RobotConfig& robot, std::size_t joint);
 std::string cia402_error_name(const config::Drive& drive, std::uint32_t code);
+std::vector<CardRow> cia402_card_rows(const config::RobotConfig& robot, std::size_t joint);
+void cia402_settings_told(const config::Drive& drive, const CanFrame& frame, ToldSettings& told);
 
 }  // namespace takt::drivers

@@ -143,6 +143,9 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_cia402_driver(cons
   const auto interpolation = cia402::interpolation_period(period);
   if (!interpolation)
     return std::unexpected("control.period does not fit object 60C2 (1 to 255 times a power of ten, in whole us)");
+  const auto identity = words_of("identity", drive.identity, {.style = WordStyle::hex, .least = 2, .most = 3});
+  const auto revision = words_of("firmware", drive.firmware, {.style = WordStyle::hex});
+  if (!identity || !revision) return std::unexpected(identity ? revision.error() : identity.error());
   Cia402DriveSettings settings;
   settings.scale = scale_of(drive);
   settings.setup = {.node = drive.id,
@@ -151,7 +154,9 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_cia402_driver(cons
                     .rated_torque_mNm = static_cast<std::uint32_t>(std::llround(drive.rated_torque * 1000)),
                     .max_torque_per_mille = max_torque_per_mille(wanted),
                     .velocity_unit = drive.velocity_unit,
-                    .watchdog_waived = config::waives_watchdog(drive)};
+                    .watchdog_waived = config::waives_watchdog(drive),
+                    .identity = *identity,
+                    .revision = *revision};
   settings.patience = {.answer_ticks = ticks_in(milliseconds(50), period),
                        .tries = 5,
                        .pause_ticks = ticks_in(milliseconds(500), period)};

@@ -16,6 +16,7 @@ enum class Action : std::uint8_t {
   compare,           // read, and judge
   compare_if_there,  // the same, but a drive without this object is taken at the robot file's word
   await,             // read until it is so
+  identify,          // read, and judged where the robot file names it
 };
 
 // Which drives a row is for.
@@ -66,6 +67,9 @@ std::uint32_t period_value(const SetupValues& values) {
 }
 std::uint32_t period_exponent(const SetupValues& values) {
   return static_cast<std::uint8_t>(values.period.exponent);
+}
+std::uint32_t not_named(const SetupValues& /*values*/) {
+  return 0;
 }
 std::uint32_t rated_torque(const SetupValues& values) {
   return values.rated_torque_mNm;
@@ -127,6 +131,7 @@ bool is_reaction(std::uint32_t /*expected*/, std::uint32_t found) {
 }
 
 constexpr ObjectId kDeadline{0x1400, 5}, kHeartbeatWatch{0x1016, 1}, kAbortConnection{0x6007, 0}, kMaxTorque{0x6072, 0};
+constexpr std::uint16_t kIdentity = 0x1018;
 constexpr std::uint32_t kDriveProfile = 402;  // in the lower half of 1000
 
 bool is_about_watchdog(ObjectId object) noexcept {
@@ -136,6 +141,10 @@ bool is_about_watchdog(ObjectId object) noexcept {
 // Order matters: a PDO is off while its map changes, and a map is empty while its entries change.
 constexpr Row kScript[] = {
     {Action::compare, {0x1000, 0}, 4, fixed<kDriveProfile>, same_profile},
+    {Action::identify, {kIdentity, 1}, 4, not_named},
+    {Action::identify, {kIdentity, 2}, 4, not_named},
+    {Action::identify, {kIdentity, 3}, 4, not_named},
+    {Action::identify, {kIdentity, 4}, 4, not_named},
     {Action::compare_if_there, {0x6502, 0}, 4, mode_bit, has_bits},
     {Action::write_if_lets, {0x1400, 1}, 4, with_node<kOff + kRpdo1Id>},
     {Action::write_if_lets, {0x1600, 0}, 1, fixed<0>},
@@ -293,9 +302,28 @@ bool Setup::reads() const noexcept {
     case Action::compare:
     case Action::compare_if_there:
     case Action::await:
+    case Action::identify:
       return true;
   }
   return true;
+}
+
+// Of the row that identifies: what the robot file wants to read there.
+std::optional<std::uint32_t> Setup::named() const noexcept {
+  const DriveWords& identity = values_.identity;
+  const auto word = [](const DriveWords& words, std::size_t i) {
+    return i < words.count ? std::optional(words.word[i]) : std::nullopt;
+  };
+  switch (kScript[row_].object.sub) {
+    case 1:
+      return word(identity, 0);
+    case 2:
+      return word(identity, 1);
+    case 3:
+      return word(values_.revision, 0);
+    default:
+      return word(identity, 2);
+  }
 }
 
 bool Setup::row_applies() const noexcept {
@@ -341,6 +369,10 @@ void Setup::take(const SdoAnswer& answer) noexcept {
 
 void Setup::take_value(std::uint32_t found) noexcept {
   const Row& row = kScript[row_];
+  if (row.action == Action::identify) {
+    if (found == named().value_or(found)) return next();
+    return give_up(SetupFault::settings_differ, 0);
+  }
   if (row.fits(row.value(values_), found)) {
     if (row.object == kDeadline) watchdog_ = Watchdog::deadline;
     return next();
@@ -356,6 +388,7 @@ void Setup::take_abort(std::uint32_t code) noexcept {
   const Action action = kScript[row_].action;
   const bool optional = action == Action::write_if_there || action == Action::compare_if_there;
   if (refusal_ != 0) return give_up(SetupFault::setup_refused, refusal_);
+  if (action == Action::identify) return give_up(SetupFault::settings_unread, code);
   if (says_absent(code) && optional) {
     if (kScript[row_].object == kDeadline) watchdog_ = Watchdog::heartbeat;
     return next();
@@ -396,6 +429,8 @@ void Setup::give_up(SetupFault fault, std::uint32_t abort_code) noexcept {
   const bool asking = phase_ == Phase::asking;
   const bool about_watchdog = asking && is_about_watchdog(kScript[row_].object);
   if (about_watchdog && values_.watchdog_waived) return next();
+  if (asking && fault == SetupFault::settings_unread && kScript[row_].action == Action::identify && !named())
+    return next();
   fault_ = about_watchdog && fault != SetupFault::settings_unread ? SetupFault::watchdog_off : fault;
   fault_object_ = asking ? kScript[row_].object : ObjectId{};
   abort_code_ = abort_code;

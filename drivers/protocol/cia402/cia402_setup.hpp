@@ -13,6 +13,9 @@
 // velocity is compared with 60A9 where the drive has it. Torque: 6072 is written and read back; without it a drive that
 // closes its own loop (CSP, CSV) is refused, since nothing that we send limits its torque.
 //
+// Who it is (1018: vendor, product, revision, serial number) is read, and may stay unread where the robot file names
+// nothing of it (drive.identity, drive.firmware).
+//
 // Answers that do not come within `answer_ticks` are asked for again, `tries` times in all. Then, or when the drive
 // refuses or differs, fault() says which; the script is run again after `pause_ticks`, and the fault stays until it
 // ends well. Thread rule: control thread only; no allocation.
@@ -23,6 +26,7 @@
 #include <string>
 
 #include "drivers/protocol/cia402/cia402_codec.hpp"
+#include "drivers/protocol/drive_words.hpp"
 #include "drivers/protocol/joint_driver.hpp"
 
 namespace takt::drivers::cia402 {
@@ -47,6 +51,8 @@ struct SetupValues {
   std::uint32_t max_torque_per_mille = 1000;  // object 6072
   config::Cia402VelocityUnit velocity_unit = config::Cia402VelocityUnit::counts_per_s;  // csv
   bool watchdog_waived = false;
+  DriveWords identity{};  // vendor, product and, where there is a third, serial number; nothing: any
+  DriveWords revision{};  // nothing: any
 };
 
 struct SetupPatience {
@@ -90,6 +96,7 @@ class Setup {
   enum class Watchdog : std::uint8_t { unknown, deadline, heartbeat };
   [[nodiscard]] CanFrame question() const noexcept;
   [[nodiscard]] bool reads() const noexcept;
+  [[nodiscard]] std::optional<std::uint32_t> named() const noexcept;
   [[nodiscard]] bool row_applies() const noexcept;
   std::optional<CanFrame> ask() noexcept;
   void next() noexcept;

@@ -18,8 +18,9 @@ constexpr std::uint32_t kTicksPerQuestion = 4;  // several drives that are asked
 // The drive computes with the float32 it stores; the robot file's number went through the same rounding.
 constexpr float kSameWithin = 1e-6F;
 
-constexpr std::array kAsked{DamiaoRegister::control_mode, DamiaoRegister::p_max, DamiaoRegister::v_max,
-                            DamiaoRegister::t_max, DamiaoRegister::timeout};
+constexpr std::array kAsked{DamiaoRegister::control_mode,  DamiaoRegister::p_max,    DamiaoRegister::v_max,
+                            DamiaoRegister::t_max,         DamiaoRegister::hardware, DamiaoRegister::firmware,
+                            DamiaoRegister::serial_number, DamiaoRegister::timeout};
 
 bool is_same(std::uint32_t bits, float expected) noexcept {
   return std::abs(std::bit_cast<float>(bits) - expected) <= kSameWithin * expected;  // false for NaN
@@ -85,6 +86,10 @@ void DamiaoReadback::take(const DamiaoAnswer& answer) noexcept {
     return;
   }
   if (answer.which == DamiaoRegister::timeout) return take_timeout(answer.value);
+  next_register();
+}
+
+void DamiaoReadback::next_register() noexcept {
   tries_ = 0;
   ++asked_;
 }
@@ -111,6 +116,7 @@ void DamiaoReadback::restart() noexcept {
 
 void DamiaoReadback::give_up() noexcept {
   const DamiaoRegister which = kAsked[asked_];
+  if (may_stay_unread(which)) return next_register();
   if (which != DamiaoRegister::timeout) return fail(SetupFault::settings_unread, which);
   if (wish_.waived || is_watchdog(timeout_)) return agree();
   fail(timeout_ ? SetupFault::watchdog_off : SetupFault::watchdog_unknown, which);
@@ -132,8 +138,31 @@ bool DamiaoReadback::agrees(const DamiaoAnswer& answer) const noexcept {
       return is_same(answer.value, expected_.v);
     case DamiaoRegister::t_max:
       return is_same(answer.value, expected_.t);
+    case DamiaoRegister::firmware:
+      return answer.value == identity_.firmware.value_or(answer.value);
+    case DamiaoRegister::serial_number:
+      return answer.value == identity_.serial_number.value_or(answer.value);
+    case DamiaoRegister::hardware:
     case DamiaoRegister::timeout:
       return true;
+  }
+  return false;
+}
+
+bool DamiaoReadback::may_stay_unread(DamiaoRegister which) const noexcept {
+  switch (which) {
+    case DamiaoRegister::hardware:
+      return true;
+    case DamiaoRegister::firmware:
+      return !identity_.firmware;
+    case DamiaoRegister::serial_number:
+      return !identity_.serial_number;
+    case DamiaoRegister::control_mode:
+    case DamiaoRegister::p_max:
+    case DamiaoRegister::v_max:
+    case DamiaoRegister::t_max:
+    case DamiaoRegister::timeout:
+      return false;
   }
   return false;
 }
@@ -150,6 +179,12 @@ const char* damiao_register_name(std::uint32_t number) {
       return "torque range (register 23)";
     case DamiaoRegister::timeout:
       return "time-out (register 9)";
+    case DamiaoRegister::hardware:
+      return "hardware version (register 13)";
+    case DamiaoRegister::firmware:
+      return "firmware (register 14)";
+    case DamiaoRegister::serial_number:
+      return "identity (register 15)";
   }
   return "";
 }

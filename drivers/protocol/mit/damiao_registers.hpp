@@ -26,7 +26,10 @@ enum class DamiaoRegister : std::uint8_t {
   p_max = 21,         // float32, rad
   v_max = 22,         // float32, rad/s
   t_max = 23,         // float32, Nm
-  timeout = 9,        // u32, in units of 50 us; 0: off
+  hardware = 13,      // u32, as the three below
+  firmware = 14,      // also called sw_ver
+  serial_number = 15,
+  timeout = 9,  // u32, in units of 50 us; 0: off
 };
 
 struct DamiaoAnswer {
@@ -47,11 +50,18 @@ struct DriveTimeoutWish {
   bool waived = false;      // the robot file allows it to be off or unknown
 };
 
-// Asks each register in turn until the drive answers, and judges.
+// What must be true of who the drive is; nothing: anybody may be there.
+struct DamiaoIdentity {
+  std::optional<std::uint32_t> firmware, serial_number;
+};
+
+// Asks each register in turn until the drive answers, and judges. Who it is (13 to 15) may stay unanswered where
+// nothing is expected of it.
 class DamiaoReadback {
  public:
-  DamiaoReadback(std::uint32_t drive_id, const MitRange& expected, const DriveTimeoutWish& timeout) noexcept
-      : drive_id_(drive_id), expected_(expected), wish_(timeout) {}
+  DamiaoReadback(std::uint32_t drive_id, const MitRange& expected, const DriveTimeoutWish& timeout,
+                 const DamiaoIdentity& identity = {}) noexcept
+      : drive_id_(drive_id), expected_(expected), wish_(timeout), identity_(identity) {}
 
   // The question to send in this tick, if it is time for one. Call once per tick in which the drive is heard and
   // disabled. At most kTries per register; all over again kTicksToRetry later when something differed or stayed unread.
@@ -76,10 +86,13 @@ class DamiaoReadback {
   void give_up() noexcept;
   void take_timeout(std::uint32_t units) noexcept;
   [[nodiscard]] bool agrees(const DamiaoAnswer& answer) const noexcept;
+  [[nodiscard]] bool may_stay_unread(DamiaoRegister which) const noexcept;
+  void next_register() noexcept;
 
   std::uint32_t drive_id_;
   MitRange expected_;
   DriveTimeoutWish wish_;
+  DamiaoIdentity identity_;
   Stage stage_ = Stage::asking;
   std::size_t asked_ = 0;  // index of the register in question
   int tries_ = 0;

@@ -10,6 +10,8 @@
 namespace takt::drivers {
 namespace {
 
+constexpr WordForm kDamiaoNumber{.style = WordStyle::decimal};
+
 bool is_positive(float x) {
   return std::isfinite(x) && x > 0;
 }
@@ -179,6 +181,13 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_mit_driver(const c
   settings.reply_id = drive.reply_id;
   settings.mapping = mapping_of(drive);
   settings.timeout = {timeout_units(drive_timeout(robot)), config::waives_watchdog(drive)};
+  const auto identity = words_of("identity", drive.identity, kDamiaoNumber);
+  const auto firmware = words_of("firmware", drive.firmware, kDamiaoNumber);
+  if (!identity || !firmware) return std::unexpected(identity ? firmware.error() : identity.error());
+  if (settings.variant == MitVariant::tmotor && identity->count + firmware->count != 0)
+    return std::unexpected("T-Motor drives tell neither identity nor firmware over CAN: remove the keys");
+  if (identity->count != 0) settings.identity.serial_number = identity->word[0];
+  if (firmware->count != 0) settings.identity.firmware = firmware->word[0];
   return std::make_unique<MitDriver>(settings);
 }
 

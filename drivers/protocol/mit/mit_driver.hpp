@@ -30,6 +30,7 @@ struct MitDriveSettings {
   std::uint32_t id = 0, reply_id = 0;
   JointMapping mapping;
   DriveTimeoutWish timeout;
+  DamiaoIdentity identity{};
 };
 
 class MitDriver final : public JointDriver {
@@ -37,7 +38,7 @@ class MitDriver final : public JointDriver {
   static constexpr std::uint32_t kTicksToForget = 2000;
 
   explicit MitDriver(const MitDriveSettings& settings) noexcept
-      : settings_(settings), readback_(settings.id, settings.range, settings.timeout) {}
+      : settings_(settings), readback_(settings.id, settings.range, settings.timeout, settings.identity) {}
 
   std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
                      std::span<CanFrame> out) noexcept override;
@@ -77,5 +78,7 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_mit_driver(const c
                                                                          std::size_t joint);
 std::vector<FrameTraffic> mit_traffic(const config::RobotConfig& robot, std::size_t joint);
 std::string mit_error_name(const config::Drive& drive, std::uint32_t code);
+std::vector<CardRow> mit_card_rows(const config::RobotConfig& robot, std::size_t joint);
+void mit_settings_told(const config::Drive& drive, const CanFrame& frame, ToldSettings& told);
 
 }  // namespace takt::drivers

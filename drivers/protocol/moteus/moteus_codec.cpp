@@ -51,6 +51,9 @@ constexpr Steps steps_named(std::uint32_t reg) noexcept {
     case MoteusRegister::mode:
     case MoteusRegister::home_state:
     case MoteusRegister::fault:
+    case MoteusRegister::model_number:
+    case MoteusRegister::firmware_version:
+    case MoteusRegister::serial_number:
       break;
   }
   return {};
@@ -140,10 +143,11 @@ std::size_t fd_length(std::size_t bytes) noexcept {
   return kLegal.back();
 }
 
-// Room for head, count, start register (all our registers are below 128: one byte) and `bytes` of values?
+// Room for head, count, start register (a byte for each seven bits) and `bytes` of values?
 bool MoteusWriter::begin(std::uint8_t kind, MoteusType type, MoteusRegister first, std::size_t count,
                          std::size_t bytes) noexcept {
-  const std::size_t head = count <= 3 ? 2 : 3;
+  const auto start = static_cast<std::uint32_t>(first);
+  const std::size_t head = (count <= 3 ? 1U : 2U) + (start < 0x80 ? 1U : 2U);
   if (count == 0 || count > 127 || size_ + head + bytes > out_.size()) return false;
   const auto kind_and_type = static_cast<std::uint8_t>(kind | static_cast<unsigned>(type) << 2U);
   const auto short_count = static_cast<std::uint8_t>(count);
@@ -153,7 +157,8 @@ bool MoteusWriter::begin(std::uint8_t kind, MoteusType type, MoteusRegister firs
     out_[size_++] = kind_and_type;
     out_[size_++] = short_count;
   }
-  out_[size_++] = static_cast<std::uint8_t>(first);
+  if (start >= 0x80) out_[size_++] = static_cast<std::uint8_t>(0x80U | (start & 0x7FU));
+  out_[size_++] = static_cast<std::uint8_t>(start < 0x80 ? start : start >> 7U);
   return true;
 }
 
@@ -183,6 +188,7 @@ bool MoteusReader::next(Value& value) noexcept {
     if (malformed_ || at_ == bytes_.size() || !begin_subframe()) return false;
   value.reg = reg_;
   value.value = get(&bytes_[at_], type_, reg_);
+  value.integer = type_ == MoteusType::int32 ? get_u32(&bytes_[at_]) : 0;
   at_ += size_of(type_);
   ++reg_;
   --left_;

@@ -42,7 +42,10 @@ enum class MoteusRegister : std::uint16_t {
   stop_position = 0x026,
   watchdog_timeout = 0x027,
   velocity_limit = 0x028,
-  acceleration_limit = 0x029
+  acceleration_limit = 0x029,
+  model_number = 0x100,
+  firmware_version = 0x101,  // a byte each: 0x010304 is 1.3.4
+  serial_number = 0x120      // three words, the least significant first
 };
 
 // Values of register 000.
@@ -76,7 +79,8 @@ class MoteusReader {
  public:
   struct Value {
     std::uint32_t reg = 0;
-    float value = 0;  // physical units; NaN: the drive has no value
+    float value = 0;            // physical units; NaN: the drive has no value
+    std::uint32_t integer = 0;  // of int32: its bits, which a float has no room for
   };
   explicit MoteusReader(std::span<const std::uint8_t> bytes) noexcept : bytes_(bytes) {}
   // False: the end, or what follows is no reply. (Not an optional: returning one costs as much as reading the value.)

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "drivers/protocol/drive_timeout.hpp"
 #include "drivers/protocol/little_endian.hpp"
 
 namespace takt::drivers {
@@ -23,6 +24,11 @@ void write_mode(std::uint8_t mode, MoteusWriter& writer) noexcept {
 }
 
 constexpr float kReferencedToOutput = 2;  // of register 00C
+
+void write_identity_query(MoteusWriter& writer) noexcept {
+  writer.read(MoteusType::int32, MoteusRegister::model_number, 2);  // and firmware version
+  writer.read(MoteusType::int32, MoteusRegister::serial_number, 3);
+}
 
 void write_query(MoteusWriter& writer, bool with_home) noexcept {
   writer.read(MoteusType::int8, MoteusRegister::mode, 1);
@@ -133,8 +139,71 @@ std::size_t MoteusDriver::encode(bool enable, const DriveSetpoint& setpoint, Mon
       break;
   }
   write_query(writer, phase_ == Phase::disabling);
+  if (phase_ == Phase::disabling && is_time_to_ask()) write_identity_query(writer);
   frame.length = static_cast<std::uint8_t>(writer.finish());
   return 1;
+}
+
+// A drive that was asked often enough is left in peace, unless the robot file wants to know. One that was silent may
+// be another than before.
+bool MoteusDriver::is_time_to_ask() noexcept {
+  if (++silent_ticks_ == kTicksToDoubt) {
+    identity_.reset();
+    firmware_.reset();
+    asks_ = 0;
+    ticks_to_ask_ = kTicksPerAsk;
+  }
+  const bool told = identity_ && firmware_;
+  const bool wanted = settings_.identity.count + settings_.firmware.count != 0;
+  if (told || (asks_ == kAsksForIdentity && !wanted) || silent_ticks_ >= kTicksToDoubt) return false;
+  if (ticks_to_ask_ > 0) {
+    --ticks_to_ask_;
+    return false;
+  }
+  ticks_to_ask_ = kTicksPerAsk - 1;
+  if (asks_ < kAsksForIdentity) ++asks_;
+  return true;
+}
+
+std::uint32_t MoteusDriver::setup_error() const noexcept {
+  const auto about = [](SetupFault fault, MoteusRegister which) {
+    return setup_fault_code(fault, static_cast<std::uint32_t>(which));
+  };
+  if (contradicts(settings_.firmware, firmware_))
+    return about(SetupFault::settings_differ, MoteusRegister::firmware_version);
+  if (contradicts(settings_.identity, identity_))
+    return about(SetupFault::settings_differ, MoteusRegister::serial_number);
+  if (!knows_home_) return about(SetupFault::home_unknown, MoteusRegister::home_state);
+  if (asks_ < kAsksForIdentity || may_enable()) return 0;
+  const bool no_firmware = settings_.firmware.count != 0 && !firmware_;
+  return about(SetupFault::settings_unread,
+               no_firmware ? MoteusRegister::firmware_version : MoteusRegister::serial_number);
+}
+
+bool MoteusDriver::may_enable() const noexcept {
+  const auto is_so = [](const DriveWords& expected, const std::optional<DriveWords>& told) {
+    return expected.count == 0 || (told && agrees(expected, *told));
+  };
+  return knows_home_ && is_so(settings_.identity, identity_) && is_so(settings_.firmware, firmware_);
+}
+
+MoteusFacts decode_moteus_facts(const CanFrame& frame) noexcept {
+  MoteusFacts facts;
+  if (frame.remote || frame.error || frame.length > sizeof frame.data || is_usual(frame)) return facts;
+  constexpr auto kFirst = static_cast<std::uint32_t>(MoteusRegister::serial_number);
+  DriveWords serial{.word = {}, .count = 3};
+  MoteusReader reader(std::span(frame.data, frame.length));
+  for (MoteusReader::Value value; reader.next(value);) {
+    if (value.reg == static_cast<std::uint32_t>(MoteusRegister::model_number)) facts.model = value.integer;
+    if (value.reg == static_cast<std::uint32_t>(MoteusRegister::firmware_version))
+      facts.firmware = DriveWords{{value.integer}, 1};
+    if (value.reg == static_cast<std::uint32_t>(MoteusRegister::home_state) && value.value >= 0)
+      facts.home = static_cast<std::uint32_t>(value.value);
+    if (value.reg < kFirst || value.reg > kFirst + 2) continue;
+    serial.word[kFirst + 2 - value.reg] = value.integer;
+    if (value.reg == kFirst + 2) facts.serial_number = serial;
+  }
+  return reader.malformed() ? MoteusFacts{} : facts;
 }
 
 void MoteusDriver::advance(bool enable) noexcept {
@@ -145,7 +214,7 @@ void MoteusDriver::advance(bool enable) noexcept {
   const DriveState state = feedback_.drive_state;
   switch (phase_) {
     case Phase::disabling:
-      if (!knows_home_) break;
+      if (!may_enable()) break;
       phase_ = Phase::enabling;
       heard_since_request_ = false;
       break;
@@ -211,9 +280,14 @@ bool MoteusDriver::decode(const ReceivedFrame& received) noexcept {
   feedback_.temperature_C = hotter(reply.temperature, reply.motor_temperature);
   if (std::isfinite(reply.home)) knows_home_ = reply.home == kReferencedToOutput;
   Verdict verdict = judge(reply);
-  if (verdict.state == DriveState::disabled && !knows_home_)
-    verdict = {DriveState::fault,
-               setup_fault_code(SetupFault::home_unknown, static_cast<std::uint32_t>(MoteusRegister::home_state))};
+  if (phase_ == Phase::disabling) {
+    silent_ticks_ = 0;
+    const MoteusFacts told = decode_moteus_facts(frame);
+    if (told.serial_number) identity_ = told.serial_number;
+    if (told.firmware) firmware_ = told.firmware;
+  }
+  if (const std::uint32_t error = setup_error(); verdict.state == DriveState::disabled && error != 0)
+    verdict = {DriveState::fault, error};
   feedback_.drive_state = verdict.state;
   feedback_.error_code = verdict.code;
   heard_since_request_ = true;
@@ -238,6 +312,11 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_moteus_driver(cons
   settings.mapping = mapping_of(drive);
   settings.silence = std::clamp(robot.feedback.timeout, kMoteusShortestSilence, kMoteusLongestSilence);
   settings.period = robot.control.period;
+  const auto identity = words_of("identity", drive.identity, {.style = WordStyle::hex, .least = 3, .most = 3});
+  const auto firmware = words_of("firmware", drive.firmware, {.style = WordStyle::version});
+  if (!identity || !firmware) return std::unexpected(identity ? firmware.error() : identity.error());
+  settings.identity = *identity;
+  settings.firmware = *firmware;
   return std::make_unique<MoteusDriver>(settings);
 }
 
@@ -265,7 +344,10 @@ std::string moteus_error_name(const config::Drive& /*drive*/, std::uint32_t code
                                                        "timing violation",
                                                        "back-EMF feed-forward without acceleration limit",
                                                        "position limits out of range"};
-  if (setting_of(code) == static_cast<std::uint32_t>(MoteusRegister::home_state)) return "home state (register 00C)";
+  const auto about = static_cast<MoteusRegister>(setting_of(code));
+  if (about == MoteusRegister::home_state) return "home state (register 00C)";
+  if (about == MoteusRegister::firmware_version) return "firmware (register 101)";
+  if (about == MoteusRegister::serial_number) return "identity (registers 120 to 122)";
   if (code == kMoteusTimeout) return "command watchdog expired";
   if (code == kMoteusFault) return "fault without a code";
   return code >= 32 && code - 32 < kFrom32.size() ? kFrom32[code - 32] : "";

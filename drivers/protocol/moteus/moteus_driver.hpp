@@ -19,6 +19,8 @@
 // A drive whose supply blinked would obey the next position command as if nothing had been: hence silence counts too.
 // Mode 10 is enabled; 1 (fault) and 11 (watchdog expired) are faults; anything else is disabled. error_code is the
 // drive's fault code, or the mode's number when there is none; codes 96..103 tell limits, not faults, and are dropped.
+// While disabled it is asked now and then who it is (100, 101, 120 to 122) until it tells, and again after a silence;
+// what the robot file names of it (drive.identity, drive.firmware) must be so, else it is a fault and not enabled.
 // While disabled the home state (00C) is asked for too: anything but 2, referenced to the output, is a fault
 // (SetupFault::home_unknown): a rotor's own reference leaves a geared joint in one of several places.
 //
@@ -43,11 +45,21 @@ struct MoteusDriveSettings {
   JointMapping mapping;
   // How long either side may be silent before the other gives it up: feedback.timeout, within the bounds above.
   Duration silence = kMoteusShortestSilence;
+  DriveWords identity{}, firmware{};  // that it must tell; nothing: any
   Duration period = milliseconds(1);  // of encode()
 };
 
+// What a reply tells of the drive beside its state.
+struct MoteusFacts {
+  std::optional<DriveWords> serial_number, firmware;  // serial number: most significant word first
+  std::optional<std::uint32_t> model, home;
+};
+MoteusFacts decode_moteus_facts(const CanFrame& frame) noexcept;
+
 class MoteusDriver final : public JointDriver {
  public:
+  static constexpr std::uint32_t kAsksForIdentity = 10, kTicksPerAsk = 20;
+
   explicit MoteusDriver(const MoteusDriveSettings& settings) noexcept : settings_(settings) {}
 
   std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
@@ -66,6 +78,9 @@ class MoteusDriver final : public JointDriver {
   void advance(bool enable) noexcept;
   [[nodiscard]] Command limp() const noexcept;
   [[nodiscard]] Command command_for(const DriveSetpoint& setpoint) const noexcept;
+  bool is_time_to_ask() noexcept;
+  [[nodiscard]] bool may_enable() const noexcept;
+  [[nodiscard]] std::uint32_t setup_error() const noexcept;
   void write_command(const Command& command, Duration budget, MoteusWriter& writer) const noexcept;
 
   MoteusDriveSettings settings_;
@@ -76,6 +91,9 @@ class MoteusDriver final : public JointDriver {
   Duration silent_for_{};    // commands since the newest reply, times their period
   float q_ = 0;              // newest, motor side: rad
   bool knows_home_ = false;  // as told last, while disabled
+  std::optional<DriveWords> identity_, firmware_;
+  std::uint32_t asks_ = 0, ticks_to_ask_ = kTicksPerAsk;  // since the drive was heard first, or again
+  std::uint32_t silent_ticks_ = 0;                        // in a row, while disabled
 };
 
 // The protocol's row in the table.
@@ -83,5 +101,7 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_moteus_driver(cons
                                                                             std::size_t joint);
 std::vector<FrameTraffic> moteus_traffic(const config::RobotConfig& robot, std::size_t joint);
 std::string moteus_error_name(const config::Drive& drive, std::uint32_t code);
+std::vector<CardRow> moteus_card_rows(const config::RobotConfig& robot, std::size_t joint);
+void moteus_settings_told(const config::Drive& drive, const CanFrame& frame, ToldSettings& told);
 
 }  // namespace takt::drivers

@@ -84,6 +84,12 @@ CanFrame odrive_clear_errors(std::uint32_t node) noexcept {
   return frame_of(node, OdriveMessage::clear_errors, 1);  // its one byte asks the drive to blink: no
 }
 
+CanFrame odrive_get_version(std::uint32_t node) noexcept {
+  CanFrame frame = frame_of(node, OdriveMessage::get_version, 0);
+  frame.remote = true;
+  return frame;
+}
+
 std::optional<OdriveHeartbeat> decode_odrive_heartbeat(std::uint32_t node, const CanFrame& frame) noexcept {
   if (!is_report(node, OdriveMessage::heartbeat, frame)) return std::nullopt;
   return OdriveHeartbeat{get_u32(frame.data), frame.data[4], frame.data[5], (frame.data[6] & 1U) != 0};
@@ -92,6 +98,14 @@ std::optional<OdriveHeartbeat> decode_odrive_heartbeat(std::uint32_t node, const
 std::optional<OdriveErrors> decode_odrive_errors(std::uint32_t node, const CanFrame& frame) noexcept {
   if (!is_report(node, OdriveMessage::get_error, frame)) return std::nullopt;
   return OdriveErrors{get_u32(frame.data), get_u32(frame.data + 4)};
+}
+
+std::optional<OdriveVersion> decode_odrive_version(std::uint32_t node, const CanFrame& frame) noexcept {
+  if (!is_report(node, OdriveMessage::get_version, frame)) return std::nullopt;
+  const auto three = [&frame](std::size_t at) {
+    return std::uint32_t{frame.data[at]} << 16U | std::uint32_t{frame.data[at + 1]} << 8U | frame.data[at + 2];
+  };
+  return OdriveVersion{.hardware = three(1), .firmware = three(4)};
 }
 
 std::optional<OdrivePair> decode_odrive_pair(std::uint32_t node, OdriveMessage message,

@@ -15,6 +15,7 @@
 namespace takt::drivers {
 
 enum class OdriveMessage : std::uint8_t {
+  get_version = 0x00,
   heartbeat = 0x01,
   estop = 0x02,
   get_error = 0x03,
@@ -55,6 +56,8 @@ CanFrame odrive_input_vel(std::uint32_t node, float turns_per_s, float torque_ff
 CanFrame odrive_input_torque(std::uint32_t node, float torque_Nm) noexcept;
 CanFrame odrive_limits(std::uint32_t node, float turns_per_s, float current_A) noexcept;
 CanFrame odrive_clear_errors(std::uint32_t node) noexcept;
+// A question: a remote frame, answered by the report of the same message.
+CanFrame odrive_get_version(std::uint32_t node) noexcept;
 
 // Reports, 8 bytes each. Nothing for a frame of another message or node, or of the wrong kind or length.
 struct OdriveHeartbeat {
@@ -65,6 +68,10 @@ struct OdriveHeartbeat {
 struct OdriveErrors {
   std::uint32_t active = 0, disarm_reason = 0;
 };
+// Major, minor and revision or variant in the lowest three bytes, as 0x00'06'0A for 0.6.10.
+struct OdriveVersion {
+  std::uint32_t hardware = 0, firmware = 0;
+};
 // The two floats of encoder estimates (turn, turn/s), Iq (set, measured A), temperature (FET, motor, deg C), bus
 // voltage and current (V, A), torques (target, estimate Nm).
 struct OdrivePair {
@@ -72,6 +79,7 @@ struct OdrivePair {
 };
 std::optional<OdriveHeartbeat> decode_odrive_heartbeat(std::uint32_t node, const CanFrame& frame) noexcept;
 std::optional<OdriveErrors> decode_odrive_errors(std::uint32_t node, const CanFrame& frame) noexcept;
+std::optional<OdriveVersion> decode_odrive_version(std::uint32_t node, const CanFrame& frame) noexcept;
 std::optional<OdrivePair> decode_odrive_pair(std::uint32_t node, OdriveMessage message, const CanFrame& frame) noexcept;
 
 }  // namespace takt::drivers

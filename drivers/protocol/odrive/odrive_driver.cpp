@@ -9,7 +9,8 @@ namespace takt::drivers {
 
 std::size_t OdriveDriver::encode(bool enable, const DriveSetpoint& setpoint, MonoTime /*now*/, MonoTime /*valid_until*/,
                                  std::span<CanFrame> out) noexcept {
-  if (!enable || !settings_.watchdog_waived) return encode_disabled(out);
+  const bool may_enable = setup_error() == 0 && (settings_.firmware.count == 0 || firmware_);
+  if (!enable || !may_enable) return encode_disabled(out);
   out[0] = enabled_frame(setpoint);
   return 1;
 }
@@ -31,7 +32,31 @@ std::size_t OdriveDriver::encode_disabled(std::span<CanFrame> out) noexcept {
     out[0] = odrive_controller_mode(node, kOdriveTorqueControl, kOdrivePassthrough);
   else
     out[0] = reports_errors() ? odrive_clear_errors(node) : odrive_input_torque(node, 0);
-  return 1;
+  if (!is_time_to_ask()) return 1;
+  out[1] = odrive_get_version(node);
+  return 2;
+}
+
+// Seldom, and only while it may still be answered: a drive that was asked often enough is left in peace, unless the
+// robot file wants to know.
+bool OdriveDriver::is_time_to_ask() noexcept {
+  const bool given_up = asks_ == kAsksForVersion && settings_.firmware.count == 0;
+  if (firmware_ || given_up || !heartbeat_at_.is_set()) return false;
+  if (ticks_to_ask_ > 0) {
+    --ticks_to_ask_;
+    return false;
+  }
+  ticks_to_ask_ = kTicksPerAsk - 1;
+  if (asks_ < kAsksForVersion) ++asks_;
+  if (asks_ == kAsksForVersion) judge_state();
+  return true;
+}
+
+std::uint32_t OdriveDriver::setup_error() const noexcept {
+  if (contradicts(settings_.firmware, firmware_)) return setup_fault_code(SetupFault::settings_differ, kOdriveFirmware);
+  const bool unread = settings_.firmware.count != 0 && !firmware_ && asks_ == kAsksForVersion;
+  if (unread) return setup_fault_code(SetupFault::settings_unread, kOdriveFirmware);
+  return settings_.watchdog_waived ? 0 : setup_fault_code(SetupFault::watchdog_unknown);
 }
 
 CanFrame OdriveDriver::enabled_frame(const DriveSetpoint& setpoint) noexcept {
@@ -93,6 +118,8 @@ bool OdriveDriver::take(OdriveMessage message, const ReceivedFrame& received) no
   };
   const CanFrame& frame = received.frame;
   switch (message) {
+    case OdriveMessage::get_version:
+      return counted(take_version(frame));
     case OdriveMessage::heartbeat:
       return counted(take_heartbeat(received));
     case OdriveMessage::get_error:
@@ -119,9 +146,23 @@ bool OdriveDriver::take(OdriveMessage message, const ReceivedFrame& received) no
   return false;
 }
 
+bool OdriveDriver::take_version(const CanFrame& frame) noexcept {
+  const auto version = decode_odrive_version(settings_.node, frame);
+  if (!version) return false;
+  firmware_ = DriveWords{{version->firmware}, 1};
+  judge_state();
+  return true;
+}
+
 bool OdriveDriver::take_heartbeat(const ReceivedFrame& received) noexcept {
   const auto heartbeat = decode_odrive_heartbeat(settings_.node, received.frame);
   if (!heartbeat) return false;
+  // Perhaps another drive than before its silence.
+  if (heartbeat_at_.is_set() && received.received_at - heartbeat_at_ > kOdriveHeartbeatTimeout) {
+    firmware_.reset();
+    asks_ = 0;
+    ticks_to_ask_ = kTicksPerAsk;
+  }
   heartbeat_at_ = std::max(heartbeat_at_, received.received_at);
   heartbeat_missing_ = false;
   heard_since_request_ = true;
@@ -186,7 +227,7 @@ void OdriveDriver::judge_state() noexcept {
   if (axis_state_ == kOdriveClosedLoop) return judge(DriveState::enabled);
   // Some errors pass, and only the reason for leaving stays. It stays after a normal disable too: then it is history.
   if (phase_ == Phase::left && disarm_reason_ != 0) return judge(DriveState::fault, disarm_reason_);
-  if (!settings_.watchdog_waived) return judge(DriveState::fault, setup_fault_code(SetupFault::watchdog_unknown));
+  if (const std::uint32_t error = setup_error(); error != 0) return judge(DriveState::fault, error);
   judge(DriveState::disabled);
 }
 
@@ -202,6 +243,9 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_odrive_driver(cons
   settings.node = drive.id;
   settings.mapping = mapping_of(drive);
   settings.watchdog_waived = config::waives_watchdog(drive);
+  const auto firmware = words_of("firmware", drive.firmware, {.style = WordStyle::version});
+  if (!firmware) return std::unexpected(firmware.error());
+  settings.firmware = *firmware;
   return std::make_unique<OdriveDriver>(settings);
 }
 
@@ -217,6 +261,7 @@ std::vector<FrameTraffic> odrive_traffic(const config::RobotConfig& robot, std::
 
 std::string odrive_error_name(const config::Drive& /*drive*/, std::uint32_t code) {
   if (code == kOdriveNoHeartbeat) return "heartbeat missing";
+  if (setting_of(code) == kOdriveFirmware) return "firmware (message 00)";
   // odriverobotics/ODriveArduino src/ODriveEnums.h, ODrive.Error
   static constexpr std::array<std::pair<std::uint32_t, const char*>, 22> kBits{{
       {0x0000'0001, "initializing"},

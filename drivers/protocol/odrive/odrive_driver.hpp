@@ -1,8 +1,10 @@
 // One ODrive (firmware 0.6, CANSimple), host side: joint units in, torques out, broadcasts in.
 //
 // The drive takes finished torques: a setpoint's tau, and nothing else of it. One frame leaves per tick (two in the
-// tick that disables). We ask for nothing: on some firmware any frame, a question too,
-// feeds the drive's watchdog, and a live bus is not a live command. So the drive must be set up to tell by itself:
+// tick that disables, and where one asks). A drive that is driven is asked for nothing: on some firmware any frame, a
+// question too, feeds the drive's watchdog, and a live bus is not a live command. Before, while it is disabled, it is
+// asked for its version, kAsksForVersion times at most; one that the robot file names (drive.firmware) it must tell.
+// All else it must be set up to tell by itself:
 //   axis.config.can: encoder_msg_rate_ms = control.period (1), heartbeat_msg_rate_ms 10, torques_msg_rate_ms 10,
 //   temperature_msg_rate_ms 100, error_msg_rate_ms 100, bus_voltage_msg_rate_ms 100 or 0, iq_msg_rate_ms 0;
 //   axis.config: enable_watchdog true, watchdog_timeout as long as a command may live: the protocol has no field for
@@ -34,16 +36,21 @@ inline constexpr Duration kOdriveHeartbeatTimeout = milliseconds(500);
 // JointFeedback::error_code; no drive sets every bit at once.
 inline constexpr std::uint32_t kOdriveNoHeartbeat = 0x7FFF'FFFF;
 
+// SettingDetail::setting of the firmware: message 00 is no number that it can have.
+inline constexpr std::uint32_t kOdriveFirmware = 1;
+
 struct OdriveDriveSettings {
   std::uint32_t node = 0;
   JointMapping mapping;
   bool watchdog_waived = false;
+  DriveWords firmware{};  // that it must tell; nothing: any
 };
 
 class OdriveDriver final : public JointDriver {
  public:
   // Asking an enabled axis again may make it stumble: seldom.
   static constexpr std::uint32_t kAskAgainTicks = 250;
+  static constexpr std::uint32_t kAsksForVersion = 10, kTicksPerAsk = 20;
 
   explicit OdriveDriver(const OdriveDriveSettings& settings) noexcept : settings_(settings) {}
 
@@ -59,8 +66,11 @@ class OdriveDriver final : public JointDriver {
   std::size_t encode_disabled(std::span<CanFrame> out) noexcept;
   CanFrame enabled_frame(const DriveSetpoint& setpoint) noexcept;
   CanFrame waiting_frame(const DriveSetpoint& setpoint) noexcept;
+  bool is_time_to_ask() noexcept;
+  [[nodiscard]] std::uint32_t setup_error() const noexcept;
   [[nodiscard]] CanFrame torque_frame(const DriveSetpoint& setpoint) const noexcept;
   bool take(OdriveMessage message, const ReceivedFrame& received) noexcept;
+  bool take_version(const CanFrame& frame) noexcept;
   bool take_heartbeat(const ReceivedFrame& received) noexcept;
   bool take_errors(const CanFrame& frame) noexcept;
   bool take_estimates(const ReceivedFrame& received) noexcept;
@@ -83,6 +93,8 @@ class OdriveDriver final : public JointDriver {
   std::uint32_t active_errors_ = 0, disarm_reason_ = 0;
   bool heartbeat_missing_ = false;
   float tau_ = 0;  // Nm
+  std::optional<DriveWords> firmware_;
+  std::uint32_t asks_ = 0, ticks_to_ask_ = kTicksPerAsk;  // since the drive was heard first, or again
 };
 
 // The protocol's row in the table.
@@ -90,5 +102,7 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_odrive_driver(cons
                                                                             std::size_t joint);
 std::vector<FrameTraffic> odrive_traffic(const config::RobotConfig& robot, std::size_t joint);
 std::string odrive_error_name(const config::Drive& drive, std::uint32_t code);
+std::vector<CardRow> odrive_card_rows(const config::RobotConfig& robot, std::size_t joint);
+void odrive_settings_told(const config::Drive& drive, const CanFrame& frame, ToldSettings& told);
 
 }  // namespace takt::drivers

@@ -96,6 +96,10 @@ CanFrame encode_robstride_stop(RobstrideAddress address, bool clear_faults) noex
   return frame;
 }
 
+CanFrame encode_robstride_get_id(RobstrideAddress address) noexcept {
+  return frame_to(address.drive, kIdentity, address.host);
+}
+
 CanFrame encode_robstride_question(RobstrideAddress address, RobstrideParameter parameter) noexcept {
   return parameter_frame(address, kRead, parameter);
 }
@@ -140,6 +144,12 @@ std::optional<RobstrideFeedback> decode_robstride_feedback(const RobstrideRange&
   feedback.faults = static_cast<std::uint8_t>(state & ((1U << kRobstrideFaultBits) - 1));
   feedback.mode = static_cast<RobstrideMode>(state >> kRobstrideFaultBits);
   return feedback;
+}
+
+std::optional<RobstrideIdentity> decode_robstride_identity(const CanFrame& frame) noexcept {
+  if (!is_whole(frame)) return std::nullopt;
+  return RobstrideIdentity{big_endian(frame, 0) << 16U | big_endian(frame, 2),
+                           big_endian(frame, 4) << 16U | big_endian(frame, 6)};
 }
 
 std::optional<RobstrideAnswer> decode_robstride_answer(const CanFrame& frame) noexcept {

@@ -40,6 +40,9 @@ CanFrame encode_robstride_motion(const RobstrideRange& range, RobstrideAddress a
 CanFrame encode_robstride_enable(RobstrideAddress address) noexcept;
 CanFrame encode_robstride_stop(RobstrideAddress address, bool clear_faults) noexcept;
 
+// "Who are you": answered with the drive's unique id.
+CanFrame encode_robstride_get_id(RobstrideAddress address) noexcept;
+
 // Values of the protocol.
 enum class RobstrideParameter : std::uint16_t {
   stored_timeout = 0x200C,  // u32, in units of 50 us; 0: off, as it comes from the factory. CyberGear
@@ -62,6 +65,9 @@ struct RobstrideFeedback {
   std::uint8_t faults = 0;
   RobstrideMode mode = RobstrideMode::reset;
 };
+struct RobstrideIdentity {
+  std::uint32_t first = 0, second = 0;  // bytes 0 to 3 and 4 to 7 of the unique id, as they stand on the wire
+};
 struct RobstrideAnswer {
   std::uint16_t index = 0;  // a RobstrideParameter, when it is one of ours
   std::uint32_t value = 0;  // its bits
@@ -79,6 +85,7 @@ std::optional<RobstrideKind> robstride_kind(RobstrideAddress address, const CanF
 
 // Preconditions: robstride_kind() named the kind. Nothing: the frame has not 8 bytes of classic data.
 std::optional<RobstrideFeedback> decode_robstride_feedback(const RobstrideRange& range, const CanFrame& frame) noexcept;
+std::optional<RobstrideIdentity> decode_robstride_identity(const CanFrame& frame) noexcept;
 std::optional<RobstrideAnswer> decode_robstride_answer(const CanFrame& frame) noexcept;
 std::optional<RobstrideFaultReport> decode_robstride_fault_report(const CanFrame& frame) noexcept;
 

@@ -46,6 +46,9 @@ std::optional<RobstrideSetup::Step> RobstrideSetup::next(RobstrideAddress addres
     case Stage::ask_stored:
       ++tries_;
       return Step{encode_robstride_question(address, stored_timeout), false};
+    case Stage::ask_identity:
+      ++tries_;
+      return Step{encode_robstride_get_id(address), false};
     case Stage::done:
     case Stage::failed:
       break;
@@ -66,10 +69,10 @@ void RobstrideSetup::enter(Stage stage) noexcept {
   if (stage == Stage::done) error_code_ = 0;
 }
 
-void RobstrideSetup::fail(SetupFault fault, RobstrideParameter which) noexcept {
+void RobstrideSetup::fail(SetupFault fault, std::uint32_t setting) noexcept {
   enter(Stage::failed);
   tick_ = 0;
-  error_code_ = setup_fault_code(fault, static_cast<std::uint32_t>(which));
+  error_code_ = setup_fault_code(fault, setting);
 }
 
 // The drive was asked often enough.
@@ -85,6 +88,9 @@ void RobstrideSetup::give_up() noexcept {
       return enter(Stage::ask_stored);
     case Stage::ask_stored:
       return judge_timeout(RobstrideParameter::stored_timeout);
+    case Stage::ask_identity:
+      if (identity_.count == 0) return enter(Stage::done);
+      return fail(SetupFault::settings_unread, kRobstrideIdentity);
     case Stage::done:
     case Stage::failed:
       return;
@@ -92,7 +98,7 @@ void RobstrideSetup::give_up() noexcept {
 }
 
 void RobstrideSetup::judge_timeout(RobstrideParameter which) noexcept {
-  if (wish_.waived || is_watchdog(timeout_)) return enter(Stage::done);
+  if (wish_.waived || is_watchdog(timeout_)) return enter(Stage::ask_identity);
   fail(timeout_ ? SetupFault::watchdog_off : SetupFault::watchdog_unknown, which);
 }
 
@@ -120,11 +126,17 @@ void RobstrideSetup::take_timeout(const RobstrideAnswer& answer) noexcept {
     if (answer.failed) return enter(Stage::ask_stored);
     timeout_ = answer.value;
     // Another value: the setting was lost, or is not obeyed. Again, and in the end give_up() judges what is there.
-    if (answer.value == wish_.units) enter(Stage::done);
+    if (answer.value == wish_.units) enter(Stage::ask_identity);
   } else if (!about_volatile && stage_ == Stage::ask_stored) {
     if (!answer.failed) timeout_ = answer.value;
     judge_timeout(RobstrideParameter::stored_timeout);
   }
+}
+
+void RobstrideSetup::take(const RobstrideIdentity& told) noexcept {
+  if (stage_ != Stage::ask_identity) return;
+  if (!agrees(identity_, {{told.first, told.second}, 2})) return fail(SetupFault::settings_differ, kRobstrideIdentity);
+  enter(Stage::done);
 }
 
 std::size_t RobstrideDriver::encode(bool enable, const DriveSetpoint& setpoint, MonoTime /*now*/,
@@ -180,6 +192,7 @@ bool RobstrideDriver::decode(const ReceivedFrame& received) noexcept {
     case RobstrideKind::answer:
       return taken(decode_robstride_answer(frame));
     case RobstrideKind::identity:
+      return taken(decode_robstride_identity(frame));
     case RobstrideKind::active_report:  // not an answer: counted, it would look like two drives with one number
       return true;
   }
@@ -206,6 +219,11 @@ void RobstrideDriver::take(const RobstrideFaultReport& report) noexcept {
 
 void RobstrideDriver::take(const RobstrideAnswer& answer) noexcept {
   setup_.take(answer);
+  judge();
+}
+
+void RobstrideDriver::take(const RobstrideIdentity& told) noexcept {
+  setup_.take(told);
   judge();
 }
 
@@ -256,6 +274,9 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_robstride_driver(c
   settings.timeout = {.units = timeout_units(drive_timeout(robot)),
                       .has_volatile = drive.model != kCyberGear,
                       .waived = config::waives_watchdog(drive)};
+  const auto identity = words_of("identity", drive.identity, {.style = WordStyle::hex, .least = 2, .most = 2});
+  if (!identity) return std::unexpected(identity.error());
+  settings.identity = *identity;
   return std::make_unique<RobstrideDriver>(settings);
 }
 
@@ -267,6 +288,7 @@ std::vector<FrameTraffic> robstride_traffic(const config::RobotConfig& /*robot*/
 namespace {
 
 std::string_view parameter_name(std::uint32_t number) {
+  if (number == kRobstrideIdentity) return "identity (unique id, type 0)";
   switch (static_cast<RobstrideParameter>(number)) {
     case RobstrideParameter::run_mode:
       return "run mode (parameter 7005)";

@@ -3,7 +3,8 @@
 // enable false: stop every tick, which the drive answers with its position; while it shows a fault every other stop
 //   clears it. Meanwhile, in every fourth tick, the set-up: run mode 0 (obey motion commands) is written in the place
 //   of one stop and read back, then the CAN time-out likewise (7028). A drive without that parameter (CyberGear) is
-//   asked for its stored one (200C), which counts when it is set, to at most a second. A run mode that does not stay,
+//   asked for its stored one (200C), which counts when it is set, to at most a second. Last it is asked for its unique
+//   id, which it must tell if the robot file names one (drive.identity). Another id, a run mode that does not stay,
 //   no answer, or a time-out that is off or unknown becomes a fault of the drive (SetupFault with the parameter's
 //   number) and is tried again twice a second at 1 kHz; a waiver in the robot file lets the time-out pass. All of it
 //   again after the drive was enabled and after kTicksToDoubt without a word: what was written is lost with its supply.
@@ -27,17 +28,22 @@ struct RobstrideTimeoutWish {
   bool waived = false;       // the robot file allows it to be off or unknown
 };
 
+// SettingDetail::setting of the unique id, which has no parameter's number.
+inline constexpr std::uint32_t kRobstrideIdentity = 1;
+
 struct RobstrideDriveSettings {
   RobstrideRange range;
   RobstrideAddress address;
   JointMapping mapping;
   RobstrideTimeoutWish timeout;
+  DriveWords identity{};  // that it must tell; nothing: anybody may be there
 };
 
 // What the drive must be asked and told before it may be enabled, one step at a time.
 class RobstrideSetup {
  public:
-  explicit RobstrideSetup(const RobstrideTimeoutWish& timeout) noexcept : wish_(timeout) {}
+  RobstrideSetup(const RobstrideTimeoutWish& timeout, const DriveWords& identity) noexcept
+      : wish_(timeout), identity_(identity) {}
   // The next frame, if it is time for one: `instead_of_stop` tells whether it takes the stop's place (it is answered by
   // feedback) or goes beside it. Call once per tick in which the drive is heard and not running.
   struct Step {
@@ -46,6 +52,7 @@ class RobstrideSetup {
   };
   std::optional<Step> next(RobstrideAddress address) noexcept;
   void take(const RobstrideAnswer& answer) noexcept;
+  void take(const RobstrideIdentity& told) noexcept;
   // The drive may have forgotten: from the beginning. Keeps error_code() until it ends well.
   void restart() noexcept;
   // Run mode 0 was read back, and a time-out or a waiver stands behind it.
@@ -56,15 +63,26 @@ class RobstrideSetup {
   [[nodiscard]] std::optional<std::uint32_t> timeout() const { return timeout_; }
 
  private:
-  enum class Stage : std::uint8_t { set_mode, ask_mode, set_timeout, ask_timeout, ask_stored, done, failed };
+  enum class Stage : std::uint8_t {
+    set_mode,
+    ask_mode,
+    set_timeout,
+    ask_timeout,
+    ask_stored,
+    ask_identity,
+    done,
+    failed
+  };
   void enter(Stage stage) noexcept;
-  void fail(SetupFault fault, RobstrideParameter which) noexcept;
+  void fail(SetupFault fault, std::uint32_t setting) noexcept;
+  void fail(SetupFault fault, RobstrideParameter which) noexcept { fail(fault, static_cast<std::uint32_t>(which)); }
   void give_up() noexcept;
   void judge_timeout(RobstrideParameter which) noexcept;
   void take_mode(const RobstrideAnswer& answer) noexcept;
   void take_timeout(const RobstrideAnswer& answer) noexcept;
 
   RobstrideTimeoutWish wish_;
+  DriveWords identity_;
   Stage stage_ = Stage::set_mode;
   std::uint32_t tick_ = 0;
   int tries_ = 0;
@@ -76,7 +94,7 @@ class RobstrideSetup {
 class RobstrideDriver final : public JointDriver {
  public:
   explicit RobstrideDriver(const RobstrideDriveSettings& settings) noexcept
-      : settings_(settings), setup_(settings.timeout) {}
+      : settings_(settings), setup_(settings.timeout, settings.identity) {}
 
   std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
                      std::span<CanFrame> out) noexcept override;
@@ -92,6 +110,7 @@ class RobstrideDriver final : public JointDriver {
   void take(const RobstrideFeedback& feedback, MonoTime received_at) noexcept;
   void take(const RobstrideFaultReport& report) noexcept;
   void take(const RobstrideAnswer& answer) noexcept;
+  void take(const RobstrideIdentity& told) noexcept;
   void judge() noexcept;
 
   RobstrideDriveSettings settings_;
@@ -115,5 +134,7 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_robstride_driver(c
 std::vector<FrameTraffic> robstride_traffic(const config::RobotConfig& robot, std::size_t joint);
 // Codes: bits 0..5 as in feedback, bits 8..30 as in fault reports from their bit 0.
 std::string robstride_error_name(const config::Drive& drive, std::uint32_t code);
+std::vector<CardRow> robstride_card_rows(const config::RobotConfig& robot, std::size_t joint);
+void robstride_settings_told(const config::Drive& drive, const CanFrame& frame, ToldSettings& told);
 
 }  // namespace takt::drivers

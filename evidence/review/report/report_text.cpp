@@ -155,6 +155,43 @@ std::string_view recorder_line(const RunManifest& manifest) {
   return optional ? "recorder      OPTIONAL: the robot may have moved without being recorded\n" : "";
 }
 
+std::string text_or(const nlohmann::ordered_json& json, const char* key, const std::string& otherwise) {
+  const auto found = json.find(key);
+  return found != json.end() && found->is_string() ? found->get<std::string>() : otherwise;
+}
+
+// "identity 70003, watchdog 50 ms, DIFFERS: firmware 5012 (should be 5013); unknown: home"
+std::string drive_card(const nlohmann::ordered_json& drive) {
+  std::string known, unknown;
+  const auto add = [](std::string& to, const std::string& what) {
+    to += fmt::format("{}{}", to.empty() ? "" : ", ", what);
+  };
+  for (const auto& fact : drive.value("facts", nlohmann::ordered_json::array())) {
+    const std::string what = text_or(fact, "fact", "?"), value = text_or(fact, "value", ""),
+                      verdict = text_or(fact, "verdict", "");
+    if (value.empty())
+      add(unknown, what);
+    else if (verdict == "differs")
+      add(known, fmt::format("DIFFERS: {} {} (should be {})", what, value, text_or(fact, "expected", "?")));
+    else
+      add(known, fmt::format("{} {}", what, value));
+  }
+  std::string text = known.empty() ? "tells nothing of itself" : known;
+  if (!unknown.empty()) text += "; unknown: " + unknown;
+  const std::string waiver = text_or(drive, "watchdog_waiver", "");
+  return waiver.empty() ? text : text + "; watchdog waived: " + waiver;
+}
+
+// What the drives said of themselves; empty: the run has no cards.
+std::string drives(const RunManifest& manifest) {
+  if (!manifest.drives.is_object()) return {};
+  std::string text;
+  for (const auto& drive : manifest.drives.value("drives", nlohmann::ordered_json::array()))
+    text += fmt::format("{:<14}{} ({}): {}\n", text.empty() ? "drives" : "", text_or(drive, "joint", "?"),
+                        text_or(drive, "protocol", "?"), drive_card(drive));
+  return text;
+}
+
 }  // namespace
 
 std::string contract_text(const RunMetrics& metrics) {
@@ -211,7 +248,7 @@ std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::
                       metrics.lateness.p50 * 1e-3, metrics.lateness.p99 * 1e-3, metrics.work.p50 * 1e-3,
                       metrics.work.p99 * 1e-3);
   text += on_wire(metrics, run);
-  return text + losses(metrics, run);
+  return text + losses(metrics, run) + drives(run.manifest);
 }
 
 }  // namespace takt::monitor

@@ -164,6 +164,7 @@ TEST(WireGuard, ReadsRobstride) {
   EXPECT_EQ(fresh.pass(robstride_id(18, 253), "0570000000000000"), allowed) << "run mode: motion";
   EXPECT_EQ(fresh.pass(robstride_id(18, 253), "0570000003000000"), unknown_frame) << "run mode: current";
   EXPECT_EQ(fresh.pass(robstride_id(18, 253), "0b70000000000041"), unknown_frame) << "torque limit";
+  EXPECT_EQ(fresh.pass(robstride_id(0, 253), "0000000000000000"), allowed) << "who are you";
   EXPECT_EQ(fresh.pass(robstride_id(6, 253), "0100000000000000"), unknown_frame) << "set zero";
   EXPECT_EQ(fresh.pass(robstride_id(7, 0x05FD), "0000000000000000"), unknown_frame) << "set id";
   Decision off;
@@ -194,6 +195,13 @@ TEST(WireGuard, ReadsOdrive) {
   EXPECT_EQ(fresh.pass(0x0AC, "0000c03f06ffb004"), unknown_frame) << "a position";
   EXPECT_EQ(fresh.pass(0x0B8, "00"), allowed);
   EXPECT_EQ(fresh.pass(0x0CE, "00000000"), unknown_frame) << "another node";
+  CanFrame question;
+  question.id = 0x0A0;
+  question.remote = true;
+  EXPECT_EQ(fresh.pass(question), allowed) << "which version";
+  question.id = 0x0AE;
+  EXPECT_EQ(fresh.pass(question), unknown_frame) << "no other question";
+  EXPECT_EQ(fresh.pass(0x0A0, ""), unknown_frame) << "no question at all";
 }
 
 TEST(WireGuard, AStaleSpeedIsNotDamped) {
@@ -262,6 +270,9 @@ TEST(WireGuard, MoteusFramesThatDoNotMove) {
   GuardBench bench("right_wrist_roll");
   EXPECT_EQ(bench.pass(0x8001, "11001f01120e110a"), allowed) << "a question";
   EXPECT_EQ(bench.pass(0x8001, "01000011001f01120e110a50"), allowed) << "stopped";
+  EXPECT_EQ(bench.pass(0x8001, "01000011001f01120e130a1a80021ba002505050"), allowed) << "who are you: 100, 120";
+  EXPECT_EQ(bench.pass(0x8001, "01000009b10200000000"), unknown_frame) << "set output exact: 131";
+  EXPECT_EQ(bench.pass(0x8001, "1b8080"), unknown_frame) << "no register";
   EXPECT_EQ(bench.pass(0x8001, "0c062000000000"), unknown_frame) << "cut short";
   EXPECT_EQ(bench.pass(0x8001, "0d3000000000"), unknown_frame) << "a register that we do not write";
   EXPECT_EQ(bench.pass(0x8001, "0d2000000000"), unknown_frame) << "a command without a mode";

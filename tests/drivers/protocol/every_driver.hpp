@@ -100,8 +100,9 @@ class AbusedDriver {
     bytes = bytes.subspan(size);
     return value;
   }
+  // A remote frame is a question, and has the id of its answer.
   [[nodiscard]] bool is_ours(const CanFrame& frame) const {
-    for (const auto* patterns : {&ids_.commands, &ids_.broadcasts})
+    for (const auto* patterns : {frame.remote ? &ids_.replies : &ids_.commands, &ids_.broadcasts})
       for (const config::IdPattern& one : *patterns)
         if (one.matches(frame.id, frame.extended)) return true;
     return false;

@@ -11,6 +11,7 @@
 
 #include <csignal>
 #include <filesystem>
+#include <optional>
 #include <thread>
 
 #include "config/load.hpp"
@@ -50,9 +51,10 @@ class ServiceTest : public testing::Test {
                                                                   rig_.board,
                                                                   follower_})
                      .value();
+    cards_.emplace(robot_, rig_.published.frame_reader(), directory_);
     control_ = std::thread([this] { rig_.loop.run(EvidenceSource::open().value()); });
-    service_ =
-        std::thread([this] { serve(*reception_, follower_, rig_.board, rig_.requests, queues_, introduction_); });
+    service_ = std::thread(
+        [this] { serve(*reception_, follower_, *cards_, rig_.board, rig_.requests, queues_, introduction_); });
   }
   ~ServiceTest() override {
     hang_ = false;
@@ -94,6 +96,7 @@ class ServiceTest : public testing::Test {
   SystemClock clock_;
   LoopRig rig_{6, 2, {{}, {}, 1000}, &clock_};
   TickFollower follower_{rig_.published.tick_reader(), 0.02F, 0, [](const TickRecord&) {}};
+  std::optional<DriveCards> cards_;
   TransmitQueues queues_{robot_.freshness.max_age, {}};
   trace::Introduction introduction_{"takt-executive", 0, 0, robot_.joints};
   std::unique_ptr<Reception> reception_;

@@ -30,7 +30,10 @@ class SimulatedDrives {
     }
     for (const config::Joint& joint : robot.joints) {
       reply_id_[joint.drive.id] = joint.drive.reply_id;
-      settings_[joint.drive.id] = {{9, 2000},  // time-out: 100 ms
+      settings_[joint.drive.id] = {{13, 21},
+                                   {14, 5013},
+                                   {15, 70001},
+                                   {9, 2000},  // time-out: 100 ms
                                    {10, 1},    // control mode: MIT
                                    {21, bits_of(joint.drive.position_range)},
                                    {22, bits_of(joint.drive.velocity_range)},

@@ -166,6 +166,53 @@ TEST_F(RecorderTest, AnUndisturbedRunIsWholeAndSaysSo) {
   EXPECT_EQ(frames, 2'000U);
 }
 
+std::string drive_cards(const std::string& config_sha256, const std::string& firmware) {
+  const nlohmann::ordered_json told{
+      {"fact", "firmware"}, {"value", firmware}, {"expected", "5013"}, {"verdict", "differs"}},
+      agreed{{"fact", "mode"}, {"value", "1 (MIT)"}, {"verdict", "agrees"}},
+      untold{{"fact", "home"}, {"value", nullptr}, {"verdict", "unknown"}};
+  nlohmann::ordered_json drive{{"joint", "elbow"}, {"protocol", "mit"}, {"watchdog_waiver", "seen to stop"}};
+  drive["facts"] = nlohmann::ordered_json::array({told, agreed, untold});
+  return nlohmann::ordered_json{
+      {"schema", "takt.drives/1"}, {"config_sha256", config_sha256}, {"drives", nlohmann::ordered_json::array({drive})}}
+      .dump();
+}
+
+// What the drives said of themselves goes with the run: newest cards, in a file, the manifest and the report.
+TEST_F(RecorderTest, KeepsTheDrivesCards) {
+  auto stream = attach();
+  const auto recorder = start(path("run"));
+  record(stream, *recorder, 100);
+  recorder->drive_cards(drive_cards(demo_robot().sha256, "5011"));
+  recorder->drive_cards(drive_cards(demo_robot().sha256, "5012"));
+  recorder->drive_cards("not JSON");
+  recorder->drive_cards(R"({"schema": 3})");
+  recorder->drive_cards(drive_cards("another robot's", "1"));
+  EXPECT_EQ(opened(path("run")).manifest.drives.at("drives")[0].at("facts")[0].at("value"), "5012")
+      << "a run that goes on, or was cut off, has them too";
+  finish(stream, *recorder);
+  const RecordedRun run = opened(path("run"));
+  EXPECT_EQ(run.folder.read_manifest()->drives.at("drives")[0].at("facts")[0].at("value"), "5012") << "quoted";
+  const auto metrics = metrics_of(run);
+  ASSERT_TRUE(metrics);
+  const std::string report = report_text(*metrics, run);
+  EXPECT_NE(report.find("drives        elbow (mit): DIFFERS: firmware 5012 (should be 5013), mode 1 (MIT); unknown: "
+                        "home; watchdog waived: seen to stop\n"),
+            std::string::npos)
+      << report;
+}
+
+TEST_F(RecorderTest, ARunWithoutCardsSaysNothingOfDrives) {
+  auto stream = attach();
+  const auto recorder = start(path("run"));
+  record(stream, *recorder, 100);
+  finish(stream, *recorder);
+  const RecordedRun run = opened(path("run"));
+  EXPECT_TRUE(run.manifest.drives.is_null());
+  EXPECT_FALSE(std::filesystem::exists(run.folder.drives()));
+  EXPECT_EQ(report_text(*metrics_of(run), run).find("drives  "), std::string::npos);
+}
+
 // A monitor that slept for longer than the ring is long: what it missed is declared, the rest is right and replays.
 TEST_F(RecorderTest, ASlowMonitorDeclaresWhatItMissed) {
   auto stream = attach();

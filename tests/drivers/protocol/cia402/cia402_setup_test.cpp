@@ -56,6 +56,10 @@ TEST(Cia402Setup, TheWholeConversationWithATorqueDrive) {
   const char* const expected[] = {
       "000#8005",              // pre-operational
       "605#4000100000000000",  // what are you?
+      "605#4018100100000000",  // whose?
+      "605#4018100200000000",  // which product?
+      "605#4018100300000000",  // which revision?
+      "605#4018100400000000",  // which one of them?
       "605#4002650000000000",  // which modes do you have?
       "605#2300140105020080",  // RPDO off: 80000205
       "605#2f00160000000000",  // empty its map

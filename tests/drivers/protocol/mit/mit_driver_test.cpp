@@ -80,9 +80,10 @@ class Bench {
   }
   // As the robot file says; 2000 units of 50 us.
   static std::map<int, std::uint32_t> right() {
-    return {{9, 2000}, {10, 1}, {21, 0x41480000}, {22, 0x41F00000}, {23, 0x41200000}};  // 12.5, 30, 10
+    return {{9, 2000},    {10, 1},          {13, 21},         {14, 5013},
+            {15, 70'004}, {21, 0x41480000}, {22, 0x41F00000}, {23, 0x41200000}};  // 12.5, 30, 10
   }
-  Bench& set_up() { return live(28, right()); }
+  Bench& set_up() { return live(40, right()); }
 
   // Position 0x8000, velocity and torque in the middle.
   bool reply(int first_byte, int length = 8) {
@@ -220,7 +221,7 @@ TEST(MitDriver, AsksForEverySettingOnceAndKeepsTheDriveReporting) {
     asked.push_back(question.data[2] << 8 | question.data[3]);
     EXPECT_TRUE(bench.answer(question.data[3], Bench::right().at(question.data[3]), question.data[2]));
   }
-  EXPECT_EQ(asked, (std::vector<int>{0x330A, 0x3315, 0x3316, 0x3317, 0x5509, 0x3309}));
+  EXPECT_EQ(asked, (std::vector<int>{0x330A, 0x3315, 0x3316, 0x3317, 0x330D, 0x330E, 0x330F, 0x5509, 0x3309}));
   EXPECT_EQ(bench.driver.feedback().replies, 40) << "answers are no reports, and replace none";
   EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::disabled);
   EXPECT_EQ(bench.driver.stored_timeout(), milliseconds(100));
@@ -231,7 +232,7 @@ TEST(MitDriver, IsNotEnabledBeforeItsSettingsAreKnown) {
   Bench bench(damiao());
   auto told = Bench::right();
   told.erase(9);
-  bench.live(30, told, true);
+  bench.live(44, told, true);
   EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::disabled) << "waiting is no fault";
   EXPECT_EQ(bench.driver.stored_timeout(), std::nullopt);
   bench.may_enter = true;
@@ -246,8 +247,8 @@ TEST(MitDriver, SettingsHalfReadBeforeSilenceAreReadAgain) {
   EXPECT_LT(bench.questions, 5);
   for (int tick = 0; tick < 50; ++tick) bench.encode(false);  // another drive may come back with this id
   bench.questions = 0;
-  bench.live(28, Bench::right());
-  EXPECT_EQ(bench.questions, 5) << "each of them";
+  bench.live(40, Bench::right());
+  EXPECT_EQ(bench.questions, 8) << "each of them";
 }
 
 TEST(MitDriver, ASettingThatDiffersIsAFaultThatNamesIt) {
@@ -408,7 +409,7 @@ TEST(MitDriver, ASettingsFaultStaysUntilTheDriveAgreesWhateverIsCleared) {
 TEST(MitDriver, AnswersThatNobodyAskedForChangeNothing) {
   Bench bench = Bench(damiao()).set_up();
   EXPECT_TRUE(bench.answer(23, std::bit_cast<std::uint32_t>(28.0F))) << "its own, and no reading";
-  EXPECT_EQ(bench.driver.feedback().replies, 28);
+  EXPECT_EQ(bench.driver.feedback().replies, 40);
   EXPECT_EQ(bench.driver.feedback().drive_state, DriveState::disabled);
   EXPECT_FALSE(bench.answer(23, 0, 0x33, 5)) << "another drive's";
   Bench fresh(damiao());

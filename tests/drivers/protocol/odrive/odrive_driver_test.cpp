@@ -25,6 +25,7 @@ std::string word(const CanFrame& frame) {
   if (frame.id == 0x067) return hex(frame) == "08000000" ? "closed loop" : hex(frame) == "01000000" ? "idle" : "state?";
   if (frame.id == 0x06B) return hex(frame) == "0100000001000000" ? "torque control" : "mode?";
   if (frame.id == 0x078) return "clear errors";
+  if (frame.id == 0x060) return frame.remote && frame.length == 0 ? "version?" : "?";
   if (frame.id == 0x06E) return hex(frame) == "00000000" ? "zero" : "torque";
   return "?";
 }
@@ -207,18 +208,52 @@ TEST(OdriveDriver, AMissingHeartbeatIsAFault) {
   EXPECT_EQ(word(bench.encode(true, kPush)), "idle") << "until disabled";
 }
 
-TEST(OdriveDriver, NoPollsWhateverTheState) {
+// Goal: a drive that the robot file knows by its firmware is not enabled on trust. Method: it is wanted from the first
+// tick on, and tells late; 02.. protocol 2, hardware 4.4.58, firmware 0.6.10 as message 00 has them.
+TEST(OdriveDriver, IsNotEnabledBeforeItTellsTheFirmwareThatIsNamed) {
+  OdriveDriver driver({.node = kNode, .mapping = {}, .watchdog_waived = true, .firmware = {{0x00'06'0A}, 1}});
+  MonoTime now{1};
+  std::array<CanFrame, kMaxFramesPerDrive> out;
+  const auto hear = [&](std::uint32_t id, const char* bytes) {
+    now = now + milliseconds(1);
+    EXPECT_TRUE(driver.decode({frame_of(id, bytes), now}));
+  };
+  const auto closed_loop_within = [&](int ticks) {
+    for (int tick = 0; tick < ticks; ++tick) {
+      hear(0x061, "0000000001000000");
+      const std::size_t count = driver.encode(true, kPush, {}, {}, out);
+      for (std::size_t i = 0; i < count; ++i)
+        if (word(out[i]) == "closed loop") return true;
+    }
+    return false;
+  };
+  EXPECT_FALSE(closed_loop_within(100));
+  EXPECT_EQ(driver.feedback().drive_state, DriveState::disabled) << "waiting is no fault";
+  EXPECT_FALSE(closed_loop_within(200));
+  EXPECT_EQ(driver.feedback().error_code, setup_fault_code(SetupFault::settings_unread, kOdriveFirmware));
+  hear(0x060, "0204043a00060a00");
+  EXPECT_EQ(driver.feedback().error_code, 0U);
+  EXPECT_TRUE(closed_loop_within(10));
+}
+
+// A drive whose watchdog a question would feed is asked nothing; a disabled one that does not answer, not for ever.
+TEST(OdriveDriver, NoPollsButForTheVersionOfADisabledDrive) {
   Bench bench;
+  std::uint32_t questions = 0;
   std::array<CanFrame, kMaxFramesPerDrive> out;
   for (int tick = 0; tick < 2000; ++tick) {
     if (tick % 7 == 0) bench.estimates();
     if (tick % 90 == 0) bench.heartbeat(tick % 180 == 0 ? 8 : 1, tick % 540 == 0 ? "00100000" : "00000000");
-    const std::size_t count = bench.driver.encode(tick % 700 > 300, kPush, {}, {}, out);
+    const bool is_enabled = tick % 700 > 300;
+    const std::size_t count = bench.driver.encode(is_enabled, kPush, {}, {}, out);
     for (std::size_t i = 0; i < count; ++i) {
-      EXPECT_FALSE(out[i].remote);
+      EXPECT_EQ(out[i].remote, word(out[i]) == "version?");
+      EXPECT_FALSE(out[i].remote && is_enabled);
       EXPECT_NE(word(out[i]), "?");
+      if (out[i].remote) ++questions;
     }
   }
+  EXPECT_EQ(questions, OdriveDriver::kAsksForVersion);
 }
 
 TEST(OdriveDriver, ConvertsBetweenJointAndMotor) {

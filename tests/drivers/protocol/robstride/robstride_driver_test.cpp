@@ -18,7 +18,7 @@ namespace {
 const RobstrideRange kCyberGear{12.566371F, 30, 500, 5, 12};
 constexpr std::uint32_t kDrive = 0x05, kHost = 0xFD;
 
-enum Type : std::uint32_t { motion = 1, enable = 3, stop = 4, question = 17, setting = 18 };
+enum Type : std::uint32_t { get_id = 0, motion = 1, enable = 3, stop = 4, question = 17, setting = 18 };
 
 RobstrideDriveSettings settings(JointMapping mapping = {}) {
   return {.range = kCyberGear, .address = {kDrive, kHost}, .mapping = mapping, .timeout = {.units = 2000}};
@@ -73,6 +73,10 @@ class Bench {
   std::vector<CanFrame> honest_tick(bool enabled, const std::map<int, int>& told = {{0x7005, 0}, {0x7028, 2000}}) {
     const auto frames = encode(enabled);
     for (const CanFrame& frame : frames) {
+      if (frame.id >> 24U == get_id) {
+        if (tells_id) hears(kDrive << 8U | 0xFEU, {0x00, 0xC0, 0xFF, 0xEE, 0x12, 0x34, 0x56, 0x78});
+        continue;
+      }
       if (frame.id >> 24U != question) {
         feedback(0);
         continue;
@@ -89,6 +93,7 @@ class Bench {
   }
 
   RobstrideDriver driver;
+  bool tells_id = true;
 
  private:
   std::int64_t stamp_ = 100;
@@ -116,13 +121,15 @@ TEST(RobstrideDriver, SetsRunModeAndTimeoutAndReadsThemBack) {
   int reports = 0;
   for (int tick = 0; tick < 40; ++tick) {
     for (const CanFrame& frame : bench.honest_tick(false)) {
-      reports += frame.id >> 24U != question ? 1 : 0;
+      reports += frame.id >> 24U != question && frame.id >> 24U != get_id ? 1 : 0;
+      if (frame.id >> 24U == get_id) told.emplace_back("who");
       if (frame.id >> 24U == setting) told.push_back("write " + index_of(frame));
       if (frame.id >> 24U == question) told.push_back("read " + index_of(frame));
       EXPECT_EQ(frame.id >> 8U & 0xFFFFU, kHost);
     }
   }
-  EXPECT_EQ(told, (std::vector<std::string>{"write 7005", "read 7005", "write 7028", "read 7028"})) << "each once";
+  EXPECT_EQ(told, (std::vector<std::string>{"write 7005", "read 7005", "write 7028", "read 7028", "who"}))
+      << "each once";
   EXPECT_EQ(reports, 40) << "one frame per tick that feedback answers";
   EXPECT_EQ(bench.driver.stored_timeout(), milliseconds(100)) << "2000 units of 50 us";
 }
@@ -143,11 +150,11 @@ TEST(RobstrideDriver, IsNotEnabledBeforeItsRunModeAndTimeoutAreKnown) {
     for (const CanFrame& frame : bench.encode(true)) {
       const std::uint32_t type = frame.id >> 24U;
       EXPECT_EQ(type == enable, known);
-      if (type != question) bench.feedback(0);
+      if (type == get_id) known = bench.hears(kDrive << 8U | 0xFEU, {1, 2, 3, 4, 5, 6, 7, 8});
+      if (type != question && type != get_id) bench.feedback(0);
       if (type != question) continue;
       const bool about_timeout = index_of(frame) == "7028";
       bench.answer(about_timeout ? 0x7028 : 0x7005, about_timeout ? 2000 : 0);
-      known |= about_timeout;
     }
   }
   EXPECT_TRUE(known);

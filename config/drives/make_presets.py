@@ -1,0 +1,162 @@
+#!/usr/bin/env python3
+"""What is known of drive models, a sheet each (config/drives/MODEL.yaml), into what is made of it: the table of presets
+(config/drive_preset_table.hpp) and that of docs/drives.md. Writes both; with --check writes nothing and says which is
+old. Exit codes: 0 fine, 1 old, 64 usage, 65 a sheet is wrong.
+
+A sheet: model, maker, protocol (mit or robstride), variant (mit: tmotor or damiao), and sources, each with `where` it
+was read, its `kind`, and what it says, side of the drive's output:
+  position_range rad, velocity_range rad/s, torque_range Nm, kp_range Nm/rad, kd_range Nm s/rad; numbers, or "4 pi"
+What packed fields span scales every command, so a range has a value only where its sources agree, to half a percent; the
+first one's word counts. kind: manual, code (that drives such a motor), bench (measured), or seller, whose table yields to
+any other. What sources disagree about, or nobody says, the robot file must give itself.
+"""
+import dataclasses
+import math
+import pathlib
+import sys
+
+import yaml
+
+RANGES = ["position_range", "velocity_range", "torque_range", "kp_range", "kd_range"]
+UNITS = dict(zip(RANGES, ["rad", "rad/s", "Nm", "Nm/rad", "Nm s/rad"]))
+KINDS = ["manual", "code", "bench", "seller"]
+AGREE_WITHIN = 0.005
+ORDER = ["AK80-9", "AK10-9", "AK60-6", "AK70-10", "AK80-6", "AK80-64", "DM4310", "DM4340", "DM6006", "DM8009",
+         "CyberGear", "RS00", "RS01", "RS02", "RS03", "RS04", "RS05", "RS06"]
+TABLE_HEAD = "| model | velocity, rad/s | torque, Nm | source |\n|---|---|---|---|\n"
+
+
+class WrongSheet(Exception):
+    pass
+
+
+@dataclasses.dataclass
+class Sheet:
+    model: str
+    protocol: str
+    sources: list
+
+    def said(self, name):
+        """(number, as written, source) of every source that counts."""
+        all_of_it = [(number(source[name]), source[name], source) for source in self.sources if name in source]
+        weighty = [one for one in all_of_it if one[2]["kind"] != "seller"]
+        return weighty or all_of_it
+
+    def settled(self, name):
+        """The value as written; None: its sources disagree, or nobody says."""
+        said = self.said(name)
+        first = said[0][0] if said else None
+        agree = said and all(abs(value - first) <= AGREE_WITHIN * first for value, _, _ in said)
+        return said[0][1] if agree else None
+
+    def unsettled(self):
+        """"45 or 50 rad/s"; empty: everything is settled."""
+        return "; ".join(" or ".join(f"{value:g}" for value in sorted(one[0] for one in self.said(name))) + " " + UNITS[name]
+                         for name in RANGES if self.settled(name) is None)
+
+    def names(self):
+        """Where what is settled comes from, and who else agrees or is outweighed."""
+        return "; ".join(self.name(source) for source in self.sources)
+
+    def name(self, source):
+        says = [f"{number(source[name]):g} {UNITS[name]}" for name in ("velocity_range", "torque_range") if name in source]
+        whole = all(name in source for name in RANGES)
+        return source["where"] if whole else f"{source['where']} says " + ", ".join(says)
+
+
+def number(written):
+    if written == "4 pi":
+        return 4 * math.pi
+    if isinstance(written, bool) or not isinstance(written, (int, float)) or not 0 < written < math.inf:
+        raise WrongSheet(f"`{written}` is no positive number")
+    return float(written)
+
+
+def read(path):
+    try:
+        data = yaml.safe_load(path.read_text())
+        if data["model"] != path.stem:
+            raise WrongSheet(f"model is `{data['model']}`, the file's name says otherwise")
+        if data["protocol"] not in ("mit", "robstride"):
+            raise WrongSheet(f"protocol `{data['protocol']}` packs no ranges")
+        if not data["maker"] or (data["protocol"] == "mit") != (data.get("variant") in ("tmotor", "damiao")):
+            raise WrongSheet("maker, or variant of an mit drive, is missing")
+        for source in data["sources"]:
+            unknown = set(source) - {"where", "kind", *RANGES}
+            if unknown or source["kind"] not in KINDS or not source["where"]:
+                raise WrongSheet(f"a source needs where, and a kind of {', '.join(KINDS)}; unknown: {sorted(unknown)}")
+            for name in RANGES:
+                if name in source:
+                    number(source[name])
+        return Sheet(data["model"], data["protocol"], data["sources"])
+    except WrongSheet as wrong:
+        raise WrongSheet(f"{path}: {wrong}") from None
+    except (KeyError, TypeError, yaml.YAMLError) as wrong:
+        raise WrongSheet(f"{path}: is no sheet: {wrong!r}") from None
+
+
+def sheets_of(folder):
+    sheets = {path.stem: read(path) for path in folder.glob("*.yaml")}
+    if sorted(sheets) != sorted(ORDER):
+        raise WrongSheet(f"{folder}: sheets and ORDER differ by {sorted(set(sheets) ^ set(ORDER))}")
+    return [sheets[model] for model in ORDER]
+
+
+def cpp_number(written):
+    return "kUnsettled" if written is None else "kFourPi" if written == "4 pi" else f"{written:g}"
+
+
+def cpp(sheets):
+    def rows(protocol):
+        for sheet in sheets:
+            if sheet.protocol == protocol:
+                numbers = ", ".join(cpp_number(sheet.settled(name)) for name in RANGES)
+                yield (f'    DrivePreset{{"{sheet.model}", {numbers}, "{sheet.names()}"'
+                       + (f', "{sheet.unsettled()}"' if sheet.unsettled() else "") + "},\n")
+
+    return ("// Made of config/drives/*.yaml by config/drives/make_presets.py: change those.\n#pragma once\n\n#include <array>\n"
+            "#include <numbers>\n\n#include \"config/drive_preset.hpp\"\n\nnamespace takt::config {\n\n// clang-format off\n"
+            "inline constexpr double kFourPi = 4 * std::numbers::pi;\ninline constexpr std::array kMitPresets{\n"
+            + "".join(rows("mit")) + "};\ninline constexpr std::array kRobstridePresets{\n" + "".join(rows("robstride"))
+            + "};\n// clang-format on\n\n}  // namespace takt::config\n")
+
+
+def page_rows(sheets):
+    def cell(sheet, name):
+        value = sheet.settled(name)
+        return "write it" if value is None else f"{number(value):g}"
+
+    return TABLE_HEAD + "".join(
+        f"| {sheet.model} | {cell(sheet, 'velocity_range')} | {cell(sheet, 'torque_range')} | {sheet.names()} |\n"
+        for sheet in sheets)
+
+
+def page_with(text, rows):
+    before, after = text.split(TABLE_HEAD)
+    return before + rows + after[after.index("\n\n") + 1:]
+
+
+def main(arguments):
+    if arguments not in ([], ["--check"]):
+        print(__doc__, file=sys.stderr)
+        return 64
+    root = pathlib.Path(__file__).resolve().parents[2]
+    try:
+        sheets = sheets_of(root / "config/drives")
+    except WrongSheet as wrong:
+        print(wrong, file=sys.stderr)
+        return 65
+    page = root / "docs/drives.md"
+    made = {root / "config/drive_preset_table.hpp": cpp(sheets), page: page_with(page.read_text(), page_rows(sheets))}
+    old = [path for path, text in made.items() if not path.exists() or path.read_text() != text]
+    if arguments:
+        for path in old:
+            print(f"{path.relative_to(root)} is older than the sheets: run config/drives/make_presets.py", file=sys.stderr)
+        return 1 if old else 0
+    for path in old:
+        path.write_text(made[path])
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

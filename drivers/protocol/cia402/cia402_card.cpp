@@ -1,0 +1,102 @@
+// What a CiA 402 drive's card has: the objects that its set-up reads.
+#include <array>
+#include <cmath>
+#include <cstdio>
+
+#include "drivers/protocol/cia402/cia402_driver.hpp"
+#include "drivers/protocol/drive_timeout.hpp"
+
+namespace takt::drivers {
+namespace {
+
+constexpr std::uint32_t key(std::uint32_t index, std::uint32_t sub) {
+  return index << 8U | sub;
+}
+constexpr std::uint32_t kVendor = key(0x1018, 1), kProduct = key(0x1018, 2), kRevision = key(0x1018, 3),
+                        kSerial = key(0x1018, 4), kDeadline = key(0x1400, 5), kHeartbeatWatch = key(0x1016, 1),
+                        kMode = key(0x6061, 0), kRatedTorque = key(0x6076, 0), kMaxTorque = key(0x6072, 0),
+                        kVelocityUnit = key(0x60A9, 0);
+
+// "8 (csp)"
+std::string mode_text(std::uint32_t mode) {
+  static constexpr std::array<const char*, 3> kFrom8{" (csp)", " (csv)", " (cst)"};
+  return std::to_string(mode) + (mode >= 8 && mode - 8 < kFrom8.size() ? kFrom8[mode - 8] : "");
+}
+
+CardRow mode_row(config::Cia402Mode mode) {
+  return {.item = CardItem::mode,
+          .source = "object 6061:00",
+          .expected = mode_text(mode == config::Cia402Mode::csp   ? 8
+                                : mode == config::Cia402Mode::csv ? 9
+                                                                  : 10),
+          .keys = {kMode},
+          .text = [](std::span<const std::uint32_t> values) { return mode_text(values[0]); }};
+}
+
+// What the drive calls its rated torque, and the most that it lets through.
+std::vector<CardRow> torque_rows(const config::Drive& drive) {
+  const auto newton_metres = [](double torque) {
+    std::array<char, 64> text{};
+    std::snprintf(text.data(), text.size(), "rated %.6g Nm", torque);
+    return std::string(text.data());
+  };
+  const auto rated_mNm = static_cast<double>(drive.rated_torque) * 1000;
+  return {
+      {.item = CardItem::torque_range,
+       .source = "object 6076:00",
+       .expected = newton_metres(drive.rated_torque),
+       .keys = {kRatedTorque},
+       .text = [=](std::span<const std::uint32_t> values) { return newton_metres(values[0] / 1000.0); },
+       .fits =
+           [=](std::span<const std::uint32_t> values) { return std::abs(values[0] - rated_mNm) * 200 <= rated_mNm; }},
+      {.item = CardItem::torque_range,
+       .source = "object 6072:00",
+       .expected = {},
+       .keys = {kMaxTorque},
+       .text = [](std::span<const std::uint32_t> values) {
+         return "at most " + std::to_string(values[0]) + " per mille of it";
+       }}};
+}
+
+CardRow unit_row() {
+  return {.item = CardItem::velocity_unit,
+          .source = "object 60A9:00",
+          .expected = {},
+          .keys = {kVelocityUnit},
+          .text = [](std::span<const std::uint32_t> values) {
+            return text_of({{values[0]}, 1}, WordStyle::hex);
+          }};
+}
+
+}  // namespace
+
+std::vector<CardRow> cia402_card_rows(const config::RobotConfig& robot, std::size_t joint) {
+  using enum CardItem;
+  const config::Drive& drive = robot.joints.at(joint).drive;
+  const auto named =
+      words_of("", drive.identity, {.style = WordStyle::hex, .least = 2, .most = 3}).value_or(DriveWords{});
+  const auto revision = words_of("", drive.firmware, {.style = WordStyle::hex}).value_or(DriveWords{});
+  CardRow without_serial = words_row(identity, "object 1018:01, 02", {kVendor, kProduct}, WordStyle::hex, named);
+  without_serial.instead = true;
+  std::vector<CardRow> rows{
+      words_row(identity, "object 1018:01, 02, 04", {kVendor, kProduct, kSerial}, WordStyle::hex, named),
+      std::move(without_serial), untold(hardware),
+      words_row(firmware, "object 1018:03", {kRevision}, WordStyle::hex, revision), mode_row(drive.mode)};
+  for (CardRow& row : torque_rows(drive)) rows.push_back(std::move(row));
+  if (drive.mode == config::Cia402Mode::csv) rows.push_back(unit_row());
+  rows.push_back(watchdog_row("object 1400:05", kDeadline, milliseconds(1)));
+  rows.push_back(watchdog_row("object 1016:01", kHeartbeatWatch, milliseconds(1)));
+  rows.push_back(untold(home));
+  return rows;
+}
+
+void cia402_settings_told(const config::Drive& drive, const CanFrame& frame, ToldSettings& told) {
+  if (frame.id != cia402::kSdoAnswerId + drive.id || frame.extended || frame.fd || frame.remote) return;
+  const auto answer = cia402::decode_sdo_answer(frame);
+  if (!answer || answer->kind != cia402::SdoAnswer::Kind::value) return;
+  const std::uint32_t which = key(answer->object.index, answer->object.sub);
+  // The upper half says whose heartbeat is watched.
+  told.add(which, which == kHeartbeatWatch ? answer->value & 0xFFFFU : answer->value);
+}
+
+}  // namespace takt::drivers
