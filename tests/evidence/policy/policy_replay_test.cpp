@@ -175,7 +175,7 @@ TEST_F(PolicyReplayTest, AnotherFileGivesTheDistancesOfItsTargets) {
   EXPECT_TRUE(replayed(recorded, options).agrees());
 }
 
-// A fault that was planted by hand once: a target that is no number counted as no distance.
+// A distance that is no number compares with nothing: it must not pass for a small one.
 TEST_F(PolicyReplayTest, ATargetThatIsNoNumberIsBeyondAnyTolerance) {
   const auto robot_of = robot(write("policy.onnx", forgetful(10)));
   const RecordedRun recorded = run(robot_of, answers(robot_of, {1}));
