@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "executive/contract/policy_input.hpp"
+
 namespace takt::config {
 
 std::size_t observed_joints(const RobotConfig& robot) {
@@ -42,6 +44,18 @@ std::size_t observation_width(const RobotConfig& robot) {
   std::size_t width = 0;
   for (const ObservationTerm& term : robot.policy->observation) width += term_width(robot, term) * term.history;
   return width;
+}
+
+std::size_t largest_policy_input(const RobotConfig& robot) {
+  if (!robot.policy || !robot.record.policy_inputs) return 0;
+  std::size_t values = robot.joints.size() + observation_width(robot) + robot.policy->steps * outputs_per_step(robot);
+  for (const Sensor& sensor : robot.sensors) {
+    const auto shows = [&](const ObservationTerm& term) { return term.sensor == sensor.name; };
+    if (sensor.image && std::ranges::any_of(robot.policy->observation, shows)) return 0;
+    if (!sensor.image) values += sensor.values;
+  }
+  const std::size_t bytes = policy_input_bytes(robot.sensors.size(), values);
+  return bytes <= kMaxPolicyInputBytes ? bytes : 0;
 }
 
 RobotConfig seen_by_fallback(const RobotConfig& robot, const Fallback& fallback) {

@@ -269,6 +269,7 @@ struct Record {
   Recorder recorder = Recorder::required;
   std::string directory;  // absolute after load
   Duration keyframe_period;
+  bool policy_inputs = true;
 };
 
 struct DdsPeer {

@@ -149,6 +149,8 @@ void describe_evidence(Fields& fields, RobotConfig& robot) {
              robot.record.recorder, kRecorders);
     f.duration({"keyframe_period", "time between two stored states that replay can start from", "1 s"},
                robot.record.keyframe_period, milliseconds(10), seconds(600));
+    f.flag({"policy_inputs", "true: what the policy's network was shown and said is kept (docs/policies.md)", "true"},
+           robot.record.policy_inputs);
   });
   bool exports = robot.dds.has_value();
   fields.optional_section({"dds", "the monitor talks to ROS 2 (docs/ros2.md)"}, exports, [&](Fields& f) {

@@ -16,15 +16,6 @@
 namespace takt::monitor {
 namespace {
 
-Hello hello_of(Role role, std::string_view program, const config::RobotConfig& robot) {
-  Hello hello;
-  hello.role = role;
-  hello.layout = contract_layout();
-  hello.config_hash = robot.hash;
-  program.copy(hello.program, sizeof hello.program - 1);
-  return hello;
-}
-
 pid_t pid_behind(int socket) {
   ucred credentials{};
   socklen_t size = sizeof credentials;
@@ -49,6 +40,15 @@ ClockOffset clock_offset(const nlohmann::ordered_json& executive, MonoTime now, 
 }
 
 }  // namespace
+
+Hello hello_of(Role role, std::string_view program, const config::RobotConfig& robot) {
+  Hello hello;
+  hello.role = role;
+  hello.layout = contract_layout();
+  hello.config_hash = robot.hash;
+  program.copy(hello.program, sizeof hello.program - 1);
+  return hello;
+}
 
 std::expected<ExecutiveSession, std::string> ExecutiveSession::attach(Role role, std::string_view program,
                                                                       const std::string& runtime_directory,

@@ -40,6 +40,9 @@ class ExecutiveSession {
   pid_t pid_ = 0;  // what the kernel says about the listener
 };
 
+// How a process of the monitor's kind introduces itself to the executive of `robot`.
+Hello hello_of(Role role, std::string_view program, const config::RobotConfig& robot);
+
 // What the manifest says about the session: identities, hashes, host, clock. Slow (hashes files): not while recording.
 RunManifest describe(const ExecutiveSession& session, const config::RobotConfig& robot,
                      const std::string& runtime_directory, MonoTime now, std::int64_t unix_ns);

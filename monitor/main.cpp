@@ -26,6 +26,7 @@
 #include "monitor/executive_session.hpp"
 #include "monitor/exports.hpp"
 #include "monitor/judge/run_metrics.hpp"
+#include "monitor/policy_input_session.hpp"
 #include "monitor/record/bounded_file.hpp"
 #include "monitor/record/record_stream.hpp"
 #include "monitor/record/recorder.hpp"
@@ -108,6 +109,8 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
     spdlog::error("{}", recorder ? stream.error() : recorder.error());
     return Recorded::not_at_all;
   }
+  PolicyInputSession inputs(options.runtime_directory, robot, Player::policy);
+  PolicyInputSession fallback_inputs(options.runtime_directory, robot, Player::fallback);
   spdlog::info("recording into {}", folder->path());
   exports.begin(manifest, folder->path(), monotonic_now());
   const RecordSink sink = exports.also_to((*recorder)->sink());
@@ -123,11 +126,16 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
     if (std::exchange(told, through) != through) session.tell_recorded(through);
   };
   DriveCardCopy cards(options.runtime_directory + "/drives.json");
+  // Behind the ticks, so that what is read first is what fills fastest.
+  auto drain_all = [&](bool is_last) {
+    stream->drain(sink, is_last);
+    for (PolicyInputSession* const session_of : {&inputs, &fallback_inputs}) session_of->drain(monotonic_now(), sink);
+  };
   MonoTime next = monotonic_now();
   while (!g_stop && !session.is_over()) {
     introduction.when_traced(monotonic_now());
     trace::drain_begin((*recorder)->manifest().last_tick);
-    stream->drain(sink, false);
+    drain_all(false);
     trace::drain_end((*recorder)->manifest().last_tick, (*recorder)->manifest().ticks);
     (*recorder)->flush_if_due(monotonic_now());
     if (const auto changed = cards.look(monotonic_now())) (*recorder)->drive_cards(*changed);
@@ -139,7 +147,7 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
     sleep_until(next);
   }
   session.tell_recorded(0);  // before the last words: closing a run takes its time
-  stream->drain(sink, true);
+  drain_all(true);
   const char* why = g_stop ? "monitor told to end" : "executive ended";
   if (const auto written = (*recorder)->finish(monotonic_now(), why); !written) spdlog::error("{}", written.error());
   tell_if_stopped();

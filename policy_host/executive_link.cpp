@@ -30,33 +30,45 @@ Hello hello_of(const config::RobotConfig& robot, std::uint64_t policy_hash, Role
   return hello;
 }
 
-ExecutiveLink::ExecutiveLink(ipc::Lease lease, ipc::Segment observations, ipc::Segment commands, ipc::SlotReader reader,
-                             ipc::SlotWriter writer)
+ExecutiveLink::ExecutiveLink(ipc::Lease lease, ipc::Segment observations, ipc::SlotReader reader, Writable commands,
+                             std::optional<Writable> inputs)
     : lease_(std::move(lease)),
       observations_(std::move(observations)),
-      commands_(std::move(commands)),
       reader_(std::move(reader)),
-      writer_(std::move(writer)) {}
+      commands_(std::move(commands)),
+      inputs_(std::move(inputs)) {}
 
-std::expected<ExecutiveLink, std::string> ExecutiveLink::attach(const std::string& socket, const Hello& hello) {
+std::expected<ExecutiveLink::Writable, std::string> ExecutiveLink::adopt(ipc::Lease& lease, std::size_t descriptor,
+                                                                         const ipc::RingShape& shape) {
+  auto segment = ipc::Segment::adopt_writable(lease.descriptors[descriptor].release(), ipc::ring_bytes(shape));
+  if (!segment) return std::unexpected(segment.error());
+  ipc::SlotWriter writer(segment->writable(), shape);
+  return Writable{std::move(*segment), writer};
+}
+
+std::expected<ExecutiveLink, std::string> ExecutiveLink::attach(const std::string& socket, const Hello& hello,
+                                                                std::size_t largest_input) {
   auto lease = ipc::attach(socket, hello, kAttachTimeout);
   if (!lease) return std::unexpected(lease.error());
-  if (lease->descriptors.size() <= ipc::kCommandDescriptor) {
+  if (lease->descriptors.size() <= (largest_input == 0 ? ipc::kCommandDescriptor : ipc::kInputDescriptor)) {
     return std::unexpected(socket + ": the executive handed out too few mailboxes; use one of the same version");
   }
   auto observations = ipc::Segment::adopt_read_only(lease->descriptors[ipc::kObservationDescriptor].release(),
                                                     ipc::ring_bytes(ipc::observation_mailbox()));
   if (!observations) return std::unexpected(observations.error());
-  auto commands = ipc::Segment::adopt_writable(lease->descriptors[ipc::kCommandDescriptor].release(),
-                                               ipc::ring_bytes(ipc::command_mailbox()));
-  if (!commands) return std::unexpected(commands.error());
   auto reader = ipc::SlotReader::attach(observations->readable(), ipc::observation_mailbox());
   if (!reader) return std::unexpected(reader.error());
-  ipc::SlotWriter writer(commands->writable(), ipc::command_mailbox());
+  auto commands = adopt(*lease, ipc::kCommandDescriptor, ipc::command_mailbox());
+  if (!commands) return std::unexpected(commands.error());
+  std::optional<Writable> inputs;
+  if (largest_input != 0) {
+    auto adopted = adopt(*lease, ipc::kInputDescriptor, ipc::policy_input_ring(largest_input));
+    if (!adopted) return std::unexpected(adopted.error());
+    inputs = std::move(*adopted);
+  }
   // Only after the mailbox is formatted: from here on the executive reads it.
   if (auto done = ipc::acknowledge(*lease); !done) return std::unexpected(done.error());
-  return ExecutiveLink(std::move(*lease), std::move(*observations), std::move(*commands), std::move(*reader),
-                       std::move(writer));
+  return ExecutiveLink(std::move(*lease), std::move(*observations), *reader, std::move(*commands), std::move(inputs));
 }
 
 bool ExecutiveLink::read(Observation& observation) noexcept {
@@ -64,7 +76,11 @@ bool ExecutiveLink::read(Observation& observation) noexcept {
 }
 
 void ExecutiveLink::publish(const CommandChunk& chunk) noexcept {
-  writer_.publish(std::as_bytes(std::span(&chunk, 1)).first(chunk.used_bytes()));
+  commands_.writer.publish(std::as_bytes(std::span(&chunk, 1)).first(chunk.used_bytes()));
+}
+
+void ExecutiveLink::publish_input(std::span<const std::byte> input) noexcept {
+  inputs_->writer.publish(input);
 }
 
 }  // namespace takt::policy_host

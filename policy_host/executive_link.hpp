@@ -1,11 +1,15 @@
-// The policy's lease at the executive: observations in (read-only), command chunks out.
+// The policy's lease at the executive: observations in (read-only), command chunks out, and what they were made from
+// where that is recorded.
 //
 // One session: a new link is made after the executive went away, with fresh mailboxes. Errors are one sentence, the
 // executive's own when it refuses. Thread rule: one thread; read and publish neither block nor allocate.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <expected>
+#include <optional>
+#include <span>
 #include <string>
 
 #include "config/robot_config.hpp"
@@ -23,22 +27,33 @@ Hello hello_of(const config::RobotConfig& robot, std::uint64_t policy_hash, Role
 
 class ExecutiveLink {
  public:
-  static std::expected<ExecutiveLink, std::string> attach(const std::string& socket, const Hello& hello);
+  // `largest_input`: bytes of the largest payload given to publish_input(), config::largest_policy_input() of the
+  // robot; 0: none is ever given.
+  static std::expected<ExecutiveLink, std::string> attach(const std::string& socket, const Hello& hello,
+                                                          std::size_t largest_input = 0);
 
   // True once the executive closed the session or died.
   [[nodiscard]] bool is_over() const { return ipc::is_over(lease_); }
   // The newest observation, if it was not returned before.
   bool read(Observation& observation) noexcept;
   void publish(const CommandChunk& chunk) noexcept;
+  // A policy_input.hpp. Precondition: attached with a largest_input, and no longer than it.
+  void publish_input(std::span<const std::byte> input) noexcept;
 
  private:
-  ExecutiveLink(ipc::Lease lease, ipc::Segment observations, ipc::Segment commands, ipc::SlotReader reader,
-                ipc::SlotWriter writer);
+  struct Writable {
+    ipc::Segment segment;
+    ipc::SlotWriter writer;
+  };
+  static std::expected<Writable, std::string> adopt(ipc::Lease& lease, std::size_t descriptor,
+                                                    const ipc::RingShape& shape);
+  ExecutiveLink(ipc::Lease lease, ipc::Segment observations, ipc::SlotReader reader, Writable commands,
+                std::optional<Writable> inputs);
   ipc::Lease lease_;
   ipc::Segment observations_;
-  ipc::Segment commands_;
   ipc::SlotReader reader_;
-  ipc::SlotWriter writer_;
+  Writable commands_;
+  std::optional<Writable> inputs_;
 };
 
 }  // namespace takt::policy_host

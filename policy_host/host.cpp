@@ -4,6 +4,7 @@
 
 #include <utility>
 
+#include "config/observation_shape.hpp"
 #include "config/paths.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "policy_host/pacing.hpp"
@@ -24,10 +25,12 @@ Host::Host(const config::RobotConfig& robot, const std::string& runtime_director
       hello_(hello_of(robot, policy_hash, role, kProgram)),
       introduction_(kProgram, robot.hash, policy_hash, robot.joints),
       responder_(robot, policy_hash, policy),
+      largest_input_(config::largest_policy_input(robot)),
       sensors_in_use_(sensors_in_use(robot)),
       samples_(robot.sensors.size()),
       used_(robot.sensors.size()),
       faults_(std::move(faults)) {
+  if (largest_input_ != 0) evidence_.emplace(robot, policy_hash, policy.is_built_in());
   for (const std::size_t sensor : sensors_in_use_) {
     sensors_.emplace_back(config::sensor_socket(runtime_directory, robot.sensors[sensor].name),
                           hello_of(robot, policy_hash, Role::sensor_reader, kProgram));
@@ -58,7 +61,7 @@ void Host::run(const std::atomic<bool>& stop) {
 }
 
 void Host::attach(MonoTime now) {
-  auto link = ExecutiveLink::attach(socket_, hello_);
+  auto link = ExecutiveLink::attach(socket_, hello_, largest_input_);
   if (!link) {
     no_executive_.say(now, "waiting for the executive: " + link.error());
     return;
@@ -129,11 +132,17 @@ void Host::answer(const Observation& observation, MonoTime dequeued_at) {
   }
   no_sensor_.clear();
   const CommandChunk& chunk = responder_.answer(observation, used_, dequeued_at, monotonic_now);
-  if (!faults_.any()) return publish(chunk);
-  const MonoTime at = chunk.header.published_at;
-  held_.push_back({at + faults_.publish_delay(at), chunk});
-  faults_.spoil(held_.back().chunk, at);
-  publish_held(monotonic_now());
+  if (faults_.any()) {
+    const MonoTime at = chunk.header.published_at;
+    held_.push_back({at + faults_.publish_delay(at), chunk});
+    faults_.spoil(held_.back().chunk, at);
+    publish_held(monotonic_now());
+  } else {
+    publish(chunk);
+  }
+  // Behind the command: what the robot waits for goes first.
+  if (evidence_)
+    executive_->publish_input(evidence_->pack(observation, used_, chunk.header.sequence, responder_.inference()));
 }
 
 void Host::publish(const CommandChunk& chunk) {

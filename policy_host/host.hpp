@@ -18,6 +18,7 @@
 #include "policy_host/executive_link.hpp"
 #include "policy_host/host_faults.hpp"
 #include "policy_host/host_statistics.hpp"
+#include "policy_host/input_evidence.hpp"
 #include "policy_host/notice.hpp"
 #include "policy_host/policy.hpp"
 #include "policy_host/responder.hpp"
@@ -50,6 +51,8 @@ class Host {
   Hello hello_;
   trace::Introduction introduction_;
   Responder responder_;
+  std::size_t largest_input_;              // bytes; 0: inputs are not recorded
+  std::optional<InputEvidence> evidence_;  // where they are
   std::vector<std::size_t> sensors_in_use_;
   std::vector<SensorLink> sensors_;           // one per sensor in use
   std::vector<SensorSample> samples_, used_;  // one per sensor of the robot file: newest, and what the policy is shown

@@ -23,6 +23,7 @@ class OnnxPolicy final : public Policy {
 
   [[nodiscard]] std::size_t input_size() const override { return input_size_; }
   [[nodiscard]] std::size_t output_size() const override { return output_size_; }
+  [[nodiscard]] bool is_built_in() const override { return true; }
 
   void infer(std::span<const float> input, std::span<float> output) override {
     for (const std::size_t part : tensors_.observation) {

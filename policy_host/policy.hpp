@@ -23,6 +23,8 @@ class Policy {
   virtual void infer(std::span<const float> input, std::span<float> output) = 0;
   // Forgets the past: hidden state as it was after load.
   virtual void reset() = 0;
+  // True of the built-in engine alone: `takt policy replay` runs it again and expects the same bits.
+  [[nodiscard]] virtual bool is_built_in() const { return false; }
 };
 
 }  // namespace takt::policy_host

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "config/observation_shape.hpp"
 #include "executive/trace/trace.hpp"
@@ -27,6 +28,7 @@ void Responder::forget() {
   input_.reset();
   last_action_.forget();
   policy_.reset();
+  forgot_ = true;
 }
 
 const CommandChunk& Responder::answer(const Observation& observation, std::span<const SensorSample> samples,
@@ -38,7 +40,9 @@ const CommandChunk& Responder::answer(const Observation& observation, std::span<
   const std::uint64_t sequence = ++sequence_;
   const MonoTime started = clock();
   trace::infer_begin(observation.id, sequence, started);
-  policy_.infer(input_.build(observation, samples, last_action), output_);
+  inference_ = {input_.build(observation, samples, last_action), output_, inference_.number + 1,
+                std::exchange(forgot_, false)};
+  policy_.infer(inference_.input, output_);
   const MonoTime ended = clock();
   trace::infer_end(observation.id, sequence, ended);
   chunk_builder_.fill(chunk_, observation, output_);

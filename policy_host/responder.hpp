@@ -23,6 +23,13 @@ namespace takt::policy_host {
 
 using Clock = MonoTime (*)();
 
+// What the network was shown for an answer, and what it said. Valid until the next answer.
+struct Inference {
+  std::span<const float> input, output;
+  std::uint64_t number = 0;  // 1, 2, 3, ... in the life of the responder
+  bool after_reset = false;  // the policy had forgotten its past before it
+};
+
 class Responder {
  public:
   // Precondition: check_policy_section and check_fit passed. `policy` outlives this.
@@ -34,6 +41,9 @@ class Responder {
   // samples of the sensors in use; older samples kept as history do not count. The chunk is valid until the next call.
   const CommandChunk& answer(const Observation& observation, std::span<const SensorSample> samples,
                              MonoTime dequeued_at, Clock clock);
+
+  // Of the newest answer; empty before the first.
+  [[nodiscard]] const Inference& inference() const { return inference_; }
 
  private:
   void forget();
@@ -47,6 +57,8 @@ class Responder {
   CommandChunk chunk_;
   std::uint64_t sequence_ = 0;
   Continuity continuity_;
+  Inference inference_;
+  bool forgot_ = true;  // since the newest inference
 };
 
 }  // namespace takt::policy_host

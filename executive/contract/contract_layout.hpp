@@ -4,6 +4,7 @@
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/layout.hpp"
 #include "executive/contract/observation.hpp"
+#include "executive/contract/policy_input.hpp"
 #include "executive/contract/sensor_sample.hpp"
 #include "executive/contract/session.hpp"
 #include "executive/contract/tick_record.hpp"
@@ -15,6 +16,7 @@ constexpr std::uint64_t contract_layout() {
                       {kSensorSampleLayout, sizeof(SensorSample)},
                       {kCommandLayout, sizeof(CommandChunk)},
                       {kTickRecordLayout, sizeof(TickRecord)},
+                      {kPolicyInputLayout, sizeof(PolicyInputHeader)},
                       {sizeof(Hello), sizeof(OperatorReply)}});
 }
 

@@ -16,13 +16,24 @@ namespace takt {
 // One lease per role and server: a second holder is refused with a sentence that names the first.
 // `operator_console` leases are short: a connection per request. `sensor_reader` and `viewer` (who reads what the
 // monitor reads, to show it) may be several.
-// `fallback_policy` is a second policy, with a mailbox of its own.
-enum class Role : std::uint8_t { policy, monitor, operator_console, sensor_reader, viewer, fallback_policy };
-inline constexpr std::size_t kRoleCount = 6;
+// `fallback_policy` is a second policy, with a mailbox of its own. An input reader reads what a policy's host says of
+// its network's inputs (policy_input.hpp), a fallback input reader that of the fallback's.
+enum class Role : std::uint8_t {
+  policy,
+  monitor,
+  operator_console,
+  sensor_reader,
+  viewer,
+  fallback_policy,
+  input_reader,
+  fallback_input_reader
+};
+inline constexpr std::size_t kRoleCount = 8;
 
 constexpr std::string_view name(Role role) {
-  constexpr std::array<std::string_view, kRoleCount> names{"policy",        "monitor", "operator",
-                                                           "sensor reader", "viewer",  "fallback policy"};
+  constexpr std::array<std::string_view, kRoleCount> names{
+      "policy", "monitor",         "operator",     "sensor reader",
+      "viewer", "fallback policy", "input reader", "fallback input reader"};
   const auto index = static_cast<std::size_t>(role);
   return index < names.size() ? names[index] : "invalid";
 }

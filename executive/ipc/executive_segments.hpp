@@ -1,9 +1,10 @@
 // Which segments the executive hands to which role, in descriptor order, and the shape of each ring.
 //
 //   policy, fallback policy: [0] observation mailbox (read-only)   [1] command mailbox of its own (writable, until
-//   sealed)
+//   sealed)   [2] input ring of its own (likewise), where the robot's policy inputs are recorded
 //   monitor, viewer: [0] tick records  [1] accepted and refused commands  [2] keyframes  [3] CAN frames   (all
 //   read-only)
+//   input reader, fallback input reader: [0] the input ring of that policy, for one session of it (read-only)
 #pragma once
 
 #include <cstddef>
@@ -12,12 +13,14 @@
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/contract_layout.hpp"
 #include "executive/contract/image_sample.hpp"
+#include "executive/contract/policy_input.hpp"
 #include "executive/ipc/slot_ring.hpp"
 
 namespace takt::ipc {
 
 inline constexpr std::size_t kObservationDescriptor = 0;
 inline constexpr std::size_t kCommandDescriptor = 1;
+inline constexpr std::size_t kInputDescriptor = 2;
 
 inline constexpr std::size_t kTickRingDescriptor = 0;
 inline constexpr std::size_t kCommandRingDescriptor = 1;
@@ -58,6 +61,13 @@ constexpr RingShape tick_ring(std::size_t joint_count) {
 constexpr RingShape command_ring(std::size_t largest_command = sizeof(CommandChunk)) {
   const std::size_t bytes = sizeof(CommandTag) + largest_command;
   return {command_slots(bytes), static_cast<std::uint32_t>(bytes), kCommandLayout};
+}
+// `largest_input`: bytes, config::largest_policy_input() of the robot. Of what fits into about 2 MiB, 4 to 2048: at 50
+// Hz and 100 values more than half a minute, and never less than several of a reader's rounds.
+constexpr RingShape policy_input_ring(std::size_t largest_input) {
+  std::uint32_t slots = 2048;
+  while (slots > 4 && slots * largest_input > (std::size_t{2} << 20U)) slots /= 2;
+  return {slots, static_cast<std::uint32_t>(largest_input), kPolicyInputLayout};
 }
 constexpr RingShape keyframe_ring() {
   return {8, kMaxKeyframeBytes, kTickRecordLayout};

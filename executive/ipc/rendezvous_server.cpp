@@ -25,6 +25,8 @@ constexpr bool is_exclusive(Role role) {
     case Role::operator_console:
     case Role::sensor_reader:
     case Role::viewer:
+    case Role::input_reader:
+    case Role::fallback_input_reader:
       return false;
   }
   return true;
@@ -35,6 +37,8 @@ constexpr bool is_reader(Role role) {
   switch (role) {
     case Role::sensor_reader:
     case Role::viewer:
+    case Role::input_reader:
+    case Role::fallback_input_reader:
       return true;
     case Role::policy:
     case Role::fallback_policy:
@@ -55,6 +59,8 @@ constexpr bool is_for_policies(Role role) {
     case Role::monitor:
     case Role::operator_console:
     case Role::viewer:
+    case Role::input_reader:
+    case Role::fallback_input_reader:
       return false;
   }
   return false;
@@ -151,6 +157,8 @@ bool RendezvousServer::State::must_speak(const Connection& connection) {
     case Role::monitor:
     case Role::sensor_reader:
     case Role::viewer:
+    case Role::input_reader:
+    case Role::fallback_input_reader:
       return false;
   }
   return false;
@@ -244,6 +252,8 @@ void RendezvousServer::State::hear(Connection& connection) {
       return take_word(connection, message.word, size);
     case Role::sensor_reader:
     case Role::viewer:
+    case Role::input_reader:
+    case Role::fallback_input_reader:
       return refuse(connection, refusals_.malformed, "this role has nothing to say after its hello");
   }
 }
@@ -268,7 +278,7 @@ void RendezvousServer::State::greet(Connection& connection, Hello hello, ssize_t
   if (ours && !has_room_for(hello.role)) {
     return refuse(
         connection, refusals_.unwelcome,
-        std::to_string(kMaxReaders) + " viewers and sensor readers are attached already: close some, then try again");
+        std::to_string(kMaxReaders) + " viewers and readers are attached already: close some, then try again");
   }
   if (const std::string conflict = lease_conflict(hello.role); !conflict.empty()) {
     return refuse(connection, refusals_.unwelcome, conflict);

@@ -6,6 +6,7 @@
 #include <thread>
 #include <utility>
 
+#include "config/observation_shape.hpp"
 #include "executive/ipc/executive_segments.hpp"
 
 namespace takt::runtime {
@@ -13,6 +14,8 @@ namespace takt::runtime {
 std::expected<std::unique_ptr<Reception>, std::string> Reception::open(const std::string& socket_path,
                                                                        const ReceptionParts& parts) {
   std::unique_ptr<Reception> reception(new Reception(parts));
+  for (PolicySeat* seat : {&reception->policy_, &reception->fallback_})
+    if (auto prepared = reception->prepare_inputs(*seat); !prepared) return std::unexpected(prepared.error());
   auto server = ipc::RendezvousServer::listen(socket_path, geteuid(), reception->handlers(), parts.policy_user);
   if (!server) return std::unexpected(server.error());
   reception->server_ = std::make_unique<ipc::RendezvousServer>(std::move(*server));
@@ -50,6 +53,10 @@ ipc::Admission Reception::admit(const ipc::Peer& peer) {
       admission.refusal = refusal_of_monitor(peer.hello, parts_.rules);
       if (admission.refusal.empty()) admission.descriptors = parts_.published.monitor_descriptors();
       break;
+    case Role::input_reader:
+    case Role::fallback_input_reader:
+      admission = admit_input_reader(peer);
+      break;
     case Role::operator_console:
       return admission;
     case Role::sensor_reader:
@@ -73,7 +80,26 @@ ipc::Admission Reception::admit_policy(const ipc::Peer& peer) {
   auto segment = ipc::Segment::create("takt-command", ipc::ring_bytes(ipc::command_mailbox()), false);
   if (!segment) return {segment.error(), {}};
   seat.offered = std::move(*segment);
-  return {{}, {parts_.published.observation_descriptor(), seat.offered->fd()}};
+  ipc::Admission admission{{}, {parts_.published.observation_descriptor(), seat.offered->fd()}};
+  if (seat.inputs) admission.descriptors.push_back(seat.inputs->fd());
+  return admission;
+}
+
+std::expected<void, std::string> Reception::prepare_inputs(PolicySeat& seat) {
+  const std::size_t largest = config::largest_policy_input(parts_.robot);
+  seat.inputs.reset();
+  if (largest == 0) return {};
+  auto segment = ipc::Segment::create("takt-policy-input", ipc::ring_bytes(ipc::policy_input_ring(largest)), false);
+  if (!segment) return std::unexpected(segment.error());
+  seat.inputs = std::move(*segment);
+  return {};
+}
+
+ipc::Admission Reception::admit_input_reader(const ipc::Peer& peer) {
+  if (auto refusal = refusal_of_monitor(peer.hello, parts_.rules); !refusal.empty()) return {std::move(refusal), {}};
+  const PolicySeat& seat = seat_of(peer.hello.role);
+  if (!seat.inputs) return {"this robot's policy inputs are not recorded (docs/policies.md says which are)", {}};
+  return {{}, {seat.inputs->fd()}};
 }
 
 void Reception::hand_over(const ipc::Peer& peer) {
@@ -81,6 +107,10 @@ void Reception::hand_over(const ipc::Peer& peer) {
   if (!seat.offered) return;
   ipc::Segment mapped = std::move(*seat.offered);
   seat.offered.reset();
+  if (seat.inputs) {
+    if (auto sealed = seat.inputs->seal_against_new_writers(); !sealed)
+      spdlog::error("{} pid {}: {}", name(peer.hello.role), peer.pid, sealed.error());
+  }
   auto mailbox = CommandMailbox::seal(std::move(mapped), ++seat.session);
   if (!mailbox) {
     spdlog::error("{} pid {}: {}", name(peer.hello.role), peer.pid, mailbox.error());
@@ -99,6 +129,8 @@ void Reception::take_leave(const ipc::Peer& peer) {
   PolicySeat& seat = seat_of(peer.hello.role);
   seat.offered.reset();
   if (std::exchange(seat.attached, false)) seat.mailboxes.want(nullptr);
+  if (auto prepared = prepare_inputs(seat); !prepared) spdlog::error("{}", prepared.error());
+  server_->evict(peer.hello.role == Role::policy ? Role::input_reader : Role::fallback_input_reader);
 }
 
 StatusSnapshot Reception::status() {

@@ -4,8 +4,12 @@
 //
 // A policy session: admitted -> a new command segment goes out -> the policy maps it and acknowledges -> the segment is
 // sealed and handed to the control thread -> the connection ends -> the mailbox is taken back. The command in use lives
-// on until its own age ends it: a departure has no path of its own through the decision. Thread rule: service thread.
-// Allocates, logs, waits up to kRequestPatience inside a request.
+// on until its own age ends it: a departure has no path of its own through the decision.
+//
+// The ring of its inputs goes out with it, and to whoever reads it; nobody maps it here. It waits for its session
+// before the policy comes, so that a reader misses nothing. When the session ends its readers are sent away, who read
+// the rest and come back for the next. Thread rule: service thread. Allocates, logs, waits up to kRequestPatience
+// inside a request.
 #pragma once
 
 #include <sys/types.h>
@@ -74,11 +78,16 @@ class Reception {
     const AdmissionRules& rules;
     MailboxHandover& mailboxes;
     std::optional<ipc::Segment> offered = {};  // to a policy that has not acknowledged yet
+    std::optional<ipc::Segment> inputs = {};   // of this session or, before it, of the next; none: not recorded
     bool attached = false;                     // acknowledged, sealed and handed over
     std::uint8_t session = 0;
   };
-  PolicySeat& seat_of(Role role) { return role == Role::fallback_policy ? fallback_ : policy_; }
+  PolicySeat& seat_of(Role role) {
+    return role == Role::fallback_policy || role == Role::fallback_input_reader ? fallback_ : policy_;
+  }
+  std::expected<void, std::string> prepare_inputs(PolicySeat& seat);
   ipc::Admission admit_policy(const ipc::Peer& peer);
+  ipc::Admission admit_input_reader(const ipc::Peer& peer);
   void hand_over(const ipc::Peer& peer);
   void take_leave(const ipc::Peer& peer);
 

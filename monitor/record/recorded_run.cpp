@@ -51,6 +51,11 @@ bool visit(const McapMessage& message, const RunVisitor& visitor, RecordedTick& 
     Loss loss;
     if (!decode_loss(message.data, loss)) return false;
     visitor.loss(loss);
+  } else if (message.topic == topic_name(Topic::policy_input)) {
+    if (!visitor.policy_input) return true;
+    RecordedPolicyInput input;
+    if (!decode_policy_input(message.data, input)) return false;
+    visitor.policy_input(input);
   }
   return true;
 }

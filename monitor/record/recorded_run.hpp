@@ -9,6 +9,7 @@
 
 #include "config/robot_config.hpp"
 #include "monitor/record/mcap_reader.hpp"
+#include "monitor/record/policy_input_message.hpp"
 #include "monitor/record/run_folder.hpp"
 #include "monitor/record/run_messages.hpp"
 #include "monitor/record/tick_schema.hpp"
@@ -28,6 +29,7 @@ struct RunVisitor {
   std::function<void(const RecordedCommand&)> command;
   std::function<void(const RecordedKeyframe&)> keyframe;
   std::function<void(const Loss&)> loss;
+  std::function<void(const RecordedPolicyInput&)> policy_input = {};
 };
 
 struct ScanReport {

@@ -81,6 +81,12 @@ Recorder::Recorder(const RunFolder& folder, RunManifest manifest, const config::
           },
       .frame = [this](const FrameRecord& record) { frame(record); },
       .loss = [this](const Loss& lost) { loss(lost); },
+      .policy_input =
+          [this](const RecordedPolicyInput& input) {
+            encode_policy_input(input, message_);
+            write(Topic::policy_input, now_);
+            if (ticks_.pending_bytes() >= kChunkBytes) flush_ticks();
+          },
   };
 }
 

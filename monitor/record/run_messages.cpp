@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "executive/ipc/crc32c.hpp"
+#include "monitor/record/policy_input_message.hpp"
 #include "monitor/record/standard_messages.hpp"
 #include "monitor/record/tick_schema.hpp"
 
@@ -74,7 +75,7 @@ constexpr std::string_view kTransitionSchema =
     "string text\n";
 
 constexpr std::string_view kLossSchema =
-    "string ring         # tick, command, keyframe or frame\n"
+    "string ring         # tick, command, keyframe, frame, policy_input or fallback_input\n"
     "string reason       # overwritten, before_attach, unreadable or recording_stopped\n"
     "uint64 count        # entries\n"
     "uint64 after_tick   # last tick recorded before the gap; 0 none\n"
@@ -108,6 +109,8 @@ std::string_view topic_name(Topic topic) {
       return "/diagnostics";
     case Topic::log:
       return "/rosout";
+    case Topic::policy_input:
+      return "/takt/policy_input";
   }
   return "";
 }
@@ -123,7 +126,8 @@ std::vector<McapTopic> run_topics() {
           topic(Topic::loss, "takt_msgs/msg/Loss", std::string(kLossSchema)),
           topic(Topic::joint_states, "sensor_msgs/msg/JointState", joint_state_schema()),
           topic(Topic::diagnostics, "diagnostic_msgs/msg/DiagnosticArray", diagnostic_array_schema()),
-          topic(Topic::log, "rcl_interfaces/msg/Log", log_schema())};
+          topic(Topic::log, "rcl_interfaces/msg/Log", log_schema()),
+          topic(Topic::policy_input, "takt_msgs/msg/PolicyInput", std::string(kPolicyInputSchema))};
 }
 
 std::optional<CommandHeader> header_of(const RecordedCommand& command) {

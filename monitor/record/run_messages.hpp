@@ -5,9 +5,11 @@
 //   sample /takt/keyframe    takt_msgs/msg/Keyframe    the decision's saved state after a tick: replay starts there
 //   /takt/transition  takt_msgs/msg/Transition  a change of mode and its cause
 //   /takt/loss        takt_msgs/msg/Loss        what was not recorded, and why
-//   /joint_states     sensor_msgs/msg/JointState  decimated, for the usual viewers (standard_messages.hpp), as the rest
-//   /diagnostics      diagnostic_msgs/msg/DiagnosticArray  once a second and when the mode changes, as DDS tells it
-//   /rosout           rcl_interfaces/msg/Log      a line for each transition and each mark
+//   /takt/policy_input  takt_msgs/msg/PolicyInput  what a policy's network was shown and said
+//   (policy_input_message.hpp) /joint_states     sensor_msgs/msg/JointState  decimated, for the usual viewers
+//   (standard_messages.hpp), as the rest /diagnostics      diagnostic_msgs/msg/DiagnosticArray  once a second and when
+//   the mode changes, as DDS tells it /rosout           rcl_interfaces/msg/Log      a line for each transition and each
+//   mark
 // In the file a tick's command comes before the tick, everything else about it behind it.
 #pragma once
 
@@ -27,7 +29,17 @@
 
 namespace takt::monitor {
 
-enum class Topic : std::uint16_t { tick = 1, command, keyframe, transition, loss, joint_states, diagnostics, log };
+enum class Topic : std::uint16_t {
+  tick = 1,
+  command,
+  keyframe,
+  transition,
+  loss,
+  joint_states,
+  diagnostics,
+  log,
+  policy_input
+};
 
 // In the order of Topic, so that channel ids are Topic values.
 std::vector<McapTopic> run_topics();
@@ -69,7 +81,8 @@ struct Transition {
 };
 void encode_transition(const Transition& transition, CdrWriter& out);
 
-inline constexpr std::array<std::string_view, 4> kRingNames{"tick", "command", "keyframe", "frame"};
+inline constexpr std::array<std::string_view, 6> kRingNames{"tick",  "command",      "keyframe",
+                                                            "frame", "policy_input", "fallback_input"};
 inline constexpr std::array<std::string_view, 3> kRingLossReasons{"overwritten", "before_attach", "unreadable"};
 inline constexpr std::string_view kRecordingStopped = "recording_stopped";  // of the tick ring alone
 

@@ -34,6 +34,7 @@ MAY_USE = {
     "monitor": f"{SHARED} executive/trace executive/log monitor/record monitor/judge monitor/telemetry monitor/dds",
     "simulation": f"{SHARED} executive/log drivers/bus drivers/protocol client",
     "evidence/review": f"{SHARED} executive/incident executive/pipeline executive/setup monitor/record monitor/judge",
+    "evidence/policy": f"{SHARED} policy_host monitor/record",
     "evidence/artifact": f"{SHARED} monitor/record monitor/judge evidence/review",
     "evidence/judge": f"{SHARED} executive/incident monitor/record monitor/judge evidence/review evidence/artifact",
     "evidence/rollout": f"{SHARED} executive/pipeline executive/setup drivers/bus drivers/protocol drivers/guard policy_host "
@@ -46,7 +47,7 @@ MAY_USE = {
     "cli/run": f"{SHARED} executive/incident cli drivers/protocol monitor/record",
     "cli/evidence": f"{SHARED} cli cli/run monitor/record evidence/artifact evidence/judge evidence/panel "
                     "evidence/review evidence/rollout evidence/study",
-    "cli/policy": f"{SHARED} cli policy_host",
+    "cli/policy": f"{SHARED} cli policy_host monitor/record evidence/policy",
     "cli/top": f"{SHARED} executive/incident cli cli/run cli/evidence drivers/protocol monitor monitor/record monitor/judge monitor/telemetry",
     "cli/robot": f"{SHARED} executive/setup cli cli/run drivers/bus drivers/protocol drivers/tools drivers/torque_output monitor/record policy_host simulation systemd/deploy systemd/doctor",
     "cli": f"{SHARED}",

@@ -88,9 +88,13 @@ class FakeSensor {
 
 class FakeExecutive {
  public:
-  explicit FakeExecutive(const std::string& socket)
+  // `largest_input`: bytes; not 0: it hands out a ring for the policy's inputs too.
+  explicit FakeExecutive(const std::string& socket, std::size_t largest_input = 0)
       : observations_(must(ipc::Segment::create("observations", ipc::ring_bytes(ipc::observation_mailbox()), true))),
         commands_(must(ipc::Segment::create("commands", ipc::ring_bytes(ipc::command_mailbox()), false))),
+        inputs_(largest_input == 0 ? std::nullopt
+                                   : std::optional(must(ipc::Segment::create(
+                                         "inputs", ipc::ring_bytes(ipc::policy_input_ring(largest_input)), false)))),
         writer_(observations_.writable(), ipc::observation_mailbox()),
         serving_(socket, {.admit = [this](const ipc::Peer& peer) { return admit(peer); },
                           .acknowledged = [this](const ipc::Peer&) { acknowledged_ = true; },
@@ -111,17 +115,25 @@ class FakeExecutive {
   ipc::ReadResult look(CommandChunk& chunk) {
     return reader_->read_latest(std::as_writable_bytes(std::span(&chunk, 1)));
   }
+  // Once it is acknowledged: the ring of the policy's inputs, for a reader.
+  [[nodiscard]] ipc::Segment inputs(std::size_t largest_input) const {
+    return must(
+        ipc::Segment::adopt_read_only(dup(inputs_->fd()), ipc::ring_bytes(ipc::policy_input_ring(largest_input))));
+  }
   bool read(CommandChunk& chunk) { return look(chunk).status == ipc::ReadStatus::fresh; }
   [[nodiscard]] Hello hello() const { return hello_; }  // meaningful once acknowledged
 
  private:
   ipc::Admission admit(const ipc::Peer& peer) {
     hello_ = peer.hello;
-    return {{}, {observations_.fd(), commands_.fd()}};
+    ipc::Admission admission{{}, {observations_.fd(), commands_.fd()}};
+    if (inputs_) admission.descriptors.push_back(inputs_->fd());
+    return admission;
   }
 
   ipc::Segment observations_;
   ipc::Segment commands_;
+  std::optional<ipc::Segment> inputs_;
   ipc::SlotWriter writer_;
   std::optional<ipc::SlotReader> reader_;
   Hello hello_;

@@ -5,11 +5,13 @@
 
 #include <gtest/gtest.h>
 
+#include <cstring>
 #include <functional>
 #include <memory>
 #include <thread>
 
 #include "config/load.hpp"
+#include "config/observation_shape.hpp"
 #include "config/paths.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "tests/policy_host/fake_server.hpp"
@@ -29,8 +31,8 @@ config::RobotConfig hashed_robot() {
 
 class HostTest : public testing::Test {
  protected:
-  explicit HostTest(std::vector<HostFaultWindow> faults = {})
-      : robot_(hashed_robot()),
+  explicit HostTest(std::vector<HostFaultWindow> faults = {}, config::RobotConfig robot = hashed_robot())
+      : robot_(std::move(robot)),
         policy_(10, 12),
         host_(robot_, directory_.path(), 0xABCD, policy_, HostFaults(std::move(faults), 1)) {}
   ~HostTest() override { end(); }
@@ -43,7 +45,7 @@ class HostTest : public testing::Test {
     if (thread_.joinable()) thread_.join();
   }
   std::unique_ptr<FakeExecutive> start_executive() {
-    return std::make_unique<FakeExecutive>(config::executive_socket(directory_.path()));
+    return std::make_unique<FakeExecutive>(config::executive_socket(directory_.path()), largest_input_);
   }
   std::unique_ptr<FakeSensor> start_sensor() {
     return std::make_unique<FakeSensor>(config::sensor_socket(directory_.path(), "eye"));
@@ -77,6 +79,7 @@ class HostTest : public testing::Test {
 
   TemporaryDirectory directory_;
   config::RobotConfig robot_;
+  std::size_t largest_input_ = config::largest_policy_input(robot_);
   ScriptedPolicy policy_;
   Host host_;
   std::atomic<bool> stop_ = false;
@@ -137,6 +140,55 @@ TEST_F(HostTest, AttachesAgainWithAFreshSession) {
   observation_id_ = 0;
   ASSERT_TRUE(exchange(*executive, sensor.get(), chunk));
   EXPECT_LE(chunk.header.sequence, observation_id_) << "counted from 1 again";
+}
+
+// Goal: beside every command goes what it was made from. Method: the newest payload of the input ring against the
+// newest command, by the layout that the contract states.
+TEST_F(HostTest, PublishesWhatItsPolicyWasShownAndSaid) {
+  start();
+  const auto sensor = start_sensor();
+  const auto executive = start_executive();
+  ASSERT_TRUE(wait_for([&] { return executive->acknowledged(); }));
+  CommandChunk chunk;
+  ASSERT_TRUE(exchange(*executive, sensor.get(), chunk));
+  ASSERT_TRUE(exchange(*executive, sensor.get(), chunk));
+  const ipc::Segment segment = executive->inputs(largest_input_);
+  auto reader = must(ipc::SlotReader::attach(segment.readable(), ipc::policy_input_ring(largest_input_)));
+  std::vector<std::byte> payload(largest_input_);
+  ipc::ReadResult read;
+  PolicyInputHeader header;
+  ASSERT_TRUE(wait_for([&] {  // it comes behind its command
+    read = reader.read_next(payload);
+    if (read.status != ipc::ReadStatus::fresh) return false;
+    std::memcpy(&header, payload.data(), sizeof header);
+    return header.sequence == chunk.header.sequence;
+  }));
+  EXPECT_EQ(header.observation_id, chunk.header.observation_id);
+  EXPECT_EQ(header.policy_hash, 0xABCDU);
+  EXPECT_EQ(header.inference, header.sequence) << "one session";
+  EXPECT_EQ(header.built_in, 0) << "a scripted policy is no engine of Takt's";
+  EXPECT_EQ(read.size, policy_input_bytes(1, 3 + 2 + 10 + 12)) << "joints, sensor, input, output";
+}
+
+// Goal: a robot file that records no inputs has a host that needs no ring. Method: an executive without one.
+class UnrecordedHostTest : public HostTest {
+ protected:
+  static config::RobotConfig silent() {
+    auto robot = hashed_robot();
+    robot.record.policy_inputs = false;
+    return robot;
+  }
+  UnrecordedHostTest() : HostTest({}, silent()) {}
+};
+
+TEST_F(UnrecordedHostTest, AnswersAllTheSame) {
+  EXPECT_EQ(largest_input_, 0U);
+  start();
+  const auto sensor = start_sensor();
+  const auto executive = start_executive();
+  ASSERT_TRUE(wait_for([&] { return executive->acknowledged(); }));
+  CommandChunk chunk;
+  EXPECT_TRUE(exchange(*executive, sensor.get(), chunk));
 }
 
 class LateHostTest : public HostTest {

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "config/load.hpp"
+#include "config/observation_shape.hpp"
 #include "executive/ipc/stop_line.hpp"
 #include "executive/runtime/control_thread.hpp"
 #include "executive/runtime/open_edge.hpp"
@@ -168,6 +169,43 @@ TEST_F(ReceptionTest, AMonitorGetsFourRingsItCannotWrite) {
   ASSERT_TRUE(segment) << segment.error();
   EXPECT_TRUE(ipc::SlotReader::attach(segment->readable(), shape));
   EXPECT_TRUE(until([](const StatusSnapshot& s) { return s.monitor_pid == static_cast<std::uint64_t>(getpid()); }));
+}
+
+// Goal: who records a policy's inputs misses nothing of any session: the ring is there before the policy, no other may
+// write it once the policy came, and when the policy leaves its reader is sent away and finds the next session's.
+// Method: a policy in this process that comes, writes and leaves, twice; a reader by the executive's socket.
+TEST_F(ReceptionTest, AReaderOfInputsIsHandedOneSessionAfterTheOther) {
+  const std::size_t largest = config::largest_policy_input(robot_);
+  const auto shape = ipc::policy_input_ring(largest);
+  const std::size_t bytes = ipc::ring_bytes(shape);
+  for (const char said : {'a', 'b'}) {
+    const auto reader = ipc::attach(path(), hello(Role::input_reader), 5s);
+    ASSERT_TRUE(reader) << reader.error();
+    const auto mapped = ipc::Segment::adopt_read_only(dup(reader->descriptors.at(0).get()), bytes);
+    ASSERT_TRUE(mapped) << mapped.error();
+    EXPECT_FALSE(ipc::SlotReader::attach(mapped->readable(), shape)) << "nobody formatted it yet";
+    {
+      const auto lease = ipc::attach(path(), hello(Role::policy), 5s);
+      ASSERT_TRUE(lease) << lease.error();
+      auto written = ipc::Segment::adopt_writable(dup(lease->descriptors.at(ipc::kInputDescriptor).get()), bytes);
+      ASSERT_TRUE(written) << written.error();
+      auto commands = ipc::Segment::adopt_writable(dup(lease->descriptors.at(ipc::kCommandDescriptor).get()),
+                                                   ipc::ring_bytes(ipc::command_mailbox()));
+      const ipc::SlotWriter formatted(commands->writable(), ipc::command_mailbox());
+      ipc::SlotWriter writer(written->writable(), shape);
+      ASSERT_TRUE(ipc::acknowledge(*lease));
+      ASSERT_TRUE(until([](const StatusSnapshot& s) { return s.policy_pid != 0 && s.tick.policy_session != 0; }));
+      EXPECT_FALSE(ipc::Segment::adopt_writable(dup(reader->descriptors.at(0).get()), bytes)) << "sealed";
+      writer.publish(std::as_bytes(std::span(&said, 1)));
+      EXPECT_FALSE(ipc::is_over(*reader));
+    }
+    ASSERT_TRUE(until([&](const StatusSnapshot&) { return ipc::is_over(*reader); }));
+    auto ring = ipc::SlotReader::attach(mapped->readable(), shape);
+    ASSERT_TRUE(ring) << ring.error();
+    char heard = 0;
+    EXPECT_EQ(ring->read_next(std::as_writable_bytes(std::span(&heard, 1))).status, ipc::ReadStatus::fresh);
+    EXPECT_EQ(heard, said) << "of this session, and nothing before it";
+  }
 }
 
 TEST_F(ReceptionTest, ViewersReadBesideTheMonitor) {

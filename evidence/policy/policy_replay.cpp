@@ -1,0 +1,394 @@
+#include "evidence/policy/policy_replay.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <utility>
+
+#include "config/load.hpp"
+#include "config/observation_shape.hpp"
+#include "executive/ipc/crc32c.hpp"
+#include "policy_host/chunk_builder.hpp"
+#include "policy_host/onnx/model.hpp"
+#include "policy_host/onnx_policy.hpp"
+#include "policy_host/policy_fit.hpp"
+
+namespace takt::monitor {
+namespace {
+
+using Why = PolicyReplayRefusal::Why;
+
+std::unexpected<PolicyReplayRefusal> refused(Why why, std::string sentence) {
+  return std::unexpected(PolicyReplayRefusal{why, std::move(sentence)});
+}
+
+std::string_view unit_of(config::ActionKind kind) {
+  switch (kind) {
+    case config::ActionKind::joint_position:
+      return "rad";
+    case config::ActionKind::joint_velocity:
+      return "rad/s";
+    case config::ActionKind::joint_torque:
+      return "Nm";
+  }
+  return "";
+}
+
+CommandField target_of(config::ActionKind kind) {
+  switch (kind) {
+    case config::ActionKind::joint_position:
+      return CommandField::q;
+    case config::ActionKind::joint_velocity:
+      return CommandField::dq;
+    case config::ActionKind::joint_torque:
+      return CommandField::tau_ff;
+  }
+  return CommandField::q;
+}
+
+// What a command asks for, whenever it was sent.
+std::uint32_t content_of(const CommandHeader& header, std::span<const std::byte> values) {
+  const std::uint64_t shape[] = {header.policy_hash, static_cast<std::uint64_t>(header.step_period.ns),
+                                 header.step_count, header.joint_count, header.fields};
+  return ipc::crc32c(values, ipc::crc32c(std::as_bytes(std::span(shape))));
+}
+
+std::string place_in(const PolicyInput& input, std::size_t at) {
+  const std::size_t samples_at = sizeof(PolicyInputHeader);
+  std::size_t from = samples_at + input.samples.size() * sizeof(PolicyInputSample);
+  if (at < samples_at) return "its header";
+  if (at < from) return "the stamps of its samples";
+  const std::pair<const char*, const std::vector<float>*> parts[] = {
+      {"q", &input.q}, {"sample_values", &input.sample_values}, {"input", &input.input}, {"output", &input.output}};
+  for (const auto& [name, values] : parts) {
+    if (at < from + 4 * values->size()) return fmt::format("{}[{}]", name, (at - from) / 4);
+    from += 4 * values->size();
+  }
+  return "its end";
+}
+
+// When one flipped bit explains a checksum that does not match: puts it right and names its place.
+std::optional<std::string> mend(RecordedPolicyInput& recorded) {
+  constexpr std::size_t kSearchedBytes = 4096;  // the search is quadratic in the size
+  Bytes payload = packed(recorded.input);
+  if (payload.size() > kSearchedBytes) return std::nullopt;
+  for (std::size_t bit = 0; bit < 8 * payload.size(); ++bit) {
+    const std::byte mask{static_cast<unsigned char>(1U << (bit % 8))};
+    payload[bit / 8] ^= mask;
+    if (ipc::crc32c(payload) == recorded.crc) {
+      auto mended = read_policy_input(payload);
+      if (!mended) return std::nullopt;
+      std::string place = place_in(recorded.input, bit / 8);
+      recorded.input = std::move(*mended);
+      return place;
+    }
+    payload[bit / 8] ^= mask;
+  }
+  return std::nullopt;
+}
+
+// One policy's answers, one after the other.
+class Replayer {
+ public:
+  static std::expected<std::unique_ptr<Replayer>, PolicyReplayRefusal> make(config::RobotConfig robot, Player sender,
+                                                                            const PolicyReplayOptions& options);
+  // Why it cannot be replayed; empty: it was.
+  std::string answer(RecordedPolicyInput recorded);
+  void command(const RecordedCommand& recorded);
+  PolicyReplay finish();
+  [[nodiscard]] Player sender() const { return result_.sender; }
+
+ private:
+  Replayer(config::RobotConfig robot, std::unique_ptr<policy_host::Policy> policy, bool remembers)
+      : robot_(std::move(robot)),
+        policy_(std::move(policy)),
+        remembers_(remembers),
+        builder_(robot_, 0),
+        joints_(robot_.joints.size()) {}
+  [[nodiscard]] std::string unfit(const PolicyInput& input) const;
+  bool follow(const PolicyInput& input);
+  void judge(const PolicyInput& input);
+  void measure(const PolicyInput& input);
+  void expect_command(const PolicyInput& input);
+  void fill(CommandChunk& chunk, const PolicyInput& input, std::span<const float> outputs) const;
+  void settle(std::uint32_t answered, std::uint32_t read);
+
+  struct Sum {
+    double largest = 0, squares = 0;
+    std::uint64_t values = 0;
+  };
+  using Key = std::pair<std::uint64_t, std::uint64_t>;  // observation, sequence
+
+  config::RobotConfig robot_;
+  std::unique_ptr<policy_host::Policy> policy_;
+  bool remembers_;  // hidden state, or a count of its inferences
+  bool is_other_ = false;
+  double tolerance_ = 0;
+  policy_host::ChunkBuilder builder_;
+  std::unique_ptr<CommandChunk> recorded_ = std::make_unique<CommandChunk>();
+  std::unique_ptr<CommandChunk> recomputed_ = std::make_unique<CommandChunk>();
+  std::vector<float> output_;
+  std::vector<Sum> joints_;
+  std::uint64_t last_inference_ = 0;
+  bool state_known_ = false;
+  std::map<Key, std::uint32_t> answered_, read_;  // contents that wait for their counterpart
+  PolicyReplay result_;
+};
+
+std::expected<std::unique_ptr<Replayer>, PolicyReplayRefusal> Replayer::make(config::RobotConfig robot, Player sender,
+                                                                             const PolicyReplayOptions& options) {
+  config::Policy& section = *robot.policy;
+  if (!options.with.empty()) section.file = options.with;
+  if (const auto fine = policy_host::check_policy_section(robot); !fine) return refused(Why::policy, fine.error());
+  const auto hash = config::policy_hash(section.file);
+  if (!hash) return refused(Why::policy, hash.error());
+  const auto model = onnx_engine::load(section.file);
+  if (!model) return refused(Why::policy, model.error());
+  const auto tensors = policy_host::assign_tensors(*model, section.file, section.input, section.output);
+  if (!tensors) return refused(Why::policy, tensors.error());
+  auto policy = policy_host::load_onnx_policy(section.file, section.input, section.output);
+  if (!policy) return refused(Why::policy, policy.error());
+  if (const auto fits = policy_host::check_fit(robot, **policy); !fits) return refused(Why::policy, fits.error());
+
+  const bool remembers = !tensors->states.empty() || tensors->time_step.has_value();
+  std::unique_ptr<Replayer> made(new Replayer(std::move(robot), std::move(*policy), remembers));
+  made->is_other_ = !options.with.empty();
+  made->tolerance_ = options.tolerance;
+  made->output_.resize(made->policy_->output_size());
+  made->result_.sender = sender;
+  made->result_.file = made->robot_.policy->file;
+  made->result_.hash = *hash;
+  made->result_.unit = unit_of(made->robot_.policy->action.kind);
+  return made;
+}
+
+std::string Replayer::unfit(const PolicyInput& input) const {
+  if (!is_other_ && input.header.built_in == 0)
+    return "its answers come from an engine of somebody's own, which cannot be run here; compare an ONNX file by "
+           "--with";
+  if (!is_other_ && input.header.policy_hash != result_.hash)
+    return fmt::format(
+        "{} has the hash {:016x}, the run's policy had {:016x}: put the run's file back, or compare this one by --with",
+        result_.file, result_.hash, input.header.policy_hash);
+  if (input.input.size() != policy_->input_size() || input.output.size() != policy_->output_size() ||
+      input.q.size() != robot_.joints.size())
+    return fmt::format("the recorded answer to observation {} has {} values in and {} out, {} has {} and {}",
+                       input.header.observation_id, input.input.size(), input.output.size(), result_.file,
+                       policy_->input_size(), policy_->output_size());
+  return {};
+}
+
+// The network's state before this inference is as it was then.
+bool Replayer::follow(const PolicyInput& input) {
+  const PolicyInputHeader& header = input.header;
+  const bool goes_on = last_inference_ != 0 && header.inference == last_inference_ + 1;
+  if (last_inference_ != 0 && header.inference > last_inference_ + 1)
+    result_.missing += header.inference - last_inference_ - 1;
+  last_inference_ = header.inference;
+  if (header.after_reset != 0) policy_->reset();
+  state_known_ = !remembers_ || header.after_reset != 0 || (goes_on && state_known_);
+  return state_known_;
+}
+
+std::string Replayer::answer(RecordedPolicyInput recorded) {
+  ++result_.answers;
+  bool is_sound = crc_of(recorded.input) == recorded.crc;
+  if (!is_sound) {
+    const auto place = mend(recorded);
+    if (++result_.altered == 1)
+      result_.first_altered = fmt::format("observation {}: {}", recorded.input.header.observation_id,
+                                          place.value_or("what was altered is not known"));
+    is_sound = place.has_value();
+  }
+  if (is_sound) {
+    if (std::string reason = unfit(recorded.input); !reason.empty()) return reason;
+  }
+  if (!is_sound || !follow(recorded.input)) {
+    ++result_.not_judged;
+    return {};
+  }
+  judge(recorded.input);
+  expect_command(recorded.input);
+  return {};
+}
+
+void Replayer::judge(const PolicyInput& input) {
+  result_.is_of_the_run = input.header.policy_hash == result_.hash && input.header.built_in != 0;
+  policy_->infer(input.input, output_);
+  if (std::memcmp(output_.data(), input.output.data(), 4 * output_.size()) == 0) ++result_.identical;
+  measure(input);
+}
+
+void Replayer::fill(CommandChunk& chunk, const PolicyInput& input, std::span<const float> outputs) const {
+  Observation answered;
+  answered.id = input.header.observation_id;
+  std::ranges::copy(input.q, answered.q.at.begin());
+  builder_.fill(chunk, answered, outputs);
+  chunk.header.policy_hash = input.header.policy_hash;
+}
+
+void Replayer::measure(const PolicyInput& input) {
+  fill(*recorded_, input, input.output);
+  fill(*recomputed_, input, output_);
+  const CommandField field = target_of(robot_.policy->action.kind);
+  std::optional<PolicyDifference> beyond;
+  for (std::size_t step = 0; step < recorded_->header.step_count; ++step) {
+    for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
+      const std::size_t at = value_index(recorded_->header, field, step, joint);
+      const double was = recorded_->values[at];
+      const double is = recomputed_->values[at];
+      const bool neither = std::isnan(was) && std::isnan(is);
+      const double distance = was == is || neither ? 0 : std::abs(is - was);
+      Sum& sum = joints_[joint];
+      ++sum.values;
+      if (std::isfinite(distance)) {
+        sum.largest = std::max(sum.largest, distance);
+        sum.squares += distance * distance;
+      }
+      if (!beyond && !(distance <= tolerance_))
+        beyond = {input.header.observation_id, input.header.sequence, step, robot_.joints[joint].name, was, is};
+    }
+  }
+  if (!beyond) return;
+  if (++result_.beyond == 1) result_.first_beyond = std::move(beyond);
+}
+
+void Replayer::settle(std::uint32_t answered, std::uint32_t read) {
+  ++result_.commands;
+  if (answered == read) ++result_.as_answered;
+}
+
+void Replayer::expect_command(const PolicyInput& input) {
+  const auto values = std::as_bytes(std::span(recorded_->values).first(recorded_->value_count()));
+  const std::uint32_t content = content_of(recorded_->header, values);
+  const Key key{input.header.observation_id, input.header.sequence};
+  if (const auto found = read_.find(key); found != read_.end()) {
+    settle(content, found->second);
+    read_.erase(found);
+  } else {
+    answered_[key] = content;
+  }
+}
+
+void Replayer::command(const RecordedCommand& recorded) {
+  const auto header = header_of(recorded);
+  if (!header || recorded.cut_from != 0) return;
+  const std::uint32_t content = content_of(*header, std::span(recorded.payload).subspan(sizeof(CommandHeader)));
+  const Key key{header->observation_id, header->sequence};
+  if (const auto found = answered_.find(key); found != answered_.end()) {
+    settle(found->second, content);
+    answered_.erase(found);
+  } else {
+    read_[key] = content;
+  }
+}
+
+PolicyReplay Replayer::finish() {
+  for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
+    const Sum& sum = joints_[joint];
+    const double rms = sum.values == 0 ? 0 : std::sqrt(sum.squares / static_cast<double>(sum.values));
+    result_.joints.push_back({robot_.joints[joint].name, sum.largest, rms});
+  }
+  return std::move(result_);
+}
+
+// config.yaml names files as the robot's file did, relative to a place that only the manifest's policy file tells.
+config::RobotConfig with_files_of_the_run(const RecordedRun& run) {
+  config::RobotConfig robot = run.robot;
+  const std::string& was = run.manifest.policy_file;
+  const std::string here = (std::filesystem::absolute(run.folder.path()) / "").lexically_normal().string();
+  const auto below = [&](const std::string& file) { return std::string_view(file).substr(here.size()); };
+  std::string& file = robot.policy->file;
+  if (file.starts_with(here) && was.ends_with(below(file))) {
+    const std::string there = was.substr(0, was.size() - below(file).size());
+    for (config::Fallback& fallback : robot.fallbacks)
+      if (fallback.file.starts_with(here)) fallback.file = there + std::string(below(fallback.file));
+  }
+  file = was;
+  return robot;
+}
+
+bool has_evidence_of(const RecordedRun& run, Player sender) {
+  bool found = false;
+  (void)scan_run(
+      run,
+      {.tick = {}, .command = {}, .keyframe = {}, .loss = {}, .policy_input = [&](const RecordedPolicyInput& input) {
+         found |= input.sender == sender;
+       }});
+  return found;
+}
+
+// Nothing: this policy said nothing of its inputs.
+std::expected<std::unique_ptr<Replayer>, PolicyReplayRefusal> replayer_of(const RecordedRun& run, Player sender,
+                                                                          const PolicyReplayOptions& options) {
+  if (!has_evidence_of(run, sender)) return nullptr;
+  config::RobotConfig robot = with_files_of_the_run(run);
+  if (sender == Player::fallback) robot = config::seen_by_fallback(robot, *config::fallback_policy_of(robot));
+  return Replayer::make(std::move(robot), sender, options);
+}
+
+}  // namespace
+
+bool PolicyReplayReport::agrees() const {
+  return file.damaged_chunks == 0 && std::ranges::all_of(policies, [](const PolicyReplay& policy) {
+           const std::uint64_t judged = policy.answers - policy.not_judged;
+           const bool same = policy.is_of_the_run ? policy.identical == judged : policy.beyond == 0;
+           return same && judged != 0 && policy.altered == 0 && policy.as_answered == policy.commands;
+         });
+}
+
+bool PolicyReplayReport::is_whole() const {
+  return std::ranges::all_of(policies,
+                             [](const PolicyReplay& policy) { return policy.not_judged == 0 && policy.missing == 0; });
+}
+
+std::expected<PolicyReplayReport, PolicyReplayRefusal> replay_policy(const RecordedRun& run,
+                                                                     const PolicyReplayOptions& options) {
+  if (!run.robot.policy) return refused(Why::no_evidence, run.folder.config() + ": the robot has no policy");
+  std::vector<std::unique_ptr<Replayer>> replayers;
+  for (const Player sender : {Player::policy, Player::fallback}) {
+    const bool is_asked_for = sender == Player::policy || options.with.empty();
+    if (!is_asked_for || (sender == Player::fallback && config::fallback_policy_of(run.robot) == nullptr)) continue;
+    auto replayer = replayer_of(run, sender, options);
+    if (!replayer) return std::unexpected(replayer.error());
+    if (*replayer) replayers.push_back(std::move(*replayer));
+  }
+  if (replayers.empty())
+    return refused(Why::no_evidence,
+                   run.folder.ticks() +
+                       " has no policy inputs: `record.policy_inputs` was false, the host was not Takt's "
+                       "own, or nothing was answered");
+
+  std::string reason;
+  const auto of = [&](Player sender) -> Replayer* {
+    const auto found = std::ranges::find_if(replayers, [&](const auto& each) { return each->sender() == sender; });
+    return found == replayers.end() || !reason.empty() ? nullptr : found->get();
+  };
+  const auto scan = scan_run(run, {.tick = {},
+                                   .command =
+                                       [&](const RecordedCommand& command) {
+                                         if (Replayer* const replayer = of(command.sender)) replayer->command(command);
+                                       },
+                                   .keyframe = {},
+                                   .loss = {},
+                                   .policy_input =
+                                       [&](const RecordedPolicyInput& input) {
+                                         if (Replayer* const replayer = of(input.sender))
+                                           reason = replayer->answer(input);
+                                       }});
+  if (!scan) return refused(Why::no_evidence, scan.error());
+  if (!reason.empty()) return refused(Why::policy, reason);
+  PolicyReplayReport report;
+  report.tolerance = options.tolerance;
+  report.file = scan->file;
+  for (const auto& replayer : replayers) report.policies.push_back(replayer->finish());
+  return report;
+}
+
+}  // namespace takt::monitor

@@ -1,0 +1,273 @@
+// Goal: the run's own network gives the same bits again, whatever it remembers, and every deviation is told for what it
+// is: another file, an altered record, answers that are missing, a command that is not what the network said. Method: a
+// host without sockets answers observations with a network whose arithmetic is known, its evidence is written as the
+// recorder does, and spoilt in one way at a time.
+#include "evidence/policy/policy_replay.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <functional>
+
+#include "config/load.hpp"
+#include "monitor/record/mcap_writer.hpp"
+#include "policy_host/input_evidence.hpp"
+#include "policy_host/onnx_policy.hpp"
+#include "policy_host/responder.hpp"
+#include "tests/monitor/record/temporary_folder.hpp"
+#include "tests/policy_host/onnx/onnx_graph_maker.hpp"
+#include "tests/policy_host/small_robot.hpp"
+
+namespace takt::monitor {
+namespace {
+
+using onnx_engine::GraphMaker;
+
+void shape_outputs(GraphMaker& maker) {
+  for (onnx::ValueInfoProto& output : *maker.graph().mutable_output())
+    for (const std::int64_t size : {1, 2})
+      output.mutable_type()->mutable_tensor_type()->mutable_shape()->add_dim()->set_dim_value(size);
+}
+
+// actions = factor * (obs + h_in), h_out = obs + h_in.
+GraphMaker accumulator(float factor) {
+  GraphMaker maker;
+  maker.input("obs", {1, 2}).input("h_in", {1, 2}).output("actions").output("h_out").floats("factor", {1}, {factor});
+  maker.node("Add", {"obs", "h_in"}, {"h_out"});
+  maker.node("Mul", {"h_out", "factor"}, {"actions"});
+  shape_outputs(maker);
+  return maker;
+}
+
+// actions = factor * obs.
+GraphMaker forgetful(float factor) {
+  GraphMaker maker;
+  maker.input("obs", {1, 2}).output("actions").floats("factor", {1}, {factor});
+  maker.node("Mul", {"obs", "factor"}, {"actions"});
+  shape_outputs(maker);
+  return maker;
+}
+
+MonoTime still_clock() {
+  return MonoTime{} + seconds(5);
+}
+
+struct Answer {
+  RecordedCommand command;
+  RecordedPolicyInput input;
+};
+
+class PolicyReplayTest : public TemporaryFolder {
+ protected:
+  std::string write(const std::string& name, const GraphMaker& maker) {
+    std::ofstream(path(name), std::ios::binary) << maker.model.SerializeAsString();
+    return path(name);
+  }
+  // Two joints, one step, targets equal to the network's outputs.
+  static config::RobotConfig robot(const std::string& file) {
+    config::RobotConfig robot = policy_host::small_robot();
+    robot.joints.resize(2);
+    robot.sensors.clear();
+    robot.policy->file = file;
+    robot.policy->steps = 1;
+    robot.policy->observation = {policy_host::term(config::TermKind::joint_position, 1)};
+    robot.policy->action.offset = config::OffsetKind::zero;
+    return robot;
+  }
+  static Observation observation(std::uint64_t id) {
+    Observation observation = policy_host::small_observation(id);
+    observation.joint_count = 2;
+    observation.q[0] = 0.1F * static_cast<float>(id);
+    observation.q[1] = -1.0F / static_cast<float>(id);
+    return observation;
+  }
+  // What the host of `robot` answers to these observations.
+  static std::vector<Answer> answers(const config::RobotConfig& robot, const std::vector<std::uint64_t>& ids,
+                                     bool built_in = true) {
+    const std::uint64_t hash = config::policy_hash(robot.policy->file).value();
+    const auto policy = policy_host::load_onnx_policy(robot.policy->file, "obs", "actions").value();
+    policy_host::Responder responder(robot, hash, *policy);
+    policy_host::InputEvidence evidence(robot, hash, built_in);
+    responder.start_session();
+    std::vector<Answer> all;
+    for (const std::uint64_t id : ids) {
+      const CommandChunk& chunk = responder.answer(observation(id), {}, still_clock(), still_clock);
+      const auto payload = evidence.pack(observation(id), {}, chunk.header.sequence, responder.inference());
+      const auto bytes = std::as_bytes(std::span(&chunk, 1)).first(chunk.used_bytes());
+      Answer answer;
+      answer.command.payload.assign(bytes.begin(), bytes.end());
+      answer.input.input = read_policy_input(payload).value();
+      answer.input.crc = crc_of(answer.input.input);
+      all.push_back(std::move(answer));
+    }
+    return all;
+  }
+  // A run of this robot, as far as replay looks at one.
+  RecordedRun run(const config::RobotConfig& robot, const std::vector<Answer>& answers) {
+    RecordedRun run{RunFolder::create(path("run")).value(), {}, robot};
+    run.manifest.policy_file = robot.policy->file;
+    run.robot.policy->file = path("run/policy.onnx");  // as config.yaml, which lies there, names it
+    auto writer = McapWriter::create(run.folder.ticks(), 1U << 30U, run_topics(), {}).value();
+    CdrWriter message;
+    for (const Answer& answer : answers) {
+      encode_command(answer.command, message);
+      writer.write(static_cast<std::uint16_t>(Topic::command), 1, message.bytes());
+      encode_policy_input(answer.input, message);
+      writer.write(static_cast<std::uint16_t>(Topic::policy_input), 1, message.bytes());
+    }
+    EXPECT_TRUE(writer.finish());
+    return run;
+  }
+  static PolicyReplayReport replayed(const RecordedRun& run, const PolicyReplayOptions& options = {}) {
+    auto report = replay_policy(run, options);
+    if (!report) throw std::runtime_error(report.error().sentence);
+    return *std::move(report);
+  }
+  static std::string refusal(const RecordedRun& run, PolicyReplayRefusal::Why why,
+                             const PolicyReplayOptions& options = {}) {
+    const auto report = replay_policy(run, options);
+    if (report) return "it was replayed";
+    EXPECT_EQ(report.error().why, why);
+    return report.error().sentence;
+  }
+};
+
+// From 3 to 200 is a gap behind which the host forgets.
+const std::vector<std::uint64_t> kIds{1, 2, 3, 200, 201, 202};
+
+TEST_F(PolicyReplayTest, TheSameFileGivesTheSameBitsWithItsMemoryAndItsResets) {
+  const auto robot_of = robot(write("policy.onnx", accumulator(10)));
+  const auto report = replayed(run(robot_of, answers(robot_of, kIds)));
+  ASSERT_EQ(report.policies.size(), 1U);
+  const PolicyReplay& policy = report.policies.front();
+  EXPECT_TRUE(policy.is_of_the_run);
+  EXPECT_EQ(policy.answers, 6U);
+  EXPECT_EQ(policy.identical, 6U);
+  EXPECT_EQ(policy.commands, 6U);
+  EXPECT_EQ(policy.as_answered, 6U);
+  EXPECT_TRUE(report.agrees());
+  EXPECT_TRUE(report.is_whole());
+  EXPECT_NE(policy_replay_text(report).find("6 of 6 answers reproduce bit for bit"), std::string::npos);
+}
+
+TEST_F(PolicyReplayTest, AnotherFileGivesTheDistancesOfItsTargets) {
+  const auto robot_of = robot(write("policy.onnx", forgetful(10)));
+  const RecordedRun recorded = run(robot_of, answers(robot_of, {1, 2}));
+  PolicyReplayOptions options{write("other.onnx", forgetful(11)), 0.15};
+  const auto report = replayed(recorded, options);
+  const PolicyReplay& policy = report.policies.front();
+  EXPECT_FALSE(policy.is_of_the_run);
+  EXPECT_EQ(policy.identical, 0U);
+  EXPECT_FALSE(report.agrees());
+  ASSERT_EQ(policy.joints.size(), 2U);
+  EXPECT_NEAR(policy.joints[0].largest, 0.2, 1e-5) << "q of the first joint: 0.1 and 0.2";
+  EXPECT_NEAR(policy.joints[0].rms, std::sqrt((0.01 + 0.04) / 2), 1e-5);
+  EXPECT_NEAR(policy.joints[1].largest, 1, 1e-5) << "of the second: -1 and -0.5";
+  EXPECT_EQ(policy.beyond, 2U);
+  ASSERT_TRUE(policy.first_beyond);
+  EXPECT_EQ(policy.first_beyond->observation_id, 1U);
+  EXPECT_EQ(policy.first_beyond->joint, "b") << "the first joint is only 0.1 away";
+  EXPECT_NEAR(policy.first_beyond->recorded, -10, 1e-5);
+  EXPECT_NEAR(policy.first_beyond->recomputed, -11, 1e-5);
+  EXPECT_EQ(policy.as_answered, 2U) << "the run itself is sound";
+  options.tolerance = 2;
+  EXPECT_TRUE(replayed(recorded, options).agrees());
+}
+
+// A distance that is no number compares with nothing: it must not pass for a small one.
+TEST_F(PolicyReplayTest, ATargetThatIsNoNumberIsBeyondAnyTolerance) {
+  const auto robot_of = robot(write("policy.onnx", forgetful(10)));
+  const RecordedRun recorded = run(robot_of, answers(robot_of, {1}));
+  const auto report = replayed(recorded, {write("other.onnx", forgetful(std::nanf(""))), 1e6});
+  EXPECT_EQ(report.policies.front().beyond, 1U);
+  EXPECT_FALSE(report.agrees());
+}
+
+TEST_F(PolicyReplayTest, AFlippedBitIsNamedAndTheRestStillReproduces) {
+  const auto robot_of = robot(write("policy.onnx", accumulator(10)));
+  auto all = answers(robot_of, kIds);
+  std::uint32_t bits = 0;
+  std::memcpy(&bits, &all[1].input.input.input[1], sizeof bits);
+  bits ^= 0x10U;
+  std::memcpy(&all[1].input.input.input[1], &bits, sizeof bits);
+  const auto report = replayed(run(robot_of, all));
+  const PolicyReplay& policy = report.policies.front();
+  EXPECT_EQ(policy.altered, 1U);
+  EXPECT_EQ(policy.first_altered, "observation 2: input[1]");
+  EXPECT_EQ(policy.identical, 6U) << "as it was before the bit flipped";
+  EXPECT_FALSE(report.agrees());
+}
+
+TEST_F(PolicyReplayTest, WhatWasAlteredBeyondRepairIsNotJudgedNorWhatRemembersIt) {
+  const auto robot_of = robot(write("policy.onnx", accumulator(10)));
+  auto all = answers(robot_of, kIds);
+  all[1].input.input.input = {3, 4};
+  const auto report = replayed(run(robot_of, all));
+  const PolicyReplay& policy = report.policies.front();
+  EXPECT_EQ(policy.altered, 1U);
+  EXPECT_EQ(policy.not_judged, 2U) << "2 itself, and 3, which remembers it; 200 began anew";
+  EXPECT_EQ(policy.identical, 4U);
+  EXPECT_FALSE(report.agrees());
+}
+
+TEST_F(PolicyReplayTest, BehindAMissingAnswerOnlyAMemoryIsUnknown) {
+  for (const bool remembers : {true, false}) {
+    std::filesystem::remove_all(path("run"));
+    const auto robot_of = robot(write("policy.onnx", remembers ? accumulator(10) : forgetful(10)));
+    auto all = answers(robot_of, kIds);
+    all.erase(all.begin() + 1);
+    const auto report = replayed(run(robot_of, all));
+    const PolicyReplay& policy = report.policies.front();
+    EXPECT_EQ(policy.missing, 1U);
+    EXPECT_EQ(policy.not_judged, remembers ? 1U : 0U);
+    EXPECT_EQ(policy.identical, policy.answers - policy.not_judged);
+    EXPECT_TRUE(report.agrees());
+    EXPECT_FALSE(report.is_whole());
+  }
+}
+
+// The recorder came while the host was at work: what its network remembered then nobody knows.
+TEST_F(PolicyReplayTest, AMemoryThatBeganUnrecordedIsNotJudged) {
+  const auto robot_of = robot(write("policy.onnx", accumulator(10)));
+  auto all = answers(robot_of, kIds);
+  all.erase(all.begin());
+  const auto report = replayed(run(robot_of, all));
+  EXPECT_EQ(report.policies.front().not_judged, 2U);
+  EXPECT_EQ(report.policies.front().identical, 3U);
+}
+
+TEST_F(PolicyReplayTest, ACommandThatIsNotWhatTheNetworkSaidIsTold) {
+  const auto robot_of = robot(write("policy.onnx", accumulator(10)));
+  auto all = answers(robot_of, kIds);
+  all[4].command.payload.back() ^= std::byte{1};
+  all[2].command.payload.clear();  // never read by the executive
+  const auto report = replayed(run(robot_of, all));
+  EXPECT_EQ(report.policies.front().identical, 6U);
+  EXPECT_EQ(report.policies.front().commands, 5U);
+  EXPECT_EQ(report.policies.front().as_answered, 4U);
+  EXPECT_FALSE(report.agrees());
+}
+
+TEST_F(PolicyReplayTest, WhatCannotBeComparedIsRefusedInOneLine) {
+  using Why = PolicyReplayRefusal::Why;
+  const auto robot_of = robot(write("policy.onnx", forgetful(10)));
+  const auto recorded = answers(robot_of, {1, 2});
+  EXPECT_NE(refusal(run(robot_of, {}), Why::no_evidence).find("has no policy inputs"), std::string::npos);
+  std::filesystem::remove_all(path("run"));
+  EXPECT_NE(refusal(run(robot_of, answers(robot_of, {1}, false)), Why::policy).find("engine of somebody's own"),
+            std::string::npos);
+  std::filesystem::remove_all(path("run"));
+  const RecordedRun good = run(robot_of, recorded);
+  GraphMaker wide;
+  wide.input("obs", {1, 3}).output("actions").floats("ten", {1}, {10});
+  wide.node("Mul", {"obs", "ten"}, {"actions"});
+  EXPECT_NE(refusal(good, Why::policy, {write("wide.onnx", wide), 0}).find("wants 3 values"), std::string::npos);
+  EXPECT_NE(refusal(good, Why::policy, {path("nowhere.onnx"), 0}).find("nowhere.onnx"), std::string::npos);
+  write("policy.onnx", forgetful(11));  // the file was replaced since
+  const std::string sentence = refusal(good, Why::policy);
+  EXPECT_NE(sentence.find("compare this one by --with"), std::string::npos) << sentence;
+}
+
+}  // namespace
+}  // namespace takt::monitor
