@@ -10,7 +10,6 @@ namespace {
 
 constexpr Duration kTick = microseconds(100);  // of SampleTimeFine
 constexpr std::int64_t kCrystal = 5000;        // one part in so many
-constexpr Duration kLongestGap = seconds(10);  // beyond it the part's clock was set anew
 constexpr std::uint16_t kRestart = 0x8000;     // a counter that far ahead went back
 
 Quaternion product(const Quaternion& a, const Quaternion& b) {
@@ -41,7 +40,6 @@ Quaternion rotation_of(const config::Vector3& rpy) {
 MonoTime ImuReading::stamp(const MtSample& sample, MonoTime first_byte_at) const {
   if (!before_) return first_byte_at;
   const Duration elapsed = kTick * static_cast<std::uint32_t>(sample.ticks - before_->ticks);
-  if (elapsed > kLongestGap) return first_byte_at;
   const Duration granted{elapsed.ns / kCrystal};
   return std::min(first_byte_at, before_->sensed_at + elapsed + granted);
 }

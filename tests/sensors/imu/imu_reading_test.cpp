@@ -36,6 +36,12 @@ TEST(ImuReading, UpsideDownItStillSaysThatTheBaseIsLevel) {
               {1, 0, 0, 0, -1, 2, -3, 0, 0, 9.81});
 }
 
+TEST(ImuReading, TheMountingIsTakenOffBehindTheRotation) {
+  // The sensor turned a quarter about the world's x, and sits a quarter about the base's z.
+  const double half = std::sqrt(0.5);
+  expect_near(values_of({0, 0, kQuarter}, {.rotation = {half, half, 0, 0}}), {0.5, 0.5, 0.5, -0.5, 0, 0, 0, 0, 0, 0});
+}
+
 TEST(ImuReading, RollPitchAndYawAreAboutFixedAxesInThisOrder) {
   // A quarter about x, then one about z: the sensor's y is the base's z, its x the base's y, its z the base's x.
   expect_near(values_of({kQuarter, 0, kQuarter},
