@@ -139,7 +139,9 @@ void LiveView::describe_policy(Picture& picture, MonoTime now) const {
 std::vector<BusPicture> LiveView::buses(MonoTime now) const {
   std::vector<BusPicture> pictures;
   for (std::size_t bus = 0; bus < robot_.buses.size(); ++bus) {
-    BusPicture picture{.name = robot_.buses[bus].name, .health = session_.metrics.newest.buses[bus]};
+    BusPicture picture{.name = robot_.buses[bus].name,
+                       .health = session_.metrics.newest.buses[bus],
+                       .tick_to_wire = session_.metrics.newest_to_wire[bus]};
     picture.load = session_.wire_seconds[bus].per_second(now);
     if (bus < planned_loads_.size()) picture.planned = planned_loads_[bus];
     pictures.push_back(std::move(picture));

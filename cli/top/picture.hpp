@@ -34,8 +34,9 @@ struct Slice {
 struct BusPicture {
   std::string name{};
   BusHealth health{};
-  double load = 0;                  // frames of the last second at worst stuffing, share of the bit rate
-  std::optional<double> planned{};  // the same from the robot file
+  std::optional<Duration> tick_to_wire{};  // of the newest tick whose frames are known to have left
+  double load = 0;                         // frames of the last second at worst stuffing, share of the bit rate
+  std::optional<double> planned{};         // the same from the robot file
 };
 
 struct JointPicture {

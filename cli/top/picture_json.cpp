@@ -62,7 +62,8 @@ Json bus_json(const BusPicture& bus) {
           {"tx_dropped", bus.health.tx_dropped},
           {"rx_dropped", bus.health.rx_dropped},
           {"foreign_frames", bus.health.foreign_frames},
-          {"flooded", bus.health.flooded != 0}};
+          {"flooded", bus.health.flooded != 0},
+          {"tick_to_wire_ms", bus.tick_to_wire ? Json(bus.tick_to_wire->milliseconds()) : Json(nullptr)}};
 }
 
 Json joint_json(const JointPicture& joint) {

@@ -19,7 +19,7 @@ std::string_view name_of(BusState state) {
 
 void add_bus(Line& line, const BusPicture& bus) {
   const BusHealth& health = bus.health;
-  line.add(first_cells(bus.name, 10)).add(" ");
+  line.add(first_cells(bus.name, 9)).add(" ");
   line.add(name_of(health.state), health.state == BusState::up ? Style::good : Style::alarm);
   line.add(fmt::format(" {:.0f} %", 100 * bus.load), bus.load > 0.9 ? Style::alarm : Style::plain);
   if (bus.planned) line.add(fmt::format(" [{:.0f}]", 100 * *bus.planned), Style::faint);
@@ -28,7 +28,9 @@ void add_bus(Line& line, const BusPicture& bus) {
   if (health.rx_dropped != 0) errors += fmt::format(" rx lost {}", health.rx_dropped);
   if (health.foreign_frames != 0) errors += fmt::format(" alien {}", health.foreign_frames);
   if (health.flooded != 0) errors += " flooded";
-  line.add(errors.empty() ? " no errors" : errors, errors.empty() ? Style::faint : Style::warning);
+  const std::string well =
+      bus.tick_to_wire ? fmt::format(" wire {:.1f} ms", bus.tick_to_wire->milliseconds()) : " no errors";
+  line.add(errors.empty() ? well : errors, errors.empty() ? Style::faint : Style::warning);
 }
 
 std::string interventions_text(const JointPicture& joint) {

@@ -26,6 +26,8 @@ class MessageBatch {
   // Of the last fetch, index < count. Bytes beyond size() are zero.
   [[nodiscard]] const canfd_frame& frame(std::size_t index) const { return frames_[index]; }
   [[nodiscard]] std::size_t size(std::size_t index) const { return messages_[index].msg_len; }
+  // A frame of this very socket, handed back by the controller that put it on the wire.
+  [[nodiscard]] bool is_own(std::size_t index) const { return (messages_[index].msg_hdr.msg_flags & MSG_CONFIRM) != 0; }
   [[nodiscard]] ControlMessages control(std::size_t index) const;
 
  private:

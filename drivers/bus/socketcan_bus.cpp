@@ -8,9 +8,11 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
 
 #include "drivers/bus/can_frame.hpp"
 #include "drivers/bus/error_frame.hpp"
+#include "executive/contract/monotonic_clock.hpp"
 
 namespace takt::drivers {
 namespace {
@@ -18,6 +20,7 @@ namespace {
 using SetUp = std::expected<void, std::string>;
 
 constexpr int kBatchesPerCall = 4;
+constexpr std::uint32_t kIffEcho = 1U << 18U;  // of linux/if.h, which does not go beside net/if.h
 
 std::unexpected<std::string> refusal(const std::string& interface, const std::string& what, const std::string& mend) {
   return std::unexpected(interface + ": " + what + (errno != 0 ? " (" + std::string(std::strerror(errno)) + ")" : "") +
@@ -38,7 +41,14 @@ SetUp check_interface(int socket, const BusOptions& options, std::uint32_t bitra
   return {};
 }
 
-SetUp set_options(int socket, const BusOptions& options) {
+// The driver hands our frames back when they left, instead of the kernel when they were written.
+bool says_what_left(const std::string& interface) {
+  std::ifstream file("/sys/class/net/" + interface + "/flags");
+  std::uint32_t flags = 0;
+  return (file >> std::hex >> flags) && (flags & kIffEcho) != 0;
+}
+
+SetUp set_options(int socket, const BusOptions& options, bool own_frames) {
   const auto set = [socket](int level, int name, const void* value, std::size_t size) {
     return ::setsockopt(socket, level, name, value, static_cast<socklen_t>(size)) == 0;
   };
@@ -48,10 +58,11 @@ SetUp set_options(int socket, const BusOptions& options) {
   const can_err_mask_t errors = error_classes();
   const int on = 1;
   const int off = 0;
+  const int own = own_frames ? 1 : 0;
   errno = 0;
   if ((filters.empty() || set(SOL_CAN_RAW, CAN_RAW_FILTER, filters.data(), filters.size() * sizeof(can_filter))) &&
       set(SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors) &&
-      set(SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &off, sizeof off) &&
+      set(SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &own, sizeof own) &&
       set(SOL_CAN_RAW, CAN_RAW_FD_FRAMES, options.fd ? &on : &off, sizeof on) &&
       set(SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on) && set(SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on))
     return {};
@@ -96,8 +107,16 @@ std::expected<std::unique_ptr<SocketCanBus>, std::string> SocketCanBus::open(con
   // The interface's own state first: binding says less about what is wrong.
   if (const SetUp done = bind_to(socket.get(), options.interface); !done) return std::unexpected(done.error());
   if (const SetUp done = check_interface(socket.get(), options, bitrate); !done) return std::unexpected(done.error());
-  if (const SetUp done = set_options(socket.get(), options); !done) return std::unexpected(done.error());
-  return std::make_unique<SocketCanBus>(std::move(socket));
+  const bool own_frames = says_what_left(options.interface);
+  if (const SetUp done = set_options(socket.get(), options, own_frames); !done) return std::unexpected(done.error());
+  return std::make_unique<SocketCanBus>(std::move(socket), own_frames);
+}
+
+BusHealth SocketCanBus::health() const noexcept {
+  BusHealth health = health_;
+  health.left_at = sent_.left_at();
+  health.waiting_since = sent_.waiting_since();
+  return health;
 }
 
 SendResult SocketCanBus::send(const CanFrame& frame) noexcept {
@@ -105,11 +124,12 @@ SendResult SocketCanBus::send(const CanFrame& frame) noexcept {
   const canfd_frame raw = to_kernel(frame);
   if (::send(socket_.get(), &raw, frame.fd ? CANFD_MTU : CAN_MTU, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0) {
     if (health_.state == BusState::down) health_.state = BusState::up;
+    if (says_what_left_) sent_.handed_over(frame, monotonic_now());
     return SendResult::sent;
   }
   const SendFailure failure = read_send_error(errno);
   ++health_.tx_dropped;
-  if (failure.state) health_.state = *failure.state;
+  if (failure.state) set_state(*failure.state);
   return failure.result;
 }
 
@@ -118,7 +138,7 @@ std::size_t SocketCanBus::receive(std::span<ReceivedFrame> out) noexcept {
   for (int batch = 0; batch < kBatchesPerCall && filled < out.size(); ++batch) {
     const std::size_t wanted = std::min(out.size() - filled, MessageBatch::kBatch);
     const MessageBatch::Result fetched = batch_.fetch(socket_.get(), wanted);
-    if (fetched.error != 0) health_.state = BusState::down;
+    if (fetched.error != 0) set_state(BusState::down);
     if (fetched.count == 0) break;
     const ClockPair clocks = sample_clocks();
     for (std::size_t i = 0; i < fetched.count; ++i)
@@ -126,6 +146,12 @@ std::size_t SocketCanBus::receive(std::span<ReceivedFrame> out) noexcept {
     if (fetched.count < wanted) break;
   }
   return filled;
+}
+
+// The kernel throws away what an interface has to send when it goes down, and when its controller is off the bus.
+void SocketCanBus::set_state(BusState state) noexcept {
+  health_.state = state;
+  if (state == BusState::down || state == BusState::bus_off) sent_.forget();
 }
 
 bool SocketCanBus::take(std::size_t index, const ClockPair& clocks, ReceivedFrame& out) noexcept {
@@ -142,6 +168,11 @@ bool SocketCanBus::take(std::size_t index, const ClockPair& clocks, ReceivedFram
   if (!frame) return false;
   if (frame->error) {
     note_error_frame(*frame, health_);
+    set_state(health_.state);
+    return false;
+  }
+  if (batch_.is_own(index)) {
+    sent_.left(*frame, to_monotonic(control.realtime_ns, clocks));
     return false;
   }
   out.frame = *frame;

@@ -42,7 +42,10 @@ struct BusHealth {
   BusState state = BusState::up;
   std::uint8_t flooded = 0;  // 1: more frames arrived for this tick than our drives can say; set at the edge
   std::uint8_t reserved[2] = {};
+  // Of our own frames, as the controller says that they are on the wire; both unset where it does not say.
+  MonoTime left_at;        // when the newest one left
+  MonoTime waiting_since;  // when the oldest one that has not left was handed over; unset: all have left
 };
-static_assert(std::is_standard_layout_v<BusHealth> && sizeof(BusHealth) == 16);
+static_assert(std::is_standard_layout_v<BusHealth> && sizeof(BusHealth) == 32);
 
 }  // namespace takt

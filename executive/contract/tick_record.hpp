@@ -136,8 +136,8 @@ constexpr bool is_first_use(const TickRecordHeader& header) {
 static_assert(std::is_standard_layout_v<AgeParts> && sizeof(AgeParts) == 40);
 static_assert(std::is_standard_layout_v<TickRecordHeader> && std::is_trivially_copyable_v<TickRecordHeader>);
 static_assert(std::is_standard_layout_v<FallbackRecord> && sizeof(FallbackRecord) == 40);
-static_assert(sizeof(TickRecordHeader) ==
-              72 + 16 * kMaxBuses + sizeof(ImuSample) + 16 + 40 + 24 + 16 + 16 + 8 + sizeof(FallbackRecord) + 8);
+static_assert(sizeof(TickRecordHeader) == 72 + sizeof(BusHealth) * kMaxBuses + sizeof(ImuSample) + 16 + 40 + 24 + 16 +
+                                              16 + 8 + sizeof(FallbackRecord) + 8);
 static_assert(std::is_standard_layout_v<JointRecord> && sizeof(JointRecord) == 80);
 
 // Room for the largest record; only used_bytes() of it travel.
@@ -176,7 +176,9 @@ inline constexpr std::uint64_t kTickRecordLayout = layout_hash({TAKT_FIELD(TickR
                                                                 TAKT_FIELD(JointRecord, drive_enabled),
                                                                 TAKT_FIELD(JointFeedback, replies),
                                                                 TAKT_FIELD(JointFeedback, refused),
-                                                                TAKT_FIELD(BusHealth, flooded)});
+                                                                TAKT_FIELD(BusHealth, flooded),
+                                                                TAKT_FIELD(BusHealth, left_at),
+                                                                TAKT_FIELD(BusHealth, waiting_since)});
 
 // One CAN frame as it crossed the edge, for the run's candump log. Mirrors struct canfd_frame's content.
 // `refused`: the last guard kept it from the bus; what left instead follows it.

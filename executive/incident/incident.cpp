@@ -14,6 +14,7 @@ namespace takt {
 namespace {
 
 constexpr std::uint64_t kSilentTicks = 3;  // a reply may come a tick late
+constexpr std::int64_t kStallShare = 4;    // a quarter of feedback.timeout lost at once is worth a word
 
 bool relies_on_policy(Mode mode) {
   return mode == Mode::tracking || mode == Mode::degraded;
@@ -67,7 +68,7 @@ std::string sentence_of(const Incident& incident) {
   std::string text = incident.asked ? "stop asked for" : incident.to == Mode::fault_latched ? "fault" : "stop";
   text += fmt::format(" at tick {}: {}", incident.tick, name(incident.cause));
   if (!incident.detail.empty()) text += fmt::format(": {}", incident.detail);
-  if (const IncidentLink& first = incident.chain.front(); !incident.asked && first.tick < incident.tick)
+  if (const IncidentLink& first = incident.chain.front(); !incident.asked && first.at < incident.at)
     text += fmt::format("; first sign {:.1f} ms before, at tick {}: {}", (incident.at - first.at).milliseconds(),
                         first.tick, first.what);
   return text + fmt::format("; done: {}; clears with: {}", incident.done, incident.clears_when);
@@ -100,7 +101,7 @@ void IncidentWatch::forget() {
   silences_.assign(robot_.joints.size(), {});
   clamped_.assign(robot_.joints.size(), {});
   buses_.assign(robot_.buses.size(), {});
-  command_ = fallback_ = {};
+  command_ = fallback_ = stall_ = {};
 }
 
 namespace {
@@ -146,7 +147,19 @@ void IncidentWatch::look(const TickRecord& record) {
   if (header.player == Player::fallback || (fallback_.tick != 0 && header.previous_mode == Mode::degraded))
     note(fallback_, header, header.tick, header.now);
   if (header.arrival != Arrival::none && header.arrival != Arrival::accepted) refused_ = header.arrival;
-  if (header.overrun_cause != OverrunCause::none) late_ = header.overrun_cause;
+  look_at_time(header);
+}
+
+// A wake-up this late is known at once, its cause one tick later.
+void IncidentWatch::look_at_time(const TickRecordHeader& header) {
+  if (header.overrun_cause != OverrunCause::none) {
+    late_ = header.overrun_cause;
+    late_tick_ = header.tick;
+  }
+  if (header.lateness * kStallShare < robot_.feedback.timeout) return;
+  const std::uint64_t began = stall_.tick;
+  note(stall_, header, header.tick, header.now - header.lateness);
+  longest_stall_ = stall_.tick == began ? std::max(longest_stall_, header.lateness) : header.lateness;
 }
 
 std::vector<IncidentLink> IncidentWatch::chain(const TickRecordHeader& header) const {
@@ -155,6 +168,11 @@ std::vector<IncidentLink> IncidentWatch::chain(const TickRecordHeader& header) c
     if (sign.tick != 0 && sign.tick < header.tick && header.now - sign.last <= kSignLasts)
       links.push_back({sign.tick, sign.since, what()});
   };
+  if (stall_.tick != 0 && header.now - stall_.last <= kSignLasts) {  // it may be this very tick's
+    const std::string why = late_tick_ > stall_.tick ? fmt::format(" ({})", name(late_)) : "";
+    links.push_back({stall_.tick, stall_.since,
+                     fmt::format("the control loop stood still for {:.1f} ms{}", longest_stall_.milliseconds(), why)});
+  }
   for (std::size_t joint = 0; joint < robot_.joints.size(); ++joint) {
     const config::Joint& known = robot_.joints[joint];
     add(errors_[joint], [&] {

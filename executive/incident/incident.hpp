@@ -77,6 +77,7 @@ class IncidentWatch {
   };
   void forget();
   void look(const TickRecord& record);
+  void look_at_time(const TickRecordHeader& header);
   void look_at_joint(const TickRecord& record, std::size_t joint);
   [[nodiscard]] std::vector<IncidentLink> chain(const TickRecordHeader& header) const;
   [[nodiscard]] std::string words(const TickRecord& record) const;
@@ -86,9 +87,11 @@ class IncidentWatch {
   config::RobotConfig robot_;
   std::vector<Sign> causes_, errors_, silences_, clamped_, buses_;
   std::vector<Heard> heard_;
-  Sign command_, fallback_;
+  Sign command_, fallback_, stall_;
+  Duration longest_stall_;                  // of stall_
   Arrival refused_ = Arrival::none;         // the newest command that was not accepted
   OverrunCause late_ = OverrunCause::none;  // the newest period that was lost
+  std::uint64_t late_tick_ = 0;             // that told so
   std::optional<Incident> latest_;
   bool stands_ = false;
 };

@@ -66,6 +66,12 @@ std::uint32_t keyframe_ticks(const config::RobotConfig& robot) {
   return static_cast<std::uint32_t>(std::max<std::int64_t>(1, ticks));
 }
 
+std::vector<std::string> interfaces_of(const std::vector<config::Bus>& buses) {
+  std::vector<std::string> all;
+  for (const config::Bus& bus : buses) all.push_back(bus.interface);
+  return all;
+}
+
 // The user named on the command line; none: nobody but our own.
 std::expected<std::optional<uid_t>, std::string> policy_user(const Options& options) {
   if (options.policy_user.empty()) return std::nullopt;
@@ -114,6 +120,8 @@ int run(const Options& options) {
                           Journal::transition(record, incidents.stands() ? incidents.latest() : std::nullopt);
                         });
   follower.tell(incidents);
+  TransmitQueues queues(robot->freshness.max_age, interfaces_of(robot->buses));
+  follower.tell(queues.watch());
 
   // The socket first: a second executive is turned away before it touches a bus.
   auto reception = Reception::open(
@@ -150,7 +158,7 @@ int run(const Options& options) {
 
   trace::Introduction introduction("takt-executive", robot->hash, policy_hash, robot->joints);
   thread->go();
-  serve(**reception, follower, board, requests, introduction, imu ? &*imu : nullptr);
+  serve(**reception, follower, board, requests, queues, introduction, imu ? &*imu : nullptr);
   if (!thread->finish(1s)) {
     // Its memory is still in use: nothing may be destroyed. The socket stays behind; the next executive replaces it.
     spdlog::critical("the control thread hangs: ending without it");

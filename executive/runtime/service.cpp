@@ -59,7 +59,7 @@ void block_shutdown_signals() {
 }
 
 void serve(Reception& reception, TickFollower& follower, StatusBoard& board, OperatorInbox& requests,
-           trace::Introduction& introduction, ImuLink* imu) {
+           TransmitQueues& queues, trace::Introduction& introduction, ImuLink* imu) {
   SystemClock clock;
   Journal journal;
   ServiceManager manager;
@@ -70,6 +70,7 @@ void serve(Reception& reception, TickFollower& follower, StatusBoard& board, Ope
     reception.serve(kServeFor);
     follower.catch_up();
     const MonoTime now = clock.now();
+    queues.serve(now);
     introduction.when_traced(now);
     if (imu != nullptr) imu->serve(now);
     const StatusSnapshot& status = board.read();

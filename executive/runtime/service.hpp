@@ -7,6 +7,7 @@
 #include "executive/runtime/reception.hpp"
 #include "executive/runtime/status_board.hpp"
 #include "executive/runtime/tick_follower.hpp"
+#include "executive/runtime/transmit_queues.hpp"
 #include "executive/trace/trace.hpp"
 
 namespace takt::runtime {
@@ -17,6 +18,6 @@ void block_shutdown_signals();
 // `imu`: null where the robot has none. Returns when the loop may end: after a signal, once the robot rests or the time
 // for it is over.
 void serve(Reception& reception, TickFollower& follower, StatusBoard& board, OperatorInbox& requests,
-           trace::Introduction& introduction, ImuLink* imu = nullptr);
+           TransmitQueues& queues, trace::Introduction& introduction, ImuLink* imu = nullptr);
 
 }  // namespace takt::runtime

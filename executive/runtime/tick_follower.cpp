@@ -21,6 +21,7 @@ void TickFollower::catch_up() {
 void TickFollower::follow() {
   const TickRecordHeader& tick = latest_.header;
   if (incidents_ != nullptr) incidents_->tick(latest_);
+  if (queues_ != nullptr) queues_->take(tick);
   if (tick.mode != tick.previous_mode) on_transition_(latest_);
   last_read_.at(static_cast<std::size_t>(tick.operator_request)) = tick.tick;
   const std::span joints(latest_.joints, std::min<std::size_t>(tick.joint_count, kMaxJoints));

@@ -11,6 +11,7 @@
 #include "executive/incident/incident.hpp"
 #include "executive/ipc/slot_ring.hpp"
 #include "executive/pipeline/rest_watch.hpp"
+#include "executive/runtime/queue_watch.hpp"
 
 namespace takt::runtime {
 
@@ -22,8 +23,9 @@ class TickFollower {
   // record in which the mode changed.
   TickFollower(ipc::SlotReader ticks, float rest_velocity, JointMask passive, OnTransition on_transition);
 
-  // Stops and faults are followed with this from now on; it outlives the follower.
+  // Stops and faults, and what waits on the buses, are followed with these from now on; they outlive the follower.
   void tell(IncidentWatch& incidents) { incidents_ = &incidents; }
+  void tell(QueueWatch& queues) { queues_ = &queues; }
   [[nodiscard]] const IncidentWatch* incidents() const { return incidents_; }  // null: told nobody
   // Reads everything published so far.
   void catch_up();
@@ -50,6 +52,7 @@ class TickFollower {
   JointMask passive_;
   OnTransition on_transition_;
   IncidentWatch* incidents_ = nullptr;
+  QueueWatch* queues_ = nullptr;
   TickRecord latest_{};
   pipeline::RestWatch rest_;
   std::array<std::uint64_t, kOperatorRequestCount> last_read_{};  // tick that last read each request; 0 never

@@ -32,6 +32,7 @@ void MetricsCollector::tick(const TickRecord& record) {
   ++metrics_.ticks;
   lateness_.push_back(header.lateness.ns);
   work_.push_back(header.last_duration.ns);
+  on_wire(header);
   count(metrics_.ticks_in_mode, header.mode);
   count(metrics_.ticks_of_player, header.player);
   count(metrics_.arrivals, header.arrival);
@@ -64,8 +65,19 @@ void MetricsCollector::finish(double epsilon, double confidence) {
   }
   metrics_.lateness = quantiles_of(lateness_);
   metrics_.work = quantiles_of(work_);
+  for (std::size_t bus = 0; bus < kMaxBuses; ++bus) metrics_.tick_to_wire[bus] = quantiles_of(tick_to_wire_[bus]);
+  metrics_.age_on_wire = quantiles_of(age_on_wire_);
   metrics_.misses_per_tick = miss_rate(tick_misses_, metrics_.relied_ticks, epsilon, confidence);
   metrics_.misses_per_command = miss_rate(command_misses_, commands_, epsilon, confidence);
+}
+
+void MetricsCollector::on_wire(const TickRecordHeader& header) {
+  const WireWatch::PerBus buses = wire_.take(header);
+  for (std::size_t bus = 0; bus < buses.size(); ++bus) {
+    if (!buses[bus]) continue;
+    tick_to_wire_[bus].push_back(buses[bus]->since_tick.ns);
+    if (buses[bus]->age) age_on_wire_.push_back(buses[bus]->age->ns);
+  }
 }
 
 void MetricsCollector::interventions(InterventionMask mask) {

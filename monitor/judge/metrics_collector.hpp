@@ -9,6 +9,7 @@
 
 #include "executive/contract/tick_record.hpp"
 #include "monitor/judge/run_metrics.hpp"
+#include "monitor/judge/wire_watch.hpp"
 
 namespace takt::monitor {
 
@@ -29,12 +30,16 @@ class MetricsCollector {
   void transition(const TickRecordHeader& header);
   void mark(const TickRecordHeader& header);
   void relied(const TickRecordHeader& header);
+  void on_wire(const TickRecordHeader& header);
   void command(const TickRecordHeader& header);
 
   RunMetrics& metrics_;
   TickRecordHeader first_, last_;
   Samples per_tick_, per_command_;
   std::vector<std::int64_t> lateness_, work_;
+  WireWatch wire_;
+  std::array<std::vector<std::int64_t>, kMaxBuses> tick_to_wire_;
+  std::vector<std::int64_t> age_on_wire_;
   std::uint64_t tick_misses_ = 0, command_misses_ = 0, commands_ = 0;
   std::pair<std::uint8_t, std::uint64_t> in_use_{};  // session and sequence
   bool in_use_missed_ = false;

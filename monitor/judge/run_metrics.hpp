@@ -43,6 +43,9 @@ struct RunMetrics {
   std::array<Quantiles, kAgePartCount> age_per_command;  // hold is zero by definition
   MissRate misses_per_tick, misses_per_command;
   Quantiles lateness, work;  // of every tick
+  // By what the controllers say; of a bus that does not say, none.
+  std::array<Quantiles, kMaxBuses> tick_to_wire;
+  Quantiles age_on_wire;  // of every tick that played a command, on every bus
   std::array<std::uint64_t, kModeCount> ticks_in_mode{};
   std::array<std::uint64_t, kPlayerCount> ticks_of_player{};  // whose chunk the robot followed
   std::uint64_t ticks_without_fallback = 0;  // that relied on a policy while the fallback policy was not fresh

@@ -1,4 +1,6 @@
 // metrics.json: the numbers of run_metrics.hpp under stable names. Times in nanoseconds.
+#include <algorithm>
+
 #include "monitor/judge/run_metrics.hpp"
 #include "monitor/record/bounded_file.hpp"
 
@@ -91,6 +93,10 @@ Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
   json["degraded_by_p95"] = should_degrade(metrics.age_per_tick.back(), static_cast<double>(freshness.max_age.ns));
   json["lateness_ns"] = quantiles_json(metrics.lateness);
   json["work_ns"] = quantiles_json(metrics.work);
+  json["tick_to_wire_ns"] = Json::object();
+  for (std::size_t bus = 0; bus < std::min(run.robot.buses.size(), kMaxBuses); ++bus)
+    json["tick_to_wire_ns"][run.robot.buses[bus].name] = quantiles_json(metrics.tick_to_wire[bus]);
+  json["age_on_wire_ns"] = quantiles_json(metrics.age_on_wire);
   json["ticks_in_mode"] = counts_json<Mode>(metrics.ticks_in_mode);
   json["ticks_of_player"] = counts_json<Player>(metrics.ticks_of_player);
   json["ticks_without_fallback"] = metrics.ticks_without_fallback;

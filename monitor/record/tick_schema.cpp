@@ -109,6 +109,9 @@ constexpr TickField kBusFields[] = {
     {"bus_foreign_frames", u32, BUS(foreign_frames), in, "frames, since start"},
     {"bus_state", u8, BUS(state), in, "", kBusStateNames},
     {"bus_flooded", u8, BUS(flooded), in, "1: more frames arrived for this tick than our drives can say"},
+    {"bus_left_at", i64, BUS(left_at), in, "ns, when our newest frame was on the wire; 0: the bus does not say"},
+    {"bus_waiting_since", i64, BUS(waiting_since), in,
+     "ns, our oldest frame that has not left was handed over; 0: none"},
 };
 #undef BUS
 

@@ -40,6 +40,9 @@ LiveMetrics::LiveMetrics(const config::RobotConfig& robot)
       stages(kAgeStageCount, Histogram(age_bounds(robot.freshness.max_age))),
       lateness(loop_bounds()),
       work(loop_bounds()),
+      tick_to_wire(robot.buses.size(), Histogram(loop_bounds())),
+      newest_to_wire(robot.buses.size()),
+      age_on_wire(age_bounds(robot.freshness.max_age)),
       interventions(robot.joints.size()),
       joints(robot.joints.size()),
       incidents_(robot) {
@@ -53,6 +56,7 @@ void LiveMetrics::begin(std::string id) {
   run_id = std::move(id);
   running = recording = true;
   newest = {};
+  wire_ = {};
   unrecorded_ticks_ = 0;
 }
 
@@ -63,6 +67,7 @@ void LiveMetrics::tick(const TickRecord& record) {
   incidents_.tick(record);
   lateness.observe(header.lateness);
   work.observe(header.last_duration);
+  on_wire(header);
   count(arrivals, header.arrival);
   count(overruns, header.overrun_cause);
   if (newest.tick != 0) skipped_periods += header.skipped_periods - newest.skipped_periods;
@@ -79,6 +84,16 @@ void LiveMetrics::tick(const TickRecord& record) {
   }
   joint_ticks(record);
   newest = header;
+}
+
+void LiveMetrics::on_wire(const TickRecordHeader& header) {
+  const WireWatch::PerBus buses = wire_.take(header);
+  for (std::size_t bus = 0; bus < tick_to_wire.size(); ++bus) {
+    if (!buses[bus]) continue;
+    tick_to_wire[bus].observe(buses[bus]->since_tick);
+    newest_to_wire[bus] = buses[bus]->since_tick;
+    if (buses[bus]->age) age_on_wire.observe(*buses[bus]->age);
+  }
 }
 
 void LiveMetrics::joint_ticks(const TickRecord& record) {

@@ -9,6 +9,7 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -16,6 +17,7 @@
 #include "config/robot_config.hpp"
 #include "executive/contract/tick_record.hpp"
 #include "executive/incident/incident.hpp"
+#include "monitor/judge/wire_watch.hpp"
 #include "monitor/record/run_messages.hpp"
 
 namespace takt::monitor {
@@ -55,6 +57,9 @@ class LiveMetrics {
   Histogram age;                                        // of the command in use, each tick that relied on the policy
   std::vector<Histogram> stages;                        // by stage, each command at its first use
   Histogram lateness, work;                             // of every tick
+  std::vector<Histogram> tick_to_wire;                  // by bus, where its controller says when a frame left
+  std::vector<std::optional<Duration>> newest_to_wire;  // of them; none: the bus has not said
+  Histogram age_on_wire;                                // of the command played, by bus and tick
   std::array<std::uint64_t, kArrivalCount> arrivals{};
   std::array<std::uint64_t, kOverrunCauseCount> overruns{};
   std::uint64_t skipped_periods = 0;
@@ -70,7 +75,9 @@ class LiveMetrics {
   }
 
  private:
+  void on_wire(const TickRecordHeader& header);
   IncidentWatch incidents_;
+  WireWatch wire_;
   void joint_ticks(const TickRecord& record);
   std::uint64_t unrecorded_ticks_ = 0;  // of this session, that `losses` holds already
 };

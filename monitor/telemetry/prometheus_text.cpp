@@ -162,6 +162,13 @@ void buses(Exposition& out, const LiveMetrics& metrics, const config::RobotConfi
     out.sample(health.tx_dropped, {{"bus", bus}, {"direction", "transmit"}});
     out.sample(health.rx_dropped, {{"bus", bus}, {"direction", "receive"}});
   });
+  out.family("takt_bus_tick_to_wire_seconds", "histogram",
+             "From a tick's begin until its frames had left, where the controller says.");
+  for (std::size_t bus = 0; bus < robot.buses.size(); ++bus)
+    out.histogram(metrics.tick_to_wire[bus], {{"bus", robot.buses[bus].name}});
+  out.family("takt_command_age_on_wire_seconds", "histogram",
+             "Age of the command played when its frames had left, by tick and bus that says.");
+  out.histogram(metrics.age_on_wire);
   out.family("takt_bus_foreign_frames_total", "counter", "Frames on our ids that none of our drives sends.");
   each([&](std::string_view bus, const BusHealth& health) { out.sample(health.foreign_frames, {{"bus", bus}}); });
 }

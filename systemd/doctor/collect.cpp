@@ -236,6 +236,15 @@ CanInterface can_interface_of(const std::string& name, const std::string& ip_jso
   can.data_sample_point = share(data_timing.value("sample_point", ""));
   can.sjw = timing.value("sjw", 0U);
   can.data_sjw = data_timing.value("sjw", 0U);
+  if (const nlohmann::json counters = data.value("berr_counter", nlohmann::json()); counters.is_object()) {
+    can.transmit_errors = counters.value("tx", 0U);
+    can.receive_errors = counters.value("rx", 0U);
+  }
+  const nlohmann::json happened = info.value("info_xstats", nlohmann::json::object());
+  can.bus_errors = happened.value("bus_error", 0U);
+  can.went_passive = happened.value("error_passive", 0U);
+  can.went_off = happened.value("bus_off", 0U);
+  can.restarts = happened.value("restarts", 0U);
   const nlohmann::json modes = data.value("ctrlmode", nlohmann::json::array());
   can.fd = std::ranges::find(modes, "FD") != modes.end();
   return can;
@@ -256,8 +265,8 @@ Snapshot collect(const Sources& sources, const config::RobotConfig* robot) {
   if (robot == nullptr) return snapshot;
   read_disk(*robot, snapshot);
   for (const config::Bus& bus : robot->buses)
-    snapshot.can.push_back(
-        can_interface_of(bus.interface, sources.run({"ip", "-details", "-json", "link", "show", bus.interface})));
+    snapshot.can.push_back(can_interface_of(
+        bus.interface, sources.run({"ip", "-details", "-statistics", "-json", "link", "show", bus.interface})));
   return snapshot;
 }
 

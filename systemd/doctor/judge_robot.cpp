@@ -2,6 +2,7 @@
 // itself when all else fails.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string_view>
 
@@ -13,6 +14,7 @@ namespace {
 constexpr std::uint64_t kGiB = std::uint64_t{1} << 30U;
 constexpr std::uint64_t kLeastRoom = kGiB, kGoodRoom = 10 * kGiB;
 constexpr std::int64_t kShortestQueue = 32;  // frames
+constexpr std::uint32_t kErrorWarning = 96;  // ISO 11898-1: a heavily disturbed bus
 
 Finding missing(const config::Bus& bus, const std::string& check, const std::string& where) {
   switch (bus.when_missing) {
@@ -58,6 +60,16 @@ std::string wrong_setting(const config::Bus& bus, const CanInterface& can) {
   return {};
 }
 
+// What the controller counted, where it says that the wiring or somebody's timing is not right.
+std::string troubled_past(const CanInterface& can) {
+  const std::uint32_t transmit = can.transmit_errors.value_or(0), receive = can.receive_errors.value_or(0);
+  if (can.went_off == 0 && can.went_passive == 0 && std::max(transmit, receive) < kErrorWarning) return {};
+  std::string now;
+  if (can.transmit_errors) now = fmt::format("error counters now {} transmit, {} receive; ", transmit, receive);
+  return fmt::format("{}{} bus errors, {} times error-passive, {} times bus-off, {} restarts", now, can.bus_errors,
+                     can.went_passive, can.went_off, can.restarts);
+}
+
 Finding can_interface(const config::Bus& bus, const CanInterface& can) {
   const std::string check = "can " + bus.interface, where = "ip -details link show " + bus.interface;
   if (!can.exists) return missing(bus, check, where);
@@ -68,6 +80,9 @@ Finding can_interface(const config::Bus& bus, const CanInterface& can) {
   if (can.controller_state == "ERROR-PASSIVE" || can.controller_state == "ERROR-WARNING")
     return bad(Verdict::warn, check, "up, but " + can.controller_state, where,
                "check termination (60 ohm across the bus), wiring and the drives' bit rate");
+  if (const std::string errors = troubled_past(can); !errors.empty())
+    return bad(Verdict::warn, check, errors, "ip -details -statistics link show " + bus.interface,
+               "look at termination, cable and every node's bit timing; the counts begin anew with the driver");
   if (can.queue_length < kShortestQueue)
     return bad(Verdict::warn, check, fmt::format("up, its queue holds {} frames", can.queue_length), where, up);
   return fine(check,

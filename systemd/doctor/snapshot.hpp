@@ -46,6 +46,10 @@ struct CanInterface {
   std::uint32_t sjw = 0, data_sjw = 0;             // time quanta
   bool fd = false;
   std::int64_t queue_length = 0;  // frames
+  // The controller's error counters, 0 to 255 and beyond; nothing where its driver does not tell them.
+  std::optional<std::uint32_t> transmit_errors, receive_errors;
+  // How often since the driver was loaded.
+  std::uint32_t bus_errors = 0, went_passive = 0, went_off = 0, restarts = 0;
 };
 
 // A thread of somebody else that the scheduler treats as real-time.

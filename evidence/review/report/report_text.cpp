@@ -102,6 +102,20 @@ std::string marks(const RunMetrics& metrics, std::size_t most) {
   return text;
 }
 
+std::string on_wire(const RunMetrics& metrics, const RecordedRun& run) {
+  std::string text;
+  for (std::size_t bus = 0; bus < std::min(run.robot.buses.size(), kMaxBuses); ++bus) {
+    const Quantiles& all = metrics.tick_to_wire[bus];
+    if (all.count == 0) continue;
+    text += fmt::format("{}{} p50 {:.0f} us, p99 {:.0f} us", text.empty() ? "" : "; ", run.robot.buses[bus].name,
+                        all.p50 * 1e-3, all.p99 * 1e-3);
+  }
+  if (text.empty()) return "";
+  const Quantiles& age = metrics.age_on_wire;
+  return fmt::format("tick to wire  {}; a command's age there p50 {:.1f} ms, p99 {:.1f} ms, largest {:.1f} ms\n", text,
+                     age.p50 * 1e-6, age.p99 * 1e-6, age.max * 1e-6);
+}
+
 std::string losses(const RunMetrics& metrics, const RecordedRun& run) {
   std::string text;
   for (const auto& [what, count] : metrics.losses) {
@@ -196,6 +210,7 @@ std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::
   text += fmt::format("wake-up late  p50 {:.1f} us, p99 {:.1f} us; work per tick p50 {:.1f} us, p99 {:.1f} us\n",
                       metrics.lateness.p50 * 1e-3, metrics.lateness.p99 * 1e-3, metrics.work.p50 * 1e-3,
                       metrics.work.p99 * 1e-3);
+  text += on_wire(metrics, run);
   return text + losses(metrics, run);
 }
 

@@ -68,6 +68,48 @@ TEST_F(IncidentTest, AnOverTemperatureIsToldInTheDrivesOwnWords) {
   EXPECT_TRUE(watch.latest()) << "what is over is still remembered";
 }
 
+// Every joint is silent at once when the computer stood still: that comes first, before any joint.
+TEST_F(IncidentTest, AStallOfTheComputerIsNamedBeforeTheSilenceItMade) {
+  stay(48);  // up to tick 50
+  record.header.lateness = milliseconds(43);
+  const auto at_once = enter(Mode::fault_latched, Cause::feedback_lost);
+  ASSERT_TRUE(at_once);
+  EXPECT_EQ(at_once->chain.front().what, "the control loop stood still for 43.0 ms");
+  EXPECT_EQ(at_once->chain.front().at, at_once->at - milliseconds(43));
+  EXPECT_NE(at_once->sentence.find("first sign 43.0 ms before, at tick 51: the control loop stood still"),
+            std::string::npos)
+      << at_once->sentence;
+  record.header.lateness = {};
+  enter(Mode::standby, Cause::operator_reset);
+  enter(Mode::arming, Cause::operator_arm);
+  enter(Mode::tracking, Cause::drives_enabled);
+  stay(200);
+  record.header.lateness = milliseconds(12);
+  stay(1);
+  record.header.lateness = {};
+  record.header.overrun_cause = OverrunCause::platform_stall;
+  stay(1);
+  record.header.overrun_cause = OverrunCause::none;
+  silent = 4;
+  stay(10);
+  const auto later = enter(Mode::fault_latched, Cause::feedback_lost);
+  ASSERT_TRUE(later);
+  EXPECT_EQ(later->chain.front().what, "the control loop stood still for 12.0 ms (platform_stall)");
+  EXPECT_EQ(later->chain[1].what, "joint " + robot.joints[4].name + ": silent");
+}
+
+TEST_F(IncidentTest, ALateTickOfLittleOrOfLongAgoIsNoSign) {
+  record.header.lateness = milliseconds(2);
+  stay(20);
+  record.header.lateness = milliseconds(43);
+  stay(1);
+  record.header.lateness = {};
+  stay(110);
+  const auto incident = enter(Mode::fault_latched, Cause::feedback_lost);
+  ASSERT_TRUE(incident);
+  EXPECT_EQ(incident->chain.size(), 1U) << incident->chain.front().what;
+}
+
 TEST_F(IncidentTest, TheChainLeadsBackToTheFirstDeviatingTick) {
   stay(48);  // up to tick 50
   silent = 4;

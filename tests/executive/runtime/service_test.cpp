@@ -51,7 +51,8 @@ class ServiceTest : public testing::Test {
                                                                   follower_})
                      .value();
     control_ = std::thread([this] { rig_.loop.run(EvidenceSource::open().value()); });
-    service_ = std::thread([this] { serve(*reception_, follower_, rig_.board, rig_.requests, introduction_); });
+    service_ =
+        std::thread([this] { serve(*reception_, follower_, rig_.board, rig_.requests, queues_, introduction_); });
   }
   ~ServiceTest() override {
     hang_ = false;
@@ -93,6 +94,7 @@ class ServiceTest : public testing::Test {
   SystemClock clock_;
   LoopRig rig_{6, 2, {{}, {}, 1000}, &clock_};
   TickFollower follower_{rig_.published.tick_reader(), 0.02F, 0, [](const TickRecord&) {}};
+  TransmitQueues queues_{robot_.freshness.max_age, {}};
   trace::Introduction introduction_{"takt-executive", 0, 0, robot_.joints};
   std::unique_ptr<Reception> reception_;
   std::atomic<bool> hang_ = false;

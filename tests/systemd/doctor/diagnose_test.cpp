@@ -158,6 +158,8 @@ TEST(Diagnose, EachBadFactIsNamedAloneWithItsCure) {
       {"bus-off", Verdict::fail, "can can0", "takt bus up", [](Snapshot& m) { m.can[0].controller_state = "BUS-OFF"; }},
       {"passive", Verdict::warn, "can can0", "termination",
        [](Snapshot& m) { m.can[0].controller_state = "ERROR-PASSIVE"; }},
+      {"disturbed", Verdict::warn, "can can0", "termination", [](Snapshot& m) { m.can[0].receive_errors = 96; }},
+      {"was off", Verdict::warn, "can can0", "timing", [](Snapshot& m) { m.can[0].went_off = 1; }},
       {"short queue", Verdict::warn, "can can0", "takt bus up", [](Snapshot& m) { m.can[0].queue_length = 10; }},
       {"full disk", Verdict::fail, "disk", "remove", [](Snapshot& m) { m.runs_free_bytes = kGiB / 2; }},
       {"little room", Verdict::warn, "disk", "room", [](Snapshot& m) { m.runs_free_bytes = 5 * kGiB; }},

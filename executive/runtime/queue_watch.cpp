@@ -1,0 +1,53 @@
+#include "executive/runtime/queue_watch.hpp"
+
+#include <algorithm>
+
+namespace takt::runtime {
+namespace {
+
+MonoTime oldest_sample(const TickRecordHeader& tick) noexcept {
+  switch (tick.player) {
+    case Player::policy:
+      return tick.now - tick.age.total();
+    case Player::fallback:
+      return tick.now - tick.fallback.age;
+    case Player::none:
+      break;
+  }
+  return {};
+}
+
+}  // namespace
+
+void QueueWatch::take(const TickRecordHeader& tick) noexcept {
+  // First what the bus said: it is about the ticks before this one.
+  for (std::size_t bus = 0; bus < std::min<std::size_t>(tick.bus_count, kMaxBuses); ++bus) {
+    const MonoTime since = tick.buses[bus].waiting_since;
+    if (since != buses_[bus].since) buses_[bus] = {since, valid_until_of(since)};
+  }
+  const MonoTime sample = oldest_sample(tick);
+  ticks_[next_ % kTicks] = {tick.now, sample.is_set() ? sample + max_age_ : MonoTime{}};
+  ++next_;
+}
+
+MonoTime QueueWatch::valid_until_of(MonoTime handed_over) const noexcept {
+  for (std::size_t back = 1; back <= std::min(next_, kTicks); ++back) {
+    const Sent& tick = ticks_[(next_ - back) % kTicks];
+    if (tick.at <= handed_over) return handed_over.is_set() ? tick.valid_until : MonoTime{};
+  }
+  return {};
+}
+
+BusMask QueueWatch::overdue(MonoTime now) noexcept {
+  BusMask found = 0;
+  for (std::size_t bus = 0; bus < kMaxBuses; ++bus) {
+    Waiting& waiting = buses_[bus];
+    if (waiting.told || !waiting.valid_until.is_set()) continue;
+    if (now - waiting.since < kNormalWait || now + kLead < waiting.valid_until) continue;
+    waiting.told = true;
+    found |= BusMask{1} << bus;
+  }
+  return found;
+}
+
+}  // namespace takt::runtime

@@ -1,0 +1,46 @@
+"""How old commands were when a peer saw their frames: what the judges of several cases share. arm6, of MIT drives."""
+import json
+import pathlib
+import re
+import sys
+
+import numpy as np
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "client/python"))
+import takt  # noqa: E402
+
+JOINTS = 6  # ids 1 to 6 in the joints' order
+MAX_AGE_MS = 150
+WRITE_MS = 0.05  # the executive looks at its clock before it writes; then the kernel stamps what was written
+
+
+class Run:
+    """What a case left in OUT: its only run, read by takt.open, as users read it. Times in ns of CLOCK_MONOTONIC.
+
+    now, oldest, plays: of every tick, when it began, the oldest sample behind its command, and whether it played one.
+    """
+
+    def __init__(self, out):
+        runs = list(pathlib.Path(out).glob("runs/*"))
+        if len(runs) != 1:
+            sys.exit(f"{len(runs)} runs, not one")
+        self.folder = runs[0]
+        self.offset_ns = json.loads((self.folder / "manifest.json").read_text())["clock"]["monotonic_to_unix_ns"]
+        opened = takt.open(self.folder)
+        self.ticks, enums = opened.tick_array, opened.enumerations
+        self.now = self.ticks["now"].astype(np.int64)
+        self.oldest = self.now - sum(self.ticks["age_" + part].astype(np.int64) for part in ("sense", "queue", "infer", "publish", "hold"))
+        usable = [value for value, name in enums["freshness"].items() if name in ("fresh", "aging")]
+        modes = [value for value, name in enums["mode"].items() if name in ("tracking", "degraded")]
+        self.plays = np.isin(self.ticks["freshness"], usable) & np.isin(self.ticks["mode"], modes)
+
+    def tick_at(self, stamp):
+        """Index of the tick that began last before this instant; -1: none did."""
+        return np.searchsorted(self.now, stamp, side="right") - 1
+
+    def command_frames(self, log, direction=""):
+        """(joint, data, stamp) of every frame to a drive but those that enable, disable or clear an error; `direction` T or R, as in can.log."""
+        for line in log.read_text().splitlines():
+            if found := re.match(r"\((\d+)\.(\d{6})\) vcan\d 00([1-6])#([0-9A-F]{16})" + (f" {direction}$" if direction else ""), line):
+                if not found[4].startswith("FFFFFFFFFFFFFF"):
+                    yield int(found[3]) - 1, found[4], int(found[1]) * 10**9 + int(found[2]) * 1000 - self.offset_ns
