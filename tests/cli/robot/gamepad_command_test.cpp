@@ -1,21 +1,18 @@
 // Goal: what a policy host reads of a gamepad is the person's wish while its button is held, what the robot file
 // declares otherwise, and nothing outside its limits, whatever the pad does: cut, frozen, late, lying. Method: the
-// command in a thread; recorded events through a FIFO, for which this program answers the kernel's questions about an
-// input device (ioctl is its own); the reader is the policy host's, with its judgement.
-#include <fcntl.h>
+// command in a thread; recorded events through a FIFO (simulated_pad.hpp); the reader is the policy host's, with its
+// judgement.
 #include <gtest/gtest.h>
 #include <linux/input.h>
-#include <sys/stat.h>
-#include <sys/syscall.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
-#include <cstdarg>
-#include <cstring>
+#include <atomic>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -26,36 +23,7 @@
 #include "config/paths.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "policy_host/sensor_link.hpp"
-
-namespace {
-
-// A pad with x, y and rx, each 0..255, and a left shoulder button. Returns -1 for what is no question of evdev's.
-int answer_as_a_pad(unsigned long request, void* argument) {
-  if (request == EVIOCSCLOCKID) return 0;
-  if (request == EVIOCGABS(ABS_X) || request == EVIOCGABS(ABS_Y) || request == EVIOCGABS(ABS_RX)) {
-    input_absinfo info{};
-    info.maximum = 255;
-    std::memcpy(argument, &info, sizeof info);
-    return 0;
-  }
-  if (_IOC_TYPE(request) == 'E' && _IOC_NR(request) == _IOC_NR(EVIOCGBIT(EV_KEY, 0))) {
-    static_cast<unsigned char*>(argument)[BTN_TL / 8] |= 1U << (BTN_TL % 8);
-    return 0;
-  }
-  return -1;
-}
-
-}  // namespace
-
-extern "C" int ioctl(int fd, unsigned long request, ...) noexcept {
-  va_list more;
-  va_start(more, request);
-  void* argument = va_arg(more, void*);
-  va_end(more);
-  struct stat file {};
-  if (fstat(fd, &file) == 0 && S_ISFIFO(file.st_mode)) return answer_as_a_pad(request, argument);
-  return static_cast<int>(syscall(SYS_ioctl, fd, request, argument));
-}
+#include "tests/cli/robot/simulated_pad.hpp"
 
 namespace takt::cli {
 namespace {
@@ -78,10 +46,10 @@ class GamepadCommand : public testing::Test {
                   "file: " + std::filesystem::absolute("config/arm6_reach.onnx").string());
     std::ofstream(robot_file_) << robot;
     robot_ = config::load(robot_file_).value();
-    EXPECT_EQ(mkfifo(device_.c_str(), 0600), 0);
+    pad_.emplace(device_);
   }
   ~GamepadCommand() override {
-    unplug();
+    pad_.reset();
     if (person_.joinable()) person_.join();
   }
   int say(std::vector<std::string> words) const {
@@ -92,13 +60,8 @@ class GamepadCommand : public testing::Test {
     return run_command_line(static_cast<int>(argv.size()), argv.data());
   }
   void plug_in() {
-    pad_ = open(device_.c_str(), O_RDWR | O_CLOEXEC);  // both ends, so that nobody waits for the other to open
     person_ = std::thread([this] { exit_code_ = say({"--device", device_}); });
     link_.emplace(config::sensor_socket(directory_, "wish"), hello());
-  }
-  void unplug() {
-    if (pad_ >= 0) close(pad_);
-    pad_ = -1;
   }
   static Hello hello() {
     Hello hello;
@@ -106,16 +69,7 @@ class GamepadCommand : public testing::Test {
     return hello;
   }
   void send(std::uint16_t type, std::uint16_t code, std::int32_t value, Duration ahead = {}) const {
-    const MonoTime at = monotonic_now() + ahead;
-    std::array<input_event, 2> report{};
-    for (input_event& event : report) {
-      event.input_event_sec = at.ns / seconds(1).ns;
-      event.input_event_usec = at.ns % seconds(1).ns / microseconds(1).ns;
-    }
-    report[0].type = type;
-    report[0].code = code;
-    report[0].value = value;
-    EXPECT_EQ(write(pad_, report.data(), sizeof report), static_cast<ssize_t>(sizeof report));
+    pad_->send(type, code, value, ahead);
   }
   // Sends and reads until the newest sample says this, 20 s at most; every sample on the way is judged.
   bool becomes(
@@ -153,7 +107,7 @@ class GamepadCommand : public testing::Test {
   std::string directory_ = (std::filesystem::path(testing::TempDir()) / "takt_gamepad").string();
   std::string robot_file_ = directory_ + "/robot.yaml", device_ = directory_ + "/pad";
   config::RobotConfig robot_;
-  int pad_ = -1;
+  std::optional<test::SimulatedPad> pad_;
   std::atomic<int> exit_code_ = -1;
   std::optional<policy_host::SensorLink> link_;
   SensorSample sample_;
@@ -172,7 +126,7 @@ TEST_F(GamepadCommand, CutItEndsWithOneLine) {
   plug_in();
   ASSERT_TRUE(is_held_ahead());
   testing::internal::CaptureStderr();
-  unplug();
+  pad_->unplug();
   person_.join();
   EXPECT_EQ(exit_code_, kExitUnavailable);
   EXPECT_EQ(testing::internal::GetCapturedStderr(),
@@ -204,7 +158,6 @@ TEST_F(GamepadCommand, LyingItIsNotBelieved) {
 TEST_F(GamepadCommand, WhatDoesNotFitIsRefused) {
   EXPECT_EQ(say({"--device", robot_file_}), kExitUnavailable) << "no input device";
   EXPECT_EQ(say({"--device", directory_ + "/none"}), kExitUnavailable);
-  pad_ = open(device_.c_str(), O_RDWR | O_CLOEXEC);
   EXPECT_EQ(say({"--device", device_, "--sticks", "-y,ry"}), kExitUnavailable) << "a stick that the pad lacks";
   EXPECT_EQ(say({"--device", device_, "--dead-man", "tr"}), kExitUnavailable) << "a button that the pad lacks";
   EXPECT_EQ(say({"--device", device_, "--dead-man", "elbow"}), kExitUsage);
