@@ -4,7 +4,10 @@
 #include <gtest/gtest.h>
 #include <linux/input.h>
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <optional>
 #include <string>
@@ -19,6 +22,19 @@
 
 namespace takt::test {
 namespace {
+
+// rad/s; of all that the left wheel was told. Frames of config/balancer.yaml's drive 1: 12 bits over +-60 rad/s from
+// the third byte on; those that end in FC or more switch it on and off.
+double fastest_wheel(const std::string& can_log) {
+  double fastest = 0;
+  std::ifstream log(can_log);
+  for (std::string line; std::getline(log, line);) {
+    const std::size_t hash = line.find(" 001#");
+    if (hash == std::string::npos || line.size() < hash + 21 || line.compare(hash + 5, 8, "FFFFFFFF") == 0) continue;
+    fastest = std::max(fastest, std::abs(std::stoi(line.substr(hash + 9, 3), nullptr, 16) * 120.0 / 4095 - 60));
+  }
+  return fastest;
+}
 
 class GamepadProcess : public testing::Test {
  protected:
@@ -89,6 +105,7 @@ TEST_F(GamepadProcess, ThePadMayDoWhatItWants) {
       judge_sent_frames(robot_.run_directory() + "/can.log", config::load(robot_.robot_file()).value());
   EXPECT_GT(frames.motion_commands, 1000U);
   EXPECT_EQ(frames.first_violation, "");
+  EXPECT_GT(fastest_wheel(robot_.run_directory() + "/can.log"), 3) << "it does not follow the pad: 0.6 m/s are 6 rad/s";
   Child replay({"takt", "replay", robot_.run_directory()}, robot_.directory() + "/replay.log");
   EXPECT_EQ(replay.wait(std::chrono::seconds(60)), 0);
 }
