@@ -39,6 +39,7 @@ void add_stop(CLI::App& app, int& exit_code);
 void add_reset(CLI::App& app, int& exit_code);
 void add_mark(CLI::App& app, int& exit_code);
 void add_person_command(CLI::App& app, int& exit_code);
+void add_gamepad(CLI::App& app, int& exit_code);
 void add_status(CLI::App& app, int& exit_code);
 void add_top(CLI::App& app, int& exit_code);
 void add_report(CLI::App& app, int& exit_code);

@@ -14,13 +14,13 @@
 namespace takt::cli {
 namespace {
 
-constexpr auto kAnswerWithin = std::chrono::milliseconds(500);
+constexpr auto kReplyWithin = std::chrono::milliseconds(500);
 constexpr long kProofPeriod_ns = 50'000'000;
 
 volatile std::sig_atomic_t g_given_up = 0;
 
 std::optional<StatusSnapshot> status_of(const DeployedRobot& robot) {
-  const auto reply = ipc::ask(config::executive_socket(robot.runtime_directory), OperatorVerb::status, kAnswerWithin);
+  const auto reply = ipc::ask(config::executive_socket(robot.runtime_directory), OperatorVerb::status, kReplyWithin);
   if (!reply) return std::nullopt;
   return reply->status;
 }
@@ -72,7 +72,7 @@ Watched watch(const DeployedRobot& place, const config::RobotConfig& robot, cons
     if (deploy::is_over(stage)) return {stage, probation.reason()};
     // Refused as long as something is missing; `arm_within` bounds how often this is asked.
     if (arm && stage == deploy::Stage::waiting)
-      (void)ipc::ask(config::executive_socket(place.runtime_directory), OperatorVerb::arm, kAnswerWithin);
+      (void)ipc::ask(config::executive_socket(place.runtime_directory), OperatorVerb::arm, kReplyWithin);
     wait_a_little();
   }
   return {deploy::Stage::failed, "interrupted"};
@@ -91,7 +91,7 @@ std::expected<void, Refusal> restart_and_wait(const DeployedRobot& robot, bool w
 }
 
 void ask_to_stop(const DeployedRobot& robot) {
-  (void)ipc::ask(config::executive_socket(robot.runtime_directory), OperatorVerb::stop, kAnswerWithin);
+  (void)ipc::ask(config::executive_socket(robot.runtime_directory), OperatorVerb::stop, kReplyWithin);
 }
 
 }  // namespace takt::cli

@@ -1,10 +1,7 @@
 // takt command: a person's wish (a velocity, say) as one of the robot's sensors, for as long as it is said.
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
-#include <atomic>
-#include <csignal>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -12,21 +9,15 @@
 
 #include "cli/command.hpp"
 #include "cli/quantity_option.hpp"
-#include "cli/running_robots.hpp"
+#include "cli/robot/command_sensor.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/sensor_server.hpp"
+#include "sensors/gamepad/gamepad.hpp"
 
 namespace takt::cli {
 namespace {
-
-constexpr std::int64_t kSamplesPerTimeout = 4;  // so that one or two that come late change nothing
-// What a policy reads makes its command as old: what a person holds is said again long before it would count.
-constexpr Duration kLongestInterval = milliseconds(10);
-
-std::atomic<bool> g_released = false;
-static_assert(std::atomic<bool>::is_always_lock_free);
 
 struct PersonOptions {
   std::string sensor, robot_file, runtime_dir;
@@ -40,17 +31,8 @@ std::unexpected<Refusal> refusal(int exit_code, std::string sentence) {
 
 // The entry of the robot file that this is a command of, and its limits.
 std::expected<config::Sensor, Refusal> sensor_of(const config::RobotConfig& robot, const PersonOptions& options) {
-  const auto sensor = std::ranges::find(robot.sensors, options.sensor, &config::Sensor::name);
-  if (sensor == robot.sensors.end() || !sensor->command) {
-    std::vector<std::string> known;
-    for (const config::Sensor& each : robot.sensors)
-      if (each.command) known.push_back(each.name);
-    return refusal(
-        config::kExitBadConfiguration,
-        fmt::format("{}: `sensors` lists no command '{}' (there is {}); add it with `command: {{ minimum, "
-                    "maximum, when_absent }}`, or correct the name",
-                    robot.file, options.sensor, known.empty() ? "none" : fmt::format("{}", fmt::join(known, ", "))));
-  }
+  const auto sensor = command_sensor(robot, options.sensor);
+  if (!sensor) return sensor;
   if (options.values.size() != sensor->values)
     return refusal(kExitUsage, fmt::format("{} has {} values ({}), this is {}: say them all", sensor->name,
                                            sensor->values, sensor->unit, options.values.size()));
@@ -63,20 +45,14 @@ std::expected<config::Sensor, Refusal> sensor_of(const config::RobotConfig& robo
   return *sensor;
 }
 
-void release_on_signals() {
-  struct sigaction action {};
-  action.sa_handler = [](int) { g_released = true; };
-  sigaction(SIGTERM, &action, nullptr);
-  sigaction(SIGINT, &action, nullptr);
-}
-
-void say(ipc::SensorServer& server, const PersonOptions& options, Duration timeout) {
+void say(ipc::SensorServer& server, const PersonOptions& options, const config::Sensor& sensor) {
   SensorSample sample;
   sample.value_count = static_cast<std::uint32_t>(options.values.size());
-  std::ranges::transform(options.values, sample.values, [](double value) { return static_cast<float>(value); });
+  for (std::size_t i = 0; i < options.values.size(); ++i)
+    sample.values[i] = sensors::float_within(options.values[i], sensor.command->minimum[i], sensor.command->maximum[i]);
   const MonoTime end = monotonic_now() + Duration{static_cast<std::int64_t>(options.lasting_s * 1e9)};
-  const Duration interval = std::min(Duration{timeout.ns / kSamplesPerTimeout}, kLongestInterval);
-  for (MonoTime next = monotonic_now(); next < end && !g_released; next = next + interval) {
+  const Duration interval = saying_interval(sensor.timeout);
+  for (MonoTime next = monotonic_now(); next < end && !is_released(); next = next + interval) {
     ++sample.sequence;
     sample.sensed_at = sample.published_at = monotonic_now();
     server.publish(sample);
@@ -94,7 +70,7 @@ std::expected<void, Refusal> command(const PersonOptions& options) {
   const auto server = ipc::SensorServer::start(config::sensor_socket(directory, sensor->name));
   if (!server) return refusal(kExitUnavailable, server.error());
   release_on_signals();
-  say(**server, options, sensor->timeout);
+  say(**server, options, *sensor);
   return {};
 }
 

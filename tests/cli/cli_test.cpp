@@ -75,9 +75,9 @@ class Cli : public test::Shell {
 
 TEST_F(Cli, HelpOfEveryCommandHasAnExampleAndItsExitCodes) {
   for (const char* command :
-       {"run",         "arm",           "stop",   "reset",  "mark",     "command",      "status",
-        "top",         "report",        "replay", "budget", "margin",   "config check", "config show",
-        "config keys", "config import", "doctor", "deploy", "rollback", "bus up",       "bus disable"}) {
+       {"run",           "arm",    "stop",   "reset",    "mark",   "command",      "gamepad",     "status",
+        "top",           "report", "replay", "budget",   "margin", "config check", "config show", "config keys",
+        "config import", "doctor", "deploy", "rollback", "bus up", "bus disable"}) {
     const Ended help = run(std::string(command) + " --help");
     EXPECT_EQ(help.exit_code, 0) << command;
     const bool has_example = help.output.find("Example: takt ") != std::string::npos ||

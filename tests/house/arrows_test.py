@@ -27,6 +27,7 @@ MAY_USE = {
                          "drivers/guard drivers/torque_output",
     "policy_host": f"{SHARED} executive/trace executive/log",
     "client": f"{SHARED} policy_host",
+    "sensors": f"{SHARED} executive/log",
     "monitor/record": f"{SHARED} executive/incident drivers/bus drivers/protocol",
     "monitor/judge": f"{SHARED} executive/incident drivers/protocol monitor/record",
     "monitor/telemetry": f"{SHARED} executive/incident drivers/protocol monitor/record monitor/judge",
@@ -49,7 +50,7 @@ MAY_USE = {
                     "evidence/review evidence/rollout evidence/study",
     "cli/policy": f"{SHARED} cli policy_host monitor/record evidence/policy",
     "cli/top": f"{SHARED} executive/incident cli cli/run cli/evidence drivers/protocol monitor monitor/record monitor/judge monitor/telemetry",
-    "cli/robot": f"{SHARED} executive/setup cli cli/run drivers/bus drivers/protocol drivers/tools drivers/torque_output monitor/record policy_host simulation systemd/deploy systemd/doctor",
+    "cli/robot": f"{SHARED} executive/setup cli cli/run drivers/bus drivers/protocol drivers/tools drivers/torque_output monitor/record policy_host sensors simulation systemd/deploy systemd/doctor",
     "cli": f"{SHARED}",
 }
 
