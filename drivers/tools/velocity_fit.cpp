@@ -12,11 +12,10 @@ namespace {
 constexpr double kRpmPerRadPerSecond = 60 / (2 * std::numbers::pi);
 constexpr double kWorstKnown = 0.25;  // share: below that a scale says little
 
-template <class... Values>
-std::string text(const char* format, Values... values) {
-  std::array<char, 240> line{};
-  std::snprintf(line.data(), line.size(), format, values...);
-  return line.data();
+std::string decimal(double value, int places) {
+  std::array<char, 40> text{};
+  std::snprintf(text.data(), text.size(), "%.*f", places, value);
+  return text.data();
 }
 
 std::string likely_reason(double scale) {
@@ -68,8 +67,8 @@ VelocityScale VelocityFit::judge() const {
   VelocityScale found;
   const double moved = high_q_ - low_q_;
   if (n_ < kLeastReadings || moved < kLeastMotion) {
-    found.sentence = text("the velocity's scale is not judged: %.0f readings over %.1f deg are too few", n_,
-                          moved * 180 / std::numbers::pi);
+    found.sentence = "the velocity's scale is not judged: " + decimal(n_, 0) + " readings over " +
+                     decimal(moved * 180 / std::numbers::pi, 1) + " deg are too few";
     return found;
   }
   const double tt = tt_ - t_ * t_ / n_, ti = ti_ - t_ * i_ / n_, ii = ii_ - i_ * i_ / n_;
@@ -85,15 +84,17 @@ VelocityScale VelocityFit::judge() const {
   const double mean_speed = moved / std::max(std::abs(scale), 1e-9) / (last_at_ - first_at_).seconds();
   found.uncertainty = step_ / 2 / std::max(mean_speed, fastest_ / 2);
   if (found.uncertainty > kWorstKnown) {
-    found.sentence = text("the velocity's scale is not judged: it comes in steps of %.3f rad/s: jog faster", step_);
+    found.sentence =
+        "the velocity's scale is not judged: it comes in steps of " + decimal(step_, 3) + " rad/s: jog faster";
     return found;
   }
   found.scale = scale;
   const bool right = std::abs(scale - 1) <= kTolerance + found.uncertainty;
   found.verdict = right ? VelocityScale::Verdict::right : VelocityScale::Verdict::wrong;
   if (!right)
-    found.sentence = text("the drive's position changes by %.3f of what its velocity says (known within %.0f %%): %s",
-                          scale, 100 * found.uncertainty, likely_reason(scale).c_str());
+    found.sentence = "the drive's position changes by " + decimal(scale, 3) +
+                     " of what its velocity says (known within " + decimal(100 * found.uncertainty, 0) +
+                     " %): " + likely_reason(scale);
   return found;
 }
 
