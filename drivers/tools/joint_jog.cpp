@@ -21,6 +21,22 @@ std::string degrees(double rad) {
   return text.data();
 }
 
+// In which the drive packs its velocity, rad/s, joint side; 0: it says it in full.
+double velocity_step(const config::Drive& drive) {
+  const double span = 2 * drive.velocity_range / drive.gear_ratio;
+  switch (drive.protocol) {
+    case config::DriveProtocol::mit:
+      return span / 4095;
+    case config::DriveProtocol::robstride:
+      return span / 65535;
+    case config::DriveProtocol::odrive:
+    case config::DriveProtocol::moteus:
+    case config::DriveProtocol::cia402:
+      return 0;
+  }
+  return 0;
+}
+
 bool drives(JointJog::Phase phase) {
   return phase == JointJog::Phase::moving || phase == JointJog::Phase::settling;
 }
@@ -28,7 +44,7 @@ bool drives(JointJog::Phase phase) {
 }  // namespace
 
 JointJog::JointJog(const config::Joint& joint, const JogWish& wish, JointDriver& driver, GravityTerm gravity)
-    : joint_(joint), wish_(wish), driver_(driver), gravity_(std::move(gravity)) {}
+    : joint_(joint), wish_(wish), driver_(driver), gravity_(std::move(gravity)), fit_(velocity_step(joint.drive)) {}
 
 void JointJog::enter(Phase phase, MonoTime now) {
   phase_ = phase;

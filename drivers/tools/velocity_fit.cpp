@@ -31,7 +31,7 @@ std::string likely_reason(double scale) {
 }  // namespace
 
 void VelocityFit::begin(MonoTime at, double q, double dq) {
-  *this = {};
+  *this = VelocityFit(step_);
   first_at_ = last_at_ = at;
   first_q_ = low_q_ = high_q_ = q;
   last_dq_ = dq;
@@ -41,8 +41,6 @@ void VelocityFit::take(MonoTime received_at, double q, double dq) {
   if (!received_at.is_set() || received_at <= last_at_) return;
   if (!first_at_.is_set() || received_at - last_at_ > kLongestGap) return begin(received_at, q, dq);
   integral_ += (dq + last_dq_) / 2 * (received_at - last_at_).seconds();
-  if (const double change = std::abs(dq - last_dq_); change > 1e-9)
-    step_ = step_ == 0 ? change : std::min(step_, change);
   low_q_ = std::min(low_q_, q);
   high_q_ = std::max(high_q_, q);
   fastest_ = std::max(fastest_, std::abs(dq));

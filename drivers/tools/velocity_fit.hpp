@@ -31,6 +31,9 @@ class VelocityFit {
   static constexpr std::size_t kLeastReadings = 50;
   static constexpr Duration kLongestGap = milliseconds(50);  // between two readings; a longer one begins anew
 
+  // `step`: in which the velocity is reported, rad/s; 0: fine enough not to matter.
+  explicit VelocityFit(double step) : step_(step) {}
+
   // A reading with the stamp of the one before is the same one.
   void take(MonoTime received_at, double q, double dq);
   [[nodiscard]] VelocityScale judge() const;
@@ -41,7 +44,7 @@ class VelocityFit {
 
   MonoTime first_at_, last_at_;
   double first_q_ = 0, last_dq_ = 0, integral_ = 0;
-  double low_q_ = 0, high_q_ = 0, fastest_ = 0, step_ = 0;  // step_: smallest change of the reported velocity
+  double low_q_ = 0, high_q_ = 0, fastest_ = 0, step_;
   double n_ = 0, t_ = 0, i_ = 0, q_ = 0, tt_ = 0, ti_ = 0, tq_ = 0, ii_ = 0, iq_ = 0;
 };
 

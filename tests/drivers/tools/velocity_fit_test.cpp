@@ -21,10 +21,11 @@ struct Move {
   double speed = 0.1745;  // rad/s, 10 degrees per second
   std::function<double(double dq)> reported = [](double dq) { return dq; };
   std::function<bool(int reading)> is_lost = [](int) { return false; };
+  double step = 0;  // rad/s
 };
 
 VelocityScale judged(const Move& move) {
-  VelocityFit fit;
+  VelocityFit fit(move.step);
   const double way = std::abs(move.by) / move.speed;
   for (int ms = 0; ms < static_cast<int>(1000 * way) + 700; ++ms) {
     const double t = ms * 1e-3 - 0.2;
@@ -55,11 +56,13 @@ TEST(VelocityFit, AVelocityThatBelongsToItsPositionIsRight) {
 TEST(VelocityFit, CoarseStepsWidenWhatCountsAsRightAndAreTold) {
   constexpr double kStep = 90.0 / 4095;
   for (const double speed : {0.12, 0.16, 0.1745, 0.21, 0.25, 0.3}) {
-    const VelocityScale right = judged({.speed = speed, .reported = [](double dq) { return stepped(dq, kStep); }});
+    const VelocityScale right =
+        judged({.speed = speed, .reported = [](double dq) { return stepped(dq, kStep); }, .step = kStep});
     EXPECT_EQ(right.verdict, Verdict::right) << speed << ": " << right.sentence;
     EXPECT_GT(right.uncertainty, 0.01);
   }
-  const VelocityScale slow = judged({.speed = 0.03, .reported = [](double dq) { return stepped(dq, kStep); }});
+  const VelocityScale slow =
+      judged({.speed = 0.03, .reported = [](double dq) { return stepped(dq, kStep); }, .step = kStep});
   EXPECT_EQ(slow.verdict, Verdict::not_judged);
   EXPECT_NE(slow.sentence.find("jog faster"), std::string::npos) << slow.sentence;
 }
@@ -84,7 +87,7 @@ TEST(VelocityFit, TooLittleIsNotJudged) {
   EXPECT_EQ(judged({.by = 0.01}).verdict, Verdict::not_judged);
   EXPECT_EQ(judged({.is_lost = [](int reading) { return reading % 30 != 0; }}).verdict, Verdict::not_judged);
   EXPECT_NE(judged({.reported = [](double) { return 0.0; }}).sentence.find("reports none"), std::string::npos);
-  VelocityFit empty;
+  const VelocityFit empty(0);
   EXPECT_EQ(empty.judge().verdict, Verdict::not_judged);
 }
 
