@@ -70,6 +70,7 @@ class Loop {
 };
 
 const std::vector<drivers::DriveSetpoint> kNothing(6);
+constexpr int kSetUpTicks = 20;  // until every drive was asked what it is, and is enabled
 
 TEST(RobotPlant, StandbyReportsTheHomePoseAndDoesNotFall) {
   Loop loop(test::demo_arm());
@@ -82,7 +83,7 @@ TEST(RobotPlant, StandbyReportsTheHomePoseAndDoesNotFall) {
 
 TEST(RobotPlant, EnablesAndHoldsTheHomePose) {
   Loop loop(test::demo_arm());
-  for (int ms = 0; ms < 5; ++ms) loop.tick(true, loop.hold_home());
+  for (int ms = 0; ms < kSetUpTicks; ++ms) loop.tick(true, loop.hold_home());
   EXPECT_TRUE(loop.all(DriveState::enabled));
   for (int ms = 0; ms < 3000; ++ms) loop.tick(true, loop.hold_home());
   EXPECT_LT(loop.furthest_from_home(), 0.005);
@@ -163,7 +164,7 @@ TEST(RobotPlant, TorqueArrivesOneStepLate) {
   robot.model->gravity = {0, 0, 0};
   robot.simulation->coulomb = 0;
   Loop loop(robot);
-  for (int ms = 0; ms < 5; ++ms) loop.tick(true, kNothing);
+  for (int ms = 0; ms < kSetUpTicks; ++ms) loop.tick(true, kNothing);
   const Eigen::VectorXd before = loop.arm.state().dq;
   std::vector<drivers::DriveSetpoint> push(6);
   push[0].tau = 10;

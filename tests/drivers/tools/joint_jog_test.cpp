@@ -75,7 +75,11 @@ TEST_F(Jog, MovesAsFarAsAskedAndLetsGo) {
 
 // The drive packs its velocity into four fifths of the range that the file says.
 TEST_F(Jog, AVelocityOfAnotherRangeIsNamed) {
-  config::Drive other = robot_.joints[3].drive;
+  config::Drive& drive = robot_.joints[3].drive;
+  drive.variant = "tmotor";  // a Damiao drive would tell its range, and be refused
+  drive.watchdog_waiver = "a bench";
+  driver_ = make_joint_driver(robot_, 3).value();
+  config::Drive other = drive;
   other.velocity_range *= 0.8;
   device_ = plant::make_device(other, milliseconds(100));
   plant::Frames said;
