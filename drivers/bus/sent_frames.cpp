@@ -13,7 +13,10 @@ bool is_same(const CanFrame& a, const CanFrame& b) {
 }  // namespace
 
 void SentFrames::handed_over(const CanFrame& frame, MonoTime now) noexcept {
-  if (count_ == kRoom) drop(1);
+  if (count_ == kRoom) {
+    has_more_ = true;
+    return;
+  }
   frames_[(first_ + count_) % kRoom] = {frame, now};
   ++count_;
 }
@@ -25,11 +28,20 @@ void SentFrames::left(const CanFrame& frame, MonoTime stamp) noexcept {
     left_at_ = std::max(left_at_, stamp);
     return;
   }
+  if (!has_more_) return;
+  forget();
+  left_at_ = std::max(left_at_, stamp);
+}
+
+void SentFrames::forget() noexcept {
+  count_ = 0;
+  has_more_ = false;
 }
 
 void SentFrames::drop(std::size_t frames) noexcept {
   first_ = (first_ + frames) % kRoom;
   count_ -= frames;
+  if (count_ == 0) has_more_ = false;
 }
 
 }  // namespace takt::drivers

@@ -2,8 +2,9 @@
 //
 // A controller hands a frame back once it is on the wire. Frames leave in the order in which they were handed over, so
 // one that comes back also ends the wait of those before it: they were lost on the way. What comes back and was not
-// handed over, or was already believed lost, says nothing. At most kRoom frames are kept; of more, the oldest is
-// forgotten. Thread rule: one thread at a time. No allocation; bounded by kRoom.
+// handed over, or was already believed lost, says nothing. The kRoom oldest that wait are followed; once a frame comes
+// back that is none of them, though more were handed over than that, they were lost. Thread rule: one thread at a time.
+// No allocation; bounded by kRoom.
 #pragma once
 
 #include <array>
@@ -22,7 +23,7 @@ class SentFrames {
   // `frame` was on the wire at `stamp`.
   void left(const CanFrame& frame, MonoTime stamp) noexcept;
   // What waited was thrown away: the interface went down, or the controller off the bus.
-  void forget() noexcept { count_ = 0; }
+  void forget() noexcept;
 
   [[nodiscard]] MonoTime left_at() const noexcept { return left_at_; }
   [[nodiscard]] MonoTime waiting_since() const noexcept { return count_ == 0 ? MonoTime{} : at(0).since; }
@@ -37,6 +38,7 @@ class SentFrames {
 
   std::array<Sent, kRoom> frames_{};
   std::size_t first_ = 0, count_ = 0;
+  bool has_more_ = false;  // were handed over while there was no room
   MonoTime left_at_;
 };
 

@@ -68,6 +68,20 @@ TEST(SentFrames, WhatWasThrownAwayWaitsNoMore) {
   EXPECT_EQ(sent.waiting_since(), at(5));
 }
 
+// A dead bus is given hundreds: it is the first of them that grows old.
+TEST(SentFrames, OfMoreThanThereIsRoomForTheOldestStillWaits) {
+  SentFrames sent;
+  for (std::uint8_t number = 0; number < 200; ++number) sent.handed_over(frame_of(number), at(1 + number));
+  EXPECT_EQ(sent.waiting_since(), at(1));
+  sent.left(frame_of(0), at(300));
+  EXPECT_EQ(sent.waiting_since(), at(2));
+  sent.left(frame_of(199), at(400));
+  EXPECT_FALSE(sent.waiting_since().is_set()) << "those before it were lost";
+  EXPECT_EQ(sent.left_at(), at(400));
+  sent.handed_over(frame_of(1), at(500));
+  EXPECT_EQ(sent.waiting_since(), at(500));
+}
+
 RC_GTEST_PROP(SentFrames, AgreesWithAPlainList, (const std::vector<std::uint8_t>& doings)) {
   SentFrames sent;
   std::vector<std::pair<std::uint8_t, MonoTime>> waiting;
@@ -76,7 +90,7 @@ RC_GTEST_PROP(SentFrames, AgreesWithAPlainList, (const std::vector<std::uint8_t>
   for (const std::uint8_t doing : doings) {
     ++now;
     if (doing % 2 == 0 || waiting.empty()) {
-      if (waiting.size() == SentFrames::kRoom) waiting.erase(waiting.begin());
+      if (waiting.size() == SentFrames::kRoom) continue;
       waiting.emplace_back(next, at(now));
       sent.handed_over(frame_of(next++), at(now));
     } else {

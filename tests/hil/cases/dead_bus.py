@@ -13,6 +13,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 from rig.wire_age import MAX_AGE_MS, WRITE_MS, Run  # noqa: E402
 
 ENOUGH = 5_000
+ON_VCAN0 = 3  # arm6's first joints
 STAMP_NS = 1000  # both logs cut to microseconds
 
 
@@ -21,7 +22,8 @@ def main():
     run = Run(out)
     written = collections.defaultdict(list)
     for joint, data, stamp in run.command_frames(run.folder / "can.log", "T"):
-        written[joint, data].append(stamp)
+        if joint < ON_VCAN0:
+            written[joint, data].append(stamp)
     ages, longest_ms, thrown = [], 0.0, sum(map(len, written.values()))
     for joint, data, stamp in run.command_frames(out / "frames.log"):
         candidates = written[joint, data]
