@@ -110,7 +110,8 @@ TEST(PolicyReplayProcess, ARunIsReplayedThroughItsNetworkAndThroughAnother) {
 TEST(PolicyReplayProcess, ARunThatRecordsNoInputsSaysSo) {
   RunningRobot robot({}, "config/arm6.yaml", {{"record.policy_inputs", "false"}});
   const Child policy = robot.start_policy_host();
-  ASSERT_TRUE(robot.wait_until([](const StatusSnapshot& s) { return s.tick.freshness == Freshness::fresh; }));
+  ASSERT_TRUE(robot.wait_until(
+      [](const StatusSnapshot& s) { return s.tick.freshness == Freshness::fresh && s.tick.recorded_through != 0; }));
   ASSERT_TRUE(robot.finish()) << robot.logs();
   const Judged judged = replay_policy(robot, robot.run_directory(), {});
   EXPECT_EQ(judged.exit_code, 1);
