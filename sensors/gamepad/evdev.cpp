@@ -59,7 +59,7 @@ std::string list_of(std::span<const Named> all) {
 bool has_button(int fd, std::uint16_t button) {
   std::array<unsigned char, KEY_MAX / 8 + 1> bits{};
   if (::ioctl(fd, EVIOCGBIT(EV_KEY, sizeof(bits)), bits.data()) < 0) return false;
-  return ((bits[button / 8U] >> (button % 8U)) & 1U) != 0;
+  return ((unsigned{bits[button / 8U]} >> (button % 8U)) & 1U) != 0;
 }
 
 // What keeps the device from being this gamepad; empty: nothing.
@@ -72,7 +72,7 @@ std::string unfit(int fd, const std::string& path, std::vector<Stick>& sticks, s
                        known_buttons());
   for (Stick& stick : sticks) {
     input_absinfo info{};
-    if (::ioctl(fd, EVIOCGABS(stick.code), &info) < 0 || info.minimum >= info.maximum)
+    if (::ioctl(fd, EVIOCGABS(unsigned{stick.code}), &info) < 0 || info.minimum >= info.maximum)
       return fmt::format("{} has no stick {}: name another in --sticks ({})", path, name_of(kSticks, stick.code),
                          known_sticks());
     stick.minimum = info.minimum;
