@@ -17,7 +17,6 @@ takt bus up --robot $PLANT_ROBOT || fail "takt bus up of the plant"
 is_up() { is_active takt-can@"$1" && ip -d link show "$1" | grep -q 'bitrate 1000000'; }
 has_ended() { [ "$(systemctl show -P ActiveState takt-can@"$1")" = inactive ]; }
 systemctl enable takt-can@can0 takt-can@can2
-for name in can0 can2; do udevadm trigger --action=add /sys/class/net/$name; done
 plant --on-hardware
 takt_up
 for name in can0 can2; do within 5 "takt-can@$name" is_up $name; done
