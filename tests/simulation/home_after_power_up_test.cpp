@@ -64,7 +64,11 @@ bool home_is_unknown(const test::DriveLoop& loop) {
 }
 
 bool can_be_enabled(test::DriveLoop& loop) {
-  const bool enabled = loop.ticks_until(DriveState::enabled, true) >= 0;
+  bool enabled = false;
+  for (int i = 0; i < 1000 && !enabled; ++i) {
+    loop.tick(true);
+    enabled = loop.device->state() == DeviceState::enabled;
+  }
   wait(loop);
   return enabled;
 }

@@ -46,7 +46,7 @@ class Search : public testing::Test {
     const double motor = device_->update({q_, dq_}, now_, milliseconds(1), answers);
     const double torque = is_wired_backwards_ ? -motor : motor;
     most_torque_ = std::max(most_torque_, std::abs(torque + double{robot_.joints[3].kd} * dq_));
-    dq_ += 0.001 * (torque + load_ - 0.2 * dq_) / kInertia;
+    dq_ += 0.001 * (torque + load_ - viscous_ * dq_) / kInertia;
     q_ += 0.001 * dq_;
     if (q_ > wall_) {
       q_ = wall_;
@@ -65,6 +65,7 @@ class Search : public testing::Test {
   std::unique_ptr<plant::Device> device_;
   MonoTime now_{1};
   double q_ = 0.3, dq_ = 0, wall_ = 1.0, most_torque_ = 0, load_ = 0, stop_at_ = 0;
+  double viscous_ = 0.2;  // Nm s/rad
   bool is_there_ = true, is_wired_backwards_ = false;
   std::optional<double> fault_at_;
   std::string failure_;
@@ -114,6 +115,15 @@ TEST_F(Search, OneThatIsPulledAlongIsLetGo) {
   load_ = 3;
   run(kWish);
   EXPECT_NE(failure_.find("ran ahead"), std::string::npos) << failure_;
+}
+
+// It creeps along, and is neither there nor still.
+TEST_F(Search, OneThatTakesTooLongIsLetGo) {
+  viscous_ = 16;
+  wall_ = 10;
+  run(kWish);
+  EXPECT_NE(failure_.find("took too long"), std::string::npos) << failure_;
+  EXPECT_LT(q_, 1.8);
 }
 
 TEST_F(Search, AFaultOfTheDriveEndsIt) {
