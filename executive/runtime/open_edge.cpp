@@ -11,8 +11,8 @@
 #include <utility>
 
 #include "drivers/bus/open_bus.hpp"
+#include "drivers/protocol/home_note.hpp"
 #include "drivers/protocol/protocol_table.hpp"
-#include "drivers/tools/home_note.hpp"
 #include "executive/runtime/exit_codes.hpp"
 
 namespace takt::runtime {

@@ -11,7 +11,7 @@
 #include <fstream>
 #include <numbers>
 
-#include "drivers/tools/home_note.hpp"
+#include "drivers/protocol/home_note.hpp"
 
 namespace takt::drivers {
 namespace {

@@ -1,11 +1,9 @@
-#include "drivers/tools/home_note.hpp"
+#include "drivers/protocol/home_note.hpp"
 
 #include <cmath>
 #include <ctime>
 #include <filesystem>
 #include <fstream>
-
-#include "drivers/tools/home_place.hpp"
 
 namespace takt::drivers {
 namespace {
@@ -26,6 +24,10 @@ std::int64_t since_boot_ns() {
   timespec now{};
   ::clock_gettime(CLOCK_BOOTTIME, &now);
   return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
+}
+
+bool cannot_be_told(const config::Drive& drive) {
+  return drive.position_after_power_up == config::PositionAfterPowerUp::one_of_several;
 }
 
 std::optional<HomeNote> read_note(const std::string& path, const config::RobotConfig& robot) {
@@ -63,7 +65,7 @@ std::vector<std::optional<HomeNote>> take_home_notes(const std::string& runtime_
   std::vector<std::optional<HomeNote>> notes;
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
     notes.emplace_back();
-    if (place_step(robot.joints[joint].drive) == 0) continue;
+    if (!cannot_be_told(robot.joints[joint].drive)) continue;
     const std::string path = file_of(runtime_directory, joint);
     const auto note = read_note(path, robot);
     std::error_code failed;
