@@ -1,8 +1,10 @@
 // takt bus up: the kernel's CAN interfaces get the bit timing of the robot file, so that it stands in one place only.
 #include <fmt/format.h>
+#include <net/if.h>
 
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <vector>
 
@@ -87,21 +89,32 @@ std::expected<void, Refusal> bring_up(const config::RobotConfig& robot, std::siz
   return {};
 }
 
+bool is_up(const std::string& interface) {
+  std::ifstream file("/sys/class/net/" + interface + "/flags");
+  unsigned flags = 0;
+  return (file >> std::hex >> flags) && (flags & IFF_UP) != 0;
+}
+
 std::expected<int, Refusal> up(const BusUpOptions& options) {
   const auto robot = load_robot(options.robot_file, {});
   if (!robot) return std::unexpected(robot.error());
-  if (!options.dry_run) {
-    if (const auto disarmed = require_disarmed(robot->executives); !disarmed) return std::unexpected(disarmed.error());
-  }
-  bool any = false;
+  std::vector<std::size_t> chosen;
+  bool carries = false;  // one of them: it would be taken from under a robot that moves
   for (std::size_t index = 0; index < robot->config.buses.size(); ++index) {
-    if (!options.interface.empty() && robot->config.buses[index].interface != options.interface) continue;
-    any = true;
-    if (const auto done = bring_up(robot->config, index, options.dry_run); !done) return std::unexpected(done.error());
+    const std::string& interface = robot->config.buses[index].interface;
+    if (!options.interface.empty() && interface != options.interface) continue;
+    chosen.push_back(index);
+    carries = carries || is_up(interface);
   }
-  if (!any)
+  if (chosen.empty())
     return std::unexpected(
         Refusal{kExitUsage, fmt::format("{} has no bus on interface {}", options.robot_file, options.interface)});
+  if (carries && !options.dry_run) {
+    if (const auto disarmed = require_disarmed(robot->executives); !disarmed) return std::unexpected(disarmed.error());
+  }
+  for (const std::size_t index : chosen) {
+    if (const auto done = bring_up(robot->config, index, options.dry_run); !done) return std::unexpected(done.error());
+  }
   return kExitOk;
 }
 
@@ -116,7 +129,7 @@ void add_bus_up(CLI::App& bus, int& exit_code) {
   command->footer(
       "Example: sudo takt bus up --robot robot.yaml\n"
       "takt-can@IFACE.service does this for one interface when its adapter appears.\n"
-      "Refused while the robot is armed: an interface goes down before its bit rates change.\n"
+      "Refused of interfaces that are up while the robot is armed: they go down before their bit rates change.\n"
       "Exit codes: 0 up, 1 armed, or the kernel refused, 64 command line, 65 configuration, 69 no such interface.");
   command->callback([options, &exit_code] {
     const auto done = up(*options);

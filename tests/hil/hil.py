@@ -2,7 +2,7 @@
 """Runs Takt in an emulated robot PC: Debian's PREEMPT_RT kernel, systemd as PID 1, CAN interfaces.
 
   hil.py --package FOLDER [--jobs N] [--wall-limit S] [FILTER]   FOLDER with a takt_*.deb; FILTER: regular expression on the cases' names
-  hil.py --package FOLDER --planted [FILTER]   each case with its planted fault: it must fail
+  hil.py --package FOLDER --planted [FILTER]   each case with each of its planted faults: it must fail
   hil.py --package FOLDER --native             what needs no guest, on this machine's own vcan
   hil.py --list [FILTER]
 
@@ -24,7 +24,7 @@ import subprocess
 import sys
 import time
 
-from rig.case import BadCase, Case, all_cases, matching, script
+from rig.case import BadCase, Case, all_cases, matching, script, script_with_fault
 from rig.machine import QEMU, run_machine
 from rig.package import BadPackage, hand_over, hash_of, package_in, programs_of, required_packages
 from rig.saved import NotInstalled, NotSaved, begins_saved, goes_on_from, installed, save_if_missing
@@ -35,12 +35,27 @@ EXIT_FAILED, EXIT_USAGE, EXIT_UNAVAILABLE, EXIT_INTERRUPTED = 1, 64, 69, 130
 
 
 @dataclasses.dataclass(frozen=True)
+class Run:
+    name: str  # of the case; with one of several planted faults, its number behind
+    case: Case
+    script: str
+
+
+@dataclasses.dataclass(frozen=True)
 class Verdict:
     case: str
     mode: str
     result: str  # passed | failed | limit | no verdict; with its planted fault: found | missed | no verdict
     wall_s: float
     cpu_s: float  # of qemu
+
+
+def runs_of(case: Case, planted: bool) -> list[Run]:
+    if not planted:
+        return [Run(case.name, case, script(case))]
+    faults = case.planted_by
+    return [Run(case.name if len(faults) == 1 else f"{case.name}-{number}", case, script_with_fault(case, by))
+            for number, by in enumerate(faults, 1)]
 
 
 def cache_folder() -> pathlib.Path:
@@ -70,8 +85,9 @@ def installation_job(case: Case, options: argparse.Namespace) -> pathlib.Path:
     return job
 
 
-def case_job(case: Case, options: argparse.Namespace) -> pathlib.Path:
-    job = empty_job(case.name, options)
+def case_job(run: Run, options: argparse.Namespace) -> pathlib.Path:
+    case = run.case
+    job = empty_job(run.name, options)
     if not begins_saved(case):
         hand_over(options.package, job)
     shutil.copytree(HERE / "lib", job / "lib")
@@ -82,7 +98,7 @@ def case_job(case: Case, options: argparse.Namespace) -> pathlib.Path:
     (job / "lib/tools").mkdir()
     for tool in options.tool:
         subprocess.run(["strip", "-s", "-o", str(job / "lib/tools" / tool.name), str(tool)], check=True)
-    (job / "case").write_text(script(case, options.planted))
+    (job / "case").write_text(run.script)
     (job / "case").chmod(0o755)
     (job / "environment").write_text(f"HIL_MODE={case.mode}\nHIL_LIMIT_S={case.limit_s}\n")
     return job
@@ -111,45 +127,46 @@ def replay_failure(case: Case, job: pathlib.Path, takt: pathlib.Path) -> str:
     return "no run with a tick was recorded" if case.records and replayed == 0 else ""
 
 
-def judge_failure(case: Case, job: pathlib.Path) -> str:
+def judge_failure(run: Run, job: pathlib.Path) -> str:
     """What CASE.py beside CASE.sh finds in what the guest left; its figures are printed. Empty: there is none, or all is well."""
-    judge = case.path.with_suffix(".py")
+    judge = run.case.path.with_suffix(".py")
     if not judge.exists():
         return ""
     judged = subprocess.run([str(judge), str(job / "out")], check=False, capture_output=True, text=True)
-    print(f"{case.name:18} | {judged.stdout.strip()}", flush=True)
+    print(f"{run.name:18} | {judged.stdout.strip()}", flush=True)
     return "" if judged.returncode == 0 else judged.stderr.strip() or f"{judge}: exit code {judged.returncode}"
 
 
-def run_case(case: Case, image: pathlib.Path, options: argparse.Namespace) -> Verdict:
-    job = case_job(case, options)
+def run_case(run: Run, image: pathlib.Path, options: argparse.Namespace) -> Verdict:
+    case = run.case
+    job = case_job(run, options)
     start = []
     if begins_saved(case):
         package_hash = hash_of(options.package)
         save_if_missing(case, image, lambda: installation_job(case, options), package_hash)
         start = goes_on_from(installed(case, image, package_hash))
     began = time.monotonic()
-    ending = run_machine(case, image, job, options.wall_limit, lambda line: print(f"{case.name:18} | {line}", flush=True), start)
+    ending = run_machine(case, image, job, options.wall_limit, lambda line: print(f"{run.name:18} | {line}", flush=True), start)
     result = result_of(job, ending.in_time)
-    if result == "passed" and (failure := judge_failure(case, job)):
-        print(f"{case.name:18} | {failure}", flush=True)
+    if result == "passed" and (failure := judge_failure(run, job)):
+        print(f"{run.name:18} | {failure}", flush=True)
         result = "failed"
     if options.planted:
         result = {"passed": "missed", "failed": "found", "limit": "found"}.get(result, result)
-    verdict = Verdict(case.name, case.mode, result, round(time.monotonic() - began, 1), round(ending.cpu_s, 1))
+    verdict = Verdict(run.name, case.mode, result, round(time.monotonic() - began, 1), round(ending.cpu_s, 1))
     if verdict.result == "passed" and (failure := replay_failure(case, job, options.takt)):
-        print(f"{case.name:18} | {failure}", flush=True)
+        print(f"{run.name:18} | {failure}", flush=True)
         verdict = dataclasses.replace(verdict, result="failed")
     shutil.rmtree(job / "lib", ignore_errors=True)
     (job / "takt.deb").unlink(missing_ok=True)
     hint = f": look at {job}/console.log, qemu.log and out/" if verdict.result in ("limit", "no verdict") else ""
-    print(f"{case.name:18} | {verdict.result}, {time.monotonic() - options.began:.0f} s after the start{hint}", flush=True)
+    print(f"{run.name:18} | {verdict.result}, {time.monotonic() - options.began:.0f} s after the start{hint}", flush=True)
     return verdict
 
 
-def run_all(cases: list[Case], image: pathlib.Path, options: argparse.Namespace) -> list[Verdict]:
+def run_all(runs: list[Run], image: pathlib.Path, options: argparse.Namespace) -> list[Verdict]:
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
-        running = [pool.submit(run_case, case, image, options) for case in cases]
+        running = [pool.submit(run_case, run, image, options) for run in runs]
         try:
             return [one.result() for one in running]
         except BaseException:
@@ -180,7 +197,7 @@ def arguments() -> argparse.Namespace:
     parser.error = lambda message: sys.exit(refuse(EXIT_USAGE, message))  # type: ignore[method-assign,assignment]
     parser.add_argument("filter", nargs="?", help="regular expression on the cases' names")
     parser.add_argument("--list", action="store_true", help="name the cases and end")
-    parser.add_argument("--planted", action="store_true", help="run each case with the fault that its header plants: it must fail")
+    parser.add_argument("--planted", action="store_true", help="run each case with each fault that its header plants: it must fail")
     parser.add_argument("--native", action="store_true", help="run what needs no guest on this machine's own vcan")
     parser.add_argument("--package", type=pathlib.Path, help="folder with the takt_*.deb that is tested")
     parser.add_argument("--tool", type=pathlib.Path, action="append", default=[], help="program that cases need beside Takt")
@@ -201,6 +218,7 @@ def main() -> int:
     options = arguments()
     try:
         cases = matching(all_cases(options.cases), options.filter)
+        runs = [run for case in cases for run in runs_of(case, options.planted)]
     except BadCase as problem:
         return refuse(EXIT_USAGE, str(problem))
     if not cases:
@@ -224,7 +242,7 @@ def main() -> int:
     try:
         image = build_guest(options.package)
         options.takt = programs_of(options.package, options.out / "unpacked") / "takt"
-        verdicts = run_all(cases, image, options)
+        verdicts = run_all(runs, image, options)
     except (BadPackage, NotSaved) as problem:
         return refuse(EXIT_UNAVAILABLE, str(problem))
     except NotInstalled as problem:

@@ -13,7 +13,7 @@ from unittest import mock
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 import hil
 from rig import machine, package, saved
-from rig.case import BadCase, Case, all_cases, matching, read_case, script
+from rig.case import BadCase, Case, all_cases, matching, read_case, script_with_fault
 
 HEADER = ("#!/bin/bash\n# Goal: g\n# Method: one\n#   two\n# Mode: virtual\n# Limit: 7 s\n# Planted fault: f\n"
           "# Planted by: s/^echo/false/\necho\n# Mode: paced\n")
@@ -38,26 +38,31 @@ class Headers(Folder):
 
     def test_refuses_what_it_cannot_use(self) -> None:
         for wrong in (HEADER.replace("Mode: virtual", "Mode: fast"), HEADER.replace("# Goal", "# Gaol"),
-                      HEADER.replace("7 s", "7 min"), HEADER.replace("# Limit", "# Machine: vax\n# Limit")):
+                      HEADER.replace("7 s", "7 min"), HEADER.replace("# Limit", "# Machine: vax\n# Limit"),
+                      HEADER.replace("# Limit", "# Limit: 8 s\n# Limit"), HEADER.replace("# Limit", "# Planted fault: another\n# Limit")):
             with self.assertRaises(BadCase):
                 self.case(wrong)
 
     def test_every_case_is_readable_and_can_be_given_its_planted_fault(self) -> None:
-        cases = all_cases(hil.HERE / "cases")
+        cases = [*all_cases(hil.HERE / "cases"), *all_cases(hil.HERE / "bench")]
         self.assertGreater(len(cases), 10)
         for case in cases:
-            changed = script(case, planted=True)
-            self.assertEqual(subprocess.run(["bash", "-n"], input=changed, text=True, check=False).returncode, 0, case.name)
+            for run in hil.runs_of(case, planted=True):
+                self.assertEqual(subprocess.run(["bash", "-n"], input=run.script, text=True, check=False).returncode, 0, run.name)
 
-    def test_plants_the_fault_only_when_asked(self) -> None:
+    def test_plants_faults_only_when_asked_and_each_by_itself(self) -> None:
         case = self.case(HEADER)
-        self.assertEqual(script(case, planted=False), HEADER)
-        self.assertEqual(script(case, planted=True), HEADER.replace("\necho", "\nfalse"))
+        self.assertEqual([(run.name, run.script) for run in hil.runs_of(case, planted=False)], [("one", HEADER)])
+        self.assertEqual([(run.name, run.script) for run in hil.runs_of(case, planted=True)],
+                         [("one", HEADER.replace("\necho", "\nfalse"))])
+        two = HEADER.replace("# Limit", "# Planted fault: g\n# Planted by: s/^echo/true/\n# Limit")
+        self.assertEqual([(run.name, run.script) for run in hil.runs_of(self.case(two), planted=True)],
+                         [("one-1", two.replace("\necho", "\ntrue")), ("one-2", two.replace("\necho", "\nfalse"))])
 
     def test_refuses_a_fault_that_changes_nothing(self) -> None:
         for by in ("s/^nothing/false/", "s/unfinished"):
             with self.assertRaises(BadCase):
-                script(self.case(HEADER.replace("s/^echo/false/", by)), planted=True)
+                script_with_fault(self.case(HEADER), by)
 
     def test_a_short_limit_comes_first(self) -> None:
         for name, limit in (("a", "9 s"), ("b", "10 s"), ("c", "9 s")):

@@ -2,8 +2,8 @@
 
 Header lines, comments at the top of the file: `Goal:`, `Method:`, `Mode: virtual|paced` (one CPU in virtual time, or two
 CPUs at real pace), `Limit: N s` of the guest's time, and, where the machine needs more than vcan, `Machine: kvaser`
-or `Machine: watchdog`; further `Planted fault:`, in words, and `Planted by:`, the sed expression that puts it into the case;
-`Runs: none` where no monitor records, `Replay: partly` where one comes late, so that
+or `Machine: watchdog`; further, once or more often, `Planted fault:`, in words, followed by `Planted by:`, the sed expression that
+puts it into the case; `Runs: none` where no monitor records, `Replay: partly` where one comes late, so that
 not every tick can be judged.
 A line that begins with two more spaces goes on where the one above ended.
 """
@@ -17,6 +17,7 @@ import subprocess
 MODES = ("virtual", "paced")
 MACHINES = ("plain", "kvaser", "watchdog")
 REQUIRED = ("Goal", "Method", "Planted fault", "Planted by")
+REPEATED = ("Planted fault", "Planted by")
 HEADER = re.compile(rf"# ({'|'.join(REQUIRED)}|Mode|Limit|Machine|Runs|Replay): (.*)")
 
 
@@ -29,7 +30,7 @@ class Case:
     name: str
     path: pathlib.Path
     goal: str
-    planted_by: str
+    planted_by: tuple[str, ...]
     mode: str
     machine: str
     limit_s: int
@@ -37,17 +38,17 @@ class Case:
     replay: str = "whole"
 
 
-def read_header(text: str) -> dict[str, str]:
-    fields: dict[str, str] = {}
+def read_header(text: str) -> dict[str, list[str]]:
+    fields: dict[str, list[str]] = {}
     last = None
     for line in text.splitlines():
         if not line.startswith("#"):
             break
         if match := HEADER.match(line):
             last = match[1]
-            fields[last] = match[2].strip()
+            fields.setdefault(last, []).append(match[2].strip())
         elif last and line.startswith("#   "):
-            fields[last] += " " + line[1:].strip()
+            fields[last][-1] += " " + line[1:].strip()
     return fields
 
 
@@ -58,13 +59,18 @@ def one_of(path: pathlib.Path, field: str, value: str | None, allowed: tuple[str
 
 
 def read_case(path: pathlib.Path) -> Case:
-    header = read_header(path.read_text())
-    if missing := [field for field in REQUIRED if field not in header]:
+    fields = read_header(path.read_text())
+    if missing := [field for field in REQUIRED if field not in fields]:
         raise BadCase(f"{path}: its header lacks `# {missing[0]}:`")
+    if len(fields["Planted fault"]) != len(fields["Planted by"]):
+        raise BadCase(f"{path}: its header needs one `# Planted by:` for each `# Planted fault:`")
+    if twice := [field for field, values in fields.items() if len(values) > 1 and field not in REPEATED]:
+        raise BadCase(f"{path}: its header has `# {twice[0]}:` twice")
+    header = {field: values[0] for field, values in fields.items()}
     limit = re.fullmatch(r"(\d+) s", header.get("Limit", "60 s"))
     if not limit:
         raise BadCase(f"{path}: `# Limit: {header['Limit']}` should read like `# Limit: 60 s`")
-    return Case(path.stem, path, header["Goal"], header["Planted by"],
+    return Case(path.stem, path, header["Goal"], tuple(fields["Planted by"]),
                 one_of(path, "Mode", header.get("Mode"), MODES),
                 one_of(path, "Machine", header.get("Machine", "plain"), MACHINES), int(limit[1]),
                 one_of(path, "Runs", header.get("Runs", "some"), ("some", "none")) == "some",
@@ -82,12 +88,15 @@ def matching(cases: list[Case], pattern: str | None) -> list[Case]:
     return [case for case in cases if not pattern or re.search(pattern, case.name)]
 
 
-def script(case: Case, planted: bool) -> str:
-    """What the guest runs: the case, or the case with its planted fault."""
-    text = case.path.read_text()
-    if not planted:
-        return text
-    changed = subprocess.run(["sed", "-e", case.planted_by], input=text, capture_output=True, text=True, check=False)
+def script(case: Case) -> str:
+    """What the guest runs."""
+    return case.path.read_text()
+
+
+def script_with_fault(case: Case, planted_by: str) -> str:
+    """The case with one of its planted faults."""
+    text = script(case)
+    changed = subprocess.run(["sed", "-e", planted_by], input=text, capture_output=True, text=True, check=False)
     if changed.returncode != 0 or changed.stdout == text:
-        raise BadCase(f"{case.path}: `# Planted by: {case.planted_by}` changes nothing {changed.stderr.strip()}".rstrip())
+        raise BadCase(f"{case.path}: `# Planted by: {planted_by}` changes nothing {changed.stderr.strip()}".rstrip())
     return changed.stdout
