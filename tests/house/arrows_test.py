@@ -44,7 +44,7 @@ MAY_USE = {
     "evidence/panel": f"{SHARED} executive/incident policy_host simulation monitor/record monitor/judge evidence/artifact evidence/judge evidence/rollout",
     "evidence/study": f"{SHARED} executive/pipeline executive/setup drivers/protocol simulation monitor/record monitor/judge evidence/review "
                       "evidence/rollout evidence/panel",
-    "systemd/doctor": f"{SHARED}",
+    "systemd/doctor": f"{SHARED} drivers/bus",
     "systemd/deploy": f"{SHARED} policy_host evidence/rollout",
     "cli/run": f"{SHARED} executive/incident cli drivers/protocol monitor/record",
     "cli/evidence": f"{SHARED} cli cli/run monitor/record evidence/artifact evidence/data_set evidence/judge evidence/panel "
