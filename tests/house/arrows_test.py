@@ -37,6 +37,7 @@ MAY_USE = {
     "evidence/review": f"{SHARED} executive/incident executive/pipeline executive/setup monitor/record monitor/judge",
     "evidence/policy": f"{SHARED} policy_host monitor/record",
     "evidence/artifact": f"{SHARED} monitor/record monitor/judge evidence/review",
+    "evidence/data_set": f"{SHARED} monitor/record evidence/artifact",
     "evidence/judge": f"{SHARED} executive/incident monitor/record monitor/judge evidence/review evidence/artifact",
     "evidence/rollout": f"{SHARED} executive/pipeline executive/setup drivers/bus drivers/protocol drivers/guard policy_host "
                         "monitor/judge simulation evidence/artifact",
@@ -46,7 +47,7 @@ MAY_USE = {
     "systemd/doctor": f"{SHARED} drivers/bus",
     "systemd/deploy": f"{SHARED} policy_host evidence/rollout",
     "cli/run": f"{SHARED} executive/incident cli drivers/protocol monitor/record",
-    "cli/evidence": f"{SHARED} cli cli/run monitor/record evidence/artifact evidence/judge evidence/panel "
+    "cli/evidence": f"{SHARED} cli cli/run monitor/record evidence/artifact evidence/data_set evidence/judge evidence/panel "
                     "evidence/review evidence/rollout evidence/study",
     "cli/policy": f"{SHARED} cli policy_host monitor/record evidence/policy",
     "cli/top": f"{SHARED} executive/incident cli cli/run cli/evidence drivers/protocol monitor monitor/record monitor/judge monitor/telemetry",
