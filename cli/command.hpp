@@ -16,6 +16,7 @@ inline constexpr int kExitOk = 0;
 inline constexpr int kExitFailed = 1;         // the check failed, the request was refused
 inline constexpr int kExitNotJudged = 2;      // replay: what was judged reproduces, but not all could be judged
 inline constexpr int kExitStopped = 2;        // a stop or fault that nobody asked for stands
+inline constexpr int kExitWrongScale = 3;     // joint jog: it moved as asked, and its velocity is another quantity
 inline constexpr int kExitUsage = 64;         // command line
 inline constexpr int kExitUnavailable = 69;   // a needed process, socket or bus is not there
 inline constexpr int kExitInternal = 70;      // our own bug
@@ -49,10 +50,11 @@ void add_trace(CLI::App& app, int& exit_code);
 void add_trace_review(CLI::App& trace, int& exit_code);  // below add_trace's
 void add_config(CLI::App& app, int& exit_code);
 void add_bus(CLI::App& app, int& exit_code);
-void add_bus_scan(CLI::App& bus, int& exit_code);     // below add_bus's
-void add_bus_zero(CLI::App& bus, int& exit_code);     // below add_bus's
-void add_bus_up(CLI::App& bus, int& exit_code);       // below add_bus's
-void add_bus_disable(CLI::App& bus, int& exit_code);  // below add_bus's
+void add_bus_scan(CLI::App& bus, int& exit_code);      // below add_bus's
+void add_bus_zero(CLI::App& bus, int& exit_code);      // below add_bus's
+void add_joint_home(CLI::App& joint, int& exit_code);  // below add_joint's
+void add_bus_up(CLI::App& bus, int& exit_code);        // below add_bus's
+void add_bus_disable(CLI::App& bus, int& exit_code);   // below add_bus's
 void add_joint(CLI::App& app, int& exit_code);
 void add_audit(CLI::App& app, int& exit_code);
 void add_compare(CLI::App& app, int& exit_code);

@@ -75,6 +75,13 @@ void check_drive(const Joint& joint, const Bus& bus, std::size_t i, Checker& che
                   joint_path(i, "drive.mode"),
                   "makes the drive hold a position or speed of its own; a passive joint needs cst");
   checker.require(drive.direction != 0, joint_path(i, "drive.direction"), "0 is no direction; write 1 or -1");
+  const bool counts_from_anywhere = drive.position_after_power_up == PositionAfterPowerUp::unknown;
+  const bool counts_in_steps = drive.position_after_power_up == PositionAfterPowerUp::one_of_several;
+  checker.require(!counts_from_anywhere || drive.protocol == DriveProtocol::odrive,
+                  joint_path(i, "drive.position_after_power_up"),
+                  "unknown is for ODrives with an incremental encoder; write absolute or one_of_several");
+  checker.require(!counts_in_steps || drive.variant == "tmotor", joint_path(i, "drive.position_after_power_up"),
+                  "one_of_several is for T-Motor drives with one encoder; write absolute or, of an ODrive, unknown");
   if (drive.protocol != DriveProtocol::mit) return;
   checker.require(drive.id != drive.reply_id, joint_path(i, "drive.reply_id"),
                   fmt::format("0x{:x} is the drive's own id; choose another", drive.reply_id));

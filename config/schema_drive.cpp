@@ -11,6 +11,7 @@ namespace {
 constexpr std::array<std::string_view, 5> kProtocols{"mit", "robstride", "odrive", "moteus", "cia402"};
 constexpr std::array<std::string_view, 2> kVariants{"tmotor", "damiao"};
 constexpr std::array<std::string_view, 3> kCia402Modes{"csp", "csv", "cst"};
+constexpr std::array<std::string_view, 3> kPositionsAfterPowerUp{"absolute", "unknown", "one_of_several"};
 constexpr std::array<std::string_view, 5> kVelocityUnits{"counts_per_s", "rpm", "tenth_rpm", "hundredth_rpm",
                                                          "thousandth_rpm"};
 
@@ -82,6 +83,21 @@ void describe_packed_ranges(Fields& fields, Drive& drive) {
   range("kd_range", "mit, robstride: packed damping spans 0 to this", drive.kd_range, from.kd, Dimension::damping);
 }
 
+// moteus tells it; of the others nobody knows such drives.
+void describe_position_after_power_up(Fields& fields, Drive& drive) {
+  fields.choice({"position_after_power_up",
+                 "mit (tmotor), odrive: absolute, it is the joint's; odrive unknown, counts from wherever the drive "
+                 "was switched on (incremental encoder); tmotor one_of_several, right but for whole steps (one encoder "
+                 "before the gear). Other than absolute: not armed before `takt joint home`",
+                 "absolute"},
+                drive.position_after_power_up, kPositionsAfterPowerUp);
+  if (drive.position_after_power_up == PositionAfterPowerUp::one_of_several || fields.shows_all())
+    fields.integer({"places_per_turn",
+                    "one_of_several: how many places of a whole turn of the joint the drive cannot tell apart (AK80-9: "
+                    "9, 40 deg apart)"},
+                   drive.places_per_turn, 2, 1000);
+}
+
 void describe_own_units(Fields& fields, Drive& drive, const Speaks& speaks) {
   if (!has_packed_ranges(drive.protocol))
     fields.quantity({"torque_range", "largest torque ever asked of the drive, motor side"}, drive.torque_range,
@@ -139,6 +155,7 @@ void describe_drive(Fields& fields, Drive& drive) {
                  "drive card shows it; any: not compared",
                  "any"},
                 drive.firmware);
+  if (speaks.any_of({DriveProtocol::mit, DriveProtocol::odrive})) describe_position_after_power_up(fields, drive);
   fields.integer({"direction", "1 or -1: q_joint = direction * q_motor / gear_ratio + offset", "1"}, drive.direction,
                  -1, 1);
   fields.quantity({"offset", "joint angle where the motor reads zero", "0 rad"}, drive.offset, Dimension::angle,

@@ -99,6 +99,9 @@ void Cia402Device::serve_sdo(const drivers::CanFrame& frame, Frames& out) {
   if (frame.length != 8 || frame.data[0] == 0x80) return;
   const auto index = static_cast<std::uint16_t>(little_endian(frame.data + 1, 2));
   const std::uint8_t sub = frame.data[3];
+  if ((frame.data[0] & 0xEFU) == 0x60) return out.push_back(next_segment(frame.data[0]));
+  segments_.reset();
+  if (frame.data[0] == 0x40 && index == 0x100A && !profile_.software.empty()) return out.push_back(start_text(sub));
   SdoAbort why = SdoAbort::unknown_command;
   std::uint8_t answer = 0x60;
   std::uint32_t value = 0;
@@ -129,13 +132,47 @@ void Cia402Device::serve_sdo(const drivers::CanFrame& frame, Frames& out) {
     answer = 0x80;
     value = static_cast<std::uint32_t>(why);
   }
+  out.push_back(sdo_answer(answer, index, sub, value));
+}
+
+drivers::CanFrame Cia402Device::sdo_answer(std::uint8_t command, std::uint16_t index, std::uint8_t sub,
+                                           std::uint32_t value) const {
   drivers::CanFrame reply;
   reply.id = 0x580 + drive_.id;
-  append(reply, answer, 1);
+  append(reply, command, 1);
   append(reply, index, 2);
   append(reply, sub, 1);
   append(reply, value, 4);
-  out.push_back(reply);
+  return reply;
+}
+
+// Its size; whatever that is, in segments.
+drivers::CanFrame Cia402Device::start_text(std::uint8_t sub) {
+  if (sub != 0) return sdo_answer(0x80, 0x100A, sub, static_cast<std::uint32_t>(SdoAbort::no_such_sub_index));
+  segments_ = 0;
+  return sdo_answer(0x41, 0x100A, 0, static_cast<std::uint32_t>(profile_.software.size()));
+}
+
+drivers::CanFrame Cia402Device::next_segment(std::uint8_t command) {
+  constexpr std::uint32_t kToggle = 0x0503'0000, kUnknownCommand = 0x0504'0001;
+  if (!segments_) return sdo_answer(0x80, 0, 0, kUnknownCommand);
+  const bool toggle = (command & 0x10U) != 0;
+  if (toggle != (*segments_ % 2 != 0)) {
+    segments_.reset();
+    return sdo_answer(0x80, 0x100A, 0, kToggle);
+  }
+  const std::string_view rest = profile_.software.substr(7 * *segments_);
+  const std::string_view letters = rest.substr(0, 7);
+  const bool last = rest.size() <= 7;
+  drivers::CanFrame reply;
+  reply.id = 0x580 + drive_.id;
+  append(reply, static_cast<std::uint32_t>((toggle ? 0x10 : 0) | (7 - static_cast<int>(letters.size())) << 1 | last),
+         1);
+  for (const char letter : letters) append(reply, static_cast<std::uint8_t>(letter), 1);
+  reply.length = 8;
+  ++*segments_;
+  if (last) segments_.reset();
+  return reply;
 }
 
 void Cia402Device::show_mode() {

@@ -39,6 +39,10 @@ class Cia402Device final : public Device {
   enum class Nmt : std::uint8_t { booting, pre_operational, operational, stopped };
   void obey_nmt(const drivers::CanFrame& frame, MonoTime now);
   void serve_sdo(const drivers::CanFrame& frame, Frames& out);
+  [[nodiscard]] drivers::CanFrame start_text(std::uint8_t sub);
+  [[nodiscard]] drivers::CanFrame next_segment(std::uint8_t command);
+  [[nodiscard]] drivers::CanFrame sdo_answer(std::uint8_t command, std::uint16_t index, std::uint8_t sub,
+                                             std::uint32_t value) const;
   void take_rpdo(const drivers::CanFrame& frame, MonoTime now, Frames& out);
   void take_over(const drivers::CanFrame& rpdo, Frames& out);
   void synchronise(Frames& out);
@@ -62,6 +66,7 @@ class Cia402Device final : public Device {
   Cia402Objects objects_;
   Cia402Power power_;
   Nmt nmt_ = Nmt::pre_operational;
+  std::optional<std::size_t> segments_;  // of the text that is being fetched, so far
   bool lost_ = false;
   std::optional<drivers::CanFrame> pending_rpdo_;
   std::optional<MonoTime> commanded_at_;   // since NMT start

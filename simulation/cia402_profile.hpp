@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <string_view>
 
 #include "config/robot_config.hpp"
 
@@ -26,6 +27,7 @@ struct Cia402Profile {
   // Object 1018: vendor, product, revision, serial number; how many of them there are.
   std::array<std::uint32_t, 4> identity{0x0000'0054, 0x0402'0001, 0x0001'0002, 7};
   std::uint8_t identity_entries = 4;
+  std::string_view software = "takt-plant 1.4.2";  // object 100A; empty: it is not there
 };
 
 // A drive that is as the robot file says.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace takt::plant {
 namespace {
@@ -106,6 +107,7 @@ MitDevice::Command MitDevice::unpack(const std::uint8_t* data) const {
 }
 
 double MitDevice::update(MotorReading reading, MonoTime now, Duration step, Frames& /*out*/) {
+  if (!knows_place_) forget_steps(reading.position);
   reading_ = {reading.position - zero_, reading.velocity};
   if (state_ == DeviceState::booting && now >= booted_at_) state_ = DeviceState::disabled;
   if (state_ == DeviceState::enabled && is_silent_for_too_long(now)) state_ = DeviceState::lost;
@@ -126,6 +128,14 @@ double MitDevice::update(MotorReading reading, MonoTime now, Duration step, Fram
   torque_ = std::clamp(wanted, -drive_.torque_range, drive_.torque_range);
   winding_.update(torque_, drive_.torque_range, step);
   return torque_;
+}
+
+// After power-on the nearest of the places that its encoder cannot tell apart.
+void MitDevice::forget_steps(double position) {
+  knows_place_ = true;
+  if (drive_.position_after_power_up != config::PositionAfterPowerUp::one_of_several) return;
+  const double step = 2 * std::numbers::pi / drive_.places_per_turn * drive_.gear_ratio;
+  zero_ += step * std::round((position - zero_) / step);
 }
 
 bool MitDevice::inject(DeviceFault fault) {
@@ -156,6 +166,7 @@ void MitDevice::power_cycle(MonoTime now) {
   state_ = DeviceState::booting;
   booted_at_ = now + kBootTime;
   registers_.restart();
+  knows_place_ = false;
   command_ = {};
 }
 

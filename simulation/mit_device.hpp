@@ -27,6 +27,7 @@ class MitDevice final : public Device {
   struct Command {
     double p = 0, v = 0, kp = 0, kd = 0, t = 0;
   };
+  void forget_steps(double position);
   void obey(const drivers::CanFrame& frame, MonoTime now);
   void obey_special(std::uint8_t code, MonoTime now);
   [[nodiscard]] Command unpack(const std::uint8_t* data) const;
@@ -45,6 +46,7 @@ class MitDevice final : public Device {
   MonoTime commanded_at_, booted_at_;
   MotorReading reading_;  // as reported: relative to the zero that was set
   double zero_ = 0;
+  bool knows_place_ = false;  // since power-on
   double torque_ = 0;
   Winding winding_;
 };

@@ -78,9 +78,18 @@ void OdriveDevice::obey(std::uint32_t command, const drivers::CanFrame& frame, M
       active_errors_ = disarm_reason_ = 0;
       if (state_ == DeviceState::error || state_ == DeviceState::lost) state_ = DeviceState::disabled;
       break;
+    case 0x19:
+      if (frame.length == 8 && origin_) set_position(double{std::bit_cast<float>(low(word))} * kTurn);
+      break;
     default:
       break;
   }
+}
+
+void OdriveDevice::set_position(double here) {
+  if (!std::isfinite(here)) return;
+  origin_ = *origin_ + reading_.position - here;
+  reading_.position = here;
 }
 
 void OdriveDevice::request_state(std::uint32_t state, MonoTime now) {
@@ -102,7 +111,9 @@ void OdriveDevice::fail(std::uint32_t error, DeviceState state) {
 }
 
 double OdriveDevice::update(MotorReading reading, MonoTime now, Duration step, Frames& out) {
-  reading_ = reading;
+  if (!origin_)
+    origin_ = drive_.position_after_power_up == config::PositionAfterPowerUp::unknown ? reading.position : 0;
+  reading_ = {reading.position - *origin_, reading.velocity};
   if (state_ == DeviceState::booting && now >= booted_at_) state_ = DeviceState::disabled;
   if (state_ == DeviceState::enabled && now - commanded_at_ > watchdog_) fail(kWatchdogExpired, DeviceState::lost);
   double wanted = 0;

@@ -1,18 +1,17 @@
 // takt bus zero: where a joint is becomes its zero, in the drive or in the robot file.
 #include <fmt/format.h>
 
-#include <array>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 #include <memory>
 
 #include "cli/command.hpp"
 #include "cli/robot/direct_bus.hpp"
+#include "cli/robot/drive_listener.hpp"
 #include "config/load.hpp"
-#include "drivers/bus/receive_stamp.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "drivers/tools/discovery.hpp"
+#include "drivers/tools/home_place.hpp"
 
 namespace takt::cli {
 namespace {
@@ -22,41 +21,7 @@ struct BusZeroOptions {
   bool yes = false;
 };
 
-constexpr int kPatience = 3000;   // control periods
-constexpr int kSettle = 50;       // control periods after the zero was set
 constexpr double kAtZero = 0.02;  // rad, joint side
-
-// Keeps one drive disabled and reporting.
-class Listener {
- public:
-  Listener(drivers::CanBus& bus, drivers::JointDriver& driver, Duration period)
-      : bus_(bus), driver_(driver), period_(period) {}
-  void turn() {
-    std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out;
-    const std::size_t frames = driver_.encode(false, {}, {}, {}, out);
-    for (std::size_t i = 0; i < frames; ++i) bus_.send(out[i]);
-    const timespec time{period_.ns / 1'000'000'000, period_.ns % 1'000'000'000};
-    ::nanosleep(&time, nullptr);
-    const std::size_t count = bus_.receive(received_);
-    for (std::size_t i = 0; i < count; ++i) driver_.decode(received_[i]);
-  }
-  bool wait_until_disabled() {
-    for (int i = 0; i < kPatience; ++i) {
-      turn();
-      const JointFeedback& feedback = driver_.feedback();
-      const bool wants_home = drivers::kind_of(feedback.error_code) == drivers::SetupFault::home_unknown;
-      if (feedback.received_at.is_set() && (feedback.drive_state == DriveState::disabled || wants_home)) return true;
-    }
-    return false;
-  }
-  [[nodiscard]] double q() const { return driver_.feedback().q; }
-
- private:
-  drivers::CanBus& bus_;
-  drivers::JointDriver& driver_;
-  Duration period_;
-  std::array<drivers::ReceivedFrame, 64> received_;
-};
 
 std::expected<int, Refusal> set_zero(const BusZeroOptions& options) {
   const auto robot = load_robot(options.robot_file, options.runtime_dir);
@@ -66,11 +31,17 @@ std::expected<int, Refusal> set_zero(const BusZeroOptions& options) {
   const auto alone = require_alone(*robot);
   if (!alone) return std::unexpected(alone.error());
   const config::Joint& joint = robot->config.joints[*index];
+  if (drivers::forgets_home(joint.drive))
+    return std::unexpected(
+        Refusal{kExitFailed,
+                fmt::format("joint {}: its drive forgets its zero with its supply, so it is told at every power-up: "
+                            "takt joint home {}",
+                            joint.name, joint.name)});
   auto driver = drivers::make_lone_driver(robot->config, *index);
   if (!driver) return std::unexpected(Refusal{config::kExitBadConfiguration, driver.error()});
   auto bus = open_bus(*robot, joint.bus);
   if (!bus) return std::unexpected(bus.error());
-  Listener listener(**bus, **driver, robot->config.control.period);
+  DriveListener listener(**bus, **driver, robot->config.control.period);
   if (!listener.wait_until_disabled())
     return std::unexpected(
         Refusal{kExitFailed, fmt::format("joint {}: its drive does not answer, or is not disabled", joint.name)});
@@ -88,7 +59,7 @@ std::expected<int, Refusal> set_zero(const BusZeroOptions& options) {
     return kExitOk;
   }
   (*bus)->send(*frame);
-  for (int i = 0; i < kSettle; ++i) listener.turn();
+  listener.settle();
   if (std::abs(listener.q() - joint.drive.offset) > kAtZero)
     return std::unexpected(
         Refusal{kExitFailed,
@@ -109,7 +80,7 @@ void add_bus_zero(CLI::App& bus, int& exit_code) {
   command->add_flag("--yes", options->yes, "do it; without, only what would happen is said");
   command->footer(
       "Example: takt bus zero elbow --robot robot.yaml --yes\n"
-      "A moteus forgets it with its supply, and is not armed before it was told again.\n"
+      "Drives that forget it with their supply (moteus, position_after_power_up): takt joint home.\n"
       "Protocols without such a frame (odrive, cia402): the `offset` to write into the robot file is printed.\n"
       "Exit codes: 0 done or said, 1 refused or the drive did not take it, 64 command line, 65 configuration, 69 the "
       "bus "

@@ -56,4 +56,14 @@ std::expected<std::unique_ptr<drivers::CanBus>, Refusal> open_bus(const DirectRo
   return std::move(opened->bus);
 }
 
+std::expected<std::unique_ptr<drivers::TorqueOutput>, Refusal> permit_torque(const config::RobotConfig& robot) {
+  if (!robot.safe_torque_off) return nullptr;
+  auto opened = drivers::open_torque_output(*robot.safe_torque_off);
+  if (!opened) return std::unexpected(Refusal{kExitFailed, opened.error()});
+  if (!opened->output->tell(true))
+    return std::unexpected(
+        Refusal{kExitFailed, fmt::format("safety.safe_torque_off: {} does not do as it is told", opened->description)});
+  return std::move(opened->output);
+}
+
 }  // namespace takt::cli

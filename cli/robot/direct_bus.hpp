@@ -11,6 +11,7 @@
 #include "config/robot_config.hpp"
 #include "drivers/bus/can_bus.hpp"
 #include "drivers/bus/interface_claim.hpp"
+#include "drivers/torque_output/torque_output.hpp"
 
 namespace takt::cli {
 
@@ -29,5 +30,7 @@ std::expected<std::size_t, Refusal> find_joint(const DirectRobot& robot, const s
 std::expected<std::vector<drivers::InterfaceClaim>, Refusal> require_alone(const DirectRobot& robot);
 // Every frame on the bus is received, whoever it is from or for.
 std::expected<std::unique_ptr<drivers::CanBus>, Refusal> open_bus(const DirectRobot& robot, std::size_t bus);
+// Permitted until it is destroyed; null where the robot has no output that permits torque.
+std::expected<std::unique_ptr<drivers::TorqueOutput>, Refusal> permit_torque(const config::RobotConfig& robot);
 
 }  // namespace takt::cli

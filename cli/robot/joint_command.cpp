@@ -15,7 +15,6 @@
 #include "config/load.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "drivers/tools/joint_jog.hpp"
-#include "drivers/torque_output/torque_output.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/contract/pace.hpp"
 #include "executive/setup/holding_torques.hpp"
@@ -118,17 +117,6 @@ void run(drivers::JointJog& jog, std::size_t jogged, Drives& drives, Duration pe
   }
 }
 
-// Permitted until it is destroyed; null where the robot has no such output.
-std::expected<std::unique_ptr<drivers::TorqueOutput>, Refusal> permit_torque(const config::RobotConfig& robot) {
-  if (!robot.safe_torque_off) return nullptr;
-  auto opened = drivers::open_torque_output(*robot.safe_torque_off);
-  if (!opened) return std::unexpected(Refusal{kExitFailed, opened.error()});
-  if (!opened->output->tell(true))
-    return std::unexpected(
-        Refusal{kExitFailed, fmt::format("safety.safe_torque_off: {} does not do as it is told", opened->description)});
-  return std::move(opened->output);
-}
-
 constexpr double kDegree = 3.14159265358979323846 / 180;
 
 int report(const drivers::JointJog& jog, const JointOptions& options) {
@@ -136,16 +124,16 @@ int report(const drivers::JointJog& jog, const JointOptions& options) {
   const drivers::VelocityScale velocity = jog.velocity_scale();
   // A move that was cut short says nothing about scales.
   const bool cut_short = !jog.failure().empty();
-  const std::string failure = cut_short                            ? jog.failure()
-                              : velocity.verdict == Verdict::wrong ? velocity.sentence
-                                                                   : std::string();
+  const bool wrong_scale = !cut_short && velocity.verdict == Verdict::wrong;
+  const std::string failure = cut_short ? jog.failure() : wrong_scale ? velocity.sentence : std::string();
+  const int exit_code = wrong_scale ? kExitWrongScale : cut_short ? kExitFailed : kExitOk;
   if (options.json) {
     const std::string scale = velocity.scale == 0 ? "null" : fmt::format("{:.4f}", velocity.scale);
     fmt::print(
         "{{\"joint\":\"{}\",\"from_rad\":{:.6f},\"moved_rad\":{:.6f},\"asked_rad\":{:.6f},\"velocity_scale\":{},"
         "\"failure\":\"{}\"}}\n",
         options.joint, jog.started_at(), jog.moved(), jog.target() - jog.started_at(), scale, failure);
-    return failure.empty() ? kExitOk : kExitFailed;
+    return exit_code;
   }
   if (!cut_short)
     fmt::print("joint {}: asked for {:+.2f} deg, moved {:+.2f} deg, from {:.2f} to {:.2f} deg; drive disabled again\n",
@@ -157,7 +145,7 @@ int report(const drivers::JointJog& jog, const JointOptions& options) {
   else if (velocity.verdict == Verdict::not_judged && !cut_short)
     fmt::print("joint {}: {}\n", options.joint, velocity.sentence);
   if (!failure.empty()) fmt::print(stderr, "joint {}: {}\n", options.joint, failure);
-  return failure.empty() ? kExitOk : kExitFailed;
+  return exit_code;
 }
 
 std::expected<int, Refusal> jog(const JointOptions& options) {
@@ -214,16 +202,15 @@ void add_joint(CLI::App& app, int& exit_code) {
       "With a model in the robot file gravity is carried while it moves; support it all the same: at the end the drive "
       "is\n"
       "disabled. Ctrl-C disables it too, and so does straying 2 degrees from the way.\n"
-      "Exit codes: 0 moved as asked, 1 refused, not moved as asked, the drive failed, or its velocity does not belong "
-      "to\n"
-      "its position, 64 command line, 65 "
-      "configuration, 69 the bus is not "
-      "there.");
+      "Exit codes: 0 moved as asked, 1 refused, not moved as asked, or the drive failed, 3 moved as asked, and its "
+      "velocity\n"
+      "does not belong to its position, 64 command line, 65 configuration, 69 the bus is not there.");
   command->callback([options, &exit_code] {
     const auto done = jog(*options);
     if (!done) fmt::print(stderr, "takt joint jog: {}\n", done.error().sentence);
     exit_code = done ? *done : done.error().exit_code;
   });
+  add_joint_home(*joint, exit_code);
 }
 
 }  // namespace takt::cli

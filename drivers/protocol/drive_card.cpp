@@ -70,7 +70,9 @@ bool DriveCard::take(const CanFrame& frame) {
   const Protocol* const protocol = find_protocol(drive_.protocol);
   if (protocol == nullptr) return false;
   ToldSettings told;
+  told.progress = progress_;
   protocol->settings_told(drive_, frame, told);
+  progress_ = told.progress;
   bool changed = false;
   for (const ToldSetting& one : std::span(told.settings).first(told.count)) {
     const auto [place, is_new] = told_.try_emplace(one.key, one.value);

@@ -58,6 +58,7 @@ struct ToldSetting {
 struct ToldSettings {
   std::array<ToldSetting, 16> settings{};
   std::size_t count = 0;
+  std::uint32_t progress = 0;  // the protocol's own, kept from frame to frame of one drive; 0 at first
   void add(std::uint32_t key, std::uint32_t value) {
     if (count < settings.size()) settings[count++] = {key, value};
   }
@@ -92,6 +93,7 @@ class DriveCard {
   config::Drive drive_;
   std::vector<CardRow> rows_;
   std::map<std::uint32_t, std::uint32_t> told_;
+  std::uint32_t progress_ = 0;
 };
 
 // --- for protocols' rows ---

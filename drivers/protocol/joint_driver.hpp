@@ -39,7 +39,7 @@ enum class SetupFault : std::uint32_t {
   watchdog_off,                   // nothing in the drive would stop it when this computer dies
   watchdog_unknown,               // perhaps something would: it does not tell
   other_protocol,                 // what it says is known, and not spoken here
-  home_unknown,                   // the drive says itself that its position means nothing after power-on
+  home_unknown,                   // where the joint is since power-on is not known
 };
 
 // Where the protocol numbers its settings: which one (bits 8..23), which part of it (bits 3..7), and what the drive
@@ -107,6 +107,10 @@ class JointDriver {
                              std::span<CanFrame> out) noexcept = 0;
   // For a listener beside the host that set the drive up: its reports mean from now on what they mean to that host.
   virtual void assume_set_up() noexcept {}
+  // For whoever made sure where the joint is (SetupFault::home_unknown), of drives that do not know it themselves: it
+  // holds if the next reading is within `tolerance` of q, and until the drive may have lost it. rad, joint side; an
+  // infinite tolerance: wherever it is. Set-up only.
+  virtual void assume_home(float /*q*/, float /*tolerance*/) noexcept {}
   // True when the frame is this drive's; updates feedback.
   virtual bool decode(const ReceivedFrame& received) noexcept = 0;
   [[nodiscard]] virtual const JointFeedback& feedback() const noexcept = 0;

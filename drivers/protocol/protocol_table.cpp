@@ -46,9 +46,8 @@ std::string setup_fault_name(std::uint32_t code) {
     case SetupFault::other_protocol:
       return "the drive speaks another protocol than the robot file says";
     case SetupFault::home_unknown:
-      return "the drive does not know where the joint is since power-on, so no limit holds (bring the joint to its "
-             "zero "
-             "and say so with `takt bus zero JOINT --yes`)";
+      return "the drive does not know where the joint is since power-on, so no limit holds (run `takt joint home "
+             "JOINT`)";
   }
   return {};
 }

@@ -214,16 +214,8 @@ std::optional<CanFrame> zero_frame(const config::Drive& drive) {
       frame.data[0] = 1;
       return frame;
     }
-    case config::DriveProtocol::moteus: {
-      // Register 131, set output exact: 0 turns. It lasts until power-off, and sets the home state.
-      constexpr std::array<std::uint8_t, 7> kOutputIsZero{0x0D, 0xB1, 0x02, 0, 0, 0, 0};
-      frame.id = drive.id;
-      frame.extended = frame.fd = frame.bit_rate_switch = true;
-      frame.length = kOutputIsZero.size();
-      std::ranges::copy(kOutputIsZero, frame.data);
-      return frame;
-    }
     case config::DriveProtocol::odrive:
+    case config::DriveProtocol::moteus:
     case config::DriveProtocol::cia402:
       return std::nullopt;
   }

@@ -27,7 +27,8 @@ std::optional<CanFrame> disabling_question(const config::Drive& drive);
 // What a drive of that protocol said; nothing: the frame is not one it would send.
 std::optional<Found> read_answer(config::DriveProtocol protocol, const CanFrame& frame);
 
-// Makes the drive's present position its zero; nothing: the protocol has no such frame. The drive must be disabled.
+// Makes the drive's present position its zero; nothing: the protocol has no such frame, or none that outlives power-on
+// (home_place.hpp). The drive must be disabled.
 std::optional<CanFrame> zero_frame(const config::Drive& drive);
 
 // A scan of one bus: hands out questions one by one and collects answers. For drives that speak by themselves it only

@@ -1,6 +1,7 @@
 #include "executive/runtime/open_edge.hpp"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <array>
@@ -11,6 +12,7 @@
 
 #include "drivers/bus/open_bus.hpp"
 #include "drivers/protocol/protocol_table.hpp"
+#include "drivers/tools/home_note.hpp"
 #include "executive/runtime/exit_codes.hpp"
 
 namespace takt::runtime {
@@ -29,6 +31,24 @@ std::expected<drivers::OpenedBus, std::string> open_patiently(const config::Robo
     if (opened || !may_come || std::chrono::steady_clock::now() >= give_up_at) return opened;
     std::this_thread::sleep_for(20ms);
   }
+}
+
+constexpr float kMayHaveMoved = 0.05F;  // rad, since a person said where the joint is
+
+// The robot with what people said of joints whose drives cannot be told: what those read is off by whole steps.
+struct Homed {
+  config::RobotConfig robot;
+  std::vector<std::optional<drivers::HomeNote>> notes;  // one per joint
+};
+Homed homed_robot(const config::RobotConfig& robot, const std::string& runtime_directory) {
+  Homed homed{robot, drivers::take_home_notes(runtime_directory, robot)};
+  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
+    if (!homed.notes[joint]) continue;
+    homed.robot.joints[joint].drive.offset += homed.notes[joint]->shift;
+    spdlog::info("joint {}: a person said that it is at {:.4f} rad; its drive reads {:.4f} rad less",
+                 robot.joints[joint].name, homed.notes[joint]->left_at, homed.notes[joint]->shift);
+  }
+  return homed;
 }
 
 // The first frame among those that arrived which only a controller of these drives sends.
@@ -65,14 +85,16 @@ std::expected<void, std::string> listen_for_others(const config::RobotConfig& ro
 
 std::expected<OpenedEdge, EdgeRefusal> open_edge(const config::RobotConfig& robot, const std::string& runtime_directory,
                                                  std::chrono::milliseconds hub_patience) {
-  std::vector<JointOnBus> joints;
-  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
-    auto driver = drivers::make_joint_driver(robot, joint);
-    if (!driver) return std::unexpected(EdgeRefusal{kExitUnavailable, driver.error()});
-    joints.push_back({std::move(*driver), robot.joints[joint].bus});
-  }
   auto claims = drivers::claim_interfaces(robot.buses);
   if (!claims) return std::unexpected(EdgeRefusal{kExitSetUpRefused, claims.error()});
+  const Homed homed = homed_robot(robot, runtime_directory);
+  std::vector<JointOnBus> joints;
+  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
+    auto driver = drivers::make_joint_driver(homed.robot, joint);
+    if (!driver) return std::unexpected(EdgeRefusal{kExitUnavailable, driver.error()});
+    if (const auto& note = homed.notes[joint]) (*driver)->assume_home(static_cast<float>(note->left_at), kMayHaveMoved);
+    joints.push_back({std::move(*driver), robot.joints[joint].bus});
+  }
   const auto give_up_at = std::chrono::steady_clock::now() + hub_patience;
   std::vector<std::unique_ptr<drivers::CanBus>> buses;
   std::vector<OpenedBusFacts> facts;
@@ -91,7 +113,7 @@ std::expected<OpenedEdge, EdgeRefusal> open_edge(const config::RobotConfig& robo
     torque = std::move(*output);
   }
   return OpenedEdge{std::move(*claims),
-                    DriveEdge(std::move(buses), std::move(joints), std::make_unique<drivers::WireGuard>(robot),
+                    DriveEdge(std::move(buses), std::move(joints), std::make_unique<drivers::WireGuard>(homed.robot),
                               std::move(torque.output)),
                     std::move(facts), std::move(torque.description)};
 }

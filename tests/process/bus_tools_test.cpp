@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <thread>
@@ -26,10 +27,15 @@ class BusTools : public testing::Test {
     std::string output;
     [[nodiscard]] nlohmann::json json() const { return nlohmann::json::parse(output); }
   };
-  BusTools() {
+  BusTools() : BusTools([](std::string& /*robot_file*/) {}) {}
+  // `edit`: what becomes of the robot file, every default written out.
+  explicit BusTools(const std::function<void(std::string&)>& edit) {
     std::string pattern = testing::TempDir() + "takt-bus-tools.XXXXXX";
     directory_ = mkdtemp(pattern.data());
     robot_ = patient_copy(kRobot, directory_);
+    std::string text = read(robot_);
+    edit(text);
+    std::ofstream(robot_) << text;
     plant_.emplace(std::vector<std::string>{"takt-plant", "--robot", robot_, "--runtime-dir", directory_},
                    directory_ + "/plant.log");
     const auto last_bus = config::loopback_socket(directory_, "can3");
@@ -52,8 +58,11 @@ class BusTools : public testing::Test {
   // Of the command started last.
   Ended end(Child& child) {
     const int exit_code = child.wait(std::chrono::seconds(60)).value_or(-1);
-    std::ifstream file(directory_ + "/takt-" + std::to_string(commands_) + ".out");
-    return {exit_code, {std::istreambuf_iterator<char>(file), {}}};
+    return {exit_code, read(directory_ + "/takt-" + std::to_string(commands_) + ".out")};
+  }
+  static std::string read(const std::string& path) {
+    std::ifstream file(path);
+    return {std::istreambuf_iterator<char>(file), {}};
   }
 
   std::string directory_, robot_;
@@ -118,6 +127,102 @@ TEST_F(BusTools, ZeroSetsOrSaysTheOffset) {
   EXPECT_NE(offset.output.find("offset: -0.600"), std::string::npos) << offset.output;
 }
 
+// Drives that forget with their supply where they are: an ODrive that counts from where it was switched on, and a
+// T-Motor drive whose encoder cannot tell places 40 degrees apart from each other. Both joints stand at -1.2 rad.
+class JointHome : public BusTools {
+ protected:
+  JointHome()
+      : BusTools([](std::string& robot) {
+          put(robot, "left_elbow", "one_of_several\n      places_per_turn: 9");
+          put(robot, "right_elbow", "unknown");
+        }) {}
+  static void put(std::string& robot, const std::string& joint, const std::string& value) {
+    const std::string key = "position_after_power_up: ";
+    const std::size_t at = robot.find(key, robot.find("name: " + joint + "\n")) + key.size();
+    robot.replace(at, robot.find('\n', at) - at, value);
+  }
+  // What a person types goes in, as it would at a terminal.
+  Ended home(const std::string& typed, const std::string& words) {
+    const std::string programs = std::filesystem::read_symlink("/proc/self/exe").parent_path();
+    Child shell({"/bin/sh", "-c",
+                 "echo " + typed + " | exec " + programs + "/takt joint home " + words + " --robot " + robot_ +
+                     " --runtime-dir " + directory_},
+                directory_ + "/takt-" + std::to_string(++commands_) + ".out");
+    return end(shell);
+  }
+  // What keeps an executive from being armed, and its log.
+  std::pair<std::string, std::string> start_and_try_to_arm() {
+    const std::string log = directory_ + "/executive.log";
+    Child executive({"takt-executive", "--robot", robot_, "--runtime-dir", directory_, "--allow-non-realtime"}, log);
+    std::string said;
+    // Refused in any case: no policy is there. Drives take a moment to say how they are.
+    const auto all_are_heard = [&said] {
+      return said.find("right_elbow: the drive reports") != std::string::npos &&
+             said.find("no recent feedback") == std::string::npos;
+    };
+    for (int i = 0; i < 100 && !all_are_heard(); ++i) {
+      const std::string out = directory_ + "/arm-" + std::to_string(++commands_) + ".out";
+      Child arm({"takt", "arm", "--runtime-dir", directory_}, out);
+      EXPECT_NE(arm.wait(std::chrono::seconds(20)), 0);
+      said = read(out);
+    }
+    EXPECT_TRUE(all_are_heard()) << said;
+    executive.signal(SIGTERM);
+    EXPECT_EQ(executive.wait(std::chrono::seconds(20)), 0);
+    return {said, read(log)};
+  }
+};
+
+TEST_F(JointHome, ByHandOfADriveThatKeepsItUntilItsSupplyGoes) {
+  const Ended jog = takt({"joint", "jog", "right_elbow", "--without-gravity"});
+  EXPECT_EQ(jog.exit_code, 1);
+  EXPECT_NE(jog.output.find("run `takt joint home JOINT`"), std::string::npos) << jog.output;
+  const Ended not_meant = home("left_elbow", "right_elbow --at -68.75");
+  EXPECT_EQ(not_meant.exit_code, 1);
+  EXPECT_NE(not_meant.output.find("not confirmed: nothing was changed"), std::string::npos) << not_meant.output;
+  EXPECT_EQ(home("right_elbow", "right_elbow --at 200").exit_code, 64) << "outside its limits";
+  const Ended done = home("right_elbow", "right_elbow --at -68.75");
+  ASSERT_EQ(done.exit_code, 0) << done.output;
+  EXPECT_NE(done.output.find("reads -68.75 deg now"), std::string::npos) << done.output;
+  const Ended after = takt({"joint", "jog", "right_elbow", "--without-gravity", "--by", "0.1", "--json"});
+  EXPECT_EQ(after.output.find("does not know where"), std::string::npos) << after.output;
+}
+
+TEST_F(JointHome, WithoutAStopNothingIsTold) {
+  const Ended search = home("right_wrist_yaw", "right_wrist_yaw --at 90 --to-stop forward --within 2 --torque 4");
+  EXPECT_EQ(search.exit_code, 1);
+  EXPECT_NE(search.output.find("no stop within 2.0 deg"), std::string::npos) << search.output;
+  EXPECT_EQ(search.output.find("type its name"), std::string::npos) << search.output;
+}
+
+TEST_F(JointHome, OfSeveralPlacesTheNearestHoldsForOneStart) {
+  const Ended doubtful = home("left_elbow", "left_elbow --at -49");
+  EXPECT_EQ(doubtful.exit_code, 1);
+  EXPECT_NE(doubtful.output.find("near none of them"), std::string::npos) << doubtful.output;
+  const Ended done = home("left_elbow", "left_elbow --at -70");
+  ASSERT_EQ(done.exit_code, 0) << done.output;
+  EXPECT_NE(done.output.find("joint left_elbow is at -68.7"), std::string::npos) << done.output;
+  const auto [first, log] = start_and_try_to_arm();
+  EXPECT_NE(log.find("joint left_elbow: a person said that it is at -1.2"), std::string::npos) << log;
+  EXPECT_NE(first.find("joint right_elbow: the drive reports a fault: the drive does not know where"),
+            std::string::npos)
+      << first;
+  EXPECT_EQ(first.find("left_elbow"), std::string::npos) << first;
+  const auto [second, later_log] = start_and_try_to_arm();
+  EXPECT_NE(second.find("joint left_elbow: the drive reports a fault: the drive does not know where"),
+            std::string::npos)
+      << second;
+}
+
+TEST_F(BusTools, HomeIsForDrivesThatForgetIt) {
+  const Ended home = takt({"joint", "home", "left_shoulder", "--at", "0"});
+  EXPECT_EQ(home.exit_code, 1);
+  EXPECT_NE(home.output.find("takt bus zero"), std::string::npos) << home.output;
+  const Ended zero = takt({"bus", "zero", "right_wrist_yaw", "--yes"});
+  EXPECT_EQ(zero.exit_code, 1);
+  EXPECT_NE(zero.output.find("takt joint home right_wrist_yaw"), std::string::npos) << zero.output;
+}
+
 TEST_F(BusTools, NothingIsSentWhileAnExecutiveRunsButWatchingIsFine) {
   Child executive({"takt-executive", "--robot", robot_, "--runtime-dir", directory_, "--allow-non-realtime"},
                   directory_ + "/executive.log");
@@ -132,6 +237,7 @@ TEST_F(BusTools, NothingIsSentWhileAnExecutiveRunsButWatchingIsFine) {
   for (const std::vector<std::string>& command : {std::vector<std::string>{"bus", "scan"},
                                                   {"bus", "zero", "left_shoulder"},
                                                   {"joint", "jog", "left_shoulder"},
+                                                  {"joint", "home", "right_wrist_yaw", "--at", "0"},
                                                   {"bus", "disable"}}) {
     const Ended refused = takt(command);
     EXPECT_EQ(refused.exit_code, 1) << refused.output;

@@ -163,6 +163,10 @@ TEST(DriveCard, OfACia402Drive) {
                    {velocity_unit, "00B50300", told},
                    {watchdog, "50 ms", agrees}});
   EXPECT_EQ(entry(entries, watchdog).source, "object 1400:05");
+  const auto software = std::ranges::find(entries, "object 100A:00", &CardEntry::source);
+  ASSERT_NE(software, entries.end());
+  EXPECT_EQ(software->value, "takt-plant 1.4.2") << "in three segments";
+  EXPECT_EQ(software->item, firmware);
   EXPECT_EQ(std::ranges::count(entries, identity, &CardEntry::item), 1);
   EXPECT_EQ(std::ranges::count(entries, torque_range, &CardEntry::item), 2) << "rated, and the most it lets through";
 }

@@ -8,6 +8,7 @@
 #include <cstring>
 
 #include "config/drive_presets.hpp"
+#include "drivers/tools/home_place.hpp"
 #include "simulation/cia402_device.hpp"
 #include "simulation/moteus_device.hpp"
 #include "tests/simulation/drive_loop.hpp"
@@ -117,6 +118,24 @@ std::function<Planted(const Drive&)> moteus_at_home(int state) {
   };
 }
 
+const auto kIncremental = [](Drive& drive) { drive.position_after_power_up = config::PositionAfterPowerUp::unknown; };
+const auto kOneOfNine = [](Drive& drive) {
+  drive.position_after_power_up = config::PositionAfterPowerUp::one_of_several;
+  drive.places_per_turn = 9;
+};
+std::function<Planted(const Drive&)> told_home(bool and_then_lost_its_supply = false) {
+  return [and_then_lost_its_supply](const Drive& file) {
+    Planted planted{make_device(file, milliseconds(100)), {}};
+    Frames said;
+    planted.device->update({}, MonoTime{1}, milliseconds(1), said);
+    config::Joint joint;
+    joint.drive = file;
+    planted.device->receive(*drivers::home_frame(joint, 0), MonoTime{1}, said);
+    if (and_then_lost_its_supply) planted.device->power_cycle(MonoTime{1});
+    return planted;
+  };
+}
+
 // Damiao's registers, on 7FF and back on the drive's reply id: id, 33 read or 55 write, register, u32.
 bool is_register(const CanFrame& frame, std::uint8_t op, std::uint8_t number) {
   const bool there = frame.id == 0x7FF || frame.id == 0x13;
@@ -216,6 +235,13 @@ const std::vector<Row>& rows() {
       {"odrive, waived", odrive(), as_delivered(), ""},
       {"odrive without a waiver", with(odrive(), [](Drive& d) { d.watchdog_waiver = "none"; }), as_delivered(),
        "does not tell its own time-out"},
+      {"odrive with an incremental encoder that was not told where it is", with(odrive(), kIncremental), as_delivered(),
+       "does not know where the joint is since power-on"},
+      {"odrive with an incremental encoder that was told where it is", with(odrive(), kIncremental), told_home(), ""},
+      {"odrive that was told where it is and lost its supply", with(odrive(), kIncremental), told_home(true),
+       "run `takt joint home JOINT`"},
+      {"t-motor with one encoder before the gear", with(tmotor(), kOneOfNine), as_delivered(),
+       "does not know where the joint is since power-on"},
       {"moteus, as the file says", moteus(), as_delivered(), ""},
       {"moteus that counts from where it stood", moteus(), moteus_at_home(0), "does not know where the joint is"},
       {"moteus that knows its rotor alone", moteus(), moteus_at_home(1), "home state (register 00C)"},

@@ -17,6 +17,44 @@ constexpr std::uint32_t kVendor = key(0x1018, 1), kProduct = key(0x1018, 2), kRe
                         kMode = key(0x6061, 0), kRatedTorque = key(0x6076, 0), kMaxTorque = key(0x6072, 0),
                         kVelocityUnit = key(0x60A9, 0);
 
+// Of the text's segments two words each: four letters, and three.
+constexpr std::uint32_t kTextWords = 2 * cia402::kTextSegments;
+constexpr std::uint32_t text_word(std::uint32_t i) {
+  return key(0x100A, i);
+}
+
+CardRow text_row() {
+  CardRow row{.item = CardItem::firmware, .source = "object 100A:00", .expected = {}, .keys = {}};
+  for (std::uint32_t i = 0; i < kTextWords; ++i) row.keys.push_back(text_word(i));
+  row.text = [](std::span<const std::uint32_t> words) {
+    std::string text;
+    for (std::size_t i = 0; i < words.size(); ++i)
+      for (unsigned letter = 0; letter < 4; ++letter)
+        if (const auto c = static_cast<char>(words[i] >> 8 * letter & 0x7FU); c != 0)
+          text += c >= ' ' && c <= '~' ? c : '?';
+    return text;
+  };
+  return row;
+}
+
+// What the text consists of; `told.progress` is the number of segments so far, and 1; 0: none is coming.
+void tell_segment(const cia402::SdoSegment& segment, ToldSettings& told) {
+  if (told.progress == 0 || segment.toggle != (told.progress % 2 == 0)) return;
+  const std::uint32_t first = 2 * (told.progress - 1);
+  const auto& b = segment.bytes;
+  const auto word = [&b](std::size_t from, std::size_t count) {
+    std::uint32_t value = 0;
+    for (std::size_t i = 0; i < count; ++i) value |= std::uint32_t{b.at(from + i)} << 8 * i;
+    return value;
+  };
+  told.add(text_word(first), word(0, 4));
+  told.add(text_word(first + 1), word(4, 3));
+  ++told.progress;
+  if (!segment.last && told.progress <= cia402::kTextSegments) return;
+  for (std::uint32_t i = first + 2; i < kTextWords; ++i) told.add(text_word(i), 0);
+  told.progress = 0;
+}
+
 // "8 (csp)"
 std::string mode_text(std::uint32_t mode) {
   static constexpr std::array<const char*, 3> kFrom8{" (csp)", " (csv)", " (cst)"};
@@ -80,8 +118,11 @@ std::vector<CardRow> cia402_card_rows(const config::RobotConfig& robot, std::siz
   without_serial.instead = true;
   std::vector<CardRow> rows{
       words_row(identity, "object 1018:01, 02, 04", {kVendor, kProduct, kSerial}, WordStyle::hex, named),
-      std::move(without_serial), untold(hardware),
-      words_row(firmware, "object 1018:03", {kRevision}, WordStyle::hex, revision), mode_row(drive.mode)};
+      std::move(without_serial),
+      untold(hardware),
+      words_row(firmware, "object 1018:03", {kRevision}, WordStyle::hex, revision),
+      text_row(),
+      mode_row(drive.mode)};
   for (CardRow& row : torque_rows(drive)) rows.push_back(std::move(row));
   if (drive.mode == config::Cia402Mode::csv) rows.push_back(unit_row());
   rows.push_back(watchdog_row("object 1400:05", kDeadline, milliseconds(1)));
@@ -92,7 +133,16 @@ std::vector<CardRow> cia402_card_rows(const config::RobotConfig& robot, std::siz
 
 void cia402_settings_told(const config::Drive& drive, const CanFrame& frame, ToldSettings& told) {
   if (frame.id != cia402::kSdoAnswerId + drive.id || frame.extended || frame.fd || frame.remote) return;
+  if (const auto segment = cia402::decode_sdo_segment(frame)) return tell_segment(*segment, told);
   const auto answer = cia402::decode_sdo_answer(frame);
+  told.progress = 0;
+  if (answer && answer->object == cia402::ObjectId{0x100A, 0}) {
+    if (answer->kind == cia402::SdoAnswer::Kind::segmented) told.progress = 1;
+    if (answer->kind != cia402::SdoAnswer::Kind::value) return;
+    told.add(text_word(0), answer->value);
+    for (std::uint32_t i = 1; i < kTextWords; ++i) told.add(text_word(i), 0);
+    return;
+  }
   if (!answer || answer->kind != cia402::SdoAnswer::Kind::value) return;
   const std::uint32_t which = key(answer->object.index, answer->object.sub);
   // The upper half says whose heartbeat is watched.

@@ -1,5 +1,7 @@
 #include "drivers/protocol/cia402/cia402_codec.hpp"
 
+#include <algorithm>
+
 namespace takt::drivers::cia402 {
 namespace {
 
@@ -120,6 +122,26 @@ CanFrame encode_sdo_read(std::uint32_t node, ObjectId object) noexcept {
   return sdo_request(node, 0x40, object, 0);
 }
 
+CanFrame encode_sdo_segment_request(std::uint32_t node, bool toggle) noexcept {
+  return sdo_request(node, toggle ? 0x70 : 0x60, {}, 0);
+}
+
+CanFrame encode_sdo_abort(std::uint32_t node, ObjectId object) noexcept {
+  constexpr std::uint32_t kGeneralError = 0x0800'0000;
+  return sdo_request(node, 0x80, object, kGeneralError);
+}
+
+// 000 toggle, 3 bits for how many of the seven bytes are none, last.
+std::optional<SdoSegment> decode_sdo_segment(const CanFrame& frame) noexcept {
+  if (!is_data(frame, 8) || (frame.data[0] & 0xE0U) != 0) return std::nullopt;
+  SdoSegment segment;
+  segment.toggle = (frame.data[0] & 0x10U) != 0;
+  segment.last = (frame.data[0] & 1U) != 0;
+  segment.length = segment.bytes.size() - (frame.data[0] >> 1U & 7U);
+  std::copy_n(frame.data + 1, segment.length, segment.bytes.begin());
+  return segment;
+}
+
 std::optional<SdoAnswer> decode_sdo_answer(const CanFrame& frame) noexcept {
   if (!is_data(frame, 8)) return std::nullopt;
   SdoAnswer answer;
@@ -129,6 +151,10 @@ std::optional<SdoAnswer> decode_sdo_answer(const CanFrame& frame) noexcept {
   if (command == 0x80) {
     answer.kind = SdoAnswer::Kind::aborted;
     answer.value = get(frame, 4, 4);
+    return answer;
+  }
+  if (command == 0x40 || command == 0x41) {
+    answer.kind = SdoAnswer::Kind::segmented;
     return answer;
   }
   if ((command & 0xF3U) != 0x43) return std::nullopt;

@@ -62,13 +62,26 @@ CanFrame encode_sdo_write(std::uint32_t node, ObjectId object, std::uint32_t val
 CanFrame encode_sdo_read(std::uint32_t node, ObjectId object) noexcept;
 
 struct SdoAnswer {
-  enum class Kind : std::uint8_t { written, value, aborted };
+  // segmented: what was asked for does not fit into an answer, and is to be fetched segment by segment.
+  enum class Kind : std::uint8_t { written, value, segmented, aborted };
   Kind kind = Kind::written;
   ObjectId object;
   std::uint32_t value = 0;  // kind value: zero-extended; kind aborted: the CiA 301 abort code
 };
-// Nothing for segmented and block transfers, which nobody asked for.
+// Nothing for segments, and for block transfers, which nobody asked for.
 std::optional<SdoAnswer> decode_sdo_answer(const CanFrame& frame) noexcept;
+
+// Of an object that did not fit: `toggle` alternates from one to the next, and is false of the first.
+struct SdoSegment {
+  bool toggle = false, last = false;
+  std::array<std::uint8_t, 7> bytes{};  // zero from `length` on
+  std::size_t length = 0;
+};
+CanFrame encode_sdo_segment_request(std::uint32_t node, bool toggle) noexcept;
+// Nothing: no segment of an upload. An SDO segment does not say whose it is.
+std::optional<SdoSegment> decode_sdo_segment(const CanFrame& frame) noexcept;
+// Ends a transfer that goes on.
+CanFrame encode_sdo_abort(std::uint32_t node, ObjectId object) noexcept;
 
 inline constexpr std::uint32_t kAbortNoSuchObject = 0x0602'0000, kAbortNoSuchSubIndex = 0x0609'0011;
 

@@ -216,11 +216,14 @@ bool Cia402Driver::take_emergency(const CanFrame& frame) noexcept {
 
 bool Cia402Driver::take_sdo(const CanFrame& frame) noexcept {
   const auto answer = cia402::decode_sdo_answer(frame);
+  const auto segment = cia402::decode_sdo_segment(frame);
   if (answer)
     setup_.take(*answer);
+  else if (segment)
+    setup_.take(*segment);
   else
     ++malformed_frames_;
-  return answer.has_value();
+  return answer || segment;
 }
 
 void Cia402Driver::start_over() noexcept {

@@ -17,6 +17,7 @@ enum class Action : std::uint8_t {
   compare_if_there,  // the same, but a drive without this object is taken at the robot file's word
   await,             // read until it is so
   identify,          // read, and judged where the robot file names it
+  show,              // a text, read for the drive card: whatever comes of it
 };
 
 // Which drives a row is for.
@@ -145,6 +146,7 @@ constexpr Row kScript[] = {
     {Action::identify, {kIdentity, 2}, 4, not_named},
     {Action::identify, {kIdentity, 3}, 4, not_named},
     {Action::identify, {kIdentity, 4}, 4, not_named},
+    {Action::show, {0x100A, 0}, 4, not_named},
     {Action::compare_if_there, {0x6502, 0}, 4, mode_bit, has_bits},
     {Action::write_if_lets, {0x1400, 1}, 4, with_node<kOff + kRpdo1Id>},
     {Action::write_if_lets, {0x1600, 0}, 1, fixed<0>},
@@ -258,7 +260,8 @@ void Setup::restart() noexcept {
   phase_ = Phase::stopping;
   row_ = 0;
   asked_ = waiting_ = 0;
-  refusal_ = 0;
+  refusal_ = segments_ = 0;
+  text_ = Text::none;
   differed_ = false;
 }
 
@@ -284,6 +287,11 @@ std::optional<CanFrame> Setup::ask() noexcept {
     --waiting_;
     return std::nullopt;
   }
+  if (text_ == Text::too_long) {
+    const ObjectId object = kScript[row_].object;
+    next();
+    return encode_sdo_abort(values_.node, object);
+  }
   if (asked_ == patience_.tries) {
     give_up(differed_ ? SetupFault::settings_differ : SetupFault::settings_unread);
     return std::nullopt;
@@ -303,6 +311,7 @@ bool Setup::reads() const noexcept {
     case Action::compare_if_there:
     case Action::await:
     case Action::identify:
+    case Action::show:
       return true;
   }
   return true;
@@ -347,6 +356,7 @@ bool Setup::row_applies() const noexcept {
 CanFrame Setup::question() const noexcept {
   if (phase_ == Phase::starting) return encode_nmt(NmtCommand::start, values_.node);
   const Row& row = kScript[row_];
+  if (text_ == Text::coming) return encode_sdo_segment_request(values_.node, segments_ % 2 != 0);
   if (reads()) return encode_sdo_read(values_.node, row.object);
   return encode_sdo_write(values_.node, row.object, row.value(values_), row.bytes);
 }
@@ -357,6 +367,11 @@ void Setup::take(const SdoAnswer& answer) noexcept {
   switch (answer.kind) {
     case SdoAnswer::Kind::aborted:
       return take_abort(answer.value);
+    case SdoAnswer::Kind::segmented:
+      if (kScript[row_].action != Action::show || text_ != Text::none) return;
+      text_ = Text::coming;
+      asked_ = waiting_ = 0;
+      return;
     case SdoAnswer::Kind::value:
       if (reads()) take_value(answer.value);
       return;
@@ -367,8 +382,18 @@ void Setup::take(const SdoAnswer& answer) noexcept {
   }
 }
 
+void Setup::take(const SdoSegment& segment) noexcept {
+  // Another toggle: the late answer to a question that was asked twice.
+  if (phase_ != Phase::asking || asked_ == 0 || text_ != Text::coming || segment.toggle != (segments_ % 2 != 0)) return;
+  asked_ = waiting_ = 0;
+  ++segments_;
+  if (segment.last) return next();
+  if (segments_ == kTextSegments) text_ = Text::too_long;
+}
+
 void Setup::take_value(std::uint32_t found) noexcept {
   const Row& row = kScript[row_];
+  if (row.action == Action::show) return next();
   if (row.action == Action::identify) {
     if (found == named().value_or(found)) return next();
     return give_up(SetupFault::settings_differ, 0);
@@ -387,6 +412,7 @@ void Setup::take_value(std::uint32_t found) noexcept {
 void Setup::take_abort(std::uint32_t code) noexcept {
   const Action action = kScript[row_].action;
   const bool optional = action == Action::write_if_there || action == Action::compare_if_there;
+  if (action == Action::show) return next();
   if (refusal_ != 0) return give_up(SetupFault::setup_refused, refusal_);
   if (action == Action::identify) return give_up(SetupFault::settings_unread, code);
   if (says_absent(code) && optional) {
@@ -415,7 +441,8 @@ void Setup::take_operational() noexcept {
 
 void Setup::next() noexcept {
   asked_ = waiting_ = 0;
-  refusal_ = 0;
+  refusal_ = segments_ = 0;
+  text_ = Text::none;
   differed_ = false;
   do {
     if (++row_ == std::size(kScript)) {
@@ -429,6 +456,7 @@ void Setup::give_up(SetupFault fault, std::uint32_t abort_code) noexcept {
   const bool asking = phase_ == Phase::asking;
   const bool about_watchdog = asking && is_about_watchdog(kScript[row_].object);
   if (about_watchdog && values_.watchdog_waived) return next();
+  if (asking && kScript[row_].action == Action::show) return next();
   if (asking && fault == SetupFault::settings_unread && kScript[row_].action == Action::identify && !named())
     return next();
   fault_ = about_watchdog && fault != SetupFault::settings_unread ? SetupFault::watchdog_off : fault;

@@ -14,7 +14,8 @@
 // closes its own loop (CSP, CSV) is refused, since nothing that we send limits its torque.
 //
 // Who it is (1018: vendor, product, revision, serial number) is read, and may stay unread where the robot file names
-// nothing of it (drive.identity, drive.firmware).
+// nothing of it (drive.identity, drive.firmware). So is the version of its software, a text (100A), for the drive card:
+// segment by segment where it is longer than four letters, kTextSegments at most.
 //
 // Answers that do not come within `answer_ticks` are asked for again, `tries` times in all. Then, or when the drive
 // refuses or differs, fault() says which; the script is run again after `pause_ticks`, and the fault stays until it
@@ -59,6 +60,8 @@ struct SetupPatience {
   std::uint32_t answer_ticks = 50, tries = 5, pause_ticks = 500;  // each >= 1
 };
 
+inline constexpr std::uint32_t kTextSegments = 8;
+
 // The abort codes of CiA 301 numbered from 1, to fit an error_code: any other is the last, kOtherAbort. 0: none.
 inline constexpr std::uint32_t kOtherAbort = 127;
 std::uint32_t abort_number(std::uint32_t abort_code) noexcept;
@@ -76,6 +79,7 @@ class Setup {
   // Time passes by one tick; the frame to send in it, if any.
   std::optional<CanFrame> tick() noexcept;
   void take(const SdoAnswer& answer) noexcept;
+  void take(const SdoSegment& segment) noexcept;
   // The drive's heartbeat says operational.
   void take_operational() noexcept;
 
@@ -108,10 +112,13 @@ class Setup {
   SetupPatience patience_;
   Phase phase_ = Phase::stopping;
   std::size_t row_ = 0;
-  std::uint32_t asked_ = 0;    // how often this row was asked
-  std::uint32_t waiting_ = 0;  // ticks to wait before asking again
-  std::uint32_t refusal_ = 0;  // abort code of the write whose object is read instead; 0: none
-  bool differed_ = false;      // this row's object was read, and was not as it should be (yet)
+  std::uint32_t asked_ = 0;     // how often this row was asked
+  std::uint32_t waiting_ = 0;   // ticks to wait before asking again
+  std::uint32_t refusal_ = 0;   // abort code of the write whose object is read instead; 0: none
+  std::uint32_t segments_ = 0;  // of this row's text, so far
+  enum class Text : std::uint8_t { none, coming, too_long };
+  Text text_ = Text::none;
+  bool differed_ = false;  // this row's object was read, and was not as it should be (yet)
   Watchdog watchdog_ = Watchdog::unknown;
   std::optional<SetupFault> fault_;
   std::uint32_t abort_code_ = 0;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <utility>
 
 #include "drivers/protocol/drive_timeout.hpp"
@@ -47,7 +48,9 @@ std::size_t MitDriver::encode(bool enable, const DriveSetpoint& setpoint, MonoTi
 void MitDriver::note_silence() noexcept {
   if (wish_ == Wish::drive) return;
   ++silent_ticks_;
-  if (silent_ticks_ == kTicksToDoubt) readback_.restart();
+  if (silent_ticks_ != kTicksToDoubt) return;
+  readback_.restart();
+  assumed_home_.forget();
 }
 
 bool MitDriver::may_enable() const {
@@ -55,7 +58,7 @@ bool MitDriver::may_enable() const {
     case MitVariant::damiao:
       return readback_.may_enable();
     case MitVariant::tmotor:
-      return settings_.timeout.waived && other_protocol_ticks_ == 0;
+      return settings_.timeout.waived && other_protocol_ticks_ == 0 && knows_home();
   }
   return false;
 }
@@ -66,7 +69,8 @@ std::uint32_t MitDriver::setup_error() const noexcept {
       return readback_.error_code();
     case MitVariant::tmotor:
       if (other_protocol_ticks_ > 0) return setup_fault_code(SetupFault::other_protocol, kAkV3Feedback);
-      return settings_.timeout.waived ? 0 : setup_fault_code(SetupFault::watchdog_unknown);
+      if (!settings_.timeout.waived) return setup_fault_code(SetupFault::watchdog_unknown);
+      return knows_home() ? 0 : setup_fault_code(SetupFault::home_unknown);
   }
   return 0;
 }
@@ -113,6 +117,7 @@ bool MitDriver::decode(const ReceivedFrame& received) noexcept {
 
 void MitDriver::take(const MitReply& reply, MonoTime received_at) noexcept {
   take_reading(settings_.mapping, reply.p, reply.v, reply.t, received_at, feedback_);
+  assumed_home_.take(feedback_.q);
   feedback_.temperature_C = reply.temperature_C;
   status_ = reply.status;
   heard_ = true;
@@ -180,6 +185,8 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_mit_driver(const c
   settings.id = drive.id;
   settings.reply_id = drive.reply_id;
   settings.mapping = mapping_of(drive);
+  if (drive.position_after_power_up == config::PositionAfterPowerUp::one_of_several)
+    settings.place_step = 2 * std::numbers::pi_v<float> / static_cast<float>(drive.places_per_turn);
   settings.timeout = {timeout_units(drive_timeout(robot)), config::waives_watchdog(drive)};
   const auto identity = words_of("identity", drive.identity, kDamiaoNumber);
   const auto firmware = words_of("firmware", drive.firmware, kDamiaoNumber);

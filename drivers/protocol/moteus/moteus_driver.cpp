@@ -148,6 +148,7 @@ std::size_t MoteusDriver::encode(bool enable, const DriveSetpoint& setpoint, Mon
 // be another than before.
 bool MoteusDriver::is_time_to_ask() noexcept {
   if (++silent_ticks_ == kTicksToDoubt) {
+    assumed_home_.forget();
     identity_.reset();
     firmware_.reset();
     asks_ = 0;
@@ -173,7 +174,7 @@ std::uint32_t MoteusDriver::setup_error() const noexcept {
     return about(SetupFault::settings_differ, MoteusRegister::firmware_version);
   if (contradicts(settings_.identity, identity_))
     return about(SetupFault::settings_differ, MoteusRegister::serial_number);
-  if (!knows_home_) return about(SetupFault::home_unknown, MoteusRegister::home_state);
+  if (!knows_home_ && !assumed_home_.known()) return about(SetupFault::home_unknown, MoteusRegister::home_state);
   if (asks_ < kAsksForIdentity || may_enable()) return 0;
   const bool no_firmware = settings_.firmware.count != 0 && !firmware_;
   return about(SetupFault::settings_unread,
@@ -184,7 +185,8 @@ bool MoteusDriver::may_enable() const noexcept {
   const auto is_so = [](const DriveWords& expected, const std::optional<DriveWords>& told) {
     return expected.count == 0 || (told && agrees(expected, *told));
   };
-  return knows_home_ && is_so(settings_.identity, identity_) && is_so(settings_.firmware, firmware_);
+  return (knows_home_ || assumed_home_.known()) && is_so(settings_.identity, identity_) &&
+         is_so(settings_.firmware, firmware_);
 }
 
 MoteusFacts decode_moteus_facts(const CanFrame& frame) noexcept {
@@ -277,6 +279,7 @@ bool MoteusDriver::decode(const ReceivedFrame& received) noexcept {
     return reply.tells_position;
   }
   if (take_reading(settings_.mapping, q, dq, reply.torque, received.received_at, feedback_)) q_ = q;
+  assumed_home_.take(feedback_.q);
   feedback_.temperature_C = hotter(reply.temperature, reply.motor_temperature);
   if (std::isfinite(reply.home)) knows_home_ = reply.home == kReferencedToOutput;
   Verdict verdict = judge(reply);

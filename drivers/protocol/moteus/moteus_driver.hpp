@@ -28,6 +28,7 @@
 // turn), ki 0, 1/5 Mbit/s. Thread rule: as JointDriver.
 #pragma once
 
+#include "drivers/protocol/assumed_home.hpp"
 #include "drivers/protocol/moteus/moteus_codec.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 
@@ -64,6 +65,7 @@ class MoteusDriver final : public JointDriver {
 
   std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
                      std::span<CanFrame> out) noexcept override;
+  void assume_home(float q, float tolerance) noexcept override { assumed_home_.assume(q, tolerance); }
   bool decode(const ReceivedFrame& received) noexcept override;
   [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }
   // Frames on the reply id that are no reply to our query, or hold no numbers.
@@ -91,6 +93,7 @@ class MoteusDriver final : public JointDriver {
   Duration silent_for_{};    // commands since the newest reply, times their period
   float q_ = 0;              // newest, motor side: rad
   bool knows_home_ = false;  // as told last, while disabled
+  AssumedHome assumed_home_;
   std::optional<DriveWords> identity_, firmware_;
   std::uint32_t asks_ = 0, ticks_to_ask_ = kTicksPerAsk;  // since the drive was heard first, or again
   std::uint32_t silent_ticks_ = 0;                        // in a row, while disabled

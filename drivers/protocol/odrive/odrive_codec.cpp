@@ -51,6 +51,10 @@ CanFrame odrive_set_axis_state(std::uint32_t node, std::uint32_t state) noexcept
   return word_frame(node, OdriveMessage::set_axis_state, state);
 }
 
+CanFrame odrive_set_absolute_position(std::uint32_t node, float turns) noexcept {
+  return pair_frame(node, OdriveMessage::set_absolute_position, turns, 0);
+}
+
 CanFrame odrive_controller_mode(std::uint32_t node, std::uint32_t control, std::uint32_t input) noexcept {
   CanFrame frame = frame_of(node, OdriveMessage::controller_mode, 8);
   put_u32(frame.data, control);

@@ -30,6 +30,7 @@ enum class OdriveMessage : std::uint8_t {
   temperature = 0x15,
   bus_voltage = 0x17,
   clear_errors = 0x18,
+  set_absolute_position = 0x19,
   torques = 0x1C
 };
 
@@ -56,6 +57,8 @@ CanFrame odrive_input_vel(std::uint32_t node, float turns_per_s, float torque_ff
 CanFrame odrive_input_torque(std::uint32_t node, float torque_Nm) noexcept;
 CanFrame odrive_limits(std::uint32_t node, float turns_per_s, float current_A) noexcept;
 CanFrame odrive_clear_errors(std::uint32_t node) noexcept;
+// Where the drive is from now on, until its supply goes.
+CanFrame odrive_set_absolute_position(std::uint32_t node, float turns) noexcept;
 // A question: a remote frame, answered by the report of the same message.
 CanFrame odrive_get_version(std::uint32_t node) noexcept;
 

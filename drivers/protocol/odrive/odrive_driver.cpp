@@ -56,7 +56,9 @@ std::uint32_t OdriveDriver::setup_error() const noexcept {
   if (contradicts(settings_.firmware, firmware_)) return setup_fault_code(SetupFault::settings_differ, kOdriveFirmware);
   const bool unread = settings_.firmware.count != 0 && !firmware_ && asks_ == kAsksForVersion;
   if (unread) return setup_fault_code(SetupFault::settings_unread, kOdriveFirmware);
-  return settings_.watchdog_waived ? 0 : setup_fault_code(SetupFault::watchdog_unknown);
+  if (!settings_.watchdog_waived) return setup_fault_code(SetupFault::watchdog_unknown);
+  const bool knows_home = !settings_.home_mark || was_told_home_ || assumed_home_.known();
+  return knows_home ? 0 : setup_fault_code(SetupFault::home_unknown);
 }
 
 CanFrame OdriveDriver::enabled_frame(const DriveSetpoint& setpoint) noexcept {
@@ -141,6 +143,7 @@ bool OdriveDriver::take(OdriveMessage message, const ReceivedFrame& received) no
     case OdriveMessage::input_torque:
     case OdriveMessage::limits:
     case OdriveMessage::clear_errors:
+    case OdriveMessage::set_absolute_position:
       return false;  // a command: never the drive's
   }
   return false;
@@ -160,6 +163,7 @@ bool OdriveDriver::take_heartbeat(const ReceivedFrame& received) noexcept {
   // Perhaps another drive than before its silence.
   if (heartbeat_at_.is_set() && received.received_at - heartbeat_at_ > kOdriveHeartbeatTimeout) {
     firmware_.reset();
+    assumed_home_.forget();
     asks_ = 0;
     ticks_to_ask_ = kTicksPerAsk;
   }
@@ -190,10 +194,12 @@ bool OdriveDriver::without_a_number() noexcept {
 bool OdriveDriver::take_estimates(const ReceivedFrame& received) noexcept {
   const auto turns = decode_odrive_pair(settings_.node, OdriveMessage::encoder_estimates, received.frame);
   if (!turns) return false;
-  const float q = turns->first * kRadPerTurn;
+  was_told_home_ = settings_.home_mark && turns->first > settings_.home_mark->least;
+  const float q = (turns->first - (was_told_home_ ? settings_.home_mark->turns : 0)) * kRadPerTurn;
   const float dq = turns->second * kRadPerTurn;
   if (!std::isfinite(q) || !std::isfinite(dq)) return without_a_number();
   take_reading(settings_.mapping, q, dq, tau_, received.received_at, feedback_);
+  assumed_home_.take(feedback_.q);
   heartbeat_missing_ = heartbeat_at_.is_set() && received.received_at - heartbeat_at_ > kOdriveHeartbeatTimeout;
   judge_state();
   return true;
@@ -231,6 +237,18 @@ void OdriveDriver::judge_state() noexcept {
   judge(DriveState::disabled);
 }
 
+std::optional<OdriveHomeMark> odrive_home_mark(const config::Joint& joint) {
+  if (joint.drive.position_after_power_up != config::PositionAfterPowerUp::unknown) return std::nullopt;
+  const config::Limits& limits = joint.limits;
+  const double turns_per_rad = joint.drive.direction * joint.drive.gear_ratio / (2 * std::numbers::pi);
+  const double one_end = (limits.q_min - limits.position_margin - joint.drive.offset) * turns_per_rad;
+  const double other_end = (limits.q_max + limits.position_margin - joint.drive.offset) * turns_per_rad;
+  const double travel = std::abs(other_end - one_end);
+  const double least = 2 * (travel + 1);
+  return OdriveHomeMark{.turns = static_cast<float>(std::ceil(least + travel + 1 - std::min(one_end, other_end))),
+                        .least = static_cast<float>(least)};
+}
+
 std::expected<std::unique_ptr<JointDriver>, std::string> make_odrive_driver(const config::RobotConfig& robot,
                                                                             std::size_t joint) {
   const config::Drive& drive = robot.joints[joint].drive;
@@ -243,6 +261,7 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_odrive_driver(cons
   settings.node = drive.id;
   settings.mapping = mapping_of(drive);
   settings.watchdog_waived = config::waives_watchdog(drive);
+  settings.home_mark = odrive_home_mark(robot.joints[joint]);
   const auto firmware = words_of("firmware", drive.firmware, {.style = WordStyle::version});
   if (!firmware) return std::unexpected(firmware.error());
   settings.firmware = *firmware;

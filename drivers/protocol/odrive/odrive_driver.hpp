@@ -20,6 +20,7 @@
 // driving      the setpoint's torque                       a heartbeat since the request says closed loop
 // left         zero torque; idle, should the drive report  the drive left closed loop or reported an error by itself:
 //              closed loop again                           until enable false
+// A drive that counts from wherever it was switched on is not enabled before it was told where it is (OdriveHomeMark).
 // The drive's state is its newest heartbeat's: closed loop is enabled, an error is a fault, anything else is disabled.
 // A heartbeat that is older than kOdriveHeartbeatTimeout when an estimate arrives counts as a fault of its own,
 // kOdriveNoHeartbeat, so that a half-dead drive is not taken for enabled; when estimates stop too, the tick's feedback
@@ -27,6 +28,7 @@
 // Thread rule: as JointDriver.
 #pragma once
 
+#include "drivers/protocol/assumed_home.hpp"
 #include "drivers/protocol/odrive/odrive_codec.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 
@@ -39,11 +41,21 @@ inline constexpr std::uint32_t kOdriveNoHeartbeat = 0x7FFF'FFFF;
 // SettingDetail::setting of the firmware: message 00 is no number that it can have.
 inline constexpr std::uint32_t kOdriveFirmware = 1;
 
+// Of a drive that counts from wherever it was switched on (position_after_power_up: unknown). One that was told where
+// it is (Set_Absolute_Position) was told `turns` more than its place, so that its own reading says whether it was, and
+// says so no longer once it lost its supply: what the joint can move since power-on ends far below `least`.
+struct OdriveHomeMark {
+  float turns = 0, least = 0;  // motor turns
+};
+// Nothing: the drive knows its place.
+std::optional<OdriveHomeMark> odrive_home_mark(const config::Joint& joint);
+
 struct OdriveDriveSettings {
   std::uint32_t node = 0;
   JointMapping mapping;
   bool watchdog_waived = false;
   DriveWords firmware{};  // that it must tell; nothing: any
+  std::optional<OdriveHomeMark> home_mark{};
 };
 
 class OdriveDriver final : public JointDriver {
@@ -56,6 +68,7 @@ class OdriveDriver final : public JointDriver {
 
   std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
                      std::span<CanFrame> out) noexcept override;
+  void assume_home(float q, float tolerance) noexcept override { assumed_home_.assume(q, tolerance); }
   bool decode(const ReceivedFrame& received) noexcept override;
   [[nodiscard]] const JointFeedback& feedback() const noexcept override { return feedback_; }
   // Frames with one of the reports' ids that are no such report, and estimates that are no numbers.
@@ -93,6 +106,8 @@ class OdriveDriver final : public JointDriver {
   std::uint32_t active_errors_ = 0, disarm_reason_ = 0;
   bool heartbeat_missing_ = false;
   float tau_ = 0;  // Nm
+  bool was_told_home_ = false;
+  AssumedHome assumed_home_;
   std::optional<DriveWords> firmware_;
   std::uint32_t asks_ = 0, ticks_to_ask_ = kTicksPerAsk;  // since the drive was heard first, or again
 };

@@ -37,7 +37,8 @@ class Jog : public testing::Test {
     plant::Frames answers;
     const std::size_t sent = jog.tick(now_, out);
     for (std::size_t i = 0; i < sent && is_there_; ++i) device_->receive(out[i], now_, answers);
-    const double torque = device_->update({q_, dq_}, now_, milliseconds(1), answers);
+    const double motor = device_->update({q_, dq_}, now_, milliseconds(1), answers);
+    const double torque = is_wired_backwards_ ? -motor : motor;
     most_torque_ = std::max(most_torque_, std::abs(torque + static_cast<double>(joint().kd) * dq_));
     if (!is_blocked_) {
       dq_ = (dq_ + 0.001 * (torque + load_) / kInertia) * (device_->brake_engaged() ? 0 : 1);
@@ -57,7 +58,7 @@ class Jog : public testing::Test {
   MonoTime now_{1};
   double q_ = 0.3, dq_ = 0, most_torque_ = 0, moved_ = 0;
   double load_ = 0;  // Nm on the joint from outside
-  bool is_there_ = true, is_blocked_ = false;
+  bool is_there_ = true, is_blocked_ = false, is_wired_backwards_ = false;
   GravityTerm gravity_;
   std::optional<plant::DeviceFault> fault_;
   std::string failure_;
@@ -148,6 +149,25 @@ TEST_F(Jog, AStepThatWasNotTakenIsAFailure) {
   is_blocked_ = true;
   run({.by = 0.02, .speed = 0.2, .torque = 0.2});
   EXPECT_NE(failure_.find("moved 0.0 deg instead of 1.1 deg"), std::string::npos) << failure_;
+}
+
+// Motor and encoder disagree about which way is forward: the drive runs away from where it is led.
+TEST_F(Jog, AMotorThatTurnsAgainstItsEncoderIsLetGoAndSaysSo) {
+  is_wired_backwards_ = true;
+  run({.by = 0.1, .speed = 0.2, .torque = 1});
+  EXPECT_NE(failure_.find("strayed -"), std::string::npos) << failure_;
+  EXPECT_NE(failure_.find("turning the wrong way"), std::string::npos) << failure_;
+  EXPECT_GT(q_, 0.3 - 0.2) << "let go before it went far";
+}
+
+// A direction that the robot file has wrong agrees with itself: it shows in which way the joint went, to who looks.
+TEST_F(Jog, AWrongDirectionInTheFileMovesTheJointTheOtherWay) {
+  robot_.joints[3].drive.direction *= -1;
+  driver_ = make_joint_driver(robot_, 3).value();
+  run({.by = 0.1, .speed = 0.2, .torque = 1});
+  EXPECT_EQ(failure_, "");
+  EXPECT_NEAR(moved_, 0.1, 0.01) << "as the file counts";
+  EXPECT_NEAR(q_, 0.2, 0.01) << "in truth";
 }
 
 TEST_F(Jog, SaysWhenNobodyAnswers) {

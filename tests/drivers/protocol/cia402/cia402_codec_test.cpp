@@ -60,9 +60,35 @@ TEST(Cia402Codec, SdoAnswers) {
     EXPECT_EQ(answer->object, row.object) << row.when;
     EXPECT_EQ(answer->value, row.value) << row.when;
   }
-  EXPECT_FALSE(decode_sdo_answer(frame_of({0x41, 0, 0x10, 8, 9, 0, 0, 0}))) << "segmented upload";
-  EXPECT_FALSE(decode_sdo_answer(frame_of({0x20, 0, 0, 0, 0, 0, 0, 0}))) << "segment";
+  for (const int command : {0x40, 0x41}) {
+    const auto segmented = decode_sdo_answer(frame_of({command, 0x0A, 0x10, 0, 9, 0, 0, 0}));
+    ASSERT_TRUE(segmented);
+    EXPECT_EQ(segmented->kind, Kind::segmented);
+    EXPECT_EQ(segmented->object, (ObjectId{0x100A, 0}));
+  }
+  EXPECT_FALSE(decode_sdo_answer(frame_of({0x20, 0, 0, 0, 0, 0, 0, 0}))) << "segment of a write";
   EXPECT_FALSE(decode_sdo_answer(frame_of({0x60, 0x60, 0x60, 0}))) << "short";
+}
+
+// CiA 301, upload SDO segment: 000 toggle, how many of the seven bytes are none (3 bits), last.
+TEST(Cia402Codec, SegmentsOfAnUpload) {
+  EXPECT_EQ(text(encode_sdo_segment_request(5, false)), "605#6000000000000000");
+  EXPECT_EQ(text(encode_sdo_segment_request(5, true)), "605#7000000000000000");
+  EXPECT_EQ(text(encode_sdo_abort(5, {0x100A, 0})), "605#800a100000000008");
+  const auto whole = decode_sdo_segment(frame_of({0x00, 1, 2, 3, 4, 5, 6, 7}));
+  ASSERT_TRUE(whole);
+  EXPECT_FALSE(whole->toggle);
+  EXPECT_FALSE(whole->last);
+  EXPECT_EQ(whole->length, 7U);
+  EXPECT_EQ(whole->bytes, (std::array<std::uint8_t, 7>{1, 2, 3, 4, 5, 6, 7}));
+  const auto last = decode_sdo_segment(frame_of({0x1B, 1, 2, 9, 9, 9, 9, 9}));
+  ASSERT_TRUE(last);
+  EXPECT_TRUE(last->toggle);
+  EXPECT_TRUE(last->last);
+  EXPECT_EQ(last->length, 2U);
+  EXPECT_EQ(last->bytes, (std::array<std::uint8_t, 7>{1, 2}));
+  EXPECT_FALSE(decode_sdo_segment(frame_of({0x20, 0, 0, 0, 0, 0, 0, 0})));
+  EXPECT_FALSE(decode_sdo_segment(frame_of({0x00, 1, 2})));
 }
 
 TEST(Cia402Codec, CommandsOfEveryMode) {

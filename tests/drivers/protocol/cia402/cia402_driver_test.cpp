@@ -389,7 +389,7 @@ TEST(Cia402Driver, IgnoresWhatIsNotItsOwnAndCountsWhatIsMalformed) {
   EXPECT_FALSE(bench.hear(frame(0x185, {0x37, 0x12})));
   EXPECT_FALSE(bench.hear(frame(0x705, {9})));
   EXPECT_FALSE(bench.hear(frame(0x085, {1, 2, 3})));
-  EXPECT_FALSE(bench.hear(frame(0x585, {0x41, 0, 0, 0, 0, 0, 0, 0})));
+  EXPECT_FALSE(bench.hear(frame(0x585, {0xC0, 0, 0, 0, 0, 0, 0, 0})));
   EXPECT_EQ(bench.driver.malformed_frames(), 4U);
   EXPECT_TRUE(bench.hear(frame(0x285, {1, 2}))) << "ours, though nobody asked";
   for (int kind = 0; kind < 4; ++kind) {

@@ -52,6 +52,58 @@ class Conversation {
   test::AgreeingDrive agreeing{kRated_mNm};
 };
 
+// Segments are fetched by alternate requests; a late answer to one that was asked twice is none, and a text without end
+// is broken off. Whatever comes of it, the script goes on.
+class SoftwareText : public testing::Test {
+ protected:
+  std::string ask() {
+    const auto question = talk.setup.tick();
+    return question ? text(*question) : "";
+  }
+  void segment(std::uint8_t command) {
+    CanFrame frame;
+    frame.id = 0x585;
+    frame.length = 8;
+    frame.data[0] = command;
+    talk.setup.take(*decode_sdo_segment(frame));
+  }
+  Conversation talk;
+  const std::string next_row = "605#4002650000000000";
+};
+
+TEST_F(SoftwareText, IsFetchedSegmentBySegment) {
+  talk.answer(sdo_answer(talk.agree_until({0x100A, 0}), 0x41, 16));
+  EXPECT_EQ(ask(), "605#6000000000000000");
+  segment(0x00);
+  EXPECT_EQ(ask(), "605#7000000000000000");
+  segment(0x00);
+  EXPECT_EQ(ask(), "") << "the first one again: still waiting";
+  segment(0x10);
+  EXPECT_EQ(ask(), "605#6000000000000000");
+  segment(0x0B);
+  EXPECT_EQ(ask(), next_row);
+}
+
+TEST_F(SoftwareText, WithoutEndIsBrokenOff) {
+  talk.answer(sdo_answer(talk.agree_until({0x100A, 0}), 0x40));
+  for (std::uint32_t i = 0; i < kTextSegments; ++i) {
+    ASSERT_NE(ask(), "");
+    segment(i % 2 == 0 ? 0x00 : 0x10);
+  }
+  EXPECT_EQ(ask(), "605#800a100000000008");
+  EXPECT_EQ(ask(), next_row);
+}
+
+TEST_F(SoftwareText, ThatIsNotThereOrNotToldMissesNobody) {
+  talk.answer(sdo_answer(talk.agree_until({0x100A, 0}), 0x80, 0x0602'0000));
+  EXPECT_EQ(ask(), next_row);
+  Conversation silent;
+  silent.answer(sdo_answer(silent.agree_until({0x100A, 0}), 0x41, 16));
+  for (int tick = 0; tick < 40 && !silent.setup.fault(); ++tick)
+    if (const auto question = silent.setup.tick(); question && text(*question) == next_row) return;
+  FAIL() << "it is waited for";
+}
+
 TEST(Cia402Setup, TheWholeConversationWithATorqueDrive) {
   const char* const expected[] = {
       "000#8005",              // pre-operational
@@ -60,6 +112,7 @@ TEST(Cia402Setup, TheWholeConversationWithATorqueDrive) {
       "605#4018100200000000",  // which product?
       "605#4018100300000000",  // which revision?
       "605#4018100400000000",  // which one of them?
+      "605#400a100000000000",  // which software?
       "605#4002650000000000",  // which modes do you have?
       "605#2300140105020080",  // RPDO off: 80000205
       "605#2f00160000000000",  // empty its map

@@ -1,0 +1,211 @@
+// takt joint home: where a joint is since power-on, by the word of the person who holds it there or sees it at its
+// stop.
+#include <fmt/format.h>
+
+#include <array>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <memory>
+
+#include "cli/command.hpp"
+#include "cli/quantity_option.hpp"
+#include "cli/robot/direct_bus.hpp"
+#include "cli/robot/drive_listener.hpp"
+#include "config/load.hpp"
+#include "drivers/protocol/protocol_table.hpp"
+#include "drivers/tools/home_note.hpp"
+#include "drivers/tools/home_place.hpp"
+#include "drivers/tools/stop_search.hpp"
+#include "executive/contract/monotonic_clock.hpp"
+#include "executive/contract/pace.hpp"
+
+namespace takt::cli {
+namespace {
+
+struct HomeOptions {
+  std::string joint, robot_file, runtime_dir;
+  std::string to_stop;  // forward, backward; empty: by hand
+  double at_degrees = 0, torque = 0, speed_degrees = 5, within_degrees = 0;
+};
+
+constexpr double kDegree = 3.14159265358979323846 / 180;
+constexpr double kHeld = 2 * kDegree;  // as still as a hand holds a joint
+constexpr double kTaken = 0.02;        // rad: what is read back against what was said
+
+Refusal refusal(const config::Joint& joint, const std::string& why) {
+  return {kExitFailed, fmt::format("joint {}: {}", joint.name, why)};
+}
+
+// The drive takes it, and says so.
+std::expected<void, Refusal> tell_drive(const config::Joint& joint, const drivers::CanFrame& frame, double at,
+                                        drivers::CanBus& bus, DriveListener& listener) {
+  bus.send(frame);
+  listener.settle();
+  const JointFeedback& feedback = listener.feedback();
+  if (std::abs(listener.q() - at) > kTaken)
+    return std::unexpected(
+        refusal(joint, fmt::format("reads {:.2f} deg: its drive did not take it", listener.q() / kDegree)));
+  if (feedback.drive_state != DriveState::disabled)
+    return std::unexpected(
+        refusal(joint, "its drive reports " + drivers::error_name(joint.drive, feedback.error_code)));
+  return {};
+}
+
+// True: the person typed the joint's name, and the joint stayed where it was.
+std::expected<void, Refusal> confirm(const config::Joint& joint, DriveListener& listener) {
+  const double before = listener.q();
+  const auto typed = listener.wait_for_line();
+  if (!typed || *typed != joint.name)
+    return std::unexpected(refusal(joint, "not confirmed: nothing was changed (type the joint's name)"));
+  if (std::abs(listener.q() - before) <= kHeld) return {};
+  return std::unexpected(refusal(joint, fmt::format("moved {:.1f} deg meanwhile: hold it still, and say it again",
+                                                    (listener.q() - before) / kDegree)));
+}
+
+// The joint is at `at`: asked for, told to the drive or kept.
+std::expected<int, Refusal> make_known(const DirectRobot& robot, std::size_t index, double at, drivers::CanBus& bus,
+                                       DriveListener& listener) {
+  const config::Joint& joint = robot.config.joints[index];
+  const auto frame = drivers::home_frame(joint, at);
+  double shift = 0;
+  if (!frame) {
+    const auto steps = drivers::steps_between(joint, listener.q(), at);
+    if (!steps) return std::unexpected(refusal(joint, steps.error()));
+    shift = *steps;
+  }
+  fmt::print("joint {} reads {:.2f} deg; type its name and Enter if it is at {:.2f} deg:\n", joint.name,
+             listener.q() / kDegree, (frame ? at : listener.q() + shift) / kDegree);
+  std::fflush(stdout);
+  if (const auto confirmed = confirm(joint, listener); !confirmed) return std::unexpected(confirmed.error());
+  if (frame) {
+    if (const auto told = tell_drive(joint, *frame, at, bus, listener); !told) return std::unexpected(told.error());
+    fmt::print("joint {} reads {:.2f} deg now; its drive forgets it with its supply\n", joint.name,
+               listener.q() / kDegree);
+    return kExitOk;
+  }
+  const drivers::HomeNote note{.shift = shift, .left_at = listener.q() + shift};
+  const auto written = drivers::write_home_note(robot.runtime_directory, robot.config, index, note);
+  if (!written) return std::unexpected(refusal(joint, written.error()));
+  fmt::print(
+      "joint {} is at {:.2f} deg, {:+.2f} deg from what it reads. Its drive cannot keep that, and nothing tells "
+      "whether "
+      "it\nwas switched off since: it holds for one start of the executive within {:.0f} min, with the joint left "
+      "where "
+      "it is\n",
+      joint.name, note.left_at / kDegree, shift / kDegree, drivers::kHomeNoteLasts.seconds() / 60);
+  return kExitOk;
+}
+
+volatile std::sig_atomic_t g_home_interrupted = 0;
+
+// What the drive reads at the stop, rad. Interrupting it releases the drive first.
+std::expected<double, Refusal> lead_to_stop(const DirectRobot& robot, std::size_t index, const HomeOptions& options,
+                                            drivers::CanBus& bus, drivers::JointDriver& driver) {
+  const config::Joint& joint = robot.config.joints[index];
+  if (joint.passive) return std::unexpected(refusal(joint, "is passive: nothing can move it"));
+  const double most = joint.limits.torque;
+  const drivers::StopWish wish{.direction = options.to_stop == "forward" ? 1 : -1,
+                               .speed = options.speed_degrees * kDegree,
+                               .torque = options.torque > 0 ? options.torque : 0.1 * most,
+                               .within = options.within_degrees > 0 ? options.within_degrees * kDegree
+                                                                    : joint.limits.q_max - joint.limits.q_min};
+  if (wish.torque > most)
+    return std::unexpected(Refusal{
+        kExitUsage, fmt::format("--torque {} Nm exceeds limits.torque {} Nm of {}", wish.torque, most, joint.name)});
+  const auto permission = permit_torque(robot.config);
+  if (!permission) return std::unexpected(permission.error());
+  std::signal(SIGINT, [](int) { g_home_interrupted = 1; });
+  std::signal(SIGTERM, [](int) { g_home_interrupted = 1; });
+  drivers::StopSearch search(joint, wish, driver);
+  std::array<drivers::CanFrame, drivers::kMaxFramesPerDrive> out;
+  std::array<drivers::ReceivedFrame, 64> received;
+  for (Pace pace(monotonic_now(), robot.config.control.period); !search.ended(); pace.advance(monotonic_now())) {
+    sleep_until(pace.due());
+    if (g_home_interrupted != 0) search.give_up();
+    const std::size_t count = bus.receive(received);
+    for (std::size_t i = 0; i < count; ++i) driver.decode(received[i]);
+    const std::size_t frames = search.tick(monotonic_now(), out);
+    for (std::size_t i = 0; i < frames; ++i) bus.send(out[i]);
+  }
+  std::signal(SIGINT, SIG_DFL);
+  std::signal(SIGTERM, SIG_DFL);
+  if (!search.failure().empty()) return std::unexpected(refusal(joint, search.failure()));
+  return search.stop_at();
+}
+
+std::expected<int, Refusal> home(const HomeOptions& options) {
+  const auto robot = load_robot(options.robot_file, options.runtime_dir);
+  if (!robot) return std::unexpected(robot.error());
+  const auto index = find_joint(*robot, options.joint);
+  if (!index) return std::unexpected(index.error());
+  const config::Joint& joint = robot->config.joints[*index];
+  if (!drivers::forgets_home(joint.drive))
+    return std::unexpected(
+        refusal(joint,
+                "by the robot file its drive knows where it is since power-on (position_after_power_up: absolute); "
+                "another zero for it: takt bus zero"));
+  const double at = options.at_degrees * kDegree;
+  if (const auto possible = drivers::check_place(joint, at); !possible)
+    return std::unexpected(Refusal{kExitUsage, fmt::format("--at: {}", possible.error())});
+  const auto alone = require_alone(*robot);
+  if (!alone) return std::unexpected(alone.error());
+  auto driver = drivers::make_lone_driver(robot->config, *index);
+  if (!driver) return std::unexpected(Refusal{config::kExitBadConfiguration, driver.error()});
+  auto bus = open_bus(*robot, joint.bus);
+  if (!bus) return std::unexpected(bus.error());
+  DriveListener listener(**bus, **driver, robot->config.control.period);
+  if (!listener.wait_until_disabled()) {
+    const std::uint32_t error = listener.feedback().error_code;
+    return std::unexpected(refusal(joint, error == 0 ? "its drive does not answer, or is not disabled"
+                                                     : "its drive reports " + drivers::error_name(joint.drive, error)));
+  }
+  if (options.to_stop.empty()) return make_known(*robot, *index, at, **bus, listener);
+  const auto stop_at = lead_to_stop(*robot, *index, options, **bus, **driver);
+  if (!stop_at) return std::unexpected(stop_at.error());
+  listener.settle();  // let go, it may have sprung back
+  return make_known(*robot, *index, at + listener.q() - *stop_at, **bus, listener);
+}
+
+}  // namespace
+
+void add_joint_home(CLI::App& joint, int& exit_code) {
+  CLI::App* command = joint.add_subcommand("home", "Say where a joint is whose drive forgot it with its supply.");
+  auto options = std::make_shared<HomeOptions>();
+  command->add_option("joint", options->joint, "name in the robot file")->required();
+  command->add_option("--robot", options->robot_file, "robot file")->required();
+  command->add_option("--runtime-dir", options->runtime_dir,
+                      "where loopback buses are (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
+  add_quantity(*command, "--at", options->at_degrees, "deg", "where it is held, or where the stop is, joint side")
+      ->required();
+  command->add_option("--to-stop", options->to_stop, "lead it to its stop first, softly: forward or backward")
+      ->check(CLI::IsMember({"forward", "backward"}));
+  add_quantity(*command, "--speed", options->speed_degrees, "deg/s", "with --to-stop: at most this fast")
+      ->check(CLI::Range(0.1, 30.0))
+      ->capture_default_str();
+  add_quantity(*command, "--torque", options->torque, "Nm",
+               "with --to-stop: never exceeded (default a tenth of limits.torque)")
+      ->check(CLI::PositiveNumber);
+  add_quantity(*command, "--within", options->within_degrees, "deg",
+               "with --to-stop: how far at most (default the width of limits.position)")
+      ->check(CLI::PositiveNumber);
+  command->footer(
+      "Example: takt joint home elbow --robot robot.yaml --at 0deg\n"
+      "Example: takt joint home elbow --robot robot.yaml --at -90deg --to-stop backward\n"
+      "Hold the joint at a place that you know; the drive stays disabled. With --to-stop it is enabled and led to its "
+      "stop:\n"
+      "gravity is not carried, and what is odd lets it go. Then you are asked to type the joint's name. A moteus\n"
+      "and an ODrive keep it until their supply goes; of a T-Motor drive that cannot tell several places apart the one "
+      "nearest\n"
+      "to --at is meant, and kept for the next start of the executive.\n"
+      "Exit codes: 0 known now, 1 refused, in doubt, not confirmed, or the drive did not take it, 64 command line, 65 "
+      "configuration,\n"
+      "69 the bus is not there.");
+  command->callback([options, &exit_code] {
+    const auto done = home(*options);
+    if (!done) fmt::print(stderr, "takt joint home: {}\n", done.error().sentence);
+    exit_code = done ? *done : done.error().exit_code;
+  });
+}
+
+}  // namespace takt::cli

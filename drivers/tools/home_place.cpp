@@ -1,0 +1,87 @@
+#include "drivers/tools/home_place.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+
+#include "drivers/protocol/little_endian.hpp"
+#include "drivers/protocol/odrive/odrive_driver.hpp"
+
+namespace takt::drivers {
+namespace {
+
+constexpr double kTurn = 2 * std::numbers::pi;
+
+std::string degrees(double rad) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.1f deg", rad * 360 / kTurn);
+  return text.data();
+}
+
+double motor_turns(const config::Drive& drive, double q) {
+  return (q - drive.offset) * drive.direction * drive.gear_ratio / kTurn;
+}
+
+// Register 131, set output exact, in turns: lasts until power-off, and sets the home state.
+CanFrame moteus_output_is(const config::Drive& drive, float turns) {
+  constexpr std::array<std::uint8_t, 3> kWriteOneFloat{0x0D, 0xB1, 0x02};
+  CanFrame frame;
+  frame.id = drive.id;
+  frame.extended = frame.fd = frame.bit_rate_switch = true;
+  frame.length = 7;
+  std::ranges::copy(kWriteOneFloat, frame.data);
+  put_f32(frame.data + kWriteOneFloat.size(), turns);
+  return frame;
+}
+
+}  // namespace
+
+bool forgets_home(const config::Drive& drive) {
+  return drive.protocol == config::DriveProtocol::moteus ||
+         drive.position_after_power_up != config::PositionAfterPowerUp::absolute;
+}
+
+std::optional<CanFrame> home_frame(const config::Joint& joint, double q) {
+  const config::Drive& drive = joint.drive;
+  const auto turns = static_cast<float>(motor_turns(drive, q));
+  if (drive.protocol == config::DriveProtocol::moteus) return moteus_output_is(drive, turns);
+  const auto mark = odrive_home_mark(joint);
+  if (drive.protocol != config::DriveProtocol::odrive || !mark) return std::nullopt;
+  return odrive_set_absolute_position(drive.id, mark->turns + turns);
+}
+
+double place_step(const config::Drive& drive) {
+  const bool several = drive.position_after_power_up == config::PositionAfterPowerUp::one_of_several;
+  return several ? kTurn / drive.places_per_turn : 0;
+}
+
+std::expected<double, std::string> steps_between(const config::Joint& joint, double read, double at) {
+  const double step = place_step(joint.drive);
+  const double shift = step * std::round((at - read) / step);
+  const double place = read + shift;
+  if (std::abs(place - at) > step / 4)
+    return std::unexpected("its drive reads " + degrees(read) + ", so it is at " + degrees(place) +
+                           " or a multiple of " + degrees(step) + " from there, and " + degrees(at) +
+                           " is near none of them: look again");
+  if (const auto possible = check_place(joint, place); !possible) return std::unexpected(possible.error());
+  const config::Limits& limits = joint.limits;
+  const double offset = joint.drive.offset + shift;
+  const double farthest = std::max(std::abs(limits.q_min - limits.position_margin - offset),
+                                   std::abs(limits.q_max + limits.position_margin - offset));
+  if (farthest * joint.drive.gear_ratio > joint.drive.position_range)
+    return std::unexpected(
+        "from there limits.position reaches beyond the drive's position_range: switch the drive off, "
+        "bring the joint nearer to its zero, and switch it on");
+  return shift;
+}
+
+std::expected<void, std::string> check_place(const config::Joint& joint, double at) {
+  const config::Limits& limits = joint.limits;
+  if (at >= limits.q_min - limits.position_margin && at <= limits.q_max + limits.position_margin) return {};
+  return std::unexpected(degrees(at) + " is outside limits.position " + degrees(limits.q_min) + " to " +
+                         degrees(limits.q_max));
+}
+
+}  // namespace takt::drivers

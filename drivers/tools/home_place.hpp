@@ -1,0 +1,31 @@
+// Where a joint is since power-on, of drives that forget it: which do, how they are told, and what is kept for those
+// that cannot be told. Angles: rad, joint side. Pure.
+#pragma once
+
+#include <expected>
+#include <optional>
+#include <string>
+
+#include "config/robot_config.hpp"
+#include "drivers/bus/can_frame.hpp"
+
+namespace takt::drivers {
+
+// True of every moteus, and of drives whose entry says so (position_after_power_up).
+bool forgets_home(const config::Drive& drive);
+
+// Tells the drive that its joint is at `q`, until its supply goes. The drive must be disabled. Nothing: the protocol
+// has no such frame.
+std::optional<CanFrame> home_frame(const config::Joint& joint, double q);
+
+// Between places that the drive cannot tell apart; 0: it has no such places.
+double place_step(const config::Drive& drive);
+
+// What to add to what the drive reads where somebody says that the joint is at `at`: whole steps. The error is why that
+// is in doubt: no place within a quarter of a step, or one that the joint or the drive cannot reach.
+std::expected<double, std::string> steps_between(const config::Joint& joint, double read, double at);
+
+// `at` is a place that the joint may have; else why not.
+std::expected<void, std::string> check_place(const config::Joint& joint, double at);
+
+}  // namespace takt::drivers

@@ -1,0 +1,150 @@
+// Goal: what a person says of a joint's place is told to the drive in its own units, or kept for one start of the
+// executive, and refused where it is in doubt. Method: frames against bytes written down from mjbots/moteus
+// docs/protocol/registers.md (131) and odriverobotics/ODriveArduino src/can_simple_messages.hpp (19); notes in a folder
+// of the test's own.
+#include "drivers/tools/home_place.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <numbers>
+
+#include "drivers/tools/home_note.hpp"
+
+namespace takt::drivers {
+namespace {
+
+using config::PositionAfterPowerUp;
+constexpr double kDegree = std::numbers::pi / 180;
+
+config::Joint joint_with(config::DriveProtocol protocol, PositionAfterPowerUp position) {
+  config::Joint joint;
+  joint.drive.protocol = protocol;
+  joint.drive.id = 3;
+  joint.drive.position_after_power_up = position;
+  joint.drive.places_per_turn = 9;
+  joint.drive.position_range = 12.5;
+  joint.limits.q_min = -100 * kDegree;
+  joint.limits.q_max = 100 * kDegree;
+  return joint;
+}
+
+TEST(HomePlace, WhoForgetsIt) {
+  using enum config::DriveProtocol;
+  EXPECT_TRUE(forgets_home(joint_with(moteus, PositionAfterPowerUp::absolute).drive));
+  EXPECT_FALSE(forgets_home(joint_with(odrive, PositionAfterPowerUp::absolute).drive));
+  EXPECT_TRUE(forgets_home(joint_with(odrive, PositionAfterPowerUp::unknown).drive));
+  EXPECT_TRUE(forgets_home(joint_with(mit, PositionAfterPowerUp::one_of_several).drive));
+}
+
+TEST(HomePlace, AMoteusIsToldTheTurnsOfItsOutput) {
+  config::Joint joint = joint_with(config::DriveProtocol::moteus, PositionAfterPowerUp::absolute);
+  joint.drive.direction = -1;
+  joint.drive.offset = 90 * kDegree;
+  const auto frame = home_frame(joint, 0);
+  ASSERT_TRUE(frame);
+  constexpr std::uint8_t kQuarterTurn[]{0x0D, 0xB1, 0x02, 0x00, 0x00, 0x80, 0x3E};  // 0.25
+  ASSERT_EQ(frame->length, sizeof kQuarterTurn);
+  EXPECT_EQ(std::memcmp(frame->data, kQuarterTurn, sizeof kQuarterTurn), 0);
+  EXPECT_TRUE(frame->fd);
+}
+
+TEST(HomePlace, AnOdriveIsToldTheTurnsOfItsMotorAndTheMark) {
+  const config::Joint joint = joint_with(config::DriveProtocol::odrive, PositionAfterPowerUp::unknown);
+  const auto frame = home_frame(joint, 90 * kDegree);
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->id, 0x79U);
+  ASSERT_EQ(frame->length, 8);
+  float turns = 0;
+  std::memcpy(&turns, frame->data, sizeof turns);
+  EXPECT_EQ(turns - std::floor(turns), 0.25F);
+  EXPECT_GT(turns, 2) << "the mark";
+  EXPECT_FALSE(home_frame(joint_with(config::DriveProtocol::odrive, PositionAfterPowerUp::absolute), 0));
+}
+
+// Places are 40 deg apart: 8 + 40 n deg.
+TEST(HomePlace, TheNearestOfSeveralPlacesIsMeantUnlessInDoubt) {
+  const config::Joint joint = joint_with(config::DriveProtocol::mit, PositionAfterPowerUp::one_of_several);
+  const auto steps = [&](double at) { return steps_between(joint, 8 * kDegree, at * kDegree); };
+  EXPECT_NEAR(steps(8).value(), 0, 1e-9);
+  EXPECT_NEAR(steps(17).value(), 0, 1e-9);
+  EXPECT_NEAR(steps(85).value(), 80 * kDegree, 1e-9);
+  EXPECT_NEAR(steps(-80).value(), -80 * kDegree, 1e-9);
+  ASSERT_FALSE(steps(28));
+  EXPECT_NE(steps(28).error().find("near none of them"), std::string::npos) << steps(28).error();
+  ASSERT_FALSE(steps(125)) << "128 deg is no place of the joint's";
+  EXPECT_NE(steps(125).error().find("outside limits.position"), std::string::npos) << steps(125).error();
+}
+
+TEST(HomePlace, WhatTheDriveCannotSayFromThereIsRefused) {
+  config::Joint joint = joint_with(config::DriveProtocol::mit, PositionAfterPowerUp::one_of_several);
+  joint.drive.position_range = 150 * kDegree;
+  EXPECT_TRUE(steps_between(joint, 0, 40 * kDegree));
+  EXPECT_FALSE(steps_between(joint, 0, 80 * kDegree));
+}
+
+class Notes : public testing::Test {
+ protected:
+  Notes() {
+    std::string pattern = testing::TempDir() + "takt-homes.XXXXXX";
+    directory_ = mkdtemp(pattern.data());
+    robot_.hash = 77;
+    robot_.joints.push_back(joint_with(config::DriveProtocol::mit, PositionAfterPowerUp::absolute));
+    robot_.joints.push_back(joint_with(config::DriveProtocol::mit, PositionAfterPowerUp::one_of_several));
+  }
+  ~Notes() override { std::filesystem::remove_all(directory_); }
+  void write() { ASSERT_TRUE(write_home_note(directory_, robot_, 1, {.shift = 0.698, .left_at = 0.71})); }
+  [[nodiscard]] std::string file() const { return directory_ + "/home-1"; }
+  // Its words, with one of them replaced.
+  void forge(std::size_t which, const std::string& word) {
+    std::vector<std::string> words;
+    std::ifstream in(file());
+    for (std::string one; in >> one;) words.push_back(one);
+    words.at(which) = word;
+    std::ofstream out(file());
+    for (const std::string& one : words) out << one << ' ';
+  }
+
+  std::string directory_;
+  config::RobotConfig robot_;
+};
+
+TEST_F(Notes, HoldOnce) {
+  write();
+  const auto first = take_home_notes(directory_, robot_);
+  ASSERT_EQ(first.size(), 2U);
+  EXPECT_FALSE(first[0]);
+  ASSERT_TRUE(first[1]);
+  EXPECT_EQ(first[1]->shift, 0.698);
+  EXPECT_EQ(first[1]->left_at, 0.71);
+  EXPECT_FALSE(take_home_notes(directory_, robot_)[1]);
+}
+
+TEST_F(Notes, OfAnotherRobotFileAnotherStartOfTheComputerOrTooLongAgoAreTakenAwayAndDoNotHold) {
+  write();
+  robot_.hash = 78;
+  EXPECT_FALSE(take_home_notes(directory_, robot_)[1]);
+  EXPECT_FALSE(std::filesystem::exists(file()));
+  write();
+  forge(0, "00000000-0000-0000-0000-000000000000");
+  EXPECT_FALSE(take_home_notes(directory_, robot_)[1]) << "another boot";
+  write();
+  forge(2, "-600000000001");
+  EXPECT_FALSE(take_home_notes(directory_, robot_)[1]) << "too old";
+  write();
+  forge(2, "9000000000000000000");
+  EXPECT_FALSE(take_home_notes(directory_, robot_)[1]) << "from the future";
+  write();
+  forge(3, "nan");
+  EXPECT_FALSE(take_home_notes(directory_, robot_)[1]);
+}
+
+TEST_F(Notes, WhereNothingCanBeWrittenItIsSaid) {
+  std::ofstream(directory_ + "/file");
+  EXPECT_FALSE(write_home_note(directory_ + "/file", robot_, 1, {}));
+}
+
+}  // namespace
+}  // namespace takt::drivers
