@@ -60,6 +60,7 @@ void add_audit(CLI::App& app, int& exit_code);
 void add_compare(CLI::App& app, int& exit_code);
 void add_budget(CLI::App& app, int& exit_code);
 void add_margin(CLI::App& app, int& exit_code);
+void add_export(CLI::App& app, int& exit_code);
 void add_policy(CLI::App& app, int& exit_code);
 void add_policy_check(CLI::App& policy, int& exit_code);   // below add_policy's
 void add_policy_try(CLI::App& policy, int& exit_code);     // below add_policy's

@@ -44,6 +44,7 @@ execute_process(COMMAND gzip -9nf changelog.Debian changelog WORKING_DIRECTORY $
 set(docs ${CMAKE_INSTALL_DATADIR}/doc/takt)
 install(FILES ${share}/doc/changelog.Debian.gz ${share}/doc/changelog.gz ${package_files}/copyright README.md DESTINATION ${docs})
 install(DIRECTORY docs DESTINATION ${docs} FILES_MATCHING PATTERN "*.md" PATTERN "*.svg" PATTERN "*.xml" PATTERN examples EXCLUDE)
+install(DIRECTORY drivers/dbc DESTINATION ${CMAKE_INSTALL_DATADIR}/takt)
 install(DIRECTORY config/ DESTINATION ${CMAKE_INSTALL_DATADIR}/takt/robots
         FILES_MATCHING PATTERN "*.yaml" PATTERN "*.onnx" PATTERN "*.xml"
         PATTERN grafana EXCLUDE PATTERN prometheus EXCLUDE PATTERN drives EXCLUDE)

@@ -19,21 +19,23 @@
 namespace takt::config {
 
 struct DeployTerm {
-  std::string name;           // "joint_pos_rel"
-  std::vector<double> scale;  // one per value
-  std::uint32_t history = 1;
+  std::string name;            // "joint_pos_rel"
+  std::vector<double> scale;   // one per value; empty: not said
+  std::uint32_t history = 1;   // 0: not said
+  bool is_only_named = false;  // the name is its author's choice, and does not say what is observed
 };
 
 struct DeployFile {
-  std::vector<std::size_t> robot_joint;  // of each policy joint, in the robot's order; a permutation
-  std::vector<std::size_t> slot;         // of each of the robot's joints; ascending
-  Duration step_dt;
-  std::vector<double> stiffness, damping;  // robot's order
-  std::vector<double> default_position;    // policy's order
-  std::vector<double> action_scale, action_offset;
+  std::vector<std::size_t> robot_joint;             // of each policy joint, in the robot's order; a permutation
+  std::vector<std::size_t> slot;                    // of each of the robot's joints; ascending
+  Duration step_dt;                                 // 0: not said
+  std::vector<double> stiffness, damping;           // robot's order
+  std::vector<double> default_position;             // policy's order
+  std::vector<double> action_scale, action_offset;  // likewise, or one for all; empty: not said
   std::vector<DeployTerm> terms;
   std::vector<std::pair<std::string, std::pair<double, double>>> command_ranges;  // "lin_vel_x", [min, max]
-  std::vector<std::string> notes;  // what the file asks for and an import does not carry over
+  std::vector<std::string> notes;    // what the file asks for and an import does not carry over
+  std::vector<std::string> remarks;  // what is to be known of what it does carry over
 };
 
 std::expected<DeployFile, std::string> read_deploy_file(std::string_view text, const std::string& name_for_messages);

@@ -24,7 +24,10 @@ std::string joint_name(const ImportOptions& options, std::size_t index) {
   return options.joint_names.empty() ? fmt::format("joint_{:02}", index) : options.joint_names[index];
 }
 
+constexpr const char* kUnfilled = "FILL_IN";
+
 std::string one_or_list(const std::vector<double>& values) {
+  if (values.empty()) return kUnfilled;
   const bool equal = std::ranges::all_of(values, [&](double value) { return value == values.front(); });
   return equal ? fmt::format("{}", values.front()) : fmt::format("[{}]", fmt::join(values, ", "));
 }
@@ -42,10 +45,12 @@ std::string_view takt_term(std::string_view name) {
 }
 
 bool is_command(const DeployFile& deploy, const DeployTerm& term) {
-  return term.name == "velocity_commands" && deploy.command_ranges.size() == term.scale.size();
+  return term.name == "velocity_commands" && !term.is_only_named && deploy.command_ranges.size() == term.scale.size();
 }
 
-constexpr const char* kUnfilled = "FILL_IN";
+std::string duration_or_unfilled(Duration duration) {
+  return duration.ns == 0 ? kUnfilled : format_duration(duration);
+}
 
 // A person's last word ages the policy's commands until it times out: well before they are too old to be played.
 Duration command_lasts(const DeployFile& deploy) {
@@ -144,9 +149,10 @@ std::string header_text(const DeployFile& deploy, const ImportOptions& options) 
   std::string text = fmt::format("# Imported from {}.\n", options.source);
   if (!options.simulated)
     text +=
-        "# A deploy.yaml says nothing about drives and the contract: replace every FILL_IN by what is true of your\n"
+        "# An export says nothing about drives and the contract: replace every FILL_IN by what is true of your\n"
         "# robot; `takt config check` names those that are left.\n";
   for (const std::string& note : deploy.notes) text += fmt::format("# Not carried over: {}\n", note);
+  for (const std::string& remark : deploy.remarks) text += fmt::format("# Note: {}\n", remark);
   text += fmt::format("schema: takt.robot/1\nrobot: {}\n\n", options.robot);
   if (options.simulated) {
     const SimulatedBuses buses = buses_for(deploy.robot_joint.size());
@@ -162,7 +168,7 @@ std::string header_text(const DeployFile& deploy, const ImportOptions& options) 
                     "degraded: {{ behaviour: FILL_IN }}   # hold | slow | fallback\n"
                     "feedback: {{ timeout: FILL_IN }}\n\n"
                     "buses:\n  - {{ name: FILL_IN, interface: FILL_IN }}\n\n",
-                    format_duration(deploy.step_dt));
+                    duration_or_unfilled(deploy.step_dt));
 }
 
 std::string defaults_text(const DeployFile& deploy, const ImportOptions& options) {
@@ -234,7 +240,7 @@ std::string joints_text(const DeployFile& deploy, const ImportOptions& options) 
 
 bool reads_imu(const DeployFile& deploy) {
   return std::ranges::any_of(deploy.terms, [](const DeployTerm& term) {
-    return term.name == "base_ang_vel" || term.name == "projected_gravity";
+    return !term.is_only_named && (term.name == "base_ang_vel" || term.name == "projected_gravity");
   });
 }
 
@@ -268,7 +274,7 @@ std::string sensors_text(const DeployFile& deploy, bool simulated) {
   const std::string timeout = simulated ? "100 ms" : kUnfilled;
   const std::string held = simulated ? format_duration(command_lasts(deploy)) : kUnfilled;
   for (const DeployTerm& term : deploy.terms)
-    if (takt_term(term.name).empty() && !is_command(deploy, term))
+    if (!term.is_only_named && takt_term(term.name).empty() && !is_command(deploy, term))
       text += fmt::format("  - {{ name: {}, values: {}, timeout: FILL_IN }}\n", term.name, term.scale.size());
   for (const DeployTerm& term : deploy.terms)
     if (is_command(deploy, term)) text += command_sensor_text(deploy, held);
@@ -281,6 +287,7 @@ std::string sensors_text(const DeployFile& deploy, bool simulated) {
 
 // What stands behind `term:`.
 std::string source_of(const DeployFile& deploy, const DeployTerm& term) {
+  if (term.is_only_named) return kUnfilled;
   if (is_command(deploy, term)) return "command, sensor: velocity_command";
   const std::string_view known = takt_term(term.name);
   if (known.empty()) return fmt::format("sensor, sensor: {}", term.name);
@@ -290,8 +297,9 @@ std::string source_of(const DeployFile& deploy, const DeployTerm& term) {
 std::string terms_text(const DeployFile& deploy) {
   std::string text;
   for (const DeployTerm& term : deploy.terms)
-    text += fmt::format("    - {{ term: {}, scale: {}, history: {} }}\n", source_of(deploy, term),
-                        one_or_list(term.scale), term.history);
+    text += fmt::format("    - {{ term: {}, scale: {}, history: {} }}{}\n", source_of(deploy, term),
+                        one_or_list(term.scale), term.history == 0 ? kUnfilled : fmt::format("{}", term.history),
+                        term.is_only_named ? "   # called " + term.name : "");
   return text;
 }
 
@@ -301,6 +309,7 @@ std::string policy_text(const DeployFile& deploy, const ImportOptions& options) 
   const bool offset_is_home = deploy.action_offset == deploy.default_position;
   std::vector<std::string> offsets;
   for (const double offset : deploy.action_offset) offsets.push_back(fmt::format("{} rad", offset));
+  const std::string offset = offsets.empty() ? kUnfilled : fmt::format("[{}]", fmt::join(offsets, ", "));
   return fmt::format(
       "\npolicy:\n"
       "  file: \"{}\"\n"
@@ -312,9 +321,9 @@ std::string policy_text(const DeployFile& deploy, const ImportOptions& options) 
       "  observation:\n{}"
       "  action: {{ kind: joint_position, interpolation: hold, scale: {}, offset: {} }}   # as trained: no velocity "
       "target\n",
-      options.policy_file, format_duration(deploy.step_dt), format_duration(deploy.step_dt * kTargetLastsPeriods),
-      fmt::join(order, ", "), terms_text(deploy), one_or_list(deploy.action_scale),
-      offset_is_home ? "home" : fmt::format("[{}]", fmt::join(offsets, ", ")));
+      options.policy_file, duration_or_unfilled(deploy.step_dt),
+      duration_or_unfilled(deploy.step_dt * kTargetLastsPeriods), fmt::join(order, ", "), terms_text(deploy),
+      one_or_list(deploy.action_scale), offset_is_home ? "home" : offset);
 }
 
 // The model's joints stand in the order of the robot's motors, as their maker numbers them: one each, or one per slot.
@@ -358,6 +367,9 @@ std::expected<std::string, std::string> import_deploy_file(const DeployFile& dep
     return std::unexpected(fmt::format("`{}` is no robot name; use letters, digits, _ and -", options.robot));
   if (options.simulated && !options.model)
     return std::unexpected("a simulated robot needs its model; name its MJCF file");
+  if (options.simulated && deploy.step_dt.ns == 0)
+    return std::unexpected(
+        "a simulated robot needs the policy's period, which this export does not say; leave --simulated out");
   return header_text(deploy, options) + defaults_text(deploy, options) + joints_text(deploy, options) +
          sensors_text(deploy, options.simulated) + policy_text(deploy, options) +
          (options.simulated ? simulation_text(options) + kBeforeARealRobot : "");

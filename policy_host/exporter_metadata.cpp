@@ -78,6 +78,39 @@ std::expected<void, std::string> check_order(const ExporterMetadata& metadata, c
   return {};
 }
 
+// Nothing: it can stand in a robot file.
+std::string unfit(const ExporterMetadata& metadata) {
+  const std::size_t joints = metadata.joint_names.size();
+  if (joints == 0)
+    return "holds no metadata of mjlab's or whole_body_tracking's exporters (joint_names); import the deploy.yaml "
+           "beside it";
+  for (const auto& [key, list] :
+       {std::pair{"joint_stiffness", &metadata.stiffness}, std::pair{"joint_damping", &metadata.damping},
+        std::pair{"default_joint_pos", &metadata.default_position}}) {
+    if (list->empty()) return fmt::format("metadata: {} is missing; export the policy again", key);
+  }
+  if (!metadata.action_joints.empty() && metadata.action_joints != metadata.joint_names)
+    return fmt::format(
+        "metadata: the policy moves {} of {} joints (action_joint_names), which is not imported; write "
+        "policy.action.joints by hand",
+        metadata.action_joints.size(), joints);
+  for (const auto* list : {&metadata.action_scale, &metadata.action_offset}) {
+    if (list->size() > 1 && list->size() != joints)
+      return fmt::format("metadata: {} action scales or offsets for {} joints; export the policy again", list->size(),
+                         joints);
+  }
+  if (!metadata.history_lengths.empty() && metadata.history_lengths.size() != metadata.observation_names.size())
+    return fmt::format("metadata: {} observation_history_lengths for {} observations; export the policy again",
+                       metadata.history_lengths.size(), metadata.observation_names.size());
+  return "";
+}
+
+std::vector<double> in_robot_order(const std::vector<double>& of_policy, const std::vector<std::size_t>& robot_joint) {
+  std::vector<double> values(of_policy.size());
+  for (std::size_t k = 0; k < values.size(); ++k) values[robot_joint[k]] = of_policy[k];
+  return values;
+}
+
 }  // namespace
 
 std::expected<ExporterMetadata, std::string> read_exporter_metadata(
@@ -91,6 +124,9 @@ std::expected<ExporterMetadata, std::string> read_exporter_metadata(
     if (key == "joint_damping") read.damping = numbers.read(key, value);
     if (key == "default_joint_pos") read.default_position = numbers.read(key, value);
     if (key == "action_scale") read.action_scale = numbers.read(key, value);
+    if (key == "action_offset") read.action_offset = numbers.read(key, value);
+    if (key == "action_joint_names") read.action_joints = items_of(value);
+    if (key == "observation_history_lengths") read.history_lengths = numbers.read(key, value);
   }
   if (read.joint_names.empty()) return ExporterMetadata{};
   if (!numbers.problem.empty()) return std::unexpected(numbers.problem);
@@ -101,6 +137,33 @@ std::expected<ExporterMetadata, std::string> read_exporter_metadata(
   }
   read.rounded = numbers.most_decimals <= 3;
   return read;
+}
+
+std::expected<config::DeployFile, std::string> deploy_file_of(const ExporterMetadata& metadata,
+                                                              const std::vector<std::string>& robot_joints) {
+  if (std::string reason = unfit(metadata); !reason.empty()) return std::unexpected(std::move(reason));
+  config::DeployFile file;
+  for (const std::string& joint : metadata.joint_names) {
+    const auto found = std::ranges::find(robot_joints, joint);
+    if (found == robot_joints.end() || robot_joints.size() != metadata.joint_names.size()) {
+      return std::unexpected(fmt::format("metadata: joints {}; the robot's are {}: name all and no others",
+                                         fmt::join(metadata.joint_names, ", "), fmt::join(robot_joints, ", ")));
+    }
+    file.slot.push_back(file.slot.size());
+    file.robot_joint.push_back(static_cast<std::size_t>(found - robot_joints.begin()));
+  }
+  file.stiffness = in_robot_order(metadata.stiffness, file.robot_joint);
+  file.damping = in_robot_order(metadata.damping, file.robot_joint);
+  file.default_position = metadata.default_position;
+  file.action_scale = metadata.action_scale;
+  file.action_offset = metadata.action_offset;
+  for (std::size_t each = 0; each < metadata.observation_names.size(); ++each) {
+    const double history = metadata.history_lengths.empty() ? 0 : std::clamp(metadata.history_lengths[each], 1.0, 64.0);
+    file.terms.push_back({metadata.observation_names[each], {}, static_cast<std::uint32_t>(history), true});
+  }
+  if (metadata.rounded)
+    file.remarks.emplace_back("gains, poses and scales have three decimals at most: the exporter rounded them");
+  return file;
 }
 
 std::expected<std::vector<std::string>, std::string> compare_metadata(const ExporterMetadata& metadata,

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "config/deploy_file.hpp"
 #include "config/robot_config.hpp"
 
 namespace takt::policy_host {
@@ -17,14 +18,22 @@ namespace takt::policy_host {
 struct ExporterMetadata {
   std::vector<std::string> joint_names;
   std::vector<double> stiffness, damping, default_position;  // one per joint, or empty
-  std::vector<double> action_scale;                          // one, one per output, or empty
-  std::vector<std::string> observation_names;
-  bool rounded = false;  // no number has more than three decimals
+  std::vector<double> action_scale, action_offset;           // one, one per output, or empty
+  std::vector<std::string> action_joints;                    // of each output; empty: not said
+  std::vector<std::string> observation_names;                // as the author of the training called them
+  std::vector<double> history_lengths;                       // one per observation, or empty
+  bool rounded = false;                                      // no number has more than three decimals
 };
 
 // No joint_names: not such an exporter's, everything is empty.
 std::expected<ExporterMetadata, std::string> read_exporter_metadata(
     const std::vector<std::pair<std::string, std::string>>& metadata);
+
+// What it says for a robot file, whose joints are `robot_joints`, in the robot's own order. The period, what an
+// observation is, its scale, and what else is not there stays unsaid. Errors: not such metadata, a list that is
+// missing, or joints that are not the robot's.
+std::expected<config::DeployFile, std::string> deploy_file_of(const ExporterMetadata& metadata,
+                                                              const std::vector<std::string>& robot_joints);
 
 // What differs from the robot's file, one sentence each; the error: joints in another order than the robot's policy
 // section has them, with which every action would move another joint.

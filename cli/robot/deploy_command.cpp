@@ -49,7 +49,8 @@ std::expected<void, Refusal> go_back(deploy::Store& store, const DeployedRobot& 
     return refused("nothing was deployed before: the new deployment stays, and nothing vouches for it");
   if (const auto back = store.use(previous); !back) return refused("going back: " + back.error());
   const auto robot = config::load(store.robot_file(previous));
-  if (const auto restarted = restart_and_wait(place, robot && robot->policy); !restarted)
+  const deploy::WantedHosts wanted = robot ? wanted_hosts(*robot) : deploy::WantedHosts{.policy = false};
+  if (const auto restarted = restart_and_wait(place, wanted); !restarted)
     return refused(fmt::format("{} is in use again: {}", previous, restarted.error().sentence));
   return {};
 }

@@ -63,9 +63,13 @@ std::expected<void, Refusal> restart(const DeployedRobot& robot) {
       Refusal{kExitFailed, fmt::format("`{}` ended with {}: {}", robot.restart, result.exit_code, result.output)});
 }
 
+deploy::WantedHosts wanted_hosts(const config::RobotConfig& robot) {
+  return {.policy = robot.policy.has_value(), .fallback = config::fallback_policy_of(robot) != nullptr};
+}
+
 Watched watch(const DeployedRobot& place, const config::RobotConfig& robot, const deploy::ProbationTimes& times,
               bool arm) {
-  deploy::Probation probation(times, robot.policy.has_value());
+  deploy::Probation probation(times, wanted_hosts(robot));
   const MonoTime started = monotonic_now();
   while (g_given_up == 0) {
     const deploy::Stage stage = probation.look(monotonic_now() - started, status_of(place));
@@ -78,9 +82,9 @@ Watched watch(const DeployedRobot& place, const config::RobotConfig& robot, cons
   return {deploy::Stage::failed, "interrupted"};
 }
 
-std::expected<void, Refusal> restart_and_wait(const DeployedRobot& robot, bool wants_policy) {
+std::expected<void, Refusal> restart_and_wait(const DeployedRobot& robot, deploy::WantedHosts wanted) {
   if (const auto restarted = restart(robot); !restarted || robot.restart.empty()) return restarted;
-  deploy::Probation probation({}, wants_policy);
+  deploy::Probation probation({}, wanted);
   const MonoTime started = monotonic_now();
   for (;; wait_a_little()) {
     const deploy::Stage stage = probation.look(monotonic_now() - started, status_of(robot));

@@ -31,11 +31,14 @@ void settle_restart(DeploymentOptions& options);
 // From now on SIGINT, SIGTERM and SIGHUP end what waits below, not the process.
 void catch_interruptions();
 
+// The hosts that this robot's file asks for.
+deploy::WantedHosts wanted_hosts(const config::RobotConfig& robot);
+
 // Runs the restart command; the error says how it ended.
 std::expected<void, Refusal> restart(const DeployedRobot& robot);
-// The same, and waits until the executive answers and has its monitor and, where one is wanted, its policy.
+// The same, and waits until the executive answers and has its monitor and the hosts that are wanted.
 // Interruptions are ignored: this is the way back.
-std::expected<void, Refusal> restart_and_wait(const DeployedRobot& robot, bool wants_policy);
+std::expected<void, Refusal> restart_and_wait(const DeployedRobot& robot, deploy::WantedHosts wanted);
 
 // Polls the executive until the probation is over, or an interruption was caught: failed. `arm`: arms it as soon as it
 // will. `robot`: the new one.

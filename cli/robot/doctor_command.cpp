@@ -8,7 +8,6 @@
 
 #include "cli/command.hpp"
 #include "cli/quantity_option.hpp"
-#include "cli/run/external_tool.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "monitor/record/bounded_file.hpp"
@@ -24,11 +23,6 @@ struct DoctorOptions {
   double seconds = 10;
   bool load = false, json = false, keep = false;
 };
-
-std::string output_of(const std::vector<std::string>& words) {
-  const ToolResult result = run_tool(words);
-  return result.exit_code == 0 ? result.output : std::string();
-}
 
 // Where the runs go, so that the disk is the robot's.
 std::string load_folder(const config::RobotConfig* robot) {
@@ -73,7 +67,7 @@ int examine(const DoctorOptions& options) {
     robot = std::move(*loaded);
   }
   const config::RobotConfig* const known = robot ? &*robot : nullptr;
-  doctor::Snapshot snapshot = doctor::collect({{}, output_of}, known);
+  doctor::Snapshot snapshot = doctor::collect({}, known);
   if (options.seconds > 0) snapshot.wakeup = doctor::measure_wakeups(probe_plan(known, options));
   const auto findings = doctor::diagnose(snapshot, known);
   fmt::print("{}{}", options.json ? doctor::json_of(findings, snapshot) : doctor::text_of(findings, snapshot),

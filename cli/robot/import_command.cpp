@@ -1,4 +1,5 @@
-// takt config import: a robot file to fill in, from what an Isaac Lab / Unitree export knows.
+// takt config import: a robot file to fill in, from what an export knows: a deploy.yaml of Isaac Lab and Unitree's
+// tools, or the metadata in an ONNX file of mjlab's and whole_body_tracking's exporters.
 #include <fmt/format.h>
 
 #include <filesystem>
@@ -11,6 +12,8 @@
 #include "config/deploy_import.hpp"
 #include "config/document.hpp"
 #include "config/load.hpp"
+#include "policy_host/exporter_metadata.hpp"
+#include "policy_host/onnx/model.hpp"
 #include "simulation/model_survey.hpp"
 
 namespace takt::cli {
@@ -19,9 +22,10 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Given {
-  std::string deploy_file, policy_file, model_file, robot, out;
+  std::string export_file, policy_file, model_file, robot, out;
   std::vector<std::string> joint_names;
   bool simulated = false;
+  [[nodiscard]] bool is_onnx() const { return export_file.ends_with(".onnx"); }
 };
 
 // As it is best written in `out`: relative to its folder, when both are given so.
@@ -37,11 +41,34 @@ std::string unfilled_in(const std::string& robot) {
   return count == 0 ? "no FILL_IN" : fmt::format("{} FILL_IN", count);
 }
 
-int import(const Given& given) {
-  const auto text = config::read_file(given.deploy_file);
-  if (!text) return refuse(config::kExitBadConfiguration, text.error());
-  const auto deploy = config::read_deploy_file(*text, given.deploy_file);
-  if (!deploy) return refuse(config::kExitBadConfiguration, deploy.error());
+// Metadata names its joints. In the robot's order they stand by --joint-names or the model, without either in the
+// policy's.
+std::expected<config::DeployFile, std::string> read_metadata(Given& given,
+                                                             const std::optional<config::ModelFacts>& model) {
+  const auto file = onnx_engine::load(given.export_file);
+  if (!file) return std::unexpected(file.error());
+  const auto metadata = policy_host::read_exporter_metadata(file->metadata());
+  if (!metadata) return std::unexpected(fmt::format("{}: {}", given.export_file, metadata.error()));
+  if (given.joint_names.empty() && model)
+    for (const config::ModelJoint& joint : model->joints) given.joint_names.push_back(joint.name);
+  if (given.joint_names.empty()) given.joint_names = metadata->joint_names;
+  auto deploy = policy_host::deploy_file_of(*metadata, given.joint_names);
+  if (!deploy) return std::unexpected(fmt::format("{}: {}", given.export_file, deploy.error()));
+  return deploy;
+}
+
+std::expected<config::DeployFile, std::string> read_export(Given& given,
+                                                           const std::optional<config::ModelFacts>& model) {
+  if (given.is_onnx()) return read_metadata(given, model);
+  const auto text = config::read_file(given.export_file);
+  if (!text) return std::unexpected(text.error());
+  return config::read_deploy_file(*text, given.export_file);
+}
+
+int import(Given given) {
+  if (given.policy_file.empty() && !given.is_onnx())
+    return refuse(kExitUsage, "--policy is missing: a deploy.yaml does not name its ONNX file");
+  if (given.policy_file.empty()) given.policy_file = given.export_file;
   if (const auto hash = config::policy_hash(given.policy_file); !hash)
     return refuse(config::kExitBadConfiguration, hash.error());
   std::optional<config::ModelFacts> model;
@@ -50,10 +77,12 @@ int import(const Given& given) {
     if (!facts) return refuse(config::kExitBadConfiguration, facts.error());
     model = std::move(*facts);
   }
+  const auto deploy = read_export(given, model);
+  if (!deploy) return refuse(config::kExitBadConfiguration, deploy.error());
   const auto robot = config::import_deploy_file(*deploy, {.robot = given.robot,
                                                           .policy_file = path_from(given.out, given.policy_file),
                                                           .joint_names = given.joint_names,
-                                                          .source = fs::path(given.deploy_file).filename().string(),
+                                                          .source = fs::path(given.export_file).filename().string(),
                                                           .model = std::move(model),
                                                           .model_file = path_from(given.out, given.model_file),
                                                           .simulated = given.simulated});
@@ -68,6 +97,7 @@ int import(const Given& given) {
     return refuse(kExitFailed, fmt::format("{} cannot be written; is its disk full? choose another -o", given.out));
   }
   for (const std::string& note : deploy->notes) fmt::print(stderr, "not carried over: {}\n", note);
+  for (const std::string& remark : deploy->remarks) fmt::print(stderr, "note: {}\n", remark);
   fmt::print("{}: {} joints, {} observation terms; {} to replace, then: takt config check {}\n", given.out,
              deploy->robot_joint.size(), deploy->terms.size(), unfilled_in(*robot), given.out);
   return kExitOk;
@@ -76,11 +106,16 @@ int import(const Given& given) {
 }  // namespace
 
 void add_config_import(CLI::App& config, int& exit_code) {
-  CLI::App* command = config.add_subcommand("import", "Begin a robot file from an Isaac Lab / Unitree deploy.yaml.");
+  CLI::App* command = config.add_subcommand(
+      "import", "Begin a robot file from an Isaac Lab / Unitree deploy.yaml, or from an ONNX file's metadata.");
   auto given = std::make_shared<Given>();
-  command->add_option("DEPLOY", given->deploy_file, "deploy.yaml; its Python tags are data, never executed")
+  command
+      ->add_option(
+          "EXPORT", given->export_file,
+          "deploy.yaml (its Python tags are data, never executed), or an ONNX file with metadata of mjlab's or "
+          "whole_body_tracking's exporter")
       ->required();
-  command->add_option("--policy", given->policy_file, "the exported ONNX file")->required();
+  command->add_option("--policy", given->policy_file, "the exported ONNX file; default: EXPORT, where it is one");
   command->add_option("--model", given->model_file,
                       "the robot's MJCF or URDF: names, position limits, torques, inertias, IMU, keyframe");
   command->add_flag("--simulated", given->simulated,
@@ -92,6 +127,7 @@ void add_config_import(CLI::App& config, int& exit_code) {
   command->footer(
       "Example: takt config import deploy.yaml --policy policy.onnx --robot g1 -o g1.yaml\n"
       "         takt config import deploy.yaml --policy policy.onnx --model g1.xml --simulated --robot g1 -o g1.yaml\n"
+      "         takt config import policy.onnx --robot go1 -o go1.yaml\n"
       "What the export cannot know is written as FILL_IN; `takt config check` names what is left.\n"
       "Exit codes: 0 written, 1 the output exists or cannot be written, 64 command line, 65 the export cannot be "
       "read.");

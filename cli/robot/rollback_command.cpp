@@ -32,7 +32,7 @@ std::expected<int, Refusal> roll_back(const RollbackOptions& options) {
   if (!robot) return std::unexpected(Refusal{kExitFailed, robot.error()});
   catch_interruptions();
   if (const auto used = store->use(to); !used) return std::unexpected(Refusal{kExitFailed, used.error()});
-  if (const auto restarted = restart_and_wait(options.place, robot->policy.has_value()); !restarted)
+  if (const auto restarted = restart_and_wait(options.place, wanted_hosts(*robot)); !restarted)
     return std::unexpected(Refusal{kExitFailed, fmt::format("{} is in use again: {}", to, restarted.error().sentence)});
   if (options.json)
     fmt::print("{}\n", nlohmann::ordered_json{{"from", from}, {"to", to}, {"proven", store->is_proven(to)}}.dump());

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What is known of drive models, a sheet each (config/drives/MODEL.yaml), into what is made of it: the table of presets
-(config/drive_preset_table.hpp) and that of docs/drives.md. Writes both; with --check writes nothing and says which is
-old. Exit codes: 0 fine, 1 old, 64 usage, 65 a sheet is wrong.
+(config/drive_preset_table.hpp), that of docs/drives.md, and drivers/dbc/MODEL.dbc where all ranges are settled. Writes
+them; with --check writes nothing and says which is old. Exit codes: 0 fine, 1 old, 64 usage, 65 a sheet is wrong.
 
 A sheet: model, maker, protocol (mit or robstride), variant (mit: tmotor or damiao), and sources, each with `where` it
 was read, its `kind`, and what it says, side of the drive's output:
@@ -33,7 +33,9 @@ class WrongSheet(Exception):
 @dataclasses.dataclass
 class Sheet:
     model: str
+    maker: str
     protocol: str
+    variant: str  # of mit: tmotor or damiao
     sources: list
 
     def said(self, name):
@@ -88,7 +90,7 @@ def read(path):
             for name in RANGES:
                 if name in source:
                     number(source[name])
-        return Sheet(data["model"], data["protocol"], data["sources"])
+        return Sheet(data["model"], data["maker"], data["protocol"], data.get("variant", ""), data["sources"])
     except WrongSheet as wrong:
         raise WrongSheet(f"{path}: {wrong}") from None
     except (KeyError, TypeError, yaml.YAMLError) as wrong:
@@ -136,6 +138,44 @@ def page_with(text, rows):
     return before + rows + after[after.index("\n\n") + 1:]
 
 
+# Where packed fields lie: name, first bit as DBC counts big-endian ones, bits, range, signed about zero, unit.
+MIT_COMMAND = [("Position", 7, 16, "position_range", True, "rad"), ("Velocity", 23, 12, "velocity_range", True, "rad/s"),
+               ("Kp", 27, 12, "kp_range", False, "Nm/rad"), ("Kd", 47, 12, "kd_range", False, "Nms/rad"),
+               ("Torque", 51, 12, "torque_range", True, "Nm")]
+MIT_REPLY = [("Position", 15, 16, "position_range", True, "rad"), ("Velocity", 31, 12, "velocity_range", True, "rad/s"),
+             ("Torque", 35, 12, "torque_range", True, "Nm")]
+ROBSTRIDE_REPLY = [("Position", 7, 16, "position_range", True, "rad"), ("Velocity", 23, 16, "velocity_range", True, "rad/s"),
+                   ("Torque", 39, 16, "torque_range", True, "Nm")]
+# As they stand in a DBC: first bit, bits, factor, offset, unit. RobStride's reply has its faults and mode in the identifier.
+WHOLE_NUMBERS = {"tmotor": {"Drive": (7, 8, 1, 0, ""), "Temperature": (55, 8, 1, -40, "degC"), "Error": (63, 8, 1, 0, "")},
+                 "damiao": {"State": (7, 4, 1, 0, ""), "Drive": (3, 4, 1, 0, ""), "Temperature_MOS": (55, 8, 1, 0, "degC"),
+                            "Temperature_Rotor": (63, 8, 1, 0, "degC")},
+                 "": {"Temperature": (55, 16, 0.1, 0, "degC")}}
+EXTENDED = 1 << 31
+ROBSTRIDE_RUNNING = 2 << 24 | 2 << 22 | 1 << 8 | 0xFD  # drive 1 tells host FD, in mode 2, without a fault
+REPLY_ID = {"tmotor": 0, "damiao": 0x11, "": EXTENDED | ROBSTRIDE_RUNNING}
+
+
+def dbc_signal(name, first, bits, factor, offset, unit, reader):
+    return f' SG_ {name} : {first}|{bits}@0+ ({factor:.15g},{offset:.15g}) [0|0] "{unit}" {reader}\n'
+
+
+def dbc_packed(sheet, fields, reader):
+    for name, first, bits, key, signed, unit in fields:
+        span, codes = number(sheet.settled(key)), 2**bits - 1
+        yield dbc_signal(name, first, bits, (2 if signed else 1) * span / codes, -span if signed else 0, unit, reader)
+
+
+def dbc(sheet):
+    """The frames that carry ranges, of drive 1; a number on the bus of one's own is another identifier."""
+    text = f'VERSION "{sheet.maker} {sheet.model}, made of config/drives/{sheet.model}.yaml"\n\nNS_ :\n\nBS_:\n\nBU_: Host Drive\n'
+    if sheet.protocol == "mit":
+        text += "\nBO_ 1 Command: 8 Host\n" + "".join(dbc_packed(sheet, MIT_COMMAND, "Drive"))
+    text += f"\nBO_ {REPLY_ID[sheet.variant]} Reply: 8 Drive\n"
+    text += "".join(dbc_packed(sheet, MIT_REPLY if sheet.protocol == "mit" else ROBSTRIDE_REPLY, "Host"))
+    return text + "".join(dbc_signal(name, *where, "Host") for name, where in WHOLE_NUMBERS[sheet.variant].items())
+
+
 def main(arguments):
     if arguments not in ([], ["--check"]):
         print(__doc__, file=sys.stderr)
@@ -148,6 +188,7 @@ def main(arguments):
         return 65
     page = root / "docs/drives.md"
     made = {root / "config/drive_preset_table.hpp": cpp(sheets), page: page_with(page.read_text(), page_rows(sheets))}
+    made |= {root / f"drivers/dbc/{sheet.model}.dbc": dbc(sheet) for sheet in sheets if not sheet.unsettled()}
     old = [path for path, text in made.items() if not path.exists() or path.read_text() != text]
     if arguments:
         for path in old:

@@ -31,9 +31,13 @@ std::expected<OpenedBus, std::string> open_bus(const config::Bus& bus, const std
   if (SocketCanBus::interface_exists(bus.interface)) {
     auto opened = SocketCanBus::open(options, bus.bitrate);
     if (!opened) return std::unexpected(opened.error());
+    CanLink link = read_can_link(bus.interface);
+    if (const std::string wrong = wrong_timing(bus, link); !wrong.empty())
+      return std::unexpected(bus.interface + ": " + wrong + ": takt bus up --robot FILE, as root, sets it");
     return OpenedBus{
         std::move(*opened), false,
-        bus.interface + ": SocketCAN, " + (bus.fd ? "FD, " : "classic, ") + std::to_string(bus.bitrate) + " bit/s"};
+        bus.interface + ": SocketCAN, " + (bus.fd ? "FD, " : "classic, ") + std::to_string(bus.bitrate) + " bit/s",
+        std::move(link)};
   }
   switch (bus.when_missing) {
     case config::WhenBusMissing::refuse:
@@ -45,7 +49,7 @@ std::expected<OpenedBus, std::string> open_bus(const config::Bus& bus, const std
   const std::string path = config::loopback_socket(runtime_directory, bus.interface);
   auto connected = LoopbackBus::connect(path, options);
   if (!connected) return std::unexpected(connected.error());
-  return OpenedBus{std::move(*connected), true, bus.interface + ": loopback hub at " + path};
+  return OpenedBus{std::move(*connected), true, bus.interface + ": loopback hub at " + path, {}};
 }
 
 std::expected<std::vector<InterfaceClaim>, std::string> claim_interfaces(const std::vector<config::Bus>& buses) {

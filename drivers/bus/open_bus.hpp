@@ -1,5 +1,6 @@
 // Opens the bus a robot file names: SocketCAN when the interface exists, else the loopback bus when the file allows it
-// (when_missing: loopback), else a refusal. Set-up only.
+// (when_missing: loopback), else a refusal; likewise where the controller's bit timing is not the robot file's. Set-up
+// only.
 #pragma once
 
 #include <cstdint>
@@ -12,6 +13,7 @@
 #include "config/drive_ids.hpp"
 #include "config/robot_config.hpp"
 #include "drivers/bus/can_bus.hpp"
+#include "drivers/bus/can_link.hpp"
 #include "drivers/bus/interface_claim.hpp"
 
 namespace takt::drivers {
@@ -20,6 +22,7 @@ struct OpenedBus {
   std::unique_ptr<CanBus> bus;
   bool loopback = false;
   std::string description;  // "can0: SocketCAN, classic, 1000000 bit/s" or "can0: loopback hub at <path>"
+  CanLink link;             // the interface as it was opened; `exists` is false of a loopback
 };
 
 // `receive`: ids wanted; empty: every frame.

@@ -32,17 +32,19 @@ struct AddValue {
 }  // namespace
 
 std::string rollouts_parquet(std::span<const RolloutRow> rows, const std::string& artifact_id) {
-  std::vector<ParquetColumn> columns;
+  ParquetRowGroup columns;
   const RolloutRow sample;
   for (const RolloutField& field : rollout_fields()) {
     std::string column_name = field.name;
     std::ranges::replace(column_name, '.', '_');
     const FieldPlace place = place_in(field, sample);
     const bool is_optional = std::holds_alternative<std::optional<double>*>(place);
-    ParquetColumn& column = columns.emplace_back(column_name, std::visit(ColumnType{}, place), is_optional);
+    const ParquetShape shape = is_optional ? ParquetShape::optional : ParquetShape::required;
+    ParquetColumn& column = columns.emplace_back(column_name, std::visit(ColumnType{}, place), shape);
     for (const RolloutRow& row : rows) std::visit(AddValue{column}, place_in(field, row));
   }
-  return parquet_file("rollout", columns, {{"takt.row_schema", kRolloutSchema}, {"takt.artifact_id", artifact_id}});
+  return parquet_file("rollout", {&columns, 1},
+                      {{"takt.row_schema", kRolloutSchema}, {"takt.artifact_id", artifact_id}});
 }
 
 }  // namespace takt::panel

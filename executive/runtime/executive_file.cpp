@@ -28,6 +28,22 @@ std::string binary_sha256() {
   return bytes.empty() ? std::string() : config::sha256_hex(bytes);
 }
 
+nlohmann::ordered_json controller_json(const drivers::CanLink& link) {
+  nlohmann::ordered_json json{{"state", link.controller_state},    {"bitrate", link.bitrate},
+                              {"sample_point", link.sample_point}, {"sjw", link.sjw},
+                              {"queue_length", link.queue_length}, {"bus_errors", link.bus_errors},
+                              {"went_passive", link.went_passive}, {"went_off", link.went_off},
+                              {"restarts", link.restarts}};
+  if (link.fd) {
+    json["data_bitrate"] = link.data_bitrate;
+    json["data_sample_point"] = link.data_sample_point;
+    json["data_sjw"] = link.data_sjw;
+  }
+  if (link.transmit_errors) json["transmit_errors"] = *link.transmit_errors;
+  if (link.receive_errors) json["receive_errors"] = *link.receive_errors;
+  return json;
+}
+
 nlohmann::ordered_json json_of(const ExecutiveFacts& facts) {
   nlohmann::ordered_json steps = nlohmann::ordered_json::array();
   for (const SetupStep& step : facts.steps) {
@@ -36,7 +52,9 @@ nlohmann::ordered_json json_of(const ExecutiveFacts& facts) {
   nlohmann::ordered_json buses = nlohmann::ordered_json::array();
   for (std::size_t i = 0; i < facts.robot.buses.size(); ++i) {
     const config::Bus& bus = facts.robot.buses[i];
-    buses.push_back({{"name", bus.name}, {"interface", bus.interface}, {"description", facts.bus_descriptions.at(i)}});
+    const OpenedBusFacts& opened = facts.buses.at(i);
+    buses.push_back({{"name", bus.name}, {"interface", bus.interface}, {"description", opened.description}});
+    if (opened.link.exists && !opened.link.is_virtual) buses.back()["controller"] = controller_json(opened.link);
   }
   return {{"schema", "takt.executive/1"},
           {"pid", getpid()},

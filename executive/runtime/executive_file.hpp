@@ -3,8 +3,10 @@
 //   pid, version, binary_sha256 (of this program; "": unreadable), robot, config_sha256, config_hash, policy_hash,
 //   fallback_policy_hash
 //   ("0000..." = any), realtime, allow_non_realtime, recorder (required or optional), realtime_steps [{name, ok,
-//   essential, detail}], buses [{name, interface, description}], wake, period_ns, started {monotonic_ns, realtime_ns}.
-//   Hashes are hexadecimal text.
+//   essential, detail}], buses [{name, interface, description, and of a real controller as it was when it was opened
+//   controller {state, bitrate, sample_point, sjw, data_bitrate, data_sample_point, data_sjw, queue_length,
+//   transmit_errors, receive_errors, bus_errors, went_passive, went_off, restarts}}], wake, period_ns, started
+//   {monotonic_ns, realtime_ns}. Hashes are hexadecimal text.
 #pragma once
 
 #include <cstdint>
@@ -13,9 +15,15 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
+#include "drivers/bus/can_link.hpp"
 #include "executive/runtime/realtime_setup.hpp"
 
 namespace takt::runtime {
+
+struct OpenedBusFacts {
+  std::string description;  // drivers/bus/open_bus.hpp
+  drivers::CanLink link;
+};
 
 struct ExecutiveFacts {
   const config::RobotConfig& robot;
@@ -23,7 +31,7 @@ struct ExecutiveFacts {
   std::uint64_t fallback_hash = 0;  // of the fallback policy; 0: there is none
   bool allow_non_realtime = false;
   std::vector<SetupStep> steps;
-  std::vector<std::string> bus_descriptions;  // one per bus, in configuration order
+  std::vector<OpenedBusFacts> buses;  // in configuration order
 };
 
 class ExecutiveFile {

@@ -151,9 +151,9 @@ int run(const Options& options) {
   if (!realtime) spdlog::warn("running WITHOUT real-time guarantees, as asked: every artifact says so");
   (*reception)->set_realtime(realtime, options.allow_non_realtime);
   auto file = ExecutiveFile::write(
-      directory, {*robot, policy_hash, fallback_hash, options.allow_non_realtime, steps, opened->bus_descriptions});
+      directory, {*robot, policy_hash, fallback_hash, options.allow_non_realtime, steps, opened->buses});
   if (!file) return refuse(kExitSetUpRefused, file.error());
-  for (const std::string& bus : opened->bus_descriptions) spdlog::info("bus {}", bus);
+  for (const OpenedBusFacts& bus : opened->buses) spdlog::info("bus {}", bus.description);
   if (!opened->torque_output.empty()) spdlog::info("torque is permitted by {}", opened->torque_output);
 
   DriveCards cards(*robot, published->frame_reader(), directory);

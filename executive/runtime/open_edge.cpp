@@ -97,12 +97,12 @@ std::expected<OpenedEdge, EdgeRefusal> open_edge(const config::RobotConfig& robo
   }
   const auto give_up_at = std::chrono::steady_clock::now() + hub_patience;
   std::vector<std::unique_ptr<drivers::CanBus>> buses;
-  std::vector<std::string> descriptions;
+  std::vector<OpenedBusFacts> facts;
   for (std::size_t i = 0; i < robot.buses.size(); ++i) {
     auto opened = open_patiently(robot, i, runtime_directory, give_up_at);
     if (!opened) return std::unexpected(EdgeRefusal{kExitUnavailable, opened.error()});
     buses.push_back(std::move(opened->bus));
-    descriptions.push_back(std::move(opened->description));
+    facts.push_back({std::move(opened->description), std::move(opened->link)});
   }
   if (const auto quiet = listen_for_others(robot, buses); !quiet)
     return std::unexpected(EdgeRefusal{kExitSetUpRefused, quiet.error()});
@@ -115,7 +115,7 @@ std::expected<OpenedEdge, EdgeRefusal> open_edge(const config::RobotConfig& robo
   return OpenedEdge{std::move(*claims),
                     DriveEdge(std::move(buses), std::move(joints), std::make_unique<drivers::WireGuard>(homed.robot),
                               std::move(torque.output)),
-                    std::move(descriptions), std::move(torque.description)};
+                    std::move(facts), std::move(torque.description)};
 }
 
 }  // namespace takt::runtime

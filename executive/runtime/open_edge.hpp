@@ -12,6 +12,7 @@
 #include "config/robot_config.hpp"
 #include "drivers/bus/interface_claim.hpp"
 #include "executive/runtime/drive_edge.hpp"
+#include "executive/runtime/executive_file.hpp"
 
 namespace takt::runtime {
 
@@ -21,8 +22,8 @@ inline constexpr std::chrono::milliseconds kListenFor{100};
 struct OpenedEdge {
   std::vector<drivers::InterfaceClaim> claims;  // held for as long as the edge
   DriveEdge edge;
-  std::vector<std::string> bus_descriptions;  // one per bus, in configuration order
-  std::string torque_output;                  // what it is; empty: the robot has none
+  std::vector<OpenedBusFacts> buses;  // in configuration order
+  std::string torque_output;          // what it is; empty: the robot has none
 };
 
 struct EdgeRefusal {

@@ -1,12 +1,12 @@
 // The first seconds of a deployment on the robot, judged from what its executive says of itself. Pure: statuses and
 // times come in, a verdict comes out.
 //
-//   starting   until the executive answers and policy and monitor are attached, or `start_within` is over: failed
+//   starting   until the executive answers and policies and monitor are attached, or `start_within` is over: failed
 //   waiting    in standby, until somebody arms it, or `arm_within` is over: unproven
 //   proving    tracking; `watch` of it: passed. Degraded, a stop or a fault: failed. Who stopped it is not asked: an
 //              operator who stops a robot in its first seconds does not trust it.
 // An executive that goes away or begins to count its ticks anew has failed; so has a robot without its monitor: nothing
-// records it.
+// records it; and one without its fallback policy's host: nobody would take over.
 #pragma once
 
 #include <cstdint>
@@ -39,10 +39,14 @@ constexpr bool is_over(Stage stage) {
   return true;
 }
 
+// Which hosts the robot file asks for.
+struct WantedHosts {
+  bool policy = true, fallback = false;
+};
+
 class Probation {
  public:
-  // `wants_policy`: the robot file has one.
-  Probation(const ProbationTimes& times, bool wants_policy) : times_(times), wants_policy_(wants_policy) {}
+  Probation(const ProbationTimes& times, WantedHosts wanted) : times_(times), wanted_(wanted) {}
   // `now`: since the robot was started; `status`: absent when no executive answered.
   Stage look(Duration now, const std::optional<StatusSnapshot>& status);
   // Why it is over; empty before.
@@ -55,7 +59,7 @@ class Probation {
   Stage end(Stage stage, std::string reason);
 
   ProbationTimes times_;
-  bool wants_policy_;
+  WantedHosts wanted_;
   Stage stage_ = Stage::starting;
   Duration since_;  // of this stage
   std::uint64_t ticks_ = 0;

@@ -16,7 +16,6 @@
 #include <ctime>
 #include <filesystem>
 #include <fstream>
-#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "systemd/doctor/kernel_files.hpp"
@@ -190,13 +189,6 @@ void read_disk(const config::RobotConfig& robot, Snapshot& into) {
   into.runs_free_bytes = error ? 0 : space.available;
 }
 
-// `ip` writes it as text.
-double share(const std::string& text) {
-  double number = 0;
-  std::from_chars(text.data(), text.data() + text.size(), number);
-  return number;
-}
-
 }  // namespace
 
 std::vector<int> cpu_list(const std::string& text) {
@@ -214,42 +206,6 @@ std::vector<int> cpu_list(const std::string& text) {
   return cpus;
 }
 
-CanInterface can_interface_of(const std::string& name, const std::string& ip_json) {
-  CanInterface can;
-  can.name = name;
-  const auto all = nlohmann::json::parse(ip_json, nullptr, false);
-  if (!all.is_array() || all.empty() || !all[0].is_object()) return can;
-  const nlohmann::json& link = all[0];
-  can.exists = true;
-  const nlohmann::json flags = link.value("flags", nlohmann::json::array());
-  can.up = std::ranges::find(flags, "UP") != flags.end();
-  can.queue_length = link.value("txqlen", 0);
-  const nlohmann::json info = link.value("linkinfo", nlohmann::json::object());
-  can.is_virtual = info.value("info_kind", "") != "can";
-  const nlohmann::json data = info.value("info_data", nlohmann::json::object());
-  can.controller_state = data.value("state", "");
-  const nlohmann::json timing = data.value("bittiming", nlohmann::json::object()),
-                       data_timing = data.value("data_bittiming", nlohmann::json::object());
-  can.bitrate = timing.value("bitrate", 0U);
-  can.data_bitrate = data_timing.value("bitrate", 0U);
-  can.sample_point = share(timing.value("sample_point", ""));
-  can.data_sample_point = share(data_timing.value("sample_point", ""));
-  can.sjw = timing.value("sjw", 0U);
-  can.data_sjw = data_timing.value("sjw", 0U);
-  if (const nlohmann::json counters = data.value("berr_counter", nlohmann::json()); counters.is_object()) {
-    can.transmit_errors = counters.value("tx", 0U);
-    can.receive_errors = counters.value("rx", 0U);
-  }
-  const nlohmann::json happened = info.value("info_xstats", nlohmann::json::object());
-  can.bus_errors = happened.value("bus_error", 0U);
-  can.went_passive = happened.value("error_passive", 0U);
-  can.went_off = happened.value("bus_off", 0U);
-  can.restarts = happened.value("restarts", 0U);
-  const nlohmann::json modes = data.value("ctrlmode", nlohmann::json::array());
-  can.fd = std::ranges::find(modes, "FD") != modes.end();
-  return can;
-}
-
 Snapshot collect(const Sources& sources, const config::RobotConfig* robot) {
   Snapshot snapshot;
   snapshot.examined_at = fmt::format("{:%FT%TZ}", fmt::gmtime(std::time(nullptr)));
@@ -264,9 +220,7 @@ Snapshot collect(const Sources& sources, const config::RobotConfig* robot) {
   snapshot.neighbourhood = read_neighbourhood(sources.root, control_cpu);
   if (robot == nullptr) return snapshot;
   read_disk(*robot, snapshot);
-  for (const config::Bus& bus : robot->buses)
-    snapshot.can.push_back(can_interface_of(
-        bus.interface, sources.run({"ip", "-details", "-statistics", "-json", "link", "show", bus.interface})));
+  for (const config::Bus& bus : robot->buses) snapshot.can.push_back(sources.can_link(bus.interface));
   return snapshot;
 }
 

@@ -28,40 +28,15 @@ Finding missing(const config::Bus& bus, const std::string& check, const std::str
   return fine(check, "not needed", where);
 }
 
-// A controller reads a bit at a whole time quantum: 0.666 is 0.65 or 0.7 where a bit has 20 of them.
-constexpr double kSamplePointStep = 0.04;
-
-// What the robot file asks for, against what the controller does; 0 asks for nothing.
-std::string wrong_timing(std::string_view phase, double sample_point, double found, std::uint32_t sjw,
-                         std::uint32_t sjw_found) {
-  if (sample_point > 0 && std::abs(found - sample_point) > kSamplePointStep)
-    return fmt::format("sample point {:.3f}{}, the robot file says {:.3f}", found, phase, sample_point);
-  if (sjw > 0 && sjw_found != sjw) return fmt::format("sjw {}{}, the robot file says {}", sjw_found, phase, sjw);
-  return {};
-}
-
 // What is wrong with how an interface is set; empty: nothing.
-std::string wrong_setting(const config::Bus& bus, const CanInterface& can) {
+std::string wrong_setting(const config::Bus& bus, const drivers::CanLink& can) {
   if (!can.up) return "down";
-  if (can.is_virtual) return {};
-  if (can.bitrate != bus.bitrate)
-    return fmt::format("{} bit/s, the robot file says {} bit/s", can.bitrate, bus.bitrate);
-  if (bus.fd && !can.fd) return "classic CAN, the robot file says FD";
-  if (bus.fd && can.data_bitrate != bus.data_bitrate)
-    return fmt::format("{} bit/s for FD data, the robot file says {} bit/s", can.data_bitrate, bus.data_bitrate);
-  if (const std::string wrong = wrong_timing("", bus.sample_point, can.sample_point, bus.sjw, can.sjw); !wrong.empty())
-    return wrong;
-  if (bus.fd) {
-    const std::string wrong =
-        wrong_timing(" for FD data", bus.data_sample_point, can.data_sample_point, bus.data_sjw, can.data_sjw);
-    if (!wrong.empty()) return wrong;
-  }
-  if (can.controller_state == "BUS-OFF") return "bus-off";
-  return {};
+  if (const std::string wrong = drivers::wrong_timing(bus, can); !wrong.empty()) return wrong;
+  return can.controller_state == "BUS-OFF" ? "bus-off" : "";
 }
 
 // What the controller counted, where it says that the wiring or somebody's timing is not right.
-std::string troubled_past(const CanInterface& can) {
+std::string troubled_past(const drivers::CanLink& can) {
   const std::uint32_t transmit = can.transmit_errors.value_or(0), receive = can.receive_errors.value_or(0);
   if (can.went_off == 0 && can.went_passive == 0 && std::max(transmit, receive) < kErrorWarning) return {};
   std::string now;
@@ -70,7 +45,7 @@ std::string troubled_past(const CanInterface& can) {
                      can.went_passive, can.went_off, can.restarts);
 }
 
-Finding can_interface(const config::Bus& bus, const CanInterface& can) {
+Finding can_interface(const config::Bus& bus, const drivers::CanLink& can) {
   const std::string check = "can " + bus.interface, where = "ip -details link show " + bus.interface;
   if (!can.exists) return missing(bus, check, where);
   const std::string up =

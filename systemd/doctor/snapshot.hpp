@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "drivers/bus/can_link.hpp"
+
 namespace takt::doctor {
 
 struct SleepState {
@@ -31,25 +33,6 @@ struct FileRights {
 struct Account {
   std::uint32_t id = 0;
   std::vector<std::uint32_t> groups;
-};
-
-// As `ip -details link` tells it.
-struct CanInterface {
-  std::string name;
-  bool exists = false;
-  bool is_virtual = false;  // vcan: no bit rate, no controller
-  bool up = false;
-  std::string controller_state;  // "ERROR-ACTIVE", "ERROR-PASSIVE", "BUS-OFF", ...
-  // Of the arbitration phase and, for FD, of the data phase; 0: not set.
-  std::uint32_t bitrate = 0, data_bitrate = 0;     // bit/s
-  double sample_point = 0, data_sample_point = 0;  // share of a bit
-  std::uint32_t sjw = 0, data_sjw = 0;             // time quanta
-  bool fd = false;
-  std::int64_t queue_length = 0;  // frames
-  // The controller's error counters, 0 to 255 and beyond; nothing where its driver does not tell them.
-  std::optional<std::uint32_t> transmit_errors, receive_errors;
-  // How often since the driver was loaded.
-  std::uint32_t bus_errors = 0, went_passive = 0, went_off = 0, restarts = 0;
 };
 
 // A thread of somebody else that the scheduler treats as real-time.
@@ -128,10 +111,10 @@ struct Snapshot {
   double steal_share = 0;             // of all processor time since boot
   std::vector<Interrupt> interrupts;  // all
   Neighbourhood neighbourhood;
-  std::string watchdog;           // of the hardware: its identity
-  std::string systemd_watchdog;   // RuntimeWatchdogSec=, as written
-  std::vector<CanInterface> can;  // the robot file's interfaces, in its order
-  std::string runs_folder;        // record.directory, or its nearest parent that exists
+  std::string watchdog;               // of the hardware: its identity
+  std::string systemd_watchdog;       // RuntimeWatchdogSec=, as written
+  std::vector<drivers::CanLink> can;  // the robot file's interfaces, in its order
+  std::string runs_folder;            // record.directory, or its nearest parent that exists
   std::uint64_t runs_free_bytes = 0;
   std::optional<WakeupLatency> wakeup;  // absent: not measured
 };

@@ -221,6 +221,40 @@ TEST_F(Cli, ImportRefusesToOverwrite) {
   EXPECT_NE(check.output.find("joints[28].limits.torque: is still FILL_IN"), std::string::npos);
 }
 
+// An entry of ONNX's metadata_props (field 14 of a model), which may stand anywhere in the file. Texts below 128 bytes.
+std::string onnx_metadata(const std::string& key, const std::string& value) {
+  const auto field = [](char tag, const std::string& content) {
+    return std::string{tag, static_cast<char>(content.size())} + content;
+  };
+  return field(14 << 3 | 2, field(1 << 3 | 2, key) + field(2 << 3 | 2, value));
+}
+
+TEST_F(Cli, ImportReadsTheMetadataInAnOnnxFile) {
+  fs::copy("config/arm6_reach.onnx", in("bare.onnx"));
+  const Ended bare = run("config import " + in("bare.onnx") + " --robot arm -o " + in("bare.yaml"));
+  EXPECT_EQ(bare.exit_code, 65);
+  EXPECT_NE(bare.output.find("holds no metadata of mjlab's or whole_body_tracking's exporters"), std::string::npos)
+      << bare.output;
+  fs::copy(in("bare.onnx"), in("said.onnx"));
+  std::ofstream(in("said.onnx"), std::ios::binary | std::ios::app)
+      << onnx_metadata("joint_names", "a,b,c,d,e,f") << onnx_metadata("joint_stiffness", "1,2,3,4,5,6.5")
+      << onnx_metadata("joint_damping", "1,1,1,1,1,1") << onnx_metadata("default_joint_pos", "0,0,0,0,0,0.1")
+      << onnx_metadata("observation_names", "joint_pos,command");
+  const std::string command = "config import " + in("said.onnx") + " --robot arm -o " + in("arm.yaml");
+  const Ended said = run(command + " --joint-names f,e,d,c,b,a");
+  EXPECT_EQ(said.exit_code, 0) << said.output;
+  EXPECT_NE(said.output.find("note: gains, poses and scales have three decimals at most"), std::string::npos)
+      << said.output;
+  EXPECT_NE(said.output.find("6 joints, 2 observation terms; "), std::string::npos) << said.output;
+  std::stringstream text;
+  text << std::ifstream(in("arm.yaml")).rdbuf();
+  EXPECT_NE(text.str().find("file: \"" + in("said.onnx") + "\""), std::string::npos) << text.str();
+  EXPECT_LT(text.str().find("kp: 6.5 Nm/rad"), text.str().find("kp: 1 Nm/rad")) << "in the robot's order";
+  EXPECT_EQ(run("config check " + in("arm.yaml")).exit_code, 65);
+  EXPECT_EQ(run(command + "2 --joint-names a,b").exit_code, 65);
+  EXPECT_EQ(run("config import deploy.yaml --robot arm -o " + in("x.yaml")).exit_code, 64) << "--policy is missing";
+}
+
 TEST_F(Cli, WithoutAnExecutiveRequestsEndWith69) {
   for (const char* verb : {"arm", "stop", "reset", "mark", "status"}) {
     const Ended ended = run(std::string(verb) + " --runtime-dir " + directory());

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Goal: takt.open gives what a run and a panel left behind, as tables that agree with what was computed from the same files elsewhere; what is cut off or
-is something else is said in one sentence. Method: a recorded run of the demo arm and a sample artifact, made by the build; metrics.json, transitions.jsonl
-and the Parquet file's twin are the judges. Usage: open_run_test.py SOURCE_DIR MAKE_RECORDED_DEMO MAKE_SAMPLE_ARTIFACT. Exit code 77: pandas or zstandard is missing.
+is something else is said in one sentence. Method: a recorded run of the demo arm and a sample artifact, made by the build; metrics.json, transitions.jsonl,
+the Parquet file's twin and what the writer of policy inputs says it wrote are the judges. Usage: open_run_test.py SOURCE_DIR MAKE_RECORDED_DEMO
+MAKE_SAMPLE_ARTIFACT MAKE_POLICY_INPUTS. Exit code 77: pandas or zstandard is missing.
 """
 import json
 import pathlib
@@ -10,7 +11,7 @@ import sys
 import tempfile
 import unittest
 
-SOURCE, MAKE_RUN, MAKE_ARTIFACT = (pathlib.Path(argument).resolve() for argument in sys.argv[1:4])
+SOURCE, MAKE_RUN, MAKE_ARTIFACT, MAKE_INPUTS = (pathlib.Path(argument).resolve() for argument in sys.argv[1:5])
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(SOURCE / "client/python"))
 try:
@@ -71,6 +72,23 @@ class OpenRun(unittest.TestCase):
         self.assertEqual({steps.shape for steps in whole["q"]}, {(int(whole["step_count"].iloc[0]), 6)})
         self.assertEqual(set(commands["sender"]), {"policy"})
         self.assertTrue(np.isfinite(np.stack(whole["q"])).all())
+
+    def test_policy_inputs_are_what_the_host_published(self):
+        subprocess.run([MAKE_INPUTS, self.folder / "shown"], cwd=SOURCE, check=True, stdout=subprocess.DEVNULL)
+        told = json.loads((self.folder / "shown/inputs.json").read_text())
+        found = takt.open(self.folder / "shown").policy_inputs
+        self.assertEqual([len(inputs["sample_values"]) for inputs in told], [0, 1, 3], "with samples and without")
+        self.assertEqual(len(found), len(told))
+        for (_, row), wanted in zip(found.iterrows(), told):
+            self.assertEqual([values.tolist() for values in row["sample_values"]], wanted.pop("sample_values"))
+            for name, value in wanted.items():
+                self.assertEqual(row[name].tolist() if isinstance(value, list) else row[name], value, name)
+        self.assertEqual({values.dtype for values in found["input"]}, {np.dtype("<f4")})
+
+    def test_a_run_without_policy_inputs_has_an_empty_table_of_them(self):
+        inputs = self.run_.policy_inputs
+        self.assertEqual(len(inputs), 0)
+        self.assertIn("sample_values", inputs.columns)
 
     def test_transitions_name_their_causes(self):
         lines = (self.folder / "run/transitions.jsonl").read_text().splitlines()

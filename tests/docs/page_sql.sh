@@ -1,6 +1,6 @@
 #!/bin/sh
-# page_sql.sh PAGE.md MAKE_RECORDED_DEMO MAKE_SAMPLE_ARTIFACT: runs the page's SQL on a recorded run, the table that the
-# page's own Python makes of it, and an artifact. Skips (77) without node, its packages, or Python's; TAKT_REQUIRE_NODE=1
+# page_sql.sh PAGE.md MAKE_RECORDED_DEMO MAKE_SAMPLE_ARTIFACT TAKT: runs the page's SQL on a recorded run, the table that the
+# page's own Python makes of it, the data set that it is exported to, and an artifact. Skips (77) without node, its packages, or Python's; TAKT_REQUIRE_NODE=1
 # makes that a failure.
 root=$(cd "$(dirname "$0")/../.." && pwd)
 page=$(realpath "$1")
@@ -18,4 +18,5 @@ cd "$root" && "$2" "$folder/run" && "$3" "$folder/panel" >/dev/null || exit 1
 cd "$folder" || exit 1
 sed -n '/^```python with_pandas.py$/,/^```$/p' "$page" | sed '1d;$d' >with_pandas.py
 PYTHONPATH=$root/client/python /usr/bin/python3 with_pandas.py >/dev/null || exit 1
+"$4" export lerobot run --out arm6_set >/dev/null || exit 1
 node "$root/tests/node/page_sql.mjs" "$page" "$folder"

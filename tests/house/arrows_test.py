@@ -37,16 +37,17 @@ MAY_USE = {
     "evidence/review": f"{SHARED} executive/incident executive/pipeline executive/setup monitor/record monitor/judge",
     "evidence/policy": f"{SHARED} policy_host monitor/record",
     "evidence/artifact": f"{SHARED} monitor/record monitor/judge evidence/review",
+    "evidence/data_set": f"{SHARED} monitor/record evidence/artifact",
     "evidence/judge": f"{SHARED} executive/incident monitor/record monitor/judge evidence/review evidence/artifact",
     "evidence/rollout": f"{SHARED} executive/pipeline executive/setup drivers/bus drivers/protocol drivers/guard policy_host "
                         "monitor/judge simulation evidence/artifact",
     "evidence/panel": f"{SHARED} executive/incident policy_host simulation monitor/record monitor/judge evidence/artifact evidence/judge evidence/rollout",
     "evidence/study": f"{SHARED} executive/pipeline executive/setup drivers/protocol simulation monitor/record monitor/judge evidence/review "
                       "evidence/rollout evidence/panel",
-    "systemd/doctor": f"{SHARED}",
+    "systemd/doctor": f"{SHARED} drivers/bus",
     "systemd/deploy": f"{SHARED} policy_host evidence/rollout",
     "cli/run": f"{SHARED} executive/incident cli drivers/protocol monitor/record",
-    "cli/evidence": f"{SHARED} cli cli/run monitor/record evidence/artifact evidence/judge evidence/panel "
+    "cli/evidence": f"{SHARED} cli cli/run monitor/record evidence/artifact evidence/data_set evidence/judge evidence/panel "
                     "evidence/review evidence/rollout evidence/study",
     "cli/policy": f"{SHARED} cli policy_host monitor/record evidence/policy",
     "cli/top": f"{SHARED} executive/incident cli cli/run cli/evidence drivers/protocol monitor monitor/record monitor/judge monitor/telemetry",

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include "config/deploy_import.hpp"
+#include "config/load.hpp"
 #include "tests/policy_host/small_robot.hpp"
 
 namespace takt::policy_host {
@@ -88,6 +90,90 @@ TEST(ExporterMetadata, RefusesJointsInAnotherOrder) {
   EXPECT_TRUE(compare_metadata(read_exporter_metadata(with(agreeing(), "joint_names", "b,a,c")).value(), reordered));
   reordered.policy->joint_order = {1, 0};
   EXPECT_FALSE(compare_metadata(read_exporter_metadata(agreeing()).value(), reordered));
+}
+
+// --- as the beginning of a robot file ---
+
+Metadata of_an_export() {
+  return {{"joint_names", "hip,knee"},      {"joint_stiffness", "100.000,40.000"},
+          {"joint_damping", "2.000,1.000"}, {"default_joint_pos", "-0.500,0.300"},
+          {"action_scale", "0.250,0.500"},  {"observation_names", "base_ang_vel,joint_pos,velocity_commands"}};
+}
+
+std::expected<config::DeployFile, std::string> deploy_of(const Metadata& metadata,
+                                                         const std::vector<std::string>& joints = {"knee", "hip"}) {
+  const auto read = read_exporter_metadata(metadata);
+  EXPECT_TRUE(read) << read.error();
+  return deploy_file_of(read.value(), joints);
+}
+
+std::string robot_file_of(const Metadata& metadata) {
+  const auto deploy = deploy_of(metadata);
+  EXPECT_TRUE(deploy) << deploy.error();
+  return config::import_deploy_file(
+             *deploy,
+             {.robot = "walker", .policy_file = "policy.onnx", .joint_names = {"knee", "hip"}, .source = "policy.onnx"})
+      .value();
+}
+
+TEST(ExporterMetadata, GainsGoToTheRobotsOrderAndPosesStayInThePolicys) {
+  const auto deploy = deploy_of(of_an_export());
+  ASSERT_TRUE(deploy) << deploy.error();
+  EXPECT_EQ(deploy->robot_joint, (std::vector<std::size_t>{1, 0}));
+  EXPECT_EQ(deploy->stiffness, (std::vector<double>{40, 100}));
+  EXPECT_EQ(deploy->damping, (std::vector<double>{1, 2}));
+  EXPECT_EQ(deploy->default_position, (std::vector<double>{-0.5, 0.3}));
+  EXPECT_EQ(deploy->remarks.size(), 1U) << "rounded";
+  EXPECT_TRUE(deploy_of(with(of_an_export(), "joint_damping", "2.00001,1"))->remarks.empty());
+}
+
+// An observation's name is its author's: mjlab's tasks call a relative position joint_pos. A period is nowhere.
+TEST(ExporterMetadata, WhatItDoesNotSayIsLeftToBeFilledIn) {
+  const std::string text = robot_file_of(of_an_export());
+  EXPECT_NE(text.find("    - { term: FILL_IN, scale: FILL_IN, history: FILL_IN }   # called joint_pos\n"),
+            std::string::npos)
+      << text;
+  EXPECT_NE(text.find("  period: FILL_IN\n  step_period: FILL_IN"), std::string::npos) << text;
+  EXPECT_NE(text.find("scale: [0.25, 0.5], offset: FILL_IN }"), std::string::npos) << text;
+  EXPECT_NE(text.find("joint_order: [hip, knee]"), std::string::npos) << text;
+  EXPECT_NE(text.find("# Note: gains, poses and scales have three decimals at most"), std::string::npos) << text;
+  EXPECT_EQ(text.find("sensors:"), std::string::npos) << "nothing is known to come from one";
+  const auto robot = config::parse(text, "walker.yaml");
+  ASSERT_FALSE(robot);
+  for (const char* key : {"policy.period", "policy.action.offset", "policy.observation[1].term"})
+    EXPECT_NE(robot.error().find(key), std::string::npos) << key << "\n" << robot.error();
+}
+
+TEST(ExporterMetadata, WhatItDoesSayIsTaken) {
+  Metadata newer = of_an_export();
+  newer.emplace_back("action_offset", "-0.500,0.300");
+  newer.emplace_back("observation_history_lengths", "5,0,1");
+  newer.emplace_back("action_joint_names", "hip,knee");
+  const std::string text = robot_file_of(newer);
+  EXPECT_NE(text.find("offset: home }"), std::string::npos) << text;
+  EXPECT_NE(text.find("history: 5 }   # called base_ang_vel"), std::string::npos) << text;
+  EXPECT_NE(text.find("history: 1 }   # called joint_pos"), std::string::npos) << "0: none but the newest";
+  const std::string one = robot_file_of(with(of_an_export(), "action_scale", "0.25"));
+  EXPECT_NE(one.find("scale: 0.25, "), std::string::npos) << one;
+}
+
+TEST(ExporterMetadata, WhatCannotStandInARobotFileIsRefusedByName) {
+  const auto why = [](const Metadata& metadata, const std::vector<std::string>& joints = {"hip", "knee"}) {
+    const auto deploy = deploy_of(metadata, joints);
+    return deploy ? "" : deploy.error();
+  };
+  EXPECT_NE(why({{"run_path", "x"}}).find("holds no metadata of mjlab's"), std::string::npos);
+  EXPECT_NE(why({{"joint_names", "hip,knee"}}).find("joint_stiffness is missing"), std::string::npos);
+  EXPECT_NE(why(of_an_export(), {"hip", "ankle"}).find("joints hip, knee; the robot's are hip, ankle"),
+            std::string::npos);
+  EXPECT_NE(why(of_an_export(), {"hip", "knee", "ankle"}).find("name all and no others"), std::string::npos);
+  EXPECT_NE(why(with(of_an_export(), "action_scale", "1,2,3")).find("3 action scales or offsets for 2 joints"),
+            std::string::npos);
+  Metadata some = of_an_export();
+  some.emplace_back("action_joint_names", "hip");
+  EXPECT_NE(why(some).find("moves 1 of 2 joints"), std::string::npos) << why(some);
+  some.back() = {"observation_history_lengths", "1,2"};
+  EXPECT_NE(why(some).find("2 observation_history_lengths for 3 observations"), std::string::npos) << why(some);
 }
 
 }  // namespace

@@ -115,6 +115,24 @@ class Run:
         return _pandas().DataFrame(messages)
 
     @functools.cached_property
+    def policy_inputs(self) -> "pandas.DataFrame":
+        """What the policy's network was shown for each of its answers, and what it said: claims of the policy's host. `observation_id` and `sequence` name
+        the command in `commands`. `q`: positions in the answered observation, rad; `input`: the network's input tensors one after the other, as given (scaled,
+        history included); `output`: its raw actions, step after step. `sample_values`: one array for each sample of an outside sensor that went in, SI units,
+        beside `sample_sensor` (place in the robot file's `sensors`) and its stamps. `after_reset`: it had forgotten its past before; `sender`: "policy" or
+        "fallback". Empty where nobody told: `record.policy_inputs` false, images, a policy in Python or C.
+        """
+        fields = self._recording.fields.get("/takt/policy_input", [])
+        messages = _mcap.rows(fields, self._recording.bodies.get("/takt/policy_input", []))
+        for message in messages:
+            message["sender"] = "fallback" if message["sender"] == 2 else "policy"
+            ends = np.cumsum(message.pop("sample_value_count"), dtype=np.int64)
+            message["sample_values"] = np.split(message["sample_values"], ends[:-1]) if len(ends) else []
+            for name in ("after_reset", "built_in"):
+                message[name] = bool(message[name])
+        return _pandas().DataFrame(messages, columns=[field.name for field in fields if field.name != "sample_value_count"])
+
+    @functools.cached_property
     def transitions(self) -> "pandas.DataFrame":
         """Every change of mode: tick, monotonic_ns, from, to, cause, detail, incident (why it stopped, in one sentence), age_ns."""
         return _pandas().DataFrame(_lines(self.folder / "transitions.jsonl"))

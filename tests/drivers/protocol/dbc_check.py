@@ -30,6 +30,21 @@ VECTORS = {
         (0x085, "1023030000000000", {"Error_code": 0x2310, "Error_register": 3}),
         (0x705, "05", {"NMT_state": 5}),
     ],
+    # By hand, from the makers' pages: code c of n bits over +-r is (2 c / (2^n - 1) - 1) r, over 0..r it is r c / (2^n - 1).
+    "DM4310.dbc": [
+        (0x001, "c000400800200c00", {"Position": 12.5 * (2 * 0xC000 / 65535 - 1), "Velocity": 30 * (2 * 0x400 / 4095 - 1),
+                                     "Kp": 500 * 0x800 / 4095, "Kd": 5 * 0x200 / 4095, "Torque": 10 * (2 * 0xC00 / 4095 - 1)}),
+        (0x011, "b14000c004002d1e", {"State": 11, "Drive": 1, "Position": 12.5 * (2 * 0x4000 / 65535 - 1), "Velocity": 30 * (2 * 0xC00 / 4095 - 1),
+                                     "Torque": 10 * (2 * 0x400 / 4095 - 1), "Temperature_MOS": 45, "Temperature_Rotor": 30}),
+    ],
+    "AK80-9.dbc": [
+        (0x000, "014000c004004105", {"Drive": 1, "Position": 12.5 * (2 * 0x4000 / 65535 - 1), "Velocity": 50 * (2 * 0xC00 / 4095 - 1),
+                                     "Torque": 18 * (2 * 0x400 / 4095 - 1), "Temperature": 25, "Error": 5}),
+    ],
+    "RS03.dbc": [
+        (0x028001FD, "c0004000800000ff", {"Position": 4 * math.pi * (2 * 0xC000 / 65535 - 1), "Velocity": 20 * (2 * 0x4000 / 65535 - 1),
+                                          "Torque": 60 * (2 * 0x8000 / 65535 - 1), "Temperature": 25.5}),
+    ],
     "odrive.dbc": [
         (0x06C, "0000c03f06ffb004", {"Input_Position": 1.5, "Velocity_FF": -0.25, "Torque_FF": 1.2}),
         (0x06E, "000040bf", {"Torque_Setpoint": -0.75}),

@@ -2,6 +2,7 @@
 // Method: statuses by the tenth of a second from a script, one letter each:
 //   - nobody answers   p no policy yet   s standby   a arming   t tracking   d degraded   x damped stop   f fault
 //   R the executive counts its ticks anew   m standby and no monitor   u tracking and no monitor
+//   w standby and no fallback policy   v tracking and no fallback policy
 #include "systemd/deploy/probation.hpp"
 
 #include <gtest/gtest.h>
@@ -19,6 +20,7 @@ Mode mode_of(char letter) {
       return Mode::arming;
     case 't':
     case 'u':
+    case 'v':
       return Mode::tracking;
     case 'd':
       return Mode::degraded;
@@ -36,8 +38,8 @@ struct Ended {
   std::string reason;
 };
 
-Ended judged(const std::string& script, bool wants_policy = true) {
-  Probation probation(kTimes, wants_policy);
+Ended judged(const std::string& script, WantedHosts wanted = {}) {
+  Probation probation(kTimes, wanted);
   Ended ended;
   std::uint64_t ticks = 1000;
   for (std::size_t i = 0; i < script.size(); ++i) {
@@ -47,6 +49,7 @@ Ended judged(const std::string& script, bool wants_policy = true) {
       ticks = script[i] == 'R' ? 1 : ticks + 100;
       status->ticks = ticks;
       status->policy_pid = script[i] == 'p' ? 0 : 7;
+      status->fallback_pid = script[i] == 'w' || script[i] == 'v' ? 0 : 9;
       status->monitor_pid = script[i] == 'm' || script[i] == 'u' ? 0 : 8;
       status->tick.mode = mode_of(script[i]);
     }
@@ -80,7 +83,7 @@ TEST(Probation, ARobotThatDoesNotComeUpFails) {
   EXPECT_EQ(judged(times(10, '-')).stage, Stage::starting);
   EXPECT_NE(judged(times(12, '-')).reason.find("no executive answers"), std::string::npos);
   EXPECT_NE(judged(times(12, 'p')).reason.find("no policy is attached"), std::string::npos);
-  EXPECT_EQ(judged(times(5, 'p') + times(11, 't'), false).stage, Stage::passed)
+  EXPECT_EQ(judged(times(5, 'p') + times(11, 't'), {.policy = false}).stage, Stage::passed)
       << "a robot without a policy needs none";
   EXPECT_EQ(judged("ssf").stage, Stage::failed);
 }
@@ -91,6 +94,14 @@ TEST(Probation, ARobotThatNobodyRecordsFails) {
   EXPECT_NE(judged("ssm").reason.find("monitor has left"), std::string::npos)
       << "one that ends as soon as it has attached";
   EXPECT_NE(judged("sstttu").reason.find("monitor has left"), std::string::npos);
+}
+
+TEST(Probation, ARobotWithoutItsFallbackPolicyFails) {
+  constexpr WantedHosts kBoth{.policy = true, .fallback = true};
+  EXPECT_NE(judged(times(12, 'w'), kBoth).reason.find("no fallback policy is attached"), std::string::npos);
+  EXPECT_EQ(judged("wws" + times(11, 't'), kBoth).stage, Stage::passed) << "it may come last";
+  EXPECT_NE(judged("sstttv", kBoth).reason.find("fallback policy's host has left"), std::string::npos);
+  EXPECT_EQ(judged("wws" + times(5, 'v') + times(6, 't')).stage, Stage::passed) << "a robot that has none needs none";
 }
 
 TEST(Probation, WhatNobodyArmsIsUnproven) {

@@ -28,7 +28,7 @@ class Collect : public testing::Test {
     std::ofstream(root_ + path) << text;
   }
   [[nodiscard]] Snapshot collected(const config::RobotConfig* robot = nullptr) const {
-    return collect({root_, [](const auto&) { return std::string(); }}, robot);
+    return collect({root_, [](const auto&) { return drivers::CanLink{}; }}, robot);
   }
   std::string root_;
 };
@@ -152,36 +152,6 @@ TEST_F(Collect, RightsAreFactsOfTheFileAndOfTheServiceUser) {
   EXPECT_EQ(machine.service_user->groups, (std::vector<std::uint32_t>{996, 20, 21}));
   plant("/etc/passwd", "takt-policy:x:997:997::/:/bin/false\ntakt:x:none:998::/:/bin/false\ntakt:x\n");
   EXPECT_FALSE(collected().service_user.has_value());
-}
-
-TEST(CanInterfaceOf, ReadsWhatIpPrints) {
-  const CanInterface can = can_interface_of("can0", R"([{"ifindex":3,"ifname":"can0","flags":["NOARP","UP","LOWER_UP"],
-    "mtu":72,"operstate":"UP","txqlen":64,"linkinfo":{"info_kind":"can","info_data":{"ctrlmode":["LOOPBACK","FD"],
-    "state":"ERROR-PASSIVE","bittiming":{"bitrate":1000000,"sample_point":"0.750","tq":25,"sjw":5},
-    "data_bittiming":{"bitrate":5000000,"sample_point":"0.666","sjw":2},
-    "berr_counter":{"tx":8,"rx":135}},"info_xstats":{"restarts":2,"bus_error":41,"arbitration_lost":7,"error_warning":5,
-    "error_passive":3,"bus_off":1}}}])");
-  EXPECT_TRUE(can.exists && can.up && can.fd && !can.is_virtual);
-  EXPECT_EQ(can.bitrate, 1'000'000U);
-  EXPECT_EQ(can.data_bitrate, 5'000'000U);
-  EXPECT_DOUBLE_EQ(can.sample_point, 0.75);
-  EXPECT_DOUBLE_EQ(can.data_sample_point, 0.666);
-  EXPECT_EQ(can.sjw, 5U);
-  EXPECT_EQ(can.data_sjw, 2U);
-  EXPECT_EQ(can.controller_state, "ERROR-PASSIVE");
-  EXPECT_EQ(can.queue_length, 64);
-  EXPECT_EQ(can.transmit_errors, 8U);
-  EXPECT_EQ(can.receive_errors, 135U);
-  EXPECT_EQ(can.bus_errors, 41U);
-  EXPECT_EQ(can.went_passive, 3U);
-  EXPECT_EQ(can.went_off, 1U);
-  EXPECT_EQ(can.restarts, 2U);
-  const CanInterface virtual_can = can_interface_of(
-      "vcan0", R"([{"ifname":"vcan0","flags":["NOARP"],"txqlen":1000,"linkinfo":{"info_kind":"vcan"}}])");
-  EXPECT_TRUE(virtual_can.exists && virtual_can.is_virtual && !virtual_can.up);
-  EXPECT_FALSE(virtual_can.transmit_errors.has_value()) << "its driver counts nothing";
-  for (const char* nothing : {"", "[]", "{", "[3]", "Device \"can0\" does not exist."})
-    EXPECT_FALSE(can_interface_of("can0", nothing).exists) << nothing;
 }
 
 TEST(CpuList, CopesWithWhateverStandsThere) {

@@ -44,9 +44,8 @@ Snapshot good_machine() {
   around.unit_cpus = {0};
   machine.watchdog = "iTCO_wdt";
   machine.systemd_watchdog = "10s";
-  for (const char* name : {"can0", "can1"}) {
-    CanInterface can;
-    can.name = name;
+  for (int bus = 0; bus < 2; ++bus) {
+    drivers::CanLink can;
     can.exists = can.up = true;
     can.controller_state = "ERROR-ACTIVE";
     can.bitrate = 1'000'000;
@@ -258,7 +257,7 @@ TEST(Diagnose, BitTimingIsComparedWhereTheRobotFileGivesIt) {
   bus.fd = true;
   bus.data_bitrate = 5'000'000;
   Snapshot machine = good_machine();
-  CanInterface& can = machine.can[0];
+  drivers::CanLink& can = machine.can[0];
   can.fd = true;
   can.data_bitrate = 5'000'000;
   can.sample_point = can.data_sample_point = 0.75;
