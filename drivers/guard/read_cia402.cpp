@@ -92,7 +92,8 @@ bool is_known_setting(const JointFacts& facts, std::uint32_t index, std::uint32_
 Demand read_sdo(const JointFacts& facts, const CanFrame& frame) noexcept {
   const std::uint8_t command = frame.data[0];
   if (frame.length != 8) return {};
-  if (command == 0x40) return of_kind(Demand::Kind::aside);
+  // Reading: an object, its next segment, and the end of that.
+  if (command == 0x40 || command == 0x60 || command == 0x70 || command == 0x80) return of_kind(Demand::Kind::aside);
   const bool writes = command == 0x23 || command == 0x27 || command == 0x2B || command == 0x2F;
   const bool known =
       writes && is_known_setting(facts, little16(frame.data + 1), frame.data[3], little32(frame.data + 4));

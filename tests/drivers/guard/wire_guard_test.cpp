@@ -322,6 +322,10 @@ TEST(WireGuard, SettingsOfCia402) {
   EXPECT_EQ(bench.pass(0x601, "2b07600000000000", off), unknown_frame) << "6007: its loss is nothing";
   EXPECT_EQ(bench.pass(0x77F, "05"), allowed) << "our heartbeat";
   EXPECT_EQ(bench.pass(0x601, "4076600000000000"), allowed) << "a question";
+  EXPECT_EQ(bench.pass(0x601, "6000000000000000"), allowed) << "for the next segment of its answer";
+  EXPECT_EQ(bench.pass(0x601, "7000000000000000"), allowed) << "and for the one after";
+  EXPECT_EQ(bench.pass(0x601, "800a100000000008"), allowed) << "enough of it";
+  EXPECT_EQ(bench.pass(0x601, "2100160004000000", off), unknown_frame) << "a write in segments";
   EXPECT_EQ(bench.pass(0x000, "8001", off), allowed) << "pre-operational";
   EXPECT_EQ(bench.pass(0x000, "8000", off), unknown_frame) << "every node";
   EXPECT_EQ(bench.pass(0x000, "8101", off), unknown_frame) << "reset";
