@@ -1,7 +1,7 @@
-// Goal: the floor of what an executive can do on CAN: a loop that wakes up and writes its frames, and does nothing else.
-// Method: SCHED_FIFO, memory locked, absolute sleeps; at each wake-up one frame of eight bytes per identifier, shared evenly among the interfaces.
-// Prints when it woke up, ns of CLOCK_REALTIME, which a peer's stamps of the same frames are compared with. Run by `./dev bench can`,
-// in the emulated robot PC.
+// Goal: the floor of what an executive can do on CAN: a loop that wakes up and writes its frames, and does nothing
+// else. Method: SCHED_FIFO, memory locked, absolute sleeps; at each wake-up one frame of eight bytes per identifier,
+// shared evenly among the interfaces. Prints when it woke up, ns of CLOCK_REALTIME, which a peer's stamps of the same
+// frames are compared with. Run by `./dev bench can`, in the emulated robot PC.
 #include <linux/can.h>
 #include <linux/can/raw.h>
 #include <net/if.h>
