@@ -83,14 +83,14 @@ void describe_packed_ranges(Fields& fields, Drive& drive) {
   range("kd_range", "mit, robstride: packed damping spans 0 to this", drive.kd_range, from.kd, Dimension::damping);
 }
 
-// moteus tells it; of the others nobody knows such drives.
+// moteus tells it; of Damiao, RobStride and CiA 402 no such drives are known. Where it can be either, a person says it:
+// a joint that stands elsewhere than it is taken to has no limits.
 void describe_position_after_power_up(Fields& fields, Drive& drive) {
-  fields.choice({"position_after_power_up",
-                 "mit (tmotor), odrive: absolute, it is the joint's; odrive unknown, counts from wherever the drive "
-                 "was switched on (incremental encoder); tmotor one_of_several, right but for whole steps (one encoder "
-                 "before the gear). Other than absolute: not armed before `takt joint home`",
-                 "absolute"},
-                drive.position_after_power_up, kPositionsAfterPowerUp);
+  fields.choice(
+      {"position_after_power_up",
+       "mit (tmotor), odrive: absolute, the drive knows where the joint is; unknown (odrive, incremental "
+       "encoder) or one_of_several (tmotor, one encoder before the gear): not armed before `takt joint home`"},
+      drive.position_after_power_up, kPositionsAfterPowerUp);
   if (drive.position_after_power_up == PositionAfterPowerUp::one_of_several || fields.shows_all())
     fields.integer({"places_per_turn",
                     "one_of_several: how many places of a whole turn of the joint the drive cannot tell apart (AK80-9: "
@@ -155,7 +155,8 @@ void describe_drive(Fields& fields, Drive& drive) {
                  "drive card shows it; any: not compared",
                  "any"},
                 drive.firmware);
-  if (speaks.any_of({DriveProtocol::mit, DriveProtocol::odrive})) describe_position_after_power_up(fields, drive);
+  if (drive.variant == "tmotor" || speaks.any_of({DriveProtocol::odrive}))
+    describe_position_after_power_up(fields, drive);
   fields.integer({"direction", "1 or -1: q_joint = direction * q_motor / gear_ratio + offset", "1"}, drive.direction,
                  -1, 1);
   fields.quantity({"offset", "joint angle where the motor reads zero", "0 rad"}, drive.offset, Dimension::angle,

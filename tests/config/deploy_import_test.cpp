@@ -51,26 +51,27 @@ std::string import(std::string_view deploy_text, std::vector<std::string> names 
 
 // What a person would write in place of each FILL_IN; one bus is enough for a loader.
 std::string filled_in(std::string text) {
-  const std::vector<std::pair<std::string, std::string>> values{{"protocol", "mit"},
-                                                                {"variant", "tmotor"},
-                                                                {"model", "AK80-64, kd_range: 20 Nms/rad"},
-                                                                {"max_age", "70 ms"},
-                                                                {"epsilon", "0.01"},
-                                                                {"recover_after", "200 ms"},
-                                                                {"stop_after", "300 ms"},
-                                                                {"behaviour", "hold"},
-                                                                {"timeout", "100 ms"},
-                                                                {"position_margin", "0.1 rad"},
-                                                                {"velocity_hard", "7 rad/s"},
-                                                                {"velocity", "5 rad/s"},
-                                                                {"acceleration", "50 rad/s2"},
-                                                                {"torque_rate", "9000 Nm/s"},
-                                                                {"torque", "100 Nm"},
-                                                                {"inertia", "0.1 kgm2"},
-                                                                {"interface", "can0"},
-                                                                {"name", "bus0"},
-                                                                {"bus", "bus0"},
-                                                                {"reply_id", "0"}};
+  const std::vector<std::pair<std::string, std::string>> values{
+      {"protocol", "mit"},
+      {"variant", "tmotor"},
+      {"model", "AK80-64, kd_range: 20 Nms/rad, position_after_power_up: absolute"},
+      {"max_age", "70 ms"},
+      {"epsilon", "0.01"},
+      {"recover_after", "200 ms"},
+      {"stop_after", "300 ms"},
+      {"behaviour", "hold"},
+      {"timeout", "100 ms"},
+      {"position_margin", "0.1 rad"},
+      {"velocity_hard", "7 rad/s"},
+      {"velocity", "5 rad/s"},
+      {"acceleration", "50 rad/s2"},
+      {"torque_rate", "9000 Nm/s"},
+      {"torque", "100 Nm"},
+      {"inertia", "0.1 kgm2"},
+      {"interface", "can0"},
+      {"name", "bus0"},
+      {"bus", "bus0"},
+      {"reply_id", "0"}};
   for (const auto& [key, value] : values)
     text = std::regex_replace(text, std::regex(fmt::format("\\b{}: FILL_IN", key)), fmt::format("{}: {}", key, value));
   text = std::regex_replace(text, std::regex("\\[FILL_IN, FILL_IN\\]"), "[-3 rad, 3 rad]");

@@ -219,7 +219,8 @@ TEST(Load, ARangeThatSourcesDisagreeAboutMustBeWritten) {
   EXPECT_EQ(written->joints[0].drive.velocity_range, 45);
   EXPECT_EQ(written->joints[0].drive.torque_range, 15) << "the rest is the model's";
 
-  constexpr std::string_view kTmotor = "{ protocol: mit, variant: tmotor, model: AK80-9, id: 1, reply_id: 0 }";
+  constexpr std::string_view kTmotor =
+      "{ protocol: mit, variant: tmotor, model: AK80-9, id: 1, reply_id: 0, position_after_power_up: absolute }";
   const auto rs05 = parse(with(kTmotor, "{ protocol: robstride, model: RS05, id: 1 }"), "r");
   ASSERT_FALSE(rs05.has_value());
   EXPECT_NE(rs05.error().find("key `torque_range` is missing"), std::string::npos) << rs05.error();

@@ -124,6 +124,10 @@ inline constexpr Refusal kRefusals[] = {
             "11:44: degraded.fallback: fallback `stand` is not known; write one of: tuck, none"},
     Refusal{"an unknown drive model", "AK80-9", "AK80-99",
             "19:53: joints[0].drive.model: drive model `AK80-99` is not known; did you mean `AK80-9`?"},
+    Refusal{"a drive that may forget where it is", "reply_id: 0, position_after_power_up: absolute }", "reply_id: 0 }",
+            "19:12: key `position_after_power_up` is missing in `joints[0].drive`; add it: mit (tmotor), odrive: "
+            "absolute, the drive knows where the joint is; unknown (odrive, incremental encoder) or one_of_several "
+            "(tmotor, one encoder before the gear): not armed before `takt joint home`"},
     Refusal{"an unknown protocol", "protocol: mit, variant: tmotor, model", "protocol: mut, variant: tmotor, model",
             "19:24: joints[0].drive.protocol: protocol `mut` is not known; did you mean `mit`?"},
     Refusal{"an unknown joint in an order", "[knee, hip]", "[knee, hips]",
@@ -155,7 +159,8 @@ inline constexpr Refusal kRefusals[] = {
     Refusal{"two drives with one CAN id", "id: 0x02", "id: 1",
             "34:50: joints[1].drive.id: CAN id 0x1 is already hip's on bus left; give each drive its own"},
     Refusal{"a CAN FD drive on a classic bus",
-            "drive: { protocol: mit, variant: tmotor, model: AK80-9, id: 1, reply_id: 0 }",
+            "drive: { protocol: mit, variant: tmotor, model: AK80-9, id: 1, reply_id: 0, position_after_power_up: "
+            "absolute }",
             "drive: { protocol: moteus, id: 1, torque_range: 18 Nm, servo_kp: 500 Nm/rad, servo_kd: 5 Nms/rad }",
             "18:10: joints[0].bus: moteus speaks CAN FD; write `fd: true` into bus left"},
     Refusal{"a drive that replies with another's id", "id: 0x02, reply_id: 0", "id: 0x02, reply_id: 1",

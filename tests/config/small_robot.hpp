@@ -25,7 +25,7 @@ buses:
 joints:
   - name: hip
     bus: left
-    drive: { protocol: mit, variant: tmotor, model: AK80-9, id: 1, reply_id: 0 }
+    drive: { protocol: mit, variant: tmotor, model: AK80-9, id: 1, reply_id: 0, position_after_power_up: absolute }
     limits:
       position: [-1 rad, 1 rad]
       position_margin: 0.1 rad
@@ -40,7 +40,7 @@ joints:
     inertia: 0.1 kgm2
   - name: knee
     bus: left
-    drive: { protocol: mit, variant: tmotor, id: 0x02, reply_id: 0, direction: -1, position_range: 12.5 rad, velocity_range: 50 rad/s, torque_range: 18 Nm, kp_range: 500 Nm/rad, kd_range: 5 Nms/rad }
+    drive: { protocol: mit, variant: tmotor, id: 0x02, reply_id: 0, direction: -1, position_range: 12.5 rad, velocity_range: 50 rad/s, torque_range: 18 Nm, kp_range: 500 Nm/rad, kd_range: 5 Nms/rad, position_after_power_up: absolute }
     limits: { position: [-90 deg, 90 deg], position_margin: 5 deg, velocity: 3 rad/s, velocity_hard: 6 rad/s, acceleration: 20 rad/s2, torque: 8 Nm, torque_rate: 900 Nm/s, kp: 80 Nm/rad, kd: 3 Nms/rad }
     gains: { kp: 40 Nm/rad, kd: 1 Nms/rad, damping: 1 Nms/rad }
     inertia: 0.05 kgm2
