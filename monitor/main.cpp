@@ -13,6 +13,7 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <utility>
@@ -100,8 +101,9 @@ enum class Recorded : std::uint8_t { whole, in_part, not_at_all };
 // One session of the executive, from attach to its end or ours. Not at all: the folder cannot be written.
 Recorded record_session(const ExecutiveSession& session, const Options& options, const config::RobotConfig& robot,
                         trace::Introduction& introduction, Exports& exports, ClosingReviews& reviews) {
-  const RunManifest manifest = describe(session, robot, options.runtime_directory, monotonic_now(), realtime_ns());
+  RunManifest manifest = describe(session, robot, options.runtime_directory, monotonic_now(), realtime_ns());
   const auto folder = RunFolder::create(wanted_folder(options, robot, manifest.run_id));
+  if (folder) manifest.run_id = std::filesystem::path(folder->path()).filename();  // one name for one run
   auto recorder =
       folder ? Recorder::start(*folder, manifest, robot, options.max_file_mib << 20U) : std::unexpected(folder.error());
   auto stream = RecordStream::attach(session.rings(), robot.joints.size(), config::largest_command_of(robot));

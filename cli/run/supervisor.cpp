@@ -144,7 +144,7 @@ Supervisor::Outcome Supervisor::wait_ready(ProcessName process) {
 }
 
 Supervisor::Outcome Supervisor::arm() {
-  std::string missing = "no answer from the executive";
+  std::string missing = " no answer from the executive";
   for (const Duration give_up = now() + kArmedWithin; now() < give_up;) {
     const auto reply = processes_.ask(OperatorVerb::arm);
     if (reply && reply->done != 0) return {};
@@ -153,9 +153,10 @@ Supervisor::Outcome Supervisor::arm() {
       for (const std::string& sentence : sentences_of(*reply)) missing += "\n  " + sentence;
     }
     if (auto alive = look_after_children(); !alive) return alive;
+    if (robot_.policy && reported_dead_.contains(ProcessName::policy)) break;  // it will not come by waiting
     if (auto paused = pause(now() + kPollEvery); !paused) return paused;
   }
-  return std::unexpected(End{kExitFailed, "arming was refused: " + missing});
+  return std::unexpected(End{kExitFailed, "arming was refused:" + missing});
 }
 
 Supervisor::Outcome Supervisor::follow() {
@@ -222,6 +223,11 @@ Supervisor::Outcome Supervisor::look_after_children() {
     if (!child || child->alive() || !ready_at_) continue;
     if (!reported_dead_.insert(process).second) continue;
     display_.note(fmt::format("{} {}", label(process), child->how_it_ended()));
+    // A program that ended by itself said why; one that was killed could not.
+    if (std::string words = child->last_words(); child->exit_code() && !words.empty() && !is_essential(process)) {
+      words.pop_back();
+      display_.note(words);
+    }
     if (is_essential(process))
       return std::unexpected(
           End{std::max(exit_code_for(*child), kExitFailed),

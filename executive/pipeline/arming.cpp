@@ -62,18 +62,25 @@ std::string_view command_blocker(Arrival last_refusal) {
       return "commands do not say when the outside sensors sensed: the policy's host must set outside_sensed_at";
     case Arrival::expired_observation:
     case Arrival::overtaken:
-      return "no fresh command: the newest one came too late";
+      return "no fresh command: the newest one came too late (older than freshness.max_age)";
     case Arrival::wrong_policy:
       return "no fresh command: the newest one is another policy's than the robot file's";
     case Arrival::contended:
+      return "no fresh command: the newest one is written anew while it is read";
     case Arrival::corrupt:
+      return "no fresh command: the newest one is corrupt";
     case Arrival::wrong_shape:
+      return "no fresh command: the newest one has another number of joints or steps than the robot file says";
     case Arrival::repeated_sequence:
+      return "no fresh command: the newest one repeats a sequence number";
     case Arrival::unknown_observation:
+      return "no fresh command: the newest one answers an observation that was never published";
     case Arrival::future_observation:
+      return "no fresh command: the newest one has a stamp of the future";
     case Arrival::not_finite:
+      return "no fresh command: the newest one has a value that is not finite (NaN or infinite)";
     case Arrival::out_of_range:
-      return "no fresh command: the newest one was refused; takt status says why";
+      return "no fresh command: the newest one is out of its range";
   }
   return "no fresh command";
 }

@@ -91,6 +91,19 @@ class PythonPolicy(unittest.TestCase):
         replayed = self.command("takt", "replay", "run")
         self.assertEqual(replayed.returncode, 0, replayed.stdout)
 
+    def test_a_policy_that_raises_is_heard(self):
+        self.policy(f"""
+import takt
+{SPEC}
+with takt.connect("robot.yaml", spec) as robot:
+    for count, obs in enumerate(robot):
+        if count == 20:
+            raise ValueError("the arm is upside down")
+""")
+        done, _ = self.run_robot("2s")
+        self.assertNotEqual(done.returncode, 0, done.stdout)
+        self.assertIn("ValueError: the arm is upside down", done.stdout + done.stderr)
+
     def test_a_policy_on_a_server_moves_the_arm_and_the_servers_silence_stops_it(self):
         try:
             from openpi_server import OpenPiServer, array
