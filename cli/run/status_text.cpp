@@ -71,7 +71,8 @@ std::string status_text(const StatusSnapshot& status, const IncidentNote& incide
   const bool falls_back = tick.player == Player::fallback;
   std::string text = fmt::format("mode       {}{}\n", name(tick.mode), falls_back ? ", by the fallback policy" : "");
   if (incident.tick != 0)
-    text += fmt::format("incident   {}{}\n", incident.stands != 0 ? "" : "none now; the last: ", said(incident.sentence));
+    text +=
+        fmt::format("incident   {}{}\n", incident.stands != 0 ? "" : "none now; the last: ", said(incident.sentence));
   text += fmt::format("command    {}, age {}\n", name(tick.freshness), age_text(tick));
   text += fmt::format("misses     {} of the last {} ticks\n", tick.window_misses, tick.window_ticks);
   text += fmt::format("ticks      {}, {} overruns, {} periods skipped\n", status.ticks, overruns_of(status),
