@@ -20,7 +20,8 @@ std::string connect_fault(const std::string& path) {
   switch (errno) {
     case ENOENT:
     case ECONNREFUSED:
-      return "nobody listens at " + path + ": start the robot (or the sensor) first, or check --runtime-dir";
+      return "rendezvous: nobody listens at " + path +
+             ": start the robot (or the sensor) first, or check --runtime-dir";
     case EACCES:
       return "rendezvous: no permission to connect to " + path + ": run as the server's user or root";
     case EAGAIN:
