@@ -183,6 +183,8 @@ void check_model(const RobotConfig& robot, Checker& checker) {
                   fmt::format("has {} links for {} joints; write one per joint", links.size(), robot.joints.size()));
   for (std::size_t i = 0; i < links.size(); ++i) {
     check_link(links[i], i, checker);
+    checker.require(links[i].joint != "base", fmt::format("model.links[{}].joint", i),
+                    "`base` is what a link's parent calls the robot's base; rename the joint");
     if (i < robot.joints.size())
       checker.require(
           links[i].joint == robot.joints[i].name, fmt::format("model.links[{}].joint", i),

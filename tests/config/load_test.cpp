@@ -228,6 +228,18 @@ TEST(Load, ARangeThatSourcesDisagreeAboutMustBeWritten) {
   EXPECT_EQ(rs05.error().find("velocity_range"), std::string::npos) << "both sources say 50 rad/s: " << rs05.error();
 }
 
+// Goal: `parent: base` means one thing. Method: a joint of that name, wherever the file names it.
+TEST(Load, NoJointIsCalledAsTheRobotsBase) {
+  std::string text(kSmallRobot);
+  for (std::size_t at = text.find("knee"); at != std::string::npos; at = text.find("knee", at))
+    text.replace(at, 4, "base");
+  const auto robot = parse(text, "r");
+  ASSERT_FALSE(robot.has_value());
+  EXPECT_NE(robot.error().find("model.links[1].joint: `base` is what a link's parent calls the robot's base"),
+            std::string::npos)
+      << robot.error();
+}
+
 // Goal: no number without a source, in the table and in the document. Method: docs/drives.md has a row for each.
 TEST(Load, EveryPresetNamesItsSource) {
   const std::string page = read_file("docs/drives.md").value_or("");
