@@ -144,9 +144,15 @@ std::string losses(const RunMetrics& metrics, const RecordedRun& run) {
   return text;
 }
 
-std::string_view realtime_word(const RunManifest& manifest) {
+// Essential steps make it real time; what else could not be had is said beside.
+std::string realtime_words(const RunManifest& manifest) {
   if (!manifest.executive.is_object() || !manifest.executive.contains("realtime")) return "unknown";
-  return manifest.executive.at("realtime").get<bool>() ? "yes" : "NO: figures do not stand for a real-time machine";
+  if (!manifest.executive.at("realtime").get<bool>()) return "NO: figures do not stand for a real-time machine";
+  std::string words = "yes";
+  for (const auto& step : manifest.executive.value("realtime_steps", nlohmann::ordered_json::array()))
+    if (!step.value("ok", true))
+      words += fmt::format("; but {}: {}", step.value("name", "a step"), step.value("detail", ""));
+  return words;
 }
 
 // Empty: the robot could not move unrecorded.
@@ -222,7 +228,7 @@ std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::
   std::string text = fmt::format("run           {}  robot {}  {:.1f} s  {} ticks\n", run.manifest.run_id,
                                  run.manifest.robot, metrics.span.seconds(), metrics.ticks);
   text += incidents(metrics, std::min<std::size_t>(most, kShownIncidents));
-  text += fmt::format("real-time     {}\n", realtime_word(run.manifest));
+  text += fmt::format("real-time     {}\n", realtime_words(run.manifest));
   text += recorder_line(run.manifest);
   text += fmt::format("contract      Pr(age > {:g} ms) <= {:g} %\n\n", contract.max_age.milliseconds(),
                       100 * contract.epsilon);

@@ -148,6 +148,18 @@ TEST_F(RunMetricsTest, AReviewIsTheMetricsAndTheFaults) {
   EXPECT_NE(text.find("2001 of 4000 recorded ticks cannot be read"), std::string::npos) << text;
 }
 
+// Goal: "real-time yes" does not hide what the machine lacks. Method: an executive's steps with one that failed.
+TEST_F(RunMetricsTest, WhatTheMachineLacksStandsBesideItsRealTime) {
+  RecordedRun lacking = run_;
+  lacking.manifest.executive["realtime"] = true;
+  EXPECT_NE(report_text(*metrics_of(lacking), lacking).find("real-time     yes\n"), std::string::npos);
+  lacking.manifest.executive["realtime_steps"] = {
+      {{"name", "sched_fifo"}, {"ok", true}, {"essential", true}, {"detail", "priority 80"}},
+      {{"name", "kernel"}, {"ok", false}, {"essential", false}, {"detail", "not PREEMPT_RT"}}};
+  EXPECT_NE(report_text(*metrics_of(lacking), lacking).find("real-time     yes; but kernel: not PREEMPT_RT\n"),
+            std::string::npos);
+}
+
 TEST_F(RunMetricsTest, WhatIsNotWhatItsTopicSaysIsCounted) {
   RunFolder folder = *RunFolder::create(path("odd"));
   for (const char* file : {"config.yaml", "manifest.json"})
