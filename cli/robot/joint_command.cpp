@@ -11,6 +11,7 @@
 
 #include "cli/command.hpp"
 #include "cli/quantity_option.hpp"
+#include "cli/robot/degrees.hpp"
 #include "cli/robot/direct_bus.hpp"
 #include "config/load.hpp"
 #include "drivers/protocol/protocol_table.hpp"
@@ -116,8 +117,6 @@ void run(drivers::JointJog& jog, std::size_t jogged, Drives& drives, Duration pe
     drives.speak(jog, jogged, monotonic_now());
   }
 }
-
-constexpr double kDegree = 3.14159265358979323846 / 180;
 
 int report(const drivers::JointJog& jog, const JointOptions& options) {
   using Verdict = drivers::VelocityScale::Verdict;

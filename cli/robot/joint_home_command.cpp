@@ -10,6 +10,7 @@
 
 #include "cli/command.hpp"
 #include "cli/quantity_option.hpp"
+#include "cli/robot/degrees.hpp"
 #include "cli/robot/direct_bus.hpp"
 #include "cli/robot/drive_listener.hpp"
 #include "config/load.hpp"
@@ -29,7 +30,6 @@ struct HomeOptions {
   double at_degrees = 0, torque = 0, speed_degrees = 5, within_degrees = 0;
 };
 
-constexpr double kDegree = 3.14159265358979323846 / 180;
 constexpr double kHeld = 2 * kDegree;  // as still as a hand holds a joint
 constexpr double kTaken = 0.02;        // rad: what is read back against what was said
 
