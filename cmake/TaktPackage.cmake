@@ -28,6 +28,9 @@ set(package_files ${CMAKE_SOURCE_DIR}/cmake/package)
 add_custom_target(takt-manual
   COMMAND ${package_files}/manual.py $<TARGET_FILE_DIR:takt> ${PROJECT_VERSION} ${share}
   DEPENDS takt takt-executive takt-policy-host takt-plant takt-monitor takt-imu COMMENT "Manual pages and shell completion")
+# Whoever packs asks for this target alone: all that is packed comes with it.
+get_property(installed GLOBAL PROPERTY TAKT_INSTALLED)
+add_dependencies(takt-manual ${installed})
 install(DIRECTORY ${share}/man ${share}/bash-completion ${share}/zsh ${share}/fish DESTINATION ${CMAKE_INSTALL_DATADIR} OPTIONAL)
 
 # Debian wants its own changelog, dated: by the newest commit, so that the same sources give the same package.

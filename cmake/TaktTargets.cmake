@@ -57,6 +57,7 @@ function(takt_export name as)
   set_target_properties(${name} PROPERTIES EXPORT_NAME ${as})
   target_sources(${name} INTERFACE
     FILE_SET takt_headers TYPE HEADERS BASE_DIRS ${CMAKE_SOURCE_DIR} FILES ${ARG_HEADERS})
+  set_property(GLOBAL APPEND PROPERTY TAKT_INSTALLED ${name})
   install(TARGETS ${name} EXPORT takt COMPONENT dev ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
     FILE_SET takt_headers DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/takt)
 endfunction()
@@ -68,6 +69,7 @@ function(takt_program name)
   # No symbol is looked up while it runs: inside the loop that is time nobody planned.
   target_link_options(${name} PRIVATE LINKER:-z,now)
   set_property(GLOBAL APPEND PROPERTY TAKT_PROGRAMS ${name})
+  set_property(GLOBAL APPEND PROPERTY TAKT_INSTALLED ${name})
   install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 endfunction()
 
