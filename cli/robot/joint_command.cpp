@@ -11,10 +11,10 @@
 
 #include "cli/command.hpp"
 #include "cli/quantity_option.hpp"
-#include "cli/robot/degrees.hpp"
 #include "cli/robot/direct_bus.hpp"
 #include "config/load.hpp"
 #include "drivers/protocol/protocol_table.hpp"
+#include "drivers/tools/degrees.hpp"
 #include "drivers/tools/joint_jog.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/contract/pace.hpp"
@@ -136,8 +136,8 @@ int report(const drivers::JointJog& jog, const JointOptions& options) {
   }
   if (!cut_short)
     fmt::print("joint {}: asked for {:+.2f} deg, moved {:+.2f} deg, from {:.2f} to {:.2f} deg; drive disabled again\n",
-               options.joint, (jog.target() - jog.started_at()) / kDegree, jog.moved() / kDegree,
-               jog.started_at() / kDegree, (jog.started_at() + jog.moved()) / kDegree);
+               options.joint, (jog.target() - jog.started_at()) / drivers::kDegree, jog.moved() / drivers::kDegree,
+               jog.started_at() / drivers::kDegree, (jog.started_at() + jog.moved()) / drivers::kDegree);
   if (velocity.verdict == Verdict::right)
     fmt::print("joint {}: its velocity belongs to its position: {:.3f}, known within {:.0f} %\n", options.joint,
                velocity.scale, 100 * velocity.uncertainty);
@@ -166,7 +166,7 @@ std::expected<int, Refusal> jog(const JointOptions& options) {
   const bool carries = robot->config.model.has_value() && !options.without_gravity;
   auto drives = Drives::open(*robot, *index, carries);
   if (!drives) return std::unexpected(drives.error());
-  const drivers::JogWish wish{options.by_degrees * kDegree, options.speed_degrees * kDegree, torque};
+  const drivers::JogWish wish{options.by_degrees * drivers::kDegree, options.speed_degrees * drivers::kDegree, torque};
   drivers::JointJog moving(joint, wish, drives->driver(*index),
                            carries ? gravity_at(*index, robot->config, *drives) : drivers::GravityTerm());
   const auto permission = permit_torque(robot->config);

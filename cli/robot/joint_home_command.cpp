@@ -10,12 +10,12 @@
 
 #include "cli/command.hpp"
 #include "cli/quantity_option.hpp"
-#include "cli/robot/degrees.hpp"
 #include "cli/robot/direct_bus.hpp"
 #include "cli/robot/drive_listener.hpp"
 #include "config/load.hpp"
 #include "drivers/protocol/home_note.hpp"
 #include "drivers/protocol/protocol_table.hpp"
+#include "drivers/tools/degrees.hpp"
 #include "drivers/tools/home_place.hpp"
 #include "drivers/tools/stop_search.hpp"
 #include "executive/contract/monotonic_clock.hpp"
@@ -30,8 +30,8 @@ struct HomeOptions {
   double at_degrees = 0, torque = 0, speed_degrees = 5, within_degrees = 0;
 };
 
-constexpr double kHeld = 2 * kDegree;  // as still as a hand holds a joint
-constexpr double kTaken = 0.02;        // rad: what is read back against what was said
+constexpr double kHeld = 2 * drivers::kDegree;  // as still as a hand holds a joint
+constexpr double kTaken = 0.02;                 // rad: what is read back against what was said
 
 Refusal refusal(const config::Joint& joint, const std::string& why) {
   return {kExitFailed, fmt::format("joint {}: {}", joint.name, why)};
@@ -45,7 +45,7 @@ std::expected<void, Refusal> tell_drive(const config::Joint& joint, const driver
   const JointFeedback& feedback = listener.feedback();
   if (std::abs(listener.q() - at) > kTaken)
     return std::unexpected(
-        refusal(joint, fmt::format("reads {:.2f} deg: its drive did not take it", listener.q() / kDegree)));
+        refusal(joint, fmt::format("reads {:.2f} deg: its drive did not take it", listener.q() / drivers::kDegree)));
   if (feedback.drive_state != DriveState::disabled)
     return std::unexpected(
         refusal(joint, "its drive reports " + drivers::error_name(joint.drive, feedback.error_code)));
@@ -60,7 +60,7 @@ std::expected<void, Refusal> confirm(const config::Joint& joint, DriveListener& 
     return std::unexpected(refusal(joint, "not confirmed: nothing was changed (type the joint's name)"));
   if (std::abs(listener.q() - before) <= kHeld) return {};
   return std::unexpected(refusal(joint, fmt::format("moved {:.1f} deg meanwhile: hold it still, and say it again",
-                                                    (listener.q() - before) / kDegree)));
+                                                    (listener.q() - before) / drivers::kDegree)));
 }
 
 // The joint is at `at`: asked for, told to the drive or kept.
@@ -75,13 +75,13 @@ std::expected<int, Refusal> make_known(const DirectRobot& robot, std::size_t ind
     shift = *steps;
   }
   fmt::print("joint {} reads {:.2f} deg; type its name and Enter if it is at {:.2f} deg:\n", joint.name,
-             listener.q() / kDegree, (frame ? at : listener.q() + shift) / kDegree);
+             listener.q() / drivers::kDegree, (frame ? at : listener.q() + shift) / drivers::kDegree);
   std::fflush(stdout);
   if (const auto confirmed = confirm(joint, listener); !confirmed) return std::unexpected(confirmed.error());
   if (frame) {
     if (const auto told = tell_drive(joint, *frame, at, bus, listener); !told) return std::unexpected(told.error());
     fmt::print("joint {} reads {:.2f} deg now; its drive forgets it with its supply\n", joint.name,
-               listener.q() / kDegree);
+               listener.q() / drivers::kDegree);
     return kExitOk;
   }
   const drivers::HomeNote note{.shift = shift, .left_at = listener.q() + shift};
@@ -93,7 +93,7 @@ std::expected<int, Refusal> make_known(const DirectRobot& robot, std::size_t ind
       "it\nwas switched off since: it holds for one start of the executive within {:.0f} min, with the joint left "
       "where "
       "it is\n",
-      joint.name, note.left_at / kDegree, shift / kDegree, drivers::kHomeNoteLasts.seconds() / 60);
+      joint.name, note.left_at / drivers::kDegree, shift / drivers::kDegree, drivers::kHomeNoteLasts.seconds() / 60);
   return kExitOk;
 }
 
@@ -106,9 +106,9 @@ std::expected<double, Refusal> lead_to_stop(const DirectRobot& robot, std::size_
   if (joint.passive) return std::unexpected(refusal(joint, "is passive: nothing can move it"));
   const double most = joint.limits.torque;
   const drivers::StopWish wish{.direction = options.to_stop == "forward" ? 1 : -1,
-                               .speed = options.speed_degrees * kDegree,
+                               .speed = options.speed_degrees * drivers::kDegree,
                                .torque = options.torque > 0 ? options.torque : 0.1 * most,
-                               .within = options.within_degrees > 0 ? options.within_degrees * kDegree
+                               .within = options.within_degrees > 0 ? options.within_degrees * drivers::kDegree
                                                                     : joint.limits.q_max - joint.limits.q_min};
   if (wish.torque > most)
     return std::unexpected(Refusal{
@@ -145,7 +145,7 @@ std::expected<int, Refusal> home(const HomeOptions& options) {
         refusal(joint,
                 "by the robot file its drive knows where it is since power-on (position_after_power_up: absolute); "
                 "another zero for it: takt bus zero"));
-  const double at = options.at_degrees * kDegree;
+  const double at = options.at_degrees * drivers::kDegree;
   if (const auto possible = drivers::check_place(joint, at); !possible)
     return std::unexpected(Refusal{kExitUsage, fmt::format("--at: {}", possible.error())});
   const auto alone = require_alone(*robot);

@@ -128,7 +128,7 @@ std::string wrong_bitrate(const char* phase, std::uint32_t wanted, std::uint32_t
 }  // namespace
 
 std::string wrong_timing(const config::Bus& bus, const CanLink& link) {
-  if (!link.exists || link.is_virtual) return {};
+  if (!link.exists || link.is_virtual || link.bitrate == 0) return {};
   if (link.bitrate != bus.bitrate) return wrong_bitrate("", bus.bitrate, link.bitrate);
   if (bus.fd && !link.fd) return "classic CAN, the robot file says FD";
   constexpr const char* kData = " for FD data";

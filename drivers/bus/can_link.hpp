@@ -15,10 +15,10 @@ namespace takt::drivers {
 
 struct CanLink {
   bool exists = false;
-  bool is_virtual = false;  // vcan, slcan: no bit timing, no counters
+  bool is_virtual = false;  // vcan: no bit timing, no counters
   bool up = false;
   std::string controller_state;  // "ERROR-ACTIVE", "ERROR-PASSIVE", "BUS-OFF", ... as ip-link(8) prints it
-  // Of the arbitration phase and, for FD, of the data phase; 0: not set.
+  // Of the arbitration phase and, for FD, of the data phase; 0: the kernel does not know (slcan, set over its line).
   std::uint32_t bitrate = 0, data_bitrate = 0;     // bit/s
   double sample_point = 0, data_sample_point = 0;  // share of a bit
   std::uint32_t sjw = 0, data_sjw = 0;             // time quanta
@@ -34,7 +34,8 @@ struct CanLink {
 CanLink read_can_link(const std::string& interface);
 
 // Where the controller's bit rates, or the sample points and jump widths that the robot file gives, are others than the
-// robot file's: "500000 bit/s, the robot file says 1000000 bit/s". Empty: nowhere, or the interface has no bit timing.
+// robot file's: "500000 bit/s, the robot file says 1000000 bit/s". Empty: nowhere, or the kernel
+// knows of no bit timing.
 std::string wrong_timing(const config::Bus& bus, const CanLink& link);
 
 // Out of the kernel's answer to RTM_GETLINK. What is cut off or unknown is left out.

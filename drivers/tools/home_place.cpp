@@ -3,22 +3,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 
 #include "drivers/protocol/little_endian.hpp"
 #include "drivers/protocol/odrive/odrive_driver.hpp"
+#include "drivers/tools/degrees.hpp"
 
 namespace takt::drivers {
 namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi;
-
-std::string degrees(double rad) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.1f deg", rad * 360 / kTurn);
-  return text.data();
-}
 
 double motor_turns(const config::Drive& drive, double q) {
   return (q - drive.offset) * drive.direction * drive.gear_ratio / kTurn;

@@ -1,25 +1,16 @@
 #include "drivers/tools/joint_jog.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
 #include <utility>
 
 #include "config/drive_loop.hpp"
 #include "drivers/protocol/protocol_table.hpp"
+#include "drivers/tools/degrees.hpp"
+#include "drivers/tools/led_joint.hpp"
 
 namespace takt::drivers {
 namespace {
-
-constexpr Duration kSilence = milliseconds(100);
-constexpr Duration kYoung = milliseconds(20);  // a reading that a push may stem from
-
-std::string degrees(double rad) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.1f deg", rad * 180 / std::numbers::pi);
-  return text.data();
-}
 
 // In which the drive packs its velocity, rad/s, joint side; 0: it says it in full.
 double velocity_step(const config::Drive& drive) {
@@ -78,7 +69,7 @@ std::size_t JointJog::tick(MonoTime now, std::span<CanFrame> out) {
   ticked_ = now;
   if (phase_ == Phase::ended) return 0;
   const bool enable = phase_ == Phase::enabling || drives(phase_);
-  return driver_.encode(enable, setpoint(), now, now + kSilence, out);
+  return driver_.encode(enable, setpoint(), now, now + kLedSilence, out);
 }
 
 void JointJog::advance(MonoTime now) {
@@ -156,13 +147,8 @@ void JointJog::watch_ramp(MonoTime now) {
 
 void JointJog::watch_drive(MonoTime now) {
   if (!drives(phase_)) return;
-  const JointFeedback& feedback = driver_.feedback();
-  if (feedback.drive_state == DriveState::fault)
-    fail("its drive reports " + error_name(joint_.drive, feedback.error_code), now);
-  else if (feedback.drive_state != DriveState::enabled)
-    fail("its drive left the enabled state by itself", now);
-  else if (now - feedback.received_at > kSilence)
-    fail("its drive fell silent", now);
+  if (const std::string trouble = drive_trouble(joint_.drive, driver_.feedback(), now); !trouble.empty())
+    fail(trouble, now);
 }
 
 // Never more than the joint may bear.
@@ -178,7 +164,7 @@ float JointJog::within_limit(double torque) const {
 DriveSetpoint JointJog::setpoint() const {
   if (!drives(phase_)) return {};
   const double kp = joint_.kp, kd = joint_.kd, q = driver_.feedback().q;
-  const bool young = ticked_ - driver_.feedback().received_at <= kYoung;
+  const bool young = ticked_ - driver_.feedback().received_at <= kLedYoung;
   const double stretch = kp > 0 ? wish_.torque / kp : 0;
   const double gap = std::clamp(reference_ - q, -stretch, stretch);
   const double pull = std::clamp(kp * gap - kd * double{driver_.feedback().dq}, -wish_.torque, wish_.torque);

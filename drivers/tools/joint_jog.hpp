@@ -27,6 +27,7 @@
 
 #include "config/robot_config.hpp"
 #include "drivers/protocol/joint_driver.hpp"
+#include "drivers/tools/degrees.hpp"
 #include "drivers/tools/velocity_fit.hpp"
 
 namespace takt::drivers {
@@ -45,7 +46,7 @@ class JointJog {
   enum class Phase : std::uint8_t { finding, enabling, moving, settling, releasing, ended };
   static constexpr Duration kFindWithin = seconds(3), kEnableWithin = seconds(3), kSettle = milliseconds(500),
                             kRelease = milliseconds(100);
-  static constexpr double kOffRamp = 2 * std::numbers::pi / 180;  // rad
+  static constexpr double kOffRamp = 2 * kDegree;  // rad
 
   // `driver` must outlive this object. `gravity` empty: nothing is carried.
   JointJog(const config::Joint& joint, const JogWish& wish, JointDriver& driver, GravityTerm gravity = {});

@@ -1,27 +1,14 @@
 #include "drivers/tools/stop_search.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 
 #include "config/drive_loop.hpp"
 #include "drivers/protocol/protocol_table.hpp"
+#include "drivers/tools/led_joint.hpp"
 
 namespace takt::drivers {
-namespace {
-
-constexpr Duration kSilence = milliseconds(100);
-constexpr Duration kYoung = milliseconds(20);  // a reading that a push may stem from
-
-std::string degrees(double rad) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.1f deg", rad / StopSearch::kDegree);
-  return text.data();
-}
-
-}  // namespace
 
 StopSearch::StopSearch(const config::Joint& joint, const StopWish& wish, JointDriver& driver)
     : joint_(joint), wish_(wish), driver_(driver) {
@@ -48,7 +35,7 @@ std::size_t StopSearch::tick(MonoTime now, std::span<CanFrame> out) {
   ticked_ = now;
   if (phase_ == Phase::ended) return 0;
   const bool enable = phase_ == Phase::enabling || phase_ == Phase::searching;
-  return driver_.encode(enable, setpoint(now), now, now + kSilence, out);
+  return driver_.encode(enable, setpoint(now), now, now + kLedSilence, out);
 }
 
 void StopSearch::advance(MonoTime now) {
@@ -110,13 +97,8 @@ void StopSearch::search(MonoTime now) {
 }
 
 void StopSearch::watch_drive(MonoTime now) {
-  const JointFeedback& feedback = driver_.feedback();
-  if (feedback.drive_state == DriveState::fault)
-    fail("its drive reports " + error_name(joint_.drive, feedback.error_code), now);
-  else if (feedback.drive_state != DriveState::enabled)
-    fail("its drive left the enabled state by itself", now);
-  else if (now - feedback.received_at > kSilence)
-    fail("its drive fell silent", now);
+  if (const std::string trouble = drive_trouble(joint_.drive, driver_.feedback(), now); !trouble.empty())
+    fail(trouble, now);
 }
 
 double StopSearch::stretch() const {
@@ -128,7 +110,7 @@ DriveSetpoint StopSearch::setpoint(MonoTime now) const {
   const double q = driver_.feedback().q, gap = std::clamp(reference_ - q, -stretch(), stretch());
   if (config::loop_closed_by(joint_.drive) == config::LoopClosedBy::drive)
     return {.q = static_cast<float>(q + gap), .kp = static_cast<float>(joint_.kp), .kd = static_cast<float>(joint_.kd)};
-  const bool young = now - driver_.feedback().received_at <= kYoung;
+  const bool young = now - driver_.feedback().received_at <= kLedYoung;
   const double pull =
       std::clamp(joint_.kp * gap - joint_.kd * double{driver_.feedback().dq}, -wish_.torque, wish_.torque);
   return {.q = static_cast<float>(q + gap), .tau = young ? static_cast<float>(pull) : 0};

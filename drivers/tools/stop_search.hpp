@@ -14,12 +14,12 @@
 #pragma once
 
 #include <cstdint>
-#include <numbers>
 #include <span>
 #include <string>
 
 #include "config/robot_config.hpp"
 #include "drivers/protocol/joint_driver.hpp"
+#include "drivers/tools/degrees.hpp"
 
 namespace takt::drivers {
 
@@ -35,7 +35,6 @@ class StopSearch {
   enum class Phase : std::uint8_t { finding, enabling, searching, releasing, ended };
   static constexpr Duration kFindWithin = seconds(3), kEnableWithin = seconds(3), kStandsFor = milliseconds(500),
                             kRelease = milliseconds(100), kSpare = seconds(5);
-  static constexpr double kDegree = std::numbers::pi / 180;
   static constexpr double kStill = 0.3 * kDegree, kLeastWay = 1 * kDegree, kAstray = 2 * kDegree;  // rad
 
   // `driver` must outlive this object; it is told to do without its home.

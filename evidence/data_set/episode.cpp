@@ -10,20 +10,10 @@
 #include <optional>
 #include <span>
 
+#include "config/action_target.hpp"
+
 namespace takt::data_set {
 namespace {
-
-CommandField field_of(config::ActionKind kind) {
-  switch (kind) {
-    case config::ActionKind::joint_position:
-      return CommandField::q;
-    case config::ActionKind::joint_velocity:
-      return CommandField::dq;
-    case config::ActionKind::joint_torque:
-      return CommandField::tau_ff;
-  }
-  return CommandField::q;
-}
 
 std::string name(config::ActionKind kind) {
   switch (kind) {
@@ -41,7 +31,7 @@ std::string name(config::ActionKind kind) {
 class EpisodeCutter {
  public:
   explicit EpisodeCutter(const config::RobotConfig& robot)
-      : period_(robot.policy->period), field_(field_of(robot.policy->action.kind)) {
+      : period_(robot.policy->period), field_(config::target_of(robot.policy->action.kind).field) {
     for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
       if (!robot.joints[joint].passive) acting_.push_back(joint);
   }

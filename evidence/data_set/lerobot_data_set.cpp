@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "config/action_target.hpp"
 #include "evidence/artifact/parquet_file.hpp"
 #include "evidence/data_set/feature_statistics.hpp"
 #include "monitor/record/bounded_file.hpp"
@@ -33,35 +34,31 @@ struct Feature {
 // Of one episode: frames x width of each feature.
 using FeatureValues = std::vector<std::vector<double>>;
 
-struct ActionWord {
-  std::string_view suffix, unit;
-};
-
-ActionWord word_of(config::ActionKind kind) {
+std::string_view suffix_of(config::ActionKind kind) {
   switch (kind) {
     case config::ActionKind::joint_position:
-      return {".pos", "rad"};
+      return ".pos";
     case config::ActionKind::joint_velocity:
-      return {".vel", "rad/s"};
+      return ".vel";
     case config::ActionKind::joint_torque:
-      return {".torque", "Nm"};
+      return ".torque";
   }
   return {};
 }
 
-void name_values(Feature& feature, const std::vector<std::string>& joints, const ActionWord& word) {
+void name_values(Feature& feature, const std::vector<std::string>& joints, config::ActionKind kind) {
   for (const std::string& joint : joints) {
-    feature.names.push_back(joint + std::string(word.suffix));
-    feature.units.emplace_back(word.unit);
+    feature.names.push_back(joint + std::string(suffix_of(kind)));
+    feature.units.emplace_back(config::target_of(kind).unit);
   }
 }
 
 std::vector<Feature> features_of(const Robot& robot) {
   Feature state{"observation.state", ParquetType::float32};
-  name_values(state, robot.joints, word_of(config::ActionKind::joint_position));
-  name_values(state, robot.joints, word_of(config::ActionKind::joint_velocity));
+  name_values(state, robot.joints, config::ActionKind::joint_position);
+  name_values(state, robot.joints, config::ActionKind::joint_velocity);
   Feature action{"action", ParquetType::float32};
-  name_values(action, robot.acting_joints, word_of(robot.action));
+  name_values(action, robot.acting_joints, robot.action);
   return {std::move(state),
           std::move(action),
           {"timestamp", ParquetType::float32},

@@ -11,6 +11,7 @@
 #include <memory>
 #include <utility>
 
+#include "config/action_target.hpp"
 #include "config/load.hpp"
 #include "config/observation_shape.hpp"
 #include "executive/ipc/crc32c.hpp"
@@ -26,30 +27,6 @@ using Why = PolicyReplayRefusal::Why;
 
 std::unexpected<PolicyReplayRefusal> refused(Why why, std::string sentence) {
   return std::unexpected(PolicyReplayRefusal{why, std::move(sentence)});
-}
-
-std::string_view unit_of(config::ActionKind kind) {
-  switch (kind) {
-    case config::ActionKind::joint_position:
-      return "rad";
-    case config::ActionKind::joint_velocity:
-      return "rad/s";
-    case config::ActionKind::joint_torque:
-      return "Nm";
-  }
-  return "";
-}
-
-CommandField target_of(config::ActionKind kind) {
-  switch (kind) {
-    case config::ActionKind::joint_position:
-      return CommandField::q;
-    case config::ActionKind::joint_velocity:
-      return CommandField::dq;
-    case config::ActionKind::joint_torque:
-      return CommandField::tau_ff;
-  }
-  return CommandField::q;
 }
 
 // What a command asks for, whenever it was sent.
@@ -164,7 +141,7 @@ std::expected<std::unique_ptr<Replayer>, PolicyReplayRefusal> Replayer::make(con
   made->result_.sender = sender;
   made->result_.file = made->robot_.policy->file;
   made->result_.hash = *hash;
-  made->result_.unit = unit_of(made->robot_.policy->action.kind);
+  made->result_.unit = config::target_of(made->robot_.policy->action.kind).unit;
   return made;
 }
 
@@ -236,7 +213,7 @@ void Replayer::fill(CommandChunk& chunk, const PolicyInput& input, std::span<con
 void Replayer::measure(const PolicyInput& input) {
   fill(*recorded_, input, input.output);
   fill(*recomputed_, input, output_);
-  const CommandField field = target_of(robot_.policy->action.kind);
+  const CommandField field = config::target_of(robot_.policy->action.kind).field;
   std::optional<PolicyDifference> beyond;
   for (std::size_t step = 0; step < recorded_->header.step_count; ++step) {
     for (std::size_t joint = 0; joint < joints_.size(); ++joint) {

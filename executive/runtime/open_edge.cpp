@@ -87,14 +87,6 @@ std::expected<OpenedEdge, EdgeRefusal> open_edge(const config::RobotConfig& robo
                                                  std::chrono::milliseconds hub_patience) {
   auto claims = drivers::claim_interfaces(robot.buses);
   if (!claims) return std::unexpected(EdgeRefusal{kExitSetUpRefused, claims.error()});
-  const Homed homed = homed_robot(robot, runtime_directory);
-  std::vector<JointOnBus> joints;
-  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
-    auto driver = drivers::make_joint_driver(homed.robot, joint);
-    if (!driver) return std::unexpected(EdgeRefusal{kExitUnavailable, driver.error()});
-    if (const auto& note = homed.notes[joint]) (*driver)->assume_home(static_cast<float>(note->left_at), kMayHaveMoved);
-    joints.push_back({std::move(*driver), robot.joints[joint].bus});
-  }
   const auto give_up_at = std::chrono::steady_clock::now() + hub_patience;
   std::vector<std::unique_ptr<drivers::CanBus>> buses;
   std::vector<OpenedBusFacts> facts;
@@ -111,6 +103,14 @@ std::expected<OpenedEdge, EdgeRefusal> open_edge(const config::RobotConfig& robo
     auto output = drivers::open_torque_output(*robot.safe_torque_off);
     if (!output) return std::unexpected(EdgeRefusal{kExitSetUpRefused, output.error()});
     torque = std::move(*output);
+  }
+  const Homed homed = homed_robot(robot, runtime_directory);
+  std::vector<JointOnBus> joints;
+  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
+    auto driver = drivers::make_joint_driver(homed.robot, joint);
+    if (!driver) return std::unexpected(EdgeRefusal{kExitUnavailable, driver.error()});
+    if (const auto& note = homed.notes[joint]) (*driver)->assume_home(static_cast<float>(note->left_at), kMayHaveMoved);
+    joints.push_back({std::move(*driver), robot.joints[joint].bus});
   }
   return OpenedEdge{std::move(*claims),
                     DriveEdge(std::move(buses), std::move(joints), std::make_unique<drivers::WireGuard>(homed.robot),

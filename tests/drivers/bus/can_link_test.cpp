@@ -92,6 +92,9 @@ TEST(CanLink, AContradictionWithTheRobotFileIsNamed) {
   EXPECT_EQ(wrong_timing(bus, link), "classic CAN, the robot file says FD");
   EXPECT_EQ(wrong_timing(bus, can_link_of(bytes_of(kVirtual))), "") << "it has none";
   EXPECT_EQ(wrong_timing(bus, CanLink{}), "") << "the kernel could not be asked";
+  CanLink serial = link;
+  serial.bitrate = 0;
+  EXPECT_EQ(wrong_timing(bus, serial), "") << "an slcan adapter that was told its bit rate over its line";
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 
 #include "config/load.hpp"
 #include "drivers/bus/loopback_bus.hpp"
+#include "drivers/protocol/home_note.hpp"
 #include "executive/runtime/exit_codes.hpp"
 #include "tests/executive/runtime/simulated_drives.hpp"
 
@@ -72,6 +73,19 @@ TEST_F(OpenEdgeTest, DrivesThatSpeakUnaskedAreNoController) {
   const Stranger drive(hub(robot_.joints[0].bus), robot_.joints[0].drive.reply_id);
   const auto opened = open_edge(robot_, directory_, 5s);
   EXPECT_TRUE(opened) << opened.error().sentence;
+}
+
+// What a person said is not lost by a start that came to nothing.
+TEST_F(OpenEdgeTest, AStartThatFailsLeavesHomesSaid) {
+  config::Drive& drive = robot_.joints[1].drive;
+  drive.position_after_power_up = config::PositionAfterPowerUp::one_of_several;
+  drive.places_per_turn = 9;
+  ASSERT_TRUE(drivers::write_home_note(directory_, robot_, 1, {.shift = 0.7, .left_at = 0.1}));
+  ASSERT_FALSE(open_edge(robot_, directory_, 0s)) << "no bus is there";
+  const auto left = drivers::take_home_notes(directory_, robot_);
+  ASSERT_TRUE(left[1].has_value());
+  EXPECT_EQ(left[1]->shift, 0.7);
+  EXPECT_FALSE(drivers::take_home_notes(directory_, robot_)[1].has_value()) << "it holds once";
 }
 
 TEST_F(OpenEdgeTest, AMissingBusIsAnotherMatter) {
