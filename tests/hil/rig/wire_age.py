@@ -35,8 +35,12 @@ class Run:
         self.plays = np.isin(self.ticks["freshness"], usable) & np.isin(self.ticks["mode"], modes)
 
     def tick_at(self, stamp):
-        """Index of the tick that began last before this instant; -1: none did."""
-        return np.searchsorted(self.now, stamp, side="right") - 1
+        """Index of the tick that began last before this instant; -1: none did, or it is the last one recorded, whose end nobody knows.
+
+        A run folder that was copied while its executive ran can hold frames that are newer than its last tick.
+        """
+        at = np.searchsorted(self.now, stamp, side="right") - 1
+        return at if at < len(self.now) - 1 else -1
 
     def command_frames(self, log, direction=""):
         """(joint, data, stamp) of every frame to a drive but those that enable, disable or clear an error; `direction` T or R, as in can.log."""
