@@ -147,6 +147,16 @@ void check_action(const RobotConfig& robot, const Action& action, Checker& check
                                 action.offset_values.size(), outputs));
 }
 
+void check_monitors(const ChunkMonitors& monitors, Checker& checker) {
+  checker.require(monitors.votes <= monitors.of, "policy.monitors.votes",
+                  fmt::format("{} of {} answers can never be; write at most {}", monitors.votes, monitors.of, monitors.of));
+  for (std::size_t i = 0; i < monitors.thresholds.size(); ++i) {
+    const auto same = std::ranges::count(monitors.thresholds, monitors.thresholds[i].score, &ChunkThreshold::score);
+    checker.require(same == 1, fmt::format("policy.monitors.thresholds[{}].score", i),
+                    fmt::format("{} has two thresholds; keep one", name(monitors.thresholds[i].score)));
+  }
+}
+
 }  // namespace
 
 void check_sensors(const RobotConfig& robot, Checker& checker) {
@@ -174,6 +184,7 @@ void check_policy(const RobotConfig& robot, Checker& checker) {
   check_meaning(robot, policy, checker);
   check_join(robot, policy, checker);
   check_action(robot, policy.action, checker);
+  if (policy.monitors) check_monitors(*policy.monitors, checker);
 }
 
 }  // namespace takt::config

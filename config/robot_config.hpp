@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "config/chunk_score.hpp"
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/mono_time.hpp"
 
@@ -213,6 +214,16 @@ struct Action {
   std::vector<std::size_t> joint_of_output;  // policy output i drives this joint; empty: identity
 };
 
+// Watches the policy's answers by their numbers alone (monitor/judge/chunk_monitors.hpp).
+struct ChunkThreshold {
+  ChunkScore score = ChunkScore::temporal_error;
+  double above = 0;  // in the score's own unit
+};
+struct ChunkMonitors {
+  int votes = 20, of = 40;  // answers
+  std::vector<ChunkThreshold> thresholds;
+};
+
 struct Policy {
   std::string file;  // absolute after load
   Duration period;
@@ -224,6 +235,7 @@ struct Policy {
   Action action;
   std::string history_layout;            // "by_term": each term's history together | "by_time": all terms per instant
   std::vector<std::size_t> joint_order;  // policy's joint k is this joint; empty: identity
+  std::optional<ChunkMonitors> monitors;
 };
 
 // 8-bit, row after row, channels of a pixel together.

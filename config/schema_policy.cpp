@@ -124,6 +124,16 @@ void describe_action(Fields& fields, Action& action, Words joints) {
                     "joint");
 }
 
+void describe_monitors(Fields& fields, ChunkMonitors& monitors) {
+  fields.integer({"votes", "a catch: so many of the newest answers are above the threshold", "20"}, monitors.votes, 1, 1000);
+  fields.integer({"of", "the newest answers", "40"}, monitors.of, 1, 1000);
+  fields.each({"thresholds", "as `takt policy calibrate` prints them", "[]"}, monitors.thresholds, kChunkScoreCount,
+              [](Fields& f, ChunkThreshold& threshold) {
+                f.choice({"score", "number that is read off every answer (docs/policies.md)"}, threshold.score, kChunkScoreNames);
+                f.quantity({"above", "largest value that is still usual"}, threshold.above, Dimension::none, between(0, 1e9));
+              });
+}
+
 void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& robot) {
   const auto joints = joint_names(robot);
   std::vector<std::string_view> sensors;
@@ -147,6 +157,12 @@ void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& 
               [&](Fields& f, ObservationTerm& term) { describe_term(f, term, sensors); });
   fields.section({"action", "how outputs become joint targets", "{}"},
                  [&](Fields& f) { describe_action(f, policy.action, joints); });
+  bool monitored = policy.monitors.has_value();
+  fields.optional_section({"monitors", "watch its answers by their numbers; a catch is recorded and decides nothing"}, monitored,
+                          [&](Fields& f) {
+                            if (!policy.monitors) policy.monitors.emplace();
+                            describe_monitors(f, *policy.monitors);
+                          });
 }
 
 void describe_feedback_row(Fields& fields, FeedbackRow& row, Words joints) {

@@ -10,6 +10,7 @@ void add_policy(CLI::App& app, int& exit_code) {
   add_policy_check(*parent, exit_code);
   add_policy_try(*parent, exit_code);
   add_policy_replay(*parent, exit_code);
+  add_policy_calibrate(*parent, exit_code);
 }
 
 }  // namespace takt::cli

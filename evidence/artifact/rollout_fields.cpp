@@ -48,6 +48,15 @@ void add_outcome(Fields& fields) {
   add_text(fields, "faults.leading", &RolloutRow::leading_fault, TextFormat::fault,
            "most frequent verdict of the fault classifier; empty exactly without any trouble");
   fields.push_back({"faults.verdicts", "1", "stretches of trouble, one verdict each", at(&RolloutRow::fault_verdicts)});
+  for (std::size_t score = 0; score < kChunkScoreCount; ++score) {
+    fields.push_back({"chunk_levels." + std::string(kChunkScoreNames[score]),
+                      "1",
+                      "largest value that as many neighbouring answers reached as a catch takes",
+                      [score](RolloutRow& row) -> FieldPlace { return &row.chunk_levels[score]; },
+                      {},
+                      kNotNegative});
+  }
+  fields.push_back({"catches", "1", "of the chunk monitors, where the robot file has thresholds", at(&RolloutRow::catches)});
   fields.push_back({"recovery_s",
                     "s",
                     "end of the perturbation to tracking again; null: nothing to recover from, or never recovered",

@@ -14,6 +14,7 @@
 #include <optional>
 #include <string>
 
+#include "config/chunk_score.hpp"
 #include "executive/contract/intervention.hpp"
 #include "executive/contract/mode.hpp"
 
@@ -84,6 +85,8 @@ struct RolloutRow {
       recovery_s;             // end of perturbation -> back in tracking; empty: nothing to recover from, or never
   std::string leading_fault;  // the classifier's most frequent verdict; empty: it had no reason for one
   std::uint64_t fault_verdicts = 0;         // stretches of trouble
+  std::array<double, kChunkScoreCount> chunk_levels{};  // monitor/judge/chunk_monitors.hpp; 0: no answer was watched
+  std::uint64_t catches = 0;                // of the chunk monitors
   std::uint64_t rearms = 0;                 // times the operator armed the robot again
   double tracking_error_rms_m = 0;          // of the task's controlled point, over the scored ticks
   double tracking_error_p95_m = 0;          //

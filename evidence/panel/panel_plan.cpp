@@ -197,14 +197,14 @@ RolloutSetup Contest::setup_of(const PlannedRollout& planned) const {
 }
 
 RolloutWatch::RolloutWatch(const config::RobotConfig& robot)
-    : classifier_(monitor::fault_rules_of(robot)), incidents_(robot) {}
+    : classifier_(monitor::fault_rules_of(robot)), monitors_(robot), incidents_(robot) {}
 
 std::expected<RanRollout, std::string> Contest::run(const PlannedRollout& planned) {
   const HostMeter meter;
   RolloutRow row = identity(planned);
   RolloutWatch watch(contestant(planned).robot);
   RolloutSetup setup = setup_of(planned);
-  setup.on_command = [&](const CommandHeader& header) { watch.command(header); };
+  setup.on_command = [&](const CommandChunk& chunk) { watch.command(chunk); };
   setup.on_tick = [&](const TickRecord& record) { watch.tick(record); };
   if (const auto done = run_rollout(setup, row); !done) return std::unexpected(done.error());
   RanRollout ran = conclude(std::move(row), watch);
@@ -216,6 +216,8 @@ RanRollout Contest::conclude(RolloutRow row, RolloutWatch& watch) const {
   const monitor::FaultSummary faults = watch.classifier_.finish();
   row.leading_fault = leading_fault(faults);
   row.fault_verdicts = faults.total();
+  row.chunk_levels = watch.monitors_.levels();
+  row.catches = watch.monitors_.catch_count();
   RanRollout ran{.row = std::move(row), .post_mortem = {}};
   if (ran.row.success) return ran;
   PostMortemDraft draft{.row = ran.row,

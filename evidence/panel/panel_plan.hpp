@@ -13,6 +13,7 @@
 #include "evidence/artifact/rollout_row.hpp"
 #include "evidence/judge/post_mortem.hpp"
 #include "evidence/panel/panel_file.hpp"
+#include "monitor/judge/chunk_monitors.hpp"
 #include "monitor/judge/fault_classifier.hpp"
 #include "monitor/judge/run_metrics.hpp"
 #include "policy_host/policy.hpp"
@@ -50,10 +51,18 @@ struct RanRollout {
 class RolloutWatch {
  public:
   explicit RolloutWatch(const config::RobotConfig& robot);
-  void command(const CommandHeader& header) { classifier_.command(header); }
+  void command(const CommandChunk& chunk) {
+    classifier_.command(chunk.header);
+    monitors_.command(chunk);
+  }
+  void command(const monitor::RecordedCommand& command) {
+    if (const auto header = monitor::policy_header_of(command)) classifier_.command(*header);
+    monitors_.command(command);
+  }
   void tick(const TickRecord& record) {
     failure_.tick(record.header);
     classifier_.tick(record);
+    monitors_.tick(record.header);
     if (auto incident = incidents_.tick(record); incident && told_.size() < monitor::kListedIncidents)
       told_.push_back(std::move(*incident));
   }
@@ -62,6 +71,7 @@ class RolloutWatch {
   friend class Contest;
   FailureWatch failure_;
   monitor::FaultClassifier classifier_;
+  monitor::ChunkMonitors monitors_;
   IncidentWatch incidents_;
   std::vector<Incident> told_;
 };

@@ -76,8 +76,7 @@ class Measuring {
       : rollout_(rollout), truths_(std::move(truths)), watch_(watch) {}
 
   void command(const monitor::RecordedCommand& command) {
-    const auto header = monitor::policy_header_of(command);
-    if (measures_ && header) watch_.command(*header);
+    if (measures_) watch_.command(command);
   }
 
   void tick(const TickRecord& record) {

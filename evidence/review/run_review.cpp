@@ -10,21 +10,25 @@ std::expected<RunReview, std::string> review_of(const RecordedRun& run) {
   MetricsCollector collector(review.metrics);
   FaultClassifier classifier(fault_rules_of(run.robot));
   IncidentWatch incidents(run.robot);
+  ChunkMonitors monitors(run.robot);
   const auto scan = scan_run(run, {.tick =
                                        [&](const RecordedTick& tick) {
                                          collector.tick(tick.record);
                                          classifier.tick(tick.record);
+                                         monitors.tick(tick.record.header);
                                          if (auto incident = incidents.tick(tick.record))
                                            note(review.metrics, std::move(*incident));
                                        },
                                    .command =
                                        [&](const RecordedCommand& command) {
                                          if (const auto header = policy_header_of(command)) classifier.command(*header);
+                                         monitors.command(command);
                                        },
                                    .keyframe = {},
                                    .loss = [&](const Loss& loss) { collector.loss(loss); }});
   if (!scan) return std::unexpected(scan.error());
   review.metrics.scan = *scan;
+  note(review.metrics, monitors);
   collector.finish(run.robot.freshness.epsilon, run.robot.freshness.confidence);
   review.faults = classifier.finish();
   add_counterfactuals(review.metrics.incidents, run);

@@ -136,7 +136,7 @@ class Rollout {
     input_.policy = setup_.repeat_last && chunk == nullptr
                         ? message_of(repeater_.read(), 1)
                         : message_of(chunk, setup_.repeat_last ? 1 : policy_.session());
-    if (input_.policy.command != nullptr && setup_.on_command) setup_.on_command(input_.policy.command->header);
+    if (input_.policy.command != nullptr && setup_.on_command) setup_.on_command(*input_.policy.command);
     if (!fallback_) return;
     const ArrivedCommand* const of_fallback = fallback_->read(now);
     input_.fallback = message_of(of_fallback != nullptr ? of_fallback->chunk.get() : nullptr, fallback_->session());

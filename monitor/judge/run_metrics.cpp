@@ -12,6 +12,11 @@ void note(RunMetrics& metrics, Incident incident) {
   if (metrics.incidents.size() < kListedIncidents) metrics.incidents.push_back(std::move(incident));
 }
 
+void note(RunMetrics& metrics, const ChunkMonitors& monitors) {
+  metrics.catches = monitors.catches();
+  metrics.catch_count = monitors.catch_count();
+}
+
 std::vector<Incident> by_gravity(std::vector<Incident> incidents) {
   std::ranges::stable_sort(incidents, {}, [](const Incident& incident) {
     return std::pair{incident.asked, incident.to != Mode::fault_latched};
@@ -23,17 +28,20 @@ std::expected<RunMetrics, std::string> metrics_of(const RecordedRun& run) {
   RunMetrics metrics;
   MetricsCollector collector(metrics);
   IncidentWatch incidents(run.robot);
+  ChunkMonitors monitors(run.robot);
   const auto scan = scan_run(run, {.tick =
                                        [&](const RecordedTick& tick) {
                                          collector.tick(tick.record);
+                                         monitors.tick(tick.record.header);
                                          if (auto incident = incidents.tick(tick.record))
                                            note(metrics, std::move(*incident));
                                        },
-                                   .command = {},
+                                   .command = [&](const RecordedCommand& command) { monitors.command(command); },
                                    .keyframe = {},
                                    .loss = [&](const Loss& loss) { collector.loss(loss); }});
   if (!scan) return std::unexpected(scan.error());
   metrics.scan = *scan;
+  note(metrics, monitors);
   collector.finish(run.robot.freshness.epsilon, run.robot.freshness.confidence);
   return metrics;
 }

@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "executive/incident/incident.hpp"
+#include "monitor/judge/chunk_monitors.hpp"
 #include "monitor/judge/freshness_statistics.hpp"
 #include "monitor/record/recorded_run.hpp"
 
@@ -57,6 +58,8 @@ struct RunMetrics {
   std::uint64_t transition_count = 0;  // transitions holds the first kListedTransitions
   std::vector<Incident> incidents;     // the first kListedIncidents
   std::uint64_t incident_count = 0;
+  std::vector<PolicyCatch> catches;  // of the chunk monitors, the first kListedCatches
+  std::uint64_t catch_count = 0;
   std::vector<Mark> marks;  // the first kListedMarks
   std::uint64_t mark_count = 0;
   std::map<std::string, std::uint64_t> losses;  // "tick overwritten" -> entries
@@ -68,6 +71,7 @@ inline constexpr std::size_t kListedMarks = 1000;
 inline constexpr std::size_t kListedIncidents = 1000;
 
 void note(RunMetrics& metrics, Incident incident);
+void note(RunMetrics& metrics, const ChunkMonitors& monitors);
 // The gravest comes first: what nobody asked for, faults before stops; among equals the oldest.
 std::vector<Incident> by_gravity(std::vector<Incident> incidents);
 

@@ -119,6 +119,17 @@ Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
                                    {"to", takt::name(each.to)},
                                    {"cause", takt::name(each.cause)}});
   }
+  json["catch_count"] = metrics.catch_count;
+  json["catches"] = Json::array();
+  for (const PolicyCatch& one : metrics.catches)
+    json["catches"].push_back({{"tick", one.tick},
+                               {"monotonic_ns", one.at.ns},
+                               {"score", takt::name(one.score)},
+                               {"value", one.value},
+                               {"threshold", one.threshold},
+                               {"command", one.command},
+                               {"observation", one.observation},
+                               {"sentence", one.sentence}});
   json["mark_count"] = metrics.mark_count;
   json["marks"] = Json::array();
   for (const Mark& mark : metrics.marks) json["marks"].push_back({{"tick", mark.tick}, {"monotonic_ns", mark.at.ns}});

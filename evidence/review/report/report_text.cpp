@@ -102,6 +102,19 @@ std::string marks(const RunMetrics& metrics, std::size_t most) {
   return text;
 }
 
+// Nothing where the robot file has no monitors: silence would sound like a judgement.
+std::string catches(const RunMetrics& metrics, const RecordedRun& run, std::size_t most) {
+  if (!run.robot.policy || !run.robot.policy->monitors) return "";
+  if (metrics.catch_count == 0) return "catches       none\n";
+  std::string text = fmt::format("catches       {}\n", metrics.catch_count);
+  for (std::size_t index = 0; index < std::min(most, metrics.catches.size()); ++index) {
+    const PolicyCatch& each = metrics.catches[index];
+    text += fmt::format("  tick {:>9}  {:>+10.3f} s  {}\n", each.tick, (each.at - metrics.start).seconds(), each.sentence);
+  }
+  if (metrics.catch_count > most) text += fmt::format("  and {} more\n", metrics.catch_count - most);
+  return text;
+}
+
 std::string on_wire(const RunMetrics& metrics, const RecordedRun& run) {
   std::string text;
   for (std::size_t bus = 0; bus < std::min(run.robot.buses.size(), kMaxBuses); ++bus) {
@@ -239,7 +252,7 @@ std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::
   if (const std::string together = contract_text(metrics); !together.empty())
     text += fmt::format("  {:<12} {}\n", "together", together);
   text += "  consecutive ticks share a command: the per-tick bound is optimistic, quote the one per command\n\n";
-  text += fmt::format("modes         {}\n", modes_line(metrics)) + transitions(metrics, most) + marks(metrics, most);
+  text += fmt::format("modes         {}\n", modes_line(metrics)) + transitions(metrics, most) + catches(metrics, run, most) + marks(metrics, most);
   const auto arrival = [](std::size_t index) { return takt::name(static_cast<Arrival>(index)); };
   text += fmt::format("commands      accepted {}; refused: {}\n",
                       metrics.arrivals[static_cast<std::size_t>(Arrival::accepted)],

@@ -33,7 +33,7 @@ monitor::FaultSummary classify(const Planted& planted, std::uint64_t seed) {
   RolloutSetup wanted = test::setup(planted.perturbation, seed);
   wanted.perturbation.dose *= planted.times_moderate;
   monitor::FaultClassifier classifier(monitor::fault_rules_of(test::arm()));
-  wanted.on_command = [&](const CommandHeader& header) { classifier.command(header); };
+  wanted.on_command = [&](const CommandChunk& chunk) { classifier.command(chunk.header); };
   wanted.on_tick = [&](const TickRecord& record) { classifier.tick(record); };
   (void)test::run(wanted);
   return classifier.finish();
