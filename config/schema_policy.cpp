@@ -138,6 +138,9 @@ void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& 
   fields.text({"input", "name of the model's input", "obs"}, policy.input);
   fields.text({"output", "name of the model's output", "actions"}, policy.output);
   fields.integer({"nice", "niceness of the policy host", "0"}, policy.nice, -20, 19);
+  fields.integer({"requests_in_flight",
+                  "observations that the policy host answers at a time, each with a network of its own", "1"},
+                 policy.requests_in_flight, 1, kMostRequests);
   fields.references({"joint_order", "the policy's order of joints; empty: this file's", "[]"}, policy.joint_order,
                     joints, "joint");
   fields.one_of({"history_layout", "by_term: each term's history together; by_time: all terms of one instant together",
