@@ -149,6 +149,18 @@ void add_safety(Fields& fields) {
                     kNotNegative});
   fields.push_back(
       {"peak_torque_Nm", "Nm", "largest |torque| of any joint", at(&RolloutRow::peak_torque_Nm), {}, kNotNegative});
+  fields.push_back({"peak_reference_jerk",
+                    "rad/s^3",
+                    "largest |jerk| of any joint's reference while the policy was played",
+                    at(&RolloutRow::peak_reference_jerk),
+                    {},
+                    kNotNegative});
+  fields.push_back({"peak_join_velocity_step",
+                    "rad/s",
+                    "largest change of any joint's reference velocity in a tick in which a new command took over",
+                    at(&RolloutRow::peak_join_velocity_step),
+                    {},
+                    kNotNegative});
 }
 
 void add_evidence(Fields& fields) {
