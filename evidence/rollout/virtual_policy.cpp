@@ -169,7 +169,8 @@ void VirtualPolicy::drift(policy_host::Request& request) const {
   const double side = 2.0 * static_cast<double>(draw.below(timing_.modes)) / (timing_.modes - 1) - 1;
   const std::size_t steps = robot_.policy->steps, width = request.output.size() / steps;
   for (std::size_t i = 0; i < request.output.size(); ++i) {
-    const double share = static_cast<double>(i / width + 1) / static_cast<double>(steps);
+    const std::size_t step = i / width + 1;
+    const double share = static_cast<double>(step) / static_cast<double>(steps);
     request.output[i] += static_cast<float>(side * share * timing_.mode_spread);
   }
 }
