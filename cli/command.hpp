@@ -62,9 +62,9 @@ void add_budget(CLI::App& app, int& exit_code);
 void add_margin(CLI::App& app, int& exit_code);
 void add_export(CLI::App& app, int& exit_code);
 void add_policy(CLI::App& app, int& exit_code);
-void add_policy_check(CLI::App& policy, int& exit_code);   // below add_policy's
-void add_policy_try(CLI::App& policy, int& exit_code);     // below add_policy's
-void add_policy_replay(CLI::App& policy, int& exit_code);  // below add_policy's
+void add_policy_check(CLI::App& policy, int& exit_code);      // below add_policy's
+void add_policy_try(CLI::App& policy, int& exit_code);        // below add_policy's
+void add_policy_replay(CLI::App& policy, int& exit_code);     // below add_policy's
 void add_policy_calibrate(CLI::App& policy, int& exit_code);  // below add_policy's
 void add_doctor(CLI::App& app, int& exit_code);
 void add_deploy(CLI::App& app, int& exit_code);

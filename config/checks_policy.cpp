@@ -148,8 +148,9 @@ void check_action(const RobotConfig& robot, const Action& action, Checker& check
 }
 
 void check_monitors(const ChunkMonitors& monitors, Checker& checker) {
-  checker.require(monitors.votes <= monitors.of, "policy.monitors.votes",
-                  fmt::format("{} of {} answers can never be; write at most {}", monitors.votes, monitors.of, monitors.of));
+  checker.require(
+      monitors.votes <= monitors.of, "policy.monitors.votes",
+      fmt::format("{} of {} answers can never be; write at most {}", monitors.votes, monitors.of, monitors.of));
   for (std::size_t i = 0; i < monitors.thresholds.size(); ++i) {
     const auto same = std::ranges::count(monitors.thresholds, monitors.thresholds[i].score, &ChunkThreshold::score);
     checker.require(same == 1, fmt::format("policy.monitors.thresholds[{}].score", i),

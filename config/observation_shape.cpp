@@ -60,6 +60,7 @@ std::size_t largest_policy_input(const RobotConfig& robot) {
 
 RobotConfig seen_by_fallback(const RobotConfig& robot, const Fallback& fallback) {
   RobotConfig seen = robot;
+  seen.policy->requests_in_flight = 1;
   if (fallback.has_own_file()) seen.policy->file = fallback.file;
   for (ObservationTerm& term : seen.policy->observation) {
     if (term.kind != TermKind::command) continue;

@@ -224,6 +224,8 @@ struct ChunkMonitors {
   std::vector<ChunkThreshold> thresholds;
 };
 
+inline constexpr std::uint32_t kMostRequests = 8;  // in flight
+
 struct Policy {
   std::string file;  // absolute after load
   Duration period;
@@ -231,6 +233,7 @@ struct Policy {
   std::uint32_t steps = 0;
   std::string input, output;  // tensor names
   int nice = 0;
+  std::uint32_t requests_in_flight = 1;  // observations that the policy host answers at a time
   std::vector<ObservationTerm> observation;
   Action action;
   std::string history_layout;            // "by_term": each term's history together | "by_time": all terms per instant

@@ -125,13 +125,16 @@ void describe_action(Fields& fields, Action& action, Words joints) {
 }
 
 void describe_monitors(Fields& fields, ChunkMonitors& monitors) {
-  fields.integer({"votes", "a catch: so many of the newest answers are above the threshold", "20"}, monitors.votes, 1, 1000);
+  fields.integer({"votes", "a catch: so many of the newest answers are above the threshold", "20"}, monitors.votes, 1,
+                 1000);
   fields.integer({"of", "the newest answers", "40"}, monitors.of, 1, 1000);
-  fields.each({"thresholds", "as `takt policy calibrate` prints them", "[]"}, monitors.thresholds, kChunkScoreCount,
-              [](Fields& f, ChunkThreshold& threshold) {
-                f.choice({"score", "number that is read off every answer (docs/policies.md)"}, threshold.score, kChunkScoreNames);
-                f.quantity({"above", "largest value that is still usual"}, threshold.above, Dimension::none, between(0, 1e9));
-              });
+  fields.each(
+      {"thresholds", "as `takt policy calibrate` prints them", "[]"}, monitors.thresholds, kChunkScoreCount,
+      [](Fields& f, ChunkThreshold& threshold) {
+        f.choice({"score", "number that is read off every answer (docs/policies.md)"}, threshold.score,
+                 kChunkScoreNames);
+        f.quantity({"above", "largest value that is still usual"}, threshold.above, Dimension::none, between(0, 1e9));
+      });
 }
 
 void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& robot) {
@@ -148,6 +151,9 @@ void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& 
   fields.text({"input", "name of the model's input", "obs"}, policy.input);
   fields.text({"output", "name of the model's output", "actions"}, policy.output);
   fields.integer({"nice", "niceness of the policy host", "0"}, policy.nice, -20, 19);
+  fields.integer({"requests_in_flight",
+                  "observations that the policy host answers at a time, each with a network of its own", "1"},
+                 policy.requests_in_flight, 1, kMostRequests);
   fields.references({"joint_order", "the policy's order of joints; empty: this file's", "[]"}, policy.joint_order,
                     joints, "joint");
   fields.one_of({"history_layout", "by_term: each term's history together; by_time: all terms of one instant together",
@@ -158,8 +164,8 @@ void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& 
   fields.section({"action", "how outputs become joint targets", "{}"},
                  [&](Fields& f) { describe_action(f, policy.action, joints); });
   bool monitored = policy.monitors.has_value();
-  fields.optional_section({"monitors", "watch its answers by their numbers; a catch is recorded and decides nothing"}, monitored,
-                          [&](Fields& f) {
+  fields.optional_section({"monitors", "watch its answers by their numbers; a catch is recorded and decides nothing"},
+                          monitored, [&](Fields& f) {
                             if (!policy.monitors) policy.monitors.emplace();
                             describe_monitors(f, *policy.monitors);
                           });

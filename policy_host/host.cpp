@@ -2,35 +2,39 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "config/observation_shape.hpp"
 #include "config/paths.hpp"
 #include "executive/contract/monotonic_clock.hpp"
-#include "policy_host/pacing.hpp"
 
 namespace takt::policy_host {
 namespace {
 
 constexpr char kProgram[] = "takt-policy-host";
 constexpr Duration kAttachRetry = milliseconds(200);
+constexpr Duration kLongestWait = milliseconds(200);  // for an inference: the host may be told to end meanwhile
 constexpr Duration kReportPeriod = seconds(10);
 
 }  // namespace
 
 Host::Host(const config::RobotConfig& robot, const std::string& runtime_directory, std::uint64_t policy_hash,
-           Policy& policy, HostFaults faults, Role role)
+           std::span<Policy* const> policies, HostFaults faults, Role role)
     : robot_(robot),
       socket_(config::executive_socket(runtime_directory)),
       hello_(hello_of(robot, policy_hash, role, kProgram)),
       introduction_(kProgram, robot.hash, policy_hash, robot.joints),
-      responder_(robot, policy_hash, policy),
+      responder_(robot, policy_hash, *policies.front()),
       largest_input_(config::largest_policy_input(robot)),
       sensors_in_use_(sensors_in_use(robot)),
       samples_(robot.sensors.size()),
-      used_(robot.sensors.size()),
+      only_policy_(*policies.front()),
+      asked_(policies.size(), Asked{.request = {}, .used = std::vector<SensorSample>(robot.sensors.size())}),
+      pacing_(static_cast<std::uint32_t>(policies.size())),
       faults_(std::move(faults)) {
-  if (largest_input_ != 0) evidence_.emplace(robot, policy_hash, policy.is_built_in());
+  if (policies.size() > 1) pool_.emplace(policies, monotonic_now);
+  if (largest_input_ != 0) evidence_.emplace(robot, policy_hash, policies.front()->is_built_in());
   for (const std::size_t sensor : sensors_in_use_) {
     sensors_.emplace_back(config::sensor_socket(runtime_directory, robot.sensors[sensor].name),
                           hello_of(robot, policy_hash, Role::sensor_reader, kProgram));
@@ -47,17 +51,28 @@ void Host::run(const std::atomic<bool>& stop) {
       if (!executive_) sleep_until(now + kAttachRetry);
       continue;
     }
-    const MonoTime wake = next_look(now, observed_, robot_.policy->period, looked_since_due_);
-    if (!held_.empty() && held_.front().due < wake) {
-      sleep_until(held_.front().due);
-      publish_held(monotonic_now());
-      continue;
-    }
-    sleep_until(wake);
-    if (stop) break;
-    look(monotonic_now());
+    if (wait(now) && !stop) look(monotonic_now());
     report(monotonic_now());
   }
+}
+
+MonoTime Host::next_request(MonoTime now) const {
+  if (pool_ && !pool_->idle()) return now + kLongestWait;
+  return std::max(next_look(now, observed_, robot_.policy->period, looked_since_due_), pacing_.next());
+}
+
+bool Host::wait(MonoTime now) {
+  const MonoTime due = next_request(now);
+  const bool holds = !held_.empty() && held_.front().due < due;
+  const MonoTime wake = std::min(holds ? held_.front().due : due, now + kLongestWait);
+  if (!pool_) {
+    sleep_until(wake);
+  } else if (const auto ended = pool_->finished(wake)) {
+    deliver(*ended);
+    return false;
+  }
+  if (holds) publish_held(monotonic_now());
+  return !holds && wake == due && (!pool_ || pool_->idle());
 }
 
 void Host::attach(MonoTime now) {
@@ -121,7 +136,9 @@ bool Host::read_from_queue(Observation& observation) {
 
 void Host::answer(const Observation& observation, MonoTime dequeued_at) {
   for (std::size_t i = 0; i < sensors_.size(); ++i) sensors_[i].update(dequeued_at, samples_[sensors_in_use_[i]]);
-  std::string reason = take_usable(robot_, sensors_in_use_, samples_, monotonic_now(), used_);
+  const std::size_t slot = pool_ ? pool_->idle().value_or(0) : 0;
+  Asked& asked = asked_[slot];
+  std::string reason = take_usable(robot_, sensors_in_use_, samples_, monotonic_now(), asked.used);
   if (!reason.empty()) {
     for (const SensorLink& sensor : sensors_) {
       if (!sensor.problem().empty()) reason += "; " + sensor.problem();
@@ -131,18 +148,36 @@ void Host::answer(const Observation& observation, MonoTime dequeued_at) {
     return;
   }
   no_sensor_.clear();
-  const CommandChunk& chunk = responder_.answer(observation, used_, dequeued_at, monotonic_now);
+  responder_.ask(observation, asked.used, dequeued_at, asked.request);
+  pacing_.asked(dequeued_at);
+  if (pool_) {
+    pool_->start(slot, asked.request);
+  } else {
+    Responder::infer(only_policy_, asked.request, monotonic_now);
+    deliver(slot);
+  }
+}
+
+void Host::deliver(std::size_t asked) {
+  const auto& [request, used] = asked_[asked];
+  pacing_.took(request.infer_ended_at - request.infer_started_at);
+  const CommandChunk* const chunk = executive_ ? responder_.take(request, monotonic_now) : nullptr;
+  if (chunk == nullptr) {
+    statistics_.overtaken();
+    return;
+  }
   if (faults_.any()) {
-    const MonoTime at = chunk.header.published_at;
-    held_.push_back({at + faults_.publish_delay(at), chunk});
+    const MonoTime at = chunk->header.published_at;
+    held_.push_back({at + faults_.publish_delay(at), *chunk});
     faults_.spoil(held_.back().chunk, at);
     publish_held(monotonic_now());
   } else {
-    publish(chunk);
+    publish(*chunk);
   }
   // Behind the command: what the robot waits for goes first.
   if (evidence_)
-    executive_->publish_input(evidence_->pack(observation, used_, chunk.header.sequence, responder_.inference()));
+    executive_->publish_input(
+        evidence_->pack(request.observation, used, chunk->header.sequence, responder_.inference()));
 }
 
 void Host::publish(const CommandChunk& chunk) {

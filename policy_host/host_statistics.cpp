@@ -19,10 +19,12 @@ std::string HostStatistics::summary(Duration window) {
     return nanoseconds(infer_ns_[(infer_ns_.size() * percent + 99) / 100 - 1]).milliseconds();
   };
   auto line = fmt::format(
-      "{:.1f} commands/s, inference p50 {:.3f} ms p99 {:.3f} ms, {} observations dropped, {} withheld",
-      static_cast<double>(infer_ns_.size()) / window.seconds(), quantile(50), quantile(99), dropped_, withheld_);
+      "{:.1f} commands/s, inference p50 {:.3f} ms p99 {:.3f} ms, {} observations dropped, {} withheld, {} "
+      "answers overtaken",
+      static_cast<double>(infer_ns_.size()) / window.seconds(), quantile(50), quantile(99), dropped_, withheld_,
+      overtaken_);
   infer_ns_.clear();
-  dropped_ = withheld_ = 0;
+  dropped_ = withheld_ = overtaken_ = 0;
   return line;
 }
 

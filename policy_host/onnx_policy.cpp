@@ -23,6 +23,7 @@ class OnnxPolicy final : public Policy {
 
   [[nodiscard]] std::size_t input_size() const override { return input_size_; }
   [[nodiscard]] std::size_t output_size() const override { return output_size_; }
+  [[nodiscard]] bool is_recurrent() const override { return !tensors_.states.empty() || tensors_.time_step; }
   [[nodiscard]] bool is_built_in() const override { return true; }
 
   void infer(std::span<const float> input, std::span<float> output) override {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cstdint>
 
 #include "executive/contract/mono_time.hpp"
 
@@ -22,5 +23,26 @@ constexpr MonoTime next_look(MonoTime now, MonoTime published_at, Duration perio
   if (!looked_since_due) return now;
   return now + (now - due < period ? kShortPoll : kLongPoll);
 }
+
+// With several requests in flight: when the next may begin, so that answers come evenly and not in bursts. Requests are
+// as far apart as their number brings an inference of ordinary length to end in time for the one after.
+class RequestPacing {
+ public:
+  explicit RequestPacing(std::uint32_t requests) : requests_(requests) {}
+  void asked(MonoTime at) { asked_ = at; }
+  void took(Duration inference) {
+    usual_ = usual_ == Duration{} ? inference : Duration{usual_.ns + (inference.ns - usual_.ns) / kSmoothing};
+  }
+  // Unset: at any time.
+  [[nodiscard]] MonoTime next() const {
+    return requests_ == 1 || !asked_.is_set() ? MonoTime{} : asked_ + Duration{usual_.ns / requests_};
+  }
+
+ private:
+  static constexpr std::int64_t kSmoothing = 8;
+  std::uint32_t requests_;
+  MonoTime asked_;
+  Duration usual_;  // moving average; 0: none has ended
+};
 
 }  // namespace takt::policy_host

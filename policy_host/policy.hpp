@@ -2,7 +2,7 @@
 //
 // Sizes are fixed after load and at least 1. infer() reads the whole input and writes the whole output; a recurrent
 // policy also advances its hidden state. Values are whatever the network makes of them: NaN comes out as NaN, the
-// executive is the judge. Thread rule: one thread; infer() runs as long as the network needs.
+// executive is the judge. Thread rule: one thread at a time; infer() runs as long as the network needs.
 #pragma once
 
 #include <cstddef>
@@ -23,6 +23,8 @@ class Policy {
   virtual void infer(std::span<const float> input, std::span<float> output) = 0;
   // Forgets the past: hidden state as it was after load.
   virtual void reset() = 0;
+  // False: what infer() says follows from its input alone, so that several of these may answer in turn.
+  [[nodiscard]] virtual bool is_recurrent() const { return true; }
   // True of the built-in engine alone: `takt policy replay` runs it again and expects the same bits.
   [[nodiscard]] virtual bool is_built_in() const { return false; }
 };

@@ -131,6 +131,10 @@ std::expected<void, std::string> check_policy_section(const RobotConfig& robot) 
 
 std::expected<void, std::string> check_fit(const RobotConfig& robot, const Policy& policy) {
   const config::Policy& section = *robot.policy;
+  if (section.requests_in_flight > 1 && policy.is_recurrent())
+    return refuse(robot, fmt::format("policy.requests_in_flight is {}, and {} is recurrent: each answer needs the one "
+                                     "before; write 1",
+                                     section.requests_in_flight, section.file));
   for (const ObservationTerm& term : section.observation)
     if (is_image(robot, term))
       return refuse(robot, fmt::format("policy.observation {}: this host reads no images; a policy in Python does "

@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -68,19 +69,24 @@ int serve(const Options& options, std::vector<HostFaultWindow> faults, const Loa
   const config::Policy& section = *robot->policy;
   const auto hash = config::policy_hash(section.file);
   if (!hash) return refuse(hash.error());
-  const auto policy = load(*robot);
-  if (!policy) return refuse(policy.error());
-  if (const auto fits = check_fit(*robot, **policy); !fits) return refuse(fits.error());
+  std::vector<std::unique_ptr<Policy>> policies;
+  std::vector<Policy*> engines;
+  for (std::uint32_t i = 0; i < section.requests_in_flight; ++i) {
+    auto policy = load(*robot);
+    if (!policy) return refuse(policy.error());
+    if (const auto fits = check_fit(*robot, **policy); !fits) return refuse(fits.error());
+    engines.push_back(policies.emplace_back(std::move(*policy)).get());
+  }
 
   const std::string directory =
       options.runtime_directory.empty() ? config::default_runtime_directory(robot->robot) : options.runtime_directory;
   be_nice(section.nice);
   spdlog::info("policy {} ({:016x}) for robot {}: {} values in, {} steps of {} out", section.file, *hash, robot->robot,
-               (*policy)->input_size(), section.steps, config::outputs_per_step(*robot));
+               engines.front()->input_size(), section.steps, config::outputs_per_step(*robot));
   for (const std::string& fault : options.faults) spdlog::warn("does wrong on request: {}", fault);
   HostFaults wrong(std::move(faults), options.fault_seed);
   const Role role = options.fallback ? Role::fallback_policy : Role::policy;
-  Host(*robot, directory, *hash, **policy, std::move(wrong), role).run(g_stop);
+  Host(*robot, directory, *hash, engines, std::move(wrong), role).run(g_stop);
   return 0;
 }
 

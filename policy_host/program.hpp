@@ -27,13 +27,14 @@ namespace takt::policy_host {
 
 // Makes the engine ready for this robot, whose `policy` section is there and consistent; never null. The error is one
 // line: what is wrong, how to mend it; the program then says so and ends with 65. Called once, before anything is
-// attached; it may take as long as it needs, and keep no reference to the robot.
+// attached, or policy.requests_in_flight times; it may take as long as it needs, and keep no reference to the robot.
 using LoadPolicy = std::function<std::expected<std::unique_ptr<Policy>, std::string>(const config::RobotConfig& robot)>;
 
 // The whole program: command line, refusals on stderr, signals; see its --help. Returns the exit code: 0 ended by
 // SIGINT or SIGTERM (or --help), 64 usage, 65 configuration or policy refused.
 // Errors: an exception that leaves the engine ends the process; the executive then degrades and stops the robot.
-// Thread rule: once per process, on the main thread, which is also the one that loads, infers and destroys the engine.
+// Thread rule: once per process, on the main thread, which is also the one that loads, infers and destroys the engine;
+// with policy.requests_in_flight above 1 each engine infers in a thread of its own.
 // Threads that the engine starts are its own affair.
 int run_policy_host(int argc, char** argv, const LoadPolicy& load);
 

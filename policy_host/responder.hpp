@@ -3,7 +3,7 @@
 //
 // Forgets the past (histories, last action, hidden state) where an observation does not go on from the last
 // (continuity.hpp), and after an output that is not finite. Time comes from the clock passed in. Thread rule: one
-// thread; no allocation.
+// thread, but for infer(); no allocation once a request is warm.
 #pragma once
 
 #include <cstdint>
@@ -30,6 +30,15 @@ struct Inference {
   bool after_reset = false;  // the policy had forgotten its past before it
 };
 
+// An observation on its way to becoming an answer. One is in the hands of one thread at a time.
+struct Request {
+  Observation observation;
+  std::vector<float> input, output;
+  MonoTime dequeued_at, outside_sensed_at, infer_started_at, infer_ended_at;
+  std::uint64_t session = 0, sequence = 0, dropped = 0, times_forgotten = 0;
+  bool after_reset = false;
+};
+
 class Responder {
  public:
   // Precondition: check_policy_section and check_fit passed. `policy` outlives this.
@@ -42,6 +51,14 @@ class Responder {
   const CommandChunk& answer(const Observation& observation, std::span<const SensorSample> samples,
                              MonoTime dequeued_at, Clock clock);
 
+  // The same in three steps, for several requests in flight: ask() of each observation in order, infer() anywhere,
+  // take() in the order in which they end. take(): null for one that an answer to a newer observation has overtaken,
+  // and for one of an earlier session. The chunk is valid until the next, inference() until the request is used again.
+  void ask(const Observation& observation, std::span<const SensorSample> samples, MonoTime dequeued_at,
+           Request& request);
+  static void infer(Policy& policy, Request& request, Clock clock);
+  const CommandChunk* take(const Request& request, Clock clock);
+
   // Of the newest answer; empty before the first.
   [[nodiscard]] const Inference& inference() const { return inference_; }
 
@@ -53,12 +70,16 @@ class Responder {
   ChunkBuilder chunk_builder_;
   LastAction last_action_;
   std::vector<std::size_t> sensors_;
-  std::vector<float> output_;
+  std::size_t output_size_;
   CommandChunk chunk_;
-  std::uint64_t sequence_ = 0;
+  Request only_;  // answer()'s
+  std::uint64_t session_ = 0;
+  std::uint64_t sequence_ = 0;        // of the newest observation asked of
+  std::uint64_t taken_sequence_ = 0;  // of the newest answer
+  std::uint64_t times_forgotten_ = 0;
   Continuity continuity_;
   Inference inference_;
-  bool forgot_ = true;  // since the newest inference
+  bool forgot_ = true;  // since the newest was asked
 };
 
 }  // namespace takt::policy_host

@@ -82,9 +82,9 @@ void print_summary(const PanelRunOptions& options, const std::string& id, const 
     fmt::print("{}\n", summary.dump());
     return;
   }
-  fmt::print("{}\n{}{}\n{} rollouts, {} of them now, {} succeeded: {} in {}\n", panel::panel_table(rows),
-             panel::latency_table(rows), panel::confusion_text(panel::confusions_of(rows)), rows.size(), ran, succeeded,
-             id, options.out);
+  fmt::print("{}\n{}\n{}{}\n{} rollouts, {} of them now, {} succeeded: {} in {}\n", panel::panel_table(rows),
+             panel::latency_table(rows), panel::motion_table(rows), panel::confusion_text(panel::confusions_of(rows)),
+             rows.size(), ran, succeeded, id, options.out);
 }
 
 panel::Timing timing_of(const PanelRunOptions& options) {

@@ -56,7 +56,8 @@ void add_outcome(Fields& fields) {
                       {},
                       kNotNegative});
   }
-  fields.push_back({"catches", "1", "of the chunk monitors, where the robot file has thresholds", at(&RolloutRow::catches)});
+  fields.push_back(
+      {"catches", "1", "of the chunk monitors, where the robot file has thresholds", at(&RolloutRow::catches)});
   fields.push_back({"recovery_s",
                     "s",
                     "end of the perturbation to tracking again; null: nothing to recover from, or never recovered",
@@ -158,6 +159,18 @@ void add_safety(Fields& fields) {
                     kNotNegative});
   fields.push_back(
       {"peak_torque_Nm", "Nm", "largest |torque| of any joint", at(&RolloutRow::peak_torque_Nm), {}, kNotNegative});
+  fields.push_back({"peak_reference_jerk",
+                    "rad/s^3",
+                    "largest |jerk| of any joint's reference while the policy was played",
+                    at(&RolloutRow::peak_reference_jerk),
+                    {},
+                    kNotNegative});
+  fields.push_back({"peak_join_velocity_step",
+                    "rad/s",
+                    "largest change of any joint's reference velocity in a tick in which a new command took over",
+                    at(&RolloutRow::peak_join_velocity_step),
+                    {},
+                    kNotNegative});
 }
 
 void add_evidence(Fields& fields) {

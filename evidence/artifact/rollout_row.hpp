@@ -84,13 +84,13 @@ struct RolloutRow {
   std::optional<double>
       recovery_s;             // end of perturbation -> back in tracking; empty: nothing to recover from, or never
   std::string leading_fault;  // the classifier's most frequent verdict; empty: it had no reason for one
-  std::uint64_t fault_verdicts = 0;         // stretches of trouble
+  std::uint64_t fault_verdicts = 0;                     // stretches of trouble
   std::array<double, kChunkScoreCount> chunk_levels{};  // monitor/judge/chunk_monitors.hpp; 0: no answer was watched
-  std::uint64_t catches = 0;                // of the chunk monitors
-  std::uint64_t rearms = 0;                 // times the operator armed the robot again
-  double tracking_error_rms_m = 0;          // of the task's controlled point, over the scored ticks
-  double tracking_error_p95_m = 0;          //
-  std::uint64_t constraint_violations = 0;  // ticks outside the task's own constraints
+  std::uint64_t catches = 0;                            // of the chunk monitors
+  std::uint64_t rearms = 0;                             // times the operator armed the robot again
+  double tracking_error_rms_m = 0;                      // of the task's controlled point, over the scored ticks
+  double tracking_error_p95_m = 0;                      //
+  std::uint64_t constraint_violations = 0;              // ticks outside the task's own constraints
 
   // Latency.
   std::uint64_t ticks = 0;                  // of the rollout
@@ -106,6 +106,8 @@ struct RolloutRow {
   std::array<double, kModeCount> mode_share{};                    // share of ticks, 0..1
   double energy_J = 0;                                            // integral of |torque * velocity|
   double peak_torque_Nm = 0;
+  double peak_reference_jerk = 0;      // rad/s^3, of any joint's reference while the policy was played
+  double peak_join_velocity_step = 0;  // rad/s, of any joint's reference in a tick in which a new command took over
 
   // Evidence.
   std::string replay_hash;  // over all tick records; lower-case hex

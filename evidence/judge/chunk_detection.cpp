@@ -28,15 +28,17 @@ std::uint64_t middle_seed(std::span<const RolloutRow> rows) {
 
 }  // namespace
 
-std::expected<std::vector<config::ChunkThreshold>, std::string> calibrate(
-    std::span<const monitor::ChunkScores> usual, std::span<const ChunkScore> scores, double alarms) {
+std::expected<std::vector<config::ChunkThreshold>, std::string> calibrate(std::span<const monitor::ChunkScores> usual,
+                                                                          std::span<const ChunkScore> scores,
+                                                                          double alarms) {
   const double each = alarms / static_cast<double>(scores.size());
   const double place = std::ceil(static_cast<double>(usual.size() + 1) * (1 - each) - 1e-9);
   const std::size_t rank = std::max<std::size_t>(1, static_cast<std::size_t>(place));
   if (rank > usual.size() || usual.empty())
-    return std::unexpected(fmt::format(
-        "{} stretches without a fault are too few for {} scores and {:g} of alarms: record {} or more, watch fewer scores, or allow more alarms",
-        usual.size(), scores.size(), alarms, static_cast<std::size_t>(std::ceil(1 / each - 1e-9)) - 1));
+    return std::unexpected(
+        fmt::format("{} stretches without a fault are too few for {} scores and {:g} of alarms: record {} or more, "
+                    "watch fewer scores, or allow more alarms",
+                    usual.size(), scores.size(), alarms, static_cast<std::size_t>(std::ceil(1 / each - 1e-9)) - 1));
   std::vector<config::ChunkThreshold> thresholds;
   for (const ChunkScore score : scores) {
     std::vector<double> levels;
@@ -56,7 +58,8 @@ std::optional<Auroc> auroc_of(std::span<const double> failed, std::span<const do
   const auto m = static_cast<double>(failed.size()), n = static_cast<double>(successful.size());
   const double area = wins / (m * n);
   const double both_bad = area / (2 - area), both_good = 2 * area * area / (1 + area);
-  const double variance = (area * (1 - area) + (m - 1) * (both_bad - area * area) + (n - 1) * (both_good - area * area)) / (m * n);
+  const double variance =
+      (area * (1 - area) + (m - 1) * (both_bad - area * area) + (n - 1) * (both_good - area * area)) / (m * n);
   const double reach = 1.96 * std::sqrt(std::max(0.0, variance));
   return Auroc{area, std::max(0.0, area - reach), std::min(1.0, area + reach)};
 }
@@ -102,7 +105,8 @@ std::string detection_text(const ChunkDetection& detection) {
       detection.failed, "score", "AUROC", "95 %", "threshold");
   for (std::size_t score = 0; score < kChunkScoreCount; ++score) {
     const auto& auroc = detection.auroc[score];
-    const auto threshold = std::ranges::find(detection.thresholds, static_cast<ChunkScore>(score), &config::ChunkThreshold::score);
+    const auto threshold =
+        std::ranges::find(detection.thresholds, static_cast<ChunkScore>(score), &config::ChunkThreshold::score);
     text += fmt::format("  {:<16} {:>6}  {:<13} {:>9}\n", kChunkScoreNames[score],
                         auroc ? fmt::format("{:.3f}", auroc->area) : "-",
                         auroc ? fmt::format("{:.3f}..{:.3f}", auroc->low, auroc->high) : "-",

@@ -1,4 +1,5 @@
-// Thresholds for chunk monitors from what is usual, and what they and the bare scores find in rollouts that neither saw.
+// Thresholds for chunk monitors from what is usual, and what they and the bare scores find in rollouts that neither
+// saw.
 //
 // Calibration is split conformal: of n levels (monitor/judge/chunk_monitors.hpp) of stretches without a fault, the
 // threshold is the ceil((n + 1) (1 - a))-th smallest. Another such stretch exceeds it with a probability of at most a,
@@ -23,8 +24,9 @@
 namespace takt::panel {
 
 // `alarms`: share of usual stretches that may have a catch, 0 to 1, all of `scores` together.
-std::expected<std::vector<config::ChunkThreshold>, std::string> calibrate(
-    std::span<const monitor::ChunkScores> usual, std::span<const ChunkScore> scores, double alarms);
+std::expected<std::vector<config::ChunkThreshold>, std::string> calibrate(std::span<const monitor::ChunkScores> usual,
+                                                                          std::span<const ChunkScore> scores,
+                                                                          double alarms);
 
 // Area under the receiver operating characteristic: the probability that a failed rollout's value is larger than a
 // successful one's, ties counted half; 95 % interval after Hanley and McNeil (1982). Empty: one of the two kinds is
@@ -38,7 +40,7 @@ std::optional<Auroc> auroc_of(std::span<const double> failed, std::span<const do
 // are judged.
 struct ChunkDetection {
   std::string task, method;
-  std::size_t calibrated_on = 0;                             // rollouts
+  std::size_t calibrated_on = 0;  // rollouts
   std::vector<config::ChunkThreshold> thresholds;
   std::array<std::optional<Auroc>, kChunkScoreCount> auroc;  // of held-out rollouts, in the order of ChunkScore
   std::size_t failed = 0, successful = 0;                    // held-out rollouts

@@ -57,6 +57,11 @@ void describe_task(Fields& fields, PanelTask& task) {
                   kLongest);
   fields.quantity({"bound", "success: root mean square error of the scored part at most this"}, task.bound_m,
                   Dimension::length, config::above(0));
+  fields.integer({"modes", "of a sampling policy: which of so many an answer belongs to is drawn each time", "1"},
+                 task.modes, 1, 16);
+  fields.quantity(
+      {"mode_spread", "how far the outer modes have drifted at a chunk's end, in units of its outputs", "0"},
+      task.mode_spread, Dimension::none, config::between(0, 10));
   if (task.task == Task::base_velocity) describe_base_velocity(fields, task.base_velocity);
   describe_overrides(fields, "keys of the robot file said otherwise, for every method", task.overrides);
 }

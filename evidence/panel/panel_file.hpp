@@ -24,6 +24,8 @@ struct PanelTask {
   std::string robot;  // path of the robot file, as found from here
   Duration scored;
   double bound_m = 0;
+  std::uint32_t modes = 1;  // of its policy, as in PolicyTiming
+  double mode_spread = 0;
   std::vector<config::Override> overrides{};  // of the robot file, for every method
   BaseVelocityTask base_velocity{};           // of that task only
 };

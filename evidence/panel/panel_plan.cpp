@@ -180,12 +180,15 @@ ArtifactManifest Contest::manifest(std::size_t planned) const {
 RolloutSetup Contest::setup_of(const PlannedRollout& planned) const {
   const Contestant& who = contestant(planned);
   const PanelTask& task = panel_.tasks[planned.task];
+  PolicyTiming timing = panel_.timing;
+  timing.modes = task.modes;
+  timing.mode_spread = task.mode_spread;
   return {.robot = who.robot,
           .policy = *who.policy,
           .policy_hash = who.policy_hash,
           .fallback = who.fallback.get(),
           .task = task.task,
-          .timing = panel_.timing,
+          .timing = timing,
           .repeat_last = panel_.methods[planned.method].repeat_last,
           .perturbation = panel_.perturbations[planned.perturbation].resolved(),
           .seed = planned.seed,

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <optional>
 #include <tuple>
 #include <vector>
@@ -100,6 +101,21 @@ std::string latency_line(const Group& rows) {
       fmt::format("{}/{}", misses, count), count == 0 ? 0.0 : static_cast<double>(misses) / static_cast<double>(count));
 }
 
+std::string motion_line(const Group& rows) {
+  const RolloutRow& first = *rows.front();
+  std::uint64_t touched = 0, ticks = 0;
+  for (const RolloutRow* row : rows) {
+    for (const Intervention kind : {Intervention::velocity_limit, Intervention::acceleration_limit})
+      touched += row->interventions[static_cast<std::size_t>(std::countr_zero(bit(kind)))];
+    ticks += row->ticks;
+  }
+  const auto jerk = median_of(rows, [](const RolloutRow& row) { return std::optional(row.peak_reference_jerk); });
+  const auto step = median_of(rows, [](const RolloutRow& row) { return std::optional(row.peak_join_velocity_step); });
+  return fmt::format("{:<12} {:<21} {:>7.4g} {:<12} {:>19} {:>16.0f} {:>16.4f} {:>22.4f}\n", first.task,
+                     first.perturbation, first.dose, first.method, success_text(rows), jerk.value_or(0),
+                     step.value_or(0), ticks == 0 ? 0.0 : static_cast<double>(touched) / static_cast<double>(ticks));
+}
+
 }  // namespace
 
 std::string panel_table(std::span<const RolloutRow> rows) {
@@ -115,6 +131,14 @@ std::string latency_table(std::span<const RolloutRow> rows) {
                                   "perturbation", "dose", "method", "mean infer ms", "queue p99 ms", "p50 ms", "p95 ms",
                                   "p99 ms", "missed ticks", "rate");
   for (const Group& group : groups_of(rows)) table += latency_line(group);
+  return table;
+}
+
+std::string motion_table(std::span<const RolloutRow> rows) {
+  std::string table =
+      fmt::format("{:<12} {:<21} {:>7} {:<12} {:>19} {:>16} {:>16} {:>22}\n", "task", "perturbation", "dose", "method",
+                  "success [95 %]", "peak jerk rad/s3", "join step rad/s", "limits, joints per tick");
+  for (const Group& group : groups_of(rows)) table += motion_line(group);
   return table;
 }
 

@@ -16,4 +16,8 @@ std::string panel_table(std::span<const RolloutRow> rows);
 // p95 and p99 age per tick as medians over seeds; ticks that missed the deadline, of all seeds together.
 std::string latency_table(std::span<const RolloutRow> rows);
 
+// How the reference moved: peak jerk and the largest step in velocity where a command took over, medians over seeds;
+// joints per tick that touched a limit of velocity or acceleration, of all seeds together.
+std::string motion_table(std::span<const RolloutRow> rows);
+
 }  // namespace takt::panel

@@ -44,10 +44,10 @@ struct RolloutSetup {
   Perturbation perturbation;
   std::uint64_t seed = 1;
   Duration duration;
-  Duration scored;                                            // last part of the duration, judged
-  double bound_m = 0;                                         // rms error of the scored part
-  std::optional<Duration> rearm_after = {};                   // from a stop or fault; empty: nobody re-arms
-  BaseVelocityTask base_velocity = {};                        // of that task only
+  Duration scored;                                           // last part of the duration, judged
+  double bound_m = 0;                                        // rms error of the scored part
+  std::optional<Duration> rearm_after = {};                  // from a stop or fault; empty: nobody re-arms
+  BaseVelocityTask base_velocity = {};                       // of that task only
   std::function<void(const CommandChunk&)> on_command = {};  // before the tick that reads it
   std::function<void(const TickRecord&)> on_tick = {};
 };

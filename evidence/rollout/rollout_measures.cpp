@@ -6,6 +6,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 namespace takt::panel {
 namespace {
@@ -44,6 +45,7 @@ void RolloutMeasures::tick(const TickRecord& record, const TruthOfTick& truth) {
   collector_.tick(record);
   add_hash(record);
   add_joints(record);
+  add_references(record);
   if (is_first_use(header)) {
     ++accepted_;
     inference_ms_ += header.age.infer.milliseconds();
@@ -91,6 +93,25 @@ void RolloutMeasures::add_joints(const TickRecord& record) {
     energy_J_ += std::abs(static_cast<double>(feedback.tau) * static_cast<double>(feedback.dq)) * dt;
     peak_torque_Nm_ = std::max(peak_torque_Nm_, std::abs(static_cast<double>(feedback.tau)));
   }
+}
+
+// A step needs one tick before it, a jerk two.
+void RolloutMeasures::add_references(const TickRecord& record) {
+  const TickRecordHeader& header = record.header;
+  const double dt = last_.is_set() ? (header.now - last_).seconds() : 0;
+  if (header.mode != Mode::tracking || dt <= 0) {
+    played_ = 0;
+    return;
+  }
+  for (std::size_t joint = 0; joint < header.joint_count; ++joint) {
+    const double velocity = static_cast<double>(record.joints[joint].dq_reference);
+    const double step = velocity - std::exchange(velocity_[joint], velocity);
+    const double acceleration = step / dt;
+    const double jerk = (acceleration - std::exchange(acceleration_[joint], acceleration)) / dt;
+    if (played_ >= 1 && is_first_use(header)) peak_join_step_ = std::max(peak_join_step_, std::abs(step));
+    if (played_ >= 2) peak_jerk_ = std::max(peak_jerk_, std::abs(jerk));
+  }
+  played_ = std::min(played_ + 1, 2);
 }
 
 // FNV-1a over words instead of bytes, with a rotation so that high bits reach low ones. Records are whole words.
@@ -142,6 +163,8 @@ void RolloutMeasures::finish(double epsilon, double confidence, RolloutRow& row)
     row.mode_share[mode] = static_cast<double>(metrics_.ticks_in_mode[mode]) / static_cast<double>(metrics_.ticks);
   row.energy_J = energy_J_;
   row.peak_torque_Nm = peak_torque_Nm_;
+  row.peak_reference_jerk = peak_jerk_;
+  row.peak_join_velocity_step = peak_join_step_;
   row.replay_hash = fmt::format("{:016x}", hash_);
 }
 

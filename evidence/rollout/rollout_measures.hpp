@@ -2,6 +2,7 @@
 // the simulated world. Thread rule: one thread at a time.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -9,6 +10,7 @@
 
 #include "evidence/artifact/rollout_row.hpp"
 #include "evidence/rollout/perturbation.hpp"
+#include "executive/contract/joints.hpp"
 #include "executive/contract/tick_record.hpp"
 #include "monitor/judge/metrics_collector.hpp"
 
@@ -44,6 +46,7 @@ class RolloutMeasures {
   void note_arming(const TickRecordHeader& header);
   void note_recovery(const TickRecordHeader& header, double error_m);
   void add_joints(const TickRecord& record);
+  void add_references(const TickRecord& record);
   void add_hash(const TickRecord& record);
   // Label of the failure; empty: none.
   [[nodiscard]] std::string_view failure(double rms_m) const;
@@ -59,6 +62,9 @@ class RolloutMeasures {
   double inference_ms_ = 0;  // summed over accepted commands
   std::uint64_t accepted_ = 0;
   double energy_J_ = 0, peak_torque_Nm_ = 0;
+  std::array<double, kMaxJoints> velocity_{}, acceleration_{};  // of the references, of the tick before
+  int played_ = 0;  // ticks in a row in which the policy was played, as far as it matters
+  double peak_jerk_ = 0, peak_join_step_ = 0;
   std::string_view stop_;  // cause of the first stop since the robot last tracked; empty: none
   std::uint64_t armings_ = 0;
   std::string_view lost_;  // why the world is beyond help; empty: it is not

@@ -7,19 +7,18 @@
 
 #include "policy_host/bad_actions.hpp"
 #include "policy_host/host_faults.hpp"
-#include "policy_host/pacing.hpp"
 #include "policy_host/sensor_link.hpp"
 
 namespace takt::panel {
 namespace {
 
-constexpr std::uint64_t kSampleLossStream = 201, kPolicyStream = 301;
+constexpr std::uint64_t kSampleLossStream = 201, kPolicyStream = 301, kModeStream = 351;
 constexpr Duration kPollSpread = microseconds(100);
 constexpr Duration kBuildInput = microseconds(20);  // dequeued -> inference starts
 
-// The responder asks a clock three times per answer: inference started, ended, command published.
+// The responder asks a clock when an inference starts, when it ends, and when its command is published.
 struct Script {
-  std::array<MonoTime, 3> stamps;
+  std::array<MonoTime, 2> stamps;
   std::size_t next = 0;
 };
 thread_local Script t_script;
@@ -48,11 +47,14 @@ VirtualPolicy::VirtualPolicy(const config::RobotConfig& robot, std::uint64_t pol
       timing_(timing),
       disturbance_(disturbance),
       seed_(seed),
+      policy_(policy),
       responder_(robot, policy_hash, policy),
+      pacing_(robot.policy->requests_in_flight),
       feed_(of_sensors, seed, kSampleLossStream),
       sensors_in_use_(policy_host::sensors_in_use(robot)),
       samples_(robot.sensors.size()),
-      used_(robot.sensors.size()) {
+      used_(robot.sensors.size()),
+      free_at_(robot.policy->requests_in_flight) {
   responder_.start_session();
 }
 
@@ -78,7 +80,8 @@ void VirtualPolicy::live_through_crash(MonoTime now) {
     crashed_ = true;
     waiting_.clear();
     std::erase_if(sent_, [&](const ArrivedCommand& one) { return one.published_at > disturbance_.begins(); });
-    free_at_ = disturbance_.ends();
+    std::erase_if(in_flight_, [&](const InFlight& one) { return one.published > disturbance_.begins(); });
+    std::ranges::fill(free_at_, disturbance_.ends());
   }
   if (!restarted_ && now >= disturbance_.ends()) {
     restarted_ = true;
@@ -110,13 +113,29 @@ VirtualPolicy::Waiting VirtualPolicy::next(MonoTime ready) {
   return taken;
 }
 
+MonoTime VirtualPolicy::next_request() const {
+  if (waiting_.empty()) return {};
+  const MonoTime free = std::max(*std::ranges::min_element(free_at_), pacing_.next());
+  return awake(std::max(free, waiting_.front().readable_at));
+}
+
+MonoTime VirtualPolicy::next_publication() const {
+  const auto first = std::ranges::min_element(in_flight_, {}, &InFlight::published);
+  return first == in_flight_.end() ? MonoTime{} : first->published;
+}
+
 void VirtualPolicy::run_until(MonoTime now) {
   live_through_crash(now);
-  while (!waiting_.empty()) {
-    const MonoTime ready = awake(std::max(free_at_, waiting_.front().readable_at));
-    if (ready > now) return;
-    const Waiting waiting = next(ready);
-    answer(waiting, end_of(ready, waiting.callbacks));
+  while (true) {
+    const MonoTime publication = next_publication(), ready = next_request();
+    if (publication.is_set() && publication <= now && (!ready.is_set() || publication <= ready)) {
+      publish_next();
+    } else if (ready.is_set() && ready <= now) {
+      const Waiting waiting = next(ready);
+      ask(waiting, end_of(ready, waiting.callbacks));
+    } else {
+      return;
+    }
   }
 }
 
@@ -144,20 +163,48 @@ void VirtualPolicy::spoil(CommandChunk& chunk, Random& draw, MonoTime at) const 
   policy_host::spoil(chunk, bad, {joint, step, draw.unit()});
 }
 
-void VirtualPolicy::answer(const Waiting& waiting, MonoTime dequeued_at) {
+void VirtualPolicy::drift(policy_host::Request& request) const {
+  if (timing_.modes < 2) return;
+  Random draw(plant::seed_for(seed_, kModeStream), request.observation.id);
+  const double side = 2.0 * static_cast<double>(draw.below(timing_.modes)) / (timing_.modes - 1) - 1;
+  const std::size_t steps = robot_.policy->steps, width = request.output.size() / steps;
+  for (std::size_t i = 0; i < request.output.size(); ++i) {
+    const std::size_t step = i / width + 1;
+    const double share = static_cast<double>(step) / static_cast<double>(steps);
+    request.output[i] += static_cast<float>(side * share * timing_.mode_spread);
+  }
+}
+
+void VirtualPolicy::ask(const Waiting& waiting, MonoTime dequeued_at) {
   for (const std::size_t sensor : sensors_in_use_) samples_[sensor] = feed_.newest(dequeued_at);
   const MonoTime started = dequeued_at + kBuildInput;
-  free_at_ = started;
+  MonoTime& free_at = *std::ranges::min_element(free_at_);
+  free_at = started;
   if (!policy_host::take_usable(robot_, sensors_in_use_, samples_, dequeued_at, used_).empty()) return;
   Random draw(plant::seed_for(seed_, kPolicyStream + 1), waiting.observation.id);
   const MonoTime ended = end_of(started, inference_time(draw, started));
   const MonoTime published = ended + timing_.publish;
-  free_at_ = published;
-  t_script = {{started, ended, published}, 0};
-  ArrivedCommand command{waiting.observation.oldest_sensed_at, waiting.observation.published_at, published,
-                         published + disturbance_.delay(Trouble::publish_delay, published),
-                         copy_of(responder_.answer(waiting.observation, used_, dequeued_at, scripted_clock))};
-  spoil(*command.chunk, draw, published);
+  free_at = published;
+  pacing_.asked(dequeued_at);
+  InFlight& one = in_flight_.emplace_back(InFlight{{}, published, draw});
+  responder_.ask(waiting.observation, used_, dequeued_at, one.request);
+  t_script = {{started, ended}, 0};
+  policy_host::Responder::infer(policy_, one.request, scripted_clock);
+  drift(one.request);
+}
+
+void VirtualPolicy::publish_next() {
+  const auto first = std::ranges::min_element(in_flight_, {}, &InFlight::published);
+  InFlight one = std::move(*first);
+  in_flight_.erase(first);
+  const policy_host::Request& request = one.request;
+  pacing_.took(request.infer_ended_at - request.infer_started_at);
+  t_script = {{one.published, one.published}, 0};
+  const CommandChunk* const chunk = responder_.take(request, scripted_clock);
+  if (chunk == nullptr) return;
+  ArrivedCommand command{request.observation.oldest_sensed_at, request.observation.published_at, one.published,
+                         one.published + disturbance_.delay(Trouble::publish_delay, one.published), copy_of(*chunk)};
+  spoil(*command.chunk, one.draw, one.published);
   // The way is one queue: what was published later does not arrive earlier.
   if (!sent_.empty()) command.arrives_at = std::max(command.arrives_at, sent_.back().arrives_at);
   sent_.push_back(std::move(command));

@@ -4,6 +4,12 @@
 //   observation published -> readable kPublishMargin later (plus up to 0.1 ms) -> host free -> inference (lognormal) ->
 //   publication -> the first tick afterwards finds the command in the mailbox
 //
+// With policy.requests_in_flight above 1 there are as many inferences at a time, paced as the host paces them; an
+// answer that comes after one to a newer observation is dropped there.
+//
+// A policy may draw from several modes (PolicyTiming), as one that samples does: every answer belongs to one of them,
+// and two answers may contradict each other about the same instants.
+//
 // Mailboxes hold the newest value only, in both directions; queue_growth turns the observations' into a queue. What an
 // inference takes is drawn from the seed and the observation's id, so that rollouts of several methods share it.
 // One policy process stands behind it, which may crash and be replaced (another session) or stand still.
@@ -21,15 +27,21 @@
 #include "evidence/rollout/sensor_feed.hpp"
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/observation.hpp"
+#include "policy_host/pacing.hpp"
 #include "policy_host/policy.hpp"
 #include "policy_host/responder.hpp"
 
 namespace takt::panel {
 
+// `modes` above 1: an answer's outputs drift from what the network says by up to `mode_spread`, further the later in
+// the chunk, half of it half way. The modes lie evenly between all that far up and all that far down; which one an
+// answer has is drawn anew each time.
 struct PolicyTiming {
   Duration inference = milliseconds(8);  // mean
   double spread = 0.25;                  // standard deviation of the duration's logarithm
   Duration publish = microseconds(60);   // inference ended -> command in the mailbox
+  std::uint32_t modes = 1;
+  double mode_spread = 0;  // in units of the network's outputs, at the chunk's end
 };
 
 struct ArrivedCommand {
@@ -65,23 +77,36 @@ class VirtualPolicy {
   [[nodiscard]] MonoTime awake(MonoTime at) const;
   [[nodiscard]] MonoTime end_of(MonoTime start, Duration work) const;
   Waiting next(MonoTime ready);
-  void answer(const Waiting& waiting, MonoTime dequeued_at);
+  // When the next observation is taken up, and when the next inference has been published; unset: neither is to come.
+  [[nodiscard]] MonoTime next_request() const;
+  [[nodiscard]] MonoTime next_publication() const;
+  void ask(const Waiting& waiting, MonoTime dequeued_at);
   [[nodiscard]] Duration inference_time(Random& draw, MonoTime started);
+  void publish_next();
   void spoil(CommandChunk& chunk, Random& draw, MonoTime at) const;
+  void drift(policy_host::Request& request) const;
   [[nodiscard]] bool is_dead(MonoTime at) const;
 
   const config::RobotConfig& robot_;
   const PolicyTiming timing_;
   const Disturbance& disturbance_;
   std::uint64_t seed_;
+  policy_host::Policy& policy_;
   policy_host::Responder responder_;
+  policy_host::RequestPacing pacing_;
   SensorFeed feed_;
   std::vector<std::size_t> sensors_in_use_;
   std::vector<SensorSample> samples_, used_;  // newest, and what the policy is shown
   std::deque<Waiting> waiting_;
   std::deque<ArrivedCommand> sent_;
   ArrivedCommand newest_;
-  MonoTime free_at_;
+  struct InFlight {
+    policy_host::Request request;
+    MonoTime published;
+    Random draw;
+  };
+  std::vector<MonoTime> free_at_;  // one per request in flight
+  std::vector<InFlight> in_flight_;
   std::int64_t stalls_ = 0, bursts_ = 0;  // turns of the perturbation that are done
   std::uint8_t session_ = 1;
   bool crashed_ = false, restarted_ = false;

@@ -87,16 +87,17 @@ void ChunkMonitors::judge(const TickRecordHeader& header, ChunkScore score) {
   if (catches && !std::exchange(caught_[index], true)) {
     ++catch_count_;
     if (catches_.size() < kListedCatches)
-      catches_.push_back({.score = score,
-                          .tick = header.tick,
-                          .at = header.now,
-                          .command = read_->header.sequence,
-                          .observation = read_->header.observation_id,
-                          .value = reached,
-                          .threshold = *thresholds_[index],
-                          .sentence = fmt::format("{} {:.3g} or more in {} of {} answers, above {:.3g}; the last one answers observation {}",
-                                                  name(score), reached, votes, newest_.size(), *thresholds_[index],
-                                                  read_->header.observation_id)});
+      catches_.push_back(
+          {.score = score,
+           .tick = header.tick,
+           .at = header.now,
+           .command = read_->header.sequence,
+           .observation = read_->header.observation_id,
+           .value = reached,
+           .threshold = *thresholds_[index],
+           .sentence = fmt::format(
+               "{} {:.3g} or more in {} of {} answers, above {:.3g}; the last one answers observation {}", name(score),
+               reached, votes, newest_.size(), *thresholds_[index], read_->header.observation_id)});
   }
   caught_[index] = catches;
 }

@@ -30,7 +30,8 @@ struct PolicyCatch {
   MonoTime at;
   std::uint64_t command = 0, observation = 0;  // of that answer: its sequence, and what it answers
   double value = 0, threshold = 0;             // what `votes` of the answers reached together
-  std::string sentence;  // "temporal_error 0.42 or more in 20 of 40 answers, above 0.31; the last one answers observation 812"
+  std::string
+      sentence;  // "temporal_error 0.42 or more in 20 of 40 answers, above 0.31; the last one answers observation 812"
 };
 inline constexpr std::size_t kListedCatches = 1000;
 

@@ -65,7 +65,8 @@ double inefficiency(const std::vector<Step>& path, const std::vector<Step>& move
 }
 
 double stall(const std::vector<Step>& moves) {
-  const auto still = std::ranges::count_if(moves, [](const Step& move) { return largest(move) <= ChunkScorer::kDeadband; });
+  const auto still =
+      std::ranges::count_if(moves, [](const Step& move) { return largest(move) <= ChunkScorer::kDeadband; });
   return static_cast<double>(still) / static_cast<double>(moves.size());
 }
 
@@ -88,8 +89,7 @@ std::vector<Step> ChunkScorer::steps_of(const CommandChunk& chunk) const {
   if ((chunk.header.fields & static_cast<unsigned>(field_)) == 0) return steps;
   for (std::size_t k = 0; k < steps.size(); ++k)
     for (std::size_t joint = 0; joint < unit_.size(); ++joint)
-      steps[k][joint] =
-          static_cast<double>(chunk.values[value_index(chunk.header, field_, k, joint)]) / unit_[joint];
+      steps[k][joint] = static_cast<double>(chunk.values[value_index(chunk.header, field_, k, joint)]) / unit_[joint];
   return steps;
 }
 

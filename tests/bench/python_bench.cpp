@@ -96,7 +96,8 @@ std::atomic<bool> g_stop = false;
 void run_own_host(const config::RobotConfig& robot, const std::string& directory) {
   signal(SIGTERM, [](int) { g_stop = true; });
   Nothing nothing(robot);
-  policy_host::Host(robot, directory, policy_host::must(config::policy_hash(robot.policy->file)), nothing).run(g_stop);
+  policy_host::Policy* const engines[] = {&nothing};
+  policy_host::Host(robot, directory, policy_host::must(config::policy_hash(robot.policy->file)), engines).run(g_stop);
 }
 
 void run_python(const config::RobotConfig& robot, const std::string& directory) {

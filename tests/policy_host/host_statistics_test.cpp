@@ -16,10 +16,13 @@ TEST(HostStatistics, SummarisesOneWindowAndStartsOver) {
     statistics.add(header);
   }
   statistics.withheld();
+  statistics.overtaken();
   EXPECT_EQ(statistics.summary(seconds(10)),
-            "10.0 commands/s, inference p50 50.000 ms p99 99.000 ms, 3 observations dropped, 1 withheld");
+            "10.0 commands/s, inference p50 50.000 ms p99 99.000 ms, 3 observations dropped, 1 withheld, "
+            "1 answers overtaken");
   EXPECT_EQ(statistics.summary(seconds(10)),
-            "0.0 commands/s, inference p50 0.000 ms p99 0.000 ms, 0 observations dropped, 0 withheld");
+            "0.0 commands/s, inference p50 0.000 ms p99 0.000 ms, 0 observations dropped, 0 withheld, "
+            "0 answers overtaken");
 }
 
 }  // namespace

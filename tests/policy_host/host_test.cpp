@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstring>
 #include <functional>
 #include <memory>
@@ -34,7 +35,7 @@ class HostTest : public testing::Test {
   explicit HostTest(std::vector<HostFaultWindow> faults = {}, config::RobotConfig robot = hashed_robot())
       : robot_(std::move(robot)),
         policy_(10, 12),
-        host_(robot_, directory_.path(), 0xABCD, policy_, HostFaults(std::move(faults), 1)) {}
+        host_(robot_, directory_.path(), 0xABCD, engines_, HostFaults(std::move(faults), 1)) {}
   ~HostTest() override { end(); }
 
   void start() {
@@ -81,6 +82,7 @@ class HostTest : public testing::Test {
   config::RobotConfig robot_;
   std::size_t largest_input_ = config::largest_policy_input(robot_);
   ScriptedPolicy policy_;
+  std::array<Policy*, 1> engines_{&policy_};
   Host host_;
   std::atomic<bool> stop_ = false;
   std::thread thread_;
@@ -210,6 +212,74 @@ TEST_F(LateHostTest, PublishesLaterThanItsStampsSay) {
     EXPECT_GT(chunk.header.sequence, before) << "in order";
     before = chunk.header.sequence;
   }
+}
+
+// Networks that wait: an inference ends when the test lets it.
+class GatedPolicy final : public Policy {
+ public:
+  [[nodiscard]] std::size_t input_size() const override { return 10; }
+  [[nodiscard]] std::size_t output_size() const override { return 12; }
+  [[nodiscard]] bool is_recurrent() const override { return false; }
+  void infer(std::span<const float> /*input*/, std::span<float> output) override {
+    infers = true;
+    while (!open) sleep_until(monotonic_now() + milliseconds(1));
+    std::ranges::fill(output, 0.0F);
+    infers = false;
+    ++answers;
+  }
+  void reset() override {}
+  std::atomic<bool> open = false, infers = false;
+  std::atomic<int> answers = 0;
+};
+
+// Goal: two requests are in flight at once, the newer observation's answer goes out although the older one is not done,
+// and the older one's never does. Method: two networks behind gates; the second opens first.
+TEST(PipelinedHost, AnOlderAnswerNeverReplacesANewerOne) {
+  TemporaryDirectory directory;
+  auto robot = hashed_robot();
+  robot.policy->requests_in_flight = 2;
+  robot.policy->observation[1].sensor.clear();  // no sensor: it keeps its width as a constant
+  robot.policy->observation[1].kind = config::TermKind::constant;
+  robot.policy->observation[1].constant.assign(2, 0);
+  robot.policy->observation[1].history = 2;
+  GatedPolicy slow, fast;
+  const std::array<Policy*, 2> engines{&slow, &fast};
+  const std::size_t largest_input = config::largest_policy_input(robot);
+  Host host(robot, directory.path(), 0xABCD, engines);
+  std::atomic<bool> stop = false;
+  std::thread thread([&] { host.run(stop); });
+  auto executive = std::make_unique<FakeExecutive>(config::executive_socket(directory.path()), largest_input);
+  const auto wait_for = [](const std::function<bool()>& holds) {
+    const MonoTime give_up = monotonic_now() + kLimit;
+    while (monotonic_now() < give_up) {
+      if (holds()) return true;
+      sleep_until(monotonic_now() + milliseconds(2));
+    }
+    return false;
+  };
+  EXPECT_TRUE(wait_for([&] { return executive->acknowledged(); }));
+  std::uint64_t id = 0;
+  const auto publish = [&] {
+    auto observation = small_observation(++id);
+    observation.published_at = monotonic_now();
+    executive->publish(observation);
+  };
+  EXPECT_TRUE(wait_for([&] { return publish(), slow.infers && fast.infers; })) << "both at once";
+  fast.open = true;
+  CommandChunk chunk;
+  EXPECT_TRUE(wait_for([&] { return executive->read(chunk); }));
+  const std::uint64_t newer = chunk.header.observation_id;
+  EXPECT_EQ(chunk.header.sequence, 2U) << "the first is still in the network";
+  EXPECT_TRUE(slow.infers);
+  fast.open = false;
+  slow.open = true;
+  EXPECT_TRUE(wait_for([&] { return slow.answers > 0; }));
+  EXPECT_TRUE(wait_for([&] { return publish(), executive->read(chunk); })) << "the host goes on";
+  EXPECT_GT(chunk.header.observation_id, newer);
+  EXPECT_GT(chunk.header.sequence, 2U);
+  fast.open = true;
+  stop = true;
+  thread.join();
 }
 
 }  // namespace

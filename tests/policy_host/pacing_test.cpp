@@ -33,5 +33,19 @@ TEST(Pacing, NonsenseStampCannotPutItToSleep) {
   EXPECT_EQ(next_look(now, now + seconds(1'000'000), kPeriod, false), now + kPeriod * 2);
 }
 
+// Goal: several requests in flight answer evenly. Method: inferences of 120 ms, one and three at a time.
+TEST(RequestPacing, SpreadsRequestsOverAnInference) {
+  RequestPacing one(1), three(3);
+  for (RequestPacing* const pacing : {&one, &three}) {
+    EXPECT_FALSE(pacing->next().is_set()) << "before the first";
+    pacing->asked(kPublished);
+    pacing->took(milliseconds(120));
+  }
+  EXPECT_FALSE(one.next().is_set()) << "whenever the only one is free";
+  EXPECT_EQ(three.next(), kPublished + milliseconds(40));
+  three.took(milliseconds(360));
+  EXPECT_EQ(three.next(), kPublished + milliseconds(50)) << "one long inference moves the average by an eighth";
+}
+
 }  // namespace
 }  // namespace takt::policy_host

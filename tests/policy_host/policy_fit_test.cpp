@@ -34,6 +34,19 @@ TEST(PolicyFit, NamesBothOutputSizesAndTheProduct) {
             "policy.action in small.yaml");
 }
 
+TEST(PolicyFit, RefusesARecurrentPolicyWithSeveralRequestsInFlight) {
+  auto robot = small_robot();
+  robot.policy->requests_in_flight = 3;
+  ScriptedPolicy policy(10, 12);
+  const auto fits = check_fit(robot, policy);
+  ASSERT_FALSE(fits);
+  EXPECT_EQ(fits.error(),
+            "small.yaml: policy.requests_in_flight is 3, and small.onnx is recurrent: each answer needs the one "
+            "before; write 1");
+  policy.recurrent = false;
+  EXPECT_TRUE(check_fit(robot, policy));
+}
+
 TEST(PolicyFit, CountsSelectedJointsOnly) {
   auto robot = small_robot();
   robot.policy->joint_order = {2, 0};

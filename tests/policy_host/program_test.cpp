@@ -102,5 +102,16 @@ TEST_F(Program, EndsCleanlyOnSigtermWhileItWaits) {
   EXPECT_NE(text_of(said_).find("waiting for the executive"), std::string::npos);
 }
 
+// Goal: with several networks the program still ends by a signal while it waits. Method: as one reads it.
+TEST_F(Program, EndsOnSigtermWithSeveralRequestsInFlight) {
+  const pid_t pid = start({"--robot", robot_with("  steps: 16", "  requests_in_flight: 4\n  steps: 16"),
+                           "--runtime-dir", directory_.path()});
+  const MonoTime give_up = monotonic_now() + seconds(20);
+  while (text_of(said_).find("waiting for the executive") == std::string::npos && monotonic_now() < give_up)
+    sleep_until(monotonic_now() + milliseconds(5));
+  kill(pid, SIGTERM);
+  EXPECT_EQ(wait_for(pid), 0) << text_of(said_);
+}
+
 }  // namespace
 }  // namespace takt::policy_host

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+
 #include "tests/policy_host/scripted_policy.hpp"
 #include "tests/policy_host/small_robot.hpp"
 
@@ -111,6 +113,43 @@ TEST_F(ResponderTest, BrokenOutputIsPublishedAsItIsButNotRemembered) {
   policy_.broken = false;
   answer(2);
   EXPECT_EQ(policy_.last_input[7], 0.0F);
+}
+
+// Goal: of several requests in flight an older one never replaces a newer one, and none outlives its session. Method:
+// three observations asked of, taken in another order; then one asked of before a session ends.
+TEST_F(ResponderTest, AnOvertakenAnswerAndOneOfAnotherSessionAreNone) {
+  responder_.start_session();
+  const auto sample = small_sample(4, 1, 2);
+  std::array<Request, 4> requests;
+  for (std::uint64_t id = 1; id <= 3; ++id)
+    responder_.ask(small_observation(id), std::span(&sample, 1), g_now, requests[id - 1]);
+  for (Request& request : std::span(requests).first(3)) Responder::infer(policy_, request, ticking_clock);
+  for (const std::size_t taken : {0U, 2U}) {
+    const CommandChunk* const chunk = responder_.take(requests[taken], ticking_clock);
+    ASSERT_NE(chunk, nullptr);
+    EXPECT_EQ(chunk->header.observation_id, taken + 1);
+    EXPECT_EQ(chunk->header.sequence, taken + 1);
+    EXPECT_EQ(chunk->header.infer_started_at, requests[taken].infer_started_at) << "its own stamps";
+    EXPECT_EQ(responder_.inference().number, taken == 0 ? 1U : 2U) << "answers, not requests";
+  }
+  EXPECT_EQ(responder_.take(requests[1], ticking_clock), nullptr) << "overtaken";
+  responder_.ask(small_observation(4), std::span(&sample, 1), g_now, requests[3]);
+  Responder::infer(policy_, requests[3], ticking_clock);
+  responder_.start_session();
+  EXPECT_EQ(responder_.take(requests[3], ticking_clock), nullptr) << "of the session before";
+}
+
+TEST_F(ResponderTest, WhatWasInFlightWhenThePastWasForgottenIsNotRemembered) {
+  responder_.start_session();
+  const auto sample = small_sample(4, 1, 2);
+  Request before, after;
+  responder_.ask(small_observation(1), std::span(&sample, 1), g_now, before);
+  Responder::infer(policy_, before, ticking_clock);
+  responder_.ask(small_observation(100), std::span(&sample, 1), g_now, after);
+  EXPECT_TRUE(after.after_reset);
+  EXPECT_NE(responder_.take(before, ticking_clock), nullptr) << "the executive judges its age";
+  answer(101);
+  EXPECT_EQ(policy_.last_input[7], 0.0F) << "no action yet";
 }
 
 }  // namespace

@@ -25,9 +25,12 @@ class ScriptedPolicy final : public Policy {
   }
   void reset() override { ++resets; }
 
+  [[nodiscard]] bool is_recurrent() const override { return recurrent; }
+
   int calls = 0;
   int resets = 0;
   bool broken = false;
+  bool recurrent = true;
   std::vector<float> last_input;
 
  private:

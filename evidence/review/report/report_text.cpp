@@ -109,7 +109,8 @@ std::string catches(const RunMetrics& metrics, const RecordedRun& run, std::size
   std::string text = fmt::format("catches       {}\n", metrics.catch_count);
   for (std::size_t index = 0; index < std::min(most, metrics.catches.size()); ++index) {
     const PolicyCatch& each = metrics.catches[index];
-    text += fmt::format("  tick {:>9}  {:>+10.3f} s  {}\n", each.tick, (each.at - metrics.start).seconds(), each.sentence);
+    text +=
+        fmt::format("  tick {:>9}  {:>+10.3f} s  {}\n", each.tick, (each.at - metrics.start).seconds(), each.sentence);
   }
   if (metrics.catch_count > most) text += fmt::format("  and {} more\n", metrics.catch_count - most);
   return text;
@@ -252,7 +253,8 @@ std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::
   if (const std::string together = contract_text(metrics); !together.empty())
     text += fmt::format("  {:<12} {}\n", "together", together);
   text += "  consecutive ticks share a command: the per-tick bound is optimistic, quote the one per command\n\n";
-  text += fmt::format("modes         {}\n", modes_line(metrics)) + transitions(metrics, most) + catches(metrics, run, most) + marks(metrics, most);
+  text += fmt::format("modes         {}\n", modes_line(metrics)) + transitions(metrics, most) +
+          catches(metrics, run, most) + marks(metrics, most);
   const auto arrival = [](std::size_t index) { return takt::name(static_cast<Arrival>(index)); };
   text += fmt::format("commands      accepted {}; refused: {}\n",
                       metrics.arrivals[static_cast<std::size_t>(Arrival::accepted)],

@@ -2,7 +2,9 @@
 // documented exit codes. Method: the real binary on the demo's policies and on files that are none.
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "tests/cli/shell.hpp"
 
@@ -74,6 +76,34 @@ TEST_F(PolicyCli, CheckReadsALeappBundleAndItsModelsHash) {
   EXPECT_NE(other.output.find("is not the bundle's 0000"), std::string::npos) << other.output;
   EXPECT_EQ(takt("policy check " + in("reach.yaml") + " --json").exit_code, 64);
   EXPECT_EQ(takt("policy check config/arm6.yaml").exit_code, 65) << "no bundle";
+}
+
+// Thresholds of a panel's nominal rollouts go into the robot file as they are printed.
+TEST_F(PolicyCli, CalibratePrintsWhatTheRobotFileTakes) {
+  std::ofstream(in("panel.yaml"))
+      << "schema: takt.panel/1\npanel: usual\nduration: 4 s\nseeds: { first: 1, count: 40 }\n"
+         "tasks: [{ task: arm_tracking, robot: "
+      << fs::absolute("config/arm6.yaml").string()
+      << ", scored: 1 s, bound: 40 mm }]\n"
+         "methods: [{ name: takt, description: as it is }]\n"
+         "perturbations: [{ kind: none }]\n";
+  ASSERT_EQ(takt("panel run " + in("panel.yaml") + " --out " + in("usual")).exit_code, 0);
+  const Ended few = takt("policy calibrate " + in("usual"));
+  EXPECT_EQ(few.exit_code, 1);
+  EXPECT_NE(few.output.find("are too few for 5 scores"), std::string::npos) << few.output;
+  const Ended made = shell("(" + std::string(TAKT_BIN_DIR) + "/takt policy calibrate " + in("usual") +
+                           " --scores jerk,stall --alarms 0.2 2>/dev/null)");
+  ASSERT_EQ(made.exit_code, 0) << made.output;
+  std::ifstream stream("config/arm6.yaml");
+  const std::string robot{std::istreambuf_iterator<char>(stream), {}};
+  const std::size_t below = robot.find("policy:\n") + 8;
+  std::string section;
+  std::istringstream lines(made.output);
+  for (std::string line; std::getline(lines, line);) section += "  " + line + "\n";
+  std::ofstream(in("robot.yaml")) << robot.substr(0, below) << section << robot.substr(below);
+  fs::copy_file("config/arm6_reach.onnx", in("arm6_reach.onnx"));
+  const Ended checked = takt("config check " + in("robot.yaml"));
+  EXPECT_EQ(checked.exit_code, 0) << checked.output << section;
 }
 
 TEST_F(PolicyCli, TryMakesATableWithReasons) {

@@ -51,6 +51,8 @@ RolloutRow sample_row(const std::string& method, std::uint64_t seed) {
   row.mode_share = {0.1, 0.05, 0.8, 0.03, 0.02, 0.0};
   row.energy_J = 12.5;
   row.peak_torque_Nm = 7.25;
+  row.peak_reference_jerk = 310.5;
+  row.peak_join_velocity_step = 0.125;
   row.replay_hash = "00ff17";
   row.run_folder = "runs/reach-1";
   row.host = {.wall_s = 0.5, .cpu_s = 0.4, .peak_rss_kib = 20480, .realtime_factor = 4.0};

@@ -3,6 +3,7 @@
 // rollouts of the committed robot in virtual time, judged by their rows, and the arithmetic of its robot file.
 #include <gtest/gtest.h>
 
+#include <cstdio>
 #include <stdexcept>
 
 #include "config/load.hpp"
@@ -22,14 +23,14 @@ config::RobotConfig robot_file() {
 
 // 5 s; the perturbation acts from 1 s on, the last 2 s are scored.
 RolloutRow run(const config::RobotConfig& robot, std::string_view perturbation, double dose, std::uint64_t seed,
-               Duration lasting = seconds(1)) {
+               Duration lasting = seconds(1), const PolicyTiming& timing = {}) {
   const auto policy = policy_host::load_onnx_policy(robot.policy->file, robot.policy->input, robot.policy->output);
   if (!policy) throw std::runtime_error(policy.error());
   RolloutRow row;
   const auto done = run_rollout({.robot = robot,
                                  .policy = **policy,
                                  .policy_hash = *config::policy_hash(robot.policy->file),
-                                 .timing = {},
+                                 .timing = timing,
                                  .perturbation = {find_perturbation(perturbation)->trouble, dose, seconds(1), lasting},
                                  .seed = seed,
                                  .duration = seconds(5),
@@ -77,6 +78,39 @@ TEST(VisuomotorArm, ComesBackAfterASilentPolicy) {
   EXPECT_EQ(row.safety.entered_degraded, 1U);
   EXPECT_TRUE(row.recovery_s.has_value());
   EXPECT_EQ(row.final_mode, Mode::tracking);
+}
+
+// Goal: an inference longer than two periods costs the arm its task with one request at a time, and nothing with three
+// in flight. Method: 150 ms a piece, contracts widened as in config/panels/pipelined.yaml.
+TEST(VisuomotorArm, ThreeRequestsInFlightMakeALongInferenceHarmless) {
+  config::RobotConfig robot = robot_file();
+  robot.freshness.max_age = milliseconds(600);
+  robot.freshness.stop_after = seconds(1);
+  const PolicyTiming slow{.inference = milliseconds(150), .spread = 0.1};
+  const RolloutRow one = run(robot, "none", 0, 1, seconds(1), slow);
+  robot.policy->requests_in_flight = 3;
+  const RolloutRow three = run(robot, "none", 0, 1, seconds(1), slow);
+  std::printf("rms error: one request %.1f mm, three in flight %.1f mm\n", one.tracking_error_rms_m * 1e3,
+              three.tracking_error_rms_m * 1e3);
+  EXPECT_FALSE(one.success);
+  EXPECT_TRUE(three.success) << three.failure_label;
+  EXPECT_LT(three.tracking_error_rms_m, 0.1 * one.tracking_error_rms_m);
+  EXPECT_GT(three.misses_per_command.count, one.misses_per_command.count * 2) << "an answer per period";
+  EXPECT_EQ(run(robot, "none", 0, 1, seconds(1), slow).replay_hash, three.replay_hash);
+}
+
+// Goal: a policy that samples contradicts itself from answer to answer, and the row says what the reference made of it.
+// Method: two modes against none, with the join that takes each answer as it is.
+TEST(VisuomotorArm, AnswersOfTwoModesPullTheReferenceAbout) {
+  config::RobotConfig robot = robot_file();
+  robot.policy->action.join.kind = config::JoinKind::replace;
+  const RolloutRow calm = run(robot, "none", 0, 1);
+  const RolloutRow torn = run(robot, "none", 0, 1, seconds(1), {.modes = 2, .mode_spread = 0.05});
+  EXPECT_EQ(run(robot, "none", 0, 1, seconds(1), {.modes = 1, .mode_spread = 0.05}).replay_hash, calm.replay_hash);
+  EXPECT_GT(torn.tracking_error_rms_m, 2 * calm.tracking_error_rms_m);
+  EXPECT_GT(torn.interventions[3], 2 * calm.interventions[3]) << kInterventionNames[3];
+  EXPECT_GT(calm.peak_reference_jerk, 0);
+  EXPECT_GE(torn.peak_join_velocity_step, calm.peak_join_velocity_step);
 }
 
 }  // namespace

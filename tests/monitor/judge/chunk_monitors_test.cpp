@@ -1,6 +1,6 @@
-// Goal: scores of answers are the numbers that their header defines, and a catch is votes of the newest answers, no more
-// and no less. Method: answers of a robot with two joints whose scores are known by hand; then a policy that begins to
-// contradict itself, tick by tick.
+// Goal: scores of answers are the numbers that their header defines, and a catch is votes of the newest answers, no
+// more and no less. Method: answers of a robot with two joints whose scores are known by hand; then a policy that
+// begins to contradict itself, tick by tick.
 #include "monitor/judge/chunk_monitors.hpp"
 
 #include <gtest/gtest.h>
@@ -71,7 +71,8 @@ TEST(ChunkScores, TwoAnswersAreComparedAtTheSameInstants) {
   EXPECT_EQ(of(scorer.score(chunk_of({{0, 0}, {1, 0}, {2, 0}, {3, 0}}), MonoTime{0}), ChunkScore::temporal_error), 0);
   // One and a half steps later the earlier answer says 1.5, 2.5 and then nothing.
   const MonoTime later = MonoTime{0} + milliseconds(150);
-  EXPECT_NEAR(of(scorer.score(chunk_of({{1.5F, 0}, {2.5F, 0}, {9, 9}, {9, 9}}), later), ChunkScore::temporal_error), 0, 1e-6);
+  EXPECT_NEAR(of(scorer.score(chunk_of({{1.5F, 0}, {2.5F, 0}, {9, 9}, {9, 9}}), later), ChunkScore::temporal_error), 0,
+              1e-6);
   EXPECT_NEAR(of(scorer.score(chunk_of({{3.5F, 0}, {4.5F, 0}, {9, 9}, {9, 9}}), later), ChunkScore::temporal_error),
               2.0 / std::sqrt(4.0), 1e-6)
       << "two of two joints' eight values are 2 apart";

@@ -12,7 +12,7 @@
 #include "config/load.hpp"
 #include "evidence/artifact/artifact.hpp"
 #include "evidence/judge/chunk_detection.hpp"
-#include "monitor/judge/usual_stretches.hpp"
+#include "evidence/review/usual_stretches.hpp"
 
 namespace takt::cli {
 namespace {
@@ -51,12 +51,13 @@ int from_artifact(const CalibrateArguments& arguments) {
     return row.task == rows.front().task && row.method == rows.front().method;
   });
   if (!one_kind)
-    return refuse(kExitUsage, std::string(command) + ": the rows are of several tasks or methods; name one with --task and --method");
+    return refuse(kExitUsage, std::string(command) +
+                                  ": the rows are of several tasks or methods; name one with --task and --method");
   const auto detection = panel::detection_of(rows, scores_of(arguments), arguments.alarms);
   if (!detection) return fail(command, detection.error());
   print_thresholds(detection->thresholds, {},
-                   fmt::format("at most {:g} of nominal rollouts like the {} calibrated on have a catch", arguments.alarms,
-                               detection->calibrated_on));
+                   fmt::format("at most {:g} of nominal rollouts like the {} calibrated on have a catch",
+                               arguments.alarms, detection->calibrated_on));
   fmt::print(stderr, "{}", panel::detection_text(*detection));
   return kExitOk;
 }
@@ -76,8 +77,8 @@ int from_runs(const CalibrateArguments& arguments) {
   const auto thresholds = panel::calibrate(usual, scores_of(arguments), arguments.alarms);
   if (!thresholds) return fail(command, thresholds.error());
   print_thresholds(*thresholds, rule,
-                   fmt::format("at most {:g} of stretches of {:g} s like the {} calibrated on have a catch", arguments.alarms,
-                               arguments.stretch_s, usual.size()));
+                   fmt::format("at most {:g} of stretches of {:g} s like the {} calibrated on have a catch",
+                               arguments.alarms, arguments.stretch_s, usual.size()));
   return kExitOk;
 }
 
@@ -85,7 +86,8 @@ int calibrate(const CalibrateArguments& arguments) {
   const bool of_panel = std::filesystem::exists(panel::ArtifactFolder(arguments.directories.front()).rows());
   if (!of_panel) return from_runs(arguments);
   if (arguments.directories.size() == 1) return from_artifact(arguments);
-  return refuse(kExitUsage, "takt policy calibrate: one panel's folder, or runs; not several folders of which one is a panel's");
+  return refuse(kExitUsage,
+                "takt policy calibrate: one panel's folder, or runs; not several folders of which one is a panel's");
 }
 
 }  // namespace
@@ -95,7 +97,8 @@ void add_policy_calibrate(CLI::App& policy, int& exit_code) {
       "calibrate", "Thresholds for a policy's chunk monitors, from runs or a panel without a fault.");
   auto arguments = std::make_shared<CalibrateArguments>();
   arguments->scores = {"temporal_error", "reversals", "jerk", "inefficiency", "stall"};
-  command->add_option("DIR", arguments->directories, "run folders in which all went well, or one panel's folder")->required();
+  command->add_option("DIR", arguments->directories, "run folders in which all went well, or one panel's folder")
+      ->required();
   command->add_option("--scores", arguments->scores, "to watch, separated by commas")
       ->delimiter(',')
       ->capture_default_str()

@@ -1,4 +1,4 @@
-#include "monitor/judge/usual_stretches.hpp"
+#include "evidence/review/usual_stretches.hpp"
 
 namespace takt::monitor {
 namespace {
