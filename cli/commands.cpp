@@ -55,6 +55,13 @@ int parse(CLI::App& app, std::vector<std::string> words) {
   return kExitOk;
 }
 
+// What a command printed may still lie in a buffer, and a disk may be full.
+int after_printing(int exit_code) {
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return exit_code;
+  std::fprintf(stderr, "takt: its output could not be written; is the disk full?\n");
+  return exit_code == kExitOk ? kExitFailed : exit_code;
+}
+
 }  // namespace
 
 int refuse(int exit_code, const std::string& sentences) {
@@ -83,8 +90,9 @@ int run_command_line(int argc, const char* const* argv) {
   add_help(app);
   try {
     const int parsed = parse(app, std::vector<std::string>(argv + std::min(argc, 1), argv + argc));
-    return parsed == kExitOk ? exit_code : parsed;
+    return after_printing(parsed == kExitOk ? exit_code : parsed);
   } catch (const std::exception& error) {
+    if (std::ferror(stdout) != 0) return after_printing(kExitOk);
     std::fprintf(stderr, "takt: %s\n", error.what());
     return kExitInternal;
   }

@@ -5,6 +5,10 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "cli/command.hpp"
@@ -31,11 +35,14 @@ std::vector<ChunkScore> scores_of(const CalibrateArguments& arguments) {
   return scores;
 }
 
-void print_thresholds(const std::vector<config::ChunkThreshold>& thresholds, const config::ChunkMonitors& rule,
-                      const std::string& remark) {
+void print_monitors(const config::ChunkMonitors& rule, const std::string& remark) {
   fmt::print("# {}\nmonitors: # below `policy`\n  votes: {}\n  of: {}\n  thresholds:\n", remark, rule.votes, rule.of);
-  for (const config::ChunkThreshold& one : thresholds)
+  for (const config::ChunkThreshold& one : rule.thresholds)
     fmt::print("    - {{ score: {}, above: {} }}\n", name(one.score), one.above);
+}
+
+config::ChunkMonitors rule_of(const monitor::RecordedRun& run) {
+  return run.robot.policy ? run.robot.policy->monitors.value_or(config::ChunkMonitors{}) : config::ChunkMonitors{};
 }
 
 int from_artifact(const CalibrateArguments& arguments) {
@@ -55,34 +62,52 @@ int from_artifact(const CalibrateArguments& arguments) {
                                   ": the rows are of several tasks or methods; name one with --task and --method");
   const auto detection = panel::detection_of(rows, scores_of(arguments), arguments.alarms);
   if (!detection) return fail(command, detection.error());
-  print_thresholds(detection->thresholds, {},
-                   fmt::format("at most {:g} of nominal rollouts like the {} calibrated on have a catch",
-                               arguments.alarms, detection->calibrated_on));
+  print_monitors(detection->rule, fmt::format("at most {:g} of nominal rollouts like the {} calibrated on have a catch",
+                                              arguments.alarms, detection->calibrated_on));
   fmt::print(stderr, "{}", panel::detection_text(*detection));
   return kExitOk;
+}
+
+// Levels of runs can be put together where the same policy was watched by the same rule on the same robot.
+std::string misfit(const monitor::RecordedRun& run, const monitor::RecordedRun& first) {
+  if (run.manifest.robot != first.manifest.robot) return "another robot";
+  if (run.manifest.policy_sha256 != first.manifest.policy_sha256) return "another policy";
+  const config::ChunkMonitors rule = rule_of(run), first_rule = rule_of(first);
+  if (rule.votes != first_rule.votes || rule.of != first_rule.of) return "another number of votes";
+  return "";
 }
 
 int from_runs(const CalibrateArguments& arguments) {
   constexpr std::string_view command = "takt policy calibrate";
   std::vector<monitor::ChunkScores> usual;
-  config::ChunkMonitors rule;
+  std::optional<monitor::RecordedRun> first;
   for (const std::string& directory : arguments.directories) {
-    const auto run = monitor::open_run(directory);
+    auto run = monitor::open_run(directory);
     if (!run) return fail(command, run.error());
-    if (run->robot.policy && run->robot.policy->monitors) rule = *run->robot.policy->monitors;
+    if (first) {
+      if (const std::string why = misfit(*run, *first); !why.empty())
+        return fail(command, fmt::format("{} is of {} than {}; calibrate them apart", directory, why,
+                                         arguments.directories.front()));
+    }
     const auto levels = monitor::usual_stretches(*run, Duration{std::llround(arguments.stretch_s * 1e9)});
     if (!levels) return fail(command, levels.error());
     usual.insert(usual.end(), levels->begin(), levels->end());
+    if (!first) first = std::move(*run);
   }
-  const auto thresholds = panel::calibrate(usual, scores_of(arguments), arguments.alarms);
+  auto thresholds = panel::calibrate(usual, scores_of(arguments), arguments.alarms);
   if (!thresholds) return fail(command, thresholds.error());
-  print_thresholds(*thresholds, rule,
-                   fmt::format("at most {:g} of stretches of {:g} s like the {} calibrated on have a catch",
-                               arguments.alarms, arguments.stretch_s, usual.size()));
+  config::ChunkMonitors rule = rule_of(*first);
+  rule.thresholds = std::move(*thresholds);
+  print_monitors(rule, fmt::format("at most {:g} of stretches of {:g} s like the {} calibrated on have a catch",
+                                   arguments.alarms, arguments.stretch_s, usual.size()));
   return kExitOk;
 }
 
 int calibrate(const CalibrateArguments& arguments) {
+  if (!(arguments.stretch_s >= 0.1 && arguments.stretch_s <= 3600))
+    return refuse(kExitUsage, "takt policy calibrate: --stretch is a time from 0.1 s to 1 h");
+  if (std::set(arguments.scores.begin(), arguments.scores.end()).size() != arguments.scores.size())
+    return refuse(kExitUsage, "takt policy calibrate: --scores names a score twice");
   const bool of_panel = std::filesystem::exists(panel::ArtifactFolder(arguments.directories.front()).rows());
   if (!of_panel) return from_runs(arguments);
   if (arguments.directories.size() == 1) return from_artifact(arguments);
@@ -111,7 +136,8 @@ void add_policy_calibrate(CLI::App& policy, int& exit_code) {
   command->add_option("--method", arguments->method, "of a panel with several");
   command->footer(
       "Example: takt policy calibrate runs/* --alarms 0.05\n"
-      "Exit codes: 0 thresholds printed, as YAML for the robot file; 1 a folder cannot be read, or holds too little;\n"
+      "Exit codes: 0 thresholds printed, as YAML for the robot file; 1 a folder cannot be read, holds too little,\n"
+      "or is of another robot or policy than the first;\n"
       "64 command line.");
   command->callback([arguments, &exit_code] { exit_code = calibrate(*arguments); });
 }

@@ -56,6 +56,8 @@ void add_outcome(Fields& fields) {
                       {},
                       kNotNegative});
   }
+  fields.push_back({"catch_votes", "1", "answers that a catch takes", at(&RolloutRow::catch_votes)});
+  fields.push_back({"catch_of", "1", "of so many of the newest", at(&RolloutRow::catch_of)});
   fields.push_back(
       {"catches", "1", "of the chunk monitors, where the robot file has thresholds", at(&RolloutRow::catches)});
   fields.push_back({"recovery_s",

@@ -86,6 +86,7 @@ struct RolloutRow {
   std::string leading_fault;  // the classifier's most frequent verdict; empty: it had no reason for one
   std::uint64_t fault_verdicts = 0;                     // stretches of trouble
   std::array<double, kChunkScoreCount> chunk_levels{};  // monitor/judge/chunk_monitors.hpp; 0: no answer was watched
+  std::uint64_t catch_votes = 0, catch_of = 0;          // answers: the rule behind levels and catches
   std::uint64_t catches = 0;                            // of the chunk monitors
   std::uint64_t rearms = 0;                             // times the operator armed the robot again
   double tracking_error_rms_m = 0;                      // of the task's controlled point, over the scored ticks

@@ -70,6 +70,8 @@ std::expected<ChunkDetection, std::string> detection_of(std::span<const RolloutR
   ChunkDetection made;
   made.task = rows.front().task;
   made.method = rows.front().method;
+  made.rule.votes = static_cast<int>(rows.front().catch_votes);
+  made.rule.of = static_cast<int>(rows.front().catch_of);
   const std::uint64_t last_to_calibrate = middle_seed(rows);
   std::vector<monitor::ChunkScores> usual;
   std::vector<const RolloutRow*> held_out;
@@ -83,9 +85,9 @@ std::expected<ChunkDetection, std::string> detection_of(std::span<const RolloutR
   auto thresholds = calibrate(usual, scores, alarms);
   if (!thresholds) return std::unexpected(thresholds.error());
   made.calibrated_on = usual.size();
-  made.thresholds = std::move(*thresholds);
+  made.rule.thresholds = std::move(*thresholds);
   for (const RolloutRow* const row : held_out) {
-    const bool caught = is_caught(row->chunk_levels, made.thresholds);
+    const bool caught = is_caught(row->chunk_levels, made.rule.thresholds);
     ++(row->success ? made.successful : made.failed);
     if (!row->success && caught) ++made.failed_caught;
     if (row->perturbation != "none" || !row->success) continue;
@@ -106,11 +108,11 @@ std::string detection_text(const ChunkDetection& detection) {
   for (std::size_t score = 0; score < kChunkScoreCount; ++score) {
     const auto& auroc = detection.auroc[score];
     const auto threshold =
-        std::ranges::find(detection.thresholds, static_cast<ChunkScore>(score), &config::ChunkThreshold::score);
-    text += fmt::format("  {:<16} {:>6}  {:<13} {:>9}\n", kChunkScoreNames[score],
-                        auroc ? fmt::format("{:.3f}", auroc->area) : "-",
-                        auroc ? fmt::format("{:.3f}..{:.3f}", auroc->low, auroc->high) : "-",
-                        threshold != detection.thresholds.end() ? fmt::format("{:.4g}", threshold->above) : "none");
+        std::ranges::find(detection.rule.thresholds, static_cast<ChunkScore>(score), &config::ChunkThreshold::score);
+    text += fmt::format(
+        "  {:<16} {:>6}  {:<13} {:>9}\n", kChunkScoreNames[score], auroc ? fmt::format("{:.3f}", auroc->area) : "-",
+        auroc ? fmt::format("{:.3f}..{:.3f}", auroc->low, auroc->high) : "-",
+        threshold != detection.rule.thresholds.end() ? fmt::format("{:.4g}", threshold->above) : "none");
   }
   return text + fmt::format("  any threshold: {} of {} failures caught, {} of {} nominal rollouts (false alarms)\n",
                             detection.failed_caught, detection.failed, detection.nominal_caught, detection.nominal);

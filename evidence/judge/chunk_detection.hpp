@@ -40,8 +40,8 @@ std::optional<Auroc> auroc_of(std::span<const double> failed, std::span<const do
 // are judged.
 struct ChunkDetection {
   std::string task, method;
-  std::size_t calibrated_on = 0;  // rollouts
-  std::vector<config::ChunkThreshold> thresholds;
+  config::ChunkMonitors rule;                                // its votes, and the thresholds
+  std::size_t calibrated_on = 0;                             // rollouts
   std::array<std::optional<Auroc>, kChunkScoreCount> auroc;  // of held-out rollouts, in the order of ChunkScore
   std::size_t failed = 0, successful = 0;                    // held-out rollouts
   std::size_t failed_caught = 0;                             // by any threshold

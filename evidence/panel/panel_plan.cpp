@@ -220,6 +220,8 @@ RanRollout Contest::conclude(RolloutRow row, RolloutWatch& watch) const {
   row.leading_fault = leading_fault(faults);
   row.fault_verdicts = faults.total();
   row.chunk_levels = watch.monitors_.levels();
+  row.catch_votes = static_cast<std::uint64_t>(watch.monitors_.rule().votes);
+  row.catch_of = static_cast<std::uint64_t>(watch.monitors_.rule().of);
   row.catches = watch.monitors_.catch_count();
   RanRollout ran{.row = std::move(row), .post_mortem = {}};
   if (ran.row.success) return ran;

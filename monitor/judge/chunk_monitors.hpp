@@ -44,6 +44,9 @@ class ChunkMonitors {
   void command(const RecordedCommand& command);  // the fallback policy's are left out
   void tick(const TickRecordHeader& header);
 
+  [[nodiscard]] const config::ChunkMonitors& rule() const {
+    return rule_;
+  }  // the default one where the robot file has none
   [[nodiscard]] const std::vector<PolicyCatch>& catches() const { return catches_; }  // the first kListedCatches
   [[nodiscard]] std::uint64_t catch_count() const { return catch_count_; }
   [[nodiscard]] const ChunkScores& levels() const { return levels_; }

@@ -112,6 +112,16 @@ TEST_F(Cli, WrongCommandLinesEndWith64) {
   EXPECT_EQ(run(run_arguments("--duration 20")).exit_code, 64);
 }
 
+// Whether it fits into a buffer or not.
+TEST_F(Cli, OutputThatAFullDiskDidNotTakeIsAFailure) {
+  for (const char* command :
+       {"config show config/arm6.yaml", "policy check config/arm6_reach.onnx --json", "--version"}) {
+    const Ended ended = shell("(" + std::string(TAKT_BIN_DIR) + "/takt " + command + " >/dev/full)");
+    EXPECT_EQ(ended.exit_code, 1) << command;
+    EXPECT_EQ(ended.output, "takt: its output could not be written; is the disk full?\n") << command;
+  }
+}
+
 TEST_F(Cli, HelpIsAWordToo) {
   EXPECT_EQ(run("help").output, run("--help").output);
   EXPECT_EQ(run("help run").output, run("run --help").output);

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Goal: a newcomer finds every page, no link leads nowhere, and the first page stays short. Method: links of README.md and
-of docs/*.md are followed on disk; docs/README.md names every page; README.md has at most 120 lines of at most 120
-columns. Usage: pages_test.py REPOSITORY. Exit codes: 0 fine, 1 not.
+"""Goal: a newcomer finds every page, no link leads nowhere, no merge left its marks, and the first page stays short.
+Method: links of README.md and of docs/*.md are followed on disk; docs/README.md names every page; README.md has at most
+120 lines of at most 120 columns; no line of a page or of the changelog is a conflict's mark. Usage: pages_test.py REPOSITORY. Exit codes: 0 fine, 1 not.
 """
 import pathlib
 import re
@@ -16,10 +16,17 @@ def broken_links(page):
             yield f"{page}: {target} is not there"
 
 
+def merge_marks(page):
+    for number, line in enumerate(page.read_text().splitlines(), 1):
+        if re.match(r"(<{7}|={7}|>{7})( |$)", line):
+            yield f"{page}:{number}: a merge left its mark"
+
+
 def main():
     root = pathlib.Path(sys.argv[1])
     pages = [root / "README.md", root / "CONTRIBUTING.md", *sorted((root / "docs").glob("*.md"))]
     problems = [problem for page in pages for problem in broken_links(page)]
+    problems += [problem for page in [*pages, root / "CHANGELOG.md"] for problem in merge_marks(page)]
     index = (root / "docs/README.md").read_text()
     problems += [f"docs/README.md does not name {page.name}" for page in pages[2:]
                  if page.name != "README.md" and f"({page.name})" not in index]

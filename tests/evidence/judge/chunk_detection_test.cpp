@@ -68,6 +68,8 @@ std::vector<RolloutRow> rows() {
       RolloutRow row = failed ? failed_row("takt", seed) : sample_row("takt", seed);
       row.perturbation = failed ? "push" : "none";
       row.chunk_levels = level(failed ? 3 : 1);
+      row.catch_votes = 3;
+      row.catch_of = 7;
       made.push_back(std::move(row));
     }
   }
@@ -80,7 +82,9 @@ TEST(ChunkDetection, JudgesOnlyWhatItWasNotCalibratedOn) {
     if (row.seed == 10) row.chunk_levels = level(row.success ? 2 : 0.5);  // a false alarm, and a failure that is missed
   const ChunkDetection made = detection_of(all, kOne, 0.2).value();
   EXPECT_EQ(made.calibrated_on, 5U);
-  EXPECT_EQ(made.thresholds.front().above, 1);
+  EXPECT_EQ(made.rule.votes, 3) << "the rows' own rule, not the default";
+  EXPECT_EQ(made.rule.of, 7);
+  EXPECT_EQ(made.rule.thresholds.front().above, 1);
   EXPECT_EQ(made.failed, 5U);
   EXPECT_EQ(made.successful, 5U);
   EXPECT_EQ(made.failed_caught, 4U);

@@ -194,6 +194,9 @@ TEST(ChunkMonitors, ADamagedRecordingIsLeftOut) {
     monitors.tick(header);
   }
   EXPECT_EQ(monitors.answers(), 0U);
+  monitors.command(chunk_of({{0, 0}, {.5F, 0}, {0, 0}, {.5F, 0}}));
+  monitors.tick(header);
+  EXPECT_EQ(monitors.answers(), 1U) << "a whole one counts";
 }
 
 }  // namespace
