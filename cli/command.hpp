@@ -65,7 +65,10 @@ void add_policy(CLI::App& app, int& exit_code);
 void add_policy_check(CLI::App& policy, int& exit_code);      // below add_policy's
 void add_policy_try(CLI::App& policy, int& exit_code);        // below add_policy's
 void add_policy_replay(CLI::App& policy, int& exit_code);     // below add_policy's
-void add_policy_calibrate(CLI::App& policy, int& exit_code);  // below add_policy's
+void add_policy_calibrate(CLI::App& policy, int& exit_code);  // below add_policy's, as are the next three
+void add_policy_shadow(CLI::App& policy, int& exit_code);
+void add_policy_swap(CLI::App& policy, int& exit_code);
+void add_policy_back(CLI::App& policy, int& exit_code);
 void add_doctor(CLI::App& app, int& exit_code);
 void add_deploy(CLI::App& app, int& exit_code);
 void add_rollback(CLI::App& app, int& exit_code);

@@ -307,7 +307,8 @@ void PolicySession::show(MonoTime now) {
   view_.sensed_ns = observation_.oldest_sensed_at.ns;
   view_.outside_sensed_ns = outside.ns;
   view_.mode = name(static_cast<Mode>(observation_.mode)).data();
-  view_.following = observation_.command_sequence;
+  // Of another policy's chunk, this one knows no step.
+  view_.following = observation_.of_candidate == 0 ? observation_.command_sequence : 0;
   view_.committed_from = observation_.committed_from;
   view_.committed_count = observation_.committed_count;
   view_.reset = forget_ || !step.continues ? 1 : 0;

@@ -234,6 +234,7 @@ struct Policy {
   std::string input, output;  // tensor names
   int nice = 0;
   std::uint32_t requests_in_flight = 1;  // observations that the policy host answers at a time
+  Duration probation;                    // of tracking, of a policy that was swapped in on the live robot
   std::vector<ObservationTerm> observation;
   Action action;
   std::string history_layout;            // "by_term": each term's history together | "by_time": all terms per instant

@@ -154,6 +154,9 @@ void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& 
   fields.integer({"requests_in_flight",
                   "observations that the policy host answers at a time, each with a network of its own", "1"},
                  policy.requests_in_flight, 1, kMostRequests);
+  fields.duration(
+      {"probation", "of tracking: so long a policy that was swapped in goes back by itself (docs/policies.md)", "10 s"},
+      policy.probation, Duration{0}, seconds(3600));
   fields.references({"joint_order", "the policy's order of joints; empty: this file's", "[]"}, policy.joint_order,
                     joints, "joint");
   fields.one_of({"history_layout", "by_term: each term's history together; by_time: all terms of one instant together",

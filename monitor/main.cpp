@@ -113,6 +113,7 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
   }
   PolicyInputSession inputs(options.runtime_directory, robot, Player::policy);
   PolicyInputSession fallback_inputs(options.runtime_directory, robot, Player::fallback);
+  PolicyInputSession candidate_inputs(options.runtime_directory, robot, Player::candidate);
   spdlog::info("recording into {}", folder->path());
   exports.begin(manifest, folder->path(), monotonic_now());
   const RecordSink sink = exports.also_to((*recorder)->sink());
@@ -131,7 +132,8 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
   // Behind the ticks, so that what is read first is what fills fastest.
   auto drain_all = [&](bool is_last) {
     stream->drain(sink, is_last);
-    for (PolicyInputSession* const session_of : {&inputs, &fallback_inputs}) session_of->drain(monotonic_now(), sink);
+    for (PolicyInputSession* const session_of : {&inputs, &fallback_inputs, &candidate_inputs})
+      session_of->drain(monotonic_now(), sink);
   };
   MonoTime next = monotonic_now();
   while (!g_stop && !session.is_over()) {

@@ -14,13 +14,17 @@ namespace {
 constexpr std::chrono::milliseconds kAttachTimeout{100};
 constexpr Duration kRetry = milliseconds(500);
 
+constexpr Role reader_of(Player policy) {
+  if (policy == Player::candidate) return Role::candidate_input_reader;
+  return policy == Player::fallback ? Role::fallback_input_reader : Role::input_reader;
+}
+
 }  // namespace
 
 PolicyInputSession::PolicyInputSession(const std::string& runtime_directory, const config::RobotConfig& robot,
                                        Player of)
     : socket_(config::executive_socket(runtime_directory)),
-      hello_(
-          hello_of(of == Player::fallback ? Role::fallback_input_reader : Role::input_reader, "takt-monitor", robot)),
+      hello_(hello_of(reader_of(of), "takt-monitor", robot)),
       largest_input_(of == Player::fallback && config::fallback_policy_of(robot) == nullptr
                          ? 0
                          : config::largest_policy_input(robot)),

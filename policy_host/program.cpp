@@ -54,6 +54,12 @@ struct Options {
   std::vector<std::string> faults;
   std::uint64_t fault_seed = 1;
   bool fallback = false;
+  std::string candidate;  // file; empty: not one
+
+  [[nodiscard]] Role role() const {
+    if (!candidate.empty()) return Role::candidate_policy;
+    return fallback ? Role::fallback_policy : Role::policy;
+  }
 };
 
 int serve(const Options& options, std::vector<HostFaultWindow> faults, const LoadPolicy& load) {
@@ -65,6 +71,8 @@ int serve(const Options& options, std::vector<HostFaultWindow> faults, const Loa
       return refuse(options.robot + ": has no fallback policy; name one of kind `policy` in degraded.fallback");
     robot = config::seen_by_fallback(*robot, *fallback);
   }
+  if (!options.candidate.empty() && robot->policy)
+    robot->policy->file = std::filesystem::absolute(options.candidate).lexically_normal();
   if (const auto fine = check_policy_section(*robot); !fine) return refuse(fine.error());
   const config::Policy& section = *robot->policy;
   const auto hash = config::policy_hash(section.file);
@@ -85,8 +93,7 @@ int serve(const Options& options, std::vector<HostFaultWindow> faults, const Loa
                engines.front()->input_size(), section.steps, config::outputs_per_step(*robot));
   for (const std::string& fault : options.faults) spdlog::warn("does wrong on request: {}", fault);
   HostFaults wrong(std::move(faults), options.fault_seed);
-  const Role role = options.fallback ? Role::fallback_policy : Role::policy;
-  Host(*robot, directory, *hash, engines, std::move(wrong), role).run(g_stop);
+  Host(*robot, directory, *hash, engines, std::move(wrong), options.role()).run(g_stop);
   return 0;
 }
 
@@ -100,6 +107,9 @@ int run_policy_host(int argc, char** argv, const LoadPolicy& load) {
                  "where the robot's sockets are (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
   app.add_flag("--fallback", options.fallback,
                "be the robot's fallback policy (degraded.fallback), beside the host of its policy");
+  app.add_option("--candidate", options.candidate,
+                 "be a candidate beside the robot's policy: another file for the same observation and action")
+      ->excludes("--fallback");
   app.add_option("--fault", options.faults,
                  "do something wrong, for tests: 'FROM for LENGTH: FAULT', FROM counted from tracking "
                  "(docs/panels-real-time.md)")
@@ -118,7 +128,10 @@ int run_policy_host(int argc, char** argv, const LoadPolicy& load) {
     fmt::print(stderr, "{}\n", faults.error());
     return kExitUsage;
   }
-  log::log_to_stderr(options.fallback ? "fallback-host" : "policy-host");
+  const Role role = options.role();
+  log::log_to_stderr(role == Role::candidate_policy  ? "candidate-host"
+                     : role == Role::fallback_policy ? "fallback-host"
+                                                     : "policy-host");
   stop_on_signals();
   return serve(options, std::move(*faults), load);
 }

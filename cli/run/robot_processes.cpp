@@ -25,12 +25,6 @@ constexpr auto kExecutiveEndsWithin = std::chrono::seconds(15);
 constexpr auto kOthersEndWithin = std::chrono::seconds(5);
 constexpr auto kMonitorEndsWithin = std::chrono::seconds(20);
 
-std::string beside_this_program(std::string_view program_name) {
-  std::error_code error;
-  const fs::path self = fs::read_symlink("/proc/self/exe", error);
-  return (self.parent_path() / program_name).string();
-}
-
 // When the supervisor dies: the executive stops softly and the recorder closes its files; a policy host may be frozen
 // and a simulator has nothing to lose.
 int parent_death_signal(ProcessName process) {
@@ -60,6 +54,12 @@ bool somebody_listens(const std::string& path) {
 }
 
 }  // namespace
+
+std::string beside_this_program(std::string_view program_name) {
+  std::error_code error;
+  const fs::path self = fs::read_symlink("/proc/self/exe", error);
+  return (self.parent_path() / program_name).string();
+}
 
 std::string_view program(ProcessName process) {
   return kPrograms[static_cast<std::size_t>(process)];

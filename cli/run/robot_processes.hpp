@@ -56,6 +56,8 @@ class RobotProcesses {
   std::array<std::optional<ChildProcess>, kProcessCount> children_;
 };
 
+// Path of a program that is installed with this one.
+std::string beside_this_program(std::string_view program_name);
 // "takt-policy-host"
 std::string_view program(ProcessName process);
 // The same, but where one program runs twice: "takt-policy-host-fallback". Names its log.

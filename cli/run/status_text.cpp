@@ -35,6 +35,20 @@ nlohmann::json incident_json(const IncidentNote& incident) {
           {"sentence", said(incident.sentence)}};
 }
 
+nlohmann::json candidate_json(const CandidateRecord& candidate) {
+  if (candidate.policy_hash == 0) return nullptr;
+  return {{"policy", fmt::format("{:016x}", candidate.policy_hash)},
+          {"in_charge", candidate.in_charge != 0},
+          {"on_probation", candidate.on_probation != 0},
+          {"is_asked", candidate.is_asked != 0},
+          {"freshness", name(candidate.freshness)},
+          {"age_ns", candidate.age.ns},
+          {"distance_rad", candidate.distance},
+          {"last_refusal", name(candidate.last_refusal)},
+          {"beyond_range", candidate.beyond_range},
+          {"beyond_limits", candidate.beyond_limits}};
+}
+
 }  // namespace
 
 std::vector<std::string> sentences_of(const OperatorReply& reply) {
@@ -60,6 +74,19 @@ std::uint64_t refused_of(const StatusSnapshot& status) {
     if (arrival != static_cast<std::size_t>(Arrival::none) && arrival != static_cast<std::size_t>(Arrival::accepted))
       sum += status.arrivals[arrival];
   return sum;
+}
+
+// "pid 12 (0123456789abcdef), beside the policy: fresh, age 12.3 ms, differs by 0.0312 rad".
+std::string candidate_text(const StatusSnapshot& status) {
+  const CandidateRecord& candidate = status.tick.candidate;
+  const bool plays = candidate.in_charge != 0;
+  const std::string who = fmt::format("{} ({:016x})", peer_text(status.candidate_pid), candidate.policy_hash);
+  const std::string where = !plays ? "beside the policy"
+                                   : fmt::format("IN CHARGE{}; beside it the robot's own",
+                                                 candidate.on_probation != 0 ? ", on probation" : "");
+  return fmt::format("{}, {}: command {}, age {:.1f} ms, differs by {:.4f} rad{}", who, where,
+                     name(candidate.freshness), candidate.age.milliseconds(), candidate.distance,
+                     candidate.is_asked != 0 ? "; a change is asked for" : "");
 }
 
 std::string incident_sentence(const IncidentNote& incident) {
@@ -91,6 +118,7 @@ std::string status_text(const StatusSnapshot& status, const IncidentNote& incide
   if (status.fallback_pid != 0 || tick.fallback.freshness != Freshness::missing)
     text += fmt::format("fallback   {}, command {}, age {:.1f} ms\n", peer_text(status.fallback_pid),
                         name(tick.fallback.freshness), tick.fallback.age.milliseconds());
+  if (tick.candidate.policy_hash != 0) text += fmt::format("candidate  {}\n", candidate_text(status));
   text += fmt::format("monitor    {}, {}\n", peer_text(status.monitor_pid), recording_text(status));
   text += fmt::format("real time  {}\n", status.realtime != 0 ? "yes" : "no (--allow-non-realtime)");
   return text;
@@ -135,6 +163,9 @@ nlohmann::json status_json(const StatusSnapshot& status, const IncidentNote& inc
           {"fallback_pid", status.fallback_pid},
           {"fallback_freshness", name(tick.fallback.freshness)},
           {"fallback_age_ns", tick.fallback.age.ns},
+          {"candidate_pid", status.candidate_pid},
+          {"candidate", candidate_json(tick.candidate)},
+          {"command_policy", fmt::format("{:016x}", tick.command_policy)},
           {"monitor_pid", status.monitor_pid},
           {"recorded_through", tick.recorded_through},
           {"recorder_required", status.recorder_required != 0},

@@ -18,6 +18,8 @@ std::uint64_t refused_of(const StatusSnapshot& status);  // messages not accepte
 
 // The newest stop or fault in one sentence; empty: there was none, or the robot was reset since.
 std::string incident_sentence(const IncidentNote& incident);
+// Who runs beside the policy, or in its place, and how far apart the two are.
+std::string candidate_text(const StatusSnapshot& status);
 // Several lines, for `takt status`; why the robot stands comes first.
 std::string status_text(const StatusSnapshot& status, const IncidentNote& incident);
 // One line, for the live display. `max_age`: the configured limit; 0 when unknown.

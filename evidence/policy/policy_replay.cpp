@@ -291,6 +291,14 @@ config::RobotConfig with_files_of_the_run(const RecordedRun& run) {
   return robot;
 }
 
+// Whose mailbox a command came from: who is in charge changes on a live robot, the policy's file does not.
+Player seat_of(const RecordedCommand& command, const RecordedRun& run) {
+  const auto header = header_of(command);
+  if (command.sender == Player::fallback || !header) return command.sender;
+  return fmt::format("{:016x}", header->policy_hash) == run.manifest.policy_sha256.substr(0, 16) ? Player::policy
+                                                                                                 : Player::candidate;
+}
+
 bool has_evidence_of(const RecordedRun& run, Player sender) {
   bool found = false;
   (void)scan_run(
@@ -350,7 +358,8 @@ std::expected<PolicyReplayReport, PolicyReplayRefusal> replay_policy(const Recor
   const auto scan = scan_run(run, {.tick = {},
                                    .command =
                                        [&](const RecordedCommand& command) {
-                                         if (Replayer* const replayer = of(command.sender)) replayer->command(command);
+                                         if (Replayer* const replayer = of(seat_of(command, run)))
+                                           replayer->command(command);
                                        },
                                    .keyframe = {},
                                    .loss = {},

@@ -17,7 +17,8 @@ namespace takt {
 // `operator_console` leases are short: a connection per request. `sensor_reader` and `viewer` (who reads what the
 // monitor reads, to show it) may be several.
 // `fallback_policy` is a second policy, with a mailbox of its own. An input reader reads what a policy's host says of
-// its network's inputs (policy_input.hpp), a fallback input reader that of the fallback's.
+// its network's inputs (policy_input.hpp), a fallback input reader that of the fallback's. `candidate_policy` runs
+// beside the policy, and may be put in its place on a live robot.
 enum class Role : std::uint8_t {
   policy,
   monitor,
@@ -26,20 +27,24 @@ enum class Role : std::uint8_t {
   viewer,
   fallback_policy,
   input_reader,
-  fallback_input_reader
+  fallback_input_reader,
+  candidate_policy,
+  candidate_input_reader
 };
-inline constexpr std::size_t kRoleCount = 8;
+inline constexpr std::size_t kRoleCount = 10;
 
 constexpr std::string_view name(Role role) {
-  constexpr std::array<std::string_view, kRoleCount> names{
-      "policy", "monitor",         "operator",     "sensor reader",
-      "viewer", "fallback policy", "input reader", "fallback input reader"};
+  constexpr std::array<std::string_view, kRoleCount> names{"policy",           "monitor",
+                                                           "operator",         "sensor reader",
+                                                           "viewer",           "fallback policy",
+                                                           "input reader",     "fallback input reader",
+                                                           "candidate policy", "candidate input reader"};
   const auto index = static_cast<std::size_t>(role);
   return index < names.size() ? names[index] : "invalid";
 }
 
 constexpr bool is_policy(Role role) {
-  return role == Role::policy || role == Role::fallback_policy;
+  return role == Role::policy || role == Role::fallback_policy || role == Role::candidate_policy;
 }
 
 struct Hello {
@@ -67,15 +72,16 @@ struct Welcome {
 };
 static_assert(std::is_standard_layout_v<Welcome> && sizeof(Welcome) == 512);
 
-// stop, press_stop and deenergise mean what they mean as an OperatorRequest.
-enum class OperatorVerb : std::uint8_t { status, arm, stop, reset, mark, press_stop, deenergise };
-inline constexpr std::size_t kOperatorVerbCount = 7;
+// stop, press_stop, deenergise, swap and back mean what they mean as an OperatorRequest.
+enum class OperatorVerb : std::uint8_t { status, arm, stop, reset, mark, press_stop, deenergise, swap, back };
+inline constexpr std::size_t kOperatorVerbCount = 9;
 struct OperatorMessage {
   std::uint64_t magic = kMagic;
   OperatorVerb verb = OperatorVerb::status;
   std::uint8_t reserved[7] = {};
+  std::uint64_t policy_hash = 0;  // swap: of the policy that is to play
 };
-static_assert(std::is_standard_layout_v<OperatorMessage> && sizeof(OperatorMessage) == 16);
+static_assert(std::is_standard_layout_v<OperatorMessage> && sizeof(OperatorMessage) == 24);
 
 // What the monitor says after its hello, whenever more of the run has reached its medium. Tick 0: it records nothing.
 struct RecorderWord {
@@ -90,10 +96,11 @@ struct StatusSnapshot {
   std::uint64_t ticks = 0;
   std::uint64_t overruns[kOverrunCauseCount] = {};
   std::uint64_t arrivals[kArrivalCount] = {};
-  std::uint64_t policy_pid = 0;    // 0: no policy attached
-  std::uint64_t fallback_pid = 0;  // 0: no fallback policy attached
-  std::uint64_t monitor_pid = 0;   // 0: no monitor attached
-  std::uint8_t realtime = 0;       // 1 when the whole real-time set-up succeeded
+  std::uint64_t policy_pid = 0;     // 0: no policy attached
+  std::uint64_t fallback_pid = 0;   // 0: no fallback policy attached
+  std::uint64_t candidate_pid = 0;  // 0: nobody at the candidate's mailbox
+  std::uint64_t monitor_pid = 0;    // 0: no monitor attached
+  std::uint8_t realtime = 0;        // 1 when the whole real-time set-up succeeded
   std::uint8_t recorder_required = 0;
   std::uint8_t reserved[6] = {};
 };

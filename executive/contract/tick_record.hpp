@@ -25,9 +25,21 @@ namespace takt {
 
 // `stop` may be repeated without end: a damped stop, whoever asks how often. `press_stop` is a person's hand on the
 // stop: the first is a stop, one that comes while it is in force de-energises. `deenergise` does so at once. `mark`
-// decides nothing: a person says "look here", and the tick that read it says so in the record.
-enum class OperatorRequest : std::uint8_t { none, arm, stop, reset, shutdown, mark, press_stop, deenergise };
-inline constexpr std::size_t kOperatorRequestCount = 8;
+// decides nothing: a person says "look here", and the tick that read it says so in the record. `swap`: the candidate
+// is to play (pipeline/candidate.hpp); `back`: the robot's own policy again.
+enum class OperatorRequest : std::uint8_t {
+  none,
+  arm,
+  stop,
+  reset,
+  shutdown,
+  mark,
+  press_stop,
+  deenergise,
+  swap,
+  back
+};
+inline constexpr std::size_t kOperatorRequestCount = 10;
 
 // Age of the command in use, in parts that add up exactly: total = sense + queue + infer + publish + hold.
 struct AgeParts {
@@ -39,12 +51,14 @@ struct AgeParts {
   [[nodiscard]] constexpr Duration total() const { return sense + queue + infer + publish + hold; }
 };
 
-// Whose chunk the robot follows in a tick.
-enum class Player : std::uint8_t { none, policy, fallback };
-inline constexpr std::size_t kPlayerCount = 3;
+// Whose chunk the robot follows in a tick, or whose message is told of: the candidate never moves the robot, it becomes
+// the policy.
+enum class Player : std::uint8_t { none, policy, fallback, candidate };
+inline constexpr std::size_t kPlayerCount = 4;
+inline constexpr std::size_t kMoverCount = 3;  // the first of them: whose chunk a robot can follow
 
 constexpr std::string_view name(Player player) {
-  constexpr std::array<std::string_view, kPlayerCount> names{"none", "policy", "fallback"};
+  constexpr std::array<std::string_view, kPlayerCount> names{"none", "policy", "fallback", "candidate"};
   const auto index = static_cast<std::size_t>(player);
   return index < names.size() ? names[index] : "invalid";
 }
@@ -60,6 +74,58 @@ struct FallbackRecord {
   Arrival arrival = Arrival::none;
   Arrival last_refusal = Arrival::none;  // of the newest message; none: it was accepted, or there was none
   Freshness freshness = Freshness::missing;
+  std::uint8_t reserved[3] = {};
+};
+
+// What became of a change of policy in a tick.
+enum class PolicyChange : std::uint8_t {
+  none,
+  asked,              // by a person: the next answer of the other policy takes over
+  refused,            // nobody to change to: not the policy that was named, or none of its commands is fresh
+  expired,            // no answer of the other policy came in time: nothing changed
+  swapped,            // the candidate plays, on probation
+  back,               // the robot's own policy plays again, as a person asked
+  confirmed,          // probation is over
+  back_for_age,       // on probation: too many ticks without a fresh command
+  back_for_refusals,  // on probation: too many messages refused for what they say
+  back_for_range,     // on probation: too many ticks with a target out of range
+  back_for_stop       // on probation: the robot stopped, or was degraded
+};
+inline constexpr std::size_t kPolicyChangeCount = 11;
+
+constexpr std::string_view name(PolicyChange change) {
+  constexpr std::array<std::string_view, kPolicyChangeCount> names{
+      "none",      "asked",        "refused",           "expired",        "swapped",      "back",
+      "confirmed", "back_for_age", "back_for_refusals", "back_for_range", "back_for_stop"};
+  const auto index = static_cast<std::size_t>(change);
+  return index < names.size() ? names[index] : "invalid";
+}
+// The robot is another policy's from this tick on.
+constexpr bool is_handover(PolicyChange change) {
+  return change >= PolicyChange::swapped && change != PolicyChange::confirmed;
+}
+
+// The policy that runs beside the one in charge, judged and compared in every tick, and not played. All zero where
+// there is none.
+struct CandidateRecord {
+  std::uint64_t command_sequence_seen = 0;  // input: of the message read this tick; 0 none
+  std::uint64_t policy_hash = 0;            // input: of the candidate's mailbox, whoever is in charge; 0: none yet
+  std::uint64_t asked_policy = 0;           // input: of a swap, the policy that was named
+  Duration age;                             // of its command in use; zero while freshness is missing
+  std::uint64_t command_sequence = 0;       // in use; 0 none
+  std::uint64_t observation_answered = 0;
+  JointMask beyond_range = 0;       // joints whose target would be brought into its range
+  JointMask beyond_limits = 0;      // joints whose path would touch a limit of velocity or acceleration
+  float distance = 0;               // rad: of its targets from those in use, of the joint that is farthest
+  Arrival mailbox = Arrival::none;  // input: as TickRecordHeader::mailbox
+  std::uint8_t session = 0;         // input: as TickRecordHeader::policy_session
+  Arrival arrival = Arrival::none;
+  Arrival last_refusal = Arrival::none;  // of the newest message; none: it was accepted, or there was none
+  Freshness freshness = Freshness::missing;
+  PolicyChange change = PolicyChange::none;
+  std::uint8_t in_charge = 0;     // 1: after this tick the candidate's mailbox is the policy's, and the other way round
+  std::uint8_t on_probation = 0;  // 1: after this tick
+  std::uint8_t is_asked = 0;      // 1: after this tick a change is asked for and has not come yet
   std::uint8_t reserved[3] = {};
 };
 
@@ -106,7 +172,9 @@ struct TickRecordHeader {
   std::uint8_t torque_permitted = 0;                          // 1 when that output is told to permit torque
   ImuVerdict imu_verdict = ImuVerdict::absent;
   FallbackRecord fallback;
-  Player player = Player::none;  // whose chunk the robot follows
+  CandidateRecord candidate;
+  std::uint64_t command_policy = 0;  // hash of the policy whose command is in use
+  Player player = Player::none;      // whose chunk the robot follows
   std::uint8_t reserved[7] = {};
 };
 
@@ -136,8 +204,9 @@ constexpr bool is_first_use(const TickRecordHeader& header) {
 static_assert(std::is_standard_layout_v<AgeParts> && sizeof(AgeParts) == 40);
 static_assert(std::is_standard_layout_v<TickRecordHeader> && std::is_trivially_copyable_v<TickRecordHeader>);
 static_assert(std::is_standard_layout_v<FallbackRecord> && sizeof(FallbackRecord) == 40);
+static_assert(std::is_standard_layout_v<CandidateRecord> && sizeof(CandidateRecord) == 80);
 static_assert(sizeof(TickRecordHeader) == 72 + sizeof(BusHealth) * kMaxBuses + sizeof(ImuSample) + 16 + 40 + 24 + 16 +
-                                              16 + 8 + sizeof(FallbackRecord) + 8);
+                                              16 + 8 + sizeof(FallbackRecord) + sizeof(CandidateRecord) + 8 + 8);
 static_assert(std::is_standard_layout_v<JointRecord> && sizeof(JointRecord) == 80);
 
 // Room for the largest record; only used_bytes() of it travel.
@@ -167,6 +236,8 @@ inline constexpr std::uint64_t kTickRecordLayout = layout_hash({TAKT_FIELD(TickR
                                                                 TAKT_FIELD(TickRecordHeader, torque_permitted),
                                                                 TAKT_FIELD(TickRecordHeader, imu_verdict),
                                                                 TAKT_FIELD(TickRecordHeader, fallback),
+                                                                TAKT_FIELD(TickRecordHeader, candidate),
+                                                                TAKT_FIELD(TickRecordHeader, command_policy),
                                                                 TAKT_FIELD(TickRecordHeader, player),
                                                                 TAKT_FIELD(JointRecord, feedback),
                                                                 TAKT_FIELD(JointRecord, q_estimate),

@@ -1,10 +1,11 @@
 // Which segments the executive hands to which role, in descriptor order, and the shape of each ring.
 //
-//   policy, fallback policy: [0] observation mailbox (read-only)   [1] command mailbox of its own (writable, until
-//   sealed)   [2] input ring of its own (likewise), where the robot's policy inputs are recorded
+//   policy, fallback policy, candidate policy: [0] observation mailbox (read-only)   [1] command mailbox of its own
+//   (writable, until sealed)   [2] input ring of its own (likewise), where the robot's policy inputs are recorded
 //   monitor, viewer: [0] tick records  [1] accepted and refused commands  [2] keyframes  [3] CAN frames   (all
 //   read-only)
-//   input reader, fallback input reader: [0] the input ring of that policy, for one session of it (read-only)
+//   input reader, fallback input reader, candidate input reader: [0] the input ring of that policy, for one session of
+//   it (read-only)
 #pragma once
 
 #include <cstddef>
@@ -27,7 +28,7 @@ inline constexpr std::size_t kCommandRingDescriptor = 1;
 inline constexpr std::size_t kKeyframeRingDescriptor = 2;
 inline constexpr std::size_t kFrameRingDescriptor = 3;
 
-inline constexpr std::uint32_t kMaxKeyframeBytes = 600 * 1024;
+inline constexpr std::uint32_t kMaxKeyframeBytes = 800 * 1024;
 
 constexpr RingShape observation_mailbox() {
   return {kMailboxSlots, sizeof(Observation), kObservationLayout};

@@ -6,10 +6,10 @@
 // client acknowledges (one byte) once it has mapped its mailbox; only then does the server seal and read it. A monitor
 // says again and again how far the run has reached its medium (RecorderWord).
 // A policy that does not acknowledge within kGreetingTimeout loses the lease, so that it keeps nobody else out.
-// Policy, fallback policy and monitor leases are exclusive. A sensor mailbox and the record rings may have several
-// readers, and operator connections, which last for one request, may overlap. Nothing blocks: the server is driven by
-// poll(); connects have a deadline. Whoever speaks out of turn is disconnected. Thread rule: service threads only; a
-// server and its handlers belong to one thread.
+// Policy, fallback policy, candidate policy and monitor leases are exclusive. A sensor mailbox and the record rings may
+// have several readers, and operator connections, which last for one request, may overlap. Nothing blocks: the server
+// is driven by poll(); connects have a deadline. Whoever speaks out of turn is disconnected. Thread rule: service
+// threads only; a server and its handlers belong to one thread.
 #pragma once
 
 #include <sys/types.h>
@@ -104,7 +104,8 @@ void tell_recorded(const Lease& lease, std::uint64_t through_tick);
 // True once the server closed the connection or died.
 bool is_over(const Lease& lease);
 // A stop takes its own way first (stop_line.hpp) and is under way before anybody has to answer; the error says so.
+// `policy_hash`: of a swap, the policy that is to play.
 std::expected<OperatorReply, std::string> ask(const std::string& path, OperatorVerb verb,
-                                              std::chrono::milliseconds timeout);
+                                              std::chrono::milliseconds timeout, std::uint64_t policy_hash = 0);
 
 }  // namespace takt::ipc

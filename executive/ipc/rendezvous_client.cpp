@@ -125,7 +125,7 @@ bool is_over(const Lease& lease) {
 }
 
 std::expected<OperatorReply, std::string> ask(const std::string& path, OperatorVerb verb,
-                                              std::chrono::milliseconds timeout) {
+                                              std::chrono::milliseconds timeout, std::uint64_t policy_hash) {
   const Clock::time_point deadline = Clock::now() + timeout;
   const bool handed_over = is_stop(verb) && hand_over_stop(stop_socket_beside(path), verb);
   const auto failed = [handed_over](const std::string& why) {
@@ -137,6 +137,7 @@ std::expected<OperatorReply, std::string> ask(const std::string& path, OperatorV
   if (!lease) return failed(lease.error());
   OperatorMessage message;
   message.verb = verb;
+  message.policy_hash = policy_hash;
   send_message(lease->connection.get(), std::as_bytes(std::span(&message, 1)), {});
   OperatorReply reply;
   if (auto received = receive(lease->connection, reply, deadline, path); !received) {

@@ -20,6 +20,7 @@ constexpr bool is_exclusive(Role role) {
   switch (role) {
     case Role::policy:
     case Role::fallback_policy:
+    case Role::candidate_policy:
     case Role::monitor:
       return true;
     case Role::operator_console:
@@ -27,6 +28,7 @@ constexpr bool is_exclusive(Role role) {
     case Role::viewer:
     case Role::input_reader:
     case Role::fallback_input_reader:
+    case Role::candidate_input_reader:
       return false;
   }
   return true;
@@ -39,9 +41,11 @@ constexpr bool is_reader(Role role) {
     case Role::viewer:
     case Role::input_reader:
     case Role::fallback_input_reader:
+    case Role::candidate_input_reader:
       return true;
     case Role::policy:
     case Role::fallback_policy:
+    case Role::candidate_policy:
     case Role::monitor:
     case Role::operator_console:
       return false;
@@ -54,6 +58,7 @@ constexpr bool is_for_policies(Role role) {
   switch (role) {
     case Role::policy:
     case Role::fallback_policy:
+    case Role::candidate_policy:
     case Role::sensor_reader:
       return true;
     case Role::monitor:
@@ -61,6 +66,7 @@ constexpr bool is_for_policies(Role role) {
     case Role::viewer:
     case Role::input_reader:
     case Role::fallback_input_reader:
+    case Role::candidate_input_reader:
       return false;
   }
   return false;
@@ -153,12 +159,14 @@ bool RendezvousServer::State::must_speak(const Connection& connection) {
       return true;
     case Role::policy:
     case Role::fallback_policy:
+    case Role::candidate_policy:
       return !connection.has_spoken;
     case Role::monitor:
     case Role::sensor_reader:
     case Role::viewer:
     case Role::input_reader:
     case Role::fallback_input_reader:
+    case Role::candidate_input_reader:
       return false;
   }
   return false;
@@ -247,6 +255,7 @@ void RendezvousServer::State::hear(Connection& connection) {
       return answer(connection, message.request, size);
     case Role::policy:
     case Role::fallback_policy:
+    case Role::candidate_policy:
       return take_acknowledgement(connection, size);
     case Role::monitor:
       return take_word(connection, message.word, size);
@@ -254,6 +263,7 @@ void RendezvousServer::State::hear(Connection& connection) {
     case Role::viewer:
     case Role::input_reader:
     case Role::fallback_input_reader:
+    case Role::candidate_input_reader:
       return refuse(connection, refusals_.malformed, "this role has nothing to say after its hello");
   }
 }

@@ -28,6 +28,8 @@ constexpr bool is_stop(OperatorVerb verb) {
     case OperatorVerb::arm:
     case OperatorVerb::reset:
     case OperatorVerb::mark:
+    case OperatorVerb::swap:
+    case OperatorVerb::back:
       return false;
   }
   return false;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 
+#include "executive/pipeline/candidate.hpp"
 #include "executive/pipeline/envelope.hpp"
 #include "executive/pipeline/freshness.hpp"
 #include "executive/pipeline/gravity_model.hpp"
@@ -100,6 +101,7 @@ void constrain(TickState& state, const Choice& choice, std::span<const JointTarg
     }
   }
   state.clamped.push(clamped, config.freshness.window_ticks);
+  compare_candidate(state, choice, targets, config, record);
 }
 
 void stabilise(const TickState& state, const Choice& choice, std::span<const JointTarget> targets,
@@ -155,9 +157,8 @@ void clamp_output(TickState& state, const TickConfig& config, TickOutput& output
 
 namespace {
 
-// Sequences start over with every policy session: a larger one than the newest is of a session before.
 bool is_of_this_session(const TickState& state) {
-  return state.command.sequence <= state.counters.last_sequence;
+  return state.command.session == state.mode.policy_session;
 }
 
 // How much of the path in use will be played whatever answers this observation. It ends before the next one is
@@ -170,6 +171,7 @@ Duration promised(const TickState& state, const Choice& choice, MonoTime now, co
 
 void commit(const TickState& state, const Choice& choice, MonoTime until, Observation& observation) {
   observation.command_sequence = is_of_this_session(state) ? state.command.sequence : 0;
+  observation.of_candidate = state.command.of_candidate;
   observation.committed_from = choice.player == Player::policy ? choice.step : 0;
   observation.committed_count = 0;
   if (!until.is_set()) return;
@@ -226,6 +228,7 @@ namespace {
 MonoTime valid_until(const TickState& state, Player player, const FreshnessContract& contract) {
   switch (player) {
     case Player::none:
+    case Player::candidate:
       return {};
     case Player::policy:
       return valid_until(state.command, state.chunk.header, contract);
@@ -248,6 +251,7 @@ void record(TickState& state, const Choice& choice, const TickConfig& config, Ti
   TickRecordHeader& header = output.record.header;
   if (header.freshness != Freshness::missing) header.age = state.command.age_parts(header.now);
   header.command_sequence = state.command.sequence;
+  header.command_policy = state.command.policy_hash;
   header.observation_answered = state.command.observation_id;
   header.window_misses = state.misses.count();
   header.window_ticks = state.misses.seen();

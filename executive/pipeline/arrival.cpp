@@ -56,7 +56,8 @@ Arrival judge_values(const CommandChunk& chunk) {
   return sensible ? Arrival::accepted : Arrival::out_of_range;
 }
 
-CommandInUse believed(const CommandHeader& header, const RememberedObservation& observation, MonoTime now) {
+CommandInUse believed(const CommandHeader& header, const Sender& sender, const RememberedObservation& observation,
+                      MonoTime now) {
   CommandInUse command;
   command.sequence = header.sequence;
   command.observation_id = header.observation_id;
@@ -66,6 +67,9 @@ CommandInUse believed(const CommandHeader& header, const RememberedObservation& 
   command.infer_started_at = std::clamp(header.infer_started_at, command.observed_at, now);
   command.infer_ended_at = std::clamp(header.infer_ended_at, command.infer_started_at, now);
   command.first_used_at = now;
+  command.policy_hash = header.policy_hash;
+  command.session = sender.session;
+  command.of_candidate = sender.of_candidate;
   return command;
 }
 
@@ -89,7 +93,7 @@ ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoT
   const bool backwards = runs_backwards(header, observation.published_at);
   if (values == Arrival::none) values = judge_values(chunk);
   if (values != Arrival::accepted) return refused(values, backwards);
-  const CommandInUse command = believed(header, observation, now);
+  const CommandInUse command = believed(header, sender, observation, now);
   // Compared as instants: a claimed stamp may be so far back that its age would overflow.
   if (command.sensed_at < now - config.freshness.max_age) return refused(Arrival::expired_observation, backwards);
   if (command.observation_id < sender.newest.observation_id) return refused(Arrival::overtaken, backwards);

@@ -41,12 +41,14 @@ struct ArrivalVerdict {
   MonoTime committed_until;  // what the answered observation promised; meaningful when accepted
 };
 
-// The policy whose message is judged: config.policy or config.fallback_policy, and what it said before. `newest`: the
-// one accepted last, whether it is in use yet or waits.
+// The policy whose message is judged, and what it said before. `newest`: the one accepted last, whether it is in use
+// yet or waits.
 struct Sender {
   const ExpectedPolicy& expected;
   std::uint64_t last_sequence;
   const CommandInUse& newest;
+  std::uint8_t session = 0;       // of its mailbox
+  std::uint8_t of_candidate = 0;  // 1: that mailbox is the candidate's
 };
 ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoTime now, const Sender& sender,
                              const ObservationMemory& memory, const TickConfig& config, Arrival values = Arrival::none);

@@ -160,6 +160,8 @@ CauseMask granted_request(const TickState& state, const TickRecord& record, Caus
   switch (record.header.operator_request) {
     case OperatorRequest::none:
     case OperatorRequest::mark:
+    case OperatorRequest::swap:
+    case OperatorRequest::back:
       return 0;
     case OperatorRequest::arm: {
       std::array<ArmingBlocker, 1> first;

@@ -51,6 +51,7 @@ Choice play_or_brake(const TickState& state, const TickRecord& record, const Tic
   choice.player = record.header.player;
   switch (choice.player) {
     case Player::none:
+    case Player::candidate:
       return choice;
     case Player::policy:
       choice.step = play(state.join, {state.chunk, state.command.observed_at}, now, config, targets);

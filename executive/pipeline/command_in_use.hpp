@@ -17,6 +17,10 @@ struct CommandInUse {
   MonoTime infer_started_at;  // t2, claimed
   MonoTime infer_ended_at;    // t3, claimed
   MonoTime first_used_at;     // t4; while it waits for its turn: when it arrived
+  std::uint64_t policy_hash = 0;
+  std::uint8_t session = 0;       // of its mailbox
+  std::uint8_t of_candidate = 0;  // 1: that mailbox is the candidate's
+  std::uint8_t reserved[6] = {};
 
   [[nodiscard]] Duration age(MonoTime now) const { return now - sensed_at; }
   // Telescoping: the parts add up to age(now) exactly.

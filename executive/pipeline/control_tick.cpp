@@ -42,6 +42,10 @@ TickInput input_of(const TickRecord& record, const CommandChunk* command, std::s
   input.policy.session = header.policy_session;
   input.fallback.mailbox = header.fallback.mailbox;
   input.fallback.session = header.fallback.session;
+  input.candidate.mailbox = header.candidate.mailbox;
+  input.candidate.session = header.candidate.session;
+  input.candidate_policy = header.candidate.policy_hash;
+  input.asked_policy = header.candidate.asked_policy;
   input.policy.command = command;
   input.policy.bytes = command == nullptr ? 0 : command_bytes;
   std::copy_n(header.buses, kMaxBuses, input.buses);

@@ -46,11 +46,16 @@ struct TickInput {
   JointMask last_damped = 0;
   OperatorRequest operator_request = OperatorRequest::none;
   MonoTime asked_at;                   // when the executive heard a stop or shutdown; decides nothing
+  std::uint64_t asked_policy = 0;      // of a swap: hash of the policy that is to play
   std::uint64_t recorded_through = 0;  // newest tick the recorder has on its medium; 0: nothing records
   TorqueOutputState torque_output = TorqueOutputState::none;  // what became of the previous tick's torque_permitted
   PolicyMessage policy;
   PolicyMessage fallback;  // of the fallback policy; empty where the robot has none
-  ImuSample imu;           // newest that was read, not judged yet; sequence 0: none yet, or the robot has none
+  // Of the policy beside the one in charge (candidate.hpp): which mailbox is whose changes with in_charge of the tick
+  // before.
+  PolicyMessage candidate;
+  std::uint64_t candidate_policy = 0;  // hash of the candidate's mailbox, whoever is in charge; 0: none yet
+  ImuSample imu;  // newest that was read, not judged yet; sequence 0: none yet, or the robot has none
   BusHealth buses[kMaxBuses];
   JointFeedback joints[kMaxJoints];
 };
@@ -75,7 +80,7 @@ struct TickOutput {
   TickRecord record;        // this tick, inputs and outputs
 };
 
-// Opaque to callers; defined in tick_state.hpp. Plain value, about 560 KiB: keep it off the stack.
+// Opaque to callers; defined in tick_state.hpp. Plain value, about 740 KiB: keep it off the stack.
 struct TickState;
 
 struct TickStateDeleter {

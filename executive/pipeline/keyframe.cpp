@@ -2,8 +2,8 @@
 //
 // A keyframe is a KeyframeHeader, the fixed pieces, as much of memory and windows as the configuration uses, the link
 // watch and joint_count ReplyWatches, joint_count JointStates, the join, what waits, and the used bytes of the chunks
-// in use, waiting and the fallback's (none while there is no such command). The checksum covers everything after the
-// header. Little-endian, this ABI only: the magic and the layout refuse another.
+// in use, waiting, the fallback's and the candidate's (none while there is no such command). The checksum covers
+// everything after the header. Little-endian, this ABI only: the magic and the layout refuse another.
 #include <algorithm>
 #include <bit>
 #include <cstring>
@@ -23,10 +23,10 @@ struct KeyframeHeader {
   std::uint32_t joint_count = 0;
   std::uint32_t window_ticks = 0;
   std::uint32_t remembered = 0;
-  std::uint32_t in_use_bytes = 0;    // of the chunk in use
-  std::uint32_t waiting_bytes = 0;   // of the one that waits
-  std::uint32_t fallback_bytes = 0;  // of the fallback's
-  std::uint32_t reserved = 0;
+  std::uint32_t in_use_bytes = 0;     // of the chunk in use
+  std::uint32_t waiting_bytes = 0;    // of the one that waits
+  std::uint32_t fallback_bytes = 0;   // of the fallback's
+  std::uint32_t candidate_bytes = 0;  // of the candidate's
 };
 static_assert(sizeof(KeyframeHeader) == 56);
 
@@ -45,6 +45,7 @@ constexpr std::uint64_t kStateLayout = layout_hash({{kAbiVersion, sizeof(TickSta
                                                     {offsetof(TickState, join), sizeof(JoinState)},
                                                     {offsetof(TickState, waiting), sizeof(WaitingCommand)},
                                                     {offsetof(TickState, fallback), sizeof(FallbackState)},
+                                                    {offsetof(TickState, candidate), sizeof(CandidateState)},
                                                     {offsetof(TickState, chunk), sizeof(CommandChunk)}});
 
 // Of the links: everything but the joints, which are as many as the robot has.
@@ -53,9 +54,9 @@ constexpr std::size_t kLinkBytes = offsetof(LinkWatch, joints);
 // All but the chunks.
 std::size_t fixed_bytes(const StateShape& shape) {
   return sizeof(KeyframeHeader) + sizeof(ModeState) + sizeof(Counters) + sizeof(Recovery) + sizeof(CommandInUse) +
-         ObservationMemory::saved_bytes(shape.remembered) + 4 * TickWindow::saved_bytes(shape.window_ticks) +
-         2 * sizeof(JoinState) + sizeof(WaitingCommand) + sizeof(FallbackState) + kLinkBytes + sizeof(ImuWatch) +
-         shape.joint_count * (sizeof(ReplyWatch) + sizeof(JointState));
+         ObservationMemory::saved_bytes(shape.remembered) + 7 * TickWindow::saved_bytes(shape.window_ticks) +
+         3 * sizeof(JoinState) + sizeof(WaitingCommand) + sizeof(FallbackState) + sizeof(CandidateState) + kLinkBytes +
+         sizeof(ImuWatch) + shape.joint_count * (sizeof(ReplyWatch) + sizeof(JointState));
 }
 
 StateShape shape_of(const KeyframeHeader& header) {
@@ -63,12 +64,12 @@ StateShape shape_of(const KeyframeHeader& header) {
 }
 
 struct ChunkBytes {
-  std::size_t in_use, waiting, fallback;
-  [[nodiscard]] std::size_t all() const { return in_use + waiting + fallback; }
+  std::size_t in_use, waiting, fallback, candidate;
+  [[nodiscard]] std::size_t all() const { return in_use + waiting + fallback + candidate; }
 };
 
 ChunkBytes chunks_of(const KeyframeHeader& header) {
-  return {header.in_use_bytes, header.waiting_bytes, header.fallback_bytes};
+  return {header.in_use_bytes, header.waiting_bytes, header.fallback_bytes, header.candidate_bytes};
 }
 
 std::size_t bytes_of(const CommandInUse& command, const CommandChunk& chunk) {
@@ -77,7 +78,8 @@ std::size_t bytes_of(const CommandInUse& command, const CommandChunk& chunk) {
 
 ChunkBytes chunk_bytes(const TickState& state) {
   return {bytes_of(state.command, state.chunk), bytes_of(state.waiting.command, state.waiting_chunk),
-          bytes_of(state.fallback.command, state.fallback_chunk)};
+          bytes_of(state.fallback.command, state.fallback_chunk),
+          bytes_of(state.candidate.command, state.candidate_chunk)};
 }
 
 // Word-wise multiply and rotate: catches damage, not malice; cheap enough for the control thread.
@@ -114,9 +116,15 @@ void walk(State& state, const StateShape& shape, const ChunkBytes& chunks, Piece
   piece(&state.waiting, sizeof(state.waiting));
   piece(&state.fallback, sizeof(state.fallback));
   piece(&state.fallback_join, sizeof(state.fallback_join));
+  piece(&state.candidate, sizeof(state.candidate));
+  piece(&state.candidate_misses, TickWindow::saved_bytes(shape.window_ticks));
+  piece(&state.candidate_refusals, TickWindow::saved_bytes(shape.window_ticks));
+  piece(&state.candidate_clamped, TickWindow::saved_bytes(shape.window_ticks));
+  piece(&state.candidate_join, sizeof(state.candidate_join));
   piece(&state.chunk, chunks.in_use);
   piece(&state.waiting_chunk, chunks.waiting);
   piece(&state.fallback_chunk, chunks.fallback);
+  piece(&state.candidate_chunk, chunks.candidate);
 }
 
 std::string refuse(const char* what) {
@@ -124,13 +132,13 @@ std::string refuse(const char* what) {
 }
 
 const char* damage_in(const KeyframeHeader& header, const TickConfig& config, std::span<const std::byte> bytes) {
-  if (header.magic != kMagic || header.reserved != 0) return "not a keyframe";
+  if (header.magic != kMagic) return "not a keyframe";
   if (header.layout != kStateLayout) return "made by a different version of the pipeline";
   if (header.joint_count != config.joint_count) return "joint count differs from the configuration's";
   if (header.window_ticks != config.freshness.window_ticks) return "freshness window differs from the configuration's";
   if (header.remembered != remembered_observations(config)) return "max_age differs from the configuration's";
   const ChunkBytes chunks = chunks_of(header);
-  if (std::max({chunks.in_use, chunks.waiting, chunks.fallback}) > sizeof(CommandChunk) ||
+  if (std::max({chunks.in_use, chunks.waiting, chunks.fallback, chunks.candidate}) > sizeof(CommandChunk) ||
       header.bytes != fixed_bytes(shape_of(header)) + chunks.all())
     return "sizes do not add up";
   if (bytes.size() < header.bytes) return "cut short";
@@ -150,14 +158,18 @@ bool is_consistent(const CommandInUse& command, const CommandChunk& chunk, std::
 bool is_consistent(const TickState& state, const TickConfig& config, const ChunkBytes& chunks) {
   const bool chunk_fits = is_consistent(state.command, state.chunk, chunks.in_use, config) &&
                           is_consistent(state.waiting.command, state.waiting_chunk, chunks.waiting, config) &&
-                          is_consistent(state.fallback.command, state.fallback_chunk, chunks.fallback, config);
+                          is_consistent(state.fallback.command, state.fallback_chunk, chunks.fallback, config) &&
+                          is_consistent(state.candidate.command, state.candidate_chunk, chunks.candidate, config);
   const JointMask given_up = state.mode.deenergised | state.mode.damped;
   return chunk_fits && static_cast<std::size_t>(state.mode.mode) < kModeCount &&
-         static_cast<std::size_t>(state.mode.player) < kPlayerCount &&
-         static_cast<std::size_t>(state.mode.last_player) < kPlayerCount &&
+         static_cast<std::size_t>(state.mode.player) < kMoverCount &&
+         static_cast<std::size_t>(state.mode.last_player) < kMoverCount &&
          (given_up & ~every_joint(config.joint_count)) == 0 && state.recovery.relapses <= kMaxDoublings &&
          state.misses.fits(config.freshness.window_ticks) && state.refusals.fits(config.freshness.window_ticks) &&
          state.clamped.fits(config.freshness.window_ticks) && state.late.fits(config.freshness.window_ticks) &&
+         state.candidate_misses.fits(config.freshness.window_ticks) &&
+         state.candidate_refusals.fits(config.freshness.window_ticks) &&
+         state.candidate_clamped.fits(config.freshness.window_ticks) && state.candidate.in_charge <= 1 &&
          state.memory.is_consistent();
 }
 
@@ -181,6 +193,7 @@ std::size_t save(const TickState& state, std::span<std::byte> out) noexcept {
   header.in_use_bytes = static_cast<std::uint32_t>(chunks.in_use);
   header.waiting_bytes = static_cast<std::uint32_t>(chunks.waiting);
   header.fallback_bytes = static_cast<std::uint32_t>(chunks.fallback);
+  header.candidate_bytes = static_cast<std::uint32_t>(chunks.candidate);
   header.checksum = checksum(out.subspan(sizeof(header), total - sizeof(header)));
   std::memcpy(out.data(), &header, sizeof(header));
   return total;

@@ -3,123 +3,17 @@
 #include <array>
 #include <cmath>
 
-#include "executive/pipeline/arrival.hpp"
 #include "executive/pipeline/bus_watch.hpp"
+#include "executive/pipeline/candidate.hpp"
 #include "executive/pipeline/causes.hpp"
 #include "executive/pipeline/freshness.hpp"
+#include "executive/pipeline/messages.hpp"
 #include "executive/pipeline/mode_machine.hpp"
 #include "executive/pipeline/stages.hpp"
 #include "executive/pipeline/velocity_observer.hpp"
 
 namespace takt::pipeline {
 namespace {
-
-std::uint64_t sequence_seen(const PolicyMessage& message) {
-  const bool readable =
-      message.mailbox == Arrival::accepted && message.command != nullptr && message.bytes >= sizeof(CommandHeader);
-  return readable ? message.command->header.sequence : 0;
-}
-
-// Only what the robot follows is joined with what comes: a path that nobody plays leads nowhere.
-bool plays(const TickState& state, MonoTime now, const TickConfig& config) {
-  return state.mode.player == Player::policy &&
-         is_usable(freshness_of(state.command, state.chunk.header, now, config.freshness));
-}
-
-bool fallback_plays(const TickState& state, MonoTime now, const TickConfig& config) {
-  return state.mode.player == Player::fallback &&
-         is_usable(freshness_of(state.fallback.command, state.fallback_chunk.header, now, config.freshness));
-}
-
-void take_over(TickState& state, const CommandChunk& chunk, const CommandInUse& command, MonoTime now,
-               const TickConfig& config) {
-  if (plays(state, now, config))
-    join_path(state.join, state.chunk, state.command.observed_at, {chunk, command.observed_at}, now, config);
-  else
-    begin_path(state.join, state.chunk, chunk);
-  state.command = command;
-  state.command.first_used_at = now;
-  state.waiting.command = {};
-}
-
-void accept(TickState& state, const CommandChunk& chunk, const ArrivalVerdict& verdict, MonoTime now,
-            const TickConfig& config) {
-  state.counters.last_sequence = verdict.command.sequence;
-  const bool played = plays(state, now, config);
-  if (played) state.join.delays.note(now, now - std::max(verdict.command.observed_at, state.mode.resumed_at));
-  if (config.join.kind != JoinKind::prefix || !played || now >= verdict.committed_until)
-    return take_over(state, chunk, verdict.command, now, config);
-  state.waiting = {verdict.command, verdict.committed_until};
-  state.waiting_chunk.header = chunk.header;
-  std::copy_n(chunk.values, chunk.value_count(), state.waiting_chunk.values);
-}
-
-// What waits takes over once the promise is kept, or cannot be kept because there is nothing left to play.
-void relieve(TickState& state, MonoTime now, const TickConfig& config) {
-  if (state.waiting.command.sequence == 0 || (now < state.waiting.due && plays(state, now, config))) return;
-  const CommandInUse command = state.waiting.command;
-  take_over(state, state.waiting_chunk, command, now, config);
-}
-
-const CommandInUse& newest_command(const TickState& state) {
-  return state.waiting.command.sequence != 0 ? state.waiting.command : state.command;
-}
-
-Arrival take_message(TickState& state, const PolicyMessage& message, MonoTime now, const TickConfig& config) {
-  if (message.session != state.mode.policy_session) {
-    state.mode.policy_session = message.session;
-    state.counters.last_sequence = 0;
-    state.mode.last_refusal = Arrival::none;
-    state.join.delays.forget();
-  }
-  if (message.mailbox == Arrival::contended || message.mailbox == Arrival::corrupt) return message.mailbox;
-  if (message.mailbox != Arrival::accepted || message.command == nullptr) return Arrival::none;
-  const ArrivalVerdict verdict = judge_arrival(*message.command, message.bytes, now,
-                                               {config.policy, state.counters.last_sequence, newest_command(state)},
-                                               state.memory, config, message.values);
-  state.counters.integration_errors += verdict.stamps_ran_backwards ? 1U : 0U;
-  if (verdict.arrival == Arrival::accepted) accept(state, *message.command, verdict, now, config);
-  return verdict.arrival;
-}
-
-// Nothing is promised while it plays, so that nothing of its waits.
-Arrival take_fallback_message(TickState& state, const PolicyMessage& message, MonoTime now, const TickConfig& config) {
-  FallbackState& fallback = state.fallback;
-  if (message.session != fallback.session) {
-    fallback.session = message.session;
-    fallback.last_sequence = 0;
-    fallback.last_refusal = Arrival::none;
-  }
-  if (message.mailbox == Arrival::contended || message.mailbox == Arrival::corrupt) return message.mailbox;
-  if (message.mailbox != Arrival::accepted || message.command == nullptr) return Arrival::none;
-  const ArrivalVerdict verdict = judge_arrival(*message.command, message.bytes, now,
-                                               {config.fallback_policy, fallback.last_sequence, fallback.command},
-                                               state.memory, config, message.values);
-  state.counters.integration_errors += verdict.stamps_ran_backwards ? 1U : 0U;
-  if (verdict.arrival != Arrival::accepted) return verdict.arrival;
-  if (fallback_plays(state, now, config))
-    join_path(state.fallback_join, state.fallback_chunk, fallback.command.observed_at,
-              {*message.command, verdict.command.observed_at}, now, config);
-  else
-    begin_path(state.fallback_join, state.fallback_chunk, *message.command);
-  fallback.last_sequence = verdict.command.sequence;
-  fallback.command = verdict.command;
-  return verdict.arrival;
-}
-
-// Its refusals are told, and stop nobody: it is not fresh then.
-void judge_fallback(TickState& state, const TickInput& input, const TickConfig& config, FallbackRecord& record) {
-  FallbackState& fallback = state.fallback;
-  record.arrival = take_fallback_message(state, input.fallback, input.now, config);
-  if (record.arrival != Arrival::none)
-    fallback.last_refusal = is_refusal(record.arrival) ? record.arrival : Arrival::none;
-  record.last_refusal = fallback.last_refusal;
-  record.freshness = freshness_of(fallback.command, state.fallback_chunk.header, input.now, config.freshness);
-  if (is_usable(record.freshness)) fallback.last_usable_at = input.now;
-  if (record.freshness != Freshness::missing) record.age = fallback.command.age(input.now);
-  record.command_sequence = fallback.command.sequence;
-  record.observation_answered = fallback.command.observation_id;
-}
 
 // While degraded the fallback goes first. Where it has nothing to say, and the policy is back, but not for long enough
 // yet, the policy is better than nobody.
@@ -138,17 +32,6 @@ Player player_of(const TickRecordHeader& header, const TickConfig& config) {
   }
   if (has_fallback_policy(config)) return is_usable(header.fallback.freshness) ? Player::fallback : policy;
   return config.degraded == DegradedBehaviour::slow ? policy : Player::none;
-}
-
-void hand_over(TickState& state, Player to, MonoTime now, const TickConfig& config) {
-  std::array<PathPoint, kMaxJoints> references;
-  for (std::size_t j = 0; j < config.joint_count; ++j)
-    references[j] = {static_cast<float>(state.joints[j].reference.q), static_cast<float>(state.joints[j].reference.dq)};
-  const std::span<const PathPoint> joints(references.data(), config.joint_count);
-  if (to == Player::fallback)
-    return join_references(state.fallback_join, {state.fallback_chunk, state.fallback.command.observed_at}, joints, now,
-                           config);
-  join_references(state.join, {state.chunk, state.command.observed_at}, joints, now, config);
 }
 
 void choose_player(TickState& state, TickRecordHeader& header, const TickConfig& config) {
@@ -202,7 +85,7 @@ void count_periods(TickState& state, const TickInput& input, const TickConfig& c
 // The clock stood still while the computer slept: nothing from before has a known age any more.
 void forget_what_was_before_sleep(TickState& state, MonoTime now, const TickConfig& config) {
   state.mode.awake_since = now;
-  state.command = state.waiting.command = state.fallback.command = {};
+  state.command = state.waiting.command = state.fallback.command = state.candidate.command = {};
   state.memory.forget();
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     state.joints[j].observer = {};
@@ -266,6 +149,11 @@ void observe(TickState& state, const TickInput& input, const TickConfig& config,
   header.fallback.mailbox = input.fallback.mailbox;
   header.fallback.session = input.fallback.session;
   header.fallback.command_sequence_seen = sequence_seen(input.fallback);
+  header.candidate.mailbox = input.candidate.mailbox;
+  header.candidate.session = input.candidate.session;
+  header.candidate.command_sequence_seen = sequence_seen(input.candidate);
+  header.candidate.policy_hash = input.candidate_policy;
+  header.candidate.asked_policy = input.asked_policy;
   header.bus_count = static_cast<std::uint8_t>(config.bus_count);
   header.joint_count = config.joint_count;
   std::copy_n(input.buses, config.bus_count, header.buses);
@@ -293,13 +181,15 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
   const FreshnessContract& contract = config.freshness;
   TickRecordHeader& header = record.header;
   header.arrival = take_message(state, input.policy, input.now, config);
+  note_arrival(state, header.arrival, contract);
+  judge_candidate(state, input, config, header);
   relieve(state, input.now, config);
   header.freshness = freshness_of(state.command, state.chunk.header, input.now, contract);
   note_freshness(state.recovery, header.freshness, input.now);
-  note_arrival(state, header.arrival, contract);
   if (has_fallback_policy(config)) judge_fallback(state, input, config, header.fallback);
   if (state.mode.mode == Mode::tracking || state.mode.mode == Mode::degraded)
     state.misses.push(!is_usable(header.freshness), contract.window_ticks);
+  watch_probation(state, config, header);
   watch_for_rest(state, record, config);
 
   header.mode = header.previous_mode = state.mode.mode;
@@ -319,6 +209,7 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
     if ((header.causes_active & bit(Cause::internal_error)) != 0) state.mode.damped = every_joint(config.joint_count);
   }
   remember_stop(state.mode, header);
+  settle_candidate(state, config, header);
   choose_player(state, header, config);
 }
 

@@ -149,6 +149,7 @@ struct TickConfig {
   std::uint32_t bus_count = 0;
   std::uint32_t observation_every_ticks = 0;
   ExpectedPolicy policy;
+  Duration probation;  // of tracking: for so long a candidate that was put in charge goes back by itself
   std::uint32_t largest_command = sizeof(CommandChunk);  // bytes of the largest legal message
   Interpolation interpolation = Interpolation::linear;
   JoinRule join;

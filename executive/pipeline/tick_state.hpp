@@ -27,10 +27,11 @@ namespace takt::pipeline {
 
 struct JointState {
   ObserverState observer;
-  ReferenceState reference;         // inside the limits once armed, or on its way back there
-  ReferenceState reference_before;  // of the tick before: what the drive still follows if this one's never left
-  float tau_last = 0;               // Nm, torque of the previous tick's setpoint: start of this tick's slew
-  float tau_damping = 0;            // Nm, torque of the previous tick's damping
+  ReferenceState reference;            // inside the limits once armed, or on its way back there
+  ReferenceState reference_before;     // of the tick before: what the drive still follows if this one's never left
+  ReferenceState candidate_reference;  // where the candidate's path would have led since it became usable
+  float tau_last = 0;                  // Nm, torque of the previous tick's setpoint: start of this tick's slew
+  float tau_damping = 0;               // Nm, torque of the previous tick's damping
 };
 
 struct ModeState {
@@ -77,6 +78,19 @@ struct FallbackState {
   std::uint8_t reserved[6] = {};
 };
 
+// The policy beside the one in charge (candidate.hpp).
+struct CandidateState {
+  CommandInUse command;
+  std::uint64_t last_sequence = 0;  // of the last accepted command of its session
+  std::uint64_t policy_hash = 0;    // while the candidate is in charge: whose commands are taken from its mailbox
+  MonoTime asked_at;                // a change was asked for; unset: none is
+  Duration probation_left;          // of tracking; 0: not on probation
+  std::uint8_t session = 0;
+  Arrival last_refusal = Arrival::none;  // of the newest message
+  std::uint8_t in_charge = 0;            // 1: the candidate's mailbox is the policy's, and the other way round
+  std::uint8_t reserved[5] = {};
+};
+
 // What keyframes need to know about the configuration the state was made for.
 struct StateShape {
   std::uint32_t joint_count = 0;
@@ -104,18 +118,25 @@ struct TickState {
   WaitingCommand waiting;
   FallbackState fallback;
   JoinState fallback_join;
-  CommandChunk chunk;           // the path in use; only its used part is ever written or read
-  CommandChunk waiting_chunk;   // likewise
-  CommandChunk fallback_chunk;  // likewise
+  CandidateState candidate;
+  TickWindow candidate_misses;    // on probation, as are the next two
+  TickWindow candidate_refusals;  // messages refused for what they say
+  TickWindow candidate_clamped;   // ticks that played a target out of its joint's range
+  JoinState candidate_join;
+  CommandChunk chunk;            // the path in use; only its used part is ever written or read
+  CommandChunk waiting_chunk;    // likewise
+  CommandChunk fallback_chunk;   // likewise
+  CommandChunk candidate_chunk;  // likewise
 };
 
 static_assert(std::is_trivially_copyable_v<TickState>);
 // No hidden padding: keyframes of equal states are equal bytes.
-static_assert(sizeof(JointState) == sizeof(ObserverState) + 2 * sizeof(ReferenceState) + 8 &&
+static_assert(sizeof(JointState) == sizeof(ObserverState) + 3 * sizeof(ReferenceState) + 8 &&
               sizeof(ObserverState) == 16);
 static_assert(sizeof(RestWatch) == 16 + 4 * kMaxJoints && sizeof(ModeState) == 56 + sizeof(RestWatch) &&
               sizeof(Counters) == 24 && sizeof(Recovery) == 32);
-static_assert(sizeof(CommandInUse) == 56 && sizeof(WaitingCommand) == 64 && sizeof(FallbackState) == 88);
+static_assert(sizeof(CommandInUse) == 72 && sizeof(WaitingCommand) == 80 && sizeof(FallbackState) == 104 &&
+              sizeof(CandidateState) == 112);
 static_assert(sizeof(JoinState) == 8 + 12 * kMaxJoints + 8 * kMaxChunkSteps + 168);
 static_assert(sizeof(ImuWatch) == sizeof(ImuSample) + 8);
 

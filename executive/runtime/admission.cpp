@@ -51,6 +51,19 @@ std::string refusal_of_policy(const Hello& hello, const AdmissionRules& rules) {
   return {};
 }
 
+std::string refusal_of_candidate(const Hello& hello, const AdmissionRules& rules, std::uint64_t in_charge) {
+  if (hello.policy_hash == 0)
+    return "a candidate has to say which policy it is: set policy_hash to the first 8 bytes of its file's SHA-256";
+  if (in_charge != 0 && hello.policy_hash != in_charge) {
+    return fmt::format(
+        "candidate {:016x} is in charge of the robot, and {:016x} may not take its place: `takt policy back` first",
+        in_charge, hello.policy_hash);
+  }
+  AdmissionRules any_policy = rules;
+  any_policy.policy_hash = 0;
+  return refusal_of_policy(hello, any_policy);
+}
+
 std::string refusal_of_monitor(const Hello& hello, const AdmissionRules& rules) {
   return refusal_of_config(hello, rules);
 }

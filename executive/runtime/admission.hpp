@@ -23,6 +23,8 @@ struct AdmissionRules {
 AdmissionRules admission_rules(const config::RobotConfig& robot, std::uint64_t policy_hash);
 // Empty: admitted.
 std::string refusal_of_policy(const Hello& hello, const AdmissionRules& rules);
+// `in_charge`: hash of the candidate that is in charge of the robot; 0: none is. Only that one may come back then.
+std::string refusal_of_candidate(const Hello& hello, const AdmissionRules& rules, std::uint64_t in_charge);
 std::string refusal_of_monitor(const Hello& hello, const AdmissionRules& rules);
 
 }  // namespace takt::runtime

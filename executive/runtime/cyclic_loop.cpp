@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <span>
+#include <utility>
 
 #include "executive/ipc/crc32c.hpp"
 #include "executive/ipc/executive_segments.hpp"
@@ -42,6 +43,7 @@ CyclicLoop::CyclicLoop(const LoopParts& parts, const LoopTiming& timing)
       state_(pipeline::make_tick_state(parts.config)),
       command_(std::make_unique<CommandChunk>()),
       fallback_command_(std::make_unique<CommandChunk>()),
+      candidate_command_(std::make_unique<CommandChunk>()),
       keyframe_(ipc::kMaxKeyframeBytes - sizeof(TickTag)) {}
 
 void CyclicLoop::run(const EvidenceSource& evidence, std::uint64_t ticks) noexcept {
@@ -85,6 +87,7 @@ std::size_t CyclicLoop::tick(MonoTime woken, Duration lateness) noexcept {
   const OperatorInbox::Asked asked = parts_.requests.take();
   input_.operator_request = asked.request;
   input_.asked_at = asked.at;
+  input_.asked_policy = asked.policy;
   input_.recorded_through = parts_.recorded.get();
   pipeline::control_tick(*state_, input_, parts_.config, output_);
   const Departure departure = parts_.edge.send(output_, parts_.clock, suspend_, parts_.published);
@@ -103,13 +106,20 @@ std::size_t CyclicLoop::tick(MonoTime woken, Duration lateness) noexcept {
 }
 
 void CyclicLoop::read_commands() noexcept {
-  input_.policy = read_command(parts_.mailboxes, input_.policy.session, *command_);
-  input_.fallback = read_command(parts_.fallback_mailboxes, input_.fallback.session, *fallback_command_);
+  const bool candidate_in_charge = output_.record.header.candidate.in_charge != 0;
+  if (std::exchange(candidate_in_charge_, candidate_in_charge) != candidate_in_charge)
+    std::swap(input_.policy.session, input_.candidate.session);
+  CommandMailbox* in_charge = parts_.mailboxes.current();
+  CommandMailbox* beside = parts_.candidate_mailboxes.current();
+  if (beside != nullptr) input_.candidate_policy = beside->policy_hash;
+  if (candidate_in_charge) std::swap(in_charge, beside);
+  input_.policy = read_command(in_charge, input_.policy.session, *command_);
+  input_.candidate = read_command(beside, input_.candidate.session, *candidate_command_);
+  input_.fallback = read_command(parts_.fallback_mailboxes.current(), input_.fallback.session, *fallback_command_);
 }
 
-pipeline::PolicyMessage CyclicLoop::read_command(MailboxHandover& mailboxes, std::uint8_t session_before,
+pipeline::PolicyMessage CyclicLoop::read_command(CommandMailbox* mailbox, std::uint8_t session_before,
                                                  CommandChunk& copy) noexcept {
-  CommandMailbox* const mailbox = mailboxes.current();
   if (mailbox == nullptr) return {.session = session_before};
   const auto largest = std::as_writable_bytes(std::span(&copy, 1)).first(parts_.config.largest_command);
   const ipc::ReadResult result = mailbox->reader.read_latest(largest);
@@ -130,6 +140,7 @@ void CyclicLoop::record() noexcept {
   const TickRecordHeader& header = output_.record.header;
   record_command(Player::policy, input_.policy.command, input_.policy.bytes, header.arrival);
   record_command(Player::fallback, input_.fallback.command, input_.fallback.bytes, header.fallback.arrival);
+  record_command(Player::candidate, input_.candidate.command, input_.candidate.bytes, header.candidate.arrival);
   if (input_.tick % timing_.keyframe_every_ticks == 0) {
     const std::size_t size = pipeline::save(*state_, keyframe_);
     parts_.published.keyframe(input_.tick, std::span(keyframe_).first(size));

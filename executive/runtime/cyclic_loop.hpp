@@ -53,6 +53,7 @@ struct LoopParts {
   DriveEdge& edge;
   MailboxHandover& mailboxes;
   MailboxHandover& fallback_mailboxes;
+  MailboxHandover& candidate_mailboxes;
   OperatorInbox& requests;
   const RecordedThrough& recorded;
   PublishedSegments& published;
@@ -71,7 +72,7 @@ class CyclicLoop {
  private:
   std::size_t tick(MonoTime woken, Duration lateness) noexcept;  // returns the number of frames received
   void read_commands() noexcept;
-  pipeline::PolicyMessage read_command(MailboxHandover& mailboxes, std::uint8_t session_before,
+  pipeline::PolicyMessage read_command(CommandMailbox* mailbox, std::uint8_t session_before,
                                        CommandChunk& copy) noexcept;
   void read_imu() noexcept;
   void record() noexcept;
@@ -87,7 +88,8 @@ class CyclicLoop {
   pipeline::TickStatePtr state_;
   pipeline::TickInput input_;
   pipeline::TickOutput output_;
-  std::unique_ptr<CommandChunk> command_, fallback_command_;
+  bool candidate_in_charge_ = false;  // whose mailbox is whose, as the tick before left it
+  std::unique_ptr<CommandChunk> command_, fallback_command_, candidate_command_;
   RefusedBytes refused_bytes_;
   std::vector<std::byte> keyframe_;
   StatusSnapshot status_;

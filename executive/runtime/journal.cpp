@@ -33,6 +33,17 @@ void Journal::transition(const TickRecord& record, const std::optional<Incident>
               incident ? ": " + incident->sentence : std::string());
 }
 
+void Journal::policy_change(const TickRecord& record) {
+  const TickRecordHeader& tick = record.header;
+  const PolicyChange change = tick.candidate.change;
+  const bool expected = change == PolicyChange::asked || change == PolicyChange::swapped ||
+                        change == PolicyChange::back || change == PolicyChange::confirmed;
+  spdlog::log(expected ? spdlog::level::info : spdlog::level::warn,
+              "change of policy: {} (tick {}, {}, candidate {:016x}): {} is in charge", name(change), tick.tick,
+              name(tick.mode), tick.candidate.policy_hash,
+              tick.candidate.in_charge != 0 ? "the candidate" : "the robot's own policy");
+}
+
 void Journal::summarise(MonoTime now, const StatusSnapshot& status) {
   if (now - spoke_at_ < seconds(1)) return;
   if (const auto missed = growth<OverrunCause>(status.overruns, said_.overruns, 1); !missed.empty()) {

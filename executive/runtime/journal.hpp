@@ -16,6 +16,8 @@ class Journal {
  public:
   // `incident`: that the transition is, if it is one.
   static void transition(const TickRecord& record, const std::optional<Incident>& incident);
+  // A change of policy that was asked for, came, or did not.
+  static void policy_change(const TickRecord& record);
   // Call it often; it says what is new since it last spoke.
   void summarise(MonoTime now, const StatusSnapshot& status);
 

@@ -30,12 +30,14 @@ namespace takt::runtime {
 // One policy session's commands, as the executive reads them.
 struct CommandMailbox {
   ipc::Segment segment;
-  ipc::SlotReader reader;    // control thread
-  std::uint8_t session = 0;  // differs from the previous session's
+  ipc::SlotReader reader;         // control thread
+  std::uint8_t session = 0;       // differs from the previous session's
+  std::uint64_t policy_hash = 0;  // as its policy was admitted
 
   // Seals the segment, which the policy has mapped, against further writers, maps it read-only and checks its header.
   static std::expected<std::unique_ptr<CommandMailbox>, std::string> seal(ipc::Segment mapped_by_policy,
-                                                                          std::uint8_t session);
+                                                                          std::uint8_t session,
+                                                                          std::uint64_t policy_hash = 0);
 };
 
 template <class Mailbox>

@@ -110,7 +110,7 @@ int run(const Options& options) {
   ProcessSetup process = prepare_process(robot->control);
   auto published = PublishedSegments::create(robot->joints.size(), tick_config->largest_command);
   if (!published) return refuse(kExitSetUpRefused, published.error());
-  MailboxHandover mailboxes, fallback_mailboxes;
+  MailboxHandover mailboxes, fallback_mailboxes, candidate_mailboxes;
   OperatorInbox requests;
   RecordedThrough recorded;
   StatusBoard board;
@@ -120,6 +120,7 @@ int run(const Options& options) {
                           Journal::transition(record, incidents.stands() ? incidents.latest() : std::nullopt);
                         });
   follower.tell(incidents);
+  follower.on_policy_change(&Journal::policy_change);
   TransmitQueues queues(robot->freshness.max_age, interfaces_of(robot->buses));
   follower.tell(queues.watch());
 
@@ -127,7 +128,7 @@ int run(const Options& options) {
   auto reception = Reception::open(
       config::executive_socket(directory),
       {*robot, *tick_config, admission_rules(*robot, policy_hash), admission_rules(fallback_robot, fallback_hash),
-       *published, mailboxes, fallback_mailboxes, requests, recorded, board, follower, *guest});
+       *published, mailboxes, fallback_mailboxes, candidate_mailboxes, requests, recorded, board, follower, *guest});
   if (!reception) return refuse(kExitSetUpRefused, reception.error());
   auto stops = StopThread::start(ipc::stop_socket_beside(config::executive_socket(directory)), requests);
   if (!stops) return refuse(kExitSetUpRefused, stops.error());
@@ -137,8 +138,8 @@ int run(const Options& options) {
   SystemClock clock;
   std::optional<ImuLink> imu;
   if (robot->imu) imu.emplace(config::sensor_socket(directory, robot->imu->sensor), robot->imu->sensor);
-  CyclicLoop loop({*tick_config, clock, opened->edge, mailboxes, fallback_mailboxes, requests, recorded, *published,
-                   board, imu ? &imu->mailboxes() : nullptr},
+  CyclicLoop loop({*tick_config, clock, opened->edge, mailboxes, fallback_mailboxes, candidate_mailboxes, requests,
+                   recorded, *published, board, imu ? &imu->mailboxes() : nullptr},
                   {robot->control.wake, robot->control.spin, keyframe_ticks(*robot)});
   auto thread = ControlThread::start(robot->control, loop);
   if (!thread) return refuse(kExitSetUpRefused, thread.error());

@@ -1,6 +1,7 @@
-// The operator's half of the reception: status, arm, stop, reset, mark. A stop has come by its own way already
-// (stop_thread.hpp) when it is asked for here: this is where it is answered, and asked for again, which changes
+// The operator's half of the reception: status, arm, stop, reset, mark, swap, back. A stop has come by its own way
+// already (stop_thread.hpp) when it is asked for here: this is where it is answered, and asked for again, which changes
 // nothing.
+#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 #include <string>
@@ -32,8 +33,9 @@ constexpr std::string_view kFaultDampsOnly =
 
 }  // namespace
 
-OperatorReply Reception::answer(OperatorVerb verb) {
+OperatorReply Reception::answer(const OperatorMessage& message) {
   OperatorReply reply;
+  const OperatorVerb verb = message.verb;
   switch (verb) {
     case OperatorVerb::status:
       reply.done = 1;
@@ -55,6 +57,12 @@ OperatorReply Reception::answer(OperatorVerb verb) {
     case OperatorVerb::mark:
       mark(reply);
       break;
+    case OperatorVerb::swap:
+      swap(message.policy_hash, reply);
+      break;
+    case OperatorVerb::back:
+      back(reply);
+      break;
   }
   reply.status = status();
   parts_.follower.catch_up();
@@ -75,8 +83,9 @@ bool Reception::wait_for(OperatorRequest request, std::uint64_t after_tick) {
 void Reception::arm(OperatorReply& reply) {
   parts_.follower.catch_up();
   const TickRecord& latest = parts_.follower.latest();
-  const auto missing = missing_for_arming(latest, parts_.config, parts_.robot.joints,
-                                          {policy_.attached, realtime_, allow_non_realtime_, shutting_down_});
+  const auto missing = missing_for_arming(
+      latest, parts_.config, parts_.robot.joints,
+      {(candidate_in_charge() ? candidate_ : policy_).attached, realtime_, allow_non_realtime_, shutting_down_});
   for (const std::string& sentence : missing) say(reply, sentence);
   if (!missing.empty()) {
     spdlog::info("arming refused: {}", missing.front());
@@ -137,6 +146,36 @@ void Reception::mark(OperatorReply& reply) {
   const std::string where = "marked tick " + std::to_string(parts_.follower.last_read(OperatorRequest::mark));
   spdlog::info("{}", where);
   say(reply, where);
+}
+
+void Reception::swap(std::uint64_t policy_hash, OperatorReply& reply) {
+  const StatusSnapshot now = status();
+  const CandidateRecord& candidate = now.tick.candidate;
+  if (candidate.in_charge != 0)
+    return say(reply, fmt::format("candidate {:016x} is in charge already", candidate.policy_hash));
+  if (!candidate_.attached)
+    return say(reply, "no candidate runs beside the policy: takt policy shadow FILE starts one");
+  if (policy_hash != candidate.policy_hash)
+    return say(reply, fmt::format("the candidate is {:016x}, not {:016x}: takt status says who runs beside the policy",
+                                  candidate.policy_hash, policy_hash));
+  if (pipeline::is_latched(now.tick.mode)) return say(reply, "the robot is stopped: reset it first");
+  if (!is_usable(candidate.freshness)) return say(reply, "the candidate has no fresh command: takt status says why");
+  const std::uint64_t tick = parts_.follower.latest().header.tick;
+  parts_.requests.swap(policy_hash);
+  if (!wait_for(OperatorRequest::swap, tick)) return say(reply, kNotNoticed);
+  reply.done = 1;
+}
+
+void Reception::back(OperatorReply& reply) {
+  const StatusSnapshot now = status();
+  if (now.tick.candidate.in_charge == 0) return say(reply, "the robot's own policy is in charge already");
+  if (!policy_.attached)
+    return say(reply, "the robot's own policy does not run: start its host (takt-policy-host), then try again");
+  if (pipeline::is_latched(now.tick.mode)) return say(reply, "the robot is stopped: reset it first");
+  const std::uint64_t tick = parts_.follower.latest().header.tick;
+  parts_.requests.back();
+  if (!wait_for(OperatorRequest::back, tick)) return say(reply, kNotNoticed);
+  reply.done = 1;
 }
 
 }  // namespace takt::runtime

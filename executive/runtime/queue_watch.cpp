@@ -12,6 +12,7 @@ MonoTime oldest_sample(const TickRecordHeader& tick) noexcept {
     case Player::fallback:
       return tick.now - tick.fallback.age;
     case Player::none:
+    case Player::candidate:
       break;
   }
   return {};

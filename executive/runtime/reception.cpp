@@ -10,11 +10,19 @@
 #include "executive/ipc/executive_segments.hpp"
 
 namespace takt::runtime {
+namespace {
+
+constexpr Role input_reader_of(Role policy) {
+  if (policy == Role::candidate_policy) return Role::candidate_input_reader;
+  return policy == Role::fallback_policy ? Role::fallback_input_reader : Role::input_reader;
+}
+
+}  // namespace
 
 std::expected<std::unique_ptr<Reception>, std::string> Reception::open(const std::string& socket_path,
                                                                        const ReceptionParts& parts) {
   std::unique_ptr<Reception> reception(new Reception(parts));
-  for (PolicySeat* seat : {&reception->policy_, &reception->fallback_})
+  for (PolicySeat* seat : {&reception->policy_, &reception->fallback_, &reception->candidate_})
     if (auto prepared = reception->prepare_inputs(*seat); !prepared) return std::unexpected(prepared.error());
   auto server = ipc::RendezvousServer::listen(socket_path, geteuid(), reception->handlers(), parts.policy_user);
   if (!server) return std::unexpected(server.error());
@@ -27,7 +35,7 @@ ipc::RendezvousServer::Handlers Reception::handlers() {
           .acknowledged = [this](const ipc::Peer& peer) { hand_over(peer); },
           .recorded = [this](const ipc::Peer&, std::uint64_t tick) { parts_.recorded.set(tick); },
           .left = [this](const ipc::Peer& peer) { take_leave(peer); },
-          .request = [this](const ipc::Peer&, const OperatorMessage& message) { return answer(message.verb); }};
+          .request = [this](const ipc::Peer&, const OperatorMessage& message) { return answer(message); }};
 }
 
 void Reception::set_realtime(bool realtime, bool allow_non_realtime) {
@@ -39,6 +47,26 @@ void Reception::serve(std::chrono::milliseconds timeout) {
   server_->serve(timeout);
   parts_.mailboxes.settle();
   parts_.fallback_mailboxes.settle();
+  parts_.candidate_mailboxes.settle();
+}
+
+Reception::PolicySeat& Reception::seat_of(Role role) {
+  switch (role) {
+    case Role::fallback_policy:
+    case Role::fallback_input_reader:
+      return fallback_;
+    case Role::candidate_policy:
+    case Role::candidate_input_reader:
+      return candidate_;
+    case Role::policy:
+    case Role::input_reader:
+    case Role::monitor:
+    case Role::viewer:
+    case Role::operator_console:
+    case Role::sensor_reader:
+      break;
+  }
+  return policy_;
 }
 
 ipc::Admission Reception::admit(const ipc::Peer& peer) {
@@ -46,6 +74,7 @@ ipc::Admission Reception::admit(const ipc::Peer& peer) {
   switch (peer.hello.role) {
     case Role::policy:
     case Role::fallback_policy:
+    case Role::candidate_policy:
       admission = admit_policy(peer);
       break;
     case Role::monitor:
@@ -55,6 +84,7 @@ ipc::Admission Reception::admit(const ipc::Peer& peer) {
       break;
     case Role::input_reader:
     case Role::fallback_input_reader:
+    case Role::candidate_input_reader:
       admission = admit_input_reader(peer);
       break;
     case Role::operator_console:
@@ -75,7 +105,10 @@ ipc::Admission Reception::admit_policy(const ipc::Peer& peer) {
   if (peer.hello.role == Role::fallback_policy && !pipeline::has_fallback_policy(parts_.config))
     return {"the robot has no fallback policy: name one of kind `policy` in degraded.fallback, or do not start it", {}};
   PolicySeat& seat = seat_of(peer.hello.role);
-  if (auto refusal = refusal_of_policy(peer.hello, seat.rules); !refusal.empty()) return {std::move(refusal), {}};
+  const std::uint64_t in_charge = candidate_in_charge() ? parts_.board.read().tick.candidate.policy_hash : 0;
+  auto refusal = peer.hello.role == Role::candidate_policy ? refusal_of_candidate(peer.hello, seat.rules, in_charge)
+                                                           : refusal_of_policy(peer.hello, seat.rules);
+  if (!refusal.empty()) return {std::move(refusal), {}};
   // Unmapped here until the policy has mapped it: see the sealing order in ipc/segment.hpp.
   auto segment = ipc::Segment::create("takt-command", ipc::ring_bytes(ipc::command_mailbox()), false);
   if (!segment) return {segment.error(), {}};
@@ -111,14 +144,15 @@ void Reception::hand_over(const ipc::Peer& peer) {
     if (auto sealed = seat.inputs->seal_against_new_writers(); !sealed)
       spdlog::error("{} pid {}: {}", name(peer.hello.role), peer.pid, sealed.error());
   }
-  auto mailbox = CommandMailbox::seal(std::move(mapped), ++seat.session);
+  sessions_ = static_cast<std::uint8_t>(sessions_ == UINT8_MAX ? 1 : sessions_ + 1);
+  auto mailbox = CommandMailbox::seal(std::move(mapped), sessions_, peer.hello.policy_hash);
   if (!mailbox) {
     spdlog::error("{} pid {}: {}", name(peer.hello.role), peer.pid, mailbox.error());
     return;  // never read; the policy's commands go nowhere until it attaches again
   }
   seat.mailboxes.want(std::move(*mailbox));
   seat.attached = true;
-  spdlog::info("{} pid {}: mailbox sealed, session {}", name(peer.hello.role), peer.pid, seat.session);
+  spdlog::info("{} pid {}: mailbox sealed, session {}", name(peer.hello.role), peer.pid, sessions_);
 }
 
 void Reception::take_leave(const ipc::Peer& peer) {
@@ -130,7 +164,11 @@ void Reception::take_leave(const ipc::Peer& peer) {
   seat.offered.reset();
   if (std::exchange(seat.attached, false)) seat.mailboxes.want(nullptr);
   if (auto prepared = prepare_inputs(seat); !prepared) spdlog::error("{}", prepared.error());
-  server_->evict(peer.hello.role == Role::policy ? Role::input_reader : Role::fallback_input_reader);
+  server_->evict(input_reader_of(peer.hello.role));
+}
+
+bool Reception::candidate_in_charge() const {
+  return parts_.board.read().tick.candidate.in_charge != 0;
 }
 
 StatusSnapshot Reception::status() {
@@ -139,6 +177,8 @@ StatusSnapshot Reception::status() {
   const ipc::Peer* const fallback = server_->holder(Role::fallback_policy);
   const ipc::Peer* const monitor = server_->holder(Role::monitor);
   status.policy_pid = policy != nullptr ? static_cast<std::uint64_t>(policy->pid) : 0;
+  const ipc::Peer* const candidate = server_->holder(Role::candidate_policy);
+  status.candidate_pid = candidate != nullptr ? static_cast<std::uint64_t>(candidate->pid) : 0;
   status.fallback_pid = fallback != nullptr ? static_cast<std::uint64_t>(fallback->pid) : 0;
   status.monitor_pid = monitor != nullptr ? static_cast<std::uint64_t>(monitor->pid) : 0;
   status.realtime = realtime_ ? 1 : 0;

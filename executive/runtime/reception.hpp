@@ -43,10 +43,11 @@ inline constexpr std::chrono::milliseconds kRequestPatience{100};
 struct ReceptionParts {
   const config::RobotConfig& robot;
   const pipeline::TickConfig& config;
-  AdmissionRules rules, fallback_rules;
+  AdmissionRules rules, fallback_rules;  // the candidate's are the policy's, but for its hash
   PublishedSegments& published;
   MailboxHandover& mailboxes;
   MailboxHandover& fallback_mailboxes;
+  MailboxHandover& candidate_mailboxes;
   OperatorInbox& requests;
   RecordedThrough& recorded;
   StatusBoard& board;
@@ -73,31 +74,31 @@ class Reception {
   ipc::RendezvousServer::Handlers handlers();
 
   ipc::Admission admit(const ipc::Peer& peer);
-  // One of the two policies that lend themselves to the robot.
+  // One of the policies that lend themselves to the robot.
   struct PolicySeat {
     const AdmissionRules& rules;
     MailboxHandover& mailboxes;
     std::optional<ipc::Segment> offered = {};  // to a policy that has not acknowledged yet
     std::optional<ipc::Segment> inputs = {};   // of this session or, before it, of the next; none: not recorded
     bool attached = false;                     // acknowledged, sealed and handed over
-    std::uint8_t session = 0;
   };
-  PolicySeat& seat_of(Role role) {
-    return role == Role::fallback_policy || role == Role::fallback_input_reader ? fallback_ : policy_;
-  }
+  PolicySeat& seat_of(Role role);
   std::expected<void, std::string> prepare_inputs(PolicySeat& seat);
   ipc::Admission admit_policy(const ipc::Peer& peer);
   ipc::Admission admit_input_reader(const ipc::Peer& peer);
   void hand_over(const ipc::Peer& peer);
   void take_leave(const ipc::Peer& peer);
 
-  OperatorReply answer(OperatorVerb verb);
+  OperatorReply answer(const OperatorMessage& message);
   void arm(OperatorReply& reply);
   void stop(OperatorVerb verb, OperatorReply& reply);
   void reset(OperatorReply& reply);
   void mark(OperatorReply& reply);
+  void swap(std::uint64_t policy_hash, OperatorReply& reply);
+  void back(OperatorReply& reply);
   // True when a tick that read `request` is over.
   bool wait_for(OperatorRequest request, std::uint64_t after_tick);
+  [[nodiscard]] bool candidate_in_charge() const;
   StatusSnapshot status();
   [[nodiscard]] IncidentNote incident() const;
 
@@ -105,6 +106,8 @@ class Reception {
   std::unique_ptr<ipc::RendezvousServer> server_;
   PolicySeat policy_{parts_.rules, parts_.mailboxes};
   PolicySeat fallback_{parts_.fallback_rules, parts_.fallback_mailboxes};
+  PolicySeat candidate_{parts_.rules, parts_.candidate_mailboxes};
+  std::uint8_t sessions_ = 0;  // of them all: what follows another one differs from it, whoever changes places
   bool realtime_ = false;
   bool allow_non_realtime_ = false;
   bool shutting_down_ = false;

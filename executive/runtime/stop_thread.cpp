@@ -27,6 +27,8 @@ void pass_on(OperatorVerb verb, MonoTime now, OperatorInbox& requests) noexcept 
     case OperatorVerb::arm:
     case OperatorVerb::reset:
     case OperatorVerb::mark:
+    case OperatorVerb::swap:
+    case OperatorVerb::back:
       return;
   }
 }

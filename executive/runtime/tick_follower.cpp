@@ -23,6 +23,7 @@ void TickFollower::follow() {
   if (incidents_ != nullptr) incidents_->tick(latest_);
   if (queues_ != nullptr) queues_->take(tick);
   if (tick.mode != tick.previous_mode) on_transition_(latest_);
+  if (tick.candidate.change != PolicyChange::none && on_policy_change_) on_policy_change_(latest_);
   last_read_.at(static_cast<std::size_t>(tick.operator_request)) = tick.tick;
   const std::span joints(latest_.joints, std::min<std::size_t>(tick.joint_count, kMaxJoints));
   rest_.follow(tick.now, joints, asked_for_rest(), rest_velocity_);

@@ -22,6 +22,8 @@ class TickFollower {
   // `rest_velocity` in rad/s; `passive` joints are not asked whether they rest. on_transition is called for every
   // record in which the mode changed.
   TickFollower(ipc::SlotReader ticks, float rest_velocity, JointMask passive, OnTransition on_transition);
+  // Called for every record in which a change of policy was asked for, came, or did not.
+  void on_policy_change(OnTransition called) { on_policy_change_ = std::move(called); }
 
   // Stops and faults, and what waits on the buses, are followed with these from now on; they outlive the follower.
   void tell(IncidentWatch& incidents) { incidents_ = &incidents; }
@@ -51,6 +53,7 @@ class TickFollower {
   float rest_velocity_;
   JointMask passive_;
   OnTransition on_transition_;
+  OnTransition on_policy_change_;
   IncidentWatch* incidents_ = nullptr;
   QueueWatch* queues_ = nullptr;
   TickRecord latest_{};

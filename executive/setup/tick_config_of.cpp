@@ -220,6 +220,7 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
     tick.observation_every_ticks = static_cast<std::uint32_t>(robot.policy->period.ns / robot.control.period.ns);
     tick.interpolation = interpolation_of(robot.policy->action.interpolation);
     tick.join = join_of(robot.policy->action.join);
+    tick.probation = robot.policy->probation;
     tick.policy.needs_outside_stamp = reads_sensors(*robot.policy);
   }
   tick.policy.hash = policy_hash;

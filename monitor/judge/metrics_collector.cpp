@@ -35,6 +35,8 @@ void MetricsCollector::tick(const TickRecord& record) {
   on_wire(header);
   count(metrics_.ticks_in_mode, header.mode);
   count(metrics_.ticks_of_player, header.player);
+  if (header.player == Player::policy) ++metrics_.ticks_of_policy[header.command_policy];
+  if (header.candidate.policy_hash != 0) candidate(header);
   count(metrics_.arrivals, header.arrival);
   count(metrics_.overruns, header.overrun_cause);
   for (std::size_t joint = 0; joint < header.joint_count; ++joint) interventions(record.joints[joint].interventions);
@@ -67,6 +69,10 @@ void MetricsCollector::finish(double epsilon, double confidence) {
   metrics_.work = quantiles_of(work_);
   for (std::size_t bus = 0; bus < kMaxBuses; ++bus) metrics_.tick_to_wire[bus] = quantiles_of(tick_to_wire_[bus]);
   metrics_.age_on_wire = quantiles_of(age_on_wire_);
+  if (metrics_.candidate) {
+    metrics_.candidate->age = quantiles_of(candidate_age_);
+    metrics_.candidate->distance = quantiles_of(candidate_distance_);
+  }
   metrics_.misses_per_tick = miss_rate(tick_misses_, metrics_.relied_ticks, epsilon, confidence);
   metrics_.misses_per_command = miss_rate(command_misses_, commands_, epsilon, confidence);
 }
@@ -96,6 +102,28 @@ void MetricsCollector::transition(const TickRecordHeader& header) {
 void MetricsCollector::mark(const TickRecordHeader& header) {
   ++metrics_.mark_count;
   if (metrics_.marks.size() < kListedMarks) metrics_.marks.push_back({header.tick, header.now});
+}
+
+void MetricsCollector::candidate(const TickRecordHeader& header) {
+  const CandidateRecord& record = header.candidate;
+  if (record.change != PolicyChange::none) {
+    ++metrics_.policy_change_count;
+    if (metrics_.policy_changes.size() < kListedPolicyChanges)
+      metrics_.policy_changes.push_back(
+          {header.tick, header.now, record.change, record.in_charge != 0, record.policy_hash});
+  }
+  if (!metrics_.candidate) metrics_.candidate.emplace();
+  CandidateMetrics& metrics = *metrics_.candidate;
+  count(metrics.arrivals, record.arrival);
+  if (header.mode != Mode::tracking) return;
+  ++metrics.ticks;
+  if (!is_usable(record.freshness)) return;
+  ++metrics.fresh_ticks;
+  if (record.beyond_range != 0) ++metrics.ticks_beyond_range;
+  if (record.beyond_limits != 0) ++metrics.ticks_beyond_limits;
+  candidate_age_.push_back(record.age.ns);
+  if (header.player == Player::policy)
+    candidate_distance_.push_back(static_cast<std::int64_t>(static_cast<double>(record.distance) * 1e9));
 }
 
 void MetricsCollector::relied(const TickRecordHeader& header) {

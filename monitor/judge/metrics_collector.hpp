@@ -32,6 +32,7 @@ class MetricsCollector {
   void relied(const TickRecordHeader& header);
   void on_wire(const TickRecordHeader& header);
   void command(const TickRecordHeader& header);
+  void candidate(const TickRecordHeader& header);
 
   RunMetrics& metrics_;
   TickRecordHeader first_, last_;
@@ -40,6 +41,7 @@ class MetricsCollector {
   WireWatch wire_;
   std::array<std::vector<std::int64_t>, kMaxBuses> tick_to_wire_;
   std::vector<std::int64_t> age_on_wire_;
+  std::vector<std::int64_t> candidate_age_, candidate_distance_;
   std::uint64_t tick_misses_ = 0, command_misses_ = 0, commands_ = 0;
   std::pair<std::uint8_t, std::uint64_t> in_use_{};  // session and sequence
   bool in_use_missed_ = false;

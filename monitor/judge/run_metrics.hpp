@@ -13,6 +13,7 @@
 #include <expected>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -27,6 +28,24 @@ namespace takt::monitor {
 inline constexpr std::size_t kAgePartCount = 6;
 inline constexpr std::array<std::string_view, kAgePartCount> kAgePartNames{"sense",   "queue", "infer",
                                                                            "publish", "hold",  "total"};
+
+// What became of a change of policy that was asked for, or that a candidate on probation brought about.
+struct NotedPolicyChange {
+  std::uint64_t tick = 0;
+  MonoTime at;
+  PolicyChange change = PolicyChange::none;
+  bool candidate_in_charge = false;  // from that tick on
+  std::uint64_t candidate = 0;       // hash
+};
+
+// The policy beside the one in charge, over the ticks of tracking in which there was one.
+struct CandidateMetrics {
+  std::uint64_t ticks = 0, fresh_ticks = 0;
+  std::uint64_t ticks_beyond_range = 0, ticks_beyond_limits = 0;  // of some joint
+  std::array<std::uint64_t, kArrivalCount> arrivals{};
+  Quantiles age;
+  Quantiles distance;  // nanoradians, of the targets of the farthest joint from those played
+};
 
 // An instant somebody pointed at while the robot ran.
 struct Mark {
@@ -48,7 +67,11 @@ struct RunMetrics {
   std::array<Quantiles, kMaxBuses> tick_to_wire;
   Quantiles age_on_wire;  // of every tick that played a command, on every bus
   std::array<std::uint64_t, kModeCount> ticks_in_mode{};
-  std::array<std::uint64_t, kPlayerCount> ticks_of_player{};  // whose chunk the robot followed
+  std::array<std::uint64_t, kMoverCount> ticks_of_player{};  // whose chunk the robot followed
+  std::map<std::uint64_t, std::uint64_t> ticks_of_policy;    // hash -> ticks in which the robot followed its chunk
+  std::optional<CandidateMetrics> candidate;                 // none: no candidate ever ran
+  std::vector<NotedPolicyChange> policy_changes;             // the first kListedPolicyChanges
+  std::uint64_t policy_change_count = 0;
   std::uint64_t ticks_without_fallback = 0;  // that relied on a policy while the fallback policy was not fresh
   std::array<std::uint64_t, kArrivalCount> arrivals{};
   std::array<std::uint64_t, kOverrunCauseCount> overruns{};
@@ -68,6 +91,7 @@ struct RunMetrics {
 };
 inline constexpr std::size_t kListedTransitions = 1000;
 inline constexpr std::size_t kListedMarks = 1000;
+inline constexpr std::size_t kListedPolicyChanges = 1000;
 inline constexpr std::size_t kListedIncidents = 1000;
 
 void note(RunMetrics& metrics, Incident incident);

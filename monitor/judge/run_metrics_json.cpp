@@ -57,6 +57,19 @@ Json incident_json(const Incident& incident) {
           {"counterfactual", incident.counterfactual.empty() ? Json(nullptr) : Json(incident.counterfactual)}};
 }
 
+Json candidate_json(const CandidateMetrics& candidate) {
+  Quantiles distance = candidate.distance;
+  for (double* const value : {&distance.p50, &distance.p95, &distance.p99, &distance.p999, &distance.max})
+    *value *= 1e-9;
+  return {{"ticks", candidate.ticks},
+          {"fresh_ticks", candidate.fresh_ticks},
+          {"age_ns", quantiles_json(candidate.age)},
+          {"distance_rad", quantiles_json(distance)},
+          {"ticks_beyond_range", candidate.ticks_beyond_range},
+          {"ticks_beyond_limits", candidate.ticks_beyond_limits},
+          {"arrivals", counts_json<Arrival>(candidate.arrivals)}};
+}
+
 }  // namespace
 
 std::string_view name(Verdict verdict) {
@@ -99,6 +112,18 @@ Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
   json["age_on_wire_ns"] = quantiles_json(metrics.age_on_wire);
   json["ticks_in_mode"] = counts_json<Mode>(metrics.ticks_in_mode);
   json["ticks_of_player"] = counts_json<Player>(metrics.ticks_of_player);
+  json["ticks_of_policy"] = Json::object();
+  for (const auto& [hash, ticks] : metrics.ticks_of_policy)
+    json["ticks_of_policy"][fmt::format("{:016x}", hash)] = ticks;
+  json["candidate"] = metrics.candidate ? candidate_json(*metrics.candidate) : Json(nullptr);
+  json["policy_change_count"] = metrics.policy_change_count;
+  json["policy_changes"] = Json::array();
+  for (const NotedPolicyChange& each : metrics.policy_changes)
+    json["policy_changes"].push_back({{"tick", each.tick},
+                                      {"monotonic_ns", each.at.ns},
+                                      {"change", takt::name(each.change)},
+                                      {"in_charge", each.candidate_in_charge ? "candidate" : "policy"},
+                                      {"candidate", fmt::format("{:016x}", each.candidate)}});
   json["ticks_without_fallback"] = metrics.ticks_without_fallback;
   json["arrivals"] = counts_json<Arrival>(metrics.arrivals);
   json["overruns"] = counts_json<OverrunCause>(metrics.overruns);

@@ -12,6 +12,7 @@ std::optional<Duration> age_of_played(const TickRecordHeader& tick) noexcept {
     case Player::fallback:
       return tick.fallback.age;
     case Player::none:
+    case Player::candidate:
       break;
   }
   return std::nullopt;

@@ -88,7 +88,7 @@ uint32[] sample_value_count
 float32[] sample_values       # one sample after the other
 uint8 after_reset             # 1: the policy had forgotten its past before this inference
 uint8 built_in                # 1: inferred by Takt's built-in engine
-uint8 sender                  # 1 the policy, 2 the fallback policy
+uint8 sender                  # whose mailbox: 1 the policy, 2 the fallback policy, 3 the candidate
 uint32 crc                    # CRC-32C of what the host published
 )";
 
@@ -165,7 +165,7 @@ bool decode_policy_input(std::span<const std::byte> message, RecordedPolicyInput
   input.header.built_in = reader.get<std::uint8_t>();
   out.sender = static_cast<Player>(reader.get<std::uint8_t>());
   out.crc = reader.get<std::uint32_t>();
-  if (out.sender != Player::policy && out.sender != Player::fallback) return false;
+  if (out.sender == Player::none || static_cast<std::size_t>(out.sender) >= kPlayerCount) return false;
   return reader.ok() && samples_agree && values_of(input.samples) == input.sample_values.size();
 }
 

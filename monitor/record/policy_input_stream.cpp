@@ -1,5 +1,7 @@
 #include "monitor/record/policy_input_stream.hpp"
 
+#include <fmt/format.h>
+
 #include "executive/ipc/executive_segments.hpp"
 #include "monitor/record/policy_input_message.hpp"
 
@@ -9,8 +11,7 @@ PolicyInputStream::PolicyInputStream(std::span<const std::byte> memory, std::siz
     : memory_(memory), shape_(ipc::policy_input_ring(largest_input)), of_(of), buffer_(largest_input) {}
 
 void PolicyInputStream::report(std::string_view reason, std::uint64_t count, const RecordSink& sink) const {
-  if (count != 0)
-    sink.loss({of_ == Player::fallback ? "fallback_input" : "policy_input", std::string(reason), count, 0, 0});
+  if (count != 0) sink.loss({fmt::format("{}_input", name(of_)), std::string(reason), count, 0, 0});
 }
 
 void PolicyInputStream::drain(const RecordSink& sink) {

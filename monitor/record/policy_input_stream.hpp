@@ -2,7 +2,8 @@
 // session of the host, who formats it when it comes: until then there is nothing in it.
 //
 // The writer is untrusted and waits for nobody: what it overwrote before it was read, and what is no policy input, is
-// reported as a loss of the ring `policy_input` or `fallback_input`. Reads shared memory only. Thread rule: one thread.
+// reported as a loss of the ring `policy_input`, `fallback_input` or `candidate_input`. Reads shared memory only.
+// Thread rule: one thread.
 #pragma once
 
 #include <cstddef>

@@ -58,7 +58,7 @@ float32[] values              # step by step, within a step field by field
 uint8[] rest                  # bytes that make no whole float
 uint32 crc                    # CRC-32C of the message; with byte_count and whole_crc where only its header was kept
 uint32 whole_crc              # CRC-32C of the whole message where only its header was kept; 0: never read whole
-uint8 sender                  # 1 the policy, 2 the fallback policy (Tick's fallback_arrival)
+uint8 sender                  # 1 the policy in charge, 2 the fallback policy (Tick's fallback_arrival), 3 the candidate
 )";
 
 constexpr std::string_view kKeyframeSchema =
@@ -75,7 +75,7 @@ constexpr std::string_view kTransitionSchema =
     "string text\n";
 
 constexpr std::string_view kLossSchema =
-    "string ring         # tick, command, keyframe, frame, policy_input or fallback_input\n"
+    "string ring         # tick, command, keyframe, frame, policy_input, fallback_input or candidate_input\n"
     "string reason       # overwritten, before_attach, unreadable or recording_stopped\n"
     "uint64 count        # entries\n"
     "uint64 after_tick   # last tick recorded before the gap; 0 none\n"
@@ -184,7 +184,7 @@ bool decode_command(std::span<const std::byte> message, RecordedCommand& out) {
   out.whole_crc = reader.get<std::uint32_t>();
   out.sender = static_cast<Player>(reader.get<std::uint8_t>());
   out.cut_from = byte_count > out.payload.size() ? static_cast<std::uint32_t>(byte_count) : 0;
-  if (out.sender != Player::policy && out.sender != Player::fallback) return false;
+  if (out.sender == Player::none || static_cast<std::size_t>(out.sender) >= kPlayerCount) return false;
   if (!reader.ok() || (out.cut_from != 0 && out.payload.size() != sizeof(CommandHeader))) return false;
   if (out.cut_from == 0) out.payload.resize(byte_count);
   return true;

@@ -81,8 +81,8 @@ struct Transition {
 };
 void encode_transition(const Transition& transition, CdrWriter& out);
 
-inline constexpr std::array<std::string_view, 6> kRingNames{"tick",  "command",      "keyframe",
-                                                            "frame", "policy_input", "fallback_input"};
+inline constexpr std::array<std::string_view, 7> kRingNames{"tick",         "command",        "keyframe",       "frame",
+                                                            "policy_input", "fallback_input", "candidate_input"};
 inline constexpr std::array<std::string_view, 3> kRingLossReasons{"overwritten", "before_attach", "unreadable"};
 inline constexpr std::string_view kRecordingStopped = "recording_stopped";  // of the tick ring alone
 

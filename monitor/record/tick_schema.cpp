@@ -26,11 +26,13 @@ constexpr auto kFreshnesses = names_of<Freshness, kFreshnessCount>();
 constexpr auto kPlayers = names_of<Player, kPlayerCount>();
 constexpr auto kImuVerdicts = names_of<ImuVerdict, kImuVerdictCount>();
 constexpr auto kOverruns = names_of<OverrunCause, kOverrunCauseCount>();
-constexpr std::array<std::string_view, kOperatorRequestCount> kRequests{"none",     "arm",  "stop",       "reset",
-                                                                        "shutdown", "mark", "press_stop", "deenergise"};
+constexpr auto kPolicyChanges = names_of<PolicyChange, kPolicyChangeCount>();
+constexpr std::array<std::string_view, kOperatorRequestCount> kRequests{
+    "none", "arm", "stop", "reset", "shutdown", "mark", "press_stop", "deenergise", "swap", "back"};
 
 #define HEADER(member) offsetof(TickRecordHeader, member)
 #define FALLBACK(member) HEADER(fallback) + offsetof(FallbackRecord, member)
+#define CANDIDATE(member) HEADER(candidate) + offsetof(CandidateRecord, member)
 #define IMU(member, axis) HEADER(imu) + offsetof(ImuSample, member) + sizeof(float) * (axis)
 constexpr TickField kHeaderFields[] = {
     {"tick", u64, HEADER(tick), in, "control period counter"},
@@ -97,8 +99,33 @@ constexpr TickField kHeaderFields[] = {
     {"fallback_arrival", u8, FALLBACK(arrival), out, "ARRIVAL values; verdict on the message read"},
     {"fallback_last_refusal", u8, FALLBACK(last_refusal), out, "ARRIVAL values"},
     {"fallback_freshness", u8, FALLBACK(freshness), out, "FRESHNESS values"},
+    {"command_policy", u64, HEADER(command_policy), out, "hash of the policy whose command is in use"},
+    {"candidate_command_sequence_seen", u64, CANDIDATE(command_sequence_seen), in,
+     "of the message read from the policy that is not in charge; 0 none"},
+    {"candidate_policy_hash", u64, CANDIDATE(policy_hash), in,
+     "of the candidate's mailbox, whoever is in charge; 0: none yet"},
+    {"candidate_asked_policy", u64, CANDIDATE(asked_policy), in, "of a swap: the policy that was named"},
+    {"candidate_age", i64, CANDIDATE(age), out, "ns, of the command of the policy that is not in charge"},
+    {"candidate_command_sequence", u64, CANDIDATE(command_sequence), out, "in use, and not played; 0 none"},
+    {"candidate_observation_answered", u64, CANDIDATE(observation_answered), out, ""},
+    {"candidate_beyond_range", u64, CANDIDATE(beyond_range), out, "bit per joint: its target is out of range"},
+    {"candidate_beyond_limits", u64, CANDIDATE(beyond_limits), out,
+     "bit per joint: its path would touch a limit of velocity or acceleration"},
+    {"candidate_distance", f32, CANDIDATE(distance), out,
+     "rad, of its targets from those in use, of the farthest joint"},
+    {"candidate_mailbox", u8, CANDIDATE(mailbox), in, "ARRIVAL values; accepted: a message was read"},
+    {"candidate_session", u8, CANDIDATE(session), in, "changes when another mailbox is read"},
+    {"candidate_arrival", u8, CANDIDATE(arrival), out, "ARRIVAL values; verdict on the message read"},
+    {"candidate_last_refusal", u8, CANDIDATE(last_refusal), out, "ARRIVAL values"},
+    {"candidate_freshness", u8, CANDIDATE(freshness), out, "FRESHNESS values"},
+    {"policy_change", u8, CANDIDATE(change), out, "what became of a change of policy", kPolicyChanges},
+    {"candidate_in_charge", u8, CANDIDATE(in_charge), out,
+     "1: after this tick the candidate's mailbox is the policy's, and the other way round"},
+    {"candidate_on_probation", u8, CANDIDATE(on_probation), out, "1: after this tick"},
+    {"candidate_is_asked", u8, CANDIDATE(is_asked), out, "1: a change is asked for and has not come yet"},
 };
 #undef FALLBACK
+#undef CANDIDATE
 #undef IMU
 #undef HEADER
 

@@ -96,7 +96,7 @@ void modes(Exposition& out, const LiveMetrics& metrics) {
     out.sample(metrics.is_in(mode) ? 1 : 0, {{"mode", name(mode)}});
   }
   out.family("takt_player", "gauge", "1 for the policy whose chunk the robot follows.");
-  for (std::size_t i = 0; i < kPlayerCount; ++i) {
+  for (std::size_t i = 0; i < kMoverCount; ++i) {
     const auto player = static_cast<Player>(i);
     out.sample(metrics.running && metrics.newest.tick != 0 && metrics.newest.player == player ? 1 : 0,
                {{"player", name(player)}});

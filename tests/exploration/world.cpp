@@ -214,8 +214,8 @@ World::World(const config::RobotConfig& robot, std::vector<Event> events, std::u
   const auto reader = ipc::SlotReader::attach(seen.readable(), ipc::sensor_mailbox()).value();
   imu_mailboxes_.want(std::make_unique<runtime::ImuMailbox>(std::move(seen), reader));
   loop_ = std::make_unique<runtime::CyclicLoop>(
-      runtime::LoopParts{config_, *clock_, edge_, mailboxes_, fallback_mailboxes_, requests_, recorded_, published_,
-                         board_, &imu_mailboxes_},
+      runtime::LoopParts{config_, *clock_, edge_, mailboxes_, fallback_mailboxes_, candidate_mailboxes_, requests_,
+                         recorded_, published_, board_, &imu_mailboxes_},
       runtime::LoopTiming{{}, {}, 1'000'000});
 }
 

@@ -164,7 +164,7 @@ class World {
   pipeline::TickConfig config_;
   std::unique_ptr<VirtualClock> clock_;
   runtime::DriveEdge edge_;
-  runtime::MailboxHandover mailboxes_, fallback_mailboxes_;
+  runtime::MailboxHandover mailboxes_, fallback_mailboxes_, candidate_mailboxes_;
   runtime::OperatorInbox requests_;
   runtime::RecordedThrough recorded_;
   runtime::PublishedSegments published_;

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import pandas
 
 _AGE_PARTS = ("age_sense", "age_queue", "age_infer", "age_publish", "age_hold")
+_SENDERS = {1: "policy", 2: "fallback", 3: "candidate"}
 _COMMAND_FIELDS = {"q": 1, "dq": 2, "kp": 4, "kd": 8, "tau": 16}
 
 
@@ -99,11 +100,12 @@ class Run:
     @functools.cached_property
     def commands(self) -> "pandas.DataFrame":
         """Every message of a policy. `q`, `dq`, `kp`, `kd`, `tau`: arrays of the shape (steps, joints), None where the message has none or was refused and
-        only its header was kept; `sender`: "policy" or "fallback". `tick` is the tick that read it, whose `arrival` (`fallback_arrival`) is the verdict.
+        only its header was kept; `sender`: "policy" (in charge), "fallback" or "candidate" (beside it). `tick` is the tick that read it, whose `arrival`
+        (`fallback_arrival`, `candidate_arrival`) is the verdict.
         """
         messages = _mcap.rows(self._recording.fields.get("/takt/command", []), self._recording.bodies.get("/takt/command", []))
         for message in messages:
-            message["sender"] = "fallback" if message["sender"] == 2 else "policy"
+            message["sender"] = _SENDERS[message["sender"]]
             values, shape = message.pop("values"), (message["step_count"], message["joint_count"])
             carried = [name for name, bit in _COMMAND_FIELDS.items() if message["fields"] & bit]
             whole = len(values) == shape[0] * shape[1] * len(carried)
@@ -119,13 +121,13 @@ class Run:
         """What the policy's network was shown for each of its answers, and what it said: claims of the policy's host. `observation_id` and `sequence` name
         the command in `commands`. `q`: positions in the answered observation, rad; `input`: the network's input tensors one after the other, as given (scaled,
         history included); `output`: its raw actions, step after step. `sample_values`: one array for each sample of an outside sensor that went in, SI units,
-        beside `sample_sensor` (place in the robot file's `sensors`) and its stamps. `after_reset`: it had forgotten its past before; `sender`: "policy" or
-        "fallback". Empty where nobody told: `record.policy_inputs` false, images, a policy in Python or C.
+        beside `sample_sensor` (place in the robot file's `sensors`) and its stamps. `after_reset`: it had forgotten its past before; `sender`, whose mailbox:
+        "policy", "fallback" or "candidate". Empty where nobody told: `record.policy_inputs` false, images, a policy in Python or C.
         """
         fields = self._recording.fields.get("/takt/policy_input", [])
         messages = _mcap.rows(fields, self._recording.bodies.get("/takt/policy_input", []))
         for message in messages:
-            message["sender"] = "fallback" if message["sender"] == 2 else "policy"
+            message["sender"] = _SENDERS[message["sender"]]
             ends = np.cumsum(message.pop("sample_value_count"), dtype=np.int64)
             message["sample_values"] = np.split(message["sample_values"], ends[:-1]) if len(ends) else []
             for name in ("after_reset", "built_in"):

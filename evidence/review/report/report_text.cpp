@@ -102,6 +102,28 @@ std::string marks(const RunMetrics& metrics, std::size_t most) {
   return text;
 }
 
+// Nothing where no candidate ever ran.
+std::string candidate(const RunMetrics& metrics, std::size_t most) {
+  if (!metrics.candidate) return "";
+  const CandidateMetrics& beside = *metrics.candidate;
+  std::string text = fmt::format(
+      "candidate     {:.1f} % of {} ticks fresh; age p50 {:.1f} ms, p99 {:.1f} ms; targets differ p50 {:.4f}, p99 "
+      "{:.4f}, "
+      "largest {:.4f} rad; {} ticks beyond a range, {} beyond limits\n",
+      percent(beside.fresh_ticks, beside.ticks), beside.ticks, beside.age.p50 * 1e-6, beside.age.p99 * 1e-6,
+      beside.distance.p50 * 1e-9, beside.distance.p99 * 1e-9, beside.distance.max * 1e-9, beside.ticks_beyond_range,
+      beside.ticks_beyond_limits);
+  for (std::size_t index = 0; index < std::min(most, metrics.policy_changes.size()); ++index) {
+    const NotedPolicyChange& each = metrics.policy_changes[index];
+    text += fmt::format("  tick {:>9}  {:>+10.3f} s  {}: {} is in charge\n", each.tick,
+                        (each.at - metrics.start).seconds(), takt::name(each.change),
+                        each.candidate_in_charge ? fmt::format("candidate {:016x}", each.candidate)
+                                                 : std::string("the robot's own policy"));
+  }
+  if (metrics.policy_change_count > most) text += fmt::format("  and {} more\n", metrics.policy_change_count - most);
+  return text;
+}
+
 // Nothing where the robot file has no monitors: silence would sound like a judgement.
 std::string catches(const RunMetrics& metrics, const RecordedRun& run, std::size_t most) {
   if (!run.robot.policy || !run.robot.policy->monitors) return "";
@@ -254,7 +276,7 @@ std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::
     text += fmt::format("  {:<12} {}\n", "together", together);
   text += "  consecutive ticks share a command: the per-tick bound is optimistic, quote the one per command\n\n";
   text += fmt::format("modes         {}\n", modes_line(metrics)) + transitions(metrics, most) +
-          catches(metrics, run, most) + marks(metrics, most);
+          candidate(metrics, most) + catches(metrics, run, most) + marks(metrics, most);
   const auto arrival = [](std::size_t index) { return takt::name(static_cast<Arrival>(index)); };
   text += fmt::format("commands      accepted {}; refused: {}\n",
                       metrics.arrivals[static_cast<std::size_t>(Arrival::accepted)],

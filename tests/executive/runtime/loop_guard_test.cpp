@@ -88,14 +88,15 @@ DriveEdge make_edge(const config::RobotConfig& robot, const std::string& directo
   SimulatedDrives drives(robot, directory);
   DriveEdge edge = make_edge(robot, directory, trouble);
   SystemClock clock;
-  MailboxHandover mailboxes, fallback_mailboxes;
+  MailboxHandover mailboxes, fallback_mailboxes, candidate_mailboxes;
   OperatorInbox requests;
   RecordedThrough recorded;
   recorded.set(1);  // for the first four seconds that is not too far behind
   StatusBoard board;
   auto published = PublishedSegments::create(robot.joints.size()).value();
-  CyclicLoop loop({config, clock, edge, mailboxes, fallback_mailboxes, requests, recorded, published, board},
-                  {config::WakeMode::hybrid, microseconds(100), 100});
+  CyclicLoop loop(
+      {config, clock, edge, mailboxes, fallback_mailboxes, candidate_mailboxes, requests, recorded, published, board},
+      {config::WakeMode::hybrid, microseconds(100), 100});
 
   auto segment = ipc::Segment::create("test-command", ipc::ring_bytes(ipc::command_mailbox()), false).value();
   HoldingPolicy policy(published.observation_descriptor(), segment.fd(), 1, 16, milliseconds(10));

@@ -163,8 +163,8 @@ class LoopRig {
         edge(make_edge(joint_count, bus_count)),
         published(PublishedSegments::create(joint_count).value()),
         ticks(published.tick_reader()),
-        loop({config, real_time != nullptr ? *real_time : clock, edge, mailboxes, fallback_mailboxes, requests,
-              recorded, published, board},
+        loop({config, real_time != nullptr ? *real_time : clock, edge, mailboxes, fallback_mailboxes,
+              candidate_mailboxes, requests, recorded, published, board},
              timing) {}
 
   void run(std::uint64_t count) { loop.run(EvidenceSource::open().value(), count); }
@@ -197,7 +197,7 @@ class LoopRig {
   ScriptedGuard* guard = nullptr;
   FakeTorqueOutput* torque = nullptr;
   DriveEdge edge;
-  MailboxHandover mailboxes, fallback_mailboxes;
+  MailboxHandover mailboxes, fallback_mailboxes, candidate_mailboxes;
   OperatorInbox requests;
   RecordedThrough recorded;
   PublishedSegments published;

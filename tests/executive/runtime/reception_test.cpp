@@ -48,15 +48,16 @@ class ReceptionTest : public testing::Test {
     EXPECT_NE(mkdtemp(directory_.data()), nullptr);
     drives_ = std::make_unique<SimulatedDrives>(robot_, directory_);
     edge_ = std::make_unique<DriveEdge>(open_edge(robot_, directory_, 5s).value().edge);
-    loop_ = std::make_unique<CyclicLoop>(
-        LoopParts{*config_, clock_, *edge_, mailboxes_, fallback_mailboxes_, requests_, recorded_, published_, board_},
-        LoopTiming{{}, {}, 1000});
+    loop_ = std::make_unique<CyclicLoop>(LoopParts{*config_, clock_, *edge_, mailboxes_, fallback_mailboxes_,
+                                                   candidate_mailboxes_, requests_, recorded_, published_, board_},
+                                         LoopTiming{{}, {}, 1000});
     follower_ =
         std::make_unique<TickFollower>(published_.tick_reader(), config_->rest_velocity, 0, [](const TickRecord&) {});
     follower_->tell(incidents_);
-    auto opened = Reception::open(
-        path(), {robot_, *config_, admission_rules(robot_, kPolicyHash), admission_rules(robot_, kFallbackHash),
-                 published_, mailboxes_, fallback_mailboxes_, requests_, recorded_, board_, *follower_});
+    auto opened =
+        Reception::open(path(), {robot_, *config_, admission_rules(robot_, kPolicyHash),
+                                 admission_rules(robot_, kFallbackHash), published_, mailboxes_, fallback_mailboxes_,
+                                 candidate_mailboxes_, requests_, recorded_, board_, *follower_});
     EXPECT_TRUE(opened) << opened.error();
     reception_ = std::move(*opened);
     reception_->set_realtime(true, false);
@@ -137,7 +138,7 @@ class ReceptionTest : public testing::Test {
   std::unique_ptr<SimulatedDrives> drives_;
   std::unique_ptr<DriveEdge> edge_;
   SystemClock clock_;
-  MailboxHandover mailboxes_, fallback_mailboxes_;
+  MailboxHandover mailboxes_, fallback_mailboxes_, candidate_mailboxes_;
   OperatorInbox requests_;
   RecordedThrough recorded_;
   StatusBoard board_;
@@ -151,9 +152,10 @@ class ReceptionTest : public testing::Test {
 };
 
 TEST_F(ReceptionTest, ASecondExecutiveIsTurnedAway) {
-  auto second = Reception::open(
-      path(), {robot_, *config_, admission_rules(robot_, kPolicyHash), admission_rules(robot_, kFallbackHash),
-               published_, mailboxes_, fallback_mailboxes_, requests_, recorded_, board_, *follower_});
+  auto second =
+      Reception::open(path(), {robot_, *config_, admission_rules(robot_, kPolicyHash),
+                               admission_rules(robot_, kFallbackHash), published_, mailboxes_, fallback_mailboxes_,
+                               candidate_mailboxes_, requests_, recorded_, board_, *follower_});
   ASSERT_FALSE(second);
   EXPECT_THAT(second.error(), HasSubstr(path()));
 }

@@ -46,6 +46,7 @@ class ServiceTest : public testing::Test {
                                                                   rig_.published,
                                                                   rig_.mailboxes,
                                                                   rig_.fallback_mailboxes,
+                                                                  rig_.candidate_mailboxes,
                                                                   rig_.requests,
                                                                   rig_.recorded,
                                                                   rig_.board,

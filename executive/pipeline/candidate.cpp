@@ -1,0 +1,229 @@
+#include "executive/pipeline/candidate.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "executive/pipeline/chunk_player.hpp"
+#include "executive/pipeline/freshness.hpp"
+#include "executive/pipeline/messages.hpp"
+#include "executive/pipeline/mode_machine.hpp"
+#include "executive/pipeline/reference_limits.hpp"
+
+namespace takt::pipeline {
+namespace {
+
+constexpr InterventionMask kMotionLimits = bit(Intervention::velocity_limit) | bit(Intervention::acceleration_limit);
+
+Freshness freshness_beside(const TickState& state, MonoTime now, const TickConfig& config) {
+  return freshness_of(state.candidate.command, state.candidate_chunk.header, now, config.freshness);
+}
+
+// More than half of what the contract allows.
+bool is_used_up(std::uint32_t count, double allowed) {
+  return 2.0 * count > allowed;
+}
+
+void end_probation(TickState& state) {
+  state.candidate.probation_left = {};
+  state.candidate_misses.restart();
+  state.candidate_refusals.restart();
+  state.candidate_clamped.restart();
+}
+
+// The two change places. What waits for its turn is dropped: it is of who leaves.
+void change_places(TickState& state, std::uint64_t policy_hash, const TickConfig& config) {
+  CandidateState& candidate = state.candidate;
+  std::swap(state.mode.policy_session, candidate.session);
+  std::swap(state.counters.last_sequence, candidate.last_sequence);
+  std::swap(state.mode.last_refusal, candidate.last_refusal);
+  candidate.in_charge = candidate.in_charge == 0 ? 1 : 0;
+  candidate.policy_hash = candidate.in_charge != 0 ? policy_hash : 0;
+  candidate.command = {};
+  candidate.asked_at = {};
+  state.waiting.command = {};
+  state.join.delays.forget();
+  end_probation(state);
+  if (candidate.in_charge != 0) candidate.probation_left = config.probation;
+}
+
+// The robot's own policy takes its place back in this very tick, and moves the robot if it has a fresh command.
+void go_back(TickState& state, PolicyChange why, MonoTime now, const TickConfig& config, TickRecordHeader& header) {
+  const CommandInUse own = state.candidate.command;
+  const bool is_fresh = is_usable(freshness_beside(state, now, config));
+  change_places(state, 0, config);
+  header.candidate.change = why;
+  if (!is_fresh) return;
+  const bool was_played = is_usable(header.freshness);
+  take_over(state, state.candidate_chunk, own, now, config);
+  if (!was_played) hand_over(state, Player::policy, now, config);
+  header.freshness = freshness_of(state.command, state.chunk.header, now, config.freshness);
+  note_freshness(state.recovery, header.freshness, now);
+}
+
+void hear_request(TickState& state, const TickInput& input, const TickConfig& config, PolicyChange& change) {
+  CandidateState& candidate = state.candidate;
+  const bool swaps = input.operator_request == OperatorRequest::swap;
+  if (!swaps && input.operator_request != OperatorRequest::back) return;
+  const bool can_swap = candidate.in_charge == 0 && input.candidate_policy != 0 &&
+                        input.asked_policy == input.candidate_policy &&
+                        is_usable(freshness_beside(state, input.now, config));
+  const bool can_change = !is_latched(state.mode.mode) && (swaps ? can_swap : candidate.in_charge != 0);
+  change = can_change ? PolicyChange::asked : PolicyChange::refused;
+  if (can_change) candidate.asked_at = input.now;
+}
+
+void begin_or_join(TickState& state, const CommandChunk& chunk, const CommandInUse& command, MonoTime now,
+                   const TickConfig& config) {
+  CandidateState& candidate = state.candidate;
+  if (is_usable(freshness_beside(state, now, config)))
+    join_path(state.candidate_join, state.candidate_chunk, candidate.command.observed_at, {chunk, command.observed_at},
+              now, config);
+  else
+    begin_path(state.candidate_join, state.candidate_chunk, chunk);
+  candidate.command = command;
+}
+
+Arrival take_candidate_message(TickState& state, const TickInput& input, const TickConfig& config,
+                               PolicyChange& change) {
+  CandidateState& candidate = state.candidate;
+  const PolicyMessage& message = input.candidate;
+  if (message.session != candidate.session) {
+    candidate.session = message.session;
+    candidate.last_sequence = 0;
+    candidate.last_refusal = Arrival::none;
+  }
+  Arrival mailbox;
+  if (!is_there(message, mailbox)) return mailbox;
+  const auto of_candidate = static_cast<std::uint8_t>(candidate.in_charge == 0 ? 1 : 0);
+  const ExpectedPolicy expected = expected_beside(state, input, config);
+  const ArrivalVerdict verdict =
+      judge_arrival(*message.command, message.bytes, input.now,
+                    {expected, candidate.last_sequence, candidate.command, message.session, of_candidate}, state.memory,
+                    config, message.values);
+  state.counters.integration_errors += verdict.stamps_ran_backwards ? 1U : 0U;
+  if (verdict.arrival != Arrival::accepted) return verdict.arrival;
+  const bool takes_over =
+      candidate.asked_at.is_set() && verdict.command.observation_id >= newest_command(state).observation_id;
+  if (takes_over) {
+    change_places(state, verdict.command.policy_hash, config);
+    change = candidate.in_charge != 0 ? PolicyChange::swapped : PolicyChange::back;
+    accept(state, *message.command, verdict, input.now, config);
+    return verdict.arrival;
+  }
+  candidate.last_sequence = verdict.command.sequence;
+  begin_or_join(state, *message.command, verdict.command, input.now, config);
+  return verdict.arrival;
+}
+
+// What the contract leaves of its windows; none: probation goes on.
+PolicyChange used_up(const TickState& state, const TickConfig& config) {
+  const FreshnessContract& contract = config.freshness;
+  if (is_used_up(state.candidate_misses.count(), contract.epsilon * contract.window_ticks))
+    return PolicyChange::back_for_age;
+  if (is_used_up(state.candidate_refusals.count(), contract.bad_command_limit)) return PolicyChange::back_for_refusals;
+  if (is_used_up(state.candidate_clamped.count(), config.clamped_share * contract.window_ticks))
+    return PolicyChange::back_for_range;
+  return PolicyChange::none;
+}
+
+bool is_on_probation(const TickState& state) {
+  return state.candidate.probation_left > Duration{};
+}
+
+}  // namespace
+
+ExpectedPolicy expected_in_charge(const TickState& state, const TickConfig& config) {
+  ExpectedPolicy expected = config.policy;
+  if (state.candidate.in_charge != 0) expected.hash = state.candidate.policy_hash;
+  return expected;
+}
+
+ExpectedPolicy expected_beside(const TickState& state, const TickInput& input, const TickConfig& config) {
+  ExpectedPolicy expected = config.policy;
+  if (state.candidate.in_charge == 0) expected.hash = input.candidate_policy;
+  return expected;
+}
+
+void judge_candidate(TickState& state, const TickInput& input, const TickConfig& config, TickRecordHeader& header) {
+  CandidateState& candidate = state.candidate;
+  PolicyChange& change = header.candidate.change;
+  hear_request(state, input, config, change);
+  const Arrival arrival = take_candidate_message(state, input, config, change);
+  header.candidate.arrival = arrival;
+  Arrival& last_refusal = is_handover(change) ? state.mode.last_refusal : candidate.last_refusal;
+  if (arrival != Arrival::none) last_refusal = is_refusal(arrival) ? arrival : Arrival::none;
+  if (!candidate.asked_at.is_set() || input.now - candidate.asked_at <= config.freshness.stop_after) return;
+  candidate.asked_at = {};
+  change = PolicyChange::expired;
+}
+
+void watch_probation(TickState& state, const TickConfig& config, TickRecordHeader& header) {
+  if (!is_on_probation(state) || state.mode.mode != Mode::tracking) return;
+  const std::uint32_t window = config.freshness.window_ticks;
+  const bool refused = is_refusal(header.arrival) && !is_refused_for_age(header.arrival);
+  state.candidate_misses.push(!is_usable(header.freshness), window);
+  state.candidate_refusals.push(refused && header.candidate.change != PolicyChange::swapped, window);
+  if (const PolicyChange why = used_up(state, config); why != PolicyChange::none)
+    return go_back(state, why, header.now, config, header);
+  if (!is_usable(header.freshness)) return;
+  state.candidate.probation_left = state.candidate.probation_left - config.period;
+  if (is_on_probation(state)) return;
+  end_probation(state);
+  header.candidate.change = PolicyChange::confirmed;
+}
+
+void settle_candidate(TickState& state, const TickConfig& config, TickRecordHeader& header) {
+  CandidateState& candidate = state.candidate;
+  const bool left_tracking = header.previous_mode == Mode::tracking && header.mode != Mode::tracking;
+  if (left_tracking && is_on_probation(state)) go_back(state, PolicyChange::back_for_stop, header.now, config, header);
+  if (is_latched(header.mode) && candidate.asked_at.is_set()) {
+    candidate.asked_at = {};
+    header.candidate.change = PolicyChange::expired;
+  }
+  CandidateRecord& record = header.candidate;
+  record.in_charge = candidate.in_charge;
+  record.on_probation = is_on_probation(state) ? 1 : 0;
+  record.is_asked = candidate.asked_at.is_set() ? 1 : 0;
+  record.last_refusal = candidate.last_refusal;
+  record.command_sequence = candidate.command.sequence;
+  record.observation_answered = candidate.command.observation_id;
+  record.freshness = freshness_beside(state, header.now, config);
+  if (record.freshness != Freshness::missing) record.age = candidate.command.age(header.now);
+}
+
+void compare_candidate(TickState& state, const Choice& choice, std::span<const JointTarget> targets,
+                       const TickConfig& config, TickRecord& record) {
+  CandidateRecord& out = record.header.candidate;
+  const bool plays = choice.player == Player::policy;
+  if (plays && is_on_probation(state)) {
+    const auto is_clamped = [](const JointTarget& target) { return target.out_of_range; };
+    state.candidate_clamped.push(std::ranges::any_of(targets.first(config.joint_count), is_clamped),
+                                 config.freshness.window_ticks);
+  }
+  if (!is_usable(out.freshness)) {
+    for (std::size_t j = 0; j < config.joint_count; ++j)
+      state.joints[j].candidate_reference = state.joints[j].reference;
+    return;
+  }
+  std::array<JointTarget, kMaxJoints> asked;  // uninitialised: play fills joint_count entries
+  play(state.candidate_join, {state.candidate_chunk, state.candidate.command.observed_at}, record.header.now, config,
+       asked);
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    JointState& joint = state.joints[j];
+    if (asked[j].out_of_range) out.beyond_range |= bit_of_joint(j);
+    if (!plays || config.joints[j].passive) {
+      joint.candidate_reference = joint.reference;
+      continue;
+    }
+    const JointLimits& limits = config.joints[j].limits;
+    const ReferenceStep step = step_towards(joint.candidate_reference, asked[j].q, asked[j].dq, limits.velocity, limits,
+                                            config.period.seconds());
+    joint.candidate_reference = step.next;
+    if ((step.interventions & kMotionLimits) != 0) out.beyond_limits |= bit_of_joint(j);
+    out.distance = std::max(out.distance, std::abs(asked[j].q - targets[j].q));
+  }
+}
+
+}  // namespace takt::pipeline
