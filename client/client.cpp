@@ -2,6 +2,7 @@
 #include "client/takt/client.h"
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <exception>
 #include <expected>
@@ -35,8 +36,11 @@ std::string text_of(const char* text) {
 }
 
 // What cannot be meant; empty: nothing.
+// Of a program that was compiled before there were candidates.
+constexpr std::size_t kSizeWithoutCandidate = offsetof(takt_policy_spec, candidate_file);
+
 const char* fault_in(const takt_policy_spec* spec) {
-  if (spec == nullptr || spec->size != sizeof *spec)
+  if (spec == nullptr || (spec->size != sizeof *spec && spec->size != kSizeWithoutCandidate))
     return "takt_policy_spec has another size: set `size`, and compile with the header of this library";
   if (spec->reserved != 0) return "takt_policy_spec: reserved is not 0";
   if (spec->terms == nullptr || spec->term_count < 1 || spec->term_count > kMostTerms)
@@ -59,6 +63,7 @@ PolicySpec copy_of(const takt_policy_spec& given) {
   spec.program = text_of(given.program);
   spec.step = given.step;
   spec.steps = given.steps;
+  if (given.size != kSizeWithoutCandidate) spec.candidate_file = text_of(given.candidate_file);
   for (std::uint32_t i = 0; i < given.term_count; ++i)
     spec.terms.push_back({given.terms[i].kind, given.terms[i].values, text_of(given.terms[i].stream)});
   return spec;

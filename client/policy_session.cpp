@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <span>
 #include <string_view>
 #include <utility>
@@ -132,6 +133,7 @@ std::expected<std::unique_ptr<PolicySession>, Refusal> PolicySession::open(const
   if (const auto fine = policy_host::check_policy_section(*robot); !fine) return refuse(fine.error());
   if (auto fine = check_chunk(*robot, spec); !fine) return std::unexpected(fine.error());
   if (auto fine = check_terms(*robot, spec); !fine) return std::unexpected(fine.error());
+  if (!spec.candidate_file.empty()) robot->policy->file = std::filesystem::absolute(spec.candidate_file).string();
   const auto hash = config::policy_hash(robot->policy->file);
   if (!hash) return refuse(hash.error());
   const std::string directory =
@@ -145,7 +147,9 @@ PolicySession::PolicySession(config::RobotConfig robot, const PolicySpec& spec, 
                              const std::string& runtime_directory)
     : robot_(std::move(robot)),
       socket_(config::executive_socket(runtime_directory)),
-      hello_(policy_host::hello_of(robot_, policy_hash, Role::policy, spec.program.c_str())),
+      hello_(policy_host::hello_of(robot_, policy_hash,
+                                   spec.candidate_file.empty() ? Role::policy : Role::candidate_policy,
+                                   spec.program.c_str())),
       sensors_in_use_(policy_host::sensors_in_use(robot_)),
       samples_(robot_.sensors.size()),
       used_(robot_.sensors.size()) {
@@ -308,7 +312,8 @@ void PolicySession::show(MonoTime now) {
   view_.outside_sensed_ns = outside.ns;
   view_.mode = name(static_cast<Mode>(observation_.mode)).data();
   // Of another policy's chunk, this one knows no step.
-  view_.following = observation_.of_candidate == 0 ? observation_.command_sequence : 0;
+  const bool is_ours = (observation_.of_candidate != 0) == (hello_.role == Role::candidate_policy);
+  view_.following = is_ours ? observation_.command_sequence : 0;
   view_.committed_from = observation_.committed_from;
   view_.committed_count = observation_.committed_count;
   view_.reset = forget_ || !step.continues ? 1 : 0;

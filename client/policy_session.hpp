@@ -36,6 +36,7 @@ struct PolicySpec {
   std::vector<Term> terms;
   std::string robot_file, runtime_directory, program, step;
   std::uint32_t steps = 0;
+  std::string candidate_file;  // empty: the robot's own policy
 };
 
 // Has one of the return codes that are an exit code as well.

@@ -21,16 +21,17 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto kAnswersWithin = 2000ms;
-constexpr auto kLookEvery = 50ms;
+constexpr auto kCompareEvery = 50ms;
 constexpr auto kHostEndsWithin = 2000ms;
 constexpr int kLooksPerLine = 20;
 
-volatile std::sig_atomic_t g_interrupted = 0;
+volatile std::sig_atomic_t g_shadow_interrupted = 0;
 
 struct SwapOptions {
   std::string file;
   std::string runtime_dir;
   std::string robot_file;
+  std::string policy_host;  // path of a program instead of takt-policy-host; empty: itself
 };
 
 // A robot that runs, and who answers for it.
@@ -66,7 +67,7 @@ class LiveRobot {
       return std::unexpected(Refusal{kExitFailed, sentences.empty() ? "refused" : sentences.front()});
     }
     while (reply->status.tick.candidate.is_asked != 0) {
-      std::this_thread::sleep_for(kLookEvery);
+      std::this_thread::sleep_for(kCompareEvery);
       reply = ask(OperatorVerb::status);
       if (!reply) return std::unexpected(reply.error());
     }
@@ -130,7 +131,7 @@ std::expected<ChildProcess, Refusal> start_host(const SwapOptions& options, cons
     return std::unexpected(Refusal{kExitUsage, "nobody left the robot file's name: say it with --robot"});
   ChildProcess::Options child;
   child.name = "candidate host";
-  child.arguments = {beside_this_program("takt-policy-host"),
+  child.arguments = {options.policy_host.empty() ? beside_this_program("takt-policy-host") : options.policy_host,
                      "--robot",
                      robot_file,
                      "--runtime-dir",
@@ -163,15 +164,15 @@ int shadow(const SwapOptions& options) {
   const auto hash = config::policy_hash(options.file);
   if (!hash) return refuse(config::kExitBadConfiguration, hash.error());
   if (const auto reply = robot->ask(OperatorVerb::status); !reply) return refuse_with(reply.error());
-  std::signal(SIGINT, [](int) { g_interrupted = 1; });
-  std::signal(SIGTERM, [](int) { g_interrupted = 1; });
+  std::signal(SIGINT, [](int) { g_shadow_interrupted = 1; });
+  std::signal(SIGTERM, [](int) { g_shadow_interrupted = 1; });
   auto host = start_host(options, *robot);
   if (!host) return refuse_with(host.error());
   fmt::print("candidate {:016x}, pid {}: `takt policy swap` puts it in charge, Ctrl-C ends it\n", *hash, host->pid());
   std::fflush(stdout);
   Comparison comparison;
-  while (g_interrupted == 0) {
-    std::this_thread::sleep_for(kLookEvery);
+  while (g_shadow_interrupted == 0) {
+    std::this_thread::sleep_for(kCompareEvery);
     if (!host->alive())
       return refuse(kExitFailed, fmt::format("the candidate's host {}:\n{}", host->how_it_ended(), host->last_words()));
     const auto reply = robot->ask(OperatorVerb::status);
@@ -187,7 +188,7 @@ int shadow(const SwapOptions& options) {
   return end_shadow(*robot, *host);
 }
 
-int swap(const SwapOptions& options) {
+int swap_in(const SwapOptions& options) {
   const auto robot = LiveRobot::find(options);
   if (!robot) return refuse_with(robot.error());
   const auto reply = robot->ask(OperatorVerb::status);
@@ -203,7 +204,7 @@ int swap(const SwapOptions& options) {
   return kExitOk;
 }
 
-int back(const SwapOptions& options) {
+int give_back(const SwapOptions& options) {
   const auto robot = LiveRobot::find(options);
   if (!robot) return refuse_with(robot.error());
   if (const auto changed = robot->change(OperatorVerb::back); !changed) return refuse_with(changed.error());
@@ -225,6 +226,10 @@ void add_policy_shadow(CLI::App& policy, int& exit_code) {
       "shadow", "Run another policy beside the one in charge of a live robot: judged, recorded, compared, not played.");
   auto options = add_where(*command);
   command->add_option("FILE", options->file, "policy for the same observation and action")->required();
+  command
+      ->add_option("--policy-host", options->policy_host,
+                   "program to start instead of takt-policy-host: a policy in Python, or an engine of its own")
+      ->check(CLI::ExistingFile);
   command->footer(
       "Example: takt policy shadow new_policy.onnx\n"
       "Runs until Ctrl-C, which gives the robot its own policy back first. Its log: candidate.log in the runtime "
@@ -244,7 +249,7 @@ void add_policy_swap(CLI::App& policy, int& exit_code) {
       "For policy.probation of tracking it goes back by itself when it uses up half of what the contract allows.\n"
       "Exit codes: 0 in charge, 1 refused or not in charge (why), 64 several robots run, 65 configuration or policy, "
       "69 none runs.");
-  command->callback([options, &exit_code] { exit_code = swap(*options); });
+  command->callback([options, &exit_code] { exit_code = swap_in(*options); });
 }
 
 void add_policy_back(CLI::App& policy, int& exit_code) {
@@ -254,7 +259,7 @@ void add_policy_back(CLI::App& policy, int& exit_code) {
       "Example: takt policy back\n"
       "Exit codes: 0 in charge, 1 refused or not in charge (why), 64 several robots run, 65 configuration, 69 none "
       "runs.");
-  command->callback([options, &exit_code] { exit_code = back(*options); });
+  command->callback([options, &exit_code] { exit_code = give_back(*options); });
 }
 
 }  // namespace takt::cli

@@ -1,4 +1,6 @@
 // metrics.json: the numbers of run_metrics.hpp under stable names. Times in nanoseconds.
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "monitor/judge/run_metrics.hpp"

@@ -19,7 +19,7 @@ class TermStruct(ctypes.Structure):
 class SpecStruct(ctypes.Structure):
     _fields_ = [("size", c_uint32), ("term_count", c_uint32), ("terms", POINTER(TermStruct)), ("robot_file", c_char_p),
                 ("runtime_directory", c_char_p), ("program", c_char_p), ("step", c_char_p), ("steps", c_uint32),
-                ("reserved", c_uint32)]
+                ("reserved", c_uint32), ("candidate_file", c_char_p)]
 
 
 class RobotStruct(ctypes.Structure):

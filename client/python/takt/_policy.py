@@ -1,4 +1,5 @@
 """A policy: what it reads and gives, the connection to a running robot, and its observations."""
+import argparse
 import ctypes
 import logging
 import os
@@ -358,23 +359,35 @@ def _check_identity(robot_file: str, policy_file: str) -> None:
                   "that holds what it has learned")
 
 
+def _candidate_of(candidate: Union[str, "os.PathLike[str]", None], arguments: Optional[Sequence[str]]) -> Optional[str]:
+    """The command line's, where it names one."""
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("--candidate", default=None if candidate is None else os.fspath(candidate))
+    given, _ = parser.parse_known_args(sys.argv[1:] if arguments is None else arguments)
+    return given.candidate
+
+
 def connect(robot_file: Union[str, "os.PathLike[str]"], spec: Policy, *, runtime_dir: Optional[str] = None,
-            arguments: Optional[Sequence[str]] = None) -> Robot:
+            candidate: Union[str, "os.PathLike[str]", None] = None, arguments: Optional[Sequence[str]] = None) -> Robot:
     """Compares the spec with the robot file, and takes the robot's one policy lease; waits for an executive that is not there yet.
 
-    `--robot` and `--runtime-dir` in `arguments` (default: this program's command line, where `takt run --policy-host` puts them)
-    win over the two parameters. SIGTERM and SIGINT end the iteration from here on, until the robot is closed; a second one does
+    `candidate`: the policy runs beside the robot's own instead, judged and not played until `takt policy swap`; the file whose
+    SHA-256 is its identity: this program, or what it has learned. `--robot`, `--runtime-dir` and `--candidate` in `arguments`
+    (default: this program's command line, where `takt run` and `takt policy shadow` put them with `--policy-host`) win over the
+    parameters. SIGTERM and SIGINT end the iteration from here on, until the robot is closed; a second one does
     what it did before. Raises Refused with one sentence: names, shapes, units, hashes.
     """
     if not isinstance(spec, Policy):
         raise Refused("takt.connect: the second argument is a takt.Policy", _library.USAGE)
     library = _library.load()
     file, directory = place(os.fspath(robot_file), runtime_dir, arguments)
+    beside = _candidate_of(candidate, arguments)
     terms = _terms_of(spec)
     wanted = _library.SpecStruct(
         size=ctypes.sizeof(_library.SpecStruct), term_count=len(terms), terms=terms, robot_file=os.fsencode(file),
         runtime_directory=None if directory is None else os.fsencode(directory),
-        program=os.path.basename(sys.argv[0] or "python3")[:39].encode(), step=spec.action.step.encode(), steps=spec.action.steps)
+        program=os.path.basename(sys.argv[0] or "python3")[:39].encode(), step=spec.action.step.encode(), steps=spec.action.steps,
+        candidate_file=None if beside is None else os.fsencode(beside))
     handle, why = ctypes.c_void_p(), ctypes.create_string_buffer(2048)
     result = library.takt_policy_open(wanted, handle, why, len(why))
     if result != _library.OK:
