@@ -28,6 +28,9 @@ Exports::Exports(const config::RobotConfig& robot, const std::string& runtime_di
 void Exports::begin(const RunManifest& manifest, const std::string& folder, MonoTime now) {
   began_ = now;
   metrics_.begin(manifest.run_id);
+  told_catches_ = 0;
+  monitors_.reset();
+  if (robot_.policy && robot_.policy->monitors) monitors_.emplace(robot_);
   if (dds_) condenser_.emplace(robot_, manifest.clock.monotonic_to_unix_ns, now, dds_->outbox());
   if (!robot_.otlp) return;
   auto exporter = OtlpExporter::start(robot_, source_of(manifest), folder, max_file_bytes_,
@@ -40,11 +43,17 @@ void Exports::begin(const RunManifest& manifest, const std::string& folder, Mono
 
 RecordSink Exports::also_to(const RecordSink& recorded) {
   RecordSink all = recorded;
+  all.command = [this, &recorded](const RecordedCommand& command) {
+    recorded.command(command);
+    if (monitors_) monitors_->command(command);
+  };
   all.tick = [this, &recorded](const TickRecord& record) {
     recorded.tick(record);
     if (record.header.mode != record.header.previous_mode && record.header.now >= began_)
       trace::mode_changed(record.header);
     metrics_.tick(record);
+    if (monitors_) monitors_->tick(record.header);
+    tell_catches();
     if (condenser_) condenser_->tick(record);
     if (otlp_) otlp_->tick(record);
   };
@@ -57,6 +66,14 @@ RecordSink Exports::also_to(const RecordSink& recorded) {
     metrics_.loss(loss);
   };
   return all;
+}
+
+void Exports::tell_catches() {
+  for (; monitors_ && told_catches_ < monitors_->catches().size(); ++told_catches_) {
+    const PolicyCatch& caught = monitors_->catches()[told_catches_];
+    metrics_.caught(caught.score);
+    spdlog::warn("policy: tick {}: {}", caught.tick, caught.sentence);
+  }
 }
 
 void Exports::drained(MonoTime now) {

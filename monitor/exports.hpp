@@ -9,6 +9,7 @@
 #include "config/robot_config.hpp"
 #include "monitor/dds/condenser.hpp"
 #include "monitor/dds/exporter.hpp"
+#include "monitor/judge/chunk_monitors.hpp"
 #include "monitor/record/record_stream.hpp"
 #include "monitor/record/run_manifest.hpp"
 #include "monitor/telemetry/live_metrics.hpp"
@@ -34,6 +35,8 @@ class Exports {
   void end(MonoTime now, bool executive_ended);
 
  private:
+  void tell_catches();
+
   const config::RobotConfig& robot_;
   std::uint64_t max_file_bytes_;
   LiveMetrics metrics_;  // over all sessions
@@ -44,6 +47,8 @@ class Exports {
   // of the session
   std::optional<dds::Condenser> condenser_;
   std::optional<OtlpExporter> otlp_;
+  std::optional<ChunkMonitors> monitors_;  // none: the robot file watches for nothing
+  std::size_t told_catches_ = 0;
 };
 
 }  // namespace takt::monitor

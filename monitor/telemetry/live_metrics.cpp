@@ -70,6 +70,7 @@ void LiveMetrics::tick(const TickRecord& record) {
   on_wire(header);
   count(arrivals, header.arrival);
   count(overruns, header.overrun_cause);
+  count(policy_changes, header.candidate.change);
   if (newest.tick != 0) skipped_periods += header.skipped_periods - newest.skipped_periods;
   if (header.mode != header.previous_mode) ++transitions[{header.mode, header.cause}];
   if (header.previous_mode == Mode::tracking || header.previous_mode == Mode::degraded) {

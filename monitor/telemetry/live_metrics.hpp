@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "config/chunk_score.hpp"
 #include "config/robot_config.hpp"
 #include "executive/contract/tick_record.hpp"
 #include "executive/incident/incident.hpp"
@@ -44,6 +45,7 @@ class LiveMetrics {
   void begin(std::string run_id);
   void tick(const TickRecord& record);
   void loss(const Loss& loss);
+  void caught(ChunkScore score) { ++catches[static_cast<std::size_t>(score)]; }
   // The session goes on, its recording does not. `unrecorded_ticks`: of this session, so far.
   void recording_stopped(std::uint64_t unrecorded_ticks);
   void end() { running = recording = false; }
@@ -66,8 +68,10 @@ class LiveMetrics {
   std::map<std::pair<Mode, Cause>, std::uint64_t> transitions;               // mode entered, and why; each from 0 on
   std::map<std::pair<std::string, std::string>, std::uint64_t> losses;       // ring, reason -> entries; each from 0 on
   std::vector<std::array<std::uint64_t, kInterventionCount>> interventions;  // by joint, in ticks
-  std::vector<JointRecord> joints;                                           // newest
-  TickRecordHeader newest;                                                   // its tick; 0: none yet
+  std::array<std::uint64_t, kChunkScoreCount> catches{};                     // of the chunk monitors
+  std::array<std::uint64_t, kPolicyChangeCount> policy_changes{};
+  std::vector<JointRecord> joints;  // newest
+  TickRecordHeader newest;          // its tick; 0: none yet
 
   // The stop or fault that the robot stands in; null: none.
   [[nodiscard]] const Incident* standing() const {

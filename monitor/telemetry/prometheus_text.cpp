@@ -89,6 +89,14 @@ void contract(Exposition& out, const LiveMetrics& metrics, const config::RobotCo
     out.sample(metrics.arrivals[i], {{"arrival", name(static_cast<Arrival>(i))}});
 }
 
+// Those that the robot file watches for, each from 0 on.
+void catches(Exposition& out, const LiveMetrics& metrics, const config::RobotConfig& robot) {
+  if (!robot.policy || !robot.policy->monitors) return;
+  out.family("takt_policy_catches_total", "counter", "Catches of the chunk monitors, by score.");
+  for (const config::ChunkThreshold& one : robot.policy->monitors->thresholds)
+    out.sample(metrics.catches[static_cast<std::size_t>(one.score)], {{"score", name(one.score)}});
+}
+
 void modes(Exposition& out, const LiveMetrics& metrics) {
   out.family("takt_mode", "gauge", "1 for the mode the executive is in.");
   for (std::size_t i = 0; i < kModeCount; ++i) {
@@ -105,6 +113,13 @@ void modes(Exposition& out, const LiveMetrics& metrics) {
              "1 while the fallback policy's command is fresh; none of a robot without one.");
   if (metrics.newest.fallback.session != 0)
     out.sample(metrics.running && is_usable(metrics.newest.fallback.freshness) ? 1 : 0);
+  out.family("takt_candidate_in_charge", "gauge",
+             "1 while a candidate is in charge of the robot, 0 while it runs beside its policy; none before one came.");
+  if (metrics.newest.candidate.policy_hash != 0)
+    out.sample(metrics.running && metrics.newest.candidate.in_charge != 0 ? 1 : 0);
+  out.family("takt_policy_changes_total", "counter", "What became of changes of policy on the live robot.");
+  for (std::size_t i = 1; i < kPolicyChangeCount; ++i)
+    out.sample(metrics.policy_changes[i], {{"change", name(static_cast<PolicyChange>(i))}});
   out.family("takt_mode_transitions_total", "counter", "Changes of mode, by the mode entered and the cause.");
   for (const auto& [change, times] : metrics.transitions)
     out.sample(times, {{"mode", name(change.first)}, {"cause", name(change.second)}});
@@ -209,6 +224,7 @@ std::string prometheus_text(const LiveMetrics& metrics, const config::RobotConfi
   modes(out, metrics);
   incident(out, metrics, robot);
   contract(out, metrics, robot);
+  catches(out, metrics, robot);
   buses(out, metrics, robot);
   joints(out, metrics, robot);
   return out.take();

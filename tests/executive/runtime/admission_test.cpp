@@ -42,6 +42,21 @@ TEST(Admission, WithoutAConfiguredPolicyAnyPolicyAndStepCountWill) {
   EXPECT_EQ(refusal_of_policy(hello, rules), "");
 }
 
+// Goal: a candidate may be any policy that says which it is and fits the robot; while one is in charge only that one
+// may come back. Method: hellos of such, one deviation at a time.
+TEST(Admission, ACandidateMayBeAnyPolicyOfThisRobotThatSaysWhichItIs) {
+  Hello hello = admissible();
+  hello.policy_hash = 0x1234;
+  EXPECT_EQ(refusal_of_candidate(hello, kRules, 0), "");
+  EXPECT_EQ(refusal_of_candidate(hello, kRules, 0x1234), "");
+  EXPECT_THAT(refusal_of_candidate(hello, kRules, 0x5678), HasSubstr("candidate 0000000000005678 is in charge"));
+  hello.step_count = 8;
+  EXPECT_THAT(refusal_of_candidate(hello, kRules, 0), HasSubstr("8 steps"));
+  hello = admissible();
+  hello.policy_hash = 0;
+  EXPECT_THAT(refusal_of_candidate(hello, kRules, 0), HasSubstr("which policy it is"));
+}
+
 struct Deviation {
   const char* when;
   void (*make)(Hello&);

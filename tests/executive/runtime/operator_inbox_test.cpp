@@ -33,6 +33,20 @@ TEST(OperatorInbox, EachRequestIsTakenOnce) {
   expect(inbox, OperatorRequest::none);
 }
 
+TEST(OperatorInbox, ASwapNamesThePolicyAndAStopDiscardsIt) {
+  OperatorInbox inbox;
+  inbox.swap(0xCA11);
+  const OperatorInbox::Asked asked = inbox.take();
+  EXPECT_EQ(asked.request, OperatorRequest::swap);
+  EXPECT_EQ(asked.policy, 0xCA11U);
+  inbox.back();
+  expect(inbox, OperatorRequest::back);
+  inbox.swap(0xCA11);
+  inbox.stop(kFirst);
+  expect(inbox, OperatorRequest::stop, kFirst);
+  expect(inbox, OperatorRequest::none);
+}
+
 TEST(OperatorInbox, WhatHurtsMoreComesFirst) {
   OperatorInbox inbox;
   inbox.mark();

@@ -27,6 +27,7 @@ using testing::MatchesRegex;
 
 constexpr std::uint64_t kPolicyHash = 0x1122334455667788;
 constexpr std::uint64_t kFallbackHash = 0x8877665544332211;
+constexpr std::uint64_t kCandidateHash = 0x0CA11;
 
 // An executive but for main(): a loop without real-time scheduling, and its reception.
 class ReceptionTest : public testing::Test {
@@ -84,14 +85,16 @@ class ReceptionTest : public testing::Test {
     Hello hello;
     hello.role = role;
     hello.config_hash = robot_.hash;
-    hello.policy_hash = role == Role::fallback_policy ? kFallbackHash : kPolicyHash;
+    hello.policy_hash = role == Role::fallback_policy    ? kFallbackHash
+                        : role == Role::candidate_policy ? kCandidateHash
+                                                         : kPolicyHash;
     hello.joint_names_hash = config::joint_names_hash(robot_);
     hello.joint_count = static_cast<std::uint32_t>(robot_.joints.size());
     hello.step_count = robot_.policy->steps;
     return hello;
   }
-  [[nodiscard]] OperatorReply ask(OperatorVerb verb) const {
-    auto reply = ipc::ask(path(), verb, 5s);
+  [[nodiscard]] OperatorReply ask(OperatorVerb verb, std::uint64_t policy_hash = 0) const {
+    auto reply = ipc::ask(path(), verb, 5s, policy_hash);
     EXPECT_TRUE(reply) << reply.error();
     return reply.value_or(OperatorReply{});
   }
@@ -219,6 +222,37 @@ TEST_F(ReceptionTest, ViewersReadBesideTheMonitor) {
   const int ticks = another->descriptors.at(ipc::kTickRingDescriptor).get();
   EXPECT_FALSE(ipc::Segment::adopt_writable(dup(ticks), ipc::ring_bytes(shape))) << "sealed against writers";
   EXPECT_TRUE(until([](const StatusSnapshot& s) { return s.monitor_pid == static_cast<std::uint64_t>(getpid()); }));
+}
+
+// Goal: a person changes the policy of a robot by name, hears why where that cannot be, and in the candidate's place
+// nobody but it may come back. Method: two policies in this process, each at a mailbox of its own; the loop's real
+// mailboxes change places.
+TEST_F(ReceptionTest, ACandidateIsSwappedInByNameAndGivenBack) {
+  Attached own = attach_policy();
+  ASSERT_TRUE(until([](const StatusSnapshot& s) { return s.tick.freshness == Freshness::fresh; }));
+  EXPECT_THAT(ask(OperatorVerb::swap, kCandidateHash).sentences, HasSubstr("no candidate runs"));
+  EXPECT_THAT(ask(OperatorVerb::back).sentences, HasSubstr("in charge already"));
+  {
+    Attached candidate = attach_policy(Role::candidate_policy);
+    ASSERT_TRUE(until([](const StatusSnapshot& s) { return s.tick.candidate.freshness == Freshness::fresh; }));
+    EXPECT_EQ(ask(OperatorVerb::status).status.tick.command_policy, kPolicyHash);
+    EXPECT_THAT(ask(OperatorVerb::swap, 0xBAD).sentences, HasSubstr("not 0000000000000bad"));
+    EXPECT_EQ(ask(OperatorVerb::swap, kCandidateHash).done, 1);
+    ASSERT_TRUE(until([](const StatusSnapshot& s) { return s.tick.candidate.in_charge != 0; }));
+    ASSERT_TRUE(until([](const StatusSnapshot& s) { return s.tick.command_policy == kCandidateHash; }));
+    ASSERT_TRUE(until([](const StatusSnapshot& s) { return s.tick.candidate.freshness == Freshness::fresh; }))
+        << "the robot's own runs on beside it";
+    EXPECT_THAT(ask(OperatorVerb::swap, kCandidateHash).sentences, HasSubstr("in charge already"));
+  }
+  ASSERT_TRUE(until([](const StatusSnapshot& s) { return s.candidate_pid == 0; }));
+  Hello another = hello(Role::candidate_policy);
+  another.policy_hash = 0xBAD;
+  const auto refused = ipc::attach(path(), another, 5s);
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error(), HasSubstr("takt policy back"));
+  EXPECT_EQ(ask(OperatorVerb::back).done, 1);
+  ASSERT_TRUE(until([](const StatusSnapshot& s) { return s.tick.command_policy == kPolicyHash; }));
+  EXPECT_EQ(ask(OperatorVerb::status).status.tick.candidate.in_charge, 0);
 }
 
 TEST_F(ReceptionTest, AMarkSaysWhichTickCarriesIt) {

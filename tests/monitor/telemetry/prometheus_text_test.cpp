@@ -117,6 +117,37 @@ TEST(PrometheusText, HasEverySeriesOfTheRulesTestFromTheStart) {
   EXPECT_GT(found, 10U);
 }
 
+// Goal: who watches the robot from afar sees a change of policy and what the chunk monitors caught. Method: counted
+// once each, read from the text; a robot that watches for nothing has no such family.
+TEST(PrometheusText, ChangesOfPolicyAndCatchesAreCounted) {
+  config::RobotConfig watching = demo_robot();
+  LiveMetrics metrics(watching);
+  metrics.begin("run-1");
+  VirtualRobot robot;
+  robot.run(1);
+  TickRecord record = robot.latest();
+  metrics.tick(record);
+  const std::string before = prometheus_text(metrics, watching);
+  EXPECT_EQ(before.find("takt_candidate_in_charge{"), std::string::npos) << "no candidate ever came";
+  EXPECT_EQ(before.find("takt_policy_catches_total{"), std::string::npos);
+
+  record.header.candidate.policy_hash = 0xCA11;
+  record.header.candidate.in_charge = 1;
+  record.header.candidate.change = PolicyChange::swapped;
+  metrics.tick(record);
+  metrics.caught(ChunkScore::reversals);
+  watching.policy->monitors.emplace().thresholds = {{.score = ChunkScore::reversals, .above = 0.5}};
+  const std::string text = prometheus_text(metrics, watching);
+  const auto value = [&](const std::string& series) {
+    const std::size_t at = text.find("\n" + series);
+    return at == std::string::npos ? ' ' : text[text.find('\n', at + 1) - 1];
+  };
+  EXPECT_EQ(value("takt_candidate_in_charge{"), '1');
+  EXPECT_EQ(value("takt_policy_changes_total{robot=\"" + watching.robot + "\",change=\"swapped\"}"), '1');
+  EXPECT_EQ(value("takt_policy_changes_total{robot=\"" + watching.robot + "\",change=\"back\"}"), '0');
+  EXPECT_EQ(value("takt_policy_catches_total{robot=\"" + watching.robot + "\",score=\"reversals\"}"), '1');
+}
+
 TEST(PrometheusText, OnlyARobotWithAFallbackPolicyTellsWhetherItIsThere) {
   LiveMetrics metrics(demo_robot());
   metrics.begin("run-1");
