@@ -116,6 +116,7 @@ TEST_F(CandidateProcess, EndingTheShadowGivesTheRobotBackFirst) {
 
 TEST_F(CandidateProcess, APolicyThatDoesNotFitIsRefusedBesideToo) {
   Child policy = robot_.start_policy_host();
+  ASSERT_TRUE(robot_.wait_until([](const StatusSnapshot& s) { return s.tick.freshness == Freshness::fresh; }));
   Child beside = shadow("config/cart_pole_balance.onnx");
   EXPECT_EQ(beside.wait(std::chrono::seconds(30)), 1);
   const std::string said = text_of(robot_.directory() + "/shadow.log");

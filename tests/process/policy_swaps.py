@@ -103,8 +103,10 @@ class Storm:
 
 
 def limits_of(resolved):
+    """Joint -> velocity, acceleration, of a run's resolved robot file: `3 rad/s`."""
     import yaml
-    return {joint["name"]: (joint["limits"]["velocity"], joint["limits"]["acceleration"]) for joint in yaml.safe_load(resolved.read_text())["joints"]}
+    limits = {joint["name"]: joint["limits"] for joint in yaml.safe_load(resolved.read_text())["joints"]}
+    return {name: [float(str(each[key]).split()[0]) for key in ("velocity", "acceleration")] for name, each in limits.items()}
 
 
 def judge(takt, storm):
