@@ -66,7 +66,7 @@ std::expected<PolicyTrial, std::string> PolicyTrial::load(const std::filesystem:
                                                           const std::string& output) {
   auto model = onnx_engine::load(file);
   if (!model) return std::unexpected(model.error());
-  auto tensors = assign_tensors(*model, file.string(), input, output);
+  auto tensors = assign_tensors(tensors_of(*model), file.string(), input, output);
   if (!tensors) return std::unexpected(tensors.error());
   return PolicyTrial(file, *std::move(model), *std::move(tensors));
 }

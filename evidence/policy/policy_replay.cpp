@@ -127,7 +127,7 @@ std::expected<std::unique_ptr<Replayer>, PolicyReplayRefusal> Replayer::make(con
   if (!hash) return refused(Why::policy, hash.error());
   const auto model = onnx_engine::load(section.file);
   if (!model) return refused(Why::policy, model.error());
-  const auto tensors = policy_host::assign_tensors(*model, section.file, section.input, section.output);
+  const auto tensors = policy_host::assign_tensors(policy_host::tensors_of(*model), section.file, section.input, section.output);
   if (!tensors) return refused(Why::policy, tensors.error());
   auto policy = policy_host::load_onnx_policy(section.file, section.input, section.output);
   if (!policy) return refused(Why::policy, policy.error());

@@ -21,13 +21,26 @@ enum class Place : std::size_t {
   create_session_options = 10,
   set_intra_op_threads = 24,
   set_inter_op_threads = 25,
+  input_count = 30,
+  output_count = 31,
+  input_type = 33,
+  output_type = 34,
+  input_name = 36,
+  output_name = 37,
   create_tensor_with_data = 49,
+  tensor_of_type = 55,
+  element_type = 60,
+  dimension_count = 61,
+  dimensions = 62,
   create_cpu_memory_info = 69,
+  allocator_free = 76,
+  default_allocator = 78,
   release_env = 92,
   release_status = 93,
   release_memory_info = 94,
   release_session = 95,
   release_value = 96,
+  release_type = 98,
   release_session_options = 100,
 };
 
@@ -78,20 +91,84 @@ class Library {
     if (object != nullptr) reinterpret_cast<void (*)(void*)>(table_[static_cast<std::size_t>(place)])(object);
   }
 
-  std::expected<void, std::string> set_up() {
+  std::expected<void, std::string> set_up(int threads) {
     auto done = call<int, const char*, void**>(Place::create_env, kErrorsOnly, "takt", &environment);
     if (done) done = call<void**>(Place::create_session_options, &options);
-    if (done) done = call<void*, int>(Place::set_intra_op_threads, options, 1);
+    if (done) done = call<void*, int>(Place::set_intra_op_threads, options, threads);
     if (done) done = call<void*, int>(Place::set_inter_op_threads, options, 1);
     if (done) done = call<int, int, void**>(Place::create_cpu_memory_info, kArenaAllocator, kDefaultMemory, &memory);
+    if (done) done = call<void**>(Place::default_allocator, &allocator);
     return done;
+  }
+
+  std::expected<void*, std::string> open_session(const std::filesystem::path& model) const {
+    void* session = nullptr;
+    const auto made =
+        call<void*, const char*, void*, void**>(Place::create_session, environment, model.c_str(), options, &session);
+    if (!made) return std::unexpected(made.error());
+    return session;
+  }
+
+  // Inputs or outputs of a session, as `places` says.
+  struct Listing {
+    Place count, name, type;
+  };
+  std::expected<std::vector<Tensor>, std::string> list(void* session, const Listing& places) const {
+    std::size_t count = 0;
+    if (const auto done = call<void*, std::size_t*>(places.count, session, &count); !done)
+      return std::unexpected(done.error());
+    std::vector<Tensor> tensors;
+    for (std::size_t i = 0; i < count; ++i) {
+      auto tensor = describe(session, i, places);
+      if (!tensor) return std::unexpected(tensor.error());
+      tensors.push_back(*std::move(tensor));
+    }
+    return tensors;
   }
 
   void* environment = nullptr;
   void* options = nullptr;
   void* memory = nullptr;
+  void* allocator = nullptr;  // the library's own: nobody releases it
 
  private:
+  std::expected<Tensor, std::string> describe(void* session, std::size_t index, const Listing& places) const {
+    Tensor tensor;
+    char* name = nullptr;
+    auto done = call<void*, std::size_t, void*, char**>(places.name, session, index, allocator, &name);
+    if (!done) return std::unexpected(done.error());
+    tensor.name = name;
+    (void)call<void*, void*>(Place::allocator_free, allocator, name);
+    void* type = nullptr;
+    done = call<void*, std::size_t, void**>(places.type, session, index, &type);
+    if (done) done = read_shape(type, tensor);
+    release(Place::release_type, type);
+    if (!done) return std::unexpected(done.error());
+    return tensor;
+  }
+
+  std::expected<void, std::string> read_shape(void* type, Tensor& tensor) const {
+    const void* shape = nullptr;  // of `type`
+    int element = 0;
+    std::size_t rank = 0;
+    auto done = call<void*, const void**>(Place::tensor_of_type, type, &shape);
+    if (done && shape == nullptr) return std::unexpected(tensor.name + " is no tensor");
+    if (done) done = call<const void*, int*>(Place::element_type, shape, &element);
+    if (done) done = call<const void*, std::size_t*>(Place::dimension_count, shape, &rank);
+    if (!done) return done;
+    if (element != kFloat) return std::unexpected(tensor.name + " is not float32, the only kind supported");
+    tensor.shape.resize(rank);
+    done = call<const void*, std::int64_t*, std::size_t>(Place::dimensions, shape, tensor.shape.data(), rank);
+    if (!done) return done;
+    for (std::size_t d = 0; d < rank; ++d) {
+      if (tensor.shape[d] > 0) continue;
+      if (d != 0)
+        return std::unexpected(fmt::format("{} has an open dimension {}: export it with a fixed size", tensor.name, d));
+      tensor.shape[d] = 1;
+    }
+    return {};
+  }
+
   const Base* base_;
   Table table_;
 };
@@ -149,8 +226,8 @@ OnnxRuntime::OnnxRuntime(std::shared_ptr<Library> library) : library_(std::move(
 OnnxRuntime::OnnxRuntime(OnnxRuntime&&) noexcept = default;
 OnnxRuntime::~OnnxRuntime() = default;
 
-std::expected<OnnxRuntime, std::string> OnnxRuntime::open(const std::filesystem::path& library) {
-  const std::filesystem::path path = std::filesystem::absolute(library);
+std::expected<OnnxRuntime, std::string> OnnxRuntime::open(const std::filesystem::path& library, int threads) {
+  const std::filesystem::path path = library.has_parent_path() ? std::filesystem::absolute(library) : library;
   void* handle = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
   if (handle == nullptr) return std::unexpected(fmt::format("{}: cannot be loaded: {}", library.string(), dlerror()));
   const auto entry = reinterpret_cast<const Base* (*)()>(dlsym(handle, "OrtGetApiBase"));
@@ -161,7 +238,7 @@ std::expected<OnnxRuntime, std::string> OnnxRuntime::open(const std::filesystem:
     return std::unexpected(fmt::format("{}: is not ONNX Runtime; name its libonnxruntime.so", library.string()));
   }
   auto opened = std::make_shared<Library>(base, table);
-  if (const auto ready = opened->set_up(); !ready) return std::unexpected(ready.error());
+  if (const auto ready = opened->set_up(threads); !ready) return std::unexpected(ready.error());
   return OnnxRuntime(std::move(opened));
 }
 
@@ -173,11 +250,31 @@ std::expected<Session, std::string> OnnxRuntime::load(const std::filesystem::pat
                                                       std::vector<Tensor> outputs) const {
   auto parts = std::make_unique<Session::Parts>();
   parts->library = library_;
+  const auto session = library_->open_session(model);
+  if (!session) return std::unexpected(session.error());
+  parts->session = *session;
   parts->inputs = std::move(inputs);
   parts->outputs = std::move(outputs);
-  auto done = library_->call<void*, const char*, void*, void**>(Place::create_session, library_->environment,
-                                                                model.c_str(), library_->options, &parts->session);
-  if (done) done = parts->bind(parts->inputs, parts->input_names, parts->input_values);
+  return bound(std::move(parts));
+}
+
+std::expected<Session, std::string> OnnxRuntime::load(const std::filesystem::path& model) const {
+  auto parts = std::make_unique<Session::Parts>();
+  parts->library = library_;
+  const auto session = library_->open_session(model);
+  if (!session) return std::unexpected(session.error());
+  parts->session = *session;
+  auto inputs = library_->list(parts->session, {Place::input_count, Place::input_name, Place::input_type});
+  if (!inputs) return std::unexpected(inputs.error());
+  auto outputs = library_->list(parts->session, {Place::output_count, Place::output_name, Place::output_type});
+  if (!outputs) return std::unexpected(outputs.error());
+  parts->inputs = *std::move(inputs);
+  parts->outputs = *std::move(outputs);
+  return bound(std::move(parts));
+}
+
+std::expected<Session, std::string> OnnxRuntime::bound(std::unique_ptr<Session::Parts> parts) {
+  auto done = parts->bind(parts->inputs, parts->input_names, parts->input_values);
   if (done) done = parts->bind(parts->outputs, parts->output_names, parts->output_values);
   if (!done) return std::unexpected(done.error());
   return Session(std::move(parts));

@@ -1,8 +1,9 @@
-// ONNX Runtime as a second opinion on what the built-in engine computes, and on how long it takes: a shared library
-// that the reader has, opened at run time. Takt neither links nor ships it.
+// ONNX Runtime: an engine for networks beyond small actors (onnx_runtime_policy.hpp), and a second opinion on what the
+// built-in one computes and how long it takes. A shared library that the reader has, opened at run time. Takt neither
+// links nor ships it.
 //
-// One thread, sequential execution. Works with any libonnxruntime since 1.0 on Linux, x86-64 and aarch64. The library
-// runs in this process and is trusted as much as any other that one loads.
+// Sequential execution, on one thread unless more are asked for. Works with any libonnxruntime since 1.0 on Linux,
+// x86-64 and aarch64. The library runs in this process and is trusted as much as any other that one loads.
 //
 // Threads: one thread at a time per OnnxRuntime and its sessions. Sessions must not outlive it.
 #pragma once
@@ -44,17 +45,21 @@ class Session {
 
 class OnnxRuntime {
  public:
-  // `library`: path of libonnxruntime.so. The error is one line.
-  static std::expected<OnnxRuntime, std::string> open(const std::filesystem::path& library);
+  // `library`: path of libonnxruntime.so, or a bare name that the dynamic linker finds. `threads`: of one inference,
+  // the caller's included, at least 1. The error is one line.
+  static std::expected<OnnxRuntime, std::string> open(const std::filesystem::path& library, int threads = 1);
   OnnxRuntime(OnnxRuntime&&) noexcept;
   ~OnnxRuntime();
 
   std::string version() const;
+  // Every tensor that the model declares, all float32; a batch dimension becomes 1, no other one may be open.
+  std::expected<Session, std::string> load(const std::filesystem::path& model) const;
   // Tensors as the model declares them, by name, with fixed shapes.
   std::expected<Session, std::string> load(const std::filesystem::path& model, std::vector<Tensor> inputs,
                                            std::vector<Tensor> outputs) const;
 
  private:
+  static std::expected<Session, std::string> bound(std::unique_ptr<Session::Parts> parts);
   explicit OnnxRuntime(std::shared_ptr<Library> library);
   std::shared_ptr<Library> library_;
 };

@@ -12,6 +12,8 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "tests/policy_host/installed_onnx_runtime.hpp"
+
 // ONNX Runtime keeps some bytes of its own for ever; of ours nothing is excused.
 #if defined(__SANITIZE_ADDRESS__)
 extern "C" const char* __lsan_default_suppressions();   // NOLINT(bugprone-reserved-identifier): the sanitizer's name
@@ -29,23 +31,12 @@ constexpr double kTolerance = 1e-5;
 const fs::path kVectors = "tests/policy_host/onnx_runtime_vectors.json";
 const fs::path kShared = "../shared/policies";
 
-// tests/node's package has the library of every machine that it knows.
 std::optional<onnx_runtime::OnnxRuntime> peer() {
-#if defined(__aarch64__)
-  const std::string machine = "arm64";
-#else
-  const std::string machine = "x64";
-#endif
-  const fs::path package = "tests/node/node_modules/onnxruntime-node/bin";
-  if (!fs::exists(package)) return std::nullopt;
-  for (const fs::directory_entry& version : fs::directory_iterator(package)) {
-    const fs::path library = version.path() / "linux" / machine / "libonnxruntime.so.1";
-    if (!fs::exists(library)) continue;
-    auto opened = onnx_runtime::OnnxRuntime::open(library);
-    EXPECT_TRUE(opened) << opened.error();
-    if (opened) return *std::move(opened);
-  }
-  return std::nullopt;
+  const auto library = installed_onnx_runtime();
+  if (!library) return std::nullopt;
+  auto opened = onnx_runtime::OnnxRuntime::open(*library);
+  EXPECT_TRUE(opened) << opened.error();
+  return opened ? std::optional(*std::move(opened)) : std::nullopt;
 }
 
 class TrialTest : public testing::Test {

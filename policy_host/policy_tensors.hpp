@@ -1,0 +1,48 @@
+// What each tensor of a network is to a policy, by the names that its exporter gave them, whichever engine runs it.
+//
+// The inputs named in `input` carry the observation, one after the other; one output the actions. Every further input
+// must be one of
+//   state      an input that the output of the previous inference feeds: `<x>_in` by `<x>_out` (rsl_rl's exporter,
+//   LEAPP),
+//              `memory.<x>.in` by `memory.<x>.out` (exploy), `h0` by `hn`, `c0` by `cn` (PyTorch's own names), of the
+//              same shape; zeros after load and reset
+//   time_step  one number: inferences since load or reset (motion trackers)
+#pragma once
+
+#include <cstddef>
+#include <expected>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "policy_host/onnx/model.hpp"
+
+namespace takt::policy_host {
+
+// As a network declares them. `lost_states`: recurrent nodes, described, that forget between inferences what they were
+// trained to remember; empty too where the engine does not look into the network.
+struct ModelTensors {
+  std::span<const onnx_engine::TensorInfo> inputs, outputs;
+  std::span<const std::string> lost_states = {};
+};
+
+// Indices into the inputs and outputs.
+struct PolicyTensors {
+  struct State {
+    std::size_t input;
+    std::size_t output;
+  };
+  std::vector<std::size_t> observation;
+  std::vector<State> states;
+  std::optional<std::size_t> time_step;
+  std::size_t actions = 0;
+};
+
+// `input`: names of the tensors that carry the observation, separated by commas; "": all inputs that nothing else
+// feeds. `output`: name of the one that carries the actions; "": the first that feeds no state. `file` stands in the
+// error, one line: what is wrong, how to mend it.
+std::expected<PolicyTensors, std::string> assign_tensors(const ModelTensors& model, const std::string& file,
+                                                         const std::string& input, const std::string& output);
+
+}  // namespace takt::policy_host
