@@ -127,7 +127,8 @@ std::expected<std::unique_ptr<Replayer>, PolicyReplayRefusal> Replayer::make(con
   if (!hash) return refused(Why::policy, hash.error());
   const auto model = onnx_engine::load(section.file);
   if (!model) return refused(Why::policy, model.error());
-  const auto tensors = policy_host::assign_tensors(policy_host::tensors_of(*model), section.file, section.input, section.output);
+  const auto tensors =
+      policy_host::assign_tensors(policy_host::tensors_of(*model), section.file, section.input, section.output);
   if (!tensors) return refused(Why::policy, tensors.error());
   auto policy = policy_host::load_onnx_policy(section.file, section.input, section.output);
   if (!policy) return refused(Why::policy, policy.error());
@@ -294,7 +295,7 @@ config::RobotConfig with_files_of_the_run(const RecordedRun& run) {
 // Whose mailbox a command came from: who is in charge changes on a live robot, the policy's file does not.
 Player seat_of(const RecordedCommand& command, const RecordedRun& run) {
   const auto header = header_of(command);
-  if (command.sender == Player::fallback || !header) return command.sender;
+  if (command.sender == Player::fallback || !header || run.manifest.policy_sha256.empty()) return command.sender;
   return fmt::format("{:016x}", header->policy_hash) == run.manifest.policy_sha256.substr(0, 16) ? Player::policy
                                                                                                  : Player::candidate;
 }

@@ -149,7 +149,7 @@ TEST_F(Rendezvous, HandsOutDescriptorsAndHearsTheAcknowledgement) {
 
 TEST_F(Rendezvous, SecondHolderIsToldWhoHoldsTheLeaseAndHowToMend) {
   const ServerThread server(path_, admit_all());
-  for (const Role role : {Role::policy, Role::fallback_policy, Role::monitor}) {
+  for (const Role role : {Role::policy, Role::fallback_policy, Role::candidate_policy, Role::monitor}) {
     const auto first = attach(path_, hello_of(role, "first-holder"), kTimeout);
     ASSERT_TRUE(first) << first.error();
     const auto second = attach(path_, hello_of(role, "second"), kTimeout);
@@ -215,7 +215,7 @@ TEST_F(Rendezvous, MalformedHellosAreRefusedWithASentenceAndCounted) {
   refused_hello([](Hello& hello) { hello.magic ^= 1; }, "magic");
   refused_hello([](Hello& hello) { hello.abi_version = 99; }, "client has ABI version 99");
   refused_hello([](Hello& hello) { hello.layout ^= 1; }, "layout");
-  refused_hello([](Hello& hello) { hello.role = static_cast<Role>(9); }, "role 9");
+  refused_hello([](Hello& hello) { hello.role = static_cast<Role>(99); }, "role 99");
   refused_hello([](Hello& hello) { hello.reserved[1] = 1; }, "reserved");
   const Hello whole = hello_of(Role::policy);
   refused(&whole, sizeof whole - 1, "95 bytes");

@@ -60,6 +60,9 @@ TEST(TickSchema, TablesCoverEverythingButReservedBytes) {
   const auto reserved_in_fallback = range(offsetof(TickRecordHeader, fallback) + offsetof(FallbackRecord, reserved),
                                           sizeof(FallbackRecord::reserved));
   expected.insert(expected.end(), reserved_in_fallback.begin(), reserved_in_fallback.end());
+  const auto reserved_in_candidate = range(offsetof(TickRecordHeader, candidate) + offsetof(CandidateRecord, reserved),
+                                           sizeof(CandidateRecord::reserved));
+  expected.insert(expected.end(), reserved_in_candidate.begin(), reserved_in_candidate.end());
   const auto reserved = range(offsetof(TickRecordHeader, reserved), sizeof(TickRecordHeader::reserved));
   expected.insert(expected.end(), reserved.begin(), reserved.end());
   EXPECT_EQ(uncovered(header_fields(), sizeof(TickRecordHeader)), expected);
