@@ -144,15 +144,16 @@ void Reception::hand_over(const ipc::Peer& peer) {
     if (auto sealed = seat.inputs->seal_against_new_writers(); !sealed)
       spdlog::error("{} pid {}: {}", name(peer.hello.role), peer.pid, sealed.error());
   }
-  sessions_ = static_cast<std::uint8_t>(sessions_ == UINT8_MAX ? 1 : sessions_ + 1);
-  auto mailbox = CommandMailbox::seal(std::move(mapped), sessions_, peer.hello.policy_hash);
+  std::uint8_t& session = peer.hello.role == Role::fallback_policy ? fallback_sessions_ : sessions_;
+  session = static_cast<std::uint8_t>(session == UINT8_MAX ? 1 : session + 1);
+  auto mailbox = CommandMailbox::seal(std::move(mapped), session, peer.hello.policy_hash);
   if (!mailbox) {
     spdlog::error("{} pid {}: {}", name(peer.hello.role), peer.pid, mailbox.error());
     return;  // never read; the policy's commands go nowhere until it attaches again
   }
   seat.mailboxes.want(std::move(*mailbox));
   seat.attached = true;
-  spdlog::info("{} pid {}: mailbox sealed, session {}", name(peer.hello.role), peer.pid, sessions_);
+  spdlog::info("{} pid {}: mailbox sealed, session {}", name(peer.hello.role), peer.pid, session);
 }
 
 void Reception::take_leave(const ipc::Peer& peer) {

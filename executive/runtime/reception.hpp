@@ -107,7 +107,9 @@ class Reception {
   PolicySeat policy_{parts_.rules, parts_.mailboxes};
   PolicySeat fallback_{parts_.fallback_rules, parts_.fallback_mailboxes};
   PolicySeat candidate_{parts_.rules, parts_.candidate_mailboxes};
-  std::uint8_t sessions_ = 0;  // of them all: what follows another one differs from it, whoever changes places
+  std::uint8_t sessions_ =
+      0;  // of policy and candidate: what follows another one differs from it, whoever is in charge
+  std::uint8_t fallback_sessions_ = 0;
   bool realtime_ = false;
   bool allow_non_realtime_ = false;
   bool shutting_down_ = false;

@@ -293,7 +293,7 @@ TEST_F(TwoPoliciesTest, EachHasASeatOfItsOwnAndArmingWaitsForBoth) {
     const Attached fallback = attach_policy(Role::fallback_policy);
     ASSERT_EQ(arm_until_granted(), "");
     ASSERT_TRUE(until([](const StatusSnapshot& status) {
-      return status.tick.mode == Mode::tracking && status.tick.fallback.session != 0 && status.fallback_pid != 0;
+      return status.tick.mode == Mode::tracking && status.tick.fallback.session == 1 && status.fallback_pid != 0;
     }));
     EXPECT_FALSE(ipc::attach(path(), hello(Role::fallback_policy), 5s)) << "its seat is taken";
   }
