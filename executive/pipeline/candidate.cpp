@@ -93,6 +93,11 @@ Arrival take_candidate_message(TickState& state, const TickInput& input, const T
     candidate.session = message.session;
     candidate.last_sequence = 0;
     candidate.last_refusal = Arrival::none;
+    // Who was asked for is gone, and whoever came instead was not asked for.
+    if (candidate.in_charge == 0 && candidate.asked_at.is_set()) {
+      candidate.asked_at = {};
+      change = PolicyChange::expired;
+    }
   }
   Arrival mailbox;
   if (!is_there(message, mailbox)) return mailbox;

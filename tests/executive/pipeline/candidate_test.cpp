@@ -224,6 +224,25 @@ TEST(Candidate, KilledBetweenTheRequestAndItsAnswerLeavesTheOtherRunning) {
   EXPECT_FALSE(two.candidate_in_charge()) << "a request that was given up is over";
 }
 
+TEST(Candidate, WhoComesInsteadWasNotAskedFor) {
+  TwoHosts two(robot_on_probation());
+  two.start_candidate();
+  two.arm();
+  two.run(200);
+  two.hosts[kCandidate].answers_after = 15;
+  while (!two.tick().observation_due) {
+  }
+  two.tick(OperatorRequest::swap, kCandidateHash);
+  ASSERT_EQ(two.header().candidate.change, PolicyChange::asked);
+  two.hosts[kCandidate].hash = 0xBAD;
+  two.start_candidate();
+  two.tick();
+  EXPECT_EQ(two.header().candidate.change, PolicyChange::expired);
+  two.run(200);
+  EXPECT_EQ(two.header().candidate.freshness, Freshness::fresh);
+  EXPECT_FALSE(two.candidate_in_charge());
+}
+
 // Goal: on probation a fault of the candidate's costs the robot neither tracking nor its contract. Method: each kind of
 // fault right after the swap.
 TEST(Candidate, SilentOnProbationGoesBackBeforeTheContractIsViolated) {
