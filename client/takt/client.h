@@ -86,8 +86,8 @@ typedef struct takt_policy_spec {
   const char* step;              /* time between two steps of a chunk, as in a robot file: "10 ms" */
   uint32_t steps;                /* steps of a chunk, 1 to 128 */
   uint32_t reserved;             /* 0 */
-  /* NULL: be the robot's policy. Else a candidate that runs beside it (`takt policy swap`): path of the program or of the
-   * file with what it has learned, whose SHA-256 is its identity. */
+  /* NULL: be the robot's policy. Else a candidate that runs beside it (`takt policy swap`): path of the program or of
+   * the file with what it has learned, whose SHA-256 is its identity. */
   const char* candidate_file;
 } takt_policy_spec;
 
