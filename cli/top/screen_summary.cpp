@@ -64,6 +64,10 @@ Line title(const Picture& picture) {
   line.add(upper(name(picture.tick.mode)), mode_style(picture.tick.mode));
   line.add(fmt::format(" {:.0f} s", picture.in_mode.seconds()));
   if (picture.tick.player == Player::fallback) line.add("  FALLBACK POLICY", Style::warning);
+  if (picture.tick.candidate.in_charge != 0) {
+    const bool on_probation = picture.tick.candidate.on_probation != 0;
+    line.add(on_probation ? "  CANDIDATE ON PROBATION" : "  CANDIDATE IN CHARGE", Style::warning);
+  }
   if (picture.realtime && picture.tick.recorded_through == 0) line.add("  UNRECORDED", Style::warning);
   if (picture.realtime == false) line.add("  NOT REAL TIME", Style::warning);
   if (picture.entered_by != Cause::none) line.add(fmt::format("  {}", name(picture.entered_by)));
