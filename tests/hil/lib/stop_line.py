@@ -7,7 +7,7 @@ import sys
 import time
 
 DEENERGISE = 6
-message = struct.pack("<8sB7x", b"\r\nTAKT01", DEENERGISE)
+message = struct.pack("<8sB7xQ", b"\r\nTAKT01", DEENERGISE, 0)
 with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as line:
     line.connect(sys.argv[1])
     asked_at = time.clock_gettime_ns(time.CLOCK_REALTIME)
