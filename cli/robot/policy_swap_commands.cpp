@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <csignal>
+#include <cstdio>
 #include <memory>
 #include <thread>
 
@@ -23,6 +24,7 @@ using namespace std::chrono_literals;
 constexpr auto kAnswersWithin = 2000ms;
 constexpr auto kCompareEvery = 50ms;
 constexpr auto kHostEndsWithin = 2000ms;
+constexpr auto kHostAttachesWithin = 15s;  // as `takt run` waits for a policy's
 constexpr int kLooksPerLine = 20;
 
 volatile std::sig_atomic_t g_shadow_interrupted = 0;
@@ -139,10 +141,38 @@ std::expected<ChildProcess, Refusal> start_host(const SwapOptions& options, cons
                      "--candidate",
                      options.file};
   child.log_path = robot.directory() + "/candidate.log";
+  std::remove(child.log_path.c_str());  // of an earlier candidate
   child.parent_death_signal = SIGTERM;
   auto started = ChildProcess::start(std::move(child));
   if (!started) return std::unexpected(Refusal{kExitFailed, started.error()});
   return std::move(*started);
+}
+
+bool is_attached(const StatusSnapshot& status, std::uint64_t policy_hash) {
+  return status.candidate_pid != 0 && status.tick.candidate.policy_hash == policy_hash;
+}
+
+// Says once a second how far apart the two are, until somebody interrupts. The error: why it cannot go on.
+std::expected<void, Refusal> watch(const LiveRobot& robot, ChildProcess& host, std::uint64_t policy_hash) {
+  const auto give_up_at = std::chrono::steady_clock::now() + kHostAttachesWithin;
+  Comparison comparison;
+  for (bool attached = false; g_shadow_interrupted == 0; std::this_thread::sleep_for(kCompareEvery)) {
+    if (!host.alive())
+      return std::unexpected(
+          Refusal{kExitFailed, fmt::format("the candidate's host {}:\n{}", host.how_it_ended(), host.last_words())});
+    const auto reply = robot.ask(OperatorVerb::status);
+    if (!reply) return std::unexpected(reply.error());
+    attached |= is_attached(reply->status, policy_hash);
+    if (!attached && std::chrono::steady_clock::now() > give_up_at)
+      return std::unexpected(
+          Refusal{kExitFailed, fmt::format("the executive does not take the candidate:\n{}", host.last_words())});
+    if (!attached) continue;
+    comparison.look(reply->status);
+    if (!comparison.is_due()) continue;
+    fmt::print("{}\n", comparison.line());
+    std::fflush(stdout);
+  }
+  return {};
 }
 
 // Nobody takes the policy in charge away: the robot gets its own back first.
@@ -163,27 +193,19 @@ int shadow(const SwapOptions& options) {
   if (!robot) return refuse_with(robot.error());
   const auto hash = config::policy_hash(options.file);
   if (!hash) return refuse(config::kExitBadConfiguration, hash.error());
-  if (const auto reply = robot->ask(OperatorVerb::status); !reply) return refuse_with(reply.error());
+  const auto reply = robot->ask(OperatorVerb::status);
+  if (!reply) return refuse_with(reply.error());
+  if (const std::uint64_t other = reply->status.candidate_pid; other != 0)
+    return refuse(kExitFailed, fmt::format("a candidate runs already, pid {}: end it first", other));
   std::signal(SIGINT, [](int) { g_shadow_interrupted = 1; });
   std::signal(SIGTERM, [](int) { g_shadow_interrupted = 1; });
   auto host = start_host(options, *robot);
   if (!host) return refuse_with(host.error());
   fmt::print("candidate {:016x}, pid {}: `takt policy swap` puts it in charge, Ctrl-C ends it\n", *hash, host->pid());
   std::fflush(stdout);
-  Comparison comparison;
-  while (g_shadow_interrupted == 0) {
-    std::this_thread::sleep_for(kCompareEvery);
-    if (!host->alive())
-      return refuse(kExitFailed, fmt::format("the candidate's host {}:\n{}", host->how_it_ended(), host->last_words()));
-    const auto reply = robot->ask(OperatorVerb::status);
-    if (!reply) {
-      host->end(kHostEndsWithin);
-      return refuse_with(reply.error());
-    }
-    comparison.look(reply->status);
-    if (!comparison.is_due()) continue;
-    fmt::print("{}\n", comparison.line());
-    std::fflush(stdout);
+  if (const auto watched = watch(*robot, *host, *hash); !watched) {
+    host->end(kHostEndsWithin);
+    return refuse_with(watched.error());
   }
   return end_shadow(*robot, *host);
 }
@@ -225,7 +247,9 @@ void add_policy_shadow(CLI::App& policy, int& exit_code) {
   CLI::App* command = policy.add_subcommand(
       "shadow", "Run another policy beside the one in charge of a live robot: judged, recorded, compared, not played.");
   auto options = add_where(*command);
-  command->add_option("FILE", options->file, "policy for the same observation and action")->required();
+  command->add_option("FILE", options->file, "policy for the same observation and action")
+      ->required()
+      ->check(CLI::ExistingFile);
   command
       ->add_option("--policy-host", options->policy_host,
                    "program to start instead of takt-policy-host: a policy in Python, or an engine of its own")
@@ -234,7 +258,8 @@ void add_policy_shadow(CLI::App& policy, int& exit_code) {
       "Example: takt policy shadow new_policy.onnx\n"
       "Runs until Ctrl-C, which gives the robot its own policy back first. Its log: candidate.log in the runtime "
       "directory.\n"
-      "Exit codes: 0 ended as asked, 1 its host ended (its last words), 64 several robots run, 65 configuration or "
+      "Exit codes: 0 ended as asked, 1 its host ended, or was not taken (its last words), or another candidate runs, "
+      "64 no such file or several robots run, 65 configuration or "
       "policy, 69 none runs.");
   command->callback([options, &exit_code] { exit_code = shadow(*options); });
 }
@@ -243,11 +268,13 @@ void add_policy_swap(CLI::App& policy, int& exit_code) {
   CLI::App* command =
       policy.add_subcommand("swap", "Put the policy that runs beside the one in charge in its place, on probation.");
   auto options = add_where(*command);
-  command->add_option("FILE", options->file, "refused unless it is this file that runs beside it");
+  command->add_option("FILE", options->file, "refused unless it is this file that runs beside it")
+      ->check(CLI::ExistingFile);
   command->footer(
       "Example: takt policy swap\n"
       "For policy.probation of tracking it goes back by itself when it uses up half of what the contract allows.\n"
-      "Exit codes: 0 in charge, 1 refused or not in charge (why), 64 several robots run, 65 configuration or policy, "
+      "Exit codes: 0 in charge, 1 refused or not in charge (why), 64 no such file or several robots run, 65 "
+      "configuration or policy, "
       "69 none runs.");
   command->callback([options, &exit_code] { exit_code = swap_in(*options); });
 }

@@ -165,11 +165,11 @@ void judge_candidate(TickState& state, const TickInput& input, const TickConfig&
 }
 
 void watch_probation(TickState& state, const TickConfig& config, TickRecordHeader& header) {
-  if (!is_on_probation(state) || state.mode.mode != Mode::tracking) return;
+  if (!is_on_probation(state) || state.mode.mode != Mode::tracking || is_handover(header.candidate.change)) return;
   const std::uint32_t window = config.freshness.window_ticks;
   const bool refused = is_refusal(header.arrival) && !is_refused_for_age(header.arrival);
   state.candidate_misses.push(!is_usable(header.freshness), window);
-  state.candidate_refusals.push(refused && header.candidate.change != PolicyChange::swapped, window);
+  state.candidate_refusals.push(refused, window);
   if (const PolicyChange why = used_up(state, config); why != PolicyChange::none)
     return go_back(state, why, header.now, config, header);
   if (!is_usable(header.freshness)) return;

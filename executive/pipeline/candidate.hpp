@@ -34,6 +34,7 @@ ExpectedPolicy expected_beside(const TickState& state, const TickInput& input, c
 void judge_candidate(TickState& state, const TickInput& input, const TickConfig& config, TickRecordHeader& header);
 // After freshness and misses of this tick are known: back to the robot's own policy when the candidate uses up too
 // much.
+// Not in the tick of the swap, which was still the other one's.
 void watch_probation(TickState& state, const TickConfig& config, TickRecordHeader& header);
 // After the mode of this tick is known: back when a stop or degraded mode ended the probation. Completes the record.
 void settle_candidate(TickState& state, const TickConfig& config, TickRecordHeader& header);

@@ -33,7 +33,10 @@ std::vector<std::string> missing_for_arming(const TickRecord& latest, const pipe
   if (!situation.realtime && !situation.allow_non_realtime) {
     sentences.emplace_back("real-time set-up is incomplete: mend it, or start with --allow-non-realtime");
   }
-  if (!situation.policy_attached) sentences.emplace_back("no policy is attached: start takt-policy-host");
+  if (!situation.policy_attached)
+    sentences.emplace_back(latest.header.candidate.in_charge != 0
+                               ? "the candidate in charge does not run: start it again, or takt policy back"
+                               : "no policy is attached: start takt-policy-host");
   if (latest.header.tick == 0) sentences.emplace_back("the control loop has not run yet: try again");
   std::array<pipeline::ArmingBlocker, kMaxBlockers> blockers{};
   const std::size_t count = pipeline::arming_blockers(latest, config, blockers);

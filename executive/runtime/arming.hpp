@@ -12,7 +12,7 @@ namespace takt::runtime {
 
 // What the service thread knows and the tick does not.
 struct ArmingSituation {
-  bool policy_attached = false;
+  bool policy_attached = false;  // the one in charge
   bool realtime = false;
   bool allow_non_realtime = false;
   bool shutting_down = false;

@@ -97,6 +97,26 @@ TEST_F(CandidateProcess, ShadowSwapBackAndAKillInBetween) {
   EXPECT_NE(text_of(robot_.directory() + "/executive.log").find("change of policy: back_for_age"), std::string::npos);
 }
 
+// Goal: nobody takes another candidate's figures for its own. Method: a second one beside the first.
+TEST_F(CandidateProcess, ASecondOneIsRefusedAndTheFirstGoesOn) {
+  Child policy = robot_.start_policy_host();
+  ASSERT_TRUE(robot_.wait_until([](const StatusSnapshot& s) { return s.tick.freshness == Freshness::fresh; }));
+  Child first = shadow(retrained());
+  ASSERT_TRUE(wait_for_fresh_candidate()) << robot_.logs();
+  const std::string log = robot_.directory() + "/second.log";
+  Child second({"takt", "policy", "shadow", "config/arm6_reach.onnx", "--robot", robot_.robot_file(), "--runtime-dir",
+                robot_.directory()},
+               log);
+  EXPECT_EQ(second.wait(std::chrono::seconds(20)), 1);
+  EXPECT_NE(text_of(log).find("a candidate runs already, pid " + std::to_string(robot_.status()->status.candidate_pid)),
+            std::string::npos)
+      << text_of(log);
+  EXPECT_EQ(candidate().freshness, Freshness::fresh);
+  first.signal(SIGINT);
+  EXPECT_EQ(first.wait(std::chrono::seconds(20)), 0);
+  EXPECT_TRUE(robot_.finish());
+}
+
 // Ctrl-C takes no policy from the robot that is in charge of it.
 TEST_F(CandidateProcess, EndingTheShadowGivesTheRobotBackFirst) {
   Child policy = robot_.start_policy_host();

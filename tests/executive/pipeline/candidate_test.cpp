@@ -307,6 +307,16 @@ TEST(Candidate, AStopOnProbationGoesBack) {
   EXPECT_EQ(two.header().command_policy, kOwnHash);
 }
 
+TEST(Candidate, EveryChangeHasATickOfItsOwn) {
+  TwoHosts two(robot_on_probation(milliseconds(1)));
+  two.start_candidate();
+  two.arm();
+  two.run(200);
+  two.swap();
+  two.tick();
+  EXPECT_EQ(two.header().candidate.change, PolicyChange::confirmed) << "and not in the tick that says it was swapped";
+}
+
 TEST(Candidate, ConfirmedItAnswersForItself) {
   TwoHosts two(robot_on_probation(milliseconds(200)));
   two.start_candidate();

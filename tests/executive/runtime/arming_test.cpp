@@ -51,6 +51,10 @@ TEST(Arming, SaysWhatTheProcessItselfLacks) {
   };
   EXPECT_TRUE(says({.realtime = true}, "no policy is attached"));
   EXPECT_FALSE(says({.policy_attached = true, .realtime = true}, "no policy is attached"));
+  record->header.candidate.in_charge = 1;
+  EXPECT_TRUE(says({.realtime = true}, "the candidate in charge does not run"));
+  EXPECT_FALSE(says({.realtime = true}, "no policy is attached"));
+  record->header.candidate.in_charge = 0;
   EXPECT_TRUE(says({.policy_attached = true}, "real-time set-up is incomplete"));
   EXPECT_FALSE(says({.policy_attached = true, .allow_non_realtime = true}, "real-time set-up is incomplete"));
   EXPECT_TRUE(says({.policy_attached = true}, "the control loop has not run yet"));
