@@ -86,8 +86,27 @@ void check_meaning(const RobotConfig& robot, const Policy& policy, Checker& chec
                                 joint.name));
 }
 
-// d <= s <= H - d, where s, the steps played of a chunk, is the policy's period: what is promised is played before the
-// next observation, and the rest of the chunk reaches past the answer to that one.
+// d <= s <= H - d. Of most policies s, the steps played of a chunk, is the policy's period: what is promised is played
+// before the next observation, and the rest of the chunk reaches past the answer to that one. A sampler that continues
+// the prefix takes up no observation before its answer is being played (policy_host/responder.hpp): s is then up to d
+// and a period.
+void check_prefix(const RobotConfig& robot, const Policy& policy, Checker& checker) {
+  const Duration horizon = policy.step_period * policy.steps, longest = policy.action.join.longest;
+  const bool waits = policy.sampler && policy.sampler->prefix != PrefixUse::none;
+  checker.require(waits || longest <= policy.period - robot.control.period, "policy.action.join.longest",
+                  fmt::format("{} must end a control period before the next observation is published, {} after this "
+                              "one; lower it, or raise policy.period",
+                              format_duration(longest), format_duration(policy.period)));
+  const Duration played = waits ? policy.period + longest : policy.period;
+  checker.require(played + longest <= horizon, "policy.action.join.longest",
+                  fmt::format("{} and {} exceed the chunk's {}: it would end before the answer to the "
+                              "next observation is played; lower it, or raise policy.steps",
+                              format_duration(longest),
+                              waits ? fmt::format("{} between two answers", format_duration(played))
+                                    : fmt::format("policy.period {}", format_duration(policy.period)),
+                              format_duration(horizon)));
+}
+
 void check_join(const RobotConfig& robot, const Policy& policy, Checker& checker) {
   const Action& action = policy.action;
   const Join& join = action.join;
@@ -116,16 +135,7 @@ void check_join(const RobotConfig& robot, const Policy& policy, Checker& checker
           fmt::format("{} exceeds the chunk's {}; lower it", format_duration(join.over), format_duration(horizon)));
       return;
     case JoinKind::prefix:
-      checker.require(
-          join.longest <= policy.period - robot.control.period, "policy.action.join.longest",
-          fmt::format("{} must end a control period before the next observation is published, {} after this "
-                      "one; lower it, or raise policy.period",
-                      format_duration(join.longest), format_duration(policy.period)));
-      checker.require(
-          policy.period + join.longest <= horizon, "policy.action.join.longest",
-          fmt::format("{} and policy.period {} exceed the chunk's {}: it would end before the answer to the "
-                      "next observation is played; lower it, or raise policy.steps",
-                      format_duration(join.longest), format_duration(policy.period), format_duration(horizon)));
+      check_prefix(robot, policy, checker);
       return;
   }
 }
@@ -145,6 +155,22 @@ void check_action(const RobotConfig& robot, const Action& action, Checker& check
     checker.require(action.offset_values.size() == outputs, "policy.action.offset",
                     fmt::format("has {} values for {} outputs; write one per output, or `home`",
                                 action.offset_values.size(), outputs));
+}
+
+void check_sampler(const Policy& policy, Checker& checker) {
+  const Sampler& sampler = *policy.sampler;
+  const bool draws_on_path = sampler.prefix != PrefixUse::none || sampler.choice == SampleChoice::coherent;
+  checker.require(sampler.prefix == PrefixUse::none || policy.action.join.kind == JoinKind::prefix,
+                  "policy.sampler.prefix",
+                  "continues what the executive promises to play, and it promises nothing; write policy.action.join "
+                  "{ kind: prefix }, or none here");
+  checker.require(!draws_on_path || policy.requests_in_flight == 1, "policy.requests_in_flight",
+                  fmt::format("is {}, and the sampler draws on the answer before; write 1", policy.requests_in_flight));
+  checker.require(sampler.choice == SampleChoice::first || sampler.samples > 1, "policy.sampler.samples",
+                  "one sample leaves no choice; write 2 or more, or choice: first");
+  checker.require(
+      sampler.choice != SampleChoice::first || sampler.samples == 1, "policy.sampler.choice",
+      fmt::format("takes the first of {} samples; write coherent or agreed, or samples: 1", sampler.samples));
 }
 
 void check_monitors(const ChunkMonitors& monitors, Checker& checker) {
@@ -186,6 +212,7 @@ void check_policy(const RobotConfig& robot, Checker& checker) {
   check_join(robot, policy, checker);
   check_action(robot, policy.action, checker);
   if (policy.monitors) check_monitors(*policy.monitors, checker);
+  if (policy.sampler) check_sampler(policy, checker);
 }
 
 }  // namespace takt::config

@@ -46,9 +46,15 @@ std::size_t observation_width(const RobotConfig& robot) {
   return width;
 }
 
+std::size_t flow_context_width(const RobotConfig& robot) {
+  constexpr std::size_t kIdAndCounts = 5;
+  return robot.policy->sampler ? kIdAndCounts + robot.policy->steps * outputs_per_step(robot) : 0;
+}
+
 std::size_t largest_policy_input(const RobotConfig& robot) {
   if (!robot.policy || !robot.record.policy_inputs) return 0;
-  std::size_t values = robot.joints.size() + observation_width(robot) + robot.policy->steps * outputs_per_step(robot);
+  std::size_t values = robot.joints.size() + observation_width(robot) + flow_context_width(robot) +
+                       robot.policy->steps * outputs_per_step(robot);
   for (const Sensor& sensor : robot.sensors) {
     const auto shows = [&](const ObservationTerm& term) { return term.sensor == sensor.name; };
     if (sensor.image && std::ranges::any_of(robot.policy->observation, shows)) return 0;
@@ -61,6 +67,8 @@ std::size_t largest_policy_input(const RobotConfig& robot) {
 RobotConfig seen_by_fallback(const RobotConfig& robot, const Fallback& fallback) {
   RobotConfig seen = robot;
   seen.policy->requests_in_flight = 1;
+  // No observation tells it what of its own path is being played.
+  if (seen.policy->sampler) seen.policy->sampler->prefix = PrefixUse::none;
   if (fallback.has_own_file()) seen.policy->file = fallback.file;
   for (ObservationTerm& term : seen.policy->observation) {
     if (term.kind != TermKind::command) continue;

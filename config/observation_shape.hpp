@@ -13,6 +13,8 @@ std::size_t outputs_per_step(const RobotConfig& robot);  // joints the policy dr
 std::size_t term_width(const RobotConfig& robot, const ObservationTerm& term);
 // Width of the model's input: every term times its history.
 std::size_t observation_width(const RobotConfig& robot);
+// What a sampler is shown besides (policy_host/flow/flow_context.hpp); 0: the policy has none.
+std::size_t flow_context_width(const RobotConfig& robot);
 
 // Bytes of the largest policy_input.hpp that a host of this robot publishes; 0: its policies' inputs are not recorded,
 // because `record` says so, because they hold images, or because they are larger than kMaxPolicyInputBytes. The same

@@ -226,6 +226,26 @@ struct ChunkMonitors {
 
 inline constexpr std::uint32_t kMostRequests = 8;  // in flight
 
+// How a policy that denoises is drawn towards the path that is being played while it denoises.
+enum class PrefixUse : std::uint8_t { none, guided, trained };
+enum class PrefixSchedule : std::uint8_t { ones, zeros, linear, exponential };
+// Which of several samples is the answer.
+enum class SampleChoice : std::uint8_t { first, coherent, agreed };
+
+// policy.file is the velocity network of a flow, and policy_host/flow samples chunks with it.
+struct Sampler {
+  std::string noisy, time;  // its input tensors besides policy.input
+  std::uint32_t steps = 0;  // of denoising, >= 1
+  std::uint64_t seed = 0;
+  PrefixUse prefix = PrefixUse::none;
+  PrefixSchedule schedule = PrefixSchedule::exponential;  // guided
+  double limit = 0;                                       // guided: of the error's share in the velocity, > 0
+  std::uint32_t samples = 1;
+  SampleChoice choice = SampleChoice::first;
+  double decay = 0;      // coherent: m of exp(-m i), i = 0 the first step
+  double tolerance = 0;  // agreed: units of the outputs, > 0
+};
+
 struct Policy {
   std::string file;  // absolute after load
   Duration period;
@@ -240,6 +260,7 @@ struct Policy {
   std::string history_layout;            // "by_term": each term's history together | "by_time": all terms per instant
   std::vector<std::size_t> joint_order;  // policy's joint k is this joint; empty: identity
   std::optional<ChunkMonitors> monitors;
+  std::optional<Sampler> sampler;
 };
 
 // 8-bit, row after row, channels of a pixel together.

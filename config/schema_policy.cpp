@@ -17,8 +17,12 @@ constexpr std::array<std::string_view, 3> kActionKinds{"joint_position", "joint_
 constexpr std::array<std::string_view, 3> kInterpolations{"hold", "linear", "cubic"};
 constexpr std::array<std::string_view, 7> kJoins{"replace", "cross_fade", "blend", "ensemble",
                                                  "align",   "quintic",    "prefix"};
+constexpr std::array<std::string_view, 3> kPrefixUses{"none", "guided", "trained"};
+constexpr std::array<std::string_view, 4> kPrefixSchedules{"ones", "zeros", "linear", "exponential"};
+constexpr std::array<std::string_view, 3> kSampleChoices{"first", "coherent", "agreed"};
 constexpr std::size_t kMaxTerms = 32;
 constexpr std::size_t kMaxSensors = 16;
+constexpr std::size_t kMostSamples = 64;
 
 void describe_image(Fields& fields, Sensor& sensor) {
   if (!sensor.image) sensor.image.emplace();
@@ -137,6 +141,34 @@ void describe_monitors(Fields& fields, ChunkMonitors& monitors) {
       });
 }
 
+void describe_sampler(Fields& fields, Sampler& sampler) {
+  fields.text({"noisy", "name of the network's input for what is being denoised", "x_t"}, sampler.noisy);
+  fields.text({"time", "name of its input for the time, 0 noise to 1 action: one number, or one per step", "t"},
+              sampler.time);
+  fields.integer({"steps", "of denoising, all of one size", "8"}, sampler.steps, 1, 1000);
+  fields.integer({"seed", "what noise is drawn from, with the observation's id", "1"}, sampler.seed, 0, 1U << 30U);
+  fields.choice({"prefix",
+                 "none: each chunk for itself; guided: drawn towards the path that is being played while it is "
+                 "denoised; trained: the network is shown the steps that will be played, as in its training",
+                 "none"},
+                sampler.prefix, kPrefixUses);
+  fields.choice({"schedule", "guided: how the pull falls from the promised steps to the path's end", "exponential"},
+                sampler.schedule, kPrefixSchedules);
+  fields.quantity({"limit", "guided: most of the error's share in the velocity", "5"}, sampler.limit, Dimension::none,
+                  above(0, 1000));
+  fields.integer({"samples", "drawn for every answer", "1"}, sampler.samples, 1, kMostSamples);
+  fields.choice({"choice",
+                 "first: of them; coherent: the nearest to the path that is being played; agreed: the first, as far "
+                 "as all agree",
+                 "first"},
+                sampler.choice, kSampleChoices);
+  fields.quantity({"decay", "coherent: m of the weights exp(-m i), i = 0 the first step", "0.5"}, sampler.decay,
+                  Dimension::none, between(0, 10));
+  fields.quantity(
+      {"tolerance", "agreed: samples agree where no output differs by more, in units of the outputs", "0.1"},
+      sampler.tolerance, Dimension::none, above(0, 1e6));
+}
+
 void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& robot) {
   const auto joints = joint_names(robot);
   std::vector<std::string_view> sensors;
@@ -171,6 +203,12 @@ void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& 
                           monitored, [&](Fields& f) {
                             if (!policy.monitors) policy.monitors.emplace();
                             describe_monitors(f, *policy.monitors);
+                          });
+  bool samples = policy.sampler.has_value();
+  fields.optional_section({"sampler", "the file is a flow's velocity network; the policy host denoises with it"},
+                          samples, [&](Fields& f) {
+                            if (!policy.sampler) policy.sampler.emplace();
+                            describe_sampler(f, *policy.sampler);
                           });
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "config/observation_shape.hpp"
+#include "policy_host/flow/flow_policy.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -49,7 +50,8 @@ float& value(CommandChunk& chunk, CommandField field, std::size_t step, std::siz
 ChunkBuilder::ChunkBuilder(const config::RobotConfig& robot, std::uint64_t policy_hash)
     : kind_(robot.policy->action.kind),
       measured_(robot.policy->action.offset == config::OffsetKind::measured),
-      cubic_(robot.policy->action.interpolation == config::Interpolation::cubic) {
+      cubic_(robot.policy->action.interpolation == config::Interpolation::cubic),
+      agreed_(robot.policy->sampler && robot.policy->sampler->choice == config::SampleChoice::agreed) {
   const config::Policy& policy = *robot.policy;
   for (std::size_t i = 0; i < config::outputs_per_step(robot); ++i) {
     const std::size_t joint = policy.action.joint_of_output.empty() ? i : policy.action.joint_of_output[i];
@@ -90,13 +92,15 @@ void ChunkBuilder::fill_step(CommandChunk& chunk, const Observation& answered, s
   }
 }
 
-void ChunkBuilder::fill_velocities(CommandChunk& chunk) const {
-  const float period = static_cast<float>(header_.step_period.ns) * 1.0e-9F;
-  for (std::size_t step = 0; step < header_.step_count; ++step) {
+void ChunkBuilder::fill_velocities(CommandChunk& chunk) {
+  const CommandHeader& header = chunk.header;
+  const float period = static_cast<float>(header.step_period.ns) * 1.0e-9F;
+  if (header.step_count < 2) return;  // one step stands
+  for (std::size_t step = 0; step < header.step_count; ++step) {
     const std::size_t before = step == 0 ? 0 : step - 1;
-    const std::size_t after = std::min<std::size_t>(step + 1, header_.step_count - 1U);
+    const std::size_t after = std::min<std::size_t>(step + 1, header.step_count - 1U);
     const float span = static_cast<float>(after - before) * period;
-    for (std::size_t joint = 0; joint < idle_.size(); ++joint)
+    for (std::size_t joint = 0; joint < header.joint_count; ++joint)
       value(chunk, CommandField::dq, step, joint) =
           (value(chunk, CommandField::q, after, joint) - value(chunk, CommandField::q, before, joint)) / span;
   }
@@ -105,9 +109,10 @@ void ChunkBuilder::fill_velocities(CommandChunk& chunk) const {
 void ChunkBuilder::fill(CommandChunk& chunk, const Observation& answered, std::span<const float> outputs) const {
   chunk.header = header_;
   chunk.header.observation_id = answered.id;
+  if (agreed_) chunk.header.step_count = static_cast<std::uint16_t>(meant_steps(outputs, outputs_.size()));
   std::fill_n(chunk.values, chunk.value_count(), 0.0F);
   const bool with_gains = kind_ != config::ActionKind::joint_position;
-  for (std::size_t step = 0; step < header_.step_count; ++step) {
+  for (std::size_t step = 0; step < chunk.header.step_count; ++step) {
     for (std::size_t joint = 0; joint < idle_.size(); ++joint) {
       value(chunk, CommandField::q, step, joint) = idle_[joint].home;
       if (!with_gains) continue;
@@ -125,6 +130,7 @@ LastAction::LastAction(const config::Policy& policy, std::size_t outputs_per_ste
 void LastAction::remember(const Observation& answered, std::span<const float> outputs) {
   answered_ = answered.published_at;
   std::ranges::copy(outputs, outputs_.begin());
+  for (std::size_t i = outputs.size(); i < outputs_.size(); ++i) outputs_[i] = outputs_[i - width_];
 }
 
 void LastAction::forget() {

@@ -27,6 +27,7 @@ class ChunkBuilder {
   ChunkBuilder(const config::RobotConfig& robot, std::uint64_t policy_hash);
 
   // Fills everything but the stamps, sequence and drop count. Precondition: outputs.size() == steps * outputs per step.
+  // The chunk has as many steps as the outputs mean: all, or fewer of a sampler that agreed on those alone.
   void fill(CommandChunk& chunk, const Observation& answered, std::span<const float> outputs) const;
 
  private:
@@ -40,10 +41,11 @@ class ChunkBuilder {
   };
   void fill_step(CommandChunk& chunk, const Observation& answered, std::size_t step,
                  std::span<const float> outputs) const;
-  void fill_velocities(CommandChunk& chunk) const;
+  static void fill_velocities(CommandChunk& chunk);
 
   config::ActionKind kind_;
   bool measured_, cubic_;
+  bool agreed_;  // its outputs may mean fewer steps than there are
   std::vector<Output> outputs_;
   std::vector<Idle> idle_;  // per joint
   CommandHeader header_;    // the constant part
@@ -51,7 +53,7 @@ class ChunkBuilder {
 
 // What the `last_action` term shows: the raw outputs of the previous chunk's step that is due when the new observation
 // is published (the nearest one; the last one once the chunk is spent). For a policy without chunks that is simply its
-// previous output. Zeros before the first chunk and after forget().
+// previous output. Zeros before the first chunk and after forget(). Of a chunk of fewer steps the last one stands on.
 class LastAction {
  public:
   LastAction(const config::Policy& policy, std::size_t outputs_per_step);

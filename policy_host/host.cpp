@@ -17,6 +17,11 @@ constexpr Duration kAttachRetry = milliseconds(200);
 constexpr Duration kLongestWait = milliseconds(200);  // for an inference: the host may be told to end meanwhile
 constexpr Duration kReportPeriod = seconds(10);
 
+PathOwner owner_of(Role role) {
+  if (role == Role::candidate_policy) return PathOwner::candidate;
+  return role == Role::policy ? PathOwner::policy : PathOwner::nobody;
+}
+
 }  // namespace
 
 Host::Host(const config::RobotConfig& robot, const std::string& runtime_directory, std::uint64_t policy_hash,
@@ -25,7 +30,7 @@ Host::Host(const config::RobotConfig& robot, const std::string& runtime_director
       socket_(config::executive_socket(runtime_directory)),
       hello_(hello_of(robot, policy_hash, role, kProgram)),
       introduction_(kProgram, robot.hash, policy_hash, robot.joints),
-      responder_(robot, policy_hash, *policies.front()),
+      responder_(robot, policy_hash, *policies.front(), owner_of(role)),
       largest_input_(config::largest_policy_input(robot)),
       sensors_in_use_(sensors_in_use(robot)),
       samples_(robot.sensors.size()),
@@ -99,7 +104,7 @@ void Host::look(MonoTime now) {
   if (fresh) {
     observed_ = observation.published_at;
     observed_id_ = observation.id;
-    answer(observation, faults_.any() ? monotonic_now() : now);
+    if (!responder_.awaits(observation)) answer(observation, faults_.any() ? monotonic_now() : now);
     looked_since_due_ = false;
     return;
   }

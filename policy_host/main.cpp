@@ -3,7 +3,5 @@
 #include "policy_host/program.hpp"
 
 int main(int argc, char** argv) {
-  return takt::policy_host::run_policy_host(argc, argv, [](const takt::config::RobotConfig& robot) {
-    return takt::policy_host::load_onnx_policy(robot.policy->file, robot.policy->input, robot.policy->output);
-  });
+  return takt::policy_host::run_policy_host(argc, argv, takt::policy_host::load_robot_policy);
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "policy_host/flow/flow_policy.hpp"
 #include "policy_host/onnx/model.hpp"
 
 namespace takt::policy_host {
@@ -59,6 +60,13 @@ std::expected<std::unique_ptr<Policy>, std::string> load_onnx_policy(const std::
   auto tensors = assign_tensors(tensors_of(*model), file, input, output);
   if (!tensors) return std::unexpected(tensors.error());
   return std::make_unique<OnnxPolicy>(*std::move(model), *std::move(tensors));
+}
+
+std::expected<std::unique_ptr<Policy>, std::string> load_robot_policy(const config::RobotConfig& robot) {
+  const config::Policy& section = *robot.policy;
+  auto network = load_onnx_policy(section.file, network_input(section), section.output);
+  if (!network) return network;
+  return with_sampler(robot, *std::move(network));
 }
 
 }  // namespace takt::policy_host

@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 
+#include "config/robot_config.hpp"
 #include "policy_host/policy.hpp"
 #include "policy_host/policy_tensors.hpp"
 
@@ -19,5 +20,8 @@ ModelTensors tensors_of(const onnx_engine::Model& model);
 // `input` and `output` as assign_tensors() takes them.
 std::expected<std::unique_ptr<Policy>, std::string> load_onnx_policy(const std::string& file, const std::string& input,
                                                                      const std::string& output);
+// The robot's own: the network in policy.file, and the sampler around it where there is one (policy_host/flow).
+// Precondition: robot.policy.
+std::expected<std::unique_ptr<Policy>, std::string> load_robot_policy(const config::RobotConfig& robot);
 
 }  // namespace takt::policy_host

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <cstring>
 
+#include "policy_host/flow/flow_policy.hpp"
 #include "policy_host/onnx_runtime_policy.hpp"
 #include "policy_host/program.hpp"
 
@@ -34,8 +35,10 @@ std::expected<std::unique_ptr<takt::policy_host::Policy>, std::string> load(cons
   if (!runtime)
     return std::unexpected(fmt::format("{}; install ONNX Runtime, or say where its libonnxruntime.so is: {}=PATH",
                                        runtime.error(), kLibrary));
-  return takt::policy_host::load_onnx_runtime_policy(*std::move(runtime), robot.policy->file, robot.policy->input,
-                                                     robot.policy->output);
+  auto network = takt::policy_host::load_onnx_runtime_policy(
+      *std::move(runtime), robot.policy->file, takt::policy_host::network_input(*robot.policy), robot.policy->output);
+  if (!network) return network;
+  return takt::policy_host::with_sampler(robot, *std::move(network));
 }
 
 }  // namespace

@@ -140,13 +140,14 @@ std::expected<void, std::string> check_fit(const RobotConfig& robot, const Polic
       return refuse(robot, fmt::format("policy.observation {}: this host reads no images; a policy in Python does "
                                        "(docs/sensors.md)",
                                        term_name(term)));
-  const std::size_t input = config::observation_width(robot);
+  const std::size_t context = config::flow_context_width(robot), input = config::observation_width(robot) + context;
   std::string sum;
   for (const ObservationTerm& term : section.observation) {
     const std::size_t width = term_width(robot, term);
     sum += fmt::format("{}{} {}", sum.empty() ? "" : " + ", term_name(term), width);
     if (term.history > 1) sum += fmt::format(" x {}", term.history);
   }
+  if (context > 0) sum += fmt::format("{}sampler {}", sum.empty() ? "" : " + ", context);
   if (input != policy.input_size()) {
     return std::unexpected(
         fmt::format("{}: {} wants {} values, the configuration's terms give {}: {}; mend "

@@ -10,19 +10,27 @@
 
 namespace takt::policy_host {
 
-Responder::Responder(const config::RobotConfig& robot, std::uint64_t policy_hash, Policy& policy)
+Responder::Responder(const config::RobotConfig& robot, std::uint64_t policy_hash, Policy& policy, PathOwner owner)
     : policy_(policy),
       input_(robot),
       chunk_builder_(robot, policy_hash),
       last_action_(*robot.policy, config::outputs_per_step(robot)),
+      step_period_(robot.policy->step_period),
+      steps_(robot.policy->steps),
       sensors_(sensors_in_use(robot)),
-      output_size_(policy.output_size()) {}
+      output_size_(policy.output_size()) {
+  if (!robot.policy->sampler) return;
+  flow_.emplace(robot, owner);
+  prefix_ = robot.policy->sampler->prefix;
+}
 
 void Responder::start_session() {
   forget();
   ++session_;
   sequence_ = taken_sequence_ = 0;
   continuity_.start_session();
+  dropped_late_ = false;
+  if (flow_) flow_->start_session();
 }
 
 void Responder::forget() {
@@ -37,6 +45,19 @@ const CommandChunk& Responder::answer(const Observation& observation, std::span<
   ask(observation, samples, dequeued_at, only_);
   infer(policy_, only_, clock);
   return *take(only_, clock);
+}
+
+bool Responder::awaits(const Observation& observation) const {
+  return prefix_ != config::PrefixUse::none && flow_->awaits(observation);
+}
+
+bool Responder::continues_in_time(const Request& request) {
+  if (prefix_ != config::PrefixUse::trained) return true;
+  const std::size_t promised = FlowContext::read(std::span(request.input).subspan(input_.input_size())).promised;
+  const Duration taken = request.infer_ended_at - request.observation.published_at;
+  const bool late = promised > 0 && taken > step_period_ * static_cast<std::int64_t>(promised);
+  dropped_late_ = late && !dropped_late_;
+  return !dropped_late_;
 }
 
 void Responder::ask(const Observation& observation, std::span<const SensorSample> samples, MonoTime dequeued_at,
@@ -58,6 +79,10 @@ void Responder::ask(const Observation& observation, std::span<const SensorSample
   const auto last_action = last_action_.due_at(observation.published_at);
   const auto input = input_.build(observation, samples, last_action);
   request.input.assign(input.begin(), input.end());
+  if (flow_) {
+    request.input.resize(policy_.input_size());
+    flow_->show(observation, std::span(request.input).subspan(input.size()));
+  }
   request.output.resize(output_size_);
 }
 
@@ -71,13 +96,16 @@ void Responder::infer(Policy& policy, Request& request, Clock clock) {
 }
 
 const CommandChunk* Responder::take(const Request& request, Clock clock) {
-  if (request.session != session_ || request.sequence < taken_sequence_) return nullptr;
+  if (request.session != session_ || request.sequence < taken_sequence_ || !continues_in_time(request)) return nullptr;
   taken_sequence_ = request.sequence;
   inference_ = {request.input, request.output, inference_.number + 1, request.after_reset};
   chunk_builder_.fill(chunk_, request.observation, request.output);
-  if (request.times_forgotten == times_forgotten_) last_action_.remember(request.observation, request.output);
+  const std::span<const float> said = request.output;
+  const std::span meant = said.first(said.size() / steps_ * chunk_.header.step_count);
+  if (request.times_forgotten == times_forgotten_) last_action_.remember(request.observation, meant);
+  if (flow_) flow_->remember(request.sequence, request.observation, meant);
   // The executive refuses and names such a chunk; what must not happen is that it stays in the policy's memory.
-  if (!std::ranges::all_of(request.output, [](float value) { return std::isfinite(value); })) forget();
+  if (!std::ranges::all_of(meant, [](float value) { return std::isfinite(value); })) forget();
 
   CommandHeader& header = chunk_.header;
   header.sequence = request.sequence;

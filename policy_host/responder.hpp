@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -16,6 +17,7 @@
 #include "executive/contract/sensor_sample.hpp"
 #include "policy_host/chunk_builder.hpp"
 #include "policy_host/continuity.hpp"
+#include "policy_host/flow/flow_context.hpp"
 #include "policy_host/observation_builder.hpp"
 #include "policy_host/policy.hpp"
 
@@ -41,8 +43,10 @@ struct Request {
 
 class Responder {
  public:
-  // Precondition: check_policy_section and check_fit passed. `policy` outlives this.
-  Responder(const config::RobotConfig& robot, std::uint64_t policy_hash, Policy& policy);
+  // Precondition: check_policy_section and check_fit passed. `policy` outlives this. `owner`: whether observations
+  // speak of its answers when they say what is being played.
+  Responder(const config::RobotConfig& robot, std::uint64_t policy_hash, Policy& policy,
+            PathOwner owner = PathOwner::policy);
 
   // A new lease: sequences start at 1 again.
   void start_session();
@@ -51,9 +55,15 @@ class Responder {
   const CommandChunk& answer(const Observation& observation, std::span<const SensorSample> samples,
                              MonoTime dequeued_at, Clock clock);
 
+  // A sampler that continues the promised path: this observation's promise may be broken by the newest answer, which is
+  // not being played yet. It is not to be asked of.
+  [[nodiscard]] bool awaits(const Observation& observation) const;
+
   // The same in three steps, for several requests in flight: ask() of each observation in order, infer() anywhere,
   // take() in the order in which they end. take(): null for one that an answer to a newer observation has overtaken,
-  // and for one of an earlier session. The chunk is valid until the next, inference() until the request is used again.
+  // for one of an earlier session, and for one that continues a promised prefix which ended before it did. Two of those
+  // in a row are let through: the executive learns from the second how late answers are now. The chunk is valid until
+  // the next, inference() until the request is used again.
   void ask(const Observation& observation, std::span<const SensorSample> samples, MonoTime dequeued_at,
            Request& request);
   static void infer(Policy& policy, Request& request, Clock clock);
@@ -64,11 +74,17 @@ class Responder {
 
  private:
   void forget();
+  [[nodiscard]] bool continues_in_time(const Request& request);
 
   Policy& policy_;
   ObservationBuilder input_;
   ChunkBuilder chunk_builder_;
   LastAction last_action_;
+  std::optional<FlowMemory> flow_;  // of a sampler
+  config::PrefixUse prefix_ = config::PrefixUse::none;
+  Duration step_period_;
+  std::size_t steps_;
+  bool dropped_late_ = false;  // the answer before
   std::vector<std::size_t> sensors_;
   std::size_t output_size_;
   CommandChunk chunk_;

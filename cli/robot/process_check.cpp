@@ -9,7 +9,7 @@ namespace takt::cli {
 std::string refused_by_policy_host(const config::RobotConfig& robot) {
   if (!robot.policy || !robot.policy->file.ends_with(".onnx")) return {};
   if (const auto fine = policy_host::check_policy_section(robot); !fine) return fine.error();
-  const auto policy = policy_host::load_onnx_policy(robot.policy->file, robot.policy->input, robot.policy->output);
+  const auto policy = policy_host::load_robot_policy(robot);
   if (!policy) return policy.error();
   const auto fits = policy_host::check_fit(robot, **policy);
   return fits ? "" : fits.error();

@@ -53,7 +53,7 @@ std::expected<Contestant, std::string> make_contestant(const config::RobotConfig
   const config::Policy& section = *made.robot.policy;
   auto sha256 = sha256_of_file(section.file);
   if (!sha256) return std::unexpected(sha256.error());
-  auto policy = policy_host::load_onnx_policy(section.file, section.input, section.output);
+  auto policy = policy_host::load_robot_policy(made.robot);
   if (!policy) return std::unexpected(policy.error());
   if (const auto fits = policy_host::check_fit(made.robot, **policy); !fits) return std::unexpected(fits.error());
   made.policy = std::move(*policy);

@@ -16,6 +16,7 @@
 #include "config/observation_shape.hpp"
 #include "executive/ipc/crc32c.hpp"
 #include "policy_host/chunk_builder.hpp"
+#include "policy_host/flow/flow_policy.hpp"
 #include "policy_host/onnx/model.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "policy_host/policy_fit.hpp"
@@ -127,10 +128,10 @@ std::expected<std::unique_ptr<Replayer>, PolicyReplayRefusal> Replayer::make(con
   if (!hash) return refused(Why::policy, hash.error());
   const auto model = onnx_engine::load(section.file);
   if (!model) return refused(Why::policy, model.error());
-  const auto tensors =
-      policy_host::assign_tensors(policy_host::tensors_of(*model), section.file, section.input, section.output);
+  const auto tensors = policy_host::assign_tensors(policy_host::tensors_of(*model), section.file,
+                                                   policy_host::network_input(section), section.output);
   if (!tensors) return refused(Why::policy, tensors.error());
-  auto policy = policy_host::load_onnx_policy(section.file, section.input, section.output);
+  auto policy = policy_host::load_robot_policy(robot);
   if (!policy) return refused(Why::policy, policy.error());
   if (const auto fits = policy_host::check_fit(robot, **policy); !fits) return refused(Why::policy, fits.error());
 

@@ -132,6 +132,7 @@ void VirtualPolicy::run_until(MonoTime now) {
       publish_next();
     } else if (ready.is_set() && ready <= now) {
       const Waiting waiting = next(ready);
+      if (responder_.awaits(waiting.observation)) continue;
       ask(waiting, end_of(ready, waiting.callbacks));
     } else {
       return;

@@ -7,6 +7,9 @@
 // With policy.requests_in_flight above 1 there are as many inferences at a time, paced as the host paces them; an
 // answer that comes after one to a newer observation is dropped there.
 //
+// A sampler that continues the path being played takes up no observation before its answer is played
+// (responder.awaits).
+//
 // A policy may draw from several modes (PolicyTiming), as one that samples does: every answer belongs to one of them,
 // and two answers may contradict each other about the same instants.
 //

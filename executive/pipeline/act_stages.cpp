@@ -161,8 +161,8 @@ bool is_of_this_session(const TickState& state) {
   return state.command.session == state.mode.policy_session;
 }
 
-// How much of the path in use will be played whatever answers this observation. It ends before the next one is
-// published, so that no two observations promise differently.
+// How much of the path in use will be played whatever answers this observation. Of two observations that promise
+// differently a policy may answer one only: it ends before the next is published, or the policy waits for its answer.
 Duration promised(const TickState& state, const Choice& choice, MonoTime now, const TickConfig& config) {
   if (config.join.kind != JoinKind::prefix || choice.player != Player::policy || !is_of_this_session(state)) return {};
   const Duration delay = state.join.delays.longest(now);

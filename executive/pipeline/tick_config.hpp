@@ -120,7 +120,7 @@ struct JoinRule {
   Duration over{};           // cross_fade, align, quintic: how long it takes, > 0; ensemble: taper, 0: none
   float new_share = 0.7F;    // blend: 0 < .. <= 1
   float decay = 1.0F;        // ensemble: weight of a prediction over that of the one before it, > 0
-  Duration longest_delay{};  // prefix: no more than this is promised to be played, < the policy's period
+  Duration longest_delay{};  // prefix: no more than this is promised to be played
 };
 
 enum class DegradedBehaviour : std::uint8_t { hold, slow, fallback };

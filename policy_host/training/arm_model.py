@@ -75,9 +75,9 @@ def load(path):
     index = {"base": -1, **{name: i for i, name in enumerate(names)}}
     links = [Link(index[link["parent"]], _vector(link["origin"]["xyz"]),
                   _vector(link["origin"]["rpy"]), np.array(link["axis"], dtype=float)) for link in model["links"]]
-    if [link["joint"] for link in model["links"]] != names or policy["action"] != {
-            "kind": "joint_position", "scale": 1, "offset": "home"}:
-        raise ValueError(f"{path}: expects one link per joint in joint order and actions relative to home, scale 1")
+    action = policy["action"]
+    if [link["joint"] for link in model["links"]] != names or (action["kind"], action["offset"]) != ("joint_position", "home"):
+        raise ValueError(f"{path}: expects one link per joint in joint order and actions relative to home")
     return Robot(
         names=names, home=_vector(joint["home"] for joint in joints),
         q_min=_vector(joint["limits"]["position"][0] for joint in joints) + margin,
@@ -85,7 +85,7 @@ def load(path):
         velocity=_vector(joint["limits"]["velocity"] for joint in joints), links=links,
         tool_link=index[model["tool"]["link"]], tool=_vector(model["tool"]["xyz"]),
         policy={"period": si(policy["period"]), "step_period": si(policy["step_period"]),
-                "steps": int(policy["steps"]), "input": policy["input"], "output": policy["output"], "file": policy["file"],
+                "steps": int(policy["steps"]), "input": policy["input"], "output": policy["output"], "file": policy["file"], "scale": float(action["scale"]),
                 "terms": [(term["term"], term.get("sensor", ""), float(term["scale"]), int(term["history"]))
                           for term in policy["observation"]]},
         camera={key: si(simulation["camera"][key]) for key in ("period", "delay", "jitter")},

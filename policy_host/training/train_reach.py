@@ -178,6 +178,8 @@ def main():
     torch.set_num_threads(1)
     torch.use_deterministic_algorithms(True)
     robot = arm_model.load(arguments.robot)
+    if robot.policy["scale"] != 1:
+        parser.error(f"{arguments.robot}: expects actions of scale 1")
     layers, curve = train(robot, arguments.seed, arguments.rounds, arguments.steps, arguments.arms, arguments.interruption)
     model_bytes = network.onnx_bytes(layers, robot.policy["input"], robot.policy["output"])
     output = arguments.output or arguments.robot.parent / robot.policy["file"]

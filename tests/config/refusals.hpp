@@ -230,6 +230,20 @@ inline constexpr Refusal kRefusals[] = {
             "offset: home, join: { kind: prefix, longest: 20 ms } }",
             "57:78: policy.action.join.longest: 20 ms must end a control period before the next "
             "observation is published, 20 ms after this one; lower it, or raise policy.period"},
+    Refusal{
+        "a sampler's prefix that outlasts the chunk", "offset: home }",
+        "offset: home, join: { kind: prefix, longest: 35 ms } }\n  sampler: { prefix: guided }",
+        "57:78: policy.action.join.longest: 35 ms and 55 ms between two answers exceed the chunk's 80 ms: it would end "
+        "before the answer to the next observation is played; lower it, or raise policy.steps"},
+    Refusal{
+        "a prefix that nobody promises", "offset: home }", "offset: home }\n  sampler: { prefix: trained }",
+        "58:22: policy.sampler.prefix: continues what the executive promises to play, and it promises nothing; write "
+        "policy.action.join { kind: prefix }, or none here"},
+    Refusal{"one sample to choose from", "offset: home }", "offset: home }\n  sampler: { choice: agreed, samples: 1 }",
+            "58:39: policy.sampler.samples: one sample leaves no choice; write 2 or more, or choice: first"},
+    Refusal{"samples that nobody looks at", "offset: home }",
+            "offset: home }\n  sampler: { samples: 4, choice: first }",
+            "58:34: policy.sampler.choice: takes the first of 4 samples; write coherent or agreed, or samples: 1"},
     Refusal{"a policy period that is no multiple", "  period: 20 ms", "  period: 20500 us",
             "48:11: policy.period: 20500 us is no whole number of control periods of 1 ms; choose a multiple"},
     Refusal{"max_age not above the policy period", "max_age: 120 ms", "max_age: 15 ms",

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <limits>
 
 #include "tests/policy_host/scripted_policy.hpp"
 #include "tests/policy_host/small_robot.hpp"
@@ -150,6 +151,96 @@ TEST_F(ResponderTest, WhatWasInFlightWhenThePastWasForgottenIsNotRemembered) {
   EXPECT_NE(responder_.take(before, ticking_clock), nullptr) << "the executive judges its age";
   answer(101);
   EXPECT_EQ(policy_.last_input[7], 0.0F) << "no action yet";
+}
+
+// A sampler's policy as the responder sees it: it may say NaN from some step on.
+class SamplerResponderTest : public testing::Test {
+ protected:
+  SamplerResponderTest() : robot_(small_robot()) {
+    robot_.policy->sampler.emplace();
+    robot_.policy->sampler->prefix = config::PrefixUse::trained;
+  }
+  // Sends an observation, `inference` after its publication the answer is there. Null: it was dropped.
+  const CommandChunk* answer(Responder& responder, Policy& policy, std::uint64_t id, std::uint64_t playing,
+                             std::uint32_t promised, Duration inference) {
+    Observation observation = small_observation(id);
+    observation.command_sequence = playing;
+    observation.committed_count = promised;
+    g_now = observation.published_at + inference - milliseconds(2);  // two readings: started, ended
+    const auto sample = small_sample(4, 1, 2);
+    responder.ask(observation, std::span(&sample, 1), observation.published_at, request_);
+    Responder::infer(policy, request_, ticking_clock);
+    return responder.take(request_, ticking_clock);
+  }
+  config::RobotConfig robot_;
+  Request request_;
+};
+
+TEST_F(SamplerResponderTest, TheInputEndsWithThePathThatIsBeingPlayed) {
+  ScriptedPolicy policy(10 + 5 + 12, 12);
+  Responder responder(robot_, 0, policy);
+  responder.start_session();
+  ASSERT_NE(answer(responder, policy, 1, 0, 0, milliseconds(3)), nullptr);
+  ASSERT_NE(answer(responder, policy, 2, 1, 1, milliseconds(3)), nullptr);
+  const std::vector<float> context(policy.last_input.begin() + 10, policy.last_input.end());
+  ASSERT_EQ(context.size(), 17U);
+  EXPECT_EQ(std::vector(context.begin(), context.begin() + 5), (std::vector<float>{2, 0, 0, 1, 2}));
+  EXPECT_FLOAT_EQ(context[5], 1.06F) << "the first answer's third step";
+  EXPECT_FLOAT_EQ(context[16], 1.11F) << "and the end of its fourth, which stands on";
+}
+
+TEST_F(SamplerResponderTest, WhatContinuesAPrefixThatEndedBeforeIsDroppedButNotTwiceInARow) {
+  ScriptedPolicy policy(10 + 5 + 12, 12);
+  Responder responder(robot_, 0, policy);
+  responder.start_session();
+  EXPECT_NE(answer(responder, policy, 1, 0, 0, milliseconds(50)), nullptr) << "nothing was promised";
+  EXPECT_NE(answer(responder, policy, 2, 1, 2, milliseconds(20)), nullptr) << "in time";
+  EXPECT_EQ(answer(responder, policy, 3, 2, 1, milliseconds(11)), nullptr) << "a step late";
+  EXPECT_NE(answer(responder, policy, 3, 2, 1, milliseconds(11)), nullptr) << "the executive has to learn it";
+  EXPECT_EQ(answer(responder, policy, 4, 4, 1, milliseconds(11)), nullptr);
+  EXPECT_NE(answer(responder, policy, 4, 4, 1, milliseconds(9)), nullptr) << "in time again";
+}
+
+TEST_F(SamplerResponderTest, OnlyWhoContinuesAPrefixWaitsForItsAnswer) {
+  for (const auto prefix : {config::PrefixUse::none, config::PrefixUse::guided, config::PrefixUse::trained}) {
+    robot_.policy->sampler->prefix = prefix;
+    ScriptedPolicy policy(10 + 5 + 12, 12);
+    Responder responder(robot_, 0, policy);
+    responder.start_session();
+    answer(responder, policy, 1, 0, 0, milliseconds(3));
+    EXPECT_EQ(responder.awaits(small_observation(2)), prefix != config::PrefixUse::none);
+  }
+}
+
+class AgreeingPolicy final : public Policy {
+ public:
+  [[nodiscard]] std::size_t input_size() const override { return 10 + 5 + 12; }
+  [[nodiscard]] std::size_t output_size() const override { return 12; }
+  void reset() override {}
+  void infer(std::span<const float> /*input*/, std::span<float> output) override {
+    for (std::size_t i = 0; i < output.size(); ++i)
+      output[i] = i < 3 * agreed ? static_cast<float>(i) : std::numeric_limits<float>::quiet_NaN();
+  }
+  std::size_t agreed = 2;
+};
+
+TEST_F(SamplerResponderTest, AChunkHasTheStepsThatWereAgreedOn) {
+  robot_.policy->sampler->prefix = config::PrefixUse::none;
+  robot_.policy->sampler->choice = config::SampleChoice::agreed;
+  AgreeingPolicy policy;
+  Responder responder(robot_, 0, policy);
+  responder.start_session();
+  const CommandChunk* const chunk = answer(responder, policy, 1, 0, 0, milliseconds(3));
+  ASSERT_NE(chunk, nullptr);
+  EXPECT_EQ(chunk->header.step_count, 2U);
+  EXPECT_FLOAT_EQ(chunk->values[value_index(chunk->header, CommandField::q, 1, 2)], 3.0F + 5.0F);
+  answer(responder, policy, 2, 1, 0, milliseconds(3));
+  EXPECT_EQ(std::vector(request_.input.begin() + 7, request_.input.begin() + 10), (std::vector<float>{3, 4, 5}))
+      << "as the last action the last step stands on: what was not agreed on is no number";
+  EXPECT_FALSE(request_.after_reset);
+  policy.agreed = 0;
+  EXPECT_EQ(answer(responder, policy, 3, 2, 0, milliseconds(3))->header.step_count, 1U)
+      << "nothing finite at all is for the executive to refuse";
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 // Goal: the weights of guided real-time chunking are the published ones. Method: the published example, and the ends of
 // every schedule.
-#include "policy_host/prefix_guidance.hpp"
+#include "policy_host/flow/prefix_guidance.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
-// Weights by which a flow policy is drawn towards the path it continues, for hosts that denoise their chunks themselves
-// (real-time chunking; rule: Physical-Intelligence/real-time-chunking-kinetix, arXiv 2506.07339). Pure.
+// Weights by which a flow policy is drawn towards the path it continues while it denoises (real-time chunking; rule:
+// Physical-Intelligence/real-time-chunking-kinetix, arXiv 2506.07339). Pure.
 //
 // Of a chunk's steps, the first `delay` are played before the answer arrives (Observation::committed_count, when the
 // executive promises them); those from `end` on are free, where `end` is the chunk's steps less those played between
@@ -14,16 +14,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <cstdint>
+
+#include "config/robot_config.hpp"
 
 namespace takt::policy_host {
 
-enum class PrefixSchedule : std::uint8_t {
-  ones,         // all alike up to the end
-  zeros,        // the promised steps only
-  linear,       // falling from there to the end in a straight line
-  exponential,  // the same line, bent: w (e^w - 1) / (e - 1)
-};
+using config::PrefixSchedule;
 
 // 0..1. Where delay > end, end counts for both.
 inline double prefix_weight(PrefixSchedule schedule, std::size_t step, std::size_t delay, std::size_t end) {
@@ -32,13 +28,13 @@ inline double prefix_weight(PrefixSchedule schedule, std::size_t step, std::size
   const auto at = static_cast<double>(step);
   const double line = std::clamp((start - 1.0 - at) / (static_cast<double>(end) - start + 1.0) + 1.0, 0.0, 1.0);
   switch (schedule) {
-    case PrefixSchedule::ones:
+    case PrefixSchedule::ones:  // all alike up to the end
       return 1.0;
-    case PrefixSchedule::zeros:
+    case PrefixSchedule::zeros:  // the promised steps only
       return at < start ? 1.0 : 0.0;
-    case PrefixSchedule::linear:
+    case PrefixSchedule::linear:  // falling from there to the end in a straight line
       return line;
-    case PrefixSchedule::exponential:
+    case PrefixSchedule::exponential:  // the same line, bent: w (e^w - 1) / (e - 1)
       return line * std::expm1(line) / std::expm1(1.0);
   }
   return 0.0;
