@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <filesystem>
 #include <span>
@@ -118,6 +119,26 @@ std::expected<void, Refusal> check_terms(const config::RobotConfig& robot, const
 std::size_t width(const config::RobotConfig& robot, const Term& term) {
   if (term.kind == TAKT_TERM_IMAGE) return 0;
   return term.kind == TAKT_TERM_STREAM ? term.values : robot.joints.size();
+}
+
+// Of a program that was compiled before there were assumptions.
+constexpr std::size_t kSizeWithoutAssumption = offsetof(takt_chunk, assumes);
+
+const takt_assumption* assumption_of(const takt_chunk& chunk) {
+  return chunk.size == kSizeWithoutAssumption ? nullptr : chunk.assumes;
+}
+
+// Why the executive would refuse it; null: it would not, or for its age only.
+const char* fault_in(const takt_assumption* assumption, const config::Policy& policy, std::int64_t published_ns) {
+  if (assumption == nullptr) return nullptr;
+  if (assumption->size != sizeof *assumption || assumption->reserved != 0)
+    return "takt_assumption has another size: set `size`, and compile with the header of this library";
+  if (!policy.speculation)
+    return "a chunk that assumes something, but the robot file takes none: add policy.speculation there";
+  if (assumption->q == nullptr) return "an assumption without q: where the joints will be is what it is about";
+  if (assumption->at_ns <= published_ns)
+    return "an assumption about an instant not after the observation's: leave it out, the chunk is no speculation";
+  return nullptr;
 }
 
 // What went wrong on the way to the executive, and not what it answered (executive/ipc/rendezvous_client.cpp).
@@ -364,8 +385,23 @@ void PolicySession::fill_chunk(const takt_chunk& given) {
   }
 }
 
+void PolicySession::assume(const takt_assumption* assumption) {
+  CommandHeader& header = chunk_.header;
+  header.assumes = 0;
+  header.assumed_at = {};
+  if (assumption == nullptr) return;
+  header.assumed_at = {assumption->at_ns};
+  float* out = chunk_.values + chunk_.value_count();
+  for (const auto& [values, what] :
+       {std::pair{assumption->q, Assumption::q}, std::pair{assumption->dq, Assumption::dq}}) {
+    if (values == nullptr) continue;
+    header.assumes = static_cast<std::uint8_t>(header.assumes | static_cast<unsigned>(what));
+    out = std::copy_n(values, header.joint_count, out);
+  }
+}
+
 int PolicySession::publish(const takt_chunk& given) {
-  if (given.size != sizeof given || given.reserved != 0)
+  if ((given.size != sizeof given && given.size != kSizeWithoutAssumption) || given.reserved != 0)
     return misused("takt_chunk has another size: set `size`, and compile with the header of this library");
   if (given.q == nullptr) return misused("a chunk without q: position targets are mandatory");
   if (const char* const wrong = wrong_with_dq(given.dq != nullptr, robot_.policy->action.interpolation);
@@ -373,7 +409,11 @@ int PolicySession::publish(const takt_chunk& given) {
     return misused(wrong);
   if (!executive_ || !dequeued_at_.is_set())
     return misused("publish without an observation to answer: call takt_policy_next first");
+  const takt_assumption* const assumption = assumption_of(given);
+  if (const char* const wrong = fault_in(assumption, *robot_.policy, view_.published_ns); wrong != nullptr)
+    return misused(wrong);
   fill_chunk(given);
+  assume(assumption);
   // The executive refuses and names such a chunk; what must not happen is that it stays in the policy's memory.
   const std::span<const float> values(chunk_.values, chunk_.value_count());
   forget_ = forget_ || !std::ranges::all_of(values, [](float value) { return std::isfinite(value); });

@@ -80,6 +80,7 @@ class PolicySession {
   void show(MonoTime now);
   void fill_values();
   void fill_chunk(const takt_chunk& given);
+  void assume(const takt_assumption* assumption);
   int misused(const char* sentence);
 
   config::RobotConfig robot_;

@@ -173,6 +173,19 @@ void check_sampler(const Policy& policy, Checker& checker) {
       fmt::format("takes the first of {} samples; write coherent or agreed, or samples: 1", sampler.samples));
 }
 
+// A tolerance that every state is within asks nothing.
+void check_speculation(const RobotConfig& robot, const Speculation& speculation, Checker& checker) {
+  for (const Joint& joint : robot.joints) {
+    const double range = joint.limits.q_max - joint.limits.q_min;
+    checker.require(speculation.position < range / 2, "policy.speculation.position",
+                    fmt::format("is half of joint {}'s range of {} rad or more: every assumption would match; lower it",
+                                joint.name, range));
+    checker.require(joint.passive || speculation.velocity < joint.limits.velocity, "policy.speculation.velocity",
+                    fmt::format("is no less than joint {}'s limit of {} rad/s: every assumption would match; lower it",
+                                joint.name, joint.limits.velocity));
+  }
+}
+
 void check_monitors(const ChunkMonitors& monitors, Checker& checker) {
   checker.require(
       monitors.votes <= monitors.of, "policy.monitors.votes",
@@ -213,6 +226,7 @@ void check_policy(const RobotConfig& robot, Checker& checker) {
   check_action(robot, policy.action, checker);
   if (policy.monitors) check_monitors(*policy.monitors, checker);
   if (policy.sampler) check_sampler(policy, checker);
+  if (policy.speculation) check_speculation(robot, *policy.speculation, checker);
 }
 
 }  // namespace takt::config

@@ -164,6 +164,7 @@ struct Joint {
   Limits limits;
   double kp = 0, kd = 0, damping = 0;
   double inertia = 0;             // kg m^2
+  double inertia_max = 0;         // kg m^2; 0: not stated
   double observer_bandwidth = 0;  // rad/s
   double home = 0;                // rad
 };
@@ -246,6 +247,12 @@ struct Sampler {
   double tolerance = 0;  // agreed: units of the outputs, > 0
 };
 
+// Which states count as the one that a speculative chunk assumed, of each joint.
+struct Speculation {
+  double position = 0;  // rad
+  double velocity = 0;  // rad/s
+};
+
 struct Policy {
   std::string file;  // absolute after load
   Duration period;
@@ -261,6 +268,7 @@ struct Policy {
   std::vector<std::size_t> joint_order;  // policy's joint k is this joint; empty: identity
   std::optional<ChunkMonitors> monitors;
   std::optional<Sampler> sampler;
+  std::optional<Speculation> speculation;  // absent: no speculative chunk is taken
 };
 
 // 8-bit, row after row, channels of a pixel together.

@@ -78,6 +78,10 @@ void describe_stiffness(Fields& fields, Joint& joint) {
   });
   fields.quantity({"inertia", "effective inertia at the joint, lower bound; the torque barriers use it"}, joint.inertia,
                   Dimension::inertia, above(0, 1e4));
+  fields.quantity(
+      {"inertia_max",
+       "its upper bound, load included: what a brake must be able to stop (docs/design.md); 0: as inertia", "0 kgm2"},
+      joint.inertia_max, Dimension::inertia, between(0, 1e4));
 }
 
 void describe_joint(Fields& fields, Joint& joint, Words buses) {

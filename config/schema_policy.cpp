@@ -169,6 +169,13 @@ void describe_sampler(Fields& fields, Sampler& sampler) {
       sampler.tolerance, Dimension::none, above(0, 1e6));
 }
 
+void describe_speculation(Fields& fields, Speculation& speculation) {
+  fields.quantity({"position", "how far each joint may be from where a speculative chunk assumed it"},
+                  speculation.position, Dimension::angle, above(0, 1));
+  fields.quantity({"velocity", "the same of its velocity, where the chunk assumes any"}, speculation.velocity,
+                  Dimension::angular_velocity, above(0, 100));
+}
+
 void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& robot) {
   const auto joints = joint_names(robot);
   std::vector<std::string_view> sensors;
@@ -209,6 +216,12 @@ void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& 
                           samples, [&](Fields& f) {
                             if (!policy.sampler) policy.sampler.emplace();
                             describe_sampler(f, *policy.sampler);
+                          });
+  bool speculates = policy.speculation.has_value();
+  fields.optional_section({"speculation", "take alternatives for states that are not there yet (docs/policies.md)"},
+                          speculates, [&](Fields& f) {
+                            if (!policy.speculation) policy.speculation.emplace();
+                            describe_speculation(f, *policy.speculation);
                           });
 }
 

@@ -126,16 +126,28 @@ typedef struct takt_observation {
   uint32_t committed_count;
 } takt_observation;
 
+/* What a speculative chunk assumes: where the joints are, joint_count values each, at an instant after the observation
+ * that it answers. Its step 0 is meant for that instant. Several for one instant are alternatives: the executive plays
+ * the nearest to what it then senses, within the robot file's policy.speculation, or none. */
+typedef struct takt_assumption {
+  uint32_t size;     /* sizeof(takt_assumption) */
+  uint32_t reserved; /* 0 */
+  int64_t at_ns;     /* the instant: published_ns of the observation, and so many periods later */
+  const float* q;    /* rad; not NULL */
+  const float* dq;   /* rad/s, or NULL: any velocity will do */
+} takt_assumption;
+
 /* A chunk: steps x joint_count values each, step after step. Between steps the executive does what the robot file's
  * policy.action.interpolation declares. Without kp and kd the joint's gains hold, without tau_ff it is 0. */
 typedef struct takt_chunk {
-  uint32_t size;       /* sizeof(takt_chunk) */
-  uint32_t reserved;   /* 0 */
-  const float* q;      /* rad; not NULL */
-  const float* dq;     /* rad/s, or NULL; hold: either, linear: NULL, cubic: not NULL */
-  const float* kp;     /* Nm/rad, or NULL */
-  const float* kd;     /* Nms/rad, or NULL */
-  const float* tau_ff; /* Nm, or NULL */
+  uint32_t size;                  /* sizeof(takt_chunk) */
+  uint32_t reserved;              /* 0 */
+  const float* q;                 /* rad; not NULL */
+  const float* dq;                /* rad/s, or NULL; hold: either, linear: NULL, cubic: not NULL */
+  const float* kp;                /* Nm/rad, or NULL */
+  const float* kd;                /* Nms/rad, or NULL */
+  const float* tau_ff;            /* Nm, or NULL */
+  const takt_assumption* assumes; /* NULL: it is meant for the observation that it answers */
 } takt_chunk;
 
 typedef struct takt_policy takt_policy;
@@ -162,8 +174,11 @@ int takt_policy_infer_begin(takt_policy* policy);
 int takt_policy_infer_end(takt_policy* policy);
 
 /* Answers the observation returned last; the values are copied before it returns. Values travel as they are: the
- * executive refuses a chunk that is not finite, and clamps and counts what is out of a joint's range. Never waits.
- * Returns OK, USAGE (also for dq where the robot file's interpolation has none, or lacks one), BUG. */
+ * executive refuses a chunk that is not finite, and clamps and counts what is out of a joint's range. Never waits. May
+ * be called several times for one observation: where the robot file has policy.speculation the executive reads them in
+ * order, one per control period, and up to 8 wait for it; else only the newest counts. Returns OK, USAGE (also for dq
+ * where the robot file's interpolation has none, or lacks one, and for an assumption where it has no
+ * policy.speculation), BUG. */
 int takt_policy_publish(takt_policy* policy, const takt_chunk* chunk);
 
 /* Valid until takt_policy_close; never NULL. */

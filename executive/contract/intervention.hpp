@@ -20,8 +20,9 @@ enum class Intervention : std::uint16_t {
   gain_limit = 1U << 8U,          // requested kp or kd clamped
   envelope_clamp = 1U << 9U,      // the last clamp before encoding had to act: one of the above missed something
   target_range = 1U << 10U,       // the policy's target lay outside the joint's range: clamped, and counted
+  brake_reserve = 1U << 11U,      // reference slowed or braked: beyond this the torque left would not stop it in time
 };
-inline constexpr std::size_t kInterventionCount = 11;
+inline constexpr std::size_t kInterventionCount = 12;
 
 using InterventionMask = std::uint16_t;
 
@@ -32,6 +33,6 @@ constexpr InterventionMask bit(Intervention intervention) {
 inline constexpr std::array<std::string_view, kInterventionCount> kInterventionNames{
     "position_limit",   "braking_distance", "velocity_limit", "acceleration_limit",
     "position_barrier", "velocity_barrier", "torque_limit",   "torque_rate_limit",
-    "gain_limit",       "envelope_clamp",   "target_range"};
+    "gain_limit",       "envelope_clamp",   "target_range",   "brake_reserve"};
 
 }  // namespace takt

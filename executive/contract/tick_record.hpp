@@ -129,6 +129,20 @@ struct CandidateRecord {
   std::uint8_t reserved[3] = {};
 };
 
+// Speculative chunks of the policy in charge. Of those accepted since start each is, after every tick, in one of the
+// four counts or waiting. All zero where the robot file takes none.
+struct SpeculationRecord {
+  std::uint64_t taken_sequence = 0;  // of the one that was taken up in this tick; 0 none
+  float distance = 0;  // of the nearest compared in this tick from the state sensed, in tolerances: at most 1 matches
+  std::uint32_t taken = 0;      // since start: matched, and were the nearest
+  std::uint32_t outdone = 0;    // since start: matched too, and another was nearer
+  std::uint32_t unmatched = 0;  // since start: the state was another
+  std::uint32_t dropped = 0;    // since start: never compared: too old, overtaken, too many, a reset, arming or gap
+  std::uint8_t waiting = 0;     // after this tick
+  std::uint8_t compared = 0;    // in this tick
+  std::uint8_t reserved[2] = {};
+};
+
 struct TickRecordHeader {
   // inputs
   std::uint64_t tick = 0;
@@ -175,7 +189,9 @@ struct TickRecordHeader {
   CandidateRecord candidate;
   std::uint64_t command_policy = 0;  // hash of the policy whose command is in use
   Player player = Player::none;      // whose chunk the robot follows
-  std::uint8_t reserved[7] = {};
+  std::uint8_t is_speculative = 0;   // 1: the command in use came as an alternative, and its assumption matched
+  std::uint8_t reserved[6] = {};
+  SpeculationRecord speculation;
 };
 
 struct JointRecord {
@@ -205,8 +221,10 @@ static_assert(std::is_standard_layout_v<AgeParts> && sizeof(AgeParts) == 40);
 static_assert(std::is_standard_layout_v<TickRecordHeader> && std::is_trivially_copyable_v<TickRecordHeader>);
 static_assert(std::is_standard_layout_v<FallbackRecord> && sizeof(FallbackRecord) == 40);
 static_assert(std::is_standard_layout_v<CandidateRecord> && sizeof(CandidateRecord) == 80);
+static_assert(std::is_standard_layout_v<SpeculationRecord> && sizeof(SpeculationRecord) == 32);
 static_assert(sizeof(TickRecordHeader) == 72 + sizeof(BusHealth) * kMaxBuses + sizeof(ImuSample) + 16 + 40 + 24 + 16 +
-                                              16 + 8 + sizeof(FallbackRecord) + sizeof(CandidateRecord) + 8 + 8);
+                                              16 + 8 + sizeof(FallbackRecord) + sizeof(CandidateRecord) + 8 + 8 +
+                                              sizeof(SpeculationRecord));
 static_assert(std::is_standard_layout_v<JointRecord> && sizeof(JointRecord) == 80);
 
 // Room for the largest record; only used_bytes() of it travel.
@@ -239,6 +257,8 @@ inline constexpr std::uint64_t kTickRecordLayout = layout_hash({TAKT_FIELD(TickR
                                                                 TAKT_FIELD(TickRecordHeader, candidate),
                                                                 TAKT_FIELD(TickRecordHeader, command_policy),
                                                                 TAKT_FIELD(TickRecordHeader, player),
+                                                                TAKT_FIELD(TickRecordHeader, is_speculative),
+                                                                TAKT_FIELD(TickRecordHeader, speculation),
                                                                 TAKT_FIELD(JointRecord, feedback),
                                                                 TAKT_FIELD(JointRecord, q_estimate),
                                                                 TAKT_FIELD(JointRecord, tau_command),

@@ -205,7 +205,9 @@ inline constexpr std::array<UnsafeRow, 32> kUnsafe{{
      Guide::given,
      "a target lies outside the limits, or leads there too fast",
      {Hazard::beyond},
-     "the reference never leaves the set from which it can brake; the torque barriers and the guard judge what is left",
+     "the reference never leaves the set from which it can brake, with what torque gravity leaves; the torque barriers "
+     "and "
+     "the guard judge what is left",
      "pipeline_test Barriers.AHostileTorqueCannotDriveTheJointOutOfTheHardEnvelope"},
     {Unsafe::T3,
      Action::target,

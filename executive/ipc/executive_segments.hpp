@@ -28,7 +28,7 @@ inline constexpr std::size_t kCommandRingDescriptor = 1;
 inline constexpr std::size_t kKeyframeRingDescriptor = 2;
 inline constexpr std::size_t kFrameRingDescriptor = 3;
 
-inline constexpr std::uint32_t kMaxKeyframeBytes = 800 * 1024;
+inline constexpr std::uint32_t kMaxKeyframeBytes = 1000 * 1024;
 
 constexpr RingShape observation_mailbox() {
   return {kMailboxSlots, sizeof(Observation), kObservationLayout};

@@ -2,10 +2,10 @@
 #include <algorithm>
 #include <array>
 
+#include "executive/pipeline/brake.hpp"
 #include "executive/pipeline/candidate.hpp"
 #include "executive/pipeline/envelope.hpp"
 #include "executive/pipeline/freshness.hpp"
-#include "executive/pipeline/gravity_model.hpp"
 #include "executive/pipeline/mode_machine.hpp"
 #include "executive/pipeline/reference_limits.hpp"
 #include "executive/pipeline/stabiliser.hpp"
@@ -23,11 +23,48 @@ ReferenceStep next_reference(const JointState& joint, const JointTarget& target,
     case Reference::move_with_measured:
       return {moving_with(measured.q_estimate, measured.dq_estimate, limits, dt), 0};
     case Reference::brake:
-      return step_braking(from, limits, dt);
+      return step_braking(from, limits, dt, joint.brake);
     case Reference::follow_target:
-      return step_towards(from, target.q, target.dq, target.speed, limits, dt);
+      return step_towards(from, target.q, target.dq, target.speed, limits, dt, joint.rates);
   }
   return {from, 0};
+}
+
+Reference reference_of(const TickState& state, const Choice& choice, const JointRecord& measured, std::size_t joint,
+                       const TickConfig& config) {
+  const bool follows = config.joints[joint].passive || part_of(state, measured, joint, config) != Part::as_chosen;
+  return follows ? Reference::follow_measured : choice.reference;
+}
+
+// No step is committed from which the robot could not be stopped: then all that follow a reference brake as they were
+// known to be able to, without what the policy wanted on top.
+void keep_brake(TickState& state, const Choice& choice, std::span<JointTarget> targets, std::span<ReferenceStep> steps,
+                const TickConfig& config, const TickRecord& record) {
+  std::array<Stopping, kMaxJoints> stops;  // joint_count entries are used
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    const JointRecord& measured = record.joints[j];
+    const Reference how = reference_of(state, choice, measured, j, config);
+    const bool follows = how == Reference::follow_target || how == Reference::brake;
+    ReferenceState at{static_cast<double>(measured.q_estimate), static_cast<double>(measured.dq_estimate)};
+    if (follows) at.dq = steps[j].next.dq;
+    if (follows && targets[j].kp > 0.0F) at.q = steps[j].next.q;  // without stiffness it stays where it is
+    stops[j] = {at, 0.0, follows};
+  }
+  const bool stoppable = can_stop(stops, record, state.scarce, state.gravity, config);
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    JointState& joint = state.joints[j];
+    const JointConfig& limits = config.joints[j];
+    if (stoppable || !stops[j].is_braked) {
+      joint.brake = stops[j].deceleration;
+      continue;
+    }
+    const ReferenceStep braked = step_braking(joint.reference, limits.limits, config.period.seconds(), joint.brake);
+    const bool differs = braked.next.dq != steps[j].next.dq;
+    steps[j] = braked;
+    if (differs) steps[j].interventions |= bit(Intervention::brake_reserve);
+    targets[j].tau_ff = targets[j].dq_held = 0.0F;
+    targets[j].kd = std::max(targets[j].kd, limits.damping);
+  }
 }
 
 // How far out the barriers leave a joint alone: where it is while nobody asks it to be elsewhere, else its reference,
@@ -35,13 +72,6 @@ ReferenceStep next_reference(const JointState& joint, const JointTarget& target,
 float may_stay_at(const Choice& choice, Part part, const JointRecord& joint) {
   const bool follows = choice.reference == Reference::follow_measured || part != Part::as_chosen;
   return follows ? joint.q_estimate : joint.q_reference;
-}
-
-void add_gravity(const GravityModel& model, const TickConfig& config, TickRecord& record) {
-  std::array<float, kMaxJoints> q, torques;
-  for (std::size_t j = 0; j < config.joint_count; ++j) q[j] = record.joints[j].q_estimate;
-  model.torques(q, torques);
-  for (std::size_t j = 0; j < config.joint_count; ++j) record.joints[j].tau_gravity = torques[j];
 }
 
 // Our own arithmetic failed: nothing leaves, and references restart from what is measured. Afterwards the whole robot
@@ -80,16 +110,21 @@ JointSetpoint damping_of(const JointRecord& joint, const JointState& state, cons
 
 }  // namespace
 
-void constrain(TickState& state, const Choice& choice, std::span<const JointTarget> targets, const TickConfig& config,
+void constrain(TickState& state, const Choice& choice, std::span<JointTarget> targets, const TickConfig& config,
                TickRecord& record) {
   const double dt = config.period.seconds();
   bool clamped = false;
+  std::array<ReferenceStep, kMaxJoints> steps;  // joint_count entries are used
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    const JointRecord& measured = record.joints[j];
+    const Reference how = reference_of(state, choice, measured, j, config);
+    steps[j] = next_reference(state.joints[j], targets[j], measured, how, config.joints[j].limits, dt);
+  }
+  if (state.scarce != 0) keep_brake(state, choice, targets, steps, config, record);
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     JointState& joint = state.joints[j];
     JointRecord& out = record.joints[j];
-    const bool follows = config.joints[j].passive || part_of(state, out, j, config) != Part::as_chosen;
-    const Reference how = follows ? Reference::follow_measured : choice.reference;
-    const ReferenceStep step = next_reference(joint, targets[j], out, how, config.joints[j].limits, dt);
+    const ReferenceStep& step = steps[j];
     joint.reference_before = joint.reference;
     joint.reference = step.next;
     out.q_reference = static_cast<float>(step.next.q);
@@ -106,7 +141,6 @@ void constrain(TickState& state, const Choice& choice, std::span<const JointTarg
 
 void stabilise(const TickState& state, const Choice& choice, std::span<const JointTarget> targets,
                const TickConfig& config, TickOutput& output) {
-  if (config.gravity_compensation) add_gravity(state.gravity, config, output.record);
   const float dt = period_seconds(config);
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     JointRecord& joint = output.record.joints[j];
@@ -125,7 +159,8 @@ void stabilise(const TickState& state, const Choice& choice, std::span<const Joi
                                                      choice.gravity && part != Part::damped ? joint.tau_gravity : 0.0F,
                                                      state.joints[j].tau_last,
                                                      choice.barriers && part != Part::damped,
-                                                     may_stay_at(choice, part, joint)},
+                                                     may_stay_at(choice, part, joint),
+                                                     state.joints[j].rates},
                                                     config.joints[j], dt);
     output.setpoints[j] = stable.setpoint;
     joint.interventions = static_cast<InterventionMask>(joint.interventions | stable.interventions);
@@ -177,7 +212,7 @@ void commit(const TickState& state, const Choice& choice, MonoTime until, Observ
   if (!until.is_set()) return;
   const CommandHeader& header = state.chunk.header;
   const std::int64_t period = header.step_period.ns;
-  const std::int64_t end = ((until - state.command.observed_at).ns + period - 1) / period;
+  const std::int64_t end = ((until - state.command.begins()).ns + period - 1) / period;
   observation.committed_count =
       static_cast<std::uint32_t>(std::clamp<std::int64_t>(end, choice.step, header.step_count) - choice.step);
 }
@@ -252,6 +287,7 @@ void record(TickState& state, const Choice& choice, const TickConfig& config, Ti
   if (header.freshness != Freshness::missing) header.age = state.command.age_parts(header.now);
   header.command_sequence = state.command.sequence;
   header.command_policy = state.command.policy_hash;
+  header.is_speculative = state.command.assumed_at.is_set() ? 1 : 0;
   header.observation_answered = state.command.observation_id;
   header.window_misses = state.misses.count();
   header.window_ticks = state.misses.seen();

@@ -63,6 +63,8 @@ std::string_view command_blocker(Arrival last_refusal) {
     case Arrival::expired_observation:
     case Arrival::overtaken:
       return "no fresh command: the newest one came too late (older than freshness.max_age)";
+    case Arrival::expired_assumption:
+      return "no fresh command: the newest one assumes a state at an instant that is past, or that it is too old for";
     case Arrival::wrong_policy:
       return "no fresh command: the newest one is another policy's than the robot file's";
     case Arrival::contended:

@@ -43,6 +43,7 @@ void change_places(TickState& state, std::uint64_t policy_hash, const TickConfig
   candidate.command = {};
   candidate.asked_at = {};
   state.waiting.command = {};
+  drop_alternatives(state.speculation);
   state.join.delays.forget();
   end_probation(state);
   if (candidate.in_charge != 0) candidate.probation_left = config.probation;
@@ -78,8 +79,8 @@ void begin_or_join(TickState& state, const CommandChunk& chunk, const CommandInU
                    const TickConfig& config) {
   CandidateState& candidate = state.candidate;
   if (is_usable(freshness_beside(state, now, config)))
-    join_path(state.candidate_join, state.candidate_chunk, candidate.command.observed_at, {chunk, command.observed_at},
-              now, config);
+    join_path(state.candidate_join, state.candidate_chunk, candidate.command.begins(), {chunk, command.begins()}, now,
+              config);
   else
     begin_path(state.candidate_join, state.candidate_chunk, chunk);
   candidate.command = command;
@@ -109,6 +110,8 @@ Arrival take_candidate_message(TickState& state, const TickInput& input, const T
                     config, message.values);
   state.counters.integration_errors += verdict.stamps_ran_backwards ? 1U : 0U;
   if (verdict.arrival != Arrival::accepted) return verdict.arrival;
+  candidate.last_sequence = verdict.command.sequence;
+  if (verdict.command.assumed_at.is_set()) return verdict.arrival;  // an alternative, and nobody compares it
   const bool takes_over =
       candidate.asked_at.is_set() && verdict.command.observation_id >= newest_command(state).observation_id;
   if (takes_over) {
@@ -117,7 +120,6 @@ Arrival take_candidate_message(TickState& state, const TickInput& input, const T
     accept(state, *message.command, verdict, input.now, config);
     return verdict.arrival;
   }
-  candidate.last_sequence = verdict.command.sequence;
   begin_or_join(state, *message.command, verdict.command, input.now, config);
   return verdict.arrival;
 }
@@ -213,7 +215,7 @@ void compare_candidate(TickState& state, const Choice& choice, std::span<const J
     return;
   }
   std::array<JointTarget, kMaxJoints> asked;  // uninitialised: play fills joint_count entries
-  play(state.candidate_join, {state.candidate_chunk, state.candidate.command.observed_at}, record.header.now, config,
+  play(state.candidate_join, {state.candidate_chunk, state.candidate.command.begins()}, record.header.now, config,
        asked);
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     JointState& joint = state.joints[j];

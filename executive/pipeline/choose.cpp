@@ -54,11 +54,11 @@ Choice play_or_brake(const TickState& state, const TickRecord& record, const Tic
     case Player::candidate:
       return choice;
     case Player::policy:
-      choice.step = play(state.join, {state.chunk, state.command.observed_at}, now, config, targets);
+      choice.step = play(state.join, {state.chunk, state.command.begins()}, now, config, targets);
       break;
     case Player::fallback:
       choice.step =
-          play(state.fallback_join, {state.fallback_chunk, state.fallback.command.observed_at}, now, config, targets);
+          play(state.fallback_join, {state.fallback_chunk, state.fallback.command.begins()}, now, config, targets);
       break;
   }
   choice.reference = Reference::follow_target;

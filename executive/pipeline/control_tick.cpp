@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "executive/pipeline/brake.hpp"
 #include "executive/pipeline/stages.hpp"
 #include "executive/pipeline/tick_state.hpp"
 
@@ -58,6 +59,7 @@ TickStatePtr make_tick_state(const TickConfig& config) {
   state->shape = {config.joint_count, config.freshness.window_ticks, remembered_observations(config)};
   state->gravity = GravityModel(config);
   state->limbs = Limbs(config);
+  state->scarce = scarce_joints(config, state->gravity);
   return state;
 }
 

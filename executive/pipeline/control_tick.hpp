@@ -80,7 +80,7 @@ struct TickOutput {
   TickRecord record;        // this tick, inputs and outputs
 };
 
-// Opaque to callers; defined in tick_state.hpp. Plain value, about 740 KiB: keep it off the stack.
+// Opaque to callers; defined in tick_state.hpp. Plain value, about 910 KiB: keep it off the stack.
 struct TickState;
 
 struct TickStateDeleter {

@@ -5,7 +5,7 @@
 namespace takt::pipeline {
 
 MonoTime spent_at(const CommandInUse& command, const CommandHeader& header) {
-  return command.observed_at + header.step_period * header.step_count;
+  return command.begins() + header.step_period * header.step_count;
 }
 
 MonoTime valid_until(const CommandInUse& command, const CommandHeader& header, const FreshnessContract& contract) {

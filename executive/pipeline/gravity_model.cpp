@@ -1,5 +1,7 @@
 #include "executive/pipeline/gravity_model.hpp"
 
+#include <cmath>
+
 #include "executive/pipeline/sin_cos.hpp"
 
 namespace takt::pipeline {
@@ -33,6 +35,10 @@ float triple(const Vec& axis, const Vec& moment, const Vec& gravity) {
          axis[2] * (moment[0] * gravity[1] - moment[1] * gravity[0]);
 }
 
+float length(const Vec& v) {
+  return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+}
+
 // One link's share of the two passes, in its own frame about its own joint.
 struct Node {
   Mat rotation;
@@ -60,6 +66,24 @@ GravityModel::GravityModel(const TickConfig& config) : gravity_(config.gravity),
     link.moment = {from.mass * from.com[0], from.mass * from.com[1], from.mass * from.com[2]};
     link.mass = from.mass;
     link.parent = from.parent;
+    // However the joints between are turned, the link's centre of mass is no further from theirs than the way along the
+    // links.
+    float reach = length(from.com);
+    for (auto at = static_cast<std::int32_t>(i); at >= 0; at = links_[static_cast<std::size_t>(at)].parent) {
+      most_[static_cast<std::size_t>(at)] += length(gravity_) * from.mass * reach;
+      reach += length(links_[static_cast<std::size_t>(at)].origin);
+    }
+  }
+}
+
+void GravityModel::swing(std::span<const float> moves, std::span<float> swing) const {
+  for (std::size_t outer = 0; outer < count_; ++outer) {
+    swing[outer] = most_[outer] * moves[outer];
+    for (std::int32_t at = links_[outer].parent; at >= 0; at = links_[static_cast<std::size_t>(at)].parent) {
+      const auto inner = static_cast<std::size_t>(at);
+      swing[outer] += most_[outer] * moves[inner];
+      swing[inner] += most_[outer] * moves[outer];
+    }
   }
 }
 

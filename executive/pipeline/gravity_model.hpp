@@ -24,6 +24,12 @@ class GravityModel {
 
   // torques[j] = torque joint j must apply. q and torques hold the configuration's joint_count entries.
   void torques(std::span<const float> q, std::span<float> torques) const;
+  // No pose asks more of the joint, Nm.
+  [[nodiscard]] float most(std::size_t joint) const { return most_[joint]; }
+  // swing[j]: no more than this does torques[j] change while every joint k moves by moves[k] >= 0, rad. The second
+  // derivatives of the potential energy are bounded by the weight beyond the outer of two joints times its reach,
+  // whatever the pose; joints of different branches do not meet.
+  void swing(std::span<const float> moves, std::span<float> swing) const;
 
  private:
   using Matrix = std::array<float, 9>;  // row-major, link frame to parent frame
@@ -35,6 +41,7 @@ class GravityModel {
   };
   std::array<Link, kMaxJoints> links_{};
   std::array<float, 3> gravity_{};
+  std::array<float, kMaxJoints> most_{};
   std::uint32_t count_ = 0;
 };
 

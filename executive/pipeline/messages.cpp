@@ -37,7 +37,7 @@ bool is_there(const PolicyMessage& message, Arrival& verdict) {
 void take_over(TickState& state, const CommandChunk& chunk, const CommandInUse& command, MonoTime now,
                const TickConfig& config) {
   if (plays(state, now, config))
-    join_path(state.join, state.chunk, state.command.observed_at, {chunk, command.observed_at}, now, config);
+    join_path(state.join, state.chunk, state.command.begins(), {chunk, command.begins()}, now, config);
   else
     begin_path(state.join, state.chunk, chunk);
   state.command = command;
@@ -48,6 +48,7 @@ void take_over(TickState& state, const CommandChunk& chunk, const CommandInUse& 
 void accept(TickState& state, const CommandChunk& chunk, const ArrivalVerdict& verdict, MonoTime now,
             const TickConfig& config) {
   state.counters.last_sequence = verdict.command.sequence;
+  if (verdict.command.assumed_at.is_set()) return keep_alternative(state.speculation, chunk, verdict.command);
   const bool played = plays(state, now, config);
   if (played) state.join.delays.note(now, now - std::max(verdict.command.observed_at, state.mode.resumed_at));
   if (config.join.kind != JoinKind::prefix || !played || now >= verdict.committed_until)
@@ -73,6 +74,7 @@ Arrival take_message(TickState& state, const PolicyMessage& message, MonoTime no
     state.counters.last_sequence = 0;
     state.mode.last_refusal = Arrival::none;
     state.join.delays.forget();
+    drop_alternatives(state.speculation);
   }
   Arrival mailbox = Arrival::none;
   if (!is_there(message, mailbox)) return mailbox;
@@ -100,13 +102,13 @@ Arrival take_fallback_message(TickState& state, const PolicyMessage& message, Mo
   if (!is_there(message, mailbox)) return mailbox;
   const ArrivalVerdict verdict =
       judge_arrival(*message.command, message.bytes, now,
-                    {config.fallback_policy, fallback.last_sequence, fallback.command, message.session}, state.memory,
-                    config, message.values);
+                    {config.fallback_policy, fallback.last_sequence, fallback.command, message.session, 0, false},
+                    state.memory, config, message.values);
   state.counters.integration_errors += verdict.stamps_ran_backwards ? 1U : 0U;
   if (verdict.arrival != Arrival::accepted) return verdict.arrival;
   if (fallback_plays(state, now, config))
-    join_path(state.fallback_join, state.fallback_chunk, fallback.command.observed_at,
-              {*message.command, verdict.command.observed_at}, now, config);
+    join_path(state.fallback_join, state.fallback_chunk, fallback.command.begins(),
+              {*message.command, verdict.command.begins()}, now, config);
   else
     begin_path(state.fallback_join, state.fallback_chunk, *message.command);
   fallback.last_sequence = verdict.command.sequence;
@@ -136,9 +138,9 @@ void hand_over(TickState& state, Player to, MonoTime now, const TickConfig& conf
     references[j] = {static_cast<float>(state.joints[j].reference.q), static_cast<float>(state.joints[j].reference.dq)};
   const std::span<const PathPoint> joints(references.data(), config.joint_count);
   if (to == Player::fallback)
-    return join_references(state.fallback_join, {state.fallback_chunk, state.fallback.command.observed_at}, joints, now,
+    return join_references(state.fallback_join, {state.fallback_chunk, state.fallback.command.begins()}, joints, now,
                            config);
-  join_references(state.join, {state.chunk, state.command.observed_at}, joints, now, config);
+  join_references(state.join, {state.chunk, state.command.begins()}, joints, now, config);
 }
 
 }  // namespace takt::pipeline

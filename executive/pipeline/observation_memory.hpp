@@ -42,6 +42,9 @@ class ObservationMemory {
     return Recall::known;
   }
 
+  // The id that was published last; 0: none yet.
+  [[nodiscard]] std::uint64_t newest() const { return newest_id_; }
+
   // From now on `to` are remembered, not `from` <= `to`. What was forgotten stays so.
   void deepen(std::uint32_t from, std::uint32_t to) {
     const auto before = ring_;

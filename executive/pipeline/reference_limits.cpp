@@ -64,14 +64,22 @@ double clamp_marked(double value, double magnitude, Intervention why, Interventi
 }
 
 // Moves on with velocity `wanted`, as far as the limits allow.
-ReferenceStep step(const ReferenceState& from, double wanted, const Wide& limits, double dt) {
+ReferenceStep step(const ReferenceState& from, double wanted, const Wide& limits, const Rates& rates, double dt) {
   ReferenceStep step;
-  const double change = limits.acceleration * dt;
-  double v = std::clamp(std::clamp(wanted, -limits.velocity, limits.velocity), from.dq - change, from.dq + change);
+  const double up = std::min(rates.up, limits.acceleration), down = std::min(rates.down, limits.acceleration);
+  const double inside = std::clamp(wanted, -limits.velocity, limits.velocity);
+  double v = std::clamp(inside, from.dq - down * dt, from.dq + up * dt);
+  const bool scarce = v > inside ? down < limits.acceleration : v < inside && up < limits.acceleration;
+  if (scarce) step.interventions |= bit(Intervention::brake_reserve);
   double magnitude = std::abs(v);
   const double room = v > 0.0 ? limits.q_max - from.q : from.q - limits.q_min;
-  if (magnitude > 0.0 && cut_to_stop(magnitude, room, limits.acceleration, dt)) {
+  const double braking = v > 0.0 ? down : up;
+  if (magnitude > 0.0 && cut_to_stop(magnitude, room, braking, dt)) {
     step.interventions |= bit(Intervention::braking_distance);
+    if (braking < limits.acceleration) {
+      step.interventions |= bit(Intervention::brake_reserve);
+      magnitude = std::max(magnitude, std::copysign(from.dq, from.dq * v) - braking * dt);
+    }
     v = std::copysign(magnitude, v);
   }
   step.next = {std::clamp(from.q + v * dt, std::min(limits.q_min, from.q), std::max(limits.q_max, from.q)), v,
@@ -82,17 +90,19 @@ ReferenceStep step(const ReferenceState& from, double wanted, const Wide& limits
 }  // namespace
 
 double stopping_speed(double distance, double acceleration, double dt) {
+  if (acceleration <= 0.0) return 0.0;
   const double unit = acceleration * dt;
   return unit * unit_stopping_speed(distance / (unit * dt));
 }
 
 double stopping_distance(double speed, double acceleration, double dt) {
+  if (acceleration <= 0.0) return speed > 0.0 ? std::numeric_limits<double>::infinity() : 0.0;
   const double unit = acceleration * dt;
   return unit * dt * unit_stopping_distance(speed / unit);
 }
 
 ReferenceStep step_towards(const ReferenceState& from, float q_target, float dq_target, float speed,
-                           const JointLimits& limits, double dt) {
+                           const JointLimits& limits, double dt, const Rates& rates) {
   const Wide wide(limits);
   const Pursuit pursuit(wide.acceleration, dt);
   const double asked = static_cast<double>(q_target);
@@ -110,7 +120,7 @@ ReferenceStep step_towards(const ReferenceState& from, float q_target, float dq_
       clamp_marked(pursuit.velocity * (velocity - from.dq), wide.acceleration, Intervention::acceleration_limit, marks);
   const double jerk = pursuit.velocity * wide.acceleration * dt;
   const double smooth = std::clamp(acceleration, from.ddq - jerk, from.ddq + jerk);
-  ReferenceStep result = step(from, from.dq + smooth * dt, wide, dt);
+  ReferenceStep result = step(from, from.dq + smooth * dt, wide, rates, dt);
   result.interventions |= marks;
   return result;
 }
@@ -128,10 +138,10 @@ ReferenceState moving_with(float q, float dq, const JointLimits& limits, double 
   return {at, std::copysign(std::min(speed, stopping_speed(room, wide.acceleration, dt)), static_cast<double>(dq))};
 }
 
-ReferenceStep step_braking(const ReferenceState& from, const JointLimits& limits, double dt) {
+ReferenceStep step_braking(const ReferenceState& from, const JointLimits& limits, double dt, double deceleration) {
   const Wide wide(limits);
-  const double slower = std::max(std::abs(from.dq) - wide.acceleration * dt, 0.0);
-  return step(from, std::copysign(slower, from.dq), wide, dt);
+  const double slower = std::max(std::abs(from.dq) - std::min(deceleration, wide.acceleration) * dt, 0.0);
+  return step(from, std::copysign(slower, from.dq), wide, {deceleration, deceleration}, dt);
 }
 
 }  // namespace takt::pipeline

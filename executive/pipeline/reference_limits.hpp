@@ -16,8 +16,11 @@
 // second, which is the limit on jerk. k = sqrt(acceleration / (4 kGentleGap)): at rest, a gap of kGentleGap is what
 // asks for the whole acceleration. acceleration_limit and velocity_limit say that more than the limit was asked for:
 // then the path is one that the joint cannot follow. Stops, and whatever a limit ahead asks for, keep to no limit on
-// jerk. Units: rad, rad/s, s.
+// jerk. Where the torque that gravity leaves cannot do the whole acceleration (Rates), neither is more asked for nor is
+// more relied on in braking: brake_reserve. Units: rad, rad/s, s.
 #pragma once
+
+#include <limits>
 
 #include "executive/contract/intervention.hpp"
 #include "executive/pipeline/tick_config.hpp"
@@ -36,24 +39,33 @@ struct ReferenceStep {
   InterventionMask interventions = 0;
 };
 
+// What torque can do to a joint, rad/s^2 towards q_max and towards q_min; more than limits.acceleration is not asked
+// for.
+struct Rates {
+  double up = std::numeric_limits<double>::infinity();
+  double down = std::numeric_limits<double>::infinity();
+};
+
 inline constexpr double kGentleGap = 0.005;     // rad
 inline constexpr double kBrakingShare = 0.8;    // of the acceleration, when a target is approached
 inline constexpr double kFastestPursuit = 0.5;  // of a velocity error in one step, however large the acceleration
 
-// Fastest speed from which a joint that first moves one step can still stop within `distance` (>= 0).
+// Fastest speed from which a joint that first moves one step can still stop within `distance` (>= 0). 0 where nothing
+// brakes.
 double stopping_speed(double distance, double acceleration, double dt);
-// Distance a joint covers that moves one step at `speed` (>= 0) and then brakes.
+// Distance a joint covers that moves one step at `speed` (>= 0) and then brakes; infinite where nothing does.
 double stopping_distance(double speed, double acceleration, double dt);
 
 // One step towards q_target that moves with dq_target, at no more than `speed` (<= limits.velocity).
 ReferenceStep step_towards(const ReferenceState& from, float q_target, float dq_target, float speed,
-                           const JointLimits& limits, double dt);
+                           const JointLimits& limits, double dt, const Rates& rates = {});
 // The state within the hard margin nearest to a measured motion that the limits allow: where following the measurement
 // leaves the reference. Outside q_min..q_max it does not move further out.
 ReferenceState moving_with(float q, float dq, const JointLimits& limits, double dt);
 // The measured position, at rest, within the hard margin.
 ReferenceState standing_at(float q, const JointLimits& limits);
-// One step of braking to rest.
-ReferenceStep step_braking(const ReferenceState& from, const JointLimits& limits, double dt);
+// One step of braking to rest, at no more than `deceleration`, nor than the limit.
+ReferenceStep step_braking(const ReferenceState& from, const JointLimits& limits, double dt,
+                           double deceleration = std::numeric_limits<double>::infinity());
 
 }  // namespace takt::pipeline

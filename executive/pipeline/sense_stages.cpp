@@ -3,10 +3,12 @@
 #include <array>
 #include <cmath>
 
+#include "executive/pipeline/brake.hpp"
 #include "executive/pipeline/bus_watch.hpp"
 #include "executive/pipeline/candidate.hpp"
 #include "executive/pipeline/causes.hpp"
 #include "executive/pipeline/freshness.hpp"
+#include "executive/pipeline/gravity_model.hpp"
 #include "executive/pipeline/messages.hpp"
 #include "executive/pipeline/mode_machine.hpp"
 #include "executive/pipeline/stages.hpp"
@@ -87,6 +89,7 @@ void forget_what_was_before_sleep(TickState& state, MonoTime now, const TickConf
   state.mode.awake_since = now;
   state.command = state.waiting.command = state.fallback.command = state.candidate.command = {};
   state.memory.forget();
+  drop_alternatives(state.speculation);
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     state.joints[j].observer = {};
     state.joints[j].tau_last = state.joints[j].tau_damping = 0.0F;
@@ -169,12 +172,27 @@ void observe(TickState& state, const TickInput& input, const TickConfig& config,
   watch_links(state.links, config, record);
 }
 
-void estimate(const TickState& state, const TickConfig& config, TickRecord& record) {
+namespace {
+
+void add_gravity(const GravityModel& model, const TickConfig& config, TickRecord& record) {
+  std::array<float, kMaxJoints> q, torques;
+  for (std::size_t j = 0; j < config.joint_count; ++j) q[j] = record.joints[j].q_estimate;
+  model.torques(q, torques);
+  for (std::size_t j = 0; j < config.joint_count; ++j) record.joints[j].tau_gravity = torques[j];
+}
+
+}  // namespace
+
+void estimate(TickState& state, const TickConfig& config, TickRecord& record) {
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     const JointMotion now = estimate_at(state.joints[j].observer, record.header.now, config.feedback_timeout);
     record.joints[j].q_estimate = now.q;
     record.joints[j].dq_estimate = now.dq;
   }
+  if (config.gravity_compensation) add_gravity(state.gravity, config, record);
+  std::array<Rates, kMaxJoints> rates;
+  find_rates(record, state.scarce, state.gravity, config, rates);
+  for (std::size_t j = 0; j < config.joint_count; ++j) state.joints[j].rates = rates[j];
 }
 
 void judge(TickState& state, const TickInput& input, const TickConfig& config, TickRecord& record) {
@@ -183,6 +201,7 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
   header.arrival = take_message(state, input.policy, input.now, config);
   note_arrival(state, header.arrival, contract);
   judge_candidate(state, input, config, header);
+  compare_alternatives(state, input.now, config, record);
   relieve(state, input.now, config);
   header.freshness = freshness_of(state.command, state.chunk.header, input.now, contract);
   note_freshness(state.recovery, header.freshness, input.now);
@@ -219,6 +238,7 @@ namespace {
 void begin_epoch(TickState& state) {
   state.memory.forget();
   state.waiting.command = {};
+  drop_alternatives(state.speculation);
 }
 
 }  // namespace

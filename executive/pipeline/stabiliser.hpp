@@ -3,11 +3,12 @@
 //
 //   wanted = kp (q_ref - q) + kd (dq_ref - dq) + tau_ff + gravity        q, dq: the estimate at this tick
 //   barrier: the part of `wanted` beyond gravity may not accelerate the joint past a speed limit, nor past the speed
-//            from which it can brake before the position barrier, within kBarrierTimeConstants observer time constants:
-//            |tau - gravity| <= inertia * (allowed - dq) / T on either side. Inertia is the joint's lower bound, so
-//            a heavier joint only reacts more slowly. Position barrier: halfway into the hard margin, so that a
-//            reference resting on its limit is left alone; further out where the joint may stay (`may_stay_at`), so
-//            that a joint found outside is not thrown back; speed barrier: halfway between velocity and velocity_hard.
+//            from which it can brake before the position barrier with what torque is left of its acceleration, within
+//            kBarrierTimeConstants observer time constants: |tau - gravity| <= inertia * (allowed - dq) / T on either
+//            side. Inertia is the joint's lower bound, so a heavier joint only reacts more slowly. Position barrier:
+//            halfway into the hard margin, so that a reference resting on its limit is left alone; further out where
+//            the joint may stay (`may_stay_at`), so that a joint found outside is not thrown back; speed barrier:
+//            halfway between velocity and velocity_hard.
 //   torque limit, then slew limit from the previous tick's torque.
 //
 // Loop at the drive, and nothing intervened: the drive gets (q_ref, dq_ref, kp, kd, tau_ff + gravity) and closes the
@@ -21,6 +22,7 @@
 #include "executive/contract/intervention.hpp"
 #include "executive/pipeline/chunk_player.hpp"
 #include "executive/pipeline/control_tick.hpp"
+#include "executive/pipeline/reference_limits.hpp"
 #include "executive/pipeline/tick_config.hpp"
 #include "executive/pipeline/velocity_observer.hpp"
 
@@ -36,6 +38,7 @@ struct StabiliserInput {
   float tau_last = 0;  // Nm, previous tick's torque
   bool barriers = false;
   float may_stay_at = 0;  // rad, in use with barriers: outside, they pull back no further than this
+  Rates rates{};          // what torque leaves of the acceleration by which the barriers brake (brake.hpp)
 };
 
 struct StabiliserOutput {
@@ -52,10 +55,11 @@ struct TorqueRange {
 struct SpeedRange {
   float low = 0, high = 0;
 };
-SpeedRange barrier_speeds(float q, float may_stay_at, const JointLimits& limits);
+SpeedRange barrier_speeds(float q, float may_stay_at, const JointLimits& limits, const Rates& rates = {});
 
 // Torques beyond gravity that the barriers allow. low <= high.
-TorqueRange barrier_range(const JointMotion& measured, float may_stay_at, const JointConfig& joint);
+TorqueRange barrier_range(const JointMotion& measured, float may_stay_at, const JointConfig& joint,
+                          const Rates& rates = {});
 
 StabiliserOutput stabilise_joint(const StabiliserInput& in, const JointConfig& joint, float dt);
 

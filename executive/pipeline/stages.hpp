@@ -12,14 +12,15 @@ namespace takt::pipeline {
 
 // Inputs into the record, replies into the observers and the bus watch, lateness counted.
 void observe(TickState& state, const TickInput& input, const TickConfig& config, TickRecord& record);
-// Position and velocity of every joint at `now`.
-void estimate(const TickState& state, const TickConfig& config, TickRecord& record);
+// Position and velocity of every joint at `now`, what gravity asks there, and what torque leaves of the accelerations.
+void estimate(TickState& state, const TickConfig& config, TickRecord& record);
 // The message that arrived, the command in use, the contract, the causes, and the mode that follows from them.
 void judge(TickState& state, const TickInput& input, const TickConfig& config, TickRecord& record);
-// References: inside position, velocity and acceleration limits.
-void constrain(TickState& state, const Choice& choice, std::span<const JointTarget> targets, const TickConfig& config,
+// References: inside position, velocity and acceleration limits, and none from which the robot could not be stopped; of
+// a step that is refused for that, neither feed-forward torque nor velocity setpoint is left in `targets`.
+void constrain(TickState& state, const Choice& choice, std::span<JointTarget> targets, const TickConfig& config,
                TickRecord& record);
-// Gravity model and impedance law, barriers, torque limits: one setpoint per joint, and the damping in its place should
+// Impedance law, barriers, torque limits: one setpoint per joint, and the damping in its place should
 // it be too late for that.
 void stabilise(const TickState& state, const Choice& choice, std::span<const JointTarget> targets,
                const TickConfig& config, TickOutput& output);

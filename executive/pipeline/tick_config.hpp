@@ -46,6 +46,7 @@ struct JointConfig {
   float kp = 0, kd = 0;          // default impedance
   float damping = 0;             // Nm s/rad in damped stop and fault
   float inertia = 0;             // kg m^2, effective, lower bound; used by the torque barriers
+  float inertia_max = 0;         // kg m^2, upper bound, used by the brake (brake.hpp); below `inertia`: that
   float home = 0;                // rad
   float fallback_pose = 0;       // rad, where the fallback policy goes
   float fallback_speed = 0;      // rad/s
@@ -123,6 +124,12 @@ struct JoinRule {
   Duration longest_delay{};  // prefix: no more than this is promised to be played
 };
 
+// Speculative chunks (speculation.hpp): how far the state sensed may be from the one assumed, of each joint.
+struct SpeculationTolerance {
+  float q = 0;   // rad; 0: none are taken
+  float dq = 0;  // rad/s, > 0 where q is
+};
+
 enum class DegradedBehaviour : std::uint8_t { hold, slow, fallback };
 enum class FallbackKind : std::uint8_t { pose, state_feedback, policy };
 
@@ -153,6 +160,7 @@ struct TickConfig {
   std::uint32_t largest_command = sizeof(CommandChunk);  // bytes of the largest legal message
   Interpolation interpolation = Interpolation::linear;
   JoinRule join;
+  SpeculationTolerance speculation;
   double clamped_share = 0.25;  // of the freshness window: more ticks with a target out of range are bad commands
   FreshnessContract freshness;
   DegradedBehaviour degraded = DegradedBehaviour::hold;

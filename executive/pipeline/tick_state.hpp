@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <type_traits>
 
 #include "executive/contract/command_chunk.hpp"
@@ -20,6 +21,7 @@
 #include "executive/pipeline/observation_memory.hpp"
 #include "executive/pipeline/reference_limits.hpp"
 #include "executive/pipeline/rest_watch.hpp"
+#include "executive/pipeline/speculation.hpp"
 #include "executive/pipeline/tick_window.hpp"
 #include "executive/pipeline/velocity_observer.hpp"
 
@@ -30,8 +32,11 @@ struct JointState {
   ReferenceState reference;            // inside the limits once armed, or on its way back there
   ReferenceState reference_before;     // of the tick before: what the drive still follows if this one's never left
   ReferenceState candidate_reference;  // where the candidate's path would have led since it became usable
-  float tau_last = 0;                  // Nm, torque of the previous tick's setpoint: start of this tick's slew
-  float tau_damping = 0;               // Nm, torque of the previous tick's damping
+  Rates rates;                         // what torque leaves of the acceleration, in this tick (brake.hpp)
+  // rad/s^2, of the stop that is known to be possible from `reference`; infinite: at limits.acceleration.
+  double brake = std::numeric_limits<double>::infinity();
+  float tau_last = 0;     // Nm, torque of the previous tick's setpoint: start of this tick's slew
+  float tau_damping = 0;  // Nm, torque of the previous tick's damping
 };
 
 struct ModeState {
@@ -102,6 +107,7 @@ struct TickState {
   StateShape shape;
   GravityModel gravity;  // constants of the configuration, as are the limbs: not in keyframes
   Limbs limbs;
+  JointMask scarce = 0;  // likewise: joints whose brake asks for a look at what torque is left (brake.hpp)
   ModeState mode;
   Counters counters;
   Recovery recovery;
@@ -116,6 +122,7 @@ struct TickState {
   JointState joints[kMaxJoints];
   JoinState join;
   WaitingCommand waiting;
+  SpeculationState speculation;
   FallbackState fallback;
   JoinState fallback_join;
   CandidateState candidate;
@@ -131,12 +138,14 @@ struct TickState {
 
 static_assert(std::is_trivially_copyable_v<TickState>);
 // No hidden padding: keyframes of equal states are equal bytes.
-static_assert(sizeof(JointState) == sizeof(ObserverState) + 3 * sizeof(ReferenceState) + 8 &&
+static_assert(sizeof(JointState) == sizeof(ObserverState) + 3 * sizeof(ReferenceState) + 32 &&
               sizeof(ObserverState) == 16);
 static_assert(sizeof(RestWatch) == 16 + 4 * kMaxJoints && sizeof(ModeState) == 56 + sizeof(RestWatch) &&
               sizeof(Counters) == 24 && sizeof(Recovery) == 32);
-static_assert(sizeof(CommandInUse) == 72 && sizeof(WaitingCommand) == 80 && sizeof(FallbackState) == 104 &&
-              sizeof(CandidateState) == 112);
+static_assert(sizeof(CommandInUse) == 80 && sizeof(WaitingCommand) == 88 && sizeof(FallbackState) == 112 &&
+              sizeof(CandidateState) == 120);
+static_assert(sizeof(Alternative) == sizeof(CommandInUse) + sizeof(CommandHeader) + 4 * kMaxAlternativeValues &&
+              sizeof(SpeculationState) == 16 + kMostAlternatives * sizeof(Alternative));
 static_assert(sizeof(JoinState) == 8 + 12 * kMaxJoints + 8 * kMaxChunkSteps + 168);
 static_assert(sizeof(ImuWatch) == sizeof(ImuSample) + 8);
 

@@ -64,6 +64,7 @@ pipeline::JointConfig joint_of(const Joint& from) {
   to.kd = narrow(from.kd);
   to.damping = narrow(from.damping);
   to.inertia = narrow(from.inertia);
+  to.inertia_max = narrow(from.inertia_max);
   to.home = narrow(from.home);
   to.fallback_pose = to.home;
   to.observer_bandwidth = narrow(from.observer_bandwidth);
@@ -221,6 +222,8 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
     tick.interpolation = interpolation_of(robot.policy->action.interpolation);
     tick.join = join_of(robot.policy->action.join);
     tick.probation = robot.policy->probation;
+    if (const auto& tolerance = robot.policy->speculation)
+      tick.speculation = {narrow(tolerance->position), narrow(tolerance->velocity)};
     tick.policy.needs_outside_stamp = reads_sensors(*robot.policy);
   }
   tick.policy.hash = policy_hash;

@@ -80,6 +80,7 @@ bool is_refused_for_content(Arrival arrival) {
     case Arrival::contended:
     case Arrival::expired_observation:
     case Arrival::overtaken:
+    case Arrival::expired_assumption:
       return false;
   }
   return false;

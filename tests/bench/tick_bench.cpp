@@ -4,8 +4,10 @@
 // Method: per repetition and size a forked real-time process paces itself with absolute sleeps, pinned, SCHED_FIFO,
 // locked memory; another process answers observations at 50 Hz through a real mailbox. The section measured is mailbox
 // read, control_tick, and the pushes of tick record, command and observation. Ticks alternate between gravity model off
-// and on: the share of the model is on minus off within one run. Sizes are interleaved over the repetitions; figures
-// are medians over repetitions of each repetition's p50 and p99.
+// and on: the share of the model is on minus off within one run. After each tick the look at whether the robot could be
+// stopped (executive/pipeline/brake.hpp) is measured by itself, with torque so scarce and joints so fast that all of
+// its rounds are needed; a robot whose torque suffices never takes it. Sizes are interleaved over the repetitions;
+// figures are medians over repetitions of each repetition's p50 and p99.
 #include <fmt/format.h>
 #include <sys/mman.h>
 
@@ -21,7 +23,9 @@
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/executive_segments.hpp"
 #include "executive/ipc/slot_ring.hpp"
+#include "executive/pipeline/brake.hpp"
 #include "executive/pipeline/control_tick.hpp"
+#include "executive/pipeline/gravity_model.hpp"
 #include "tests/bench/bench.hpp"
 #include "tests/executive/pipeline/rig.hpp"
 
@@ -66,6 +70,8 @@ struct Samples {
   std::uint32_t tracking = 0;  // measured ticks that were spent tracking
   std::array<std::uint32_t, 2> count{};
   std::array<std::array<std::int64_t, kMaxSamples>, 2> ticks{};  // gravity off, on
+  std::uint32_t brake_count = 0;
+  std::array<std::int64_t, 2 * kMaxSamples> brakes{};
 };
 
 template <class Value>
@@ -106,6 +112,12 @@ class Loop {
         messages_(rings.messages.bytes(), ipc::command_ring()) {
     config_[1].gravity_compensation = true;
     for (pipeline::TickConfig& config : config_) config.observation_every_ticks = 20;
+    scarce_ = config_[1];
+    gravity_ = pipeline::GravityModel(scarce_);
+    for (std::uint32_t j = 0; j < joints; ++j) {
+      pipeline::JointConfig& joint = scarce_.joints[j];
+      joint.limits.torque = 4.0F * gravity_.most(j) + 0.7F * joint.inertia * joint.limits.acceleration;
+    }
   }
 
   void run(int measured_ticks, Samples& samples) {
@@ -117,8 +129,10 @@ class Loop {
       const std::int64_t begin = ticks();
       tick(config_[gravity]);
       const std::int64_t spent = ticks() - begin;
+      const std::int64_t braked = look_for_a_stop();
       if (i < kWarmUpTicks) continue;
       samples.ticks[gravity][samples.count[gravity]++] = spent;
+      samples.brakes[samples.brake_count++] = braked;
       samples.tracking += output_->record.header.mode == Mode::tracking ? 1U : 0U;
     }
   }
@@ -154,6 +168,16 @@ class Loop {
     }
   }
 
+  std::int64_t look_for_a_stop() {
+    for (std::uint32_t j = 0; j < joints_; ++j) {
+      const double speed = 0.3 * static_cast<double>(scarce_.joints[j].limits.velocity);
+      stops_[j] = {{0.0, j % 2 == 0 ? speed : -speed}, 0.0, true};
+    }
+    const std::int64_t begin = ticks();
+    stoppable_ = pipeline::can_stop(stops_, output_->record, every_joint(joints_), gravity_, scarce_);
+    return ticks() - begin;
+  }
+
   void read_command() {
     input_.policy.mailbox = Arrival::none;
     input_.policy.command = nullptr;
@@ -169,6 +193,10 @@ class Loop {
   std::uint32_t joints_;
   const Rings& rings_;
   std::array<pipeline::TickConfig, 2> config_;
+  pipeline::TickConfig scarce_;
+  pipeline::GravityModel gravity_;
+  std::array<pipeline::Stopping, kMaxJoints> stops_{};
+  volatile bool stoppable_ = false;
   pipeline::TickStatePtr state_;
   ipc::SlotWriter observations_, ticks_, messages_;
   std::optional<ipc::SlotReader> commands_;
@@ -180,6 +208,7 @@ class Loop {
 // p50 and p99 of one repetition, or medians of them, gravity model off and on.
 struct Figures {
   std::array<std::vector<double>, 2> p50, p99;
+  std::vector<double> brake_p50, brake_p99;
 };
 
 // False: the robot was not tracking, so the figures would be of another robot.
@@ -209,6 +238,11 @@ bool measure(std::uint32_t joints, int measured_ticks, Figures& figures, bool& i
     figures.p50[gravity].push_back(percentile(ns, 0.50));
     figures.p99[gravity].push_back(percentile(ns, 0.99));
   }
+  std::vector<double> brake_ns;
+  for (std::uint32_t i = 0; i < samples->brake_count; ++i)
+    brake_ns.push_back(static_cast<double>(samples->brakes[i]) * ns_per_tick());
+  figures.brake_p50.push_back(percentile(brake_ns, 0.50));
+  figures.brake_p99.push_back(percentile(brake_ns, 0.99));
   return samples->tracking * 10 >= static_cast<std::uint32_t>(measured_ticks) * 9;
 }
 
@@ -235,6 +269,12 @@ int run(bool as_json, int repetitions, int measured_ticks) {
   for (const std::uint32_t joints : kSizes) {
     const Figures& f = figures[joints];
     print(report, "gravity_model", joints, median(f.p50[1]) - median(f.p50[0]), median(f.p99[1]) - median(f.p99[0]));
+  }
+  for (const std::uint32_t joints : kSizes) {
+    const double p50 = median(figures[joints].brake_p50), p99 = median(figures[joints].brake_p99);
+    print(report, "brake", joints, p50, p99);
+    report.remark(fmt::format("brake of {} joints: {:.2f} of the tick it belongs to, gravity model on (p50)", joints,
+                              p50 / median(figures[joints].p50[1])));
   }
   return 0;
 }

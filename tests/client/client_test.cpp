@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -19,6 +20,8 @@
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "executive/contract/monotonic_clock.hpp"
+#include "executive/setup/tick_config_of.hpp"
+#include "tests/executive/pipeline/rig.hpp"
 #include "tests/policy_host/fake_server.hpp"
 
 namespace takt::client {
@@ -51,19 +54,32 @@ class ClientTest : public testing::Test {
   ClientTest() : spec_(spec_of("config/arm6.yaml", directory_.path())) {}
   ~ClientTest() override { takt_policy_close(policy_); }
 
-  // From here on the robot file is arm6's with another policy.action.interpolation.
-  void steps_joined_by(const std::string& interpolation) {
+  // From here on the robot file is arm6's with something replaced.
+  void robot_file_with(const std::string& what, const std::string& by) {
     std::stringstream text;
     text << std::ifstream("config/arm6.yaml").rdbuf();
-    robot_file_ = directory_.path() + "/" + interpolation + ".yaml";
+    robot_file_ = directory_.path() + "/robot.yaml";
     const std::string policy = std::filesystem::absolute("config/arm6_reach.onnx");
-    const auto replaced = [](std::string where, const std::string& what, const std::string& by) {
-      return where.replace(where.find(what), what.size(), by);
+    const auto replaced = [](std::string where, const std::string& old, const std::string& next) {
+      return where.replace(where.find(old), old.size(), next);
     };
-    std::ofstream(robot_file_) << replaced(replaced(text.str(), "file: arm6_reach.onnx", "file: " + policy),
-                                           "action: { kind: joint_position,",
-                                           "action: { kind: joint_position, interpolation: " + interpolation + ",");
+    std::ofstream(robot_file_) << replaced(replaced(text.str(), "file: arm6_reach.onnx", "file: " + policy), what, by);
     spec_.robot_file = robot_file_.c_str();
+  }
+  void steps_joined_by(const std::string& interpolation) {
+    robot_file_with("action: { kind: joint_position,",
+                    "action: { kind: joint_position, interpolation: " + interpolation + ",");
+  }
+  void takes_speculation() {
+    robot_file_with("  steps: 16\n", "  steps: 16\n  speculation: { position: 0.05 rad, velocity: 0.5 rad/s }\n");
+  }
+  // A speculative answer: every joint at q, moving with dq.
+  int publish_assuming(std::int64_t at_ns, float q, float dq, float target) {
+    std::vector<float> values(kSteps * kJoints, target), positions(kJoints, q), velocities(kJoints, dq);
+    const takt_assumption assumption{sizeof assumption, 0, at_ns, positions.data(), velocities.data()};
+    takt_chunk given = chunk(values);
+    given.assumes = &assumption;
+    return takt_policy_publish(policy_, &given);
   }
   void start_servers() {
     executive_ = std::make_unique<FakeExecutive>(config::executive_socket(directory_.path()));
@@ -231,6 +247,69 @@ TEST_F(ClientTest, StampsTelescope) {
   EXPECT_LE(command.header.infer_started_at, command.header.infer_ended_at);
   EXPECT_LE(command.header.infer_ended_at, command.header.published_at);
   EXPECT_LE(command.header.published_at, now());
+}
+
+TEST_F(ClientTest, AnAssumptionIsRefusedWhereTheExecutiveWouldRefuseIt) {
+  open_and_attach();
+  const std::int64_t seen = next(1).published_ns;
+  EXPECT_EQ(publish_assuming(seen + 1, 0, 0, 0), TAKT_USAGE);
+  EXPECT_NE(std::string(takt_policy_sentence(policy_)).find("add policy.speculation"), std::string::npos);
+  takt_policy_close(policy_);
+  executive_.reset();
+  takes_speculation();
+  open_and_attach();
+  EXPECT_EQ(publish_assuming(next(1).published_ns, 0, 0, 0), TAKT_USAGE) << "the observation's own instant";
+  std::vector<float> values(kSteps * kJoints, 0.0F);
+  takt_assumption nothing{sizeof nothing, 0, INT64_MAX, nullptr, nullptr};
+  takt_chunk given = chunk(values);
+  given.assumes = &nothing;
+  EXPECT_EQ(takt_policy_publish(policy_, &given), TAKT_USAGE);
+  given.assumes = nullptr;
+  given.size = offsetof(takt_chunk, assumes);  // a program from before there were any
+  ASSERT_EQ(takt_policy_publish(policy_, &given), TAKT_OK);
+  CommandChunk command;
+  ASSERT_TRUE(executive_->read(command));
+  EXPECT_EQ(command.header.assumes, 0);
+  EXPECT_FALSE(command.header.assumed_at.is_set());
+}
+
+// Goal: from takt/client.h to the tick: of two alternatives the one whose assumption comes true is what the robot
+// follows. Method: observations of a tick in virtual time go through real mailboxes to the library, its commands back
+// into the tick; then the tick is at the assumed instant.
+TEST_F(ClientTest, OfTwoAlternativesTheTickPlaysTheOneThatCameTrue) {
+  takes_speculation();
+  open_and_attach();
+  const auto robot = config::load(robot_file_);
+  ASSERT_TRUE(robot) << robot.error();
+  pipeline::TickConfig config = config::tick_config_of(*robot, takt_policy_robot(policy_)->policy_hash);
+  config.freshness.max_age = seconds(20);  // the machine may stall between here and the assumed instant
+  pipeline::testing::Rig rig(config, now());
+  do {
+    rig.now = now() - config.period;
+    rig.tick();
+  } while (!rig.out->observation_due);
+  sense(now());
+  executive_->publish(rig.out->observation);
+  ASSERT_EQ(takt_policy_next(policy_, kLongNs), TAKT_OK) << takt_policy_sentence(policy_);
+  const MonoTime at = MonoTime{takt_policy_observation(policy_)->published_ns} + seconds(10);
+  const auto command = std::make_unique<CommandChunk>();
+  for (const float assumed : {0.6F, 0.02F}) {
+    ASSERT_EQ(publish_assuming(at.ns, assumed, 0.1F, 2 * assumed), TAKT_OK) << takt_policy_sentence(policy_);
+    ASSERT_TRUE(executive_->read(*command));
+    rig.now = now();
+    rig.tick(command.get());
+    ASSERT_EQ(name(rig.header().arrival), "accepted");
+  }
+  EXPECT_EQ(rig.header().speculation.waiting, 2);
+  rig.now = at - config.period;
+  rig.tick();
+  const SpeculationRecord& speculation = rig.header().speculation;
+  EXPECT_EQ(speculation.taken_sequence, 2U);
+  EXPECT_EQ(speculation.unmatched, 1U);
+  EXPECT_NEAR(speculation.distance, 0.4F, 1e-3F) << "0.02 of 0.05 rad; 0.1 of 0.5 rad/s";
+  EXPECT_EQ(rig.header().command_sequence, 2U);
+  EXPECT_EQ(rig.header().is_speculative, 1);
+  EXPECT_GE(rig.header().age.total(), seconds(10)) << "no younger than the observation it answers";
 }
 
 TEST_F(ClientTest, PacksEveryFieldWhereTheExecutiveReadsIt) {

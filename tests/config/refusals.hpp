@@ -244,6 +244,14 @@ inline constexpr Refusal kRefusals[] = {
     Refusal{"samples that nobody looks at", "offset: home }",
             "offset: home }\n  sampler: { samples: 4, choice: first }",
             "58:34: policy.sampler.choice: takes the first of 4 samples; write coherent or agreed, or samples: 1"},
+    Refusal{"a tolerance that matches every state", "offset: home }",
+            "offset: home }\n  speculation: { position: 1 rad, velocity: 0.1 rad/s }",
+            "58:28: policy.speculation.position: is half of joint hip's range of 2 rad or more: every assumption would "
+            "match; lower it"},
+    Refusal{"a tolerance that matches every velocity", "offset: home }",
+            "offset: home }\n  speculation: { position: 0.1 rad, velocity: 90 rad/s }",
+            "58:48: policy.speculation.velocity: is no less than joint hip's limit of 3 rad/s: every assumption would "
+            "match; lower it"},
     Refusal{"a policy period that is no multiple", "  period: 20 ms", "  period: 20500 us",
             "48:11: policy.period: 20500 us is no whole number of control periods of 1 ms; choose a multiple"},
     Refusal{"max_age not above the policy period", "max_age: 120 ms", "max_age: 15 ms",

@@ -45,10 +45,14 @@ class SensorSpecStruct(ctypes.Structure):
                 ("channels", c_uint32)]
 
 
+class AssumptionStruct(ctypes.Structure):
+    _fields_ = [("size", c_uint32), ("reserved", c_uint32), ("at_ns", c_int64), ("q", c_char_p), ("dq", c_char_p)]
+
+
 class ChunkStruct(ctypes.Structure):
     # The numbers as bytes: c_char_p is the one type that takes them, and their address, in one step.
     _fields_ = [("size", c_uint32), ("reserved", c_uint32), ("q", c_char_p), ("dq", c_char_p), ("kp", c_char_p),
-                ("kd", c_char_p), ("tau_ff", c_char_p)]
+                ("kd", c_char_p), ("tau_ff", c_char_p), ("assumes", POINTER(AssumptionStruct))]
 
 
 FUNCTIONS = {

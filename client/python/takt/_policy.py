@@ -61,6 +61,17 @@ class Chunk:
     step: str
 
 
+@dataclass(frozen=True)
+class Assumption:
+    """What a speculative chunk assumes: the joints at `q` (rad), moving with `dq` (rad/s; None: with any velocity), `ahead`
+    seconds after the observation that it answers. The chunk's step 0 is meant for that instant.
+    """
+
+    ahead: float
+    q: ArrayLike
+    dq: Optional[ArrayLike] = None
+
+
 def joints(*quantities: str) -> Joints:
     """Of every joint: "q" (position, rad), "dq" (velocity, rad/s), "tau" (torque, Nm), "q_setpoint" (what the drives were last
     told, rad). The term has the shape (quantities, joints).
@@ -159,6 +170,7 @@ class Observation:
         self._publish = robot._library.takt_policy_publish
         self._infer = _Infer(robot)
         self._chunk = _library.ChunkStruct(size=ctypes.sizeof(_library.ChunkStruct))
+        self._assumption = _library.AssumptionStruct(size=ctypes.sizeof(_library.AssumptionStruct))
         self._chunk_by_reference = ctypes.byref(self._chunk)
         self._shape = (robot.steps, len(robot.joints))
         values = robot._handle.array(ctypes.addressof(self._raw.values.contents), self._raw.value_count) if self._raw.value_count else np.empty(0)
@@ -221,11 +233,14 @@ class Observation:
         return self._infer
 
     def publish(self, *, q: ArrayLike, dq: Optional[ArrayLike] = None, kp: Optional[ArrayLike] = None,
-                kd: Optional[ArrayLike] = None, tau: Optional[ArrayLike] = None) -> None:
+                kd: Optional[ArrayLike] = None, tau: Optional[ArrayLike] = None, assumes: Optional[Assumption] = None) -> None:
         """Answers this observation. Each array has the shape (steps, joints): q rad, dq rad/s, kp Nm/rad, kd Nms/rad, tau Nm
         (added to the controller's torque); it is copied before this returns. dq is part of `policy.action.interpolation: cubic`, may
         stand beside `hold`, and is refused with `linear`; without kp and kd the joint's gains hold. Values travel as they
         are: the executive refuses a command that is not finite, and clamps and counts what is out of a joint's range.
+
+        `assumes` makes it speculative: the executive plays it if the joints are there when the instant comes, within
+        `policy.speculation`. Publish several with assumptions of their own for the same instant: they are alternatives.
         """
         chunk = self._chunk
         chunk.q = self._bytes("q", q)
@@ -233,13 +248,22 @@ class Observation:
         chunk.kp = None if kp is None else self._bytes("kp", kp)
         chunk.kd = None if kd is None else self._bytes("kd", kd)
         chunk.tau_ff = None if tau is None else self._bytes("tau", tau)
+        chunk.assumes = None if assumes is None else self._assumed(assumes)
         if result := self._publish(self._pointer, self._chunk_by_reference):
             self._robot._refuse(result)
 
-    def _bytes(self, name: str, given: ArrayLike) -> bytes:
+    def _assumed(self, given: Assumption) -> "ctypes._Pointer[_library.AssumptionStruct]":
+        assumption = self._assumption
+        assumption.at_ns = self._raw.published_ns + round(given.ahead * 1e9)
+        assumption.q = self._bytes("assumes.q", given.q, self._shape[1:])
+        assumption.dq = None if given.dq is None else self._bytes("assumes.dq", given.dq, self._shape[1:])
+        return ctypes.pointer(assumption)
+
+    def _bytes(self, name: str, given: ArrayLike, shape: Optional[Tuple[int, ...]] = None) -> bytes:
         array = np.asarray(given, np.float32)
-        if array.shape != self._shape:
-            raise Refused(f"publish: {name} has the shape {array.shape}, this robot's chunk {self._shape}: (steps, joints)", _library.USAGE)
+        if array.shape != (shape or self._shape):
+            what = f"joints {shape}: (joints,)" if shape else f"chunk {self._shape}: (steps, joints)"
+            raise Refused(f"publish: {name} has the shape {array.shape}, this robot's {what}", _library.USAGE)
         return array.tobytes()  # a hundred numbers: cheaper than asking numpy for their address
 
 

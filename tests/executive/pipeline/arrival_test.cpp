@@ -71,7 +71,7 @@ const std::vector<Spoilt>& spoilt_messages() {
       {"a joint too many", Arrival::wrong_shape, [](Case& c) { c.chunk.header.joint_count = 4; }},
       {"no q", Arrival::wrong_shape, [](Case& c) { c.chunk.header.fields = 2; }},
       {"unknown field", Arrival::wrong_shape, [](Case& c) { c.chunk.header.fields |= 32; }},
-      {"reserved byte set", Arrival::wrong_shape, [](Case& c) { c.chunk.header.reserved[6] = 1; }},
+      {"reserved byte set", Arrival::wrong_shape, [](Case& c) { c.chunk.header.reserved[5] = 1; }},
       {"velocities on straight lines", Arrival::wrong_shape, [](Case& c) { c.give(CommandField::dq, 0.1F); }},
       {"cubics without velocities", Arrival::wrong_shape,
        [](Case& c) { c.config.interpolation = Interpolation::cubic; }},
@@ -105,6 +105,13 @@ const std::vector<Spoilt>& spoilt_messages() {
          c.in_use.observation_id = 100;
          c.chunk.header.observation_id = 99;
        }},
+      {"an assumption that is past", Arrival::expired_assumption,
+       [](Case& c) {
+         c.config.speculation = {0.1F, 1.0F};
+         c.chunk.header.assumes = 1;
+         c.chunk.header.assumed_at = kNow - c.config.period;
+         c.bytes = c.chunk.used_bytes();
+       }},
   };
   return rows;
 }
@@ -137,7 +144,8 @@ TEST(Arrival, ChecksRunInTheDocumentedOrder) {
       {"sensor ahead of now", "infinite"},
       {"not a number", "no joint's target"},
       {"no joint's target", "sensor older than max_age"},
-      {"sensor older than max_age", "older than the one in use"}};
+      {"sensor older than max_age", "older than the one in use"},
+      {"older than the one in use", "an assumption that is past"}};
   const auto row = [](std::string_view when) -> const Spoilt& {
     for (const Spoilt& candidate : spoilt_messages())
       if (candidate.when == when) return candidate;

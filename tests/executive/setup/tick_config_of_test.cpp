@@ -5,8 +5,11 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <string>
 
 #include "config/load.hpp"
+#include "executive/pipeline/brake.hpp"
+#include "executive/pipeline/gravity_model.hpp"
 #include "tests/config/small_robot.hpp"
 
 namespace takt::config {
@@ -111,6 +114,29 @@ TEST(TickConfigOf, JointsCarryLimitsAndGains) {
   EXPECT_FLOAT_EQ(hip.limits.q_hard_margin, 0.1F);
   EXPECT_FLOAT_EQ(hip.kp, 60.0F);
   EXPECT_FLOAT_EQ(hip.inertia, 0.1F);
+  EXPECT_FLOAT_EQ(hip.inertia_max, 0.0F) << "not stated";
+  EXPECT_FLOAT_EQ(
+      tick_of(test::with("inertia: 0.1 kgm2", "inertia: 0.1 kgm2\n    inertia_max: 0.3 kgm2")).joints[0].inertia_max,
+      0.3F);
+}
+
+// What docs/design.md says of them: none pays for the look at what torque is left.
+TEST(TickConfigOf, TheDemoRobotsHaveTorqueForTheirWholeAccelerationInEveryPose) {
+  for (const char* file : {"arm6", "arm6_visuomotor", "dual_arm12", "cart_pole", "balancer"}) {
+    const auto robot = load("config/" + std::string(file) + ".yaml");
+    ASSERT_TRUE(robot) << robot.error();
+    const pipeline::TickConfig tick = tick_config_of(*robot, 0);
+    EXPECT_EQ(pipeline::scarce_joints(tick, pipeline::GravityModel(tick)), 0U) << file;
+  }
+}
+
+TEST(TickConfigOf, SpeculationIsTakenWhereItsToleranceIsSaid) {
+  EXPECT_EQ(tick_of(test::kSmallRobot).speculation.q, 0.0F);
+  const auto tolerance =
+      tick_of(test::with("offset: home }", "offset: home }\n  speculation: { position: 2 deg, velocity: 0.3 rad/s }"))
+          .speculation;
+  EXPECT_FLOAT_EQ(tolerance.q, 0.034906585F);
+  EXPECT_FLOAT_EQ(tolerance.dq, 0.3F);
 }
 
 // Roll by 90 deg takes y to z and z to -y.
