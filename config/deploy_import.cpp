@@ -326,19 +326,18 @@ std::string policy_text(const DeployFile& deploy, const ImportOptions& options) 
       one_or_list(deploy.action_scale), offset_is_home ? "home" : offset);
 }
 
-// The model's joints stand in the order of the robot's motors, as their maker numbers them: one each, or one per slot.
+// The model's joints stand in the order of the robot's motors, as their maker numbers them; slots without a motor have
+// no joint.
 std::expected<std::vector<std::string>, std::string> names_in_model(const DeployFile& deploy, const ModelFacts& model) {
   const std::size_t joints = deploy.robot_joint.size();
+  if (model.joints.size() != joints)
+    return std::unexpected(fmt::format(
+        "the model has {} hinges, the policy moves {}: take the model of the robot that it was trained for, or name "
+        "the joints with --joint-names",
+        model.joints.size(), joints));
   std::vector<std::string> names;
-  for (std::size_t j = 0; j < joints; ++j) {
-    const std::size_t at = model.joints.size() == joints ? j : deploy.slot[j];
-    if (at < model.joints.size()) names.push_back(model.joints[at].name);
-  }
-  if (model.joints.size() == joints) return names;
-  return std::unexpected(fmt::format(
-      "the model has {} hinges, the policy moves {}: take the model of the robot that it was trained for, or name the "
-      "joints with --joint-names",
-      model.joints.size(), joints));
+  for (const ModelJoint& joint : model.joints) names.push_back(joint.name);
+  return names;
 }
 
 }  // namespace
@@ -369,7 +368,7 @@ std::expected<std::string, std::string> import_deploy_file(const DeployFile& dep
     return std::unexpected("a simulated robot needs its model; name its MJCF file");
   if (options.simulated && deploy.step_dt.ns == 0)
     return std::unexpected(
-        "a simulated robot needs the policy's period, which this export does not say; leave --simulated out");
+        "a simulated robot needs the policy's period, which this export does not say; name it by --period");
   return header_text(deploy, options) + defaults_text(deploy, options) + joints_text(deploy, options) +
          sensors_text(deploy, options.simulated) + policy_text(deploy, options) +
          (options.simulated ? simulation_text(options) + kBeforeARealRobot : "");

@@ -72,16 +72,17 @@ void ask_for_punctuality() {
 }
 
 struct Outputs {
-  std::unique_ptr<ipc::SensorServer> sensor, imu;
+  std::unique_ptr<ipc::SensorServer> sensor, imu, of_world;
   std::optional<TruthLog> truth;
 };
 
 // What happens beside a robot's simulation: camera samples, the truth file, a line per second.
 class Observer {
  public:
-  // `started`: when the target was at the beginning of its path.
-  Observer(const config::Simulation& simulation, MonoTime started, Outputs outputs)
+  // `started`: when the target was at the beginning of its path. `world`: that plays the robot; null: none.
+  Observer(const config::Simulation& simulation, MonoTime started, OutsideMechanics* world, Outputs outputs)
       : simulation_(simulation),
+        world_(world),
         started_(started),
         camera_(simulation, started),
         path_(seed_for(simulation.seed, kSensorPathStream)),
@@ -95,6 +96,8 @@ class Observer {
       while (const auto sample = path_.deliver(now)) outputs_.sensor->publish(*sample);
     }
     if (outputs_.imu) publish_imu(body, now);
+    if (outputs_.of_world)
+      if (const auto sample = world_->sample(now)) outputs_.of_world->publish(*sample);
     if (outputs_.truth && now >= next_truth_) {
       next_truth_ = now + kTruthPeriod;
       outputs_.truth->write(truth_of(body, now));
@@ -117,6 +120,7 @@ class Observer {
   }
 
   const config::Simulation& simulation_;
+  OutsideMechanics* world_;
   MonoTime started_;
   Camera camera_;
   SensorPath path_;
@@ -127,8 +131,8 @@ class Observer {
 
 struct Stage {
   Plant& plant;
-  RobotPlant* body;               // the plant, if it is a robot
-  const OutsideMechanics* world;  // the robot's, if another process plays it
+  RobotPlant* body;         // the plant, if it is a robot
+  OutsideMechanics* world;  // the robot's, if another process plays it
   PlantBuses& buses;
   ScenarioPlayer& scenario;
   std::size_t bus_count;
@@ -152,9 +156,11 @@ void simulate(const Stage& stage, const std::function<void(MonoTime)>& observe) 
   }
 }
 
-// `plays_imu`: the mechanics have an IMU; otherwise a process of the user's plays it.
+// `plays_imu`: the mechanics have an IMU; otherwise a process of the user's plays it. `world_sensor`: the one that the
+// world plays, also in the camera's place; empty: none.
 std::expected<Outputs, std::string> open_outputs(const config::RobotConfig& robot, const std::string& directory,
-                                                 const Options& options, bool plays_imu) {
+                                                 const Options& options, bool plays_imu,
+                                                 const std::string& world_sensor) {
   Outputs outputs;
   std::optional<uid_t> policy_user;
   if (!options.policy_user.empty()) {
@@ -162,7 +168,12 @@ std::expected<Outputs, std::string> open_outputs(const config::RobotConfig& robo
     if (!user) return std::unexpected("--policy-user: " + user.error());
     policy_user = *user;
   }
-  if (!robot.simulation->camera_sensor.empty()) {
+  if (!world_sensor.empty()) {
+    auto sensor = ipc::SensorServer::start(config::sensor_socket(directory, world_sensor), policy_user);
+    if (!sensor) return std::unexpected(sensor.error());
+    outputs.of_world = std::move(*sensor);
+  }
+  if (!robot.simulation->camera_sensor.empty() && robot.simulation->camera_sensor != world_sensor) {
     auto sensor =
         ipc::SensorServer::start(config::sensor_socket(directory, robot.simulation->camera_sensor), policy_user);
     if (!sensor) return std::unexpected(sensor.error());
@@ -194,11 +205,12 @@ std::string unplayable(const Scenario& scenario, const PlantBuses& buses, const 
 }
 
 int serve(const Options& options, const config::RobotConfig& robot, Scenario scenario, Plant& plant, RobotPlant* body,
-          const OutsideMechanics* world) {
+          OutsideMechanics* world) {
   const std::string directory =
       options.runtime_directory.empty() ? config::default_runtime_directory(robot.robot) : options.runtime_directory;
   stop_on_signals();
-  auto outputs = open_outputs(robot, directory, options, body != nullptr && body->imu().has_value());
+  auto outputs = open_outputs(robot, directory, options, body != nullptr && body->imu().has_value(),
+                              world != nullptr ? world->link().sensor() : "");
   if (!outputs) return refuse(kExitUnavailable, outputs.error());
   auto buses = PlantBuses::open(robot, directory, options.on_hardware);
   if (!buses) return refuse(kExitUnavailable, buses.error());
@@ -215,7 +227,7 @@ int serve(const Options& options, const config::RobotConfig& robot, Scenario sce
   ask_for_punctuality();
   const MonoTime started = monotonic_now();
   const Duration entered{std::llround(options.target_entry_s * 1e9)};
-  Observer observer(*robot.simulation, started - entered, std::move(*outputs));
+  Observer observer(*robot.simulation, started - entered, world, std::move(*outputs));
   Pacer pacer(plant.step_length(), started + plant.step_length());
   ScenarioPlayer player(std::move(scenario), robot.buses.size(),
                         [](const std::string& line) { spdlog::info("scenario: {}", line); });
@@ -235,9 +247,9 @@ std::vector<double> payloads_of(const Scenario& scenario) {
 }
 
 // The scenario's events that reach into the mechanics, which are the world's own. Empty: none.
-std::string beyond_reach(const Scenario& scenario, const std::string& file) {
+std::string beyond_reach(const Scenario& scenario, const std::string& file, const WorldLink& link) {
   for (const FaultEvent& event : scenario.events)
-    if (event.kind == FaultKind::payload || event.kind == FaultKind::push)
+    if (event.kind == FaultKind::payload || (event.kind == FaultKind::push && !link.gives(TAKT_WORLD_PUSH)))
       return file + ": " + text_of(event) + " is not for --world, whose mechanics are its own; play it there";
   return {};
 }
@@ -245,11 +257,11 @@ std::string beyond_reach(const Scenario& scenario, const std::string& file) {
 int serve_in_world(const Options& options, const config::RobotConfig& robot, Scenario scenario) {
   if (!robot.simulation)
     return refuse(config::kExitBadConfiguration, robot.file + ": no `simulation`: --world needs it");
-  if (const std::string why = beyond_reach(scenario, options.scenario); !why.empty())
-    return refuse(config::kExitBadConfiguration, why);
-  auto world = OutsideMechanics::connect(robot, options.world);
+  auto world = OutsideMechanics::connect(robot, options.world, robot.simulation->seed);
   if (!world) return refuse(kExitUnavailable, world.error().sentence);
-  const OutsideMechanics& played = **world;  // the plant's
+  OutsideMechanics& played = **world;  // the plant's
+  if (const std::string why = beyond_reach(scenario, options.scenario, played.link()); !why.empty())
+    return refuse(config::kExitBadConfiguration, why);
   auto body = RobotPlant::make_in(std::move(*world), robot);
   if (!body) return refuse(config::kExitBadConfiguration, body.error());
   spdlog::info("world {} ({}), over {}", options.world, played.link().world(),
@@ -272,6 +284,11 @@ int run(const Options& options) {
   if (!options.world.empty()) return serve_in_world(options, *robot, std::move(*scenario));
   auto body = RobotPlant::make(*robot, payloads_of(*scenario));
   if (!body) return refuse(config::kExitBadConfiguration, body.error());
+  for (const FaultEvent& event : scenario->events)
+    if (!body->has_body(event.body))
+      return refuse(config::kExitBadConfiguration, options.scenario + ": " + text_of(event) +
+                                                       ": the robot has no body " + event.body +
+                                                       "; name one of its MJCF, or none");
   return serve(options, *robot, std::move(*scenario), *body, &*body, nullptr);
 }
 

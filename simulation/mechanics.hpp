@@ -40,9 +40,21 @@ class Mechanics : public Dynamics {
   [[nodiscard]] virtual std::optional<BasePose> base() const { return std::nullopt; }
   // What a user should know about the model that was loaded: one sentence each.
   [[nodiscard]] virtual std::vector<std::string> notes() const { return {}; }
-  // A force at the tool, N, from the next step on. False: these mechanics know joint torques only.
-  virtual bool push(const config::Vector3& force) {
+  // Whether a force or a mass can be put at the body of that name. Empty: at the tool, or at the root of a robot with a
+  // base of its own.
+  [[nodiscard]] virtual bool has_body(const std::string& name) const { return name.empty(); }
+  // A force at that body, N, from the next step on, and at no other. False: these mechanics know joint torques only.
+  // Precondition: has_body().
+  virtual bool push(const config::Vector3& force, const std::string& body) {
     (void)force;
+    (void)body;
+    return false;
+  }
+  // A point mass at that body's centre of mass, kg, from the next step on, and at no other; 0: none. False: these
+  // mechanics have no masses that change. Precondition: has_body().
+  virtual bool load(double mass, const std::string& body) {
+    (void)mass;
+    (void)body;
     return false;
   }
 };

@@ -45,6 +45,7 @@ class Engine final : public MujocoMechanics {
     root_body_ = root;
     for (int joint = 0; joint < model_->njnt; ++joint)
       if (model_->jnt_type[joint] == mjJNT_FREE && model_->jnt_bodyid[joint] == root) free_joint_ = joint;
+    seen_from_.resize(static_cast<std::size_t>(model_->nq));
     damping_.assign(model_->dof_damping, model_->dof_damping + model_->nv);
     if (free_joint_ >= 0) {
       const mjtNum* const at = data_->qpos + model_->jnt_qposadr[free_joint_];
@@ -80,15 +81,32 @@ class Engine final : public MujocoMechanics {
   void hoist(bool hangs) override {
     if (free_joint_ < 0 || hangs == hangs_) return;
     hangs_ = hangs;
-    // So heavy that nothing moves it, and what hangs from it feels its own weight.
-    for (int i = 0; i < kFreeSpeeds; ++i)
-      model_->dof_armature[model_->jnt_dofadr[free_joint_] + i] =
-          hangs ? kHoist : armature_[static_cast<std::size_t>(i)];
+    set_armature(hangs);
     if (hangs_) hang();
   }
 
-  bool push(const config::Vector3& force) override {
-    std::copy(force.begin(), force.end(), data_->xfrc_applied + std::ptrdiff_t{6} * root_body_);
+  [[nodiscard]] bool has_body(const std::string& name) const override { return body_of(name) >= 0; }
+
+  bool push(const config::Vector3& force, const std::string& body) override {
+    std::fill_n(data_->xfrc_applied + std::ptrdiff_t{6} * pushed_.id, 3, 0);
+    find(pushed_, body);
+    std::copy(force.begin(), force.end(), data_->xfrc_applied + std::ptrdiff_t{6} * pushed_.id);
+    return true;
+  }
+
+  bool load(double mass, const std::string& body) override {
+    if (mass == load_ && (mass == 0 || body == loaded_.name)) return true;
+    if (load_ != 0) model_->body_mass[loaded_.id] = own_mass_;
+    find(loaded_, body);
+    own_mass_ = model_->body_mass[loaded_.id];
+    model_->body_mass[loaded_.id] += mass;
+    load_ = mass;
+    const bool hangs = hangs_;
+    if (hangs) set_armature(false);
+    // What is derived of the masses; in data of its own, for this leaves the data at the model's initial pose.
+    const std::unique_ptr<mjData, DeleteData> elsewhere(mj_makeData(model_.get()));
+    mj_setConst(model_.get(), elsewhere.get());
+    if (hangs) set_armature(true);
     return true;
   }
 
@@ -110,6 +128,8 @@ class Engine final : public MujocoMechanics {
 
   std::optional<ImuReading> imu() override {
     if (imu_site_ < 0) return std::nullopt;
+    // Whoever looks changes nothing: mj_kinematics makes the base's quaternion anew, of length 1.
+    std::copy_n(data_->qpos, model_->nq, seen_from_.begin());
     mj_kinematics(model_.get(), data_.get());
     mj_comPos(model_.get(), data_.get());
     mj_comVel(model_.get(), data_.get());
@@ -121,6 +141,7 @@ class Engine final : public MujocoMechanics {
     std::copy_n(motion, 3, reading.angular_velocity.begin());
     mj_objectAcceleration(model_.get(), data_.get(), mjOBJ_SITE, imu_site_, motion, 1);
     std::copy_n(motion + 3, 3, reading.acceleration.begin());
+    std::ranges::copy(seen_from_, data_->qpos);
     return reading;
   }
 
@@ -128,6 +149,28 @@ class Engine final : public MujocoMechanics {
   [[nodiscard]] std::vector<std::string> notes() const override { return mended_; }
 
  private:
+  struct NamedBody {
+    std::string name;  // empty: the root
+    int id = 0;
+  };
+  // The model's id; empty: the root's. -1: none of the robot has that name.
+  [[nodiscard]] int body_of(const std::string& name) const {
+    if (name.empty()) return root_body_;
+    const int id = mj_name2id(model_.get(), mjOBJ_BODY, name.c_str());
+    return id >= 0 && model_->body_rootid[id] == root_body_ ? id : -1;
+  }
+  void find(NamedBody& body, const std::string& name) const {
+    if (body.name == name && body.id != 0) return;
+    body = {name, body_of(name)};
+  }
+
+  // Of the free joint. On the hoist it is so heavy that nothing moves it, and what hangs from it feels its own weight.
+  void set_armature(bool hangs) {
+    for (int i = 0; i < kFreeSpeeds; ++i)
+      model_->dof_armature[model_->jnt_dofadr[free_joint_] + i] =
+          hangs ? kHoist : armature_[static_cast<std::size_t>(i)];
+  }
+
   [[nodiscard]] int address(std::size_t j) const { return model_->jnt_dofadr[joints_[j]]; }
   mjtNum& coordinate(std::size_t j) { return data_->qpos[model_->jnt_qposadr[joints_[j]]]; }
   mjtNum& speed(std::size_t j) { return data_->qvel[address(j)]; }
@@ -158,6 +201,9 @@ class Engine final : public MujocoMechanics {
   std::array<mjtNum, kFreeSpeeds> armature_{};  // the free joint's own
   std::vector<mjtNum> began_;                   // the free joint's coordinates at the start
   bool hangs_ = false;
+  NamedBody pushed_, loaded_;       // id 0, the world's: none yet
+  double load_ = 0, own_mass_ = 0;  // kg; the latter of the body that is loaded
+  std::vector<mjtNum> seen_from_;   // work space: all coordinates
 };
 
 // Which of the model's joints the robot's are. Error: one sentence.

@@ -59,7 +59,11 @@ std::expected<LoadedModel, std::string> load_model(std::string text, const std::
   if (loaded.model) return loaded;
   std::string sentence = error;
   std::ranges::replace(sentence, '\n', ' ');
-  return std::unexpected(fmt::format("{}: MuJoCo {} refuses it: {}", path, mj_versionString(), sentence));
+  const bool is_unknown = sentence.find("unrecognized") != std::string::npos;
+  return std::unexpected(fmt::format("{}: MuJoCo {} refuses it: {}{}", path, mj_versionString(), sentence,
+                                     is_unknown ? "; take it out, or play the model in a newer version as a world of "
+                                                  "your own (docs/world-protocol.md)"
+                                                : ""));
 }
 
 }  // namespace takt::plant

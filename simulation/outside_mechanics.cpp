@@ -1,5 +1,7 @@
 #include "simulation/outside_mechanics.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 namespace takt::plant {
@@ -10,17 +12,14 @@ ArmState state_of(const takt_world_state& answer, std::size_t joint_count) {
   return {Eigen::Map<const Eigen::VectorXd>(answer.q, count), Eigen::Map<const Eigen::VectorXd>(answer.dq, count)};
 }
 
-config::Vector3 point_of(const takt_world_state& answer) {
-  return {answer.point[0], answer.point[1], answer.point[2]};
-}
-
-std::optional<ImuReading> imu_of(const takt_world_state& answer, const WorldLink& link) {
-  if (!link.gives(TAKT_WORLD_IMU)) return std::nullopt;
-  ImuReading reading;
-  std::ranges::copy(answer.orientation, reading.orientation.begin());
-  std::ranges::copy(answer.angular_velocity, reading.angular_velocity.begin());
-  std::ranges::copy(answer.acceleration, reading.acceleration.begin());
-  return reading;
+// What the world says of a sensor that the robot file says otherwise; empty: nothing.
+std::string sensor_problem(const WorldLink& link, const config::RobotConfig& robot) {
+  if (link.sensor().empty()) return {};
+  const auto found = std::ranges::find(robot.sensors, link.sensor(), &config::Sensor::name);
+  if (found == robot.sensors.end()) return fmt::format("{} has no sensor {}", robot.robot, link.sensor());
+  if (found->values == link.sensor_count()) return {};
+  return fmt::format("sensor {} has {} values in {}, {} here", link.sensor(), found->values, robot.robot,
+                     link.sensor_count());
 }
 
 }  // namespace
@@ -28,13 +27,13 @@ std::optional<ImuReading> imu_of(const takt_world_state& answer, const WorldLink
 OutsideMechanics::OutsideMechanics(WorldLink link, const takt_world_state& first, std::size_t joint_count)
     : link_(std::move(link)),
       begin_(state_of(first, joint_count)),
-      point_(point_of(first)),
-      imu_(imu_of(first, link_)),
+      state_(first),
       viscous_(joint_count),
       coulomb_(joint_count) {}
 
 std::expected<std::unique_ptr<OutsideMechanics>, WorldEnd> OutsideMechanics::connect(
-    const config::RobotConfig& robot, const std::string& path, const WorldLink::Patience& patience) {
+    const config::RobotConfig& robot, const std::string& path, std::uint64_t seed,
+    const WorldLink::Patience& patience) {
   WorldLink::Robot played{robot.robot, {}, robot.simulation->step};
   std::vector<double> home;
   for (const config::Joint& joint : robot.joints) {
@@ -43,7 +42,10 @@ std::expected<std::unique_ptr<OutsideMechanics>, WorldEnd> OutsideMechanics::con
   }
   auto link = WorldLink::connect(path, played, patience);
   if (!link) return std::unexpected(link.error());
-  const auto first = link->reset(robot.simulation->seed, home);
+  if (const std::string problem = sensor_problem(*link, robot); !problem.empty())
+    return std::unexpected(
+        WorldEnd{WorldEndKind::refused, fmt::format("world {} ({}): {}", path, link->world(), problem)});
+  const auto first = link->reset(seed, home);
   if (!first) return std::unexpected(first.error());
   return std::unique_ptr<OutsideMechanics>(new OutsideMechanics(std::move(*link), *first, home.size()));
 }
@@ -55,19 +57,44 @@ void OutsideMechanics::integrate(ArmState& state, const Eigen::VectorXd& tau, co
     viscous_[joint] = friction[joint].viscous;
     coulomb_[joint] = friction[joint].coulomb;
   }
-  const auto answer = link_.step({{tau.data(), friction.size()}, viscous_, coulomb_});
+  const auto answer = link_.step({{tau.data(), friction.size()}, viscous_, coulomb_, hangs_, push_});
   if (!answer) {
     end_ = answer.error();
     state.dq.setZero();
     return;
   }
-  state = state_of(*answer, friction.size());
-  point_ = point_of(*answer);
-  imu_ = imu_of(*answer, link_);
+  state_ = *answer;
+  state = state_of(state_, friction.size());
 }
 
 config::Vector3 OutsideMechanics::tool_position(const Eigen::VectorXd& /*q*/) {
-  return point_;
+  return std::to_array(state_.point);
+}
+
+std::optional<ImuReading> OutsideMechanics::imu() {
+  if (!link_.gives(TAKT_WORLD_IMU)) return std::nullopt;
+  return ImuReading{std::to_array(state_.orientation), std::to_array(state_.angular_velocity),
+                    std::to_array(state_.acceleration)};
+}
+
+std::optional<BasePose> OutsideMechanics::base() const {
+  if (!link_.gives(TAKT_WORLD_BASE)) return std::nullopt;
+  return BasePose{std::to_array(state_.base_position), std::to_array(state_.base_orientation)};
+}
+
+bool OutsideMechanics::push(const config::Vector3& force, const std::string& /*body*/) {
+  push_ = force;
+  return link_.gives(TAKT_WORLD_PUSH);
+}
+
+std::optional<SensorSample> OutsideMechanics::sample(MonoTime now) {
+  if (link_.sensor().empty() || state_.sensor_sequence == sampled_) return std::nullopt;
+  SensorSample sample;
+  sample.sequence = sampled_ = state_.sensor_sequence;
+  sample.sensed_at = sample.published_at = now;
+  for (const double value : std::span(state_.sensor).first(link_.sensor_count()))
+    sample.values[sample.value_count++] = static_cast<float>(value);
+  return sample;
 }
 
 }  // namespace takt::plant

@@ -1,8 +1,8 @@
-// Mechanics that another process plays (world_link.hpp). Begins where that process says, after a reset with the robot
-// file's seed and home pose. When the world ends, the robot stops where it was and stays there; end() says why.
+// Mechanics that another process plays (world_link.hpp). Begins where that process says, after a reset with a seed and
+// the robot file's home pose. When the world ends, the robot stops where it was and stays there; end() says why.
 //
-// The tool is the point that the world controls, (0, 0, 0) where it gives none, and only of the latest state: forces
-// and masses at the tool are the world's own affair. The robot file's `model` is not used.
+// The tool is the point that the world controls, (0, 0, 0) where it gives none, and only of the latest state. A push is
+// told to a world that gives TAKT_WORLD_PUSH; masses are the world's own affair. The robot file's `model` is not used.
 // Units: joint side, rad, rad/s, Nm. Thread rule: one thread at a time.
 #pragma once
 
@@ -20,15 +20,22 @@ namespace takt::plant {
 
 class OutsideMechanics final : public Mechanics {
  public:
+  // `seed`: of everything that the world draws.
   static std::expected<std::unique_ptr<OutsideMechanics>, WorldEnd> connect(const config::RobotConfig& robot,
-                                                                            const std::string& path,
+                                                                            const std::string& path, std::uint64_t seed,
                                                                             const WorldLink::Patience& patience = {});
 
   void integrate(ArmState& state, const Eigen::VectorXd& tau, const std::vector<Friction>& friction,
                  Duration step) override;
   [[nodiscard]] config::Vector3 tool_position(const Eigen::VectorXd& q) override;
   // Of worlds that give one.
-  [[nodiscard]] std::optional<ImuReading> imu() override { return imu_; }
+  [[nodiscard]] std::optional<ImuReading> imu() override;
+  [[nodiscard]] std::optional<BasePose> base() const override;
+  bool push(const config::Vector3& force, const std::string& body) override;
+  void hoist(bool hangs) override { hangs_ = hangs; }
+  // The newest sample of the world's sensor that was not returned before.
+  [[nodiscard]] std::optional<SensorSample> sample(MonoTime now);
+  [[nodiscard]] double error() const { return state_.error; }
 
   [[nodiscard]] ArmState begin() const { return begin_; }
   [[nodiscard]] const std::optional<WorldEnd>& end() const { return end_; }
@@ -39,9 +46,11 @@ class OutsideMechanics final : public Mechanics {
 
   WorldLink link_;
   ArmState begin_;
-  config::Vector3 point_{};
-  std::optional<ImuReading> imu_;
+  takt_world_state state_;                 // the latest
   std::vector<double> viscous_, coulomb_;  // work space
+  config::Vector3 push_{};
+  bool hangs_ = false;
+  std::uint64_t sampled_ = 0;  // sequence of the sensor's sample that was returned last
   std::optional<WorldEnd> end_;
 };
 

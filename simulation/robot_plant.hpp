@@ -21,6 +21,8 @@ class RobotPlant final : public Plant {
                                                         const config::RobotConfig& robot);
 
   void set_trouble(const BodyTrouble& trouble) { mechanics_->set(trouble); }
+  // As Mechanics::has_body.
+  [[nodiscard]] bool has_body(const std::string& name) const { return mechanics_->has_body(name); }
   [[nodiscard]] std::vector<std::string> notes() const { return mechanics_->notes(); }
   [[nodiscard]] std::optional<ImuReading> imu() { return mechanics_->imu(); }
   [[nodiscard]] config::Vector3 controlled_point() { return mechanics_->controlled_point(state().q); }

@@ -92,7 +92,7 @@ std::vector<std::string_view> plain_words() {
 // An event as written: what is absent is empty or zero.
 struct Written {
   Duration at, lasts, delay, burst;
-  std::string after, joint, bus, sensor, fault, error;
+  std::string after, joint, bus, sensor, body, fault, error;
   double drop = 0, push = 0, payload = 0, friction = 0;
   config::Vector3 along{};
 };
@@ -107,6 +107,7 @@ void describe_body(config::Fields& fields, Written& event) {
   fields.vector3({"along", "direction of the push, base frame", "none", true}, event.along, config::Dimension::none);
   fields.quantity({"payload", "point mass at the tool", "none", true}, event.payload, config::Dimension::mass,
                   config::above(0, 1000));
+  fields.text({"body", "which body of the model is pushed or laden", "the tool, or the root", true}, event.body);
   fields.quantity({"friction", "factor on the joints' friction", "none", true}, event.friction, config::Dimension::none,
                   config::above(0, 1000));
 }
@@ -217,8 +218,13 @@ class Translator {
     const bool pushes = event.kind == FaultKind::push;
     require(pushes || length == 0, "along", "only a push has a direction; leave it out");
     require(!pushes || length > 0, "", "pushes nowhere; write `along: [x, y, z]`");
+    require(pushes || event.kind == FaultKind::payload || written.body.empty(), "body",
+            "only a push and a payload strike a body; leave it out");
+    event.body = written.body;
+    if (!written.body.empty()) event.target_name = written.body;
     for (std::size_t i = 0; pushes && length > 0 && i < 3; ++i) event.along[i] = written.along[i] / length;
-    const bool has_body = robot_.model || (robot_.simulation && robot_.simulation->cart_pole);
+    const bool has_body =
+        robot_.model || (robot_.simulation && (robot_.simulation->cart_pole || robot_.simulation->mujoco));
     require(event.strikes != Target::body || has_body, "",
             fmt::format("`{}` strikes the robot's body, and devices on flywheels have none", word_of(event.kind).name));
   }

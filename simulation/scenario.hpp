@@ -36,8 +36,8 @@ namespace takt::plant {
 // babble            bus     a stranger fills the bus with frames nobody listens to
 // freeze            sensor  samples repeat an old value under fresh stamps
 // burst             sensor  samples are held back and delivered together
-// push              body    a force at the tool
-// payload           body    a point mass at the tool
+// push              body    a force at the tool, or at a body of the model
+// payload           body    a point mass at the tool, or at a body of the model
 // friction          body    that many times the joints' friction
 enum class FaultKind : std::uint8_t {
   error,
@@ -75,6 +75,7 @@ struct FaultEvent {
   double share = 0;                                   // drop
   double amount = 0;                                  // push: N; payload: kg; friction: factor
   config::Vector3 along{};                            // push: where to, base frame, length 1
+  std::string body{};                                 // push, payload: which; empty: the tool, or the root
 };
 
 struct Scenario {

@@ -33,11 +33,15 @@ void add_to_sensor(const FaultEvent& event, MonoTime began, SensorFaults& sensor
 }
 
 void add_to_body(const FaultEvent& event, BodyTrouble& body) {
-  if (event.kind == FaultKind::payload) body.payload = event.amount;
+  if (event.kind == FaultKind::payload) {
+    body.payload = event.amount;
+    body.loaded = event.body;
+  }
   if (event.kind == FaultKind::friction) body.friction *= event.amount;
   if (event.kind != FaultKind::push) return;
   body.towards = event.along;
   body.force = event.amount;
+  body.pushed = event.body;
 }
 
 }  // namespace

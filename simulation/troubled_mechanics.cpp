@@ -57,10 +57,8 @@ std::expected<std::unique_ptr<TroubledMechanics>, std::string> TroubledMechanics
     const config::RobotConfig& robot, std::span<const double> payloads) {
   auto bare = make_mechanics(robot);
   if (!bare) return std::unexpected(bare.error());
-  // Each payload is a body of its own, and a base's pose is a body's.
-  if (robot.simulation->mujoco && !payloads.empty())
-    return std::unexpected(robot.file + ": `simulation.mujoco` takes no payload events; put the mass into the model");
   auto made = around(std::move(*bare), robot);
+  if (made->body_->load(0, {})) return made;  // these change their masses themselves
   for (const double payload : payloads) {
     auto loaded = make_mechanics(with_payload(robot, payload));
     if (!loaded) return std::unexpected(loaded.error());
@@ -71,6 +69,7 @@ std::expected<std::unique_ptr<TroubledMechanics>, std::string> TroubledMechanics
 
 void TroubledMechanics::set(const BodyTrouble& trouble) {
   trouble_ = trouble;
+  if (bare_->load(trouble.payload, trouble.loaded)) return;
   const auto found = std::ranges::find(loaded_, trouble.payload, [](const auto& one) { return one.first; });
   body_ = found == loaded_.end() ? bare_.get() : found->second.get();
 }
@@ -105,7 +104,7 @@ void TroubledMechanics::integrate(ArmState& state, const Eigen::VectorXd& tau, c
                                   Duration step) {
   const config::Vector3 force{trouble_.towards[0] * trouble_.force, trouble_.towards[1] * trouble_.force,
                               trouble_.towards[2] * trouble_.force};
-  const bool pushed = !body_->push(force) && trouble_.force != 0, rubs = trouble_.friction != 1;
+  const bool pushed = !body_->push(force, trouble_.pushed) && trouble_.force != 0, rubs = trouble_.friction != 1;
   if (!pushed && !rubs) return body_->integrate(state, tau, friction, step);
   body_->integrate(state, pushed ? Eigen::VectorXd(tau + torque_of_force(state.q)) : tau,
                    rubs ? with_more(friction) : friction, step);

@@ -1,5 +1,6 @@
-// A robot's mechanics with what the world adds: a force at the tool, a point mass at the tool, more friction in the
-// joints. The tool of a cart with a pole is the pole's tip. Everything else passes through. Units: N, kg, base frame.
+// A robot's mechanics with what the world adds: a force, a point mass, more friction in the joints. Both act at the
+// tool; that of a cart with a pole is the pole's tip. In MuJoCo they act at any body by name, by themselves at the
+// root; there the mass is at the body's centre of mass. Everything else passes through. Units: N, kg, base frame.
 // Thread rule: one thread at a time. Source of the force's joint torques: the transposed Jacobian, by central
 // differences of the tool's position.
 #pragma once
@@ -18,21 +19,22 @@ namespace takt::plant {
 
 struct BodyTrouble {
   config::Vector3 towards{};  // length 1; of the force
-  double force = 0;           // at the tool
-  double payload = 0;         // at the tool; 0: none
-  double friction = 1;        // times that of the robot file, in joints that are not passive
+  double force = 0;
+  double payload = 0;              // 0: none
+  std::string pushed{}, loaded{};  // names of bodies; empty: the tool, or the root
+  double friction = 1;             // times that of the robot file, in joints that are not passive
 };
 
 class TroubledMechanics final : public Mechanics {
  public:
-  // `payloads`: the masses that set() may ask for. The error is one sentence: the robot has no model the simulator
-  // knows.
+  // `payloads`: the masses at the tool that set() may ask for. The error is one sentence: the robot has no model the
+  // simulator knows.
   static std::expected<std::unique_ptr<TroubledMechanics>, std::string> make(const config::RobotConfig& robot,
                                                                              std::span<const double> payloads);
   // Around mechanics that are there already, of `robot`: no payloads.
   static std::unique_ptr<TroubledMechanics> around(std::unique_ptr<Mechanics> bare, const config::RobotConfig& robot);
 
-  // From the next step on. Precondition: a payload that make() was told of, or none.
+  // From the next step on. Precondition: a payload at the tool that make() was told of, or none; bodies that there are.
   void set(const BodyTrouble& trouble);
   void integrate(ArmState& state, const Eigen::VectorXd& tau, const std::vector<Friction>& friction,
                  Duration step) override;
@@ -43,6 +45,7 @@ class TroubledMechanics final : public Mechanics {
   [[nodiscard]] std::optional<BasePose> base() const override { return bare_->base(); }
   [[nodiscard]] std::vector<std::string> notes() const override { return bare_->notes(); }
   void hoist(bool hangs) override { bare_->hoist(hangs); }
+  [[nodiscard]] bool has_body(const std::string& name) const override { return bare_->has_body(name); }
 
  private:
   TroubledMechanics(std::unique_ptr<Mechanics> bare, const config::RobotConfig& robot);

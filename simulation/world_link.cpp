@@ -11,6 +11,7 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <utility>
 
 #include "executive/contract/joints.hpp"
@@ -20,9 +21,9 @@
 namespace takt::plant {
 namespace {
 
-static_assert(TAKT_WORLD_MAX_JOINTS == kMaxJoints);
-static_assert(sizeof(takt_world_header) == 16 && sizeof(takt_world_hello) == 4192 && sizeof(takt_world_welcome) == 216);
-static_assert(sizeof(takt_world_reset) == 536 && sizeof(takt_world_step) == 1568 && sizeof(takt_world_state) == 1288);
+static_assert(TAKT_WORLD_MAX_JOINTS == kMaxJoints && TAKT_WORLD_MAX_VALUES == kMaxSensorValues);
+static_assert(sizeof(takt_world_header) == 16 && sizeof(takt_world_hello) == 4192 && sizeof(takt_world_welcome) == 280);
+static_assert(sizeof(takt_world_reset) == 536 && sizeof(takt_world_step) == 1600 && sizeof(takt_world_state) == 1872);
 static_assert(sizeof(takt_world_step) <= TAKT_WORLD_ANSWER_OFFSET &&
               TAKT_WORLD_ANSWER_OFFSET + sizeof(takt_world_state) <= TAKT_WORLD_MEMORY_BYTES);
 static_assert(std::endian::native == std::endian::little);
@@ -162,6 +163,11 @@ std::expected<void, WorldEnd> WorldLink::greet(const Robot& robot, MonoTime dead
     return std::unexpected(end(WorldEndKind::nonsense, why));
   if (welcome.refusal[0] != '\0') return std::unexpected(end(WorldEndKind::refused, text_of(welcome.refusal)));
   gives_ = welcome.gives;
+  sensor_ = text_of(welcome.sensor);
+  sensor_count_ = sensor_.empty() ? 0 : welcome.sensor_count;
+  if (!sensor_.empty() && (sensor_count_ < 1 || sensor_count_ > kMaxSensorValues))
+    return std::unexpected(end(WorldEndKind::nonsense, fmt::format("sensor {} of {} values; it has from 1 to {}",
+                                                                   sensor_, sensor_count_, kMaxSensorValues)));
   return {};
 }
 
@@ -171,6 +177,7 @@ std::expected<takt_world_state, WorldEnd> WorldLink::reset(std::uint64_t seed, s
   question.seed = seed;
   std::ranges::copy(q.first(joint_count_), question.q);
   time_ = {};
+  seen_sample_ = 0;
   return ask(bytes_of(question));
 }
 
@@ -182,6 +189,8 @@ std::expected<takt_world_state, WorldEnd> WorldLink::step(const Load& load) {
   std::ranges::copy(load.torque.first(joint_count_), question.torque);
   std::ranges::copy(load.viscous.first(joint_count_), question.viscous);
   std::ranges::copy(load.coulomb.first(joint_count_), question.coulomb);
+  question.hangs = load.hangs ? 1 : 0;
+  std::ranges::copy(load.push, question.push);
   time_ = time_ + step_;
   return ask(bytes_of(question));
 }
@@ -201,6 +210,7 @@ std::expected<takt_world_state, WorldEnd> WorldLink::ask(std::span<const std::by
     ended_ = why.empty() ? judge(state) : end(WorldEndKind::nonsense, why);
   }
   if (ended_) return std::unexpected(*ended_);
+  seen_sample_ = state.sensor_sequence;
   return state;
 }
 
@@ -255,10 +265,26 @@ std::optional<WorldEnd> WorldLink::judge(const takt_world_state& state) const {
     if (!all_within({&state.q[joint], 1}, kMostTurns) || !all_within({&state.dq[joint], 1}, kMostSpeed))
       return nonsense(fmt::format("joint {} at {} rad with {} rad/s", joint, state.q[joint], state.dq[joint]));
   if (gives(TAKT_WORLD_POINT) && !all_within(state.point, kMostTurns)) return nonsense("controlled point is no place");
+  if (gives(TAKT_WORLD_BASE) && !all_within(state.base_position, kMostTurns)) return nonsense("the base is no place");
+  if (gives(TAKT_WORLD_BASE) && !is_rotation(state.base_orientation))
+    return nonsense("the base's orientation is no rotation: its length is not 1");
+  if (gives(TAKT_WORLD_ERROR) && !(state.error >= 0 && state.error <= kMostTurns))
+    return nonsense(fmt::format("the task's error is {}", state.error));
+  if (const std::string why = sensor_problem(state); !why.empty()) return nonsense(why);
   if (!gives(TAKT_WORLD_IMU)) return {};
   if (!is_rotation(state.orientation)) return nonsense("the IMU's orientation is no rotation: its length is not 1");
   if (!all_within(state.angular_velocity, kMostSpeed) || !all_within(state.acceleration, kMostTurns))
     return nonsense("the IMU's angular velocity or acceleration is none that a robot has");
+  return {};
+}
+
+std::string WorldLink::sensor_problem(const takt_world_state& state) const {
+  if (sensor_.empty() || state.sensor_sequence == 0) return {};
+  if (state.sensor_sequence < seen_sample_ || state.sensor_sequence > seen_sample_ + 1)
+    return fmt::format("sample {} of sensor {} after {}", state.sensor_sequence, sensor_, seen_sample_);
+  for (const double value : std::span(state.sensor).first(sensor_count_))
+    if (!(std::abs(value) <= std::numeric_limits<float>::max()))
+      return fmt::format("sensor {} says {}", sensor_, value);
   return {};
 }
 

@@ -56,11 +56,17 @@ class WorldLink {
   std::expected<takt_world_state, WorldEnd> reset(std::uint64_t seed, std::span<const double> q);
   struct Load {
     std::span<const double> torque, viscous, coulomb;  // one value per joint
+    bool hangs = false;                                // a base of its own is held where it began
+    std::array<double, 3> push{};                      // N
   };
   std::expected<takt_world_state, WorldEnd> step(const Load& load);
 
   [[nodiscard]] const std::string& world() const { return name_; }  // as it calls itself
   [[nodiscard]] bool gives(std::uint32_t what) const { return (gives_ & what) != 0; }
+  [[nodiscard]] std::uint32_t gives() const { return gives_; }
+  // Which of the robot's outside sensors its states have, and of how many values; empty: none.
+  [[nodiscard]] const std::string& sensor() const { return sensor_; }
+  [[nodiscard]] std::size_t sensor_count() const { return sensor_count_; }
   [[nodiscard]] bool is_over_shared_memory() const { return gives(TAKT_WORLD_SHARED_MEMORY); }
 
  private:
@@ -72,15 +78,18 @@ class WorldLink {
   std::optional<WorldEnd> receive_by_socket(std::span<std::byte> into, MonoTime deadline);
   std::optional<WorldEnd> receive_by_memory(std::span<std::byte> into, MonoTime deadline);
   [[nodiscard]] std::optional<WorldEnd> judge(const takt_world_state& state) const;
+  [[nodiscard]] std::string sensor_problem(const takt_world_state& state) const;  // empty: none
   [[nodiscard]] std::optional<WorldEnd> judge_outcome(const takt_world_state& state) const;
   [[nodiscard]] WorldEnd end(WorldEndKind kind, const std::string& what) const;
   takt_world_header next_header(std::uint16_t kind, std::size_t bytes);
 
-  std::string path_, name_;
+  std::string path_, name_, sensor_;
   Patience patience_;
   std::size_t joint_count_;
   Duration step_;
   std::uint32_t gives_ = 0;
+  std::size_t sensor_count_ = 0;
+  std::uint64_t seen_sample_ = 0;  // its sequence
   std::uint64_t sequence_ = 0;
   Duration time_;  // since the reset, that the next answer has to have
   ipc::Descriptor socket_, question_bell_, answer_bell_;

@@ -10,6 +10,7 @@
 #include "cli/command.hpp"
 #include "cli/quantity_option.hpp"
 #include "cli/run/checked_robot.hpp"
+#include "cli/world_option.hpp"
 #include "config/load.hpp"
 #include "evidence/study/margin_report.hpp"
 #include "monitor/record/bounded_file.hpp"
@@ -18,7 +19,7 @@ namespace takt::cli {
 namespace {
 
 struct MarginOptions {
-  std::string robot, svg;
+  std::string robot, svg, world;
   std::uint64_t seeds = 60;
   std::size_t workers = 1;
   double bound_mm = 20, safety = 0.8;
@@ -39,16 +40,19 @@ void show_progress(const std::string& sentence) {
 std::expected<std::optional<margin::AgeTolerance>, std::string> measure_task(const MarginOptions& options,
                                                                              const config::RobotConfig& robot) {
   if (options.no_task || !robot.policy) return std::nullopt;
-  const panel::Task task = panel::task_of(robot);
-  const bool walks = task == panel::Task::base_velocity;
+  panel::WorldProcess world(options.world);
+  const auto task = panel::task_of(robot, options.world.empty() ? nullptr : &world);
+  if (!task) return std::unexpected(task.error());
+  const bool walks = *task == panel::Task::base_velocity;
   margin::ToleranceSetup setup{.robot_file = options.robot,
-                               .task = task,
+                               .task = *task,
                                .seeds = options.seeds,
                                .workers = options.workers,
                                .safety = options.safety,
                                .bound_m = walks ? kWalkBound_m : kArmBound_m,
                                .duration = walks ? kWalkRollout : kArmRollout,
-                               .on_progress = show_progress};
+                               .on_progress = show_progress,
+                               .world = options.world};
   std::ranges::copy(options.command, setup.base_velocity.command.begin());
   if (options.has_bound) setup.bound_m = options.bound_mm / 1e3;
   auto found = margin::age_tolerance(setup);
@@ -57,6 +61,10 @@ std::expected<std::optional<margin::AgeTolerance>, std::string> measure_task(con
 }
 
 int run(const MarginOptions& options) {
+  if (const std::string why = crowded_world(options.world, options.workers); !why.empty()) {
+    fmt::print(stderr, "takt margin: {}\n", why);
+    return kExitUsage;
+  }
   const auto checked = check_robot_file(options.robot);
   if (!checked) {
     fmt::print(stderr, "{}\n", checked.error());
@@ -67,7 +75,9 @@ int run(const MarginOptions& options) {
     show_progress(fmt::format("joint {} of {}", done, of));
   };
   std::expected<std::vector<margin::JointMargins>, std::string> joints;
-  if (panel::task_of(robot) != panel::Task::base_velocity)
+  // Of a robot without mechanics of its own there is nothing to compute.
+  const bool has_own = robot.model || robot.simulation->cart_pole || options.world.empty();
+  if (panel::task_of(robot) != panel::Task::base_velocity && has_own)
     joints = margin::joint_margins(
         {.robot = robot, .measured = robot, .pose = margin::home_pose(robot), .on_joint = on_joint});
   else if (options.no_task || !options.svg.empty())
@@ -105,6 +115,7 @@ void add_margin(CLI::App& app, int& exit_code) {
   command->add_option("--svg", options->svg, "also write the loops' Bode plot");
   command->add_option("--command", options->command, "of a robot that walks: m/s ahead, m/s and rad/s left")
       ->expected(3);
+  add_world(*command, options->world);
   command->add_flag("--json", options->json, "print everything as one line of JSON (docs/margin.md)");
   command->footer(
       "Example: takt margin config/arm6.yaml --workers 2 --svg bode.svg\n"

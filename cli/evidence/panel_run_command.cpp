@@ -11,6 +11,7 @@
 #include "cli/command.hpp"
 #include "cli/evidence/panel_progress.hpp"
 #include "cli/evidence/real_rollouts.hpp"
+#include "cli/world_option.hpp"
 #include "config/load.hpp"
 #include "evidence/artifact/artifact.hpp"
 #include "evidence/artifact/confusion.hpp"
@@ -22,7 +23,7 @@ namespace takt::cli {
 namespace {
 
 struct PanelRunOptions {
-  std::string panel, robot, out, only, method, shard = "1/1";
+  std::string panel, robot, out, only, method, world, shard = "1/1";
   std::size_t workers = 1;
   std::uint64_t seeds = 0;  // 0: as many as the panel says
   bool resume = false, json = false, real_time = false, allow_non_realtime = false;
@@ -121,9 +122,11 @@ int run(const PanelRunOptions& options) {
   }
   if (options.seeds != 0) panel->seed_count = options.seeds;
   panel->robot = options.robot;
+  if (const std::string why = crowded_world(options.world, options.workers); !why.empty())
+    return refuse(kExitUsage, "takt panel run: " + why);
   if (const auto seed = seed_of(options.only)) plan_for(*seed, *panel);
   auto plan = panel::plan_of(*panel, *shard);
-  auto contest = panel::Contest::prepare(std::move(*panel));
+  auto contest = panel::Contest::prepare(std::move(*panel), options.world);
   if (!contest) return refuse(config::kExitBadConfiguration, contest.error());
   if (!options.only.empty()) {
     std::erase_if(plan, [&](const auto& one) { return panel::rollout_id(contest->identity(one)) != options.only; });
@@ -174,6 +177,7 @@ void add_panel_run(CLI::App& panel, int& exit_code) {
                  "with --real-time: run even without real-time guarantees")
       ->needs(real_time);
   command->get_option("--workers")->excludes(real_time);
+  add_world(*command, options->world)->excludes(real_time);
   command->add_flag("--resume", options->resume, "go on with what lies in --out; rollouts already there are skipped");
   command->add_flag("--json", options->json, "print one line of JSON instead of the table");
   command->footer(

@@ -7,6 +7,7 @@
 #include "cli/command.hpp"
 #include "cli/robot/process_check.hpp"
 #include "cli/run/checked_robot.hpp"
+#include "cli/world_option.hpp"
 #include "config/json_schema.hpp"
 #include "config/key_table.hpp"
 #include "config/load.hpp"
@@ -18,6 +19,7 @@ struct ConfigOptions {
   std::string file;
   bool json = false;
   std::string policy_host{};  // check: not ours
+  std::string world{};        // check: plays the mechanics
 };
 
 int refuse_file(const std::string& problems, bool json) {
@@ -40,7 +42,7 @@ int check(const ConfigOptions& options) {
   if (!checked) return refuse_file(checked.error(), options.json);
   const config::RobotConfig& robot = checked->robot;
   std::string refused = options.policy_host.empty() ? refused_by_policy_host(robot) : "";
-  if (const std::string plant = refused_by_plant(robot); !plant.empty())
+  if (const std::string plant = refused_by_plant(robot, options.world); !plant.empty())
     refused += (refused.empty() ? "" : "\n") + plant;
   if (!refused.empty()) return refuse_file(refused, options.json);
   if (options.json) {
@@ -96,6 +98,7 @@ void add_config(CLI::App& app, int& exit_code) {
   parent->get_subcommand("check")->add_option(
       "--policy-host", checked->policy_host,
       "program that `takt run` will start instead of takt-policy-host: the policy is its own affair");
+  add_world(*parent->get_subcommand("check"), checked->world);
   add_file_command(*parent, exit_code, "show", "Print the file with every default written out, in base units.",
                    "Example: takt config show config/arm6.yaml\nExit codes: 0 shown, 65 not valid.", show);
   CLI::App* keys = parent->add_subcommand("keys", "Print the reference of every key, as a Markdown table.");

@@ -9,9 +9,11 @@
 #include <utility>
 
 #include "cli/command.hpp"
+#include "cli/run/scenario.hpp"
 #include "config/deploy_import.hpp"
 #include "config/document.hpp"
 #include "config/load.hpp"
+#include "config/units.hpp"
 #include "policy_host/exporter_metadata.hpp"
 #include "policy_host/onnx/model.hpp"
 #include "simulation/model_survey.hpp"
@@ -22,7 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Given {
-  std::string export_file, policy_file, model_file, robot, out;
+  std::string export_file, policy_file, model_file, robot, out, period;
   std::vector<std::string> joint_names;
   bool simulated = false;
   [[nodiscard]] bool is_onnx() const { return export_file.ends_with(".onnx"); }
@@ -65,6 +67,17 @@ std::expected<config::DeployFile, std::string> read_export(Given& given,
   return config::read_deploy_file(*text, given.export_file);
 }
 
+// The policy's period, where the export does not say it.
+std::expected<void, std::string> add_period(const std::string& text, config::DeployFile& deploy) {
+  const auto period = parse_duration(text);
+  if (!period) return std::unexpected("--period " + period.error());
+  if (deploy.step_dt.ns != 0 && deploy.step_dt != *period)
+    return std::unexpected(fmt::format("--period {}: the export says {}; leave it out, or export again", text,
+                                       config::format_duration(deploy.step_dt)));
+  deploy.step_dt = *period;
+  return {};
+}
+
 int import(Given given) {
   if (given.policy_file.empty() && !given.is_onnx())
     return refuse(kExitUsage, "--policy is missing: a deploy.yaml does not name its ONNX file");
@@ -77,8 +90,10 @@ int import(Given given) {
     if (!facts) return refuse(config::kExitBadConfiguration, facts.error());
     model = std::move(*facts);
   }
-  const auto deploy = read_export(given, model);
+  auto deploy = read_export(given, model);
   if (!deploy) return refuse(config::kExitBadConfiguration, deploy.error());
+  if (!given.period.empty())
+    if (const auto added = add_period(given.period, *deploy); !added) return refuse(kExitUsage, added.error());
   const auto robot = config::import_deploy_file(*deploy, {.robot = given.robot,
                                                           .policy_file = path_from(given.out, given.policy_file),
                                                           .joint_names = given.joint_names,
@@ -120,6 +135,7 @@ void add_config_import(CLI::App& config, int& exit_code) {
                       "the robot's MJCF or URDF: names, position limits, torques, inertias, IMU, keyframe");
   command->add_flag("--simulated", given->simulated,
                     "make up buses, drives and contract, so that `takt run` simulates it at once; needs --model");
+  command->add_option("--period", given->period, "the policy's, where the export does not say it: 20ms");
   command->add_option("--robot", given->robot, "name of the robot")->required();
   command->add_option("-o,--output", given->out, "robot file to write; must not exist yet")->required();
   command->add_option("--joint-names", given->joint_names, "joints in the robot's own order, separated by commas")

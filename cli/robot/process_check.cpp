@@ -3,6 +3,7 @@
 #include "policy_host/onnx_policy.hpp"
 #include "policy_host/policy_fit.hpp"
 #include "simulation/robot_plant.hpp"
+#include "simulation/world_process.hpp"
 
 namespace takt::cli {
 
@@ -15,8 +16,12 @@ std::string refused_by_policy_host(const config::RobotConfig& robot) {
   return fits ? "" : fits.error();
 }
 
-std::string refused_by_plant(const config::RobotConfig& robot) {
+std::string refused_by_plant(const config::RobotConfig& robot, const std::string& world) {
   if (!robot.simulation) return {};
+  if (!world.empty()) {
+    const auto facts = plant::WorldProcess(world).ask(robot);
+    return facts ? "" : facts.error().sentence;
+  }
   const auto plant = plant::RobotPlant::make(robot);
   return plant ? "" : plant.error();
 }

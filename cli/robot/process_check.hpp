@@ -8,8 +8,8 @@
 namespace takt::cli {
 
 // One problem per line; empty: none. A policy that is no ONNX file is another host's, and `simulation` is looked at as
-// the plant does that plays the robot itself, without --world.
+// the plant does that plays the robot itself; with a `world`, as plant::WorldProcess has it, that is asked instead.
 std::string refused_by_policy_host(const config::RobotConfig& robot);
-std::string refused_by_plant(const config::RobotConfig& robot);
+std::string refused_by_plant(const config::RobotConfig& robot, const std::string& world);
 
 }  // namespace takt::cli

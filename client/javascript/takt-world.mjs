@@ -7,17 +7,19 @@
 //     step({ torque, viscous, coulomb }, seconds) { return { q, dq }; },
 //   });
 //
-// Joints are those of the robot file, in its order. Units: rad, rad/s, Nm, s. A state may also have point (m), imu
-// ({ orientation: w x y z, angularVelocity: rad/s, acceleration: m/s2 }), outcome ('succeeded', 'failed', 'unable') and reason.
+// Joints are those of the robot file, in its order. Units: rad, rad/s, Nm, s. A step also has hangs (some drive is disabled: a base that would
+// fall hangs where it began) and push (N, world frame). A state may also have point (m), imu ({ orientation: w x y z, angularVelocity: rad/s,
+// acceleration: m/s2 }), base ({ position: m, orientation: w x y z }), error (how far from what the task wants), sensor (values of a new sample),
+// outcome ('succeeded', 'failed', 'unable') and reason.
 // An exception of reset or step ends that simulation, and Takt is told its text.
 import fs from 'node:fs';
 import net from 'node:net';
 
-const PROTOCOL = 1, MAX_JOINTS = 64, JOINT_BYTES = 8 * MAX_JOINTS;
+const PROTOCOL = 2, MAX_JOINTS = 64, JOINT_BYTES = 8 * MAX_JOINTS;
 const HELLO = 1, WELCOME = 2, RESET = 3, STEP = 4, STATE = 5;
-const IMU = 2, POINT = 4;
+const GIVES = { imu: 2, point: 4, base: 8, error: 16, done: 32, push: 64 };
 const OUTCOMES = ['running', 'succeeded', 'failed', 'unable'];
-const WELCOME_BYTES = 216, STATE_BYTES = 1288, LONGEST_QUESTION = 4192;
+const WELCOME_BYTES = 280, STATE_BYTES = 1872, LONGEST_QUESTION = 4192;
 
 const textAt = (bytes, at) => bytes.toString('utf8', at, Math.max(at, bytes.indexOf(0, at)));
 const numbersAt = (bytes, at, count) => Array.from({ length: count }, (_, i) => bytes.readDoubleLE(at + 8 * i));
@@ -29,15 +31,17 @@ function header(bytes, kind, sequence) {
   bytes.writeBigUInt64LE(sequence, 8);
 }
 
-function welcome(sequence, name, gives) {
+function welcome(sequence, { name, gives, sensor }) {
   const bytes = Buffer.alloc(WELCOME_BYTES);
   header(bytes, WELCOME, sequence);
   bytes.writeUInt32LE(gives, 16);
+  bytes.writeUInt32LE(sensor?.values ?? 0, 20);
   bytes.write(name.slice(0, 63), 24);
+  bytes.write((sensor?.name ?? '').slice(0, 63), 88);
   return bytes;
 }
 
-function stateMessage(state, sequence, time) {
+function stateMessage(state, sequence, time, sample = 0n) {
   const bytes = Buffer.alloc(STATE_BYTES);
   header(bytes, STATE, sequence);
   bytes.writeBigUInt64LE(time, 16);
@@ -50,13 +54,27 @@ function stateMessage(state, sequence, time) {
   put(state.imu?.orientation, after + 24);
   put(state.imu?.angularVelocity, after + 56);
   put(state.imu?.acceleration, after + 80);
-  bytes.write((state.reason ?? '').slice(0, 127), after + 104);
+  put(state.base?.position, after + 104);
+  put(state.base?.orientation, after + 128);
+  bytes.writeDoubleLE(state.error ?? 0, after + 160);
+  bytes.writeBigUInt64LE(sample, after + 168);
+  put(state.sensor, after + 176);
+  bytes.write((state.reason ?? '').slice(0, 127), after + 688);
   return bytes;
 }
 
 class Simulation {
-  constructor(peer, world, name, gives) {
-    Object.assign(this, { peer, world, name, gives, heard: Buffer.alloc(0) });
+  constructor(peer, world, facts) {
+    Object.assign(this, { peer, world, facts, heard: Buffer.alloc(0), sample: 0n, sensed: undefined });
+  }
+
+  // A state without a new sample repeats the newest one.
+  remember(state) {
+    if (state.sensor) {
+      this.sensed = state.sensor;
+      ++this.sample;
+    }
+    return { ...state, sensor: this.sensed };
   }
 
   // One piece of what Takt says, whole messages or not.
@@ -77,12 +95,13 @@ class Simulation {
     if (message.readUInt16LE(6) !== PROTOCOL) throw new Error(`Takt speaks protocol ${message.readUInt16LE(6)}`);
     if (kind === HELLO) {
       this.meet(message);
-      this.peer.write(welcome(sequence, this.name, this.gives));
+      this.peer.write(welcome(sequence, this.facts));
       return;
     }
     const time = kind === STEP ? message.readBigUInt64LE(16) + message.readBigUInt64LE(24) : 0n;
     try {
-      this.peer.write(stateMessage(kind === RESET ? this.reset(message) : this.step(message), sequence, time));
+      const state = this.remember(kind === RESET ? this.reset(message) : this.step(message));
+      this.peer.write(stateMessage(state, sequence, time, this.sample));
     } catch (error) {
       this.peer.write(stateMessage({ outcome: 'unable', reason: String(error) }, sequence, time));
       throw error;
@@ -99,24 +118,29 @@ class Simulation {
   }
 
   reset(message) {
+    this.sample = 0n;
+    this.sensed = undefined;
     return this.world.reset(this.robot, message.readBigUInt64LE(16), numbersAt(message, 24, this.robot.joints.length));
   }
 
   step(message) {
     const joints = (field) => numbersAt(message, 32 + field * JOINT_BYTES, this.robot.joints.length);
-    return this.world.step({ torque: joints(0), viscous: joints(1), coulomb: joints(2) },
-      Number(message.readBigUInt64LE(24)) * 1e-9);
+    const after = 32 + 3 * JOINT_BYTES;
+    return this.world.step({ torque: joints(0), viscous: joints(1), coulomb: joints(2), hangs: message.readUInt32LE(after) !== 0,
+      push: numbersAt(message, after + 8, 3) }, Number(message.readBigUInt64LE(24)) * 1e-9);
   }
 }
 
-// Plays `world` at the socket `path`, one simulation of Takt's after the other; options: name, imu, point (true: states have
-// them), simulations (that many, else for ever).
-export function serve(path, world, { name = 'javascript', imu = false, point = false, simulations = Infinity } = {}) {
+// Plays `world` at the socket `path`, one simulation of Takt's after the other; options: name; imu, point, base, error (true: states have them);
+// done (it says when the task is done), push (it obeys pushes); sensor ({ name, values }: the robot file's outside sensor that it plays);
+// simulations (that many, else for ever).
+export function serve(path, world, { name = 'javascript', sensor, simulations = Infinity, ...flags } = {}) {
+  const gives = Object.entries(GIVES).reduce((bits, [flag, bit]) => bits | (flags[flag] ? bit : 0), 0);
   if (fs.existsSync(path)) fs.unlinkSync(path);
   return new Promise((resolve, reject) => {
     let played = 0;
     const server = net.createServer((peer) => {
-      const simulation = new Simulation(peer, world, name, imu * IMU + point * POINT);
+      const simulation = new Simulation(peer, world, { name, gives, sensor });
       peer.on('data', (piece) => {
         try {
           simulation.hear(piece);

@@ -32,6 +32,9 @@ typedef struct takt_world {
   int listener, peer;
   int memory, question_bell, answer_bell;
   unsigned char* shared; /* TAKT_WORLD_MEMORY_BYTES */
+  const char*
+      sensor; /* to be set after takt_world_listen: the robot file's outside sensor that states have; NULL: none */
+  uint32_t sensor_count; /* its values */
   takt_world_hello hello;
   uint16_t kind; /* of the latest message: reset or step */
   union {
@@ -120,6 +123,8 @@ static inline int takt_world_welcome_takt(takt_world* world, const char* name, u
   welcome.header.kind = TAKT_WORLD_WELCOME;
   welcome.gives = gives | TAKT_WORLD_SHARED_MEMORY;
   strncpy(welcome.world, name, sizeof welcome.world - 1);
+  if (world->sensor != NULL) strncpy(welcome.sensor, world->sensor, sizeof welcome.sensor - 1);
+  welcome.sensor_count = world->sensor_count;
   if (refusal != NULL) strncpy(welcome.refusal, refusal, sizeof welcome.refusal - 1);
   return send(world->peer, &welcome, sizeof welcome, MSG_NOSIGNAL) == (ssize_t)sizeof welcome ? 0 : -1;
 }

@@ -9,10 +9,11 @@
 
 #include <stdint.h>
 
-#define TAKT_WORLD_PROTOCOL 1
+#define TAKT_WORLD_PROTOCOL 2
 #define TAKT_WORLD_MAX_JOINTS 64
 #define TAKT_WORLD_NAME_BYTES 64
 #define TAKT_WORLD_TEXT_BYTES 128
+#define TAKT_WORLD_MAX_VALUES 64
 
 /* Where the messages lie in the shared memory: Takt's from the beginning, the world's from here. */
 #define TAKT_WORLD_ANSWER_OFFSET 8192
@@ -31,7 +32,11 @@ enum {
 enum {
   TAKT_WORLD_SHARED_MEMORY = 1, /* further messages go through the memory that came with hello, not by the socket */
   TAKT_WORLD_IMU = 2,           /* states have an IMU's readings */
-  TAKT_WORLD_POINT = 4          /* states have the controlled point */
+  TAKT_WORLD_POINT = 4,         /* states have the controlled point */
+  TAKT_WORLD_BASE = 8,          /* states have the pose of the robot's base */
+  TAKT_WORLD_ERROR = 16,        /* states have the task's error: the world judges how well it goes */
+  TAKT_WORLD_DONE = 32,         /* it says when the task is done: a rollout that ends before has failed */
+  TAKT_WORLD_PUSH = 64          /* it pushes the robot's base, or an arm's tool, as steps say */
 };
 
 /* How a rollout stands. */
@@ -60,9 +65,10 @@ typedef struct takt_world_hello {
 
 typedef struct takt_world_welcome {
   takt_world_header header;
-  uint32_t gives; /* bits above */
-  uint32_t reserved;
+  uint32_t gives;        /* bits above */
+  uint32_t sensor_count; /* values of the sensor below */
   char world[TAKT_WORLD_NAME_BYTES];
+  char sensor[TAKT_WORLD_NAME_BYTES];  /* of the robot file's outside sensors, the one that states have; empty: none */
   char refusal[TAKT_WORLD_TEXT_BYTES]; /* empty: welcome; else why this robot is not played, one sentence */
 } takt_world_welcome;
 
@@ -80,6 +86,9 @@ typedef struct takt_world_step {
   double torque[TAKT_WORLD_MAX_JOINTS];  /* Nm, of the drives, constant over the step */
   double viscous[TAKT_WORLD_MAX_JOINTS]; /* Nm s/rad, friction of drive and brake beside the world's own */
   double coulomb[TAKT_WORLD_MAX_JOINTS]; /* Nm; holds a joint at rest: an engaged brake is in here */
+  uint32_t hangs;                        /* 1: some drive is disabled; a base that would fall hangs where it began */
+  uint32_t reserved;
+  double push[3]; /* N, world frame, at the base, or at an arm's tool; of worlds that push */
 } takt_world_step;
 
 typedef struct takt_world_state {
@@ -89,11 +98,16 @@ typedef struct takt_world_state {
   uint32_t reserved;
   double q[TAKT_WORLD_MAX_JOINTS];
   double dq[TAKT_WORLD_MAX_JOINTS];
-  double point[3];                    /* m, world frame: what the task wants at its target */
-  double orientation[4];              /* w x y z, of the IMU in the world, length 1 */
-  double angular_velocity[3];         /* rad/s, in the IMU's axes */
-  double acceleration[3];             /* m/s2, specific force in the IMU's axes: 9.81 upwards at rest */
-  char reason[TAKT_WORLD_TEXT_BYTES]; /* of an outcome that is not running, one sentence, or empty */
+  double point[3];                      /* m, world frame: what the task wants at its target */
+  double orientation[4];                /* w x y z, of the IMU in the world, length 1 */
+  double angular_velocity[3];           /* rad/s, in the IMU's axes */
+  double acceleration[3];               /* m/s2, specific force in the IMU's axes: 9.81 upwards at rest */
+  double base_position[3];              /* m, world frame, z up */
+  double base_orientation[4];           /* w x y z, of the base in the world, length 1 */
+  double error;                         /* m or what the task is measured in, 0 or more: how far from what it wants */
+  uint64_t sensor_sequence;             /* of the newest sample, from 1, by one; 0: none yet */
+  double sensor[TAKT_WORLD_MAX_VALUES]; /* its values; it was taken at this state's time */
+  char reason[TAKT_WORLD_TEXT_BYTES];   /* of an outcome that is not running, one sentence, or empty */
 } takt_world_state;
 
 #endif

@@ -87,6 +87,7 @@ void describe_perturbation(Fields& fields, PanelPerturbation& one, const Panel& 
   fields.duration({"from", "start of its window", "window.from", true}, one.from, {}, kLongest);
   fields.duration({"for", "length of its window", "window.for", true}, one.length, {}, kLongest);
   fields.text({"load", "gpu_contention with --real-time: command that keeps the GPU busy", "none", true}, one.load);
+  fields.text({"body", "push and payload: which body of the robot's MJCF", "the tool, or the root", true}, one.body);
   fields.references({"tasks", "which tasks it troubles; empty: every one", "[]"}, one.tasks, kTaskNames, "task");
 }
 
@@ -168,6 +169,8 @@ void check_perturbations(const Panel& panel, config::Checker& checker) {
                       path + ".tasks", "names a task that this panel does not have; drop it, or add the task");
     checker.require(one.load.empty() || one.kind == "gpu_contention", path + ".load",
                     "only `gpu_contention` runs a command; leave it out");
+    checker.require(one.body.empty() || one.kind == "push" || one.kind == "payload", path + ".body",
+                    "only `push` and `payload` strike a body; leave it out");
     checker.require(one.from + one.length <= panel.duration, path + ".kind",
                     "its window ends after the rollout's `duration`; move or shorten it");
   }

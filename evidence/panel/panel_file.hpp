@@ -42,10 +42,13 @@ struct PanelPerturbation {
   Duration from, length;
   std::vector<std::size_t> tasks{};  // as Task; empty: every task of the panel
   std::string load{};                // gpu_contention only
+  std::string body{};                // push and payload only
   [[nodiscard]] bool troubles(Task task) const {
     return tasks.empty() || std::ranges::find(tasks, static_cast<std::size_t>(task)) != tasks.end();
   }
-  [[nodiscard]] Perturbation resolved() const { return {find_perturbation(kind)->trouble, dose, from, length, load}; }
+  [[nodiscard]] Perturbation resolved() const {
+    return {find_perturbation(kind)->trouble, dose, from, length, load, body};
+  }
 };
 
 struct Panel {

@@ -44,7 +44,9 @@ std::expected<std::string, std::string> sha256_of_file(const std::string& path) 
   return config::sha256_hex(bytes);
 }
 
-std::expected<Contestant, std::string> make_contestant(const config::RobotConfig& base, const PanelMethod& method) {
+// `world`: what the process that plays the mechanics calls itself; empty: none does.
+std::expected<Contestant, std::string> make_contestant(const config::RobotConfig& base, const PanelMethod& method,
+                                                       const std::string& world) {
   auto robot = config::with_overrides(base, method.overrides);
   if (!robot) return std::unexpected(robot.error());
   if (const auto fine = policy_host::check_policy_section(*robot); !fine) return std::unexpected(fine.error());
@@ -62,7 +64,7 @@ std::expected<Contestant, std::string> make_contestant(const config::RobotConfig
   made.fallback = std::move(*fallback);
   made.policy_sha256 = std::move(*sha256);
   made.policy_hash = config::leading_64_bits(made.policy_sha256);
-  made.plant_sha256 = config::sha256_hex(plant_text(base));
+  made.plant_sha256 = config::sha256_hex(plant_text(base) + (world.empty() ? "" : "world: " + world + "\n"));
   return made;
 }
 
@@ -71,6 +73,17 @@ std::string joints_problem(const Panel& panel, const config::RobotConfig& robot)
       std::ranges::any_of(panel.perturbations, [](const auto& one) { return one.kind == "wrong_joint_order"; });
   if (!rotates || robot.joints.size() > 1) return {};
   return robot.file + ": one joint has no order to get wrong; take perturbation `wrong_joint_order` out of the panel";
+}
+
+// What the world calls itself; empty: there is none.
+std::expected<std::string, std::string> ask(plant::WorldProcess* world, const config::RobotConfig& robot, Task task) {
+  if (world == nullptr && task == Task::world)
+    return std::unexpected(robot.file + ": task world needs a process that plays it; name it by --world");
+  if (world == nullptr) return std::string();
+  if (!robot.simulation) return std::unexpected(robot.file + ": no `simulation`: a world needs its step");
+  const auto facts = world->ask(robot);
+  if (!facts) return std::unexpected(facts.error().sentence);
+  return facts->name;
 }
 
 class HostMeter {
@@ -108,8 +121,10 @@ std::vector<PlannedRollout> plan_of(const Panel& panel, const Shard& shard) {
   return plan;
 }
 
-std::expected<Contest, std::string> Contest::prepare(Panel panel) {
+std::expected<Contest, std::string> Contest::prepare(Panel panel, const std::string& world) {
   Contest contest(std::move(panel));
+  contest.world_text_ = world;
+  if (!world.empty()) contest.world_ = std::make_unique<plant::WorldProcess>(world);
   std::string problems;
   const auto note = [&](const std::string& what) { problems += (problems.empty() ? "" : "\n") + what; };
   for (const PanelTask& task : contest.panel_.tasks) {
@@ -120,8 +135,13 @@ std::expected<Contest, std::string> Contest::prepare(Panel panel) {
       continue;
     }
     if (const std::string problem = joints_problem(contest.panel_, *robot); !problem.empty()) note(problem);
+    const auto played = ask(contest.world_.get(), *robot, task.task);
+    if (!played) {
+      note(played.error());
+      continue;
+    }
     for (const PanelMethod& method : contest.panel_.methods) {
-      auto made = make_contestant(*robot, method);
+      auto made = make_contestant(*robot, method, *played);
       if (made)
         contest.contestants_.push_back(std::move(*made));
       else
@@ -196,7 +216,8 @@ RolloutSetup Contest::setup_of(const PlannedRollout& planned) const {
           .scored = task.scored,
           .bound_m = task.bound_m,
           .rearm_after = panel_.rearm_after,
-          .base_velocity = task.base_velocity};
+          .base_velocity = task.base_velocity,
+          .world = world_.get()};
 }
 
 RolloutWatch::RolloutWatch(const config::RobotConfig& robot)
@@ -209,13 +230,15 @@ std::expected<RanRollout, std::string> Contest::run(const PlannedRollout& planne
   RolloutSetup setup = setup_of(planned);
   setup.on_command = [&](const CommandChunk& chunk) { watch.command(chunk); };
   setup.on_tick = [&](const TickRecord& record) { watch.tick(record); };
+  std::string end;
+  setup.on_world_end = [&](const plant::WorldEnd& ended) { end = ended.sentence; };
   if (const auto done = run_rollout(setup, row); !done) return std::unexpected(done.error());
-  RanRollout ran = conclude(std::move(row), watch);
+  RanRollout ran = conclude(std::move(row), watch, end);
   meter.fill(panel_.duration, ran.row.host);
   return ran;
 }
 
-RanRollout Contest::conclude(RolloutRow row, RolloutWatch& watch) const {
+RanRollout Contest::conclude(RolloutRow row, RolloutWatch& watch, const std::string& end) const {
   const monitor::FaultSummary faults = watch.classifier_.finish();
   row.leading_fault = leading_fault(faults);
   row.fault_verdicts = faults.total();
@@ -226,12 +249,14 @@ RanRollout Contest::conclude(RolloutRow row, RolloutWatch& watch) const {
   RanRollout ran{.row = std::move(row), .post_mortem = {}};
   if (ran.row.success) return ran;
   PostMortemDraft draft{.row = ran.row,
-                        .show_again = fmt::format("takt panel run {}{} --only {} --out again  # panel: SHA-256 {}",
+                        .show_again = fmt::format("takt panel run {}{}{} --only {} --out again  # panel: SHA-256 {}",
                                                   panel_.file, panel_.robot.empty() ? "" : " --robot " + panel_.robot,
+                                                  world_text_.empty() ? "" : " --world '" + world_text_ + "'",
                                                   rollout_id(ran.row), panel_.sha256),
                         .ticks = &watch.failure_,
                         .verdicts = {},
                         .incidents = monitor::by_gravity(std::move(watch.told_))};
+  if (!end.empty()) draft.verdicts.push_back(end);
   for (const monitor::FaultVerdict& verdict : faults.verdicts) draft.verdicts.push_back(verdict.sentence);
   ran.post_mortem = post_mortem_text(draft);
   return ran;

@@ -78,27 +78,35 @@ class RolloutWatch {
 
 class Contest {
  public:
-  // The error: one problem per line, each naming panel, method and key.
-  static std::expected<Contest, std::string> prepare(Panel panel);
+  // `world`: as plant::WorldProcess has it; empty: robots live in what their files describe. It is asked whether it
+  // plays them. The error: one problem per line, each naming panel, method and key.
+  static std::expected<Contest, std::string> prepare(Panel panel, const std::string& world = {});
 
   [[nodiscard]] const Panel& panel() const { return panel_; }
   // Of an artifact that holds `planned` rollouts of the panel.
   [[nodiscard]] ArtifactManifest manifest(std::size_t planned) const;
   // The error is one sentence.
   std::expected<RanRollout, std::string> run(const PlannedRollout& planned);
+  // Of what run() started: a process leaves nothing behind.
+  void clean_up() {
+    if (world_) world_->give_up();
+  }
   // As run() fills it, before anything has run: names the rollout.
   [[nodiscard]] RolloutRow identity(const PlannedRollout& planned) const;
   [[nodiscard]] const Contestant& contestant(const PlannedRollout& planned) const {
     return contestants_[planned.task * panel_.methods.size() + planned.method];
   }
   // A row that is whole but for its verdicts, and what was watched besides: verdicts and the draft are added.
-  [[nodiscard]] RanRollout conclude(RolloutRow row, RolloutWatch& watch) const;
+  // `end`: of the world that played it, a sentence, or empty.
+  [[nodiscard]] RanRollout conclude(RolloutRow row, RolloutWatch& watch, const std::string& end = {}) const;
 
  private:
   explicit Contest(Panel panel) : panel_(std::move(panel)) {}
   [[nodiscard]] RolloutSetup setup_of(const PlannedRollout& planned) const;
   Panel panel_;
-  std::vector<Contestant> contestants_;  // task by task
+  std::string world_text_;
+  std::unique_ptr<plant::WorldProcess> world_;  // null: none
+  std::vector<Contestant> contestants_;         // task by task
 };
 
 }  // namespace takt::panel

@@ -60,8 +60,11 @@ std::expected<RanRollout, std::string> ran_of(const std::string& row_line, const
   for (std::size_t i = first; i < rollouts.size(); i += stride) {
     bool failed = false;
     const std::string report = report_of(contest.run(rollouts[i]), failed);
-    if (!write_all(out, report) || failed) std::_Exit(1);
+    if (write_all(out, report) && !failed) continue;
+    contest.clean_up();
+    std::_Exit(1);
   }
+  contest.clean_up();
   std::_Exit(0);
 }
 

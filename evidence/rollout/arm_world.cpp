@@ -30,24 +30,25 @@ Duration target_entry(std::uint64_t seed) {
 
 std::expected<std::unique_ptr<ArmWorld>, std::string> ArmWorld::make(const config::RobotConfig& robot,
                                                                      const Disturbance& disturbance, MonoTime started,
-                                                                     std::uint64_t seed) {
+                                                                     std::uint64_t seed,
+                                                                     std::unique_ptr<plant::OutsideMechanics> outside) {
   if (!robot.simulation || robot.simulation->camera_sensor.empty())
     return std::unexpected(robot.file + ": task arm_tracking needs `simulation` with a `camera` and its `target`");
-  auto dynamics = TroubledDynamics::make(robot, disturbance, started, seed);
-  if (!dynamics) return std::unexpected(dynamics.error());
-  TroubledDynamics& mechanics = **dynamics;
-  auto plant = plant::Plant::make(robot, std::move(*dynamics));
-  if (!plant) return std::unexpected(plant.error());
+  if (outside && !outside->link().gives(TAKT_WORLD_POINT))
+    return std::unexpected("world " + outside->link().world() +
+                           " does not give the tool's place, which task arm_tracking is judged by");
+  auto body = TroubledRobot::make(robot, disturbance, started, seed, std::move(outside));
+  if (!body) return std::unexpected(body.error());
   const Duration entered = target_entry(seed);
   const std::uint64_t camera_seed = plant::seed_for(seed, kTargetStream + 1);
-  return std::unique_ptr<ArmWorld>(new ArmWorld(robot, std::move(*plant), mechanics, started - entered, camera_seed));
+  return std::unique_ptr<ArmWorld>(new ArmWorld(robot, std::move(*body), started - entered, camera_seed));
 }
 
-ArmWorld::ArmWorld(const config::RobotConfig& robot, plant::Plant plant, TroubledDynamics& dynamics,
-                   MonoTime camera_started, std::uint64_t camera_seed)
+ArmWorld::ArmWorld(const config::RobotConfig& robot, TroubledRobot body, MonoTime camera_started,
+                   std::uint64_t camera_seed)
     : robot_(robot),
-      plant_(std::move(plant)),
-      dynamics_(dynamics),
+      plant_(std::move(body.plant)),
+      dynamics_(body.dynamics),
       simulation_(with_seed(*robot.simulation, camera_seed)),
       camera_started_(camera_started),
       camera_(simulation_, camera_started) {}
@@ -56,13 +57,7 @@ double ArmWorld::error_m(MonoTime now) {
   const Eigen::VectorXd& q = plant_.state().q;
   const config::Vector3 tool = dynamics_.tool_position(q);
   const bool too_fast = seen_at_.is_set() && distance(tool, tool_) > kToolSpeedLimit * (now - seen_at_).seconds();
-  bool outside = false;
-  for (std::size_t joint = 0; joint < robot_.joints.size(); ++joint) {
-    const config::Limits& limits = robot_.joints[joint].limits;
-    const double at = q[static_cast<Eigen::Index>(joint)];
-    outside |= at < limits.q_min || at > limits.q_max;
-  }
-  violated_ = too_fast || outside;
+  violated_ = too_fast || is_beyond_limits(robot_, q);
   tool_ = tool;
   seen_at_ = now;
   return distance(tool, plant::target_at(simulation_, now - camera_started_));

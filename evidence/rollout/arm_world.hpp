@@ -22,19 +22,21 @@ Duration target_entry(std::uint64_t seed);
 
 class ArmWorld final : public World {
  public:
-  // The error is one sentence: what the robot file lacks. `robot` and `disturbance` outlive this.
+  // The error is one sentence: what the robot file lacks. `robot` and `disturbance` outlive this;
+  // `outside` as TroubledDynamics::make has it.
   static std::expected<std::unique_ptr<ArmWorld>, std::string> make(const config::RobotConfig& robot,
                                                                     const Disturbance& disturbance, MonoTime started,
-                                                                    std::uint64_t seed);
+                                                                    std::uint64_t seed,
+                                                                    std::unique_ptr<plant::OutsideMechanics> outside);
 
   plant::Plant& plant() override { return plant_; }
   std::optional<SensorSample> sample(MonoTime now) override { return camera_.poll(now); }
   double error_m(MonoTime now) override;
   [[nodiscard]] bool is_violated() const override { return violated_; }
+  [[nodiscard]] const plant::OutsideMechanics* outside() const override { return dynamics_.outside(); }
 
  private:
-  ArmWorld(const config::RobotConfig& robot, plant::Plant plant, TroubledDynamics& dynamics, MonoTime camera_started,
-           std::uint64_t camera_seed);
+  ArmWorld(const config::RobotConfig& robot, TroubledRobot body, MonoTime camera_started, std::uint64_t camera_seed);
 
   const config::RobotConfig& robot_;
   plant::Plant plant_;

@@ -30,21 +30,26 @@ double tilt_of(const plant::BasePose& base) {
   return std::acos(std::clamp(1 - 2 * (x * x + y * y), -1.0, 1.0));
 }
 
-// Of the policy's term `command`; null: it has none.
+// Of the policy's term `command`, with a value per part of the task's; null: it has none.
 const config::Sensor* command_sensor(const config::RobotConfig& robot) {
+  if (!robot.policy) return nullptr;
   for (const config::ObservationTerm& term : robot.policy->observation) {
     if (term.kind != config::TermKind::command) continue;
     const auto sensor = std::ranges::find(robot.sensors, term.sensor, &config::Sensor::name);
-    if (sensor != robot.sensors.end()) return &*sensor;
+    if (sensor != robot.sensors.end() && sensor->command && sensor->values == BaseVelocityTask{}.command.size())
+      return &*sensor;
   }
   return nullptr;
 }
 
-std::string problem_of(const config::RobotConfig& robot, const BaseVelocityTask& task) {
-  if (!robot.simulation || !robot.simulation->mujoco)
+std::string problem_of(const config::RobotConfig& robot, const BaseVelocityTask& task,
+                       const plant::OutsideMechanics* outside) {
+  if (outside != nullptr && !outside->link().gives(TAKT_WORLD_BASE))
+    return "world " + outside->link().world() + " does not give the base's pose, which task base_velocity is judged by";
+  if (outside == nullptr && (!robot.simulation || !robot.simulation->mujoco))
     return robot.file + ": task base_velocity needs `simulation.mujoco`, whose base may move";
-  const config::Sensor* const sensor = robot.policy ? command_sensor(robot) : nullptr;
-  if (sensor == nullptr || sensor->values != task.command.size() || !sensor->command)
+  const config::Sensor* const sensor = command_sensor(robot);
+  if (sensor == nullptr)
     return robot.file + ": task base_velocity needs a policy with a term `command` of three values";
   for (std::size_t i = 0; i < task.command.size(); ++i)
     if (task.command[i] < sensor->command->minimum[i] || task.command[i] > sensor->command->maximum[i])
@@ -54,7 +59,9 @@ std::string problem_of(const config::RobotConfig& robot, const BaseVelocityTask&
     if (!term.sensor.empty() && term.sensor != sensor->name)
       return fmt::format("{}: task base_velocity plays the command and the IMU, and nobody plays sensor {}", robot.file,
                          term.sensor);
-  if (robot.imu && robot.simulation->mujoco->imu_site.empty())
+  if (robot.imu && outside != nullptr && !outside->link().gives(TAKT_WORLD_IMU))
+    return "world " + outside->link().world() + " gives no IMU's readings, and " + robot.file + " has `imu`";
+  if (robot.imu && outside == nullptr && robot.simulation->mujoco->imu_site.empty())
     return robot.file + ": has `imu`, and its `simulation.mujoco` none; name the site as `simulation.mujoco.imu.site`";
   return {};
 }
@@ -72,36 +79,35 @@ std::array<double, 4> shaken(const std::array<double, 4>& q, Random& noise) {
 
 }  // namespace
 
+bool takes_velocity_command(const config::RobotConfig& robot) {
+  return command_sensor(robot) != nullptr;
+}
+
 Duration walk_begins(std::uint64_t seed) {
   Random random(seed, kWalkStream);
   return kFirstWord + Duration{std::llround(random.between(0, static_cast<double>(kDrawnOver.ns)))};
 }
 
-std::expected<std::unique_ptr<BaseVelocityWorld>, std::string> BaseVelocityWorld::make(const config::RobotConfig& robot,
-                                                                                       const BaseVelocityTask& task,
-                                                                                       const Disturbance& disturbance,
-                                                                                       MonoTime started,
-                                                                                       std::uint64_t seed) {
-  if (const std::string problem = problem_of(robot, task); !problem.empty()) return std::unexpected(problem);
-  auto dynamics = TroubledDynamics::make(robot, disturbance, started, seed);
-  if (!dynamics) return std::unexpected(dynamics.error());
-  TroubledDynamics& mechanics = **dynamics;
-  auto plant = plant::Plant::make(robot, std::move(*dynamics));
-  if (!plant) return std::unexpected(plant.error());
-  return std::unique_ptr<BaseVelocityWorld>(
-      new BaseVelocityWorld(robot, task, std::move(*plant), mechanics, started, seed));
+std::expected<std::unique_ptr<BaseVelocityWorld>, std::string> BaseVelocityWorld::make(
+    const config::RobotConfig& robot, const BaseVelocityTask& task, const Disturbance& disturbance, MonoTime started,
+    std::uint64_t seed, std::unique_ptr<plant::OutsideMechanics> outside) {
+  if (const std::string problem = problem_of(robot, task, outside.get()); !problem.empty())
+    return std::unexpected(problem);
+  auto body = TroubledRobot::make(robot, disturbance, started, seed, std::move(outside));
+  if (!body) return std::unexpected(body.error());
+  return std::unique_ptr<BaseVelocityWorld>(new BaseVelocityWorld(robot, task, std::move(*body), started, seed));
 }
 
-BaseVelocityWorld::BaseVelocityWorld(const config::RobotConfig& robot, const BaseVelocityTask& task, plant::Plant plant,
-                                     TroubledDynamics& dynamics, MonoTime started, std::uint64_t seed)
+BaseVelocityWorld::BaseVelocityWorld(const config::RobotConfig& robot, const BaseVelocityTask& task, TroubledRobot body,
+                                     MonoTime started, std::uint64_t seed)
     : robot_(robot),
       task_(task),
-      plant_(std::move(plant)),
-      dynamics_(dynamics),
+      plant_(std::move(body.plant)),
+      dynamics_(body.dynamics),
       begins_(started + walk_begins(seed)),
       ends_(task.until.ns == 0 ? MonoTime{} : started + task.until),
       noise_(seed, kWalkStream + 1),
-      least_height_m_(task.least_height * dynamics.base()->position[2]),
+      least_height_m_(task.least_height * dynamics_.base()->position[2]),
       next_word_(started) {}
 
 std::array<double, 3> BaseVelocityWorld::commanded(MonoTime now) const {
@@ -131,12 +137,7 @@ std::optional<SensorSample> BaseVelocityWorld::imu(MonoTime now) {
 
 void BaseVelocityWorld::look(const plant::BasePose& base) {
   lost_ |= base.position[2] < least_height_m_ || tilt_of(base) > task_.most_tilt;
-  violated_ = false;
-  for (std::size_t joint = 0; joint < robot_.joints.size(); ++joint) {
-    const config::Limits& limits = robot_.joints[joint].limits;
-    const double at = plant_.state().q[static_cast<Eigen::Index>(joint)];
-    violated_ |= at < limits.q_min || at > limits.q_max;
-  }
+  violated_ = is_beyond_limits(robot_, plant_.state().q);
 }
 
 double BaseVelocityWorld::error_m(MonoTime now) {

@@ -1,10 +1,9 @@
 // base_velocity: a robot on a base of its own that goes as fast as a person commands and stays upright, by physics of
-// MuJoCo. The person's command comes through the sensor of the policy's `command` term; the IMU through the robot
-// file's. The seed draws when walking begins, which puts a perturbation into any phase of the gait, and the IMU's
-// noise.
-// Error: over the last kJudgedOver, how far the base came from where the command would have taken it, m.
-// Constraints: no joint outside its position limits. Lost: the base lower than its share of where it began, or further
-// from upright than its limit; a robot that has fallen does not stand up.
+// MuJoCo or of a world that gives the base's pose. The person's command comes through the sensor of the policy's
+// `command` term; the IMU through the robot file's. The seed draws when walking begins, which puts a perturbation into
+// any phase of the gait, and the IMU's noise. Error: over the last kJudgedOver, how far the base came from where the
+// command would have taken it, m. Constraints: no joint outside its position limits. Lost: the base lower than its
+// share of where it began, or further from upright than its limit; a robot that has fallen does not stand up.
 #pragma once
 
 #include <array>
@@ -35,16 +34,18 @@ struct BaseVelocityTask {
   double most_tilt = 1;                      // rad
 };
 
+// Whether a person can command that robot's policy as the task does.
+bool takes_velocity_command(const config::RobotConfig& robot);
 // When the command begins: drawn from the seed, within a second of the first instant.
 Duration walk_begins(std::uint64_t seed);
 
 class BaseVelocityWorld final : public World {
  public:
-  // The error is one sentence: what the robot file lacks. `robot` and `disturbance` outlive this.
-  static std::expected<std::unique_ptr<BaseVelocityWorld>, std::string> make(const config::RobotConfig& robot,
-                                                                             const BaseVelocityTask& task,
-                                                                             const Disturbance& disturbance,
-                                                                             MonoTime started, std::uint64_t seed);
+  // The error is one sentence: what the robot file lacks. `robot` and `disturbance` outlive this;
+  // `outside` as TroubledDynamics::make has it.
+  static std::expected<std::unique_ptr<BaseVelocityWorld>, std::string> make(
+      const config::RobotConfig& robot, const BaseVelocityTask& task, const Disturbance& disturbance, MonoTime started,
+      std::uint64_t seed, std::unique_ptr<plant::OutsideMechanics> outside);
 
   plant::Plant& plant() override { return plant_; }
   std::optional<SensorSample> sample(MonoTime now) override;
@@ -52,6 +53,7 @@ class BaseVelocityWorld final : public World {
   double error_m(MonoTime now) override;
   [[nodiscard]] bool is_violated() const override { return violated_; }
   [[nodiscard]] bool is_lost() const override { return lost_; }
+  [[nodiscard]] const plant::OutsideMechanics* outside() const override { return dynamics_.outside(); }
   [[nodiscard]] std::optional<Duration> ends_after_loss() const override { return kAftermath; }
 
  private:
@@ -59,8 +61,8 @@ class BaseVelocityWorld final : public World {
     MonoTime at;
     std::array<double, 2> base{}, wanted{};  // m, in the world's plane
   };
-  BaseVelocityWorld(const config::RobotConfig& robot, const BaseVelocityTask& task, plant::Plant plant,
-                    TroubledDynamics& dynamics, MonoTime started, std::uint64_t seed);
+  BaseVelocityWorld(const config::RobotConfig& robot, const BaseVelocityTask& task, TroubledRobot body,
+                    MonoTime started, std::uint64_t seed);
   [[nodiscard]] std::array<double, 3> commanded(MonoTime now) const;
   void look(const plant::BasePose& base);
 

@@ -21,29 +21,29 @@ bool is_beyond(const config::Limits& limits, double q, double margin) {
 
 }  // namespace
 
-std::expected<std::unique_ptr<CartPoleWorld>, std::string> CartPoleWorld::make(const config::RobotConfig& robot,
-                                                                               const Disturbance& disturbance,
-                                                                               MonoTime started, std::uint64_t seed) {
+std::expected<std::unique_ptr<CartPoleWorld>, std::string> CartPoleWorld::make(
+    const config::RobotConfig& robot, const Disturbance& disturbance, MonoTime started, std::uint64_t seed,
+    std::unique_ptr<plant::OutsideMechanics> outside) {
   if (!robot.simulation || !robot.simulation->cart_pole || robot.simulation->camera_sensor.empty())
     return std::unexpected(robot.file +
                            ": task cart_pole_balance needs `simulation` with `cart_pole`, `camera`, `target`");
-  auto dynamics = TroubledDynamics::make(robot, disturbance, started, seed);
-  if (!dynamics) return std::unexpected(dynamics.error());
-  TroubledDynamics& mechanics = **dynamics;
-  auto plant = plant::Plant::make(robot, std::move(*dynamics));
-  if (!plant) return std::unexpected(plant.error());
+  if (outside && !outside->link().gives(TAKT_WORLD_POINT))
+    return std::unexpected("world " + outside->link().world() +
+                           " does not give the cart's place, which task cart_pole_balance is judged by");
+  auto body = TroubledRobot::make(robot, disturbance, started, seed, std::move(outside));
+  if (!body) return std::unexpected(body.error());
   Random random(seed, kCommandStream);
   // The first step comes within one period of the start.
   const Duration told_for{std::llround(random.between(0, static_cast<double>(robot.simulation->step_period.ns)))};
-  return std::unique_ptr<CartPoleWorld>(new CartPoleWorld(robot, std::move(*plant), mechanics, started - told_for,
-                                                          plant::seed_for(seed, kCommandStream + 1)));
+  return std::unique_ptr<CartPoleWorld>(
+      new CartPoleWorld(robot, std::move(*body), started - told_for, plant::seed_for(seed, kCommandStream + 1)));
 }
 
-CartPoleWorld::CartPoleWorld(const config::RobotConfig& robot, plant::Plant plant, TroubledDynamics& dynamics,
-                             MonoTime told_since, std::uint64_t seed)
+CartPoleWorld::CartPoleWorld(const config::RobotConfig& robot, TroubledRobot body, MonoTime told_since,
+                             std::uint64_t seed)
     : robot_(robot),
-      plant_(std::move(plant)),
-      dynamics_(dynamics),
+      plant_(std::move(body.plant)),
+      dynamics_(body.dynamics),
       simulation_(seeded(*robot.simulation, seed)),
       told_since_(told_since),
       sensor_(simulation_, told_since) {}

@@ -18,20 +18,21 @@ namespace takt::panel {
 
 class CartPoleWorld final : public World {
  public:
-  // The error is one sentence: what the robot file lacks. `robot` and `disturbance` outlive this.
-  static std::expected<std::unique_ptr<CartPoleWorld>, std::string> make(const config::RobotConfig& robot,
-                                                                         const Disturbance& disturbance,
-                                                                         MonoTime started, std::uint64_t seed);
+  // The error is one sentence: what the robot file lacks. `robot` and `disturbance` outlive this;
+  // `outside` as TroubledDynamics::make has it.
+  static std::expected<std::unique_ptr<CartPoleWorld>, std::string> make(
+      const config::RobotConfig& robot, const Disturbance& disturbance, MonoTime started, std::uint64_t seed,
+      std::unique_ptr<plant::OutsideMechanics> outside);
 
   plant::Plant& plant() override { return plant_; }
   std::optional<SensorSample> sample(MonoTime now) override { return sensor_.poll(now); }
   double error_m(MonoTime now) override;
   [[nodiscard]] bool is_violated() const override { return violated_; }
+  [[nodiscard]] const plant::OutsideMechanics* outside() const override { return dynamics_.outside(); }
   [[nodiscard]] bool is_lost() const override { return lost_; }
 
  private:
-  CartPoleWorld(const config::RobotConfig& robot, plant::Plant plant, TroubledDynamics& dynamics, MonoTime told_since,
-                std::uint64_t seed);
+  CartPoleWorld(const config::RobotConfig& robot, TroubledRobot body, MonoTime told_since, std::uint64_t seed);
 
   const config::RobotConfig& robot_;
   plant::Plant plant_;

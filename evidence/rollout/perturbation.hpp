@@ -58,6 +58,7 @@ struct Perturbation {
   double dose = 0;
   Duration from, length;  // window, since the rollout's start
   std::string load = {};  // gpu_contention with real processes: the command that keeps the GPU busy; empty: none named
+  std::string body = {};  // push, payload: of the robot's MJCF; empty: the tool, or the root
 };
 // Times at which some perturbations repeat, from the start of the window on.
 inline constexpr Duration kRepeat = seconds(1);
@@ -73,6 +74,7 @@ class Disturbance {
   [[nodiscard]] double dose(Trouble trouble, MonoTime at) const {
     return trouble == perturbation_.trouble && at >= begins_ && at < ends_ ? perturbation_.dose : 0;
   }
+  [[nodiscard]] const std::string& body() const { return perturbation_.body; }
   // The same as milliseconds.
   [[nodiscard]] Duration delay(Trouble trouble, MonoTime at) const;
   // Doses that say "this long out of every second": true for the first `dose` ms of each kRepeat.

@@ -44,6 +44,10 @@ std::string push_text(double force_N, const config::Vector3& along) {
   return fmt::format("push: {} N, along: [{}, {}, {}]", force_N, along[0], along[1], along[2]);
 }
 
+std::string at_body(const Perturbation& perturbation) {
+  return perturbation.body.empty() ? "" : ", body: " + perturbation.body;
+}
+
 }  // namespace
 
 std::string bus_scenario(const Perturbation& perturbation, const config::RobotConfig& robot) {
@@ -75,10 +79,11 @@ std::string sensor_scenario(const Perturbation& perturbation, const config::Robo
 std::string body_scenario(const Perturbation& perturbation, std::uint64_t seed) {
   if (perturbation.trouble == Trouble::push)
     return with_head(every_second(perturbation, kPushLength, [&](std::int64_t turn) {
-      return push_text(perturbation.dose, push_direction(seed, turn));
+      return push_text(perturbation.dose, push_direction(seed, turn)) + at_body(perturbation);
     }));
-  const std::string what = perturbation.trouble == Trouble::payload ? fmt::format("payload: {} kg", perturbation.dose)
-                                                                    : fmt::format("friction: {}", perturbation.dose);
+  const std::string what = perturbation.trouble == Trouble::payload
+                               ? fmt::format("payload: {} kg{}", perturbation.dose, at_body(perturbation))
+                               : fmt::format("friction: {}", perturbation.dose);
   return with_head(whole_window(perturbation, what));
 }
 

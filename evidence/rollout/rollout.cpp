@@ -8,6 +8,7 @@
 #include "evidence/rollout/arm_world.hpp"
 #include "evidence/rollout/cart_pole_world.hpp"
 #include "evidence/rollout/operator.hpp"
+#include "evidence/rollout/outside_world.hpp"
 #include "evidence/rollout/repeat_last.hpp"
 #include "evidence/rollout/rollout_measures.hpp"
 #include "evidence/rollout/sensor_feed.hpp"
@@ -21,21 +22,33 @@ namespace takt::panel {
 namespace {
 
 constexpr MonoTime kStart{1'000'000'000'000};  // some 17 minutes after boot
+constexpr const char* kNoSimulation = ": no `simulation`: a world needs its step";
 constexpr Duration kTickWork = microseconds(25);
 constexpr std::uint64_t kImuLossStream = 211;
 constexpr Duration kSettle = seconds(2);  // from power-on to the task: arming, and the way to it
 
-std::expected<std::unique_ptr<World>, std::string> make_world(const RolloutSetup& setup,
-                                                              const Disturbance& disturbance) {
+std::expected<std::unique_ptr<World>, std::string> make_world(const RolloutSetup& setup, const Disturbance& disturbance,
+                                                              std::unique_ptr<plant::OutsideMechanics> outside) {
   switch (setup.task) {
     case Task::arm_tracking:
-      return ArmWorld::make(setup.robot, disturbance, kStart, setup.seed);
+      return ArmWorld::make(setup.robot, disturbance, kStart, setup.seed, std::move(outside));
     case Task::cart_pole_balance:
-      return CartPoleWorld::make(setup.robot, disturbance, kStart, setup.seed);
+      return CartPoleWorld::make(setup.robot, disturbance, kStart, setup.seed, std::move(outside));
     case Task::base_velocity:
-      return BaseVelocityWorld::make(setup.robot, setup.base_velocity, disturbance, kStart, setup.seed);
+      return BaseVelocityWorld::make(setup.robot, setup.base_velocity, disturbance, kStart, setup.seed,
+                                     std::move(outside));
+    case Task::world:
+      return OutsideWorld::make(setup.robot, disturbance, kStart, setup.seed, std::move(outside));
   }
   return std::unexpected("this build does not know the task");
+}
+
+Score score_of(const RolloutSetup& setup, const World& world) {
+  const plant::OutsideMechanics* const outside = setup.task == Task::world ? world.outside() : nullptr;
+  return {.settled = kStart + kSettle,
+          .begins = kStart + (setup.duration - setup.scored),
+          .bound_m = setup.bound_m,
+          .has_to_be_done = outside != nullptr && outside->link().gives(TAKT_WORLD_DONE)};
 }
 
 class Rollout {
@@ -52,7 +65,7 @@ class Rollout {
         repeater_(config_.interpolation == pipeline::Interpolation::hold),
         operator_(setup.rearm_after),
         wakes_(disturbance, config_.period, setup.seed),
-        measures_({kStart + kSettle, kStart + (setup.duration - setup.scored), setup.bound_m}, disturbance) {
+        measures_(score_of(setup, world), disturbance) {
     input_.last_duration = kTickWork;
     if (setup.fallback != nullptr)
       fallback_.emplace(setup.fallback->robot, setup.fallback->policy_hash, *setup.fallback->policy, setup.timing,
@@ -64,6 +77,10 @@ class Rollout {
     for (MonoTime due = kStart; due < end;) {
       const MonoTime woken = wakes_.after(due);
       step_plant(woken);
+      if (world_.ended() != nullptr) {
+        measures_.world_ended(world_.ended()->kind);
+        break;
+      }
       tick(woken, woken - due);
       if (const auto aftermath = world_.ends_after_loss(); aftermath && world_.is_lost() && !lost_at_.is_set()) {
         lost_at_ = woken;
@@ -88,7 +105,7 @@ class Rollout {
 
   void step_plant(MonoTime until) {
     const Duration step = world_.plant().step_length();
-    for (; plant_at_ + step <= until; plant_at_ = plant_at_ + step) world_.plant().step();
+    for (; plant_at_ + step <= until && world_.ended() == nullptr; plant_at_ = plant_at_ + step) world_.plant().step();
   }
 
   void tick(MonoTime now, Duration late) {
@@ -165,14 +182,58 @@ class Rollout {
 Task task_of(const config::RobotConfig& robot) {
   if (!robot.simulation) return Task::arm_tracking;
   if (robot.simulation->cart_pole) return Task::cart_pole_balance;
-  return robot.simulation->mujoco && robot.imu ? Task::base_velocity : Task::arm_tracking;
+  if (robot.simulation->mujoco && robot.imu && takes_velocity_command(robot)) return Task::base_velocity;
+  return robot.simulation->camera_sensor.empty() ? Task::world : Task::arm_tracking;
 }
+
+std::expected<Task, std::string> task_of(const config::RobotConfig& robot, WorldProcess* world) {
+  if (world == nullptr) return task_of(robot);
+  if (!robot.simulation) return std::unexpected(robot.file + kNoSimulation);
+  const auto facts = world->ask(robot);
+  if (!facts) return std::unexpected(facts.error().sentence);
+  return (facts->gives & (TAKT_WORLD_ERROR | TAKT_WORLD_DONE)) != 0 ? Task::world : task_of(robot);
+}
+
+namespace {
+
+// Set up wrongly, so that every other rollout would end as this one.
+bool is_for_good(plant::WorldEndKind kind) {
+  return kind == plant::WorldEndKind::absent || kind == plant::WorldEndKind::refused;
+}
+
+void tell_end(const RolloutSetup& setup, const plant::WorldEnd& end) {
+  if (setup.on_world_end) setup.on_world_end(end);
+  // What has spoilt one simulation does not play the next.
+  if (end.kind != plant::WorldEndKind::succeeded && end.kind != plant::WorldEndKind::failed) setup.world->give_up();
+}
+
+// Ended before the first tick.
+void fill_without_ticks(const RolloutSetup& setup, const Disturbance& disturbance, const plant::WorldEnd& end,
+                        RolloutRow& row) {
+  RolloutMeasures measures({.settled = kStart, .begins = kStart, .bound_m = setup.bound_m}, disturbance);
+  measures.world_ended(end.kind);
+  measures.finish(setup.robot.freshness.epsilon, setup.robot.freshness.confidence, row);
+}
+
+}  // namespace
 
 std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutRow& row) {
   const Disturbance disturbance(setup.perturbation, kStart);
   if (config::fallback_policy_of(setup.robot) != nullptr && setup.fallback == nullptr)
     return std::unexpected(setup.robot.file + ": its fallback policy was not given to the rollout");
-  auto world = make_world(setup, disturbance);
+  std::unique_ptr<plant::OutsideMechanics> outside;
+  if (setup.world != nullptr) {
+    if (!setup.robot.simulation) return std::unexpected(setup.robot.file + kNoSimulation);
+    auto begun = setup.world->begin(setup.robot, setup.seed);
+    if (!begun) {
+      tell_end(setup, begun.error());
+      if (is_for_good(begun.error().kind)) return std::unexpected(begun.error().sentence);
+      fill_without_ticks(setup, disturbance, begun.error(), row);
+      return {};
+    }
+    outside = std::move(*begun);
+  }
+  auto world = make_world(setup, disturbance, std::move(outside));
   if (!world) return std::unexpected(world.error());
   auto bus = VirtualBus::make(setup.robot, disturbance, setup.seed);
   if (!bus) return std::unexpected(bus.error());
@@ -184,6 +245,7 @@ std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutR
   } catch (const std::runtime_error& diverged) {
     return std::unexpected(setup.robot.file + ": " + diverged.what());
   }
+  if (const plant::WorldEnd* const end = (*world)->ended()) tell_end(setup, *end);
   return {};
 }
 

@@ -25,13 +25,19 @@
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/tick_record.hpp"
 #include "policy_host/policy.hpp"
+#include "simulation/world_process.hpp"
 
 namespace takt::panel {
 
-enum class Task : std::uint8_t { arm_tracking, cart_pole_balance, base_velocity };
-inline constexpr std::array<std::string_view, 3> kTaskNames{"arm_tracking", "cart_pole_balance", "base_velocity"};
-// What a robot's simulation is made for.
+enum class Task : std::uint8_t { arm_tracking, cart_pole_balance, base_velocity, world };
+inline constexpr std::array<std::string_view, 4> kTaskNames{"arm_tracking", "cart_pole_balance", "base_velocity",
+                                                            "world"};
+// What a robot's simulation is made for; `world`: nobody says.
 Task task_of(const config::RobotConfig& robot);
+using WorldProcess = plant::WorldProcess;
+// The same in a world of another process, which is asked; null: there is none. That world's own task where it judges
+// one. The error is one sentence.
+std::expected<Task, std::string> task_of(const config::RobotConfig& robot, WorldProcess* world);
 
 struct RolloutSetup {
   const config::RobotConfig& robot;  // as the method wants it
@@ -50,10 +56,13 @@ struct RolloutSetup {
   BaseVelocityTask base_velocity = {};                       // of that task only
   std::function<void(const CommandChunk&)> on_command = {};  // before the tick that reads it
   std::function<void(const TickRecord&)> on_tick = {};
+  WorldProcess* world = nullptr;  // plays the mechanics; null: the robot file's own
+  std::function<void(const plant::WorldEnd&)> on_world_end = {};
 };
 
-// Fills everything of the row but its identity and host fields. The error is one sentence: what the robot lacks for the
-// task, or that its physics diverged.
+// Fills everything of the row but its identity and host fields. A world that hangs, dies, answers nonsense or gives up
+// ends the rollout, and the row's failure_label says so (world_hung, world_died, ...). The error is one sentence: what
+// the robot lacks for the task, that its physics diverged, or that no world is to be had.
 std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutRow& row);
 
 }  // namespace takt::panel

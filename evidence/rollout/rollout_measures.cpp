@@ -34,6 +34,29 @@ std::uint64_t entered(const monitor::RunMetrics& metrics, Mode mode) {
       std::ranges::count(metrics.transitions, mode, [](const monitor::Transition& one) { return one.to; }));
 }
 
+// What fails a rollout that its world ended, for rows.
+std::string_view label_of(plant::WorldEndKind kind) {
+  switch (kind) {
+    case plant::WorldEndKind::absent:
+      return "world_absent";
+    case plant::WorldEndKind::refused:
+      return "world_refused";
+    case plant::WorldEndKind::hung:
+      return "world_hung";
+    case plant::WorldEndKind::died:
+      return "world_died";
+    case plant::WorldEndKind::nonsense:
+      return "world_nonsense";
+    case plant::WorldEndKind::unable:
+      return "world_unable";
+    case plant::WorldEndKind::failed:
+      return "failed";
+    case plant::WorldEndKind::succeeded:
+      return {};
+  }
+  return "world_nonsense";
+}
+
 bool is_latched(Mode mode) {
   return mode == Mode::damped_stop || mode == Mode::fault_latched;
 }
@@ -60,6 +83,14 @@ void RolloutMeasures::tick(const TickRecord& record, const TruthOfTick& truth) {
   }
   if (header.now >= score_.settled && truth.violated) ++violations_;
   last_ = header.now;
+}
+
+void RolloutMeasures::world_ended(plant::WorldEndKind kind) {
+  done_ = kind == plant::WorldEndKind::succeeded;
+  if (kind == plant::WorldEndKind::failed)
+    lost_ = stop_.empty() ? label_of(kind) : stop_;
+  else
+    spoilt_ = label_of(kind);
 }
 
 void RolloutMeasures::note_failure(const TickRecordHeader& header, const TruthOfTick& truth) {
@@ -126,9 +157,12 @@ void RolloutMeasures::add_hash(const TickRecord& record) {
 }
 
 std::string_view RolloutMeasures::failure(double rms_m) const {
+  if (!spoilt_.empty()) return spoilt_;  // says nothing of the robot
   if (!lost_.empty()) return lost_;
   if (!stop_.empty()) return stop_;
   if (!armed_) return "not_armed";
+  if (done_) return "";
+  if (score_.has_to_be_done) return "not_done";
   return rms_m > score_.bound_m ? "tracking_error" : "";
 }
 

@@ -13,15 +13,17 @@
 #include "executive/contract/joints.hpp"
 #include "executive/contract/tick_record.hpp"
 #include "monitor/judge/metrics_collector.hpp"
+#include "simulation/world_link.hpp"
 
 namespace takt::panel {
 
 // What counts as done: the root mean square of the error over the last part of the rollout, and no stop that nobody
 // ended. A stop that the operator ended is no failure by itself; it stays counted as a safety event.
 struct Score {
-  MonoTime settled;    // violations of the task's constraints count from here on
-  MonoTime begins;     // of the scored part; errors before it do not count
-  double bound_m = 0;  // success: rms error at most this; recovered: error at most this
+  MonoTime settled;             // violations of the task's constraints count from here on
+  MonoTime begins;              // of the scored part; errors before it do not count
+  double bound_m = 0;           // success: rms error at most this; recovered: error at most this
+  bool has_to_be_done = false;  // success: the world says that the task is done
 };
 
 struct TruthOfTick {
@@ -38,6 +40,8 @@ class RolloutMeasures {
   RolloutMeasures& operator=(const RolloutMeasures&) = delete;
 
   void tick(const TickRecord& record, const TruthOfTick& truth);
+  // Of a world that another process plays: nothing follows.
+  void world_ended(plant::WorldEndKind kind);
   // Fills everything but the row's identity and host fields. Call once, after the last tick.
   void finish(double epsilon, double confidence, RolloutRow& row);
 
@@ -67,7 +71,9 @@ class RolloutMeasures {
   double peak_jerk_ = 0, peak_join_step_ = 0;
   std::string_view stop_;  // cause of the first stop since the robot last tracked; empty: none
   std::uint64_t armings_ = 0;
-  std::string_view lost_;  // why the world is beyond help; empty: it is not
+  std::string_view lost_;    // why the world is beyond help; empty: it is not
+  std::string_view spoilt_;  // how the process that played the world failed; empty: it did not
+  bool done_ = false;        // as the world says
   Cause last_cause_ = Cause::none;
   MonoTime last_;
   MonoTime well_since_;         // tracking within the bound without a break since then; unset while not

@@ -19,20 +19,54 @@ config::Vector3 push_direction(std::uint64_t seed, std::int64_t turn) {
   return {drawn[0] / length, drawn[1] / length, drawn[2] / length};
 }
 
-TroubledDynamics::TroubledDynamics(std::unique_ptr<plant::TroubledMechanics> body, const Disturbance& disturbance,
-                                   MonoTime started, std::uint64_t seed)
-    : body_(std::move(body)), disturbance_(disturbance), now_(started), seed_(seed) {}
+namespace {
 
-std::expected<std::unique_ptr<TroubledDynamics>, std::string> TroubledDynamics::make(const config::RobotConfig& robot,
-                                                                                     const Disturbance& disturbance,
-                                                                                     MonoTime started,
-                                                                                     std::uint64_t seed) {
+// What is asked of a world that it cannot do; empty: nothing.
+std::string beyond(const plant::OutsideMechanics& outside, const Disturbance& disturbance) {
+  const std::string& world = outside.link().world();
+  if (disturbance.trouble() == Trouble::payload) return "payload: world " + world + " has masses of its own";
+  if (disturbance.trouble() == Trouble::push && !outside.link().gives(TAKT_WORLD_PUSH))
+    return "push: world " + world + " does not push (docs/world-protocol.md)";
+  return {};
+}
+
+}  // namespace
+
+TroubledDynamics::TroubledDynamics(std::unique_ptr<plant::TroubledMechanics> body, plant::OutsideMechanics* outside,
+                                   const Disturbance& disturbance, MonoTime started, std::uint64_t seed)
+    : body_(std::move(body)), outside_(outside), disturbance_(disturbance), now_(started), seed_(seed) {}
+
+std::expected<std::unique_ptr<TroubledDynamics>, std::string> TroubledDynamics::make(
+    const config::RobotConfig& robot, const Disturbance& disturbance, MonoTime started, std::uint64_t seed,
+    std::unique_ptr<plant::OutsideMechanics> outside) {
+  if (outside) {
+    if (const std::string why = beyond(*outside, disturbance); !why.empty()) return std::unexpected(why);
+    plant::OutsideMechanics* const played = outside.get();
+    return std::unique_ptr<TroubledDynamics>(new TroubledDynamics(
+        plant::TroubledMechanics::around(std::move(outside), robot), played, disturbance, started, seed));
+  }
   std::vector<double> payloads;
   if (disturbance.trouble() == Trouble::payload)
     payloads.push_back(disturbance.dose(Trouble::payload, disturbance.begins()));
   auto body = plant::TroubledMechanics::make(robot, payloads);
   if (!body) return std::unexpected(body.error());
-  return std::unique_ptr<TroubledDynamics>(new TroubledDynamics(std::move(*body), disturbance, started, seed));
+  if (!(*body)->has_body(disturbance.body()))
+    return std::unexpected(robot.file + ": has no body " + disturbance.body() +
+                           " to push or load; name one of its MJCF");
+  return std::unique_ptr<TroubledDynamics>(new TroubledDynamics(std::move(*body), nullptr, disturbance, started, seed));
+}
+
+std::expected<TroubledRobot, std::string> TroubledRobot::make(const config::RobotConfig& robot,
+                                                              const Disturbance& disturbance, MonoTime started,
+                                                              std::uint64_t seed,
+                                                              std::unique_ptr<plant::OutsideMechanics> outside) {
+  auto made = TroubledDynamics::make(robot, disturbance, started, seed, std::move(outside));
+  if (!made) return std::unexpected(made.error());
+  TroubledDynamics& dynamics = **made;
+  auto plant = plant::Plant::make(robot, std::move(*made));
+  if (!plant) return std::unexpected(plant.error());
+  if (dynamics.outside() != nullptr) plant->set_state(dynamics.outside()->begin());
+  return TroubledRobot{std::move(*plant), dynamics};
 }
 
 plant::BodyTrouble TroubledDynamics::trouble_now() const {
@@ -43,6 +77,7 @@ plant::BodyTrouble TroubledDynamics::trouble_now() const {
     trouble.force = disturbance_.dose(Trouble::push, now_);
   }
   trouble.payload = disturbance_.dose(Trouble::payload, now_);
+  trouble.pushed = trouble.loaded = disturbance_.body();
   if (const double factor = disturbance_.dose(Trouble::friction, now_); factor > 0) trouble.friction = factor;
   return trouble;
 }

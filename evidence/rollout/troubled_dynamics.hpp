@@ -12,6 +12,8 @@
 
 #include "config/robot_config.hpp"
 #include "evidence/rollout/perturbation.hpp"
+#include "simulation/outside_mechanics.hpp"
+#include "simulation/plant.hpp"
 #include "simulation/troubled_mechanics.hpp"
 
 namespace takt::panel {
@@ -22,10 +24,11 @@ config::Vector3 push_direction(std::uint64_t seed, std::int64_t turn);
 
 class TroubledDynamics final : public plant::Mechanics {
  public:
-  // `disturbance` outlives this. The error is one sentence: the robot has no model the simulator knows.
-  static std::expected<std::unique_ptr<TroubledDynamics>, std::string> make(const config::RobotConfig& robot,
-                                                                            const Disturbance& disturbance,
-                                                                            MonoTime started, std::uint64_t seed);
+  // `disturbance` outlives this. `outside`: the mechanics of a process of the user's; null: the robot file's. The error
+  // is one sentence: the robot has no model the simulator knows, or the world cannot do what is asked of it.
+  static std::expected<std::unique_ptr<TroubledDynamics>, std::string> make(
+      const config::RobotConfig& robot, const Disturbance& disturbance, MonoTime started, std::uint64_t seed,
+      std::unique_ptr<plant::OutsideMechanics> outside);
 
   void integrate(plant::ArmState& state, const Eigen::VectorXd& tau, const std::vector<plant::Friction>& friction,
                  Duration step) override;
@@ -34,16 +37,31 @@ class TroubledDynamics final : public plant::Mechanics {
   std::optional<plant::ImuReading> imu() override { return body_->imu(); }
   [[nodiscard]] std::optional<plant::BasePose> base() const override { return body_->base(); }
   void hoist(bool hangs) override { body_->hoist(hangs); }
+  // Null: no other process plays them.
+  [[nodiscard]] plant::OutsideMechanics* outside() { return outside_; }
 
  private:
-  TroubledDynamics(std::unique_ptr<plant::TroubledMechanics> body, const Disturbance& disturbance, MonoTime started,
-                   std::uint64_t seed);
+  TroubledDynamics(std::unique_ptr<plant::TroubledMechanics> body, plant::OutsideMechanics* outside,
+                   const Disturbance& disturbance, MonoTime started, std::uint64_t seed);
   [[nodiscard]] plant::BodyTrouble trouble_now() const;
 
   std::unique_ptr<plant::TroubledMechanics> body_;
+  plant::OutsideMechanics* outside_;  // inside body_; null: the robot file's mechanics
   const Disturbance& disturbance_;
   MonoTime now_;
   std::uint64_t seed_;
+};
+
+// The robot of a rollout: drives in front of troubled mechanics, where these begin.
+struct TroubledRobot {
+  plant::Plant plant;
+  TroubledDynamics& dynamics;  // the plant's
+
+  // As TroubledDynamics::make.
+  static std::expected<TroubledRobot, std::string> make(const config::RobotConfig& robot,
+                                                        const Disturbance& disturbance, MonoTime started,
+                                                        std::uint64_t seed,
+                                                        std::unique_ptr<plant::OutsideMechanics> outside);
 };
 
 }  // namespace takt::panel

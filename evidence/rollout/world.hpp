@@ -7,9 +7,21 @@
 
 #include "executive/contract/mono_time.hpp"
 #include "executive/contract/sensor_sample.hpp"
+#include "simulation/outside_mechanics.hpp"
 #include "simulation/plant.hpp"
 
 namespace takt::panel {
+
+// Some joint is outside its position limits, at `q`: rad, in the robot file's order.
+inline bool is_beyond_limits(const config::RobotConfig& robot, const Eigen::VectorXd& q) {
+  bool beyond = false;
+  for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
+    const config::Limits& limits = robot.joints[joint].limits;
+    const double at = q[static_cast<Eigen::Index>(joint)];
+    beyond |= at < limits.q_min || at > limits.q_max;
+  }
+  return beyond;
+}
 
 class World {
  public:
@@ -32,6 +44,13 @@ class World {
   [[nodiscard]] virtual bool is_violated() const = 0;
   // Beyond help: a fallen pole or robot. The task has failed, whatever follows.
   [[nodiscard]] virtual bool is_lost() const { return false; }
+  // The process that plays the mechanics has ended, or says that the task is done: nothing follows. Null: it has not.
+  [[nodiscard]] const plant::WorldEnd* ended() const {
+    const plant::OutsideMechanics* const played = outside();
+    return played != nullptr && played->end() ? &*played->end() : nullptr;
+  }
+  // Null: no other process plays the mechanics.
+  [[nodiscard]] virtual const plant::OutsideMechanics* outside() const = 0;
   // Where nothing that follows a loss is worth its computing time: how much of it is still looked at.
   [[nodiscard]] virtual std::optional<Duration> ends_after_loss() const { return std::nullopt; }
 };

@@ -25,23 +25,32 @@ std::string trouble_in(const panel::RolloutRow& row) {
   return {};
 }
 
-std::expected<std::string, std::string> roll_out(const config::RobotConfig& robot, policy_host::Policy& policy) {
+std::expected<std::string, std::string> roll_out(const config::RobotConfig& robot, policy_host::Policy& policy,
+                                                 panel::WorldProcess* world) {
   const auto hash = config::policy_hash(robot.policy->file);
   if (!hash) return std::unexpected(hash.error());
   const auto fallback = panel::load_fallback_host(robot);
   if (!fallback) return std::unexpected(fallback.error());
+  const auto task = panel::task_of(robot, world);
+  if (!task) return std::unexpected(task.error());
   panel::RolloutRow row;
+  std::string end;
   const panel::RolloutSetup setup{.robot = robot,
                                   .policy = policy,
                                   .policy_hash = *hash,
                                   .fallback = fallback->get(),
-                                  .task = panel::task_of(robot),
+                                  .task = *task,
                                   .timing = {},
                                   .perturbation = {},
                                   .duration = kSmokeLength,
                                   .scored = kScored,
-                                  .bound_m = kAnyError_m};
+                                  .bound_m = kAnyError_m,
+                                  .world = world,
+                                  .on_world_end = [&](const plant::WorldEnd& ended) {
+                                    if (ended.kind != plant::WorldEndKind::succeeded) end = ended.sentence;
+                                  }};
   if (const auto ran = panel::run_rollout(setup, row); !ran) return std::unexpected(ran.error());
+  if (!end.empty()) return std::unexpected(end);
   if (const std::string trouble = trouble_in(row); !trouble.empty())
     return std::unexpected(fmt::format("{:.0f} s in virtual time: {}", kSmokeLength.seconds(), trouble));
   return fmt::format("tracked for {:.0f} s in virtual time", kSmokeLength.seconds());
@@ -49,14 +58,16 @@ std::expected<std::string, std::string> roll_out(const config::RobotConfig& robo
 
 }  // namespace
 
-std::expected<std::string, std::string> smoke_run(const config::RobotConfig& robot) {
+std::expected<std::string, std::string> smoke_run(const config::RobotConfig& robot, const std::string& world) {
   if (!robot.policy) return "no policy: nothing to try before the robot itself";
   if (const auto fine = policy_host::check_policy_section(robot); !fine) return std::unexpected(fine.error());
   const auto policy = policy_host::load_robot_policy(robot);
   if (!policy) return std::unexpected(policy.error());
   if (const auto fits = policy_host::check_fit(robot, **policy); !fits) return std::unexpected(fits.error());
   if (!robot.simulation) return "the policy loads and fits; no `simulation`, so nothing was run";
-  return roll_out(robot, **policy);
+  if (world.empty()) return roll_out(robot, **policy, nullptr);
+  panel::WorldProcess process(world);
+  return roll_out(robot, **policy, &process);
 }
 
 }  // namespace takt::deploy

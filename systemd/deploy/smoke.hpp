@@ -12,7 +12,8 @@ namespace takt::deploy {
 
 inline constexpr Duration kSmokeLength = seconds(5);
 
-// What was tried, in one sentence; the error: what failed, one problem per line.
-std::expected<std::string, std::string> smoke_run(const config::RobotConfig& robot);
+// What was tried, in one sentence; the error: what failed, one problem per line. `world`: the process that plays the
+// mechanics, as plant::WorldProcess has it; empty: the robot file's own.
+std::expected<std::string, std::string> smoke_run(const config::RobotConfig& robot, const std::string& world = {});
 
 }  // namespace takt::deploy

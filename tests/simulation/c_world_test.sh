@@ -17,11 +17,11 @@ gcc -std=c11 -Wall -Wextra -Wpedantic -Wconversion -Werror -I"$folder/stage/incl
 plant() { timeout 60 "$build/bin/takt-plant" --robot "$source/config/arm6.yaml" --runtime-dir "$folder/run" --world "$folder/world.sock" "$@" 2>&1; }
 mkdir "$folder/run"
 printf 'schema: takt.scenario/1\nevents:\n  - { at: 1 s, push: 10 N, along: [1, 0, 0] }\n' >"$folder/push.yaml"
-said=$(plant --scenario "$folder/push.yaml") && fail "a push was taken" || code=$?
-[ "$code" = 65 ] && [[ "$said" == *"is not for --world"* ]] || fail "$code: $said"
 
 "$folder/flywheels" "$folder/world.sock" &
 world=$!
+said=$(plant --scenario "$folder/push.yaml") && fail "a push was taken" || code=$?
+[ "$code" = 65 ] && [[ "$said" == *"is not for --world"* ]] || fail "$code: $said"
 plant --truth "$folder/truth.jsonl" >"$folder/said" & simulation=$!
 # The truth is flushed once a second.
 for ((i = 0; i < 600; ++i)); do [ "$(cat "$folder/truth.jsonl" 2>/dev/null | wc -l)" -gt 20 ] && break; sleep 0.05; done

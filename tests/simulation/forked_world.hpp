@@ -49,13 +49,18 @@ class ForkedWorld {
   pid_t pid_ = 0;
 };
 
-// Plays one simulation; `fill` makes the answer to world.reset or world.step, false: says nothing and ends.
+// Plays one simulation; `fill` makes the answer to world.reset or world.step, false: says nothing and ends. `sensor`:
+// the one that states have, of `values` values.
 inline void play(const std::string& path, std::uint32_t gives,
-                 const std::function<bool(const takt_world&, takt_world_state&)>& fill) {
+                 const std::function<bool(const takt_world&, takt_world_state&)>& fill, const char* sensor = nullptr,
+                 std::uint32_t values = 0) {
   takt_world world;
-  if (takt_world_listen(&world, path.c_str()) != 0 || takt_world_accept(&world, "forked", gives) != 0) return;
+  if (takt_world_listen(&world, path.c_str()) != 0) return;
+  world.sensor = sensor;
+  world.sensor_count = values;
+  if (takt_world_accept(&world, "forked", gives) != 0) return;
   takt_world_state state{};
-  state.orientation[0] = 1;
+  state.orientation[0] = state.base_orientation[0] = 1;
   while (takt_world_next(&world) == 0) {
     const bool begins = world.kind == TAKT_WORLD_RESET;
     state.time_ns = begins ? 0 : world.step.time_ns + world.step.step_ns;

@@ -16,6 +16,7 @@
 #include "simulation/arm_dynamics.hpp"
 #include "simulation/mjcf_file.hpp"
 #include "simulation/robot_plant.hpp"
+#include "tests/simulation/arm_as_mjcf.hpp"
 #include "tests/simulation/plant_robots.hpp"
 
 namespace takt::plant {
@@ -67,21 +68,6 @@ constexpr const char* kHopper = R"(<mujoco>
   <keyframe><key name="high" qpos="0 0 5  1 0 0 0  0.5"/></keyframe>
 </mujoco>)";
 
-std::string arm_as_mjcf(const config::RobotConfig& robot) {
-  std::string bodies, ends;
-  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
-    const config::Link& link = robot.model->links[j];
-    const auto text = [](const config::Vector3& v) { return fmt::format("{} {} {}", v[0], v[1], v[2]); };
-    bodies += fmt::format(R"(<body pos="{}" euler="{}"><inertial pos="{}" mass="{}" diaginertia="{}"/>)"
-                          R"(<joint name="{}" axis="{}" armature="{}"/>)",
-                          text(link.origin_xyz), text(link.origin_rpy), text(link.com), link.mass, text(link.inertia),
-                          robot.joints[j].name, text(link.axis), robot.joints[j].inertia);
-    ends += "</body>";
-  }
-  return R"(<mujoco><compiler angle="radian" eulerseq="XYZ"/><option timestep="0.0001" gravity="0 0 -9.81"/><worldbody>)" +
-         bodies + ends + "</worldbody></mujoco>";
-}
-
 // Goal: the same arm in both engines. Method: the demo arm, let go and pushed by torques for half a second; both with
 // steps short enough that their integrators agree.
 TEST_F(MujocoTest, TheDemoArmMovesAsInOurDynamics) {
@@ -95,7 +81,7 @@ TEST_F(MujocoTest, TheDemoArmMovesAsInOurDynamics) {
   ASSERT_EQ(robot.model->gravity, (config::Vector3{0, 0, -9.81}));
   robot.simulation->step = microseconds(100);
   config::RobotConfig same = robot;
-  same.simulation->mujoco = robot_in(arm_as_mjcf(robot), names).simulation->mujoco;
+  same.simulation->mujoco = robot_in(takt::test::arm_as_mjcf(robot), names).simulation->mujoco;
   auto ours = ArmDynamics::make(robot);
   auto theirs = MujocoMechanics::make(same);
   ASSERT_TRUE(ours) << ours.error();
@@ -159,7 +145,7 @@ TEST_F(MujocoTest, APushMovesTheRobot) {
   const config::RobotConfig robot = robot_in(kHopper, {"hip"});
   auto body = MujocoMechanics::make(robot);
   ArmState state = at({0});
-  EXPECT_TRUE((*body)->push({21, 0, 0}));
+  EXPECT_TRUE((*body)->push({21, 0, 0}, {}));
   for (int step = 0; step < 200; ++step)
     (*body)->integrate(state, Eigen::VectorXd::Zero(1), std::vector<Friction>(1), milliseconds(1));
   EXPECT_NEAR((*body)->base()->position[0], 0.5 * 10 * 0.04, 0.02) << "21 N on 2.1 kg for 0.2 s";
@@ -168,7 +154,7 @@ TEST_F(MujocoTest, APushMovesTheRobot) {
 TEST_F(MujocoTest, AHeldJointStays) {
   config::RobotConfig pendulum = takt::test::pendulum(1, 0.5);
   pendulum.model->links[0].inertia = {1e-3, 1e-3, 1e-3};
-  auto body = MujocoMechanics::make(robot_in(arm_as_mjcf(pendulum), {pendulum.joints[0].name}));
+  auto body = MujocoMechanics::make(robot_in(takt::test::arm_as_mjcf(pendulum), {pendulum.joints[0].name}));
   ASSERT_TRUE(body) << body.error();
   ArmState state = at({1});
   for (int step = 0; step < 1'000; ++step)
@@ -199,6 +185,7 @@ TEST_F(MujocoTest, WhatAModelLacksIsSaidInOneSentence) {
   const std::string broken = refusal_of("<mujoco>\n<worldbody>\n<body nonsense=\"1\"/>\n</worldbody></mujoco>");
   EXPECT_NE(broken.find("nonsense"), std::string::npos) << broken;
   EXPECT_NE(broken.find("line 3"), std::string::npos) << "the user's own line: " << broken;
+  EXPECT_NE(broken.find("take it out, or play the model in a newer version"), std::string::npos) << broken;
   config::RobotConfig robot = robot_in(kHopper, {"hip"});
   robot.simulation->mujoco->keyframe = "low";
   EXPECT_NE(MujocoMechanics::make(robot).error().find("has no keyframe `low`"), std::string::npos);
@@ -209,13 +196,92 @@ TEST_F(MujocoTest, WhatAModelLacksIsSaidInOneSentence) {
   EXPECT_NE(MujocoMechanics::make(robot).error().find("/nowhere/robot.xml: cannot be read"), std::string::npos);
 }
 
-// Goal: a robot's plant has these physics in front of nothing else, and refuses what they cannot do. Method: the demo
-// arm's drives, disabled and braked; a push; a payload.
+// Goal: any body can be pushed, and no longer than it is. Method: the leg's sphere hangs beside the trunk, so that a
+// push there turns the robot; then the trunk is pushed instead.
+TEST_F(MujocoTest, APushActsAtTheBodyThatIsNamed) {
+  const config::RobotConfig robot = robot_in(kHopper, {"hip"});
+  auto body = MujocoMechanics::make(robot);
+  EXPECT_TRUE((*body)->has_body("leg"));
+  EXPECT_FALSE((*body)->has_body("wing"));
+  EXPECT_FALSE((*body)->has_body("world")) << "not of the robot";
+  ArmState state = at({0});
+  const auto turned_by = [&](const std::string& at) {
+    (*body)->push({0, 20, 0}, at);
+    const std::array<double, 4> before = (*body)->base()->orientation;
+    for (int step = 0; step < 50; ++step)
+      (*body)->integrate(state, Eigen::VectorXd::Zero(1), std::vector<Friction>(1), milliseconds(1));
+    const std::array<double, 4> after = (*body)->base()->orientation;
+    return std::abs(after[3] - before[3]);  // about z
+  };
+  const double at_leg = turned_by("leg");
+  EXPECT_GT(at_leg, 0.02);
+  auto fresh = MujocoMechanics::make(robot);
+  std::swap(*body, *fresh);
+  state = at({0});
+  EXPECT_LT(turned_by(""), 0.2 * at_leg);
+  const double speed_before = (*body)->base()->position[1];
+  (*body)->push({}, "");
+  (*body)->push({}, "leg");
+  for (int step = 0; step < 50; ++step)
+    (*body)->integrate(state, Eigen::VectorXd::Zero(1), std::vector<Friction>(1), milliseconds(1));
+  EXPECT_NEAR((*body)->base()->position[1] - speed_before, 0.05 * 20 * 0.05 / 2.1, 5e-3)
+      << "it goes on as fast as it was";
+}
+
+// Goal: a payload at any body weighs what it weighs. Method: on the hoist a constant torque holds the leg aslant; with
+// a mass at the leg it falls as fast as Newton says, with one at the trunk it stays.
+TEST_F(MujocoTest, APayloadWeighsAtTheBodyThatIsNamed) {
+  const config::RobotConfig robot = robot_in(kHopper, {"hip"});
+  const auto falls = [&](double mass, const std::string& at_body) {
+    auto body = MujocoMechanics::make(robot);
+    (*body)->hoist(true);
+    EXPECT_TRUE((*body)->load(mass, at_body));
+    EXPECT_TRUE((*body)->load(mass, at_body)) << "the same again";
+    ArmState state = at({1.2});
+    const Eigen::VectorXd holding = Eigen::VectorXd::Constant(1, 0.1 * 9.81 * 0.2 * std::sin(1.2));
+    for (int step = 0; step < 100; ++step)
+      (*body)->integrate(state, holding, std::vector<Friction>(1), milliseconds(1));
+    const double loaded = state.q[0];
+    EXPECT_TRUE((*body)->load(0, {}));
+    return loaded;
+  };
+  EXPECT_NEAR(falls(0, {}), 1.2, 5e-3) << "its own mass is held";
+  EXPECT_NEAR(falls(5, "trunk"), 1.2, 5e-3) << "the trunk hangs";
+  const double acceleration =
+      0.3 * 9.81 * std::sin(1.2) / (0.4 * 0.2);  // of four times the mass under three times its weight
+  EXPECT_NEAR(falls(0.3, "leg"), 1.2 - 0.5 * acceleration * 0.01, 0.01);
+}
+
+// Goal: ground is what the model says: a slope, and how much it rubs. Method: a box let go on a slope of 20 degrees
+// stays with a friction of 1 and slides with 0.1, as far as Coulomb says.
+TEST_F(MujocoTest, TerrainAndFrictionAreTheModels) {
+  const auto slides = [&](double friction) {
+    const std::string ground = fmt::format(
+        R"(<mujoco><option timestep="0.001"/><worldbody>
+  <geom type="plane" size="0 0 1" euler="0 20 0" friction="{0} 0.005 0.0001"/>
+  <body name="box" pos="0 0 0.12" euler="0 20 0"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="3" friction="{0} 0.005 0.0001"/>
+    <body name="lid" pos="0 0 0.1"><joint name="hip" axis="0 0 1"/><geom type="box" size="0.05 0.05 0.01" mass="0.1" contype="0" conaffinity="0"/></body>
+  </body></worldbody></mujoco>)",
+        friction);
+    auto body = MujocoMechanics::make(robot_in(ground, {"hip"}));
+    if (!body) throw std::runtime_error(body.error());
+    ArmState state = at({0});
+    for (int step = 0; step < 1000; ++step)
+      (*body)->integrate(state, Eigen::VectorXd::Zero(1), std::vector<Friction>(1, {1, 0}), milliseconds(1));
+    return (*body)->base()->position[0];
+  };
+  EXPECT_LT(std::abs(slides(1)), 0.03);
+  const double slope = 20 * 3.14159265 / 180;
+  EXPECT_NEAR(slides(0.1), 0.5 * 9.81 * (std::sin(slope) - 0.1 * std::cos(slope)) * std::cos(slope), 0.25);
+}
+
+// Goal: a robot's plant has these physics in front of nothing else. Method: the demo arm's drives, disabled and braked;
+// a payload at its tool's body and at no other.
 TEST_F(MujocoTest, TheWholePlantStandsOnIt) {
   config::RobotConfig robot = takt::test::demo_arm();
   std::vector<std::string> names;
   for (const config::Joint& joint : robot.joints) names.push_back(joint.name);
-  robot.simulation->mujoco = robot_in(arm_as_mjcf(robot), names).simulation->mujoco;
+  robot.simulation->mujoco = robot_in(takt::test::arm_as_mjcf(robot), names).simulation->mujoco;
   auto plant = RobotPlant::make(robot);
   ASSERT_TRUE(plant) << plant.error();
   for (int step = 0; step < 500; ++step) plant->step();
@@ -223,9 +289,12 @@ TEST_F(MujocoTest, TheWholePlantStandsOnIt) {
     EXPECT_NEAR(plant->state().q[static_cast<Eigen::Index>(j)], robot.joints[j].home, 1e-3) << names[j] << ": braked";
   EXPECT_FALSE(plant->imu().has_value());
   const double payload = 1;
-  const auto loaded = RobotPlant::make(robot, std::span(&payload, 1));
-  ASSERT_FALSE(loaded);
-  EXPECT_NE(loaded.error().find("takes no payload events"), std::string::npos) << loaded.error();
+  auto loaded = RobotPlant::make(robot, std::span(&payload, 1));
+  ASSERT_TRUE(loaded) << loaded.error();
+  EXPECT_TRUE(loaded->has_body(""));
+  EXPECT_FALSE(loaded->has_body("wing"));
+  loaded->set_trouble({.payload = payload, .pushed = {}, .loaded = {}});
+  loaded->step();
 }
 
 TEST(MjcfFile, WhatNewerVersionsWriteIsMendedInPlace) {

@@ -32,10 +32,12 @@ TEST(Scenario, EveryKeyIsRead) {
       "  - { at: 1 s, sensor: target, burst: 120 ms, for: 1 s }\n"
       "  - { at: 1 s, push: 30 N, along: [0, 3, 4], for: 100 ms }\n"
       "  - { at: 1 s, payload: 1.5 kg }\n"
-      "  - { at: 1 s, friction: 4 }\n",
+      "  - { at: 1 s, friction: 4 }\n"
+      "  - { at: 1 s, payload: 1 kg, body: forearm }\n",
       "s", test::demo_arm());
   ASSERT_TRUE(scenario.has_value()) << scenario.error();
-  ASSERT_EQ(scenario->events.size(), 9U);
+  ASSERT_EQ(scenario->events.size(), 10U);
+  EXPECT_EQ(scenario->events[9].body, "forearm");
   const FaultEvent& silent = scenario->events[0];
   EXPECT_EQ(silent.at, seconds(2));
   EXPECT_FALSE(silent.after_enabled);
@@ -148,6 +150,8 @@ INSTANTIATE_TEST_SUITE_P(
                 "s:3:39: events[0].fault: `down` strikes a bus, not a sensor; write `bus: NAME`"},
         Refusal{"an unknown sensor", "{ at: 2 s, sensor: targe, drop: 0.5 }",
                 "s:3:24: events[0].sensor: sensor `targe` is not known; did you mean `target`?"},
+        Refusal{"a body that is not pushed", "{ at: 2 s, friction: 2, body: forearm }",
+                "s:3:35: events[0].body: only a push and a payload strike a body; leave it out"},
         Refusal{"a push at a joint", "{ at: 2 s, joint: elbow, push: 30 N, along: [1, 0, 0] }",
                 "s:3:36: events[0].push: `push` strikes the robot's body, not a drive; leave `joint` out"},
         Refusal{"a push to nowhere", "{ at: 2 s, push: 30 N }",

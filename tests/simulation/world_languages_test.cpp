@@ -76,7 +76,7 @@ config::RobotConfig swinging(double home) {
 TEST_P(Languages, ThePendulumSwingsAsInProcess) {
   const config::RobotConfig robot = swinging(0.7);
   const test::ForkedWorld process([this](const std::string& socket) { run_it(language, socket); });
-  auto outside = OutsideMechanics::connect(robot, process.path(), kPatience);
+  auto outside = OutsideMechanics::connect(robot, process.path(), 1, kPatience);
   ASSERT_TRUE(outside) << outside.error().sentence;
   EXPECT_EQ((*outside)->link().is_over_shared_memory(), std::string_view(language.name) == "Python by shared memory");
   const auto inside = ArmDynamics::make(robot).value();
@@ -102,7 +102,7 @@ class OwnWorlds : public Languages {};
 TEST_P(OwnWorlds, WhatItCannotDoIsSaidInItsOwnWords) {
   const test::ForkedWorld process([this](const std::string& socket) { run_it(language, socket); });
   {
-    auto top = OutsideMechanics::connect(swinging(2.99), process.path(), kPatience);
+    auto top = OutsideMechanics::connect(swinging(2.99), process.path(), 1, kPatience);
     ASSERT_TRUE(top) << top.error().sentence;
     ArmState state = (*top)->begin();
     for (int step = 0; step < 1000 && !(*top)->end(); ++step)
@@ -112,7 +112,7 @@ TEST_P(OwnWorlds, WhatItCannotDoIsSaidInItsOwnWords) {
     EXPECT_THAT((*top)->end()->sentence, HasSubstr("over the top"));
   }
   // It lives on, for the next simulation, which it cannot play; Python's ends with its exception.
-  const auto arm = OutsideMechanics::connect(test::demo_arm(), process.path(), kPatience);
+  const auto arm = OutsideMechanics::connect(test::demo_arm(), process.path(), 1, kPatience);
   ASSERT_FALSE(arm);
   EXPECT_EQ(name(arm.error().kind), "unable");
   EXPECT_THAT(arm.error().sentence, HasSubstr("arm6 has 6 joints, a pendulum one"));

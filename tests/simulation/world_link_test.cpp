@@ -56,7 +56,7 @@ bool same_bits(const ArmState& a, const ArmState& b) {
 TEST(WorldLink, TheArmInAnotherProcessIsTheSameArmBitForBit) {
   const config::RobotConfig robot = test::demo_arm();
   const ForkedWorld process(play_arm);
-  auto outside = OutsideMechanics::connect(robot, process.path(), kPatience);
+  auto outside = OutsideMechanics::connect(robot, process.path(), 1, kPatience);
   ASSERT_TRUE(outside) << outside.error().sentence;
   EXPECT_TRUE((*outside)->link().is_over_shared_memory());
   const auto inside = ArmDynamics::make(robot).value();
@@ -78,7 +78,7 @@ TEST(WorldLink, TheArmInAnotherProcessIsTheSameArmBitForBit) {
 TEST(WorldLink, APlantInAWorldIsTheSamePlantBitForBit) {
   const config::RobotConfig robot = test::demo_arm();
   const ForkedWorld process(play_arm);
-  auto outside = OutsideMechanics::connect(robot, process.path(), kPatience);
+  auto outside = OutsideMechanics::connect(robot, process.path(), 1, kPatience);
   ASSERT_TRUE(outside) << outside.error().sentence;
   auto there = RobotPlant::make_in(std::move(*outside), robot);
   auto here = RobotPlant::make(robot);
@@ -111,6 +111,18 @@ const std::vector<Spoilt> kSpoilt{
     {"no acceleration", [](auto& s) { s.acceleration[2] = kNaN; }, WorldEndKind::nonsense, "acceleration"},
     {"no angular velocity", [](auto& s) { s.angular_velocity[0] = kNaN; }, WorldEndKind::nonsense, "angular velocity"},
     {"a point that is nowhere", [](auto& s) { s.point[1] = kNaN; }, WorldEndKind::nonsense, "no place"},
+    {"a base that is nowhere", [](auto& s) { s.base_position[2] = kNaN; }, WorldEndKind::nonsense, "base is no place"},
+    {"a base that is no rotation", [](auto& s) { s.base_orientation[0] = 0; }, WorldEndKind::nonsense,
+     "base's orientation is no rotation"},
+    {"an error below nothing", [](auto& s) { s.error = -1e-9; }, WorldEndKind::nonsense, "the task's error is -1e-09"},
+    {"an error of NaN", [](auto& s) { s.error = kNaN; }, WorldEndKind::nonsense, "the task's error is nan"},
+    {"a sample out of turn", [](auto& s) { s.sensor_sequence = 2; }, WorldEndKind::nonsense, "sample 2 of sensor eye"},
+    {"a sample of nothing",
+     [](auto& s) {
+       s.sensor_sequence = 1;
+       s.sensor[1] = INFINITY;
+     },
+     WorldEndKind::nonsense, "sensor eye says inf"},
     {"an outcome that is none", [](auto& s) { s.outcome = 77; }, WorldEndKind::nonsense, "outcome 77"},
     {"success", [](auto& s) { s.outcome = TAKT_WORLD_SUCCEEDED; }, WorldEndKind::succeeded, "the task is done"},
     {"a fall",
@@ -130,10 +142,12 @@ const std::vector<Spoilt> kSpoilt{
 TEST(WorldLink, WhatCannotBeIsANamedEndForGood) {
   for (const Spoilt& spoilt : kSpoilt) {
     const ForkedWorld process([&spoilt](const std::string& path) {
-      test::play(path, TAKT_WORLD_POINT | TAKT_WORLD_IMU, [&](const takt_world& world, takt_world_state& state) {
+      const std::uint32_t gives = TAKT_WORLD_POINT | TAKT_WORLD_IMU | TAKT_WORLD_BASE | TAKT_WORLD_ERROR;
+      const auto spoil = [&](const takt_world& world, takt_world_state& state) {
         if (world.kind == TAKT_WORLD_STEP) spoilt.how(state);
         return true;
-      });
+      };
+      test::play(path, gives, spoil, "eye", 2);
     });
     auto link = WorldLink::connect(process.path(), kPendulum, kPatience);
     ASSERT_TRUE(link) << spoilt.when << ": " << link.error().sentence;
@@ -216,7 +230,7 @@ struct BadWelcome {
 TEST(WorldLink, AWelcomeThatIsNoneIsANamedEnd) {
   const std::vector<BadWelcome> bad{
       {"refusal", [](auto& w) { strcpy(w.refusal, "two arms wanted"); }, WorldEndKind::refused, "two arms wanted"},
-      {"protocol", [](auto& w) { w.header.protocol = 2; }, WorldEndKind::nonsense, "speaks protocol 2, Takt 1"},
+      {"protocol", [](auto& w) { w.header.protocol = 1; }, WorldEndKind::nonsense, "speaks protocol 1, Takt 2"},
       {"kind", [](auto& w) { w.header.kind = TAKT_WORLD_STATE; }, WorldEndKind::nonsense, "kind 5"},
       {"length", [](auto& w) { w.header.bytes = 8; }, WorldEndKind::nonsense, "with 8 bytes"},
       {"sequence", [](auto& w) { w.header.sequence = 9; }, WorldEndKind::nonsense, "answers question 9, asked was 1"},
@@ -279,10 +293,58 @@ TEST(WorldLink, OneThatChoseMemoryAndSpeaksByTheSocketIsRefused) {
   EXPECT_THAT(state.error().sentence, HasSubstr("speaks by the socket"));
 }
 
+// Goal: what the world sees, the policy is given once per sample; a sensor that the robot file has otherwise is
+// refused. Method: a world that says a new sample in every second step.
+TEST(OutsideMechanics, TheWorldsSensorIsSampledOnce) {
+  config::RobotConfig robot = test::pendulum(2, 0.5);
+  config::Sensor eye;
+  eye.name = "eye";
+  eye.values = 3;
+  robot.sensors.push_back(eye);
+  const auto play = [](std::uint32_t values) {
+    return [values](const std::string& path) {
+      test::play(
+          path, 0,
+          [](const takt_world& world, takt_world_state& state) {
+            if (world.kind == TAKT_WORLD_STEP && world.step.time_ns / world.step.step_ns % 2 == 0)
+              ++state.sensor_sequence;
+            state.sensor[2] = 0.5 * static_cast<double>(state.sensor_sequence);
+            return true;
+          },
+          "eye", values);
+    };
+  };
+  const ForkedWorld process(play(3));
+  auto outside = OutsideMechanics::connect(robot, process.path(), 1, kPatience);
+  ASSERT_TRUE(outside) << outside.error().sentence;
+  ArmState state = (*outside)->begin();
+  EXPECT_FALSE((*outside)->sample(MonoTime{5})) << "none yet";
+  std::uint64_t samples = 0;
+  for (int step = 0; step < 6; ++step) {
+    (*outside)->integrate(state, Eigen::VectorXd::Zero(1), {{0, 0}}, robot.simulation->step);
+    const auto sample = (*outside)->sample(MonoTime{10 + step});
+    EXPECT_EQ(sample.has_value(), step % 2 == 0) << step;
+    EXPECT_FALSE((*outside)->sample(MonoTime{10 + step})) << "once";
+    if (!sample) continue;
+    EXPECT_EQ(sample->sequence, ++samples);
+    EXPECT_EQ(sample->sensed_at, MonoTime{10 + step});
+    ASSERT_EQ(sample->value_count, 3U);
+    EXPECT_EQ(sample->values[2], 0.5F * static_cast<float>(samples));
+  }
+  const ForkedWorld narrow(play(2)), none(play(0));
+  const auto refused = OutsideMechanics::connect(robot, narrow.path(), 1, kPatience);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(name(refused.error().kind), "refused");
+  EXPECT_THAT(refused.error().sentence, HasSubstr("sensor eye has 3 values in arm6, 2 here"));
+  const auto empty = OutsideMechanics::connect(robot, none.path(), 1, kPatience);
+  ASSERT_FALSE(empty);
+  EXPECT_THAT(empty.error().sentence, HasSubstr("sensor eye of 0 values"));
+}
+
 TEST(OutsideMechanics, WhenTheWorldEndsTheRobotStaysWhereItWas) {
   const config::RobotConfig robot = test::demo_arm();
   ForkedWorld process(play_arm);
-  auto outside = OutsideMechanics::connect(robot, process.path(), kPatience);
+  auto outside = OutsideMechanics::connect(robot, process.path(), 1, kPatience);
   ASSERT_TRUE(outside) << outside.error().sentence;
   ArmState state = (*outside)->begin();
   const std::vector<Friction> friction(6);

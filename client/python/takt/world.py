@@ -31,18 +31,20 @@ from numpy.typing import ArrayLike, NDArray
 
 RUNNING, SUCCEEDED, FAILED, UNABLE = range(4)
 
-_PROTOCOL, _MAX_JOINTS, _ANSWER_OFFSET, _MEMORY_BYTES = 1, 64, 8192, 16384
+_PROTOCOL, _MAX_JOINTS, _MAX_VALUES, _ANSWER_OFFSET, _MEMORY_BYTES = 2, 64, 64, 8192, 16384
 _HELLO, _WELCOME, _RESET, _STEP, _STATE = range(1, 6)
-_SHARED_MEMORY, _IMU, _POINT = 1, 2, 4
+_SHARED_MEMORY, _IMU, _POINT, _BASE, _ERROR, _DONE, _PUSH = 1, 2, 4, 8, 16, 32, 64
 _HEADER = [("bytes", "<u4"), ("kind", "<u2"), ("protocol", "<u2"), ("sequence", "<u8")]
 _JOINTS = ("<f8", _MAX_JOINTS)
 _HELLO_TYPE = np.dtype(_HEADER + [("step_ns", "<u8"), ("joint_count", "<u4"), ("reserved", "<u4"), ("robot", "S64"), ("joints", "S64", _MAX_JOINTS)])
 _RESET_TYPE = np.dtype(_HEADER + [("seed", "<u8"), ("q", *_JOINTS)])
-_STEP_TYPE = np.dtype(_HEADER + [("time_ns", "<u8"), ("step_ns", "<u8"), ("torque", *_JOINTS), ("viscous", *_JOINTS), ("coulomb", *_JOINTS)])
+_STEP_TYPE = np.dtype(_HEADER + [("time_ns", "<u8"), ("step_ns", "<u8"), ("torque", *_JOINTS), ("viscous", *_JOINTS), ("coulomb", *_JOINTS),
+                                 ("hangs", "<u4"), ("reserved", "<u4"), ("push", "<f8", 3)])
 _STATE_TYPE = np.dtype(_HEADER + [("time_ns", "<u8"), ("outcome", "<u4"), ("reserved", "<u4"), ("q", *_JOINTS), ("dq", *_JOINTS), ("point", "<f8", 3),
-                                  ("orientation", "<f8", 4), ("angular_velocity", "<f8", 3), ("acceleration", "<f8", 3), ("reason", "S128")])
+                                  ("orientation", "<f8", 4), ("angular_velocity", "<f8", 3), ("acceleration", "<f8", 3), ("base_position", "<f8", 3),
+                                  ("base_orientation", "<f8", 4), ("error", "<f8"), ("sensor_sequence", "<u8"), ("sensor", "<f8", _MAX_VALUES), ("reason", "S128")])
 _HEADER_STRUCT = struct.Struct("<IHHQ")
-_WELCOME_STRUCT = struct.Struct("<IHHQII64s128s")
+_WELCOME_STRUCT = struct.Struct("<IHHQII64s64s128s")
 _AFTER_HEADER = struct.Struct("<QQ")
 
 
@@ -55,11 +57,19 @@ class Robot:
 
 @dataclass(frozen=True)
 class Drive:
-    """What the drives do to the joints during a step: torque, and the friction that drive and brake add (an engaged brake is in `coulomb`)."""
+    """What the drives do to the joints during a step: torque, and the friction that drive and brake add (an engaged brake is in `coulomb`).
+    `push`: N, world frame, at the base or an arm's tool, for worlds of serve(push=True)."""
 
     torque: NDArray[np.float64]
     viscous: NDArray[np.float64]
     coulomb: NDArray[np.float64]
+    push: NDArray[np.float64]
+    _hangs: NDArray[np.uint32]
+
+    @property
+    def hangs(self) -> bool:
+        """Some drive is disabled: a base that would fall hangs where it began."""
+        return bool(self._hangs)
 
 
 @dataclass(frozen=True)
@@ -70,11 +80,20 @@ class Imu:
 
 
 @dataclass(frozen=True)
+class Base:
+    position: Sequence[float]  # m, world frame, z up
+    orientation: Sequence[float]  # w x y z, of the base in the world, length 1
+
+
+@dataclass(frozen=True)
 class State:
     q: ArrayLike
     dq: ArrayLike
     point: Optional[Sequence[float]] = None  # m, what the task wants at its target; worlds of serve(point=True)
     imu: Optional[Imu] = None  # worlds of serve(imu=True)
+    base: Optional[Base] = None  # worlds of serve(base=True)
+    error: Optional[float] = None  # how far from what the task wants, 0 or more; worlds of serve(error=True)
+    sensor: Optional[Sequence[float]] = None  # a new sample of the sensor of serve(sensor=...); None: no new one
     outcome: int = RUNNING
     reason: str = ""
 
@@ -89,12 +108,16 @@ class _Gone(Exception):
     """Takt has gone."""
 
 
-def serve(world: World, path: Union[str, "os.PathLike[str]"], *, name: str = "python", imu: bool = False, point: bool = False,
-          shared_memory: bool = True, simulations: Optional[int] = None) -> None:
-    """Plays `world` at the Unix socket `path` for one simulation of Takt's after the other; `simulations`: that many, else for ever."""
+def serve(world: World, path: Union[str, "os.PathLike[str]"], *, name: str = "python", imu: bool = False, point: bool = False, base: bool = False,
+          error: bool = False, done: bool = False, push: bool = False, sensor: Optional[Tuple[str, int]] = None, shared_memory: bool = True,
+          simulations: Optional[int] = None) -> None:
+    """Plays `world` at the Unix socket `path` for one simulation of Takt's after the other; `simulations`: that many, else for ever.
+
+    `imu`, `point`, `base`, `error`: its states have them. `done`: it says SUCCEEDED when the task is done, and a rollout that ends before has
+    failed. `push`: it obeys Drive.push. `sensor`: the robot file's outside sensor that it plays, and how many values that has."""
     if os.path.exists(path):
         os.unlink(path)
-    gives = _SHARED_MEMORY * shared_memory | _IMU * imu | _POINT * point
+    gives = (_SHARED_MEMORY * shared_memory | _IMU * imu | _POINT * point | _BASE * base | _ERROR * error | _DONE * done | _PUSH * push)
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
         listener.bind(os.fspath(path))
         listener.listen(4)
@@ -103,14 +126,14 @@ def serve(world: World, path: Union[str, "os.PathLike[str]"], *, name: str = "py
             peer = listener.accept()[0]
             with peer:
                 try:
-                    _Simulation(peer, name, gives).play(world)
+                    _Simulation(peer, name, gives, sensor).play(world)
                 except (_Gone, ConnectionError):
                     pass
             played += 1
 
 
 class _Simulation:
-    def __init__(self, peer: socket.socket, name: str, gives: int) -> None:
+    def __init__(self, peer: socket.socket, name: str, gives: int, sensor: Optional[Tuple[str, int]]) -> None:
         self._peer = peer
         self._gives = gives
         data, files, _, _ = socket.recv_fds(peer, _HELLO_TYPE.itemsize, 3)
@@ -128,8 +151,11 @@ class _Simulation:
         self._waits = select.poll()
         self._waits.register(self._question_bell, select.POLLIN)
         self._waits.register(peer, select.POLLIN)
+        sensor_name, values = sensor if sensor is not None else ("", 0)
+        self._values, self._samples = values, 0
         self._views()
-        peer.sendall(_WELCOME_STRUCT.pack(_WELCOME_STRUCT.size, _WELCOME, _PROTOCOL, int(hello["sequence"]), gives, 0, name.encode()[:63], b""))
+        peer.sendall(_WELCOME_STRUCT.pack(_WELCOME_STRUCT.size, _WELCOME, _PROTOCOL, int(hello["sequence"]), gives, values,
+                                           name.encode()[:63], sensor_name.encode()[:63], b""))
 
     def _views(self) -> None:
         """Arrays over one buffer for each message, made once: a step allocates nothing of its own."""
@@ -137,7 +163,7 @@ class _Simulation:
         self._question = bytearray(_STEP_TYPE.itemsize)
         self._answer = np.zeros((), _STATE_TYPE)
         step, reset = np.frombuffer(self._question, _STEP_TYPE, 1), np.frombuffer(self._question, _RESET_TYPE, 1)
-        self._drive = Drive(step["torque"][0, :count], step["viscous"][0, :count], step["coulomb"][0, :count])
+        self._drive = Drive(step["torque"][0, :count], step["viscous"][0, :count], step["coulomb"][0, :count], step["push"][0], step["hangs"][0:1].reshape(()))
         self._home = reset["q"][0, :count]
         self._q, self._dq = self._answer["q"][:count], self._answer["dq"][:count]
         self._answer_bytes = memoryview(self._answer.reshape(1).view(np.uint8))
@@ -178,6 +204,15 @@ class _Simulation:
             self._answer["orientation"] = state.imu.orientation
             self._answer["angular_velocity"] = state.imu.angular_velocity
             self._answer["acceleration"] = state.imu.acceleration
+        if state.base is not None:
+            self._answer["base_position"] = state.base.position
+            self._answer["base_orientation"] = state.base.orientation
+        if state.error is not None:
+            self._answer["error"] = state.error
+        if state.sensor is not None:
+            self._answer["sensor"][:self._values] = state.sensor
+            self._samples += 1
+            self._answer["sensor_sequence"] = self._samples
         if state.reason:
             self._answer["reason"] = state.reason.encode()[:127]
         if self._gives & _SHARED_MEMORY:
@@ -193,6 +228,7 @@ class _Simulation:
                 time_ns = 0
                 try:
                     if kind == _RESET:
+                        self._samples = self._answer["sensor_sequence"] = 0
                         (seed,) = struct.unpack_from("<Q", self._question, _HEADER_STRUCT.size)
                         state = world.reset(self._robot, seed, self._home)
                     else:
@@ -210,4 +246,4 @@ class _Simulation:
                 os.close(file)
 
 
-__all__: Any = ["FAILED", "RUNNING", "SUCCEEDED", "UNABLE", "Drive", "Imu", "Robot", "State", "World", "serve"]
+__all__: Any = ["FAILED", "RUNNING", "SUCCEEDED", "UNABLE", "Base", "Drive", "Imu", "Robot", "State", "World", "serve"]

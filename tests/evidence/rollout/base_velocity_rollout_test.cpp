@@ -7,17 +7,14 @@
 
 #include <array>
 #include <cmath>
-#include <filesystem>
-#include <fstream>
+#include <cstdio>
 #include <stdexcept>
 
-#include "config/deploy_import.hpp"
-#include "config/document.hpp"
 #include "config/load.hpp"
 #include "config/observation_shape.hpp"
 #include "evidence/rollout/rollout.hpp"
 #include "policy_host/onnx_policy.hpp"
-#include "simulation/model_survey.hpp"
+#include "tests/evidence/rollout/published_g1.hpp"
 
 namespace takt::panel {
 namespace {
@@ -202,10 +199,9 @@ class WalkerRollout : public testing::TestWithParam<const char*> {
  protected:
   void SetUp() override {
     const bool published = std::string_view(GetParam()) == "g1";
-    if (published && (!std::filesystem::exists(kModel) || !std::filesystem::exists(kPolicy + "policy.onnx")))
-      GTEST_SKIP() << "NOT TESTED: ../shared has no published G1 model and policy";
+    if (published && !test::has_g1()) GTEST_SKIP() << "NOT TESTED: ../shared has no published G1 model and policy";
     if (published) {
-      ASSERT_NO_FATAL_FAILURE(import_g1());
+      test::import_g1(path_);
     }
     auto robot = config::load(published ? path_ : "config/balancer.yaml");
     ASSERT_TRUE(robot) << robot.error();
@@ -215,20 +211,6 @@ class WalkerRollout : public testing::TestWithParam<const char*> {
     ASSERT_NE(fallback_, nullptr);
   }
   ~WalkerRollout() override { std::remove(path_.c_str()); }
-  void import_g1() const {
-    const auto deploy = config::read_deploy_file(config::read_file(kPolicy + "deploy.yaml").value(), "deploy.yaml");
-    ASSERT_TRUE(deploy) << deploy.error();
-    const auto text =
-        config::import_deploy_file(*deploy, {.robot = "g1",
-                                             .policy_file = std::filesystem::absolute(kPolicy) / "policy.onnx",
-                                             .joint_names = {},
-                                             .source = "deploy.yaml",
-                                             .model = plant::survey_model(kModel).value(),
-                                             .model_file = std::filesystem::absolute(kModel),
-                                             .simulated = true});
-    ASSERT_TRUE(text) << text.error();
-    std::ofstream(path_) << *text;
-  }
   RolloutRow walk(std::string_view perturbation, double dose) {
     RolloutSetup setup = setup_of(robot_, *policy_, perturbation, dose, 1);
     setup.fallback = fallback_.get();
@@ -236,7 +218,6 @@ class WalkerRollout : public testing::TestWithParam<const char*> {
     return run(setup);
   }
 
-  const std::string kModel = "../shared/robots/g1/g1_29dof.xml", kPolicy = "../shared/policies/g1_velocity/";
   std::string path_ = testing::TempDir() + "takt-g1-" + std::to_string(getpid()) + ".yaml";
   config::RobotConfig robot_;
   std::unique_ptr<policy_host::Policy> policy_;

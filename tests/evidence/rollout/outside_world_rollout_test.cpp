@@ -1,0 +1,240 @@
+// Goal: a rollout in a world of another process is the rollout in process, bit for bit, where the mechanics are the
+// same; how such a world ends is how the rollout ends. Method: the demo arm's own dynamics and the balancer in MuJoCo
+// behind takt/world.h in a forked child, beside the same in process; then worlds that end in every way there is.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+
+#include "evidence/rollout/rollout.hpp"
+#include "policy_host/onnx_policy.hpp"
+#include "simulation/mechanics.hpp"
+#include "tests/evidence/rollout/arm_rollouts.hpp"
+#include "tests/simulation/forked_world.hpp"
+
+namespace takt::panel {
+namespace {
+
+using takt::test::ForkedWorld;
+using testing::HasSubstr;
+constexpr plant::WorldProcess::Patience kPatience{seconds(60), {seconds(60), seconds(60)}};
+constexpr plant::WorldProcess::Patience kImpatience{seconds(60), {seconds(60), milliseconds(500)}};
+constexpr std::uint32_t kEverything = TAKT_WORLD_POINT | TAKT_WORLD_BASE | TAKT_WORLD_IMU | TAKT_WORLD_PUSH;
+
+// What the robot file describes, as another process: one simulation after the other. `spoil` has the last word on every
+// state; false: the process ends.
+using Spoil = std::function<bool(const takt_world&, takt_world_state&)>;
+
+class RobotFilesWorld {
+ public:
+  explicit RobotFilesWorld(const config::RobotConfig& robot) : robot_(robot) {}
+
+  void answer(const takt_world& world, takt_world_state& state) {
+    const std::size_t count = robot_.joints.size();
+    if (world.kind == TAKT_WORLD_RESET) {
+      mechanics_ = plant::make_mechanics(robot_).value();
+      now_ = {Eigen::Map<const Eigen::VectorXd>(world.reset.q, static_cast<Eigen::Index>(count)),
+              Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count))};
+    } else {
+      std::vector<plant::Friction> friction(count);
+      for (std::size_t i = 0; i < count; ++i) friction[i] = {world.step.viscous[i], world.step.coulomb[i]};
+      mechanics_->hoist(world.step.hangs != 0);
+      mechanics_->push(std::to_array(world.step.push), {});
+      mechanics_->integrate(now_,
+                            Eigen::Map<const Eigen::VectorXd>(world.step.torque, static_cast<Eigen::Index>(count)),
+                            friction, robot_.simulation->step);
+    }
+    std::copy_n(now_.q.data(), count, state.q);
+    std::copy_n(now_.dq.data(), count, state.dq);
+    std::ranges::copy(mechanics_->controlled_point(now_.q), state.point);
+    state.base_orientation[0] = 1;
+    if (const auto base = mechanics_->base()) {
+      std::ranges::copy(base->position, state.base_position);
+      std::ranges::copy(base->orientation, state.base_orientation);
+    }
+    if (const auto imu = mechanics_->imu()) {
+      std::ranges::copy(imu->orientation, state.orientation);
+      std::ranges::copy(imu->angular_velocity, state.angular_velocity);
+      std::ranges::copy(imu->acceleration, state.acceleration);
+    }
+  }
+
+ private:
+  const config::RobotConfig& robot_;
+  std::unique_ptr<plant::Mechanics> mechanics_;
+  plant::ArmState now_;
+};
+
+void play(const std::string& path, const config::RobotConfig& robot, std::uint32_t gives, const Spoil& spoil) {
+  takt_world world;
+  if (takt_world_listen(&world, path.c_str()) != 0) return;
+  RobotFilesWorld body(robot);
+  while (takt_world_accept(&world, "forked", gives) == 0) {
+    takt_world_state state{};
+    state.orientation[0] = 1;
+    while (takt_world_next(&world) == 0) {
+      state.time_ns = world.kind == TAKT_WORLD_RESET ? 0 : world.step.time_ns + world.step.step_ns;
+      body.answer(world, state);
+      if (spoil && !spoil(world, state)) return;
+      if (takt_world_answer(&world, &state) != 0) break;
+    }
+  }
+}
+
+// The rover of base_velocity_rollout_test has a policy of its own; the balancer's is in config/.
+struct Balancer {
+  config::RobotConfig robot = config::load("config/balancer.yaml").value();
+  std::unique_ptr<policy_host::Policy> policy =
+      policy_host::load_onnx_policy(robot.policy->file, "obs", "actions").value();
+  std::unique_ptr<FallbackHost> fallback = std::move(load_fallback_host(robot).value());
+
+  RolloutSetup setup(std::string_view perturbation, double dose) {
+    return {.robot = robot,
+            .policy = *policy,
+            .policy_hash = 1,
+            .fallback = fallback.get(),
+            .task = Task::base_velocity,
+            .timing = {},
+            .perturbation = {find_perturbation(perturbation)->trouble, dose, seconds(4), seconds(2)},
+            .seed = 5,
+            .duration = seconds(8),
+            .scored = seconds(2),
+            .bound_m = 0.3};
+  }
+};
+
+void expect_same(RolloutSetup setup, WorldProcess& world) {
+  setup.world = nullptr;
+  const RolloutRow inside = test::run(setup);
+  setup.world = &world;
+  const RolloutRow outside = test::run(setup), again = test::run(setup);
+  EXPECT_TRUE(inside.success) << inside.failure_label;
+  EXPECT_EQ(inside.replay_hash, outside.replay_hash);
+  EXPECT_EQ(inside.tracking_error_rms_m, outside.tracking_error_rms_m);
+  EXPECT_EQ(again.replay_hash, outside.replay_hash);
+}
+
+TEST(OutsideWorldRollout, TheArmInAnotherProcessIsTheSameRolloutBitForBit) {
+  const ForkedWorld process([](const std::string& path) { play(path, test::arm(), TAKT_WORLD_POINT, {}); });
+  WorldProcess world(process.path(), kPatience);
+  expect_same(test::setup(), world);
+}
+
+#ifdef TAKT_HAS_MUJOCO
+TEST(OutsideWorldRollout, MujocoInAnotherProcessIsTheSameRolloutBitForBit) {
+  Balancer balancer;
+  const ForkedWorld process([&](const std::string& path) { play(path, balancer.robot, kEverything, {}); });
+  WorldProcess world(process.path(), kPatience);
+  expect_same(balancer.setup("none", 0), world);
+  expect_same(balancer.setup("push", 20), world);
+}
+
+TEST(OutsideWorldRollout, WhatAWorldDoesNotGiveIsRefused) {
+  Balancer balancer;
+  const std::map<std::uint32_t, const char*> missing{
+      {kEverything ^ TAKT_WORLD_BASE, "does not give the base's pose"},
+      {kEverything ^ TAKT_WORLD_IMU, "gives no IMU's readings"},
+      {kEverything ^ TAKT_WORLD_PUSH, "push: world forked does not push"},
+  };
+  for (const auto& [gives, says] : missing) {
+    const ForkedWorld process([&](const std::string& path) { play(path, balancer.robot, gives, {}); });
+    WorldProcess world(process.path(), kPatience);
+    RolloutSetup setup = balancer.setup("push", 20);
+    setup.world = &world;
+    RolloutRow row;
+    const auto done = run_rollout(setup, row);
+    ASSERT_FALSE(done);
+    EXPECT_THAT(done.error(), HasSubstr(says));
+  }
+}
+#endif
+
+// --- ends ---
+
+struct End {
+  const char* when;
+  Spoil how;  // after the reset
+  const char* label;
+  const char* says;
+};
+
+bool is_late(const takt_world& world) {
+  return world.kind == TAKT_WORLD_STEP && world.step.time_ns > 3'000'000'000;
+}
+
+TEST(OutsideWorldRollout, HowAWorldEndsIsHowTheRolloutEnds) {
+  const std::vector<End> ends{
+      {"hangs", [](const auto& w, auto&) { return !is_late(w) || pause() == 0; }, "world_hung", "in time"},
+      {"dies", [](const auto& w, auto&) { return !is_late(w); }, "world_died", "went away"},
+      {"says nonsense",
+       [](const auto& w, auto& s) {
+         if (is_late(w)) s.q[0] = NAN;
+         return true;
+       },
+       "world_nonsense", "joint 0 at nan rad"},
+      {"gives up",
+       [](const auto& w, auto& s) {
+         if (is_late(w)) s.outcome = TAKT_WORLD_UNABLE;
+         return true;
+       },
+       "world_unable", "cannot go on"},
+      {"loses",
+       [](const auto& w, auto& s) {
+         if (is_late(w)) s.outcome = TAKT_WORLD_FAILED;
+         return true;
+       },
+       "failed", "beyond help"},
+      {"is done",
+       [](const auto& w, auto& s) {
+         if (is_late(w)) s.outcome = TAKT_WORLD_SUCCEEDED;
+         return true;
+       },
+       "", "the task is done"},
+      {"dies at once", [](const auto&, auto&) { return false; }, "world_died", "went away"},
+  };
+  for (const End& end : ends) {
+    const ForkedWorld process([&](const std::string& path) { play(path, test::arm(), TAKT_WORLD_POINT, end.how); });
+    WorldProcess world(process.path(), kImpatience);
+    RolloutSetup setup = test::setup();
+    std::string sentence;
+    setup.world = &world;
+    setup.on_world_end = [&](const plant::WorldEnd& ended) { sentence = ended.sentence; };
+    const RolloutRow row = test::run(setup);
+    EXPECT_EQ(row.failure_label, end.label) << end.when;
+    EXPECT_EQ(row.success, row.failure_label.empty()) << end.when;
+    EXPECT_THAT(sentence, HasSubstr(end.says)) << end.when;
+    EXPECT_LT(row.ticks, 3'100U) << end.when;
+    EXPECT_EQ(row.ticks > 2'900U, std::string_view(end.when) != "dies at once") << end.when;
+  }
+}
+
+TEST(OutsideWorldRollout, WithoutAWorldThereIsNoRow) {
+  WorldProcess nowhere("/tmp/takt-no-such-world.sock", {seconds(1), {milliseconds(50), milliseconds(50)}});
+  RolloutSetup setup = test::setup();
+  setup.world = &nowhere;
+  RolloutRow row;
+  const auto done = run_rollout(setup, row);
+  ASSERT_FALSE(done);
+  EXPECT_THAT(done.error(), HasSubstr("start the world first"));
+  WorldProcess broken("exit 3 # {}", kPatience);
+  setup.world = &broken;
+  const auto ended = run_rollout(setup, row);
+  ASSERT_FALSE(ended);
+  EXPECT_THAT(ended.error(), HasSubstr("world `exit 3 # {}`: exited with 3 before it listened"));
+}
+
+TEST(OutsideWorldRollout, ItsOwnTaskNeedsAWorldThatPlaysThePolicysSensors) {
+  RolloutSetup setup = test::setup();
+  setup.task = Task::world;
+  RolloutRow row;
+  EXPECT_THAT(run_rollout(setup, row).error(), HasSubstr("needs sensor target, which the simulator does not play"));
+  const ForkedWorld process([](const std::string& path) { play(path, test::arm(), TAKT_WORLD_ERROR, {}); });
+  WorldProcess world(process.path(), kPatience);
+  EXPECT_EQ(task_of(test::arm(), &world).value(), Task::world);
+  setup.world = &world;
+  EXPECT_THAT(run_rollout(setup, row).error(), HasSubstr("needs sensor target, which world forked does not play"));
+}
+
+}  // namespace
+}  // namespace takt::panel

@@ -1,0 +1,36 @@
+// Unitree's G1 as `takt config import --simulated` writes it from the published files, where ../shared has them.
+#pragma once
+
+#include <filesystem>
+#include <fstream>
+#include <stdexcept>
+#include <string>
+
+#include "config/deploy_import.hpp"
+#include "config/document.hpp"
+#include "simulation/model_survey.hpp"
+
+namespace takt::panel::test {
+
+inline const std::string kG1Model = "../shared/robots/g1/g1_29dof.xml", kG1Policy = "../shared/policies/g1_velocity/";
+
+inline bool has_g1() {
+  return std::filesystem::exists(kG1Model) && std::filesystem::exists(kG1Policy + "policy.onnx");
+}
+
+inline void import_g1(const std::string& robot_file) {
+  const auto deploy = config::read_deploy_file(config::read_file(kG1Policy + "deploy.yaml").value(), "deploy.yaml");
+  if (!deploy) throw std::runtime_error(deploy.error());
+  const auto text =
+      config::import_deploy_file(*deploy, {.robot = "g1",
+                                           .policy_file = std::filesystem::absolute(kG1Policy) / "policy.onnx",
+                                           .joint_names = {},
+                                           .source = "deploy.yaml",
+                                           .model = plant::survey_model(kG1Model).value(),
+                                           .model_file = std::filesystem::absolute(kG1Model),
+                                           .simulated = true});
+  if (!text) throw std::runtime_error(text.error());
+  std::ofstream(robot_file) << *text;
+}
+
+}  // namespace takt::panel::test
