@@ -48,10 +48,11 @@ const char* fault_in(const takt_policy_spec* spec) {
   if (spec->robot_file == nullptr || spec->step == nullptr) return "takt_policy_spec: robot_file and step must be said";
   for (std::uint32_t i = 0; i < spec->term_count; ++i) {
     const takt_term& term = spec->terms[i];
-    if (term.kind > TAKT_TERM_IMAGE) return "takt_term: this kind of term does not exist";
-    const bool of_sensor = term.kind == TAKT_TERM_STREAM || term.kind == TAKT_TERM_IMAGE;
+    if (term.kind > TAKT_TERM_QUEUE) return "takt_term: this kind of term does not exist";
+    const bool of_sensor =
+        term.kind == TAKT_TERM_STREAM || term.kind == TAKT_TERM_IMAGE || term.kind == TAKT_TERM_QUEUE;
     if (of_sensor != (term.stream != nullptr))
-      return "takt_term: a stream or an image has a name, and nothing else has";
+      return "takt_term: a stream, an image or a queue has a name, and nothing else has";
   }
   return "";
 }

@@ -26,6 +26,7 @@ namespace takt::client {
 namespace {
 
 constexpr Duration kAttachRetry = milliseconds(200);
+constexpr std::size_t kNoQueue = SIZE_MAX;
 
 std::unexpected<Refusal> refuse(std::string sentence) {
   return std::unexpected(Refusal{TAKT_BAD_CONFIG, std::move(sentence)});
@@ -82,6 +83,10 @@ std::expected<void, Refusal> check_stream(const config::RobotConfig& robot, cons
                               robot.file, term.stream, sensor->image->height, sensor->image->width,
                               sensor->image->channels, term.values));
   }
+  if (term.kind == TAKT_TERM_QUEUE && sensor->queue == 0) {
+    return refuse(fmt::format("{}: sensor {} gives its newest sample only: read it as a stream, or add `queue` there",
+                              robot.file, term.stream));
+  }
   if (!sensor->image && sensor->values != term.values) {
     return refuse(fmt::format("{}: sensor {} has {} values, the policy's stream of that name {}: make them equal",
                               robot.file, term.stream, sensor->values, term.values));
@@ -98,6 +103,11 @@ bool reads(const PolicySpec& spec, const std::string& sensor) {
 std::expected<void, Refusal> check_terms(const config::RobotConfig& robot, const PolicySpec& spec) {
   for (const Term& term : spec.terms) {
     if (term.stream.empty()) continue;
+    const auto is_same_queue = [&](const Term& other) {
+      return other.kind == TAKT_TERM_QUEUE && term.kind == TAKT_TERM_QUEUE && other.stream == term.stream;
+    };
+    if (std::ranges::count_if(spec.terms, is_same_queue) > 1)
+      return refuse(fmt::format("{}: the policy reads queue {} twice: read it once", robot.file, term.stream));
     if (auto fine = check_stream(robot, term); !fine) return fine;
   }
   const std::vector<std::size_t> listed = policy_host::sensors_in_use(robot);
@@ -117,7 +127,7 @@ std::expected<void, Refusal> check_terms(const config::RobotConfig& robot, const
 }
 
 std::size_t width(const config::RobotConfig& robot, const Term& term) {
-  if (term.kind == TAKT_TERM_IMAGE) return 0;
+  if (term.kind == TAKT_TERM_IMAGE || term.kind == TAKT_TERM_QUEUE) return 0;
   return term.kind == TAKT_TERM_STREAM ? term.values : robot.joints.size();
 }
 
@@ -181,16 +191,21 @@ PolicySession::PolicySession(config::RobotConfig robot, const PolicySpec& spec, 
     const auto& image = robot_.sensors[sensor].image;
     payloads_.emplace_back(image ? sizeof(ImageHeader) + image->bytes() : 0);
   }
+  queued_.assign(sensors_.size(), kNoQueue);
   for (const config::Sensor& sensor : robot_.sensors) streams_.push_back(view_of(sensor));
   std::size_t count = 0;
   for (const Term& term : spec.terms) {
     const auto sensor = std::ranges::find(robot_.sensors, term.stream, &config::Sensor::name);
     blocks_.push_back({term.kind, static_cast<std::size_t>(sensor - robot_.sensors.begin()), width(robot_, term)});
     count += blocks_.back().values;
-    if (term.kind != TAKT_TERM_IMAGE) continue;
-    const auto used = std::ranges::find(sensors_in_use_, blocks_.back().sensor) - sensors_in_use_.begin();
-    images_.push_back(
-        reinterpret_cast<const std::uint8_t*>(payloads_[static_cast<std::size_t>(used)].data() + sizeof(ImageHeader)));
+    const auto used =
+        static_cast<std::size_t>(std::ranges::find(sensors_in_use_, blocks_.back().sensor) - sensors_in_use_.begin());
+    if (term.kind == TAKT_TERM_QUEUE) {
+      queued_[used] = queues_.size();
+      queues_.emplace_back(*sensor);
+    }
+    if (term.kind == TAKT_TERM_IMAGE)
+      images_.push_back(reinterpret_cast<const std::uint8_t*>(payloads_[used].data() + sizeof(ImageHeader)));
   }
   values_.resize(count);
   for (const config::Joint& joint : robot_.joints) {
@@ -210,6 +225,10 @@ PolicySession::PolicySession(config::RobotConfig robot, const PolicySpec& spec, 
   view_.images = images_.data();
   view_.image_count = static_cast<std::uint32_t>(images_.size());
   view_.value_count = static_cast<std::uint32_t>(count);
+  queue_views_.resize(queues_.size());
+  for (std::size_t i = 0; i < queues_.size(); ++i) queues_[i].show(queue_views_[i]);
+  view_.queues = queue_views_.data();
+  view_.queue_count = static_cast<std::uint32_t>(queues_.size());
   view_.mode = name(Mode::standby).data();
   chunk_.header.policy_hash = policy_hash;
   chunk_.header.step_period = robot_.policy->step_period;
@@ -237,6 +256,7 @@ int PolicySession::try_to_attach(MonoTime now) {
   sequence_ = 0;
   seen_published_at_ = {};
   dequeued_at_ = {};
+  for (SampleQueue& queue : queues_) queue.forget();
   view_.id = 0;
   sentence_.clear();
   return TAKT_OK;
@@ -289,6 +309,7 @@ int PolicySession::look(MonoTime now) {
 // An image is copied once, to where the policy sees it: a copy that failed leaves none.
 void PolicySession::update_sensor(std::size_t used, MonoTime now) {
   SensorSample& sample = samples_[sensors_in_use_[used]];
+  if (queued_[used] != kNoQueue) return queues_[queued_[used]].take_all(sensors_[used], now, sample);
   std::vector<std::byte>& payload = payloads_[used];
   if (payload.empty()) return sensors_[used].update(now, sample);
   const ipc::ReadStatus status = sensors_[used].update(now, payload);
@@ -339,6 +360,7 @@ void PolicySession::show(MonoTime now) {
   view_.committed_count = observation_.committed_count;
   view_.reset = forget_ || !step.continues ? 1 : 0;
   forget_ = false;
+  for (std::size_t i = 0; i < queues_.size(); ++i) queues_[i].show(queue_views_[i]);
   fill_values();
 }
 
@@ -347,7 +369,7 @@ void PolicySession::fill_values() {
                                               observation_.tau.at.data(), observation_.q_setpoint.at.data()};
   auto out = values_.begin();
   for (const Block& block : blocks_) {
-    if (block.kind == TAKT_TERM_IMAGE) continue;
+    if (block.values == 0) continue;  // lies elsewhere
     const float* from = block.kind == TAKT_TERM_STREAM ? std::data(used_[block.sensor].values) : of_joints[block.kind];
     out = std::copy_n(from, block.values, out);
   }

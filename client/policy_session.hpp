@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "client/sample_queue.hpp"
 #include "client/takt/client.h"
 #include "config/robot_config.hpp"
 #include "executive/contract/command_chunk.hpp"
@@ -28,7 +29,7 @@ namespace takt::client {
 
 struct Term {
   std::uint32_t kind = TAKT_TERM_Q;
-  std::uint32_t values = 0;  // streams and images only
+  std::uint32_t values = 0;  // streams, queues and images only
   std::string stream;
 };
 
@@ -68,7 +69,7 @@ class PolicySession {
  private:
   struct Block {
     std::uint32_t kind;
-    std::size_t sensor;  // index into the robot's sensors; streams and images only
+    std::size_t sensor;  // index into the robot's sensors; streams, queues and images only
     std::size_t values;
   };
   PolicySession(config::RobotConfig robot, const PolicySpec& spec, std::uint64_t policy_hash,
@@ -92,6 +93,9 @@ class PolicySession {
   std::vector<SensorSample> samples_, used_;      // one per sensor of the robot file: newest, and what is shown
   std::vector<std::vector<std::byte>> payloads_;  // per sensor in use: an image's header and bytes; else empty
   std::vector<const std::uint8_t*> images_;       // into those, in the terms' order
+  std::vector<SampleQueue> queues_;               // in the terms' order
+  std::vector<std::size_t> queued_;               // per sensor in use: index of its queue; the largest number: none
+  std::vector<takt_queue> queue_views_;           // into those
   std::vector<takt_stream> streams_;              // one per sensor of the robot file
   std::optional<policy_host::ExecutiveLink> executive_;
   MonoTime next_attempt_;

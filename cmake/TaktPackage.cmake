@@ -27,7 +27,8 @@ set(package_files ${CMAKE_SOURCE_DIR}/cmake/package)
 # Manual pages and shell completion, out of the programs themselves. Not part of `all`: only the package wants them.
 add_custom_target(takt-manual
   COMMAND ${package_files}/manual.py $<TARGET_FILE_DIR:takt> ${PROJECT_VERSION} ${share}
-  DEPENDS takt takt-executive takt-policy-host takt-policy-host-onnxruntime takt-plant takt-monitor takt-imu COMMENT "Manual pages and shell completion")
+  DEPENDS takt takt-executive takt-policy-host takt-policy-host-onnxruntime takt-plant takt-monitor takt-imu takt-ros-sensors takt-policy-bridge takt-policy-server
+  COMMENT "Manual pages and shell completion")
 # Whoever packs asks for this target alone: all that is packed comes with it.
 get_property(installed GLOBAL PROPERTY TAKT_INSTALLED)
 add_dependencies(takt-manual ${installed})

@@ -197,6 +197,59 @@ void check_monitors(const ChunkMonitors& monitors, Checker& checker) {
   }
 }
 
+constexpr std::uint32_t channels_of(RosEncoding encoding) {
+  switch (encoding) {
+    case RosEncoding::mono8:
+      return 1;
+    case RosEncoding::rgb8:
+    case RosEncoding::bgr8:
+      return 3;
+    case RosEncoding::rgba8:
+    case RosEncoding::bgra8:
+      return 4;
+  }
+  return 0;
+}
+
+// What does not fit between a sensor and its topic; empty: all fits.
+std::string misfit(const Sensor& sensor, const RosTopic& ros) {
+  const auto wants = [&](std::size_t values, std::string_view of) {
+    if (sensor.image || sensor.values != values)
+      return fmt::format("{} gives {} values; write `values: {}`", of, values, values);
+    return std::string();
+  };
+  switch (ros.type) {
+    case RosType::image:
+      if (!sensor.image) return "an Image is no list of values; write `image`";
+      return sensor.image->channels == channels_of(ros.encoding)
+                 ? std::string()
+                 : fmt::format("its encoding has {} channels, `image` {}; make them equal", channels_of(ros.encoding),
+                               sensor.image->channels);
+    case RosType::imu:
+      return wants(kImuValues, "an Imu");
+    case RosType::joint_state:
+      return wants(ros.joints.size(), fmt::format("a JointState of {} joints", ros.joints.size()));
+    case RosType::twist:
+      return sensor.values == 3 ? std::string() : wants(6, "a Twist of more than linear x, linear y, angular z");
+  }
+  return {};
+}
+
+bool is_topic(std::string_view name) {
+  const auto fits = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '/';
+  };
+  return name.size() > 1 && name.front() == '/' && name.back() != '/' && std::ranges::all_of(name, fits);
+}
+
+void check_ros(const RobotConfig& robot, const Sensor& sensor, const std::string& path, Checker& checker) {
+  checker.require(robot.dds.has_value(), path, "is read in the domain of `dds`; add that section (`dds: {}`)");
+  checker.require(is_topic(sensor.ros->topic), path + ".topic",
+                  "is no topic; write it as ros2 topic list shows it: /imu/data");
+  const std::string wrong = misfit(sensor, *sensor.ros);
+  checker.require(wrong.empty(), path + ".type", wrong);
+}
+
 }  // namespace
 
 void check_sensors(const RobotConfig& robot, Checker& checker) {
@@ -208,6 +261,7 @@ void check_sensors(const RobotConfig& robot, Checker& checker) {
                                 sensor.image ? sensor.image->bytes() : 0, kMaxImageBytes));
     checker.require(!sensor.command || !sensor.image, path, "an image is no command; drop one of the two");
     if (sensor.command && !sensor.image) check_command(sensor, path, checker);
+    if (sensor.ros) check_ros(robot, sensor, fmt::format("sensors[{}].ros", i), checker);
   }
   if (!robot.imu) return;
   const auto sensor = std::ranges::find(robot.sensors, robot.imu->sensor, &Sensor::name);

@@ -282,13 +282,32 @@ struct CommandLimits {
   std::vector<double> minimum, maximum, when_absent;  // one per value
 };
 
+enum class RosType : std::uint8_t { image, imu, joint_state, twist };
+enum class RosEncoding : std::uint8_t { mono8, rgb8, bgr8, rgba8, bgra8 };
+enum class RosQuantity : std::uint8_t { position, velocity, effort };
+
+struct RosJoint {
+  std::string name;  // as the messages have it
+};
+
+// A topic of ROS 2 that a sensor's samples come from (docs/sensors.md).
+struct RosTopic {
+  std::string topic;  // "/imu/data"
+  RosType type = RosType::image;
+  RosEncoding encoding = RosEncoding::mono8;     // image
+  RosQuantity quantity = RosQuantity::position;  // joint_state
+  std::vector<RosJoint> joints{};                // joint_state: a value each
+};
+
 struct Sensor {
   std::string name;
   std::uint32_t values = 0;  // float32; 0: an image
+  std::uint32_t queue = 0;   // samples that a policy is given at once; 0: the newest only
   Duration timeout;
   std::string unit = "unstated";
   std::optional<ImageShape> image{};
   std::optional<CommandLimits> command{};
+  std::optional<RosTopic> ros{};
 };
 
 // The base's inertial measurement unit: a sensor of kImuValues values (executive/contract/imu.hpp).

@@ -20,6 +20,10 @@ constexpr std::array<std::string_view, 7> kJoins{"replace", "cross_fade", "blend
 constexpr std::array<std::string_view, 3> kPrefixUses{"none", "guided", "trained"};
 constexpr std::array<std::string_view, 4> kPrefixSchedules{"ones", "zeros", "linear", "exponential"};
 constexpr std::array<std::string_view, 3> kSampleChoices{"first", "coherent", "agreed"};
+constexpr std::array<std::string_view, 4> kRosTypes{"sensor_msgs/msg/Image", "sensor_msgs/msg/Imu",
+                                                    "sensor_msgs/msg/JointState", "geometry_msgs/msg/Twist"};
+constexpr std::array<std::string_view, 5> kRosEncodings{"mono8", "rgb8", "bgr8", "rgba8", "bgra8"};
+constexpr std::array<std::string_view, 3> kRosQuantities{"position", "velocity", "effort"};
 constexpr std::size_t kMaxTerms = 32;
 constexpr std::size_t kMaxSensors = 16;
 constexpr std::size_t kMostSamples = 64;
@@ -41,6 +45,21 @@ void describe_command(Fields& fields, Sensor& sensor) {
                     any_value(), one_each);
 }
 
+void describe_ros(Fields& fields, Sensor& sensor) {
+  if (!sensor.ros) sensor.ros.emplace();
+  RosTopic& ros = *sensor.ros;
+  fields.text({"topic", "as ros2 topic list shows it"}, ros.topic);
+  fields.choice({"type", "of its messages"}, ros.type, kRosTypes);
+  if (ros.type == RosType::image || fields.shows_all())
+    fields.choice({"encoding", "Image: of its pixels; another one is refused"}, ros.encoding, kRosEncodings);
+  if (ros.type != RosType::joint_state && !fields.shows_all()) return;
+  fields.each({"joints", "JointState: a value each", "[]"}, ros.joints, kMaxSensorValues,
+              [](Fields& f, RosJoint& joint) {
+                f.text({"name", "as the messages have it"}, joint.name);
+              });
+  fields.choice({"quantity", "JointState: what of each joint", "position"}, ros.quantity, kRosQuantities);
+}
+
 void describe_sensor(Fields& fields, Sensor& sensor) {
   fields.identifier({"name", "its socket is sensor-NAME.sock in the runtime directory"}, sensor.name);
   bool is_image = sensor.image.has_value();
@@ -50,9 +69,17 @@ void describe_sensor(Fields& fields, Sensor& sensor) {
     fields.integer({"values", "numbers per sample; none for an image"}, sensor.values, 1, kMaxSensorValues);
   fields.duration({"timeout", "a sample older than this is not used"}, sensor.timeout, milliseconds(1), seconds(60));
   fields.text({"unit", "of its values; whoever publishes another is refused", "unstated"}, sensor.unit);
+  if (!is_image || fields.shows_all())
+    fields.integer(
+        {"queue", "most samples since the last observation that a policy in Python or C is given; 0: the newest only",
+         "0"},
+        sensor.queue, 0, kMaxSensorQueue);
   bool is_command = sensor.command.has_value();
   fields.optional_section({"command", "a person's wish: limits, and what holds while nobody says anything"}, is_command,
                           [&](Fields& f) { describe_command(f, sensor); });
+  bool is_from_ros = sensor.ros.has_value();
+  fields.optional_section({"ros", "takt-ros-sensors serves it from a topic of ROS 2, in the domain of `dds`"},
+                          is_from_ros, [&](Fields& f) { describe_ros(f, sensor); });
 }
 
 void describe_imu(Fields& fields, Imu& imu, Words sensors) {

@@ -41,6 +41,7 @@ void SensorLink::attach() {
   }
   attached_.emplace(std::move(*lease), std::move(*segment), std::move(*reader));
   problem_.clear();
+  ++sessions_;
 }
 
 void SensorLink::stay_attached(MonoTime now) {
@@ -57,6 +58,10 @@ void SensorLink::stay_attached(MonoTime now) {
 ipc::ReadStatus SensorLink::update(MonoTime now, std::span<std::byte> newest) {
   stay_attached(now);
   return attached_ ? attached_->reader.read_latest(newest).status : ipc::ReadStatus::nothing_new;
+}
+
+ipc::ReadResult SensorLink::next(std::span<std::byte> sample) {
+  return attached_ ? attached_->reader.read_next(sample) : ipc::ReadResult{};
 }
 
 void SensorLink::update(MonoTime now, SensorSample& sample) {

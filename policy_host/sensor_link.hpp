@@ -29,6 +29,11 @@ class SensorLink {
   void update(MonoTime now, SensorSample& sample);
   // The same for a payload of any shape; what is in `newest` after anything but `fresh` and `nothing_new` is no sample.
   ipc::ReadStatus update(MonoTime now, std::span<std::byte> newest);
+  // For who reads every sample: attaches if due; then the next that was not returned yet, oldest first.
+  void stay_attached(MonoTime now);
+  ipc::ReadResult next(std::span<std::byte> sample);
+  // How often it attached.
+  [[nodiscard]] std::uint64_t sessions() const { return sessions_; }
   // Why it is not attached; empty while it is.
   [[nodiscard]] const std::string& problem() const { return problem_; }
 
@@ -39,13 +44,13 @@ class SensorLink {
     ipc::SlotReader reader;
   };
   void attach();
-  void stay_attached(MonoTime now);
   std::string socket_;
   Hello hello_;
   ipc::RingShape shape_;
   std::optional<Attached> attached_;
   std::string problem_ = "not attached yet";
   MonoTime next_attempt_;
+  std::uint64_t sessions_ = 0;
 };
 
 // Indices of the sensors that the observation terms use, in the robot file's order.

@@ -14,7 +14,7 @@ import subprocess
 import sys
 import time
 
-ROOMS = ("executive", "drivers", "policy_host", "client", "monitor", "config", "sensors", "simulation", "evidence", "systemd", "cli")
+ROOMS = ("executive", "drivers", "dds", "policy_host", "client", "monitor", "config", "sensors", "simulation", "evidence", "systemd", "cli")
 CLANG_TIDY = "clang-tidy-19"
 OPTIONS = ["--quiet", "--extra-arg=-Wno-unknown-warning-option", "--extra-arg=-Wno-deprecated-declarations"]
 FORGET_AFTER_S = 60 * 24 * 3600

@@ -54,7 +54,9 @@ enum {
   TAKT_TERM_TAU = 2,        /* joint_count values: measured torques, Nm */
   TAKT_TERM_Q_SETPOINT = 3, /* joint_count values: what the drives were last told, rad */
   TAKT_TERM_STREAM = 4,     /* newest sample of an outside sensor of the robot file, in its own units */
-  TAKT_TERM_IMAGE = 5       /* newest image of an outside sensor; in takt_observation.images, not in its values */
+  TAKT_TERM_IMAGE = 5,      /* newest image of an outside sensor; in takt_observation.images, not in its values */
+  TAKT_TERM_QUEUE = 6       /* the samples since the last observation, of a sensor of the robot file with `queue`; in
+                               takt_observation.queues, not in its values */
 };
 
 /* A sensor as the robot file describes it; constant. */
@@ -71,8 +73,8 @@ typedef struct takt_stream {
 
 typedef struct takt_term {
   uint32_t kind;
-  uint32_t values;    /* TAKT_TERM_STREAM: how many the policy expects; TAKT_TERM_IMAGE: how many bytes; else 0 */
-  const char* stream; /* TAKT_TERM_STREAM, TAKT_TERM_IMAGE: name of an entry in the robot file's `sensors`; else NULL */
+  uint32_t values;    /* STREAM, QUEUE: how many per sample the policy expects; IMAGE: how many bytes; else 0 */
+  const char* stream; /* STREAM, QUEUE, IMAGE: name of an entry in the robot file's `sensors`; else NULL */
 } takt_term;
 
 /* What the policy is. Copied; nothing has to outlive takt_policy_open. */
@@ -104,6 +106,18 @@ typedef struct takt_robot {
   int64_t step_ns;           /* between two steps of a chunk */
 } takt_robot;
 
+/* What came from one sensor since the observation before, oldest first: the newest `count` of what could be used. Its
+ * age is that of the newest, as with every history; count 0: nothing new, and the sample before still is the newest. */
+typedef struct takt_queue {
+  const float* values;      /* count x value_count, sample after sample */
+  const int64_t* sensed_ns; /* count; when each was sensed */
+  uint32_t count;           /* at most `capacity` */
+  uint32_t capacity;        /* sensors[].queue of the robot file */
+  uint32_t value_count;     /* of one sample */
+  uint32_t reserved;
+  uint64_t dropped; /* samples since the observation before that are not here: too many, overwritten, or no numbers */
+} takt_queue;
+
 /* The observation that takt_policy_next returned last; contents change with the next call, addresses never. */
 typedef struct takt_observation {
   uint64_t id;               /* 1, 2, 3, ... within a session; 0: none yet */
@@ -124,6 +138,9 @@ typedef struct takt_observation {
   uint64_t following;
   uint32_t committed_from;
   uint32_t committed_count;
+  const takt_queue* queues; /* queue_count, in the terms' order */
+  uint32_t queue_count;
+  uint32_t reserved_too;
 } takt_observation;
 
 /* What a speculative chunk assumes: where the joints are, joint_count values each, at an instant after the observation

@@ -36,8 +36,9 @@ constexpr RingShape observation_mailbox() {
 constexpr RingShape command_mailbox() {
   return {kMailboxSlots, sizeof(CommandChunk), kCommandLayout};
 }
+// Twice the longest queue: who reads every sample (`sensors[].queue`) may come late by as many.
 constexpr RingShape sensor_mailbox() {
-  return {kMailboxSlots, sizeof(SensorSample), kSensorSampleLayout};
+  return {2 * kMaxSensorQueue, sizeof(SensorSample), kSensorSampleLayout};
 }
 
 // Half as many slots: an image is large, and cameras are slow.

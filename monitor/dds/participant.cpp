@@ -1,13 +1,13 @@
 #include "monitor/dds/participant.hpp"
 
 #include <dds/dds.h>
-#include <fmt/format.h>
 
 #include <array>
+#include <optional>
 
-#include "monitor/dds/domain_xml.hpp"
+#include "dds/domain.hpp"
+#include "dds/type_hash.hpp"
 #include "monitor/dds/requests.hpp"
-#include "monitor/dds/type_hash.hpp"
 #include "monitor/dds/wire.hpp"
 
 namespace takt::monitor::dds {
@@ -29,17 +29,14 @@ constexpr std::array<TopicFacts, kChannelCount> kWritten{{
 }};
 constexpr TopicFacts kRequests{"rt/takt/request", "takt_msgs/msg/Request", &takt_msgs_msg_dds__Request__desc, 16};
 
-struct DeleteQos {
-  void operator()(dds_qos_t* qos) const { dds_delete_qos(qos); }
-};
-using Qos = std::unique_ptr<dds_qos_t, DeleteQos>;
+using takt::dds::Qos;
 
 Qos qos_of(const TopicFacts& topic) {
-  Qos qos(dds_create_qos());
+  Qos qos = takt::dds::make_qos();
   dds_qset_reliability(qos.get(), DDS_RELIABILITY_RELIABLE, DDS_MSECS(kMaxBlocking.count()));
   dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, topic.depth);
   dds_qset_durability(qos.get(), topic.durability);
-  const std::string hash = user_data(topic.type);
+  const std::string hash = takt::dds::user_data(topic.type);
   dds_qset_userdata(qos.get(), hash.data(), hash.size());
   return qos;
 }
@@ -49,26 +46,23 @@ Qos qos_of(const TopicFacts& topic) {
 class Participant::Entities {
  public:
   explicit Entities(const config::RobotConfig& robot) : robot_(robot) {}
-  ~Entities() {
-    if (domain_ > 0) dds_delete(domain_);  // and everything in it
-  }
+  ~Entities() = default;
   Entities(const Entities&) = delete;
   Entities& operator=(const Entities&) = delete;
 
   // Empty, or what went wrong.
   std::string open() {
-    const config::Dds& dds = *robot_.dds;
-    if (!keep(domain_, dds_create_domain(dds.domain, domain_xml(dds).c_str()), "domain")) return failure_;
-    const Qos qos(dds_create_qos());
-    dds_qset_entity_name(qos.get(), ("takt-monitor " + robot_.robot).c_str());
-    if (!keep(participant_, dds_create_participant(dds.domain, qos.get(), nullptr), "participant")) return failure_;
+    auto domain = takt::dds::Domain::open(robot_, "takt-monitor " + robot_.robot);
+    if (!domain) return domain.error();
+    domain_.emplace(std::move(*domain));
     for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
       const TopicFacts& topic = kWritten[channel];
       const dds_entity_t created = create_topic(topic);
-      if (!keep(writers_[channel], dds_create_writer(participant_, created, qos_of(topic).get(), nullptr), topic.name))
+      if (!keep(writers_[channel], dds_create_writer(domain_->participant(), created, qos_of(topic).get(), nullptr),
+                topic.name))
         return failure_;
     }
-    if (dds.allow_requests) open_reader();
+    if (robot_.dds->allow_requests) open_reader();
     return failure_;
   }
 
@@ -96,24 +90,25 @@ class Participant::Entities {
   bool keep(dds_entity_t& entity, dds_entity_t created, std::string_view what) {
     entity = created;
     if (created > 0) return true;
-    failure_ = fmt::format("{}: {} (domain {}, interface {}; see `dds` in {})", what, dds_strretcode(-created),
-                           robot_.dds->domain, robot_.dds->interface, robot_.file);
+    failure_ = domain_->failure(what, created);
     return false;
   }
   [[nodiscard]] dds_entity_t create_topic(const TopicFacts& topic) const {
-    return dds_create_topic(participant_, topic.descriptor, topic.name, nullptr, nullptr);
+    return dds_create_topic(domain_->participant(), topic.descriptor, topic.name, nullptr, nullptr);
   }
   void open_reader() {
     const dds_entity_t topic = create_topic(kRequests);
-    if (!keep(reader_, dds_create_reader(participant_, topic, qos_of(kRequests).get(), nullptr), kRequests.name))
+    if (!keep(reader_, dds_create_reader(domain_->participant(), topic, qos_of(kRequests).get(), nullptr),
+              kRequests.name))
       return;
-    wait_set_ = dds_create_waitset(participant_);
+    wait_set_ = dds_create_waitset(domain_->participant());
     dds_waitset_attach(wait_set_, dds_create_readcondition(reader_, DDS_ANY_STATE), 0);
   }
 
   const config::RobotConfig& robot_;
   std::string failure_;
-  dds_entity_t domain_ = 0, participant_ = 0, reader_ = 0, wait_set_ = 0;
+  std::optional<takt::dds::Domain> domain_;
+  dds_entity_t reader_ = 0, wait_set_ = 0;
   std::array<dds_entity_t, kChannelCount> writers_{};
 };
 

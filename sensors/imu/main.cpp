@@ -20,6 +20,7 @@
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/sensor_server.hpp"
 #include "executive/log/program_log.hpp"
+#include "sensors/complaint.hpp"
 #include "sensors/imu/imu_reading.hpp"
 #include "sensors/imu/mtdata2.hpp"
 #include "sensors/imu/serial_port.hpp"
@@ -59,19 +60,6 @@ int refuse(int exit_code, const std::string& sentence) {
   std::fprintf(stderr, "takt-imu: %s\n", sentence.c_str());
   return exit_code;
 }
-
-// Says what is wrong once, until something else is.
-class Complaint {
- public:
-  void say(const std::string& sentence) {
-    if (sentence != said_) spdlog::warn("{}", sentence);
-    said_ = sentence;
-  }
-  void forget() { said_.clear(); }
-
- private:
-  std::string said_;
-};
 
 // One opening of the port.
 class Session {

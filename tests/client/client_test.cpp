@@ -66,9 +66,17 @@ class ClientTest : public testing::Test {
     std::ofstream(robot_file_) << replaced(replaced(text.str(), "file: arm6_reach.onnx", "file: " + policy), what, by);
     spec_.robot_file = robot_file_.c_str();
   }
+  // From here on the robot file is arm6's with another policy.action.interpolation.
   void steps_joined_by(const std::string& interpolation) {
     robot_file_with("action: { kind: joint_position,",
                     "action: { kind: joint_position, interpolation: " + interpolation + ",");
+  }
+  // From here on the robot file is arm6's with its sensor as a queue, and the policy reads q and that.
+  void queue_of(const std::string& samples) {
+    robot_file_with("values: 3, timeout: 200 ms", "values: 3, timeout: 20 s, queue: " + samples);
+    static const std::array<takt_term, 2> terms{{{TAKT_TERM_Q, 0, nullptr}, {TAKT_TERM_QUEUE, 3, "target"}}};
+    spec_.terms = terms.data();
+    spec_.term_count = terms.size();
   }
   void takes_speculation() {
     robot_file_with("  steps: 16\n", "  steps: 16\n  speculation: { position: 0.05 rad, velocity: 0.5 rad/s }\n");
@@ -97,12 +105,12 @@ class ClientTest : public testing::Test {
     while (!executive_->acknowledged() && monotonic_now() < give_up) sleep_until(monotonic_now() + milliseconds(1));
   }
   static MonoTime now() { return monotonic_now(); }
-  void sense(MonoTime at) {
+  void sense(MonoTime at, float first = 0.5F) {
     SensorSample sample;
     sample.sequence = ++sample_sequence_;
     sample.sensed_at = at;
     sample.value_count = 3;
-    for (std::size_t i = 0; i < 3; ++i) sample.values[i] = static_cast<float>(i) + 0.5F;
+    for (std::size_t i = 0; i < 3; ++i) sample.values[i] = static_cast<float>(i) + first;
     sensor_->publish(sample);
   }
   void observe(std::uint64_t id, Mode mode = Mode::tracking) {
@@ -152,6 +160,75 @@ class ClientTest : public testing::Test {
   std::array<char, kRoom> why_{};
   std::uint64_t sample_sequence_ = 0;
 };
+
+std::vector<float> firsts_of(const takt_queue& queue) {
+  std::vector<float> firsts;
+  for (std::uint32_t i = 0; i < queue.count; ++i) firsts.push_back(queue.values[std::size_t{i} * queue.value_count]);
+  return firsts;
+}
+
+TEST_F(ClientTest, AQueueGivesWhatCameSinceTheLastObservationAndSaysWhatIsMissing) {
+  queue_of("4");
+  open_and_attach();
+  const takt_queue& queue = next(1).queues[0];
+  ASSERT_EQ(takt_policy_observation(policy_)->queue_count, 1U);
+  EXPECT_EQ(queue.capacity, 4U);
+  EXPECT_EQ(queue.value_count, 3U);
+  EXPECT_EQ(firsts_of(queue), (std::vector<float>{0.5F}));
+  EXPECT_EQ(queue.dropped, 0U);
+
+  const MonoTime first = now();
+  for (const float value : {1.0F, 2.0F, 3.0F}) sense(first + Duration{static_cast<std::int64_t>(value)}, value);
+  EXPECT_EQ(next(2).outside_sensed_ns, first.ns + 3) << "the newest counts";
+  EXPECT_EQ(firsts_of(queue), (std::vector<float>{1, 2, 3})) << "oldest first";
+  EXPECT_EQ(queue.sensed_ns[0], first.ns + 1);
+  EXPECT_EQ(queue.sensed_ns[2], first.ns + 3);
+  EXPECT_EQ(queue.dropped, 0U);
+
+  for (const float value : {1.0F, 2.0F, 3.0F, 4.0F, 5.0F, 6.0F}) sense(first, value);
+  next(3);
+  EXPECT_EQ(firsts_of(queue), (std::vector<float>{3, 4, 5, 6})) << "the newest stay";
+  EXPECT_EQ(queue.dropped, 2U);
+
+  sense(first, 7);
+  sense(first, std::numeric_limits<float>::quiet_NaN());
+  sense(first, 8);
+  next(4);
+  EXPECT_EQ(firsts_of(queue), (std::vector<float>{7, 8}));
+  EXPECT_EQ(queue.dropped, 1U) << "what is no number is not shown";
+
+  EXPECT_EQ(next(5).outside_sensed_ns, first.ns) << "nothing new: the one before still is the newest";
+  EXPECT_EQ(queue.count, 0U);
+  EXPECT_EQ(queue.dropped, 0U);
+
+  constexpr int kMany = 300;  // more than the mailbox holds
+  for (int i = 1; i <= kMany; ++i) sense(first, static_cast<float>(i));
+  next(6);
+  EXPECT_EQ(firsts_of(queue), (std::vector<float>{297, 298, 299, 300}));
+  EXPECT_EQ(queue.dropped, 296U) << "overwritten ones are counted too";
+}
+
+TEST_F(ClientTest, AQueueWhoseNewestSampleIsUnusableStopsObservations) {
+  queue_of("4");
+  open_and_attach();
+  next(1);
+  sense(now(), std::numeric_limits<float>::quiet_NaN());
+  observe(2);
+  EXPECT_EQ(takt_policy_next(policy_, kShortNs), TAKT_NOTHING);
+  sense(now(), 9);
+  EXPECT_EQ(firsts_of(next(3).queues[0]), (std::vector<float>{9}));
+  EXPECT_EQ(takt_policy_observation(policy_)->queues[0].dropped, 1U);
+}
+
+TEST_F(ClientTest, AQueueIsOneInTheRobotFile) {
+  queue_of("4");
+  spec_.robot_file = "config/arm6.yaml";
+  EXPECT_NE(refusal().find("sensor target gives its newest sample only"), std::string::npos) << why_.data();
+  const std::array<takt_term, 2> twice{{{TAKT_TERM_QUEUE, 3, "target"}, {TAKT_TERM_QUEUE, 3, "target"}}};
+  spec_.robot_file = robot_file_.c_str();
+  spec_.terms = twice.data();
+  EXPECT_NE(refusal().find("the policy reads queue target twice"), std::string::npos) << why_.data();
+}
 
 TEST_F(ClientTest, ShowsTheTermsInTheirOrder) {
   open_and_attach();

@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 import unittest
+from unittest import mock
 
 sys.dont_write_bytecode = True
 try:
@@ -55,6 +56,57 @@ class RawServer:
         self.listener.shutdown(socket.SHUT_RDWR)
         self.listener.close()
         self.thread.join()
+
+
+class Wire:
+    """A way to a server that can be cut: what is sent meanwhile, and no hang-up either, arrives when it is whole again, as TCP has it."""
+
+    def __init__(self, server):
+        self.server, self.whole, self.over = server, threading.Event(), threading.Event()
+        self.whole.set()
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.url = "ws://127.0.0.1:%d" % self.listener.getsockname()[1]
+        self.ends = []
+        self.threads = [threading.Thread(target=self._accept)]
+        self.threads[0].start()
+
+    def _accept(self):
+        while not self.over.is_set():
+            try:
+                near, _ = self.listener.accept()
+            except OSError:
+                return
+            far = socket.create_connection(("127.0.0.1", self.server.port))
+            self.ends += [near, far]
+            for ends in ((near, far), (far, near)):
+                self.threads.append(threading.Thread(target=self._carry, args=ends))
+                self.threads[-1].start()
+
+    def _carry(self, source, sink):
+        source.settimeout(0.1)
+        while not self.over.is_set():
+            try:
+                data = source.recv(65536)
+                while not self.whole.wait(0.1) and not self.over.is_set():
+                    pass
+                sink.sendall(data)
+                if not data:
+                    sink.shutdown(socket.SHUT_WR)
+                    return
+            except TimeoutError:
+                continue
+            except OSError:
+                return
+
+    def close(self):
+        self.over.set()
+        self.listener.shutdown(socket.SHUT_RDWR)
+        self.listener.close()
+        for thread in self.threads:
+            thread.join()
+        for end in self.ends:
+            end.close()
+        self.server.close()
 
 
 class Asking(unittest.TestCase):
@@ -147,6 +199,41 @@ class OpenPi(Asking):
         for _ in range(5):
             number = self.until(client, self.good, number)
         self.assertEqual(server.connections, 3, "every question without an answer had a connection of its own")
+
+    def test_a_partition_of_five_seconds_leaves_no_answer_of_before(self):
+        wire = Wire(OpenPiServer())
+        client = self.open(wire)
+        number = self.until(client, self.good)
+        wire.whole.clear()
+        number = self.until(client, self.says("did not answer", "connected"), number)
+        healed = time.monotonic() + 5
+        while time.monotonic() < healed:  # every answer that comes is checked to be this question's
+            self.ask(client, number)
+            number += 1
+        wire.whole.set()
+        for _ in range(5):
+            number = self.until(client, self.good, number)
+
+    def test_a_server_that_stalls_for_five_seconds_answers_nobody_afterwards(self):
+        async def stalls(peer, asked, count):
+            if count == 3:
+                time.sleep(5)  # the whole server: what was asked meanwhile is read and answered late
+            await well(peer, asked, count)
+        client = self.open(OpenPiServer(stalls))
+        number = self.until(client, self.says("did not answer"))
+        for _ in range(5):
+            number = self.until(client, self.good, number)
+
+    def test_clocks_that_jump_change_nothing(self):
+        async def from_another_time(peer, asked, count):
+            times = (-1e18, 1e18, float("nan"))[count % 3]
+            await peer.send(answer(asked["n"], policy_timing={"infer_ms": times}, server_timing={"infer_ms": times, "prev_total_ms": times}))
+        client = self.open(OpenPiServer(from_another_time))
+        number, today = self.until(client, self.good), time.time()
+        for jump in (-3e7, 3e7, -1e9) * 4:
+            with mock.patch("time.time", return_value=today + jump), mock.patch("time.time_ns", return_value=int(today + jump) * 10**9):
+                self.assertIsNotNone(self.ask(client, number), client.problem)
+            number += 1
 
     def test_a_server_that_echoes_cannot_mix_answers_up(self):
         metadata = msgpack.packb({"echo": "question"})

@@ -6,6 +6,7 @@ written by the tests; the arm's true motion comes from the simulator. Usage: pyt
 import json
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -238,6 +239,50 @@ takt.Sensor("target", "robot.yaml", shape=4, runtime_dir="sensors")
         self.assertEqual(done.stderr, "robot.yaml: sensor target gives 3 values, this one 4: make them equal\n")
         for said in ("publish: the shape is (2,), the sensor's (3,)", "the stamp is after now", "sensor-target.sock", "sensor target: it is closed"):
             self.assertIn(said, done.stdout)
+
+    def test_a_queue_gives_every_sample_or_says_how_many_are_missing(self):
+        """A counter as a sensor at 400 Hz, read by a 50 Hz policy: what is seen and what is lost make up what was published."""
+        def with_a_queue(text):
+            text = text.replace("sensors:\n", "sensors:\n  - { name: fast, values: 2, timeout: 5 s, queue: 20 }\n")
+            return re.sub(r"(?m)^(  observation:.*)$", r"\1\n    - { term: sensor, sensor: fast }", text)
+        self.robot(with_a_queue)
+        self.policy(f"""
+import threading
+{SPEC}
+def count():
+    with takt.Sensor("fast", "robot.yaml", shape=2) as fast:
+        number = 0
+        while number < 4000:
+            number += 1
+            fast.publish([number, -number])
+            time.sleep(0.0025)
+threading.Thread(target=count, daemon=True).start()
+spec = takt.Policy(observation={{**spec.observation, "fast": takt.queue("fast", 2)}}, action=spec.action)
+with takt.connect("robot.yaml", spec) as robot:
+    seen, most, paused = [], 0, False
+    for obs in robot:
+        values = obs.fast
+        assert values.shape == (len(obs.stamps("fast")), 2) and np.array_equal(values[:, 0], -values[:, 1]), values
+        assert np.all(np.diff(obs.stamps("fast")) > 0) and (not len(values) or obs.sensed <= obs.stamps("fast")[-1])
+        before = seen[-1] if seen else None
+        if before is not None and len(values):
+            assert values[-1, 0] - before == len(values) + obs.lost("fast"), (before, values, obs.lost("fast"))
+            assert len(values) == 20 or not obs.lost("fast"), (len(values), obs.lost("fast"))
+        seen += values[:, 0].tolist()
+        most = max(most, len(values))
+        if not paused and obs.id >= 40:
+            paused = True
+            time.sleep(0.2)  # some 80 samples, of which 20 stay
+        {HOLD}
+        if len(seen) > 1000:
+            open("saw", "w").write(json.dumps([most, len(seen)]))
+""")
+        done, log = self.run_robot("5s")
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr + log)
+        self.assertNotIn("Traceback", log)
+        most, seen = json.loads((self.folder / "saw").read_text())
+        self.assertEqual(most, 20, "after the pause the queue was full")
+        self.assertGreater(seen, 1000)
 
     def test_a_python_file_as_policy_is_the_program_that_runs(self):
         (self.folder / "another.py").write_text("")

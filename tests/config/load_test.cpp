@@ -72,6 +72,26 @@ TEST(Load, DdsIsOffUnlessAskedFor) {
   EXPECT_EQ(again->sha256, wide->sha256);
 }
 
+TEST(Load, ASensorFromRosReadsAsItWasWritten) {
+  const auto robot =
+      parse(with("timeout: 100 ms }",
+                 "timeout: 100 ms, queue: 20, ros: { topic: /hand, type: sensor_msgs/msg/JointState, joints: [{ "
+                 "name: a }, { name: b }, { name: c }], quantity: effort } }\ndds: {}"),
+            "r");
+  ASSERT_TRUE(robot.has_value()) << robot.error();
+  const Sensor& sensor = robot->sensors.at(0);
+  EXPECT_EQ(sensor.queue, 20U);
+  ASSERT_TRUE(sensor.ros);
+  EXPECT_EQ(sensor.ros->topic, "/hand");
+  EXPECT_EQ(sensor.ros->type, RosType::joint_state);
+  EXPECT_EQ(sensor.ros->quantity, RosQuantity::effort);
+  EXPECT_EQ(sensor.ros->joints.at(2).name, "c");
+  const auto again = parse(robot->resolved, "r");
+  ASSERT_TRUE(again.has_value()) << again.error();
+  EXPECT_EQ(again->sha256, robot->sha256);
+  EXPECT_EQ(parse(kSmallRobot, "r")->sensors.at(0).queue, 0U) << "the newest only, unless asked";
+}
+
 TEST(Load, TheTorqueOutputIsAbsentUnlessAskedForAndWhatAFaultDoesToItIsNoDefault) {
   const auto without = parse(kSmallRobot, "r").value();
   EXPECT_FALSE(without.safe_torque_off.has_value());

@@ -326,6 +326,27 @@ inline constexpr Refusal kRefusals[] = {
             "44:16: dds.domain: 233 is out of range; write 0 to 232"},
     Refusal{"an interface without a way to find anybody", "sensors:", "dds: { interface: eth0 }\nsensors:",
             "44:19: dds.interface: nobody can be found on it; add `peers`, or `multicast: true`"},
+    Refusal{"a sensor from ROS without a domain", "timeout: 100 ms }",
+            "timeout: 100 ms, ros: { topic: /wish, type: geometry_msgs/msg/Twist } }",
+            "45:54: sensors[0].ros: is read in the domain of `dds`; add that section (`dds: {}`)"},
+    Refusal{"a topic without its slash", "timeout: 100 ms }",
+            "timeout: 100 ms, ros: { topic: wish, type: geometry_msgs/msg/Twist } }\ndds: {}",
+            "45:63: sensors[0].ros.topic: is no topic; write it as ros2 topic list shows it: /imu/data"},
+    Refusal{"an Imu for three values", "timeout: 100 ms }",
+            "timeout: 100 ms, ros: { topic: /imu, type: sensor_msgs/msg/Imu } }\ndds: {}",
+            "45:75: sensors[0].ros.type: an Imu gives 10 values; write `values: 10`"},
+    Refusal{"an Image for three values", "timeout: 100 ms }",
+            "timeout: 100 ms, ros: { topic: /cam, type: sensor_msgs/msg/Image, encoding: rgb8 } }\ndds: {}",
+            "45:75: sensors[0].ros.type: an Image is no list of values; write `image`"},
+    Refusal{"a JointState with another number of joints", "timeout: 100 ms }",
+            "timeout: 100 ms, ros: { topic: /j, type: sensor_msgs/msg/JointState, joints: [{ name: a }] } }\ndds: {}",
+            "45:73: sensors[0].ros.type: a JointState of 1 joints gives 1 values; write `values: 1`"},
+    Refusal{"an Image of another depth", "timeout: 100 ms }",
+            "timeout: 100 ms }\n  - { name: cam, image: { height: 2, width: 2, channels: 1 }, timeout: 100 ms, ros: { "
+            "topic: /cam, type: sensor_msgs/msg/Image, encoding: rgb8 } }\ndds: {}",
+            "46:106: sensors[1].ros.type: its encoding has 3 channels, `image` 1; make them equal"},
+    Refusal{"a queue longer than its mailbox allows", "timeout: 100 ms }", "timeout: 100 ms, queue: 129 }",
+            "45:56: sensors[0].queue: 129 is out of range; write 0 to 128"},
 };
 
 }  // namespace takt::config::test

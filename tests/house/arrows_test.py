@@ -17,6 +17,7 @@ MAY_USE = {
     "executive/hazards": "executive/contract executive/pipeline",
     "config": "executive/contract",
     "executive/setup": "executive/contract executive/pipeline config",
+    "dds": "executive/contract config",
     "drivers/bus": "executive/contract config",
     "drivers/protocol": "executive/contract config drivers/bus",
     "drivers/guard": "executive/contract config drivers/bus",  # not drivers/protocol: it reads what those write
@@ -26,12 +27,13 @@ MAY_USE = {
     "executive/runtime": f"{SHARED} executive/pipeline executive/setup executive/incident executive/trace executive/log drivers/bus drivers/protocol "
                          "drivers/guard drivers/torque_output",
     "policy_host": f"{SHARED} executive/trace executive/log",
+    "policy_host/remote": f"{SHARED} executive/log policy_host dds",
     "client": f"{SHARED} policy_host",
-    "sensors": f"{SHARED} executive/log",
+    "sensors": f"{SHARED} executive/log dds",
     "monitor/record": f"{SHARED} executive/incident drivers/bus drivers/protocol",
     "monitor/judge": f"{SHARED} executive/incident drivers/protocol monitor/record",
     "monitor/telemetry": f"{SHARED} executive/incident drivers/protocol monitor/record monitor/judge",
-    "monitor/dds": f"{SHARED} executive/incident monitor/record monitor/judge",
+    "monitor/dds": f"{SHARED} dds executive/incident monitor/record monitor/judge",
     "monitor": f"{SHARED} executive/trace executive/log monitor/record monitor/judge monitor/telemetry monitor/dds",
     "simulation": f"{SHARED} executive/log drivers/bus drivers/protocol client",
     "evidence/review": f"{SHARED} executive/incident executive/pipeline executive/setup monitor/record monitor/judge",

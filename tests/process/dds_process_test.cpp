@@ -2,9 +2,7 @@
 // moves the robot unless its file allows it. Method: a robot of real processes with a `dds` section of its own domain
 // on loopback; Fast DDS as the other side; every number compared with the run folder's record of the same tick, and the
 // mode with the operator's socket.
-#include <fcntl.h>
 #include <gtest/gtest.h>
-#include <sys/file.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -15,7 +13,7 @@
 #include <stdexcept>
 #include <thread>
 
-#include "monitor/dds/type_hash.hpp"
+#include "dds/type_hash.hpp"
 #include "monitor/record/recorded_run.hpp"
 #include "tests/process/fast_messages.hpp"
 #include "tests/process/fastdds_peer.hpp"
@@ -29,23 +27,6 @@ constexpr const char* kDiagnostics = "rt/diagnostics";
 constexpr const char* kStatus = "rt/takt/status";
 constexpr const char* kCommandAge = "rt/takt/command_age";
 constexpr const char* kRequest = "rt/takt/request";
-
-// A domain that no other test of this machine has while this process lives. Domains up to 100 keep clear of the ports
-// that the kernel hands out.
-std::uint32_t reserve_domain() {
-  for (std::uint32_t domain = 1; domain <= 100; ++domain) {
-    const std::string path = testing::TempDir() + "takt-dds-domain-" + std::to_string(domain);
-    const int held = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
-    if (held >= 0 && flock(held, LOCK_EX | LOCK_NB) == 0) return domain;
-    close(held);
-  }
-  throw std::runtime_error("every DDS domain from 1 to 100 is another test's");
-}
-
-std::uint32_t domain_of_this_test() {
-  static const std::uint32_t domain = reserve_domain();
-  return domain;
-}
 
 void replace(std::string& text, const std::string& from, const std::string& to) {
   const std::size_t at = text.find(from);
@@ -197,7 +178,7 @@ void expect_announced(const std::map<std::string, Endpoint>& endpoints, const st
                       const std::string& package, const std::string& message) {
   ASSERT_TRUE(endpoints.contains(topic)) << topic;
   EXPECT_EQ(endpoints.at(topic).type, package + "::msg::dds_::" + message + "_");
-  EXPECT_EQ(endpoints.at(topic).user_data, monitor::dds::user_data(package + "/msg/" + message));
+  EXPECT_EQ(endpoints.at(topic).user_data, dds::user_data(package + "/msg/" + message));
 }
 
 bool has_mapped(pid_t pid, const std::string& library) {

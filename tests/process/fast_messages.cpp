@@ -96,14 +96,67 @@ FastCommandAge decode_command_age(const Payload& payload) {
   return out;
 }
 
+namespace {
+
+// One payload, written from front to end.
+class Writing {
+ public:
+  Writing() : buffer_(), cdr_(buffer_, Cdr::DEFAULT_ENDIAN, Cdr::DDS_CDR) { cdr_.serialize_encapsulation(); }
+  template <class T>
+  Writing& operator<<(const T& value) {
+    cdr_ << value;
+    return *this;
+  }
+  Writing& header(std::int64_t unix_ns) {
+    cdr_ << static_cast<std::int32_t>(unix_ns / 1'000'000'000) << static_cast<std::uint32_t>(unix_ns % 1'000'000'000)
+         << std::string("frame");
+    return *this;
+  }
+  Payload bytes() { return {buffer_.getBuffer(), buffer_.getBuffer() + cdr_.getSerializedDataLength()}; }
+
+ private:
+  FastBuffer buffer_;
+  Cdr cdr_;
+};
+
+}  // namespace
+
 Payload encode_request(const std::string& robot, std::uint64_t id, const std::string& verb) {
-  Payload bytes(4 + 64 + robot.size() + verb.size());
-  FastBuffer buffer(bytes.data(), bytes.size());
-  Cdr cdr(buffer, Cdr::DEFAULT_ENDIAN, Cdr::DDS_CDR);
-  cdr.serialize_encapsulation();
-  cdr << robot << id << verb;
-  bytes.resize(cdr.getSerializedDataLength());
-  return bytes;
+  Writing out;
+  out << robot << id << verb;
+  return out.bytes();
+}
+
+Payload encode_image(const FastImage& image) {
+  Writing out;
+  out.header(image.unix_ns) << image.height << image.width << image.encoding << std::uint8_t{0} << image.step
+                            << image.data;
+  return out.bytes();
+}
+
+Payload encode_imu(std::int64_t unix_ns, const std::vector<double>& ten) {
+  Writing out;
+  out.header(unix_ns);
+  const auto covariance = [&out] {
+    for (int i = 0; i < 9; ++i) out << 0.01;
+  };
+  for (std::size_t i = 0; i < 10; ++i) {
+    out << ten.at(i);
+    if (i == 3 || i == 6 || i == 9) covariance();
+  }
+  return out.bytes();
+}
+
+Payload encode_joint_state(const FastJointState& state) {
+  Writing out;
+  out.header(state.unix_ns) << state.name << state.position << state.velocity << state.effort;
+  return out.bytes();
+}
+
+Payload encode_twist(const std::vector<double>& six) {
+  Writing out;
+  for (const double value : six) out << value;
+  return out.bytes();
 }
 
 }  // namespace takt::test

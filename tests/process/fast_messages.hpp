@@ -57,4 +57,17 @@ FastStatus decode_status(const Payload& payload);
 FastCommandAge decode_command_age(const Payload& payload);
 Payload encode_request(const std::string& robot, std::uint64_t id, const std::string& verb);
 
+// sensor_msgs and geometry_msgs, as a camera's or a driver's node sends them. Stamps: Unix ns.
+struct FastImage {
+  std::int64_t unix_ns = 0;
+  std::uint32_t height = 0, width = 0, step = 0;
+  std::string encoding;
+  std::vector<std::uint8_t> data;
+};
+Payload encode_image(const FastImage& image);
+// Quaternion x y z w, angular velocity, linear acceleration.
+Payload encode_imu(std::int64_t unix_ns, const std::vector<double>& ten);
+Payload encode_joint_state(const FastJointState& state);
+Payload encode_twist(const std::vector<double>& six);
+
 }  // namespace takt::test

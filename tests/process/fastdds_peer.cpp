@@ -1,6 +1,10 @@
 #include "tests/process/fastdds_peer.hpp"
 
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/file.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cstring>
@@ -57,6 +61,18 @@ class RawType final : public fast::TopicDataType {
   bool getKey(void*, rtps::InstanceHandle_t*, bool) override { return false; }
 };
 
+// Domains up to 100 keep clear of the ports
+// that the kernel hands out.
+std::uint32_t reserve_domain() {
+  for (std::uint32_t domain = 1; domain <= 100; ++domain) {
+    const std::string path = testing::TempDir() + "takt-dds-domain-" + std::to_string(domain);
+    const int held = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+    if (held >= 0 && flock(held, LOCK_EX | LOCK_NB) == 0) return domain;
+    close(held);
+  }
+  throw std::runtime_error("every DDS domain from 1 to 100 is another test's");
+}
+
 // Ports of the first participants of a domain: RTPS 9.6.1.1.
 fast::DomainParticipantQos loopback_qos(std::uint32_t domain) {
   fast::DomainParticipantQos qos;
@@ -82,6 +98,11 @@ Endpoint endpoint_of(const Proxy& proxy) {
 }
 
 }  // namespace
+
+std::uint32_t domain_of_this_test() {
+  static const std::uint32_t domain = reserve_domain();
+  return domain;
+}
 
 class FastDdsPeer::State final : public fast::DomainParticipantListener {
  public:

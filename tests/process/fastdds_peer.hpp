@@ -18,6 +18,9 @@ struct Endpoint {
   std::string user_data;
 };
 
+// A DDS domain that no other test of this machine has while this process lives.
+std::uint32_t domain_of_this_test();
+
 class FastDdsPeer {
  public:
   explicit FastDdsPeer(std::uint32_t domain);

@@ -7,7 +7,7 @@ ABI = 1
 SONAME = f"libtakt-client.so.{ABI}"
 OK, NOTHING, USAGE, BAD_CONFIG, REFUSED, BUG = 0, 1, 64, 65, 69, 70
 KINDS = {"q": 0, "dq": 1, "tau": 2, "q_setpoint": 3}
-STREAM, IMAGE = 4, 5
+STREAM, IMAGE, QUEUE = 4, 5, 6
 FLOAT32, UINT8 = 0, 1
 FloatP = POINTER(c_float)
 
@@ -27,11 +27,17 @@ class RobotStruct(ctypes.Structure):
                 ("steps", c_uint32), ("joints", POINTER(c_char_p)), ("home", FloatP), ("period_ns", c_int64), ("step_ns", c_int64)]
 
 
+class QueueStruct(ctypes.Structure):
+    _fields_ = [("values", FloatP), ("sensed_ns", POINTER(c_int64)), ("count", c_uint32), ("capacity", c_uint32),
+                ("value_count", c_uint32), ("reserved", c_uint32), ("dropped", c_uint64)]
+
+
 class ObservationStruct(ctypes.Structure):
     _fields_ = [("id", c_uint64), ("dropped", c_uint64), ("published_ns", c_int64), ("sensed_ns", c_int64),
                 ("outside_sensed_ns", c_int64), ("values", FloatP), ("mode", c_char_p), ("value_count", c_uint32),
                 ("reset", c_uint32), ("images", POINTER(c_void_p)), ("image_count", c_uint32), ("reserved", c_uint32),
-                ("following", c_uint64), ("committed_from", c_uint32), ("committed_count", c_uint32)]
+                ("following", c_uint64), ("committed_from", c_uint32), ("committed_count", c_uint32), ("queues", POINTER(QueueStruct)),
+                ("queue_count", c_uint32), ("reserved_too", c_uint32)]
 
 
 class StreamStruct(ctypes.Structure):

@@ -41,6 +41,14 @@ class Stream:
 
 
 @dataclass(frozen=True)
+class Queue:
+    """A term with the samples of an outside sensor since the last observation."""
+
+    name: str
+    values: int
+
+
+@dataclass(frozen=True)
 class Image:
     """A term with the newest image of an outside sensor."""
 
@@ -49,7 +57,7 @@ class Image:
     max_age: Optional[str]
 
 
-Term = Union[Joints, Stream, Image]
+Term = Union[Joints, Stream, Queue, Image]
 
 
 @dataclass(frozen=True)
@@ -90,6 +98,14 @@ def stream(name: str, values: int) -> Stream:
     not passed on, and neither is its observation.
     """
     return Stream(name, int(values))
+
+
+def queue(name: str, values: int) -> Queue:
+    """All samples of the outside sensor `name` since the last observation, oldest first; the robot file says by the sensor's
+    `queue` how many at most, of which the newest stay. The term has the shape (samples, values), with `samples` different each
+    time; obs.stamps(TERM) says when each was sensed, obs.lost(TERM) how many are missing. Age is that of the newest.
+    """
+    return Queue(name, int(values))
 
 
 def image(name: str, *, shape: Optional[Tuple[int, int, int]] = None, max_age: Optional[str] = None) -> Image:
@@ -174,6 +190,7 @@ class Observation:
         self._chunk_by_reference = ctypes.byref(self._chunk)
         self._shape = (robot.steps, len(robot.joints))
         values = robot._handle.array(ctypes.addressof(self._raw.values.contents), self._raw.value_count) if self._raw.value_count else np.empty(0)
+        self._queues: Dict[str, Tuple[Any, NDArray[np.float32], NDArray[np.int64]]] = {}
         begin, images = 0, 0
         for name, term in terms.items():
             if isinstance(term, Image):
@@ -182,12 +199,21 @@ class Observation:
                 setattr(self, name, robot._handle.array(self._raw.images[images], stream.values, np.uint8).reshape(shape))
                 images += 1
                 continue
+            if isinstance(term, Queue):
+                raw = self._raw.queues[len(self._queues)]
+                samples = robot._handle.array(ctypes.addressof(raw.values.contents), raw.capacity * raw.value_count)
+                stamps = robot._handle.array(ctypes.addressof(raw.sensed_ns.contents), raw.capacity, np.int64)
+                self._queues[name] = (raw, samples.reshape(raw.capacity, raw.value_count), stamps)
+                continue
             shape = (len(term.quantities), len(robot.joints)) if isinstance(term, Joints) else (term.values,)
             end = begin + int(np.prod(shape))
             setattr(self, name, values[begin:end].reshape(shape))
             begin = end
 
     def __getattr__(self, name: str) -> NDArray[np.float32]:  # for type checkers: terms are attributes
+        if name in self.__dict__.get("_queues", ()):
+            raw, samples, _ = self._queues[name]
+            return samples[:raw.count]
         raise AttributeError(f"this observation has no term {name!r}; name it in takt.Policy(observation=...)")
 
     @property
@@ -215,6 +241,20 @@ class Observation:
     def dropped(self) -> int:
         """Observations published since the previous one that this policy never saw."""
         return self._raw.dropped
+
+    def stamps(self, term: str) -> NDArray[np.int64]:
+        """Of a queue's samples: when each was sensed, (samples,), ns of time.monotonic_ns()."""
+        raw, _, stamps = self._queue(term)
+        return stamps[:raw.count]
+
+    def lost(self, term: str) -> int:
+        """Samples of a queue since the last observation that are not in it: more came than it holds, or they were no numbers."""
+        return int(self._queue(term)[0].dropped)
+
+    def _queue(self, term: str) -> Tuple[Any, NDArray[np.float32], NDArray[np.int64]]:
+        if term not in self._queues:
+            raise Refused(f"observation: {term!r} is no queue; name it in takt.Policy(observation=...) as takt.queue(...)", _library.USAGE)
+        return self._queues[term]
 
     @property
     def reset(self) -> bool:
@@ -369,6 +409,8 @@ def _terms_of(spec: Policy) -> "ctypes.Array[_library.TermStruct]":
             flat += [_library.TermStruct(_library.KINDS[name], 0, None) for name in term.quantities]
         elif isinstance(term, Image):
             flat.append(_library.TermStruct(_library.IMAGE, 0, term.name.encode()))
+        elif isinstance(term, Queue):
+            flat.append(_library.TermStruct(_library.QUEUE, term.values, term.name.encode()))
         else:
             flat.append(_library.TermStruct(_library.STREAM, term.values, term.name.encode()))
     return (_library.TermStruct * len(flat))(*flat)

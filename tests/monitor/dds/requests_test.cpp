@@ -6,7 +6,7 @@
 
 #include <optional>
 
-#include "monitor/dds/domain_xml.hpp"
+#include "dds/domain_xml.hpp"
 
 namespace takt::monitor::dds {
 namespace {
@@ -64,7 +64,7 @@ TEST(DomainXml, LoopbackNeedsNoMulticastAndFindsThisMachine) {
   config::Dds dds;
   dds.domain = 7;
   dds.interface = "lo";
-  const std::string xml = domain_xml(dds);
+  const std::string xml = takt::dds::domain_xml(dds);
   for (const char* part : {R"(<Domain id="7">)", R"(<NetworkInterface name="lo" multicast="false"/>)",
                            "<AllowMulticast>false</AllowMulticast>", R"(<Peers><Peer Address="localhost"/></Peers>)",
                            "<SharedMemory><Enable>false</Enable></SharedMemory>"})
@@ -76,7 +76,7 @@ TEST(DomainXml, AnotherInterfaceTellsItsPeersOnly) {
   dds.interface = "eth0";
   dds.multicast = true;
   dds.peers = {{"10.0.0.2"}, {"desk"}};
-  const std::string xml = domain_xml(dds);
+  const std::string xml = takt::dds::domain_xml(dds);
   for (const char* part :
        {R"(<NetworkInterface name="eth0" multicast="default"/>)", "<AllowMulticast>true</AllowMulticast>",
         R"(<Peers><Peer Address="10.0.0.2"/><Peer Address="desk"/></Peers>)"})

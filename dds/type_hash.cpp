@@ -1,4 +1,4 @@
-#include "monitor/dds/type_hash.hpp"
+#include "dds/type_hash.hpp"
 
 #include <fmt/format.h>
 
@@ -9,7 +9,7 @@
 
 #include "config/load.hpp"
 
-namespace takt::monitor::dds {
+namespace takt::dds {
 namespace {
 
 using enum RosType;
@@ -24,6 +24,25 @@ constexpr RosField kJointState[] = {{"header", nested, false, kHeaderName},
                                     {"position", float64, true},
                                     {"velocity", float64, true},
                                     {"effort", float64, true}};
+constexpr std::string_view kQuaternionName = "geometry_msgs/msg/Quaternion";
+constexpr std::string_view kVector3Name = "geometry_msgs/msg/Vector3";
+constexpr RosField kImage[] = {{"header", nested, false, kHeaderName},
+                               {"height", uint32},
+                               {"width", uint32},
+                               {"encoding", string},
+                               {"is_bigendian", uint8},
+                               {"step", uint32},
+                               {"data", uint8, true}};
+constexpr RosField kQuaternion[] = {{"x", float64}, {"y", float64}, {"z", float64}, {"w", float64}};
+constexpr RosField kVector3[] = {{"x", float64}, {"y", float64}, {"z", float64}};
+constexpr RosField kTwist[] = {{"linear", nested, false, kVector3Name}, {"angular", nested, false, kVector3Name}};
+constexpr RosField kImu[] = {{"header", nested, false, kHeaderName},
+                             {"orientation", nested, false, kQuaternionName},
+                             {"orientation_covariance", float64, false, {}, 9},
+                             {"angular_velocity", nested, false, kVector3Name},
+                             {"angular_velocity_covariance", float64, false, {}, 9},
+                             {"linear_acceleration", nested, false, kVector3Name},
+                             {"linear_acceleration_covariance", float64, false, {}, 9}};
 constexpr RosField kKeyValue[] = {{"key", string}, {"value", string}};
 constexpr RosField kDiagnosticStatus[] = {{"level", octet},
                                           {"name", string},
@@ -74,7 +93,12 @@ constexpr RosField kRequest[] = {{"robot", string}, {"id", uint64}, {"verb", str
 
 constexpr RosMessage kMessages[] = {{kTimeName, kTime},
                                     {kHeaderName, kHeader},
+                                    {kQuaternionName, kQuaternion},
+                                    {kVector3Name, kVector3},
+                                    {"geometry_msgs/msg/Twist", kTwist},
                                     {"sensor_msgs/msg/JointState", kJointState},
+                                    {"sensor_msgs/msg/Image", kImage},
+                                    {"sensor_msgs/msg/Imu", kImu},
                                     {"diagnostic_msgs/msg/KeyValue", kKeyValue},
                                     {"diagnostic_msgs/msg/DiagnosticStatus", kDiagnosticStatus},
                                     {"diagnostic_msgs/msg/DiagnosticArray", kDiagnosticArray},
@@ -96,13 +120,14 @@ void collect_references(const RosMessage& message, std::set<std::string_view>& n
 
 // The hash is over these very characters: order of members and blanks included.
 std::string description(const RosMessage& message) {
-  constexpr int kUnboundedSequence = 144;
+  constexpr int kArray = 48, kUnboundedSequence = 144;
   std::string fields;
   for (const RosField& field : message.fields) {
     fields += fmt::format(
-        R"({}{{"name": "{}", "type": {{"type_id": {}, "capacity": 0, "string_capacity": 0, "nested_type_name": "{}"}}}})",
+        R"({}{{"name": "{}", "type": {{"type_id": {}, "capacity": {}, "string_capacity": 0, "nested_type_name": "{}"}}}})",
         fields.empty() ? "" : ", ", field.name,
-        static_cast<int>(field.type) + (field.is_sequence ? kUnboundedSequence : 0), field.nested);
+        static_cast<int>(field.type) + (field.is_sequence ? kUnboundedSequence : 0) + (field.array != 0 ? kArray : 0),
+        field.array, field.nested);
   }
   return fmt::format(R"({{"type_name": "{}", "fields": [{}]}})", message.name, fields);
 }
@@ -128,4 +153,4 @@ std::string user_data(std::string_view message) {
   return fmt::format("typehash={};", type_hash(message));
 }
 
-}  // namespace takt::monitor::dds
+}  // namespace takt::dds

@@ -1,7 +1,7 @@
 // Goal: the type hashes are those ROS 2 computes. Method: hashes that ROS 2's own tools print for its standard
 // messages; and the fields that enter the hashes compared with the IDL that defines the wire and with the .msg files
 // that ROS 2 would compute its hash from.
-#include "monitor/dds/type_hash.hpp"
+#include "dds/type_hash.hpp"
 
 #include <gtest/gtest.h>
 
@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-namespace takt::monitor::dds {
+namespace takt::dds {
 namespace {
 
 struct Field {
@@ -21,6 +21,7 @@ struct Field {
   RosType type = RosType::string;
   bool is_sequence = false;
   std::string nested;
+  std::uint32_t array = 0;
   bool operator==(const Field&) const = default;
   friend void PrintTo(const Field& field, std::ostream* out) {
     *out << field.name << " type " << static_cast<int>(field.type) << (field.is_sequence ? "[] " : " ") << field.nested;
@@ -32,7 +33,8 @@ std::vector<Field> hashed_fields(std::string_view message) {
   for (const RosMessage& one : ros_messages()) {
     if (one.name != message) continue;
     for (const RosField& field : one.fields)
-      fields.push_back({std::string(field.name), field.type, field.is_sequence, std::string(field.nested)});
+      fields.push_back(
+          {std::string(field.name), field.type, field.is_sequence, std::string(field.nested), field.array});
   }
   return fields;
 }
@@ -50,10 +52,15 @@ Field idl_field(std::string line, const std::string& package) {
       {"long", RosType::int32},      {"unsigned long", RosType::uint32},
       {"long long", RosType::int64}, {"unsigned long long", RosType::uint64},
       {"double", RosType::float64},  {"boolean", RosType::boolean},
-      {"octet", RosType::octet},     {"string", RosType::string}};
+      {"octet", RosType::octet},     {"string", RosType::string},
+      {"uint8", RosType::uint8}};
   line.erase(line.find(';'));
   Field field;
   field.name = line.substr(line.rfind(' ') + 1);
+  if (const std::size_t bracket = field.name.find('['); bracket != std::string::npos) {
+    field.array = static_cast<std::uint32_t>(std::stoul(field.name.substr(bracket + 1)));
+    field.name.resize(bracket);
+  }
   std::string type = line.substr(0, line.rfind(' '));
   if (type.starts_with("sequence<")) {
     field.is_sequence = true;
@@ -76,7 +83,7 @@ std::string trimmed(const std::string& text) {
 // The project's own IDL, one declaration per line.
 std::map<std::string, std::vector<Field>> idl_messages() {
   std::map<std::string, std::vector<Field>> messages;
-  std::ifstream file("monitor/dds/ros_types.idl");
+  std::ifstream file("dds/ros_types.idl");
   std::string package, message;
   for (std::string line; std::getline(file, line);) {
     line = trimmed(line);
@@ -122,7 +129,13 @@ TEST(TypeHash, StandardMessagesHaveTheHashesThatRos2Prints) {
             "RIHS01_d68081eaa540288c5440753baecef0c4e16e81a5f78ad68902ded5100413bb42");
   EXPECT_EQ(user_data("sensor_msgs/msg/JointState"),
             "typehash=RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e;");
-  EXPECT_THROW((void)type_hash("sensor_msgs/msg/Imu"), std::invalid_argument);
+  EXPECT_EQ(type_hash("sensor_msgs/msg/Imu"),
+            "RIHS01_7d9a00ff131080897a5ec7e26e315954b8eae3353c3f995c55faf71574000b5b");
+  EXPECT_EQ(type_hash("sensor_msgs/msg/Image"),
+            "RIHS01_d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47");
+  EXPECT_EQ(type_hash("geometry_msgs/msg/Twist"),
+            "RIHS01_9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a");
+  EXPECT_THROW((void)type_hash("sensor_msgs/msg/LaserScan"), std::invalid_argument);
 }
 
 TEST(TypeHash, HashesAreOfTheFieldsOnTheWire) {
@@ -133,7 +146,7 @@ TEST(TypeHash, HashesAreOfTheFieldsOnTheWire) {
 
 TEST(TypeHash, HashesAreOfTheMsgFilesThatRos2WouldBuild) {
   std::size_t files = 0;
-  for (const auto& entry : std::filesystem::directory_iterator("monitor/dds/takt_msgs/msg")) {
+  for (const auto& entry : std::filesystem::directory_iterator("dds/takt_msgs/msg")) {
     const std::string message = "takt_msgs/msg/" + entry.path().stem().string();
     EXPECT_EQ(hashed_fields(message), msg_file_fields(entry.path())) << message;
     ++files;
@@ -142,4 +155,4 @@ TEST(TypeHash, HashesAreOfTheMsgFilesThatRos2WouldBuild) {
 }
 
 }  // namespace
-}  // namespace takt::monitor::dds
+}  // namespace takt::dds

@@ -7,11 +7,12 @@
 #include <string>
 #include <string_view>
 
-namespace takt::monitor::dds {
+namespace takt::dds {
 
 // Numbers of type_description_interfaces/msg/FieldType.
 enum class RosType : std::uint8_t {
   nested = 1,
+  uint8 = 3,
   int32 = 6,
   uint32 = 7,
   int64 = 8,
@@ -27,6 +28,7 @@ struct RosField {
   RosType type = RosType::string;
   bool is_sequence = false;      // unbounded
   std::string_view nested = {};  // RosType::nested: full name of the message
+  std::uint32_t array = 0;       // fixed length; 0: none
 };
 
 struct RosMessage {
@@ -42,4 +44,4 @@ std::string type_hash(std::string_view message);
 // What a writer or reader of the message carries in USER_DATA.
 std::string user_data(std::string_view message);
 
-}  // namespace takt::monitor::dds
+}  // namespace takt::dds

@@ -1,8 +1,8 @@
-#include "monitor/dds/domain_xml.hpp"
+#include "dds/domain_xml.hpp"
 
 #include <fmt/format.h>
 
-namespace takt::monitor::dds {
+namespace takt::dds {
 
 // Participants on one machine that are found by unicast need ports of their own: a participant index each, of which
 // others try the first MaxAutoParticipantIndex. Shared memory stays off: Debian's build could offer it.
@@ -20,4 +20,4 @@ std::string domain_xml(const config::Dds& dds) {
                      dds.domain, dds.interface, dds.multicast ? "default" : "false", dds.multicast, peers);
 }
 
-}  // namespace takt::monitor::dds
+}  // namespace takt::dds

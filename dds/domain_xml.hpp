@@ -5,9 +5,9 @@
 
 #include "config/robot_config.hpp"
 
-namespace takt::monitor::dds {
+namespace takt::dds {
 
 // Precondition: interface and addresses were checked by config::load.
 std::string domain_xml(const config::Dds& dds);
 
-}  // namespace takt::monitor::dds
+}  // namespace takt::dds

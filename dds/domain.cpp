@@ -1,0 +1,37 @@
+#include "dds/domain.hpp"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "dds/domain_xml.hpp"
+
+namespace takt::dds {
+
+std::string Domain::where(const config::RobotConfig& robot) {
+  return fmt::format("domain {}, interface {}; see `dds` in {}", robot.dds->domain, robot.dds->interface, robot.file);
+}
+
+std::string Domain::failure(std::string_view what, dds_entity_t refused) const {
+  return fmt::format("{}: {} ({})", what, dds_strretcode(-refused), where_);
+}
+
+std::expected<Domain, std::string> Domain::open(const config::RobotConfig& robot, const std::string& name) {
+  Domain made(robot);
+  made.domain_ = dds_create_domain(robot.dds->domain, domain_xml(*robot.dds).c_str());
+  if (made.domain_ <= 0) return std::unexpected(made.failure("domain", made.domain_));
+  const Qos qos = make_qos();
+  dds_qset_entity_name(qos.get(), name.c_str());
+  made.participant_ = dds_create_participant(robot.dds->domain, qos.get(), nullptr);
+  if (made.participant_ <= 0) return std::unexpected(made.failure("participant", made.participant_));
+  return made;
+}
+
+Domain::Domain(Domain&& other) noexcept
+    : where_(std::move(other.where_)), domain_(std::exchange(other.domain_, 0)), participant_(other.participant_) {}
+
+Domain::~Domain() {
+  if (domain_ > 0) dds_delete(domain_);
+}
+
+}  // namespace takt::dds

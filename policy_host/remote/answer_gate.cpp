@@ -1,0 +1,76 @@
+#include "policy_host/remote/answer_gate.hpp"
+
+#include <algorithm>
+
+namespace takt::policy_host::remote {
+
+void AnswerGate::begin(std::uint64_t epoch) {
+  epoch_ = epoch;
+  newest_played_ = sequence_ = 0;
+  shown_ = {};
+  played_ = {};
+}
+
+bool AnswerGate::has_shape(const Answer& answer) const {
+  const auto has_q = (answer.fields & static_cast<unsigned>(CommandField::q)) != 0;
+  if (!has_q || (answer.fields & ~unsigned{kAllCommandFields}) != 0) return false;
+  if (answer.step_count != facts_.step_count || answer.joint_count != facts_.joint_count) return false;
+  const std::size_t values = std::size_t{answer.step_count} * answer.joint_count * field_count(answer.fields);
+  return answer.step_period == facts_.step_period && answer.value_count == values && values <= kMaxChunkValues;
+}
+
+bool AnswerGate::is_newer_of_its_server(const Answer& answer) {
+  auto* heard = std::ranges::find(heard_, answer.server, &Heard::server);
+  if (heard == heard_.end()) {
+    heard = &heard_[next_heard_++ % heard_.size()];
+    *heard = {answer.server, 0};
+  }
+  if (answer.sequence <= heard->sequence) return false;
+  heard->sequence = answer.sequence;
+  return true;
+}
+
+AnswerVerdict AnswerGate::judge(const Answer& answer, bool all_finite, MonoTime now) {
+  if (answer.config_hash != facts_.config_hash || answer.policy_hash != facts_.policy_hash || answer.server == 0)
+    return AnswerVerdict::other_robot;
+  if (epoch_ == 0 || answer.epoch != epoch_) return AnswerVerdict::other_epoch;
+  const Shown& shown = shown_[answer.observation_id % shown_.size()];
+  if (answer.observation_id == 0 || shown.id != answer.observation_id) return AnswerVerdict::unknown;
+  if (!has_shape(answer)) return AnswerVerdict::wrong_shape;
+  if (!all_finite) return AnswerVerdict::not_finite;
+  if (!is_newer_of_its_server(answer)) return AnswerVerdict::repeated;
+  if (answer.observation_id < newest_played_ || now - shown.published_at > facts_.max_age)
+    return AnswerVerdict::overtaken;
+  return AnswerVerdict::usable;
+}
+
+CommandHeader AnswerGate::play(const Answer& answer, MonoTime now) {
+  const Shown& shown = shown_[answer.observation_id % shown_.size()];
+  newest_played_ = answer.observation_id;
+  CommandHeader header;
+  header.observation_id = answer.observation_id;
+  header.sequence = ++sequence_;
+  header.policy_hash = facts_.policy_hash;
+  header.outside_sensed_at = shown.outside_sensed_at;
+  header.dequeued_at = shown.dequeued_at;
+  const auto later = [now](MonoTime from, Duration claimed) {
+    return from + std::clamp(claimed, Duration{}, std::max(now - from, Duration{}));
+  };
+  header.infer_started_at = later(header.dequeued_at, answer.queued);
+  header.infer_ended_at = later(header.infer_started_at, answer.inferred);
+  header.published_at = now;
+  header.step_period = answer.step_period;
+  header.dropped_observations = answer.dropped;
+  header.step_count = static_cast<std::uint16_t>(answer.step_count);
+  header.joint_count = static_cast<std::uint16_t>(answer.joint_count);
+  header.fields = answer.fields;
+  played_[header.sequence % played_.size()] = {header.sequence, {answer.server, answer.sequence}};
+  return header;
+}
+
+AnswerGate::Played AnswerGate::played(std::uint64_t sequence) const {
+  const PlayedAs& found = played_[sequence % played_.size()];
+  return sequence != 0 && found.sequence == sequence ? found.chunk : Played{};
+}
+
+}  // namespace takt::policy_host::remote

@@ -1,0 +1,32 @@
+// takt-policy-bridge: on the robot, in the place of a policy host, for a policy that runs on another machine.
+#include "policy_host/remote/bridge.hpp"
+#include "policy_host/remote/program.hpp"
+
+namespace takt::policy_host::remote {
+namespace {
+
+constexpr char kProgram[] = "takt-policy-bridge";
+
+int serve(const CommonOptions& options) {
+  const auto prepared = prepare(options);
+  if (!prepared) return refuse(kProgram, config::kExitBadConfiguration, prepared.error());
+  auto bridge = Bridge::open(prepared->robot, prepared->runtime_directory, prepared->policy_hash);
+  if (!bridge) return refuse(kProgram, kExitUnavailable, bridge.error());
+  (*bridge)->run(g_stop);
+  return 0;
+}
+
+}  // namespace
+}  // namespace takt::policy_host::remote
+
+int main(int argc, char** argv) {
+  using namespace takt::policy_host::remote;
+  CommonOptions options;
+  CLI::App app(
+      "Lets a robot be moved by a policy on another machine: shows observations to policy servers in the robot file's "
+      "DDS domain, plays the answers of one (docs/remote-policy.md).\n"
+      "Example: takt run robot.yaml --policy-host takt-policy-bridge --arm");
+  add_common(app, options);
+  app.footer("Exit codes: 0 ended by a signal, 64 command line, 65 robot file refused, 69 no DDS domain, 70 bug.");
+  return run_program(kProgram, app, argc, argv, [&] { return serve(options); });
+}

@@ -1,0 +1,118 @@
+#include "policy_host/remote/far_seat.hpp"
+
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <span>
+#include <utility>
+
+#include "config/observation_shape.hpp"
+#include "config/paths.hpp"
+#include "executive/ipc/executive_segments.hpp"
+#include "policy_host/executive_link.hpp"
+
+namespace takt::policy_host::remote {
+namespace {
+
+std::string refusal_of(const Hello& hello, const Hello& expected) {
+  if (hello.role != Role::policy)
+    return "this is a policy server: the robot's executive is on the robot, and has what " +
+           std::string(name(hello.role)) + "s want";
+  if (hello.config_hash != 0 && hello.config_hash != expected.config_hash)
+    return "the policy was started with another robot file than takt-policy-server: use the same";
+  if (hello.policy_hash != expected.policy_hash)
+    return "the policy is not the file that policy.file names: serve that one, or name yours in the robot file";
+  if (hello.joint_count != expected.joint_count || hello.joint_names_hash != expected.joint_names_hash)
+    return "the policy commands other joints than the robot file has: use a policy made for this robot";
+  if (hello.step_count != expected.step_count)
+    return "the policy's chunks have another number of steps than policy.steps: make them equal";
+  return {};
+}
+
+}  // namespace
+
+FarSeat::FarSeat(const config::RobotConfig& robot, std::uint64_t policy_hash, ipc::Segment observations)
+    : expected_(hello_of(robot, policy_hash, Role::policy, "")),
+      largest_input_(config::largest_policy_input(robot)),
+      observations_(std::move(observations)),
+      writer_(observations_.writable(), ipc::observation_mailbox()) {}
+
+std::expected<std::unique_ptr<FarSeat>, std::string> FarSeat::open(const config::RobotConfig& robot,
+                                                                   const std::string& runtime_directory,
+                                                                   std::uint64_t policy_hash,
+                                                                   std::optional<uid_t> policy_user) {
+  auto segment = ipc::Segment::create("takt-observation", ipc::ring_bytes(ipc::observation_mailbox()), true);
+  if (!segment) return std::unexpected(segment.error());
+  auto seat = std::unique_ptr<FarSeat>(new FarSeat(robot, policy_hash, std::move(*segment)));
+  // Formatted before it is sealed, sealed before the first policy is greeted.
+  if (auto sealed = seat->observations_.seal_against_new_writers(); !sealed) return std::unexpected(sealed.error());
+  FarSeat* const at = seat.get();
+  auto server = ipc::RendezvousServer::listen(config::executive_socket(runtime_directory), geteuid(),
+                                              {.admit = [at](const ipc::Peer& peer) { return at->admit(peer); },
+                                               .acknowledged = [at](const ipc::Peer& peer) { at->hand_over(peer); },
+                                               .recorded = {},
+                                               .left = [at](const ipc::Peer&) { at->leave(); },
+                                               .request = {}},
+                                              policy_user);
+  if (!server) return std::unexpected(server.error());
+  seat->server_ = std::make_unique<ipc::RendezvousServer>(std::move(*server));
+  return seat;
+}
+
+ipc::Admission FarSeat::admit(const ipc::Peer& peer) {
+  if (auto refusal = refusal_of(peer.hello, expected_); !refusal.empty()) return {std::move(refusal), {}};
+  // Unmapped here until the policy has mapped it: see the sealing order in ipc/segment.hpp.
+  auto segment = ipc::Segment::create("takt-command", ipc::ring_bytes(ipc::command_mailbox()), false);
+  if (!segment) return {segment.error(), {}};
+  offered_ = std::move(*segment);
+  ipc::Admission admission{{}, {observations_.fd(), offered_->fd()}};
+  if (largest_input_ != 0) {
+    // A host that records its inputs expects a ring for them. Nobody reads it: the recorder is on the robot.
+    auto inputs =
+        ipc::Segment::create("takt-policy-input", ipc::ring_bytes(ipc::policy_input_ring(largest_input_)), false);
+    if (!inputs) return {inputs.error(), {}};
+    inputs_ = std::move(*inputs);
+    admission.descriptors.push_back(inputs_->fd());
+  }
+  return admission;
+}
+
+void FarSeat::hand_over(const ipc::Peer& peer) {
+  if (!offered_) return;
+  ipc::Segment mapped = std::move(*offered_);
+  offered_.reset();
+  std::string problem;
+  if (auto sealed = mapped.seal_against_new_writers(); !sealed) problem = sealed.error();
+  if (problem.empty())
+    if (auto seen = mapped.map_read_only(); !seen) problem = seen.error();
+  if (!problem.empty()) return spdlog::error("policy pid {}: {}", peer.pid, problem);
+  auto reader = ipc::SlotReader::attach(mapped.readable(), ipc::command_mailbox());
+  if (!reader) return spdlog::error("policy pid {}: {}", peer.pid, reader.error());
+  mailbox_.emplace(std::move(mapped), *reader);
+  ++session_;
+  spdlog::info("policy attached: pid {} ({})", peer.pid, peer.hello.program);
+}
+
+void FarSeat::leave() {
+  if (mailbox_) spdlog::warn("the policy left");
+  offered_.reset();
+  mailbox_.reset();
+}
+
+void FarSeat::serve() {
+  server_->serve(std::chrono::milliseconds(0));
+}
+
+void FarSeat::publish(const Observation& observation) noexcept {
+  writer_.publish(std::as_bytes(std::span(&observation, 1)));
+}
+
+bool FarSeat::read(CommandChunk& chunk) noexcept {
+  if (!mailbox_) return false;
+  const ipc::ReadResult result = mailbox_->reader.read_latest(std::as_writable_bytes(std::span(&chunk, 1)));
+  if (result.status != ipc::ReadStatus::fresh || result.size < sizeof(CommandHeader)) return false;
+  return chunk.header.step_count <= kMaxChunkSteps && chunk.header.joint_count <= kMaxJoints &&
+         result.size == chunk.used_bytes();
+}
+
+}  // namespace takt::policy_host::remote

@@ -1,0 +1,193 @@
+#include "policy_host/remote/server.hpp"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cstring>
+#include <span>
+#include <utility>
+
+#include "executive/contract/mode.hpp"
+#include "executive/contract/monotonic_clock.hpp"
+
+namespace takt::policy_host::remote {
+namespace {
+
+constexpr Duration kLook = microseconds(200);  // for an answer that is due
+constexpr Duration kIdle = milliseconds(5);    // while none is
+constexpr Duration kReportPeriod = seconds(10);
+constexpr std::uint64_t kForget = 1000;  // a gap of ids after which every policy forgets (policy_host/continuity.hpp)
+
+}  // namespace
+
+Server::Server(const config::RobotConfig& robot, std::string name, std::uint64_t policy_hash, dds::Domain domain,
+               std::unique_ptr<FarSeat> seat, FarSamples samples)
+    : robot_(robot),
+      name_(std::move(name)),
+      policy_hash_(policy_hash),
+      number_(drawn_number()),
+      domain_(std::move(domain)),
+      seat_(std::move(seat)),
+      samples_(std::move(samples)) {}
+
+std::expected<std::unique_ptr<Server>, std::string> Server::open(const config::RobotConfig& robot,
+                                                                 const ServerOptions& options,
+                                                                 std::uint64_t policy_hash) {
+  auto seat = FarSeat::open(robot, options.runtime_directory, policy_hash, options.policy_user);
+  if (!seat) return std::unexpected(seat.error());
+  auto samples = FarSamples::open(robot, options.runtime_directory, options.policy_user);
+  if (!samples) return std::unexpected(samples.error());
+  auto domain = dds::Domain::open(robot, "takt-policy-server " + robot.robot);
+  if (!domain) return std::unexpected(domain.error());
+  auto server = std::unique_ptr<Server>(
+      new Server(robot, options.name, policy_hash, std::move(*domain), std::move(*seat), std::move(*samples)));
+  if (auto opened = server->open_endpoints(); !opened) return std::unexpected(opened.error());
+  return server;
+}
+
+std::expected<void, std::string> Server::open_endpoints() {
+  const auto commands = make_writer(domain_, robot_, Topic::command);
+  if (!commands) return std::unexpected(commands.error());
+  const auto samples = make_reader(domain_, robot_, Topic::sample);
+  if (!samples) return std::unexpected(samples.error());
+  const auto observations = make_reader(domain_, robot_, Topic::observation);
+  if (!observations) return std::unexpected(observations.error());
+  commands_ = *commands;
+  samples_reader_ = *samples;
+  observations_ = *observations;
+  wait_set_ = dds_create_waitset(domain_.participant());
+  for (const dds_entity_t reader : {samples_reader_, observations_})
+    dds_waitset_attach(wait_set_, dds_create_readcondition(reader, DDS_ANY_STATE), 0);
+  return {};
+}
+
+void Server::run(const std::atomic<bool>& stop) {
+  reported_ = monotonic_now();
+  MonoTime served;
+  while (!stop) {
+    const bool is_due = unanswered_since_.is_set() && seat_->is_taken();
+    dds_waitset_wait(wait_set_, nullptr, 0, is_due ? kLook.ns : kIdle.ns);
+    // Samples first: the observation that names one was sent behind it.
+    take_all<takt_remote_Sample>(samples_reader_,
+                                 [this](const takt_remote_Sample& message) { samples_.take(message); });
+    take_all<takt_remote_Observation>(observations_,
+                                      [this](const takt_remote_Observation& message) { take_observation(message); });
+    if (seat_->read(chunk_)) answer();
+    const MonoTime now = monotonic_now();
+    if (unanswered_since_.is_set() && now - unanswered_since_ > robot_.freshness.max_age) unanswered_since_ = {};
+    if (now - served < kIdle) continue;
+    served = now;
+    seat_->serve();
+    report(now);
+  }
+}
+
+bool Server::is_for_us(const takt_remote_Observation& message, MonoTime now) {
+  if (message.config_hash == robot_.hash && message.policy_hash == policy_hash_) return true;
+  other_robot_.say(
+      now, fmt::format("observations of robot {} come that are not answered: its {} there; use the same", robot_.robot,
+                       message.config_hash != robot_.hash ? "robot file differs from this one"
+                                                          : "policy.file differs from this one"));
+  return false;
+}
+
+// Ids go on as on the robot, gaps included, and jump where its session is another.
+std::uint64_t Server::id_here(const takt_remote_Observation& message) {
+  if (message.epoch != epoch_) {
+    epoch_ = message.epoch;
+    spdlog::info("robot {} begins a session", robot_.robot);
+    return newest_id_ + kForget;
+  }
+  return newest_id_ + (message.id - newest_robot_id_);
+}
+
+void Server::take_observation(const takt_remote_Observation& message) {
+  const MonoTime now = monotonic_now();
+  const bool fits = message.q._length == robot_.joints.size() && message.dq._length == message.q._length &&
+                    message.tau._length == message.q._length && message.q_setpoint._length == message.q._length &&
+                    (message.imu._length == 0 || message.imu._length == kImuValues);
+  const bool has_sense = message.id != 0 && message.age_ns >= 0 && message.oldest_age_ns >= message.age_ns &&
+                         message.imu_age_ns >= 0 && message.period_ns > 0 && message.mode < kModeCount;
+  if (!fits || !has_sense || !is_for_us(message, now)) return;
+  if (message.epoch == epoch_ && message.id <= newest_robot_id_) return;  // overtaken on its way
+  if (!samples_.pass_on(message, now)) {
+    ++incomplete_;
+    return;
+  }
+  show(message, now);
+}
+
+void Server::show(const takt_remote_Observation& message, MonoTime arrived_at) {
+  const auto before = [arrived_at](std::int64_t age_ns) {
+    return MonoTime{std::max<std::int64_t>(arrived_at.ns - age_ns, 1)};
+  };
+  Observation observation;
+  observation.id = id_here(message);
+  newest_id_ = observation.id;
+  newest_robot_id_ = message.id;
+  observation.tick = message.tick;
+  observation.published_at = before(message.age_ns);
+  observation.oldest_sensed_at = before(message.oldest_age_ns);
+  observation.period = {message.period_ns};
+  observation.joint_count = message.q._length;
+  observation.mode = message.mode;
+  const Sent& followed = sent_[message.following_number % sent_.size()];
+  if (message.following_server == number_ && followed.sequence == message.following_number &&
+      followed.session == seat_->session()) {
+    observation.command_sequence = followed.policy_sequence;
+    observation.committed_from = message.committed_from;
+    observation.committed_count = message.committed_count;
+  }
+  std::copy_n(message.q._buffer, message.q._length, observation.q.at.begin());
+  std::copy_n(message.dq._buffer, message.q._length, observation.dq.at.begin());
+  std::copy_n(message.tau._buffer, message.q._length, observation.tau.at.begin());
+  std::copy_n(message.q_setpoint._buffer, message.q._length, observation.q_setpoint.at.begin());
+  if (message.imu_sequence != 0 && message.imu._length == kImuValues) {
+    observation.imu.sequence = message.imu_sequence;
+    observation.imu.sensed_at = before(message.imu_age_ns);
+    std::copy_n(message.imu._buffer, 4, observation.imu.rotation);
+    std::copy_n(message.imu._buffer + 4, 3, observation.imu.angular_velocity);
+    std::copy_n(message.imu._buffer + 7, 3, observation.imu.acceleration);
+  }
+  arrived_[observation.id % arrived_.size()] = {observation.id, message.epoch, message.id, arrived_at};
+  seat_->publish(observation);
+  unanswered_since_ = arrived_at;
+  ++shown_;
+}
+
+void Server::answer() {
+  const CommandHeader& header = chunk_.header;
+  const Arrived& answered = arrived_[header.observation_id % arrived_.size()];
+  if (header.observation_id == 0 || answered.id != header.observation_id) return;
+  if (answered.id == newest_id_) unanswered_since_ = {};
+  const std::uint64_t sequence = ++sequence_;
+  sent_[sequence % sent_.size()] = {sequence, seat_->session(), header.sequence};
+  takt_remote_Command message{};
+  message.server = number_;
+  name_.copy(message.name, sizeof message.name - 1);
+  message.epoch = answered.epoch;
+  message.config_hash = robot_.hash;
+  message.policy_hash = header.policy_hash;
+  message.observation_id = answered.robot_id;
+  message.number = sequence;
+  message.queued_ns = (header.infer_started_at - answered.at).ns;
+  message.inferred_ns = (header.infer_ended_at - header.infer_started_at).ns;
+  message.dropped = header.dropped_observations;
+  message.step_period_ns = header.step_period.ns;
+  message.step_count = header.step_count;
+  message.joint_count = header.joint_count;
+  message.fields = header.fields;
+  refer(message.values, chunk_.values, chunk_.value_count());
+  if (dds_write(commands_, &message) == DDS_RETCODE_OK) ++answered_;
+}
+
+void Server::report(MonoTime now) {
+  if (now - reported_ < kReportPeriod) return;
+  reported_ = now;
+  spdlog::info("{} observations shown, {} answers sent; {} observations came without their samples", shown_, answered_,
+               incomplete_);
+  shown_ = answered_ = incomplete_ = 0;
+}
+
+}  // namespace takt::policy_host::remote

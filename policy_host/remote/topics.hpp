@@ -1,0 +1,46 @@
+// The three topics between a robot's bridge and its policy servers (dds/policy_types.idl): endpoints with their QoS.
+// Errors: one sentence.
+#pragma once
+
+#include <cstdint>
+#include <expected>
+#include <string>
+
+#include "config/robot_config.hpp"
+#include "dds/domain.hpp"
+#include "policy_types.h"
+
+namespace takt::policy_host::remote {
+
+enum class Topic : std::uint8_t { observation, sample, command };
+
+// Precondition: robot.policy. Lifespan and deadline are freshness.max_age: what is older moves no robot.
+std::expected<dds_entity_t, std::string> make_writer(const dds::Domain& domain, const config::RobotConfig& robot,
+                                                     Topic topic);
+std::expected<dds_entity_t, std::string> make_reader(const dds::Domain& domain, const config::RobotConfig& robot,
+                                                     Topic topic);
+
+// A number that no other process draws, not 0.
+std::uint64_t drawn_number();
+
+// All that came: `each(message)`, oldest first.
+template <class Message, class Each>
+void take_all(dds_entity_t reader, Each each) {
+  void* loan[1] = {nullptr};
+  dds_sample_info_t info;
+  while (dds_take(reader, loan, &info, 1, 1) > 0) {
+    if (info.valid_data) each(*static_cast<const Message*>(loan[0]));
+    dds_return_loan(reader, loan, 1);
+    loan[0] = nullptr;
+  }
+}
+
+// Points a sequence of idlc's at values that outlive it.
+template <class Sequence, class Value>
+void refer(Sequence& sequence, const Value* values, std::size_t count) {
+  sequence._length = sequence._maximum = static_cast<std::uint32_t>(count);
+  sequence._buffer = const_cast<Value*>(values);  // DDS reads what it is asked to write; its structures cannot say so
+  sequence._release = false;
+}
+
+}  // namespace takt::policy_host::remote

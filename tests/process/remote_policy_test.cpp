@@ -1,0 +1,464 @@
+// Goal: a policy on another machine moves the robot as one beside it does; and whatever happens to the network, the
+// server, the clock or the other machine's programs, no command answers an observation that is older than max_age, none
+// goes back, none claims to be younger than the samples it rests on, and what can work again does.
+// Method: takt-policy-bridge, takt-policy-server and takt-policy-host as real processes in two network namespaces with
+// a faulty wire between them (faulty_network.hpp); the test is executive and sensor, and judges every command as it
+// comes against what it showed.
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <array>
+#include <atomic>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <iterator>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <stop_token>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "client/takt/client.h"
+#include "config/load.hpp"
+#include "config/paths.hpp"
+#include "executive/contract/monotonic_clock.hpp"
+#include "tests/policy_host/fake_server.hpp"
+#include "tests/process/child.hpp"
+#include "tests/process/faulty_network.hpp"
+
+namespace takt::test {
+namespace {
+
+using policy_host::FakeExecutive;
+using policy_host::FakeSensor;
+using policy_host::TemporaryDirectory;
+
+constexpr Duration kPeriod = milliseconds(20), kMaxAge = seconds(1);
+
+std::string text_of(const std::string& path) {
+  std::ifstream file(path);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return text.replace(at, from.size(), to);
+}
+
+bool until(const std::function<bool()>& holds) {
+  for (int poll = 0; poll < 1500; ++poll) {
+    if (holds()) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  return holds();
+}
+
+// The robot's camera, which lives longer than its executives.
+class Camera {
+ public:
+  explicit Camera(const std::string& directory) : sensor_(config::sensor_socket(directory, "target")) {}
+  MonoTime publish() {
+    SensorSample sample;
+    sample.published_at = monotonic_now();
+    sample.sensed_at = sample.published_at - milliseconds(3);
+    sample.value_count = 3;
+    sample.values[0] = 0.3F;
+    sample.values[2] = 0.4F;
+    sample.sequence = ++sequence_;
+    remember(sample.sensed_at);
+    sensor_.publish(sample);
+    return sample.sensed_at;
+  }
+  void remember(MonoTime stamp) {
+    const std::lock_guard lock(mutex_);
+    stamps_.push_back(stamp);
+  }
+  [[nodiscard]] bool had(MonoTime stamp) const {
+    const std::lock_guard lock(mutex_);
+    return std::ranges::find(stamps_, stamp) != stamps_.end();
+  }
+
+ private:
+  FakeSensor sensor_;
+  std::uint64_t sequence_ = 0;
+  mutable std::mutex mutex_;
+  std::vector<MonoTime> stamps_;  // guarded
+};
+
+// The robot's side: an executive that publishes an observation every 20 ms, and the judge of what comes.
+class Robot {
+ public:
+  Robot(const std::string& directory, const config::RobotConfig& config, Camera& camera)
+      : joints_(static_cast<std::uint32_t>(config.joints.size())),
+        steps_(config.policy->steps),
+        executive_(config::executive_socket(directory)),
+        camera_(camera),
+        thread_([this] { run(); }) {}
+  ~Robot() {
+    stop_ = true;
+    thread_.join();
+  }
+  Robot(const Robot&) = delete;
+  Robot& operator=(const Robot&) = delete;
+
+  [[nodiscard]] std::uint64_t commands() const { return commands_; }
+  [[nodiscard]] std::uint64_t newest_answered() const { return newest_answered_; }
+  [[nodiscard]] std::uint64_t shown() const { return shown_; }
+  // The first thing that must never be; empty: nothing was.
+  [[nodiscard]] std::string violation() const {
+    const std::lock_guard lock(mutex_);
+    return violation_;
+  }
+
+ private:
+  void run() {
+    MonoTime next = monotonic_now();
+    std::uint64_t id = 0;
+    while (!stop_) {
+      next = std::max(next + kPeriod, monotonic_now());
+      sleep_until(next);
+      camera_.publish();
+      Observation observation;
+      observation.id = ++id;
+      observation.tick = id * 20;
+      observation.published_at = monotonic_now();
+      observation.oldest_sensed_at = observation.published_at - milliseconds(1);
+      observation.period = kPeriod;
+      observation.joint_count = joints_;
+      observation.mode = static_cast<std::uint8_t>(Mode::tracking);
+      observed_[id] = observation.published_at;
+      executive_.publish(observation);
+      shown_ = id;
+      if (!executive_.acknowledged()) continue;
+      CommandChunk chunk;
+      if (executive_.read(chunk)) judge(chunk.header);
+    }
+  }
+  void judge(const CommandHeader& command) {
+    const auto found = observed_.find(command.observation_id);
+    const auto expect = [&](bool holds, const char* what) {
+      const std::lock_guard lock(mutex_);
+      if (!holds && violation_.empty())
+        violation_ = std::string(what) + " (observation " + std::to_string(command.observation_id) + ")";
+    };
+    expect(found != observed_.end(), "answers what was never shown");
+    if (found == observed_.end()) return;
+    const MonoTime shown_at = found->second;
+    expect(command.observation_id >= newest_answered_, "answers an older observation than the one before");
+    expect(command.sequence > sequence_, "a sequence that does not rise");
+    expect(command.published_at - shown_at <= kMaxAge, "stale: published later than max_age");
+    expect(command.published_at <= monotonic_now(), "published in the future");
+    expect(shown_at <= command.dequeued_at && command.dequeued_at <= command.infer_started_at &&
+               command.infer_started_at <= command.infer_ended_at && command.infer_ended_at <= command.published_at,
+           "stamps that do not run forwards by the robot's clock");
+    expect(camera_.had(command.outside_sensed_at), "a sample's stamp that no sample had");
+    expect(command.outside_sensed_at <= command.dequeued_at, "younger than its samples");
+    expect(command.step_count == steps_ && command.joint_count == joints_, "another shape");
+    newest_answered_ = command.observation_id;
+    sequence_ = command.sequence;
+    ++commands_;
+  }
+
+  std::uint32_t joints_, steps_;
+  FakeExecutive executive_;
+  Camera& camera_;
+  std::map<std::uint64_t, MonoTime> observed_;  // when it was published
+  std::uint64_t sequence_ = 0;
+  std::atomic<std::uint64_t> commands_ = 0, newest_answered_ = 0, shown_ = 0;
+  mutable std::mutex mutex_;
+  std::string violation_;  // guarded
+  std::atomic<bool> stop_ = false;
+  std::thread thread_;
+};
+
+// One machine with a policy: the server, and the host of the demo arm's network, as they are.
+struct FarMachine {
+  std::string directory;
+  std::optional<Child> server, host;
+};
+
+class RemotePolicy : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (const std::string why = FaultyNetwork::why_not(); !why.empty())
+      GTEST_SKIP() << "NO POLICY ON ANOTHER MACHINE WAS TESTED: " << why;
+    network_.emplace();
+    std::filesystem::create_directories(directory());
+    std::ofstream(robot_file()) << robot_text();
+    config_ = config::load(robot_file()).value();
+    camera_.emplace(directory());
+    robot_ = std::make_unique<Robot>(directory(), config_, *camera_);
+    bridge_.emplace(network_->start(0, {"takt-policy-bridge", "--robot", robot_file(), "--runtime-dir", directory()},
+                                    log("bridge")));
+  }
+  void TearDown() override {
+    if (!robot_) return;
+    EXPECT_EQ(robot_->violation(), "") << logs();
+    bridge_->signal(SIGTERM);
+    EXPECT_EQ(bridge_->wait(std::chrono::seconds(20)), 0) << logs();
+  }
+  [[nodiscard]] virtual std::string robot_text() const {
+    std::string text = text_of("config/arm6.yaml");
+    text = replaced(text, "file: arm6_reach.onnx",
+                    "file: " + (std::filesystem::current_path() / "config/arm6_reach.onnx").string());
+    text = replaced(text, "max_age: 150 ms", "max_age: 1 s");
+    text = replaced(text, "stop_after: 600 ms", "stop_after: 3 s");
+    text =
+        replaced(text, "- { name: target, values: 3, timeout: 200 ms }", "- { name: target, values: 3, timeout: 2 s }");
+    return text + "\ndds: { interface: takt0, peers: [{ address: 10.77.0.1 }, { address: 10.77.0.2 }] }\n";
+  }
+  [[nodiscard]] std::string directory() const { return temporary_.path("robot"); }
+  [[nodiscard]] std::string robot_file() const { return temporary_.path("robot.yaml"); }
+  [[nodiscard]] std::string log(const std::string& name) const { return temporary_.path(name + ".log"); }
+  [[nodiscard]] std::string logs() const {
+    std::string all;
+    for (const auto& entry : std::filesystem::directory_iterator(temporary_.path()))
+      if (entry.path().extension() == ".log") all += entry.path().filename().string() + ":\n" + text_of(entry.path());
+    return all;
+  }
+  // `wrap`: words before each command line.
+  FarMachine start_far(const std::string& name, const std::vector<std::string>& wrap = {},
+                       std::string robot_file = {}) {
+    FarMachine far{temporary_.path(name), {}, {}};
+    std::filesystem::create_directories(far.directory);
+    if (robot_file.empty()) robot_file = this->robot_file();
+    const auto start = [&](std::vector<std::string> words) {
+      words.insert(words.begin(), wrap.begin(), wrap.end());
+      return network_->start(1, words, log(name));
+    };
+    const std::string bin = wrap.empty() ? "" : std::string(TAKT_BIN_DIR) + "/";
+    far.server.emplace(
+        start({bin + "takt-policy-server", "--robot", robot_file, "--runtime-dir", far.directory, "--name", name}));
+    far.host.emplace(start({bin + "takt-policy-host", "--robot", robot_file, "--runtime-dir", far.directory}));
+    return far;
+  }
+  // More commands come, each for a newer observation.
+  [[nodiscard]] bool moves_on(std::uint64_t commands = 20) const {
+    const std::uint64_t before = robot_->commands(), newest = robot_->shown();
+    return until([&] { return robot_->commands() >= before + commands && robot_->newest_answered() > newest; });
+  }
+  // Nothing comes for as long as 2 * max_age takes.
+  [[nodiscard]] bool falls_silent() const {
+    return until([&] {
+      const std::uint64_t before = robot_->commands(), shown = robot_->shown();
+      const auto periods = static_cast<std::uint64_t>(2 * kMaxAge.ns / kPeriod.ns);
+      until([&] { return robot_->shown() >= shown + periods; });
+      return robot_->commands() == before;
+    });
+  }
+  [[nodiscard]] bool is_said(const std::string& name, const std::string& words) const {
+    return until([&] { return text_of(log(name)).find(words) != std::string::npos; });
+  }
+
+  TemporaryDirectory temporary_;
+  std::optional<FaultyNetwork> network_;
+  config::RobotConfig config_;
+  std::optional<Camera> camera_;
+  std::unique_ptr<Robot> robot_;
+  std::optional<Child> bridge_;
+};
+
+TEST_F(RemotePolicy, MovesTheRobotThroughDelayJitterLossAndFramesThatComeTwice) {
+  const FarMachine far = start_far("far");
+  ASSERT_TRUE(moves_on()) << logs();
+  network_->set({.delay = milliseconds(40), .jitter = milliseconds(60), .loss = 0.1, .twice = 0.1});
+  EXPECT_TRUE(moves_on(50)) << logs();
+  network_->set({.delay = milliseconds(600), .jitter = milliseconds(600), .loss = 0, .twice = 0});
+  const std::uint64_t shown = robot_->shown();
+  ASSERT_TRUE(until([&] { return robot_->shown() > shown + 100; }));
+  network_->set({});
+  EXPECT_TRUE(moves_on()) << logs();
+}
+
+TEST_F(RemotePolicy, APartitionSilencesItAndItComesBack) {
+  const FarMachine far = start_far("far");
+  ASSERT_TRUE(moves_on()) << logs();
+  network_->set({.delay = {}, .jitter = {}, .loss = 0, .twice = 0, .is_cut = true});
+  EXPECT_TRUE(falls_silent()) << logs();
+  network_->set({});
+  EXPECT_TRUE(moves_on()) << logs();
+}
+
+TEST_F(RemotePolicy, AServerThatStallsForSecondsAnswersNothingOfBefore) {
+  const FarMachine far = start_far("far");
+  ASSERT_TRUE(moves_on()) << logs();
+  for (const auto* const stalled : {&far.server, &far.host}) {
+    (*stalled)->signal(SIGSTOP);
+    EXPECT_TRUE(falls_silent()) << logs();
+    const std::uint64_t shown = robot_->shown();
+    ASSERT_TRUE(until([&] { return robot_->shown() > shown + 150; })) << "5 s in all";
+    (*stalled)->signal(SIGCONT);
+    EXPECT_TRUE(moves_on()) << logs();
+  }
+}
+
+TEST_F(RemotePolicy, DeadProgramsOfTheOtherMachineAreReplacedByNewOnes) {
+  FarMachine far = start_far("far");
+  ASSERT_TRUE(moves_on()) << logs();
+  far.host.reset();  // killed
+  EXPECT_TRUE(falls_silent()) << logs();
+  far.host.emplace(
+      network_->start(1, {"takt-policy-host", "--robot", robot_file(), "--runtime-dir", far.directory}, log("far")));
+  EXPECT_TRUE(moves_on()) << logs();
+  far.server.reset();
+  EXPECT_TRUE(falls_silent()) << logs();
+  far.server.emplace(network_->start(
+      1, {"takt-policy-server", "--robot", robot_file(), "--runtime-dir", far.directory, "--name", "far"}, log("far")));
+  EXPECT_TRUE(moves_on()) << logs();
+}
+
+TEST_F(RemotePolicy, AnExecutiveThatRestartsIsANewSession) {
+  const FarMachine far = start_far("far");
+  ASSERT_TRUE(moves_on(40)) << logs();
+  EXPECT_EQ(robot_->violation(), "");
+  robot_.reset();
+  robot_ =
+      std::make_unique<Robot>(directory(), config_, *camera_);  // its ids begin at 1, and it knows of nothing before
+  EXPECT_TRUE(moves_on()) << logs();
+}
+
+TEST_F(RemotePolicy, AnotherServerTakesOverFromASilentOneAndKeepsTheLead) {
+  FarMachine first = start_far("first");
+  ASSERT_TRUE(moves_on()) << logs();
+  FarMachine second = start_far("second");
+  ASSERT_TRUE(is_said("second", "policy attached")) << logs();
+  ASSERT_TRUE(moves_on()) << logs();
+  EXPECT_EQ(text_of(log("bridge")).find("takes over"), std::string::npos) << logs();
+  first.server->signal(SIGSTOP);
+  EXPECT_TRUE(is_said("bridge", "policy server first is silent: second takes over")) << logs();
+  EXPECT_TRUE(moves_on()) << logs();
+  first.server->signal(SIGCONT);
+  EXPECT_TRUE(moves_on(40)) << logs();
+  EXPECT_EQ(text_of(log("bridge")).find("second is silent"), std::string::npos) << "the lead stays";
+}
+
+TEST_F(RemotePolicy, NeitherMachineKnowsTheOthersClock) {
+  // Eleven days further on, by CLOCK_MONOTONIC.
+  const std::vector<std::string> elsewhere{"/usr/bin/unshare", "--time", "--monotonic",
+                                           "1000000",          "--fork", "--kill-child=SIGKILL"};
+  const FarMachine far = start_far("far", elsewhere);
+  EXPECT_TRUE(moves_on()) << logs();
+}
+
+TEST_F(RemotePolicy, AServerWithAnotherRobotFileMovesNothingAndSaysSo) {
+  const std::string other = temporary_.path("other.yaml");
+  std::ofstream(other) << replaced(robot_text(), "stop_after: 3 s", "stop_after: 4 s");
+  const FarMachine far = start_far("far", {}, other);
+  EXPECT_TRUE(is_said("far", "its robot file differs from this one there; use the same")) << logs();
+  EXPECT_EQ(robot_->commands(), 0U);
+}
+
+TEST_F(RemotePolicy, TwoRobotsOfOneMachineAreServedApart) {
+  const FarMachine far = start_far("far");
+  ASSERT_TRUE(moves_on()) << logs();
+  // Another robot, on the same network: its bridge hears nobody, and nobody is disturbed.
+  const std::string file = temporary_.path("another.yaml"), directory = temporary_.path("another");
+  std::ofstream(file) << replaced(robot_text(), "robot: arm6", "robot: another");
+  std::filesystem::create_directories(directory);
+  Camera its_camera(directory);
+  Robot another(directory, config::load(file).value(), its_camera);
+  const Child bridge =
+      network_->start(0, {"takt-policy-bridge", "--robot", file, "--runtime-dir", directory}, log("another"));
+  ASSERT_TRUE(is_said("another", "attached to"));
+  EXPECT_TRUE(moves_on(60)) << logs();
+  EXPECT_EQ(another.commands(), 0U);
+  const FarMachine its_own = start_far("far_of_another", {}, file);
+  EXPECT_TRUE(until([&] { return another.commands() > 20; })) << logs();
+  EXPECT_EQ(another.violation(), "") << logs();
+  EXPECT_TRUE(moves_on()) << logs();
+}
+
+// A policy that sees a camera of the robot's, through the C library.
+class RemoteImages : public RemotePolicy {
+ protected:
+  static constexpr std::uint32_t kHeight = 480, kWidth = 640, kChannels = 3;
+  [[nodiscard]] std::string robot_text() const override {
+    std::string text =
+        replaced(RemotePolicy::robot_text(), "\nsensors:\n",
+                 "\nsensors:\n  - { name: cam0, image: { height: 480, width: 640, channels: 3 }, timeout: 5 s }\n");
+    text.insert(text.find('\n', text.find("\n  observation:") + 1) + 1, "    - { term: sensor, sensor: cam0 }\n");
+    return text;
+  }
+  // A picture of number `n`, every byte of which says so.
+  static std::uint8_t pixel(std::uint8_t n, std::size_t i) { return static_cast<std::uint8_t>(n + 7 * i); }
+  void film(const std::stop_token& stop) {
+    takt_sensor_spec spec{};
+    spec.size = sizeof spec;
+    spec.type = TAKT_UINT8;
+    const std::string file = robot_file(), runtime = directory();
+    spec.robot_file = file.c_str();
+    spec.runtime_directory = runtime.c_str();
+    spec.name = "cam0";
+    spec.height = kHeight;
+    spec.width = kWidth;
+    spec.channels = kChannels;
+    takt_sensor* sensor = nullptr;
+    std::array<char, 512> why{};
+    ASSERT_EQ(takt_sensor_open(&spec, &sensor, why.data(), why.size()), TAKT_OK) << why.data();
+    for (std::uint8_t n = 0; !stop.stop_requested(); ++n) {
+      auto* const pixels = static_cast<std::uint8_t*>(takt_sensor_values(sensor));
+      for (std::size_t i = 0; i < std::size_t{kHeight} * kWidth * kChannels; ++i) pixels[i] = pixel(n, i);
+      const MonoTime sensed = monotonic_now() - milliseconds(5);
+      camera_->remember(sensed);
+      EXPECT_EQ(takt_sensor_publish(sensor, sensed.ns), TAKT_OK);
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    }
+    takt_sensor_close(sensor);
+  }
+};
+
+TEST_F(RemoteImages, CrossWholeWithTheAgeThatTheyHave) {
+  const std::jthread filming([this](const std::stop_token& stop) { film(stop); });
+  const std::string far = temporary_.path("far");
+  std::filesystem::create_directories(far);
+  const Child server =
+      network_->start(1, {"takt-policy-server", "--robot", robot_file(), "--runtime-dir", far}, log("far"));
+  network_->set({.delay = milliseconds(2), .jitter = milliseconds(2), .loss = 0.01, .twice = 0.01});
+
+  const std::array<takt_term, 3> terms{
+      {{TAKT_TERM_Q, 0, nullptr}, {TAKT_TERM_STREAM, 3, "target"}, {TAKT_TERM_IMAGE, 0, "cam0"}}};
+  takt_policy_spec spec{};
+  spec.size = sizeof spec;
+  spec.term_count = terms.size();
+  spec.terms = terms.data();
+  const std::string file = robot_file();
+  spec.robot_file = file.c_str();
+  spec.runtime_directory = far.c_str();
+  spec.program = "remote_policy_test";
+  spec.step = "10 ms";
+  spec.steps = 16;
+  takt_policy* policy = nullptr;
+  std::array<char, 512> why{};
+  ASSERT_EQ(takt_policy_open(&spec, &policy, why.data(), why.size()), TAKT_OK) << why.data();
+  std::set<std::uint8_t> pictures;
+  const std::vector<float> q(std::size_t{16} * 6, 0.1F);
+  EXPECT_TRUE(until([&] {
+    if (takt_policy_next(policy, 100'000'000) != TAKT_OK) return false;
+    const takt_observation& observation = *takt_policy_observation(policy);
+    const std::uint8_t* const seen = observation.images[0];
+    for (std::size_t i = 0; i < std::size_t{kHeight} * kWidth * kChannels; ++i)
+      if (seen[i] != pixel(seen[0], i)) {
+        ADD_FAILURE() << "byte " << i << " is another picture's";
+        return true;
+      }
+    pictures.insert(seen[0]);
+    takt_chunk chunk{};
+    chunk.size = sizeof chunk;
+    chunk.q = q.data();
+    EXPECT_EQ(takt_policy_publish(policy, &chunk), TAKT_OK) << takt_policy_sentence(policy);
+    return pictures.size() >= 10 && robot_->commands() >= 10;
+  })) << pictures.size()
+      << " pictures; " << takt_policy_sentence(policy) << '\n'
+      << logs();
+  takt_policy_close(policy);
+}
+
+}  // namespace
+}  // namespace takt::test
