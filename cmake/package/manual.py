@@ -14,7 +14,7 @@ import re
 import subprocess
 import sys
 
-PROGRAMS = ("takt", "takt-executive", "takt-policy-host", "takt-policy-host-onnxruntime", "takt-plant", "takt-monitor", "takt-imu")
+PROGRAMS = ("takt", "takt-executive", "takt-policy-host", "takt-plant", "takt-monitor", "takt-imu")
 COLUMN = 30  # CLI11's
 SECTIONS = ("Positionals:", "Options:", "Subcommands:")
 

@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 
-PROGRAMS = ("takt", "takt-executive", "takt-policy-host", "takt-policy-host-onnxruntime", "takt-plant", "takt-monitor", "takt-imu")
+PROGRAMS = ("takt", "takt-executive", "takt-policy-host", "takt-plant", "takt-monitor", "takt-imu")
 # Line so far (the last word is being completed) -> must be offered, must not.
 LINES = [
     ("takt pan", {"panel"}, {"plant"}),
