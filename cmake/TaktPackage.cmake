@@ -1,5 +1,5 @@
 # The Debian packages: what they hold beside programs, units and exported libraries, and how CPack makes them (`./dev
-# package`). `takt` is what a robot PC runs; `takt-dev` builds policies in C and hosts with an engine of their own; `python3-takt` is for policies in Python.
+# package`). `takt` is what a robot PC runs; `takt-engine-torchscript` adds TorchScript; `takt-dev` builds policies, worlds and engines in C; `python3-takt` is for policies in Python.
 
 # The demo robot, ready to start: a folder that /etc/takt/robot points to until `takt deploy` points it elsewhere. Its buses
 # have names that no adapter has: a simulated robot must never meet real drives.
@@ -27,7 +27,7 @@ set(package_files ${CMAKE_SOURCE_DIR}/cmake/package)
 # Manual pages and shell completion, out of the programs themselves. Not part of `all`: only the package wants them.
 add_custom_target(takt-manual
   COMMAND ${package_files}/manual.py $<TARGET_FILE_DIR:takt> ${PROJECT_VERSION} ${share}
-  DEPENDS takt takt-executive takt-policy-host takt-policy-host-onnxruntime takt-plant takt-monitor takt-imu takt-ros-sensors takt-policy-bridge takt-policy-server
+  DEPENDS takt takt-executive takt-policy-host takt-plant takt-monitor takt-imu takt-ros-sensors takt-policy-bridge takt-policy-server
   COMMENT "Manual pages and shell completion")
 # Whoever packs asks for this target alone: all that is packed comes with it.
 get_property(installed GLOBAL PROPERTY TAKT_INSTALLED)
@@ -56,21 +56,6 @@ install(DIRECTORY config/ DESTINATION ${CMAKE_INSTALL_DATADIR}/takt/robots
 takt_demo_robot(${CMAKE_BINARY_DIR}/demo)
 install(DIRECTORY ${CMAKE_BINARY_DIR}/demo DESTINATION /etc/takt/deployments)
 
-include(CMakePackageConfigHelpers)
-set(takt_cmake ${CMAKE_INSTALL_LIBDIR}/cmake/takt)
-configure_package_config_file(${package_files}/takt-config.cmake.in ${CMAKE_BINARY_DIR}/takt-config.cmake
-  INSTALL_DESTINATION ${takt_cmake} NO_SET_AND_CHECK_MACRO NO_CHECK_REQUIRED_COMPONENTS_MACRO)
-# What processes share changes with the second number.
-write_basic_package_version_file(${CMAKE_BINARY_DIR}/takt-config-version.cmake COMPATIBILITY SameMinorVersion)
-install(FILES ${CMAKE_BINARY_DIR}/takt-config.cmake ${CMAKE_BINARY_DIR}/takt-config-version.cmake
-        DESTINATION ${takt_cmake} COMPONENT dev)
-install(EXPORT takt FILE takt-targets.cmake NAMESPACE takt:: DESTINATION ${takt_cmake} COMPONENT dev)
-# CMake strips programs only; what is left of an archive's debug information would be most of the package.
-install(CODE [[
-  if(CMAKE_INSTALL_DO_STRIP)
-    file(GLOB archives $ENV{DESTDIR}${CMAKE_INSTALL_PREFIX}/lib*/libtakt_*.a)
-    execute_process(COMMAND strip --strip-debug --enable-deterministic-archives ${archives} COMMAND_ERROR_IS_FATAL ANY)
-  endif()]] COMPONENT dev)
 set(dev_docs ${CMAKE_INSTALL_DATADIR}/doc/takt-dev)
 install(FILES ${share}/doc/changelog.Debian.gz ${share}/doc/changelog.gz ${package_files}/copyright
         DESTINATION ${dev_docs} COMPONENT dev)
@@ -118,20 +103,18 @@ This package holds the executive, the policy host for ONNX policies, the
 monitor, a simulated robot, the takt command and systemd units. Nothing is
 started when it is installed.")
 
-# A built host needs nothing of this package; what it talks to has to be of the same version.
+# What is built with it needs nothing of this package; what it talks to has to be of the same version.
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
-set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS
-    "g++ (>= 4:12), cmake (>= 3.23), make | ninja-build, pkg-config, libfmt-dev, libspdlog-dev, libyaml-cpp-dev, libssl-dev, liblttng-ust-dev")
+set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "gcc, libc6-dev")
 set(CPACK_DEBIAN_DEV_PACKAGE_RECOMMENDS "takt (= ${PROJECT_VERSION}-1)")
 set(CPACK_DEBIAN_DEV_DESCRIPTION
-"policy hosts of your own for Takt
-Takt runs learned policies on robots in real time. Its own policy host runs
-ONNX policies; this package is for policies that run in another engine, such as
-TensorRT, libtorch or C++ of your own.
+"policies, simulators and inference engines of your own for Takt
+Takt runs learned policies on robots in real time. This package holds the
+headers for what runs beside it: a policy or a sensor in C, a simulator, and
+an inference engine as a plugin of Takt's policy host, such as TensorRT or C++
+of your own.
 .
-It holds static libraries, headers and a CMake package: a program that links
-takt::policy_host is a policy host like Takt's own around its engine. An
-example is in /usr/share/doc/takt-dev/examples.")
+Examples are in /usr/share/doc/takt-dev/examples.")
 # The same files as in the wheel, with the library of `takt`.
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_ARCHITECTURE all)
@@ -143,4 +126,18 @@ Takt runs learned policies on robots in real time. With this package a policy
 is a Python program: it reads observations as numpy arrays and answers them
 with chunks of joint targets, which the executive judges as it judges any
 other policy's.")
+# Apart, for its dependency is libtorch. Where that was there to build it with.
+if(TARGET takt-engine-torchscript)
+  install(FILES ${share}/doc/changelog.Debian.gz ${share}/doc/changelog.gz ${package_files}/copyright
+          DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/takt-engine-torchscript COMPONENT torchscript)
+  list(APPEND CPACK_COMPONENTS_ALL torchscript)
+  set(CPACK_DEBIAN_TORCHSCRIPT_PACKAGE_NAME takt-engine-torchscript)
+  set(CPACK_DEBIAN_TORCHSCRIPT_PACKAGE_SECTION misc)
+  set(CPACK_DEBIAN_TORCHSCRIPT_PACKAGE_SHLIBDEPS ON)
+  set(CPACK_DEBIAN_TORCHSCRIPT_PACKAGE_DEPENDS "takt (= ${PROJECT_VERSION}-1)")
+  set(CPACK_DEBIAN_TORCHSCRIPT_DESCRIPTION
+"TorchScript policies for Takt
+Takt runs learned policies on robots in real time. This package is the engine
+of its policy host for policies in TorchScript, by libtorch.")
+endif()
 include(CPack)

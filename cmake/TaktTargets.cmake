@@ -43,23 +43,11 @@ function(takt_library name)
   if(ARG_SOURCES)
     add_library(${name} STATIC ${ARG_SOURCES})
     set_target_properties(${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
-    target_link_libraries(${name} PUBLIC $<BUILD_INTERFACE:takt_options> ${ARG_DEPENDS} PRIVATE ${ARG_PRIVATE_DEPENDS})
+    target_link_libraries(${name} PUBLIC takt_options ${ARG_DEPENDS} PRIVATE ${ARG_PRIVATE_DEPENDS})
   else()
     add_library(${name} INTERFACE)
-    target_link_libraries(${name} INTERFACE $<BUILD_INTERFACE:takt_options> ${ARG_DEPENDS})
+    target_link_libraries(${name} INTERFACE takt_options ${ARG_DEPENDS})
   endif()
-endfunction()
-
-# takt_export(NAME AS HEADERS...): part of takt-dev, for programs that are built elsewhere, as takt::AS. HEADERS are those
-# they may include; what these include has to be among them (tests/package/own_policy_host_test.cpp).
-function(takt_export name as)
-  cmake_parse_arguments(ARG "" "" "HEADERS" ${ARGN})
-  set_target_properties(${name} PROPERTIES EXPORT_NAME ${as})
-  target_sources(${name} INTERFACE
-    FILE_SET takt_headers TYPE HEADERS BASE_DIRS ${CMAKE_SOURCE_DIR} FILES ${ARG_HEADERS})
-  set_property(GLOBAL APPEND PROPERTY TAKT_INSTALLED ${name})
-  install(TARGETS ${name} EXPORT takt COMPONENT dev ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
-    FILE_SET takt_headers DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/takt)
 endfunction()
 
 function(takt_program name)
@@ -71,6 +59,26 @@ function(takt_program name)
   set_property(GLOBAL APPEND PROPERTY TAKT_PROGRAMS ${name})
   set_property(GLOBAL APPEND PROPERTY TAKT_INSTALLED ${name})
   install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+endfunction()
+
+# takt_engine(NAME SOURCES... DEPENDS... COMPONENT...): a plugin of the policy host (policy_host/takt/engine.h), in lib/takt/engines
+# of the installation as in the build folder.
+set(TAKT_ENGINES ${CMAKE_INSTALL_LIBDIR}/takt/engines)
+function(takt_engine name)
+  cmake_parse_arguments(ARG "" "COMPONENT" "SOURCES;DEPENDS" ${ARGN})
+  set(target takt-engine-${name})
+  set(map ${CMAKE_SOURCE_DIR}/policy_host/engines/engine.map)
+  add_library(${target} MODULE ${ARG_SOURCES})
+  target_link_libraries(${target} PRIVATE takt_options ${ARG_DEPENDS})
+  # What a library inside it is called is nobody else's business, nor may it be taken for somebody else's.
+  target_link_options(${target} PRIVATE LINKER:--version-script=${map} LINKER:--exclude-libs,ALL LINKER:--as-needed LINKER:-z,now)
+  set_target_properties(${target} PROPERTIES PREFIX "" CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON
+    LINK_DEPENDS ${map} LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/${TAKT_ENGINES})
+  set_property(GLOBAL APPEND PROPERTY TAKT_INSTALLED ${target})
+  set_property(GLOBAL APPEND PROPERTY TAKT_ENGINE_TARGETS ${target})
+  if(ARG_COMPONENT)
+    install(TARGETS ${target} LIBRARY DESTINATION ${TAKT_ENGINES} COMPONENT ${ARG_COMPONENT})
+  endif()
 endfunction()
 
 # takt_test(NAME SOURCES... DEPENDS... LABELS...): one GoogleTest program, one CTest entry; of `process` tests, one entry

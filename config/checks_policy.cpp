@@ -2,6 +2,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 
 #include "config/checks.hpp"
 #include "config/drive_loop.hpp"
@@ -270,9 +272,22 @@ void check_sensors(const RobotConfig& robot, Checker& checker) {
                               kImuValues, kImuValues));
 }
 
+void check_engine(const Engine& engine, Checker& checker) {
+  constexpr std::array<std::string_view, 4> known{"auto", "builtin", "onnxruntime", "torchscript"};
+  checker.require(engine.name.contains('/') || std::ranges::find(known, engine.name) != known.end(),
+                  "policy.engine.name",
+                  fmt::format("knows no engine {}; write auto, builtin, onnxruntime, torchscript, or a plugin's path, "
+                              "which has a slash: ./{}",
+                              engine.name, engine.name));
+  for (std::size_t i = 0; i < engine.shapes.size(); ++i)
+    checker.require(std::ranges::all_of(engine.shapes[i].shape, [](double size) { return size == std::floor(size); }),
+                    fmt::format("policy.engine.shapes[{}].shape", i), "dimensions are whole numbers; round them");
+}
+
 void check_policy(const RobotConfig& robot, Checker& checker) {
   if (!robot.policy) return;
   const Policy& policy = *robot.policy;
+  if (policy.engine) check_engine(*policy.engine, checker);
   check_periods(robot, policy, checker);
   check_terms(robot, policy, checker);
   check_meaning(robot, policy, checker);

@@ -46,6 +46,9 @@ std::expected<RobotConfig, std::string> robot_of(Node root, const std::string& n
 
   seal(robot);
   if (robot.policy) robot.policy->file = absolute_path(robot.policy->file, robot.file);
+  if (robot.policy && robot.policy->engine)
+    for (std::string* const path : {&robot.policy->engine->name, &robot.policy->engine->library})
+      if (path->contains('/')) *path = absolute_path(*path, robot.file);
   for (Fallback& fallback : robot.fallbacks)
     if (fallback.has_own_file()) fallback.file = absolute_path(fallback.file, robot.file);
   if (robot.simulation && robot.simulation->mujoco)

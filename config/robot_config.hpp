@@ -253,8 +253,23 @@ struct Speculation {
   double velocity = 0;  // rad/s
 };
 
+// What runs the policy's file, and how (docs/policies.md). A plugin's path and the library's are absolute after load.
+struct TensorShape {
+  std::string tensor;
+  std::vector<double> shape;  // whole numbers, at least 1
+};
+struct Engine {
+  std::string name = "auto";  // auto, builtin, onnxruntime, torchscript, or a plugin's path: with a slash
+  std::uint32_t threads = 1;  // of one inference
+  std::string provider = "cpu";
+  std::string library;  // "": the engine's own choice
+  Duration load_within = seconds(60);
+  std::vector<TensorShape> shapes;
+};
+
 struct Policy {
-  std::string file;  // absolute after load
+  std::string file;              // absolute after load
+  std::optional<Engine> engine;  // absent: as Engine says
   Duration period;
   Duration step_period;
   std::uint32_t steps = 0;

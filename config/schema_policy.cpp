@@ -24,6 +24,9 @@ constexpr std::array<std::string_view, 4> kRosTypes{"sensor_msgs/msg/Image", "se
                                                     "sensor_msgs/msg/JointState", "geometry_msgs/msg/Twist"};
 constexpr std::array<std::string_view, 5> kRosEncodings{"mono8", "rgb8", "bgr8", "rgba8", "bgra8"};
 constexpr std::array<std::string_view, 3> kRosQuantities{"position", "velocity", "effort"};
+constexpr std::array<std::string_view, 3> kProviders{"cpu", "cuda", "tensorrt"};
+constexpr std::int64_t kMostEngineThreads = 64;
+constexpr std::size_t kMaxTensorShapes = 16;
 constexpr std::size_t kMaxTerms = 32;
 constexpr std::size_t kMaxSensors = 16;
 constexpr std::size_t kMostSamples = 64;
@@ -203,6 +206,29 @@ void describe_speculation(Fields& fields, Speculation& speculation) {
                   Dimension::angular_velocity, above(0, 100));
 }
 
+void describe_engine(Fields& fields, Engine& engine) {
+  fields.text({"name",
+               "builtin, onnxruntime, torchscript, the path of a plugin (with a slash; docs/own-engine.md), or auto: "
+               "torchscript for a .pt file, for an ONNX file builtin where it is the quicker one, else onnxruntime",
+               "auto"},
+              engine.name);
+  fields.integer({"threads", "of one inference", "1"}, engine.threads, 1, kMostEngineThreads);
+  fields.one_of({"provider", "what it computes on; cuda and tensorrt need a library that has them", "cpu"},
+                engine.provider, kProviders, "provider");
+  std::string library = engine.library.empty() ? "none" : engine.library;
+  fields.text({"library", "onnxruntime: its libonnxruntime.so; none: the one that the dynamic linker finds", "none"},
+              library);
+  engine.library = library == "none" ? "" : library;
+  fields.duration({"load_within", "a plugin that takes longer to load is refused", "60 s"}, engine.load_within,
+                  milliseconds(100), seconds(3600));
+  fields.each(
+      {"shapes", "of inputs whose shape the file does not say (torchscript)", "[]"}, engine.shapes, kMaxTensorShapes,
+      [](Fields& f, TensorShape& shape) {
+        f.text({"tensor", "name of the input"}, shape.tensor);
+        f.quantities({"shape", "its dimensions"}, shape.shape, Dimension::none, between(1, 1e6), {.low = 1, .high = 8});
+      });
+}
+
 void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& robot) {
   const auto joints = joint_names(robot);
   std::vector<std::string_view> sensors;
@@ -216,6 +242,11 @@ void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& 
   fields.integer({"steps", "steps of an action chunk", "1"}, policy.steps, 1, kMaxChunkSteps);
   fields.text({"input", "name of the model's input", "obs"}, policy.input);
   fields.text({"output", "name of the model's output", "actions"}, policy.output);
+  bool has_engine = policy.engine.has_value();
+  fields.optional_section({"engine", "what runs the file, and how (docs/policies.md)"}, has_engine, [&](Fields& f) {
+    if (!policy.engine) policy.engine.emplace();
+    describe_engine(f, *policy.engine);
+  });
   fields.integer({"nice", "niceness of the policy host", "0"}, policy.nice, -20, 19);
   fields.integer({"requests_in_flight",
                   "observations that the policy host answers at a time, each with a network of its own", "1"},

@@ -19,6 +19,7 @@ class OnnxPolicy final : public Policy {
   [[nodiscard]] std::size_t input_size() const override { return input_size_; }
   [[nodiscard]] std::size_t output_size() const override { return output_size_; }
   [[nodiscard]] bool is_recurrent() const override { return !tensors_.states.empty() || tensors_.time_step; }
+  [[nodiscard]] std::string description() const override { return "built-in engine"; }
   [[nodiscard]] bool is_built_in() const override { return true; }
 
   void infer(std::span<const float> input, std::span<float> output) override {
@@ -53,13 +54,19 @@ ModelTensors tensors_of(const onnx_engine::Model& model) {
   return {model.inputs(), model.outputs(), model.lost_states()};
 }
 
+std::expected<std::unique_ptr<Policy>, std::string> make_onnx_policy(onnx_engine::Model model, const std::string& file,
+                                                                     const std::string& input,
+                                                                     const std::string& output) {
+  auto tensors = assign_tensors(tensors_of(model), file, input, output);
+  if (!tensors) return std::unexpected(tensors.error());
+  return std::make_unique<OnnxPolicy>(std::move(model), *std::move(tensors));
+}
+
 std::expected<std::unique_ptr<Policy>, std::string> load_onnx_policy(const std::string& file, const std::string& input,
                                                                      const std::string& output) {
   auto model = onnx_engine::load(file);
   if (!model) return std::unexpected(model.error());
-  auto tensors = assign_tensors(tensors_of(*model), file, input, output);
-  if (!tensors) return std::unexpected(tensors.error());
-  return std::make_unique<OnnxPolicy>(*std::move(model), *std::move(tensors));
+  return make_onnx_policy(*std::move(model), file, input, output);
 }
 
 std::expected<std::unique_ptr<Policy>, std::string> load_robot_policy(const config::RobotConfig& robot) {

@@ -17,10 +17,14 @@ namespace takt::policy_host {
 
 ModelTensors tensors_of(const onnx_engine::Model& model);
 
-// `input` and `output` as assign_tensors() takes them.
+// `input` and `output` as assign_tensors() takes them; `file` stands in the error.
+std::expected<std::unique_ptr<Policy>, std::string> make_onnx_policy(onnx_engine::Model model, const std::string& file,
+                                                                     const std::string& input,
+                                                                     const std::string& output);
 std::expected<std::unique_ptr<Policy>, std::string> load_onnx_policy(const std::string& file, const std::string& input,
                                                                      const std::string& output);
-// The robot's own: the network in policy.file, and the sampler around it where there is one (policy_host/flow).
+// The robot's own by this engine, whatever policy.engine says (`takt policy replay`): the network in policy.file, and
+// the sampler around it where there is one (policy_host/flow).
 // Precondition: robot.policy.
 std::expected<std::unique_ptr<Policy>, std::string> load_robot_policy(const config::RobotConfig& robot);
 

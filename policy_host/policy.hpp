@@ -7,6 +7,7 @@
 
 #include <cstddef>
 #include <span>
+#include <string>
 
 namespace takt::policy_host {
 
@@ -25,6 +26,8 @@ class Policy {
   virtual void reset() = 0;
   // False: what infer() says follows from its input alone, so that several of these may answer in turn.
   [[nodiscard]] virtual bool is_recurrent() const { return true; }
+  // What runs it, for the log: "ONNX Runtime 1.30.0, cpu, 1 thread".
+  [[nodiscard]] virtual std::string description() const { return "an engine"; }
   // True of the built-in engine alone: `takt policy replay` runs it again and expects the same bits.
   [[nodiscard]] virtual bool is_built_in() const { return false; }
 };

@@ -46,13 +46,11 @@ constexpr std::array kStateEndings{Ending{"_in", "_out"}, Ending{".in", ".out"},
 // The output that feeds a state input: by its name, and of the same shape.
 std::optional<PolicyTensors::State> pair_state(const ModelTensors& model, std::size_t input) {
   const TensorInfo& in = model.inputs[input];
-  for (const Ending& ending : kStateEndings) {
-    if (!in.name.ends_with(ending.input)) continue;
-    const std::string stem = in.name.substr(0, in.name.size() - ending.input.size());
-    const auto output = find(model.outputs, stem + std::string(ending.output));
-    if (output && model.outputs[*output].shape == in.shape) return PolicyTensors::State{input, *output};
-  }
-  return std::nullopt;
+  const std::string next = name_of_next_state(in.name);
+  if (next.empty()) return std::nullopt;
+  const auto output = find(model.outputs, next);
+  if (!output || model.outputs[*output].shape != in.shape) return std::nullopt;
+  return PolicyTensors::State{input, *output};
 }
 
 bool is_time_step(const ModelTensors& model, std::size_t input) {
@@ -92,6 +90,13 @@ std::expected<std::size_t, std::string> find_actions(const ModelTensors& model, 
 }
 
 }  // namespace
+
+std::string name_of_next_state(std::string_view input) {
+  for (const Ending& ending : kStateEndings)
+    if (input.ends_with(ending.input))
+      return std::string(input.substr(0, input.size() - ending.input.size())) + std::string(ending.output);
+  return {};
+}
 
 std::expected<PolicyTensors, std::string> assign_tensors(const ModelTensors& model, const std::string& file,
                                                          const std::string& input, const std::string& output) {

@@ -14,6 +14,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "policy_host/onnx/model.hpp"
@@ -38,6 +39,9 @@ struct PolicyTensors {
   std::optional<std::size_t> time_step;
   std::size_t actions = 0;
 };
+
+// The name of the output that feeds this input, if it is hidden state by its name; "": it is not.
+std::string name_of_next_state(std::string_view input);
 
 // `input`: names of the tensors that carry the observation, separated by commas; "": all inputs that nothing else
 // feeds. `output`: name of the one that carries the actions; "": the first that feeds no state. `file` stands in the

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <atomic>
@@ -10,6 +11,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <exception>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -22,14 +24,29 @@
 #include "policy_host/host.hpp"
 #include "policy_host/host_faults.hpp"
 #include "policy_host/policy_fit.hpp"
+#include "policy_host/processor_fence.hpp"
 
 namespace takt::policy_host {
 namespace {
 
 constexpr int kExitUsage = 64;
+constexpr int kExitInternal = 70;
 
 std::atomic<bool> g_stop = false;
 static_assert(std::atomic<bool>::is_always_lock_free);
+
+// An exception that leaves an engine, on whichever thread.
+[[noreturn]] void end_for_exception() {
+  try {
+    if (const auto thrown = std::current_exception()) std::rethrow_exception(thrown);
+    fmt::print(stderr, "takt-policy-host: ended itself\n");
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "takt-policy-host: the engine failed: {}\n", error.what());
+  } catch (...) {
+    fmt::print(stderr, "takt-policy-host: the engine failed\n");
+  }
+  _exit(kExitInternal);
+}
 
 void stop_on_signals() {
   struct sigaction action {};
@@ -47,6 +64,21 @@ void be_nice(int level) {
   if (setpriority(PRIO_PROCESS, 0, level) != 0) {
     spdlog::warn("policy.nice {} was not granted: {}; the host runs at the default level", level, std::strerror(errno));
   }
+}
+
+std::string text_of(Fence fence, std::optional<int> cpu) {
+  switch (fence) {
+    case Fence::none:
+      return "no processor is the executive's alone";
+    case Fence::by_mask:
+      return fmt::format(
+          "kept off processor {} by its mask; this kernel takes no seccomp filter, so that a library "
+          "could come back",
+          *cpu);
+    case Fence::by_kernel:
+      return fmt::format("kept off processor {} by the kernel", *cpu);
+  }
+  return "";
 }
 
 struct Options {
@@ -77,6 +109,10 @@ int serve(const Options& options, std::vector<HostFaultWindow> faults, const Loa
   const config::Policy& section = *robot->policy;
   const auto hash = config::policy_hash(section.file);
   if (!hash) return refuse(hash.error());
+  const auto fence = keep_off_processor(robot->control.cpu);
+  if (!fence) return refuse(fence.error());
+  limit_thread_pools(section.engine.value_or(config::Engine{}).threads);
+  const std::size_t own_threads = thread_count();
   std::vector<std::unique_ptr<Policy>> policies;
   std::vector<Policy*> engines;
   for (std::uint32_t i = 0; i < section.requests_in_flight; ++i) {
@@ -85,12 +121,15 @@ int serve(const Options& options, std::vector<HostFaultWindow> faults, const Loa
     if (const auto fits = check_fit(*robot, **policy); !fits) return refuse(fits.error());
     engines.push_back(policies.emplace_back(std::move(*policy)).get());
   }
+  if (const auto kept = check_fence(robot->control.cpu, *fence); !kept) return refuse(kept.error());
 
   const std::string directory =
       options.runtime_directory.empty() ? config::default_runtime_directory(robot->robot) : options.runtime_directory;
   be_nice(section.nice);
   spdlog::info("policy {} ({:016x}) for robot {}: {} values in, {} steps of {} out", section.file, *hash, robot->robot,
                engines.front()->input_size(), section.steps, config::outputs_per_step(*robot));
+  spdlog::info("engine: {}; {} threads of its own; {}", engines.front()->description(), thread_count() - own_threads,
+               text_of(*fence, robot->control.cpu));
   for (const std::string& fault : options.faults) spdlog::warn("does wrong on request: {}", fault);
   HostFaults wrong(std::move(faults), options.fault_seed);
   Host(*robot, directory, *hash, engines, std::move(wrong), options.role()).run(g_stop);
@@ -117,7 +156,8 @@ int run_policy_host(int argc, char** argv, const LoadPolicy& load) {
   app.add_option("--fault-seed", options.fault_seed, "what its chances are drawn from");
   app.footer("Example: " + std::filesystem::path(argv[0]).filename().string() +
              " --robot config/arm6.yaml --runtime-dir /run/takt/arm6\n"
-             "Exit codes: 0 ended by a signal, 64 usage, 65 configuration or policy refused.");
+             "Exit codes: 0 ended by a signal, 64 usage, 65 configuration or policy refused, 70 the engine "
+             "failed.");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -133,6 +173,7 @@ int run_policy_host(int argc, char** argv, const LoadPolicy& load) {
                      : role == Role::fallback_policy ? "fallback-host"
                                                      : "policy-host");
   stop_on_signals();
+  std::set_terminate(end_for_exception);
   return serve(options, std::move(*faults), load);
 }
 

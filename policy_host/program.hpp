@@ -1,6 +1,4 @@
-// A policy host with an inference engine of your own: everything that takt-policy-host does, behind one function.
-//
-//   int main(int argc, char** argv) { return takt::policy_host::run_policy_host(argc, argv, load_my_engine); }
+// The policy host around any engine: everything that takt-policy-host does, behind one function.
 //
 // It reads the robot file, builds observations, paces itself by them, takes samples of outside sensors, stamps every
 // stage, publishes action chunks and attaches again whenever the executive restarts. The engine sees numbers only
@@ -32,10 +30,11 @@ using LoadPolicy = std::function<std::expected<std::unique_ptr<Policy>, std::str
 
 // The whole program: command line, refusals on stderr, signals; see its --help. Returns the exit code: 0 ended by
 // SIGINT or SIGTERM (or --help), 64 usage, 65 configuration or policy refused.
-// Errors: an exception that leaves the engine ends the process; the executive then degrades and stops the robot.
+// Errors: an exception that leaves the engine ends the process with one line and 70; the executive then degrades and
+// stops the robot.
 // Thread rule: once per process, on the main thread, which is also the one that loads, infers and destroys the engine;
 // with policy.requests_in_flight above 1 each engine infers in a thread of its own.
-// Threads that the engine starts are its own affair.
+// Threads that the engine starts are kept off the executive's processor (processor_fence.hpp).
 int run_policy_host(int argc, char** argv, const LoadPolicy& load);
 
 }  // namespace takt::policy_host

@@ -11,10 +11,10 @@
 #include "cli/command.hpp"
 #include "config/document.hpp"
 #include "config/load.hpp"
+#include "policy_host/engines/load_policy.hpp"
 #include "policy_host/exporter_metadata.hpp"
 #include "policy_host/leapp/leapp_bundle.hpp"
 #include "policy_host/onnx/model.hpp"
-#include "policy_host/onnx_policy.hpp"
 #include "policy_host/policy_fit.hpp"
 #include "policy_host/policy_trial.hpp"
 
@@ -125,6 +125,25 @@ std::expected<config::RobotConfig, Refusal> load_policys_robot(const PolicyCheck
   return *std::move(robot);
 }
 
+// The policy by the robot file's engine, as the policy host would have it.
+std::expected<std::unique_ptr<policy_host::Policy>, Refusal> load_for_robot(const config::RobotConfig& robot) {
+  auto policy = policy_host::load_policy(robot);
+  if (!policy) return std::unexpected(policy_refused(policy.error()));
+  if (const auto fits = policy_host::check_fit(robot, **policy); !fits)
+    return std::unexpected(policy_refused(fits.error()));
+  return std::move(*policy);
+}
+
+nlohmann::json fit_json(const config::RobotConfig& robot, const policy_host::Policy& policy) {
+  return {{"name", robot.robot}, {"values_in", policy.input_size()}, {"values_out", policy.output_size()}};
+}
+
+// True of a file that only a plugin reads, or that the robot file gives to one.
+bool is_a_plugins(const config::RobotConfig& robot) {
+  const std::string engine = robot.policy->engine.value_or(config::Engine{}).name;
+  return std::filesystem::path(robot.policy->file).extension() == ".pt" || (engine != "auto" && engine != "builtin");
+}
+
 std::expected<nlohmann::json, Refusal> examine_policy(const PolicyCheckOptions& options) {
   std::optional<config::RobotConfig> robot;
   if (!options.robot.empty()) {
@@ -135,21 +154,31 @@ std::expected<nlohmann::json, Refusal> examine_policy(const PolicyCheckOptions& 
   const std::string input = robot ? robot->policy->input : "";
   const std::string output = robot ? robot->policy->output : "";
   const auto trial = PolicyTrial::load(options.file, input, output);
+  if (!trial && robot && is_a_plugins(*robot)) {
+    const auto policy = load_for_robot(*robot);
+    if (!policy) return std::unexpected(policy.error());
+    return nlohmann::json{{"file", options.file},
+                          {"engine", (*policy)->description()},
+                          {"not_by_builtin", trial.error()},
+                          {"robot", fit_json(*robot, **policy)}};
+  }
   if (!trial) return std::unexpected(policy_refused(trial.error()));
   nlohmann::json about = policy_json(options.file, *trial);
+  about["matrix_work"] = trial->model().matrix_work();
+  about["engine"] = policy_host::is_quicker_elsewhere(trial->model())
+                        ? "onnxruntime: " + policy_host::matrix_work_text(trial->model())
+                        : "builtin";
   const auto metadata = policy_host::read_exporter_metadata(trial->model().metadata());
   if (!metadata) return std::unexpected(policy_refused(options.file + ": " + metadata.error()));
   about["rounded_to_3_decimals"] = metadata->rounded;
   if (!robot) return about;
-  const auto policy = policy_host::load_onnx_policy(options.file, input, output);
-  if (!policy) return std::unexpected(policy_refused(policy.error()));
-  if (const auto fits = policy_host::check_fit(*robot, **policy); !fits)
-    return std::unexpected(policy_refused(fits.error()));
+  const auto policy = load_for_robot(*robot);
+  if (!policy) return std::unexpected(policy.error());
+  about["engine"] = (*policy)->description();
   const auto differences = policy_host::compare_metadata(*metadata, *robot);
   if (!differences) return std::unexpected(policy_refused(differences.error()));
   about["differences"] = *differences;
-  about["robot"] = {
-      {"name", robot->robot}, {"values_in", (*policy)->input_size()}, {"values_out", (*policy)->output_size()}};
+  about["robot"] = fit_json(*robot, **policy);
   return about;
 }
 
@@ -232,10 +261,14 @@ int check_policy(const PolicyCheckOptions& options) {
     fmt::print("{}\n", all.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
     return kExitOk;
   }
-  fmt::print("{}: runs on the built-in engine\n", options.file);
-  print_policy(*about);
+  const bool looked_into = !about->contains("not_by_builtin");
+  fmt::print("{}: {}\n", options.file,
+             looked_into ? "runs on the built-in engine" : "runs by a plugin, which does not look into it");
+  print_line("engine", (*about)["engine"].get<std::string>());
+  if (looked_into) print_policy(*about);
   if (about->contains("robot")) {
-    for (const auto& difference : (*about)["differences"]) print_line("differs", difference.get<std::string>());
+    if (looked_into)
+      for (const auto& difference : (*about)["differences"]) print_line("differs", difference.get<std::string>());
     const auto& robot = (*about)["robot"];
     print_line("fits", fmt::format("{}: {} values in, {} out", robot["name"].get<std::string>(),
                                    robot["values_in"].get<std::size_t>(), robot["values_out"].get<std::size_t>()));
@@ -249,7 +282,7 @@ void add_policy_check(CLI::App& policy, int& exit_code) {
   CLI::App* command = policy.add_subcommand(
       "check", "Say what an ONNX policy or a LEAPP bundle is, and whether a policy fits a robot.");
   auto options = std::make_shared<PolicyCheckOptions>();
-  command->add_option("FILE", options->file, "ONNX file, or the YAML of a LEAPP bundle (alone)")->required();
+  command->add_option("FILE", options->file, "policy file, or the YAML of a LEAPP bundle (alone)")->required();
   command->add_option("--robot", options->robot, "robot file whose terms, actions and tensor names it must fit");
   command->add_flag("--json", options->json, "one line of JSON");
   command->footer(

@@ -252,7 +252,7 @@ void add_policy_shadow(CLI::App& policy, int& exit_code) {
       ->check(CLI::ExistingFile);
   command
       ->add_option("--policy-host", options->policy_host,
-                   "program to start instead of takt-policy-host: a policy in Python, or an engine of its own")
+                   "program to start instead of takt-policy-host: a policy in Python or C")
       ->check(CLI::ExistingFile);
   command->footer(
       "Example: takt policy shadow new_policy.onnx\n"

@@ -132,7 +132,7 @@ void add_run(CLI::App& app, int& exit_code) {
                    "a further option of the policy host, such as --policy=--fault='3 s for 1 s: publish_delay 100 ms'")
       ->allow_extra_args(false);
   command->add_option("--policy-host", given->policy_host,
-                      "program to start instead of takt-policy-host, with an engine of its own (docs/own-engine.md)");
+                      "program to start instead of takt-policy-host: a policy in Python or C (docs/python-policy.md)");
   command->add_flag("--to-the-end", given->to_the_end, "for the whole --duration, even if the robot rests before");
   command->add_flag("--arm", given->arm, "arm as soon as nothing is missing");
   command

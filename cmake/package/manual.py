@@ -14,8 +14,8 @@ import re
 import subprocess
 import sys
 
-PROGRAMS = ("takt", "takt-executive", "takt-policy-host", "takt-policy-host-onnxruntime", "takt-plant", "takt-monitor", "takt-imu",
-            "takt-ros-sensors", "takt-policy-bridge", "takt-policy-server")
+PROGRAMS = ("takt", "takt-executive", "takt-policy-host", "takt-plant", "takt-monitor", "takt-imu", "takt-ros-sensors",
+            "takt-policy-bridge", "takt-policy-server")
 COLUMN = 30  # CLI11's
 SECTIONS = ("Positionals:", "Options:", "Subcommands:")
 

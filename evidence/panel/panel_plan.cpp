@@ -14,7 +14,7 @@
 #include "evidence/artifact/confusion.hpp"
 #include "evidence/judge/post_mortem.hpp"
 #include "monitor/judge/fault_classifier.hpp"
-#include "policy_host/onnx_policy.hpp"
+#include "policy_host/engines/load_policy.hpp"
 #include "policy_host/policy_fit.hpp"
 #include "takt_source_hash.hpp"
 #include "takt_version.hpp"
@@ -55,7 +55,7 @@ std::expected<Contestant, std::string> make_contestant(const config::RobotConfig
   const config::Policy& section = *made.robot.policy;
   auto sha256 = sha256_of_file(section.file);
   if (!sha256) return std::unexpected(sha256.error());
-  auto policy = policy_host::load_robot_policy(made.robot);
+  auto policy = policy_host::load_policy(made.robot);
   if (!policy) return std::unexpected(policy.error());
   if (const auto fits = policy_host::check_fit(made.robot, **policy); !fits) return std::unexpected(fits.error());
   made.policy = std::move(*policy);

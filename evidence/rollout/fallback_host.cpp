@@ -4,7 +4,7 @@
 
 #include "config/load.hpp"
 #include "config/observation_shape.hpp"
-#include "policy_host/onnx_policy.hpp"
+#include "policy_host/engines/load_policy.hpp"
 #include "policy_host/policy_fit.hpp"
 
 namespace takt::panel {
@@ -17,7 +17,7 @@ std::expected<std::unique_ptr<FallbackHost>, std::string> load_fallback_host(con
   const config::Policy& section = *host->robot.policy;
   const auto hash = config::policy_hash(section.file);
   if (!hash) return std::unexpected(hash.error());
-  auto policy = policy_host::load_robot_policy(host->robot);
+  auto policy = policy_host::load_policy(host->robot);
   if (!policy) return std::unexpected(policy.error());
   if (const auto fits = policy_host::check_fit(host->robot, **policy); !fits) return std::unexpected(fits.error());
   host->policy = std::move(*policy);

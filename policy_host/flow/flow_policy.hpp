@@ -48,6 +48,7 @@ class FlowPolicy final : public Policy {
   void infer(std::span<const float> input, std::span<float> output) override;
   void reset() override {}
   [[nodiscard]] bool is_recurrent() const override { return false; }
+  [[nodiscard]] std::string description() const override { return velocity_->description(); }
   [[nodiscard]] bool is_built_in() const override { return velocity_->is_built_in(); }
 
  private:

@@ -59,6 +59,11 @@ class Builder {
   // A recurrent node of one element whose start state no input decides.
   void report_lost_state(std::string node) { program_.lost_states.push_back(std::move(node)); }
 
+  // Multiply-adds of a product whose left factor has several rows.
+  void count_matrix_work(std::size_t rows, std::size_t inner, std::size_t columns) {
+    if (rows > 1) program_.matrix_work += std::uint64_t{rows} * inner * columns;
+  }
+
   // Work for every run.
   template <std::invocable Work>
   void each_run(Work work) {

@@ -101,6 +101,7 @@ void build_conv(Builder& builder, const Node& node) {
                           .bias = bias == nullptr ? nullptr : bias->floats,
                           .patches = builder.allocate(patches),
                           .to = out.floats};
+  builder.count_matrix_work(static_cast<std::size_t>(in.shape[0] * w[0]), inner, window.output_size());
   std::vector<const Value*> sources{&in, &weight};
   if (bias != nullptr) sources.push_back(bias);
   builder.compute(out, sources, [convolution = std::move(convolution)]() noexcept { convolution.run(); });

@@ -87,6 +87,7 @@ void build_gemm(Builder& builder, const Node& node) {
   RightMatrix m{static_cast<std::size_t>(inner), static_cast<std::size_t>(columns), 1, 1};
   (flip_b ? m.column_step : m.row_step) = flip_b ? m.inner : m.columns;
 
+  builder.count_matrix_work(static_cast<std::size_t>(rows), m.inner, m.columns);
   const Value& out = builder.define_floats(node.output(), {rows, columns});
   const float* left = left_operand(builder, a, flip_a);
   const float* packed = packed_operand(builder, b, m);
@@ -129,10 +130,11 @@ void build_matmul(Builder& builder, const Node& node) {
 
   std::optional<Shape> stacked = broadcast_shape(left, right);
   if (!stacked) node.refuse(fmt::format("stacks {} and {} do not broadcast", to_text(left), to_text(right)));
-  Shape shape = *std::move(stacked);
+  Shape shape = *stacked;
   if (a.shape.size() > 1) shape.push_back(rows);
   if (b.shape.size() > 1) shape.push_back(columns);
   const Value& out = builder.define_floats(node.output(), shape);
+  builder.count_matrix_work(elements(*stacked) * static_cast<std::size_t>(rows), m.inner, m.columns);
 
   if (elements(right) != 1) {
     std::optional<Broadcast> plan = plan_broadcast(left, right);

@@ -40,6 +40,10 @@ std::span<const std::string> Model::lost_states() const noexcept {
   return program_->lost_states;
 }
 
+std::uint64_t Model::matrix_work() const noexcept {
+  return program_->matrix_work;
+}
+
 void Model::run() noexcept {
   for (const std::unique_ptr<Step>& step : program_->steps) step->run();
 }

@@ -77,6 +77,9 @@ class Model {
   // The recurrent nodes, described, that forget between runs what they were trained to remember: one element long, and
   // with a start state that no input decides. Such a network runs, and is wrong from its second step on.
   std::span<const std::string> lost_states() const noexcept;
+  // Multiply-adds of a run that are products of matrices: convolutions, and factors of several rows. What this engine
+  // is slow at: it keeps to one order of rounding, and so to one multiply-add at a time.
+  std::uint64_t matrix_work() const noexcept;
 
  private:
   std::unique_ptr<Program> program_;

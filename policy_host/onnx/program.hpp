@@ -32,6 +32,7 @@ struct Program {
   std::vector<ExternalFile> external_files;
   Metadata metadata;
   std::vector<std::string> lost_states;
+  std::uint64_t matrix_work = 0;
 };
 
 }  // namespace takt::onnx_engine

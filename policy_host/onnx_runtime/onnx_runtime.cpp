@@ -3,8 +3,10 @@
 #include <dlfcn.h>
 #include <fmt/format.h>
 
+#include <array>
 #include <functional>
 #include <numeric>
+#include <string_view>
 #include <utility>
 
 namespace takt::onnx_runtime {
@@ -52,8 +54,16 @@ struct Base {
   const char* (*version)() noexcept;
 };
 
+// Beside the table: libraries that have the provider export it (cuda_provider_factory.h, tensorrt_provider_factory.h).
+struct Provider {
+  std::string_view name;
+  const char* append;
+};
+constexpr std::array kProviders{Provider{"cuda", "OrtSessionOptionsAppendExecutionProvider_CUDA"},
+                                Provider{"tensorrt", "OrtSessionOptionsAppendExecutionProvider_Tensorrt"}};
+
 constexpr std::uint32_t kFirstVersion = 1;
-constexpr int kErrorsOnly = 3;
+constexpr int kFatalOnly = 4;  // what goes wrong is returned too, in one line
 constexpr int kFloat = 1;
 constexpr int kArenaAllocator = 1;
 constexpr int kDefaultMemory = 0;
@@ -79,12 +89,7 @@ class Library {
     const auto function = reinterpret_cast<Status (*)(Parameters...)>(table_[static_cast<std::size_t>(place)]);
     const Status status = function(arguments...);
     if (status == nullptr) return {};
-    const auto message =
-        reinterpret_cast<const char* (*)(Status)>(table_[static_cast<std::size_t>(Place::get_error_message)]);
-    std::string said = message(status);
-    release(Place::release_status, status);
-    for (char& c : said) c = c == '\n' ? ' ' : c;
-    return std::unexpected("ONNX Runtime: " + said);
+    return std::unexpected(take_message(status));
   }
 
   void release(Place place, void* object) const noexcept {
@@ -92,13 +97,19 @@ class Library {
   }
 
   std::expected<void, std::string> set_up(int threads) {
-    auto done = call<int, const char*, void**>(Place::create_env, kErrorsOnly, "takt", &environment);
+    auto done = call<int, const char*, void**>(Place::create_env, kFatalOnly, "takt", &environment);
     if (done) done = call<void**>(Place::create_session_options, &options);
     if (done) done = call<void*, int>(Place::set_intra_op_threads, options, threads);
     if (done) done = call<void*, int>(Place::set_inter_op_threads, options, 1);
     if (done) done = call<int, int, void**>(Place::create_cpu_memory_info, kArenaAllocator, kDefaultMemory, &memory);
     if (done) done = call<void**>(Place::default_allocator, &allocator);
     return done;
+  }
+
+  // `append`: the function of the library that adds the provider to options, by their first device.
+  std::expected<void, std::string> use_provider(void* append) const {
+    const Status status = reinterpret_cast<Status (*)(void*, int)>(append)(options, 0);
+    return status == nullptr ? std::expected<void, std::string>{} : std::unexpected(take_message(status));
   }
 
   std::expected<void*, std::string> open_session(const std::filesystem::path& model) const {
@@ -132,6 +143,15 @@ class Library {
   void* allocator = nullptr;  // the library's own: nobody releases it
 
  private:
+  std::string take_message(Status status) const {
+    const auto message =
+        reinterpret_cast<const char* (*)(Status)>(table_[static_cast<std::size_t>(Place::get_error_message)]);
+    std::string said = message(status);
+    release(Place::release_status, status);
+    for (char& c : said) c = c == '\n' ? ' ' : c;
+    return "ONNX Runtime: " + said;
+  }
+
   std::expected<Tensor, std::string> describe(void* session, std::size_t index, const Listing& places) const {
     Tensor tensor;
     char* name = nullptr;
@@ -226,7 +246,8 @@ OnnxRuntime::OnnxRuntime(std::shared_ptr<Library> library) : library_(std::move(
 OnnxRuntime::OnnxRuntime(OnnxRuntime&&) noexcept = default;
 OnnxRuntime::~OnnxRuntime() = default;
 
-std::expected<OnnxRuntime, std::string> OnnxRuntime::open(const std::filesystem::path& library, int threads) {
+std::expected<OnnxRuntime, std::string> OnnxRuntime::open(const std::filesystem::path& library,
+                                                          const SessionOptions& options) {
   const std::filesystem::path path = library.has_parent_path() ? std::filesystem::absolute(library) : library;
   void* handle = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
   if (handle == nullptr) return std::unexpected(fmt::format("{}: cannot be loaded: {}", library.string(), dlerror()));
@@ -238,7 +259,16 @@ std::expected<OnnxRuntime, std::string> OnnxRuntime::open(const std::filesystem:
     return std::unexpected(fmt::format("{}: is not ONNX Runtime; name its libonnxruntime.so", library.string()));
   }
   auto opened = std::make_shared<Library>(base, table);
-  if (const auto ready = opened->set_up(threads); !ready) return std::unexpected(ready.error());
+  if (const auto ready = opened->set_up(options.threads); !ready) return std::unexpected(ready.error());
+  for (const Provider& provider : kProviders) {
+    if (provider.name != options.provider) continue;
+    void* const append = dlsym(handle, provider.append);
+    const auto used = append == nullptr ? std::expected<void, std::string>(std::unexpected("it was built without"))
+                                        : opened->use_provider(append);
+    if (!used)
+      return std::unexpected(fmt::format("{}: has no provider {} here ({}); take a library that has, or provider: cpu",
+                                         library.string(), provider.name, used.error()));
+  }
   return OnnxRuntime(std::move(opened));
 }
 

@@ -1,4 +1,4 @@
-// ONNX Runtime: an engine for networks beyond small actors (onnx_runtime_policy.hpp), and a second opinion on what the
+// ONNX Runtime: an engine for networks beyond small actors (onnx_runtime_engine.cpp), and a second opinion on what the
 // built-in one computes and how long it takes. A shared library that the reader has, opened at run time. Takt neither
 // links nor ships it.
 //
@@ -26,6 +26,13 @@ struct Tensor {
   std::vector<float> values;
 };
 
+// `threads`: of one inference, the caller's included, at least 1. `provider`: what computes: "cpu", "cuda" or
+// "tensorrt" (on its first device).
+struct SessionOptions {
+  int threads = 1;
+  std::string provider = "cpu";
+};
+
 class Library;
 
 class Session {
@@ -45,9 +52,10 @@ class Session {
 
 class OnnxRuntime {
  public:
-  // `library`: path of libonnxruntime.so, or a bare name that the dynamic linker finds. `threads`: of one inference,
-  // the caller's included, at least 1. The error is one line.
-  static std::expected<OnnxRuntime, std::string> open(const std::filesystem::path& library, int threads = 1);
+  // `library`: path of libonnxruntime.so, or a bare name that the dynamic linker finds. The error is one line; it says
+  // so where the library has no such provider.
+  static std::expected<OnnxRuntime, std::string> open(const std::filesystem::path& library,
+                                                      const SessionOptions& options = {});
   OnnxRuntime(OnnxRuntime&&) noexcept;
   ~OnnxRuntime();
 

@@ -4,7 +4,7 @@
 
 #include "config/load.hpp"
 #include "evidence/rollout/rollout.hpp"
-#include "policy_host/onnx_policy.hpp"
+#include "policy_host/engines/load_policy.hpp"
 #include "policy_host/policy_fit.hpp"
 
 namespace takt::deploy {
@@ -61,7 +61,7 @@ std::expected<std::string, std::string> roll_out(const config::RobotConfig& robo
 std::expected<std::string, std::string> smoke_run(const config::RobotConfig& robot, const std::string& world) {
   if (!robot.policy) return "no policy: nothing to try before the robot itself";
   if (const auto fine = policy_host::check_policy_section(robot); !fine) return std::unexpected(fine.error());
-  const auto policy = policy_host::load_robot_policy(robot);
+  const auto policy = policy_host::load_policy(robot);
   if (!policy) return std::unexpected(policy.error());
   if (const auto fits = policy_host::check_fit(robot, **policy); !fits) return std::unexpected(fits.error());
   if (!robot.simulation) return "the policy loads and fits; no `simulation`, so nothing was run";

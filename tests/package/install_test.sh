@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Goal: the package installs on a bare Debian 12 with its declared dependencies only, starts nothing, runs the demo
-# robot, and leaves nothing but runs when purged; and with takt-dev's declared dependencies the example of a policy host is built
+# robot, and leaves nothing but runs when purged; and with takt-dev's declared dependencies the example of an engine is built
 # there and drives the demo robot. Method: mmdebstrap makes the bare system; in it, apt installs the
 # package, `takt run` runs the packaged robot for some seconds, and the files before and after are compared.
 # Usage: install_test.sh TAKT_DEB TAKT_DEV_DEB, as root, with Debian's mirror in reach. The bare system is kept in the cache for a day.
@@ -61,7 +61,8 @@ left=$(grep -Ev '^./etc/(passwd-|group-|shadow-|gshadow-|\.pwd\.lock)$' <<<"$lef
 [ -d "$root/var/lib/takt/runs/try" ] || fail "purging removed a run"
 
 apt install --no-install-recommends /tmp/takt.deb /tmp/takt-dev.deb
-inside cmake -S /usr/share/doc/takt-dev/examples/own-policy-host -B /tmp/host >"$root/tmp/build.log" 2>&1 &&
-  inside cmake --build /tmp/host >>"$root/tmp/build.log" 2>&1 || { cat "$root/tmp/build.log"; fail "the example does not build"; }
-run_demo /tmp/own --policy-host /tmp/host/own-policy-host
-echo "installed, ran, purged: nothing is left but the run; the example policy host of takt-dev was built, and ran"
+inside gcc -O2 -shared -fPIC -fvisibility=hidden /usr/share/doc/takt-dev/examples/own-engine/home_pose.c -o /tmp/home-pose.so >"$root/tmp/build.log" 2>&1 ||
+  { cat "$root/tmp/build.log"; fail "the example does not build"; }
+inside sed -i 's|^  file: .*onnx.*|&\n  engine: { name: /tmp/home-pose.so }|' /etc/takt/robot/robot.yaml
+run_demo /tmp/own
+echo "installed, ran, purged: nothing is left but the run; the example engine of takt-dev was built, and ran"

@@ -13,8 +13,8 @@ import subprocess
 import sys
 import tempfile
 
-PROGRAMS = ("takt", "takt-executive", "takt-policy-host", "takt-policy-host-onnxruntime", "takt-plant", "takt-monitor", "takt-imu",
-            "takt-ros-sensors", "takt-policy-bridge", "takt-policy-server")
+PROGRAMS = ("takt", "takt-executive", "takt-policy-host", "takt-plant", "takt-monitor", "takt-imu", "takt-ros-sensors",
+            "takt-policy-bridge", "takt-policy-server")
 # Line so far (the last word is being completed) -> must be offered, must not.
 LINES = [
     ("takt pan", {"panel"}, {"plant"}),

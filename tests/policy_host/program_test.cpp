@@ -15,7 +15,6 @@
 
 #include "executive/contract/monotonic_clock.hpp"
 #include "tests/policy_host/fake_server.hpp"
-#include "tests/policy_host/installed_onnx_runtime.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -35,7 +34,7 @@ class Program : public testing::Test {
     std::vector<char*> raw;
     for (std::string& argument : arguments) raw.push_back(argument.data());
     raw.push_back(nullptr);
-    execv(program_, raw.data());
+    execv(TAKT_POLICY_HOST, raw.data());
     _exit(127);
   }
   static int wait_for(pid_t pid) {
@@ -61,7 +60,6 @@ class Program : public testing::Test {
     return said;
   }
 
-  const char* program_ = TAKT_POLICY_HOST;
   TemporaryDirectory directory_;
   std::string said_ = directory_.path("said");
 };
@@ -113,40 +111,6 @@ TEST_F(Program, EndsOnSigtermWithSeveralRequestsInFlight) {
     sleep_until(monotonic_now() + milliseconds(5));
   kill(pid, SIGTERM);
   EXPECT_EQ(wait_for(pid), 0) << text_of(said_);
-}
-
-// Goal: the host that runs ONNX Runtime says what is missing before it attaches, and waits for the executive like the
-// other where nothing is. Method: environments that name no library, none that is one, and, where it is installed, the
-// real one.
-TEST_F(Program, OnnxRuntimesHostNamesWhatIsMissing) {
-  program_ = TAKT_ONNX_RUNTIME_HOST;
-  std::filesystem::copy("config/arm6_reach.onnx", directory_.path("arm6_reach.onnx"));
-  std::ofstream(directory_.path("robot.yaml")) << text_of("config/arm6.yaml");
-  setenv("TAKT_ONNXRUNTIME", "/nowhere/libonnxruntime.so", 1);
-  EXPECT_NE(refusal_of(directory_.path("robot.yaml")).find("/nowhere/libonnxruntime.so: cannot be loaded"),
-            std::string::npos);
-  setenv("TAKT_ONNXRUNTIME", "libc.so.6", 1);
-  EXPECT_NE(refusal_of(directory_.path("robot.yaml")).find("libc.so.6: is not ONNX Runtime"), std::string::npos);
-  setenv("TAKT_ONNXRUNTIME_THREADS", "many", 1);
-  EXPECT_NE(refusal_of(directory_.path("robot.yaml")).find("`many` is no number of threads: say 1 to 64"),
-            std::string::npos);
-  unsetenv("TAKT_ONNXRUNTIME_THREADS");
-  unsetenv("TAKT_ONNXRUNTIME");
-}
-
-TEST_F(Program, OnnxRuntimesHostWaitsForTheExecutive) {
-  const auto library = installed_onnx_runtime();
-  if (!library) GTEST_SKIP() << "NOT TESTED: ONNX Runtime is not installed (./dev test installs it)";
-  program_ = TAKT_ONNX_RUNTIME_HOST;
-  setenv("TAKT_ONNXRUNTIME", std::filesystem::absolute(*library).c_str(), 1);
-  const pid_t pid = start({"--robot", "config/arm6.yaml", "--runtime-dir", directory_.path()});
-  unsetenv("TAKT_ONNXRUNTIME");
-  const MonoTime give_up = monotonic_now() + seconds(30);
-  while (text_of(said_).find("waiting for the executive") == std::string::npos && monotonic_now() < give_up)
-    sleep_until(monotonic_now() + milliseconds(10));
-  kill(pid, SIGTERM);
-  EXPECT_EQ(wait_for(pid), 0) << text_of(said_);
-  EXPECT_NE(text_of(said_).find("24 values in, 16 steps of 6 out"), std::string::npos) << text_of(said_);
 }
 
 }  // namespace

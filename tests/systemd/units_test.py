@@ -43,12 +43,12 @@ def copy_units(source, folder, bin_dir):
             (folder / unit.name).write_text(text.replace("/usr/lib/takt/irq-affinity", str(source / "irq-affinity")))
 
 
-def add_documented_drop_in(page, folder, bin_dir):
+def add_documented_drop_in(page, folder):
     """`verify` reads it with the unit that it changes."""
     text = re.search(r"```ini\n(.*?)```", page.read_text(), re.S)[1]
     drop_in = folder / "takt-policy-host@robot.service.d"
     drop_in.mkdir()
-    (drop_in / "override.conf").write_text(text.replace("/usr/local/bin/own-policy-host", f"{bin_dir}/takt-policy-host"))
+    (drop_in / "override.conf").write_text(text)
 
 
 def instance(name):
@@ -97,7 +97,7 @@ def main():
     problems = []
     with tempfile.TemporaryDirectory(prefix="takt-units.") as folder:
         copy_units(source, pathlib.Path(folder), bin_dir)
-        add_documented_drop_in(source.parent / "docs/own-engine.md", pathlib.Path(folder), bin_dir)
+        add_documented_drop_in(source.parent / "docs/own-engine.md", pathlib.Path(folder))
         problems += verify(pathlib.Path(folder))
     for unit in units:
         problems += exposure(unit) + unknown_options(unit, bin_dir)

@@ -1,0 +1,68 @@
+/* An engine that does what TAKT_ODD_ENGINE says, wrong in one way each; unset: sums its inputs, as a good one would. */
+#define _GNU_SOURCE
+#include <pthread.h>
+#include <sched.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "policy_host/takt/engine.h"
+
+static int told(const char* what) {
+  const char* const said = getenv("TAKT_ODD_ENGINE");
+  return said != NULL && strcmp(said, what) == 0;
+}
+
+static float in[4096], out[4096];
+static struct takt_engine_tensor input = {"obs", 2, {1, 0}, in}, output = {"actions", 2, {1, 0}, out};
+static struct takt_engine_network network = {sizeof network, 0, "odd", &input, 1, &output, 1};
+
+/* Wants every processor, as a library does that spreads its pool by itself. */
+static void* spread(void* unused) {
+  cpu_set_t all;
+  memset(&all, 0xff, sizeof all);
+  const int refused = sched_setaffinity(0, sizeof all, &all);
+  fprintf(stderr, "odd engine's thread: sched_setaffinity %s\n", refused ? "refused" : "done");
+  for (;;) pause();
+  return unused;
+}
+
+static struct takt_engine_network* open_network(const struct takt_engine_setup* setup, char* error, size_t error_size) {
+  input.shape[1] = (int64_t)setup->observation_values;
+  output.shape[1] = (int64_t)setup->action_values;
+  if (told("refuses")) snprintf(error, error_size, "no room for\nthis network");
+  if (told("refuses") || told("says nothing")) return NULL;
+  if (told("crashes")) raise(SIGSEGV);
+  if (told("aborts")) abort();
+  if (told("ends")) exit(0);
+  if (told("hangs"))
+    for (;;) pause();
+  if (told("other shapes")) ++input.shape[1];
+  if (told("open dimension")) input.shape[1] = -1;
+  if (told("no memory")) output.values = NULL;
+  if (told("spreads")) {
+    pthread_t thread;
+    for (int i = 0; i < 2; ++i) pthread_create(&thread, NULL, spread, NULL);
+  }
+  return &network;
+}
+
+static int infer(struct takt_engine_network* self, char* error, size_t error_size) {
+  (void)self, (void)error, (void)error_size;
+  memset(out, 0, sizeof out);
+  for (int64_t i = 0; i < input.shape[1]; ++i) out[0] += in[i];
+  return 0;
+}
+
+static void reset(struct takt_engine_network* self) {
+  (void)self;
+}
+
+const struct takt_engine_table* takt_engine(void) {
+  static struct takt_engine_table engine = {TAKT_ENGINE_ABI, sizeof engine, open_network, infer, reset, reset};
+  if (told("other version")) engine.abi = TAKT_ENGINE_ABI + 1;
+  if (told("no infer")) engine.infer = NULL;
+  return told("no table") ? NULL : &engine;
+}
