@@ -10,6 +10,7 @@
 // Pure. Thread rule: one thread; no allocation after construction.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -27,6 +28,11 @@ struct FlowContext {
   std::uint64_t observation_id = 0;
   std::size_t promised = 0, known = 0;
   std::span<const float> path;
+
+  // Steps that a chunk is to begin with where it must be exact: the promised ones, and one more where the path has it.
+  // If the answer comes in time, that one is the same step of the same path; if it comes up to a step late, it has been
+  // played.
+  [[nodiscard]] std::size_t kept() const { return promised == 0 ? 0 : std::min(promised + 1, known); }
 
   // Precondition: as written by FlowMemory::show(), at least kCounts values.
   static FlowContext read(std::span<const float> values);

@@ -66,26 +66,27 @@ std::size_t FlowPolicy::input_size() const {
   return shape_.observation + FlowContext::kCounts + output_size();
 }
 
-void FlowPolicy::denoise(std::span<const float> observation, std::size_t promised, std::size_t known,
-                         std::span<const float> path, std::span<float> x) {
-  const std::size_t kept = sampler_.prefix == PrefixUse::trained ? promised * shape_.outputs : 0;
-  const bool guided = sampler_.prefix == PrefixUse::guided && known > 0;
+void FlowPolicy::denoise(std::span<const float> observation, const FlowContext& context, std::span<float> x) {
+  const std::size_t kept_steps = sampler_.prefix == PrefixUse::trained ? context.kept() : 0;
+  const std::size_t kept = kept_steps * shape_.outputs;
+  const bool guided = sampler_.prefix == PrefixUse::guided && context.known > 0;
   std::ranges::copy(observation, shown_.begin());
   const std::span<float> x_shown = std::span(shown_).subspan(shape_.observation, x.size());
   const std::span<float> times = std::span(shown_).last(times_);
   for (std::uint32_t i = 0; i < sampler_.steps; ++i) {
     const double t = static_cast<double>(i) / sampler_.steps;
-    std::ranges::copy(path.first(kept), x.begin());
+    std::ranges::copy(context.path.first(kept), x.begin());
     std::ranges::copy(x, x_shown.begin());
     std::ranges::fill(times, static_cast<float>(t));
-    if (kept > 0) std::ranges::fill(times.first(promised), 1.0F);
+    if (kept > 0) std::ranges::fill(times.first(kept_steps), 1.0F);
     velocity_->infer(shown_, v_);
     const double scale = guided ? guidance_scale(t, sampler_.limit) : 0.0;
     for (std::size_t value = kept; value < x.size(); ++value) {
       double v = static_cast<double>(v_[value]);
       if (guided) {
-        const double weight = prefix_weight(sampler_.schedule, value / shape_.outputs, promised, known);
-        v += scale * weight * (static_cast<double>(path[value]) - (static_cast<double>(x[value]) + (1.0 - t) * v));
+        const double weight = prefix_weight(sampler_.schedule, value / shape_.outputs, context.promised, context.known);
+        const double ahead = static_cast<double>(x[value]) + (1.0 - t) * v;
+        v += scale * weight * (static_cast<double>(context.path[value]) - ahead);
       }
       x[value] += static_cast<float>(v / sampler_.steps);
     }
@@ -96,7 +97,7 @@ void FlowPolicy::sample(std::span<const float> input, std::size_t number, std::s
   const FlowContext context = FlowContext::read(input.subspan(shape_.observation));
   Noise noise(sampler_.seed, context.observation_id, number);
   std::ranges::generate(x, [&] { return noise.next(); });
-  denoise(input.first(shape_.observation), context.promised, context.known, context.path, x);
+  denoise(input.first(shape_.observation), context, x);
 }
 
 double FlowPolicy::distance(std::span<const float> path, std::size_t known, std::span<const float> x) const {

@@ -5,12 +5,12 @@
 // output: steps * outputs values. With choice `agreed` steps beyond those that are meant are NaN (meant_steps())
 //
 //   prefix none     every sample for itself
-//   prefix guided   drawn towards the path (prefix_guidance.hpp), by v' = v + scale * weight * (path - (x + (1 - t)
-//   v)):
-//                   the promised steps wholly, those that the path does not have at all
-//   prefix trained  the promised steps stand in x as they are, at time 1, in every step of denoising: for a network
-//   with
-//                   one time per step that was trained so (arXiv 2512.05964)
+//   prefix guided   drawn towards the path (prefix_guidance.hpp), the promised steps wholly, those that the path does
+//   not
+//                   have at all: v' = v + scale * weight * (path - (x + (1 - t) v))
+//   prefix trained  the promised steps and one more (FlowContext::kept) stand in x as they are, at time 1, in every
+//   step
+//                   of denoising: for a network with one time per step, trained so (arXiv 2512.05964)
 //   coherent        of several samples the nearest to the path: sum over its steps of exp(-decay i) |a - path|, as the
 //                   backward coherence of bidirectional decoding; its forward contrast needs a weaker policy and is
 //                   left out
@@ -29,6 +29,7 @@
 #include <vector>
 
 #include "config/robot_config.hpp"
+#include "policy_host/flow/flow_context.hpp"
 #include "policy_host/policy.hpp"
 
 namespace takt::policy_host {
@@ -53,8 +54,7 @@ class FlowPolicy final : public Policy {
 
  private:
   void sample(std::span<const float> input, std::size_t number, std::span<float> x);
-  void denoise(std::span<const float> observation, std::size_t promised, std::size_t known, std::span<const float> path,
-               std::span<float> x);
+  void denoise(std::span<const float> observation, const FlowContext& context, std::span<float> x);
   [[nodiscard]] double distance(std::span<const float> path, std::size_t known, std::span<const float> x) const;
 
   std::unique_ptr<Policy> velocity_;

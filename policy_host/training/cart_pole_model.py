@@ -89,7 +89,7 @@ def load(path):
         observer=si(cart["observer_bandwidth"]), reach=si(simulation["target"]["reach"]),
         policy={"period": si(policy["period"]), "step_period": si(policy["step_period"]), "steps": int(policy["steps"]),
                 "input": policy["input"], "output": policy["output"], "file": policy["file"],
-                "scales": [scale for _, _, scale in terms]},
+                "scales": [scale for _, _, scale in terms], "scale": float(policy["action"]["scale"])},
         camera=camera, facts=facts_of(joints, policy, terms, machine, camera, simulation["target"]))
 
 

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <iterator>
@@ -12,6 +13,7 @@
 #include <vector>
 
 #include "config/load.hpp"
+#include "policy_host/flow/flow_policy.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "policy_host/policy_fit.hpp"
 
@@ -89,24 +91,34 @@ std::vector<std::string> facts(const config::RobotConfig& robot) {
   return lines;
 }
 
-void expect_examples(const config::RobotConfig& robot, const nlohmann::json& report) {
-  ASSERT_TRUE(check_policy_section(robot));
-  auto policy = load_onnx_policy(robot.policy->file, robot.policy->input, robot.policy->output);
-  ASSERT_TRUE(policy) << policy.error();
-  const auto fits = check_fit(robot, **policy);
-  ASSERT_TRUE(fits) << fits.error();
+void expect_examples(Policy& network, const nlohmann::json& report, double tolerance) {
   const auto inputs = report["examples"]["inputs"].get<std::vector<std::vector<float>>>();
   const auto outputs = report["examples"]["outputs"].get<std::vector<std::vector<double>>>();
   ASSERT_GE(inputs.size(), 4U);
   ASSERT_EQ(inputs.size(), outputs.size());
-  std::vector<float> result((*policy)->output_size());
+  std::vector<float> result(network.output_size());
   for (std::size_t example = 0; example < inputs.size(); ++example) {
-    (*policy)->infer(inputs[example], result);
+    ASSERT_EQ(inputs[example].size(), network.input_size());
+    network.infer(inputs[example], result);
     ASSERT_EQ(outputs[example].size(), result.size());
     for (std::size_t i = 0; i < result.size(); ++i) {
-      EXPECT_NEAR(static_cast<double>(result[i]), outputs[example][i], 1e-5) << "example " << example << " value " << i;
+      const double wanted = outputs[example][i];
+      EXPECT_NEAR(static_cast<double>(result[i]), wanted, tolerance * std::max(1.0, std::abs(wanted)))
+          << "example " << example << " value " << i;
     }
   }
+}
+
+void expect_examples(const config::RobotConfig& robot, const nlohmann::json& report) {
+  ASSERT_TRUE(check_policy_section(robot));
+  auto policy = load_robot_policy(robot);
+  ASSERT_TRUE(policy) << policy.error();
+  const auto fits = check_fit(robot, **policy);
+  ASSERT_TRUE(fits) << fits.error();
+  auto network = load_onnx_policy(robot.policy->file, network_input(*robot.policy), robot.policy->output);
+  ASSERT_TRUE(network) << network.error();
+  // A flow's velocity is a difference of two chunks over what is left of the time.
+  expect_examples(**network, report, robot.policy->sampler ? 1e-3 : 1e-5);
 }
 
 // The parameter: a robot file of config/, without its ending.
@@ -258,6 +270,52 @@ TEST_F(BalancerReport, ClaimsABalancingPolicy) {
   for (const char* latency : {"10 ms", "20 ms", "40 ms"})
     EXPECT_EQ(report_["evaluation"][latency]["fell"].get<int>(), 0) << latency;
 }
+
+// Policies that denoise: what make_flow.py read is what the others read, the scale of the outputs, and how far its two
+// ways are apart.
+class FlowReport : public testing::TestWithParam<const char*> {
+ protected:
+  void SetUp() override {
+    const std::string name = std::string("config/") + GetParam();
+    auto robot = config::load(name + ".yaml");
+    ASSERT_TRUE(robot) << robot.error();
+    robot_ = *std::move(robot);
+    ASSERT_NO_THROW(report_ = nlohmann::json::parse(text_of(name + ".training.json")));
+  }
+  config::RobotConfig robot_;
+  nlohmann::json report_;
+};
+
+TEST_P(FlowReport, DescribesThisNetworkAndThisRobot) {
+  EXPECT_EQ(config::sha256_hex(text_of(robot_.policy->file)), report_["onnx_sha256"].get<std::string>());
+  const auto lines = cart_pole_facts(robot_);
+  auto read = report_["configuration"].get<std::vector<std::string>>();
+  ASSERT_EQ(read.size(), lines.size() + 1);
+  EXPECT_EQ(read.back().find("flow" + numbers({robot_.policy->action.scale.front()}) + " "), 0U) << read.back();
+  read.pop_back();
+  EXPECT_EQ(lines, read);
+}
+
+TEST_P(FlowReport, ItsExamplesComeOutOfOurEngine) {
+  expect_examples(robot_, report_);
+}
+
+TEST_P(FlowReport, ClaimsTwoWaysAndToKeepToTheOneThatIsBeingGone) {
+  const auto& ways = report_["evaluation"]["ways"];
+  EXPECT_GT(ways["prefix 0"]["second_way"].get<double>(), 0.3);
+  EXPECT_LT(ways["prefix 0"]["second_way"].get<double>(), 0.7);
+  EXPECT_LT(ways["prefix 0"]["kept_way"].get<double>(), 0.7) << "without a prefix it cannot know";
+  EXPECT_GT(ways["prefix 10"]["kept_way"].get<double>(), 0.95);
+  for (const char* prefix : {"prefix 0", "prefix 10"})
+    EXPECT_LT(ways[prefix]["from_the_nearer"].get<double>(), 0.05 * ways[prefix]["between_the_ways"].get<double>());
+  const auto& loop = report_["evaluation"]["closed_loop"];
+  EXPECT_EQ(loop["delay 0"]["fell"].get<double>(), 0.0);
+  EXPECT_GT(loop["delay 10"]["fell"].get<double>(), 0.5);
+  EXPECT_EQ(loop["delay 10, prefix"]["fell"].get<double>(), 0.0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Robots, FlowReport, testing::Values("cart_pole_flow"),
+                         [](const auto& robot) { return std::string(robot.param); });
 
 TEST_P(TrainingReport, ClaimsATrackingPolicy) {
   const auto& evaluation = report_["evaluation"]["robot_file_target"];

@@ -194,11 +194,11 @@ TEST_F(SamplerResponderTest, WhatContinuesAPrefixThatEndedBeforeIsDroppedButNotT
   Responder responder(robot_, 0, policy);
   responder.start_session();
   EXPECT_NE(answer(responder, policy, 1, 0, 0, milliseconds(50)), nullptr) << "nothing was promised";
-  EXPECT_NE(answer(responder, policy, 2, 1, 2, milliseconds(20)), nullptr) << "in time";
-  EXPECT_EQ(answer(responder, policy, 3, 2, 1, milliseconds(11)), nullptr) << "a step late";
-  EXPECT_NE(answer(responder, policy, 3, 2, 1, milliseconds(11)), nullptr) << "the executive has to learn it";
-  EXPECT_EQ(answer(responder, policy, 4, 4, 1, milliseconds(11)), nullptr);
-  EXPECT_NE(answer(responder, policy, 4, 4, 1, milliseconds(9)), nullptr) << "in time again";
+  EXPECT_NE(answer(responder, policy, 2, 1, 1, milliseconds(20)), nullptr) << "a step late, the path was as shown";
+  EXPECT_EQ(answer(responder, policy, 3, 2, 1, milliseconds(21)), nullptr) << "later, it was another one";
+  EXPECT_NE(answer(responder, policy, 3, 2, 1, milliseconds(21)), nullptr) << "the executive has to learn it";
+  EXPECT_EQ(answer(responder, policy, 4, 4, 1, milliseconds(21)), nullptr);
+  EXPECT_NE(answer(responder, policy, 4, 4, 1, milliseconds(19)), nullptr) << "in time again";
 }
 
 TEST_F(SamplerResponderTest, OnlyWhoContinuesAPrefixWaitsForItsAnswer) {

@@ -45,6 +45,7 @@ TEST_F(FlowMemoryTest, ThePathIsShiftedByWhatWasPlayedAndItsLastStepStandsOn) {
   EXPECT_EQ(context.observation_id, 2U);
   EXPECT_EQ(context.promised, 1U);
   EXPECT_EQ(context.known, 2U);
+  EXPECT_EQ(context.kept(), 2U) << "and one more";
   EXPECT_EQ(path(memory, observe(2, 1, 1)), (std::vector<float>{103, 95, 95, 95})) << "never zeros";
 }
 
@@ -64,6 +65,8 @@ TEST_F(FlowMemoryTest, MoreCannotBePromisedThanIsKnown) {
   FlowMemory memory(robot_, PathOwner::policy);
   memory.remember(1, observe(1, 0), answer_);
   EXPECT_EQ(shown(memory, observe(2, 1, 9)).promised, 2U);
+  EXPECT_EQ(shown(memory, observe(2, 1, 9)).kept(), 2U) << "nor kept";
+  EXPECT_EQ(shown(memory, observe(2, 1, 0)).kept(), 0U) << "nothing promised, nothing to keep";
   EXPECT_EQ(shown(memory, observe(3, 1, 9)).known, 0U) << "spent";
   EXPECT_EQ(path(memory, observe(3, 1)), std::vector<float>(4, 0.0F)) << "and nothing is known";
 }

@@ -124,9 +124,10 @@ TEST(FlowPolicy, TheRecordedInputSaysTheAnswerBitForBit) {
   }
 }
 
+// Three steps promised, and one more, which an answer a step late would find played.
 TEST(FlowPolicy, ATrainedPrefixStandsAtTimeOneInEveryStep) {
   auto [network, policy] = make(sampler_of(PrefixUse::trained), always_three);
-  const auto output = infer(policy, input_of(7, 4, 6, {1, 2, 4, 8, 9, 9, 9, 9, 9, 9}));
+  const auto output = infer(policy, input_of(7, 3, 6, {1, 2, 4, 8, 9, 9, 9, 9, 9, 9}));
   EXPECT_EQ(std::vector(output.begin(), output.begin() + 4), (std::vector<float>{1, 2, 4, 8}));
   for (std::size_t step = 4; step < kSteps; ++step) EXPECT_NEAR(output[step], 3.0F, 1e-5F);
   for (std::size_t i = 0; i < network->shown.size(); ++i) {
@@ -219,6 +220,67 @@ TEST(FlowPolicy, AgreedSaysOneStepAtLeastAndAllWhereAllAgree) {
   EXPECT_EQ(meant_steps(infer(apart, input_of(9)), 1), 1U);
   auto [alike_network, alike] = make(sampler, always_three);
   EXPECT_EQ(meant_steps(infer(alike, input_of(9)), 1), kSteps);
+}
+
+// A step has as many values as the robot has outputs: two here, five steps.
+class TwoOutputs : public testing::Test {
+ protected:
+  static std::vector<float> infer_with(const config::Sampler& sampler, Denoiser::Chunk chunk, std::size_t promised,
+                                       std::size_t known, std::vector<std::vector<float>>* shown = nullptr) {
+    auto network = std::make_unique<Denoiser>(kSteps, kSteps / 2, std::move(chunk));
+    Denoiser* const seen = network.get();
+    FlowPolicy policy(std::move(network), {.observation = 1, .steps = kSteps / 2, .outputs = 2}, sampler);
+    const auto output = infer(policy, input_of(7, promised, known, {10, 20, 11, 21, 12, 22, 13, 23, 13, 23}));
+    if (shown != nullptr) *shown = seen->shown;
+    return output;
+  }
+};
+
+TEST_F(TwoOutputs, APrefixIsKeptByWholeSteps) {
+  std::vector<std::vector<float>> shown;
+  const auto output = infer_with(sampler_of(PrefixUse::trained), always_three, 1, 4, &shown);
+  EXPECT_EQ(std::vector(output.begin(), output.begin() + 4), (std::vector<float>{10, 20, 11, 21}));
+  EXPECT_NEAR(output[4], 3.0F, 1e-5F);
+  EXPECT_EQ(std::vector(shown[1].end() - 5, shown[1].end()), (std::vector<float>{1, 1, 0.2F, 0.2F, 0.2F}));
+}
+
+TEST_F(TwoOutputs, GuidanceWeighsBySteps) {
+  config::Sampler sampler = sampler_of(PrefixUse::guided);
+  sampler.schedule = config::PrefixSchedule::zeros;
+  const auto output = infer_with(sampler, always_three, 2, 4);
+  for (std::size_t value = 0; value < 4; ++value) EXPECT_GT(output[value], 5.0F) << "drawn to the path";
+  for (std::size_t value = 4; value < kSteps; ++value) EXPECT_NEAR(output[value], 3.0F, 1e-5F);
+}
+
+TEST_F(TwoOutputs, SamplesAgreeByWholeSteps) {
+  config::Sampler sampler = sampler_of();
+  sampler.samples = 16;
+  sampler.choice = SampleChoice::agreed;
+  const auto output = infer_with(
+      sampler,
+      [](std::span<const float> noise, std::size_t value) {
+        return value < 5 ? 1.0F : (noise[0] < 0.0F ? -1.0F : 1.0F);  // they part in the third step's second output
+      },
+      0, 0);
+  EXPECT_EQ(meant_steps(output, 2), 2U);
+  for (std::size_t value = 0; value < kSteps; ++value) EXPECT_EQ(std::isnan(output[value]), value >= 4);
+}
+
+TEST_F(TwoOutputs, CoherenceLooksAtWhatIsKnownOfThePathAlone) {
+  config::Sampler sampler = sampler_of();
+  sampler.samples = 16;
+  sampler.choice = SampleChoice::coherent;
+  sampler.decay = 0.0;
+  // One way is on the path for its two known steps and far off behind them, the other the other way round.
+  const auto output = infer_with(
+      sampler,
+      [](std::span<const float> noise, std::size_t value) {
+        constexpr float kPath[] = {10, 20, 11, 21, 12, 22, 13, 23, 13, 23};
+        return kPath[value] + ((noise[0] < 0.0F) == (value < 4) ? 0.0F : 9.0F);
+      },
+      0, 2);
+  EXPECT_NEAR(output[0], 10.0F, 1e-4F);
+  EXPECT_NEAR(output[4], 21.0F, 1e-4F);
 }
 
 class WithSampler : public testing::Test {
