@@ -113,7 +113,9 @@ std::string status_text(const StatusSnapshot& status, const IncidentNote& incide
   for (std::size_t arrival = 2; arrival < kArrivalCount; ++arrival)
     if (status.arrivals[arrival] != 0)
       text += fmt::format("           {} {}\n", status.arrivals[arrival], name(static_cast<Arrival>(arrival)));
-  text += fmt::format("drives     {}\n", tick.drives_enabled != 0 ? "enabled" : "disabled");
+  const bool hot = (tick.causes_active >> static_cast<unsigned>(Cause::temperature_high) & 1U) != 0;
+  text += fmt::format("drives     {}{}\n", tick.drives_enabled != 0 ? "enabled" : "disabled",
+                      hot ? "; hotter than a warning of limits.temperature (takt top says which)" : "");
   text += fmt::format("policy     {}\n", peer_text(status.policy_pid));
   if (status.fallback_pid != 0 || tick.fallback.freshness != Freshness::missing)
     text += fmt::format("fallback   {}, command {}, age {:.1f} ms\n", peer_text(status.fallback_pid),
