@@ -7,6 +7,8 @@
 #include <cmath>
 
 #include "config/observation_shape.hpp"
+#include "config/stop_causes.hpp"
+#include "config/turns.hpp"
 #include "config/units.hpp"
 #include "executive/contract/observation.hpp"
 
@@ -29,6 +31,7 @@ void check(const RobotConfig& robot, const Places& places, Problems& problems) {
   check_sensors(robot, checker);
   check_policy(robot, checker);
   check_fallbacks(robot, checker);
+  check_stops(robot, checker);
   check_dds(robot, checker);
   check_telemetry(robot, checker);
   check_simulation(robot, checker);
@@ -169,6 +172,20 @@ void check_fallbacks(const RobotConfig& robot, Checker& checker) {
   }
 }
 
+void check_stops(const RobotConfig& robot, Checker& checker) {
+  std::string_view posture;
+  for (const StopConfig& stop : robot.stops) {
+    const std::string path = fmt::format("stops.{}", stop.name);
+    checker.require(stop_cause_named(stop.name) != Cause::none, path,
+                    "is no cause of a damped stop; docs/hazards.md names them: operator_stop, command_lost, tilt, ...");
+    if (stop.how != StopHow::posture) continue;
+    if (posture.empty()) posture = stop.fallback;
+    checker.require(
+        stop.fallback == posture, path + ".fallback",
+        fmt::format("another stop leads to {}, and a robot has one posture to stop in; name the same", posture));
+  }
+}
+
 // Both end up in Cyclone DDS's configuration text, where other characters would mean something else.
 void check_dds(const RobotConfig& robot, Checker& checker) {
   if (!robot.dds) return;
@@ -209,9 +226,12 @@ void check_simulation(const RobotConfig& robot, Checker& checker) {
   checker.require(simulation.step.ns <= period.ns && period.ns % simulation.step.ns == 0, "simulation.step",
                   fmt::format("control.period {} is no whole number of steps of {}; choose a divisor",
                               format_duration(period), format_duration(simulation.step)));
-  checker.require(simulation.drive_watchdog.ns >= 2 * period.ns, "simulation.drive_watchdog",
-                  fmt::format("{} must be at least two control periods of {}; raise it",
-                              format_duration(simulation.drive_watchdog), format_duration(period)));
+  Duration turn = period;
+  for (const Joint& joint : robot.joints) turn = std::max(turn, turn_of(robot, joint));
+  checker.require(
+      simulation.drive_watchdog.ns >= 2 * turn.ns, "simulation.drive_watchdog",
+      fmt::format("{} must be at least two {} of {}; raise it", format_duration(simulation.drive_watchdog),
+                  turn == period ? "control periods" : "turns of its slowest drive", format_duration(turn)));
   if (!simulation.camera_sensor.empty()) check_camera(robot, simulation, checker);
 }
 

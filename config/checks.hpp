@@ -36,6 +36,7 @@ void check_model(const RobotConfig& robot, Checker& checker);
 void check_sensors(const RobotConfig& robot, Checker& checker);
 void check_policy(const RobotConfig& robot, Checker& checker);
 void check_fallbacks(const RobotConfig& robot, Checker& checker);
+void check_stops(const RobotConfig& robot, Checker& checker);
 void check_dds(const RobotConfig& robot, Checker& checker);
 void check_telemetry(const RobotConfig& robot, Checker& checker);
 void check_simulation(const RobotConfig& robot, Checker& checker);

@@ -2,10 +2,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "config/checks.hpp"
 #include "config/drive_ids.hpp"
+#include "config/turns.hpp"
 
 namespace takt::config {
 namespace {
@@ -90,6 +92,73 @@ void check_drive(const Joint& joint, const Bus& bus, std::size_t i, Checker& che
                     "0x7FF is the register channel of damiao drives; choose another");
 }
 
+// Codes of register 35 above 1 Mbit/s, on which the sources agree (drivers/protocol/mit/damiao_registers.hpp).
+constexpr std::array<std::uint32_t, 5> kDamiaoDataRates{2'000'000, 2'500'000, 3'200'000, 4'000'000, 5'000'000};
+
+void check_fd_bitrate(const Joint& joint, const Bus& bus, std::size_t i, Checker& checker) {
+  if (joint.drive.fd_bitrate == 0) return;
+  const std::string path = joint_path(i, "drive.fd_bitrate");
+  checker.require(bus.fd, path, fmt::format("the drive speaks CAN FD; write `fd: true` into bus {}", bus.name));
+  if (!bus.fd) return;
+  checker.require(bus.bitrate == 1'000'000, path,
+                  fmt::format("bus {} has {} bit/s; Damiao drives are known to speak CAN FD at 1 Mbit/s alone",
+                              bus.name, bus.bitrate));
+  checker.require(joint.drive.fd_bitrate == bus.data_bitrate, path,
+                  fmt::format("bus {} has a data_bitrate of {} bit/s, and all on a bus have the same; write it in both",
+                              bus.name, bus.data_bitrate));
+  checker.require(
+      std::ranges::find(kDamiaoDataRates, joint.drive.fd_bitrate) != kDamiaoDataRates.end(), path,
+      fmt::format("{} bit/s is no rate that Damiao drives are known to have; write 2, 2.5, 3.2, 4 or 5 Mbit/s",
+                  joint.drive.fd_bitrate));
+}
+
+// A drive that is seldom written to goes on with what it was told last: it must not give up between two turns, nor may
+// what holds it inside its limits come too seldom.
+void check_turn(const RobotConfig& robot, std::size_t i, Checker& checker) {
+  const Joint& joint = robot.joints[i];
+  if (joint.drive.every <= 1) return;
+  constexpr Duration kLongestTurn = milliseconds(25);  // half of the shortest time-out that drives are given
+  const Duration turn = turn_of(robot, joint);
+  const std::string path = joint_path(i, "drive.every");
+  checker.require(turn <= kLongestTurn, path,
+                  fmt::format("every {} ticks is {}; at most {} are: drives give up by themselves soon after",
+                              joint.drive.every, format_duration(turn), format_duration(kLongestTurn)));
+  checker.require(robot.feedback.timeout.ns >= 2 * turn.ns, path,
+                  fmt::format("a reply every {} leaves no room for one lost within feedback.timeout {}; lower it, or "
+                              "raise the time-out",
+                              format_duration(turn), format_duration(robot.feedback.timeout)));
+  checker.require(joint.passive || turn.seconds() * joint.observer_bandwidth <= 1, path,
+                  fmt::format("turn {} * observer_bandwidth {:.4g} rad/s exceeds 1: the torque barriers would answer "
+                              "too seldom; lower either",
+                              format_duration(turn), joint.observer_bandwidth));
+}
+
+bool tells_temperature(const Drive& drive) {
+  return drive.protocol != DriveProtocol::cia402;
+}
+bool tells_casing(const Drive& drive) {
+  return drive.variant == "damiao" || drive.protocol == DriveProtocol::odrive ||
+         drive.protocol == DriveProtocol::moteus;
+}
+
+// A limit on what the drive never tells would keep the robot from arming for ever.
+void check_temperature(const Joint& joint, std::size_t i, Checker& checker) {
+  if (!joint.limits.temperature) return;
+  const TemperatureLimits& limits = *joint.limits.temperature;
+  const std::string path = joint_path(i, "limits.temperature");
+  checker.require(tells_temperature(joint.drive), path,
+                  "cia402 has no object for it that every drive has, so none is read; drop the section");
+  checker.require(tells_casing(joint.drive) || (limits.casing_warning == 0 && limits.casing_stop == 0), path,
+                  "this drive tells one temperature; drop casing_warning and casing_stop");
+  const auto in_order = [&](double warning, double stop, std::string_view what) {
+    checker.require(
+        warning == 0 || stop == 0 || warning < stop, path,
+        fmt::format("{}warning {:g} degC is not below {}stop {:g} degC; lower it", what, warning, what, stop));
+  };
+  in_order(limits.warning, limits.stop, "");
+  in_order(limits.casing_warning, limits.casing_stop, "casing_");
+}
+
 // What the drive can express must contain what the joint is allowed to do.
 void check_drive_ranges(const Joint& joint, std::size_t i, Checker& checker) {
   const Drive& drive = joint.drive;
@@ -163,6 +232,9 @@ void check_drives(const RobotConfig& robot, Checker& checker) {
   for (std::size_t i = 0; i < robot.joints.size(); ++i) {
     const Joint& joint = robot.joints[i];
     check_drive(joint, robot.buses[joint.bus], i, checker);
+    check_fd_bitrate(joint, robot.buses[joint.bus], i, checker);
+    check_turn(robot, i, checker);
+    check_temperature(joint, i, checker);
   }
 }
 

@@ -26,6 +26,7 @@ enum class WakeMode : std::uint8_t { sleep, hybrid };
 enum class WhenBusMissing : std::uint8_t { refuse, loopback };
 enum class Degraded : std::uint8_t { hold, slow, fallback };
 enum class FallbackKind : std::uint8_t { pose, state_feedback, policy };
+enum class StopHow : std::uint8_t { rest, damping, hold, posture };
 enum class TargetKind : std::uint8_t { lissajous, steps };
 enum class TermKind : std::uint8_t {
   joint_position_relative,
@@ -80,6 +81,7 @@ struct Fallback {
   FallbackKind kind = FallbackKind::pose;
   std::vector<double> pose;        // rad, one per joint; pose and state_feedback
   double speed = 0;                // rad/s; pose only
+  std::string shown_by;            // pose only: what showed that the robot is safe there; "none": nothing did
   std::vector<FeedbackRow> gains;  // state_feedback only, one per driven joint
   std::string file;                // policy only; none: the policy's own
   std::vector<double> command;     // policy only: what its observation terms `command` read
@@ -87,12 +89,27 @@ struct Fallback {
   [[nodiscard]] bool has_own_file() const { return kind == FallbackKind::policy && file != "none"; }
 };
 
+// How a cause's damped stop brings the robot to rest.
+struct StopConfig {
+  std::string name;  // of the cause
+  StopHow how = StopHow::rest;
+  std::string fallback;  // posture: a fallback of kind pose
+  Duration longest;      // hold, posture: then as `rest`; 0: without end
+  std::string shown_by;  // hold, posture: what showed that the robot is safe by it; "none": nothing did
+};
+
+inline bool is_shown(const std::string& by) {
+  return !by.empty() && by != "none";
+}
+
 struct DegradedConfig {
   Degraded behaviour = Degraded::hold;
-  double speed_scale = 0;  // (0, 1]
-  Duration resume_over;    // >= 0; 0: full speed at once
-  Duration after;          // no usable command for this long; 0: the contract's window alone decides
-  std::string fallback;    // empty: none
+  double speed_scale = 0;       // (0, 1]
+  Duration resume_over;         // >= 0; 0: full speed at once
+  Duration after;               // no usable command for this long; 0: the contract's window alone decides
+  std::string fallback;         // empty: none
+  Duration longest;             // at one go, then a damped stop; 0: without end
+  bool by_temperature = false;  // a drive beyond its warning degrades the robot
 };
 
 struct FeedbackConfig {
@@ -133,6 +150,10 @@ struct Drive {
   // mit
   std::string variant;  // "tmotor" (6-byte reply) | "damiao" (8-byte reply)
   std::uint32_t reply_id = 0;
+  // damiao: bit/s of the data phase of CAN FD, in which commands and replies come; 0: classic frames
+  std::uint32_t fd_bitrate = 0;
+  // mit, robstride, moteus: written to every n-th tick
+  std::uint32_t every = 1;
   // all but moteus: why it may be armed though nothing is known to stop it when commands cease; "none": not
   std::string watchdog_waiver;
   // What the drive must tell of itself before it may be enabled, in the words of its drive card; "any": nothing.
@@ -151,9 +172,16 @@ struct Drive {
   Cia402VelocityUnit velocity_unit = Cia402VelocityUnit::counts_per_s;  // csv
 };
 
+// Degrees Celsius; 0: not looked at.
+struct TemperatureLimits {
+  double warning = 0, stop = 0;                // of the hottest part the drive reports
+  double casing_warning = 0, casing_stop = 0;  // of casing or output stage, where the drive tells it apart
+};
+
 struct Limits {
   double q_min = 0, q_max = 0, position_margin = 0, target_margin = 0, velocity = 0, velocity_hard = 0,
          acceleration = 0, torque = 0, torque_rate = 0, kp = 0, kd = 0;
+  std::optional<TemperatureLimits> temperature{};
 };
 
 struct Joint {
@@ -331,6 +359,7 @@ struct Imu {
   double tilt = 0;              // rad
   double angular_velocity = 0;  // rad/s
   Duration frozen_after;        // 0: not looked for
+  double contradiction = 0;     // rad; 0: not looked for
 };
 
 enum class TorqueOutputKind : std::uint8_t { gpio, file };
@@ -456,6 +485,7 @@ struct RobotConfig {
   Freshness freshness;
   DegradedConfig degraded;
   std::vector<Fallback> fallbacks;
+  std::vector<StopConfig> stops;
   FeedbackConfig feedback;
   BusFaults bus_faults;
   std::vector<Bus> buses;

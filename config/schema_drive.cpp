@@ -1,9 +1,11 @@
 // Keys: joints[].drive. Some belong to one protocol only, and are neither asked for nor accepted with another.
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "config/drive_presets.hpp"
 #include "config/schema.hpp"
+#include "config/turns.hpp"
 
 namespace takt::config {
 namespace {
@@ -50,6 +52,16 @@ std::vector<std::string_view> models_of(const Fields& fields, DriveProtocol prot
     for (const DrivePreset& preset : presets_of(one)) models.push_back(preset.model);
   }
   return models;
+}
+
+void describe_fd_bitrate(Fields& fields, Drive& drive) {
+  double rate = drive.fd_bitrate;
+  fields.quantity({"fd_bitrate",
+                   "mit (damiao): commands and replies are CAN FD frames whose data phase has this rate: its bus's "
+                   "data_bitrate, and what the drive's register 35 must say; 0 bit/s: classic frames",
+                   "0 bit/s"},
+                  rate, Dimension::bit_rate, between(0, 10e6));
+  drive.fd_bitrate = static_cast<std::uint32_t>(std::lround(rate));
 }
 
 void describe_packed_ranges(Fields& fields, Drive& drive) {
@@ -134,6 +146,13 @@ void describe_drive(Fields& fields, Drive& drive) {
   if (speaks.any_of({DriveProtocol::mit}))
     fields.integer({"reply_id", "mit: CAN id of the drive's replies"}, drive.reply_id, 0,
                    highest_id(DriveProtocol::mit));
+  if (drive.variant == "damiao" || fields.shows_all()) describe_fd_bitrate(fields, drive);
+  if (speaks.any_of({DriveProtocol::mit, DriveProtocol::robstride, DriveProtocol::moteus}))
+    fields.integer({"every",
+                    "mit, robstride, moteus: written to every n-th tick, a stop at once; `takt config check` tells "
+                    "what it costs and saves",
+                    "1"},
+                   drive.every, 1, kMostTicksPerTurn);
   if (speaks.any_of({DriveProtocol::robstride}))
     fields.integer({"host_id", "robstride: our own number on the bus", "253"}, drive.host_id, 128, 253);
   if (speaks.any_of({DriveProtocol::mit, DriveProtocol::robstride, DriveProtocol::odrive, DriveProtocol::cia402}))

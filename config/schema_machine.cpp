@@ -43,6 +43,18 @@ void describe_bus(Fields& fields, Bus& bus) {
 
 namespace {
 
+void describe_temperature(Fields& fields, TemperatureLimits& limits) {
+  const auto one = [&fields](std::string_view key, std::string_view doc, double& value) {
+    fields.quantity({key, doc, "0 degC"}, value, Dimension::temperature, between(0, 250));
+  };
+  one("warning", "hottest part the drive tells: beyond it everybody is told, and degraded.by_temperature; 0 degC: none",
+      limits.warning);
+  one("stop", "hottest part the drive tells: beyond it the robot stops; 0 degC: none", limits.stop);
+  one("casing_warning", "mit (damiao), odrive, moteus: as warning, of the casing or output stage alone",
+      limits.casing_warning);
+  one("casing_stop", "mit (damiao), odrive, moteus: as stop, of the casing or output stage alone", limits.casing_stop);
+}
+
 // A passive joint has the limits of what is measured only.
 void describe_limits(Fields& fields, Limits& limits, bool passive) {
   const bool commanded = !passive || fields.shows_all();
@@ -54,6 +66,12 @@ void describe_limits(Fields& fields, Limits& limits, bool passive) {
                   Dimension::angular_velocity, above(0, 1000));
   fields.quantity({"velocity_hard", "measured velocity above it is a fault"}, limits.velocity_hard,
                   Dimension::angular_velocity, above(0, 1000));
+  bool looks_at_temperature = limits.temperature.has_value();
+  fields.optional_section({"temperature", "of the drive, which has to tell it, or it is not armed"},
+                          looks_at_temperature, [&](Fields& f) {
+                            if (!limits.temperature) limits.temperature.emplace();
+                            describe_temperature(f, *limits.temperature);
+                          });
   if (!commanded) return;
   fields.quantity({"target_margin",
                    "a policy's target further outside the position limits counts as out of range; any "

@@ -1,4 +1,4 @@
-// Keys: sensors, imu, policy, fallbacks, degraded.
+// Keys: sensors, imu, policy, fallbacks, degraded, stops.
 #include <array>
 
 #include "config/schema.hpp"
@@ -11,6 +11,7 @@ constexpr std::array<std::string_view, 10> kTerms{
     "joint_position_relative", "joint_position",    "joint_velocity", "sensor",    "last_action", "constant",
     "base_angular_velocity",   "projected_gravity", "command",        "gait_phase"};
 constexpr std::array<std::string_view, 3> kDegraded{"hold", "slow", "fallback"};
+constexpr std::array<std::string_view, 4> kStopHow{"rest", "damping", "hold", "posture"};
 constexpr std::array<std::string_view, 2> kLayouts{"by_term", "by_time"};
 constexpr std::array<std::string_view, 3> kFallbackKinds{"pose", "state_feedback", "policy"};
 constexpr std::array<std::string_view, 3> kActionKinds{"joint_position", "joint_velocity", "joint_torque"};
@@ -98,6 +99,12 @@ void describe_imu(Fields& fields, Imu& imu, Words sensors) {
       {"frozen_after",
        "the same ten values for longer, under fresh stamps, are an IMU that is lost; 0 ms: not looked for", "0 ms"},
       imu.frozen_after, {}, seconds(60));
+  fields.quantity(
+      {"contradiction",
+       "a rotation that turned further than the angular velocity says, by so much within about 0.5 s, is of "
+       "an IMU that lies, which is lost; 0 rad: not looked for",
+       "0 rad"},
+      imu.contradiction, Dimension::angle, between(0, 3.2));
 }
 
 void describe_term(Fields& fields, ObservationTerm& term, Words sensors) {
@@ -312,6 +319,10 @@ void describe_fallback(Fields& fields, Fallback& fallback, Words joints) {
   if (fallback.kind == FallbackKind::pose || fields.shows_all())
     fields.quantity({"speed", "pose: joint speed on the way"}, fallback.speed, Dimension::angular_velocity,
                     above(0, 100));
+  if (fallback.kind == FallbackKind::pose || fields.shows_all())
+    fields.text(
+        {"shown_by", "pose: the panel that showed that the robot is safe there, in words; none: nothing did", "none"},
+        fallback.shown_by);
   if (fallback.kind == FallbackKind::state_feedback || fields.shows_all())
     fields.each({"gains", "state_feedback: one row per driven joint"}, fallback.gains, kMaxJoints,
                 [&](Fields& f, FeedbackRow& row) { describe_feedback_row(f, row, joints); });
@@ -335,6 +346,33 @@ void describe_degraded(Fields& fields, DegradedConfig& degraded, const std::vect
       degraded.after, {}, seconds(10));
   fields.one_of({"fallback", "fallback: name of an entry in fallbacks, or none", "none"}, degraded.fallback, names,
                 "fallback", "none");
+  fields.duration({"for", "how long the robot may be degraded at one go, then a damped stop; 0 s: without end", "0 s"},
+                  degraded.longest, {}, seconds(3600));
+  fields.flag(
+      {"by_temperature",
+       "true: a drive beyond its limits.temperature.warning degrades the robot until it is 5 degrees cooler", "false"},
+      degraded.by_temperature);
+}
+
+void describe_stop(Fields& fields, StopConfig& stop, const std::vector<Fallback>& fallbacks) {
+  fields.choice({"how",
+                 "rest: damped to rest, then held; damping: damped and never held; hold: braked and held at once; "
+                 "posture: led to a fallback's pose, and held there"},
+                stop.how, kStopHow);
+  std::vector<std::string_view> poses;
+  for (const Fallback& fallback : fallbacks)
+    if (fallback.kind == FallbackKind::pose) poses.emplace_back(fallback.name);
+  if (stop.how == StopHow::posture || fields.shows_all())
+    fields.one_of({"fallback", "posture: name of an entry in fallbacks, of kind pose; the same in every posture"},
+                  stop.fallback, poses, "fallback of kind pose");
+  if (stop.how == StopHow::posture || stop.how == StopHow::hold || fields.shows_all()) {
+    fields.duration({"for", "hold, posture: for so long, then as rest; 0 s: without end"}, stop.longest, {},
+                    seconds(3600));
+    fields.text(
+        {"shown_by", "hold, posture: the panel that showed that the robot is safe by it, in words; none: nothing did",
+         "none"},
+        stop.shown_by);
+  }
 }
 
 }  // namespace
@@ -344,6 +382,8 @@ void describe_policy(Fields& fields, RobotConfig& robot) {
                     [&](Fields& f, Fallback& fallback) { describe_fallback(f, fallback, joint_names(robot)); });
   fields.section({"degraded", "what happens when the freshness contract is violated"},
                  [&](Fields& f) { describe_degraded(f, robot.degraded, robot.fallbacks); });
+  fields.each_named({"stops", "how a damped stop comes to rest, by the name of its cause; others: rest", "{}"},
+                    robot.stops, [&](Fields& f, StopConfig& stop) { describe_stop(f, stop, robot.fallbacks); });
   fields.each({"sensors", "outside sensors the policy reads", "[]"}, robot.sensors, kMaxSensors, describe_sensor);
   bool has_imu = robot.imu.has_value();
   fields.optional_section({"imu", "the base's inertial measurement unit"}, has_imu, [&](Fields& f) {

@@ -40,13 +40,14 @@ constexpr std::array kUnits{
     Unit{"kbit/s", Dimension::bit_rate, 1e3},
     Unit{"Mbit/s", Dimension::bit_rate, 1e6},
     Unit{"N", Dimension::force, 1},
+    Unit{"degC", Dimension::temperature, 1},
 };
 
 constexpr std::array<std::string_view, kDimensionCount> kNouns{
     "a plain number", "a time",        "an angle",        "an angular velocity", "an angular acceleration",
     "a torque",       "a torque rate", "a stiffness",     "a damping",           "an inertia",
     "a mass",         "a length",      "an acceleration", "a frequency",         "a bit rate",
-    "a force"};
+    "a force",        "a temperature"};
 
 bool is_digit(char c) {
   return c >= '0' && c <= '9';

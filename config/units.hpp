@@ -30,9 +30,10 @@ enum class Dimension : std::uint8_t {
   acceleration,
   frequency,
   bit_rate,
-  force
+  force,
+  temperature
 };
-inline constexpr std::size_t kDimensionCount = 16;
+inline constexpr std::size_t kDimensionCount = 17;
 
 struct Unit {
   std::string_view symbol;

@@ -1,6 +1,7 @@
 #include "simulation/damiao_register_file.hpp"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <string>
 
@@ -18,6 +19,14 @@ std::uint32_t float_bits(double value) {
   return std::bit_cast<std::uint32_t>(static_cast<float>(value));
 }
 
+// The maker's numbering, of 125 kbit/s to 5 Mbit/s in ten steps; classic drives run at 1 Mbit/s.
+std::uint32_t bit_rate_code(std::uint32_t bits_per_s) {
+  constexpr std::array<std::uint32_t, 10> kRates{125'000,   200'000,   250'000,   500'000,   1'000'000,
+                                                 2'000'000, 2'500'000, 3'200'000, 4'000'000, 5'000'000};
+  const auto found = std::ranges::find(kRates, bits_per_s == 0 ? 1'000'000 : bits_per_s);
+  return static_cast<std::uint32_t>(found - kRates.begin());
+}
+
 }  // namespace
 
 DamiaoRegisterFile::DamiaoRegisterFile(const config::Drive& drive, Duration watchdog)
@@ -28,7 +37,8 @@ DamiaoRegisterFile::DamiaoRegisterFile(const config::Drive& drive, Duration watc
                {kSerialNumber, number_or(drive.identity, 70'000 + drive.id)},
                {kPositionMax, float_bits(drive.position_range)},
                {kVelocityMax, float_bits(drive.velocity_range)},
-               {kTorqueMax, float_bits(drive.torque_range)}},
+               {kTorqueMax, float_bits(drive.torque_range)},
+               {kBitRate, bit_rate_code(drive.fd_bitrate)}},
       stored_(present_) {}
 
 bool DamiaoRegisterFile::serve(std::span<const std::uint8_t, 8> order, bool enabled,

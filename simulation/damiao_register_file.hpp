@@ -26,7 +26,7 @@ class DamiaoRegisterFile {
   static constexpr std::uint32_t kBusId = 0x7FF;
   static constexpr std::uint8_t kRead = 0x33, kWrite = 0x55, kStore = 0xAA, kRefresh = 0xCC;
   static constexpr std::uint8_t kTimeout = 9, kControlMode = 10, kHardware = 13, kFirmware = 14, kSerialNumber = 15,
-                                kPositionMax = 21, kVelocityMax = 22, kTorqueMax = 23;
+                                kPositionMax = 21, kVelocityMax = 22, kTorqueMax = 23, kBitRate = 35;
 
   // `watchdog`: what the time-out starts with, to 50 us. Who it is: as the robot file wants it, else a number made up.
   DamiaoRegisterFile(const config::Drive& drive, Duration watchdog);

@@ -33,8 +33,21 @@ std::uint8_t whole_degrees(double celsius) {
 MitDevice::MitDevice(const config::Drive& drive, Duration watchdog)
     : drive_(drive), damiao_(drive.variant == "damiao"), registers_(drive, watchdog) {}
 
+// CAN FD is the classic frame in another form, asked and answered in it.
+bool MitDevice::is_for_us(const drivers::CanFrame& frame) const {
+  const bool fd = drive_.fd_bitrate != 0;
+  return !frame.extended && frame.fd == fd && !frame.remote && !frame.error && frame.length == 8;
+}
+
+drivers::CanFrame MitDevice::reply() const {
+  drivers::CanFrame frame;
+  frame.id = drive_.reply_id;
+  frame.fd = frame.bit_rate_switch = drive_.fd_bitrate != 0;
+  return frame;
+}
+
 void MitDevice::receive(const drivers::CanFrame& frame, MonoTime now, Frames& out) {
-  if (frame.extended || frame.fd || frame.remote || frame.error || frame.length != 8) return;
+  if (!is_for_us(frame)) return;
   if (state_ == DeviceState::booting) return;
   if (damiao_ && frame.id == DamiaoRegisterFile::kBusId) answer_register(frame, out);
   if (frame.id != drive_.id) return;
@@ -45,8 +58,7 @@ void MitDevice::receive(const drivers::CanFrame& frame, MonoTime now, Frames& ou
 void MitDevice::answer_register(const drivers::CanFrame& frame, Frames& out) {
   if ((frame.data[0] | frame.data[1] << 8) != static_cast<int>(drive_.id)) return;
   if (frame.data[2] == DamiaoRegisterFile::kRefresh) return out.push_back(report());
-  drivers::CanFrame answer;
-  answer.id = drive_.reply_id;
+  drivers::CanFrame answer = reply();
   answer.length = 8;
   const bool enabled = state_ == DeviceState::enabled;
   if (registers_.serve(std::span(frame.data).first<8>(), enabled, std::span(answer.data).first<8>()))
@@ -190,8 +202,7 @@ drivers::CanFrame MitDevice::report() const {
   const std::uint64_t fields = squeeze(reading_.position, 16, spans.position) << 24U |
                                squeeze(reading_.velocity, 12, spans.velocity) << 12U |
                                squeeze(torque_, 12, spans.torque);
-  drivers::CanFrame frame;
-  frame.id = drive_.reply_id;
+  drivers::CanFrame frame = reply();
   frame.length = damiao_ ? 8 : 6;
   const std::uint32_t first = damiao_ ? (drive_.id & 0xFU) | std::uint32_t{status()} << 4U : drive_.id;
   frame.data[0] = static_cast<std::uint8_t>(first);

@@ -34,6 +34,8 @@ class MitDevice final : public Device {
   void answer_register(const drivers::CanFrame& frame, Frames& out);
   [[nodiscard]] bool obeys_motion() const;
   [[nodiscard]] bool is_silent_for_too_long(MonoTime now) const;
+  [[nodiscard]] bool is_for_us(const drivers::CanFrame& frame) const;
+  [[nodiscard]] drivers::CanFrame reply() const;  // without its bytes
   [[nodiscard]] drivers::CanFrame report() const;
   [[nodiscard]] std::uint8_t status() const;
 

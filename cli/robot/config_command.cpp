@@ -8,6 +8,7 @@
 #include "cli/robot/process_check.hpp"
 #include "cli/run/checked_robot.hpp"
 #include "cli/world_option.hpp"
+#include "config/cautions.hpp"
 #include "config/json_schema.hpp"
 #include "config/key_table.hpp"
 #include "config/load.hpp"
@@ -48,18 +49,23 @@ int check(const ConfigOptions& options) {
   if (options.json) {
     nlohmann::json buses = nlohmann::json::array();
     for (const drivers::BusLoad& load : checked->loads)
-      buses.push_back({{"bus", load.bus}, {"drives", load.drives}, {"load", load.load}});
+      buses.push_back({{"bus", load.bus}, {"drives", load.drives}, {"load", load.load}, {"undivided", load.undivided}});
     const nlohmann::json json{{"valid", true},
                               {"robot", robot.robot},
                               {"joints", robot.joints.size()},
                               {"buses", buses},
+                              {"cautions", config::cautions_about(robot)},
                               {"sha256", robot.sha256}};
     fmt::print("{}\n", json.dump());
     return kExitOk;
   }
   fmt::print("{}: robot {}, {} joints, sha256 {}\n", options.file, robot.robot, robot.joints.size(), robot.sha256);
   for (const drivers::BusLoad& load : checked->loads)
-    fmt::print("bus {}: {} drives, {:.0f} % of its bit rate at worst\n", load.bus, load.drives, 100 * load.load);
+    fmt::print("bus {}: {} drives, {:.0f} % of its bit rate at worst{}\n", load.bus, load.drives, 100 * load.load,
+               load.undivided > load.load
+                   ? fmt::format("; every drive in every tick would take {:.0f} %", 100 * load.undivided)
+                   : "");
+  for (const std::string& caution : config::cautions_about(robot)) fmt::print("note: {}\n", caution);
   return kExitOk;
 }
 

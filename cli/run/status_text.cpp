@@ -116,7 +116,9 @@ std::string status_text(const StatusSnapshot& status, const IncidentNote& incide
   if (const SpeculationRecord& s = tick.speculation; s.taken + s.outdone + s.unmatched + s.dropped + s.waiting != 0)
     text += fmt::format("speculated {} taken, {} outdone, {} unmatched, {} dropped, {} waiting\n", s.taken, s.outdone,
                         s.unmatched, s.dropped, s.waiting);
-  text += fmt::format("drives     {}\n", tick.drives_enabled != 0 ? "enabled" : "disabled");
+  const bool hot = (tick.causes_active >> static_cast<unsigned>(Cause::temperature_high) & 1U) != 0;
+  text += fmt::format("drives     {}{}\n", tick.drives_enabled != 0 ? "enabled" : "disabled",
+                      hot ? "; hotter than a warning of limits.temperature (takt top says which)" : "");
   text += fmt::format("policy     {}\n", peer_text(status.policy_pid));
   if (status.fallback_pid != 0 || tick.fallback.freshness != Freshness::missing)
     text += fmt::format("fallback   {}, command {}, age {:.1f} ms\n", peer_text(status.fallback_pid),

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "config/turns.hpp"
+
 namespace takt::drivers::guard {
 namespace {
 
@@ -108,6 +110,7 @@ void set_drive(const config::Drive& drive, JointFacts& facts) {
   facts.mode = drive.mode;
   facts.law = law_of(drive);
   facts.damiao = drive.variant == "damiao";
+  facts.fd = drive.fd_bitrate != 0;
   facts.id = drive.id;
   facts.host = drive.host_id;
   facts.ratio = narrow(drive.direction * drive.gear_ratio);
@@ -129,7 +132,7 @@ JointFacts facts_of(const config::RobotConfig& robot, std::size_t index) {
   JointFacts facts;
   facts.bus = joint.bus;
   set_drive(joint.drive, facts);
-  set_limits(joint, robot.control.period, facts);
+  set_limits(joint, config::turn_of(robot, joint), facts);
   // docs/drives.md: a moteus stops by itself after the rest of the command's life, but no sooner than this.
   facts.shortest_watchdog = std::clamp(robot.feedback.timeout, milliseconds(20), milliseconds(100));
   facts.rounding = wire_rounding(facts);

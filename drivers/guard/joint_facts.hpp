@@ -27,6 +27,7 @@ struct JointFacts {
   config::Cia402Mode mode = config::Cia402Mode::cst;
   Law law = Law::fields;
   bool damiao = false;
+  bool fd = false;  // mit: frames are CAN FD
   std::uint32_t id = 0, host = 0;
   std::size_t bus = 0;
   // limits

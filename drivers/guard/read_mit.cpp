@@ -37,7 +37,7 @@ Demand read_special(const JointFacts& facts, std::uint8_t last) noexcept {
 }  // namespace
 
 Demand read_mit(const JointFacts& facts, const CanFrame& frame) noexcept {
-  if (!is_classic(frame, false, 8)) return {};
+  if (facts.fd ? !is_fd(frame, 8) : !is_classic(frame, false, 8)) return {};
   if (facts.damiao && frame.id == kRegisterId) return read_register_frame(facts, frame);
   if (frame.id != facts.id) return {};
   const std::uint8_t* const b = frame.data;

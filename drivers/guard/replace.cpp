@@ -23,6 +23,12 @@ CanFrame frame_with(std::uint32_t id, std::initializer_list<std::uint8_t> bytes)
   return frame;
 }
 
+CanFrame mit_frame(const JointFacts& facts, std::initializer_list<std::uint8_t> bytes) noexcept {
+  CanFrame frame = frame_with(facts.id, bytes);
+  frame.fd = frame.bit_rate_switch = facts.fd;
+  return frame;
+}
+
 CanFrame extended(CanFrame frame) noexcept {
   frame.extended = true;
   return frame;
@@ -44,8 +50,8 @@ constexpr std::uint8_t low(std::uint32_t code) {
 // Position, speed and torque in the middle of their fields, no stiffness.
 CanFrame damping_mit(const JointFacts& facts) noexcept {
   const std::uint32_t kd = gain_code(facts, 4095);
-  return frame_with(facts.id, {0x7F, 0xFF, 0x7F, 0xF0, 0x00, low(kd >> 4U),
-                               static_cast<std::uint8_t>((kd & 0xFU) << 4U | 0x7U), 0xFF});
+  return mit_frame(
+      facts, {0x7F, 0xFF, 0x7F, 0xF0, 0x00, low(kd >> 4U), static_cast<std::uint8_t>((kd & 0xFU) << 4U | 0x7U), 0xFF});
 }
 
 CanFrame damping_robstride(const JointFacts& facts) noexcept {
@@ -129,7 +135,7 @@ std::int32_t cia402_target(const JointFacts& facts, float motor_torque, double m
 CanFrame disable_frame(const JointFacts& facts) noexcept {
   switch (facts.protocol) {
     case DriveProtocol::mit:
-      return frame_with(facts.id, {0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFD});
+      return mit_frame(facts, {0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFD});
     case DriveProtocol::robstride:
       return extended(frame_with(4U << 24U | facts.host << 8U | facts.id, {0, 0, 0, 0, 0, 0, 0, 0}));
     case DriveProtocol::odrive:

@@ -1,8 +1,11 @@
 #include "drivers/protocol/bus_load.hpp"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 
+#include "config/turns.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 
 namespace takt::drivers {
@@ -18,8 +21,8 @@ std::string overload_sentence(const config::RobotConfig& robot, const config::Bu
   std::snprintf(
       text, sizeof text,
       "%s: bus %s cannot carry its %zu drives: %u bits per tick (commands and replies, worst stuffing) x %.0f "
-      "ticks/s = %.0f bit/s = %.0f %% of %u bit/s, more than %.0f %%: move drives to another bus or lengthen "
-      "control.period",
+      "ticks/s = %.0f bit/s = %.0f %% of %u bit/s, more than %.0f %%: move drives to another bus, write to some "
+      "every few ticks (drive.every) or lengthen control.period",
       robot.file.c_str(), bus.name.c_str(), load.drives, load.bits_per_tick, rate, rate * load.bits_per_tick,
       load.load * 100, bus.bitrate, kMaxBusLoad * 100);
   return text;
@@ -51,18 +54,25 @@ double bit_times(const FrameTraffic& frame, const config::Bus& bus) {
 
 std::expected<std::vector<BusLoad>, std::string> check_bus_load(const config::RobotConfig& robot) {
   std::vector<BusLoad> loads;
+  const std::vector<Turns> turns = config::turns_of(robot);
   for (std::size_t index = 0; index < robot.buses.size(); ++index) {
     const config::Bus& bus = robot.buses[index];
     BusLoad load;
     load.bus = bus.name;
-    double bits = 0;
+    double undivided = 0;
+    std::array<double, config::kTurnPattern> bits{};
     for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
       const Protocol* const protocol = find_protocol(robot.joints[joint].drive.protocol);
       if (robot.joints[joint].bus != index || protocol == nullptr) continue;
       ++load.drives;
-      for (const FrameTraffic& frame : protocol->traffic(robot, joint)) bits += bit_times(frame, bus);
+      double each = 0;
+      for (const FrameTraffic& frame : protocol->traffic(robot, joint)) each += bit_times(frame, bus);
+      undivided += each;
+      for (std::size_t tick = 0; tick < bits.size(); ++tick)
+        if (turns[joint].has(tick)) bits[tick] += each;
     }
-    load.bits_per_tick = static_cast<std::uint32_t>(std::ceil(bits));
+    load.bits_per_tick = static_cast<std::uint32_t>(std::ceil(std::ranges::max(bits)));
+    load.undivided = std::ceil(undivided) / (robot.control.period.seconds() * bus.bitrate);
     load.load = load.bits_per_tick / (robot.control.period.seconds() * bus.bitrate);
     if (load.load > kMaxBusLoad) return std::unexpected(overload_sentence(robot, bus, load));
     loads.push_back(std::move(load));

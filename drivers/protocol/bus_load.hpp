@@ -1,4 +1,5 @@
-// Can a bus carry what its drives say every tick? Worst-case bits on the wire, stuffing included. Pure.
+// Can a bus carry what its drives say every tick, in the fullest one where some are written to every few (drive.every)?
+// Worst-case bits on the wire, stuffing included. Pure.
 //
 // What a drive says is told by its protocol's row (protocol_table.hpp). FD frames switch to the data bit rate; their
 // data phase counts as the arbitration bits that would take as long.
@@ -40,8 +41,9 @@ inline constexpr double kMaxBusLoad = 0.9;
 struct BusLoad {
   std::string bus;
   std::size_t drives = 0;
-  std::uint32_t bits_per_tick = 0;  // worst case, commands and replies
+  std::uint32_t bits_per_tick = 0;  // worst case, commands and replies, of the fullest tick
   double load = 0;                  // share of the bit rate, 1 = all of it
+  double undivided = 0;             // the same, were every drive written to in every tick (drive.every: 1)
 };
 
 // One entry per bus, or one sentence that shows the arithmetic of the first bus that is overloaded.

@@ -62,6 +62,15 @@ std::string outside(const JointRecord& joint, const config::Joint& known) {
   return {};
 }
 
+std::string hot(const JointFeedback& feedback, double limit, double casing_limit, const std::string& which) {
+  if (limit > 0 && feedback.temperature_C > limit)
+    return "at " + digits(feedback.temperature_C, 0) + " degC, beyond temperature." + which + " " + digits(limit, 0);
+  if (casing_limit > 0 && feedback.casing_C > casing_limit)
+    return "its casing at " + digits(feedback.casing_C, 0) + " degC, beyond temperature.casing_" + which + " " +
+           digits(casing_limit, 0);
+  return {};
+}
+
 std::string silence(const JointFeedback& feedback, MonoTime now, Duration timeout) {
   if (!feedback.received_at.is_set()) return "never answered";
   const Duration silent = now - feedback.received_at;
@@ -129,6 +138,16 @@ CauseFindings cause_findings(Cause cause, const TickRecord& record, const config
       return joints_where(record, robot, replies_with(ReplyFault::delayed, "replies late"));
     case Cause::internal_error:
       return joints_where(record, robot, refused_frame);
+    case Cause::temperature_high:
+      return joints_where(record, robot, [](const JointRecord& joint, const config::Joint& known) {
+        const config::TemperatureLimits limits = known.limits.temperature.value_or(config::TemperatureLimits{});
+        return hot(joint.feedback, limits.warning, limits.casing_warning, "warning");
+      });
+    case Cause::overtemperature:
+      return joints_where(record, robot, [](const JointRecord& joint, const config::Joint& known) {
+        const config::TemperatureLimits limits = known.limits.temperature.value_or(config::TemperatureLimits{});
+        return hot(joint.feedback, limits.stop, limits.casing_stop, "stop");
+      });
     case Cause::none:
     case Cause::operator_arm:
     case Cause::operator_stop:
@@ -146,6 +165,7 @@ CauseFindings cause_findings(Cause cause, const TickRecord& record, const config
     case Cause::tilt:
     case Cause::imu_lost:
     case Cause::fallback_spent:
+    case Cause::degraded_spent:
       return {};
   }
   return {};

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "config/turns.hpp"
 #include "drivers/protocol/bus_load.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 
@@ -44,6 +45,7 @@ VirtualBus::VirtualBus(const config::RobotConfig& robot, const Disturbance& dist
       buses_(robot.buses.size()),
       guard_(robot),
       refused_(robot.joints.size()),
+      turns_(config::turns_of(robot)),
       encoded_(drivers::kMaxFramesPerDrive) {
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
     buses_[robot.joints[joint].bus].joints.push_back(joint);
@@ -98,6 +100,7 @@ void VirtualBus::receive(plant::Plant& plant, MonoTime now, pipeline::TickInput&
 void VirtualBus::send(plant::Plant& plant, MonoTime now, const pipeline::TickOutput& output) {
   for (std::size_t index = 0; index < buses_.size(); ++index) {
     for (const std::size_t joint : buses_[index].joints) {
+      if (!is_written(turns_[joint], output.record.header)) continue;
       const pipeline::JointSetpoint& wanted = output.setpoints[joint];
       const std::size_t count =
           drivers_[joint]->encode(output.drive_enabled[joint], {wanted.q, wanted.dq, wanted.kp, wanted.kd, wanted.tau},

@@ -58,6 +58,7 @@ class VirtualBus {
   std::vector<Bus> buses_;
   drivers::WireGuard guard_;
   std::vector<WireVerdict> refused_;  // per joint, the first since the last receive()
+  std::vector<Turns> turns_;          // per joint
   std::vector<drivers::CanFrame> encoded_;
   plant::Frames said_;
 };

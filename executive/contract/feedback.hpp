@@ -22,9 +22,19 @@ struct JointFeedback {
   std::uint8_t replies = 0;  // position reports decoded since start, modulo 256: how the tick tells lost from repeated
   // Not the drive's word but the last guard's, on what the previous tick was about to send it: set at the edge.
   WireVerdict refused = WireVerdict::allowed;
-  std::uint8_t reserved[1] = {};
+  // Of the casing or output stage, where the drive tells it apart from the winding: whole degrees Celsius, rounded up,
+  // 1..255; 0: it does not.
+  std::uint8_t casing_C = 0;
 };
 static_assert(std::is_standard_layout_v<JointFeedback> && sizeof(JointFeedback) == 32);
+
+// A reading as casing_C has it.
+constexpr std::uint8_t whole_degrees(float celsius) {
+  if (!(celsius > 1.0F)) return 1;  // NaN, too
+  if (celsius >= 255.0F) return 255;
+  const auto down = static_cast<std::uint8_t>(celsius);
+  return static_cast<float>(down) < celsius ? static_cast<std::uint8_t>(down + 1) : down;
+}
 
 // What is wrong with a joint's replies over about the last window: bits, one mask per joint.
 enum class ReplyFault : std::uint8_t { lost = 1U << 0U, repeated = 1U << 1U, delayed = 1U << 2U };

@@ -35,12 +35,13 @@ enum class ImuVerdict : std::uint8_t {
   backwards,    // sensed before the sample that is in force
   not_finite,   // NaN or infinity inside
   not_unit,     // the quaternion's norm is off by more than 1 %
+  contradicts,  // its rotation turns otherwise than its angular velocity says
 };
-inline constexpr std::size_t kImuVerdictCount = 6;
+inline constexpr std::size_t kImuVerdictCount = 7;
 
 constexpr std::string_view name(ImuVerdict verdict) {
-  constexpr std::array<std::string_view, kImuVerdictCount> names{"absent",    "usable",     "from_future",
-                                                                 "backwards", "not_finite", "not_unit"};
+  constexpr std::array<std::string_view, kImuVerdictCount> names{"absent",     "usable",   "from_future", "backwards",
+                                                                 "not_finite", "not_unit", "contradicts"};
   const auto index = static_cast<std::size_t>(verdict);
   return index < names.size() ? names[index] : "invalid";
 }

@@ -13,7 +13,7 @@ namespace takt {
 
 inline constexpr std::size_t kMaxJoints = 64;
 inline constexpr std::size_t kMaxChunkSteps = 128;
-inline constexpr std::size_t kMaxBuses = 8;
+inline constexpr std::size_t kMaxBuses = 16;
 inline constexpr std::size_t kMaxSensorValues = 64;
 inline constexpr std::size_t kMaxSensorQueue = 128;  // samples
 
@@ -26,6 +26,13 @@ constexpr JointMask bit_of_joint(std::size_t joint) {
 constexpr JointMask every_joint(std::uint32_t count) {
   return count >= 64 ? ~JointMask{0} : (JointMask{1} << count) - 1;
 }
+
+// In which ticks a joint's drive is written to: every n-th.
+struct Turns {
+  std::uint8_t every = 1;  // >= 1
+  std::uint8_t phase = 0;  // < every
+  [[nodiscard]] constexpr bool has(std::uint64_t tick) const { return every <= 1 || tick % every == phase; }
+};
 
 namespace unit {
 struct Radian;                   // joint position

@@ -54,8 +54,11 @@ enum class Cause : std::uint8_t {
   tilt,                 // the base leans or turns beyond its limits
   imu_lost,             // no usable sample of the base's IMU for its timeout
   fallback_spent,       // the fallback policy has moved the robot for as long as it may
+  temperature_high,     // a drive is hotter than its joint's warning: told, or degraded by configuration
+  overtemperature,      // a drive is hotter than its joint's limit
+  degraded_spent,       // degraded for as long as the robot may be
 };
-inline constexpr std::size_t kCauseCount = 33;
+inline constexpr std::size_t kCauseCount = 36;
 
 constexpr std::string_view name(Mode mode) {
   constexpr std::array<std::string_view, kModeCount> names{"standby",  "arming",      "tracking",
@@ -97,7 +100,10 @@ constexpr std::string_view name(Cause cause) {
                                                             "torque_output_lost",
                                                             "tilt",
                                                             "imu_lost",
-                                                            "fallback_spent"};
+                                                            "fallback_spent",
+                                                            "temperature_high",
+                                                            "overtemperature",
+                                                            "degraded_spent"};
   const auto index = static_cast<std::size_t>(cause);
   return index < names.size() ? names[index] : "invalid";
 }

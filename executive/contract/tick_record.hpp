@@ -212,6 +212,12 @@ struct JointRecord {
   std::uint8_t drive_enabled = 0;  // 1 when this drive is told to be enabled; 0: to de-energise
 };
 
+// Whether the joint's drive is written to in this tick: in its turns, and in every change of mode, for a stop waits for
+// nobody's turn.
+constexpr bool is_written(const Turns& turns, const TickRecordHeader& header) {
+  return turns.has(header.tick) || header.mode != header.previous_mode;
+}
+
 // The tick in which its command was first played.
 constexpr bool is_first_use(const TickRecordHeader& header) {
   return header.freshness != Freshness::missing && header.age.hold == Duration{};

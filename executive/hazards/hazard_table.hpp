@@ -311,7 +311,7 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
      {Unsafe::T7},
      "the IMU's cable, its process or its clock fails, or it says the same again and again",
      "no usable sample sensed within the sensor's timeout; samples that lie (future, backwards, no number, no unit "
-     "quaternion) are not used; imu.frozen_after",
+     "quaternion) are not used; imu.frozen_after; imu.contradiction",
      {"pipeline_test ImuCauses.EachWayToLoseItStopsTheRobot", "imu_link_test ImuLinkTest.ASensorThatIsKilledIsLost"},
      "one that drifts, or is mounted otherwise than the model says, is believed; a robot that balances falls without "
      "it",
@@ -326,6 +326,33 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
      "a robot that stands by its policies alone falls when it stops; with `for: 0 s` a robot plays on without "
      "anybody's "
      "word",
+     {Device::gantry, Device::fence}},
+    {Cause::temperature_high,
+     {Hazard::falls},
+     {Unsafe::T2},
+     "a drive works harder than it can cool, and will switch itself off if it goes on",
+     "the drive's own temperatures beyond limits.temperature.warning or casing_warning",
+     {"pipeline_test Temperatures.AWarningIsToldAndDegradesWhereTheRobotFileSaysSo",
+      "pipeline_test Temperatures.DegradedByHeatItStaysSoUntilItIsCooler"},
+     "a robot that is only told works on; the drive measures where its sensor sits",
+     {Device::gantry}},
+    {Cause::overtemperature,
+     {Hazard::falls, Hazard::beyond},
+     {Unsafe::T2},
+     "a drive is about to burn, or to switch itself off under load",
+     "the drive's own temperatures beyond limits.temperature.stop or casing_stop",
+     {"pipeline_test Temperatures.BeyondTheLimitTheRobotStopsAndArmsNoMoreUntilItIsCooler",
+      "pipeline_test Temperatures.ADriveThatTellsNoneIsNotArmedUnderALimit"},
+     "holding still takes torque and heats on; the drive measures where its sensor sits",
+     {Device::gantry, Device::brakes}},
+    {Cause::degraded_spent,
+     {Hazard::falls, Hazard::outdated},
+     {Unsafe::S2},
+     "the policy comes and goes for so long that the contract is never restored",
+     "time since the robot was degraded beyond degraded.for",
+     {"pipeline_test DegradedFor.EndsInAStopWhateverTheBehaviour",
+      "incident_test DegradedIncident.SaysThatItsTimeIsOver"},
+     "a robot that stands by its policies alone falls when it stops; with `for: 0 s` it stays degraded without end",
      {Device::gantry, Device::fence}},
 }};
 

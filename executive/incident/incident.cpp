@@ -60,6 +60,9 @@ std::string imu_words(const TickRecordHeader& header, const std::string& sensor)
       return fmt::format("sensor {}: its newest sample has values that are no numbers", sensor);
     case ImuVerdict::not_unit:
       return fmt::format("sensor {}: its quaternion is no unit quaternion", sensor);
+    case ImuVerdict::contradicts:
+      return fmt::format("sensor {}: its rotation turns otherwise than its angular velocity says (imu.contradiction)",
+                         sensor);
   }
   return {};
 }
@@ -127,7 +130,7 @@ void IncidentWatch::look_at_joint(const TickRecord& record, std::size_t joint) {
   Heard& heard = heard_[joint];
   if (heard.tick == 0 || feedback.received_at != heard.stamp)
     heard = {feedback.received_at, header.now, header.tick};
-  else if (header.tick - heard.tick >= kSilentTicks)
+  else if (header.tick - heard.tick >= kSilentTicks * robot_.joints[joint].drive.every)
     note(silences_[joint], header, heard.tick + 1, heard.at + robot_.control.period);
 }
 
@@ -253,6 +256,9 @@ std::string IncidentWatch::words(const TickRecord& record) const {
       return tilt_words(header, robot_.imu.value_or(config::Imu{}));
     case Cause::imu_lost:
       return imu_words(header, robot_.imu.value_or(config::Imu{}).sensor);
+    case Cause::degraded_spent:
+      return fmt::format("the robot has been degraded for {:g} s (degraded.for), and the contract is not restored: {}",
+                         robot_.degraded.longest.seconds(), newest);
     case Cause::internal_error:
       return "an assertion of Takt failed: report it with the run folder";
     case Cause::none:
@@ -275,6 +281,8 @@ std::string IncidentWatch::words(const TickRecord& record) const {
     case Cause::foreign_node:
     case Cause::bus_babble:
     case Cause::envelope_exceeded:
+    case Cause::temperature_high:
+    case Cause::overtemperature:
       return {};
   }
   return {};

@@ -117,6 +117,10 @@ void list_joint(const JointRecord& joint, std::int32_t index, const TickRecordHe
   list.add_if(feedback.q < limits.q_min - limits.q_hard_margin || feedback.q > limits.q_max + limits.q_hard_margin,
               "outside its position limits: move it by hand", index);
   list.add_if(std::abs(joint.dq_estimate) > limits.velocity, "moving too fast", index);
+  const TemperatureLimits& temperature = config.joints[static_cast<std::size_t>(index)].temperature;
+  const bool untold =
+      (temperature.any() && feedback.temperature_C == 0) || (temperature.of_casing() && feedback.casing_C == 0);
+  list.add_if(untold, "the drive tells no temperature, and limits.temperature has a limit for it", index);
 }
 
 }  // namespace
@@ -139,6 +143,8 @@ std::size_t arming_blockers(const TickRecord& latest, const TickConfig& config, 
   list.add_if((header.causes_active & bit(Cause::imu_lost)) != 0,
               "no usable sample of the base's IMU: is its process running? takt status says what is wrong with it");
   list.add_if((header.causes_active & bit(Cause::tilt)) != 0, "the base leans or turns beyond its limits (imu)");
+  list.add_if((header.causes_active & bit(Cause::overtemperature)) != 0,
+              "a drive is too hot, or has not cooled by 5 degrees yet (limits.temperature)");
   list.add_if((header.causes_active & bit(Cause::internal_error)) != 0, "internal error");
   for (const BusBlocker& blocker : kBusBlockers)
     list.add_if((header.causes_active & bit(blocker.cause)) != 0, blocker.what);

@@ -28,6 +28,18 @@ bool is_judged(ReplyWatch& watch, bool new_reply, std::uint32_t silence) {
   return false;
 }
 
+// A window is as long as any other's, of as many turns as fit.
+BusFaultLimits limits_of(const Turns& turns, BusFaultLimits limits) {
+  limits.window_ticks = std::max(limits.window_ticks / std::max<std::uint32_t>(turns.every, 1), 1U);
+  return limits;
+}
+
+// Turns without a reply that end the watch.
+std::uint32_t silence_of(const Turns& turns, const TickConfig& config) {
+  const std::int64_t turn = std::max<std::int64_t>(config.period.ns, 1) * std::max<std::int64_t>(turns.every, 1);
+  return static_cast<std::uint32_t>(std::min<std::int64_t>(config.feedback_timeout.ns / turn, 0xFFFF));
+}
+
 }  // namespace
 
 void LeakyCount::tick(std::uint32_t events, std::uint32_t window_ticks) {
@@ -100,13 +112,19 @@ void watch_links(LinkWatch& watch, const TickConfig& config, TickRecord& record)
   const auto excused =
       static_cast<std::uint32_t>(std::min<std::uint64_t>(record.header.skipped_periods - watch.skipped_periods, 0xFF));
   watch.skipped_periods = record.header.skipped_periods;
-  const auto silence = static_cast<std::uint32_t>(
-      std::min<std::int64_t>(config.feedback_timeout.ns / std::max<std::int64_t>(config.period.ns, 1), 0xFFFF));
   for (std::size_t b = 0; b < config.bus_count; ++b) note_health(watch.buses[b], record.header.buses[b], window);
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     ReplyWatch& joint = watch.joints[j];
-    note_replies(joint, take_replies(joint, record.joints[j].feedback.replies, excused, silence), window);
-    record.joints[j].reply_faults = reply_faults(joint, config.bus_faults);
+    const Turns& turns = config.joints[j].turns;
+    const std::uint32_t spared = std::min(joint.excused + excused, 0xFFU);
+    joint.excused = static_cast<std::uint8_t>(spared);
+    const BusFaultLimits limits = limits_of(turns, config.bus_faults);
+    if (turns.has(record.header.tick)) {
+      joint.excused = 0;
+      note_replies(joint, take_replies(joint, record.joints[j].feedback.replies, spared, silence_of(turns, config)),
+                   limits.window_ticks);
+    }
+    record.joints[j].reply_faults = reply_faults(joint, limits);
   }
 }
 

@@ -12,6 +12,8 @@
 // Periods that the executive skipped excuse as many early replies: some drives report by themselves. A joint silent
 // for feedback_timeout is feedback_lost's concern: it is looked at again kPatience ticks after it speaks again, so that
 // the backlog of a stalled bus is no fault of its own.
+// A joint whose drive is written to every n-th tick owes a reply per turn: it is looked at in its turns, and a tick
+// above is a turn of it.
 // Before the first reply, and before the first frame on a bus: no fault. Pure, bounded, integers only.
 #pragma once
 
@@ -55,7 +57,8 @@ struct ReplyWatch {
   std::uint8_t replies = 0;   // JointFeedback::replies at the previous tick
   std::uint8_t heard = 0;     // 0: never, or silent for too long
   std::uint8_t settling = 0;  // ticks until it is judged
-  std::uint8_t reserved[3] = {};
+  std::uint8_t excused = 0;   // early replies that periods skipped since its last turn excuse
+  std::uint8_t reserved[2] = {};
 };
 
 struct BusWatch {

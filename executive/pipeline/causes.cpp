@@ -97,6 +97,37 @@ bool is_fallback_spent(const FallbackState& fallback, MonoTime now, const TickCo
          now - fallback.plays_since >= config.fallback_longest;
 }
 
+// A drive that made the robot stop, or degraded it, has to cool by this much before the condition is gone.
+constexpr float kCooler_C = 5;
+
+bool is_hotter(const JointFeedback& feedback, float limit, float casing_limit, float sooner) {
+  return (limit > 0 && feedback.temperature_C > limit - sooner) ||
+         (casing_limit > 0 && static_cast<float>(feedback.casing_C) > casing_limit - sooner);
+}
+
+CauseMask of_temperatures(const TickRecord& record, Mode mode, const TickConfig& config) {
+  const float to_warn = mode == Mode::degraded ? kCooler_C : 0;
+  const float to_stop = mode == Mode::standby || is_latched(mode) ? kCooler_C : 0;
+  bool high = false, over = false;
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    const TemperatureLimits& limits = config.joints[j].temperature;
+    const JointFeedback& feedback = record.joints[j].feedback;
+    high |= is_hotter(feedback, limits.warning, limits.casing_warning, to_warn);
+    over |= is_hotter(feedback, limits.stop, limits.casing_stop, to_stop);
+  }
+  return when(high, Cause::temperature_high) | when(over, Cause::overtemperature);
+}
+
+bool is_degraded_spent(const ModeState& mode, MonoTime now, const TickConfig& config) {
+  return config.degraded_longest > Duration{} && mode.degraded_since.is_set() &&
+         now - mode.degraded_since >= config.degraded_longest;
+}
+
+// What keeps the robot degraded, however fresh its commands are.
+bool stays_degraded(CauseMask temperatures, const TickConfig& config) {
+  return config.temperature_degrades && (temperatures & bit(Cause::temperature_high)) != 0;
+}
+
 CauseMask of_commands(const TickState& state, MonoTime now, const TickConfig& config) {
   const FreshnessContract& contract = config.freshness;
   const bool out_of_range = static_cast<double>(state.clamped.count()) > config.clamped_share * contract.window_ticks;
@@ -107,7 +138,8 @@ CauseMask of_commands(const TickState& state, MonoTime now, const TickConfig& co
   active |= when(is_command_lost(last_usable_at(state, config), now, contract), Cause::command_lost);
   active |=
       when(counting && is_violated(state.misses.count(), state.recovery, now, contract), Cause::contract_violated);
-  active |= when(is_fallback_spent(state.fallback, now, config), Cause::fallback_spent);
+  active |= when(is_fallback_spent(state.fallback, now, config), Cause::fallback_spent) |
+            when(is_degraded_spent(state.mode, now, config), Cause::degraded_spent);
   return active | when(mode == Mode::degraded && is_restored(state.recovery, now, contract), Cause::contract_restored);
 }
 
@@ -134,8 +166,11 @@ bool is_unrecorded(const TickRecordHeader& header, const TickConfig& config) {
 
 CauseMask conditions(const TickState& state, const TickRecord& record, const TickConfig& config) {
   const bool late = static_cast<double>(state.late.count()) > config.late_share * config.freshness.window_ticks;
-  return of_buses(record) | link_faults(state.links, record, config) | of_drives(state, record, config) |
-         of_commands(state, record.header.now, config) | of_guard(record) | when(late, Cause::overrun) |
+  const CauseMask temperatures = of_temperatures(record, state.mode.mode, config);
+  const CauseMask withheld = stays_degraded(temperatures, config) ? bit(Cause::contract_restored) : 0;
+  const CauseMask commands = of_commands(state, record.header.now, config) & ~withheld;
+  return of_buses(record) | link_faults(state.links, record, config) | of_drives(state, record, config) | commands |
+         temperatures | of_guard(record) | when(late, Cause::overrun) |
          when(is_unrecorded(record.header, config), Cause::recording_lost) |
          when(is_torque_output_lost(record.header, config), Cause::torque_output_lost) |
          imu_conditions(state.imu, record.header.now, config.imu);

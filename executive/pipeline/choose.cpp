@@ -7,11 +7,34 @@
 namespace takt::pipeline {
 namespace {
 
+// Of a damped stop, now: what was to last for a while ends as any other stop does.
+StopManner manner_of(const TickState& state, MonoTime now, const TickConfig& config) {
+  if (state.mode.mode != Mode::damped_stop) return StopManner::rest;
+  const StopRule& rule = config.stops[static_cast<std::size_t>(state.mode.stop_cause)];
+  const bool ends = rule.manner == StopManner::hold || rule.manner == StopManner::posture;
+  const bool is_over = rule.longest > Duration{} && now - state.mode.stopped_since >= rule.longest;
+  return ends && is_over ? StopManner::rest : rule.manner;
+}
+
+// Whether a latched mode has stiffness.
+bool holds(const TickState& state, MonoTime now, const TickConfig& config) {
+  switch (manner_of(state, now, config)) {
+    case StopManner::rest:
+      return state.mode.resting != 0;
+    case StopManner::damping:
+      return false;
+    case StopManner::hold:
+    case StopManner::posture:
+      return true;
+  }
+  return false;
+}
+
 // Gains and speed that apply unless the chunk says otherwise. q stays at the reference: no motion asked for.
 void default_targets(const TickState& state, const TickRecord& record, const TickConfig& config,
                      std::span<JointTarget> targets) {
   const Mode mode = state.mode.mode;
-  const bool none_holds = mode == Mode::arming || (is_latched(mode) && state.mode.resting == 0);
+  const bool none_holds = mode == Mode::arming || (is_latched(mode) && !holds(state, record.header.now, config));
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     const JointConfig& joint = config.joints[j];
     const bool damping_only = none_holds || part_of(state, record.joints[j], j, config) != Part::as_chosen;
@@ -42,6 +65,20 @@ float resume_scale(const TickState& state, MonoTime now, const TickConfig& confi
 // A policy trained without a velocity setpoint gets none where its own path is braked either: it would come as a jump.
 Choice brake(const TickConfig& config) {
   return {Reference::brake, false, true, true, Player::none, config.interpolation != Interpolation::hold, 0};
+}
+
+Choice go_to_stop_pose(const TickConfig& config, std::span<JointTarget> targets) {
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    targets[j].q = config.joints[j].stop_pose;
+    targets[j].speed = config.joints[j].stop_speed;
+  }
+  return {Reference::follow_target, false, true, true, Player::none, true, 0};
+}
+
+Choice stop(const TickState& state, MonoTime now, const TickConfig& config, std::span<JointTarget> targets) {
+  if (manner_of(state, now, config) == StopManner::posture) return go_to_stop_pose(config, targets);
+  const Reference reference = holds(state, now, config) ? Reference::brake : Reference::follow_measured;
+  return {reference, false, true, true, Player::none, true, 0};
 }
 
 Choice play_or_brake(const TickState& state, const TickRecord& record, const TickConfig& config,
@@ -132,7 +169,6 @@ Part part_of(const TickState& state, const JointRecord& measured, std::size_t jo
 Choice choose(const TickState& state, const TickRecord& record, const TickConfig& config,
               std::span<JointTarget> targets) {
   const Mode mode = state.mode.mode;
-  const bool resting = state.mode.resting != 0;
   default_targets(state, record, config, targets);
   switch (mode) {
     case Mode::standby:
@@ -146,7 +182,7 @@ Choice choose(const TickState& state, const TickRecord& record, const TickConfig
       return choose_degraded(state, record, config, targets);
     case Mode::damped_stop:
     case Mode::fault_latched:
-      return {resting ? Reference::brake : Reference::follow_measured, false, true, true, Player::none, true, 0};
+      return stop(state, record.header.now, config, targets);
   }
   return {};
 }

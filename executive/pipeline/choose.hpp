@@ -13,6 +13,9 @@
 //       kind     policy's; brakes when neither is
 //                usable
 // damped_stop    follows until at rest, then stays       damping; at rest default  yes  yes
+//   or, by its   damping: follows for good               damping              yes      yes
+//   cause's      hold: brakes to rest and stays          default              yes      yes
+//   StopRule     posture: to its pose at its speed       default              yes      yes
 // fault_latched  as damped_stop, but for
 //   the joints it is about: no power                     none (limp)          no       no
 //   the rest of their limbs: follow the measured pos.    damping              no       no

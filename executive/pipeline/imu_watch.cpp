@@ -30,6 +30,37 @@ ImuVerdict judge(const ImuWatch& watch, const ImuSample& read, MonoTime now, Dur
   return std::abs(norm - 1) <= kNormTolerance ? ImuVerdict::usable : ImuVerdict::not_unit;
 }
 
+// The rotation vector from one attitude to another, in the base's frame; small angles, the shorter way round.
+std::array<float, 3> turned(const float (&from)[4], const float (&to)[4]) {
+  const auto [w, x, y, z] = from;
+  const float real = w * to[0] + x * to[1] + y * to[2] + z * to[3];
+  const float twice = real < 0 ? -2.0F : 2.0F;
+  return {twice * (w * to[1] - x * to[0] - y * to[3] + z * to[2]),
+          twice * (w * to[2] + x * to[3] - y * to[0] - z * to[1]),
+          twice * (w * to[3] - x * to[2] + y * to[1] - z * to[0])};
+}
+
+// Two stamps of one attitude would divide by nothing, and after a gap as long as the memory there is nothing to
+// compare.
+void compare(ImuWatch& watch, const ImuSample& read, float limit) {
+  const ImuSample& before = watch.compared;
+  const float dt = static_cast<float>((read.sensed_at - before.sensed_at).seconds());
+  if (before.sequence == 0 || dt >= kContradictionMemory_s) {
+    watch.ahead = {};
+  } else if (dt > 0) {
+    const std::array<float, 3> by_rotation = turned(before.rotation, read.rotation);
+    const float left = 1.0F - dt / kContradictionMemory_s;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const float by_rate = 0.5F * (before.angular_velocity[i] + read.angular_velocity[i]) * dt;
+      watch.ahead[i] = left * watch.ahead[i] + by_rotation[i] - by_rate;
+    }
+  } else {
+    return;
+  }
+  watch.compared = read;
+  watch.contradicts = std::sqrt(square_sum(watch.ahead)) > limit ? 1 : 0;
+}
+
 bool says_the_same(const ImuSample& one, const ImuSample& other) {
   return std::ranges::equal(one.rotation, other.rotation) &&
          std::ranges::equal(one.angular_velocity, other.angular_velocity) &&
@@ -38,7 +69,7 @@ bool says_the_same(const ImuSample& one, const ImuSample& other) {
 
 bool is_lost(const ImuWatch& watch, MonoTime now, const ImuConfig& config) {
   const ImuSample& imu = watch.in_force;
-  if (imu.sequence == 0 || now - imu.sensed_at > config.timeout) return true;
+  if (imu.sequence == 0 || now - imu.sensed_at > config.timeout || watch.contradicts != 0) return true;
   return config.frozen_after > Duration{} && imu.sensed_at - watch.changed_at > config.frozen_after;
 }
 
@@ -53,6 +84,8 @@ ImuVerdict take_imu(ImuWatch& watch, const ImuSample& read, MonoTime now, const 
   if (!config.imu.present) return ImuVerdict::absent;
   const ImuVerdict verdict = judge(watch, read, now, config.period);
   if (verdict != ImuVerdict::usable) return verdict;
+  if (config.imu.contradiction > 0) compare(watch, read, config.imu.contradiction);
+  if (watch.contradicts != 0) return ImuVerdict::contradicts;
   if (watch.in_force.sequence == 0 || !says_the_same(watch.in_force, read)) watch.changed_at = read.sensed_at;
   watch.in_force = read;
   return verdict;

@@ -138,6 +138,13 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
       "a usable sample; mode: operator reset"},
     {Cause::fallback_spent,       51,  {S, A, T, P, P, F}, kRest, "fallbacks.NAME.for, one tick",
       "the policy's contract is restored, or the mode left; mode: operator reset"},
+    // A warning, unless the robot file wants the robot degraded by it.
+    {Cause::temperature_high,     31,  {S, A, D, D, P, F}, kNo,   "",
+      "every drive is 5 degrees cooler than its warning; mode: contract_restored"},
+    {Cause::overtemperature,      52,  {S, P, P, P, P, F}, kRest, "one tick",
+      "every drive is 5 degrees cooler than its limit; mode: operator reset"},
+    {Cause::degraded_spent,       49,  {S, A, T, P, P, F}, kRest, "degraded.for, one tick",
+      "the mode is left; mode: operator reset"},
   }};
 }();
 // clang-format on
@@ -156,16 +163,32 @@ struct Transition {
   Cause cause = Cause::none;  // none: no transition
 };
 
-constexpr Transition decide(Mode mode, CauseMask active) {
+// `warnings`: causes that the robot file wants told and nothing more. Only those that stop nothing can be.
+constexpr Transition decide(Mode mode, CauseMask active, CauseMask warnings = 0) {
   Transition worst{mode, Cause::none};
   std::uint8_t worst_severity = 0;
-  for (CauseMask left = active & ((CauseMask{1} << kCauseCount) - 1); left != 0; left &= left - 1) {
+  for (CauseMask left = active & ~warnings & ((CauseMask{1} << kCauseCount) - 1); left != 0; left &= left - 1) {
     const Reaction& row = kReactions[static_cast<std::size_t>(std::countr_zero(left))];
     if (row.from(mode) == mode || row.severity <= worst_severity) continue;
     worst = {row.from(mode), row.cause};
     worst_severity = row.severity;
   }
   return worst;
+}
+
+// Those that may lead to a damped stop, from wherever.
+constexpr bool may_damp(const Reaction& row) {
+  return row.stops.robot != Stop::none &&
+         (row.from(Mode::tracking) == Mode::damped_stop || row.from(Mode::degraded) == Mode::damped_stop);
+}
+
+// By whose manner a damped stop goes on: a worse cause takes over from the one that began it.
+constexpr Cause stopped_by(Cause present, CauseMask active) {
+  for (CauseMask left = active & ((CauseMask{1} << kCauseCount) - 1); left != 0; left &= left - 1) {
+    const Reaction& row = kReactions[static_cast<std::size_t>(std::countr_zero(left))];
+    if (may_damp(row) && row.severity > kReactions[static_cast<std::size_t>(present)].severity) present = row.cause;
+  }
+  return present;
 }
 
 // Conditions that must be gone before a latched fault may be reset. A drive's own fault is not among them: disabling
@@ -239,7 +262,15 @@ constexpr bool scopes_are_nested() {
   }
   return true;
 }
+// A cause may be made a warning only where it stops nothing.
+inline constexpr CauseMask kMayWarn = bit(Cause::temperature_high);
+constexpr bool warnings_stop_nothing() {
+  for (const Reaction& row : kReactions)
+    if ((kMayWarn & bit(row.cause)) != 0 && row.stops.robot != Stop::none) return false;
+  return true;
+}
 static_assert(rows_are_in_order());
+static_assert(warnings_stop_nothing());
 static_assert(latched_modes_are_stops());
 static_assert(scopes_are_nested());
 static_assert(severities_differ());

@@ -120,6 +120,24 @@ void follow_what_was_sent(TickState& state, const TickInput& input, const TickCo
   }
 }
 
+// In the tick of a change of mode every drive is written to, and answers, in turn or not.
+void excuse_out_of_turn(LinkWatch& links, const TickRecordHeader& header, const TickConfig& config) {
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    std::uint8_t& excused = links.joints[j].excused;
+    if (!config.joints[j].turns.has(header.tick) && excused < 0xFF) ++excused;
+  }
+}
+
+// In whose manner the damped stop goes on.
+void follow_stop(ModeState& mode, const TickRecordHeader& header) {
+  if (mode.mode != Mode::damped_stop) return;
+  const bool begins = header.previous_mode != Mode::damped_stop;
+  const Cause cause = begins ? header.cause : stopped_by(mode.stop_cause, header.causes_active);
+  if (!begins && cause == mode.stop_cause) return;
+  mode.stop_cause = cause;
+  mode.stopped_since = header.now;
+}
+
 void remember_stop(ModeState& mode, const TickRecordHeader& header) {
   const bool asked =
       header.operator_request == OperatorRequest::stop || header.operator_request == OperatorRequest::press_stop;
@@ -214,12 +232,17 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
   header.mode = header.previous_mode = state.mode.mode;
   header.causes_active = conditions(state, record, config);
   header.causes_active |= granted_request(state, record, header.causes_active, config);
-  const Transition transition = decide(state.mode.mode, header.causes_active);
+  const CauseMask warnings = config.temperature_degrades ? 0 : bit(Cause::temperature_high);
+  const Transition transition = decide(state.mode.mode, header.causes_active, warnings);
   header.cause = transition.cause;
   header.mode = transition.to;
   const JointMask affected = affected_joints(state, record, config);  // by the mode that is left
   const bool stops_arming = header.previous_mode == Mode::arming && header.mode == Mode::damped_stop;
-  if (transition.cause != Cause::none) enter(state, transition.to, input.now, contract);
+  if (transition.cause != Cause::none) {
+    enter(state, transition.to, input.now, contract);
+    excuse_out_of_turn(state.links, header, config);
+  }
+  follow_stop(state.mode, header);
   // Who stops the arming does not want the drives that are still off.
   if (stops_arming) take_out(state, affected & not_enabled(record, config));
   if (state.mode.mode == Mode::fault_latched) {
@@ -246,6 +269,7 @@ void begin_epoch(TickState& state) {
 void enter(TickState& state, Mode mode, MonoTime now, const FreshnessContract& contract) {
   const Mode left = state.mode.mode;
   state.mode.mode = mode;
+  state.mode.degraded_since = mode == Mode::degraded ? now : MonoTime{};
   switch (mode) {
     case Mode::standby:
       state.mode.drives_enabled = 0;

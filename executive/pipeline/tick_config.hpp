@@ -9,6 +9,7 @@
 
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/joints.hpp"
+#include "executive/contract/mode.hpp"
 #include "executive/contract/mono_time.hpp"
 #include "executive/contract/observation.hpp"
 
@@ -41,8 +42,17 @@ struct DriveGains {
   float kd = 0;  // Nm s/rad, > 0 where kp is
 };
 
+// Degrees Celsius; 0: not looked at.
+struct TemperatureLimits {
+  float warning = 0, stop = 0;                // of the hottest part the drive reports
+  float casing_warning = 0, casing_stop = 0;  // of what it tells apart from the winding
+  [[nodiscard]] constexpr bool any() const { return warning > 0 || stop > 0; }
+  [[nodiscard]] constexpr bool of_casing() const { return casing_warning > 0 || casing_stop > 0; }
+};
+
 struct JointConfig {
   JointLimits limits;
+  TemperatureLimits temperature{};
   float kp = 0, kd = 0;          // default impedance
   float damping = 0;             // Nm s/rad in damped stop and fault
   float inertia = 0;             // kg m^2, effective, lower bound; used by the torque barriers
@@ -55,6 +65,9 @@ struct JointConfig {
   LoopAt loop = LoopAt::drive;
   bool passive = false;  // measured, never driven: its setpoint has no gains and no torque, whatever is asked
   DriveGains drive_gains{};
+  Turns turns{};
+  float stop_pose = 0;   // rad, where StopManner::posture goes
+  float stop_speed = 0;  // rad/s
 };
 
 // One link of the kinematic tree for gravity compensation. Joint j moves link j.
@@ -108,9 +121,10 @@ enum class Interpolation : std::uint8_t {
 // The base's IMU (contract/imu.hpp).
 struct ImuConfig {
   bool present = false;
-  Duration timeout;            // no usable sample sensed within it: imu_lost
-  Duration frozen_after;       // the same ten values for longer, under fresh stamps: imu_lost; 0: not looked for
-  float tilt = 0;              // rad, from upright
+  Duration timeout;         // no usable sample sensed within it: imu_lost
+  Duration frozen_after;    // the same ten values for longer, under fresh stamps: imu_lost; 0: not looked for
+  float contradiction = 0;  // rad between rotation and angular velocity within about 0.5 s: imu_lost; 0: not looked for
+  float tilt = 0;           // rad, from upright
   float angular_velocity = 0;  // rad/s, of the base
 };
 
@@ -128,6 +142,18 @@ struct JoinRule {
 struct SpeculationTolerance {
   float q = 0;   // rad; 0: none are taken
   float dq = 0;  // rad/s, > 0 where q is
+};
+
+// How a damped stop brings the robot to rest.
+enum class StopManner : std::uint8_t {
+  rest,     // damped until at rest, then held
+  damping,  // damped, and never held
+  hold,     // braked along the limits and held at once
+  posture,  // led to stop_pose at stop_speed, and held there
+};
+struct StopRule {
+  StopManner manner = StopManner::rest;
+  Duration longest;  // hold, posture: then as `rest`; 0: without end
 };
 
 enum class DegradedBehaviour : std::uint8_t { hold, slow, fallback };
@@ -166,11 +192,14 @@ struct TickConfig {
   DegradedBehaviour degraded = DegradedBehaviour::hold;
   FallbackKind fallback = FallbackKind::pose;
   ExpectedPolicy fallback_policy;
-  Duration fallback_longest;          // how long it may move the robot at one go; 0: without end
-  float degraded_speed_scale = 0.3F;  // 0 < .. <= 1
-  Duration resume_over;               // >= 0: after tracking begins, speed limits rise from the scale to the full ones
-  Duration feedback_timeout;          // a joint silent for longer: feedback_lost
-  Duration enable_timeout;            // arming must succeed within it
+  Duration fallback_longest;                  // how long it may move the robot at one go; 0: without end
+  Duration degraded_longest;                  // how long the robot may be degraded at one go; 0: without end
+  bool temperature_degrades = false;          // temperature_high leads to degraded; else it is told and nothing more
+  std::array<StopRule, kCauseCount> stops{};  // by the cause of a damped stop
+  float degraded_speed_scale = 0.3F;          // 0 < .. <= 1
+  Duration resume_over;       // >= 0: after tracking begins, speed limits rise from the scale to the full ones
+  Duration feedback_timeout;  // a joint silent for longer: feedback_lost
+  Duration enable_timeout;    // arming must succeed within it
   BusFaultLimits bus_faults;
   double late_share = 0.25;            // of the freshness window: more periods late or skipped are an overrun; 1: never
   std::uint32_t unrecorded_limit = 0;  // ticks the recorder may be behind; 0: none is required

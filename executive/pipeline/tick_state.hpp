@@ -49,6 +49,8 @@ struct ModeState {
   JointMask deenergised = 0;
   JointMask damped = 0;
   MonoTime awake_since;  // the tick that noticed the newest suspend: feedback from before is not believed; unset: none
+  MonoTime degraded_since;  // unset: it is not
+  MonoTime stopped_since;   // the damped stop goes on in the manner of stop_cause since then
   Mode mode = Mode::standby;
   std::uint8_t resting = 0;         // latched modes: 1 once at rest; from then on what may hold its position does
   std::uint8_t drives_enabled = 0;  // 1 once every drive reported enabled in this arming
@@ -56,7 +58,7 @@ struct ModeState {
   Arrival last_refusal = Arrival::none;  // of the newest message
   Player player = Player::none;          // in the newest tick
   Player last_player = Player::none;     // the newest one since arming, whoever plays now
-  std::uint8_t reserved = 0;
+  Cause stop_cause = Cause::none;        // in a damped stop: by whose manner
 };
 
 struct Counters {
@@ -140,13 +142,13 @@ static_assert(std::is_trivially_copyable_v<TickState>);
 // No hidden padding: keyframes of equal states are equal bytes.
 static_assert(sizeof(JointState) == sizeof(ObserverState) + 3 * sizeof(ReferenceState) + 32 &&
               sizeof(ObserverState) == 16);
-static_assert(sizeof(RestWatch) == 16 + 4 * kMaxJoints && sizeof(ModeState) == 56 + sizeof(RestWatch) &&
+static_assert(sizeof(RestWatch) == 16 + 4 * kMaxJoints && sizeof(ModeState) == 72 + sizeof(RestWatch) &&
               sizeof(Counters) == 24 && sizeof(Recovery) == 32);
 static_assert(sizeof(CommandInUse) == 80 && sizeof(WaitingCommand) == 88 && sizeof(FallbackState) == 112 &&
               sizeof(CandidateState) == 120);
 static_assert(sizeof(Alternative) == sizeof(CommandInUse) + sizeof(CommandHeader) + 4 * kMaxAlternativeValues &&
               sizeof(SpeculationState) == 16 + kMostAlternatives * sizeof(Alternative));
 static_assert(sizeof(JoinState) == 8 + 12 * kMaxJoints + 8 * kMaxChunkSteps + 168);
-static_assert(sizeof(ImuWatch) == sizeof(ImuSample) + 8);
+static_assert(sizeof(ImuWatch) == 2 * sizeof(ImuSample) + 8 + 16);
 
 }  // namespace takt::pipeline

@@ -172,6 +172,8 @@ void CyclicLoop::publish_status() noexcept {
 void CyclicLoop::say_farewell(Pace& pace) noexcept {
   output_ = {};
   output_.record.header.tick = input_.tick;
+  // Nobody's turn is waited for: as in a change of mode, every drive is written to.
+  output_.record.header.previous_mode = Mode::damped_stop;
   for (int i = 0; i < kFarewellTicks; ++i) {
     wakeup_.wait_until(pace.due());
     parts_.edge.receive(input_, parts_.published);

@@ -75,6 +75,7 @@ Departure DriveEdge::send(const pipeline::TickOutput& output, Clock& clock, cons
         torque_->tell(output.torque_permitted) ? TorqueOutputState::as_told : TorqueOutputState::failed;
   for (std::size_t bus = 0; bus < buses_.size(); ++bus) {
     for (const std::size_t joint : joints_of_bus_[bus]) {
+      if (!is_written(joints_[joint].turns, output.record.header)) continue;
       const MonoTime now = clock.now();
       if (!departure.at.is_set()) departure.at = now;
       const bool damped = output.drive_enabled[joint] && now > output.send_by;

@@ -1,7 +1,8 @@
 // The edge to the drives: frames in become feedback, setpoints become frames. Every frame that crosses is recorded.
 //
 // Order on the wire, every tick: bus by bus in configuration order, on each bus its joints in configuration order, each
-// joint's frames in the order its driver wrote them. Receiving is bounded: at most kMaxFramesPerBus per bus and tick;
+// joint's frames in the order its driver wrote them; a joint whose turn it is not is left out, but for changes of mode
+// (is_written in contract/tick_record.hpp). Receiving is bounded: at most kMaxFramesPerBus per bus and tick;
 // the rest waits in the kernel's queue for the next tick. A drive answers each of its frames once: more than
 // kMaxFramesPerDrive per joint, or a full portion, is more than our drives can say, and the bus's health says `flooded`
 // for that tick.
@@ -37,6 +38,7 @@ inline constexpr std::size_t kMaxFramesPerBus = 64;
 struct JointOnBus {
   std::unique_ptr<drivers::JointDriver> driver;
   std::size_t bus = 0;
+  Turns turns{};
 };
 
 // What became of a tick's setpoints; inputs of the next tick.

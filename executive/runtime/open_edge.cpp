@@ -10,6 +10,7 @@
 #include <thread>
 #include <utility>
 
+#include "config/turns.hpp"
 #include "drivers/bus/open_bus.hpp"
 #include "drivers/protocol/home_note.hpp"
 #include "drivers/protocol/protocol_table.hpp"
@@ -105,12 +106,13 @@ std::expected<OpenedEdge, EdgeRefusal> open_edge(const config::RobotConfig& robo
     torque = std::move(*output);
   }
   const Homed homed = homed_robot(robot, runtime_directory);
+  const std::vector<Turns> turns = config::turns_of(robot);
   std::vector<JointOnBus> joints;
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
     auto driver = drivers::make_joint_driver(homed.robot, joint);
     if (!driver) return std::unexpected(EdgeRefusal{kExitUnavailable, driver.error()});
     if (const auto& note = homed.notes[joint]) (*driver)->assume_home(static_cast<float>(note->left_at), kMayHaveMoved);
-    joints.push_back({std::move(*driver), robot.joints[joint].bus});
+    joints.push_back({std::move(*driver), robot.joints[joint].bus, turns[joint]});
   }
   return OpenedEdge{std::move(*claims),
                     DriveEdge(std::move(buses), std::move(joints), std::make_unique<drivers::WireGuard>(homed.robot),

@@ -5,6 +5,9 @@
 
 #include "config/drive_loop.hpp"
 #include "config/observation_shape.hpp"
+#include "config/stop_causes.hpp"
+#include "config/turns.hpp"
+#include "executive/pipeline/mode_machine.hpp"
 
 namespace takt::config {
 namespace {
@@ -60,6 +63,9 @@ pipeline::JointConfig joint_of(const Joint& from) {
                .q_hard_margin = narrow(from.limits.position_margin),
                .velocity_hard = narrow(from.limits.velocity_hard),
                .target_margin = narrow(from.limits.target_margin)};
+  if (const auto& limits = from.limits.temperature)
+    to.temperature = {narrow(limits->warning), narrow(limits->stop), narrow(limits->casing_warning),
+                      narrow(limits->casing_stop)};
   to.kp = narrow(from.kp);
   to.kd = narrow(from.kd);
   to.damping = narrow(from.damping);
@@ -180,8 +186,40 @@ pipeline::ImuConfig imu_of(const RobotConfig& robot) {
   return {.present = true,
           .timeout = sensor->timeout,
           .frozen_after = robot.imu->frozen_after,
+          .contradiction = narrow(robot.imu->contradiction),
           .tilt = narrow(robot.imu->tilt),
           .angular_velocity = narrow(robot.imu->angular_velocity)};
+}
+
+pipeline::StopManner manner_of(StopHow how) {
+  switch (how) {
+    case StopHow::rest:
+      return pipeline::StopManner::rest;
+    case StopHow::damping:
+      return pipeline::StopManner::damping;
+    case StopHow::hold:
+      return pipeline::StopManner::hold;
+    case StopHow::posture:
+      return pipeline::StopManner::posture;
+  }
+  return pipeline::StopManner::rest;
+}
+
+// The causes a robot file may name are those of the table.
+static_assert(std::ranges::all_of(pipeline::kReactions, [](const pipeline::Reaction& row) {
+  return pipeline::may_damp(row) == (stop_cause_named(name(row.cause)) != Cause::none);
+}));
+
+void set_stops(const RobotConfig& robot, pipeline::TickConfig& tick) {
+  for (const StopConfig& stop : robot.stops) {
+    tick.stops[static_cast<std::size_t>(stop_cause_named(stop.name))] = {manner_of(stop.how), stop.longest};
+    const auto pose = std::ranges::find(robot.fallbacks, stop.fallback, &Fallback::name);
+    if (stop.how != StopHow::posture || pose == robot.fallbacks.end()) continue;
+    for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+      tick.joints[j].stop_pose = narrow(pose->pose[j]);
+      tick.joints[j].stop_speed = narrow(pose->speed);
+    }
+  }
 }
 
 void set_fallback(const RobotConfig& robot, std::uint64_t fallback_hash, pipeline::TickConfig& tick) {
@@ -233,6 +271,8 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
   tick.degraded = behaviour_of(robot.degraded.behaviour);
   tick.degraded_speed_scale = narrow(robot.degraded.speed_scale);
   tick.resume_over = robot.degraded.resume_over;
+  tick.degraded_longest = robot.degraded.longest;
+  tick.temperature_degrades = robot.degraded.by_temperature;
   tick.feedback_timeout = robot.feedback.timeout;
   tick.enable_timeout = robot.feedback.enable_timeout;
   tick.bus_faults = bus_faults_of(robot.bus_faults, robot.control.period);
@@ -242,7 +282,10 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
   tick.has_torque_output = robot.safe_torque_off.has_value();
   tick.joint_fault_takes_torque = robot.safe_torque_off && robot.safe_torque_off->on_joint_fault == OnJointFault::drop;
   for (std::size_t j = 0; j < robot.joints.size(); ++j) tick.joints[j] = joint_of(robot.joints[j]);
+  const std::vector<Turns> turns = turns_of(robot);
+  for (std::size_t j = 0; j < robot.joints.size(); ++j) tick.joints[j].turns = turns[j];
   set_fallback(robot, fallback_hash, tick);
+  set_stops(robot, tick);
   if (robot.imu) tick.imu = imu_of(robot);
   if (robot.model) {
     tick.gravity = narrow(robot.model->gravity);

@@ -32,6 +32,7 @@ bool is_drive_or_bus(Cause cause) {
     case Cause::replies_delayed:
     case Cause::foreign_node:
     case Cause::bus_babble:
+    case Cause::overtemperature:
       return true;
     case Cause::none:
     case Cause::operator_arm:
@@ -52,6 +53,8 @@ bool is_drive_or_bus(Cause cause) {
     case Cause::tilt:
     case Cause::imu_lost:
     case Cause::fallback_spent:
+    case Cause::temperature_high:
+    case Cause::degraded_spent:
       return false;
   }
   return false;

@@ -4,6 +4,8 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <tuple>
+#include <utility>
 
 #include "drivers/protocol/cause_detail.hpp"
 #include "drivers/protocol/protocol_table.hpp"
@@ -77,6 +79,8 @@ Diagnostic diagnose_joint(const TickRecord& record, std::size_t index, const con
   const JointFeedback& feedback = record.joints[index].feedback;
   const config::Joint& joint = robot.joints[index];
   auto [level, message] = judge_drive(feedback, record.header, joint, robot.feedback.timeout);
+  for (const drivers::CauseFinding& hot : drivers::cause_findings(Cause::temperature_high, record, robot))
+    if (level == Level::ok && hot.index == index) std::tie(level, message) = std::pair(Level::warn, hot.what);
   return {level,
           fmt::format("{}: joint {}", robot.robot, joint.name),
           std::move(message),

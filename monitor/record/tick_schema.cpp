@@ -162,6 +162,8 @@ constexpr TickField kJointFields[] = {
     {"feedback_dq", f32, FEEDBACK(dq), in, "rad/s"},
     {"feedback_tau", f32, FEEDBACK(tau), in, "Nm"},
     {"feedback_temperature", f32, FEEDBACK(temperature_C), in, "degrees Celsius"},
+    {"feedback_casing", u8, FEEDBACK(casing_C), in,
+     "whole degrees Celsius of the casing or output stage; 0: the drive does not tell it apart"},
     {"feedback_error_code", u32, FEEDBACK(error_code), in, "the drive protocol's own code"},
     {"feedback_drive_state", u8, FEEDBACK(drive_state), in, "", kDriveStateNames},
     {"feedback_replies", u8, FEEDBACK(replies), in, "position reports since start, modulo 256"},

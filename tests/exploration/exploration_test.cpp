@@ -75,8 +75,10 @@ const char* setting(const char* name) {
 void expect_every_cause(const Seen& seen) {
   for (const pipeline::Reaction& row : pipeline::kReactions) {
     const auto is_met = [&row](const std::pair<Mode, Cause>& one) { return one.second == row.cause; };
-    // fallback_spent: TwoPoliciesKeepTheContract.
-    if (row.severity == 0 || row.cause == Cause::internal_error || row.cause == Cause::fallback_spent) continue;
+    // fallback_spent: TwoPoliciesKeepTheContract; the other two: ARobotThatMindsKeepsTheContract.
+    if (row.severity == 0 || row.cause == Cause::internal_error || row.cause == Cause::fallback_spent ||
+        row.cause == Cause::temperature_high || row.cause == Cause::degraded_spent)
+      continue;
     EXPECT_TRUE(std::ranges::any_of(seen, is_met)) << name(row.cause) << " was never met";
   }
 }
@@ -125,6 +127,37 @@ TEST(Exploration, EveryHappeningAloneKeepsTheContractAndEveryCauseIsMet) {
     }
   }
   expect_every_cause(seen);
+}
+
+// Goal: a drive written to every few ticks changes none of that. Method: the same oracles and schedules.
+TEST(Exploration, DrivesAtADividedRateKeepTheContract) {
+  const config::RobotConfig robot = robot_with_turns();
+  Seen seen;
+  for (std::uint64_t seed = 1; seed <= 60; ++seed) {
+    const std::vector<Event> events = draw(seed, robot.joints.size(), robot.buses.size(), kLasting);
+    EXPECT_EQ(explore(robot, seed, events, &seen), "") << story(robot, seed, events);
+  }
+  EXPECT_TRUE(seen.contains({Mode::tracking, Cause::operator_stop}));
+}
+
+// Goal: nor does a robot that heat degrades, and that is degraded for so long only. Method: as above, with its drives
+// hot and its policy silent.
+TEST(Exploration, ARobotThatMindsKeepsTheContract) {
+  const config::RobotConfig robot = robot_that_minds();
+  Seen seen;
+  for (std::uint64_t seed = 1; seed <= 30; ++seed) {
+    std::vector<Event> events = draw(seed, robot.joints.size(), robot.buses.size(), kLasting);
+    for (std::size_t i = 0; i < events.size(); ++i) {
+      events[i].what = (seed + i) % 3 == 0 ? Happening::drive_hot : Happening::policy_silent;
+      events[i].index = 0;
+    }
+    EXPECT_EQ(explore(robot, seed, events, &seen), "") << story(robot, seed, events);
+  }
+  const std::vector<Event> silent{{Happening::policy_silent, seconds(3), seconds(3)}};
+  EXPECT_EQ(explore(robot, 1, silent, &seen), "");
+  for (const auto& [mode, cause] :
+       {std::pair{Mode::degraded, Cause::degraded_spent}, std::pair{Mode::tracking, Cause::temperature_high}})
+    EXPECT_TRUE(seen.contains({mode, cause})) << name(mode) << " by " << name(cause);
 }
 
 // Goal: with a second policy nothing of that is lost, it does take over, and the tick tells whose frames left. Method:

@@ -61,6 +61,9 @@ constexpr Strike kStrikes[] = {
     {Cause::tilt, Happening::base_leans, "the base leans over", kImuPeriod},
     {Cause::imu_lost, Happening::imu_silent, "the IMU falls silent", {}},
     {Cause::fallback_spent, Happening::policy_silent, "the policy falls silent", {}},
+    {Cause::temperature_high, Happening::drive_hot, "a drive says that it is hot", {}},
+    {Cause::overtemperature, Happening::drive_hot, "a drive says that it is hot", {}},
+    {Cause::degraded_spent, Happening::policy_silent, "the policy falls silent", {}},
 };
 
 bool has_drive(const config::RobotConfig& robot, std::size_t bus, config::DriveProtocol protocol) {
@@ -73,6 +76,7 @@ bool has_drive(const config::RobotConfig& robot, std::size_t bus, config::DriveP
 bool can_strike(const Strike& strike, const config::RobotConfig& robot, std::size_t index) {
   using enum config::DriveProtocol;
   if (strike.what == Happening::bus_babbles) return has_drive(robot, index, odrive);
+  if (strike.what == Happening::drive_hot) return robot.joints[index].drive.variant == "damiao";
   if (strike.what != Happening::drive_taken_away && strike.cause != Cause::enable_timeout) return true;
   const config::DriveProtocol protocol = robot.joints[index].drive.protocol;
   return protocol == odrive || (protocol == mit && strike.cause == Cause::drive_disabled);
@@ -155,6 +159,8 @@ std::optional<Duration> finding(const Strike& strike, const config::RobotConfig&
       return of_window(robot.control.late_share);
     case Cause::fallback_spent:
       return robot.freshness.max_age + of_window(robot.freshness.epsilon) + robot.fallbacks.front().longest;
+    case Cause::degraded_spent:
+      return robot.freshness.max_age + of_window(robot.freshness.epsilon) + robot.degraded.longest;
     case Cause::imu_lost:
       return robot.sensors.back().timeout;
     case Cause::none:
@@ -173,6 +179,8 @@ std::optional<Duration> finding(const Strike& strike, const config::RobotConfig&
     case Cause::operator_deenergise:
     case Cause::torque_output_lost:
     case Cause::tilt:
+    case Cause::temperature_high:
+    case Cause::overtemperature:
       return Duration{};
   }
   return std::nullopt;
@@ -182,9 +190,13 @@ std::optional<Duration> finding(const Strike& strike, const config::RobotConfig&
 
 std::expected<std::vector<ReactionTime>, std::string> measure_reaction_times(const config::RobotConfig& plain) {
   std::vector<ReactionTime> rows;
-  const config::RobotConfig with_fallback = robot_with_fallback();
+  const config::RobotConfig with_fallback = robot_with_fallback(), minds = robot_that_minds();
+  const auto struck = [&](Cause cause) -> const config::RobotConfig& {
+    if (cause == Cause::fallback_spent) return with_fallback;
+    return cause == Cause::temperature_high || cause == Cause::degraded_spent ? minds : plain;
+  };
   for (const Strike& strike : kStrikes) {
-    const config::RobotConfig& robot = strike.cause == Cause::fallback_spent ? with_fallback : plain;
+    const config::RobotConfig& robot = struck(strike.cause);
     ReactionTime row{strike.cause, strike.from, 0, {}, finding(strike, robot)};
     // A deviation may begin just after a tick looked: one period more than the table's tick.
     if (row.bound) row.bound = *row.bound + strike.shows + robot.control.period * 2;

@@ -40,6 +40,7 @@ std::string text(const Event& event) {
                                                              "drive error",
                                                              "drive restarts",
                                                              "drive disabled",
+                                                             "drive hot",
                                                              "shove",
                                                              "hurl",
                                                              "bus off",

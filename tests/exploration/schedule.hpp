@@ -26,6 +26,7 @@ enum class Happening : std::uint8_t {
   drive_error,        // finds an error; stays until cleared
   drive_restarts,     // without power
   drive_taken_away,   // a stranger disables it, again and again
+  drive_hot,          // a Damiao drive says that its winding has 130 degrees
   shove,              // the joint is given 2 rad/s more
   hurl,               // the joint is given 40 rad/s more
   bus_off,            //
@@ -49,7 +50,7 @@ enum class Happening : std::uint8_t {
   base_leans,               // 1.5 rad
   fallback_silent,          // the fallback policy, where the robot has one
 };
-inline constexpr unsigned kHappenings = 36;
+inline constexpr unsigned kHappenings = 37;
 
 // What Event::index counts; of what is neither, nothing.
 constexpr bool is_of_joint(Happening what) {

@@ -10,6 +10,7 @@
 
 #include "config/drive_ids.hpp"
 #include "config/load.hpp"
+#include "config/turns.hpp"
 #include "drivers/bus/receive_stamp.hpp"
 #include "drivers/guard/wire_guard.hpp"
 #include "drivers/protocol/protocol_table.hpp"
@@ -35,11 +36,31 @@ config::RobotConfig small_robot() {
     if (std::none_of(joints.begin(), joints.end(), same)) joints.push_back(joint);
   }
   robot.joints = std::move(joints);
+  for (config::Joint& joint : robot.joints)
+    if (joint.drive.variant == "damiao") joint.limits.temperature = {.warning = 100, .stop = 120};
   robot.model.reset();
   robot.safe_torque_off.emplace().on_joint_fault = config::OnJointFault::keep;
   robot.sensors.push_back({.name = "base_imu", .values = kImuValues, .timeout = milliseconds(20)});
   robot.imu =
       config::Imu{.sensor = "base_imu", .tilt = 1.0, .angular_velocity = 6.0, .frozen_after = milliseconds(100)};
+  return robot;
+}
+
+config::RobotConfig robot_that_minds() {
+  config::RobotConfig robot = small_robot();
+  robot.degraded.by_temperature = true;
+  robot.degraded.longest = milliseconds(200);
+  for (config::Joint& joint : robot.joints)
+    if (joint.limits.temperature) joint.limits.temperature->stop = 0;
+  return robot;
+}
+
+config::RobotConfig robot_with_turns() {
+  config::RobotConfig robot = small_robot();
+  for (config::Joint& joint : robot.joints) {
+    if (joint.drive.protocol == config::DriveProtocol::mit) joint.drive.every = 3;
+    if (joint.drive.protocol == config::DriveProtocol::robstride) joint.drive.every = 2;
+  }
   return robot;
 }
 
@@ -224,9 +245,10 @@ World::~World() = default;
 runtime::DriveEdge World::make_edge() {
   std::vector<std::unique_ptr<drivers::CanBus>> buses;
   for (std::size_t bus = 0; bus < robot_.buses.size(); ++bus) buses.push_back(std::make_unique<VirtualBus>(*this, bus));
+  const std::vector<Turns> turns = config::turns_of(robot_);
   std::vector<runtime::JointOnBus> joints;
   for (std::size_t j = 0; j < robot_.joints.size(); ++j)
-    joints.push_back({drivers::make_joint_driver(robot_, j).value(), robot_.joints[j].bus});
+    joints.push_back({drivers::make_joint_driver(robot_, j).value(), robot_.joints[j].bus, turns[j]});
   return {std::move(buses), std::move(joints), std::make_unique<PlantedGuard>(*this),
           std::make_unique<VirtualTorque>(*this)};
 }
@@ -372,6 +394,7 @@ void World::begin_and_end_events() {
       case Happening::drive_deaf:
       case Happening::drive_repeats:
       case Happening::drive_late:
+      case Happening::drive_hot:
       case Happening::bus_off:
       case Happening::bus_down:
       case Happening::bus_error_passive:
@@ -426,10 +449,22 @@ bool World::loses_frame(std::size_t bus) {
   return is_on(Happening::frames_lost, bus) && random_() % 3 == 0;
 }
 
+// A Damiao drive's report: state and number, position, speed, torque, then two temperatures.
+void World::heat(std::size_t bus, drivers::CanFrame& frame) const {
+  constexpr std::uint8_t kHot = 130;
+  const Event* const hot = active(Happening::drive_hot);
+  if (hot == nullptr) return;
+  const config::Joint& joint = robot_.joints[hot->index];
+  const bool is_its_report = joint.bus == bus && joint.drive.variant == "damiao" && frame.id == joint.drive.reply_id &&
+                             (frame.data[0] & 0xFU) == (joint.drive.id & 0xFU) && frame.data[2] != 0x33;
+  if (is_its_report) frame.data[7] = kHot;
+}
+
 void World::arrive(std::size_t bus, const plant::Frames& said) {
-  for (const drivers::CanFrame& frame : said) {
+  for (drivers::CanFrame frame : said) {
     if (loses_frame(bus)) continue;
     const MonoTime at = std::max(now_, plant_at_) + kOnTheWire;
+    heat(bus, frame);
     arriving_[bus].push_back({{frame, at}, at});
   }
 }

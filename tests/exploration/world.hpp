@@ -44,6 +44,10 @@ enum class Planted : std::uint8_t {
 
 // One drive of each protocol, on flywheels; no gravity; an output that permits torque; an IMU in the base.
 config::RobotConfig small_robot();
+// The same, which a hot drive degrades, and which is stopped when it was degraded for 0.2 s.
+config::RobotConfig robot_that_minds();
+// The same, whose MIT and RobStride drives are written to every third and second tick.
+config::RobotConfig robot_with_turns();
 // The same with a fallback policy, which may move it for a second at one go.
 config::RobotConfig robot_with_fallback();
 
@@ -132,6 +136,7 @@ class World {
   void sense_base();
   void collect(std::size_t bus);
   void arrive(std::size_t bus, const plant::Frames& said);
+  void heat(std::size_t bus, drivers::CanFrame& frame) const;
   void let_policies_work();
   void let_work(Policy& policy, bool observes);
   void answer(Policy& policy, const Observation& observation);

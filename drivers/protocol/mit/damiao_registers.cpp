@@ -20,7 +20,7 @@ constexpr float kSameWithin = 1e-6F;
 
 constexpr std::array kAsked{DamiaoRegister::control_mode,  DamiaoRegister::p_max,    DamiaoRegister::v_max,
                             DamiaoRegister::t_max,         DamiaoRegister::hardware, DamiaoRegister::firmware,
-                            DamiaoRegister::serial_number, DamiaoRegister::timeout};
+                            DamiaoRegister::serial_number, DamiaoRegister::bit_rate, DamiaoRegister::timeout};
 
 bool is_same(std::uint32_t bits, float expected) noexcept {
   return std::abs(std::bit_cast<float>(bits) - expected) <= kSameWithin * expected;  // false for NaN
@@ -49,9 +49,9 @@ CanFrame encode_damiao_order(std::uint32_t drive_id, DamiaoRegister which, std::
   return frame;
 }
 
-std::optional<DamiaoAnswer> decode_damiao_answer(std::uint32_t drive_id, const CanFrame& frame) noexcept {
-  const bool classic = !frame.extended && !frame.fd && !frame.remote && !frame.error;
-  if (!classic || frame.length != 8) return std::nullopt;
+std::optional<DamiaoAnswer> decode_damiao_answer(std::uint32_t drive_id, const CanFrame& frame, bool fd) noexcept {
+  const bool plain = !frame.extended && frame.fd == fd && !frame.remote && !frame.error;
+  if (!plain || frame.length != 8) return std::nullopt;
   const std::uint8_t* data = frame.data;
   const auto which = static_cast<DamiaoRegister>(data[3]);
   const bool about_it =
@@ -92,6 +92,7 @@ void DamiaoReadback::take(const DamiaoAnswer& answer) noexcept {
 void DamiaoReadback::next_register() noexcept {
   tries_ = 0;
   ++asked_;
+  if (kAsked[asked_] == DamiaoRegister::bit_rate && bit_rate_ == 0) ++asked_;
 }
 
 void DamiaoReadback::take_timeout(std::uint32_t units) noexcept {
@@ -142,6 +143,8 @@ bool DamiaoReadback::agrees(const DamiaoAnswer& answer) const noexcept {
       return answer.value == identity_.firmware.value_or(answer.value);
     case DamiaoRegister::serial_number:
       return answer.value == identity_.serial_number.value_or(answer.value);
+    case DamiaoRegister::bit_rate:
+      return answer.value == bit_rate_;
     case DamiaoRegister::hardware:
     case DamiaoRegister::timeout:
       return true;
@@ -161,6 +164,7 @@ bool DamiaoReadback::may_stay_unread(DamiaoRegister which) const noexcept {
     case DamiaoRegister::p_max:
     case DamiaoRegister::v_max:
     case DamiaoRegister::t_max:
+    case DamiaoRegister::bit_rate:
     case DamiaoRegister::timeout:
       return false;
   }
@@ -185,6 +189,8 @@ const char* damiao_register_name(std::uint32_t number) {
       return "firmware (register 14)";
     case DamiaoRegister::serial_number:
       return "identity (register 15)";
+    case DamiaoRegister::bit_rate:
+      return "bit rate of CAN FD (register 35)";
   }
   return "";
 }

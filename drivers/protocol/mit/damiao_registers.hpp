@@ -29,7 +29,8 @@ enum class DamiaoRegister : std::uint8_t {
   hardware = 13,      // u32, as the three below
   firmware = 14,      // also called sw_ver
   serial_number = 15,
-  timeout = 9,  // u32, in units of 50 us; 0: off
+  bit_rate = 35,  // u32, a code (bit_rate_code); asked of a drive that speaks CAN FD
+  timeout = 9,    // u32, in units of 50 us; 0: off
 };
 
 struct DamiaoAnswer {
@@ -41,8 +42,29 @@ struct DamiaoAnswer {
 CanFrame encode_damiao_question(std::uint32_t drive_id, DamiaoRegister which) noexcept;
 // Lost at power-off.
 CanFrame encode_damiao_order(std::uint32_t drive_id, DamiaoRegister which, std::uint32_t value) noexcept;
-// Nothing: not an answer of that drive about one of these registers, or not 8 bytes of classic data.
-std::optional<DamiaoAnswer> decode_damiao_answer(std::uint32_t drive_id, const CanFrame& frame) noexcept;
+// Nothing: not an answer of that drive about one of these registers, or not 8 bytes of classic data (`fd`: of CAN FD).
+std::optional<DamiaoAnswer> decode_damiao_answer(std::uint32_t drive_id, const CanFrame& frame,
+                                                 bool fd = false) noexcept;
+
+// What register 35 (can_br) says of a drive whose data phase has this rate. 0: none is known. Sources:
+// enactic/openarm_can setup/openarm-change-baudrate and setup/cli/commands/change_motor_baudrate_commands.cpp; the
+// latter alone knows codes for 8 and 10 Mbit/s, so they are none here.
+constexpr std::uint32_t damiao_bit_rate_code(std::uint32_t bits_per_s) {
+  switch (bits_per_s) {
+    case 2'000'000:
+      return 5;
+    case 2'500'000:
+      return 6;
+    case 3'200'000:
+      return 7;
+    case 4'000'000:
+      return 8;
+    case 5'000'000:
+      return 9;
+    default:
+      return 0;
+  }
+}
 
 // What must be true of the drive's own time-out before it may be enabled.
 struct DriveTimeoutWish {
@@ -59,9 +81,10 @@ struct DamiaoIdentity {
 // nothing is expected of it.
 class DamiaoReadback {
  public:
+  // `bit_rate`: the code that register 35 must have; 0: it is not asked.
   DamiaoReadback(std::uint32_t drive_id, const MitRange& expected, const DriveTimeoutWish& timeout,
-                 const DamiaoIdentity& identity = {}) noexcept
-      : drive_id_(drive_id), expected_(expected), wish_(timeout), identity_(identity) {}
+                 const DamiaoIdentity& identity = {}, std::uint32_t bit_rate = 0) noexcept
+      : drive_id_(drive_id), expected_(expected), wish_(timeout), identity_(identity), bit_rate_(bit_rate) {}
 
   // The question to send in this tick, if it is time for one. Call once per tick in which the drive is heard and
   // disabled. At most kTries per register; all over again kTicksToRetry later when something differed or stayed unread.
@@ -93,6 +116,7 @@ class DamiaoReadback {
   MitRange expected_;
   DriveTimeoutWish wish_;
   DamiaoIdentity identity_;
+  std::uint32_t bit_rate_;
   Stage stage_ = Stage::asking;
   std::size_t asked_ = 0;  // index of the register in question
   int tries_ = 0;

@@ -46,7 +46,7 @@ std::vector<CardRow> mit_card_rows(const config::RobotConfig& robot, std::size_t
 
 void mit_settings_told(const config::Drive& drive, const CanFrame& frame, ToldSettings& told) {
   if (drive.variant != "damiao" || frame.id != drive.reply_id) return;
-  if (const auto answer = decode_damiao_answer(drive.id, frame); answer && answer->to_question)
+  if (const auto answer = decode_damiao_answer(drive.id, frame, drive.fd_bitrate != 0); answer && answer->to_question)
     told.add(key(answer->which), answer->value);
 }
 

@@ -78,10 +78,11 @@ bool is_ak_v3_feedback(std::uint32_t drive_id, const CanFrame& frame) noexcept {
   return classic && frame.length == 8 && frame.id == (kAkV3Feedback | drive_id);
 }
 
-std::optional<MitReply> decode_mit_reply(const MitRange& range, MitVariant variant, const CanFrame& frame) noexcept {
-  const bool classic = !frame.extended && !frame.fd && !frame.remote && !frame.error;
+std::optional<MitReply> decode_mit_reply(const MitRange& range, MitVariant variant, const CanFrame& frame,
+                                         bool fd) noexcept {
+  const bool plain = !frame.extended && frame.fd == fd && !frame.remote && !frame.error;
   const bool long_reply = frame.length == 8;
-  if (!classic || (!long_reply && (variant == MitVariant::damiao || frame.length != 6))) return std::nullopt;
+  if (!plain || (!long_reply && (variant == MitVariant::damiao || frame.length != 6))) return std::nullopt;
   const std::uint8_t* data = frame.data;
   MitReply reply;
   reply.p = from_field(std::uint32_t{data[1]} << 8U | data[2], -range.p, range.p, 16);
@@ -92,6 +93,7 @@ std::optional<MitReply> decode_mit_reply(const MitRange& range, MitVariant varia
       reply.id = data[0] & 0xFU;
       reply.status = static_cast<std::uint8_t>(data[0] >> 4U);
       reply.temperature_C = static_cast<float>(std::max(data[6], data[7]));
+      reply.stage_C = data[6];
       break;
     case MitVariant::tmotor:
       reply.id = data[0];

@@ -50,11 +50,14 @@ struct MitReply {
   float p = 0, v = 0, t = 0;
   // Damiao's state (0 disabled, 1 enabled, 8.. errors); T-Motor's error code when the reply has 8 bytes, else 0.
   std::uint8_t status = 0;
-  float temperature_C = 0;  // the hotter of what is reported; 0 when nothing is
+  float temperature_C = 0;   // the hotter of what is reported; 0 when nothing is
+  std::uint8_t stage_C = 0;  // of the output stage, where it is told apart (Damiao); 0: it is not
 };
 // T-Motor: 6 bytes, or 8 with temperature (unsigned, 0 is -40 deg C) and error code. Damiao: 8 bytes. Anything else is
 // no reply.
-std::optional<MitReply> decode_mit_reply(const MitRange& range, MitVariant variant, const CanFrame& frame) noexcept;
+// `fd`: the drive speaks CAN FD, and a classic frame is no reply of it; otherwise the other way round.
+std::optional<MitReply> decode_mit_reply(const MitRange& range, MitVariant variant, const CanFrame& frame,
+                                         bool fd = false) noexcept;
 
 // Damiao states; values of the protocol.
 inline constexpr std::uint8_t kDamiaoDisabled = 0x0;

@@ -26,6 +26,7 @@ std::size_t MitDriver::encode(bool enable, const DriveSetpoint& setpoint, MonoTi
   frame = {};
   frame.id = settings_.id;
   frame.length = 8;
+  frame.fd = frame.bit_rate_switch = settings_.fd();
   note_silence();
   if (other_protocol_ticks_ > 0) {
     --other_protocol_ticks_;
@@ -42,6 +43,7 @@ std::size_t MitDriver::encode(bool enable, const DriveSetpoint& setpoint, MonoTi
   judge();
   if (!question) return 1;
   out[1] = *question;
+  out[1].fd = out[1].bit_rate_switch = settings_.fd();
   return 2;
 }
 
@@ -97,13 +99,13 @@ bool MitDriver::decode(const ReceivedFrame& received) noexcept {
   if (take_other_protocol(frame)) return true;
   if (frame.id != settings_.reply_id || frame.extended) return false;
   if (settings_.variant == MitVariant::damiao) {
-    if (const std::optional<DamiaoAnswer> answer = decode_damiao_answer(settings_.id, frame)) {
+    if (const std::optional<DamiaoAnswer> answer = decode_damiao_answer(settings_.id, frame, settings_.fd())) {
       readback_.take(*answer);
       judge();
       return true;
     }
   }
-  const std::optional<MitReply> reply = decode_mit_reply(settings_.range, settings_.variant, frame);
+  const std::optional<MitReply> reply = decode_mit_reply(settings_.range, settings_.variant, frame, settings_.fd());
   if (!reply) {
     ++malformed_frames_;
     return false;
@@ -119,6 +121,7 @@ void MitDriver::take(const MitReply& reply, MonoTime received_at) noexcept {
   take_reading(settings_.mapping, reply.p, reply.v, reply.t, received_at, feedback_);
   assumed_home_.take(feedback_.q);
   feedback_.temperature_C = reply.temperature_C;
+  feedback_.casing_C = reply.stage_C;
   status_ = reply.status;
   heard_ = true;
   silent_ticks_ = 0;
@@ -185,6 +188,11 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_mit_driver(const c
   settings.id = drive.id;
   settings.reply_id = drive.reply_id;
   settings.mapping = mapping_of(drive);
+  if (drive.fd_bitrate != 0) {
+    settings.fd_bit_rate_code = damiao_bit_rate_code(drive.fd_bitrate);
+    if (settings.variant != MitVariant::damiao || !settings.fd())
+      return std::unexpected("fd_bitrate is for Damiao drives: 2, 2.5, 3.2, 4 or 5 Mbit/s");
+  }
   if (drive.position_after_power_up == config::PositionAfterPowerUp::one_of_several)
     settings.place_step = 2 * std::numbers::pi_v<float> / static_cast<float>(drive.places_per_turn);
   settings.timeout = {timeout_units(drive_timeout(robot)), config::waives_watchdog(drive)};
@@ -199,8 +207,10 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_mit_driver(const c
 }
 
 std::vector<FrameTraffic> mit_traffic(const config::RobotConfig& robot, std::size_t joint) {
-  const std::size_t reply_bytes = robot.joints[joint].drive.variant == "tmotor" ? 6 : 8;
-  return {{.bytes = 8}, {.bytes = reply_bytes}};
+  const config::Drive& drive = robot.joints[joint].drive;
+  const std::size_t reply_bytes = drive.variant == "tmotor" ? 6 : 8;
+  const bool fd = drive.fd_bitrate != 0;
+  return {{.bytes = 8, .fd = fd}, {.bytes = reply_bytes, .fd = fd}};
 }
 
 std::string mit_error_name(const config::Drive& drive, std::uint32_t code) {

@@ -36,6 +36,9 @@ struct MitDriveSettings {
   DamiaoIdentity identity{};
   // T-Motor with one encoder before the gear: joint side, rad, between places that it cannot tell apart; 0: it can.
   float place_step = 0;
+  // Damiao: it speaks CAN FD with bit rate switch, and register 35 must say so; 0: classic frames.
+  std::uint32_t fd_bit_rate_code = 0;
+  [[nodiscard]] bool fd() const { return fd_bit_rate_code != 0; }
 };
 
 class MitDriver final : public JointDriver {
@@ -44,7 +47,7 @@ class MitDriver final : public JointDriver {
 
   explicit MitDriver(const MitDriveSettings& settings) noexcept
       : settings_(settings),
-        readback_(settings.id, settings.range, settings.timeout, settings.identity),
+        readback_(settings.id, settings.range, settings.timeout, settings.identity, settings.fd_bit_rate_code),
         assumed_home_(settings.place_step / 2) {}
 
   std::size_t encode(bool enable, const DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,

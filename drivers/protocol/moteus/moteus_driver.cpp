@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "config/turns.hpp"
 #include "drivers/protocol/drive_timeout.hpp"
 #include "drivers/protocol/little_endian.hpp"
 
@@ -281,6 +282,7 @@ bool MoteusDriver::decode(const ReceivedFrame& received) noexcept {
   if (take_reading(settings_.mapping, q, dq, reply.torque, received.received_at, feedback_)) q_ = q;
   assumed_home_.take(feedback_.q);
   feedback_.temperature_C = hotter(reply.temperature, reply.motor_temperature);
+  feedback_.casing_C = std::isfinite(reply.temperature) ? whole_degrees(reply.temperature) : std::uint8_t{0};
   if (std::isfinite(reply.home)) knows_home_ = reply.home == kReferencedToOutput;
   Verdict verdict = judge(reply);
   if (phase_ == Phase::disabling) {
@@ -314,7 +316,7 @@ std::expected<std::unique_ptr<JointDriver>, std::string> make_moteus_driver(cons
   settings.servo_kd = static_cast<float>(drive.servo_kd);
   settings.mapping = mapping_of(drive);
   settings.silence = std::clamp(robot.feedback.timeout, kMoteusShortestSilence, kMoteusLongestSilence);
-  settings.period = robot.control.period;
+  settings.period = config::turn_of(robot, robot.joints[joint]);
   const auto identity = words_of("identity", drive.identity, {.style = WordStyle::hex, .least = 3, .most = 3});
   const auto firmware = words_of("firmware", drive.firmware, {.style = WordStyle::version});
   if (!identity || !firmware) return std::unexpected(identity ? firmware.error() : identity.error());

@@ -211,6 +211,7 @@ bool OdriveDriver::take_temperatures(const CanFrame& frame) noexcept {
   // A motor without a thermistor is not a number.
   const float stage = std::isfinite(celsius->first) ? celsius->first : 0.0F;
   feedback_.temperature_C = std::isfinite(celsius->second) ? std::max(stage, celsius->second) : stage;
+  feedback_.casing_C = std::isfinite(celsius->first) ? whole_degrees(celsius->first) : std::uint8_t{0};
   return true;
 }
 

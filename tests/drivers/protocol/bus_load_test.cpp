@@ -45,8 +45,8 @@ TEST(BusLoad, FourDoNotAndTheSentenceShowsWhy) {
   EXPECT_EQ(
       refused.error(),
       "robot.yaml: bus arm cannot carry its 4 drives: 1080 bits per tick (commands and replies, worst stuffing) x "
-      "1000 ticks/s = 1080000 bit/s = 108 % of 1000000 bit/s, more than 90 %: move drives to another bus or "
-      "lengthen control.period");
+      "1000 ticks/s = 1080000 bit/s = 108 % of 1000000 bit/s, more than 90 %: move drives to another bus, "
+      "write to some every few ticks (drive.every) or lengthen control.period");
   EXPECT_FALSE(check_bus_load(robot_with(4, "tmotor")));
 }
 
@@ -59,6 +59,46 @@ TEST(BusLoad, ALongerPeriodOrAnotherBusMakesRoom) {
   robot = robot_with(6, "damiao");
   robot.control.period = milliseconds(2);
   EXPECT_TRUE(check_bus_load(robot));
+}
+
+// An FD frame of 8 bytes: 33 bits at 1 Mbit/s and 114 at 5 Mbit/s, worst stuffing: 55.8 us; classic it takes 135.
+TEST(BusLoad, CanFdMakesRoomForEightMitDrives) {
+  config::RobotConfig robot = robot_with(8, "damiao");
+  robot.buses[0].fd = true;
+  robot.buses[0].data_bitrate = 5'000'000;
+  EXPECT_FALSE(check_bus_load(robot)) << "an FD bus, and classic frames";
+  for (config::Joint& joint : robot.joints) joint.drive.fd_bitrate = 5'000'000;
+  const auto loads = check_bus_load(robot);
+  ASSERT_TRUE(loads) << loads.error();
+  const FdFrameBits bits = most_fd_frame_bits(8, false);
+  EXPECT_EQ(bits.arbitration, 33U);
+  EXPECT_EQ(bits.data, 114U);
+  EXPECT_NEAR(loads->front().load, 0.893, 1e-3);
+}
+
+TEST(BusLoad, DrivesAtADividedRateShareTheTicks) {
+  config::RobotConfig robot = robot_with(6, "damiao");
+  EXPECT_FALSE(check_bus_load(robot));
+  for (config::Joint& joint : robot.joints) joint.drive.every = 2;
+  const auto halved = check_bus_load(robot);
+  ASSERT_TRUE(halved) << halved.error();
+  EXPECT_EQ(halved->front().bits_per_tick, 3U * 270U) << "three in each tick";
+  EXPECT_NEAR(halved->front().undivided, 1.62, 1e-9);
+
+  robot = robot_with(4, "damiao");
+  for (std::size_t i = 2; i < 4; ++i) robot.joints[i].drive.every = 2;
+  const auto mixed = check_bus_load(robot);
+  ASSERT_TRUE(mixed) << mixed.error();
+  EXPECT_EQ(mixed->front().bits_per_tick, 3U * 270U) << "two in every tick, and one of the others";
+}
+
+TEST(BusLoad, SixteenBusesAreCounted) {
+  config::RobotConfig robot = robot_with(48, "damiao");
+  robot.buses.assign(16, robot.buses[0]);
+  for (std::size_t i = 0; i < 48; ++i) robot.joints[i].bus = i / 3;
+  const auto loads = check_bus_load(robot);
+  ASSERT_TRUE(loads) << loads.error();
+  EXPECT_EQ(loads->size(), 16U);
 }
 
 }  // namespace

@@ -65,6 +65,16 @@ TEST_F(CauseDetail, TellsWhatTheGuardRefused) {
   EXPECT_EQ(detail(Cause::internal_error), "joint shoulder: the last guard refused a frame: slew");
 }
 
+TEST_F(CauseDetail, TellsWhichPartIsHot) {
+  robot.joints[1].limits.temperature = {.warning = 80, .stop = 100, .casing_warning = 60, .casing_stop = 70};
+  record->joints[1].feedback.temperature_C = 101;
+  EXPECT_EQ(detail(Cause::overtemperature), "joint shoulder: at 101 degC, beyond temperature.stop 100");
+  EXPECT_EQ(detail(Cause::temperature_high), "joint shoulder: at 101 degC, beyond temperature.warning 80");
+  record->joints[1].feedback.temperature_C = 75;
+  record->joints[1].feedback.casing_C = 71;
+  EXPECT_EQ(detail(Cause::overtemperature), "joint shoulder: its casing at 71 degC, beyond temperature.casing_stop 70");
+}
+
 TEST_F(CauseDetail, NamesTheBus) {
   record->header.buses[1].state = BusState::bus_off;
   EXPECT_EQ(detail(Cause::bus_off), "bus can1: bus-off");

@@ -207,12 +207,15 @@ TEST_F(IncidentTest, TargetsOutOfRangeAreToldWithTheirJoint) {
 
 // Whatever stops the robot is told in words: the place, or for the robot as a whole why.
 TEST_F(IncidentTest, EveryCauseThatStopsHasWordsOrAPlace) {
+  for (config::Joint& joint : robot.joints) joint.limits.temperature = {.warning = 70, .stop = 80};
+  watch = IncidentWatch(robot);
   for (const auto& [mode, cause] : possible_transitions()) {
     if (!pipeline::is_latched(mode)) continue;
     for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
       JointRecord& each = record.joints[joint];
       each.feedback.drive_state = cause == Cause::drive_disabled ? DriveState::disabled : DriveState::fault;
       each.dq_estimate = 99;
+      each.feedback.temperature_C = 90;
       each.reply_faults = 7;
     }
     for (BusHealth& bus : record.header.buses)
@@ -300,6 +303,24 @@ TEST_F(ImuIncident, SaysHowTheImuWasLost) {
             "sensor torso: its newest sample is 50 ms old, or says the same as all before it");
   record.header.imu_verdict = ImuVerdict::not_unit;
   EXPECT_EQ(detail_of(Cause::imu_lost), "sensor torso: its quaternion is no unit quaternion");
+  record.header.imu_verdict = ImuVerdict::contradicts;
+  EXPECT_EQ(detail_of(Cause::imu_lost),
+            "sensor torso: its rotation turns otherwise than its angular velocity says (imu.contradiction)");
+}
+
+struct DegradedIncident : IncidentTest {};
+
+TEST_F(DegradedIncident, SaysThatItsTimeIsOver) {
+  robot.degraded.longest = seconds(3);
+  watch = IncidentWatch(robot);
+  enter(Mode::tracking, Cause::drives_enabled);
+  record.header.freshness = Freshness::missing;
+  enter(Mode::degraded, Cause::contract_violated);
+  stay(10);
+  const auto incident = enter(Mode::damped_stop, Cause::degraded_spent);
+  ASSERT_TRUE(incident);
+  EXPECT_EQ(incident->detail,
+            "the robot has been degraded for 3 s (degraded.for), and the contract is not restored: none is left");
 }
 
 }  // namespace

@@ -219,6 +219,68 @@ TEST(ImuCauses, ARobotWithoutOneHasNoneOfThem) {
   EXPECT_EQ(rig.out->observation.imu.sequence, 0U);
 }
 
+// Turns by `rate` about the vertical, in an attitude and an angular velocity that go together unless told otherwise.
+class TurningRig : public ImuRig {
+ public:
+  TurningRig() {
+    config.imu.contradiction = 0.2F;
+    track();
+  }
+  void turn(int ticks, float rate, float told_rate) {
+    go(ticks, [&](ImuSample& imu) {
+      angle += rate * 1e-3F;
+      imu.rotation[0] = std::cos(angle / 2);
+      imu.rotation[3] = std::sin(angle / 2);
+      imu.angular_velocity[2] = told_rate;
+    });
+  }
+  float angle = 0;
+};
+
+TEST(ImuCauses, AnHonestImuMayTurnAsFastAsItSays) {
+  TurningRig rig;
+  for (const float rate : {3.0F, -5.0F, 0.5F}) {
+    rig.turn(1500, rate, rate);  // more than one full turn: the quaternion's sign changes meanwhile
+    ASSERT_EQ(rig.mode(), Mode::tracking) << rate;
+    EXPECT_EQ(rig.header().imu_verdict, ImuVerdict::usable);
+  }
+  rig.turn(2000, 1.0F, 1.1F);  // a bias of 6 degrees a second is none of a lie
+  EXPECT_EQ(rig.mode(), Mode::tracking);
+}
+
+TEST(ImuCauses, ARotationAgainstItsAngularVelocityStopsTheRobot) {
+  struct Lie {
+    const char* when;
+    float rate, told_rate;
+    int ticks;  // at most, until the stop
+  };
+  for (const Lie& lie : {Lie{"the attitude stands, the gyroscope turns", 0.0F, 2.0F, 120},
+                         Lie{"the attitude turns, the gyroscope stands", 2.0F, 0.0F, 120},
+                         Lie{"they turn against each other", 1.0F, -1.0F, 120}}) {
+    SCOPED_TRACE(lie.when);
+    TurningRig rig;
+    int ticks = 0;
+    while (rig.mode() == Mode::tracking && ticks < 500) {
+      rig.turn(1, lie.rate, lie.told_rate);
+      ++ticks;
+    }
+    EXPECT_EQ(rig.mode(), Mode::damped_stop);
+    EXPECT_EQ(rig.header().cause, Cause::imu_lost);
+    EXPECT_EQ(rig.header().imu_verdict, ImuVerdict::contradicts);
+    EXPECT_LE(ticks, lie.ticks);
+    EXPECT_GT(ticks, 100) << "0.2 rad apart at 2 rad/s";
+    const std::uint64_t first_lie = rig.input.imu.sequence;
+    rig.turn(40, lie.rate, lie.told_rate);
+    EXPECT_LT(rig.out->observation.imu.sequence, first_lie) << "no observation shows what is not believed";
+  }
+}
+
+TEST(ImuCauses, AnAttitudeThatJumpsIsALie) {
+  TurningRig rig;
+  rig.go(1, [](ImuSample& imu) { lean(imu, 0.3F); });
+  EXPECT_EQ(rig.header().cause, Cause::imu_lost) << "in the tick that read it, and no tilt: nobody believes it";
+}
+
 // Replay starts anywhere: what is in force is part of the keyframe, and the record has what was read.
 TEST(ImuWatch, KeyframeAndRecordCarryIt) {
   ImuRig rig;

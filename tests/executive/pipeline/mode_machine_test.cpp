@@ -45,7 +45,10 @@ const std::map<Cause, std::string>& expected() {
                                                  {Cause::torque_output_lost, ".ppp.."},
                                                  {Cause::tilt, ".ppp.."},
                                                  {Cause::imu_lost, ".ppp.."},
-                                                 {Cause::fallback_spent, "...p.."}};
+                                                 {Cause::fallback_spent, "...p.."},
+                                                 {Cause::temperature_high, "..d..."},
+                                                 {Cause::overtemperature, ".ppp.."},
+                                                 {Cause::degraded_spent, "...p.."}};
   return rows;
 }
 

@@ -81,7 +81,7 @@ Rig::Rig(const TickConfig& robot_config, MonoTime start)
 void Rig::sense() {
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     const Drive& drive = drives[j];
-    if (drive.silent) continue;
+    if (drive.silent || !drive.asked) continue;
     JointFeedback& feedback = input.joints[j];
     feedback.received_at = now - microseconds(300);
     ++feedback.replies;
@@ -105,8 +105,13 @@ void Rig::move() {
     Drive& drive = drives[j];
     const bool damped = out->drive_enabled[j] && (late & bit_of_joint(j)) != 0;
     if (damped) input.last_damped |= bit_of_joint(j);
-    const JointSetpoint& setpoint = damped ? out->damping[j] : out->setpoints[j];
-    drive.enabling_ticks = out->drive_enabled[j] ? drive.enabling_ticks + 1 : 0;
+    drive.asked = is_written(config.joints[j].turns, out->record.header);
+    if (drive.asked) {
+      drive.told = damped ? out->damping[j] : out->setpoints[j];
+      drive.told_enabled = out->drive_enabled[j];
+    }
+    const JointSetpoint& setpoint = drive.told;
+    drive.enabling_ticks = drive.told_enabled ? drive.enabling_ticks + 1 : 0;
     const bool powered = drive.enabling_ticks >= kEnableDelayTicks && !drive.fault && !drive.drops_out;
     const float limit = config.joints[j].limits.torque;
     const float torque = setpoint.kp * (setpoint.q - drive.q) + setpoint.kd * (setpoint.dq - drive.dq) + setpoint.tau;

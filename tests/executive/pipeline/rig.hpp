@@ -47,6 +47,9 @@ class Rig {
     bool fault = false;
     bool drops_out = false;  // disables itself
     bool never_enables = false;
+    JointSetpoint told{};  // by the newest frame: a drive goes on with it until its next turn
+    bool told_enabled = false;
+    bool asked = true;  // since the tick before, so that it answers
   };
 
   TickConfig config;

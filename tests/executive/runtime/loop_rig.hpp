@@ -158,14 +158,16 @@ inline pipeline::TickConfig small_tick_config(std::uint32_t joints, std::uint32_
 class LoopRig {
  public:
   explicit LoopRig(std::size_t joint_count = 3, std::size_t bus_count = 2, const LoopTiming& timing = {{}, {}, 100},
-                   Clock* real_time = nullptr)
+                   Clock* real_time = nullptr, const std::vector<Turns>& turns = {})
       : config(small_tick_config(static_cast<std::uint32_t>(joint_count), static_cast<std::uint32_t>(bus_count))),
-        edge(make_edge(joint_count, bus_count)),
+        edge(make_edge(joint_count, bus_count, turns)),
         published(PublishedSegments::create(joint_count).value()),
         ticks(published.tick_reader()),
         loop({config, real_time != nullptr ? *real_time : clock, edge, mailboxes, fallback_mailboxes,
               candidate_mailboxes, requests, recorded, published, board},
-             timing) {}
+             timing) {
+    for (std::size_t j = 0; j < turns.size(); ++j) config.joints[j].turns = turns[j];
+  }
 
   void run(std::uint64_t count) { loop.run(EvidenceSource::open().value(), count); }
   // The newest frames that crossed the edge, or were kept from it.
@@ -206,7 +208,7 @@ class LoopRig {
   CyclicLoop loop;
 
  private:
-  DriveEdge make_edge(std::size_t joint_count, std::size_t bus_count) {
+  DriveEdge make_edge(std::size_t joint_count, std::size_t bus_count, const std::vector<Turns>& turns) {
     std::vector<std::unique_ptr<drivers::CanBus>> ports;
     for (std::size_t bus = 0; bus < bus_count; ++bus) {
       auto port = std::make_unique<FakeBus>(bus, sent);
@@ -215,7 +217,8 @@ class LoopRig {
     }
     std::vector<JointOnBus> joints;
     for (std::size_t j = 0; j < joint_count; ++j) {
-      joints.push_back({std::make_unique<OneByteDrive>(static_cast<std::uint32_t>(j)), j % bus_count});
+      joints.push_back({std::make_unique<OneByteDrive>(static_cast<std::uint32_t>(j)), j % bus_count,
+                        j < turns.size() ? turns[j] : Turns{}});
     }
     auto made = std::make_unique<ScriptedGuard>();
     guard = made.get();

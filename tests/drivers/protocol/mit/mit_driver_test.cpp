@@ -28,6 +28,8 @@ class Bench {
     EXPECT_TRUE(count == 1 || count == 2);
     EXPECT_EQ(out[0].id, settings_.id);
     EXPECT_EQ(out[0].length, 8);
+    for (std::size_t i = 0; i < count; ++i)
+      EXPECT_TRUE(out[i].fd == settings_.fd() && out[i].bit_rate_switch == out[i].fd);
     question = count == 2 ? std::optional(out[1]) : std::nullopt;
     return out[0];
   }
@@ -43,6 +45,7 @@ class Bench {
     received.received_at = MonoTime{++stamp_};
     received.frame.id = settings_.reply_id;
     received.frame.length = 8;
+    received.frame.fd = received.frame.bit_rate_switch = settings_.fd();
     const std::array<std::uint32_t, 8> bytes{drive & 0xFFU,
                                              drive >> 8U,
                                              static_cast<std::uint32_t>(operation),
@@ -91,6 +94,7 @@ class Bench {
     received.received_at = MonoTime{++stamp_};
     received.frame.id = settings_.reply_id;
     received.frame.length = static_cast<std::uint8_t>(length);
+    received.frame.fd = received.frame.bit_rate_switch = settings_.fd() && !answers_classic;
     const std::array<int, 8> bytes{first_byte, 0x80, 0x00, 0x80, 0x08, 0x00, 30, 40};
     for (std::size_t i = 0; i < bytes.size(); ++i) received.frame.data[i] = static_cast<std::uint8_t>(bytes[i]);
     return driver.decode(received);
@@ -101,6 +105,7 @@ class Bench {
   int questions = 0, orders = 0, ordered = -1;
   bool obeys = true;  // an order's answer says what was ordered, whatever is told later
   bool may_enter = false;
+  bool answers_classic = false;  // though it is spoken to in CAN FD
 
  private:
   MitDriveSettings settings_;
@@ -458,6 +463,64 @@ TEST(MitDriver, StampsAndTemperatureOfTheNewestReply) {
 }
 
 // Goal: direction, offset and gear are applied once, both ways, gains squared.
+MitDriveSettings damiao_fd() {
+  MitDriveSettings settings = damiao();
+  settings.fd_bit_rate_code = 9;  // 5 Mbit/s
+  return settings;
+}
+
+TEST(MitDriver, OverCanFdEveryFrameIsOneAndTheDriveMustSayItsRate) {
+  std::map<int, std::uint32_t> told = Bench::right();
+  told[35] = 9;
+  Bench agrees(damiao_fd());
+  agrees.may_enter = true;
+  agrees.live(60, told).live(3, told, true);
+  EXPECT_EQ(agrees.driver.feedback().error_code, 0U);
+  EXPECT_EQ(agrees.code_after_seven_ff(true), 0xFC);
+
+  told[35] = 5;  // 2 Mbit/s
+  Bench differs(damiao_fd());
+  differs.live(60, told);
+  EXPECT_EQ(differs.driver.feedback().error_code, setup_fault_code(SetupFault::settings_differ, 35));
+  EXPECT_EQ(differs.code_after_seven_ff(true), 0xFD);
+
+  told.erase(35);
+  Bench untold(damiao_fd());
+  untold.live(100, told);
+  EXPECT_EQ(untold.driver.feedback().error_code, setup_fault_code(SetupFault::settings_unread, 35));
+  EXPECT_STREQ(damiao_register_name(35), "bit rate of CAN FD (register 35)");
+}
+
+TEST(MitDriver, AClassicAnswerIsNoneOfADriveThatSpeaksCanFd) {
+  Bench bench(damiao_fd());
+  bench.answers_classic = true;
+  EXPECT_FALSE(bench.reply(kDisabled));
+  bench.answers_classic = false;
+  EXPECT_TRUE(bench.reply(kDisabled));
+  Bench classic(damiao());
+  EXPECT_TRUE(classic.reply(kDisabled));
+}
+
+TEST(MitDriver, TheOutputStageIsToldApartFromTheWinding) {
+  Bench bench(damiao());
+  bench.reply(kDisabled);
+  EXPECT_EQ(bench.driver.feedback().casing_C, 30);
+  Bench one(tmotor());
+  one.reply(0x04, 6);
+  EXPECT_EQ(one.driver.feedback().casing_C, 0);
+}
+
+// Two public sources name them; what one alone knows is none.
+TEST(DamiaoRegisters, BitRatesAreTheCodesOnWhichSourcesAgree) {
+  EXPECT_EQ(damiao_bit_rate_code(2'000'000), 5U);
+  EXPECT_EQ(damiao_bit_rate_code(2'500'000), 6U);
+  EXPECT_EQ(damiao_bit_rate_code(3'200'000), 7U);
+  EXPECT_EQ(damiao_bit_rate_code(4'000'000), 8U);
+  EXPECT_EQ(damiao_bit_rate_code(5'000'000), 9U);
+  EXPECT_EQ(damiao_bit_rate_code(8'000'000), 0U);
+  EXPECT_EQ(damiao_bit_rate_code(1'000'000), 0U);
+}
+
 TEST(MitDriver, NamesTheErrorsOfBothVariantsAndNoOthers) {
   config::Drive drive;
   drive.variant = "damiao";

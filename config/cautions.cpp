@@ -1,0 +1,82 @@
+#include "config/cautions.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "config/turns.hpp"
+#include "config/units.hpp"
+
+namespace takt::config {
+namespace {
+
+// A robot that can fall over: it says so by its IMU.
+bool may_fall(const RobotConfig& robot) {
+  return robot.imu.has_value();
+}
+
+void of_turns(const RobotConfig& robot, std::vector<std::string>& lines) {
+  for (std::size_t bus = 0; bus < robot.buses.size(); ++bus) {
+    std::size_t drives = 0, divided = 0;
+    Duration most;
+    for (const Joint& joint : robot.joints) {
+      if (joint.bus != bus) continue;
+      ++drives;
+      if (joint.drive.every > 1) ++divided;
+      most = std::max(most, turn_of(robot, joint) - robot.control.period);
+    }
+    if (divided == 0) continue;
+    lines.push_back(fmt::format(
+        "bus {}: {} of {} drives are written to every few ticks (drive.every): their setpoints act up to {} longer and "
+        "what they measured is up to {} older, out of max_age {}; a stop is written at once",
+        robot.buses[bus].name, divided, drives, format_duration(most), format_duration(most),
+        format_duration(robot.freshness.max_age)));
+  }
+}
+
+void of_temperatures(const RobotConfig& robot, std::vector<std::string>& lines) {
+  std::string joints;
+  for (const Joint& joint : robot.joints)
+    if (joint.limits.temperature && joint.drive.variant == "tmotor")
+      joints += (joints.empty() ? "" : ", ") + joint.name;
+  if (!joints.empty())
+    lines.push_back(fmt::format(
+        "{}: a T-Motor drive tells its temperature in replies of 8 bytes alone; one with 6 is not armed under "
+        "limits.temperature",
+        joints));
+}
+
+// Nobody has seen such a robot stand by stiffness until somebody has.
+void of_postures(const RobotConfig& robot, std::vector<std::string>& lines) {
+  if (!may_fall(robot)) return;
+  constexpr std::string_view kUnseen =
+      "nothing shows that this robot stays on its feet by it; measure it by a panel and write where in shown_by";
+  const auto fallback = std::ranges::find(robot.fallbacks, robot.degraded.fallback, &Fallback::name);
+  const bool falls_back_to_pose = robot.degraded.behaviour == Degraded::fallback && fallback != robot.fallbacks.end() &&
+                                  fallback->kind == FallbackKind::pose;
+  if (falls_back_to_pose && !is_shown(fallback->shown_by))
+    lines.push_back(fmt::format("fallbacks.{}: a posture, and the base is free: {}", fallback->name, kUnseen));
+  if (robot.degraded.behaviour == Degraded::hold)
+    lines.push_back(
+        "degraded.behaviour: hold, and the base is free: a robot that balances does not stand by it; a "
+        "fallback of kind policy goes on balancing");
+  for (const StopConfig& stop : robot.stops)
+    if ((stop.how == StopHow::posture || stop.how == StopHow::hold) && !is_shown(stop.shown_by))
+      lines.push_back(fmt::format("stops.{}: {}, and the base is free: {}", stop.name,
+                                  stop.how == StopHow::hold ? "hold" : "a posture", kUnseen));
+  for (const StopConfig& stop : robot.stops)
+    if (is_shown(stop.shown_by))
+      lines.push_back(fmt::format("stops.{}: taken for safe because of: {}", stop.name, stop.shown_by));
+}
+
+}  // namespace
+
+std::vector<std::string> cautions_about(const RobotConfig& robot) {
+  std::vector<std::string> lines;
+  of_turns(robot, lines);
+  of_temperatures(robot, lines);
+  of_postures(robot, lines);
+  return lines;
+}
+
+}  // namespace takt::config

@@ -1,0 +1,205 @@
+// Goal: what a robot file says of divided rates, CAN FD, temperatures and stops is read, refused where it cannot hold,
+// and its price told. Method: the small robot with one place changed; sentences compared whole.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <string>
+
+#include "config/cautions.hpp"
+#include "config/load.hpp"
+#include "config/stop_causes.hpp"
+#include "config/turns.hpp"
+#include "tests/config/small_robot.hpp"
+
+namespace takt::config::test {
+namespace {
+
+constexpr std::string_view kHip = "model: AK80-9, id: 1";
+constexpr std::string_view kBus = "interface: can0, when_missing: loopback";
+
+std::string complaint(const std::string& text) {
+  const auto robot = parse(text, "r");
+  return robot ? "" : robot.error();
+}
+bool complains(const std::string& text, std::string_view of) {
+  const std::string said = complaint(text);
+  EXPECT_NE(said.find(of), std::string::npos) << said;
+  return said.find(of) != std::string::npos;
+}
+std::string replaced(std::string text, std::string_view from, std::string_view to) {
+  const std::size_t at = text.find(from);
+  return at == std::string::npos ? "no " + std::string(from) : text.replace(at, from.size(), to);
+}
+
+// --- turns ---
+
+RobotConfig robot_with(std::initializer_list<std::uint32_t> every) {
+  RobotConfig robot;
+  robot.control.period = milliseconds(1);
+  robot.buses.resize(1);
+  for (const std::uint32_t one : every) robot.joints.emplace_back().drive.every = one;
+  return robot;
+}
+
+TEST(Turns, SpreadTheDrivesOfABusEvenly) {
+  for (const auto& every : {std::initializer_list<std::uint32_t>{2, 2, 2, 2, 2, 2},
+                            {3, 3, 3, 3},
+                            {2, 4, 4, 8, 8},
+                            {1, 1, 2, 2},
+                            {2, 3, 6, 5}}) {
+    const RobotConfig robot = robot_with(every);
+    const std::vector<Turns> turns = turns_of(robot);
+    double average = 0;
+    for (const std::uint32_t one : every) average += 1.0 / one;
+    std::size_t most = 0;
+    for (std::uint64_t tick = 0; tick < kTurnPattern; ++tick)
+      most = std::max<std::size_t>(most, static_cast<std::size_t>(std::ranges::count_if(
+                                             turns, [&](const Turns& one) { return one.has(tick); })));
+    EXPECT_LE(static_cast<double>(most), std::max(average + 1, 1.0));
+    for (std::size_t j = 0; j < turns.size(); ++j) EXPECT_LT(turns[j].phase, turns[j].every);
+  }
+}
+
+TEST(Turns, EveryJointHasItsTurnAndOnlyThen) {
+  const std::vector<Turns> turns = turns_of(robot_with({1, 5}));
+  int first = 0, second = 0;
+  for (std::uint64_t tick = 0; tick < 1000; ++tick) {
+    first += turns[0].has(tick) ? 1 : 0;
+    second += turns[1].has(tick) ? 1 : 0;
+  }
+  EXPECT_EQ(first, 1000);
+  EXPECT_EQ(second, 200);
+}
+
+TEST(Turns, AreRefusedWhereADriveWouldGiveUpBetweenThem) {
+  EXPECT_EQ(complaint(with(kHip, "model: AK80-9, id: 1, every: 4")), "");
+  EXPECT_TRUE(complains(with(kHip, "model: AK80-9, id: 1, every: 9"), "9 is out of range; write 1 to 8"));
+  EXPECT_TRUE(complains(with(kHip, "model: AK80-9, id: 1, every: 6"),
+                        "joints[0].drive.every: turn 6 ms * observer_bandwidth 200 rad/s exceeds 1"));
+  const std::string slow = replaced(with(kHip, "model: AK80-9, id: 1, every: 4"), "feedback: { timeout: 20 ms }",
+                                    "feedback: { timeout: 7 ms }");
+  EXPECT_TRUE(complains(slow, "a reply every 4 ms leaves no room for one lost within feedback.timeout 7 ms"));
+}
+
+TEST(Turns, TheirPriceIsTold) {
+  const auto robot = parse(with(kHip, "model: AK80-9, id: 1, every: 3"), "r");
+  ASSERT_TRUE(robot) << robot.error();
+  const auto lines = cautions_about(*robot);
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_EQ(
+      lines[0],
+      "bus left: 1 of 2 drives are written to every few ticks (drive.every): their setpoints act up to 2 ms longer "
+      "and what they measured is up to 2 ms older, out of max_age 120 ms; a stop is written at once");
+}
+
+// --- buses ---
+
+TEST(Buses, SixteenAreAndSeventeenAreTooMany) {
+  for (const int count : {16, 17}) {
+    std::string buses = "  - { name: left, interface: can0, when_missing: loopback }\n";
+    for (int i = 1; i < count; ++i)
+      buses += "  - { name: b" + std::to_string(i) + ", interface: can" + std::to_string(i) + " }\n";
+    const std::string text = with("  - { name: left, interface: can0, when_missing: loopback }\n", buses);
+    EXPECT_EQ(complaint(text).empty(), count == 16) << complaint(text);
+  }
+}
+
+// --- CAN FD ---
+
+std::string damiao_on(std::string_view bus, std::string_view drive) {
+  const std::string text = with(kBus, bus);
+  return replaced(text,
+                  "{ protocol: mit, variant: tmotor, model: AK80-9, id: 1, reply_id: 0, position_after_power_up: "
+                  "absolute }",
+                  drive);
+}
+
+TEST(FdBitrate, IsTheBussAndOneThatTheMakerHas) {
+  constexpr std::string_view kDrive =
+      "{ protocol: mit, variant: damiao, model: DM8009, id: 1, reply_id: 0x11, fd_bitrate: 5 Mbit/s }";
+  EXPECT_EQ(complaint(damiao_on("interface: can0, fd: true, when_missing: loopback", kDrive)), "");
+  EXPECT_TRUE(
+      complains(damiao_on(kBus, kDrive), "joints[0].drive.fd_bitrate: the drive speaks CAN FD; write `fd: true`"));
+  EXPECT_TRUE(complains(damiao_on("interface: can0, fd: true, data_bitrate: 2 Mbit/s", kDrive),
+                        "bus left has a data_bitrate of 2000000 bit/s, and all on a bus have the same"));
+  EXPECT_TRUE(complains(damiao_on("interface: can0, fd: true, bitrate: 500 kbit/s", kDrive),
+                        "Damiao drives are known to speak CAN FD at 1 Mbit/s alone"));
+  EXPECT_TRUE(
+      complains(damiao_on("interface: can0, fd: true, data_bitrate: 8 Mbit/s",
+                          "{ protocol: mit, variant: damiao, model: DM8009, id: 1, reply_id: 0x11, fd_bitrate: 8 "
+                          "Mbit/s }"),
+                "8000000 bit/s is no rate that Damiao drives are known to have"));
+  EXPECT_TRUE(complains(with(kHip, "model: AK80-9, id: 1, fd_bitrate: 5 Mbit/s"), "unknown key `fd_bitrate`"))
+      << "a T-Motor drive has none";
+}
+
+// --- temperatures ---
+
+std::string limited(std::string_view limits) {
+  return with("      velocity_hard: 4 rad/s\n",
+              "      velocity_hard: 4 rad/s\n      temperature: " + std::string(limits) + "\n");
+}
+
+TEST(Temperatures, AreReadAndMakeSense) {
+  const auto robot = parse(limited("{ warning: 80 degC, stop: 90 degC }"), "r");
+  ASSERT_TRUE(robot) << robot.error();
+  ASSERT_TRUE(robot->joints[0].limits.temperature);
+  EXPECT_EQ(robot->joints[0].limits.temperature->stop, 90);
+  EXPECT_FALSE(robot->joints[1].limits.temperature);
+  const auto lines = cautions_about(*robot);
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_EQ(lines[0],
+            "hip: a T-Motor drive tells its temperature in replies of 8 bytes alone; one with 6 is not armed under "
+            "limits.temperature");
+  EXPECT_TRUE(complains(limited("{ warning: 90 degC, stop: 80 degC }"), "warning 90 degC is not below stop 80 degC"));
+  EXPECT_TRUE(complains(limited("{ casing_stop: 80 degC }"), "this drive tells one temperature"));
+  EXPECT_TRUE(complains(limited("{ warning: 80 rad }"), "80 rad is an angle, not a temperature; write it in degC"));
+}
+
+// --- stops ---
+
+std::string stopping(std::string_view stops) {
+  return with("degraded: {", "stops: " + std::string(stops) + "\ndegraded: {");
+}
+
+TEST(Stops, AreNamedByTheirCauseAndLeadToAPose) {
+  const auto robot =
+      parse(stopping("{ operator_stop: { how: posture, fallback: tuck, for: 3 s }, tilt: { how: damping } }"), "r");
+  ASSERT_TRUE(robot) << robot.error();
+  ASSERT_EQ(robot->stops.size(), 2U);
+  EXPECT_EQ(robot->stops[0].how, StopHow::posture);
+  EXPECT_EQ(robot->stops[0].longest, seconds(3));
+  EXPECT_TRUE(complains(stopping("{ drive_fault: { how: hold, for: 1 s } }"),
+                        "stops.drive_fault: is no cause of a damped stop"));
+  EXPECT_TRUE(complains(stopping("{ tilt: { how: posture, fallback: crouch, for: 1 s } }"), "crouch"));
+  EXPECT_TRUE(complains(stopping("{ tilt: { how: hold } }"), "key `for` is missing")) << "a time bound is no default";
+}
+
+// Only a robot that can fall is told, and what somebody saw is repeated.
+TEST(Stops, APostureIsTakenForSafeOnlyWhereAPanelShowedIt) {
+  const std::string free_base = replaced(
+      stopping("{ operator_stop: { how: posture, fallback: tuck, for: 3 s } }"),
+      "  - { name: target, values: 3, timeout: 100 ms }\n",
+      "  - { name: target, values: 3, timeout: 100 ms }\n  - { name: base, values: 10, timeout: 20 ms }\nimu: { "
+      "sensor: base, tilt: 1 rad }\n");
+  const auto robot = parse(free_base, "r");
+  ASSERT_TRUE(robot) << robot.error();
+  const auto lines = cautions_about(*robot);
+  ASSERT_EQ(lines.size(), 2U) << "the fallback's pose and the stop's";
+  EXPECT_EQ(
+      lines[1],
+      "stops.operator_stop: a posture, and the base is free: nothing shows that this robot stays on its feet by it; "
+      "measure it by a panel and write where in shown_by");
+  const auto seen =
+      parse(replaced(free_base, "for: 3 s }", "for: 3 s, shown_by: panel crouch of 3 May 48 of 50 }"), "r");
+  ASSERT_TRUE(seen) << seen.error();
+  EXPECT_EQ(cautions_about(*seen).back(),
+            "stops.operator_stop: taken for safe because of: panel crouch of 3 May 48 of 50");
+  const auto fixed = parse(stopping("{ operator_stop: { how: posture, fallback: tuck, for: 3 s } }"), "r");
+  ASSERT_TRUE(fixed);
+  EXPECT_TRUE(cautions_about(*fixed).empty()) << "an arm on its table does not fall";
+}
+
+}  // namespace
+}  // namespace takt::config::test
