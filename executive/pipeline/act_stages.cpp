@@ -24,8 +24,9 @@ ReferenceStep next_reference(const JointState& joint, const JointTarget& target,
       return {moving_with(measured.q_estimate, measured.dq_estimate, limits, dt), 0};
     case Reference::brake:
       return step_braking(from, limits, dt, joint.brake);
-    case Reference::follow_target:
-      return step_towards(from, target.q, target.dq, target.speed, limits, dt, joint.rates);
+    case Reference::follow_target:  // without stiffness no torque of ours is spent on following it
+      return step_towards(from, target.q, target.dq, target.speed, limits, dt,
+                          target.kp > 0.0F ? joint.rates : Rates{});
   }
   return {from, 0};
 }

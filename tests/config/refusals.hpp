@@ -249,8 +249,8 @@ inline constexpr Refusal kRefusals[] = {
             "58:28: policy.speculation.position: is half of joint hip's range of 2 rad or more: every assumption would "
             "match; lower it"},
     Refusal{"a tolerance that matches every velocity", "offset: home }",
-            "offset: home }\n  speculation: { position: 0.1 rad, velocity: 90 rad/s }",
-            "58:48: policy.speculation.velocity: is no less than joint hip's limit of 3 rad/s: every assumption would "
+            "offset: home }\n  speculation: { position: 0.1 rad, velocity: 2.5 rad/s }",
+            "58:47: policy.speculation.velocity: is no less than joint hip's limit of 2 rad/s: every assumption would "
             "match; lower it"},
     Refusal{"a policy period that is no multiple", "  period: 20 ms", "  period: 20500 us",
             "48:11: policy.period: 20500 us is no whole number of control periods of 1 ms; choose a multiple"},
