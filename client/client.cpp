@@ -48,7 +48,7 @@ const char* fault_in(const takt_policy_spec* spec) {
   if (spec->robot_file == nullptr || spec->step == nullptr) return "takt_policy_spec: robot_file and step must be said";
   for (std::uint32_t i = 0; i < spec->term_count; ++i) {
     const takt_term& term = spec->terms[i];
-    if (term.kind > TAKT_TERM_QUEUE) return "takt_term: this kind of term does not exist";
+    if (term.kind > TAKT_TERM_DQ_OF_DRIVE) return "takt_term: this kind of term does not exist";
     const bool of_sensor =
         term.kind == TAKT_TERM_STREAM || term.kind == TAKT_TERM_IMAGE || term.kind == TAKT_TERM_QUEUE;
     if (of_sensor != (term.stream != nullptr))

@@ -364,14 +364,28 @@ void PolicySession::show(MonoTime now) {
   fill_values();
 }
 
+const float* PolicySession::values_of(const Block& block) const {
+  switch (block.kind) {
+    case TAKT_TERM_Q:
+      return observation_.q.at.data();
+    case TAKT_TERM_DQ:
+      return observation_.dq.at.data();
+    case TAKT_TERM_TAU:
+      return observation_.tau.at.data();
+    case TAKT_TERM_Q_SETPOINT:
+      return observation_.q_setpoint.at.data();
+    case TAKT_TERM_DQ_OF_DRIVE:
+      return observation_.dq_of_drive.at.data();
+    default:
+      return std::data(used_[block.sensor].values);
+  }
+}
+
 void PolicySession::fill_values() {
-  const std::array<const float*, 4> of_joints{observation_.q.at.data(), observation_.dq.at.data(),
-                                              observation_.tau.at.data(), observation_.q_setpoint.at.data()};
   auto out = values_.begin();
   for (const Block& block : blocks_) {
     if (block.values == 0) continue;  // lies elsewhere
-    const float* from = block.kind == TAKT_TERM_STREAM ? std::data(used_[block.sensor].values) : of_joints[block.kind];
-    out = std::copy_n(from, block.values, out);
+    out = std::copy_n(values_of(block), block.values, out);
   }
 }
 

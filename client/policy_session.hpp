@@ -79,6 +79,7 @@ class PolicySession {
   void update_sensor(std::size_t used, MonoTime now);
   [[nodiscard]] bool has_usable_samples(MonoTime now);
   void show(MonoTime now);
+  [[nodiscard]] const float* values_of(const Block& block) const;
   void fill_values();
   void fill_chunk(const takt_chunk& given);
   void assume(const takt_assumption* assumption);

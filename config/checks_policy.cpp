@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "config/checks.hpp"
 #include "config/drive_loop.hpp"
@@ -31,7 +32,8 @@ void check_periods(const RobotConfig& robot, const Policy& policy, Checker& chec
 }
 
 void check_source(const RobotConfig& robot, const ObservationTerm& term, const std::string& path, Checker& checker) {
-  const bool from_imu = term.kind == TermKind::base_angular_velocity || term.kind == TermKind::projected_gravity;
+  const bool from_imu = term.kind == TermKind::base_angular_velocity || term.kind == TermKind::projected_gravity ||
+                        term.kind == TermKind::base_orientation;
   checker.require(robot.imu || !from_imu, path, "the robot has no IMU that says it; add `imu`");
 }
 
@@ -52,14 +54,28 @@ void check_command(const Sensor& sensor, const std::string& path, Checker& check
                                 limits.minimum[i], limits.maximum[i]));
 }
 
+// The network fills it with values of its own, as they are.
+void check_reference(const ObservationTerm& term, const std::string& path, Checker& checker) {
+  const bool as_it_is = term.scale == std::vector<double>{1} && term.mean == std::vector<double>{0} &&
+                        term.standard_deviation == std::vector<double>{1} && term.clip.empty() && term.history == 1;
+  checker.require(as_it_is, path,
+                  "motion_reference is shown as the network gives it; drop scale, clip, mean, std and "
+                  "history");
+}
+
 void check_terms(const RobotConfig& robot, const Policy& policy, Checker& checker) {
   for (std::size_t i = 0; i < policy.observation.size(); ++i) {
     const ObservationTerm& term = policy.observation[i];
     const std::size_t width = term_width(robot, term);
     check_source(robot, term, fmt::format("policy.observation[{}].term", i), checker);
-    checker.require(term.scale.size() == 1 || term.scale.size() == width,
-                    fmt::format("policy.observation[{}].scale", i),
-                    fmt::format("has {} values for a term of {}; write one, or {}", term.scale.size(), width, width));
+    for (const auto& [key, values] :
+         {std::pair{"scale", &term.scale}, std::pair{"mean", &term.mean}, std::pair{"std", &term.standard_deviation}})
+      checker.require(values->size() == 1 || values->size() == width, fmt::format("policy.observation[{}].{}", i, key),
+                      fmt::format("has {} values for a term of {}; write one, or {}", values->size(), width, width));
+    checker.require(term.clip.empty() || (term.clip.size() == 2 && term.clip[0] < term.clip[1]),
+                    fmt::format("policy.observation[{}].clip", i), "is no range; write [lowest, highest]");
+    if (term.kind == TermKind::motion_reference)
+      check_reference(term, fmt::format("policy.observation[{}]", i), checker);
     if (policy.history_layout == "by_time")
       checker.require(term.history == policy.observation[0].history, fmt::format("policy.observation[{}].history", i),
                       fmt::format("{} differs from the first term's {}; by_time needs equal histories", term.history,
@@ -142,7 +158,26 @@ void check_join(const RobotConfig& robot, const Policy& policy, Checker& checker
   }
 }
 
+// Further outputs say what the action does not.
+void check_further_outputs(const RobotConfig& robot, const Action& action, Checker& checker) {
+  if (action.velocity != "none") {
+    checker.require(action.kind == ActionKind::joint_position, "policy.action.outputs.velocity",
+                    "belongs to joint_position; the action says the velocity itself, or there is none");
+    checker.require(action.interpolation != Interpolation::linear, "policy.action.interpolation",
+                    "linear draws its own velocities; write hold or cubic, or drop policy.action.outputs.velocity");
+  }
+  checker.require(action.torque == "none" || action.kind != ActionKind::joint_torque, "policy.action.outputs.torque",
+                  "the action says the torque itself; drop it");
+  if (action.kp == "none" && action.kd == "none" && action.torque == "none") return;
+  for (const Joint& joint : robot.joints)
+    checker.require(joint.passive || takes_gains(joint.drive), "policy.action.outputs",
+                    fmt::format("joint {}'s drive takes neither gains nor torque in its mode; drop kp, kd and torque, "
+                                "or run the drive in cst",
+                                joint.name));
+}
+
 void check_action(const RobotConfig& robot, const Action& action, Checker& checker) {
+  check_further_outputs(robot, action, checker);
   const std::size_t outputs = outputs_per_step(robot);
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
     const auto& driven = action.joint_of_output;

@@ -147,7 +147,12 @@ class DeployReader {
       term.scale = numbers(value, "scale", 0);
       if (const Node* history = value.find("history_length"); history && history->kind == Node::Kind::scalar)
         term.history = static_cast<std::uint32_t>(std::clamp(value_of(*history).value_or(1), 1.0, 64.0));
-      note_clip(value, key.text, file);
+      // unitree_rl_lab clips before it scales, unless told otherwise.
+      if (const Node* first = value.find("scale_first"); first && first->text == "true") {
+        note_clip(value, key.text, file);
+      } else if (const Node* clip = value.find("clip"); clip && clip->kind != Node::Kind::null) {
+        term.clip = numbers(value, "clip", 2);
+      }
       file.terms.push_back(std::move(term));
     }
   }

@@ -4,7 +4,9 @@
 // Orders, as that exporter writes them: `joint_ids_map[k]` is the motor slot of the policy's joint k; stiffness and
 // damping are in the slots' order; default_joint_pos, action scale and offset are in the policy's. A robot with fewer
 // joints than its maker's largest leaves slots free: the robot's order is that of its slots, without the free ones.
-// Angles rad, gains Nm/rad and Nms/rad, step_dt s. Errors: one line per problem, "file:line:column: what; how to mend".
+// Angles rad, gains Nm/rad and Nms/rad, step_dt s. Other exports are brought into the same form; what they do not say
+// is an empty list, or not a number where only some joints are spoken of. Errors: one line per problem,
+// "file:line:column: what; how to mend".
 #pragma once
 
 #include <expected>
@@ -23,6 +25,21 @@ struct DeployTerm {
   std::vector<double> scale;   // one per value; empty: not said
   std::uint32_t history = 1;   // 0: not said
   bool is_only_named = false;  // the name is its author's choice, and does not say what is observed
+  std::vector<double> clip{};  // lowest and highest value, before the scale; empty: none
+  std::string text{};          // what stands behind `term:`, where the export says more than a name; empty: by the name
+  std::string comment{};       // beside it
+};
+
+// An export that speaks of its tensors: they are named, and gives targets as they are.
+struct DeployTensors {
+  std::string input, output;                                 // as policy.input and policy.output
+  std::string action_kind;                                   // "joint_position"
+  std::vector<std::pair<std::string, std::string>> outputs;  // key of policy.action.outputs, name
+  std::vector<std::size_t> action_joints;                    // robot's order; empty: as the policy's
+  std::uint32_t steps = 1;
+  Duration step_period;              // of a chunk; 0: not said
+  std::vector<std::string> sensors;  // entries of `sensors`, each a line or more
+  bool needs_imu = false;
 };
 
 struct DeployFile {
@@ -36,6 +53,7 @@ struct DeployFile {
   std::vector<std::pair<std::string, std::pair<double, double>>> command_ranges;  // "lin_vel_x", [min, max]
   std::vector<std::string> notes;    // what the file asks for and an import does not carry over
   std::vector<std::string> remarks;  // what is to be known of what it does carry over
+  std::optional<DeployTensors> tensors;
 };
 
 std::expected<DeployFile, std::string> read_deploy_file(std::string_view text, const std::string& name_for_messages);

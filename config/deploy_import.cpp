@@ -57,6 +57,12 @@ Duration command_lasts(const DeployFile& deploy) {
   return {deploy.step_dt.ns * kTargetLastsPeriods / 2};
 }
 
+// Of one joint: empty lists and values that are no numbers say nothing.
+std::string listed_or_unfilled(const std::vector<double>& list, std::size_t joint, std::string_view unit) {
+  if (joint >= list.size() || std::isnan(list[joint])) return kUnfilled;
+  return fmt::format("{} {}", list[joint], unit);
+}
+
 std::string or_unfilled(const std::optional<double>& value, std::string_view unit) {
   return value ? fmt::format("{:.6g} {}", *value, unit) : kUnfilled;
 }
@@ -208,8 +214,8 @@ const ModelJoint* find_in_model(const ImportOptions& options, const std::string&
 
 std::string joints_text(const DeployFile& deploy, const ImportOptions& options) {
   const std::size_t joints = deploy.robot_joint.size();
-  std::vector<double> home(joints);
-  for (std::size_t k = 0; k < joints; ++k) home[deploy.robot_joint[k]] = deploy.default_position[k];
+  std::vector<double> home(deploy.default_position.size());
+  for (std::size_t k = 0; k < home.size(); ++k) home[deploy.robot_joint[k]] = deploy.default_position[k];
   std::string text = "joints:   # in the robot's order; kp and kd limits are the deployed gains\n";
   for (std::size_t j = 0; j < joints; ++j) {
     const std::string name = joint_name(options, j);
@@ -227,13 +233,15 @@ std::string joints_text(const DeployFile& deploy, const ImportOptions& options) 
         "  - name: {0}\n"
         "    bus: {1}\n"
         "    drive: {{ id: {2}, reply_id: {3} }}\n"
-        "    limits: {{ position: [{4}, {5}], {6}torque: {7}, kp: {8} Nm/rad, kd: {9} Nms/rad }}\n"
-        "    gains: {{ kp: {8} Nm/rad, kd: {9} Nms/rad, damping: {9} Nms/rad }}\n"
+        "    limits: {{ position: [{4}, {5}], {6}torque: {7}, kp: {8}, kd: {9} }}\n"
+        "    gains: {{ kp: {8}, kd: {9}, damping: {9} }}\n"
         "    inertia: {10}\n"
-        "    home: {11} rad\n",
+        "    home: {11}\n",
         name, wiring.bus, wiring.id, wiring.reply_id, or_unfilled(end(false), "rad"), or_unfilled(end(true), "rad"),
-        speed, or_unfilled(known.torque, "Nm"), deploy.stiffness[j], deploy.damping[j],
-        or_unfilled(in_model == nullptr ? std::nullopt : std::optional(known.inertia), "kgm2"), home[j]);
+        speed, or_unfilled(known.torque, "Nm"), listed_or_unfilled(deploy.stiffness, j, "Nm/rad"),
+        listed_or_unfilled(deploy.damping, j, "Nms/rad"),
+        or_unfilled(in_model == nullptr ? std::nullopt : std::optional(known.inertia), "kgm2"),
+        listed_or_unfilled(home, j, "rad"));
   }
   return text;
 }
@@ -265,6 +273,7 @@ std::string command_sensor_text(const DeployFile& deploy, const std::string& tim
 
 // Its thresholds are those of unitree_rl_lab's own deployment (terminations.hpp).
 std::string imu_text(const DeployFile& deploy) {
+  if (deploy.tensors && deploy.tensors->needs_imu) return "\nimu: { sensor: imu, tilt: FILL_IN }\n";
   if (!reads_imu(deploy)) return {};
   return "\nimu: { sensor: imu, tilt: 1 rad, angular_velocity: 6 rad/s }   # as unitree_rl_lab's deployment stops\n";
 }
@@ -274,11 +283,13 @@ std::string sensors_text(const DeployFile& deploy, bool simulated) {
   const std::string timeout = simulated ? "100 ms" : kUnfilled;
   const std::string held = simulated ? format_duration(command_lasts(deploy)) : kUnfilled;
   for (const DeployTerm& term : deploy.terms)
-    if (!term.is_only_named && takt_term(term.name).empty() && !is_command(deploy, term))
+    if (!term.is_only_named && term.text.empty() && takt_term(term.name).empty() && !is_command(deploy, term))
       text += fmt::format("  - {{ name: {}, values: {}, timeout: FILL_IN }}\n", term.name, term.scale.size());
   for (const DeployTerm& term : deploy.terms)
     if (is_command(deploy, term)) text += command_sensor_text(deploy, held);
-  if (reads_imu(deploy))
+  if (deploy.tensors)
+    for (const std::string& sensor : deploy.tensors->sensors) text += sensor;
+  if (reads_imu(deploy) || (deploy.tensors && deploy.tensors->needs_imu))
     text += fmt::format("  - {{ name: imu, values: 10, timeout: {} }}   # see imu below\n", timeout);
   return text.empty()
              ? ""
@@ -296,34 +307,65 @@ std::string source_of(const DeployFile& deploy, const DeployTerm& term) {
 
 std::string terms_text(const DeployFile& deploy) {
   std::string text;
-  for (const DeployTerm& term : deploy.terms)
-    text += fmt::format("    - {{ term: {}, scale: {}, history: {} }}{}\n", source_of(deploy, term),
+  for (const DeployTerm& term : deploy.terms) {
+    if (!term.text.empty()) {
+      text += fmt::format("    - {{ term: {} }}{}\n", term.text, term.comment.empty() ? "" : "   # " + term.comment);
+      continue;
+    }
+    const std::string clip = term.clip.empty() ? "" : fmt::format(", clip: [{}]", fmt::join(term.clip, ", "));
+    text += fmt::format("    - {{ term: {}{}, scale: {}, history: {} }}{}\n", source_of(deploy, term), clip,
                         one_or_list(term.scale), term.history == 0 ? kUnfilled : fmt::format("{}", term.history),
                         term.is_only_named ? "   # called " + term.name : "");
+  }
   return text;
 }
 
-std::string policy_text(const DeployFile& deploy, const ImportOptions& options) {
-  std::vector<std::string> order;
-  for (const std::size_t joint : deploy.robot_joint) order.push_back(joint_name(options, joint));
+// As trained: one target, held, with no velocity. What a chunk's steps are to each other nobody but its author knows.
+std::string action_text(const DeployFile& deploy, const ImportOptions& options) {
+  if (const auto& tensors = deploy.tensors) {
+    std::vector<std::string> joints, outputs;
+    for (const std::size_t joint : tensors->action_joints) joints.push_back(joint_name(options, joint));
+    for (const auto& [key, name] : tensors->outputs) outputs.push_back(fmt::format("{}: \"{}\"", key, name));
+    return fmt::format("  action:\n    kind: {}\n    interpolation: {}\n    scale: 1\n    offset: zero\n{}{}",
+                       tensors->action_kind, tensors->steps == 1 ? "hold" : kUnfilled,
+                       joints.empty() ? "" : fmt::format("    joints: [{}]\n", fmt::join(joints, ", ")),
+                       outputs.empty() ? "" : fmt::format("    outputs: {{ {} }}\n", fmt::join(outputs, ", ")));
+  }
   const bool offset_is_home = deploy.action_offset == deploy.default_position;
   std::vector<std::string> offsets;
   for (const double offset : deploy.action_offset) offsets.push_back(fmt::format("{} rad", offset));
   const std::string offset = offsets.empty() ? kUnfilled : fmt::format("[{}]", fmt::join(offsets, ", "));
   return fmt::format(
+      "  action: {{ kind: joint_position, interpolation: hold, scale: {}, offset: {} }}   # as trained: no velocity "
+      "target\n",
+      one_or_list(deploy.action_scale), offset_is_home ? "home" : offset);
+}
+
+std::string steps_text(const DeployFile& deploy) {
+  if (deploy.tensors && deploy.tensors->steps > 1)
+    return fmt::format("  step_period: {}\n  steps: {}\n", duration_or_unfilled(deploy.tensors->step_period),
+                       deploy.tensors->steps);
+  return fmt::format(
+      "  step_period: {}          # one step a period: its target stays playable this long\n  steps: 1\n",
+      duration_or_unfilled(deploy.step_dt * kTargetLastsPeriods));
+}
+
+std::string policy_text(const DeployFile& deploy, const ImportOptions& options) {
+  std::vector<std::string> order;
+  for (const std::size_t joint : deploy.robot_joint) order.push_back(joint_name(options, joint));
+  const std::string names =
+      deploy.tensors ? fmt::format("  input: \"{}\"\n  output: \"{}\"\n", deploy.tensors->input, deploy.tensors->output)
+                     : "";
+  return fmt::format(
       "\npolicy:\n"
       "  file: \"{}\"\n"
       "  period: {}\n"
-      "  step_period: {}          # one step a period: its target stays playable this long\n"
-      "  steps: 1\n"
+      "{}{}"
       "  joint_order: [{}]\n"
       "  history_layout: by_term\n"
-      "  observation:\n{}"
-      "  action: {{ kind: joint_position, interpolation: hold, scale: {}, offset: {} }}   # as trained: no velocity "
-      "target\n",
-      options.policy_file, duration_or_unfilled(deploy.step_dt),
-      duration_or_unfilled(deploy.step_dt * kTargetLastsPeriods), fmt::join(order, ", "), terms_text(deploy),
-      one_or_list(deploy.action_scale), offset_is_home ? "home" : offset);
+      "  observation:\n{}{}",
+      options.policy_file, duration_or_unfilled(deploy.step_dt), steps_text(deploy), names, fmt::join(order, ", "),
+      terms_text(deploy), action_text(deploy, options));
 }
 
 // The model's joints stand in the order of the robot's motors, as their maker numbers them; slots without a motor have
@@ -366,6 +408,9 @@ std::expected<std::string, std::string> import_deploy_file(const DeployFile& dep
     return std::unexpected(fmt::format("`{}` is no robot name; use letters, digits, _ and -", options.robot));
   if (options.simulated && !options.model)
     return std::unexpected("a simulated robot needs its model; name its MJCF file");
+  if (options.simulated && deploy.tensors)
+    return std::unexpected(
+        "a simulated robot is made up of what a deploy.yaml says of its terms; leave --simulated out, and fill in");
   if (options.simulated && deploy.step_dt.ns == 0)
     return std::unexpected(
         "a simulated robot needs the policy's period, which this export does not say; name it by --period");

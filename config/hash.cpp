@@ -11,6 +11,7 @@
 #include <cstring>
 #include <memory>
 
+#include "config/document.hpp"
 #include "config/load.hpp"
 
 namespace takt::config {
@@ -70,11 +71,41 @@ std::uint64_t joint_names_hash(const RobotConfig& robot) {
   return hash;
 }
 
-std::vector<std::string> policy_files(const std::string& path) {
-  std::vector<std::string> files{path};
+namespace {
+
+void add_with_weights(const std::string& path, std::vector<std::string>& files) {
+  files.push_back(path);
   for (const char* ending : {".data", "_data"}) {
     if (access((path + ending).c_str(), F_OK) == 0) files.push_back(path + ending);
   }
+}
+
+// What a bundle's YAML names beside it. Where it is none, or names what is not there, its loader says so.
+std::vector<std::string> named_in_bundle(const std::string& path) {
+  std::vector<std::string> names;
+  const auto text = read_file(path);
+  if (!text) return names;
+  Problems ignored(path);
+  const Node root = read_document(*text, Tags::read_as_data, ignored);
+  const auto add = [&](const Node* name) {
+    if (name != nullptr && !name->text.empty() && name->text.find('/') == std::string::npos)
+      names.push_back(name->text);
+  };
+  if (const Node* const models = root.find("models"))
+    for (const Entry& model : models->entries)
+      if (const Node* const parameters = model.value.find("parameters")) add(parameters->find("model_path"));
+  if (const Node* const pipeline = root.find("pipeline")) add(pipeline->find("initial_values"));
+  return names;
+}
+
+}  // namespace
+
+std::vector<std::string> policy_files(const std::string& path) {
+  std::vector<std::string> files;
+  add_with_weights(path, files);
+  if (!path.ends_with(".yaml")) return files;
+  const std::size_t folder = path.rfind('/') == std::string::npos ? 0 : path.rfind('/') + 1;
+  for (const std::string& name : named_in_bundle(path)) add_with_weights(path.substr(0, folder) + name, files);
   return files;
 }
 

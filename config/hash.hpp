@@ -12,7 +12,8 @@ namespace takt::config {
 std::uint64_t leading_64_bits(std::string_view sha256_hex);
 
 // What a policy consists of, all of which policy_hash() covers: the file itself and, where they are there, the weights
-// that exporters write beside it as FILE.data or FILE_data.
+// that exporters write beside it as FILE.data or FILE_data. Of a LEAPP bundle's YAML also the networks and the start
+// values that it names.
 std::vector<std::string> policy_files(const std::string& path);
 
 }  // namespace takt::config

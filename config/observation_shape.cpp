@@ -1,10 +1,33 @@
 #include "config/observation_shape.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "executive/contract/policy_input.hpp"
 
 namespace takt::config {
+
+bool is_of_joints(TermKind kind) {
+  switch (kind) {
+    case TermKind::joint_position_relative:
+    case TermKind::joint_position:
+    case TermKind::joint_velocity:
+    case TermKind::joint_torque:
+    case TermKind::drive_velocity:
+      return true;
+    case TermKind::sensor:
+    case TermKind::last_action:
+    case TermKind::constant:
+    case TermKind::base_angular_velocity:
+    case TermKind::projected_gravity:
+    case TermKind::command:
+    case TermKind::gait_phase:
+    case TermKind::base_orientation:
+    case TermKind::motion_reference:
+      return false;
+  }
+  return false;
+}
 
 std::size_t observed_joints(const RobotConfig& robot) {
   return robot.policy->joint_order.empty() ? robot.joints.size() : robot.policy->joint_order.size();
@@ -20,7 +43,9 @@ std::size_t term_width(const RobotConfig& robot, const ObservationTerm& term) {
     case TermKind::joint_position_relative:
     case TermKind::joint_position:
     case TermKind::joint_velocity:
-      return observed_joints(robot);
+    case TermKind::joint_torque:
+    case TermKind::drive_velocity:
+      return term.joints.empty() ? observed_joints(robot) : term.joints.size();
     case TermKind::last_action:
       return outputs_per_step(robot);
     case TermKind::sensor:
@@ -36,6 +61,10 @@ std::size_t term_width(const RobotConfig& robot, const ObservationTerm& term) {
       return 3;
     case TermKind::gait_phase:
       return 2;
+    case TermKind::base_orientation:
+      return 4;
+    case TermKind::motion_reference:
+      return term.values;
   }
   return 0;
 }
@@ -53,8 +82,7 @@ std::size_t flow_context_width(const RobotConfig& robot) {
 
 std::size_t largest_policy_input(const RobotConfig& robot) {
   if (!robot.policy || !robot.record.policy_inputs) return 0;
-  std::size_t values = robot.joints.size() + observation_width(robot) + flow_context_width(robot) +
-                       robot.policy->steps * outputs_per_step(robot);
+  std::size_t values = robot.joints.size() + observation_width(robot) + flow_context_width(robot) + output_width(robot);
   for (const Sensor& sensor : robot.sensors) {
     const auto shows = [&](const ObservationTerm& term) { return term.sensor == sensor.name; };
     if (sensor.image && std::ranges::any_of(robot.policy->observation, shows)) return 0;
@@ -81,6 +109,23 @@ RobotConfig seen_by_fallback(const RobotConfig& robot, const Fallback& fallback)
 
 bool reads_sensors(const Policy& policy) {
   return std::ranges::any_of(policy.observation, [](const ObservationTerm& term) { return !term.sensor.empty(); });
+}
+
+std::vector<NamedOutput> named_outputs(const Policy& policy) {
+  const Action& action = policy.action;
+  const CommandField first = action.kind == ActionKind::joint_position   ? CommandField::q
+                             : action.kind == ActionKind::joint_velocity ? CommandField::dq
+                                                                         : CommandField::tau_ff;
+  std::vector<NamedOutput> outputs{{first, policy.output}};
+  for (const auto& [field, name] :
+       {std::pair{CommandField::dq, &action.velocity}, std::pair{CommandField::kp, &action.kp},
+        std::pair{CommandField::kd, &action.kd}, std::pair{CommandField::tau_ff, &action.torque}})
+    if (*name != "none") outputs.push_back({field, *name});
+  return outputs;
+}
+
+std::size_t output_width(const RobotConfig& robot) {
+  return named_outputs(*robot.policy).size() * robot.policy->steps * outputs_per_step(robot);
 }
 
 }  // namespace takt::config

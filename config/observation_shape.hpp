@@ -1,13 +1,27 @@
 // How many numbers the policy is shown and how many it gives. Precondition everywhere: robot.policy.
 #pragma once
 
+#include <array>
 #include <cstddef>
+#include <string>
+#include <string_view>
+#include <vector>
 
 #include "config/robot_config.hpp"
+#include "executive/contract/command_chunk.hpp"
 
 namespace takt::config {
 
-std::size_t observed_joints(const RobotConfig& robot);   // length of every joint term
+std::size_t observed_joints(const RobotConfig& robot);  // length of every joint term
+bool is_of_joints(TermKind kind);                       // one value per joint
+// As a robot file spells them.
+inline constexpr std::array<std::string_view, 14> kTermNames{
+    "joint_position_relative", "joint_position",    "joint_velocity", "sensor",     "last_action",  "constant",
+    "base_angular_velocity",   "projected_gravity", "command",        "gait_phase", "joint_torque", "drive_velocity",
+    "base_orientation",        "motion_reference"};
+constexpr std::string_view name(TermKind kind) {
+  return kTermNames[static_cast<std::size_t>(kind)];
+}
 std::size_t outputs_per_step(const RobotConfig& robot);  // joints the policy drives
 // Numbers of one instant of a term, bytes of an image; 0 for a sensor that is not declared.
 std::size_t term_width(const RobotConfig& robot, const ObservationTerm& term);
@@ -25,5 +39,15 @@ std::size_t largest_policy_input(const RobotConfig& robot);
 RobotConfig seen_by_fallback(const RobotConfig& robot, const Fallback& fallback);
 // The policy reads sensors outside the executive, so that its commands must say when those sensed.
 bool reads_sensors(const Policy& policy);
+
+// What a step's numbers mean, in the order in which a policy gives them: all steps of the first, then of the next.
+struct NamedOutput {
+  CommandField field;
+  std::string name;
+};
+// The action itself, and action.outputs as far as they are named. The first one's field is that of the action's kind.
+std::vector<NamedOutput> named_outputs(const Policy& policy);
+// Numbers of one answer: steps * outputs_per_step of each.
+std::size_t output_width(const RobotConfig& robot);
 
 }  // namespace takt::config

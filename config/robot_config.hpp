@@ -38,8 +38,13 @@ enum class TermKind : std::uint8_t {
   base_angular_velocity,
   projected_gravity,
   command,
-  gait_phase
+  gait_phase,
+  joint_torque,
+  drive_velocity,
+  base_orientation,
+  motion_reference
 };
+enum class QuaternionOrder : std::uint8_t { wxyz, xyzw };
 enum class ActionKind : std::uint8_t { joint_position, joint_velocity, joint_torque };
 enum class Interpolation : std::uint8_t { hold, linear, cubic };
 enum class OffsetKind : std::uint8_t { zero, home, measured, values };
@@ -213,13 +218,20 @@ struct Model {
   Vector3 tool_xyz{};
 };
 
+// What the network is shown is (scale * clipped value - mean) / standard deviation.
 struct ObservationTerm {
   TermKind kind = TermKind::joint_position;
-  std::string sensor;            // TermKind::sensor and command
-  std::vector<double> scale;     // one, or one per value
-  std::vector<double> constant;  // TermKind::constant only
-  Duration gait_period;          // TermKind::gait_phase only
-  std::uint32_t history = 1;     // oldest first, newest last
+  std::string sensor;                             // TermKind::sensor and command
+  std::vector<std::size_t> joints;                // joint terms: of each value; empty: as joint_order
+  QuaternionOrder order = QuaternionOrder::wxyz;  // TermKind::base_orientation only
+  std::string output;                             // TermKind::motion_reference: the network's own, of an inference ago
+  std::uint32_t values = 0;                       // TermKind::motion_reference: how many
+  std::vector<double> constant;                   // TermKind::constant only
+  Duration gait_period;                           // TermKind::gait_phase only
+  std::vector<double> clip;                       // lowest and highest value, before the scale; empty: none
+  std::vector<double> scale;                      // one, or one per value
+  std::vector<double> mean, standard_deviation;   // likewise
+  std::uint32_t history = 1;                      // instants
 };
 
 enum class JoinKind : std::uint8_t { replace, cross_fade, blend, ensemble, align, quintic, prefix };
@@ -241,6 +253,8 @@ struct Action {
   OffsetKind offset = OffsetKind::home;
   std::vector<double> offset_values;
   std::vector<std::size_t> joint_of_output;  // policy output i drives this joint; empty: identity
+  // Names of further outputs of the same shape as the action's, taken as they are: rad/s, Nm, Nm/rad, Nms/rad.
+  std::string velocity = "none", torque = "none", kp = "none", kd = "none";
 };
 
 // Watches the policy's answers by their numbers alone (monitor/judge/chunk_monitors.hpp).
@@ -308,6 +322,7 @@ struct Policy {
   std::vector<ObservationTerm> observation;
   Action action;
   std::string history_layout;            // "by_term": each term's history together | "by_time": all terms per instant
+  std::string history_order;             // "oldest_first" | "newest_first"
   std::vector<std::size_t> joint_order;  // policy's joint k is this joint; empty: identity
   std::optional<ChunkMonitors> monitors;
   std::optional<Sampler> sampler;

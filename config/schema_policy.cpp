@@ -1,15 +1,15 @@
 // Keys: sensors, imu, policy, fallbacks, degraded, stops.
 #include <array>
 
+#include "config/observation_shape.hpp"
 #include "config/schema.hpp"
 #include "executive/contract/joints.hpp"
 
 namespace takt::config {
 namespace {
 
-constexpr std::array<std::string_view, 10> kTerms{
-    "joint_position_relative", "joint_position",    "joint_velocity", "sensor",    "last_action", "constant",
-    "base_angular_velocity",   "projected_gravity", "command",        "gait_phase"};
+constexpr std::array<std::string_view, 2> kQuaternionOrders{"wxyz", "xyzw"};
+constexpr std::array<std::string_view, 2> kHistoryOrders{"oldest_first", "newest_first"};
 constexpr std::array<std::string_view, 3> kDegraded{"hold", "slow", "fallback"};
 constexpr std::array<std::string_view, 4> kStopHow{"rest", "damping", "hold", "posture"};
 constexpr std::array<std::string_view, 2> kLayouts{"by_term", "by_time"};
@@ -107,8 +107,22 @@ void describe_imu(Fields& fields, Imu& imu, Words sensors) {
       imu.contradiction, Dimension::angle, between(0, 3.2));
 }
 
-void describe_term(Fields& fields, ObservationTerm& term, Words sensors) {
-  fields.choice({"term", "what is observed"}, term.kind, kTerms);
+// What holds of a term of any kind.
+void describe_scaling(Fields& fields, ObservationTerm& term) {
+  const Count one_or_each{.low = 1, .high = kMaxSensorValues, .single_allowed = true};
+  fields.quantities({"clip", "lowest and highest value, before the scale; empty: none", "[]"}, term.clip,
+                    Dimension::none, any_value(), {.low = 0, .high = 2});
+  fields.quantities({"scale", "factor, one for all values or one each", "1"}, term.scale, Dimension::none, any_value(),
+                    one_or_each);
+  fields.quantities({"mean", "subtracted after the scale, one for all values or one each", "0"}, term.mean,
+                    Dimension::none, any_value(), one_or_each);
+  fields.quantities({"std", "standard deviation that divides what is left, one for all values or one each", "1"},
+                    term.standard_deviation, Dimension::none, above(0, 1e9), one_or_each);
+  fields.integer({"history", "how many instants, in history_order", "1"}, term.history, 1, 64);
+}
+
+void describe_term(Fields& fields, ObservationTerm& term, Words sensors, Words joints) {
+  fields.choice({"term", "what is observed"}, term.kind, kTermNames);
   if (term.kind == TermKind::sensor || term.kind == TermKind::command || fields.shows_all())
     fields.one_of({"sensor", "terms sensor and command: name of an entry in sensors"}, term.sensor, sensors, "sensor");
   if (term.kind == TermKind::gait_phase || fields.shows_all())
@@ -117,9 +131,19 @@ void describe_term(Fields& fields, ObservationTerm& term, Words sensors) {
   if (term.kind == TermKind::constant || fields.shows_all())
     fields.quantities({"values", "term constant: the numbers themselves"}, term.constant, Dimension::none, any_value(),
                       {.low = 1, .high = kMaxSensorValues});
-  fields.quantities({"scale", "factor, one for all values or one each", "1"}, term.scale, Dimension::none, any_value(),
-                    {.low = 1, .high = kMaxSensorValues, .single_allowed = true});
-  fields.integer({"history", "how many instants, oldest first", "1"}, term.history, 1, 64);
+  if (is_of_joints(term.kind) || fields.shows_all())
+    fields.references({"joints", "terms of joints: the joint of each value; empty: as joint_order", "[]"}, term.joints,
+                      joints, "joint");
+  if (term.kind == TermKind::base_orientation || fields.shows_all())
+    fields.choice({"order", "term base_orientation: of the quaternion's four values"}, term.order, kQuaternionOrders);
+  if (term.kind == TermKind::motion_reference || fields.shows_all()) {
+    fields.text(
+        {"output", "term motion_reference: output of the network whose values of the inference before are shown"},
+        term.output);
+    fields.integer({"count", "term motion_reference: how many values that output has"}, term.values, 1,
+                   kMaxSensorValues);
+  }
+  describe_scaling(fields, term);
 }
 
 void describe_join(Fields& fields, Join& join) {
@@ -163,6 +187,14 @@ void describe_action(Fields& fields, Action& action, Words joints) {
   action.offset = static_cast<OffsetKind>(offset);
   fields.references({"joints", "joint of each output; empty: as joint_order", "[]"}, action.joint_of_output, joints,
                     "joint");
+  fields.section(
+      {"outputs", "further outputs of the network, of the action's shape, taken as they are", "{}"}, [&](Fields& f) {
+        f.text({"velocity", "joint_position: the output with velocities, rad/s; none: none", "none"}, action.velocity);
+        f.text({"torque", "the output with torques, added to those of the gains, Nm; none: none", "none"},
+               action.torque);
+        f.text({"kp", "the output with stiffness, Nm/rad; none: the joints' own", "none"}, action.kp);
+        f.text({"kd", "the output with damping, Nms/rad; none: the joints' own", "none"}, action.kd);
+      });
 }
 
 void describe_monitors(Fields& fields, ChunkMonitors& monitors) {
@@ -266,8 +298,10 @@ void describe_policy_section(Fields& fields, Policy& policy, const RobotConfig& 
   fields.one_of({"history_layout", "by_term: each term's history together; by_time: all terms of one instant together",
                  "by_term"},
                 policy.history_layout, kLayouts, "layout");
+  fields.one_of({"history_order", "which end of a history is the newest instant", "oldest_first"}, policy.history_order,
+                kHistoryOrders, "order");
   fields.each({"observation", "terms, in the order of the model's input"}, policy.observation, kMaxTerms,
-              [&](Fields& f, ObservationTerm& term) { describe_term(f, term, sensors); });
+              [&](Fields& f, ObservationTerm& term) { describe_term(f, term, sensors, joints); });
   fields.section({"action", "how outputs become joint targets", "{}"},
                  [&](Fields& f) { describe_action(f, policy.action, joints); });
   bool monitored = policy.monitors.has_value();

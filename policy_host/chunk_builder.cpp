@@ -26,19 +26,22 @@ constexpr unsigned bit(CommandField field) {
   return static_cast<unsigned>(field);
 }
 
-std::uint8_t fields_of(const config::Action& action) {
-  constexpr unsigned kWithGains = bit(CommandField::q) | bit(CommandField::kp) | bit(CommandField::kd);
+// The action, what its kind needs with it, and what further outputs say.
+std::uint8_t fields_of(const config::Action& action, std::span<const CommandField> further) {
+  unsigned fields = bit(CommandField::q);
   switch (action.kind) {
-    case config::ActionKind::joint_position: {
-      const bool cubic = action.interpolation == config::Interpolation::cubic;
-      return static_cast<std::uint8_t>(bit(CommandField::q) | (cubic ? bit(CommandField::dq) : 0U));
-    }
+    case config::ActionKind::joint_position:
+      if (action.interpolation == config::Interpolation::cubic) fields |= bit(CommandField::dq);
+      break;
     case config::ActionKind::joint_velocity:
-      return static_cast<std::uint8_t>(kWithGains | bit(CommandField::dq));
+      fields |= bit(CommandField::kp) | bit(CommandField::kd) | bit(CommandField::dq);
+      break;
     case config::ActionKind::joint_torque:
-      return static_cast<std::uint8_t>(kWithGains | bit(CommandField::tau_ff));
+      fields |= bit(CommandField::kp) | bit(CommandField::kd) | bit(CommandField::tau_ff);
+      break;
   }
-  return 0;
+  for (const CommandField field : further) fields |= bit(field);
+  return static_cast<std::uint8_t>(fields);
 }
 
 float& value(CommandChunk& chunk, CommandField field, std::size_t step, std::size_t joint) {
@@ -50,9 +53,12 @@ float& value(CommandChunk& chunk, CommandField field, std::size_t step, std::siz
 ChunkBuilder::ChunkBuilder(const config::RobotConfig& robot, std::uint64_t policy_hash)
     : kind_(robot.policy->action.kind),
       measured_(robot.policy->action.offset == config::OffsetKind::measured),
-      cubic_(robot.policy->action.interpolation == config::Interpolation::cubic),
+      differentiates_(robot.policy->action.interpolation == config::Interpolation::cubic &&
+                      robot.policy->action.velocity == "none"),
       agreed_(robot.policy->sampler && robot.policy->sampler->choice == config::SampleChoice::agreed) {
   const config::Policy& policy = *robot.policy;
+  for (const config::NamedOutput& output : config::named_outputs(policy)) further_.push_back(output.field);
+  further_.erase(further_.begin());
   for (std::size_t i = 0; i < config::outputs_per_step(robot); ++i) {
     const std::size_t joint = policy.action.joint_of_output.empty() ? i : policy.action.joint_of_output[i];
     const double scale = policy.action.scale.size() == 1 ? policy.action.scale.front() : policy.action.scale[i];
@@ -64,7 +70,7 @@ ChunkBuilder::ChunkBuilder(const config::RobotConfig& robot, std::uint64_t polic
   header_.step_period = policy.step_period;
   header_.step_count = static_cast<std::uint16_t>(policy.steps);
   header_.joint_count = static_cast<std::uint16_t>(robot.joints.size());
-  header_.fields = fields_of(policy.action);
+  header_.fields = fields_of(policy.action, further_);
 }
 
 void ChunkBuilder::fill_step(CommandChunk& chunk, const Observation& answered, std::size_t step,
@@ -92,6 +98,13 @@ void ChunkBuilder::fill_step(CommandChunk& chunk, const Observation& answered, s
   }
 }
 
+void ChunkBuilder::fill_further(CommandChunk& chunk, std::size_t step, std::span<const float> outputs) const {
+  for (std::size_t k = 0; k < further_.size(); ++k)
+    for (std::size_t i = 0; i < outputs_.size(); ++i)
+      value(chunk, further_[k], step, outputs_[i].joint) =
+          outputs[(k * header_.step_count + step) * outputs_.size() + i];
+}
+
 void ChunkBuilder::fill_velocities(CommandChunk& chunk) {
   const CommandHeader& header = chunk.header;
   const float period = static_cast<float>(header.step_period.ns) * 1.0e-9F;
@@ -111,17 +124,19 @@ void ChunkBuilder::fill(CommandChunk& chunk, const Observation& answered, std::s
   chunk.header.observation_id = answered.id;
   if (agreed_) chunk.header.step_count = static_cast<std::uint16_t>(meant_steps(outputs, outputs_.size()));
   std::fill_n(chunk.values, chunk.value_count(), 0.0F);
-  const bool with_gains = kind_ != config::ActionKind::joint_position;
+  const bool with_kp = (header_.fields & bit(CommandField::kp)) != 0;
+  const bool with_kd = (header_.fields & bit(CommandField::kd)) != 0;
+  const std::size_t action_width = header_.step_count * outputs_.size();
   for (std::size_t step = 0; step < chunk.header.step_count; ++step) {
     for (std::size_t joint = 0; joint < idle_.size(); ++joint) {
       value(chunk, CommandField::q, step, joint) = idle_[joint].home;
-      if (!with_gains) continue;
-      value(chunk, CommandField::kp, step, joint) = idle_[joint].kp;
-      value(chunk, CommandField::kd, step, joint) = idle_[joint].kd;
+      if (with_kp) value(chunk, CommandField::kp, step, joint) = idle_[joint].kp;
+      if (with_kd) value(chunk, CommandField::kd, step, joint) = idle_[joint].kd;
     }
     fill_step(chunk, answered, step, outputs.subspan(step * outputs_.size(), outputs_.size()));
+    fill_further(chunk, step, outputs.subspan(action_width));
   }
-  if (cubic_) fill_velocities(chunk);
+  if (differentiates_) fill_velocities(chunk);
 }
 
 LastAction::LastAction(const config::Policy& policy, std::size_t outputs_per_step)
@@ -129,8 +144,9 @@ LastAction::LastAction(const config::Policy& policy, std::size_t outputs_per_ste
 
 void LastAction::remember(const Observation& answered, std::span<const float> outputs) {
   answered_ = answered.published_at;
-  std::ranges::copy(outputs, outputs_.begin());
-  for (std::size_t i = outputs.size(); i < outputs_.size(); ++i) outputs_[i] = outputs_[i - width_];
+  const std::span<const float> actions = outputs.first(std::min(outputs.size(), outputs_.size()));
+  std::ranges::copy(actions, outputs_.begin());
+  for (std::size_t i = actions.size(); i < outputs_.size(); ++i) outputs_[i] = outputs_[i - width_];
 }
 
 void LastAction::forget() {

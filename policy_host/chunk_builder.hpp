@@ -1,11 +1,14 @@
 // A command chunk from the network's output: joint target = offset + scale * output, mapped to the robot's joints.
 //
-// Shapes: the output is steps * outputs_per_step values, step by step. Joints that no output drives are told to stay at
-// home, with their own gains. Step k is due k * step_period after the answered observation's publication. Fields:
+// Shapes: the output is steps * outputs_per_step values, step by step; then as many for each further output that the
+// robot file names (config::named_outputs), taken as they are: velocities, stiffness, damping, torques. Joints that no
+// output drives are told to stay at home, with their own gains. Step k is due k * step_period after the answered
+// observation's publication. Fields:
 //
 // joint_position   q (rad); with cubic interpolation also dq (rad/s), by central differences of q over the steps
 // joint_velocity   dq (rad/s), with no stiffness and the joint's own damping; q: as in the answered observation
 // joint_torque     tau_ff (Nm), with no gains; q: as in the answered observation
+// further          as named; a joint that no output drives keeps dq 0, its own gains and no torque
 //
 // Pure: no clock, no I/O, no allocation after construction. Thread rule: one thread.
 #pragma once
@@ -26,7 +29,7 @@ class ChunkBuilder {
   // Precondition: check_policy_section(robot) passed.
   ChunkBuilder(const config::RobotConfig& robot, std::uint64_t policy_hash);
 
-  // Fills everything but the stamps, sequence and drop count. Precondition: outputs.size() == steps * outputs per step.
+  // Fills everything but the stamps, sequence and drop count. Precondition: outputs.size() == config::output_width().
   // The chunk has as many steps as the outputs mean: all, or fewer of a sampler that agreed on those alone.
   void fill(CommandChunk& chunk, const Observation& answered, std::span<const float> outputs) const;
 
@@ -42,16 +45,18 @@ class ChunkBuilder {
   void fill_step(CommandChunk& chunk, const Observation& answered, std::size_t step,
                  std::span<const float> outputs) const;
   static void fill_velocities(CommandChunk& chunk);
+  void fill_further(CommandChunk& chunk, std::size_t step, std::span<const float> outputs) const;
 
   config::ActionKind kind_;
-  bool measured_, cubic_;
-  bool agreed_;  // its outputs may mean fewer steps than there are
+  bool measured_, differentiates_;  // velocities by central differences of q
+  bool agreed_;                     // its outputs may mean fewer steps than there are
   std::vector<Output> outputs_;
-  std::vector<Idle> idle_;  // per joint
-  CommandHeader header_;    // the constant part
+  std::vector<CommandField> further_;  // of each further output
+  std::vector<Idle> idle_;             // per joint
+  CommandHeader header_;               // the constant part
 };
 
-// What the `last_action` term shows: the raw outputs of the previous chunk's step that is due when the new observation
+// What the `last_action` term shows: the raw actions of the previous chunk's step that is due when the new observation
 // is published (the nearest one; the last one once the chunk is spent). For a policy without chunks that is simply its
 // previous output. Zeros before the first chunk and after forget(). Of a chunk of fewer steps the last one stands on.
 class LastAction {

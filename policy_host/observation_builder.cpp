@@ -19,6 +19,13 @@ std::vector<float> to_float(const std::vector<double>& values) {
   return result;
 }
 
+// One for all, or one each; `otherwise` where none is given.
+std::vector<float> one_each(const std::vector<double>& given, std::size_t count, float otherwise) {
+  std::vector<float> values = to_float(given);
+  values.resize(count, values.empty() ? otherwise : values.front());
+  return values;
+}
+
 std::array<float, 2> gait(Duration since, double period_s) {
   const double angle = 2 * std::numbers::pi * std::fmod(since.seconds(), period_s) / period_s;
   return {static_cast<float>(std::sin(angle)), static_cast<float>(std::cos(angle))};
@@ -26,13 +33,15 @@ std::array<float, 2> gait(Duration since, double period_s) {
 
 }  // namespace
 
-ObservationBuilder::ObservationBuilder(const config::RobotConfig& robot) : joints_(robot.policy->joint_order) {
-  if (joints_.empty()) {
-    joints_.resize(robot.joints.size());
-    std::iota(joints_.begin(), joints_.end(), std::size_t{0});
+ObservationBuilder::ObservationBuilder(const config::RobotConfig& robot) {
+  std::vector<std::size_t> joints = robot.policy->joint_order;
+  if (joints.empty()) {
+    joints.resize(robot.joints.size());
+    std::iota(joints.begin(), joints.end(), std::size_t{0});
   }
   for (const config::Joint& joint : robot.joints) home_.push_back(static_cast<float>(joint.home));
   by_time_ = robot.policy->history_layout == "by_time";
+  newest_first_ = robot.policy->history_order == "newest_first";
   for (const config::ObservationTerm& described : robot.policy->observation) {
     Term term;
     term.kind = described.kind;
@@ -43,8 +52,13 @@ ObservationBuilder::ObservationBuilder(const config::RobotConfig& robot) : joint
       const auto sensor = std::ranges::find(robot.sensors, described.sensor, &config::Sensor::name);
       term.sensor = static_cast<std::size_t>(sensor - robot.sensors.begin());
     }
-    term.scale = to_float(described.scale);
-    term.scale.resize(term.width, term.scale.front());
+    term.joints = described.joints.empty() ? joints : described.joints;
+    term.xyzw = described.order == config::QuaternionOrder::xyzw;
+    term.low = described.clip.empty() ? -HUGE_VALF : static_cast<float>(described.clip.front());
+    term.high = described.clip.empty() ? HUGE_VALF : static_cast<float>(described.clip.back());
+    term.scale = one_each(described.scale, term.width, 1);
+    term.mean = one_each(described.mean, term.width, 0);
+    term.standard_deviation = one_each(described.standard_deviation, term.width, 1);
     term.constant = to_float(described.constant);
     term.past.resize(term.history * term.width);
     input_size_ += term.past.size();
@@ -62,41 +76,47 @@ void ObservationBuilder::reset() {
   }
 }
 
+float ObservationBuilder::value_of(const Term& term, std::size_t i, const Observation& observation,
+                                   std::span<const SensorSample> samples, std::span<const float> last_action) const {
+  switch (term.kind) {
+    case TermKind::joint_position_relative:
+      return observation.q[term.joints[i]] - home_[term.joints[i]];
+    case TermKind::joint_position:
+      return observation.q[term.joints[i]];
+    case TermKind::joint_velocity:
+      return observation.dq[term.joints[i]];
+    case TermKind::drive_velocity:
+      return observation.dq_of_drive[term.joints[i]];
+    case TermKind::joint_torque:
+      return observation.tau[term.joints[i]];
+    case TermKind::sensor:
+    case TermKind::command:
+      return samples[term.sensor].values[i];
+    case TermKind::last_action:
+      return last_action[i];
+    case TermKind::constant:
+      return term.constant[i];
+    case TermKind::base_angular_velocity:
+      return observation.imu.angular_velocity[i];
+    case TermKind::projected_gravity:
+      return projected_gravity(observation.imu)[i];
+    case TermKind::gait_phase:
+      return gait(observation.published_at - began_at_, term.gait_period)[i];
+    case TermKind::base_orientation:
+      return observation.imu.rotation[term.xyzw ? (i + 1) % 4 : i];
+    case TermKind::motion_reference:
+      return 0.0F;
+  }
+  return 0.0F;
+}
+
 void ObservationBuilder::read(const Term& term, const Observation& observation, std::span<const SensorSample> samples,
                               std::span<const float> last_action) {
   for (std::size_t i = 0; i < term.width; ++i) {
-    float value = 0.0F;
-    switch (term.kind) {
-      case TermKind::joint_position_relative:
-        value = observation.q[joints_[i]] - home_[joints_[i]];
-        break;
-      case TermKind::joint_position:
-        value = observation.q[joints_[i]];
-        break;
-      case TermKind::joint_velocity:
-        value = observation.dq[joints_[i]];
-        break;
-      case TermKind::sensor:
-      case TermKind::command:
-        value = samples[term.sensor].values[i];
-        break;
-      case TermKind::last_action:
-        value = last_action[i];
-        break;
-      case TermKind::constant:
-        value = term.constant[i];
-        break;
-      case TermKind::base_angular_velocity:
-        value = observation.imu.angular_velocity[i];
-        break;
-      case TermKind::projected_gravity:
-        value = projected_gravity(observation.imu)[i];
-        break;
-      case TermKind::gait_phase:
-        value = gait(observation.published_at - began_at_, term.gait_period)[i];
-        break;
-    }
-    newest_[i] = term.scale[i] * value;
+    // Not a number stays one.
+    const float value = value_of(term, i, observation, samples, last_action);
+    const float clipped = value < term.low ? term.low : value > term.high ? term.high : value;
+    newest_[i] = (term.scale[i] * clipped - term.mean[i]) / term.standard_deviation[i];
   }
 }
 
@@ -125,15 +145,20 @@ std::span<const float> ObservationBuilder::build(const Observation& observation,
   }
   auto out = input_.begin();
   if (!by_time_) {
-    for (const Term& term : terms_) out = std::ranges::copy(term.past, out).out;
+    for (const Term& term : terms_)
+      for (std::size_t instant = 0; instant < term.history; ++instant)
+        out = std::ranges::copy(instant_of(term, instant), out).out;
     return input_;
   }
   for (std::size_t instant = 0; instant < terms_.front().history; ++instant) {
-    for (const Term& term : terms_) {
-      out = std::ranges::copy(std::span(term.past).subspan(instant * term.width, term.width), out).out;
-    }
+    for (const Term& term : terms_) out = std::ranges::copy(instant_of(term, instant), out).out;
   }
   return input_;
+}
+
+std::span<const float> ObservationBuilder::instant_of(const Term& term, std::size_t instant) const {
+  const std::size_t from_oldest = newest_first_ ? term.history - 1 - instant : instant;
+  return std::span(term.past).subspan(from_oldest * term.width, term.width);
 }
 
 }  // namespace takt::policy_host

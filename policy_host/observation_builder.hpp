@@ -1,11 +1,12 @@
 // The network's input vector from an observation, as the robot file's terms describe it: scale, history, joint order.
 //
-// Shapes: input_size() values; histories oldest first, newest last, laid out by term (each term's history together) or
-// by time (all terms of an instant together). Every term gains one history entry per observation, but for a sensor,
-// which gains one per new sample, so that a slow camera's history holds distinct frames. After reset() the first values
-// fill the whole history. Units: rad, rad/s, a sensor's own, each times its scale. gait_phase is the sine and the
-// cosine of the phase, which is 0 at the first observation after reset(). Pure: no clock, no I/O; allocates nothing
-// after construction. Thread rule: one thread.
+// Shapes: input_size() values; histories oldest or newest first, laid out by term (each term's history together) or
+// by time (all terms of an instant together). Each value is (scale * clipped value - mean) / standard deviation. Every
+// term gains one history entry per observation, but for a sensor, which gains one per new sample, so that a slow
+// camera's history holds distinct frames. After reset() the first values fill the whole history. Units: rad, rad/s, Nm,
+// a sensor's own. gait_phase is the sine and the cosine of the phase, which is 0 at the first observation after
+// reset(). motion_reference is left at 0 here: the network fills it itself (network_policy.hpp). Pure: no clock, no
+// I/O; allocates nothing after construction. Thread rule: one thread.
 #pragma once
 
 #include <cstddef>
@@ -37,22 +38,27 @@ class ObservationBuilder {
     std::size_t sensor = 0;  // index into the robot's sensors
     std::size_t width = 0;
     std::size_t history = 1;
-    std::vector<float> scale;     // width values
-    std::vector<float> constant;  // TermKind::constant only
-    double gait_period = 1;       // s
-    std::vector<float> past;      // history * width, oldest first
+    std::vector<std::size_t> joints;                     // terms of joints: the robot's joint of each value
+    bool xyzw = false;                                   // base_orientation: w last
+    float low, high;                                     // what a value is clipped to
+    std::vector<float> scale, mean, standard_deviation;  // width values each
+    std::vector<float> constant;                         // TermKind::constant only
+    double gait_period = 1;                              // s
+    std::vector<float> past;                             // history * width, oldest first
     std::uint64_t sample_seen = 0;
     bool filled = false;
   };
+  [[nodiscard]] float value_of(const Term& term, std::size_t i, const Observation& observation,
+                               std::span<const SensorSample> samples, std::span<const float> last_action) const;
   void read(const Term& term, const Observation& observation, std::span<const SensorSample> samples,
             std::span<const float> last_action);
+  [[nodiscard]] std::span<const float> instant_of(const Term& term, std::size_t instant) const;
   static void remember(Term& term, std::span<const float> newest);
 
   std::vector<Term> terms_;
-  std::vector<std::size_t> joints_;  // policy's joint k is this joint
   std::vector<float> home_;
   MonoTime began_at_;  // of the phase; unset: with the next observation
-  bool by_time_ = false;
+  bool by_time_ = false, newest_first_ = false;
   std::size_t input_size_ = 0;
   std::vector<float> newest_;  // values of the term being read
   std::vector<float> input_;

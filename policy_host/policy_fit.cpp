@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <string_view>
 #include <vector>
 
 #include "config/observation_shape.hpp"
@@ -16,32 +15,10 @@ using config::ObservationTerm;
 using config::outputs_per_step;
 using config::RobotConfig;
 using config::term_width;
-using config::TermKind;
 
 std::string term_name(const ObservationTerm& term) {
-  switch (term.kind) {
-    case TermKind::joint_position_relative:
-      return "joint_position_relative";
-    case TermKind::joint_position:
-      return "joint_position";
-    case TermKind::joint_velocity:
-      return "joint_velocity";
-    case TermKind::sensor:
-      return "sensor " + term.sensor;
-    case TermKind::last_action:
-      return "last_action";
-    case TermKind::constant:
-      return "constant";
-    case TermKind::base_angular_velocity:
-      return "base_angular_velocity";
-    case TermKind::projected_gravity:
-      return "projected_gravity";
-    case TermKind::command:
-      return "command " + term.sensor;
-    case TermKind::gait_phase:
-      return "gait_phase";
-  }
-  return "invalid";
+  const std::string kind(config::name(term.kind));
+  return term.sensor.empty() ? kind : kind + " " + term.sensor;
 }
 
 std::unexpected<std::string> refuse(const RobotConfig& robot, const std::string& what) {
@@ -72,6 +49,9 @@ std::expected<void, std::string> check_term(const RobotConfig& robot, const Obse
   if (term.history < 1) return refuse(robot, fmt::format("policy.observation {}: history must be at least 1", name));
   const std::size_t width = term_width(robot, term);
   if (width == 0) return refuse(robot, fmt::format("policy.observation {} has no values; give some or drop it", name));
+  if (std::ranges::any_of(term.joints, [&](std::size_t joint) { return joint >= robot.joints.size(); }))
+    return refuse(robot, fmt::format("policy.observation {} names a joint beyond the robot's {}; list its own", name,
+                                     robot.joints.size()));
   if (!one_or(term.scale.size(), width)) {
     return refuse(robot, fmt::format("policy.observation {} has {} scales for {} values; give one, or one per value",
                                      name, term.scale.size(), width));
@@ -154,13 +134,14 @@ std::expected<void, std::string> check_fit(const RobotConfig& robot, const Polic
                     "policy.observation in {}",
                     section.file, section.input, policy.input_size(), input, sum, robot.file));
   }
-  const std::size_t output = section.steps * outputs_per_step(robot);
+  const std::size_t output = config::output_width(robot);
   if (output != policy.output_size()) {
+    const std::size_t tensors = config::named_outputs(section).size();
     return std::unexpected(
-        fmt::format("{}: {} gives {} values, the configuration wants {}: {} steps x {} outputs; mend "
+        fmt::format("{}: {} gives {} values, the configuration wants {}: {} steps x {} outputs{}; mend "
                     "policy.steps or policy.action in {}",
                     section.file, section.output, policy.output_size(), output, section.steps, outputs_per_step(robot),
-                    robot.file));
+                    tensors > 1 ? fmt::format(" x {} tensors", tensors) : "", robot.file));
   }
   return {};
 }

@@ -8,6 +8,20 @@
 #include <utility>
 
 namespace takt::policy_host {
+
+std::vector<std::string> split_names(std::string_view list) {
+  std::vector<std::string> words;
+  while (!list.empty()) {
+    const std::size_t end = std::min(list.find(','), list.size());
+    std::string_view word = list.substr(0, end);
+    while (word.starts_with(' ')) word.remove_prefix(1);
+    while (word.ends_with(' ')) word.remove_suffix(1);
+    words.emplace_back(word);
+    list.remove_prefix(std::min(end + 1, list.size()));
+  }
+  return words;
+}
+
 namespace {
 
 using onnx_engine::TensorInfo;
@@ -22,19 +36,6 @@ std::string names(std::span<const TensorInfo> tensors) {
   std::string all;
   for (const TensorInfo& tensor : tensors) all += (all.empty() ? "" : ", ") + tensor.name;
   return all;
-}
-
-std::vector<std::string> split_names(std::string_view list) {
-  std::vector<std::string> words;
-  while (!list.empty()) {
-    const std::size_t end = std::min(list.find(','), list.size());
-    std::string_view word = list.substr(0, end);
-    while (word.starts_with(' ')) word.remove_prefix(1);
-    while (word.ends_with(' ')) word.remove_suffix(1);
-    words.emplace_back(word);
-    list.remove_prefix(std::min(end + 1, list.size()));
-  }
-  return words;
 }
 
 struct Ending {
@@ -58,33 +59,31 @@ bool is_time_step(const ModelTensors& model, std::size_t input) {
   return info.name == "time_step" && std::ranges::all_of(info.shape, [](std::int64_t size) { return size == 1; });
 }
 
-// The inputs that `list` names, each once.
-std::expected<std::vector<std::size_t>, std::string> find_all(std::span<const TensorInfo> inputs,
-                                                              const std::string& list, const std::string& file) {
+// The tensors that `list` names, each once. `what`: "input" or "output".
+std::expected<std::vector<std::size_t>, std::string> find_all(std::span<const TensorInfo> tensors,
+                                                              const std::string& list, const std::string& file,
+                                                              std::string_view what) {
   std::vector<std::size_t> found;
   for (const std::string& name : split_names(list)) {
-    const auto input = find(inputs, name);
-    if (!input) {
+    const auto tensor = find(tensors, name);
+    if (!tensor) {
       return std::unexpected(
-          fmt::format("{}: no input named {}, it has {}; mend policy.input", file, name, names(inputs)));
+          fmt::format("{0}: no {1} named {2}, it has {3}; mend policy.{1}", file, what, name, names(tensors)));
     }
-    if (std::ranges::find(found, *input) != found.end()) {
-      return std::unexpected(fmt::format("{}: input {} is named twice; mend policy.input", file, name));
+    if (std::ranges::find(found, *tensor) != found.end()) {
+      return std::unexpected(fmt::format("{0}: {1} {2} is named twice; mend policy.{1}", file, what, name));
     }
-    found.push_back(*input);
+    found.push_back(*tensor);
   }
   return found;
 }
 
-std::expected<std::size_t, std::string> find_actions(const ModelTensors& model, const PolicyTensors& tensors,
-                                                     const std::string& file, const std::string& name) {
-  if (!name.empty()) {
-    if (const auto actions = find(model.outputs, name)) return *actions;
-    return std::unexpected(
-        fmt::format("{}: no output named {}, it has {}; mend policy.output", file, name, names(model.outputs)));
-  }
+std::expected<std::vector<std::size_t>, std::string> find_outputs(const ModelTensors& model,
+                                                                  const PolicyTensors& tensors, const std::string& file,
+                                                                  const std::string& list) {
+  if (!list.empty()) return find_all(model.outputs, list, file, "output");
   for (std::size_t i = 0; i < model.outputs.size(); ++i) {
-    if (std::ranges::find(tensors.states, i, &PolicyTensors::State::output) == tensors.states.end()) return i;
+    if (std::ranges::find(tensors.states, i, &PolicyTensors::State::output) == tensors.states.end()) return {{i}};
   }
   return std::unexpected(fmt::format("{}: every output feeds a state; none is left for the actions", file));
 }
@@ -101,7 +100,7 @@ std::string name_of_next_state(std::string_view input) {
 std::expected<PolicyTensors, std::string> assign_tensors(const ModelTensors& model, const std::string& file,
                                                          const std::string& input, const std::string& output) {
   PolicyTensors tensors;
-  auto observation = find_all(model.inputs, input, file);
+  auto observation = find_all(model.inputs, input, file, "input");
   if (!observation) return std::unexpected(observation.error());
   tensors.observation = *std::move(observation);
   for (std::size_t i = 0; i < model.inputs.size(); ++i) {
@@ -122,9 +121,9 @@ std::expected<PolicyTensors, std::string> assign_tensors(const ModelTensors& mod
   if (tensors.observation.empty()) {
     return std::unexpected(fmt::format("{}: no input carries the observation; name it in policy.input", file));
   }
-  const auto actions = find_actions(model, tensors, file, output);
-  if (!actions) return std::unexpected(actions.error());
-  tensors.actions = *actions;
+  auto outputs = find_outputs(model, tensors, file, output);
+  if (!outputs) return std::unexpected(outputs.error());
+  tensors.outputs = *std::move(outputs);
   if (!model.lost_states.empty()) {
     return std::unexpected(fmt::format(
         "{}: {} begins every inference from the same state, so its memory is lost between observations; export the "

@@ -1,6 +1,7 @@
 // What each tensor of a network is to a policy, by the names that its exporter gave them, whichever engine runs it.
 //
-// The inputs named in `input` carry the observation, one after the other; one output the actions. Every further input
+// The inputs named in `input` carry the observation, one after the other; one output the actions, and further ones what
+// else an answer has (config::named_outputs). Every further input
 // must be one of
 //   state      an input that the output of the previous inference feeds: `<x>_in` by `<x>_out` (rsl_rl's exporter,
 //   LEAPP),
@@ -37,16 +38,19 @@ struct PolicyTensors {
   std::vector<std::size_t> observation;
   std::vector<State> states;
   std::optional<std::size_t> time_step;
-  std::size_t actions = 0;
+  std::vector<std::size_t> outputs;  // the actions first
 };
 
 // The name of the output that feeds this input, if it is hidden state by its name; "": it is not.
 std::string name_of_next_state(std::string_view input);
 
 // `input`: names of the tensors that carry the observation, separated by commas; "": all inputs that nothing else
-// feeds. `output`: name of the one that carries the actions; "": the first that feeds no state. `file` stands in the
-// error, one line: what is wrong, how to mend it.
+// feeds. `output`: names of the one that carries the actions and of what else an answer has, likewise; "": the first
+// that feeds no state. `file` stands in the error, one line: what is wrong, how to mend it.
 std::expected<PolicyTensors, std::string> assign_tensors(const ModelTensors& model, const std::string& file,
                                                          const std::string& input, const std::string& output);
+
+// Of a list separated by commas, without blanks around them.
+std::vector<std::string> split_names(std::string_view list);
 
 }  // namespace takt::policy_host

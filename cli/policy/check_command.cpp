@@ -2,8 +2,6 @@
 #include <fmt/format.h>
 
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -11,9 +9,15 @@
 #include "cli/command.hpp"
 #include "config/document.hpp"
 #include "config/load.hpp"
+#include "config/observation_shape.hpp"
+#include "policy_host/binding.hpp"
 #include "policy_host/engines/load_policy.hpp"
+#include "policy_host/exploy/exploy_description.hpp"
 #include "policy_host/exporter_metadata.hpp"
+#include "policy_host/flow/flow_policy.hpp"
 #include "policy_host/leapp/leapp_bundle.hpp"
+#include "policy_host/leapp/leapp_description.hpp"
+#include "policy_host/leapp/leapp_graph.hpp"
 #include "policy_host/onnx/model.hpp"
 #include "policy_host/policy_fit.hpp"
 #include "policy_host/policy_trial.hpp"
@@ -48,7 +52,7 @@ nlohmann::json policy_json(const std::string& file, const PolicyTrial& trial) {
     about["state"].push_back(fed);
   }
   about["time_step"] = tensors.time_step ? nlohmann::json(model.inputs()[*tensors.time_step].name) : nlohmann::json();
-  about["actions"] = tensor_json(model.outputs()[tensors.actions]);
+  about["actions"] = tensor_json(model.outputs()[tensors.outputs.front()]);
   about["external_data"] = nlohmann::json::array();
   for (const onnx_engine::ExternalFile& external : model.external_files()) {
     about["external_data"].push_back(
@@ -105,12 +109,6 @@ void print_policy(const nlohmann::json& about) {
   }
 }
 
-std::optional<std::string> model_bytes(const std::filesystem::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  if (!stream) return std::nullopt;
-  return std::string(std::istreambuf_iterator<char>(stream), {});
-}
-
 Refusal policy_refused(const std::string& sentence) {
   return {config::kExitBadConfiguration, sentence};
 }
@@ -151,8 +149,11 @@ std::expected<nlohmann::json, Refusal> examine_policy(const PolicyCheckOptions& 
     if (!loaded) return std::unexpected(loaded.error());
     robot = *std::move(loaded);
   }
-  const std::string input = robot ? robot->policy->input : "";
-  const std::string output = robot ? robot->policy->output : "";
+  const std::string input = robot ? policy_host::network_input(*robot->policy) : "";
+  std::string output;
+  if (robot)
+    for (const config::NamedOutput& named : config::named_outputs(*robot->policy))
+      output += (output.empty() ? "" : ",") + named.name;
   const auto trial = PolicyTrial::load(options.file, input, output);
   if (!trial && robot && is_a_plugins(*robot)) {
     const auto policy = load_for_robot(*robot);
@@ -171,6 +172,10 @@ std::expected<nlohmann::json, Refusal> examine_policy(const PolicyCheckOptions& 
   const auto metadata = policy_host::read_exporter_metadata(trial->model().metadata());
   if (!metadata) return std::unexpected(policy_refused(options.file + ": " + metadata.error()));
   about["rounded_to_3_decimals"] = metadata->rounded;
+  const auto described =
+      policy_host::describe_exploy(trial->model().metadata(), trial->model().inputs(), trial->model().outputs());
+  if (!described) return std::unexpected(policy_refused(options.file + ": " + described.error()));
+  about["bound"] = nlohmann::json::array();
   if (!robot) return about;
   const auto policy = load_for_robot(*robot);
   if (!policy) return std::unexpected(policy.error());
@@ -178,6 +183,7 @@ std::expected<nlohmann::json, Refusal> examine_policy(const PolicyCheckOptions& 
   const auto differences = policy_host::compare_metadata(*metadata, *robot);
   if (!differences) return std::unexpected(policy_refused(differences.error()));
   about["differences"] = *differences;
+  if (*described) about["bound"] = policy_host::binding_lines(**described, *robot);
   about["robot"] = fit_json(*robot, **policy);
   return about;
 }
@@ -195,32 +201,66 @@ std::string kind_text(const policy_host::LeappTensor& tensor) {
   return text;
 }
 
-// The model of a node beside the bundle's YAML: is it the file that was exported?
+// The model of a node beside the bundle's YAML, where it is there: is it the file that was exported?
 std::expected<void, Refusal> check_model_file(const std::string& bundle, const policy_host::LeappNode& node) {
-  if (node.backend != "onnx") {
-    print_line("model", fmt::format("{}: backend {} is not read by the built-in engine", shortened(node.model_path),
-                                    shortened(node.backend)));
-    return {};
-  }
-  const std::filesystem::path file = std::filesystem::path(bundle).parent_path() / node.model_path;
-  const auto bytes = model_bytes(file);
-  if (!bytes) {
+  const std::filesystem::path beside = std::filesystem::path(bundle).parent_path() / node.model_path;
+  if (!std::filesystem::exists(beside)) {
     print_line("model", fmt::format("{}: not there, so not checked", shortened(node.model_path)));
     return {};
   }
-  const std::string sha256 = config::sha256_hex(*bytes);
-  if (!node.sha256.empty() && node.sha256 != sha256) {
-    return std::unexpected(policy_refused(fmt::format("{}: sha256 {} is not the bundle's {}; export it again",
-                                                      file.string(), sha256, shortened(node.sha256))));
-  }
-  const auto trial = PolicyTrial::load(file);
-  if (!trial) return std::unexpected(policy_refused(trial.error()));
-  print_line("model", fmt::format("{}: runs on the built-in engine, sha256 {}", shortened(node.model_path),
-                                  node.sha256.empty() ? sha256 + ", none in the bundle" : "as in the bundle"));
+  const auto file = policy_host::checked_model_file(bundle, node);
+  if (!file) return std::unexpected(policy_refused(file.error()));
+  const auto model = onnx_engine::load(*file);
+  if (!model) return std::unexpected(policy_refused(model.error()));
+  print_line("model",
+             fmt::format("{}: runs on the built-in engine, sha256 as in the bundle", shortened(node.model_path)));
   return {};
 }
 
-int check_bundle(const std::string& file) {
+// What each input is, and what a robot needs to have for it.
+void print_described(const policy_host::DescribedPolicy& said) {
+  for (const policy_host::DescribedInput& input : said.inputs) {
+    std::string text = fmt::format("{}: {}", shortened(input.name), name(input.meaning));
+    if (!input.quaternion.empty()) text += ", " + input.quaternion;
+    if (!input.joints.empty()) text += fmt::format(", {} joints by name", input.joints.size());
+    print_line("needs", text);
+  }
+}
+
+void print_bundle(const policy_host::LeappBundle& bundle) {
+  for (const policy_host::LeappNode& node : bundle.nodes) {
+    for (const policy_host::LeappTensor& tensor : node.inputs) print_line("input", kind_text(tensor));
+    for (const policy_host::LeappTensor& tensor : node.outputs) print_line("output", kind_text(tensor));
+  }
+  print_line("of the robot", ports_text(bundle.inputs));
+  print_line("to the robot", ports_text(bundle.outputs));
+  for (const policy_host::LeappFlow& flow : bundle.data_flow) {
+    print_line("flow", fmt::format("{} to {}", shortened(flow.from.tensor), shortened(flow.to.tensor)));
+  }
+  for (const policy_host::LeappFlow& flow : bundle.feedback) {
+    print_line("feedback", fmt::format("{} to {}, start in {}", shortened(flow.from.tensor), shortened(flow.to.tensor),
+                                       bundle.initial_values.empty() ? "no file" : shortened(bundle.initial_values)));
+  }
+  if (bundle.frequency_hz) print_line("frequency", fmt::format("{} Hz", *bundle.frequency_hz));
+  for (const std::string& note : bundle.notes) print_line("left open", shortened(note));
+}
+
+// Everything that the policy host would say of it, and what each input would be bound to.
+int check_bundle_for_robot(const PolicyCheckOptions& options, const policy_host::DescribedPolicy& said) {
+  const auto robot = load_policys_robot(options);
+  if (!robot) return refuse(robot.error().exit_code, robot.error().sentence);
+  const auto policy = policy_host::load_robot_policy(*robot);
+  if (!policy) return refuse(config::kExitBadConfiguration, policy.error());
+  if (const auto fits = policy_host::check_fit(*robot, **policy); !fits)
+    return refuse(config::kExitBadConfiguration, fits.error());
+  for (const std::string& line : policy_host::binding_lines(said, *robot)) print_line("bound", line);
+  print_line("fits",
+             fmt::format("{}: {} values in, {} out", robot->robot, (*policy)->input_size(), (*policy)->output_size()));
+  return kExitOk;
+}
+
+int check_bundle(const PolicyCheckOptions& options) {
+  const std::string& file = options.file;
   const auto text = config::read_file(file);
   const auto bundle = text ? policy_host::read_leapp_bundle(*text, file) : std::unexpected(text.error());
   if (!bundle) {
@@ -230,24 +270,17 @@ int check_bundle(const std::string& file) {
   for (const policy_host::LeappNode& node : bundle->nodes) {
     const auto fine = check_model_file(file, node);
     if (!fine) return refuse(fine.error().exit_code, fine.error().sentence);
-    for (const policy_host::LeappTensor& tensor : node.inputs) print_line("input", kind_text(tensor));
-    for (const policy_host::LeappTensor& tensor : node.outputs) print_line("output", kind_text(tensor));
   }
-  print_line("of the robot", ports_text(bundle->inputs));
-  print_line("to the robot", ports_text(bundle->outputs));
-  for (const policy_host::LeappFlow& flow : bundle->feedback) {
-    print_line("feedback", fmt::format("{} to {}, start in {}", shortened(flow.from.tensor), shortened(flow.to.tensor),
-                                       bundle->initial_values.empty() ? "no file" : shortened(bundle->initial_values)));
-  }
-  if (bundle->frequency_hz) print_line("frequency", fmt::format("{} Hz", *bundle->frequency_hz));
-  for (const std::string& note : bundle->notes) print_line("left open", shortened(note));
-  return kExitOk;
+  print_bundle(*bundle);
+  const policy_host::DescribedPolicy said = policy_host::describe_leapp(*bundle);
+  print_described(said);
+  return options.robot.empty() ? kExitOk : check_bundle_for_robot(options, said);
 }
 
 int check_policy(const PolicyCheckOptions& options) {
   if (options.file.ends_with(".yaml")) {
-    if (options.robot.empty() && !options.json) return check_bundle(options.file);
-    return refuse(kExitUsage, options.file + ": a bundle is checked alone; leave --robot and --json out");
+    if (!options.json) return check_bundle(options);
+    return refuse(kExitUsage, options.file + ": a bundle is told in words; leave --json out");
   }
   const auto about = examine_policy(options);
   if (!about) {
@@ -267,8 +300,10 @@ int check_policy(const PolicyCheckOptions& options) {
   print_line("engine", (*about)["engine"].get<std::string>());
   if (looked_into) print_policy(*about);
   if (about->contains("robot")) {
-    if (looked_into)
+    if (looked_into) {
+      for (const auto& line : (*about)["bound"]) print_line("bound", line.get<std::string>());
       for (const auto& difference : (*about)["differences"]) print_line("differs", difference.get<std::string>());
+    }
     const auto& robot = (*about)["robot"];
     print_line("fits", fmt::format("{}: {} values in, {} out", robot["name"].get<std::string>(),
                                    robot["values_in"].get<std::size_t>(), robot["values_out"].get<std::size_t>()));
@@ -282,7 +317,7 @@ void add_policy_check(CLI::App& policy, int& exit_code) {
   CLI::App* command = policy.add_subcommand(
       "check", "Say what an ONNX policy or a LEAPP bundle is, and whether a policy fits a robot.");
   auto options = std::make_shared<PolicyCheckOptions>();
-  command->add_option("FILE", options->file, "policy file, or the YAML of a LEAPP bundle (alone)")->required();
+  command->add_option("FILE", options->file, "policy file, or the YAML of a LEAPP bundle")->required();
   command->add_option("--robot", options->robot, "robot file whose terms, actions and tensor names it must fit");
   command->add_flag("--json", options->json, "one line of JSON");
   command->footer(

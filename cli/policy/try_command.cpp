@@ -41,7 +41,7 @@ std::string value_counts(const PolicyTrial& trial) {
     for (const std::int64_t size : trial.model().inputs()[i].shape) count *= static_cast<std::size_t>(size);
     in += count;
   }
-  const std::size_t out = trial.model().output(trial.tensors().actions).size();
+  const std::size_t out = trial.model().output(trial.tensors().outputs.front()).size();
   const std::size_t states = trial.tensors().states.size();
   return fmt::format("{} to {}{}", in, out, states == 0 ? "" : fmt::format(", {} states", states));
 }

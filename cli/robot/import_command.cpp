@@ -1,5 +1,6 @@
 // takt config import: a robot file to fill in, from what an export knows: a deploy.yaml of Isaac Lab and Unitree's
-// tools, or the metadata in an ONNX file of mjlab's and whole_body_tracking's exporters.
+// tools, the YAML of a LEAPP bundle, or the metadata in an ONNX file of exploy's, mjlab's and whole_body_tracking's
+// exporters.
 #include <fmt/format.h>
 
 #include <filesystem>
@@ -14,7 +15,11 @@
 #include "config/document.hpp"
 #include "config/load.hpp"
 #include "config/units.hpp"
+#include "policy_host/described_import.hpp"
+#include "policy_host/exploy/exploy_description.hpp"
 #include "policy_host/exporter_metadata.hpp"
+#include "policy_host/leapp/leapp_bundle.hpp"
+#include "policy_host/leapp/leapp_description.hpp"
 #include "policy_host/onnx/model.hpp"
 #include "simulation/model_survey.hpp"
 
@@ -43,12 +48,26 @@ std::string unfilled_in(const std::string& robot) {
   return count == 0 ? "no FILL_IN" : fmt::format("{} FILL_IN", count);
 }
 
+// Joints in the robot's order, by --joint-names or the model; without either in the policy's.
+std::expected<config::DeployFile, std::string> read_described(const policy_host::DescribedPolicy& described,
+                                                              Given& given,
+                                                              const std::optional<config::ModelFacts>& model) {
+  if (given.joint_names.empty() && model)
+    for (const config::ModelJoint& joint : model->joints) given.joint_names.push_back(joint.name);
+  auto deploy = policy_host::deploy_file_of(described, given.joint_names);
+  if (!deploy) return std::unexpected(fmt::format("{}: {}", given.export_file, deploy.error()));
+  return deploy;
+}
+
 // Metadata names its joints. In the robot's order they stand by --joint-names or the model, without either in the
 // policy's.
 std::expected<config::DeployFile, std::string> read_metadata(Given& given,
                                                              const std::optional<config::ModelFacts>& model) {
   const auto file = onnx_engine::load(given.export_file);
   if (!file) return std::unexpected(file.error());
+  const auto described = policy_host::describe_exploy(file->metadata(), file->inputs(), file->outputs());
+  if (!described) return std::unexpected(fmt::format("{}: {}", given.export_file, described.error()));
+  if (*described) return read_described(**described, given, model);
   const auto metadata = policy_host::read_exporter_metadata(file->metadata());
   if (!metadata) return std::unexpected(fmt::format("{}: {}", given.export_file, metadata.error()));
   if (given.joint_names.empty() && model)
@@ -64,6 +83,11 @@ std::expected<config::DeployFile, std::string> read_export(Given& given,
   if (given.is_onnx()) return read_metadata(given, model);
   const auto text = config::read_file(given.export_file);
   if (!text) return std::unexpected(text.error());
+  if (policy_host::is_leapp_bundle(*text)) {
+    const auto bundle = policy_host::read_leapp_bundle(*text, given.export_file);
+    if (!bundle) return std::unexpected(bundle.error());
+    return read_described(policy_host::describe_leapp(*bundle), given, model);
+  }
   return config::read_deploy_file(*text, given.export_file);
 }
 
@@ -78,8 +102,15 @@ std::expected<void, std::string> add_period(const std::string& text, config::Dep
   return {};
 }
 
+// The export is the policy itself: an ONNX file, or a bundle.
+bool is_policy(const Given& given) {
+  if (given.is_onnx()) return true;
+  const auto text = config::read_file(given.export_file);
+  return text && policy_host::is_leapp_bundle(*text);
+}
+
 int import(Given given) {
-  if (given.policy_file.empty() && !given.is_onnx())
+  if (given.policy_file.empty() && !is_policy(given))
     return refuse(kExitUsage, "--policy is missing: a deploy.yaml does not name its ONNX file");
   if (given.policy_file.empty()) given.policy_file = given.export_file;
   if (const auto hash = config::policy_hash(given.policy_file); !hash)
@@ -122,15 +153,17 @@ int import(Given given) {
 
 void add_config_import(CLI::App& config, int& exit_code) {
   CLI::App* command = config.add_subcommand(
-      "import", "Begin a robot file from an Isaac Lab / Unitree deploy.yaml, or from an ONNX file's metadata.");
+      "import",
+      "Begin a robot file from an Isaac Lab / Unitree deploy.yaml, a LEAPP bundle, or an ONNX file's metadata.");
   auto given = std::make_shared<Given>();
   command
       ->add_option(
           "EXPORT", given->export_file,
-          "deploy.yaml (its Python tags are data, never executed), or an ONNX file with metadata of mjlab's or "
-          "whole_body_tracking's exporter")
+          "deploy.yaml (its Python tags are data, never executed), the YAML of a LEAPP bundle, or an ONNX file with "
+          "metadata of exploy's, mjlab's or whole_body_tracking's exporter")
       ->required();
-  command->add_option("--policy", given->policy_file, "the exported ONNX file; default: EXPORT, where it is one");
+  command->add_option("--policy", given->policy_file,
+                      "the exported ONNX file; default: EXPORT, where it is one or a bundle");
   command->add_option("--model", given->model_file,
                       "the robot's MJCF or URDF: names, position limits, torques, inertias, IMU, keyframe");
   command->add_flag("--simulated", given->simulated,
@@ -144,6 +177,7 @@ void add_config_import(CLI::App& config, int& exit_code) {
       "Example: takt config import deploy.yaml --policy policy.onnx --robot g1 -o g1.yaml\n"
       "         takt config import deploy.yaml --policy policy.onnx --model g1.xml --simulated --robot g1 -o g1.yaml\n"
       "         takt config import policy.onnx --robot go1 -o go1.yaml\n"
+      "         takt config import bundle/walk.yaml --robot g1 -o g1.yaml\n"
       "What the export cannot know is written as FILL_IN; `takt config check` names what is left.\n"
       "Exit codes: 0 written, 1 the output exists or cannot be written, 64 command line, 65 the export cannot be "
       "read.");

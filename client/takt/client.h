@@ -55,8 +55,9 @@ enum {
   TAKT_TERM_Q_SETPOINT = 3, /* joint_count values: what the drives were last told, rad */
   TAKT_TERM_STREAM = 4,     /* newest sample of an outside sensor of the robot file, in its own units */
   TAKT_TERM_IMAGE = 5,      /* newest image of an outside sensor; in takt_observation.images, not in its values */
-  TAKT_TERM_QUEUE = 6       /* the samples since the last observation, of a sensor of the robot file with `queue`; in
+  TAKT_TERM_QUEUE = 6,      /* the samples since the last observation, of a sensor of the robot file with `queue`; in
                                takt_observation.queues, not in its values */
+  TAKT_TERM_DQ_OF_DRIVE = 7 /* joint_count values: velocities as the drives report them, rad/s */
 };
 
 /* A sensor as the robot file describes it; constant. */

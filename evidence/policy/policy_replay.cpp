@@ -16,8 +16,6 @@
 #include "config/observation_shape.hpp"
 #include "executive/ipc/crc32c.hpp"
 #include "policy_host/chunk_builder.hpp"
-#include "policy_host/flow/flow_policy.hpp"
-#include "policy_host/onnx/model.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "policy_host/policy_fit.hpp"
 
@@ -126,16 +124,11 @@ std::expected<std::unique_ptr<Replayer>, PolicyReplayRefusal> Replayer::make(con
   if (const auto fine = policy_host::check_policy_section(robot); !fine) return refused(Why::policy, fine.error());
   const auto hash = config::policy_hash(section.file);
   if (!hash) return refused(Why::policy, hash.error());
-  const auto model = onnx_engine::load(section.file);
-  if (!model) return refused(Why::policy, model.error());
-  const auto tensors = policy_host::assign_tensors(policy_host::tensors_of(*model), section.file,
-                                                   policy_host::network_input(section), section.output);
-  if (!tensors) return refused(Why::policy, tensors.error());
   auto policy = policy_host::load_robot_policy(robot);
   if (!policy) return refused(Why::policy, policy.error());
   if (const auto fits = policy_host::check_fit(robot, **policy); !fits) return refused(Why::policy, fits.error());
 
-  const bool remembers = !tensors->states.empty() || tensors->time_step.has_value();
+  const bool remembers = (*policy)->is_recurrent();
   std::unique_ptr<Replayer> made(new Replayer(std::move(robot), std::move(*policy), remembers));
   made->is_other_ = !options.with.empty();
   made->tolerance_ = options.tolerance;

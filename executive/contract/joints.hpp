@@ -14,7 +14,7 @@ namespace takt {
 inline constexpr std::size_t kMaxJoints = 64;
 inline constexpr std::size_t kMaxChunkSteps = 128;
 inline constexpr std::size_t kMaxBuses = 16;
-inline constexpr std::size_t kMaxSensorValues = 64;
+inline constexpr std::size_t kMaxSensorValues = 256;
 inline constexpr std::size_t kMaxSensorQueue = 128;  // samples
 
 using JointMask = std::uint64_t;  // bit j: joint j

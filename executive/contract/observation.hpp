@@ -32,9 +32,10 @@ struct Observation {
   std::uint32_t committed_count = 0;
   Positions q;
   Velocities dq;
-  Torques tau;
-  Positions q_setpoint;  // what the drives were last told
-  ImuSample imu;         // newest usable one; sequence 0: the robot has none
+  Torques tau;             // as the drives report it
+  Positions q_setpoint;    // what the drives were last told
+  Velocities dq_of_drive;  // as the drives report it; dq is the executive's own estimate
+  ImuSample imu;           // newest usable one; sequence 0: the robot has none
 };
 
 #define TAKT_OBSERVATION_FIELDS                                                                                       \
@@ -44,11 +45,12 @@ struct Observation {
         TAKT_FIELD(Observation, mode), TAKT_FIELD(Observation, of_candidate), TAKT_FIELD(Observation, reserved),      \
         TAKT_FIELD(Observation, command_sequence), TAKT_FIELD(Observation, committed_from),                           \
         TAKT_FIELD(Observation, committed_count), TAKT_FIELD(Observation, q), TAKT_FIELD(Observation, dq),            \
-        TAKT_FIELD(Observation, tau), TAKT_FIELD(Observation, q_setpoint), TAKT_FIELD(Observation, imu)               \
+        TAKT_FIELD(Observation, tau), TAKT_FIELD(Observation, q_setpoint), TAKT_FIELD(Observation, dq_of_drive),      \
+        TAKT_FIELD(Observation, imu)                                                                                  \
   }
 
 static_assert(std::is_standard_layout_v<Observation> && std::is_trivially_copyable_v<Observation>);
-static_assert(sizeof(Observation) == 64 + 4 * sizeof(Positions) + sizeof(ImuSample));
+static_assert(sizeof(Observation) == 64 + 5 * sizeof(Positions) + sizeof(ImuSample));
 static_assert(is_gapless(TAKT_OBSERVATION_FIELDS, sizeof(Observation)));
 inline constexpr std::uint64_t kObservationLayout = layout_hash(TAKT_OBSERVATION_FIELDS);
 #undef TAKT_OBSERVATION_FIELDS

@@ -253,6 +253,7 @@ void publish(TickState& state, const Choice& choice, const TickConfig& config, T
     const JointRecord& joint = output.record.joints[j];
     observation.q[j] = joint.q_estimate;
     observation.dq[j] = joint.dq_estimate;
+    observation.dq_of_drive[j] = joint.feedback.dq;
     observation.tau[j] = joint.feedback.tau;
     observation.q_setpoint[j] = output.setpoints[j].q;
   }

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <filesystem>
 
-#include "policy_host/engines/engine_policy.hpp"
-#include "policy_host/flow/flow_policy.hpp"
+#include "policy_host/assemble_policy.hpp"
+#include "policy_host/engines/engine_network.hpp"
 #include "policy_host/onnx_policy.hpp"
 
 namespace takt::policy_host {
@@ -27,46 +27,44 @@ std::string plugin_beside(const std::string& name) {
 // `./dev bench inference`.
 constexpr std::uint64_t kMostMatrixWork = 1'000'000;
 
-using Loaded = std::expected<std::unique_ptr<Policy>, std::string>;
+using Loaded = std::expected<std::unique_ptr<Network>, std::string>;
 
-Loaded load_plugin(const std::string& name, const config::RobotConfig& robot) {
-  if (name.contains('/')) return load_engine_policy(name, robot);
+Loaded load_by_plugin(const std::string& name, const config::RobotConfig& robot, const fs::path& file) {
+  if (name.contains('/')) return load_engine_network(name, robot, file);
   const std::string plugin = plugin_beside(name);
   if (!fs::exists(plugin))
     return std::unexpected(
         fmt::format("policy.engine {}: {} is not there; install the package takt-engine-{}", name, plugin, name));
-  return load_engine_policy(plugin, robot);
+  return load_engine_network(plugin, robot, file);
 }
 
-Loaded load_builtin(const config::Policy& policy) {
-  if (policy.engine && policy.engine->provider != "cpu")
+Loaded load_builtin(const config::Engine& engine, const fs::path& file) {
+  if (engine.provider != "cpu")
     return std::unexpected(
         fmt::format("policy.engine: the built-in engine computes on the CPU only, not by {}; write "
                     "name: onnxruntime",
-                    policy.engine->provider));
-  return load_onnx_policy(policy.file, network_input(policy), policy.output);
+                    engine.provider));
+  return load_onnx_network(file);
 }
 
-Loaded load_quicker(const config::RobotConfig& robot) {
-  const config::Policy& policy = *robot.policy;
-  auto model = onnx_engine::load(policy.file);
+Loaded load_by_the_quicker(const config::RobotConfig& robot, const fs::path& file) {
+  auto model = onnx_engine::load(file);
   if (!model) return std::unexpected(model.error());
-  if (!is_quicker_elsewhere(*model))
-    return make_onnx_policy(*std::move(model), policy.file, network_input(policy), policy.output);
-  auto handed_over = load_plugin("onnxruntime", robot);
+  if (!is_quicker_elsewhere(*model)) return make_onnx_network(*std::move(model));
+  auto handed_over = load_by_plugin("onnxruntime", robot, file);
   if (handed_over) return handed_over;
   return std::unexpected(
       fmt::format("{}: {}, which ONNX Runtime does quicker; {}; or run it slower, by policy.engine: "
                   "{{ name: builtin }}",
-                  policy.file, matrix_work_text(*model), handed_over.error()));
+                  file.string(), matrix_work_text(*model), handed_over.error()));
 }
 
-Loaded load_network(const config::RobotConfig& robot) {
+Loaded load_network(const config::RobotConfig& robot, const fs::path& file) {
   const config::Engine engine = robot.policy->engine.value_or(config::Engine{});
-  if (engine.name == "builtin") return load_builtin(*robot.policy);
-  if (engine.name != "auto") return load_plugin(engine.name, robot);
-  if (fs::path(robot.policy->file).extension() == ".pt") return load_plugin("torchscript", robot);
-  return engine.provider == "cpu" ? load_quicker(robot) : load_plugin("onnxruntime", robot);
+  if (engine.name == "builtin") return load_builtin(engine, file);
+  if (engine.name != "auto") return load_by_plugin(engine.name, robot, file);
+  if (file.extension() == ".pt") return load_by_plugin("torchscript", robot, file);
+  return engine.provider == "cpu" ? load_by_the_quicker(robot, file) : load_by_plugin("onnxruntime", robot, file);
 }
 
 }  // namespace
@@ -80,10 +78,8 @@ std::string matrix_work_text(const onnx_engine::Model& model) {
                      static_cast<double>(model.matrix_work()) / 1e6);
 }
 
-Loaded load_policy(const config::RobotConfig& robot) {
-  auto network = load_network(robot);
-  if (!network) return network;
-  return with_sampler(robot, *std::move(network));
+std::expected<std::unique_ptr<Policy>, std::string> load_policy(const config::RobotConfig& robot) {
+  return assemble_policy(robot, [&robot](const fs::path& file) { return load_network(robot, file); });
 }
 
 }  // namespace takt::policy_host

@@ -119,12 +119,13 @@ std::expected<void, std::string> EngineNetwork::infer() {
   return std::unexpected(error.line());
 }
 
-std::expected<EngineNetwork, std::string> open_network(const std::string& plugin, const config::RobotConfig& robot) {
+std::expected<EngineNetwork, std::string> open_network(const std::string& plugin, const config::RobotConfig& robot,
+                                                       const std::filesystem::path& file) {
   const config::Engine engine = robot.policy->engine.value_or(config::Engine{});
   const std::vector<takt_engine_tensor> shapes = stated_shapes(engine);
   const takt_engine_setup setup{.size = sizeof(takt_engine_setup),
                                 .threads = engine.threads,
-                                .file = robot.policy->file.c_str(),
+                                .file = file.c_str(),
                                 .provider = engine.provider.c_str(),
                                 .library = engine.library.c_str(),
                                 .observation_values = config::observation_width(robot),

@@ -34,6 +34,7 @@ class Reader {
     if (const Node* pipeline = need(root, "pipeline", Kind::map)) read_pipeline(*pipeline);
     if (const Node* system = root.find("system information"))
       bundle_.version = text_of(system->find("leapp config version"));
+    if (const Node* agile = root.find("agile")) read_articulation(*agile);
     note_unread(root, "the file", std::array<std::string_view, 4>{"models", "pipeline", "system information", "agile"});
     check_inputs(root);
     return std::move(bundle_);
@@ -104,6 +105,7 @@ class Reader {
       for (const Node& size : shape->items) tensor.shape.push_back(number<std::int64_t>(&size).value_or(0));
     }
     tensor.kind = text_of(item.find("kind"));
+    tensor.connection = text_of(item.find("isaaclab_connection"));
     tensor.temporal_period_ms = number<double>(item.find("temporal_period_ms"));
     if (const Node* names = item.find("element_names")) read_names(*names, tensor);
     note_unread(item, tensor.name,
@@ -113,22 +115,62 @@ class Reader {
   }
 
   void read_names(const Node& dimensions, LeappTensor& tensor) {
-    for (const Node& dimension : dimensions.items) {
-      if (dimension.text == kTimeAxis) tensor.temporal = true;
-      if (dimension.kind != Kind::sequence) continue;
-      std::vector<std::string> names;
-      for (const Node& name : dimension.items) names.push_back(name.text);
-      if (names.size() == 1 && names.front() == kTimeAxis) {
+    // A flat list names one dimension.
+    const bool flat = !dimensions.items.empty() && std::ranges::all_of(dimensions.items, [](const Node& name) {
+      return name.kind == Kind::scalar && name.text != kTimeAxis;
+    });
+    if (flat) return name_dimension(dimensions, tensor);
+    for (std::size_t i = 0; i < dimensions.items.size(); ++i) {
+      const Node& dimension = dimensions.items[i];
+      const bool wrapped = dimension.items.size() == 1 && dimension.items.front().text == kTimeAxis;
+      if (dimension.text == kTimeAxis || wrapped) {
         tensor.temporal = true;
-        continue;
+        if (dimensions.items.size() == tensor.shape.size()) tensor.time_axis = i;
+      } else if (dimension.kind == Kind::sequence) {
+        name_dimension(dimension, tensor);
       }
-      const auto size = static_cast<std::int64_t>(names.size());
-      if (std::ranges::find(tensor.shape, size) == tensor.shape.end()) {
-        bundle_.notes.push_back(fmt::format("{}: {} names for {} values; which is which the file does not say",
-                                            tensor.name, size, tensor.shape.empty() ? 1 : tensor.shape.back()));
-      }
-      tensor.element_names.push_back(std::move(names));
     }
+  }
+
+  void name_dimension(const Node& dimension, LeappTensor& tensor) {
+    std::vector<std::string> names;
+    for (const Node& name : dimension.items) names.push_back(name.text);
+    const auto size = static_cast<std::int64_t>(names.size());
+    if (std::ranges::find(tensor.shape, size) == tensor.shape.end()) {
+      bundle_.notes.push_back(fmt::format("{}: {} names for {} values; which is which the file does not say",
+                                          tensor.name, size, tensor.shape.empty() ? 1 : tensor.shape.back()));
+    }
+    tensor.element_names.push_back(std::move(names));
+  }
+
+  std::vector<std::string> words(const Node* list) {
+    std::vector<std::string> texts;
+    if (list)
+      for (const Node& item : list->items) texts.push_back(item.text);
+    return texts;
+  }
+
+  std::vector<double> numbers(const Node* list, std::size_t count) {
+    std::vector<double> values;
+    if (!list) return values;
+    for (const Node& item : list->items) values.push_back(number<double>(&item).value_or(0));
+    if (values.size() != count)
+      problems_.add(list->place, fmt::format("{} values for {} joints; export the bundle again", values.size(), count));
+    return values;
+  }
+
+  // One robot's; of several it is not said which is which.
+  void read_articulation(const Node& agile) {
+    const Node* all = agile.find("articulations");
+    if (!all || all->entries.size() != 1) return;
+    const Node& one = all->entries.front().value;
+    LeappArticulation articulation;
+    articulation.joint_names = words(one.find("joint_names"));
+    const std::size_t joints = articulation.joint_names.size();
+    articulation.default_position = numbers(one.find("default_joint_pos"), joints);
+    articulation.stiffness = numbers(one.find("default_joint_stiffness"), joints);
+    articulation.damping = numbers(one.find("default_joint_damping"), joints);
+    bundle_.articulation = std::move(articulation);
   }
 
   void read_pipeline(const Node& pipeline) {
@@ -210,6 +252,12 @@ class Reader {
 };
 
 }  // namespace
+
+bool is_leapp_bundle(std::string_view text) {
+  Problems ignored("");
+  const Node root = config::read_document(text, config::Tags::read_as_data, ignored);
+  return root.find("models") != nullptr && root.find("pipeline") != nullptr;
+}
 
 std::expected<LeappBundle, std::string> read_leapp_bundle(std::string_view text, const std::string& name_for_messages) {
   Problems problems(name_for_messages);

@@ -22,11 +22,19 @@ struct LeappTensor {
   std::string name;
   std::string dtype;  // "float32"
   std::vector<std::int64_t> shape;
-  std::string kind;  // "state/joint/position"; "": the file does not say
+  std::string kind;        // "state/joint/position"; "": the file does not say
+  std::string connection;  // "state:robot:root_quat_w"; "": likewise
   // Of each dimension that has names, in order; empty: none. Quaternions are qx qy qz qw as named here.
   std::vector<std::vector<std::string>> element_names;
-  bool temporal = false;  // a dimension is time: an action chunk
+  bool temporal = false;                 // a dimension is time: an action chunk
+  std::optional<std::size_t> time_axis;  // which one, where the file says it
   std::optional<double> temporal_period_ms;
+};
+
+// WBC-AGILE's addition: what its training knows of the joints, each list as long as joint_names or empty.
+struct LeappArticulation {
+  std::vector<std::string> joint_names;
+  std::vector<double> default_position, stiffness, damping;
 };
 
 struct LeappNode {
@@ -55,8 +63,12 @@ struct LeappBundle {
   std::vector<LeappPort> inputs, outputs;
   std::optional<double> frequency_hz;
   std::string version;  // "leapp config version"
+  std::optional<LeappArticulation> articulation;
   std::vector<std::string> notes;
 };
+
+// Has the two maps that make one; all else is for the reader.
+bool is_leapp_bundle(std::string_view text);
 
 std::expected<LeappBundle, std::string> read_leapp_bundle(std::string_view text, const std::string& name_for_messages);
 

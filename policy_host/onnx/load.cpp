@@ -148,6 +148,20 @@ std::string one_line(std::string_view name, std::string_view why) {
   return line;
 }
 
+Metadata metadata_of(const onnx::ModelProto& model) {
+  Metadata metadata;
+  for (const auto& entry : model.metadata_props()) metadata.emplace_back(entry.key(), entry.value());
+  return metadata;
+}
+
+std::expected<void, std::string> parse(std::span<const std::byte> bytes, std::string_view name,
+                                       onnx::ModelProto& model) {
+  if (model.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) return {};
+  return std::unexpected(one_line(name,
+                                  "not an ONNX model, or cut short; what another engine or a Python policy reads "
+                                  "runs by `takt run --policy-host` only"));
+}
+
 std::expected<Model, std::string> load_from(std::span<const std::byte> bytes, std::string_view name,
                                             const std::filesystem::path* file) {
   if (bytes.size() > max_model_bytes) {
@@ -155,17 +169,13 @@ std::expected<Model, std::string> load_from(std::span<const std::byte> bytes, st
   }
   try {
     onnx::ModelProto model;
-    if (!model.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
-      return std::unexpected(one_line(name,
-                                      "not an ONNX model, or cut short; what another engine or a Python policy reads "
-                                      "runs by `takt run --policy-host` only"));
-    }
+    if (const auto parsed = parse(bytes, name, model); !parsed) return std::unexpected(parsed.error());
     std::vector<ExternalFile> external;
     if (file != nullptr) external = bring_in_external_data(model, *file);
     std::unique_ptr<Program> program = compile(model);
     program->external_files = std::move(external);
     program->opset = opset_of(model);
-    for (const auto& entry : model.metadata_props()) program->metadata.emplace_back(entry.key(), entry.value());
+    program->metadata = metadata_of(model);
     return Model(std::move(program));
   } catch (const Refusal& refusal) {
     return std::unexpected(one_line(name, refusal.what()));
@@ -176,13 +186,7 @@ std::expected<Model, std::string> load_from(std::span<const std::byte> bytes, st
   }
 }
 
-}  // namespace
-
-std::expected<Model, std::string> load(std::span<const std::byte> bytes, std::string_view name) {
-  return load_from(bytes, name, nullptr);
-}
-
-std::expected<Model, std::string> load(const std::filesystem::path& file) {
+std::expected<std::vector<char>, std::string> bytes_of(const std::filesystem::path& file) {
   std::error_code error;
   if (!std::filesystem::is_regular_file(file, error)) {
     const bool exists = std::filesystem::exists(file, error);
@@ -197,7 +201,28 @@ std::expected<Model, std::string> load(const std::filesystem::path& file) {
   if (!stream.read(bytes.data(), static_cast<std::streamsize>(bytes.size()))) {
     return std::unexpected(one_line(file.string(), "cannot be read; check its permissions"));
   }
-  return load_from(std::as_bytes(std::span(bytes)), file.string(), &file);
+  return bytes;
+}
+
+}  // namespace
+
+std::expected<Model, std::string> load(std::span<const std::byte> bytes, std::string_view name) {
+  return load_from(bytes, name, nullptr);
+}
+
+std::expected<Model, std::string> load(const std::filesystem::path& file) {
+  const auto bytes = bytes_of(file);
+  if (!bytes) return std::unexpected(bytes.error());
+  return load_from(std::as_bytes(std::span(*bytes)), file.string(), &file);
+}
+
+std::expected<Metadata, std::string> read_metadata(const std::filesystem::path& file) {
+  const auto bytes = bytes_of(file);
+  if (!bytes) return std::unexpected(bytes.error());
+  onnx::ModelProto model;
+  if (const auto parsed = parse(std::as_bytes(std::span(*bytes)), file.string(), model); !parsed)
+    return std::unexpected(parsed.error());
+  return metadata_of(model);
 }
 
 }  // namespace takt::onnx_engine

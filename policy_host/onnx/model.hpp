@@ -89,4 +89,7 @@ std::expected<Model, std::string> load(const std::filesystem::path& file);
 // The same from memory; `name` stands for the file in error messages.
 std::expected<Model, std::string> load(std::span<const std::byte> bytes, std::string_view name);
 
+// metadata_props alone, of a file that another engine runs.
+std::expected<Metadata, std::string> read_metadata(const std::filesystem::path& file);
+
 }  // namespace takt::onnx_engine

@@ -129,8 +129,11 @@ TEST(DeployImport, WhatTheExportCannotKnowIsNamedNotInvented) {
                                                                                               << robot.error();
 }
 
-TEST(DeployImport, WhatIsNotCarriedOverIsSaid) {
-  EXPECT_NE(import(kDeploy).find("# Not carried over: velocity_commands: clip"), std::string::npos);
+TEST(DeployImport, AClipBeforeTheScaleIsCarriedOverAndAnotherOneSaid) {
+  EXPECT_NE(import(kDeploy).find("sensor: velocity_command, clip: [-1, 1], scale: [1, 2]"), std::string::npos);
+  std::string other(kDeploy);
+  other.insert(other.find("clip: [-1, 1]"), "scale_first: true, ");
+  EXPECT_NE(import(other).find("# Not carried over: velocity_commands: clip"), std::string::npos);
 }
 
 struct BadDeploy {

@@ -49,6 +49,29 @@ inline constexpr Refusal kRefusals[] = {
             "5:12: freshness.max_age: `soon` is not a time; write a number and ns or us or ms or s or min or h"},
     Refusal{"a decimal comma", "epsilon: 0.01", "epsilon: \"0,01\"",
             "6:12: freshness.epsilon: \"0,01\" is text; write the number without quotes"},
+    Refusal{
+        "an observed quaternion without its order", "term: last_action }", "term: base_orientation }",
+        "56:7: key `order` is missing in `policy.observation[3]`; add it: term base_orientation: of the quaternion's "
+        "four values"},
+    Refusal{"an orientation that nothing measures", "term: last_action }", "term: base_orientation, order: xyzw }",
+            "56:15: policy.observation[3].term: the robot has no IMU that says it; add `imu`"},
+    Refusal{"a clip that is no range", "term: last_action }", "term: last_action, clip: [1, -1] }",
+            "56:34: policy.observation[3].clip: is no range; write [lowest, highest]"},
+    Refusal{"means of another number", "term: last_action }", "term: last_action, mean: [1, 2, 3] }",
+            "56:34: policy.observation[3].mean: has 3 values for a term of 2; write one, or 2"},
+    Refusal{"a standard deviation of zero", "term: last_action }", "term: last_action, std: 0 }",
+            "56:33: policy.observation[3].std: 0 is out of range; write above 0 and at most 1000000000"},
+    Refusal{
+        "a scaled motion reference", "term: last_action }",
+        "term: motion_reference, output: joint_pos, count: 2, scale: 2 }",
+        "56:7: policy.observation[3]: motion_reference is shown as the network gives it; drop scale, clip, mean, std "
+        "and history"},
+    Refusal{"velocities beside straight lines", "offset: home }", "offset: home, outputs: { velocity: v } }",
+            "57:11: policy.action.interpolation: linear draws its own velocities; write hold or cubic, or drop "
+            "policy.action.outputs.velocity"},
+    Refusal{"a torque beside torques", "offset: home }",
+            "offset: zero, kind: joint_torque, interpolation: hold, outputs: { torque: t } }",
+            "57:107: policy.action.outputs.torque: the action says the torque itself; drop it"},
     Refusal{"min above max", "[-1 rad, 1 rad]", "[1 rad, -1 rad]",
             "21:17: joints[0].limits.position: min 1 rad is not below max -1 rad; swap them or widen the range"},
     Refusal{"min equal to max", "[-1 rad, 1 rad]", "[1 rad, 1 rad]",

@@ -120,6 +120,44 @@ TEST(ChunkBuilder, VelocitiesAndTorquesBringTheirGains) {
   EXPECT_FLOAT_EQ(of(chunk, CommandField::kd, 2, 1), 4);
 }
 
+// Goal: what a network says beside its action arrives as it is, at its joint and step. Method: an action of 4 steps for
+// joints c and a, then velocities, stiffness, damping and torques, counted through.
+TEST(ChunkBuilder, FurtherOutputsAreTakenAsTheyAre) {
+  auto robot = small_robot();
+  robot.policy->action.joint_of_output = {2, 0};
+  robot.policy->action.interpolation = config::Interpolation::hold;
+  robot.policy->action.velocity = "v";
+  robot.policy->action.kp = "kp";
+  robot.policy->action.kd = "kd";
+  robot.policy->action.torque = "tau";
+  robot.joints[1].kp = 60;
+  robot.joints[1].kd = 2;
+  CommandChunk chunk;
+  ChunkBuilder(robot, 0).fill(chunk, small_observation(1), counting(5 * 4 * 2));
+  EXPECT_EQ(chunk.header.fields, kAllCommandFields);
+  const auto at = [&](CommandField field, std::size_t step, std::size_t joint) {
+    return chunk.values[value_index(chunk.header, field, step, joint)];
+  };
+  EXPECT_EQ(at(CommandField::q, 1, 2), 3 + 2);  // home + output
+  EXPECT_EQ(at(CommandField::dq, 0, 2), 8);
+  EXPECT_EQ(at(CommandField::dq, 3, 0), 15);
+  EXPECT_EQ(at(CommandField::kp, 1, 2), 18);
+  EXPECT_EQ(at(CommandField::kd, 1, 0), 27);
+  EXPECT_EQ(at(CommandField::tau_ff, 2, 2), 36);
+  EXPECT_EQ(at(CommandField::kp, 2, 1), 60) << "no output drives it: its own gains";
+  EXPECT_EQ(at(CommandField::kd, 2, 1), 2);
+  EXPECT_EQ(at(CommandField::tau_ff, 2, 1), 0);
+}
+
+TEST(ChunkBuilder, VelocitiesOfItsOwnReplaceDifferences) {
+  auto robot = small_robot();
+  robot.policy->action.interpolation = config::Interpolation::cubic;
+  robot.policy->action.velocity = "v";
+  CommandChunk chunk;
+  ChunkBuilder(robot, 0).fill(chunk, small_observation(1), counting(24));
+  EXPECT_EQ(chunk.values[value_index(chunk.header, CommandField::dq, 0, 0)], 12);
+}
+
 TEST(LastAction, IsTheStepDueAtTheNextObservation) {
   LastAction last(*small_robot().policy, 3);
   const auto answered = small_observation(1);  // published at 20 ms

@@ -104,6 +104,66 @@ TEST(ObservationBuilder, BaseTermsComeFromTheImu) {
   for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_NEAR(input[i], expected[i], 1e-6) << "value " << i;
 }
 
+TEST(ObservationBuilder, OrientationStandsInTheOrderThatIsDeclared) {
+  auto robot = small_robot();
+  robot.policy->observation = {term(TermKind::base_orientation, 1), term(TermKind::base_orientation, 1)};
+  robot.policy->observation[1].order = config::QuaternionOrder::xyzw;
+  ObservationBuilder builder(robot);
+  Observation observation = small_observation(1);
+  const float rotation[] = {0.1F, 0.2F, 0.3F, 0.4F};  // w x y z
+  std::ranges::copy(rotation, observation.imu.rotation);
+  EXPECT_EQ(build(builder, observation, {}, {}), (Values{0.1F, 0.2F, 0.3F, 0.4F, 0.2F, 0.3F, 0.4F, 0.1F}));
+}
+
+TEST(ObservationBuilder, DrivesOwnWordsOfTheTermsOwnJoints) {
+  auto robot = small_robot();
+  robot.policy->joint_order = {0, 1, 2};
+  robot.policy->observation = {term(TermKind::joint_torque, 1), term(TermKind::drive_velocity, 1),
+                               term(TermKind::joint_velocity, 1)};
+  robot.policy->observation[1].joints = {2, 0};
+  ObservationBuilder builder(robot);
+  EXPECT_EQ(builder.input_size(), 8U);
+  Observation observation = small_observation(1);
+  for (std::size_t i = 0; i < 3; ++i) {
+    observation.tau[i] = static_cast<float>(i) - 1;
+    observation.dq_of_drive[i] = observation.dq[i] + 0.5F;
+  }
+  EXPECT_EQ(build(builder, observation, {}, {}), (Values{-1, 0, 1, 30.5F, 10.5F, 10, 20, 30}));
+}
+
+// (scale * clipped - mean) / standard deviation; not a number stays one, whatever the clip.
+TEST(ObservationBuilder, ClipsScalesAndNormalisesInThisOrder) {
+  auto robot = small_robot();
+  auto velocity = term(TermKind::joint_velocity, 0.1);
+  velocity.clip = {-15, 25};
+  velocity.mean = {1, 1, 0.5};
+  velocity.standard_deviation = {0.5};
+  robot.policy->observation = {velocity};
+  ObservationBuilder builder(robot);
+  const Values input = build(builder, small_observation(1), {}, {});  // 10, 20, 30 clipped to 25
+  const Values expected{0, 2, 4};
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(input[i], expected[i], 1e-6) << "value " << i;
+  Observation broken = small_observation(2);
+  broken.dq[1] = std::nanf("");
+  EXPECT_TRUE(std::isnan(build(builder, broken, {}, {})[1]));
+}
+
+TEST(ObservationBuilder, AHistoryMayBeginWithTheNewest) {
+  auto robot = small_robot();
+  robot.policy->observation = {term(TermKind::last_action, 1, 3), term(TermKind::constant, 1, 3)};
+  robot.policy->observation[1].constant = {7};
+  robot.policy->action.joint_of_output = {0};
+  for (const auto& [layout, expected] :
+       {std::pair{"by_term", Values{3, 2, 1, 7, 7, 7}}, std::pair{"by_time", Values{3, 7, 2, 7, 1, 7}}}) {
+    robot.policy->history_layout = layout;
+    robot.policy->history_order = "newest_first";
+    ObservationBuilder builder(robot);
+    build(builder, small_observation(1), {}, {1});
+    build(builder, small_observation(2), {}, {2});
+    EXPECT_EQ(build(builder, small_observation(3), {}, {3}), expected) << layout;
+  }
+}
+
 TEST(ObservationBuilder, ACommandIsRememberedPerObservationAlsoWhileItIsTheSame) {
   auto robot = small_robot();
   auto wish = term(TermKind::command, 1, 3);

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "config/load.hpp"
+#include "config/observation_shape.hpp"
 #include "policy_host/flow/flow_policy.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "policy_host/policy_fit.hpp"
@@ -35,32 +36,6 @@ std::string numbers(const config::Vector3& v) {
   return numbers({v[0], v[1], v[2]});
 }
 
-const char* term_word(config::TermKind kind) {
-  switch (kind) {
-    case config::TermKind::joint_position_relative:
-      return "joint_position_relative";
-    case config::TermKind::joint_position:
-      return "joint_position";
-    case config::TermKind::joint_velocity:
-      return "joint_velocity";
-    case config::TermKind::sensor:
-      return "sensor";
-    case config::TermKind::last_action:
-      return "last_action";
-    case config::TermKind::base_angular_velocity:
-      return "base_angular_velocity";
-    case config::TermKind::projected_gravity:
-      return "projected_gravity";
-    case config::TermKind::command:
-      return "command";
-    case config::TermKind::gait_phase:
-      return "not trained here";
-    case config::TermKind::constant:
-      return "constant";
-  }
-  return "invalid";
-}
-
 // The lines that train_reach.py's facts() writes.
 std::vector<std::string> facts(const config::RobotConfig& robot) {
   std::vector<std::string> lines;
@@ -79,7 +54,7 @@ std::vector<std::string> facts(const config::RobotConfig& robot) {
   lines.push_back("policy" + numbers({policy.period.seconds(), policy.step_period.seconds()}) +
                   fmt::format(" {} {} {}", policy.steps, policy.input, policy.output));
   for (const config::ObservationTerm& term : policy.observation) {
-    lines.push_back(fmt::format("term {} {}", term_word(term.kind), term.sensor.empty() ? "-" : term.sensor) +
+    lines.push_back(fmt::format("term {} {}", config::name(term.kind), term.sensor.empty() ? "-" : term.sensor) +
                     numbers({term.scale.front()}) + fmt::format(" {}", term.history));
   }
   const config::Simulation& simulation = *robot.simulation;
@@ -165,7 +140,7 @@ std::vector<std::string> cart_pole_facts(const config::RobotConfig& robot) {
   lines.push_back("policy" + numbers({policy.period.seconds(), policy.step_period.seconds()}) +
                   fmt::format(" {} {} {}", policy.steps, policy.input, policy.output));
   for (const config::ObservationTerm& term : policy.observation)
-    lines.push_back(fmt::format("term {} {}", term_word(term.kind), term.sensor.empty() ? "-" : term.sensor) +
+    lines.push_back(fmt::format("term {} {}", config::name(term.kind), term.sensor.empty() ? "-" : term.sensor) +
                     numbers({term.scale.front()}));
   lines.push_back("camera" + numbers({simulation.camera_period.seconds(), simulation.camera_delay.seconds(),
                                       simulation.camera_jitter.seconds()}));
@@ -235,7 +210,7 @@ std::vector<std::string> balancer_facts(const config::RobotConfig& robot) {
   lines.push_back("policy" + numbers({policy.period.seconds()}) + fmt::format(" {} {}", policy.input, policy.output) +
                   numbers({policy.action.scale.front()}));
   for (const config::ObservationTerm& term : policy.observation)
-    lines.push_back(fmt::format("term {} {}", term_word(term.kind), term.sensor.empty() ? "-" : term.sensor) +
+    lines.push_back(fmt::format("term {} {}", config::name(term.kind), term.sensor.empty() ? "-" : term.sensor) +
                     numbers({term.scale.front()}));
   const config::CommandLimits& command = *robot.sensors.back().command;
   std::string limits = "command";

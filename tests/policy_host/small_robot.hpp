@@ -36,6 +36,7 @@ inline config::RobotConfig small_robot() {
   policy.step_period = milliseconds(10);
   policy.steps = 4;
   policy.history_layout = "by_term";
+  policy.history_order = "oldest_first";
   policy.observation = {term(config::TermKind::joint_position_relative, 1), term(config::TermKind::sensor, 1, 2),
                         term(config::TermKind::last_action, 1)};
   policy.action.scale = {1.0};

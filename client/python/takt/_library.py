@@ -6,7 +6,7 @@ from ctypes import POINTER, c_char_p, c_float, c_int64, c_uint32, c_uint64, c_vo
 ABI = 1
 SONAME = f"libtakt-client.so.{ABI}"
 OK, NOTHING, USAGE, BAD_CONFIG, REFUSED, BUG = 0, 1, 64, 65, 69, 70
-KINDS = {"q": 0, "dq": 1, "tau": 2, "q_setpoint": 3}
+KINDS = {"q": 0, "dq": 1, "tau": 2, "q_setpoint": 3, "dq_of_drive": 7}
 STREAM, IMAGE, QUEUE = 4, 5, 6
 FLOAT32, UINT8 = 0, 1
 FloatP = POINTER(c_float)

@@ -82,7 +82,7 @@ class Assumption:
 
 def joints(*quantities: str) -> Joints:
     """Of every joint: "q" (position, rad), "dq" (velocity, rad/s), "tau" (torque, Nm), "q_setpoint" (what the drives were last
-    told, rad). The term has the shape (quantities, joints).
+    told, rad), "dq_of_drive" (velocity as the drive reports it, rad/s). The term has the shape (quantities, joints).
     """
     for name in quantities:
         if name not in _library.KINDS:

@@ -1,0 +1,156 @@
+#include "policy_host/assemble_policy.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <optional>
+#include <span>
+#include <utility>
+
+#include "config/document.hpp"
+#include "config/observation_shape.hpp"
+#include "policy_host/binding.hpp"
+#include "policy_host/exploy/exploy_description.hpp"
+#include "policy_host/flow/flow_policy.hpp"
+#include "policy_host/leapp/leapp_bundle.hpp"
+#include "policy_host/leapp/leapp_description.hpp"
+#include "policy_host/leapp/leapp_graph.hpp"
+#include "policy_host/network_policy.hpp"
+#include "policy_host/policy_tensors.hpp"
+
+namespace takt::policy_host {
+namespace {
+
+using config::ObservationTerm;
+using config::RobotConfig;
+using onnx_engine::TensorInfo;
+
+std::string outputs_named_in(const config::Policy& section) {
+  std::string list;
+  for (const config::NamedOutput& output : config::named_outputs(section))
+    list += (list.empty() ? "" : ",") + output.name;
+  return list;
+}
+
+std::expected<NetworkGraph, std::string> graph_of_file(const std::string& file, const std::string& input,
+                                                       const std::string& output, const LoadNetwork& load) {
+  auto network = load(file);
+  if (!network) return std::unexpected(network.error());
+  const auto tensors =
+      assign_tensors({(*network)->inputs(), (*network)->outputs(), (*network)->lost_states()}, file, input, output);
+  if (!tensors) return std::unexpected(tensors.error());
+  NetworkGraph graph;
+  for (const std::size_t part : tensors->observation) graph.wiring.observation.push_back({0, part});
+  for (const std::size_t part : tensors->outputs) graph.wiring.outputs.push_back({0, part});
+  if (tensors->time_step) graph.wiring.time_steps.push_back({0, *tensors->time_step});
+  for (const PolicyTensors::State& state : tensors->states)
+    graph.wiring.states.push_back(
+        {{0, state.output}, {0, state.input}, std::vector<float>((*network)->input(state.input).size())});
+  graph.networks.push_back(*std::move(network));
+  return graph;
+}
+
+// Where a policy has several inputs, each is filled by terms of its own.
+std::expected<void, std::string> check_seams(const RobotConfig& robot, const NetworkGraph& graph) {
+  std::span<const Port> inputs = graph.wiring.observation;
+  if (robot.policy->sampler) inputs = inputs.first(inputs.size() - std::min<std::size_t>(inputs.size(), 2));  // its own
+  if (inputs.size() < 2) return {};
+  const auto& terms = robot.policy->observation;
+  const bool remembers = std::ranges::any_of(terms, [](const ObservationTerm& term) { return term.history > 1; });
+  if (robot.policy->history_layout == "by_time" && remembers)
+    return std::unexpected(fmt::format("{}: policy.history_layout by_time would mix {} inputs of {}; write by_term",
+                                       robot.file, inputs.size(), robot.policy->file));
+  auto term = terms.begin();
+  for (const Port& port : inputs) {
+    const TensorInfo& tensor = graph.networks[port.network]->inputs()[port.tensor];
+    const std::size_t size = graph.networks[port.network]->input(port.tensor).size();
+    std::size_t filled = 0;
+    for (; filled < size && term != terms.end(); ++term) filled += config::term_width(robot, *term) * term->history;
+    if (filled == size) continue;
+    return std::unexpected(
+        fmt::format("{}: input {} has {} values, the terms for it {}; give it terms of its own, inputs in the order {}",
+                    robot.policy->file, tensor.name, size, filled, robot.policy->input));
+  }
+  return {};
+}
+
+// What else an answer has is as large as the action.
+std::expected<void, std::string> check_outputs(const RobotConfig& robot, const NetworkGraph& graph) {
+  const std::vector<Port>& outputs = graph.wiring.outputs;
+  const std::size_t wanted = robot.policy->steps * config::outputs_per_step(robot);
+  for (std::size_t i = 1; i < outputs.size(); ++i) {
+    const Network& network = *graph.networks[outputs[i].network];
+    const std::size_t size = network.output(outputs[i].tensor).size();
+    if (size != wanted)
+      return std::unexpected(fmt::format("{}: output {} has {} values, the action {}; mend policy.action in {}",
+                                         robot.policy->file, network.outputs()[outputs[i].tensor].name, size, wanted,
+                                         robot.file));
+  }
+  return {};
+}
+
+std::expected<void, std::string> add_references(const RobotConfig& robot, NetworkGraph& graph) {
+  std::size_t at = 0;
+  for (const ObservationTerm& term : robot.policy->observation) {
+    const std::size_t width = config::term_width(robot, term) * term.history;
+    if (term.kind == config::TermKind::motion_reference) {
+      const Network& network = *graph.networks.back();
+      const auto found = std::ranges::find(network.outputs(), term.output, &TensorInfo::name);
+      const auto index = static_cast<std::size_t>(found - network.outputs().begin());
+      if (found == network.outputs().end() || network.output(index).size() != width)
+        return std::unexpected(fmt::format(
+            "{}: has no output {} of {} values for the term motion_reference; mend policy.observation in {}",
+            robot.policy->file, term.output, width, robot.file));
+      graph.wiring.references.push_back({{graph.networks.size() - 1, index}, at});
+    }
+    at += width;
+  }
+  return {};
+}
+
+// What the exporter says of the policy; nothing: it says nothing.
+std::expected<std::optional<DescribedPolicy>, std::string> described(const std::string& file,
+                                                                     const NetworkGraph& graph) {
+  if (file.ends_with(".yaml")) {
+    const auto text = config::read_file(file);
+    const auto bundle = text ? read_leapp_bundle(*text, file) : std::unexpected(text.error());
+    if (!bundle) return std::unexpected(bundle.error());
+    return describe_leapp(*bundle);
+  }
+  if (!file.ends_with(".onnx")) return std::nullopt;
+  const auto metadata = onnx_engine::read_metadata(file);
+  if (!metadata) return std::unexpected(metadata.error());
+  const Network& network = *graph.networks.front();
+  return describe_exploy(*metadata, network.inputs(), network.outputs());
+}
+
+}  // namespace
+
+std::expected<std::unique_ptr<Policy>, std::string> assemble_policy(const RobotConfig& robot,
+                                                                    const LoadNetwork& load) {
+  const config::Policy& section = *robot.policy;
+  auto graph = section.file.ends_with(".yaml")
+                   ? load_leapp_graph(section.file, network_input(section), outputs_named_in(section), load)
+                   : graph_of_file(section.file, network_input(section), outputs_named_in(section), load);
+  if (!graph) return std::unexpected(graph.error());
+  if (const auto fine = check_seams(robot, *graph); !fine) return std::unexpected(fine.error());
+  if (const auto fine = check_outputs(robot, *graph); !fine) return std::unexpected(fine.error());
+  if (const auto fine = add_references(robot, *graph); !fine) return std::unexpected(fine.error());
+  const auto said = described(section.file, *graph);
+  if (!said) return std::unexpected(fmt::format("{}: {}", section.file, said.error()));
+  if (*said) {
+    if (const auto fine = check_binding(**said, robot); !fine) return std::unexpected(fine.error());
+  }
+  return with_sampler(robot, make_network_policy(std::move(graph->networks), std::move(graph->wiring)));
+}
+
+std::expected<std::unique_ptr<Policy>, std::string> load_network_policy(const std::string& file,
+                                                                        const std::string& input,
+                                                                        const std::string& output,
+                                                                        const LoadNetwork& load) {
+  auto graph = graph_of_file(file, input, output, load);
+  if (!graph) return std::unexpected(graph.error());
+  return make_network_policy(std::move(graph->networks), std::move(graph->wiring));
+}
+
+}  // namespace takt::policy_host

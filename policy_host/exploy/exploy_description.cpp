@@ -1,0 +1,167 @@
+#include "policy_host/exploy/exploy_description.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <numeric>
+
+namespace takt::policy_host {
+namespace {
+
+using nlohmann::json;
+using onnx_engine::Metadata;
+using onnx_engine::TensorInfo;
+
+std::size_t elements(const TensorInfo& tensor) {
+  return static_cast<std::size_t>(
+      std::accumulate(tensor.shape.begin(), tensor.shape.end(), std::int64_t{1}, std::multiplies<>()));
+}
+
+std::vector<std::string> parts_of(const std::string& name) {
+  std::vector<std::string> parts{""};
+  for (const char c : name) {
+    if (c == '.')
+      parts.emplace_back();
+    else
+      parts.back() += c;
+  }
+  return parts;
+}
+
+class Reader {
+ public:
+  explicit Reader(const Metadata& metadata) : metadata_(metadata) {}
+
+  DescribedPolicy read(std::span<const TensorInfo> inputs, std::span<const TensorInfo> outputs) {
+    DescribedPolicy policy;
+    policy.format = "exploy policy";
+    if (const auto rate = value_of("update_rate"); rate && rate->is_number() && rate->get<double>() > 0)
+      policy.period = {std::llround(1e9 / rate->get<double>())};
+    bases_ = value_of("base_names").value_or(json::object());
+    for (const TensorInfo& tensor : inputs)
+      if (!tensor.name.starts_with("memory.") && tensor.name != "ctx.step_count")
+        policy.inputs.push_back(input_of(tensor));
+    for (const TensorInfo& tensor : outputs)
+      if (tensor.name.starts_with("output.")) policy.outputs.push_back(output_of(tensor, policy.joints));
+    return policy;
+  }
+
+ private:
+  // Throws json::exception where it is none.
+  [[nodiscard]] std::optional<json> value_of(const std::string& key) const {
+    const auto found = std::ranges::find(metadata_, key, &Metadata::value_type::first);
+    if (found == metadata_.end()) return std::nullopt;
+    return json::parse(found->second);
+  }
+
+  [[nodiscard]] std::vector<std::string> joints_of(const std::string& group, const char* key) const {
+    const auto said = value_of(group);
+    return said && said->contains(key) ? said->at(key).get<std::vector<std::string>>() : std::vector<std::string>{};
+  }
+
+  [[nodiscard]] bool is_base(const std::string& articulation, const std::string& body) const {
+    return bases_.is_object() && bases_.contains(articulation) && bases_.at(articulation) == body;
+  }
+
+  void read_object(const std::vector<std::string>& parts, DescribedInput& input) const {
+    const std::string& quantity = parts[3];
+    if (parts[2] == "joints") {
+      input.joints = joints_of(fmt::format("obj.{}.joints", parts[1]), "joint_names");
+      input.meaning = quantity == "pos"   ? Meaning::joint_position
+                      : quantity == "vel" ? Meaning::joint_velocity
+                                          : Meaning::unsaid;
+      return;
+    }
+    input.meaning = Meaning::sensor;
+    if (!is_base(parts[1], parts[2])) return;
+    if (quantity == "w_Q_b") input.meaning = Meaning::base_orientation;
+    if (quantity == "ang_vel_b_rt_w_in_b") input.meaning = Meaning::base_angular_velocity;
+    if (quantity == "lin_vel_b_rt_w_in_b") input.meaning = Meaning::base_linear_velocity;
+  }
+
+  void read_command(const std::string& name, const std::vector<std::string>& parts, DescribedInput& input) const {
+    input.meaning = Meaning::command;
+    const auto said = value_of(name);
+    if (parts[1] == "se2_velocity" && input.width == 3) {
+      input.elements = {"lin_vel_x", "lin_vel_y", "ang_vel_z"};
+      if (!said || !said->contains("ranges") || !said->at("ranges").is_object()) return;
+      for (const std::string& element : input.elements)
+        input.ranges.push_back(said->at("ranges").at(element).get<std::pair<double, double>>());
+    }
+    if (parts[1] == "float" && said && said->contains("range") && said->at("range").is_array())
+      input.ranges.push_back(said->at("range").get<std::pair<double, double>>());
+    if (parts[1] == "joint_pos") input.elements = joints_of(name, "joint_names");
+  }
+
+  [[nodiscard]] DescribedInput input_of(const TensorInfo& tensor) const {
+    DescribedInput input;
+    input.name = input.word = tensor.name;
+    input.width = elements(tensor);
+    const std::vector<std::string> parts = parts_of(tensor.name);
+    if (parts.size() == 4 && parts[0] == "obj") read_object(parts, input);
+    if (parts.size() == 3 && parts[0] == "cmd") read_command(tensor.name, parts, input);
+    if (parts.size() >= 3 && parts[0] == "sensor" && parts[1] != "imu") input.meaning = Meaning::sensor;
+    if (tensor.name.ends_with(".w_Q_b")) input.quaternion = "wxyz";
+    return input;
+  }
+
+  [[nodiscard]] DescribedOutput output_of(const TensorInfo& tensor, DescribedJoints& gains) const {
+    DescribedOutput output;
+    output.name = output.word = tensor.name;
+    output.width = elements(tensor);
+    const std::vector<std::string> parts = parts_of(tensor.name);
+    if (parts.size() != 4 || parts[1] != "joint_targets") return output;
+    if (parts[3] == "pos") output.field = CommandField::q;
+    if (parts[3] == "vel") output.field = CommandField::dq;
+    if (parts[3] == "effort") output.field = CommandField::tau_ff;
+    const std::string group = "output.joint_targets." + parts[2];
+    output.joints = joints_of(group, "names");
+    if (const auto said = value_of(group); said && said->contains("stiffness") && said->contains("damping")) {
+      gains.joints = output.joints;
+      gains.stiffness = said->at("stiffness").get<std::vector<double>>();
+      gains.damping = said->at("damping").get<std::vector<double>>();
+    }
+    return output;
+  }
+
+  const Metadata& metadata_;
+  json bases_;
+};
+
+// Lists that stand for joints have one entry each, as many as values.
+std::string inconsistent(const DescribedPolicy& policy) {
+  const auto differs = [](const auto& list, std::size_t count) { return !list.empty() && list.size() != count; };
+  for (const DescribedInput& input : policy.inputs)
+    if (differs(input.joints, input.width) || differs(input.ranges, input.width) ||
+        differs(input.elements, input.width))
+      return input.name;
+  for (const DescribedOutput& output : policy.outputs)
+    if (differs(output.joints, output.width)) return output.name;
+  const std::size_t joints = policy.joints.joints.size();
+  if (differs(policy.joints.stiffness, joints) || differs(policy.joints.damping, joints)) return "output.joint_targets";
+  return {};
+}
+
+}  // namespace
+
+std::expected<std::optional<DescribedPolicy>, std::string> describe_exploy(const Metadata& metadata,
+                                                                           std::span<const TensorInfo> inputs,
+                                                                           std::span<const TensorInfo> outputs) {
+  if (std::ranges::find(metadata, "exploy_version", &Metadata::value_type::first) == metadata.end())
+    return std::nullopt;
+  try {
+    DescribedPolicy policy = Reader(metadata).read(inputs, outputs);
+    if (const std::string name = inconsistent(policy); !name.empty())
+      return std::unexpected(
+          fmt::format("metadata of {}: another number of entries than values; export the policy again", name));
+    return policy;
+  } catch (const json::exception&) {
+    return std::unexpected("exploy's metadata is not the JSON that it should be; export the policy again");
+  }
+}
+
+}  // namespace takt::policy_host

@@ -1,0 +1,23 @@
+// What the metadata of an ONNX file that exploy exported says (rai-opensource/exploy): tensors speak by their names,
+// joints and ranges by one JSON each. Quaternions are w x y z there. An IMU of the policy's (`sensor.imu.NAME`) stays
+// unsaid: whether it is the base's the file does not say.
+//
+// Errors: one line, about the metadata. Thread rule: set-up only.
+#pragma once
+
+#include <expected>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "policy_host/described_policy.hpp"
+#include "policy_host/onnx/model.hpp"
+
+namespace takt::policy_host {
+
+// Nothing: it is none of exploy's.
+std::expected<std::optional<DescribedPolicy>, std::string> describe_exploy(
+    const onnx_engine::Metadata& metadata, std::span<const onnx_engine::TensorInfo> inputs,
+    std::span<const onnx_engine::TensorInfo> outputs);
+
+}  // namespace takt::policy_host
