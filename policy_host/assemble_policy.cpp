@@ -126,8 +126,7 @@ std::expected<std::optional<DescribedPolicy>, std::string> described(const std::
 
 }  // namespace
 
-std::expected<std::unique_ptr<Policy>, std::string> assemble_policy(const RobotConfig& robot,
-                                                                    const LoadNetwork& load) {
+std::expected<std::unique_ptr<Policy>, std::string> assemble_policy(const RobotConfig& robot, const LoadNetwork& load) {
   const config::Policy& section = *robot.policy;
   auto graph = section.file.ends_with(".yaml")
                    ? load_leapp_graph(section.file, network_input(section), outputs_named_in(section), load)

@@ -48,7 +48,8 @@ struct NetworkGraph {
   Wiring wiring;
 };
 
-// Precondition: at least one network; every port exists, flows go from earlier networks to later ones, sizes of connected tensors are equal.
+// Precondition: at least one network; every port exists, flows go from earlier networks to later ones, sizes of
+// connected tensors are equal.
 std::unique_ptr<Policy> make_network_policy(std::vector<std::unique_ptr<Network>> networks, Wiring wiring);
 
 }  // namespace takt::policy_host

@@ -11,7 +11,8 @@ std::string refused_by_policy_host(const config::RobotConfig& robot) {
   if (!robot.policy) return {};
   // What else a policy's file may be is between it and a program in the host's place.
   const std::string& file = robot.policy->file;
-  if (!robot.policy->engine && !file.ends_with(".onnx") && !file.ends_with(".pt") && !file.ends_with(".yaml")) return {};
+  if (!robot.policy->engine && !file.ends_with(".onnx") && !file.ends_with(".pt") && !file.ends_with(".yaml"))
+    return {};
   if (const auto fine = policy_host::check_policy_section(robot); !fine) return fine.error();
   const auto policy = policy_host::load_policy(robot);
   if (!policy) return policy.error();

@@ -43,8 +43,8 @@ class EngineNetwork {
 
 std::size_t value_count(const takt_engine_tensor& tensor);
 
-// Opens `plugin`, a path, and with it the network in `file`, as policy.engine says. A plugin that crashes, ends the process or takes longer
-// than policy.engine.load_within ends it with a line and 65 (load_watch.hpp).
+// Opens `plugin`, a path, and with it the network in `file`, as policy.engine says. A plugin that crashes, ends the
+// process or takes longer than policy.engine.load_within ends it with a line and 65 (load_watch.hpp).
 std::expected<EngineNetwork, std::string> open_network(const std::string& plugin, const config::RobotConfig& robot,
                                                        const std::filesystem::path& file);
 
