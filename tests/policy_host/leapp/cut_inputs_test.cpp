@@ -122,6 +122,9 @@ TEST(CutInputs, WithAllOfThemItTracksAndGainsStayInsideTheirLimits) {
     walker.tick();
     ASSERT_EQ(walker.rig->mode(), Mode::tracking) << i;
     EXPECT_EQ(walker.rig->header().player, Player::policy);
+    if (walker.rig->out->observation_due) {
+      EXPECT_EQ(walker.rig->out->observation.dq_of_drive[7], walker.rig->input.joints[7].dq) << "the drive's own word";
+    }
     for (std::size_t j = 0; j < 29; ++j) {
       const auto& setpoint = walker.rig->out->setpoints[j];
       largest_kp = std::max(largest_kp, setpoint.kp);
