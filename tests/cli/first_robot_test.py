@@ -140,8 +140,7 @@ def quadruped_deploy():
     """As Isaac Lab writes it: the policy's joints by kind, the robot's by leg."""
     legs, ones = 4, [1.0] * 12
     pose = [0.0] * legs + [0.75] * legs + [-1.5] * legs
-    term = {"params": {}, "clip": None, "history_length": 1}
-    observation = {name: dict(term, scale=[scale] * count) for name, scale, count in (
+    observation = {name: {"params": {}, "clip": None, "history_length": 1, "scale": [scale] * count} for name, scale, count in (
         ("base_ang_vel", 0.2, 3), ("projected_gravity", 1.0, 3), ("velocity_commands", 1.0, 3), ("joint_pos_rel", 1.0, 12), ("joint_vel_rel", 0.05, 12),
         ("last_action", 1.0, 12))}
     ranges = {"lin_vel_x": [-1.0, 1.0], "lin_vel_y": [-0.4, 0.4], "ang_vel_z": [-1.0, 1.0], "heading": None}
