@@ -21,7 +21,7 @@
 namespace takt::plant {
 namespace {
 
-static_assert(TAKT_WORLD_MAX_JOINTS == kMaxJoints && TAKT_WORLD_MAX_VALUES == kMaxSensorValues);
+static_assert(TAKT_WORLD_MAX_JOINTS == kMaxJoints && TAKT_WORLD_MAX_VALUES <= kMaxSensorValues);
 static_assert(sizeof(takt_world_header) == 16 && sizeof(takt_world_hello) == 4192 && sizeof(takt_world_welcome) == 280);
 static_assert(sizeof(takt_world_reset) == 536 && sizeof(takt_world_step) == 1600 && sizeof(takt_world_state) == 1872);
 static_assert(sizeof(takt_world_step) <= TAKT_WORLD_ANSWER_OFFSET &&
@@ -165,9 +165,9 @@ std::expected<void, WorldEnd> WorldLink::greet(const Robot& robot, MonoTime dead
   gives_ = welcome.gives;
   sensor_ = text_of(welcome.sensor);
   sensor_count_ = sensor_.empty() ? 0 : welcome.sensor_count;
-  if (!sensor_.empty() && (sensor_count_ < 1 || sensor_count_ > kMaxSensorValues))
+  if (!sensor_.empty() && (sensor_count_ < 1 || sensor_count_ > TAKT_WORLD_MAX_VALUES))
     return std::unexpected(end(WorldEndKind::nonsense, fmt::format("sensor {} of {} values; it has from 1 to {}",
-                                                                   sensor_, sensor_count_, kMaxSensorValues)));
+                                                                   sensor_, sensor_count_, TAKT_WORLD_MAX_VALUES)));
   return {};
 }
 
