@@ -17,7 +17,7 @@ const std::vector<Turns> kTurns{{1, 0}, {3, 1}, {3, 2}};
 std::map<std::uint32_t, std::set<std::uint64_t>> ticks_of(LoopRig& rig, std::uint64_t last) {
   std::map<std::uint32_t, std::set<std::uint64_t>> ticks;
   for (const FrameRecord& frame : rig.frames())
-    if (frame.direction == FrameDirection::sent && frame.tick < last) ticks[frame.id].insert(frame.tick);
+    if (frame.direction == FrameDirection::sent && frame.tick < last) ticks[frame.can_id].insert(frame.tick);
   return ticks;
 }
 
@@ -40,7 +40,7 @@ TEST(Turns, TheLastFramesAreEverybodys) {
   rig.run(60);  // in tick 60 it is nobody's turn but the first's
   std::map<std::uint32_t, int> last;
   for (const FrameRecord& frame : rig.frames())
-    if (frame.direction == FrameDirection::sent && frame.tick == 60) ++last[frame.id];
+    if (frame.direction == FrameDirection::sent && frame.tick == 60) ++last[frame.can_id];
   ASSERT_EQ(last.size(), 3U);
   for (const auto& [id, frames] : last) EXPECT_GE(frames, kFarewellTicks) << id;
 }
