@@ -17,6 +17,7 @@
 #include "policy_host/engines/load_policy.hpp"
 #include "policy_host/leapp/leapp_graph.hpp"
 #include "policy_host/onnx_policy.hpp"
+#include "policy_host/onnx_runtime/onnx_runtime.hpp"
 #include "policy_host/policy_fit.hpp"
 #include "policy_host/responder.hpp"
 #include "tests/policy_host/fake_server.hpp"
@@ -189,7 +190,9 @@ TEST_F(LeappPolicy, BothEnginesTakeIt) {
   if (!library) GTEST_SKIP() << "NOT TESTED: ONNX Runtime is not installed (./dev test installs it)";
   RobotConfig walker = robot(filled_);
   const auto own = load_robot_policy(walker);
-  walker.policy->engine = config::Engine{.name = "onnxruntime", .library = std::filesystem::absolute(*library)};
+  config::Engine& engine = walker.policy->engine.emplace();
+  engine.name = "onnxruntime";
+  engine.library = std::filesystem::absolute(*library);
   const auto theirs = load_policy(walker);
   ASSERT_TRUE(own && theirs) << (own ? "" : own.error()) << (theirs ? "" : theirs.error());
   std::vector<float> input((*own)->input_size(), 0.25F), a((*own)->output_size()), b(a);
