@@ -37,7 +37,7 @@ class OwnEngine : public test::Shell {
     std::ofstream(in("engine")) << "home\n";
     const std::string robot = ::takt::test::patient_copy("config/arm6.yaml", directory());
     std::string text = text_of(robot);
-    const std::string file = fs::absolute("config/arm6_reach.onnx");
+    const std::string file = "\"" + fs::absolute("config/arm6_reach.onnx").string() + "\"";
     const auto at = text.find(file);
     if (at == std::string::npos) throw std::runtime_error(robot + " does not say " + file);
     text.replace(at, file.size(), in("engine") + "\n  engine: { name: " + in("home-pose.so") + options + " }");
