@@ -15,6 +15,8 @@ import sys
 import time
 
 ROOMS = ("executive", "drivers", "dds", "policy_host", "client", "monitor", "config", "sensors", "simulation", "evidence", "systemd", "cli")
+# libtorch 1.13's headers, which clang refuses from C++20 on: a vector of a type that is not complete yet.
+LEFT_OUT = {"policy_host/torchscript/torchscript_engine.cpp"}
 CLANG_TIDY = "clang-tidy-19"
 OPTIONS = ["--quiet", "--extra-arg=-Wno-unknown-warning-option", "--extra-arg=-Wno-deprecated-declarations"]
 FORGET_AFTER_S = 60 * 24 * 3600
@@ -78,7 +80,8 @@ def main():
             old.unlink()
     settings = digest(".clang-tidy") + digest(__file__) + output_of(CLANG_TIDY, "--version")
     headers = headers_by_source(build)
-    sources = output_of("git", "ls-files", *(f"{room}/*.cpp" for room in ROOMS)).split()
+    listed = output_of("git", "ls-files", *(f"{room}/*.cpp" for room in ROOMS)).split()
+    sources = [source for source in listed if source not in LEFT_OUT]
     missing = [source for source in sources if source not in headers]
     if missing:
         sys.exit(f"lint: {build} was not built with {', '.join(missing)}; build everything first")

@@ -207,7 +207,7 @@ pipeline::StopManner manner_of(StopHow how) {
 
 // The causes a robot file may name are those of the table.
 static_assert(std::ranges::all_of(pipeline::kReactions, [](const pipeline::Reaction& row) {
-  return pipeline::may_damp(row) == (stop_cause_named(name(row.cause)) != Cause::none);
+  return pipeline::may_damp(row) == (std::ranges::find(kStopCauses, row.cause) != kStopCauses.end());
 }));
 
 void set_stops(const RobotConfig& robot, pipeline::TickConfig& tick) {

@@ -103,7 +103,8 @@ void FlowPolicy::sample(std::span<const float> input, std::size_t number, std::s
 double FlowPolicy::distance(std::span<const float> path, std::size_t known, std::span<const float> x) const {
   double sum = 0.0;
   for (std::size_t value = 0; value < known * shape_.outputs; ++value) {
-    const double weight = std::exp(-sampler_.decay * static_cast<double>(value / shape_.outputs));
+    const std::size_t step = value / shape_.outputs;
+    const double weight = std::exp(-sampler_.decay * static_cast<double>(step));
     sum += weight * std::abs(static_cast<double>(x[value]) - static_cast<double>(path[value]));
   }
   return sum;
