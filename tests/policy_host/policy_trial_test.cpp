@@ -14,14 +14,6 @@
 
 #include "tests/policy_host/installed_onnx_runtime.hpp"
 
-// ONNX Runtime keeps some bytes of its own for ever; of ours nothing is excused.
-#if defined(__SANITIZE_ADDRESS__)
-extern "C" const char* __lsan_default_suppressions();   // NOLINT(bugprone-reserved-identifier): the sanitizer's name
-extern "C" const char* __lsan_default_suppressions() {  // NOLINT(bugprone-reserved-identifier)
-  return "leak:libonnxruntime.so";
-}
-#endif
-
 namespace takt::policy_host {
 namespace {
 
