@@ -40,7 +40,9 @@ void VelocityFit::begin(MonoTime at, double q, double dq) {
 void VelocityFit::take(MonoTime received_at, double q, double dq) {
   if (!received_at.is_set() || received_at <= last_at_) return;
   if (!first_at_.is_set() || received_at - last_at_ > kLongestGap) return begin(received_at, q, dq);
-  integral_ += (dq + last_dq_) / 2 * (received_at - last_at_).seconds();
+  const Duration gap = received_at - last_at_;
+  integral_ += (dq + last_dq_) / 2 * gap.seconds();
+  if (gap > kUsualGap) unseen_ += std::abs(dq - last_dq_) / 2 * gap.seconds();
   low_q_ = std::min(low_q_, q);
   high_q_ = std::max(high_q_, q);
   fastest_ = std::max(fastest_, std::abs(dq));
@@ -79,11 +81,15 @@ VelocityScale VelocityFit::judge() const {
     return found;
   }
   const double scale = (tt * iq - ti * tq) / determinant;
-  const double mean_speed = moved / std::max(std::abs(scale), 1e-9) / (last_at_ - first_at_).seconds();
-  found.uncertainty = step_ / 2 / std::max(mean_speed, fastest_ / 2);
+  const double integrated = moved / std::max(std::abs(scale), 1e-9);
+  const double mean_speed = integrated / (last_at_ - first_at_).seconds();
+  const double by_steps = step_ / 2 / std::max(mean_speed, fastest_ / 2), by_gaps = unseen_ / integrated;
+  found.uncertainty = by_steps + by_gaps;
   if (found.uncertainty > kWorstKnown) {
-    found.sentence =
-        "the velocity's scale is not judged: it comes in steps of " + decimal(step_, 3) + " rad/s: jog faster";
+    found.sentence = by_steps > by_gaps ? "the velocity's scale is not judged: it comes in steps of " +
+                                              decimal(step_, 3) + " rad/s: jog faster"
+                                        : "the velocity's scale is not judged: readings are missing while it changed: "
+                                          "jog again, on a quieter computer";
     return found;
   }
   found.scale = scale;

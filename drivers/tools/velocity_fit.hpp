@@ -5,7 +5,8 @@
 // A scale of 1 is right. 9.55 is revolutions per minute taken for rad/s or the other way round, a gear's ratio is a
 // velocity of the motor's side, 45/50 a range that belongs to another drive. The offset takes up what a code without an
 // exact zero reports at rest. How far the scale is known follows from the steps in which the velocity comes, over the
-// speed that was reached. Units: rad, rad/s, joint side. Pure. Thread rule: one thread at a time.
+// speed that was reached, and from changes of the velocity between readings far apart, whose course nobody saw. Units:
+// rad, rad/s, joint side. Pure. Thread rule: one thread at a time.
 #pragma once
 
 #include <cstddef>
@@ -29,7 +30,9 @@ class VelocityFit {
   static constexpr double kTolerance = 0.03;    // share
   static constexpr double kLeastMotion = 0.02;  // rad
   static constexpr std::size_t kLeastReadings = 50;
-  static constexpr Duration kLongestGap = milliseconds(50);  // between two readings; a longer one begins anew
+  // Between two readings: within the first the velocity is taken to change evenly; one longer than the second begins
+  // anew.
+  static constexpr Duration kUsualGap = milliseconds(5), kLongestGap = milliseconds(50);
 
   // `step`: in which the velocity is reported, rad/s; 0: fine enough not to matter.
   explicit VelocityFit(double step) : step_(step) {}
@@ -44,7 +47,7 @@ class VelocityFit {
 
   MonoTime first_at_, last_at_;
   double first_q_ = 0, last_dq_ = 0, integral_ = 0;
-  double low_q_ = 0, high_q_ = 0, fastest_ = 0, step_;
+  double low_q_ = 0, high_q_ = 0, fastest_ = 0, unseen_ = 0, step_;
   double n_ = 0, t_ = 0, i_ = 0, q_ = 0, tt_ = 0, ti_ = 0, tq_ = 0, ii_ = 0, iq_ = 0;
 };
 

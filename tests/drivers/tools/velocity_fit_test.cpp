@@ -91,6 +91,23 @@ TEST(VelocityFit, TooLittleIsNotJudged) {
   EXPECT_EQ(empty.judge().verdict, Verdict::not_judged);
 }
 
+// Goal: a computer that paused while the joint sped up does not call the drive's velocity wrong. Method: readings of 30
+// ms are missing around the start and the end, where the integral is off by half of what the velocity changed by.
+TEST(VelocityFit, WhatNobodySawWidensWhatCountsAsRight) {
+  for (const int from : {172, 180, 190, 199}) {
+    const VelocityScale found =
+        judged({.by = 0.0524, .is_lost = [&](int reading) { return reading > from && reading < from + 30; }});
+    EXPECT_EQ(found.verdict, Verdict::right) << from << ": " << found.sentence;
+    const VelocityScale rpm = judged({.by = 0.0524,
+                                      .reported = [](double dq) { return 9.55 * dq; },
+                                      .is_lost = [&](int reading) { return reading > from && reading < from + 30; }});
+    EXPECT_EQ(rpm.verdict, Verdict::wrong) << from;
+  }
+  const VelocityScale blind =
+      judged({.by = 0.021, .speed = 0.35, .is_lost = [](int reading) { return reading % 45 > 1; }});
+  EXPECT_EQ(blind.verdict, Verdict::not_judged);
+}
+
 TEST(VelocityFit, AfterALongGapItBeginsAnew) {
   const VelocityScale found = judged({.by = 0.2,
                                       .reported = [](double dq) { return 2.5 * dq; },
