@@ -262,6 +262,48 @@ TEST(Candidate, SilentOnProbationGoesBackBeforeTheContractIsViolated) {
   EXPECT_NEAR(two.rig.out->record.joints[0].q_reference, 0.4F, 0.01F);
 }
 
+// Goal: while nothing is played the reference comes to rest on its own; the policy that takes over then goes on from
+// there, and from nowhere else. Method: a join that leaves a remainder, over which the target meets the path slowly.
+TEST(Candidate, WhatGoesBackAfterSilenceBeginsAtTheReference) {
+  TickConfig config = robot_on_probation();
+  config.join = {.kind = JoinKind::quintic, .over = milliseconds(60), .longest_delay = milliseconds(10)};
+  TwoHosts two(config);
+  two.start_candidate();
+  two.arm();
+  two.run(200);
+  two.swap();
+  two.run(300);
+  two.hosts[kCandidate].speaks = false;
+  ASSERT_GE(two.run_until(PolicyChange::back_for_age, 400), 0);
+  const JointRecord& joint = two.rig.out->record.joints[0];
+  const float remainder = two.rig.state->join.remainder[0].q;
+  EXPECT_NEAR(remainder, joint.q_reference - 0.4F, 0.01F);
+  EXPECT_GT(std::abs(remainder), 0.1F) << "it was on its way to the candidate's";
+}
+
+// Goal: what a candidate is refused for is told as the policy's is, and only as long as it is so. Method: nonsense, the
+// same answer twice, and sense again, while it runs beside.
+TEST(Candidate, IsRefusedAsThePolicyIs) {
+  TwoHosts two(robot_on_probation());
+  PolicyHost& candidate = two.hosts[kCandidate];
+  two.start_candidate();
+  two.arm();
+  two.run(200);
+  EXPECT_EQ(two.header().candidate.last_refusal, Arrival::none);
+  candidate.wants = std::numeric_limits<float>::quiet_NaN();
+  two.run(30);
+  EXPECT_EQ(two.header().candidate.last_refusal, Arrival::not_finite);
+  candidate.wants = -0.4F;
+  two.run(30);
+  EXPECT_EQ(two.header().candidate.last_refusal, Arrival::none);
+  --candidate.sequence;
+  two.run(20);
+  EXPECT_EQ(two.header().candidate.last_refusal, Arrival::repeated_sequence);
+  two.run(30);
+  EXPECT_EQ(two.header().candidate.last_refusal, Arrival::none);
+  EXPECT_EQ(two.rig.mode(), Mode::tracking);
+}
+
 TEST(Candidate, TalkingNonsenseOnProbationGoesBack) {
   TwoHosts two(robot_on_probation());
   two.start_candidate();

@@ -4,8 +4,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <vector>
 
+#include "drivers/protocol/drive_card.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "tests/drivers/protocol/cia402/cia402_frames.hpp"
 
@@ -337,6 +339,31 @@ TEST(Cia402Setup, TheModeIsWaitedFor) {
     other.setup.tick();
   }
   EXPECT_EQ(name_of(other.setup), "the drive's own settings differ from the robot file: object 6061:00");
+}
+
+// Goal: the card names the modes it knows, and shows any other as the number it is. Method: the drive's own answers;
+// modes 7 and 11 are next to those that have a name.
+TEST(Cia402Card, ShowsWhateverModeTheDriveTells) {
+  config::RobotConfig robot;
+  robot.joints.resize(1);
+  robot.joints[0].drive.protocol = config::DriveProtocol::cia402;
+  robot.joints[0].drive.id = 5;
+  robot.joints[0].drive.mode = config::Cia402Mode::cst;
+  DriveCard card(robot, 0);
+  struct Row {
+    std::uint32_t mode;
+    const char* value;
+    CardVerdict verdict;
+  };
+  for (const Row& row : {Row{7, "7", CardVerdict::differs}, Row{8, "8 (csp)", CardVerdict::differs},
+                         Row{10, "10 (cst)", CardVerdict::agrees}, Row{11, "11", CardVerdict::differs}}) {
+    EXPECT_TRUE(card.take(test::frame(0x585, {0x4F, 0x61, 0x60, 0, row.mode, 0, 0, 0})));
+    const std::vector<CardEntry> entries = card.entries();
+    const auto told = std::ranges::find(entries, CardItem::mode, &CardEntry::item);
+    ASSERT_NE(told, entries.end());
+    EXPECT_EQ(told->value, row.value);
+    EXPECT_EQ(told->verdict, row.verdict);
+  }
 }
 
 // Goal: 1 rad/s never becomes 68. Method: the unit that drives' manuals give for 60A9 (00B44700: rpm).

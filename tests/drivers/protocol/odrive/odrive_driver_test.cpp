@@ -41,7 +41,8 @@ float torque_of(const CanFrame& frame) {
 class Bench {
  public:
   explicit Bench(JointMapping mapping = {}, bool waived = true)
-      : driver({.node = kNode, .mapping = mapping, .watchdog_waived = waived}) {}
+      : Bench(OdriveDriveSettings{.node = kNode, .mapping = mapping, .watchdog_waived = waived}) {}
+  explicit Bench(const OdriveDriveSettings& settings) : driver(settings) {}
 
   CanFrame encode(bool enable, const DriveSetpoint& setpoint = {}) {
     std::array<CanFrame, kMaxFramesPerDrive> out;
@@ -206,6 +207,25 @@ TEST(OdriveDriver, AMissingHeartbeatIsAFault) {
   EXPECT_EQ(torque_of(bench.encode(true, kPush)), 0);
   bench.heartbeat(8);
   EXPECT_EQ(word(bench.encode(true, kPush)), "idle") << "until disabled";
+}
+
+// Goal: a drive that counts from wherever it was switched on is enabled on somebody's word of where it is, only while
+// it reads so, and no longer than it is heard. Method: a quarter turn is what it reads.
+TEST(OdriveDriver, SomebodysWordIsItsHomeUntilItFallsSilent) {
+  constexpr float kQuarterTurn = 1.5708F;
+  Bench bench({.node = kNode, .mapping = {}, .watchdog_waived = true, .home_mark = OdriveHomeMark{100, 50}});
+  const auto setup_fault = [&] {
+    bench.heartbeat(1);
+    bench.estimates();
+    return bench.driver.feedback().error_code;
+  };
+  EXPECT_EQ(setup_fault(), setup_fault_code(SetupFault::home_unknown));
+  bench.driver.assume_home(1.0F, 0.05F);
+  EXPECT_EQ(setup_fault(), setup_fault_code(SetupFault::home_unknown)) << "it reads another place";
+  bench.driver.assume_home(kQuarterTurn, 0.05F);
+  EXPECT_EQ(setup_fault(), 0U);
+  bench.now = bench.now + kOdriveHeartbeatTimeout;
+  EXPECT_EQ(setup_fault(), setup_fault_code(SetupFault::home_unknown)) << "it may have been switched off";
 }
 
 // Goal: a drive that the robot file knows by its firmware is not enabled on trust. Method: it is wanted from the first
