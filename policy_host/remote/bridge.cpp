@@ -18,6 +18,9 @@ namespace takt::policy_host::remote {
 namespace {
 
 constexpr char kProgram[] = "takt-policy-bridge";
+// What is added to observations or to samples crosses as well: dds/policy_types.idl, send() and Server::show().
+static_assert(sizeof(Observation) == 64 + 5 * sizeof(Positions) + sizeof(ImuSample));
+static_assert(kMaxJoints == 64 && kMaxSensorValues == 256);
 constexpr Duration kAttachRetry = milliseconds(200);
 constexpr Duration kLongestWait = milliseconds(100);  // it may be told to end meanwhile
 constexpr Duration kReportPeriod = seconds(10);
@@ -238,6 +241,7 @@ void Bridge::send(const Observation& observation, const Shown& shown) {
   refer(message.dq, observation.dq.at.data(), joints);
   refer(message.tau, observation.tau.at.data(), joints);
   refer(message.q_setpoint, observation.q_setpoint.at.data(), joints);
+  refer(message.dq_of_drive, observation.dq_of_drive.at.data(), joints);
   message.imu_sequence = observation.imu.sequence;
   message.imu_age_ns = has_imu ? (now - observation.imu.sensed_at).ns : 0;
   refer(message.imu, imu.data(), has_imu ? imu.size() : 0);

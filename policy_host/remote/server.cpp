@@ -104,8 +104,9 @@ std::uint64_t Server::id_here(const takt_remote_Observation& message) {
 
 void Server::take_observation(const takt_remote_Observation& message) {
   const MonoTime now = monotonic_now();
-  const bool fits = message.q._length == robot_.joints.size() && message.dq._length == message.q._length &&
-                    message.tau._length == message.q._length && message.q_setpoint._length == message.q._length &&
+  const std::size_t joints = robot_.joints.size();
+  const bool fits = message.q._length == joints && message.dq._length == joints && message.tau._length == joints &&
+                    message.q_setpoint._length == joints && message.dq_of_drive._length == joints &&
                     (message.imu._length == 0 || message.imu._length == kImuValues);
   const bool has_sense = message.id != 0 && message.age_ns >= 0 && message.oldest_age_ns >= message.age_ns &&
                          message.imu_age_ns >= 0 && message.period_ns > 0 && message.mode < kModeCount;
@@ -143,6 +144,7 @@ void Server::show(const takt_remote_Observation& message, MonoTime arrived_at) {
   std::copy_n(message.dq._buffer, message.q._length, observation.dq.at.begin());
   std::copy_n(message.tau._buffer, message.q._length, observation.tau.at.begin());
   std::copy_n(message.q_setpoint._buffer, message.q._length, observation.q_setpoint.at.begin());
+  std::copy_n(message.dq_of_drive._buffer, message.q._length, observation.dq_of_drive.at.begin());
   if (message.imu_sequence != 0 && message.imu._length == kImuValues) {
     observation.imu.sequence = message.imu_sequence;
     observation.imu.sensed_at = before(message.imu_age_ns);
@@ -161,6 +163,12 @@ void Server::answer() {
   const Arrived& answered = arrived_[header.observation_id % arrived_.size()];
   if (header.observation_id == 0 || answered.id != header.observation_id) return;
   if (answered.id == newest_id_) unanswered_since_ = {};
+  if (header.assumes != 0) {
+    speculates_.say(monotonic_now(),
+                    "the policy speculates (policy.speculation): such answers stay here, for their "
+                    "instants mean nothing to the robot; publish without an assumption");
+    return;
+  }
   const std::uint64_t sequence = ++sequence_;
   sent_[sequence % sent_.size()] = {sequence, seat_->session(), header.sequence};
   takt_remote_Command message{};

@@ -72,7 +72,7 @@ class Server {
   CommandChunk chunk_;
   MonoTime unanswered_since_, reported_;
   std::uint64_t shown_ = 0, incomplete_ = 0, answered_ = 0;
-  Notice other_robot_;
+  Notice other_robot_, speculates_;
 };
 
 }  // namespace takt::policy_host::remote

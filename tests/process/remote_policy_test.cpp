@@ -92,6 +92,11 @@ class Camera {
   std::vector<MonoTime> stamps_;  // guarded
 };
 
+// What the robot's joint j is observed to be in one of the observation's vectors.
+float observed(int vector, std::size_t joint) {
+  return 0.01F * static_cast<float>(10 * vector + static_cast<int>(joint) + 1);
+}
+
 // The robot's side: an executive that publishes an observation every 20 ms, and the judge of what comes.
 class Robot {
  public:
@@ -133,6 +138,13 @@ class Robot {
       observation.period = kPeriod;
       observation.joint_count = joints_;
       observation.mode = static_cast<std::uint8_t>(Mode::tracking);
+      for (std::size_t j = 0; j < joints_; ++j) {
+        observation.q[j] = observed(TAKT_TERM_Q, j);
+        observation.dq[j] = observed(TAKT_TERM_DQ, j);
+        observation.tau[j] = observed(TAKT_TERM_TAU, j);
+        observation.q_setpoint[j] = observed(TAKT_TERM_Q_SETPOINT, j);
+        observation.dq_of_drive[j] = observed(TAKT_TERM_DQ_OF_DRIVE, j);
+      }
       observed_[id] = observation.published_at;
       executive_.publish(observation);
       shown_ = id;
@@ -375,73 +387,152 @@ TEST_F(RemotePolicy, TwoRobotsOfOneMachineAreServedApart) {
   EXPECT_TRUE(moves_on()) << logs();
 }
 
-// A policy that sees a camera of the robot's, through the C library.
-class RemoteImages : public RemotePolicy {
+// A policy through the C library, on the other machine.
+class RemoteClient : public RemotePolicy {
  protected:
-  static constexpr std::uint32_t kHeight = 480, kWidth = 640, kChannels = 3;
+  void TearDown() override {
+    takt_policy_close(policy_);
+    RemotePolicy::TearDown();
+  }
+  // The robot file's target of three values comes after `terms`.
+  void attach(std::vector<takt_term> terms) {
+    terms.push_back({TAKT_TERM_STREAM, 3, "target"});
+    const std::string far = temporary_.path("far"), file = robot_file();
+    std::filesystem::create_directories(far);
+    server_.emplace(network_->start(1, {"takt-policy-server", "--robot", file, "--runtime-dir", far}, log("far")));
+    takt_policy_spec spec{};
+    spec.size = sizeof spec;
+    spec.term_count = static_cast<std::uint32_t>(terms.size());
+    spec.terms = terms.data();
+    spec.robot_file = file.c_str();
+    spec.runtime_directory = far.c_str();
+    spec.program = "remote_policy_test";
+    spec.step = "10 ms";
+    spec.steps = 16;
+    std::array<char, 512> why{};
+    ASSERT_EQ(takt_policy_open(&spec, &policy_, why.data(), why.size()), TAKT_OK) << why.data();
+  }
+  void publish(const takt_assumption* assumes = nullptr) {
+    const std::vector<float> q(std::size_t{16} * 6, 0.1F);
+    takt_chunk chunk{};
+    chunk.size = sizeof chunk;
+    chunk.q = q.data();
+    chunk.assumes = assumes;
+    EXPECT_EQ(takt_policy_publish(policy_, &chunk), TAKT_OK) << takt_policy_sentence(policy_);
+  }
+
+  std::optional<Child> server_;
+  takt_policy* policy_ = nullptr;
+};
+
+// Every vector of the observation has values of its own there; none is left at zero.
+TEST_F(RemoteClient, IsShownEveryVectorOfAnObservation) {
+  const std::array<takt_term, 5> terms{{{TAKT_TERM_Q, 0, nullptr},
+                                        {TAKT_TERM_DQ, 0, nullptr},
+                                        {TAKT_TERM_TAU, 0, nullptr},
+                                        {TAKT_TERM_Q_SETPOINT, 0, nullptr},
+                                        {TAKT_TERM_DQ_OF_DRIVE, 0, nullptr}}};
+  ASSERT_NO_FATAL_FAILURE(attach({terms.begin(), terms.end()}));
+  ASSERT_TRUE(until([&] { return takt_policy_next(policy_, 100'000'000) == TAKT_OK; })) << logs();
+  const takt_observation& observation = *takt_policy_observation(policy_);
+  for (std::size_t term = 0; term < terms.size(); ++term)
+    for (std::size_t j = 0; j < 6; ++j)
+      EXPECT_EQ(observation.values[6 * term + j], observed(static_cast<int>(terms[term].kind), j))
+          << "term " << term << " joint " << j;
+}
+
+// An answer for a state that is not there yet would be played at once, were its assumption lost on the way.
+class RemoteSpeculation : public RemoteClient {
+ protected:
+  [[nodiscard]] std::string robot_text() const override {
+    return replaced(RemotePolicy::robot_text(), "  steps: 16\n",
+                    "  steps: 16\n  speculation: { position: 0.05 rad, velocity: 0.5 rad/s }\n");
+  }
+};
+
+TEST_F(RemoteSpeculation, StaysThereAndIsSaid) {
+  ASSERT_NO_FATAL_FAILURE(attach({{TAKT_TERM_Q, 0, nullptr}}));
+  const std::array<float, 6> q{};
+  int answers = 0;
+  EXPECT_TRUE(until([&] {
+    if (takt_policy_next(policy_, 100'000'000) != TAKT_OK) return false;
+    const takt_assumption assumes{sizeof assumes, 0, monotonic_now().ns + 100'000'000, q.data(), nullptr};
+    publish(&assumes);
+    return ++answers == 20;
+  })) << takt_policy_sentence(policy_)
+      << '\n'
+      << logs();
+  EXPECT_TRUE(is_said("far", "the policy speculates")) << logs();
+  EXPECT_EQ(robot_->commands(), 0U) << logs();
+  EXPECT_TRUE(until([&] {
+    if (takt_policy_next(policy_, 100'000'000) == TAKT_OK) publish();
+    return robot_->commands() > 10;
+  })) << logs();
+}
+
+// A sensor as wide as they come, and a camera.
+class RemoteImages : public RemoteClient {
+ protected:
+  static constexpr std::uint32_t kHeight = 480, kWidth = 640, kChannels = 3, kScan = 256;
   [[nodiscard]] std::string robot_text() const override {
     std::string text =
         replaced(RemotePolicy::robot_text(), "\nsensors:\n",
-                 "\nsensors:\n  - { name: cam0, image: { height: 480, width: 640, channels: 3 }, timeout: 5 s }\n");
-    text.insert(text.find('\n', text.find("\n  observation:") + 1) + 1, "    - { term: sensor, sensor: cam0 }\n");
+                 "\nsensors:\n  - { name: cam0, image: { height: 480, width: 640, channels: 3 }, timeout: 5 s }\n"
+                 "  - { name: scan, values: 256, timeout: 5 s }\n");
+    text.insert(text.find('\n', text.find("\n  observation:") + 1) + 1,
+                "    - { term: sensor, sensor: cam0 }\n    - { term: sensor, sensor: scan }\n");
     return text;
   }
   // A picture of number `n`, every byte of which says so.
   static std::uint8_t pixel(std::uint8_t n, std::size_t i) { return static_cast<std::uint8_t>(n + 7 * i); }
-  void film(const std::stop_token& stop) {
-    takt_sensor_spec spec{};
-    spec.size = sizeof spec;
-    spec.type = TAKT_UINT8;
+  takt_sensor* open(takt_sensor_spec spec) const {
     const std::string file = robot_file(), runtime = directory();
+    spec.size = sizeof spec;
     spec.robot_file = file.c_str();
     spec.runtime_directory = runtime.c_str();
-    spec.name = "cam0";
-    spec.height = kHeight;
-    spec.width = kWidth;
-    spec.channels = kChannels;
     takt_sensor* sensor = nullptr;
     std::array<char, 512> why{};
-    ASSERT_EQ(takt_sensor_open(&spec, &sensor, why.data(), why.size()), TAKT_OK) << why.data();
+    EXPECT_EQ(takt_sensor_open(&spec, &sensor, why.data(), why.size()), TAKT_OK) << why.data();
+    return sensor;
+  }
+  void film(const std::stop_token& stop) {
+    takt_sensor_spec camera{}, scanner{};
+    camera.name = "cam0";
+    camera.type = TAKT_UINT8;
+    camera.height = kHeight;
+    camera.width = kWidth;
+    camera.channels = kChannels;
+    scanner.name = "scan";
+    scanner.type = TAKT_FLOAT32;
+    scanner.values = kScan;
+    takt_sensor *const cam0 = open(camera), *const scan = open(scanner);
+    ASSERT_TRUE(cam0 != nullptr && scan != nullptr);
     for (std::uint8_t n = 0; !stop.stop_requested(); ++n) {
-      auto* const pixels = static_cast<std::uint8_t*>(takt_sensor_values(sensor));
+      auto* const pixels = static_cast<std::uint8_t*>(takt_sensor_values(cam0));
       for (std::size_t i = 0; i < std::size_t{kHeight} * kWidth * kChannels; ++i) pixels[i] = pixel(n, i);
+      auto* const heights = static_cast<float*>(takt_sensor_values(scan));
+      for (std::size_t i = 0; i < kScan; ++i) heights[i] = static_cast<float>(i);
       const MonoTime sensed = monotonic_now() - milliseconds(5);
       camera_->remember(sensed);
-      EXPECT_EQ(takt_sensor_publish(sensor, sensed.ns), TAKT_OK);
+      EXPECT_EQ(takt_sensor_publish(cam0, sensed.ns), TAKT_OK);
+      EXPECT_EQ(takt_sensor_publish(scan, sensed.ns), TAKT_OK);
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
     }
-    takt_sensor_close(sensor);
+    takt_sensor_close(cam0);
+    takt_sensor_close(scan);
   }
 };
 
 TEST_F(RemoteImages, CrossWholeWithTheAgeThatTheyHave) {
   const std::jthread filming([this](const std::stop_token& stop) { film(stop); });
-  const std::string far = temporary_.path("far");
-  std::filesystem::create_directories(far);
-  const Child server =
-      network_->start(1, {"takt-policy-server", "--robot", robot_file(), "--runtime-dir", far}, log("far"));
+  ASSERT_NO_FATAL_FAILURE(
+      attach({{TAKT_TERM_Q, 0, nullptr}, {TAKT_TERM_STREAM, kScan, "scan"}, {TAKT_TERM_IMAGE, 0, "cam0"}}));
   network_->set({.delay = milliseconds(2), .jitter = milliseconds(2), .loss = 0.01, .twice = 0.01});
-
-  const std::array<takt_term, 3> terms{
-      {{TAKT_TERM_Q, 0, nullptr}, {TAKT_TERM_STREAM, 3, "target"}, {TAKT_TERM_IMAGE, 0, "cam0"}}};
-  takt_policy_spec spec{};
-  spec.size = sizeof spec;
-  spec.term_count = terms.size();
-  spec.terms = terms.data();
-  const std::string file = robot_file();
-  spec.robot_file = file.c_str();
-  spec.runtime_directory = far.c_str();
-  spec.program = "remote_policy_test";
-  spec.step = "10 ms";
-  spec.steps = 16;
-  takt_policy* policy = nullptr;
-  std::array<char, 512> why{};
-  ASSERT_EQ(takt_policy_open(&spec, &policy, why.data(), why.size()), TAKT_OK) << why.data();
   std::set<std::uint8_t> pictures;
-  const std::vector<float> q(std::size_t{16} * 6, 0.1F);
   EXPECT_TRUE(until([&] {
-    if (takt_policy_next(policy, 100'000'000) != TAKT_OK) return false;
-    const takt_observation& observation = *takt_policy_observation(policy);
+    if (takt_policy_next(policy_, 100'000'000) != TAKT_OK) return false;
+    const takt_observation& observation = *takt_policy_observation(policy_);
+    for (std::size_t i = 0; i < kScan; ++i) EXPECT_EQ(observation.values[6 + i], static_cast<float>(i));
     const std::uint8_t* const seen = observation.images[0];
     for (std::size_t i = 0; i < std::size_t{kHeight} * kWidth * kChannels; ++i)
       if (seen[i] != pixel(seen[0], i)) {
@@ -449,15 +540,11 @@ TEST_F(RemoteImages, CrossWholeWithTheAgeThatTheyHave) {
         return true;
       }
     pictures.insert(seen[0]);
-    takt_chunk chunk{};
-    chunk.size = sizeof chunk;
-    chunk.q = q.data();
-    EXPECT_EQ(takt_policy_publish(policy, &chunk), TAKT_OK) << takt_policy_sentence(policy);
+    publish();
     return pictures.size() >= 10 && robot_->commands() >= 10;
   })) << pictures.size()
-      << " pictures; " << takt_policy_sentence(policy) << '\n'
+      << " pictures; " << takt_policy_sentence(policy_) << '\n'
       << logs();
-  takt_policy_close(policy);
 }
 
 }  // namespace
