@@ -44,10 +44,20 @@ std::string line_of(const std::exception& thrown) {
   return text.substr(0, text.find('\n'));
 }
 
+torch::jit::Module load(const std::string& file) {
+  try {
+    return torch::jit::load(file, torch::kCPU);
+  } catch (const c10::Error& error) {
+    throw std::runtime_error(
+        fmt::format("{}: is no TorchScript file ({}); write one with torch.jit.save, or name another policy.engine",
+                    file, line_of(error)));
+  }
+}
+
 class Network : public takt_engine_network {
  public:
   explicit Network(const takt_engine_setup& setup)
-      : takt_engine_network{}, file_(setup.file), module_(torch::jit::load(setup.file, torch::kCPU)) {
+      : takt_engine_network{}, file_(setup.file), module_(load(setup.file)) {
     module_.eval();
     take_arguments(setup);
     try_out();

@@ -134,9 +134,9 @@ const std::vector<Spoilt> kSpoilt{
     {"physics that diverged",
      [](auto& s) {
        s.outcome = TAKT_WORLD_UNABLE;
-       std::memset(s.reason, 'x', sizeof s.reason);
+       std::memset(s.reason, '!', sizeof s.reason);  // no end
      },
-     WorldEndKind::unable, "cannot go on: xxx"},
+     WorldEndKind::unable, "cannot go on: !!!"},
 };
 
 TEST(WorldLink, WhatCannotBeIsANamedEndForGood) {
