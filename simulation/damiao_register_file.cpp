@@ -29,17 +29,18 @@ std::uint32_t bit_rate_code(std::uint32_t bits_per_s) {
 
 }  // namespace
 
-DamiaoRegisterFile::DamiaoRegisterFile(const config::Drive& drive, Duration watchdog)
-    : present_{{kTimeout, static_cast<std::uint32_t>(watchdog.ns / kTimeoutUnit_ns)},
-               {kControlMode, kMitMode},
-               {kHardware, 21},
-               {kFirmware, number_or(drive.firmware, 5013)},
-               {kSerialNumber, number_or(drive.identity, 70'000 + drive.id)},
-               {kPositionMax, float_bits(drive.position_range)},
-               {kVelocityMax, float_bits(drive.velocity_range)},
-               {kTorqueMax, float_bits(drive.torque_range)},
-               {kBitRate, bit_rate_code(drive.fd_bitrate)}},
-      stored_(present_) {}
+DamiaoRegisterFile::DamiaoRegisterFile(const config::Drive& drive, Duration watchdog) {
+  present_[kTimeout] = static_cast<std::uint32_t>(watchdog.ns / kTimeoutUnit_ns);
+  present_[kControlMode] = kMitMode;
+  present_[kHardware] = 21;
+  present_[kFirmware] = number_or(drive.firmware, 5013);
+  present_[kSerialNumber] = number_or(drive.identity, 70'000 + drive.id);
+  present_[kPositionMax] = float_bits(drive.position_range);
+  present_[kVelocityMax] = float_bits(drive.velocity_range);
+  present_[kTorqueMax] = float_bits(drive.torque_range);
+  present_[kBitRate] = bit_rate_code(drive.fd_bitrate);
+  stored_ = present_;
+}
 
 bool DamiaoRegisterFile::serve(std::span<const std::uint8_t, 8> order, bool enabled,
                                std::span<std::uint8_t, 8> answer) {
@@ -49,14 +50,15 @@ bool DamiaoRegisterFile::serve(std::span<const std::uint8_t, 8> order, bool enab
     if (!enabled) stored_ = present_;
     return !enabled;
   }
-  const auto found = present_.find(order[3]);
-  if (found == present_.end() || (operation != kRead && operation != kWrite)) return false;
+  const std::size_t number = order[3];
+  if (number >= present_.size() || !present_[number] || (operation != kRead && operation != kWrite)) return false;
+  std::uint32_t& word = *present_[number];
   if (operation == kWrite) {
     if (enabled) return false;
-    found->second = 0;
-    for (std::size_t i = 0; i < 4; ++i) found->second += std::uint32_t{order[4 + i]} << 8 * i;
+    word = 0;
+    for (std::size_t i = 0; i < 4; ++i) word += std::uint32_t{order[4 + i]} << 8 * i;
   }
-  for (std::size_t i = 0; i < 4; ++i) answer[4 + i] = static_cast<std::uint8_t>(found->second >> 8 * i & 0xFFU);
+  for (std::size_t i = 0; i < 4; ++i) answer[4 + i] = static_cast<std::uint8_t>(word >> 8 * i & 0xFFU);
   return true;
 }
 

@@ -7,8 +7,9 @@
 // dm_motor_constants.hpp (read, write, refresh, numbers); the store operation is the maker's.
 #pragma once
 
+#include <array>
 #include <cstdint>
-#include <map>
+#include <optional>
 #include <span>
 
 #include "config/robot_config.hpp"
@@ -35,13 +36,15 @@ class DamiaoRegisterFile {
   bool serve(std::span<const std::uint8_t, 8> order, bool enabled, std::span<std::uint8_t, 8> answer);
   // Supply off and on.
   void restart() { present_ = stored_; }
-  [[nodiscard]] std::uint32_t word(std::uint8_t number) const { return present_.at(number); }
+  [[nodiscard]] std::uint32_t word(std::uint8_t number) const { return present_.at(number).value(); }
   [[nodiscard]] MitSpans spans() const;
   // Zero: off.
   [[nodiscard]] Duration watchdog() const;
 
  private:
-  std::map<std::uint8_t, std::uint32_t> present_, stored_;
+  using Registers = std::array<std::optional<std::uint32_t>, kBitRate + 1>;  // by number; empty: no such register
+
+  Registers present_, stored_;
 };
 
 }  // namespace takt::plant

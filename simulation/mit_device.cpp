@@ -7,10 +7,15 @@
 namespace takt::plant {
 namespace {
 
-// Bits [from, from + count) of eight bytes, counted from the first byte's most significant bit.
-std::uint64_t bits(const std::uint8_t* data, unsigned from, unsigned count) {
+// Eight bytes, the first one the most significant.
+std::uint64_t word_of(const std::uint8_t* data) {
   std::uint64_t word = 0;
   for (unsigned i = 0; i < 8; ++i) word |= std::uint64_t{data[i]} << (56 - 8 * i);
+  return word;
+}
+
+// Bits [from, from + count), counted from the most significant one.
+std::uint64_t bits(std::uint64_t word, unsigned from, unsigned count) {
   return word << from >> (64 - count);
 }
 
@@ -76,13 +81,14 @@ bool MitDevice::is_silent_for_too_long(MonoTime now) const {
 
 void MitDevice::obey(const drivers::CanFrame& frame, MonoTime now) {
   constexpr std::uint64_t kSevenFf = 0xFF'FFFF'FFFF'FFFF;
+  const std::uint64_t word = word_of(frame.data);
   const std::uint8_t last = frame.data[7];
-  if (bits(frame.data, 0, 56) == kSevenFf && last >= 0xFB && last <= 0xFE) {
+  if (bits(word, 0, 56) == kSevenFf && last >= 0xFB && last <= 0xFE) {
     obey_special(last, now);
     return;
   }
   if (!obeys_motion()) return;
-  command_ = unpack(frame.data);
+  command_ = unpack(word);
   commanded_at_ = now;
 }
 
@@ -109,13 +115,13 @@ void MitDevice::obey_special(std::uint8_t code, MonoTime now) {
   }
 }
 
-MitDevice::Command MitDevice::unpack(const std::uint8_t* data) const {
+MitDevice::Command MitDevice::unpack(std::uint64_t word) const {
   const MitSpans spans = registers_.spans();
-  return {.p = spread(bits(data, 0, 16), 16, -spans.position, spans.position),
-          .v = spread(bits(data, 16, 12), 12, -spans.velocity, spans.velocity),
-          .kp = spread(bits(data, 28, 12), 12, 0, drive_.kp_range),
-          .kd = spread(bits(data, 40, 12), 12, 0, drive_.kd_range),
-          .t = spread(bits(data, 52, 12), 12, -spans.torque, spans.torque)};
+  return {.p = spread(bits(word, 0, 16), 16, -spans.position, spans.position),
+          .v = spread(bits(word, 16, 12), 12, -spans.velocity, spans.velocity),
+          .kp = spread(bits(word, 28, 12), 12, 0, drive_.kp_range),
+          .kd = spread(bits(word, 40, 12), 12, 0, drive_.kd_range),
+          .t = spread(bits(word, 52, 12), 12, -spans.torque, spans.torque)};
 }
 
 double MitDevice::update(MotorReading reading, MonoTime now, Duration step, Frames& /*out*/) {

@@ -30,7 +30,7 @@ class MitDevice final : public Device {
   void forget_steps(double position);
   void obey(const drivers::CanFrame& frame, MonoTime now);
   void obey_special(std::uint8_t code, MonoTime now);
-  [[nodiscard]] Command unpack(const std::uint8_t* data) const;
+  [[nodiscard]] Command unpack(std::uint64_t word) const;
   void answer_register(const drivers::CanFrame& frame, Frames& out);
   [[nodiscard]] bool obeys_motion() const;
   [[nodiscard]] bool is_silent_for_too_long(MonoTime now) const;

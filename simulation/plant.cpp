@@ -1,5 +1,6 @@
 #include "simulation/plant.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -47,7 +48,10 @@ Plant::Plant(const config::Simulation& simulation, std::vector<PlantJoint> joint
   const auto count = index(joints_.size());
   state_ = {Eigen::VectorXd::Zero(count), Eigen::VectorXd::Zero(count)};
   for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
-    state_.q[index(joint)] = joints_[joint].settings.home;
+    const config::Joint& settings = joints_[joint].settings;
+    state_.q[index(joint)] = settings.home;
+    on_bus_.resize(std::max(on_bus_.size(), settings.bus + 1));
+    on_bus_[settings.bus].push_back(joint);
     update_drive(joint, Duration{0});
   }
   const Duration step = simulation_.step;
@@ -57,10 +61,13 @@ Plant::Plant(const config::Simulation& simulation, std::vector<PlantJoint> joint
 
 bool Plant::receive(std::size_t bus, const drivers::CanFrame& frame, Frames& answers) {
   bool answered = false;
-  for (PlantJoint& joint : joints_) {
-    if (joint.settings.bus != bus || joint.replies.faults().deaf) continue;
+  if (bus >= on_bus_.size()) return false;
+  for (const std::size_t hearer : on_bus_[bus]) {
+    PlantJoint& joint = joints_[hearer];
+    if (joint.replies.faults().deaf) continue;
     said_.clear();
     joint.device->receive(frame, now_, said_);
+    if (said_.empty() && joint.replies.is_empty()) continue;
     answered |= !said_.empty();
     joint.replies.take(said_, now_);
     joint.replies.deliver(now_, answers);
@@ -69,8 +76,8 @@ bool Plant::receive(std::size_t bus, const drivers::CanFrame& frame, Frames& ans
 }
 
 void Plant::collect(std::size_t bus, Frames& said) {
-  for (PlantJoint& joint : joints_)
-    if (joint.settings.bus == bus) joint.replies.deliver(now_, said);
+  if (bus >= on_bus_.size()) return;
+  for (const std::size_t joint : on_bus_[bus]) joints_[joint].replies.deliver(now_, said);
 }
 
 MotorReading Plant::read_encoder(std::size_t joint) const {

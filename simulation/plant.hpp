@@ -58,6 +58,7 @@ class Plant {
 
   config::Simulation simulation_;
   std::vector<PlantJoint> joints_;
+  std::vector<std::vector<std::size_t>> on_bus_;  // the joints of each bus
   std::unique_ptr<Dynamics> dynamics_;
   Frames said_;  // work space
   ArmState state_;

@@ -1,5 +1,7 @@
 #include "simulation/reply_path.hpp"
 
+#include <algorithm>
+
 #include "simulation/chance.hpp"
 
 namespace takt::plant {
@@ -17,10 +19,9 @@ void ReplyPath::take(const Frames& said, MonoTime now) {
 }
 
 void ReplyPath::deliver(MonoTime now, Frames& arrived) {
-  while (!on_the_way_.empty() && on_the_way_.front().due <= now) {
-    arrived.push_back(on_the_way_.front().frame);
-    on_the_way_.pop_front();
-  }
+  const auto rest = std::ranges::find_if(on_the_way_, [now](const OnTheWay& one) { return one.due > now; });
+  for (auto one = on_the_way_.begin(); one != rest; ++one) arrived.push_back(one->frame);
+  on_the_way_.erase(on_the_way_.begin(), rest);
 }
 
 }  // namespace takt::plant

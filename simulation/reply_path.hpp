@@ -3,8 +3,8 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <random>
+#include <vector>
 
 #include "executive/contract/mono_time.hpp"
 #include "simulation/device.hpp"
@@ -28,6 +28,7 @@ class ReplyPath {
   explicit ReplyPath(std::uint64_t seed) : random_(seed) {}
   void set(const LineFaults& faults) { faults_ = faults; }
   [[nodiscard]] const LineFaults& faults() const { return faults_; }
+  [[nodiscard]] bool is_empty() const { return on_the_way_.empty(); }
   // What the drive says now.
   void take(const Frames& said, MonoTime now);
   // Appends what has arrived by now. What was on its way when a fault began or ended still arrives, in the order it
@@ -43,7 +44,7 @@ class ReplyPath {
 
   LineFaults faults_;
   std::mt19937_64 random_;
-  std::deque<OnTheWay> on_the_way_;  // in the order said: who is due waits for those before
+  std::vector<OnTheWay> on_the_way_;  // in the order said: who is due waits for those before
 };
 
 }  // namespace takt::plant
