@@ -15,13 +15,13 @@ MonoTime delivery_of(MonoTime published_at, const SensorFaults& faults) {
 
 }  // namespace
 
-void SensorPath::take(SensorSample sample, const SensorFaults& faults) {
+void SensorPath::take(const SensorSample& sample, const SensorFaults& faults) {
   if (happens(faults.drop, losses_)) return;
+  SensorSample& held = held_.emplace_back(sample, delivery_of(sample.published_at, faults)).sample;
   if (faults.frozen && before_freeze_.sequence != 0)
-    std::ranges::copy(before_freeze_.values, sample.values);
+    std::ranges::copy(before_freeze_.values, held.values);
   else
     before_freeze_ = sample;
-  held_.push_back({sample, delivery_of(sample.published_at, faults)});
 }
 
 std::optional<SensorSample> SensorPath::deliver(MonoTime now) {

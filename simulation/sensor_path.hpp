@@ -22,7 +22,7 @@ class SensorPath {
  public:
   explicit SensorPath(std::uint64_t seed) : losses_(seed) {}  // the seed as it is
 
-  void take(SensorSample sample, const SensorFaults& faults);
+  void take(const SensorSample& sample, const SensorFaults& faults);
   // The oldest that has arrived by `now` and was not returned yet.
   std::optional<SensorSample> deliver(MonoTime now);
 

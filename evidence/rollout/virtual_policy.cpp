@@ -31,13 +31,6 @@ Duration scaled(Duration duration, double factor) {
   return {std::llround(static_cast<double>(duration.ns) * factor)};
 }
 
-std::unique_ptr<CommandChunk> copy_of(const CommandChunk& chunk) {
-  auto copy = std::make_unique<CommandChunk>();
-  copy->header = chunk.header;
-  std::copy_n(chunk.values, chunk.value_count(), copy->values);
-  return copy;
-}
-
 }  // namespace
 
 VirtualPolicy::VirtualPolicy(const config::RobotConfig& robot, std::uint64_t policy_hash, policy_host::Policy& policy,
@@ -104,12 +97,9 @@ MonoTime VirtualPolicy::end_of(MonoTime start, Duration work) const {
 
 VirtualPolicy::Waiting VirtualPolicy::next(MonoTime ready) {
   const bool queue = disturbance_.dose(Trouble::queue_growth, ready) > 0;
+  while (!queue && waiting_.size() > 1 && waiting_[1].readable_at <= ready) waiting_.pop_front();
   Waiting taken = std::move(waiting_.front());
   waiting_.pop_front();
-  while (!queue && !waiting_.empty() && waiting_.front().readable_at <= ready) {
-    taken = std::move(waiting_.front());
-    waiting_.pop_front();
-  }
   return taken;
 }
 
@@ -194,6 +184,13 @@ void VirtualPolicy::ask(const Waiting& waiting, MonoTime dequeued_at) {
   drift(one.request);
 }
 
+std::unique_ptr<CommandChunk> VirtualPolicy::copy_of(const CommandChunk& chunk) {
+  std::unique_ptr<CommandChunk> copy = spare_ ? std::move(spare_) : std::make_unique<CommandChunk>();
+  copy->header = chunk.header;
+  std::copy_n(chunk.values, chunk.value_count(), copy->values);
+  return copy;
+}
+
 void VirtualPolicy::publish_next() {
   const auto first = std::ranges::min_element(in_flight_, {}, &InFlight::published);
   InFlight one = std::move(*first);
@@ -214,6 +211,7 @@ void VirtualPolicy::publish_next() {
 const ArrivedCommand* VirtualPolicy::read(MonoTime now) {
   bool fresh = false;
   while (!sent_.empty() && sent_.front().arrives_at <= now) {
+    if (newest_.chunk) spare_ = std::move(newest_.chunk);
     newest_ = std::move(sent_.front());
     sent_.pop_front();
     fresh = true;

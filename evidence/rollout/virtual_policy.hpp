@@ -86,6 +86,7 @@ class VirtualPolicy {
   void ask(const Waiting& waiting, MonoTime dequeued_at);
   [[nodiscard]] Duration inference_time(Random& draw, MonoTime started);
   void publish_next();
+  [[nodiscard]] std::unique_ptr<CommandChunk> copy_of(const CommandChunk& chunk);
   void spoil(CommandChunk& chunk, Random& draw, MonoTime at) const;
   void drift(policy_host::Request& request) const;
   [[nodiscard]] bool is_dead(MonoTime at) const;
@@ -103,6 +104,7 @@ class VirtualPolicy {
   std::deque<Waiting> waiting_;
   std::deque<ArrivedCommand> sent_;
   ArrivedCommand newest_;
+  std::unique_ptr<CommandChunk> spare_;  // a command's that was read; null: none
   struct InFlight {
     policy_host::Request request;
     MonoTime published;
