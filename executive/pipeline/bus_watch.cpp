@@ -30,7 +30,8 @@ bool is_judged(ReplyWatch& watch, bool new_reply, std::uint32_t silence) {
 
 // A window is as long as any other's, of as many turns as fit.
 BusFaultLimits limits_of(const Turns& turns, BusFaultLimits limits) {
-  limits.window_ticks = std::max(limits.window_ticks / std::max<std::uint32_t>(turns.every, 1), 1U);
+  if (turns.every > 1) limits.window_ticks /= turns.every;
+  limits.window_ticks = std::max(limits.window_ticks, 1U);
   return limits;
 }
 
@@ -43,6 +44,7 @@ std::uint32_t silence_of(const Turns& turns, const TickConfig& config) {
 }  // namespace
 
 void LeakyCount::tick(std::uint32_t events, std::uint32_t window_ticks) {
+  if (level_ == 0 && events == 0) return;
   const std::uint32_t leak = (level_ + window_ticks - 1) / window_ticks;
   level_ = std::min(level_ - leak + events * kOneEvent, window_ticks * kOneEvent);
 }

@@ -68,14 +68,13 @@ float PathReader::blend(CommandField field, float otherwise) {
 
 PathPoint PathReader::position(Interpolation interpolation) {
   const float q0 = here(CommandField::q);
-  const float q1 = next(CommandField::q);
   switch (interpolation) {
     case Interpolation::hold:
       return {q0, 0.0F, 0.0F};
     case Interpolation::linear:
-      return line(q0, q1, place_);
+      return line(q0, next(CommandField::q), place_);
     case Interpolation::cubic:
-      return cubic(q0, here(CommandField::dq), q1, next(CommandField::dq), place_);
+      return cubic(q0, here(CommandField::dq), next(CommandField::q), next(CommandField::dq), place_);
   }
   return {q0, 0.0F, 0.0F};
 }
