@@ -60,6 +60,12 @@ void of_postures(const RobotConfig& robot, std::vector<std::string>& lines) {
     lines.push_back(
         "degraded.behaviour: hold, and the base is free: a robot that balances does not stand by it; a "
         "fallback of kind policy goes on balancing");
+  const bool none_by_policy =
+      std::ranges::none_of(robot.stops, [](const StopConfig& stop) { return stop.how == StopHow::policy; });
+  if (fallback_policy_of(robot) != nullptr && none_by_policy)
+    lines.push_back(
+        "stops: none is by the fallback policy, and the base is free: the robot falls with every damped stop, a "
+        "person's too (stops.CAUSE.how: policy)");
   for (const StopConfig& stop : robot.stops)
     if ((stop.how == StopHow::posture || stop.how == StopHow::hold) && !is_shown(stop.shown_by))
       lines.push_back(fmt::format("stops.{}: {}, and the base is free: {}", stop.name,

@@ -172,12 +172,23 @@ void check_fallbacks(const RobotConfig& robot, Checker& checker) {
   }
 }
 
+void check_stop_by_policy(const RobotConfig& robot, const StopConfig& stop, const std::string& path, Checker& checker) {
+  checker.require(fallback_policy_of(robot) != nullptr, path + ".how",
+                  "policy, and the robot has no fallback policy; name one of kind `policy` in degraded.fallback, or "
+                  "write another way");
+  std::string able;
+  for (const Cause cause : kPolicyStopCauses) able += (able.empty() ? "" : ", ") + std::string(name(cause));
+  checker.require(std::ranges::find(kPolicyStopCauses, stop_cause_named(stop.name)) != kPolicyStopCauses.end(),
+                  path + ".how", fmt::format("policy is for {} alone; write another way", able));
+}
+
 void check_stops(const RobotConfig& robot, Checker& checker) {
   std::string_view posture;
   for (const StopConfig& stop : robot.stops) {
     const std::string path = fmt::format("stops.{}", stop.name);
     checker.require(stop_cause_named(stop.name) != Cause::none, path,
                     "is no cause of a damped stop; docs/hazards.md names them: operator_stop, command_lost, tilt, ...");
+    if (stop.how == StopHow::policy) check_stop_by_policy(robot, stop, path, checker);
     if (stop.how != StopHow::posture) continue;
     if (posture.empty()) posture = stop.fallback;
     checker.require(

@@ -26,7 +26,7 @@ enum class WakeMode : std::uint8_t { sleep, hybrid };
 enum class WhenBusMissing : std::uint8_t { refuse, loopback };
 enum class Degraded : std::uint8_t { hold, slow, fallback };
 enum class FallbackKind : std::uint8_t { pose, state_feedback, policy };
-enum class StopHow : std::uint8_t { rest, damping, hold, posture };
+enum class StopHow : std::uint8_t { rest, damping, hold, posture, policy };
 enum class TargetKind : std::uint8_t { lissajous, steps };
 enum class TermKind : std::uint8_t {
   joint_position_relative,
@@ -45,6 +45,8 @@ enum class TermKind : std::uint8_t {
   motion_reference
 };
 enum class QuaternionOrder : std::uint8_t { wxyz, xyzw };
+// Of an image as the network takes it: channel after channel, or the channels of a pixel together.
+enum class ImageLayout : std::uint8_t { chw, hwc };
 enum class ActionKind : std::uint8_t { joint_position, joint_velocity, joint_torque };
 enum class Interpolation : std::uint8_t { hold, linear, cubic };
 enum class OffsetKind : std::uint8_t { zero, home, measured, values };
@@ -99,8 +101,8 @@ struct StopConfig {
   std::string name;  // of the cause
   StopHow how = StopHow::rest;
   std::string fallback;  // posture: a fallback of kind pose
-  Duration longest;      // hold, posture: then as `rest`; 0: without end
-  std::string shown_by;  // hold, posture: what showed that the robot is safe by it; "none": nothing did
+  Duration longest;      // hold, posture, policy: then as `rest`; 0: without end
+  std::string shown_by;  // hold, posture, policy: what showed that the robot is safe by it; "none": nothing did
 };
 
 inline bool is_shown(const std::string& by) {
@@ -218,18 +220,20 @@ struct Model {
   Vector3 tool_xyz{};
 };
 
-// What the network is shown is (scale * clipped value - mean) / standard deviation.
+// What the network is shown is (scale * clipped value - mean) / standard deviation. A byte of an image is a value from
+// 0 to 1.
 struct ObservationTerm {
   TermKind kind = TermKind::joint_position;
   std::string sensor;                             // TermKind::sensor and command
   std::vector<std::size_t> joints;                // joint terms: of each value; empty: as joint_order
   QuaternionOrder order = QuaternionOrder::wxyz;  // TermKind::base_orientation only
+  ImageLayout layout = ImageLayout::chw;          // TermKind::sensor, of a sensor of images
   std::string output;                             // TermKind::motion_reference: the network's own, of an inference ago
   std::uint32_t values = 0;                       // TermKind::motion_reference: how many
   std::vector<double> constant;                   // TermKind::constant only
   Duration gait_period;                           // TermKind::gait_phase only
   std::vector<double> clip;                       // lowest and highest value, before the scale; empty: none
-  std::vector<double> scale;                      // one, or one per value
+  std::vector<double> scale;                      // one, or one per value (of an image: per channel)
   std::vector<double> mean, standard_deviation;   // likewise
   std::uint32_t history = 1;                      // instants
 };

@@ -9,9 +9,10 @@ namespace takt::config {
 namespace {
 
 constexpr std::array<std::string_view, 2> kQuaternionOrders{"wxyz", "xyzw"};
+constexpr std::array<std::string_view, 2> kImageLayouts{"chw", "hwc"};
 constexpr std::array<std::string_view, 2> kHistoryOrders{"oldest_first", "newest_first"};
 constexpr std::array<std::string_view, 3> kDegraded{"hold", "slow", "fallback"};
-constexpr std::array<std::string_view, 4> kStopHow{"rest", "damping", "hold", "posture"};
+constexpr std::array<std::string_view, 5> kStopHow{"rest", "damping", "hold", "posture", "policy"};
 constexpr std::array<std::string_view, 2> kLayouts{"by_term", "by_time"};
 constexpr std::array<std::string_view, 3> kFallbackKinds{"pose", "state_feedback", "policy"};
 constexpr std::array<std::string_view, 3> kActionKinds{"joint_position", "joint_velocity", "joint_torque"};
@@ -112,8 +113,9 @@ void describe_scaling(Fields& fields, ObservationTerm& term) {
   const Count one_or_each{.low = 1, .high = kMaxSensorValues, .single_allowed = true};
   fields.quantities({"clip", "lowest and highest value, before the scale; empty: none", "[]"}, term.clip,
                     Dimension::none, any_value(), {.low = 0, .high = 2});
-  fields.quantities({"scale", "factor, one for all values or one each", "1"}, term.scale, Dimension::none, any_value(),
-                    one_or_each);
+  fields.quantities(
+      {"scale", "factor, one for all values or one each (of images: one per channel; so are mean and std)", "1"},
+      term.scale, Dimension::none, any_value(), one_or_each);
   fields.quantities({"mean", "subtracted after the scale, one for all values or one each", "0"}, term.mean,
                     Dimension::none, any_value(), one_or_each);
   fields.quantities({"std", "standard deviation that divides what is left, one for all values or one each", "1"},
@@ -125,6 +127,13 @@ void describe_term(Fields& fields, ObservationTerm& term, Words sensors, Words j
   fields.choice({"term", "what is observed"}, term.kind, kTermNames);
   if (term.kind == TermKind::sensor || term.kind == TermKind::command || fields.shows_all())
     fields.one_of({"sensor", "terms sensor and command: name of an entry in sensors"}, term.sensor, sensors, "sensor");
+  if (term.kind == TermKind::sensor || fields.shows_all())
+    fields.choice(
+        {"layout",
+         "term sensor, of images: chw: channel after channel; hwc: the channels of a pixel together. A byte is "
+         "a value from 0 to 1",
+         "chw"},
+        term.layout, kImageLayouts);
   if (term.kind == TermKind::gait_phase || fields.shows_all())
     fields.duration({"gait_period", "term gait_phase: one gait cycle; counted from the policy's last reset"},
                     term.gait_period, milliseconds(1), seconds(60));
@@ -391,7 +400,8 @@ void describe_degraded(Fields& fields, DegradedConfig& degraded, const std::vect
 void describe_stop(Fields& fields, StopConfig& stop, const std::vector<Fallback>& fallbacks) {
   fields.choice({"how",
                  "rest: damped to rest, then held; damping: damped and never held; hold: braked and held at once; "
-                 "posture: led to a fallback's pose, and held there"},
+                 "posture: led to a fallback's pose, and held there; policy: moved by the fallback policy of "
+                 "degraded.fallback while it has something to say"},
                 stop.how, kStopHow);
   std::vector<std::string_view> poses;
   for (const Fallback& fallback : fallbacks)
@@ -399,11 +409,12 @@ void describe_stop(Fields& fields, StopConfig& stop, const std::vector<Fallback>
   if (stop.how == StopHow::posture || fields.shows_all())
     fields.one_of({"fallback", "posture: name of an entry in fallbacks, of kind pose; the same in every posture"},
                   stop.fallback, poses, "fallback of kind pose");
-  if (stop.how == StopHow::posture || stop.how == StopHow::hold || fields.shows_all()) {
-    fields.duration({"for", "hold, posture: for so long, then as rest; 0 s: without end"}, stop.longest, {},
+  if ((stop.how != StopHow::rest && stop.how != StopHow::damping) || fields.shows_all()) {
+    fields.duration({"for", "hold, posture, policy: for so long, then as rest; 0 s: without end"}, stop.longest, {},
                     seconds(3600));
     fields.text(
-        {"shown_by", "hold, posture: the panel that showed that the robot is safe by it, in words; none: nothing did",
+        {"shown_by",
+         "hold, posture, policy: the panel that showed that the robot is safe by it, in words; none: nothing did",
          "none"},
         stop.shown_by);
   }

@@ -32,6 +32,10 @@ inline constexpr std::array kStopCauses{Cause::operator_stop,
                                         Cause::overtemperature,
                                         Cause::degraded_spent};
 
+// Those of them that may leave the robot to its fallback policy: what makes them hurts neither drives nor feedback, nor
+// what that policy sees, and none of them is worse than a person's stop.
+inline constexpr std::array kPolicyStopCauses{Cause::operator_stop, Cause::bad_commands, Cause::overrun};
+
 // Cause::none: no such cause.
 constexpr Cause stop_cause_named(std::string_view word) {
   const auto found = std::ranges::find_if(kStopCauses, [&](Cause cause) { return name(cause) == word; });

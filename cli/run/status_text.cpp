@@ -132,7 +132,9 @@ std::string status_text(const StatusSnapshot& status, const IncidentNote& incide
 std::string status_line(const StatusSnapshot& status, Duration max_age) {
   const TickRecordHeader& tick = status.tick;
   std::string limit = max_age.ns > 0 ? fmt::format(" / {:.0f} ms", max_age.milliseconds()) : "";
-  const std::string_view mode = tick.player == Player::fallback ? "fallback" : name(tick.mode);
+  const std::string_view mode = tick.player != Player::fallback  ? name(tick.mode)
+                                : tick.mode == Mode::damped_stop ? "stop/fallback"
+                                                                 : "fallback";
   return fmt::format("{:<13} age {:>9}{}  {:<7}  misses {}/{}  overruns {}{}", mode, age_text(tick), limit,
                      name(tick.freshness), tick.window_misses, tick.window_ticks, overruns_of(status),
                      status.realtime != 0 ? "" : "  (not real time)");

@@ -130,6 +130,7 @@ enum class Unsafe : std::uint8_t {
   S5,
   S6,
   S7,
+  S8,
   D1,
   D2,
   D3,
@@ -149,7 +150,7 @@ struct UnsafeRow {
   Proof proof;
 };
 
-inline constexpr std::array<UnsafeRow, 32> kUnsafe{{
+inline constexpr std::array<UnsafeRow, 33> kUnsafe{{
     {Unsafe::A1,
      Action::arm,
      Guide::not_given,
@@ -322,7 +323,8 @@ inline constexpr std::array<UnsafeRow, 32> kUnsafe{{
      Guide::wrong_length,
      "a reset ends a stop while the robot still moves, and takes its power",
      {Hazard::falls, Hazard::uncommanded},
-     "a reset is granted once every joint that is heard has been slow for 100 ms",
+     "a reset is granted once every joint that is heard has been slow for 100 ms, and not while a fallback policy moves "
+     "the robot",
      "pipeline_test Rest.ALatchedFaultIsResetAtRestOnly"},
     {Unsafe::S7,
      Action::stop,
@@ -331,6 +333,13 @@ inline constexpr std::array<UnsafeRow, 32> kUnsafe{{
      {Hazard::uncommanded},
      "a stop leaves such a joint where it is",
      "pipeline_test OutsideLimits.ADampedStopLeavesItWhereItIs"},
+    {Unsafe::S8,
+     Action::stop,
+     Guide::given,
+     "a stop that is left to the fallback policy moves a robot that was let go, or that something else stops too",
+     {Hazard::uncommanded, Hazard::falls},
+     "that policy only goes on moving a robot that tracked or was degraded; any other cause ends it for good",
+     "pipeline_test StopByPolicy.APersonsStopMovesNobodyWhoWasLetGo"},
 
     {Unsafe::D1,
      Action::disarm,

@@ -47,7 +47,7 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
      {Device::emergency_stop, Device::fence, Device::gantry}},
     {Cause::operator_stop,
      {Hazard::uncommanded, Hazard::falls},
-     {Unsafe::S1, Unsafe::S3},
+     {Unsafe::S1, Unsafe::S3, Unsafe::S8},
      "the robot does what nobody wants, and a person stops it",
      "a flag that the stop's own thread sets, read by the next tick",
      {"pipeline_test OperatorStop.TheSecondPressTakesThePowerAway",

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "config/units.hpp"
 #include "drivers/protocol/cause_detail.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "executive/contract/feedback_names.hpp"
@@ -27,13 +28,41 @@ bool is_sign(Cause cause) {
   return (stops || cause == Cause::contract_violated) && !is_asked(cause);
 }
 
-std::string done_text(Mode mode, Cause cause) {
+// ", after 5 s damped to rest and held"; empty: it does not end.
+std::string until_text(const config::StopConfig& stop) {
+  return stop.longest > Duration{}
+             ? fmt::format(", after {} damped to rest and held", config::format_duration(stop.longest))
+             : "";
+}
+
+std::string damped_text(const TickRecordHeader& header, const config::RobotConfig& robot) {
+  using config::StopHow;
+  const auto stop = std::ranges::find(robot.stops, name(header.cause), &config::StopConfig::name);
+  switch (stop == robot.stops.end() ? StopHow::rest : stop->how) {
+    case StopHow::rest:
+      break;
+    case StopHow::damping:
+      return "the robot is damped, and never held";
+    case StopHow::hold:
+      return "the robot is braked and held" + until_text(*stop);
+    case StopHow::posture:
+      return fmt::format("the robot is led to the pose of {} and held there{}", stop->fallback, until_text(*stop));
+    case StopHow::policy:
+      if (header.player != Player::fallback) break;
+      return fmt::format("the fallback policy moves the robot as long as it has something to say{}", until_text(*stop));
+  }
+  return "the robot is damped to rest and held";
+}
+
+std::string done_text(const TickRecordHeader& header, const config::RobotConfig& robot) {
+  const Cause cause = header.cause;
   if (cause == Cause::operator_deenergise) return "every drive lost its power; what hung fell";
   if (cause == Cause::internal_error) return "every joint only damps; the fault stays latched";
   if (cause == Cause::shutdown) return "the robot is damped to rest, then loses its power";
-  return mode == Mode::fault_latched ? "the failed drives get no power, the rest of their limbs damps, the rest of the "
-                                       "robot comes to rest and holds; the fault stays latched"
-                                     : "the robot is damped to rest and held";
+  return header.mode == Mode::fault_latched
+             ? "the failed drives get no power, the rest of their limbs damps, the rest of the "
+               "robot comes to rest and holds; the fault stays latched"
+             : damped_text(header, robot);
 }
 
 std::string tilt_words(const TickRecordHeader& header, const config::Imu& limits) {
@@ -305,7 +334,7 @@ Incident IncidentWatch::made_of(const TickRecord& record) const {
   }
   if (incident.detail.empty()) incident.detail = words(record);
   incident.chain = chain(header);
-  incident.done = done_text(header.mode, header.cause);
+  incident.done = done_text(header, robot_);
   incident.clears_when = pipeline::reaction(header.cause).clears_when;
   incident.sentence = sentence_of(incident);
   return incident;

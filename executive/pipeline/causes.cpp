@@ -133,6 +133,8 @@ CauseMask of_commands(const TickState& state, MonoTime now, const TickConfig& co
   const bool out_of_range = static_cast<double>(state.clamped.count()) > config.clamped_share * contract.window_ticks;
   CauseMask active = when(out_of_range || state.refusals.count() > contract.bad_command_limit, Cause::bad_commands);
   const Mode mode = state.mode.mode;
+  if (mode == Mode::damped_stop)
+    return active | when(is_fallback_spent(state.fallback, now, config), Cause::fallback_spent);
   const bool counting = mode == Mode::tracking || mode == Mode::degraded;
   if (!counting && mode != Mode::arming) return active;
   active |= when(is_command_lost(last_usable_at(state, config), now, contract), Cause::command_lost);
@@ -213,7 +215,8 @@ CauseMask granted_request(const TickState& state, const TickRecord& record, Caus
       return bit(Cause::operator_deenergise);
     case OperatorRequest::reset: {
       const bool fault_holds = state.mode.mode == Mode::fault_latched && (active & kLastingFaults) != 0;
-      return when(state.mode.rest.rests(record.header.now) && !fault_holds, Cause::operator_reset);
+      const bool is_let_go = state.mode.player != Player::fallback;  // standing still is no rest
+      return when(is_let_go && state.mode.rest.rests(record.header.now) && !fault_holds, Cause::operator_reset);
     }
     case OperatorRequest::shutdown:
       return bit(Cause::shutdown);

@@ -7,15 +7,6 @@
 namespace takt::pipeline {
 namespace {
 
-// Of a damped stop, now: what was to last for a while ends as any other stop does.
-StopManner manner_of(const TickState& state, MonoTime now, const TickConfig& config) {
-  if (state.mode.mode != Mode::damped_stop) return StopManner::rest;
-  const StopRule& rule = config.stops[static_cast<std::size_t>(state.mode.stop_cause)];
-  const bool ends = rule.manner == StopManner::hold || rule.manner == StopManner::posture;
-  const bool is_over = rule.longest > Duration{} && now - state.mode.stopped_since >= rule.longest;
-  return ends && is_over ? StopManner::rest : rule.manner;
-}
-
 // Whether a latched mode has stiffness.
 bool holds(const TickState& state, MonoTime now, const TickConfig& config) {
   switch (manner_of(state, now, config)) {
@@ -26,6 +17,8 @@ bool holds(const TickState& state, MonoTime now, const TickConfig& config) {
     case StopManner::hold:
     case StopManner::posture:
       return true;
+    case StopManner::policy:
+      return state.mode.player == Player::fallback || state.mode.resting != 0;
   }
   return false;
 }
@@ -75,12 +68,6 @@ Choice go_to_stop_pose(const TickConfig& config, std::span<JointTarget> targets)
   return {Reference::follow_target, false, true, true, Player::none, true, 0};
 }
 
-Choice stop(const TickState& state, MonoTime now, const TickConfig& config, std::span<JointTarget> targets) {
-  if (manner_of(state, now, config) == StopManner::posture) return go_to_stop_pose(config, targets);
-  const Reference reference = holds(state, now, config) ? Reference::brake : Reference::follow_measured;
-  return {reference, false, true, true, Player::none, true, 0};
-}
-
 Choice play_or_brake(const TickState& state, const TickRecord& record, const TickConfig& config,
                      std::span<JointTarget> targets) {
   Choice choice = brake(config);
@@ -100,6 +87,15 @@ Choice play_or_brake(const TickState& state, const TickRecord& record, const Tic
   }
   choice.reference = Reference::follow_target;
   return choice;
+}
+
+Choice stop(const TickState& state, const TickRecord& record, const TickConfig& config,
+            std::span<JointTarget> targets) {
+  const MonoTime now = record.header.now;
+  if (record.header.player == Player::fallback) return play_or_brake(state, record, config, targets);
+  if (manner_of(state, now, config) == StopManner::posture) return go_to_stop_pose(config, targets);
+  const Reference reference = holds(state, now, config) ? Reference::brake : Reference::follow_measured;
+  return {reference, false, true, true, Player::none, true, 0};
 }
 
 Choice go_to_fallback(const TickConfig& config, std::span<JointTarget> targets) {
@@ -155,6 +151,14 @@ Choice choose_degraded(const TickState& state, const TickRecord& record, const T
 
 }  // namespace
 
+StopManner manner_of(const TickState& state, MonoTime now, const TickConfig& config) {
+  if (state.mode.mode != Mode::damped_stop) return StopManner::rest;
+  const StopRule& rule = config.stops[static_cast<std::size_t>(state.mode.stop_cause)];
+  const bool ends = rule.manner != StopManner::damping;
+  const bool is_over = rule.longest > Duration{} && now - state.mode.stopped_since >= rule.longest;
+  return ends && is_over ? StopManner::rest : rule.manner;
+}
+
 Part part_of(const TickState& state, const JointRecord& measured, std::size_t joint, const TickConfig& config) {
   const JointMask bit = bit_of_joint(joint);
   if ((state.mode.deenergised & bit) != 0) return Part::deenergised;
@@ -182,7 +186,7 @@ Choice choose(const TickState& state, const TickRecord& record, const TickConfig
       return choose_degraded(state, record, config, targets);
     case Mode::damped_stop:
     case Mode::fault_latched:
-      return stop(state, record.header.now, config, targets);
+      return stop(state, record, config, targets);
   }
   return {};
 }

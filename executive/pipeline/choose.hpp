@@ -16,6 +16,8 @@
 //   or, by its   damping: follows for good               damping              yes      yes
 //   cause's      hold: brakes to rest and stays          default              yes      yes
 //   StopRule     posture: to its pose at its speed       default              yes      yes
+//                policy: the fallback policy's path;     the chunk's          yes      yes
+//                without a usable one as any other stop
 // fault_latched  as damped_stop, but for
 //   the joints it is about: no power                     none (limp)          no       no
 //   the rest of their limbs: follow the measured pos.    damping              no       no
@@ -70,6 +72,9 @@ struct Choice {
   bool moving_setpoint = true;   // velocity setpoint: the reference's velocity; else what the target holds
   std::uint8_t step = 0;         // being played
 };
+
+// Of a damped stop, now: what was to last for a while ends as any other stop does. In other modes: rest.
+StopManner manner_of(const TickState& state, MonoTime now, const TickConfig& config);
 
 // Reads the mode and the joint's estimate.
 Part part_of(const TickState& state, const JointRecord& measured, std::size_t joint, const TickConfig& config);

@@ -182,13 +182,22 @@ constexpr bool may_damp(const Reaction& row) {
          (row.from(Mode::tracking) == Mode::damped_stop || row.from(Mode::degraded) == Mode::damped_stop);
 }
 
-// By whose manner a damped stop goes on: a worse cause takes over from the one that began it.
-constexpr Cause stopped_by(Cause present, CauseMask active) {
+// The worst of those that may lead to a damped stop, `present` among them.
+constexpr Cause worst_stop(Cause present, CauseMask active) {
   for (CauseMask left = active & ((CauseMask{1} << kCauseCount) - 1); left != 0; left &= left - 1) {
     const Reaction& row = kReactions[static_cast<std::size_t>(std::countr_zero(left))];
     if (may_damp(row) && row.severity > kReactions[static_cast<std::size_t>(present)].severity) present = row.cause;
   }
   return present;
+}
+
+// By whose manner a damped stop goes on: a worse cause takes over from the one that began it. `by_policy`: causes that
+// leave the robot to its fallback policy. Any other cause ends that, however mild it is, and none of them begins it in
+// a stop that goes on: who was let go is not moved again.
+constexpr Cause stopped_by(Cause present, CauseMask active, CauseMask by_policy = 0) {
+  if ((by_policy & bit(present)) == 0) return worst_stop(present, active & ~by_policy);
+  const Cause other = worst_stop(Cause::none, active & ~by_policy);
+  return other != Cause::none ? other : worst_stop(present, active);
 }
 
 // Conditions that must be gone before a latched fault may be reset. A drive's own fault is not among them: disabling

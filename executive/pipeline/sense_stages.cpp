@@ -7,6 +7,7 @@
 #include "executive/pipeline/bus_watch.hpp"
 #include "executive/pipeline/candidate.hpp"
 #include "executive/pipeline/causes.hpp"
+#include "executive/pipeline/choose.hpp"
 #include "executive/pipeline/freshness.hpp"
 #include "executive/pipeline/gravity_model.hpp"
 #include "executive/pipeline/messages.hpp"
@@ -19,28 +20,42 @@ namespace {
 
 // While degraded the fallback goes first. Where it has nothing to say, and the policy is back, but not for long enough
 // yet, the policy is better than nobody.
-Player player_of(const TickRecordHeader& header, const TickConfig& config) {
+// A stop by the fallback policy goes on moving a robot that its policies moved, all of it, and that nothing lets go.
+bool stops_by_policy(const TickState& state, const TickRecordHeader& header, const TickConfig& config) {
+  const bool begins = header.previous_mode == Mode::tracking || header.previous_mode == Mode::degraded;
+  return (begins || state.mode.player == Player::fallback) && (state.mode.deenergised | state.mode.damped) == 0 &&
+         manner_of(state, header.now, config) == StopManner::policy;
+}
+
+Player player_of(const TickState& state, const TickRecordHeader& header, const TickConfig& config) {
   const Player policy = is_usable(header.freshness) ? Player::policy : Player::none;
+  const bool is_backed = has_fallback_policy(config) && is_usable(header.fallback.freshness);
   switch (header.mode) {
     case Mode::standby:
     case Mode::arming:
-    case Mode::damped_stop:
     case Mode::fault_latched:
       return Player::none;
+    case Mode::damped_stop:
+      return is_backed && stops_by_policy(state, header, config) ? Player::fallback : Player::none;
     case Mode::tracking:
       return policy;
     case Mode::degraded:
       break;
   }
-  if (has_fallback_policy(config)) return is_usable(header.fallback.freshness) ? Player::fallback : policy;
+  if (has_fallback_policy(config)) return is_backed ? Player::fallback : policy;
   return config.degraded == DegradedBehaviour::slow ? policy : Player::none;
 }
 
 void choose_player(TickState& state, TickRecordHeader& header, const TickConfig& config) {
-  const Player player = player_of(header, config);
+  const Player player = player_of(state, header, config);
   ModeState& mode = state.mode;
   if (player == Player::fallback && mode.player != player) state.fallback.plays_since = header.now;
   if (player != Player::fallback) state.fallback.plays_since = {};
+  // Let go in a stop: what it stood still before is no rest.
+  if (header.mode == Mode::damped_stop && mode.player == Player::fallback && player != Player::fallback) {
+    mode.rest.forget();
+    mode.resting = 0;
+  }
   if (player != Player::none) {
     if (mode.last_player != Player::none && mode.last_player != player) hand_over(state, player, header.now, config);
     mode.last_player = player;
@@ -74,7 +89,8 @@ void watch_for_rest(TickState& state, const TickRecord& record, const TickConfig
   const MonoTime now = record.header.now;
   state.mode.rest.follow(now, std::span(record.joints, config.joint_count), asked_for_rest(state, now, config),
                          config.rest_velocity);
-  if (state.mode.rest.rests(now)) state.mode.resting = 1;
+  // Whom the fallback policy moves may stand still now and then.
+  if (state.mode.rest.rests(now) && state.mode.player != Player::fallback) state.mode.resting = 1;
 }
 
 // Every period of the grid is a tick in time, a late one, or one that was skipped.
@@ -128,14 +144,24 @@ void excuse_out_of_turn(LinkWatch& links, const TickRecordHeader& header, const 
   }
 }
 
+CauseMask causes_by_policy(const TickConfig& config) {
+  CauseMask causes = 0;
+  for (std::size_t i = 0; i < kCauseCount; ++i)
+    if (config.stops[i].manner == StopManner::policy) causes |= bit(static_cast<Cause>(i));
+  return causes;
+}
+
 // In whose manner the damped stop goes on.
-void follow_stop(ModeState& mode, const TickRecordHeader& header) {
+void follow_stop(ModeState& mode, const TickRecordHeader& header, const TickConfig& config) {
   if (mode.mode != Mode::damped_stop) return;
+  const CauseMask by_policy = causes_by_policy(config);
   const bool begins = header.previous_mode != Mode::damped_stop;
-  const Cause cause = begins ? header.cause : stopped_by(mode.stop_cause, header.causes_active);
+  const Cause cause = stopped_by(begins ? header.cause : mode.stop_cause, header.causes_active, by_policy);
   if (!begins && cause == mode.stop_cause) return;
+  // One by policy after the other is one stop, and its time is one.
+  const bool goes_on = !begins && (by_policy & bit(mode.stop_cause)) != 0 && (by_policy & bit(cause)) != 0;
   mode.stop_cause = cause;
-  mode.stopped_since = header.now;
+  if (!goes_on) mode.stopped_since = header.now;
 }
 
 void remember_stop(ModeState& mode, const TickRecordHeader& header) {
@@ -242,7 +268,7 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
     enter(state, transition.to, input.now, contract);
     excuse_out_of_turn(state.links, header, config);
   }
-  follow_stop(state.mode, header);
+  follow_stop(state.mode, header, config);
   // Who stops the arming does not want the drives that are still off.
   if (stops_arming) take_out(state, affected & not_enabled(record, config));
   if (state.mode.mode == Mode::fault_latched) {

@@ -150,10 +150,11 @@ enum class StopManner : std::uint8_t {
   damping,  // damped, and never held
   hold,     // braked along the limits and held at once
   posture,  // led to stop_pose at stop_speed, and held there
+  policy,   // moved by the fallback policy while its command is usable, else as `rest`
 };
 struct StopRule {
   StopManner manner = StopManner::rest;
-  Duration longest;  // hold, posture: then as `rest`; 0: without end
+  Duration longest;  // hold, posture, policy: then as `rest`; 0: without end
 };
 
 enum class DegradedBehaviour : std::uint8_t { hold, slow, fallback };

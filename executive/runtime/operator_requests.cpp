@@ -124,6 +124,8 @@ void Reception::reset(OperatorReply& reply) {
   if (reply.done != 0) return;
   switch (now.mode) {
     case Mode::damped_stop:
+      if (now.player == Player::fallback)
+        return say(reply, "the fallback policy moves the robot: hold it, then take its power (takt stop --now)");
       return say(reply, "the robot still moves: wait until it rests, then reset");
     case Mode::fault_latched:
       if ((now.causes_active & pipeline::kLastingFaults) == 0)

@@ -201,6 +201,8 @@ pipeline::StopManner manner_of(StopHow how) {
       return pipeline::StopManner::hold;
     case StopHow::posture:
       return pipeline::StopManner::posture;
+    case StopHow::policy:
+      return pipeline::StopManner::policy;
   }
   return pipeline::StopManner::rest;
 }
@@ -208,6 +210,11 @@ pipeline::StopManner manner_of(StopHow how) {
 // The causes a robot file may name are those of the table.
 static_assert(std::ranges::all_of(pipeline::kReactions, [](const pipeline::Reaction& row) {
   return pipeline::may_damp(row) == (std::ranges::find(kStopCauses, row.cause) != kStopCauses.end());
+}));
+
+static_assert(std::ranges::all_of(kPolicyStopCauses, [](Cause cause) {
+  return pipeline::may_damp(pipeline::reaction(cause)) &&
+         pipeline::reaction(cause).severity <= pipeline::reaction(Cause::operator_stop).severity;
 }));
 
 void set_stops(const RobotConfig& robot, pipeline::TickConfig& tick) {

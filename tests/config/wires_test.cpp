@@ -177,6 +177,32 @@ TEST(Stops, AreNamedByTheirCauseAndLeadToAPose) {
   EXPECT_TRUE(complains(stopping("{ tilt: { how: hold } }"), "key `for` is missing")) << "a time bound is no default";
 }
 
+TEST(Stops, ByPolicyNeedAFallbackPolicyThatTheirCauseLeavesAble) {
+  EXPECT_TRUE(complains(stopping("{ operator_stop: { how: policy, for: 3 s } }"),
+                        "stops.operator_stop.how: policy, and the robot has no fallback policy"));
+  const auto stopped_by = [](const std::string& cause) {
+    return replaced(stopping("{ " + cause + ": { how: policy, for: 3 s } }"),
+                    "kind: pose, speed: 0.5 rad/s, pose: [0 rad, 10 deg]", "kind: policy, for: 20 s");
+  };
+  const auto robot = parse(stopped_by("operator_stop"), "r");
+  ASSERT_TRUE(robot) << robot.error();
+  EXPECT_EQ(robot->stops[0].how, StopHow::policy);
+  EXPECT_EQ(robot->stops[0].longest, seconds(3));
+  for (const char* cause : {"fallback_spent", "imu_lost", "tilt", "recording_lost", "foreign_node", "shutdown"})
+    EXPECT_TRUE(complains(stopped_by(cause), ".how: policy is for operator_stop, bad_commands, overrun alone"));
+}
+
+TEST(Stops, WhereNoneIsByTheFallbackPolicyARobotThatBalancesIsSaidToFall) {
+  const auto balancer = load("config/balancer.yaml");
+  ASSERT_TRUE(balancer) << balancer.error();
+  EXPECT_TRUE(cautions_about(*balancer).empty());
+  RobotConfig without = *balancer;
+  without.stops.clear();
+  const auto lines = cautions_about(without);
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_TRUE(lines[0].starts_with("stops: none is by the fallback policy, and the base is free"));
+}
+
 // Only a robot that can fall is told, and what somebody saw is repeated.
 TEST(Stops, APostureIsTakenForSafeOnlyWhereAPanelShowedIt) {
   const std::string free_base = replaced(

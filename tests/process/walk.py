@@ -2,7 +2,7 @@
 """Lets a robot walk, from its published files or by its robot file: executive, plant, policy host and monitor as real processes by `takt run`.
 
 First it walks as commanded, with the policy frozen for 300 ms on the way; then, in runs of their own, the policy is frozen for 2 s and
-killed for good. What is printed comes from the plant's truth log (distance, height), the run's record (ages, misses with their causes)
+killed for good, and a person stops the robot, where its robot file leaves that to the fallback policy. What is printed comes from the plant's truth log (distance, height), the run's record (ages, misses with their causes)
 and `takt replay`.
 
 A robot without legs may walk on wheels. Exit codes: 0 it walked, stood at the end of the walk (with a fallback policy in its robot file: of every run) and every run replays; 1 not; 64 command line, 65 a file is refused.
@@ -129,6 +129,8 @@ def main():
     saved = "kind: policy" in robot.read_text()  # a fallback that knows how to stand; without one, losing the policy is a fall
     acts = [("walk", "walks; the policy is frozen for 300 ms on the way", options.seconds, [f"{options.seconds * 0.6:.0f}s: freeze policy 300ms"]),
             ("frozen", "the policy is frozen for 2 s", 8, ["4s: freeze policy 2s"]), ("killed", "the policy is killed for good", 8, ["4s: kill policy"])]
+    if "operator_stop: { how: policy" in robot.read_text():
+        acts.append(("stopped", "a person stops it", 8, ["4s: stop"]))
     wrong = []
     for name, what, seconds, events in acts:
         walk = Walk(options, robot, name, seconds, events)

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Goal: a robot that falls by itself walks by its policy through Takt's processes, and stands when the policy is gone: the one in config/, and
 somebody else's by somebody else's policy, from their published files and without an edit. What it did is judged by the plant, and every tick
-replays. Method: walk.py lets it walk for some seconds at 0.5 m/s with the policy frozen for 300 ms on the way, then frozen for 2 s, then killed;
+replays. Method: walk.py lets it walk for some seconds at 0.5 m/s with the policy frozen for 300 ms on the way, then frozen for 2 s, then killed, then stopped by a person;
 `published` takes Unitree's G1 as ../shared has it. Real time: it wants the machine for itself.
 Usage: walk_test.py SOURCE_DIR BIN_DIR balancer|published
 Exit codes: 0 fine, 1 not, 77 the published files are not there.
@@ -26,7 +26,7 @@ def main():
     words = [str(word) for pair in files.items() for word in pair]
     with tempfile.TemporaryDirectory() as folder:
         walk = pathlib.Path(folder) / "walk"
-        done = subprocess.run([source / "tests/process/walk.py", *words, "--programs", programs, "--folder", walk, "--seconds", "8"], timeout=150)
+        done = subprocess.run([source / "tests/process/walk.py", *words, "--programs", programs, "--folder", walk, "--seconds", "8"], timeout=190)
         imported = walk / "robot.yaml"
         edits = imported.read_text().count("FILL_IN") if imported.exists() else 0
     if edits != 0:

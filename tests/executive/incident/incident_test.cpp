@@ -289,6 +289,30 @@ TEST_F(FallbackIncident, BothLostAreNamedAndTheChainSaysWhoTookOver) {
   EXPECT_TRUE(std::ranges::any_of(incident->chain, took_over));
 }
 
+// Goal: the incident says what is done about the stop, as the robot file has it, and not what others do.
+TEST_F(FallbackIncident, SaysHowTheRobotIsStopped) {
+  using config::StopHow;
+  const auto done = [&](const char* cause, StopHow how, Duration longest = {}) {
+    robot.stops = {{cause, how, "crouch", longest, "none"}};
+    watch = IncidentWatch(robot);
+    enter(Mode::tracking, Cause::drives_enabled);
+    const auto incident = enter(Mode::damped_stop, Cause::bad_commands);
+    EXPECT_TRUE(incident);
+    return incident ? incident->done : "";
+  };
+  EXPECT_EQ(done("tilt", StopHow::damping), "the robot is damped to rest and held");
+  EXPECT_EQ(done("bad_commands", StopHow::damping), "the robot is damped, and never held");
+  EXPECT_EQ(done("bad_commands", StopHow::hold), "the robot is braked and held");
+  EXPECT_EQ(done("bad_commands", StopHow::posture, seconds(2)),
+            "the robot is led to the pose of crouch and held there, after 2 s damped to rest and held");
+  EXPECT_EQ(
+      done("bad_commands", StopHow::policy, seconds(5)),
+      "the fallback policy moves the robot as long as it has something to say, after 5 s damped to rest and held");
+  record.header.player = Player::none;
+  EXPECT_EQ(done("bad_commands", StopHow::policy, seconds(5)), "the robot is damped to rest and held")
+      << "it had nothing to say";
+}
+
 TEST_F(FallbackIncident, SaysThatItsTimeIsOver) {
   stay(10);
   const auto incident = enter(Mode::damped_stop, Cause::fallback_spent);

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <memory>
 #include <random>
 #include <vector>
@@ -342,12 +343,184 @@ TEST(FallbackPolicy, AJoinThatFadesBeginsAtTheReference) {
   EXPECT_LT(faded, 0.1F * at_once);
 }
 
+// Goal: a damped stop may be the fallback policy's, so that a robot that stands by its policies does not fall because a
+// person, or the policy's nonsense, stops it. Method: stops with that manner for 500 ms; limits of the reference in
+// every tick.
+class StopByPolicy : public ::testing::Test {
+ protected:
+  static TickConfig stopping_robot(Cause cause) {
+    TickConfig config = robot_with_fallback();
+    config.stops[static_cast<std::size_t>(cause)] = {StopManner::policy, milliseconds(500)};
+    config.freshness.bad_command_limit = 4;
+    return config;
+  }
+  void stop_and_stand() {
+    arm();
+    two.tick(OperatorRequest::stop);
+    two.run(50);
+    ASSERT_EQ(player(), Player::fallback);
+  }
+  StopRule& rule() { return two.rig.config.stops[static_cast<std::size_t>(Cause::operator_stop)]; }
+  [[nodiscard]] bool is_stiff() const { return two.rig.out->setpoints[0].kp > 0; }
+  void arm() {
+    two.arm();
+    two.run(600);
+    ASSERT_NEAR(reference(), 0.4F, 0.02F);
+  }
+  // No jump while the fallback policy moves the robot.
+  void go(int ticks) {
+    for (int i = 0; i < ticks; ++i) {
+      const float before = reference(), speed = record().dq_reference;
+      two.tick();
+      const JointLimits& limits = two.rig.config.joints[0].limits;
+      ASSERT_LE(std::abs(record().dq_reference - speed), limits.acceleration * 0.001F * 1.01F + 1e-5F);
+      ASSERT_LE(std::abs(reference() - before), limits.velocity * 0.001F * 1.01F + 1e-6F);
+    }
+  }
+  void stays_let_go(int ticks) {
+    for (int i = 0; i < ticks; ++i) {
+      two.tick();
+      ASSERT_EQ(player(), Player::none) << "tick " << i;
+      ASSERT_EQ(two.rig.mode(), Mode::damped_stop);
+    }
+  }
+  [[nodiscard]] const JointRecord& record() const { return two.rig.out->record.joints[0]; }
+  [[nodiscard]] float reference() const { return record().q_reference; }
+  [[nodiscard]] Player player() const { return two.header().player; }
+
+  TwoPolicies two{stopping_robot(Cause::operator_stop)};
+};
+
+TEST_F(StopByPolicy, MovesTheRobotForAsLongAsItMayThenTheRobotIsDampedAndHeld) {
+  arm();
+  two.tick(OperatorRequest::stop);
+  ASSERT_EQ(two.rig.mode(), Mode::damped_stop);
+  EXPECT_EQ(player(), Player::fallback) << "in the very tick of the stop";
+  go(499);
+  EXPECT_EQ(player(), Player::fallback);
+  EXPECT_LT(reference(), 0.0F) << "on its way to the fallback's -0.4";
+  EXPECT_GT(two.rig.out->setpoints[0].kp, 0);
+  two.tick();
+  EXPECT_EQ(player(), Player::none) << "its time is over";
+  EXPECT_FALSE(is_stiff()) << "damped, however still it stood";
+  two.run(1500);
+  EXPECT_GT(two.rig.out->setpoints[0].kp, 0);
+  EXPECT_EQ(two.rig.mode(), Mode::damped_stop) << "until a person resets it";
+  two.tick(OperatorRequest::reset);
+  EXPECT_EQ(two.rig.mode(), Mode::standby);
+}
+
+TEST_F(StopByPolicy, WithoutOneThatSpeaksItIsAnyOtherStop) {
+  arm();
+  two.fallback_speaks = false;
+  two.run(200);
+  two.tick(OperatorRequest::stop);
+  EXPECT_EQ(player(), Player::none);
+  EXPECT_FALSE(is_stiff());
+  two.fallback_speaks = true;
+  stays_let_go(60);
+}
+
+TEST_F(StopByPolicy, OnceItFallsSilentTheRobotIsDampedForGood) {
+  rule().longest = {};
+  stop_and_stand();
+  two.fallback_speaks = false;
+  for (int i = 0; i < 300 && player() == Player::fallback; ++i) two.tick();
+  EXPECT_EQ(player(), Player::none);
+  EXPECT_FALSE(is_stiff());
+  two.fallback_speaks = true;
+  stays_let_go(500);
+}
+
+TEST_F(StopByPolicy, BeginsOnlyWhereAPolicyMovedTheRobot) {
+  two.run(40);
+  two.tick(OperatorRequest::arm);
+  ASSERT_EQ(two.rig.mode(), Mode::arming);
+  two.tick(OperatorRequest::stop);
+  ASSERT_EQ(two.rig.mode(), Mode::damped_stop);
+  stays_let_go(200);
+}
+
+// Too hot is milder than a person's stop, and stops a policy that moves the robot all the same.
+TEST_F(StopByPolicy, AnyOtherCauseEndsItHoweverMild) {
+  two.rig.config.joints[0].temperature.stop = 60;
+  two.rig.input.joints[0].temperature_C = 40;
+  stop_and_stand();
+  two.rig.input.joints[0].temperature_C = 61;
+  two.tick();
+  EXPECT_EQ(player(), Player::none);
+  EXPECT_FALSE(is_stiff());
+  two.rig.input.joints[0].temperature_C = 40;
+  stays_let_go(200);
+}
+
+TEST_F(StopByPolicy, NeitherDoesItBeginBesideAnotherCause) {
+  two.rig.config.joints[0].temperature.stop = 60;
+  two.rig.input.joints[0].temperature_C = 40;
+  arm();
+  two.rig.input.joints[0].temperature_C = 61;
+  two.tick(OperatorRequest::stop);
+  EXPECT_EQ(two.header().cause, Cause::operator_stop);
+  EXPECT_EQ(player(), Player::none);
+}
+
+TEST_F(StopByPolicy, APersonsStopMovesNobodyWhoWasLetGo) {
+  arm();
+  two.policy_speaks = two.fallback_speaks = false;
+  ASSERT_GE(two.run_until(Mode::damped_stop, 1500), 0);  // both lost
+  two.policy_speaks = two.fallback_speaks = true;
+  two.run(1500);
+  ASSERT_TRUE(is_stiff()) << "it rests";
+  two.tick(OperatorRequest::stop);
+  stays_let_go(200);
+}
+
+TEST_F(StopByPolicy, StandingStillUnderItIsNoRest) {
+  rule().longest = {};
+  stop_and_stand();
+  two.run(3000);  // it stands where the fallback wants it
+  ASSERT_EQ(player(), Player::fallback);
+  two.tick(OperatorRequest::reset);
+  EXPECT_EQ(two.rig.mode(), Mode::damped_stop) << "a reset would take its power";
+  two.fallback_speaks = false;
+  two.run(1500);
+  two.tick(OperatorRequest::reset);
+  EXPECT_EQ(two.rig.mode(), Mode::standby);
+}
+
+TEST_F(StopByPolicy, ItsOwnTimeCountsFromWhenItTookOver) {
+  rule().longest = {};
+  two.rig.config.fallback_longest = milliseconds(300);
+  arm();
+  two.policy_speaks = false;
+  ASSERT_GE(two.run_until(Mode::degraded, 400), 0);
+  two.run(200);
+  two.tick(OperatorRequest::stop);
+  EXPECT_EQ(player(), Player::fallback);
+  two.run(100);
+  EXPECT_EQ(player(), Player::none) << "300 ms at one go, in degraded mode and in the stop";
+}
+
+TEST_F(StopByPolicy, ThePolicysNonsenseIsAnswered) {
+  two.rig.config = stopping_robot(Cause::bad_commands);
+  arm();
+  two.policy_wants = std::numeric_limits<float>::quiet_NaN();
+  ASSERT_GE(two.run_until(Mode::damped_stop, 400), 0);
+  EXPECT_EQ(two.header().cause, Cause::bad_commands);
+  EXPECT_EQ(player(), Player::fallback);
+  go(300);
+  EXPECT_EQ(player(), Player::fallback);
+  two.tick(OperatorRequest::stop);
+  EXPECT_EQ(player(), Player::none) << "the worse cause's manner is another one";
+}
+
 // Goal: what the second policy says and does is state, input and record, so that it replays from a keyframe. Method: a
 // run with losses, saved in the middle while the fallback plays; the rest again from the keyframe and the records
 // alone.
 TEST(FallbackPolicy, ReplaysBitForBitFromAKeyframe) {
   TickConfig config = robot_with_fallback();
   config.join = {.kind = JoinKind::cross_fade, .over = milliseconds(60)};
+  config.stops[static_cast<std::size_t>(Cause::operator_stop)] = {StopManner::policy, milliseconds(500)};
   TwoPolicies two(config);
   two.arm();
   two.policy_speaks = false;
@@ -365,7 +538,8 @@ TEST(FallbackPolicy, ReplaysBitForBitFromAKeyframe) {
   for (int i = 0; i < 900; ++i) {
     if (i == 200) two.policy_speaks = true;
     if (i == 600) two.fallback_speaks = two.policy_speaks = false;
-    two.tick();
+    two.tick(i == 400 ? OperatorRequest::stop : OperatorRequest::none);
+    ASSERT_TRUE(i != 500 || two.header().player == Player::fallback) << "in the stop";
     TickInput input = input_of(two.rig.out->record, two.rig.input.policy.command, two.rig.input.policy.bytes);
     input.fallback.command = two.rig.input.fallback.command;
     input.fallback.bytes = two.rig.input.fallback.bytes;
