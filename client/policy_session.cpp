@@ -188,8 +188,7 @@ PolicySession::PolicySession(config::RobotConfig robot, const PolicySpec& spec, 
     sensors_.emplace_back(config::sensor_socket(runtime_directory, robot_.sensors[sensor].name),
                           policy_host::hello_of(robot_, policy_hash, Role::sensor_reader, spec.program.c_str()),
                           policy_host::mailbox_of(robot_.sensors[sensor]));
-    const auto& image = robot_.sensors[sensor].image;
-    payloads_.emplace_back(image ? sizeof(ImageHeader) + image->bytes() : 0);
+    payloads_.emplace_back(policy_host::image_bytes(robot_.sensors[sensor]));
   }
   queued_.assign(sensors_.size(), kNoQueue);
   for (const config::Sensor& sensor : robot_.sensors) streams_.push_back(view_of(sensor));
@@ -306,19 +305,12 @@ int PolicySession::look(MonoTime now) {
   return TAKT_OK;
 }
 
-// An image is copied once, to where the policy sees it: a copy that failed leaves none.
 void PolicySession::update_sensor(std::size_t used, MonoTime now) {
   SensorSample& sample = samples_[sensors_in_use_[used]];
   if (queued_[used] != kNoQueue) return queues_[queued_[used]].take_all(sensors_[used], now, sample);
   std::vector<std::byte>& payload = payloads_[used];
   if (payload.empty()) return sensors_[used].update(now, sample);
-  const ipc::ReadStatus status = sensors_[used].update(now, payload);
-  if (status == ipc::ReadStatus::nothing_new) return;
-  ImageHeader header;
-  if (status == ipc::ReadStatus::fresh) std::memcpy(&header, payload.data(), sizeof header);
-  sample.sequence = header.sequence;
-  sample.sensed_at = header.sensed_at;
-  sample.published_at = header.published_at;
+  sensors_[used].update(now, sample, payload);
 }
 
 const takt_stream* PolicySession::stream(const char* name) const {

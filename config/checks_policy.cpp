@@ -66,12 +66,15 @@ void check_reference(const ObservationTerm& term, const std::string& path, Check
 void check_terms(const RobotConfig& robot, const Policy& policy, Checker& checker) {
   for (std::size_t i = 0; i < policy.observation.size(); ++i) {
     const ObservationTerm& term = policy.observation[i];
-    const std::size_t width = term_width(robot, term);
+    const std::size_t width = scales_of(robot, term);
     check_source(robot, term, fmt::format("policy.observation[{}].term", i), checker);
     for (const auto& [key, values] :
          {std::pair{"scale", &term.scale}, std::pair{"mean", &term.mean}, std::pair{"std", &term.standard_deviation}})
-      checker.require(values->size() == 1 || values->size() == width, fmt::format("policy.observation[{}].{}", i, key),
-                      fmt::format("has {} values for a term of {}; write one, or {}", values->size(), width, width));
+      checker.require(
+          values->size() == 1 || values->size() == width, fmt::format("policy.observation[{}].{}", i, key),
+          fmt::format("has {} values for a term of {}; write one, or {}", values->size(),
+                      image_of(robot, term) != nullptr ? fmt::format("{} channels", width) : fmt::format("{}", width),
+                      width));
     checker.require(term.clip.empty() || (term.clip.size() == 2 && term.clip[0] < term.clip[1]),
                     fmt::format("policy.observation[{}].clip", i), "is no range; write [lowest, highest]");
     if (term.kind == TermKind::motion_reference)

@@ -6,6 +6,12 @@
 #include "executive/contract/policy_input.hpp"
 
 namespace takt::config {
+namespace {
+
+// Of a policy that sees images, so that what it is shown does not fill the disk: 6 MB/s at 50 Hz.
+constexpr std::size_t kMaxSeenInputBytes = std::size_t{128} << 10U;
+
+}  // namespace
 
 bool is_of_joints(TermKind kind) {
   switch (kind) {
@@ -69,6 +75,21 @@ std::size_t term_width(const RobotConfig& robot, const ObservationTerm& term) {
   return 0;
 }
 
+const ImageShape* image_of(const RobotConfig& robot, const ObservationTerm& term) {
+  const auto sensor = std::ranges::find(robot.sensors, term.sensor, &Sensor::name);
+  return sensor != robot.sensors.end() && sensor->image ? &*sensor->image : nullptr;
+}
+
+bool sees_images(const RobotConfig& robot) {
+  return std::ranges::any_of(robot.policy->observation,
+                             [&](const ObservationTerm& term) { return image_of(robot, term) != nullptr; });
+}
+
+std::size_t scales_of(const RobotConfig& robot, const ObservationTerm& term) {
+  const ImageShape* const image = image_of(robot, term);
+  return image != nullptr ? image->channels : term_width(robot, term);
+}
+
 std::size_t observation_width(const RobotConfig& robot) {
   std::size_t width = 0;
   for (const ObservationTerm& term : robot.policy->observation) width += term_width(robot, term) * term.history;
@@ -83,13 +104,9 @@ std::size_t flow_context_width(const RobotConfig& robot) {
 std::size_t largest_policy_input(const RobotConfig& robot) {
   if (!robot.policy || !robot.record.policy_inputs) return 0;
   std::size_t values = robot.joints.size() + observation_width(robot) + flow_context_width(robot) + output_width(robot);
-  for (const Sensor& sensor : robot.sensors) {
-    const auto shows = [&](const ObservationTerm& term) { return term.sensor == sensor.name; };
-    if (sensor.image && std::ranges::any_of(robot.policy->observation, shows)) return 0;
-    if (!sensor.image) values += sensor.values;
-  }
+  for (const Sensor& sensor : robot.sensors) values += sensor.values;
   const std::size_t bytes = policy_input_bytes(robot.sensors.size(), values);
-  return bytes <= kMaxPolicyInputBytes ? bytes : 0;
+  return bytes <= (sees_images(robot) ? kMaxSeenInputBytes : kMaxPolicyInputBytes) ? bytes : 0;
 }
 
 RobotConfig seen_by_fallback(const RobotConfig& robot, const Fallback& fallback) {

@@ -25,13 +25,19 @@ constexpr std::string_view name(TermKind kind) {
 std::size_t outputs_per_step(const RobotConfig& robot);  // joints the policy drives
 // Numbers of one instant of a term, bytes of an image; 0 for a sensor that is not declared.
 std::size_t term_width(const RobotConfig& robot, const ObservationTerm& term);
+// Of a term that shows images, their shape; null: it shows none.
+const ImageShape* image_of(const RobotConfig& robot, const ObservationTerm& term);
+bool sees_images(const RobotConfig& robot);
+// How many scales, means and deviations a term may have, where it has not one for all: one per value, of images one per
+// channel.
+std::size_t scales_of(const RobotConfig& robot, const ObservationTerm& term);
 // Width of the model's input: every term times its history.
 std::size_t observation_width(const RobotConfig& robot);
 // What a sampler is shown besides (policy_host/flow/flow_context.hpp); 0: the policy has none.
 std::size_t flow_context_width(const RobotConfig& robot);
 
 // Bytes of the largest policy_input.hpp that a host of this robot publishes; 0: its policies' inputs are not recorded,
-// because `record` says so, because they hold images, or because they are larger than kMaxPolicyInputBytes. The same
+// because `record` says so, or because they are larger than kMaxPolicyInputBytes, with images than 128 KiB. The same
 // for the fallback policy. Here alone the robot may be without a policy.
 std::size_t largest_policy_input(const RobotConfig& robot);
 

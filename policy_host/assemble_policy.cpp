@@ -1,11 +1,13 @@
 #include "policy_host/assemble_policy.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <optional>
 #include <span>
 #include <utility>
+#include <vector>
 
 #include "config/document.hpp"
 #include "config/observation_shape.hpp"
@@ -74,6 +76,66 @@ std::expected<void, std::string> check_seams(const RobotConfig& robot, const Net
   return {};
 }
 
+using Dimensions = std::vector<std::int64_t>;
+
+// A tensor's dimensions without the leading ones that it has for a batch.
+Dimensions without_ones(const Dimensions& shape, std::size_t least) {
+  std::size_t ones = 0;
+  while (shape.size() - ones > least && shape[ones] == 1) ++ones;
+  return {shape.begin() + static_cast<std::ptrdiff_t>(ones), shape.end()};
+}
+
+// The dimensions that an input of this image alone may have: its history stacked, or as a dimension of its own.
+std::vector<Dimensions> shapes_of(const config::ImageShape& image, const ObservationTerm& term) {
+  const std::int64_t height = image.height, width = image.width, channels = image.channels, history = term.history;
+  const bool by_channel = term.layout == config::ImageLayout::chw;
+  std::vector<Dimensions> shapes;
+  // Of one channel both layouts are the same bytes.
+  if (by_channel || channels == 1) {
+    shapes.push_back({channels * history, height, width});
+    if (history > 1) shapes.push_back({history, channels, height, width});
+  }
+  if (!by_channel || channels == 1) {
+    shapes.push_back({height * history, width, channels});
+    if (history > 1) shapes.push_back({history, height, width, channels});
+  }
+  return shapes;
+}
+
+std::string text_of(const Dimensions& shape) {
+  return fmt::format("{}", fmt::join(shape, " x "));
+}
+
+// An input that has an image's dimensions is filled by one image alone, which has the same; flat ones take anything.
+std::expected<void, std::string> check_images(const RobotConfig& robot, const NetworkGraph& graph) {
+  auto term = robot.policy->observation.begin();
+  for (const Port& port : graph.wiring.observation) {
+    const TensorInfo& tensor = graph.networks[port.network]->inputs()[port.tensor];
+    const std::size_t size = graph.networks[port.network]->input(port.tensor).size();
+    const auto first = term;
+    for (std::size_t filled = 0; filled < size && term != robot.policy->observation.end(); ++term)
+      filled += config::term_width(robot, *term) * term->history;
+    const auto seen =
+        std::find_if(first, term, [&](const ObservationTerm& one) { return config::image_of(robot, one) != nullptr; });
+    const Dimensions flat = without_ones(tensor.shape, 1);
+    if (seen == term || flat.size() < 2) continue;
+    if (term - first != 1)
+      return std::unexpected(fmt::format(
+          "{}: input {} is {}, and sensor {}'s images are not all that fills it: give them an input of their "
+          "own in policy.input",
+          robot.policy->file, tensor.name, text_of(flat), seen->sensor));
+    const std::vector<Dimensions> shapes = shapes_of(*config::image_of(robot, *seen), *seen);
+    const auto fits = [&](const Dimensions& shape) { return without_ones(tensor.shape, shape.size()) == shape; };
+    if (std::ranges::any_of(shapes, fits)) continue;
+    return std::unexpected(fmt::format(
+        "{}: input {} is {}, the images of sensor {} become {}: mend the term's layout or history, or the sensor's "
+        "image, in {}",
+        robot.policy->file, tensor.name, text_of(without_ones(tensor.shape, shapes.front().size())), seen->sensor,
+        text_of(shapes.front()), robot.file));
+  }
+  return {};
+}
+
 // What else an answer has is as large as the action.
 std::expected<void, std::string> check_outputs(const RobotConfig& robot, const NetworkGraph& graph) {
   const std::vector<Port>& outputs = graph.wiring.outputs;
@@ -133,6 +195,7 @@ std::expected<std::unique_ptr<Policy>, std::string> assemble_policy(const RobotC
                    : graph_of_file(section.file, network_input(section), outputs_named_in(section), load);
   if (!graph) return std::unexpected(graph.error());
   if (const auto fine = check_seams(robot, *graph); !fine) return std::unexpected(fine.error());
+  if (const auto fine = check_images(robot, *graph); !fine) return std::unexpected(fine.error());
   if (const auto fine = check_outputs(robot, *graph); !fine) return std::unexpected(fine.error());
   if (const auto fine = add_references(robot, *graph); !fine) return std::unexpected(fine.error());
   const auto said = described(section.file, *graph);

@@ -7,6 +7,7 @@
 
 #include "config/observation_shape.hpp"
 #include "config/paths.hpp"
+#include "executive/contract/image_sample.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 
 namespace takt::policy_host {
@@ -34,6 +35,7 @@ Host::Host(const config::RobotConfig& robot, const std::string& runtime_director
       largest_input_(config::largest_policy_input(robot)),
       sensors_in_use_(sensors_in_use(robot)),
       samples_(robot.sensors.size()),
+      images_(robot.sensors.size()),
       only_policy_(*policies.front()),
       asked_(policies.size(), Asked{.request = {}, .used = std::vector<SensorSample>(robot.sensors.size())}),
       pacing_(static_cast<std::uint32_t>(policies.size())),
@@ -41,8 +43,13 @@ Host::Host(const config::RobotConfig& robot, const std::string& runtime_director
   if (policies.size() > 1) pool_.emplace(policies, monotonic_now);
   if (largest_input_ != 0) evidence_.emplace(robot, policy_hash, policies.front()->is_built_in());
   for (const std::size_t sensor : sensors_in_use_) {
-    sensors_.emplace_back(config::sensor_socket(runtime_directory, robot.sensors[sensor].name),
-                          hello_of(robot, policy_hash, Role::sensor_reader, kProgram));
+    const config::Sensor& declared = robot.sensors[sensor];
+    sensors_.emplace_back(config::sensor_socket(runtime_directory, declared.name),
+                          hello_of(robot, policy_hash, Role::sensor_reader, kProgram), mailbox_of(declared));
+    const std::vector<std::byte>& buffer = image_buffers_.emplace_back(image_bytes(declared));
+    if (declared.image)
+      images_[sensor] = {reinterpret_cast<const std::uint8_t*>(buffer.data()) + sizeof(ImageHeader),
+                         declared.image->bytes()};
   }
 }
 
@@ -139,8 +146,18 @@ bool Host::read_from_queue(Observation& observation) {
   return true;
 }
 
+void Host::update_sensors(MonoTime now) {
+  for (std::size_t i = 0; i < sensors_.size(); ++i) {
+    SensorSample& sample = samples_[sensors_in_use_[i]];
+    if (image_buffers_[i].empty())
+      sensors_[i].update(now, sample);
+    else
+      sensors_[i].update(now, sample, image_buffers_[i]);
+  }
+}
+
 void Host::answer(const Observation& observation, MonoTime dequeued_at) {
-  for (std::size_t i = 0; i < sensors_.size(); ++i) sensors_[i].update(dequeued_at, samples_[sensors_in_use_[i]]);
+  update_sensors(dequeued_at);
   const std::size_t slot = pool_ ? pool_->idle().value_or(0) : 0;
   Asked& asked = asked_[slot];
   std::string reason = take_usable(robot_, sensors_in_use_, samples_, monotonic_now(), asked.used);
@@ -153,7 +170,7 @@ void Host::answer(const Observation& observation, MonoTime dequeued_at) {
     return;
   }
   no_sensor_.clear();
-  responder_.ask(observation, asked.used, dequeued_at, asked.request);
+  responder_.ask(observation, asked.used, dequeued_at, asked.request, images_);
   pacing_.asked(dequeued_at);
   if (pool_) {
     pool_->start(slot, asked.request);

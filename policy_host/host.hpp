@@ -47,6 +47,7 @@ class Host {
   bool read(Observation& observation);
   bool read_from_queue(Observation& observation);
   void answer(const Observation& observation, MonoTime dequeued_at);
+  void update_sensors(MonoTime now);
   [[nodiscard]] MonoTime next_request(MonoTime now) const;
   // Sleeps until the next look is due; false where it is not yet, because something else had to be done.
   bool wait(MonoTime now);
@@ -63,8 +64,10 @@ class Host {
   std::size_t largest_input_;              // bytes; 0: inputs are not recorded
   std::optional<InputEvidence> evidence_;  // where they are
   std::vector<std::size_t> sensors_in_use_;
-  std::vector<SensorLink> sensors_;    // one per sensor in use
-  std::vector<SensorSample> samples_;  // one per sensor of the robot file: newest
+  std::vector<SensorLink> sensors_;                    // one per sensor in use
+  std::vector<SensorSample> samples_;                  // one per sensor of the robot file: newest
+  std::vector<std::vector<std::byte>> image_buffers_;  // one per sensor in use, with its header; empty: no images
+  std::vector<std::span<const std::uint8_t>> images_;  // into those, one per sensor of the robot file
   std::optional<ExecutiveLink> executive_;
   MonoTime observed_;              // published_at of the newest observation; unset: none in this session
   std::uint64_t observed_id_ = 0;  // its id

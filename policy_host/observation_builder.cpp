@@ -26,6 +26,9 @@ std::vector<float> one_each(const std::vector<double>& given, std::size_t count,
   return values;
 }
 
+constexpr std::size_t kByteValues = 256;
+constexpr float kLargestByte = 255;
+
 std::array<float, 2> gait(Duration since, double period_s) {
   const double angle = 2 * std::numbers::pi * std::fmod(since.seconds(), period_s) / period_s;
   return {static_cast<float>(std::sin(angle)), static_cast<float>(std::cos(angle))};
@@ -56,9 +59,16 @@ ObservationBuilder::ObservationBuilder(const config::RobotConfig& robot) {
     term.xyzw = described.order == config::QuaternionOrder::xyzw;
     term.low = described.clip.empty() ? -HUGE_VALF : static_cast<float>(described.clip.front());
     term.high = described.clip.empty() ? HUGE_VALF : static_cast<float>(described.clip.back());
-    term.scale = one_each(described.scale, term.width, 1);
-    term.mean = one_each(described.mean, term.width, 0);
-    term.standard_deviation = one_each(described.standard_deviation, term.width, 1);
+    const std::size_t scales = config::scales_of(robot, described);
+    term.scale = one_each(described.scale, scales, 1);
+    term.mean = one_each(described.mean, scales, 0);
+    term.standard_deviation = one_each(described.standard_deviation, scales, 1);
+    if (const config::ImageShape* const image = config::image_of(robot, described)) {
+      term.channels = image->channels;
+      term.by_channel = described.layout == config::ImageLayout::chw;
+      for (std::size_t i = 0; i < kByteValues * term.channels; ++i)
+        term.of_byte.push_back(scaled(term, i / kByteValues, static_cast<float>(i % kByteValues) / kLargestByte));
+    }
     term.constant = to_float(described.constant);
     term.past.resize(term.history * term.width);
     input_size_ += term.past.size();
@@ -110,14 +120,25 @@ float ObservationBuilder::value_of(const Term& term, std::size_t i, const Observ
   return 0.0F;
 }
 
+// Not a number stays one.
+float ObservationBuilder::scaled(const Term& term, std::size_t i, float value) {
+  const float clipped = value < term.low ? term.low : value > term.high ? term.high : value;
+  return (term.scale[i] * clipped - term.mean[i]) / term.standard_deviation[i];
+}
+
 void ObservationBuilder::read(const Term& term, const Observation& observation, std::span<const SensorSample> samples,
                               std::span<const float> last_action) {
-  for (std::size_t i = 0; i < term.width; ++i) {
-    // Not a number stays one.
-    const float value = value_of(term, i, observation, samples, last_action);
-    const float clipped = value < term.low ? term.low : value > term.high ? term.high : value;
-    newest_[i] = (term.scale[i] * clipped - term.mean[i]) / term.standard_deviation[i];
-  }
+  for (std::size_t i = 0; i < term.width; ++i)
+    newest_[i] = scaled(term, i, value_of(term, i, observation, samples, last_action));
+}
+
+void ObservationBuilder::read_image(const Term& term, std::span<const std::uint8_t> image) {
+  const std::size_t pixels = term.width / term.channels;
+  for (std::size_t pixel = 0; pixel < pixels; ++pixel)
+    for (std::size_t channel = 0; channel < term.channels; ++channel) {
+      const std::size_t at = pixel * term.channels + channel;
+      newest_[term.by_channel ? channel * pixels + pixel : at] = term.of_byte[kByteValues * channel + image[at]];
+    }
 }
 
 void ObservationBuilder::remember(Term& term, std::span<const float> newest) {
@@ -132,15 +153,19 @@ void ObservationBuilder::remember(Term& term, std::span<const float> newest) {
 }
 
 std::span<const float> ObservationBuilder::build(const Observation& observation, std::span<const SensorSample> samples,
-                                                 std::span<const float> last_action) {
+                                                 std::span<const float> last_action, Images images) {
   if (!began_at_.is_set()) began_at_ = observation.published_at;
   for (Term& term : terms_) {
     if (term.kind == TermKind::sensor) {
-      const std::uint64_t sequence = samples[term.sensor].sequence;
-      if (term.filled && sequence == term.sample_seen) continue;
-      term.sample_seen = sequence;
+      const SensorSample& sample = samples[term.sensor];
+      if (term.filled && sample.sequence == term.sample_seen && sample.published_at == term.sample_published) continue;
+      term.sample_seen = sample.sequence;
+      term.sample_published = sample.published_at;
     }
-    read(term, observation, samples, last_action);
+    if (term.channels != 0)
+      read_image(term, images[term.sensor]);
+    else
+      read(term, observation, samples, last_action);
     remember(term, std::span(newest_).first(term.width));
   }
   auto out = input_.begin();

@@ -5,8 +5,9 @@
 // term gains one history entry per observation, but for a sensor, which gains one per new sample, so that a slow
 // camera's history holds distinct frames. After reset() the first values fill the whole history. Units: rad, rad/s, Nm,
 // a sensor's own. gait_phase is the sine and the cosine of the phase, which is 0 at the first observation after
-// reset(). motion_reference is left at 0 here: the network fills it itself (network_policy.hpp). Pure: no clock, no
-// I/O; allocates nothing after construction. Thread rule: one thread.
+// reset(). A byte of an image is a value from 0 to 1; its values stand channel after channel or pixel after pixel, and
+// of a history the images one after the other. motion_reference is left at 0 here: the network fills it itself
+// (network_policy.hpp). Pure: no clock, no I/O; allocates nothing after construction. Thread rule: one thread.
 #pragma once
 
 #include <cstddef>
@@ -20,6 +21,9 @@
 
 namespace takt::policy_host {
 
+// One per sensor of the robot file, in its order: bytes of the image that the sample of that sensor belongs to.
+using Images = std::span<const std::span<const std::uint8_t>>;
+
 class ObservationBuilder {
  public:
   // Precondition: check_policy_section(robot) passed.
@@ -27,10 +31,10 @@ class ObservationBuilder {
 
   [[nodiscard]] std::size_t input_size() const { return input_size_; }
   void reset();
-  // `samples`: one per sensor of the robot file, in its order; those that no term uses may be empty. `last_action`: raw
-  // outputs of one step. The result is valid until the next call.
+  // `samples`: one per sensor of the robot file, in its order; those that no term uses may be empty, and `images` where
+  // no term shows any. `last_action`: raw outputs of one step. The result is valid until the next call.
   std::span<const float> build(const Observation& observation, std::span<const SensorSample> samples,
-                               std::span<const float> last_action);
+                               std::span<const float> last_action, Images images = {});
 
  private:
   struct Term {
@@ -41,17 +45,24 @@ class ObservationBuilder {
     std::vector<std::size_t> joints;                     // terms of joints: the robot's joint of each value
     bool xyzw = false;                                   // base_orientation: w last
     float low, high;                                     // what a value is clipped to
-    std::vector<float> scale, mean, standard_deviation;  // width values each
+    std::vector<float> scale, mean, standard_deviation;  // width values each, of images one per channel
     std::vector<float> constant;                         // TermKind::constant only
     double gait_period = 1;                              // s
+    std::size_t channels = 0;                            // of images; 0: it shows none
+    bool by_channel = false;                             // images: channel after channel
+    std::vector<float> of_byte;                          // images: what each channel's 256 values become
     std::vector<float> past;                             // history * width, oldest first
     std::uint64_t sample_seen = 0;
+    MonoTime sample_published;  // a sensor's process that starts anew counts from 1 again
     bool filled = false;
   };
   [[nodiscard]] float value_of(const Term& term, std::size_t i, const Observation& observation,
                                std::span<const SensorSample> samples, std::span<const float> last_action) const;
+  // `i`: of the scales.
+  static float scaled(const Term& term, std::size_t i, float value);
   void read(const Term& term, const Observation& observation, std::span<const SensorSample> samples,
             std::span<const float> last_action);
+  void read_image(const Term& term, std::span<const std::uint8_t> image);
   [[nodiscard]] std::span<const float> instant_of(const Term& term, std::size_t instant) const;
   static void remember(Term& term, std::span<const float> newest);
 

@@ -52,16 +52,13 @@ std::expected<void, std::string> check_term(const RobotConfig& robot, const Obse
   if (std::ranges::any_of(term.joints, [&](std::size_t joint) { return joint >= robot.joints.size(); }))
     return refuse(robot, fmt::format("policy.observation {} names a joint beyond the robot's {}; list its own", name,
                                      robot.joints.size()));
-  if (!one_or(term.scale.size(), width)) {
-    return refuse(robot, fmt::format("policy.observation {} has {} scales for {} values; give one, or one per value",
-                                     name, term.scale.size(), width));
+  const std::size_t scales = config::scales_of(robot, term);
+  if (!one_or(term.scale.size(), scales)) {
+    return refuse(robot, fmt::format("policy.observation {} has {} scales for {} {}; give one, or one each", name,
+                                     term.scale.size(), scales,
+                                     config::image_of(robot, term) != nullptr ? "channels" : "values"));
   }
   return {};
-}
-
-bool is_image(const RobotConfig& robot, const ObservationTerm& term) {
-  const auto sensor = std::ranges::find(robot.sensors, term.sensor, &config::Sensor::name);
-  return sensor != robot.sensors.end() && sensor->image;
 }
 
 std::expected<void, std::string> check_action(const RobotConfig& robot) {
@@ -115,11 +112,6 @@ std::expected<void, std::string> check_fit(const RobotConfig& robot, const Polic
     return refuse(robot, fmt::format("policy.requests_in_flight is {}, and {} is recurrent: each answer needs the one "
                                      "before; write 1",
                                      section.requests_in_flight, section.file));
-  for (const ObservationTerm& term : section.observation)
-    if (is_image(robot, term))
-      return refuse(robot, fmt::format("policy.observation {}: this host reads no images; a policy in Python does "
-                                       "(docs/sensors.md)",
-                                       term_name(term)));
   const std::size_t context = config::flow_context_width(robot), input = config::observation_width(robot) + context;
   std::string sum;
   for (const ObservationTerm& term : section.observation) {

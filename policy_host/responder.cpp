@@ -41,8 +41,8 @@ void Responder::forget() {
 }
 
 const CommandChunk& Responder::answer(const Observation& observation, std::span<const SensorSample> samples,
-                                      MonoTime dequeued_at, Clock clock) {
-  ask(observation, samples, dequeued_at, only_);
+                                      MonoTime dequeued_at, Clock clock, Images images) {
+  ask(observation, samples, dequeued_at, only_, images);
   infer(policy_, only_, clock);
   return *take(only_, clock);
 }
@@ -61,7 +61,7 @@ bool Responder::continues_in_time(const Request& request) {
 }
 
 void Responder::ask(const Observation& observation, std::span<const SensorSample> samples, MonoTime dequeued_at,
-                    Request& request) {
+                    Request& request, Images images) {
   const auto [continues, dropped] = continuity_.advance(observation);
   if (!continues) forget();
   request.observation = observation;
@@ -77,7 +77,7 @@ void Responder::ask(const Observation& observation, std::span<const SensorSample
   request.times_forgotten = times_forgotten_;
   request.after_reset = std::exchange(forgot_, false);
   const auto last_action = last_action_.due_at(observation.published_at);
-  const auto input = input_.build(observation, samples, last_action);
+  const auto input = input_.build(observation, samples, last_action, images);
   request.input.assign(input.begin(), input.end());
   if (flow_) {
     request.input.resize(policy_.input_size());

@@ -52,8 +52,9 @@ class Responder {
   void start_session();
   // `samples`: one per sensor of the robot file, judged usable. outside_sensed_at is the oldest among the newest
   // samples of the sensors in use; older samples kept as history do not count. The chunk is valid until the next call.
+  // `images`: as ObservationBuilder::build takes them.
   const CommandChunk& answer(const Observation& observation, std::span<const SensorSample> samples,
-                             MonoTime dequeued_at, Clock clock);
+                             MonoTime dequeued_at, Clock clock, Images images = {});
 
   // A sampler that continues the promised path: this observation's promise may be broken by the newest answer, which is
   // not being played yet. It is not to be asked of.
@@ -65,7 +66,7 @@ class Responder {
   // in a row are let through: the executive learns from the second how late answers are now. The chunk is valid until
   // the next, inference() until the request is used again.
   void ask(const Observation& observation, std::span<const SensorSample> samples, MonoTime dequeued_at,
-           Request& request);
+           Request& request, Images images = {});
   static void infer(Policy& policy, Request& request, Clock clock);
   const CommandChunk* take(const Request& request, Clock clock);
 

@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstring>
 #include <utility>
 
+#include "executive/contract/image_sample.hpp"
 #include "executive/ipc/executive_segments.hpp"
 
 namespace takt::policy_host {
@@ -55,9 +57,13 @@ void SensorLink::stay_attached(MonoTime now) {
   }
 }
 
-ipc::ReadStatus SensorLink::update(MonoTime now, std::span<std::byte> newest) {
+ipc::ReadStatus SensorLink::read(MonoTime now, std::span<std::byte> newest) {
   stay_attached(now);
-  return attached_ ? attached_->reader.read_latest(newest).status : ipc::ReadStatus::nothing_new;
+  if (!attached_) return ipc::ReadStatus::nothing_new;
+  const ipc::ReadResult result = attached_->reader.read_latest(newest);
+  // Behind what is shorter, an older sample's bytes would be left.
+  const bool is_whole = result.status != ipc::ReadStatus::fresh || result.size == newest.size();
+  return is_whole ? result.status : ipc::ReadStatus::corrupt;
 }
 
 ipc::ReadResult SensorLink::next(std::span<std::byte> sample) {
@@ -66,7 +72,18 @@ ipc::ReadResult SensorLink::next(std::span<std::byte> sample) {
 
 void SensorLink::update(MonoTime now, SensorSample& sample) {
   SensorSample newest;
-  if (update(now, std::as_writable_bytes(std::span(&newest, 1))) == ipc::ReadStatus::fresh) sample = newest;
+  if (read(now, std::as_writable_bytes(std::span(&newest, 1))) == ipc::ReadStatus::fresh) sample = newest;
+}
+
+void SensorLink::update(MonoTime now, SensorSample& sample, std::span<std::byte> image) {
+  const ipc::ReadStatus status = read(now, image);
+  if (status == ipc::ReadStatus::nothing_new) return;
+  ImageHeader header;
+  if (status == ipc::ReadStatus::fresh) std::memcpy(&header, image.data(), sizeof header);
+  if (header.bytes != image.size() - sizeof header) header = {};
+  sample.sequence = header.sequence;
+  sample.sensed_at = header.sensed_at;
+  sample.published_at = header.published_at;
 }
 
 std::vector<std::size_t> sensors_in_use(const config::RobotConfig& robot) {
@@ -81,6 +98,10 @@ std::vector<std::size_t> sensors_in_use(const config::RobotConfig& robot) {
 ipc::RingShape mailbox_of(const config::Sensor& sensor) {
   if (!sensor.image) return ipc::sensor_mailbox();
   return ipc::image_mailbox(sensor.image->height, sensor.image->width, sensor.image->channels);
+}
+
+std::size_t image_bytes(const config::Sensor& sensor) {
+  return sensor.image ? sizeof(ImageHeader) + sensor.image->bytes() : 0;
 }
 
 SampleVerdict judge(const config::Sensor& sensor, const SensorSample& sample, MonoTime now) {

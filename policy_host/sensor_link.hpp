@@ -27,8 +27,9 @@ class SensorLink {
   SensorLink(std::string socket, const Hello& hello, const ipc::RingShape& shape = ipc::sensor_mailbox());
   // Attaches if due, then reads. `sample` changes only when a newer one arrived.
   void update(MonoTime now, SensorSample& sample);
-  // The same for a payload of any shape; what is in `newest` after anything but `fresh` and `nothing_new` is no sample.
-  ipc::ReadStatus update(MonoTime now, std::span<std::byte> newest);
+  // The same of a sensor of images (image_bytes()): `image` is an ImageHeader and what it heads, copied once, to where
+  // it is used. A copy that failed leaves none, and `sample` says so.
+  void update(MonoTime now, SensorSample& sample, std::span<std::byte> image);
   // For who reads every sample: attaches if due; then the next that was not returned yet, oldest first.
   void stay_attached(MonoTime now);
   ipc::ReadResult next(std::span<std::byte> sample);
@@ -38,6 +39,7 @@ class SensorLink {
   [[nodiscard]] const std::string& problem() const { return problem_; }
 
  private:
+  ipc::ReadStatus read(MonoTime now, std::span<std::byte> newest);
   struct Attached {
     ipc::Lease lease;
     ipc::Segment segment;
@@ -58,6 +60,8 @@ std::vector<std::size_t> sensors_in_use(const config::RobotConfig& robot);
 
 // The mailbox of its samples: of floats, or of images of its shape.
 ipc::RingShape mailbox_of(const config::Sensor& sensor);
+// Of an image with its header; 0: it has none.
+std::size_t image_bytes(const config::Sensor& sensor);
 
 // Of a sample of floats, and of an image by its stamps. `now`: read after the sample was.
 SampleVerdict judge(const config::Sensor& sensor, const SensorSample& sample, MonoTime now);

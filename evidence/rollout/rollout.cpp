@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "config/observation_shape.hpp"
 #include "evidence/rollout/arm_world.hpp"
 #include "evidence/rollout/cart_pole_world.hpp"
 #include "evidence/rollout/operator.hpp"
@@ -218,6 +219,9 @@ void fill_without_ticks(const RolloutSetup& setup, const Disturbance& disturbanc
 }  // namespace
 
 std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutRow& row) {
+  if (config::sees_images(setup.robot))
+    return std::unexpected(setup.robot.file + ": its policy sees images, which nobody renders in virtual time: try it "
+                                              "in real time, with `takt run`");
   const Disturbance disturbance(setup.perturbation, kStart);
   if (config::fallback_policy_of(setup.robot) != nullptr && setup.fallback == nullptr)
     return std::unexpected(setup.robot.file + ": its fallback policy was not given to the rollout");

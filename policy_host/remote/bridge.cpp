@@ -78,7 +78,7 @@ Bridge::Bridge(const config::RobotConfig& robot, const std::string& runtime_dire
         {.sensor = sensor,
          .link = {config::sensor_socket(runtime_directory, declared.name),
                   hello_of(robot, policy_hash, Role::sensor_reader, kProgram), mailbox_of(declared)},
-         .payload = std::vector<std::byte>(declared.image ? sizeof(ImageHeader) + declared.image->bytes() : 0),
+         .payload = std::vector<std::byte>(image_bytes(declared)),
          .sequence = 0,
          .sent_sequence = 0,
          .sent_sensed_at = {}});
@@ -158,13 +158,7 @@ void Bridge::look(MonoTime now) {
 void Bridge::update(Source& source, MonoTime now) {
   SensorSample& sample = samples_[source.sensor];
   if (source.payload.empty()) return source.link.update(now, sample);
-  const ipc::ReadStatus status = source.link.update(now, source.payload);
-  if (status == ipc::ReadStatus::nothing_new) return;
-  ImageHeader header;
-  if (status == ipc::ReadStatus::fresh) std::memcpy(&header, source.payload.data(), sizeof header);
-  sample.sequence = header.sequence;
-  sample.sensed_at = header.sensed_at;
-  sample.published_at = header.published_at;
+  source.link.update(now, sample, source.payload);
 }
 
 void Bridge::show(const Observation& observation, MonoTime dequeued_at) {

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "config/load.hpp"
+#include "config/observation_shape.hpp"
 #include "evidence/rollout/rollout.hpp"
 #include "policy_host/engines/load_policy.hpp"
 #include "policy_host/policy_fit.hpp"
@@ -65,6 +66,8 @@ std::expected<std::string, std::string> smoke_run(const config::RobotConfig& rob
   if (!policy) return std::unexpected(policy.error());
   if (const auto fits = policy_host::check_fit(robot, **policy); !fits) return std::unexpected(fits.error());
   if (!robot.simulation) return "the policy loads and fits; no `simulation`, so nothing was run";
+  if (config::sees_images(robot))
+    return "the policy loads and fits; nobody renders the images that it sees in virtual time, so nothing was run";
   if (world.empty()) return roll_out(robot, **policy, nullptr);
   panel::WorldProcess process(world);
   return roll_out(robot, **policy, &process);

@@ -67,9 +67,9 @@ class Serving {
 
 class FakeSensor {
  public:
-  explicit FakeSensor(const std::string& socket)
-      : segment_(must(ipc::Segment::create("sensor", ipc::ring_bytes(ipc::sensor_mailbox()), true))),
-        writer_(segment_.writable(), ipc::sensor_mailbox()),
+  explicit FakeSensor(const std::string& socket, const ipc::RingShape& shape = ipc::sensor_mailbox())
+      : segment_(must(ipc::Segment::create("sensor", ipc::ring_bytes(shape), true))),
+        writer_(segment_.writable(), shape),
         serving_(socket, {.admit =
                               [this](const ipc::Peer&) {
                                 return ipc::Admission{{}, {segment_.fd()}};
@@ -79,6 +79,7 @@ class FakeSensor {
                           .left = [](const ipc::Peer&) {},
                           .request = {}}) {}
   void publish(const SensorSample& sample) { writer_.publish(std::as_bytes(std::span(&sample, 1))); }
+  void publish(std::span<const std::byte> payload) { writer_.publish(payload); }
 
  private:
   ipc::Segment segment_;

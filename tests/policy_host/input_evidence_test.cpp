@@ -96,8 +96,12 @@ TEST_F(InputEvidenceTest, TheLargestPayloadIsKnownFromTheRobotFile) {
   other.record.policy_inputs = false;
   EXPECT_EQ(config::largest_policy_input(other), 0U);
   other = robot_;
-  other.sensors[1].image = config::ImageShape{};
-  EXPECT_EQ(config::largest_policy_input(other), 0U) << "images are no numbers of this host";
+  other.sensors[1].values = 0;
+  other.sensors[1].image = config::ImageShape{48, 64, 3};
+  EXPECT_EQ(config::largest_policy_input(other), policy_input_bytes(2, 3 + 5 + 3 + 2 * 9216 + 3 + 12))
+      << "an image is part of the network's input";
+  other.sensors[1].image = config::ImageShape{128, 128, 3};
+  EXPECT_EQ(config::largest_policy_input(other), 0U) << "too large";
   other = robot_;
   other.policy->observation[1].history = 1U << 20U;
   EXPECT_EQ(config::largest_policy_input(other), 0U) << "too large";

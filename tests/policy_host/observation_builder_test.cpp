@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "tests/policy_host/small_robot.hpp"
@@ -173,6 +174,69 @@ TEST(ObservationBuilder, ACommandIsRememberedPerObservationAlsoWhileItIsTheSame)
   build(builder, small_observation(1), small_sample(1, 1, 2), {});
   build(builder, small_observation(2), small_sample(2, 3, 4), {});
   EXPECT_EQ(build(builder, small_observation(3), small_sample(2, 3, 4), {}), (Values{1, 2, 3, 4, 3, 4}));
+}
+
+// Goal: pixels land where a network of the declared layout looks for them, and nowhere else. Method: an image of 2 x 3
+// pixels of two channels, all bytes different.
+class SeenImage : public testing::Test {
+ protected:
+  SeenImage() {
+    robot.sensors[0] = {.name = "eye", .timeout = milliseconds(200), .image = config::ImageShape{2, 3, 2}};
+    robot.policy->observation = {term(TermKind::sensor, 1)};
+  }
+  Values build(ObservationBuilder& builder, std::uint64_t sequence, const std::vector<std::uint8_t>& shown) {
+    SensorSample sample;
+    sample.sequence = sequence;
+    sample.published_at = published;
+    const std::array<std::span<const std::uint8_t>, 1> images{shown};
+    const auto input = builder.build(small_observation(1), std::span(&sample, 1), {}, images);
+    return {input.begin(), input.end()};
+  }
+  // As shares of 255.
+  static void expect(const Values& input, const std::vector<float>& bytes) {
+    ASSERT_EQ(input.size(), bytes.size());
+    for (std::size_t i = 0; i < bytes.size(); ++i) EXPECT_FLOAT_EQ(input[i], bytes[i] / 255) << "value " << i;
+  }
+  config::RobotConfig robot = small_robot();
+  MonoTime published;
+  const std::vector<std::uint8_t> image{10, 110, 20, 120, 30, 130, 40, 140, 50, 150, 60, 255};
+};
+
+TEST_F(SeenImage, ChannelAfterChannelOrPixelAfterPixel) {
+  ObservationBuilder by_channel(robot);
+  EXPECT_EQ(by_channel.input_size(), 12U);
+  expect(build(by_channel, 1, image), {10, 20, 30, 40, 50, 60, 110, 120, 130, 140, 150, 255});
+  robot.policy->observation[0].layout = config::ImageLayout::hwc;
+  ObservationBuilder by_pixel(robot);
+  expect(build(by_pixel, 1, image), {10, 110, 20, 120, 30, 130, 40, 140, 50, 150, 60, 255});
+}
+
+TEST_F(SeenImage, IsClippedScaledAndNormalisedByChannel) {
+  config::ObservationTerm& seen = robot.policy->observation[0];
+  seen.clip = {0, 0.5};
+  seen.scale = {1, 2};
+  seen.mean = {0.1, 0.2};
+  seen.standard_deviation = {0.5, 4};
+  ObservationBuilder builder(robot);
+  const Values input = build(builder, 1, image);
+  EXPECT_FLOAT_EQ(input[0], (10 / 255.0F - 0.1F) / 0.5F);
+  EXPECT_FLOAT_EQ(input[6], (2 * 110 / 255.0F - 0.2F) / 4);
+  EXPECT_FLOAT_EQ(input[11], (2 * 0.5F - 0.2F) / 4) << "clipped before the scale";
+}
+
+// Stacked channels, as networks of several frames take them.
+TEST_F(SeenImage, HistoryHoldsDistinctImagesOneAfterTheOther) {
+  robot.policy->observation[0].history = 2;
+  ObservationBuilder builder(robot);
+  expect(build(builder, 1, std::vector<std::uint8_t>(12, 1)), std::vector<float>(24, 1));
+  Values input = build(builder, 2, std::vector<std::uint8_t>(12, 2));
+  EXPECT_FLOAT_EQ(input[11], 1 / 255.0F);
+  EXPECT_FLOAT_EQ(input[12], 2 / 255.0F);
+  input = build(builder, 2, std::vector<std::uint8_t>(12, 9));
+  EXPECT_FLOAT_EQ(input[12], 2 / 255.0F) << "the same sample once more";
+  published = MonoTime{} + seconds(1);
+  input = build(builder, 2, std::vector<std::uint8_t>(12, 3));
+  EXPECT_FLOAT_EQ(input[12], 3 / 255.0F) << "of a camera that started anew and counts from there";
 }
 
 TEST(ObservationBuilder, TheGaitBeginsWithEveryReset) {

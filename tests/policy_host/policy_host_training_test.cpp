@@ -15,6 +15,7 @@
 #include "config/load.hpp"
 #include "config/observation_shape.hpp"
 #include "policy_host/flow/flow_policy.hpp"
+#include "policy_host/observation_builder.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "policy_host/policy_fit.hpp"
 
@@ -280,6 +281,46 @@ TEST_P(TrainingReport, ClaimsATrackingPolicy) {
 
 INSTANTIATE_TEST_SUITE_P(Arms, TrainingReport, testing::Values("arm6", "arm6_visuomotor"),
                          [](const auto& robot) { return std::string(robot.param); });
+
+// docs/examples/python-sensor/look.onnx: images as the camera of that example draws them, through the observation that
+// a robot file describes.
+TEST(LookReport, TheNetworkFindsTheSpotAndItsExamplesComeOutOfOurEngine) {
+  constexpr std::size_t kHeight = 48, kWidth = 64, kSpot = 8;
+  const std::string folder = "docs/examples/python-sensor/";
+  const auto report = nlohmann::json::parse(text_of(folder + "look.training.json"));
+  EXPECT_EQ(config::sha256_hex(text_of(folder + "look.onnx")), report["onnx_sha256"].get<std::string>());
+  EXPECT_LT(report["evaluation"]["median_pixels"], 1.0);
+  config::RobotConfig robot = config::load("config/arm6.yaml").value();
+  robot.sensors.push_back({.name = "cam0", .timeout = milliseconds(100), .image = config::ImageShape{48, 64, 1}});
+  config::Policy& policy = *robot.policy;
+  policy.file = folder + "look.onnx";
+  policy.input = "obs,image";
+  policy.observation.resize(1);  // q - home
+  config::ObservationTerm& image = policy.observation.emplace_back(policy.observation.front());
+  image.kind = config::TermKind::sensor;
+  image.sensor = "cam0";
+  const auto network = load_robot_policy(robot);
+  ASSERT_TRUE(network) << network.error();
+  ASSERT_TRUE(check_fit(robot, **network));
+  ObservationBuilder builder(robot);
+  std::vector<SensorSample> samples(robot.sensors.size());
+  std::vector<std::span<const std::uint8_t>> images(robot.sensors.size());
+  std::vector<float> output((*network)->output_size());
+  for (const auto& example : report["examples"]) {
+    std::vector<std::uint8_t> pixels(kHeight * kWidth, 16);
+    for (std::size_t row = example["row"]; row < example["row"].get<std::size_t>() + kSpot; ++row)
+      std::fill_n(pixels.begin() + static_cast<std::ptrdiff_t>(row * kWidth + example["column"].get<std::size_t>()),
+                  kSpot, std::uint8_t{240});
+    images.back() = pixels;
+    ++samples.back().sequence;
+    Observation observation;
+    for (std::size_t j = 0; j < robot.joints.size(); ++j)
+      observation.q[j] = static_cast<float>(robot.joints[j].home) + example["q"][j].get<float>();
+    (*network)->infer(builder.build(observation, samples, {}, images), output);
+    for (std::size_t i = 0; i < output.size(); ++i)
+      EXPECT_NEAR(output[i], example["outputs"][i].get<float>(), 1e-5F) << example["column"] << " value " << i;
+  }
+}
 
 }  // namespace
 }  // namespace takt::policy_host

@@ -5,8 +5,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstring>
 #include <span>
+#include <vector>
 
+#include "executive/contract/image_sample.hpp"
 #include "tests/policy_host/fake_server.hpp"
 #include "tests/policy_host/small_robot.hpp"
 
@@ -50,6 +53,39 @@ TEST(SensorLink, AttachesReadsAndAttachesAgain) {
   eye.publish(small_sample(1, 1, 1));
   link.update(now + seconds(1), sample);
   EXPECT_EQ(sample.sequence, 1U);
+}
+
+// Goal: an image is all of one sample or none. Method: a foreign camera that publishes whole images, a short one, and
+// one whose header says something else.
+TEST(SensorLink, AnImageThatIsNotWholeIsNone) {
+  const config::Sensor camera{.name = "eye", .timeout = milliseconds(200), .image = config::ImageShape{2, 3, 1}};
+  const TemporaryDirectory directory;
+  FakeSensor eye(directory.path("sensor-eye.sock"), mailbox_of(camera));
+  SensorLink link(directory.path("sensor-eye.sock"), reader_hello(), mailbox_of(camera));
+  std::vector<std::byte> image(image_bytes(camera));
+  const auto publish = [&](std::uint64_t sequence, std::uint32_t said, std::size_t pixels) {
+    const ImageHeader header{sequence, MonoTime{1}, MonoTime{2}, said, 0};
+    std::vector<std::byte> payload(sizeof header + pixels, std::byte{static_cast<unsigned char>(sequence)});
+    std::memcpy(payload.data(), &header, sizeof header);
+    eye.publish(payload);
+  };
+  SensorSample sample;
+  const MonoTime now = MonoTime{} + seconds(1);
+  link.update(now, sample, image);
+  publish(1, 6, 6);
+  link.update(now, sample, image);
+  EXPECT_EQ(sample.sequence, 1U) << link.problem();
+  EXPECT_EQ(sample.sensed_at, MonoTime{1});
+  EXPECT_EQ(image.back(), std::byte{1});
+  publish(2, 6, 4);
+  link.update(now, sample, image);
+  EXPECT_EQ(sample.sequence, 0U) << "the last two pixels would be the image's before";
+  publish(3, 6, 6);
+  link.update(now, sample, image);
+  EXPECT_EQ(sample.sequence, 3U);
+  publish(4, 5, 6);
+  link.update(now, sample, image);
+  EXPECT_EQ(sample.sequence, 0U);
 }
 
 // Each way in which a sensor fails or lies has its verdict, and its sentence.

@@ -28,6 +28,8 @@ from inference_networks import Layer  # noqa: E402
 from patient import patient  # noqa: E402
 
 OBSERVATION, ACTIONS, OBSERVATIONS, RESET = 24, 96, 20, 12  # of the demo arm
+JOINTS, IMAGE = 6, (1, 1, 48, 64)
+SHAPES = ", shapes: [{ tensor: obs, shape: [1, 6] }, { tensor: image, shape: [1, 1, 48, 64] }]"
 TOLERANCE = 1e-5
 STATE = ", shapes: [{ tensor: h_in, shape: [1, 1, 32] }, { tensor: c_in, shape: [1, 1, 32] }"
 RUNTIME = next(iter(sorted((SOURCE / "tests/node/node_modules/onnxruntime-node/bin").glob("*/linux/x64/libonnxruntime.so.1"))), None)
@@ -101,6 +103,26 @@ class Chunk(nn.Module):
         return self.head(self.layer(x, x)).view(1, 96)
 
 
+class Looking(nn.Module):
+    """Joints, and an image of 48 x 64."""
+
+    def __init__(self):
+        super().__init__()
+        self.see = nn.Sequential(nn.Conv2d(1, 4, 5, stride=4), nn.ELU(), nn.Conv2d(4, 4, 3, stride=2, padding=1), nn.ELU(), nn.Flatten())
+        self.head = nn.Sequential(nn.Linear(JOINTS + 4 * 6 * 8, 64), nn.ELU(), nn.Linear(64, ACTIONS))
+
+    def forward(self, obs, image):
+        return self.head(torch.cat([obs, self.see(image)], 1))
+
+
+def looks(text):
+    """The demo arm with a camera, whose policy is shown its joints and its newest image."""
+    lines = [line for line in text.splitlines() if "term: joint_velocity" not in line and "term: last_action" not in line]
+    text = "\n".join(lines).replace("  input: obs", '  input: "obs,image"')
+    text = text.replace("{ term: sensor, sensor: target, scale: 1, history: 2 }", "{ term: sensor, sensor: cam0 }")
+    return text.replace("\nsensors:\n", "\nsensors:\n  - { name: cam0, image: { height: 48, width: 64, channels: 1 }, timeout: 500 ms }\n") + "\n"
+
+
 class Engines(unittest.TestCase):
     def setUp(self):
         warnings.simplefilter("ignore")  # the exporter's
@@ -138,12 +160,12 @@ class Engines(unittest.TestCase):
             return done.stderr
         return np.fromfile(self.folder / "out", np.float32).reshape(-1, ACTIONS)
 
-    def engines(self, name, shapes=""):
-        yield "built-in", self.robot(f"{name}.onnx", "builtin")
+    def engines(self, name, shapes="", change=lambda text: text):
+        yield "built-in", self.robot(f"{name}.onnx", "builtin", change=change)
         if RUNTIME:
-            yield "ONNX Runtime", self.robot(f"{name}.onnx", "onnxruntime", f", library: {RUNTIME}")
+            yield "ONNX Runtime", self.robot(f"{name}.onnx", "onnxruntime", f", library: {RUNTIME}", change)
         if TORCHSCRIPT:
-            yield "TorchScript", self.robot(f"{name}.pt", "torchscript", shapes)
+            yield "TorchScript", self.robot(f"{name}.pt", "torchscript", shapes, change)
 
     def agree(self, answers, expected, who):
         self.assertNotIsInstance(answers, str, f"{who}: {answers}")
@@ -211,41 +233,79 @@ class Engines(unittest.TestCase):
             self.answers(self.robot("large.onnx", "auto", f", library: {RUNTIME}"))
             self.assertRegex(self.engine, "^ONNX Runtime ")
 
+    def test_an_image_is_an_input_of_its_own(self):
+        module = Looking()
+        self.write_looking(module)
+        images = np.random.default_rng(5).integers(0, 256, (OBSERVATIONS, *IMAGE)).astype(np.float32) / 255
+        observations = np.concatenate([self.observations[:, :JOINTS], images.reshape(OBSERVATIONS, -1)], axis=1)
+        with torch.no_grad():
+            expected = np.concatenate([module(torch.from_numpy(row[None, :JOINTS]), torch.from_numpy(row[JOINTS:].reshape(IMAGE))).numpy()
+                                       for row in observations])
+        for who, robot in self.engines("looking", SHAPES, looks):
+            self.agree(self.answers(robot, observations), expected, f"{who}, looking")
+        turned = self.robot("looking.onnx", "builtin", change=lambda text: looks(text).replace("height: 48, width: 64", "height: 64, width: 48"))
+        self.assertIn("looking.onnx: input image is 1 x 48 x 64, the images of sensor cam0 become 1 x 64 x 48: mend", self.answers(turned, observations))
+
+    def write_looking(self, module):
+        torch.onnx.export(module.eval(), (torch.zeros(1, JOINTS), torch.zeros(IMAGE)), self.folder / "looking.onnx", input_names=["obs", "image"],
+                          output_names=["actions"], opset_version=14)
+        self.script("looking", module)
+
     def test_a_policy_in_python_says_the_same(self):
-        module = Perceptron()
-        self.write("perceptron", module)
+        self.write("perceptron", Perceptron())
+        shown, said = self.drive("perceptron", OBSERVATION, """observation={"state": takt.joints("q", "dq"), "target": takt.stream("target", 3)}""", f"""
+        x = np.zeros((1, {OBSERVATION}), np.float32)
+        x[0, :15] = np.concatenate([np.ravel(obs.state), np.ravel(obs.target)])
+        given = [torch.from_numpy(x)]""")
+        for who, robot in self.engines("perceptron"):
+            apart = np.max(np.abs(self.answers(robot, shown, (5,)) - said))
+            self.assertLessEqual(apart, TOLERANCE, who)
+
+    def test_a_policy_in_python_sees_the_same(self):
+        self.write_looking(Looking())
+        camera = subprocess.Popen([SOURCE / "docs/examples/python-sensor/camera.py"], cwd=self.folder, env=self.environment(),
+                                  stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.addCleanup(lambda: (camera.kill(), camera.wait()))
+        shown, said = self.drive("looking", JOINTS + IMAGE[2] * IMAGE[3], """observation={"state": takt.joints("q"), "top": takt.image("cam0", shape=(48, 64, 1))}""", """
+        x = np.concatenate([np.ravel(obs.state - robot.home), np.ravel(obs.top) / np.float32(255)], dtype=np.float32)[None]
+        given = [torch.from_numpy(x[:, :6]), torch.from_numpy(x[:, 6:].reshape(1, 1, 48, 64))]""", looks)
+        self.assertGreater(np.ptp(np.argmax(shown[:, JOINTS:].reshape(-1, 48, 64).sum(axis=1), axis=1)), 1, "the spot wandered")
+        for who, robot in self.engines("looking", SHAPES, looks):
+            apart = np.max(np.abs(self.answers(robot, shown, (5,)) - said))
+            self.assertLessEqual(apart, TOLERANCE, who)
+
+    def environment(self):
+        return {**os.environ, "XDG_RUNTIME_DIR": str(self.folder), "PYTHONPATH": str(BUILD / "python/staged"),
+                "PATH": f"{BUILD}/bin:/usr/bin:/bin"}
+
+    def drive(self, network, width, observation, given, change=lambda text: text):
+        """Drives the demo arm by the network, as TorchScript in a policy in Python: what it was shown, and what it said."""
+        text = change(patient((SOURCE / "config/arm6.yaml").read_text())).replace("file: arm6_reach.onnx", "file: policy.py")
+        (self.folder / "robot.yaml").write_text(text)
         (self.folder / "policy.py").write_text(f"""#!/usr/bin/python3
 import numpy as np, takt, torch
 torch.set_num_threads(1)
-net = torch.jit.load("{self.folder}/perceptron.pt")
-spec = takt.Policy(observation={{"state": takt.joints("q", "dq"), "target": takt.stream("target", 3)}},
-                   action=takt.chunk("q", steps=16, step="10 ms"))
+net = torch.jit.load("{self.folder}/{network}.pt")
+spec = takt.Policy({observation}, action=takt.chunk("q", steps=16, step="10 ms"))
 shown, said = open("{self.folder}/shown", "ab"), open("{self.folder}/said", "ab")
 with takt.connect("robot.yaml", spec) as robot:
-    for obs in robot:
-        x = np.zeros((1, {OBSERVATION}), np.float32)
-        x[0, :15] = np.concatenate([np.ravel(obs.state), np.ravel(obs.target)])
+    for obs in robot:{given}
         with torch.no_grad(), obs.infer():
-            y = net(torch.from_numpy(x)).numpy()
+            y = net(*given).numpy()
         obs.publish(q=robot.home + 0.1 * np.tanh(y.reshape(16, 6)))
         for file, values in ((shown, x), (said, y)):
             file.write(values.tobytes())
             file.flush()
 """)
         (self.folder / "policy.py").chmod(0o755)
-        text = patient((SOURCE / "config/arm6.yaml").read_text()).replace("file: arm6_reach.onnx", "file: policy.py")
-        (self.folder / "robot.yaml").write_text(text)
-        environment = {**os.environ, "XDG_RUNTIME_DIR": str(self.folder), "PYTHONPATH": str(BUILD / "python/staged"),
-                       "PATH": f"{BUILD}/bin:/usr/bin:/bin"}
         done = subprocess.run(["takt", "run", "robot.yaml", "--policy-host", "./policy.py", "--arm", "--duration", "3s", "--allow-non-realtime",
-                               "--run-dir", "run"], cwd=self.folder, env=environment, capture_output=True, text=True, timeout=120, check=False)
+                               "--run-dir", "run"], cwd=self.folder, env=self.environment(), capture_output=True, text=True, timeout=120, check=False)
         self.assertTrue((self.folder / "said").exists(), done.stdout + done.stderr)
         said = np.fromfile(self.folder / "said", np.float32).reshape(-1, ACTIONS)
-        shown = np.fromfile(self.folder / "shown", np.float32).reshape(-1, OBSERVATION)[:len(said)]
+        values = np.fromfile(self.folder / "shown", np.float32)
+        shown = values[:values.size // width * width].reshape(-1, width)[:len(said)]
         self.assertGreater(len(said), 10, done.stdout + done.stderr)
-        for who, robot in self.engines("perceptron"):
-            apart = np.max(np.abs(self.answers(robot, shown, (5,)) - said))
-            self.assertLessEqual(apart, TOLERANCE, who)
+        return shown, said
 
 
 if __name__ == "__main__":
