@@ -220,8 +220,9 @@ void fill_without_ticks(const RolloutSetup& setup, const Disturbance& disturbanc
 
 std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutRow& row) {
   if (config::sees_images(setup.robot))
-    return std::unexpected(setup.robot.file + ": its policy sees images, which nobody renders in virtual time: try it "
-                                              "in real time, with `takt run`");
+    return std::unexpected(setup.robot.file +
+                           ": its policy sees images, which nobody renders in virtual time: try it "
+                           "in real time, with `takt run`");
   const Disturbance disturbance(setup.perturbation, kStart);
   if (config::fallback_policy_of(setup.robot) != nullptr && setup.fallback == nullptr)
     return std::unexpected(setup.robot.file + ": its fallback policy was not given to the rollout");

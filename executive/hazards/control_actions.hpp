@@ -323,7 +323,8 @@ inline constexpr std::array<UnsafeRow, 33> kUnsafe{{
      Guide::wrong_length,
      "a reset ends a stop while the robot still moves, and takes its power",
      {Hazard::falls, Hazard::uncommanded},
-     "a reset is granted once every joint that is heard has been slow for 100 ms, and not while a fallback policy moves "
+     "a reset is granted once every joint that is heard has been slow for 100 ms, and not while a fallback policy "
+     "moves "
      "the robot",
      "pipeline_test Rest.ALatchedFaultIsResetAtRestOnly"},
     {Unsafe::S7,

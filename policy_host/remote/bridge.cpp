@@ -74,14 +74,13 @@ Bridge::Bridge(const config::RobotConfig& robot, const std::string& runtime_dire
       choice_(robot.policy->period * 3, Duration{robot.freshness.max_age.ns / 2}) {
   for (const std::size_t sensor : in_use_) {
     const config::Sensor& declared = robot.sensors[sensor];
-    sources_.push_back(
-        {.sensor = sensor,
-         .link = {config::sensor_socket(runtime_directory, declared.name),
-                  hello_of(robot, policy_hash, Role::sensor_reader, kProgram), mailbox_of(declared)},
-         .payload = std::vector<std::byte>(image_bytes(declared)),
-         .sequence = 0,
-         .sent_sequence = 0,
-         .sent_sensed_at = {}});
+    sources_.push_back({.sensor = sensor,
+                        .link = {config::sensor_socket(runtime_directory, declared.name),
+                                 hello_of(robot, policy_hash, Role::sensor_reader, kProgram), mailbox_of(declared)},
+                        .payload = std::vector<std::byte>(image_bytes(declared)),
+                        .sequence = 0,
+                        .sent_sequence = 0,
+                        .sent_sensed_at = {}});
   }
 }
 
