@@ -9,16 +9,17 @@ namespace {
 
 // Whether a latched mode has stiffness.
 bool holds(const TickState& state, MonoTime now, const TickConfig& config) {
+  const bool rests = state.mode.resting != 0;
   switch (manner_of(state, now, config)) {
     case StopManner::rest:
-      return state.mode.resting != 0;
+      return rests;
     case StopManner::damping:
       return false;
     case StopManner::hold:
     case StopManner::posture:
       return true;
     case StopManner::policy:
-      return state.mode.player == Player::fallback || state.mode.resting != 0;
+      return state.mode.player == Player::fallback || rests;
   }
   return false;
 }
