@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,9 +13,9 @@ namespace takt::drivers {
 struct BusOptions {
   std::string interface;
   bool fd = false;
-  // Ids wanted; empty: every frame. Others are never seen: SocketCAN filters in the kernel, the loopback bus on
-  // receive.
-  std::vector<config::IdPattern> receive;
+  // Ids wanted; an empty list: no frame at all; no list: every frame. Others are never seen: SocketCAN filters in the
+  // kernel, the loopback bus on receive.
+  std::optional<std::vector<config::IdPattern>> receive{};
 };
 
 }  // namespace takt::drivers

@@ -1,7 +1,8 @@
-// The ids a node wants to see. Nothing named: everything wanted. No allocation after construction.
+// The ids a node wants to see. No list: everything wanted. No allocation after construction.
 #pragma once
 
 #include <algorithm>
+#include <optional>
 #include <vector>
 
 #include "config/drive_ids.hpp"
@@ -11,14 +12,14 @@ namespace takt::drivers {
 
 class IdFilter {
  public:
-  explicit IdFilter(std::vector<config::IdPattern> wanted) : wanted_(std::move(wanted)) {}
+  explicit IdFilter(std::optional<std::vector<config::IdPattern>> wanted) : wanted_(std::move(wanted)) {}
   [[nodiscard]] bool wants(const CanFrame& frame) const {
-    return wanted_.empty() ||
-           std::ranges::any_of(wanted_, [&frame](const auto& one) { return one.matches(frame.id, frame.extended); });
+    return !wanted_ ||
+           std::ranges::any_of(*wanted_, [&frame](const auto& one) { return one.matches(frame.id, frame.extended); });
   }
 
  private:
-  std::vector<config::IdPattern> wanted_;
+  std::optional<std::vector<config::IdPattern>> wanted_;
 };
 
 }  // namespace takt::drivers

@@ -26,7 +26,7 @@ std::vector<config::IdPattern> ids_on(const config::RobotConfig& robot, std::siz
 }  // namespace
 
 std::expected<OpenedBus, std::string> open_bus(const config::Bus& bus, const std::string& runtime_directory,
-                                               std::vector<config::IdPattern> receive) {
+                                               std::optional<std::vector<config::IdPattern>> receive) {
   const BusOptions options{bus.interface, bus.fd, std::move(receive)};
   if (SocketCanBus::interface_exists(bus.interface)) {
     auto opened = SocketCanBus::open(options, bus.bitrate);

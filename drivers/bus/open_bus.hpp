@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <expected>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -25,9 +26,9 @@ struct OpenedBus {
   CanLink link;             // the interface as it was opened; `exists` is false of a loopback
 };
 
-// `receive`: ids wanted; empty: every frame.
+// `receive`: ids wanted; an empty list: none; no list: every frame.
 std::expected<OpenedBus, std::string> open_bus(const config::Bus& bus, const std::string& runtime_directory,
-                                               std::vector<config::IdPattern> receive = {});
+                                               std::optional<std::vector<config::IdPattern>> receive = {});
 
 // Claims every interface that exists; simulated buses need no claim. The error: the sentence of the first that is held.
 std::expected<std::vector<InterfaceClaim>, std::string> claim_interfaces(const std::vector<config::Bus>& buses);

@@ -53,14 +53,14 @@ SetUp set_options(int socket, const BusOptions& options, bool own_frames) {
     return ::setsockopt(socket, level, name, value, static_cast<socklen_t>(size)) == 0;
   };
   std::vector<can_filter> filters;
-  for (const config::IdPattern& one : options.receive)
+  for (const config::IdPattern& one : options.receive.value_or(std::vector<config::IdPattern>{}))
     filters.push_back({one.id | (one.extended ? CAN_EFF_FLAG : 0), one.mask | CAN_EFF_FLAG | CAN_RTR_FLAG});
   const can_err_mask_t errors = error_classes();
   const int on = 1;
   const int off = 0;
   const int own = own_frames ? 1 : 0;
   errno = 0;
-  if ((filters.empty() || set(SOL_CAN_RAW, CAN_RAW_FILTER, filters.data(), filters.size() * sizeof(can_filter))) &&
+  if ((!options.receive || set(SOL_CAN_RAW, CAN_RAW_FILTER, filters.data(), filters.size() * sizeof(can_filter))) &&
       set(SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors) &&
       set(SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &own, sizeof own) &&
       set(SOL_CAN_RAW, CAN_RAW_FD_FRAMES, options.fd ? &on : &off, sizeof on) &&

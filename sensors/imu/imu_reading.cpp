@@ -8,7 +8,7 @@
 namespace takt::sensors {
 namespace {
 
-constexpr Duration kTick = microseconds(100);  // of SampleTimeFine
+constexpr Duration kTick = microseconds(100);  // of the part's own time
 constexpr std::int64_t kCrystal = 5000;        // one part in so many
 constexpr std::uint16_t kRestart = 0x8000;     // a counter that far ahead went back
 
@@ -37,14 +37,14 @@ Quaternion rotation_of(const config::Vector3& rpy) {
   return product(about(2, rpy[2]), product(about(1, rpy[1]), about(0, rpy[0])));
 }
 
-MonoTime ImuReading::stamp(const MtSample& sample, MonoTime first_byte_at) const {
-  if (!before_) return first_byte_at;
-  const Duration elapsed = kTick * static_cast<std::uint32_t>(sample.ticks - before_->ticks);
+MonoTime ImuReading::stamp(const MtSample& sample, MonoTime arrived_at) const {
+  if (!before_ || !before_->ticks || !sample.ticks) return arrived_at;
+  const Duration elapsed = kTick * static_cast<std::uint32_t>(*sample.ticks - *before_->ticks);
   const Duration granted{elapsed.ns / kCrystal};
-  return std::min(first_byte_at, before_->sensed_at + elapsed + granted);
+  return std::min(arrived_at, before_->sensed_at + elapsed + granted);
 }
 
-std::optional<SensorSample> ImuReading::take(const MtSample& sample, MonoTime first_byte_at) {
+std::optional<SensorSample> ImuReading::take(const MtSample& sample, MonoTime arrived_at) {
   if (before_ && sample.counter == before_->counter) {
     ++counts_.repeated;
     return std::nullopt;
@@ -54,7 +54,7 @@ std::optional<SensorSample> ImuReading::take(const MtSample& sample, MonoTime fi
   ++counts_.samples;
 
   SensorSample made;
-  made.sensed_at = stamp(sample, first_byte_at);
+  made.sensed_at = stamp(sample, arrived_at);
   before_ = Before{sample.counter, sample.ticks, made.sensed_at};
   made.value_count = kImuValues;
   const auto narrow = [](double value) { return static_cast<float>(value); };

@@ -1,8 +1,8 @@
 // From the part's samples to the executive's: in the base frame, each once, stamped.
 //
-// Stamp: when the message's first byte was received, or earlier: a message that waited in a buffer is as old as the
-// part's own clock says since the one before (0.2 per mille are granted to its crystal). So a stamp is never after the
-// arrival, and never before the stamp before it. What the part itself needs from sensing to sending is not in it.
+// Stamp: when the first byte or frame of the sample was received, or earlier: one that waited in a buffer is as old as
+// the part's own clock, where it tells that, says since the one before (0.2 per mille are granted to its crystal). So a
+// stamp is never after the arrival. What the part itself needs from sensing to sending is not in it.
 // A packet counter that stands still is a repeat, which is dropped; one that jumped tells how many were lost.
 // After the part restarted or the port was opened anew, begin with a new one. Pure. Thread rule: one thread at a time.
 #pragma once
@@ -14,7 +14,7 @@
 #include "config/robot_config.hpp"
 #include "executive/contract/mono_time.hpp"
 #include "executive/contract/sensor_sample.hpp"
-#include "sensors/imu/mtdata2.hpp"
+#include "sensors/imu/mt_sample.hpp"
 
 namespace takt::sensors {
 
@@ -33,16 +33,16 @@ class ImuReading {
   explicit ImuReading(const Quaternion& mounting) : mounting_(mounting) {}
 
   // Nothing: a repeat. Sequence and publication are the caller's to fill in.
-  std::optional<SensorSample> take(const MtSample& sample, MonoTime first_byte_at);
+  std::optional<SensorSample> take(const MtSample& sample, MonoTime arrived_at);
   [[nodiscard]] const ImuCounts& counts() const { return counts_; }
 
  private:
   struct Before {
     std::uint16_t counter;
-    std::uint32_t ticks;
+    std::optional<std::uint32_t> ticks;
     MonoTime sensed_at;
   };
-  [[nodiscard]] MonoTime stamp(const MtSample& sample, MonoTime first_byte_at) const;
+  [[nodiscard]] MonoTime stamp(const MtSample& sample, MonoTime arrived_at) const;
 
   Quaternion mounting_;
   std::optional<Before> before_;

@@ -1,11 +1,11 @@
-// takt-imu: an Xsens MTi on a serial port, as the IMU of a robot.
+// takt-imu: an Xsens MTi on a serial port or a CAN bus, as the IMU of a robot.
 // Exit codes: 0 ended by a signal, 64 usage, 65 robot file refused, 69 another process serves the sensor, 70 internal.
 #include <fmt/format.h>
 #include <poll.h>
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
-#include <array>
+#include <algorithm>
 #include <atomic>
 #include <csignal>
 #include <cstdio>
@@ -17,12 +17,10 @@
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "config/units.hpp"
-#include "executive/contract/monotonic_clock.hpp"
+#include "drivers/bus/open_bus.hpp"
 #include "executive/ipc/sensor_server.hpp"
 #include "executive/log/program_log.hpp"
-#include "sensors/complaint.hpp"
-#include "sensors/imu/imu_reading.hpp"
-#include "sensors/imu/mtdata2.hpp"
+#include "sensors/imu/listen.hpp"
 #include "sensors/imu/serial_port.hpp"
 
 namespace takt::sensors {
@@ -30,13 +28,19 @@ namespace {
 
 constexpr int kExitUsage = 64, kExitUnavailable = 69, kExitInternal = 70;
 constexpr Duration kRetry = milliseconds(500);
-constexpr Duration kSilence = seconds(1);  // longer, and a person is told
-constexpr Duration kReportPeriod = seconds(1);
 
 struct Options {
-  std::string robot, port, runtime_directory;
+  std::string robot, port, bus, runtime_directory;
+  std::string can_ids = "0x006,0x021,0x032,0x034";
   std::vector<std::string> rpy{"0 rad", "0 rad", "0 rad"};
   std::uint32_t baud = 115'200;
+};
+
+// Where the part is, beside a serial port.
+struct Source {
+  std::string directory;  // the robot's runtime directory
+  std::optional<config::Bus> bus{};
+  MtCanIds ids{};
 };
 
 std::atomic<bool> g_stop = false;
@@ -61,100 +65,18 @@ int refuse(int exit_code, const std::string& sentence) {
   return exit_code;
 }
 
-// One opening of the port.
-class Session {
- public:
-  Session(ipc::SensorServer& server, const Quaternion& mounting, const Options& options, Complaint& complaint)
-      : server_(server),
-        reading_(mounting),
-        options_(options),
-        complaint_(complaint),
-        heard_at_(monotonic_now()),
-        reported_at_(heard_at_) {}
-
-  void take(std::span<const std::uint8_t> bytes, std::uint64_t& sequence) {
-    const MonoTime now = monotonic_now();
-    bytes_ += bytes.size();
-    for (const MtMessage& message : stream_.take(bytes, now))
-      if (message.id == kMtData2) publish(message, sequence);
-    if (now - reported_at_ > kReportPeriod) report(now);
-  }
-  // Why the port should be opened anew: not every system says that it vanished. Empty: it need not.
-  [[nodiscard]] std::string silence() const {
-    if (monotonic_now() - heard_at_ <= kSilence) return {};
-    if (bytes_ == before_heard_)
-      return options_.port + ": nothing comes: is the MTi connected, and in measurement mode?";
-    return fmt::format("{}: bytes come, but no MTData2: does the MTi speak at {} baud?", options_.port, options_.baud);
-  }
-
- private:
-  void publish(const MtMessage& message, std::uint64_t& sequence) {
-    heard_at_ = monotonic_now();
-    before_heard_ = bytes_;
-    const auto parsed = parse_mtdata2(message.data);
-    if (!parsed) complaint_.say(parsed.error());
-    if (!parsed) return;
-    complaint_.forget();
-    if (reading_.counts().samples == 0) spdlog::info("an MTi is heard at {}, {} baud", options_.port, options_.baud);
-    auto sample = reading_.take(*parsed, message.first_byte_at);
-    if (!sample) return;
-    sample->sequence = ++sequence;
-    sample->published_at = monotonic_now();
-    server_.publish(*sample);
-  }
-  void report(MonoTime now) {
-    reported_at_ = now;
-    const ImuCounts& counts = reading_.counts();
-    if (counts.lost == reported_.lost && counts.repeated == reported_.repeated &&
-        stream_.counts().bad_checksums == reported_bad_)
-      return;
-    spdlog::warn("of {} samples so far: {} lost, {} repeated; {} messages with a wrong checksum", counts.samples,
-                 counts.lost, counts.repeated, stream_.counts().bad_checksums);
-    reported_ = counts;
-    reported_bad_ = stream_.counts().bad_checksums;
-  }
-
-  ipc::SensorServer& server_;
-  MtStream stream_;
-  ImuReading reading_;
-  const Options& options_;
-  Complaint& complaint_;
-  MonoTime heard_at_, reported_at_;
-  std::uint64_t bytes_ = 0, before_heard_ = 0, reported_bad_ = 0;
-  ImuCounts reported_;
-};
-
-// Until a signal (empty), or there is nothing to hear (why).
-std::string listen(SerialPort& port, Session& session, std::uint64_t& sequence, const sigset_t& waiting_mask) {
-  std::array<std::uint8_t, 4096> bytes{};
-  while (!g_stop) {
-    const auto count = port.read(bytes, milliseconds(100), waiting_mask);
-    if (!count) return count.error();
-    session.take(std::span(bytes).first(*count), sequence);
-    if (std::string why = session.silence(); !why.empty()) return why;
-  }
-  return {};
+std::string listen(const Options& options, const Source& source, ImuSeat& seat, const Signals& signals) {
+  return source.bus ? listen_can(*source.bus, source.directory, source.ids, seat, signals)
+                    : listen_serial(options.port, options.baud, seat, signals);
 }
 
-void wait_for_retry(const sigset_t& waiting_mask) {
+int serve(const Options& options, const Source& source, ImuSeat seat) {
+  const Signals signals{.stop = g_stop, .while_waiting = stop_on_signals()};
   const timespec pause{.tv_sec = 0, .tv_nsec = kRetry.ns};
-  ::ppoll(nullptr, 0, &pause, &waiting_mask);
-}
-
-int serve(const Options& options, const Quaternion& mounting, ipc::SensorServer& server) {
-  const sigset_t waiting_mask = stop_on_signals();
-  Complaint complaint;
-  std::uint64_t sequence = 0;
   while (!g_stop) {
-    auto port = SerialPort::open(options.port, options.baud);
-    if (port) {
-      Session session(server, mounting, options, complaint);
-      const std::string why = listen(*port, session, sequence, waiting_mask);
-      if (!why.empty()) complaint.say(why);
-    } else {
-      complaint.say(port.error());
-    }
-    if (!g_stop) wait_for_retry(waiting_mask);
+    const std::string why = listen(options, source, seat, signals);
+    if (!why.empty()) seat.complaint.say(why);
+    if (!g_stop) ::ppoll(nullptr, 0, &pause, &signals.while_waiting);
   }
   return 0;
 }
@@ -169,7 +91,29 @@ std::expected<Quaternion, std::string> mounting_of(const Options& options) {
   return rotation_of(rpy);
 }
 
+// On a bus of the robot's, whose drives must not have those ids.
+std::expected<void, std::string> find_bus(const Options& options, const config::RobotConfig& robot, Source& source) {
+  const auto found = std::ranges::find(robot.buses, options.bus, &config::Bus::name);
+  if (found == robot.buses.end())
+    return std::unexpected(
+        fmt::format("{}: no bus is called `{}`: --bus takes a name of `buses`", robot.file, options.bus));
+  source.bus = *found;
+  const auto index = static_cast<std::size_t>(found - robot.buses.begin());
+  for (const config::IdPattern& drive : drivers::host_ids(robot, index))
+    for (const config::IdPattern& id : source.ids)
+      if (overlap(drive, id))
+        return std::unexpected(fmt::format(
+            "{}: a drive on bus {} has {} too: give the MTi other ids in MT Manager, and say them by --can-ids",
+            robot.file, options.bus, text_of(id)));
+  return {};
+}
+
 int run(const Options& options) {
+  if (options.port.empty() == options.bus.empty())
+    return refuse(kExitUsage,
+                  "say where the MTi is: --port for a serial port, or --bus for a CAN bus of the robot file");
+  const auto ids = parse_mt_can_ids(options.can_ids);
+  if (!ids) return refuse(kExitUsage, "--can-ids: " + ids.error());
   if (!is_known_baud(options.baud))
     return refuse(kExitUsage, fmt::format("--baud: {} is none of {}", options.baud, known_bauds()));
   const auto mounting = mounting_of(options);
@@ -181,9 +125,14 @@ int run(const Options& options) {
                   robot->file + ": the robot has no `imu`: add it, and its sensor (docs/sensors.md)");
   const std::string directory =
       options.runtime_directory.empty() ? config::default_runtime_directory(robot->robot) : options.runtime_directory;
+  Source source{.directory = directory, .ids = *ids};
+  if (!options.bus.empty())
+    if (const auto bus = find_bus(options, *robot, source); !bus)
+      return refuse(config::kExitBadConfiguration, bus.error());
   const auto server = ipc::SensorServer::start(config::sensor_socket(directory, robot->imu->sensor));
   if (!server) return refuse(kExitUnavailable, server.error());
-  return serve(options, *mounting, **server);
+  const std::string place = source.bus ? source.bus->interface : fmt::format("{}, {} baud", options.port, options.baud);
+  return serve(options, source, {.server = **server, .mounting = *mounting, .place = place});
 }
 
 }  // namespace
@@ -192,11 +141,14 @@ int run(const Options& options) {
 int main(int argc, char** argv) {
   takt::sensors::Options options;
   CLI::App app(
-      "Serves a robot's IMU from an Xsens MTi on a serial port (docs/sensors.md).\n"
+      "Serves a robot's IMU from an Xsens MTi on a serial port or a CAN bus (docs/sensors.md).\n"
       "Example: takt-imu --robot robot.yaml --port /dev/serial/by-id/usb-Xsens-if00-port0 --baud 460800");
   app.add_option("--robot", options.robot, "robot file with `imu`")->required();
-  app.add_option("--port", options.port, "serial device; waited for while it is not there")->required();
+  app.add_option("--port", options.port, "serial device; waited for while it is not there");
   app.add_option("--baud", options.baud, "as the MTi is set; default 115200");
+  app.add_option("--bus", options.bus, "instead of --port: CAN bus, by its name in the robot file");
+  app.add_option("--can-ids", options.can_ids,
+                 "of Group Counter, Quaternion, Rate of Turn, Acceleration; default 0x006,0x021,0x032,0x034");
   app.add_option("--rpy", options.rpy,
                  "how the sensor sits in the base frame: fixed-axis roll, pitch, yaw (`0 deg,180 deg,0 deg`)")
       ->delimiter(',')

@@ -5,7 +5,6 @@
 // Pure: bytes and stamps in, messages out. Thread rule: one thread at a time.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <expected>
@@ -14,6 +13,7 @@
 #include <vector>
 
 #include "executive/contract/mono_time.hpp"
+#include "sensors/imu/mt_sample.hpp"
 
 namespace takt::sensors {
 
@@ -45,15 +45,6 @@ class MtStream {
   void drop(std::size_t bytes);
   std::vector<Byte> waiting_;
   MtStreamCounts counts_;
-};
-
-// One MTData2 message; frames and units are Xsens': sensor frame S, local frame L with z up.
-struct MtSample {
-  std::uint16_t counter = 0;                 // PacketCounter: one more with every message, modulo 65536
-  std::uint32_t ticks = 0;                   // SampleTimeFine: the part's own time, 0.1 ms
-  std::array<double, 4> rotation{};          // S in L, w x y z
-  std::array<double, 3> angular_velocity{};  // rad/s, in S
-  std::array<double, 3> acceleration{};      // m/s^2, in S; specific force
 };
 
 // Values are float32 or float64, the rotation in ENU or NWU; anything else beside them is left alone. An error: what

@@ -29,7 +29,7 @@ MAY_USE = {
     "policy_host": f"{SHARED} executive/trace executive/log",
     "policy_host/remote": f"{SHARED} executive/log policy_host dds",
     "client": f"{SHARED} policy_host",
-    "sensors": f"{SHARED} executive/log dds",
+    "sensors": f"{SHARED} executive/log drivers/bus dds",
     "monitor/record": f"{SHARED} executive/incident drivers/bus drivers/protocol",
     "monitor/judge": f"{SHARED} executive/incident drivers/protocol monitor/record",
     "monitor/telemetry": f"{SHARED} executive/incident drivers/protocol monitor/record monitor/judge",

@@ -42,7 +42,7 @@ class Loopback : public testing::Test {
     ASSERT_TRUE(made) << made.error();
     hub = std::move(*made);
   }
-  std::unique_ptr<LoopbackBus> node(std::vector<config::IdPattern> wanted = {}) {
+  std::unique_ptr<LoopbackBus> node(std::optional<std::vector<config::IdPattern>> wanted = {}) {
     auto made = LoopbackBus::connect(path, {"can0", false, std::move(wanted)});
     EXPECT_TRUE(made) << made.error();
     hub->pump({});
@@ -90,10 +90,23 @@ TEST_F(Loopback, CarriesFdFramesAndKeepsTheOrder) {
   for (std::uint8_t i = 1; i < 40; ++i) EXPECT_EQ(got[i].frame.data[0], i);
 }
 
-TEST_F(Loopback, ANodeSeesOnlyTheIdsItAskedFor) {
-  listen("filter", {"can0", false, {{0x30, 0x7FF, false}}});
+// Goal: who wants no id, as the executive on a bus without drives, hears nobody. Method: a frame to it and to a node
+// that wants everything.
+TEST_F(Loopback, WhoWantsNoIdHearsNothing) {
+  listen("none");
   const auto a = node();
-  const auto b = node({{{0x10, 0x7FF, false}}});
+  const auto deaf = node(std::vector<config::IdPattern>{});
+  const auto all = node();
+  EXPECT_EQ(a->send(numbered(0x10, 1)), SendResult::sent);
+  hub->pump({});
+  EXPECT_EQ(deaf->receive(got), 0U);
+  EXPECT_EQ(all->receive(got), 1U);
+}
+
+TEST_F(Loopback, ANodeSeesOnlyTheIdsItAskedFor) {
+  listen("filter", {"can0", false, std::vector<config::IdPattern>{{0x30, 0x7FF, false}}});
+  const auto a = node();
+  const auto b = node(std::vector<config::IdPattern>{{0x10, 0x7FF, false}});
   a->send(numbered(0x10, 1));
   a->send(numbered(0x30, 2));
   CanFrame extended = numbered(0x10, 3);

@@ -1,6 +1,6 @@
-// Goal: an MTi on a serial port is a robot's IMU, and whatever happens to it ends in imu_lost, inside the envelope:
-// cut, frozen, late, garbage; plugged in again it serves on. Method: real processes, the demo arm with an IMU; behind a
-// pseudo-terminal a simulated MTi, written from its protocol's description.
+// Goal: an MTi on a serial port or a CAN bus is a robot's IMU, and whatever happens to it ends in imu_lost, inside the
+// envelope: cut, frozen, late, garbage; plugged in again it serves on. Method: real processes, the demo arm with an
+// IMU; behind a pseudo-terminal, or on a simulated bus, a simulated MTi, written from its protocols' descriptions.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -17,9 +17,12 @@
 #include <random>
 #include <thread>
 
+#include "config/paths.hpp"
+#include "drivers/bus/loopback_bus.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "tests/process/running_robot.hpp"
 #include "tests/process/sent_frames.hpp"
+#include "tests/sensors/imu/mti_can_encoder.hpp"
 #include "tests/sensors/imu/mti_encoder.hpp"
 
 namespace takt::test {
@@ -31,54 +34,99 @@ using namespace std::chrono_literals;
 // that are none.
 enum class Health { well, frozen, late, garbage };
 
-// 200 messages a second, level, a little noise. `link` leads to its terminal while it lives.
+// 200 samples a second, level, a little noise. Whoever derives from it calls fall_silent() first of all when it ends.
 class SimulatedMti {
  public:
-  explicit SimulatedMti(const std::string& link)
-      : link_(link), master_(posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC)) {
-    EXPECT_EQ(grantpt(master_), 0);
-    EXPECT_EQ(unlockpt(master_), 0);
-    std::filesystem::remove(link_);
-    std::filesystem::create_symlink(ptsname(master_), link_);
-    thread_ = std::jthread([this](const std::stop_token& stop) { speak(stop); });
-  }
-  ~SimulatedMti() {
-    thread_ = {};
-    std::filesystem::remove(link_);
-    close(master_);
-  }
+  virtual ~SimulatedMti() = default;
   void turn(Health health) { health_ = health; }
 
+ protected:
+  void speak() {
+    thread_ = std::jthread([this](const std::stop_token& stop) { speak_until(stop); });
+  }
+  void fall_silent() { thread_ = {}; }
+  std::uint8_t noise() { return static_cast<std::uint8_t>(random_()); }
+
  private:
-  void speak(const std::stop_token& stop) {
+  virtual void send(const MtiSays& says, bool garbage) = 0;
+  void speak_until(const std::stop_token& stop) {
     MonoTime next = monotonic_now();
     for (std::uint16_t counter = 0; !stop.stop_requested(); ++counter) {
       next = next + milliseconds(5);
       sleep_until(next);
-      if (health_ != Health::frozen) says_.rate[0] = 1e-3F * static_cast<float>(random_() % 10);
+      if (health_ != Health::frozen) says_.rate[0] = 4e-3F * static_cast<float>(random_() % 10);
       says_.counter = counter;
       says_.ticks = static_cast<std::uint32_t>(monotonic_now().ns / 100'000);
-      Bytes bytes = message(0x36, mtdata2(says_));
-      if (health_ == Health::garbage)
-        for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random_());
-      waiting_.push_back({next + (health_ == Health::late ? seconds(2) : Duration{}), bytes});
-      while (!waiting_.empty() && waiting_.front().due <= monotonic_now()) {
-        (void)!write(master_, waiting_.front().bytes.data(), waiting_.front().bytes.size());
-        waiting_.pop_front();
-      }
+      waiting_.push_back({next + (health_ == Health::late ? seconds(2) : Duration{}), says_});
+      for (; !waiting_.empty() && waiting_.front().due <= monotonic_now(); waiting_.pop_front())
+        send(waiting_.front().says, health_ == Health::garbage);
     }
   }
   struct Waiting {
     MonoTime due;
-    Bytes bytes;
+    MtiSays says;
   };
-  std::string link_;
-  int master_;
   std::atomic<Health> health_ = Health::well;
   std::mt19937 random_{1};
   MtiSays says_;
   std::deque<Waiting> waiting_;
   std::jthread thread_;
+};
+
+// `link` leads to its terminal while it lives.
+class SerialMti final : public SimulatedMti {
+ public:
+  explicit SerialMti(const std::string& link)
+      : link_(link), master_(posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC)) {
+    EXPECT_EQ(grantpt(master_), 0);
+    EXPECT_EQ(unlockpt(master_), 0);
+    std::filesystem::remove(link_);
+    std::filesystem::create_symlink(ptsname(master_), link_);
+    speak();
+  }
+  ~SerialMti() override {
+    fall_silent();
+    std::filesystem::remove(link_);
+    close(master_);
+  }
+
+ private:
+  void send(const MtiSays& says, bool garbage) override {
+    Bytes bytes = message(0x36, mtdata2(says));
+    if (garbage)
+      for (std::uint8_t& byte : bytes) byte = noise();
+    (void)!write(master_, bytes.data(), bytes.size());
+  }
+  std::string link_;
+  int master_;
+};
+
+// A node of a robot's simulated bus. What a damaged frame is, a CAN controller knows: garbage is groups without
+// accelerations.
+class CanMti final : public SimulatedMti {
+ public:
+  CanMti(const RunningRobot& robot, const std::string& interface) {
+    const std::string hub = config::loopback_socket(robot.directory(), interface);
+    for (int poll = 0; poll < 2000 && !bus_; ++poll) {  // 20 s at most, for the plant
+      auto connected = drivers::LoopbackBus::connect(hub, {});
+      if (connected) bus_ = std::move(*connected);
+      if (!bus_) std::this_thread::sleep_for(10ms);
+    }
+    if (bus_)
+      speak();
+    else
+      ADD_FAILURE() << "no bus at " << hub;
+  }
+  ~CanMti() override { fall_silent(); }
+
+ private:
+  void send(const MtiSays& says, bool garbage) override {
+    drivers::ReceivedFrame heard[32];
+    bus_->receive(heard);  // and forgotten
+    const auto frames = mti_group(says);
+    for (const drivers::CanFrame& frame : std::span(frames).first(garbage ? 3 : 4)) bus_->send(frame);
+  }
+  std::unique_ptr<drivers::LoopbackBus> bus_;
 };
 
 std::string text_of(const std::string& path) {
@@ -94,20 +142,26 @@ class TaktImu : public testing::Test {
     std::string arm = text_of("config/arm6.yaml");
     const std::string sensors = "\nsensors:\n";
     arm.insert(arm.find(sensors) + sensors.size(), "  - { name: torso, values: 10, timeout: 300 ms }\n");
+    const std::string joints = "\njoints:\n";
+    arm.insert(arm.find(joints), "  - { name: aux, interface: can2, bitrate: 1 Mbit/s, when_missing: loopback }\n");
     std::ofstream(robot_file()) << arm << "\nimu: { sensor: torso, tilt: 0.5 rad, frozen_after: 300 ms }\n";
   }
   ~TaktImu() override { std::filesystem::remove_all(folder_); }
   [[nodiscard]] std::string robot_file() const { return folder_ + "/arm6.yaml"; }
   [[nodiscard]] std::string port() const { return folder_ + "/mti"; }
-  [[nodiscard]] Child start_imu(const RunningRobot& robot) const {
-    return Child({"takt-imu", "--robot", robot.robot_file(), "--port", port(), "--runtime-dir", robot.directory()},
+  [[nodiscard]] Child start_imu(const RunningRobot& robot, const std::string& where, const std::string& place) const {
+    return Child({"takt-imu", "--robot", robot.robot_file(), where, place, "--runtime-dir", robot.directory()},
                  robot.directory() + "/imu.log");
   }
   // Arms, lets the trouble begin, and judges: the IMU is lost, the robot stops, no frame left the envelope.
-  void expect_lost(const std::function<void(SimulatedMti&)>& trouble) const {
+  void expect_lost(bool on_can, const std::function<void(std::unique_ptr<SimulatedMti>&)>& trouble) const {
     RunningRobot robot({}, robot_file());
-    SimulatedMti mti(port());
-    Child imu = start_imu(robot);
+    std::unique_ptr<SimulatedMti> mti;
+    if (on_can)
+      mti = std::make_unique<CanMti>(robot, "can2");
+    else
+      mti = std::make_unique<SerialMti>(port());
+    Child imu = on_can ? start_imu(robot, "--bus", "aux") : start_imu(robot, "--port", port());
     const Child policy = robot.start_policy_host();
     ASSERT_EQ(robot.arm(), "") << robot.logs();
     ASSERT_TRUE(robot.wait_for_mode(Mode::tracking)) << robot.logs();
@@ -143,24 +197,33 @@ class TaktImu : public testing::Test {
   std::string folder_ = testing::TempDir() + "takt-imu-XXXXXX";
 };
 
-TEST_F(TaktImu, FrozenItIsLost) {
-  expect_lost([](SimulatedMti& mti) { mti.turn(Health::frozen); });
+class TaktImuOn : public TaktImu, public testing::WithParamInterface<bool> {};  // a CAN bus?
+
+TEST_P(TaktImuOn, FrozenItIsLost) {
+  expect_lost(GetParam(), [](auto& mti) { mti->turn(Health::frozen); });
 }
 
-TEST_F(TaktImu, LateItIsLostAlsoWhenItsMessagesComeAgain) {
-  expect_lost([](SimulatedMti& mti) { mti.turn(Health::late); });
+TEST_P(TaktImuOn, LateItIsLostAlsoWhenItsMessagesComeAgain) {
+  expect_lost(GetParam(), [](auto& mti) { mti->turn(Health::late); });
 }
 
-TEST_F(TaktImu, GarbageIsNoImu) {
-  expect_lost([](SimulatedMti& mti) { mti.turn(Health::garbage); });
+TEST_P(TaktImuOn, GarbageIsNoImu) {
+  expect_lost(GetParam(), [](auto& mti) { mti->turn(Health::garbage); });
 }
 
-TEST_F(TaktImu, CutItIsLostAndPluggedInAgainItServes) {
+TEST_P(TaktImuOn, CutItIsLost) {
+  expect_lost(GetParam(), [](auto& mti) { mti.reset(); });
+}
+
+INSTANTIATE_TEST_SUITE_P(, TaktImuOn, testing::Bool(),
+                         [](const auto& each) { return std::string(each.param ? "Can" : "Serial"); });
+
+TEST_F(TaktImu, PluggedInAgainItServes) {
   RunningRobot robot({}, robot_file());
-  Child imu = start_imu(robot);
+  Child imu = start_imu(robot, "--port", port());
   const std::string log = robot.directory() + "/imu.log";
   ASSERT_TRUE(is_said(log, port() + ": No such file or directory")) << "it waits for its port";
-  auto mti = std::make_unique<SimulatedMti>(port());
+  auto mti = std::make_unique<SerialMti>(port());
   const Child policy = robot.start_policy_host();
   ASSERT_EQ(robot.arm(), "") << robot.logs();
   ASSERT_TRUE(robot.wait_for_mode(Mode::tracking)) << robot.logs();
@@ -168,7 +231,7 @@ TEST_F(TaktImu, CutItIsLostAndPluggedInAgainItServes) {
   ASSERT_TRUE(robot.wait_for_mode(Mode::damped_stop)) << robot.logs();
   expect_imu_lost(robot);
   EXPECT_TRUE(is_said(log, port() + " vanished")) << text_of(log);
-  mti = std::make_unique<SimulatedMti>(port());
+  mti = std::make_unique<SerialMti>(port());
   ASSERT_TRUE(robot.reset()) << robot.logs();
   ASSERT_EQ(robot.arm(), "") << robot.logs();
   ASSERT_TRUE(robot.wait_for_mode(Mode::tracking)) << robot.logs();
@@ -180,13 +243,20 @@ TEST_F(TaktImu, CutItIsLostAndPluggedInAgainItServes) {
 
 TEST_F(TaktImu, WhatDoesNotFitIsRefused) {
   const auto ends_with = [this](std::vector<std::string> words) {
-    words.insert(words.begin(), {"takt-imu", "--runtime-dir", folder_, "--port", port()});
+    words.insert(words.begin(), {"takt-imu", "--runtime-dir", folder_});
     return Child(words, folder_ + "/imu.log").wait(20s);
   };
-  EXPECT_EQ(ends_with({"--robot", "config/arm6.yaml"}), 65) << "no imu";
-  EXPECT_EQ(ends_with({"--robot", robot_file(), "--baud", "12345"}), 64);
-  EXPECT_EQ(ends_with({"--robot", robot_file(), "--rpy", "0 rad,1 m,0 rad"}), 64);
-  EXPECT_EQ(ends_with({}), 64);
+  EXPECT_EQ(ends_with({"--port", port(), "--robot", "config/arm6.yaml"}), 65) << "no imu";
+  EXPECT_EQ(ends_with({"--port", port(), "--robot", robot_file(), "--baud", "12345"}), 64);
+  EXPECT_EQ(ends_with({"--port", port(), "--robot", robot_file(), "--rpy", "0 rad,1 m,0 rad"}), 64);
+  EXPECT_EQ(ends_with({"--port", port()}), 64) << "no robot";
+  EXPECT_EQ(ends_with({"--robot", robot_file()}), 64) << "neither port nor bus";
+  EXPECT_EQ(ends_with({"--robot", robot_file(), "--port", port(), "--bus", "aux"}), 64) << "both";
+  EXPECT_EQ(ends_with({"--robot", robot_file(), "--bus", "can7"}), 65) << "no such bus";
+  EXPECT_EQ(ends_with({"--robot", robot_file(), "--bus", "aux", "--can-ids", "1,2"}), 64);
+  EXPECT_EQ(ends_with({"--robot", robot_file(), "--bus", "can0", "--can-ids", "0x001,0x021,0x032,0x034"}), 65);
+  EXPECT_NE(text_of(folder_ + "/imu.log").find("a drive on bus can0 has 0x001 too"), std::string::npos)
+      << text_of(folder_ + "/imu.log");
 }
 
 }  // namespace

@@ -1,0 +1,40 @@
+#include <fmt/format.h>
+
+#include <array>
+
+#include "executive/contract/monotonic_clock.hpp"
+#include "sensors/imu/listen.hpp"
+#include "sensors/imu/mtdata2.hpp"
+#include "sensors/imu/serial_port.hpp"
+
+namespace takt::sensors {
+
+std::string listen_serial(const std::string& port, std::uint32_t baud, ImuSeat& seat, const Signals& signals) {
+  auto opened = SerialPort::open(port, baud);
+  if (!opened) return opened.error();
+  ImuFeed feed(seat);
+  MtStream stream;
+  std::array<std::uint8_t, 4096> bytes{};
+  bool is_babble = false;  // bytes came since the last message
+  while (!signals.stop) {
+    const auto count = opened->read(bytes, milliseconds(100), signals.while_waiting);
+    if (!count) return count.error();
+    is_babble = is_babble || *count > 0;
+    for (const MtMessage& message : stream.take(std::span(bytes).first(*count), monotonic_now())) {
+      if (message.id != kMtData2) continue;
+      is_babble = false;
+      const auto sample = parse_mtdata2(message.data);
+      if (sample)
+        feed.publish(*sample, message.first_byte_at);
+      else
+        feed.refuse(sample.error());
+    }
+    feed.report(stream.counts().bad_checksums);
+    if (feed.is_silent())
+      return is_babble ? fmt::format("{}: bytes come, but no MTData2: does the MTi speak at {} baud?", port, baud)
+                       : port + ": nothing comes: is the MTi connected, and in measurement mode?";
+  }
+  return {};
+}
+
+}  // namespace takt::sensors
