@@ -319,9 +319,12 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
     {Cause::fallback_spent,
      {Hazard::falls, Hazard::outdated},
      {Unsafe::S2},
-     "the policy does not come back, and the fallback policy has moved the robot for as long as it may",
-     "time since it took over beyond fallbacks.NAME.for",
+     "the policy does not come back, and the fallback policy has moved the robot for as long as it may, or talks "
+     "nonsense",
+     "time since it took over beyond fallbacks.NAME.for; its targets out of range in more than freshness.clamped_share "
+     "of the window",
      {"pipeline_test FallbackPolicy.MayPlayForSoLongAndNoLonger",
+      "pipeline_test StopByPolicy.ItsOwnNonsenseEndsItHoweverItWasStopped",
       "incident_test FallbackIncident.SaysThatItsTimeIsOver"},
      "a robot that stands by its policies alone falls when it stops; with `for: 0 s` a robot plays on without "
      "anybody's "

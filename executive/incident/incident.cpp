@@ -228,13 +228,18 @@ std::vector<IncidentLink> IncidentWatch::chain(const TickRecordHeader& header) c
 }
 
 // Clamping ends with the tick that stops the robot: what was clamped in the tick before tells which of the two it is.
-std::string IncidentWatch::bad_commands(const TickRecordHeader& header) const {
+std::string IncidentWatch::joints_just_clamped(const TickRecordHeader& header) const {
   std::string joints;
   for (std::size_t joint = 0; joint < robot_.joints.size(); ++joint) {
     const Sign& sign = clamped_[joint];
     if (sign.tick != 0 && header.now - sign.last < robot_.control.period * 2)
       joints += (joints.empty() ? "" : ", ") + robot_.joints[joint].name;
   }
+  return joints;
+}
+
+std::string IncidentWatch::bad_commands(const TickRecordHeader& header) const {
+  const std::string joints = joints_just_clamped(header);
   if (joints.empty())
     return fmt::format("more of the policy's commands were refused than bad_command_limit allows, the last one as {}",
                        name(refused_));
@@ -266,6 +271,11 @@ std::string IncidentWatch::words(const TickRecord& record) const {
           may_have_fallen_back ? "neither the policy nor the fallback policy " + fallback->name : "the policy",
           may_have_fallen_back ? "a" : "no", limits.stop_after.milliseconds(), newest);
     case Cause::fallback_spent:
+      if (const std::string joints = joints_just_clamped(header); !joints.empty())
+        return fmt::format(
+            "the fallback policy {}'s targets were out of range in more than {:g} % of the window (clamped_share), "
+            "last of joint {}",
+            robot_.degraded.fallback, 100 * limits.clamped_share, joints);
       return fmt::format(
           "the fallback policy {} has moved the robot for {:g} s (fallbacks.{}.for), and the policy is "
           "not back: {}",

@@ -136,7 +136,9 @@ void constrain(TickState& state, const Choice& choice, std::span<JointTarget> ta
       clamped = true;
     }
   }
-  state.clamped.push(clamped, config.freshness.window_ticks);
+  const Player player = record.header.player;
+  state.clamped.push(clamped && player != Player::fallback, config.freshness.window_ticks);
+  state.fallback_clamped.push(clamped && player == Player::fallback, config.freshness.window_ticks);
   compare_candidate(state, choice, targets, config, record);
 }
 

@@ -92,9 +92,16 @@ MonoTime last_usable_at(const TickState& state, const TickConfig& config) {
   return may_take_over ? std::max(of_policy, state.fallback.last_usable_at) : of_policy;
 }
 
-bool is_fallback_spent(const FallbackState& fallback, MonoTime now, const TickConfig& config) {
-  return config.fallback_longest > Duration{} && fallback.plays_since.is_set() &&
-         now - fallback.plays_since >= config.fallback_longest;
+bool is_out_of_range(const TickWindow& clamped, const TickConfig& config) {
+  return static_cast<double>(clamped.count()) > config.clamped_share * config.freshness.window_ticks;
+}
+
+// The fallback policy's time is over, or it talks nonsense: nobody is left to answer for that, so it is not the
+// policy's bad_commands, which a stop may leave to the fallback.
+bool is_fallback_spent(const TickState& state, MonoTime now, const TickConfig& config) {
+  const MonoTime since = state.fallback.plays_since;
+  const bool is_over = config.fallback_longest > Duration{} && since.is_set() && now - since >= config.fallback_longest;
+  return is_over || is_out_of_range(state.fallback_clamped, config);
 }
 
 // A drive that made the robot stop, or degraded it, has to cool by this much before the condition is gone.
@@ -130,17 +137,16 @@ bool stays_degraded(CauseMask temperatures, const TickConfig& config) {
 
 CauseMask of_commands(const TickState& state, MonoTime now, const TickConfig& config) {
   const FreshnessContract& contract = config.freshness;
-  const bool out_of_range = static_cast<double>(state.clamped.count()) > config.clamped_share * contract.window_ticks;
-  CauseMask active = when(out_of_range || state.refusals.count() > contract.bad_command_limit, Cause::bad_commands);
+  const bool nonsense = is_out_of_range(state.clamped, config);
+  CauseMask active = when(nonsense || state.refusals.count() > contract.bad_command_limit, Cause::bad_commands);
   const Mode mode = state.mode.mode;
-  if (mode == Mode::damped_stop)
-    return active | when(is_fallback_spent(state.fallback, now, config), Cause::fallback_spent);
+  if (mode == Mode::damped_stop) return active | when(is_fallback_spent(state, now, config), Cause::fallback_spent);
   const bool counting = mode == Mode::tracking || mode == Mode::degraded;
   if (!counting && mode != Mode::arming) return active;
   active |= when(is_command_lost(last_usable_at(state, config), now, contract), Cause::command_lost);
   active |=
       when(counting && is_violated(state.misses.count(), state.recovery, now, contract), Cause::contract_violated);
-  active |= when(is_fallback_spent(state.fallback, now, config), Cause::fallback_spent) |
+  active |= when(is_fallback_spent(state, now, config), Cause::fallback_spent) |
             when(is_degraded_spent(state.mode, now, config), Cause::degraded_spent);
   return active | when(mode == Mode::degraded && is_restored(state.recovery, now, contract), Cause::contract_restored);
 }

@@ -42,6 +42,7 @@ constexpr std::uint64_t kStateLayout = layout_hash({{kAbiVersion, sizeof(TickSta
                                                     {offsetof(TickState, memory), sizeof(ObservationMemory)},
                                                     {offsetof(TickState, misses), sizeof(TickWindow)},
                                                     {offsetof(TickState, clamped), sizeof(TickWindow)},
+                                                    {offsetof(TickState, fallback_clamped), sizeof(TickWindow)},
                                                     {offsetof(TickState, late), sizeof(TickWindow)},
                                                     {offsetof(TickState, links), sizeof(LinkWatch)},
                                                     {offsetof(TickState, imu), sizeof(ImuWatch)},
@@ -130,6 +131,7 @@ void walk(State& state, const StateShape& shape, const ChunkBytes& chunks, Piece
   piece(&state.misses, TickWindow::saved_bytes(shape.window_ticks));
   piece(&state.refusals, TickWindow::saved_bytes(shape.window_ticks));
   piece(&state.clamped, TickWindow::saved_bytes(shape.window_ticks));
+  piece(&state.fallback_clamped, TickWindow::saved_bytes(shape.window_ticks));
   piece(&state.late, TickWindow::saved_bytes(shape.window_ticks));
   piece(&state.links, kLinkBytes);
   piece(&state.links.joints[0], shape.joint_count * sizeof(ReplyWatch));
@@ -210,7 +212,8 @@ bool is_consistent(const TickState& state, const TickConfig& config, const Chunk
          static_cast<std::size_t>(state.mode.last_player) < kMoverCount &&
          (given_up & ~every_joint(config.joint_count)) == 0 && state.recovery.relapses <= kMaxDoublings &&
          state.misses.fits(config.freshness.window_ticks) && state.refusals.fits(config.freshness.window_ticks) &&
-         state.clamped.fits(config.freshness.window_ticks) && state.late.fits(config.freshness.window_ticks) &&
+         state.clamped.fits(config.freshness.window_ticks) &&
+         state.fallback_clamped.fits(config.freshness.window_ticks) && state.late.fits(config.freshness.window_ticks) &&
          state.candidate_misses.fits(config.freshness.window_ticks) &&
          state.candidate_refusals.fits(config.freshness.window_ticks) &&
          state.candidate_clamped.fits(config.freshness.window_ticks) && state.candidate.in_charge <= 1 &&

@@ -136,7 +136,7 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
     // What is commanded next would be decided by an attitude that nobody knows.
     {Cause::imu_lost,             53,  {S, P, P, P, P, F}, kRest, "the IMU sensor's timeout, one tick",
       "a usable sample; mode: operator reset"},
-    {Cause::fallback_spent,       51,  {S, A, T, P, P, F}, kRest, "fallbacks.NAME.for, one tick",
+    {Cause::fallback_spent,       51,  {S, A, T, P, P, F}, kRest, "fallbacks.NAME.for or freshness.clamped_share of the window, one tick",
       "the policy's contract is restored, or the mode left; mode: operator reset"},
     // A warning, unless the robot file wants the robot degraded by it.
     {Cause::temperature_high,     31,  {S, A, D, D, P, F}, kNo,   "",

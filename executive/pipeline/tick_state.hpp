@@ -116,9 +116,10 @@ struct TickState {
   CommandInUse command;
   ObservationMemory memory;
   TickWindow misses;
-  TickWindow refusals;  // messages refused for what they say
-  TickWindow clamped;   // ticks that played a target out of its joint's range
-  TickWindow late;      // periods late or skipped
+  TickWindow refusals;          // messages refused for what they say
+  TickWindow clamped;           // ticks that played a target of the policy's out of its joint's range
+  TickWindow fallback_clamped;  // likewise, of the fallback policy's
+  TickWindow late;              // periods late or skipped
   LinkWatch links;
   ImuWatch imu;
   JointState joints[kMaxJoints];

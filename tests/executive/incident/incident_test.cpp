@@ -322,6 +322,18 @@ TEST_F(FallbackIncident, SaysThatItsTimeIsOver) {
             "none is left");
 }
 
+TEST_F(FallbackIncident, SaysThatItTalkedNonsense) {
+  record.joints[1].interventions = static_cast<InterventionMask>(bit(Intervention::target_range));
+  stay(10);
+  record.joints[1].interventions = 0;
+  const auto incident = enter(Mode::damped_stop, Cause::fallback_spent);
+  ASSERT_TRUE(incident);
+  EXPECT_EQ(
+      incident->detail.find("the fallback policy stand's targets were out of range in more than 25 % of the window"),
+      0U)
+      << incident->detail;
+}
+
 TEST_F(ImuIncident, SaysHowTheImuWasLost) {
   EXPECT_EQ(detail_of(Cause::imu_lost),
             "sensor torso: its newest sample is 50 ms old, or says the same as all before it");

@@ -501,6 +501,31 @@ TEST_F(StopByPolicy, ItsOwnTimeCountsFromWhenItTookOver) {
   EXPECT_EQ(player(), Player::none) << "300 ms at one go, in degraded mode and in the stop";
 }
 
+// Goal: nonsense of the fallback policy's own is never answered by the fallback policy. Method: every stop that can be
+// its, is; its targets go out of range while it plays, in degraded mode and in a stop.
+TEST_F(StopByPolicy, ItsOwnNonsenseEndsItHoweverItWasStopped) {
+  for (const bool in_a_stop : {false, true}) {
+    two = TwoPolicies(stopping_robot(Cause::operator_stop));
+    TickConfig& config = two.rig.config;
+    for (const Cause cause : {Cause::operator_stop, Cause::bad_commands, Cause::overrun})
+      config.stops[static_cast<std::size_t>(cause)] = {StopManner::policy, {}};
+    arm();
+    two.policy_speaks = in_a_stop;
+    if (in_a_stop) two.tick(OperatorRequest::stop);
+    for (int i = 0; i < 1000 && player() != Player::fallback; ++i) two.tick();
+    ASSERT_EQ(player(), Player::fallback);
+    two.fallback_wants = 50;
+    for (int i = 0; i < 1000 && player() == Player::fallback; ++i) two.tick();
+    EXPECT_EQ(player(), Player::none) << "in a stop: " << in_a_stop;
+    EXPECT_EQ(two.rig.mode(), Mode::damped_stop);
+    EXPECT_NE(two.header().causes_active & bit(Cause::fallback_spent), 0U);
+    EXPECT_EQ(two.header().causes_active & bit(Cause::bad_commands), 0U) << "the policy said nothing wrong";
+    EXPECT_FALSE(is_stiff());
+    two.tick(OperatorRequest::stop);
+    stays_let_go(500);
+  }
+}
+
 TEST_F(StopByPolicy, ThePolicysNonsenseIsAnswered) {
   two.rig.config = stopping_robot(Cause::bad_commands);
   arm();
