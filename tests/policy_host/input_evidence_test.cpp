@@ -107,10 +107,11 @@ TEST_F(InputEvidenceTest, ImagesAreNamedAndTheRestOfTheInputIsThere) {
       Responder responder(seeing, 7, policy);
       InputEvidence evidence(seeing, 7, true);
       responder.start_session();
-      std::array<std::vector<std::uint8_t>, 2> shown{std::vector<std::uint8_t>(12, 10), std::vector<std::uint8_t>(12)};
-      for (std::uint8_t i = 0; i < 12; ++i) shown[1][i] = static_cast<std::uint8_t>(100 + i);
+      std::array<std::vector<std::uint8_t>, 3> shown;
+      for (std::size_t image = 0; image < 3; ++image)
+        for (std::size_t i = 0; i < 12; ++i) shown[image].push_back(static_cast<std::uint8_t>(50 * image + i));
       std::span<const std::byte> payload;
-      for (std::size_t i = 0; i < 2; ++i) {
+      for (std::size_t i = 0; i < 3; ++i) {
         samples_[1] = small_sample(50 + i, 0, 0);
         samples_[1].published_at = MonoTime{} + milliseconds(static_cast<std::int64_t>(9 + i));
         const std::array<std::span<const std::uint8_t>, 2> images{std::span<const std::uint8_t>{}, shown[i]};
@@ -124,9 +125,9 @@ TEST_F(InputEvidenceTest, ImagesAreNamedAndTheRestOfTheInputIsThere) {
       ASSERT_EQ(payload.size(), policy_input_bytes(2, 3 + 12 + 12));
       std::array<PolicyInputSample, 2> named;
       std::memcpy(named.data(), payload.data() + sizeof header, sizeof named);
-      EXPECT_EQ(named[newest_first ? 1 : 0].sequence, 50U);
-      EXPECT_EQ(named[newest_first ? 0 : 1].sequence, 51U);
-      EXPECT_EQ(named[newest_first ? 0 : 1].published_at, MonoTime{} + milliseconds(10));
+      EXPECT_EQ(named[newest_first ? 1 : 0].sequence, 51U);
+      EXPECT_EQ(named[newest_first ? 0 : 1].sequence, 52U);
+      EXPECT_EQ(named[newest_first ? 0 : 1].published_at, MonoTime{} + milliseconds(11));
       EXPECT_EQ(named[0].sensor, 1U);
       EXPECT_EQ(named[0].value_count, 0U);
 
