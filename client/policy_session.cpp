@@ -15,6 +15,7 @@
 
 #include "client/stream_view.hpp"
 #include "config/load.hpp"
+#include "config/observation_shape.hpp"
 #include "config/paths.hpp"
 #include "config/units.hpp"
 #include "executive/contract/mode.hpp"
@@ -183,7 +184,9 @@ PolicySession::PolicySession(config::RobotConfig robot, const PolicySpec& spec, 
                                    spec.program.c_str())),
       sensors_in_use_(policy_host::sensors_in_use(robot_)),
       samples_(robot_.sensors.size()),
-      used_(robot_.sensors.size()) {
+      used_(robot_.sensors.size()),
+      largest_input_(config::largest_policy_input(robot_)) {
+  if (largest_input_ != 0) evidence_.emplace(robot_, policy_hash);
   for (const std::size_t sensor : sensors_in_use_) {
     sensors_.emplace_back(config::sensor_socket(runtime_directory, robot_.sensors[sensor].name),
                           policy_host::hello_of(robot_, policy_hash, Role::sensor_reader, spec.program.c_str()),
@@ -206,6 +209,7 @@ PolicySession::PolicySession(config::RobotConfig robot, const PolicySpec& spec, 
     if (term.kind == TAKT_TERM_IMAGE)
       images_.push_back(reinterpret_cast<const std::uint8_t*>(payloads_[used].data() + sizeof(ImageHeader)));
   }
+  add_evidence();
   values_.resize(count);
   for (const config::Joint& joint : robot_.joints) {
     joint_names_.push_back(joint.name.c_str());
@@ -235,6 +239,13 @@ PolicySession::PolicySession(config::RobotConfig robot, const PolicySpec& spec, 
   chunk_.header.joint_count = static_cast<std::uint16_t>(robot_.joints.size());
 }
 
+void PolicySession::add_evidence() {
+  if (!evidence_) return;
+  std::size_t queue = 0;
+  for (const Block& block : blocks_)
+    evidence_->add_term(block.kind, block.sensor, block.kind == TAKT_TERM_QUEUE ? &queues_[queue++] : nullptr);
+}
+
 int PolicySession::misused(const char* sentence) {
   sentence_ = sentence;
   return TAKT_USAGE;
@@ -242,7 +253,7 @@ int PolicySession::misused(const char* sentence) {
 
 int PolicySession::try_to_attach(MonoTime now) {
   next_attempt_ = now + kAttachRetry;
-  auto link = policy_host::ExecutiveLink::attach(socket_, hello_);
+  auto link = policy_host::ExecutiveLink::attach(socket_, hello_, largest_input_);
   if (!link) {
     sentence_ = link.error();
     if (!is_no_answer(sentence_)) return TAKT_REFUSED;
@@ -354,6 +365,7 @@ void PolicySession::show(MonoTime now) {
   forget_ = false;
   for (std::size_t i = 0; i < queues_.size(); ++i) queues_[i].show(queue_views_[i]);
   fill_values();
+  if (evidence_) evidence_->show(observation_, view_, used_);
 }
 
 const float* PolicySession::values_of(const Block& block) const {
@@ -455,6 +467,8 @@ int PolicySession::publish(const takt_chunk& given) {
   header.infer_ended_at = infer_ended_at_.is_set() ? infer_ended_at_ : header.published_at;
   header.dropped_observations = static_cast<std::uint32_t>(std::min<std::uint64_t>(view_.dropped, UINT32_MAX));
   executive_->publish(chunk_);
+  // Behind the command: what the robot waits for goes first.
+  if (evidence_) executive_->publish_input(evidence_->answer(header.sequence));
   sentence_.clear();
   return TAKT_OK;
 }

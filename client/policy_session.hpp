@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "client/sample_queue.hpp"
+#include "client/shown_evidence.hpp"
 #include "client/takt/client.h"
 #include "config/robot_config.hpp"
 #include "executive/contract/command_chunk.hpp"
@@ -74,6 +75,7 @@ class PolicySession {
   };
   PolicySession(config::RobotConfig robot, const PolicySpec& spec, std::uint64_t policy_hash,
                 const std::string& runtime_directory);
+  void add_evidence();  // once the terms and queues are there
   int try_to_attach(MonoTime now);
   int look(MonoTime now);
   void update_sensor(std::size_t used, MonoTime now);
@@ -98,6 +100,8 @@ class PolicySession {
   std::vector<std::size_t> queued_;               // per sensor in use: index of its queue; the largest number: none
   std::vector<takt_queue> queue_views_;           // into those
   std::vector<takt_stream> streams_;              // one per sensor of the robot file
+  std::size_t largest_input_;                     // bytes; 0: what the policy is shown is not recorded
+  std::optional<ShownEvidence> evidence_;         // where it is
   std::optional<policy_host::ExecutiveLink> executive_;
   MonoTime next_attempt_;
   MonoTime seen_published_at_;  // of the newest observation read; unset: none in this session

@@ -19,6 +19,7 @@ bool may_be_shown(SampleVerdict verdict) {
 SampleQueue::SampleQueue(const config::Sensor& sensor)
     : sensor_(sensor),
       waiting_(sensor.queue),
+      shown_(sensor.queue),
       values_(std::size_t{sensor.queue} * sensor.values),
       sensed_(sensor.queue) {}
 
@@ -62,8 +63,9 @@ void SampleQueue::take_all(policy_host::SensorLink& link, MonoTime now, SensorSa
 }
 
 void SampleQueue::show(takt_queue& view) {
+  shown_count_ = count_;
   for (std::size_t i = 0; i < count_; ++i) {
-    const SensorSample& sample = waiting_[(first_ + i) % waiting_.size()];
+    const SensorSample& sample = shown_[i] = waiting_[(first_ + i) % waiting_.size()];
     std::copy_n(sample.values, sensor_.values, &values_[i * sensor_.values]);
     sensed_[i] = sample.sensed_at.ns;
   }

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "client/takt/client.h"
@@ -21,6 +22,8 @@ class SampleQueue {
   void take_all(policy_host::SensorLink& link, MonoTime now, SensorSample& newest);
   // Hands over what is waiting, and begins anew. The view's memory stays the same.
   void show(takt_queue& view);
+  // What the view holds, sample by sample, until the next show().
+  [[nodiscard]] std::span<const SensorSample> shown() const { return std::span(shown_).first(shown_count_); }
   // Nothing is waiting, nothing was lost.
   void forget();
 
@@ -30,6 +33,8 @@ class SampleQueue {
   std::vector<SensorSample> waiting_;  // a ring of sensor.queue
   std::size_t first_ = 0, count_ = 0;
   std::uint64_t dropped_ = 0, session_ = 0;
+  std::vector<SensorSample> shown_;  // room for sensor.queue
+  std::size_t shown_count_ = 0;
   std::vector<float> values_;
   std::vector<std::int64_t> sensed_;
 };

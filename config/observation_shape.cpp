@@ -8,8 +8,29 @@
 namespace takt::config {
 namespace {
 
-// Of a policy that sees images, so that what it is shown does not fill the disk: 6 MB/s at 50 Hz.
-constexpr std::size_t kMaxSeenInputBytes = std::size_t{128} << 10U;
+// Of what a policy host publishes: images are named, and stand in no input (executive/contract/policy_input.hpp).
+std::size_t largest_of_host(const RobotConfig& robot) {
+  std::size_t values = robot.joints.size() + observation_width(robot) + flow_context_width(robot) + output_width(robot);
+  std::size_t samples = robot.sensors.size();
+  for (const ObservationTerm& term : robot.policy->observation) {
+    if (image_of(robot, term) == nullptr) continue;
+    values -= term_width(robot, term) * term.history;
+    samples += term.history;
+  }
+  for (const Sensor& sensor : robot.sensors) values += sensor.values;
+  return policy_input_bytes(samples, values);
+}
+
+// Of what libtakt-client publishes: any quantity of the joints, of each sensor the newest sample and a queue.
+std::size_t largest_of_client(const RobotConfig& robot) {
+  std::size_t values = kShownQuantities * robot.joints.size();
+  std::size_t samples = 0;
+  for (const Sensor& sensor : robot.sensors) {
+    values += sensor.values * (1 + std::size_t{sensor.queue});
+    samples += 1 + std::size_t{sensor.queue};
+  }
+  return policy_input_bytes(samples, values);
+}
 
 }  // namespace
 
@@ -103,10 +124,8 @@ std::size_t flow_context_width(const RobotConfig& robot) {
 
 std::size_t largest_policy_input(const RobotConfig& robot) {
   if (!robot.policy || !robot.record.policy_inputs) return 0;
-  std::size_t values = robot.joints.size() + observation_width(robot) + flow_context_width(robot) + output_width(robot);
-  for (const Sensor& sensor : robot.sensors) values += sensor.values;
-  const std::size_t bytes = policy_input_bytes(robot.sensors.size(), values);
-  return bytes <= (sees_images(robot) ? kMaxSeenInputBytes : kMaxPolicyInputBytes) ? bytes : 0;
+  const std::size_t bytes = std::max(largest_of_host(robot), largest_of_client(robot));
+  return bytes <= kMaxPolicyInputBytes ? bytes : 0;
 }
 
 RobotConfig seen_by_fallback(const RobotConfig& robot, const Fallback& fallback) {

@@ -36,9 +36,9 @@ std::size_t observation_width(const RobotConfig& robot);
 // What a sampler is shown besides (policy_host/flow/flow_context.hpp); 0: the policy has none.
 std::size_t flow_context_width(const RobotConfig& robot);
 
-// Bytes of the largest policy_input.hpp that a host of this robot publishes; 0: its policies' inputs are not recorded,
-// because `record` says so, or because they are larger than kMaxPolicyInputBytes, with images than 128 KiB. The same
-// for the fallback policy. Here alone the robot may be without a policy.
+// Bytes of the largest policy_input.hpp that a policy's process publishes; 0: this robot's are not recorded, because
+// `record` says so, or because they would be larger than kMaxPolicyInputBytes, images aside. The same for the fallback
+// policy. Here alone the robot may be without a policy.
 std::size_t largest_policy_input(const RobotConfig& robot);
 
 // The robot as its fallback policy's host sees it: `policy` is the fallback, which reads its own constant command.

@@ -397,11 +397,18 @@ struct SafeTorqueOff {
 
 enum class Recorder : std::uint8_t { required, optional };
 
+// How much of the images that policies are shown a run keeps as files.
+struct ImageRecord {
+  double budget_mib = 0;      // 0: none
+  double rate_mib_per_s = 0;  // in the mean; above 0
+};
+
 struct Record {
   Recorder recorder = Recorder::required;
   std::string directory;  // absolute after load
   Duration keyframe_period;
   bool policy_inputs = true;
+  ImageRecord images;
 };
 
 struct DdsPeer {

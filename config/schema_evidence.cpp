@@ -107,6 +107,13 @@ void describe_simulation(Fields& fields, Simulation& simulation, const RobotConf
 
 constexpr std::size_t kMostDdsPeers = 32;
 
+void describe_images(Fields& fields, ImageRecord& images) {
+  fields.quantity({"budget_mib", "MiB of one run that they may fill; 0: no files", "4096"}, images.budget_mib,
+                  Dimension::none, between(0, 1 << 30));
+  fields.quantity({"rate_mib_per_s", "MiB per second that they may fill in the mean", "32"}, images.rate_mib_per_s,
+                  Dimension::none, above(0, 1 << 20));
+}
+
 void describe_dds(Fields& fields, Dds& dds) {
   fields.integer({"domain", "DDS domain, ROS_DOMAIN_ID of those who listen", "0"}, dds.domain, 0, 232);
   fields.text({"interface", "the one network interface used; lo: nobody outside this machine", "lo"}, dds.interface);
@@ -149,8 +156,10 @@ void describe_evidence(Fields& fields, RobotConfig& robot) {
              robot.record.recorder, kRecorders);
     f.duration({"keyframe_period", "time between two stored states that replay can start from", "1 s"},
                robot.record.keyframe_period, milliseconds(10), seconds(600));
-    f.flag({"policy_inputs", "true: what the policy's network was shown and said is kept (docs/policies.md)", "true"},
+    f.flag({"policy_inputs", "true: what policies are shown and networks say is kept (docs/policies.md)", "true"},
            robot.record.policy_inputs);
+    f.section({"images", "files of the images that policies are shown; all are named by their hash", "{}"},
+              [&](Fields& images) { describe_images(images, robot.record.images); });
   });
   bool exports = robot.dds.has_value();
   fields.optional_section({"dds", "the monitor talks to ROS 2 (docs/ros2.md)"}, exports, [&](Fields& f) {

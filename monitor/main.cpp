@@ -26,6 +26,7 @@
 #include "monitor/closing_reviews.hpp"
 #include "monitor/executive_session.hpp"
 #include "monitor/exports.hpp"
+#include "monitor/image_watch.hpp"
 #include "monitor/judge/run_metrics.hpp"
 #include "monitor/policy_input_session.hpp"
 #include "monitor/record/bounded_file.hpp"
@@ -116,7 +117,18 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
   PolicyInputSession candidate_inputs(options.runtime_directory, robot, Player::candidate);
   spdlog::info("recording into {}", folder->path());
   exports.begin(manifest, folder->path(), monotonic_now());
-  const RecordSink sink = exports.also_to((*recorder)->sink());
+  ImageWatch images(options.runtime_directory, robot, *folder);
+  RecordSink sink = exports.also_to((*recorder)->sink());
+  sink.policy_input = [&, record = sink.policy_input](const RecordedPolicyInput& input) {
+    record(input);
+    if ((*recorder)->stop_reason().empty()) images.shown(input.input);
+  };
+  sink.loss = [declare = sink.loss, said = false](const Loss& loss) mutable {
+    declare(loss);
+    if (loss.ring == kImageLoss && !std::exchange(said, true))
+      spdlog::warn("images that policies are shown go without a file, some or all: {} (docs/run-folder.md)",
+                   loss.reason);
+  };
   auto tell_if_stopped = [&, said = false]() mutable {
     if ((*recorder)->stop_reason().empty()) return;
     exports.recording_stopped((*recorder)->manifest().unrecorded_ticks);
@@ -134,6 +146,7 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
     stream->drain(sink, is_last);
     for (PolicyInputSession* const session_of : {&inputs, &fallback_inputs, &candidate_inputs})
       session_of->drain(monotonic_now(), sink);
+    images.hand_on(sink);
   };
   MonoTime next = monotonic_now();
   while (!g_stop && !session.is_over()) {
@@ -152,6 +165,7 @@ Recorded record_session(const ExecutiveSession& session, const Options& options,
   }
   session.tell_recorded(0);  // before the last words: closing a run takes its time
   drain_all(true);
+  images.finish(sink);
   const char* why = g_stop ? "monitor told to end" : "executive ended";
   if (const auto written = (*recorder)->finish(monotonic_now(), why); !written) spdlog::error("{}", written.error());
   tell_if_stopped();

@@ -41,7 +41,7 @@ Host::Host(const config::RobotConfig& robot, const std::string& runtime_director
       pacing_(static_cast<std::uint32_t>(policies.size())),
       faults_(std::move(faults)) {
   if (policies.size() > 1) pool_.emplace(policies, monotonic_now);
-  if (largest_input_ != 0) evidence_.emplace(robot, policy_hash, policies.front()->is_built_in());
+  if (largest_input_ != 0) evidence_.emplace(robot, policy_hash, policies.front()->is_built_in(), owner_of(role));
   for (const std::size_t sensor : sensors_in_use_) {
     const config::Sensor& declared = robot.sensors[sensor];
     sensors_.emplace_back(config::sensor_socket(runtime_directory, declared.name),

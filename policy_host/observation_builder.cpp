@@ -71,11 +71,35 @@ ObservationBuilder::ObservationBuilder(const config::RobotConfig& robot) {
     }
     term.constant = to_float(described.constant);
     term.past.resize(term.history * term.width);
+    if (term.channels != 0) term.seen.resize(term.history);
     input_size_ += term.past.size();
     newest_.resize(std::max(newest_.size(), term.width));
     terms_.push_back(std::move(term));
   }
   input_.resize(input_size_);
+  place_images();
+}
+
+template <class Visit>
+void ObservationBuilder::in_order(const Visit& visit) const {
+  if (!by_time_) {
+    for (std::size_t term = 0; term < terms_.size(); ++term)
+      for (std::size_t instant = 0; instant < terms_[term].history; ++instant) visit(term, instant);
+    return;
+  }
+  for (std::size_t instant = 0; instant < terms_.front().history; ++instant)
+    for (std::size_t term = 0; term < terms_.size(); ++term) visit(term, instant);
+}
+
+void ObservationBuilder::place_images() {
+  if (terms_.empty()) return;
+  std::size_t at = 0;
+  in_order([&](std::size_t index, std::size_t /*instant*/) {
+    const Term& term = terms_[index];
+    if (term.channels != 0) image_places_.push_back({index, term.sensor, at, term.width});
+    at += term.width;
+  });
+  seen_images_.resize(image_places_.size());
 }
 
 void ObservationBuilder::reset() {
@@ -132,13 +156,29 @@ void ObservationBuilder::read(const Term& term, const Observation& observation, 
     newest_[i] = scaled(term, i, value_of(term, i, observation, samples, last_action));
 }
 
-void ObservationBuilder::read_image(const Term& term, std::span<const std::uint8_t> image) {
+void ObservationBuilder::read_image(const Term& term, std::span<const std::uint8_t> image, std::span<float> values) {
   const std::size_t pixels = term.width / term.channels;
   for (std::size_t pixel = 0; pixel < pixels; ++pixel)
     for (std::size_t channel = 0; channel < term.channels; ++channel) {
       const std::size_t at = pixel * term.channels + channel;
-      newest_[term.by_channel ? channel * pixels + pixel : at] = term.of_byte[kByteValues * channel + image[at]];
+      values[term.by_channel ? channel * pixels + pixel : at] = term.of_byte[kByteValues * channel + image[at]];
     }
+}
+
+void ObservationBuilder::put_image(const ImagePlace& place, std::span<const std::uint8_t> image,
+                                   std::span<float> input) const {
+  read_image(terms_[place.term], image, input.subspan(place.at, place.width));
+}
+
+// As remember() does with its values, and before it.
+void ObservationBuilder::remember_image(Term& term, const SensorSample& sample) {
+  const SeenImage newest{term.sensor, sample.sequence, sample.sensed_at, sample.published_at};
+  if (!term.filled) {
+    std::ranges::fill(term.seen, newest);
+    return;
+  }
+  std::copy(term.seen.begin() + 1, term.seen.end(), term.seen.begin());
+  term.seen.back() = newest;
 }
 
 void ObservationBuilder::remember(Term& term, std::span<const float> newest) {
@@ -162,28 +202,30 @@ std::span<const float> ObservationBuilder::build(const Observation& observation,
       term.sample_seen = sample.sequence;
       term.sample_published = sample.published_at;
     }
-    if (term.channels != 0)
-      read_image(term, images[term.sensor]);
-    else
+    if (term.channels != 0) {
+      read_image(term, images[term.sensor], newest_);
+      remember_image(term, samples[term.sensor]);
+    } else {
       read(term, observation, samples, last_action);
+    }
     remember(term, std::span(newest_).first(term.width));
   }
   auto out = input_.begin();
-  if (!by_time_) {
-    for (const Term& term : terms_)
-      for (std::size_t instant = 0; instant < term.history; ++instant)
-        out = std::ranges::copy(instant_of(term, instant), out).out;
-    return input_;
-  }
-  for (std::size_t instant = 0; instant < terms_.front().history; ++instant) {
-    for (const Term& term : terms_) out = std::ranges::copy(instant_of(term, instant), out).out;
-  }
+  auto seen = seen_images_.begin();
+  in_order([&](std::size_t index, std::size_t instant) {
+    const Term& term = terms_[index];
+    out = std::ranges::copy(instant_of(term, instant), out).out;
+    if (term.channels != 0) *seen++ = term.seen[from_oldest(term, instant)];
+  });
   return input_;
 }
 
+std::size_t ObservationBuilder::from_oldest(const Term& term, std::size_t instant) const {
+  return newest_first_ ? term.history - 1 - instant : instant;
+}
+
 std::span<const float> ObservationBuilder::instant_of(const Term& term, std::size_t instant) const {
-  const std::size_t from_oldest = newest_first_ ? term.history - 1 - instant : instant;
-  return std::span(term.past).subspan(from_oldest * term.width, term.width);
+  return std::span(term.past).subspan(from_oldest(term, instant) * term.width, term.width);
 }
 
 }  // namespace takt::policy_host

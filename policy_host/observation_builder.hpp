@@ -24,6 +24,19 @@ namespace takt::policy_host {
 // One per sensor of the robot file, in its order: bytes of the image that the sample of that sensor belongs to.
 using Images = std::span<const std::span<const std::uint8_t>>;
 
+// An image that the network was shown.
+struct SeenImage {
+  std::size_t sensor = 0;  // index into the robot's sensors
+  std::uint64_t sequence = 0;
+  MonoTime sensed_at, published_at;
+};
+
+// Where in the input an image stands.
+struct ImagePlace {
+  std::size_t term = 0, sensor = 0;  // indices into the robot's
+  std::size_t at = 0, width = 0;     // values
+};
+
 class ObservationBuilder {
  public:
   // Precondition: check_policy_section(robot) passed.
@@ -35,6 +48,13 @@ class ObservationBuilder {
   // no term shows any. `last_action`: raw outputs of one step. The result is valid until the next call.
   std::span<const float> build(const Observation& observation, std::span<const SensorSample> samples,
                                std::span<const float> last_action, Images images = {});
+
+  // Every image of the input, histories included, by where it stands there; and what was there in the input built last.
+  [[nodiscard]] const std::vector<ImagePlace>& image_places() const { return image_places_; }
+  [[nodiscard]] std::span<const SeenImage> seen_images() const { return seen_images_; }
+  // The values that an image becomes. Precondition: `place` is of image_places(), `image` as large as its sensor's,
+  // `input` input_size() or more.
+  void put_image(const ImagePlace& place, std::span<const std::uint8_t> image, std::span<float> input) const;
 
  private:
   struct Term {
@@ -52,6 +72,7 @@ class ObservationBuilder {
     bool by_channel = false;                             // images: channel after channel
     std::vector<float> of_byte;                          // images: what each channel's 256 values become
     std::vector<float> past;                             // history * width, oldest first
+    std::vector<SeenImage> seen;                         // images: history of them, oldest first
     std::uint64_t sample_seen = 0;
     MonoTime sample_published;  // a sensor's process that starts anew counts from 1 again
     bool filled = false;
@@ -62,8 +83,14 @@ class ObservationBuilder {
   static float scaled(const Term& term, std::size_t i, float value);
   void read(const Term& term, const Observation& observation, std::span<const SensorSample> samples,
             std::span<const float> last_action);
-  void read_image(const Term& term, std::span<const std::uint8_t> image);
+  static void read_image(const Term& term, std::span<const std::uint8_t> image, std::span<float> values);
+  static void remember_image(Term& term, const SensorSample& sample);
+  [[nodiscard]] std::size_t from_oldest(const Term& term, std::size_t instant) const;
   [[nodiscard]] std::span<const float> instant_of(const Term& term, std::size_t instant) const;
+  // Calls `visit(term's index, instant)` in the order of the input.
+  template <class Visit>
+  void in_order(const Visit& visit) const;
+  void place_images();
   static void remember(Term& term, std::span<const float> newest);
 
   std::vector<Term> terms_;
@@ -73,6 +100,8 @@ class ObservationBuilder {
   std::size_t input_size_ = 0;
   std::vector<float> newest_;  // values of the term being read
   std::vector<float> input_;
+  std::vector<ImagePlace> image_places_;
+  std::vector<SeenImage> seen_images_;  // one per place
 };
 
 }  // namespace takt::policy_host

@@ -79,6 +79,8 @@ void Responder::ask(const Observation& observation, std::span<const SensorSample
   const auto last_action = last_action_.due_at(observation.published_at);
   const auto input = input_.build(observation, samples, last_action, images);
   request.input.assign(input.begin(), input.end());
+  const auto seen = input_.seen_images();
+  request.images.assign(seen.begin(), seen.end());
   if (flow_) {
     request.input.resize(policy_.input_size());
     flow_->show(observation, std::span(request.input).subspan(input.size()));
@@ -98,7 +100,7 @@ void Responder::infer(Policy& policy, Request& request, Clock clock) {
 const CommandChunk* Responder::take(const Request& request, Clock clock) {
   if (request.session != session_ || request.sequence < taken_sequence_ || !continues_in_time(request)) return nullptr;
   taken_sequence_ = request.sequence;
-  inference_ = {request.input, request.output, inference_.number + 1, request.after_reset};
+  inference_ = {request.input, request.output, request.images, inference_.number + 1, request.after_reset};
   chunk_builder_.fill(chunk_, request.observation, request.output);
   const std::span<const float> said = request.output;
   const std::span meant = said.first(said.size() / steps_ * chunk_.header.step_count);

@@ -28,14 +28,16 @@ using Clock = MonoTime (*)();
 // What the network was shown for an answer, and what it said. Valid until the next answer.
 struct Inference {
   std::span<const float> input, output;
-  std::uint64_t number = 0;  // 1, 2, 3, ... in the life of the responder
-  bool after_reset = false;  // the policy had forgotten its past before it
+  std::span<const SeenImage> images;  // one per image place of the input
+  std::uint64_t number = 0;           // 1, 2, 3, ... in the life of the responder
+  bool after_reset = false;           // the policy had forgotten its past before it
 };
 
 // An observation on its way to becoming an answer. One is in the hands of one thread at a time.
 struct Request {
   Observation observation;
   std::vector<float> input, output;
+  std::vector<SeenImage> images;  // in the input
   MonoTime dequeued_at, outside_sensed_at, infer_started_at, infer_ended_at;
   std::uint64_t session = 0, sequence = 0, dropped = 0, times_forgotten = 0;
   bool after_reset = false;

@@ -99,7 +99,7 @@ void add_lerobot(CLI::App& app, int& exit_code) {
   command->footer(
       "Every stretch in which the robot tracked its policy is an episode, every observation in it a frame:\n"
       "observation.state is q and dq of each joint, action what the policy asked for at that instant. Images are not\n"
-      "recorded, and so are not exported (docs/reading-runs.md).\n"
+      "exported (docs/reading-runs.md).\n"
       "Example: takt export lerobot runs/* --out arm6_reach --task \"follow the target\"\n"
       "Exit codes: 0 written; 1 a run cannot be read, was altered, has no policy or no tick that followed it, runs of\n"
       "different robots, the folder cannot be written; 64 the folder exists already, or a run is named twice.");

@@ -196,7 +196,9 @@ int takt_policy_infer_end(takt_policy* policy);
  * be called several times for one observation: where the robot file has policy.speculation the executive reads them in
  * order, one per control period, and up to 8 wait for it; else only the newest counts. Returns OK, USAGE (also for dq
  * where the robot file's interpolation has none, or lacks one, and for an assumption where it has no
- * policy.speculation), BUG. */
+ * policy.speculation), BUG.
+ * Behind the chunk the recorder is told what the observation showed, images by name, unless the robot file says
+ * record.policy_inputs: false (docs/policies.md). */
 int takt_policy_publish(takt_policy* policy, const takt_chunk* chunk);
 
 /* Valid until takt_policy_close; never NULL. */

@@ -9,13 +9,17 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <set>
+#include <tuple>
 #include <utility>
 
 #include "config/action_target.hpp"
 #include "config/load.hpp"
 #include "config/observation_shape.hpp"
 #include "executive/ipc/crc32c.hpp"
+#include "monitor/record/image_file.hpp"
 #include "policy_host/chunk_builder.hpp"
+#include "policy_host/observation_builder.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "policy_host/policy_fit.hpp"
 
@@ -41,7 +45,9 @@ std::string place_in(const PolicyInput& input, std::size_t at) {
   if (at < samples_at) return "its header";
   if (at < from) return "the stamps of its samples";
   const std::pair<const char*, const std::vector<float>*> parts[] = {
-      {"q", &input.q}, {"sample_values", &input.sample_values}, {"input", &input.input}, {"output", &input.output}};
+      {"q", &input.joints[0]},          {"dq", &input.joints[1]},          {"tau", &input.joints[2]},
+      {"q_setpoint", &input.joints[3]}, {"dq_of_drive", &input.joints[4]}, {"sample_values", &input.sample_values},
+      {"input", &input.input},          {"output", &input.output}};
   for (const auto& [name, values] : parts) {
     if (at < from + 4 * values->size()) return fmt::format("{}[{}]", name, (at - from) / 4);
     from += 4 * values->size();
@@ -69,11 +75,43 @@ std::optional<std::string> mend(RecordedPolicyInput& recorded) {
   return std::nullopt;
 }
 
+// The run's images, by what inputs say of them.
+class RunImages {
+ public:
+  explicit RunImages(RunFolder folder) : folder_(std::move(folder)) {}
+  void add(const ShownImage& image) {
+    images_[{image.sensor, image.sequence, image.published_at.ns, image.sensed_at.ns}] = image;
+  }
+  // Its bytes, or why they are not there. The newest of each sensor stays in memory: several answers rest on it.
+  std::expected<std::vector<std::uint8_t>, std::string> bytes_of(const PolicyInputSample& sample) {
+    const auto found = images_.find({sample.sensor, sample.sequence, sample.published_at.ns, sample.sensed_at.ns});
+    if (found == images_.end() || found->second.sha256.empty())
+      return std::unexpected("the recorder never had its image " + std::to_string(sample.sequence));
+    const ShownImage& image = found->second;
+    auto& [sha256, bytes] = newest_[sample.sensor];
+    if (sha256 == image.sha256) return bytes;
+    if (image.file != ImageFile::stored)
+      return std::unexpected(fmt::format("image {} went without a file: {}", image.sha256, name(image.file)));
+    auto read = read_image(folder_, image.shape, image.sha256);
+    if (read) {
+      sha256 = image.sha256;
+      bytes = *read;
+    }
+    return read;
+  }
+
+ private:
+  RunFolder folder_;
+  std::map<std::tuple<std::uint32_t, std::uint64_t, std::int64_t, std::int64_t>, ShownImage> images_;
+  std::map<std::uint32_t, std::pair<std::string, std::vector<std::uint8_t>>> newest_;
+};
+
 // One policy's answers, one after the other.
 class Replayer {
  public:
   static std::expected<std::unique_ptr<Replayer>, PolicyReplayRefusal> make(config::RobotConfig robot, Player sender,
-                                                                            const PolicyReplayOptions& options);
+                                                                            const PolicyReplayOptions& options,
+                                                                            RunImages& images);
   // Why it cannot be replayed; empty: it was.
   std::string answer(RecordedPolicyInput recorded);
   void command(const RecordedCommand& recorded);
@@ -81,13 +119,18 @@ class Replayer {
   [[nodiscard]] Player sender() const { return result_.sender; }
 
  private:
-  Replayer(config::RobotConfig robot, std::unique_ptr<policy_host::Policy> policy, bool remembers)
+  Replayer(config::RobotConfig robot, std::unique_ptr<policy_host::Policy> policy, bool remembers, RunImages& images)
       : robot_(std::move(robot)),
         policy_(std::move(policy)),
         remembers_(remembers),
+        images_(images),
+        observation_(robot_),
         builder_(robot_, 0),
-        joints_(robot_.joints.size()) {}
+        joints_(robot_.joints.size()) {
+    for (const policy_host::ImagePlace& place : observation_.image_places()) values_of_images_ += place.width;
+  }
   [[nodiscard]] std::string unfit(const PolicyInput& input) const;
+  bool put_images(PolicyInput& input);
   bool follow(const PolicyInput& input);
   void judge(const PolicyInput& input);
   void measure(const PolicyInput& input);
@@ -104,6 +147,9 @@ class Replayer {
   config::RobotConfig robot_;
   std::unique_ptr<policy_host::Policy> policy_;
   bool remembers_;  // hidden state, or a count of its inferences
+  RunImages& images_;
+  policy_host::ObservationBuilder observation_;  // for where images stand in the input
+  std::size_t values_of_images_ = 0;
   bool is_other_ = false;
   double tolerance_ = 0;
   policy_host::ChunkBuilder builder_;
@@ -118,7 +164,8 @@ class Replayer {
 };
 
 std::expected<std::unique_ptr<Replayer>, PolicyReplayRefusal> Replayer::make(config::RobotConfig robot, Player sender,
-                                                                             const PolicyReplayOptions& options) {
+                                                                             const PolicyReplayOptions& options,
+                                                                             RunImages& images) {
   config::Policy& section = *robot.policy;
   if (!options.with.empty()) section.file = options.with;
   if (const auto fine = policy_host::check_policy_section(robot); !fine) return refused(Why::policy, fine.error());
@@ -129,7 +176,7 @@ std::expected<std::unique_ptr<Replayer>, PolicyReplayRefusal> Replayer::make(con
   if (const auto fits = policy_host::check_fit(robot, **policy); !fits) return refused(Why::policy, fits.error());
 
   const bool remembers = (*policy)->is_recurrent();
-  std::unique_ptr<Replayer> made(new Replayer(std::move(robot), std::move(*policy), remembers));
+  std::unique_ptr<Replayer> made(new Replayer(std::move(robot), std::move(*policy), remembers, images));
   made->is_other_ = !options.with.empty();
   made->tolerance_ = options.tolerance;
   made->output_.resize(made->policy_->output_size());
@@ -141,6 +188,7 @@ std::expected<std::unique_ptr<Replayer>, PolicyReplayRefusal> Replayer::make(con
 }
 
 std::string Replayer::unfit(const PolicyInput& input) const {
+  const std::size_t places = observation_.image_places().size();
   if (!is_other_ && input.header.built_in == 0)
     return "its answers come from an engine of somebody's own, which cannot be run here; compare an ONNX file by "
            "--with";
@@ -148,12 +196,42 @@ std::string Replayer::unfit(const PolicyInput& input) const {
     return fmt::format(
         "{} has the hash {:016x}, the run's policy had {:016x}: put the run's file back, or compare this one by --with",
         result_.file, result_.hash, input.header.policy_hash);
-  if (input.input.size() != policy_->input_size() || input.output.size() != policy_->output_size() ||
-      input.q.size() != robot_.joints.size())
+  if (input.input.size() + values_of_images_ != policy_->input_size() ||
+      input.output.size() != policy_->output_size() || input.q().size() != robot_.joints.size() ||
+      input.samples.size() < places)
     return fmt::format("the recorded answer to observation {} has {} values in and {} out, {} has {} and {}",
-                       input.header.observation_id, input.input.size(), input.output.size(), result_.file,
-                       policy_->input_size(), policy_->output_size());
+                       input.header.observation_id, input.input.size() + values_of_images_, input.output.size(),
+                       result_.file, policy_->input_size(), policy_->output_size());
   return {};
+}
+
+// The input as the network was shown it. False: an image of it is not to be had.
+bool Replayer::put_images(PolicyInput& input) {
+  const auto& places = observation_.image_places();
+  std::vector<float> whole;
+  auto rest = input.input.begin();
+  for (const policy_host::ImagePlace& place : places) {
+    const auto behind = rest + static_cast<std::ptrdiff_t>(place.at - whole.size());
+    whole.insert(whole.end(), rest, behind);
+    whole.resize(whole.size() + place.width);
+    rest = behind;
+  }
+  whole.insert(whole.end(), rest, input.input.end());
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const PolicyInputSample& sample = input.samples[i];
+    const bool is_its = sample.sensor == places[i].sensor && sample.value_count == 0;
+    auto bytes = is_its ? images_.bytes_of(sample) : std::unexpected("the input names another sensor");
+    if (bytes && bytes->size() != places[i].width) bytes = std::unexpected("the image has another shape");
+    if (!bytes) {
+      if (++result_.without_image == 1)
+        result_.first_without_image = fmt::format("observation {}: {}: {}", input.header.observation_id,
+                                                  robot_.sensors[places[i].sensor].name, bytes.error());
+      return false;
+    }
+    observation_.put_image(places[i], *bytes, whole);
+  }
+  input.input = std::move(whole);
+  return true;
 }
 
 // The network's state before this inference is as it was then.
@@ -185,6 +263,11 @@ std::string Replayer::answer(RecordedPolicyInput recorded) {
     ++result_.not_judged;
     return {};
   }
+  if (!put_images(recorded.input)) {
+    state_known_ = false;
+    ++result_.not_judged;
+    return {};
+  }
   judge(recorded.input);
   expect_command(recorded.input);
   return {};
@@ -200,7 +283,7 @@ void Replayer::judge(const PolicyInput& input) {
 void Replayer::fill(CommandChunk& chunk, const PolicyInput& input, std::span<const float> outputs) const {
   Observation answered;
   answered.id = input.header.observation_id;
-  std::ranges::copy(input.q, answered.q.at.begin());
+  std::ranges::copy(input.q(), answered.q.at.begin());
   builder_.fill(chunk, answered, outputs);
   chunk.header.policy_hash = input.header.policy_hash;
 }
@@ -294,23 +377,41 @@ Player seat_of(const RecordedCommand& command, const RecordedRun& run) {
                                                                                                  : Player::candidate;
 }
 
-bool has_evidence_of(const RecordedRun& run, Player sender) {
-  bool found = false;
-  (void)scan_run(
-      run,
-      {.tick = {}, .command = {}, .keyframe = {}, .loss = {}, .policy_input = [&](const RecordedPolicyInput& input) {
-         found |= input.sender == sender;
-       }});
-  return found;
+// What a run says before its answers are gone through.
+struct Evidence {
+  std::set<Player> of, of_clients;  // whose inputs there are; of these, those that libtakt-client told
+  RunImages images;
+};
+
+Evidence evidence_in(const RecordedRun& run) {
+  Evidence evidence{{}, {}, RunImages(run.folder)};
+  (void)scan_run(run, {.tick = {},
+                       .command = {},
+                       .keyframe = {},
+                       .loss = {},
+                       .policy_input =
+                           [&](const RecordedPolicyInput& input) {
+                             evidence.of.insert(input.sender);
+                             if (input.input.header.by_client != 0) evidence.of_clients.insert(input.sender);
+                           },
+                       .image = [&](const ShownImage& image) { evidence.images.add(image); }});
+  return evidence;
 }
 
 // Nothing: this policy said nothing of its inputs.
 std::expected<std::unique_ptr<Replayer>, PolicyReplayRefusal> replayer_of(const RecordedRun& run, Player sender,
-                                                                          const PolicyReplayOptions& options) {
-  if (!has_evidence_of(run, sender)) return nullptr;
+                                                                          const PolicyReplayOptions& options,
+                                                                          Evidence& evidence) {
+  if (!evidence.of.contains(sender)) return nullptr;
+  if (evidence.of_clients.contains(sender))
+    return refused(Why::policy,
+                   fmt::format("the run's {} is a program of its own (takt/client.h): what it was shown "
+                               "is recorded, read it by takt.open(\"{}\").policy_inputs; only a network "
+                               "that takt-policy-host ran can be run again",
+                               sender == Player::fallback ? "fallback policy" : "policy", run.folder.path()));
   config::RobotConfig robot = with_files_of_the_run(run);
   if (sender == Player::fallback) robot = config::seen_by_fallback(robot, *config::fallback_policy_of(robot));
-  return Replayer::make(std::move(robot), sender, options);
+  return Replayer::make(std::move(robot), sender, options, evidence.images);
 }
 
 }  // namespace
@@ -331,19 +432,19 @@ bool PolicyReplayReport::is_whole() const {
 std::expected<PolicyReplayReport, PolicyReplayRefusal> replay_policy(const RecordedRun& run,
                                                                      const PolicyReplayOptions& options) {
   if (!run.robot.policy) return refused(Why::no_evidence, run.folder.config() + ": the robot has no policy");
+  Evidence evidence = evidence_in(run);
   std::vector<std::unique_ptr<Replayer>> replayers;
   for (const Player sender : {Player::policy, Player::fallback}) {
     const bool is_asked_for = sender == Player::policy || options.with.empty();
     if (!is_asked_for || (sender == Player::fallback && config::fallback_policy_of(run.robot) == nullptr)) continue;
-    auto replayer = replayer_of(run, sender, options);
+    auto replayer = replayer_of(run, sender, options, evidence);
     if (!replayer) return std::unexpected(replayer.error());
     if (*replayer) replayers.push_back(std::move(*replayer));
   }
   if (replayers.empty())
-    return refused(Why::no_evidence,
-                   run.folder.ticks() +
-                       " has no policy inputs: `record.policy_inputs` was false, the host was not Takt's "
-                       "own, or nothing was answered");
+    return refused(
+        Why::no_evidence,
+        run.folder.ticks() + " has no policy inputs: `record.policy_inputs` was false, or nothing was answered");
 
   std::string reason;
   const auto of = [&](Player sender) -> Replayer* {

@@ -1,11 +1,12 @@
 // Replay of a policy: the recorded inputs of a run go through the network again, and its raw outputs must come out.
 //
 // The run's own file on the built-in engine gives the same bits. Hidden state is carried from answer to answer and
-// forgotten where the host forgot it; history is part of the recorded input. Behind answers that are missing (lost,
-// damaged) the state of a recurrent network is unknown: what follows is not judged until the next reset. Another file
-// gives a difference: how far its targets are from those of the run, joint by joint, as if it had been shown the same.
-// Each answer is then turned into a command again, as the host does, and compared with the command that the executive
-// read. Errors are one sentence, with the exit code. Thread rule: one thread.
+// forgotten where the host forgot it; history is part of the recorded input, and images are put into it from the files
+// of the run folder: an answer that rests on one whose file is not there is not judged. Behind answers that are missing
+// (lost, damaged) the state of a recurrent network is unknown: what follows is not judged until the next reset. Another
+// file gives a difference: how far its targets are from those of the run, joint by joint, as if it had been shown the
+// same. Each answer is then turned into a command again, as the host does, and compared with the command that the
+// executive read. Errors are one sentence, with the exit code. Thread rule: one thread.
 #pragma once
 
 #include <cstdint>
@@ -42,18 +43,20 @@ struct PolicyDifference {
 struct PolicyReplay {
   Player sender = Player::policy;
   std::string file;
-  std::uint64_t hash = 0;         // of the file
-  bool is_of_the_run = false;     // the file that the run's host had
-  std::string unit;               // "rad", "rad/s" or "Nm"
-  std::uint64_t answers = 0;      // recorded
-  std::uint64_t identical = 0;    // raw outputs, bit for bit
-  std::uint64_t beyond = 0;       // with a target further off than the tolerance, or not a number on one side only
-  std::uint64_t not_judged = 0;   // the network's state was unknown
-  std::uint64_t missing = 0;      // inferences of which nothing is recorded, behind the first that is
-  std::uint64_t altered = 0;      // changed after recording: their checksum says so
-  std::string first_altered;      // "observation 12: input[3]"
-  std::uint64_t commands = 0;     // answers whose command the executive read and recorded whole
-  std::uint64_t as_answered = 0;  // of these, what the answer says
+  std::uint64_t hash = 0;           // of the file
+  bool is_of_the_run = false;       // the file that the run's host had
+  std::string unit;                 // "rad", "rad/s" or "Nm"
+  std::uint64_t answers = 0;        // recorded
+  std::uint64_t identical = 0;      // raw outputs, bit for bit
+  std::uint64_t beyond = 0;         // with a target further off than the tolerance, or not a number on one side only
+  std::uint64_t not_judged = 0;     // the network's state was unknown
+  std::uint64_t missing = 0;        // inferences of which nothing is recorded, behind the first that is
+  std::uint64_t without_image = 0;  // of those not judged: an image that the network was shown has no sound file
+  std::string first_without_image;  // "observation 12: cam0: ..."
+  std::uint64_t altered = 0;        // changed after recording: their checksum says so
+  std::string first_altered;        // "observation 12: input[3]"
+  std::uint64_t commands = 0;       // answers whose command the executive read and recorded whole
+  std::uint64_t as_answered = 0;    // of these, what the answer says
   std::vector<JointDistance> joints;
   std::optional<PolicyDifference> first_beyond;
 };

@@ -30,6 +30,9 @@ std::string policy_text(const PolicyReplay& policy, double tolerance) {
         "  {} more could not be judged, {} are missing; what follows a missing one is judged from the "
         "next reset on where the network has a memory\n",
         policy.not_judged, policy.missing);
+  if (policy.without_image != 0)
+    text += fmt::format("  {} of them rest on an image without a sound file; the first: {}\n", policy.without_image,
+                        policy.first_without_image);
   if (policy.altered != 0)
     text += fmt::format("  {} were altered after recording; the first: {}\n", policy.altered, policy.first_altered);
   if (policy.commands != 0)
@@ -49,6 +52,8 @@ nlohmann::ordered_json policy_json(const PolicyReplay& policy) {
                               {"beyond_tolerance", policy.beyond},
                               {"not_judged", policy.not_judged},
                               {"missing", policy.missing},
+                              {"without_image", policy.without_image},
+                              {"first_without_image", policy.first_without_image},
                               {"altered", policy.altered},
                               {"commands", policy.commands},
                               {"commands_as_answered", policy.as_answered},

@@ -1,8 +1,9 @@
-// /takt/policy_input (takt_msgs/msg/PolicyInput): what a policy's network was shown for an answer and what it said, as
-// its host published it (executive/contract/policy_input.hpp). In the file it stands behind the newest tick that was
+// /takt/policy_input (takt_msgs/msg/PolicyInput): what a policy was shown for an answer and what its network said, as
+// its process published it (executive/contract/policy_input.hpp). In the file it stands behind the newest tick that was
 // recorded when it was read, near its command but in no fixed order with it; observation_id and sequence name that.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -18,9 +19,12 @@
 namespace takt::monitor {
 
 struct PolicyInput {
-  PolicyInputHeader header;  // its counts are those of the vectors
+  PolicyInputHeader header;  // its counts and quantities are those of the vectors
   std::vector<PolicyInputSample> samples;
-  std::vector<float> q, sample_values, input, output;
+  std::array<std::vector<float>, kShownQuantities> joints;  // by ShownQuantity; not shown: empty
+  std::vector<float> sample_values, input, output;
+
+  [[nodiscard]] const std::vector<float>& q() const { return joints[0]; }
 };
 
 // Nothing: no payload as policy_input.hpp describes it.

@@ -19,6 +19,7 @@
 #include "executive/contract/tick_record.hpp"
 #include "executive/ipc/slot_ring.hpp"
 #include "monitor/record/bytes.hpp"
+#include "monitor/record/image_message.hpp"
 #include "monitor/record/policy_input_message.hpp"
 #include "monitor/record/run_messages.hpp"
 
@@ -35,6 +36,7 @@ struct RecordSink {
   std::function<void(const FrameRecord&)> frame;
   std::function<void(const Loss&)> loss;
   std::function<void(const RecordedPolicyInput&)> policy_input = {};  // of a PolicyInputStream
+  std::function<void(const ShownImage&)> image = {};                  // of an ImageWatch
 };
 
 class RecordStream {

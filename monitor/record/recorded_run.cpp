@@ -56,6 +56,11 @@ bool visit(const McapMessage& message, const RunVisitor& visitor, RecordedTick& 
     RecordedPolicyInput input;
     if (!decode_policy_input(message.data, input)) return false;
     visitor.policy_input(input);
+  } else if (message.topic == topic_name(Topic::image)) {
+    if (!visitor.image) return true;
+    ShownImage image;
+    if (!decode_image(message.data, image)) return false;
+    visitor.image(image);
   }
   return true;
 }

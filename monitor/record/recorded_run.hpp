@@ -8,6 +8,7 @@
 #include <string>
 
 #include "config/robot_config.hpp"
+#include "monitor/record/image_message.hpp"
 #include "monitor/record/mcap_reader.hpp"
 #include "monitor/record/policy_input_message.hpp"
 #include "monitor/record/run_folder.hpp"
@@ -30,6 +31,7 @@ struct RunVisitor {
   std::function<void(const RecordedKeyframe&)> keyframe;
   std::function<void(const Loss&)> loss;
   std::function<void(const RecordedPolicyInput&)> policy_input = {};
+  std::function<void(const ShownImage&)> image = {};
 };
 
 struct ScanReport {

@@ -87,6 +87,11 @@ Recorder::Recorder(const RunFolder& folder, RunManifest manifest, const config::
             write(Topic::policy_input, now_);
             if (ticks_.pending_bytes() >= kChunkBytes) flush_ticks();
           },
+      .image =
+          [this](const ShownImage& image) {
+            encode_image(image, message_);
+            write(Topic::image, now_);
+          },
   };
 }
 

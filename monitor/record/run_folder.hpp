@@ -20,6 +20,7 @@ class RunFolder {
   [[nodiscard]] std::string config() const { return path_ + "/config.yaml"; }
   [[nodiscard]] std::string drives() const { return path_ + "/drives.json"; }
   [[nodiscard]] std::string ticks() const { return path_ + "/ticks.mcap"; }
+  [[nodiscard]] std::string images() const { return path_ + "/images"; }
   [[nodiscard]] std::string frames() const { return path_ + "/can.log"; }
   [[nodiscard]] std::string transitions() const { return path_ + "/transitions.jsonl"; }
   [[nodiscard]] std::string metrics() const { return path_ + "/metrics.json"; }

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "executive/ipc/crc32c.hpp"
+#include "monitor/record/image_message.hpp"
 #include "monitor/record/policy_input_message.hpp"
 #include "monitor/record/standard_messages.hpp"
 #include "monitor/record/tick_schema.hpp"
@@ -79,8 +80,8 @@ constexpr std::string_view kTransitionSchema =
     "string text\n";
 
 constexpr std::string_view kLossSchema =
-    "string ring         # tick, command, keyframe, frame, policy_input, fallback_input or candidate_input\n"
-    "string reason       # overwritten, before_attach, unreadable or recording_stopped\n"
+    "string ring         # tick, command, keyframe, frame, policy_input, fallback_input, candidate_input or image\n"
+    "string reason       # overwritten, before_attach, unreadable or recording_stopped; of image what became of it\n"
     "uint64 count        # entries\n"
     "uint64 after_tick   # last tick recorded before the gap; 0 none\n"
     "uint64 before_tick  # first tick recorded after it; 0 none\n";
@@ -115,6 +116,8 @@ std::string_view topic_name(Topic topic) {
       return "/rosout";
     case Topic::policy_input:
       return "/takt/policy_input";
+    case Topic::image:
+      return "/takt/image";
   }
   return "";
 }
@@ -131,7 +134,8 @@ std::vector<McapTopic> run_topics() {
           topic(Topic::joint_states, "sensor_msgs/msg/JointState", joint_state_schema()),
           topic(Topic::diagnostics, "diagnostic_msgs/msg/DiagnosticArray", diagnostic_array_schema()),
           topic(Topic::log, "rcl_interfaces/msg/Log", log_schema()),
-          topic(Topic::policy_input, "takt_msgs/msg/PolicyInput", std::string(kPolicyInputSchema))};
+          topic(Topic::policy_input, "takt_msgs/msg/PolicyInput", std::string(kPolicyInputSchema)),
+          topic(Topic::image, "takt_msgs/msg/Image", std::string(kImageSchema))};
 }
 
 std::optional<CommandHeader> header_of(const RecordedCommand& command) {

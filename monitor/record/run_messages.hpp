@@ -5,11 +5,11 @@
 //   sample /takt/keyframe    takt_msgs/msg/Keyframe    the decision's saved state after a tick: replay starts there
 //   /takt/transition  takt_msgs/msg/Transition  a change of mode and its cause
 //   /takt/loss        takt_msgs/msg/Loss        what was not recorded, and why
-//   /takt/policy_input  takt_msgs/msg/PolicyInput  what a policy's network was shown and said
-//   (policy_input_message.hpp) /joint_states     sensor_msgs/msg/JointState  decimated, for the usual viewers
-//   (standard_messages.hpp), as the rest /diagnostics      diagnostic_msgs/msg/DiagnosticArray  once a second and when
-//   the mode changes, as DDS tells it /rosout           rcl_interfaces/msg/Log      a line for each transition and each
-//   mark
+//   /takt/policy_input  takt_msgs/msg/PolicyInput  what a policy was shown and said (policy_input_message.hpp)
+//   /takt/image       takt_msgs/msg/Image       an image that a policy was shown (image_message.hpp)
+//   /joint_states     sensor_msgs/msg/JointState  decimated, for the usual viewers (standard_messages.hpp), as the rest
+//   /diagnostics      diagnostic_msgs/msg/DiagnosticArray  once a second and when the mode changes, as DDS tells it
+//   /rosout           rcl_interfaces/msg/Log      a line for each transition and each mark
 // In the file a tick's command comes before the tick, everything else about it behind it.
 #pragma once
 
@@ -38,7 +38,8 @@ enum class Topic : std::uint16_t {
   joint_states,
   diagnostics,
   log,
-  policy_input
+  policy_input,
+  image
 };
 
 // In the order of Topic, so that channel ids are Topic values.
@@ -83,12 +84,14 @@ void encode_transition(const Transition& transition, CdrWriter& out);
 
 inline constexpr std::array<std::string_view, 7> kRingNames{"tick",         "command",        "keyframe",       "frame",
                                                             "policy_input", "fallback_input", "candidate_input"};
+// Of what is no ring, but images that policies were shown: reasons are image_message.hpp's names, but for `stored`.
+inline constexpr std::string_view kImageLoss = "image";
 inline constexpr std::array<std::string_view, 3> kRingLossReasons{"overwritten", "before_attach", "unreadable"};
 inline constexpr std::string_view kRecordingStopped = "recording_stopped";  // of the tick ring alone
 
 struct Loss {
-  std::string ring;               // of kRingNames
-  std::string reason;             // of kRingLossReasons, or kRecordingStopped
+  std::string ring;               // of kRingNames, or kImageLoss
+  std::string reason;             // of kRingLossReasons, or kRecordingStopped, or what became of an image
   std::uint64_t count = 0;        // entries of the ring
   std::uint64_t after_tick = 0;   // last tick recorded before the gap; 0 none
   std::uint64_t before_tick = 0;  // first tick recorded after it; 0 none

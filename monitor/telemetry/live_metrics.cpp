@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "monitor/record/image_message.hpp"
+
 namespace takt::monitor {
 namespace {
 
@@ -50,6 +52,8 @@ LiveMetrics::LiveMetrics(const config::RobotConfig& robot)
   for (const std::string_view ring : kRingNames)
     for (const std::string_view reason : kRingLossReasons) losses[{std::string(ring), std::string(reason)}] = 0;
   losses[{"tick", std::string(kRecordingStopped)}] = 0;
+  for (const std::string_view reason : kImageFileNames)
+    if (reason != name(ImageFile::stored)) losses[{std::string(kImageLoss), std::string(reason)}] = 0;
 }
 
 void LiveMetrics::begin(std::string id) {

@@ -54,8 +54,8 @@ config::RobotConfig robot_in(const std::string& directory) {
 }
 
 // Nanoseconds beside the inference, of every command that answers the observations published here.
-std::vector<double> overheads(const std::string& directory, int observations) {
-  policy_host::FakeExecutive executive(config::executive_socket(directory));
+std::vector<double> overheads(const config::RobotConfig& robot, const std::string& directory, int observations) {
+  policy_host::FakeExecutive executive(config::executive_socket(directory), config::largest_policy_input(robot));
   policy_host::FakeSensor sensor(config::sensor_socket(directory, "target"));
   const MonoTime give_up = monotonic_now() + seconds(20);
   while (!executive.acknowledged() && monotonic_now() < give_up) sleep_until(monotonic_now() + milliseconds(5));
@@ -109,7 +109,7 @@ void measure(Contender& contender, int observations) {
   const policy_host::TemporaryDirectory directory;
   const config::RobotConfig robot = robot_in(directory.path());
   ChildProcess host([&] { contender.run(robot, directory.path()); });
-  const std::vector<double> figures = overheads(directory.path(), observations);
+  const std::vector<double> figures = overheads(robot, directory.path(), observations);
   host.terminate();
   if (figures.size() < static_cast<std::size_t>(observations) / 2) return;
   contender.p50.push_back(1e-3 * median(figures));

@@ -1,5 +1,6 @@
 // Goal: what a policy is told and what its commands say is true: newest observation only, what was dropped, when to
-// forget, the oldest sample of everything read, its own stamps, packed fields. Method: takt/client.h against an
+// forget, the oldest sample of everything read, its own stamps, packed fields; and the recorder is told what it was
+// shown. Method: takt/client.h against an
 // executive and a sensor on real sockets and mailboxes; the test publishes, then reads the commands.
 #include "client/takt/client.h"
 
@@ -13,14 +14,19 @@
 #include <fstream>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <vector>
 
 #include "config/load.hpp"
+#include "config/observation_shape.hpp"
 #include "config/paths.hpp"
 #include "executive/contract/monotonic_clock.hpp"
+#include "executive/ipc/executive_segments.hpp"
+#include "executive/ipc/slot_ring.hpp"
 #include "executive/setup/tick_config_of.hpp"
+#include "monitor/record/policy_input_message.hpp"
 #include "tests/executive/pipeline/rig.hpp"
 #include "tests/policy_host/fake_server.hpp"
 
@@ -89,8 +95,28 @@ class ClientTest : public testing::Test {
     given.assumes = &assumption;
     return takt_policy_publish(policy_, &given);
   }
+  void serve_executive() {
+    const auto robot = config::load(spec_.robot_file);
+    ASSERT_TRUE(robot) << robot.error();
+    largest_input_ = config::largest_policy_input(*robot);
+    executive_ = std::make_unique<FakeExecutive>(config::executive_socket(directory_.path()), largest_input_);
+  }
+  // What the library said that it handed out for the newest answer; once the policy is attached.
+  monitor::PolicyInput shown() {
+    if (!inputs_) {
+      inputs_.emplace(executive_->inputs(largest_input_));
+      input_reader_.emplace(
+          ipc::SlotReader::attach(inputs_->readable(), ipc::policy_input_ring(largest_input_)).value());
+    }
+    std::vector<std::byte> payload(largest_input_);
+    const ipc::ReadResult read = input_reader_->read_latest(payload);
+    EXPECT_EQ(read.status, ipc::ReadStatus::fresh);
+    auto input = monitor::read_policy_input(std::span(payload).first(read.size));
+    EXPECT_TRUE(input) << "it is no policy_input.hpp";
+    return input.value_or(monitor::PolicyInput{});
+  }
   void start_servers() {
-    executive_ = std::make_unique<FakeExecutive>(config::executive_socket(directory_.path()));
+    serve_executive();
     if (!sensor_) sensor_ = std::make_unique<FakeSensor>(config::sensor_socket(directory_.path(), "target"));
   }
   void open_and_attach() {
@@ -159,7 +185,105 @@ class ClientTest : public testing::Test {
   takt_policy* policy_ = nullptr;
   std::array<char, kRoom> why_{};
   std::uint64_t sample_sequence_ = 0;
+  std::size_t largest_input_ = 0;
+  std::optional<ipc::Segment> inputs_;
+  std::optional<ipc::SlotReader> input_reader_;
 };
+
+// Goal: for every published answer the recorder is told what the policy was shown, as it was handed out: the quantities
+// of the joints that its terms name, the sample behind its stream, the promise, and when it was to forget.
+TEST_F(ClientTest, EveryAnswerLeavesWhatThePolicyWasShown) {
+  open_and_attach();
+  const takt_observation& seen = next(1);
+  ASSERT_EQ(publish(), TAKT_OK);
+  const monitor::PolicyInput first = shown();
+  EXPECT_EQ(first.header.observation_id, 1U);
+  EXPECT_EQ(first.header.sequence, 1U);
+  EXPECT_EQ(first.header.inference, 1U);
+  EXPECT_EQ(first.header.policy_hash, takt_policy_robot(policy_)->policy_hash);
+  EXPECT_EQ(first.header.by_client, 1);
+  EXPECT_EQ(first.header.built_in, 0);
+  EXPECT_EQ(first.header.after_reset, 1);
+  EXPECT_EQ(first.joints[0], std::vector<float>({0, 1, 2, 3, 4, 5}));
+  EXPECT_EQ(first.joints[1], std::vector<float>({0, 10, 20, 30, 40, 50}));
+  EXPECT_TRUE(first.joints[2].empty() && first.joints[3].empty() && first.joints[4].empty()) << "no term names them";
+  ASSERT_EQ(first.samples.size(), 1U);
+  EXPECT_EQ(first.samples[0].sequence, 1U);
+  EXPECT_EQ(first.samples[0].sensed_at.ns, seen.outside_sensed_ns);
+  EXPECT_EQ(first.sample_values, std::vector<float>({0.5F, 1.5F, 2.5F}));
+  EXPECT_TRUE(first.input.empty() && first.output.empty()) << "the policy's own affair";
+  EXPECT_EQ(first.header.following, 0U);
+
+  Observation promised;
+  promised.id = 2;
+  promised.published_at = promised.oldest_sensed_at = now();
+  promised.period = milliseconds(20);
+  promised.joint_count = kJoints;
+  promised.mode = static_cast<std::uint8_t>(Mode::tracking);
+  promised.command_sequence = 1;
+  promised.committed_from = 2;
+  promised.committed_count = 4;
+  executive_->publish(promised);
+  sense(now(), 8);
+  ASSERT_EQ(takt_policy_next(policy_, kLongNs), TAKT_OK) << takt_policy_sentence(policy_);
+  ASSERT_EQ(publish(), TAKT_OK);
+  ASSERT_EQ(publish(), TAKT_OK);
+  const monitor::PolicyInput third = shown();
+  EXPECT_EQ(third.header.observation_id, 2U);
+  EXPECT_EQ(third.header.sequence, 3U);
+  EXPECT_EQ(third.header.inference, 3U) << "every answer, also two to one observation";
+  EXPECT_EQ(third.header.after_reset, 0);
+  EXPECT_EQ(third.header.following, 1U);
+  EXPECT_EQ(third.header.committed_from, 2U);
+  EXPECT_EQ(third.header.committed_count, 4U);
+  EXPECT_EQ(third.joints[0], std::vector<float>(kJoints, 0));
+  EXPECT_EQ(third.sample_values[0], 8.0F);
+}
+
+// What came in since and was not handed out is no part of an answer to what was.
+TEST_F(ClientTest, AnAnswerLeavesWhatWasHandedOutAndNotWhatCameSince) {
+  open_and_attach();
+  next(1);
+  sense(now() - seconds(1), 8);  // too old: the next observation is not passed on
+  observe(2);
+  ASSERT_EQ(takt_policy_next(policy_, kShortNs), TAKT_NOTHING);
+  ASSERT_EQ(publish(), TAKT_OK);
+  const monitor::PolicyInput input = shown();
+  EXPECT_EQ(input.header.observation_id, 1U);
+  ASSERT_EQ(input.samples.size(), 1U);
+  EXPECT_EQ(input.samples[0].sequence, 1U);
+  EXPECT_EQ(input.sample_values[0], 0.5F);
+}
+
+TEST_F(ClientTest, WhatAQueueHandedOutIsShownSampleBySample) {
+  queue_of("4");
+  open_and_attach();
+  const MonoTime at = now();
+  for (int i = 1; i <= 6; ++i) sense(at + nanoseconds(i), static_cast<float>(i));
+  const takt_observation& seen = next(1);
+  ASSERT_EQ(seen.queues[0].count, 4U);
+  ASSERT_EQ(publish(), TAKT_OK);
+  const monitor::PolicyInput input = shown();
+  ASSERT_EQ(input.samples.size(), 4U);
+  ASSERT_EQ(input.sample_values.size(), 12U);
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(input.samples[i].sequence, 4U + i) << "open_and_attach() published one";
+    EXPECT_EQ(input.samples[i].sensed_at.ns, seen.queues[0].sensed_ns[i]);
+    EXPECT_EQ(input.sample_values[3 * i], seen.queues[0].values[3 * i]);
+  }
+  EXPECT_EQ(input.joints[0].size(), kJoints);
+  next(2);
+  ASSERT_EQ(publish(), TAKT_OK);
+  EXPECT_TRUE(shown().samples.empty()) << "nothing new";
+}
+
+TEST_F(ClientTest, WhatIsNotRecordedNeedsNoRing) {
+  robot_file_with("keyframe_period: 1 s", "keyframe_period: 1 s\n  policy_inputs: false");
+  open_and_attach();
+  EXPECT_EQ(largest_input_, 0U);
+  next(1);
+  EXPECT_EQ(publish(), TAKT_OK);
+}
 
 std::vector<float> firsts_of(const takt_queue& queue) {
   std::vector<float> firsts;
@@ -561,7 +685,7 @@ TEST_F(SensorTest, AnImageReachesThePolicyWithItsStampInTheAge) {
   takt_sensor* const camera = opened(this->camera());
   takt_sensor* const target = opened(floats("target", 3));
   sensor_.reset();
-  executive_ = std::make_unique<FakeExecutive>(config::executive_socket(directory_.path()));
+  serve_executive();
   ASSERT_EQ(takt_policy_open(&spec_, &policy_, why_.data(), kRoom), TAKT_OK) << why_.data();
   ASSERT_EQ(takt_policy_attach(policy_, kLongNs), TAKT_OK) << takt_policy_sentence(policy_);
   wait_for_acknowledgement();
@@ -576,6 +700,15 @@ TEST_F(SensorTest, AnImageReachesThePolicyWithItsStampInTheAge) {
   ASSERT_EQ(seen.value_count, 6U + 3U) << "an image is in no vector of floats";
   EXPECT_FLOAT_EQ(seen.values[8], 2.5F);
   EXPECT_EQ(seen.outside_sensed_ns, shutter);
+  ASSERT_EQ(publish(), TAKT_OK);
+  const monitor::PolicyInput input = shown();
+  ASSERT_EQ(input.samples.size(), 2U) << "in the order of the robot file's sensors";
+  EXPECT_EQ(input.samples[0].sensor, 0U) << "the image, named";
+  EXPECT_EQ(input.samples[0].sequence, 1U);
+  EXPECT_EQ(input.samples[0].sensed_at.ns, shutter);
+  EXPECT_EQ(input.samples[0].value_count, 0U);
+  EXPECT_EQ(input.samples[1].sensor, 2U);
+  EXPECT_EQ(input.sample_values, std::vector<float>({0, 0, 2.5F}));
   const std::uint8_t* const where = seen.images[0];
   fill(camera, 9);
   ASSERT_EQ(takt_sensor_publish(camera, now().ns), TAKT_OK);
@@ -604,7 +737,7 @@ TEST_F(SensorTest, AnImageReachesThePolicyWithItsStampInTheAge) {
 
 TEST_F(SensorTest, WhoeverWritesToAPublishedImageSpoilsItAndIsNotBelieved) {
   takt_sensor* const camera = opened(this->camera());
-  executive_ = std::make_unique<FakeExecutive>(config::executive_socket(directory_.path()));
+  serve_executive();
   sensor_ = std::make_unique<FakeSensor>(config::sensor_socket(directory_.path(), "target"));
   ASSERT_EQ(takt_policy_open(&spec_, &policy_, why_.data(), kRoom), TAKT_OK) << why_.data();
   ASSERT_EQ(takt_policy_attach(policy_, kLongNs), TAKT_OK) << takt_policy_sentence(policy_);

@@ -85,10 +85,35 @@ class OpenRun(unittest.TestCase):
                 self.assertEqual(row[name].tolist() if isinstance(value, list) else row[name], value, name)
         self.assertEqual({values.dtype for values in found["input"]}, {np.dtype("<f4")})
 
+    def test_images_are_those_that_were_shown_and_what_is_lost_or_altered_is_told(self):
+        subprocess.run([MAKE_INPUTS, self.folder / "seen"], cwd=SOURCE, check=True, stdout=subprocess.DEVNULL)
+        told = json.loads((self.folder / "seen/images.json").read_text())
+        run = takt.open(self.folder / "seen")
+        self.assertEqual(list(run.images["file"]), ["stored", "over_budget"])
+        self.assertEqual(list(run.images["sha256"]), [told["kept"], told["not_kept"]])
+        by_client = run.policy_inputs[run.policy_inputs["by_client"]]
+        self.assertEqual(by_client["sample_image"].tolist(), [[told["kept"]]])
+        image = run.image(told["kept"])
+        self.assertEqual((image.dtype, image.shape), (np.dtype("uint8"), tuple(told["shape"])))
+        self.assertEqual(image.ravel().tolist(), told["bytes"])
+        for digest, said in ((told["not_kept"], "went without a file, over_budget"), ("0" * 64, "no policy was shown"), ("", "no policy was shown")):
+            with self.assertRaisesRegex(takt.Refused, said):
+                run.image(digest)
+        file = self.folder / "seen/images" / (told["kept"] + ".ppm")
+        content = file.read_bytes()
+        file.write_bytes(content[:-1] + b"x")
+        with self.assertRaisesRegex(takt.Refused, "is not what was recorded"):
+            run.image(told["kept"])
+        file.unlink()
+        with self.assertRaisesRegex(takt.Refused, "is missing: it was lost since the run"):
+            run.image(told["kept"])
+        self.assertEqual(takt.open(self.folder / "seen").images["file"][0], "lost")
+
     def test_a_run_without_policy_inputs_has_an_empty_table_of_them(self):
         inputs = self.run_.policy_inputs
         self.assertEqual(len(inputs), 0)
         self.assertIn("sample_values", inputs.columns)
+        self.assertEqual(len(self.run_.images), 0)
 
     def test_transitions_name_their_causes(self):
         lines = (self.folder / "run/transitions.jsonl").read_text().splitlines()

@@ -13,6 +13,8 @@ import sys
 import tempfile
 import unittest
 
+import numpy as np
+
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "process")]
 from patient import patient  # noqa: E402
@@ -283,6 +285,93 @@ with takt.connect("robot.yaml", spec) as robot:
         most, seen = json.loads((self.folder / "saw").read_text())
         self.assertEqual(most, 20, "after the pause the queue was full")
         self.assertGreater(seen, 1000)
+
+    def test_the_run_has_what_a_policy_was_shown_images_too(self):
+        """Every image is another one and tells its number; what the policy saw is compared with the run, what the camera sent with the files. The budget
+        is spent on the way: the rest is named by hash, and declared. A file that is lost afterwards is told.
+        """
+        try:
+            import pandas  # noqa: F401
+            import zstandard  # noqa: F401
+        except ImportError as error:
+            self.skipTest(f"NO RUN WAS READ: {error}")
+        sys.path.insert(0, str(SOURCE / "client/python"))
+        import hashlib
+        import takt
+
+        def with_a_camera(text):
+            text = text.replace("sensors:\n", "sensors:\n  - { name: cam0, image: { height: 24, width: 32, channels: 3 }, timeout: 5 s }\n")
+            text = text.replace("record:\n", "record:\n  images: { budget_mib: 0.05 }\n")
+            return re.sub(r"(?m)^(  observation:.*)$", r"\1\n    - { term: sensor, sensor: cam0 }", text)
+        self.robot(with_a_camera)
+        self.policy(f"""
+import threading
+{SPEC}
+def film():
+    with takt.Sensor("cam0", "robot.yaml", shape=(24, 32, 3), dtype="uint8") as camera:
+        number = 0
+        while True:
+            number += 1
+            camera.values[:] = np.random.default_rng(number).integers(0, 256, (24, 32, 3), np.uint8)
+            camera.values[0, 0] = number % 256, number // 256, 0
+            camera.publish()
+            time.sleep(1 / 30)
+threading.Thread(target=film, daemon=True).start()
+spec = takt.Policy(observation={{**spec.observation, "top": takt.image("cam0")}}, action=spec.action)
+with takt.connect("robot.yaml", spec) as robot, open("saw", "w") as saw:
+    for count, obs in enumerate(robot):
+        {HOLD}
+        row = [obs.id, obs.state[0].tolist(), obs.state[1].tolist(), obs.target.tolist(), int(obs.top[0, 0, 0]) + 256 * int(obs.top[0, 0, 1])]
+        print(json.dumps(row), file=saw, flush=True)
+""")
+        done, log = self.run_robot("4s")
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr + log)
+        self.assertNotIn("Traceback", log)
+
+        def sent(number):
+            image = np.random.default_rng(number).integers(0, 256, (24, 32, 3), np.uint8)
+            image[0, 0] = number % 256, number // 256, 0
+            return image
+
+        run = takt.open(self.folder / "run")
+        shown = run.policy_inputs.set_index("observation_id")
+        self.assertTrue(shown["by_client"].all())
+        hashes = {digest: number for number in range(1, 400) for digest in [hashlib.sha256(b"P6\n32 24\n255\n" + sent(number).tobytes()).hexdigest()]}
+        rows = [json.loads(line) for line in (self.folder / "saw").read_text().splitlines()]
+        compared = 0
+        for observation, q, dq, target, number in rows:
+            if observation not in shown.index:  # the monitor came later, or had left
+                continue
+            compared += 1
+            row = shown.loc[observation]
+            self.assertEqual((row["q"].tolist(), row["dq"].tolist()), (q, dq))
+            self.assertEqual(len(row["tau"]), 0, "no term names it")
+            values = dict(zip(row["sample_sensor"].tolist(), row["sample_values"]))
+            self.assertEqual(values[1].tolist(), target)
+            named = row["sample_image"][row["sample_sensor"].tolist().index(0)]
+            if named:
+                self.assertEqual(hashes[named], number)
+        self.assertGreater(compared, len(rows) // 2)
+        self.assertGreater(compared, 50)
+        images = run.images.set_index("sha256")
+        stored = images.index[images["file"] == "stored"]
+        self.assertEqual(len(stored), int(0.05 * 2**20 / (24 * 32 * 3 + len(b"P6\n32 24\n255\n"))), "as many as the budget holds")
+        for digest in stored:
+            np.testing.assert_array_equal(run.image(digest), sent(hashes[digest]))
+        over = int((images["file"] == "over_budget").sum())
+        self.assertGreater(over, 10)
+        declared = run.losses.groupby(["ring", "reason"])["count"].sum()
+        self.assertEqual(declared["image", "over_budget"], over)
+        self.assertEqual(run.manifest["losses"]["totals"]["image over_budget"], over)
+        lost = run.folder / "images" / f"{stored[0]}.ppm"
+        lost.unlink()
+        again = takt.open(run.folder)
+        self.assertEqual(again.images.set_index("sha256")["file"][stored[0]], "lost")
+        with self.assertRaisesRegex(takt.Refused, f"{lost.name} is missing: it was lost since the run"):
+            again.image(stored[0])
+        replayed = self.command("takt", "policy", "replay", "run")
+        self.assertEqual(replayed.returncode, 65, replayed.stdout)
+        self.assertIn("is a program of its own (takt/client.h)", replayed.stderr)
 
     def test_a_python_file_as_policy_is_the_program_that_runs(self):
         (self.folder / "another.py").write_text("")

@@ -1,6 +1,7 @@
 // Goal: a policy that sees turns the robot after what is in the image, the image's age is in the age of every command,
-// what the network was shown is in the run, and without its camera it is silent. Method: the demo arm in real processes
-// under docs/examples/python-sensor/look.onnx; the camera is the test's, and each of its images is as old as it says.
+// what the network was shown is in the run, images as files of what the camera sent, and without its camera it is
+// silent. An image that is lost is missed by `takt policy replay`. Method: the demo arm in real processes under
+// docs/examples/python-sensor/look.onnx; the camera is the test's, and each of its images is as old as it says.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,11 +10,16 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <optional>
+#include <set>
 #include <string>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "client/takt/client.h"
 #include "executive/contract/monotonic_clock.hpp"
+#include "monitor/record/image_file.hpp"
 #include "monitor/record/recorded_run.hpp"
 #include "tests/process/running_robot.hpp"
 
@@ -55,7 +61,15 @@ std::string looking_arm(const std::string& directory) {
   return path;
 }
 
-// A bright spot on a dark ground, 30 times a second.
+// A bright spot on a dark ground.
+std::vector<std::uint8_t> picture(std::size_t column) {
+  std::vector<std::uint8_t> pixels(kHeight * kWidth, 16);
+  for (std::size_t row = 20; row < 20 + kSpot; ++row)
+    std::fill_n(&pixels[row * kWidth + column], kSpot, std::uint8_t{240});
+  return pixels;
+}
+
+// Sends it 30 times a second.
 class Camera {
  public:
   explicit Camera(const RunningRobot& robot) {
@@ -87,10 +101,7 @@ class Camera {
 
  private:
   void film() {
-    auto* const pixels = static_cast<std::uint8_t*>(takt_sensor_values(sensor_));
-    std::fill_n(pixels, kHeight * kWidth, std::uint8_t{16});
-    for (std::size_t row = 20; row < 20 + kSpot; ++row)
-      std::fill_n(pixels + row * kWidth + column_, kSpot, std::uint8_t{240});
+    std::ranges::copy(picture(column_), static_cast<std::uint8_t*>(takt_sensor_values(sensor_)));
     EXPECT_EQ(takt_sensor_publish(sensor_, (monotonic_now() - kShutter).ns), TAKT_OK) << takt_sensor_sentence(sensor_);
   }
 
@@ -104,6 +115,33 @@ struct Seen {
   Duration youngest = seconds(100);                // image under a command that was played
   std::uint64_t ticks = 0;
 };
+
+// The column of the spot in every image of the run; each has to be one that Camera sends.
+std::set<std::size_t> spots_in(const std::string& folder) {
+  std::set<std::size_t> spots;
+  const auto run = monitor::open_run(folder);
+  const auto image = [&](const monitor::ShownImage& shown) {
+    ASSERT_EQ(shown.file, monitor::ImageFile::stored);
+    const auto bytes = monitor::read_image(run->folder, shown.shape, shown.sha256);
+    ASSERT_TRUE(bytes) << bytes.error();
+    const auto begin = std::ranges::find(*bytes, std::uint8_t{240});
+    const auto column = static_cast<std::size_t>(begin - bytes->begin()) % kWidth;
+    EXPECT_EQ(*bytes, picture(column));
+    spots.insert(column);
+  };
+  EXPECT_TRUE(monitor::scan_run(
+      *run, {.tick = {}, .command = {}, .keyframe = {}, .loss = {}, .policy_input = {}, .image = image}));
+  return spots;
+}
+
+// Exit code and what it printed.
+std::pair<std::optional<int>, std::string> replay_policy(const RunningRobot& robot) {
+  const std::string log = robot.directory() + "/policy-replay.log";
+  Child replay({"takt", "policy", "replay", robot.run_directory()}, log);
+  const auto exit_code = replay.wait(std::chrono::seconds(60));
+  std::ifstream file(log);
+  return {exit_code, {std::istreambuf_iterator<char>(file), {}}};
+}
 
 Seen seen_in(const std::string& folder) {
   Seen seen;
@@ -146,7 +184,15 @@ TEST(VisionPolicy, TurnsAfterWhatItSeesAndSaysHowOldThatWas) {
     EXPECT_LT(seen.lowest, -0.08F) << "0.3 rad from one edge of the image to the other";
     EXPECT_GT(seen.highest, 0.08F);
     EXPECT_GE(seen.youngest, kShutter);
-    EXPECT_TRUE(robot.takt({"policy", "replay", robot.run_directory()})) << robot.logs();
+    const auto [same, judged] = replay_policy(robot);
+    EXPECT_EQ(same, 0) << judged << robot.logs();
+    EXPECT_EQ(spots_in(robot.run_directory()), (std::set<std::size_t>{4, 52}));
+    const std::filesystem::directory_iterator images(robot.run_directory() + "/images");
+    ASSERT_EQ(std::distance(begin(images), end(images)), 2) << "as many files as there were pictures";
+    std::filesystem::remove(*std::filesystem::directory_iterator(robot.run_directory() + "/images"));
+    const auto [lost, said] = replay_policy(robot);
+    EXPECT_EQ(lost, 2) << said;
+    EXPECT_NE(said.find("is missing: it was lost since the run"), std::string::npos) << said;
   }
   std::filesystem::remove_all(directory);
 }

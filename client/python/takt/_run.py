@@ -1,5 +1,6 @@
 """What a run or a panel left behind, as tables."""
 import functools
+import hashlib
 import json
 import os
 import pathlib
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 _AGE_PARTS = ("age_sense", "age_queue", "age_infer", "age_publish", "age_hold")
 _SENDERS = {1: "policy", 2: "fallback", 3: "candidate"}
+_IMAGE_KEY = ("sensor", "sequence", "sensed_at", "published_at")
 _COMMAND_FIELDS = {"q": 1, "dq": 2, "kp": 4, "kd": 8, "tau": 16}
 
 
@@ -118,21 +120,68 @@ class Run:
 
     @functools.cached_property
     def policy_inputs(self) -> "pandas.DataFrame":
-        """What the policy's network was shown for each of its answers, and what it said: claims of the policy's host. `observation_id` and `sequence` name
-        the command in `commands`. `q`: positions in the answered observation, rad; `input`: the network's input tensors one after the other, as given (scaled,
-        history included); `output`: its raw actions, step after step. `sample_values`: one array for each sample of an outside sensor that went in, SI units,
-        beside `sample_sensor` (place in the robot file's `sensors`) and its stamps. `after_reset`: it had forgotten its past before; `sender`, whose mailbox:
-        "policy", "fallback" or "candidate". Empty where nobody told: `record.policy_inputs` false, images, a policy in Python or C.
+        """What the policy was shown for each of its answers, and what its network said: claims of the policy's process. `observation_id` and `sequence` name
+        the command in `commands`. `q` (rad), `dq` (rad/s), `tau` (Nm), `q_setpoint` (rad), `dq_of_drive` (rad/s): of the joints in the answered observation,
+        as far as they were shown; `following`, `committed_from`, `committed_count`: which steps of which command were promised. `sample_values`: one array for
+        each sample of an outside sensor that was shown, SI units, beside `sample_sensor` (place in the robot file's `sensors`) and its stamps; `sample_image`:
+        of each the SHA-256 of the image, "" where it is none, or one that the recorder never had. Of a policy host: `input`, the network's input tensors one
+        after the other, as given (scaled, history included, without what images filled); `output`, its raw actions, step after step. Both are empty where
+        `by_client` (a policy in Python or C). `after_reset`: it had forgotten its past before, or was told to; `sender`, whose mailbox: "policy", "fallback" or
+        "candidate". Empty where `record.policy_inputs` is false.
         """
         fields = self._recording.fields.get("/takt/policy_input", [])
         messages = _mcap.rows(fields, self._recording.bodies.get("/takt/policy_input", []))
+        hashes = {tuple(image[name] for name in _IMAGE_KEY): image["sha256"] for image in self._images}
         for message in messages:
+            keys = zip(*(message[f"sample_{name}"].tolist() for name in _IMAGE_KEY))
+            message["sample_image"] = [hashes.get(key, "") for key in keys]
             message["sender"] = _SENDERS[message["sender"]]
             ends = np.cumsum(message.pop("sample_value_count"), dtype=np.int64)
             message["sample_values"] = np.split(message["sample_values"], ends[:-1]) if len(ends) else []
-            for name in ("after_reset", "built_in"):
+            for name in ("after_reset", "built_in", "by_client"):
                 message[name] = bool(message[name])
-        return _pandas().DataFrame(messages, columns=[field.name for field in fields if field.name != "sample_value_count"])
+        columns = [field.name for field in fields if field.name != "sample_value_count"]
+        return _pandas().DataFrame(messages, columns=columns + ["sample_image"] if columns else None)
+
+    @functools.cached_property
+    def images(self) -> "pandas.DataFrame":
+        """Every image that a policy was shown, once: `sensor` (place in the robot file's `sensors`), `sequence`, `sensed_at`, `published_at` of its sample,
+        `height`, `width`, `channels`, `sha256` (of its file; "": the recorder never had it) and `file`, what became of that: "stored", "lost" (it was stored
+        and is not there any more), "over_budget", "over_rate", "behind", "unwritten" (docs/run-folder.md says why) or "unseen". image() has the bytes.
+        """
+        fields = self._recording.fields.get("/takt/image", [])
+        rows = [dict(image) for image in self._images]
+        for row in rows:
+            if row["file"] == "stored" and not self._image_path(row).is_file():
+                row["file"] = "lost"
+        return _pandas().DataFrame(rows, columns=[field.name for field in fields] or None)
+
+    def image(self, sha256: str) -> NDArray[np.uint8]:
+        """The image of this hash, (height, width, channels): of `images`, or of `sample_image` in `policy_inputs`. Raises Refused where it has no file, and
+        where the file is not what was recorded.
+        """
+        found = next((image for image in self._images if image["sha256"] == sha256), None)
+        if found is None or not sha256:
+            raise Refused(f"{self.folder}: no policy was shown an image {sha256!r}")
+        path, shape = self._image_path(found), (found["height"], found["width"], found["channels"])
+        if not path.is_file():
+            raise Refused(f"{path} is missing: " + ("it was lost since the run" if found["file"] == "stored" else f"it went without a file, {found['file']}"))
+        content = path.read_bytes()
+        if hashlib.sha256(content).hexdigest() != sha256:
+            raise Refused(f"{path} is not what was recorded: its SHA-256 is another")
+        return np.frombuffer(content, np.uint8)[-int(np.prod(shape)):].reshape(shape)
+
+    @functools.cached_property
+    def _images(self) -> List[Dict[str, Any]]:
+        fields = self._recording.fields.get("/takt/image", [])
+        names = next((field.names for field in fields if field.name == "file"), {})
+        rows = _mcap.rows(fields, self._recording.bodies.get("/takt/image", []))
+        for row in rows:
+            row["file"] = names.get(row["file"], row["file"])
+        return rows
+
+    def _image_path(self, image: Mapping[str, Any]) -> pathlib.Path:
+        return self.folder / "images" / (image["sha256"] + {1: ".pgm", 3: ".ppm"}.get(image["channels"], ".pam"))
 
     @functools.cached_property
     def transitions(self) -> "pandas.DataFrame":

@@ -6,11 +6,14 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <fstream>
 #include <functional>
 
 #include "config/load.hpp"
+#include "monitor/record/image_file.hpp"
+#include "monitor/record/image_store.hpp"
 #include "monitor/record/mcap_writer.hpp"
 #include "policy_host/input_evidence.hpp"
 #include "policy_host/onnx_policy.hpp"
@@ -45,6 +48,17 @@ GraphMaker forgetful(float factor) {
   GraphMaker maker;
   maker.input("obs", {1, 2}).output("actions").floats("factor", {1}, {factor});
   maker.node("Mul", {"obs", "factor"}, {"actions"});
+  shape_outputs(maker);
+  return maker;
+}
+
+// actions = obs * weights, of two joints and two images of 1 x 2 x 2.
+GraphMaker seeing() {
+  GraphMaker maker;
+  std::vector<float> weights(20);
+  for (std::size_t i = 0; i < weights.size(); ++i) weights[i] = 0.25F * static_cast<float>(i + 1);
+  maker.input("obs", {1, 10}).output("actions").floats("weights", {10, 2}, weights);
+  maker.node("MatMul", {"obs", "weights"}, {"actions"});
   shape_outputs(maker);
   return maker;
 }
@@ -132,6 +146,127 @@ class PolicyReplayTest : public TemporaryFolder {
     return report.error().sentence;
   }
 };
+
+const config::ImageShape kSmall{1, 2, 2};
+
+std::vector<std::uint8_t> pixels_of(std::uint64_t id) {
+  std::vector<std::uint8_t> pixels(kSmall.bytes());
+  for (std::size_t i = 0; i < pixels.size(); ++i) pixels[i] = static_cast<std::uint8_t>(31 * id + i);
+  return pixels;
+}
+
+// Goal: what a network saw is put together again from the files of the run, histories included, bit for bit; what rests
+// on a file that was lost, altered or never kept is not judged, and the first is named. Method: a network of two images
+// in a row; image `id` was shown with observation `id`, and is in the run folder as the recorder keeps it.
+class SeeingReplayTest : public PolicyReplayTest {
+ protected:
+  SeeingReplayTest() : robot_(robot(write("policy.onnx", seeing()))) {
+    robot_.sensors.push_back({.name = "cam0", .timeout = milliseconds(200), .image = kSmall});
+    robot_.policy->observation.push_back(policy_host::term(config::TermKind::sensor, 1, 2));
+    robot_.policy->observation.back().sensor = "cam0";
+    const std::uint64_t hash = config::policy_hash(robot_.policy->file).value();
+    const auto policy = policy_host::load_onnx_policy(robot_.policy->file, "obs", "actions").value();
+    policy_host::Responder responder(robot_, hash, *policy);
+    policy_host::InputEvidence evidence(robot_, hash, true);
+    responder.start_session();
+    for (std::uint64_t id = 1; id <= 4; ++id) {
+      const SensorSample sample = sample_of(id);
+      const auto pixels = pixels_of(id);
+      const std::array<std::span<const std::uint8_t>, 1> images{pixels};
+      const CommandChunk& chunk =
+          responder.answer(observation(id), std::span(&sample, 1), still_clock(), still_clock, images);
+      Answer answer;
+      const auto bytes = std::as_bytes(std::span(&chunk, 1)).first(chunk.used_bytes());
+      answer.command.payload.assign(bytes.begin(), bytes.end());
+      answer.input.input = read_policy_input(evidence.pack(observation(id), std::span(&sample, 1),
+                                                           chunk.header.sequence, responder.inference()))
+                               .value();
+      answer.input.crc = crc_of(answer.input.input);
+      answers_.push_back(std::move(answer));
+    }
+  }
+  static SensorSample sample_of(std::uint64_t id) {
+    SensorSample sample;
+    sample.sequence = id;
+    sample.sensed_at = MonoTime{} + milliseconds(static_cast<std::int64_t>(id));
+    sample.published_at = sample.sensed_at + milliseconds(1);
+    return sample;
+  }
+  RecordedRun seen_run(ImageFile of_third = ImageFile::stored) {
+    RecordedRun run{RunFolder::create(path("run")).value(), {}, robot_};
+    run.manifest.policy_file = robot_.policy->file;
+    auto writer = McapWriter::create(run.folder.ticks(), 1U << 30U, run_topics(), {}).value();
+    ImageStore store(run.folder, {.budget_mib = 1, .rate_mib_per_s = 1});
+    CdrWriter message;
+    for (const Answer& answer : answers_) {
+      encode_command(answer.command, message);
+      writer.write(static_cast<std::uint16_t>(Topic::command), 1, message.bytes());
+      encode_policy_input(answer.input, message);
+      writer.write(static_cast<std::uint16_t>(Topic::policy_input), 1, message.bytes());
+    }
+    for (std::uint64_t id = 1; id <= 4; ++id) {  // behind the inputs that name them
+      const SensorSample sample = sample_of(id);
+      const auto pixels = pixels_of(id);
+      const std::string content = image_file(kSmall, std::as_bytes(std::span(pixels)));
+      ShownImage image{.sequence = sample.sequence,
+                       .sensed_at = sample.sensed_at,
+                       .published_at = sample.published_at,
+                       .sensor = 0,
+                       .shape = kSmall,
+                       .file = id == 3 ? of_third : ImageFile::stored,
+                       .sha256 = config::sha256_hex(content)};
+      names_.push_back(run.folder.images() + "/" + image_file_name(kSmall, image.sha256));
+      if (image.file == ImageFile::stored) {
+        EXPECT_EQ(store.keep(image, content, MonoTime{1}), ImageFile::stored);
+      }
+      if (image.file == ImageFile::unseen) image.sha256.clear();
+      encode_image(image, message);
+      writer.write(static_cast<std::uint16_t>(Topic::image), 1, message.bytes());
+    }
+    EXPECT_TRUE(writer.finish());
+    return run;
+  }
+  // Of the answers 3 and 4, whose histories hold image 3.
+  void expect_not_judged(const RecordedRun& run, const std::string& said) {
+    const auto report = replayed(run);
+    const PolicyReplay& policy = report.policies.front();
+    EXPECT_EQ(policy.answers, 4U);
+    EXPECT_EQ(policy.not_judged, 2U);
+    EXPECT_EQ(policy.without_image, 2U);
+    EXPECT_EQ(policy.identical, 2U);
+    EXPECT_EQ(policy.first_without_image.find("observation 3: cam0: "), 0U) << policy.first_without_image;
+    EXPECT_NE(policy.first_without_image.find(said), std::string::npos) << policy.first_without_image;
+    EXPECT_NE(policy_replay_text(report).find("2 of them rest on an image without a sound file"), std::string::npos);
+    EXPECT_FALSE(report.is_whole());
+    EXPECT_TRUE(report.agrees());
+  }
+
+  config::RobotConfig robot_;
+  std::vector<Answer> answers_;
+  std::vector<std::string> names_;  // of the images' files
+};
+
+TEST_F(SeeingReplayTest, TheNetworkIsShownTheFilesAndSaysTheSameBits) {
+  for (const Answer& answer : answers_) EXPECT_EQ(answer.input.input.input.size(), 2U) << "no image is in there";
+  const auto report = replayed(seen_run());
+  EXPECT_EQ(report.policies.front().identical, 4U);
+  EXPECT_TRUE(report.agrees());
+  EXPECT_TRUE(report.is_whole());
+}
+
+TEST_F(SeeingReplayTest, AnImageThatWasLostOrAlteredSinceIsNamed) {
+  const RecordedRun run = seen_run();
+  std::ofstream(names_[2], std::ios::binary | std::ios::app) << 'x';
+  expect_not_judged(run, "is not what was recorded");
+  std::filesystem::remove(names_[2]);
+  expect_not_judged(run, "is missing: it was lost since the run");
+}
+
+TEST_F(SeeingReplayTest, AnImageWithoutAFileIsNamedWithTheReason) {
+  expect_not_judged(seen_run(ImageFile::over_budget), "went without a file: over_budget");
+  std::filesystem::remove_all(path("run"));
+  expect_not_judged(seen_run(ImageFile::unseen), "the recorder never had its image 3");
+}
 
 // From 3 to 200 is a gap behind which the host forgets.
 const std::vector<std::uint64_t> kIds{1, 2, 3, 200, 201, 202};
@@ -256,6 +391,11 @@ TEST_F(PolicyReplayTest, WhatCannotBeComparedIsRefusedInOneLine) {
   EXPECT_NE(refusal(run(robot_of, {}), Why::no_evidence).find("has no policy inputs"), std::string::npos);
   std::filesystem::remove_all(path("run"));
   EXPECT_NE(refusal(run(robot_of, answers(robot_of, {1}, false)), Why::policy).find("engine of somebody's own"),
+            std::string::npos);
+  std::filesystem::remove_all(path("run"));
+  auto of_client = recorded;
+  of_client[0].input.input.header.by_client = 1;
+  EXPECT_NE(refusal(run(robot_of, of_client), Why::policy).find("is a program of its own (takt/client.h)"),
             std::string::npos);
   std::filesystem::remove_all(path("run"));
   const RecordedRun good = run(robot_of, recorded);

@@ -1,11 +1,14 @@
-// make_policy_inputs DIR: a recorded run with three inputs of a policy, without samples of outside sensors and with;
-// and DIR/inputs.json, what was written, for readers in other languages.
+// make_policy_inputs DIR: a recorded run with three inputs of a policy, without samples of outside sensors and with,
+// one of them of a client that was shown images; and DIR/inputs.json, what was written, for readers in other languages.
 #include <cstdio>
 #include <exception>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "config/load.hpp"
 #include "monitor/record/bounded_file.hpp"
+#include "monitor/record/image_file.hpp"
+#include "monitor/record/image_store.hpp"
 #include "monitor/record/recorder.hpp"
 #include "tests/monitor/record/virtual_robot.hpp"
 
@@ -33,13 +36,26 @@ RecordedPolicyInput input_with(std::uint32_t samples) {
     const auto of_it = floats(values, static_cast<float>(sample));
     input.sample_values.insert(input.sample_values.end(), of_it.begin(), of_it.end());
   }
-  input.q = floats(6, -1.0F);
-  input.input = floats(5 + samples, static_cast<float>(samples));
-  input.output = floats(12, 7.0F);
+  input.joints[0] = floats(6, -1.0F);
+  input.header.quantities = 1;
   input.header.joint_count = 6;
-  input.header.sensor_count = samples;
+  input.header.sample_count = samples;
+  input.header.following = samples;
+  input.header.committed_from = 2;
+  input.header.committed_count = 3;
+  if (samples == 1) {
+    input.header.by_client = 1;
+    input.header.built_in = 0;
+    input.header.quantities = 1 + 8;
+    input.joints[3] = floats(6, 2.0F);
+    input.samples[0].value_count = 0;
+    input.sample_values.clear();
+  } else {
+    input.input = floats(5 + samples, static_cast<float>(samples));
+    input.output = floats(12, 7.0F);
+  }
   input.header.input_count = static_cast<std::uint32_t>(input.input.size());
-  input.header.output_count = 12;
+  input.header.output_count = static_cast<std::uint32_t>(input.output.size());
   RecordedPolicyInput recorded{samples == 3 ? Player::fallback : Player::policy, std::move(input), 0};
   recorded.crc = crc_of(recorded.input);
   return recorded;
@@ -51,11 +67,19 @@ Json told(const RecordedPolicyInput& recorded) {
                {"sequence", input.header.sequence},
                {"inference", input.header.inference},
                {"policy_hash", input.header.policy_hash},
-               {"q", input.q},
+               {"following", input.header.following},
+               {"committed_from", input.header.committed_from},
+               {"committed_count", input.header.committed_count},
+               {"q", input.joints[0]},
+               {"dq", input.joints[1]},
+               {"tau", input.joints[2]},
+               {"q_setpoint", input.joints[3]},
+               {"dq_of_drive", input.joints[4]},
                {"input", input.input},
                {"output", input.output},
                {"after_reset", input.header.after_reset != 0},
                {"built_in", input.header.built_in != 0},
+               {"by_client", input.header.by_client != 0},
                {"sender", name(recorded.sender)},
                {"crc", recorded.crc}};
   for (const char* list :
@@ -79,22 +103,53 @@ Value required(std::expected<Value, std::string> value) {
   if constexpr (!std::is_void_v<Value>) return std::move(*value);
 }
 
+// What was shown to the client, kept, and another image for which there was no room.
+Json images_of(const RecordedPolicyInput& recorded, const RunFolder& folder, const RecordSink& sink) {
+  const config::ImageShape shape{3, 4, 3};
+  std::vector<std::byte> pixels(shape.bytes());
+  for (std::size_t i = 0; i < pixels.size(); ++i) pixels[i] = static_cast<std::byte>(7 * i);
+  const PolicyInputSample& sample = recorded.input.samples.at(0);
+  ShownImage image{.sequence = sample.sequence,
+                   .sensed_at = sample.sensed_at,
+                   .published_at = sample.published_at,
+                   .sensor = sample.sensor,
+                   .shape = shape,
+                   .file = ImageFile::unseen,
+                   .sha256 = {}};
+  const std::string content = image_file(shape, pixels);
+  image.sha256 = config::sha256_hex(content);
+  ImageStore store(folder, {.budget_mib = static_cast<double>(content.size()) / (1U << 20U), .rate_mib_per_s = 1});
+  image.file = store.keep(image, content, MonoTime{1});
+  sink.image(image);
+  const std::string kept = image.sha256;
+  ++image.sequence;
+  pixels[0] = std::byte{1};
+  image.sha256 = config::sha256_hex(image_file(shape, pixels));
+  image.file = store.keep(image, image_file(shape, pixels), MonoTime{2});
+  sink.image(image);
+  Json values = Json::array();
+  for (std::size_t i = 0; i < shape.bytes(); ++i) values.push_back(7 * i % 256);
+  return {{"kept", kept}, {"not_kept", image.sha256}, {"shape", {3, 4, 3}}, {"bytes", values}};
+}
+
 void make(const std::string& directory) {
   VirtualRobot robot;
   const RunFolder folder = required(RunFolder::create(directory));
   auto recorder = required(Recorder::start(folder, robot.manifest(), demo_robot(), kDefaultMaxFileBytes));
   auto stream = required(RecordStream::attach(robot.rings(), demo_robot().joints.size()));
   robot.run(50);
-  Json all = Json::array();
+  Json all = Json::array(), shown;
   for (const std::uint32_t samples : {0U, 1U, 3U}) {
     stream.drain(recorder->sink(), false);
     const RecordedPolicyInput input = input_with(samples);
     recorder->sink().policy_input(input);
     all.push_back(told(input));
+    if (samples == 1) shown = images_of(input, folder, recorder->sink());
   }
   stream.drain(recorder->sink(), true);
   required(recorder->finish(robot.latest().header.now, "test over"));
   required(replace_file(directory + "/inputs.json", all.dump()));
+  required(replace_file(directory + "/images.json", shown.dump()));
 }
 
 }  // namespace

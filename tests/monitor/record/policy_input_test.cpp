@@ -41,12 +41,18 @@ PolicyInput random_input(std::uint32_t seed) {
     input.samples.push_back({random(), MonoTime{static_cast<std::int64_t>(random())}, MonoTime{5}, i, seed % 7});
     sample_values += seed % 7;
   }
-  input.q = floats(seed % 9);
+  input.header.following = random();
+  input.header.committed_from = static_cast<std::uint32_t>(random());
+  input.header.committed_count = seed;
+  input.header.by_client = seed % 3 == 0 ? 1 : 0;
+  input.header.joint_count = seed % 9;
+  input.header.quantities = static_cast<std::uint8_t>(seed % 9 == 0 ? 0 : 1 + seed % 31);
+  for (std::size_t i = 0; i < kShownQuantities; ++i)
+    if ((input.header.quantities >> i & 1) != 0) input.joints[i] = floats(seed % 9);
   input.sample_values = floats(sample_values);
   input.input = floats(seed % 50);
   input.output = floats(seed % 30);
-  input.header.joint_count = static_cast<std::uint32_t>(input.q.size());
-  input.header.sensor_count = static_cast<std::uint32_t>(input.samples.size());
+  input.header.sample_count = static_cast<std::uint32_t>(input.samples.size());
   input.header.input_count = static_cast<std::uint32_t>(input.input.size());
   input.header.output_count = static_cast<std::uint32_t>(input.output.size());
   return input;
@@ -78,7 +84,7 @@ TEST(PolicyInputMessage, WhatDoesNotAddUpIsNoInput) {
   longer.push_back(std::byte{0});
   EXPECT_FALSE(read_policy_input(longer));
   for (const std::size_t count_at :
-       {offsetof(PolicyInputHeader, joint_count), offsetof(PolicyInputHeader, sensor_count),
+       {offsetof(PolicyInputHeader, joint_count), offsetof(PolicyInputHeader, sample_count),
         offsetof(PolicyInputHeader, input_count), offsetof(PolicyInputHeader, output_count)}) {
     Bytes lying = whole;
     const std::uint32_t many = UINT32_MAX;
@@ -88,9 +94,19 @@ TEST(PolicyInputMessage, WhatDoesNotAddUpIsNoInput) {
   Bytes reserved = whole;
   reserved[offsetof(PolicyInputHeader, reserved)] = std::byte{1};
   EXPECT_FALSE(read_policy_input(reserved)) << "would not come back from the file";
+  for (const std::uint8_t quantities : {std::uint8_t{0}, std::uint8_t{32}}) {
+    Bytes other = packed(PolicyInput{
+        .header = {.joint_count = 6}, .samples = {}, .joints = {}, .sample_values = {}, .input = {}, .output = {}});
+    other[offsetof(PolicyInputHeader, quantities)] = std::byte{quantities};
+    EXPECT_FALSE(read_policy_input(other)) << "joints of no quantity, or of one that there is not";
+  }
   CdrWriter out;
+  RecordedPolicyInput uneven{Player::policy, random_input(23), 0}, back;
+  uneven.input.joints[0] = {1, 2};
+  uneven.input.joints[1] = {1, 2, 3};
+  encode_policy_input(uneven, out);
+  EXPECT_FALSE(decode_policy_input(out.bytes(), back)) << "the joints are as many in each quantity";
   encode_policy_input({Player::policy, random_input(23), 0}, out);
-  RecordedPolicyInput back;
   for (std::size_t size = 0; size + 4 < out.bytes().size(); ++size)
     EXPECT_FALSE(decode_policy_input(std::span(out.bytes()).first(size), back)) << size;
 }

@@ -95,7 +95,7 @@ TEST(RunMessages, LossesComeBack) {
 
 TEST(RunMessages, ChannelIdsAreTopicValues) {
   const auto topics = run_topics();
-  ASSERT_EQ(topics.size(), static_cast<std::size_t>(Topic::policy_input));
+  ASSERT_EQ(topics.size(), static_cast<std::size_t>(Topic::image));
   for (std::size_t index = 0; index < topics.size(); ++index) {
     EXPECT_EQ(topics[index].topic, topic_name(static_cast<Topic>(index + 1)));
   }
