@@ -1,10 +1,9 @@
 // Goal: networks of equal weights keep one copy of them, others their own, and nothing outlives the networks.
 // Method: the weights as a network packs them are offered to the pool while none, one or two networks that use them are
 // alive; what comes back is ours, or theirs.
-#include "policy_host/onnx/constant_pool.hpp"
-
 #include <algorithm>
 
+#include "policy_host/onnx/constant_pool.hpp"
 #include "policy_host/onnx/panels.hpp"
 #include "tests/policy_host/onnx/onnx_graph_maker.hpp"
 
