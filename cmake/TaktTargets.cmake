@@ -33,6 +33,10 @@ endif()
 set(TAKT_TEXT $<$<CONFIG:RelWithDebInfo>:-O1>)
 set(TAKT_ARITHMETIC $<$<CONFIG:RelWithDebInfo>:-O2>) # for targets in such a folder that compute
 
+# For libraries whose functions run in every tick, real or virtual. Archives are position-independent, so that the compiler reckons
+# with somebody who puts a function of his own in the place of one of theirs; nobody does: calls within a file may be inlined.
+set(TAKT_EVERY_TICK -fno-semantic-interposition)
+
 # A first build in half the time: such folders' sources are compiled several at once, so that headers are read once for all of
 # them. Off for who edits them. Their file-local names must differ therefore; the sanitizers' builds hold them to it.
 option(TAKT_UNITY_BUILD "Compile several sources of a library at once, where that pays" OFF)

@@ -40,6 +40,20 @@ DamiaoRegisterFile::DamiaoRegisterFile(const config::Drive& drive, Duration watc
   present_[kTorqueMax] = float_bits(drive.torque_range);
   present_[kBitRate] = bit_rate_code(drive.fd_bitrate);
   stored_ = present_;
+  take_effect();
+}
+
+void DamiaoRegisterFile::restart() {
+  present_ = stored_;
+  take_effect();
+}
+
+void DamiaoRegisterFile::take_effect() {
+  const auto word = [this](std::uint8_t number) { return present_.at(number).value(); };
+  const auto value = [&](std::uint8_t number) { return double{std::bit_cast<float>(word(number))}; };
+  spans_ = {value(kPositionMax), value(kVelocityMax), value(kTorqueMax)};
+  watchdog_ = {word(kTimeout) * kTimeoutUnit_ns};
+  is_in_mit_mode_ = word(kControlMode) == kMitMode;
 }
 
 bool DamiaoRegisterFile::serve(std::span<const std::uint8_t, 8> order, bool enabled,
@@ -57,18 +71,10 @@ bool DamiaoRegisterFile::serve(std::span<const std::uint8_t, 8> order, bool enab
     if (enabled) return false;
     word = 0;
     for (std::size_t i = 0; i < 4; ++i) word += std::uint32_t{order[4 + i]} << 8 * i;
+    take_effect();
   }
   for (std::size_t i = 0; i < 4; ++i) answer[4 + i] = static_cast<std::uint8_t>(word >> 8 * i & 0xFFU);
   return true;
-}
-
-MitSpans DamiaoRegisterFile::spans() const {
-  const auto value = [this](std::uint8_t number) { return double{std::bit_cast<float>(word(number))}; };
-  return {value(kPositionMax), value(kVelocityMax), value(kTorqueMax)};
-}
-
-Duration DamiaoRegisterFile::watchdog() const {
-  return {word(kTimeout) * kTimeoutUnit_ns};
 }
 
 }  // namespace takt::plant

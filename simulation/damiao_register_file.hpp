@@ -35,15 +35,20 @@ class DamiaoRegisterFile {
   // False: no answer. Precondition: the frame names this drive.
   bool serve(std::span<const std::uint8_t, 8> order, bool enabled, std::span<std::uint8_t, 8> answer);
   // Supply off and on.
-  void restart() { present_ = stored_; }
-  [[nodiscard]] std::uint32_t word(std::uint8_t number) const { return present_.at(number).value(); }
-  [[nodiscard]] MitSpans spans() const;
+  void restart();
+  [[nodiscard]] const MitSpans& spans() const { return spans_; }
   // Zero: off.
-  [[nodiscard]] Duration watchdog() const;
+  [[nodiscard]] Duration watchdog() const { return watchdog_; }
+  // Whether it obeys motion commands.
+  [[nodiscard]] bool is_in_mit_mode() const { return is_in_mit_mode_; }
 
  private:
   using Registers = std::array<std::optional<std::uint32_t>, kBitRate + 1>;  // by number; empty: no such register
+  void take_effect();
 
+  MitSpans spans_;  // what present_ means, as are the next two
+  Duration watchdog_;
+  bool is_in_mit_mode_ = true;
   Registers present_, stored_;
 };
 

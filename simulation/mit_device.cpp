@@ -1,6 +1,7 @@
 #include "simulation/mit_device.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -36,18 +37,29 @@ std::uint8_t whole_degrees(double celsius) {
 }  // namespace
 
 MitDevice::MitDevice(const config::Drive& drive, Duration watchdog)
-    : drive_(drive), damiao_(drive.variant == "damiao"), registers_(drive, watchdog) {}
+    : id_(drive.id),
+      reply_id_(drive.reply_id),
+      damiao_(drive.variant == "damiao"),
+      fd_(drive.fd_bitrate != 0),
+      kp_range_(drive.kp_range),
+      kd_range_(drive.kd_range),
+      torque_range_(drive.torque_range),
+      place_step_(drive.position_after_power_up == config::PositionAfterPowerUp::one_of_several
+                      ? 2 * std::numbers::pi / drive.places_per_turn * drive.gear_ratio
+                      : 0),
+      registers_(drive, watchdog) {}
 
 // CAN FD is the classic frame in another form, asked and answered in it.
 bool MitDevice::is_for_us(const drivers::CanFrame& frame) const {
-  const bool fd = drive_.fd_bitrate != 0;
-  return !frame.extended && frame.fd == fd && !frame.remote && !frame.error && frame.length == 8;
+  const bool known = frame.id == id_ || (damiao_ && frame.id == DamiaoRegisterFile::kBusId);
+  return known && !frame.extended && frame.fd == fd_ && !frame.remote && !frame.error && frame.length == 8;
 }
 
-drivers::CanFrame MitDevice::reply() const {
-  drivers::CanFrame frame;
-  frame.id = drive_.reply_id;
-  frame.fd = frame.bit_rate_switch = drive_.fd_bitrate != 0;
+drivers::CanFrame& MitDevice::reply(Frames& out, std::uint8_t length) const {
+  drivers::CanFrame& frame = out.emplace_back();
+  frame.id = reply_id_;
+  frame.fd = frame.bit_rate_switch = fd_;
+  frame.length = length;
   return frame;
 }
 
@@ -55,23 +67,22 @@ void MitDevice::receive(const drivers::CanFrame& frame, MonoTime now, Frames& ou
   if (!is_for_us(frame)) return;
   if (state_ == DeviceState::booting) return;
   if (damiao_ && frame.id == DamiaoRegisterFile::kBusId) answer_register(frame, out);
-  if (frame.id != drive_.id) return;
-  out.push_back(report());
+  if (frame.id != id_) return;
+  report(out);
   obey(frame, now);
 }
 
 void MitDevice::answer_register(const drivers::CanFrame& frame, Frames& out) {
-  if ((frame.data[0] | frame.data[1] << 8) != static_cast<int>(drive_.id)) return;
-  if (frame.data[2] == DamiaoRegisterFile::kRefresh) return out.push_back(report());
-  drivers::CanFrame answer = reply();
-  answer.length = 8;
+  if ((frame.data[0] | frame.data[1] << 8) != static_cast<int>(id_)) return;
+  if (frame.data[2] == DamiaoRegisterFile::kRefresh) return report(out);
+  std::array<std::uint8_t, 8> answer;
   const bool enabled = state_ == DeviceState::enabled;
-  if (registers_.serve(std::span(frame.data).first<8>(), enabled, std::span(answer.data).first<8>()))
-    out.push_back(answer);
+  if (registers_.serve(std::span(frame.data).first<8>(), enabled, answer))
+    std::ranges::copy(answer, reply(out, 8).data);
 }
 
 bool MitDevice::obeys_motion() const {
-  return !damiao_ || registers_.word(DamiaoRegisterFile::kControlMode) == 1;
+  return !damiao_ || registers_.is_in_mit_mode();
 }
 
 bool MitDevice::is_silent_for_too_long(MonoTime now) const {
@@ -116,11 +127,11 @@ void MitDevice::obey_special(std::uint8_t code, MonoTime now) {
 }
 
 MitDevice::Command MitDevice::unpack(std::uint64_t word) const {
-  const MitSpans spans = registers_.spans();
+  const MitSpans& spans = registers_.spans();
   return {.p = spread(bits(word, 0, 16), 16, -spans.position, spans.position),
           .v = spread(bits(word, 16, 12), 12, -spans.velocity, spans.velocity),
-          .kp = spread(bits(word, 28, 12), 12, 0, drive_.kp_range),
-          .kd = spread(bits(word, 40, 12), 12, 0, drive_.kd_range),
+          .kp = spread(bits(word, 28, 12), 12, 0, kp_range_),
+          .kd = spread(bits(word, 40, 12), 12, 0, kd_range_),
           .t = spread(bits(word, 52, 12), 12, -spans.torque, spans.torque)};
 }
 
@@ -143,17 +154,15 @@ double MitDevice::update(MotorReading reading, MonoTime now, Duration step, Fram
     case DeviceState::error:
       break;
   }
-  torque_ = std::clamp(wanted, -drive_.torque_range, drive_.torque_range);
-  winding_.update(torque_, drive_.torque_range, step);
+  torque_ = std::clamp(wanted, -torque_range_, torque_range_);
+  winding_.update(torque_, torque_range_, step);
   return torque_;
 }
 
 // After power-on the nearest of the places that its encoder cannot tell apart.
 void MitDevice::forget_steps(double position) {
   knows_place_ = true;
-  if (drive_.position_after_power_up != config::PositionAfterPowerUp::one_of_several) return;
-  const double step = 2 * std::numbers::pi / drive_.places_per_turn * drive_.gear_ratio;
-  zero_ += step * std::round((position - zero_) / step);
+  if (place_step_ > 0) zero_ += place_step_ * std::round((position - zero_) / place_step_);
 }
 
 bool MitDevice::inject(DeviceFault fault) {
@@ -203,21 +212,19 @@ std::uint8_t MitDevice::status() const {
   return 0x0;
 }
 
-drivers::CanFrame MitDevice::report() const {
-  const MitSpans spans = registers_.spans();
+void MitDevice::report(Frames& out) const {
+  const MitSpans& spans = registers_.spans();
   const std::uint64_t fields = squeeze(reading_.position, 16, spans.position) << 24U |
                                squeeze(reading_.velocity, 12, spans.velocity) << 12U |
                                squeeze(torque_, 12, spans.torque);
-  drivers::CanFrame frame = reply();
-  frame.length = damiao_ ? 8 : 6;
-  const std::uint32_t first = damiao_ ? (drive_.id & 0xFU) | std::uint32_t{status()} << 4U : drive_.id;
+  drivers::CanFrame& frame = reply(out, damiao_ ? 8 : 6);
+  const std::uint32_t first = damiao_ ? (id_ & 0xFU) | std::uint32_t{status()} << 4U : id_;
   frame.data[0] = static_cast<std::uint8_t>(first);
   for (unsigned i = 0; i < 5; ++i) frame.data[1 + i] = static_cast<std::uint8_t>(fields >> (32 - 8 * i) & 0xFFU);
   if (damiao_) {
     frame.data[6] = whole_degrees(winding_.stage_C());
     frame.data[7] = whole_degrees(winding_.winding_C());
   }
-  return frame;
 }
 
 }  // namespace takt::plant

@@ -35,13 +35,14 @@ class MitDevice final : public Device {
   [[nodiscard]] bool obeys_motion() const;
   [[nodiscard]] bool is_silent_for_too_long(MonoTime now) const;
   [[nodiscard]] bool is_for_us(const drivers::CanFrame& frame) const;
-  [[nodiscard]] drivers::CanFrame reply() const;  // without its bytes
-  [[nodiscard]] drivers::CanFrame report() const;
+  drivers::CanFrame& reply(Frames& out, std::uint8_t length) const;  // its bytes are zero
+  void report(Frames& out) const;
   [[nodiscard]] std::uint8_t status() const;
 
-  config::Drive drive_;
-  bool damiao_;
-  DamiaoRegisterFile registers_;  // a T-Motor drive's never change
+  std::uint32_t id_, reply_id_;
+  bool damiao_, fd_;
+  double kp_range_, kd_range_, torque_range_;
+  double place_step_;  // rad, between places that its encoder cannot tell apart after power-on; 0: it can
   DeviceState state_ = DeviceState::disabled;
   std::uint8_t error_ = 0;
   Command command_;
@@ -51,6 +52,7 @@ class MitDevice final : public Device {
   bool knows_place_ = false;  // since power-on
   double torque_ = 0;
   Winding winding_;
+  DamiaoRegisterFile registers_;  // a T-Motor drive's never change
 };
 
 }  // namespace takt::plant

@@ -49,11 +49,13 @@ Plant::Plant(const config::Simulation& simulation, std::vector<PlantJoint> joint
   state_ = {Eigen::VectorXd::Zero(count), Eigen::VectorXd::Zero(count)};
   for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
     const config::Joint& settings = joints_[joint].settings;
+    gearing_.push_back({ratio(settings.drive), settings.drive.offset, settings.limits.torque, settings.passive});
     state_.q[index(joint)] = settings.home;
     on_bus_.resize(std::max(on_bus_.size(), settings.bus + 1));
     on_bus_[settings.bus].push_back(joint);
     update_drive(joint, Duration{0});
   }
+  friction_.resize(joints_.size());
   const Duration step = simulation_.step;
   const auto delay_steps = (simulation_.torque_delay.ns + step.ns / 2) / step.ns;
   for (std::int64_t i = 0; i < delay_steps; ++i) on_their_way_.push_back(Eigen::VectorXd::Zero(count));
@@ -64,10 +66,15 @@ bool Plant::receive(std::size_t bus, const drivers::CanFrame& frame, Frames& ans
   if (bus >= on_bus_.size()) return false;
   for (const std::size_t hearer : on_bus_[bus]) {
     PlantJoint& joint = joints_[hearer];
+    if (joint.replies.is_clear()) {
+      const std::size_t before = answers.size();
+      joint.device->receive(frame, now_, answers);
+      answered |= answers.size() != before;
+      continue;
+    }
     if (joint.replies.faults().deaf) continue;
     said_.clear();
     joint.device->receive(frame, now_, said_);
-    if (said_.empty() && joint.replies.is_empty()) continue;
     answered |= !said_.empty();
     joint.replies.take(said_, now_);
     joint.replies.deliver(now_, answers);
@@ -77,43 +84,45 @@ bool Plant::receive(std::size_t bus, const drivers::CanFrame& frame, Frames& ans
 
 void Plant::collect(std::size_t bus, Frames& said) {
   if (bus >= on_bus_.size()) return;
-  for (const std::size_t joint : on_bus_[bus]) joints_[joint].replies.deliver(now_, said);
+  for (const std::size_t joint : on_bus_[bus])
+    if (!joints_[joint].replies.is_empty()) joints_[joint].replies.deliver(now_, said);
 }
 
 MotorReading Plant::read_encoder(std::size_t joint) const {
-  const config::Drive& drive = joints_[joint].settings.drive;
+  const Gearing& gearing = gearing_[joint];
   const double grid = simulation_.encoder_step;
   const double q = state_.q[index(joint)];
   const double seen = grid > 0 ? std::round(q / grid) * grid : q;
-  return {(seen - drive.offset) * ratio(drive), state_.dq[index(joint)] * ratio(drive)};
+  return {(seen - gearing.offset) * gearing.ratio, state_.dq[index(joint)] * gearing.ratio};
 }
 
 double Plant::update_drive(std::size_t joint, Duration step) {
   said_.clear();
   const double torque = joints_[joint].device->update(read_encoder(joint), now_, step, said_);
-  joints_[joint].replies.take(said_, now_);
+  if (!said_.empty()) joints_[joint].replies.take(said_, now_);
   return torque;
 }
 
 void Plant::step() {
   bool held_somewhere = false;
-  Eigen::VectorXd torque(index(joints_.size()));
-  std::vector<Friction> friction(joints_.size());
+  Eigen::VectorXd torque = std::move(spare_);
+  torque.resize(index(joints_.size()));
   for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
-    const config::Joint& settings = joints_[joint].settings;
-    torque[index(joint)] = update_drive(joint, simulation_.step) * ratio(settings.drive);
+    const Gearing& gearing = gearing_[joint];
+    torque[index(joint)] = update_drive(joint, simulation_.step) * gearing.ratio;
     const bool held = joints_[joint].device->brake_engaged();
     held_somewhere |= held;
-    if (settings.passive) {
+    if (gearing.passive) {
       torque[index(joint)] = 0;
-      friction[joint] = {0, held ? kHoldingHand : 0};
+      friction_[joint] = {0, held ? kHoldingHand : 0};
     } else {
-      friction[joint] = {simulation_.viscous, simulation_.coulomb + (held ? settings.limits.torque : 0)};
+      friction_[joint] = {simulation_.viscous, simulation_.coulomb + (held ? gearing.braking_torque : 0)};
     }
   }
   on_their_way_.push_back(std::move(torque));
   dynamics_->hoist(held_somewhere);
-  dynamics_->integrate(state_, on_their_way_.front(), friction, simulation_.step);
+  dynamics_->integrate(state_, on_their_way_.front(), friction_, simulation_.step);
+  spare_ = std::move(on_their_way_.front());
   on_their_way_.pop_front();
   now_ = now_ + simulation_.step;
 }

@@ -52,15 +52,24 @@ class Plant {
     std::unique_ptr<Device> device;
     ReplyPath replies;
   };
+  // What a step needs to know of a joint, of its settings.
+  struct Gearing {
+    double ratio, offset;   // motor angle per joint angle, with the direction's sign; rad, joint side
+    double braking_torque;  // Nm
+    bool passive;
+  };
   Plant(const config::Simulation& simulation, std::vector<PlantJoint> joints, std::unique_ptr<Dynamics> dynamics);
   [[nodiscard]] MotorReading read_encoder(std::size_t joint) const;
   double update_drive(std::size_t joint, Duration step);  // motor side torque
 
   config::Simulation simulation_;
   std::vector<PlantJoint> joints_;
+  std::vector<Gearing> gearing_;                  // by joint
   std::vector<std::vector<std::size_t>> on_bus_;  // the joints of each bus
   std::unique_ptr<Dynamics> dynamics_;
-  Frames said_;  // work space
+  Frames said_;                     // work space, as are the next two
+  std::vector<Friction> friction_;  // by joint
+  Eigen::VectorXd spare_;           // torques that have reached their joints
   ArmState state_;
   std::deque<Eigen::VectorXd> on_their_way_;  // joint torques that have not reached their joints yet, oldest first
   MonoTime now_{1};

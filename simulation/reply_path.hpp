@@ -29,6 +29,8 @@ class ReplyPath {
   void set(const LineFaults& faults) { faults_ = faults; }
   [[nodiscard]] const LineFaults& faults() const { return faults_; }
   [[nodiscard]] bool is_empty() const { return on_the_way_.empty(); }
+  // Whatever the drive says arrives as it is said: nothing is wrong, and nothing that was said before is to come.
+  [[nodiscard]] bool is_clear() const { return is_empty() && faults_ == LineFaults{}; }
   // What the drive says now.
   void take(const Frames& said, MonoTime now);
   // Appends what has arrived by now. What was on its way when a fault began or ended still arrives, in the order it
@@ -43,8 +45,8 @@ class ReplyPath {
   bool is_lost();
 
   LineFaults faults_;
-  std::mt19937_64 random_;
   std::vector<OnTheWay> on_the_way_;  // in the order said: who is due waits for those before
+  std::mt19937_64 random_;
 };
 
 }  // namespace takt::plant

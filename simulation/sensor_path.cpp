@@ -26,7 +26,7 @@ void SensorPath::take(const SensorSample& sample, const SensorFaults& faults) {
 
 std::optional<SensorSample> SensorPath::deliver(MonoTime now) {
   if (held_.empty() || held_.front().delivered_at > now) return std::nullopt;
-  const SensorSample sample = held_.front().sample;
+  const std::optional<SensorSample> sample(held_.front().sample);
   held_.pop_front();
   return sample;
 }

@@ -94,7 +94,8 @@ Disturbance::Disturbance(const Perturbation& perturbation, MonoTime rollout_star
 }
 
 Duration Disturbance::delay(Trouble trouble, MonoTime at) const {
-  return milliseconds_of(dose(trouble, at));
+  const double ms = dose(trouble, at);
+  return ms == 0 ? Duration{} : milliseconds_of(ms);
 }
 
 std::int64_t Disturbance::turn(Trouble trouble, MonoTime at) const {

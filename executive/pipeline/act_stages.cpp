@@ -31,9 +31,8 @@ ReferenceStep next_reference(const JointState& joint, const JointTarget& target,
   return {from, 0};
 }
 
-Reference reference_of(const TickState& state, const Choice& choice, const JointRecord& measured, std::size_t joint,
-                       const TickConfig& config) {
-  const bool follows = config.joints[joint].passive || part_of(state, measured, joint, config) != Part::as_chosen;
+Reference reference_of(const Choice& choice, const JointTarget& target, const JointConfig& joint) {
+  const bool follows = joint.passive || target.part != Part::as_chosen;
   return follows ? Reference::follow_measured : choice.reference;
 }
 
@@ -44,7 +43,7 @@ void keep_brake(TickState& state, const Choice& choice, std::span<JointTarget> t
   std::array<Stopping, kMaxJoints> stops;  // joint_count entries are used
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     const JointRecord& measured = record.joints[j];
-    const Reference how = reference_of(state, choice, measured, j, config);
+    const Reference how = reference_of(choice, targets[j], config.joints[j]);
     const bool follows = how == Reference::follow_target || how == Reference::brake;
     ReferenceState at{static_cast<double>(measured.q_estimate), static_cast<double>(measured.dq_estimate)};
     if (follows) at.dq = steps[j].next.dq;
@@ -118,7 +117,7 @@ void constrain(TickState& state, const Choice& choice, std::span<JointTarget> ta
   std::array<ReferenceStep, kMaxJoints> steps;  // joint_count entries are used
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     const JointRecord& measured = record.joints[j];
-    const Reference how = reference_of(state, choice, measured, j, config);
+    const Reference how = reference_of(choice, targets[j], config.joints[j]);
     steps[j] = next_reference(state.joints[j], targets[j], measured, how, config.joints[j].limits, dt);
   }
   if (state.scarce != 0) keep_brake(state, choice, targets, steps, config, record);
@@ -147,7 +146,7 @@ void stabilise(const TickState& state, const Choice& choice, std::span<const Joi
   const float dt = period_seconds(config);
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     JointRecord& joint = output.record.joints[j];
-    const Part part = part_of(state, joint, j, config);
+    const Part part = targets[j].part;
     if (choice.limp || config.joints[j].passive || part == Part::deenergised) {
       output.setpoints[j] = output.damping[j] = {joint.q_reference, 0.0F, 0.0F, 0.0F, 0.0F};
       continue;

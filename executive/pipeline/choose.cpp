@@ -24,6 +24,17 @@ bool holds(const TickState& state, MonoTime now, const TickConfig& config) {
   return false;
 }
 
+Part part_of(const TickState& state, const JointRecord& measured, std::size_t joint, const TickConfig& config) {
+  const JointMask bit = bit_of_joint(joint);
+  if ((state.mode.deenergised & bit) != 0) return Part::deenergised;
+  // Right after a suspend nobody knows where a joint is: no gravity by a pose of before.
+  if ((state.mode.damped & bit) != 0 || !state.joints[joint].observer.sampled_at.is_set()) return Part::damped;
+  const JointLimits& limits = config.joints[joint].limits;
+  const bool beyond = measured.q_estimate < limits.q_min - limits.q_hard_margin ||
+                      measured.q_estimate > limits.q_max + limits.q_hard_margin;
+  return is_latched(state.mode.mode) && beyond ? Part::released : Part::as_chosen;
+}
+
 // Gains and speed that apply unless the chunk says otherwise. q stays at the reference: no motion asked for.
 void default_targets(const TickState& state, const TickRecord& record, const TickConfig& config,
                      std::span<JointTarget> targets) {
@@ -31,7 +42,8 @@ void default_targets(const TickState& state, const TickRecord& record, const Tic
   const bool none_holds = mode == Mode::arming || (is_latched(mode) && !holds(state, record.header.now, config));
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     const JointConfig& joint = config.joints[j];
-    const bool damping_only = none_holds || part_of(state, record.joints[j], j, config) != Part::as_chosen;
+    const Part part = part_of(state, record.joints[j], j, config);
+    const bool damping_only = none_holds || part != Part::as_chosen;
     targets[j] = {static_cast<float>(state.joints[j].reference.q),
                   0.0F,
                   damping_only ? 0.0F : joint.kp,
@@ -39,7 +51,8 @@ void default_targets(const TickState& state, const TickRecord& record, const Tic
                   0.0F,
                   joint.limits.velocity,
                   0.0F,
-                  false};
+                  false,
+                  part};
   }
 }
 
@@ -158,17 +171,6 @@ StopManner manner_of(const TickState& state, MonoTime now, const TickConfig& con
   const bool ends = rule.manner != StopManner::damping;
   const bool is_over = rule.longest > Duration{} && now - state.mode.stopped_since >= rule.longest;
   return ends && is_over ? StopManner::rest : rule.manner;
-}
-
-Part part_of(const TickState& state, const JointRecord& measured, std::size_t joint, const TickConfig& config) {
-  const JointMask bit = bit_of_joint(joint);
-  if ((state.mode.deenergised & bit) != 0) return Part::deenergised;
-  // Right after a suspend nobody knows where a joint is: no gravity by a pose of before.
-  if ((state.mode.damped & bit) != 0 || !state.joints[joint].observer.sampled_at.is_set()) return Part::damped;
-  const JointLimits& limits = config.joints[joint].limits;
-  const bool beyond = measured.q_estimate < limits.q_min - limits.q_hard_margin ||
-                      measured.q_estimate > limits.q_max + limits.q_hard_margin;
-  return is_latched(state.mode.mode) && beyond ? Part::released : Part::as_chosen;
 }
 
 Choice choose(const TickState& state, const TickRecord& record, const TickConfig& config,

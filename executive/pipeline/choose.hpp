@@ -55,14 +55,6 @@ namespace takt::pipeline {
 
 enum class Reference : std::uint8_t { follow_measured, move_with_measured, brake, follow_target };
 
-// What a latched fault leaves of the choice for one joint.
-enum class Part : std::uint8_t {
-  as_chosen,
-  released,     // follows the measured position with damping and gravity: at rest beyond the hard margin
-  damped,       // damping only: its limb lost a drive, or our own arithmetic failed
-  deenergised,  // nothing, its drive disabled
-};
-
 struct Choice {
   Reference reference = Reference::follow_measured;
   bool limp = true;              // no gains, no torque
@@ -75,9 +67,6 @@ struct Choice {
 
 // Of a damped stop, now: what was to last for a while ends as any other stop does. In other modes: rest.
 StopManner manner_of(const TickState& state, MonoTime now, const TickConfig& config);
-
-// Reads the mode and the joint's estimate.
-Part part_of(const TickState& state, const JointRecord& measured, std::size_t joint, const TickConfig& config);
 
 // Reads mode and freshness of `record`, and the joints' estimates.
 Choice choose(const TickState& state, const TickRecord& record, const TickConfig& config,

@@ -14,6 +14,14 @@
 
 namespace takt::pipeline {
 
+// What a latched fault leaves of the choice for one joint.
+enum class Part : std::uint8_t {
+  as_chosen,
+  released,     // follows the measured position with damping and gravity: at rest beyond the hard margin
+  damped,       // damping only: its limb lost a drive, or our own arithmetic failed
+  deenergised,  // nothing, its drive disabled
+};
+
 // What one joint should do at this tick, before any constraint.
 struct JointTarget {
   float q;            // rad
@@ -23,9 +31,10 @@ struct JointTarget {
   float speed;        // rad/s, speed limit of the reference
   float dq_held;      // rad/s, velocity setpoint where the reference's own is none (Interpolation::hold)
   bool out_of_range;  // a value was brought into the joint's range
+  Part part;          // of the choice that this joint has
 };
 
-// Fills everything but speed of every joint. Returns the step being played.
+// Fills everything but speed and part of every joint. Returns the step being played.
 std::uint8_t play(const JoinState& join, const Timed& path, MonoTime now, const TickConfig& config,
                   std::span<JointTarget> targets);
 

@@ -51,8 +51,16 @@ class Builder {
   // The same elements in the same order under another name and shape.
   Value& define_view(const std::string& name, const Shape& shape, const Value& source);
 
-  // Storage the program keeps: for scratch and packed weights.
+  // Storage the program keeps, for scratch.
   float* allocate(std::size_t floats);
+  // What `fill` makes of zeros, here and now, and nobody writes afterwards: packed weights.
+  template <std::invocable<float*> Fill>
+  const float* constant(std::size_t floats, Fill fill) {
+    charge(floats * sizeof(float));
+    FloatBuffer made = allocate_floats(floats);
+    fill(made.get());
+    return program_.constants.emplace_back(share_constant(std::move(made), floats)).get();
+  }
   // Counts index tables against the cap of a model.
   void charge(std::size_t bytes);
 

@@ -40,15 +40,13 @@ const float* left_operand(Builder& builder, const Value& a, bool transposed) {
 
 // Packed form of `b`: once if it is constant, else on every run before the product.
 const float* packed_operand(Builder& builder, const Value& b, const RightMatrix& m) {
-  float* packed = builder.allocate(packed_size(m.inner, m.columns));
-  const auto pack = [from = b.floats, m, packed]() noexcept {
+  const std::size_t size = packed_size(m.inner, m.columns);
+  const auto pack = [from = b.floats, m](float* packed) noexcept {
     pack_panels(from, m.inner, m.columns, m.row_step, m.column_step, packed);
   };
-  if (b.constant) {
-    pack();
-  } else {
-    builder.each_run(pack);
-  }
+  if (b.constant) return builder.constant(size, pack);
+  float* packed = builder.allocate(size);
+  builder.each_run([pack, packed]() noexcept { pack(packed); });
   return packed;
 }
 

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "policy_host/onnx/constant_pool.hpp"
 #include "policy_host/onnx/model.hpp"
 #include "policy_host/onnx/tensor.hpp"
 
@@ -22,6 +23,7 @@ class Step {
 
 struct Program {
   std::vector<FloatBuffer> buffers;
+  std::vector<SharedFloats> constants;
   std::vector<std::unique_ptr<Step>> steps;
   std::vector<TensorInfo> input_info;
   std::vector<TensorInfo> output_info;

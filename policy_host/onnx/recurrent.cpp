@@ -68,8 +68,8 @@ PackedWeights pack_gates(Builder& builder, const Node& node, std::size_t index, 
   const std::size_t inner = static_cast<std::size_t>(weight.shape[2]);
   const std::size_t columns = count * shape.hidden;
   const float* from = weight.floats + (direction * gates + first) * shape.hidden * inner;
-  float* panels = builder.allocate(packed_size(inner, columns));
-  pack_panels(from, inner, columns, 1, inner, panels);
+  const float* panels = builder.constant(packed_size(inner, columns),
+                                         [&](float* packed) { pack_panels(from, inner, columns, 1, inner, packed); });
   return {panels, inner, columns};
 }
 

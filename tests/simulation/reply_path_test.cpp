@@ -4,8 +4,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <span>
 #include <utility>
 #include <vector>
+
+#include "config/load.hpp"
+#include "simulation/plant.hpp"
 
 namespace takt::plant {
 namespace {
@@ -99,6 +104,36 @@ TEST_F(ReplyPathTest, WhatIsOnItsWayIsBounded) {
   Frames arrived;
   path_.deliver(MonoTime{1} + seconds(1000), arrived);
   EXPECT_EQ(arrived.size(), ReplyPath::kMaxOnTheWay);
+}
+
+// A plant takes a short way where nothing is wrong with a line; it has to see that something is still on its way.
+TEST(PlantLine, ThatIsWellAgainKeepsTheOrder) {
+  config::RobotConfig robot = config::load("config/arm6.yaml").value();
+  robot.joints.resize(1);  // a Damiao drive
+  ASSERT_EQ(robot.joints[0].bus, 0U);
+  Plant plant = Plant::on_free_inertias(robot).value();
+  drivers::CanFrame frame{.id = robot.joints[0].drive.id, .length = 8};
+  std::ranges::fill(std::span(frame.data).first<8>(), std::uint8_t{0xFF});
+  Frames answers;
+  const auto say = [&](std::uint8_t code) {
+    frame.data[7] = code;
+    return plant.receive(0, frame, answers);
+  };
+  const auto reported = [&](std::size_t answer) { return answers.at(answer).data[0] >> 4; };
+
+  EXPECT_TRUE(say(0xFC));  // answered before it is obeyed: disabled
+  ASSERT_EQ(answers.size(), 1U);
+  EXPECT_EQ(reported(0), 0);
+  plant.set_line(0, {.delay = milliseconds(5)});
+  EXPECT_TRUE(say(0xFD));  // enabled
+  plant.set_line(0, {});
+  EXPECT_TRUE(say(0xFD));  // disabled again
+  EXPECT_EQ(answers.size(), 1U);
+  while (plant.now() < MonoTime{1} + milliseconds(5)) plant.step();
+  plant.collect(0, answers);
+  ASSERT_EQ(answers.size(), 3U);
+  EXPECT_EQ(reported(1), 1);
+  EXPECT_EQ(reported(2), 0);
 }
 
 }  // namespace
