@@ -35,6 +35,14 @@ class OutsideMechanics final : public Mechanics {
   void hoist(bool hangs) override { hangs_ = hangs; }
   // The newest sample of the world's sensor that was not returned before.
   [[nodiscard]] std::optional<SensorSample> sample(MonoTime now);
+  struct Image {
+    std::size_t sensor = 0;  // index into the robot file's
+    Sensed sensed;
+  };
+  // Of each of the world's cameras the newest image that was not returned before, as old as the world says.
+  [[nodiscard]] std::vector<Image> images(MonoTime now);
+  // Whether its states have images of that sensor of the robot file.
+  [[nodiscard]] bool films(std::size_t sensor) const;
   [[nodiscard]] double error() const { return state_.error; }
 
   [[nodiscard]] ArmState begin() const { return begin_; }
@@ -42,7 +50,9 @@ class OutsideMechanics final : public Mechanics {
   [[nodiscard]] const WorldLink& link() const { return link_; }
 
  private:
-  OutsideMechanics(WorldLink link, const takt_world_state& first, std::size_t joint_count);
+  OutsideMechanics(WorldLink link, const takt_world_state& first, std::size_t joint_count,
+                   std::vector<std::size_t> sensor_of_camera);
+  void keep_images();
 
   WorldLink link_;
   ArmState begin_;
@@ -50,7 +60,9 @@ class OutsideMechanics final : public Mechanics {
   std::vector<double> viscous_, coulomb_;  // work space
   config::Vector3 push_{};
   bool hangs_ = false;
-  std::uint64_t sampled_ = 0;  // sequence of the sensor's sample that was returned last
+  std::uint64_t sampled_ = 0;                  // sequence of the sensor's sample that was returned last
+  std::vector<std::size_t> sensor_of_camera_;  // index into the robot file's sensors, of each of the link's cameras
+  std::vector<WorldImage> images_;             // at most one per camera
   std::optional<WorldEnd> end_;
 };
 
