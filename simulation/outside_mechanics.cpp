@@ -74,6 +74,7 @@ void OutsideMechanics::integrate(ArmState& state, const Eigen::VectorXd& tau, co
     state.dq.setZero();
     return;
   }
+  if (answer->sensor_sequence != state_.sensor_sequence) sensed_ = Duration{static_cast<std::int64_t>(answer->time_ns)};
   state_ = *answer;
   keep_images();
   state = state_of(state_, friction.size());
@@ -103,10 +104,15 @@ std::optional<SensorSample> OutsideMechanics::sample(MonoTime now) {
   if (link_.sensor().empty() || state_.sensor_sequence == sampled_) return std::nullopt;
   SensorSample sample;
   sample.sequence = sampled_ = state_.sensor_sequence;
-  sample.sensed_at = sample.published_at = now;
+  sample.sensed_at = now - (Duration{static_cast<std::int64_t>(state_.time_ns)} - sensed_);
+  sample.published_at = now;
   for (const double value : std::span(state_.sensor).first(link_.sensor_count()))
     sample.values[sample.value_count++] = static_cast<float>(value);
   return sample;
+}
+
+double OutsideMechanics::error() const {
+  return link_.gives(TAKT_WORLD_ERROR) ? state_.error : 0;
 }
 
 void OutsideMechanics::keep_images() {

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <poll.h>
-#include <sys/eventfd.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 
@@ -35,9 +34,7 @@ constexpr double kMostTurns = 1e6, kMostSpeed = 1e5;  // rad, rad/s
 constexpr Duration kCallAgain = milliseconds(10);
 constexpr std::size_t kImageAlignment = 64;
 
-ipc::Descriptor open_bell() {
-  return ipc::Descriptor(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
-}
+constexpr std::byte kRing{1};  // over shared memory the socket carries one byte for each message
 
 // Rounded up: a poll that ends too early would be asked again without a pause.
 int milliseconds_until(MonoTime deadline) {
@@ -153,8 +150,6 @@ std::expected<void, WorldEnd> WorldLink::greet(const Robot& robot, MonoTime dead
   auto memory = ipc::Segment::create("takt-world", bytes, true);
   if (!memory) return std::unexpected(end(WorldEndKind::absent, memory.error()));
   memory_ = std::move(*memory);
-  question_bell_ = open_bell();
-  answer_bell_ = open_bell();
 
   takt_world_hello hello{};
   hello.header = next_header(TAKT_WORLD_HELLO, sizeof hello);
@@ -173,7 +168,7 @@ std::expected<void, WorldEnd> WorldLink::greet(const Robot& robot, MonoTime dead
     said.channels = channels;
     said.offset = static_cast<std::uint32_t>(camera.offset);
   }
-  const std::array files{memory_->fd(), question_bell_.get(), answer_bell_.get()};
+  const std::array files{memory_->fd()};
   if (auto ended = send(bytes_of(hello), files)) return std::unexpected(*ended);
 
   takt_world_welcome welcome{};
@@ -268,8 +263,8 @@ std::expected<takt_world_state, WorldEnd> WorldLink::ask(std::span<const std::by
 std::optional<WorldEnd> WorldLink::send(std::span<const std::byte> question, std::span<const int> files) {
   if (is_over_shared_memory()) {
     std::ranges::copy(question, memory_->writable().begin());
-    eventfd_write(question_bell_.get(), 1);  // fails only where its counter is full, and then it rings
-    return {};
+    if (::send(socket_.get(), &kRing, 1, MSG_DONTWAIT | MSG_NOSIGNAL) == 1) return {};
+    return end(WorldEndKind::died, "takes no message (" + ipc::errno_text() + ")");
   }
   // The world reads every question before it is asked the next: there is room.
   if (ipc::send_message(socket_.get(), question, files)) return {};
@@ -281,7 +276,7 @@ std::optional<WorldEnd> WorldLink::receive_by_socket(std::span<std::byte> into, 
     pollfd wait{socket_.get(), POLLIN, 0};
     if (::poll(&wait, 1, milliseconds_until(deadline)) == 0)
       return end(WorldEndKind::hung, fmt::format("no answer to question {} in time", sequence_));
-    const ssize_t size = recv(socket_.get(), into.data() + got, into.size() - got, 0);
+    const ssize_t size = recv(socket_.get(), into.data() + got, into.size() - got, MSG_DONTWAIT);
     if (size < 0 && (errno == EINTR || errno == EAGAIN)) continue;
     if (size <= 0) return end(WorldEndKind::died, fmt::format("went away before it answered question {}", sequence_));
     got += static_cast<std::size_t>(size);
@@ -290,21 +285,10 @@ std::optional<WorldEnd> WorldLink::receive_by_socket(std::span<std::byte> into, 
 }
 
 std::optional<WorldEnd> WorldLink::receive_by_memory(std::span<std::byte> into, MonoTime deadline) {
-  while (true) {
-    std::array<pollfd, 2> waits{{{answer_bell_.get(), POLLIN, 0}, {socket_.get(), POLLIN, 0}}};
-    if (::poll(waits.data(), waits.size(), milliseconds_until(deadline)) == 0)
-      return end(WorldEndKind::hung, fmt::format("no answer to question {} in time", sequence_));
-    eventfd_t rung = 0;
-    if (eventfd_read(answer_bell_.get(), &rung) == 0) {
-      std::ranges::copy(memory_->readable().subspan(TAKT_WORLD_ANSWER_OFFSET, into.size()), into.begin());
-      return {};
-    }
-    std::byte one{};
-    if (waits[1].revents == 0) continue;
-    if (recv(socket_.get(), &one, 1, MSG_PEEK) > 0)
-      return end(WorldEndKind::nonsense, "speaks by the socket after it chose shared memory");
-    return end(WorldEndKind::died, fmt::format("went away before it answered question {}", sequence_));
-  }
+  std::byte ring{};
+  if (auto ended = receive_by_socket({&ring, 1}, deadline)) return ended;
+  std::ranges::copy(memory_->readable().subspan(TAKT_WORLD_ANSWER_OFFSET, into.size()), into.begin());
+  return {};
 }
 
 std::optional<WorldEnd> WorldLink::judge(const takt_world_state& state) const {
@@ -330,7 +314,7 @@ std::optional<WorldEnd> WorldLink::judge(const takt_world_state& state) const {
 }
 
 std::string WorldLink::sensor_problem(const takt_world_state& state) const {
-  if (sensor_.empty() || state.sensor_sequence == 0) return {};
+  if (sensor_.empty() || (state.sensor_sequence == 0 && seen_sample_ == 0)) return {};
   if (state.sensor_sequence < seen_sample_ || state.sensor_sequence > seen_sample_ + 1)
     return fmt::format("sample {} of sensor {} after {}", state.sensor_sequence, sensor_, seen_sample_);
   for (const double value : std::span(state.sensor).first(sensor_count_))

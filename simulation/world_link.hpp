@@ -125,7 +125,7 @@ class WorldLink {
   std::uint64_t seen_sample_ = 0;  // its sequence
   std::uint64_t sequence_ = 0;
   Duration time_;  // since the reset, that the next answer has to have
-  ipc::Descriptor socket_, question_bell_, answer_bell_;
+  ipc::Descriptor socket_;
   std::optional<ipc::Segment> memory_;
   std::vector<CameraPlace> cameras_;
   std::vector<WorldImage> images_;

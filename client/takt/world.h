@@ -20,10 +20,8 @@
 #define TAKT_WORLD_H
 
 #include <errno.h>
-#include <poll.h>
 #include <stddef.h>
 #include <string.h>
-#include <sys/eventfd.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -33,7 +31,7 @@
 
 typedef struct takt_world {
   int listener, peer;
-  int memory, question_bell, answer_bell;
+  int memory;
   unsigned char* shared; /* hello.memory_bytes */
   const char*
       sensor; /* to be set after takt_world_listen: the robot file's outside sensor that states have; NULL: none */
@@ -58,7 +56,7 @@ static inline int takt_world_listen(takt_world* world, const char* path) {
   struct sockaddr_un address;
   memset(world, 0, sizeof *world);
   memset(&address, 0, sizeof address);
-  world->listener = world->peer = world->memory = world->question_bell = world->answer_bell = -1;
+  world->listener = world->peer = world->memory = -1;
   if (strlen(path) >= sizeof address.sun_path) {
     errno = ENAMETOOLONG;
     return -1;
@@ -90,17 +88,17 @@ static inline int takt_world_add_camera(takt_world* world, const char* name, uin
 
 /* Ends the simulation that is under way. */
 static inline void takt_world_leave(takt_world* world) {
-  int* const files[4] = {&world->peer, &world->memory, &world->question_bell, &world->answer_bell};
+  int* const files[2] = {&world->peer, &world->memory};
   size_t i;
   if (world->shared != NULL) munmap(world->shared, world->hello.memory_bytes);
   world->shared = NULL;
-  for (i = 0; i < 4; ++i) {
+  for (i = 0; i < 2; ++i) {
     if (*files[i] >= 0) close(*files[i]);
     *files[i] = -1;
   }
 }
 
-/* Receives hello with its three files. */
+/* Receives hello with its memory. */
 static inline int takt_world_receive_hello(takt_world* world) {
   union {
     struct cmsghdr aligned;
@@ -124,13 +122,8 @@ static inline int takt_world_receive_hello(takt_world* world) {
     if (size <= 0) return -1;
     got += (size_t)size;
     part = CMSG_FIRSTHDR(&message);
-    if (part != NULL && part->cmsg_type == SCM_RIGHTS && part->cmsg_len == CMSG_LEN(3 * sizeof(int))) {
-      int files[3];
-      memcpy(files, CMSG_DATA(part), sizeof files);
-      world->memory = files[0];
-      world->question_bell = files[1];
-      world->answer_bell = files[2];
-    }
+    if (part != NULL && part->cmsg_type == SCM_RIGHTS && part->cmsg_len == CMSG_LEN(sizeof(int)))
+      memcpy(&world->memory, CMSG_DATA(part), sizeof(int));
   }
   if (world->memory >= 0 && world->hello.header.kind == TAKT_WORLD_HELLO &&
       world->hello.header.protocol == TAKT_WORLD_PROTOCOL && world->hello.joint_count <= TAKT_WORLD_MAX_JOINTS &&
@@ -178,19 +171,12 @@ static inline int takt_world_accept(takt_world* world, const char* name, uint32_
 
 /* Waits for a reset or a step: world->kind, world->reset, world->step. */
 static inline int takt_world_next(takt_world* world) {
-  struct pollfd waits[2];
-  eventfd_t rung;
-  waits[0].fd = world->question_bell;
-  waits[1].fd = world->peer;
-  waits[0].events = waits[1].events = POLLIN;
-  for (;;) {
-    if (poll(waits, 2, -1) < 0) {
-      if (errno == EINTR) continue;
-      return -1;
-    }
-    if (waits[0].revents != 0 && eventfd_read(world->question_bell, &rung) == 0) break;
-    if (waits[1].revents != 0) return -1; /* Takt says nothing by the socket any more: it has gone */
-  }
+  unsigned char ring;
+  ssize_t size;
+  do {
+    size = recv(world->peer, &ring, 1, 0);
+  } while (size < 0 && errno == EINTR);
+  if (size <= 0) return -1; /* Takt has gone */
   memcpy(&world->step, world->shared, sizeof world->step);
   world->kind = world->header.kind;
   world->to_show_count = 0;
@@ -219,6 +205,7 @@ static inline void takt_world_show(takt_world* world, int camera, uint64_t time_
 
 /* `state` without its header, which is filled in here. */
 static inline int takt_world_answer(takt_world* world, takt_world_state* state) {
+  const unsigned char ring = 1;
   state->header = world->header;
   state->header.bytes = sizeof *state;
   state->header.kind = TAKT_WORLD_STATE;
@@ -226,7 +213,7 @@ static inline int takt_world_answer(takt_world* world, takt_world_state* state) 
   if (world->to_show_count != 0)
     memcpy(world->shared + TAKT_WORLD_IMAGES_OFFSET, world->to_show, world->to_show_count * sizeof *world->to_show);
   memcpy(world->shared + TAKT_WORLD_ANSWER_OFFSET, state, sizeof *state);
-  return eventfd_write(world->answer_bell, 1);
+  return send(world->peer, &ring, 1, MSG_NOSIGNAL) == 1 ? 0 : -1;
 }
 
 #endif

@@ -3,6 +3,7 @@
 // against the same in process; then children that spoil one thing each, some through the header, some as a raw socket.
 #include "simulation/world_link.hpp"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -162,6 +163,25 @@ TEST(WorldLink, WhatCannotBeIsANamedEndForGood) {
     ASSERT_FALSE(again) << spoilt.when;
     EXPECT_EQ(again.error().sentence, state.error().sentence);
   }
+}
+
+TEST(WorldLink, ASampleThatIsTakenBackIsOutOfTurn) {
+  const ForkedWorld process([](const std::string& path) {
+    test::play(
+        path, 0,
+        [](const takt_world& world, takt_world_state& state) {
+          state.sensor_sequence = world.kind == TAKT_WORLD_RESET ? 1 : 0;
+          return true;
+        },
+        "eye", 2);
+  });
+  auto link = WorldLink::connect(process.path(), kPendulum, kPatience);
+  ASSERT_TRUE(link) << link.error().sentence;
+  const std::vector<double> zero{0};
+  ASSERT_TRUE(link->reset(1, zero));
+  const auto state = link->step({zero, zero, zero});
+  ASSERT_FALSE(state);
+  EXPECT_THAT(state.error().sentence, HasSubstr("sample 0 of sensor eye after 1"));
 }
 
 // The reset answered, then this.
@@ -375,6 +395,43 @@ TEST(WorldLink, OneThatHalfAnswersAndDiesHasDied) {
   EXPECT_EQ(name(state.error().kind), "died");
 }
 
+// Goal: whatever a world does to what it was given, Takt waits no longer than it is patient. Method: one that takes
+// O_NONBLOCK off its files and rings once, one that rings without an end, one that reads no ring; none answers.
+TEST(WorldLink, NothingThatAWorldDoesToItsFilesHangsTakt) {
+  const auto make_blocking = [](int file) { fcntl(file, F_SETFL, fcntl(file, F_GETFL) & ~O_NONBLOCK); };
+  const std::vector<std::function<void(takt_world&)>> tricks{
+      [&](takt_world& world) {
+        make_blocking(world.peer);
+        make_blocking(world.memory);
+        const char ring = 1;
+        send(world.peer, &ring, 1, MSG_NOSIGNAL);
+      },
+      [](takt_world& world) {
+        const char rings[512]{};
+        while (send(world.peer, rings, sizeof rings, MSG_NOSIGNAL) > 0) {
+        }
+      },
+      [&](takt_world& world) { make_blocking(world.peer); }};
+  for (std::size_t trick = 0; trick < tricks.size(); ++trick) {
+    const ForkedWorld process([&](const std::string& path) {
+      play_raw(path, [&](takt_world& world) {
+        takt_world_welcome welcome = welcome_of(world);
+        welcome.gives = TAKT_WORLD_SHARED_MEMORY;
+        say(world, welcome);
+        tricks[trick](world);
+        pause();
+      });
+    });
+    auto link = WorldLink::connect(process.path(), kPendulum, {seconds(10), milliseconds(50)});
+    ASSERT_TRUE(link) << link.error().sentence;
+    const std::vector<double> zero{0};
+    const auto state = link->reset(1, zero);
+    ASSERT_FALSE(state) << trick;
+    EXPECT_EQ(name(state.error().kind), trick == 2 ? "hung" : "nonsense") << trick;
+    EXPECT_FALSE(link->step({zero, zero, zero})) << "for good";
+  }
+}
+
 TEST(WorldLink, OneThatChoseMemoryAndSpeaksByTheSocketIsRefused) {
   const ForkedWorld process([](const std::string& path) {
     play_raw(path, [](takt_world& world) {
@@ -389,7 +446,50 @@ TEST(WorldLink, OneThatChoseMemoryAndSpeaksByTheSocketIsRefused) {
   const std::vector<double> zero{0};
   const auto state = link->reset(1, zero);
   ASSERT_FALSE(state);
-  EXPECT_THAT(state.error().sentence, HasSubstr("speaks by the socket"));
+  EXPECT_EQ(name(state.error().kind), "nonsense") << "a byte there says that the answer is in the memory";
+}
+
+// Goal: a sample is as old as the state that had it first, however late it is asked for. Method: one sample, in the
+// second of five steps, asked for after the fifth.
+TEST(OutsideMechanics, TheWorldsSampleIsAsOldAsItsState) {
+  config::RobotConfig robot = test::pendulum(2, 0.5);
+  config::Sensor eye;
+  eye.name = "eye";
+  eye.values = 3;
+  robot.sensors.push_back(eye);
+  const ForkedWorld process([](const std::string& path) {
+    test::play(
+        path, 0,
+        [](const takt_world& world, takt_world_state& state) {
+          if (world.kind == TAKT_WORLD_STEP && world.step.time_ns == world.step.step_ns) state.sensor_sequence = 1;
+          return true;
+        },
+        "eye", 3);
+  });
+  auto outside = OutsideMechanics::connect(robot, process.path(), 1, kPatience);
+  ASSERT_TRUE(outside) << outside.error().sentence;
+  ArmState state = (*outside)->begin();
+  const Duration step = robot.simulation->step;
+  for (int i = 0; i < 5; ++i) (*outside)->integrate(state, Eigen::VectorXd::Zero(1), {{0, 0}}, step);
+  const MonoTime now{1'000'000'000};
+  const auto sample = (*outside)->sample(now);
+  ASSERT_TRUE(sample);
+  EXPECT_EQ(sample->sensed_at, now - step * 3);
+  EXPECT_EQ(sample->published_at, now);
+}
+
+// Goal: what a world does not give is nothing. Method: one that judges, gives no error, and has NaN where it would be.
+TEST(OutsideMechanics, AnErrorThatTheWorldDoesNotGiveIsNone) {
+  const config::RobotConfig robot = test::pendulum(2, 0.5);
+  const ForkedWorld process([](const std::string& path) {
+    test::play(path, TAKT_WORLD_DONE, [](const takt_world&, takt_world_state& state) {
+      state.error = std::numeric_limits<double>::quiet_NaN();
+      return true;
+    });
+  });
+  auto outside = OutsideMechanics::connect(robot, process.path(), 1, kPatience);
+  ASSERT_TRUE(outside) << outside.error().sentence;
+  EXPECT_EQ((*outside)->error(), 0);
 }
 
 // Goal: what the world sees, the policy is given once per sample; a sensor that the robot file has otherwise is

@@ -23,7 +23,6 @@ passed in are good until the call returns. An exception of reset or step leaves 
 """
 import mmap
 import os
-import select
 import socket
 import struct
 from dataclasses import dataclass
@@ -158,23 +157,18 @@ class _Simulation:
                  cameras: Mapping[str, Tuple[int, int, int]]) -> None:
         self._peer = peer
         self._gives = gives
-        data, files, _, _ = socket.recv_fds(peer, _HELLO_TYPE.itemsize, 3)
+        data, files, _, _ = socket.recv_fds(peer, _HELLO_TYPE.itemsize, 1)
         while len(data) < _HELLO_TYPE.itemsize:
             data += self._receive(_HELLO_TYPE.itemsize - len(data))
         hello = np.frombuffer(data, _HELLO_TYPE)[0]
-        if hello["kind"] != _HELLO or hello["protocol"] != _PROTOCOL or len(files) != 3:
+        if hello["kind"] != _HELLO or hello["protocol"] != _PROTOCOL or len(files) != 1:
             raise _Gone
-        memory, self._question_bell, self._answer_bell = files
-        self._files = files[1:]
-        self._memory = mmap.mmap(memory, int(hello["memory_bytes"]))
-        os.close(memory)
+        self._memory = mmap.mmap(files[0], int(hello["memory_bytes"]))
+        os.close(files[0])
         self._count = int(hello["joint_count"])
         self._find_cameras(hello, cameras)
         self._robot = Robot(hello["robot"].decode(), tuple(joint.decode() for joint in hello["joints"][:self._count]), hello["step_ns"] * 1e-9,
                             {camera: place for camera, (_, place) in self._places.items()})
-        self._waits = select.poll()
-        self._waits.register(self._question_bell, select.POLLIN)
-        self._waits.register(peer, select.POLLIN)
         sensor_name, values = sensor if sensor is not None else ("", 0)
         self._values, self._samples = values, 0
         self._views()
@@ -223,10 +217,7 @@ class _Simulation:
     def _ask(self) -> Tuple[int, int]:
         """Waits for Takt's next message and copies it; returns kind and sequence."""
         if self._gives & _SHARED_MEMORY:
-            while not any(fd == self._question_bell for fd, _ in self._waits.poll()):
-                if not self._peer.recv(1, socket.MSG_PEEK):
-                    raise _Gone
-            os.eventfd_read(self._question_bell)
+            self._receive(1)
             self._question[:] = self._memory[:len(self._question)]
         else:
             head = self._receive(_HEADER_STRUCT.size)
@@ -264,7 +255,7 @@ class _Simulation:
                 heads = b"".join(head for head, _ in images)
                 self._memory[_IMAGES_OFFSET:_IMAGES_OFFSET + len(heads)] = heads
             self._memory[_ANSWER_OFFSET:_ANSWER_OFFSET + len(self._answer_bytes)] = self._answer_bytes
-            os.eventfd_write(self._answer_bell, 1)
+            self._peer.sendall(b"\1")
         else:
             self._peer.sendall(self._answer_bytes)
             for head, pixels in images:
@@ -291,29 +282,25 @@ class _Simulation:
         return headed
 
     def play(self, world: World) -> None:
-        try:
-            while True:
-                kind, sequence = self._ask()
-                time_ns = 0
-                try:
-                    if kind == _RESET:
-                        self._samples = self._answer["sensor_sequence"] = 0
-                        self._shown.clear()
-                        (seed,) = struct.unpack_from("<Q", self._question, _HEADER_STRUCT.size)
-                        state = world.reset(self._robot, seed, self._home)
-                    else:
-                        begin_ns, step_ns = _AFTER_HEADER.unpack_from(self._question, _HEADER_STRUCT.size)
-                        time_ns = begin_ns + step_ns
-                        state = world.step(self._drive, step_ns * 1e-9)
-                    self._say(state, sequence, time_ns)
-                except (_Gone, ConnectionError):
-                    raise
-                except Exception as error:  # Takt is told; whoever wrote the world sees where it was
-                    self._say(State(0.0, 0.0, outcome=UNABLE, reason=f"{type(error).__name__}: {error}"), sequence, time_ns)
-                    raise
-        finally:
-            for file in self._files:
-                os.close(file)
+        while True:
+            kind, sequence = self._ask()
+            time_ns = 0
+            try:
+                if kind == _RESET:
+                    self._samples = self._answer["sensor_sequence"] = 0
+                    self._shown.clear()
+                    (seed,) = struct.unpack_from("<Q", self._question, _HEADER_STRUCT.size)
+                    state = world.reset(self._robot, seed, self._home)
+                else:
+                    begin_ns, step_ns = _AFTER_HEADER.unpack_from(self._question, _HEADER_STRUCT.size)
+                    time_ns = begin_ns + step_ns
+                    state = world.step(self._drive, step_ns * 1e-9)
+                self._say(state, sequence, time_ns)
+            except (_Gone, ConnectionError):
+                raise
+            except Exception as error:  # Takt is told; whoever wrote the world sees where it was
+                self._say(State(0.0, 0.0, outcome=UNABLE, reason=f"{type(error).__name__}: {error}"), sequence, time_ns)
+                raise
 
 
 __all__: Any = ["FAILED", "RUNNING", "SUCCEEDED", "UNABLE", "Base", "Drive", "Image", "Imu", "Robot", "State", "World", "serve"]
