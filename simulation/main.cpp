@@ -11,11 +11,14 @@
 #include <cmath>
 #include <csignal>
 #include <cstdio>
+#include <cstring>
 #include <functional>
 #include <optional>
+#include <vector>
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
+#include "executive/contract/image_sample.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/sensor_server.hpp"
 #include "executive/ipc/unix_socket.hpp"
@@ -71,8 +74,20 @@ void ask_for_punctuality() {
     spdlog::info("no real-time priority to be had: on a busy machine the simulated drives will answer late");
 }
 
+void publish(ipc::SensorServer& server, const Sensed& sensed) {
+  const auto& [sample, pixels] = sensed;
+  if (!pixels) return server.publish(sample);
+  const ImageHeader header{sample.sequence, sample.sensed_at, sample.published_at,
+                           static_cast<std::uint32_t>(pixels->size()), 0};
+  const std::span<std::byte> slot = server.begin();
+  std::memcpy(slot.data(), &header, sizeof header);
+  std::memcpy(slot.data() + sizeof header, pixels->data(), pixels->size());
+  server.commit(sizeof header + pixels->size());
+}
+
 struct Outputs {
   std::unique_ptr<ipc::SensorServer> sensor, imu, of_world;
+  std::vector<std::unique_ptr<ipc::SensorServer>> images;  // one per sensor of the robot file; null: not the world's
   std::optional<TruthLog> truth;
 };
 
@@ -92,12 +107,14 @@ class Observer {
 
   void look(RobotPlant& body, const SensorFaults& faults, const Pacer& pacer, MonoTime now) {
     if (outputs_.sensor) {
-      if (const auto sample = camera_.poll(now)) path_.take(*sample, faults);
-      while (const auto sample = path_.deliver(now)) outputs_.sensor->publish(*sample);
+      if (const auto sample = camera_.poll(now)) path_.take({*sample}, faults);
+      while (const auto sensed = path_.deliver(now)) publish(*outputs_.sensor, *sensed);
     }
     if (outputs_.imu) publish_imu(body, now);
     if (outputs_.of_world)
       if (const auto sample = world_->sample(now)) outputs_.of_world->publish(*sample);
+    if (!outputs_.images.empty())
+      for (const auto& [sensor, sensed] : world_->images(now)) publish(*outputs_.images[sensor], sensed);
     if (outputs_.truth && now >= next_truth_) {
       next_truth_ = now + kTruthPeriod;
       outputs_.truth->write(truth_of(body, now));
@@ -156,11 +173,12 @@ void simulate(const Stage& stage, const std::function<void(MonoTime)>& observe) 
   }
 }
 
-// `plays_imu`: the mechanics have an IMU; otherwise a process of the user's plays it. `world_sensor`: the one that the
-// world plays, also in the camera's place; empty: none.
+// `plays_imu`: the mechanics have an IMU; otherwise a process of the user's plays it. `world`: null: there is none. Its
+// sensor takes the camera's place too.
 std::expected<Outputs, std::string> open_outputs(const config::RobotConfig& robot, const std::string& directory,
                                                  const Options& options, bool plays_imu,
-                                                 const std::string& world_sensor) {
+                                                 const OutsideMechanics* world) {
+  const std::string world_sensor = world != nullptr ? world->link().sensor() : "";
   Outputs outputs;
   std::optional<uid_t> policy_user;
   if (!options.policy_user.empty()) {
@@ -172,6 +190,15 @@ std::expected<Outputs, std::string> open_outputs(const config::RobotConfig& robo
     auto sensor = ipc::SensorServer::start(config::sensor_socket(directory, world_sensor), policy_user);
     if (!sensor) return std::unexpected(sensor.error());
     outputs.of_world = std::move(*sensor);
+  }
+  for (std::size_t i = 0; world != nullptr && i < robot.sensors.size(); ++i) {
+    if (!world->films(i)) continue;
+    const auto& [height, width, channels] = *robot.sensors[i].image;
+    auto sensor = ipc::SensorServer::start(config::sensor_socket(directory, robot.sensors[i].name), policy_user,
+                                           ipc::image_mailbox(height, width, channels));
+    if (!sensor) return std::unexpected(sensor.error());
+    outputs.images.resize(robot.sensors.size());
+    outputs.images[i] = std::move(*sensor);
   }
   if (!robot.simulation->camera_sensor.empty() && robot.simulation->camera_sensor != world_sensor) {
     auto sensor =
@@ -209,8 +236,7 @@ int serve(const Options& options, const config::RobotConfig& robot, Scenario sce
   const std::string directory =
       options.runtime_directory.empty() ? config::default_runtime_directory(robot.robot) : options.runtime_directory;
   stop_on_signals();
-  auto outputs = open_outputs(robot, directory, options, body != nullptr && body->imu().has_value(),
-                              world != nullptr ? world->link().sensor() : "");
+  auto outputs = open_outputs(robot, directory, options, body != nullptr && body->imu().has_value(), world);
   if (!outputs) return refuse(kExitUnavailable, outputs.error());
   auto buses = PlantBuses::open(robot, directory, options.on_hardware);
   if (!buses) return refuse(kExitUnavailable, buses.error());

@@ -33,16 +33,27 @@ class OutsideMechanics final : public Mechanics {
   [[nodiscard]] std::optional<BasePose> base() const override;
   bool push(const config::Vector3& force, const std::string& body) override;
   void hoist(bool hangs) override { hangs_ = hangs; }
-  // The newest sample of the world's sensor that was not returned before.
+  // The newest sample of the world's sensor that was not returned before, as old as the state that had it first.
   [[nodiscard]] std::optional<SensorSample> sample(MonoTime now);
-  [[nodiscard]] double error() const { return state_.error; }
+  struct Image {
+    std::size_t sensor = 0;  // index into the robot file's
+    Sensed sensed;
+  };
+  // Of each of the world's cameras the newest image that was not returned before, as old as the world says.
+  [[nodiscard]] std::vector<Image> images(MonoTime now);
+  // Whether its states have images of that sensor of the robot file.
+  [[nodiscard]] bool films(std::size_t sensor) const;
+  // The task's, m; 0 of a world that gives none.
+  [[nodiscard]] double error() const;
 
   [[nodiscard]] ArmState begin() const { return begin_; }
   [[nodiscard]] const std::optional<WorldEnd>& end() const { return end_; }
   [[nodiscard]] const WorldLink& link() const { return link_; }
 
  private:
-  OutsideMechanics(WorldLink link, const takt_world_state& first, std::size_t joint_count);
+  OutsideMechanics(WorldLink link, const takt_world_state& first, std::size_t joint_count,
+                   std::vector<std::size_t> sensor_of_camera);
+  void keep_images();
 
   WorldLink link_;
   ArmState begin_;
@@ -50,7 +61,10 @@ class OutsideMechanics final : public Mechanics {
   std::vector<double> viscous_, coulomb_;  // work space
   config::Vector3 push_{};
   bool hangs_ = false;
-  std::uint64_t sampled_ = 0;  // sequence of the sensor's sample that was returned last
+  Duration sensed_{};                          // the sensor's newest sample, since the reset
+  std::uint64_t sampled_ = 0;                  // sequence of the sensor's sample that was returned last
+  std::vector<std::size_t> sensor_of_camera_;  // index into the robot file's sensors, of each of the link's cameras
+  std::vector<WorldImage> images_;             // at most one per camera
   std::optional<WorldEnd> end_;
 };
 

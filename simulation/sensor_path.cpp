@@ -1,6 +1,7 @@
 #include "simulation/sensor_path.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "simulation/chance.hpp"
 
@@ -15,20 +16,22 @@ MonoTime delivery_of(MonoTime published_at, const SensorFaults& faults) {
 
 }  // namespace
 
-void SensorPath::take(const SensorSample& sample, const SensorFaults& faults) {
+void SensorPath::take(const Sensed& sensed, const SensorFaults& faults) {
   if (happens(faults.drop, losses_)) return;
-  SensorSample& held = held_.emplace_back(sample, delivery_of(sample.published_at, faults)).sample;
-  if (faults.frozen && before_freeze_.sequence != 0)
-    std::ranges::copy(before_freeze_.values, held.values);
-  else
-    before_freeze_ = sample;
+  Sensed& held = held_.emplace_back(sensed, delivery_of(sensed.sample.published_at, faults)).sensed;
+  if (faults.frozen && before_freeze_.sample.sequence != 0) {
+    std::ranges::copy(before_freeze_.sample.values, held.sample.values);
+    held.pixels = before_freeze_.pixels;
+  } else {
+    before_freeze_ = sensed;
+  }
 }
 
-std::optional<SensorSample> SensorPath::deliver(MonoTime now) {
+std::optional<Sensed> SensorPath::deliver(MonoTime now) {
   if (held_.empty() || held_.front().delivered_at > now) return std::nullopt;
-  const std::optional<SensorSample> sample(held_.front().sample);
+  const Sensed sensed = std::move(held_.front().sensed);
   held_.pop_front();
-  return sample;
+  return sensed;
 }
 
 }  // namespace takt::plant

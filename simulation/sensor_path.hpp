@@ -7,13 +7,14 @@
 #include <optional>
 #include <random>
 
-#include "executive/contract/sensor_sample.hpp"
+#include "executive/contract/mono_time.hpp"
+#include "simulation/sensed.hpp"
 
 namespace takt::plant {
 
 struct SensorFaults {
   double drop = 0;            // share of samples lost, 0..1
-  bool frozen = false;        // values of the last sample before, stamps as they are
+  bool frozen = false;        // values, or the image, of the last sample before, stamps as they are
   Duration burst = {};        // samples wait for the end of the interval of this length that they fall into; 0: none
   MonoTime burst_since = {};  // where the first interval began
 };
@@ -22,18 +23,18 @@ class SensorPath {
  public:
   explicit SensorPath(std::uint64_t seed) : losses_(seed) {}  // the seed as it is
 
-  void take(const SensorSample& sample, const SensorFaults& faults);
+  void take(const Sensed& sensed, const SensorFaults& faults);
   // The oldest that has arrived by `now` and was not returned yet.
-  std::optional<SensorSample> deliver(MonoTime now);
+  std::optional<Sensed> deliver(MonoTime now);
 
  private:
   struct Held {
-    SensorSample sample;
+    Sensed sensed;
     MonoTime delivered_at;
   };
   std::mt19937_64 losses_;
   std::deque<Held> held_;
-  SensorSample before_freeze_;  // sequence 0: none yet
+  Sensed before_freeze_;  // sequence 0: none yet
 };
 
 }  // namespace takt::plant

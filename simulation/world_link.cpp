@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <poll.h>
-#include <sys/eventfd.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 
@@ -22,19 +21,20 @@ namespace takt::plant {
 namespace {
 
 static_assert(TAKT_WORLD_MAX_JOINTS == kMaxJoints && TAKT_WORLD_MAX_VALUES <= kMaxSensorValues);
-static_assert(sizeof(takt_world_header) == 16 && sizeof(takt_world_hello) == 4192 && sizeof(takt_world_welcome) == 280);
+static_assert(sizeof(takt_world_header) == 16 && sizeof(takt_world_hello) == 4840 && sizeof(takt_world_welcome) == 928);
 static_assert(sizeof(takt_world_reset) == 536 && sizeof(takt_world_step) == 1600 && sizeof(takt_world_state) == 1872);
+static_assert(sizeof(takt_world_camera) == 80 && sizeof(takt_world_image) == 24);
 static_assert(sizeof(takt_world_step) <= TAKT_WORLD_ANSWER_OFFSET &&
-              TAKT_WORLD_ANSWER_OFFSET + sizeof(takt_world_state) <= TAKT_WORLD_MEMORY_BYTES);
+              TAKT_WORLD_ANSWER_OFFSET + sizeof(takt_world_state) <= TAKT_WORLD_IMAGES_OFFSET &&
+              TAKT_WORLD_IMAGES_OFFSET + TAKT_WORLD_MAX_CAMERAS * sizeof(takt_world_image) <= TAKT_WORLD_MEMORY_BYTES);
 static_assert(std::endian::native == std::endian::little);
 
 // What no joint does: beyond it, an answer is no state of a robot.
 constexpr double kMostTurns = 1e6, kMostSpeed = 1e5;  // rad, rad/s
 constexpr Duration kCallAgain = milliseconds(10);
+constexpr std::size_t kImageAlignment = 64;
 
-ipc::Descriptor open_bell() {
-  return ipc::Descriptor(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
-}
+constexpr std::byte kRing{1};  // over shared memory the socket carries one byte for each message
 
 // Rounded up: a poll that ends too early would be asked again without a pause.
 int milliseconds_until(MonoTime deadline) {
@@ -106,7 +106,9 @@ std::string_view name(WorldEndKind kind) {
 }
 
 WorldLink::WorldLink(std::string path, const Robot& robot, const Patience& patience)
-    : path_(std::move(path)), patience_(patience), joint_count_(robot.joints.size()), step_(robot.step) {}
+    : path_(std::move(path)), patience_(patience), joint_count_(robot.joints.size()), step_(robot.step) {
+  for (const WorldCamera& camera : robot.cameras) cameras_.push_back({.declared = camera});
+}
 
 WorldEnd WorldLink::end(WorldEndKind kind, const std::string& what) const {
   return {kind, fmt::format("world {}{}: {}", path_, name_.empty() ? "" : " (" + name_ + ")", what)};
@@ -140,11 +142,14 @@ takt_world_header WorldLink::next_header(std::uint16_t kind, std::size_t bytes) 
 }
 
 std::expected<void, WorldEnd> WorldLink::greet(const Robot& robot, MonoTime deadline) {
-  auto memory = ipc::Segment::create("takt-world", TAKT_WORLD_MEMORY_BYTES, true);
+  std::size_t bytes = TAKT_WORLD_MEMORY_BYTES;
+  for (CameraPlace& camera : cameras_) {
+    camera.offset = bytes;
+    bytes += (camera.declared.shape.bytes() + kImageAlignment - 1) / kImageAlignment * kImageAlignment;
+  }
+  auto memory = ipc::Segment::create("takt-world", bytes, true);
   if (!memory) return std::unexpected(end(WorldEndKind::absent, memory.error()));
   memory_ = std::move(*memory);
-  question_bell_ = open_bell();
-  answer_bell_ = open_bell();
 
   takt_world_hello hello{};
   hello.header = next_header(TAKT_WORLD_HELLO, sizeof hello);
@@ -153,7 +158,17 @@ std::expected<void, WorldEnd> WorldLink::greet(const Robot& robot, MonoTime dead
   robot.name.copy(hello.robot, sizeof hello.robot - 1);
   for (std::size_t joint = 0; joint < joint_count_; ++joint)
     robot.joints[joint].copy(hello.joints[joint], sizeof hello.joints[joint] - 1);
-  const std::array files{memory_->fd(), question_bell_.get(), answer_bell_.get()};
+  hello.memory_bytes = bytes;
+  for (const CameraPlace& camera : cameras_) {
+    const auto& [height, width, channels] = camera.declared.shape;
+    takt_world_camera& said = hello.cameras[hello.camera_count++];
+    camera.declared.name.copy(said.name, sizeof said.name - 1);
+    said.height = height;
+    said.width = width;
+    said.channels = channels;
+    said.offset = static_cast<std::uint32_t>(camera.offset);
+  }
+  const std::array files{memory_->fd()};
   if (auto ended = send(bytes_of(hello), files)) return std::unexpected(*ended);
 
   takt_world_welcome welcome{};
@@ -168,7 +183,35 @@ std::expected<void, WorldEnd> WorldLink::greet(const Robot& robot, MonoTime dead
   if (!sensor_.empty() && (sensor_count_ < 1 || sensor_count_ > TAKT_WORLD_MAX_VALUES))
     return std::unexpected(end(WorldEndKind::nonsense, fmt::format("sensor {} of {} values; it has from 1 to {}",
                                                                    sensor_, sensor_count_, TAKT_WORLD_MAX_VALUES)));
+  if (auto ended = accept_cameras(welcome)) return std::unexpected(*ended);
   return {};
+}
+
+std::optional<WorldEnd> WorldLink::accept_cameras(const takt_world_welcome& welcome) {
+  if (welcome.camera_count > TAKT_WORLD_MAX_CAMERAS)
+    return end(WorldEndKind::nonsense,
+               fmt::format("{} cameras; it has at most {}", welcome.camera_count, TAKT_WORLD_MAX_CAMERAS));
+  for (const takt_world_camera& said : std::span(welcome.cameras).first(welcome.camera_count)) {
+    const std::string sensor = text_of(said.name);
+    const auto found = std::ranges::find(cameras_, sensor, [](const CameraPlace& one) { return one.declared.name; });
+    if (found == cameras_.end())
+      return end(WorldEndKind::refused, fmt::format("the robot has no sensor {} of images", sensor));
+    const auto& [height, width, channels] = found->declared.shape;
+    if (said.height != height || said.width != width || said.channels != channels)
+      return end(
+          WorldEndKind::refused,
+          fmt::format("images of sensor {} are {} x {} x {} here, {} x {} x {} in the robot file: make them equal",
+                      sensor, said.height, said.width, said.channels, height, width, channels));
+    found->is_played = true;
+  }
+  return {};
+}
+
+std::vector<std::size_t> WorldLink::cameras() const {
+  std::vector<std::size_t> played;
+  for (std::size_t camera = 0; camera < cameras_.size(); ++camera)
+    if (cameras_[camera].is_played) played.push_back(camera);
+  return played;
 }
 
 std::expected<takt_world_state, WorldEnd> WorldLink::reset(std::uint64_t seed, std::span<const double> q) {
@@ -178,6 +221,7 @@ std::expected<takt_world_state, WorldEnd> WorldLink::reset(std::uint64_t seed, s
   std::ranges::copy(q.first(joint_count_), question.q);
   time_ = {};
   seen_sample_ = 0;
+  for (CameraPlace& camera : cameras_) camera.seen = 0;
   return ask(bytes_of(question));
 }
 
@@ -197,6 +241,7 @@ std::expected<takt_world_state, WorldEnd> WorldLink::step(const Load& load) {
 
 std::expected<takt_world_state, WorldEnd> WorldLink::ask(std::span<const std::byte> question) {
   if (ended_) return std::unexpected(*ended_);
+  images_.clear();
   takt_world_header asked{};
   std::memcpy(&asked, question.data(), sizeof asked);
   const MonoTime deadline = monotonic_now() + patience_.answer;
@@ -209,6 +254,7 @@ std::expected<takt_world_state, WorldEnd> WorldLink::ask(std::span<const std::by
     const std::string why = mismatch(asked, state.header, TAKT_WORLD_STATE, sizeof state);
     ended_ = why.empty() ? judge(state) : end(WorldEndKind::nonsense, why);
   }
+  if (!ended_ && state.image_count != 0) ended_ = take_images(state, deadline);
   if (ended_) return std::unexpected(*ended_);
   seen_sample_ = state.sensor_sequence;
   return state;
@@ -217,8 +263,8 @@ std::expected<takt_world_state, WorldEnd> WorldLink::ask(std::span<const std::by
 std::optional<WorldEnd> WorldLink::send(std::span<const std::byte> question, std::span<const int> files) {
   if (is_over_shared_memory()) {
     std::ranges::copy(question, memory_->writable().begin());
-    eventfd_write(question_bell_.get(), 1);  // fails only where its counter is full, and then it rings
-    return {};
+    if (::send(socket_.get(), &kRing, 1, MSG_DONTWAIT | MSG_NOSIGNAL) == 1) return {};
+    return end(WorldEndKind::died, "takes no message (" + ipc::errno_text() + ")");
   }
   // The world reads every question before it is asked the next: there is room.
   if (ipc::send_message(socket_.get(), question, files)) return {};
@@ -230,7 +276,7 @@ std::optional<WorldEnd> WorldLink::receive_by_socket(std::span<std::byte> into, 
     pollfd wait{socket_.get(), POLLIN, 0};
     if (::poll(&wait, 1, milliseconds_until(deadline)) == 0)
       return end(WorldEndKind::hung, fmt::format("no answer to question {} in time", sequence_));
-    const ssize_t size = recv(socket_.get(), into.data() + got, into.size() - got, 0);
+    const ssize_t size = recv(socket_.get(), into.data() + got, into.size() - got, MSG_DONTWAIT);
     if (size < 0 && (errno == EINTR || errno == EAGAIN)) continue;
     if (size <= 0) return end(WorldEndKind::died, fmt::format("went away before it answered question {}", sequence_));
     got += static_cast<std::size_t>(size);
@@ -239,21 +285,10 @@ std::optional<WorldEnd> WorldLink::receive_by_socket(std::span<std::byte> into, 
 }
 
 std::optional<WorldEnd> WorldLink::receive_by_memory(std::span<std::byte> into, MonoTime deadline) {
-  while (true) {
-    std::array<pollfd, 2> waits{{{answer_bell_.get(), POLLIN, 0}, {socket_.get(), POLLIN, 0}}};
-    if (::poll(waits.data(), waits.size(), milliseconds_until(deadline)) == 0)
-      return end(WorldEndKind::hung, fmt::format("no answer to question {} in time", sequence_));
-    eventfd_t rung = 0;
-    if (eventfd_read(answer_bell_.get(), &rung) == 0) {
-      std::ranges::copy(memory_->readable().subspan(TAKT_WORLD_ANSWER_OFFSET, into.size()), into.begin());
-      return {};
-    }
-    std::byte one{};
-    if (waits[1].revents == 0) continue;
-    if (recv(socket_.get(), &one, 1, MSG_PEEK) > 0)
-      return end(WorldEndKind::nonsense, "speaks by the socket after it chose shared memory");
-    return end(WorldEndKind::died, fmt::format("went away before it answered question {}", sequence_));
-  }
+  std::byte ring{};
+  if (auto ended = receive_by_socket({&ring, 1}, deadline)) return ended;
+  std::ranges::copy(memory_->readable().subspan(TAKT_WORLD_ANSWER_OFFSET, into.size()), into.begin());
+  return {};
 }
 
 std::optional<WorldEnd> WorldLink::judge(const takt_world_state& state) const {
@@ -279,13 +314,69 @@ std::optional<WorldEnd> WorldLink::judge(const takt_world_state& state) const {
 }
 
 std::string WorldLink::sensor_problem(const takt_world_state& state) const {
-  if (sensor_.empty() || state.sensor_sequence == 0) return {};
+  if (sensor_.empty() || (state.sensor_sequence == 0 && seen_sample_ == 0)) return {};
   if (state.sensor_sequence < seen_sample_ || state.sensor_sequence > seen_sample_ + 1)
     return fmt::format("sample {} of sensor {} after {}", state.sensor_sequence, sensor_, seen_sample_);
   for (const double value : std::span(state.sensor).first(sensor_count_))
     if (!(std::abs(value) <= std::numeric_limits<float>::max()))
       return fmt::format("sensor {} says {}", sensor_, value);
   return {};
+}
+
+// What heads an image is copied and judged before any of its bytes is; those can be none that an image has not.
+std::optional<WorldEnd> WorldLink::take_images(const takt_world_state& state, MonoTime deadline) {
+  if (state.image_count > cameras_.size())
+    return end(WorldEndKind::nonsense, fmt::format("{} images with one state", state.image_count));
+  for (std::size_t i = 0; i < state.image_count; ++i) {
+    takt_world_image image{};
+    if (is_over_shared_memory())
+      std::ranges::copy(memory_->readable().subspan(TAKT_WORLD_IMAGES_OFFSET + i * sizeof image, sizeof image),
+                        room_of(image).begin());
+    else if (auto ended = receive_by_socket(room_of(image), deadline))
+      return ended;
+    if (const std::string why = image_problem(image, time_); !why.empty()) return end(WorldEndKind::nonsense, why);
+    WorldImage& taken = images_.emplace_back(
+        WorldImage{image.camera, image.sequence, {static_cast<std::int64_t>(image.time_ns)}, nullptr});
+    cameras_[image.camera].seen = taken.sequence;
+    cameras_[image.camera].sensed_at = taken.sensed_at;
+    if (auto ended = receive_pixels(image.camera, deadline, taken.pixels)) return ended;
+  }
+  return {};
+}
+
+std::string WorldLink::image_problem(const takt_world_image& image, Duration now) const {
+  if (image.camera >= cameras_.size() || !cameras_[image.camera].is_played)
+    return fmt::format("an image of camera {}, which it does not play", image.camera);
+  const CameraPlace& camera = cameras_[image.camera];
+  const std::string& sensor = camera.declared.name;
+  if (image.bytes != camera.declared.shape.bytes())
+    return fmt::format("an image of {} bytes of sensor {}, expected {}", image.bytes, sensor,
+                       camera.declared.shape.bytes());
+  const bool again = std::ranges::find(images_, image.camera, &WorldImage::camera) != images_.end();
+  if (again || image.sequence != camera.seen + 1)
+    return fmt::format("image {} of sensor {} after {}{}", image.sequence, sensor, camera.seen,
+                       again ? " with the same state" : "");
+  if (image.time_ns > static_cast<std::uint64_t>(now.ns))
+    return fmt::format("an image of sensor {} sensed at {} ns, after the state's {} ns", sensor, image.time_ns, now.ns);
+  if (camera.seen != 0 && image.time_ns <= static_cast<std::uint64_t>(camera.sensed_at.ns))
+    return fmt::format("an image of sensor {} sensed at {} ns, the one before at {} ns", sensor, image.time_ns,
+                       camera.sensed_at.ns);
+  return {};
+}
+
+// One copy: out of the world's memory, or off the socket.
+std::optional<WorldEnd> WorldLink::receive_pixels(std::size_t camera, MonoTime deadline, Pixels& pixels) {
+  const std::size_t bytes = cameras_[camera].declared.shape.bytes();
+  if (is_over_shared_memory()) {
+    const auto place = memory_->readable().subspan(cameras_[camera].offset, bytes);
+    const auto* const first = reinterpret_cast<const std::uint8_t*>(place.data());
+    pixels = std::make_shared<const std::vector<std::uint8_t>>(first, first + bytes);
+    return {};
+  }
+  auto received = std::make_shared<std::vector<std::uint8_t>>(bytes);
+  auto ended = receive_by_socket(std::as_writable_bytes(std::span(*received)), deadline);
+  pixels = std::move(received);
+  return ended;
 }
 
 std::optional<WorldEnd> WorldLink::judge_outcome(const takt_world_state& state) const {

@@ -15,9 +15,11 @@
 #include <vector>
 
 #include "client/takt/world_messages.h"
+#include "config/robot_config.hpp"
 #include "executive/contract/mono_time.hpp"
 #include "executive/ipc/descriptor.hpp"
 #include "executive/ipc/segment.hpp"
+#include "simulation/sensed.hpp"
 
 namespace takt::plant {
 
@@ -38,12 +40,27 @@ struct WorldEnd {
   std::string sentence;  // which world, what, and where there is a way, how to mend it
 };
 
+// A sensor of images that a world may play.
+struct WorldCamera {
+  std::string name;
+  config::ImageShape shape;
+};
+
+// An image that came with a state.
+struct WorldImage {
+  std::size_t camera = 0;  // index into Robot::cameras
+  std::uint64_t sequence = 0;
+  Duration sensed_at;  // since the reset
+  Pixels pixels;
+};
+
 class WorldLink {
  public:
   struct Robot {
     std::string name;
     std::vector<std::string> joints;  // at most kMaxJoints; names of fewer than TAKT_WORLD_NAME_BYTES bytes
     Duration step;
+    std::vector<WorldCamera> cameras{};  // at most TAKT_WORLD_MAX_CAMERAS
   };
   struct Patience {
     Duration greeting = seconds(10);  // until it listens and has welcomed us
@@ -67,6 +84,10 @@ class WorldLink {
   // Which of the robot's outside sensors its states have, and of how many values; empty: none.
   [[nodiscard]] const std::string& sensor() const { return sensor_; }
   [[nodiscard]] std::size_t sensor_count() const { return sensor_count_; }
+  // Whose images its states have: indices into Robot::cameras.
+  [[nodiscard]] std::vector<std::size_t> cameras() const;
+  // Those that came with the latest answer. Valid until the next question.
+  [[nodiscard]] std::span<const WorldImage> images() const { return images_; }
   [[nodiscard]] bool is_over_shared_memory() const { return gives(TAKT_WORLD_SHARED_MEMORY); }
 
  private:
@@ -77,11 +98,23 @@ class WorldLink {
   std::optional<WorldEnd> send(std::span<const std::byte> question, std::span<const int> files);
   std::optional<WorldEnd> receive_by_socket(std::span<std::byte> into, MonoTime deadline);
   std::optional<WorldEnd> receive_by_memory(std::span<std::byte> into, MonoTime deadline);
+  std::optional<WorldEnd> accept_cameras(const takt_world_welcome& welcome);
+  std::optional<WorldEnd> take_images(const takt_world_state& state, MonoTime deadline);
+  std::optional<WorldEnd> receive_pixels(std::size_t camera, MonoTime deadline, Pixels& pixels);
+  [[nodiscard]] std::string image_problem(const takt_world_image& image, Duration now) const;  // empty: none
   [[nodiscard]] std::optional<WorldEnd> judge(const takt_world_state& state) const;
   [[nodiscard]] std::string sensor_problem(const takt_world_state& state) const;  // empty: none
   [[nodiscard]] std::optional<WorldEnd> judge_outcome(const takt_world_state& state) const;
   [[nodiscard]] WorldEnd end(WorldEndKind kind, const std::string& what) const;
   takt_world_header next_header(std::uint16_t kind, std::size_t bytes);
+
+  struct CameraPlace {
+    WorldCamera declared;
+    std::size_t offset = 0;  // in the shared memory
+    bool is_played = false;
+    std::uint64_t seen = 0;  // sequence of its newest image
+    Duration sensed_at{};    // of that, since the reset
+  };
 
   std::string path_, name_, sensor_;
   Patience patience_;
@@ -92,8 +125,10 @@ class WorldLink {
   std::uint64_t seen_sample_ = 0;  // its sequence
   std::uint64_t sequence_ = 0;
   Duration time_;  // since the reset, that the next answer has to have
-  ipc::Descriptor socket_, question_bell_, answer_bell_;
+  ipc::Descriptor socket_;
   std::optional<ipc::Segment> memory_;
+  std::vector<CameraPlace> cameras_;
+  std::vector<WorldImage> images_;
   std::optional<WorldEnd> ended_;
 };
 

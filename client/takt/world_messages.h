@@ -9,15 +9,19 @@
 
 #include <stdint.h>
 
-#define TAKT_WORLD_PROTOCOL 2
+#define TAKT_WORLD_PROTOCOL 3
 #define TAKT_WORLD_MAX_JOINTS 64
 #define TAKT_WORLD_NAME_BYTES 64
 #define TAKT_WORLD_TEXT_BYTES 128
 #define TAKT_WORLD_MAX_VALUES 64
+#define TAKT_WORLD_MAX_CAMERAS 8
 
-/* Where the messages lie in the shared memory: Takt's from the beginning, the world's from here. */
+/* Where the messages lie in the shared memory: Takt's from the beginning, the world's from here, and what it says of
+ * the images that come with its state (takt_world_image), one behind the other. Behind all that lie the images
+ * themselves, each camera's at its `offset`. */
 #define TAKT_WORLD_ANSWER_OFFSET 8192
-#define TAKT_WORLD_MEMORY_BYTES 16384
+#define TAKT_WORLD_IMAGES_OFFSET 12288
+#define TAKT_WORLD_MEMORY_BYTES 16384 /* without images; hello says the whole length */
 
 /* Kinds of message. */
 enum {
@@ -54,13 +58,22 @@ typedef struct takt_world_header {
   uint64_t sequence; /* of Takt's messages, from 1, by one; an answer repeats that of its question */
 } takt_world_header;
 
+/* A sensor of images, as the robot file declares it: bytes, row after row, the channels of a pixel together. */
+typedef struct takt_world_camera {
+  char name[TAKT_WORLD_NAME_BYTES];
+  uint32_t height, width, channels;
+  uint32_t offset; /* of its image in the shared memory, as hello says */
+} takt_world_camera;
+
 typedef struct takt_world_hello {
   takt_world_header header;
   uint64_t step_ns; /* of every step */
   uint32_t joint_count;
-  uint32_t reserved;
+  uint32_t camera_count;
+  uint64_t memory_bytes;             /* length of the shared memory */
   char robot[TAKT_WORLD_NAME_BYTES]; /* names end with a zero byte */
   char joints[TAKT_WORLD_MAX_JOINTS][TAKT_WORLD_NAME_BYTES];
+  takt_world_camera cameras[TAKT_WORLD_MAX_CAMERAS]; /* the robot file's sensors of images, in its order */
 } takt_world_hello;
 
 typedef struct takt_world_welcome {
@@ -70,6 +83,9 @@ typedef struct takt_world_welcome {
   char world[TAKT_WORLD_NAME_BYTES];
   char sensor[TAKT_WORLD_NAME_BYTES];  /* of the robot file's outside sensors, the one that states have; empty: none */
   char refusal[TAKT_WORLD_TEXT_BYTES]; /* empty: welcome; else why this robot is not played, one sentence */
+  uint32_t camera_count;
+  uint32_t reserved;
+  takt_world_camera cameras[TAKT_WORLD_MAX_CAMERAS]; /* whose images states have; offset: 0 */
 } takt_world_welcome;
 
 typedef struct takt_world_reset {
@@ -93,9 +109,9 @@ typedef struct takt_world_step {
 
 typedef struct takt_world_state {
   takt_world_header header;
-  uint64_t time_ns; /* since the reset, at the step's end */
-  uint32_t outcome; /* how the rollout stands */
-  uint32_t reserved;
+  uint64_t time_ns;     /* since the reset, at the step's end */
+  uint32_t outcome;     /* how the rollout stands */
+  uint32_t image_count; /* new images that come with it, at most one of each camera */
   double q[TAKT_WORLD_MAX_JOINTS];
   double dq[TAKT_WORLD_MAX_JOINTS];
   double point[3];                      /* m, world frame: what the task wants at its target */
@@ -109,5 +125,14 @@ typedef struct takt_world_state {
   double sensor[TAKT_WORLD_MAX_VALUES]; /* its values; it was taken at this state's time */
   char reason[TAKT_WORLD_TEXT_BYTES];   /* of an outcome that is not running, one sentence, or empty */
 } takt_world_state;
+
+/* One image that comes with a state: in the shared memory at TAKT_WORLD_IMAGES_OFFSET, its bytes at its camera's
+ * offset; by the socket behind the state, and its bytes behind it. */
+typedef struct takt_world_image {
+  uint32_t camera;   /* its place in hello.cameras */
+  uint32_t bytes;    /* height * width * channels */
+  uint64_t sequence; /* of this camera's images since the reset, from 1, by one */
+  uint64_t time_ns;  /* since the reset: when it was sensed; later than the image before, not after the state's time */
+} takt_world_image;
 
 #endif

@@ -30,10 +30,11 @@ class ArmWorld final : public World {
                                                                     std::unique_ptr<plant::OutsideMechanics> outside);
 
   plant::Plant& plant() override { return plant_; }
+  [[nodiscard]] std::string sensor() const override { return simulation_.camera_sensor; }
   std::optional<SensorSample> sample(MonoTime now) override { return camera_.poll(now); }
   double error_m(MonoTime now) override;
   [[nodiscard]] bool is_violated() const override { return violated_; }
-  [[nodiscard]] const plant::OutsideMechanics* outside() const override { return dynamics_.outside(); }
+  [[nodiscard]] plant::OutsideMechanics* outside() const override { return dynamics_.outside(); }
 
  private:
   ArmWorld(const config::RobotConfig& robot, TroubledRobot body, MonoTime camera_started, std::uint64_t camera_seed);

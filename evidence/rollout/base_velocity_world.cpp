@@ -6,6 +6,8 @@
 #include <cmath>
 #include <utility>
 
+#include "config/observation_shape.hpp"
+
 namespace takt::panel {
 namespace {
 
@@ -56,7 +58,7 @@ std::string problem_of(const config::RobotConfig& robot, const BaseVelocityTask&
       return fmt::format("{}: the task's command {:g}, {:g}, {:g} is outside the limits of sensor {}; command less",
                          robot.file, task.command[0], task.command[1], task.command[2], sensor->name);
   for (const config::ObservationTerm& term : robot.policy->observation)
-    if (!term.sensor.empty() && term.sensor != sensor->name)
+    if (!term.sensor.empty() && term.sensor != sensor->name && config::image_of(robot, term) == nullptr)
       return fmt::format("{}: task base_velocity plays the command and the IMU, and nobody plays sensor {}", robot.file,
                          term.sensor);
   if (robot.imu && outside != nullptr && !outside->link().gives(TAKT_WORLD_IMU))
@@ -102,6 +104,7 @@ BaseVelocityWorld::BaseVelocityWorld(const config::RobotConfig& robot, const Bas
                                      MonoTime started, std::uint64_t seed)
     : robot_(robot),
       task_(task),
+      command_sensor_(command_sensor(robot)->name),
       plant_(std::move(body.plant)),
       dynamics_(body.dynamics),
       begins_(started + walk_begins(seed)),

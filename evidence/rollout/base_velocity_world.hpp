@@ -48,12 +48,13 @@ class BaseVelocityWorld final : public World {
       std::uint64_t seed, std::unique_ptr<plant::OutsideMechanics> outside);
 
   plant::Plant& plant() override { return plant_; }
+  [[nodiscard]] std::string sensor() const override { return command_sensor_; }
   std::optional<SensorSample> sample(MonoTime now) override;
   std::optional<SensorSample> imu(MonoTime now) override;
   double error_m(MonoTime now) override;
   [[nodiscard]] bool is_violated() const override { return violated_; }
   [[nodiscard]] bool is_lost() const override { return lost_; }
-  [[nodiscard]] const plant::OutsideMechanics* outside() const override { return dynamics_.outside(); }
+  [[nodiscard]] plant::OutsideMechanics* outside() const override { return dynamics_.outside(); }
   [[nodiscard]] std::optional<Duration> ends_after_loss() const override { return kAftermath; }
 
  private:
@@ -68,6 +69,7 @@ class BaseVelocityWorld final : public World {
 
   const config::RobotConfig& robot_;
   const BaseVelocityTask task_;
+  std::string command_sensor_;
   plant::Plant plant_;
   TroubledDynamics& dynamics_;  // the plant's
   MonoTime begins_, ends_;      // of walking; ends_ unset: never

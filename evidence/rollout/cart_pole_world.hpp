@@ -25,10 +25,11 @@ class CartPoleWorld final : public World {
       std::unique_ptr<plant::OutsideMechanics> outside);
 
   plant::Plant& plant() override { return plant_; }
+  [[nodiscard]] std::string sensor() const override { return simulation_.camera_sensor; }
   std::optional<SensorSample> sample(MonoTime now) override { return sensor_.poll(now); }
   double error_m(MonoTime now) override;
   [[nodiscard]] bool is_violated() const override { return violated_; }
-  [[nodiscard]] const plant::OutsideMechanics* outside() const override { return dynamics_.outside(); }
+  [[nodiscard]] plant::OutsideMechanics* outside() const override { return dynamics_.outside(); }
   [[nodiscard]] bool is_lost() const override { return lost_; }
 
  private:

@@ -15,7 +15,7 @@ std::string problem_of(const config::RobotConfig& robot, const plant::OutsideMec
   if (robot.imu && outside != nullptr && !outside->link().gives(TAKT_WORLD_IMU))
     return world + " gives no IMU's readings, and " + robot.file + " has `imu`";
   for (const std::size_t sensor : policy_host::sensors_in_use(robot))
-    if (!robot.sensors[sensor].command &&
+    if (!robot.sensors[sensor].command && !robot.sensors[sensor].image &&
         (outside == nullptr || robot.sensors[sensor].name != outside->link().sensor()))
       return fmt::format("{}: its policy needs sensor {}, which {} does not play", robot.file,
                          robot.sensors[sensor].name, world);
@@ -31,6 +31,10 @@ std::expected<std::unique_ptr<OutsideWorld>, std::string> OutsideWorld::make(
   auto body = TroubledRobot::make(robot, disturbance, started, seed, std::move(outside));
   if (!body) return std::unexpected(body.error());
   return std::unique_ptr<OutsideWorld>(new OutsideWorld(robot, std::move(*body)));
+}
+
+std::string OutsideWorld::sensor() const {
+  return outside() != nullptr ? outside()->link().sensor() : "";
 }
 
 std::optional<SensorSample> OutsideWorld::sample(MonoTime now) {

@@ -1,7 +1,7 @@
-// world: what the user's own process wants of the robot (docs/world-protocol.md). That process plays mechanics, IMU and
-// at most one outside sensor, and judges: by the task's error, by saying that the task is done or beyond help, or both.
-// Without such a process, for a robot that nobody has a task for: it follows its policy, and nobody judges how.
-// Error: the world's; 0 where there is none. Constraints: no joint outside its position limits.
+// world: what the user's own process wants of the robot (docs/world-protocol.md). That process plays mechanics, IMU,
+// sensors of images and at most one of numbers, and judges: by the task's error, by saying that the task is done or
+// beyond help, or both. Without such a process, for a robot that nobody has a task for: it follows its policy, and
+// nobody judges how. Error: the world's; 0 where there is none. Constraints: no joint outside its position limits.
 #pragma once
 
 #include <expected>
@@ -23,11 +23,12 @@ class OutsideWorld final : public World {
       std::unique_ptr<plant::OutsideMechanics> outside);
 
   plant::Plant& plant() override { return body_.plant; }
+  [[nodiscard]] std::string sensor() const override;
   std::optional<SensorSample> sample(MonoTime now) override;
   std::optional<SensorSample> imu(MonoTime now) override;
   double error_m(MonoTime now) override;
   [[nodiscard]] bool is_violated() const override { return violated_; }
-  [[nodiscard]] const plant::OutsideMechanics* outside() const override { return body_.dynamics.outside(); }
+  [[nodiscard]] plant::OutsideMechanics* outside() const override { return body_.dynamics.outside(); }
 
  private:
   OutsideWorld(const config::RobotConfig& robot, TroubledRobot body) : robot_(robot), body_(std::move(body)) {}

@@ -5,7 +5,6 @@
 #include <stdexcept>
 #include <utility>
 
-#include "config/observation_shape.hpp"
 #include "evidence/rollout/arm_world.hpp"
 #include "evidence/rollout/cart_pole_world.hpp"
 #include "evidence/rollout/operator.hpp"
@@ -18,6 +17,7 @@
 #include "executive/contract/imu_of_sample.hpp"
 #include "executive/pipeline/control_tick.hpp"
 #include "executive/setup/tick_config_of.hpp"
+#include "policy_host/sensor_link.hpp"
 
 namespace takt::panel {
 namespace {
@@ -44,6 +44,25 @@ std::expected<std::unique_ptr<World>, std::string> make_world(const RolloutSetup
   return std::unexpected("this build does not know the task");
 }
 
+std::size_t index_of(const config::RobotConfig& robot, const std::string& sensor) {
+  return static_cast<std::size_t>(std::ranges::find(robot.sensors, sensor, &config::Sensor::name) -
+                                  robot.sensors.begin());
+}
+
+// Sensors of images that the policy sees and nobody plays. Empty: none.
+std::string blindness(const config::RobotConfig& robot, const plant::OutsideMechanics* outside) {
+  for (const std::size_t sensor : policy_host::sensors_in_use(robot)) {
+    if (!robot.sensors[sensor].image || (outside != nullptr && outside->films(sensor))) continue;
+    const std::string& name = robot.sensors[sensor].name;
+    return robot.file + ": its policy sees images of " + name + ", which " +
+           (outside == nullptr
+                ? "nobody renders in virtual time: give it a world that does (--world), or try it in real "
+                  "time, with `takt run`"
+                : "world " + outside->link().world() + " does not give");
+  }
+  return {};
+}
+
 Score score_of(const RolloutSetup& setup, const World& world) {
   const plant::OutsideMechanics* const outside = setup.task == Task::world ? world.outside() : nullptr;
   return {.settled = kStart + kSettle,
@@ -60,6 +79,7 @@ class Rollout {
                                        setup.fallback != nullptr ? setup.fallback->policy_hash : 0)),
         state_(pipeline::make_tick_state(config_)),
         world_(world),
+        sensor_(index_of(setup.robot, world.sensor())),
         bus_(std::move(bus)),
         imu_(disturbance, setup.seed, kImuLossStream),
         policy_(setup.robot, setup.policy_hash, setup.policy, setup.timing, disturbance, disturbance, setup.seed),
@@ -115,12 +135,11 @@ class Rollout {
     input_.torque_output = TorqueOutputState::as_told;
     input_.now = now;
     input_.lateness = late;
-    if (const auto sample = world_.sample(now)) {
-      policy_.sense(*sample);
-      if (fallback_) fallback_->sense(*sample);
-    }
-    if (const auto sample = world_.imu(now)) imu_.take(*sample);
-    input_.imu = imu_of(imu_.newest(now));
+    if (const auto sample = world_.sample(now)) sense(sensor_, {*sample});
+    if (plant::OutsideMechanics* const outside = world_.outside())
+      for (const auto& [sensor, sensed] : outside->images(now)) sense(sensor, sensed);
+    if (const auto sample = world_.imu(now)) imu_.take({*sample});
+    input_.imu = imu_of(imu_.newest(now).sample);
     policy_.run_until(now);
     if (fallback_) fallback_->run_until(now);
     bus_.receive(world_.plant(), now, input_);
@@ -134,6 +153,11 @@ class Rollout {
     truth.lost = world_.is_lost();
     measures_.tick(output_->record, truth);
     if (setup_.on_tick) setup_.on_tick(output_->record);
+  }
+
+  void sense(std::size_t sensor, const plant::Sensed& sensed) {
+    policy_.sense(sensor, sensed);
+    if (fallback_) fallback_->sense(sensor, sensed);
   }
 
   void publish(const Observation& observation) {
@@ -164,6 +188,7 @@ class Rollout {
   pipeline::TickConfig config_;
   pipeline::TickStatePtr state_;
   World& world_;
+  std::size_t sensor_;  // that world_.sample() is of; none: as many as there are
   VirtualBus bus_;
   SensorFeed imu_;
   Disturbance untroubled_{{}, kStart};
@@ -219,10 +244,6 @@ void fill_without_ticks(const RolloutSetup& setup, const Disturbance& disturbanc
 }  // namespace
 
 std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutRow& row) {
-  if (config::sees_images(setup.robot))
-    return std::unexpected(setup.robot.file +
-                           ": its policy sees images, which nobody renders in virtual time: try it "
-                           "in real time, with `takt run`");
   const Disturbance disturbance(setup.perturbation, kStart);
   if (config::fallback_policy_of(setup.robot) != nullptr && setup.fallback == nullptr)
     return std::unexpected(setup.robot.file + ": its fallback policy was not given to the rollout");
@@ -238,6 +259,7 @@ std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutR
     }
     outside = std::move(*begun);
   }
+  if (const std::string why = blindness(setup.robot, outside.get()); !why.empty()) return std::unexpected(why);
   auto world = make_world(setup, disturbance, std::move(outside));
   if (!world) return std::unexpected(world.error());
   auto bus = VirtualBus::make(setup.robot, disturbance, setup.seed);

@@ -1,5 +1,7 @@
 #include "evidence/rollout/sensor_feed.hpp"
 
+#include <utility>
+
 #include "simulation/chance.hpp"
 
 namespace takt::panel {
@@ -7,16 +9,16 @@ namespace takt::panel {
 SensorFeed::SensorFeed(const Disturbance& disturbance, std::uint64_t seed, std::uint64_t stream)
     : disturbance_(disturbance), path_(plant::seed_for(seed, stream)) {}
 
-void SensorFeed::take(const SensorSample& sample) {
-  const MonoTime at = sample.published_at;
-  path_.take(sample, {.drop = disturbance_.dose(Trouble::sensor_dropout, at),
+void SensorFeed::take(const plant::Sensed& sensed) {
+  const MonoTime at = sensed.sample.published_at;
+  path_.take(sensed, {.drop = disturbance_.dose(Trouble::sensor_dropout, at),
                       .frozen = disturbance_.in_first_part(Trouble::camera_freeze, at),
                       .burst = disturbance_.delay(Trouble::sensor_burst, at),
                       .burst_since = disturbance_.begins()});
 }
 
-const SensorSample& SensorFeed::newest(MonoTime now) {
-  while (const auto delivered = path_.deliver(now)) newest_ = *delivered;
+const plant::Sensed& SensorFeed::newest(MonoTime now) {
+  while (auto delivered = path_.deliver(now)) newest_ = std::move(*delivered);
   return newest_;
 }
 

@@ -1,12 +1,11 @@
 // When a perturbation troubles the way from an outside sensor to the policy host, or from the IMU to the executive
-// (simulation/sensor_path.hpp says how), and what the reader's mailbox holds. Pure, virtual time. Thread rule: one
-// thread at a time.
+// (simulation/sensor_path.hpp says how), and what the reader's mailbox holds. Numbers and images alike. Pure, virtual
+// time. Thread rule: one thread at a time.
 #pragma once
 
 #include <cstdint>
 
 #include "evidence/rollout/perturbation.hpp"
-#include "executive/contract/sensor_sample.hpp"
 #include "simulation/sensor_path.hpp"
 
 namespace takt::panel {
@@ -16,14 +15,14 @@ class SensorFeed {
   // `disturbance` outlives this. Feeds of different `stream` lose samples independently.
   SensorFeed(const Disturbance& disturbance, std::uint64_t seed, std::uint64_t stream);
 
-  void take(const SensorSample& sample);
+  void take(const plant::Sensed& sensed);
   // What the mailbox holds at `now`; sequence 0 before the first sample. `now` never runs backwards.
-  const SensorSample& newest(MonoTime now);
+  const plant::Sensed& newest(MonoTime now);
 
  private:
   const Disturbance& disturbance_;
   plant::SensorPath path_;
-  SensorSample newest_;
+  plant::Sensed newest_;
 };
 
 }  // namespace takt::panel

@@ -13,6 +13,7 @@ namespace takt::panel {
 namespace {
 
 constexpr std::uint64_t kSampleLossStream = 201, kPolicyStream = 301, kModeStream = 351;
+constexpr std::uint64_t kImageLossStream = 701;  // of a robot's first sensor, the others' behind it
 constexpr Duration kPollSpread = microseconds(100);
 constexpr Duration kBuildInput = microseconds(20);  // dequeued -> inference starts
 
@@ -43,11 +44,14 @@ VirtualPolicy::VirtualPolicy(const config::RobotConfig& robot, std::uint64_t pol
       policy_(policy),
       responder_(robot, policy_hash, policy),
       pacing_(robot.policy->requests_in_flight),
-      feed_(of_sensors, seed, kSampleLossStream),
       sensors_in_use_(policy_host::sensors_in_use(robot)),
       samples_(robot.sensors.size()),
       used_(robot.sensors.size()),
+      images_(robot.sensors.size()),
       free_at_(robot.policy->requests_in_flight) {
+  // At most one sensor of numbers has samples.
+  for (std::size_t sensor = 0; sensor < robot.sensors.size(); ++sensor)
+    feeds_.emplace_back(of_sensors, seed, robot.sensors[sensor].image ? kImageLossStream + sensor : kSampleLossStream);
   responder_.start_session();
 }
 
@@ -167,7 +171,11 @@ void VirtualPolicy::drift(policy_host::Request& request) const {
 }
 
 void VirtualPolicy::ask(const Waiting& waiting, MonoTime dequeued_at) {
-  for (const std::size_t sensor : sensors_in_use_) samples_[sensor] = feed_.newest(dequeued_at);
+  for (const std::size_t sensor : sensors_in_use_) {
+    const auto& [sample, pixels] = feeds_[sensor].newest(dequeued_at);
+    samples_[sensor] = sample;
+    if (pixels) images_[sensor] = *pixels;
+  }
   const MonoTime started = dequeued_at + kBuildInput;
   MonoTime& free_at = *std::ranges::min_element(free_at_);
   free_at = started;
@@ -178,7 +186,7 @@ void VirtualPolicy::ask(const Waiting& waiting, MonoTime dequeued_at) {
   free_at = published;
   pacing_.asked(dequeued_at);
   InFlight& one = in_flight_.emplace_back(InFlight{{}, published, draw});
-  responder_.ask(waiting.observation, used_, dequeued_at, one.request);
+  responder_.ask(waiting.observation, used_, dequeued_at, one.request, images_);
   t_script = {{started, ended}, 0};
   policy_host::Responder::infer(policy_, one.request, scripted_clock);
   drift(one.request);

@@ -22,6 +22,7 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "config/robot_config.hpp"
@@ -63,7 +64,8 @@ class VirtualPolicy {
                 std::uint64_t seed);
 
   void observe(const Observation& observation);
-  void sense(const SensorSample& sample) { feed_.take(sample); }
+  // What a sensor has published: the robot file's `sensor`-th.
+  void sense(std::size_t sensor, const plant::Sensed& sensed) { feeds_[sensor].take(sensed); }
   // Does everything that the host does up to `now`.
   void run_until(MonoTime now);
   // What arrived in the mailbox since the last call, the newest only; null: nothing. Valid until the next call.
@@ -98,9 +100,10 @@ class VirtualPolicy {
   policy_host::Policy& policy_;
   policy_host::Responder responder_;
   policy_host::RequestPacing pacing_;
-  SensorFeed feed_;
+  std::vector<SensorFeed> feeds_;  // one per sensor of the robot file
   std::vector<std::size_t> sensors_in_use_;
-  std::vector<SensorSample> samples_, used_;  // newest, and what the policy is shown
+  std::vector<SensorSample> samples_, used_;           // newest, and what the policy is shown
+  std::vector<std::span<const std::uint8_t>> images_;  // of those samples, in the feeds; empty: of numbers
   std::deque<Waiting> waiting_;
   std::deque<ArrivedCommand> sent_;
   ArrivedCommand newest_;

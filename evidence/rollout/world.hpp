@@ -4,6 +4,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 
 #include "executive/contract/mono_time.hpp"
 #include "executive/contract/sensor_sample.hpp"
@@ -31,7 +32,9 @@ class World {
   virtual ~World() = default;
 
   virtual plant::Plant& plant() = 0;
-  // The outside sensor's newest sample that is ready at `now` and was not returned before.
+  // Which of the robot file's sensors sample() is of, by name; empty: none.
+  [[nodiscard]] virtual std::string sensor() const = 0;
+  // That sensor's newest sample that is ready at `now` and was not returned before.
   virtual std::optional<SensorSample> sample(MonoTime now) = 0;
   // What the base's IMU says at `now`, its sequence counting from 1; empty: the robot has none.
   virtual std::optional<SensorSample> imu(MonoTime now) {
@@ -50,7 +53,7 @@ class World {
     return played != nullptr && played->end() ? &*played->end() : nullptr;
   }
   // Null: no other process plays the mechanics.
-  [[nodiscard]] virtual const plant::OutsideMechanics* outside() const = 0;
+  [[nodiscard]] virtual plant::OutsideMechanics* outside() const = 0;
   // Where nothing that follows a loss is worth its computing time: how much of it is still looked at.
   [[nodiscard]] virtual std::optional<Duration> ends_after_loss() const { return std::nullopt; }
 };

@@ -66,8 +66,10 @@ std::expected<std::string, std::string> smoke_run(const config::RobotConfig& rob
   if (!policy) return std::unexpected(policy.error());
   if (const auto fits = policy_host::check_fit(robot, **policy); !fits) return std::unexpected(fits.error());
   if (!robot.simulation) return "the policy loads and fits; no `simulation`, so nothing was run";
-  if (config::sees_images(robot))
-    return "the policy loads and fits; nobody renders the images that it sees in virtual time, so nothing was run";
+  if (world.empty() && config::sees_images(robot))
+    return "the policy loads and fits; nobody renders the images that it sees, so nothing was run: give it a world "
+           "that "
+           "does (--world)";
   if (world.empty()) return roll_out(robot, **policy, nullptr);
   panel::WorldProcess process(world);
   return roll_out(robot, **policy, &process);

@@ -2,8 +2,9 @@
 // can be had.
 //
 // Method: the demo arm's six joints; worlds that give back what they were told, in a process each, by takt/world.h, by
-// takt.world in Python over shared memory and over its socket, and by takt-world.mjs. The figure is one
-// WorldLink::step. They take turns; medians over repetitions of each repetition's p50 and p99. Nothing is pinned.
+// takt.world in Python over shared memory and over its socket, and by takt-world.mjs; of those in C one gives an image
+// of 640 x 480 x 3 bytes with every step, which lies there already. The figure is one WorldLink::step. They take turns;
+// medians over repetitions of each repetition's p50 and p99. Nothing is pinned.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -21,6 +22,7 @@ namespace {
 
 constexpr double kMostMicroseconds = 30.0;  // target, of C and Python over shared memory
 constexpr std::size_t kJoints = 6;
+constexpr config::ImageShape kImage{480, 640, 3};
 
 struct Options {
   int repetitions = 5, steps = 5000;
@@ -31,11 +33,20 @@ struct Contender {
   const char* name;
   bool has_target;
   std::function<void(const std::string&)> run;  // in a child
+  bool films = false;
   std::vector<double> p50{}, p99{};
 };
 
 void play_nothing(const std::string& path) {
   test::play(path, 0, [](const takt_world&, takt_world_state&) { return true; });
+}
+
+void film_nothing(const std::string& path) {
+  const auto film = [](takt_world& world, takt_world_state& state) {
+    if (state.time_ns != 0) takt_world_show(&world, 0, state.time_ns);
+    return true;
+  };
+  test::play(path, 0, film, nullptr, 0, {{"cam0", kImage.height, kImage.width, kImage.channels, 0}});
 }
 
 void run_python(const std::string& path, const char* transport) {
@@ -49,7 +60,8 @@ void run_node(const std::string& path) {
 
 // False: no such world to be had here.
 bool measure(Contender& contender, int steps) {
-  const plant::WorldLink::Robot robot{"bench", std::vector<std::string>(kJoints, "joint"), milliseconds(1)};
+  plant::WorldLink::Robot robot{"bench", std::vector<std::string>(kJoints, "joint"), milliseconds(1)};
+  if (contender.films) robot.cameras.push_back({"cam0", kImage});
   const test::ForkedWorld process(contender.run);
   auto link = plant::WorldLink::connect(process.path(), robot, {seconds(5), seconds(5)});
   const std::vector<double> zero(kJoints);
@@ -79,11 +91,12 @@ void report_on(const Report& report, const Contender& contender) {
 
 int run(const Options& options) {
   const Report report(options.as_json);
-  std::array<Contender, 4> contenders{{
+  std::array<Contender, 5> contenders{{
       {"C, shared memory", true, play_nothing},
       {"Python, shared memory", true, [](const std::string& path) { run_python(path, "memory"); }},
       {"Python, socket", false, [](const std::string& path) { run_python(path, "socket"); }},
       {"JavaScript, socket", false, run_node},
+      {"C, with an image", false, film_nothing, true},
   }};
   for (int repetition = 0; repetition < options.repetitions; ++repetition)
     for (Contender& contender : contenders)

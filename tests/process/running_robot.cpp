@@ -25,13 +25,14 @@ constexpr int kPolls = 1000;  // times kPollEvery: 20 s
 }  // namespace
 
 RunningRobot::RunningRobot(const std::string& scenario, const std::string& robot_file,
-                           const std::vector<config::Override>& changes) {
+                           const std::vector<config::Override>& changes, const std::string& world) {
   std::string pattern = (std::filesystem::temp_directory_path() / "takt-test.XXXXXX").string();
   directory_ = mkdtemp(pattern.data());
   robot_file_ = patient_copy(robot_file, directory_, changes);
-  std::vector<std::string> faults;
-  if (!scenario.empty()) faults = {"--scenario", scenario};
-  plant_ = start("takt-plant", faults, "plant");
+  std::vector<std::string> extra;
+  if (!scenario.empty()) extra = {"--scenario", scenario};
+  if (!world.empty()) extra.insert(extra.end(), {"--world", world});
+  plant_ = start("takt-plant", extra, "plant");
   executive_ = start_executive();
   monitor_ = start_monitor("run");
 }

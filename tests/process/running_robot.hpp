@@ -18,9 +18,10 @@ namespace takt::test {
 class RunningRobot {
  public:
   // Starts takt-plant, takt-executive and takt-monitor for a patient copy of this robot file; no policy yet.
-  // `scenario`: file of what goes wrong in the plant. `changes`: to the robot file.
+  // `scenario`: file of what goes wrong in the plant. `changes`: to the robot file. `world`: socket of the process that
+  // plays the mechanics; empty: the plant does.
   explicit RunningRobot(const std::string& scenario = {}, const std::string& robot_file = "config/arm6.yaml",
-                        const std::vector<config::Override>& changes = {});
+                        const std::vector<config::Override>& changes = {}, const std::string& world = {});
   ~RunningRobot();
   RunningRobot(const RunningRobot&) = delete;
   RunningRobot& operator=(const RunningRobot&) = delete;

@@ -22,50 +22,17 @@
 #include "monitor/record/image_file.hpp"
 #include "monitor/record/recorded_run.hpp"
 #include "tests/process/running_robot.hpp"
+#include "tests/simulation/looking_arm.hpp"
 
 namespace takt::test {
 namespace {
 
 constexpr Duration kShutter = milliseconds(30);  // before an image is published
-constexpr std::size_t kHeight = 48, kWidth = 64, kSpot = 8;
-
-void put(std::string& text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  if (at == std::string::npos) throw std::runtime_error("no `" + from + "` in the robot file");
-  text.replace(at, from.size(), to);
-}
-
-void drop_line(std::string& text, const std::string& with) {
-  const std::size_t at = text.find(with);
-  if (at == std::string::npos) throw std::runtime_error("no `" + with + "` in the robot file");
-  const std::size_t begin = text.rfind('\n', at);
-  text.erase(begin, text.find('\n', at) - begin);
-}
-
-// The demo arm with a camera, shown its joints and the newest image.
-std::string looking_arm(const std::string& directory) {
-  std::ifstream file("config/arm6.yaml");
-  std::string text{std::istreambuf_iterator<char>(file), {}};
-  put(text, "file: arm6_reach.onnx",
-      "file: " + std::filesystem::absolute("docs/examples/python-sensor/look.onnx").string());
-  put(text, "input: obs", "input: \"obs,image\"");
-  drop_line(text, "term: joint_velocity");
-  drop_line(text, "term: last_action");
-  put(text, "{ term: sensor, sensor: target, scale: 1, history: 2 }", "{ term: sensor, sensor: cam0 }");
-  put(text, "\nsensors:\n",
-      "\nsensors:\n  - { name: cam0, image: { height: 48, width: 64, channels: 1 }, timeout: 500 ms }\n");
-  put(text, "max_age: 150 ms", "max_age: 400 ms");
-  put(text, "stop_after: 600 ms", "stop_after: 900 ms");
-  std::string path = directory + "/looking.yaml";
-  std::ofstream(path) << text;
-  return path;
-}
 
 // A bright spot on a dark ground.
 std::vector<std::uint8_t> picture(std::size_t column) {
-  std::vector<std::uint8_t> pixels(kHeight * kWidth, 16);
-  for (std::size_t row = 20; row < 20 + kSpot; ++row)
-    std::fill_n(&pixels[row * kWidth + column], kSpot, std::uint8_t{240});
+  std::vector<std::uint8_t> pixels(kImageHeight * kImageWidth);
+  draw_spot(pixels.data(), column);
   return pixels;
 }
 
@@ -79,8 +46,8 @@ class Camera {
     spec.robot_file = robot.robot_file().c_str();
     spec.runtime_directory = robot.directory().c_str();
     spec.name = "cam0";
-    spec.height = kHeight;
-    spec.width = kWidth;
+    spec.height = kImageHeight;
+    spec.width = kImageWidth;
     spec.channels = 1;
     std::array<char, 512> why{};
     EXPECT_EQ(takt_sensor_open(&spec, &sensor_, why.data(), why.size()), TAKT_OK) << why.data();
@@ -101,7 +68,7 @@ class Camera {
 
  private:
   void film() {
-    std::ranges::copy(picture(column_), static_cast<std::uint8_t*>(takt_sensor_values(sensor_)));
+    draw_spot(static_cast<std::uint8_t*>(takt_sensor_values(sensor_)), column_);
     EXPECT_EQ(takt_sensor_publish(sensor_, (monotonic_now() - kShutter).ns), TAKT_OK) << takt_sensor_sentence(sensor_);
   }
 
@@ -125,7 +92,7 @@ std::set<std::size_t> spots_in(const std::string& folder) {
     const auto bytes = monitor::read_image(run->folder, shown.shape, shown.sha256);
     ASSERT_TRUE(bytes) << bytes.error();
     const auto begin = std::ranges::find(*bytes, std::uint8_t{240});
-    const auto column = static_cast<std::size_t>(begin - bytes->begin()) % kWidth;
+    const auto column = static_cast<std::size_t>(begin - bytes->begin()) % kImageWidth;
     EXPECT_EQ(*bytes, picture(column));
     spots.insert(column);
   };

@@ -15,6 +15,7 @@
 #include <functional>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 namespace takt::test {
 
@@ -50,14 +51,16 @@ class ForkedWorld {
 };
 
 // Plays one simulation; `fill` makes the answer to world.reset or world.step, false: says nothing and ends. `sensor`:
-// the one that states have, of `values` values.
+// the one that states have, of `values` values. `cameras`: whose images they have, name and shape.
 inline void play(const std::string& path, std::uint32_t gives,
-                 const std::function<bool(const takt_world&, takt_world_state&)>& fill, const char* sensor = nullptr,
-                 std::uint32_t values = 0) {
+                 const std::function<bool(takt_world&, takt_world_state&)>& fill, const char* sensor = nullptr,
+                 std::uint32_t values = 0, const std::vector<takt_world_camera>& cameras = {}) {
   takt_world world;
   if (takt_world_listen(&world, path.c_str()) != 0) return;
   world.sensor = sensor;
   world.sensor_count = values;
+  for (const takt_world_camera& one : cameras)
+    takt_world_add_camera(&world, one.name, one.height, one.width, one.channels);
   if (takt_world_accept(&world, "forked", gives) != 0) return;
   takt_world_state state{};
   state.orientation[0] = state.base_orientation[0] = 1;

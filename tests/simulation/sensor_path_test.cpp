@@ -22,14 +22,14 @@ SensorSample sample(int number) {
 
 std::vector<float> delivered(SensorPath& path, MonoTime now) {
   std::vector<float> values;
-  while (const auto one = path.deliver(now)) values.push_back(one->values[0]);
+  while (const auto one = path.deliver(now)) values.push_back(one->sample.values[0]);
   return values;
 }
 
 TEST(SensorPath, PassesEverySampleAtOnce) {
   SensorPath path(1);
   for (int i = 1; i <= 5; ++i) {
-    path.take(sample(i), {});
+    path.take({sample(i)}, {});
     EXPECT_EQ(delivered(path, sample(i).published_at), std::vector<float>{static_cast<float>(i)});
   }
 }
@@ -38,7 +38,7 @@ TEST(SensorPath, ABurstDeliversTogetherAndInOrder) {
   SensorPath path(1);
   const SensorFaults bursts{.burst = milliseconds(30), .burst_since = kStart};
   for (int i = 1; i <= 2; ++i) {
-    path.take(sample(i), bursts);
+    path.take({sample(i)}, bursts);
     EXPECT_TRUE(delivered(path, sample(i).published_at).empty());
   }
   EXPECT_EQ(delivered(path, kStart + milliseconds(30)), (std::vector<float>{1, 2}));
@@ -46,23 +46,37 @@ TEST(SensorPath, ABurstDeliversTogetherAndInOrder) {
 
 TEST(SensorPath, AFrozenCameraRepeatsUnderFreshStamps) {
   SensorPath path(1);
-  path.take(sample(1), {.frozen = true});
-  path.take(sample(2), {});
-  path.take(sample(3), {.frozen = true});
-  path.take(sample(4), {});
-  EXPECT_EQ(path.deliver(sample(9).published_at)->values[0], 1) << "nothing to repeat yet";
-  EXPECT_EQ(path.deliver(sample(9).published_at)->values[0], 2);
+  path.take({sample(1)}, {.frozen = true});
+  path.take({sample(2)}, {});
+  path.take({sample(3)}, {.frozen = true});
+  path.take({sample(4)}, {});
+  EXPECT_EQ(path.deliver(sample(9).published_at)->sample.values[0], 1) << "nothing to repeat yet";
+  EXPECT_EQ(path.deliver(sample(9).published_at)->sample.values[0], 2);
   const auto frozen = path.deliver(sample(9).published_at);
-  EXPECT_EQ(frozen->values[0], 2);
-  EXPECT_EQ(frozen->sequence, 3U);
-  EXPECT_EQ(frozen->published_at, sample(3).published_at);
-  EXPECT_EQ(path.deliver(sample(9).published_at)->values[0], 4);
+  EXPECT_EQ(frozen->sample.values[0], 2);
+  EXPECT_EQ(frozen->sample.sequence, 3U);
+  EXPECT_EQ(frozen->sample.published_at, sample(3).published_at);
+  EXPECT_EQ(path.deliver(sample(9).published_at)->sample.values[0], 4);
+}
+
+TEST(SensorPath, AFrozenCameraRepeatsTheImage) {
+  SensorPath path(1);
+  const auto image = [](std::uint8_t grey) { return std::make_shared<std::vector<std::uint8_t>>(4, grey); };
+  path.take({sample(1), image(10)}, {});
+  path.take({sample(2), image(20)}, {.frozen = true});
+  path.take({sample(3), image(30)}, {});
+  for (const auto& [sequence, grey] : std::vector<std::pair<std::uint64_t, int>>{{1, 10}, {2, 10}, {3, 30}}) {
+    const auto arrived = path.deliver(sample(9).published_at);
+    ASSERT_TRUE(arrived);
+    EXPECT_EQ(arrived->sample.sequence, sequence);
+    EXPECT_EQ(arrived->pixels->front(), grey);
+  }
 }
 
 TEST(SensorPath, LosesTheShareOfItsSeed) {
   const auto kept_by = [](std::uint64_t seed) {
     SensorPath path(seed);
-    for (int i = 1; i <= 1000; ++i) path.take(sample(i), {.drop = 0.7});
+    for (int i = 1; i <= 1000; ++i) path.take({sample(i)}, {.drop = 0.7});
     return delivered(path, sample(2000).published_at);
   };
   EXPECT_NEAR(static_cast<double>(kept_by(1).size()), 300, 50);

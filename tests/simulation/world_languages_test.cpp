@@ -1,6 +1,6 @@
 // Goal: a world in any of the languages that have a client is the world that the plant has in process.
 // Method: the same pendulum in Python, over shared memory and over the socket, in JavaScript, and in MuJoCo under
-// Node.js, swung beside the simulator's own; then each is asked what it cannot do.
+// Node.js, swung beside the simulator's own; then each is asked what it cannot do. Images: a pattern, byte for byte.
 // Where node or the npm package @mujoco/mujoco is missing, that case skips; not with TAKT_REQUIRE_NODE=1.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -118,8 +118,79 @@ TEST_P(OwnWorlds, WhatItCannotDoIsSaidInItsOwnWords) {
   EXPECT_THAT(arm.error().sentence, HasSubstr("arm6 has 6 joints, a pendulum one"));
 }
 
+// --- images ---
+
+constexpr std::size_t kHeight = 4, kWidth = 6, kChannels = 3;
+
+// What tests/simulation/worlds/filming.* draw.
+std::vector<std::uint8_t> image_of(std::uint64_t sequence) {
+  std::vector<std::uint8_t> pixels(kHeight * kWidth * kChannels);
+  for (std::size_t i = 0; i < pixels.size(); ++i) pixels[i] = static_cast<std::uint8_t>(7 * i + 31 * sequence);
+  return pixels;
+}
+
+config::RobotConfig filmed() {
+  config::RobotConfig robot = test::pendulum(2, 0.5);
+  robot.sensors.resize(2);
+  robot.sensors[0].name = "target";
+  robot.sensors[0].values = 1;
+  robot.sensors[1].name = "cam0";
+  robot.sensors[1].image = config::ImageShape{kHeight, kWidth, kChannels};
+  return robot;
+}
+
+std::vector<Language> filming_languages() {
+  const std::string film = "tests/simulation/worlds/filming";
+  return {
+      {"Python by shared memory", {TAKT_PYTHON, film + ".py"}, {"memory"}, TAKT_PYTHON, 0},
+      {"Python by its socket", {TAKT_PYTHON, film + ".py"}, {"socket"}, TAKT_PYTHON, 0},
+      {"JavaScript", {"node", film + ".mjs"}, {}, film + ".mjs", 0},
+  };
+}
+
+class Filming : public testing::TestWithParam<std::size_t> {};
+
+TEST_P(Filming, ImagesAreTheirsByteForByte) {
+  const Language language = filming_languages()[GetParam()];
+  if (!is_there(language)) {
+    ASSERT_FALSE(must_be_there()) << language.needs << " is missing";
+    GTEST_SKIP() << "SKIPPED: " << language.name << ": node is missing";
+  }
+  const test::ForkedWorld process([&](const std::string& socket) { run_it(language, socket); });
+  for (int simulation = 0; simulation < 2; ++simulation) {
+    auto world = OutsideMechanics::connect(filmed(), process.path(), 1, kPatience);
+    ASSERT_TRUE(world) << world.error().sentence;
+    EXPECT_FALSE((*world)->films(0));
+    EXPECT_TRUE((*world)->films(1));
+    ArmState state = (*world)->begin();
+    MonoTime now{1'000'000'000};
+    EXPECT_TRUE((*world)->images(now).empty());
+    for (std::uint64_t step = 1; step <= 20; ++step) {
+      now = now + milliseconds(1);
+      (*world)->integrate(state, Eigen::VectorXd::Zero(1), {{0, 0}}, milliseconds(1));
+      ASSERT_FALSE((*world)->end()) << (*world)->end()->sentence;
+      const auto images = (*world)->images(now);
+      ASSERT_EQ(images.size(), step % 4 == 0 ? 1U : 0U) << step;
+      if (images.empty()) continue;
+      const auto& [sensor, sensed] = images[0];
+      EXPECT_EQ(sensor, 1U);
+      EXPECT_EQ(sensed.sample.sequence, step / 4);
+      EXPECT_EQ((now - sensed.sample.sensed_at).ns, milliseconds(2).ns) << "as old as it says";
+      EXPECT_EQ(sensed.sample.published_at, now);
+      EXPECT_EQ(*sensed.pixels, image_of(step / 4)) << step;
+    }
+  }
+  auto robot = filmed();
+  robot.sensors[1].image->width = kWidth + 1;
+  const auto other = OutsideMechanics::connect(robot, process.path(), 1, kPatience);
+  ASSERT_FALSE(other);
+  EXPECT_THAT(other.error().sentence,
+              HasSubstr("images of sensor cam0 are 4 x 6 x 3 here, 4 x 7 x 3 in the robot file"));
+}
+
 INSTANTIATE_TEST_SUITE_P(World, Languages, testing::Range<std::size_t>(0, 4));
 INSTANTIATE_TEST_SUITE_P(World, OwnWorlds, testing::Range<std::size_t>(0, 3));
+INSTANTIATE_TEST_SUITE_P(World, Filming, testing::Range<std::size_t>(0, 3));
 
 }  // namespace
 }  // namespace takt::plant

@@ -3,6 +3,7 @@
 // against the same in process; then children that spoil one thing each, some through the header, some as a raw socket.
 #include "simulation/world_link.hpp"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -164,6 +165,25 @@ TEST(WorldLink, WhatCannotBeIsANamedEndForGood) {
   }
 }
 
+TEST(WorldLink, ASampleThatIsTakenBackIsOutOfTurn) {
+  const ForkedWorld process([](const std::string& path) {
+    test::play(
+        path, 0,
+        [](const takt_world& world, takt_world_state& state) {
+          state.sensor_sequence = world.kind == TAKT_WORLD_RESET ? 1 : 0;
+          return true;
+        },
+        "eye", 2);
+  });
+  auto link = WorldLink::connect(process.path(), kPendulum, kPatience);
+  ASSERT_TRUE(link) << link.error().sentence;
+  const std::vector<double> zero{0};
+  ASSERT_TRUE(link->reset(1, zero));
+  const auto state = link->step({zero, zero, zero});
+  ASSERT_FALSE(state);
+  EXPECT_THAT(state.error().sentence, HasSubstr("sample 0 of sensor eye after 1"));
+}
+
 // The reset answered, then this.
 WorldEnd end_after(const std::function<bool()>& then, const WorldLink::Patience& patience) {
   const ForkedWorld process([&then](const std::string& path) {
@@ -195,6 +215,104 @@ TEST(WorldLink, WhereNobodyListensItSaysSo) {
   const auto nowhere = WorldLink::connect(std::string(200, 'x'), kPendulum, kPatience);
   ASSERT_FALSE(nowhere);
   EXPECT_THAT(nowhere.error().sentence, HasSubstr("1 to 107 bytes"));
+}
+
+// --- images ---
+
+const WorldLink::Robot kFilmed{"pendulum", {"pivot"}, milliseconds(1), {{"left", {2, 3, 1}}, {"right", {4, 5, 3}}}};
+const std::vector<takt_world_camera> kCameras{{"right", 4, 5, 3, 0}, {"left", 2, 3, 1, 0}};  // in another order
+
+// A world's right camera sees with every third step, its left one with the first, which it did 1 ms before.
+bool film(takt_world& world, takt_world_state& state) {
+  const bool begins = world.kind == TAKT_WORLD_RESET;
+  const std::uint64_t step = state.time_ns / 1'000'000;
+  if (!begins && step % 3 == 0) {
+    std::memset(takt_world_pixels(&world, 0), static_cast<int>(step), 4 * 5 * 3);
+    takt_world_show(&world, 0, state.time_ns);
+  }
+  if (step == 1) {
+    std::memset(takt_world_pixels(&world, 1), 200, 2 * 3);
+    takt_world_show(&world, 1, 0);
+  }
+  return true;
+}
+
+TEST(WorldLink, ImagesComeWithTheStateThatHasThem) {
+  const ForkedWorld process([](const std::string& path) { test::play(path, 0, film, nullptr, 0, kCameras); });
+  auto link = WorldLink::connect(process.path(), kFilmed, kPatience);
+  ASSERT_TRUE(link) << link.error().sentence;
+  EXPECT_EQ(link->cameras(), (std::vector<std::size_t>{0, 1}));
+  const std::vector<double> zero{0};
+  for (int simulation = 0; simulation < 2; ++simulation) {
+    ASSERT_TRUE(link->reset(1, zero));
+    EXPECT_TRUE(link->images().empty());
+    for (int step = 1; step <= 30; ++step) {
+      const auto state = link->step({zero, zero, zero});
+      ASSERT_TRUE(state) << state.error().sentence;
+      const auto images = link->images();
+      ASSERT_EQ(images.size(), step % 3 == 0 || step == 1 ? 1U : 0U) << step;
+      if (images.empty()) continue;
+      EXPECT_EQ(images[0].camera, step == 1 ? 0U : 1U);
+      EXPECT_EQ(images[0].sequence, step == 1 ? 1U : static_cast<unsigned>(step) / 3) << "from 1 after each reset";
+      EXPECT_EQ(images[0].sensed_at.ns, step == 1 ? 0 : 1'000'000 * step);
+      EXPECT_EQ(*images[0].pixels, step == 1 ? std::vector<std::uint8_t>(6, 200)
+                                             : std::vector<std::uint8_t>(60, static_cast<std::uint8_t>(step)));
+    }
+  }
+}
+
+TEST(WorldLink, AWorldOfOtherCamerasIsRefused) {
+  const std::vector<std::pair<takt_world_camera, const char*>> bad{
+      {{"behind", 4, 5, 3, 0}, "the robot has no sensor behind of images"},
+      {{"right", 5, 4, 3, 0},
+       "images of sensor right are 5 x 4 x 3 here, 4 x 5 x 3 in the robot file: make them equal"},
+  };
+  for (const auto& [camera, says] : bad) {
+    const ForkedWorld process([&](const std::string& path) { test::play(path, 0, film, nullptr, 0, {camera}); });
+    const auto link = WorldLink::connect(process.path(), kFilmed, kPatience);
+    ASSERT_FALSE(link) << says;
+    EXPECT_EQ(name(link.error().kind), "refused") << says;
+    EXPECT_THAT(link.error().sentence, HasSubstr(says));
+  }
+}
+
+TEST(WorldLink, AnImageThatCannotBeIsNonsense) {
+  // The second image of the right camera, spoilt; the first came with the step before.
+  const std::vector<std::pair<std::function<void(takt_world&)>, const char*>> bad{
+      {[](takt_world& w) { w.to_show[0].bytes = 59; }, "an image of 59 bytes of sensor right, expected 60"},
+      {[](takt_world& w) { w.to_show[0].sequence = 3; }, "image 3 of sensor right after 1"},
+      {[](takt_world& w) { w.to_show[0].sequence = 1; }, "image 1 of sensor right after 1"},
+      {[](takt_world& w) { w.to_show[0].time_ns = 2'000'001; }, "sensed at 2000001 ns, after the state's 2000000 ns"},
+      {[](takt_world& w) { w.to_show[0].time_ns = 1'000'000; }, "sensed at 1000000 ns, the one before at 1000000 ns"},
+      {[](takt_world& w) { w.to_show[0].camera = 0; }, "an image of camera 0, which it does not play"},
+      {[](takt_world& w) { w.to_show[0].camera = 1000; }, "an image of camera 1000, which it does not play"},
+      {[](takt_world& w) {
+         takt_world_show(&w, 0, 2'000'000);
+         w.to_show[1].time_ns = 2'000'000;
+       },
+       "with the same state"},
+      {[](takt_world& w) { w.to_show_count = 3; }, "3 images with one state"},
+  };
+  for (const auto& [spoil, says] : bad) {
+    const ForkedWorld process([&](const std::string& path) {
+      const auto fill = [&](takt_world& world, takt_world_state& state) {
+        if (world.kind == TAKT_WORLD_RESET) return true;
+        takt_world_show(&world, 0, state.time_ns);
+        if (state.time_ns > 1'000'000) spoil(world);
+        return true;
+      };
+      test::play(path, 0, fill, nullptr, 0, {kCameras[0]});
+    });
+    auto link = WorldLink::connect(process.path(), kFilmed, kPatience);
+    ASSERT_TRUE(link) << link.error().sentence;
+    const std::vector<double> zero{0};
+    ASSERT_TRUE(link->reset(1, zero));
+    ASSERT_TRUE(link->step({zero, zero, zero})) << says;
+    const auto state = link->step({zero, zero, zero});
+    ASSERT_FALSE(state) << says;
+    EXPECT_EQ(name(state.error().kind), "nonsense") << says;
+    EXPECT_THAT(state.error().sentence, HasSubstr(says));
+  }
 }
 
 // --- as a raw socket: the header would not let these happen ---
@@ -230,9 +348,10 @@ struct BadWelcome {
 TEST(WorldLink, AWelcomeThatIsNoneIsANamedEnd) {
   const std::vector<BadWelcome> bad{
       {"refusal", [](auto& w) { strcpy(w.refusal, "two arms wanted"); }, WorldEndKind::refused, "two arms wanted"},
-      {"protocol", [](auto& w) { w.header.protocol = 1; }, WorldEndKind::nonsense, "speaks protocol 1, Takt 2"},
+      {"protocol", [](auto& w) { w.header.protocol = 2; }, WorldEndKind::nonsense, "speaks protocol 2, Takt 3"},
       {"kind", [](auto& w) { w.header.kind = TAKT_WORLD_STATE; }, WorldEndKind::nonsense, "kind 5"},
       {"length", [](auto& w) { w.header.bytes = 8; }, WorldEndKind::nonsense, "with 8 bytes"},
+      {"cameras", [](auto& w) { w.camera_count = 9; }, WorldEndKind::nonsense, "9 cameras; it has at most 8"},
       {"sequence", [](auto& w) { w.header.sequence = 9; }, WorldEndKind::nonsense, "answers question 9, asked was 1"},
   };
   for (const BadWelcome& one : bad) {
@@ -276,6 +395,43 @@ TEST(WorldLink, OneThatHalfAnswersAndDiesHasDied) {
   EXPECT_EQ(name(state.error().kind), "died");
 }
 
+// Goal: whatever a world does to what it was given, Takt waits no longer than it is patient. Method: one that takes
+// O_NONBLOCK off its files and rings once, one that rings without an end, one that reads no ring; none answers.
+TEST(WorldLink, NothingThatAWorldDoesToItsFilesHangsTakt) {
+  const auto make_blocking = [](int file) { fcntl(file, F_SETFL, fcntl(file, F_GETFL) & ~O_NONBLOCK); };
+  const std::vector<std::function<void(takt_world&)>> tricks{
+      [&](takt_world& world) {
+        make_blocking(world.peer);
+        make_blocking(world.memory);
+        const char ring = 1;
+        send(world.peer, &ring, 1, MSG_NOSIGNAL);
+      },
+      [](takt_world& world) {
+        const char rings[512]{};
+        while (send(world.peer, rings, sizeof rings, MSG_NOSIGNAL) > 0) {
+        }
+      },
+      [&](takt_world& world) { make_blocking(world.peer); }};
+  for (std::size_t trick = 0; trick < tricks.size(); ++trick) {
+    const ForkedWorld process([&](const std::string& path) {
+      play_raw(path, [&](takt_world& world) {
+        takt_world_welcome welcome = welcome_of(world);
+        welcome.gives = TAKT_WORLD_SHARED_MEMORY;
+        say(world, welcome);
+        tricks[trick](world);
+        pause();
+      });
+    });
+    auto link = WorldLink::connect(process.path(), kPendulum, {seconds(10), milliseconds(50)});
+    ASSERT_TRUE(link) << link.error().sentence;
+    const std::vector<double> zero{0};
+    const auto state = link->reset(1, zero);
+    ASSERT_FALSE(state) << trick;
+    EXPECT_EQ(name(state.error().kind), trick == 2 ? "hung" : "nonsense") << trick;
+    EXPECT_FALSE(link->step({zero, zero, zero})) << "for good";
+  }
+}
+
 TEST(WorldLink, OneThatChoseMemoryAndSpeaksByTheSocketIsRefused) {
   const ForkedWorld process([](const std::string& path) {
     play_raw(path, [](takt_world& world) {
@@ -290,7 +446,50 @@ TEST(WorldLink, OneThatChoseMemoryAndSpeaksByTheSocketIsRefused) {
   const std::vector<double> zero{0};
   const auto state = link->reset(1, zero);
   ASSERT_FALSE(state);
-  EXPECT_THAT(state.error().sentence, HasSubstr("speaks by the socket"));
+  EXPECT_EQ(name(state.error().kind), "nonsense") << "a byte there says that the answer is in the memory";
+}
+
+// Goal: a sample is as old as the state that had it first, however late it is asked for. Method: one sample, in the
+// second of five steps, asked for after the fifth.
+TEST(OutsideMechanics, TheWorldsSampleIsAsOldAsItsState) {
+  config::RobotConfig robot = test::pendulum(2, 0.5);
+  config::Sensor eye;
+  eye.name = "eye";
+  eye.values = 3;
+  robot.sensors.push_back(eye);
+  const ForkedWorld process([](const std::string& path) {
+    test::play(
+        path, 0,
+        [](const takt_world& world, takt_world_state& state) {
+          if (world.kind == TAKT_WORLD_STEP && world.step.time_ns == world.step.step_ns) state.sensor_sequence = 1;
+          return true;
+        },
+        "eye", 3);
+  });
+  auto outside = OutsideMechanics::connect(robot, process.path(), 1, kPatience);
+  ASSERT_TRUE(outside) << outside.error().sentence;
+  ArmState state = (*outside)->begin();
+  const Duration step = robot.simulation->step;
+  for (int i = 0; i < 5; ++i) (*outside)->integrate(state, Eigen::VectorXd::Zero(1), {{0, 0}}, step);
+  const MonoTime now{1'000'000'000};
+  const auto sample = (*outside)->sample(now);
+  ASSERT_TRUE(sample);
+  EXPECT_EQ(sample->sensed_at, now - step * 3);
+  EXPECT_EQ(sample->published_at, now);
+}
+
+// Goal: what a world does not give is nothing. Method: one that judges, gives no error, and has NaN where it would be.
+TEST(OutsideMechanics, AnErrorThatTheWorldDoesNotGiveIsNone) {
+  const config::RobotConfig robot = test::pendulum(2, 0.5);
+  const ForkedWorld process([](const std::string& path) {
+    test::play(path, TAKT_WORLD_DONE, [](const takt_world&, takt_world_state& state) {
+      state.error = std::numeric_limits<double>::quiet_NaN();
+      return true;
+    });
+  });
+  auto outside = OutsideMechanics::connect(robot, process.path(), 1, kPatience);
+  ASSERT_TRUE(outside) << outside.error().sentence;
+  EXPECT_EQ((*outside)->error(), 0);
 }
 
 // Goal: what the world sees, the policy is given once per sample; a sensor that the robot file has otherwise is

@@ -15,37 +15,44 @@
 
     world.serve(Flywheels(), "/tmp/world.sock")
 
+A world that sees for the robot puts images into its states (`Image`): `serve(..., cameras={"cam0": (48, 64, 1)})`, and then
+`State(..., images={"cam0": world.Image(pixels)})` whenever one is due.
+
 Joints are those of the robot file, in its order. Units: rad, rad/s, Nm, s; an IMU's in `Imu`. Arrays are float64; those that are
 passed in are good until the call returns. An exception of reset or step leaves serve(), and Takt is told its text.
 """
 import mmap
 import os
-import select
 import socket
 import struct
 from dataclasses import dataclass
-from typing import Any, Optional, Protocol, Sequence, Tuple, Union
+from typing import Any, Dict, Mapping, Optional, Protocol, Sequence, Tuple, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 RUNNING, SUCCEEDED, FAILED, UNABLE = range(4)
 
-_PROTOCOL, _MAX_JOINTS, _MAX_VALUES, _ANSWER_OFFSET, _MEMORY_BYTES = 2, 64, 64, 8192, 16384
+_PROTOCOL, _MAX_JOINTS, _MAX_VALUES, _MAX_CAMERAS, _ANSWER_OFFSET, _IMAGES_OFFSET = 3, 64, 64, 8, 8192, 12288
 _HELLO, _WELCOME, _RESET, _STEP, _STATE = range(1, 6)
 _SHARED_MEMORY, _IMU, _POINT, _BASE, _ERROR, _DONE, _PUSH = 1, 2, 4, 8, 16, 32, 64
 _HEADER = [("bytes", "<u4"), ("kind", "<u2"), ("protocol", "<u2"), ("sequence", "<u8")]
 _JOINTS = ("<f8", _MAX_JOINTS)
-_HELLO_TYPE = np.dtype(_HEADER + [("step_ns", "<u8"), ("joint_count", "<u4"), ("reserved", "<u4"), ("robot", "S64"), ("joints", "S64", _MAX_JOINTS)])
+_CAMERA_TYPE = np.dtype([("name", "S64"), ("height", "<u4"), ("width", "<u4"), ("channels", "<u4"), ("offset", "<u4")])
+_HELLO_TYPE = np.dtype(_HEADER + [("step_ns", "<u8"), ("joint_count", "<u4"), ("camera_count", "<u4"), ("memory_bytes", "<u8"), ("robot", "S64"),
+                                  ("joints", "S64", _MAX_JOINTS), ("cameras", _CAMERA_TYPE, _MAX_CAMERAS)])
+_WELCOME_TYPE = np.dtype(_HEADER + [("gives", "<u4"), ("sensor_count", "<u4"), ("world", "S64"), ("sensor", "S64"), ("refusal", "S128"),
+                                    ("camera_count", "<u4"), ("reserved", "<u4"), ("cameras", _CAMERA_TYPE, _MAX_CAMERAS)])
 _RESET_TYPE = np.dtype(_HEADER + [("seed", "<u8"), ("q", *_JOINTS)])
 _STEP_TYPE = np.dtype(_HEADER + [("time_ns", "<u8"), ("step_ns", "<u8"), ("torque", *_JOINTS), ("viscous", *_JOINTS), ("coulomb", *_JOINTS),
                                  ("hangs", "<u4"), ("reserved", "<u4"), ("push", "<f8", 3)])
-_STATE_TYPE = np.dtype(_HEADER + [("time_ns", "<u8"), ("outcome", "<u4"), ("reserved", "<u4"), ("q", *_JOINTS), ("dq", *_JOINTS), ("point", "<f8", 3),
+_STATE_TYPE = np.dtype(_HEADER + [("time_ns", "<u8"), ("outcome", "<u4"), ("image_count", "<u4"), ("q", *_JOINTS), ("dq", *_JOINTS), ("point", "<f8", 3),
                                   ("orientation", "<f8", 4), ("angular_velocity", "<f8", 3), ("acceleration", "<f8", 3), ("base_position", "<f8", 3),
                                   ("base_orientation", "<f8", 4), ("error", "<f8"), ("sensor_sequence", "<u8"), ("sensor", "<f8", _MAX_VALUES), ("reason", "S128")])
 _HEADER_STRUCT = struct.Struct("<IHHQ")
-_WELCOME_STRUCT = struct.Struct("<IHHQII64s64s128s")
 _AFTER_HEADER = struct.Struct("<QQ")
+_OUTCOME_STRUCT = struct.Struct("<QII")
+_IMAGE_STRUCT = struct.Struct("<IIQQ")
 
 
 @dataclass(frozen=True)
@@ -53,6 +60,9 @@ class Robot:
     name: str
     joints: Tuple[str, ...]
     step_seconds: float
+    # The cameras of serve(cameras=...) by name, (height, width, channels) of uint8: where their next image may be drawn. What is drawn
+    # there and given back as Image(images[name]) is not copied; it is Takt's to read from the return of reset or step to the next call.
+    images: Mapping[str, NDArray[np.uint8]]
 
 
 @dataclass(frozen=True)
@@ -86,6 +96,14 @@ class Base:
 
 
 @dataclass(frozen=True)
+class Image:
+    """What a camera saw."""
+
+    pixels: NDArray[np.uint8]  # (height, width, channels)
+    age: float = 0.0  # s from the shutter to the state that it comes with
+
+
+@dataclass(frozen=True)
 class State:
     q: ArrayLike
     dq: ArrayLike
@@ -96,6 +114,7 @@ class State:
     sensor: Optional[Sequence[float]] = None  # a new sample of the sensor of serve(sensor=...); None: no new one
     outcome: int = RUNNING
     reason: str = ""
+    images: Optional[Mapping[str, Image]] = None  # new ones of the cameras of serve(cameras=...); None: no new one
 
 
 class World(Protocol):
@@ -109,12 +128,13 @@ class _Gone(Exception):
 
 
 def serve(world: World, path: Union[str, "os.PathLike[str]"], *, name: str = "python", imu: bool = False, point: bool = False, base: bool = False,
-          error: bool = False, done: bool = False, push: bool = False, sensor: Optional[Tuple[str, int]] = None, shared_memory: bool = True,
-          simulations: Optional[int] = None) -> None:
+          error: bool = False, done: bool = False, push: bool = False, sensor: Optional[Tuple[str, int]] = None,
+          cameras: Optional[Mapping[str, Tuple[int, int, int]]] = None, shared_memory: bool = True, simulations: Optional[int] = None) -> None:
     """Plays `world` at the Unix socket `path` for one simulation of Takt's after the other; `simulations`: that many, else for ever.
 
     `imu`, `point`, `base`, `error`: its states have them. `done`: it says SUCCEEDED when the task is done, and a rollout that ends before has
-    failed. `push`: it obeys Drive.push. `sensor`: the robot file's outside sensor that it plays, and how many values that has."""
+    failed. `push`: it obeys Drive.push. `sensor`: the robot file's outside sensor that it plays, and how many values that has. `cameras`: the
+    robot file's sensors of images whose images it gives, (height, width, channels)."""
     if os.path.exists(path):
         os.unlink(path)
     gives = (_SHARED_MEMORY * shared_memory | _IMU * imu | _POINT * point | _BASE * base | _ERROR * error | _DONE * done | _PUSH * push)
@@ -126,36 +146,53 @@ def serve(world: World, path: Union[str, "os.PathLike[str]"], *, name: str = "py
             peer = listener.accept()[0]
             with peer:
                 try:
-                    _Simulation(peer, name, gives, sensor).play(world)
+                    _Simulation(peer, name, gives, sensor, cameras or {}).play(world)
                 except (_Gone, ConnectionError):
                     pass
             played += 1
 
 
 class _Simulation:
-    def __init__(self, peer: socket.socket, name: str, gives: int, sensor: Optional[Tuple[str, int]]) -> None:
+    def __init__(self, peer: socket.socket, name: str, gives: int, sensor: Optional[Tuple[str, int]],
+                 cameras: Mapping[str, Tuple[int, int, int]]) -> None:
         self._peer = peer
         self._gives = gives
-        data, files, _, _ = socket.recv_fds(peer, _HELLO_TYPE.itemsize, 3)
+        data, files, _, _ = socket.recv_fds(peer, _HELLO_TYPE.itemsize, 1)
         while len(data) < _HELLO_TYPE.itemsize:
             data += self._receive(_HELLO_TYPE.itemsize - len(data))
         hello = np.frombuffer(data, _HELLO_TYPE)[0]
-        if hello["kind"] != _HELLO or hello["protocol"] != _PROTOCOL or len(files) != 3:
+        if hello["kind"] != _HELLO or hello["protocol"] != _PROTOCOL or len(files) != 1:
             raise _Gone
-        memory, self._question_bell, self._answer_bell = files
-        self._files = files[1:]
-        self._memory = mmap.mmap(memory, _MEMORY_BYTES)
-        os.close(memory)
+        self._memory = mmap.mmap(files[0], int(hello["memory_bytes"]))
+        os.close(files[0])
         self._count = int(hello["joint_count"])
-        self._robot = Robot(hello["robot"].decode(), tuple(joint.decode() for joint in hello["joints"][:self._count]), hello["step_ns"] * 1e-9)
-        self._waits = select.poll()
-        self._waits.register(self._question_bell, select.POLLIN)
-        self._waits.register(peer, select.POLLIN)
+        self._find_cameras(hello, cameras)
+        self._robot = Robot(hello["robot"].decode(), tuple(joint.decode() for joint in hello["joints"][:self._count]), hello["step_ns"] * 1e-9,
+                            {camera: place for camera, (_, place) in self._places.items()})
         sensor_name, values = sensor if sensor is not None else ("", 0)
         self._values, self._samples = values, 0
         self._views()
-        peer.sendall(_WELCOME_STRUCT.pack(_WELCOME_STRUCT.size, _WELCOME, _PROTOCOL, int(hello["sequence"]), gives, values,
-                                           name.encode()[:63], sensor_name.encode()[:63], b""))
+        welcome = np.zeros((), _WELCOME_TYPE)
+        for field, value in (("bytes", _WELCOME_TYPE.itemsize), ("kind", _WELCOME), ("protocol", _PROTOCOL), ("sequence", hello["sequence"]), ("gives", gives),
+                             ("sensor_count", values), ("world", name.encode()[:63]), ("sensor", sensor_name.encode()[:63]), ("camera_count", len(cameras))):
+            welcome[field] = value
+        for said, (camera, shape) in zip(welcome["cameras"], cameras.items()):
+            said["name"], said["height"], said["width"], said["channels"] = camera.encode()[:63], *shape
+        peer.sendall(welcome.tobytes())
+
+    def _find_cameras(self, hello: Any, cameras: Mapping[str, Tuple[int, int, int]]) -> None:
+        """Takt refuses, by the welcome, what the robot does not have."""
+        self._places: Dict[str, Tuple[int, NDArray[np.uint8]]] = {}  # index in hello, and where its image goes
+        self._shown: Dict[str, int] = {}  # images since the reset
+        if len(cameras) > _MAX_CAMERAS:
+            raise ValueError(f"{len(cameras)} cameras; a world has at most {_MAX_CAMERAS}")
+        for i, declared in enumerate(hello["cameras"][:int(hello["camera_count"])]):
+            camera = declared["name"].decode()
+            shape = (int(declared["height"]), int(declared["width"]), int(declared["channels"]))
+            if camera not in cameras or tuple(cameras[camera]) != shape:
+                continue
+            place = (np.ndarray(shape, np.uint8, self._memory, int(declared["offset"])) if self._gives & _SHARED_MEMORY else np.zeros(shape, np.uint8))
+            self._places[camera] = (i, place)
 
     def _views(self) -> None:
         """Arrays over one buffer for each message, made once: a step allocates nothing of its own."""
@@ -180,10 +217,7 @@ class _Simulation:
     def _ask(self) -> Tuple[int, int]:
         """Waits for Takt's next message and copies it; returns kind and sequence."""
         if self._gives & _SHARED_MEMORY:
-            while not any(fd == self._question_bell for fd, _ in self._waits.poll()):
-                if not self._peer.recv(1, socket.MSG_PEEK):
-                    raise _Gone
-            os.eventfd_read(self._question_bell)
+            self._receive(1)
             self._question[:] = self._memory[:len(self._question)]
         else:
             head = self._receive(_HEADER_STRUCT.size)
@@ -196,7 +230,8 @@ class _Simulation:
 
     def _say(self, state: State, sequence: int, time_ns: int) -> None:
         _HEADER_STRUCT.pack_into(self._answer_bytes, 0, len(self._answer_bytes), _STATE, _PROTOCOL, sequence)
-        _AFTER_HEADER.pack_into(self._answer_bytes, _HEADER_STRUCT.size, time_ns, state.outcome)
+        images = self._headed(state.images, time_ns) if state.images else []
+        _OUTCOME_STRUCT.pack_into(self._answer_bytes, _HEADER_STRUCT.size, time_ns, state.outcome, len(images))
         self._q[:], self._dq[:] = state.q, state.dq
         if state.point is not None:
             self._answer["point"] = state.point
@@ -216,34 +251,56 @@ class _Simulation:
         if state.reason:
             self._answer["reason"] = state.reason.encode()[:127]
         if self._gives & _SHARED_MEMORY:
+            if images:
+                heads = b"".join(head for head, _ in images)
+                self._memory[_IMAGES_OFFSET:_IMAGES_OFFSET + len(heads)] = heads
             self._memory[_ANSWER_OFFSET:_ANSWER_OFFSET + len(self._answer_bytes)] = self._answer_bytes
-            os.eventfd_write(self._answer_bell, 1)
+            self._peer.sendall(b"\1")
         else:
             self._peer.sendall(self._answer_bytes)
+            for head, pixels in images:
+                self._peer.sendall(head)
+                self._peer.sendall(pixels)
+
+    def _headed(self, images: Mapping[str, Image], time_ns: int) -> Sequence[Tuple[bytes, NDArray[np.uint8]]]:
+        """What is said of each image, and its place, where it lies afterwards."""
+        headed = []
+        for camera, image in images.items():
+            if camera not in self._places:
+                raise ValueError(f"an image of {camera}, which is none of the cameras of serve()")
+            index, place = self._places[camera]
+            if image.pixels is not place:
+                pixels = np.asarray(image.pixels)
+                if pixels.shape != place.shape or pixels.dtype != place.dtype:
+                    raise ValueError(f"an image of {camera} is {pixels.dtype} {pixels.shape}, expected uint8 {place.shape}")
+                place[:] = pixels
+            sensed_ns = time_ns - round(image.age * 1e9)
+            if not 0 <= sensed_ns <= time_ns:
+                raise ValueError(f"an image of {camera} sensed {image.age} s before {time_ns * 1e-9} s of simulation")
+            self._shown[camera] = self._shown.get(camera, 0) + 1
+            headed.append((_IMAGE_STRUCT.pack(index, place.size, self._shown[camera], sensed_ns), place))
+        return headed
 
     def play(self, world: World) -> None:
-        try:
-            while True:
-                kind, sequence = self._ask()
-                time_ns = 0
-                try:
-                    if kind == _RESET:
-                        self._samples = self._answer["sensor_sequence"] = 0
-                        (seed,) = struct.unpack_from("<Q", self._question, _HEADER_STRUCT.size)
-                        state = world.reset(self._robot, seed, self._home)
-                    else:
-                        begin_ns, step_ns = _AFTER_HEADER.unpack_from(self._question, _HEADER_STRUCT.size)
-                        time_ns = begin_ns + step_ns
-                        state = world.step(self._drive, step_ns * 1e-9)
-                    self._say(state, sequence, time_ns)
-                except (_Gone, ConnectionError):
-                    raise
-                except Exception as error:  # Takt is told; whoever wrote the world sees where it was
-                    self._say(State(0.0, 0.0, outcome=UNABLE, reason=f"{type(error).__name__}: {error}"), sequence, time_ns)
-                    raise
-        finally:
-            for file in self._files:
-                os.close(file)
+        while True:
+            kind, sequence = self._ask()
+            time_ns = 0
+            try:
+                if kind == _RESET:
+                    self._samples = self._answer["sensor_sequence"] = 0
+                    self._shown.clear()
+                    (seed,) = struct.unpack_from("<Q", self._question, _HEADER_STRUCT.size)
+                    state = world.reset(self._robot, seed, self._home)
+                else:
+                    begin_ns, step_ns = _AFTER_HEADER.unpack_from(self._question, _HEADER_STRUCT.size)
+                    time_ns = begin_ns + step_ns
+                    state = world.step(self._drive, step_ns * 1e-9)
+                self._say(state, sequence, time_ns)
+            except (_Gone, ConnectionError):
+                raise
+            except Exception as error:  # Takt is told; whoever wrote the world sees where it was
+                self._say(State(0.0, 0.0, outcome=UNABLE, reason=f"{type(error).__name__}: {error}"), sequence, time_ns)
+                raise
 
 
-__all__: Any = ["FAILED", "RUNNING", "SUCCEEDED", "UNABLE", "Base", "Drive", "Imu", "Robot", "State", "World", "serve"]
+__all__: Any = ["FAILED", "RUNNING", "SUCCEEDED", "UNABLE", "Base", "Drive", "Image", "Imu", "Robot", "State", "World", "serve"]

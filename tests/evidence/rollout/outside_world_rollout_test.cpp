@@ -6,7 +6,9 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 
+#include "config/observation_shape.hpp"
 #include "evidence/rollout/rollout.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "simulation/mechanics.hpp"
@@ -234,6 +236,45 @@ TEST(OutsideWorldRollout, ItsOwnTaskNeedsAWorldThatPlaysThePolicysSensors) {
   EXPECT_EQ(task_of(test::arm(), &world).value(), Task::world);
   setup.world = &world;
   EXPECT_THAT(run_rollout(setup, row).error(), HasSubstr("needs sensor target, which world forked does not play"));
+}
+
+// Keeps the last three numbers that it is shown: a command's.
+class Listener final : public policy_host::Policy {
+ public:
+  explicit Listener(const config::RobotConfig& robot) : robot_(robot) {}
+  [[nodiscard]] std::size_t input_size() const override { return config::observation_width(robot_); }
+  [[nodiscard]] std::size_t output_size() const override { return config::output_width(robot_); }
+  void infer(std::span<const float> input, std::span<float> output) override {
+    heard.emplace(input.end() - 3, input.end());
+    std::ranges::fill(output, 0.0F);
+  }
+  void reset() override {}
+  std::set<std::vector<float>> heard;
+
+ private:
+  const config::RobotConfig& robot_;
+};
+
+TEST(OutsideWorldRollout, ASampleOfOneSensorIsNoCommandOfAsManyValues) {
+  config::RobotConfig robot = test::arm();
+  config::Sensor& wish = robot.sensors.emplace_back(robot.sensors.front());
+  wish.name = "wish";
+  wish.command = config::CommandLimits{{-9, -9, -9}, {9, 9, 9}, {4, 5, 6}};
+  config::ObservationTerm& term = robot.policy->observation.emplace_back(robot.policy->observation.front());
+  term = {};
+  term.kind = config::TermKind::command;
+  term.sensor = "wish";
+  Listener listener(robot);
+  RolloutSetup setup = test::setup();
+  const RolloutSetup heard{.robot = robot,
+                           .policy = listener,
+                           .timing = {},
+                           .perturbation = {},
+                           .duration = setup.duration,
+                           .scored = setup.scored,
+                           .bound_m = setup.bound_m};
+  (void)test::run(heard);
+  EXPECT_EQ(listener.heard, (std::set<std::vector<float>>{{4, 5, 6}})) << "nobody says anything, and the camera sees";
 }
 
 }  // namespace

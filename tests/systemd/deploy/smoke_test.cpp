@@ -1,10 +1,14 @@
 // Goal: the smoke run lets the demo robots through and catches a policy that does not fit, or whose robot does not
-// stand the first seconds. Method: the committed robot files, and the arm with one value changed.
+// stand the first seconds; a policy that looks is tried where a world shows it something. Method: the committed robot
+// files, the arm with one value changed, and the arm under docs/examples/python-sensor/look.onnx.
 #include "systemd/deploy/smoke.hpp"
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
+
 #include "config/load.hpp"
+#include "tests/simulation/looking_arm.hpp"
 
 namespace takt::deploy {
 namespace {
@@ -34,6 +38,32 @@ TEST(SmokeRun, AnotherRobotsPolicyFails) {
   const auto failed = tried({{"policy.file", "cart_pole_balance.onnx"}});
   ASSERT_FALSE(failed.has_value());
   EXPECT_EQ(failed.error().find("virtual time"), std::string::npos) << "found before anything ran: " << failed.error();
+}
+
+TEST(SmokeRun, APolicyThatLooksIsTriedWhereAWorldShowsItSomething) {
+  std::string pattern = (std::filesystem::temp_directory_path() / "takt-smoke.XXXXXX").string();
+  const std::string directory = mkdtemp(pattern.data());
+  const auto robot = config::load(test::looking_arm(directory)).value();
+  const auto alone = smoke_run(robot);
+  ASSERT_TRUE(alone.has_value()) << alone.error();
+  EXPECT_NE(alone->find("nothing was run: give it a world that does (--world)"), std::string::npos) << *alone;
+
+  const test::ForkedWorld spots([](const std::string& path) { test::play_spots(path, TAKT_WORLD_ERROR); });
+  const auto shown = smoke_run(robot, spots.path());
+  ASSERT_TRUE(shown.has_value()) << shown.error();
+  EXPECT_NE(shown->find("tracked for 5 s"), std::string::npos) << *shown;
+
+  const test::ForkedWorld dark([](const std::string& path) {
+    takt_world world;
+    if (takt_world_listen(&world, path.c_str()) != 0) return;
+    while (takt_world_accept(&world, "dark", TAKT_WORLD_ERROR) == 0)
+      for (takt_world_state state{}; takt_world_next(&world) == 0;) takt_world_answer(&world, &state);
+  });
+  const auto refused = smoke_run(robot, dark.path());
+  ASSERT_FALSE(refused.has_value());
+  EXPECT_NE(refused.error().find("sees images of cam0, which world dark does not give"), std::string::npos)
+      << refused.error();
+  std::filesystem::remove_all(directory);
 }
 
 }  // namespace
