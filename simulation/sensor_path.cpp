@@ -29,7 +29,7 @@ void SensorPath::take(const Sensed& sensed, const SensorFaults& faults) {
 
 std::optional<Sensed> SensorPath::deliver(MonoTime now) {
   if (held_.empty() || held_.front().delivered_at > now) return std::nullopt;
-  const Sensed sensed = std::move(held_.front().sensed);
+  Sensed sensed = std::move(held_.front().sensed);
   held_.pop_front();
   return sensed;
 }

@@ -98,6 +98,16 @@ static inline void takt_world_leave(takt_world* world) {
   }
 }
 
+/* Where the robot of hello has this world's cameras. */
+static inline void takt_world_find_cameras(takt_world* world) {
+  uint32_t i, place;
+  for (i = 0; i < world->camera_count; ++i) {
+    world->places[i] = -1;
+    for (place = 0; place < world->hello.camera_count; ++place)
+      if (strcmp(world->hello.cameras[place].name, world->cameras[i].name) == 0) world->places[i] = (int)place;
+  }
+}
+
 /* Receives hello with its memory. */
 static inline int takt_world_receive_hello(takt_world* world) {
   union {
@@ -127,8 +137,10 @@ static inline int takt_world_receive_hello(takt_world* world) {
   }
   if (world->memory >= 0 && world->hello.header.kind == TAKT_WORLD_HELLO &&
       world->hello.header.protocol == TAKT_WORLD_PROTOCOL && world->hello.joint_count <= TAKT_WORLD_MAX_JOINTS &&
-      world->hello.camera_count <= TAKT_WORLD_MAX_CAMERAS)
+      world->hello.camera_count <= TAKT_WORLD_MAX_CAMERAS) {
+    takt_world_find_cameras(world);
     return 0;
+  }
   errno = EPROTO;
   return -1;
 }
@@ -152,7 +164,6 @@ static inline int takt_world_welcome_takt(takt_world* world, const char* name, u
 
 /* Waits for the next simulation. world->hello says which robot; to look at it before welcoming it, call these parts. */
 static inline int takt_world_accept(takt_world* world, const char* name, uint32_t gives) {
-  uint32_t i, place;
   takt_world_leave(world);
   do {
     world->peer = accept(world->listener, NULL, NULL);
@@ -161,11 +172,6 @@ static inline int takt_world_accept(takt_world* world, const char* name, uint32_
   void* const at = mmap(NULL, world->hello.memory_bytes, PROT_READ | PROT_WRITE, MAP_SHARED, world->memory, 0);
   if (at == MAP_FAILED) return -1;
   world->shared = (unsigned char*)at;
-  for (i = 0; i < world->camera_count; ++i) {
-    world->places[i] = -1;
-    for (place = 0; place < world->hello.camera_count; ++place)
-      if (strcmp(world->hello.cameras[place].name, world->cameras[i].name) == 0) world->places[i] = (int)place;
-  }
   return takt_world_welcome_takt(world, name, gives, NULL);
 }
 
