@@ -60,6 +60,7 @@ class Rollout {
                                        setup.fallback != nullptr ? setup.fallback->policy_hash : 0)),
         state_(pipeline::make_tick_state(config_)),
         world_(world),
+        disturbance_(disturbance),
         bus_(std::move(bus)),
         imu_(disturbance, setup.seed, kImuLossStream),
         policy_(setup.robot, setup.policy_hash, setup.policy, setup.timing, disturbance, disturbance, setup.seed),
@@ -125,7 +126,7 @@ class Rollout {
     if (fallback_) fallback_->run_until(now);
     bus_.receive(world_.plant(), now, input_);
     read_commands(now);
-    input_.operator_request = input_.tick == 1 ? OperatorRequest::none : operator_.next(output_->record, config_);
+    input_.operator_request = asked(now);
     pipeline::control_tick(*state_, input_, config_, *output_);
     bus_.send(world_.plant(), now, *output_);
     if (output_->observation_due) publish(output_->observation);
@@ -134,6 +135,16 @@ class Rollout {
     truth.lost = world_.is_lost();
     measures_.tick(output_->record, truth);
     if (setup_.on_tick) setup_.on_tick(output_->record);
+  }
+
+  // A panel's person stops the robot once; what is asked else is the operator's affair.
+  OperatorRequest asked(MonoTime now) {
+    if (input_.tick == 1) return OperatorRequest::none;
+    if (!is_stopped_ && disturbance_.dose(Trouble::operator_stop, now) > 0) {
+      is_stopped_ = true;
+      return OperatorRequest::stop;
+    }
+    return operator_.next(output_->record, config_);
   }
 
   void publish(const Observation& observation) {
@@ -164,6 +175,7 @@ class Rollout {
   pipeline::TickConfig config_;
   pipeline::TickStatePtr state_;
   World& world_;
+  const Disturbance& disturbance_;
   VirtualBus bus_;
   SensorFeed imu_;
   Disturbance untroubled_{{}, kStart};
@@ -176,6 +188,7 @@ class Rollout {
   pipeline::TickInput input_;
   std::unique_ptr<pipeline::TickOutput> output_ = std::make_unique<pipeline::TickOutput>();
   MonoTime plant_at_ = kStart, lost_at_;
+  bool is_stopped_ = false;
 };
 
 }  // namespace
