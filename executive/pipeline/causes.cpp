@@ -130,8 +130,8 @@ bool stays_degraded(CauseMask temperatures, const TickConfig& config) {
 
 CauseMask of_commands(const TickState& state, MonoTime now, const TickConfig& config) {
   const FreshnessContract& contract = config.freshness;
-  const bool out_of_range = static_cast<double>(state.clamped.count()) > config.clamped_share * contract.window_ticks;
-  CauseMask active = when(out_of_range || state.refusals.count() > contract.bad_command_limit, Cause::bad_commands);
+  CauseMask active =
+      when(is_out_of_range(state, config) || state.refusals.count() > contract.bad_command_limit, Cause::bad_commands);
   const Mode mode = state.mode.mode;
   if (mode == Mode::damped_stop)
     return active | when(is_fallback_spent(state.fallback, now, config), Cause::fallback_spent);
@@ -165,6 +165,10 @@ bool is_unrecorded(const TickRecordHeader& header, const TickConfig& config) {
 }
 
 }  // namespace
+
+bool is_out_of_range(const TickState& state, const TickConfig& config) {
+  return static_cast<double>(state.clamped.count()) > config.clamped_share * config.freshness.window_ticks;
+}
 
 CauseMask conditions(const TickState& state, const TickRecord& record, const TickConfig& config) {
   const bool late = static_cast<double>(state.late.count()) > config.late_share * config.freshness.window_ticks;

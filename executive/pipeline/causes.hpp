@@ -10,6 +10,9 @@
 
 namespace takt::pipeline {
 
+// In more ticks of the window than clamped_share allows a target was out of its joint's range, whoever plays.
+bool is_out_of_range(const TickState& state, const TickConfig& config);
+
 // Operator requests aside.
 CauseMask conditions(const TickState& state, const TickRecord& record, const TickConfig& config);
 

@@ -514,6 +514,42 @@ TEST_F(StopByPolicy, ThePolicysNonsenseIsAnswered) {
   EXPECT_EQ(player(), Player::none) << "the worse cause's manner is another one";
 }
 
+// Nonsense is answered by the fallback policy, but not its own: nobody is left to answer that.
+TEST_F(StopByPolicy, ItsOwnNonsenseEndsIt) {
+  rule().longest = {};
+  two.rig.config.stops[static_cast<std::size_t>(Cause::bad_commands)] = {StopManner::policy, {}};
+  stop_and_stand();
+  two.fallback_wants = 50.0F;  // far out of range, and finite
+  two.run(static_cast<int>(two.rig.config.freshness.window_ticks));
+  EXPECT_NE(two.header().causes_active & bit(Cause::bad_commands), 0U);
+  EXPECT_EQ(player(), Player::none);
+  two.fallback_wants = -0.4F;
+  stays_let_go(200);
+}
+
+TEST_F(StopByPolicy, NorDoesItsOwnNonsenseBeginOne) {
+  two.rig.config.stops[static_cast<std::size_t>(Cause::bad_commands)] = {StopManner::policy, {}};
+  arm();
+  two.policy_speaks = false;
+  ASSERT_GE(two.run_until(Mode::degraded, 400), 0);
+  two.fallback_wants = 50.0F;
+  ASSERT_GE(two.run_until(Mode::damped_stop, 1500), 0);
+  ASSERT_EQ(two.header().cause, Cause::bad_commands);
+  EXPECT_EQ(player(), Player::none);
+  stays_let_go(50);
+}
+
+// The policy's nonsense of a second ago does not end what answers it.
+TEST_F(StopByPolicy, WhatWasOutOfRangeBeforeItIsNotItsOwn) {
+  two.rig.config = stopping_robot(Cause::bad_commands);
+  arm();
+  two.policy_wants = 50.0F;
+  ASSERT_GE(two.run_until(Mode::damped_stop, 1500), 0);
+  ASSERT_EQ(two.header().cause, Cause::bad_commands);
+  go(400);
+  EXPECT_EQ(player(), Player::fallback);
+}
+
 // Goal: what the second policy says and does is state, input and record, so that it replays from a keyframe. Method: a
 // run with losses, saved in the middle while the fallback plays; the rest again from the keyframe and the records
 // alone.
