@@ -1,7 +1,7 @@
 // Goal: whatever strikes and whenever, the wire and the true motion keep the contract (oracles.hpp). Method: the
 // executive's own loop and drivers in a simulated world, many seeded schedules of ten simulated seconds; what breaks a
-// promise is shortened to the events that it takes, and told with one command. Faults planted between executive and bus
-// show that each oracle bites.
+// promise is shortened to the events that it takes, and told with one command. Faults planted between executive and bus,
+// and in what the tick is told of stops, show that each oracle bites.
 //
 // Before, each happening strikes alone, whatever it can strike: so every cause of the reaction table is met, but for
 // our own bugs. Which cause led out of which mode, is printed.
@@ -237,6 +237,23 @@ TEST(Exploration, TwoPoliciesKeepTheContract) {
         std::pair{Mode::degraded, Cause::command_lost}, std::pair{Mode::degraded, Cause::fallback_spent}})
     EXPECT_TRUE(seen.contains({mode, cause})) << name(mode) << " by " << name(cause);
 }
+
+// Goal: an IMU that is cut, frozen, late or lying stops the robot as lost, and no frame on the way there leaves the
+// envelope. Method: each of the four while the robot tracks, in front of every oracle.
+class AnImuThatFails : public testing::TestWithParam<Happening> {};
+
+TEST_P(AnImuThatFails, IsLostAndNoFrameLeavesTheEnvelope) {
+  const config::RobotConfig robot = small_robot();
+  Seen seen;
+  const Event event{GetParam(), seconds(3), milliseconds(2500)};
+  EXPECT_EQ(explore(robot, 1, {event}, &seen), "");
+  EXPECT_TRUE(seen.contains({Mode::tracking, Cause::imu_lost}));
+  EXPECT_TRUE(seen.contains({Mode::damped_stop, Cause::operator_reset})) << "and it is over when the IMU is back";
+}
+
+INSTANTIATE_TEST_SUITE_P(Each, AnImuThatFails,
+                         testing::Values(Happening::imu_silent, Happening::imu_frozen, Happening::imu_late,
+                                         Happening::imu_lies));
 
 TEST(Exploration, TheSameSeedTellsTheSameStory) {
   const config::RobotConfig robot = small_robot();

@@ -336,12 +336,14 @@ void World::sense_base() {
   if ((plant_at_ - kStart).ns % milliseconds(1).ns != 0 || active(Happening::imu_silent) != nullptr) return;
   SensorSample sample;
   sample.sequence = ++imu_sequence_;
-  sample.sensed_at = sample.published_at = plant_at_;
+  sample.published_at = plant_at_;
+  sample.sensed_at = active(Happening::imu_late) != nullptr ? plant_at_ - milliseconds(30) : plant_at_;
   sample.value_count = kImuValues;
   const float lean = active(Happening::base_leans) != nullptr ? 1.5F : 0.0F;
   sample.values[0] = active(Happening::imu_lies) != nullptr ? 0.5F : std::cos(lean / 2);
   sample.values[1] = std::sin(lean / 2);
-  sample.values[9] = 9.81F + 1e-3F * static_cast<float>(imu_sequence_ % 7);
+  const bool frozen = active(Happening::imu_frozen) != nullptr;
+  sample.values[9] = 9.81F + (frozen ? 0.0F : 1e-3F * static_cast<float>(imu_sequence_ % 7));
   imu_.publish(std::as_bytes(std::span(&sample, 1)));
 }
 
@@ -472,6 +474,8 @@ void World::begin_and_end_events() {
       case Happening::imu_lies:
       case Happening::base_leans:
       case Happening::fallback_silent:
+      case Happening::imu_frozen:
+      case Happening::imu_late:
         done_[i] = false;  // lasts, or strikes at a port
     }
   }
