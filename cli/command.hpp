@@ -74,6 +74,7 @@ void add_deploy(CLI::App& app, int& exit_code);
 void add_rollback(CLI::App& app, int& exit_code);
 void add_panel_run(CLI::App& panel, int& exit_code);       // below add_panel's
 void add_panel_merge(CLI::App& panel, int& exit_code);     // below add_panel's
+void add_panel_attest(CLI::App& panel, int& exit_code);    // below add_panel's
 void add_config_import(CLI::App& config, int& exit_code);  // below add_config's
 
 std::span<const AddCommand> commands();

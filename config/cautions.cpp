@@ -46,16 +46,8 @@ void of_temperatures(const RobotConfig& robot, std::vector<std::string>& lines) 
         joints));
 }
 
-// Nobody has seen such a robot stand by stiffness until somebody has.
-void of_postures(const RobotConfig& robot, std::vector<std::string>& lines) {
+void of_falls(const RobotConfig& robot, std::vector<std::string>& lines) {
   if (!may_fall(robot)) return;
-  constexpr std::string_view kUnseen =
-      "nothing shows that this robot stays on its feet by it; measure it by a panel and write where in shown_by";
-  const auto fallback = std::ranges::find(robot.fallbacks, robot.degraded.fallback, &Fallback::name);
-  const bool falls_back_to_pose = robot.degraded.behaviour == Degraded::fallback && fallback != robot.fallbacks.end() &&
-                                  fallback->kind == FallbackKind::pose;
-  if (falls_back_to_pose && !is_shown(fallback->shown_by))
-    lines.push_back(fmt::format("fallbacks.{}: a posture, and the base is free: {}", fallback->name, kUnseen));
   if (robot.degraded.behaviour == Degraded::hold)
     lines.push_back(
         "degraded.behaviour: hold, and the base is free: a robot that balances does not stand by it; a "
@@ -66,13 +58,34 @@ void of_postures(const RobotConfig& robot, std::vector<std::string>& lines) {
     lines.push_back(
         "stops: none is by the fallback policy, and the base is free: the robot falls with every damped stop, a "
         "person's too (stops.CAUSE.how: policy)");
-  for (const StopConfig& stop : robot.stops)
-    if ((stop.how == StopHow::posture || stop.how == StopHow::hold) && !is_shown(stop.shown_by))
-      lines.push_back(fmt::format("stops.{}: {}, and the base is free: {}", stop.name,
-                                  stop.how == StopHow::hold ? "hold" : "a posture", kUnseen));
-  for (const StopConfig& stop : robot.stops)
-    if (is_shown(stop.shown_by))
-      lines.push_back(fmt::format("stops.{}: taken for safe because of: {}", stop.name, stop.shown_by));
+}
+
+std::string what_is(FallbackKind kind) {
+  switch (kind) {
+    case FallbackKind::pose:
+      return "a posture";
+    case FallbackKind::state_feedback:
+      return "state feedback";
+    case FallbackKind::policy:
+      return "a fallback policy";
+  }
+  return "a fallback";
+}
+
+// Empty: nobody offers it as safe.
+std::string what_is(StopHow how) {
+  switch (how) {
+    case StopHow::rest:
+    case StopHow::damping:
+      return {};
+    case StopHow::hold:
+      return "hold";
+    case StopHow::posture:
+      return "a posture";
+    case StopHow::policy:
+      return "the fallback policy";
+  }
+  return {};
 }
 
 }  // namespace
@@ -81,8 +94,20 @@ std::vector<std::string> cautions_about(const RobotConfig& robot) {
   std::vector<std::string> lines;
   of_turns(robot, lines);
   of_temperatures(robot, lines);
-  of_postures(robot, lines);
+  of_falls(robot, lines);
   return lines;
+}
+
+std::vector<Offer> offered_as_safe(const RobotConfig& robot) {
+  std::vector<Offer> offers;
+  if (!may_fall(robot)) return offers;
+  const auto fallback = std::ranges::find(robot.fallbacks, robot.degraded.fallback, &Fallback::name);
+  if (robot.degraded.behaviour == Degraded::fallback && fallback != robot.fallbacks.end())
+    offers.push_back({"fallbacks." + fallback->name, what_is(fallback->kind), fallback->shown_by});
+  for (const StopConfig& stop : robot.stops)
+    if (const std::string what = what_is(stop.how); !what.empty())
+      offers.push_back({"stops." + stop.name, what, stop.shown_by});
+  return offers;
 }
 
 }  // namespace takt::config

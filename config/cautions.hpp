@@ -8,7 +8,17 @@
 
 namespace takt::config {
 
-// Sentences of one line, none where there is nothing to say.
+// Sentences of one line, none where there is nothing to say. Whether what is offered as safe was ever shown to be, is
+// evidence's to say (evidence/judge/attestation.hpp).
 std::vector<std::string> cautions_about(const RobotConfig& robot);
+
+// What a robot that can fall (it has an `imu`) is to stay on its feet by: the fallback of degraded mode, and every stop
+// that neither damps nor only comes to rest.
+struct Offer {
+  std::string of;        // "fallbacks.stand", "stops.operator_stop"
+  std::string what;      // "a posture", "hold", "the fallback policy"
+  std::string shown_by;  // absolute path of an attestation; "none": there is none
+};
+std::vector<Offer> offered_as_safe(const RobotConfig& robot);
 
 }  // namespace takt::config

@@ -51,6 +51,10 @@ std::expected<RobotConfig, std::string> robot_of(Node root, const std::string& n
       if (path->contains('/')) *path = absolute_path(*path, robot.file);
   for (Fallback& fallback : robot.fallbacks)
     if (fallback.has_own_file()) fallback.file = absolute_path(fallback.file, robot.file);
+  for (Fallback& fallback : robot.fallbacks)
+    if (is_shown(fallback.shown_by)) fallback.shown_by = absolute_path(fallback.shown_by, robot.file);
+  for (StopConfig& stop : robot.stops)
+    if (is_shown(stop.shown_by)) stop.shown_by = absolute_path(stop.shown_by, robot.file);
   if (robot.simulation && robot.simulation->mujoco)
     robot.simulation->mujoco->model = absolute_path(robot.simulation->mujoco->model, robot.file);
   if (robot.safe_torque_off && !robot.safe_torque_off->file.empty())

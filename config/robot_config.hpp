@@ -88,7 +88,7 @@ struct Fallback {
   FallbackKind kind = FallbackKind::pose;
   std::vector<double> pose;        // rad, one per joint; pose and state_feedback
   double speed = 0;                // rad/s; pose only
-  std::string shown_by;            // pose only: what showed that the robot is safe there; "none": nothing did
+  std::string shown_by;            // attestation that a robot which can fall stands by it; "none": there is none
   std::vector<FeedbackRow> gains;  // state_feedback only, one per driven joint
   std::string file;                // policy only; none: the policy's own
   std::vector<double> command;     // policy only: what its observation terms `command` read
@@ -102,7 +102,7 @@ struct StopConfig {
   StopHow how = StopHow::rest;
   std::string fallback;  // posture: a fallback of kind pose
   Duration longest;      // hold, posture, policy: then as `rest`; 0: without end
-  std::string shown_by;  // hold, posture, policy: what showed that the robot is safe by it; "none": nothing did
+  std::string shown_by;  // hold, posture, policy: as of a fallback; absolute once loaded
 };
 
 inline bool is_shown(const std::string& by) {

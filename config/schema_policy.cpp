@@ -362,14 +362,13 @@ void describe_fallback(Fields& fields, Fallback& fallback, Words joints) {
   if (fallback.kind == FallbackKind::pose || fields.shows_all())
     fields.quantity({"speed", "pose: joint speed on the way"}, fallback.speed, Dimension::angular_velocity,
                     above(0, 100));
-  if (fallback.kind == FallbackKind::pose || fields.shows_all())
-    fields.text(
-        {"shown_by", "pose: the panel that showed that the robot is safe there, in words; none: nothing did", "none"},
-        fallback.shown_by);
   if (fallback.kind == FallbackKind::state_feedback || fields.shows_all())
     fields.each({"gains", "state_feedback: one row per driven joint"}, fallback.gains, kMaxJoints,
                 [&](Fields& f, FeedbackRow& row) { describe_feedback_row(f, row, joints); });
   if (fallback.kind == FallbackKind::policy || fields.shows_all()) describe_fallback_policy(fields, fallback);
+  fields.text({"shown_by",
+               "of a robot that can fall: the file of `takt panel attest` that shows that it does not by this", "none"},
+              fallback.shown_by);
 }
 
 void describe_degraded(Fields& fields, DegradedConfig& degraded, const std::vector<Fallback>& fallbacks) {
@@ -414,7 +413,7 @@ void describe_stop(Fields& fields, StopConfig& stop, const std::vector<Fallback>
                     seconds(3600));
     fields.text(
         {"shown_by",
-         "hold, posture, policy: the panel that showed that the robot is safe by it, in words; none: nothing did",
+         "hold, posture, policy: of a robot that can fall, the file of `takt panel attest` that shows that it does not",
          "none"},
         stop.shown_by);
   }

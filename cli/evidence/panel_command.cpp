@@ -8,6 +8,7 @@ void add_panel(CLI::App& app, int& exit_code) {
   command->require_subcommand(1);
   add_panel_run(*command, exit_code);
   add_panel_merge(*command, exit_code);
+  add_panel_attest(*command, exit_code);
 }
 
 }  // namespace takt::cli

@@ -8,10 +8,10 @@
 #include "cli/robot/process_check.hpp"
 #include "cli/run/checked_robot.hpp"
 #include "cli/world_option.hpp"
-#include "config/cautions.hpp"
 #include "config/json_schema.hpp"
 #include "config/key_table.hpp"
 #include "config/load.hpp"
+#include "evidence/judge/attestation.hpp"
 
 namespace takt::cli {
 namespace {
@@ -50,12 +50,10 @@ int check(const ConfigOptions& options) {
     nlohmann::json buses = nlohmann::json::array();
     for (const drivers::BusLoad& load : checked->loads)
       buses.push_back({{"bus", load.bus}, {"drives", load.drives}, {"load", load.load}, {"undivided", load.undivided}});
-    const nlohmann::json json{{"valid", true},
-                              {"robot", robot.robot},
-                              {"joints", robot.joints.size()},
-                              {"buses", buses},
-                              {"cautions", config::cautions_about(robot)},
-                              {"sha256", robot.sha256}};
+    const nlohmann::json json{
+        {"valid", true},         {"robot", robot.robot},           {"joints", robot.joints.size()},
+        {"buses", buses},        {"cautions", cautions_of(robot)}, {"shown", panel::standing_of(robot).shown},
+        {"sha256", robot.sha256}};
     fmt::print("{}\n", json.dump());
     return kExitOk;
   }
@@ -65,7 +63,8 @@ int check(const ConfigOptions& options) {
                load.undivided > load.load
                    ? fmt::format("; every drive in every tick would take {:.0f} %", 100 * load.undivided)
                    : "");
-  for (const std::string& caution : config::cautions_about(robot)) fmt::print("note: {}\n", caution);
+  for (const std::string& shown : panel::standing_of(robot).shown) fmt::print("shown: {}\n", shown);
+  for (const std::string& caution : cautions_of(robot)) fmt::print("note: {}\n", caution);
   return kExitOk;
 }
 

@@ -88,6 +88,7 @@ std::expected<Outcome, Refusal> deploy_robot(const DeployOptions& options) {
                     real->interface, options.robot_file));
   auto store = deploy::Store::open(options.store);
   if (!store) return refused(store.error());
+  tell_cautions(robot);
   const std::vector<std::string> places{options.place.runtime_directory};
   if (const auto disarmed = require_disarmed(places); !disarmed) return std::unexpected(disarmed.error());
 

@@ -19,6 +19,11 @@ struct CheckedRobot {
 // The error: one problem per line; exit code config::kExitBadConfiguration.
 std::expected<CheckedRobot, std::string> check_robot_file(const std::string& path);
 
+// What the file costs or takes on trust: of itself, and what it offers as safe that no panel showed.
+std::vector<std::string> cautions_of(const config::RobotConfig& robot);
+// The same on stderr, before a robot is run.
+void tell_cautions(const config::RobotConfig& robot);
+
 // For a terminal: the first ten of `problems`, one per line, and how many more there are.
 std::string first_problems(const std::string& problems);
 

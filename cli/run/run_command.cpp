@@ -110,6 +110,7 @@ int run(const Given& given) {
     if (const auto home = make_runtime_home(config::runtime_home()); !home)
       return refuse(kExitUnavailable, home.error());
   remember_robot_file(options.place.runtime_directory, given.robot_file);
+  tell_cautions(robot);
   return Supervisor(robot, std::move(options)).run();
 }
 

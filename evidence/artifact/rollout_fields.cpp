@@ -43,6 +43,8 @@ void add_outcome(Fields& fields) {
   fields.push_back({"success", "", "the task was done as the panel demands", at(&RolloutRow::success)});
   add_text(fields, "failure_label", &RolloutRow::failure_label, TextFormat::label,
            "why it failed, in a word; empty exactly on success");
+  fields.push_back({"fell", "", "it fell, or lost what it balances, at any time: before a stop, by it or without one",
+                    at(&RolloutRow::fell)});
   fields.push_back({"monitor_state.mode", "", "mode after the last tick", at(&RolloutRow::final_mode)});
   fields.push_back({"monitor_state.cause", "", "cause of the last transition", at(&RolloutRow::final_cause)});
   add_text(fields, "faults.leading", &RolloutRow::leading_fault, TextFormat::fault,

@@ -79,6 +79,7 @@ struct RolloutRow {
   // How it ended.
   bool success = false;
   std::string failure_label;        // a-z 0-9 _; empty exactly on success
+  bool fell = false;                // or lost what it balances, at any time, whatever the label says first
   Mode final_mode = Mode::standby;  // monitor state at the end
   Cause final_cause = Cause::none;  // of the last transition
   std::optional<double>

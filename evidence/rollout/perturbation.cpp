@@ -59,6 +59,7 @@ constexpr std::array<PerturbationKind, kTroubleCount> kKinds{{
      10'000},
     {Trouble::payload, "payload", "a point mass sits at the tool", "kg", 1, 0, 1000},
     {Trouble::friction, "friction", "joint friction is multiplied", "factor", 4, 0.01, 1000},
+    {Trouble::operator_stop, "operator_stop", "a person stops the robot at the start of the window", "times", 1, 1, 1},
 }};
 
 constexpr bool rows_are_in_order() {

@@ -37,8 +37,9 @@ enum class Trouble : std::uint8_t {
   push,
   payload,
   friction,
+  operator_stop,
 };
-inline constexpr std::size_t kTroubleCount = 24;
+inline constexpr std::size_t kTroubleCount = 25;
 
 struct PerturbationKind {
   Trouble trouble = Trouble::none;

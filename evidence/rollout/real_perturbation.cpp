@@ -190,6 +190,8 @@ std::expected<RealTrouble, std::string> real_trouble_of(const Perturbation& pert
       return refuse(perturbation, "the executive decodes replies itself, and nothing outside can make it slower");
     case Trouble::gpu_contention:
       return gpu_load(perturbation);
+    case Trouble::operator_stop:
+      return RealTrouble{.actions = {action(from, "stop")}};
   }
   return RealTrouble{};
 }

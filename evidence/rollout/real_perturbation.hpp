@@ -8,6 +8,7 @@
 // cpu_hog                       the same, every 100 ms
 // rt_throttling                 a spinner below the control thread on its core, until the kernel stops both
 // gpu_contention                a command of the panel's, where there is a GPU
+// operator_stop                 the stop of `takt stop`
 // publish_delay, queue_growth, bad_actions_nan, bad_actions_range, wrong_joint_order: the policy host, told by --fault
 // can_loss, can_delay, bus_off, sensor_burst, sensor_dropout, camera_freeze, push, payload, friction: the simulator, by
 // a scenario (docs/plant-scenarios.md)

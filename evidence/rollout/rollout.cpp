@@ -80,6 +80,7 @@ class Rollout {
         state_(pipeline::make_tick_state(config_)),
         world_(world),
         sensor_(index_of(setup.robot, world.sensor())),
+        disturbance_(disturbance),
         bus_(std::move(bus)),
         imu_(disturbance, setup.seed, kImuLossStream),
         policy_(setup.robot, setup.policy_hash, setup.policy, setup.timing, disturbance, disturbance, setup.seed),
@@ -144,7 +145,7 @@ class Rollout {
     if (fallback_) fallback_->run_until(now);
     bus_.receive(world_.plant(), now, input_);
     read_commands(now);
-    input_.operator_request = input_.tick == 1 ? OperatorRequest::none : operator_.next(output_->record, config_);
+    input_.operator_request = asked(now);
     pipeline::control_tick(*state_, input_, config_, *output_);
     bus_.send(world_.plant(), now, *output_);
     if (output_->observation_due) publish(output_->observation);
@@ -158,6 +159,16 @@ class Rollout {
   void sense(std::size_t sensor, const plant::Sensed& sensed) {
     policy_.sense(sensor, sensed);
     if (fallback_) fallback_->sense(sensor, sensed);
+  }
+
+  // A panel's person stops the robot once; what is asked else is the operator's affair.
+  OperatorRequest asked(MonoTime now) {
+    if (input_.tick == 1) return OperatorRequest::none;
+    if (!is_stopped_ && disturbance_.dose(Trouble::operator_stop, now) > 0) {
+      is_stopped_ = true;
+      return OperatorRequest::stop;
+    }
+    return operator_.next(output_->record, config_);
   }
 
   void publish(const Observation& observation) {
@@ -189,6 +200,7 @@ class Rollout {
   pipeline::TickStatePtr state_;
   World& world_;
   std::size_t sensor_;  // that world_.sample() is of; none: as many as there are
+  const Disturbance& disturbance_;
   VirtualBus bus_;
   SensorFeed imu_;
   Disturbance untroubled_{{}, kStart};
@@ -201,6 +213,7 @@ class Rollout {
   pipeline::TickInput input_;
   std::unique_ptr<pipeline::TickOutput> output_ = std::make_unique<pipeline::TickOutput>();
   MonoTime plant_at_ = kStart, lost_at_;
+  bool is_stopped_ = false;
 };
 
 }  // namespace

@@ -95,6 +95,7 @@ void RolloutMeasures::world_ended(plant::WorldEndKind kind) {
 
 void RolloutMeasures::note_failure(const TickRecordHeader& header, const TruthOfTick& truth) {
   if (header.cause != Cause::none) last_cause_ = header.cause;
+  fell_ |= truth.lost;
   if (truth.lost && lost_.empty()) lost_ = stop_.empty() ? "fell" : stop_;
   if (stop_.empty() && is_latched(header.mode) && header.mode != header.previous_mode) stop_ = name(header.cause);
 }
@@ -174,6 +175,7 @@ void RolloutMeasures::fill_outcome(RolloutRow& row) {
   row.failure_label = failure(row.tracking_error_rms_m);
   row.success = row.failure_label.empty();
   row.rearms = armings_ > 0 ? armings_ - 1 : 0;
+  row.fell = fell_;
   row.final_mode = metrics_.last_mode;
   row.final_cause = last_cause_;
   const bool recovered = was_disturbed_ && well_since_.is_set();

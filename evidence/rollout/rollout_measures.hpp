@@ -71,7 +71,8 @@ class RolloutMeasures {
   double peak_jerk_ = 0, peak_join_step_ = 0;
   std::string_view stop_;  // cause of the first stop since the robot last tracked; empty: none
   std::uint64_t armings_ = 0;
-  std::string_view lost_;    // why the world is beyond help; empty: it is not
+  std::string_view lost_;  // why the world is beyond help; empty: it is not
+  bool fell_ = false;
   std::string_view spoilt_;  // how the process that played the world failed; empty: it did not
   bool done_ = false;        // as the world says
   Cause last_cause_ = Cause::none;

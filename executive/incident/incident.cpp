@@ -46,6 +46,7 @@ std::string damped_text(const TickRecordHeader& header, const config::RobotConfi
     case StopHow::hold:
       return "the robot is braked and held" + until_text(*stop);
     case StopHow::posture:
+      if (header.previous_mode == Mode::arming) break;
       return fmt::format("the robot is led to the pose of {} and held there{}", stop->fallback, until_text(*stop));
     case StopHow::policy:
       if (header.player != Player::fallback) break;

@@ -144,19 +144,31 @@ void excuse_out_of_turn(LinkWatch& links, const TickRecordHeader& header, const 
   }
 }
 
-CauseMask causes_by_policy(const TickConfig& config) {
+CauseMask causes_stopped_by(StopManner manner, const TickConfig& config) {
   CauseMask causes = 0;
   for (std::size_t i = 0; i < kCauseCount; ++i)
-    if (config.stops[i].manner == StopManner::policy) causes |= bit(static_cast<Cause>(i));
+    if (config.stops[i].manner == manner) causes |= bit(static_cast<Cause>(i));
   return causes;
 }
 
-// In whose manner the damped stop goes on.
-void follow_stop(ModeState& mode, const TickRecordHeader& header, const TickConfig& config) {
+// To a posture goes who was moving: by a policy, or in this stop already. Who was let go, or never moved, stays:
+// somebody may stand beside the robot by now.
+bool may_be_led(const TickState& state, const TickRecordHeader& header, const TickConfig& config) {
+  if (header.previous_mode != Mode::damped_stop)
+    return header.previous_mode == Mode::tracking || header.previous_mode == Mode::degraded;
+  return state.mode.player == Player::fallback || manner_of(state, header.now, config) == StopManner::posture;
+}
+
+// In whose manner the damped stop goes on; Cause::none: damped to rest and held.
+void follow_stop(TickState& state, const TickRecordHeader& header, const TickConfig& config) {
+  ModeState& mode = state.mode;
   if (mode.mode != Mode::damped_stop) return;
-  const CauseMask by_policy = causes_by_policy(config);
   const bool begins = header.previous_mode != Mode::damped_stop;
-  const Cause cause = stopped_by(begins ? header.cause : mode.stop_cause, header.causes_active, by_policy);
+  const CauseMask by_policy = causes_stopped_by(StopManner::policy, config);
+  const CauseMask postures = may_be_led(state, header, config) ? 0 : causes_stopped_by(StopManner::posture, config);
+  Cause present = begins ? header.cause : mode.stop_cause;
+  if (begins && (postures & bit(present)) != 0) present = Cause::none;
+  const Cause cause = stopped_by(present, header.causes_active & ~postures, by_policy);
   if (!begins && cause == mode.stop_cause) return;
   // One by policy after the other is one stop, and its time is one.
   const bool goes_on = !begins && (by_policy & bit(mode.stop_cause)) != 0 && (by_policy & bit(cause)) != 0;
@@ -268,7 +280,7 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
     enter(state, transition.to, input.now, contract);
     excuse_out_of_turn(state.links, header, config);
   }
-  follow_stop(state.mode, header, config);
+  follow_stop(state, header, config);
   // Who stops the arming does not want the drives that are still off.
   if (stops_arming) take_out(state, affected & not_enabled(record, config));
   if (state.mode.mode == Mode::fault_latched) {

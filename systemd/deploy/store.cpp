@@ -86,6 +86,29 @@ Done copy_policy(const PolicyCopy& policy, const std::string& deployment) {
   return {};
 }
 
+// What a panel showed of it goes with the robot; one that is not there is not, and `takt config check` says so.
+struct AttestationCopy {
+  std::string key, from, name;
+};
+
+std::vector<AttestationCopy> attestations_of(const config::RobotConfig& robot) {
+  std::vector<AttestationCopy> copies;
+  const auto add = [&](const std::string& of, const std::string& from) {
+    if (config::is_shown(from) && fs::exists(from)) copies.push_back({of + ".shown_by", from, "shown/" + of + ".json"});
+  };
+  for (const config::Fallback& fallback : robot.fallbacks) add("fallbacks." + fallback.name, fallback.shown_by);
+  for (const config::StopConfig& stop : robot.stops) add("stops." + stop.name, stop.shown_by);
+  return copies;
+}
+
+Done copy_attestation(const AttestationCopy& attestation, const std::string& deployment) {
+  std::error_code error;
+  fs::create_directories(deployment + "/shown", error);
+  if (error) return cannot("made", deployment + "/shown", error.message());
+  if (auto done = readable_by_all(deployment + "/shown"); !done) return done;
+  return copy_file(attestation.from, deployment + "/" + attestation.name);
+}
+
 // Last part of where a link points; empty: no link, or it points nowhere.
 std::string link_name(const std::string& link) {
   std::error_code error;
@@ -145,6 +168,8 @@ Done Store::fill(const std::string& staging, const Newcomer& newcomer) {
   const std::vector<PolicyCopy> policies = policies_of(newcomer.robot);
   std::vector<config::Override> own;
   for (const PolicyCopy& policy : policies) own.push_back({policy.key, policy.path()});
+  const std::vector<AttestationCopy> attestations = attestations_of(newcomer.robot);
+  for (const AttestationCopy& attestation : attestations) own.push_back({attestation.key, attestation.name});
   own.push_back({"record.directory", newcomer.runs_folder});
   const auto copy = config::with_overrides(newcomer.robot, own);
   if (!copy) return std::unexpected(copy.error());
@@ -159,6 +184,8 @@ Done Store::fill(const std::string& staging, const Newcomer& newcomer) {
                    Done done;
                    for (const PolicyCopy& policy : policies)
                      if (done) done = stepping(copy_policy(policy, staging));
+                   for (const AttestationCopy& attestation : attestations)
+                     if (done) done = stepping(copy_attestation(attestation, staging));
                    return done;
                  },
                  [&] {

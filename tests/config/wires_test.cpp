@@ -203,29 +203,28 @@ TEST(Stops, WhereNoneIsByTheFallbackPolicyARobotThatBalancesIsSaidToFall) {
   EXPECT_TRUE(lines[0].starts_with("stops: none is by the fallback policy, and the base is free"));
 }
 
-// Only a robot that can fall is told, and what somebody saw is repeated.
-TEST(Stops, APostureIsTakenForSafeOnlyWhereAPanelShowedIt) {
+// Only a robot that can fall is to stay on its feet by something; whether it does, an attestation says, wherever the
+// robot file lies.
+TEST(Stops, WhatARobotThatCanFallIsToStandByIsNamed) {
   const std::string free_base = replaced(
-      stopping("{ operator_stop: { how: posture, fallback: tuck, for: 3 s } }"),
+      stopping("{ operator_stop: { how: posture, fallback: tuck, for: 3 s, shown_by: seen/stop.json }, tilt: { how: "
+               "damping }, overrun: { how: hold, for: 0 s } }"),
       "  - { name: target, values: 3, timeout: 100 ms }\n",
       "  - { name: target, values: 3, timeout: 100 ms }\n  - { name: base, values: 10, timeout: 20 ms }\nimu: { "
       "sensor: base, tilt: 1 rad }\n");
-  const auto robot = parse(free_base, "r");
+  const auto robot = parse(free_base, "/robots/r.yaml");
   ASSERT_TRUE(robot) << robot.error();
-  const auto lines = cautions_about(*robot);
-  ASSERT_EQ(lines.size(), 2U) << "the fallback's pose and the stop's";
-  EXPECT_EQ(
-      lines[1],
-      "stops.operator_stop: a posture, and the base is free: nothing shows that this robot stays on its feet by it; "
-      "measure it by a panel and write where in shown_by");
-  const auto seen =
-      parse(replaced(free_base, "for: 3 s }", "for: 3 s, shown_by: panel crouch of 3 May 48 of 50 }"), "r");
-  ASSERT_TRUE(seen) << seen.error();
-  EXPECT_EQ(cautions_about(*seen).back(),
-            "stops.operator_stop: taken for safe because of: panel crouch of 3 May 48 of 50");
+  const auto offers = offered_as_safe(*robot);
+  ASSERT_EQ(offers.size(), 3U) << "damping offers nothing";
+  EXPECT_EQ(offers[0].of, "fallbacks.tuck");
+  EXPECT_EQ(offers[0].shown_by, "none");
+  EXPECT_EQ(offers[1].of, "stops.operator_stop");
+  EXPECT_EQ(offers[1].what, "a posture");
+  EXPECT_EQ(offers[1].shown_by, "/robots/seen/stop.json");
+  EXPECT_EQ(offers[2].what, "hold");
   const auto fixed = parse(stopping("{ operator_stop: { how: posture, fallback: tuck, for: 3 s } }"), "r");
   ASSERT_TRUE(fixed);
-  EXPECT_TRUE(cautions_about(*fixed).empty()) << "an arm on its table does not fall";
+  EXPECT_TRUE(offered_as_safe(*fixed).empty()) << "an arm on its table does not fall";
 }
 
 }  // namespace

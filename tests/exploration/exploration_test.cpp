@@ -1,7 +1,7 @@
 // Goal: whatever strikes and whenever, the wire and the true motion keep the contract (oracles.hpp). Method: the
 // executive's own loop and drivers in a simulated world, many seeded schedules of ten simulated seconds; what breaks a
-// promise is shortened to the events that it takes, and told with one command. Faults planted between executive and bus
-// show that each oracle bites.
+// promise is shortened to the events that it takes, and told with one command. Faults planted between executive and bus,
+// and in what the tick is told of stops, show that each oracle bites.
 //
 // Before, each happening strikes alone, whatever it can strike: so every cause of the reaction table is met, but for
 // our own bugs. Which cause led out of which mode, is printed.
@@ -12,9 +12,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cstdlib>
 #include <numeric>
+#include <random>
 #include <sstream>
 #include <string_view>
 
@@ -29,11 +31,12 @@ constexpr Duration kLasting = seconds(10);
 using Seen = std::set<std::pair<Mode, Cause>>;
 
 std::string explore(const config::RobotConfig& robot, std::uint64_t seed, const std::vector<Event>& events,
-                    Seen* seen = nullptr, Planted planted = Planted::none) {
+                    Seen* seen = nullptr, Planted planted = Planted::none, StopBook::Met* ways = nullptr) {
   World world(robot, events, seed, planted);
   const Oracles oracles(world);
   world.run(kLasting);
   if (seen != nullptr) seen->insert(oracles.seen().begin(), oracles.seen().end());
+  if (ways != nullptr) ways->insert(oracles.ways().begin(), oracles.ways().end());
   return oracles.broken();
 }
 
@@ -63,8 +66,10 @@ std::string story(const config::RobotConfig& robot, std::uint64_t seed, const st
     list += (list.empty() ? "" : ",") + std::to_string(i);
     events += "\n  " + text(all[i]);
   }
-  return fmt::format("seed {}, {} of {} events:{}\nagain: TAKT_SEED={} TAKT_KEEP={} build/release/bin/exploration_test",
-                     seed, keep.size(), all.size(), events, seed, list);
+  return fmt::format(
+      "seed {}, {} of {} events:{}\nagain: TAKT_SEED={} TAKT_KEEP={} build/release/bin/exploration_test "
+      "--gtest_filter=*{}",
+      seed, keep.size(), all.size(), events, seed, list, testing::UnitTest::GetInstance()->current_test_info()->name());
 }
 
 const char* setting(const char* name) {
@@ -83,33 +88,86 @@ void expect_every_cause(const Seen& seen) {
   }
 }
 
+// Seeds of a test: those that were asked for, else `usual` of them.
+std::pair<std::uint64_t, std::uint64_t> seeds(std::uint64_t usual) {
+  if (setting("TAKT_SEED") != nullptr) return {std::stoull(setting("TAKT_SEED")), 1};
+  return {1, setting("TAKT_SEEDS") != nullptr ? std::stoull(setting("TAKT_SEEDS")) : usual};
+}
+
+// Of a drawn schedule, the events that were asked for.
+std::vector<Event> kept(const std::vector<Event>& events) {
+  const char* const keep = setting("TAKT_KEEP");
+  if (keep == nullptr) return events;
+  std::vector<std::size_t> numbers;
+  std::istringstream list(keep);
+  for (std::string number; std::getline(list, number, ',');) numbers.push_back(std::stoull(number));
+  return chosen(events, numbers);
+}
+
+std::string told(const std::string& problem, const config::RobotConfig& robot, std::uint64_t seed,
+                 const std::vector<Event>& events) {
+  const bool shortens = setting("TAKT_SHORTEN") == nullptr || std::string_view(setting("TAKT_SHORTEN")) != "0";
+  return problem + "\n" + (shortens ? story(robot, seed, events) : "");
+}
+
 TEST(Exploration, EveryScheduleKeepsTheContract) {
   const config::RobotConfig robot = small_robot();
-  const std::uint64_t first = setting("TAKT_SEED") != nullptr ? std::stoull(setting("TAKT_SEED")) : 1;
-  const std::uint64_t count = setting("TAKT_SEED") != nullptr    ? 1
-                              : setting("TAKT_SEEDS") != nullptr ? std::stoull(setting("TAKT_SEEDS"))
-                                                                 : 150;
+  const auto [first, count] = seeds(150);
   Seen seen;
   int broken = 0;
   const auto began = std::chrono::steady_clock::now();
   for (std::uint64_t seed = first; seed < first + count; ++seed) {
-    std::vector<Event> events = draw(seed, robot.joints.size(), robot.buses.size(), kLasting);
-    if (const char* const keep = setting("TAKT_KEEP")) {
-      std::vector<std::size_t> numbers;
-      std::istringstream list(keep);
-      for (std::string number; std::getline(list, number, ',');) numbers.push_back(std::stoull(number));
-      events = chosen(events, numbers);
-    }
+    const std::vector<Event> events = kept(draw(seed, robot.joints.size(), robot.buses.size(), kLasting));
     const std::string problem = explore(robot, seed, events, &seen);
     if (problem.empty()) continue;
-    const bool shortens = setting("TAKT_SHORTEN") == nullptr || std::string_view(setting("TAKT_SHORTEN")) != "0";
-    ADD_FAILURE() << problem << "\n" << (shortens ? story(robot, seed, events) : "");
+    ADD_FAILURE() << told(problem, robot, seed, events);
     if (++broken == 5) break;
   }
   const double minutes = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count() / 60;
   fmt::print("{:.0f} schedules a minute on this core; {} pairs of mode and cause were met:\n",
              static_cast<double>(count) / minutes, seen.size());
   for (const auto& [mode, cause] : seen) fmt::print("  {} by {}\n", name(mode), name(cause));
+}
+
+// A general schedule, some of whose events are such as stop a robot in one way or another, or end a way of stopping.
+std::vector<Event> draw_stops(std::uint64_t seed, const config::RobotConfig& robot) {
+  constexpr std::array kStopping{
+      Happening::operator_stop,   Happening::policy_nonsense,  Happening::late_wake_ups, Happening::policy_silent,
+      Happening::fallback_silent, Happening::base_leans,       Happening::imu_silent,    Happening::recorder_ends,
+      Happening::drive_hot,       Happening::bus_has_stranger, Happening::shove};
+  std::vector<Event> events = draw(seed, robot.joints.size(), robot.buses.size(), kLasting);
+  std::mt19937_64 random(~seed);
+  for (std::size_t i = 0; i < events.size(); i += random() % 3 == 0 ? 2U : 1U) {
+    events[i].what = kStopping.at(random() % kStopping.size());
+    if (!is_of_joint(events[i].what) && !is_of_bus(events[i].what)) continue;
+    events[i].index %= is_of_bus(events[i].what) ? robot.buses.size() : robot.joints.size();
+  }
+  return events;
+}
+
+// Goal: however a robot file says that its robot stops, the stop goes on as the file and docs/design.md say, for as
+// long as they say, and nothing else is lost. Method: the same oracles and those of stop_book.hpp; robot and schedule
+// are drawn from one seed. Every way of stopping is met, as is the end by its time of each that has one.
+TEST(Exploration, EveryWayOfStoppingKeepsTheContract) {
+  using config::StopHow;
+  StopBook::Met ways;
+  Seen seen;
+  int broken = 0;
+  const auto [first, count] = seeds(200);
+  for (std::uint64_t seed = first; seed < first + count && broken < 5; ++seed) {
+    const config::RobotConfig robot = robot_that_stops(seed);
+    const std::vector<Event> events = kept(draw_stops(seed, robot));
+    const std::string problem = explore(robot, seed, events, &seen, Planted::none, &ways);
+    if (problem.empty()) continue;
+    ADD_FAILURE() << told(problem, robot, seed, events);
+    ++broken;
+  }
+  if (setting("TAKT_SEED") != nullptr || setting("TAKT_SEEDS") != nullptr) return;
+  for (const StopHow how : {StopHow::rest, StopHow::damping, StopHow::hold, StopHow::posture, StopHow::policy})
+    EXPECT_TRUE(ways.contains({how, false})) << static_cast<int>(how);
+  for (const StopHow how : {StopHow::hold, StopHow::posture, StopHow::policy})
+    EXPECT_TRUE(ways.contains({how, true})) << static_cast<int>(how) << " never ended by its time";
+  EXPECT_TRUE(seen.contains({Mode::degraded, Cause::degraded_spent}));
 }
 
 TEST(Exploration, EveryHappeningAloneKeepsTheContractAndEveryCauseIsMet) {
@@ -180,6 +238,23 @@ TEST(Exploration, TwoPoliciesKeepTheContract) {
     EXPECT_TRUE(seen.contains({mode, cause})) << name(mode) << " by " << name(cause);
 }
 
+// Goal: an IMU that is cut, frozen, late or lying stops the robot as lost, and no frame on the way there leaves the
+// envelope. Method: each of the four while the robot tracks, in front of every oracle.
+class AnImuThatFails : public testing::TestWithParam<Happening> {};
+
+TEST_P(AnImuThatFails, IsLostAndNoFrameLeavesTheEnvelope) {
+  const config::RobotConfig robot = small_robot();
+  Seen seen;
+  const Event event{GetParam(), seconds(3), milliseconds(2500)};
+  EXPECT_EQ(explore(robot, 1, {event}, &seen), "");
+  EXPECT_TRUE(seen.contains({Mode::tracking, Cause::imu_lost}));
+  EXPECT_TRUE(seen.contains({Mode::damped_stop, Cause::operator_reset})) << "and it is over when the IMU is back";
+}
+
+INSTANTIATE_TEST_SUITE_P(Each, AnImuThatFails,
+                         testing::Values(Happening::imu_silent, Happening::imu_frozen, Happening::imu_late,
+                                         Happening::imu_lies));
+
 TEST(Exploration, TheSameSeedTellsTheSameStory) {
   const config::RobotConfig robot = small_robot();
   const std::vector<Event> events = draw(7, robot.joints.size(), robot.buses.size(), kLasting);
@@ -218,6 +293,24 @@ TEST_P(ExplorationBites, APlantedFaultIsFound) {
                     GetParam().planted);
   EXPECT_TRUE(found.starts_with(GetParam().oracle)) << found;
 }
+
+// The same, of what the tick is told of stops.
+class ExplorationBitesInStops : public testing::TestWithParam<Bites> {};
+
+TEST_P(ExplorationBitesInStops, APlantedFaultIsFound) {
+  std::string found;
+  for (std::uint64_t seed = 1; seed <= 300 && !found.starts_with(GetParam().oracle); ++seed) {
+    const config::RobotConfig robot = robot_that_stops(seed);
+    found = explore(robot, seed, draw_stops(seed, robot), nullptr, GetParam().planted);
+  }
+  EXPECT_TRUE(found.starts_with(GetParam().oracle)) << found;
+}
+
+INSTANTIATE_TEST_SUITE_P(Each, ExplorationBitesInStops,
+                         testing::Values(Bites{Planted::stops_without_end, "stop_ends"},
+                                         Bites{Planted::degraded_without_end, "degraded_ends"},
+                                         Bites{Planted::stiff_damping, "stop_ends"},
+                                         Bites{Planted::policy_in_any_stop, "stop_by_policy"}));
 
 INSTANTIATE_TEST_SUITE_P(
     Each, ExplorationBites,

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 #include "executive/pipeline/mode_machine.hpp"
 
@@ -23,7 +24,7 @@ bool is_special(const drivers::CanFrame& frame) {
 
 }  // namespace
 
-Oracles::Oracles(World& world) : world_(world), joints_(world.robot().joints.size()) {
+Oracles::Oracles(World& world) : world_(world), joints_(world.robot().joints.size()), book_(world.robot()) {
   world.on_frame = [this](const World::Sent& sent) { frame(sent); };
   world.on_tick = [this](const TickRecord& record) { tick(record); };
   world.on_step = [this] { step(); };
@@ -69,6 +70,7 @@ void Oracles::mit_frame(std::size_t j, const World::Sent& sent) {
   if (!inside)
     breaks("frame_limits", j,
            fmt::format("q {} dq {} kp {} kd {} tau {}", asked.q, asked.dq, asked.kp, asked.kd, asked.tau));
+  joints_[j].stiff |= asked.kp > kQuantum * 500;
   const auto has_gains = [&](float kd) {
     const double ratio = kPolicyKp * joint.kp / (kd * joint.kd);
     return asked.kp > 10 && asked.kd > 0.1 && std::abs(asked.kp / asked.kd / ratio - 1) < 0.08;
@@ -120,11 +122,39 @@ void Oracles::watch_unheard(std::size_t j, double speed) {
   }
 }
 
+// True motion a few times as fast as what the executive calls rest: its estimates have noise.
+void Oracles::watch_rest(std::size_t j, double speed) {
+  constexpr double kCalm = 0.2;  // rad/s
+  Watched& watched = joints_[j];
+  if (speed > kCalm)
+    watched.calm_since = {};
+  else if (!watched.calm_since.is_set())
+    watched.calm_since = world_.now();
+  if (watched.calm_since.is_set() && world_.now() - watched.calm_since > milliseconds(60))
+    watched.rested_at = world_.now();
+}
+
+void Oracles::watch_stop(const TickRecordHeader& header) {
+  book_.tick(header);
+  if (!book_.broken().empty() && broken_.empty())
+    broken_ = fmt::format("{} at {:.4f} s", book_.broken(), (header.now - kStart).seconds());
+  for (std::size_t j = 0; j < joints_.size(); ++j) {
+    Watched& watched = joints_[j];
+    const bool stiff = std::exchange(watched.stiff, false);
+    if (header.mode != Mode::damped_stop || !stiff || book_.may_be_stiff()) continue;
+    const bool never = book_.way() == config::StopHow::damping;
+    if (never || watched.rested_at < book_.rest_counts_from() + milliseconds(60))
+      breaks("stop_ends", j, never ? "it is stiff in a stop by damping" : "it is stiff and did not rest in the stop");
+  }
+  if (header.mode == Mode::damped_stop && header.player == Player::fallback) damped_since_ = header.now;
+}
+
 void Oracles::step() {
   const plant::ArmState& state = world_.plant().state();
   for (std::size_t j = 0; j < joints_.size(); ++j) {
     const double speed = std::abs(state.dq[static_cast<Eigen::Index>(j)]);
     watch_unheard(j, speed);
+    watch_rest(j, speed);
     if (!world_.obeys(j) || !world_.is_prompt() || world_.unheard_since(j).is_set() ||
         world_.shoved_at(j) >= world_.now() - milliseconds(2))
       joints_[j].disturbed_at = world_.now();
@@ -134,6 +164,11 @@ void Oracles::step() {
     const bool should_rest =
         damped_since_.is_set() && world_.now() - damped_since_ > seconds(2) && undisturbed > seconds(2);
     if (should_rest && speed > 0.1) breaks("comes_to_rest", j, fmt::format("{:.2f} rad/s", speed));
+    const MonoTime led = book_.posture_since();
+    const double away = std::abs(state.q[static_cast<Eigen::Index>(j)] - world_.robot().joints[j].home);
+    if (led.is_set() && mode_ == Mode::damped_stop && world_.now() - led > seconds(3) && undisturbed > seconds(3) &&
+        away > 0.15)
+      breaks("posture", j, fmt::format("it is {:.2f} rad away", away));
   }
 }
 
@@ -143,6 +178,7 @@ void Oracles::tick(const TickRecord& record) {
   if (header.cause != Cause::none) seen_.insert({header.previous_mode, header.cause});
   if (header.mode != mode_) damped_since_ = header.mode == Mode::damped_stop ? header.now : MonoTime{};
   mode_ = header.mode;
+  watch_stop(header);
   if (seen_player_ != Player::none && seen_player_ != header.player)
     breaks("player", 0,
            fmt::format("the frames are the {}'s, the tick says {}", name(seen_player_), name(header.player)));

@@ -12,7 +12,12 @@
 // recorded       nobody tracks for more than two ticks while nothing is recorded
 // standby_still  what is in standby and hears us is not enabled
 // torque_off     from the second tick in standby on, the output that permits torque does not, unless it is broken
-// comes_to_rest  two seconds after a damped stop began, undisturbed joints rest
+// comes_to_rest  two seconds after a damped stop began, or was left by the fallback policy, undisturbed joints rest
+// stop_by_policy in a damped stop the fallback policy moves the robot only while the stop's way is its (stop_book.hpp)
+// stop_ends      a joint is stiff in a damped stop only while its way says so, or once the joint has rested in it
+// reset_waits    nobody takes the power of a robot that the fallback policy moves
+// degraded_ends  the robot is not degraded for longer than degraded.for
+// posture        three seconds after a stop by posture began, undisturbed joints are there
 // no_bug         the executive never finds an error of its own, and its guard refuses nothing that it decided
 // speed          without a shove no joint is faster than velocity_hard
 #pragma once
@@ -23,6 +28,7 @@
 #include <utility>
 #include <vector>
 
+#include "tests/exploration/stop_book.hpp"
 #include "tests/exploration/world.hpp"
 
 namespace takt::exploration {
@@ -35,6 +41,7 @@ class Oracles {
   [[nodiscard]] const std::string& broken() const { return broken_; }
   // Which cause led out of which mode.
   [[nodiscard]] const std::set<std::pair<Mode, Cause>>& seen() const { return seen_; }
+  [[nodiscard]] const StopBook::Met& ways() const { return book_.met(); }
 
  private:
   struct Asked {  // by one frame, joint side
@@ -47,6 +54,8 @@ class Oracles {
     bool torque_known = false;
     MonoTime disturbed_at;
     int standby_ticks = 0;
+    bool stiff = false;              // in a frame since the last tick was recorded
+    MonoTime calm_since, rested_at;  // by its true motion; unset: it moves, it never rested
   };
   void frame(const World::Sent& sent);
   void mit_frame(std::size_t joint, const World::Sent& sent);
@@ -54,6 +63,8 @@ class Oracles {
   void step();
   void tick(const TickRecord& record);
   void watch_unheard(std::size_t joint, double speed);
+  void watch_rest(std::size_t joint, double speed);
+  void watch_stop(const TickRecordHeader& header);
   void breaks(const char* oracle, std::size_t joint, const std::string& how);
 
   World& world_;
@@ -63,6 +74,7 @@ class Oracles {
   int unrecorded_ticks_ = 0, permitted_ticks_ = 0;
   Mode mode_ = Mode::standby;
   Player seen_player_ = Player::none;  // by the gains of the frames since the last tick was recorded
+  StopBook book_;
   std::string broken_;
   std::set<std::pair<Mode, Cause>> seen_;
 };

@@ -62,7 +62,9 @@ std::string text(const Event& event) {
                                                              "IMU silent",
                                                              "IMU lies",
                                                              "base leans",
-                                                             "fallback silent"};
+                                                             "fallback silent",
+                                                             "IMU frozen",
+                                                             "IMU late"};
   return fmt::format("{:.3f} s: {} of {}, for {:.1f} ms", event.at.seconds(),
                      kNames.at(static_cast<std::size_t>(event.what)), event.index, event.length.milliseconds());
 }

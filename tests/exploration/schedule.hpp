@@ -49,8 +49,10 @@ enum class Happening : std::uint8_t {
   imu_lies,                 // says what is no unit quaternion
   base_leans,               // 1.5 rad
   fallback_silent,          // the fallback policy, where the robot has one
+  imu_frozen,               // says old values under fresh stamps
+  imu_late,                 // what it says is 30 ms old
 };
-inline constexpr unsigned kHappenings = 37;
+inline constexpr unsigned kHappenings = 39;
 
 // What Event::index counts; of what is neither, nothing.
 constexpr bool is_of_joint(Happening what) {

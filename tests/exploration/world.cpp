@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -10,6 +11,7 @@
 
 #include "config/drive_ids.hpp"
 #include "config/load.hpp"
+#include "config/stop_causes.hpp"
 #include "config/turns.hpp"
 #include "drivers/bus/receive_stamp.hpp"
 #include "drivers/guard/wire_guard.hpp"
@@ -76,6 +78,64 @@ config::RobotConfig robot_with_fallback() {
   robot.fallbacks = {second};
   return robot;
 }
+
+namespace {
+
+config::StopConfig drawn_stop(Cause cause, bool is_backed, std::mt19937_64& random) {
+  using config::StopHow;
+  constexpr std::array kWays{StopHow::rest, StopHow::damping, StopHow::hold, StopHow::posture, StopHow::policy};
+  constexpr std::array kLongest{Duration{}, milliseconds(150), milliseconds(600), seconds(2)};
+  const bool may_be_policys =
+      is_backed && std::ranges::find(config::kPolicyStopCauses, cause) != config::kPolicyStopCauses.end();
+  config::StopConfig stop{.name = std::string(name(cause)), .how = {}, .fallback = {}, .longest = {}, .shown_by = {}};
+  // Where it may be the policy's, it is more often than not.
+  stop.how = may_be_policys && random() % 2 == 0 ? StopHow::policy : kWays.at(random() % (kWays.size() - 1));
+  if (stop.how == StopHow::posture) stop.fallback = "tuck";
+  if (stop.how != StopHow::rest && stop.how != StopHow::damping) stop.longest = kLongest.at(random() % kLongest.size());
+  return stop;
+}
+
+}  // namespace
+
+config::RobotConfig robot_that_stops(std::uint64_t seed) {
+  using config::Degraded;
+  constexpr std::array kBehaviours{Degraded::hold, Degraded::slow, Degraded::fallback};
+  constexpr std::array kLongest{Duration{}, milliseconds(200), seconds(1)};
+  std::mt19937_64 random(seed * 0x9E37'79B9'7F4A'7C15ULL);
+  config::RobotConfig robot = robot_with_fallback();
+  config::Fallback tuck;
+  tuck.name = "tuck";
+  tuck.kind = config::FallbackKind::pose;
+  tuck.speed = 1;
+  for (const config::Joint& joint : robot.joints) tuck.pose.push_back(joint.home);
+  robot.fallbacks.push_back(tuck);
+  const bool is_backed = random() % 4 != 0;
+  if (!is_backed) {
+    robot.degraded.behaviour = kBehaviours.at(random() % kBehaviours.size());
+    robot.degraded.fallback = robot.degraded.behaviour == Degraded::fallback ? "tuck" : "";
+  }
+  robot.fallbacks[0].longest = kLongest.at(random() % kLongest.size());
+  robot.degraded.longest = kLongest.at(random() % kLongest.size());
+  robot.degraded.by_temperature = random() % 2 == 0;
+  for (const Cause cause : config::kStopCauses) robot.stops.push_back(drawn_stop(cause, is_backed, random));
+  return robot;
+}
+
+namespace {
+
+pipeline::TickConfig planted_config(const config::RobotConfig& robot, Planted planted) {
+  pipeline::TickConfig config = config::tick_config_of(robot, kPolicyHash, kFallbackHash);
+  using pipeline::StopManner;
+  for (pipeline::StopRule& rule : config.stops) {
+    if (planted == Planted::stops_without_end) rule.longest = {};
+    if (planted == Planted::stiff_damping && rule.manner == StopManner::damping) rule.manner = StopManner::hold;
+    if (planted == Planted::policy_in_any_stop) rule.manner = StopManner::policy;
+  }
+  if (planted == Planted::degraded_without_end) config.degraded_longest = {};
+  return config;
+}
+
+}  // namespace
 
 // --- ports ---
 
@@ -218,7 +278,7 @@ World::World(const config::RobotConfig& robot, std::vector<Event> events, std::u
       arriving_(robot.buses.size()),
       unheard_since_(robot.joints.size()),
       shoved_at_(robot.joints.size()),
-      config_(config::tick_config_of(robot, kPolicyHash, kFallbackHash)),
+      config_(planted_config(robot, planted)),
       clock_(std::make_unique<VirtualClock>(*this)),
       edge_(make_edge()),
       published_(runtime::PublishedSegments::create(robot.joints.size(), config_.largest_command).value()),
@@ -276,12 +336,14 @@ void World::sense_base() {
   if ((plant_at_ - kStart).ns % milliseconds(1).ns != 0 || active(Happening::imu_silent) != nullptr) return;
   SensorSample sample;
   sample.sequence = ++imu_sequence_;
-  sample.sensed_at = sample.published_at = plant_at_;
+  sample.published_at = plant_at_;
+  sample.sensed_at = active(Happening::imu_late) != nullptr ? plant_at_ - milliseconds(30) : plant_at_;
   sample.value_count = kImuValues;
   const float lean = active(Happening::base_leans) != nullptr ? 1.5F : 0.0F;
   sample.values[0] = active(Happening::imu_lies) != nullptr ? 0.5F : std::cos(lean / 2);
   sample.values[1] = std::sin(lean / 2);
-  sample.values[9] = 9.81F + 1e-3F * static_cast<float>(imu_sequence_ % 7);
+  const bool frozen = active(Happening::imu_frozen) != nullptr;
+  sample.values[9] = 9.81F + (frozen ? 0.0F : 1e-3F * static_cast<float>(imu_sequence_ % 7));
   imu_.publish(std::as_bytes(std::span(&sample, 1)));
 }
 
@@ -412,6 +474,8 @@ void World::begin_and_end_events() {
       case Happening::imu_lies:
       case Happening::base_leans:
       case Happening::fallback_silent:
+      case Happening::imu_frozen:
+      case Happening::imu_late:
         done_[i] = false;  // lasts, or strikes at a port
     }
   }
@@ -508,6 +572,10 @@ bool World::plant_fault_in(drivers::CanFrame& frame) {
     case Planted::refused:
     case Planted::keeps_torque:
     case Planted::no_stop:
+    case Planted::stops_without_end:
+    case Planted::degraded_without_end:
+    case Planted::stiff_damping:
+    case Planted::policy_in_any_stop:
       return true;
     case Planted::old_frames:
       if (active(Happening::policy_silent) != nullptr && last_frames_.contains(frame.id))

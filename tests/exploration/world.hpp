@@ -40,6 +40,11 @@ enum class Planted : std::uint8_t {
   swings_on,         // a drive without position control is pushed to and fro in a damped stop
   keeps_torque,      // the output that permits torque never takes it, and says it did
   refused,           // the guard finds one frame of a tracking robot to be another than was decided
+  // Of what the tick is told of stops and degraded mode:
+  stops_without_end,     // no way of stopping ends by its time
+  degraded_without_end,  //
+  stiff_damping,         // a stop that damps for good holds
+  policy_in_any_stop,    // whatever stops the robot, the fallback policy goes on
 };
 
 // One drive of each protocol, on flywheels; no gravity; an output that permits torque; an IMU in the base.
@@ -50,6 +55,9 @@ config::RobotConfig robot_that_minds();
 config::RobotConfig robot_with_turns();
 // The same with a fallback policy, which may move it for a second at one go.
 config::RobotConfig robot_with_fallback();
+// The same, whose stops and degraded mode are drawn from a seed: for every cause of a stop one of the ways to stop that
+// it may have, for so long; what degraded mode does, and for how long. Its one posture is home.
+config::RobotConfig robot_that_stops(std::uint64_t seed);
 
 class World {
  public:

@@ -48,12 +48,12 @@ MAY_USE = {
                       "evidence/rollout evidence/panel",
     "systemd/doctor": f"{SHARED} drivers/bus",
     "systemd/deploy": f"{SHARED} policy_host evidence/rollout",
-    "cli/run": f"{SHARED} executive/incident cli drivers/protocol monitor/record",
+    "cli/run": f"{SHARED} executive/incident cli drivers/protocol monitor/record evidence/judge",
     "cli/evidence": f"{SHARED} cli cli/run monitor/record evidence/artifact evidence/data_set evidence/judge evidence/panel "
                     "evidence/review evidence/rollout evidence/study",
     "cli/policy": f"{SHARED} cli policy_host monitor/record evidence/policy",
     "cli/top": f"{SHARED} executive/incident cli cli/run cli/evidence drivers/protocol monitor monitor/record monitor/judge monitor/telemetry",
-    "cli/robot": f"{SHARED} executive/setup cli cli/run drivers/bus drivers/protocol drivers/tools drivers/torque_output monitor/record policy_host sensors simulation systemd/deploy systemd/doctor",
+    "cli/robot": f"{SHARED} executive/setup cli cli/run drivers/bus drivers/protocol drivers/tools drivers/torque_output monitor/record policy_host sensors simulation systemd/deploy systemd/doctor evidence/judge",
     "cli": f"{SHARED}",
 }
 

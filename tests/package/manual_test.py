@@ -18,7 +18,7 @@ PROGRAMS = ("takt", "takt-executive", "takt-policy-host", "takt-plant", "takt-mo
 # Line so far (the last word is being completed) -> must be offered, must not.
 LINES = [
     ("takt pan", {"panel"}, {"plant"}),
-    ("takt panel ", {"run", "merge"}, {"audit"}),
+    ("takt panel ", {"run", "merge", "attest"}, {"audit"}),
     ("takt panel run --w", {"--workers"}, {"--watch"}),
     ("takt bus di", {"disable"}, {"stop"}),
     ("takt bus watch --robot x.yaml --s", {"--seconds"}, {"--store"}),

@@ -63,6 +63,7 @@ RolloutRow failed_row(const std::string& method, std::uint64_t seed) {
   RolloutRow row = sample_row(method, seed);
   row.success = false;
   row.failure_label = "command_lost";
+  row.fell = true;
   row.final_mode = Mode::damped_stop;
   row.final_cause = Cause::command_lost;
   row.recovery_s.reset();

@@ -162,6 +162,11 @@ const Claim kClaims[] = {
      [](const Seen& with, const Seen& without) {
        return with.row.tracking_error_rms_m > 1.3 * without.row.tracking_error_rms_m;
      }},
+    {"operator_stop", "a stop at once that nobody ends",
+     [](const Seen& with, const Seen& without) {
+       return with.row.failure_label == "operator_stop" && with.row.safety.entered_damped_stop == 1 &&
+              with.row.final_mode == Mode::damped_stop && without.row.success;
+     }},
 };
 
 class EveryPerturbation : public testing::TestWithParam<Claim> {};

@@ -539,6 +539,17 @@ TEST_F(StopByPolicy, ThePolicysNonsenseIsAnswered) {
   EXPECT_EQ(player(), Player::none) << "the worse cause's manner is another one";
 }
 
+// The policy's nonsense of a second ago does not end what answers it.
+TEST_F(StopByPolicy, WhatWasOutOfRangeBeforeItIsNotItsOwn) {
+  two.rig.config = stopping_robot(Cause::bad_commands);
+  arm();
+  two.policy_wants = 50.0F;
+  ASSERT_GE(two.run_until(Mode::damped_stop, 1500), 0);
+  ASSERT_EQ(two.header().cause, Cause::bad_commands);
+  go(400);
+  EXPECT_EQ(player(), Player::fallback);
+}
+
 // Goal: what the second policy says and does is state, input and record, so that it replays from a keyframe. Method: a
 // run with losses, saved in the middle while the fallback plays; the rest again from the keyframe and the records
 // alone.

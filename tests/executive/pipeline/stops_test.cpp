@@ -116,6 +116,56 @@ TEST(Stops, AWorseCauseTakesOverWithItsOwnManner) {
   EXPECT_EQ(rig.out->setpoints[0].kp, 0) << "and it does not come back, though its cause is older";
 }
 
+// Who stands beside a robot that came to rest may press stop once more: it must not set off.
+TEST(Stops, NobodyWhoWasLetGoIsLedToAPosture) {
+  for (const StopManner first : {StopManner::rest, StopManner::damping, StopManner::hold}) {
+    TickConfig config = robot_that_stops(StopManner::posture);
+    config.stops[static_cast<std::size_t>(Cause::command_lost)] = {first, {}};
+    Rig rig(config);
+    rig.arm(0.5F);
+    rig.run_with_policy(1000, 0.5F);
+    rig.run(2500);  // the policy is silent
+    ASSERT_EQ(rig.mode(), Mode::damped_stop);
+    const float at = rig.drives[0].q;
+    const bool was_stiff = rig.out->setpoints[0].kp > 0;
+    ASSERT_GT(at, 0.2F) << "somewhere else than the posture";
+    rig.tick(nullptr, OperatorRequest::stop);
+    for (int i = 0; i < 1000; ++i) {
+      rig.tick();
+      ASSERT_NEAR(rig.drives[0].q, at, 0.02F) << "tick " << i;
+      ASSERT_EQ(rig.out->setpoints[0].kp > 0, was_stiff);
+    }
+  }
+}
+
+TEST(Stops, ARobotThatNothingMovedYetIsNotLedToAPosture) {
+  TickConfig config = robot_that_stops(StopManner::posture);
+  Rig rig(config);
+  rig.run_with_policy(40, 0.0F);
+  rig.tick_with_policy(0.0F, OperatorRequest::arm);
+  ASSERT_EQ(rig.mode(), Mode::arming);
+  const float at = rig.drives[0].q;
+  rig.tick_with_policy(0.0F, OperatorRequest::stop);
+  ASSERT_EQ(rig.mode(), Mode::damped_stop);
+  for (int i = 0; i < 1000; ++i) {
+    rig.tick_with_policy(0.0F);
+    ASSERT_NEAR(rig.drives[0].q, at, 0.02F) << "tick " << i;
+  }
+}
+
+TEST(Stops, AWorsePostureTakesOverFromOneThatGoesOn) {
+  TickConfig config = robot_that_stops(StopManner::posture);
+  config.stops[static_cast<std::size_t>(Cause::command_lost)] = {StopManner::posture, milliseconds(100)};
+  Rig rig(config);
+  rig.arm(0.5F);
+  rig.run_with_policy(1000, 0.5F);
+  for (int i = 0; i < 2500 && rig.mode() != Mode::damped_stop; ++i) rig.tick();
+  rig.run(50);
+  rig.tick(nullptr, OperatorRequest::stop);
+  rig.run(3000);
+  EXPECT_NEAR(rig.drives[0].q, -0.3F, 0.02F);
+}
+
 TEST(Stops, AKeyframeCarriesTheManner) {
   StoppedRig rig(robot_that_stops(StopManner::posture, milliseconds(400)));
   rig.go(50);

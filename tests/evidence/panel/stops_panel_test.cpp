@@ -1,0 +1,111 @@
+// Goal: what the balancer's file offers as safe is what the committed panel shows, and what does not keep it on its
+// feet is refused as evidence. Method: the panel anew, in virtual time; a person's stop that holds the wheels, and one
+// that leads to a posture. Replay hashes are not compared: they change with every record of every tick, and the
+// committed files name the sources that they belong to.
+//
+// TAKT_WRITE_ATTESTATIONS=1 writes config/shown/balancer.*.json anew.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+
+#include "config/load.hpp"
+#include "evidence/judge/attestation.hpp"
+#include "evidence/panel/panel_plan.hpp"
+#include "evidence/panel/worker_pool.hpp"
+#include "monitor/record/bounded_file.hpp"
+#include "tests/monitor/record/temporary_folder.hpp"
+
+namespace takt::panel {
+namespace {
+
+constexpr const char* kPanel = "config/panels/stops.yaml";
+
+class StopsPanel : public monitor::TemporaryFolder {
+ protected:
+  // Of one method; `kind` empty: under every perturbation.
+  Artifact run(const std::string& method, const std::string& kind = {}, std::uint64_t seeds = 0,
+               const std::string& robot_file = {}) {
+    Panel panel = load_panel(kPanel).value();
+    std::erase_if(panel.methods, [&](const PanelMethod& one) { return one.name != method; });
+    if (!kind.empty()) std::erase_if(panel.perturbations, [&](const auto& one) { return one.kind != kind; });
+    if (seeds != 0) panel.seed_count = seeds;
+    panel.robot = robot_file;
+    fall_ = {panel.tasks[0].base_velocity.least_height, panel.tasks[0].base_velocity.most_tilt};
+    auto contest = Contest::prepare(std::move(panel)).value();
+    robot_ = contest.contestant({}).robot;
+    const auto plan = plan_of(contest.panel(), {});
+    auto writer =
+        ArtifactWriter::create(path("artifact." + method), contest.manifest(plan.size()), contest.panel().text).value();
+    const auto done = run_in_workers(contest, plan, 2, [&](const RanRollout& ran) { return writer.append(ran.row); });
+    EXPECT_TRUE(done) << done.error();
+    EXPECT_TRUE(writer.finish());
+    return open_artifact(path("artifact." + method)).value();
+  }
+  config::RobotConfig robot_;
+  FallRule fall_;
+};
+
+// Outcomes, not hashes.
+std::string outcomes_of(const Attestation& attestation) {
+  Attestation bare = attestation;
+  bare.artifact_id = bare.script_source_sha256 = "";
+  for (AttestedCondition& condition : bare.conditions)
+    for (AttestedTrial& trial : condition.trials) trial.replay_hash = "", trial.seconds = std::round(trial.seconds);
+  return attestation_text(bare);
+}
+
+TEST_F(StopsPanel, ShowsWhatTheBalancersFileOffers) {
+  const Artifact artifact = run("file");
+  for (const auto& [of, name] :
+       {std::pair{"fallbacks.stand", "stand"}, std::pair{"stops.operator_stop", "operator_stop"},
+        std::pair{"stops.bad_commands", "bad_commands"}, std::pair{"stops.overrun", "overrun"}}) {
+    const auto made = attest(artifact, robot_, of, "file", fall_);
+    ASSERT_TRUE(made) << made.error();
+    EXPECT_EQ(shortcoming(*made, robot_, of), "");
+    const std::string file = std::string("config/shown/balancer.") + name + ".json";
+    if (std::getenv("TAKT_WRITE_ATTESTATIONS") != nullptr) {
+      ASSERT_TRUE(monitor::replace_file(file, attestation_text(*made)));
+    }
+    const auto committed = attestation_of(monitor::read_file(file).value());
+    ASSERT_TRUE(committed) << file << " " << committed.error();
+    EXPECT_EQ(outcomes_of(*committed), outcomes_of(*made)) << file;
+  }
+  const Standing standing = standing_of(config::load("config/balancer.yaml").value());
+  EXPECT_EQ(standing.shown.size(), 4U);
+  EXPECT_TRUE(standing.not_shown.empty()) << standing.not_shown.front();
+}
+
+TEST_F(StopsPanel, HoldingTheWheelsIsRefusedAsEvidence) {
+  const Artifact artifact = run("held", "operator_stop", 30);
+  const auto made = attest(artifact, robot_, "stops.operator_stop", "held", fall_);
+  ASSERT_TRUE(made) << made.error();
+  EXPECT_EQ(shortcoming(*made, robot_, "stops.operator_stop"),
+            "0 of 30 stood under operator_stop 1: at least 0.00 at 95 % confidence; 0.9 is asked");
+  EXPECT_NE(shortcoming(*made, config::load("config/balancer.yaml").value(), "stops.operator_stop").find("has changed"),
+            std::string::npos)
+      << "and it is not what the file says";
+}
+
+TEST_F(StopsPanel, APostureIsRefusedAsEvidence) {
+  std::string text = monitor::read_file("config/balancer.yaml").value();
+  const auto replace = [&](const std::string& from, const std::string& to) {
+    ASSERT_NE(text.find(from), std::string::npos) << from;
+    text.replace(text.find(from), from.size(), to);
+  };
+  const std::string here = std::filesystem::absolute("config").string();
+  replace("stops:  ", "  still: { kind: pose, pose: [0 rad, 0 rad], speed: 5 rad/s }\nstops:  ");
+  replace("operator_stop: { how: policy, for: 0 s,", "operator_stop: { how: posture, fallback: still, for: 0 s,");
+  replace("file: balancer.onnx", "file: " + here + "/balancer.onnx");
+  replace("model: balancer.xml", "model: " + here + "/balancer.xml");
+  ASSERT_TRUE(monitor::replace_file(path("posed.yaml"), text));
+  const Artifact artifact = run("file", "operator_stop", 10, path("posed.yaml"));
+  const auto made = attest(artifact, robot_, "stops.operator_stop", "file", fall_);
+  ASSERT_TRUE(made) << made.error();
+  EXPECT_EQ(shortcoming(*made, robot_, "stops.operator_stop"),
+            "0 of 10 stood under operator_stop 1: at least 0.00 at 95 % confidence; 0.9 is asked");
+}
+
+}  // namespace
+}  // namespace takt::panel
