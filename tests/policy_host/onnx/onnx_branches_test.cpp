@@ -65,7 +65,8 @@ TEST(Branches, AWholeNumberDecidesByItsRemainder) {
                                       {2.0F, true},
                                       {5.0F, true},
                                       {-1.0F, true},
-                                      {16777214.0F, false},
+                                      {16777214.0F, true},
+                                      {16777216.0F, false},
                                       {2.9F, true},
                                       {-4.5F, true}})
     expect_near(evaluate(maker, {{1, 2}, {count}}), {2},
