@@ -45,6 +45,7 @@ std::expected<NetworkGraph, std::string> graph_of_file(const std::string& file, 
   for (const std::size_t part : tensors->observation) graph.wiring.observation.push_back({0, part});
   for (const std::size_t part : tensors->outputs) graph.wiring.outputs.push_back({0, part});
   if (tensors->time_step) graph.wiring.time_steps.push_back({0, *tensors->time_step});
+  if (tensors->step_count) graph.wiring.step_counts.push_back({0, *tensors->step_count});
   for (const PolicyTensors::State& state : tensors->states)
     graph.wiring.states.push_back(
         {{0, state.output}, {0, state.input}, std::vector<float>((*network)->input(state.input).size())});

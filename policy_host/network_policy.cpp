@@ -19,7 +19,8 @@ class NetworkPolicy final : public Policy {
   [[nodiscard]] std::size_t input_size() const override { return input_size_; }
   [[nodiscard]] std::size_t output_size() const override { return output_size_; }
   [[nodiscard]] bool is_recurrent() const override {
-    return !wiring_.states.empty() || !wiring_.time_steps.empty() || !wiring_.references.empty() ||
+    return !wiring_.states.empty() || !wiring_.time_steps.empty() || !wiring_.step_counts.empty() ||
+           !wiring_.references.empty() ||
            std::ranges::any_of(networks_, [](const auto& network) { return network->keeps_state(); });
   }
   [[nodiscard]] std::string description() const override { return networks_.front()->description(); }
@@ -66,6 +67,7 @@ class NetworkPolicy final : public Policy {
       from = from.subspan(to.size());
     }
     for (const Port& port : wiring_.time_steps) in(port)[0] = static_cast<float>(step_);
+    for (const Port& port : wiring_.step_counts) in(port)[0] = static_cast<float>(step_ % kStepCounts);
     ++step_;
     for (std::size_t i = 0; i < networks_.size(); ++i) {
       for (const Wiring::Flow& flow : wiring_.flows)

@@ -4,6 +4,9 @@
 //   flows         outputs that feed inputs of later networks, within one inference
 //   states        outputs that feed inputs of the next inference; `start` after load and reset
 //   time_steps    inputs of one number: inferences since load or reset (motion trackers)
+//   step_counts   likewise, begun anew after kStepCounts, a multiple of every number to 10: what takes the remainder of
+//   one
+//                 of those never sees a step too many or too few (exploy)
 //   references    stretches of the observation that outputs of the inference before fill. After load and reset that is
 //                 one of an observation of zeros at time step 0; the first answer then has time step 1, as the
 //                 exporters' own runtime does it
@@ -25,6 +28,9 @@ struct Port {
   bool operator==(const Port&) const = default;
 };
 
+// As many steps as a float32 tells apart.
+inline constexpr std::uint64_t kStepCounts = (1U << 24U) / 2520 * 2520;
+
 struct Wiring {
   struct Flow {
     Port from, to;
@@ -37,7 +43,7 @@ struct Wiring {
     Port from;
     std::size_t at = 0;  // index of its first value in the observation
   };
-  std::vector<Port> observation, time_steps, outputs;
+  std::vector<Port> observation, time_steps, step_counts, outputs;
   std::vector<Flow> flows;
   std::vector<State> states;
   std::vector<Reference> references;

@@ -54,9 +54,9 @@ std::optional<PolicyTensors::State> pair_state(const ModelTensors& model, std::s
   return PolicyTensors::State{input, *output};
 }
 
-bool is_time_step(const ModelTensors& model, std::size_t input) {
+bool is_number(const ModelTensors& model, std::size_t input, std::string_view name) {
   const TensorInfo& info = model.inputs[input];
-  return info.name == "time_step" && std::ranges::all_of(info.shape, [](std::int64_t size) { return size == 1; });
+  return info.name == name && std::ranges::all_of(info.shape, [](std::int64_t size) { return size == 1; });
 }
 
 // The tensors that `list` names, each once. `what`: "input" or "output".
@@ -107,8 +107,10 @@ std::expected<PolicyTensors, std::string> assign_tensors(const ModelTensors& mod
     if (!input.empty() && std::ranges::find(tensors.observation, i) != tensors.observation.end()) continue;
     if (const auto state = pair_state(model, i)) {
       tensors.states.push_back(*state);
-    } else if (is_time_step(model, i)) {
+    } else if (is_number(model, i, "time_step")) {
       tensors.time_step = i;
+    } else if (is_number(model, i, "ctx.step_count")) {
+      tensors.step_count = i;
     } else if (input.empty()) {
       tensors.observation.push_back(i);
     } else {

@@ -8,6 +8,7 @@
 //              `memory.<x>.in` by `memory.<x>.out` (exploy), `h0` by `hn`, `c0` by `cn` (PyTorch's own names), of the
 //              same shape; zeros after load and reset
 //   time_step  one number: inferences since load or reset (motion trackers)
+//   ctx.step_count  one number: likewise, of which exploy's files take the remainder
 #pragma once
 
 #include <cstddef>
@@ -37,7 +38,7 @@ struct PolicyTensors {
   };
   std::vector<std::size_t> observation;
   std::vector<State> states;
-  std::optional<std::size_t> time_step;
+  std::optional<std::size_t> time_step, step_count;
   std::vector<std::size_t> outputs;  // the actions first
 };
 

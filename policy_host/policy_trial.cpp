@@ -77,7 +77,8 @@ void PolicyTrial::forget() {
 
 void PolicyTrial::begin_observation(int i, TrialNumbers& numbers) {
   for (const std::size_t part : tensors_.observation) numbers.fill(model_.input(part));
-  if (tensors_.time_step) model_.input(*tensors_.time_step)[0] = static_cast<float>(i);
+  for (const auto& count : {tensors_.time_step, tensors_.step_count})
+    if (count) model_.input(*count)[0] = static_cast<float>(i);
 }
 
 void PolicyTrial::feed_state_back() {
@@ -113,7 +114,8 @@ std::expected<Agreement, std::string> PolicyTrial::against(const onnx_runtime::O
   for (int i = 0; i < kTrialObservations; ++i) {
     begin_observation(i, numbers);
     for (const std::size_t part : tensors_.observation) std::ranges::copy(model_.input(part), in[part].values.begin());
-    if (tensors_.time_step) in[*tensors_.time_step].values[0] = static_cast<float>(i);
+    for (const auto& count : {tensors_.time_step, tensors_.step_count})
+      if (count) in[*count].values[0] = static_cast<float>(i);
     model_.run();
     if (const auto ran = session->run(); !ran) return std::unexpected(ran.error());
     for (std::size_t o = 0; o < out.size(); ++o) {

@@ -16,6 +16,8 @@ using nlohmann::json;
 using onnx_engine::Metadata;
 using onnx_engine::TensorInfo;
 
+constexpr const char* kStepCount = "ctx.step_count";
+
 std::size_t elements(const TensorInfo& tensor) {
   return static_cast<std::size_t>(
       std::accumulate(tensor.shape.begin(), tensor.shape.end(), std::int64_t{1}, std::multiplies<>()));
@@ -39,12 +41,10 @@ class Reader {
   DescribedPolicy read(std::span<const TensorInfo> inputs, std::span<const TensorInfo> outputs) {
     DescribedPolicy policy;
     policy.format = "exploy policy";
-    if (const auto rate = value_of("update_rate"); rate && rate->is_number() && rate->get<double>() > 0)
-      policy.period = {std::llround(1e9 / rate->get<double>())};
+    policy.period = period(inputs);
     bases_ = value_of("base_names").value_or(json::object());
     for (const TensorInfo& tensor : inputs)
-      if (!tensor.name.starts_with("memory.") && tensor.name != "ctx.step_count")
-        policy.inputs.push_back(input_of(tensor));
+      if (!tensor.name.starts_with("memory.") && tensor.name != kStepCount) policy.inputs.push_back(input_of(tensor));
     for (const TensorInfo& tensor : outputs)
       if (tensor.name.starts_with("output.")) policy.outputs.push_back(output_of(tensor, policy.joints));
     return policy;
@@ -56,6 +56,19 @@ class Reader {
     const auto found = std::ranges::find(metadata_, key, &Metadata::value_type::first);
     if (found == metadata_.end()) return std::nullopt;
     return json::parse(found->second);
+  }
+
+  // `update_rate` is that of the simulation's steps. A file with a step count decides by it which of them infer; one
+  // without does so every time, and is to be called every `decimation` steps.
+  [[nodiscard]] Duration period(std::span<const TensorInfo> inputs) const {
+    const auto number = [this](const char* key) {
+      const auto said = value_of(key);
+      return said && said->is_number() ? said->get<double>() : 0.0;
+    };
+    const double rate = number("update_rate");
+    if (!(rate > 0)) return {};
+    const bool counts = std::ranges::find(inputs, kStepCount, &TensorInfo::name) != inputs.end();
+    return {std::llround(1e9 / rate * (counts ? 1.0 : std::max(number("decimation"), 1.0)))};
   }
 
   [[nodiscard]] std::vector<std::string> joints_of(const std::string& group, const char* key) const {

@@ -123,7 +123,12 @@ DescribedPolicy describe_leapp(const LeappBundle& bundle) {
   policy.format = "LEAPP bundle";
   policy.notes = bundle.notes;
   if (bundle.frequency_hz && *bundle.frequency_hz > 0) policy.period = {std::llround(1e9 / *bundle.frequency_hz)};
-  for (const LeappPort& port : bundle.inputs) policy.inputs.push_back(describe_input(bundle, port));
+  for (const LeappPort& port : bundle.inputs) {
+    const DescribedInput& input = policy.inputs.emplace_back(describe_input(bundle, port));
+    if (input.meaning == Meaning::command && input.width > 1 && tensor_at(bundle, port, true).element_names.empty())
+      policy.notes.push_back(
+          fmt::format("{}: no names for {} values; which is which the file does not say", input.name, input.width));
+  }
   for (const LeappPort& port : bundle.outputs) policy.outputs.push_back(describe_output(bundle, port, policy));
   if (bundle.articulation)
     policy.joints = {bundle.articulation->joint_names, bundle.articulation->stiffness, bundle.articulation->damping,

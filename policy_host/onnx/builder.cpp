@@ -66,6 +66,20 @@ float* Builder::allocate(std::size_t floats) {
   return program_.buffers.back().get();
 }
 
+void Builder::begin_branch() {
+  branches_.push_back({std::move(program_.steps), {}});
+  program_.steps.clear();
+}
+
+std::vector<std::unique_ptr<Step>> Builder::end_branch() {
+  Branch branch = std::move(branches_.back());
+  branches_.pop_back();
+  for (const std::string& name : branch.names) closed_.push_back(values_.extract(name));
+  std::vector<std::unique_ptr<Step>> steps = std::move(program_.steps);
+  program_.steps = std::move(branch.steps_outside);
+  return steps;
+}
+
 void Builder::charge(std::size_t bytes) {
   if (bytes > max_model_bytes - bytes_) {
     throw Refusal(fmt::format("its tensors need more than {} MiB", max_model_bytes >> 20));
@@ -80,6 +94,7 @@ Value& Builder::insert(const std::string& name, Value value) {
   }
   const auto [place, is_new] = values_.try_emplace(name, std::move(value));
   if (!is_new) throw Refusal(fmt::format("value '{}' is defined twice", name));
+  if (!branches_.empty()) branches_.back().names.push_back(name);
   return place->second;
 }
 

@@ -64,6 +64,13 @@ class Builder {
   // Counts index tables against the cap of a model.
   void charge(std::size_t bytes);
 
+  // What is defined in between belongs to a branch of the graph: nobody finds it afterwards, and its work is returned
+  // instead of being every run's. Branches may have branches.
+  void begin_branch();
+  std::vector<std::unique_ptr<Step>> end_branch();
+
+  void count_operator(const std::string& op_type) { ++program_.operators[op_type]; }
+
   // A recurrent node of one element whose start state no input decides.
   void report_lost_state(std::string node) { program_.lost_states.push_back(std::move(node)); }
 
@@ -91,6 +98,8 @@ class Builder {
   }
 
  private:
+  using Values = std::map<std::string, Value, std::less<>>;
+
   template <std::invocable Work>
   class WorkStep final : public Step {
    public:
@@ -102,12 +111,18 @@ class Builder {
   };
 
   Value& insert(const std::string& name, Value value);
+  struct Branch {
+    std::vector<std::unique_ptr<Step>> steps_outside;
+    std::vector<std::string> names;
+  };
 
   Program& program_;
   std::int64_t opset_;
   std::size_t bytes_ = 0;
-  std::map<std::string, Value, std::less<>> values_;
+  Values values_;
   std::vector<std::unique_ptr<Value>> unnamed_;
+  std::vector<Branch> branches_;           // that are open, the innermost last
+  std::vector<Values::node_type> closed_;  // values of closed ones, where they were
 };
 
 }  // namespace takt::onnx_engine

@@ -1,4 +1,4 @@
-// Add, Sub, Mul, Div, Pow, Min, Max with NumPy broadcasting; all but Pow on int64 constants too, where exporters
+// Add, Sub, Mul, Div, Mod, Pow, Min, Max with NumPy broadcasting; all but Pow on int64 constants too, where exporters
 // compute shapes.
 #include "policy_host/onnx/elementwise.hpp"
 
@@ -14,6 +14,19 @@
 #include "policy_host/onnx/operators.hpp"
 
 namespace takt::onnx_engine {
+
+Value as_live(Builder& builder, const Node& node, const Value& value) {
+  Value live = value;
+  if (value.type == ElementType::int64) {
+    live = builder.define_floats("", value.shape);
+    std::ranges::transform(value.integers, live.floats, [](std::int64_t i) { return static_cast<float>(i); });
+    live.constant = true;
+  } else if (value.type != ElementType::live_int64) {
+    node.refuse("its inputs differ in data type");
+  }
+  live.type = ElementType::float32;
+  return live;
+}
 
 namespace {
 
@@ -119,20 +132,6 @@ void build_pair(Builder& builder, const Node& node, const std::string& name, con
                   });
 }
 
-// As floats whose type is float32 for as long as arithmetic goes on.
-Value as_live(Builder& builder, const Node& node, const Value& value) {
-  Value live = value;
-  if (value.type == ElementType::int64) {
-    live = builder.define_floats("", value.shape);
-    std::ranges::transform(value.integers, live.floats, [](std::int64_t i) { return static_cast<float>(i); });
-    live.constant = true;
-  } else if (value.type != ElementType::live_int64) {
-    node.refuse("its inputs differ in data type");
-  }
-  live.type = ElementType::float32;
-  return live;
-}
-
 void build_binary(Builder& builder, const Node& node, RunFloats run, OnIntegers on_integers) {
   build_pair(builder, node, node.output(), node.input(0), node.input(1), run, on_integers);
 }
@@ -174,6 +173,22 @@ std::optional<std::int64_t> multiply_integers(std::int64_t a, std::int64_t b) {
   return __builtin_mul_overflow(a, b, &result) ? std::nullopt : std::optional(result);
 }
 
+// The remainder has the divisor's sign.
+std::optional<std::int64_t> modulo_integers(std::int64_t a, std::int64_t b) {
+  if (b == 0) return std::nullopt;
+  if (b == -1) return 0;
+  const std::int64_t rest = a % b;
+  return rest != 0 && (rest < 0) != (b < 0) ? rest + b : rest;
+}
+float modulo(float a, float b) noexcept {
+  const float rest = std::fmod(a, b);
+  return rest != 0.0F && (rest < 0.0F) != (b < 0.0F) ? rest + b : rest;
+}
+// The dividend's, as C has it.
+float remainder_of(float a, float b) noexcept {
+  return std::fmod(a, b);
+}
+
 std::optional<std::int64_t> divide_integers(std::int64_t a, std::int64_t b) {
   if (b == 0 || (b == -1 && a == std::numeric_limits<std::int64_t>::min())) return std::nullopt;
   return a / b;
@@ -203,6 +218,17 @@ void build_min(Builder& builder, const Node& node) {
 void build_max(Builder& builder, const Node& node) {
   build_chain(builder, node, run_each<larger>,
               [](std::int64_t a, std::int64_t b) { return std::optional(std::max(a, b)); });
+}
+
+void build_mod(Builder& builder, const Node& node) {
+  const bool whole = node.input(0).type != ElementType::float32;
+  if (whole == (node.integer("fmod", 0) != 0))
+    node.refuse("fmod is supported of float32 alone, and no other way there");
+  if (whole) {
+    build_chain(builder, node, run_each<modulo>, modulo_integers);
+  } else {
+    build_binary(builder, node, run_each<remainder_of>, nullptr);
+  }
 }
 
 void add_in_place(Builder& builder, const Node& node, const Value& target, const Value& source) {

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <exception>
 #include <fstream>
 #include <set>
@@ -32,12 +33,18 @@ bool speaks_of_batch(std::string name) {
   return name.find("batch") != std::string::npos;
 }
 
+bool is_whole(const onnx::ValueInfoProto& input) {
+  const int type = input.type().tensor_type().elem_type();
+  return type == onnx::TensorProto_DataType_INT32 || type == onnx::TensorProto_DataType_INT64;
+}
+
 // A dimension counts as the batch if it leads an input or is called so; it becomes 1. No other one may be symbolic.
 void settle_batch(onnx::GraphProto& graph, const Names& constants) {
   for (onnx::ValueInfoProto& input : *graph.mutable_input()) {
     if (constants.contains(input.name())) continue;
-    if (!input.type().has_tensor_type() || input.type().tensor_type().elem_type() != onnx::TensorProto_DataType_FLOAT) {
-      throw Refusal(fmt::format("input '{}' is not a float32 tensor, the only kind supported", input.name()));
+    const bool is_float = input.type().tensor_type().elem_type() == onnx::TensorProto_DataType_FLOAT;
+    if (!input.type().has_tensor_type() || (!is_float && !is_whole(input))) {
+      throw Refusal(fmt::format("input '{}' is neither a float32 tensor nor a whole number", input.name()));
     }
     if (!input.type().tensor_type().has_shape()) throw Refusal(fmt::format("input '{}' has no shape", input.name()));
     auto& dims = *input.mutable_type()->mutable_tensor_type()->mutable_shape()->mutable_dim();
@@ -49,6 +56,12 @@ void settle_batch(onnx::GraphProto& graph, const Names& constants) {
       }
       dims[d].set_dim_value(1);
     }
+    if (is_whole(input) && std::ranges::any_of(dims, [](const auto& dim) { return dim.dim_value() != 1; })) {
+      throw Refusal(
+          fmt::format("input '{}' has several whole numbers, of which this engine takes one; export it in "
+                      "float32",
+                      input.name()));
+    }
   }
 }
 
@@ -56,6 +69,11 @@ void settle_batch(onnx::GraphProto& graph, const Names& constants) {
 // be there because the checker wants some shape. What remains is compared with what libonnx infers.
 void forget_open_claims(onnx::GraphProto& graph) {
   graph.clear_value_info();
+  for (onnx::NodeProto& node : *graph.mutable_node()) {
+    for (onnx::AttributeProto& attribute : *node.mutable_attribute()) {
+      if (attribute.has_g()) forget_open_claims(*attribute.mutable_g());
+    }
+  }
   for (onnx::ValueInfoProto& output : *graph.mutable_output()) {
     if (!output.type().has_tensor_type()) continue;
     auto& tensor = *output.mutable_type()->mutable_tensor_type();
@@ -67,13 +85,25 @@ void forget_open_claims(onnx::GraphProto& graph) {
   }
 }
 
+// A whole number that the caller writes as a float: where to.
+float* define_count(const std::string& name, const Shape& shape, Builder& builder) {
+  float* const written = builder.allocate(1);
+  const Value& value = builder.define_floats(name, shape, ElementType::live_int64);
+  builder.each_run([written, to = value.floats]() noexcept { *to = std::trunc(*written); });
+  return written;
+}
+
 void define_inputs(const onnx::GraphProto& graph, const Names& constants, Builder& builder, Program& program) {
   for (const onnx::ValueInfoProto& input : graph.input()) {
     if (constants.contains(input.name())) continue;
     Shape shape;
     for (const auto& dim : input.type().tensor_type().shape().dim()) shape.push_back(dim.dim_value());
-    const Value& value = builder.define_floats(input.name(), shape);
     program.input_info.push_back({input.name(), shape});
+    if (is_whole(input)) {
+      program.inputs.emplace_back(define_count(input.name(), shape, builder), 1);
+      continue;
+    }
+    const Value& value = builder.define_floats(input.name(), shape);
     program.inputs.emplace_back(value.floats, elements(shape));
   }
 }
@@ -126,12 +156,8 @@ std::unique_ptr<Program> compile(onnx::ModelProto& model) {
   auto program = std::make_unique<Program>();
   Builder builder(*program, opset_of(model));
   const onnx::GraphProto& graph = model.graph();
-  for (const onnx::TensorProto& tensor : graph.initializer()) define_constant(builder, tensor.name(), tensor);
   define_inputs(graph, constants, builder, *program);
-  for (const onnx::NodeProto& proto : graph.node()) {
-    find_operator(proto.op_type())(builder, Node(proto, builder));
-    ++program->operators[proto.op_type()];
-  }
+  build_graph(builder, graph);
   define_outputs(graph, builder, *program);
   for (const onnx::ValueInfoProto& inferred : graph.value_info()) compare_shapes(inferred, builder);
   for (const onnx::ValueInfoProto& inferred : graph.output()) compare_shapes(inferred, builder);

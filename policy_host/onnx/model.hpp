@@ -5,8 +5,9 @@
 //   model->run();
 //   use(model->output(0));
 //
-// Shapes: fixed at load; a symbolic batch dimension becomes 1. Tensors are row-major float32 at the boundary; integers
-// live only inside, as constants. Memory of one model is capped at 1 GiB. Input elements are zero until written.
+// Shapes: fixed at load; a symbolic batch dimension becomes 1. Tensors are row-major float32 at the boundary; an input
+// that is one whole number (int32, int64) is written as a float, exact up to 2^24, and cut to a whole one. Memory of
+// one model is capped at 1 GiB. Input elements are zero until written.
 //
 // Operators: ONNX opset 8 to 21, those that operators.cpp lists. Anything else is refused at load, never at run().
 // Weights may lie beside the model (external data), in FILE.data or FILE_data.

@@ -104,6 +104,11 @@ const onnx::TensorProto* Node::tensor(std::string_view name) const {
   return attribute == nullptr ? nullptr : &attribute->t();
 }
 
+const onnx::GraphProto* Node::graph(std::string_view name) const {
+  const onnx::AttributeProto* attribute = find_attribute(name, onnx::AttributeProto_AttributeType_GRAPH);
+  return attribute == nullptr ? nullptr : &attribute->g();
+}
+
 std::optional<std::vector<std::int64_t>> Node::axes(std::size_t input) const {
   if (has_input(input)) return integer_input(input);
   return integers("axes");

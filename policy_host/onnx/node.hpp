@@ -11,6 +11,7 @@
 
 namespace onnx {
 class AttributeProto;
+class GraphProto;
 class NodeProto;
 class TensorProto;
 }  // namespace onnx
@@ -42,6 +43,7 @@ class Node {
   std::vector<float> numbers(std::string_view name) const;
   std::vector<std::string> texts(std::string_view name) const;
   const onnx::TensorProto* tensor(std::string_view name) const;  // null: it has none
+  const onnx::GraphProto* graph(std::string_view name) const;    // likewise
 
   // `axes` moved from the attributes to the inputs as the opsets went on: whichever the node has.
   std::optional<std::vector<std::int64_t>> axes(std::size_t input) const;

@@ -8,6 +8,10 @@
 #include "policy_host/onnx/builder.hpp"
 #include "policy_host/onnx/node.hpp"
 
+namespace onnx {
+class GraphProto;
+}  // namespace onnx
+
 namespace takt::onnx_engine {
 
 // Resolves the node's shapes, defines its outputs and adds its work; refuses what it cannot do.
@@ -25,6 +29,9 @@ struct OperatorForm {
 const OperatorForm& form_of(std::string_view op_type);  // precondition: find_operator() knows it
 std::string supported_operators();                      // comma-separated, for the refusal
 
+// A graph's constants and nodes, in its order; its inputs must be there. branches.cpp
+void build_graph(Builder&, const onnx::GraphProto&);
+
 // elementwise.cpp
 void build_add(Builder&, const Node&);
 void build_sub(Builder&, const Node&);
@@ -33,6 +40,7 @@ void build_div(Builder&, const Node&);
 void build_pow(Builder&, const Node&);
 void build_min(Builder&, const Node&);
 void build_max(Builder&, const Node&);
+void build_mod(Builder&, const Node&);
 // select.cpp
 void build_equal(Builder&, const Node&);
 void build_greater(Builder&, const Node&);
@@ -40,6 +48,8 @@ void build_greater_or_equal(Builder&, const Node&);
 void build_less(Builder&, const Node&);
 void build_less_or_equal(Builder&, const Node&);
 void build_where(Builder&, const Node&);
+// branches.cpp
+void build_if(Builder&, const Node&);
 // activations.cpp
 void build_abs(Builder&, const Node&);
 void build_neg(Builder&, const Node&);

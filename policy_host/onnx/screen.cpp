@@ -17,6 +17,7 @@ namespace {
 constexpr std::int64_t oldest_opset = 8;
 constexpr std::int64_t newest_opset = 21;
 constexpr int most_nodes = 100'000;
+constexpr int deepest = 8;  // branches in branches
 
 bool standard_domain(const std::string& domain) {
   return domain.empty() || domain == "ai.onnx";
@@ -37,6 +38,8 @@ std::size_t stored_size(std::int32_t type) {
   switch (type) {
     case onnx::TensorProto_DataType_FLOAT:
       return sizeof(float);
+    case onnx::TensorProto_DataType_INT32:
+      return sizeof(std::int32_t);
     case onnx::TensorProto_DataType_INT64:
       return sizeof(std::int64_t);
     case onnx::TensorProto_DataType_BOOL:
@@ -62,8 +65,8 @@ void screen_tensor(const onnx::TensorProto& tensor, const std::string& where) {
   const std::size_t size = stored_size(tensor.data_type());
   if (size == 0) {
     throw Refusal(
-        fmt::format("{} has data type {}; this engine takes FLOAT, INT64 and BOOL, export the model in float32", where,
-                    type_name(tensor.data_type())));
+        fmt::format("{} has data type {}; this engine takes FLOAT, INT32, INT64 and BOOL, export the model in float32",
+                    where, type_name(tensor.data_type())));
   }
   if (tensor.data_location() == onnx::TensorProto_DataLocation_EXTERNAL || tensor.external_data_size() > 0) {
     throw Refusal(fmt::format("{} keeps its data in another file, which only an initializer of a file may", where));
@@ -81,8 +84,20 @@ void screen_tensor(const onnx::TensorProto& tensor, const std::string& where) {
   }
 }
 
-void screen_attribute(const onnx::NodeProto& node, const onnx::AttributeProto& attribute) {
+// How much has been seen of a model, its branches included.
+struct Seen {
+  int nodes = 0;
+  int depth = 0;
+};
+void screen_graph(const onnx::GraphProto& graph, Seen& seen);
+
+void screen_attribute(const onnx::NodeProto& node, const onnx::AttributeProto& attribute, Seen& seen) {
   switch (attribute.type()) {
+    case onnx::AttributeProto_AttributeType_GRAPH:
+      if (++seen.depth > deepest) throw Refusal(fmt::format("{}: branches in branches, too deep", describe(node)));
+      screen_graph(attribute.g(), seen);
+      --seen.depth;
+      return;
     case onnx::AttributeProto_AttributeType_TENSOR:
       screen_tensor(attribute.t(), fmt::format("{}: attribute '{}'", describe(node), attribute.name()));
       return;
@@ -94,7 +109,6 @@ void screen_attribute(const onnx::NodeProto& node, const onnx::AttributeProto& a
     case onnx::AttributeProto_AttributeType_STRINGS:
       return;
     case onnx::AttributeProto_AttributeType_UNDEFINED:
-    case onnx::AttributeProto_AttributeType_GRAPH:
     case onnx::AttributeProto_AttributeType_SPARSE_TENSOR:
     case onnx::AttributeProto_AttributeType_TYPE_PROTO:
     case onnx::AttributeProto_AttributeType_TENSORS:
@@ -115,7 +129,7 @@ bool has_word(std::string_view words, std::string_view word) {
   return false;
 }
 
-void screen_node(const onnx::NodeProto& node) {
+void screen_node(const onnx::NodeProto& node, Seen& seen) {
   if (!standard_domain(node.domain()) || find_operator(node.op_type()) == nullptr) {
     throw Refusal(fmt::format("{} is not supported{}; supported operators: {}", describe(node),
                               standard_domain(node.domain()) ? "" : " (domain " + node.domain() + ")",
@@ -128,11 +142,21 @@ void screen_node(const onnx::NodeProto& node) {
                               node.input_size(), node.output_size()));
   }
   for (const onnx::AttributeProto& attribute : node.attribute()) {
-    screen_attribute(node, attribute);
     if (!has_word(form.attributes, attribute.name())) {
       throw Refusal(fmt::format("{}: attribute '{}' is not known to this engine", describe(node), attribute.name()));
     }
+    screen_attribute(node, attribute, seen);
   }
+}
+
+void screen_graph(const onnx::GraphProto& graph, Seen& seen) {
+  if (graph.sparse_initializer_size() > 0) throw Refusal("it has sparse initializers, which is not supported");
+  if (graph.node_size() > most_nodes - seen.nodes) throw Refusal(fmt::format("it has more than {} nodes", most_nodes));
+  seen.nodes += graph.node_size();
+  for (const onnx::TensorProto& tensor : graph.initializer()) {
+    screen_tensor(tensor, fmt::format("initializer '{}'", tensor.name()));
+  }
+  for (const onnx::NodeProto& node : graph.node()) screen_node(node, seen);
 }
 
 }  // namespace
@@ -158,14 +182,9 @@ void screen_model(const onnx::ModelProto& model) {
     throw Refusal(fmt::format("its opset is {}; this engine takes {} to {}, export it for one of those", opset,
                               oldest_opset, newest_opset));
   }
-  const onnx::GraphProto& graph = model.graph();
   if (model.functions_size() > 0) throw Refusal("it defines functions of its own, which is not supported");
-  if (graph.sparse_initializer_size() > 0) throw Refusal("it has sparse initializers, which is not supported");
-  if (graph.node_size() > most_nodes) throw Refusal(fmt::format("it has more than {} nodes", most_nodes));
-  for (const onnx::TensorProto& tensor : graph.initializer()) {
-    screen_tensor(tensor, fmt::format("initializer '{}'", tensor.name()));
-  }
-  for (const onnx::NodeProto& node : graph.node()) screen_node(node);
+  Seen seen;
+  screen_graph(model.graph(), seen);
 }
 
 Value& define_constant(Builder& builder, const std::string& name, const onnx::TensorProto& tensor) {
@@ -178,6 +197,14 @@ Value& define_constant(Builder& builder, const std::string& name, const onnx::Te
       if (count > 0) std::memcpy(integers.data(), tensor.raw_data().data(), count * sizeof(std::int64_t));
     }
     return builder.define_integers(name, shape, std::move(integers));
+  }
+  if (tensor.data_type() == onnx::TensorProto_DataType_INT32) {
+    std::vector<std::int32_t> integers(tensor.int32_data().begin(), tensor.int32_data().end());
+    if (tensor.has_raw_data()) {
+      integers.resize(count);
+      if (count > 0) std::memcpy(integers.data(), tensor.raw_data().data(), count * sizeof(std::int32_t));
+    }
+    return builder.define_integers(name, shape, {integers.begin(), integers.end()});
   }
   const bool truths = tensor.data_type() == onnx::TensorProto_DataType_BOOL;
   Value& value = builder.define_floats(name, shape, truths ? ElementType::boolean : ElementType::float32);

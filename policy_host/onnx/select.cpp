@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "policy_host/onnx/broadcast.hpp"
+#include "policy_host/onnx/elementwise.hpp"
 #include "policy_host/onnx/operators.hpp"
 #include "policy_host/onnx/strides.hpp"
 
@@ -35,8 +36,12 @@ Shape common_shape(const Node& node, const Shape& left, const Shape& right) {
 
 template <class Compare>
 void build_comparison(Builder& builder, const Node& node, Compare compare) {
-  const Value& a = node.input(0);
-  const Value& b = node.input(1);
+  Value a = node.input(0);
+  Value b = node.input(1);
+  if (a.type == ElementType::live_int64 || b.type == ElementType::live_int64) {
+    a = as_live(builder, node, a);
+    b = as_live(builder, node, b);
+  }
   if (a.type != b.type) node.refuse("its two inputs differ in data type");
   const Shape shape = common_shape(node, a.shape, b.shape);
   std::vector<std::uint32_t> in_a = broadcast_table(builder, a.shape, shape);

@@ -3,11 +3,16 @@
 #include <dlfcn.h>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <functional>
 #include <numeric>
 #include <string_view>
+#include <tuple>
+#include <type_traits>
 #include <utility>
+#include <variant>
 
 namespace takt::onnx_runtime {
 
@@ -64,7 +69,7 @@ constexpr std::array kProviders{Provider{"cuda", "OrtSessionOptionsAppendExecuti
 
 constexpr std::uint32_t kFirstVersion = 1;
 constexpr int kFatalOnly = 4;  // what goes wrong is returned too, in one line
-constexpr int kFloat = 1;
+constexpr int kFloat = 1, kInt32 = 6, kInt64 = 7;
 constexpr int kArenaAllocator = 1;
 constexpr int kDefaultMemory = 0;
 
@@ -124,17 +129,22 @@ class Library {
   struct Listing {
     Place count, name, type;
   };
-  std::expected<std::vector<Tensor>, std::string> list(void* session, const Listing& places) const {
+  struct Listed {
+    std::vector<Tensor> tensors;
+    std::vector<int> elements;  // their types
+  };
+  std::expected<Listed, std::string> list(void* session, const Listing& places) const {
     std::size_t count = 0;
     if (const auto done = call<void*, std::size_t*>(places.count, session, &count); !done)
       return std::unexpected(done.error());
-    std::vector<Tensor> tensors;
+    Listed listed;
     for (std::size_t i = 0; i < count; ++i) {
-      auto tensor = describe(session, i, places);
-      if (!tensor) return std::unexpected(tensor.error());
-      tensors.push_back(*std::move(tensor));
+      auto described = describe(session, i, places);
+      if (!described) return std::unexpected(described.error());
+      listed.tensors.push_back(std::move(described->tensor));
+      listed.elements.push_back(described->element);
     }
-    return tensors;
+    return listed;
   }
 
   void* environment = nullptr;
@@ -152,8 +162,13 @@ class Library {
     return "ONNX Runtime: " + said;
   }
 
-  std::expected<Tensor, std::string> describe(void* session, std::size_t index, const Listing& places) const {
+  struct Described {
     Tensor tensor;
+    int element = 0;
+  };
+  std::expected<Described, std::string> describe(void* session, std::size_t index, const Listing& places) const {
+    Described described;
+    Tensor& tensor = described.tensor;
     char* name = nullptr;
     auto done = call<void*, std::size_t, void*, char**>(places.name, session, index, allocator, &name);
     if (!done) return std::unexpected(done.error());
@@ -161,42 +176,74 @@ class Library {
     (void)call<void*, void*>(Place::allocator_free, allocator, name);
     void* type = nullptr;
     done = call<void*, std::size_t, void**>(places.type, session, index, &type);
-    if (done) done = read_shape(type, tensor);
+    if (done) done = read_shape(type, described);
     release(Place::release_type, type);
     if (!done) return std::unexpected(done.error());
-    return tensor;
+    return described;
   }
 
-  std::expected<void, std::string> read_shape(void* type, Tensor& tensor) const {
+  std::expected<void, std::string> read_shape(void* type, Described& described) const {
+    Tensor& tensor = described.tensor;
+    int& element = described.element;
     const void* shape = nullptr;  // of `type`
-    int element = 0;
     std::size_t rank = 0;
     auto done = call<void*, const void**>(Place::tensor_of_type, type, &shape);
     if (done && shape == nullptr) return std::unexpected(tensor.name + " is no tensor");
     if (done) done = call<const void*, int*>(Place::element_type, shape, &element);
     if (done) done = call<const void*, std::size_t*>(Place::dimension_count, shape, &rank);
     if (!done) return done;
-    if (element != kFloat) return std::unexpected(tensor.name + " is not float32, the only kind supported");
     tensor.shape.resize(rank);
-    done = call<const void*, std::int64_t*, std::size_t>(Place::dimensions, shape, tensor.shape.data(), rank);
-    if (!done) return done;
-    for (std::size_t d = 0; d < rank; ++d) {
-      if (tensor.shape[d] > 0) continue;
-      if (d != 0)
-        return std::unexpected(fmt::format("{} has an open dimension {}: export it with a fixed size", tensor.name, d));
-      tensor.shape[d] = 1;
-    }
-    return {};
+    return call<const void*, std::int64_t*, std::size_t>(Place::dimensions, shape, tensor.shape.data(), rank);
   }
 
   const Base* base_;
   Table table_;
 };
 
+namespace {
+
+// Of an input that has whole numbers, as the library is given them.
+struct WholeNumbers {
+  std::size_t input;
+  std::variant<std::vector<std::int32_t>, std::vector<std::int64_t>> values;
+};
+
+// False: one of them is not a number, or does not fit.
+bool cut(std::span<const float> from, WholeNumbers& to) {
+  if (std::ranges::any_of(from, [](float value) { return !(std::abs(value) < 0x1p31F); })) return false;
+  std::visit(
+      [from](auto& whole) {
+        using Whole = typename std::remove_reference_t<decltype(whole)>::value_type;
+        std::ranges::transform(from, whole.begin(), [](float value) { return static_cast<Whole>(value); });
+      },
+      to.values);
+  return true;
+}
+
+std::size_t element_count(const Tensor& tensor) {
+  return static_cast<std::size_t>(
+      std::accumulate(tensor.shape.begin(), tensor.shape.end(), std::int64_t{1}, std::multiplies<>()));
+}
+
+std::expected<void, std::string> settle_batch(std::vector<Tensor>& tensors) {
+  for (Tensor& tensor : tensors) {
+    for (std::size_t d = 0; d < tensor.shape.size(); ++d) {
+      if (tensor.shape[d] > 0) continue;
+      if (d != 0)
+        return std::unexpected(fmt::format("{} has an open dimension {}: export it with a fixed size", tensor.name, d));
+      tensor.shape[d] = 1;
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
 struct Session::Parts {
   std::shared_ptr<Library> library;
   void* session = nullptr;
   std::vector<Tensor> inputs, outputs;
+  std::vector<WholeNumbers> whole;
   std::vector<const char*> input_names, output_names;
   std::vector<void*> input_values, output_values;
 
@@ -206,20 +253,49 @@ struct Session::Parts {
     library->release(Place::release_session, session);
   }
 
-  std::expected<void, std::string> bind(std::vector<Tensor>& tensors, std::vector<const char*>& names,
-                                        std::vector<void*>& values) const {
-    for (Tensor& tensor : tensors) {
-      const std::int64_t count =
-          std::accumulate(tensor.shape.begin(), tensor.shape.end(), std::int64_t{1}, std::multiplies<>());
-      tensor.values.assign(static_cast<std::size_t>(count), 0.0F);
-      names.push_back(tensor.name.c_str());
-      values.push_back(nullptr);
-      const auto made = library->call<void*, void*, std::size_t, const std::int64_t*, std::size_t, int, void**>(
-          Place::create_tensor_with_data, library->memory, tensor.values.data(), tensor.values.size() * sizeof(float),
-          tensor.shape.data(), tensor.shape.size(), kFloat, &values.back());
+  // `elements`: their types.
+  std::expected<void, std::string> bind_inputs(std::span<const int> elements) {
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      Tensor& tensor = inputs[i];
+      const std::size_t count = element_count(tensor);
+      tensor.values.assign(count, 0.0F);
+      input_names.push_back(tensor.name.c_str());
+      input_values.push_back(nullptr);
+      void* data = tensor.values.data();
+      std::size_t bytes = count * sizeof(float);
+      if (elements[i] == kInt32) {
+        data = std::get<0>(whole.emplace_back(WholeNumbers{i, std::vector<std::int32_t>(count)}).values).data();
+        bytes = count * sizeof(std::int32_t);
+      } else if (elements[i] == kInt64) {
+        data = std::get<1>(whole.emplace_back(WholeNumbers{i, std::vector<std::int64_t>(count)}).values).data();
+        bytes = count * sizeof(std::int64_t);
+      } else if (elements[i] != kFloat) {
+        return std::unexpected(tensor.name + " is neither float32 nor of whole numbers");
+      }
+      if (const auto made = make_value(tensor, data, bytes, elements[i], input_values.back()); !made) return made;
+    }
+    return {};
+  }
+  std::expected<void, std::string> bind_outputs(std::span<const int> elements) {
+    for (std::size_t i = 0; i < outputs.size(); ++i) {
+      Tensor& tensor = outputs[i];
+      if (elements[i] != kFloat) return std::unexpected(tensor.name + " is not float32, the only kind supported");
+      tensor.values.assign(element_count(tensor), 0.0F);
+      output_names.push_back(tensor.name.c_str());
+      output_values.push_back(nullptr);
+      const auto made =
+          make_value(tensor, tensor.values.data(), tensor.values.size() * sizeof(float), kFloat, output_values.back());
       if (!made) return made;
     }
     return {};
+  }
+
+ private:
+  std::expected<void, std::string> make_value(const Tensor& tensor, void* data, std::size_t bytes, int element,
+                                              void*& value) const {
+    return library->call<void*, void*, std::size_t, const std::int64_t*, std::size_t, int, void**>(
+        Place::create_tensor_with_data, library->memory, data, bytes, tensor.shape.data(), tensor.shape.size(), element,
+        &value);
   }
 };
 
@@ -235,6 +311,10 @@ std::span<Tensor> Session::outputs() noexcept {
 }
 
 std::expected<void, std::string> Session::run() {
+  for (WholeNumbers& whole : parts_->whole) {
+    const Tensor& input = parts_->inputs[whole.input];
+    if (!cut(input.values, whole)) return std::unexpected(input.name + " is no whole number of 32 bits");
+  }
   return parts_->library
       ->call<void*, void*, const char* const*, void* const*, std::size_t, const char* const*, std::size_t, void**>(
           Place::run, parts_->session, nullptr, parts_->input_names.data(), parts_->input_values.data(),
@@ -276,36 +356,55 @@ std::string OnnxRuntime::version() const {
   return library_->version();
 }
 
+namespace {
+
+constexpr Library::Listing kInputs{Place::input_count, Place::input_name, Place::input_type};
+constexpr Library::Listing kOutputs{Place::output_count, Place::output_name, Place::output_type};
+
+// Of `tensors`, in their order; float32 where the model has none of that name.
+std::vector<int> elements_of(const Library::Listed& listed, const std::vector<Tensor>& tensors) {
+  std::vector<int> elements;
+  for (const Tensor& tensor : tensors) {
+    const auto found = std::ranges::find(listed.tensors, tensor.name, &Tensor::name);
+    elements.push_back(found == listed.tensors.end()
+                           ? kFloat
+                           : listed.elements[static_cast<std::size_t>(found - listed.tensors.begin())]);
+  }
+  return elements;
+}
+
+}  // namespace
+
 std::expected<Session, std::string> OnnxRuntime::load(const std::filesystem::path& model, std::vector<Tensor> inputs,
                                                       std::vector<Tensor> outputs) const {
-  auto parts = std::make_unique<Session::Parts>();
-  parts->library = library_;
-  const auto session = library_->open_session(model);
-  if (!session) return std::unexpected(session.error());
-  parts->session = *session;
-  parts->inputs = std::move(inputs);
-  parts->outputs = std::move(outputs);
-  return bound(std::move(parts));
+  return load_session(model, std::pair(std::move(inputs), std::move(outputs)));
 }
 
 std::expected<Session, std::string> OnnxRuntime::load(const std::filesystem::path& model) const {
+  return load_session(model, std::nullopt);
+}
+
+std::expected<Session, std::string> OnnxRuntime::load_session(
+    const std::filesystem::path& model, std::optional<std::pair<std::vector<Tensor>, std::vector<Tensor>>> said) const {
   auto parts = std::make_unique<Session::Parts>();
   parts->library = library_;
   const auto session = library_->open_session(model);
   if (!session) return std::unexpected(session.error());
   parts->session = *session;
-  auto inputs = library_->list(parts->session, {Place::input_count, Place::input_name, Place::input_type});
+  const auto inputs = library_->list(parts->session, kInputs);
   if (!inputs) return std::unexpected(inputs.error());
-  auto outputs = library_->list(parts->session, {Place::output_count, Place::output_name, Place::output_type});
+  const auto outputs = library_->list(parts->session, kOutputs);
   if (!outputs) return std::unexpected(outputs.error());
-  parts->inputs = *std::move(inputs);
-  parts->outputs = *std::move(outputs);
-  return bound(std::move(parts));
-}
-
-std::expected<Session, std::string> OnnxRuntime::bound(std::unique_ptr<Session::Parts> parts) {
-  auto done = parts->bind(parts->inputs, parts->input_names, parts->input_values);
-  if (done) done = parts->bind(parts->outputs, parts->output_names, parts->output_values);
+  if (said) {
+    std::tie(parts->inputs, parts->outputs) = *std::move(said);
+  } else {
+    parts->inputs = inputs->tensors;
+    parts->outputs = outputs->tensors;
+    for (std::vector<Tensor>* const tensors : {&parts->inputs, &parts->outputs})
+      if (const auto settled = settle_batch(*tensors); !settled) return std::unexpected(settled.error());
+  }
+  auto done = parts->bind_inputs(elements_of(*inputs, parts->inputs));
+  if (done) done = parts->bind_outputs(elements_of(*outputs, parts->outputs));
   if (!done) return std::unexpected(done.error());
   return Session(std::move(parts));
 }

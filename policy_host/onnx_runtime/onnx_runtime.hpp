@@ -12,14 +12,16 @@
 #include <expected>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace takt::onnx_runtime {
 
-// A float32 tensor of a model by name; `values` is its storage, as many floats as the shape says, and stays where it
-// is.
+// A tensor of a model by name; `values` is its storage, as many floats as the shape says, and stays where it is.
+// float32 in the model; an input may be int32 or int64 there, whose values are cut to whole numbers on every run.
 struct Tensor {
   std::string name;
   std::vector<std::int64_t> shape;
@@ -60,14 +62,17 @@ class OnnxRuntime {
   ~OnnxRuntime();
 
   std::string version() const;
-  // Every tensor that the model declares, all float32; a batch dimension becomes 1, no other one may be open.
+  // Every tensor that the model declares; a batch dimension becomes 1, no other one may be open.
   std::expected<Session, std::string> load(const std::filesystem::path& model) const;
   // Tensors as the model declares them, by name, with fixed shapes.
   std::expected<Session, std::string> load(const std::filesystem::path& model, std::vector<Tensor> inputs,
                                            std::vector<Tensor> outputs) const;
 
  private:
-  static std::expected<Session, std::string> bound(std::unique_ptr<Session::Parts> parts);
+  // `said`: inputs and outputs; nothing: every one that the model declares.
+  std::expected<Session, std::string> load_session(
+      const std::filesystem::path& model,
+      std::optional<std::pair<std::vector<Tensor>, std::vector<Tensor>>> said) const;
   explicit OnnxRuntime(std::shared_ptr<Library> library);
   std::shared_ptr<Library> library_;
 };

@@ -15,22 +15,10 @@ from rig.wire_age import MAX_AGE_MS, WRITE_MS, Run  # noqa: E402
 ENOUGH = 20_000
 
 
-def ages_on_wire(run, frames):
-    """ms, of each frame that carries a command; and us from the tick's beginning to the frame."""
-    kept_back = np.append(run.ticks["last_damped"][1:], 0)  # said by the tick after
-    ages, delays = [], []
-    for joint, _, stamp in frames:
-        at = run.tick_at(stamp)
-        if 0 <= at < len(run.now) - 1 and run.plays[at] and not int(kept_back[at]) >> joint & 1:
-            ages.append((stamp - run.oldest[at]) * 1e-6)
-            delays.append((stamp - run.now[at]) * 1e-3)
-    return np.array(ages), np.array(delays)
-
-
 def main():
     out = pathlib.Path(sys.argv[1])
     run = Run(out)
-    ages, delays = ages_on_wire(run, run.command_frames(out / "frames.log"))
+    ages, delays = run.ages_on_wire(run.command_frames(out / "frames.log"))
     if len(ages) < ENOUGH:
         sys.exit(f"only {len(ages)} frames with a command: too few to judge")
     print(f"{len(ages)} frames with a command, by the peer's stamps: age p50 {np.median(ages):.1f}, p99 {np.percentile(ages, 99):.1f}, "

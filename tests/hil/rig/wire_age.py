@@ -17,7 +17,7 @@ WRITE_MS = 0.05  # the executive looks at its clock before it writes; then the k
 class Run:
     """What a case left in OUT: its only run, read by takt.open, as users read it. Times in ns of CLOCK_MONOTONIC.
 
-    now, oldest, plays: of every tick, when it began, the oldest sample behind its command, and whether it played one.
+    now, oldest, plays, mode: of every tick, when it began, the oldest sample behind its command, whether it played one, and the mode's name.
     """
 
     def __init__(self, out):
@@ -31,8 +31,8 @@ class Run:
         self.now = self.ticks["now"].astype(np.int64)
         self.oldest = self.now - sum(self.ticks["age_" + part].astype(np.int64) for part in ("sense", "queue", "infer", "publish", "hold"))
         usable = [value for value, name in enums["freshness"].items() if name in ("fresh", "aging")]
-        modes = [value for value, name in enums["mode"].items() if name in ("tracking", "degraded")]
-        self.plays = np.isin(self.ticks["freshness"], usable) & np.isin(self.ticks["mode"], modes)
+        self.mode = np.array([enums["mode"][value] for value in self.ticks["mode"].tolist()])
+        self.plays = np.isin(self.ticks["freshness"], usable) & np.isin(self.mode, ("tracking", "degraded"))
 
     def tick_at(self, stamp):
         """Index of the tick that began last before this instant; -1: none did, or it is the last one recorded, whose end nobody knows.
@@ -48,3 +48,14 @@ class Run:
             if found := re.match(r"\((\d+)\.(\d{6})\) vcan\d 00([1-6])#([0-9A-F]{16})" + (f" {direction}$" if direction else ""), line):
                 if not found[4].startswith("FFFFFFFFFFFFFF"):
                     yield int(found[3]) - 1, found[4], int(found[1]) * 10**9 + int(found[2]) * 1000 - self.offset_ns
+
+    def ages_on_wire(self, frames):
+        """ms, of each frame that carries a command, by the peer's stamp; and us from the tick's beginning to the frame."""
+        kept_back = np.append(self.ticks["last_damped"][1:], 0)  # said by the tick after
+        ages, delays = [], []
+        for joint, _, stamp in frames:
+            at = self.tick_at(stamp)
+            if 0 <= at < len(self.now) - 1 and self.plays[at] and not int(kept_back[at]) >> joint & 1:
+                ages.append((stamp - self.oldest[at]) * 1e-6)
+                delays.append((stamp - self.now[at]) * 1e-3)
+        return np.array(ages), np.array(delays)

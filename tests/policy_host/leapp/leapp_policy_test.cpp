@@ -203,6 +203,74 @@ TEST_F(LeappPolicy, BothEnginesTakeIt) {
   }
 }
 
+// Five instants of what the network saw, as feedback of its own.
+TEST_F(LeappPolicy, AHistoryThatIsFeedbackIsKept) {
+  TemporaryDirectory other;
+  const std::string yaml = make_bundle(other.path(), "history");
+  const std::string text = imported_bundle(yaml);
+  for (const char* const line :
+       {"# Note: base_velocity: no names for 4 values; which is which the file does not say\n",
+        "  - name: base_velocity   # which value is which the export does not say\n    values: 4\n",
+        "input: \"base_velocity, robot_root_ang_vel_b, robot_root_quat_w, robot_joint_pos, robot_joint_vel\"",
+        "    - { term: base_orientation, order: xyzw }   # robot_root_quat_w\n",
+        "    outputs: { kp: \"joint_pos_kp_gains\", kd: \"joint_pos_kd_gains\" }\n"})
+    EXPECT_NE(text.find(line), std::string::npos) << line << "\n" << text;
+  const RobotConfig walker = loaded(other.path(), filled_in(text));
+  const auto policy = load_robot_policy(walker);
+  ASSERT_TRUE(policy) << policy.error();
+  ASSERT_TRUE(check_fit(walker, **policy));
+  ASSERT_TRUE((*policy)->is_recurrent());
+
+  const auto library = installed_onnx_runtime();
+  if (!library) GTEST_SKIP() << "NOT COMPARED: ONNX Runtime is not installed (./dev test installs it)";
+  const auto runtime = onnx_runtime::OnnxRuntime::open(*library);
+  ASSERT_TRUE(runtime) << runtime.error();
+  auto session = runtime->load(other.path("walk.onnx"));
+  ASSERT_TRUE(session) << session.error();
+  const auto tensor = [](std::span<Tensor> tensors, const std::string& name) -> std::vector<float>& {
+    return std::ranges::find(tensors, name, &Tensor::name)->values;
+  };
+  const auto bundle = read_leapp_bundle(config::read_file(yaml).value(), yaml);
+  ASSERT_TRUE(bundle);
+  EXPECT_EQ(bundle->feedback.size(), 7U);
+  const auto graph = load_leapp_graph(yaml, walker.policy->input, walker.policy->output, load_onnx_network);
+  ASSERT_TRUE(graph) << graph.error();
+  const auto start = [&] {
+    for (const Wiring::State& state : graph->wiring.states)
+      std::ranges::copy(state.start,
+                        tensor(session->inputs(), graph->networks[0]->inputs()[state.to.tensor].name).begin());
+  };
+
+  std::mt19937 random(3);
+  std::uniform_real_distribution<float> value(-1, 1);
+  std::vector<float> input((*policy)->input_size()), output((*policy)->output_size());
+  double largest = 0;
+  for (int i = 0; i < 500; ++i) {
+    if (i % 200 == 0) {
+      (*policy)->reset();
+      start();
+    }
+    std::ranges::generate(input, [&] { return value(random); });
+    (*policy)->infer(input, output);
+    auto from = input.begin();
+    for (const LeappPort& port : bundle->inputs) {
+      std::vector<float>& to = tensor(session->inputs(), port.tensor);
+      std::copy_n(from, to.size(), to.begin());
+      from += std::ssize(to);
+    }
+    const auto ran = session->run();
+    ASSERT_TRUE(ran) << ran.error();
+    for (const LeappFlow& flow : bundle->feedback)
+      tensor(session->inputs(), flow.to.tensor) = tensor(session->outputs(), flow.from.tensor);
+    auto own = output.begin();
+    for (const char* const name : {"joint_pos", "joint_pos_kp_gains", "joint_pos_kd_gains"})
+      for (const float other_value : tensor(session->outputs(), name))
+        largest = std::max(largest,
+                           static_cast<double>(std::abs(*own++ - other_value)) / std::max(1.0F, std::abs(other_value)));
+  }
+  EXPECT_LE(largest, kTolerance);
+}
+
 TEST_F(LeappPolicy, SaysWhatEachInputIsBoundTo) {
   EXPECT_EQ(binding_lines(described_bundle(yaml_), robot(filled_)),
             (std::vector<std::string>{

@@ -1,8 +1,9 @@
 #!/usr/bin/python3
-"""Writes a LEAPP bundle whose networks have the shapes that its YAML says: make_bundle.py FOLDER [YAML]
+"""Writes a LEAPP bundle whose networks have the shapes that its YAML says: make_bundle.py FOLDER [YAML | history]
 
 Without YAML it is one of a 29-joint walker's: inputs, outputs, feedback and their names as WBC-AGILE's Velocity-G1-v0 has
-them. With one, that file's (its `sha256sum`s are replaced). Networks: all inputs, flat, through a hidden layer of tanh to
+them. With `history` likewise, as Velocity-Height-G1-History-v0 has them: five instants of all that it sees are feedback, and of four
+commanded values none has a name. With a YAML, that file's (its `sha256sum`s are replaced). Networks: all inputs, flat, through a hidden layer of tanh to
 each output; gains are 40 + 10 tanh. Opset 20. Values are drawn from a fixed seed, start values of the feedback too.
 """
 import hashlib
@@ -37,7 +38,7 @@ def tensor(name, width, kind=None, names=None, connection=None):
     return entry
 
 
-def walker():
+def walker(with_history=False):
     name = "walk"
     inputs = [
         tensor("base_velocity", 4, "command/body/velocity", ["lin_vel_x", "lin_vel_y", "ang_vel_z"], "command:base_velocity"),
@@ -52,11 +53,19 @@ def walker():
         tensor("last_action_out", 12),
         tensor("joint_pos_kp_gains", 12, "kp", LEGS, "write:robot:write_joint_stiffness_to_sim_index"),
         tensor("joint_pos_kd_gains", 12, "kd", LEGS, "write:robot:write_joint_damping_to_sim_index")]
+    fed_back = ["last_action"]
+    if with_history:
+        inputs.pop(1)
+        inputs[0].pop("element_names")
+        for what, width in (("commands", 4), ("ang_vel", 3), ("gravity", 3), ("joint_pos", 29), ("joint_vel", 29), ("actions", 12)):
+            for tensors, way in ((inputs, "in"), (outputs, "out")):
+                tensors.insert(-1, {**tensor(f"h_policy_{what}_{way}", width), "shape": [5, 1, width]})
+            fed_back.append(f"h_policy_{what}")
     ports = lambda tensors: [entry["name"] for entry in tensors if "kind" in entry]
     return {
         "models": {name: {"inputs": inputs, "outputs": outputs,
                           "parameters": {"model_path": f"{name}.onnx", "sha256sum": "", "backend": "onnx", "opset_version": 20}}},
-        "pipeline": {"data_flow": {}, "feedback_flow": {f"{name}/last_action_out": [f"{name}/last_action_in"]},
+        "pipeline": {"data_flow": {}, "feedback_flow": {f"{name}/{what}_out": [f"{name}/{what}_in"] for what in fed_back},
                      "initial_values": f"{name}_initial_values.safetensors", "inputs": {name: ports(inputs)},
                      "outputs": {name: ports(outputs)}, "configs": {"frequency": 50.0}},
         "system information": {"leapp config version": "1.1"}}
@@ -114,7 +123,7 @@ def safetensors(values):
 def main(folder, source=None):
     folder = pathlib.Path(folder)
     random = np.random.default_rng(7)
-    bundle = yaml.safe_load(pathlib.Path(source).read_text()) if source else walker()
+    bundle = yaml.safe_load(pathlib.Path(source).read_text()) if source not in (None, "history") else walker(source == "history")
     for node in bundle["models"].values():
         model = network(node, random)
         node["parameters"]["sha256sum"] = hashlib.sha256(model).hexdigest()

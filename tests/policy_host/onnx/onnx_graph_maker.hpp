@@ -56,6 +56,11 @@ class NodeMaker {
     *attribute.mutable_t() = value;
     return *this;
   }
+  NodeMaker& with(const std::string& name, const onnx::GraphProto& value) {
+    onnx::AttributeProto& attribute = add(name, onnx::AttributeProto_AttributeType_GRAPH);
+    *attribute.mutable_g() = value;
+    return *this;
+  }
 
  private:
   onnx::AttributeProto& add(const std::string& name, onnx::AttributeProto_AttributeType type) {

@@ -307,6 +307,20 @@ std::vector<std::string> seeds() {
   windows.node("AveragePool", {"v"}, {"p"}).with("kernel_shape", Dims{2, 2});
   windows.node("ReduceL2", {"p", "axes"}, {"y"});
   bytes.push_back(windows.model.SerializeAsString());
+  GraphMaker branch;
+  branch.output("out").floats("w", {2}, {1, 2});
+  branch.node("Mul", {"x", "w"}, {"out"});
+  GraphMaker choice;
+  choice.input("x", {2}).input("count", {}).output("y").integers("three", {}, {3}).integers("two", {}, {2});
+  choice.graph().mutable_input(1)->mutable_type()->mutable_tensor_type()->set_elem_type(
+      onnx::TensorProto_DataType_INT64);
+  choice.node("Mod", {"count", "three"}, {"rest"});
+  choice.node("Equal", {"rest", "two"}, {"chosen"});
+  choice.node("If", {"chosen"}, {"y"}).with("then_branch", branch.graph()).with("else_branch", branch.graph());
+  for (const std::int64_t opset : {13, 21}) {
+    choice.model.mutable_opset_import(0)->set_version(opset);
+    bytes.push_back(choice.model.SerializeAsString());
+  }
   return bytes;
 }
 

@@ -168,6 +168,25 @@ def motion_reference():
                                   [integers("last", -1), integers("end", 5, dims=()), floats("table", 6, 4), floats("w", 3, 2)])
 
 
+def branches():
+    """Every third step another graph, as exploy writes it: names that both branches have, values and constants from outside."""
+    count = helper.make_tensor_value_info("time_step", TensorProto.INT32, [])
+    floats_of = lambda pairs: [helper.make_tensor_value_info(name, TensorProto.FLOAT, dims) for name, dims in pairs]
+    kept = [("z", [1, 4]), ("h_out", [1, 2])]
+    step = helper.make_graph([node("Gemm", "x w", "inner"), node("Tanh", "inner", "z"), node("Add", "h_in shift", "h_out")], "step", [],
+                             floats_of(kept), [floats("w", 3, 4)])
+    hold = helper.make_graph([node("Gemm", "h_in w", "inner"), node("Mul", "inner outside", "z"), node("Identity", "h_in", "h_out")], "hold", [],
+                             floats_of(kept), [floats("w", 2, 4)])
+    number32 = lambda name, value: helper.make_tensor(name, TensorProto.INT32, (), [value])
+    nodes = [node("Mod", "time_step three", "rest"), node("Equal", "rest zero", "event"),
+             node("If", "event", "z h_out", then_branch=step, else_branch=hold)]
+    inputs = [count, *floats_of([("x", [1, 3]), ("h_in", [1, 2])])]
+    graph = helper.make_graph(nodes, "g", inputs, floats_of(kept), [number32("three", 3), number32("zero", 0), floats("outside", 1, 4), floats("shift", 2)])
+    for opset in (16, 20):
+        yield f"If-{opset}", helper.make_model(graph, opset_imports=[helper.make_opsetid("", opset)], ir_version=8 if opset < 19 else 9)
+    yield "Mod-fmod", model(13, [node("Mod", "x y", "z", fmod=1)], {"x": [3, 2], "y": [2]}, {"z": [3, 2]})
+
+
 def without_nothing(made):
     for one in made.graph.node:
         for i, name in enumerate(one.input):
@@ -187,6 +206,8 @@ def main():
         tensor.CopyFrom(helper.make_tensor(tensor.name, TensorProto.FLOAT, tensor.dims, struct.pack(f"<{len(data)}f", *data), raw=True))
     external_data_helper.convert_model_to_external_data(beside, all_tensors_to_one_file=True, location="file-beside.onnx.data", size_threshold=0)
     save(beside, str(folder / "file-beside.onnx"))
+    for name, made in branches():
+        save(made, str(folder / f"{name}.onnx"))
 
 
 main()

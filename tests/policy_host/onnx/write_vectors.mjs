@@ -25,9 +25,9 @@ function generator() {
 async function lastOutputs(file) {
   const session = await ort.InferenceSession.create(file, { intraOpNumThreads: 1, interOpNumThreads: 1 });
   const feeds = {};
-  for (const { name, shape } of session.inputMetadata) {
+  for (const { name, shape, type } of session.inputMetadata) {
     const size = shape.reduce((a, b) => a * b, 1);
-    feeds[name] = new ort.Tensor("float32", new Float32Array(size), shape);
+    feeds[name] = new ort.Tensor(type, type === "int32" ? new Int32Array(size) : new Float32Array(size), shape);
   }
   const stateOutput = (name) => {
     for (const [from, to] of endings) {
