@@ -92,7 +92,7 @@ class Session {
     heard_at_ = monotonic_now();
     before_heard_ = bytes_;
     const auto parsed = parse_mtdata2(message.data);
-    if (!parsed) complaint_.say(parsed.error());
+    if (!parsed) complaint_.say(heard_at_, parsed.error());
     if (!parsed) return;
     complaint_.forget();
     if (reading_.counts().samples == 0) spdlog::info("an MTi is heard at {}, {} baud", options_.port, options_.baud);
@@ -150,9 +150,9 @@ int serve(const Options& options, const Quaternion& mounting, ipc::SensorServer&
     if (port) {
       Session session(server, mounting, options, complaint);
       const std::string why = listen(*port, session, sequence, waiting_mask);
-      if (!why.empty()) complaint.say(why);
+      if (!why.empty()) complaint.say(monotonic_now(), why);
     } else {
-      complaint.say(port.error());
+      complaint.say(monotonic_now(), port.error());
     }
     if (!g_stop) wait_for_retry(waiting_mask);
   }

@@ -105,10 +105,10 @@ void RosTopicReader::take_one(const void* message, std::int64_t source_unix_ns) 
   if (heard_.is_set() && arrival.at - heard_ > sensor_.timeout) ++counts_.pauses;
   heard_ = arrival.at;
   if (arrival.at - sensed.at > sensor_.timeout)
-    old_.say(
-        fmt::format("{}: stamped more than the sensor's timeout before they arrive; is it this machine's clock, "
-                    "and not that of a simulation (use_sim_time)?",
-                    sensor_.ros->topic));
+    old_.say(arrival.at,
+             fmt::format("{}: stamped more than the sensor's timeout before they arrive; is it this machine's clock, "
+                         "and not that of a simulation (use_sim_time)?",
+                         sensor_.ros->topic));
   const auto published = publish(message, sensed.at);
   if (published) {
     if (++counts_.samples == 1) spdlog::info("{} is heard, for sensor {}", sensor_.ros->topic, sensor_.name);
@@ -116,8 +116,8 @@ void RosTopicReader::take_one(const void* message, std::int64_t source_unix_ns) 
     return;
   }
   ++counts_.refused;
-  complaint_.say(
-      fmt::format("{}: {}: not passed on to sensor {}", sensor_.ros->topic, published.error(), sensor_.name));
+  complaint_.say(arrival.at, fmt::format("{}: {}: not passed on to sensor {}", sensor_.ros->topic, published.error(),
+                                         sensor_.name));
 }
 
 std::expected<void, std::string> RosTopicReader::publish(const void* message, MonoTime sensed) {
