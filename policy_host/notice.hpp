@@ -1,5 +1,6 @@
-// A condition that may last: said when it begins or changes, and again every ten seconds, not at every retry.
-// Thread rule: one thread, never the control thread.
+// A condition that may last: said when it begins or changes, and again every ten seconds, not at every retry; and a
+// line a second at most, for it may change with every message of a stranger, and come and go. Thread rule: one thread,
+// never the control thread.
 #pragma once
 
 #include <spdlog/spdlog.h>
@@ -13,9 +14,9 @@ namespace takt::policy_host {
 class Notice {
  public:
   void say(MonoTime now, const std::string& sentence) {
-    if (sentence == said_ && now < again_) return;
+    if (said_at_.is_set() && now - said_at_ < (sentence == said_ ? seconds(10) : seconds(1))) return;
     said_ = sentence;
-    again_ = now + seconds(10);
+    said_at_ = now;
     spdlog::warn("{}", sentence);
   }
   // The condition is over: the next one is news again.
@@ -23,7 +24,7 @@ class Notice {
 
  private:
   std::string said_;
-  MonoTime again_;
+  MonoTime said_at_;
 };
 
 }  // namespace takt::policy_host

@@ -14,6 +14,7 @@ namespace takt::policy_host {
 namespace {
 
 constexpr std::uintmax_t kMostBytes = 64U << 20U;
+constexpr std::uint64_t kMostHeader = 1U << 20U;  // of a file's map: some ten thousand tensors
 
 std::expected<std::string, std::string> bytes_of(const std::filesystem::path& file) {
   std::error_code error;
@@ -37,7 +38,6 @@ std::string problem_in(const nlohmann::json& entry, std::size_t bytes, InitialVa
   const auto begin = entry.at("data_offsets").at(0).get<std::uint64_t>();
   const auto end = entry.at("data_offsets").at(1).get<std::uint64_t>();
   if (begin > end || end > bytes || end - begin != 4 * count) return "points outside the file, or to another size";
-  value.values.resize(count);
   return {};
 }
 
@@ -54,9 +54,11 @@ std::expected<std::map<std::string, InitialValue>, std::string> read_initial_val
   if (bytes->size() < sizeof(header)) return refuse("no safetensors file");
   std::memcpy(&header, bytes->data(), sizeof(header));
   if (header > bytes->size() - sizeof(header)) return refuse("no safetensors file, or cut short");
+  if (header > kMostHeader) return refuse(fmt::format("its map is larger than {} MiB", kMostHeader >> 20U));
   const std::string_view text = std::string_view(*bytes).substr(sizeof(header), header);
   const std::string_view data = std::string_view(*bytes).substr(sizeof(header) + header);
   std::map<std::string, InitialValue> values;
+  std::size_t left = data.size();
   try {
     const nlohmann::json map = nlohmann::json::parse(text);
     for (const auto& [key, entry] : map.items()) {
@@ -64,8 +66,13 @@ std::expected<std::map<std::string, InitialValue>, std::string> read_initial_val
       InitialValue value;
       if (const std::string problem = problem_in(entry, data.size(), value); !problem.empty())
         return refuse(fmt::format("'{}' {}", key, problem));
-      std::memcpy(value.values.data(), data.data() + entry["data_offsets"][0].get<std::uint64_t>(),
-                  4 * value.values.size());
+      const std::size_t size =
+          entry["data_offsets"][1].get<std::size_t>() - entry["data_offsets"][0].get<std::size_t>();
+      if (size > left)
+        return refuse(fmt::format("'{}' shares its bytes with others: more values than the file has", key));
+      left -= size;
+      value.values.resize(size / sizeof(float));
+      std::memcpy(value.values.data(), data.data() + entry["data_offsets"][0].get<std::size_t>(), size);
       for (const float each : value.values)
         if (!std::isfinite(each)) return refuse(fmt::format("'{}' holds a value that is no number", key));
       values.emplace(key, std::move(value));

@@ -1,5 +1,6 @@
 // A safetensors file as LEAPP writes it beside a bundle: the first values of the feedback inputs, by the port they
-// start ("node/input"). Only float32 is read. Errors: one line, file, what is wrong. Thread rule: set-up only.
+// start ("node/input"). Only float32 is read, at most 64 MiB, and never more values than the file has bytes for.
+// Errors: one line, file, what is wrong. Thread rule: set-up only.
 //
 // Format: u64 LE length of a JSON map {name: {dtype, shape, data_offsets: [begin, end]}}, that map, the values.
 #pragma once

@@ -73,4 +73,9 @@ AnswerGate::Played AnswerGate::played(std::uint64_t sequence) const {
   return sequence != 0 && found.sequence == sequence ? found.chunk : Played{};
 }
 
+AnswerGate::Followed AnswerGate::followed(const Observation& observation) const {
+  if (observation.of_candidate != 0) return {};
+  return {played(observation.command_sequence), observation.committed_from, observation.committed_count};
+}
+
 }  // namespace takt::policy_host::remote

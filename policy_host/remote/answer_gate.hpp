@@ -12,6 +12,7 @@
 
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/mono_time.hpp"
+#include "executive/contract/observation.hpp"
 
 namespace takt::policy_host::remote {
 
@@ -82,6 +83,13 @@ class AnswerGate {
     std::uint64_t server = 0, sequence = 0;
   };
   [[nodiscard]] Played played(std::uint64_t sequence) const;
+  // What a server is told of the chunk in use. Nothing, where it is the candidate's: its numbers are of another
+  // mailbox.
+  struct Followed {
+    Played chunk;
+    std::uint32_t committed_from = 0, committed_count = 0;
+  };
+  [[nodiscard]] Followed followed(const Observation& observation) const;
 
  private:
   [[nodiscard]] bool has_shape(const Answer& answer) const;

@@ -204,7 +204,7 @@ bool Bridge::send_sample(Source& source) {
 
 void Bridge::send(const Observation& observation, const Shown& shown) {
   const MonoTime now = monotonic_now();
-  const auto following = gate_.played(observation.command_sequence);
+  const AnswerGate::Followed following = gate_.followed(observation);
   std::vector<takt_remote_SampleReference> references;
   for (const Source& source : sources_)
     if (used_[source.sensor].sequence != kAbsentSequence)
@@ -225,10 +225,10 @@ void Bridge::send(const Observation& observation, const Shown& shown) {
   message.oldest_age_ns = (now - observation.oldest_sensed_at).ns;
   message.period_ns = observation.period.ns;
   message.mode = observation.mode;
-  message.following_server = following.server;
-  message.following_number = following.sequence;
-  message.committed_from = observation.committed_from;
-  message.committed_count = observation.committed_count;
+  message.following_server = following.chunk.server;
+  message.following_number = following.chunk.sequence;
+  message.committed_from = following.committed_from;
+  message.committed_count = following.committed_count;
   const std::size_t joints = std::min<std::size_t>(observation.joint_count, kMaxJoints);
   refer(message.q, observation.q.at.data(), joints);
   refer(message.dq, observation.dq.at.data(), joints);

@@ -28,7 +28,7 @@ void ImuFeed::publish(const MtSample& sample, MonoTime arrived_at) {
 
 void ImuFeed::refuse(const std::string& why) {
   heard_at_ = monotonic_now();
-  seat_.complaint.say(why);
+  seat_.complaint.say(heard_at_, why);
 }
 
 void ImuFeed::report(std::uint64_t damaged) {

@@ -18,6 +18,7 @@
 #include "config/paths.hpp"
 #include "config/units.hpp"
 #include "drivers/bus/open_bus.hpp"
+#include "executive/contract/monotonic_clock.hpp"
 #include "executive/ipc/sensor_server.hpp"
 #include "executive/log/program_log.hpp"
 #include "sensors/imu/listen.hpp"
@@ -75,7 +76,7 @@ int serve(const Options& options, const Source& source, ImuSeat seat) {
   const timespec pause{.tv_sec = 0, .tv_nsec = kRetry.ns};
   while (!g_stop) {
     const std::string why = listen(options, source, seat, signals);
-    if (!why.empty()) seat.complaint.say(why);
+    if (!why.empty()) seat.complaint.say(monotonic_now(), why);
     if (!g_stop) ::ppoll(nullptr, 0, &pause, &signals.while_waiting);
   }
   return 0;

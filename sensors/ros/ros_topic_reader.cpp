@@ -43,8 +43,8 @@ Arrival now_by_both_clocks() {
   return {at, std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec};
 }
 
-// Where a message has no header, when it was written stands for when it was sensed.
-std::int64_t stamp_in(config::RosType type, const void* message, std::int64_t source_unix_ns) {
+// Unix ns; 0: there is none.
+std::int64_t stamp_in(config::RosType type, const void* message) {
   switch (type) {
     case config::RosType::image:
       return stamp_of(static_cast<const sensor_msgs_msg_dds__Image_*>(message)->header);
@@ -55,7 +55,7 @@ std::int64_t stamp_in(config::RosType type, const void* message, std::int64_t so
     case config::RosType::twist:
       break;
   }
-  return source_unix_ns;
+  return 0;
 }
 
 RosResult values_of(config::RosType type, const void* message, const config::Sensor& sensor, RosValues& values) {
@@ -100,15 +100,15 @@ void RosTopicReader::take_all() {
 
 void RosTopicReader::take_one(const void* message, std::int64_t source_unix_ns) {
   const Arrival arrival = now_by_both_clocks();
-  const SensedAt sensed = sensed_at(stamp_in(sensor_.ros->type, message, source_unix_ns), arrival);
+  const SensedAt sensed = sensed_at({stamp_in(sensor_.ros->type, message), source_unix_ns}, arrival);
   if (sensed.ahead > Duration{}) ++counts_.ahead;
   if (heard_.is_set() && arrival.at - heard_ > sensor_.timeout) ++counts_.pauses;
   heard_ = arrival.at;
   if (arrival.at - sensed.at > sensor_.timeout)
-    old_.say(
-        fmt::format("{}: stamped more than the sensor's timeout before they arrive; is it this machine's clock, "
-                    "and not that of a simulation (use_sim_time)?",
-                    sensor_.ros->topic));
+    old_.say(arrival.at,
+             fmt::format("{}: stamped more than the sensor's timeout before they arrive; is it this machine's clock, "
+                         "and not that of a simulation (use_sim_time)?",
+                         sensor_.ros->topic));
   const auto published = publish(message, sensed.at);
   if (published) {
     if (++counts_.samples == 1) spdlog::info("{} is heard, for sensor {}", sensor_.ros->topic, sensor_.name);
@@ -116,8 +116,8 @@ void RosTopicReader::take_one(const void* message, std::int64_t source_unix_ns) 
     return;
   }
   ++counts_.refused;
-  complaint_.say(
-      fmt::format("{}: {}: not passed on to sensor {}", sensor_.ros->topic, published.error(), sensor_.name));
+  complaint_.say(arrival.at, fmt::format("{}: {}: not passed on to sensor {}", sensor_.ros->topic, published.error(),
+                                         sensor_.name));
 }
 
 std::expected<void, std::string> RosTopicReader::publish(const void* message, MonoTime sensed) {

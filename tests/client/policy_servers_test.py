@@ -272,12 +272,55 @@ class OpenPi(Asking):
                             (lambda n: b"\xc1\xff", "what is no message"),
                             (lambda n: msgpack.packb({"actions": array([1], dtype="|O")}), "what is no message"),
                             (lambda n: msgpack.packb({"actions": array([1], shape=[1 << 28, 3])}), "what is no message"),
+                            (lambda n: msgpack.packb({"actions": [[1, 2], [3]]}), "`actions` that is no array"),
+                            (lambda n: msgpack.packb({"actions": {b"__npgeneric__": True, b"dtype": "V268435456", b"data": 1}}), "what is no message"),
+                            (lambda n: msgpack.packb({"actions": array([1], shape="1")}), "what is no message"),
                             (lambda n: b"\xdd\x7f\xff\xff\xff", "what is no message"),
+                            (lambda n: b"\xdd\x00\x20\x00\x00" + b"\x80" * (2 << 20), "what is no message"),
+                            (lambda n: b"\xdc\x04\x00" + (b"\xdc\x04\x00" + b"\x80" * 1024) * 1024, "what is no message"),
                             (lambda n: b"\x91" * 2000 + b"\xc0", "what is no message")):
             with self.subTest(said):
                 async def wrong(peer, asked, count):
                     await peer.send(reply(asked["n"]))
                 self.misbehaves(wrong, said)
+
+    def test_values_without_end_are_not_read_to_their_end(self):
+        # Lists in lists, each as long as one may be: 16 million maps in 16 MiB. They are counted, and the count ends the reading.
+        read = 0
+
+        def counts(value):
+            nonlocal read
+            read += 1
+            return value
+        client = servers.OpenPi("ws://127.0.0.1:1", shape=(STEPS, JOINTS), deadline="300 ms")
+        self.addCleanup(client.close)
+        row = b"\xdc\x04\x00" + b"\x80" * 1024
+        nested = b"\xdc\x04\x00" + row * 1024
+        with self.assertRaisesRegex(servers._NoAnswer, "no message"):
+            client._unpack(b"\x9f" + nested * 15, counts)
+        self.assertLessEqual(read, servers._MOST_VALUES)
+        self.assertGreater(read, 0)
+
+    def test_a_server_cannot_fill_the_log(self):
+        # Each answer is an error of its own, of a megabyte and with what moves a terminal's cursor.
+        async def errors(peer, asked, count):
+            words = "\x1b[2J\n" + f"error {count} " + "e" * (1 << 20)
+            await peer.send((words, msgpack.packb({words: 1}), b"\xc1")[count % 3])
+        client = self.open(OpenPiServer(errors))
+        with self.assertLogs("takt", "WARNING") as log:
+            seen, begin = set(), time.monotonic()
+            for number in range(1, 1 << 30):
+                self.assertIsNone(self.ask(client, number))
+                if "connected" not in client.problem and "closed" not in client.problem:
+                    seen.add(client.problem)
+                self.assertLess(len(client.problem), 500)
+                self.assertTrue(client.problem.isprintable(), client.problem[:200])
+                if len(seen) >= 6:
+                    break
+                self.assertLess(time.monotonic(), begin + PATIENCE_S, seen)
+                time.sleep(0.01)
+            elapsed = time.monotonic() - begin
+        self.assertLessEqual(len(log.output), 1 + elapsed / servers._SAY_NEWS_S, log.output)
 
     def test_a_giant_is_cut_off(self):
         async def giant(peer, asked, count):
@@ -404,13 +447,17 @@ def npy(values, **how):
 
 
 class GrootServer:
-    """REP; `behaves(question, count)` gives the reply's bytes, or None: none at all."""
+    """REP; `behaves(question, count)` gives the reply's bytes, or None: none at all. `afterwards(frames)`: once it is sent."""
 
-    def __init__(self, behaves):
-        self.behaves, self.count = behaves, 0
+    def __init__(self, behaves, afterwards=None):
+        self.behaves, self.afterwards, self.count = behaves, afterwards, 0
         self.context = zmq.Context()
         # A router, for a REP socket cannot keep an answer back.
         self.socket = self.context.socket(zmq.ROUTER)
+        if afterwards:  # a message that finds no room waits, and is not dropped
+            self.socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
+            self.socket.setsockopt(zmq.SNDHWM, 1)
+            self.socket.setsockopt(zmq.SNDTIMEO, 1000)
         self.url = f"tcp://127.0.0.1:{self.socket.bind_to_random_port('tcp://127.0.0.1')}"
         self.over = threading.Event()
         self.kept = []
@@ -428,6 +475,8 @@ class GrootServer:
                 self.kept.append(frames[:-1])
             else:
                 self.socket.send_multipart([*frames[:-1], reply])
+                if self.afterwards:
+                    self.afterwards(frames[:-1])
 
     def close(self):
         self.over.set()
@@ -441,6 +490,13 @@ class Groot(Asking):
     def well(asked, count=0, arm=2, hand=1, dtype=np.float32, **how):
         number = asked["data"]["observation"]["n"]
         return msgpack.packb([{"action.arm": npy(np.full((1, STEPS + 1, arm), number, dtype), **how), "action.hand": npy(np.full((1, STEPS + 1, hand), number, dtype), **how)}, {}])
+
+    @staticmethod
+    def zipped(_question):
+        import io
+        file = io.BytesIO()
+        np.savez_compressed(file, np.zeros(1 << 20))
+        return msgpack.packb([{"action.arm": {"__ndarray_class__": True, "as_npy": file.getvalue()}}, {}])
 
     def open(self, server, **more):
         self.addCleanup(server.close)
@@ -467,6 +523,9 @@ class Groot(Asking):
     def test_misbehaviour_is_told_and_ends(self):
         for wrong, said in ((lambda question: None, "did not answer within 300 ms"),
                             (lambda question: msgpack.packb({"error": "no such modality"}), "has an error: no such modality"),
+                            (lambda question: msgpack.packb({"error": "\x1b[2J" * (1 << 18)}), "has an error: ?[2J?[2J"),
+                            (lambda question: msgpack.packb({"error": [1, {}]}), "has an error: list"),
+                            (lambda question: self.zipped(question), "what is no message"),
                             (lambda question: self.well(question, hand=2), "4 values per step"),
                             (lambda question: msgpack.packb([{"action.arm": npy(np.full((1, STEPS, 2), np.nan)), "action.hand": npy(np.zeros((1, STEPS, 1)))}, {}]), "not finite"),
                             (lambda question: msgpack.packb([{}, {}]), "`action.arm` of shape (0,)"),
@@ -490,6 +549,25 @@ class Groot(Asking):
         number = self.until(client, self.says("did not answer"))
         server.behaves = with_the_old_ones
         self.until(client, self.good, number)
+
+    def test_what_nobody_asked_for_waits_at_its_sender(self):
+        # 200 MiB behind an answer: what this side takes in of them is bounded by messages, not by the sender's patience.
+        sent = [0]
+
+        def floods(frames):
+            try:
+                while sent[0] < 200:
+                    server.socket.send_multipart([*frames, bytes(1 << 20)])
+                    sent[0] += 1
+            except zmq.ZMQError:
+                pass
+            over.set()
+        over = threading.Event()
+        server = GrootServer(lambda question, count: self.well(question), floods)
+        client = self.open(server)
+        self.until(client, self.good)
+        self.assertTrue(over.wait(PATIENCE_S))
+        self.assertLess(sent[0], 100, "MiB")
 
     def test_who_is_not_there_is_told(self):
         client = servers.Groot("tcp://127.0.0.1:1", shape=(STEPS, JOINTS), deadline="50 ms", actions=("a",))

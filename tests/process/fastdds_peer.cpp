@@ -185,6 +185,15 @@ bool FastDdsPeer::send(const std::string& offered_topic, const Payload& payload)
   return state_->offering.at(offered_topic)->write(&copy);
 }
 
+bool FastDdsPeer::send_as_of(std::int64_t unix_ns, const std::string& offered_topic, const Payload& payload) {
+  constexpr std::int64_t kSecond = 1'000'000'000;
+  Payload copy = payload;
+  eprosima::fastrtps::rtps::WriteParams params;
+  params.source_timestamp(
+      {static_cast<std::int32_t>(unix_ns / kSecond), static_cast<std::uint32_t>(unix_ns % kSecond)});
+  return state_->offering.at(offered_topic)->write(&copy, params);
+}
+
 std::map<std::string, Endpoint> FastDdsPeer::writers() const {
   const std::lock_guard lock(state_->mutex);
   return state_->writers;

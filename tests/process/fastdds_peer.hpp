@@ -35,6 +35,8 @@ class FastDdsPeer {
   void offer(const std::string& topic, const std::string& type);
   [[nodiscard]] bool is_matched(const std::string& offered_topic) const;
   bool send(const std::string& offered_topic, const Payload& payload);
+  // As if written at `unix_ns`: the time stamp that DDS itself carries.
+  bool send_as_of(std::int64_t unix_ns, const std::string& offered_topic, const Payload& payload);
 
   // What others have announced, by topic.
   [[nodiscard]] std::map<std::string, Endpoint> writers() const;

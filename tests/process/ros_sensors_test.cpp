@@ -18,6 +18,7 @@
 #include <span>
 #include <string>
 #include <thread>
+#include <tuple>
 #include <vector>
 
 #include "config/paths.hpp"
@@ -202,6 +203,36 @@ TEST_F(RosSensors, AStampOfTheFutureIsTheArrivalAndOneOfThePastIsOld) {
     return torso.read() && torso.sample().published_at - torso.sample().sensed_at > seconds(10);
   })) << text_of(log());
   EXPECT_NE(text_of(log()).find("use_sim_time"), std::string::npos) << text_of(log());
+}
+
+TEST_F(RosSensors, WithoutAStampAMessageIsAsOldAsItsWriterSays) {
+  constexpr std::int64_t kBefore = 3'000'000'000;
+  const std::vector<double> level{0, 0, 0, 1, 0, 0, 0, 0, 0, 9.81};
+  FastImage image{.unix_ns = 0, .height = 48, .width = 64, .step = 192, .encoding = "rgb8", .data = {}};
+  image.data.resize(std::size_t{48} * 192);
+  const auto is_old = [&](Mailbox& mailbox, const std::string& topic, const Payload& payload) {
+    return until([&] {
+      peer_->send_as_of(unix_now() - kBefore, topic, payload);
+      std::this_thread::sleep_for(20ms);
+      return mailbox.read();
+    });
+  };
+  offer("rt/camera/image_raw", "sensor_msgs::msg::dds_::Image_");
+  Mailbox camera = mailbox("cam0", ipc::image_mailbox(48, 64, 3));
+  ASSERT_TRUE(is_old(camera, "rt/camera/image_raw", encode_image(image))) << text_of(log());
+  EXPECT_LE(camera.image_header().sensed_at, camera.image_header().published_at - Duration{kBefore});
+  offer("rt/imu/data", "sensor_msgs::msg::dds_::Imu_");
+  offer("rt/hand/joint_states", "sensor_msgs::msg::dds_::JointState_");
+  offer("rt/cmd_vel", "geometry_msgs::msg::dds_::Twist_");
+  for (const auto& [sensor, topic, payload] :
+       {std::tuple("torso", "rt/imu/data", encode_imu(0, level)),
+        std::tuple("hand", "rt/hand/joint_states",
+                   encode_joint_state({0, "", {"thumb", "index"}, {0.5, 0.25}, {}, {}})),
+        std::tuple("wish", "rt/cmd_vel", encode_twist({0, 0, 0, 0, 0, 0}))}) {
+    Mailbox values = mailbox(sensor);
+    ASSERT_TRUE(is_old(values, topic, payload)) << sensor << text_of(log());
+    EXPECT_LE(values.sample().sensed_at, values.sample().published_at - Duration{kBefore}) << sensor;
+  }
 }
 
 TEST_F(RosSensors, WhatDoesNotFitTheRobotFileIsNotPassedOnAndSaidOnce) {

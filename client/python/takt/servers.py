@@ -20,8 +20,10 @@ Needs Debian's python3-msgpack, and python3-websockets (OpenPi) or python3-zmq (
 import asyncio
 import importlib
 import io
+import itertools
 import logging
 import math
+import operator
 import threading
 import time
 from types import ModuleType, TracebackType
@@ -36,9 +38,12 @@ from takt._quantity import seconds
 from takt._refused import Refused
 
 _LARGEST_MESSAGE = 16 << 20  # bytes; an answer is some kilobytes
+_LONGEST = 1024  # entries of a list or map; arrays are bytes, and a chunk has 128 steps
+_MOST_VALUES = 1 << 16  # of a message, in all its lists and maps: reading it is a part of the deadline
+_MOST_SHOWN = 200  # characters of a server's own words
 _CONNECT_S = 10.0
 _PAUSE_S = 0.2  # between two connections
-_SAY_AGAIN_S = 10.0
+_SAY_AGAIN_S, _SAY_NEWS_S = 10.0, 1.0  # the same sentence, another one
 
 _log = logging.getLogger("takt")
 
@@ -54,11 +59,24 @@ def _need(module: str, package: str) -> ModuleType:
         raise Refused(f"takt.servers needs the Python module {module}: sudo apt install {package}") from None
 
 
+def _shown(value: Any) -> str:
+    """What a stranger sent, for one line of a log."""
+    text = value[:_MOST_SHOWN] if isinstance(value, str) else str(value) if isinstance(value, (int, float)) else type(value).__name__
+    return "".join(c if c.isprintable() else "?" for c in text)
+
+
+def _kind(name: Any) -> "np.dtype[Any]":
+    # Not any that numpy knows: "V" and a number is as many bytes, and a list of kinds is parsed for as long as it is.
+    kind = np.dtype(name) if isinstance(name, str) and len(name) <= 16 else None
+    if kind is None or kind.kind not in "biuf":
+        raise ValueError(f"arrays of {_shown(name)} are not taken")
+    return kind
+
+
 def _shaped(data: bytes, dtype: Any, shape: Any) -> NDArray[Any]:
-    kind = np.dtype(dtype)
-    if kind.kind not in "biuf":
-        raise ValueError(f"arrays of {kind} are not taken")
-    return np.frombuffer(data, kind).reshape([int(extent) for extent in shape])
+    if not isinstance(shape, list):
+        raise ValueError("an array's shape is a list")
+    return np.frombuffer(data, _kind(dtype)).reshape([operator.index(extent) for extent in shape])
 
 
 def _openpi_from(value: Any) -> Any:
@@ -73,7 +91,7 @@ def _openpi_to(value: Dict[Any, Any]) -> Any:
     if b"__ndarray__" in value:
         return _shaped(value[b"data"], value[b"dtype"], value[b"shape"])
     if b"__npgeneric__" in value:
-        return np.dtype(value[b"dtype"]).type(value[b"data"])
+        return _kind(value[b"dtype"]).type(value[b"data"])
     return value
 
 
@@ -86,7 +104,8 @@ def _groot_from(value: Any) -> Any:
 
 
 def _groot_to(value: Dict[Any, Any]) -> Any:
-    return np.load(io.BytesIO(value["as_npy"]), allow_pickle=False) if "__ndarray_class__" in value else value
+    # Not np.load: it opens archives as well, which hold more than they weigh.
+    return np.lib.format.read_array(io.BytesIO(value["as_npy"]), allow_pickle=False) if "__ndarray_class__" in value else value
 
 
 class _Server:
@@ -111,16 +130,15 @@ class _Server:
         self._msgpack = _need("msgpack", "python3-msgpack")
         self.url = url
         self.problem: str = ""  # why the last infer() had no answer; empty: it had one
-        self._said, self._say_again_at = "", 0.0
+        self._said, self._said_at = "", -math.inf
 
     def _answer(self, ask: Callable[[], Any]) -> Optional[NDArray[np.float32]]:
         try:
             actions = self._actions(ask())
         except _NoAnswer as why:
-            self.problem = f"{self.url} {why}"
-            self._say(self.problem)
+            self._say(f"{self.url} {why}")
             return None
-        self.problem = self._said = ""
+        self.problem = ""
         return actions
 
     def _actions(self, reply: Any) -> NDArray[np.float32]:
@@ -128,13 +146,17 @@ class _Server:
             raise _NoAnswer("answered without a map of actions")
         parts: List[NDArray[Any]] = []
         for key in self._keys:
-            part = np.asarray(reply.get(key, ()))
+            try:
+                part = np.asarray(reply.get(key, ()))
+            except (ValueError, TypeError):  # rows of different lengths, and what else numpy makes nothing of
+                raise _NoAnswer(f"answered `{key}` that is no array") from None
             part = part[0] if part.ndim == 3 and part.shape[0] == 1 else part  # a batch of one
             if part.ndim != 2 or part.dtype.kind not in "biuf" or part.shape[0] < self._steps:
                 raise _NoAnswer(f"answered `{key}` of shape {part.shape} and type {part.dtype}; wanted are at least {self._steps} rows of numbers "
-                                f"(there is {', '.join(map(str, reply)) or 'nothing'})")
+                                f"(there is {', '.join(map(_shown, itertools.islice(reply, 8))) or 'nothing'})")
             parts.append(part[:self._steps])
-        actions = np.concatenate(parts, axis=1).astype(np.float32)
+        with np.errstate(over="ignore"):  # what is too large for float32 becomes infinite, and is refused below
+            actions = np.concatenate(parts, axis=1).astype(np.float32)
         if actions.shape[1] != self._width:
             raise _NoAnswer(f"answered {actions.shape[1]} values per step; the robot has {self._width} joints")
         if not np.isfinite(actions).all():
@@ -142,16 +164,27 @@ class _Server:
         return actions
 
     def _unpack(self, data: bytes, hook: Callable[[Dict[Any, Any]], Any]) -> Any:
+        left = _MOST_VALUES
+
+        def counted(value: Any) -> Any:
+            nonlocal left
+            left -= 1 + len(value)
+            if left < 0:
+                raise ValueError(f"more than {_MOST_VALUES} values")
+            return value
         try:
-            return self._msgpack.unpackb(data, object_hook=hook, strict_map_key=False)
+            return self._msgpack.unpackb(data, object_hook=lambda value: hook(counted(value)), list_hook=counted, strict_map_key=False,
+                                         max_array_len=_LONGEST, max_map_len=_LONGEST)
         except Exception as error:  # whatever the bytes of a stranger cause
             raise _NoAnswer(f"answered with what is no message: {error}") from None
 
     def _say(self, sentence: str) -> None:
+        # A server that has a new error for every question, and a long one, fills no log.
+        self.problem = "".join(c if c.isprintable() else "?" for c in sentence[:len(self.url) + _MOST_SHOWN + 160])
         now = time.monotonic()
-        if sentence != self._said or now >= self._say_again_at:
-            self._said, self._say_again_at = sentence, now + _SAY_AGAIN_S
-            _log.warning("%s", sentence)
+        if now - self._said_at >= (_SAY_AGAIN_S if self.problem == self._said else _SAY_NEWS_S):
+            self._said, self._said_at = self.problem, now
+            _log.warning("%s", self.problem)
 
     def close(self) -> None:
         raise NotImplementedError
@@ -242,7 +275,7 @@ class OpenPi(_Server):
         await socket.send(question)
         message = await self._pending
         if isinstance(message, str):
-            raise _NoAnswer(f"has an error: {(message.strip().splitlines() or ['of no words'])[-1]}")
+            raise _NoAnswer(f"has an error: {(message[-_MOST_SHOWN:].strip().splitlines() or ['of no words'])[-1]}")
         reply = self._unpack(message, _openpi_to)
         if isinstance(echo, str) and (not isinstance(reply, Mapping) or reply.get(echo) != self._asked):
             raise _NoAnswer("answered another question")
@@ -259,7 +292,7 @@ class OpenPi(_Server):
         while not self._closing:
             try:
                 # Its pings are answered; none of ours, for a server that infers answers none. The deadline finds who is gone.
-                async with self._websockets.connect(self.url, compression=None, max_size=_LARGEST_MESSAGE, ping_interval=None,
+                async with self._websockets.connect(self.url, compression=None, max_size=_LARGEST_MESSAGE, max_queue=1, ping_interval=None,
                                                     open_timeout=_CONNECT_S, close_timeout=1, extra_headers=self._headers) as socket:
                     await self._listen(socket)
                 self._lose("closed the connection")
@@ -318,8 +351,7 @@ class Groot(_Server):
         try:
             self._ask("reset", {"options": {}})
         except _NoAnswer as why:
-            self.problem = f"{self.url} {why}"
-            self._say(self.problem)
+            self._say(f"{self.url} {why}")
             return False
         return True
 
@@ -347,7 +379,7 @@ class Groot(_Server):
             self._drop()
             raise _NoAnswer(f"cannot be talked to: {error}") from None
         if isinstance(reply, Mapping) and "error" in reply:
-            raise _NoAnswer(f"has an error: {reply['error']}")
+            raise _NoAnswer(f"has an error: {_shown(reply['error'])}")
         return reply
 
     def _opened(self) -> Any:
@@ -355,6 +387,7 @@ class Groot(_Server):
         socket.setsockopt(self._zmq.LINGER, 0)
         socket.setsockopt(self._zmq.IMMEDIATE, 1)  # no question waits for a server that is not there
         socket.setsockopt(self._zmq.MAXMSGSIZE, _LARGEST_MESSAGE)
+        socket.setsockopt(self._zmq.RCVHWM, 1)  # what nobody asked for waits at its sender
         socket.connect(self.url)
         return socket
 

@@ -55,7 +55,11 @@ pipeline:
   outputs: {{second: [action]}}
 )",
         written("first.onnx", first), written("second.onnx", second));
-    const std::string map = R"({"second/past_in":{"dtype":"F32","shape":[1,2],"data_offsets":[0,8]}})";
+    start_with(R"({"second/past_in":{"dtype":"F32","shape":[1,2],"data_offsets":[0,8]}})");
+  }
+
+  // 100, 200 under the names of `map`.
+  void start_with(const std::string& map) {
     const std::uint64_t length = map.size();
     const std::array<float, 2> start{100, 200};
     std::ofstream file(directory_.path("start.safetensors"), std::ios::binary);
@@ -115,6 +119,25 @@ TEST_F(TwoNodes, AFlowBackIsFeedbackOrRefused) {
   const auto policy = load();
   ASSERT_FALSE(policy);
   EXPECT_NE(policy.error().find("data_flow goes from second back to first"), std::string::npos) << policy.error();
+}
+
+TEST_F(TwoNodes, StartValuesThatShareBytesAreBoundedTogether) {
+  start_with(R"({"second/past_in":{"dtype":"F32","shape":[1,2],"data_offsets":[0,8]},
+                 "third/again":{"dtype":"F32","shape":[1],"data_offsets":[4,8]}})");
+  auto policy = load();
+  ASSERT_FALSE(policy);
+  EXPECT_NE(policy.error().find("'third/again' shares its bytes with others"), std::string::npos) << policy.error();
+  // A map is text that becomes many times its size in memory.
+  start_with(R"({"__metadata__":{"a":")" + std::string(std::size_t{2} << 20U, ' ') + R"("},
+                 "second/past_in":{"dtype":"F32","shape":[1,2],"data_offsets":[0,8]}})");
+  policy = load();
+  ASSERT_FALSE(policy);
+  EXPECT_NE(policy.error().find("its map is larger than 1 MiB"), std::string::npos) << policy.error();
+  start_with(R"({"first/other":{"dtype":"F32","shape":[1],"data_offsets":[0,4]},
+                 "second/other":{"dtype":"F32","shape":[1],"data_offsets":[4,8]}})");
+  policy = load();
+  ASSERT_FALSE(policy);
+  EXPECT_NE(policy.error().find("has no start value"), std::string::npos) << "side by side: " << policy.error();
 }
 
 TEST(LeappDescription, AChunkHasStepsAndALineOfTheirOwn) {

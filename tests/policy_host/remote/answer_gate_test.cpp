@@ -146,6 +146,25 @@ TEST(AnswerGate, KnowsWhoseChunkIsPlayed) {
   EXPECT_EQ(gate.played(first.sequence).server, 0U);
 }
 
+TEST(AnswerGate, TellsAServerThatItIsFollowedOnlyWhereThePolicyIsInCharge) {
+  AnswerGate gate = begun();
+  Observation observation;
+  observation.command_sequence = gate.play(good(8, 31), kNow).sequence;
+  observation.committed_from = 2;
+  observation.committed_count = 3;
+  AnswerGate::Followed followed = gate.followed(observation);
+  EXPECT_EQ(followed.chunk.server, 7U);
+  EXPECT_EQ(followed.chunk.sequence, 31U);
+  EXPECT_EQ(followed.committed_from, 2U);
+  EXPECT_EQ(followed.committed_count, 3U);
+  observation.of_candidate = 1;  // which counts its own commands: 1, 2, 3 again
+  followed = gate.followed(observation);
+  EXPECT_EQ(followed.chunk.server, 0U);
+  EXPECT_EQ(followed.chunk.sequence, 0U);
+  EXPECT_EQ(followed.committed_from, 0U);
+  EXPECT_EQ(followed.committed_count, 0U);
+}
+
 constexpr MonoTime at(std::int64_t ms) {
   return kNow + milliseconds(ms);
 }

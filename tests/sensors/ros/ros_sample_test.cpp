@@ -15,19 +15,33 @@ namespace {
 constexpr std::int64_t kUnix = 1'700'000'000'000'000'000;
 constexpr Arrival kArrival{MonoTime{5'000'000'000}, kUnix};
 
-TEST(RosStamp, IsNeverYoungerThanTheArrival) {
-  EXPECT_EQ(sensed_at(kUnix - 3'000'000, kArrival).at, kArrival.at - milliseconds(3)) << "this machine's clock";
-  EXPECT_EQ(sensed_at(kUnix, kArrival).at, kArrival.at);
-  const SensedAt ahead = sensed_at(kUnix + 40'000'000, kArrival);
-  EXPECT_EQ(ahead.at, kArrival.at) << "a clock that is ahead";
-  EXPECT_EQ(ahead.ahead, milliseconds(40));
-  EXPECT_EQ(sensed_at(kUnix - 1'000'000'000, kArrival).at, kArrival.at - seconds(1)) << "a clock that is behind";
+// Both stamps of a message.
+SensedAt of(std::int64_t header_unix_ns, std::int64_t source_unix_ns = kUnix) {
+  return sensed_at({header_unix_ns, source_unix_ns}, kArrival);
 }
 
-TEST(RosStamp, WithoutOneTheArrivalCountsAndAnAncientOneIsAsOldAsCanBe) {
-  EXPECT_EQ(sensed_at(0, kArrival).at, kArrival.at);
-  EXPECT_EQ(sensed_at(-5, kArrival).at, kArrival.at);
-  const MonoTime ancient = sensed_at(12'000'000'000, kArrival).at;
+TEST(RosStamp, IsNeverYoungerThanTheArrival) {
+  EXPECT_EQ(of(kUnix - 3'000'000).at, kArrival.at - milliseconds(3)) << "this machine's clock";
+  EXPECT_EQ(of(kUnix).at, kArrival.at);
+  const SensedAt ahead = of(kUnix + 40'000'000);
+  EXPECT_EQ(ahead.at, kArrival.at) << "a clock that is ahead";
+  EXPECT_EQ(ahead.ahead, milliseconds(40));
+  EXPECT_EQ(of(kUnix - 1'000'000'000).at, kArrival.at - seconds(1)) << "a clock that is behind";
+}
+
+TEST(RosStamp, WithoutOneTheWritersOwnStandsIn) {
+  for (const std::int64_t none : {0, -5}) {
+    EXPECT_EQ(of(none, kUnix - 3'000'000'000).at, kArrival.at - seconds(3));
+    const SensedAt ahead = of(none, kUnix + 40'000'000);
+    EXPECT_EQ(ahead.at, kArrival.at);
+    EXPECT_EQ(ahead.ahead, milliseconds(40));
+    EXPECT_EQ(of(none, 0).at, kArrival.at) << "nor has DDS one";
+  }
+  EXPECT_EQ(of(kUnix - 3'000'000, kUnix - 3'000'000'000).at, kArrival.at - milliseconds(3)) << "the header has one";
+}
+
+TEST(RosStamp, AnAncientOneIsAsOldAsCanBe) {
+  const MonoTime ancient = of(12'000'000'000).at;
   EXPECT_TRUE(ancient.is_set());
   EXPECT_LT(ancient, kArrival.at - seconds(4)) << "the clock of a simulation";
 }
