@@ -214,7 +214,8 @@ TEST_F(SamplerResponderTest, WhatContinuesAPrefixThatEndedBeforeIsDroppedButNotT
   EXPECT_NE(answer(responder, policy, 4, 4, 1, milliseconds(19)), nullptr) << "in time again";
 }
 
-TEST_F(SamplerResponderTest, OnlyWhoContinuesAPrefixWaitsForItsAnswer) {
+// Who chooses the nearest to the path of before, while the newest answer is on its way, follows two paths in turn.
+TEST_F(SamplerResponderTest, OnlyWhoDrawsOnThePathWaitsForItsAnswer) {
   for (const auto prefix : {config::PrefixUse::none, config::PrefixUse::guided, config::PrefixUse::trained}) {
     robot_.policy->sampler->prefix = prefix;
     ScriptedPolicy policy(10 + 5 + 12, 12);
@@ -222,6 +223,16 @@ TEST_F(SamplerResponderTest, OnlyWhoContinuesAPrefixWaitsForItsAnswer) {
     responder.start_session();
     answer(responder, policy, 1, 0, 0, milliseconds(3));
     EXPECT_EQ(responder.awaits(small_observation(2)), prefix != config::PrefixUse::none);
+  }
+  robot_.policy->sampler->prefix = config::PrefixUse::none;
+  robot_.policy->sampler->samples = 2;
+  for (const auto choice : {config::SampleChoice::agreed, config::SampleChoice::coherent}) {
+    robot_.policy->sampler->choice = choice;
+    ScriptedPolicy policy(10 + 5 + 12, 12);
+    Responder responder(robot_, 0, policy);
+    responder.start_session();
+    answer(responder, policy, 1, 0, 0, milliseconds(3));
+    EXPECT_EQ(responder.awaits(small_observation(2)), choice == config::SampleChoice::coherent);
   }
 }
 

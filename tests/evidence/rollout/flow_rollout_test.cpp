@@ -1,6 +1,6 @@
 // Goal: an arm whose policy has two ways of doing its task, and answers late, does it where the policy is shown what will
 // be played, and is torn where it is not; the same seed gives the same bits. Method: rollouts of the committed robots in
-// virtual time with inferences of 200 ms, by the rules of config/panels/joins_flow_arm6.yaml.
+// virtual time with inferences of 150 ms, by the rules of config/panels/joins_flow_arm6.yaml.
 #include <gtest/gtest.h>
 
 #include <span>
@@ -53,7 +53,7 @@ class FlowArm : public testing::TestWithParam<const char*> {};
 TEST_P(FlowArm, GoesOnInTheWayThatItBeganHoweverLateItsAnswers) {
   const config::RobotConfig trained = robot_file(GetParam(), kTrained), torn = robot_file(GetParam(), kReplace);
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
-    const RolloutRow calm = run(trained, milliseconds(200), seed), pulled = run(torn, milliseconds(200), seed);
+    const RolloutRow calm = run(trained, milliseconds(150), seed), pulled = run(torn, milliseconds(150), seed);
     EXPECT_TRUE(calm.success) << calm.failure_label << ", seed " << seed;
     EXPECT_EQ(calm.safety.entered_degraded, 0U);
     EXPECT_GT(pulled.tracking_error_rms_m, 2 * calm.tracking_error_rms_m) << "seed " << seed;
