@@ -273,7 +273,8 @@ TEST_F(FlowReport, ClaimsTwoWaysAndToKeepToTheOneThatIsBeingGone) {
   EXPECT_EQ(loop["delay 10, prefix"]["fell"].get<double>(), 0.0);
 }
 
-// The same of arms: what make_arm_flow.py read is what train_reach.py reads, and the joint that tells the postures apart.
+// The same of arms: what make_arm_flow.py read is what train_reach.py reads, and the joint that tells the postures
+// apart.
 class ArmFlowReport : public testing::TestWithParam<const char*>, protected Report {
  protected:
   void SetUp() override { read(GetParam(), GetParam()); }

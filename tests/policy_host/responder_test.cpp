@@ -108,8 +108,8 @@ TEST_F(ResponderTest, ForgetsOnLongGapsBackwardIdsAndArming) {
   EXPECT_EQ(resets_of(4, Mode::tracking), 0);
 }
 
-// Goal: a policy whose answers take many periods keeps its history from answer to answer, and loses it to an absence. Method:
-// an answer per ten observations, a little more and a little less; then one after thirty.
+// Goal: a policy whose answers take many periods keeps its history from answer to answer, and loses it to an absence.
+// Method: an answer per ten observations, a little more and a little less; then one after thirty.
 TEST_F(ResponderTest, RemembersHoweverManyPeriodsEachAnswerTakes) {
   responder_.start_session();
   answer(1);
