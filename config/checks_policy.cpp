@@ -107,13 +107,17 @@ void check_meaning(const RobotConfig& robot, const Policy& policy, Checker& chec
                                 joint.name));
 }
 
+// A sampler that does takes up no observation before its answer is being played (policy_host/responder.hpp).
+bool draws_on_path(const Sampler& sampler) {
+  return sampler.prefix != PrefixUse::none || sampler.choice == SampleChoice::coherent;
+}
+
 // d <= s <= H - d. Of most policies s, the steps played of a chunk, is the policy's period: what is promised is played
-// before the next observation, and the rest of the chunk reaches past the answer to that one. A sampler that continues
-// the prefix takes up no observation before its answer is being played (policy_host/responder.hpp): s is then up to d
-// and a period.
+// before the next observation, and the rest of the chunk reaches past the answer to that one. Where a sampler waits for
+// its answer, s is up to d and a period.
 void check_prefix(const RobotConfig& robot, const Policy& policy, Checker& checker) {
   const Duration horizon = policy.step_period * policy.steps, longest = policy.action.join.longest;
-  const bool waits = policy.sampler && policy.sampler->prefix != PrefixUse::none;
+  const bool waits = policy.sampler && draws_on_path(*policy.sampler);
   checker.require(waits || longest <= policy.period - robot.control.period, "policy.action.join.longest",
                   fmt::format("{} must end a control period before the next observation is published, {} after this "
                               "one; lower it, or raise policy.period",
@@ -199,12 +203,11 @@ void check_action(const RobotConfig& robot, const Action& action, Checker& check
 
 void check_sampler(const Policy& policy, Checker& checker) {
   const Sampler& sampler = *policy.sampler;
-  const bool draws_on_path = sampler.prefix != PrefixUse::none || sampler.choice == SampleChoice::coherent;
   checker.require(sampler.prefix == PrefixUse::none || policy.action.join.kind == JoinKind::prefix,
                   "policy.sampler.prefix",
                   "continues what the executive promises to play, and it promises nothing; write policy.action.join "
                   "{ kind: prefix }, or none here");
-  checker.require(!draws_on_path || policy.requests_in_flight == 1, "policy.requests_in_flight",
+  checker.require(!draws_on_path(sampler) || policy.requests_in_flight == 1, "policy.requests_in_flight",
                   fmt::format("is {}, and the sampler draws on the answer before; write 1", policy.requests_in_flight));
   checker.require(sampler.choice == SampleChoice::first || sampler.samples > 1, "policy.sampler.samples",
                   "one sample leaves no choice; write 2 or more, or choice: first");

@@ -22,6 +22,8 @@ Responder::Responder(const config::RobotConfig& robot, std::uint64_t policy_hash
   if (!robot.policy->sampler) return;
   flow_.emplace(robot, owner);
   prefix_ = robot.policy->sampler->prefix;
+  draws_on_path_ =
+      prefix_ != config::PrefixUse::none || robot.policy->sampler->choice == config::SampleChoice::coherent;
 }
 
 void Responder::start_session() {
@@ -48,7 +50,7 @@ const CommandChunk& Responder::answer(const Observation& observation, std::span<
 }
 
 bool Responder::awaits(const Observation& observation) const {
-  return prefix_ != config::PrefixUse::none && flow_->awaits(observation);
+  return draws_on_path_ && flow_->awaits(observation);
 }
 
 bool Responder::continues_in_time(const Request& request) {

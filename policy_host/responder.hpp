@@ -58,8 +58,8 @@ class Responder {
   const CommandChunk& answer(const Observation& observation, std::span<const SensorSample> samples,
                              MonoTime dequeued_at, Clock clock, Images images = {});
 
-  // A sampler that continues the promised path: this observation's promise may be broken by the newest answer, which is
-  // not being played yet. It is not to be asked of.
+  // A sampler that draws on the path being played, to continue what is promised of it or to choose the nearest to it:
+  // the newest answer is not being played yet, and will change that path. The observation is not to be asked of.
   [[nodiscard]] bool awaits(const Observation& observation) const;
 
   // The same in three steps, for several requests in flight: ask() of each observation in order, infer() anywhere,
@@ -85,6 +85,7 @@ class Responder {
   LastAction last_action_;
   std::optional<FlowMemory> flow_;  // of a sampler
   config::PrefixUse prefix_ = config::PrefixUse::none;
+  bool draws_on_path_ = false;
   Duration step_period_;
   std::size_t steps_;
   bool dropped_late_ = false;  // the answer before

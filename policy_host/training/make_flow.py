@@ -192,6 +192,10 @@ class Graph:
         self.numbers.append(numpy_helper.from_array(np.asarray(value, dtype=np.float32), name))
         return name
 
+    def shape(self, name, value):
+        self.numbers.append(numpy_helper.from_array(np.asarray(value, dtype=np.int64), name))
+        return name
+
     def do(self, kind, inputs, output, **attributes):
         self.nodes.append(helper.make_node(kind, inputs, [output], name=output, **attributes))
         return output

@@ -273,6 +273,41 @@ TEST_F(FlowReport, ClaimsTwoWaysAndToKeepToTheOneThatIsBeingGone) {
   EXPECT_EQ(loop["delay 10, prefix"]["fell"].get<double>(), 0.0);
 }
 
+// The same of arms: what make_arm_flow.py read is what train_reach.py reads, and the joint that tells the postures
+// apart.
+class ArmFlowReport : public testing::TestWithParam<const char*>, protected Report {
+ protected:
+  void SetUp() override { read(GetParam(), GetParam()); }
+};
+
+TEST_P(ArmFlowReport, DescribesThisNetworkAndThisRobot) {
+  EXPECT_EQ(config::sha256_hex(text_of(robot_.policy->file)), report_["onnx_sha256"].get<std::string>());
+  auto read = report_["configuration"].get<std::vector<std::string>>();
+  EXPECT_EQ(read.back().find("flow" + numbers({robot_.policy->action.scale.front()}) + " "), 0U) << read.back();
+  read.pop_back();
+  EXPECT_EQ(facts(robot_), read);
+}
+
+TEST_P(ArmFlowReport, ItsExamplesComeOutOfOurEngine) {
+  expect_examples(robot_, report_);
+}
+
+TEST_P(ArmFlowReport, ClaimsTwoPosturesOnTheTargetAndToKeepToTheOneThatIsBeingGoneTo) {
+  const auto& evaluation = report_["evaluation"];
+  for (const auto& missed : evaluation["demonstrator_p95_m"]) EXPECT_LT(missed.get<double>(), 0.002);
+  const auto& ways = evaluation["ways"];
+  EXPECT_GT(ways["prefix 0 ms"]["second_way"].get<double>(), 0.2);
+  EXPECT_LT(ways["prefix 0 ms"]["second_way"].get<double>(), 0.8);
+  EXPECT_GT(ways["prefix 200 ms"]["kept_way"].get<double>(), 0.95);
+  for (const char* prefix : {"prefix 0 ms", "prefix 200 ms"})
+    EXPECT_LT(ways[prefix]["from_the_nearer"].get<double>(), 0.05 * ways[prefix]["between_the_ways"].get<double>());
+  const auto& loop = evaluation["closed_loop"];
+  EXPECT_LT(loop["200 ms, prefix"]["rms_m"].get<double>(), 0.5 * loop["200 ms"]["rms_m"].get<double>());
+}
+
+INSTANTIATE_TEST_SUITE_P(Arms, ArmFlowReport, testing::Values("arm6_flow", "arm6_visuomotor_flow"),
+                         [](const auto& robot) { return std::string(robot.param); });
+
 TEST_P(TrainingReport, ClaimsATrackingPolicy) {
   const auto& evaluation = report_["evaluation"]["robot_file_target"];
   EXPECT_LT(evaluation["policy"]["median_m"].get<double>(), 0.02);

@@ -98,13 +98,26 @@ TEST_F(ResponderTest, ForgetsOnLongGapsBackwardIdsAndArming) {
   EXPECT_EQ(resets_of(2), 0);
   EXPECT_EQ(resets_of(3 + Continuity::kMaxGap), 0) << "a gap that history survives";
   EXPECT_EQ(policy_.last_input[7], 2.09F) << "the spent chunk's last step";
-  EXPECT_EQ(resets_of(5 + 2 * Continuity::kMaxGap), 1) << "one more";
+  EXPECT_EQ(resets_of(4 + Continuity::kMaxGap), 0);
+  EXPECT_EQ(resets_of(6 + 2 * Continuity::kMaxGap), 1) << "one more";
   EXPECT_EQ(policy_.last_input[7], 0.0F);
   EXPECT_EQ(resets_of(1), 1) << "backwards";
   EXPECT_EQ(resets_of(1), 1) << "repeated";
   EXPECT_EQ(resets_of(2, Mode::arming), 1) << "a new episode begins";
   EXPECT_EQ(resets_of(3, Mode::arming), 0);
   EXPECT_EQ(resets_of(4, Mode::tracking), 0);
+}
+
+// Goal: a policy whose answers take many periods keeps its history from answer to answer, and loses it to an absence.
+// Method: an answer per ten observations, a little more and a little less; then one after thirty.
+TEST_F(ResponderTest, RemembersHoweverManyPeriodsEachAnswerTakes) {
+  responder_.start_session();
+  answer(1);
+  EXPECT_EQ(resets_of(11), 1) << "more than it was used to";
+  for (const std::uint64_t id : {21U, 33U, 42U, 53U}) EXPECT_EQ(resets_of(id), 0) << id;
+  EXPECT_EQ(resets_of(83), 1) << "an absence";
+  EXPECT_EQ(resets_of(84), 0);
+  EXPECT_EQ(resets_of(94), 1) << "used to each of them";
 }
 
 TEST_F(ResponderTest, BrokenOutputIsPublishedAsItIsButNotRemembered) {
@@ -201,7 +214,8 @@ TEST_F(SamplerResponderTest, WhatContinuesAPrefixThatEndedBeforeIsDroppedButNotT
   EXPECT_NE(answer(responder, policy, 4, 4, 1, milliseconds(19)), nullptr) << "in time again";
 }
 
-TEST_F(SamplerResponderTest, OnlyWhoContinuesAPrefixWaitsForItsAnswer) {
+// Who chooses the nearest to the path of before, while the newest answer is on its way, follows two paths in turn.
+TEST_F(SamplerResponderTest, OnlyWhoDrawsOnThePathWaitsForItsAnswer) {
   for (const auto prefix : {config::PrefixUse::none, config::PrefixUse::guided, config::PrefixUse::trained}) {
     robot_.policy->sampler->prefix = prefix;
     ScriptedPolicy policy(10 + 5 + 12, 12);
@@ -209,6 +223,16 @@ TEST_F(SamplerResponderTest, OnlyWhoContinuesAPrefixWaitsForItsAnswer) {
     responder.start_session();
     answer(responder, policy, 1, 0, 0, milliseconds(3));
     EXPECT_EQ(responder.awaits(small_observation(2)), prefix != config::PrefixUse::none);
+  }
+  robot_.policy->sampler->prefix = config::PrefixUse::none;
+  robot_.policy->sampler->samples = 2;
+  for (const auto choice : {config::SampleChoice::agreed, config::SampleChoice::coherent}) {
+    robot_.policy->sampler->choice = choice;
+    ScriptedPolicy policy(10 + 5 + 12, 12);
+    Responder responder(robot_, 0, policy);
+    responder.start_session();
+    answer(responder, policy, 1, 0, 0, milliseconds(3));
+    EXPECT_EQ(responder.awaits(small_observation(2)), choice == config::SampleChoice::coherent);
   }
 }
 
