@@ -55,7 +55,7 @@ bool Responder::awaits(const Observation& observation) const {
 
 bool Responder::continues_in_time(const Request& request) {
   if (prefix_ != config::PrefixUse::trained) return true;
-  const std::size_t kept = FlowContext::read(std::span(request.input).subspan(input_.input_size())).kept();
+  const std::size_t kept = FlowContext::read(std::span(request.input).subspan(input_.input_size()), steps_).kept();
   const Duration taken = request.infer_ended_at - request.observation.published_at;
   const bool late = kept > 0 && taken > step_period_ * static_cast<std::int64_t>(kept);
   dropped_late_ = late && !dropped_late_;

@@ -27,11 +27,17 @@ std::string name(config::ActionKind kind) {
   return "invalid";
 }
 
-// Follows a recording and cuts it into episodes.
+constexpr std::string_view kAltered = "was altered since it was recorded (its checksum does not match)";
+constexpr std::string_view kNoExecutives = "is none that an executive accepts";
+
+// Follows a recording and cuts it into episodes. Its counts are believed once they were compared with what is there: a
+// checksum says that a record is as it was written, not who wrote it.
 class EpisodeCutter {
  public:
   explicit EpisodeCutter(const config::RobotConfig& robot)
-      : period_(robot.policy->period), field_(config::target_of(robot.policy->action.kind).field) {
+      : joints_(robot.joints.size()),
+        period_(robot.policy->period),
+        field_(config::target_of(robot.policy->action.kind).field) {
     for (std::size_t joint = 0; joint < robot.joints.size(); ++joint)
       if (!robot.joints[joint].passive) acting_.push_back(joint);
   }
@@ -41,7 +47,8 @@ class EpisodeCutter {
 
   std::vector<Episode> episodes;
   std::uint64_t observations = 0;
-  std::string altered;  // the first record whose checksum does not match, in words
+  // Why nothing can be made of the recording, and of which record, in words; empty: there is no reason.
+  std::string wrong;
 
  private:
   struct Published {
@@ -50,9 +57,11 @@ class EpisodeCutter {
   };
   // The command that this tick played; nullptr: it is not in the recording.
   const CommandChunk* in_use(const TickRecordHeader& header);
+  void accept();
   void frame(const TickRecord& record, const CommandChunk& chunk);
   [[nodiscard]] bool follows(const Published& now) const;
 
+  std::size_t joints_;
   Duration period_;
   CommandField field_;
   std::vector<std::size_t> acting_;
@@ -63,17 +72,24 @@ class EpisodeCutter {
 };
 
 void EpisodeCutter::command(const monitor::RecordedCommand& command) {
-  if (command.sender != Player::policy) return;
-  if (crc_of(command) != command.crc && altered.empty())
-    altered = fmt::format("the command that tick {} read", command.tick);
+  if (command.sender != Player::policy || !wrong.empty()) return;
+  if (crc_of(command) != command.crc) wrong = fmt::format("the command that tick {} read {}", command.tick, kAltered);
   read_ = command;
 }
 
+void EpisodeCutter::accept() {
+  auto chunk = std::make_unique<CommandChunk>();
+  std::memcpy(chunk.get(), read_->payload.data(), std::min(read_->payload.size(), sizeof(CommandChunk)));
+  const CommandHeader& header = chunk->header;
+  const bool is_whole = read_->payload.size() >= sizeof header && header.joint_count == joints_ &&
+                        header.step_count >= 1 && header.step_count <= kMaxChunkSteps &&
+                        read_->payload.size() == chunk->used_bytes();
+  if (!is_whole) wrong = fmt::format("the command that tick {} read {}", read_->tick, kNoExecutives);
+  accepted_.push_back(std::move(chunk));
+}
+
 const CommandChunk* EpisodeCutter::in_use(const TickRecordHeader& header) {
-  if (read_ && read_->tick == header.tick && header.arrival == Arrival::accepted) {
-    accepted_.push_back(std::make_unique<CommandChunk>());
-    std::memcpy(accepted_.back().get(), read_->payload.data(), std::min(read_->payload.size(), sizeof(CommandChunk)));
-  }
+  if (read_ && read_->tick == header.tick && header.arrival == Arrival::accepted) accept();
   read_.reset();
   // Sequences start over with every session of a policy: the newest of that number is the one.
   const auto found = std::find_if(accepted_.rbegin(), accepted_.rend(),
@@ -90,10 +106,16 @@ bool EpisodeCutter::follows(const Published& now) const {
 
 void EpisodeCutter::tick(const monitor::RecordedTick& tick) {
   const TickRecordHeader& header = tick.record.header;
-  if (monitor::crc_of(tick.record) != tick.crc && altered.empty()) altered = fmt::format("tick {}", header.tick);
+  if (!wrong.empty()) return;
+  if (monitor::crc_of(tick.record) != tick.crc) wrong = fmt::format("tick {} {}", header.tick, kAltered);
+  if (header.joint_count != joints_) wrong = fmt::format("tick {} is of {} joints", header.tick, header.joint_count);
+  if (!wrong.empty()) return;
   if (header.tick != last_tick_ + 1) end_episode();
   last_tick_ = header.tick;
   const CommandChunk* chunk = in_use(header);
+  if (wrong.empty() && chunk != nullptr && header.chunk_step >= chunk->header.step_count)
+    wrong = fmt::format("tick {} plays step {} of {}", header.tick, header.chunk_step, chunk->header.step_count);
+  if (!wrong.empty()) return;
   observations += header.observation_published != 0 ? 1 : 0;
   if (header.mode != Mode::tracking || header.player != Player::policy || chunk == nullptr) return end_episode();
   if (header.observation_published == 0) return;
@@ -140,11 +162,8 @@ std::expected<RunEpisodes, std::string> episodes_of(const monitor::RecordedRun& 
                                    .keyframe = {},
                                    .loss = {}});
   if (!scan) return std::unexpected(scan.error());
-  if (!cutter.altered.empty()) {
-    return std::unexpected(
-        fmt::format("{}: {} was altered since it was recorded (its checksum does not match); takt replay {} says where",
-                    path, cutter.altered, path));
-  }
+  if (!cutter.wrong.empty())
+    return std::unexpected(fmt::format("{}: {}; takt replay {} says where", path, cutter.wrong, path));
   if (cutter.episodes.empty()) {
     return std::unexpected(
         fmt::format("{}: in no tick did the robot track a command of its policy: there is nothing to export", path));

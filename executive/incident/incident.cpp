@@ -28,6 +28,12 @@ bool is_sign(Cause cause) {
   return (stops || cause == Cause::contract_violated) && !is_asked(cause);
 }
 
+// A record may say what no executive says: it may come from a file.
+std::string_view clears_when(Cause cause) {
+  if (static_cast<std::size_t>(cause) < kCauseCount) return pipeline::reaction(cause).clears_when;
+  return "unknown: the record names a cause that does not exist";
+}
+
 // ", after 5 s damped to rest and held"; empty: it does not end.
 std::string until_text(const config::StopConfig& stop) {
   return stop.longest > Duration{}
@@ -346,7 +352,7 @@ Incident IncidentWatch::made_of(const TickRecord& record) const {
   if (incident.detail.empty()) incident.detail = words(record);
   incident.chain = chain(header);
   incident.done = done_text(header, robot_);
-  incident.clears_when = pipeline::reaction(header.cause).clears_when;
+  incident.clears_when = clears_when(header.cause);
   incident.sentence = sentence_of(incident);
   return incident;
 }

@@ -55,6 +55,8 @@ class DelayMemory {
   }
   // 0: nothing is remembered.
   [[nodiscard]] Duration longest(MonoTime now) const;
+  // A loaded memory is believed only when note() can have left it.
+  [[nodiscard]] bool is_consistent() const { return next_ < noted_.size() && first_is_over_ <= 1; }
 
  private:
   struct Noted {

@@ -206,8 +206,11 @@ bool is_consistent(const TickState& state, const TickConfig& config, const Chunk
                           is_consistent(state.fallback.command, state.fallback_chunk, chunks.fallback, config) &&
                           is_consistent(state.candidate.command, state.candidate_chunk, chunks.candidate, config) &&
                           is_consistent(state.speculation, chunks, config);
+  const bool delays_fit = state.join.delays.is_consistent() && state.fallback_join.delays.is_consistent() &&
+                          state.candidate_join.delays.is_consistent();
   const JointMask given_up = state.mode.deenergised | state.mode.damped;
-  return chunk_fits && static_cast<std::size_t>(state.mode.mode) < kModeCount &&
+  return chunk_fits && delays_fit && static_cast<std::size_t>(state.mode.mode) < kModeCount &&
+         static_cast<std::size_t>(state.mode.stop_cause) < kCauseCount &&
          static_cast<std::size_t>(state.mode.player) < kMoverCount &&
          static_cast<std::size_t>(state.mode.last_player) < kMoverCount &&
          (given_up & ~every_joint(config.joint_count)) == 0 && state.recovery.relapses <= kMaxDoublings &&

@@ -10,14 +10,20 @@ namespace {
 constexpr unsigned kDigitBits = 24;  // every whole number below 2^24 is exact in a float
 constexpr std::uint64_t kDigit = (std::uint64_t{1} << kDigitBits) - 1;
 
+// A count as a float has it; not a number and what is below 0 is 0.
+std::uint64_t count_of(float value, std::uint64_t most) {
+  if (!(value >= 1.0F)) return 0;
+  return value < static_cast<float>(most) ? static_cast<std::uint64_t>(value) : most;
+}
+
 }  // namespace
 
-FlowContext FlowContext::read(std::span<const float> values) {
+FlowContext FlowContext::read(std::span<const float> values, std::size_t steps) {
   FlowContext context;
   for (unsigned digit = 0; digit < 3; ++digit)
-    context.observation_id |= static_cast<std::uint64_t>(values[digit]) << (digit * kDigitBits);
-  context.promised = static_cast<std::size_t>(values[3]);
-  context.known = static_cast<std::size_t>(values[4]);
+    context.observation_id |= count_of(values[digit], kDigit) << (digit * kDigitBits);
+  context.known = count_of(values[4], steps);
+  context.promised = count_of(values[3], context.known);
   context.path = values.subspan(kCounts);
   return context;
 }

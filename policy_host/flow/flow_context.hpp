@@ -34,8 +34,9 @@ struct FlowContext {
   // played.
   [[nodiscard]] std::size_t kept() const { return promised == 0 ? 0 : std::min(promised + 1, known); }
 
-  // Precondition: as written by FlowMemory::show(), at least kCounts values.
-  static FlowContext read(std::span<const float> values);
+  // `values`: kCounts and the path's, as FlowMemory::show() writes them; they may come from a file that somebody else
+  // wrote. promised <= known <= steps, whatever they say.
+  static FlowContext read(std::span<const float> values, std::size_t steps);
 };
 
 // Whose answers the observations speak of (Observation::command_sequence).

@@ -94,7 +94,7 @@ void FlowPolicy::denoise(std::span<const float> observation, const FlowContext& 
 }
 
 void FlowPolicy::sample(std::span<const float> input, std::size_t number, std::span<float> x) {
-  const FlowContext context = FlowContext::read(input.subspan(shape_.observation));
+  const FlowContext context = FlowContext::read(input.subspan(shape_.observation), shape_.steps);
   Noise noise(sampler_.seed, context.observation_id, number);
   std::ranges::generate(x, [&] { return noise.next(); });
   denoise(input.first(shape_.observation), context, x);
@@ -112,7 +112,7 @@ double FlowPolicy::distance(std::span<const float> path, std::size_t known, std:
 
 void FlowPolicy::infer(std::span<const float> input, std::span<float> output) {
   for (std::size_t i = 0; i < samples_.size(); ++i) sample(input, i, samples_[i]);
-  const FlowContext context = FlowContext::read(input.subspan(shape_.observation));
+  const FlowContext context = FlowContext::read(input.subspan(shape_.observation), shape_.steps);
   switch (sampler_.choice) {
     case SampleChoice::first:
       std::ranges::copy(samples_.front(), output.begin());

@@ -58,7 +58,8 @@ CommandContext context_of(const CommandChain& chain, const TracedExecutive& exec
   if (records == nullptr) return context;
   const auto first = std::ranges::lower_bound(*records, context.first_tick, {}, &TickFacts::tick);
   for (auto record = first; record != records->end() && record->tick <= context.last_tick; ++record)
-    ++context.overruns[static_cast<std::size_t>(record->overrun_cause)];
+    if (const auto cause = static_cast<std::size_t>(record->overrun_cause); cause < context.overruns.size())
+      ++context.overruns[cause];
   return context;
 }
 

@@ -31,9 +31,29 @@ class Episodes : public monitor::TemporaryFolder {
       const std::function<bool(std::uint64_t)>& keeps = [](std::uint64_t) { return true; }) const {
     return monitor::altered_copy(run(), path("altered"), tick, command, keeps);
   }
+  // As somebody writes it who makes checksums, too.
+  std::string refusal_of_forged(const std::function<void(TickRecord&)>& tick,
+                                const std::function<void(RecordedCommand&)>& command) {
+    const auto all = [](std::uint64_t) { return true; };
+    const RecordedRun forged = monitor::altered_copy(run(), path("forged" + std::to_string(++forged_)), tick, command,
+                                                     all, monitor::Checksums::made_anew);
+    const auto found = episodes_of(forged);
+    return found ? "" : found.error();
+  }
+  // Alters the header of the first command from tick 800 on.
+  static std::function<void(RecordedCommand&)> with_header(const std::function<void(CommandHeader&)>& alter) {
+    return [alter, done = false](RecordedCommand& command) mutable {
+      if (done || command.tick < 800) return;
+      done = true;
+      CommandHeader header = *header_of(command);
+      alter(header);
+      std::memcpy(command.payload.data(), &header, sizeof header);
+    };
+  }
 
  private:
   RecordedRun run_ = monitor::record_demo(path("run"));
+  int forged_ = 0;
 };
 
 TEST_F(Episodes, AFrameIsWhatThePolicyWasGivenAndWhatItAskedForThen) {
@@ -164,6 +184,49 @@ TEST_F(Episodes, AnAlteredCommandIsRefusedAndNamed) {
   EXPECT_NE(found.error().find("the command that tick " + std::to_string(tick) + " read was altered"),
             std::string::npos)
       << found.error();
+}
+
+// Counts in a command say where its values lie: none of them is believed before the record is.
+TEST_F(Episodes, ACommandWhoseHeaderWasAlteredIsRefusedBeforeItsValuesAreRead) {
+  const auto larger = [](CommandHeader& header) {
+    header.joint_count = 65'535;
+    header.fields = kAllCommandFields;
+  };
+  const auto found = episodes_of(altered([](TickRecord&) {}, with_header(larger)));
+  ASSERT_FALSE(found);
+  EXPECT_NE(found.error().find(" was altered since"), std::string::npos) << found.error();
+}
+
+TEST_F(Episodes, CountsThatNoExecutiveAcceptsAreRefusedThoughTheirChecksumIsRight) {
+  const auto leave = [](TickRecord&) {};
+  const std::function<void(CommandHeader&)> changes[] = {
+      [](CommandHeader& header) { header.joint_count = 65'535; },
+      [](CommandHeader& header) { header.joint_count = 5; },
+      [](CommandHeader& header) { header.step_count = 65'535; },
+      [](CommandHeader& header) { header.step_count = 0; },
+      [](CommandHeader& header) { header.fields = kAllCommandFields; },
+  };
+  for (const auto& change : changes) {
+    const std::string refusal = refusal_of_forged(leave, with_header(change));
+    EXPECT_NE(refusal.find("is none that an executive accepts"), std::string::npos) << refusal;
+  }
+  const auto shorten = [done = false](RecordedCommand& command) mutable {
+    if (!done && command.tick >= 800) command.payload.resize(sizeof(CommandHeader) - 1);
+    done = done || command.tick >= 800;
+  };
+  EXPECT_NE(refusal_of_forged(leave, shorten).find("is none that an executive accepts"), std::string::npos);
+  const auto at_900 = [](auto change) {
+    return [change](TickRecord& record) {
+      if (record.header.tick == 900) change(record.header);
+    };
+  };
+  const auto leave_command = [](RecordedCommand&) {};
+  EXPECT_NE(refusal_of_forged(at_900([](TickRecordHeader& header) { header.chunk_step = 200; }), leave_command)
+                .find("tick 900 plays step 200 of 16"),
+            std::string::npos);
+  EXPECT_NE(refusal_of_forged(at_900([](TickRecordHeader& header) { header.joint_count = 5; }), leave_command)
+                .find("tick 900 is of 5 joints"),
+            std::string::npos);
 }
 
 TEST_F(Episodes, WhatHoldsNothingToLearnIsRefused) {

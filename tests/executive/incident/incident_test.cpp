@@ -68,6 +68,18 @@ TEST_F(IncidentTest, AnOverTemperatureIsToldInTheDrivesOwnWords) {
   EXPECT_TRUE(watch.latest()) << "what is over is still remembered";
 }
 
+// Reviews read files, and a file may say anything.
+TEST_F(IncidentTest, ACauseThatDoesNotExistIsToldAsOne) {
+  stay(5);
+  for (const std::size_t beyond : {kCauseCount, std::size_t{200}, std::size_t{255}}) {
+    const auto incident = enter(Mode::damped_stop, static_cast<Cause>(beyond));
+    ASSERT_TRUE(incident);
+    EXPECT_NE(incident->sentence.find("invalid"), std::string::npos) << incident->sentence;
+    EXPECT_EQ(incident->clears_when, "unknown: the record names a cause that does not exist");
+    enter(Mode::tracking, Cause::drives_enabled);
+  }
+}
+
 // Every joint is silent at once when the computer stood still: that comes first, before any joint.
 TEST_F(IncidentTest, AStallOfTheComputerIsNamedBeforeTheSilenceItMade) {
   stay(48);  // up to tick 50

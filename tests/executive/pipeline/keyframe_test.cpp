@@ -173,6 +173,39 @@ TEST(Keyframe, AnyFlippedByteIsRefused) {
     EXPECT_FALSE(load(*state, sample.rig.config, std::span(sample.keyframe).first(size)).has_value());
 }
 
+// A checksum says that a keyframe is as it was written, not who wrote it: whatever is an index later is judged.
+TEST(Keyframe, AStateThatNoTickLeavesIsRefusedThoughItsChecksumIsRight) {
+  Sample sample;
+  const TickStatePtr loaded = make_tick_state(sample.rig.config);
+  const auto refusal = [&](auto alter) -> std::string {
+    const TickStatePtr state = make_tick_state(sample.rig.config);
+    *state = *sample.rig.state;
+    alter(*state);
+    std::vector<std::byte> keyframe(ipc::kMaxKeyframeBytes);
+    keyframe.resize(save(*state, keyframe));
+    const auto taken = load(*loaded, sample.rig.config, keyframe);
+    return taken ? "" : taken.error();
+  };
+  const auto next_delay = [](DelayMemory& delays, std::uint32_t next) {
+    static_assert(sizeof(DelayMemory) == 168 && std::is_trivially_copyable_v<DelayMemory>);
+    std::memcpy(std::as_writable_bytes(std::span(&delays, 1)).data() + 160, &next, sizeof next);
+  };
+  EXPECT_EQ(refusal([&](TickState& state) { next_delay(state.join.delays, 9); }), "");
+  for (const std::uint32_t next : {10U, 0x7FFF'FFFFU}) {
+    EXPECT_NE(refusal([&](TickState& state) { next_delay(state.join.delays, next); }), "");
+    EXPECT_NE(refusal([&](TickState& state) { next_delay(state.fallback_join.delays, next); }), "");
+    EXPECT_NE(refusal([&](TickState& state) { next_delay(state.candidate_join.delays, next); }), "");
+  }
+  const auto beyond = [](std::size_t count) { return static_cast<std::uint8_t>(count); };
+  EXPECT_NE(refusal([&](TickState& state) { state.mode.stop_cause = static_cast<Cause>(beyond(kCauseCount)); }), "");
+  EXPECT_NE(refusal([&](TickState& state) { state.mode.stop_cause = static_cast<Cause>(200); }), "");
+  EXPECT_NE(refusal([&](TickState& state) { state.mode.mode = static_cast<Mode>(beyond(kModeCount)); }), "");
+  EXPECT_NE(refusal([&](TickState& state) { state.mode.player = Player::candidate; }), "");
+  EXPECT_NE(refusal([&](TickState& state) { state.mode.last_player = Player::candidate; }), "");
+  EXPECT_NE(refusal([&](TickState& state) { state.recovery.relapses = kMaxDoublings + 1; }), "");
+  EXPECT_NE(refusal([&](TickState& state) { state.candidate.in_charge = 2; }), "");
+}
+
 TEST(Keyframe, AnotherRobotsIsRefusedWithASentence) {
   const Sample sample;
   const TickConfig other = robot(5);

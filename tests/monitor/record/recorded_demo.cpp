@@ -43,7 +43,8 @@ RecordedRun record_demo(const std::string& directory) {
 RecordedRun altered_copy(const RecordedRun& run, const std::string& directory,
                          const std::function<void(TickRecord&)>& alter_tick,
                          const std::function<void(RecordedCommand&)>& alter_command,
-                         const std::function<bool(std::uint64_t tick)>& keep_tick) {
+                         const std::function<bool(std::uint64_t tick)>& keep_tick, Checksums checksums) {
+  const bool anew = checksums == Checksums::made_anew;
   const RunFolder folder = required(RunFolder::create(directory));
   for (const char* file : {"config.yaml", "manifest.json"}) {
     std::filesystem::copy_file(run.folder.path() + "/" + file, directory + "/" + file);
@@ -56,13 +57,14 @@ RecordedRun altered_copy(const RecordedRun& run, const std::string& directory,
                                       if (!keep_tick(tick.record.header.tick)) return;
                                       TickRecord record = tick.record;
                                       alter_tick(record);
-                                      encode_tick(record, tick.crc, message);
+                                      encode_tick(record, anew ? crc_of(record) : tick.crc, message);
                                       write(Topic::tick);
                                     },
                                 .command =
                                     [&](const RecordedCommand& command) {
                                       RecordedCommand copy = command;
                                       alter_command(copy);
+                                      if (anew) copy.crc = crc_of(copy);
                                       encode_command(copy, message);
                                       write(Topic::command);
                                     },

@@ -21,10 +21,14 @@ RecordedRun record(VirtualRobot& robot, const std::string& directory, std::uint6
 // Records kDemoTicks ticks into `directory` and returns the run, opened.
 RecordedRun record_demo(const std::string& directory);
 
-// Copies `run` into `directory`, with `alter` applied to every tick and command on the way; checksums stay as recorded.
+// Whether an altered record keeps the checksum it was recorded with, or has one of its own: damaged, or forged.
+enum class Checksums : std::uint8_t { as_recorded, made_anew };
+
+// Copies `run` into `directory`, with `alter` applied to every tick and command on the way.
 RecordedRun altered_copy(const RecordedRun& run, const std::string& directory,
                          const std::function<void(TickRecord&)>& alter_tick,
                          const std::function<void(RecordedCommand&)>& alter_command,
-                         const std::function<bool(std::uint64_t tick)>& keep_tick);
+                         const std::function<bool(std::uint64_t tick)>& keep_tick,
+                         Checksums checksums = Checksums::as_recorded);
 
 }  // namespace takt::monitor

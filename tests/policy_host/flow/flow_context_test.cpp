@@ -26,7 +26,7 @@ class FlowMemoryTest : public testing::Test {
   FlowContext shown(const FlowMemory& memory, const Observation& observation) {
     values_.assign(config::flow_context_width(robot_), -1.0F);
     memory.show(observation, values_);
-    return FlowContext::read(values_);
+    return FlowContext::read(values_, robot_.policy->steps);
   }
   std::vector<float> path(const FlowMemory& memory, const Observation& observation) {
     const FlowContext context = shown(memory, observation);

@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <numeric>
 
 #include "policy_host/flow/flow_context.hpp"
@@ -108,6 +109,32 @@ TEST(FlowPolicy, NoiseIsNormalAndComesFromSeedObservationAndSampleAlone) {
   EXPECT_NEAR(squares / count, 1.0, 0.03);
   EXPECT_NEAR(fourths / count, 3.0, 0.2);
   EXPECT_NEAR(product / count, 0.0, 0.02) << "neighbours are independent";
+}
+
+// A recording may say anything: counts beyond the path are those of the whole path, and what is no count is none.
+TEST(FlowPolicy, OfAContextBeyondThePathNoMoreThanThePathIsUsed) {
+  const std::vector<float> path{1, 2, 3, 4, 5, 6, 7, 8, 9, 10};
+  for (const PrefixUse prefix : {PrefixUse::none, PrefixUse::guided, PrefixUse::trained}) {
+    config::Sampler sampler = sampler_of(prefix);
+    sampler.samples = 4;
+    sampler.choice = SampleChoice::coherent;
+    auto [network, policy] = make(sampler, either_way);
+    const auto with = [&](float promised, float known) {
+      std::vector<float> input = input_of(7, 0, 0, path);
+      input[4] = promised;
+      input[5] = known;
+      return infer(policy, input);
+    };
+    const float none = std::nanf(""), endless = std::numeric_limits<float>::infinity();
+    EXPECT_EQ(with(16e6F, 16e6F), with(10, 10));
+    EXPECT_EQ(with(endless, endless), with(10, 10));
+    EXPECT_EQ(with(9, 4), with(4, 4)) << "no more can be promised than is known";
+    EXPECT_EQ(with(-3, -3), with(0, 0));
+    EXPECT_EQ(with(none, none), with(0, 0));
+    std::vector<float> no_id = input_of(7);
+    no_id[1] = no_id[2] = none;
+    EXPECT_EQ(infer(policy, no_id), infer(policy, input_of(0)));
+  }
 }
 
 TEST(FlowPolicy, TheRecordedInputSaysTheAnswerBitForBit) {

@@ -199,6 +199,16 @@ TEST(TraceReview, TheSlowestCommandsComeWithWhatHappenedMeanwhile) {
   EXPECT_EQ(worst.context.untraced_ticks, 0U);
 }
 
+TEST(TraceReview, AnOverrunWithoutACauseThatExistsIsNotCounted) {
+  Story story = whole_story();
+  for (TickFacts& record : story.records) record.overrun_cause = static_cast<OverrunCause>(kOverrunCauseCount);
+  const TraceReview review = review_of(story);
+  for (const WorstCommand& worst : review.worst) {
+    for (const std::uint64_t count : worst.context.overruns) EXPECT_EQ(count, 0U);
+    EXPECT_EQ(worst.context.refused_messages, 0U) << "what lies behind the counts is as it was";
+  }
+}
+
 TEST(TraceReview, LostEventsAreNeverSilent) {
   const Story story = whole_story();
   TraceReading reading;
