@@ -4,9 +4,8 @@
 //   flows         outputs that feed inputs of later networks, within one inference
 //   states        outputs that feed inputs of the next inference; `start` after load and reset
 //   time_steps    inputs of one number: inferences since load or reset (motion trackers)
-//   step_counts   likewise, begun anew after kStepCounts, a multiple of every number to 10: what takes the remainder of
-//   one
-//                 of those never sees a step too many or too few (exploy)
+//   step_counts   likewise, begun anew after kStepCounts, a multiple of every number to 10: who takes the remainder of
+//                 one of those never sees a step too many or too few (exploy)
 //   references    stretches of the observation that outputs of the inference before fill. After load and reset that is
 //                 one of an observation of zeros at time step 0; the first answer then has time step 1, as the
 //                 exporters' own runtime does it

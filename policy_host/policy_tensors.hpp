@@ -8,7 +8,7 @@
 //              `memory.<x>.in` by `memory.<x>.out` (exploy), `h0` by `hn`, `c0` by `cn` (PyTorch's own names), of the
 //              same shape; zeros after load and reset
 //   time_step  one number: inferences since load or reset (motion trackers)
-//   ctx.step_count  one number: likewise, of which exploy's files take the remainder
+//   step count  `ctx.step_count`, likewise: exploy's files take its remainder
 #pragma once
 
 #include <cstddef>

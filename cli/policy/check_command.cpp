@@ -51,7 +51,8 @@ nlohmann::json policy_json(const std::string& file, const PolicyTrial& trial) {
     fed["from"] = model.outputs()[state.output].name;
     about["state"].push_back(fed);
   }
-  about["time_step"] = tensors.time_step ? nlohmann::json(model.inputs()[*tensors.time_step].name) : nlohmann::json();
+  const std::optional<std::size_t> count = tensors.time_step ? tensors.time_step : tensors.step_count;
+  about["time_step"] = count ? nlohmann::json(model.inputs()[*count].name) : nlohmann::json();
   about["actions"] = tensor_json(model.outputs()[tensors.outputs.front()]);
   about["external_data"] = nlohmann::json::array();
   for (const onnx_engine::ExternalFile& external : model.external_files()) {

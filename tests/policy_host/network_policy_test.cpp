@@ -57,5 +57,38 @@ TEST(NetworkPolicy, AMotionReferenceIsTheNetworksOwnOfTheInferenceBefore) {
   }
 }
 
+// action = the rest of the step count by three
+class Thirds final : public Network {
+ public:
+  [[nodiscard]] std::span<const TensorInfo> inputs() const override { return inputs_; }
+  [[nodiscard]] std::span<const TensorInfo> outputs() const override { return outputs_; }
+  std::span<float> input(std::size_t i) override { return i == 0 ? std::span(obs_) : std::span(count_); }
+  [[nodiscard]] std::span<const float> output(std::size_t) const override { return action_; }
+  void run() override { action_[0] = static_cast<float>(static_cast<std::uint32_t>(count_[0]) % 3); }
+
+ private:
+  std::array<TensorInfo, 2> inputs_{TensorInfo{"obs", {1, 1}}, {"ctx.step_count", {}}};
+  std::array<TensorInfo, 1> outputs_{TensorInfo{"action", {1, 1}}};
+  std::array<float, 1> obs_{}, count_{}, action_{};
+};
+
+// A day at 200 Hz is more steps than a float32 tells apart.
+TEST(NetworkPolicy, AStepCountsRemainderGoesOnForEver) {
+  std::vector<std::unique_ptr<Network>> networks;
+  networks.push_back(std::make_unique<Thirds>());
+  Wiring wiring;
+  wiring.observation = {{0, 0}};
+  wiring.step_counts = {{0, 1}};
+  wiring.outputs = {{0, 0}};
+  const auto policy = make_network_policy(std::move(networks), std::move(wiring));
+  EXPECT_TRUE(policy->is_recurrent());
+  const std::array<float, 1> observation{};
+  std::array<float, 1> action{};
+  for (std::uint32_t step = 0; step < (1U << 24U) + 30; ++step) {
+    policy->infer(observation, action);
+    ASSERT_EQ(action[0], static_cast<float>(step % 3)) << step;
+  }
+}
+
 }  // namespace
 }  // namespace takt::policy_host
