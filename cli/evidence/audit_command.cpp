@@ -6,6 +6,7 @@
 #include "cli/command.hpp"
 #include "evidence/judge/audit.hpp"
 #include "evidence/judge/post_mortem.hpp"
+#include "evidence/panel/panel_promise.hpp"
 
 namespace takt::cli {
 namespace {
@@ -23,7 +24,7 @@ int audit(const AuditOptions& options) {
     if (!drafted) return fail("takt audit", drafted.error());
     fmt::print(stderr, "{} post-mortems drafted in {}\n", *drafted, artifact->folder.post_mortems());
   }
-  const panel::Audit result = panel::audit(*artifact);
+  const panel::Audit result = panel::audit(*artifact, panel::panel_promise(artifact->folder.panel()));
   if (options.json) {
     fmt::print("{}\n", panel::to_json(result).dump());
   } else {

@@ -80,7 +80,11 @@ std::expected<Artifact, std::string> open_artifact(const std::string& path) {
   }
   if (manifest->complete && artifact_id_of(*manifest, *rows) != manifest->artifact_id) {
     return std::unexpected(
-        fmt::format("{}: not the rows that {} was named after", folder.rows(), manifest->artifact_id));
+        fmt::format("{}: not the rows, contracts and seed plan that {} was named after", path, manifest->artifact_id));
+  }
+  if (manifest->complete && rows->size() != manifest->planned_rollouts) {
+    return std::unexpected(fmt::format("{}: says that it is complete, and holds {} of {} planned rollouts", path,
+                                       rows->size(), manifest->planned_rollouts));
   }
   return Artifact{folder, std::move(*manifest), std::move(*rows)};
 }
@@ -93,7 +97,13 @@ std::string artifact_id_of(const ArtifactManifest& manifest, std::span<const Rol
   std::vector<std::string> lines;
   for (const RolloutRow& row : rows) lines.push_back(row_text(row, HostFields::left_out).value_or("") + "\n");
   std::ranges::sort(lines);
-  std::string text = manifest.panel_sha256 + "\n";
+  // What the rows do not say of themselves: by what a miss is one, and over which seeds they were to be.
+  std::string text = fmt::format("{}\n{}\n{}\n", manifest.panel_sha256,
+                                 kTimingNames[static_cast<std::size_t>(manifest.timing)], manifest.seed_plan.rule);
+  for (const std::uint64_t seed : manifest.seed_plan.seeds) text += fmt::format("{}\n", seed);
+  for (const auto& [name, method] : manifest.methods)
+    for (const auto& [task, facts] : method.tasks)
+      text += fmt::format("{} {} {} {} {}\n", name, task, facts.max_age_ms, facts.epsilon, facts.confidence);
   for (const std::string& line : lines) text += line;
   return fmt::format("{}-{}", manifest.panel, config::sha256_hex(text).substr(0, kIdDigits));
 }

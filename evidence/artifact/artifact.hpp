@@ -51,11 +51,13 @@ struct Artifact {
 };
 
 // Reads an artifact, finished or not. Refuses rows that do not fit the manifest, a rollout that is there twice, another
-// row schema than this program's, and a finished artifact whose rows are no longer those it was named after.
+// row schema than this program's, and a finished artifact whose rows, contracts or seed plan are no longer those it was
+// named after, or that has other rows than it plans.
 std::expected<Artifact, std::string> open_artifact(const std::string& path);
 
-// "smoke-3f9a2c41d07b": panel, and the first digits of the SHA-256 over panel hash and all rows without host fields,
-// in whatever order. The same rollouts give the same id on any machine, and merged from any shards.
+// "smoke-3f9a2c41d07b": panel, and the first digits of the SHA-256 over panel hash, timing, seed plan, the methods'
+// freshness contracts, and all rows without host fields, in whatever order. The same rollouts give the same id on any
+// machine, and merged from any shards.
 std::string artifact_id_of(const ArtifactManifest& manifest, std::span<const RolloutRow> rows);
 
 // What confusion.json holds (confusion.hpp), a function of the rows and the id.

@@ -20,7 +20,7 @@ namespace takt::panel {
 enum class Timing : std::uint8_t { virtual_time, real, real_without_guarantees };
 inline constexpr std::array<std::string_view, 3> kTimingNames{"virtual", "real", "real_without_guarantees"};
 
-inline constexpr const char* kArtifactSchema = "takt.artifact/2";
+inline constexpr const char* kArtifactSchema = "takt.artifact/3";
 
 // Every rollout's seed comes from here, whatever the method: that is what makes rows pairs.
 struct SeedPlan {

@@ -19,6 +19,9 @@ std::string mixture(std::span<const Artifact> artifacts) {
   for (const Artifact& artifact : artifacts) {
     const std::string& folder = artifact.folder.path();
     if (!artifact.manifest.complete) return fmt::format("{} is unfinished", folder);
+    if (artifact.rows.size() != artifact.manifest.planned_rollouts)
+      return fmt::format("{} holds {} of {} planned rollouts", folder, artifact.rows.size(),
+                         artifact.manifest.planned_rollouts);
     std::string reason = difference_between(first.manifest, artifact.manifest, first.folder.path(), folder);
     if (!reason.empty()) return reason;
     if (artifact.manifest.claims != first.manifest.claims) {
@@ -51,7 +54,7 @@ ArtifactManifest merged_manifest(std::span<const Artifact> artifacts) {
   for (const Artifact& artifact : artifacts) {
     merged.merged_from.push_back(artifact.manifest.artifact_id);
     merged.methods.insert(artifact.manifest.methods.begin(), artifact.manifest.methods.end());
-    merged.planned_rollouts += artifact.rows.size();
+    merged.planned_rollouts += artifact.manifest.planned_rollouts;
     merged.host.push_back(artifact.manifest.host);
     merged.started_unix_ns = std::min(merged.started_unix_ns, artifact.manifest.started_unix_ns);
   }

@@ -16,7 +16,26 @@
 namespace takt::panel {
 namespace {
 
-AuditItem metric_contract(const Artifact& artifact) {
+using Promise = std::expected<PanelPromise, std::string>;
+
+void find_other_contracts(const std::string& method, const std::string& task, const TaskFacts& facts,
+                          const PanelPromise& promise, std::vector<std::string>& missing) {
+  const auto found = promise.contracts.find({method, task});
+  if (found == promise.contracts.end()) {
+    missing.push_back(fmt::format("panel.yaml has no method {} on {}", method, task));
+    return;
+  }
+  const auto differs = [&](std::string_view what, const std::optional<double>& wanted, double said) {
+    if (!wanted || *wanted == said) return;
+    missing.push_back(fmt::format("panel.yaml gives method {} on {} {} {:g}, the manifest says {:g}", method, task,
+                                  what, *wanted, said));
+  };
+  differs("max_age in ms", found->second.max_age_ms, facts.max_age_ms);
+  differs("epsilon", found->second.epsilon, facts.epsilon);
+  differs("confidence", found->second.confidence, facts.confidence);
+}
+
+AuditItem metric_contract(const Artifact& artifact, const Promise& promise) {
   AuditItem item{.name = "metric contract", .answer = {}, .missing = {}};
   for (const auto& [name, method] : artifact.manifest.methods) {
     for (const auto& [task, facts] : method.tasks) {
@@ -25,6 +44,7 @@ AuditItem metric_contract(const Artifact& artifact) {
                       name, task, facts.max_age_ms, 100 * facts.epsilon, 100 * facts.confidence);
       const bool stated = facts.max_age_ms > 0 && facts.epsilon > 0 && facts.confidence > 0;
       if (!stated) item.missing.push_back(fmt::format("method {} states no freshness contract on {}", name, task));
+      if (promise) find_other_contracts(name, task, facts, *promise, item.missing);
     }
   }
   if (artifact.manifest.methods.empty()) item.missing.emplace_back("the manifest names no method");
@@ -45,7 +65,27 @@ void find_holes(const Artifact& artifact, std::vector<std::string>& missing) {
   }
 }
 
-AuditItem perturbation_panel(const Artifact& artifact) {
+// A condition that no row has is one that every method lacks, and that no comparison of rows shows.
+void find_untried(const Artifact& artifact, const PanelPromise& promise, std::vector<std::string>& missing) {
+  std::set<PairKey> ran, planned;
+  for (const RolloutRow& row : artifact.rows) ran.insert(pair_key(row));
+  for (const PanelPromise::Condition& one : promise.conditions)
+    for (const std::uint64_t seed : artifact.manifest.seed_plan.seeds)
+      planned.insert({one.task, one.perturbation, one.dose, seed});
+  const auto count_without = [](const std::set<PairKey>& some, const std::set<PairKey>& others) {
+    return std::ranges::count_if(some, [&](const PairKey& key) { return !others.contains(key); });
+  };
+  if (const auto untried = count_without(planned, ran); untried != 0) {
+    const PairKey& first = *std::ranges::find_if(planned, [&](const PairKey& key) { return !ran.contains(key); });
+    missing.push_back(
+        fmt::format("no method ran {} of the {} conditions of panel.yaml, such as {}.{}@{:g} with seed {}", untried,
+                    planned.size(), first.task, first.perturbation, first.dose, first.seed));
+  }
+  if (const auto strange = count_without(ran, planned); strange != 0)
+    missing.push_back(fmt::format("{} conditions are not in panel.yaml", strange));
+}
+
+AuditItem perturbation_panel(const Artifact& artifact, const Promise& promise) {
   const ArtifactManifest& manifest = artifact.manifest;
   std::map<std::string, std::size_t> perturbations;
   for (const RolloutRow& row : artifact.rows) ++perturbations[row.perturbation];
@@ -63,6 +103,10 @@ AuditItem perturbation_panel(const Artifact& artifact) {
     item.missing.emplace_back("panel.yaml is not in the folder");
   } else if (config::sha256_hex(*text) != manifest.panel_sha256) {
     item.missing.emplace_back("panel.yaml is not the panel that the manifest names");
+  } else if (!promise) {
+    item.missing.push_back(fmt::format("panel.yaml is no panel of this version: {}", promise.error()));
+  } else {
+    find_untried(artifact, *promise, item.missing);
   }
   find_holes(artifact, item.missing);
   return item;
@@ -119,9 +163,13 @@ AuditItem fault_verdicts(const Artifact& artifact) {
   return item;
 }
 
-AuditItem claim(std::string_view name, const std::string& text) {
-  AuditItem item{.name = fmt::format("{} claim", name), .answer = text, .missing = {}};
-  if (text.empty()) item.missing.push_back(fmt::format("the panel file has no claims.{}", name));
+// `text`: one of the claims. Without a panel file the manifest answers, and the panel's own item is not ready.
+AuditItem claim(std::string_view name, const Artifact& artifact, const Promise& promise, std::string Claims::*text) {
+  const std::string& said = artifact.manifest.claims.*text;
+  AuditItem item{
+      .name = fmt::format("{} claim", name), .answer = promise ? promise->claims.*text : said, .missing = {}};
+  if (item.answer.empty()) item.missing.push_back(fmt::format("the panel file has no claims.{}", name));
+  if (item.answer != said) item.missing.push_back(fmt::format("the manifest claims otherwise: {}", said));
   return item;
 }
 
@@ -156,12 +204,13 @@ bool Audit::is_ready() const {
   return std::ranges::all_of(items, [](const AuditItem& item) { return item.missing.empty(); });
 }
 
-Audit audit(const Artifact& artifact) {
-  const Claims& claims = artifact.manifest.claims;
+Audit audit(const Artifact& artifact, const Promise& promise) {
   return {.artifact_id = artifact.manifest.artifact_id,
-          .items = {metric_contract(artifact), perturbation_panel(artifact), monitor_state(artifact),
-                    artifact_id(artifact), fault_verdicts(artifact), claim("conceptual", claims.conceptual),
-                    claim("systems", claims.systems), claim("evidence", claims.evidence), post_mortems(artifact)}};
+          .items = {metric_contract(artifact, promise), perturbation_panel(artifact, promise), monitor_state(artifact),
+                    artifact_id(artifact), fault_verdicts(artifact),
+                    claim("conceptual", artifact, promise, &Claims::conceptual),
+                    claim("systems", artifact, promise, &Claims::systems),
+                    claim("evidence", artifact, promise, &Claims::evidence), post_mortems(artifact)}};
 }
 
 std::string audit_text(const Audit& audit) {

@@ -1,11 +1,16 @@
-// Is an artifact's claim ready to be audited? Names the metric contract, the perturbation panel, the monitor state, the
-// artifact id, the fault verdicts and the three claims, and lists what is missing; a failed rollout without a completed
-// post-mortem is.
+// Is an artifact's claim ready to be audited? What the panel is meant to show, and under which conditions, the panel
+// file says, whose hash the rows carry; the manifest is held against it. Names the metric contract, the perturbation
+// panel, the monitor state, the artifact id, the fault verdicts and the three claims, and lists what is missing; a
+// failed rollout without a completed post-mortem is.
 #pragma once
 
+#include <compare>
 #include <expected>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "evidence/artifact/artifact.hpp"
@@ -26,7 +31,24 @@ struct Audit {
   [[nodiscard]] bool is_ready() const;
 };
 
-Audit audit(const Artifact& artifact);
+// What a panel file says of its artifacts.
+struct PanelPromise {
+  struct Condition {
+    std::string task, perturbation;
+    double dose = 0;
+    friend auto operator<=>(const Condition&, const Condition&) = default;
+  };
+  // Of the freshness contract; empty: what the robot file says, which is not in the artifact.
+  struct Contract {
+    std::optional<double> max_age_ms, epsilon, confidence;
+  };
+  Claims claims;
+  std::vector<Condition> conditions;                                  // each over every seed
+  std::map<std::pair<std::string, std::string>, Contract> contracts;  // by method and task
+};
+
+// `promise`: of the artifact's panel.yaml, or why it has none (evidence/panel/panel_promise.hpp).
+Audit audit(const Artifact& artifact, const std::expected<PanelPromise, std::string>& promise);
 std::string audit_text(const Audit& audit);
 nlohmann::ordered_json to_json(const Audit& audit);
 

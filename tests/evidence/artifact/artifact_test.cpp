@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <functional>
 
 #include "config/load.hpp"
 #include "evidence/artifact/rollout_json.hpp"
@@ -64,6 +65,21 @@ TEST_F(ArtifactTest, TheIdDependsOnEveryRowButNotOnHostOrOrder) {
   EXPECT_EQ(artifact_id_of(manifest, other), artifact_id_of(manifest, rows));
   other[3].energy_J += 1e-9;
   EXPECT_NE(artifact_id_of(manifest, other), artifact_id_of(manifest, rows));
+}
+
+TEST_F(ArtifactTest, TheIdDependsOnWhatTheRowsDoNotSayOfThemselves) {
+  const auto other = [&](const std::function<void(ArtifactManifest&)>& change) {
+    ArtifactManifest changed = manifest;
+    change(changed);
+    return artifact_id_of(changed, rows) != artifact_id_of(manifest, rows);
+  };
+  const auto facts = [](ArtifactManifest& m) -> TaskFacts& { return m.methods.at("method-b").tasks.at("reach"); };
+  EXPECT_TRUE(other([&](ArtifactManifest& m) { facts(m).max_age_ms = 25; }));
+  EXPECT_TRUE(other([&](ArtifactManifest& m) { facts(m).epsilon = 0.5; }));
+  EXPECT_TRUE(other([&](ArtifactManifest& m) { facts(m).confidence = 0.5; }));
+  EXPECT_TRUE(other([](ArtifactManifest& m) { m.seed_plan.seeds.pop_back(); }));
+  EXPECT_TRUE(other([](ArtifactManifest& m) { m.timing = Timing::real; }));
+  EXPECT_FALSE(other([](ArtifactManifest& m) { m.merged_from.emplace_back("smoke-1"); })) << "shards make the same";
 }
 
 // A writer killed inside any write of the third row: the two before it are there, the panel goes on, and the finished
@@ -141,7 +157,8 @@ TEST_F(ArtifactTest, OpeningRefusesAlteredFiles) {
   write_artifact(folder, manifest, rows);
   const std::string file = folder + "/rollouts.jsonl";
   replace(file, "\"energy_J\":12.5", "\"energy_J\":12.25");
-  EXPECT_EQ(refusal(), file + ": not the rows that " + artifact_id_of(manifest, rows) + " was named after");
+  EXPECT_EQ(refusal(), folder + ": not the rows, contracts and seed plan that " + artifact_id_of(manifest, rows) +
+                           " was named after");
   replace(file, "\"energy_J\":12.25", "\"energy_J\":12.5");
   EXPECT_EQ(refusal(), "opened");
   replace(file, "\"seed\":2", "\"seed\":1");
@@ -150,6 +167,24 @@ TEST_F(ArtifactTest, OpeningRefusesAlteredFiles) {
   EXPECT_EQ(refusal(), "manifest.json is not an artifact's manifest: manifest.planned_rollouts is missing");
   replace(folder + "/manifest.json", "\"planned\": 4", "\"planned_rollouts\": 4, \"note\": 1");
   EXPECT_EQ(refusal(), "manifest.json is not an artifact's manifest: manifest.note is unknown");
+}
+
+TEST_F(ArtifactTest, AContractThatTheRowsWereNotMadeByIsRefused) {
+  write_artifact(folder, manifest, rows);
+  replace(folder + "/manifest.json", "\"max_age_ms\": 40.0", "\"max_age_ms\": 25.0");
+  EXPECT_EQ(refusal(), folder + ": not the rows, contracts and seed plan that " + artifact_id_of(manifest, rows) +
+                           " was named after");
+}
+
+// Rows taken out, and the id made anew of those that are left.
+TEST_F(ArtifactTest, FewerRowsThanPlannedAreRefused) {
+  write_artifact(folder, manifest, rows);
+  const std::vector<RolloutRow> left(rows.begin(), rows.end() - 1);
+  std::string text = monitor::read_file(folder + "/rollouts.jsonl").value();
+  text.erase(text.rfind('\n', text.size() - 2) + 1);
+  ASSERT_TRUE(monitor::replace_file(folder + "/rollouts.jsonl", text));
+  replace(folder + "/manifest.json", artifact_id_of(manifest, rows), artifact_id_of(manifest, left));
+  EXPECT_EQ(refusal(), folder + ": says that it is complete, and holds 3 of 4 planned rollouts");
 }
 
 TEST(ArtifactManifest, NamesTheFirstDifference) {

@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include "evidence/judge/post_mortem.hpp"
+#include "evidence/panel/panel_promise.hpp"
 #include "monitor/record/bounded_file.hpp"
 #include "tests/evidence/artifact/sample_artifact.hpp"
 #include "tests/evidence/artifact/sample_rows.hpp"
@@ -21,13 +22,25 @@ class AuditTest : public monitor::TemporaryFolder {
  protected:
   const std::string folder = path("artifact");
   std::vector<RolloutRow> rows{sample_row("fast", 1), failed_row("fast", 1)};
-  ArtifactManifest manifest = sample_manifest({"fast"}, 2);
+  ArtifactManifest manifest;
+  // The panel file's own words.
+  PanelPromise promise{.claims = sample_manifest({}, 0).claims,
+                       .conditions = {{"reach", "none", 0}, {"reach", "stall", 400}},
+                       .contracts = {{{"fast", "reach"}, {}}, {{"slow", "reach"}, {}}}};
   AuditTest() {
     rows[0].run_folder.clear();
     rows[1].run_folder.clear();
     rows[1].perturbation = "stall";
     rows[1].dose = 400;
+    manifest = planned({"fast"}, 2);
   }
+  // Of two rollouts per method: one seed, two conditions.
+  static ArtifactManifest planned(const std::vector<std::string>& methods, std::uint64_t rollouts) {
+    ArtifactManifest made = sample_manifest(methods, rollouts);
+    made.seed_plan = {.rule = "seed 1", .seeds = {1}};
+    return made;
+  }
+  [[nodiscard]] Audit judged(const Artifact& artifact) const { return audit(artifact, promise); }
   [[nodiscard]] std::string post_mortem() const { return folder + "/postmortems/reach.stall@400.fast.s1.md"; }
   void sign(const std::string& who) const {
     std::string text = monitor::read_file(post_mortem()).value();
@@ -50,12 +63,12 @@ class AuditTest : public monitor::TemporaryFolder {
 
 TEST_F(AuditTest, AWholeArtifactIsReadyAndAnswersByName) {
   const Artifact artifact = whole();
-  const Audit result = audit(artifact);
+  const Audit result = judged(artifact);
   EXPECT_TRUE(result.is_ready());
   const std::string id = artifact.manifest.artifact_id;
   EXPECT_EQ(audit_text(result),
             "metric contract     fast on reach: Pr(age > 40 ms) <= 5 % at 95 % confidence\n"
-            "perturbation panel  smoke, 20 seeds (seeds 1 to 20, the same for every method): none 1, stall 1.\n"
+            "perturbation panel  smoke, 1 seeds (seed 1): none 1, stall 1.\n"
             "monitor state       ended in damped_stop (command_lost) 1, tracking 1\n"
             "artifact id         " +
                 id +
@@ -71,51 +84,117 @@ TEST_F(AuditTest, AWholeArtifactIsReadyAndAnswersByName) {
 
 TEST_F(AuditTest, AFailureWithoutACompletedPostMortemIsNotReady) {
   const Artifact artifact = write_artifact(folder, manifest, rows);
-  EXPECT_EQ(missing(audit(artifact), "post-mortems"),
+  EXPECT_EQ(missing(judged(artifact), "post-mortems"),
             Missing{"row 2 failed (command_lost) and postmortems/reach.stall@400.fast.s1.md does not exist"});
   ASSERT_EQ(draft_post_mortems(artifact), 1U);
-  const Audit drafted = audit(artifact);
+  const Audit drafted = judged(artifact);
   EXPECT_EQ(missing(drafted, "post-mortems"),
             Missing{"row 2 failed (command_lost) and nobody completed postmortems/reach.stall@400.fast.s1.md"});
   EXPECT_FALSE(drafted.is_ready());
   EXPECT_TRUE(audit_text(drafted).ends_with("not audit-ready: 1 missing\n"));
   EXPECT_EQ(to_json(drafted)["audit_ready"], false);
   sign("  ");
-  EXPECT_FALSE(audit(artifact).is_ready());
+  EXPECT_FALSE(judged(artifact).is_ready());
   sign(" A. Tester");
-  EXPECT_TRUE(audit(artifact).is_ready());
+  EXPECT_TRUE(judged(artifact).is_ready());
   // What a person wrote stays.
   EXPECT_EQ(draft_post_mortems(artifact), 0U);
   EXPECT_EQ(completed_by(monitor::read_file(post_mortem()).value()), "A. Tester");
 }
 
 TEST_F(AuditTest, NamesEveryMissingClaim) {
-  manifest.claims = {};
-  const Audit result = audit(whole());
+  manifest.claims = promise.claims = {};
+  const Audit result = judged(whole());
   for (const char* claim : {"conceptual", "systems", "evidence"}) {
     EXPECT_EQ(missing(result, std::string(claim) + " claim"),
               Missing{std::string("the panel file has no claims.") + claim});
   }
 }
 
+TEST_F(AuditTest, AClaimThatThePanelDoesNotMakeIsNamed) {
+  manifest.claims.evidence = "anything at all";
+  const Audit result = judged(whole());
+  EXPECT_EQ(missing(result, "evidence claim"), Missing{"the manifest claims otherwise: anything at all"});
+  EXPECT_EQ(std::ranges::find(result.items, "evidence claim", &AuditItem::name)->answer,
+            "p95 age and success under stalls");
+  EXPECT_TRUE(missing(result, "systems claim").empty());
+}
+
+TEST_F(AuditTest, AConditionThatNoMethodRanIsNamed) {
+  promise.conditions.push_back({"reach", "policy_freeze", 500});
+  EXPECT_EQ(missing(judged(whole()), "perturbation panel"),
+            Missing{"no method ran 1 of the 3 conditions of panel.yaml, such as reach.policy_freeze@500 with seed 1"});
+  promise.conditions.erase(promise.conditions.begin() + 1, promise.conditions.end());
+  EXPECT_EQ(missing(judged(*open_artifact(folder)), "perturbation panel"),
+            Missing{"1 conditions are not in panel.yaml"});
+}
+
+TEST_F(AuditTest, AContractThatThePanelDoesNotGiveIsNamed) {
+  promise.contracts.at({"fast", "reach"}) = {.max_age_ms = 25, .epsilon = 0.05, .confidence = {}};
+  EXPECT_EQ(missing(judged(whole()), "metric contract"),
+            Missing{"panel.yaml gives method fast on reach max_age in ms 25, the manifest says 40"});
+  promise.contracts.clear();
+  EXPECT_EQ(missing(judged(*open_artifact(folder)), "metric contract"),
+            Missing{"panel.yaml has no method fast on reach"});
+}
+
+TEST_F(AuditTest, APanelThatCannotBeReadIsNamed) {
+  const Audit result = audit(whole(), std::unexpected("panel.yaml:1:1: holds no panel"));
+  EXPECT_EQ(missing(result, "perturbation panel"),
+            Missing{"panel.yaml is no panel of this version: panel.yaml:1:1: holds no panel"});
+  EXPECT_FALSE(result.is_ready());
+}
+
+// What a panel file in an artifact's folder says, its robot files being elsewhere.
+TEST_F(AuditTest, APanelsPromiseIsItsFilesOwn) {
+  ASSERT_TRUE(monitor::replace_file(path("panel.yaml"), R"(schema: takt.panel/1
+panel: lab
+duration: 4 s
+seeds: { count: 2 }
+claims: { conceptual: why, systems: which, evidence: what }
+tasks:
+  - { task: arm_tracking, robot: nowhere.yaml, scored: 1 s, bound: 5 mm, override: [{ key: freshness.max_age, value: 200 ms }] }
+  - { task: cart_pole_balance, robot: nowhere.yaml, scored: 1 s, bound: 5 mm }
+methods:
+  - { name: a }
+  - { name: b, override: [{ key: freshness.max_age, value: 250 ms }, { key: freshness.epsilon, value: "0.01" }] }
+perturbations:
+  - { kind: none }
+  - { kind: policy_freeze, dose: 400, tasks: [arm_tracking] }
+)"));
+  const auto said = panel_promise(path("panel.yaml"));
+  ASSERT_TRUE(said) << said.error();
+  EXPECT_EQ(said->claims, (Claims{"why", "which", "what"}));
+  ASSERT_EQ(said->conditions.size(), 3U);
+  EXPECT_EQ(said->conditions[1], (PanelPromise::Condition{"arm_tracking", "policy_freeze", 400}));
+  EXPECT_EQ(said->conditions[2], (PanelPromise::Condition{"cart_pole_balance", "none", 0}));
+  EXPECT_EQ(said->contracts.at({"a", "arm_tracking"}).max_age_ms, 200);
+  EXPECT_EQ(said->contracts.at({"b", "arm_tracking"}).max_age_ms, 250);
+  EXPECT_EQ(said->contracts.at({"b", "cart_pole_balance"}).epsilon, 0.01);
+  EXPECT_FALSE(said->contracts.at({"a", "cart_pole_balance"}).max_age_ms);
+  ASSERT_TRUE(monitor::replace_file(path("panel.yaml"), "panel"));
+  EXPECT_FALSE(panel_promise(path("panel.yaml")));
+}
+
 TEST_F(AuditTest, NamesWhatThePanelLacks) {
   rows.erase(rows.begin());
   manifest.planned_rollouts = 1;
-  EXPECT_EQ(missing(audit(whole()), "perturbation panel"), Missing{"no rollout was nominal"});
+  promise.conditions.erase(promise.conditions.begin());
+  EXPECT_EQ(missing(judged(whole()), "perturbation panel"), Missing{"no rollout was nominal"});
   ASSERT_TRUE(monitor::replace_file(folder + "/panel.yaml", "another"));
-  EXPECT_EQ(missing(audit(*open_artifact(folder)), "perturbation panel"),
+  EXPECT_EQ(missing(judged(*open_artifact(folder)), "perturbation panel"),
             (Missing{"no rollout was nominal", "panel.yaml is not the panel that the manifest names"}));
   std::filesystem::remove(folder + "/panel.yaml");
-  EXPECT_EQ(missing(audit(*open_artifact(folder)), "perturbation panel").back(), "panel.yaml is not in the folder");
+  EXPECT_EQ(missing(judged(*open_artifact(folder)), "perturbation panel").back(), "panel.yaml is not in the folder");
 }
 
 TEST_F(AuditTest, NamesHolesUnfinishedPanelsAndForeignColumns) {
-  manifest = sample_manifest({"fast", "slow"}, 4);
+  manifest = planned({"fast", "slow"}, 4);
   manifest.methods.at("slow").tasks.at("reach").epsilon = 0;
   rows.push_back(sample_row("slow", 1));
   rows.back().replay_hash.clear();
   Artifact artifact = write_artifact(folder, manifest, rows);
-  Audit result = audit(artifact);
+  Audit result = judged(artifact);
   EXPECT_EQ(missing(result, "metric contract"), Missing{"method slow states no freshness contract on reach"});
   EXPECT_EQ(missing(result, "perturbation panel"), Missing{"method slow lacks 1 of 2 conditions"});
   EXPECT_EQ(missing(result, "monitor state"), Missing{"1 rows have no replay hash"});
@@ -123,7 +202,7 @@ TEST_F(AuditTest, NamesHolesUnfinishedPanelsAndForeignColumns) {
 
   artifact = write_artifact(path("done"), sample_manifest({"fast"}, 1), {rows[0]});
   ASSERT_TRUE(monitor::replace_file(artifact.folder.parquet(), "PAR1"));
-  EXPECT_EQ(missing(audit(artifact), "artifact id"),
+  EXPECT_EQ(missing(judged(artifact), "artifact id"),
             Missing{"rollouts.parquet does not hold the rows of rollouts.jsonl"});
 }
 

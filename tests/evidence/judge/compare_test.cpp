@@ -155,6 +155,9 @@ TEST_F(CompareTest, MergeRefusesDoublesAndUnfinishedOnes) {
                                tuned.folder.path() + " than in " + a.folder.path());
   const Artifact open = write_artifact(path("open"), sample_manifest({"slow"}, 2), {sample_row("slow", 1)});
   EXPECT_EQ(merged(open), "refusing the mixture: " + open.folder.path() + " is unfinished");
+  Artifact poorer = artifact_of("slow", 0, never);
+  poorer.rows.pop_back();
+  EXPECT_EQ(merged(poorer), "refusing the mixture: " + poorer.folder.path() + " holds 19 of 20 planned rollouts");
 }
 
 TEST_F(CompareTest, NotesWhatAReaderMustKnow) {

@@ -1,0 +1,45 @@
+#include "evidence/panel/panel_promise.hpp"
+
+#include <cmath>
+#include <span>
+
+#include "config/units.hpp"
+#include "evidence/panel/panel_file.hpp"
+
+namespace takt::panel {
+namespace {
+
+void take(std::span<const config::Override> overrides, PanelPromise::Contract& contract) {
+  for (const config::Override& one : overrides) {
+    const auto number = config::parse_number(one.value);
+    if (one.key == "freshness.max_age") {
+      if (const auto ns = config::parse_quantity(one.value, config::Dimension::time))
+        contract.max_age_ms = Duration{std::llround(*ns)}.milliseconds();  // as manifests have it
+    } else if (one.key == "freshness.epsilon" && number) {
+      contract.epsilon = *number;
+    } else if (one.key == "freshness.confidence" && number) {
+      contract.confidence = *number;
+    }
+  }
+}
+
+}  // namespace
+
+std::expected<PanelPromise, std::string> panel_promise(const std::string& path) {
+  const auto panel = load_panel(path);
+  if (!panel) return std::unexpected(panel.error().substr(0, panel.error().find('\n')));
+  PanelPromise promise{.claims = panel->claims, .conditions = {}, .contracts = {}};
+  for (const PanelTask& task : panel->tasks) {
+    const std::string name(kTaskNames[static_cast<std::size_t>(task.task)]);
+    for (const PanelPerturbation& one : panel->perturbations)
+      if (one.troubles(task.task)) promise.conditions.push_back({name, one.kind, one.dose});
+    for (const PanelMethod& method : panel->methods) {
+      PanelPromise::Contract& contract = promise.contracts[{method.name, name}];
+      take(task.overrides, contract);
+      take(method.overrides, contract);
+    }
+  }
+  return promise;
+}
+
+}  // namespace takt::panel
