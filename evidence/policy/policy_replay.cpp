@@ -77,6 +77,7 @@ class Replayer {
   // Why it cannot be replayed; empty: it was.
   std::string answer(RecordedPolicyInput recorded);
   void command(const RecordedCommand& recorded);
+  void lost(const Loss& loss) { (loss.reason == "before_attach" ? result_.before : result_.lost) += loss.count; }
   PolicyReplay finish();
   [[nodiscard]] Player sender() const { return result_.sender; }
 
@@ -181,12 +182,12 @@ std::string Replayer::answer(RecordedPolicyInput recorded) {
   if (is_sound) {
     if (std::string reason = unfit(recorded.input); !reason.empty()) return reason;
   }
-  if (!is_sound || !follow(recorded.input)) {
+  const bool is_judged = is_sound && follow(recorded.input);
+  if (is_judged)
+    judge(recorded.input);
+  else
     ++result_.not_judged;
-    return {};
-  }
-  judge(recorded.input);
-  expect_command(recorded.input);
+  if (is_sound) expect_command(recorded.input);
   return {};
 }
 
@@ -237,6 +238,7 @@ void Replayer::settle(std::uint32_t answered, std::uint32_t read) {
 }
 
 void Replayer::expect_command(const PolicyInput& input) {
+  fill(*recorded_, input, input.output);
   const auto values = std::as_bytes(std::span(recorded_->values).first(recorded_->value_count()));
   const std::uint32_t content = content_of(recorded_->header, values);
   const Key key{input.header.observation_id, input.header.sequence};
@@ -262,6 +264,7 @@ void Replayer::command(const RecordedCommand& recorded) {
 }
 
 PolicyReplay Replayer::finish() {
+  result_.unanswered = read_.size() - std::min<std::uint64_t>(read_.size(), result_.before + result_.lost);
   for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
     const Sum& sum = joints_[joint];
     const double rms = sum.values == 0 ? 0 : std::sqrt(sum.squares / static_cast<double>(sum.values));
@@ -294,6 +297,11 @@ Player seat_of(const RecordedCommand& command, const RecordedRun& run) {
                                                                                                  : Player::candidate;
 }
 
+// As losses name it (monitor/record/policy_input_stream.hpp).
+std::string input_ring_of(Player sender) {
+  return fmt::format("{}_input", name(sender));
+}
+
 bool has_evidence_of(const RecordedRun& run, Player sender) {
   bool found = false;
   (void)scan_run(
@@ -324,8 +332,10 @@ bool PolicyReplayReport::agrees() const {
 }
 
 bool PolicyReplayReport::is_whole() const {
-  return std::ranges::all_of(policies,
-                             [](const PolicyReplay& policy) { return policy.not_judged == 0 && policy.missing == 0; });
+  return missing_ticks == 0 && fallback_unanswered == 0 &&
+         std::ranges::all_of(policies, [](const PolicyReplay& policy) {
+           return policy.not_judged == 0 && policy.missing == 0 && policy.lost == 0 && policy.unanswered == 0;
+         });
 }
 
 std::expected<PolicyReplayReport, PolicyReplayRefusal> replay_policy(const RecordedRun& run,
@@ -350,14 +360,22 @@ std::expected<PolicyReplayReport, PolicyReplayRefusal> replay_policy(const Recor
     const auto found = std::ranges::find_if(replayers, [&](const auto& each) { return each->sender() == sender; });
     return found == replayers.end() || !reason.empty() ? nullptr : found->get();
   };
-  const auto scan = scan_run(run, {.tick = {},
+  PolicyReplayReport report;
+  std::uint64_t ticks = 0;
+  const auto scan = scan_run(run, {.tick = [&](const RecordedTick&) { ++ticks; },
                                    .command =
                                        [&](const RecordedCommand& command) {
-                                         if (Replayer* const replayer = of(seat_of(command, run)))
-                                           replayer->command(command);
+                                         const Player seat = seat_of(command, run);
+                                         if (Replayer* const replayer = of(seat)) return replayer->command(command);
+                                         if (seat == Player::fallback && options.with.empty())
+                                           ++report.fallback_unanswered;
                                        },
                                    .keyframe = {},
-                                   .loss = {},
+                                   .loss =
+                                       [&](const Loss& loss) {
+                                         for (const auto& replayer : replayers)
+                                           if (loss.ring == input_ring_of(replayer->sender())) replayer->lost(loss);
+                                       },
                                    .policy_input =
                                        [&](const RecordedPolicyInput& input) {
                                          if (Replayer* const replayer = of(input.sender))
@@ -365,8 +383,8 @@ std::expected<PolicyReplayReport, PolicyReplayRefusal> replay_policy(const Recor
                                        }});
   if (!scan) return refused(Why::no_evidence, scan.error());
   if (!reason.empty()) return refused(Why::policy, reason);
-  PolicyReplayReport report;
   report.tolerance = options.tolerance;
+  report.missing_ticks = missing_ticks(run.manifest, ticks);
   report.file = scan->file;
   for (const auto& replayer : replayers) report.policies.push_back(replayer->finish());
   return report;

@@ -30,6 +30,11 @@ std::string policy_text(const PolicyReplay& policy, double tolerance) {
         "  {} more could not be judged, {} are missing; what follows a missing one is judged from the "
         "next reset on where the network has a memory\n",
         policy.not_judged, policy.missing);
+  if (policy.lost != 0) text += fmt::format("  {} are declared lost by the recorder\n", policy.lost);
+  if (policy.unanswered != 0)
+    text += fmt::format(
+        "  {} commands that the executive read are of no recorded answer, and no loss is declared that explains them\n",
+        policy.unanswered);
   if (policy.altered != 0)
     text += fmt::format("  {} were altered after recording; the first: {}\n", policy.altered, policy.first_altered);
   if (policy.commands != 0)
@@ -49,6 +54,9 @@ nlohmann::ordered_json policy_json(const PolicyReplay& policy) {
                               {"beyond_tolerance", policy.beyond},
                               {"not_judged", policy.not_judged},
                               {"missing", policy.missing},
+                              {"before_attach", policy.before},
+                              {"lost", policy.lost},
+                              {"unanswered", policy.unanswered},
                               {"altered", policy.altered},
                               {"commands", policy.commands},
                               {"commands_as_answered", policy.as_answered},
@@ -72,6 +80,12 @@ nlohmann::ordered_json policy_json(const PolicyReplay& policy) {
 std::string policy_replay_text(const PolicyReplayReport& report) {
   std::string text;
   for (const PolicyReplay& policy : report.policies) text += policy_text(policy, report.tolerance);
+  if (report.fallback_unanswered != 0)
+    text += fmt::format("fallback policy: {} commands that the executive read, and no answer of it is recorded\n",
+                        report.fallback_unanswered);
+  if (report.missing_ticks != 0)
+    text += fmt::format("{} ticks are missing: the manifest says that more were recorded than ticks.mcap holds\n",
+                        report.missing_ticks);
   if (report.file.damaged_chunks != 0)
     text += fmt::format("{} chunks of ticks.mcap are damaged and were skipped\n", report.file.damaged_chunks);
   if (!report.file.finished)
@@ -83,7 +97,10 @@ std::string policy_replay_text(const PolicyReplayReport& report) {
 nlohmann::ordered_json to_json(const PolicyReplayReport& report) {
   nlohmann::ordered_json json{{"schema", "takt.policy_replay/1"},
                               {"agrees", report.agrees()},
+                              {"is_whole", report.is_whole()},
                               {"tolerance", report.tolerance},
+                              {"missing_ticks", report.missing_ticks},
+                              {"fallback_unanswered", report.fallback_unanswered},
                               {"file_finished", report.file.finished},
                               {"damaged_chunks", report.file.damaged_chunks},
                               {"policies", nlohmann::ordered_json::array()}};
