@@ -115,6 +115,7 @@ class Replayer {
   // Why it cannot be replayed; empty: it was.
   std::string answer(RecordedPolicyInput recorded);
   void command(const RecordedCommand& recorded);
+  void lost(const Loss& loss) { (loss.reason == "before_attach" ? result_.before : result_.lost) += loss.count; }
   PolicyReplay finish();
   [[nodiscard]] Player sender() const { return result_.sender; }
 
@@ -259,17 +260,13 @@ std::string Replayer::answer(RecordedPolicyInput recorded) {
   if (is_sound) {
     if (std::string reason = unfit(recorded.input); !reason.empty()) return reason;
   }
-  if (!is_sound || !follow(recorded.input)) {
+  bool is_judged = is_sound && follow(recorded.input);
+  if (is_judged && !put_images(recorded.input)) state_known_ = is_judged = false;
+  if (is_judged)
+    judge(recorded.input);
+  else
     ++result_.not_judged;
-    return {};
-  }
-  if (!put_images(recorded.input)) {
-    state_known_ = false;
-    ++result_.not_judged;
-    return {};
-  }
-  judge(recorded.input);
-  expect_command(recorded.input);
+  if (is_sound) expect_command(recorded.input);
   return {};
 }
 
@@ -320,6 +317,7 @@ void Replayer::settle(std::uint32_t answered, std::uint32_t read) {
 }
 
 void Replayer::expect_command(const PolicyInput& input) {
+  fill(*recorded_, input, input.output);
   const auto values = std::as_bytes(std::span(recorded_->values).first(recorded_->value_count()));
   const std::uint32_t content = content_of(recorded_->header, values);
   const Key key{input.header.observation_id, input.header.sequence};
@@ -345,6 +343,7 @@ void Replayer::command(const RecordedCommand& recorded) {
 }
 
 PolicyReplay Replayer::finish() {
+  result_.unanswered = read_.size() - std::min<std::uint64_t>(read_.size(), result_.before + result_.lost);
   for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
     const Sum& sum = joints_[joint];
     const double rms = sum.values == 0 ? 0 : std::sqrt(sum.squares / static_cast<double>(sum.values));
@@ -375,6 +374,11 @@ Player seat_of(const RecordedCommand& command, const RecordedRun& run) {
   if (command.sender == Player::fallback || !header || run.manifest.policy_sha256.empty()) return command.sender;
   return fmt::format("{:016x}", header->policy_hash) == run.manifest.policy_sha256.substr(0, 16) ? Player::policy
                                                                                                  : Player::candidate;
+}
+
+// As losses name it (monitor/record/policy_input_stream.hpp).
+std::string input_ring_of(Player sender) {
+  return fmt::format("{}_input", name(sender));
 }
 
 // What a run says before its answers are gone through.
@@ -425,8 +429,10 @@ bool PolicyReplayReport::agrees() const {
 }
 
 bool PolicyReplayReport::is_whole() const {
-  return std::ranges::all_of(policies,
-                             [](const PolicyReplay& policy) { return policy.not_judged == 0 && policy.missing == 0; });
+  return missing_ticks == 0 && fallback_unanswered == 0 &&
+         std::ranges::all_of(policies, [](const PolicyReplay& policy) {
+           return policy.not_judged == 0 && policy.missing == 0 && policy.lost == 0 && policy.unanswered == 0;
+         });
 }
 
 std::expected<PolicyReplayReport, PolicyReplayRefusal> replay_policy(const RecordedRun& run,
@@ -451,14 +457,22 @@ std::expected<PolicyReplayReport, PolicyReplayRefusal> replay_policy(const Recor
     const auto found = std::ranges::find_if(replayers, [&](const auto& each) { return each->sender() == sender; });
     return found == replayers.end() || !reason.empty() ? nullptr : found->get();
   };
-  const auto scan = scan_run(run, {.tick = {},
+  PolicyReplayReport report;
+  std::uint64_t ticks = 0;
+  const auto scan = scan_run(run, {.tick = [&](const RecordedTick&) { ++ticks; },
                                    .command =
                                        [&](const RecordedCommand& command) {
-                                         if (Replayer* const replayer = of(seat_of(command, run)))
-                                           replayer->command(command);
+                                         const Player seat = seat_of(command, run);
+                                         if (Replayer* const replayer = of(seat)) return replayer->command(command);
+                                         if (seat == Player::fallback && options.with.empty())
+                                           ++report.fallback_unanswered;
                                        },
                                    .keyframe = {},
-                                   .loss = {},
+                                   .loss =
+                                       [&](const Loss& loss) {
+                                         for (const auto& replayer : replayers)
+                                           if (loss.ring == input_ring_of(replayer->sender())) replayer->lost(loss);
+                                       },
                                    .policy_input =
                                        [&](const RecordedPolicyInput& input) {
                                          if (Replayer* const replayer = of(input.sender))
@@ -466,8 +480,8 @@ std::expected<PolicyReplayReport, PolicyReplayRefusal> replay_policy(const Recor
                                        }});
   if (!scan) return refused(Why::no_evidence, scan.error());
   if (!reason.empty()) return refused(Why::policy, reason);
-  PolicyReplayReport report;
   report.tolerance = options.tolerance;
+  report.missing_ticks = missing_ticks(run.manifest, ticks);
   report.file = scan->file;
   for (const auto& replayer : replayers) report.policies.push_back(replayer->finish());
   return report;

@@ -6,7 +6,8 @@
 // (lost, damaged) the state of a recurrent network is unknown: what follows is not judged until the next reset. Another
 // file gives a difference: how far its targets are from those of the run, joint by joint, as if it had been shown the
 // same. Each answer is then turned into a command again, as the host does, and compared with the command that the
-// executive read. Errors are one sentence, with the exit code. Thread rule: one thread.
+// executive read; a command that no recorded answer explains is told, unless as many answers are declared lost. Errors
+// are one sentence, with the exit code. Thread rule: one thread.
 #pragma once
 
 #include <cstdint>
@@ -51,6 +52,9 @@ struct PolicyReplay {
   std::uint64_t beyond = 0;         // with a target further off than the tolerance, or not a number on one side only
   std::uint64_t not_judged = 0;     // the network's state was unknown
   std::uint64_t missing = 0;        // inferences of which nothing is recorded, behind the first that is
+  std::uint64_t before = 0;         // declared lost because the recorder was not there yet
+  std::uint64_t lost = 0;           // declared lost since
+  std::uint64_t unanswered = 0;     // commands that the executive read, of no recorded answer and none declared lost
   std::uint64_t without_image = 0;  // of those not judged: an image that the network was shown has no sound file
   std::string first_without_image;  // "observation 12: cam0: ..."
   std::uint64_t altered = 0;        // changed after recording: their checksum says so
@@ -64,6 +68,8 @@ struct PolicyReplay {
 struct PolicyReplayReport {
   std::vector<PolicyReplay> policies;  // the policy, and the fallback policy where it answered
   double tolerance = 0;
+  std::uint64_t missing_ticks = 0;  // recorded, says the manifest, and not in the file: answers are missing with them
+  std::uint64_t fallback_unanswered = 0;  // commands of a fallback policy of which no answer at all is recorded
   McapReport file;
   // Of the run's own file: every judged answer has the same bits. Of another: none is beyond the tolerance.
   [[nodiscard]] bool agrees() const;

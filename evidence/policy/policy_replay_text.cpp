@@ -33,6 +33,11 @@ std::string policy_text(const PolicyReplay& policy, double tolerance) {
   if (policy.without_image != 0)
     text += fmt::format("  {} of them rest on an image without a sound file; the first: {}\n", policy.without_image,
                         policy.first_without_image);
+  if (policy.lost != 0) text += fmt::format("  {} are declared lost by the recorder\n", policy.lost);
+  if (policy.unanswered != 0)
+    text += fmt::format(
+        "  {} commands that the executive read are of no recorded answer, and no loss is declared that explains them\n",
+        policy.unanswered);
   if (policy.altered != 0)
     text += fmt::format("  {} were altered after recording; the first: {}\n", policy.altered, policy.first_altered);
   if (policy.commands != 0)
@@ -54,6 +59,9 @@ nlohmann::ordered_json policy_json(const PolicyReplay& policy) {
                               {"missing", policy.missing},
                               {"without_image", policy.without_image},
                               {"first_without_image", policy.first_without_image},
+                              {"before_attach", policy.before},
+                              {"lost", policy.lost},
+                              {"unanswered", policy.unanswered},
                               {"altered", policy.altered},
                               {"commands", policy.commands},
                               {"commands_as_answered", policy.as_answered},
@@ -77,6 +85,12 @@ nlohmann::ordered_json policy_json(const PolicyReplay& policy) {
 std::string policy_replay_text(const PolicyReplayReport& report) {
   std::string text;
   for (const PolicyReplay& policy : report.policies) text += policy_text(policy, report.tolerance);
+  if (report.fallback_unanswered != 0)
+    text += fmt::format("fallback policy: {} commands that the executive read, and no answer of it is recorded\n",
+                        report.fallback_unanswered);
+  if (report.missing_ticks != 0)
+    text += fmt::format("{} ticks are missing: the manifest says that more were recorded than ticks.mcap holds\n",
+                        report.missing_ticks);
   if (report.file.damaged_chunks != 0)
     text += fmt::format("{} chunks of ticks.mcap are damaged and were skipped\n", report.file.damaged_chunks);
   if (!report.file.finished)
@@ -88,7 +102,10 @@ std::string policy_replay_text(const PolicyReplayReport& report) {
 nlohmann::ordered_json to_json(const PolicyReplayReport& report) {
   nlohmann::ordered_json json{{"schema", "takt.policy_replay/1"},
                               {"agrees", report.agrees()},
+                              {"is_whole", report.is_whole()},
                               {"tolerance", report.tolerance},
+                              {"missing_ticks", report.missing_ticks},
+                              {"fallback_unanswered", report.fallback_unanswered},
                               {"file_finished", report.file.finished},
                               {"damaged_chunks", report.file.damaged_chunks},
                               {"policies", nlohmann::ordered_json::array()}};

@@ -47,6 +47,7 @@ class Replayer {
   }
 
   void tick(const RecordedTick& recorded) {
+    ++read_;
     const std::uint64_t number = recorded.record.header.tick;
     if (number <= start_behind_) return;
     if (number >= from_) ++report_.ticks;
@@ -85,7 +86,10 @@ class Replayer {
     return {};
   }
 
-  [[nodiscard]] ReplayReport take_report() { return std::move(report_); }
+  [[nodiscard]] ReplayReport take_report() {
+    report_.missing = missing_ticks(run_.manifest, read_);
+    return std::move(report_);
+  }
 
  private:
   // Puts a single flipped bit right, so that the ticks behind it can still be judged.
@@ -145,6 +149,7 @@ class Replayer {
   Bytes saved_;
   ReplayReport report_;
   std::uint64_t from_, start_behind_;
+  std::uint64_t read_ = 0;          // ticks in the file
   std::uint64_t at_ = 0;            // tick the state is behind
   std::uint64_t altered_tick_ = 0;  // newest tick whose record or command was altered
   bool ready_;                      // the state is the one behind tick at_

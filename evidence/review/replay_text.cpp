@@ -25,6 +25,9 @@ std::string replay_text(const ReplayReport& report) {
     text += fmt::format("{} ticks could not be judged: {} gaps; replay starts again at the next keyframe\n",
                         report.not_judged, report.gaps);
   }
+  if (report.missing != 0)
+    text += fmt::format("{} ticks are missing: the manifest says that more were recorded than ticks.mcap holds\n",
+                        report.missing);
   if (report.by_header != 0) {
     text += fmt::format("{} refused messages were kept by their header: what was found in their values is not judged\n",
                         report.by_header);
@@ -48,6 +51,7 @@ nlohmann::ordered_json to_json(const ReplayReport& report) {
                               {"identical", report.identical},
                               {"mismatches", report.mismatches},
                               {"not_judged", report.not_judged},
+                              {"missing", report.missing},
                               {"by_header", report.by_header},
                               {"gaps", report.gaps},
                               {"keyframes_equal", report.keyframes},

@@ -24,6 +24,12 @@ struct RecordedRun {
 };
 std::expected<RecordedRun, std::string> open_run(const std::string& directory);
 
+// Ticks that were recorded, says the manifest, and are not among the `read` that the file still holds. The manifest of
+// a recording that was cut off says of fewer than are there.
+constexpr std::uint64_t missing_ticks(const RunManifest& manifest, std::uint64_t read) {
+  return manifest.ticks > read ? manifest.ticks - read : 0;
+}
+
 // What a scan calls, in file order: a tick's command, the tick, its keyframe. Empty functions are skipped.
 struct RunVisitor {
   std::function<void(const RecordedTick&)> tick;

@@ -71,7 +71,8 @@ void copy_altered(const std::string& from, const std::string& to) {
 TEST(PolicyReplayProcess, ARunIsReplayedThroughItsNetworkAndThroughAnother) {
   RunningRobot robot;
   Child policy = robot.start_policy_host();
-  ASSERT_TRUE(robot.wait_until([](const StatusSnapshot& s) { return s.tick.freshness == Freshness::fresh; }));
+  ASSERT_TRUE(robot.wait_until(
+      [](const StatusSnapshot& s) { return s.tick.freshness == Freshness::fresh && s.tick.recorded_through != 0; }));
   policy.signal(SIGKILL);
   EXPECT_EQ(policy.wait(std::chrono::seconds(20)), 128 + SIGKILL);
   policy = robot.start_policy_host();

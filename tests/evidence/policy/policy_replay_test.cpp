@@ -70,6 +70,7 @@ MonoTime still_clock() {
 struct Answer {
   RecordedCommand command;
   RecordedPolicyInput input;
+  bool has_evidence = true;  // what its host said of it was recorded
 };
 
 class PolicyReplayTest : public TemporaryFolder {
@@ -118,7 +119,8 @@ class PolicyReplayTest : public TemporaryFolder {
     return all;
   }
   // A run of this robot, as far as replay looks at one.
-  RecordedRun run(const config::RobotConfig& robot, const std::vector<Answer>& answers) {
+  RecordedRun run(const config::RobotConfig& robot, const std::vector<Answer>& answers,
+                  const std::vector<Loss>& losses = {}) {
     RecordedRun run{RunFolder::create(path("run")).value(), {}, robot};
     run.manifest.policy_file = robot.policy->file;
     run.robot.policy->file = path("run/policy.onnx");  // as config.yaml, which lies there, names it
@@ -127,8 +129,13 @@ class PolicyReplayTest : public TemporaryFolder {
     for (const Answer& answer : answers) {
       encode_command(answer.command, message);
       writer.write(static_cast<std::uint16_t>(Topic::command), 1, message.bytes());
+      if (!answer.has_evidence) continue;
       encode_policy_input(answer.input, message);
       writer.write(static_cast<std::uint16_t>(Topic::policy_input), 1, message.bytes());
+    }
+    for (const Loss& loss : losses) {
+      encode_loss(loss, message);
+      writer.write(static_cast<std::uint16_t>(Topic::loss), 1, message.bytes());
     }
     EXPECT_TRUE(writer.finish());
     return run;
@@ -382,6 +389,87 @@ TEST_F(PolicyReplayTest, ACommandThatIsNotWhatTheNetworkSaidIsTold) {
   EXPECT_EQ(report.policies.front().commands, 5U);
   EXPECT_EQ(report.policies.front().as_answered, 4U);
   EXPECT_FALSE(report.agrees());
+}
+
+// Whatever became of its answer, cut off the file or never said: a command without one is told, and the run not whole.
+TEST_F(PolicyReplayTest, ACommandThatNoAnswerExplainsIsMissing) {
+  const auto robot_of = robot(write("policy.onnx", accumulator(10)));
+  auto all = answers(robot_of, kIds);
+  for (std::size_t answer = 3; answer < all.size(); ++answer) all[answer].has_evidence = false;
+  const auto report = replayed(run(robot_of, all));
+  const PolicyReplay& policy = report.policies.front();
+  EXPECT_EQ(policy.identical, 3U);
+  EXPECT_EQ(policy.missing, 0U) << "no answer behind them says that there were any";
+  EXPECT_EQ(policy.unanswered, 3U);
+  EXPECT_TRUE(report.agrees());
+  EXPECT_FALSE(report.is_whole());
+  EXPECT_NE(policy_replay_text(report).find("  3 commands that the executive read are of no recorded answer"),
+            std::string::npos);
+  EXPECT_EQ(to_json(report).at("policies").at(0).at("unanswered"), 3);
+}
+
+// The recorder came late, and said so.
+TEST_F(PolicyReplayTest, WhatIsDeclaredLostExplainsAsManyCommands) {
+  const auto robot_of = robot(write("policy.onnx", accumulator(10)));
+  auto all = answers(robot_of, kIds);
+  for (std::size_t answer = 0; answer < 3; ++answer) all[answer].has_evidence = false;
+  const auto unanswered = [&](const std::vector<Loss>& losses) {
+    std::filesystem::remove_all(path("run"));
+    const auto report = replayed(run(robot_of, all, losses));
+    const PolicyReplay& policy = report.policies.front();
+    EXPECT_EQ(report.is_whole(), policy.unanswered == 0 && policy.lost == 0);
+    return policy.unanswered;
+  };
+  EXPECT_EQ(unanswered({}), 3U);
+  EXPECT_EQ(unanswered({{"policy_input", "before_attach", 2, 0, 0}}), 1U);
+  EXPECT_EQ(unanswered({{"policy_input", "before_attach", 3, 0, 0}}), 0U);
+  EXPECT_EQ(unanswered({{"policy_input", "before_attach", 2, 0, 0}, {"policy_input", "unreadable", 1, 0, 0}}), 0U)
+      << "and not whole: an answer is missing";
+  EXPECT_EQ(unanswered({{"fallback_input", "before_attach", 3, 0, 0}, {"tick", "overwritten", 3, 0, 0}}), 3U)
+      << "of other rings";
+}
+
+// A recurrent network's answer behind a gap is not judged, but it is there.
+TEST_F(PolicyReplayTest, AnAnswerThatIsNotJudgedStillExplainsItsCommand) {
+  const auto robot_of = robot(write("policy.onnx", accumulator(10)));
+  auto all = answers(robot_of, kIds);
+  all.erase(all.begin());
+  const auto report = replayed(run(robot_of, all));
+  EXPECT_EQ(report.policies.front().not_judged, 2U);
+  EXPECT_EQ(report.policies.front().unanswered, 0U);
+  EXPECT_EQ(report.policies.front().commands, 5U);
+  EXPECT_EQ(report.policies.front().as_answered, 5U);
+}
+
+TEST_F(PolicyReplayTest, CommandsOfAFallbackPolicyWithoutAnyAnswerAreTold) {
+  const auto robot_of = robot(write("policy.onnx", accumulator(10)));
+  auto all = answers(robot_of, kIds);
+  for (std::size_t answer = 0; answer < 2; ++answer) {
+    Answer other = all[answer];
+    other.command.sender = Player::fallback;
+    other.has_evidence = false;
+    all.push_back(other);
+  }
+  const RecordedRun recorded = run(robot_of, all);
+  const auto report = replayed(recorded);
+  EXPECT_EQ(report.policies.size(), 1U);
+  EXPECT_EQ(report.policies.front().unanswered, 0U);
+  EXPECT_EQ(report.fallback_unanswered, 2U);
+  EXPECT_TRUE(report.agrees());
+  EXPECT_FALSE(report.is_whole());
+  EXPECT_TRUE(replayed(recorded, {write("other.onnx", accumulator(10)), 0}).is_whole()) << "nobody asked for it";
+}
+
+// Ticks that were taken away took answers with them.
+TEST_F(PolicyReplayTest, AFileThatEndsBeforeItsManifestIsNotWhole) {
+  const auto robot_of = robot(write("policy.onnx", accumulator(10)));
+  RecordedRun cut = run(robot_of, answers(robot_of, kIds));
+  cut.manifest.ticks = 1;
+  const auto report = replayed(cut);
+  EXPECT_EQ(report.missing_ticks, 1U);
+  EXPECT_TRUE(report.agrees());
+  EXPECT_FALSE(report.is_whole());
+  EXPECT_NE(policy_replay_text(report).find("1 ticks are missing"), std::string::npos);
 }
 
 TEST_F(PolicyReplayTest, WhatCannotBeComparedIsRefusedInOneLine) {

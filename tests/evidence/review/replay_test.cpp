@@ -40,6 +40,7 @@ TEST_F(ReplayTest, EveryTickReproducesBitForBit) {
   EXPECT_EQ(report->ticks, kDemoTicks);
   EXPECT_EQ(report->identical, kDemoTicks);
   EXPECT_EQ(report->not_judged, 0U);
+  EXPECT_TRUE(report->is_whole());
   EXPECT_EQ(report->keyframes, kDemoTicks / VirtualRobot::kKeyframeEvery);
   EXPECT_EQ(replay_text(*report).substr(0, 45), "4000 of 4000 ticks reproduce bit for bit; 20 ");
 }
@@ -127,6 +128,42 @@ TEST_F(ReplayTest, BehindAGapItStartsAgainAtTheNextKeyframe) {
   EXPECT_EQ(report->gaps, 1U);
   EXPECT_EQ(report->not_judged, 1'200U - 1'060U);
   EXPECT_EQ(report->identical, kDemoTicks - 11 - 140);
+}
+
+// A file that was closed properly, of which the end was taken away since: what is there reproduces, and is not all.
+TEST_F(ReplayTest, AFileThatEndsBeforeItsManifestIsNotWhole) {
+  const auto early = [](std::uint64_t tick) { return tick <= 3'000; };
+  const RecordedRun cut = altered_copy(run_, path("cut"), leave, leave_command, early);
+  for (const std::uint64_t from : {1U, 2'345U}) {
+    const auto report = replay(cut, from);
+    ASSERT_TRUE(report) << report.error();
+    EXPECT_TRUE(report->reproduces()) << replay_text(*report);
+    EXPECT_EQ(report->missing, kDemoTicks - 3'000);
+    EXPECT_FALSE(report->is_whole());
+    EXPECT_NE(replay_text(*report).find("1000 ticks are missing"), std::string::npos) << replay_text(*report);
+    EXPECT_EQ(to_json(*report).at("missing"), kDemoTicks - 3'000);
+  }
+}
+
+// Exactly from one keyframe to the next: the state is known again with the first tick behind it.
+TEST_F(ReplayTest, TicksTakenOutBetweenTwoKeyframesAreMissed) {
+  const auto gone = [](std::uint64_t tick) { return tick <= 1'000 || tick > 1'200; };
+  const auto report = replay(altered_copy(run_, path("hole"), leave, leave_command, gone), 1);
+  ASSERT_TRUE(report) << report.error();
+  EXPECT_TRUE(report->reproduces()) << replay_text(*report);
+  EXPECT_EQ(report->not_judged, 0U);
+  EXPECT_EQ(report->missing, 200U);
+  EXPECT_FALSE(report->is_whole());
+}
+
+// The manifest of a recording that was cut off is older than what is in its file.
+TEST_F(ReplayTest, AManifestThatSaysOfFewerTicksMissesNone) {
+  RecordedRun cut_off = run_;
+  cut_off.manifest.complete = false;
+  cut_off.manifest.ticks = 0;
+  const auto report = replay(cut_off, 1);
+  ASSERT_TRUE(report) << report.error();
+  EXPECT_TRUE(report->is_whole());
 }
 
 // Every kind of refusal, each recorded by its header: the ticks that read them reproduce like any other.
