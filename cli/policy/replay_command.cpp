@@ -58,8 +58,8 @@ void add_policy_replay(CLI::App& policy, int& exit_code) {
       "Example: takt policy replay runs/20261121T093300Z-arm6-3f9a2c --with config/arm6_reach.onnx\n"
       "Exit codes: 0 every answer reproduces bit for bit (--with another file: no target differs by more than the\n"
       "tolerance); 1 one does not, was altered, or the run has no policy inputs; 2 all that was judged does, but some\n"
-      "could not be judged (an image's file is missing, say) or are missing; 64 command line; 65 the policy file is not\n"
-      "the run's, or does not fit, or the policy was a program in Python or C.");
+      "could not be judged (an image's file is missing, say) or are missing; 64 command line; 65 the policy file is\n"
+      "not the run's, or does not fit, or the policy was a program in Python or C.");
   command->callback([arguments, &exit_code] { exit_code = replay(*arguments); });
 }
 
