@@ -159,11 +159,13 @@ TEST_F(PanelFile, AsksARobotThatWalksForAVelocity) {
   EXPECT_EQ(asked.command, (std::array<double, 3>{0.5, 0, 0}));
   EXPECT_EQ(asked.until, seconds(8));
   EXPECT_EQ(asked.least_height, 0.6);
-  const auto robot = config::load("tests/evidence/rollout/rover.yaml");
-  ASSERT_TRUE(robot) << robot.error();
-  for (const PanelMethod& method : panel->methods) {
-    const auto overridden = config::with_overrides(*robot, method.overrides);
-    EXPECT_TRUE(overridden) << method.name << ": " << overridden.error();
+  for (const char* file : {"tests/evidence/rollout/rover.yaml", "config/balancer.yaml"}) {  // the latter has `stops`
+    const auto robot = config::load(file);
+    ASSERT_TRUE(robot) << robot.error();
+    for (const PanelMethod& method : panel->methods) {
+      const auto overridden = config::with_overrides(*robot, method.overrides);
+      EXPECT_TRUE(overridden) << file << ", " << method.name << ": " << overridden.error();
+    }
   }
   const auto refused = load_panel(written(with("scored: 1 s,", "scored: 1 s, command: [1, 0, 0],")));
   ASSERT_FALSE(refused) << "an arm goes nowhere";
