@@ -50,7 +50,7 @@ install(FILES ${share}/doc/changelog.Debian.gz ${share}/doc/changelog.gz ${packa
 install(DIRECTORY docs DESTINATION ${docs} FILES_MATCHING PATTERN "*.md" PATTERN "*.svg" PATTERN "*.xml" PATTERN examples EXCLUDE)
 install(DIRECTORY drivers/dbc DESTINATION ${CMAKE_INSTALL_DATADIR}/takt)
 install(DIRECTORY config/ DESTINATION ${CMAKE_INSTALL_DATADIR}/takt/robots
-        FILES_MATCHING PATTERN "*.yaml" PATTERN "*.onnx" PATTERN "*.xml"
+        FILES_MATCHING PATTERN "*.yaml" PATTERN "*.onnx" PATTERN "*.xml" REGEX "/shown/[^/]*[.]json$"
         PATTERN grafana EXCLUDE PATTERN prometheus EXCLUDE PATTERN drives EXCLUDE)
 
 takt_demo_robot(${CMAKE_BINARY_DIR}/demo)
