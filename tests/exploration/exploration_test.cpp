@@ -1,7 +1,7 @@
 // Goal: whatever strikes and whenever, the wire and the true motion keep the contract (oracles.hpp). Method: the
 // executive's own loop and drivers in a simulated world, many seeded schedules of ten simulated seconds; what breaks a
-// promise is shortened to the events that it takes, and told with one command. Faults planted between executive and bus,
-// and in what the tick is told of stops, show that each oracle bites.
+// promise is shortened to the events that it takes, and told with one command. Faults planted between executive and
+// bus, and in what the tick is told of stops, show that each oracle bites.
 //
 // Before, each happening strikes alone, whatever it can strike: so every cause of the reaction table is met, but for
 // our own bugs. Which cause led out of which mode, is printed.

@@ -9,13 +9,15 @@
 namespace takt::exploration {
 
 std::vector<Event> draw(std::uint64_t seed, std::size_t joints, std::size_t buses, Duration lasting) {
+  constexpr auto kDrawn =
+      static_cast<unsigned>(Happening::imu_frozen);  // later ones strike alone: seeds stay as they are
   std::mt19937_64 random(seed);
   const auto below = [&random](std::uint64_t most) { return random() % most; };
   const Duration from = seconds(1);
   const auto span_us = static_cast<std::uint64_t>((lasting - seconds(2)).ns / 1000);
   std::vector<Event> events(1 + below(8));
   for (Event& event : events) {
-    event.what = static_cast<Happening>(below(kHappenings));
+    event.what = static_cast<Happening>(below(kDrawn));
     event.at = from + microseconds(static_cast<std::int64_t>(below(span_us)));
     // From a few ticks to what every time-out of the robot is shorter than: each order of magnitude as often.
     constexpr std::array<std::uint64_t, 4> kLongest_ms{10, 60, 400, 3000};
