@@ -39,17 +39,24 @@ TEST_F(AComplaint, IsSaidOnceAndAgainWhenItChangesOrIsOver) {
   EXPECT_EQ(lines(), 3);
 }
 
-TEST_F(AComplaint, OfAStrangerWhoIsWrongInManyWaysIsALineASecond) {
-  for (int i = 0; i < 3000; ++i) complaint_.say(kStart + milliseconds(i), "images are of " + std::to_string(i));
+TEST_F(AComplaint, OfWhatHappensOnceSoonAfterAnotherIsNotLost) {
+  complaint_.say(kStart, "no such port");
+  complaint_.say(kStart + milliseconds(200), "the port vanished");
+  complaint_.say(kStart + milliseconds(300), "no such port");
   EXPECT_EQ(lines(), 3) << said_.str();
 }
 
-TEST_F(AComplaint, OfEverySecondMessageIsALineASecond) {
+TEST_F(AComplaint, OfAStrangerWhoIsWrongInManyWaysIsALineASecondInTheEnd) {
+  for (int i = 0; i < 3000; ++i) complaint_.say(kStart + milliseconds(i), "images are of " + std::to_string(i));
+  EXPECT_EQ(lines(), 5 + 2) << said_.str();
+}
+
+TEST_F(AComplaint, OfEverySecondMessageIsALineASecondInTheEnd) {
   for (int i = 0; i < 3000; ++i) {
     complaint_.say(kStart + milliseconds(i), "images are bgr8");
     complaint_.forget();
   }
-  EXPECT_EQ(lines(), 3) << said_.str();
+  EXPECT_EQ(lines(), 5 + 2) << said_.str();
 }
 
 }  // namespace
