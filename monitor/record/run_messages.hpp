@@ -84,11 +84,12 @@ void encode_transition(const Transition& transition, CdrWriter& out);
 inline constexpr std::array<std::string_view, 7> kRingNames{"tick",         "command",        "keyframe",       "frame",
                                                             "policy_input", "fallback_input", "candidate_input"};
 inline constexpr std::array<std::string_view, 3> kRingLossReasons{"overwritten", "before_attach", "unreadable"};
+inline constexpr std::string_view kTooMany = "too_many";                    // of policies' inputs alone
 inline constexpr std::string_view kRecordingStopped = "recording_stopped";  // of the tick ring alone
 
 struct Loss {
   std::string ring;               // of kRingNames
-  std::string reason;             // of kRingLossReasons, or kRecordingStopped
+  std::string reason;             // of kRingLossReasons, kTooMany or kRecordingStopped
   std::uint64_t count = 0;        // entries of the ring
   std::uint64_t after_tick = 0;   // last tick recorded before the gap; 0 none
   std::uint64_t before_tick = 0;  // first tick recorded after it; 0 none
