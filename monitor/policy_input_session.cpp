@@ -14,6 +14,14 @@ namespace {
 constexpr std::chrono::milliseconds kAttachTimeout{100};
 constexpr Duration kRetry = milliseconds(500);
 
+constexpr std::int64_t kAnswersPerObservation = 2;  // one, and nobody's clock makes a loss of an honest answer
+
+// Of answers, as many as a policy of this robot can give.
+TokenBucket bucket_of(const config::RobotConfig& robot, std::size_t largest_input) {
+  const Duration period = robot.policy ? robot.policy->period : seconds(1);
+  return {nanoseconds(period.ns / kAnswersPerObservation), ipc::policy_input_ring(largest_input).slot_count};
+}
+
 constexpr Role reader_of(Player policy) {
   if (policy == Player::candidate) return Role::candidate_input_reader;
   return policy == Player::fallback ? Role::fallback_input_reader : Role::input_reader;
@@ -28,7 +36,8 @@ PolicyInputSession::PolicyInputSession(const std::string& runtime_directory, con
       largest_input_(of == Player::fallback && config::fallback_policy_of(robot) == nullptr
                          ? 0
                          : config::largest_policy_input(robot)),
-      of_(of) {}
+      of_(of),
+      bucket_(bucket_of(robot, largest_input_)) {}
 
 void PolicyInputSession::attach() {
   auto lease = ipc::attach(socket_, hello_, kAttachTimeout);
@@ -44,7 +53,8 @@ void PolicyInputSession::drain(MonoTime now, const RecordSink& sink) {
   if (largest_input_ == 0) return;
   if (attached_) {
     const bool is_over = ipc::is_over(attached_->lease);  // asked first: what it published before that is in the ring
-    attached_->stream.drain(sink);
+    bucket_.refill(now);
+    attached_->stream.drain(sink, bucket_);
     if (is_over) attached_.reset();
   }
   if (attached_ || now < next_attempt_) return;

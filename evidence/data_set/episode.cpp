@@ -52,7 +52,7 @@ class EpisodeCutter {
 
  private:
   struct Published {
-    std::uint64_t tick = 0, id = 0;
+    std::uint64_t tick = 0, id = 0, policy = 0;
     MonoTime at;
   };
   // The command that this tick played; nullptr: it is not in the recording.
@@ -91,16 +91,18 @@ void EpisodeCutter::accept() {
 const CommandChunk* EpisodeCutter::in_use(const TickRecordHeader& header) {
   if (read_ && read_->tick == header.tick && header.arrival == Arrival::accepted) accept();
   read_.reset();
-  // Sequences start over with every session of a policy: the newest of that number is the one.
-  const auto found = std::find_if(accepted_.rbegin(), accepted_.rend(),
-                                  [&](const auto& chunk) { return chunk->header.sequence == header.command_sequence; });
+  // Sequences start over with every session of a policy, and every policy has its own: the newest of that number and
+  // policy is the one.
+  const auto found = std::find_if(accepted_.rbegin(), accepted_.rend(), [&](const auto& chunk) {
+    return chunk->header.sequence == header.command_sequence && chunk->header.policy_hash == header.command_policy;
+  });
   if (found == accepted_.rend()) return nullptr;
   accepted_.erase(accepted_.begin(), found.base() - 1);
   return accepted_.front().get();
 }
 
 bool EpisodeCutter::follows(const Published& now) const {
-  if (!previous_ || now.id != previous_->id + 1) return false;
+  if (!previous_ || now.id != previous_->id + 1 || now.policy != previous_->policy) return false;
   return std::abs((now.at - previous_->at - period_).ns) * 2 <= period_.ns;
 }
 
@@ -119,8 +121,12 @@ void EpisodeCutter::tick(const monitor::RecordedTick& tick) {
   observations += header.observation_published != 0 ? 1 : 0;
   if (header.mode != Mode::tracking || header.player != Player::policy || chunk == nullptr) return end_episode();
   if (header.observation_published == 0) return;
-  const Published published{header.tick, header.observation_published, header.now};
-  if (!follows(published)) episodes.emplace_back().first_tick = header.tick;
+  const Published published{header.tick, header.observation_published, header.command_policy, header.now};
+  if (!follows(published)) {
+    Episode& begun = episodes.emplace_back();
+    begun.policy = header.command_policy;
+    begun.first_tick = header.tick;
+  }
   previous_ = published;
   frame(tick.record, *chunk);
 }

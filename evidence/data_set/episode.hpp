@@ -7,8 +7,8 @@
 // Nm by policy.action.kind, of every joint but passive ones.
 //
 // An episode ends with the first tick in which something else moved the robot (standby, degraded mode, a stop, the
-// fallback policy), with a tick or command that is not in the recording, and where the next observation came more than
-// half a period early or late. Errors are one sentence.
+// fallback policy), with a tick or command that is not in the recording, where another policy took charge, and where
+// the next observation came more than half a period early or late. Errors are one sentence.
 #pragma once
 
 #include <cstdint>
@@ -29,6 +29,7 @@ struct Robot {
 };
 
 struct Episode {
+  std::uint64_t policy = 0;  // hash of the policy whose commands moved the robot: its leading 64 bits
   std::uint64_t first_tick = 0, last_tick = 0;  // in which its first and its last observation were published
   std::size_t frames = 0;
   std::vector<float> states;   // frames x 2 joints
@@ -36,7 +37,8 @@ struct Episode {
 };
 
 struct RunEpisodes {
-  std::string run_id, config_sha256, policy_sha256;
+  std::string run_id, config_sha256;
+  std::string policy_sha256;  // of the run's own policy: whoever took its place is known by Episode::policy alone
   Robot robot;
   std::uint64_t observations = 0;  // published in the run, in an episode or not
   std::uint64_t unreadable = 0;    // damaged chunks and messages, and a cut-off end

@@ -267,6 +267,11 @@ std::string data_name(std::int64_t file) {
   return fmt::format("data/chunk-{:03}/file-{:03}.parquet", file / kFilesPerChunk, file % kFilesPerChunk);
 }
 
+// Of a policy that took the place of the run's own nothing but the leading 64 bits is known.
+Json sha256_of(const RunEpisodes& run, const std::string& policy_hash) {
+  return run.policy_sha256.starts_with(policy_hash) ? Json(run.policy_sha256) : Json(nullptr);
+}
+
 // Episode after episode into data files, and what the tables about them need.
 class DataSetBuilder {
  public:
@@ -286,12 +291,14 @@ class DataSetBuilder {
     table_.add(episode, place_, values);
     for (std::size_t each = 0; each < values.size(); ++each)
       all_[each].insert(all_[each].end(), values[each].begin(), values[each].end());
+    const std::string policy_hash = fmt::format("{:016x}", episode.policy);
     sources_.push_back({{"episode_index", place_.episode},
                         {"run_id", run.run_id},
                         {"first_tick", episode.first_tick},
                         {"last_tick", episode.last_tick},
                         {"config_sha256", run.config_sha256},
-                        {"policy_sha256", run.policy_sha256}});
+                        {"policy_hash", policy_hash},
+                        {"policy_sha256", sha256_of(run, policy_hash)}});
     ++place_.episode;
     place_.first_index += static_cast<std::int64_t>(episode.frames);
   }

@@ -2,7 +2,8 @@
 //
 //   meta/info.json, meta/stats.json, meta/tasks.parquet, meta/episodes/chunk-000/file-000.parquet
 //   data/chunk-000/file-000.parquet   one row group per episode; further files from 100 MB on
-//   meta/takt.json                    of each episode: run, ticks, hashes of configuration and policy
+//   meta/takt.json                    of each episode: run, ticks, hashes of configuration and of the policy that moved
+//   it
 //
 // Features: observation.state and action (float32, names "JOINT.pos", "JOINT.vel", "JOINT.torque", with `units`),
 // timestamp (float32, frame_index / fps), frame_index, episode_index, index, task_index (int64). No images: runs hold

@@ -1,15 +1,21 @@
 #include "evidence/review/usual_stretches.hpp"
 
+#include "evidence/review/recorded_input.hpp"
+
 namespace takt::monitor {
 namespace {
 
 class StretchCutter {
  public:
-  StretchCutter(const config::RobotConfig& robot, Duration length) : monitors_(robot), length_(length) {}
+  // `policy`: hash of the run's own; 0: any.
+  StretchCutter(const config::RobotConfig& robot, std::uint64_t policy, Duration length)
+      : monitors_(robot), policy_(policy), length_(length) {}
 
   void command(const RecordedCommand& command) { monitors_.command(command); }
   void tick(const TickRecordHeader& header) {
-    const bool follows = header.mode == Mode::tracking && header.slept_ms == 0;
+    const std::uint64_t whose = header.command_policy;  // 0: no command is in use
+    const bool is_its_own = policy_ == 0 || whose == 0 || whose == policy_;
+    const bool follows = header.mode == Mode::tracking && header.slept_ms == 0 && is_its_own;
     if (!follows || !begins_.is_set()) {
       begins_ = follows ? header.now : MonoTime{};
       monitors_.forget_levels();
@@ -24,6 +30,7 @@ class StretchCutter {
 
  private:
   ChunkMonitors monitors_;
+  std::uint64_t policy_;
   Duration length_;
   MonoTime begins_;  // of the stretch; unset: the robot does not follow the policy
   std::vector<ChunkScores> levels_;
@@ -32,7 +39,7 @@ class StretchCutter {
 }  // namespace
 
 std::expected<std::vector<ChunkScores>, std::string> usual_stretches(const RecordedRun& run, Duration length) {
-  StretchCutter cutter(run.robot, length);
+  StretchCutter cutter(run.robot, recorded_config(run).policy.hash, length);
   const auto scan = scan_run(run, {.tick = [&](const RecordedTick& tick) { cutter.tick(tick.record.header); },
                                    .command = [&](const RecordedCommand& command) { cutter.command(command); },
                                    .keyframe = {},

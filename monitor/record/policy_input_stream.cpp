@@ -4,6 +4,7 @@
 
 #include "executive/ipc/executive_segments.hpp"
 #include "monitor/record/policy_input_message.hpp"
+#include "monitor/record/run_messages.hpp"
 
 namespace takt::monitor {
 
@@ -14,17 +15,17 @@ void PolicyInputStream::report(std::string_view reason, std::uint64_t count, con
   if (count != 0) sink.loss({fmt::format("{}_input", name(of_)), std::string(reason), count, 0, 0});
 }
 
-void PolicyInputStream::drain(const RecordSink& sink) {
+void PolicyInputStream::drain(const RecordSink& sink, TokenBucket& bucket) {
   if (!reader_) {
     auto reader = ipc::SlotReader::attach(memory_, shape_);
     if (!reader) return;  // nobody formatted it yet
     reader_ = *reader;
   }
-  read(sink);
+  read(sink, bucket);
 }
 
-void PolicyInputStream::read(const RecordSink& sink) {
-  std::uint64_t unreadable = 0;
+void PolicyInputStream::read(const RecordSink& sink, TokenBucket& bucket) {
+  std::uint64_t unreadable = 0, too_many = 0;
   for (std::uint32_t count = 0; count < shape_.slot_count; ++count) {
     const ipc::ReadResult result = reader_->read_next(buffer_);
     if (result.status == ipc::ReadStatus::nothing_new || result.status == ipc::ReadStatus::contended) break;
@@ -37,11 +38,16 @@ void PolicyInputStream::read(const RecordSink& sink) {
       ++unreadable;
       continue;
     }
+    if (!bucket.take()) {
+      ++too_many;
+      continue;
+    }
     RecordedPolicyInput recorded{of_, std::move(*input), 0};
     recorded.crc = crc_of(recorded.input);
     sink.policy_input(recorded);
   }
   report("unreadable", unreadable, sink);
+  report(kTooMany, too_many, sink);
 }
 
 }  // namespace takt::monitor

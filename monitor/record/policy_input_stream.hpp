@@ -1,9 +1,9 @@
 // What one policy's host says of its network's inputs, read from its ring into a RecordSink. The ring belongs to one
 // session of the host, who formats it when it comes: until then there is nothing in it.
 //
-// The writer is untrusted and waits for nobody: what it overwrote before it was read, and what is no policy input, is
-// reported as a loss of the ring `policy_input`, `fallback_input` or `candidate_input`. Reads shared memory only.
-// Thread rule: one thread.
+// The writer is untrusted and waits for nobody: what it overwrote before it was read, what is no policy input, and what
+// is more than a policy can have answered (`bucket`), is reported as a loss of the ring `policy_input`,
+// `fallback_input` or `candidate_input`. Reads shared memory only. Thread rule: one thread.
 #pragma once
 
 #include <cstddef>
@@ -16,6 +16,7 @@
 #include "executive/ipc/slot_ring.hpp"
 #include "monitor/record/bytes.hpp"
 #include "monitor/record/record_stream.hpp"
+#include "monitor/record/token_bucket.hpp"
 
 namespace takt::monitor {
 
@@ -23,11 +24,12 @@ class PolicyInputStream {
  public:
   // `memory`: ring_bytes(policy_input_ring(largest_input)), outlives this. `of`: policy or fallback.
   PolicyInputStream(std::span<const std::byte> memory, std::size_t largest_input, Player of);
-  // At most one ring's worth.
-  void drain(const RecordSink& sink);
+  // At most one ring's worth, of which `bucket` says how much is kept: it outlives the sessions of a host, who would
+  // begin anew otherwise.
+  void drain(const RecordSink& sink, TokenBucket& bucket);
 
  private:
-  void read(const RecordSink& sink);
+  void read(const RecordSink& sink, TokenBucket& bucket);
   void report(std::string_view reason, std::uint64_t count, const RecordSink& sink) const;
 
   std::span<const std::byte> memory_;

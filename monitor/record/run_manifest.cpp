@@ -32,6 +32,15 @@ std::string text_of(const Json& json) {
   return json.is_null() ? std::string() : json.get<std::string>();
 }
 
+// What the executive says of a policy that it admits: empty, or a hash of 64 bits in hex digits.
+std::string admitted_hash(const Json& executive, const char* key) {
+  return executive.is_object() && executive.contains(key) ? executive.at(key).get<std::string>() : std::string();
+}
+
+bool are_hex_digits(std::string_view text) {
+  return text.find_first_not_of("0123456789abcdef") == std::string_view::npos;
+}
+
 std::string first_value(const char* path, std::string_view key) {
   std::ifstream in(path);
   for (std::string line; std::getline(in, line);) {
@@ -141,6 +150,11 @@ std::expected<RunManifest, std::string> manifest_of(const Json& json) {
     executive.at("pid").get_to(manifest.executive_pid);
     manifest.executive_sha256 = text_of(executive.at("sha256"));
     manifest.executive = executive.at("facts");
+    for (const char* key : {"policy_hash", "fallback_policy_hash"})
+      if (const std::string hash = admitted_hash(manifest.executive, key); hash.size() > 16 || !are_hex_digits(hash))
+        return std::unexpected(fmt::format("is not a run's manifest: executive.facts.{} is no hash", key));
+    if (!are_hex_digits(manifest.policy_sha256))
+      return std::unexpected("is not a run's manifest: policy.sha256 is no hash");
     manifest.host = json.at("host");
     manifest.doctor = json.value("doctor", Json(nullptr));
     manifest.drives = json.value("drives", Json(nullptr));

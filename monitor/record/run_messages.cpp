@@ -81,7 +81,8 @@ constexpr std::string_view kTransitionSchema =
 
 constexpr std::string_view kLossSchema =
     "string ring         # tick, command, keyframe, frame, policy_input, fallback_input, candidate_input or image\n"
-    "string reason       # overwritten, before_attach, unreadable or recording_stopped; of image what became of it\n"
+    "string reason       # overwritten, before_attach, unreadable, too_many or recording_stopped; of image what became "
+    "of it\n"
     "uint64 count        # entries\n"
     "uint64 after_tick   # last tick recorded before the gap; 0 none\n"
     "uint64 before_tick  # first tick recorded after it; 0 none\n";

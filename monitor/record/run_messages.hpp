@@ -87,11 +87,12 @@ inline constexpr std::array<std::string_view, 7> kRingNames{"tick",         "com
 // Of what is no ring, but images that policies were shown: reasons are image_message.hpp's names, but for `stored`.
 inline constexpr std::string_view kImageLoss = "image";
 inline constexpr std::array<std::string_view, 3> kRingLossReasons{"overwritten", "before_attach", "unreadable"};
+inline constexpr std::string_view kTooMany = "too_many";                    // of policies' inputs alone
 inline constexpr std::string_view kRecordingStopped = "recording_stopped";  // of the tick ring alone
 
 struct Loss {
   std::string ring;               // of kRingNames, or kImageLoss
-  std::string reason;             // of kRingLossReasons, or kRecordingStopped, or what became of an image
+  std::string reason;             // of kRingLossReasons, kTooMany, kRecordingStopped, or what became of an image
   std::uint64_t count = 0;        // entries of the ring
   std::uint64_t after_tick = 0;   // last tick recorded before the gap; 0 none
   std::uint64_t before_tick = 0;  // first tick recorded after it; 0 none

@@ -49,8 +49,10 @@ LiveMetrics::LiveMetrics(const config::RobotConfig& robot)
       joints(robot.joints.size()),
       incidents_(robot) {
   for (const auto& change : possible_transitions()) transitions[change] = 0;
-  for (const std::string_view ring : kRingNames)
+  for (const std::string_view ring : kRingNames) {
     for (const std::string_view reason : kRingLossReasons) losses[{std::string(ring), std::string(reason)}] = 0;
+    if (ring.ends_with("_input")) losses[{std::string(ring), std::string(kTooMany)}] = 0;
+  }
   losses[{"tick", std::string(kRecordingStopped)}] = 0;
   for (const std::string_view reason : kImageFileNames)
     if (reason != name(ImageFile::stored)) losses[{std::string(kImageLoss), std::string(reason)}] = 0;

@@ -103,6 +103,50 @@ TEST_F(Episodes, EndWhereTheRobotStopsFollowingItsPolicy) {
   EXPECT_GE(found->episodes[0].last_tick + 20, left->first) << "up to the last observation before";
 }
 
+constexpr std::uint64_t kOther = 0xFEDC'BA98'7654'3210;
+
+// After `takt policy swap` commands and ticks are of another policy than the manifest's.
+TEST_F(Episodes, AnEpisodeIsOfThePolicyThatMovedIt) {
+  std::uint64_t swapped = 0;
+  const auto see = [&](const RecordedCommand& command) {
+    if (swapped == 0 && command.tick >= 1'000) swapped = command.tick;
+  };
+  ASSERT_TRUE(scan_run(run(), {.tick = {}, .command = see, .keyframe = {}, .loss = {}}));
+  const auto later_ticks = [&](TickRecord& record) {
+    if (record.header.tick >= swapped) record.header.command_policy = kOther;
+  };
+  const auto later_commands = [&](RecordedCommand& command) {
+    CommandHeader header = *header_of(command);
+    if (command.tick >= swapped) header.policy_hash = kOther;
+    std::memcpy(command.payload.data(), &header, sizeof header);
+  };
+  const auto all = [](std::uint64_t) { return true; };
+  const auto found = episodes_of(
+      monitor::altered_copy(run(), path("swapped"), later_ticks, later_commands, all, monitor::Checksums::made_anew));
+  ASSERT_TRUE(found) << found.error();
+  ASSERT_EQ(found->episodes.size(), 3U);
+  EXPECT_EQ(found->episodes[0].policy, monitor::VirtualRobot::kPolicyHash);
+  EXPECT_LT(found->episodes[0].last_tick, swapped);
+  EXPECT_EQ(found->episodes[1].policy, kOther);
+  EXPECT_GE(found->episodes[1].first_tick, swapped);
+  EXPECT_LT(found->episodes[1].first_tick, swapped + 20);
+  EXPECT_EQ(found->episodes[2].policy, kOther);
+}
+
+// Every policy counts its commands from 1: of two with the same number only its own is what a tick played.
+TEST_F(Episodes, ACommandOfAnotherPolicyIsNotTakenForItsNumber) {
+  const auto meanwhile = [](TickRecord& record) {
+    if (record.header.tick >= 1'000 && record.header.tick < 1'200) record.header.command_policy = kOther;
+  };
+  const auto all = [](std::uint64_t) { return true; };
+  const auto found = episodes_of(monitor::altered_copy(
+      run(), path("numbers"), meanwhile, [](RecordedCommand&) {}, all, monitor::Checksums::made_anew));
+  ASSERT_TRUE(found) << found.error();
+  ASSERT_EQ(found->episodes.size(), 3U);
+  EXPECT_LT(found->episodes[0].last_tick, 1'000U);
+  EXPECT_GE(found->episodes[1].first_tick, 1'200U);
+}
+
 // A robot that slows down in degraded mode goes on following its policy, but not as the policy meant it.
 TEST_F(Episodes, EndWithDegradedModeThoughThePolicyGoesOnMovingTheRobot) {
   config::RobotConfig slowing = monitor::demo_robot();

@@ -17,7 +17,9 @@ RunEpisodes small_run() {
   RunEpisodes run;
   run.run_id = "small";
   run.robot = {"cart", {"slide", "pivot"}, {"slide"}, milliseconds(67), config::ActionKind::joint_torque};
-  run.episodes.push_back({100, 234, 3, {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}, {0.5F, 1.5F, 2.5F}});
+  run.policy_sha256 = "1122334455667788" + std::string(48, 'a');
+  run.episodes.push_back(
+      {0x1122334455667788, 100, 234, 3, {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}, {0.5F, 1.5F, 2.5F}});
   return run;
 }
 
@@ -45,6 +47,19 @@ TEST_F(LerobotDataSet, FeaturesAreNamedByJointWithUnits) {
   const auto origin = nlohmann::json::parse(std::ifstream(path("deep/set/meta/takt.json"))).at("episodes").at(0);
   EXPECT_EQ(origin.at("run_id"), "small");
   EXPECT_EQ(origin.at("last_tick"), 234);
+}
+
+// After a change of policy in the run, the manifest speaks of somebody else.
+TEST_F(LerobotDataSet, AnEpisodeNamesThePolicyThatMovedIt) {
+  RunEpisodes run = small_run();
+  run.episodes.push_back(run.episodes.front());
+  run.episodes.back().policy = 0xFEDCBA9876543210;
+  ASSERT_TRUE(write_lerobot({&run, 1}, "balance", path("set")));
+  const auto episodes = nlohmann::json::parse(std::ifstream(path("set/meta/takt.json"))).at("episodes");
+  EXPECT_EQ(episodes.at(0).at("policy_hash"), "1122334455667788");
+  EXPECT_EQ(episodes.at(0).at("policy_sha256"), run.policy_sha256);
+  EXPECT_EQ(episodes.at(1).at("policy_hash"), "fedcba9876543210");
+  EXPECT_TRUE(episodes.at(1).at("policy_sha256").is_null());
 }
 
 TEST_F(LerobotDataSet, WhatIsThereIsLeftAsItIs) {

@@ -129,19 +129,20 @@ class PolicyInputStreamTest : public testing::Test {
   ipc::Segment segment_ =
       ipc::Segment::create("inputs", ipc::ring_bytes(ipc::policy_input_ring(kLargest)), true).value();
   PolicyInputStream stream_{segment_.readable(), kLargest, Player::fallback};
+  TokenBucket plenty_{nanoseconds(1), 1'000'000};
   std::vector<RecordedPolicyInput> read_;
   std::map<std::string, std::uint64_t> losses_;
 };
 
 TEST_F(PolicyInputStreamTest, WaitsForItsWriterAndReadsEverythingOnce) {
-  stream_.drain(sink());
+  stream_.drain(sink(), plenty_);
   EXPECT_TRUE(read_.empty() && losses_.empty()) << "nobody formatted it yet";
   ipc::SlotWriter writer = format();
   for (std::uint32_t seed = 1; seed <= 5; ++seed) publish(writer, seed);
-  stream_.drain(sink());
+  stream_.drain(sink(), plenty_);
   publish(writer, 6);
-  stream_.drain(sink());
-  stream_.drain(sink());
+  stream_.drain(sink(), plenty_);
+  stream_.drain(sink(), plenty_);
   ASSERT_EQ(read_.size(), 6U);
   for (std::uint32_t seed = 1; seed <= 6; ++seed) {
     EXPECT_EQ(packed(read_[seed - 1].input), packed(random_input(seed)));
@@ -155,11 +156,11 @@ TEST_F(PolicyInputStreamTest, WhatWasOverwrittenIsDeclared) {
   const std::uint32_t slots = ipc::policy_input_ring(kLargest).slot_count;
   ipc::SlotWriter writer = format();
   for (std::uint32_t seed = 1; seed <= slots + 10; ++seed) publish(writer, seed);
-  stream_.drain(sink());
+  stream_.drain(sink(), plenty_);
   EXPECT_EQ(losses_["fallback_input before_attach"] + read_.size(), slots + 10U);
   const std::size_t before = read_.size();
   for (std::uint32_t seed = 1; seed <= 2 * slots; ++seed) publish(writer, seed);
-  stream_.drain(sink());
+  stream_.drain(sink(), plenty_);
   EXPECT_GE(losses_["fallback_input overwritten"], slots);
   EXPECT_EQ(losses_["fallback_input overwritten"] + read_.size() - before, 2U * slots);
 }
@@ -170,9 +171,64 @@ TEST_F(PolicyInputStreamTest, WhatIsNoInputIsCountedAndNotKept) {
   const char nonsense[] = "this is no input";
   writer.publish(std::as_bytes(std::span(nonsense)));
   publish(writer, 2);
-  stream_.drain(sink());
+  stream_.drain(sink(), plenty_);
   EXPECT_EQ(read_.size(), 2U);
   EXPECT_EQ(losses_["fallback_input unreadable"], 1U);
+}
+
+// A host that says more than one can be asked decides what else fits on the disk.
+TEST_F(PolicyInputStreamTest, MoreThanAPolicyCanAnswerIsDeclaredNotKept) {
+  ipc::SlotWriter writer = format();
+  const std::uint32_t slots = ipc::policy_input_ring(kLargest).slot_count;
+  TokenBucket bucket(milliseconds(10), slots);
+  MonoTime now = MonoTime{} + seconds(5);
+  std::uint32_t said = 0;
+  for (int drain = 0; drain < 50; ++drain, now = now + milliseconds(20)) {
+    for (std::uint32_t seed = 0; seed < slots / 2; ++seed, ++said) publish(writer, seed);
+    bucket.refill(now);
+    stream_.drain(sink(), bucket);
+  }
+  EXPECT_EQ(read_.size(), slots + 49U * 2U) << "a ring's worth at once, and one per 10 ms";
+  EXPECT_EQ(losses_["fallback_input too_many"], said - read_.size());
+  EXPECT_EQ(losses_.size(), 1U);
+}
+
+TEST_F(PolicyInputStreamTest, WhatAPolicyAnswersIsKeptWhateverTheDrainsDo) {
+  ipc::SlotWriter writer = format();
+  TokenBucket bucket(milliseconds(10), 4);
+  std::mt19937 random(7);
+  MonoTime drained = MonoTime{} + seconds(5);
+  std::uint32_t said = 0;
+  for (MonoTime now = drained; said < 1'000; now = now + milliseconds(20)) {  // half of what may be
+    publish(writer, ++said);
+    const MonoTime due = drained + milliseconds(static_cast<std::int64_t>(random() % 60));
+    if (due > now) continue;
+    drained = now;
+    bucket.refill(now);
+    stream_.drain(sink(), bucket);
+  }
+  EXPECT_TRUE(losses_.empty());
+}
+
+TEST(TokenBucket, HoldsNoMoreThanItMayAndFollowsNoClockBackwards) {
+  const auto taken = [](TokenBucket& bucket) {
+    int count = 0;
+    while (bucket.take()) ++count;
+    return count;
+  };
+  TokenBucket bucket(milliseconds(10), 3);
+  EXPECT_EQ(taken(bucket), 3);
+  const MonoTime start = MonoTime{} + seconds(9);
+  bucket.refill(start);
+  EXPECT_EQ(taken(bucket), 0) << "the first refill starts the clock";
+  bucket.refill(start + milliseconds(15));
+  EXPECT_EQ(taken(bucket), 1);
+  bucket.refill(start + milliseconds(20));
+  EXPECT_EQ(taken(bucket), 1) << "halves are not lost";
+  bucket.refill(start + seconds(100));
+  EXPECT_EQ(taken(bucket), 3);
+  bucket.refill(start);
+  EXPECT_EQ(taken(bucket), 0);
 }
 
 class RecordedInputTest : public TemporaryFolder {};

@@ -202,6 +202,24 @@ TEST_F(RecorderTest, KeepsTheDrivesCards) {
       << report;
 }
 
+// Replay reads hashes as numbers.
+TEST_F(RecorderTest, AManifestWhosePolicyHashesAreNoneIsRefused) {
+  const auto refusal = [&](auto alter) -> std::string {
+    auto json = to_json(robot_.manifest());
+    alter(json);
+    const auto manifest = manifest_of(json);
+    return manifest ? "" : manifest.error();
+  };
+  EXPECT_EQ(refusal([](auto&) {}), "");
+  for (const char* key : {"policy_hash", "fallback_policy_hash"})
+    for (const char* hash : {"no hash", "11223344556677889", "-1"}) {
+      const std::string said = refusal([&](auto& json) { json["executive"]["facts"][key] = hash; });
+      EXPECT_NE(said.find(std::string(key) + " is no hash"), std::string::npos) << said;
+    }
+  EXPECT_NE(refusal([](auto& json) { json["executive"]["facts"]["policy_hash"] = 5; }), "");
+  EXPECT_NE(refusal([](auto& json) { json["policy"] = {{"file", "policy.onnx"}, {"sha256", "zz"}}; }), "");
+}
+
 TEST_F(RecorderTest, ARunWithoutCardsSaysNothingOfDrives) {
   auto stream = attach();
   const auto recorder = start(path("run"));
