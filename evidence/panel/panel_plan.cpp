@@ -37,11 +37,25 @@ std::string plant_text(const config::RobotConfig& robot) {
   return text;
 }
 
-std::expected<std::string, std::string> sha256_of_file(const std::string& path) {
+// `key`: of the robot file, that names it.
+std::expected<std::string, std::string> sha256_of_file(const std::string& path, const char* key) {
   std::ifstream stream(path, std::ios::binary);
   const std::string bytes{std::istreambuf_iterator<char>(stream), {}};
-  if (!stream) return std::unexpected(path + ": cannot be read; check `policy.file`");
+  if (!stream) return std::unexpected(fmt::format("{}: cannot be read; check `{}`", path, key));
   return config::sha256_hex(bytes);
+}
+
+// Of the robot file's plant, an MJCF by its contents, and of what the process that plays the mechanics calls itself
+// (`world`; empty: none does).
+std::expected<std::string, std::string> plant_sha256_of(const config::RobotConfig& robot, const std::string& world) {
+  std::string text = plant_text(robot);
+  if (!world.empty()) text += "world: " + world + "\n";
+  if (world.empty() && robot.simulation && robot.simulation->mujoco) {
+    const auto model = sha256_of_file(robot.simulation->mujoco->model, "simulation.mujoco.model");
+    if (!model) return std::unexpected(model.error());
+    text += "mjcf: " + *model + "\n";
+  }
+  return config::sha256_hex(text);
 }
 
 // `world`: what the process that plays the mechanics calls itself; empty: none does.
@@ -53,7 +67,7 @@ std::expected<Contestant, std::string> make_contestant(const config::RobotConfig
   Contestant made;
   made.robot = std::move(*robot);
   const config::Policy& section = *made.robot.policy;
-  auto sha256 = sha256_of_file(section.file);
+  auto sha256 = sha256_of_file(section.file, "policy.file");
   if (!sha256) return std::unexpected(sha256.error());
   auto policy = policy_host::load_policy(made.robot);
   if (!policy) return std::unexpected(policy.error());
@@ -64,7 +78,9 @@ std::expected<Contestant, std::string> make_contestant(const config::RobotConfig
   made.fallback = std::move(*fallback);
   made.policy_sha256 = std::move(*sha256);
   made.policy_hash = config::leading_64_bits(made.policy_sha256);
-  made.plant_sha256 = config::sha256_hex(plant_text(base) + (world.empty() ? "" : "world: " + world + "\n"));
+  auto plant = plant_sha256_of(base, world);
+  if (!plant) return std::unexpected(plant.error());
+  made.plant_sha256 = std::move(*plant);
   return made;
 }
 

@@ -107,5 +107,22 @@ TEST_F(StopsPanel, APostureIsRefusedAsEvidence) {
             "0 of 10 stood under operator_stop 1: at least 0.00 at 95 % confidence; 0.9 is asked");
 }
 
+// Goal: rows of two models are never compared. Method: one robot file, its MJCF changed between two panels.
+TEST_F(StopsPanel, AChangedModelIsAnotherPlant) {
+  for (const char* file : {"balancer.yaml", "balancer.xml", "balancer.onnx"})
+    std::filesystem::copy_file(std::string("config/") + file, path(file));
+  const auto plant = [&] {
+    Panel panel = load_panel(kPanel).value();
+    panel.robot = path("balancer.yaml");
+    return Contest::prepare(std::move(panel)).value().contestant({}).plant_sha256;
+  };
+  const std::string before = plant();
+  EXPECT_EQ(plant(), before);
+  std::string model = monitor::read_file(path("balancer.xml")).value();
+  model.replace(model.find("mass=\""), 6, "mass=\"1");
+  ASSERT_TRUE(monitor::replace_file(path("balancer.xml"), model));
+  EXPECT_NE(plant(), before);
+}
+
 }  // namespace
 }  // namespace takt::panel
