@@ -324,11 +324,9 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
      "time since it took over beyond fallbacks.NAME.for; its targets out of range in more than freshness.clamped_share "
      "of the window",
      {"pipeline_test FallbackPolicy.MayPlayForSoLongAndNoLonger",
-      "pipeline_test StopByPolicy.ItsOwnNonsenseEndsItHoweverItWasStopped",
-      "incident_test FallbackIncident.SaysThatItsTimeIsOver"},
+      "pipeline_test StopByPolicy.ItsOwnNonsenseEndsItHoweverItWasStopped"},
      "a robot that stands by its policies alone falls when it stops; with `for: 0 s` a robot plays on without "
-     "anybody's "
-     "word",
+     "anybody's word",
      {Device::gantry, Device::fence}},
     {Cause::temperature_high,
      {Hazard::falls},
