@@ -73,6 +73,8 @@ void forget_places(Node& node) {
   }
 }
 
+constexpr std::string_view kNothing = "{}";  // of a map: nothing in it
+
 Node* find_by_path(Node& root, std::string_view path) {
   Node* at = &root;
   while (!path.empty()) {
@@ -102,6 +104,10 @@ std::expected<RobotConfig, std::string> with_overrides(const RobotConfig& robot,
   forget_places(root);
   for (const Override& one : overrides) {
     Node* const node = find_by_path(root, one.key);
+    if (node != nullptr && node->kind == Node::Kind::map && one.value == kNothing) {
+      node->entries.clear();
+      continue;
+    }
     if (node == nullptr || (node->kind != Node::Kind::scalar && node->kind != Node::Kind::null)) {
       problems.add({}, "`" + one.key + "` is no key with a single value in a robot file; see `takt config keys`");
       continue;

@@ -23,7 +23,7 @@ struct Override {
   std::string key, value;
 };
 // The same robot with these values instead of its own, judged as a whole again; defaults may be overridden too, entries
-// of lists may not. The error: one problem per line, by dotted path.
+// of lists may not; `{}` leaves nothing of a section. The error: one problem per line, by dotted path.
 std::expected<RobotConfig, std::string> with_overrides(const RobotConfig& robot, std::span<const Override> overrides);
 
 // Stable over processes: FNV-1a over the joint names in order.

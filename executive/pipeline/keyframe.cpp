@@ -63,7 +63,7 @@ constexpr std::size_t kAlternativeBytes = offsetof(Alternative, values);
 // All but the chunks.
 std::size_t fixed_bytes(const StateShape& shape) {
   return sizeof(KeyframeHeader) + sizeof(ModeState) + sizeof(Counters) + sizeof(Recovery) + sizeof(CommandInUse) +
-         ObservationMemory::saved_bytes(shape.remembered) + 7 * TickWindow::saved_bytes(shape.window_ticks) +
+         ObservationMemory::saved_bytes(shape.remembered) + 8 * TickWindow::saved_bytes(shape.window_ticks) +
          3 * sizeof(JoinState) + sizeof(WaitingCommand) + kSpeculationBytes + kMostAlternatives * kAlternativeBytes +
          sizeof(FallbackState) + sizeof(CandidateState) + kLinkBytes + sizeof(ImuWatch) +
          shape.joint_count * (sizeof(ReplyWatch) + sizeof(JointState));

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include <algorithm>
 #include <cstring>
 #include <random>
 #include <vector>
@@ -243,6 +244,10 @@ TEST(Keyframe, TheLargestFitsAndASmallBufferIsRefused) {
   EXPECT_GT(size, sizeof(CommandChunk));
   EXPECT_EQ(save(*rig.state, std::span(out).first(size - 1)), 0U);
   EXPECT_EQ(save(*rig.state, std::span(out).first(size)), size);
+  std::ranges::fill(out, std::byte{0xA5});
+  save(*rig.state, std::span(out).first(size));
+  EXPECT_TRUE(std::ranges::all_of(std::span(out).subspan(size), [](std::byte one) { return one == std::byte{0xA5}; }))
+      << "the pieces are more than the size that is said";
 }
 
 }  // namespace
