@@ -13,7 +13,7 @@ sed -i 's/interface: can2/interface: vcan2/' $ROBOT
 mti() { systemd-run --quiet --collect --unit hil-mti python3 "$HIL_LIB/mti.py" vcan2 || fail "no MTi"; }
 plant
 mti
-drop_in takt-imu-can@aux Service 'ExecStart=' \
+drop_in takt-imu-can@aux.service Service 'ExecStart=' \
   'ExecStart=/usr/bin/takt-imu --robot /etc/takt/robot/robot.yaml --runtime-dir /run/takt --bus aux --can-ids 0x106,0x121,0x132,0x134'
 systemctl start takt-imu-can@aux || fail "takt-imu-can@aux"
 takt_up
