@@ -18,8 +18,8 @@
 namespace takt::monitor {
 namespace {
 
-constexpr std::chrono::milliseconds kAttachTimeout{100};
-constexpr Duration kRetry = milliseconds(50);
+constexpr std::chrono::milliseconds kSensorAttachTimeout{100};
+constexpr Duration kSensorRetry = milliseconds(50);
 constexpr Duration kRound = milliseconds(5);
 // A policy may be quicker than we are at finding a sensor that has just begun.
 constexpr Duration kPatience = seconds(1);
@@ -52,7 +52,7 @@ class ImageWatch::Camera {
       if (is_over) attached_.reset();
     }
     if (attached_ || now < next_attempt_) return;
-    next_attempt_ = now + kRetry;
+    next_attempt_ = now + kSensorRetry;
     attach();
     if (attached_) drain();
   }
@@ -66,7 +66,7 @@ class ImageWatch::Camera {
 
  private:
   void attach() {
-    auto lease = ipc::attach(socket_, hello_, kAttachTimeout);
+    auto lease = ipc::attach(socket_, hello_, kSensorAttachTimeout);
     if (!lease || lease->descriptors.empty()) return;
     auto segment = ipc::Segment::adopt_read_only(lease->descriptors[0].release(), ipc::ring_bytes(ring_));
     if (!segment) return;
