@@ -63,11 +63,12 @@ CauseMask of_guard(const TickRecord& record) {
   return when(broken, Cause::internal_error);
 }
 
-CauseMask of_buses(const TickRecord& record) {
+// Of those that have drives: on another nothing is sent, so that nobody would learn that it is up again.
+CauseMask of_buses(const TickRecord& record, const TickConfig& config) {
   CauseMask active = 0;
-  for (std::size_t b = 0; b < record.header.bus_count; ++b) {
-    active |= when(record.header.buses[b].state == BusState::bus_off, Cause::bus_off);
-    active |= when(record.header.buses[b].state == BusState::down, Cause::bus_down);
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    const BusState state = record.header.buses[config.joints[j].bus].state;
+    active |= when(state == BusState::bus_off, Cause::bus_off) | when(state == BusState::down, Cause::bus_down);
   }
   return active;
 }
@@ -177,8 +178,8 @@ CauseMask conditions(const TickState& state, const TickRecord& record, const Tic
   const CauseMask temperatures = of_temperatures(record, state.mode.mode, config);
   const CauseMask withheld = stays_degraded(temperatures, config) ? bit(Cause::contract_restored) : 0;
   const CauseMask commands = of_commands(state, record.header.now, config) & ~withheld;
-  return of_buses(record) | link_faults(state.links, record, config) | of_drives(state, record, config) | commands |
-         temperatures | of_guard(record) | when(late, Cause::overrun) |
+  return of_buses(record, config) | link_faults(state.links, record, config) | of_drives(state, record, config) |
+         commands | temperatures | of_guard(record) | when(late, Cause::overrun) |
          when(is_unrecorded(record.header, config), Cause::recording_lost) |
          when(is_torque_output_lost(record.header, config), Cause::torque_output_lost) |
          imu_conditions(state.imu, record.header.now, config.imu);

@@ -8,7 +8,7 @@
 namespace takt::sensors {
 namespace {
 
-constexpr std::uint32_t kStandard = 0x7FF, kExtended = 0x1FFF'FFFF;
+constexpr std::uint32_t kStandardIds = 0x7FF, kExtendedIds = 0x1FFF'FFFF;
 constexpr std::array<std::string_view, 4> kQuantities{"Group Counter", "Quaternion", "Rate of Turn", "Acceleration"};
 constexpr std::array<std::uint8_t, 4> kLengths{2, 8, 6, 6};
 constexpr double kUnitless = 1.0 / (1 << 15), kRadiansPerSecond = 1.0 / (1 << 9), kMetresPerSecond2 = 1.0 / (1 << 8);
@@ -30,7 +30,7 @@ std::optional<config::IdPattern> parse_id(std::string_view text) {
   std::uint32_t id = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id, 16);
   const bool extended = text.size() > 3;
-  const std::uint32_t most = extended ? kExtended : kStandard;
+  const std::uint32_t most = extended ? kExtendedIds : kStandardIds;
   if (error != std::errc{} || end != text.data() + text.size() || id > most) return std::nullopt;
   return config::IdPattern{id, most, extended};
 }

@@ -72,8 +72,8 @@ struct Network {
   fs::path file;  // without its ending
   std::string inputs, output;
   std::vector<config::TensorShape> shapes;
-  std::size_t observation_values = 0;
-  Sizes layers;  // of the floor; none: no floor
+  std::vector<std::size_t> input_values;  // of what observations fill, in the order of `inputs`
+  Sizes layers;                           // of the floor; none: no floor
 };
 
 struct Contender {
@@ -124,9 +124,12 @@ config::RobotConfig robot_of(const Network& network, const std::string& engine, 
   policy.engine->load_within = seconds(3600);  // of a busy machine
   if (engine == "onnxruntime") policy.engine->library = library;
   if (engine == "torchscript") policy.engine->shapes = network.shapes;
-  policy.observation.emplace_back().kind = config::TermKind::constant;
-  policy.observation.back().constant.assign(network.observation_values, 0.0);
-  policy.observation.back().history = 1;
+  for (const std::size_t values : network.input_values) {
+    config::ObservationTerm& term = policy.observation.emplace_back();
+    term.kind = config::TermKind::constant;
+    term.constant.assign(values, 0.0);
+    term.history = 1;
+  }
   return robot;
 }
 
@@ -192,22 +195,22 @@ int run(const Options& options) {
   const config::TensorShape hidden_h{"h_in", {1, 1, 256}}, hidden_c{"c_in", {1, 1, 256}};
   const fs::path& folder = options.folder;
   const std::vector<Network> networks{
-      {"MLP 48-512-256-128-12", folder / "mlp", "obs", "actions", {}, 48, {48, 512, 256, 128, 12}},
-      {"LSTM 48-256-12", folder / "lstm", "obs", "actions", {hidden_h, hidden_c}, 48, {}},
-      {"transformer 4 x 256, 32 tokens", folder / "transformer", "obs", "actions", {}, 48, {}},
+      {"MLP 48-512-256-128-12", folder / "mlp", "obs", "actions", {}, {48}, {48, 512, 256, 128, 12}},
+      {"LSTM 48-256-12", folder / "lstm", "obs", "actions", {hidden_h, hidden_c}, {48}, {}},
+      {"transformer 4 x 256, 32 tokens", folder / "transformer", "obs", "actions", {}, {48}, {}},
       {"ResNet18 + transformer, chunk 100",
        folder / "act",
        "obs,image",
        "actions",
        {{"obs", {1, 14}}, {"image", {1, 3, 224, 224}}},
-       14 + 3 * 224 * 224,
+       {14, 3 * 224 * 224},
        {}},
       {"G1 walk 480-512-256-128-29",
        fs::path(options.policy).replace_extension(),
        "",
        "",
        {},
-       480,
+       {480},
        {480, 512, 256, 128, 29}}};
   for (const Network& network : networks)
     if (fs::exists(network.file.string() + ".onnx"))

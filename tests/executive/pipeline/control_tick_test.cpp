@@ -404,6 +404,19 @@ TEST(Faults, ErrorPassiveAndUnknownDrivesAreNoFaults) {
   EXPECT_EQ(rig.mode(), Mode::tracking);
 }
 
+// On a bus without drives nothing is sent: whether it is up again nobody would learn.
+TEST(Faults, ABusWithoutDrivesFaultsNobody) {
+  TickConfig config = robot(3);
+  config.bus_count = 2;
+  Rig rig(config);
+  rig.arm(0.3F);
+  for (const BusState state : {BusState::down, BusState::bus_off}) {
+    rig.input.buses[1].state = state;
+    rig.run_with_policy(100, 0.3F);
+    EXPECT_EQ(rig.mode(), Mode::tracking);
+  }
+}
+
 TEST(Faults, ResetWaitsUntilTheConditionIsGone) {
   Rig rig(robot(2));
   rig.arm();

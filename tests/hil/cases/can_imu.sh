@@ -28,7 +28,7 @@ within 10 "no imu_lost" no_active_cause imu_lost
 recover
 ip link set vcan2 down
 within 3 "imu_lost again" active_cause imu_lost
-within 3 "a fault" mode_is fault_latched  # it is a bus of the robot file
+within 3 "stop again" mode_is damped_stop
 ip link set vcan2 up
 systemctl stop hil-mti 2>/dev/null
 mti
