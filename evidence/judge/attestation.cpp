@@ -319,7 +319,7 @@ std::expected<Attestation, std::string> attestation_of(std::string_view text) {
       return std::unexpected(
           fmt::format("has schema {}, this version reads \"{}\"", json->at("schema").dump(), kAttestationSchema));
     const std::string hash = json->at("sha256");
-    const Attestation made = read(*json);
+    Attestation made = read(*json);
     json->erase("sha256");
     if (*json != without_hash(made) || hash != config::sha256_hex(json->dump()))
       return std::unexpected("is not as it was written; make it anew by `takt panel attest`");
