@@ -261,14 +261,22 @@ std::expected<takt_world_state, WorldEnd> WorldLink::ask(std::span<const std::by
 }
 
 std::optional<WorldEnd> WorldLink::send(std::span<const std::byte> question, std::span<const int> files) {
+  bool taken = false;
   if (is_over_shared_memory()) {
     std::ranges::copy(question, memory_->writable().begin());
-    if (::send(socket_.get(), &kRing, 1, MSG_DONTWAIT | MSG_NOSIGNAL) == 1) return {};
-    return end(WorldEndKind::died, "takes no message (" + ipc::errno_text() + ")");
+    taken = ::send(socket_.get(), &kRing, 1, MSG_DONTWAIT | MSG_NOSIGNAL) == 1;
+  } else {
+    // The world reads every question before it is asked the next: there is room.
+    taken = ipc::send_message(socket_.get(), question, files);
   }
-  // The world reads every question before it is asked the next: there is room.
-  if (ipc::send_message(socket_.get(), question, files)) return {};
+  if (taken) return {};
+  if (errno == EPIPE || errno == ECONNRESET) return went_away();
   return end(WorldEndKind::died, "takes no message (" + ipc::errno_text() + ")");
+}
+
+// Seen when it is asked or when its answer is waited for: the kernel decides which, the sentence is the same.
+WorldEnd WorldLink::went_away() const {
+  return end(WorldEndKind::died, fmt::format("went away before it answered question {}", sequence_));
 }
 
 std::optional<WorldEnd> WorldLink::receive_by_socket(std::span<std::byte> into, MonoTime deadline) {
@@ -278,7 +286,7 @@ std::optional<WorldEnd> WorldLink::receive_by_socket(std::span<std::byte> into, 
       return end(WorldEndKind::hung, fmt::format("no answer to question {} in time", sequence_));
     const ssize_t size = recv(socket_.get(), into.data() + got, into.size() - got, MSG_DONTWAIT);
     if (size < 0 && (errno == EINTR || errno == EAGAIN)) continue;
-    if (size <= 0) return end(WorldEndKind::died, fmt::format("went away before it answered question {}", sequence_));
+    if (size <= 0) return went_away();
     got += static_cast<std::size_t>(size);
   }
   return {};

@@ -106,6 +106,7 @@ class WorldLink {
   [[nodiscard]] std::string sensor_problem(const takt_world_state& state) const;  // empty: none
   [[nodiscard]] std::optional<WorldEnd> judge_outcome(const takt_world_state& state) const;
   [[nodiscard]] WorldEnd end(WorldEndKind kind, const std::string& what) const;
+  [[nodiscard]] WorldEnd went_away() const;
   takt_world_header next_header(std::uint16_t kind, std::size_t bytes);
 
   struct CameraPlace {

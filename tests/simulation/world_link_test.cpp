@@ -207,6 +207,22 @@ TEST(WorldLink, AWorldThatEndsOrHangsIsNotWaitedFor) {
   EXPECT_THAT(hung.sentence, HasSubstr("in time"));
 }
 
+// Goal: one sentence for a world that is gone, whenever it went. Method: it is killed and waited for between an answer
+// and the next question, so that asking fails; the test above kills it between question and answer.
+TEST(WorldLink, AWorldKilledBetweenQuestionsWentAwayToo) {
+  ForkedWorld process(
+      [](const std::string& path) { test::play(path, 0, [](const takt_world&, takt_world_state&) { return true; }); });
+  auto link = WorldLink::connect(process.path(), kPendulum, kPatience);
+  ASSERT_TRUE(link) << link.error().sentence;
+  const std::vector<double> zero{0};
+  ASSERT_TRUE(link->reset(1, zero));
+  process.kill();
+  const auto state = link->step({zero, zero, zero});
+  ASSERT_FALSE(state);
+  EXPECT_EQ(name(state.error().kind), "died");
+  EXPECT_THAT(state.error().sentence, HasSubstr("went away before it answered question 3"));
+}
+
 TEST(WorldLink, WhereNobodyListensItSaysSo) {
   const auto link = WorldLink::connect("/tmp/takt-no-such-world.sock", kPendulum, kImpatience);
   ASSERT_FALSE(link);
