@@ -11,27 +11,22 @@
 #include <cmath>
 #include <csignal>
 #include <cstdio>
-#include <cstring>
 #include <functional>
 #include <optional>
 #include <vector>
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
-#include "executive/contract/image_sample.hpp"
 #include "executive/contract/monotonic_clock.hpp"
-#include "executive/ipc/sensor_server.hpp"
 #include "executive/ipc/unix_socket.hpp"
 #include "executive/log/program_log.hpp"
-#include "simulation/camera.hpp"
-#include "simulation/chance.hpp"
 #include "simulation/devices_file.hpp"
 #include "simulation/outside_mechanics.hpp"
 #include "simulation/pacer.hpp"
 #include "simulation/plant_buses.hpp"
 #include "simulation/robot_plant.hpp"
 #include "simulation/scenario_player.hpp"
-#include "simulation/sensor_path.hpp"
+#include "simulation/simulated_sensors.hpp"
 #include "simulation/truth_log.hpp"
 
 namespace takt::plant {
@@ -41,7 +36,6 @@ constexpr int kExitUsage = 64, kExitUnavailable = 69, kExitInternal = 70;
 constexpr int kPriority = 10;  // SCHED_FIFO
 constexpr Duration kTruthPeriod = milliseconds(10);
 constexpr Duration kReportPeriod = seconds(1);
-constexpr std::uint64_t kSensorPathStream = 201;
 
 struct Options {
   std::string robot, devices, scenario, runtime_directory, truth_file, policy_user, world;
@@ -74,75 +68,43 @@ void ask_for_punctuality() {
     spdlog::info("no real-time priority to be had: on a busy machine the simulated drives will answer late");
 }
 
-void publish(ipc::SensorServer& server, const Sensed& sensed) {
-  const auto& [sample, pixels] = sensed;
-  if (!pixels) return server.publish(sample);
-  const ImageHeader header{sample.sequence, sample.sensed_at, sample.published_at,
-                           static_cast<std::uint32_t>(pixels->size()), 0};
-  const std::span<std::byte> slot = server.begin();
-  std::memcpy(slot.data(), &header, sizeof header);
-  std::memcpy(slot.data() + sizeof header, pixels->data(), pixels->size());
-  server.commit(sizeof header + pixels->size());
-}
-
-struct Outputs {
-  std::unique_ptr<ipc::SensorServer> sensor, imu, of_world;
-  std::vector<std::unique_ptr<ipc::SensorServer>> images;  // one per sensor of the robot file; null: not the world's
-  std::optional<TruthLog> truth;
-};
-
-// What happens beside a robot's simulation: camera samples, the truth file, a line per second.
+// What happens beside a robot's simulation: its sensors, the truth file, a line per second.
 class Observer {
  public:
-  // `started`: when the target was at the beginning of its path. `world`: that plays the robot; null: none.
-  Observer(const config::Simulation& simulation, MonoTime started, OutsideMechanics* world, Outputs outputs)
+  // `started`: when the target was at the beginning of its path.
+  Observer(const config::Simulation& simulation, MonoTime started, SimulatedSensors sensors,
+           std::optional<TruthLog> truth)
       : simulation_(simulation),
-        world_(world),
         started_(started),
-        camera_(simulation, started),
-        path_(seed_for(simulation.seed, kSensorPathStream)),
-        outputs_(std::move(outputs)),
-        next_truth_(monotonic_now()),
-        next_report_(next_truth_) {}
+        sensors_(std::move(sensors)),
+        truth_(std::move(truth)),
+        next_truth_(started),
+        next_report_(started) {}
 
-  void look(RobotPlant& body, const SensorFaults& faults, const Pacer& pacer, MonoTime now) {
-    if (outputs_.sensor) {
-      if (const auto sample = camera_.poll(now)) path_.take({*sample}, faults);
-      while (const auto sensed = path_.deliver(now)) publish(*outputs_.sensor, *sensed);
-    }
-    if (outputs_.imu) publish_imu(body, now);
-    if (outputs_.of_world)
-      if (const auto sample = world_->sample(now)) outputs_.of_world->publish(*sample);
-    if (!outputs_.images.empty())
-      for (const auto& [sensor, sensed] : world_->images(now)) publish(*outputs_.images[sensor], sensed);
-    if (outputs_.truth && now >= next_truth_) {
+  [[nodiscard]] const SimulatedSensors& sensors() const { return sensors_; }
+
+  void look(RobotPlant& body, const ScenarioPlayer& scenario, const Pacer& pacer, MonoTime now) {
+    sensors_.look(body, scenario, now);
+    if (truth_ && now >= next_truth_) {
       next_truth_ = now + kTruthPeriod;
-      outputs_.truth->write(truth_of(body, now));
+      truth_->write(truth_of(body, now));
     }
     if (now < next_report_) return;
     next_report_ = now + kReportPeriod;
-    if (outputs_.truth) outputs_.truth->flush();
+    if (truth_) truth_->flush();
     spdlog::debug("{:.1f} mm from the target, {} steps skipped", 1e3 * tool_error(truth_of(body, now)),
                   pacer.skipped());
   }
 
  private:
-  void publish_imu(RobotPlant& body, MonoTime now) {
-    const auto reading = body.imu();
-    if (!reading) return;
-    outputs_.imu->publish(imu_sample(*reading, ++imu_samples_, now));
-  }
   [[nodiscard]] Truth truth_of(RobotPlant& body, MonoTime now) const {
     return {now, body.state(), body.controlled_point(), target_at(simulation_, now - started_)};
   }
 
   const config::Simulation& simulation_;
-  OutsideMechanics* world_;
   MonoTime started_;
-  Camera camera_;
-  SensorPath path_;
-  Outputs outputs_;
-  std::uint64_t imu_samples_ = 0;
+  SimulatedSensors sensors_;
+  std::optional<TruthLog> truth_;
   MonoTime next_truth_, next_report_;
 };
 
@@ -173,50 +135,25 @@ void simulate(const Stage& stage, const std::function<void(MonoTime)>& observe) 
   }
 }
 
-// `plays_imu`: the mechanics have an IMU; otherwise a process of the user's plays it. `world`: null: there is none. Its
-// sensor takes the camera's place too.
-std::expected<Outputs, std::string> open_outputs(const config::RobotConfig& robot, const std::string& directory,
-                                                 const Options& options, bool plays_imu,
-                                                 const OutsideMechanics* world) {
-  const std::string world_sensor = world != nullptr ? world->link().sensor() : "";
-  Outputs outputs;
+std::expected<Observer, std::string> open_observer(const Options& options, const config::RobotConfig& robot,
+                                                   const std::string& directory, RobotPlant& body,
+                                                   OutsideMechanics* world) {
   std::optional<uid_t> policy_user;
   if (!options.policy_user.empty()) {
     const auto user = ipc::user_id(options.policy_user);
     if (!user) return std::unexpected("--policy-user: " + user.error());
     policy_user = *user;
   }
-  if (!world_sensor.empty()) {
-    auto sensor = ipc::SensorServer::start(config::sensor_socket(directory, world_sensor), policy_user);
-    if (!sensor) return std::unexpected(sensor.error());
-    outputs.of_world = std::move(*sensor);
-  }
-  for (std::size_t i = 0; world != nullptr && i < robot.sensors.size(); ++i) {
-    if (!world->films(i)) continue;
-    const auto& [height, width, channels] = *robot.sensors[i].image;
-    auto sensor = ipc::SensorServer::start(config::sensor_socket(directory, robot.sensors[i].name), policy_user,
-                                           ipc::image_mailbox(height, width, channels));
-    if (!sensor) return std::unexpected(sensor.error());
-    outputs.images.resize(robot.sensors.size());
-    outputs.images[i] = std::move(*sensor);
-  }
-  if (!robot.simulation->camera_sensor.empty() && robot.simulation->camera_sensor != world_sensor) {
-    auto sensor =
-        ipc::SensorServer::start(config::sensor_socket(directory, robot.simulation->camera_sensor), policy_user);
-    if (!sensor) return std::unexpected(sensor.error());
-    outputs.sensor = std::move(*sensor);
-  }
-  if (robot.imu && plays_imu) {
-    auto imu = ipc::SensorServer::start(config::sensor_socket(directory, robot.imu->sensor), policy_user);
-    if (!imu) return std::unexpected(imu.error());
-    outputs.imu = std::move(*imu);
-  }
+  const MonoTime started = monotonic_now() - Duration{std::llround(options.target_entry_s * 1e9)};
+  auto sensors = SimulatedSensors::open(robot, directory, policy_user, started, body, world);
+  if (!sensors) return std::unexpected(sensors.error());
+  std::optional<TruthLog> truth;
   if (!options.truth_file.empty()) {
-    auto truth = TruthLog::create(options.truth_file);
-    if (!truth) return std::unexpected(truth.error());
-    outputs.truth = std::move(*truth);
+    auto created = TruthLog::create(options.truth_file);
+    if (!created) return std::unexpected(created.error());
+    truth = std::move(*created);
   }
-  return outputs;
+  return Observer(*robot.simulation, started, std::move(*sensors), std::move(truth));
 }
 
 // What the scenario wants of a bus that only the loopback hub can do. Empty: nothing amiss.
@@ -236,8 +173,14 @@ int serve(const Options& options, const config::RobotConfig& robot, Scenario sce
   const std::string directory =
       options.runtime_directory.empty() ? config::default_runtime_directory(robot.robot) : options.runtime_directory;
   stop_on_signals();
-  auto outputs = open_outputs(robot, directory, options, body != nullptr && body->imu().has_value(), world);
-  if (!outputs) return refuse(kExitUnavailable, outputs.error());
+  std::optional<Observer> observer;
+  if (body != nullptr) {
+    auto opened = open_observer(options, robot, directory, *body, world);
+    if (!opened) return refuse(kExitUnavailable, opened.error());
+    observer.emplace(std::move(*opened));
+    if (const std::string why = observer->sensors().unplayed(scenario, options.scenario); !why.empty())
+      return refuse(config::kExitBadConfiguration, why);
+  }
   auto buses = PlantBuses::open(robot, directory, options.on_hardware);
   if (!buses) return refuse(kExitUnavailable, buses.error());
   if (const std::string why = unplayable(scenario, *buses, options.scenario); !why.empty())
@@ -251,14 +194,11 @@ int serve(const Options& options, const config::RobotConfig& robot, Scenario sce
     for (const std::string& note : body->notes()) spdlog::info("model: {}", note);
 
   ask_for_punctuality();
-  const MonoTime started = monotonic_now();
-  const Duration entered{std::llround(options.target_entry_s * 1e9)};
-  Observer observer(*robot.simulation, started - entered, world, std::move(*outputs));
-  Pacer pacer(plant.step_length(), started + plant.step_length());
-  ScenarioPlayer player(std::move(scenario), robot.buses.size(),
+  Pacer pacer(plant.step_length(), monotonic_now() + plant.step_length());
+  ScenarioPlayer player(std::move(scenario), robot,
                         [](const std::string& line) { spdlog::info("scenario: {}", line); });
   simulate({plant, body, world, *buses, player, robot.buses.size(), pacer}, [&](MonoTime now) {
-    if (body) observer.look(*body, player.on_sensor(), pacer, now);
+    if (observer) observer->look(*body, player, pacer, now);
   });
   spdlog::info("ending after {} skipped steps", pacer.skipped());
   if (!world || !world->end()) return 0;

@@ -60,6 +60,7 @@ constexpr std::array kWords{
     Word{FaultKind::babble, "babble", kBus, false, true},
     Word{FaultKind::freeze, "freeze", kSensor, false, true},
     Word{FaultKind::burst, "burst", kSensor, true, true},
+    Word{FaultKind::lies, "lies", kSensor, true, true},
     Word{FaultKind::push, "push", kBody, true, true},
     Word{FaultKind::payload, "payload", kBody, true, true},
     Word{FaultKind::friction, "friction", kBody, true, true},
@@ -93,7 +94,7 @@ std::vector<std::string_view> plain_words() {
 struct Written {
   Duration at, lasts, delay, burst;
   std::string after, joint, bus, sensor, body, fault, error;
-  double drop = 0, push = 0, payload = 0, friction = 0;
+  double drop = 0, lies = 0, push = 0, payload = 0, friction = 0;
   config::Vector3 along{};
 };
 
@@ -129,6 +130,8 @@ void describe_event(config::Fields& fields, Written& event, const Names& names) 
                   config::above(0, 1));
   fields.duration({"burst", "samples are held back and delivered together, this often", "none", true}, event.burst,
                   milliseconds(1), seconds(10));
+  fields.quantity({"lies", "share of samples that say the opposite", "none", true}, event.lies, config::Dimension::none,
+                  config::above(0, 1));
   describe_body(fields, event);
 }
 
@@ -145,7 +148,7 @@ class Translator {
     if (written.lasts.ns > 0) event.lasts = written.lasts;
     if (!find_kind(written, event) || !find_target(written, event)) return event;
     event.delay = event.kind == FaultKind::burst ? written.burst : written.delay;
-    event.share = written.drop;
+    event.share = written.drop + written.lies;                         // one of them
     event.amount = written.push + written.payload + written.friction;  // one of them
     check_length(event);
     check_drive(event);
@@ -165,11 +168,12 @@ class Translator {
     if (written.delay.ns > 0) kinds.push_back(FaultKind::delay);
     if (written.drop > 0) kinds.push_back(FaultKind::drop);
     if (written.burst.ns > 0) kinds.push_back(FaultKind::burst);
+    if (written.lies > 0) kinds.push_back(FaultKind::lies);
     if (written.push > 0) kinds.push_back(FaultKind::push);
     if (written.payload > 0) kinds.push_back(FaultKind::payload);
     if (written.friction > 0) kinds.push_back(FaultKind::friction);
     if (!require(!kinds.empty(), "",
-                 "has no fault; write one of: fault, error, delay, drop, burst, push, payload, friction"))
+                 "has no fault; write one of: fault, error, delay, drop, burst, lies, push, payload, friction"))
       return false;
     event.kind = kinds.front();
     if (event.kind == FaultKind::error) {
@@ -193,6 +197,8 @@ class Translator {
     if (!fits_target(event)) return false;
     if (event.strikes == Target::joint) event.target = index_in(robot_.joints, &config::Joint::name, event.target_name);
     if (event.strikes == Target::bus) event.target = index_in(robot_.buses, &config::Bus::name, event.target_name);
+    if (event.strikes == Target::sensor)
+      event.target = index_in(robot_.sensors, &config::Sensor::name, event.target_name);
     return true;
   }
   bool fits_target(const FaultEvent& event) {
@@ -260,8 +266,7 @@ std::expected<Scenario, std::string> parse_scenario(std::string_view text, const
   if (!problems.empty()) return std::unexpected(problems.text());
 
   Names names{config::joint_names(robot), {}, {}};
-  if (robot.simulation && !robot.simulation->camera_sensor.empty())
-    names.sensors.emplace_back(robot.simulation->camera_sensor);
+  for (const config::Sensor& sensor : robot.sensors) names.sensors.emplace_back(sensor.name);
   for (const config::Bus& bus : robot.buses) names.buses.emplace_back(bus.name);
   std::vector<Written> written;
   config::Places places;
@@ -295,7 +300,8 @@ std::string text_of(const FaultEvent& event) {
   if (event.kind == FaultKind::push) text += fmt::format(" of {:g} N", event.amount);
   if (event.kind == FaultKind::payload) text += fmt::format(" of {:g} kg", event.amount);
   if (event.kind == FaultKind::friction) text += fmt::format(" times {:g}", event.amount);
-  if (event.kind == FaultKind::drop) text += fmt::format(" of {:.3g} %", 100 * event.share);
+  if (event.kind == FaultKind::drop || event.kind == FaultKind::lies)
+    text += fmt::format(" of {:.3g} %", 100 * event.share);
   if (event.lasts) text += " for " + config::format_duration(*event.lasts);
   return text;
 }

@@ -36,6 +36,7 @@ namespace takt::plant {
 // babble            bus     a stranger fills the bus with frames nobody listens to
 // freeze            sensor  samples repeat an old value under fresh stamps
 // burst             sensor  samples are held back and delivered together
+// lies              sensor  a share of the samples says the opposite
 // push              body    a force at the tool, or at a body of the model
 // payload           body    a point mass at the tool, or at a body of the model
 // friction          body    that many times the joints' friction
@@ -54,6 +55,7 @@ enum class FaultKind : std::uint8_t {
   babble,
   freeze,
   burst,
+  lies,
   push,
   payload,
   friction
@@ -67,12 +69,12 @@ struct FaultEvent {
   bool after_enabled = false;     // since the drive (bus, sensor, body: the last of its drives) was first enabled
   std::optional<Duration> lasts;  // none: to the end
   Target strikes = Target::joint;
-  std::size_t target = 0;  // joint, or bus
+  std::size_t target = 0;  // joint, bus or sensor
   std::string target_name;
   FaultKind kind = FaultKind::error;
   DeviceFault error = DeviceFault::over_temperature;  // error
   Duration delay;                                     // delay; burst: its length
-  double share = 0;                                   // drop
+  double share = 0;                                   // drop, lies
   double amount = 0;                                  // push: N; payload: kg; friction: factor
   config::Vector3 along{};                            // push: where to, base frame, length 1
   std::string body{};                                 // push, payload: which; empty: the tool, or the root
@@ -82,7 +84,7 @@ struct Scenario {
   std::vector<FaultEvent> events;  // in file order
 };
 
-// For the joints, buses and camera of `robot`.
+// For the joints, buses and sensors of `robot`.
 std::expected<Scenario, std::string> load_scenario(const std::string& path, const config::RobotConfig& robot);
 std::expected<Scenario, std::string> parse_scenario(std::string_view text, const std::string& name_for_messages,
                                                     const config::RobotConfig& robot);

@@ -26,6 +26,7 @@ void add_to_bus(const FaultEvent& event, BusFaults& bus) {
 
 void add_to_sensor(const FaultEvent& event, MonoTime began, SensorFaults& sensor) {
   if (event.kind == FaultKind::drop) sensor.drop = std::max(sensor.drop, event.share);
+  if (event.kind == FaultKind::lies) sensor.lies = std::max(sensor.lies, event.share);
   sensor.frozen |= event.kind == FaultKind::freeze;
   if (event.kind != FaultKind::burst || event.delay < sensor.burst) return;
   sensor.burst = event.delay;
@@ -46,8 +47,8 @@ void add_to_body(const FaultEvent& event, BodyTrouble& body) {
 
 }  // namespace
 
-ScenarioPlayer::ScenarioPlayer(Scenario scenario, std::size_t bus_count, Log log)
-    : buses_(bus_count), log_(std::move(log)) {
+ScenarioPlayer::ScenarioPlayer(Scenario scenario, const config::RobotConfig& robot, Log log)
+    : buses_(robot.buses.size()), sensors_(robot.sensors.size()), log_(std::move(log)) {
   for (FaultEvent& event : scenario.events) events_.push_back({std::move(event), Phase::waiting, {}});
 }
 
@@ -133,7 +134,7 @@ void ScenarioPlayer::add(const Progress& progress, const Plant& plant, std::vect
     case Target::bus:
       return add_to_bus(event, buses_[event.target]);
     case Target::sensor:
-      return add_to_sensor(event, progress.began, sensor_);
+      return add_to_sensor(event, progress.began, sensors_[event.target]);
     case Target::body:
       return add_to_body(event, body_);
   }
@@ -142,7 +143,7 @@ void ScenarioPlayer::add(const Progress& progress, const Plant& plant, std::vect
 void ScenarioPlayer::apply(Plant& plant) {
   std::vector<LineFaults> lines(plant.joint_count());
   for (BusFaults& bus : buses_) bus = {};
-  sensor_ = {};
+  for (SensorFaults& sensor : sensors_) sensor = {};
   body_ = {};
   for (const Progress& progress : events_)
     if (progress.phase == Phase::active) add(progress, plant, lines);

@@ -19,13 +19,13 @@ namespace takt::plant {
 class ScenarioPlayer {
  public:
   using Log = std::function<void(const std::string& line)>;
-  ScenarioPlayer(Scenario scenario, std::size_t bus_count, Log log);
+  ScenarioPlayer(Scenario scenario, const config::RobotConfig& robot, Log log);
 
   // Call before every step of `plant`. Sets the drives' faults; what the others suffer is read with on_bus() and its
   // like.
   void advance(Plant& plant);
   [[nodiscard]] const BusFaults& on_bus(std::size_t bus) const { return buses_[bus]; }
-  [[nodiscard]] const SensorFaults& on_sensor() const { return sensor_; }
+  [[nodiscard]] const SensorFaults& on_sensor(std::size_t sensor) const { return sensors_[sensor]; }
   [[nodiscard]] const BodyTrouble& on_body() const { return body_; }
 
  private:
@@ -46,7 +46,7 @@ class ScenarioPlayer {
 
   std::vector<Progress> events_;
   std::vector<BusFaults> buses_;
-  SensorFaults sensor_;
+  std::vector<SensorFaults> sensors_;
   BodyTrouble body_;
   Log log_;
   MonoTime started_;

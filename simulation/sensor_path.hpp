@@ -1,5 +1,6 @@
 // The way from an outside sensor to its mailbox, and what may go wrong on it: samples lost, held back and delivered
-// together, or old values under fresh stamps. Pure, virtual time. Thread rule: one thread at a time.
+// together, old values under fresh stamps, or the opposite of what was sensed. Pure, virtual time. Thread rule: one
+// thread at a time.
 #pragma once
 
 #include <cstdint>
@@ -14,6 +15,7 @@ namespace takt::plant {
 
 struct SensorFaults {
   double drop = 0;            // share of samples lost, 0..1
+  double lies = 0;            // share of samples that say the opposite, 0..1: values negated, images in negative
   bool frozen = false;        // values, or the image, of the last sample before, stamps as they are
   Duration burst = {};        // samples wait for the end of the interval of this length that they fall into; 0: none
   MonoTime burst_since = {};  // where the first interval began
@@ -21,7 +23,7 @@ struct SensorFaults {
 
 class SensorPath {
  public:
-  explicit SensorPath(std::uint64_t seed) : losses_(seed) {}  // the seed as it is
+  explicit SensorPath(std::uint64_t seed) : random_(seed) {}  // the seed as it is
 
   void take(const Sensed& sensed, const SensorFaults& faults);
   // The oldest that has arrived by `now` and was not returned yet.
@@ -32,7 +34,7 @@ class SensorPath {
     Sensed sensed;
     MonoTime delivered_at;
   };
-  std::mt19937_64 losses_;
+  std::mt19937_64 random_;
   std::deque<Held> held_;
   Sensed before_freeze_;  // sequence 0: none yet
 };

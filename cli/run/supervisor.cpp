@@ -132,9 +132,14 @@ Supervisor::Outcome Supervisor::start_all() {
 Supervisor::Outcome Supervisor::wait_ready(ProcessName process) {
   for (const Duration give_up = now() + kReadyWithin; now() < give_up;) {
     if (auto alive = look_after_children(); !alive) return alive;
-    if (ChildProcess* child = processes_.find(process); !child->alive())
-      return std::unexpected(End{exit_code_for(*child), fmt::format("{} {} before it was ready\n{}", label(process),
-                                                                    child->how_it_ended(), child->last_words())});
+    // One that was ready before may take this one along: the cause is told, not what came of it.
+    for (const ProcessName started : processes_.wanted()) {
+      ChildProcess* child = processes_.find(started);
+      if (!child || child->alive() || (started != process && !is_essential(started))) continue;
+      return std::unexpected(
+          End{exit_code_for(*child), fmt::format("{} {} before {} was ready\n{}", label(started), child->how_it_ended(),
+                                                 started == process ? "it" : label(process), child->last_words())});
+    }
     if (processes_.is_ready(process, processes_.ask_status())) return {};
     if (auto paused = pause(now() + kPollEvery); !paused) return paused;
   }

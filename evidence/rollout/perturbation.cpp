@@ -14,6 +14,8 @@ constexpr std::array<PerturbationKind, kTroubleCount> kKinds{{
     {Trouble::sensor_dropout, "sensor_dropout", "each sample is lost with this probability", "share", 0.7, 0, 1},
     {Trouble::camera_freeze, "camera_freeze",
      "for this long out of every second samples repeat an old value under fresh stamps", "ms", 500, 1, 1000},
+    {Trouble::sensor_lies, "sensor_lies",
+     "each sample says the opposite with this probability: values negated, images in negative", "share", 0.3, 0, 1},
     {Trouble::estimator_delay, "estimator_delay",
      "replies of the drives are decoded this much later, stamped when they arrived", "ms", 10, 0, 1000},
     {Trouble::inference_stall, "inference_stall", "once per second one inference takes this much longer", "ms", 400, 1,

@@ -17,6 +17,7 @@ enum class Trouble : std::uint8_t {
   sensor_burst,
   sensor_dropout,
   camera_freeze,
+  sensor_lies,
   estimator_delay,
   inference_stall,
   inference_mean_shift,
@@ -39,7 +40,7 @@ enum class Trouble : std::uint8_t {
   friction,
   operator_stop,
 };
-inline constexpr std::size_t kTroubleCount = 25;
+inline constexpr std::size_t kTroubleCount = 26;
 
 struct PerturbationKind {
   Trouble trouble = Trouble::none;

@@ -50,6 +50,14 @@ std::string at_body(const Perturbation& perturbation) {
 
 }  // namespace
 
+std::vector<std::string> simulated_sensors(const config::RobotConfig& robot) {
+  std::vector<std::string> names;
+  if (!robot.simulation) return names;
+  if (!robot.simulation->camera_sensor.empty()) names.push_back(robot.simulation->camera_sensor);
+  if (robot.imu && robot.simulation->mujoco) names.push_back(robot.imu->sensor);
+  return names;
+}
+
 std::string bus_scenario(const Perturbation& perturbation, const config::RobotConfig& robot) {
   if (perturbation.trouble == Trouble::bus_off) {
     const std::string off = fmt::format("bus: {}, fault: bus_off", robot.buses.front().name);
@@ -66,14 +74,20 @@ std::string bus_scenario(const Perturbation& perturbation, const config::RobotCo
 }
 
 std::string sensor_scenario(const Perturbation& perturbation, const config::RobotConfig& robot) {
-  const std::string sensor = "sensor: " + (robot.simulation ? robot.simulation->camera_sensor : "");
-  if (perturbation.trouble == Trouble::camera_freeze)
-    return with_head(
-        every_second(perturbation, dose_time(perturbation), [&](std::int64_t) { return sensor + ", fault: freeze"; }));
-  const std::string what = perturbation.trouble == Trouble::sensor_burst
-                               ? fmt::format("{}, burst: {}", sensor, dose_text(perturbation))
-                               : fmt::format("{}, drop: {}", sensor, perturbation.dose);
-  return with_head(whole_window(perturbation, what));
+  std::string events;
+  for (const std::string& name : simulated_sensors(robot)) {
+    const std::string sensor = "sensor: " + name;
+    if (perturbation.trouble == Trouble::camera_freeze)
+      events +=
+          every_second(perturbation, dose_time(perturbation), [&](std::int64_t) { return sensor + ", fault: freeze"; });
+    if (perturbation.trouble == Trouble::sensor_burst)
+      events += whole_window(perturbation, fmt::format("{}, burst: {}", sensor, dose_text(perturbation)));
+    if (perturbation.trouble == Trouble::sensor_dropout)
+      events += whole_window(perturbation, fmt::format("{}, drop: {}", sensor, perturbation.dose));
+    if (perturbation.trouble == Trouble::sensor_lies)
+      events += whole_window(perturbation, fmt::format("{}, lies: {}", sensor, perturbation.dose));
+  }
+  return with_head(events);
 }
 
 std::string body_scenario(const Perturbation& perturbation, std::uint64_t seed) {

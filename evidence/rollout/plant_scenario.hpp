@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "config/robot_config.hpp"
 #include "evidence/rollout/perturbation.hpp"
@@ -12,7 +13,9 @@ namespace takt::panel {
 
 // can_loss, can_delay, bus_off.
 std::string bus_scenario(const Perturbation& perturbation, const config::RobotConfig& robot);
-// sensor_dropout, sensor_burst, camera_freeze: of the simulated camera.
+// Of the robot file's sensors those that its simulator plays: the camera's, and the IMU of a model of MuJoCo's.
+std::vector<std::string> simulated_sensors(const config::RobotConfig& robot);
+// sensor_dropout, sensor_burst, camera_freeze, sensor_lies: of each of those.
 std::string sensor_scenario(const Perturbation& perturbation, const config::RobotConfig& robot);
 // push, payload, friction.
 std::string body_scenario(const Perturbation& perturbation, std::uint64_t seed);

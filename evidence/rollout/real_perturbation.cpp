@@ -175,6 +175,9 @@ std::expected<RealTrouble, std::string> real_trouble_of(const Perturbation& pert
     case Trouble::sensor_burst:
     case Trouble::sensor_dropout:
     case Trouble::camera_freeze:
+    case Trouble::sensor_lies:
+      if (simulated_sensors(robot).empty())
+        return refuse(perturbation, "the simulator plays none of the robot's sensors");
       return played(perturbation, sensor_scenario(perturbation, robot), robot);
     case Trouble::push:
     case Trouble::payload:

@@ -12,6 +12,7 @@ SensorFeed::SensorFeed(const Disturbance& disturbance, std::uint64_t seed, std::
 void SensorFeed::take(const plant::Sensed& sensed) {
   const MonoTime at = sensed.sample.published_at;
   path_.take(sensed, {.drop = disturbance_.dose(Trouble::sensor_dropout, at),
+                      .lies = disturbance_.dose(Trouble::sensor_lies, at),
                       .frozen = disturbance_.in_first_part(Trouble::camera_freeze, at),
                       .burst = disturbance_.delay(Trouble::sensor_burst, at),
                       .burst_since = disturbance_.begins()});

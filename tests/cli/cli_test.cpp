@@ -336,6 +336,26 @@ TEST_F(Cli, RunRefusesAPolicyHostThatIsNoProgramAndStartsNothing) {
   EXPECT_FALSE(fs::exists(in("logs")) || fs::exists(in("rt")));
 }
 
+// Goal: of two that die while the robot is started, the one that took the other along is told. Method: a plant that
+// dies as soon as there is an executive, and an executive that ends after it has seen that.
+TEST_F(Cli, RunTellsWhoDiedFirst) {
+  const auto program = [this](const std::string& name, const std::string& text) {
+    std::ofstream(in("bin/" + name)) << "#!/bin/sh\n" << text;
+    fs::permissions(in("bin/" + name), fs::perms::owner_all);
+  };
+  fs::create_directory(in("bin"));
+  fs::copy(std::string(TAKT_BIN_DIR) + "/takt", in("bin/takt"));
+  program("takt-plant", "echo $$ >" + in("plant.pid") + "\n" + std::string(TAKT_BIN_DIR) +
+                            "/takt-plant \"$@\" &\nwhile [ ! -e " + in("begun") +
+                            " ]; do sleep 0.02; done\nkill -9 $!\necho the cause >&2\nexit 65\n");
+  program("takt-executive", "touch " + in("begun") + "\nwhile grep -qs '^State:.[^Z]' /proc/$(cat " + in("plant.pid") +
+                                ")/status; do sleep 0.02; done\necho what came of it >&2\nexit 69\n");
+  const Ended ended = shell("timeout 60 " + in("bin/takt") + " " + run_arguments("--duration 1s"));
+  EXPECT_EQ(ended.exit_code, 65) << ended.output;
+  EXPECT_EQ(ended.output.find("takt-plant exited with 65 before takt-executive was ready\n"), 0U) << ended.output;
+  EXPECT_NE(ended.output.find("  the cause\n"), std::string::npos) << ended.output;
+}
+
 TEST_F(Cli, RunFollowsItsScriptAndLeavesOnlyTheRunFolder) {
   const Ended ended =
       run(run_arguments("--arm --duration 60s --at '0.5s: freeze policy 200ms' --at '2s: kill policy'"));

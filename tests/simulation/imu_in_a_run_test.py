@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Goal: the IMU of MuJoCo's physics reaches the executive: with it the robot arms and tracks, every tick's sample is usable and says
-which way is up; without one the robot does not arm, and says why. Method: the demo arm as MJCF, its base body with a site, in real
-processes by `takt run`, twice: with the IMU's site in the robot file, and without. Usage: imu_in_a_run_test.py SOURCE_DIR BIN_DIR
+which way is up; without one the robot does not arm, and says why; one that a scenario cuts stops it, and a scenario that strikes a sensor
+which the simulation does not play is refused. Method: the demo arm as MJCF, its base body with a site, in real processes by `takt run`:
+with the IMU's site in the robot file, without, and with each scenario. Usage: imu_in_a_run_test.py SOURCE_DIR BIN_DIR
 """
 import pathlib
 import re
@@ -39,11 +40,15 @@ def robot_with(source, imu_site):
     return text.replace("simulation:\n", f"simulation:\n  mujoco: {site}\n", 1)
 
 
-def run(source, programs, folder, name, imu_site):
+def run(source, programs, folder, name, imu_site, scenario=None):
     robot = folder / f"{name}.yaml"
     robot.write_text(robot_with(source, imu_site))
+    extra = []
+    if scenario:
+        (folder / f"{name}.scenario.yaml").write_text(f"schema: takt.scenario/1\nevents:\n  - {scenario}\n")
+        extra = [f"--plant=--scenario={folder}/{name}.scenario.yaml"]
     done = subprocess.run([programs / "takt", "run", robot, "--arm", "--duration", "4s", "--allow-non-realtime", "--runtime-dir", folder / f"{name}.sockets",
-                           "--run-dir", folder / name], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=120)
+                           "--run-dir", folder / name, *extra], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=120)
     return done.stdout
 
 
@@ -60,6 +65,10 @@ def main():
         assert replay.returncode in (0, 2), replay.stdout + replay.stderr
         said = run(source, programs, folder, "blind", False)
         assert "tracking  " not in said and "no usable sample of the base's IMU" in said, said
+        said = run(source, programs, folder, "cut", True, "{ after: enabled, at: 1 s, sensor: base_imu, drop: 1 }")
+        assert re.search(r"stop at tick \d+: (imu_lost|command_lost)", said), said  # as old as its newest sample is every command
+        said = run(source, programs, folder, "nobodys", False, "{ at: 1 s, sensor: base_imu, drop: 1 }")
+        assert "drop of 100 % of sensor base_imu, which this simulation does not play" in said, said
     return 0
 
 

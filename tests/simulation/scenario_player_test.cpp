@@ -38,7 +38,7 @@ class Bench {
       : robot_(parse_devices(kDevices, "d").value()),
         plant(Plant::on_free_inertias(robot_).value()),
         trouble(robot_, 0),
-        player_(parse_scenario("schema: takt.scenario/1\nevents:\n" + events, "s", robot_).value(), 1,
+        player_(parse_scenario("schema: takt.scenario/1\nevents:\n" + events, "s", robot_).value(), robot_,
                 [this](const std::string& line) { log.push_back(line); }) {
     for (std::size_t joint = 0; joint < 2; ++joint)
       hosts.push_back(std::move(*drivers::make_joint_driver(robot_, joint)));
@@ -287,12 +287,13 @@ TEST(ScenarioPlayer, SensorAndBodySufferFromTheirEvents) {
       "  - { at: 10 ms, sensor: target, drop: 0.5, for: 20 ms }\n"
       "  - { at: 20 ms, sensor: target, fault: freeze, for: 20 ms }\n"
       "  - { at: 20 ms, sensor: target, burst: 30 ms, for: 20 ms }\n"
+      "  - { at: 20 ms, sensor: target, lies: 0.3, for: 20 ms }\n"
       "  - { at: 10 ms, push: 30 N, along: [0, 0, 2], for: 10 ms }\n"
       "  - { at: 15 ms, payload: 2 kg, for: 10 ms }\n"
       "  - { at: 15 ms, friction: 4 }\n"
       "  - { at: 30 ms, friction: 0.5 }\n"
       "  - { after: enabled, at: 0 ms, sensor: target, drop: 1 }\n";
-  ScenarioPlayer player(parse_scenario(events, "s", robot).value(), robot.buses.size(), [](const std::string&) {});
+  ScenarioPlayer player(parse_scenario(events, "s", robot).value(), robot, [](const std::string&) {});
   const auto run = [&](int ms) {
     for (int i = 0; i < ms; ++i) {
       player.advance(plant);
@@ -300,24 +301,26 @@ TEST(ScenarioPlayer, SensorAndBodySufferFromTheirEvents) {
     }
   };
   run(6);
-  EXPECT_EQ(player.on_sensor().drop, 0);
+  EXPECT_EQ(player.on_sensor(0).drop, 0);
   EXPECT_EQ(player.on_body().force, 0);
   run(10);  // 15 ms
-  EXPECT_EQ(player.on_sensor().drop, 0.5);
+  EXPECT_EQ(player.on_sensor(0).drop, 0.5);
   EXPECT_EQ(player.on_body().force, 30);
   EXPECT_EQ(player.on_body().towards, (config::Vector3{0, 0, 1}));
   EXPECT_EQ(player.on_body().payload, 2);
   EXPECT_EQ(player.on_body().friction, 4);
   run(10);  // 25 ms
   EXPECT_EQ(player.on_body().force, 0);
-  EXPECT_TRUE(player.on_sensor().frozen);
-  EXPECT_EQ(player.on_sensor().burst, milliseconds(30));
+  EXPECT_TRUE(player.on_sensor(0).frozen);
+  EXPECT_EQ(player.on_sensor(0).burst, milliseconds(30));
+  EXPECT_EQ(player.on_sensor(0).lies, 0.3);
   run(20);  // 45 ms
-  EXPECT_FALSE(player.on_sensor().frozen);
-  EXPECT_EQ(player.on_sensor().burst.ns, 0);
+  EXPECT_FALSE(player.on_sensor(0).frozen);
+  EXPECT_EQ(player.on_sensor(0).burst.ns, 0);
+  EXPECT_EQ(player.on_sensor(0).lies, 0);
   EXPECT_EQ(player.on_body().payload, 0);
   EXPECT_EQ(player.on_body().friction, 2) << "factors multiply";
-  EXPECT_EQ(player.on_sensor().drop, 0) << "no drive was ever enabled";
+  EXPECT_EQ(player.on_sensor(0).drop, 0) << "no drive was ever enabled";
 }
 
 TEST(ScenarioPlayer, SameSeedSameRun) {

@@ -33,10 +33,13 @@ TEST(Scenario, EveryKeyIsRead) {
       "  - { at: 1 s, push: 30 N, along: [0, 3, 4], for: 100 ms }\n"
       "  - { at: 1 s, payload: 1.5 kg }\n"
       "  - { at: 1 s, friction: 4 }\n"
-      "  - { at: 1 s, payload: 1 kg, body: forearm }\n",
+      "  - { at: 1 s, payload: 1 kg, body: forearm }\n"
+      "  - { at: 1 s, sensor: target, lies: 0.5 }\n",
       "s", test::demo_arm());
   ASSERT_TRUE(scenario.has_value()) << scenario.error();
-  ASSERT_EQ(scenario->events.size(), 10U);
+  ASSERT_EQ(scenario->events.size(), 11U);
+  EXPECT_EQ(scenario->events[10].kind, FaultKind::lies);
+  EXPECT_EQ(scenario->events[10].share, 0.5);
   EXPECT_EQ(scenario->events[9].body, "forearm");
   const FaultEvent& silent = scenario->events[0];
   EXPECT_EQ(silent.at, seconds(2));
@@ -80,6 +83,7 @@ TEST(Scenario, TextSaysWhatHappens) {
   EXPECT_EQ(text("{ at: 0 ms, bus: can0, drop: 0.3 }"), "drop of 30 %");
   EXPECT_EQ(text("{ at: 0 ms, bus: can0, fault: bus_off, for: 10 ms }"), "bus_off for 10 ms");
   EXPECT_EQ(text("{ at: 0 ms, sensor: target, burst: 120 ms }"), "burst of 120 ms");
+  EXPECT_EQ(text("{ at: 0 ms, sensor: target, lies: 0.5, for: 1 s }"), "lies of 50 % for 1 s");
   EXPECT_EQ(text("{ at: 0 ms, push: 30 N, along: [1, 0, 0], for: 100 ms }"), "push of 30 N for 100 ms");
   EXPECT_EQ(text("{ at: 0 ms, payload: 1.5 kg }"), "payload of 1.5 kg");
   EXPECT_EQ(text("{ at: 0 ms, friction: 4 }"), "friction times 4");
@@ -123,9 +127,9 @@ INSTANTIATE_TEST_SUITE_P(
                 "s:3:5: events[0]: strikes nothing; write `joint: NAME`, `bus: NAME` or `sensor: NAME`"},
         Refusal{"two targets", "{ at: 2 s, joint: elbow, bus: can0, drop: 0.1 }",
                 "s:3:35: events[0].bus: the event names a joint already; keep one of the two"},
-        Refusal{
-            "no fault", "{ at: 2 s, joint: elbow }",
-            "s:3:5: events[0]: has no fault; write one of: fault, error, delay, drop, burst, push, payload, friction"},
+        Refusal{"no fault", "{ at: 2 s, joint: elbow }",
+                "s:3:5: events[0]: has no fault; write one of: fault, error, delay, drop, burst, lies, push, payload, "
+                "friction"},
         Refusal{"two faults", "{ at: 2 s, joint: elbow, fault: repeat, drop: 0.1 }",
                 "s:3:5: events[0]: has 2 faults at once; write an event for each"},
         Refusal{"a drive's fault on a bus", "{ at: 2 s, bus: can0, fault: deaf }",

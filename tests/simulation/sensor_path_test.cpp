@@ -1,9 +1,11 @@
-// Goal: samples pass as they are, or are lost, frozen or held back as a fault says. Method: a sample every 10 ms of
-// virtual time; what is delivered, and when, is compared.
+// Goal: samples pass as they are, or are lost, frozen, held back or turned round as a fault says. Method: a sample
+// every 10 ms of virtual time; what is delivered, and when, is compared.
 #include "simulation/sensor_path.hpp"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <memory>
 #include <vector>
 
 namespace takt::plant {
@@ -57,6 +59,33 @@ TEST(SensorPath, AFrozenCameraRepeatsUnderFreshStamps) {
   EXPECT_EQ(frozen->sample.sequence, 3U);
   EXPECT_EQ(frozen->sample.published_at, sample(3).published_at);
   EXPECT_EQ(path.deliver(sample(9).published_at)->sample.values[0], 4);
+}
+
+TEST(SensorPath, ALieIsTheOppositeUnderTheSameStamps) {
+  SensorPath path(1);
+  path.take({sample(1), std::make_shared<std::vector<std::uint8_t>>(4, std::uint8_t{10})}, {.lies = 1});
+  path.take({sample(2), {}}, {.lies = 1, .frozen = true});
+  const auto lie = path.deliver(sample(9).published_at);
+  ASSERT_TRUE(lie);
+  EXPECT_EQ(lie->sample.values[0], -1);
+  EXPECT_EQ(lie->sample.sensed_at, sample(1).sensed_at);
+  EXPECT_EQ(*lie->pixels, std::vector<std::uint8_t>(4, 245));
+  EXPECT_EQ(path.deliver(sample(9).published_at)->sample.values[0], -1) << "what is frozen is what was sensed";
+}
+
+TEST(SensorPath, SomeLieByTheSeed) {
+  const auto lies = [](std::uint64_t seed) {
+    SensorPath path(seed);
+    std::vector<bool> lied;
+    for (int i = 1; i <= 1000; ++i) {
+      path.take({sample(i)}, {.lies = 0.3});
+      lied.push_back(path.deliver(sample(i).published_at)->sample.values[0] < 0);
+    }
+    return lied;
+  };
+  EXPECT_NEAR(static_cast<double>(std::ranges::count(lies(1), true)), 300, 60);
+  EXPECT_EQ(lies(1), lies(1));
+  EXPECT_NE(lies(1), lies(2));
 }
 
 TEST(SensorPath, AFrozenCameraRepeatsTheImage) {

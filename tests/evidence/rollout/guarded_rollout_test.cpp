@@ -2,7 +2,7 @@
 // executive or of the guard. Method: rollouts of every committed robot in virtual time, undisturbed and under every
 // perturbation, whose buses are guarded as the executive's are; each tick's record says what was refused of the tick
 // before. On the balancer's way from IMU and gamepad they are: cut (sensor_dropout 1), frozen (camera_freeze), late
-// (sensor_burst).
+// (sensor_burst) and lying (sensor_lies 1).
 #include <gtest/gtest.h>
 
 #include <map>

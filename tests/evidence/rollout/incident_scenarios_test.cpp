@@ -40,8 +40,7 @@ const config::RobotConfig& dual_arm12() {
 class ScenarioRun {
  public:
   ScenarioRun(const config::RobotConfig& robot, const std::string& file)
-      : robot_(robot),
-        player_(plant::load_scenario(file, robot).value(), robot.buses.size(), [](const std::string&) {}) {
+      : robot_(robot), player_(plant::load_scenario(file, robot).value(), robot, [](const std::string&) {}) {
     input_.now = kStart;
   }
 
@@ -66,7 +65,7 @@ class ScenarioRun {
     input_.operator_request = input_.tick == 1 ? OperatorRequest::none : operator_.next(output_->record, config_);
     pipeline::control_tick(*state_, input_, config_, *output_);
     bus_.send(plant_, input_.now, *output_);
-    if (output_->observation_due && player_.on_sensor().drop < 0.5) answer(output_->observation);
+    if (output_->observation_due && player_.on_sensor(0).drop < 0.5) answer(output_->observation);
     return watch_.tick(output_->record);
   }
 

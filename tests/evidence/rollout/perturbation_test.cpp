@@ -80,6 +80,11 @@ const Claim kClaims[] = {
        return with.row.age_per_tick == without.row.age_per_tick &&
               with.row.tracking_error_rms_m > 3 * without.row.tracking_error_rms_m;
      }},
+    {"sensor_lies", "no age shows it, the targets that follow from it do",
+     [](const Seen& with, const Seen& without) {
+       return with.row.failure_label == "bad_commands" &&
+              p99(with.row.age_per_command.sense) <= p99(without.row.age_per_command.sense);
+     }},
     {"estimator_delay", "feedback in use is older by the dose",
      [](const Seen& with, const Seen& without) {
        return with.oldest_feedback > without.oldest_feedback + milliseconds(9) && with.ticks_without_reply >= 9;

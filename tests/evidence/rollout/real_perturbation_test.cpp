@@ -9,6 +9,7 @@
 
 #include "cli/run/scenario.hpp"
 #include "config/load.hpp"
+#include "evidence/rollout/plant_scenario.hpp"
 #include "evidence/rollout/troubled_dynamics.hpp"
 #include "policy_host/host_faults.hpp"
 #include "simulation/scenario.hpp"
@@ -76,6 +77,20 @@ TEST_F(RealPerturbation, WhatHasNoMechanismIsRefusedByName) {
     const auto trouble = real_trouble_of(moderate(kind), robot_, 1);
     ASSERT_FALSE(trouble.has_value()) << kind.name;
     EXPECT_EQ(trouble.error().find(std::string(kind.name) + ": "), 0U) << trouble.error();
+  }
+}
+
+TEST_F(RealPerturbation, SensorsSufferWhereTheSimulatorPlaysThem) {
+  const Perturbation lies = moderate(*find_perturbation("sensor_lies"));
+  EXPECT_EQ(simulated_sensors(robot_), std::vector<std::string>{"target"});
+  robot_.simulation->camera_sensor.clear();
+  EXPECT_EQ(real_trouble_of(lies, robot_, 1).error(), "sensor_lies: the simulator plays none of the robot's sensors");
+  const config::RobotConfig balancer = config::load("config/balancer.yaml").value();
+  EXPECT_EQ(simulated_sensors(balancer), std::vector<std::string>{"base_imu"}) << "a person's command is none of its";
+  for (const char* kind : {"sensor_lies", "sensor_burst", "sensor_dropout", "camera_freeze"}) {
+    const auto trouble = real_trouble_of(moderate(*find_perturbation(kind)), balancer, 1);
+    ASSERT_TRUE(trouble) << trouble.error();
+    EXPECT_NE(trouble->plant_scenario.find("sensor: base_imu"), std::string::npos) << trouble->plant_scenario;
   }
 }
 
