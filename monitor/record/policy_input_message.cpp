@@ -125,7 +125,7 @@ std::optional<PolicyInput> read_policy_input(std::span<const std::byte> payload)
     return std::nullopt;
   unpacker.take(input.samples, header.sample_count);
   for (std::size_t i = 0; i < kShownQuantities; ++i)
-    if ((header.quantities >> i & 1U) != 0) unpacker.take(input.joints[i], header.joint_count);
+    if ((unsigned{header.quantities} >> i & 1U) != 0) unpacker.take(input.joints[i], header.joint_count);
   unpacker.take(input.sample_values, values_of(input.samples));
   unpacker.take(input.input, header.input_count);
   unpacker.take(input.output, header.output_count);
