@@ -69,9 +69,18 @@ float resume_scale(const TickState& state, MonoTime now, const TickConfig& confi
   return config.degraded_speed_scale + (1.0F - config.degraded_speed_scale) * share;
 }
 
-// A policy trained without a velocity setpoint gets none where its own path is braked either: it would come as a jump.
+// A robot whose policy was trained without a velocity setpoint gets none in any mode: where its path is braked or left
+// for a pose the reference's velocity would come as a jump.
+bool has_moving_setpoint(const TickConfig& config) {
+  return config.interpolation != Interpolation::hold;
+}
+
 Choice brake(const TickConfig& config) {
-  return {Reference::brake, false, true, true, Player::none, config.interpolation != Interpolation::hold, 0};
+  return {Reference::brake, false, true, true, Player::none, has_moving_setpoint(config), 0};
+}
+
+Choice go_to_pose(const TickConfig& config) {
+  return {Reference::follow_target, false, true, true, Player::none, has_moving_setpoint(config), 0};
 }
 
 Choice go_to_stop_pose(const TickConfig& config, std::span<JointTarget> targets) {
@@ -79,7 +88,7 @@ Choice go_to_stop_pose(const TickConfig& config, std::span<JointTarget> targets)
     targets[j].q = config.joints[j].stop_pose;
     targets[j].speed = config.joints[j].stop_speed;
   }
-  return {Reference::follow_target, false, true, true, Player::none, true, 0};
+  return go_to_pose(config);
 }
 
 Choice play_or_brake(const TickState& state, const TickRecord& record, const TickConfig& config,
@@ -108,8 +117,8 @@ Choice stop(const TickState& state, const TickRecord& record, const TickConfig& 
   const MonoTime now = record.header.now;
   if (record.header.player == Player::fallback) return play_or_brake(state, record, config, targets);
   if (manner_of(state, now, config) == StopManner::posture) return go_to_stop_pose(config, targets);
-  const Reference reference = holds(state, now, config) ? Reference::brake : Reference::follow_measured;
-  return {reference, false, true, true, Player::none, true, 0};
+  if (holds(state, now, config)) return brake(config);
+  return {Reference::follow_measured, false, true, true, Player::none, true, 0};
 }
 
 Choice go_to_fallback(const TickConfig& config, std::span<JointTarget> targets) {
@@ -117,7 +126,7 @@ Choice go_to_fallback(const TickConfig& config, std::span<JointTarget> targets) 
     targets[j].q = config.joints[j].fallback_pose;
     targets[j].speed = config.joints[j].fallback_speed;
   }
-  return {Reference::follow_target, false, true, true, Player::none, true, 0};
+  return go_to_pose(config);
 }
 
 // Linear state feedback over every joint, passive ones included: at most kMaxJoints^2 products.

@@ -83,8 +83,10 @@ class Mixer {
     return {1.0F, 0.0F};
   }
 
+  // In its joint's range: what one answer asked for beyond it would pull at the answers after it.
   [[nodiscard]] float old_at(std::size_t step, CommandField field, std::size_t joint) const {
-    return path_.values[value_index(old_, field, step, joint)];
+    const Range range = range_of(field, config_.joints[joint].limits);
+    return std::clamp(path_.values[value_index(old_, field, step, joint)], range.low, range.high);
   }
   [[nodiscard]] PathPoint old_position(std::size_t joint) const {
     const float q0 = old_at(place_.step, CommandField::q, joint), q1 = old_at(place_.next, CommandField::q, joint);

@@ -134,8 +134,10 @@ void judge_fallback(TickState& state, const TickInput& input, const TickConfig& 
 
 void hand_over(TickState& state, Player to, MonoTime now, const TickConfig& config) {
   std::array<PathPoint, kMaxJoints> references;
-  for (std::size_t j = 0; j < config.joint_count; ++j)
-    references[j] = {static_cast<float>(state.joints[j].reference.q), static_cast<float>(state.joints[j].reference.dq)};
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    const auto& [q, dq, ddq] = state.joints[j].reference;
+    references[j] = {static_cast<float>(q), static_cast<float>(dq), static_cast<float>(ddq)};
+  }
   const std::span<const PathPoint> joints(references.data(), config.joint_count);
   if (to == Player::fallback)
     return join_references(state.fallback_join, {state.fallback_chunk, state.fallback.command.begins()}, joints, now,

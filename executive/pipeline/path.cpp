@@ -1,11 +1,6 @@
 #include "executive/pipeline/path.hpp"
 
 namespace takt::pipeline {
-namespace {
-
-struct Range {
-  float low, high;
-};
 
 Range range_of(CommandField field, const JointLimits& limits) {
   switch (field) {
@@ -22,8 +17,6 @@ Range range_of(CommandField field, const JointLimits& limits) {
   }
   return {0.0F, 0.0F};
 }
-
-}  // namespace
 
 Place place_of(const CommandHeader& header, Duration since, Interpolation interpolation) {
   const std::int64_t last = header.step_count - 1;

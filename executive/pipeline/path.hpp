@@ -41,6 +41,12 @@ struct Place {
 // `since`: the first step's instant; before it the first step counts, after the end the last.
 Place place_of(const CommandHeader& header, Duration since, Interpolation interpolation);
 
+// What a value of a chunk may be; beyond it it is brought back.
+struct Range {
+  float low, high;
+};
+Range range_of(CommandField field, const JointLimits& limits);
+
 // One joint's values at the two steps around the instant. Precondition: the place is one of the chunk's.
 class PathReader {
  public:

@@ -13,7 +13,9 @@
 #include <vector>
 
 #include "executive/pipeline/chunk_player.hpp"
+#include "executive/pipeline/messages.hpp"
 #include "executive/pipeline/reference_limits.hpp"
+#include "executive/pipeline/tick_state.hpp"
 #include "tests/executive/pipeline/rig.hpp"
 
 namespace takt::pipeline {
@@ -38,7 +40,7 @@ struct Path {
   explicit Path(JoinRule rule, Interpolation interpolation = Interpolation::linear) {
     config.join = rule;
     config.interpolation = interpolation;
-    config.joints[0].limits.velocity = 100.0F;  // clamps none of the test's values
+    config.joints[0].limits.velocity = config.joints[0].limits.q_max = 100.0F;  // clamp none of the test's values
     *next = chunk_for(config, 1, kStart, kStart, 1, 0.0F);
   }
   // The next chunk: positions, and velocities where the path is a cubic.
@@ -276,6 +278,56 @@ class Robot {
   }
   Rig rig_;
 };
+
+// Goal: one answer that asks for what cannot be costs its own time and no more: what the robot was not led to is not
+// mixed into the answers after it. Method: one joint's fifth answer is far out of range, by more and more; under every
+// rule the ticks in which its target is clamped are those until the next answer.
+TEST(Join, WhatIsOutOfRangeDoesNotWeighOnTheNextAnswer) {
+  for (const JoinKind kind : kEveryKind) {
+    for (const float bad : {8.0F, 100.0F, 9.0e5F}) {
+      Robot robot({.kind = kind,
+                   .over = milliseconds(100),
+                   .new_share = 0.7F,
+                   .decay = 0.99F,
+                   .longest_delay = milliseconds(19)});
+      robot.live(15, 2, 0.0F);
+      CommandChunk answer = robot.answer(robot.next_observation(), 0.0F);
+      for (std::size_t step = 0; step < 8; ++step)
+        answer.values[value_index(answer.header, CommandField::q, step, 1)] = bad;
+      unsigned clamped = 0;
+      const auto count = [&] {
+        clamped += (robot.rig().out->record.joints[1].interventions & bit(Intervention::target_range)) != 0 ? 1U : 0U;
+      };
+      robot.rig().tick(&answer);
+      count();
+      for (int observation = 0; observation < 10; ++observation) {
+        while (!robot.rig().out->observation_due) robot.rig().tick(), count();
+        const CommandChunk good = robot.answer(robot.rig().out->observation, 0.0F);
+        robot.rig().tick(&good);
+        count();
+      }
+      const std::uint32_t period = robot.rig().config.observation_every_ticks;
+      EXPECT_GE(clamped, 1U) << "kind " << static_cast<int>(kind) << ", " << bad;
+      EXPECT_LE(clamped, period + 20) << "kind " << static_cast<int>(kind) << ", " << bad;
+      EXPECT_EQ(robot.rig().mode(), Mode::tracking) << "kind " << static_cast<int>(kind) << ", " << bad;
+    }
+  }
+}
+
+// Goal: a handover is smooth in acceleration where the join is. Method: what is left to fade right after it is the
+// reference's position, velocity and acceleration over the path's.
+TEST(Join, AHandoverBeginsWithTheReferencesAcceleration) {
+  TickConfig config = robot(2);
+  config.join = {.kind = JoinKind::quintic, .over = milliseconds(100)};
+  const auto state = std::make_unique<TickState>();
+  state->chunk = chunk_for(config, 1, kStart, kStart, 1, 0.5F, 8);
+  state->command.observed_at = kStart;
+  state->joints[1].reference = {0.25, 1.5, -7.0};
+  hand_over(*state, Player::policy, kStart, config);
+  EXPECT_FLOAT_EQ(state->join.remainder[1].q, -0.25F);
+  EXPECT_FLOAT_EQ(state->join.remainder[1].dq, 1.5F);
+  EXPECT_FLOAT_EQ(state->join.remainder[1].ddq, -7.0F);
+}
 
 constexpr JoinRule kPrefix{.kind = JoinKind::prefix, .longest_delay = milliseconds(19)};
 

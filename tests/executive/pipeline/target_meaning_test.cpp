@@ -172,6 +172,42 @@ TEST(TargetMeaning, ALostPolicyIsBrakedWithoutAVelocitySetpoint) {
   EXPECT_GT(fastest, 1.0F);
 }
 
+// In the way that `config` says; the fastest reference afterwards. At least one tick has been left behind in motion.
+float leave_a_fast_path(TickConfig config, OperatorRequest request) {
+  config.freshness.epsilon = 0.001;
+  config.freshness.max_age = milliseconds(60);
+  Rig rig(config);
+  rig.arm(0.0F);
+  rig.run_with_policy(200, 0.0F);
+  while (!rig.out->observation_due) rig.tick();
+  tick_with_action(rig, 1.2F);
+  rig.run(25);
+  EXPECT_GT(rig.out->record.joints[0].dq_reference, 10.0F);
+  rig.tick(nullptr, request);
+  float fastest = 0;
+  for (int i = 0; i < 300; ++i) {
+    EXPECT_EQ(rig.out->setpoints[0].dq, 0.0F) << "tick " << i << ", " << name(rig.mode());
+    fastest = std::max(fastest, std::abs(rig.out->record.joints[0].dq_reference));
+    rig.tick();
+  }
+  EXPECT_NE(rig.mode(), Mode::tracking);
+  return fastest;
+}
+
+// Goal: what was trained without a velocity setpoint meets none when it is stopped or led to a pose either: it would
+// come as a kick of kd times the reference's velocity. Method: each such mode is entered at 10 rad/s and more.
+TEST(TargetMeaning, NoModeBringsAVelocitySetpointToHeldSteps) {
+  TickConfig config = walker(Interpolation::hold);
+  config.joints[0].stop_speed = config.joints[0].fallback_speed = 20.0F;
+  for (const StopManner manner : {StopManner::hold, StopManner::posture}) {
+    config.stops[static_cast<std::size_t>(Cause::operator_stop)] = {manner, seconds(5)};
+    EXPECT_GT(leave_a_fast_path(config, OperatorRequest::stop), 5.0F) << "manner " << static_cast<int>(manner);
+  }
+  config.degraded = DegradedBehaviour::fallback;
+  config.fallback = FallbackKind::pose;
+  EXPECT_GT(leave_a_fast_path(config, OperatorRequest::none), 5.0F) << "degraded";
+}
+
 // One joint of two out of range.
 const TickOutput& tick_out_of_range(Rig& rig, float beyond) {
   if (!rig.out->observation_due) return rig.tick();
