@@ -71,7 +71,7 @@ TEST_P(NominalLimits, AreTouchedInOnePercentOfJointTicksAtMost) {
   EXPECT_LE(share, kMostTouched);
 }
 
-INSTANTIATE_TEST_SUITE_P(Demos, NominalLimits, testing::Values("arm6", "dual_arm12", "arm6_visuomotor"),
+INSTANTIATE_TEST_SUITE_P(Demos, NominalLimits, testing::Values("arm6", "dual_arm12", "arm6_visuomotor", "cart_pole"),
                          [](const auto& one) { return std::string(one.param); });
 
 }  // namespace

@@ -80,9 +80,9 @@ const Claim kClaims[] = {
        return with.row.age_per_tick == without.row.age_per_tick &&
               with.row.tracking_error_rms_m > 3 * without.row.tracking_error_rms_m;
      }},
-    {"sensor_lies", "no age shows it, the targets that follow from it do",
+    {"sensor_lies", "no age shows it, the error does",
      [](const Seen& with, const Seen& without) {
-       return with.row.failure_label == "bad_commands" &&
+       return !with.row.success && with.row.tracking_error_rms_m > 3 * without.row.tracking_error_rms_m &&
               p99(with.row.age_per_command.sense) <= p99(without.row.age_per_command.sense);
      }},
     {"estimator_delay", "feedback in use is older by the dose",
