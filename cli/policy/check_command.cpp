@@ -203,7 +203,9 @@ std::string kind_text(const policy_host::LeappTensor& tensor) {
 }
 
 // The model of a node beside the bundle's YAML, where it is there: is it the file that was exported?
-std::expected<void, Refusal> check_model_file(const std::string& bundle, const policy_host::LeappNode& node) {
+// With a robot, its engine decides whether it runs (check_bundle_for_robot).
+std::expected<void, Refusal> check_model_file(const PolicyCheckOptions& options, const policy_host::LeappNode& node) {
+  const std::string& bundle = options.file;
   const std::filesystem::path beside = std::filesystem::path(bundle).parent_path() / node.model_path;
   if (!std::filesystem::exists(beside)) {
     print_line("model", fmt::format("{}: not there, so not checked", shortened(node.model_path)));
@@ -212,9 +214,11 @@ std::expected<void, Refusal> check_model_file(const std::string& bundle, const p
   const auto file = policy_host::checked_model_file(bundle, node);
   if (!file) return std::unexpected(policy_refused(file.error()));
   const auto model = onnx_engine::load(*file);
-  if (!model) return std::unexpected(policy_refused(model.error()));
-  print_line("model",
-             fmt::format("{}: runs on the built-in engine, sha256 as in the bundle", shortened(node.model_path)));
+  if (!model && options.robot.empty())
+    return std::unexpected(policy_refused(
+        fmt::format("{}; so not by the built-in engine: --robot FILE asks the engine that FILE names", model.error())));
+  print_line("model", fmt::format("{}: {} the built-in engine, sha256 as in the bundle", shortened(node.model_path),
+                                  model ? "runs on" : "not by"));
   return {};
 }
 
@@ -226,6 +230,7 @@ void print_described(const policy_host::DescribedPolicy& said) {
     if (!input.joints.empty()) text += fmt::format(", {} joints by name", input.joints.size());
     print_line("needs", text);
   }
+  for (const std::string& note : said.notes) print_line("left open", shortened(note));
 }
 
 void print_bundle(const policy_host::LeappBundle& bundle) {
@@ -243,17 +248,15 @@ void print_bundle(const policy_host::LeappBundle& bundle) {
                                        bundle.initial_values.empty() ? "no file" : shortened(bundle.initial_values)));
   }
   if (bundle.frequency_hz) print_line("frequency", fmt::format("{} Hz", *bundle.frequency_hz));
-  for (const std::string& note : bundle.notes) print_line("left open", shortened(note));
 }
 
 // Everything that the policy host would say of it, and what each input would be bound to.
 int check_bundle_for_robot(const PolicyCheckOptions& options, const policy_host::DescribedPolicy& said) {
   const auto robot = load_policys_robot(options);
   if (!robot) return refuse(robot.error().exit_code, robot.error().sentence);
-  const auto policy = policy_host::load_robot_policy(*robot);
-  if (!policy) return refuse(config::kExitBadConfiguration, policy.error());
-  if (const auto fits = policy_host::check_fit(*robot, **policy); !fits)
-    return refuse(config::kExitBadConfiguration, fits.error());
+  const auto policy = load_for_robot(*robot);
+  if (!policy) return refuse(policy.error().exit_code, policy.error().sentence);
+  print_line("engine", (*policy)->description());
   for (const std::string& line : policy_host::binding_lines(said, *robot)) print_line("bound", line);
   print_line("fits",
              fmt::format("{}: {} values in, {} out", robot->robot, (*policy)->input_size(), (*policy)->output_size()));
@@ -269,7 +272,7 @@ int check_bundle(const PolicyCheckOptions& options) {
   }
   fmt::print("{}: LEAPP bundle, configuration version {}\n", file, shortened(bundle->version));
   for (const policy_host::LeappNode& node : bundle->nodes) {
-    const auto fine = check_model_file(file, node);
+    const auto fine = check_model_file(options, node);
     if (!fine) return refuse(fine.error().exit_code, fine.error().sentence);
   }
   print_bundle(*bundle);

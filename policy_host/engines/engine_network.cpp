@@ -17,12 +17,21 @@ using onnx_engine::TensorInfo;
 
 class PluginNetwork final : public Network {
  public:
-  PluginNetwork(EngineNetwork network, std::vector<TensorInfo> inputs, std::vector<TensorInfo> outputs)
-      : network_(std::move(network)), inputs_(std::move(inputs)), outputs_(std::move(outputs)) {}
+  PluginNetwork(EngineNetwork network, std::vector<TensorInfo> inputs, std::vector<TensorInfo> outputs,
+                FileReading reading)
+      : network_(std::move(network)),
+        inputs_(std::move(inputs)),
+        outputs_(std::move(outputs)),
+        reading_(std::move(reading)) {
+    if (network_.keeps_state()) reading_ = {};
+  }
 
   [[nodiscard]] std::span<const TensorInfo> inputs() const override { return inputs_; }
   [[nodiscard]] std::span<const TensorInfo> outputs() const override { return outputs_; }
-  [[nodiscard]] std::string description() const override { return network_.description(); }
+  [[nodiscard]] std::span<const std::string> lost_states() const override { return reading_.lost_states; }
+  [[nodiscard]] std::string description() const override {
+    return reading_.note.empty() ? network_.description() : network_.description() + "; " + reading_.note;
+  }
   [[nodiscard]] bool keeps_state() const override { return network_.keeps_state(); }
   void forget() override { network_.reset(); }
   std::span<float> input(std::size_t i) override {
@@ -40,6 +49,7 @@ class PluginNetwork final : public Network {
  private:
   EngineNetwork network_;
   std::vector<TensorInfo> inputs_, outputs_;
+  FileReading reading_;
 };
 
 std::vector<TensorInfo> infos_of(std::span<const takt_engine_tensor> tensors) {
@@ -69,7 +79,8 @@ std::expected<void, std::string> name_by_order(std::span<const TensorInfo> input
 
 std::expected<std::unique_ptr<Network>, std::string> load_engine_network(const std::string& plugin,
                                                                          const config::RobotConfig& robot,
-                                                                         const std::filesystem::path& file) {
+                                                                         const std::filesystem::path& file,
+                                                                         FileReading reading) {
   auto network = open_network(plugin, robot, file);
   if (!network) return std::unexpected(network.error());
   std::vector<TensorInfo> inputs = infos_of(network->inputs());
@@ -77,7 +88,8 @@ std::expected<std::unique_ptr<Network>, std::string> load_engine_network(const s
   if (std::ranges::all_of(outputs, [](const TensorInfo& output) { return output.name.empty(); }))
     if (const auto named = name_by_order(inputs, outputs, robot.policy->output, file.string()); !named)
       return std::unexpected(named.error());
-  return std::make_unique<PluginNetwork>(*std::move(network), std::move(inputs), std::move(outputs));
+  return std::make_unique<PluginNetwork>(*std::move(network), std::move(inputs), std::move(outputs),
+                                         std::move(reading));
 }
 
 }  // namespace takt::policy_host

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <utility>
 
 #include "policy_host/assemble_policy.hpp"
 #include "policy_host/engines/engine_network.hpp"
@@ -29,13 +30,37 @@ constexpr std::uint64_t kMostMatrixWork = 1'000'000;
 
 using Loaded = std::expected<std::unique_ptr<Network>, std::string>;
 
+std::expected<std::string, std::string> plugin_of(const std::string& name) {
+  if (name.contains('/')) return name;
+  std::string plugin = plugin_beside(name);
+  if (fs::exists(plugin)) return plugin;
+  return std::unexpected(
+      fmt::format("policy.engine {}: {} is not there; install the package takt-engine-{}", name, plugin, name));
+}
+
+FileReading reading_of(const onnx_engine::Model& model) {
+  const auto lost = model.lost_states();
+  return {{lost.begin(), lost.end()}, ""};
+}
+
+// What a plugin that reads ONNX would not say: `reading`, and whether the policy's hash covers all of the weights.
+Loaded load_onnx_by_plugin(const std::string& name, const config::RobotConfig& robot, const fs::path& file,
+                           FileReading reading) {
+  const auto plugin = plugin_of(name);
+  if (!plugin) return std::unexpected(plugin.error());
+  if (const auto covered = onnx_engine::check_external_data(file); !covered) return std::unexpected(covered.error());
+  return load_engine_network(*plugin, robot, file, std::move(reading));
+}
+
 Loaded load_by_plugin(const std::string& name, const config::RobotConfig& robot, const fs::path& file) {
-  if (name.contains('/')) return load_engine_network(name, robot, file);
-  const std::string plugin = plugin_beside(name);
-  if (!fs::exists(plugin))
-    return std::unexpected(
-        fmt::format("policy.engine {}: {} is not there; install the package takt-engine-{}", name, plugin, name));
-  return load_engine_network(plugin, robot, file);
+  if (name == "onnxruntime" || file.extension() == ".onnx") {
+    const auto model = onnx_engine::load(file);
+    return load_onnx_by_plugin(name, robot, file,
+                               model ? reading_of(*model) : FileReading{{}, "state not looked into"});
+  }
+  const auto plugin = plugin_of(name);
+  if (!plugin) return std::unexpected(plugin.error());
+  return load_engine_network(*plugin, robot, file, {});
 }
 
 Loaded load_builtin(const config::Engine& engine, const fs::path& file) {
@@ -51,7 +76,7 @@ Loaded load_by_the_quicker(const config::RobotConfig& robot, const fs::path& fil
   auto model = onnx_engine::load(file);
   if (!model) return std::unexpected(model.error());
   if (!is_quicker_elsewhere(*model)) return make_onnx_network(*std::move(model));
-  auto handed_over = load_by_plugin("onnxruntime", robot, file);
+  auto handed_over = load_onnx_by_plugin("onnxruntime", robot, file, reading_of(*model));
   if (handed_over) return handed_over;
   return std::unexpected(
       fmt::format("{}: {}, which ONNX Runtime does quicker; {}; or run it slower, by policy.engine: "

@@ -1,6 +1,8 @@
 #include "policy_host/onnx/external_data.hpp"
 
 #include <fmt/format.h>
+#include <google/protobuf/message.h>
+#include <google/protobuf/unknown_field_set.h>
 #include <onnx/onnx_pb.h>
 
 #include <algorithm>
@@ -108,7 +110,74 @@ class Files {
   std::vector<ExternalFile> read_;
 };
 
+constexpr int kFunctionAttributes = 11;  // FunctionProto.attribute_proto, which libonnx has since 1.13
+
+class Vetting {
+ public:
+  explicit Vetting(const fs::path& model_file) : model_file_(model_file) {}
+
+  // Protobuf's own limit on nesting bounds the recursion.
+  void vet(const google::protobuf::Message& message) const {  // NOLINT(misc-no-recursion)
+    if (const auto* const tensor = dynamic_cast<const onnx::TensorProto*>(&message)) return vet_tensor(*tensor);
+    if (const auto* const node = dynamic_cast<const onnx::NodeProto*>(&message)) vet_node(*node);
+    const google::protobuf::Reflection& fields = *message.GetReflection();
+    std::vector<const google::protobuf::FieldDescriptor*> set;
+    fields.ListFields(message, &set);
+    for (const google::protobuf::FieldDescriptor* const field : set) {
+      if (field->cpp_type() != google::protobuf::FieldDescriptor::CPPTYPE_MESSAGE) continue;
+      if (!field->is_repeated()) {
+        vet(fields.GetMessage(message, field));
+        continue;
+      }
+      for (int i = 0; i < fields.FieldSize(message, field); ++i) vet(fields.GetRepeatedMessage(message, field, i));
+    }
+    if (dynamic_cast<const onnx::FunctionProto*>(&message) != nullptr) vet_defaults(fields.GetUnknownFields(message));
+  }
+
+ private:
+  void vet_tensor(const onnx::TensorProto& tensor) const {
+    if (tensor.data_location() != onnx::TensorProto_DataLocation_EXTERNAL) return;
+    const std::string where = fmt::format("tensor '{}'", tensor.name());
+    bool located = false;
+    for (const auto& entry : tensor.external_data()) {
+      if (entry.key() != "location") continue;
+      (void)vetted_path(model_file_, entry.value(), where);
+      located = true;
+    }
+    if (!located) throw Refusal(where + " keeps its data in a file that it does not name");
+  }
+
+  // ONNX Runtime's node around what a provider compiled, in this file or in another.
+  static void vet_node(const onnx::NodeProto& node) {
+    if (node.op_type() != "EPContext") return;
+    for (const onnx::AttributeProto& attribute : node.attribute())
+      if (attribute.name() == "embed_mode" && attribute.i() == 0)
+        throw Refusal(fmt::format(
+            "EPContext node '{}' keeps what it runs in a file of its own, which the policy's hash does not cover: "
+            "export it with embed_mode 1",
+            node.name()));
+  }
+
+  void vet_defaults(const google::protobuf::UnknownFieldSet& fields) const {  // NOLINT(misc-no-recursion)
+    for (int i = 0; i < fields.field_count(); ++i) {
+      const google::protobuf::UnknownField& field = fields.field(i);
+      if (field.number() != kFunctionAttributes) continue;
+      onnx::AttributeProto attribute;
+      if (field.type() != google::protobuf::UnknownField::TYPE_LENGTH_DELIMITED ||
+          !attribute.ParseFromString(field.length_delimited()))
+        throw Refusal("a function's attributes cannot be read");
+      vet(attribute);
+    }
+  }
+
+  fs::path model_file_;
+};
+
 }  // namespace
+
+void vet_external_data(const onnx::ModelProto& model, const std::filesystem::path& model_file) {
+  Vetting(model_file).vet(model);
+}
 
 std::vector<ExternalFile> bring_in_external_data(onnx::ModelProto& model, const std::filesystem::path& model_file) {
   Files files(model_file);

@@ -18,4 +18,8 @@ namespace takt::onnx_engine {
 // set-up only.
 std::vector<ExternalFile> bring_in_external_data(onnx::ModelProto& model, const std::filesystem::path& model_file);
 
+// For engines that bring it in themselves. Throws Refusal unless every location of a tensor, wherever in the model it
+// stands (graphs within nodes, attributes, functions), is such a file. What is in these files is not looked at.
+void vet_external_data(const onnx::ModelProto& model, const std::filesystem::path& model_file);
+
 }  // namespace takt::onnx_engine

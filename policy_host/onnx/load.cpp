@@ -242,12 +242,30 @@ std::expected<Model, std::string> load(const std::filesystem::path& file) {
   return load_from(std::as_bytes(std::span(*bytes)), file.string(), &file);
 }
 
-std::expected<Metadata, std::string> read_metadata(const std::filesystem::path& file) {
+namespace {
+
+std::expected<void, std::string> parse_file(const std::filesystem::path& file, onnx::ModelProto& model) {
   const auto bytes = bytes_of(file);
   if (!bytes) return std::unexpected(bytes.error());
+  return parse(std::as_bytes(std::span(*bytes)), file.string(), model);
+}
+
+}  // namespace
+
+std::expected<void, std::string> check_external_data(const std::filesystem::path& file) {
   onnx::ModelProto model;
-  if (const auto parsed = parse(std::as_bytes(std::span(*bytes)), file.string(), model); !parsed)
-    return std::unexpected(parsed.error());
+  if (auto parsed = parse_file(file, model); !parsed) return parsed;
+  try {
+    vet_external_data(model, file);
+  } catch (const Refusal& refusal) {
+    return std::unexpected(one_line(file.string(), refusal.what()));
+  }
+  return {};
+}
+
+std::expected<Metadata, std::string> read_metadata(const std::filesystem::path& file) {
+  onnx::ModelProto model;
+  if (const auto parsed = parse_file(file, model); !parsed) return std::unexpected(parsed.error());
   return metadata_of(model);
 }
 

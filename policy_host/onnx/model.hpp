@@ -90,6 +90,10 @@ std::expected<Model, std::string> load(const std::filesystem::path& file);
 // The same from memory; `name` stands for the file in error messages.
 std::expected<Model, std::string> load(std::span<const std::byte> bytes, std::string_view name);
 
+// Of a file that another engine is to run: an error unless all its weights lie in files that the policy's hash covers
+// (config::policy_files).
+std::expected<void, std::string> check_external_data(const std::filesystem::path& file);
+
 // metadata_props alone, of a file that another engine runs.
 std::expected<Metadata, std::string> read_metadata(const std::filesystem::path& file);
 

@@ -70,6 +70,20 @@ TEST_F(PolicyCli, CheckReadsALeappBundleAndItsModelsHash) {
   EXPECT_EQ(fine.exit_code, 0) << fine.output;
   EXPECT_NE(fine.output.find("obs [1,3], state/vector3d"), std::string::npos) << fine.output;
   EXPECT_NE(fine.output.find("sha256 as in the bundle"), std::string::npos) << fine.output;
+  EXPECT_EQ(fine.output.find("left open "), std::string::npos) << fine.output;
+  // What the file leaves open is said: which of a command's values is which.
+  const Ended open = shell("sed -i s,state/vector3d,command/body/velocity, " + in("reach.yaml") +
+                           " && " TAKT_BIN_DIR "/takt policy check " + in("reach.yaml"));
+  EXPECT_EQ(open.exit_code, 0) << open.output;
+  EXPECT_NE(open.output.find("left open      obs: no names for 3 values"), std::string::npos) << open.output;
+  // With a robot the bundle is loaded by the engine that the robot file names.
+  const Ended robot = shell("cp config/arm6.yaml " + in("robot.yaml") +
+                            " && sed -i 's,^policy:$,policy:\\n  engine: "
+                            "{ name: /nowhere/engine.so },' " +
+                            in("robot.yaml") + " && " TAKT_BIN_DIR "/takt policy check " + in("reach.yaml") +
+                            " --robot " + in("robot.yaml"));
+  EXPECT_EQ(robot.exit_code, 65) << robot.output;
+  EXPECT_NE(robot.output.find("/nowhere/engine.so: cannot be loaded"), std::string::npos) << robot.output;
   bundle(std::string(64, '0'));
   const Ended other = takt("policy check " + in("reach.yaml"));
   EXPECT_EQ(other.exit_code, 65) << other.output;

@@ -152,6 +152,64 @@ TEST_F(ExternalData, IsReadFromNoFileThatThePolicysHashDoesNotCover) {
   expect_sentence(refusal("policy.onnx_data"), {"no file"});
 }
 
+// Of a file that another engine runs, which brings in weights from wherever a tensor stands.
+TEST_F(ExternalData, IsVettedWhereverATensorStands) {
+  const auto outside = [](onnx::TensorProto& tensor, const std::string& location = "weights.bin") {
+    tensor.set_name("hidden away");
+    tensor.set_data_location(onnx::TensorProto_DataLocation_EXTERNAL);
+    auto& entry = *tensor.add_external_data();
+    entry.set_key("location");
+    entry.set_value(location);
+  };
+  const auto said = [this](const GraphMaker& maker) {
+    write(folder_ / "policy.onnx", maker.model.SerializeAsString());
+    const auto fine = check_external_data(folder_ / "policy.onnx");
+    return fine ? std::string() : fine.error();
+  };
+  const std::vector<std::string> parts{"tensor 'hidden away' keeps its data in 'weights.bin'", "hash covers"};
+  EXPECT_EQ(said(small_policy()), "");
+
+  GraphMaker initializer = small_policy();
+  outside(weights(initializer));
+  expect_sentence(said(initializer), parts);
+  GraphMaker sparse = small_policy();
+  outside(*sparse.graph().add_sparse_initializer()->mutable_values());
+  expect_sentence(said(sparse), parts);
+  GraphMaker constant = small_policy();
+  outside(*constant.graph().mutable_node(1)->add_attribute()->mutable_t());
+  expect_sentence(said(constant), parts);
+  GraphMaker list = small_policy();
+  outside(*list.graph().mutable_node(1)->add_attribute()->add_tensors());
+  expect_sentence(said(list), parts);
+  GraphMaker branch = small_policy();
+  auto& inner = *branch.graph().mutable_node(1)->add_attribute()->mutable_g();
+  outside(*inner.add_node()->add_attribute()->mutable_g()->add_initializer());
+  expect_sentence(said(branch), parts);
+  GraphMaker function = small_policy();
+  outside(*function.model.add_functions()->add_node()->add_attribute()->mutable_t());
+  expect_sentence(said(function), parts);
+  GraphMaker defaults = small_policy();  // of a function's attribute, which libonnx reads since 1.13
+  onnx::AttributeProto attribute;
+  outside(*attribute.mutable_t());
+  auto& called = *defaults.model.add_functions();
+  *called.GetReflection()->MutableUnknownFields(&called)->AddLengthDelimited(11) = attribute.SerializeAsString();
+  expect_sentence(said(defaults), parts);
+
+  GraphMaker twice = small_policy();  // readers differ in which of two counts
+  outside(weights(twice), "policy.onnx.data");
+  EXPECT_EQ(said(twice), "");
+  outside(weights(twice));
+  expect_sentence(said(twice), parts);
+  GraphMaker nowhere = small_policy();
+  weights(nowhere).set_data_location(onnx::TensorProto_DataLocation_EXTERNAL);
+  expect_sentence(said(nowhere), {"tensor 'w' keeps its data in a file that it does not name"});
+  GraphMaker compiled = small_policy();
+  compiled.node("EPContext", {"obs"}, {"action"}).with("embed_mode", std::int64_t{0});
+  expect_sentence(said(compiled), {"EPContext node 'the_EPContext'", "embed_mode 1"});
+  write(folder_ / "policy.onnx", "no network");
+  EXPECT_FALSE(check_external_data(folder_ / "policy.onnx"));
+}
+
 TEST_F(ExternalData, LiesWithinItsFile) {
   expect_sentence(refusal("policy.onnx.data", "8"), {"at byte 8 of 'policy.onnx.data', which has 20 bytes"});
   expect_sentence(refusal("policy.onnx.data", "24"), {"which has 20 bytes"});
