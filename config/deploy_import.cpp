@@ -163,6 +163,8 @@ std::string header_text(const DeployFile& deploy, const ImportOptions& options) 
         "# robot; `takt config check` names those that are left.\n";
   for (const std::string& note : deploy.notes) text += fmt::format("# Not carried over: {}\n", note);
   for (const std::string& remark : deploy.remarks) text += fmt::format("# Note: {}\n", remark);
+  for (const std::string& remark : options.model ? options.model->remarks : std::vector<std::string>{})
+    text += fmt::format("# Note: {}\n", remark);
   text += fmt::format("schema: takt.robot/1\nrobot: {}\n\n", options.robot);
   if (options.simulated) {
     const SimulatedBuses buses = buses_for(deploy.robot_joint.size());
@@ -372,29 +374,44 @@ std::string policy_text(const DeployFile& deploy, const ImportOptions& options) 
       terms_text(deploy), action_text(deploy, options));
 }
 
-// The model's joints stand in the order of the robot's motors, as their maker numbers them; slots without a motor have
-// no joint.
-std::expected<std::vector<std::string>, std::string> names_in_model(const DeployFile& deploy, const ModelFacts& model) {
-  const std::size_t joints = deploy.robot_joint.size();
-  if (model.joints.size() != joints)
-    return std::unexpected(fmt::format(
-        "the model has {} hinges, the policy moves {}: take the model of the robot that it was trained for, or name "
-        "the joints with --joint-names",
-        model.joints.size(), joints));
-  std::vector<std::string> names;
-  for (const ModelJoint& joint : model.joints) names.push_back(joint.name);
-  return names;
+std::string count_problem(std::size_t in_model, std::size_t moved) {
+  if (in_model == moved) return {};
+  return fmt::format(
+      "the model has {} hinges, the policy moves {}: take the model of the robot that it was trained for, or name "
+      "the joints with --joint-names",
+      in_model, moved);
 }
 
 }  // namespace
+
+MotorOrder motor_order(const ModelFacts& model) {
+  MotorOrder order;
+  for (const ModelJoint& joint : model.joints) order.joints.push_back(joint.name);
+  if (model.motors == order.joints || model.motors.empty()) return order;
+  if (model.motors.size() != order.joints.size()) {
+    order.remark = fmt::format(
+        "motors are numbered as the model's bodies stand: {} of its {} hinges have an actuator. If the maker numbers "
+        "them otherwise, name the joints in that order with --joint-names",
+        model.motors.size(), order.joints.size());
+    return order;
+  }
+  order.joints = model.motors;
+  order.remark = fmt::format(
+      "motors are numbered as the model's actuators stand ({}, ...), not as its bodies do ({}, ...). If the maker "
+      "numbers them otherwise, name the joints in that order with --joint-names",
+      model.motors.front(), model.joints.front().name);
+  return order;
+}
 
 std::expected<std::string, std::string> import_deploy_file(const DeployFile& deploy, const ImportOptions& given) {
   ImportOptions options = given;
   const std::size_t joints = deploy.robot_joint.size();
   if (options.joint_names.empty() && options.model) {
-    auto names = names_in_model(deploy, *options.model);
-    if (!names) return std::unexpected(names.error());
-    options.joint_names = std::move(*names);
+    if (const auto problem = count_problem(options.model->joints.size(), joints); !problem.empty())
+      return std::unexpected(problem);
+    MotorOrder order = motor_order(*options.model);
+    options.joint_names = std::move(order.joints);
+    if (!order.remark.empty()) options.model->remarks.push_back(std::move(order.remark));
   }
   const std::vector<std::string>& names = options.joint_names;
   if (!names.empty() && names.size() != joints)

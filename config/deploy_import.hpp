@@ -24,6 +24,15 @@ struct ImportOptions {
   bool simulated = false;                // needs `model`
 };
 
+// The order in which a robot's maker numbers its motors, as far as its model tells: that of the actuators where each
+// hinge has one, else that of the bodies. Unitree's quadrupeds have the left legs' bodies and the right legs' motors
+// first.
+struct MotorOrder {
+  std::vector<std::string> joints;
+  std::string remark;  // one sentence where the two differ, or where only some hinges have an actuator; else empty
+};
+MotorOrder motor_order(const ModelFacts& model);
+
 // Text of the robot file; the error is one sentence about the options.
 std::expected<std::string, std::string> import_deploy_file(const DeployFile& deploy, const ImportOptions& options);
 

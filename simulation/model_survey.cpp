@@ -55,6 +55,18 @@ std::optional<double> actuator_torque(const mjModel& model, int joint) {
   return std::nullopt;
 }
 
+std::vector<std::string> motors_of(const mjModel& model) {
+  std::vector<std::string> motors;
+  for (int i = 0; i < model.nu; ++i) {
+    const int joint = model.actuator_trnid[std::ptrdiff_t{2} * i];
+    const int kind = model.actuator_trntype[i];
+    if ((kind != mjTRN_JOINT && kind != mjTRN_JOINTINPARENT) || model.jnt_type[joint] != mjJNT_HINGE) continue;
+    const std::string name = name_of(model, mjOBJ_JOINT, joint);
+    if (std::ranges::find(motors, name) == motors.end()) motors.push_back(name);
+  }
+  return motors;
+}
+
 double effective_inertia(const mjModel& model, mjData& data, int joint) {
   std::vector<mjtNum> torque(static_cast<std::size_t>(model.nv), 0.0), answer(static_cast<std::size_t>(model.nv));
   const int dof = model.jnt_dofadr[joint];
@@ -123,6 +135,7 @@ std::expected<config::ModelFacts, std::string> survey_model(const std::string& p
   config::ModelFacts facts;
   for (int id = 0; id < model.njnt; ++id)
     if (model.jnt_type[id] == mjJNT_HINGE) facts.joints.push_back(joint_of(model, *data, id));
+  facts.motors = motors_of(model);
   if (facts.joints.empty()) return std::unexpected(path + ": has no hinge that a drive could move");
   if (text->find("<robot") != std::string::npos) read_urdf_limits(*text, facts.joints);
   if (keyframe >= 0) facts.keyframe = name_of(model, mjOBJ_KEY, keyframe);

@@ -125,6 +125,10 @@ int import(Given given) {
   if (!deploy) return refuse(config::kExitBadConfiguration, deploy.error());
   if (!given.period.empty())
     if (const auto added = add_period(given.period, *deploy); !added) return refuse(kExitUsage, added.error());
+  std::vector<std::string> remarks = deploy->remarks;
+  if (model) remarks.insert(remarks.end(), model->remarks.begin(), model->remarks.end());
+  if (model && given.joint_names.empty())
+    if (const auto order = config::motor_order(*model); !order.remark.empty()) remarks.push_back(order.remark);
   const auto robot = config::import_deploy_file(*deploy, {.robot = given.robot,
                                                           .policy_file = path_from(given.out, given.policy_file),
                                                           .joint_names = given.joint_names,
@@ -143,7 +147,7 @@ int import(Given given) {
     return refuse(kExitFailed, fmt::format("{} cannot be written; is its disk full? choose another -o", given.out));
   }
   for (const std::string& note : deploy->notes) fmt::print(stderr, "not carried over: {}\n", note);
-  for (const std::string& remark : deploy->remarks) fmt::print(stderr, "note: {}\n", remark);
+  for (const std::string& remark : remarks) fmt::print(stderr, "note: {}\n", remark);
   fmt::print("{}: {} joints, {} observation terms; {} to replace, then: takt config check {}\n", given.out,
              deploy->robot_joint.size(), deploy->terms.size(), unfilled_in(*robot), given.out);
   return kExitOk;

@@ -4,7 +4,9 @@ Method: `takt config import`, then every FILL_IN that it leaves is written by th
 the file, and the robot has to do its task in virtual time, through drives, executive and policy.
 - Unitree's G1 by its published policy (where ../shared has them) walks;
 - the same robot with every body, joint, site and actuator renamed, its limbs in another order, motor slots with gaps between them: it walks;
-- a quadruped and an arm of our own (tests/cli/robots), with another exporter's metadata: the one stands, the other tracks.
+- a quadruped of our own (tests/cli/robots) whose left legs' bodies and right legs' actuators come first, as on Unitree's, in a pose of which no two joints are
+  alike: each of its motors has its own joint's angle and gains, and it stands;
+- an arm of our own with another exporter's metadata tracks.
 Usage: first_robot_test.py SOURCE_DIR BIN_DIR. Exit codes: 0 fine, 1 not.
 """
 import json
@@ -117,7 +119,7 @@ def renamed_robot(model, deploy_file, folder):
         body.extend(reversed(parts))
     actuator = root.find("actuator")
     actuator[:] = sorted(actuator, key=lambda motor: motor.get("joint")[::-1])
-    order = [before.index(name) for name in hinges(root)]
+    order = [before.index(motor.get("joint")) for motor in actuator]  # of the motors: as the published robot's joints and motors stand alike
     names = {}
     for element in root.iter():
         for key in ("name", "joint", "joint1", "joint2", "body1", "body2", "site", "objname", "class", "childclass"):
@@ -136,15 +138,23 @@ def renamed_robot(model, deploy_file, folder):
     return folder / "renamed.xml", folder / "renamed.deploy.yaml"
 
 
+QUADRUPED_LEGS = ("lf", "rf", "lh", "rh")  # as the policy has them
+QUADRUPED_MOTORS = ("rf", "lf", "rh", "lh")
+QUADRUPED_POSE = {"abduct": (0.06, -0.05, 0.04, -0.03), "swing": (0.75, 0.7, 0.8, 0.78), "bend": (-1.5, -1.4, -1.55, -1.45)}  # rad, by QUADRUPED_LEGS
+
+
 def quadruped_deploy():
-    """As Isaac Lab writes it: the policy's joints by kind, the robot's by leg."""
-    legs, ones = 4, [1.0] * 12
-    pose = [0.0] * legs + [0.75] * legs + [-1.5] * legs
+    """As Isaac Lab writes it: the policy's joints by kind, the robot's by leg, and the right legs' motors first."""
+    ones = [1.0] * 12
+    pose = [angle for angles in QUADRUPED_POSE.values() for angle in angles]
+    slots = [3 * QUADRUPED_MOTORS.index(leg) + kind for kind in range(3) for leg in QUADRUPED_LEGS]
+    assert slots[:4] == [3, 0, 9, 6], "as on the Go2"
+    stiffness = [60.0 + slot for slot in range(12)]
     observation = {name: {"params": {}, "clip": None, "history_length": 1, "scale": [scale] * count} for name, scale, count in (
         ("base_ang_vel", 0.2, 3), ("projected_gravity", 1.0, 3), ("velocity_commands", 1.0, 3), ("joint_pos_rel", 1.0, 12), ("joint_vel_rel", 0.05, 12),
         ("last_action", 1.0, 12))}
     ranges = {"lin_vel_x": [-1.0, 1.0], "lin_vel_y": [-0.4, 0.4], "ang_vel_z": [-1.0, 1.0], "heading": None}
-    return {"joint_ids_map": [3 * leg + kind for kind in range(3) for leg in range(legs)], "step_dt": 0.02, "stiffness": [60.0] * 12, "damping": [2.0] * 12,
+    return {"joint_ids_map": slots, "step_dt": 0.02, "stiffness": stiffness, "damping": [2.0] * 12,
             "default_joint_pos": pose, "commands": {"base_velocity": {"ranges": ranges}},
             "actions": {"JointPositionAction": {"clip": None, "joint_names": [".*"], "scale": [0.25 * one for one in ones], "offset": list(pose), "joint_ids": None}},
             "observations": observation}
@@ -173,6 +183,14 @@ def quadruped(source, folder, programs):
     write_policy(folder / "stand.onnx", np.zeros((12, 45)), np.zeros(12))
     (folder / "deploy.yaml").write_text(yaml.safe_dump(quadruped_deploy(), sort_keys=False))
     robot.imported(folder / "deploy.yaml", "--policy", folder / "stand.onnx", "--model", source / "tests/cli/robots/quadruped.xml")
+    joints = {joint["name"]: joint for joint in yaml.safe_load(robot.file.read_text())["joints"]}
+    for kind, name in enumerate(QUADRUPED_POSE):
+        for leg, angle in zip(QUADRUPED_LEGS, QUADRUPED_POSE[name]):
+            joint, stiffness = joints[f"{leg}_{name}"], 60 + 3 * QUADRUPED_MOTORS.index(leg) + kind
+            if (joint["home"], joint["gains"]["kp"]) != (f"{angle:g} rad", f"{stiffness} Nm/rad"):
+                raise AssertionError(f"quadruped: {leg}_{name} was given {joint['home']} and {joint['gains']['kp']}, {angle} rad and {stiffness} are its own")
+    if "motors are numbered as the model's actuators stand (rf_abduct, ...), not as its bodies do (lf_abduct, ...)" not in robot.file.read_text():
+        raise AssertionError("quadruped: the import does not say which order it took")
     robot.walks(0)
     robot.report("stands")
 

@@ -4,12 +4,14 @@
 #include "config/deploy_import.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
 #include <fstream>
 #include <map>
 #include <regex>
+#include <set>
 
 #include "config/load.hpp"
 #include "config/observation_shape.hpp"
@@ -176,6 +178,43 @@ TEST(DeployImport, SlotsThatAreFreeAreLeftOut) {
   EXPECT_EQ(by_slot->stiffness, by_joint->stiffness);
 }
 
+// Goal: Unitree's 23-joint G1 loads. Method: its joint map in full, which leaves slots of the 29-joint one free: waist
+// roll and pitch (13, 14), wrist pitch and yaw of both arms (20, 21, 27, 28); gains of all 29 slots, those of the free
+// ones 0, and of the 23 joints alone.
+TEST(DeployImport, ATwentyThreeJointHumanoidWithGapsInItsMap) {
+  const std::vector<std::size_t> map{0, 6, 12, 1, 7, 15, 22, 2, 8, 16, 23, 3, 9, 17, 24, 4, 10, 18, 25, 5, 11, 19, 26};
+  const std::set<std::size_t> used(map.begin(), map.end());
+  ASSERT_EQ(used.size(), 23U);
+  std::vector<double> pose, by_slot, by_joint;
+  for (std::size_t k = 0; k < map.size(); ++k) pose.push_back(0.01 * static_cast<double>(k));
+  for (std::size_t slot = 0; slot < 29; ++slot)
+    by_slot.push_back(used.contains(slot) ? 100 + static_cast<double>(slot) : 0);
+  for (const std::size_t slot : used) by_joint.push_back(100 + static_cast<double>(slot));
+  const auto text = [&](const std::vector<double>& gains) {
+    const std::vector<double> ones(23, 1.0);
+    return fmt::format(
+        "joint_ids_map: [{}]\nstep_dt: 0.02\nstiffness: [{}]\ndamping: [{}]\ndefault_joint_pos: [{}]\n"
+        "actions:\n  JointPositionAction: {{ clip: null, scale: [{}], offset: [{}] }}\n"
+        "observations:\n  joint_pos_rel: {{ clip: null, scale: [{}], history_length: 5 }}\n",
+        fmt::join(map, ", "), fmt::join(gains, ", "), fmt::join(std::vector<double>(gains.size(), 2.0), ", "),
+        fmt::join(pose, ", "), fmt::join(ones, ", "), fmt::join(pose, ", "), fmt::join(ones, ", "));
+  };
+  std::vector<std::string> names;
+  for (const std::size_t slot : used) names.push_back(fmt::format("motor_{}", slot));
+  for (const std::vector<double>& gains : {by_slot, by_joint}) {
+    const auto robot = parse(filled_in(import(text(gains), names)), "r");
+    ASSERT_TRUE(robot) << robot.error();
+    ASSERT_EQ(robot->joints.size(), 23U);
+    for (std::size_t k = 0; k < map.size(); ++k) {
+      const Joint& joint = robot->joints[robot->policy->joint_order[k]];
+      EXPECT_EQ(joint.name, fmt::format("motor_{}", map[k])) << "the policy's joint " << k;
+      EXPECT_EQ(joint.kp, 100 + static_cast<double>(map[k]));
+      EXPECT_EQ(joint.home, pose[k]);
+    }
+    EXPECT_EQ(outputs_per_step(*robot), 23U);
+  }
+}
+
 ModelFacts two_hinges() {
   ModelFacts model;
   model.joints = {{.name = "hip", .position = {{-1, 2}}, .velocity = 20, .torque = 88, .inertia = 0.1},
@@ -221,6 +260,35 @@ TEST(DeployImport, AModelLeavesTheHardwareOfARealRobotOpen) {
   for (const char* key : {"joints[1].drive.id", "joints[0].drive.protocol", "freshness.max_age"})
     EXPECT_NE(open.find(std::string(key) + ": is still FILL_IN"), std::string::npos) << open;
   EXPECT_EQ(open.find("inertia"), std::string::npos) << open;
+}
+
+// Goal: slots are motors, and makers number motors as the model's actuators stand. Method: actuators in another order
+// than the bodies, in the same one, and for one hinge alone; what differs is said.
+TEST(DeployImport, MotorsAreNumberedAsTheActuatorsStand) {
+  ModelFacts model = two_hinges();
+  model.motors = {"knee", "hip"};
+  const auto crossed = import_with(model, true);
+  ASSERT_TRUE(crossed) << crossed.error();
+  const auto robot = parse(*crossed, "r");
+  ASSERT_TRUE(robot) << robot.error();
+  EXPECT_EQ(robot->joints[0].name, "knee") << "slot 0";
+  EXPECT_EQ(robot->joints[0].kp, 100) << "gains stand by slot";
+  EXPECT_EQ(robot->joints[0].limits.torque, 139) << "the model's facts go with the name";
+  EXPECT_EQ(robot->joints[0].home, 0.3) << "the policy's second joint has slot 0";
+  EXPECT_NE(crossed->find("# Note: motors are numbered as the model's actuators stand (knee, ...), not as its bodies "
+                          "do (hip, ...)"),
+            std::string::npos)
+      << *crossed;
+  model.motors = {"hip", "knee"};
+  const std::string same = import_with(model, true).value();
+  EXPECT_EQ(same, import_with(two_hinges(), true).value()) << "a model without actuators says as much";
+  EXPECT_EQ(same.find("# Note"), std::string::npos);
+  model.motors = {"knee"};
+  const std::string partly = import_with(model, true).value();
+  EXPECT_EQ(parse(partly, "r")->joints[0].name, "hip");
+  EXPECT_NE(partly.find("# Note: motors are numbered as the model's bodies stand: 1 of its 2 hinges have an actuator"),
+            std::string::npos)
+      << partly;
 }
 
 TEST(DeployImport, AModelOfAnotherRobotIsRefused) {

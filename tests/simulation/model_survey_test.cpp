@@ -51,6 +51,7 @@ TEST_F(ModelSurveyTest, ReadsWhatAnMjcfSays) {
   EXPECT_EQ(facts->joints[1].torque, 30) << "a motor's range by its gear";
   EXPECT_EQ(facts->joints[2].torque, 50) << "a servo's range is an angle; its force counts";
   EXPECT_FALSE(facts->joints[2].position);
+  EXPECT_EQ(facts->motors, (std::vector<std::string>{"knee", "ankle"})) << "as the actuators stand";
   EXPECT_EQ(facts->imu_site, "nose") << "where the gyro is";
   EXPECT_EQ(facts->keyframe, "home");
 }
