@@ -46,6 +46,7 @@ class OpenPiServer:
 
     async def _converse(self, peer, _path=None):
         self.connections += 1
+        self.headers = peer.request.headers if hasattr(peer, "request") else peer.request_headers  # from websockets 13 on, before
         try:
             if self.metadata is not None:
                 await peer.send(self.metadata)

@@ -3,6 +3,7 @@
 never with another's; and once the server behaves, it answers again. Method: servers of one misbehaviour each, openpi's with
 python3-websockets and GR00T's with python3-zmq; a good answer repeats the question's number in every value. Exit code 77: those are not installed.
 """
+import inspect
 import pathlib
 import socket
 import sys
@@ -164,6 +165,26 @@ class OpenPi(Asking):
         for more in range(50):
             self.assertIsNotNone(self.ask(client, number + more))
         self.assertEqual(client.metadata, {"reset": None})
+
+    def test_the_key_is_sent_by_the_client_of_any_version(self):
+        """A stand-in for `connect` with the signature of each of the library's two clients, over the one that is installed."""
+        real = websockets.connect
+        ours = "additional_headers" if "additional_headers" in inspect.signature(real).parameters else "extra_headers"
+
+        def until_13(uri, *, compression="deflate", extra_headers=None, open_timeout=10, ping_interval=20, close_timeout=10, max_size=2**20, max_queue=2**5):
+            return real(uri, compression=compression, open_timeout=open_timeout, ping_interval=ping_interval, close_timeout=close_timeout, max_size=max_size,
+                        max_queue=max_queue, **{ours: extra_headers})
+
+        def from_14(uri, *, compression="deflate", additional_headers=None, proxy=True, open_timeout=10, ping_interval=20, close_timeout=10, max_size=2**20,
+                    max_queue=16):
+            return until_13(uri, compression=compression, extra_headers=additional_headers, open_timeout=open_timeout, ping_interval=ping_interval,
+                            close_timeout=close_timeout, max_size=max_size, max_queue=max_queue)
+        for connect in (until_13, from_14):
+            with self.subTest(connect.__name__), mock.patch("websockets.connect", connect):
+                server = OpenPiServer()
+                client = self.open(server, api_key="secret")
+                self.until(client, self.good)
+                self.assertEqual(server.headers["Authorization"], "Api-Key secret")
 
     def misbehaves(self, behaves, *said):
         """Twice misbehaviour, told as `said`; then a server that behaves is believed again."""
@@ -402,7 +423,7 @@ class OpenPi(Asking):
         client = self.open(OpenPiServer(too_many_and_deaf))
         self.until(client, self.good)
         end = time.monotonic() + PATIENCE_S
-        while client._socket is not None and client._socket.state == websockets.legacy.protocol.State.OPEN:
+        while client._socket is not None and client._socket.state.name == "OPEN":
             self.assertLess(time.monotonic(), end)
             time.sleep(0.001)
         closing = threading.Thread(target=client.close, daemon=True)

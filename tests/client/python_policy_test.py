@@ -242,6 +242,41 @@ takt.Sensor("target", "robot.yaml", shape=4, runtime_dir="sensors")
         for said in ("publish: the shape is (2,), the sensor's (3,)", "the stamp is after now", "sensor-target.sock", "sensor target: it is closed"):
             self.assertIn(said, done.stdout)
 
+    def test_a_sensor_refuses_values_that_its_type_cannot_hold(self):
+        """What is refused leaves the memory of the next sample as it was; what fits is taken, whatever type it comes in."""
+        self.robot(lambda text: text.replace("sensors:\n", "sensors:\n  - { name: cam0, image: { height: 2, width: 2, channels: 1 }, timeout: 5 s }\n"))
+        self.policy("""
+import numpy as np
+import takt
+def publish(sensor, values):
+    before = sensor.values.copy()
+    try:
+        sensor.publish(values)
+    except takt.Refused as refused:
+        assert refused.exit_code == 64 and np.array_equal(sensor.values, before), "written to"
+        print(refused)
+    else:
+        print("taken")
+with takt.Sensor("cam0", "robot.yaml", shape=(2, 2, 1), dtype="uint8", runtime_dir="sensors") as camera:
+    image = np.full((2, 2, 1), 0.5)
+    for values in (image, image.astype(np.float32), image > 0, 300 * (image > 0), (300 * (image > 0)).astype(np.uint16), -1 * (image > 0),
+                   255 * (image > 0), [[[0], [1]], [[2], [3]]], [[[0], [1]], [[2], [2**70]]], image.astype(complex), image.astype(str)):
+        publish(camera, values)
+with takt.Sensor("target", "robot.yaml", shape=3, runtime_dir="sensors") as target:
+    for values in (np.zeros(3), np.zeros(3, int), [1, 2, 3], np.zeros(3, complex), ["1", "2", "3"], [1, 2, None]):
+        publish(target, values)
+""")
+        done = self.command("./policy.py")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        of_camera, of_target = "sensor cam0: publish: ", "sensor target: publish: "
+        floats = "cannot become uint8 without loss: give uint8, of an image from 0 to 1 the 255-fold, rounded"
+        bounds = "is no uint8: values go from 0 to 255"
+        self.assertEqual(done.stdout.splitlines(), [
+            f"{of_camera}float64 {floats}", f"{of_camera}float32 {floats}", "taken", f"{of_camera}300 {bounds}", f"{of_camera}300 {bounds}", f"{of_camera}-1 {bounds}",
+            "taken", "taken", f"{of_camera}object cannot become uint8 without loss: give uint8", f"{of_camera}complex128 cannot become uint8 without loss: give uint8",
+            f"{of_camera}<U32 cannot become uint8 without loss: give uint8", "taken", "taken", "taken", f"{of_target}complex128 cannot become float32 without loss: give float32",
+            f"{of_target}<U1 cannot become float32 without loss: give float32", f"{of_target}object cannot become float32 without loss: give float32"])
+
     def test_a_queue_gives_every_sample_or_says_how_many_are_missing(self):
         """A counter as a sensor at 400 Hz, read by a 50 Hz policy: what is seen and what is lost make up what was published."""
         def with_a_queue(text):

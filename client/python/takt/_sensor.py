@@ -84,15 +84,30 @@ class Sensor:
     def publish(self, values: Optional[ArrayLike] = None, *, stamp: Optional[int] = None) -> None:
         """Publishes `values`, or, without them, what was written to the memory of the same name. `stamp`: when it was sensed, ns of
         time.monotonic_ns(), now without it; it counts in the age of every command that rests on the sample, so say when the
-        shutter was open, not when the image arrived. Raises Refused for another shape, and for a stamp after now.
+        shutter was open, not when the image arrived. Raises Refused for another shape, for values that the sensor's type cannot hold
+        (an image of floats, a pixel of 300), and for a stamp after now.
         """
         if values is not None:
             given = np.asarray(values)
             if given.shape != self.shape:
                 raise Refused(f"sensor {self.name}: publish: the shape is {given.shape}, the sensor's {self.shape}", _library.USAGE)
-            self.values[...] = given
+            self.values[...] = self._taken(given)
         if result := self._library.takt_sensor_publish(self._open(), time.monotonic_ns() if stamp is None else stamp):
             raise Refused(f"sensor {self.name}: {self._library.takt_sensor_sentence(self._pointer).decode()}", result)
+
+    def _taken(self, given: NDArray) -> NDArray:
+        # numpy would make zeros of an image from 0 to 1, and 44 of 300.
+        if given.dtype == self.dtype:
+            return given
+        if self.dtype.kind == "u" and given.dtype.kind in "iu":
+            lowest, highest = np.iinfo(self.dtype).min, np.iinfo(self.dtype).max
+            wrong = given[(given < lowest) | (given > highest)]
+            if wrong.size:
+                raise Refused(f"sensor {self.name}: publish: {wrong[0]} is no {self.dtype}: values go from {lowest} to {highest}", _library.USAGE)
+        elif not np.can_cast(given.dtype, self.dtype, "same_kind"):
+            raise Refused(f"sensor {self.name}: publish: {given.dtype} cannot become {self.dtype} without loss: give {self.dtype}"
+                          + (", of an image from 0 to 1 the 255-fold, rounded" if self.dtype.kind == "u" and given.dtype.kind == "f" else ""), _library.USAGE)
+        return given
 
     def _open(self) -> ctypes.c_void_p:
         if not self._pointer:

@@ -15,10 +15,11 @@ answer nothing is published, and the executive's freshness contract does what th
 from the observation, by this machine's clock alone. Neither protocol says which question an answer belongs to: after a missed deadline,
 and after any message that nobody asked for, the connection is given up and made anew, so that a late answer is nobody's.
 
-Needs Debian's python3-msgpack, and python3-websockets (OpenPi) or python3-zmq (Groot). An object belongs to the thread that made it.
+Needs Debian's python3-msgpack, and python3-websockets (OpenPi; 10.4, Debian 12's, or later) or python3-zmq (Groot). An object belongs to the thread that made it.
 """
 import asyncio
 import importlib
+import inspect
 import io
 import itertools
 import logging
@@ -209,7 +210,9 @@ class OpenPi(_Server):
                  api_key: Optional[str] = None) -> None:
         super().__init__(url, shape=shape, deadline=deadline, actions=actions)
         self._websockets = _need("websockets", "python3-websockets")
-        self._headers = {"Authorization": f"Api-Key {api_key}"} if api_key else {}
+        # websockets 14 made another client of `connect`, which calls the headers by another name.
+        known = inspect.signature(self._websockets.connect).parameters
+        self._headers = {"additional_headers" if "additional_headers" in known else "extra_headers": {"Authorization": f"Api-Key {api_key}"} if api_key else {}}
         self.metadata: Mapping[str, Any] = {}  # what the server said of itself when it was connected last
         self._asked = 0
         self._lost = "is not connected yet"
@@ -293,7 +296,7 @@ class OpenPi(_Server):
             try:
                 # Its pings are answered; none of ours, for a server that infers answers none. The deadline finds who is gone.
                 async with self._websockets.connect(self.url, compression=None, max_size=_LARGEST_MESSAGE, max_queue=1, ping_interval=None,
-                                                    open_timeout=_CONNECT_S, close_timeout=1, extra_headers=self._headers) as socket:
+                                                    open_timeout=_CONNECT_S, close_timeout=1, **self._headers) as socket:
                     await self._listen(socket)
                 self._lose("closed the connection")
             except _NoAnswer as why:
