@@ -35,6 +35,7 @@ class Engine final : public MujocoMechanics {
         imu_site_(imu_site),
         sub_steps_(static_cast<int>(std::ceil(step.seconds() / model_->opt.timestep - 1e-9))) {
     model_->opt.timestep = step.seconds() / sub_steps_;
+    model_->opt.disableflags |= mjDSBL_ACTUATION;  // torque comes from the drives alone; a servo's would pull to 0
     // What a held joint is held by acts implicitly, which of MuJoCo's integrators RK4 cannot.
     if (model_->opt.integrator == mjINT_RK4) {
       model_->opt.integrator = mjINT_EULER;
@@ -188,6 +189,13 @@ class Engine final : public MujocoMechanics {
             fmt::format("MuJoCo: the simulation diverged ({} at degree of freedom {}): shorten "
                         "simulation.step, or look for masses without inertia",
                         mju_warningText(bad, 0), data_->warning[bad].lastinfo));
+    // Beyond its sizes MuJoCo leaves contacts and constraints out, and whoever stands on them falls.
+    for (const auto& [full, size] : {std::pair{mjWARN_CONTACTFULL, "nconmax"}, std::pair{mjWARN_CNSTRFULL, "njmax"}})
+      if (data_->warning[full].number > 0)
+        throw std::runtime_error(
+            fmt::format("MuJoCo: more contacts or constraints than the model has room for ({} = {}), so that some have "
+                        "no effect: put <size {}=\"{}\"/> into the model",
+                        size, data_->warning[full].lastinfo, size, std::max(100, 4 * data_->warning[full].lastinfo)));
   }
 
   std::unique_ptr<mjModel, DeleteModel> model_;

@@ -196,6 +196,52 @@ TEST_F(MujocoTest, WhatAModelLacksIsSaidInOneSentence) {
   EXPECT_NE(MujocoMechanics::make(robot).error().find("/nowhere/robot.xml: cannot be read"), std::string::npos);
 }
 
+// Goal: the model's actuators do nothing. Method: a joint at 1 rad without gravity, with a servo, one by a tendon, and
+// a damper, by either integrator; it stays there, and goes on as fast as it was pushed.
+TEST_F(MujocoTest, TheModelsActuatorsAreNotUsed) {
+  for (const char* integrator : {"Euler", "implicit"})
+    for (const char* actuator : {R"(<position joint="hip" kp="50"/>)",
+                                 R"(<general tendon="cord" gainprm="40" biastype="affine" biasprm="3 -40 -4"/>)",
+                                 R"(<velocity joint="hip" kv="30"/>)"}) {
+      auto body = MujocoMechanics::make(
+          robot_in(fmt::format(R"(<mujoco><option timestep="0.001" gravity="0 0 0" integrator="{}"/><worldbody>
+  <body><joint name="hip" axis="0 1 0"/><geom type="sphere" size="0.1" pos="0 0 -1" mass="1"/></body></worldbody>
+  <tendon><fixed name="cord"><joint joint="hip" coef="1"/></fixed></tendon><actuator>{}</actuator></mujoco>)",
+                               integrator, actuator),
+                   {"hip"}));
+      ASSERT_TRUE(body) << body.error();
+      ArmState state = at({1});
+      for (int step = 0; step < 100; ++step)
+        (*body)->integrate(state, Eigen::VectorXd::Zero(1), std::vector<Friction>(1), milliseconds(1));
+      EXPECT_EQ(state.q[0], 1) << integrator << ": " << actuator;
+      state.dq[0] = 2;
+      for (int step = 0; step < 100; ++step)
+        (*body)->integrate(state, Eigen::VectorXd::Zero(1), std::vector<Friction>(1), milliseconds(1));
+      EXPECT_NEAR(state.q[0], 1.2, 1e-6) << integrator << ": " << actuator;
+    }
+}
+
+// Goal: contacts that MuJoCo leaves out are no riddle. Method: a box with four corners on the floor in a model with
+// room for one contact, and for one constraint.
+TEST_F(MujocoTest, AModelWithoutRoomForItsContactsSaysSo) {
+  for (const std::string size : {"nconmax", "njmax"}) {
+    std::string small = kHopper;
+    small.insert(small.find("<worldbody>"), fmt::format("<size {}=\"1\"/>", size));
+    small.replace(small.find("0 0 1\">\n"), 5, "0 0 0.04");
+    auto body = MujocoMechanics::make(robot_in(small, {"hip"}));
+    ASSERT_TRUE(body) << body.error();
+    ArmState state = at({0});
+    std::string said;
+    try {
+      for (int step = 0; step < 10; ++step)
+        (*body)->integrate(state, Eigen::VectorXd::Zero(1), std::vector<Friction>(1), milliseconds(1));
+    } catch (const std::runtime_error& error) {
+      said = error.what();
+    }
+    EXPECT_NE(said.find(fmt::format("put <size {}=\"100\"/> into the model", size)), std::string::npos) << said;
+  }
+}
+
 // Goal: any body can be pushed, and no longer than it is. Method: the leg's sphere hangs beside the trunk, so that a
 // push there turns the robot; then the trunk is pushed instead.
 TEST_F(MujocoTest, APushActsAtTheBodyThatIsNamed) {
