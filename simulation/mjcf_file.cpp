@@ -104,7 +104,6 @@ MendedMjcf mend_mjcf(std::string text, const std::string& folder) {
     set_attribute(file.text, "compiler", "autolimits", "true");
     file.mended.emplace_back("autolimits=\"true\" set, as newer versions of MuJoCo have it by themselves");
   }
-  make_absolute(file.text, Pattern("<include", R"(\s+file\s*=\s*["']([^"']*)["'])"), folder);
   for (const char* directory : {"meshdir", "texturedir"}) {
     if (Pattern(directory, "\\s*=").is_in(file.text))
       make_absolute(file.text, Pattern(directory, R"(\s*=\s*["']([^"']*)["'])"), folder);

@@ -123,9 +123,11 @@ ModelJoint joint_of(const mjModel& model, mjData& data, int id) {
 }  // namespace
 
 std::expected<config::ModelFacts, std::string> survey_model(const std::string& path) {
-  const auto text = read_model_file(path);
-  if (!text) return std::unexpected(text.error());
-  const auto loaded = load_model(with_forces_as_user_data(*text), path);
+  auto model_text = config::read_model_text(path);
+  if (!model_text) return std::unexpected(model_text.error());
+  const std::string text = model_text->text;
+  model_text->text = with_forces_as_user_data(text);
+  const auto loaded = load_model(*model_text);
   if (!loaded) return std::unexpected(loaded.error());
   const mjModel& model = *loaded->model;
   const std::unique_ptr<mjData, DeleteData> data(mj_makeData(&model));
@@ -137,7 +139,7 @@ std::expected<config::ModelFacts, std::string> survey_model(const std::string& p
     if (model.jnt_type[id] == mjJNT_HINGE) facts.joints.push_back(joint_of(model, *data, id));
   facts.motors = motors_of(model);
   if (facts.joints.empty()) return std::unexpected(path + ": has no hinge that a drive could move");
-  if (text->find("<robot") != std::string::npos) read_urdf_limits(*text, facts.joints);
+  if (text.find("<robot") != std::string::npos) read_urdf_limits(text, facts.joints);
   if (keyframe >= 0) facts.keyframe = name_of(model, mjOBJ_KEY, keyframe);
   facts.imu_site = imu_site_of(model);
   return facts;

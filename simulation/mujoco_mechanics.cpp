@@ -258,9 +258,9 @@ std::expected<int, std::string> find_named(const mjModel& model, int type, const
 
 std::expected<std::unique_ptr<MujocoMechanics>, std::string> MujocoMechanics::make(const config::RobotConfig& robot) {
   const config::MujocoWorld& world = *robot.simulation->mujoco;
-  const auto text = read_model_file(world.model);
+  const auto text = config::read_model_text(world.model);
   if (!text) return std::unexpected(text.error());
-  auto loaded = load_model(*text, world.model);
+  auto loaded = load_model(*text);
   if (!loaded) return std::unexpected(loaded.error());
   const mjModel& model = *loaded->model;
   auto joints = find_joints(model, robot);

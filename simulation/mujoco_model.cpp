@@ -7,7 +7,6 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <sstream>
 #include <utility>
 
 #include "simulation/mjcf_file.hpp"
@@ -40,24 +39,17 @@ class TemporaryFile {
 
 }  // namespace
 
-std::expected<std::string, std::string> read_model_file(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) return std::unexpected(path + ": cannot be read; name an MJCF file as simulation.mujoco.model");
-  std::ostringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
-
-std::expected<LoadedModel, std::string> load_model(std::string text, const std::string& path) {
+std::expected<LoadedModel, std::string> load_model(const config::ModelText& text) {
   keep_quiet();
-  MendedMjcf mended =
-      mend_mjcf(std::move(text), std::filesystem::absolute(path).parent_path().lexically_normal().string());
+  const std::string& path = text.files.front();
+  MendedMjcf mended = mend_mjcf(text.text, std::filesystem::absolute(path).parent_path().lexically_normal().string());
+  for (std::string& note : mended.mended) note = config::in_lines_of_files(text, note);
   char error[1000] = "";
   const TemporaryFile copy(mended.text);
   LoadedModel loaded{std::unique_ptr<mjModel, DeleteModel>(mj_loadXML(copy.path(), nullptr, error, sizeof error)),
                      std::move(mended.mended)};
   if (loaded.model) return loaded;
-  std::string sentence = error;
+  std::string sentence = config::in_lines_of_files(text, error);
   std::ranges::replace(sentence, '\n', ' ');
   const bool is_unknown = sentence.find("unrecognized") != std::string::npos;
   return std::unexpected(fmt::format("{}: MuJoCo {} refuses it: {}{}", path, mj_versionString(), sentence,

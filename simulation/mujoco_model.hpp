@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "config/model_text.hpp"
+
 namespace takt::plant {
 
 struct DeleteModel {
@@ -23,8 +25,7 @@ struct LoadedModel {
   std::vector<std::string> mended;
 };
 
-// MJCF or URDF; `text` is the file's, `path` where it lies.
-std::expected<std::string, std::string> read_model_file(const std::string& path);
-std::expected<LoadedModel, std::string> load_model(std::string text, const std::string& path);
+// MJCF or URDF.
+std::expected<LoadedModel, std::string> load_model(const config::ModelText& text);
 
 }  // namespace takt::plant

@@ -10,6 +10,7 @@
 
 #include "config/cautions.hpp"
 #include "config/load.hpp"
+#include "config/model_text.hpp"
 #include "evidence/artifact/rollout_json.hpp"
 #include "monitor/judge/freshness_statistics.hpp"
 #include "monitor/record/bounded_file.hpp"
@@ -78,13 +79,6 @@ std::vector<AttestedCondition> conditions_of(std::span<const RolloutRow* const> 
     if (!condition.trials.empty()) conditions.push_back(std::move(condition));
   }
   return conditions;
-}
-
-std::expected<void, std::string> add_contents(const std::string& path, std::string& text) {
-  const auto bytes = monitor::read_file(path);
-  if (!bytes) return std::unexpected(bytes.error());
-  text += config::sha256_hex(*bytes) + "\n";
-  return {};
 }
 
 // Sections that only record or tell; keys whose files enter by their contents.
@@ -256,8 +250,11 @@ std::expected<std::string, std::string> moving_parts_sha256(const config::RobotC
   for (const config::Fallback& fallback : robot.fallbacks)
     if (fallback.has_own_file())
       if (auto done = add_policy(fallback.file); !done) return std::unexpected(done.error());
-  if (robot.simulation && robot.simulation->mujoco)
-    if (auto done = add_contents(robot.simulation->mujoco->model, text); !done) return std::unexpected(done.error());
+  if (robot.simulation && robot.simulation->mujoco) {
+    const auto model = config::model_bytes(robot.simulation->mujoco->model);
+    if (!model) return std::unexpected(model.error());
+    text += config::sha256_hex(*model) + "\n";
+  }
   return config::sha256_hex(text);
 }
 

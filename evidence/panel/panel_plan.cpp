@@ -11,6 +11,7 @@
 
 #include "config/hash.hpp"
 #include "config/load.hpp"
+#include "config/model_text.hpp"
 #include "evidence/artifact/confusion.hpp"
 #include "evidence/judge/post_mortem.hpp"
 #include "monitor/judge/fault_classifier.hpp"
@@ -51,9 +52,9 @@ std::expected<std::string, std::string> plant_sha256_of(const config::RobotConfi
   std::string text = plant_text(robot);
   if (!world.empty()) text += "world: " + world + "\n";
   if (world.empty() && robot.simulation && robot.simulation->mujoco) {
-    const auto model = sha256_of_file(robot.simulation->mujoco->model, "simulation.mujoco.model");
+    const auto model = config::model_bytes(robot.simulation->mujoco->model);
     if (!model) return std::unexpected(model.error());
-    text += "mjcf: " + *model + "\n";
+    text += "mjcf: " + config::sha256_hex(*model) + "\n";
   }
   return config::sha256_hex(text);
 }

@@ -5,21 +5,25 @@ First it walks as commanded, with the policy frozen for 300 ms on the way; then,
 killed for good, and a person stops the robot, where its robot file leaves that to the fallback policy. What is printed comes from the plant's truth log (distance, height), the run's record (ages, misses with their causes)
 and `takt replay`.
 
-A robot without legs may walk on wheels. Exit codes: 0 it walked, stood at the end of the walk (with a fallback policy in its robot file: of every run) and every run replays; 1 not; 64 command line, 65 a file is refused.
+A robot without legs may walk on wheels. Exit codes: 0 it walked, stood at the end of the walk (with a fallback policy in its robot file: of every run, without moving, and by that policy where its own was
+killed) and every run replays; 1 not; 64 command line, 65 a file is refused.
 """
 import argparse
 import json
 import math
 import pathlib
 import re
+import statistics
 import subprocess
 import sys
 import tempfile
 import time
 
 LEAST_SHARE_WALKED = 0.5  # of what was commanded: policies track their command with an error of their own
-STANDS = 0.75             # of the height at which it began
+HANGS_LOWEST = 0.4        # of the height at which it hung: below it, it fell as soon as it was let go
+STANDS = 0.75             # of the height at which it stood in the second after it was let go
 RESPONSE_S = 4            # after the walk, to come to a stand
+STANDS_STILL_M = 0.15     # over ground at most in its last second
 
 
 def command_of(robot_text, speed):
@@ -73,18 +77,24 @@ class Walk:
         walking = [at for when, at in truth if self.began_ns <= when <= self.ended_ns]
         first, last = walking[0], walking[-1]
         self.distance_m = math.hypot(last[0] - first[0], last[1] - first[1])
-        begin = truth[0][1][2]
-        self.height_begin_m, self.height_m = begin, last[2]
-        fallen = [when for when, at in truth if at[2] < STANDS * begin]
+        hung = truth[0][1][2]
+        until_ns = self.began_ns + int((self.seconds + RESPONSE_S) * 1e9)  # what follows is the end of its programs
+        live = [(when, at) for when, at in truth if self.began_ns <= when <= until_ns]
+        stood = statistics.median(at[2] for when, at in live if when <= self.began_ns + 1e9)
+        self.height_begin_m, self.height_m = stood, last[2]
+        fallen = [when for when, at in live if at[2] < (STANDS * stood if stood > HANGS_LOWEST * hung else hung)]
         self.fell_after_s = (fallen[0] - self.began_ns) / 1e9 if fallen else None
+        still = [at for when, at in live if when >= live[-1][0] - 1e9]
+        self.moved_m = max(math.hypot(at[0] - still[0][0], at[1] - still[0][1]) for at in still)
+        self.final_mode = re.findall(r"^ *[\d.]+ s  (\S+) +age", self.said, re.MULTILINE)[-1]
         replay = self.takt("replay", self.folder)
         self.replayed = replay.returncode == 0
         self.replay_said = replay.stdout.strip().splitlines()[-1] if replay.stdout.strip() else "nothing was said"
 
     def tell(self, what):
         stands = "stands" if self.fell_after_s is None else f"fell {self.fell_after_s:.1f} s after it began to track"
-        print(f"\n{what}\n  walked {self.distance_m:.2f} m in {self.seconds:.0f} s, base then at {self.height_m:.2f} m (began at "
-              f"{self.height_begin_m:.2f} m): {stands}")
+        print(f"\n{what}\n  walked {self.distance_m:.2f} m in {self.seconds:.0f} s, base then at {self.height_m:.2f} m (stood at "
+              f"{self.height_begin_m:.2f} m): {stands}; at the end {self.final_mode}, {self.moved_m:.2f} m in the last second")
         for line in report_lines(self.takt("report", self.folder).stdout):
             print(f"  {line}")
         incident = [line for line in self.said.splitlines() if re.match(r"(stop|fault) at tick", line)]
@@ -127,12 +137,14 @@ def main():
             return done.returncode
     command = command_of(robot.read_text(), options.speed)
     saved = "kind: policy" in robot.read_text()  # a fallback that knows how to stand; without one, losing the policy is a fall
-    acts = [("walk", "walks; the policy is frozen for 300 ms on the way", options.seconds, [f"{options.seconds * 0.6:.0f}s: freeze policy 300ms"]),
-            ("frozen", "the policy is frozen for 2 s", 8, ["4s: freeze policy 2s"]), ("killed", "the policy is killed for good", 8, ["4s: kill policy"])]
+    # Name, what happens, how long it is told to walk, what is done to it, the mode that it has to end in.
+    acts = [("walk", "walks; the policy is frozen for 300 ms on the way", options.seconds, [f"{options.seconds * 0.6:.0f}s: freeze policy 300ms"], "tracking"),
+            ("frozen", "the policy is frozen for 2 s", 8, ["4s: freeze policy 2s"], "tracking"),
+            ("killed", "the policy is killed for good", 8, ["4s: kill policy"], "fallback")]
     if "operator_stop: { how: policy" in robot.read_text():
-        acts.append(("stopped", "a person stops it", 8, ["4s: stop"]))
+        acts.append(("stopped", "a person stops it", 8, ["4s: stop"], "stop/fallback"))
     wrong = []
-    for name, what, seconds, events in acts:
+    for name, what, seconds, events, ends_in in acts:
         walk = Walk(options, robot, name, seconds, events)
         if not walk.run(command):
             print(walk.said, file=sys.stderr)
@@ -143,6 +155,10 @@ def main():
             wrong.append(f"{name}: does not replay")
         if walk.fell_after_s is not None and (name == "walk" or saved):
             wrong.append(f"{name}: it fell")
+        if (name == "walk" or saved) and walk.final_mode != ends_in:
+            wrong.append(f"{name}: it ended in {walk.final_mode}, not {ends_in}")
+        if saved and command and walk.moved_m > STANDS_STILL_M:
+            wrong.append(f"{name}: it went {walk.moved_m:.2f} m in its last second, when nothing was commanded any more")
         if name == "walk" and command and walk.distance_m < LEAST_SHARE_WALKED * abs(command[0]) * seconds:
             wrong.append(f"walk: {walk.distance_m:.2f} m is less than half of what was commanded")
     print("\n" + ("\n".join(wrong) if wrong else "it walked"))

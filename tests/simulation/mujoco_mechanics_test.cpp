@@ -5,6 +5,8 @@
 #include "simulation/mujoco_mechanics.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -346,15 +348,42 @@ TEST_F(MujocoTest, TheWholePlantStandsOnIt) {
 TEST(MjcfFile, WhatNewerVersionsWriteIsMendedInPlace) {
   const MendedMjcf mended = mend_mjcf(
       "<mujoco>\n<compiler meshdir=\"meshes\"/>\n<joint name=\"a\"\n  actuatorfrcrange=\"-1 1\" range=\"0 1\"/>\n"
-      "<jointactuatorfrc name=\"f\" joint=\"a\"/>\n<include file=\"scene.xml\"/></mujoco>",
+      "<jointactuatorfrc name=\"f\" joint=\"a\"/>\n</mujoco>",
       "/models/robot");
   EXPECT_EQ(mended.text,
             "<mujoco>\n<compiler texturedir=\"/models/robot\" autolimits=\"true\" meshdir=\"/models/robot/meshes\"/>\n"
-            "<joint name=\"a\"\n range=\"0 1\"/>\n\n<include file=\"/models/robot/scene.xml\"/></mujoco>");
+            "<joint name=\"a\"\n range=\"0 1\"/>\n\n</mujoco>");
   ASSERT_EQ(mended.mended.size(), 3U);
   EXPECT_NE(mended.mended[0].find("first in line 3"), std::string::npos) << mended.mended[0];
   const MendedMjcf fine = mend_mjcf("<mujoco><compiler autolimits='false'/></mujoco>", "/m");
   EXPECT_TRUE(fine.mended.empty());
+}
+
+// Goal: the usual entry of a published robot, a scene with its floor that includes the robot, loads and names its
+// files' own lines. Method: the hopper as a scene and two files, one of them with what is mended; one with a fault.
+TEST_F(MujocoTest, AModelOfSeveralFilesIsOne) {
+  const std::string folder = testing::TempDir() + fmt::format("takt-scene-{}/", getpid());
+  std::filesystem::create_directories(folder + "parts");
+  std::ofstream(folder + "parts/leg.xml")
+      << "<mujocoinclude>\n<body name=\"leg\" pos=\"0 0 -0.1\">\n"
+         "<joint name=\"hip\" axis=\"0 1 0\" actuatorfrcrange=\"-9 9\"/>\n"
+         "<geom type=\"sphere\" size=\"0.05\" mass=\"0.2\"/>\n</body>\n</mujocoinclude>\n";
+  std::ofstream(folder + "robot.xml") << "<!-- a\n<include file=\"none.xml\"/> -->\n<mujoco model=\"r\">\n<worldbody>\n"
+                                         "<body name=\"trunk\" pos=\"0 0 1\"><freejoint/>\n"
+                                         "<geom type=\"box\" size=\"0.1 0.1 0.1\" mass=\"2\"/>\n"
+                                         "<include file=\"parts/leg.xml\"/>\n</body></worldbody></mujoco>\n";
+  const std::string scene = folder + "scene.xml";
+  std::ofstream(scene) << "<mujoco>\n<include file=\"robot.xml\"/>\n<worldbody>"
+                          "<geom type=\"plane\" size=\"0 0 1\"/></worldbody>\n</mujoco>\n";
+  const auto body = MujocoMechanics::make(robot_of(scene, {"hip"}));
+  ASSERT_TRUE(body) << body.error();
+  EXPECT_THAT(fmt::format("{}", fmt::join((*body)->notes(), "; ")),
+              testing::HasSubstr("first in line 3 of " + folder + "parts/leg.xml"));
+  std::ofstream(folder + "parts/leg.xml") << "<mujocoinclude>\n\n<body nonsense=\"1\"/></mujocoinclude>\n";
+  const auto broken = MujocoMechanics::make(robot_of(scene, {"hip"}));
+  ASSERT_FALSE(broken);
+  EXPECT_THAT(broken.error(), testing::HasSubstr("ine 3 of " + folder + "parts/leg.xml"));
+  std::filesystem::remove_all(folder);
 }
 
 // --- Unitree's G1 by its published policy ---

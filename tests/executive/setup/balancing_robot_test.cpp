@@ -52,7 +52,7 @@ constexpr Refusal kRefusals[] = {
      "    passive: true\n    gains: { kp: 1 Nm/rad, kd: 1 Nms/rad, damping: 1 Nms/rad }\n", "unknown key `gains`"},
     {"a torque limit on a passive joint", "      velocity: 6 rad/s\n", "      velocity: 6 rad/s\n      torque: 1 Nm\n",
      "unknown key `torque`"},
-    {"a passive joint that the policy drives", ", joints: [cart] }", " }",
+    {"a passive joint that the policy drives", ", joints: [cart]", "",
      "policy.action.joints: give passive joint pole an output; list the driven joints only"},
     {"a row of gains for a passive joint", "      - joint: cart\n", "      - joint: pole\n",
      "fallbacks.balance.gains[0].joint: pole is passive and takes no torque; drop the row"},
