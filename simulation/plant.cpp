@@ -103,15 +103,28 @@ double Plant::update_drive(std::size_t joint, Duration step) {
   return torque;
 }
 
+// A hoist that takes hold again with the first drive that is lost would catch every robot that is about to fall.
+void Plant::attend_hoist(std::size_t disabled) {
+  if (disabled < joints_.size())
+    disabled_since_ = {};
+  else if (!disabled_since_.is_set())
+    disabled_since_ = now_;
+  if (disabled == 0)
+    hangs_ = false;
+  else if (disabled_since_.is_set() && now_ - disabled_since_ >= kTakenUpAfter)
+    hangs_ = true;
+  dynamics_->hoist(hangs_);
+}
+
 void Plant::step() {
-  bool held_somewhere = false;
+  std::size_t disabled = 0;
   Eigen::VectorXd torque = std::move(spare_);
   torque.resize(index(joints_.size()));
   for (std::size_t joint = 0; joint < joints_.size(); ++joint) {
     const Gearing& gearing = gearing_[joint];
     torque[index(joint)] = update_drive(joint, simulation_.step) * gearing.ratio;
     const bool held = joints_[joint].device->brake_engaged();
-    held_somewhere |= held;
+    disabled += held ? 1U : 0U;
     if (gearing.passive) {
       torque[index(joint)] = 0;
       friction_[joint] = {0, held ? kHoldingHand : 0};
@@ -120,7 +133,7 @@ void Plant::step() {
     }
   }
   on_their_way_.push_back(std::move(torque));
-  dynamics_->hoist(held_somewhere);
+  attend_hoist(disabled);
   dynamics_->integrate(state_, on_their_way_.front(), friction_, simulation_.step);
   spare_ = std::move(on_their_way_.front());
   on_their_way_.pop_front();

@@ -3,8 +3,10 @@
 // Each step: encoders are read (quantised), every drive computes its torque from the newest command it has, the torque
 // reaches the joint `simulation.torque_delay` later, the dynamics advance by `simulation.step`.
 // A passive joint moves freely, whatever its drive wants; while the drive is disabled, somebody holds it where it is. A
-// robot with a base of its own hangs on a hoist while any drive is disabled. Starts at the home pose, at rest, drives
-// disabled and braked. Same inputs, same bits out. Units: joint side, rad, rad/s. Thread rule: one thread at a time.
+// robot with a base of its own hangs on a hoist until all drives are enabled; from then on it stands or falls by
+// itself, whatever becomes of its drives, until all of them have been disabled for kTakenUpAfter: then somebody has
+// hung it where it began. Starts at the home pose, at rest, drives disabled and braked. Same inputs, same bits out.
+// Units: joint side, rad, rad/s. Thread rule: one thread at a time.
 #pragma once
 
 #include <deque>
@@ -21,6 +23,9 @@
 #include "simulation/reply_path.hpp"
 
 namespace takt::plant {
+
+// Longer than a fall takes of a robot whose joints are braked.
+inline constexpr Duration kTakenUpAfter = seconds(3);
 
 class Plant {
  public:
@@ -61,6 +66,7 @@ class Plant {
   Plant(const config::Simulation& simulation, std::vector<PlantJoint> joints, std::unique_ptr<Dynamics> dynamics);
   [[nodiscard]] MotorReading read_encoder(std::size_t joint) const;
   double update_drive(std::size_t joint, Duration step);  // motor side torque
+  void attend_hoist(std::size_t disabled);                // drives
 
   config::Simulation simulation_;
   std::vector<PlantJoint> joints_;
@@ -71,6 +77,8 @@ class Plant {
   std::vector<Friction> friction_;  // by joint
   Eigen::VectorXd spare_;           // torques that have reached their joints
   ArmState state_;
+  bool hangs_ = true;                         // the base, on its hoist
+  MonoTime disabled_since_;                   // all drives; unset: some are enabled
   std::deque<Eigen::VectorXd> on_their_way_;  // joint torques that have not reached their joints yet, oldest first
   MonoTime now_{1};
 };

@@ -7,8 +7,8 @@
 //     step({ torque, viscous, coulomb }, seconds) { return { q, dq }; },
 //   });
 //
-// Joints are those of the robot file, in its order. Units: rad, rad/s, Nm, s. A step also has hangs (some drive is disabled: a base that would
-// fall hangs where it began) and push (N, world frame). A state may also have point (m), imu ({ orientation: w x y z, angularVelocity: rad/s,
+// Joints are those of the robot file, in its order. Units: rad, rad/s, Nm, s. A step also has hangs (a base that would fall hangs
+// where it began: until all drives were enabled, and 3 s after all were disabled) and push (N, world frame). A state may also have point (m), imu ({ orientation: w x y z, angularVelocity: rad/s,
 // acceleration: m/s2 }), base ({ position: m, orientation: w x y z }), error (how far from what the task wants), sensor (values of a new sample),
 // outcome ('succeeded', 'failed', 'unable'), reason, and images ({ cam0: { pixels: Uint8Array, row after row, age: s since the shutter } }).
 // An exception of reset or step ends that simulation, and Takt is told its text.

@@ -102,7 +102,7 @@ typedef struct takt_world_step {
   double torque[TAKT_WORLD_MAX_JOINTS];  /* Nm, of the drives, constant over the step */
   double viscous[TAKT_WORLD_MAX_JOINTS]; /* Nm s/rad, friction of drive and brake beside the world's own */
   double coulomb[TAKT_WORLD_MAX_JOINTS]; /* Nm; holds a joint at rest: an engaged brake is in here */
-  uint32_t hangs;                        /* 1: some drive is disabled; a base that would fall hangs where it began */
+  uint32_t hangs;                        /* 1: a base that would fall hangs where it began */
   uint32_t reserved;
   double push[3]; /* N, world frame, at the base, or at an arm's tool; of worlds that push */
 } takt_world_step;

@@ -52,9 +52,10 @@ Bearing of_stop(const RolloutRow& row, std::string_view cause, const config::Rob
 
 Bearing of_fallback(const RolloutRow& row, const config::RobotConfig& robot) {
   Bearing bearing{.seconds = seconds_in(row, Mode::degraded, robot)};
+  const bool latched = row.safety.entered_fault_latched != 0;
   bearing.came_to_it = bearing.seconds >= kLeastDegraded_s;
-  bearing.stood = bearing.came_to_it && !row.fell;
-  bearing.is_trial = bearing.came_to_it || row.fell;
+  bearing.stood = bearing.came_to_it && !row.fell && !latched;
+  bearing.is_trial = bearing.came_to_it || row.fell || latched;
   return bearing;
 }
 

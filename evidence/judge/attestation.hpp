@@ -8,9 +8,9 @@
 // kLeastShown. Bounds are counted anew from the trials, never read.
 //
 // A trial is a rollout that came to the stop in question (was degraded for a second at least, of a fallback), or that
-// fell or latched without. It stood where the robot did not fall, and was in the stop for five seconds at least.
-// Conditions in which no rollout came to it are left out. Errors are one sentence. Pure but for standing_of(), which
-// reads files.
+// fell or latched without. It stood where the robot did not fall, and was in the stop for five seconds at least, or by
+// its fallback without a latched fault. Conditions in which no rollout came to it are left out. Errors are one
+// sentence. Pure but for standing_of(), which reads files.
 #pragma once
 
 #include <cstdint>

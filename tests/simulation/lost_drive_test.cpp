@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "config/load.hpp"
+#include "simulation/free_inertias.hpp"
 #include "simulation/robot_plant.hpp"
 #include "tests/simulation/whole_loop.hpp"
 
@@ -111,6 +112,53 @@ TEST(WholeLoop, EveryProtocolFollows) {
   for (std::size_t j = 0; j < loop.pose.size(); ++j)
     EXPECT_NEAR(plant.state().q[static_cast<Eigen::Index>(j)], loop.pose[j], 0.02) << robot.joints[j].name;
   EXPECT_LT(plant.state().dq.cwiseAbs().maxCoeff(), 0.1);
+}
+
+// Joints on flywheels, and a base that only tells whether it hangs.
+class Hung final : public Dynamics {
+ public:
+  Hung(std::size_t joints, bool& hangs) : wheels_(std::vector<double>(joints, 0.1)), hangs_(hangs) {}
+  void integrate(ArmState& state, const Eigen::VectorXd& tau, const std::vector<Friction>& friction,
+                 Duration step) override {
+    wheels_.integrate(state, tau, friction, step);
+  }
+  void hoist(bool hangs) override { hangs_ = hangs; }
+
+ private:
+  FreeInertias wheels_;
+  bool& hangs_;
+};
+
+// Goal: the hoist catches no robot that loses a drive while it stands by itself; one that lies there is hung again for
+// the next attempt. Method: armed, one drive's supply fails for a moment; reset, which takes the power of all; armed
+// again.
+TEST(Hoist, LetsGoOfAnArmedRobotAndTakesUpOneWithoutPower) {
+  const config::RobotConfig robot = dual_arm();
+  bool hangs = false;
+  Plant plant = Plant::make(robot, std::make_unique<Hung>(robot.joints.size(), hangs)).value();
+  test::WholeLoop loop(robot, plant);
+  loop.run(500);
+  EXPECT_TRUE(hangs) << "disabled since the start";
+  ASSERT_TRUE(loop.arm());
+  EXPECT_FALSE(hangs);
+  plant.drive(kRightElbow).power_cycle(plant.now());
+  for (int i = 0; i < 5000; ++i) {
+    loop.tick();
+    ASSERT_FALSE(hangs) << "tick " << i << " after the loss of one drive";
+  }
+  loop.tick(OperatorRequest::reset);
+  MonoTime powerless;
+  for (int i = 0; i < 10'000 && !hangs; ++i) {
+    loop.tick();
+    std::size_t disabled = 0;
+    for (std::size_t j = 0; j < plant.joint_count(); ++j) disabled += plant.drive(j).brake_engaged() ? 1U : 0U;
+    if (disabled == plant.joint_count() && !powerless.is_set()) powerless = plant.now();
+  }
+  ASSERT_TRUE(hangs);
+  ASSERT_TRUE(powerless.is_set());
+  EXPECT_NEAR((plant.now() - powerless).seconds(), kTakenUpAfter.seconds(), 0.01);
+  ASSERT_TRUE(loop.arm()) << loop.out->record.header.causes_active;
+  EXPECT_FALSE(hangs) << "and is let go again";
 }
 
 }  // namespace

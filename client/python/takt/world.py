@@ -78,7 +78,7 @@ class Drive:
 
     @property
     def hangs(self) -> bool:
-        """Some drive is disabled: a base that would fall hangs where it began."""
+        """A base that would fall hangs where it began: until all drives were enabled, and 3 s after all were disabled."""
         return bool(self._hangs)
 
 

@@ -213,9 +213,11 @@ TEST_F(Attesting, OfAFallbackTheTimeDegradedCounts) {
   add(1, [](RolloutRow& row) { row.mode_share = {0, 0, 0.5, 0.5, 0, 0}; });
   add(2, [](RolloutRow& row) { row.mode_share = {0, 0, 0.5, 0.5, 0, 0}, row.fell = true; });
   add(3, [](RolloutRow& row) { row.mode_share = {0, 0, 0.99, 0.01, 0, 0}; });
+  // Ended by a fault that took the drives' power, before it could fall.
+  add(4, [](RolloutRow& row) { row.mode_share = {0, 0, 0.5, 0.5, 0, 0}, row.safety.entered_fault_latched = 1; });
   const auto attestation = made("fallbacks.stand");
   ASSERT_TRUE(attestation) << attestation.error();
-  ASSERT_EQ(attestation->conditions[0].trials.size(), 2U);
+  ASSERT_EQ(attestation->conditions[0].trials.size(), 3U);
   EXPECT_EQ(attestation->conditions[0].stood(), 1U);
 }
 
