@@ -4,7 +4,10 @@
 // protocol.
 #include "tests/simulation/drive_loop.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <random>
 
 namespace takt::drivers {
 namespace {
@@ -142,6 +145,30 @@ TEST_P(DriveLoopTest, ADriveThatRestartedIsNotEnabledAgain) {
   EXPECT_NE(loop.host->feedback().drive_state, DriveState::enabled);
   for (int ms = 0; ms < 50; ++ms) loop.tick(false);
   enable();
+}
+
+// Goal: whoever wants ideal drives in a simulation has them: a moteus, whose every number is a float, with gains of its
+// own servo. Method: setpoints drawn at random against the servo law at the motor, at the instant when the drive acts.
+TEST(IdealDrive, AMoteusGivesWhatTheServoLawSays) {
+  DriveLoop loop(moteus("ideal", 40, 10).drive, milliseconds(50));
+  ASSERT_GE(loop.ticks_until(DriveState::enabled, true, {.q = static_cast<float>(loop.joint_q())}), 0);
+  std::mt19937 random(1);
+  std::uniform_real_distribution<float> share(0.0F, 1.0F);
+  double farthest = 0;
+  for (int ms = 0; ms < 2000; ++ms) {
+    const DriveSetpoint setpoint{.q = 0.3F + 0.1F * share(random),
+                                 .dq = 0,
+                                 .kp = 20 + 20 * share(random),
+                                 .kd = 2 * share(random),
+                                 .tau = share(random) - 0.5F};
+    const double q = loop.joint_q(), dq = loop.joint_dq();
+    loop.tick(true, setpoint);
+    const double at_joint = static_cast<double>(setpoint.kp) * (static_cast<double>(setpoint.q) - q) -
+                            static_cast<double>(setpoint.kd) * dq + static_cast<double>(setpoint.tau);
+    farthest = std::max(farthest, std::abs(loop.torque - at_joint / -2.0));
+  }
+  std::printf("a moteus is %.2g Nm from the servo law at most\n", farthest);
+  EXPECT_LT(farthest, 1e-4);
 }
 
 INSTANTIATE_TEST_SUITE_P(EveryProtocol, DriveLoopTest,
