@@ -29,7 +29,7 @@ class Reader {
 
   std::expected<ModelText, std::string> read(const std::string& path) {
     const auto text = open(path);
-    if (!text) return std::unexpected(path + ": cannot be read; name an MJCF or URDF file as the model");
+    if (!text) return std::unexpected(path + ": cannot be read; name an MJCF file as simulation.mujoco.model");
     model_.lines.push_back({0, 1});
     if (auto done = append(*text, 0, 1); !done) return std::unexpected(done.error());
     return std::move(model_);
