@@ -23,9 +23,9 @@ std::string without_comments(std::string text) {
   return text;
 }
 
-class Reader {
+class ModelReader {
  public:
-  explicit Reader(const std::string& path) : folder_(std::filesystem::path(path).parent_path()) {}
+  explicit ModelReader(const std::string& path) : folder_(std::filesystem::path(path).parent_path()) {}
 
   std::expected<ModelText, std::string> read(const std::string& path) {
     const auto text = open(path);
@@ -102,7 +102,7 @@ class Reader {
 }  // namespace
 
 std::expected<ModelText, std::string> read_model_text(const std::string& path) {
-  return Reader(path).read(path);
+  return ModelReader(path).read(path);
 }
 
 std::expected<std::string, std::string> model_bytes(const std::string& path) {
