@@ -155,16 +155,15 @@ constexpr const char* kBeforeARealRobot =
 
 // --- the parts ---
 
-std::string header_text(const DeployFile& deploy, const ImportOptions& options) {
+std::string header_text(const DeployFile& deploy, const ImportOptions& options,
+                        const std::vector<std::string>& remarks) {
   std::string text = fmt::format("# Imported from {}.\n", options.source);
   if (!options.simulated)
     text +=
         "# An export says nothing about drives and the contract: replace every FILL_IN by what is true of your\n"
         "# robot; `takt config check` names those that are left.\n";
   for (const std::string& note : deploy.notes) text += fmt::format("# Not carried over: {}\n", note);
-  for (const std::string& remark : deploy.remarks) text += fmt::format("# Note: {}\n", remark);
-  for (const std::string& remark : options.model ? options.model->remarks : std::vector<std::string>{})
-    text += fmt::format("# Note: {}\n", remark);
+  for (const std::string& remark : remarks) text += fmt::format("# Note: {}\n", remark);
   text += fmt::format("schema: takt.robot/1\nrobot: {}\n\n", options.robot);
   if (options.simulated) {
     const SimulatedBuses buses = buses_for(deploy.robot_joint.size());
@@ -405,13 +404,14 @@ MotorOrder motor_order(const ModelFacts& model) {
 
 std::expected<std::string, std::string> import_deploy_file(const DeployFile& deploy, const ImportOptions& given) {
   ImportOptions options = given;
+  std::vector<std::string> remarks = deploy.remarks;
   const std::size_t joints = deploy.robot_joint.size();
   if (options.joint_names.empty() && options.model) {
     if (const auto problem = count_problem(options.model->joints.size(), joints); !problem.empty())
       return std::unexpected(problem);
     MotorOrder order = motor_order(*options.model);
     options.joint_names = std::move(order.joints);
-    if (!order.remark.empty()) options.model->remarks.push_back(std::move(order.remark));
+    if (!order.remark.empty()) remarks.push_back(std::move(order.remark));
   }
   const std::vector<std::string>& names = options.joint_names;
   if (!names.empty() && names.size() != joints)
@@ -435,7 +435,7 @@ std::expected<std::string, std::string> import_deploy_file(const DeployFile& dep
   if (options.simulated && deploy.step_dt.ns == 0)
     return std::unexpected(
         "a simulated robot needs the policy's period, which this export does not say; name it by --period");
-  return header_text(deploy, options) + defaults_text(deploy, options) + joints_text(deploy, options) +
+  return header_text(deploy, options, remarks) + defaults_text(deploy, options) + joints_text(deploy, options) +
          sensors_text(deploy, options.simulated) + policy_text(deploy, options) +
          (options.simulated ? simulation_text(options) + kBeforeARealRobot : "");
 }

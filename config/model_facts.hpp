@@ -16,11 +16,10 @@ struct ModelJoint {
 };
 
 struct ModelFacts {
-  std::vector<ModelJoint> joints;    // hinges, in the order of the model's bodies
-  std::vector<std::string> motors;   // hinges with an actuator, in the actuators' order, each once
-  std::string keyframe;              // where the robot begins; empty: none
-  std::string imu_site;              // empty: none
-  std::vector<std::string> remarks;  // what is to be known of what was read, a sentence each
+  std::vector<ModelJoint> joints;   // hinges, in the order of the model's bodies
+  std::vector<std::string> motors;  // hinges with an actuator, in the actuators' order, each once
+  std::string keyframe;             // where the robot begins; empty: none
+  std::string imu_site;             // empty: none
 };
 
 }  // namespace takt::config

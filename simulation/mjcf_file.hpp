@@ -1,5 +1,5 @@
 // A model file of newer MuJoCo versions as version 2.2.2 reads it: what it does not know and the simulator does not
-// need is taken out, paths become absolute. Line numbers stay. Files that it includes are read as they are.
+// need is taken out, paths become absolute. Line numbers stay.
 #pragma once
 
 #include <string>

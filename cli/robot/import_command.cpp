@@ -126,7 +126,6 @@ int import(Given given) {
   if (!given.period.empty())
     if (const auto added = add_period(given.period, *deploy); !added) return refuse(kExitUsage, added.error());
   std::vector<std::string> remarks = deploy->remarks;
-  if (model) remarks.insert(remarks.end(), model->remarks.begin(), model->remarks.end());
   if (model && given.joint_names.empty())
     if (const auto order = config::motor_order(*model); !order.remark.empty()) remarks.push_back(order.remark);
   const auto robot = config::import_deploy_file(*deploy, {.robot = given.robot,

@@ -178,9 +178,9 @@ TEST(DeployImport, SlotsThatAreFreeAreLeftOut) {
   EXPECT_EQ(by_slot->stiffness, by_joint->stiffness);
 }
 
-// Goal: Unitree's 23-joint G1 loads. Method: its joint map in full, which leaves slots of the 29-joint one free: waist
-// roll and pitch (13, 14), wrist pitch and yaw of both arms (20, 21, 27, 28); gains of all 29 slots, those of the free
-// ones 0, and of the 23 joints alone.
+// Goal: a 23-joint G1 loads. Method: the joint map that its joints' order makes, which leaves slots of the 29-joint one
+// free: waist roll and pitch (13, 14), wrist pitch and yaw of both arms (20, 21, 27, 28); gains of all 29 slots, those
+// of the free ones 0, and of the 23 joints alone.
 TEST(DeployImport, ATwentyThreeJointHumanoidWithGapsInItsMap) {
   const std::vector<std::size_t> map{0, 6, 12, 1, 7, 15, 22, 2, 8, 16, 23, 3, 9, 17, 24, 4, 10, 18, 25, 5, 11, 19, 26};
   const std::set<std::size_t> used(map.begin(), map.end());
