@@ -1,4 +1,4 @@
-#include "policy_host/remote/far_seat.hpp"
+#include "policy_host/policy_seat.hpp"
 
 #include <spdlog/spdlog.h>
 #include <unistd.h>
@@ -11,7 +11,7 @@
 #include "executive/ipc/executive_segments.hpp"
 #include "policy_host/executive_link.hpp"
 
-namespace takt::policy_host::remote {
+namespace takt::policy_host {
 namespace {
 
 std::string refusal_of(const Hello& hello, const Hello& expected) {
@@ -31,22 +31,22 @@ std::string refusal_of(const Hello& hello, const Hello& expected) {
 
 }  // namespace
 
-FarSeat::FarSeat(const config::RobotConfig& robot, std::uint64_t policy_hash, ipc::Segment observations)
+PolicySeat::PolicySeat(const config::RobotConfig& robot, std::uint64_t policy_hash, ipc::Segment observations)
     : expected_(hello_of(robot, policy_hash, Role::policy, "")),
       largest_input_(config::largest_policy_input(robot)),
       observations_(std::move(observations)),
       writer_(observations_.writable(), ipc::observation_mailbox()) {}
 
-std::expected<std::unique_ptr<FarSeat>, std::string> FarSeat::open(const config::RobotConfig& robot,
+std::expected<std::unique_ptr<PolicySeat>, std::string> PolicySeat::open(const config::RobotConfig& robot,
                                                                    const std::string& runtime_directory,
                                                                    std::uint64_t policy_hash,
                                                                    std::optional<uid_t> policy_user) {
   auto segment = ipc::Segment::create("takt-observation", ipc::ring_bytes(ipc::observation_mailbox()), true);
   if (!segment) return std::unexpected(segment.error());
-  auto seat = std::unique_ptr<FarSeat>(new FarSeat(robot, policy_hash, std::move(*segment)));
+  auto seat = std::unique_ptr<PolicySeat>(new PolicySeat(robot, policy_hash, std::move(*segment)));
   // Formatted before it is sealed, sealed before the first policy is greeted.
   if (auto sealed = seat->observations_.seal_against_new_writers(); !sealed) return std::unexpected(sealed.error());
-  FarSeat* const at = seat.get();
+  PolicySeat* const at = seat.get();
   auto server = ipc::RendezvousServer::listen(config::executive_socket(runtime_directory), geteuid(),
                                               {.admit = [at](const ipc::Peer& peer) { return at->admit(peer); },
                                                .acknowledged = [at](const ipc::Peer& peer) { at->hand_over(peer); },
@@ -59,7 +59,7 @@ std::expected<std::unique_ptr<FarSeat>, std::string> FarSeat::open(const config:
   return seat;
 }
 
-ipc::Admission FarSeat::admit(const ipc::Peer& peer) {
+ipc::Admission PolicySeat::admit(const ipc::Peer& peer) {
   if (auto refusal = refusal_of(peer.hello, expected_); !refusal.empty()) return {std::move(refusal), {}};
   // Unmapped here until the policy has mapped it: see the sealing order in ipc/segment.hpp.
   auto segment = ipc::Segment::create("takt-command", ipc::ring_bytes(ipc::command_mailbox()), false);
@@ -77,7 +77,7 @@ ipc::Admission FarSeat::admit(const ipc::Peer& peer) {
   return admission;
 }
 
-void FarSeat::hand_over(const ipc::Peer& peer) {
+void PolicySeat::hand_over(const ipc::Peer& peer) {
   if (!offered_) return;
   ipc::Segment mapped = std::move(*offered_);
   offered_.reset();
@@ -93,21 +93,21 @@ void FarSeat::hand_over(const ipc::Peer& peer) {
   spdlog::info("policy attached: pid {} ({})", peer.pid, peer.hello.program);
 }
 
-void FarSeat::leave() {
+void PolicySeat::leave() {
   if (mailbox_) spdlog::warn("the policy left");
   offered_.reset();
   mailbox_.reset();
 }
 
-void FarSeat::serve() {
+void PolicySeat::serve() {
   server_->serve(std::chrono::milliseconds(0));
 }
 
-void FarSeat::publish(const Observation& observation) noexcept {
+void PolicySeat::publish(const Observation& observation) noexcept {
   writer_.publish(std::as_bytes(std::span(&observation, 1)));
 }
 
-bool FarSeat::read(CommandChunk& chunk) noexcept {
+bool PolicySeat::read(CommandChunk& chunk) noexcept {
   if (!mailbox_) return false;
   const ipc::ReadResult result = mailbox_->reader.read_latest(std::as_writable_bytes(std::span(&chunk, 1)));
   if (result.status != ipc::ReadStatus::fresh || result.size < sizeof(CommandHeader)) return false;
@@ -115,4 +115,4 @@ bool FarSeat::read(CommandChunk& chunk) noexcept {
          result.size == chunk.used_bytes();
 }
 
-}  // namespace takt::policy_host::remote
+}  // namespace takt::policy_host

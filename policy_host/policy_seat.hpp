@@ -21,18 +21,18 @@
 #include "executive/ipc/segment.hpp"
 #include "executive/ipc/slot_ring.hpp"
 
-namespace takt::policy_host::remote {
+namespace takt::policy_host {
 
-class FarSeat {
+class PolicySeat {
  public:
   // Precondition: robot.policy. `policy_user`: a user who may be the policy, besides ours and root.
-  static std::expected<std::unique_ptr<FarSeat>, std::string> open(const config::RobotConfig& robot,
+  static std::expected<std::unique_ptr<PolicySeat>, std::string> open(const config::RobotConfig& robot,
                                                                    const std::string& runtime_directory,
                                                                    std::uint64_t policy_hash,
                                                                    std::optional<uid_t> policy_user);
-  FarSeat(const FarSeat&) = delete;
-  FarSeat& operator=(const FarSeat&) = delete;
-  ~FarSeat() = default;
+  PolicySeat(const PolicySeat&) = delete;
+  PolicySeat& operator=(const PolicySeat&) = delete;
+  ~PolicySeat() = default;
 
   // Greets who comes; waits for nobody.
   void serve();
@@ -44,7 +44,7 @@ class FarSeat {
   [[nodiscard]] std::uint64_t session() const { return session_; }
 
  private:
-  FarSeat(const config::RobotConfig& robot, std::uint64_t policy_hash, ipc::Segment observations);
+  PolicySeat(const config::RobotConfig& robot, std::uint64_t policy_hash, ipc::Segment observations);
   ipc::Admission admit(const ipc::Peer& peer);
   void hand_over(const ipc::Peer& peer);
   void leave();
@@ -62,4 +62,4 @@ class FarSeat {
   std::unique_ptr<ipc::RendezvousServer> server_;  // last: its handlers use the above
 };
 
-}  // namespace takt::policy_host::remote
+}  // namespace takt::policy_host
