@@ -27,6 +27,7 @@ namespace takt::client {
 namespace {
 
 constexpr Duration kAttachRetry = milliseconds(200);
+constexpr Duration kLockstepLook = microseconds(20);
 constexpr std::size_t kNoQueue = SIZE_MAX;
 
 std::unexpected<Refusal> refuse(std::string sentence) {
@@ -253,7 +254,8 @@ int PolicySession::misused(const char* sentence) {
 
 int PolicySession::try_to_attach(MonoTime now) {
   next_attempt_ = now + kAttachRetry;
-  auto link = policy_host::ExecutiveLink::attach(socket_, hello_, largest_input_);
+  auto link = policy_host::ExecutiveLink::attach(socket_, hello_, largest_input_,
+                                                 policy_host::ExecutiveLink::Time::clock_or_lockstep);
   if (!link) {
     sentence_ = link.error();
     if (!is_no_answer(sentence_)) return TAKT_REFUSED;
@@ -263,7 +265,7 @@ int PolicySession::try_to_attach(MonoTime now) {
   executive_.emplace(std::move(*link));
   continuity_.start_session();
   forget_ = true;
-  sequence_ = 0;
+  sequence_ = answered_id_ = 0;
   seen_published_at_ = {};
   dequeued_at_ = {};
   for (SampleQueue& queue : queues_) queue.forget();
@@ -289,17 +291,31 @@ int PolicySession::next(Duration timeout) {
       const int result = attach(std::max(Duration{}, deadline - monotonic_now()));
       if (result != TAKT_OK) return result;
     }
-    const MonoTime now = monotonic_now();
-    sleep_until(
-        std::min(policy_host::next_look(now, seen_published_at_, robot_.policy->period, looked_since_due_), deadline));
+    if (executive_->is_lockstep()) pass(view_.id);
+    sleep_until(std::min(next_look(), deadline));
     if (const int result = look(monotonic_now()); result == TAKT_OK) return result;
   } while (monotonic_now() < deadline);
   return TAKT_NOTHING;
 }
 
+MonoTime PolicySession::next_look() const {
+  const MonoTime now = monotonic_now();
+  if (executive_->is_lockstep()) return now + kLockstepLook;
+  return policy_host::next_look(now, seen_published_at_, robot_.policy->period, looked_since_due_);
+}
+
+void PolicySession::pass(std::uint64_t observation_id) {
+  if (observation_id <= answered_id_) return;
+  answered_id_ = observation_id;
+  const CommandHeader kept = std::exchange(chunk_.header, {});
+  chunk_.header.observation_id = observation_id;
+  executive_->publish(chunk_);
+  chunk_.header = kept;
+}
+
 int PolicySession::look(MonoTime now) {
   Observation newest;
-  if (!executive_->read(newest)) {
+  if (!executive_->read(newest) || newest.id == 0) {
     looked_since_due_ = true;
     if (executive_->is_over()) {
       sentence_ = "the executive ended the session";
@@ -309,7 +325,10 @@ int PolicySession::look(MonoTime now) {
   }
   looked_since_due_ = false;
   seen_published_at_ = newest.published_at;
-  if (!has_usable_samples(now)) return TAKT_NOTHING;
+  if (!has_usable_samples(newest, now)) {
+    if (executive_->is_lockstep()) pass(newest.id);
+    return TAKT_NOTHING;
+  }
   observation_ = newest;
   show(now);
   sentence_.clear();
@@ -318,7 +337,7 @@ int PolicySession::look(MonoTime now) {
 
 void PolicySession::update_sensor(std::size_t used, MonoTime now) {
   SensorSample& sample = samples_[sensors_in_use_[used]];
-  if (queued_[used] != kNoQueue) return queues_[queued_[used]].take_all(sensors_[used], now, sample);
+  if (queued_[used] != kNoQueue) return queues_[queued_[used]].take_all(sensors_[used], now, executive_->is_lockstep(), sample);
   std::vector<std::byte>& payload = payloads_[used];
   if (payload.empty()) return sensors_[used].update(now, sample);
   sensors_[used].update(now, sample, payload);
@@ -329,9 +348,16 @@ const takt_stream* PolicySession::stream(const char* name) const {
   return found == robot_.sensors.end() ? nullptr : &streams_[static_cast<std::size_t>(found - robot_.sensors.begin())];
 }
 
-bool PolicySession::has_usable_samples(MonoTime now) {
+MonoTime PolicySession::instant_of(const Observation& newest) const {
+  MonoTime instant = newest.published_at;
+  for (const std::size_t sensor : sensors_in_use_) instant = std::max(instant, samples_[sensor].published_at);
+  return instant;
+}
+
+bool PolicySession::has_usable_samples(const Observation& newest, MonoTime now) {
   for (std::size_t i = 0; i < sensors_.size(); ++i) update_sensor(i, now);
-  std::string reason = policy_host::take_usable(robot_, sensors_in_use_, samples_, monotonic_now(), used_);
+  const MonoTime judged_at = executive_->is_lockstep() ? instant_of(newest) : monotonic_now();
+  std::string reason = policy_host::take_usable(robot_, sensors_in_use_, samples_, judged_at, used_);
   if (reason.empty()) return true;
   for (const policy_host::SensorLink& sensor : sensors_) {
     if (!sensor.problem().empty()) reason += "; " + sensor.problem();
@@ -458,7 +484,7 @@ int PolicySession::publish(const takt_chunk& given) {
   const std::span<const float> values(chunk_.values, chunk_.value_count());
   forget_ = forget_ || !std::ranges::all_of(values, [](float value) { return std::isfinite(value); });
   CommandHeader& header = chunk_.header;
-  header.observation_id = view_.id;
+  header.observation_id = answered_id_ = view_.id;
   header.sequence = ++sequence_;
   header.outside_sensed_at = {view_.outside_sensed_ns};
   header.dequeued_at = dequeued_at_;

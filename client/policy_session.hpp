@@ -78,8 +78,13 @@ class PolicySession {
   void add_evidence();  // once the terms and queues are there
   int try_to_attach(MonoTime now);
   int look(MonoTime now);
+  [[nodiscard]] MonoTime next_look() const;
+  // In lockstep: the instant of `newest`, by which its samples are judged.
+  [[nodiscard]] MonoTime instant_of(const Observation& newest) const;
+  // In lockstep: says that the observation has no answer, where nothing else was said.
+  void pass(std::uint64_t observation_id);
   void update_sensor(std::size_t used, MonoTime now);
-  [[nodiscard]] bool has_usable_samples(MonoTime now);
+  [[nodiscard]] bool has_usable_samples(const Observation& newest, MonoTime now);
   void show(MonoTime now);
   [[nodiscard]] const float* values_of(const Block& block) const;
   void fill_values();
@@ -112,6 +117,7 @@ class PolicySession {
   CommandChunk chunk_;
   MonoTime dequeued_at_, infer_started_at_, infer_ended_at_;  // of the observation returned last
   std::uint64_t sequence_ = 0;
+  std::uint64_t answered_id_ = 0;  // newest observation that something was said to
   std::string sentence_;
   std::vector<float> values_;
   std::vector<const char*> joint_names_;
