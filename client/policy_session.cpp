@@ -337,7 +337,8 @@ int PolicySession::look(MonoTime now) {
 
 void PolicySession::update_sensor(std::size_t used, MonoTime now) {
   SensorSample& sample = samples_[sensors_in_use_[used]];
-  if (queued_[used] != kNoQueue) return queues_[queued_[used]].take_all(sensors_[used], now, executive_->is_lockstep(), sample);
+  if (queued_[used] != kNoQueue)
+    return queues_[queued_[used]].take_all(sensors_[used], now, executive_->is_lockstep(), sample);
   std::vector<std::byte>& payload = payloads_[used];
   if (payload.empty()) return sensors_[used].update(now, sample);
   sensors_[used].update(now, sample, payload);

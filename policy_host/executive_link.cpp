@@ -53,9 +53,10 @@ std::expected<ExecutiveLink, std::string> ExecutiveLink::attach(const std::strin
   auto lease = ipc::attach(socket, hello, kAttachTimeout);
   if (!lease) return std::unexpected(lease.error());
   if (lease->lockstep && knows == Time::clock)
-    return std::unexpected(fmt::format("{}: this is virtual time, which {} knows nothing of: --policy-host is for "
-                                       "policies in Python or C (docs/python-policy.md)",
-                                       socket, hello.program));
+    return std::unexpected(
+        fmt::format("{}: this is virtual time, which {} knows nothing of: --policy-host is for "
+                    "policies in Python or C (docs/python-policy.md)",
+                    socket, hello.program));
   if (lease->descriptors.size() <= (largest_input == 0 ? ipc::kCommandDescriptor : ipc::kInputDescriptor)) {
     return std::unexpected(socket + ": the executive handed out too few mailboxes; use one of the same version");
   }

@@ -26,19 +26,17 @@ std::expected<std::unique_ptr<PolicySeat>, std::string> PolicySeat::open(const c
                                                                          SeatOptions options) {
   auto segment = ipc::Segment::create("takt-observation", ipc::ring_bytes(ipc::observation_mailbox()), true);
   if (!segment) return std::unexpected(segment.error());
-  auto seat =
-      std::unique_ptr<PolicySeat>(new PolicySeat(robot, policy_hash, std::move(options), std::move(*segment)));
+  auto seat = std::unique_ptr<PolicySeat>(new PolicySeat(robot, policy_hash, std::move(options), std::move(*segment)));
   // Formatted before it is sealed, sealed before the first policy is greeted.
   if (auto sealed = seat->observations_.seal_against_new_writers(); !sealed) return std::unexpected(sealed.error());
   PolicySeat* const at = seat.get();
-  auto server =
-      ipc::RendezvousServer::listen(config::executive_socket(seat->options_.runtime_directory), geteuid(),
-                                    {.admit = [at](const ipc::Peer& peer) { return at->admit(peer); },
-                                     .acknowledged = [at](const ipc::Peer& peer) { at->hand_over(peer); },
-                                     .recorded = {},
-                                     .left = [at](const ipc::Peer&) { at->leave(); },
-                                     .request = {}},
-                                    seat->options_.policy_user);
+  auto server = ipc::RendezvousServer::listen(config::executive_socket(seat->options_.runtime_directory), geteuid(),
+                                              {.admit = [at](const ipc::Peer& peer) { return at->admit(peer); },
+                                               .acknowledged = [at](const ipc::Peer& peer) { at->hand_over(peer); },
+                                               .recorded = {},
+                                               .left = [at](const ipc::Peer&) { at->leave(); },
+                                               .request = {}},
+                                              seat->options_.policy_user);
   if (!server) return std::unexpected(server.error());
   seat->server_ = std::make_unique<ipc::RendezvousServer>(std::move(*server));
   return seat;

@@ -36,7 +36,7 @@ int code_of(int status) {
   const pid_t shell = ::fork();
   if (shell < 0) ::_exit(1);
   if (shell == 0) run_shell(command, signals);
-  ::setpgid(shell, shell);  // whoever of the two comes first
+  ::setpgid(shell, shell);   // whoever of the two comes first
   ::close_range(3, ~0U, 0);  // our connections end with us, and not with this copy of them
   int status = 0, signal = 0;
   while (signal != SIGTERM && ::waitpid(shell, &status, WNOHANG) == 0) signal = ::sigwaitinfo(&signals, nullptr);

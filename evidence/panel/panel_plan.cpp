@@ -168,7 +168,8 @@ std::expected<Contest, std::string> Contest::prepare(Panel panel, const OutsideP
     }
     if (const std::string problem = joints_problem(contest.panel_, *robot); !problem.empty()) note(problem);
     if (task.modes > 1 && !outside.policy.empty())
-      note(contest.panel_.file + ": `modes` spoils what a network says, and --policy-host names a program; leave out one");
+      note(contest.panel_.file +
+           ": `modes` spoils what a network says, and --policy-host names a program; leave out one");
     const auto played = ask(contest.world_.get(), *robot, task.task);
     if (!played) {
       note(played.error());
@@ -293,11 +294,10 @@ RanRollout Contest::conclude(RolloutRow row, RolloutWatch& watch, const std::str
     return value.empty() ? "" : fmt::format(" {} '{}'", name, value);
   };
   PostMortemDraft draft{.row = ran.row,
-                        .show_again = fmt::format("takt panel run {}{}{}{} --only {} --out again  # panel: SHA-256 {}",
-                                                  panel_.file, panel_.robot.empty() ? "" : " --robot " + panel_.robot,
-                                                  option("--world", outside_.world),
-                                                  option("--policy-host", outside_.policy), rollout_id(ran.row),
-                                                  panel_.sha256),
+                        .show_again = fmt::format(
+                            "takt panel run {}{}{}{} --only {} --out again  # panel: SHA-256 {}", panel_.file,
+                            panel_.robot.empty() ? "" : " --robot " + panel_.robot, option("--world", outside_.world),
+                            option("--policy-host", outside_.policy), rollout_id(ran.row), panel_.sha256),
                         .ticks = &watch.failure_,
                         .verdicts = {},
                         .incidents = monitor::by_gravity(std::move(watch.told_))};

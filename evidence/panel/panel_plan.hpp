@@ -81,8 +81,8 @@ class RolloutWatch {
 
 class Contest {
  public:
-  // `outside`: for every method. World and policy are asked whether they play with these robots. The error: one problem per line, each naming panel,
-  // method and key.
+  // `outside`: for every method. World and policy are asked whether they play with these robots. The error: one problem
+  // per line, each naming panel, method and key.
   static std::expected<Contest, std::string> prepare(Panel panel, const OutsideProcesses& outside = {});
 
   [[nodiscard]] const Panel& panel() const { return panel_; }

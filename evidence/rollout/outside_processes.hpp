@@ -6,7 +6,8 @@
 namespace takt::panel {
 
 struct OutsideProcesses {
-  std::string world = {};   // a command or a socket, as plant::WorldProcess has it; empty: the robot file's own mechanics
+  std::string world =
+      {};  // a command or a socket, as plant::WorldProcess has it; empty: the robot file's own mechanics
   std::string policy = {};  // as PolicyProcess has it; empty: policy.file is a network
 };
 

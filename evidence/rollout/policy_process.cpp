@@ -82,8 +82,8 @@ std::expected<void, std::string> PolicyProcess::prepare() {
 }
 
 std::expected<void, std::string> PolicyProcess::start() {
-  if (auto started = process_.start(
-          fmt::format("{} --robot '{}/robot.yaml' --runtime-dir '{}'", command_, folder_, folder_));
+  if (auto started =
+          process_.start(fmt::format("{} --robot '{}/robot.yaml' --runtime-dir '{}'", command_, folder_, folder_));
       !started)
     return started;
   return wait_for_policy(seat_->session());

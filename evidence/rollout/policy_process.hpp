@@ -2,9 +2,9 @@
 // it, beside a seat without an executive that shows it one observation at a time and waits for its answer.
 //
 // When things happen is not the program's affair but the model's (virtual_policy.hpp): how long it really takes counts
-// for nothing, and all stamps that it is shown are virtual. Every rollout is a session of its own, which a policy learns
-// by `reset`; what it remembers all the same, and what it draws, is its own: such rollouts are as repeatable as it is.
-// It sees what takt-policy-host would be shown: of a sensor with a queue the newest sample only.
+// for nothing, and all stamps that it is shown are virtual. Every rollout is a session of its own, which a policy
+// learns by `reset`; what it remembers all the same, and what it draws, is its own: such rollouts are as repeatable as
+// it is. It sees what takt-policy-host would be shown: of a sensor with a queue the newest sample only.
 //
 // A program that ends or hangs is silent from then on, as it would be on the robot; the next session starts it anew.
 // Thread rule: one thread at a time. A copy of this object in a forked child starts a process of its own.

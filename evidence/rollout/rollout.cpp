@@ -90,8 +90,8 @@ class Rollout {
         measures_(score_of(setup, world), disturbance) {
     input_.last_duration = kTickWork;
     if (setup.fallback != nullptr)
-      fallback_.emplace(setup.fallback->robot, setup.fallback->policy_hash, *setup.fallback->policy,
-                        setup.timing, untroubled_, disturbance, setup.seed);
+      fallback_.emplace(setup.fallback->robot, setup.fallback->policy_hash, *setup.fallback->policy, setup.timing,
+                        untroubled_, disturbance, setup.seed);
   }
 
   void run(RolloutRow& row) {

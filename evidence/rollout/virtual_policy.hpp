@@ -128,7 +128,7 @@ class VirtualPolicy {
   std::deque<ArrivedCommand> sent_;
   ArrivedCommand newest_;
   std::unique_ptr<CommandChunk> spare_;  // a command's that was read; null: none
-  std::vector<MonoTime> free_at_;  // one per request in flight
+  std::vector<MonoTime> free_at_;        // one per request in flight
   std::vector<InFlight> in_flight_;
   std::int64_t stalls_ = 0, bursts_ = 0;  // turns of the perturbation that are done
   std::uint8_t session_ = 1;

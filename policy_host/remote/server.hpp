@@ -17,8 +17,8 @@
 #include "config/robot_config.hpp"
 #include "dds/domain.hpp"
 #include "policy_host/notice.hpp"
-#include "policy_host/remote/far_samples.hpp"
 #include "policy_host/policy_seat.hpp"
+#include "policy_host/remote/far_samples.hpp"
 #include "policy_host/remote/topics.hpp"
 
 namespace takt::policy_host::remote {

@@ -47,9 +47,10 @@ std::expected<std::string, std::string> roll_out(const config::RobotConfig& robo
                                   .scored = kScored,
                                   .bound_m = kAnyError_m,
                                   .world = world,
-                                  .on_world_end = [&](const plant::WorldEnd& ended) {
-                                    if (ended.kind != plant::WorldEndKind::succeeded) end = ended.sentence;
-                                  },
+                                  .on_world_end =
+                                      [&](const plant::WorldEnd& ended) {
+                                        if (ended.kind != plant::WorldEndKind::succeeded) end = ended.sentence;
+                                      },
                                   .on_silence = [&](const std::string& why) { end = why; }};
   if (const auto ran = panel::run_rollout(setup, row); !ran) return std::unexpected(ran.error());
   if (!end.empty()) return std::unexpected(end);

@@ -419,7 +419,7 @@ with takt.connect("robot.yaml", spec) as robot, open("saw", "w") as saw:
                           ("margin", "robot.yaml")):
             done = self.command("takt", *arguments)
             self.assertIn(done.returncode, (1, 65), done.stderr)
-            self.assertRegex(done.stderr, r"policy.py: not an ONNX model, .* runs by `takt run --policy-host` only")
+            self.assertRegex(done.stderr, r"policy.py: not an ONNX model, .* runs by --policy-host")
             self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
 
 

@@ -1,12 +1,16 @@
-// Goal: a policy that is a program rolls out in virtual time as a network does: shown virtual time alone, the same bytes
-// every time, forgetting between rollouts, crashing with the perturbation; and one that skips, ends, hangs or does not fit
-// is what it would be on the robot. Method: the demo arm under client_policy, a program on takt/client.h, and under
-// takt-policy-host, which knows no virtual time; rollouts of a few seconds.
+// Goal: a policy that is a program rolls out in virtual time as a network does: shown virtual time alone, the same
+// bytes every time, forgetting between rollouts, crashing with the perturbation; and one that skips, ends, hangs or
+// does not fit is what it would be on the robot. Method: the demo arm under client_policy, a program on takt/client.h,
+// and under takt-policy-host, which knows no virtual time; rollouts of a few seconds.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <stdlib.h>
+#include <unistd.h>
 
 #include <filesystem>
 
+#include "evidence/panel/panel_plan.hpp"
+#include "evidence/panel/worker_pool.hpp"
 #include "evidence/rollout/rollout.hpp"
 #include "tests/evidence/rollout/arm_rollouts.hpp"
 
@@ -110,6 +114,42 @@ TEST(PolicyProcess, OneThatDoesNotFitIsRefusedBeforeAnythingRolls) {
   EXPECT_THAT(why("/no/such/program"), HasSubstr("exited with 127"));
   PolicyProcess host(TAKT_POLICY_HOST, {seconds(2), seconds(2)});
   EXPECT_FALSE(host.begin(test::arm(), test::setup().policy_hash)) << "takt-policy-host knows no virtual time";
+}
+
+std::vector<std::string> hashes(std::size_t workers) {
+  Panel panel = load_panel("config/panels/smoke.yaml").value();
+  panel.perturbations.resize(3);
+  auto contest = Contest::prepare(std::move(panel), {.policy = program("sways")});
+  if (!contest) throw std::runtime_error(contest.error());
+  std::vector<std::string> found;
+  const auto done = run_in_workers(*contest, plan_of(contest->panel(), {}), workers, [&](const RanRollout& ran) {
+    found.push_back(ran.row.replay_hash);
+    return std::expected<void, std::string>();
+  });
+  EXPECT_TRUE(done) << done.error();
+  return found;
+}
+
+TEST(PolicyProcess, PanelsRollItOutInAnyNumberOfWorkersAndLeaveNothingBehind) {
+  const std::filesystem::path place =
+      std::filesystem::path(testing::TempDir()) / ("takt-place." + std::to_string(getpid()));
+  std::filesystem::create_directory(place);
+  setenv("TMPDIR", place.c_str(), 1);
+  const std::vector<std::string> one = hashes(1), two = hashes(2);
+  unsetenv("TMPDIR");
+  EXPECT_EQ(one.size(), 3U);
+  EXPECT_EQ(one, two);
+  EXPECT_TRUE(std::filesystem::is_empty(place)) << *std::filesystem::directory_iterator(place);
+  std::filesystem::remove_all(place);
+}
+
+TEST(PolicyProcess, APanelIsRefusedWhereTheProgramDoesNotTakeTheRobot) {
+  Panel panel = load_panel("config/panels/smoke.yaml").value();
+  const auto refused = Contest::prepare(panel, {.policy = program("steps", 12)});
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error(), HasSubstr("method takt: policy `"));
+  panel.tasks[0].modes = 2;
+  EXPECT_THAT(Contest::prepare(panel, {.policy = program("sways")}).error(), HasSubstr("leave out one"));
 }
 
 }  // namespace
