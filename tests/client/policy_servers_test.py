@@ -17,11 +17,13 @@ try:
     import msgpack
     import websockets
     import zmq
+    from groot_server import GrootServer, npy
     from openpi_server import JOINTS, STEPS, OpenPiServer, answer, array, well
 except ImportError as error:
     print(f"SKIPPED: {error}: NO POLICY SERVER WAS TALKED TO")
     sys.exit(77)
 import numpy as np
+from wire import Wire
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "client/python"))
 import takt  # noqa: E402
@@ -57,57 +59,6 @@ class RawServer:
         self.listener.shutdown(socket.SHUT_RDWR)
         self.listener.close()
         self.thread.join()
-
-
-class Wire:
-    """A way to a server that can be cut: what is sent meanwhile, and no hang-up either, arrives when it is whole again, as TCP has it."""
-
-    def __init__(self, server):
-        self.server, self.whole, self.over = server, threading.Event(), threading.Event()
-        self.whole.set()
-        self.listener = socket.create_server(("127.0.0.1", 0))
-        self.url = "ws://127.0.0.1:%d" % self.listener.getsockname()[1]
-        self.ends = []
-        self.threads = [threading.Thread(target=self._accept)]
-        self.threads[0].start()
-
-    def _accept(self):
-        while not self.over.is_set():
-            try:
-                near, _ = self.listener.accept()
-            except OSError:
-                return
-            far = socket.create_connection(("127.0.0.1", self.server.port))
-            self.ends += [near, far]
-            for ends in ((near, far), (far, near)):
-                self.threads.append(threading.Thread(target=self._carry, args=ends))
-                self.threads[-1].start()
-
-    def _carry(self, source, sink):
-        source.settimeout(0.1)
-        while not self.over.is_set():
-            try:
-                data = source.recv(65536)
-                while not self.whole.wait(0.1) and not self.over.is_set():
-                    pass
-                sink.sendall(data)
-                if not data:
-                    sink.shutdown(socket.SHUT_WR)
-                    return
-            except TimeoutError:
-                continue
-            except OSError:
-                return
-
-    def close(self):
-        self.over.set()
-        self.listener.shutdown(socket.SHUT_RDWR)
-        self.listener.close()
-        for thread in self.threads:
-            thread.join()
-        for end in self.ends:
-            end.close()
-        self.server.close()
 
 
 class Asking(unittest.TestCase):
@@ -362,6 +313,66 @@ class OpenPi(Asking):
         server.behaves = well
         self.until(client, self.good, number)
 
+    def test_an_answer_that_comes_again_is_passed_over(self):
+        # At once, and after the next question, whose answer it is not.
+        sent = []
+
+        async def again(peer, asked, count):
+            if sent:
+                await peer.send(sent[-1])
+            sent.append(answer(asked["n"]))
+            await peer.send(sent[-1])
+            await peer.send(sent[-1])
+        server = OpenPiServer(again)
+        client = self.open(server, deadline="10 s")
+        number = self.until(client, self.good)
+        for more in range(20):
+            self.assertIsNotNone(self.ask(client, number + more), client.problem)
+        self.assertEqual(server.connections, 1)
+
+    def test_an_old_answer_in_the_place_of_a_new_one_is_none(self):
+        first = []
+
+        async def old(peer, asked, count):
+            first.append(answer(asked["n"]))
+            await peer.send(first[0])
+        self.until(self.open(OpenPiServer(old)), self.says("did not answer within 300 ms, but sent an earlier answer again"))
+
+        async def without_end(peer, asked, count):
+            first.append(answer(asked["n"]))
+            for _ in range(100):
+                await peer.send(first[0])
+        first.clear()
+        self.until(self.open(OpenPiServer(without_end)), self.says("sends an earlier answer again and again"))
+
+    def test_who_says_the_same_without_a_time_is_believed(self):
+        # A policy that holds a pose, on a server that measures nothing: its answers are the same bytes, and each is its question's.
+        async def constant(peer, asked, count):
+            await peer.send(msgpack.packb({"actions": array(np.full((STEPS, JOINTS), 7))}))
+        server = OpenPiServer(constant)
+        client = self.open(server, deadline="10 s")
+        end = time.monotonic() + PATIENCE_S
+        while not client.connected:
+            self.assertLess(time.monotonic(), end)
+            time.sleep(0.005)
+        for _ in range(20):
+            self.assertIsNotNone(self.ask(client, 7), client.problem)
+        self.assertEqual(server.connections, 1)
+
+    def test_what_took_longer_than_it_was_waited_for_is_another_questions(self):
+        # Each question is answered twice, and anew; the second comes when the next one is asked.
+        second = []
+
+        async def twice(peer, asked, count):
+            if second:
+                await peer.send(answer(second[-1], server_timing={"infer_ms": 9999.0}))
+            second.append(asked["n"])
+            await peer.send(answer(asked["n"]))
+        client = self.open(OpenPiServer(twice), deadline="10 s")
+        number = self.until(client, self.good)
+        self.assertIsNone(self.ask(client, number))
+        self.assertRegex(client.problem, "answered another question: it inferred for 9999.0 ms, this one was asked .* ms ago")
+
     def test_who_is_no_openpi_server_is_named(self):
         for metadata in ("hello", b"\x07"):
             with self.subTest(metadata):
@@ -460,52 +471,6 @@ class OpenPiClosing:
         self.server.close()
 
 
-def npy(values, **how):
-    import io
-    file = io.BytesIO()
-    np.save(file, values, **how)
-    return {"__ndarray_class__": True, "as_npy": file.getvalue()}
-
-
-class GrootServer:
-    """REP; `behaves(question, count)` gives the reply's bytes, or None: none at all. `afterwards(frames)`: once it is sent."""
-
-    def __init__(self, behaves, afterwards=None):
-        self.behaves, self.afterwards, self.count = behaves, afterwards, 0
-        self.context = zmq.Context()
-        # A router, for a REP socket cannot keep an answer back.
-        self.socket = self.context.socket(zmq.ROUTER)
-        if afterwards:  # a message that finds no room waits, and is not dropped
-            self.socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
-            self.socket.setsockopt(zmq.SNDHWM, 1)
-            self.socket.setsockopt(zmq.SNDTIMEO, 1000)
-        self.url = f"tcp://127.0.0.1:{self.socket.bind_to_random_port('tcp://127.0.0.1')}"
-        self.over = threading.Event()
-        self.kept = []
-        self.thread = threading.Thread(target=self._run)
-        self.thread.start()
-
-    def _run(self):
-        while not self.over.is_set():
-            if not self.socket.poll(20):
-                continue
-            frames = self.socket.recv_multipart()
-            self.count += 1
-            reply = self.behaves(msgpack.unpackb(frames[-1], strict_map_key=False), self.count)
-            if reply is None:
-                self.kept.append(frames[:-1])
-            else:
-                self.socket.send_multipart([*frames[:-1], reply])
-                if self.afterwards:
-                    self.afterwards(frames[:-1])
-
-    def close(self):
-        self.over.set()
-        self.thread.join()
-        self.socket.close(0)
-        self.context.term()
-
-
 class Groot(Asking):
     @staticmethod
     def well(asked, count=0, arm=2, hand=1, dtype=np.float32, **how):
@@ -521,7 +486,7 @@ class Groot(Asking):
 
     def open(self, server, **more):
         self.addCleanup(server.close)
-        client = servers.Groot(server.url, shape=(STEPS, JOINTS), deadline="300 ms", actions=("action.arm", "action.hand"), **more)
+        client = servers.Groot(server.url, shape=(STEPS, JOINTS), deadline=more.pop("deadline", "300 ms"), actions=("action.arm", "action.hand"), **more)
         self.addCleanup(client.close)
         return client
 
@@ -563,13 +528,24 @@ class Groot(Asking):
         server = GrootServer(lambda question, count: None)
 
         def with_the_old_ones(question, count):
-            for frames in server.kept:
-                server.socket.send_multipart([*frames, self.well({"data": {"observation": {"n": -1}}})])
+            for envelope in server.envelopes[:-1]:
+                server.socket.send_multipart([*envelope, self.well({"data": {"observation": {"n": -1}}})])
             return self.well(question)
         client = self.open(server)
         number = self.until(client, self.says("did not answer"))
         server.behaves = with_the_old_ones
         self.until(client, self.good, number)
+
+    def test_an_answer_that_comes_twice_is_taken_once(self):
+        def again(question, count):
+            for envelope in server.envelopes[-3:-1]:
+                server.socket.send_multipart([*envelope, self.well({"data": {"observation": {"n": -1}}})])
+            return self.well(question)
+        server = GrootServer(again)
+        client = self.open(server, deadline="10 s")
+        number = self.until(client, self.good)
+        for more in range(20):
+            self.assertIsNotNone(self.ask(client, number + more), client.problem)
 
     def test_what_nobody_asked_for_waits_at_its_sender(self):
         # 200 MiB behind an answer: what this side takes in of them is bounded by messages, not by the sender's patience.
