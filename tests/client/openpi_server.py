@@ -35,6 +35,7 @@ class OpenPiServer:
     def __init__(self, behaves=well, metadata=b"\x81\xa5reset\xc0", port=0):
         self.behaves, self.metadata, self.port = behaves, metadata, port
         self.questions, self.connections = 0, 0
+        self.peers = set()
         self.loop, ready = asyncio.new_event_loop(), threading.Event()
         self.thread = threading.Thread(target=self._run, args=(ready,))
         self.thread.start()
@@ -53,6 +54,7 @@ class OpenPiServer:
 
     async def _converse(self, peer, _path=None):
         self.connections += 1
+        self.peers.add(peer)
         self.headers = peer.request.headers if hasattr(peer, "request") else peer.request_headers  # from websockets 13 on, before
         try:
             if self.metadata is not None:
@@ -62,6 +64,12 @@ class OpenPiServer:
                 await self.behaves(peer, msgpack.unpackb(message, strict_map_key=False), self.questions)
         except websockets.ConnectionClosed:
             pass
+        finally:
+            self.peers.discard(peer)
+
+    def hang_up(self):
+        """Ends the connections that there are."""
+        self.loop.call_soon_threadsafe(lambda: [peer.transport.abort() for peer in self.peers])
 
     def leave(self):
         """Begins to close; close() ends it."""
