@@ -30,24 +30,25 @@ async def well(peer, asked, _):
 
 
 class OpenPiServer:
-    """Accepts one connection after the other, on a thread; `behaves(peer, question, count)` is awaited for each question."""
+    """Accepts one connection after the other, on a thread; `behaves(peer, question, count)` is awaited for each question. `tls`: its ssl.SSLContext."""
 
-    def __init__(self, behaves=well, metadata=b"\x81\xa5reset\xc0", port=0):
-        self.behaves, self.metadata, self.port = behaves, metadata, port
+    def __init__(self, behaves=well, metadata=b"\x81\xa5reset\xc0", port=0, tls=None):
+        self.behaves, self.metadata, self.port, self.tls = behaves, metadata, port, tls
         self.questions, self.connections = 0, 0
         self.peers = set()
         self.loop, ready = asyncio.new_event_loop(), threading.Event()
         self.thread = threading.Thread(target=self._run, args=(ready,))
         self.thread.start()
         ready.wait()
-        self.url = f"ws://127.0.0.1:{self.port}"
+        self.url = f"{'wss' if tls else 'ws'}://127.0.0.1:{self.port}"
 
     def _run(self, ready):
         self.over = asyncio.Event()
         self.loop.run_until_complete(self._serve(ready))
 
     async def _serve(self, ready):
-        async with websockets.serve(self._converse, "127.0.0.1", self.port, compression=None, max_size=None, close_timeout=0.1) as server:
+        async with websockets.serve(self._converse, "127.0.0.1", self.port, ssl=self.tls, compression=None, max_size=None,
+                                    close_timeout=0.1) as server:
             self.port = server.sockets[0].getsockname()[1]
             ready.set()
             await self.over.wait()
@@ -76,6 +77,9 @@ class OpenPiServer:
         self.loop.call_soon_threadsafe(self.over.set)
 
     def close(self):
+        """A second time does nothing."""
+        if self.loop.is_closed():
+            return
         self.leave()
         self.thread.join()
         self.loop.close()

@@ -5,8 +5,12 @@ python3-websockets and GR00T's with python3-zmq; a good answer repeats the quest
 """
 import inspect
 import pathlib
+import shutil
 import socket
+import ssl
+import subprocess
 import sys
+import tempfile
 import threading
 import time
 import unittest
@@ -442,6 +446,27 @@ class OpenPi(Asking):
         closing.join(PATIENCE_S)
         self.assertFalse(closing.is_alive())
 
+    def test_a_server_behind_tls_is_believed_by_who_signed_it(self):
+        if not shutil.which("openssl"):
+            self.skipTest("NO SERVER BEHIND TLS WAS TALKED TO: openssl is not installed")
+        folder = pathlib.Path(tempfile.mkdtemp())
+        self.addCleanup(shutil.rmtree, folder)
+        certificate, key = folder / "certificate.pem", folder / "key.pem"
+        subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=test", "-addext", "subjectAltName=IP:127.0.0.1",
+                        "-keyout", key, "-out", certificate], check=True, capture_output=True)
+        tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        tls.load_cert_chain(certificate, key)
+        server = OpenPiServer(tls=tls)
+        self.until(self.open(server), self.says("shows a certificate that is not believed: self-signed certificate; `ca_file` names whoever signed it"))
+        client = self.open(server, ca_file=certificate)
+        number = self.until(client, self.good)
+        for more in range(20):
+            self.assertIsNotNone(self.ask(client, number + more), client.problem)
+        for url, file, said in ((server.url, folder / "none.pem", "none.pem is no file of certificates in PEM: No such file"),
+                                (server.url, key, "is no file of certificates in PEM"), ("ws://127.0.0.1:1", certificate, "ca_file is for a server at wss://")):
+            with self.subTest(said), self.assertRaisesRegex(takt.Refused, said):
+                servers.OpenPi(url, shape=(STEPS, JOINTS), deadline="1 s", ca_file=file)
+
     def test_what_cannot_be_meant_is_refused_in_a_sentence(self):
         fine = {"url": "ws://127.0.0.1:1", "shape": (STEPS, JOINTS), "deadline": "1 s"}
         for change, said in (({"url": "grpc://gpu:8080"}, "pickles"), ({"url": "http://gpu"}, "is no address of a server"), ({"url": "ws://"}, "is no address"),
@@ -453,6 +478,57 @@ class OpenPi(Asking):
         client.close()
         with OpenPiClosing() as (client, number), self.assertRaisesRegex(takt.Refused, "object cannot be sent"):
             client.infer({"n": number, "x": object()})
+
+
+class FailOver(Asking):
+    def both(self, behaves):
+        """Two servers, of which the first behaves so."""
+        first, second = OpenPiServer(behaves), OpenPiServer()
+        client = servers.FailOver(self.open(first), self.open(second))
+        self.addCleanup(client.close)
+        end = time.monotonic() + PATIENCE_S
+        while not all(server.connected for server in client.servers):
+            self.assertLess(time.monotonic(), end)
+            time.sleep(0.005)
+        return first, second, client
+
+    def ask(self, client, number):
+        """What came back is this question's, or nothing with a reason."""
+        values = client.infer({"n": number})
+        self.assertEqual(values is None, bool(client.problem))
+        self.assertTrue(values is None or (values == number).all())
+        return values
+
+    def test_one_answers_in_the_place_of_another_and_goes_on(self):
+        async def never(peer, asked, count):
+            pass
+        first, second, client = self.both(never)
+        with self.assertLogs("takt", "WARNING") as log:
+            number = self.until(client, self.good)
+        self.assertTrue(any(f"{second.url} answers in the place of {first.url}" in line for line in log.output), log.output)
+        asked = first.questions
+        missed = sum(self.ask(client, number + more) is None for more in range(20))
+        self.assertLessEqual(first.questions - asked, missed, "it is asked when the other has no answer, and else never")
+
+    def test_who_goes_leaves_no_question_without_an_answer(self):
+        first, second, client = self.both(well)
+        number = self.until(client, self.good)
+        self.assertEqual(second.questions, 0)
+        first.close()
+        end = time.monotonic() + PATIENCE_S
+        while client.servers[0].connected:
+            self.assertLess(time.monotonic(), end)
+            time.sleep(0.005)
+        self.until(client, self.good, number)
+        self.assertGreater(second.questions, 0)
+
+    def test_without_any_there_is_no_answer_but_a_reason(self):
+        first, second, client = self.both(well)
+        first.close()
+        second.close()
+        self.until(client, lambda values, problem: values is None and "127.0.0.1" in problem)
+        with self.assertRaisesRegex(takt.Refused, "name the servers"):
+            servers.FailOver()
 
 
 class OpenPiClosing:
