@@ -3,8 +3,8 @@
 // process, once at the executive's own socket, once behind takt-policy-bridge and takt-policy-server in another network
 // namespace; the test is executive and sensor, asks the same questions one after the other, and compares the values of
 // the answers. Every question differs from the one before in every vector, and each answer depends on those before.
-// What the last action was depends on when the next observation is: questions are stamped a second apart, which is longer
-// than a chunk, all of them in the past, so that nobody has to wait for them and no network's delay matters.
+// What the last action was depends on when the next observation is: questions are stamped a second apart, which is
+// longer than a chunk, all of them in the past, so that nobody has to wait for them and no network's delay matters.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -23,6 +23,7 @@
 #include "tests/policy_host/fake_server.hpp"
 #include "tests/process/child.hpp"
 #include "tests/process/faulty_network.hpp"
+#include "tests/process/patient_copy.hpp"
 
 namespace takt::test {
 namespace {
@@ -37,12 +38,6 @@ constexpr Duration kApart = seconds(1);
 std::string text_of(const std::string& path) {
   std::ifstream file(path);
   return {std::istreambuf_iterator<char>(file), {}};
-}
-
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  return text.replace(at, from.size(), to);
 }
 
 // One executive and its camera, that ask.
@@ -70,9 +65,8 @@ class Asker {
     const auto at = [question](int vector, std::size_t j) {
       return static_cast<float>(0.4 * std::sin(0.37 * question + 1.3 * vector + 0.7 * static_cast<double>(j)));
     };
-    const MonoTime now = first_ + kApart * question;
     SensorSample sample;
-    sample.published_at = now;
+    sample.published_at = monotonic_now();
     sample.sensed_at = sample.published_at - milliseconds(3);
     sample.value_count = 3;
     for (std::size_t j = 0; j < 3; ++j) sample.values[j] = at(9, j);
@@ -81,7 +75,7 @@ class Asker {
     Observation observation;
     observation.id = ++id_;
     observation.tick = id_ * 20;
-    observation.published_at = now;
+    observation.published_at = first_ + kApart * question;
     observation.oldest_sensed_at = observation.published_at - milliseconds(1);
     observation.period = milliseconds(40);
     observation.joint_count = joints_;
@@ -123,14 +117,15 @@ class RemotePolicyValues : public testing::Test {
       GTEST_SKIP() << "NO POLICY ON ANOTHER MACHINE WAS TESTED: " << why;
   }
   void expect_the_same(const std::string& policy_file) {
-    std::string text = replaced(text_of("config/arm6.yaml"), "file: arm6_reach.onnx", "file: " + policy_file);
-    text = replaced(text, "period: 20 ms", "period: 40 ms");  // as many as max_age holds are remembered
-    text = replaced(text, "max_age: 150 ms", "max_age: 60 s");
-    text = replaced(text, "stop_after: 600 ms", "stop_after: 120 s");
-    text = replaced(text, "timeout: 200 ms }", "timeout: 60 s }");
-    text = replaced(text, "\nrecord:\n", "\nrecord:\n  policy_inputs: false\n");
-    std::ofstream(robot_) << text
-                          << "\ndds: { interface: takt0, peers: [{ address: 10.77.0.1 }, { address: 10.77.0.2 }] }\n";
+    const std::string robot_file = patient_copy("config/arm6.yaml", temporary_.path(),
+                                                {{"policy.file", policy_file},
+                                                 {"policy.period", "40 ms"},  // as many as max_age holds are remembered
+                                                 {"freshness.max_age", "60 s"},
+                                                 {"freshness.stop_after", "120 s"},
+                                                 {"record.policy_inputs", "false"}});
+    ASSERT_EQ(robot_file, robot_);
+    std::ofstream(robot_, std::ios::app)
+        << "\ndds: { interface: takt0, peers: [{ address: 10.77.0.1 }, { address: 10.77.0.2 }] }\n";
     const auto robot = config::load(robot_);
     ASSERT_TRUE(robot) << robot.error();
     const auto beside = beside_the_executive(robot->joints.size());
@@ -163,7 +158,7 @@ class RemotePolicyValues : public testing::Test {
   }
 
   TemporaryDirectory temporary_;
-  std::string robot_ = temporary_.path("robot.yaml"), log_ = temporary_.path("log");
+  std::string robot_ = temporary_.path("arm6.yaml"), log_ = temporary_.path("log");
 };
 
 TEST_F(RemotePolicyValues, OfANetworkThatSeesItsLastAction) {
