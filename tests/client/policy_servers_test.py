@@ -623,6 +623,26 @@ class Groot(Asking):
         for more in range(20):
             self.assertIsNotNone(self.ask(client, number + more), client.problem)
 
+    def test_a_rep_socket_as_the_real_servers_is_understood(self):
+        context = zmq.Context()
+        self.addCleanup(context.term)
+        socket = context.socket(zmq.REP)
+        self.addCleanup(socket.close, 0)
+        port, over = socket.bind_to_random_port("tcp://127.0.0.1"), threading.Event()
+
+        def serve():
+            while not over.is_set():
+                if socket.poll(20):
+                    socket.send(self.well(msgpack.unpackb(socket.recv(), strict_map_key=False)))
+        thread = threading.Thread(target=serve)
+        thread.start()
+        self.addCleanup(thread.join)
+        self.addCleanup(over.set)
+        client = servers.Groot(f"tcp://127.0.0.1:{port}", shape=(STEPS, JOINTS), deadline="10 s", actions=("action.arm", "action.hand"))
+        self.addCleanup(client.close)
+        for number in range(1, 20):
+            self.assertIsNotNone(self.ask(client, number), client.problem)
+
     def test_what_nobody_asked_for_waits_at_its_sender(self):
         # 200 MiB behind an answer: what this side takes in of them is bounded by messages, not by the sender's patience.
         sent = [0]

@@ -35,14 +35,21 @@ def is_stopped(status):
     return status.get("mode") in ("damped_stop", "fault_latched")
 
 
+def tracks(robot, server):
+    """Under the good server, for a while."""
+    for _ in range(TRIES):
+        before = len(server.answered)
+        if robot.get_going() and reached(lambda: len(server.answered) >= before + GOOD_ANSWERS) and robot.status().get("mode") == "tracking":
+            return True
+    return False
+
+
 class Try:
     """One behaviour, once. `cause` of the stop it ended in, if it did; times of the monotonic clock, ms."""
 
     def __init__(self, robot, server, behaviour):
         behaviour.before(server)
-        self.tracked = robot.get_going()
-        before = len(server.answered)
-        self.tracked &= reached(lambda: len(server.answered) >= before + GOOD_ANSWERS)
+        self.tracked = tracks(robot, server)
         self.begin_ms = time.monotonic_ns() * 1e-6
         server.begin(behaviour)
         if behaviour.stops:
@@ -52,7 +59,9 @@ class Try:
         self.end_ms = time.monotonic_ns() * 1e-6
         server.end()
         status = robot.status()
-        self.cause = status["incident"]["cause"] if is_stopped(status) else ""
+        self.cause = ""
+        if is_stopped(status):
+            self.cause = status["incident"]["cause"] if status["incident"]["monotonic_ns"] * 1e-6 > self.begin_ms else "a stop before"
         self.is_decided = self.cause == ("command_lost" if behaviour.stops else "")
 
 

@@ -119,7 +119,9 @@ class Record:
 
     def stop_in(self, begin_ms, end_ms):
         """The first latched stop in this time, and what is wrong with when it came; None: there was none."""
-        within = np.flatnonzero((self.now_ms >= begin_ms) & (self.now_ms <= end_ms) & np.isin(self.mode, ["damped_stop", "fault_latched"]))
+        latched = np.isin(self.mode, ["damped_stop", "fault_latched"])
+        entered = latched & ~np.append(False, latched[:-1])
+        within = np.flatnonzero((self.now_ms >= begin_ms) & (self.now_ms <= end_ms) & entered)
         if not len(within):
             return None
         stop = within[0]
