@@ -348,6 +348,13 @@ with takt.connect("robot.yaml", spec) as robot, open("saw", "w") as saw:
                 self.assertEqual(hashes[named], number)
         self.assertGreater(compared, len(rows) // 2)
         self.assertGreater(compared, 50)
+        sensed = run.sensors
+        self.assertFalse(sensed.duplicated(["sensor", "sequence"]).any(), "each process began once")
+        frames = sensed[sensed["sensor"] == "cam0"]
+        self.assertGreater(len(frames), 50)
+        self.assertEqual(set(frames["image"]) - {""}, set(run.images["sha256"]) - {""})
+        targets = set(map(tuple, np.stack(sensed[sensed["sensor"] == "target"]["values"]).tolist()))
+        self.assertLessEqual({tuple(target) for observation, _, _, target, _ in rows if observation in shown.index}, targets)
         images = run.images.set_index("sha256")
         stored = images.index[images["file"] == "stored"]
         self.assertEqual(len(stored), int(0.05 * 2**20 / (24 * 32 * 3 + len(b"P6\n32 24\n255\n"))), "as many as the budget holds")
@@ -384,4 +391,4 @@ with takt.connect("robot.yaml", spec) as robot, open("saw", "w") as saw:
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1], verbosity=2)
+    unittest.main(argv=sys.argv[:1] + sys.argv[3:], verbosity=2)
