@@ -27,10 +27,6 @@ namespace {
 constexpr Duration kAttachRetry = milliseconds(200);
 constexpr std::size_t kNoQueue = SIZE_MAX;
 
-std::unexpected<Refusal> refuse(std::string sentence) {
-  return std::unexpected(Refusal{TAKT_BAD_CONFIG, std::move(sentence)});
-}
-
 // Why such a chunk would be refused by the executive; null: it would not.
 const char* wrong_with_dq(bool has_dq, config::Interpolation interpolation) {
   switch (interpolation) {

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstddef>
 #include <string_view>
-#include <utility>
 
 #include "config/join_names.hpp"
 #include "config/units.hpp"
@@ -15,10 +14,6 @@
 
 namespace takt::client {
 namespace {
-
-std::unexpected<Refusal> refuse(std::string sentence) {
-  return std::unexpected(Refusal{TAKT_BAD_CONFIG, std::move(sentence)});
-}
 
 // What the authors of policies that are conditioned on the path being played call it: real-time chunking.
 constexpr std::string_view kRealTimeChunking = "rtc";

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <expected>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "client/takt/client.h"
@@ -31,6 +32,9 @@ struct Refusal {
   int code;
   std::string sentence;
 };
+inline std::unexpected<Refusal> refuse(std::string sentence) {
+  return std::unexpected(Refusal{TAKT_BAD_CONFIG, std::move(sentence)});
+}
 
 // Precondition: robot.policy.
 std::expected<void, Refusal> check_spec(const config::RobotConfig& robot, const PolicySpec& spec);

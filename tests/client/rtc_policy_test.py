@@ -13,7 +13,7 @@ import numpy as np
 from python_rig import SOURCE, PythonRig
 
 try:
-    import pandas
+    import pandas  # noqa: F401
     import zstandard  # noqa: F401
 except ImportError as error:
     print(f"SKIPPED: {error}: NO RUN WAS READ")
@@ -100,8 +100,6 @@ class RtcPolicy(PythonRig):
         now, in_use = ticks["now"].to_numpy(), ticks["command_sequence"].to_numpy()
         is_played = ((ticks["player"] == "policy") & (ticks["mode"] == "tracking")).to_numpy()
         reference = ticks[[f"q_reference.{joint}" for joint in run.joints]].to_numpy()
-        # Half a second after the last tick in which something else moved the robot, its references are where the path is.
-        is_settled = pandas.Series(is_played).rolling(500, min_periods=500).min().to_numpy() == 1
 
         def chunk_of(sequence):
             return np.asarray(commands.loc[sequence, "q"]), int(published[commands.loc[sequence, "observation_id"]])
@@ -117,11 +115,14 @@ class RtcPolicy(PythonRig):
             for i, row in enumerate(known):
                 np.testing.assert_allclose(row, path(played, time + i * STEP_NS - begins), atol=1e-5)
                 rows += 1
-            # What the drives were told in the ticks between is what the rows say, but for the limit of acceleration.
+            # What the drives were told in the ticks between is what the rows say, where they were on the path to begin with (a late answer's jump
+            # takes a while) and but for the limit of acceleration.
             last_row = time + (len(known) - 1) * STEP_NS
-            for tick in np.flatnonzero((now >= time) & (now < min(last_row, now[taken])) & (in_use == in_use[taken - 1]) & is_settled):
-                np.testing.assert_allclose(reference[tick], path(np.asarray(known), now[tick] - time), atol=5e-3)
-                told += 1
+            between = np.flatnonzero((now >= time) & (now < min(last_row, now[taken])) & (in_use == in_use[taken - 1]))
+            off = [np.abs(reference[tick] - path(np.asarray(known), now[tick] - time)).max() for tick in between]
+            if off and off[0] < 2e-3:
+                self.assertLess(max(off), 5e-3)
+                told += len(off)
             if in_use[taken - 1] == publish:
                 self.assertGreaterEqual(now[taken], begins + (first + count - 1) * STEP_NS, "an answer took over inside the promise")
                 kept += 1
