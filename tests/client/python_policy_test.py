@@ -4,22 +4,14 @@ one sentence; a policy sees what it asked for, and leaves cleanly. Method: `takt
 written by the tests; the arm's true motion comes from the simulator. Usage: python_policy_test.py SOURCE_DIR BUILD_DIR
 """
 import json
-import os
-import pathlib
 import re
-import shutil
-import subprocess
 import sys
-import tempfile
 import unittest
 
 import numpy as np
 
-HERE = pathlib.Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "process")]
-from patient import patient  # noqa: E402
+from python_rig import SOURCE, PythonRig
 
-SOURCE, BUILD = pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(sys.argv[2]).resolve()
 SPEC = """
 import json, os, signal, sys, time
 import numpy as np
@@ -30,48 +22,7 @@ spec = takt.Policy(observation={"state": takt.joints("q", "dq"), "target": takt.
 HOLD = "obs.publish(q=np.tile(robot.home, (16, 1)))"
 
 
-class PythonPolicy(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.python_home = tempfile.mkdtemp(prefix="takt-venv.")
-        cls.venv = pathlib.Path(cls.python_home) / "venv"
-        # Debian's numpy is the one thing it sees of the system.
-        subprocess.run(["/usr/bin/python3", "-m", "venv", "--system-site-packages", cls.venv], check=True)
-        subprocess.run([cls.venv / "bin/pip", "install", "--quiet", "--disable-pip-version-check", "--no-index", "--no-deps", "--find-links",
-                        BUILD / "python", "takt"], check=True)
-
-    @classmethod
-    def tearDownClass(cls):
-        shutil.rmtree(cls.python_home)
-
-    def setUp(self):
-        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="takt-python."))
-        self.addCleanup(shutil.rmtree, self.folder)
-        self.environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "LD_"))}
-        self.environment.update(XDG_RUNTIME_DIR=str(self.folder), PATH=f"{self.venv}/bin:{BUILD}/bin:/usr/bin:/bin")
-        self.robot(lambda text: text)
-
-    def robot(self, change):
-        """robot.yaml: the demo arm under policy.py, patient with a machine that stalls."""
-        text = (SOURCE / "config/arm6.yaml").read_text()
-        self.assertIn("file: arm6_reach.onnx", text)
-        text = patient(text).replace("file: arm6_reach.onnx", "file: policy.py")
-        (self.folder / "robot.yaml").write_text(change(text))
-
-    def policy(self, text):
-        path = self.folder / "policy.py"
-        path.write_text(f"#!{self.venv}/bin/python\n" + text)
-        path.chmod(0o755)
-
-    def command(self, *arguments):
-        return subprocess.run(arguments, cwd=self.folder, env=self.environment, capture_output=True, text=True, timeout=120, check=False)
-
-    def run_robot(self, duration):
-        done = self.command("takt", "run", "robot.yaml", "--policy-host", "./policy.py", "--arm", "--duration", duration, "--run-dir", "run",
-                            "--plant=--truth=truth.jsonl")
-        log = self.folder / "run/logs/takt-policy-host.log"
-        return done, log.read_text() if log.exists() else ""
-
+class PythonPolicy(PythonRig):
     def refusal(self, text, code):
         """The one line with which a policy of this text ends by itself, no robot running."""
         self.policy(text)
@@ -204,10 +155,20 @@ with takt.connect("robot.yaml", spec) as robot:
                 ('"target", 3', '"target", 4', "sensor target has 3 values, the policy's stream of that name 4"),
                 (', "target": takt.stream("target", 3)', "", "lists sensor target, which the policy does not read"),
                 ('"q", "dq"', '"q", "speed"', "there is no quantity 'speed'"),
+                ('"target", 3', '"target", 3, unit="m"', "sensor target gives unstated, the policy reads m: make them equal (`unit` there)"),
+                ('"target", 3', '"target", 3, max_age="80 ms"', "sensor target has the timeout 200 ms, the policy's max_age is 80 ms: make them equal"),
+                ('step="10 ms"', 'step="10 ms", join="smooth"', "takt.chunk: there is no join 'smooth'; there are replace, cross_fade,"),
                 ('chunk("q"', 'chunk("tau"', "a chunk's targets are 'q' (rad), not 'tau'"),
                 ('"state"', '"mode"', "an observation cannot be named 'mode'")):
             with self.subTest(said):
                 self.assertIn(said, self.refusal(self.connect(old, new), 65))
+
+    def test_a_join_is_the_robot_files(self):
+        """Every name that takt.chunk takes is one that the library compares; rtc is prefix."""
+        for join in ("replace", "blend", "ensemble", "align", "quintic", "prefix", "rtc"):
+            with self.subTest(join):
+                self.assertIn(f"policy.action.join is cross_fade, the policy's chunks are made for {join}: write `join: {{ kind: {'prefix' if join == 'rtc' else join} }}` "
+                              "in policy.action there, or have the policy say cross_fade", self.refusal(self.connect('step="10 ms"', f'step="10 ms", join="{join}"'), 65))
 
     def test_a_sensor_publishes_in_place_and_says_what_cannot_be(self):
         self.policy("""
@@ -330,7 +291,6 @@ with takt.connect("robot.yaml", spec) as robot:
             import zstandard  # noqa: F401
         except ImportError as error:
             self.skipTest(f"NO RUN WAS READ: {error}")
-        sys.path.insert(0, str(SOURCE / "client/python"))
         import hashlib
         import takt
 
@@ -388,6 +348,13 @@ with takt.connect("robot.yaml", spec) as robot, open("saw", "w") as saw:
                 self.assertEqual(hashes[named], number)
         self.assertGreater(compared, len(rows) // 2)
         self.assertGreater(compared, 50)
+        sensed = run.sensors
+        self.assertFalse(sensed.duplicated(["sensor", "sequence"]).any(), "each process began once")
+        frames = sensed[sensed["sensor"] == "cam0"]
+        self.assertGreater(len(frames), 50)
+        self.assertEqual(set(frames["image"]) - {""}, set(run.images["sha256"]) - {""})
+        targets = set(map(tuple, np.stack(sensed[sensed["sensor"] == "target"]["values"]).tolist()))
+        self.assertLessEqual({tuple(target) for observation, _, _, target, _ in rows if observation in shown.index}, targets)
         images = run.images.set_index("sha256")
         stored = images.index[images["file"] == "stored"]
         self.assertEqual(len(stored), int(0.05 * 2**20 / (24 * 32 * 3 + len(b"P6\n32 24\n255\n"))), "as many as the budget holds")
@@ -424,4 +391,4 @@ with takt.connect("robot.yaml", spec) as robot, open("saw", "w") as saw:
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1], verbosity=2)
+    unittest.main(argv=sys.argv[:1] + sys.argv[3:], verbosity=2)

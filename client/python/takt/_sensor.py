@@ -4,7 +4,7 @@ import ctypes
 import os
 import sys
 import time
-from typing import Optional, Sequence, Tuple, Union
+from typing import Any, Optional, Sequence, Tuple, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -23,14 +23,20 @@ class Sensor:
     `shape` and `dtype` (float32 with one axis; uint8 with three, height x width x channels, for images) and, where it is given,
     `unit` have to be the robot file's, or Refused is raised in one sentence. `--robot` and `--runtime-dir` on this program's command
     line win over `robot_file` and `runtime_dir`. `policy_user`: one more user who may read it, besides this one and root.
-    It belongs to the thread that opened it; nothing waits for readers.
+    It belongs to the thread that opened it; nothing waits for readers. Refused, 69: another process serves this sensor.
     """
+
+    name: str
+    shape: Tuple[int, ...]
+    timeout: float  # s; an older sample is not used
+    unit: str  # the robot file's; "unstated"
 
     def __init__(self, name: str, robot_file: Union[str, "os.PathLike[str]"], *, shape: Union[int, Tuple[int, ...]],
                  dtype: DTypeLike = np.float32, unit: Optional[str] = None, runtime_dir: Optional[str] = None,
                  policy_user: Optional[str] = None, arguments: Optional[Sequence[str]] = None) -> None:
-        self.name, self.dtype = name, np.dtype(dtype)
-        self.shape: Tuple[int, ...] = (shape,) if isinstance(shape, int) else tuple(shape)
+        self.name = name
+        self.dtype: "np.dtype[Any]" = np.dtype(dtype)
+        self.shape = (shape,) if isinstance(shape, int) else tuple(shape)
         wanted = self._spec()
         file, directory = place(os.fspath(robot_file), runtime_dir, arguments)
         wanted.robot_file, wanted.name = os.fsencode(file), name.encode()
@@ -43,8 +49,8 @@ class Sensor:
         if result := self._library.takt_sensor_open(wanted, self._pointer, why, len(why)):
             raise Refused(why.value.decode(errors="replace"), result)
         stream = self._library.takt_sensor_stream(self._pointer).contents
-        self.timeout: float = stream.timeout_ns * 1e-9
-        self.unit: str = stream.unit.decode()
+        self.timeout = stream.timeout_ns * 1e-9
+        self.unit = stream.unit.decode()
 
     def _spec(self) -> "_library.SensorSpecStruct":
         spec = _library.SensorSpecStruct(size=ctypes.sizeof(_library.SensorSpecStruct))
@@ -73,13 +79,13 @@ class Sensor:
     __del__ = close
 
     @property
-    def values(self) -> NDArray:
-        """The next sample's memory, to be filled in place: `sensor.values[:] = frame`, or `camera.read(sensor.values)`. It is another
-        one after every publish(); what is in it is an earlier sample.
+    def values(self) -> NDArray[Any]:
+        """The next sample's memory, of the sensor's shape and dtype, to be filled in place: `sensor.values[:] = frame`, or `camera.read(sensor.values)`. It is another
+        one after every publish(); what is in it is an earlier sample. Raises Refused once the sensor is closed.
         """
         address = self._library.takt_sensor_values(self._open())
         count = int(np.prod(self.shape)) * self.dtype.itemsize
-        return np.frombuffer((ctypes.c_ubyte * count).from_address(address), self.dtype).reshape(self.shape)
+        return np.frombuffer(memoryview((ctypes.c_ubyte * count).from_address(address)), self.dtype).reshape(self.shape)
 
     def publish(self, values: Optional[ArrayLike] = None, *, stamp: Optional[int] = None) -> None:
         """Publishes `values`, or, without them, what was written to the memory of the same name. `stamp`: when it was sensed, ns of
@@ -95,7 +101,7 @@ class Sensor:
         if result := self._library.takt_sensor_publish(self._open(), time.monotonic_ns() if stamp is None else stamp):
             raise Refused(f"sensor {self.name}: {self._library.takt_sensor_sentence(self._pointer).decode()}", result)
 
-    def _taken(self, given: NDArray) -> NDArray:
+    def _taken(self, given: NDArray[Any]) -> NDArray[Any]:
         # numpy would make zeros of an image from 0 to 1, and 44 of 300.
         if given.dtype == self.dtype:
             return given

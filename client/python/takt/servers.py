@@ -116,7 +116,9 @@ def _groot_from(value: Any) -> Any:
 
 def _groot_to(value: Dict[Any, Any]) -> Any:
     # Not np.load: it opens archives as well, which hold more than they weigh.
-    return np.lib.format.read_array(io.BytesIO(value["as_npy"]), allow_pickle=False) if "__ndarray_class__" in value else value
+    if "__ndarray_class__" not in value:
+        return value
+    return np.lib.format.read_array(io.BytesIO(value["as_npy"]), allow_pickle=False)  # type: ignore[no-untyped-call]
 
 
 class _Server:
@@ -167,7 +169,7 @@ class _Server:
                                 f"(there is {', '.join(map(_shown, itertools.islice(reply, 8))) or 'nothing'})")
             parts.append(part[:self._steps])
         with np.errstate(over="ignore"):  # what is too large for float32 becomes infinite, and is refused below
-            actions = np.concatenate(parts, axis=1).astype(np.float32)
+            actions: NDArray[np.float32] = np.concatenate(parts, axis=1).astype(np.float32)
         if actions.shape[1] != self._width:
             raise _NoAnswer(f"answered {actions.shape[1]} values per step; the robot has {self._width} joints")
         if not np.isfinite(actions).all():
