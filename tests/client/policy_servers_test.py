@@ -226,6 +226,26 @@ class OpenPi(Asking):
         for _ in range(5):
             number = self.until(client, self.good, number)
 
+    def test_a_server_gets_what_it_asks_for_and_no_other_key(self):
+        prefix = np.arange(2 * JOINTS, dtype=np.float64).reshape(2, JOINTS)
+        for metadata, wanted in (({}, {"n"}), ({"prefix": 3}, {"n"}), ({"prefix": "held", "delay": "d"}, {"n", "held", "d"})):
+            seen = []
+
+            async def listens(peer, asked, count):
+                seen.append(asked)
+                await peer.send(answer(asked["n"], server_timing={"infer_ms": 1e-3 * count}))
+            client = self.open(OpenPiServer(listens, metadata=msgpack.packb(metadata)))
+            self.until(client, self.good)
+            seen.clear()
+            for actions in (client.infer({"n": 7}, prefix=prefix), servers.FailOver(client).infer({"n": 7}, prefix=prefix)):
+                self.assertIsNotNone(actions, client.problem)
+            for asked in seen:
+                self.assertEqual(set(asked), wanted)
+            if "held" in wanted:
+                held = seen[-1]["held"]
+                self.assertEqual((held[b"dtype"], held[b"shape"], seen[-1]["d"]), ("<f4", [2, JOINTS], 2))
+                self.assertEqual(held[b"data"], prefix.astype("<f4").tobytes())
+
     def test_an_error_in_words_is_told(self):
         async def text(peer, asked, count):
             await peer.send("Traceback (most recent call last):\n  File x\nKeyError: 'prompt'\n")

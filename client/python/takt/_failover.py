@@ -2,7 +2,7 @@
 import logging
 import time
 from types import TracebackType
-from typing import Any, Mapping, Optional, Protocol, Type
+from typing import Any, Callable, Mapping, Optional, Protocol, Type
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,8 @@ class _Server(Protocol):
     problem: str
     deadline_s: float
 
-    def infer(self, observation: Mapping[str, Any]) -> Optional[NDArray[np.float32]]: ...
+    @property
+    def infer(self) -> Callable[..., Optional[NDArray[np.float32]]]: ...
 
     def close(self) -> None: ...
 
@@ -44,12 +45,12 @@ class FailOver:
     def __exit__(self, kind: Optional[Type[BaseException]], error: Optional[BaseException], trace: Optional[TracebackType]) -> None:
         self.close()
 
-    def infer(self, observation: Mapping[str, Any]) -> Optional[NDArray[np.float32]]:
-        """As the servers' own; what is sent is the same to each."""
+    def infer(self, observation: Mapping[str, Any], **more: Any) -> Optional[NDArray[np.float32]]:
+        """As the servers' own, `more` of its arguments included; what is sent is the same to each."""
         began = time.monotonic()
         for _ in self.servers:
             server = self.servers[self._asked]
-            actions = server.infer(observation)
+            actions = server.infer(observation, **more)
             self.problem = server.problem
             if actions is not None:
                 self._note_answer(server)

@@ -217,7 +217,8 @@ class OpenPi(_Server):
     passed over; and it is not taken for a question that was asked later than it was begun. A server that answers twice, quickly and anew,
     or says no such thing, is known by the message too many, unless that comes after the next question. One whose metadata have
     `"echo": "KEY"` gets a number under KEY in every observation, and has to answer with it under the same key: whatever is not this
-    question's is then known at once.
+    question's is then known at once. `"prefix": "KEY"` asks for what infer() is given as `prefix`, `"delay": "KEY"` for how many steps
+    that has. A server that asks for nothing is sent nothing that it might not know.
     """
 
     _SCHEMES, _ACTIONS = ("ws", "wss"), ("actions",)
@@ -262,11 +263,12 @@ class OpenPi(_Server):
         """The server has said what it is, and nothing is known against it since."""
         return self._socket is not None
 
-    def infer(self, observation: Mapping[str, Any]) -> Optional[NDArray[np.float32]]:
+    def infer(self, observation: Mapping[str, Any], *, prefix: Optional[NDArray[np.float32]] = None) -> Optional[NDArray[np.float32]]:
         """The server's actions, (steps, joints), float32, all finite; or None. `observation`: text keys; numbers, text and arrays
-        of numbers (numpy) as values, under the names that the policy was trained with.
+        of numbers (numpy) as values, under the names that the policy was trained with. `prefix`: (count, joints), what is played
+        whatever the answer, as `obs.committed` has it; sent where the server's metadata ask for it.
         """
-        return self._answer(lambda: asyncio.run_coroutine_threadsafe(self._ask(dict(observation)), self._loop).result())
+        return self._answer(lambda: asyncio.run_coroutine_threadsafe(self._ask(dict(observation), prefix), self._loop).result())
 
     def close(self) -> None:
         """Ends the connection. A second time does nothing."""
@@ -281,15 +283,19 @@ class OpenPi(_Server):
     async def _ended(self) -> None:
         await asyncio.wait([self._keeper])
 
-    async def _ask(self, observation: Dict[str, Any]) -> Any:
+    async def _ask(self, observation: Dict[str, Any], prefix: Optional[NDArray[np.float32]]) -> Any:
         socket = self._socket
         if socket is None:
             raise _NoAnswer(self._lost)
         self._asked += 1
         self._repeats = 0
         echo = self.metadata.get("echo")
-        if isinstance(echo, str):
-            observation[echo] = self._asked
+        extra: Dict[str, Any] = {"echo": self._asked}
+        if prefix is not None:
+            extra.update(prefix=np.ascontiguousarray(prefix, np.float32), delay=len(prefix))
+        for name, value in extra.items():
+            if isinstance(key := self.metadata.get(name), str):
+                observation[key] = value
         question = self._msgpack.packb(observation, default=_openpi_from)
         self._pending = self._loop.create_future()
         try:
