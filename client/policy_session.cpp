@@ -422,7 +422,8 @@ int PolicySession::publish(const takt_chunk& given) {
   executive_->publish(chunk_);
   // Behind the command: what the robot waits for goes first.
   const MonoTime begins{assumption != nullptr ? assumption->at_ns : view_.published_ns};
-  if (is_finite) promised_.remember({header.sequence, header.published_at, begins, assumption != nullptr}, given);
+  const MonoTime at = executive_->is_lockstep() ? MonoTime{} : header.published_at;
+  if (is_finite) promised_.remember({header.sequence, at, begins, assumption != nullptr}, given);
   if (evidence_) executive_->publish_input(evidence_->answer(header.sequence));
   sentence_.clear();
   return TAKT_OK;

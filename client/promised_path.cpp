@@ -48,9 +48,11 @@ void PromisedPath::remember(const Answer& answer, const takt_chunk& chunk) {
 // Null: it is not remembered.
 const PromisedPath::Published* PromisedPath::played_after(const Observation& observation) const {
   const auto newest = std::ranges::find(published_, newest_, &Published::sequence);
-  const bool is_late = newest != published_.end() && newest_ > observation.command_sequence &&
-                       !newest->is_speculative && newest->published_at >= observation.published_at;
-  if (is_late) return &*newest;
+  if (newest != published_.end() && newest_ > observation.command_sequence && !newest->is_speculative) {
+    const bool is_late = newest->published_at.is_set() ? newest->published_at >= observation.published_at
+                                                       : observation.overtaken != 0;
+    if (is_late) return &*newest;
+  }
   const auto named = std::ranges::find(published_, observation.command_sequence, &Published::sequence);
   return named == published_.end() ? nullptr : &*named;
 }

@@ -205,13 +205,15 @@ void VirtualPolicy::ask_network(InFlight& one, MonoTime dequeued_at, MonoTime st
 void VirtualPolicy::ask_program(InFlight& one, MonoTime dequeued_at, MonoTime started, MonoTime ended) {
   one.request.infer_started_at = started;
   one.request.infer_ended_at = ended;
+  Observation& shown = one.request.observation;
+  shown.overtaken = program_published_ >= shown.published_at ? 1 : 0;
   one.said = spare_ ? std::move(spare_) : std::make_unique<CommandChunk>();
   if (!answering_.program->answer(one.request.observation, used_, images_, *one.said)) return one.said.reset();
   CommandHeader& header = one.said->header;
   header.dequeued_at = dequeued_at;
   header.infer_started_at = started;
   header.infer_ended_at = ended;
-  header.published_at = one.published;
+  header.published_at = program_published_ = one.published;
 }
 
 const CommandChunk* VirtualPolicy::taken(InFlight& one) {

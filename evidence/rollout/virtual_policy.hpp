@@ -131,6 +131,7 @@ class VirtualPolicy {
   std::vector<MonoTime> free_at_;        // one per request in flight
   std::vector<InFlight> in_flight_;
   std::int64_t stalls_ = 0, bursts_ = 0;  // turns of the perturbation that are done
+  MonoTime program_published_;            // its newest answer
   std::uint8_t session_ = 1;
   bool crashed_ = false, restarted_ = false;
 };

@@ -153,5 +153,22 @@ TEST_F(Promised, ALateAnswerIsWhatWillBePlayed) {
   expect_rows(show(before_it_came, 1), {2.04F});  // a speculative one has an instant of its own
 }
 
+// In lockstep no clock tells: the observation does.
+TEST_F(Promised, InLockstepTheObservationSaysWhetherItKnewTheNewestAnswer) {
+  begin(config::Interpolation::linear);
+  publish(1);
+  std::vector<float> q(kSteps * kJoints, 50.0F);
+  takt_chunk chunk{};
+  chunk.q = q.data();
+  path_->remember({2, {}, kBegins + milliseconds(20), false}, chunk);
+  Observation observation;
+  observation.published_at = kBegins + milliseconds(30);
+  observation.command_sequence = 1;
+  observation.committed_count = 1;
+  expect_rows(path_->show(observation), {3.0F});
+  observation.overtaken = 1;
+  expect_rows(path_->show(observation), {50.0F});
+}
+
 }  // namespace
 }  // namespace takt::client

@@ -224,8 +224,18 @@ with takt.Sensor("cam0", "robot.yaml", shape=(2, 2, 1), dtype="uint8", runtime_d
                    255 * (image > 0), [[[0], [1]], [[2], [3]]], [[[0], [1]], [[2], [2**70]]], image.astype(complex), image.astype(str)):
         publish(camera, values)
 with takt.Sensor("target", "robot.yaml", shape=3, runtime_dir="sensors") as target:
-    for values in (np.zeros(3), np.zeros(3, int), [1, 2, 3], np.zeros(3, complex), ["1", "2", "3"], [1, 2, None]):
+    for values in (np.zeros(3), np.zeros(3, int), [1, 2, 3], np.zeros(3, complex), ["1", "2", "3"], [1, 2, None], [1e300, 0, 0]):
         publish(target, values)
+    for stamp in (1.5, -1, 0):
+        try:
+            target.publish(np.zeros(3), stamp=stamp)
+        except takt.Refused as refused:
+            print(refused)
+for shape, dtype in ((-1, "float32"), (2**40, "float32"), ((2, 0, 1), "uint8"), (3, "float64")):
+    try:
+        takt.Sensor("target", "robot.yaml", shape=shape, dtype=dtype, runtime_dir="sensors")
+    except takt.Refused as refused:
+        print(refused)
 """)
         done = self.command("./policy.py")
         self.assertEqual(done.returncode, 0, done.stderr)
@@ -236,7 +246,22 @@ with takt.Sensor("target", "robot.yaml", shape=3, runtime_dir="sensors") as targ
             f"{of_camera}float64 {floats}", f"{of_camera}float32 {floats}", "taken", f"{of_camera}300 {bounds}", f"{of_camera}300 {bounds}", f"{of_camera}-1 {bounds}",
             "taken", "taken", f"{of_camera}object cannot become uint8 without loss: give uint8", f"{of_camera}complex128 cannot become uint8 without loss: give uint8",
             f"{of_camera}<U32 cannot become uint8 without loss: give uint8", "taken", "taken", "taken", f"{of_target}complex128 cannot become float32 without loss: give float32",
-            f"{of_target}<U1 cannot become float32 without loss: give float32", f"{of_target}object cannot become float32 without loss: give float32"])
+            f"{of_target}<U1 cannot become float32 without loss: give float32", f"{of_target}object cannot become float32 without loss: give float32",
+            f"{of_target}1e+300 is more than float32 holds", *(f"{of_target}the stamp is {stamp}: give ns of time.monotonic_ns()" for stamp in (1.5, -1, 0)),
+            *(f"takt.Sensor: shape {shape}: each of its numbers is from 1 to 2147483647" for shape in (-1, 2**40, (2, 0, 1))),
+            "takt.Sensor: float64 of shape (3,): samples are float32 with one axis, or uint8 images with three: height, width, channels"])
+        self.assertEqual(done.stderr, "")
+
+    def test_a_policy_says_whether_it_fits_without_a_robot(self):
+        self.policy(SPEC + """
+with takt.connect("robot.yaml", spec) as robot:
+    raise RuntimeError("nobody asked for a robot")
+""")
+        done = self.command("./policy.py", "--check")
+        self.assertEqual((done.returncode, done.stdout, done.stderr), (0, "robot.yaml: the policy fits: state, target in, 16 steps of 6 joints out\n", ""))
+        self.robot(lambda text: text.replace("  steps: 16\n", "  steps: 12\n"))
+        done = self.command("./policy.py", "--check")
+        self.assertEqual((done.returncode, done.stderr.count("\n")), (65, 1), done.stderr)
 
     def test_a_queue_gives_every_sample_or_says_how_many_are_missing(self):
         """A counter as a sensor at 400 Hz, read by a 50 Hz policy: what is seen and what is lost make up what was published."""

@@ -471,12 +471,13 @@ def _check_identity(robot_file: str, policy_file: str) -> None:
                   "that holds what it has learned")
 
 
-def _candidate_of(candidate: Union[str, "os.PathLike[str]", None], arguments: Optional[Sequence[str]]) -> Optional[str]:
-    """The command line's, where it names one."""
+def _asked(candidate: Union[str, "os.PathLike[str]", None], arguments: Optional[Sequence[str]]) -> Tuple[Optional[str], bool]:
+    """The candidate's file, the command line's where it names one; and whether to compare only."""
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--candidate", default=None if candidate is None else os.fspath(candidate))
-    given: Optional[str] = parser.parse_known_args(sys.argv[1:] if arguments is None else arguments)[0].candidate
-    return given
+    parser.add_argument("--check", action="store_true")
+    given, _ = parser.parse_known_args(sys.argv[1:] if arguments is None else arguments)
+    return given.candidate, given.check
 
 
 def connect(robot_file: Union[str, "os.PathLike[str]"], spec: Policy, *, runtime_dir: Optional[str] = None,
@@ -486,7 +487,7 @@ def connect(robot_file: Union[str, "os.PathLike[str]"], spec: Policy, *, runtime
     `candidate`: the policy runs beside the robot's own instead, judged and not played until `takt policy swap`; the file whose
     SHA-256 is its identity: this program, or what it has learned. `--robot`, `--runtime-dir` and `--candidate` in `arguments`
     (default: this program's command line, where `takt run` and `takt policy shadow` put them with `--policy-host`) win over the
-    parameters. SIGTERM and SIGINT end the iteration from here on, until the robot is closed; a second one does
+    parameters. With `--check` among them the comparison is all: a line says that they fit, and the program ends with 0. SIGTERM and SIGINT end the iteration from here on, until the robot is closed; a second one does
     what it did before. Raises Refused with one sentence: 65 for names, shapes, units, ages, joins that are not the robot file's, 69 where
     the executive has another robot file, policy or version, or a policy already.
     """
@@ -494,7 +495,7 @@ def connect(robot_file: Union[str, "os.PathLike[str]"], spec: Policy, *, runtime
         raise Refused("takt.connect: the second argument is a takt.Policy", _library.USAGE)
     library = _library.load()
     file, directory = place(os.fspath(robot_file), runtime_dir, arguments)
-    beside = _candidate_of(candidate, arguments)
+    beside, only_check = _asked(candidate, arguments)
     terms = _terms_of(spec)
     wanted = _library.SpecStruct(
         size=ctypes.sizeof(_library.SpecStruct), term_count=len(terms), terms=terms, robot_file=os.fsencode(file),
@@ -508,6 +509,9 @@ def connect(robot_file: Union[str, "os.PathLike[str]"], spec: Policy, *, runtime
     robot = Robot(library, _Handle(library, handle), spec)
     try:
         _check_identity(file, robot.policy_file)
+        if only_check:
+            print(f"{file}: the policy fits: {', '.join(spec.observation)} in, {robot.steps} steps of {len(robot.joints)} joints out")
+            sys.exit(0)
         robot._stop_on_signals()
         robot._attach()
     except BaseException:

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from takt import _library
 from takt._refused import Refused
 
+_LARGEST = 2**31 - 1  # of a shape
+
 
 class Sensor:
     """One of the robot file's `sensors`, served by this process for as long as it is open; use it in a `with` statement.
@@ -34,16 +36,18 @@ class Sensor:
     def __init__(self, name: str, robot_file: Union[str, "os.PathLike[str]"], *, shape: Union[int, Tuple[int, ...]],
                  dtype: DTypeLike = np.float32, unit: Optional[str] = None, runtime_dir: Optional[str] = None,
                  policy_user: Optional[str] = None, arguments: Optional[Sequence[str]] = None) -> None:
+        self._pointer = ctypes.c_void_p()
         self.name = name
         self.dtype: "np.dtype[Any]" = np.dtype(dtype)
         self.shape = (shape,) if isinstance(shape, int) else tuple(shape)
+        if not all(0 < extent <= _LARGEST for extent in self.shape):
+            raise Refused(f"takt.Sensor: shape {shape}: each of its numbers is from 1 to {_LARGEST}", _library.USAGE)
         wanted = self._spec()
         file, directory = place(os.fspath(robot_file), runtime_dir, arguments)
         wanted.robot_file, wanted.name = os.fsencode(file), name.encode()
         wanted.runtime_directory = None if directory is None else os.fsencode(directory)
         wanted.unit = None if unit is None else unit.encode()
         wanted.policy_user = None if policy_user is None else policy_user.encode()
-        self._pointer = ctypes.c_void_p()
         self._library = _library.load()
         why = ctypes.create_string_buffer(2048)
         if result := self._library.takt_sensor_open(wanted, self._pointer, why, len(why)):
@@ -80,8 +84,9 @@ class Sensor:
 
     @property
     def values(self) -> NDArray[Any]:
-        """The next sample's memory, of the sensor's shape and dtype, to be filled in place: `sensor.values[:] = frame`, or `camera.read(sensor.values)`. It is another
-        one after every publish(); what is in it is an earlier sample. Raises Refused once the sensor is closed.
+        """The next sample's memory, of the sensor's shape and dtype, to be filled in place: `sensor.values[:] = frame`. It is another
+        one after every publish(); what is in it is an earlier sample. Who fills a memory of its own instead, as cv2's read() does where
+        shapes differ, has not filled this one: give the image to publish(). Raises Refused once the sensor is closed.
         """
         address = self._library.takt_sensor_values(self._open())
         count = int(np.prod(self.shape)) * self.dtype.itemsize
@@ -91,14 +96,16 @@ class Sensor:
         """Publishes `values`, or, without them, what was written to the memory of the same name. `stamp`: when it was sensed, ns of
         time.monotonic_ns(), now without it; it counts in the age of every command that rests on the sample, so say when the
         shutter was open, not when the image arrived. Raises Refused for another shape, for values that the sensor's type cannot hold
-        (an image of floats, a pixel of 300), and for a stamp after now.
+        (an image of floats, a pixel of 300), and for a stamp after now or no whole number of ns.
         """
         if values is not None:
             given = np.asarray(values)
             if given.shape != self.shape:
                 raise Refused(f"sensor {self.name}: publish: the shape is {given.shape}, the sensor's {self.shape}", _library.USAGE)
             self.values[...] = self._taken(given)
-        if result := self._library.takt_sensor_publish(self._open(), time.monotonic_ns() if stamp is None else stamp):
+        if stamp is not None and (not isinstance(stamp, (int, np.integer)) or stamp <= 0):
+            raise Refused(f"sensor {self.name}: publish: the stamp is {stamp}: give ns of time.monotonic_ns()", _library.USAGE)
+        if result := self._library.takt_sensor_publish(self._open(), time.monotonic_ns() if stamp is None else int(stamp)):
             raise Refused(f"sensor {self.name}: {self._library.takt_sensor_sentence(self._pointer).decode()}", result)
 
     def _taken(self, given: NDArray[Any]) -> NDArray[Any]:
@@ -113,6 +120,8 @@ class Sensor:
         elif not np.can_cast(given.dtype, self.dtype, "same_kind"):
             raise Refused(f"sensor {self.name}: publish: {given.dtype} cannot become {self.dtype} without loss: give {self.dtype}"
                           + (", of an image from 0 to 1 the 255-fold, rounded" if self.dtype.kind == "u" and given.dtype.kind == "f" else ""), _library.USAGE)
+        elif np.any(np.isfinite(given) & (np.abs(given) > np.finfo(np.float32).max)):
+            raise Refused(f"sensor {self.name}: publish: {np.max(np.abs(given))} is more than float32 holds", _library.USAGE)
         return given
 
     def _open(self) -> ctypes.c_void_p:
