@@ -85,7 +85,7 @@ void build_conv(Builder& builder, const Node& node) {
   const std::size_t inner = channels * window.kernel_size();
   Value& out = builder.define_floats(node.output(), window.output_shape(in.shape[0], w[0]));
   if (checked_elements({static_cast<std::int64_t>(inner), static_cast<std::int64_t>(window.output_size())}) < 0) {
-    node.refuse("its patches are larger than this engine holds");
+    node.beyond("its patches are larger than this engine holds");
   }
   const std::size_t patches = packed_size(inner, window.output_size());
   builder.charge(patches * sizeof(std::uint32_t));

@@ -215,7 +215,7 @@ class Engines(unittest.TestCase):
                 (self.robot("recurrent.pt", "torchscript", STATE + ", { tensor: x, shape: [1] }]"), "forward has no argument x"),
                 (self.robot("recurrent.pt", "torchscript", STATE.replace("32", "31") + "]"), "recurrent.pt: "),
                 (self.robot("words.pt", "torchscript"), "forward's argument task is a str"),
-                (self.robot("counting.pt", "torchscript"), "answers the same input differently the second time, and has no method reset()")):
+                (self.robot("counting.pt", "torchscript"), "answers the same input differently the second time, and has no method reset() or reset_memory()")):
             refused = self.answers(robot)
             self.assertIsInstance(refused, str)
             self.assertEqual(refused.count("\n"), 1, refused)
