@@ -45,8 +45,8 @@ class JudgingNetwork final : public Network {
 std::expected<std::unique_ptr<Network>, std::string> load_judging_network(const onnx_runtime::OnnxRuntime& judge,
                                                                           const std::filesystem::path& file,
                                                                           const Network* known) {
-  auto session = known == nullptr ? judge.load(file)
-                                  : judge.load(file, tensors_of(known->inputs()), tensors_of(known->outputs()));
+  auto session =
+      known == nullptr ? judge.load(file) : judge.load(file, tensors_of(known->inputs()), tensors_of(known->outputs()));
   if (!session) return std::unexpected(session.error());
   return std::make_unique<JudgingNetwork>(*std::move(session));
 }

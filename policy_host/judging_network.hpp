@@ -13,7 +13,8 @@
 
 namespace takt::policy_host {
 
-// `known`: the network in the other engine, whose shapes count where the file leaves some open; null: the file says all.
+// `known`: the network in the other engine, whose shapes count where the file leaves some open; null: the file says
+// all.
 std::expected<std::unique_ptr<Network>, std::string> load_judging_network(const onnx_runtime::OnnxRuntime& judge,
                                                                           const std::filesystem::path& file,
                                                                           const Network* known);

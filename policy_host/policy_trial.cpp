@@ -202,8 +202,8 @@ std::expected<WholePolicy, std::string> load_whole_policy(const std::string& fil
   for (const std::size_t part : tensors->observation) observation += size_of(loaded.inputs()[part]);
   const std::size_t actions = size_of(loaded.outputs()[tensors->outputs.front()]);
   std::string values = values_text(observation, actions, tensors->states.size(), loaded.keeps_state());
-  auto policy =
-      load_network_policy(file, "", all, [&network](const fs::path& /*file*/) -> Loaded { return std::move(*network); });
+  auto policy = load_network_policy(file, "", all,
+                                    [&network](const fs::path& /*file*/) -> Loaded { return std::move(*network); });
   if (!policy) return std::unexpected(policy.error());
   return WholePolicy{*std::move(policy), std::move(values)};
 }

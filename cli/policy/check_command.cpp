@@ -149,8 +149,8 @@ bool is_a_plugins(const config::RobotConfig& robot) {
 Refusal not_by_built_in(const std::string& file, const std::string& sentence) {
   const auto choice = policy_host::choose_engine(file);
   if (!choice || choice->name == "builtin") return policy_refused(sentence);
-  return policy_refused(fmt::format("{}; policy.engine auto gives it to {}: --robot FILE asks that", sentence,
-                                    choice->name));
+  return policy_refused(
+      fmt::format("{}; policy.engine auto gives it to {}: --robot FILE asks that", sentence, choice->name));
 }
 
 std::expected<nlohmann::json, Refusal> examine_policy(const PolicyCheckOptions& options) {

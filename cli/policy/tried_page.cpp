@@ -97,7 +97,8 @@ std::string tried_page(Rows tried, const std::string& judge) {
                         : fmt::format("Judge: ONNX Runtime {}, one thread.\n", judge);
   text += fmt::format(
       "\nEngine: what `policy.engine: auto` takes, and why where that is ONNX Runtime. Error: the largest "
-      "|a - b| / max(1, |b|) of any output over {} observations in sequence, state fed back; of TorchScript its actions', "
+      "|a - b| / max(1, |b|) of any output over {} observations in sequence, state fed back; of TorchScript its "
+      "actions', "
       "against the ONNX file of the same name beside it. Time: medians of as many inferences as take some seconds, at "
       "most {}, both in turns, that engine's / ONNX Runtime's = ratio.\n",
       policy_host::kTrialObservations, kMostTimedInferences);

@@ -24,9 +24,10 @@ std::string plugin_beside(const std::string& name) {
       .string();
 }
 
-// An ONNX network of more than this in products of matrices (onnx_engine::Model::matrix_work) is quicker elsewhere:
-// `./dev bench inference`.
-constexpr std::uint64_t kMostMatrixWork = 1'000'000;
+// An ONNX network is quicker elsewhere from so many multiply-adds in products of matrices on, for every step of a run
+// (onnx_engine::Model): those are what ONNX Runtime does two to three times as fast, the steps are what costs it more.
+// `./dev bench inference` shows where the two meet.
+constexpr std::uint64_t kMostMatrixWorkPerStep = 10'000;
 
 using Loaded = std::expected<std::unique_ptr<Network>, std::string>;
 
@@ -133,7 +134,7 @@ std::expected<EngineChoice, std::string> choose_engine(const fs::path& file) {
 }
 
 bool is_quicker_elsewhere(const onnx_engine::Model& model) {
-  return model.matrix_work() > kMostMatrixWork;
+  return model.matrix_work() > kMostMatrixWorkPerStep * model.steps();
 }
 
 std::string matrix_work_text(const onnx_engine::Model& model) {

@@ -10,7 +10,7 @@ std::size_t vetted_elements(const std::string& name, const Shape& shape) {
   const std::int64_t count = checked_elements(shape);
   if (count < 0) {
     throw Beyond(fmt::format("tensor '{}' of shape {} is larger than this engine holds ({} MiB, {} dimensions)", name,
-                              to_text(shape), max_model_bytes >> 20, max_rank));
+                             to_text(shape), max_model_bytes >> 20, max_rank));
   }
   return static_cast<std::size_t>(count);
 }

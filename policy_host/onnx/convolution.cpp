@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <limits>
 #include <utility>
 
 #include "policy_host/onnx/operators.hpp"
@@ -14,12 +13,12 @@ namespace takt::onnx_engine {
 
 namespace {
 
-constexpr std::uint32_t padding = std::numeric_limits<std::uint32_t>::max();
-
-// For each element of the packed patches of one group, in the order of pack_panels: where in the group's planes it is.
+// For each element of the packed patches of one group, in the order of pack_panels: where in the group's planes it is;
+// padding is behind them, where a zero is.
 std::vector<std::uint32_t> patch_table(const Window& window, std::size_t channels) {
   const std::size_t inner = channels * window.kernel_size();
   const std::size_t columns = window.output_size();
+  const auto padding = static_cast<std::uint32_t>(channels * window.input_size());
   std::vector<std::uint32_t> table;
   table.reserve(packed_size(inner, columns));
   for (std::size_t first = 0; first < columns; first += panel_columns) {
@@ -43,15 +42,25 @@ struct Convolution {
   const float* from;
   const float* weights;
   const float* bias;  // one per kernel, or null
+  float* planes;      // of one group, and a zero
   float* patches;
   float* to;
+
+  void gather() const noexcept {
+    const float* const source = planes;
+    const std::uint32_t* const index = table.data();
+    float* const patch = patches;
+    const std::size_t count = table.size();
+    for (std::size_t i = 0; i < count; ++i) patch[i] = source[index[i]];
+  }
 
   void run() const noexcept {
     float* out = to;
     const float* in = from;
     for (std::size_t b = 0; b < batch; ++b) {
       for (std::size_t g = 0; g < groups; ++g, in += group_input, out += kernels * columns) {
-        for (std::size_t i = 0; i < table.size(); ++i) patches[i] = table[i] == padding ? 0.0F : in[table[i]];
+        std::copy_n(in, group_input, planes);
+        gather();
         multiply_panels(weights + g * kernels * inner, patches, kernels, inner, columns, out);
         for (std::size_t k = 0; bias != nullptr && k < kernels; ++k) {
           for (std::size_t c = 0; c < columns; ++c) out[k * columns + c] += bias[g * kernels + k];
@@ -99,6 +108,7 @@ void build_conv(Builder& builder, const Node& node) {
                           .from = in.floats,
                           .weights = weight.floats,
                           .bias = bias == nullptr ? nullptr : bias->floats,
+                          .planes = builder.allocate(channels * window.input_size() + 1),
                           .patches = builder.allocate(patches),
                           .to = out.floats};
   builder.count_matrix_work(static_cast<std::size_t>(in.shape[0] * w[0]), inner, window.output_size());

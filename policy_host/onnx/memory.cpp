@@ -68,7 +68,8 @@ void infer_shapes(onnx::ModelProto& model) {
     if (opset.domain().empty()) opset.set_version(std::min<std::int64_t>(opset.version(), known->second.second));
   try {
     onnx::shape_inference::InferShapes(model, onnx::OpSchemaRegistry::Instance(), {false, 0, true});
-  } catch (const std::exception&) {  // what it has found until then counts
+  } catch (const std::exception&) {
+    return;  // what it has found until then counts
   }
 }
 

@@ -81,6 +81,8 @@ class Model {
   // Multiply-adds of a run that are products of matrices: convolutions, and factors of several rows. What this engine
   // is slow at: it keeps to one order of rounding, and so to one multiply-add at a time.
   std::uint64_t matrix_work() const noexcept;
+  // What one run does, one after the other: operators whose result is not known at load, and copies.
+  std::size_t steps() const noexcept;
 
  private:
   std::unique_ptr<Program> program_;

@@ -140,14 +140,14 @@ bool has_word(std::string_view words, std::string_view word) {
 void screen_node(const onnx::NodeProto& node, Seen& seen) {
   if (!standard_domain(node.domain()) || find_operator(node.op_type()) == nullptr) {
     throw Beyond(fmt::format("{} is not supported{}; supported operators: {}", describe(node),
-                              standard_domain(node.domain()) ? "" : " (domain " + node.domain() + ")",
-                              supported_operators()));
+                             standard_domain(node.domain()) ? "" : " (domain " + node.domain() + ")",
+                             supported_operators()));
   }
   const OperatorForm& form = form_of(node.op_type());
   if (static_cast<std::size_t>(node.input_size()) > form.most_inputs ||
       static_cast<std::size_t>(node.output_size()) > form.most_outputs) {
     throw Beyond(fmt::format("{} has {} inputs and {} outputs, more than this engine knows of", describe(node),
-                              node.input_size(), node.output_size()));
+                             node.input_size(), node.output_size()));
   }
   for (const onnx::AttributeProto& attribute : node.attribute()) {
     if (!has_word(form.attributes, attribute.name())) {

@@ -22,6 +22,7 @@
 
 #include "policy_host/engines/tensor_list.hpp"
 #include "policy_host/torchscript/linear_algebra.hpp"
+#include "policy_host/torchscript/row_products.hpp"
 
 namespace takt::torchscript {
 namespace {
@@ -195,6 +196,7 @@ class Network : public takt_engine_network {
     const torch::jit::Module as_loaded = module_;
     try {
       module_ = torch::jit::freeze(as_loaded);
+      multiply_rows_as_vectors(module_);
       module_ = torch::jit::optimize_for_inference(module_);
       for (int i = 0; i < kWarmingRuns; ++i) (void)forward();
       if (are_close(before, answer(), kSameOptimised)) return;

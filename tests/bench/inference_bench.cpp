@@ -8,8 +8,8 @@
 // does not add to. Caches are warm, so a host that infers at 50 Hz pays more: --pause
 // sleeps between inferences.
 //
-// FOLDER/limit: networks of growing products of matrices; the ratios show from which size on ONNX Runtime is the quicker
-// engine (kMostMatrixWork in policy_host/engines/load_policy.cpp).
+// FOLDER/limit: networks of growing products of matrices; the ratios show from which size on ONNX Runtime is the
+// quicker engine (kMostMatrixWorkPerStep in policy_host/engines/load_policy.cpp).
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>

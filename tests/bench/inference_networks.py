@@ -141,7 +141,7 @@ class Looking(nn.Module):
     def __init__(self, side):
         super().__init__()
         self.side = side
-        self.cnn = nn.Sequential(nn.Conv2d(1, 16, 3, 2, 1), nn.ELU(), nn.Conv2d(16, 32, 3, 2, 1), nn.ELU(), nn.AvgPool2d(2), nn.Flatten())
+        self.cnn = nn.Sequential(nn.Conv2d(1, 16, 3, 2, 1), nn.ELU(), nn.Conv2d(16, 32, 3, 2, 1), nn.ELU(), nn.MaxPool2d(2), nn.Flatten())
         self.actor = nn.Sequential(nn.Linear(32 * (side // 8) ** 2, 128), nn.ELU(), nn.Linear(128, 12))
 
     def forward(self, obs):

@@ -1,7 +1,7 @@
 // Goal: what is beyond the built-in engine, `auto` gives to ONNX Runtime, and both reasons are said where that cannot
-// either; what is wrong with the file itself, no other engine takes silently: memory that goes nowhere, weights that the
-// policy's hash does not cover, damage. Method: networks of the demo arm's shapes, run by its robot file with one engine
-// after the other.
+// either; what is wrong with the file itself, no other engine takes silently: memory that goes nowhere, weights that
+// the policy's hash does not cover, damage. Method: networks of the demo arm's shapes, run by its robot file with one
+// engine after the other.
 #include "policy_host/engines/load_policy.hpp"
 
 #include <gtest/gtest.h>
@@ -122,8 +122,9 @@ TEST_F(LoadPolicy, WhereOnnxRuntimeIsNotThereBothReasonsAreInOneLine) {
   const auto refused = load(beyond_the_built_in_engine(), "auto");
   ASSERT_FALSE(refused);
   EXPECT_TRUE(refused.error().starts_with(
-      file_ + ": HardSwish node 'the_HardSwish' is not supported (by the built-in engine); nor does it run in ONNX "
-              "Runtime: /nowhere/libonnxruntime.so: cannot be loaded"))
+      file_ +
+      ": HardSwish node 'the_HardSwish' is not supported (by the built-in engine); nor does it run in ONNX "
+      "Runtime: /nowhere/libonnxruntime.so: cannot be loaded"))
       << refused.error();
   EXPECT_EQ(refused.error().find('\n'), std::string::npos);
 }
@@ -187,10 +188,11 @@ TEST_F(ByOnnxRuntime, WeightsThatThePolicysHashDoesNotCoverAreRefused) {
   for (const char* const engine : {"auto", "onnxruntime"}) {
     const auto refused = load(outside, engine);
     ASSERT_FALSE(refused) << "weights that can be exchanged under the policy's name were accepted";
-    EXPECT_NE(refused.error().find(" keeps its data in 'weights.bin'; only policy.onnx.data or policy.onnx_data beside "
-                                   "the model is read, which the policy's hash covers: export it under that name, or as "
-                                   "one file"),
-              std::string::npos)
+    EXPECT_NE(
+        refused.error().find(" keeps its data in 'weights.bin'; only policy.onnx.data or policy.onnx_data beside "
+                             "the model is read, which the policy's hash covers: export it under that name, or as "
+                             "one file"),
+        std::string::npos)
         << refused.error();
   }
   auto covered = beyond_the_built_in_engine();

@@ -28,7 +28,8 @@ class KindsTest : public testing::Test {
     folder_ = pattern;
     if (!library_) GTEST_SKIP() << "NOT TESTED: ONNX Runtime is not installed (./dev test installs it)";
     // NOLINTNEXTLINE(concurrency-mt-unsafe): one thread
-    const int status = std::system(("/usr/bin/python3 tests/policy_host/kinds/make_kinds.py " + pattern + " small").c_str());
+    const int status =
+        std::system(("/usr/bin/python3 tests/policy_host/kinds/make_kinds.py " + pattern + " small").c_str());
     if (WEXITSTATUS(status) == 77 || WEXITSTATUS(status) == 127)
       GTEST_SKIP() << "NOT TESTED: /usr/bin/python3 with PyTorch and onnx is not installed";
     ASSERT_EQ(status, 0);

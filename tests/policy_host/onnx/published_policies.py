@@ -1,3 +1,4 @@
+#!/usr/bin/python3
 """Exports the published TorchScript policies of a folder the way their authors' tools would, as ONNX files.
 
 usage: published_policies.py SHARED_POLICIES FOLDER [beside]
