@@ -100,7 +100,9 @@ std::string tried_page(Rows tried, const std::string& judge) {
       "|a - b| / max(1, |b|) of any output over {} observations in sequence, state fed back; of TorchScript its "
       "actions', "
       "against the ONNX file of the same name beside it. Time: medians of as many inferences as take some seconds, at "
-      "most {}, both in turns, that engine's / ONNX Runtime's = ratio.\n",
+      "most {}, both in turns, that engine's / ONNX Runtime's = ratio. What `onnxruntime` runs is compared with the "
+      "same "
+      "library by itself: the time is what the engine around it costs.\n",
       policy_host::kTrialObservations, kMostTimedInferences);
   const auto is_elsewhere = [&](const TriedPolicy& row) { return folder_of(row) != folder_of(tried.front()); };
   if (std::ranges::none_of(tried, is_elsewhere)) return text + table_of(tried, "");

@@ -27,7 +27,7 @@ std::string plugin_beside(const std::string& name) {
 // An ONNX network is quicker elsewhere from so many multiply-adds in products of matrices on, for every step of a run
 // (onnx_engine::Model): those are what ONNX Runtime does two to three times as fast, the steps are what costs it more.
 // `./dev bench inference` shows where the two meet.
-constexpr std::uint64_t kMostMatrixWorkPerStep = 10'000;
+constexpr std::uint64_t kMostMatrixWorkPerStep = 12'000;
 
 using Loaded = std::expected<std::unique_ptr<Network>, std::string>;
 
