@@ -13,8 +13,15 @@ namespace takt::onnx_engine {
 
 namespace {
 
-// For each element of the packed patches of one group, in the order of pack_panels: where in the group's planes it is;
-// padding is behind them, where a zero is.
+// Columns that are gathered of the panel from `first` on: of one that is hardly used only the part that a slice of
+// multiply_panels() reads.
+std::size_t gathered_columns(std::size_t first, std::size_t columns) noexcept {
+  constexpr std::size_t half = panel_columns / 2;
+  return columns - first > half ? panel_columns : half;
+}
+
+// For each gathered element of the packed patches of one group, in the order of pack_panels: where in the group's
+// planes it is; padding is behind them, where a zero is.
 std::vector<std::uint32_t> patch_table(const Window& window, std::size_t channels) {
   const std::size_t inner = channels * window.kernel_size();
   const std::size_t columns = window.output_size();
@@ -24,7 +31,7 @@ std::vector<std::uint32_t> patch_table(const Window& window, std::size_t channel
   for (std::size_t first = 0; first < columns; first += panel_columns) {
     for (std::size_t k = 0; k < inner; ++k) {
       const std::size_t plane = k / window.kernel_size() * window.input_size();
-      for (std::size_t position = first; position < first + panel_columns; ++position) {
+      for (std::size_t position = first; position < first + gathered_columns(first, columns); ++position) {
         const std::int64_t source = position < columns ? window.source(position, k % window.kernel_size()) : -1;
         table.push_back(source < 0 ? padding : static_cast<std::uint32_t>(plane + static_cast<std::size_t>(source)));
       }
@@ -48,10 +55,13 @@ struct Convolution {
 
   void gather() const noexcept {
     const float* const source = planes;
-    const std::uint32_t* const index = table.data();
-    float* const patch = patches;
-    const std::size_t count = table.size();
-    for (std::size_t i = 0; i < count; ++i) patch[i] = source[index[i]];
+    const std::uint32_t* index = table.data();
+    float* patch = patches;
+    for (std::size_t first = 0; first < columns; first += panel_columns) {
+      const std::size_t gathered = gathered_columns(first, columns);
+      for (std::size_t k = 0; k < inner; ++k, index += gathered, patch += panel_columns)
+        for (std::size_t c = 0; c < gathered; ++c) patch[c] = source[index[c]];
+    }
   }
 
   void run() const noexcept {
