@@ -186,7 +186,7 @@ std::expected<void, std::string> parse(std::span<const std::byte> bytes, std::st
   if (model.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) return {};
   return std::unexpected(one_line(name,
                                   "not an ONNX model, or cut short; what another engine or a Python policy reads "
-                                  "runs by `takt run --policy-host` only"));
+                                  "runs by --policy-host"));
 }
 
 std::unexpected<Unloaded> unloaded(std::string sentence, bool beyond = false) {
