@@ -1,5 +1,6 @@
-// From bytes to a Program: parse, bring in what lies beside the file, screen, settle the batch, let libonnx check and
-// infer where it knows the opset (without it: what the screen and the operators check themselves), compile, compare.
+// From bytes to a Program: screen what messages would take, parse, bring in what lies beside the file, screen, settle
+// the batch, let libonnx check and infer where it knows the opset (without it: what the screen and the operators check
+// themselves), compile, compare.
 #include <fmt/format.h>
 #include <onnx/checker.h>
 #include <onnx/onnx_pb.h>
@@ -21,6 +22,7 @@
 #include "policy_host/onnx/operators.hpp"
 #include "policy_host/onnx/program.hpp"
 #include "policy_host/onnx/screen.hpp"
+#include "policy_host/onnx/wire_screen.hpp"
 
 namespace takt::onnx_engine {
 
@@ -182,27 +184,19 @@ Metadata metadata_of(const onnx::ModelProto& model) {
 
 std::expected<void, std::string> parse(std::span<const std::byte> bytes, std::string_view name,
                                        onnx::ModelProto& model) {
-  if (model.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) return {};
+  if (screen_wire(bytes, *onnx::ModelProto::descriptor()) &&
+      model.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())))
+    return {};
   return std::unexpected(one_line(name,
                                   "not an ONNX model, or cut short; what another engine or a Python policy reads "
                                   "runs by --policy-host"));
 }
 
-std::expected<Model, std::string> load_from(std::span<const std::byte> bytes, std::string_view name,
-                                            const std::filesystem::path* file) {
-  if (bytes.size() > max_model_bytes) {
-    return std::unexpected(one_line(name, fmt::format("larger than {} MiB", max_model_bytes >> 20)));
-  }
+// What `work` makes of the file `name`, and its exceptions as one line.
+template <typename Made, typename Work>
+std::expected<Made, std::string> judged(std::string_view name, const Work& work) {
   try {
-    onnx::ModelProto model;
-    if (const auto parsed = parse(bytes, name, model); !parsed) return std::unexpected(parsed.error());
-    std::vector<ExternalFile> external;
-    if (file != nullptr) external = bring_in_external_data(model, *file);
-    std::unique_ptr<Program> program = compile(model);
-    program->external_files = std::move(external);
-    program->opset = opset_of(model);
-    program->metadata = metadata_of(model);
-    return Model(std::move(program));
+    return work();
   } catch (const Refusal& refusal) {
     return std::unexpected(one_line(name, refusal.what()));
   } catch (const std::bad_alloc&) {
@@ -210,6 +204,22 @@ std::expected<Model, std::string> load_from(std::span<const std::byte> bytes, st
   } catch (const std::exception& error) {
     return std::unexpected(one_line(name, fmt::format("libonnx finds it invalid: {}", error.what())));
   }
+}
+
+std::expected<Model, std::string> load_from(std::span<const std::byte> bytes, std::string_view name,
+                                            const std::filesystem::path* file) {
+  if (bytes.size() > max_model_bytes) {
+    return std::unexpected(one_line(name, fmt::format("larger than {} MiB", max_model_bytes >> 20)));
+  }
+  onnx::ModelProto model;
+  if (const auto parsed = parse(bytes, name, model); !parsed) return std::unexpected(parsed.error());
+  std::vector<ExternalFile> external;
+  if (file != nullptr) external = bring_in_external_data(model, *file);
+  std::unique_ptr<Program> program = compile(model);
+  program->external_files = std::move(external);
+  program->opset = opset_of(model);
+  program->metadata = metadata_of(model);
+  return Model(std::move(program));
 }
 
 std::expected<std::vector<char>, std::string> bytes_of(const std::filesystem::path& file) {
@@ -233,13 +243,15 @@ std::expected<std::vector<char>, std::string> bytes_of(const std::filesystem::pa
 }  // namespace
 
 std::expected<Model, std::string> load(std::span<const std::byte> bytes, std::string_view name) {
-  return load_from(bytes, name, nullptr);
+  return judged<Model>(name, [&] { return load_from(bytes, name, nullptr); });
 }
 
 std::expected<Model, std::string> load(const std::filesystem::path& file) {
-  const auto bytes = bytes_of(file);
-  if (!bytes) return std::unexpected(bytes.error());
-  return load_from(std::as_bytes(std::span(*bytes)), file.string(), &file);
+  return judged<Model>(file.string(), [&]() -> std::expected<Model, std::string> {
+    const auto bytes = bytes_of(file);
+    if (!bytes) return std::unexpected(bytes.error());
+    return load_from(std::as_bytes(std::span(*bytes)), file.string(), &file);
+  });
 }
 
 namespace {
@@ -253,20 +265,20 @@ std::expected<void, std::string> parse_file(const std::filesystem::path& file, o
 }  // namespace
 
 std::expected<void, std::string> check_external_data(const std::filesystem::path& file) {
-  onnx::ModelProto model;
-  if (auto parsed = parse_file(file, model); !parsed) return parsed;
-  try {
+  return judged<void>(file.string(), [&]() -> std::expected<void, std::string> {
+    onnx::ModelProto model;
+    if (auto parsed = parse_file(file, model); !parsed) return parsed;
     vet_external_data(model, file);
-  } catch (const Refusal& refusal) {
-    return std::unexpected(one_line(file.string(), refusal.what()));
-  }
-  return {};
+    return {};
+  });
 }
 
 std::expected<Metadata, std::string> read_metadata(const std::filesystem::path& file) {
-  onnx::ModelProto model;
-  if (const auto parsed = parse_file(file, model); !parsed) return std::unexpected(parsed.error());
-  return metadata_of(model);
+  return judged<Metadata>(file.string(), [&]() -> std::expected<Metadata, std::string> {
+    onnx::ModelProto model;
+    if (const auto parsed = parse_file(file, model); !parsed) return std::unexpected(parsed.error());
+    return metadata_of(model);
+  });
 }
 
 }  // namespace takt::onnx_engine
