@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <openssl/evp.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
@@ -34,17 +35,22 @@ class Sha256 {
   std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context_;
 };
 
-// False: it cannot be read, and errno says why.
-bool add_file(Sha256& sha, const std::string& path) {
-  const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (fd < 0) return false;
+// Empty: added. Else why it cannot be read.
+std::string add_file(Sha256& sha, const std::string& path) {
+  // Without waiting for whoever writes a FIFO.
+  const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  struct stat status {};
+  if (fd < 0 || fstat(fd, &status) != 0) return std::strerror(errno);
+  if (!S_ISREG(status.st_mode)) {
+    close(fd);
+    return "is not a regular file";
+  }
   std::array<char, 65536> buffer{};
   ssize_t got = 0;
   while ((got = read(fd, buffer.data(), buffer.size())) > 0) sha.add(buffer.data(), static_cast<std::size_t>(got));
-  const int error = errno;
+  std::string why = got == 0 ? "" : std::strerror(errno);
   close(fd);
-  errno = error;
-  return got == 0;
+  return why;
 }
 
 }  // namespace
@@ -112,9 +118,8 @@ std::vector<std::string> policy_files(const std::string& path) {
 std::expected<std::uint64_t, std::string> policy_hash(const std::string& path) {
   Sha256 sha;
   for (const std::string& file : policy_files(path)) {
-    if (!add_file(sha, file)) {
-      return std::unexpected(fmt::format("policy file {}: {}; check `policy.file`", file, std::strerror(errno)));
-    }
+    if (const std::string why = add_file(sha, file); !why.empty())
+      return std::unexpected(fmt::format("policy file {}: {}; check `policy.file`", file, why));
   }
   return leading_64_bits(sha.hex());
 }

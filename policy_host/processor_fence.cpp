@@ -91,7 +91,7 @@ std::expected<Fence, std::string> keep_off_processor(std::optional<int> cpu) {
   for (const pid_t thread : threads_of_this_process())
     if (!take_off(thread, *cpu))
       return std::unexpected(
-          fmt::format("processor {} is the executive's (control.cpu), and the only one that this policy host may use; "
+          fmt::format("processor {} is the executive's (control.cpu), and the only one that this process may use; "
                       "allow it another (taskset, CPUAffinity=, AllowedCPUs=), or give the executive another",
                       *cpu));
   return forbid_affinity() ? Fence::by_kernel : Fence::by_mask;
@@ -106,6 +106,13 @@ std::expected<void, std::string> check_fence(std::optional<int> cpu, Fence fence
                       "(control.cpu), and cannot be kept off; have the engine set no affinity",
                       name_of(thread), *cpu));
   return {};
+}
+
+void limit_thread_pools(unsigned threads, PoolSize size) {
+  const std::string count = std::to_string(threads);
+  for (const char* const name :
+       {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "NUMEXPR_NUM_THREADS"})
+    setenv(name, count.c_str(), size == PoolSize::as_told ? 1 : 0);  // NOLINT(concurrency-mt-unsafe): set-up
 }
 
 std::size_t thread_count() {

@@ -6,10 +6,12 @@
 //      so that no library can widen the mask again
 //   3. what was loaded is looked at: no thread's mask has that processor
 //
-// Call the first before any engine is loaded, the last behind it. It changes the whole process, for good. A filter
-// needs no privilege: it sets no_new_privs. Errors: one line. Thread rule: set-up.
+// Call the first before any engine is loaded, the last behind it (fenced_load.hpp does both). It changes the whole
+// process, for good, and what it starts and becomes: mask and filter are inherited over fork and exec. A filter needs
+// no privilege: it sets no_new_privs. Errors: one line. Thread rule: set-up.
 #pragma once
 
+#include <cstddef>
 #include <expected>
 #include <optional>
 #include <string>
@@ -23,6 +25,11 @@ enum class Fence { none, by_mask, by_kernel };  // by_mask: this kernel takes no
 std::expected<Fence, std::string> keep_off_processor(std::optional<int> cpu);
 // Refused, by name: a thread that may run there, and cannot be brought back.
 std::expected<void, std::string> check_fence(std::optional<int> cpu, Fence fence);
+
+enum class PoolSize { as_told, unless_set };
+// What OpenMP and linear algebra libraries start their pools by: environment variables. unless_set: one that somebody
+// set stays as it is.
+void limit_thread_pools(unsigned threads, PoolSize size);
 
 // Threads of this process.
 std::size_t thread_count();

@@ -21,10 +21,10 @@
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "executive/log/program_log.hpp"
+#include "policy_host/fenced_load.hpp"
 #include "policy_host/host.hpp"
 #include "policy_host/host_faults.hpp"
 #include "policy_host/policy_fit.hpp"
-#include "policy_host/processor_fence.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -109,26 +109,18 @@ int serve(const Options& options, std::vector<HostFaultWindow> faults, const Loa
   const config::Policy& section = *robot->policy;
   const auto hash = config::policy_hash(section.file);
   if (!hash) return refuse(hash.error());
-  const auto fence = keep_off_processor(robot->control.cpu);
-  if (!fence) return refuse(fence.error());
-  const std::size_t own_threads = thread_count();
-  std::vector<std::unique_ptr<Policy>> policies;
+  const auto loaded = load_fenced(*robot, section.requests_in_flight, load);
+  if (!loaded) return refuse(loaded.error());
   std::vector<Policy*> engines;
-  for (std::uint32_t i = 0; i < section.requests_in_flight; ++i) {
-    auto policy = load(*robot);
-    if (!policy) return refuse(policy.error());
-    if (const auto fits = check_fit(*robot, **policy); !fits) return refuse(fits.error());
-    engines.push_back(policies.emplace_back(std::move(*policy)).get());
-  }
-  if (const auto kept = check_fence(robot->control.cpu, *fence); !kept) return refuse(kept.error());
+  for (const auto& policy : loaded->policies) engines.push_back(policy.get());
 
   const std::string directory =
       options.runtime_directory.empty() ? config::default_runtime_directory(robot->robot) : options.runtime_directory;
   be_nice(section.nice);
   spdlog::info("policy {} ({:016x}) for robot {}: {} values in, {} steps of {} out", section.file, *hash, robot->robot,
                engines.front()->input_size(), section.steps, config::outputs_per_step(*robot));
-  spdlog::info("engine: {}; {} threads of its own; {}", engines.front()->description(), thread_count() - own_threads,
-               text_of(*fence, robot->control.cpu));
+  spdlog::info("engine: {}; {} threads of its own; {}", engines.front()->description(), loaded->threads,
+               text_of(loaded->fence, robot->control.cpu));
   for (const std::string& fault : options.faults) spdlog::warn("does wrong on request: {}", fault);
   HostFaults wrong(std::move(faults), options.fault_seed);
   Host(*robot, directory, *hash, engines, std::move(wrong), options.role()).run(g_stop);

@@ -12,21 +12,12 @@
 // `policy.file` must exist: its SHA-256 tells the executive which policy this is. What is in it is the engine's affair.
 #pragma once
 
-#include <expected>
-#include <functional>
-#include <memory>
-#include <string>
-
 #include "config/observation_shape.hpp"
 #include "config/robot_config.hpp"
+#include "policy_host/fenced_load.hpp"
 #include "policy_host/policy.hpp"
 
 namespace takt::policy_host {
-
-// Makes the engine ready for this robot, whose `policy` section is there and consistent; never null. The error is one
-// line: what is wrong, how to mend it; the program then says so and ends with 65. Called once, before anything is
-// attached, or policy.requests_in_flight times; it may take as long as it needs, and keep no reference to the robot.
-using LoadPolicy = std::function<std::expected<std::unique_ptr<Policy>, std::string>(const config::RobotConfig& robot)>;
 
 // The whole program: command line, refusals on stderr, signals; see its --help. Returns the exit code: 0 ended by
 // SIGINT or SIGTERM (or --help), 64 usage, 65 configuration or policy refused.

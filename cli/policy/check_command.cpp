@@ -14,7 +14,9 @@
 #include "policy_host/engines/load_policy.hpp"
 #include "policy_host/exploy/exploy_description.hpp"
 #include "policy_host/exporter_metadata.hpp"
+#include "policy_host/fenced_load.hpp"
 #include "policy_host/flow/flow_policy.hpp"
+#include "policy_host/leapp/beside.hpp"
 #include "policy_host/leapp/leapp_bundle.hpp"
 #include "policy_host/leapp/leapp_description.hpp"
 #include "policy_host/leapp/leapp_graph.hpp"
@@ -126,11 +128,9 @@ std::expected<config::RobotConfig, Refusal> load_policys_robot(const PolicyCheck
 
 // The policy by the robot file's engine, as the policy host would have it.
 std::expected<std::unique_ptr<policy_host::Policy>, Refusal> load_for_robot(const config::RobotConfig& robot) {
-  auto policy = policy_host::load_policy(robot);
-  if (!policy) return std::unexpected(policy_refused(policy.error()));
-  if (const auto fits = policy_host::check_fit(robot, **policy); !fits)
-    return std::unexpected(policy_refused(fits.error()));
-  return std::move(*policy);
+  auto loaded = policy_host::load_fenced(robot, 1, policy_host::load_policy);
+  if (!loaded) return std::unexpected(policy_refused(loaded.error()));
+  return std::move(loaded->policies.front());
 }
 
 nlohmann::json fit_json(const config::RobotConfig& robot, const policy_host::Policy& policy) {
@@ -216,8 +216,9 @@ std::string kind_text(const policy_host::LeappTensor& tensor) {
 // With a robot, its engine decides whether it runs (check_bundle_for_robot).
 std::expected<void, Refusal> check_model_file(const PolicyCheckOptions& options, const policy_host::LeappNode& node) {
   const std::string& bundle = options.file;
-  const std::filesystem::path beside = std::filesystem::path(bundle).parent_path() / node.model_path;
-  if (!std::filesystem::exists(beside)) {
+  const auto beside = policy_host::path_beside(bundle, "model_path", node.model_path);
+  if (!beside) return std::unexpected(policy_refused(beside.error()));
+  if (!std::filesystem::exists(*beside)) {
     print_line("model", fmt::format("{}: not there, so not checked", shortened(node.model_path)));
     return {};
   }
@@ -284,6 +285,10 @@ int check_bundle(const PolicyCheckOptions& options) {
   for (const policy_host::LeappNode& node : bundle->nodes) {
     const auto fine = check_model_file(options, node);
     if (!fine) return refuse(fine.error().exit_code, fine.error().sentence);
+  }
+  if (!bundle->initial_values.empty()) {
+    const auto beside = policy_host::path_beside(file, "initial_values", bundle->initial_values);
+    if (!beside) return refuse(config::kExitBadConfiguration, beside.error());
   }
   print_bundle(*bundle);
   const policy_host::DescribedPolicy said = policy_host::describe_leapp(*bundle);

@@ -5,8 +5,9 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.hpp"
-#include "cli/robot/process_check.hpp"
+#include "cli/robot/plant_check.hpp"
 #include "cli/run/checked_robot.hpp"
+#include "cli/run/policy_check.hpp"
 #include "cli/world_option.hpp"
 #include "config/json_schema.hpp"
 #include "config/key_table.hpp"

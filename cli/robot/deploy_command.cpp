@@ -15,6 +15,7 @@
 #include "cli/robot/deployed_robot.hpp"
 #include "cli/robot/executive_guard.hpp"
 #include "cli/run/checked_robot.hpp"
+#include "cli/run/own_process.hpp"
 #include "cli/run/scenario.hpp"
 #include "cli/world_option.hpp"
 #include "config/load.hpp"
@@ -93,8 +94,16 @@ std::expected<Outcome, Refusal> deploy_robot(const DeployOptions& options) {
   const std::vector<std::string> places{options.place.runtime_directory};
   if (const auto disarmed = require_disarmed(places); !disarmed) return std::unexpected(disarmed.error());
 
-  const auto smoke = deploy::smoke_run(robot, {options.world, options.policy_host});
-  if (!smoke) return refused(fmt::format("smoke run failed, nothing was changed: {}", smoke.error()));
+  // What is restarted later must not inherit where a policy may run.
+  const auto smoke = in_own_process(
+      [&] {
+        return deploy::smoke_run(robot, {options.world, options.policy_host});
+      },
+      kExitFailed);
+  if (!smoke)
+    return refused(
+        "smoke run failed, nothing was changed" + (smoke.error().sentence.empty() ? "" : ": " + smoke.error().sentence),
+        smoke.error().exit_code);
   Outcome outcome{options.name.empty() ? new_name(robot) : options.name, store->current(), *smoke, {}, {}};
   if (const auto added = store->add({robot, outcome.name, options.runs, options.simulated}); !added)
     return refused(added.error());

@@ -131,6 +131,8 @@ std::expected<ChildProcess, Refusal> start_host(const SwapOptions& options, cons
       options.robot_file.empty() ? remembered_robot_file(robot.directory()) : options.robot_file;
   if (robot_file.empty())
     return std::unexpected(Refusal{kExitUsage, "nobody left the robot file's name: say it with --robot"});
+  const auto config = config::load(robot_file);
+  if (!config) return std::unexpected(Refusal{config::kExitBadConfiguration, config.error()});
   ChildProcess::Options child;
   child.name = "candidate host";
   child.arguments = {options.policy_host.empty() ? beside_this_program("takt-policy-host") : options.policy_host,
@@ -143,6 +145,7 @@ std::expected<ChildProcess, Refusal> start_host(const SwapOptions& options, cons
   child.log_path = robot.directory() + "/candidate.log";
   std::remove(child.log_path.c_str());  // of an earlier candidate
   child.parent_death_signal = SIGTERM;
+  child.place = place_of_policy(*config);
   auto started = ChildProcess::start(std::move(child));
   if (!started) return std::unexpected(Refusal{kExitFailed, started.error()});
   return std::move(*started);

@@ -20,6 +20,10 @@ std::expected<CheckedRobot, std::string> check_robot_file(const std::string& pat
   if (robot->policy)
     if (const auto hash = config::policy_hash(robot->policy->file); !hash)
       problems = fmt::format("{}: {}", path, hash.error());
+  if (const config::Fallback* const fallback = config::fallback_policy_of(*robot);
+      fallback != nullptr && fallback->has_own_file())
+    if (const auto hash = config::policy_hash(fallback->file); !hash)
+      problems += fmt::format("{}{}: {}", problems.empty() ? "" : "\n", path, hash.error());
   // What a driver refuses, the executive would refuse at its start.
   for (std::size_t joint = 0; joint < robot->joints.size(); ++joint)
     if (const auto driver = drivers::make_joint_driver(*robot, joint); !driver)

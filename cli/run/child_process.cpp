@@ -15,10 +15,22 @@
 #include <thread>
 #include <utility>
 
+#include "config/load.hpp"
+#include "policy_host/processor_fence.hpp"
+
 namespace takt::cli {
 namespace {
 
 constexpr std::size_t kLastWords = 5;
+
+// Between fork and exec. What it says goes to the program's log.
+void keep_in(const PolicyPlace& place, const std::string& name) {
+  policy_host::limit_thread_pools(place.threads, policy_host::PoolSize::unless_set);
+  const auto fence = policy_host::keep_off_processor(place.off_cpu);
+  if (fence) return;
+  dprintf(STDERR_FILENO, "%s: %s\n", name.c_str(), fence.error().c_str());
+  _exit(config::kExitBadConfiguration);
+}
 
 [[noreturn]] void become(const ChildProcess::Options& options, char* const* argv, pid_t parent) {
   setpgid(0, 0);
@@ -36,12 +48,18 @@ constexpr std::size_t kLastWords = 5;
   dup2(log, STDERR_FILENO);
   // A tracing daemon that hangs must not delay a robot's start (docs/tracing.md). NOLINTNEXTLINE(concurrency-mt-unsafe)
   setenv("LTTNG_UST_REGISTER_TIMEOUT", "0", 0);
+  if (options.place) keep_in(*options.place, options.name);
   execv(argv[0], argv);
   dprintf(STDERR_FILENO, "%s: %s\n", argv[0], std::strerror(errno));
   _exit(127);
 }
 
 }  // namespace
+
+PolicyPlace place_of_policy(const config::RobotConfig& robot) {
+  const bool chosen = robot.policy && robot.policy->engine;
+  return {robot.control.cpu, (chosen ? *robot.policy->engine : config::Engine{}).threads};
+}
 
 std::expected<ChildProcess, std::string> ChildProcess::start(Options options) {
   std::vector<char*> argv;

@@ -11,7 +11,18 @@
 #include <string>
 #include <vector>
 
+#include "config/robot_config.hpp"
+
 namespace takt::cli {
+
+// Where a policy runs, and what it becomes and starts: off the executive's processor, for good, or not at all
+// (policy_host/processor_fence.hpp), its libraries' thread pools as large as policy.engine.threads unless the
+// environment says otherwise.
+struct PolicyPlace {
+  std::optional<int> off_cpu;  // control.cpu
+  unsigned threads = 1;
+};
+PolicyPlace place_of_policy(const config::RobotConfig& robot);
 
 class ChildProcess {
  public:
@@ -20,6 +31,7 @@ class ChildProcess {
     std::vector<std::string> arguments;  // [0]: path of the program
     std::string log_path;                // appended to
     int parent_death_signal = 0;         // what it gets when the supervisor dies
+    std::optional<PolicyPlace> place{};  // of a program that is a policy
   };
   static std::expected<ChildProcess, std::string> start(Options options);
 

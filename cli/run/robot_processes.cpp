@@ -117,6 +117,7 @@ std::expected<void, std::string> RobotProcesses::start(ProcessName process) {
   }
   options.log_path = fmt::format("{}/{}.log", log_directory(), label(process));
   options.parent_death_signal = parent_death_signal(process);
+  if (process == ProcessName::policy || process == ProcessName::fallback) options.place = place_of_policy(robot_);
   std::optional<ChildProcess>& child = children_[static_cast<std::size_t>(process)];
   if (!child) fs::remove(options.log_path, error);  // of an earlier run; a restart adds to this run's
   auto started = ChildProcess::start(std::move(options));

@@ -11,6 +11,8 @@
 
 #include "cli/command.hpp"
 #include "cli/run/checked_robot.hpp"
+#include "cli/run/own_process.hpp"
+#include "cli/run/policy_check.hpp"
 #include "cli/run/supervisor.hpp"
 #include "cli/running_robots.hpp"
 #include "config/load.hpp"
@@ -65,6 +67,20 @@ std::expected<void, Refusal> check_policy_host(const Given& given, const config:
       fmt::format("--policy-host {} cannot be executed: give the path of a program you may run", given.policy_host)});
 }
 
+// What takt-policy-host would refuse at its start, when plant, executive and monitor are running already.
+std::expected<void, Refusal> check_policy(const Given& given, const config::RobotConfig& robot) {
+  if (!given.policy_host.empty()) return {};
+  const auto judged = in_own_process(
+      [&]() -> std::expected<std::string, std::string> {
+        const std::string refused = refused_by_policy_host(robot);
+        if (!refused.empty()) return std::unexpected(refused);
+        return "";
+      },
+      config::kExitBadConfiguration);
+  if (!judged) return std::unexpected(judged.error());
+  return {};
+}
+
 int run(const Given& given) {
   const auto checked = check_robot_file(given.robot_file);
   if (!checked) return refuse(config::kExitBadConfiguration, first_problems(checked.error()));
@@ -106,6 +122,9 @@ int run(const Given& given) {
                std::chrono::milliseconds(500)))
     return refuse(kExitFailed, fmt::format("a robot already runs in {}; end it first or choose another --runtime-dir",
                                            options.place.runtime_directory));
+  if (const auto fine = check_policy(given, robot); !fine)
+    return fine.error().sentence.empty() ? fine.error().exit_code
+                                         : refuse(fine.error().exit_code, fine.error().sentence);
   if (given.runtime_dir.empty())
     if (const auto home = make_runtime_home(config::runtime_home()); !home)
       return refuse(kExitUnavailable, home.error());

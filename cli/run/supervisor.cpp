@@ -101,7 +101,15 @@ int Supervisor::run() {
   std::printf("%s %s\n", recorded ? "run folder:" : "no run folder was written; logs:",
               recorded ? options_.place.run_directory.c_str() : logs.c_str());
   tell_incident(end);
-  return end.exit_code;
+  return end.exit_code == kExitOk ? exit_code_of_the_dead() : end.exit_code;
+}
+
+// Of a process that failed meanwhile, of itself, and that the run went on without.
+int Supervisor::exit_code_of_the_dead() {
+  for (const ProcessName process : reported_dead_)
+    if (const ChildProcess* child = processes_.find(process); !killed_by_script_.contains(process))
+      if (child != nullptr && child->exit_code() != kExitOk) return exit_code_for(*child);
+  return kExitOk;
 }
 
 // What the script killed or stopped ends as it was asked to.
@@ -158,7 +166,9 @@ Supervisor::Outcome Supervisor::arm() {
       for (const std::string& sentence : sentences_of(*reply)) missing += "\n  " + sentence;
     }
     if (auto alive = look_after_children(); !alive) return alive;
-    if (robot_.policy && reported_dead_.contains(ProcessName::policy)) break;  // it will not come by waiting
+    if (robot_.policy && reported_dead_.contains(ProcessName::policy))  // it will not come by waiting
+      return std::unexpected(
+          End{exit_code_for(*processes_.find(ProcessName::policy)), "arming was refused:" + missing});
     if (auto paused = pause(now() + kPollEvery); !paused) return paused;
   }
   return std::unexpected(End{kExitFailed, "arming was refused:" + missing});
@@ -275,6 +285,7 @@ Supervisor::Outcome Supervisor::fire(const Event& event) {
       return {};
     case ActionKind::kill:
       if (child) child->signal(SIGKILL);
+      killed_by_script_.insert(event.process);
       // With a fallback policy the robot goes on.
       script_ends_run_ |=
           event.process == ProcessName::policy && !options_.restart && config::fallback_policy_of(robot_) == nullptr;

@@ -62,6 +62,7 @@ class Supervisor {
   void see(const OperatorReply& reply);
   // The last word about a robot that stands: in which stop or fault, and the exit code that it calls for.
   void tell_incident(End& end) const;
+  [[nodiscard]] int exit_code_of_the_dead();
   // What ends the run, whether or not the executive answers.
   Outcome judge_time() const;
   Outcome judge_progress(const StatusSnapshot& status);
@@ -81,7 +82,7 @@ class Supervisor {
   std::optional<Duration> ready_at_, tracking_since_, stopped_at_;
   Duration answered_at_;   // the newest status
   IncidentNote incident_;  // as of then
-  std::set<ProcessName> reported_dead_;
+  std::set<ProcessName> reported_dead_, killed_by_script_;
   bool script_ends_run_ = false;  // it killed the policy or asked for a stop
 };
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -357,7 +358,9 @@ Standing standing_of(const config::RobotConfig& robot) {
                                    "`takt panel attest` makes of it in shown_by");
       continue;
     }
-    const auto text = monitor::read_file(offer.shown_by);
+    std::error_code missing;
+    const auto text = std::filesystem::is_regular_file(offer.shown_by, missing) ? monitor::read_file(offer.shown_by)
+                                                                                : std::expected<std::string, std::string>(std::unexpected("is no file"));
     const auto attestation =
         text ? attestation_of(*text) : std::expected<Attestation, std::string>(std::unexpected("cannot be read"));
     const std::string why =

@@ -14,8 +14,9 @@
 namespace takt {
 namespace {
 
-constexpr std::uint64_t kSilentTicks = 3;  // a reply may come a tick late
-constexpr std::int64_t kStallShare = 4;    // a quarter of feedback.timeout lost at once is worth a word
+constexpr std::uint64_t kSilentTicks = 3;                  // a reply may come a tick late
+constexpr std::uint32_t kTargetsAlone = 0, kGainsToo = 1;  // what was brought into its range, or may have been
+constexpr std::int64_t kStallShare = 4;                    // a quarter of feedback.timeout lost at once is worth a word
 
 bool relies_on_policy(Mode mode) {
   return mode == Mode::tracking || mode == Mode::degraded;
@@ -161,8 +162,10 @@ void IncidentWatch::look_at_joint(const TickRecord& record, std::size_t joint) {
   const JointFeedback& feedback = record.joints[joint].feedback;
   if (feedback.drive_state == DriveState::fault || feedback.error_code != 0)
     note(errors_[joint], header, header.tick, header.now, feedback.error_code);
-  if ((record.joints[joint].interventions & bit(Intervention::target_range)) != 0)
-    note(clamped_[joint], header, header.tick, header.now);
+  const InterventionMask marks = record.joints[joint].interventions;
+  if ((marks & bit(Intervention::target_range)) != 0)
+    note(clamped_[joint], header, header.tick, header.now,
+         (marks & bit(Intervention::gain_limit)) != 0 ? kGainsToo : kTargetsAlone);
   Heard& heard = heard_[joint];
   if (heard.tick == 0 || feedback.received_at != heard.stamp)
     heard = {feedback.received_at, header.now, header.tick};
@@ -219,7 +222,10 @@ std::vector<IncidentLink> IncidentWatch::chain(const TickRecordHeader& header) c
       return fmt::format("joint {}: {}", known.name, code == 0 ? "fault" : drivers::error_name(known.drive, code));
     });
     add(silences_[joint], [&] { return fmt::format("joint {}: silent", known.name); });
-    add(clamped_[joint], [&] { return fmt::format("joint {}: target out of range", known.name); });
+    add(clamped_[joint], [&] {
+      return fmt::format("joint {}: {} out of range", known.name,
+                         clamped_[joint].code == kGainsToo ? "gain or target" : "target");
+    });
   }
   for (std::size_t bus = 0; bus < robot_.buses.size(); ++bus)
     add(buses_[bus], [&] {
@@ -235,25 +241,26 @@ std::vector<IncidentLink> IncidentWatch::chain(const TickRecordHeader& header) c
 }
 
 // Clamping ends with the tick that stops the robot: what was clamped in the tick before tells which of the two it is.
-std::string IncidentWatch::joints_just_clamped(const TickRecordHeader& header) const {
+// "targets were out of range in more than 25 % of the window (clamped_share), last of joint hip"; empty: none was.
+std::string IncidentWatch::just_clamped(const TickRecordHeader& header) const {
   std::string joints;
+  bool gains = false;
   for (std::size_t joint = 0; joint < robot_.joints.size(); ++joint) {
     const Sign& sign = clamped_[joint];
-    if (sign.tick != 0 && header.now - sign.last < robot_.control.period * 2)
-      joints += (joints.empty() ? "" : ", ") + robot_.joints[joint].name;
+    if (sign.tick == 0 || header.now - sign.last >= robot_.control.period * 2) continue;
+    joints += (joints.empty() ? "" : ", ") + robot_.joints[joint].name;
+    gains |= sign.code == kGainsToo;
   }
-  return joints;
+  if (joints.empty()) return {};
+  return fmt::format("{} were out of range in more than {:g} % of the window (clamped_share), last of joint {}{}",
+                     gains ? "gains or targets" : "targets", 100 * robot_.freshness.clamped_share, joints,
+                     gains ? "; gains were held at limits.kp and limits.kd" : "");
 }
 
 std::string IncidentWatch::bad_commands(const TickRecordHeader& header) const {
-  const std::string joints = joints_just_clamped(header);
-  if (joints.empty())
-    return fmt::format("more of the policy's commands were refused than bad_command_limit allows, the last one as {}",
-                       name(refused_));
-  return fmt::format(
-      "the policy's targets were out of range in more than {:g} % of the window (clamped_share), last of "
-      "joint {}",
-      100 * robot_.freshness.clamped_share, joints);
+  if (const std::string clamped = just_clamped(header); !clamped.empty()) return "the policy's " + clamped;
+  return fmt::format("more of the policy's commands were refused than bad_command_limit allows, the last one as {}",
+                     name(refused_));
 }
 
 // Of causes that are about the robot as a whole.
@@ -274,15 +281,13 @@ std::string IncidentWatch::words(const TickRecord& record) const {
       return "the executive was told to end";
     case Cause::command_lost:
       return fmt::format(
-          "{} gave {} usable command for {:g} ms (stop_after), {}",
-          may_have_fallen_back ? "neither the policy nor the fallback policy " + fallback->name : "the policy",
-          may_have_fallen_back ? "a" : "no", limits.stop_after.milliseconds(), newest);
+          "no usable command came for {:g} ms (stop_after), {}{}; the policy host's log says whether a sensor, the "
+          "policy or the way between failed",
+          limits.stop_after.milliseconds(),
+          may_have_fallen_back ? "of the fallback policy " + fallback->name + " neither, " : "", newest);
     case Cause::fallback_spent:
-      if (const std::string joints = joints_just_clamped(header); !joints.empty())
-        return fmt::format(
-            "the fallback policy {}'s targets were out of range in more than {:g} % of the window (clamped_share), "
-            "last of joint {}",
-            robot_.degraded.fallback, 100 * limits.clamped_share, joints);
+      if (const std::string clamped = just_clamped(header); !clamped.empty())
+        return fmt::format("the fallback policy {}'s {}", robot_.degraded.fallback, clamped);
       return fmt::format(
           "the fallback policy {} has moved the robot for {:g} s (fallbacks.{}.for), and the policy is "
           "not back: {}",

@@ -81,7 +81,7 @@ class IncidentWatch {
   void look_at_joint(const TickRecord& record, std::size_t joint);
   [[nodiscard]] std::vector<IncidentLink> chain(const TickRecordHeader& header) const;
   [[nodiscard]] std::string words(const TickRecord& record) const;
-  [[nodiscard]] std::string joints_just_clamped(const TickRecordHeader& header) const;
+  [[nodiscard]] std::string just_clamped(const TickRecordHeader& header) const;
   [[nodiscard]] std::string bad_commands(const TickRecordHeader& header) const;
   [[nodiscard]] Incident made_of(const TickRecord& record) const;
 

@@ -155,9 +155,11 @@ Judged age_part(const Case& c) {
 
 Judged silence(const Case& c) {
   if (!c.evidence.has_miss || c.evidence.silence <= c.rules.max_age) return {};
-  return c.verdict(Fault::inference_stall,
-                   fmt::format("no command came for {:.4g} ms, max_age is {:.3g} ms", c.evidence.silence.milliseconds(),
-                               c.rules.max_age.milliseconds()));
+  return c.verdict(
+      Fault::inference_stall,
+      fmt::format("no command came for {:.4g} ms, max_age is {:.3g} ms; the policy host's log says whether "
+                  "a sensor, the policy or the way between failed",
+                  c.evidence.silence.milliseconds(), c.rules.max_age.milliseconds()));
 }
 
 Judged lost_replies(const Case& c) {

@@ -11,6 +11,7 @@
 
 #include "config/document.hpp"
 #include "config/load.hpp"
+#include "policy_host/leapp/beside.hpp"
 #include "policy_host/leapp/initial_values.hpp"
 #include "policy_host/policy_tensors.hpp"
 
@@ -21,11 +22,6 @@ namespace fs = std::filesystem;
 
 using onnx_engine::TensorInfo;
 using Problem = std::optional<std::string>;
-
-// Beside the YAML, and nowhere else: what the policy's hash covers and a deployment copies (config::policy_files).
-bool is_beside(const std::string& name) {
-  return !name.empty() && name.find('/') == std::string::npos;
-}
 
 class Loader {
  public:
@@ -106,8 +102,9 @@ class Loader {
       return refusal(
           "has feedback and no initial_values: what it starts with would have to be guessed; export it "
           "again");
-    if (!is_beside(bundle_.initial_values)) return refusal("initial_values is not beside it");
-    const auto values = read_initial_values(fs::path(file_).parent_path() / bundle_.initial_values);
+    const auto beside = path_beside(file_, "initial_values", bundle_.initial_values);
+    if (!beside) return beside.error();
+    const auto values = read_initial_values(*beside);
     if (!values) return values.error();
     for (const LeappFlow& flow : bundle_.feedback) {
       const Port from = port_of(flow.from, false), to = port_of(flow.to, true);
@@ -185,9 +182,9 @@ std::expected<std::string, std::string> checked_model_file(const std::string& bu
         fmt::format("{}: model {} is for backend {}, which is not run here; export it with backend "
                     "onnx",
                     bundle, node.name, node.backend));
-  if (!is_beside(node.model_path))
-    return std::unexpected(fmt::format("{}: model_path {} is not beside it", bundle, node.model_path));
-  const fs::path path = fs::path(bundle).parent_path() / node.model_path;
+  const auto beside = path_beside(bundle, "model_path", node.model_path);
+  if (!beside) return std::unexpected(beside.error());
+  const fs::path& path = *beside;
   std::ifstream stream(path, std::ios::binary);
   if (!stream) return std::unexpected(fmt::format("{}: is not there; it stands beside {}", path.string(), bundle));
   if (node.sha256.empty())

@@ -11,12 +11,14 @@
 #include <iterator>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <system_error>
 
 #include "config/hash.hpp"
 #include "config/load.hpp"
 #include "policy_host/onnx/builder.hpp"
+#include "policy_host/onnx/wire_screen.hpp"
 
 namespace takt::onnx_engine {
 
@@ -164,6 +166,7 @@ class Vetting {
       if (field.number() != kFunctionAttributes) continue;
       onnx::AttributeProto attribute;
       if (field.type() != google::protobuf::UnknownField::TYPE_LENGTH_DELIMITED ||
+          !screen_wire(std::as_bytes(std::span(field.length_delimited())), *onnx::AttributeProto::descriptor()) ||
           !attribute.ParseFromString(field.length_delimited()))
         throw Refusal("a function's attributes cannot be read");
       vet(attribute);

@@ -1,5 +1,6 @@
-// From bytes to a Program: parse, bring in what lies beside the file, screen, settle the batch, let libonnx check and
-// infer where it knows the opset (without it: what the screen and the operators check themselves), compile, compare.
+// From bytes to a Program: screen what messages would take, parse, bring in what lies beside the file, screen, settle
+// the batch, let libonnx check and infer where it knows the opset (without it: what the screen and the operators check
+// themselves), compile, compare.
 #include <fmt/format.h>
 #include <onnx/checker.h>
 #include <onnx/onnx_pb.h>
@@ -12,6 +13,7 @@
 #include <fstream>
 #include <set>
 #include <system_error>
+#include <type_traits>
 #include <utility>
 
 #include "policy_host/onnx/builder.hpp"
@@ -22,6 +24,7 @@
 #include "policy_host/onnx/operators.hpp"
 #include "policy_host/onnx/program.hpp"
 #include "policy_host/onnx/screen.hpp"
+#include "policy_host/onnx/wire_screen.hpp"
 
 namespace takt::onnx_engine {
 
@@ -183,7 +186,9 @@ Metadata metadata_of(const onnx::ModelProto& model) {
 
 std::expected<void, std::string> parse(std::span<const std::byte> bytes, std::string_view name,
                                        onnx::ModelProto& model) {
-  if (model.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) return {};
+  if (screen_wire(bytes, *onnx::ModelProto::descriptor()) &&
+      model.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())))
+    return {};
   return std::unexpected(one_line(name,
                                   "not an ONNX model, or cut short; what another engine or a Python policy reads "
                                   "runs by --policy-host"));
@@ -193,11 +198,31 @@ std::unexpected<Unloaded> unloaded(std::string sentence, bool beyond = false) {
   return std::unexpected(Unloaded{std::move(sentence), beyond});
 }
 
+// What `work` makes of the file `name`, and its exceptions as one line.
+template <typename Work>
+std::invoke_result_t<Work> judged(std::string_view name, const Work& work) {
+  using Made = std::invoke_result_t<Work>;
+  const auto refused = [&](const std::string& why) {
+    if constexpr (std::is_same_v<typename Made::error_type, Unloaded>)
+      return Made(unloaded(one_line(name, why)));
+    else
+      return Made(std::unexpected(one_line(name, why)));
+  };
+  try {
+    return work();
+  } catch (const Refusal& refusal) {
+    return refused(refusal.what());
+  } catch (const std::bad_alloc&) {
+    return refused("not enough memory to load it");
+  } catch (const std::exception& error) {
+    return refused(fmt::format("libonnx finds it invalid: {}", error.what()));
+  }
+}
+
 std::expected<Model, Unloaded> load_from(std::span<const std::byte> bytes, std::string_view name,
                                          const std::filesystem::path* file) {
-  if (bytes.size() > max_model_bytes) {
+  if (bytes.size() > max_model_bytes)
     return unloaded(one_line(name, fmt::format("larger than {} MiB", max_model_bytes >> 20)));
-  }
   try {
     onnx::ModelProto model;
     if (const auto parsed = parse(bytes, name, model); !parsed) return unloaded(parsed.error());
@@ -210,12 +235,6 @@ std::expected<Model, Unloaded> load_from(std::span<const std::byte> bytes, std::
     return Model(std::move(program));
   } catch (const Beyond& beyond) {
     return unloaded(one_line(name, beyond.what()), true);
-  } catch (const Refusal& refusal) {
-    return unloaded(one_line(name, refusal.what()));
-  } catch (const std::bad_alloc&) {
-    return unloaded(one_line(name, "not enough memory to load it"));
-  } catch (const std::exception& error) {
-    return unloaded(one_line(name, fmt::format("libonnx finds it invalid: {}", error.what())));
   }
 }
 
@@ -245,13 +264,15 @@ std::expected<std::vector<char>, std::string> bytes_of(const std::filesystem::pa
 }  // namespace
 
 std::expected<Model, std::string> load(std::span<const std::byte> bytes, std::string_view name) {
-  return in_one_line(load_from(bytes, name, nullptr));
+  return in_one_line(judged(name, [&] { return load_from(bytes, name, nullptr); }));
 }
 
 std::expected<Model, Unloaded> try_load(const std::filesystem::path& file) {
-  const auto bytes = bytes_of(file);
-  if (!bytes) return unloaded(bytes.error());
-  return load_from(std::as_bytes(std::span(*bytes)), file.string(), &file);
+  return judged(file.string(), [&]() -> std::expected<Model, Unloaded> {
+    const auto bytes = bytes_of(file);
+    if (!bytes) return unloaded(bytes.error());
+    return load_from(std::as_bytes(std::span(*bytes)), file.string(), &file);
+  });
 }
 
 std::expected<Model, std::string> load(const std::filesystem::path& file) {
@@ -269,26 +290,28 @@ std::expected<void, std::string> parse_file(const std::filesystem::path& file, o
 }  // namespace
 
 std::expected<void, std::string> check_external_data(const std::filesystem::path& file) {
-  onnx::ModelProto model;
-  if (auto parsed = parse_file(file, model); !parsed) return parsed;
-  try {
+  return judged(file.string(), [&]() -> std::expected<void, std::string> {
+    onnx::ModelProto model;
+    if (auto parsed = parse_file(file, model); !parsed) return parsed;
     vet_external_data(model, file);
-  } catch (const Refusal& refusal) {
-    return std::unexpected(one_line(file.string(), refusal.what()));
-  }
-  return {};
+    return {};
+  });
 }
 
 std::expected<Memory, std::string> read_memory(const std::filesystem::path& file) {
-  onnx::ModelProto model;
-  if (const auto parsed = parse_file(file, model); !parsed) return std::unexpected(parsed.error());
-  return memory_of(std::move(model));
+  return judged(file.string(), [&]() -> std::expected<Memory, std::string> {
+    onnx::ModelProto model;
+    if (const auto parsed = parse_file(file, model); !parsed) return std::unexpected(parsed.error());
+    return memory_of(std::move(model));
+  });
 }
 
 std::expected<Metadata, std::string> read_metadata(const std::filesystem::path& file) {
-  onnx::ModelProto model;
-  if (const auto parsed = parse_file(file, model); !parsed) return std::unexpected(parsed.error());
-  return metadata_of(model);
+  return judged(file.string(), [&]() -> std::expected<Metadata, std::string> {
+    onnx::ModelProto model;
+    if (const auto parsed = parse_file(file, model); !parsed) return std::unexpected(parsed.error());
+    return metadata_of(model);
+  });
 }
 
 }  // namespace takt::onnx_engine

@@ -6,6 +6,7 @@
 #include "config/observation_shape.hpp"
 #include "evidence/rollout/rollout.hpp"
 #include "policy_host/engines/load_policy.hpp"
+#include "policy_host/fenced_load.hpp"
 #include "policy_host/policy_fit.hpp"
 
 namespace takt::deploy {
@@ -81,14 +82,18 @@ std::expected<std::string, std::string> smoke_run(const config::RobotConfig& rob
   if (!outside.policy.empty()) {
     const auto hash = config::policy_hash(robot.policy->file);
     if (!hash) return std::unexpected(hash.error());
+    // It inherits where it may run.
+    if (const auto fence = policy_host::keep_off_processor(robot.control.cpu); !fence)
+      return std::unexpected(fence.error());
+    policy_host::limit_thread_pools(robot.policy->engine.value_or(config::Engine{}).threads,
+                                    policy_host::PoolSize::unless_set);
     panel::PolicyProcess program(outside.policy);
     if (const auto begun = program.begin(robot, *hash); !begun) return std::unexpected(begun.error());
     return try_out(robot, program, outside.world);
   }
-  const auto policy = policy_host::load_policy(robot);
-  if (!policy) return std::unexpected(policy.error());
-  if (const auto fits = policy_host::check_fit(robot, **policy); !fits) return std::unexpected(fits.error());
-  return try_out(robot, **policy, outside.world);
+  const auto loaded = policy_host::load_fenced(robot, 1, policy_host::load_policy);
+  if (!loaded) return std::unexpected(loaded.error());
+  return try_out(robot, *loaded->policies.front(), outside.world);
 }
 
 }  // namespace takt::deploy

@@ -2,6 +2,7 @@
 // or the program takes the robot; where
 // the file has `simulation`, one rollout of a few seconds in virtual time: it must come to tracking and stay there,
 // without a stop, a fault or a measured value outside the envelope. Says nothing about how well the task is done.
+// The process is kept off the executive's processor for good, and what it starts (policy_host/fenced_load.hpp).
 #pragma once
 
 #include <expected>

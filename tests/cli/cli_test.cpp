@@ -210,6 +210,25 @@ TEST_F(Cli, ConfigCheckLooksForThePolicyFile) {
   EXPECT_NE(ended.output.find("arm6_reach.onnx: No such file"), std::string::npos) << ended.output;
 }
 
+// Goal: no file that a robot file names is waited for. Method: a FIFO in the place of each; the time limit is what
+// fails.
+TEST_F(Cli, ConfigCheckWaitsForNoFifo) {
+  shell("mkfifo " + in("fifo"));
+  const auto checked = [&](const std::string& key, const std::string& path, const std::string& more = "") {
+    const std::string file = ::takt::test::patient_copy("config/arm6.yaml", directory(), {{key, path}});
+    if (!more.empty()) std::ofstream(file, std::ios::app) << more;
+    const Ended ended = shell("timeout 30 " + takt() + "config check " + file);
+    EXPECT_EQ(ended.exit_code, 65) << key << " " << path << "\n" << ended.output;
+    EXPECT_EQ(std::ranges::count(ended.output, '\n'), 1) << ended.output;
+    return ended.output;
+  };
+  EXPECT_NE(checked("policy.file", in("fifo")).find("fifo: is not a regular file"), std::string::npos);
+  EXPECT_NE(checked("policy.file", "/dev/zero").find("/dev/zero: is not a regular file"), std::string::npos);
+  fs::copy("config/arm6_reach.onnx", in("p.onnx"));
+  shell("mkfifo " + in("p.onnx.data"));
+  EXPECT_NE(checked("policy.file", in("p.onnx")).find("p.onnx.data: is not a regular file"), std::string::npos);
+}
+
 TEST_F(Cli, ConfigShowPrintsWhatReadsBackToTheSameHash) {
   const Ended shown = run("config show config/arm6.yaml --json");
   ASSERT_EQ(shown.exit_code, 0);
@@ -318,6 +337,36 @@ TEST_F(Cli, RunRefusesABadConfigurationAndStartsNothing) {
   std::ofstream(in("bad.yaml")) << "robot: x\n";
   EXPECT_EQ(run("run " + in("bad.yaml") + " --runtime-dir " + in("rt")).exit_code, 65);
   EXPECT_FALSE(fs::exists(in("rt")));
+}
+
+// Goal: what the policy host would refuse is refused before anything starts, and the same command may be given again.
+// Method: a network of another width, and none.
+TEST_F(Cli, RunRefusesAPolicyThatItsHostWouldAndStartsNothing) {
+  std::ofstream(in("text.onnx")) << "no network\n";
+  for (const std::string& policy : {fs::absolute("config/cart_pole_balance.onnx").string(), in("text.onnx")}) {
+    const std::string robot = ::takt::test::patient_copy("config/arm6.yaml", directory(), {{"policy.file", policy}});
+    const std::string command = "run " + robot + " --runtime-dir " + in("rt") + " --run-dir " + in("run");
+    const Ended ended = run(command);
+    EXPECT_EQ(ended.exit_code, 65) << ended.output;
+    EXPECT_EQ(ended.output, run("config check " + robot).output);
+    EXPECT_FALSE(fs::exists(in("run")) || fs::exists(in("rt")));
+    EXPECT_EQ(run(command).output, ended.output);
+  }
+}
+
+// Goal: `takt run` passes on the code of a policy that ended by itself, and that the robot did without. Method: an
+// engine that ends its process with 64 after a second of inferences, beside a robot that nobody armed.
+TEST_F(Cli, RunPassesOnTheCodeOfAPolicyThatEnded) {
+  std::ifstream file(robot_);
+  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  const std::string engine = "\npolicy:\n  engine: { name: " TAKT_ODD_ENGINE_FILE " }\n";
+  const std::string robot = in("odd.yaml");
+  std::ofstream(robot) << std::regex_replace(text, std::regex("\npolicy:\n"), engine);
+  const Ended ended =
+      shell("TAKT_ODD_ENGINE='ends soon' timeout 60 " + takt() + "run " + robot +
+            " --allow-non-realtime --duration 6s --runtime-dir " + in("rt") + " --run-dir " + in("run"));
+  EXPECT_EQ(ended.exit_code, 64) << ended.output;
+  EXPECT_NE(ended.output.find("takt-policy-host exited with 64"), std::string::npos) << ended.output;
 }
 
 TEST_F(Cli, RunRefusesAPolicyHostThatIsNoProgramAndStartsNothing) {

@@ -179,7 +179,7 @@ INSTANTIATE_TEST_SUITE_P(
                           false, "joint elbow", "joint elbow: output stage over-temperature", false},
                     Story{"bus_down", [](pipeline::TickInput& input) { input.buses[1].state = BusState::down; }, false,
                           "bus can1", "bus can1: down or gone", false},
-                    Story{"silent_policy", nullptr, true, "", "the policy gave no usable command", false},
+                    Story{"silent_policy", nullptr, true, "", "no usable command came", false},
                     Story{"operator_stop",
                           [](pipeline::TickInput& input) {
                             if (input.tick == kStrikesAt) input.operator_request = OperatorRequest::stop;

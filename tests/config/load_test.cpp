@@ -5,6 +5,8 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -414,6 +416,21 @@ TEST(Hash, WeightsBesideThePolicyAreItsPart) {
   std::filesystem::create_directory(data);
   EXPECT_NE(policy_hash(file.string()).error().find(data), std::string::npos);
   std::filesystem::remove(data);
+  std::filesystem::remove(file);
+}
+
+// Nobody writes into a FIFO, and a device never ends: neither is read.
+TEST(Hash, WhatIsNoRegularFileIsNotRead) {
+  const std::string file = std::string(testing::TempDir()) + "fifo.onnx";
+  std::filesystem::remove(file);
+  ASSERT_EQ(mkfifo(file.c_str(), 0600), 0);
+  alarm(30);
+  for (const std::string& path : {file, std::string("/dev/zero"), std::string(testing::TempDir())}) {
+    const auto hash = policy_hash(path);
+    ASSERT_FALSE(hash.has_value()) << path;
+    EXPECT_EQ(hash.error(), "policy file " + path + ": is not a regular file; check `policy.file`");
+  }
+  alarm(0);
   std::filesystem::remove(file);
 }
 

@@ -3,6 +3,7 @@
 // who moved it, and replays. Method: the demo arm and a copy of its network under another hash, real processes on the
 // loopback bus; the run folder is judged afterwards.
 #include <gtest/gtest.h>
+#include <sched.h>
 #include <signal.h>
 
 #include <filesystem>
@@ -131,6 +132,26 @@ TEST_F(CandidateProcess, EndingTheShadowGivesTheRobotBackFirst) {
   EXPECT_NE(text_of(robot_.directory() + "/shadow.log").find("back: the robot's own policy is in charge"),
             std::string::npos);
   EXPECT_EQ(robot_.status()->status.tick.mode, Mode::tracking) << robot_.logs();
+  EXPECT_TRUE(robot_.finish());
+}
+
+// Goal: a candidate of one's own is kept off the executive's processor too. Method: one that says where it may run.
+TEST_F(CandidateProcess, AProgramOfOnesOwnIsKeptOffTheExecutivesProcessor) {
+  constexpr int kControlCpu = 1;  // of the demo robot
+  cpu_set_t mine;
+  if (sched_getaffinity(0, sizeof mine, &mine) != 0 || CPU_COUNT(&mine) < 2 || !CPU_ISSET(kControlCpu, &mine))
+    GTEST_SKIP() << "NOT TESTED: needs processor 1 and another";
+  Child policy = robot_.start_policy_host();
+  ASSERT_TRUE(robot_.wait_until([](const StatusSnapshot& s) { return s.tick.freshness == Freshness::fresh; }));
+  const std::string program = robot_.directory() + "/candidate.py";
+  std::ofstream(program) << "#!/usr/bin/python3\nimport os\nprint('may run on 1:', 1 in os.sched_getaffinity(0))\n";
+  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  Child beside({"takt", "policy", "shadow", retrained(), "--robot", robot_.robot_file(), "--runtime-dir",
+                robot_.directory(), "--policy-host", program},
+               robot_.directory() + "/shadow.log");
+  EXPECT_EQ(beside.wait(std::chrono::seconds(30)), 1);
+  const std::string said = text_of(robot_.directory() + "/shadow.log");
+  EXPECT_NE(said.find("may run on 1: False"), std::string::npos) << said;
   EXPECT_TRUE(robot_.finish());
 }
 

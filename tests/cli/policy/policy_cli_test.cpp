@@ -93,6 +93,45 @@ TEST_F(PolicyCli, CheckReadsALeappBundleAndItsModelsHash) {
 }
 
 // Thresholds of a panel's nominal rollouts go into the robot file as they are printed.
+// Goal: a bundle cannot have files read that lie elsewhere, nor a folder or a FIFO taken for one. Method: model_path
+// and initial_values that do, with and without a robot.
+TEST_F(PolicyCli, CheckReadsNoFileOfABundleThatIsNotBesideIt) {
+  fs::create_directory(in("bundle"));
+  fs::copy_file("config/arm6_reach.onnx", in("outside.onnx"));
+  fs::create_symlink("../outside.onnx", in("bundle/link.onnx"));
+  shell("mkfifo " + in("bundle/fifo.onnx"));
+  const auto said = [&](const std::string& model, const std::string& values) {
+    std::ofstream(in("bundle/b.yaml")) << "models:\n"
+                                          "  reach:\n"
+                                          "    inputs: [{name: obs, dtype: float32, shape: [1, 24]}]\n"
+                                          "    outputs: [{name: q, dtype: float32, shape: [1, 96]}]\n"
+                                          "    parameters: {model_path: "
+                                       << model
+                                       << ", backend: onnx, sha256sum: '00'}\n"
+                                          "pipeline: {inputs: {reach: [obs]}, outputs: {reach: [q]}, initial_values: "
+                                       << values << "}\n";
+    const Ended ended = shell("timeout 60 " TAKT_BIN_DIR "/takt policy check " + in("bundle/b.yaml"));
+    EXPECT_EQ(ended.exit_code, 65) << model << "\n" << ended.output;
+    return ended.output;
+  };
+  for (const char* const model : {"..", ".", "../outside.onnx", "../../etc/passwd", "/etc/passwd"})
+    EXPECT_NE(said(model, "v.safetensors").find(std::string("model_path ") + model + " is not beside it"),
+              std::string::npos)
+        << model;
+  EXPECT_NE(said("link.onnx", "v").find("model_path link.onnx is a link that leaves its folder"), std::string::npos);
+  EXPECT_NE(said("fifo.onnx", "v").find("model_path fifo.onnx is not a regular file"), std::string::npos);
+  EXPECT_NE(said("absent.onnx", "../v").find("initial_values ../v is not beside it"), std::string::npos);
+}
+
+// Goal: a file that there is no memory for is refused by name. Method: a large one, and little memory.
+TEST_F(PolicyCli, CheckNamesAFileThatThereIsNoMemoryFor) {
+  std::ofstream(in("large.onnx")) << "no network";
+  fs::resize_file(in("large.onnx"), std::uintmax_t{900} << 20U);  // no bytes on the disk
+  const Ended ended = shell("ulimit -v 700000; " TAKT_BIN_DIR "/takt policy check " + in("large.onnx"));
+  EXPECT_EQ(ended.exit_code, 65) << ended.output;
+  EXPECT_EQ(ended.output, in("large.onnx") + ": not enough memory to load it\n");
+}
+
 TEST_F(PolicyCli, CalibratePrintsWhatTheRobotFileTakes) {
   std::ofstream(in("panel.yaml"))
       << "schema: takt.panel/1\npanel: usual\nduration: 4 s\nseeds: { first: 1, count: 40 }\n"

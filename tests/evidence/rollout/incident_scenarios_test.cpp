@@ -147,7 +147,7 @@ constexpr Told kTold[] = {
     {"crowded_bus", "bus can0", "more frames than our drives say"},
     {"deaf_drive", "joint elbow", "silent for"},
     {"drive_error", "joint elbow", "over-temperature"},
-    {"poor_sight", "", "the policy gave no usable command"},
+    {"poor_sight", "", "no usable command came"},
     {"power_cycle", "joint elbow", "silent for"},
     {"rival", "bus can0", "frames foreign"},
     {"silent_drive", "joint elbow", "silent for"},

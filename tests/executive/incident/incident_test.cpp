@@ -217,6 +217,29 @@ TEST_F(IncidentTest, TargetsOutOfRangeAreToldWithTheirJoint) {
   EXPECT_EQ(incident->chain.front().what, "joint " + robot.joints[3].name + ": target out of range");
 }
 
+// A gain far beyond its limit is brought into its range like a target, and was told as one.
+TEST_F(IncidentTest, GainsOutOfRangeAreToldAsGains) {
+  record.joints[3].interventions =
+      static_cast<InterventionMask>(bit(Intervention::target_range) | bit(Intervention::gain_limit));
+  stay(300);
+  record.joints[3].interventions = 0;
+  const auto incident = enter(Mode::damped_stop, Cause::bad_commands);
+  ASSERT_TRUE(incident);
+  EXPECT_EQ(incident->detail.find("the policy's gains or targets were out of range"), 0U) << incident->detail;
+  EXPECT_NE(incident->detail.find("held at limits.kp and limits.kd"), std::string::npos) << incident->detail;
+  EXPECT_EQ(incident->chain.front().what, "joint " + robot.joints[3].name + ": gain or target out of range");
+}
+
+// The executive sees that no command came, and not whose fault it is.
+TEST_F(IncidentTest, ASilentWireIsNotBlamedOnThePolicy) {
+  record.header.freshness = Freshness::missing;
+  stay(300);
+  const auto incident = enter(Mode::damped_stop, Cause::command_lost);
+  ASSERT_TRUE(incident);
+  EXPECT_EQ(incident->detail.find("no usable command came for "), 0U) << incident->detail;
+  EXPECT_NE(incident->detail.find("the policy host's log says whether a sensor"), std::string::npos);
+}
+
 // Whatever stops the robot is told in words: the place, or for the robot as a whole why.
 TEST_F(IncidentTest, EveryCauseThatStopsHasWordsOrAPlace) {
   for (config::Joint& joint : robot.joints) joint.limits.temperature = {.warning = 70, .stop = 80};
@@ -295,7 +318,8 @@ TEST_F(FallbackIncident, BothLostAreNamedAndTheChainSaysWhoTookOver) {
   ASSERT_TRUE(incident);
   EXPECT_EQ(
       incident->detail,
-      "neither the policy nor the fallback policy stand gave a usable command for 600 ms (stop_after), none is left");
+      "no usable command came for 600 ms (stop_after), of the fallback policy stand neither, none is left; the policy "
+      "host's log says whether a sensor, the policy or the way between failed");
   ASSERT_GE(incident->chain.size(), 2U);
   const auto took_over = [](const IncidentLink& link) { return link.what == "the fallback policy stand took over"; };
   EXPECT_TRUE(std::ranges::any_of(incident->chain, took_over));

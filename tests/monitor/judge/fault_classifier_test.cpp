@@ -123,7 +123,10 @@ TEST(FaultClassifier, ASilentPolicyIsAStall) {
   robot.run(500);
   robot.policy_answers = false;
   robot.run(2000);
-  EXPECT_EQ(robot.sentences(), Sentences{"inference_stall: no command came for 2019 ms, max_age is 40 ms"});
+  EXPECT_EQ(
+      robot.sentences(),
+      Sentences{"inference_stall: no command came for 2019 ms, max_age is 40 ms; the policy host's log says whether a "
+                "sensor, the policy or the way between failed"});
 }
 
 // The command that explains a stall is refused, so its parts are not in any tick: they come from the command itself.

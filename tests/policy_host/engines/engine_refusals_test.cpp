@@ -9,10 +9,13 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <string>
+#include <thread>
+#include <utility>
 #include <vector>
 
 #include "executive/contract/monotonic_clock.hpp"
@@ -29,14 +32,18 @@ std::string text_of(const std::filesystem::path& path) {
 
 class Engines : public testing::Test {
  protected:
-  // The demo robot with this engine, for the host at `odd`.
-  pid_t start(const std::string& engine, const std::string& odd = "", const std::string& file = "arm6_reach.onnx") {
+  // The demo robot with this engine.
+  void write_robot(const std::string& engine, const std::string& file = "arm6_reach.onnx") {
     std::string text = text_of("config/arm6.yaml");
     const std::string from = "  file: arm6_reach.onnx";
     text.replace(text.find(from), from.size(), "  file: " + file + "\n  engine: { " + engine + " }");
     std::filesystem::copy("config/arm6_reach.onnx", directory_.path("arm6_reach.onnx"),
                           std::filesystem::copy_options::overwrite_existing);
     std::ofstream(directory_.path("robot.yaml")) << text;
+  }
+  // For the host at `odd`.
+  pid_t start(const std::string& engine, const std::string& odd = "", const std::string& file = "arm6_reach.onnx") {
+    write_robot(engine, file);
     const pid_t pid = fork();
     if (pid != 0) return pid;
     if (freopen(said_.c_str(), "w", stderr) == nullptr) _exit(126);
@@ -135,6 +142,39 @@ TEST_F(Engines, NoThreadGetsOntoTheExecutivesProcessor) {
   EXPECT_GE(threads, 3);
   ends(pid);
   EXPECT_NE(text_of(said_).find("kept off processor 1 by the kernel"), std::string::npos) << text_of(said_);
+}
+
+// Goal: what reads a policy only to judge it keeps its engine off the control loop as well, be it a robot's that moves
+// meanwhile. Method: a plugin that asks for all processors while it is loaded, by each command that loads one.
+TEST_F(Engines, NoCommandLetsAnEngineOntoTheExecutivesProcessor) {
+  if (std::thread::hardware_concurrency() < 2) GTEST_SKIP() << "NOT TESTED: needs two processors";
+  write_robot(odd_);
+  const std::string robot = directory_.path("robot.yaml");
+  const std::string file = directory_.path("arm6_reach.onnx");
+  for (const std::string& command :
+       {"config check " + robot, "policy check " + directory_.path("p.plan") + " --robot " + robot,
+        "deploy " + robot + " --no-restart --store " + directory_.path("store") + " --runs " + directory_.path("runs") +
+            " --runtime-dir " + directory_.path("rt"),
+        "run " + robot + " --duration 100ms --runtime-dir " + directory_.path("rt") + " --run-dir " +
+            directory_.path("run")}) {
+    std::filesystem::copy(file, directory_.path("p.plan"), std::filesystem::copy_options::overwrite_existing);
+    std::system(("TAKT_ODD_ENGINE=asks timeout 60 " TAKT_PROGRAM " " + command + " >" + said_ + " 2>&1").c_str());
+    EXPECT_NE(text_of(said_).find("sched_setaffinity refused"), std::string::npos) << command << "\n" << text_of(said_);
+    EXPECT_EQ(text_of(said_).find("sched_setaffinity done"), std::string::npos) << command;
+  }
+}
+
+// Goal: policy.engine.threads is a limit. Method: a plugin that starts more than it was told and than a driver would.
+TEST_F(Engines, AnEngineThatStartsMoreThreadsThanItWasToldIsRefused) {
+  EXPECT_NE(refusal_of(odd_, "crowds").find("started 12 threads, where policy.engine.threads allows 1, and 8 besides"),
+            std::string::npos)
+      << text_of(said_);
+  for (const auto& [engine, odd] : {std::pair(odd_, "has a driver"), std::pair(odd_ + ", threads: 4", "crowds")}) {
+    std::filesystem::remove(said_);
+    const pid_t pid = start(engine, odd);
+    EXPECT_TRUE(waits(pid)) << text_of(said_);
+    ends(pid);
+  }
 }
 
 // Goal: a host that could only run beside the control loop does not run. Method: it is started there and nowhere else.

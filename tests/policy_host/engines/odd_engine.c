@@ -29,6 +29,19 @@ static void* spread(void* unused) {
   return unused;
 }
 
+/* As above, and at once. */
+static void ask_for_all(void) {
+  cpu_set_t all;
+  memset(&all, 0xff, sizeof all);
+  const int refused = sched_setaffinity(0, sizeof all, &all);
+  fprintf(stderr, "odd engine: sched_setaffinity %s\n", refused ? "refused" : "done");
+}
+
+static void* wait_for_work(void* unused) {
+  for (;;) pause();
+  return unused;
+}
+
 static struct takt_engine_network* open_network(const struct takt_engine_setup* setup, char* error, size_t error_size) {
   input.shape[1] = (int64_t)setup->observation_values;
   output.shape[1] = (int64_t)setup->action_values;
@@ -46,11 +59,19 @@ static struct takt_engine_network* open_network(const struct takt_engine_setup* 
     pthread_t thread;
     for (int i = 0; i < 2; ++i) pthread_create(&thread, NULL, spread, NULL);
   }
+  if (told("asks")) ask_for_all();
+  const int crowd = told("crowds") ? 12 : told("has a driver") ? 9 : 0;
+  for (int i = 0; i < crowd; ++i) {
+    pthread_t thread;
+    pthread_create(&thread, NULL, wait_for_work, NULL);
+  }
   return &network;
 }
 
 static int infer(struct takt_engine_network* self, char* error, size_t error_size) {
   (void)self, (void)error, (void)error_size;
+  static int inferences = 0;
+  if (told("ends soon") && ++inferences > 50) _exit(64);
   memset(out, 0, sizeof out);
   for (int64_t i = 0; i < input.shape[1]; ++i) out[0] += in[i];
   return 0;

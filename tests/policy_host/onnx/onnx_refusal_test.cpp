@@ -81,6 +81,75 @@ TEST(Refusal, ExternalDataOfAModelThatIsNoFile) {
   expect_sentence(maker.refusal(), {"initializer 'w'", "another file"});
 }
 
+std::string varint(std::size_t value) {
+  std::string bytes;
+  for (; value >= 0x80U; value >>= 7U) bytes += static_cast<char>(value | 0x80U);
+  return bytes + static_cast<char>(value);
+}
+// A field of a message: `number` below 16.
+std::string delimited(char number, const std::string& inside) {
+  return static_cast<char>(number << 3 | 2) + varint(inside.size()) + inside;
+}
+std::string repeated(const std::string& what, std::size_t bytes) {
+  std::string all;
+  while (all.size() < bytes) all += what;
+  return all;
+}
+std::string refusal_of_bytes(const std::string& bytes) {
+  const auto model = load(std::as_bytes(std::span(bytes)), "model");
+  return model ? "" : model.error();
+}
+
+// Goal: a small file cannot ask for gigabytes: an empty message takes two bytes in it, and hundreds in memory. Method:
+// four megabytes of what is emptiest in each kind of message; ModelProto.graph is 7; of a graph node 1, initializer 5,
+// value_info 13; of a node input 1, attribute 5; of an attribute ints 8.
+TEST(Refusal, MessagesThatWouldFillMemoryAreNotBuilt) {
+  constexpr std::size_t size = std::size_t{4} << 20U;
+  const auto in_graph = [](const std::string& inside) { return delimited(7, inside); };
+  const auto in_node = [&](const std::string& inside) { return in_graph(delimited(1, inside)); };
+  const std::pair<const char*, std::string> bombs[] = {
+      {"nodes", in_graph(repeated(delimited(1, ""), size))},
+      {"initializers", in_graph(repeated(delimited(5, ""), size))},
+      {"value infos", in_graph(repeated(delimited(13, ""), size))},
+      {"graphs", repeated(in_graph(delimited(1, "")), size)},
+      {"attributes", in_node(repeated(delimited(5, ""), size))},
+      {"input names", in_node(repeated(delimited(1, ""), 4 * size))},
+      {"packed numbers", in_node(delimited(5, delimited(8, std::string(16 * size, 0))))},
+      {"unknown fields", repeated("\x78"
+                                  "\x01",
+                                  8 * size)},
+  };
+  for (const auto& [what, bytes] : bombs) {
+    SCOPED_TRACE(what);
+    expect_sentence(refusal_of_bytes(bytes), {"its messages would take more than 256 MiB besides its weights"});
+  }
+}
+
+// What networks have is far below: ninety thousand nodes pass, as do weights, which take what they take in the file.
+TEST(Refusal, WhatNetworksHaveIsNoFlood) {
+  GraphMaker maker = small_policy();
+  maker.graph().mutable_node()->Reserve(90'000);
+  for (int i = 0; i < 90'000; ++i) {
+    auto& node = *maker.graph().add_node();
+    node.set_op_type("Cosh");
+    node.add_input("hidden");
+    node.add_output("h" + std::to_string(i));
+  }
+  expect_sentence(maker.refusal(), {"Cosh node", "not supported"});
+  GraphMaker heavy = small_policy();
+  heavy.floats("much", {8 << 20}, std::vector<float>(8 << 20, 1.0F));
+  EXPECT_EQ(heavy.refusal(), "");
+}
+
+TEST(Refusal, WhatProtobufDoesNotWriteIsNoModel) {
+  const std::string no_number(1, '\0'), endless(11, '\xff');
+  for (const std::string& bytes : {std::string("\x3a\x05"), std::string("\x3b\x3c"), no_number, endless})
+    expect_sentence(refusal_of_bytes(bytes), {"not an ONNX model, or cut short"});
+  std::string deep;
+  for (int i = 0; i < 300; ++i) deep = delimited(1, delimited(5, delimited(6, deep)));  // graphs in attributes of nodes
+  expect_sentence(refusal_of_bytes(delimited(7, deep)), {"not an ONNX model, or cut short"});
+}
+
 // A model whose weights lie in a file beside it, named and placed as each test wants.
 class ExternalData : public testing::Test {
  protected:
