@@ -22,6 +22,8 @@ namespace {
   _exit(errno == ENOENT ? kToolMissing : 126);
 }
 
+}  // namespace
+
 std::string read_all(int descriptor) {
   std::string all;
   std::array<char, 4096> part{};
@@ -31,8 +33,6 @@ std::string read_all(int descriptor) {
     if (size == 0 || (size < 0 && errno != EINTR)) return all;
   }
 }
-
-}  // namespace
 
 ToolResult run_tool(std::vector<std::string> arguments) {
   std::vector<char*> argv;

@@ -16,4 +16,7 @@ inline constexpr int kToolMissing = 127;  // exit code when the program is not i
 // arguments[0] is looked up in PATH. Blocks until the program ended and closed its output.
 ToolResult run_tool(std::vector<std::string> arguments);
 
+// What comes by a pipe until its writers closed it, or it cannot be read.
+std::string read_all(int descriptor);
+
 }  // namespace takt::cli

@@ -14,6 +14,8 @@
 #include <exception>
 #include <string_view>
 
+#include "cli/run/external_tool.hpp"
+
 namespace takt::cli {
 namespace {
 
@@ -25,14 +27,6 @@ void write_all(int to, std::string_view text) {
     if (written <= 0) return;
     text.remove_prefix(static_cast<std::size_t>(written));
   }
-}
-
-std::string read_all(int from) {
-  std::string text;
-  std::array<char, 4096> buffer{};
-  for (ssize_t got = 0; (got = read(from, buffer.data(), buffer.size())) > 0;)
-    text.append(buffer.data(), static_cast<std::size_t>(got));
-  return text;
 }
 
 // The answer's first byte: + fine, - refused.
@@ -75,7 +69,8 @@ std::expected<std::string, Refusal> in_own_process(const std::function<std::expe
     return std::unexpected(
         Refusal{kExitFailed, fmt::format("no process more: {}; free some processes", std::strerror(errno))});
   int status = 0;
-  waitpid(pid, &status, 0);
+  while (waitpid(pid, &status, 0) < 0 && errno == EINTR) {
+  }
   if (said.empty()) return std::unexpected(why_silent(status));
   if (said.front() == '-') return std::unexpected(Refusal{refused, said.substr(1)});
   return said.substr(1);
