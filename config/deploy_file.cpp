@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "config/document.hpp"
+#include "config/exported_name.hpp"
 #include "config/units.hpp"
 #include "executive/contract/joints.hpp"
 
@@ -39,6 +40,11 @@ class DeployReader {
         node ? node->place : map.place,
         fmt::format("`{}` is missing or holds something else than {}; export it again", key, kind_name(kind)));
     return nullptr;
+  }
+
+  void refuse_unfit(const Node& key, std::string_view what) {
+    if (const std::string why = why_no_name(key.text); !why.empty())
+      problems_.add(key.place, fmt::format("{} {}", what, why));
   }
 
   std::optional<double> value_of(const Node& node) {
@@ -111,10 +117,12 @@ class DeployReader {
   void read_action(const Node& root, DeployFile& file, std::size_t joints) {
     const Node* actions = need(root, "actions", Node::Kind::map);
     if (!actions) return;
-    for (const auto& [key, value] : actions->entries)
+    for (const auto& [key, value] : actions->entries) {
+      refuse_unfit(key, "action");
       if (key.text != "JointPositionAction")
         problems_.add(key.place,
                       fmt::format("action `{}` is not supported; Takt imports JointPositionAction", key.text));
+    }
     const Node* action = need(*actions, "JointPositionAction", Node::Kind::map);
     if (!action) return;
     file.action_scale = numbers(*action, "scale", joints);
@@ -129,6 +137,7 @@ class DeployReader {
     if (!ranges) return;
     for (const auto& [key, range] : ranges->entries) {
       if (range.kind == Node::Kind::null) continue;
+      refuse_unfit(key, "range");
       const std::vector<double> ends = numbers(*ranges, key.text, 2);
       if (ends.size() == 2) file.command_ranges.push_back({key.text, {ends[0], ends[1]}});
     }
@@ -140,6 +149,7 @@ class DeployReader {
     for (const auto& [key, value] : observations->entries) {
       DeployTerm term;
       term.name = key.text;
+      refuse_unfit(key, "observation");
       if (value.kind != Node::Kind::map) {
         problems_.add(value.place, fmt::format("observation `{}` is no section; export it again", key.text));
         continue;

@@ -104,6 +104,27 @@ TEST(LeappBundle, RefusesWhatWouldHaveToBeGuessed) {
   EXPECT_FALSE(read_leapp_bundle("- a\n", "list.yaml"));
 }
 
+TEST(LeappBundle, RefusesNamesThatAreMoreThanNames) {
+  const struct {
+    const char *when, *from, *to, *says;
+  } deviations[] = {
+      {"an element", "[qx,", "[\"x\\n    command: { when_absent: [9] } #\",", "element_names \"x\\n    command"},
+      {"a tensor", "name: quat", "name: \"q\\\"\\n  nice: -20 #\"", "name \"q\\\"\\n  nice: -20 #\" holds \"\\\"\""},
+      {"a kind", "kind: state/body/rotation", "kind: \"x\\n    - { term: last_action } #\"", "kind \"x\\n"},
+      {"a port", "inputs: {walk: [quat]}", "inputs: {walk: [\"a\\nb\"]}", "inputs \"a\\nb\""},
+      {"a key nobody reads", "type: tensor, kind", "\"a\\nb: c\": 1, kind", "quat \"a\\nb: c\""},
+      {"a network", "model_path: walk.onnx", "model_path: \"walk'.onnx\"", "model_path \"walk'.onnx\" holds \"'\""},
+      {"nothing", "[qx, qy", "['', qy", "element_names \"\" is empty"},
+  };
+  for (const auto& deviation : deviations) {
+    SCOPED_TRACE(deviation.when);
+    const auto bundle = read_leapp_bundle(with(kSmall, deviation.from, deviation.to), "walk.yaml");
+    ASSERT_FALSE(bundle);
+    EXPECT_NE(bundle.error().find(deviation.says), std::string::npos) << bundle.error();
+    EXPECT_TRUE(bundle.error().starts_with("walk.yaml:")) << bundle.error();
+  }
+}
+
 TEST(LeappBundle, APublishedOneIsReadWithoutAGuess) {
   const std::string file = "../shared/policies/agile_leapp/Velocity-G1-v0.yaml";
   if (!std::filesystem::exists(file)) GTEST_SKIP() << "NOT TESTED: " << file << " is not there";
