@@ -50,6 +50,10 @@ void Writer::text(const Key& key, std::string& value) {
   line(key.name, in_quotes(value));
 }
 
+void Writer::newer_text(const Key& key, std::string& value) {
+  if (value != key.otherwise) text(key, value);
+}
+
 void Writer::one_of(const Key& key, std::string& value, Words, std::string_view, std::string_view none_word) {
   line(key.name, value.empty() ? none_word : std::string_view(value));
 }
