@@ -13,6 +13,8 @@
 namespace takt::config {
 namespace {
 
+constexpr std::uint32_t kMostHistory = 64;  // as policy.observation[].history
+
 class DeployReader {
  public:
   explicit DeployReader(Problems& problems) : problems_(problems) {}
@@ -107,6 +109,15 @@ class DeployReader {
     return used;
   }
 
+  std::uint32_t history_of(const Node& node) {
+    const double length = value_of(node).value_or(0);
+    if (length >= 0 && length <= kMostHistory && length == std::floor(length))
+      return std::max(static_cast<std::uint32_t>(length), 1U);  // 0: none but the newest
+    problems_.add(node.place,
+                  fmt::format("history_length must be a whole number to {}; export it again", kMostHistory));
+    return 1;
+  }
+
   void note_clip(const Node& map, const std::string& of, DeployFile& file) {
     const Node* clip = map.find("clip");
     if (clip && clip->kind != Node::Kind::null)
@@ -139,7 +150,10 @@ class DeployReader {
       if (range.kind == Node::Kind::null) continue;
       refuse_unfit(key, "range");
       const std::vector<double> ends = numbers(*ranges, key.text, 2);
-      if (ends.size() == 2) file.command_ranges.push_back({key.text, {ends[0], ends[1]}});
+      if (ends.size() == 2 && ends[0] > ends[1])
+        problems_.add(range.place, fmt::format("`{}` ends below its beginning; export it again", key.text));
+      else if (ends.size() == 2)
+        file.command_ranges.push_back({key.text, {ends[0], ends[1]}});
     }
   }
 
@@ -156,7 +170,7 @@ class DeployReader {
       }
       term.scale = numbers(value, "scale", 0);
       if (const Node* history = value.find("history_length"); history && history->kind == Node::Kind::scalar)
-        term.history = static_cast<std::uint32_t>(std::clamp(value_of(*history).value_or(1), 1.0, 64.0));
+        term.history = history_of(*history);
       // unitree_rl_lab clips before it scales, unless told otherwise.
       if (const Node* first = value.find("scale_first"); first && first->text == "true") {
         note_clip(value, key.text, file);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 
 #include "config/document.hpp"
 #include "config/exported_name.hpp"
@@ -18,6 +19,7 @@ using config::Problems;
 using Kind = config::Node::Kind;
 
 constexpr std::string_view kTimeAxis = "__temporal_axis__";
+constexpr std::int64_t kMostValues = 1 << 28;  // of a tensor: 1 GiB
 
 const LeappTensor* find_tensor(const std::vector<LeappTensor>& tensors, std::string_view name) {
   const auto found = std::ranges::find(tensors, name, &LeappTensor::name);
@@ -86,9 +88,31 @@ class Reader {
     Number value{};
     const std::string& text = node->text;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (node->kind == Kind::scalar && error == std::errc() && end == text.data() + text.size()) return value;
+    const bool read = node->kind == Kind::scalar && error == std::errc() && end == text.data() + text.size();
+    if (read && std::isfinite(static_cast<double>(value))) return value;
     problems_.add(node->place, fmt::format("'{}' is not a number; export the bundle again", text));
     return std::nullopt;
+  }
+
+  std::optional<double> positive(const Node* node, std::string_view key) {
+    const auto value = number<double>(node);
+    if (!value || *value > 0) return value;
+    problems_.add(node->place, fmt::format("{} is {}, and must be above 0; export the bundle again", key, node->text));
+    return std::nullopt;
+  }
+
+  std::vector<std::int64_t> shape_of(const Node& list) {
+    std::vector<std::int64_t> shape;
+    std::int64_t values = 1;
+    for (const Node& item : list.items) {
+      const std::int64_t size = number<std::int64_t>(&item).value_or(1);
+      const bool fits = size >= 1 && size <= kMostValues / values;
+      if (!fits)
+        problems_.add(item.place, fmt::format("a shape that cannot be: {} here; export the bundle again", size));
+      shape.push_back(fits ? size : 1);
+      values *= shape.back();
+    }
+    return shape;
   }
 
   void note_unread(const Node& map, const std::string& where, const auto& known) {
@@ -129,12 +153,10 @@ class Reader {
     LeappTensor tensor;
     tensor.name = need_name(item, "name");
     tensor.dtype = need_name(item, "dtype");
-    if (const Node* shape = need(item, "shape", Kind::sequence)) {
-      for (const Node& size : shape->items) tensor.shape.push_back(number<std::int64_t>(&size).value_or(0));
-    }
+    if (const Node* shape = need(item, "shape", Kind::sequence)) tensor.shape = shape_of(*shape);
     tensor.kind = name_of(item.find("kind"), "kind");
     tensor.connection = name_of(item.find("isaaclab_connection"), "isaaclab_connection");
-    tensor.temporal_period_ms = number<double>(item.find("temporal_period_ms"));
+    tensor.temporal_period_ms = positive(item.find("temporal_period_ms"), "temporal_period_ms");
     if (const Node* names = item.find("element_names")) read_names(*names, tensor);
     note_unread(item, tensor.name,
                 std::array<std::string_view, 8>{"name", "dtype", "shape", "type", "kind", "element_names",
@@ -202,7 +224,7 @@ class Reader {
     if (const Node* ports = need(pipeline, "inputs", Kind::map)) read_ports(*ports, bundle_.inputs, true);
     if (const Node* ports = need(pipeline, "outputs", Kind::map)) read_ports(*ports, bundle_.outputs, false);
     if (const Node* configs = pipeline.find("configs"))
-      bundle_.frequency_hz = number<double>(configs->find("frequency"));
+      bundle_.frequency_hz = positive(configs->find("frequency"), "frequency");
     if (!bundle_.feedback.empty() && bundle_.initial_values.empty()) {
       bundle_.notes.push_back("the feedback's start values are not given");
     }

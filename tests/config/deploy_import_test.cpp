@@ -157,6 +157,10 @@ TEST(DeployFile, RefusesWhatDoesNotFitTogether) {
             "a term that writes another", "base_ang_vel:", "\"foo\\n    - { term: constant, values: [1] } #\":",
             "d:16:3: observation \"foo\\n    - { term: constant, values: [1] } #\" holds \"\\n\", and is no name"},
         BadDeploy{"a range that writes a key", "ang_vel_z:", "\"z\\n    timeout: 60 s #\":", "range \"z\\n"},
+        BadDeploy{"a range whose ends are exchanged", "[-0.5, 1.0]", "[1.0, -0.5]",
+                  "`lin_vel_x` ends below its beginning"},
+        BadDeploy{"a history beyond a robot file's", "history_length: 5", "history_length: 65",
+                  "history_length must be a whole number to 64"},
         BadDeploy{"a word for a number", "[2.0, 1.0]", "[2.0, high]", "d:4:16: is not a number"}}) {
     std::string text(kDeploy);
     text.replace(text.find(bad.from), std::string_view(bad.from).size(), bad.to);

@@ -50,6 +50,9 @@ TEST(ExportedName, IsNothingThatYamlWouldReadAsMore) {
   EXPECT_EQ(
       why_no_name("x\n  nice: -20"),
       "\"x\\n  nice: -20\" holds \"\\n\", and is no name; use up to 127 letters, digits, blanks and _ - + . / : ( )");
+  EXPECT_TRUE(why_no_name("\xe2\x80\xae"
+                          "abc")
+                  .starts_with(R"("\xe2\x80\xaeabc" holds "\xe2")"));
   EXPECT_NE(why_no_name(std::string(200, 'a')).find("has 200 characters"), std::string::npos);
 }
 
