@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <exception>
 #include <expected>
 #include <memory>
@@ -35,24 +36,40 @@ std::string text_of(const char* text) {
   return text == nullptr ? std::string() : text;
 }
 
-// What cannot be meant; empty: nothing.
-// Of a program that was compiled before there were candidates.
+// Of a program that was compiled before there were candidates, or before joins, units and ages were compared: terms
+// were shorter then.
 constexpr std::size_t kSizeWithoutCandidate = offsetof(takt_policy_spec, candidate_file);
+constexpr std::size_t kSizeWithoutJoin = offsetof(takt_policy_spec, join);
+constexpr std::size_t kTermWithoutUnit = offsetof(takt_term, unit);
+
+takt_term term_of(const takt_policy_spec& spec, std::uint32_t index) {
+  if (spec.size == sizeof spec) return spec.terms[index];
+  takt_term term{};
+  std::memcpy(&term, reinterpret_cast<const std::byte*>(spec.terms) + index * kTermWithoutUnit, kTermWithoutUnit);
+  return term;
+}
+
+// What cannot be meant; empty: nothing.
+const char* fault_in(const takt_term& term) {
+  if (term.kind > TAKT_TERM_DQ_OF_DRIVE) return "takt_term: this kind of term does not exist";
+  const bool of_sensor = term.kind == TAKT_TERM_STREAM || term.kind == TAKT_TERM_IMAGE || term.kind == TAKT_TERM_QUEUE;
+  if (of_sensor != (term.stream != nullptr))
+    return "takt_term: a stream, an image or a queue has a name, and nothing else has";
+  if (!of_sensor && (term.unit != nullptr || term.max_age != nullptr))
+    return "takt_term: unit and max_age are those of a stream, an image or a queue";
+  return "";
+}
 
 const char* fault_in(const takt_policy_spec* spec) {
-  if (spec == nullptr || (spec->size != sizeof *spec && spec->size != kSizeWithoutCandidate))
+  if (spec == nullptr ||
+      (spec->size != sizeof *spec && spec->size != kSizeWithoutJoin && spec->size != kSizeWithoutCandidate))
     return "takt_policy_spec has another size: set `size`, and compile with the header of this library";
   if (spec->reserved != 0) return "takt_policy_spec: reserved is not 0";
   if (spec->terms == nullptr || spec->term_count < 1 || spec->term_count > kMostTerms)
     return "takt_policy_spec: a policy observes 1 to 64 terms";
   if (spec->robot_file == nullptr || spec->step == nullptr) return "takt_policy_spec: robot_file and step must be said";
   for (std::uint32_t i = 0; i < spec->term_count; ++i) {
-    const takt_term& term = spec->terms[i];
-    if (term.kind > TAKT_TERM_DQ_OF_DRIVE) return "takt_term: this kind of term does not exist";
-    const bool of_sensor =
-        term.kind == TAKT_TERM_STREAM || term.kind == TAKT_TERM_IMAGE || term.kind == TAKT_TERM_QUEUE;
-    if (of_sensor != (term.stream != nullptr))
-      return "takt_term: a stream, an image or a queue has a name, and nothing else has";
+    if (const char* const fault = fault_in(term_of(*spec, i)); *fault != '\0') return fault;
   }
   return "";
 }
@@ -65,8 +82,11 @@ PolicySpec copy_of(const takt_policy_spec& given) {
   spec.step = given.step;
   spec.steps = given.steps;
   if (given.size != kSizeWithoutCandidate) spec.candidate_file = text_of(given.candidate_file);
-  for (std::uint32_t i = 0; i < given.term_count; ++i)
-    spec.terms.push_back({given.terms[i].kind, given.terms[i].values, text_of(given.terms[i].stream)});
+  if (given.size == sizeof given) spec.join = text_of(given.join);
+  for (std::uint32_t i = 0; i < given.term_count; ++i) {
+    const takt_term term = term_of(given, i);
+    spec.terms.push_back({term.kind, term.values, text_of(term.stream), text_of(term.unit), text_of(term.max_age)});
+  }
   return spec;
 }
 

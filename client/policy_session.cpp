@@ -1,6 +1,5 @@
 #include "client/policy_session.hpp"
 
-#include <fmt/format.h>
 #include <sys/resource.h>
 
 #include <algorithm>
@@ -17,7 +16,6 @@
 #include "config/load.hpp"
 #include "config/observation_shape.hpp"
 #include "config/paths.hpp"
-#include "config/units.hpp"
 #include "executive/contract/mode.hpp"
 #include "executive/contract/monotonic_clock.hpp"
 #include "policy_host/pacing.hpp"
@@ -27,26 +25,8 @@ namespace takt::client {
 namespace {
 
 constexpr Duration kAttachRetry = milliseconds(200);
+constexpr Duration kLockstepLook = microseconds(20);
 constexpr std::size_t kNoQueue = SIZE_MAX;
-
-std::unexpected<Refusal> refuse(std::string sentence) {
-  return std::unexpected(Refusal{TAKT_BAD_CONFIG, std::move(sentence)});
-}
-
-std::expected<void, Refusal> check_chunk(const config::RobotConfig& robot, const PolicySpec& spec) {
-  const config::Policy& policy = *robot.policy;
-  const auto step = config::parse_quantity(spec.step, config::Dimension::time);
-  if (!step) return refuse(fmt::format("step \"{}\" of the policy's chunk: {}", spec.step, step.error()));
-  if (spec.steps != policy.steps) {
-    return refuse(fmt::format("{}: policy.steps is {}, the policy's chunks have {}: make them equal", robot.file,
-                              policy.steps, spec.steps));
-  }
-  if (std::llround(*step) != policy.step_period.ns) {
-    return refuse(fmt::format("{}: policy.step_period is {}, the policy's is {}: make them equal", robot.file,
-                              config::format_duration(policy.step_period), spec.step));
-  }
-  return {};
-}
 
 // Why such a chunk would be refused by the executive; null: it would not.
 const char* wrong_with_dq(bool has_dq, config::Interpolation interpolation) {
@@ -63,68 +43,6 @@ const char* wrong_with_dq(bool has_dq, config::Interpolation interpolation) {
                       "say linear or hold there";
   }
   return nullptr;
-}
-
-std::expected<void, Refusal> check_stream(const config::RobotConfig& robot, const Term& term) {
-  const auto sensor = std::ranges::find(robot.sensors, term.stream, &config::Sensor::name);
-  if (sensor == robot.sensors.end()) {
-    std::string names;
-    for (const config::Sensor& known : robot.sensors) names += (names.empty() ? "" : ", ") + known.name;
-    return refuse(
-        fmt::format("{}: the policy reads stream '{}', which `sensors` does not list ({}); add it there, or "
-                    "correct the name",
-                    robot.file, term.stream, names.empty() ? "it is empty" : "there is " + names));
-  }
-  if ((term.kind == TAKT_TERM_IMAGE) != sensor->image.has_value()) {
-    return refuse(fmt::format("{}: sensor {} gives {}: read it as what it is", robot.file, term.stream,
-                              sensor->image ? "images" : "values, and no images"));
-  }
-  if (sensor->image && sensor->image->bytes() != term.values && term.values != 0) {
-    return refuse(fmt::format("{}: sensor {}'s images are {} x {} x {}, the policy's have {} bytes: make them equal",
-                              robot.file, term.stream, sensor->image->height, sensor->image->width,
-                              sensor->image->channels, term.values));
-  }
-  if (term.kind == TAKT_TERM_QUEUE && sensor->queue == 0) {
-    return refuse(fmt::format("{}: sensor {} gives its newest sample only: read it as a stream, or add `queue` there",
-                              robot.file, term.stream));
-  }
-  if (!sensor->image && sensor->values != term.values) {
-    return refuse(fmt::format("{}: sensor {} has {} values, the policy's stream of that name {}: make them equal",
-                              robot.file, term.stream, sensor->values, term.values));
-  }
-  return {};
-}
-
-bool reads(const PolicySpec& spec, const std::string& sensor) {
-  return std::ranges::any_of(spec.terms, [&](const Term& term) { return term.stream == sensor; });
-}
-
-// The executive refuses commands without a stamp of outside sensors where policy.observation has one: that the policy
-// reads the same ones keeps anything else from passing.
-std::expected<void, Refusal> check_terms(const config::RobotConfig& robot, const PolicySpec& spec) {
-  for (const Term& term : spec.terms) {
-    if (term.stream.empty()) continue;
-    const auto is_same_queue = [&](const Term& other) {
-      return other.kind == TAKT_TERM_QUEUE && term.kind == TAKT_TERM_QUEUE && other.stream == term.stream;
-    };
-    if (std::ranges::count_if(spec.terms, is_same_queue) > 1)
-      return refuse(fmt::format("{}: the policy reads queue {} twice: read it once", robot.file, term.stream));
-    if (auto fine = check_stream(robot, term); !fine) return fine;
-  }
-  const std::vector<std::size_t> listed = policy_host::sensors_in_use(robot);
-  for (std::size_t i = 0; i < robot.sensors.size(); ++i) {
-    const std::string& name = robot.sensors[i].name;
-    const bool is_listed = std::ranges::find(listed, i) != listed.end();
-    if (is_listed == reads(spec, name)) continue;
-    return refuse(is_listed
-                      ? fmt::format("{}: policy.observation lists sensor {}, which the policy does not read: read it, "
-                                    "or take it out of there",
-                                    robot.file, name)
-                      : fmt::format("{}: the policy reads stream {}, which policy.observation does not list: add "
-                                    "`- {{ term: sensor, sensor: {} }}` there, and the executive insists on its age",
-                                    robot.file, name, name));
-  }
-  return {};
 }
 
 std::size_t width(const config::RobotConfig& robot, const Term& term) {
@@ -163,8 +81,7 @@ std::expected<std::unique_ptr<PolicySession>, Refusal> PolicySession::open(const
   auto robot = config::load(spec.robot_file);
   if (!robot) return refuse(robot.error().substr(0, robot.error().find('\n')));
   if (const auto fine = policy_host::check_policy_section(*robot); !fine) return refuse(fine.error());
-  if (auto fine = check_chunk(*robot, spec); !fine) return std::unexpected(fine.error());
-  if (auto fine = check_terms(*robot, spec); !fine) return std::unexpected(fine.error());
+  if (auto fine = check_spec(*robot, spec); !fine) return std::unexpected(fine.error());
   if (!spec.candidate_file.empty()) robot->policy->file = std::filesystem::absolute(spec.candidate_file).string();
   const auto hash = config::policy_hash(robot->policy->file);
   if (!hash) return refuse(hash.error());
@@ -185,7 +102,8 @@ PolicySession::PolicySession(config::RobotConfig robot, const PolicySpec& spec, 
       sensors_in_use_(policy_host::sensors_in_use(robot_)),
       samples_(robot_.sensors.size()),
       used_(robot_.sensors.size()),
-      largest_input_(config::largest_policy_input(robot_)) {
+      largest_input_(config::largest_policy_input(robot_)),
+      promised_(robot_) {
   if (largest_input_ != 0) evidence_.emplace(robot_, policy_hash);
   for (const std::size_t sensor : sensors_in_use_) {
     sensors_.emplace_back(config::sensor_socket(runtime_directory, robot_.sensors[sensor].name),
@@ -253,7 +171,8 @@ int PolicySession::misused(const char* sentence) {
 
 int PolicySession::try_to_attach(MonoTime now) {
   next_attempt_ = now + kAttachRetry;
-  auto link = policy_host::ExecutiveLink::attach(socket_, hello_, largest_input_);
+  auto link = policy_host::ExecutiveLink::attach(socket_, hello_, largest_input_,
+                                                 policy_host::ExecutiveLink::Time::clock_or_lockstep);
   if (!link) {
     sentence_ = link.error();
     if (!is_no_answer(sentence_)) return TAKT_REFUSED;
@@ -263,10 +182,11 @@ int PolicySession::try_to_attach(MonoTime now) {
   executive_.emplace(std::move(*link));
   continuity_.start_session();
   forget_ = true;
-  sequence_ = 0;
+  sequence_ = answered_id_ = 0;
   seen_published_at_ = {};
   dequeued_at_ = {};
   for (SampleQueue& queue : queues_) queue.forget();
+  promised_.start_session();
   view_.id = 0;
   sentence_.clear();
   return TAKT_OK;
@@ -289,17 +209,31 @@ int PolicySession::next(Duration timeout) {
       const int result = attach(std::max(Duration{}, deadline - monotonic_now()));
       if (result != TAKT_OK) return result;
     }
-    const MonoTime now = monotonic_now();
-    sleep_until(
-        std::min(policy_host::next_look(now, seen_published_at_, robot_.policy->period, looked_since_due_), deadline));
+    if (executive_->is_lockstep()) pass(view_.id);
+    sleep_until(std::min(next_look(), deadline));
     if (const int result = look(monotonic_now()); result == TAKT_OK) return result;
   } while (monotonic_now() < deadline);
   return TAKT_NOTHING;
 }
 
+MonoTime PolicySession::next_look() const {
+  const MonoTime now = monotonic_now();
+  if (executive_->is_lockstep()) return now + kLockstepLook;
+  return policy_host::next_look(now, seen_published_at_, robot_.policy->period, looked_since_due_);
+}
+
+void PolicySession::pass(std::uint64_t observation_id) {
+  if (observation_id <= answered_id_) return;
+  answered_id_ = observation_id;
+  const CommandHeader kept = std::exchange(chunk_.header, {});
+  chunk_.header.observation_id = observation_id;
+  executive_->publish(chunk_);
+  chunk_.header = kept;
+}
+
 int PolicySession::look(MonoTime now) {
   Observation newest;
-  if (!executive_->read(newest)) {
+  if (!executive_->read(newest) || newest.id == 0) {
     looked_since_due_ = true;
     if (executive_->is_over()) {
       sentence_ = "the executive ended the session";
@@ -309,7 +243,10 @@ int PolicySession::look(MonoTime now) {
   }
   looked_since_due_ = false;
   seen_published_at_ = newest.published_at;
-  if (!has_usable_samples(now)) return TAKT_NOTHING;
+  if (!has_usable_samples(newest, now)) {
+    if (executive_->is_lockstep()) pass(newest.id);
+    return TAKT_NOTHING;
+  }
   observation_ = newest;
   show(now);
   sentence_.clear();
@@ -318,7 +255,8 @@ int PolicySession::look(MonoTime now) {
 
 void PolicySession::update_sensor(std::size_t used, MonoTime now) {
   SensorSample& sample = samples_[sensors_in_use_[used]];
-  if (queued_[used] != kNoQueue) return queues_[queued_[used]].take_all(sensors_[used], now, sample);
+  if (queued_[used] != kNoQueue)
+    return queues_[queued_[used]].take_all(sensors_[used], now, executive_->is_lockstep(), sample);
   std::vector<std::byte>& payload = payloads_[used];
   if (payload.empty()) return sensors_[used].update(now, sample);
   sensors_[used].update(now, sample, payload);
@@ -329,9 +267,16 @@ const takt_stream* PolicySession::stream(const char* name) const {
   return found == robot_.sensors.end() ? nullptr : &streams_[static_cast<std::size_t>(found - robot_.sensors.begin())];
 }
 
-bool PolicySession::has_usable_samples(MonoTime now) {
+MonoTime PolicySession::instant_of(const Observation& newest) const {
+  MonoTime instant = newest.published_at;
+  for (const std::size_t sensor : sensors_in_use_) instant = std::max(instant, samples_[sensor].published_at);
+  return instant;
+}
+
+bool PolicySession::has_usable_samples(const Observation& newest, MonoTime now) {
   for (std::size_t i = 0; i < sensors_.size(); ++i) update_sensor(i, now);
-  std::string reason = policy_host::take_usable(robot_, sensors_in_use_, samples_, monotonic_now(), used_);
+  const MonoTime judged_at = executive_->is_lockstep() ? instant_of(newest) : monotonic_now();
+  std::string reason = policy_host::take_usable(robot_, sensors_in_use_, samples_, judged_at, used_);
   if (reason.empty()) return true;
   for (const policy_host::SensorLink& sensor : sensors_) {
     if (!sensor.problem().empty()) reason += "; " + sensor.problem();
@@ -356,16 +301,23 @@ void PolicySession::show(MonoTime now) {
   view_.sensed_ns = observation_.oldest_sensed_at.ns;
   view_.outside_sensed_ns = outside.ns;
   view_.mode = name(static_cast<Mode>(observation_.mode)).data();
-  // Of another policy's chunk, this one knows no step.
-  const bool is_ours = (observation_.of_candidate != 0) == (hello_.role == Role::candidate_policy);
-  view_.following = is_ours ? observation_.command_sequence : 0;
-  view_.committed_from = observation_.committed_from;
-  view_.committed_count = observation_.committed_count;
+  show_promise();
   view_.reset = forget_ || !step.continues ? 1 : 0;
   forget_ = false;
   for (std::size_t i = 0; i < queues_.size(); ++i) queues_[i].show(queue_views_[i]);
   fill_values();
   if (evidence_) evidence_->show(observation_, view_, used_);
+}
+
+// Of a chunk that another policy published, or this one in an earlier session, it knows no step: the mailbox may still
+// hold an observation from before.
+void PolicySession::show_promise() {
+  const bool is_ours = (observation_.of_candidate != 0) == (hello_.role == Role::candidate_policy) &&
+                       observation_.command_sequence <= sequence_;
+  view_.following = is_ours ? observation_.command_sequence : 0;
+  view_.committed_from = is_ours ? observation_.committed_from : 0;
+  view_.committed_count = is_ours ? std::min(observation_.committed_count, robot_view_.steps) : 0;
+  view_.committed = is_ours ? promised_.show(observation_) : nullptr;
 }
 
 const float* PolicySession::values_of(const Block& block) const {
@@ -456,9 +408,10 @@ int PolicySession::publish(const takt_chunk& given) {
   assume(assumption);
   // The executive refuses and names such a chunk; what must not happen is that it stays in the policy's memory.
   const std::span<const float> values(chunk_.values, chunk_.value_count());
-  forget_ = forget_ || !std::ranges::all_of(values, [](float value) { return std::isfinite(value); });
+  const bool is_finite = std::ranges::all_of(values, [](float value) { return std::isfinite(value); });
+  forget_ = forget_ || !is_finite;
   CommandHeader& header = chunk_.header;
-  header.observation_id = view_.id;
+  header.observation_id = answered_id_ = view_.id;
   header.sequence = ++sequence_;
   header.outside_sensed_at = {view_.outside_sensed_ns};
   header.dequeued_at = dequeued_at_;
@@ -468,6 +421,9 @@ int PolicySession::publish(const takt_chunk& given) {
   header.dropped_observations = static_cast<std::uint32_t>(std::min<std::uint64_t>(view_.dropped, UINT32_MAX));
   executive_->publish(chunk_);
   // Behind the command: what the robot waits for goes first.
+  const MonoTime begins{assumption != nullptr ? assumption->at_ns : view_.published_ns};
+  const MonoTime at = executive_->is_lockstep() ? MonoTime{} : header.published_at;
+  if (is_finite) promised_.remember({header.sequence, at, begins, assumption != nullptr}, given);
   if (evidence_) executive_->publish_input(evidence_->answer(header.sequence));
   sentence_.clear();
   return TAKT_OK;

@@ -14,6 +14,8 @@
 #include <string>
 #include <vector>
 
+#include "client/policy_spec.hpp"
+#include "client/promised_path.hpp"
 #include "client/sample_queue.hpp"
 #include "client/shown_evidence.hpp"
 #include "client/takt/client.h"
@@ -27,25 +29,6 @@
 #include "policy_host/sensor_link.hpp"
 
 namespace takt::client {
-
-struct Term {
-  std::uint32_t kind = TAKT_TERM_Q;
-  std::uint32_t values = 0;  // streams, queues and images only
-  std::string stream;
-};
-
-struct PolicySpec {
-  std::vector<Term> terms;
-  std::string robot_file, runtime_directory, program, step;
-  std::uint32_t steps = 0;
-  std::string candidate_file;  // empty: the robot's own policy
-};
-
-// Has one of the return codes that are an exit code as well.
-struct Refusal {
-  int code;
-  std::string sentence;
-};
 
 class PolicySession {
  public:
@@ -78,9 +61,15 @@ class PolicySession {
   void add_evidence();  // once the terms and queues are there
   int try_to_attach(MonoTime now);
   int look(MonoTime now);
+  [[nodiscard]] MonoTime next_look() const;
+  // In lockstep: the instant of `newest`, by which its samples are judged.
+  [[nodiscard]] MonoTime instant_of(const Observation& newest) const;
+  // In lockstep: says that the observation has no answer, where nothing else was said.
+  void pass(std::uint64_t observation_id);
   void update_sensor(std::size_t used, MonoTime now);
-  [[nodiscard]] bool has_usable_samples(MonoTime now);
+  [[nodiscard]] bool has_usable_samples(const Observation& newest, MonoTime now);
   void show(MonoTime now);
+  void show_promise();
   [[nodiscard]] const float* values_of(const Block& block) const;
   void fill_values();
   void fill_chunk(const takt_chunk& given);
@@ -102,6 +91,7 @@ class PolicySession {
   std::vector<takt_stream> streams_;              // one per sensor of the robot file
   std::size_t largest_input_;                     // bytes; 0: what the policy is shown is not recorded
   std::optional<ShownEvidence> evidence_;         // where it is
+  PromisedPath promised_;
   std::optional<policy_host::ExecutiveLink> executive_;
   MonoTime next_attempt_;
   MonoTime seen_published_at_;  // of the newest observation read; unset: none in this session
@@ -112,6 +102,7 @@ class PolicySession {
   CommandChunk chunk_;
   MonoTime dequeued_at_, infer_started_at_, infer_ended_at_;  // of the observation returned last
   std::uint64_t sequence_ = 0;
+  std::uint64_t answered_id_ = 0;  // newest observation that something was said to
   std::string sentence_;
   std::vector<float> values_;
   std::vector<const char*> joint_names_;

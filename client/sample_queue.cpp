@@ -38,7 +38,7 @@ void SampleQueue::put(const SensorSample& sample) {
   ++count_;
 }
 
-void SampleQueue::take_all(policy_host::SensorLink& link, MonoTime now, SensorSample& newest) {
+void SampleQueue::take_all(policy_host::SensorLink& link, MonoTime now, bool lockstep, SensorSample& newest) {
   link.stay_attached(now);
   // What a sensor said before we listened was not lost.
   const bool is_new = link.sessions() != session_;
@@ -54,7 +54,7 @@ void SampleQueue::take_all(policy_host::SensorLink& link, MonoTime now, SensorSa
       continue;
     }
     newest = sample;
-    if (may_be_shown(policy_host::judge(sensor_, sample, monotonic_now())))
+    if (may_be_shown(policy_host::judge(sensor_, sample, lockstep ? sample.published_at : monotonic_now())))
       put(sample);
     else
       ++dropped_;

@@ -18,8 +18,9 @@ class SampleQueue {
  public:
   // Precondition: sensor.queue > 0. `sensor` outlives this.
   explicit SampleQueue(const config::Sensor& sensor);
-  // Attaches if due, then takes all that came. `newest`: changes where a sample was read, usable or not.
-  void take_all(policy_host::SensorLink& link, MonoTime now, SensorSample& newest);
+  // Attaches if due, then takes all that came. `newest`: changes where a sample was read, usable or not. `lockstep`: no
+  // clock knows when that is.
+  void take_all(policy_host::SensorLink& link, MonoTime now, bool lockstep, SensorSample& newest);
   // Hands over what is waiting, and begins anew. The view's memory stays the same.
   void show(takt_queue& view);
   // What the view holds, sample by sample, until the next show().

@@ -23,10 +23,6 @@ namespace {
 constexpr std::size_t kHeaderBytes = sizeof(ImageHeader);
 static_assert(offsetof(SensorSample, values) == kHeaderBytes);
 
-std::unexpected<Refusal> refuse(std::string sentence) {
-  return std::unexpected(Refusal{TAKT_BAD_CONFIG, std::move(sentence)});
-}
-
 std::string shape_text(const config::ImageShape& shape) {
   return fmt::format("{} x {} x {}", shape.height, shape.width, shape.channels);
 }

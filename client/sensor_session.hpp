@@ -11,7 +11,7 @@
 #include <memory>
 #include <string>
 
-#include "client/policy_session.hpp"
+#include "client/policy_spec.hpp"
 #include "client/takt/client.h"
 #include "config/robot_config.hpp"
 #include "executive/ipc/sensor_server.hpp"

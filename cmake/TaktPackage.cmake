@@ -135,6 +135,8 @@ if(TARGET takt-engine-torchscript)
   set(CPACK_DEBIAN_TORCHSCRIPT_PACKAGE_SECTION misc)
   set(CPACK_DEBIAN_TORCHSCRIPT_PACKAGE_SHLIBDEPS ON)
   set(CPACK_DEBIAN_TORCHSCRIPT_PACKAGE_DEPENDS "takt (= ${PROJECT_VERSION}-1)")
+  # libtorch takes whichever BLAS is there; the reference one, which most machines have, is ten times slower.
+  set(CPACK_DEBIAN_TORCHSCRIPT_PACKAGE_RECOMMENDS "libopenblas0-pthread | libopenblas0 | libblis4-pthread")
   set(CPACK_DEBIAN_TORCHSCRIPT_DESCRIPTION
 "TorchScript policies for Takt
 Takt runs learned policies on robots in real time. This package is the engine

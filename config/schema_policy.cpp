@@ -1,6 +1,7 @@
 // Keys: sensors, imu, policy, fallbacks, degraded, stops.
 #include <array>
 
+#include "config/join_names.hpp"
 #include "config/observation_shape.hpp"
 #include "config/schema.hpp"
 #include "executive/contract/joints.hpp"
@@ -17,8 +18,6 @@ constexpr std::array<std::string_view, 2> kLayouts{"by_term", "by_time"};
 constexpr std::array<std::string_view, 3> kFallbackKinds{"pose", "state_feedback", "policy"};
 constexpr std::array<std::string_view, 3> kActionKinds{"joint_position", "joint_velocity", "joint_torque"};
 constexpr std::array<std::string_view, 3> kInterpolations{"hold", "linear", "cubic"};
-constexpr std::array<std::string_view, 7> kJoins{"replace", "cross_fade", "blend", "ensemble",
-                                                 "align",   "quintic",    "prefix"};
 constexpr std::array<std::string_view, 3> kPrefixUses{"none", "guided", "trained"};
 constexpr std::array<std::string_view, 4> kPrefixSchedules{"ones", "zeros", "linear", "exponential"};
 constexpr std::array<std::string_view, 3> kSampleChoices{"first", "coherent", "agreed"};
@@ -168,7 +167,7 @@ void describe_join(Fields& fields, Join& join) {
        "predictions of an instant, weighted; align: the difference at the join fades; quintic: the same, smooth "
        "in velocity and acceleration; prefix: the old path is played for as long as the policy was told",
        "replace"},
-      join.kind, kJoins);
+      join.kind, kJoinNames);
   fields.duration({"over", "cross_fade, align, quintic: how long a join takes", "100 ms"}, join.over, milliseconds(1),
                   seconds(10));
   fields.quantity({"new_share", "blend: the new chunk's share where both say something", "0.7"}, join.new_share,

@@ -1,5 +1,7 @@
 #include "policy_host/executive_link.hpp"
 
+#include <fmt/format.h>
+
 #include <chrono>
 #include <cstring>
 #include <span>
@@ -47,9 +49,14 @@ std::expected<ExecutiveLink::Writable, std::string> ExecutiveLink::adopt(ipc::Le
 }
 
 std::expected<ExecutiveLink, std::string> ExecutiveLink::attach(const std::string& socket, const Hello& hello,
-                                                                std::size_t largest_input) {
+                                                                std::size_t largest_input, Time knows) {
   auto lease = ipc::attach(socket, hello, kAttachTimeout);
   if (!lease) return std::unexpected(lease.error());
+  if (lease->lockstep && knows == Time::clock)
+    return std::unexpected(
+        fmt::format("{}: this is virtual time, which {} knows nothing of: --policy-host is for "
+                    "policies in Python or C (docs/python-policy.md)",
+                    socket, hello.program));
   if (lease->descriptors.size() <= (largest_input == 0 ? ipc::kCommandDescriptor : ipc::kInputDescriptor)) {
     return std::unexpected(socket + ": the executive handed out too few mailboxes; use one of the same version");
   }

@@ -27,10 +27,12 @@ Hello hello_of(const config::RobotConfig& robot, std::uint64_t policy_hash, Role
 
 class ExecutiveLink {
  public:
+  enum class Time : std::uint8_t { clock, clock_or_lockstep };  // Welcome::lockstep
   // `largest_input`: bytes of the largest payload given to publish_input(), config::largest_policy_input() of the
-  // robot; 0: none is ever given.
+  // robot; 0: none is ever given. `knows`: what the caller can live by.
   static std::expected<ExecutiveLink, std::string> attach(const std::string& socket, const Hello& hello,
-                                                          std::size_t largest_input = 0);
+                                                          std::size_t largest_input = 0, Time knows = Time::clock);
+  [[nodiscard]] bool is_lockstep() const { return lease_.lockstep; }
 
   // True once the executive closed the session or died.
   [[nodiscard]] bool is_over() const { return ipc::is_over(lease_); }

@@ -29,6 +29,15 @@ ModelTensors tensors_of(const onnx_engine::Model& model) {
   return {model.inputs(), model.outputs(), model.lost_states()};
 }
 
+std::expected<OnnxReading, std::string> read_onnx_policy(const std::filesystem::path& file, const std::string& input,
+                                                         const std::string& output) {
+  auto model = onnx_engine::load(file);
+  if (!model) return std::unexpected(model.error());
+  auto tensors = assign_tensors(tensors_of(*model), file.string(), input, output);
+  if (!tensors) return std::unexpected(tensors.error());
+  return OnnxReading{*std::move(model), *std::move(tensors)};
+}
+
 std::unique_ptr<Network> make_onnx_network(onnx_engine::Model model) {
   return std::make_unique<OnnxNetwork>(std::move(model));
 }

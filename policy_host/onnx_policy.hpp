@@ -21,6 +21,15 @@ namespace takt::policy_host {
 
 ModelTensors tensors_of(const onnx_engine::Model& model);
 
+// A file as this engine reads it, and which of its tensors are what; `input` and `output` as assign_tensors() takes
+// them.
+struct OnnxReading {
+  onnx_engine::Model model;
+  PolicyTensors tensors;
+};
+std::expected<OnnxReading, std::string> read_onnx_policy(const std::filesystem::path& file, const std::string& input,
+                                                         const std::string& output);
+
 std::unique_ptr<Network> make_onnx_network(onnx_engine::Model model);
 std::expected<std::unique_ptr<Network>, std::string> load_onnx_network(const std::filesystem::path& file);
 

@@ -1,140 +1,222 @@
 #include "policy_host/policy_trial.hpp"
 
-#include <algorithm>
-#include <chrono>
-#include <cmath>
-#include <cstdint>
-#include <span>
+#include <fmt/format.h>
+
 #include <utility>
+#include <vector>
+
+#include "config/document.hpp"
+#include "policy_host/assemble_policy.hpp"
+#include "policy_host/engines/load_policy.hpp"
+#include "policy_host/exploy/exploy_description.hpp"
+#include "policy_host/judging_network.hpp"
+#include "policy_host/leapp/leapp_bundle.hpp"
+#include "policy_host/leapp/leapp_graph.hpp"
+#include "policy_host/policy_tensors.hpp"
 
 namespace takt::policy_host {
-
-// The same numbers on every machine: a linear congruential generator's upper bits (Numerical Recipes' constants).
-class TrialNumbers {
- public:
-  void fill(std::span<float> values) {
-    for (float& value : values) {
-      state_ = state_ * 1664525U + 1013904223U;
-      value = static_cast<float>(state_ >> 8U) * 0x1p-23F - 1.0F;
-    }
-  }
-
- private:
-  std::uint32_t state_ = 1;
-};
-
 namespace {
 
-using onnx_runtime::Tensor;
+namespace fs = std::filesystem;
 
-std::vector<Tensor> tensors_of(std::span<const onnx_engine::TensorInfo> infos) {
-  std::vector<Tensor> tensors;
-  for (const onnx_engine::TensorInfo& info : infos) tensors.push_back({info.name, info.shape, {}});
-  return tensors;
+using onnx_engine::TensorInfo;
+using Loaded = std::expected<std::unique_ptr<Network>, std::string>;
+using Whole = std::expected<WholePolicy, std::string>;
+
+std::size_t size_of(const TensorInfo& tensor) {
+  std::size_t size = 1;
+  for (const std::int64_t dimension : tensor.shape) size *= static_cast<std::size_t>(dimension);
+  return size;
 }
 
-double distance(std::span<const float> own, std::span<const float> peer) {
-  double largest = 0;
-  for (std::size_t i = 0; i < own.size(); ++i) {
-    const double b = static_cast<double>(peer[i]);
-    const double apart = own[i] == peer[i] ? 0 : std::abs(static_cast<double>(own[i]) - b) / std::max(1.0, std::abs(b));
-    if (!(apart <= largest)) largest = apart;  // not a number counts as apart
+std::string values_text(std::size_t observation, std::size_t actions, std::size_t states, bool state_inside) {
+  std::string text = fmt::format("{} to {}", observation, actions);
+  if (states > 0) text += fmt::format(", {} state{}", states, states == 1 ? "" : "s");
+  if (state_inside) text += ", state inside";
+  return text;
+}
+
+// All that an engine is told of a file without a robot.
+config::RobotConfig robot_of(const fs::path& file, const std::string& library,
+                             const std::vector<config::TensorShape>& shapes) {
+  config::RobotConfig robot;
+  config::Policy& policy = robot.policy.emplace();
+  policy.file = file.string();
+  config::Engine& engine = policy.engine.emplace();
+  engine.library = file.extension() == ".pt" ? "" : library;
+  engine.shapes = shapes;
+  return robot;
+}
+
+LoadNetwork by_auto(const TrialSetup& setup, std::vector<config::TensorShape> shapes = {}) {
+  return [library = setup.library, shapes = std::move(shapes)](const fs::path& file) {
+    return load_network(robot_of(file, library, shapes), file);
+  };
+}
+
+LoadNetwork by_judge(const TrialSetup& setup, const LoadNetwork& known) {
+  return [&setup, known](const fs::path& file) -> Loaded {
+    const auto network = known ? known(file) : Loaded(nullptr);
+    return load_judging_network(*setup.judge, file, network ? network->get() : nullptr);
+  };
+}
+
+// A sentence about a file, for where its name stands beside it; the others of its folder without that.
+std::string without_name(std::string sentence, const fs::path& file) {
+  const std::string prefix = file.string() + ": ", folder = file.parent_path().string() + "/";
+  if (sentence.starts_with(prefix)) sentence.erase(0, prefix.size());
+  for (std::size_t at = sentence.find(folder); at != std::string::npos; at = sentence.find(folder, at))
+    sentence.erase(at, folder.size());
+  return sentence;
+}
+
+// Takes what was loaded into the trial, and asks for the judge's where there is one.
+template <class LoadJudge>
+void take(Trial& trial, const fs::path& file, const TrialSetup& setup, Whole own, LoadJudge load_judge) {
+  if (!own) {
+    trial.refusal = without_name(own.error(), file);
+    return;
   }
-  return largest;
+  trial.own = std::move(own->policy);
+  trial.values = std::move(own->values);
+  if (setup.judge == nullptr) return;
+  Whole judge = load_judge();
+  if (!judge) {
+    trial.unjudged = without_name(judge.error(), file);
+  } else if (judge->policy->input_size() != trial.own->input_size() ||
+             judge->policy->output_size() != trial.own->output_size()) {
+    trial.unjudged = fmt::format("its judge has {}: another network", judge->values);
+  } else {
+    trial.judge = std::move(judge->policy);
+  }
 }
 
-template <class Work>
-double microseconds(Work work) {
-  const auto begin = std::chrono::steady_clock::now();
-  work();
-  return std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - begin).count();
+// Whether the file is exploy's, and if so whether it says what it has to.
+void look_at_metadata(Trial& trial, const fs::path& file) {
+  const auto metadata = onnx_engine::read_metadata(file);
+  if (!metadata) return;
+  const auto network = onnx_engine::load(file);
+  if (!network) return;
+  const auto described = describe_exploy(*metadata, network->inputs(), network->outputs());
+  if (described && !*described) return;
+  trial.format = "exploy";
+  if (!described) trial.refusal = described.error();
 }
 
-double median(std::vector<double> samples) {
-  if (samples.empty()) return 0;
-  const auto middle = samples.begin() + std::ssize(samples) / 2;
-  std::ranges::nth_element(samples, middle);
-  return *middle;
+void try_onnx(Trial& trial, const fs::path& file, const TrialSetup& setup) {
+  trial.format = "ONNX";
+  const auto choice = choose_engine(file);
+  if (!choice) {
+    trial.refusal = without_name(choice.error(), file);
+    return;
+  }
+  trial.engine = choice->name;
+  trial.why = choice->why;
+  look_at_metadata(trial, file);
+  if (!trial.refusal.empty()) return;
+  const LoadNetwork load = by_auto(setup);
+  take(trial, file, setup, load_whole_policy(file.string(), load),
+       [&] { return load_whole_policy(file.string(), by_judge(setup, load)); });
+}
+
+// Of the inputs that both have, by the ONNX file beside it.
+std::vector<config::TensorShape> shapes_beside(const fs::path& onnx, const TrialSetup& setup) {
+  std::vector<config::TensorShape> shapes;
+  const auto network = by_auto(setup)(onnx);
+  if (!network) return shapes;
+  for (const TensorInfo& input : (*network)->inputs())
+    shapes.push_back({input.name, {input.shape.begin(), input.shape.end()}});
+  return shapes;
+}
+
+void try_torchscript(Trial& trial, const fs::path& file, const TrialSetup& setup) {
+  trial.format = "TorchScript";
+  trial.engine = "torchscript";
+  const fs::path onnx = fs::path(file).replace_extension(".onnx");
+  const bool beside = fs::exists(onnx);
+  // Where the names differ, or the state is inside, the width that the file accepts is enough.
+  Whole own = load_whole_policy(file.string(), by_auto(setup, shapes_beside(onnx, setup)), Outputs::actions);
+  if (!own && beside) own = load_whole_policy(file.string(), by_auto(setup), Outputs::actions);
+  take(trial, file, setup, std::move(own), [&]() -> Whole {
+    if (!beside) return std::unexpected(fmt::format("no {} beside it to judge by", onnx.filename().string()));
+    return load_whole_policy(onnx.string(), by_judge(setup, nullptr), Outputs::actions);
+  });
+}
+
+Whole load_bundle(const fs::path& file, const LeappBundle& bundle, const LoadNetwork& load) {
+  std::string outputs;
+  for (const LeappPort& port : bundle.outputs)
+    outputs += (outputs.empty() ? "" : ",") + fmt::format("{}/{}", port.node, port.tensor);
+  auto graph = load_leapp_graph(file.string(), "", outputs, load);
+  if (!graph) return std::unexpected(graph.error());
+  const Port actions = graph->wiring.outputs.front();
+  std::size_t observation = 0;
+  for (const Port& port : graph->wiring.observation)
+    observation += graph->networks[port.network]->input(port.tensor).size();
+  std::string values = values_text(observation, graph->networks[actions.network]->output(actions.tensor).size(),
+                                   graph->wiring.states.size(), false);
+  return WholePolicy{make_network_policy(std::move(graph->networks), std::move(graph->wiring)), std::move(values)};
+}
+
+void choose_for_nodes(Trial& trial, const fs::path& file, const LeappBundle& bundle) {
+  for (const LeappNode& node : bundle.nodes) {
+    const auto model = checked_model_file(file.string(), node);
+    const auto choice = model ? choose_engine(*model) : std::unexpected(model.error());
+    if (!choice) {
+      trial.refusal = without_name(choice.error(), file);
+      return;
+    }
+    if (!trial.engine.contains(choice->name)) trial.engine += (trial.engine.empty() ? "" : " + ") + choice->name;
+    if (trial.why.empty()) trial.why = choice->why;
+  }
+}
+
+void try_bundle(Trial& trial, const fs::path& file, const TrialSetup& setup) {
+  trial.format = "LEAPP bundle";
+  const auto text = config::read_file(file.string());
+  const auto bundle = text ? read_leapp_bundle(*text, file.string()) : std::unexpected(text.error());
+  if (!bundle) {
+    trial.refusal = without_name(bundle.error(), file);
+    return;
+  }
+  choose_for_nodes(trial, file, *bundle);
+  if (!trial.refusal.empty()) return;
+  const LoadNetwork load = by_auto(setup);
+  take(trial, file, setup, load_bundle(file, *bundle, load),
+       [&] { return load_bundle(file, *bundle, by_judge(setup, load)); });
 }
 
 }  // namespace
 
-PolicyTrial::PolicyTrial(std::filesystem::path file, onnx_engine::Model model, PolicyTensors tensors)
-    : file_(std::move(file)), model_(std::move(model)), tensors_(std::move(tensors)) {}
-
-std::expected<PolicyTrial, std::string> PolicyTrial::load(const std::filesystem::path& file, const std::string& input,
-                                                          const std::string& output) {
-  auto model = onnx_engine::load(file);
-  if (!model) return std::unexpected(model.error());
-  auto tensors = assign_tensors(tensors_of(*model), file.string(), input, output);
+std::expected<WholePolicy, std::string> load_whole_policy(const std::string& file, const LoadNetwork& load,
+                                                          Outputs outputs) {
+  auto network = load(file);
+  if (!network) return std::unexpected(network.error());
+  const Network& loaded = **network;
+  const auto tensors = assign_tensors({loaded.inputs(), loaded.outputs(), loaded.lost_states()}, file, "", "");
   if (!tensors) return std::unexpected(tensors.error());
-  return PolicyTrial(file, *std::move(model), *std::move(tensors));
+  std::string all;
+  if (outputs == Outputs::all)
+    for (const TensorInfo& output : loaded.outputs()) all += (all.empty() ? "" : ",") + output.name;
+  std::size_t observation = 0;
+  for (const std::size_t part : tensors->observation) observation += size_of(loaded.inputs()[part]);
+  const std::size_t actions = size_of(loaded.outputs()[tensors->outputs.front()]);
+  std::string values = values_text(observation, actions, tensors->states.size(), loaded.keeps_state());
+  auto policy = load_network_policy(file, "", all,
+                                    [&network](const fs::path& /*file*/) -> Loaded { return std::move(*network); });
+  if (!policy) return std::unexpected(policy.error());
+  return WholePolicy{*std::move(policy), std::move(values)};
 }
 
-void PolicyTrial::forget() {
-  for (const PolicyTensors::State& state : tensors_.states) std::ranges::fill(model_.input(state.input), 0.0F);
-}
-
-void PolicyTrial::begin_observation(int i, TrialNumbers& numbers) {
-  for (const std::size_t part : tensors_.observation) numbers.fill(model_.input(part));
-  for (const auto& count : {tensors_.time_step, tensors_.step_count})
-    if (count) model_.input(*count)[0] = static_cast<float>(i);
-}
-
-void PolicyTrial::feed_state_back() {
-  for (const PolicyTensors::State& state : tensors_.states) {
-    std::ranges::copy(model_.output(state.output), model_.input(state.input).begin());
-  }
-}
-
-std::vector<float> PolicyTrial::last_outputs() {
-  TrialNumbers numbers;
-  forget();
-  for (int i = 0; i < kTrialObservations; ++i) {
-    begin_observation(i, numbers);
-    model_.run();
-    feed_state_back();
-  }
-  std::vector<float> outputs;
-  for (std::size_t o = 0; o < model_.outputs().size(); ++o) {
-    outputs.insert(outputs.end(), model_.output(o).begin(), model_.output(o).end());
-  }
-  return outputs;
-}
-
-std::expected<Agreement, std::string> PolicyTrial::against(const onnx_runtime::OnnxRuntime& peer,
-                                                           int timed_inferences) {
-  auto session = peer.load(file_, tensors_of(model_.inputs()), tensors_of(model_.outputs()));
-  if (!session) return std::unexpected(session.error());
-  const std::span<Tensor> in = session->inputs();
-  const std::span<Tensor> out = session->outputs();
-  Agreement agreement;
-  TrialNumbers numbers;
-  forget();
-  for (int i = 0; i < kTrialObservations; ++i) {
-    begin_observation(i, numbers);
-    for (const std::size_t part : tensors_.observation) std::ranges::copy(model_.input(part), in[part].values.begin());
-    for (const auto& count : {tensors_.time_step, tensors_.step_count})
-      if (count) in[*count].values[0] = static_cast<float>(i);
-    model_.run();
-    if (const auto ran = session->run(); !ran) return std::unexpected(ran.error());
-    for (std::size_t o = 0; o < out.size(); ++o) {
-      const double apart = distance(model_.output(o), out[o].values);
-      if (!(apart <= agreement.error)) agreement.error = apart;
-    }
-    feed_state_back();
-    for (const PolicyTensors::State& state : tensors_.states) {
-      std::ranges::copy(out[state.output].values, in[state.input].values.begin());
-    }
-  }
-  std::vector<double> own, theirs;
-  for (int i = 0; i < timed_inferences; ++i) {
-    own.push_back(microseconds([&] { model_.run(); }));
-    theirs.push_back(microseconds([&] { (void)session->run(); }));
-  }
-  agreement.own_us = median(std::move(own));
-  agreement.peer_us = median(std::move(theirs));
-  return agreement;
+Trial try_policy(const fs::path& file, const TrialSetup& setup) {
+  Trial trial;
+  if (file.extension() == ".pt")
+    try_torchscript(trial, file, setup);
+  else if (file.extension() == ".yaml")
+    try_bundle(trial, file, setup);
+  else
+    try_onnx(trial, file, setup);
+  return trial;
 }
 
 }  // namespace takt::policy_host

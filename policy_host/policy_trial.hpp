@@ -1,54 +1,47 @@
-// A policy file tried out before anything moves: does the built-in engine take it, does it compute what ONNX Runtime
-// computes, and how long does each need?
+// A policy file tried out before anything moves: which engine `policy.engine: auto` takes for it, whether it loads
+// there, and the same network in ONNX Runtime, to judge it by (agreement.hpp).
 //
-// Both engines get the same 16 observations, one after the other, from a fixed sequence of numbers in [-1, 1); each
-// feeds its own state back. Thread rule: one thread, set-up or command line only.
+// Files: ONNX, exploy's too; TorchScript; the YAML of a LEAPP bundle. No robot file says what their inputs are: every
+// input that is no state is the observation's. A TorchScript file says no shapes: those of the ONNX file of the same
+// name beside it are taken, or the width that it accepts. Thread rule: one thread, set-up or command line only.
 #pragma once
 
 #include <expected>
 #include <filesystem>
-#include <optional>
+#include <memory>
 #include <string>
-#include <vector>
 
-#include "policy_host/onnx/model.hpp"
-#include "policy_host/onnx_policy.hpp"
+#include "policy_host/network.hpp"
 #include "policy_host/onnx_runtime/onnx_runtime.hpp"
+#include "policy_host/policy.hpp"
 
 namespace takt::policy_host {
 
-inline constexpr int kTrialObservations = 16;
-
-struct Agreement {
-  // Largest |a - b| / max(1, |b|) over all outputs and observations, b ONNX Runtime's.
-  double error = 0;
-  // One inference, the median of what the two engines took in turns, us.
-  double own_us = 0;
-  double peer_us = 0;
+struct TrialSetup {
+  std::string library;  // ONNX Runtime's, for its engine; "": where the dynamic linker finds it
+  const onnx_runtime::OnnxRuntime* judge = nullptr;  // null: nothing is judged
 };
 
-class PolicyTrial {
- public:
-  // Which tensors are what: as assign_tensors() takes them. The error is a line that begins with the file.
-  static std::expected<PolicyTrial, std::string> load(const std::filesystem::path& file, const std::string& input = "",
-                                                      const std::string& output = "");
-
-  const onnx_engine::Model& model() const { return model_; }
-  const PolicyTensors& tensors() const { return tensors_; }
-
-  // All outputs of the last of the observations, one after the other.
-  std::vector<float> last_outputs();
-  std::expected<Agreement, std::string> against(const onnx_runtime::OnnxRuntime& peer, int timed_inferences);
-
- private:
-  PolicyTrial(std::filesystem::path file, onnx_engine::Model model, PolicyTensors tensors);
-  void begin_observation(int i, class TrialNumbers& numbers);
-  void feed_state_back();
-  void forget();
-
-  std::filesystem::path file_;
-  onnx_engine::Model model_;
-  PolicyTensors tensors_;
+struct Trial {
+  std::string format;           // "ONNX", "exploy", "LEAPP bundle", "TorchScript"
+  std::string engine;           // as policy.engine.name has it; "": none takes it
+  std::string why;              // of ONNX Runtime: why not the built-in one
+  std::string refusal;          // one line that does not name the file; "": it loads
+  std::string values;           // "48 to 12, 2 states": of the observation, of the actions
+  std::unique_ptr<Policy> own;  // says every output, but of TorchScript the actions alone; null where refused
+  std::unique_ptr<Policy> judge;
+  std::string unjudged;  // why there is no judge
 };
+
+Trial try_policy(const std::filesystem::path& file, const TrialSetup& setup);
+
+// One file with every output of its network, in the file's order, by an engine.
+struct WholePolicy {
+  std::unique_ptr<Policy> policy;
+  std::string values;
+};
+enum class Outputs { all, actions };
+std::expected<WholePolicy, std::string> load_whole_policy(const std::string& file, const LoadNetwork& load,
+                                                          Outputs outputs = Outputs::all);
 
 }  // namespace takt::policy_host

@@ -14,7 +14,6 @@
 #include <charconv>
 #include <cstddef>
 #include <cstdint>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <vector>
@@ -107,12 +106,6 @@ std::expected<void, std::string> check_fence(std::optional<int> cpu, Fence fence
                       "(control.cpu), and cannot be kept off; have the engine set no affinity",
                       name_of(thread), *cpu));
   return {};
-}
-
-void limit_thread_pools(unsigned threads) {
-  const std::string count = std::to_string(threads);
-  for (const char* const name : {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"})
-    setenv(name, count.c_str(), 1);  // NOLINT(concurrency-mt-unsafe): set-up
 }
 
 std::size_t thread_count() {

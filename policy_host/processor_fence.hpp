@@ -24,9 +24,6 @@ std::expected<Fence, std::string> keep_off_processor(std::optional<int> cpu);
 // Refused, by name: a thread that may run there, and cannot be brought back.
 std::expected<void, std::string> check_fence(std::optional<int> cpu, Fence fence);
 
-// What OpenMP and linear algebra libraries start their pools by.
-void limit_thread_pools(unsigned threads);
-
 // Threads of this process.
 std::size_t thread_count();
 

@@ -111,7 +111,6 @@ int serve(const Options& options, std::vector<HostFaultWindow> faults, const Loa
   if (!hash) return refuse(hash.error());
   const auto fence = keep_off_processor(robot->control.cpu);
   if (!fence) return refuse(fence.error());
-  limit_thread_pools(section.engine.value_or(config::Engine{}).threads);
   const std::size_t own_threads = thread_count();
   std::vector<std::unique_ptr<Policy>> policies;
   std::vector<Policy*> engines;

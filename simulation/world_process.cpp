@@ -1,11 +1,7 @@
 #include "simulation/world_process.hpp"
 
 #include <fmt/format.h>
-#include <signal.h>
 #include <stdlib.h>
-#include <sys/prctl.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <utility>
@@ -25,35 +21,6 @@ std::string with_socket(std::string command, const std::string& socket) {
   return command;
 }
 
-[[noreturn]] void run_shell(const std::string& command, const sigset_t& signals) {
-  ::setpgid(0, 0);
-  ::sigprocmask(SIG_UNBLOCK, &signals, nullptr);
-  ::dup2(STDERR_FILENO, STDOUT_FILENO);  // ours has tables and JSON
-  ::execl("/bin/sh", "sh", "-c", command.c_str(), nullptr);
-  ::_exit(127);
-}
-
-// In a child of ours: a shell's children do not die with it, nor it with us. This one does, and takes the group along.
-// Ends as the command does, or when it is told to. After a fork: calls that are safe in signal handlers only.
-[[noreturn]] void keep(const std::string& command, pid_t parent) {
-  sigset_t signals;
-  ::sigemptyset(&signals);
-  ::sigaddset(&signals, SIGTERM);
-  ::sigaddset(&signals, SIGCHLD);
-  ::sigprocmask(SIG_BLOCK, &signals, nullptr);
-  ::prctl(PR_SET_PDEATHSIG, SIGTERM);
-  if (::getppid() != parent) ::_exit(1);
-  ::setpgid(0, 0);  // Ctrl-C is for the one that we belong to
-  const pid_t shell = ::fork();
-  if (shell < 0) ::_exit(1);
-  if (shell == 0) run_shell(command, signals);
-  ::setpgid(shell, shell);  // whoever of the two comes first
-  int status = 0, signal = 0;
-  while (signal != SIGTERM && ::waitpid(shell, &status, WNOHANG) == 0) signal = ::sigwaitinfo(&signals, nullptr);
-  ::kill(-shell, SIGKILL);
-  ::_exit(WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status));
-}
-
 }  // namespace
 
 WorldProcess::WorldProcess(std::string socket_or_command) : WorldProcess(std::move(socket_or_command), Patience{}) {}
@@ -67,13 +34,15 @@ WorldProcess::~WorldProcess() {
 
 void WorldProcess::give_up() {
   // A forked copy has not started the process that it knows of.
-  if (process_ > 0 && owner_ == ::getpid()) {
-    ::kill(process_, SIGTERM);
-    ::waitpid(process_, nullptr, 0);
-    std::error_code ignored;
-    std::filesystem::remove_all(folder_, ignored);
+  if (process_.is_kept()) {
+    process_.end();
+    forget_folder();
   }
-  process_ = owner_ = 0;
+}
+
+void WorldProcess::forget_folder() {
+  std::error_code ignored;
+  std::filesystem::remove_all(folder_, ignored);
 }
 
 std::expected<void, WorldEnd> WorldProcess::start() {
@@ -84,23 +53,12 @@ std::expected<void, WorldEnd> WorldProcess::start() {
   if (::mkdtemp(pattern.data()) == nullptr) return absent("no folder for its socket: " + ipc::errno_text());
   folder_ = pattern;
   socket_ = folder_ + "/world.sock";
-  const std::string command = with_socket(text_, socket_);
-  owner_ = ::getpid();
-  const pid_t pid = ::fork();
-  if (pid < 0) return absent("no process for it: " + ipc::errno_text());
-  if (pid == 0) keep(command, owner_);
-  process_ = pid;
+  if (const auto started = process_.start(with_socket(text_, socket_)); !started) return absent(started.error());
   for (const MonoTime deadline = monotonic_now() + patience_.start; !std::filesystem::exists(socket_);
        sleep_until(monotonic_now() + kLookAgain)) {
-    siginfo_t ended{};
-    ::waitid(P_PID, static_cast<id_t>(pid), &ended, WEXITED | WNOHANG | WNOWAIT);
-    if (ended.si_pid != 0) {
-      int status = 0;
-      ::waitpid(pid, &status, 0);
-      process_ = 0;
-      std::error_code ignored;
-      std::filesystem::remove_all(folder_, ignored);
-      return absent(fmt::format("exited with {} before it listened; what it said is above", WEXITSTATUS(status)));
+    if (const auto code = process_.ended()) {
+      forget_folder();
+      return absent(fmt::format("exited with {} before it listened; what it said is above", *code));
     }
     if (monotonic_now() < deadline) continue;
     give_up();
@@ -112,7 +70,7 @@ std::expected<void, WorldEnd> WorldProcess::start() {
 std::expected<std::unique_ptr<OutsideMechanics>, WorldEnd> WorldProcess::begin(const config::RobotConfig& robot,
                                                                                std::uint64_t seed) {
   if (!is_command(text_)) return OutsideMechanics::connect(robot, text_, seed, patience_.link);
-  if (process_ == 0 || owner_ != ::getpid()) {
+  if (!process_.is_kept()) {
     if (auto started = start(); !started) return std::unexpected(started.error());
   }
   return OutsideMechanics::connect(robot, socket_, seed, patience_.link);

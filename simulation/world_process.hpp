@@ -5,8 +5,6 @@
 // Thread rule: one thread at a time. A copy of this object in a forked child starts a process of its own.
 #pragma once
 
-#include <sys/types.h>
-
 #include <cstdint>
 #include <expected>
 #include <memory>
@@ -14,6 +12,7 @@
 #include <string_view>
 
 #include "config/robot_config.hpp"
+#include "simulation/kept_process.hpp"
 #include "simulation/outside_mechanics.hpp"
 
 namespace takt::plant {
@@ -52,11 +51,12 @@ class WorldProcess {
 
  private:
   std::expected<void, WorldEnd> start();
+  void forget_folder();
 
   std::string text_;
   Patience patience_;
   std::string folder_, socket_;  // of a command's process
-  pid_t process_ = 0, owner_ = 0;
+  KeptProcess process_;
 };
 
 }  // namespace takt::plant

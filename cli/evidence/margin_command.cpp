@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cli/command.hpp"
+#include "cli/policy_host_option.hpp"
 #include "cli/quantity_option.hpp"
 #include "cli/run/checked_robot.hpp"
 #include "cli/world_option.hpp"
@@ -19,7 +20,7 @@ namespace takt::cli {
 namespace {
 
 struct MarginOptions {
-  std::string robot, svg, world;
+  std::string robot, svg, world, policy_host;
   std::uint64_t seeds = 60;
   std::size_t workers = 1;
   double bound_mm = 20, safety = 0.8;
@@ -52,7 +53,7 @@ std::expected<std::optional<margin::AgeTolerance>, std::string> measure_task(con
                                .bound_m = walks ? kWalkBound_m : kArmBound_m,
                                .duration = walks ? kWalkRollout : kArmRollout,
                                .on_progress = show_progress,
-                               .world = options.world};
+                               .outside = {options.world, options.policy_host}};
   std::ranges::copy(options.command, setup.base_velocity.command.begin());
   if (options.has_bound) setup.bound_m = options.bound_mm / 1e3;
   auto found = margin::age_tolerance(setup);
@@ -116,6 +117,7 @@ void add_margin(CLI::App& app, int& exit_code) {
   command->add_option("--command", options->command, "of a robot that walks: m/s ahead, m/s and rad/s left")
       ->expected(3);
   add_world(*command, options->world);
+  add_policy_host(*command, options->policy_host);
   command->add_flag("--json", options->json, "print everything as one line of JSON (docs/margin.md)");
   command->footer(
       "Example: takt margin config/arm6.yaml --workers 2 --svg bode.svg\n"

@@ -11,6 +11,7 @@
 #include "cli/command.hpp"
 #include "cli/evidence/panel_progress.hpp"
 #include "cli/evidence/real_rollouts.hpp"
+#include "cli/policy_host_option.hpp"
 #include "cli/world_option.hpp"
 #include "config/load.hpp"
 #include "evidence/artifact/artifact.hpp"
@@ -23,7 +24,7 @@ namespace takt::cli {
 namespace {
 
 struct PanelRunOptions {
-  std::string panel, robot, out, only, method, world, shard = "1/1";
+  std::string panel, robot, out, only, method, world, policy_host, shard = "1/1";
   std::size_t workers = 1;
   std::uint64_t seeds = 0;  // 0: as many as the panel says
   bool resume = false, json = false, real_time = false, allow_non_realtime = false;
@@ -126,7 +127,7 @@ int run(const PanelRunOptions& options) {
     return refuse(kExitUsage, "takt panel run: " + why);
   if (const auto seed = seed_of(options.only)) plan_for(*seed, *panel);
   auto plan = panel::plan_of(*panel, *shard);
-  auto contest = panel::Contest::prepare(std::move(*panel), options.world);
+  auto contest = panel::Contest::prepare(std::move(*panel), {options.world, options.policy_host});
   if (!contest) return refuse(config::kExitBadConfiguration, contest.error());
   if (!options.only.empty()) {
     std::erase_if(plan, [&](const auto& one) { return panel::rollout_id(contest->identity(one)) != options.only; });
@@ -135,7 +136,7 @@ int run(const PanelRunOptions& options) {
   }
   std::optional<RealRollouts> real;
   if (options.real_time) {
-    auto made = RealRollouts::make(*contest, options.out, options.allow_non_realtime);
+    auto made = RealRollouts::make(*contest, options.out, options.policy_host, options.allow_non_realtime);
     if (!made) return refuse(config::kExitBadConfiguration, made.error());
     real.emplace(std::move(*made));
   }
@@ -178,6 +179,7 @@ void add_panel_run(CLI::App& panel, int& exit_code) {
       ->needs(real_time);
   command->get_option("--workers")->excludes(real_time);
   add_world(*command, options->world)->excludes(real_time);
+  add_policy_host(*command, options->policy_host);
   command->add_flag("--resume", options->resume, "go on with what lies in --out; rollouts already there are skipped");
   command->add_flag("--json", options->json, "print one line of JSON instead of the table");
   command->footer(

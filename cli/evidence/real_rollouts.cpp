@@ -18,6 +18,7 @@
 #include "evidence/panel/recorded_row.hpp"
 #include "evidence/rollout/arm_world.hpp"
 #include "evidence/rollout/real_perturbation.hpp"
+#include "evidence/rollout/robot_copy.hpp"
 #include "monitor/record/bounded_file.hpp"
 
 namespace takt::cli {
@@ -73,23 +74,6 @@ class ChildMeter {
   std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
 };
 
-// The policy's file is named relative to the robot file: both get their place in `folder`.
-std::expected<void, std::string> write_robot(const config::RobotConfig& robot, const std::string& folder) {
-  if (auto done = monitor::replace_file(folder + "/robot.yaml", robot.resolved); !done) return done;
-  if (robot.resolved.contains(fmt::format("file: \"{}\"", fs::absolute(robot.policy->file).string()))) return {};
-  const fs::path policy = fs::absolute(robot.policy->file).lexically_normal();
-  const fs::path home = fs::absolute(robot.file).lexically_normal().parent_path();
-  const fs::path name = policy.lexically_relative(home);
-  if (name.empty() || name.string().starts_with(".."))
-    return std::unexpected(fmt::format("policy {} must lie in the robot file's folder or below", robot.policy->file));
-  std::error_code error;
-  fs::create_directories((fs::path(folder) / name).parent_path(), error);
-  fs::create_symlink(policy, fs::path(folder) / name, error);
-  if (error)
-    return std::unexpected(fmt::format("cannot link {} into {}: {}", policy.string(), folder, error.message()));
-  return {};
-}
-
 std::expected<void, std::string> run_to_its_end(ChildProcess& process, std::chrono::nanoseconds limit) {
   const auto give_up = std::chrono::steady_clock::now() + limit;
   while (process.alive()) {
@@ -105,7 +89,7 @@ std::expected<void, std::string> run_to_its_end(ChildProcess& process, std::chro
 }
 
 // Every sentence about what a real robot cannot be made to do.
-std::set<std::string> obstacles(const panel::Contest& contest) {
+std::set<std::string> obstacles(const panel::Contest& contest, const std::string& policy_host) {
   std::set<std::string> found;
   const panel::Panel& panel = contest.panel();
   for (const panel::PlannedRollout& planned : panel::plan_of(panel, {})) {
@@ -115,7 +99,11 @@ std::set<std::string> obstacles(const panel::Contest& contest) {
     if (method.repeat_last)
       found.insert(fmt::format("method {}: `link: repeat_last` exists in virtual time only", method.name));
     if (!robot.simulation) found.insert(robot.file + ": no `simulation`, so nobody knows what the robot really did");
-    if (const auto real = panel::real_trouble_of(perturbation, robot, planned.seed); !real) found.insert(real.error());
+    const auto real = panel::real_trouble_of(perturbation, robot, planned.seed);
+    if (!real) found.insert(real.error());
+    if (real && !real->policy_faults.empty() && !policy_host.empty())
+      found.insert(fmt::format("perturbation {}: takt-policy-host does that, and --policy-host names another program",
+                               panel.perturbations[planned.perturbation].kind));
   }
   return found;
 }
@@ -151,12 +139,12 @@ std::vector<std::string> arguments_of(const panel::Panel& panel, const panel::Re
 }  // namespace
 
 std::expected<RealRollouts, std::string> RealRollouts::make(const panel::Contest& contest, std::string out,
-                                                            bool allow_non_realtime) {
-  std::set<std::string> sentences = obstacles(contest);
+                                                            std::string policy_host, bool allow_non_realtime) {
+  std::set<std::string> sentences = obstacles(contest, policy_host);
   if (!sentences.empty())
     return std::unexpected(fmt::format("{0}: {1}\nleave --real-time out, or them", contest.panel().file,
                                        fmt::join(sentences, "\n" + contest.panel().file + ": ")));
-  return RealRollouts(contest, std::move(out), allow_non_realtime);
+  return RealRollouts(contest, std::move(out), std::move(policy_host), allow_non_realtime);
 }
 
 std::expected<void, std::string> RealRollouts::live_through(const panel::PlannedRollout& planned,
@@ -166,13 +154,14 @@ std::expected<void, std::string> RealRollouts::live_through(const panel::Planned
   const auto trouble =
       panel::real_trouble_of(panel.perturbations[planned.perturbation].resolved(), robot, planned.seed);
   if (!trouble) return std::unexpected(trouble.error());
-  if (auto done = write_robot(robot, folder); !done) return done;
+  if (auto done = panel::write_robot(robot, folder); !done) return done;
   const RuntimeDirectory runtime;
   if (runtime.path().empty()) return std::unexpected("no temporary folder for sockets can be made; set TMPDIR");
   if (!trouble->plant_scenario.empty())
     if (auto done = monitor::replace_file(plant_file(folder), trouble->plant_scenario); !done) return done;
   std::vector<std::string> arguments = arguments_of(panel, *trouble, planned.seed, folder);
   arguments.insert(arguments.end(), {"--runtime-dir", runtime.path()});
+  if (!policy_host_.empty()) arguments.insert(arguments.end(), {"--policy-host", policy_host_});
   if (allow_non_realtime_) arguments.emplace_back("--allow-non-realtime");
   if (auto done = monitor::replace_file(folder + "/command.txt", fmt::format("'{}'\n", fmt::join(arguments, "' '")));
       !done)

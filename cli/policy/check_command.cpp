@@ -24,15 +24,15 @@
 #include "policy_host/leapp/leapp_graph.hpp"
 #include "policy_host/metadata_comparison.hpp"
 #include "policy_host/onnx/model.hpp"
+#include "policy_host/onnx_policy.hpp"
 #include "policy_host/policy_fit.hpp"
-#include "policy_host/policy_trial.hpp"
 
 namespace takt::cli {
 namespace {
 
 using onnx_engine::TensorInfo;
+using policy_host::OnnxReading;
 using policy_host::PolicyTensors;
-using policy_host::PolicyTrial;
 
 struct PolicyCheckOptions {
   std::string file, robot;
@@ -44,9 +44,9 @@ nlohmann::json tensor_json(const TensorInfo& info) {
 }
 
 // Everything that is known of the file: the one source of both outputs.
-nlohmann::json policy_json(const std::string& file, const PolicyTrial& trial) {
-  const onnx_engine::Model& model = trial.model();
-  const PolicyTensors& tensors = trial.tensors();
+nlohmann::json policy_json(const std::string& file, const OnnxReading& reading) {
+  const onnx_engine::Model& model = reading.model;
+  const PolicyTensors& tensors = reading.tensors;
   nlohmann::json about{{"file", file}, {"opset", model.opset()}, {"operators", model.operators()}};
   about["observation"] = nlohmann::json::array();
   for (const std::size_t i : tensors.observation) about["observation"].push_back(tensor_json(model.inputs()[i]));
@@ -149,10 +149,10 @@ std::vector<std::string> bound_by_plugin(const config::RobotConfig& robot) {
   return policy_host::bound_lines(std::span(&all, 1), robot);
 }
 
-std::vector<std::string> bound_by(const config::RobotConfig& robot, const PolicyTrial& trial) {
+std::vector<std::string> bound_by(const config::RobotConfig& robot, const OnnxReading& reading) {
   std::vector<policy_host::FilledTensor> inputs;
-  for (const std::size_t i : trial.tensors().observation) {
-    const TensorInfo& tensor = trial.model().inputs()[i];
+  for (const std::size_t i : reading.tensors.observation) {
+    const TensorInfo& tensor = reading.model.inputs()[i];
     inputs.push_back({tensor.name, std::accumulate(tensor.shape.begin(), tensor.shape.end(), std::size_t{1},
                                                    [](std::size_t size, std::int64_t dimension) {
                                                      return size * static_cast<std::size_t>(dimension);
@@ -167,10 +167,20 @@ std::vector<std::string> differences_from(const policy_host::DescribedPolicy& sa
   return policy_host::joint_differences(said.joints, robot, kSinglePrecision, "the " + said.format);
 }
 
-// True of a file that only a plugin reads, or that the robot file gives to one.
+// True of a file that only a plugin reads, or that goes to one by the robot file or by itself.
 bool is_a_plugins(const config::RobotConfig& robot) {
   const std::string engine = robot.policy->engine.value_or(config::Engine{}).name;
-  return std::filesystem::path(robot.policy->file).extension() == ".pt" || (engine != "auto" && engine != "builtin");
+  if (engine != "auto") return engine != "builtin";
+  const auto choice = policy_host::choose_engine(robot.policy->file);
+  return choice && choice->name != "builtin";
+}
+
+// What is said of a file that the built-in engine cannot load where no robot file says what else could.
+Refusal not_by_built_in(const std::string& file, const std::string& sentence) {
+  const auto choice = policy_host::choose_engine(file);
+  if (!choice || choice->name == "builtin") return policy_refused(sentence);
+  return policy_refused(
+      fmt::format("{}; policy.engine auto gives it to {}: --robot FILE asks that", sentence, choice->name));
 }
 
 std::expected<nlohmann::json, Refusal> examine_policy(const PolicyCheckOptions& options) {
@@ -185,27 +195,27 @@ std::expected<nlohmann::json, Refusal> examine_policy(const PolicyCheckOptions& 
   if (robot)
     for (const config::NamedOutput& named : config::named_outputs(*robot->policy))
       output += (output.empty() ? "" : ",") + named.name;
-  const auto trial = PolicyTrial::load(options.file, input, output);
-  if (!trial && robot && is_a_plugins(*robot)) {
+  const auto reading = policy_host::read_onnx_policy(options.file, input, output);
+  if (!reading && robot && is_a_plugins(*robot)) {
     const auto policy = load_for_robot(*robot);
     if (!policy) return std::unexpected(policy.error());
     return nlohmann::json{{"file", options.file},
                           {"engine", (*policy)->description()},
-                          {"not_by_builtin", trial.error()},
+                          {"not_by_builtin", reading.error()},
                           {"bound", bound_by_plugin(*robot)},
                           {"robot", fit_json(*robot, **policy)}};
   }
-  if (!trial) return std::unexpected(policy_refused(trial.error()));
-  nlohmann::json about = policy_json(options.file, *trial);
-  about["matrix_work"] = trial->model().matrix_work();
-  about["engine"] = policy_host::is_quicker_elsewhere(trial->model())
-                        ? "onnxruntime: " + policy_host::matrix_work_text(trial->model())
+  if (!reading) return std::unexpected(not_by_built_in(options.file, reading.error()));
+  nlohmann::json about = policy_json(options.file, *reading);
+  about["matrix_work"] = reading->model.matrix_work();
+  about["engine"] = policy_host::is_quicker_elsewhere(reading->model)
+                        ? "onnxruntime: " + policy_host::matrix_work_text(reading->model)
                         : "builtin";
-  const auto metadata = policy_host::read_exporter_metadata(trial->model().metadata());
+  const auto metadata = policy_host::read_exporter_metadata(reading->model.metadata());
   if (!metadata) return std::unexpected(policy_refused(options.file + ": " + metadata.error()));
   about["rounded_to_3_decimals"] = metadata->rounded;
   const auto described =
-      policy_host::describe_exploy(trial->model().metadata(), trial->model().inputs(), trial->model().outputs());
+      policy_host::describe_exploy(reading->model.metadata(), reading->model.inputs(), reading->model.outputs());
   if (!described) return std::unexpected(policy_refused(options.file + ": " + described.error()));
   about["bound"] = nlohmann::json::array();
   if (!robot) return about;
@@ -218,7 +228,7 @@ std::expected<nlohmann::json, Refusal> examine_policy(const PolicyCheckOptions& 
   if (*described)
     for (const std::string& difference : differences_from(**described, *robot))
       about["differences"].push_back(difference);
-  about["bound"] = bound_by(*robot, *trial);
+  about["bound"] = bound_by(*robot, *reading);
   about["robot"] = fit_json(*robot, **policy);
   return about;
 }

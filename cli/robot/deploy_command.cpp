@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.hpp"
+#include "cli/policy_host_option.hpp"
 #include "cli/robot/deployed_robot.hpp"
 #include "cli/robot/executive_guard.hpp"
 #include "cli/run/checked_robot.hpp"
@@ -25,7 +26,7 @@ namespace takt::cli {
 namespace {
 
 struct DeployOptions : DeploymentOptions {
-  std::string robot_file, name, world, runs = "/var/lib/takt/runs", watch = "30s", arm_within = "120s";
+  std::string robot_file, name, world, policy_host, runs = "/var/lib/takt/runs", watch = "30s", arm_within = "120s";
   bool simulated = false, arm = false;
   deploy::ProbationTimes times;  // of `watch` and `arm_within`
 };
@@ -92,7 +93,7 @@ std::expected<Outcome, Refusal> deploy_robot(const DeployOptions& options) {
   const std::vector<std::string> places{options.place.runtime_directory};
   if (const auto disarmed = require_disarmed(places); !disarmed) return std::unexpected(disarmed.error());
 
-  const auto smoke = deploy::smoke_run(robot, options.world);
+  const auto smoke = deploy::smoke_run(robot, {options.world, options.policy_host});
   if (!smoke) return refused(fmt::format("smoke run failed, nothing was changed: {}", smoke.error()));
   Outcome outcome{options.name.empty() ? new_name(robot) : options.name, store->current(), *smoke, {}, {}};
   if (const auto added = store->add({robot, outcome.name, options.runs, options.simulated}); !added)
@@ -160,6 +161,7 @@ void add_deploy(CLI::App& app, int& exit_code) {
   command->add_flag("--simulated", options->simulated, "takt-plant plays the robot");
   command->add_option("--runs", options->runs, "record.directory of the deployment")->capture_default_str();
   add_world(*command, options->world);
+  add_policy_host(*command, options->policy_host);
   add_deployment_options(*command, *options);
   command->footer(
       "Example: sudo takt deploy robot.yaml --watch 60s\n"

@@ -74,8 +74,10 @@ typedef struct takt_stream {
 
 typedef struct takt_term {
   uint32_t kind;
-  uint32_t values;    /* STREAM, QUEUE: how many per sample the policy expects; IMAGE: how many bytes; else 0 */
-  const char* stream; /* STREAM, QUEUE, IMAGE: name of an entry in the robot file's `sensors`; else NULL */
+  uint32_t values;     /* STREAM, QUEUE: how many per sample the policy expects; IMAGE: how many bytes; else 0 */
+  const char* stream;  /* STREAM, QUEUE, IMAGE: name of an entry in the robot file's `sensors`; else NULL, as below */
+  const char* unit;    /* that sensor's `unit`, as there; NULL: not compared */
+  const char* max_age; /* its `timeout`, as in a robot file: "80 ms"; NULL: not compared */
 } takt_term;
 
 /* What the policy is. Copied; nothing has to outlive takt_policy_open. */
@@ -92,6 +94,9 @@ typedef struct takt_policy_spec {
   /* NULL: be the robot's policy. Else a candidate that runs beside it (`takt policy swap`): path of the program or of
    * the file with what it has learned, whose SHA-256 is its identity. */
   const char* candidate_file;
+  /* How the chunks are made to follow one another: the robot file's policy.action.join.kind ("cross_fade", "prefix",
+   * ...), or "rtc", which is prefix: each answer goes on from takt_observation.committed. NULL: not compared. */
+  const char* join;
 } takt_policy_spec;
 
 /* The robot as its file describes it; constant. */
@@ -142,6 +147,13 @@ typedef struct takt_observation {
   const takt_queue* queues; /* queue_count, in the terms' order */
   uint32_t queue_count;
   uint32_t reserved_too;
+  /* What a network that goes on from it is given: committed_count x joint_count positions, rad, oldest first. Row i is
+   * for step i of the answer: where the promised chunk leads the robot at published_ns + i * step_ns, read between its
+   * steps as policy.action.interpolation says (hold: the step that is played for most of the row's time), as published,
+   * before clamps. The first row is the present; the last may reach up to a step past the promise, along the same path.
+   * An answer that came too late for this observation to know of it is taken at once: then it is its path.
+   * NULL: nothing is promised, or more than 32 answers were published since that chunk. */
+  const float* committed;
 } takt_observation;
 
 /* What a speculative chunk assumes: where the joints are, joint_count values each, at an instant after the observation

@@ -59,9 +59,26 @@ std::expected<std::string, std::string> plant_sha256_of(const config::RobotConfi
   return config::sha256_hex(text);
 }
 
-// `world`: what the process that plays the mechanics calls itself; empty: none does.
+std::expected<void, std::string> give_network(Contestant& made) {
+  auto policy = policy_host::load_policy(made.robot);
+  if (!policy) return std::unexpected(policy.error());
+  if (const auto fits = policy_host::check_fit(made.robot, **policy); !fits) return std::unexpected(fits.error());
+  made.policy = std::move(*policy);
+  return {};
+}
+
+// Does it take the robot? It is started again where it rolls out.
+std::expected<void, std::string> give_program(Contestant& made, const std::string& command) {
+  made.program = std::make_unique<PolicyProcess>(command);
+  auto begun = made.program->begin(made.robot, made.policy_hash);
+  made.program->end();
+  return begun;
+}
+
+// `world`: what the process that plays the mechanics calls itself; empty: none does. `program`: the policy's; empty: a
+// network.
 std::expected<Contestant, std::string> make_contestant(const config::RobotConfig& base, const PanelMethod& method,
-                                                       const std::string& world) {
+                                                       const std::string& world, const std::string& program) {
   auto robot = config::with_overrides(base, method.overrides);
   if (!robot) return std::unexpected(robot.error());
   if (const auto fine = policy_host::check_policy_section(*robot); !fine) return std::unexpected(fine.error());
@@ -70,15 +87,13 @@ std::expected<Contestant, std::string> make_contestant(const config::RobotConfig
   const config::Policy& section = *made.robot.policy;
   auto sha256 = sha256_of_file(section.file, "policy.file");
   if (!sha256) return std::unexpected(sha256.error());
-  auto policy = policy_host::load_policy(made.robot);
-  if (!policy) return std::unexpected(policy.error());
-  if (const auto fits = policy_host::check_fit(made.robot, **policy); !fits) return std::unexpected(fits.error());
-  made.policy = std::move(*policy);
+  made.policy_sha256 = std::move(*sha256);
+  made.policy_hash = config::leading_64_bits(made.policy_sha256);
+  if (const auto given = program.empty() ? give_network(made) : give_program(made, program); !given)
+    return std::unexpected(given.error());
   auto fallback = load_fallback_host(made.robot);
   if (!fallback) return std::unexpected(fallback.error());
   made.fallback = std::move(*fallback);
-  made.policy_sha256 = std::move(*sha256);
-  made.policy_hash = config::leading_64_bits(made.policy_sha256);
   auto plant = plant_sha256_of(base, world);
   if (!plant) return std::unexpected(plant.error());
   made.plant_sha256 = std::move(*plant);
@@ -138,10 +153,10 @@ std::vector<PlannedRollout> plan_of(const Panel& panel, const Shard& shard) {
   return plan;
 }
 
-std::expected<Contest, std::string> Contest::prepare(Panel panel, const std::string& world) {
+std::expected<Contest, std::string> Contest::prepare(Panel panel, const OutsideProcesses& outside) {
   Contest contest(std::move(panel));
-  contest.world_text_ = world;
-  if (!world.empty()) contest.world_ = std::make_unique<plant::WorldProcess>(world);
+  contest.outside_ = outside;
+  if (!outside.world.empty()) contest.world_ = std::make_unique<plant::WorldProcess>(outside.world);
   std::string problems;
   const auto note = [&](const std::string& what) { problems += (problems.empty() ? "" : "\n") + what; };
   for (const PanelTask& task : contest.panel_.tasks) {
@@ -152,13 +167,16 @@ std::expected<Contest, std::string> Contest::prepare(Panel panel, const std::str
       continue;
     }
     if (const std::string problem = joints_problem(contest.panel_, *robot); !problem.empty()) note(problem);
+    if (task.modes > 1 && !outside.policy.empty())
+      note(contest.panel_.file +
+           ": `modes` spoils what a network says, and --policy-host names a program; leave out one");
     const auto played = ask(contest.world_.get(), *robot, task.task);
     if (!played) {
       note(played.error());
       continue;
     }
     for (const PanelMethod& method : contest.panel_.methods) {
-      auto made = make_contestant(*robot, method, *played);
+      auto made = make_contestant(*robot, method, *played, outside.policy);
       if (made)
         contest.contestants_.push_back(std::move(*made));
       else
@@ -167,6 +185,12 @@ std::expected<Contest, std::string> Contest::prepare(Panel panel, const std::str
   }
   if (!problems.empty()) return std::unexpected(problems);
   return contest;
+}
+
+void Contest::clean_up() {
+  if (world_) world_->give_up();
+  for (const Contestant& contestant : contestants_)
+    if (contestant.program) contestant.program->end();
 }
 
 RolloutRow Contest::identity(const PlannedRollout& planned) const {
@@ -221,7 +245,7 @@ RolloutSetup Contest::setup_of(const PlannedRollout& planned) const {
   timing.modes = task.modes;
   timing.mode_spread = task.mode_spread;
   return {.robot = who.robot,
-          .policy = *who.policy,
+          .policy = who.program ? Answering(*who.program) : Answering(*who.policy),
           .policy_hash = who.policy_hash,
           .fallback = who.fallback.get(),
           .task = task.task,
@@ -249,6 +273,7 @@ std::expected<RanRollout, std::string> Contest::run(const PlannedRollout& planne
   setup.on_tick = [&](const TickRecord& record) { watch.tick(record); };
   std::string end;
   setup.on_world_end = [&](const plant::WorldEnd& ended) { end = ended.sentence; };
+  setup.on_silence = [&](const std::string& why) { end = why; };
   if (const auto done = run_rollout(setup, row); !done) return std::unexpected(done.error());
   RanRollout ran = conclude(std::move(row), watch, end);
   meter.fill(panel_.duration, ran.row.host);
@@ -265,11 +290,14 @@ RanRollout Contest::conclude(RolloutRow row, RolloutWatch& watch, const std::str
   row.catches = watch.monitors_.catch_count();
   RanRollout ran{.row = std::move(row), .post_mortem = {}};
   if (ran.row.success) return ran;
+  const auto option = [](const char* name, const std::string& value) {
+    return value.empty() ? "" : fmt::format(" {} '{}'", name, value);
+  };
   PostMortemDraft draft{.row = ran.row,
-                        .show_again = fmt::format("takt panel run {}{}{} --only {} --out again  # panel: SHA-256 {}",
-                                                  panel_.file, panel_.robot.empty() ? "" : " --robot " + panel_.robot,
-                                                  world_text_.empty() ? "" : " --world '" + world_text_ + "'",
-                                                  rollout_id(ran.row), panel_.sha256),
+                        .show_again = fmt::format(
+                            "takt panel run {}{}{}{} --only {} --out again  # panel: SHA-256 {}", panel_.file,
+                            panel_.robot.empty() ? "" : " --robot " + panel_.robot, option("--world", outside_.world),
+                            option("--policy-host", outside_.policy), rollout_id(ran.row), panel_.sha256),
                         .ticks = &watch.failure_,
                         .verdicts = {},
                         .incidents = monitor::by_gravity(std::move(watch.told_))};

@@ -13,6 +13,8 @@
 #include "evidence/artifact/rollout_row.hpp"
 #include "evidence/judge/post_mortem.hpp"
 #include "evidence/panel/panel_file.hpp"
+#include "evidence/rollout/outside_processes.hpp"
+#include "evidence/rollout/policy_process.hpp"
 #include "monitor/judge/chunk_monitors.hpp"
 #include "monitor/judge/fault_classifier.hpp"
 #include "monitor/judge/run_metrics.hpp"
@@ -36,8 +38,9 @@ std::vector<PlannedRollout> plan_of(const Panel& panel, const Shard& shard);
 // One method on one task.
 struct Contestant {
   config::RobotConfig robot;
-  std::unique_ptr<policy_host::Policy> policy;
-  std::unique_ptr<FallbackHost> fallback;  // null: the robot has none
+  std::unique_ptr<policy_host::Policy> policy;  // null: a program
+  std::unique_ptr<PolicyProcess> program;       // null: a network
+  std::unique_ptr<FallbackHost> fallback;       // null: the robot has none
   std::uint64_t policy_hash = 0;
   std::string policy_sha256, plant_sha256;
 };
@@ -78,9 +81,9 @@ class RolloutWatch {
 
 class Contest {
  public:
-  // `world`: as plant::WorldProcess has it; empty: robots live in what their files describe. It is asked whether it
-  // plays them. The error: one problem per line, each naming panel, method and key.
-  static std::expected<Contest, std::string> prepare(Panel panel, const std::string& world = {});
+  // `outside`: for every method. World and policy are asked whether they play with these robots. The error: one problem
+  // per line, each naming panel, method and key.
+  static std::expected<Contest, std::string> prepare(Panel panel, const OutsideProcesses& outside = {});
 
   [[nodiscard]] const Panel& panel() const { return panel_; }
   // Of an artifact that holds `planned` rollouts of the panel.
@@ -88,9 +91,7 @@ class Contest {
   // The error is one sentence.
   std::expected<RanRollout, std::string> run(const PlannedRollout& planned);
   // Of what run() started: a process leaves nothing behind.
-  void clean_up() {
-    if (world_) world_->give_up();
-  }
+  void clean_up();
   // As run() fills it, before anything has run: names the rollout.
   [[nodiscard]] RolloutRow identity(const PlannedRollout& planned) const;
   [[nodiscard]] const Contestant& contestant(const PlannedRollout& planned) const {
@@ -104,7 +105,7 @@ class Contest {
   explicit Contest(Panel panel) : panel_(std::move(panel)) {}
   [[nodiscard]] RolloutSetup setup_of(const PlannedRollout& planned) const;
   Panel panel_;
-  std::string world_text_;
+  OutsideProcesses outside_;
   std::unique_ptr<plant::WorldProcess> world_;  // null: none
   std::vector<Contestant> contestants_;         // task by task
 };

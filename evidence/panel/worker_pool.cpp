@@ -75,7 +75,7 @@ class Worker {
   Worker& operator=(const Worker&) = delete;
   ~Worker() {
     ::close(in_);
-    ::kill(pid_, SIGKILL);
+    if (!has_ended_) ::kill(pid_, SIGKILL);
     ::waitpid(pid_, nullptr, 0);
   }
 
@@ -101,7 +101,10 @@ class Worker {
     std::array<char, 65536> buffer{};
     const ssize_t got = ::read(in_, buffer.data(), buffer.size());
     if (got < 0 && errno == EINTR) return true;
-    if (got <= 0) return false;
+    if (got <= 0) {
+      has_ended_ = true;
+      return false;
+    }
     text_.append(buffer.data(), static_cast<std::size_t>(got));
     for (std::size_t end = text_.find('\n'); end != std::string::npos; end = text_.find('\n')) {
       lines_.push_back(text_.substr(0, end));
@@ -110,6 +113,11 @@ class Worker {
     return true;
   }
   std::deque<std::string>& lines() { return lines_; }
+  // Nothing is wanted of it any more: it puts away what it started, and ends.
+  void let_end() {
+    while (read_more()) {
+    }
+  }
 
  private:
   static std::unexpected<std::string> refusal(const char* what) {
@@ -117,6 +125,7 @@ class Worker {
   }
   pid_t pid_;
   int in_;
+  bool has_ended_ = false;  // its end of the pipe is closed
   std::string text_;
   std::deque<std::string> lines_;
 };
@@ -162,6 +171,7 @@ std::expected<void, std::string> run_in_workers(Contest& contest, std::span<cons
     if (!ran) return std::unexpected(ran.error());
     if (const auto done = deliver(*ran); !done) return std::unexpected(done.error());
   }
+  for (const auto& worker : running) worker->let_end();
   return {};
 }
 

@@ -11,11 +11,13 @@ std::expected<RunReview, std::string> review_of(const RecordedRun& run) {
   FaultClassifier classifier(fault_rules_of(run.robot));
   IncidentWatch incidents(run.robot);
   ChunkMonitors monitors(run.robot);
+  SensorAges sensors(run.robot);
   const auto scan = scan_run(run, {.tick =
                                        [&](const RecordedTick& tick) {
                                          collector.tick(tick.record);
                                          classifier.tick(tick.record);
                                          monitors.tick(tick.record.header);
+                                         sensors.tick(tick.record.header);
                                          if (auto incident = incidents.tick(tick.record))
                                            note(review.metrics, std::move(*incident));
                                        },
@@ -25,10 +27,12 @@ std::expected<RunReview, std::string> review_of(const RecordedRun& run) {
                                          monitors.command(command);
                                        },
                                    .keyframe = {},
-                                   .loss = [&](const Loss& loss) { collector.loss(loss); }});
+                                   .loss = [&](const Loss& loss) { collector.loss(loss); },
+                                   .policy_input = [&](const RecordedPolicyInput& input) { sensors.input(input); }});
   if (!scan) return std::unexpected(scan.error());
   review.metrics.scan = *scan;
   note(review.metrics, monitors);
+  review.metrics.sensors = sensors.ages();
   collector.finish(run.robot.freshness.epsilon, run.robot.freshness.confidence);
   review.faults = classifier.finish();
   add_counterfactuals(review.metrics.incidents, run);

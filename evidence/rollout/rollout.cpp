@@ -277,7 +277,9 @@ std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutR
   if (!world) return std::unexpected(world.error());
   auto bus = VirtualBus::make(setup.robot, disturbance, setup.seed);
   if (!bus) return std::unexpected(bus.error());
-  setup.policy.reset();
+  if (setup.policy.network != nullptr) setup.policy.network->reset();
+  if (setup.policy.program != nullptr)
+    if (auto begun = setup.policy.program->begin(setup.robot, setup.policy_hash); !begun) return begun;
   if (setup.fallback != nullptr) setup.fallback->policy->reset();
   Rollout rollout(setup, disturbance, **world, std::move(*bus));
   try {
@@ -286,6 +288,8 @@ std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutR
     return std::unexpected(setup.robot.file + ": " + diverged.what());
   }
   if (const plant::WorldEnd* const end = (*world)->ended()) tell_end(setup, *end);
+  if (setup.policy.program != nullptr && !setup.policy.program->silence().empty() && setup.on_silence)
+    setup.on_silence(setup.policy.program->silence());
   return {};
 }
 

@@ -41,7 +41,7 @@ std::expected<Task, std::string> task_of(const config::RobotConfig& robot, World
 
 struct RolloutSetup {
   const config::RobotConfig& robot;  // as the method wants it
-  policy_host::Policy& policy;       // fits the robot
+  Answering policy;                  // a network that fits the robot, or a program
   std::uint64_t policy_hash = 0;
   FallbackHost* fallback = nullptr;  // of a robot that has a fallback policy; its timing is the policy's
   Task task = Task::arm_tracking;
@@ -58,6 +58,7 @@ struct RolloutSetup {
   std::function<void(const TickRecord&)> on_tick = {};
   WorldProcess* world = nullptr;  // plays the mechanics; null: the robot file's own
   std::function<void(const plant::WorldEnd&)> on_world_end = {};
+  std::function<void(const std::string& why)> on_silence = {};  // of a program that ended or hung
 };
 
 // Fills everything of the row but its identity and host fields. A world that hangs, dies, answers nonsense or gives up

@@ -34,15 +34,14 @@ Duration scaled(Duration duration, double factor) {
 
 }  // namespace
 
-VirtualPolicy::VirtualPolicy(const config::RobotConfig& robot, std::uint64_t policy_hash, policy_host::Policy& policy,
+VirtualPolicy::VirtualPolicy(const config::RobotConfig& robot, std::uint64_t policy_hash, const Answering& answering,
                              const PolicyTiming& timing, const Disturbance& disturbance, const Disturbance& of_sensors,
                              std::uint64_t seed)
     : robot_(robot),
       timing_(timing),
       disturbance_(disturbance),
       seed_(seed),
-      policy_(policy),
-      responder_(robot, policy_hash, policy),
+      answering_(answering),
       pacing_(robot.policy->requests_in_flight),
       sensors_in_use_(policy_host::sensors_in_use(robot)),
       samples_(robot.sensors.size()),
@@ -52,7 +51,7 @@ VirtualPolicy::VirtualPolicy(const config::RobotConfig& robot, std::uint64_t pol
   // At most one sensor of numbers has samples.
   for (std::size_t sensor = 0; sensor < robot.sensors.size(); ++sensor)
     feeds_.emplace_back(of_sensors, seed, robot.sensors[sensor].image ? kImageLossStream + sensor : kSampleLossStream);
-  responder_.start_session();
+  if (answering_.network != nullptr) responder_.emplace(robot, policy_hash, *answering_.network).start_session();
 }
 
 bool VirtualPolicy::is_dead(MonoTime at) const {
@@ -82,8 +81,9 @@ void VirtualPolicy::live_through_crash(MonoTime now) {
   }
   if (!restarted_ && now >= disturbance_.ends()) {
     restarted_ = true;
-    responder_.start_session();
     ++session_;
+    if (responder_) return responder_->start_session();
+    (void)answering_.program->begin_anew();  // it keeps why not
   }
 }
 
@@ -126,7 +126,7 @@ void VirtualPolicy::run_until(MonoTime now) {
       publish_next();
     } else if (ready.is_set() && ready <= now) {
       const Waiting waiting = next(ready);
-      if (responder_.awaits(waiting.observation)) continue;
+      if (responder_ && responder_->awaits(waiting.observation)) continue;
       ask(waiting, end_of(ready, waiting.callbacks));
     } else {
       return;
@@ -185,17 +185,47 @@ void VirtualPolicy::ask(const Waiting& waiting, MonoTime dequeued_at) {
   const MonoTime published = ended + timing_.publish;
   free_at = published;
   pacing_.asked(dequeued_at);
-  InFlight& one = in_flight_.emplace_back(InFlight{{}, published, draw});
-  responder_.ask(waiting.observation, used_, dequeued_at, one.request, images_);
+  InFlight& one = in_flight_.emplace_back(InFlight{{}, published, draw, nullptr});
+  one.request.observation = waiting.observation;
+  if (responder_)
+    ask_network(one, dequeued_at, started, ended);
+  else
+    ask_program(one, dequeued_at, started, ended);
+}
+
+void VirtualPolicy::ask_network(InFlight& one, MonoTime dequeued_at, MonoTime started, MonoTime ended) {
+  const Observation observation = one.request.observation;
+  responder_->ask(observation, used_, dequeued_at, one.request, images_);
   t_script = {{started, ended}, 0};
-  policy_host::Responder::infer(policy_, one.request, scripted_clock);
+  policy_host::Responder::infer(*answering_.network, one.request, scripted_clock);
   drift(one.request);
+}
+
+// What it says of when things happened is of another time than this one.
+void VirtualPolicy::ask_program(InFlight& one, MonoTime dequeued_at, MonoTime started, MonoTime ended) {
+  one.request.infer_started_at = started;
+  one.request.infer_ended_at = ended;
+  Observation& shown = one.request.observation;
+  shown.overtaken = program_published_ >= shown.published_at ? 1 : 0;
+  one.said = spare_ ? std::move(spare_) : std::make_unique<CommandChunk>();
+  if (!answering_.program->answer(one.request.observation, used_, images_, *one.said)) return one.said.reset();
+  CommandHeader& header = one.said->header;
+  header.dequeued_at = dequeued_at;
+  header.infer_started_at = started;
+  header.infer_ended_at = ended;
+  header.published_at = program_published_ = one.published;
+}
+
+const CommandChunk* VirtualPolicy::taken(InFlight& one) {
+  if (!responder_) return one.said.get();
+  t_script = {{one.published, one.published}, 0};
+  return responder_->take(one.request, scripted_clock);
 }
 
 std::unique_ptr<CommandChunk> VirtualPolicy::copy_of(const CommandChunk& chunk) {
   std::unique_ptr<CommandChunk> copy = spare_ ? std::move(spare_) : std::make_unique<CommandChunk>();
   copy->header = chunk.header;
-  std::copy_n(chunk.values, chunk.value_count(), copy->values);
+  std::copy_n(chunk.values, chunk.value_count() + chunk.assumed_count(), copy->values);
   return copy;
 }
 
@@ -205,8 +235,7 @@ void VirtualPolicy::publish_next() {
   in_flight_.erase(first);
   const policy_host::Request& request = one.request;
   pacing_.took(request.infer_ended_at - request.infer_started_at);
-  t_script = {{one.published, one.published}, 0};
-  const CommandChunk* const chunk = responder_.take(request, scripted_clock);
+  const CommandChunk* const chunk = taken(one);
   if (chunk == nullptr) return;
   ArrivedCommand command{request.observation.oldest_sensed_at, request.observation.published_at, one.published,
                          one.published + disturbance_.delay(Trouble::publish_delay, one.published), copy_of(*chunk)};

@@ -1,5 +1,5 @@
-// The policy host in virtual time: the real observation builder, network and chunk builder (policy_host/responder),
-// and a model of when things happen around them.
+// The policy host in virtual time: the real observation builder, network and chunk builder (policy_host/responder), or
+// the real program that is the policy (policy_process.hpp), and a model of when things happen around them.
 //
 //   observation published -> readable kPublishMargin later (plus up to 0.1 ms) -> host free -> inference (lognormal) ->
 //   publication -> the first tick afterwards finds the command in the mailbox
@@ -22,11 +22,13 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "config/robot_config.hpp"
 #include "evidence/rollout/perturbation.hpp"
+#include "evidence/rollout/policy_process.hpp"
 #include "evidence/rollout/random.hpp"
 #include "evidence/rollout/sensor_feed.hpp"
 #include "executive/contract/command_chunk.hpp"
@@ -56,10 +58,19 @@ struct ArrivedCommand {
   std::unique_ptr<CommandChunk> chunk;
 };
 
+// Who answers: a network, or a program. One of the two.
+struct Answering {
+  Answering(policy_host::Policy& given) : network(&given) {}
+  Answering(PolicyProcess& given) : program(&given) {}  // begun, when a rollout begins
+
+  policy_host::Policy* network = nullptr;
+  PolicyProcess* program = nullptr;
+};
+
 class VirtualPolicy {
  public:
   // Preconditions as the responder's. Everything referred to outlives this.
-  VirtualPolicy(const config::RobotConfig& robot, std::uint64_t policy_hash, policy_host::Policy& policy,
+  VirtualPolicy(const config::RobotConfig& robot, std::uint64_t policy_hash, const Answering& answering,
                 const PolicyTiming& timing, const Disturbance& disturbance, const Disturbance& of_sensors,
                 std::uint64_t seed);
 
@@ -89,6 +100,15 @@ class VirtualPolicy {
   [[nodiscard]] Duration inference_time(Random& draw, MonoTime started);
   void publish_next();
   [[nodiscard]] std::unique_ptr<CommandChunk> copy_of(const CommandChunk& chunk);
+  struct InFlight {
+    policy_host::Request request;  // of a program: its observation and stamps alone
+    MonoTime published;
+    Random draw;
+    std::unique_ptr<CommandChunk> said;  // by a program; null: nothing
+  };
+  void ask_network(InFlight& one, MonoTime dequeued_at, MonoTime started, MonoTime ended);
+  void ask_program(InFlight& one, MonoTime dequeued_at, MonoTime started, MonoTime ended);
+  const CommandChunk* taken(InFlight& one);
   void spoil(CommandChunk& chunk, Random& draw, MonoTime at) const;
   void drift(policy_host::Request& request) const;
   [[nodiscard]] bool is_dead(MonoTime at) const;
@@ -97,8 +117,8 @@ class VirtualPolicy {
   const PolicyTiming timing_;
   const Disturbance& disturbance_;
   std::uint64_t seed_;
-  policy_host::Policy& policy_;
-  policy_host::Responder responder_;
+  Answering answering_;
+  std::optional<policy_host::Responder> responder_;  // of a network
   policy_host::RequestPacing pacing_;
   std::vector<SensorFeed> feeds_;  // one per sensor of the robot file
   std::vector<std::size_t> sensors_in_use_;
@@ -108,14 +128,10 @@ class VirtualPolicy {
   std::deque<ArrivedCommand> sent_;
   ArrivedCommand newest_;
   std::unique_ptr<CommandChunk> spare_;  // a command's that was read; null: none
-  struct InFlight {
-    policy_host::Request request;
-    MonoTime published;
-    Random draw;
-  };
-  std::vector<MonoTime> free_at_;  // one per request in flight
+  std::vector<MonoTime> free_at_;        // one per request in flight
   std::vector<InFlight> in_flight_;
   std::int64_t stalls_ = 0, bursts_ = 0;  // turns of the perturbation that are done
+  MonoTime program_published_;            // its newest answer
   std::uint8_t session_ = 1;
   bool crashed_ = false, restarted_ = false;
 };

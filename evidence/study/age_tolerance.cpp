@@ -156,7 +156,7 @@ class Doses {
 std::expected<void, std::string> find_age(const ToleranceSetup& setup, const config::RobotConfig& robot,
                                           AgeTolerance& found) {
   auto contest = panel::Contest::prepare(panel_of(setup, robot, "publish_delay", kDelayGrid_ms, kMostDelay_ms, 40'000),
-                                         setup.world);
+                                         setup.outside);
   if (!contest) return std::unexpected(contest.error());
   Doses doses(setup, std::move(*contest));
   const auto nominal = doses.look_at(0);
@@ -183,7 +183,7 @@ double two_digits_below(double value) {
 std::expected<void, std::string> find_share(const ToleranceSetup& setup, const config::RobotConfig& robot,
                                             AgeTolerance& found) {
   auto contest = panel::Contest::prepare(
-      panel_of(setup, robot, "inference_stall", kStallGrid_ms, kMostStall_ms, found.max_age_ms), setup.world);
+      panel_of(setup, robot, "inference_stall", kStallGrid_ms, kMostStall_ms, found.max_age_ms), setup.outside);
   if (!contest) return std::unexpected(contest.error());
   Doses doses(setup, std::move(*contest));
   const auto largest = doses.largest_tolerated();
@@ -203,7 +203,7 @@ std::expected<void, std::string> find_silence(const ToleranceSetup& setup, const
                                               AgeTolerance& found) {
   auto contest = panel::Contest::prepare(panel_of(setup, robot, "policy_freeze", kSilenceGrid_ms, kMostSilence_ms,
                                                   found.max_age_ms, Duration{setup.duration.ns / 2}),
-                                         setup.world);
+                                         setup.outside);
   if (!contest) return std::unexpected(contest.error());
   Doses doses(setup, std::move(*contest));
   const auto largest = doses.largest_tolerated();

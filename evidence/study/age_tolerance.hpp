@@ -20,6 +20,7 @@
 #include <string>
 #include <vector>
 
+#include "evidence/rollout/outside_processes.hpp"
 #include "evidence/rollout/rollout.hpp"
 #include "executive/contract/mono_time.hpp"
 
@@ -39,7 +40,7 @@ struct ToleranceSetup {
   double bound_m = 0.02;
   Duration duration = seconds(8), scored = seconds(2);
   std::function<void(const std::string& sentence)> on_progress = {};
-  std::string world = {};  // as plant::WorldProcess has it; empty: the robot file's own mechanics
+  panel::OutsideProcesses outside = {};
 };
 
 // One dose. With failures enough to be refused, the remaining seeds were left out.

@@ -24,7 +24,8 @@ struct Observation {
   std::uint32_t joint_count = 0;  // 1..kMaxJoints
   std::uint8_t mode = 0;          // takt::Mode at publication
   std::uint8_t of_candidate = 0;  // 1: the chunk in use came from the candidate's mailbox; 0: from the policy's
-  std::uint8_t reserved[2] = {};
+  std::uint8_t overtaken = 0;     // in lockstep (Welcome): 1: the answer before was published after this; else 0
+  std::uint8_t reserved = 0;
   // The steps of the chunk in use that will be played whatever answers this observation (policy.action.join prefix):
   // committed_count of them, beginning with the one that is being played. 0: none is promised.
   std::uint64_t command_sequence = 0;  // of that chunk; 0: none of this session is in use
@@ -42,7 +43,8 @@ struct Observation {
   {                                                                                                                   \
     TAKT_FIELD(Observation, id), TAKT_FIELD(Observation, tick), TAKT_FIELD(Observation, oldest_sensed_at),            \
         TAKT_FIELD(Observation, published_at), TAKT_FIELD(Observation, period), TAKT_FIELD(Observation, joint_count), \
-        TAKT_FIELD(Observation, mode), TAKT_FIELD(Observation, of_candidate), TAKT_FIELD(Observation, reserved),      \
+        TAKT_FIELD(Observation, mode), TAKT_FIELD(Observation, of_candidate), TAKT_FIELD(Observation, overtaken),     \
+        TAKT_FIELD(Observation, reserved),                                                                            \
         TAKT_FIELD(Observation, command_sequence), TAKT_FIELD(Observation, committed_from),                           \
         TAKT_FIELD(Observation, committed_count), TAKT_FIELD(Observation, q), TAKT_FIELD(Observation, dq),            \
         TAKT_FIELD(Observation, tau), TAKT_FIELD(Observation, q_setpoint), TAKT_FIELD(Observation, dq_of_drive),      \

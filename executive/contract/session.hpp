@@ -67,7 +67,10 @@ struct Welcome {
   std::uint64_t magic = kMagic;
   WelcomeStatus status = WelcomeStatus::refused;
   std::uint8_t descriptor_count = 0;  // file descriptors that came along (SCM_RIGHTS)
-  std::uint8_t reserved[6] = {};
+  // Policies. 1: lockstep. Every observation waits for its answer, a chunk or one of 0 steps, which says that there is
+  // none; all stamps are of the server's own time, and no clock has anything to do with them. 0: CLOCK_MONOTONIC.
+  std::uint8_t lockstep = 0;
+  std::uint8_t reserved[5] = {};
   char sentence[496] = {};  // why refused, or empty
 };
 static_assert(std::is_standard_layout_v<Welcome> && sizeof(Welcome) == 512);

@@ -47,6 +47,7 @@ struct Peer {
 struct Admission {
   std::string refusal;           // non-empty: refused with this sentence
   std::vector<int> descriptors;  // borrowed; duplicated into the peer
+  bool lockstep = false;         // Welcome::lockstep
 };
 
 class RendezvousServer {
@@ -91,6 +92,7 @@ class RendezvousServer {
 struct Lease {
   Descriptor connection;
   std::vector<Descriptor> descriptors;
+  bool lockstep = false;  // Welcome::lockstep
 };
 
 // Connects, says hello, waits at most `timeout`. The error is the server's sentence or what went wrong on the way.

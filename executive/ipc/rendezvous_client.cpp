@@ -96,7 +96,7 @@ std::expected<Lease, std::string> attach_until(const std::string& path, Hello he
                            std::to_string(welcome.descriptor_count) +
                            " descriptors arrived: raise the open-file limit (ulimit -n)");
   }
-  return Lease{std::move(*socket), std::move(*descriptors)};
+  return Lease{std::move(*socket), std::move(*descriptors), welcome.lockstep != 0};
 }
 
 }  // namespace

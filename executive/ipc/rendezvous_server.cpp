@@ -72,12 +72,13 @@ constexpr bool is_for_policies(Role role) {
   return false;
 }
 
-bool send_welcome(int socket, const std::string& refusal, std::span<const int> descriptors) {
+bool send_welcome(int socket, const Admission& admission) {
   Welcome welcome;
-  welcome.status = refusal.empty() ? WelcomeStatus::accepted : WelcomeStatus::refused;
-  welcome.descriptor_count = static_cast<std::uint8_t>(descriptors.size());
-  refusal.copy(welcome.sentence, sizeof welcome.sentence - 1);
-  return send_message(socket, std::as_bytes(std::span(&welcome, 1)), descriptors);
+  welcome.status = admission.refusal.empty() ? WelcomeStatus::accepted : WelcomeStatus::refused;
+  welcome.descriptor_count = static_cast<std::uint8_t>(admission.descriptors.size());
+  welcome.lockstep = admission.lockstep ? 1 : 0;
+  admission.refusal.copy(welcome.sentence, sizeof welcome.sentence - 1);
+  return send_message(socket, std::as_bytes(std::span(&welcome, 1)), admission.descriptors);
 }
 
 // A Unix socket that is closed with unread messages makes the peer's next read fail, although our refusal is waiting
@@ -298,7 +299,7 @@ void RendezvousServer::State::greet(Connection& connection, Hello hello, ssize_t
   if (!admission.refusal.empty()) return refuse(connection, refusals_.unwelcome, admission.refusal);
   connection.stage = Stage::leased;
   connection.since = Clock::now();
-  if (!send_welcome(connection.socket.get(), {}, admission.descriptors)) drop(connection);
+  if (!send_welcome(connection.socket.get(), admission)) drop(connection);
 }
 
 bool RendezvousServer::State::has_room_for(Role role) const {
@@ -342,7 +343,7 @@ void RendezvousServer::State::answer(Connection& connection, const OperatorMessa
 
 void RendezvousServer::State::refuse(Connection& connection, std::uint64_t& counter, const std::string& sentence) {
   ++counter;
-  if (connection.stage != Stage::closed) send_welcome(connection.socket.get(), sentence, {});
+  if (connection.stage != Stage::closed) send_welcome(connection.socket.get(), {sentence, {}});
   drop(connection);
 }
 

@@ -29,19 +29,23 @@ std::expected<RunMetrics, std::string> metrics_of(const RecordedRun& run) {
   MetricsCollector collector(metrics);
   IncidentWatch incidents(run.robot);
   ChunkMonitors monitors(run.robot);
+  SensorAges sensors(run.robot);
   const auto scan = scan_run(run, {.tick =
                                        [&](const RecordedTick& tick) {
                                          collector.tick(tick.record);
                                          monitors.tick(tick.record.header);
+                                         sensors.tick(tick.record.header);
                                          if (auto incident = incidents.tick(tick.record))
                                            note(metrics, std::move(*incident));
                                        },
                                    .command = [&](const RecordedCommand& command) { monitors.command(command); },
                                    .keyframe = {},
-                                   .loss = [&](const Loss& loss) { collector.loss(loss); }});
+                                   .loss = [&](const Loss& loss) { collector.loss(loss); },
+                                   .policy_input = [&](const RecordedPolicyInput& input) { sensors.input(input); }});
   if (!scan) return std::unexpected(scan.error());
   metrics.scan = *scan;
   note(metrics, monitors);
+  metrics.sensors = sensors.ages();
   collector.finish(run.robot.freshness.epsilon, run.robot.freshness.confidence);
   return metrics;
 }

@@ -21,6 +21,7 @@
 #include "executive/incident/incident.hpp"
 #include "monitor/judge/chunk_monitors.hpp"
 #include "monitor/judge/freshness_statistics.hpp"
+#include "monitor/judge/sensor_ages.hpp"
 #include "monitor/record/recorded_run.hpp"
 
 namespace takt::monitor {
@@ -67,6 +68,7 @@ struct RunMetrics {
   std::uint64_t relied_ticks = 0;  // that relied on the policy
   std::array<Quantiles, kAgePartCount> age_per_tick;
   std::array<Quantiles, kAgePartCount> age_per_command;  // hold is zero by definition
+  std::vector<SensorAge> sensors;                        // outside ones, of what the policy was shown
   MissRate misses_per_tick, misses_per_command;
   Quantiles lateness, work;  // of every tick
   // By what the controllers say; of a bus that does not say, none.

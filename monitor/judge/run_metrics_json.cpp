@@ -103,6 +103,9 @@ Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
   json["quantile_method"] = "exclusive";
   json["bound_method"] = "one-sided Clopper-Pearson";
   json["age_ns"] = {{"per_tick", age_json(metrics.age_per_tick)}, {"per_command", age_json(metrics.age_per_command)}};
+  json["sensors"] = Json::object();
+  for (const SensorAge& one : metrics.sensors)
+    json["sensors"][one.sensor] = {{"age_ns", quantiles_json(one.age)}, {"oldest", one.oldest}};
   json["deadline_misses"] = {{"per_tick", misses_json(metrics.misses_per_tick)},
                              {"per_command", misses_json(metrics.misses_per_command)}};
   json["degraded_by_p95"] = should_degrade(metrics.age_per_tick.back(), static_cast<double>(freshness.max_age.ns));

@@ -3,15 +3,19 @@
 //
 // Engines: `builtin` (policy_host/onnx), and plugins (takt/engine.h): `onnxruntime`, `torchscript`, which lie beside
 // the programs in lib/takt/engines, or a path. `auto` goes by the file alone, so that it says the same on every
-// machine: TorchScript by its ending, ONNX by how much of it is products of matrices. Errors: one line: what is wrong,
-// how to mend it. Thread rule: set-up.
+// machine: TorchScript by its ending; ONNX by the built-in engine, but by ONNX Runtime what is beyond that (an
+// operator, an attribute, a type, a size) and what has so many products of matrices that ONNX Runtime is the quicker.
+// What is wrong with the file itself is refused whatever the engine. Errors: one line: what is wrong, how to mend it.
+// Thread rule: set-up.
 #pragma once
 
 #include <expected>
+#include <filesystem>
 #include <memory>
 #include <string>
 
 #include "config/robot_config.hpp"
+#include "policy_host/network.hpp"
 #include "policy_host/onnx/model.hpp"
 #include "policy_host/policy.hpp"
 
@@ -19,6 +23,17 @@ namespace takt::policy_host {
 
 // Precondition: check_policy_section passed.
 std::expected<std::unique_ptr<Policy>, std::string> load_policy(const config::RobotConfig& robot);
+
+// One network of it, `file`, as policy.engine says. Precondition: robot.policy.
+std::expected<std::unique_ptr<Network>, std::string> load_network(const config::RobotConfig& robot,
+                                                                  const std::filesystem::path& file);
+
+// What `auto` takes for a file of a network, whether that engine is there or not.
+struct EngineChoice {
+  std::string name;  // "builtin", "onnxruntime", "torchscript"
+  std::string why;   // of ONNX Runtime: why not the built-in one
+};
+std::expected<EngineChoice, std::string> choose_engine(const std::filesystem::path& file);
 
 // What `auto` hands over to ONNX Runtime, and why.
 bool is_quicker_elsewhere(const onnx_engine::Model& model);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdlib>
 #include <exception>
 #include <vector>
 
@@ -95,6 +96,13 @@ std::vector<takt_engine_tensor> stated_shapes(const config::Engine& engine) {
   return tensors;
 }
 
+// What OpenMP and linear algebra libraries start their pools by: they read it when they are loaded.
+void limit_thread_pools(unsigned threads) {
+  const std::string count = std::to_string(threads);
+  for (const char* const name : {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"})
+    setenv(name, count.c_str(), 1);  // NOLINT(concurrency-mt-unsafe): set-up
+}
+
 std::expected<EngineNetwork, std::string> open_with(const std::string& plugin, const takt_engine_setup& setup) {
   const auto engine = open_plugin(plugin);
   if (!engine) return std::unexpected(engine.error());
@@ -132,6 +140,7 @@ std::expected<EngineNetwork, std::string> open_network(const std::string& plugin
                                 .action_values = robot.policy->steps * config::outputs_per_step(robot),
                                 .shapes = shapes.data(),
                                 .shape_count = shapes.size()};
+  limit_thread_pools(engine.threads);
   const LoadWatch watch(plugin, engine.load_within);
   try {
     return open_with(plugin, setup);

@@ -77,7 +77,7 @@ void build_softplus(Builder& builder, const Node& node) {
 void build_gelu(Builder& builder, const Node& node) {
   const std::string approximate = node.text("approximate", "none");
   if (approximate == "tanh") return build_unary(builder, node, lane_gelu_tanh);
-  if (approximate != "none") node.refuse(fmt::format("approximate '{}' is not supported", approximate));
+  if (approximate != "none") node.beyond(fmt::format("approximate '{}' is not supported", approximate));
   build_unary(builder, node, lane_gelu);
 }
 
@@ -121,7 +121,7 @@ Number bound(const Node& node, std::size_t input, std::string_view attribute, Nu
     return node.has_attribute(attribute) ? static_cast<Number>(node.number(attribute, 0.0F)) : otherwise;
   }
   const Value& value = node.input(input);
-  if (!value.constant || elements(value.shape) != 1) node.refuse("its bounds must be single constants");
+  if (!value.constant || elements(value.shape) != 1) node.beyond("its bounds must be single constants");
   return value.type == ElementType::int64 ? static_cast<Number>(value.integers[0])
                                           : static_cast<Number>(value.floats[0]);
 }

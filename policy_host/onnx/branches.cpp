@@ -38,7 +38,7 @@ Branch build_branch(Builder& builder, const Node& node, std::string_view name) {
     const Value* const value = builder.find(output.name());
     if (value == nullptr) node.refuse(fmt::format("no node of its {} makes '{}'", name, output.name()));
     if (value->type != ElementType::float32 && value->type != ElementType::boolean)
-      node.refuse(fmt::format("output '{}' of its {} is {}; only float32 and bool are supported", output.name(), name,
+      node.beyond(fmt::format("output '{}' of its {} is {}; only float32 and bool are supported", output.name(), name,
                               to_text(value->type)));
     branch.outputs.push_back(value);
   }
@@ -72,7 +72,7 @@ void build_if(Builder& builder, const Node& node) {
   for (std::size_t i = 0; i < node.output_count(); ++i) {
     const Value &a = *then_branch.outputs[i], &b = *else_branch.outputs[i];
     if (a.shape != b.shape || a.type != b.type)
-      node.refuse(fmt::format("output '{}' is {} {} in one branch, {} {} in the other", node.output(i), to_text(a.type),
+      node.beyond(fmt::format("output '{}' is {} {} in one branch, {} {} in the other", node.output(i), to_text(a.type),
                               to_text(a.shape), to_text(b.type), to_text(b.shape)));
     const Value& out = builder.define_floats(node.output(i), a.shape, a.type);
     choices.push_back({a.floats, b.floats, out.floats, elements(a.shape)});

@@ -9,8 +9,8 @@ namespace {
 std::size_t vetted_elements(const std::string& name, const Shape& shape) {
   const std::int64_t count = checked_elements(shape);
   if (count < 0) {
-    throw Refusal(fmt::format("tensor '{}' of shape {} is larger than this engine holds ({} MiB, {} dimensions)", name,
-                              to_text(shape), max_model_bytes >> 20, max_rank));
+    throw Beyond(fmt::format("tensor '{}' of shape {} is larger than this engine holds ({} MiB, {} dimensions)", name,
+                             to_text(shape), max_model_bytes >> 20, max_rank));
   }
   return static_cast<std::size_t>(count);
 }
@@ -38,7 +38,7 @@ const Value* Builder::find(std::string_view name) const {
 
 Value& Builder::define_floats(const std::string& name, const Shape& shape, ElementType type) {
   const std::size_t count = vetted_elements(name, shape);
-  if (count == 0) throw Refusal(fmt::format("tensor '{}' of shape {} has no elements", name, to_text(shape)));
+  if (count == 0) throw Beyond(fmt::format("tensor '{}' of shape {} has no elements", name, to_text(shape)));
   return insert(name, {.type = type, .shape = shape, .floats = allocate(count), .integers = {}});
 }
 
@@ -82,7 +82,7 @@ std::vector<std::unique_ptr<Step>> Builder::end_branch() {
 
 void Builder::charge(std::size_t bytes) {
   if (bytes > max_model_bytes - bytes_) {
-    throw Refusal(fmt::format("its tensors need more than {} MiB", max_model_bytes >> 20));
+    throw Beyond(fmt::format("its tensors need more than {} MiB", max_model_bytes >> 20));
   }
   bytes_ += bytes;
 }

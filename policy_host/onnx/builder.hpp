@@ -20,9 +20,15 @@
 
 namespace takt::onnx_engine {
 
+// Of a file in which something is wrong.
 class Refusal : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
+};
+// Of one in which nothing is found wrong but that it wants more than this engine can do; another one may run it.
+class Beyond : public Refusal {
+ public:
+  using Refusal::Refusal;
 };
 
 // Integers known at load; those that an input decides (a step counted by the caller) and truths live as floats, whole

@@ -38,14 +38,14 @@ void build_constant(Builder& builder, const Node& node) {
   } else if (const std::optional<std::vector<std::int64_t>> integers = node.integers("value_ints")) {
     builder.define_integers(node.output(), vector_shape(integers->size()), *integers);
   } else {
-    node.refuse("only tensors, numbers and integers are supported as its value");
+    node.beyond("only tensors, numbers and integers are supported as its value");
   }
 }
 
 void build_constant_of_shape(Builder& builder, const Node& node) {
   const Shape& shape = node.integer_input(0);
   const std::int64_t count = checked_elements(shape);
-  if (count < 0) node.refuse(fmt::format("shape {} is too large", to_text(shape)));
+  if (count < 0) node.beyond(fmt::format("shape {} is too large", to_text(shape)));
   Value fill{.type = ElementType::float32, .shape = {1}, .integers = {}};
   float zero = 0.0F;
   fill.floats = &zero;
@@ -91,7 +91,7 @@ ElementType cast_target(const Node& node, const Value& in) {
     case onnx::TensorProto_DataType_BOOL:
       return ElementType::boolean;
     default:
-      node.refuse("casts only to FLOAT, INT64 and BOOL are supported");
+      node.beyond("casts only to FLOAT, INT64 and BOOL are supported");
   }
 }
 

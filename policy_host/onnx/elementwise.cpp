@@ -22,7 +22,7 @@ Value as_live(Builder& builder, const Node& node, const Value& value) {
     std::ranges::transform(value.integers, live.floats, [](std::int64_t i) { return static_cast<float>(i); });
     live.constant = true;
   } else if (value.type != ElementType::live_int64) {
-    node.refuse("its inputs differ in data type");
+    node.beyond("its inputs differ in data type");
   }
   live.type = ElementType::float32;
   return live;
@@ -103,7 +103,7 @@ using OnIntegers = std::optional<std::int64_t> (*)(std::int64_t, std::int64_t);
 
 void build_integers(Builder& builder, const Node& node, const std::string& name, const Value& a, const Value& b,
                     OnIntegers operation) {
-  if (operation == nullptr) node.refuse("int64 operands are not supported");
+  if (operation == nullptr) node.beyond("int64 operands are not supported");
   const Broadcast plan = plan_for(builder, node, a.shape, b.shape);
   std::vector<std::int64_t> result;
   for (std::size_t r = 0; plan.length > 0 && r < plan.left_offsets.size(); ++r) {
@@ -121,9 +121,9 @@ void build_integers(Builder& builder, const Node& node, const std::string& name,
 // The result of `a` and `b`, called `name`.
 void build_pair(Builder& builder, const Node& node, const std::string& name, const Value& a, const Value& b,
                 RunFloats run, OnIntegers on_integers) {
-  if (a.type != b.type) node.refuse("its inputs differ in data type");
+  if (a.type != b.type) node.beyond("its inputs differ in data type");
   if (a.type == ElementType::int64) return build_integers(builder, node, name, a, b, on_integers);
-  if (a.type != ElementType::float32) node.refuse(fmt::format("operands of {} are not supported", to_text(a.type)));
+  if (a.type != ElementType::float32) node.beyond(fmt::format("operands of {} are not supported", to_text(a.type)));
   Broadcast plan = plan_for(builder, node, a.shape, b.shape);
   Value& out = builder.define_floats(name, plan.shape);
   builder.compute(out, {&a, &b},
@@ -223,7 +223,7 @@ void build_max(Builder& builder, const Node& node) {
 void build_mod(Builder& builder, const Node& node) {
   const bool whole = node.input(0).type != ElementType::float32;
   if (whole == (node.integer("fmod", 0) != 0))
-    node.refuse("fmod is supported of float32 alone, and no other way there");
+    node.beyond("fmod is supported of float32 alone, and no other way there");
   if (whole) {
     build_chain(builder, node, run_each<modulo>, modulo_integers);
   } else {

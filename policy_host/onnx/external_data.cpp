@@ -89,7 +89,7 @@ class Files {
     std::error_code error;
     const std::uintmax_t size = fs::file_size(file, error);
     if (error || size > max_model_bytes - bytes_) {
-      throw Refusal(fmt::format("its data in '{}' is larger than {} MiB", location, max_model_bytes >> 20));
+      throw Beyond(fmt::format("its data in '{}' is larger than {} MiB", location, max_model_bytes >> 20));
     }
     bytes_ += size;
     std::string bytes(static_cast<std::size_t>(size), '\0');
@@ -196,7 +196,7 @@ std::vector<ExternalFile> bring_in_external_data(onnx::ModelProto& model, const 
     const std::uint64_t length = reference.length.value_or(bytes.size() - reference.offset);
     copied += length;  // tensors may share bytes
     if (copied > max_model_bytes) {
-      throw Refusal(fmt::format("its tensors need more than {} MiB", max_model_bytes >> 20));
+      throw Beyond(fmt::format("its tensors need more than {} MiB", max_model_bytes >> 20));
     }
     tensor.set_raw_data(bytes.substr(reference.offset, length));
     tensor.clear_external_data();

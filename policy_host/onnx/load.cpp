@@ -16,6 +16,7 @@
 
 #include "policy_host/onnx/builder.hpp"
 #include "policy_host/onnx/external_data.hpp"
+#include "policy_host/onnx/memory.hpp"
 #include "policy_host/onnx/model.hpp"
 #include "policy_host/onnx/node.hpp"
 #include "policy_host/onnx/operators.hpp"
@@ -44,7 +45,7 @@ void settle_batch(onnx::GraphProto& graph, const Names& constants) {
     if (constants.contains(input.name())) continue;
     const bool is_float = input.type().tensor_type().elem_type() == onnx::TensorProto_DataType_FLOAT;
     if (!input.type().has_tensor_type() || (!is_float && !is_whole(input))) {
-      throw Refusal(fmt::format("input '{}' is neither a float32 tensor nor a whole number", input.name()));
+      throw Beyond(fmt::format("input '{}' is neither a float32 tensor nor a whole number", input.name()));
     }
     if (!input.type().tensor_type().has_shape()) throw Refusal(fmt::format("input '{}' has no shape", input.name()));
     auto& dims = *input.mutable_type()->mutable_tensor_type()->mutable_shape()->mutable_dim();
@@ -57,7 +58,7 @@ void settle_batch(onnx::GraphProto& graph, const Names& constants) {
       dims[d].set_dim_value(1);
     }
     if (is_whole(input) && std::ranges::any_of(dims, [](const auto& dim) { return dim.dim_value() != 1; })) {
-      throw Refusal(
+      throw Beyond(
           fmt::format("input '{}' has several whole numbers, of which this engine takes one; export it in "
                       "float32",
                       input.name()));
@@ -113,7 +114,7 @@ void define_outputs(const onnx::GraphProto& graph, Builder& builder, Program& pr
     const Value* value = builder.find(output.name());
     if (value == nullptr) throw Refusal(fmt::format("no node makes output '{}'", output.name()));
     if (value->type != ElementType::float32) {
-      throw Refusal(fmt::format("output '{}' is int64; only float32 outputs are supported", output.name()));
+      throw Beyond(fmt::format("output '{}' is int64; only float32 outputs are supported", output.name()));
     }
     const std::size_t count = elements(value->shape);
     program.output_info.push_back({output.name(), value->shape});
@@ -185,17 +186,21 @@ std::expected<void, std::string> parse(std::span<const std::byte> bytes, std::st
   if (model.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) return {};
   return std::unexpected(one_line(name,
                                   "not an ONNX model, or cut short; what another engine or a Python policy reads "
-                                  "runs by `takt run --policy-host` only"));
+                                  "runs by --policy-host"));
 }
 
-std::expected<Model, std::string> load_from(std::span<const std::byte> bytes, std::string_view name,
-                                            const std::filesystem::path* file) {
+std::unexpected<Unloaded> unloaded(std::string sentence, bool beyond = false) {
+  return std::unexpected(Unloaded{std::move(sentence), beyond});
+}
+
+std::expected<Model, Unloaded> load_from(std::span<const std::byte> bytes, std::string_view name,
+                                         const std::filesystem::path* file) {
   if (bytes.size() > max_model_bytes) {
-    return std::unexpected(one_line(name, fmt::format("larger than {} MiB", max_model_bytes >> 20)));
+    return unloaded(one_line(name, fmt::format("larger than {} MiB", max_model_bytes >> 20)));
   }
   try {
     onnx::ModelProto model;
-    if (const auto parsed = parse(bytes, name, model); !parsed) return std::unexpected(parsed.error());
+    if (const auto parsed = parse(bytes, name, model); !parsed) return unloaded(parsed.error());
     std::vector<ExternalFile> external;
     if (file != nullptr) external = bring_in_external_data(model, *file);
     std::unique_ptr<Program> program = compile(model);
@@ -203,13 +208,20 @@ std::expected<Model, std::string> load_from(std::span<const std::byte> bytes, st
     program->opset = opset_of(model);
     program->metadata = metadata_of(model);
     return Model(std::move(program));
+  } catch (const Beyond& beyond) {
+    return unloaded(one_line(name, beyond.what()), true);
   } catch (const Refusal& refusal) {
-    return std::unexpected(one_line(name, refusal.what()));
+    return unloaded(one_line(name, refusal.what()));
   } catch (const std::bad_alloc&) {
-    return std::unexpected(one_line(name, "not enough memory to load it"));
+    return unloaded(one_line(name, "not enough memory to load it"));
   } catch (const std::exception& error) {
-    return std::unexpected(one_line(name, fmt::format("libonnx finds it invalid: {}", error.what())));
+    return unloaded(one_line(name, fmt::format("libonnx finds it invalid: {}", error.what())));
   }
+}
+
+std::expected<Model, std::string> in_one_line(std::expected<Model, Unloaded> loaded) {
+  if (loaded) return *std::move(loaded);
+  return std::unexpected(std::move(loaded.error().sentence));
 }
 
 std::expected<std::vector<char>, std::string> bytes_of(const std::filesystem::path& file) {
@@ -233,13 +245,17 @@ std::expected<std::vector<char>, std::string> bytes_of(const std::filesystem::pa
 }  // namespace
 
 std::expected<Model, std::string> load(std::span<const std::byte> bytes, std::string_view name) {
-  return load_from(bytes, name, nullptr);
+  return in_one_line(load_from(bytes, name, nullptr));
+}
+
+std::expected<Model, Unloaded> try_load(const std::filesystem::path& file) {
+  const auto bytes = bytes_of(file);
+  if (!bytes) return unloaded(bytes.error());
+  return load_from(std::as_bytes(std::span(*bytes)), file.string(), &file);
 }
 
 std::expected<Model, std::string> load(const std::filesystem::path& file) {
-  const auto bytes = bytes_of(file);
-  if (!bytes) return std::unexpected(bytes.error());
-  return load_from(std::as_bytes(std::span(*bytes)), file.string(), &file);
+  return in_one_line(try_load(file));
 }
 
 namespace {
@@ -261,6 +277,12 @@ std::expected<void, std::string> check_external_data(const std::filesystem::path
     return std::unexpected(one_line(file.string(), refusal.what()));
   }
   return {};
+}
+
+std::expected<Memory, std::string> read_memory(const std::filesystem::path& file) {
+  onnx::ModelProto model;
+  if (const auto parsed = parse_file(file, model); !parsed) return std::unexpected(parsed.error());
+  return memory_of(std::move(model));
 }
 
 std::expected<Metadata, std::string> read_metadata(const std::filesystem::path& file) {

@@ -136,7 +136,7 @@ void build_matmul(Builder& builder, const Node& node) {
 
   if (elements(right) != 1) {
     std::optional<Broadcast> plan = plan_broadcast(left, right);
-    if (!plan) node.refuse("its stack of products is too large");
+    if (!plan) node.beyond("its stack of products is too large");
     multiply_stacks(builder, a, b, *std::move(plan), static_cast<std::size_t>(rows), m, out.floats);
     return;
   }

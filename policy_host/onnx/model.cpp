@@ -44,6 +44,10 @@ std::uint64_t Model::matrix_work() const noexcept {
   return program_->matrix_work;
 }
 
+std::size_t Model::steps() const noexcept {
+  return program_->steps.size();
+}
+
 void Model::run() noexcept {
   for (const std::unique_ptr<Step>& step : program_->steps) step->run();
 }

@@ -81,10 +81,20 @@ class Model {
   // Multiply-adds of a run that are products of matrices: convolutions, and factors of several rows. What this engine
   // is slow at: it keeps to one order of rounding, and so to one multiply-add at a time.
   std::uint64_t matrix_work() const noexcept;
+  // What one run does, one after the other: operators whose result is not known at load, and copies.
+  std::size_t steps() const noexcept;
 
  private:
   std::unique_ptr<Program> program_;
 };
+
+// Why a file was not loaded, and whether that is this engine's limit: an operator, an attribute, a type or a size that
+// it does not know. Not beyond it: what is wrong with the file itself, for any engine.
+struct Unloaded {
+  std::string sentence;
+  bool beyond = false;
+};
+std::expected<Model, Unloaded> try_load(const std::filesystem::path& file);
 
 std::expected<Model, std::string> load(const std::filesystem::path& file);
 // The same from memory; `name` stands for the file in error messages.
@@ -93,6 +103,13 @@ std::expected<Model, std::string> load(std::span<const std::byte> bytes, std::st
 // Of a file that another engine is to run: an error unless all its weights lie in files that the policy's hash covers
 // (config::policy_files).
 std::expected<void, std::string> check_external_data(const std::filesystem::path& file);
+
+// Of a file that this engine cannot load: what its recurrent nodes forget between runs, by its graph alone. Each node
+// described, as in Model::lost_states(). `unclear`: whether it takes one step or several was not found out.
+struct Memory {
+  std::vector<std::string> lost, unclear;
+};
+std::expected<Memory, std::string> read_memory(const std::filesystem::path& file);
 
 // metadata_props alone, of a file that another engine runs.
 std::expected<Metadata, std::string> read_metadata(const std::filesystem::path& file);

@@ -29,13 +29,13 @@ const Value& Node::input(std::size_t i) const {
 const Value& Node::float_input(std::size_t i) const {
   const Value& value = input(i);
   if (value.type != ElementType::float32)
-    refuse(fmt::format("input {} must be float32, it is {}", i, to_text(value.type)));
+    beyond(fmt::format("input {} must be float32, it is {}", i, to_text(value.type)));
   return value;
 }
 
 const std::vector<std::int64_t>& Node::integer_input(std::size_t i) const {
   const Value& value = input(i);
-  if (value.type != ElementType::int64) refuse(fmt::format("input {} must be int64 and known at load", i));
+  if (value.type != ElementType::int64) beyond(fmt::format("input {} must be int64 and known at load", i));
   return value.integers;
 }
 
@@ -126,6 +126,10 @@ std::string Node::description() const {
 
 void Node::refuse(const std::string& why) const {
   throw Refusal(fmt::format("{}: {}", describe(proto_), why));
+}
+
+void Node::beyond(const std::string& why) const {
+  throw Beyond(fmt::format("{}: {}", describe(proto_), why));
 }
 
 }  // namespace takt::onnx_engine

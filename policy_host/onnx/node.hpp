@@ -51,7 +51,8 @@ class Node {
   std::size_t axis(std::int64_t axis, std::size_t rank) const;
 
   std::string description() const;
-  [[noreturn]] void refuse(const std::string& why) const;
+  [[noreturn]] void refuse(const std::string& why) const;  // the file is wrong
+  [[noreturn]] void beyond(const std::string& why) const;  // the file may be right, and this engine cannot do it
 
  private:
   const onnx::AttributeProto* find_attribute(std::string_view name) const;

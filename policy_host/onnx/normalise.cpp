@@ -67,14 +67,14 @@ void build_layer_normalization(Builder& builder, const Node& node) {
   const Value& in = node.float_input(0);
   const Value& scale = node.float_input(1);
   const Value* bias = node.has_input(2) ? &node.float_input(2) : nullptr;
-  if (node.has_output(1) || node.has_output(2)) node.refuse("its mean and deviation as outputs are not supported");
+  if (node.has_output(1) || node.has_output(2)) node.beyond("its mean and deviation as outputs are not supported");
   const std::size_t rank = in.shape.size();
   const std::size_t axis = node.axis(node.integer("axis", -1), rank);
   const std::size_t rows = elements_between(in.shape, 0, axis);
   const std::size_t length = elements_between(in.shape, axis, rank);
   for (const Value* factor : {&scale, bias}) {
     if (factor != nullptr && elements(factor->shape) != length) {
-      node.refuse(fmt::format("scale or bias of shape {} does not fit rows of {}", to_text(factor->shape), length));
+      node.beyond(fmt::format("scale or bias of shape {} does not fit rows of {}", to_text(factor->shape), length));
     }
   }
   Value& out = builder.define_floats(node.output(), in.shape);
@@ -95,13 +95,13 @@ void build_layer_normalization(Builder& builder, const Node& node) {
 void build_batch_normalization(Builder& builder, const Node& node) {
   const Value& in = node.float_input(0);
   if (in.shape.size() < 2) node.refuse("its input has no channels");
-  if (node.integer("training_mode", 0) != 0 || node.has_output(1)) node.refuse("training is not supported");
+  if (node.integer("training_mode", 0) != 0 || node.has_output(1)) node.beyond("training is not supported");
   const std::size_t channels = elements_between(in.shape, 1, 2);
   const std::array<const Value*, 4> parameters{&node.float_input(1), &node.float_input(2), &node.float_input(3),
                                                &node.float_input(4)};
   for (const Value* parameter : parameters) {
     if (!parameter->constant || elements(parameter->shape) != channels) {
-      node.refuse("scale, bias, mean and variance must be constants, one number per channel");
+      node.beyond("scale, bias, mean and variance must be constants, one number per channel");
     }
   }
   const auto [scale, bias, mean, variance] = parameters;

@@ -25,7 +25,8 @@ struct Product {
 template <class Register, std::size_t row_count, std::size_t panel_count, std::size_t width>
 [[gnu::always_inline]] inline void multiply_block(const Product& p, std::size_t row, std::size_t first) noexcept {
   constexpr std::size_t lanes = sizeof(Register) / sizeof(float);
-  for (std::size_t offset = 0; offset < panel_columns; offset += width * lanes) {
+  // Of the last panel, which may be wider than the matrix, no slice that is padding alone.
+  for (std::size_t offset = 0; offset < panel_columns && first + offset < p.columns; offset += width * lanes) {
     Register sums[row_count][panel_count * width] = {};
     const float* a = p.a + row * p.inner;
     const float* panel = p.packed + first * p.inner + offset;

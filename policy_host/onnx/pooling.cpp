@@ -19,7 +19,7 @@ struct PoolPlan {
 PoolPlan plan_pool(Builder& builder, const Node& node, const Window& window, bool padding_counts) {
   const std::size_t positions = window.output_size();
   if (checked_elements({static_cast<std::int64_t>(positions), static_cast<std::int64_t>(window.kernel_size())}) < 0) {
-    node.refuse("its windows are larger than this engine holds");
+    node.beyond("its windows are larger than this engine holds");
   }
   builder.charge(positions * (window.kernel_size() + 2) * sizeof(std::uint32_t));
   PoolPlan plan;
@@ -81,7 +81,7 @@ void build_average_pool(Builder& builder, const Node& node) {
 }
 
 void build_max_pool(Builder& builder, const Node& node) {
-  if (node.has_output(1)) node.refuse("its indices as an output are not supported");
+  if (node.has_output(1)) node.beyond("its indices as an output are not supported");
   build_pool(builder, node, false, largest);
 }
 

@@ -34,7 +34,7 @@ void rearrange(Builder& builder, const std::string& name, const Value& in, const
 // Before a table of this many entries is made.
 void charge_table(Builder& builder, const Node& node, const Shape& shape) {
   const std::int64_t count = checked_elements(shape);
-  if (count < 0) node.refuse(fmt::format("a result of shape {} is too large", to_text(shape)));
+  if (count < 0) node.beyond(fmt::format("a result of shape {} is too large", to_text(shape)));
   builder.charge(static_cast<std::size_t>(count) * sizeof(std::uint32_t));
 }
 
@@ -149,7 +149,7 @@ Shape gathered_shape(const Shape& shape, std::size_t axis, const Shape& indices)
 // The index an input decides is beyond what a load can check: one outside the dimension, like not a number, gathers not
 // a number.
 void gather_live(Builder& builder, const Node& node, const Value& in, const Value& indices, std::size_t axis) {
-  if (in.type == ElementType::int64) node.refuse("int64 by an index that an input decides is not supported");
+  if (in.type == ElementType::int64) node.beyond("int64 by an index that an input decides is not supported");
   Value& out = builder.define_floats(node.output(), gathered_shape(in.shape, axis, indices.shape), in.type);
   builder.compute(out, {&in, &indices},
                   [from = in.floats, index = indices.floats, to = out.floats, count = elements(indices.shape),
@@ -268,14 +268,14 @@ void build_concat(Builder& builder, const Node& node) {
   std::vector<Block<std::int64_t>> integers;
   for (std::size_t i = 0; i < node.input_count(); ++i) {
     const Value& in = node.input(i);
-    if (in.type != first.type) node.refuse("its inputs differ in data type");
+    if (in.type != first.type) node.beyond("its inputs differ in data type");
     for (std::size_t d = 0; d < std::max(in.shape.size(), shape.size()); ++d) {
       if (in.shape.size() != shape.size() || (d != axis && in.shape[d] != shape[d])) {
         node.refuse(fmt::format("{} does not join {}", to_text(in.shape), to_text(first.shape)));
       }
     }
     shape[axis] += in.shape[axis];
-    if (checked_elements(shape) < 0) node.refuse("its result is too large");
+    if (checked_elements(shape) < 0) node.beyond("its result is too large");
     const std::size_t length = elements_between(in.shape, axis, in.shape.size());
     sources.push_back(&in);
     floats.push_back({in.floats, length});

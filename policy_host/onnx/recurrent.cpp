@@ -20,19 +20,19 @@ void refuse_variants(const Node& node, std::size_t directions, const std::vector
   const std::vector<std::string> given = node.texts("activations");
   for (std::size_t i = 0; i < given.size(); ++i) {
     if (given.size() != activations.size() * directions || given[i] != activations[i % activations.size()]) {
-      node.refuse("other activations than the default ones are not supported");
+      node.beyond("other activations than the default ones are not supported");
     }
   }
-  if (node.has_attribute("clip")) node.refuse("clip is not supported");
-  if (node.integer("input_forget", 0) != 0) node.refuse("coupled input and forget gates are not supported");
-  if (node.integer("layout", 0) != 0) node.refuse("only layout 0 is supported");
-  if (node.has_input(4)) node.refuse("sequence lengths are not supported; export it for one length");
-  if (node.has_input(7)) node.refuse("peepholes are not supported");
+  if (node.has_attribute("clip")) node.beyond("clip is not supported");
+  if (node.integer("input_forget", 0) != 0) node.beyond("coupled input and forget gates are not supported");
+  if (node.integer("layout", 0) != 0) node.beyond("only layout 0 is supported");
+  if (node.has_input(4)) node.beyond("sequence lengths are not supported; export it for one length");
+  if (node.has_input(7)) node.beyond("peepholes are not supported");
 }
 
 const Value& constant_weight(const Node& node, std::size_t index, const Shape& shape) {
   const Value& value = node.float_input(index);
-  if (!value.constant) node.refuse(fmt::format("input {} must be constant weights", index));
+  if (!value.constant) node.beyond(fmt::format("input {} must be constant weights", index));
   if (value.shape != shape) {
     node.refuse(fmt::format("input {} has shape {} in place of {}", index, to_text(value.shape), to_text(shape)));
   }

@@ -29,6 +29,12 @@ std::string type_name(std::int32_t type) {
              : fmt::format("number {}", type);
 }
 
+// Such as no version of ONNX has; newer ones than libonnx's end at 64.
+bool is_no_type(std::int32_t type) {
+  constexpr std::int32_t most = 64;
+  return type <= onnx::TensorProto_DataType_UNDEFINED || type > most;
+}
+
 Shape shape_of(const onnx::TensorProto& tensor) {
   return {tensor.dims().begin(), tensor.dims().end()};
 }
@@ -64,9 +70,11 @@ std::size_t listed_elements(const onnx::TensorProto& tensor) {
 void screen_tensor(const onnx::TensorProto& tensor, const std::string& where) {
   const std::size_t size = stored_size(tensor.data_type());
   if (size == 0) {
-    throw Refusal(
+    const std::string why =
         fmt::format("{} has data type {}; this engine takes FLOAT, INT32, INT64 and BOOL, export the model in float32",
-                    where, type_name(tensor.data_type())));
+                    where, type_name(tensor.data_type()));
+    if (is_no_type(tensor.data_type())) throw Refusal(why);
+    throw Beyond(why);
   }
   if (tensor.data_location() == onnx::TensorProto_DataLocation_EXTERNAL || tensor.external_data_size() > 0) {
     throw Refusal(fmt::format("{} keeps its data in another file, which only an initializer of a file may", where));
@@ -117,7 +125,7 @@ void screen_attribute(const onnx::NodeProto& node, const onnx::AttributeProto& a
     case onnx::AttributeProto_AttributeType_TYPE_PROTOS:
       break;
   }
-  throw Refusal(fmt::format("{}: attribute '{}' is of a kind that is not supported", describe(node), attribute.name()));
+  throw Beyond(fmt::format("{}: attribute '{}' is of a kind that is not supported", describe(node), attribute.name()));
 }
 
 bool has_word(std::string_view words, std::string_view word) {
@@ -131,26 +139,26 @@ bool has_word(std::string_view words, std::string_view word) {
 
 void screen_node(const onnx::NodeProto& node, Seen& seen) {
   if (!standard_domain(node.domain()) || find_operator(node.op_type()) == nullptr) {
-    throw Refusal(fmt::format("{} is not supported{}; supported operators: {}", describe(node),
-                              standard_domain(node.domain()) ? "" : " (domain " + node.domain() + ")",
-                              supported_operators()));
+    throw Beyond(fmt::format("{} is not supported{}; supported operators: {}", describe(node),
+                             standard_domain(node.domain()) ? "" : " (domain " + node.domain() + ")",
+                             supported_operators()));
   }
   const OperatorForm& form = form_of(node.op_type());
   if (static_cast<std::size_t>(node.input_size()) > form.most_inputs ||
       static_cast<std::size_t>(node.output_size()) > form.most_outputs) {
-    throw Refusal(fmt::format("{} has {} inputs and {} outputs, more than this engine knows of", describe(node),
-                              node.input_size(), node.output_size()));
+    throw Beyond(fmt::format("{} has {} inputs and {} outputs, more than this engine knows of", describe(node),
+                             node.input_size(), node.output_size()));
   }
   for (const onnx::AttributeProto& attribute : node.attribute()) {
     if (!has_word(form.attributes, attribute.name())) {
-      throw Refusal(fmt::format("{}: attribute '{}' is not known to this engine", describe(node), attribute.name()));
+      throw Beyond(fmt::format("{}: attribute '{}' is not known to this engine", describe(node), attribute.name()));
     }
     screen_attribute(node, attribute, seen);
   }
 }
 
 void screen_graph(const onnx::GraphProto& graph, Seen& seen) {
-  if (graph.sparse_initializer_size() > 0) throw Refusal("it has sparse initializers, which is not supported");
+  if (graph.sparse_initializer_size() > 0) throw Beyond("it has sparse initializers, which is not supported");
   if (graph.node_size() > most_nodes - seen.nodes) throw Refusal(fmt::format("it has more than {} nodes", most_nodes));
   seen.nodes += graph.node_size();
   for (const onnx::TensorProto& tensor : graph.initializer()) {
@@ -179,10 +187,12 @@ void screen_model(const onnx::ModelProto& model) {
   if (!model.has_graph() || model.graph().node_size() == 0) throw Refusal("it has no graph: is it an ONNX model?");
   const std::int64_t opset = opset_of(model);
   if (opset < oldest_opset || opset > newest_opset) {
-    throw Refusal(fmt::format("its opset is {}; this engine takes {} to {}, export it for one of those", opset,
-                              oldest_opset, newest_opset));
+    const std::string why = fmt::format("its opset is {}; this engine takes {} to {}, export it for one of those",
+                                        opset, oldest_opset, newest_opset);
+    if (opset < 1) throw Refusal(why);
+    throw Beyond(why);
   }
-  if (model.functions_size() > 0) throw Refusal("it defines functions of its own, which is not supported");
+  if (model.functions_size() > 0) throw Beyond("it defines functions of its own, which is not supported");
   Seen seen;
   screen_graph(model.graph(), seen);
 }

@@ -13,9 +13,10 @@ class TensorProto;
 
 namespace takt::onnx_engine {
 
-// Throws Refusal unless the model has one opset that this engine takes, only supported operators with attributes,
-// inputs and outputs that they have, and only tensors of a supported type whose data is exactly as long as the shape
-// says. It needs no libonnx that knows the opset. Data of other files must have been brought in (external_data.hpp).
+// Throws Refusal (Beyond where another engine may know more) unless the model has one opset that this engine takes,
+// only supported operators with attributes, inputs and outputs that they have, and only tensors of a supported type
+// whose data is exactly as long as the shape says. It needs no libonnx that knows the opset. Data of other files must
+// have been brought in (external_data.hpp).
 void screen_model(const onnx::ModelProto& model);
 
 std::int64_t opset_of(const onnx::ModelProto& model);

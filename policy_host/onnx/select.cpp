@@ -42,7 +42,7 @@ void build_comparison(Builder& builder, const Node& node, Compare compare) {
     a = as_live(builder, node, a);
     b = as_live(builder, node, b);
   }
-  if (a.type != b.type) node.refuse("its two inputs differ in data type");
+  if (a.type != b.type) node.beyond("its two inputs differ in data type");
   const Shape shape = common_shape(node, a.shape, b.shape);
   std::vector<std::uint32_t> in_a = broadcast_table(builder, a.shape, shape);
   std::vector<std::uint32_t> in_b = broadcast_table(builder, b.shape, shape);
@@ -90,13 +90,13 @@ void build_where(Builder& builder, const Node& node) {
   const Value& a = node.input(1);
   const Value& b = node.input(2);
   if (truth.type != ElementType::boolean) node.refuse("input 0 must be bool");
-  if (a.type != b.type) node.refuse("its two choices differ in data type");
+  if (a.type != b.type) node.beyond("its two choices differ in data type");
   const Shape shape = common_shape(node, common_shape(node, a.shape, b.shape), truth.shape);
   std::vector<std::uint32_t> in_truth = broadcast_table(builder, truth.shape, shape);
   std::vector<std::uint32_t> in_a = broadcast_table(builder, a.shape, shape);
   std::vector<std::uint32_t> in_b = broadcast_table(builder, b.shape, shape);
   if (a.type == ElementType::int64) {
-    if (!truth.constant) node.refuse("int64 chosen by a truth that an input decides is not supported");
+    if (!truth.constant) node.beyond("int64 chosen by a truth that an input decides is not supported");
     std::vector<std::int64_t> chosen;
     for (std::size_t i = 0; i < in_truth.size(); ++i) {
       chosen.push_back(truth.floats[in_truth[i]] != 0.0F ? a.integers[in_a[i]] : b.integers[in_b[i]]);

@@ -15,7 +15,7 @@ void build_identity(Builder& builder, const Node& node) {
 void build_reshape(Builder& builder, const Node& node) {
   const Value& in = node.input(0);
   Shape shape = node.integer_input(1);
-  if (shape.size() > max_rank) node.refuse(fmt::format("more than {} dimensions", max_rank));
+  if (shape.size() > max_rank) node.beyond(fmt::format("more than {} dimensions", max_rank));
   const bool zero_means_zero = node.integer("allowzero", 0) != 0;
   for (std::size_t d = 0; d < shape.size(); ++d) {
     if (shape[d] != 0 || zero_means_zero) continue;

@@ -74,7 +74,7 @@ Shape Window::output_shape(std::int64_t batch, std::int64_t channels) const {
 
 Window read_window(const Node& node, const Shape& input, const Shape& kernel) {
   if (input.size() != 3 && input.size() != 4) {
-    node.refuse(fmt::format("an input of shape {} has not one or two spatial dimensions", to_text(input)));
+    node.beyond(fmt::format("an input of shape {} has not one or two spatial dimensions", to_text(input)));
   }
   Window window;
   window.rank = input.size() - 2;
@@ -87,7 +87,7 @@ Window read_window(const Node& node, const Shape& input, const Shape& kernel) {
   const std::string automatic = node.text("auto_pad", "NOTSET");
   const bool same = automatic == "SAME_UPPER" || automatic == "SAME_LOWER";
   if (!same && automatic != "NOTSET" && automatic != "VALID") {
-    node.refuse(fmt::format("auto_pad '{}' is not supported", automatic));
+    node.beyond(fmt::format("auto_pad '{}' is not supported", automatic));
   }
   for (std::size_t d = 0; d < rank; ++d) {
     WindowAxis& axis = window.axes[2 - rank + d];

@@ -22,7 +22,7 @@ constexpr std::uint64_t kForget = 1000;  // a gap of ids after which every polic
 }  // namespace
 
 Server::Server(const config::RobotConfig& robot, std::string name, std::uint64_t policy_hash, dds::Domain domain,
-               std::unique_ptr<FarSeat> seat, FarSamples samples)
+               std::unique_ptr<PolicySeat> seat, FarSamples samples)
     : robot_(robot),
       name_(std::move(name)),
       policy_hash_(policy_hash),
@@ -34,7 +34,16 @@ Server::Server(const config::RobotConfig& robot, std::string name, std::uint64_t
 std::expected<std::unique_ptr<Server>, std::string> Server::open(const config::RobotConfig& robot,
                                                                  const ServerOptions& options,
                                                                  std::uint64_t policy_hash) {
-  auto seat = FarSeat::open(robot, options.runtime_directory, policy_hash, options.policy_user);
+  auto seat = PolicySeat::open(
+      robot, policy_hash,
+      {.runtime_directory = options.runtime_directory,
+       .server = "takt-policy-server",
+       .policy_user = options.policy_user,
+       .taken =
+           [](const ipc::Peer& peer) { spdlog::info("policy attached: pid {} ({})", peer.pid, peer.hello.program); },
+       .left = [] { spdlog::warn("the policy left"); },
+       .turned_away = [](const ipc::Peer& peer,
+                         const std::string& why) { spdlog::error("policy pid {}: {}", peer.pid, why); }});
   if (!seat) return std::unexpected(seat.error());
   auto samples = FarSamples::open(robot, options.runtime_directory, options.policy_user);
   if (!samples) return std::unexpected(samples.error());

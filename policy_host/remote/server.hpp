@@ -17,8 +17,8 @@
 #include "config/robot_config.hpp"
 #include "dds/domain.hpp"
 #include "policy_host/notice.hpp"
+#include "policy_host/policy_seat.hpp"
 #include "policy_host/remote/far_samples.hpp"
-#include "policy_host/remote/far_seat.hpp"
 #include "policy_host/remote/topics.hpp"
 
 namespace takt::policy_host::remote {
@@ -50,7 +50,7 @@ class Server {
     std::uint64_t sequence = 0, session = 0, policy_sequence = 0;
   };
   Server(const config::RobotConfig& robot, std::string name, std::uint64_t policy_hash, dds::Domain domain,
-         std::unique_ptr<FarSeat> seat, FarSamples samples);
+         std::unique_ptr<PolicySeat> seat, FarSamples samples);
   std::expected<void, std::string> open_endpoints();
   void take_observation(const takt_remote_Observation& message);
   [[nodiscard]] bool is_for_us(const takt_remote_Observation& message, MonoTime now);
@@ -64,7 +64,7 @@ class Server {
   std::uint64_t policy_hash_, number_;
   dds::Domain domain_;
   dds_entity_t observations_ = 0, samples_reader_ = 0, commands_ = 0, wait_set_ = 0;
-  std::unique_ptr<FarSeat> seat_;
+  std::unique_ptr<PolicySeat> seat_;
   FarSamples samples_;
   std::uint64_t epoch_ = 0, newest_robot_id_ = 0, newest_id_ = 0, sequence_ = 0;
   std::array<Arrived, 1024> arrived_{};

@@ -53,7 +53,8 @@ struct takt_engine_setup {
   const char* file;            /* policy.file, absolute */
   const char* provider;        /* "cpu", "cuda", "tensorrt": refuse what you have not */
   const char* library;         /* policy.engine.library; "": the plugin's own choice */
-  uint64_t observation_values; /* of one observation: the size of the input that carries it, if there is but one */
+  uint64_t observation_values; /* of one observation: the size of the input that carries it, if there is but one; 0:
+                                  nobody knows (`takt policy try`) */
   uint64_t action_values;      /* of one chunk: policy.steps times the outputs per step */
   const struct takt_engine_tensor* shapes; /* policy.engine.shapes: by name, without values */
   size_t shape_count;

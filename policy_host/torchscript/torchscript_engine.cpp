@@ -2,8 +2,9 @@
 //
 // forward's arguments are the inputs, by their names; what it returns, a tensor or a tuple of them, are the outputs, in
 // their order. A shape that policy.engine.shapes does not give is 1 x the observation's values, of one argument at
-// most. A module that answers the same input differently the second time keeps state of its own (rsl_rl's exporter): it
-// needs a method reset(), and is reset before it is used.
+// most; where those are not known either, 1 x the first width of its weights that forward takes. A module that answers
+// the same input differently the second time keeps state of its own: it needs a method reset() (rsl_rl's exporter) or
+// reset_memory() (legged_gym's), and is reset before it is used.
 #include <ATen/Parallel.h>
 #include <fmt/format.h>
 #include <torch/script.h>
@@ -20,17 +21,29 @@
 #include <vector>
 
 #include "policy_host/engines/tensor_list.hpp"
+#include "policy_host/torchscript/linear_algebra.hpp"
+#include "policy_host/torchscript/row_products.hpp"
 
 namespace takt::torchscript {
 namespace {
 
 constexpr float kSomeValue = 0.5F;  // of an input while the module is tried out
+// Of answers that are the same: libtorch fuses differently from the second run on.
+constexpr double kSame = 1e-6;
+constexpr double kSameOptimised = 1e-5;  // other orders of summing
+constexpr int kWarmingRuns = 2;          // that profile and specialise
 
 // A name, and memory that the host writes or reads.
 struct Port {
   std::string name;
   std::vector<std::int64_t> shape;
-  std::vector<float> values;
+  std::vector<float> values{};
+
+  void take_room() {
+    std::size_t count = 1;
+    for (const std::int64_t dimension : shape) count *= static_cast<std::size_t>(dimension);
+    values.assign(count, 0.0F);
+  }
 };
 
 // libtorch's errors go on for pages: the line that says what went wrong is the first, or of an error inside the
@@ -63,8 +76,8 @@ class Network : public takt_engine_network {
     try_out();
     list();
     size = sizeof(takt_engine_network);
-    about_ = fmt::format("TorchScript, libtorch {}, cpu, {} thread{}", TORCH_VERSION, setup.threads,
-                         setup.threads == 1 ? "" : "s");
+    about_ = fmt::format("TorchScript, libtorch {}, {}, cpu, {} thread{}", TORCH_VERSION, linear_algebra(),
+                         setup.threads, setup.threads == 1 ? "" : "s");
     description = about_.c_str();
   }
 
@@ -81,7 +94,7 @@ class Network : public takt_engine_network {
 
   void reset() {
     const c10::InferenceMode no_gradients;
-    module_.get_method("reset")({});
+    module_.get_method(forgets_by_)({});
   }
 
  private:
@@ -93,7 +106,7 @@ class Network : public takt_engine_network {
       if (!argument.type()->isSubtypeOf(*c10::TensorType::get()))
         throw std::runtime_error(fmt::format("{}: forward's argument {} is a {}, and only tensors are fed", file_,
                                              argument.name(), argument.type()->str()));
-      Port port{argument.name(), shape_of(argument.name(), setup), {}};
+      Port port{argument.name(), shape_of(argument.name(), setup)};
       if (port.shape.empty()) {
         if (std::exchange(observation_given, true))
           throw std::runtime_error(
@@ -102,16 +115,38 @@ class Network : public takt_engine_network {
                           file_, port.name));
         port.shape = {1, static_cast<std::int64_t>(setup.observation_values)};
       }
-      std::size_t count = 1;
-      for (const std::int64_t dimension : port.shape) count *= static_cast<std::size_t>(dimension);
-      port.values.assign(count, 0.0F);
       in_.push_back(std::move(port));
+      in_.back().take_room();
     }
     for (const takt_engine_tensor& stated : std::span(setup.shapes, setup.shape_count))
       if (std::ranges::find(in_, stated.name, &Port::name) == in_.end())
         throw std::runtime_error(
             fmt::format("{}: forward has no argument {}; mend policy.engine.shapes", file_, stated.name));
     if (in_.empty()) throw std::runtime_error(file_ + ": forward takes no tensor");
+    const auto open = std::ranges::find(in_, 0, [](const Port& port) { return port.shape.back(); });
+    if (open != in_.end()) find_width(*open);
+  }
+
+  // What a layer multiplies its input with has the input's width as its last dimension.
+  void find_width(Port& port) {
+    const c10::InferenceMode no_gradients;
+    std::vector<std::int64_t> widths;
+    for (const torch::Tensor& weight : module_.parameters())
+      if (weight.dim() == 2 && std::ranges::find(widths, weight.size(1)) == widths.end())
+        widths.push_back(weight.size(1));
+    for (const std::int64_t width : widths) {
+      port.shape.back() = width;
+      port.take_room();
+      try {
+        (void)forward();
+        return;
+      } catch (const std::exception&) {  // another one
+      }
+    }
+    throw std::runtime_error(
+        fmt::format("{}: takes none of the widths of its weights as its argument {}; say its shape in "
+                    "policy.engine.shapes",
+                    file_, port.name));
   }
 
   static std::vector<std::int64_t> shape_of(const std::string& name, const takt_engine_setup& setup) {
@@ -136,29 +171,69 @@ class Network : public takt_engine_network {
     return tensors;
   }
 
-  // Its outputs' shapes, and whether it remembers. Warms up likewise: the first runs profile and specialise.
+  // Its outputs' shapes, and whether it remembers. Warms up likewise.
   void try_out() {
     const c10::InferenceMode no_gradients;
     for (Port& port : in_) std::ranges::fill(port.values, kSomeValue);
-    std::vector<torch::Tensor> before;
-    for (const torch::Tensor& tensor : forward()) before.push_back(tensor.clone());
-    const std::vector<torch::Tensor> again = forward();
-    for (std::size_t i = 0; i < before.size(); ++i) {
-      if (!torch::equal(before[i], again[i])) keeps_state = 1;
-      Port port{"", {before[i].sizes().begin(), before[i].sizes().end()}, {}};
-      port.values.assign(static_cast<std::size_t>(before[i].numel()), 0.0F);
-      out_.push_back(std::move(port));
+    const std::vector<torch::Tensor> before = answer(), again = answer();
+    for (const torch::Tensor& tensor : before) {
+      out_.push_back({"", {tensor.sizes().begin(), tensor.sizes().end()}});
+      out_.back().take_room();
     }
-    const bool can_forget = module_.find_method("reset").has_value();
-    if (keeps_state != 0 && !can_forget)
-      throw std::runtime_error(
-          file_ +
-          ": answers the same input differently the second time, and has no method reset(); export it with one, "
-          "or with its state as arguments <x>_in, in eval()");
-    if (can_forget) reset();
+    keeps_state = are_close(before, again) ? 0 : 1;
+    if (keeps_state != 0)
+      find_reset();
+    else
+      optimise(before);
     for (Port& port : in_) std::ranges::fill(port.values, 0.0F);
     (void)forward();
-    if (can_forget) reset();
+    if (keeps_state != 0) reset();
+  }
+
+  // Weights become constants, normalisations are folded into convolutions. A module that this does not go through with,
+  // or that then says something else, stays as it was. What is kept in a module is no constant.
+  void optimise(const std::vector<torch::Tensor>& before) {
+    const torch::jit::Module as_loaded = module_;
+    try {
+      module_ = torch::jit::freeze(as_loaded);
+      multiply_rows_as_vectors(module_);
+      module_ = torch::jit::optimize_for_inference(module_);
+      for (int i = 0; i < kWarmingRuns; ++i) (void)forward();
+      if (are_close(before, answer(), kSameOptimised)) return;
+    } catch (const std::exception&) {  // as it was
+    }
+    module_ = as_loaded;
+    for (int i = 0; i < kWarmingRuns; ++i) (void)forward();
+  }
+
+  std::vector<torch::Tensor> answer() {
+    std::vector<torch::Tensor> tensors;
+    for (const torch::Tensor& tensor : forward()) tensors.push_back(tensor.clone());
+    return tensors;
+  }
+
+  static bool are_close(const std::vector<torch::Tensor>& a, const std::vector<torch::Tensor>& b,
+                        double apart = kSame) {
+    return std::ranges::equal(a, b, [apart](const torch::Tensor& x, const torch::Tensor& y) {
+      return x.sizes() == y.sizes() && torch::allclose(x, y, apart, apart, true);
+    });
+  }
+
+  // The method after which the first answer is the first again.
+  void find_reset() {
+    for (const char* const name : {"reset", "reset_memory"}) {
+      if (!module_.find_method(name).has_value()) continue;
+      forgets_by_ = name;
+      reset();
+      const std::vector<torch::Tensor> first = answer();
+      (void)forward();
+      reset();
+      if (are_close(first, answer())) return;
+    }
+    throw std::runtime_error(
+        file_ +
+        ": answers the same input differently the second time, and has no method reset() or reset_memory() that "
+        "makes it forget; export it with one, or with its state as arguments <x>_in, in eval()");
   }
 
   void list() {
@@ -170,7 +245,7 @@ class Network : public takt_engine_network {
     output_count = listed_outputs_.size();
   }
 
-  std::string file_, about_;
+  std::string file_, about_, forgets_by_;
   torch::jit::Module module_;
   std::vector<Port> in_, out_;
   std::vector<takt_engine_tensor> listed_inputs_, listed_outputs_;
@@ -188,6 +263,7 @@ takt_engine_network* open(const takt_engine_setup* setup, char* error, std::size
   try {
     if (const std::string refusal = refusal_of_options(*setup); !refusal.empty()) throw std::runtime_error(refusal);
     at::set_num_threads(static_cast<int>(setup->threads));
+    limit_linear_algebra(setup->threads);
     static const bool once = (at::set_num_interop_threads(1), true);
     (void)once;
     return std::make_unique<Network>(*setup).release();

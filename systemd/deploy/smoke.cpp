@@ -26,7 +26,7 @@ std::string trouble_in(const panel::RolloutRow& row) {
   return {};
 }
 
-std::expected<std::string, std::string> roll_out(const config::RobotConfig& robot, policy_host::Policy& policy,
+std::expected<std::string, std::string> roll_out(const config::RobotConfig& robot, const panel::Answering& policy,
                                                  panel::WorldProcess* world) {
   const auto hash = config::policy_hash(robot.policy->file);
   if (!hash) return std::unexpected(hash.error());
@@ -47,9 +47,11 @@ std::expected<std::string, std::string> roll_out(const config::RobotConfig& robo
                                   .scored = kScored,
                                   .bound_m = kAnyError_m,
                                   .world = world,
-                                  .on_world_end = [&](const plant::WorldEnd& ended) {
-                                    if (ended.kind != plant::WorldEndKind::succeeded) end = ended.sentence;
-                                  }};
+                                  .on_world_end =
+                                      [&](const plant::WorldEnd& ended) {
+                                        if (ended.kind != plant::WorldEndKind::succeeded) end = ended.sentence;
+                                      },
+                                  .on_silence = [&](const std::string& why) { end = why; }};
   if (const auto ran = panel::run_rollout(setup, row); !ran) return std::unexpected(ran.error());
   if (!end.empty()) return std::unexpected(end);
   if (const std::string trouble = trouble_in(row); !trouble.empty())
@@ -57,22 +59,36 @@ std::expected<std::string, std::string> roll_out(const config::RobotConfig& robo
   return fmt::format("tracked for {:.0f} s in virtual time", kSmokeLength.seconds());
 }
 
-}  // namespace
-
-std::expected<std::string, std::string> smoke_run(const config::RobotConfig& robot, const std::string& world) {
-  if (!robot.policy) return "no policy: nothing to try before the robot itself";
-  if (const auto fine = policy_host::check_policy_section(robot); !fine) return std::unexpected(fine.error());
-  const auto policy = policy_host::load_policy(robot);
-  if (!policy) return std::unexpected(policy.error());
-  if (const auto fits = policy_host::check_fit(robot, **policy); !fits) return std::unexpected(fits.error());
+// Of a policy that is there, and takes the robot.
+std::expected<std::string, std::string> try_out(const config::RobotConfig& robot, const panel::Answering& policy,
+                                                const std::string& world) {
   if (!robot.simulation) return "the policy loads and fits; no `simulation`, so nothing was run";
   if (world.empty() && config::sees_images(robot))
     return "the policy loads and fits; nobody renders the images that it sees, so nothing was run: give it a world "
            "that "
            "does (--world)";
-  if (world.empty()) return roll_out(robot, **policy, nullptr);
+  if (world.empty()) return roll_out(robot, policy, nullptr);
   panel::WorldProcess process(world);
-  return roll_out(robot, **policy, &process);
+  return roll_out(robot, policy, &process);
+}
+
+}  // namespace
+
+std::expected<std::string, std::string> smoke_run(const config::RobotConfig& robot,
+                                                  const panel::OutsideProcesses& outside) {
+  if (!robot.policy) return "no policy: nothing to try before the robot itself";
+  if (const auto fine = policy_host::check_policy_section(robot); !fine) return std::unexpected(fine.error());
+  if (!outside.policy.empty()) {
+    const auto hash = config::policy_hash(robot.policy->file);
+    if (!hash) return std::unexpected(hash.error());
+    panel::PolicyProcess program(outside.policy);
+    if (const auto begun = program.begin(robot, *hash); !begun) return std::unexpected(begun.error());
+    return try_out(robot, program, outside.world);
+  }
+  const auto policy = policy_host::load_policy(robot);
+  if (!policy) return std::unexpected(policy.error());
+  if (const auto fits = policy_host::check_fit(robot, **policy); !fits) return std::unexpected(fits.error());
+  return try_out(robot, **policy, outside.world);
 }
 
 }  // namespace takt::deploy

@@ -7,6 +7,9 @@
 // repetitions of each repetition's p50, p99 and max. Ratios are of the processor time, which other work on the machine
 // does not add to. Caches are warm, so a host that infers at 50 Hz pays more: --pause
 // sleeps between inferences.
+//
+// FOLDER/limit: networks of growing products of matrices; the ratios show from which size on ONNX Runtime is the
+// quicker engine (kMostMatrixWorkPerStep in policy_host/engines/load_policy.cpp).
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -22,6 +25,7 @@
 
 #include "config/robot_config.hpp"
 #include "policy_host/engines/load_policy.hpp"
+#include "policy_host/onnx/model.hpp"
 #include "tests/bench/bench.hpp"
 
 namespace takt::bench {
@@ -182,6 +186,31 @@ void compare(const Network& network, const Options& options, const Report& repor
   }
 }
 
+struct Limit {
+  double million = 0;  // multiply-adds in products of matrices
+  fs::path file;
+  std::size_t inputs = 0;
+};
+
+void compare_limit(const Options& options, const Report& report) {
+  std::vector<Limit> limits;
+  if (!fs::exists(options.folder / "limit")) return;
+  for (const fs::directory_entry& entry : fs::directory_iterator(options.folder / "limit"))
+    if (const auto model = onnx_engine::load(entry.path()))
+      limits.push_back({static_cast<double>(model->matrix_work()) / 1e6, entry.path(),
+                        static_cast<std::size_t>(model->inputs()[0].shape[1])});
+  std::ranges::sort(limits, {}, &Limit::million);
+  for (const Limit& limit : limits)
+    compare({fmt::format("{:.2f} million: {}", limit.million, limit.file.stem().string()),
+             fs::path(limit.file).replace_extension(),
+             "obs",
+             "actions",
+             {},
+             {limit.inputs},
+             {}},
+            options, report);
+}
+
 int run(const Options& options) {
   const Report report(options.as_json);
   const Pinned pinned(allowed_cpus().back(), 0);
@@ -217,6 +246,7 @@ int run(const Options& options) {
       compare(network, options, report);
     else
       report.remark("skipped: no " + network.file.string() + ".onnx");
+  compare_limit(options, report);
   return 0;
 }
 

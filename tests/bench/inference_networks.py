@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 """The networks of `./dev bench inference`, with seeded weights, each as ONNX and as TorchScript: FOLDER/NAME.onnx, FOLDER/NAME.pt.
-They are sized as published ones are; what they say means nothing. Usage: inference_networks.py FOLDER
+They are sized as published ones are; what they say means nothing. FOLDER/limit has ONNX networks of growing products of matrices, which show where
+the built-in engine stops being the quicker one. Usage: inference_networks.py FOLDER
 """
 import pathlib
 import sys
@@ -113,6 +114,43 @@ class ActSized(nn.Module):
         return self.head(self.decoder(self.query, memory))
 
 
+class Tokens(nn.Module):
+    """The same layers for every one of some tokens."""
+
+    def __init__(self, tokens):
+        super().__init__()
+        self.tokens, self.layers, self.head = tokens, nn.Sequential(nn.Linear(64, 256), nn.GELU(), nn.Linear(256, 64)), nn.Linear(64, 4)
+
+    def forward(self, obs):
+        return self.head(self.layers(obs.view(1, self.tokens, 64)))
+
+
+class Attending(Tokens):
+    def __init__(self, tokens):
+        super().__init__(tokens)
+        self.layers = Layer(64, 4, 256)
+
+    def forward(self, obs):
+        x = obs.view(1, self.tokens, 64)
+        return self.head(self.layers(x, x))
+
+
+class Looking(nn.Module):
+    """A small image, or a scan of heights, in front of an actor."""
+
+    def __init__(self, side):
+        super().__init__()
+        self.side = side
+        self.cnn = nn.Sequential(nn.Conv2d(1, 16, 3, 2, 1), nn.ELU(), nn.Conv2d(16, 32, 3, 2, 1), nn.ELU(), nn.MaxPool2d(2), nn.Flatten())
+        self.actor = nn.Sequential(nn.Linear(32 * (side // 8) ** 2, 128), nn.ELU(), nn.Linear(128, 12))
+
+    def forward(self, obs):
+        return self.actor(self.cnn(obs.view(1, 1, self.side, self.side)))
+
+
+LIMIT = [(f"{name}-{size}", network, size, width(size)) for name, network, sizes, width in (
+    ("tokens", Tokens, (2, 4, 8, 16, 32, 64), lambda tokens: tokens * 64), ("attention", Attending, (2, 4, 8, 16, 32, 64), lambda tokens: tokens * 64),
+    ("image", Looking, (8, 16, 24, 32, 48, 64, 96), lambda side: side * side)) for size in sizes]
 STATE = torch.zeros(1, 1, 256)
 NETWORKS = (("mlp", Perceptron, {"obs": torch.zeros(1, 48)}, ("actions",)),
             ("lstm", Recurrent, {"obs": torch.zeros(1, 48), "h_in": STATE, "c_in": STATE}, ("actions", "h_out", "c_out")),
@@ -128,6 +166,10 @@ def main(folder):
         module = network().eval()
         torch.onnx.export(module, tuple(inputs.values()), folder / f"{name}.onnx", input_names=list(inputs), output_names=list(outputs), opset_version=17)
         torch.jit.script(module).save(str(folder / f"{name}.pt"))
+    (folder / "limit").mkdir(exist_ok=True)
+    for name, network, size, width in LIMIT:
+        torch.manual_seed(1)
+        torch.onnx.export(network(size).eval(), (torch.zeros(1, width),), folder / f"limit/{name}.onnx", input_names=["obs"], output_names=["actions"], opset_version=17)
 
 
 if __name__ == "__main__":

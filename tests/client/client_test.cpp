@@ -17,6 +17,7 @@
 #include <optional>
 #include <sstream>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "config/load.hpp"
@@ -39,8 +40,9 @@ using policy_host::FakeSensor;
 constexpr std::int64_t kLongNs = 10'000'000'000;
 constexpr std::int64_t kShortNs = 30'000'000;
 constexpr std::uint32_t kJoints = 6, kSteps = 16, kRoom = 1024;
-const std::array<takt_term, 3> kTerms{
-    {{TAKT_TERM_Q, 0, nullptr}, {TAKT_TERM_DQ, 0, nullptr}, {TAKT_TERM_STREAM, 3, "target"}}};
+const std::array<takt_term, 3> kTerms{{{TAKT_TERM_Q, 0, nullptr, nullptr, nullptr},
+                                       {TAKT_TERM_DQ, 0, nullptr, nullptr, nullptr},
+                                       {TAKT_TERM_STREAM, 3, "target", nullptr, nullptr}}};
 
 takt_policy_spec spec_of(const char* robot_file, const std::string& directory) {
   takt_policy_spec spec{};
@@ -80,7 +82,8 @@ class ClientTest : public testing::Test {
   // From here on the robot file is arm6's with its sensor as a queue, and the policy reads q and that.
   void queue_of(const std::string& samples) {
     robot_file_with("values: 3, timeout: 200 ms", "values: 3, timeout: 20 s, queue: " + samples);
-    static const std::array<takt_term, 2> terms{{{TAKT_TERM_Q, 0, nullptr}, {TAKT_TERM_QUEUE, 3, "target"}}};
+    static const std::array<takt_term, 2> terms{
+        {{TAKT_TERM_Q, 0, nullptr, nullptr, nullptr}, {TAKT_TERM_QUEUE, 3, "target", nullptr, nullptr}}};
     spec_.terms = terms.data();
     spec_.term_count = terms.size();
   }
@@ -348,7 +351,8 @@ TEST_F(ClientTest, AQueueIsOneInTheRobotFile) {
   queue_of("4");
   spec_.robot_file = "config/arm6.yaml";
   EXPECT_NE(refusal().find("sensor target gives its newest sample only"), std::string::npos) << why_.data();
-  const std::array<takt_term, 2> twice{{{TAKT_TERM_QUEUE, 3, "target"}, {TAKT_TERM_QUEUE, 3, "target"}}};
+  const std::array<takt_term, 2> twice{
+      {{TAKT_TERM_QUEUE, 3, "target", nullptr, nullptr}, {TAKT_TERM_QUEUE, 3, "target", nullptr, nullptr}}};
   spec_.robot_file = robot_file_.c_str();
   spec_.terms = twice.data();
   EXPECT_NE(refusal().find("the policy reads queue target twice"), std::string::npos) << why_.data();
@@ -573,7 +577,7 @@ TEST_F(ClientTest, RefusesWhatDoesNotFitTheRobotFileInOneSentence) {
   spec_.terms = terms.data();
   EXPECT_NE(refusal().find("stream 'cam0', which `sensors` does not list (there is target)"), std::string::npos)
       << why_.data();
-  terms[2] = {TAKT_TERM_STREAM, 4, "target"};
+  terms[2] = {TAKT_TERM_STREAM, 4, "target", nullptr, nullptr};
   EXPECT_NE(refusal().find("sensor target has 3 values, the policy's stream of that name 4"), std::string::npos)
       << why_.data();
   spec_.term_count = 2;
@@ -583,7 +587,116 @@ TEST_F(ClientTest, RefusesWhatDoesNotFitTheRobotFileInOneSentence) {
   EXPECT_NE(refusal().find("/nowhere/robot.yaml"), std::string::npos) << why_.data();
 }
 
+TEST_F(ClientTest, JoinUnitAndAgeAreComparedWhereThePolicySaysThem) {
+  spec_.join = "cross_fade";
+  auto terms = kTerms;
+  terms[2] = {TAKT_TERM_STREAM, 3, "target", "unstated", "0.2 s"};
+  spec_.terms = terms.data();
+  takt_policy* policy = nullptr;
+  EXPECT_EQ(takt_policy_open(&spec_, &policy, why_.data(), kRoom), TAKT_OK) << why_.data();
+  takt_policy_close(policy);
+  terms[2].unit = "m";
+  EXPECT_NE(refusal().find("sensor target gives unstated, the policy reads m: make them equal (`unit` there)"),
+            std::string::npos)
+      << why_.data();
+  terms[2].unit = nullptr;
+  terms[2].max_age = "80 ms";
+  EXPECT_NE(refusal().find("sensor target has the timeout 200 ms, the policy's max_age is 80 ms: make them equal"),
+            std::string::npos)
+      << why_.data();
+  terms[2].max_age = "80";
+  EXPECT_NE(refusal().find("max_age \"80\" of the policy's target"), std::string::npos) << why_.data();
+  terms[2].max_age = nullptr;
+  spec_.join = "rtc";
+  EXPECT_NE(refusal().find("policy.action.join is cross_fade, the policy's chunks are made for rtc: write `join: { "
+                           "kind: prefix }` in policy.action there, or have the policy say cross_fade"),
+            std::string::npos)
+      << why_.data();
+  spec_.join = "smooth";
+  EXPECT_NE(refusal().find("there is no such join; there are replace, cross_fade, blend, ensemble, align, quintic, "
+                           "prefix, and rtc, which is prefix"),
+            std::string::npos)
+      << why_.data();
+}
+
+TEST_F(ClientTest, RtcIsPrefix) {
+  robot_file_with("join: { kind: cross_fade }", "join: { kind: prefix }");
+  for (const char* join : {"rtc", "prefix"}) {
+    spec_.join = join;
+    takt_policy* policy = nullptr;
+    EXPECT_EQ(takt_policy_open(&spec_, &policy, why_.data(), kRoom), TAKT_OK) << why_.data();
+    takt_policy_close(policy);
+  }
+}
+
+// A program compiled with an older header has a shorter spec, and shorter terms one after the other.
+TEST_F(ClientTest, AProgramOfBeforeJoinsAndUnitsStillRuns) {
+  struct OldTerm {
+    std::uint32_t kind, values;
+    const char* stream;
+  };
+  const std::array<OldTerm, 3> terms{
+      {{TAKT_TERM_Q, 0, nullptr}, {TAKT_TERM_DQ, 0, nullptr}, {TAKT_TERM_STREAM, 3, "target"}}};
+  spec_.terms = reinterpret_cast<const takt_term*>(terms.data());
+  spec_.join = reinterpret_cast<const char*>(&spec_);  // what lies behind an older spec is not read
+  for (const std::size_t size : {offsetof(takt_policy_spec, join), offsetof(takt_policy_spec, candidate_file)}) {
+    spec_.size = static_cast<std::uint32_t>(size);
+    takt_policy* policy = nullptr;
+    EXPECT_EQ(takt_policy_open(&spec_, &policy, why_.data(), kRoom), TAKT_OK) << why_.data();
+    takt_policy_close(policy);
+  }
+}
+
+// Goal: an observation shows what it promises of this policy's own chunk, as a network is given it, and of no other.
+TEST_F(ClientTest, WhatIsPromisedIsShownAsRowsOfTheAnswer) {
+  robot_file_with("join: { kind: cross_fade }", "join: { kind: prefix }");
+  spec_.join = "rtc";
+  open_and_attach();
+  const std::int64_t begins = next(1).published_ns;
+  EXPECT_EQ(takt_policy_observation(policy_)->committed, nullptr);
+  std::vector<float> values(kSteps * kJoints);
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<float>(i);
+  const takt_chunk given = chunk(values);
+  ASSERT_EQ(takt_policy_publish(policy_, &given), TAKT_OK);
+  ASSERT_EQ(publish(std::numeric_limits<float>::quiet_NaN()), TAKT_OK) << "refused, and never played";
+
+  Observation promised;
+  promised.joint_count = kJoints;
+  promised.mode = static_cast<std::uint8_t>(Mode::tracking);
+  promised.period = milliseconds(20);
+  promised.committed_count = 2;
+  const auto show = [&](std::uint64_t id, std::uint64_t sequence,
+                        std::uint8_t of_candidate) -> const takt_observation& {
+    promised.id = id;
+    promised.published_at = promised.oldest_sensed_at = MonoTime{begins};  // before either answer came
+    promised.command_sequence = sequence;
+    promised.of_candidate = of_candidate;
+    executive_->publish(promised);
+    sense(now());
+    EXPECT_EQ(takt_policy_next(policy_, kLongNs), TAKT_OK) << takt_policy_sentence(policy_);
+    return *takt_policy_observation(policy_);
+  };
+  const takt_observation& seen = show(2, 1, 0);
+  ASSERT_NE(seen.committed, nullptr);
+  EXPECT_EQ(std::vector<float>(seen.committed, seen.committed + 2 * kJoints),
+            std::vector<float>(values.begin(), values.begin() + 2 * kJoints));
+  EXPECT_EQ(seen.committed_count, 2U);
+  for (const auto& [id, sequence, of_candidate, why] :
+       {std::tuple{3, 1, 1, "the candidate's"}, std::tuple{4, 9, 0, "of an earlier session, left in the mailbox"}}) {
+    const takt_observation& other = show(static_cast<std::uint64_t>(id), static_cast<std::uint64_t>(sequence),
+                                         static_cast<std::uint8_t>(of_candidate));
+    EXPECT_EQ(other.committed, nullptr) << why;
+    EXPECT_EQ(other.following + other.committed_from + other.committed_count, 0U) << why;
+  }
+}
+
 TEST_F(ClientTest, WhatCannotBeMeantIsUsage) {
+  auto terms = kTerms;
+  terms[0].unit = "rad";
+  spec_.terms = terms.data();
+  takt_policy* no_policy = nullptr;
+  EXPECT_EQ(takt_policy_open(&spec_, &no_policy, why_.data(), kRoom), TAKT_USAGE) << "of a term that is no sensor's";
+  spec_.terms = kTerms.data();
   spec_.size = 8;
   takt_policy* none = nullptr;
   EXPECT_EQ(takt_policy_open(&spec_, &none, why_.data(), kRoom), TAKT_USAGE);
@@ -666,8 +779,9 @@ class SensorTest : public ClientTest {
     std::fill_n(static_cast<std::uint8_t*>(takt_sensor_values(sensor)), 24, value);
   }
 
-  std::array<takt_term, 3> terms_{
-      {{TAKT_TERM_Q, 0, nullptr}, {TAKT_TERM_IMAGE, 24, "cam0"}, {TAKT_TERM_STREAM, 3, "target"}}};
+  std::array<takt_term, 3> terms_{{{TAKT_TERM_Q, 0, nullptr, nullptr, nullptr},
+                                   {TAKT_TERM_IMAGE, 24, "cam0", nullptr, nullptr},
+                                   {TAKT_TERM_STREAM, 3, "target", nullptr, nullptr}}};
 
  private:
   [[nodiscard]] takt_sensor_spec any_sensor(const char* name) const {

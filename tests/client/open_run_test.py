@@ -6,6 +6,7 @@ MAKE_SAMPLE_ARTIFACT MAKE_POLICY_INPUTS. Exit code 77: pandas or zstandard is mi
 """
 import json
 import pathlib
+import re
 import subprocess
 import sys
 import tempfile
@@ -77,13 +78,49 @@ class OpenRun(unittest.TestCase):
         subprocess.run([MAKE_INPUTS, self.folder / "shown"], cwd=SOURCE, check=True, stdout=subprocess.DEVNULL)
         told = json.loads((self.folder / "shown/inputs.json").read_text())
         found = takt.open(self.folder / "shown").policy_inputs
-        self.assertEqual([len(inputs["sample_values"]) for inputs in told], [0, 1, 3], "with samples and without")
+        self.assertEqual([len(inputs["sample_values"]) for inputs in told], [0, 1, 3, 3], "with samples and without")
         self.assertEqual(len(found), len(told))
         for (_, row), wanted in zip(found.iterrows(), told):
             self.assertEqual([values.tolist() for values in row["sample_values"]], wanted.pop("sample_values"))
             for name, value in wanted.items():
                 self.assertEqual(row[name].tolist() if isinstance(value, list) else row[name], value, name)
         self.assertEqual({values.dtype for values in found["input"]}, {np.dtype("<f4")})
+
+    def test_sensors_are_every_sample_once(self):
+        """Names and units are those of the robot file, whose `sensors` the test writes; of the third one nobody spoke."""
+        subprocess.run([MAKE_INPUTS, self.folder / "sensed"], cwd=SOURCE, check=True, stdout=subprocess.DEVNULL)
+        told = json.loads((self.folder / "sensed/inputs.json").read_text())
+        config = self.folder / "sensed/config.yaml"
+        text, rest = config.read_text().split("sensors:\n")
+        rest = rest[re.search(r"(?m)^\S", rest).start():]
+        sensors = [f'  - name: {name}\n    values: 2\n    queue: 0\n    unit: "{unit}"\n    ros:\n      joints:\n        - name: not_a_sensor\n'
+                   for name, unit in (("target", 'm \\"here\\"'), ("force", "N"), ("wish", "m/s"), ("base_imu", "unstated"))]
+        config.write_text(text + "sensors:\n" + "".join(sensors) + "imu:\n  sensor: base_imu\n  tilt: 1 rad\n" + rest)
+        run = takt.open(self.folder / "sensed")
+        found = run.sensors
+        self.assertEqual(list(found.columns), ["s", "sensor", "sequence", "sensed_at", "published_at", "values", "unit", "image"])
+        self.assertFalse(found.duplicated(["sensor", "sequence", "sensed_at"]).any())
+        self.assertTrue(found["sensed_at"].is_monotonic_increasing)
+        np.testing.assert_allclose(found["s"], (found["sensed_at"] - run.ticks["now"].iloc[0]) * 1e-9)
+        self.assertEqual(found["sensor"].value_counts().to_dict(), {"base_imu": 12, "target": 2, "force": 1})
+        imu = found[found["sensor"] == "base_imu"]
+        self.assertEqual(imu["sequence"].tolist(), list(range(1, 13)))
+        self.assertTrue(imu["published_at"].isna().all())
+        np.testing.assert_array_equal(np.stack(imu["values"]), [[1, 0, 0, 0, 0, 0, 0, n, n + 0.25, n + 0.5] for n in range(1, 13)])
+        image, target = (row for _, row in found[found["sensor"] == "target"].iterrows())
+        self.assertEqual((image["image"], len(image["values"]), image["published_at"]), (run.images["sha256"][0], 0, 1001))
+        self.assertEqual((target["values"].tolist(), target["unit"], target["image"]), (told[2]["sample_values"][0], 'm "here"', ""))
+        self.assertEqual(target["values"].dtype, np.dtype("<f4"))
+        config.unlink()
+        with self.assertRaisesRegex(takt.Refused, "config.yaml cannot be read"):
+            takt.open(self.folder / "sensed").sensors
+
+    def test_a_runs_own_config_names_its_sensors(self):
+        """The robot file as the recorder wrote it; what it does not list has no name."""
+        subprocess.run([MAKE_INPUTS, self.folder / "named"], cwd=SOURCE, check=True, stdout=subprocess.DEVNULL)
+        found = takt.open(self.folder / "named").sensors
+        self.assertEqual(found["sensor"].tolist(), ["target", "target", None])
+        self.assertEqual(found["unit"].tolist(), ["unstated", "unstated", None])
 
     def test_images_are_those_that_were_shown_and_what_is_lost_or_altered_is_told(self):
         subprocess.run([MAKE_INPUTS, self.folder / "seen"], cwd=SOURCE, check=True, stdout=subprocess.DEVNULL)
@@ -114,6 +151,8 @@ class OpenRun(unittest.TestCase):
         self.assertEqual(len(inputs), 0)
         self.assertIn("sample_values", inputs.columns)
         self.assertEqual(len(self.run_.images), 0)
+        self.assertEqual(len(self.run_.sensors), 0)
+        self.assertIn("values", self.run_.sensors.columns)
 
     def test_transitions_name_their_causes(self):
         lines = (self.folder / "run/transitions.jsonl").read_text().splitlines()

@@ -5,8 +5,12 @@ python3-websockets and GR00T's with python3-zmq; a good answer repeats the quest
 """
 import inspect
 import pathlib
+import shutil
 import socket
+import ssl
+import subprocess
 import sys
+import tempfile
 import threading
 import time
 import unittest
@@ -17,11 +21,13 @@ try:
     import msgpack
     import websockets
     import zmq
+    from groot_server import GrootServer, npy
     from openpi_server import JOINTS, STEPS, OpenPiServer, answer, array, well
 except ImportError as error:
     print(f"SKIPPED: {error}: NO POLICY SERVER WAS TALKED TO")
     sys.exit(77)
 import numpy as np
+from wire import Wire
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "client/python"))
 import takt  # noqa: E402
@@ -57,57 +63,6 @@ class RawServer:
         self.listener.shutdown(socket.SHUT_RDWR)
         self.listener.close()
         self.thread.join()
-
-
-class Wire:
-    """A way to a server that can be cut: what is sent meanwhile, and no hang-up either, arrives when it is whole again, as TCP has it."""
-
-    def __init__(self, server):
-        self.server, self.whole, self.over = server, threading.Event(), threading.Event()
-        self.whole.set()
-        self.listener = socket.create_server(("127.0.0.1", 0))
-        self.url = "ws://127.0.0.1:%d" % self.listener.getsockname()[1]
-        self.ends = []
-        self.threads = [threading.Thread(target=self._accept)]
-        self.threads[0].start()
-
-    def _accept(self):
-        while not self.over.is_set():
-            try:
-                near, _ = self.listener.accept()
-            except OSError:
-                return
-            far = socket.create_connection(("127.0.0.1", self.server.port))
-            self.ends += [near, far]
-            for ends in ((near, far), (far, near)):
-                self.threads.append(threading.Thread(target=self._carry, args=ends))
-                self.threads[-1].start()
-
-    def _carry(self, source, sink):
-        source.settimeout(0.1)
-        while not self.over.is_set():
-            try:
-                data = source.recv(65536)
-                while not self.whole.wait(0.1) and not self.over.is_set():
-                    pass
-                sink.sendall(data)
-                if not data:
-                    sink.shutdown(socket.SHUT_WR)
-                    return
-            except TimeoutError:
-                continue
-            except OSError:
-                return
-
-    def close(self):
-        self.over.set()
-        self.listener.shutdown(socket.SHUT_RDWR)
-        self.listener.close()
-        for thread in self.threads:
-            thread.join()
-        for end in self.ends:
-            end.close()
-        self.server.close()
 
 
 class Asking(unittest.TestCase):
@@ -271,6 +226,26 @@ class OpenPi(Asking):
         for _ in range(5):
             number = self.until(client, self.good, number)
 
+    def test_a_server_gets_what_it_asks_for_and_no_other_key(self):
+        prefix = np.arange(2 * JOINTS, dtype=np.float64).reshape(2, JOINTS)
+        for metadata, wanted in (({}, {"n"}), ({"prefix": 3}, {"n"}), ({"prefix": "held", "delay": "d"}, {"n", "held", "d"})):
+            seen = []
+
+            async def listens(peer, asked, count):
+                seen.append(asked)
+                await peer.send(answer(asked["n"], server_timing={"infer_ms": 1e-3 * count}))
+            client = self.open(OpenPiServer(listens, metadata=msgpack.packb(metadata)))
+            self.until(client, self.good)
+            seen.clear()
+            for actions in (client.infer({"n": 7}, prefix=prefix), servers.FailOver(client).infer({"n": 7}, prefix=prefix)):
+                self.assertIsNotNone(actions, client.problem)
+            for asked in seen:
+                self.assertEqual(set(asked), wanted)
+            if "held" in wanted:
+                held = seen[-1]["held"]
+                self.assertEqual((held[b"dtype"], held[b"shape"], seen[-1]["d"]), ("<f4", [2, JOINTS], 2))
+                self.assertEqual(held[b"data"], prefix.astype("<f4").tobytes())
+
     def test_an_error_in_words_is_told(self):
         async def text(peer, asked, count):
             await peer.send("Traceback (most recent call last):\n  File x\nKeyError: 'prompt'\n")
@@ -362,6 +337,66 @@ class OpenPi(Asking):
         server.behaves = well
         self.until(client, self.good, number)
 
+    def test_an_answer_that_comes_again_is_passed_over(self):
+        # At once, and after the next question, whose answer it is not.
+        sent = []
+
+        async def again(peer, asked, count):
+            if sent:
+                await peer.send(sent[-1])
+            sent.append(answer(asked["n"]))
+            await peer.send(sent[-1])
+            await peer.send(sent[-1])
+        server = OpenPiServer(again)
+        client = self.open(server, deadline="10 s")
+        number = self.until(client, self.good)
+        for more in range(20):
+            self.assertIsNotNone(self.ask(client, number + more), client.problem)
+        self.assertEqual(server.connections, 1)
+
+    def test_an_old_answer_in_the_place_of_a_new_one_is_none(self):
+        first = []
+
+        async def old(peer, asked, count):
+            first.append(answer(asked["n"]))
+            await peer.send(first[0])
+        self.until(self.open(OpenPiServer(old)), self.says("did not answer within 300 ms, but sent an earlier answer again"))
+
+        async def without_end(peer, asked, count):
+            first.append(answer(asked["n"]))
+            for _ in range(100):
+                await peer.send(first[0])
+        first.clear()
+        self.until(self.open(OpenPiServer(without_end)), self.says("sends an earlier answer again and again"))
+
+    def test_who_says_the_same_without_a_time_is_believed(self):
+        # A policy that holds a pose, on a server that measures nothing: its answers are the same bytes, and each is its question's.
+        async def constant(peer, asked, count):
+            await peer.send(msgpack.packb({"actions": array(np.full((STEPS, JOINTS), 7))}))
+        server = OpenPiServer(constant)
+        client = self.open(server, deadline="10 s")
+        end = time.monotonic() + PATIENCE_S
+        while not client.connected:
+            self.assertLess(time.monotonic(), end)
+            time.sleep(0.005)
+        for _ in range(20):
+            self.assertIsNotNone(self.ask(client, 7), client.problem)
+        self.assertEqual(server.connections, 1)
+
+    def test_what_took_longer_than_it_was_waited_for_is_another_questions(self):
+        # Each question is answered twice, and anew; the second comes when the next one is asked.
+        second = []
+
+        async def twice(peer, asked, count):
+            if second:
+                await peer.send(answer(second[-1], server_timing={"infer_ms": 9999.0}))
+            second.append(asked["n"])
+            await peer.send(answer(asked["n"]))
+        client = self.open(OpenPiServer(twice), deadline="10 s")
+        number = self.until(client, self.good)
+        self.assertIsNone(self.ask(client, number))
+        self.assertRegex(client.problem, "answered another question: it inferred for 9999.0 ms, this one was asked .* ms ago")
+
     def test_who_is_no_openpi_server_is_named(self):
         for metadata in ("hello", b"\x07"):
             with self.subTest(metadata):
@@ -431,6 +466,27 @@ class OpenPi(Asking):
         closing.join(PATIENCE_S)
         self.assertFalse(closing.is_alive())
 
+    def test_a_server_behind_tls_is_believed_by_who_signed_it(self):
+        if not shutil.which("openssl"):
+            self.skipTest("NO SERVER BEHIND TLS WAS TALKED TO: openssl is not installed")
+        folder = pathlib.Path(tempfile.mkdtemp())
+        self.addCleanup(shutil.rmtree, folder)
+        certificate, key = folder / "certificate.pem", folder / "key.pem"
+        subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=test", "-addext", "subjectAltName=IP:127.0.0.1",
+                        "-keyout", key, "-out", certificate], check=True, capture_output=True)
+        tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        tls.load_cert_chain(certificate, key)
+        server = OpenPiServer(tls=tls)
+        self.until(self.open(server), self.says("shows a certificate that is not believed: self-signed certificate; `ca_file` names whoever signed it"))
+        client = self.open(server, ca_file=certificate)
+        number = self.until(client, self.good)
+        for more in range(20):
+            self.assertIsNotNone(self.ask(client, number + more), client.problem)
+        for url, file, said in ((server.url, folder / "none.pem", "none.pem is no file of certificates in PEM: No such file"),
+                                (server.url, key, "is no file of certificates in PEM"), ("ws://127.0.0.1:1", certificate, "ca_file is for a server at wss://")):
+            with self.subTest(said), self.assertRaisesRegex(takt.Refused, said):
+                servers.OpenPi(url, shape=(STEPS, JOINTS), deadline="1 s", ca_file=file)
+
     def test_what_cannot_be_meant_is_refused_in_a_sentence(self):
         fine = {"url": "ws://127.0.0.1:1", "shape": (STEPS, JOINTS), "deadline": "1 s"}
         for change, said in (({"url": "grpc://gpu:8080"}, "pickles"), ({"url": "http://gpu"}, "is no address of a server"), ({"url": "ws://"}, "is no address"),
@@ -442,6 +498,57 @@ class OpenPi(Asking):
         client.close()
         with OpenPiClosing() as (client, number), self.assertRaisesRegex(takt.Refused, "object cannot be sent"):
             client.infer({"n": number, "x": object()})
+
+
+class FailOver(Asking):
+    def both(self, behaves):
+        """Two servers, of which the first behaves so."""
+        first, second = OpenPiServer(behaves), OpenPiServer()
+        client = servers.FailOver(self.open(first), self.open(second))
+        self.addCleanup(client.close)
+        end = time.monotonic() + PATIENCE_S
+        while not all(server.connected for server in client.servers):
+            self.assertLess(time.monotonic(), end)
+            time.sleep(0.005)
+        return first, second, client
+
+    def ask(self, client, number):
+        """What came back is this question's, or nothing with a reason."""
+        values = client.infer({"n": number})
+        self.assertEqual(values is None, bool(client.problem))
+        self.assertTrue(values is None or (values == number).all())
+        return values
+
+    def test_one_answers_in_the_place_of_another_and_goes_on(self):
+        async def never(peer, asked, count):
+            pass
+        first, second, client = self.both(never)
+        with self.assertLogs("takt", "WARNING") as log:
+            number = self.until(client, self.good)
+        self.assertTrue(any(f"{second.url} answers in the place of {first.url}" in line for line in log.output), log.output)
+        asked = first.questions
+        missed = sum(self.ask(client, number + more) is None for more in range(20))
+        self.assertLessEqual(first.questions - asked, missed, "it is asked when the other has no answer, and else never")
+
+    def test_who_goes_leaves_no_question_without_an_answer(self):
+        first, second, client = self.both(well)
+        number = self.until(client, self.good)
+        self.assertEqual(second.questions, 0)
+        first.close()
+        end = time.monotonic() + PATIENCE_S
+        while client.servers[0].connected:
+            self.assertLess(time.monotonic(), end)
+            time.sleep(0.005)
+        self.until(client, self.good, number)
+        self.assertGreater(second.questions, 0)
+
+    def test_without_any_there_is_no_answer_but_a_reason(self):
+        first, second, client = self.both(well)
+        first.close()
+        second.close()
+        self.until(client, lambda values, problem: values is None and "127.0.0.1" in problem)
+        with self.assertRaisesRegex(takt.Refused, "name the servers"):
+            servers.FailOver()
 
 
 class OpenPiClosing:
@@ -460,52 +567,6 @@ class OpenPiClosing:
         self.server.close()
 
 
-def npy(values, **how):
-    import io
-    file = io.BytesIO()
-    np.save(file, values, **how)
-    return {"__ndarray_class__": True, "as_npy": file.getvalue()}
-
-
-class GrootServer:
-    """REP; `behaves(question, count)` gives the reply's bytes, or None: none at all. `afterwards(frames)`: once it is sent."""
-
-    def __init__(self, behaves, afterwards=None):
-        self.behaves, self.afterwards, self.count = behaves, afterwards, 0
-        self.context = zmq.Context()
-        # A router, for a REP socket cannot keep an answer back.
-        self.socket = self.context.socket(zmq.ROUTER)
-        if afterwards:  # a message that finds no room waits, and is not dropped
-            self.socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
-            self.socket.setsockopt(zmq.SNDHWM, 1)
-            self.socket.setsockopt(zmq.SNDTIMEO, 1000)
-        self.url = f"tcp://127.0.0.1:{self.socket.bind_to_random_port('tcp://127.0.0.1')}"
-        self.over = threading.Event()
-        self.kept = []
-        self.thread = threading.Thread(target=self._run)
-        self.thread.start()
-
-    def _run(self):
-        while not self.over.is_set():
-            if not self.socket.poll(20):
-                continue
-            frames = self.socket.recv_multipart()
-            self.count += 1
-            reply = self.behaves(msgpack.unpackb(frames[-1], strict_map_key=False), self.count)
-            if reply is None:
-                self.kept.append(frames[:-1])
-            else:
-                self.socket.send_multipart([*frames[:-1], reply])
-                if self.afterwards:
-                    self.afterwards(frames[:-1])
-
-    def close(self):
-        self.over.set()
-        self.thread.join()
-        self.socket.close(0)
-        self.context.term()
-
-
 class Groot(Asking):
     @staticmethod
     def well(asked, count=0, arm=2, hand=1, dtype=np.float32, **how):
@@ -521,7 +582,7 @@ class Groot(Asking):
 
     def open(self, server, **more):
         self.addCleanup(server.close)
-        client = servers.Groot(server.url, shape=(STEPS, JOINTS), deadline="300 ms", actions=("action.arm", "action.hand"), **more)
+        client = servers.Groot(server.url, shape=(STEPS, JOINTS), deadline=more.pop("deadline", "300 ms"), actions=("action.arm", "action.hand"), **more)
         self.addCleanup(client.close)
         return client
 
@@ -563,13 +624,44 @@ class Groot(Asking):
         server = GrootServer(lambda question, count: None)
 
         def with_the_old_ones(question, count):
-            for frames in server.kept:
-                server.socket.send_multipart([*frames, self.well({"data": {"observation": {"n": -1}}})])
+            for envelope in server.envelopes[:-1]:
+                server.socket.send_multipart([*envelope, self.well({"data": {"observation": {"n": -1}}})])
             return self.well(question)
         client = self.open(server)
         number = self.until(client, self.says("did not answer"))
         server.behaves = with_the_old_ones
         self.until(client, self.good, number)
+
+    def test_an_answer_that_comes_twice_is_taken_once(self):
+        def again(question, count):
+            for envelope in server.envelopes[-3:-1]:
+                server.socket.send_multipart([*envelope, self.well({"data": {"observation": {"n": -1}}})])
+            return self.well(question)
+        server = GrootServer(again)
+        client = self.open(server, deadline="10 s")
+        number = self.until(client, self.good)
+        for more in range(20):
+            self.assertIsNotNone(self.ask(client, number + more), client.problem)
+
+    def test_a_rep_socket_as_the_real_servers_is_understood(self):
+        context = zmq.Context()
+        self.addCleanup(context.term)
+        socket = context.socket(zmq.REP)
+        self.addCleanup(socket.close, 0)
+        port, over = socket.bind_to_random_port("tcp://127.0.0.1"), threading.Event()
+
+        def serve():
+            while not over.is_set():
+                if socket.poll(20):
+                    socket.send(self.well(msgpack.unpackb(socket.recv(), strict_map_key=False)))
+        thread = threading.Thread(target=serve)
+        thread.start()
+        self.addCleanup(thread.join)
+        self.addCleanup(over.set)
+        client = servers.Groot(f"tcp://127.0.0.1:{port}", shape=(STEPS, JOINTS), deadline="10 s", actions=("action.arm", "action.hand"))
+        self.addCleanup(client.close)
+        for number in range(1, 20):
+            self.assertIsNotNone(self.ask(client, number), client.problem)
 
     def test_what_nobody_asked_for_waits_at_its_sender(self):
         # 200 MiB behind an answer: what this side takes in of them is bounded by messages, not by the sender's patience.

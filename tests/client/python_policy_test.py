@@ -4,22 +4,14 @@ one sentence; a policy sees what it asked for, and leaves cleanly. Method: `takt
 written by the tests; the arm's true motion comes from the simulator. Usage: python_policy_test.py SOURCE_DIR BUILD_DIR
 """
 import json
-import os
-import pathlib
 import re
-import shutil
-import subprocess
 import sys
-import tempfile
 import unittest
 
 import numpy as np
 
-HERE = pathlib.Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "process")]
-from patient import patient  # noqa: E402
+from python_rig import SOURCE, PythonRig
 
-SOURCE, BUILD = pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(sys.argv[2]).resolve()
 SPEC = """
 import json, os, signal, sys, time
 import numpy as np
@@ -30,48 +22,7 @@ spec = takt.Policy(observation={"state": takt.joints("q", "dq"), "target": takt.
 HOLD = "obs.publish(q=np.tile(robot.home, (16, 1)))"
 
 
-class PythonPolicy(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.python_home = tempfile.mkdtemp(prefix="takt-venv.")
-        cls.venv = pathlib.Path(cls.python_home) / "venv"
-        # Debian's numpy is the one thing it sees of the system.
-        subprocess.run(["/usr/bin/python3", "-m", "venv", "--system-site-packages", cls.venv], check=True)
-        subprocess.run([cls.venv / "bin/pip", "install", "--quiet", "--disable-pip-version-check", "--no-index", "--no-deps", "--find-links",
-                        BUILD / "python", "takt"], check=True)
-
-    @classmethod
-    def tearDownClass(cls):
-        shutil.rmtree(cls.python_home)
-
-    def setUp(self):
-        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="takt-python."))
-        self.addCleanup(shutil.rmtree, self.folder)
-        self.environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "LD_"))}
-        self.environment.update(XDG_RUNTIME_DIR=str(self.folder), PATH=f"{self.venv}/bin:{BUILD}/bin:/usr/bin:/bin")
-        self.robot(lambda text: text)
-
-    def robot(self, change):
-        """robot.yaml: the demo arm under policy.py, patient with a machine that stalls."""
-        text = (SOURCE / "config/arm6.yaml").read_text()
-        self.assertIn("file: arm6_reach.onnx", text)
-        text = patient(text).replace("file: arm6_reach.onnx", "file: policy.py")
-        (self.folder / "robot.yaml").write_text(change(text))
-
-    def policy(self, text):
-        path = self.folder / "policy.py"
-        path.write_text(f"#!{self.venv}/bin/python\n" + text)
-        path.chmod(0o755)
-
-    def command(self, *arguments):
-        return subprocess.run(arguments, cwd=self.folder, env=self.environment, capture_output=True, text=True, timeout=120, check=False)
-
-    def run_robot(self, duration):
-        done = self.command("takt", "run", "robot.yaml", "--policy-host", "./policy.py", "--arm", "--duration", duration, "--run-dir", "run",
-                            "--plant=--truth=truth.jsonl")
-        log = self.folder / "run/logs/takt-policy-host.log"
-        return done, log.read_text() if log.exists() else ""
-
+class PythonPolicy(PythonRig):
     def refusal(self, text, code):
         """The one line with which a policy of this text ends by itself, no robot running."""
         self.policy(text)
@@ -204,10 +155,20 @@ with takt.connect("robot.yaml", spec) as robot:
                 ('"target", 3', '"target", 4', "sensor target has 3 values, the policy's stream of that name 4"),
                 (', "target": takt.stream("target", 3)', "", "lists sensor target, which the policy does not read"),
                 ('"q", "dq"', '"q", "speed"', "there is no quantity 'speed'"),
+                ('"target", 3', '"target", 3, unit="m"', "sensor target gives unstated, the policy reads m: make them equal (`unit` there)"),
+                ('"target", 3', '"target", 3, max_age="80 ms"', "sensor target has the timeout 200 ms, the policy's max_age is 80 ms: make them equal"),
+                ('step="10 ms"', 'step="10 ms", join="smooth"', "takt.chunk: there is no join 'smooth'; there are replace, cross_fade,"),
                 ('chunk("q"', 'chunk("tau"', "a chunk's targets are 'q' (rad), not 'tau'"),
                 ('"state"', '"mode"', "an observation cannot be named 'mode'")):
             with self.subTest(said):
                 self.assertIn(said, self.refusal(self.connect(old, new), 65))
+
+    def test_a_join_is_the_robot_files(self):
+        """Every name that takt.chunk takes is one that the library compares; rtc is prefix."""
+        for join in ("replace", "blend", "ensemble", "align", "quintic", "prefix", "rtc"):
+            with self.subTest(join):
+                self.assertIn(f"policy.action.join is cross_fade, the policy's chunks are made for {join}: write `join: {{ kind: {'prefix' if join == 'rtc' else join} }}` "
+                              "in policy.action there, or have the policy say cross_fade", self.refusal(self.connect('step="10 ms"', f'step="10 ms", join="{join}"'), 65))
 
     def test_a_sensor_publishes_in_place_and_says_what_cannot_be(self):
         self.policy("""
@@ -263,8 +224,18 @@ with takt.Sensor("cam0", "robot.yaml", shape=(2, 2, 1), dtype="uint8", runtime_d
                    255 * (image > 0), [[[0], [1]], [[2], [3]]], [[[0], [1]], [[2], [2**70]]], image.astype(complex), image.astype(str)):
         publish(camera, values)
 with takt.Sensor("target", "robot.yaml", shape=3, runtime_dir="sensors") as target:
-    for values in (np.zeros(3), np.zeros(3, int), [1, 2, 3], np.zeros(3, complex), ["1", "2", "3"], [1, 2, None]):
+    for values in (np.zeros(3), np.zeros(3, int), [1, 2, 3], np.zeros(3, complex), ["1", "2", "3"], [1, 2, None], [1e300, 0, 0]):
         publish(target, values)
+    for stamp in (1.5, -1, 0):
+        try:
+            target.publish(np.zeros(3), stamp=stamp)
+        except takt.Refused as refused:
+            print(refused)
+for shape, dtype in ((-1, "float32"), (2**40, "float32"), ((2, 0, 1), "uint8"), (3, "float64")):
+    try:
+        takt.Sensor("target", "robot.yaml", shape=shape, dtype=dtype, runtime_dir="sensors")
+    except takt.Refused as refused:
+        print(refused)
 """)
         done = self.command("./policy.py")
         self.assertEqual(done.returncode, 0, done.stderr)
@@ -275,7 +246,22 @@ with takt.Sensor("target", "robot.yaml", shape=3, runtime_dir="sensors") as targ
             f"{of_camera}float64 {floats}", f"{of_camera}float32 {floats}", "taken", f"{of_camera}300 {bounds}", f"{of_camera}300 {bounds}", f"{of_camera}-1 {bounds}",
             "taken", "taken", f"{of_camera}object cannot become uint8 without loss: give uint8", f"{of_camera}complex128 cannot become uint8 without loss: give uint8",
             f"{of_camera}<U32 cannot become uint8 without loss: give uint8", "taken", "taken", "taken", f"{of_target}complex128 cannot become float32 without loss: give float32",
-            f"{of_target}<U1 cannot become float32 without loss: give float32", f"{of_target}object cannot become float32 without loss: give float32"])
+            f"{of_target}<U1 cannot become float32 without loss: give float32", f"{of_target}object cannot become float32 without loss: give float32",
+            f"{of_target}1e+300 is more than float32 holds", *(f"{of_target}the stamp is {stamp}: give ns of time.monotonic_ns()" for stamp in (1.5, -1, 0)),
+            *(f"takt.Sensor: shape {shape}: each of its numbers is from 1 to 2147483647" for shape in (-1, 2**40, (2, 0, 1))),
+            "takt.Sensor: float64 of shape (3,): samples are float32 with one axis, or uint8 images with three: height, width, channels"])
+        self.assertEqual(done.stderr, "")
+
+    def test_a_policy_says_whether_it_fits_without_a_robot(self):
+        self.policy(SPEC + """
+with takt.connect("robot.yaml", spec) as robot:
+    raise RuntimeError("nobody asked for a robot")
+""")
+        done = self.command("./policy.py", "--check")
+        self.assertEqual((done.returncode, done.stdout, done.stderr), (0, "robot.yaml: the policy fits: state, target in, 16 steps of 6 joints out\n", ""))
+        self.robot(lambda text: text.replace("  steps: 16\n", "  steps: 12\n"))
+        done = self.command("./policy.py", "--check")
+        self.assertEqual((done.returncode, done.stderr.count("\n")), (65, 1), done.stderr)
 
     def test_a_queue_gives_every_sample_or_says_how_many_are_missing(self):
         """A counter as a sensor at 400 Hz, read by a 50 Hz policy: what is seen and what is lost make up what was published."""
@@ -330,7 +316,6 @@ with takt.connect("robot.yaml", spec) as robot:
             import zstandard  # noqa: F401
         except ImportError as error:
             self.skipTest(f"NO RUN WAS READ: {error}")
-        sys.path.insert(0, str(SOURCE / "client/python"))
         import hashlib
         import takt
 
@@ -388,6 +373,13 @@ with takt.connect("robot.yaml", spec) as robot, open("saw", "w") as saw:
                 self.assertEqual(hashes[named], number)
         self.assertGreater(compared, len(rows) // 2)
         self.assertGreater(compared, 50)
+        sensed = run.sensors
+        self.assertFalse(sensed.duplicated(["sensor", "sequence"]).any(), "each process began once")
+        frames = sensed[sensed["sensor"] == "cam0"]
+        self.assertGreater(len(frames), 50)
+        self.assertEqual(set(frames["image"]) - {""}, set(run.images["sha256"]) - {""})
+        targets = set(map(tuple, np.stack(sensed[sensed["sensor"] == "target"]["values"]).tolist()))
+        self.assertLessEqual({tuple(target) for observation, _, _, target, _ in rows if observation in shown.index}, targets)
         images = run.images.set_index("sha256")
         stored = images.index[images["file"] == "stored"]
         self.assertEqual(len(stored), int(0.05 * 2**20 / (24 * 32 * 3 + len(b"P6\n32 24\n255\n"))), "as many as the budget holds")
@@ -419,9 +411,9 @@ with takt.connect("robot.yaml", spec) as robot, open("saw", "w") as saw:
                           ("margin", "robot.yaml")):
             done = self.command("takt", *arguments)
             self.assertIn(done.returncode, (1, 65), done.stderr)
-            self.assertRegex(done.stderr, r"policy.py: not an ONNX model, .* runs by `takt run --policy-host` only")
+            self.assertRegex(done.stderr, r"policy.py: not an ONNX model, .* runs by --policy-host")
             self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1], verbosity=2)
+    unittest.main(argv=sys.argv[:1] + sys.argv[3:], verbosity=2)

@@ -12,6 +12,9 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "policy_host/agreement.hpp"
+#include "policy_host/judging_network.hpp"
+#include "policy_host/onnx_policy.hpp"
 #include "tests/policy_host/installed_onnx_runtime.hpp"
 
 namespace takt::policy_host {
@@ -52,11 +55,11 @@ class TrialTest : public testing::Test {
 
   void judge(const fs::path& file, const std::optional<onnx_runtime::OnnxRuntime>& runtime) {
     SCOPED_TRACE(file.filename().string());
-    auto trial = PolicyTrial::load(file);
-    ASSERT_TRUE(trial) << trial.error();
+    const auto built_in = load_whole_policy(file.string(), load_onnx_network);
+    ASSERT_TRUE(built_in) << built_in.error();
     const std::string name = file.stem().string();
     ++judged_;
-    const std::vector<float> own = trial->last_outputs();
+    const std::vector<float> own = last_outputs(*built_in->policy);
     ASSERT_TRUE(vectors_.contains(name)) << "no numbers of ONNX Runtime in " << kVectors;
     const auto committed = vectors_[name].get<std::vector<float>>();
     ASSERT_EQ(committed.size(), own.size());
@@ -64,10 +67,13 @@ class TrialTest : public testing::Test {
       EXPECT_NEAR(own[i], committed[i], kTolerance * std::max(1.0F, std::abs(committed[i]))) << "at " << i;
     }
     if (!runtime) return;
-    const auto agreement = trial->against(*runtime, 0);
-    ASSERT_TRUE(agreement) << agreement.error();
-    EXPECT_LE(agreement->error, kTolerance);
-    worst_ = std::max(worst_, agreement->error);
+    const auto known = load_onnx_network(file);
+    const auto judge = load_whole_policy(
+        file.string(), [&](const fs::path& path) { return load_judging_network(*runtime, path, known->get()); });
+    ASSERT_TRUE(judge) << judge.error();
+    const Agreement agreement = compare(*built_in->policy, *judge->policy, 0);
+    EXPECT_LE(agreement.error, kTolerance);
+    worst_ = std::max(worst_, agreement.error);
   }
 
   void report(const std::optional<onnx_runtime::OnnxRuntime>& runtime) const {
@@ -110,7 +116,7 @@ TEST_F(TrialTest, PublishedPoliciesAgreeWithOnnxRuntime) {
   }
   if (make("onnx/published_policies.py " + kShared.string() + " " + folder_.string())) {
     for (const char* name : {"b2.onnx", "himloco.onnx", "g1_lstm.onnx"}) judge(folder_ / name, runtime);
-    const auto lost = PolicyTrial::load(folder_ / "g1_lstm_without_state.onnx");
+    const auto lost = load_whole_policy((folder_ / "g1_lstm_without_state.onnx").string(), load_onnx_network);
     ASSERT_FALSE(lost) << "a recurrent policy without its state was accepted";
     EXPECT_NE(lost.error().find("LSTM node"), std::string::npos) << lost.error();
     EXPECT_NE(lost.error().find("memory is lost"), std::string::npos) << lost.error();

@@ -8,7 +8,6 @@ Usage: policy_swaps.py SOURCE_DIR BIN_DIR [--swaps N] [--seed N] [--folder DIR]
 Exit codes: 0 fine, 1 not, 77 no numpy or pandas.
 """
 import argparse
-import json
 import os
 import pathlib
 import random
@@ -18,6 +17,7 @@ import sys
 import tempfile
 import time
 
+from operated import Operated
 from patient import patient
 
 NEAR_TICKS = 20
@@ -37,28 +37,15 @@ def robot_and_candidate(source, folder):
     return robot, candidate
 
 
-class Storm:
+class Storm(Operated):
     def __init__(self, options, folder):
-        self.options, self.folder = options, folder
+        super().__init__(options.programs, folder / "sockets")
+        self.options = options
         self.random = random.Random(options.seed)
         self.robot, self.candidate = robot_and_candidate(options.source, folder)
-        self.sockets, self.run_folder = folder / "sockets", folder / "run"
+        self.run_folder = folder / "run"
         self.host = None
         self.counts = {"swaps": 0, "kills": 0, "refused": 0, "stops": 0}
-
-    def takt(self, *words):
-        return subprocess.run([self.options.programs / "takt", *words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=60)
-
-    def status(self):
-        said = json.loads(self.takt("status", "--runtime-dir", self.sockets, "--json").stdout)
-        return said["status"] or {}
-
-    def wait_until(self, holds, seconds=20):
-        deadline = time.monotonic() + seconds
-        while time.monotonic() < deadline:
-            if holds(self.status()):
-                return True
-        return False
 
     def keep_candidate(self):
         if self.host is not None and self.host.poll() is None:
@@ -88,14 +75,11 @@ class Storm:
     def get_going(self):
         """A machine that stalls stops the robot; why is judged by the record."""
         self.counts["stops"] += 1
-        self.wait_until(lambda status: self.takt("reset", "--runtime-dir", self.sockets).returncode == 0 or status["mode"] == "standby")
-        self.wait_until(lambda status: self.takt("arm", "--runtime-dir", self.sockets).returncode == 0 or status["mode"] == "tracking")
-        self.wait_until(lambda status: status["mode"] == "tracking")
+        return super().get_going()
 
     def run(self):
-        words = ["run", self.robot, "--arm", "--allow-non-realtime", "--duration", "7200s", "--runtime-dir", self.sockets, "--run-dir", self.run_folder]
         busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"], preexec_fn=lambda: os.nice(19)) for _ in range(os.cpu_count())]
-        run = subprocess.Popen([self.options.programs / "takt", *words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        run = self.start(self.robot, self.run_folder)
         try:
             self.wait_until(lambda status: status.get("mode") == "tracking", 60)
             for _ in range(self.options.swaps):

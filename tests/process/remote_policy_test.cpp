@@ -396,7 +396,7 @@ class RemoteClient : public RemotePolicy {
   }
   // The robot file's target of three values comes after `terms`.
   void attach(std::vector<takt_term> terms) {
-    terms.push_back({TAKT_TERM_STREAM, 3, "target"});
+    terms.push_back({TAKT_TERM_STREAM, 3, "target", nullptr, nullptr});
     const std::string far = temporary_.path("far"), file = robot_file();
     std::filesystem::create_directories(far);
     server_.emplace(network_->start(1, {"takt-policy-server", "--robot", file, "--runtime-dir", far}, log("far")));
@@ -427,11 +427,11 @@ class RemoteClient : public RemotePolicy {
 
 // Every vector of the observation has values of its own there; none is left at zero.
 TEST_F(RemoteClient, IsShownEveryVectorOfAnObservation) {
-  const std::array<takt_term, 5> terms{{{TAKT_TERM_Q, 0, nullptr},
-                                        {TAKT_TERM_DQ, 0, nullptr},
-                                        {TAKT_TERM_TAU, 0, nullptr},
-                                        {TAKT_TERM_Q_SETPOINT, 0, nullptr},
-                                        {TAKT_TERM_DQ_OF_DRIVE, 0, nullptr}}};
+  const std::array<takt_term, 5> terms{{{TAKT_TERM_Q, 0, nullptr, nullptr, nullptr},
+                                        {TAKT_TERM_DQ, 0, nullptr, nullptr, nullptr},
+                                        {TAKT_TERM_TAU, 0, nullptr, nullptr, nullptr},
+                                        {TAKT_TERM_Q_SETPOINT, 0, nullptr, nullptr, nullptr},
+                                        {TAKT_TERM_DQ_OF_DRIVE, 0, nullptr, nullptr, nullptr}}};
   ASSERT_NO_FATAL_FAILURE(attach({terms.begin(), terms.end()}));
   ASSERT_TRUE(until([&] { return takt_policy_next(policy_, 100'000'000) == TAKT_OK; })) << logs();
   const takt_observation& observation = *takt_policy_observation(policy_);
@@ -451,7 +451,7 @@ class RemoteSpeculation : public RemoteClient {
 };
 
 TEST_F(RemoteSpeculation, StaysThereAndIsSaid) {
-  ASSERT_NO_FATAL_FAILURE(attach({{TAKT_TERM_Q, 0, nullptr}}));
+  ASSERT_NO_FATAL_FAILURE(attach({{TAKT_TERM_Q, 0, nullptr, nullptr, nullptr}}));
   const std::array<float, 6> q{};
   int answers = 0;
   EXPECT_TRUE(until([&] {
@@ -525,8 +525,9 @@ class RemoteImages : public RemoteClient {
 
 TEST_F(RemoteImages, CrossWholeWithTheAgeThatTheyHave) {
   const std::jthread filming([this](const std::stop_token& stop) { film(stop); });
-  ASSERT_NO_FATAL_FAILURE(
-      attach({{TAKT_TERM_Q, 0, nullptr}, {TAKT_TERM_STREAM, kScan, "scan"}, {TAKT_TERM_IMAGE, 0, "cam0"}}));
+  ASSERT_NO_FATAL_FAILURE(attach({{TAKT_TERM_Q, 0, nullptr, nullptr, nullptr},
+                                  {TAKT_TERM_STREAM, kScan, "scan", nullptr, nullptr},
+                                  {TAKT_TERM_IMAGE, 0, "cam0", nullptr, nullptr}}));
   network_->set({.delay = milliseconds(2), .jitter = milliseconds(2), .loss = 0.01, .twice = 0.01});
   std::set<std::uint8_t> pictures;
   EXPECT_TRUE(until([&] {

@@ -15,6 +15,8 @@ A sensor publishes what it senses, into shared memory, with the stamp of its own
     with takt.Sensor("target", "robot.yaml", shape=3, unit="m") as sensor:
         sensor.publish(position, stamp=time.monotonic_ns())
 
+A policy that goes on from what is being played (real-time chunking) says join="rtc", and is shown it as obs.committed.
+
 takt.open(FOLDER) reads a run or a panel's artifact as tables of pandas.
 
 A policy that infers on another machine is a client of its server: see takt.servers.

@@ -8,18 +8,19 @@ SONAME = f"libtakt-client.so.{ABI}"
 OK, NOTHING, USAGE, BAD_CONFIG, REFUSED, BUG = 0, 1, 64, 65, 69, 70
 KINDS = {"q": 0, "dq": 1, "tau": 2, "q_setpoint": 3, "dq_of_drive": 7}
 STREAM, IMAGE, QUEUE = 4, 5, 6
+JOINS = ("replace", "cross_fade", "blend", "ensemble", "align", "quintic", "prefix", "rtc")  # rtc is prefix
 FLOAT32, UINT8 = 0, 1
 FloatP = POINTER(c_float)
 
 
 class TermStruct(ctypes.Structure):
-    _fields_ = [("kind", c_uint32), ("values", c_uint32), ("stream", c_char_p)]
+    _fields_ = [("kind", c_uint32), ("values", c_uint32), ("stream", c_char_p), ("unit", c_char_p), ("max_age", c_char_p)]
 
 
 class SpecStruct(ctypes.Structure):
     _fields_ = [("size", c_uint32), ("term_count", c_uint32), ("terms", POINTER(TermStruct)), ("robot_file", c_char_p),
                 ("runtime_directory", c_char_p), ("program", c_char_p), ("step", c_char_p), ("steps", c_uint32),
-                ("reserved", c_uint32), ("candidate_file", c_char_p)]
+                ("reserved", c_uint32), ("candidate_file", c_char_p), ("join", c_char_p)]
 
 
 class RobotStruct(ctypes.Structure):
@@ -37,7 +38,7 @@ class ObservationStruct(ctypes.Structure):
                 ("outside_sensed_ns", c_int64), ("values", FloatP), ("mode", c_char_p), ("value_count", c_uint32),
                 ("reset", c_uint32), ("images", POINTER(c_void_p)), ("image_count", c_uint32), ("reserved", c_uint32),
                 ("following", c_uint64), ("committed_from", c_uint32), ("committed_count", c_uint32), ("queues", POINTER(QueueStruct)),
-                ("queue_count", c_uint32), ("reserved_too", c_uint32)]
+                ("queue_count", c_uint32), ("reserved_too", c_uint32), ("committed", c_void_p)]
 
 
 class StreamStruct(ctypes.Structure):

@@ -1,7 +1,8 @@
 """The messages of a run's ticks.mcap: chunks of MCAP, bodies in CDR, laid out as the file's own ros2msg schemas say."""
 import pathlib
 import re
-from typing import Any, Dict, Iterator, List, NamedTuple, Tuple
+from dataclasses import dataclass
+from typing import Any, Dict, Iterator, List, Tuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,8 @@ _BODY = 22  # of a message record, behind channel, sequence and two times
 _ENCAPSULATION = 4  # bytes before CDR's own alignment begins
 
 
-class Field(NamedTuple):
+@dataclass(frozen=True)
+class Field:
     name: str
     type: str  # of the schema; "string" too
     count: int  # 1; of a fixed array its length; -1: a sequence, with its length before it
@@ -99,9 +101,11 @@ def _places(fields: List[Field], body: memoryview) -> Iterator[Tuple[Field, int,
 def table(fields: List[Field], bodies: List[memoryview]) -> NDArray[Any]:
     """Messages of one size as one structured array; its sequences are as long as in the first."""
     places = [(field, at, count) for field, at, count in _places(fields, bodies[0])] if bodies else [(field, 0, max(field.count, 1)) for field in fields]
-    kind = np.dtype({"names": [field.name for field, _, _ in places],
-                     "formats": [(_TYPES[field.type], (count,)) if field.count != 1 else _TYPES[field.type] for field, _, count in places],
-                     **({"offsets": [at for _, at, _ in places], "itemsize": len(bodies[0])} if bodies else {})})
+    layout: Any = {"names": [field.name for field, _, _ in places],
+                   "formats": [(_TYPES[field.type], (count,)) if field.count != 1 else _TYPES[field.type] for field, _, count in places]}
+    if bodies:
+        layout.update(offsets=[at for _, at, _ in places], itemsize=len(bodies[0]))
+    kind = np.dtype(layout)
     if any(len(body) != kind.itemsize for body in bodies):
         raise Refused("takt.open: ticks of one run differ in size; the file is damaged")
     return np.frombuffer(b"".join(bodies), kind)

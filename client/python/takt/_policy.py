@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from takt import _library
-from takt._quantity import seconds
 from takt._refused import Refused
 from takt._sensor import place
 
@@ -27,30 +26,34 @@ _log = logging.getLogger("takt")
 
 @dataclass(frozen=True)
 class Joints:
-    """A term with one row per quantity and one column per joint."""
+    """A term with one row per quantity and one column per joint: takt.joints()."""
 
     quantities: Tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Stream:
-    """A term with the newest sample of an outside sensor."""
+    """A term with the newest sample of an outside sensor: takt.stream()."""
 
     name: str
     values: int
+    unit: Optional[str] = None
+    max_age: Optional[str] = None
 
 
 @dataclass(frozen=True)
 class Queue:
-    """A term with the samples of an outside sensor since the last observation."""
+    """A term with the samples of an outside sensor since the last observation: takt.queue()."""
 
     name: str
     values: int
+    unit: Optional[str] = None
+    max_age: Optional[str] = None
 
 
 @dataclass(frozen=True)
 class Image:
-    """A term with the newest image of an outside sensor."""
+    """A term with the newest image of an outside sensor: takt.image()."""
 
     name: str
     shape: Optional[Tuple[int, int, int]]
@@ -62,17 +65,18 @@ Term = Union[Joints, Stream, Queue, Image]
 
 @dataclass(frozen=True)
 class Chunk:
-    """What a policy gives: `steps` targets per joint, `step` apart."""
+    """What a policy gives: `steps` targets per joint, `step` apart, made to follow one another by `join`: takt.chunk()."""
 
     field: str
     steps: int
     step: str
+    join: Optional[str] = None
 
 
 @dataclass(frozen=True)
 class Assumption:
-    """What a speculative chunk assumes: the joints at `q` (rad), moving with `dq` (rad/s; None: with any velocity), `ahead`
-    seconds after the observation that it answers. The chunk's step 0 is meant for that instant.
+    """What a speculative chunk assumes: the joints at `q` (rad), moving with `dq` (rad/s; None: with any velocity), (joints,) each,
+    `ahead` seconds (more than 0) after the observation that it answers. The chunk's step 0 is meant for that instant.
     """
 
     ahead: float
@@ -82,7 +86,8 @@ class Assumption:
 
 def joints(*quantities: str) -> Joints:
     """Of every joint: "q" (position, rad), "dq" (velocity, rad/s), "tau" (torque, Nm), "q_setpoint" (what the drives were last
-    told, rad), "dq_of_drive" (velocity as the drive reports it, rad/s). The term has the shape (quantities, joints).
+    told, rad), "dq_of_drive" (velocity as the drive reports it, rad/s). The term has the shape (quantities, joints), float32,
+    in the order in which they are named and in that of robot.joints. Raises Refused for a name that is none of these.
     """
     for name in quantities:
         if name not in _library.KINDS:
@@ -92,20 +97,22 @@ def joints(*quantities: str) -> Joints:
     return Joints(quantities)
 
 
-def stream(name: str, values: int) -> Stream:
+def stream(name: str, values: int, *, unit: Optional[str] = None, max_age: Optional[str] = None) -> Stream:
     """The newest sample of the outside sensor `name`, which the robot file lists under `sensors` and under
-    `policy.observation`. The term has the shape (values,), in the sensor's units. A sample older than the sensor's `timeout` is
-    not passed on, and neither is its observation.
+    `policy.observation`. The term has the shape (values,), float32, in the sensor's units. A sample older than the sensor's
+    `timeout` is not passed on, and neither is its observation. `unit` ("m/s") and `max_age` ("80 ms"), where they are given, are
+    compared with the sensor's `unit`, letter by letter, and `timeout`.
     """
-    return Stream(name, int(values))
+    return Stream(name, int(values), unit, max_age)
 
 
-def queue(name: str, values: int) -> Queue:
+def queue(name: str, values: int, *, unit: Optional[str] = None, max_age: Optional[str] = None) -> Queue:
     """All samples of the outside sensor `name` since the last observation, oldest first; the robot file says by the sensor's
-    `queue` how many at most, of which the newest stay. The term has the shape (samples, values), with `samples` different each
-    time; obs.stamps(TERM) says when each was sensed, obs.lost(TERM) how many are missing. Age is that of the newest.
+    `queue` how many at most, of which the newest stay. The term has the shape (samples, values), float32, with `samples` different
+    each time; obs.stamps(TERM) says when each was sensed, obs.lost(TERM) how many are missing. Age is that of the newest. `unit`
+    and `max_age` as in takt.stream.
     """
-    return Queue(name, int(values))
+    return Queue(name, int(values), unit, max_age)
 
 
 def image(name: str, *, shape: Optional[Tuple[int, int, int]] = None, max_age: Optional[str] = None) -> Image:
@@ -116,18 +123,25 @@ def image(name: str, *, shape: Optional[Tuple[int, int, int]] = None, max_age: O
     return Image(name, shape, max_age)
 
 
-def chunk(field: str, *, steps: int, step: str) -> Chunk:
+def chunk(field: str, *, steps: int, step: str, join: Optional[str] = None) -> Chunk:
     """Joint position targets: field "q", rad. Step 0 is meant for the instant obs.time, step k for k times `step` ("10 ms") later.
-    Both are what the robot file's policy.steps and policy.step_period say.
+    Both are what the robot file's policy.steps and policy.step_period say. `join`, where it is given, is compared with its
+    policy.action.join: how one chunk takes over from the one before, "replace", "cross_fade", "blend", "ensemble", "align",
+    "quintic" or "prefix". "rtc" (real-time chunking) is "prefix": for policies that go on from obs.committed. Raises Refused for
+    another field or join.
     """
     if field != "q":
         raise Refused(f"takt.chunk: a chunk's targets are 'q' (rad), not {field!r}; dq, kp, kd and tau may go with them in publish()")
-    return Chunk(field, int(steps), step)
+    if join is not None and join not in _library.JOINS:
+        raise Refused(f"takt.chunk: there is no join {join!r}; there are {', '.join(_library.JOINS)} (which is prefix)")
+    return Chunk(field, int(steps), step, join)
 
 
 @dataclass(frozen=True)
 class Policy:
-    """What a policy is: named terms of its observation, which become attributes of `obs`, and its action."""
+    """What a policy is: named terms of its observation, which become attributes of `obs`, and its action. Raises Refused where a name is
+    no free one of an attribute, and where there is none.
+    """
 
     observation: Mapping[str, Term]
     action: Chunk
@@ -151,9 +165,9 @@ class _Handle:
         self._close(self.pointer)
 
     def array(self, address: int, count: int, dtype: Any = np.float32) -> NDArray[Any]:
-        memory = (ctypes.c_ubyte * (count * np.dtype(dtype).itemsize)).from_address(address)
+        memory: Any = (ctypes.c_ubyte * (count * np.dtype(dtype).itemsize)).from_address(address)
         memory.owner = self
-        values = np.frombuffer(memory, dtype)
+        values: NDArray[Any] = np.frombuffer(memory, dtype)
         values.flags.writeable = False
         return values
 
@@ -189,9 +203,12 @@ class Observation:
         self._assumption = _library.AssumptionStruct(size=ctypes.sizeof(_library.AssumptionStruct))
         self._chunk_by_reference = ctypes.byref(self._chunk)
         self._shape = (robot.steps, len(robot.joints))
+        self._committed = np.empty((0, len(robot.joints)), np.float32)
+        self._committed.flags.writeable = False
         values = robot._handle.array(ctypes.addressof(self._raw.values.contents), self._raw.value_count) if self._raw.value_count else np.empty(0)
         self._queues: Dict[str, Tuple[Any, NDArray[np.float32], NDArray[np.int64]]] = {}
         begin, images = 0, 0
+        shape: Tuple[int, ...]
         for name, term in terms.items():
             if isinstance(term, Image):
                 stream = robot._stream(term.name)
@@ -210,7 +227,7 @@ class Observation:
             setattr(self, name, values[begin:end].reshape(shape))
             begin = end
 
-    def __getattr__(self, name: str) -> NDArray[np.float32]:  # for type checkers: terms are attributes
+    def __getattr__(self, name: str) -> NDArray[Any]:  # for type checkers: terms are attributes
         if name in self.__dict__.get("_queues", ()):
             raw, samples, _ = self._queues[name]
             return samples[:raw.count]
@@ -219,36 +236,38 @@ class Observation:
     @property
     def id(self) -> int:
         """Number of the observation in this session: 1, 2, 3, ..."""
-        return self._raw.id
+        return int(self._raw.id)
 
     @property
     def time(self) -> int:
         """When the executive published it, ns of time.monotonic_ns(). Step 0 of the answer is meant for this instant."""
-        return self._raw.published_ns
+        return int(self._raw.published_ns)
 
     @property
     def sensed(self) -> int:
         """When the oldest of the samples in it was sensed, streams included, ns of time.monotonic_ns()."""
-        outside = self._raw.outside_sensed_ns
-        return min(self._raw.sensed_ns, outside) if outside else self._raw.sensed_ns
+        joints, outside = int(self._raw.sensed_ns), int(self._raw.outside_sensed_ns)
+        return min(joints, outside) if outside else joints
 
     @property
     def mode(self) -> str:
         """Of the executive when it published: "standby", "arming", "tracking", "degraded", "damped_stop" or "fault_latched"."""
-        return self._raw.mode.decode()
+        return str(self._raw.mode, "utf-8")
 
     @property
     def dropped(self) -> int:
         """Observations published since the previous one that this policy never saw."""
-        return self._raw.dropped
+        return int(self._raw.dropped)
 
     def stamps(self, term: str) -> NDArray[np.int64]:
-        """Of a queue's samples: when each was sensed, (samples,), ns of time.monotonic_ns()."""
+        """Of a queue's samples: when each was sensed, (samples,), int64, ns of time.monotonic_ns(). Raises Refused, 64, for another term."""
         raw, _, stamps = self._queue(term)
         return stamps[:raw.count]
 
     def lost(self, term: str) -> int:
-        """Samples of a queue since the last observation that are not in it: more came than it holds, or they were no numbers."""
+        """Samples of a queue since the last observation that are not in it: more came than it holds, or they were no numbers. Raises
+        Refused, 64, for another term.
+        """
         return int(self._queue(term)[0].dropped)
 
     def _queue(self, term: str) -> Tuple[Any, NDArray[np.float32], NDArray[np.int64]]:
@@ -262,9 +281,24 @@ class Observation:
         return bool(self._raw.reset)
 
     @property
-    def committed(self) -> Tuple[int, int, int]:
-        """(publish, first, count): the robot follows the chunk of this session's publish number `publish` (1, 2, ...; 0: none) and
-        plays `count` of its steps from `first` on, whatever answers this observation. 0 unless `policy.action.join` is `prefix`.
+    def committed(self) -> NDArray[np.float32]:
+        """What the robot will do whatever answers this observation, for a network that goes on from it: (count, joints), rad, oldest
+        first, float32, read-only, of shape (0, joints) where nothing is promised, which is always so unless `policy.action.join` is
+        `prefix`. Row i is for step i of the answer, the instant obs.time plus i times robot.step: where your earlier chunk, as you
+        published it, leads the robot then, read between its steps as `policy.action.interpolation` says. The last row may reach
+        up to a step past the promise, along the same path. Overwritten by the next step, as the terms are.
+        """
+        if not self._raw.committed:
+            return self._committed[:0]
+        if not len(self._committed):
+            rows = self._robot._handle.array(self._raw.committed, self._shape[0] * self._shape[1])
+            self._committed = rows.reshape(self._shape)
+        return self._committed[:self._raw.committed_count]
+
+    @property
+    def committed_steps(self) -> Tuple[int, int, int]:
+        """Which steps those are: (publish, first, count), where `publish` (1, 2, ...; 0: none) counts this session's calls of publish().
+        The robot follows the chunk of that one, and plays `count` of its steps from `first` on, the one that it plays at obs.time.
         """
         return self._raw.following, self._raw.committed_from, self._raw.committed_count
 
@@ -277,7 +311,8 @@ class Observation:
         """Answers this observation. Each array has the shape (steps, joints): q rad, dq rad/s, kp Nm/rad, kd Nms/rad, tau Nm
         (added to the controller's torque); it is copied before this returns. dq is part of `policy.action.interpolation: cubic`, may
         stand beside `hold`, and is refused with `linear`; without kp and kd the joint's gains hold. Values travel as they
-        are: the executive refuses a command that is not finite, and clamps and counts what is out of a joint's range.
+        are: the executive refuses a command that is not finite, and clamps and counts what is out of a joint's range. Raises Refused, 64,
+        for another shape, and where dq or an assumption is not what the robot file takes. Never waits.
 
         `assumes` makes it speculative: the executive plays it if the joints are there when the instant comes, within
         `policy.speculation`. Publish several with assumptions of their own for the same instant: they are alternatives.
@@ -310,8 +345,16 @@ class Observation:
 class Robot:
     """A robot under this policy. Iterate over it for the newest observation, again and again; the loop ends with SIGTERM or the
     first Ctrl-C, between two steps. While no executive is there, or a stream has no usable sample, it waits, and says so in
-    the log "takt". Use it in a `with` statement.
+    the log "takt". The executive's refusal (another robot file, policy or version) is raised as Refused, 69. Use it in a `with` statement.
     """
+
+    name: str  # of the robot
+    joints: Tuple[str, ...]  # their names, in the order of every array
+    home: NDArray[np.float32]  # (joints,), rad
+    steps: int  # of a chunk
+    step: float  # s between two of them
+    period: float  # s between two observations
+    policy_file: str  # absolute path; its SHA-256 is the policy's identity
 
     def __init__(self, library: ctypes.CDLL, handle: _Handle, spec: Policy) -> None:
         self._library, self._handle = library, handle
@@ -319,13 +362,13 @@ class Robot:
         self._before: Dict[int, Any] = {}
         self._said, self._say_again_at = "", 0.0
         facts = library.takt_policy_robot(handle.pointer).contents
-        self.name: str = facts.name.decode()
-        self.joints: Tuple[str, ...] = tuple(facts.joints[i].decode() for i in range(facts.joint_count))
-        self.home: NDArray[np.float32] = np.array(facts.home[:facts.joint_count], np.float32)
-        self.steps: int = facts.steps
-        self.step: float = facts.step_ns * 1e-9
-        self.period: float = facts.period_ns * 1e-9
-        self.policy_file: str = os.fsdecode(facts.policy_file)
+        self.name = facts.name.decode()
+        self.joints = tuple(facts.joints[i].decode() for i in range(facts.joint_count))
+        self.home = np.array(facts.home[:facts.joint_count], np.float32)
+        self.steps = facts.steps
+        self.step = facts.step_ns * 1e-9
+        self.period = facts.period_ns * 1e-9
+        self.policy_file = os.fsdecode(facts.policy_file)
         for term in spec.observation.values():
             if isinstance(term, Image):
                 self._check_image(term)
@@ -377,19 +420,17 @@ class Robot:
         self._stopped = True
 
     def _stream(self, name: str) -> "_library.StreamStruct":
-        return self._library.takt_policy_stream(self._handle.pointer, name.encode()).contents
+        stream: _library.StreamStruct = self._library.takt_policy_stream(self._handle.pointer, name.encode()).contents
+        return stream
 
     def _check_image(self, term: Image) -> None:
         stream = self._stream(term.name)
         shape = (stream.height, stream.width, stream.channels)
         if term.shape is not None and tuple(term.shape) != shape:
             raise Refused(f"takt.image: sensor {term.name} has the shape {shape} in the robot file, the policy's {tuple(term.shape)}: make them equal")
-        if term.max_age is not None and round(seconds(term.max_age, "takt.image: max_age") * 1e9) != stream.timeout_ns:
-            raise Refused(f"takt.image: sensor {term.name} has the timeout {stream.timeout_ns / 1e6:g} ms in the robot file, the policy's "
-                          f"max_age is {term.max_age}: make them equal")
 
     def _sentence(self) -> str:
-        return self._library.takt_policy_sentence(self._handle.pointer).decode()
+        return str(self._library.takt_policy_sentence(self._handle.pointer), "utf-8")
 
     def _refuse(self, result: int) -> NoReturn:
         raise Refused(self._sentence(), result)
@@ -406,14 +447,19 @@ def _terms_of(spec: Policy) -> "ctypes.Array[_library.TermStruct]":
     flat = []
     for term in spec.observation.values():
         if isinstance(term, Joints):
-            flat += [_library.TermStruct(_library.KINDS[name], 0, None) for name in term.quantities]
-        elif isinstance(term, Image):
-            flat.append(_library.TermStruct(_library.IMAGE, 0, term.name.encode()))
-        elif isinstance(term, Queue):
-            flat.append(_library.TermStruct(_library.QUEUE, term.values, term.name.encode()))
-        else:
-            flat.append(_library.TermStruct(_library.STREAM, term.values, term.name.encode()))
+            flat += [_library.TermStruct(kind=_library.KINDS[name]) for name in term.quantities]
+            continue
+        flat.append(_library.TermStruct(stream=term.name.encode(), max_age=_text(term.max_age)))
+        if isinstance(term, Image):
+            flat[-1].kind = _library.IMAGE
+            continue
+        flat[-1].kind = _library.QUEUE if isinstance(term, Queue) else _library.STREAM
+        flat[-1].values, flat[-1].unit = term.values, _text(term.unit)
     return (_library.TermStruct * len(flat))(*flat)
+
+
+def _text(text: Optional[str]) -> Optional[bytes]:
+    return None if text is None else text.encode()
 
 
 def _check_identity(robot_file: str, policy_file: str) -> None:
@@ -425,12 +471,13 @@ def _check_identity(robot_file: str, policy_file: str) -> None:
                   "that holds what it has learned")
 
 
-def _candidate_of(candidate: Union[str, "os.PathLike[str]", None], arguments: Optional[Sequence[str]]) -> Optional[str]:
-    """The command line's, where it names one."""
+def _asked(candidate: Union[str, "os.PathLike[str]", None], arguments: Optional[Sequence[str]]) -> Tuple[Optional[str], bool]:
+    """The candidate's file, the command line's where it names one; and whether to compare only."""
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--candidate", default=None if candidate is None else os.fspath(candidate))
+    parser.add_argument("--check", action="store_true")
     given, _ = parser.parse_known_args(sys.argv[1:] if arguments is None else arguments)
-    return given.candidate
+    return given.candidate, given.check
 
 
 def connect(robot_file: Union[str, "os.PathLike[str]"], spec: Policy, *, runtime_dir: Optional[str] = None,
@@ -440,20 +487,21 @@ def connect(robot_file: Union[str, "os.PathLike[str]"], spec: Policy, *, runtime
     `candidate`: the policy runs beside the robot's own instead, judged and not played until `takt policy swap`; the file whose
     SHA-256 is its identity: this program, or what it has learned. `--robot`, `--runtime-dir` and `--candidate` in `arguments`
     (default: this program's command line, where `takt run` and `takt policy shadow` put them with `--policy-host`) win over the
-    parameters. SIGTERM and SIGINT end the iteration from here on, until the robot is closed; a second one does
-    what it did before. Raises Refused with one sentence: names, shapes, units, hashes.
+    parameters. With `--check` among them the comparison is all: a line says that they fit, and the program ends with 0. SIGTERM and SIGINT end the iteration from here on, until the robot is closed; a second one does
+    what it did before. Raises Refused with one sentence: 65 for names, shapes, units, ages, joins that are not the robot file's, 69 where
+    the executive has another robot file, policy or version, or a policy already.
     """
     if not isinstance(spec, Policy):
         raise Refused("takt.connect: the second argument is a takt.Policy", _library.USAGE)
     library = _library.load()
     file, directory = place(os.fspath(robot_file), runtime_dir, arguments)
-    beside = _candidate_of(candidate, arguments)
+    beside, only_check = _asked(candidate, arguments)
     terms = _terms_of(spec)
     wanted = _library.SpecStruct(
         size=ctypes.sizeof(_library.SpecStruct), term_count=len(terms), terms=terms, robot_file=os.fsencode(file),
         runtime_directory=None if directory is None else os.fsencode(directory),
         program=os.path.basename(sys.argv[0] or "python3")[:39].encode(), step=spec.action.step.encode(), steps=spec.action.steps,
-        candidate_file=None if beside is None else os.fsencode(beside))
+        candidate_file=None if beside is None else os.fsencode(beside), join=_text(spec.action.join))
     handle, why = ctypes.c_void_p(), ctypes.create_string_buffer(2048)
     result = library.takt_policy_open(wanted, handle, why, len(why))
     if result != _library.OK:
@@ -461,6 +509,9 @@ def connect(robot_file: Union[str, "os.PathLike[str]"], spec: Policy, *, runtime
     robot = Robot(library, _Handle(library, handle), spec)
     try:
         _check_identity(file, robot.policy_file)
+        if only_check:
+            print(f"{file}: the policy fits: {', '.join(spec.observation)} in, {robot.steps} steps of {len(robot.joints)} joints out")
+            sys.exit(0)
         robot._stop_on_signals()
         robot._attach()
     except BaseException:

@@ -1,5 +1,7 @@
 """What is said when something is refused."""
 import sys
+from types import TracebackType
+from typing import Optional, Type
 
 
 class Refused(Exception):
@@ -13,9 +15,12 @@ class Refused(Exception):
         self.exit_code = exit_code
 
 
-def _hook(kind, error, trace, before=sys.excepthook):
+_before = sys.excepthook
+
+
+def _hook(kind: Type[BaseException], error: BaseException, trace: Optional[TracebackType]) -> None:
     if not isinstance(error, Refused):
-        before(kind, error, trace)
+        _before(kind, error, trace)
         return
     print(error, file=sys.stderr, flush=True)
     raise SystemExit(error.exit_code)

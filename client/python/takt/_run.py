@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Tuple, Union
 import numpy as np
 from numpy.typing import NDArray
 
-from takt import _mcap
+from takt import _mcap, _samples
 from takt._refused import Refused
 
 if TYPE_CHECKING:
@@ -65,7 +65,8 @@ class Run:
     @property
     def metrics(self) -> Mapping[str, Any]:
         """The numbers of the report: metrics.json."""
-        return _json(self.folder / "metrics.json")
+        metrics: Mapping[str, Any] = _json(self.folder / "metrics.json")
+        return metrics
 
     @functools.cached_property
     def tick_array(self) -> NDArray[Any]:
@@ -144,6 +145,17 @@ class Run:
         return _pandas().DataFrame(messages, columns=columns + ["sample_image"] if columns else None)
 
     @functools.cached_property
+    def sensors(self) -> "pandas.DataFrame":
+        """The samples of outside sensors that the run holds, each once however many answers or ticks rest on it, in the order in which they were sensed:
+        those that a policy was shown (what its process claims), and those of the base's IMU that the executive read (one per tick at most). `s`: when it was
+        sensed, seconds since the first tick; `sensor`: its name in the robot file (None: there is no such one); `sequence`, `sensed_at`, `published_at`
+        (<NA> where only ticks had it); `values`: float32, (values,), of the IMU rotation w x y z, angular velocity, specific force; `unit`: the robot
+        file's word; `image`: the SHA-256 for image(), where it is one, whose values are empty, else "". What stands in for a command that nobody gives is
+        no sample. A sensor in one array: np.stack(run.sensors.query("sensor == 'target'")["values"]).
+        """
+        return _samples.table(_pandas(), self.folder / "config.yaml", self.tick_array, self.policy_inputs)
+
+    @functools.cached_property
     def images(self) -> "pandas.DataFrame":
         """Every image that a policy was shown, once: `sensor` (place in the robot file's `sensors`), `sequence`, `sensed_at`, `published_at` of its sample,
         `height`, `width`, `channels`, `sha256` (of its file; "": the recorder never had it) and `file`, what became of that: "stored", "lost" (it was stored
@@ -174,14 +186,15 @@ class Run:
     @functools.cached_property
     def _images(self) -> List[Dict[str, Any]]:
         fields = self._recording.fields.get("/takt/image", [])
-        names = next((field.names for field in fields if field.name == "file"), {})
+        names: Mapping[int, str] = next((field.names for field in fields if field.name == "file"), {})
         rows = _mcap.rows(fields, self._recording.bodies.get("/takt/image", []))
         for row in rows:
             row["file"] = names.get(row["file"], row["file"])
         return rows
 
     def _image_path(self, image: Mapping[str, Any]) -> pathlib.Path:
-        return self.folder / "images" / (image["sha256"] + {1: ".pgm", 3: ".ppm"}.get(image["channels"], ".pam"))
+        suffix = {1: ".pgm", 3: ".ppm"}.get(image["channels"], ".pam")
+        return self.folder / "images" / f"{image['sha256']}{suffix}"
 
     @functools.cached_property
     def transitions(self) -> "pandas.DataFrame":
@@ -227,10 +240,13 @@ class Artifact:
         return _pandas().json_normalize(_lines(self.folder / "rollouts.jsonl"))
 
 
-def open(folder: Union[str, "os.PathLike[str]"]) -> Union[Run, Artifact]:  # noqa: A001 - takt.open(...)
-    """A run folder (`takt run`, takt-monitor) or a panel's artifact. Raises Refused in one sentence where it is neither."""
+def open(folder: Union[str, "os.PathLike[str]"]) -> Any:  # noqa: A001 - takt.open(...)
+    """A Run, of a run folder (`takt run`, takt-monitor), or an Artifact, of a panel's. Raises Refused in one sentence where it is neither.
+    For type checkers: `run: takt.Run = takt.open("run")`.
+    """
     path = pathlib.Path(folder)
-    for name, kind in (("ticks.mcap", Run), ("rollouts.jsonl", Artifact)):
-        if (path / name).is_file():
-            return kind(path)
+    if (path / "ticks.mcap").is_file():
+        return Run(path)
+    if (path / "rollouts.jsonl").is_file():
+        return Artifact(path)
     raise Refused(f"takt.open: {path} is neither a run folder nor a panel's artifact: it holds no ticks.mcap and no rollouts.jsonl")

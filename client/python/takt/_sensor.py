@@ -4,13 +4,15 @@ import ctypes
 import os
 import sys
 import time
-from typing import Optional, Sequence, Tuple, Union
+from typing import Any, Optional, Sequence, Tuple, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from takt import _library
 from takt._refused import Refused
+
+_LARGEST = 2**31 - 1  # of a shape
 
 
 class Sensor:
@@ -23,28 +25,36 @@ class Sensor:
     `shape` and `dtype` (float32 with one axis; uint8 with three, height x width x channels, for images) and, where it is given,
     `unit` have to be the robot file's, or Refused is raised in one sentence. `--robot` and `--runtime-dir` on this program's command
     line win over `robot_file` and `runtime_dir`. `policy_user`: one more user who may read it, besides this one and root.
-    It belongs to the thread that opened it; nothing waits for readers.
+    It belongs to the thread that opened it; nothing waits for readers. Refused, 69: another process serves this sensor.
     """
+
+    name: str
+    shape: Tuple[int, ...]
+    timeout: float  # s; an older sample is not used
+    unit: str  # the robot file's; "unstated"
 
     def __init__(self, name: str, robot_file: Union[str, "os.PathLike[str]"], *, shape: Union[int, Tuple[int, ...]],
                  dtype: DTypeLike = np.float32, unit: Optional[str] = None, runtime_dir: Optional[str] = None,
                  policy_user: Optional[str] = None, arguments: Optional[Sequence[str]] = None) -> None:
-        self.name, self.dtype = name, np.dtype(dtype)
-        self.shape: Tuple[int, ...] = (shape,) if isinstance(shape, int) else tuple(shape)
+        self._pointer = ctypes.c_void_p()
+        self.name = name
+        self.dtype: "np.dtype[Any]" = np.dtype(dtype)
+        self.shape = (shape,) if isinstance(shape, int) else tuple(shape)
+        if not all(0 < extent <= _LARGEST for extent in self.shape):
+            raise Refused(f"takt.Sensor: shape {shape}: each of its numbers is from 1 to {_LARGEST}", _library.USAGE)
         wanted = self._spec()
         file, directory = place(os.fspath(robot_file), runtime_dir, arguments)
         wanted.robot_file, wanted.name = os.fsencode(file), name.encode()
         wanted.runtime_directory = None if directory is None else os.fsencode(directory)
         wanted.unit = None if unit is None else unit.encode()
         wanted.policy_user = None if policy_user is None else policy_user.encode()
-        self._pointer = ctypes.c_void_p()
         self._library = _library.load()
         why = ctypes.create_string_buffer(2048)
         if result := self._library.takt_sensor_open(wanted, self._pointer, why, len(why)):
             raise Refused(why.value.decode(errors="replace"), result)
         stream = self._library.takt_sensor_stream(self._pointer).contents
-        self.timeout: float = stream.timeout_ns * 1e-9
-        self.unit: str = stream.unit.decode()
+        self.timeout = stream.timeout_ns * 1e-9
+        self.unit = stream.unit.decode()
 
     def _spec(self) -> "_library.SensorSpecStruct":
         spec = _library.SensorSpecStruct(size=ctypes.sizeof(_library.SensorSpecStruct))
@@ -73,29 +83,32 @@ class Sensor:
     __del__ = close
 
     @property
-    def values(self) -> NDArray:
-        """The next sample's memory, to be filled in place: `sensor.values[:] = frame`, or `camera.read(sensor.values)`. It is another
-        one after every publish(); what is in it is an earlier sample.
+    def values(self) -> NDArray[Any]:
+        """The next sample's memory, of the sensor's shape and dtype, to be filled in place: `sensor.values[:] = frame`. It is another
+        one after every publish(); what is in it is an earlier sample. Who fills a memory of its own instead, as cv2's read() does where
+        shapes differ, has not filled this one: give the image to publish(). Raises Refused once the sensor is closed.
         """
         address = self._library.takt_sensor_values(self._open())
         count = int(np.prod(self.shape)) * self.dtype.itemsize
-        return np.frombuffer((ctypes.c_ubyte * count).from_address(address), self.dtype).reshape(self.shape)
+        return np.frombuffer(memoryview((ctypes.c_ubyte * count).from_address(address)), self.dtype).reshape(self.shape)
 
     def publish(self, values: Optional[ArrayLike] = None, *, stamp: Optional[int] = None) -> None:
         """Publishes `values`, or, without them, what was written to the memory of the same name. `stamp`: when it was sensed, ns of
         time.monotonic_ns(), now without it; it counts in the age of every command that rests on the sample, so say when the
         shutter was open, not when the image arrived. Raises Refused for another shape, for values that the sensor's type cannot hold
-        (an image of floats, a pixel of 300), and for a stamp after now.
+        (an image of floats, a pixel of 300), and for a stamp after now or no whole number of ns.
         """
         if values is not None:
             given = np.asarray(values)
             if given.shape != self.shape:
                 raise Refused(f"sensor {self.name}: publish: the shape is {given.shape}, the sensor's {self.shape}", _library.USAGE)
             self.values[...] = self._taken(given)
-        if result := self._library.takt_sensor_publish(self._open(), time.monotonic_ns() if stamp is None else stamp):
+        if stamp is not None and (not isinstance(stamp, (int, np.integer)) or stamp <= 0):
+            raise Refused(f"sensor {self.name}: publish: the stamp is {stamp}: give ns of time.monotonic_ns()", _library.USAGE)
+        if result := self._library.takt_sensor_publish(self._open(), time.monotonic_ns() if stamp is None else int(stamp)):
             raise Refused(f"sensor {self.name}: {self._library.takt_sensor_sentence(self._pointer).decode()}", result)
 
-    def _taken(self, given: NDArray) -> NDArray:
+    def _taken(self, given: NDArray[Any]) -> NDArray[Any]:
         # numpy would make zeros of an image from 0 to 1, and 44 of 300.
         if given.dtype == self.dtype:
             return given
@@ -107,6 +120,8 @@ class Sensor:
         elif not np.can_cast(given.dtype, self.dtype, "same_kind"):
             raise Refused(f"sensor {self.name}: publish: {given.dtype} cannot become {self.dtype} without loss: give {self.dtype}"
                           + (", of an image from 0 to 1 the 255-fold, rounded" if self.dtype.kind == "u" and given.dtype.kind == "f" else ""), _library.USAGE)
+        elif np.any(np.isfinite(given) & (np.abs(given) > np.finfo(np.float32).max)):
+            raise Refused(f"sensor {self.name}: publish: {np.max(np.abs(given))} is more than float32 holds", _library.USAGE)
         return given
 
     def _open(self) -> ctypes.c_void_p:

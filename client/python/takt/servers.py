@@ -13,11 +13,13 @@
 `infer` returns within the deadline: an array of that shape, all finite, or None, with the reason in the log "takt". Without an
 answer nothing is published, and the executive's freshness contract does what the robot file says; the age of what is published counts
 from the observation, by this machine's clock alone. Neither protocol says which question an answer belongs to: after a missed deadline,
-and after any message that nobody asked for, the connection is given up and made anew, so that a late answer is nobody's.
+and after any message that nobody asked for, the connection is given up and made anew, so that a late answer is nobody's. An answer that came
+before is no answer, and one that took the server longer than it was waited for is another question's.
 
 Needs Debian's python3-msgpack, and python3-websockets (OpenPi; 10.4, Debian 12's, or later) or python3-zmq (Groot). An object belongs to the thread that made it.
 """
 import asyncio
+import collections
 import importlib
 import inspect
 import io
@@ -25,16 +27,19 @@ import itertools
 import logging
 import math
 import operator
+import os
+import ssl
 import threading
 import time
 from types import ModuleType, TracebackType
-from typing import Any, Callable, Dict, List, Mapping, NoReturn, Optional, Sequence, Tuple, Type
+from typing import Any, Callable, Deque, Dict, List, Mapping, NoReturn, Optional, Sequence, Tuple, Type, Union
 from urllib.parse import urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
 
 from takt import _library
+from takt._failover import FailOver as FailOver
 from takt._quantity import seconds
 from takt._refused import Refused
 
@@ -42,6 +47,11 @@ _LARGEST_MESSAGE = 16 << 20  # bytes; an answer is some kilobytes
 _LONGEST = 1024  # entries of a list or map; arrays are bytes, and a chunk has 128 steps
 _MOST_VALUES = 1 << 16  # of a message, in all its lists and maps: reading it is a part of the deadline
 _MOST_SHOWN = 200  # characters of a server's own words
+# openpi's server puts what it measured of each answer into it, by a clock of nanoseconds: no two are the same bytes.
+_TIMING = "server_timing"
+_REMEMBERED = 1024  # such answers, to be known when they come again
+_MOST_REPEATS = 8  # of them for one question
+_CLOCKS_AGREE = 0.99  # the same duration by two machines' clocks; they differ by less
 _CONNECT_S = 10.0
 _PAUSE_S = 0.2  # between two connections
 _SAY_AGAIN_S, _SAY_NEWS_S = 10.0, 1.0  # the same sentence, another one
@@ -106,7 +116,9 @@ def _groot_from(value: Any) -> Any:
 
 def _groot_to(value: Dict[Any, Any]) -> Any:
     # Not np.load: it opens archives as well, which hold more than they weigh.
-    return np.lib.format.read_array(io.BytesIO(value["as_npy"]), allow_pickle=False) if "__ndarray_class__" in value else value
+    if "__ndarray_class__" not in value:
+        return value
+    return np.lib.format.read_array(io.BytesIO(value["as_npy"]), allow_pickle=False)  # type: ignore[no-untyped-call]
 
 
 class _Server:
@@ -124,8 +136,8 @@ class _Server:
         if parts.scheme not in self._SCHEMES or not parts.hostname:
             raise Refused(f"{name}: {url!r} is no address of a server; write one such as '{self._SCHEMES[0]}://host:port'")
         self._steps, self._width = shape
-        self._deadline_s = seconds(deadline, f"{name}: deadline")
-        if self._deadline_s <= 0:
+        self.deadline_s = seconds(deadline, f"{name}: deadline")
+        if self.deadline_s <= 0:
             raise Refused(f"{name}: deadline is {deadline}: it has to be longer than nothing", _library.USAGE)
         self._keys = tuple(actions or self._ACTIONS)
         self._msgpack = _need("msgpack", "python3-msgpack")
@@ -157,7 +169,7 @@ class _Server:
                                 f"(there is {', '.join(map(_shown, itertools.islice(reply, 8))) or 'nothing'})")
             parts.append(part[:self._steps])
         with np.errstate(over="ignore"):  # what is too large for float32 becomes infinite, and is refused below
-            actions = np.concatenate(parts, axis=1).astype(np.float32)
+            actions: NDArray[np.float32] = np.concatenate(parts, axis=1).astype(np.float32)
         if actions.shape[1] != self._width:
             raise _NoAnswer(f"answered {actions.shape[1]} values per step; the robot has {self._width} joints")
         if not np.isfinite(actions).all():
@@ -195,26 +207,36 @@ class _Server:
 
 
 class OpenPi(_Server):
-    """openpi's websocket server: `ws://host:8000`. Connects, and connects again, in a thread of its own.
+    """openpi's websocket server: `ws://host:8000`, or `wss://` behind TLS. Connects, and connects again, in a thread of its own.
 
     `shape`: (steps, joints) of what infer() returns; an answer may have more steps, they are cut. `actions`: the reply's key, or
     keys, joined along the joints. `deadline`: "300 ms"; from infer() to its return. `api_key`: sent as the server wants it.
+    `ca_file`: of whoever signed a wss:// server's certificate, PEM; only that is believed then, else what the system believes.
 
-    A server whose metadata have `"echo": "KEY"` gets a number under KEY in every observation, and has to answer with it under the same
-    key: a repeated or late answer is then known at once. Any other is known by the message too many, one answer later.
+    An answer that says how long it took (`server_timing`, as those of openpi's own server do) is known when it comes a second time, and
+    passed over; and it is not taken for a question that was asked later than it was begun. A server that answers twice, quickly and anew,
+    or says no such thing, is known by the message too many, unless that comes after the next question. One whose metadata have
+    `"echo": "KEY"` gets a number under KEY in every observation, and has to answer with it under the same key: whatever is not this
+    question's is then known at once. `"prefix": "KEY"` asks for what infer() is given as `prefix`, `"delay": "KEY"` for how many steps
+    that has. A server that asks for nothing is sent nothing that it might not know.
     """
 
     _SCHEMES, _ACTIONS = ("ws", "wss"), ("actions",)
 
     def __init__(self, url: str, *, shape: Tuple[int, int], deadline: str, actions: Optional[Sequence[str]] = None,
-                 api_key: Optional[str] = None) -> None:
+                 api_key: Optional[str] = None, ca_file: Union[str, "os.PathLike[str]", None] = None) -> None:
         super().__init__(url, shape=shape, deadline=deadline, actions=actions)
         self._websockets = _need("websockets", "python3-websockets")
         # websockets 14 made another client of `connect`, which calls the headers by another name.
         known = inspect.signature(self._websockets.connect).parameters
-        self._headers = {"additional_headers" if "additional_headers" in known else "extra_headers": {"Authorization": f"Api-Key {api_key}"} if api_key else {}}
+        self._how: Dict[str, Any] = {"additional_headers" if "additional_headers" in known else "extra_headers":
+                                     {"Authorization": f"Api-Key {api_key}"} if api_key else {}}
+        if ca_file is not None:
+            self._how["ssl"] = self._trusting(ca_file)
         self.metadata: Mapping[str, Any] = {}  # what the server said of itself when it was connected last
         self._asked = 0
+        self._heard: Deque[int] = collections.deque(maxlen=_REMEMBERED)
+        self._repeats = 0  # that came since the question
         self._lost = "is not connected yet"
         self._given_up = False  # by us, for the reason in _lost
         self._closing = False
@@ -225,6 +247,14 @@ class OpenPi(_Server):
         self._thread = threading.Thread(target=self._loop.run_forever, name="openpi", daemon=True)
         self._thread.start()
 
+    def _trusting(self, ca_file: Union[str, "os.PathLike[str]"]) -> ssl.SSLContext:
+        if not self.url.startswith("wss:"):
+            raise Refused(f"OpenPi: ca_file is for a server at wss://, not for {self.url}", _library.USAGE)
+        try:
+            return ssl.create_default_context(cafile=ca_file)
+        except OSError as error:
+            raise Refused(f"OpenPi: ca_file {os.fspath(ca_file)} is no file of certificates in PEM: {error.strerror or error}") from None
+
     def __enter__(self) -> "OpenPi":
         return self
 
@@ -233,11 +263,12 @@ class OpenPi(_Server):
         """The server has said what it is, and nothing is known against it since."""
         return self._socket is not None
 
-    def infer(self, observation: Mapping[str, Any]) -> Optional[NDArray[np.float32]]:
+    def infer(self, observation: Mapping[str, Any], *, prefix: Optional[NDArray[np.float32]] = None) -> Optional[NDArray[np.float32]]:
         """The server's actions, (steps, joints), float32, all finite; or None. `observation`: text keys; numbers, text and arrays
-        of numbers (numpy) as values, under the names that the policy was trained with.
+        of numbers (numpy) as values, under the names that the policy was trained with. `prefix`: (count, joints), what is played
+        whatever the answer, as `obs.committed` has it; sent where the server's metadata ask for it.
         """
-        return self._answer(lambda: asyncio.run_coroutine_threadsafe(self._ask(dict(observation)), self._loop).result())
+        return self._answer(lambda: asyncio.run_coroutine_threadsafe(self._ask(dict(observation), prefix), self._loop).result())
 
     def close(self) -> None:
         """Ends the connection. A second time does nothing."""
@@ -252,37 +283,56 @@ class OpenPi(_Server):
     async def _ended(self) -> None:
         await asyncio.wait([self._keeper])
 
-    async def _ask(self, observation: Dict[str, Any]) -> Any:
+    async def _ask(self, observation: Dict[str, Any], prefix: Optional[NDArray[np.float32]]) -> Any:
         socket = self._socket
         if socket is None:
             raise _NoAnswer(self._lost)
         self._asked += 1
+        self._repeats = 0
         echo = self.metadata.get("echo")
-        if isinstance(echo, str):
-            observation[echo] = self._asked
+        extra: Dict[str, Any] = {"echo": self._asked}
+        if prefix is not None:
+            extra.update(prefix=np.ascontiguousarray(prefix, np.float32), delay=len(prefix))
+        for name, value in extra.items():
+            if isinstance(key := self.metadata.get(name), str):
+                observation[key] = value
         question = self._msgpack.packb(observation, default=_openpi_from)
         self._pending = self._loop.create_future()
         try:
-            return await asyncio.wait_for(self._exchange(socket, question, echo), self._deadline_s)
+            return await asyncio.wait_for(self._exchange(socket, question, echo), self.deadline_s)
         except asyncio.TimeoutError:
-            self._give_up(socket, f"did not answer within {self._deadline_s * 1e3:g} ms")
+            self._give_up(socket, f"did not answer within {self.deadline_s * 1e3:g} ms" + (", but sent an earlier answer again" if self._repeats else ""))
         except _NoAnswer as why:
             self._give_up(socket, str(why))
         except self._websockets.exceptions.ConnectionClosed as why:
             self._give_up(socket, f"closed the connection: {why}")
         finally:
+            if self._pending.done() and not self._pending.cancelled():
+                self._pending.exception()  # nobody has heard it where sending failed as well
             self._pending = None
 
     async def _exchange(self, socket: Any, question: bytes, echo: Any) -> Any:
         assert self._pending is not None
+        asked_at = time.monotonic()
         await socket.send(question)
         message = await self._pending
+        waited_ms = 1e3 * (time.monotonic() - asked_at)
         if isinstance(message, str):
             raise _NoAnswer(f"has an error: {(message[-_MOST_SHOWN:].strip().splitlines() or ['of no words'])[-1]}")
         reply = self._unpack(message, _openpi_to)
-        if isinstance(echo, str) and (not isinstance(reply, Mapping) or reply.get(echo) != self._asked):
-            raise _NoAnswer("answered another question")
+        if isinstance(echo, str):
+            if not isinstance(reply, Mapping) or reply.get(echo) != self._asked:
+                raise _NoAnswer("answered another question")
+        elif waited_ms < _CLOCKS_AGREE * (inferred_ms := self._inferred_ms(reply)):
+            raise _NoAnswer(f"answered another question: it inferred for {inferred_ms:.1f} ms, this one was asked {waited_ms:.1f} ms ago")
         return reply
+
+    def _inferred_ms(self, reply: Any) -> float:
+        """How long the server says that it worked for this answer; 0: it does not say, or what cannot be, as when its clock jumped."""
+        timing = reply.get(_TIMING) if isinstance(reply, Mapping) else None
+        took = timing.get("infer_ms") if isinstance(timing, Mapping) else None
+        # No question of this connection was waited for any longer.
+        return took if isinstance(took, (int, float)) and 0 < took <= 1e3 * self.deadline_s else 0.0
 
     def _give_up(self, socket: Any, why: str) -> NoReturn:
         if self._socket is socket:
@@ -296,13 +346,15 @@ class OpenPi(_Server):
             try:
                 # Its pings are answered; none of ours, for a server that infers answers none. The deadline finds who is gone.
                 async with self._websockets.connect(self.url, compression=None, max_size=_LARGEST_MESSAGE, max_queue=1, ping_interval=None,
-                                                    open_timeout=_CONNECT_S, close_timeout=1, **self._headers) as socket:
+                                                    open_timeout=_CONNECT_S, close_timeout=1, **self._how) as socket:
                     await self._listen(socket)
                 self._lose("closed the connection")
             except _NoAnswer as why:
                 self._lose(str(why))
             except self._websockets.exceptions.ConnectionClosed as why:
                 self._lose(f"closed the connection: {why}")
+            except ssl.SSLCertVerificationError as error:
+                self._lose(f"shows a certificate that is not believed: {error.verify_message}; `ca_file` names whoever signed it")
             except Exception as error:  # of a network, or of a stranger at its other end
                 self._lose(f"cannot be talked to: {error or type(error).__name__}")
             await asyncio.sleep(_PAUSE_S)
@@ -321,9 +373,19 @@ class OpenPi(_Server):
             raise _NoAnswer("is no openpi server: it does not begin with a map of its metadata")
         self.metadata, self._socket = metadata, socket
         async for message in socket:
+            if isinstance(message, bytes) and _TIMING.encode() in message:
+                if hash(message) in self._heard:
+                    self._pass_over_repeat(socket)
+                    continue
+                self._heard.append(hash(message))
             if self._pending is None or self._pending.done():
-                raise _NoAnswer("sent a message that nobody asked for")
+                self._give_up(socket, "sent a message that nobody asked for")
             self._pending.set_result(message)
+
+    def _pass_over_repeat(self, socket: Any) -> None:
+        self._repeats += 1
+        if self._repeats > _MOST_REPEATS:
+            self._give_up(socket, "sends an earlier answer again and again")
 
 
 class Groot(_Server):
@@ -368,16 +430,16 @@ class Groot(_Server):
 
     def _ask(self, endpoint: str, data: Mapping[str, Any]) -> Any:
         question = self._msgpack.packb({"endpoint": endpoint, "data": data, **self._token}, default=_groot_from)
-        until = time.monotonic() + self._deadline_s
+        until = time.monotonic() + self.deadline_s
         socket = self._socket = self._socket or self._opened()
         try:
-            socket.SNDTIMEO = math.ceil(1e3 * self._deadline_s)
+            socket.SNDTIMEO = math.ceil(1e3 * self.deadline_s)
             socket.send(question)
             socket.RCVTIMEO = max(1, math.ceil(1e3 * (until - time.monotonic())))
             reply = self._unpack(socket.recv(), _groot_to)
         except self._zmq.Again:
             self._drop()  # a late answer finds nobody
-            raise _NoAnswer(f"did not answer within {self._deadline_s * 1e3:g} ms") from None
+            raise _NoAnswer(f"did not answer within {self.deadline_s * 1e3:g} ms") from None
         except self._zmq.ZMQError as error:
             self._drop()
             raise _NoAnswer(f"cannot be talked to: {error}") from None
@@ -390,7 +452,8 @@ class Groot(_Server):
         socket.setsockopt(self._zmq.LINGER, 0)
         socket.setsockopt(self._zmq.IMMEDIATE, 1)  # no question waits for a server that is not there
         socket.setsockopt(self._zmq.MAXMSGSIZE, _LARGEST_MESSAGE)
-        socket.setsockopt(self._zmq.RCVHWM, 1)  # what nobody asked for waits at its sender
+        socket.setsockopt(self._zmq.RCVHWM, _MOST_REPEATS)  # what nobody asked for waits at its sender
+        socket.setsockopt(self._zmq.REQ_CORRELATE, 1)  # a number in the envelope, which every REP socket returns: no other's answer is taken
         socket.connect(self.url)
         return socket
 

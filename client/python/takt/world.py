@@ -57,8 +57,10 @@ _IMAGE_STRUCT = struct.Struct("<IIQQ")
 
 @dataclass(frozen=True)
 class Robot:
+    """The robot whose mechanics are played, as its file describes it."""
+
     name: str
-    joints: Tuple[str, ...]
+    joints: Tuple[str, ...]  # their names, in the order of every array
     step_seconds: float
     # The cameras of serve(cameras=...) by name, (height, width, channels) of uint8: where their next image may be drawn. What is drawn
     # there and given back as Image(images[name]) is not copied; it is Takt's to read from the return of reset or step to the next call.
@@ -67,8 +69,8 @@ class Robot:
 
 @dataclass(frozen=True)
 class Drive:
-    """What the drives do to the joints during a step: torque, and the friction that drive and brake add (an engaged brake is in `coulomb`).
-    `push`: N, world frame, at the base or an arm's tool, for worlds of serve(push=True)."""
+    """What the drives do to the joints during a step, (joints,) each: torque (Nm), and the friction that drive and brake add, viscous (Nms/rad)
+    and coulomb (Nm; an engaged brake is in there). `push`: (3,), N, world frame, at the base or an arm's tool, for worlds of serve(push=True)."""
 
     torque: NDArray[np.float64]
     viscous: NDArray[np.float64]
@@ -84,6 +86,8 @@ class Drive:
 
 @dataclass(frozen=True)
 class Imu:
+    """What the base's IMU would say, without noise."""
+
     orientation: Sequence[float]  # w x y z, of the IMU in the world, length 1
     angular_velocity: Sequence[float]  # rad/s, in the IMU's axes
     acceleration: Sequence[float]  # m/s2, specific force in the IMU's axes: 9.81 upwards at rest
@@ -91,6 +95,8 @@ class Imu:
 
 @dataclass(frozen=True)
 class Base:
+    """Where the base truly is."""
+
     position: Sequence[float]  # m, world frame, z up
     orientation: Sequence[float]  # w x y z, of the base in the world, length 1
 
@@ -105,22 +111,28 @@ class Image:
 
 @dataclass(frozen=True)
 class State:
-    q: ArrayLike
-    dq: ArrayLike
+    """How things stand after a reset or a step."""
+
+    q: ArrayLike  # (joints,), rad
+    dq: ArrayLike  # (joints,), rad/s
     point: Optional[Sequence[float]] = None  # m, what the task wants at its target; worlds of serve(point=True)
     imu: Optional[Imu] = None  # worlds of serve(imu=True)
     base: Optional[Base] = None  # worlds of serve(base=True)
     error: Optional[float] = None  # how far from what the task wants, 0 or more; worlds of serve(error=True)
     sensor: Optional[Sequence[float]] = None  # a new sample of the sensor of serve(sensor=...); None: no new one
-    outcome: int = RUNNING
-    reason: str = ""
+    outcome: int = RUNNING  # SUCCEEDED: the task is done (worlds of serve(done=True)); FAILED: it is beyond help; UNABLE: the world cannot go on
+    reason: str = ""  # of the outcome, at most 127 bytes
     images: Optional[Mapping[str, Image]] = None  # new ones of the cameras of serve(cameras=...); None: no new one
 
 
 class World(Protocol):
-    def reset(self, robot: Robot, seed: int, q: NDArray[np.float64]) -> State: ...
+    """What serve() plays. An exception leaves serve(), and Takt is told its text."""
 
-    def step(self, drive: Drive, seconds: float) -> State: ...
+    def reset(self, robot: Robot, seed: int, q: NDArray[np.float64]) -> State:
+        """The simulation begins anew, from the same seed in the same way, with the joints at `q`, (joints,), rad."""
+
+    def step(self, drive: Drive, seconds: float) -> State:
+        """What the drives do, for so long. How things stand at its end."""
 
 
 class _Gone(Exception):
@@ -203,7 +215,7 @@ class _Simulation:
         self._drive = Drive(step["torque"][0, :count], step["viscous"][0, :count], step["coulomb"][0, :count], step["push"][0], step["hangs"][0:1].reshape(()))
         self._home = reset["q"][0, :count]
         self._q, self._dq = self._answer["q"][:count], self._answer["dq"][:count]
-        self._answer_bytes = memoryview(self._answer.reshape(1).view(np.uint8))
+        self._answer_bytes = self._answer.reshape(1).view(np.uint8).data
 
     def _receive(self, size: int) -> bytes:
         data = b""
@@ -260,7 +272,7 @@ class _Simulation:
             self._peer.sendall(self._answer_bytes)
             for head, pixels in images:
                 self._peer.sendall(head)
-                self._peer.sendall(pixels)
+                self._peer.sendall(pixels.data)
 
     def _headed(self, images: Mapping[str, Image], time_ns: int) -> Sequence[Tuple[bytes, NDArray[np.uint8]]]:
         """What is said of each image, and its place, where it lies afterwards."""

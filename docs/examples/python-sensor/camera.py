@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A camera that is none: a bright spot that wanders through a dark image. In its place: cv2.VideoCapture(...).read(camera.values)."""
+"""A camera that is none: a bright spot that wanders through a dark image. With OpenCV: `_, image[:] = capture.read()`, of a frame of this shape."""
 import math
 import time
 

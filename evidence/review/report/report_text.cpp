@@ -31,6 +31,17 @@ std::string age_table(std::string_view title, const std::array<Quantiles, kAgePa
   return text + age_row(kAgePartNames.back(), parts.back());
 }
 
+// What outside sensors add to `sense`. Nothing of a robot without any, or whose policy's inputs are not recorded.
+std::string sensor_lines(const RunMetrics& metrics) {
+  std::string text;
+  for (const SensorAge& one : metrics.sensors)
+    text += fmt::format(
+        "  of which sensor {}, when asked: p50 {:.3f}, p99 {:.3f}, max {:.3f}; the oldest of {:.1f} % of {} answers\n",
+        one.sensor, ms(one.age.p50), ms(one.age.p99), ms(one.age.max), percent(one.oldest, one.age.count),
+        one.age.count);
+  return text;
+}
+
 std::string miss_row(std::string_view label, const MissRate& misses, double confidence) {
   if (misses.count == 0) return fmt::format("  {:<12} nothing to judge\n", label);
   return fmt::format("  {:<12} {} of {} missed = {:.3f} %, at most {:.3f} % with {:.0f} % confidence: {}\n", label,
@@ -280,6 +291,7 @@ std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::
                       100 * contract.epsilon);
   text += age_table("age per tick that relied on the policy", metrics.age_per_tick, kAgePartCount - 1);
   text += age_table("age per command at first use", metrics.age_per_command, kAgePartCount - 2);
+  text += sensor_lines(metrics);
   text += "\ndeadline misses\n" + miss_row("per tick", metrics.misses_per_tick, contract.confidence) +
           miss_row("per command", metrics.misses_per_command, contract.confidence);
   if (const std::string together = contract_text(metrics); !together.empty())

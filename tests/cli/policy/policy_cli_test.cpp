@@ -137,14 +137,29 @@ TEST_F(PolicyCli, TryMakesATableWithReasons) {
   fs::create_directory(in("below"));
   fs::copy_file("config/arm6_reach.onnx", in("below/reach.onnx"));
   std::ofstream(in("bad.onnx")) << "no | model";
-  std::ofstream(in("script.pt")) << "PK";
+  std::ofstream(in("script.pt")) << "PK";  // as a TorchScript file begins
+  // A bundle counts as one, and a YAML that is none not at all.
+  fs::create_directory(in("bundle"));
+  fs::copy_file("config/arm6_reach.onnx", in("bundle/walk.onnx"));
+  fs::copy_file("config/arm6.yaml", in("bundle/robot.yaml"));
+  std::ofstream(in("bundle/walk.yaml")) << "models:\n"
+                                           "  walk:\n"
+                                           "    inputs: [{name: obs, dtype: float32, shape: [1, 24]}]\n"
+                                           "    outputs: [{name: actions, dtype: float32, shape: [1, 96]}]\n"
+                                           "    parameters: {model_path: walk.onnx, backend: onnx, sha256sum: '"
+                                        << std::string(64, '0')
+                                        << "'}\n"
+                                           "pipeline: {inputs: {walk: [obs]}, outputs: {walk: [actions]}}\n";
   const Ended printed = takt("policy try " + directory());
   EXPECT_EQ(printed.exit_code, 0) << printed.output;
-  EXPECT_NE(printed.output.find("3 files, 1 load"), std::string::npos) << printed.output;
-  EXPECT_NE(printed.output.find("Not judged: no ONNX Runtime was named"), std::string::npos) << printed.output;
-  EXPECT_NE(printed.output.find("| below/reach.onnx | yes |"), std::string::npos) << printed.output;
-  EXPECT_NE(printed.output.find("| bad.onnx | no: not an ONNX model"), std::string::npos) << printed.output;
-  EXPECT_NE(printed.output.find("| script.pt | no: TorchScript"), std::string::npos) << printed.output;
+  for (const char* const part :
+       {"4 files, 1 load: builtin 1.\n", "Not judged: no ONNX Runtime was named",
+        "## The folder itself\n\n2 files, 0 load", "| bad.onnx | ONNX | none | no: not an ONNX model",
+        "| script.pt | TorchScript | torchscript | no: ", "## below\n\n1 file, 1 load: builtin 1.\n",
+        "| reach.onnx | ONNX | builtin | yes | 24 to 96 |",
+        "| walk.yaml | LEAPP bundle | none | no: walk.onnx: sha256 "})
+    EXPECT_NE(printed.output.find(part), std::string::npos) << part << " is not in\n" << printed.output;
+  EXPECT_EQ(printed.output.find(directory()), std::string::npos) << "the table names a folder of this machine";
 
   const Ended written = takt("policy try " + directory() + " --out " + in("tried.md"));
   EXPECT_EQ(written.exit_code, 0) << written.output;

@@ -23,8 +23,8 @@ Contest balance(std::uint64_t first_seed, std::uint64_t seeds, const std::string
   panel->methods.resize(1);
   panel->perturbations.resize(1);
   panel->tasks[0].bound_m = 1;  // of its ends, not of its errors
-  auto contest = Contest::prepare(std::move(*panel),
-                                  std::string(TAKT_PYTHON) + " tests/simulation/worlds/spoilt_cart_pole.py {}" + more);
+  const std::string world = std::string(TAKT_PYTHON) + " tests/simulation/worlds/spoilt_cart_pole.py {}" + more;
+  auto contest = Contest::prepare(std::move(*panel), {.world = world});
   if (!contest) throw std::runtime_error(contest.error());
   return std::move(*contest);
 }

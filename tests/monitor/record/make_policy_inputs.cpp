@@ -1,5 +1,6 @@
-// make_policy_inputs DIR: a recorded run with three inputs of a policy, without samples of outside sensors and with,
-// one of them of a client that was shown images; and DIR/inputs.json, what was written, for readers in other languages.
+// make_policy_inputs DIR: a recorded run with four inputs of a policy, without samples of outside sensors and with, the
+// same ones twice, one of a person who said nothing, and one input of a client that was shown images; an IMU with a new
+// sample every fourth tick; and DIR/inputs.json, what was written, for readers in other languages.
 #include <cstdio>
 #include <exception>
 #include <nlohmann/json.hpp>
@@ -32,7 +33,8 @@ RecordedPolicyInput input_with(std::uint32_t samples) {
   for (std::uint32_t sample = 0; sample < samples; ++sample) {
     const auto stamp = static_cast<std::int64_t>(1000 * samples + sample);
     const std::uint32_t values = sample == 1 ? 0 : 2 + sample;  // one of them has none
-    input.samples.push_back({10 + sample, MonoTime{stamp}, MonoTime{stamp + 1}, sample, values});
+    input.samples.push_back(
+        {sample == 2 ? UINT64_MAX : 10 + sample, MonoTime{stamp}, MonoTime{stamp + 1}, sample, values});
     const auto of_it = floats(values, static_cast<float>(sample));
     input.sample_values.insert(input.sample_values.end(), of_it.begin(), of_it.end());
   }
@@ -137,9 +139,15 @@ void make(const std::string& directory) {
   const RunFolder folder = required(RunFolder::create(directory));
   auto recorder = required(Recorder::start(folder, robot.manifest(), demo_robot(), kDefaultMaxFileBytes));
   auto stream = required(RecordStream::attach(robot.rings(), demo_robot().joints.size()));
+  robot.spoil_input = [](pipeline::TickInput& read) {
+    read.imu.sequence = read.tick / 4;
+    read.imu.sensed_at = MonoTime{static_cast<std::int64_t>(100 * read.imu.sequence)};
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      read.imu.acceleration[axis] = static_cast<float>(read.imu.sequence) + 0.25F * static_cast<float>(axis);
+  };
   robot.run(50);
   Json all = Json::array(), shown;
-  for (const std::uint32_t samples : {0U, 1U, 3U}) {
+  for (const std::uint32_t samples : {0U, 1U, 3U, 3U}) {
     stream.drain(recorder->sink(), false);
     const RecordedPolicyInput input = input_with(samples);
     recorder->sink().policy_input(input);

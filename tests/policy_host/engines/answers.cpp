@@ -1,10 +1,11 @@
 // takt-engine-answers ROBOT OBSERVATIONS RESETS ANSWERS: the policy of a robot file, by its engine, without a robot.
 // OBSERVATIONS: float32, one after the other; ANSWERS likewise; RESETS: indices, separated by commas, before which it
-// forgets. Prints what engine it was.
+// forgets. Prints what engine it was, and how many threads there are.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <charconv>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <string>
@@ -39,6 +40,7 @@ int main(int argc, char** argv) {
     answers.write(reinterpret_cast<const char*>(answer.data()),
                   static_cast<std::streamsize>(answer.size() * sizeof(float)));
   }
-  fmt::print("{}\n", (*policy)->description());
+  const auto threads = std::filesystem::directory_iterator("/proc/self/task");
+  fmt::print("{}\nthreads: {}\n", (*policy)->description(), std::distance(begin(threads), end(threads)));
   return 0;
 }

@@ -1,11 +1,14 @@
+#!/usr/bin/python3
 """Exports the published TorchScript policies of a folder the way their authors' tools would, as ONNX files.
 
-usage: published_policies.py SHARED_POLICIES FOLDER
+usage: published_policies.py SHARED_POLICIES FOLDER [beside]
 b2.onnx and himloco.onnx (rl_sar), g1_lstm.onnx (unitree_rl_gym, its state as inputs and outputs) and
-g1_lstm_without_state.onnx, which must be refused. Exit status 77: PyTorch or a policy is not there.
+g1_lstm_without_state.onnx, which must be refused. With `beside` FOLDER becomes a copy of SHARED_POLICIES in which each stands beside the
+TorchScript file that it is of, under its name. Exit status 77: PyTorch or a policy is not there.
 """
 
 import pathlib
+import shutil
 import sys
 import warnings
 
@@ -58,11 +61,18 @@ def main():
     names = ("rl_sar_b2/policy.pt", "rl_sar_go2_himloco/himloco.pt", "unitree_rl_gym_g1/motion.pt")
     if not all((policies / name).exists() for name in names):
         sys.exit(77)
+    if sys.argv[3:] == ["beside"]:
+        shutil.copytree(policies, folder, copy_function=shutil.copyfile)
+        for made in (folder, *folder.iterdir()):
+            made.chmod(0o755)
+        b2_file, himloco_file, g1_file = (folder / pathlib.Path(name).with_suffix(".onnx") for name in names)
+    else:
+        b2_file, himloco_file, g1_file = folder / "b2.onnx", folder / "himloco.onnx", folder / "g1_lstm.onnx"
     warnings.simplefilter("ignore")
     torch.set_num_threads(1)
     b2, himloco, g1 = (torch.jit.load(str(policies / name), map_location="cpu").eval() for name in names)
-    export(b2, [(1, 45)], folder / "b2.onnx", ["obs"], ["actions"])
-    export(himloco, [(1, 270)], folder / "himloco.onnx", ["obs"], ["actions"])
+    export(b2, [(1, 45)], b2_file, ["obs"], ["actions"])
+    export(himloco, [(1, 270)], himloco_file, ["obs"], ["actions"])
     lstm = WithState(g1).eval()
     state = (1, 1, lstm.memory.hidden_size)
     obs = torch.randn(5, 1, lstm.memory.input_size)
@@ -70,8 +80,8 @@ def main():
     for one in obs:  # the same numbers as the original, or the judge would judge something else
         actions, h, c = lstm(one, h, c)
         assert torch.allclose(actions, g1(one), atol=1e-5), "the rebuilt network is another one"
-    export(lstm, [(1, obs.shape[2]), state, state], folder / "g1_lstm.onnx", ["obs", "h_in", "c_in"], ["actions", "h_out", "c_out"])
-    export(WithoutState(lstm).eval(), [(1, obs.shape[2])], folder / "g1_lstm_without_state.onnx", ["obs"], ["actions"])
+    export(lstm, [(1, obs.shape[2]), state, state], g1_file, ["obs", "h_in", "c_in"], ["actions", "h_out", "c_out"])
+    export(WithoutState(lstm).eval(), [(1, obs.shape[2])], g1_file.with_name(g1_file.stem + "_without_state.onnx"), ["obs"], ["actions"])
 
 
 main()

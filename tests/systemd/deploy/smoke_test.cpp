@@ -49,7 +49,7 @@ TEST(SmokeRun, APolicyThatLooksIsTriedWhereAWorldShowsItSomething) {
   EXPECT_NE(alone->find("nothing was run: give it a world that does (--world)"), std::string::npos) << *alone;
 
   const test::ForkedWorld spots([](const std::string& path) { test::play_spots(path, TAKT_WORLD_ERROR); });
-  const auto shown = smoke_run(robot, spots.path());
+  const auto shown = smoke_run(robot, {spots.path(), {}});
   ASSERT_TRUE(shown.has_value()) << shown.error();
   EXPECT_NE(shown->find("tracked for 5 s"), std::string::npos) << *shown;
 
@@ -59,7 +59,7 @@ TEST(SmokeRun, APolicyThatLooksIsTriedWhereAWorldShowsItSomething) {
     while (takt_world_accept(&world, "dark", TAKT_WORLD_ERROR) == 0)
       for (takt_world_state state{}; takt_world_next(&world) == 0;) takt_world_answer(&world, &state);
   });
-  const auto refused = smoke_run(robot, dark.path());
+  const auto refused = smoke_run(robot, {dark.path(), {}});
   ASSERT_FALSE(refused.has_value());
   EXPECT_NE(refused.error().find("sees images of cam0, which world dark does not give"), std::string::npos)
       << refused.error();

@@ -1,0 +1,71 @@
+"""Several policy servers in the place of one."""
+import logging
+import time
+from types import TracebackType
+from typing import Any, Callable, Mapping, Optional, Protocol, Type
+
+import numpy as np
+from numpy.typing import NDArray
+
+from takt import _library
+from takt._refused import Refused
+
+_log = logging.getLogger("takt")
+
+
+class _Server(Protocol):
+    url: str
+    problem: str
+    deadline_s: float
+
+    @property
+    def infer(self) -> Callable[..., Optional[NDArray[np.float32]]]: ...
+
+    def close(self) -> None: ...
+
+
+class FailOver:
+    """Several servers of one policy: `FailOver(OpenPi("ws://gpu1:8000", ...), OpenPi("ws://gpu2:8000", ...))`, each with the same shape.
+
+    One is asked, and another only when that has no answer; who answered last is asked next. A question whose deadline has passed by half is not
+    asked again: the other gets the next one. So infer() takes one and a half deadlines at most. What a server remembers of the questions
+    before, the other does not know.
+    """
+
+    def __init__(self, *servers: _Server) -> None:
+        if not servers:
+            raise Refused("FailOver: name the servers", _library.USAGE)
+        self.servers = servers
+        self._asked = self._answered = 0  # places
+        self.problem: str = ""  # why the last infer() had no answer; empty: it had one
+
+    def __enter__(self) -> "FailOver":
+        return self
+
+    def __exit__(self, kind: Optional[Type[BaseException]], error: Optional[BaseException], trace: Optional[TracebackType]) -> None:
+        self.close()
+
+    def infer(self, observation: Mapping[str, Any], **more: Any) -> Optional[NDArray[np.float32]]:
+        """As the servers' own, `more` of its arguments included; what is sent is the same to each."""
+        began = time.monotonic()
+        for _ in self.servers:
+            server = self.servers[self._asked]
+            actions = server.infer(observation, **more)
+            self.problem = server.problem
+            if actions is not None:
+                self._note_answer(server)
+                return actions
+            self._asked = (self._asked + 1) % len(self.servers)
+            if time.monotonic() - began > server.deadline_s / 2:
+                break
+        return None
+
+    def _note_answer(self, server: _Server) -> None:
+        if self._asked != self._answered:
+            _log.warning("%s answers in the place of %s", server.url, self.servers[self._answered].url)
+            self._answered = self._asked
+
+    def close(self) -> None:
+        """Ends all connections. A second time does nothing."""
+        for server in self.servers:
+            server.close()

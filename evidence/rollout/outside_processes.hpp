@@ -1,0 +1,14 @@
+// What is not ours in a rollout: commands of the user's.
+#pragma once
+
+#include <string>
+
+namespace takt::panel {
+
+struct OutsideProcesses {
+  std::string world =
+      {};  // a command or a socket, as plant::WorldProcess has it; empty: the robot file's own mechanics
+  std::string policy = {};  // as PolicyProcess has it; empty: policy.file is a network
+};
+
+}  // namespace takt::panel

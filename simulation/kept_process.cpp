@@ -1,0 +1,77 @@
+#include "simulation/kept_process.hpp"
+
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "executive/ipc/unix_socket.hpp"
+
+namespace takt::plant {
+namespace {
+
+int code_of(int status) {
+  return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+}
+
+[[noreturn]] void run_shell(const std::string& command, const sigset_t& signals) {
+  ::setpgid(0, 0);
+  ::sigprocmask(SIG_UNBLOCK, &signals, nullptr);
+  ::dup2(STDERR_FILENO, STDOUT_FILENO);  // ours has tables and JSON
+  ::execl("/bin/sh", "sh", "-c", command.c_str(), nullptr);
+  ::_exit(127);
+}
+
+// In a child of ours: a shell's children do not die with it, nor it with us. This one does, and takes the group along.
+// Ends as the command does, or when it is told to. After a fork: calls that are safe in signal handlers only.
+[[noreturn]] void keep(const std::string& command, pid_t parent) {
+  sigset_t signals;
+  ::sigemptyset(&signals);
+  ::sigaddset(&signals, SIGTERM);
+  ::sigaddset(&signals, SIGCHLD);
+  ::sigprocmask(SIG_BLOCK, &signals, nullptr);
+  ::prctl(PR_SET_PDEATHSIG, SIGTERM);
+  if (::getppid() != parent) ::_exit(1);
+  ::setpgid(0, 0);  // Ctrl-C is for the one that we belong to
+  const pid_t shell = ::fork();
+  if (shell < 0) ::_exit(1);
+  if (shell == 0) run_shell(command, signals);
+  ::setpgid(shell, shell);   // whoever of the two comes first
+  ::close_range(3, ~0U, 0);  // our connections end with us, and not with this copy of them
+  int status = 0, signal = 0;
+  while (signal != SIGTERM && ::waitpid(shell, &status, WNOHANG) == 0) signal = ::sigwaitinfo(&signals, nullptr);
+  ::kill(-shell, SIGKILL);
+  ::_exit(code_of(status));
+}
+
+}  // namespace
+
+bool KeptProcess::is_kept() const {
+  return process_ > 0 && owner_ == ::getpid();
+}
+
+std::expected<void, std::string> KeptProcess::start(const std::string& command) {
+  owner_ = ::getpid();
+  const pid_t pid = ::fork();
+  if (pid < 0) return std::unexpected("no process for it: " + ipc::errno_text());
+  if (pid == 0) keep(command, owner_);
+  process_ = pid;
+  return {};
+}
+
+std::optional<int> KeptProcess::ended() {
+  int status = 0;
+  if (::waitpid(process_, &status, WNOHANG) != process_) return std::nullopt;
+  process_ = 0;
+  return code_of(status);
+}
+
+void KeptProcess::end() {
+  if (is_kept()) {
+    ::kill(process_, SIGTERM);
+    ::waitpid(process_, nullptr, 0);
+  }
+  process_ = 0;
+}
+
+}  // namespace takt::plant
