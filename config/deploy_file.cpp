@@ -6,11 +6,14 @@
 #include <cmath>
 
 #include "config/document.hpp"
+#include "config/exported_name.hpp"
 #include "config/units.hpp"
 #include "executive/contract/joints.hpp"
 
 namespace takt::config {
 namespace {
+
+constexpr std::uint32_t kMostHistory = 64;  // as policy.observation[].history
 
 class DeployReader {
  public:
@@ -39,6 +42,11 @@ class DeployReader {
         node ? node->place : map.place,
         fmt::format("`{}` is missing or holds something else than {}; export it again", key, kind_name(kind)));
     return nullptr;
+  }
+
+  void refuse_unfit(const Node& key, std::string_view what) {
+    if (const std::string why = why_no_name(key.text); !why.empty())
+      problems_.add(key.place, fmt::format("{} {}", what, why));
   }
 
   std::optional<double> value_of(const Node& node) {
@@ -101,6 +109,15 @@ class DeployReader {
     return used;
   }
 
+  std::uint32_t history_of(const Node& node) {
+    const double length = value_of(node).value_or(0);
+    if (length >= 0 && length <= kMostHistory && length == std::floor(length))
+      return std::max(static_cast<std::uint32_t>(length), 1U);  // 0: none but the newest
+    problems_.add(node.place,
+                  fmt::format("history_length must be a whole number to {}; export it again", kMostHistory));
+    return 1;
+  }
+
   void note_clip(const Node& map, const std::string& of, DeployFile& file) {
     const Node* clip = map.find("clip");
     if (clip && clip->kind != Node::Kind::null)
@@ -111,10 +128,12 @@ class DeployReader {
   void read_action(const Node& root, DeployFile& file, std::size_t joints) {
     const Node* actions = need(root, "actions", Node::Kind::map);
     if (!actions) return;
-    for (const auto& [key, value] : actions->entries)
+    for (const auto& [key, value] : actions->entries) {
+      refuse_unfit(key, "action");
       if (key.text != "JointPositionAction")
         problems_.add(key.place,
                       fmt::format("action `{}` is not supported; Takt imports JointPositionAction", key.text));
+    }
     const Node* action = need(*actions, "JointPositionAction", Node::Kind::map);
     if (!action) return;
     file.action_scale = numbers(*action, "scale", joints);
@@ -129,8 +148,12 @@ class DeployReader {
     if (!ranges) return;
     for (const auto& [key, range] : ranges->entries) {
       if (range.kind == Node::Kind::null) continue;
+      refuse_unfit(key, "range");
       const std::vector<double> ends = numbers(*ranges, key.text, 2);
-      if (ends.size() == 2) file.command_ranges.push_back({key.text, {ends[0], ends[1]}});
+      if (ends.size() == 2 && ends[0] > ends[1])
+        problems_.add(range.place, fmt::format("`{}` ends below its beginning; export it again", key.text));
+      else if (ends.size() == 2)
+        file.command_ranges.push_back({key.text, {ends[0], ends[1]}});
     }
   }
 
@@ -140,13 +163,14 @@ class DeployReader {
     for (const auto& [key, value] : observations->entries) {
       DeployTerm term;
       term.name = key.text;
+      refuse_unfit(key, "observation");
       if (value.kind != Node::Kind::map) {
         problems_.add(value.place, fmt::format("observation `{}` is no section; export it again", key.text));
         continue;
       }
       term.scale = numbers(value, "scale", 0);
       if (const Node* history = value.find("history_length"); history && history->kind == Node::Kind::scalar)
-        term.history = static_cast<std::uint32_t>(std::clamp(value_of(*history).value_or(1), 1.0, 64.0));
+        term.history = history_of(*history);
       // unitree_rl_lab clips before it scales, unless told otherwise.
       if (const Node* first = value.find("scale_first"); first && first->text == "true") {
         note_clip(value, key.text, file);

@@ -9,6 +9,7 @@
 #include <set>
 
 #include "config/reader.hpp"
+#include "config/robot_text.hpp"
 #include "config/units.hpp"
 #include "executive/contract/joints.hpp"
 
@@ -139,9 +140,12 @@ std::string simulated_buses_text(std::size_t joints, const SimulatedBuses& buses
 }
 
 std::string simulation_text(const ImportOptions& options) {
-  std::string text = fmt::format("\nsimulation:\n  step: 1 ms\n  mujoco:\n    model: \"{}\"\n", options.model_file);
-  if (!options.model->keyframe.empty()) text += fmt::format("    begin: {{ keyframe: {} }}\n", options.model->keyframe);
-  if (!options.model->imu_site.empty()) text += fmt::format("    imu: {{ site: {} }}\n", options.model->imu_site);
+  std::string text =
+      fmt::format("\nsimulation:\n  step: 1 ms\n  mujoco:\n    model: {}\n", in_quotes(options.model_file));
+  if (!options.model->keyframe.empty())
+    text += fmt::format("    begin: {{ keyframe: {} }}\n", plain_or_quoted(options.model->keyframe));
+  if (!options.model->imu_site.empty())
+    text += fmt::format("    imu: {{ site: {} }}\n", plain_or_quoted(options.model->imu_site));
   return text;
 }
 
@@ -157,13 +161,13 @@ constexpr const char* kBeforeARealRobot =
 
 std::string header_text(const DeployFile& deploy, const ImportOptions& options,
                         const std::vector<std::string>& remarks) {
-  std::string text = fmt::format("# Imported from {}.\n", options.source);
+  std::string text = fmt::format("# Imported from {}.\n", on_one_line(options.source));
   if (!options.simulated)
     text +=
         "# An export says nothing about drives and the contract: replace every FILL_IN by what is true of your\n"
         "# robot; `takt config check` names those that are left.\n";
-  for (const std::string& note : deploy.notes) text += fmt::format("# Not carried over: {}\n", note);
-  for (const std::string& remark : remarks) text += fmt::format("# Note: {}\n", remark);
+  for (const std::string& note : deploy.notes) text += fmt::format("# Not carried over: {}\n", on_one_line(note));
+  for (const std::string& remark : remarks) text += fmt::format("# Note: {}\n", on_one_line(remark));
   text += fmt::format("schema: takt.robot/1\nrobot: {}\n\n", options.robot);
   if (options.simulated) {
     const SimulatedBuses buses = buses_for(deploy.robot_joint.size());
@@ -262,7 +266,7 @@ std::string command_sensor_text(const DeployFile& deploy, const std::string& tim
   std::vector<double> low, high, absent;
   std::vector<std::string> names;
   for (const auto& [name, range] : deploy.command_ranges) {
-    names.push_back(name);
+    names.push_back(on_one_line(name));
     low.push_back(range.first);
     high.push_back(range.second);
     absent.push_back(std::clamp(0.0, range.first, range.second));
@@ -289,7 +293,8 @@ std::string sensors_text(const DeployFile& deploy, bool simulated) {
   const std::string held = simulated ? format_duration(command_lasts(deploy)) : kUnfilled;
   for (const DeployTerm& term : deploy.terms)
     if (!term.is_only_named && term.text.empty() && takt_term(term.name).empty() && !is_command(deploy, term))
-      text += fmt::format("  - {{ name: {}, values: {}, timeout: FILL_IN }}\n", term.name, term.scale.size());
+      text += fmt::format("  - {{ name: {}, values: {}, timeout: FILL_IN }}\n", plain_or_quoted(term.name),
+                          term.scale.size());
   for (const DeployTerm& term : deploy.terms)
     if (is_command(deploy, term)) text += command_sensor_text(deploy, held);
   if (deploy.tensors)
@@ -306,7 +311,7 @@ std::string source_of(const DeployFile& deploy, const DeployTerm& term) {
   if (term.is_only_named) return kUnfilled;
   if (is_command(deploy, term)) return "command, sensor: velocity_command";
   const std::string_view known = takt_term(term.name);
-  if (known.empty()) return fmt::format("sensor, sensor: {}", term.name);
+  if (known.empty()) return fmt::format("sensor, sensor: {}", plain_or_quoted(term.name));
   return known == "gait_phase" ? "gait_phase, gait_period: FILL_IN" : std::string(known);
 }
 
@@ -314,13 +319,14 @@ std::string terms_text(const DeployFile& deploy) {
   std::string text;
   for (const DeployTerm& term : deploy.terms) {
     if (!term.text.empty()) {
-      text += fmt::format("    - {{ term: {} }}{}\n", term.text, term.comment.empty() ? "" : "   # " + term.comment);
+      text += fmt::format("    - {{ term: {} }}{}\n", term.text,
+                          term.comment.empty() ? "" : "   # " + on_one_line(term.comment));
       continue;
     }
     const std::string clip = term.clip.empty() ? "" : fmt::format(", clip: [{}]", fmt::join(term.clip, ", "));
     text += fmt::format("    - {{ term: {}{}, scale: {}, history: {} }}{}\n", source_of(deploy, term), clip,
                         one_or_list(term.scale), term.history == 0 ? kUnfilled : fmt::format("{}", term.history),
-                        term.is_only_named ? "   # called " + term.name : "");
+                        term.is_only_named ? "   # called " + on_one_line(term.name) : "");
   }
   return text;
 }
@@ -330,7 +336,7 @@ std::string action_text(const DeployFile& deploy, const ImportOptions& options) 
   if (const auto& tensors = deploy.tensors) {
     std::vector<std::string> joints, outputs;
     for (const std::size_t joint : tensors->action_joints) joints.push_back(joint_name(options, joint));
-    for (const auto& [key, name] : tensors->outputs) outputs.push_back(fmt::format("{}: \"{}\"", key, name));
+    for (const auto& [key, name] : tensors->outputs) outputs.push_back(fmt::format("{}: {}", key, in_quotes(name)));
     return fmt::format("  action:\n    kind: {}\n    interpolation: {}\n    scale: 1\n    offset: zero\n{}{}",
                        tensors->action_kind, tensors->steps == 1 ? "hold" : kUnfilled,
                        joints.empty() ? "" : fmt::format("    joints: [{}]\n", fmt::join(joints, ", ")),
@@ -358,19 +364,20 @@ std::string steps_text(const DeployFile& deploy) {
 std::string policy_text(const DeployFile& deploy, const ImportOptions& options) {
   std::vector<std::string> order;
   for (const std::size_t joint : deploy.robot_joint) order.push_back(joint_name(options, joint));
-  const std::string names =
-      deploy.tensors ? fmt::format("  input: \"{}\"\n  output: \"{}\"\n", deploy.tensors->input, deploy.tensors->output)
-                     : "";
+  const std::string names = deploy.tensors
+                                ? fmt::format("  input: {}\n  output: {}\n", in_quotes(deploy.tensors->input),
+                                              in_quotes(deploy.tensors->output))
+                                : "";
   return fmt::format(
       "\npolicy:\n"
-      "  file: \"{}\"\n"
+      "  file: {}\n"
       "  period: {}\n"
       "{}{}"
       "  joint_order: [{}]\n"
       "  history_layout: by_term\n"
       "  observation:\n{}{}",
-      options.policy_file, duration_or_unfilled(deploy.step_dt), steps_text(deploy), names, fmt::join(order, ", "),
-      terms_text(deploy), action_text(deploy, options));
+      in_quotes(options.policy_file), duration_or_unfilled(deploy.step_dt), steps_text(deploy), names,
+      fmt::join(order, ", "), terms_text(deploy), action_text(deploy, options));
 }
 
 std::string count_problem(std::size_t in_model, std::size_t moved) {

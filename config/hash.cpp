@@ -12,6 +12,7 @@
 #include <cstring>
 #include <memory>
 
+#include "config/bundle_name.hpp"
 #include "config/document.hpp"
 #include "config/load.hpp"
 
@@ -109,7 +110,7 @@ std::vector<std::string> named_in_bundle(const std::string& path) {
 std::vector<std::string> policy_files(const std::string& path) {
   std::vector<std::string> files;
   add_with_weights(path, files);
-  if (!path.ends_with(".yaml")) return files;
+  if (!names_bundle(path)) return files;
   const std::size_t folder = path.rfind('/') == std::string::npos ? 0 : path.rfind('/') + 1;
   for (const std::string& name : named_in_bundle(path)) add_with_weights(path.substr(0, folder) + name, files);
   return files;

@@ -366,7 +366,7 @@ struct Sensor {
   std::uint32_t values = 0;  // float32; 0: an image
   std::uint32_t queue = 0;   // samples that a policy is given at once; 0: the newest only
   Duration timeout;
-  std::string unit = "unstated";
+  std::string unit = "unstated", frame = "unstated";
   std::optional<ImageShape> image{};
   std::optional<CommandLimits> command{};
   std::optional<RosTopic> ros{};

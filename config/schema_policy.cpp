@@ -73,6 +73,12 @@ void describe_sensor(Fields& fields, Sensor& sensor) {
     fields.integer({"values", "numbers per sample; none for an image"}, sensor.values, 1, kMaxSensorValues);
   fields.duration({"timeout", "a sample older than this is not used"}, sensor.timeout, milliseconds(1), seconds(60));
   fields.text({"unit", "of its values; whoever publishes another is refused", "unstated"}, sensor.unit);
+  fields.newer_text(
+      {"frame",
+       "what its values are expressed in: base, world, a body's name; where a policy's exporter says one, it must be "
+       "that",
+       "unstated"},
+      sensor.frame);
   if (!is_image || fields.shows_all())
     fields.integer(
         {"queue", "most samples since the last observation that a policy in Python or C is given; 0: the newest only",

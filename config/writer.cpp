@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "config/robot_text.hpp"
+
 namespace takt::config {
 namespace {
 
@@ -10,15 +12,6 @@ std::string list_of(const std::vector<double>& values, Dimension dimension) {
   std::vector<std::string> items;
   for (const double value : values) items.push_back(format_quantity(value, dimension));
   return fmt::format("[{}]", fmt::join(items, ", "));
-}
-
-std::string in_quotes(std::string_view text) {
-  std::string quoted = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') quoted += '\\';
-    quoted += c;
-  }
-  return quoted + '"';
 }
 
 }  // namespace
@@ -55,6 +48,10 @@ void Writer::identifier(const Key& key, std::string& value) {
 
 void Writer::text(const Key& key, std::string& value) {
   line(key.name, in_quotes(value));
+}
+
+void Writer::newer_text(const Key& key, std::string& value) {
+  if (value != key.otherwise) text(key, value);
 }
 
 void Writer::one_of(const Key& key, std::string& value, Words, std::string_view, std::string_view none_word) {

@@ -1,5 +1,5 @@
-// Canonical YAML of a configuration structure: every key written out, base units, shortest numbers that read back
-// equal.
+// Canonical YAML of a configuration structure: every key written out (but newer_text at its default), base units,
+// shortest numbers that read back equal.
 #pragma once
 
 #include <string>
@@ -20,6 +20,7 @@ class Writer final : public Fields {
   void flag(const Key& key, bool& value) override;
   void identifier(const Key& key, std::string& value) override;
   void text(const Key& key, std::string& value) override;
+  void newer_text(const Key& key, std::string& value) override;
   void one_of(const Key& key, std::string& value, Words words, std::string_view what,
               std::string_view none_word) override;
   void quantities(const Key& key, std::vector<double>& values, Dimension dimension, Range range, Count count) override;

@@ -9,14 +9,17 @@
 #include <utility>
 #include <vector>
 
+#include "config/bundle_name.hpp"
 #include "config/document.hpp"
 #include "config/observation_shape.hpp"
 #include "policy_host/binding.hpp"
 #include "policy_host/exploy/exploy_description.hpp"
+#include "policy_host/exporter_metadata.hpp"
 #include "policy_host/flow/flow_policy.hpp"
 #include "policy_host/leapp/leapp_bundle.hpp"
 #include "policy_host/leapp/leapp_description.hpp"
 #include "policy_host/leapp/leapp_graph.hpp"
+#include "policy_host/metadata_comparison.hpp"
 #include "policy_host/network_policy.hpp"
 #include "policy_host/policy_tensors.hpp"
 
@@ -171,27 +174,42 @@ std::expected<void, std::string> add_references(const RobotConfig& robot, Networ
   return {};
 }
 
-// What the exporter says of the policy; nothing: it says nothing.
-std::expected<std::optional<DescribedPolicy>, std::string> described(const std::string& file,
-                                                                     const NetworkGraph& graph) {
-  if (file.ends_with(".yaml")) {
+// What the exporter of an ONNX file left in it, whatever the file is called and whichever engine runs it. Nothing: no
+// ONNX file.
+std::optional<onnx_engine::Metadata> metadata_in(const std::string& file) {
+  auto metadata = onnx_engine::read_metadata(file);
+  if (!metadata) return std::nullopt;
+  return *std::move(metadata);
+}
+
+// Against what the exporter says of inputs and outputs, each by name.
+std::expected<void, std::string> check_described(const RobotConfig& robot, const NetworkGraph& graph) {
+  const std::string& file = robot.policy->file;
+  if (config::names_bundle(file)) {
     const auto text = config::read_file(file);
     const auto bundle = text ? read_leapp_bundle(*text, file) : std::unexpected(text.error());
     if (!bundle) return std::unexpected(bundle.error());
-    return describe_leapp(*bundle);
+    return check_binding(describe_leapp(*bundle), robot);
   }
-  if (!file.ends_with(".onnx")) return std::nullopt;
-  const auto metadata = onnx_engine::read_metadata(file);
-  if (!metadata) return std::unexpected(metadata.error());
+  const auto metadata = metadata_in(file);
+  if (!metadata) return {};
   const Network& network = *graph.networks.front();
-  return describe_exploy(*metadata, network.inputs(), network.outputs());
+  const auto described = describe_exploy(*metadata, network.inputs(), network.outputs());
+  if (!described) return std::unexpected(fmt::format("{}: {}", file, described.error()));
+  if (*described) {
+    if (auto fine = check_binding(**described, robot); !fine) return fine;
+  }
+  const auto lists = read_exporter_metadata(*metadata);
+  if (!lists) return std::unexpected(fmt::format("{}: {}", file, lists.error()));
+  if (const auto agrees = compare_metadata(*lists, robot); !agrees) return std::unexpected(agrees.error());
+  return {};
 }
 
 }  // namespace
 
 std::expected<std::unique_ptr<Policy>, std::string> assemble_policy(const RobotConfig& robot, const LoadNetwork& load) {
   const config::Policy& section = *robot.policy;
-  auto graph = section.file.ends_with(".yaml")
+  auto graph = config::names_bundle(section.file)
                    ? load_leapp_graph(section.file, network_input(section), outputs_named_in(section), load)
                    : graph_of_file(section.file, network_input(section), outputs_named_in(section), load);
   if (!graph) return std::unexpected(graph.error());
@@ -199,11 +217,7 @@ std::expected<std::unique_ptr<Policy>, std::string> assemble_policy(const RobotC
   if (const auto fine = check_images(robot, *graph); !fine) return std::unexpected(fine.error());
   if (const auto fine = check_outputs(robot, *graph); !fine) return std::unexpected(fine.error());
   if (const auto fine = add_references(robot, *graph); !fine) return std::unexpected(fine.error());
-  const auto said = described(section.file, *graph);
-  if (!said) return std::unexpected(fmt::format("{}: {}", section.file, said.error()));
-  if (*said) {
-    if (const auto fine = check_binding(**said, robot); !fine) return std::unexpected(fine.error());
-  }
+  if (const auto fine = check_described(robot, *graph); !fine) return std::unexpected(fine.error());
   return with_sampler(robot, make_network_policy(std::move(graph->networks), std::move(graph->wiring)));
 }
 

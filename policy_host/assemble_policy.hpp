@@ -4,8 +4,9 @@
 // around the network where there is one.
 //
 // Refused, one line each: a network that is no policy (policy_tensors.hpp), a bundle whose networks are not those that
-// were exported (leapp/leapp_graph.hpp), a term that reaches across two inputs, and a binding that contradicts what the
-// exporter says (binding.hpp). Thread rule: set-up only.
+// were exported (leapp/leapp_graph.hpp), a term that reaches across two inputs, and a robot file that contradicts what
+// the exporter says (binding.hpp, metadata_comparison.hpp), whichever engine runs it and however the file is called.
+// Thread rule: set-up only.
 #pragma once
 
 #include <expected>

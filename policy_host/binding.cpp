@@ -1,13 +1,14 @@
 #include "policy_host/binding.hpp"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <optional>
 #include <span>
 
 #include "config/observation_shape.hpp"
 #include "config/units.hpp"
+#include "policy_host/bound_terms.hpp"
 #include "policy_host/policy_tensors.hpp"
 
 namespace takt::policy_host {
@@ -59,22 +60,31 @@ std::vector<std::string> names_of(const RobotConfig& robot, const std::vector<st
   return names;
 }
 
-// Names that the robot does not know may be the exporter's own; one that it knows must stand in its place.
-std::string misplaced(const RobotConfig& robot, const std::vector<std::string>& said,
-                      const std::vector<std::string>& has) {
-  if (said.empty()) return {};
-  if (said.size() != has.size()) return fmt::format("{} joints, {} in the robot's file", said.size(), has.size());
-  for (std::size_t i = 0; i < said.size(); ++i) {
-    const bool known =
-        std::ranges::any_of(robot.joints, [&](const config::Joint& joint) { return joint.name == said[i]; });
-    if (said[i] != has[i] && known)
-      return fmt::format("{} at place {}, {} in the robot's file", said[i], i + 1, has[i]);
-  }
-  return {};
-}
-
 std::unexpected<std::string> refuse(const RobotConfig& robot, const std::string& what) {
   return std::unexpected(fmt::format("{}: {}; mend policy in {}", robot.policy->file, what, robot.file));
+}
+
+// Joints are known by name and stand in their places. `of`: "input q is of".
+Result check_joints(const RobotConfig& robot, const std::string& of, const std::vector<std::string>& said,
+                    const std::vector<std::string>& has) {
+  if (said.empty()) return {};
+  const auto is_unknown = [&](const std::string& name) {
+    return std::ranges::find(robot.joints, name, &config::Joint::name) == robot.joints.end();
+  };
+  if (const auto unknown = std::ranges::count_if(said, is_unknown); unknown != 0)
+    return std::unexpected(fmt::format(
+        "{}: {} {} joints that {} does not have, the first is {}; call the robot's joints there as the policy does",
+        robot.policy->file, of, unknown, robot.file, *std::ranges::find_if(said, is_unknown)));
+  if (said.size() != has.size())
+    return refuse(robot, fmt::format("{} {} joints, {} in the robot's file", of, said.size(), has.size()));
+  const auto [wrong, instead] = std::ranges::mismatch(said, has);
+  if (wrong == said.end()) return {};
+  return refuse(
+      robot, fmt::format("{} {} at place {}, {} in the robot's file", of, *wrong, wrong - said.begin() + 1, *instead));
+}
+
+std::string_view order_of(const ObservationTerm& term) {
+  return term.order == config::QuaternionOrder::wxyz ? "wxyz" : "xyzw";
 }
 
 bool is_as_it_is(const ObservationTerm& term) {
@@ -84,64 +94,91 @@ bool is_as_it_is(const ObservationTerm& term) {
   return all(term.scale, 1) && all(term.mean, 0) && all(term.standard_deviation, 1) && term.clip.empty();
 }
 
-std::string unit_of_sensor(const RobotConfig& robot, const ObservationTerm& term) {
-  const auto sensor = std::ranges::find(robot.sensors, term.sensor, &config::Sensor::name);
-  return sensor == robot.sensors.end() ? "" : sensor->unit;
+// "m/s^2" is "m/s2", and "N,Nm" is "N, Nm".
+bool is_unit(std::string unit, std::string other) {
+  for (std::string* const text : {&unit, &other}) std::erase_if(*text, [](char c) { return c == ' ' || c == '^'; });
+  return unit == other;
 }
 
-// What may stand for a meaning, in words; empty: it does.
-std::string not_fitting(Meaning meaning, const RobotConfig& robot, const ObservationTerm& term) {
-  const auto sensor_in = [&](std::string_view unit) {
-    return term.kind == TermKind::sensor && unit_of_sensor(robot, term) == unit;
-  };
+bool is_sensor_for(const DescribedInput& input, const RobotConfig& robot, const ObservationTerm& term) {
+  const auto sensor = std::ranges::find(robot.sensors, term.sensor, &config::Sensor::name);
+  if (term.kind != TermKind::sensor || sensor == robot.sensors.end()) return false;
+  const auto is_its = [&](const std::string& unit) { return is_unit(unit, sensor->unit); };
+  if (!input.units.empty() && std::ranges::none_of(input.units, is_its)) return false;
+  return input.frame.empty() || input.frame == sensor->frame;
+}
+
+// The robot's own term for a meaning; nothing: it has none, and a sensor stands for it.
+std::optional<TermKind> own_term(Meaning meaning) {
   switch (meaning) {
-    case Meaning::unsaid:
-      return {};
     case Meaning::joint_position:
-      return term.kind == TermKind::joint_position ? "" : "a term joint_position";
+      return TermKind::joint_position;
     case Meaning::joint_velocity:
-      return term.kind == TermKind::joint_velocity || term.kind == TermKind::drive_velocity
-                 ? ""
-                 : "a term joint_velocity or drive_velocity";
+      return TermKind::joint_velocity;
     case Meaning::joint_torque:
-      return term.kind == TermKind::joint_torque ? "" : "a term joint_torque";
+      return TermKind::joint_torque;
     case Meaning::base_orientation:
-      return term.kind == TermKind::base_orientation ? "" : "a term base_orientation";
+      return TermKind::base_orientation;
     case Meaning::base_angular_velocity:
-      return term.kind == TermKind::base_angular_velocity || sensor_in("rad/s")
-                 ? ""
-                 : "a term base_angular_velocity, or a sensor whose unit is rad/s";
-    case Meaning::base_linear_velocity:
-      return sensor_in("m/s") ? "" : "a sensor whose unit is m/s (`sensors: - { unit: m/s }`)";
+      return TermKind::base_angular_velocity;
+    case Meaning::projected_gravity:
+      return TermKind::projected_gravity;
     case Meaning::command:
-      return term.kind == TermKind::command || term.kind == TermKind::constant ? "" : "a term command or constant";
+      return TermKind::command;
+    case Meaning::unsaid:
+    case Meaning::base_linear_velocity:
     case Meaning::sensor:
-      return term.kind == TermKind::sensor ? "" : "a term sensor";
+      return std::nullopt;
+  }
+  return std::nullopt;
+}
+
+// What may stand for an input, in words; empty: it does.
+std::string not_fitting(const DescribedInput& input, const RobotConfig& robot, const ObservationTerm& term) {
+  const std::optional<TermKind> own = own_term(input.meaning);
+  if (own && term.kind == *own) return {};
+  std::string own_name = own ? fmt::format("a term {}", config::name(*own)) : "";
+  if (input.meaning == Meaning::joint_velocity)
+    return term.kind == TermKind::drive_velocity ? "" : own_name + " or drive_velocity";
+  if (input.meaning == Meaning::command) return term.kind == TermKind::constant ? "" : own_name + " or constant";
+  if (own && config::is_of_joints(*own)) return own_name;
+  if (is_sensor_for(input, robot, term)) return {};
+  return (own ? own_name + ", or " : "") + sensor_for(input);
+}
+
+// Whose it is the exporter does not say, but the quantity: no term of another one may fill it.
+Result check_quantity(const RobotConfig& robot, const Bound& bound) {
+  const DescribedInput& input = *bound.input;
+  if (input.units.empty()) return {};
+  const auto is_in = [&](std::string_view unit) { return std::ranges::find(input.units, unit) != input.units.end(); };
+  for (const ObservationTerm& term : bound.terms) {
+    const bool fits = term.kind == TermKind::constant || is_sensor_for(input, robot, term) ||
+                      (term.kind == TermKind::base_angular_velocity && is_in("rad/s")) ||
+                      (term.kind == TermKind::base_orientation && is_in(order_of(term)));
+    if (!fits)
+      return refuse(robot, fmt::format("input {} is {}, and wants {}", input.name, input.word, sensor_for(input)));
   }
   return {};
 }
 
 Result check_input(const RobotConfig& robot, const Bound& bound) {
   const DescribedInput& input = *bound.input;
-  if (input.meaning == Meaning::unsaid) return {};
+  if (input.meaning == Meaning::unsaid) return check_quantity(robot, bound);
   const auto says = fmt::format("input {} is {} ({})", input.name, name(input.meaning), input.word);
   if (bound.terms.size() != 1)
     return refuse(robot, fmt::format("{}, and wants one term, not {}", says, bound.terms.size()));
   const ObservationTerm& term = bound.terms.front();
-  if (const std::string wants = not_fitting(input.meaning, robot, term); !wants.empty())
+  if (const std::string wants = not_fitting(input, robot, term); !wants.empty())
     return refuse(robot, fmt::format("{}, and wants {}", says, wants));
   if (!is_as_it_is(term))
     return refuse(robot, fmt::format("{}, and wants it as it is: drop scale, clip, mean and std", says));
   if (term.kind == TermKind::base_orientation && !input.quaternion.empty()) {
-    const std::string order = term.order == config::QuaternionOrder::wxyz ? "wxyz" : "xyzw";
-    if (order != input.quaternion)
-      return refuse(robot, fmt::format("{} in the order {}, the term says {}", says, input.quaternion, order));
+    if (order_of(term) != input.quaternion)
+      return refuse(robot, fmt::format("{} in the order {}, the term says {}", says, input.quaternion, order_of(term)));
   }
   if (!config::is_of_joints(term.kind)) return {};
-  const std::string wrong =
-      misplaced(robot, input.joints, names_of(robot, term.joints.empty() ? robot.policy->joint_order : term.joints));
-  if (!wrong.empty()) return refuse(robot, fmt::format("{}, of {}", says, wrong));
-  return {};
+  return check_joints(robot, says + ", of", input.joints,
+                      names_of(robot, term.joints.empty() ? robot.policy->joint_order : term.joints));
 }
 
 std::string bound_name(const config::Policy& section, CommandField field) {
@@ -179,8 +216,8 @@ Result check_output(const RobotConfig& robot, const DescribedOutput& output) {
                                      key_of(*output.field, *output.field == action)));
   const std::vector<std::string> driven =
       names_of(robot, section.action.joint_of_output.empty() ? section.joint_order : section.action.joint_of_output);
-  if (const std::string wrong = misplaced(robot, output.joints, driven); !wrong.empty())
-    return refuse(robot, fmt::format("output {} is of {}", output.name, wrong));
+  if (auto fine = check_joints(robot, fmt::format("output {} is of", output.name), output.joints, driven); !fine)
+    return fine;
   if (output.steps != section.steps)
     return refuse(robot,
                   fmt::format("output {} has {} steps, policy.steps is {}", output.name, output.steps, section.steps));
@@ -202,63 +239,18 @@ Result check_binding(const DescribedPolicy& said, const RobotConfig& robot) {
   const config::Action& action = section.action;
   const bool scaled = std::ranges::any_of(action.scale, [](double scale) { return scale != 1; });
   if (scaled || action.offset != config::OffsetKind::zero)
-    return refuse(
-        robot, fmt::format("a {} gives targets as they are: write policy.action scale 1 and offset zero", said.format));
+    return refuse(robot, fmt::format("the {} gives targets as they are: write policy.action scale 1 and offset zero",
+                                     said.format));
   if (said.period.ns != 0 && said.period.ns != section.period.ns)
     return refuse(robot, fmt::format("it was exported to infer every {}, policy.period is {}",
                                      config::format_duration(said.period), config::format_duration(section.period)));
   return {};
 }
 
-namespace {
-
-std::string source_text(const RobotConfig& robot, const ObservationTerm& term) {
-  const std::size_t width = config::term_width(robot, term);
-  switch (term.kind) {
-    case TermKind::joint_position:
-      return fmt::format("joint_position of {} joints, rad", width);
-    case TermKind::joint_position_relative:
-      return fmt::format("joint_position_relative of {} joints, rad", width);
-    case TermKind::joint_velocity:
-      return fmt::format("joint_velocity of {} joints, rad/s", width);
-    case TermKind::drive_velocity:
-      return fmt::format("drive_velocity of {} joints, rad/s", width);
-    case TermKind::joint_torque:
-      return fmt::format("joint_torque of {} joints, Nm", width);
-    case TermKind::base_orientation:
-      return fmt::format("base_orientation by sensor {}, base in world, {}", robot.imu ? robot.imu->sensor : "none",
-                         term.order == config::QuaternionOrder::wxyz ? "w x y z" : "x y z w");
-    case TermKind::base_angular_velocity:
-      return fmt::format("base_angular_velocity by sensor {}, rad/s, base frame",
-                         robot.imu ? robot.imu->sensor : "none");
-    case TermKind::projected_gravity:
-      return "projected_gravity, base frame";
-    case TermKind::sensor:
-      return fmt::format("sensor {}, {} values, {}", term.sensor, width, unit_of_sensor(robot, term));
-    case TermKind::command:
-      return fmt::format("command {}, {} values", term.sensor, width);
-    case TermKind::last_action:
-      return "last_action";
-    case TermKind::constant:
-      return fmt::format("constant [{}]", fmt::join(term.constant, ", "));
-    case TermKind::gait_phase:
-      return "gait_phase";
-    case TermKind::motion_reference:
-      return "motion_reference " + term.output;
-  }
-  return {};
-}
-
-}  // namespace
-
 std::vector<std::string> binding_lines(const DescribedPolicy& said, const RobotConfig& robot) {
-  std::vector<std::string> lines;
-  for (const auto& [input, terms] : bound_inputs(said, robot)) {
-    std::string sources;
-    for (const ObservationTerm& term : terms) sources += (sources.empty() ? "" : " + ") + source_text(robot, term);
-    lines.push_back(fmt::format("{}: {}", input->name, sources));
-  }
-  return lines;
+  std::vector<FilledTensor> tensors;
+  for (const Bound& bound : bound_inputs(said, robot)) tensors.push_back({bound.input->name, bound.input->width});
+  return bound_lines(tensors, robot);
 }
 
 }  // namespace takt::policy_host

@@ -1,8 +1,9 @@
 // Does a robot file feed a policy what its exporter says that it needs, and send what it says where that belongs?
 //
 // Inputs: of joints, the joints by name and in order; of the base, the frame and the quaternion's order; of a sensor,
-// the unit; SI units as they are. Outputs: each goes somewhere, for the joints it is for; chunks and periods agree.
-// What the exporter leaves open the robot file decides. Errors: one line, what contradicts what and how to mend it.
+// the unit and the frame that the exporter's kind or name fixes; SI units as they are. Outputs: each goes somewhere,
+// for the joints it is for; chunks and periods agree. What the exporter leaves open the robot file decides. Errors: one
+// line, what contradicts what and how to mend it.
 #pragma once
 
 #include <expected>
@@ -18,8 +19,7 @@ namespace takt::policy_host {
 // `said`, where that is empty).
 std::expected<void, std::string> check_binding(const DescribedPolicy& said, const config::RobotConfig& robot);
 
-// What each input is bound to, one line each: "robot_joint_pos: joint_position of 29 joints, rad". Preconditions as
-// above, and check_binding passed.
+// What each input is bound to, as bound_terms.hpp says it. Preconditions as above, and check_binding passed.
 std::vector<std::string> binding_lines(const DescribedPolicy& said, const config::RobotConfig& robot);
 
 }  // namespace takt::policy_host

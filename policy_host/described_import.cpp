@@ -9,6 +9,8 @@
 #include <limits>
 #include <set>
 
+#include "config/robot_text.hpp"
+
 namespace takt::policy_host {
 namespace {
 
@@ -22,6 +24,7 @@ std::string identifier_of(const std::string& tensor) {
   std::string name = tensor.substr(tensor.rfind('/') + 1);
   for (char& c : name)
     if (std::isalnum(static_cast<unsigned char>(c)) == 0 && c != '_' && c != '-') c = '_';
+  if (std::isalpha(static_cast<unsigned char>(name.front())) == 0) name.insert(0, "input_");
   return name;
 }
 
@@ -105,7 +108,7 @@ class Writer {
     tensors_.sensors.push_back(
         fmt::format("  - name: {}   # {}\n    values: {}\n    timeout: FILL_IN\n    command: {{ "
                     "minimum: {}, maximum: {}, when_absent: {} }}\n",
-                    sensor, what, input.width, low, high, absent));
+                    sensor, config::on_one_line(what), input.width, low, high, absent));
     add_term(fmt::format("command, sensor: {}", sensor), input.name);
   }
 
@@ -128,13 +131,14 @@ class Writer {
       case Meaning::base_angular_velocity:
         tensors_.needs_imu = true;
         return add_term("base_angular_velocity", input.name);
-      case Meaning::base_linear_velocity:
-        return add_term("sensor, sensor: FILL_IN",
-                        what + "; no robot says it of itself: name a sensor whose unit is m/s");
+      case Meaning::projected_gravity:
+        tensors_.needs_imu = true;
+        return add_term("projected_gravity", input.name);
       case Meaning::command:
         return add_command(input);
+      case Meaning::base_linear_velocity:
       case Meaning::sensor:
-        return add_term("sensor, sensor: FILL_IN", what + "; no robot says it of itself: name a sensor");
+        return add_term("sensor, sensor: FILL_IN", what + "; no robot says it of itself: name " + sensor_for(input));
     }
   }
 

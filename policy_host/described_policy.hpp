@@ -22,6 +22,7 @@ enum class Meaning : std::uint8_t {
   base_orientation,       // quaternion, base in world
   base_angular_velocity,  // rad/s, base frame
   base_linear_velocity,   // m/s, base frame
+  projected_gravity,      // its direction, base frame
   command,                // of a person
   sensor,                 // what no robot says of itself: another body, another frame, the surroundings
 };
@@ -33,6 +34,8 @@ struct DescribedInput {
   std::string word;                               // the exporter's own: "state/body/rotation"
   std::vector<std::string> joints;                // of each value; empty: not said
   std::string quaternion;                         // "wxyz", "xyzw"; empty: not said
+  std::vector<std::string> units;                 // of the quantity, one as good as the other; empty: not said
+  std::string frame;                              // what it is expressed in: "base", "world"; empty: not said
   std::vector<std::string> elements;              // of a command: "lin_vel_x"; as many as values, or empty
   std::vector<std::pair<double, double>> ranges;  // of a command: likewise
 };
@@ -62,6 +65,9 @@ struct DescribedPolicy {
   std::vector<std::string> notes;  // what is left open
 };
 
+// The sensor that may stand for an input, in words: "a sensor whose unit is m/s and whose frame is base".
+std::string sensor_for(const DescribedInput& input);
+
 constexpr std::string_view name(Meaning meaning) {
   switch (meaning) {
     case Meaning::unsaid:
@@ -78,6 +84,8 @@ constexpr std::string_view name(Meaning meaning) {
       return "the base's angular velocity, rad/s, base frame";
     case Meaning::base_linear_velocity:
       return "the base's linear velocity, m/s, base frame";
+    case Meaning::projected_gravity:
+      return "gravity's direction, base frame";
     case Meaning::command:
       return "a command";
     case Meaning::sensor:

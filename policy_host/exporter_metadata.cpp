@@ -7,10 +7,13 @@
 #include <cmath>
 #include <string_view>
 
+#include "config/exported_name.hpp"
+#include "config/robot_text.hpp"
+
 namespace takt::policy_host {
 namespace {
 
-constexpr double kRounding = 0.5e-3 + 1e-9;  // of three decimals
+constexpr double kMostHistory = 64;  // as policy.observation[].history
 
 std::vector<std::string> items_of(std::string_view list) {
   std::vector<std::string> items;
@@ -38,7 +41,8 @@ class NumberLists {
       double number = 0;
       const auto [end, error] = std::from_chars(item.data(), item.data() + item.size(), number);
       if (error != std::errc() || end != item.data() + item.size() || !std::isfinite(number)) {
-        problem = fmt::format("metadata {}: '{}' is not a number; export the policy again", key, item);
+        problem =
+            fmt::format("metadata {}: '{}' is not a number; export the policy again", key, config::on_one_line(item));
       }
       most_decimals = std::max(most_decimals, decimals(item));
       numbers.push_back(number);
@@ -49,34 +53,6 @@ class NumberLists {
   std::string problem;
   std::size_t most_decimals = 0;
 };
-
-// The robot's joints as its policy counts them.
-std::vector<const config::Joint*> policy_joints(const config::RobotConfig& robot) {
-  std::vector<const config::Joint*> joints;
-  for (const std::size_t joint : robot.policy->joint_order) joints.push_back(&robot.joints[joint]);
-  if (joints.empty()) {
-    for (const config::Joint& joint : robot.joints) joints.push_back(&joint);
-  }
-  return joints;
-}
-
-std::expected<void, std::string> check_order(const ExporterMetadata& metadata, const config::RobotConfig& robot,
-                                             const std::vector<const config::Joint*>& joints) {
-  if (metadata.joint_names.size() != joints.size()) {
-    return std::unexpected(fmt::format("{}: the policy's metadata has {} joints, policy.joint_order {}; mend it",
-                                       robot.file, metadata.joint_names.size(), joints.size()));
-  }
-  for (std::size_t i = 0; i < joints.size(); ++i) {
-    const std::string& name = metadata.joint_names[i];
-    const bool known =
-        std::ranges::any_of(robot.joints, [&](const config::Joint& joint) { return joint.name == name; });
-    if (!known || name == joints[i]->name) continue;
-    return std::unexpected(
-        fmt::format("{}: the policy's joint {} is {} by its metadata, {} by policy.joint_order; mend it", robot.file, i,
-                    name, joints[i]->name));
-  }
-  return {};
-}
 
 // Nothing: it can stand in a robot file.
 std::string unfit(const ExporterMetadata& metadata) {
@@ -102,6 +78,10 @@ std::string unfit(const ExporterMetadata& metadata) {
   if (!metadata.history_lengths.empty() && metadata.history_lengths.size() != metadata.observation_names.size())
     return fmt::format("metadata: {} observation_history_lengths for {} observations; export the policy again",
                        metadata.history_lengths.size(), metadata.observation_names.size());
+  for (const double length : metadata.history_lengths)
+    if (length < 0 || length > kMostHistory || length != std::floor(length))
+      return fmt::format("metadata: an observation_history_length of {:g}, which a robot file does not hold (0 to {})",
+                         length, kMostHistory);
   return "";
 }
 
@@ -117,18 +97,27 @@ std::expected<ExporterMetadata, std::string> read_exporter_metadata(
     const std::vector<std::pair<std::string, std::string>>& metadata) {
   ExporterMetadata read;
   NumberLists numbers;
+  std::string unfit;
+  const auto names_of = [&](const std::string& key, const std::string& list) {
+    std::vector<std::string> names = items_of(list);
+    for (const std::string& name : names)
+      if (const std::string why = config::why_no_name(name); !why.empty())
+        unfit = fmt::format("metadata {}: {}; rename it and export the policy again", key, why);
+    return names;
+  };
   for (const auto& [key, value] : metadata) {
-    if (key == "joint_names") read.joint_names = items_of(value);
-    if (key == "observation_names") read.observation_names = items_of(value);
+    if (key == "joint_names") read.joint_names = names_of(key, value);
+    if (key == "observation_names") read.observation_names = names_of(key, value);
     if (key == "joint_stiffness") read.stiffness = numbers.read(key, value);
     if (key == "joint_damping") read.damping = numbers.read(key, value);
     if (key == "default_joint_pos") read.default_position = numbers.read(key, value);
     if (key == "action_scale") read.action_scale = numbers.read(key, value);
     if (key == "action_offset") read.action_offset = numbers.read(key, value);
-    if (key == "action_joint_names") read.action_joints = items_of(value);
+    if (key == "action_joint_names") read.action_joints = names_of(key, value);
     if (key == "observation_history_lengths") read.history_lengths = numbers.read(key, value);
   }
   if (read.joint_names.empty()) return ExporterMetadata{};
+  if (!unfit.empty()) return std::unexpected(unfit);
   if (!numbers.problem.empty()) return std::unexpected(numbers.problem);
   for (const auto* list : {&read.stiffness, &read.damping, &read.default_position}) {
     if (list->empty() || list->size() == read.joint_names.size()) continue;
@@ -158,36 +147,12 @@ std::expected<config::DeployFile, std::string> deploy_file_of(const ExporterMeta
   file.action_scale = metadata.action_scale;
   file.action_offset = metadata.action_offset;
   for (std::size_t each = 0; each < metadata.observation_names.size(); ++each) {
-    const double history = metadata.history_lengths.empty() ? 0 : std::clamp(metadata.history_lengths[each], 1.0, 64.0);
+    const double history = metadata.history_lengths.empty() ? 0 : std::max(metadata.history_lengths[each], 1.0);
     file.terms.push_back({metadata.observation_names[each], {}, static_cast<std::uint32_t>(history), true});
   }
   if (metadata.rounded)
     file.remarks.emplace_back("gains, poses and scales have three decimals at most: the exporter rounded them");
   return file;
-}
-
-std::expected<std::vector<std::string>, std::string> compare_metadata(const ExporterMetadata& metadata,
-                                                                      const config::RobotConfig& robot) {
-  std::vector<std::string> differences;
-  if (metadata.joint_names.empty()) return differences;
-  const std::vector<const config::Joint*> joints = policy_joints(robot);
-  if (const auto order = check_order(metadata, robot, joints); !order) return std::unexpected(order.error());
-  const auto compare = [&](std::size_t i, const char* what, const std::vector<double>& said, double has) {
-    const double tolerance = metadata.rounded ? kRounding : 1e-6;
-    if (said.empty() || std::abs(said[i] - has) <= tolerance) return;
-    differences.push_back(fmt::format("joint {}: {} is {:g} in the robot's file, {:g} in the policy's metadata",
-                                      joints[i]->name, what, has, said[i]));
-  };
-  for (std::size_t i = 0; i < joints.size(); ++i) {
-    if (metadata.joint_names[i] != joints[i]->name) {
-      differences.push_back(
-          fmt::format("joint {} is called {} in the policy's metadata", joints[i]->name, metadata.joint_names[i]));
-    }
-    compare(i, "kp", metadata.stiffness, joints[i]->kp);
-    compare(i, "kd", metadata.damping, joints[i]->kd);
-    compare(i, "home", metadata.default_position, joints[i]->home);
-  }
-  return differences;
 }
 
 }  // namespace takt::policy_host

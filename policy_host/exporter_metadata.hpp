@@ -1,8 +1,8 @@
 // What exporters of the mjlab and whole_body_tracking family leave in an ONNX file's metadata_props: lists separated by
 // commas, joints in the policy's order. Read as written; a list that is not there stays empty, none is filled in.
 //
-// Units: rad, Nm/rad, Nms/rad. mjlab prints three decimals: what it says of gains and poses is rounded, and so is a
-// comparison. Errors: one line. Thread rule: set-up only.
+// Units: rad, Nm/rad, Nms/rad. mjlab prints three decimals: what it says of gains and poses is rounded. Errors: one
+// line. Thread rule: set-up only.
 #pragma once
 
 #include <expected>
@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "config/deploy_file.hpp"
-#include "config/robot_config.hpp"
 
 namespace takt::policy_host {
 
@@ -34,10 +33,5 @@ std::expected<ExporterMetadata, std::string> read_exporter_metadata(
 // missing, or joints that are not the robot's.
 std::expected<config::DeployFile, std::string> deploy_file_of(const ExporterMetadata& metadata,
                                                               const std::vector<std::string>& robot_joints);
-
-// What differs from the robot's file, one sentence each; the error: joints in another order than the robot's policy
-// section has them, with which every action would move another joint.
-std::expected<std::vector<std::string>, std::string> compare_metadata(const ExporterMetadata& metadata,
-                                                                      const config::RobotConfig& robot);
 
 }  // namespace takt::policy_host

@@ -4,13 +4,17 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <optional>
+#include <span>
 
 #include "cli/command.hpp"
+#include "config/bundle_name.hpp"
 #include "config/document.hpp"
 #include "config/load.hpp"
 #include "config/observation_shape.hpp"
 #include "policy_host/binding.hpp"
+#include "policy_host/bound_terms.hpp"
 #include "policy_host/engines/load_policy.hpp"
 #include "policy_host/exploy/exploy_description.hpp"
 #include "policy_host/exporter_metadata.hpp"
@@ -20,6 +24,7 @@
 #include "policy_host/leapp/leapp_bundle.hpp"
 #include "policy_host/leapp/leapp_description.hpp"
 #include "policy_host/leapp/leapp_graph.hpp"
+#include "policy_host/metadata_comparison.hpp"
 #include "policy_host/onnx/model.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "policy_host/policy_fit.hpp"
@@ -137,6 +142,31 @@ nlohmann::json fit_json(const config::RobotConfig& robot, const policy_host::Pol
   return {{"name", robot.robot}, {"values_in", policy.input_size()}, {"values_out", policy.output_size()}};
 }
 
+// A plugin does not say what its network's inputs are: where there are several, they are one here.
+std::vector<std::string> bound_by_plugin(const config::RobotConfig& robot) {
+  const policy_host::FilledTensor all{robot.policy->input.contains(',') ? "observation" : robot.policy->input,
+                                      config::observation_width(robot)};
+  return policy_host::bound_lines(std::span(&all, 1), robot);
+}
+
+std::vector<std::string> bound_by(const config::RobotConfig& robot, const OnnxReading& reading) {
+  std::vector<policy_host::FilledTensor> inputs;
+  for (const std::size_t i : reading.tensors.observation) {
+    const TensorInfo& tensor = reading.model.inputs()[i];
+    inputs.push_back({tensor.name, std::accumulate(tensor.shape.begin(), tensor.shape.end(), std::size_t{1},
+                                                   [](std::size_t size, std::int64_t dimension) {
+                                                     return size * static_cast<std::size_t>(dimension);
+                                                   })});
+  }
+  return policy_host::bound_lines(inputs, robot);
+}
+
+// Joints' gains and poses that are others than an exporter says; numbers of single precision.
+std::vector<std::string> differences_from(const policy_host::DescribedPolicy& said, const config::RobotConfig& robot) {
+  constexpr double kSinglePrecision = 1e-5;
+  return policy_host::joint_differences(said.joints, robot, kSinglePrecision, "the " + said.format);
+}
+
 // True of a file that only a plugin reads, or that goes to one by the robot file or by itself.
 bool is_a_plugins(const config::RobotConfig& robot) {
   const std::string engine = robot.policy->engine.value_or(config::Engine{}).name;
@@ -172,6 +202,7 @@ std::expected<nlohmann::json, Refusal> examine_policy(const PolicyCheckOptions& 
     return nlohmann::json{{"file", options.file},
                           {"engine", (*policy)->description()},
                           {"not_by_builtin", reading.error()},
+                          {"bound", bound_by_plugin(*robot)},
                           {"robot", fit_json(*robot, **policy)}};
   }
   if (!reading) return std::unexpected(not_by_built_in(options.file, reading.error()));
@@ -194,7 +225,10 @@ std::expected<nlohmann::json, Refusal> examine_policy(const PolicyCheckOptions& 
   const auto differences = policy_host::compare_metadata(*metadata, *robot);
   if (!differences) return std::unexpected(policy_refused(differences.error()));
   about["differences"] = *differences;
-  if (*described) about["bound"] = policy_host::binding_lines(**described, *robot);
+  if (*described)
+    for (const std::string& difference : differences_from(**described, *robot))
+      about["differences"].push_back(difference);
+  about["bound"] = bound_by(*robot, *reading);
   about["robot"] = fit_json(*robot, **policy);
   return about;
 }
@@ -230,6 +264,9 @@ std::expected<void, Refusal> check_model_file(const PolicyCheckOptions& options,
         fmt::format("{}; so not by the built-in engine: --robot FILE asks the engine that FILE names", model.error())));
   print_line("model", fmt::format("{}: {} the built-in engine, sha256 as in the bundle", shortened(node.model_path),
                                   model ? "runs on" : "not by"));
+  if (model && node.opset && *node.opset != model->opset())
+    print_line("differs", fmt::format("{}: opset {}, the bundle says {}", shortened(node.model_path), model->opset(),
+                                      *node.opset));
   return {};
 }
 
@@ -269,6 +306,7 @@ int check_bundle_for_robot(const PolicyCheckOptions& options, const policy_host:
   if (!policy) return refuse(policy.error().exit_code, policy.error().sentence);
   print_line("engine", (*policy)->description());
   for (const std::string& line : policy_host::binding_lines(said, *robot)) print_line("bound", line);
+  for (const std::string& difference : differences_from(said, *robot)) print_line("differs", difference);
   print_line("fits",
              fmt::format("{}: {} values in, {} out", robot->robot, (*policy)->input_size(), (*policy)->output_size()));
   return kExitOk;
@@ -297,7 +335,7 @@ int check_bundle(const PolicyCheckOptions& options) {
 }
 
 int check_policy(const PolicyCheckOptions& options) {
-  if (options.file.ends_with(".yaml")) {
+  if (config::names_bundle(options.file)) {
     if (!options.json) return check_bundle(options);
     return refuse(kExitUsage, options.file + ": a bundle is told in words; leave --json out");
   }
@@ -319,8 +357,8 @@ int check_policy(const PolicyCheckOptions& options) {
   print_line("engine", (*about)["engine"].get<std::string>());
   if (looked_into) print_policy(*about);
   if (about->contains("robot")) {
+    for (const auto& line : (*about)["bound"]) print_line("bound", line.get<std::string>());
     if (looked_into) {
-      for (const auto& line : (*about)["bound"]) print_line("bound", line.get<std::string>());
       for (const auto& difference : (*about)["differences"]) print_line("differs", difference.get<std::string>());
     }
     const auto& robot = (*about)["robot"];

@@ -11,6 +11,7 @@
 
 #include "cli/command.hpp"
 #include "cli/run/scenario.hpp"
+#include "config/bundle_name.hpp"
 #include "config/deploy_import.hpp"
 #include "config/document.hpp"
 #include "config/load.hpp"
@@ -32,7 +33,11 @@ struct Given {
   std::string export_file, policy_file, model_file, robot, out, period;
   std::vector<std::string> joint_names;
   bool simulated = false;
-  [[nodiscard]] bool is_onnx() const { return export_file.ends_with(".onnx"); }
+  // By its name, or by what is in it.
+  [[nodiscard]] bool is_onnx() const {
+    if (export_file.ends_with(".onnx")) return true;
+    return !config::names_bundle(export_file) && onnx_engine::read_metadata(export_file).has_value();
+  }
 };
 
 // As it is best written in `out`: relative to its folder, when both are given so.

@@ -8,6 +8,9 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <set>
+
+#include "config/exported_name.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -44,6 +47,8 @@ class Reader {
     policy.period = period(inputs);
     bases_ = value_of("base_names").value_or(json::object());
     for (const TensorInfo& tensor : inputs)
+      if (const std::vector<std::string> parts = parts_of(tensor.name); is_of_imu(parts)) imus_.insert(parts[2]);
+    for (const TensorInfo& tensor : inputs)
       if (!tensor.name.starts_with("memory.") && tensor.name != kStepCount) policy.inputs.push_back(input_of(tensor));
     for (const TensorInfo& tensor : outputs)
       if (tensor.name.starts_with("output.")) policy.outputs.push_back(output_of(tensor, policy.joints));
@@ -76,6 +81,15 @@ class Reader {
     return said && said->contains(key) ? said->at(key).get<std::vector<std::string>>() : std::vector<std::string>{};
   }
 
+  static bool is_of_imu(const std::vector<std::string>& parts) {
+    return parts.size() == 4 && parts[0] == "sensor" && parts[1] == "imu";
+  }
+
+  [[nodiscard]] bool is_robots_imu(const std::string& imu) const {
+    if (imus_.size() == 1) return true;
+    return bases_.is_object() && std::ranges::any_of(bases_, [&](const json& base) { return base == imu; });
+  }
+
   [[nodiscard]] bool is_base(const std::string& articulation, const std::string& body) const {
     return bases_.is_object() && bases_.contains(articulation) && bases_.at(articulation) == body;
   }
@@ -89,11 +103,30 @@ class Reader {
                                           : Meaning::unsaid;
       return;
     }
+    read_motion(quantity, parts[2], is_base(parts[1], parts[2]), input);
+  }
+
+  // Of a body or an IMU, `of_base`: the base's own.
+  static void read_motion(const std::string& quantity, const std::string& body, bool of_base, DescribedInput& input) {
     input.meaning = Meaning::sensor;
-    if (!is_base(parts[1], parts[2])) return;
-    if (quantity == "w_Q_b") input.meaning = Meaning::base_orientation;
-    if (quantity == "ang_vel_b_rt_w_in_b") input.meaning = Meaning::base_angular_velocity;
-    if (quantity == "lin_vel_b_rt_w_in_b") input.meaning = Meaning::base_linear_velocity;
+    input.frame = of_base ? "base" : body;
+    if (quantity == "w_Q_b") {
+      input.quaternion = "wxyz";
+      input.units = {"wxyz"};
+      input.frame = "world";
+      if (of_base) input.meaning = Meaning::base_orientation;
+    } else if (quantity == "pos_b_rt_w_in_w") {
+      input.units = {"m"};
+      input.frame = "world";
+    } else if (quantity == "ang_vel_b_rt_w_in_b") {
+      input.units = {"rad/s"};
+      if (of_base) input.meaning = Meaning::base_angular_velocity;
+    } else if (quantity == "lin_vel_b_rt_w_in_b") {
+      input.units = {"m/s"};
+      if (of_base) input.meaning = Meaning::base_linear_velocity;
+    } else {
+      input.frame.clear();
+    }
   }
 
   void read_command(const std::string& name, const std::vector<std::string>& parts, DescribedInput& input) const {
@@ -117,8 +150,9 @@ class Reader {
     const std::vector<std::string> parts = parts_of(tensor.name);
     if (parts.size() == 4 && parts[0] == "obj") read_object(parts, input);
     if (parts.size() == 3 && parts[0] == "cmd") read_command(tensor.name, parts, input);
-    if (parts.size() >= 3 && parts[0] == "sensor" && parts[1] != "imu") input.meaning = Meaning::sensor;
-    if (tensor.name.ends_with(".w_Q_b")) input.quaternion = "wxyz";
+    if (parts.size() >= 3 && parts[0] == "sensor") input.meaning = Meaning::sensor;
+    if (is_of_imu(parts)) read_motion(parts[3], parts[2], is_robots_imu(parts[2]), input);
+    if (parts.size() == 4 && parts[1] == "ray_caster" && parts[3] == "height") input.units = {"m"};
     return input;
   }
 
@@ -143,14 +177,33 @@ class Reader {
 
   const Metadata& metadata_;
   json bases_;
+  std::set<std::string> imus_;  // by name
 };
+
+// Nothing: all of them are names.
+std::string unfit_name(const DescribedPolicy& policy) {
+  std::vector<std::string> names = policy.joints.joints;
+  const auto add = [&](const auto& said) {
+    names.push_back(said.name);
+    names.insert(names.end(), said.joints.begin(), said.joints.end());
+  };
+  for (const DescribedInput& input : policy.inputs) {
+    add(input);
+    names.insert(names.end(), input.elements.begin(), input.elements.end());
+  }
+  for (const DescribedOutput& output : policy.outputs) add(output);
+  for (const std::string& name : names)
+    if (std::string why = config::why_no_name(name); !why.empty()) return why;
+  return {};
+}
 
 // Lists that stand for joints have one entry each, as many as values.
 std::string inconsistent(const DescribedPolicy& policy) {
   const auto differs = [](const auto& list, std::size_t count) { return !list.empty() && list.size() != count; };
   for (const DescribedInput& input : policy.inputs)
     if (differs(input.joints, input.width) || differs(input.ranges, input.width) ||
-        differs(input.elements, input.width))
+        differs(input.elements, input.width) ||
+        std::ranges::any_of(input.ranges, [](const auto& range) { return range.first > range.second; }))
       return input.name;
   for (const DescribedOutput& output : policy.outputs)
     if (differs(output.joints, output.width)) return output.name;
@@ -168,9 +221,14 @@ std::expected<std::optional<DescribedPolicy>, std::string> describe_exploy(const
     return std::nullopt;
   try {
     DescribedPolicy policy = Reader(metadata).read(inputs, outputs);
+    if (const std::string why = unfit_name(policy); !why.empty())
+      return std::unexpected(fmt::format("metadata or tensors: {}; rename it and export the policy again", why));
     if (const std::string name = inconsistent(policy); !name.empty())
       return std::unexpected(
-          fmt::format("metadata of {}: another number of entries than values; export the policy again", name));
+          fmt::format("metadata of {}: another number of entries than values, or a range whose ends are exchanged; "
+                      "export the policy "
+                      "again",
+                      name));
     return policy;
   } catch (const json::exception&) {
     return std::unexpected("exploy's metadata is not the JSON that it should be; export the policy again");

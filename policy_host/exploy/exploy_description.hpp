@@ -1,6 +1,6 @@
 // What the metadata of an ONNX file that exploy exported says (rai-opensource/exploy): tensors speak by their names,
-// joints and ranges by one JSON each. Quaternions are w x y z there. An IMU of the policy's (`sensor.imu.NAME`) stays
-// unsaid: whether it is the base's the file does not say.
+// joints and ranges by one JSON each. Quaternions are w x y z there. Its only IMU (`sensor.imu.NAME`) is taken for the
+// robot's, of several the one that is called as the base; another, like another body, is an outside sensor's.
 //
 // Errors: one line, about the metadata. Thread rule: set-up only.
 #pragma once

@@ -10,6 +10,8 @@
 #include <nlohmann/json.hpp>
 #include <string_view>
 
+#include "config/robot_text.hpp"
+
 namespace takt::policy_host {
 namespace {
 
@@ -65,16 +67,18 @@ std::expected<std::map<std::string, InitialValue>, std::string> read_initial_val
       if (key == "__metadata__") continue;
       InitialValue value;
       if (const std::string problem = problem_in(entry, data.size(), value); !problem.empty())
-        return refuse(fmt::format("'{}' {}", key, problem));
+        return refuse(fmt::format("'{}' {}", config::on_one_line(key), problem));
       const std::size_t size =
           entry["data_offsets"][1].get<std::size_t>() - entry["data_offsets"][0].get<std::size_t>();
       if (size > left)
-        return refuse(fmt::format("'{}' shares its bytes with others: more values than the file has", key));
+        return refuse(
+            fmt::format("'{}' shares its bytes with others: more values than the file has", config::on_one_line(key)));
       left -= size;
       value.values.resize(size / sizeof(float));
       std::memcpy(value.values.data(), data.data() + entry["data_offsets"][0].get<std::size_t>(), size);
       for (const float each : value.values)
-        if (!std::isfinite(each)) return refuse(fmt::format("'{}' holds a value that is no number", key));
+        if (!std::isfinite(each))
+          return refuse(fmt::format("'{}' holds a value that is no number", config::on_one_line(key)));
       values.emplace(key, std::move(value));
     }
   } catch (const nlohmann::json::exception&) {

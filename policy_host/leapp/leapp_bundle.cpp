@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 
 #include "config/document.hpp"
+#include "config/exported_name.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -17,6 +19,7 @@ using config::Problems;
 using Kind = config::Node::Kind;
 
 constexpr std::string_view kTimeAxis = "__temporal_axis__";
+constexpr std::int64_t kMostValues = 1 << 28;  // of a tensor: 1 GiB
 
 const LeappTensor* find_tensor(const std::vector<LeappTensor>& tensors, std::string_view name) {
   const auto found = std::ranges::find(tensors, name, &LeappTensor::name);
@@ -33,7 +36,7 @@ class Reader {
     }
     if (const Node* pipeline = need(root, "pipeline", Kind::map)) read_pipeline(*pipeline);
     if (const Node* system = root.find("system information"))
-      bundle_.version = text_of(system->find("leapp config version"));
+      bundle_.version = name_of(system->find("leapp config version"), "leapp config version");
     if (const Node* agile = root.find("agile")) read_articulation(*agile);
     note_unread(root, "the file", std::array<std::string_view, 4>{"models", "pipeline", "system information", "agile"});
     check_inputs(root);
@@ -52,7 +55,32 @@ class Reader {
 
   static std::string text_of(const Node* node) { return node && node->kind == Kind::scalar ? node->text : ""; }
 
-  std::string need_text(const Node& map, std::string_view key) { return text_of(need(map, key, Kind::scalar)); }
+  void refuse_unfit(const Node& node, std::string_view key) {
+    if (const std::string why = config::why_no_name(node.text); !why.empty())
+      problems_.add(node.place, fmt::format("{} {}", key, why));
+  }
+
+  // A name that the file need not give; "": it does not.
+  std::string name_of(const Node* node, std::string_view key) {
+    std::string text = text_of(node);
+    if (!text.empty()) refuse_unfit(*node, key);
+    return text;
+  }
+
+  std::string need_name(const Node& map, std::string_view key) {
+    const Node* const node = need(map, key, Kind::scalar);
+    if (node) refuse_unfit(*node, key);
+    return text_of(node);
+  }
+
+  std::vector<std::string> names_of(const Node& list, std::string_view key) {
+    std::vector<std::string> names;
+    for (const Node& item : list.items) {
+      refuse_unfit(item, key);
+      names.push_back(item.text);
+    }
+    return names;
+  }
 
   template <class Number>
   std::optional<Number> number(const Node* node) {
@@ -60,14 +88,37 @@ class Reader {
     Number value{};
     const std::string& text = node->text;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (node->kind == Kind::scalar && error == std::errc() && end == text.data() + text.size()) return value;
+    const bool read = node->kind == Kind::scalar && error == std::errc() && end == text.data() + text.size();
+    if (read && std::isfinite(static_cast<double>(value))) return value;
     problems_.add(node->place, fmt::format("'{}' is not a number; export the bundle again", text));
     return std::nullopt;
+  }
+
+  std::optional<double> positive(const Node* node, std::string_view key) {
+    const auto value = number<double>(node);
+    if (!value || *value > 0) return value;
+    problems_.add(node->place, fmt::format("{} is {}, and must be above 0; export the bundle again", key, node->text));
+    return std::nullopt;
+  }
+
+  std::vector<std::int64_t> shape_of(const Node& list) {
+    std::vector<std::int64_t> shape;
+    std::int64_t values = 1;
+    for (const Node& item : list.items) {
+      const std::int64_t size = number<std::int64_t>(&item).value_or(1);
+      const bool fits = size >= 1 && size <= kMostValues / values;
+      if (!fits)
+        problems_.add(item.place, fmt::format("a shape that cannot be: {} here; export the bundle again", size));
+      shape.push_back(fits ? size : 1);
+      values *= shape.back();
+    }
+    return shape;
   }
 
   void note_unread(const Node& map, const std::string& where, const auto& known) {
     for (const Entry& entry : map.entries) {
       if (std::ranges::find(known, entry.key.text) == known.end()) {
+        refuse_unfit(entry.key, where);
         bundle_.notes.push_back(fmt::format("{}: `{}` is not read", where, entry.key.text));
       }
     }
@@ -76,13 +127,14 @@ class Reader {
   LeappNode read_node(const Entry& entry) {
     LeappNode node;
     node.name = entry.key.text;
+    refuse_unfit(entry.key, "models");
     if (const Node* inputs = need(entry.value, "inputs", Kind::sequence)) node.inputs = read_tensors(*inputs);
     if (const Node* outputs = need(entry.value, "outputs", Kind::sequence)) node.outputs = read_tensors(*outputs);
     if (const Node* parameters = need(entry.value, "parameters", Kind::map)) {
-      node.model_path = need_text(*parameters, "model_path");
-      node.backend = need_text(*parameters, "backend");
-      node.sha256 = text_of(parameters->find("sha256sum"));
-      node.md5 = text_of(parameters->find("md5sum"));
+      node.model_path = need_name(*parameters, "model_path");
+      node.backend = need_name(*parameters, "backend");
+      node.sha256 = name_of(parameters->find("sha256sum"), "sha256sum");
+      node.md5 = name_of(parameters->find("md5sum"), "md5sum");
       node.opset = number<int>(parameters->find("opset_version"));
       note_unread(*parameters, node.name,
                   std::array<std::string_view, 6>{"model_path", "backend", "sha256sum", "md5sum", "opset_version",
@@ -99,14 +151,12 @@ class Reader {
 
   LeappTensor read_tensor(const Node& item) {
     LeappTensor tensor;
-    tensor.name = need_text(item, "name");
-    tensor.dtype = need_text(item, "dtype");
-    if (const Node* shape = need(item, "shape", Kind::sequence)) {
-      for (const Node& size : shape->items) tensor.shape.push_back(number<std::int64_t>(&size).value_or(0));
-    }
-    tensor.kind = text_of(item.find("kind"));
-    tensor.connection = text_of(item.find("isaaclab_connection"));
-    tensor.temporal_period_ms = number<double>(item.find("temporal_period_ms"));
+    tensor.name = need_name(item, "name");
+    tensor.dtype = need_name(item, "dtype");
+    if (const Node* shape = need(item, "shape", Kind::sequence)) tensor.shape = shape_of(*shape);
+    tensor.kind = name_of(item.find("kind"), "kind");
+    tensor.connection = name_of(item.find("isaaclab_connection"), "isaaclab_connection");
+    tensor.temporal_period_ms = positive(item.find("temporal_period_ms"), "temporal_period_ms");
     if (const Node* names = item.find("element_names")) read_names(*names, tensor);
     note_unread(item, tensor.name,
                 std::array<std::string_view, 8>{"name", "dtype", "shape", "type", "kind", "element_names",
@@ -133,21 +183,13 @@ class Reader {
   }
 
   void name_dimension(const Node& dimension, LeappTensor& tensor) {
-    std::vector<std::string> names;
-    for (const Node& name : dimension.items) names.push_back(name.text);
+    std::vector<std::string> names = names_of(dimension, "element_names");
     const auto size = static_cast<std::int64_t>(names.size());
     if (std::ranges::find(tensor.shape, size) == tensor.shape.end()) {
       bundle_.notes.push_back(fmt::format("{}: {} names for {} values; which is which the file does not say",
                                           tensor.name, size, tensor.shape.empty() ? 1 : tensor.shape.back()));
     }
     tensor.element_names.push_back(std::move(names));
-  }
-
-  std::vector<std::string> words(const Node* list) {
-    std::vector<std::string> texts;
-    if (list)
-      for (const Node& item : list->items) texts.push_back(item.text);
-    return texts;
   }
 
   std::vector<double> numbers(const Node* list, std::size_t count) {
@@ -165,7 +207,7 @@ class Reader {
     if (!all || all->entries.size() != 1) return;
     const Node& one = all->entries.front().value;
     LeappArticulation articulation;
-    articulation.joint_names = words(one.find("joint_names"));
+    if (const Node* joints = one.find("joint_names")) articulation.joint_names = names_of(*joints, "joint_names");
     const std::size_t joints = articulation.joint_names.size();
     articulation.default_position = numbers(one.find("default_joint_pos"), joints);
     articulation.stiffness = numbers(one.find("default_joint_stiffness"), joints);
@@ -178,11 +220,11 @@ class Reader {
     const Node* feedback = pipeline.find("feedback_flow");
     if (!feedback) feedback = pipeline.find("feedback_connections");
     if (feedback) read_flows(*feedback, bundle_.feedback);
-    bundle_.initial_values = text_of(pipeline.find("initial_values"));
+    bundle_.initial_values = name_of(pipeline.find("initial_values"), "initial_values");
     if (const Node* ports = need(pipeline, "inputs", Kind::map)) read_ports(*ports, bundle_.inputs, true);
     if (const Node* ports = need(pipeline, "outputs", Kind::map)) read_ports(*ports, bundle_.outputs, false);
     if (const Node* configs = pipeline.find("configs"))
-      bundle_.frequency_hz = number<double>(configs->find("frequency"));
+      bundle_.frequency_hz = positive(configs->find("frequency"), "frequency");
     if (!bundle_.feedback.empty() && bundle_.initial_values.empty()) {
       bundle_.notes.push_back("the feedback's start values are not given");
     }
@@ -210,9 +252,11 @@ class Reader {
 
   void read_flows(const Node& flows, std::vector<LeappFlow>& into) {
     for (const Entry& entry : flows.entries) {
+      refuse_unfit(entry.key, "flow");
       const LeappPort from = port_of(entry.key.text);
       const LeappTensor* source = tensor_at(entry.key, from, false);
       for (const Node& target : entry.value.items) {
+        refuse_unfit(target, "flow");
         const LeappPort to = port_of(target.text);
         const LeappTensor* sink = tensor_at(target, to, true);
         if (source && sink && source->shape != sink->shape) {
@@ -226,7 +270,9 @@ class Reader {
 
   void read_ports(const Node& nodes, std::vector<LeappPort>& into, bool input) {
     for (const Entry& entry : nodes.entries) {
+      refuse_unfit(entry.key, input ? "inputs" : "outputs");
       for (const Node& tensor : entry.value.items) {
+        refuse_unfit(tensor, input ? "inputs" : "outputs");
         const LeappPort port{entry.key.text, tensor.text};
         if (tensor_at(tensor, port, input)) into.push_back(port);
       }

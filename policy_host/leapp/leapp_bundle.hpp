@@ -4,7 +4,8 @@
 //
 // Rules checked: every input of every node is fed exactly once, by the robot (pipeline.inputs), by another node
 // (data_flow) or by the previous tick (feedback_flow; Isaac ROS Deploy writes feedback_connections); both ends of a
-// flow exist and have one shape. What the file leaves open, and what this reader knows nothing of, is in `notes`.
+// flow exist and have one shape; names are names (config/exported_name.hpp). What the file leaves open, and what this
+// reader knows nothing of, is in `notes`.
 //
 // Errors: one line per problem, "file:line:column: what; how to mend". Thread rule: set-up only.
 #pragma once

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <map>
 #include <numeric>
 
 namespace takt::policy_host {
@@ -50,6 +51,36 @@ bool is_xyz(const Names& names) {
   return names == Names{"x", "y", "z"};
 }
 
+// What a kind is in, whichever body's; empty: the kind does not say.
+Names units_of(const std::string& kind, const std::string& quaternion) {
+  static const std::map<std::string, Names, std::less<>> kUnits{{"state/body/position", {"m"}},
+                                                                {"state/body/velocity", {"m/s, rad/s"}},
+                                                                {"state/body/acceleration", {"m/s2, rad/s2"}},
+                                                                {"state/body/linear_velocity", {"m/s"}},
+                                                                {"state/body/angular_velocity", {"rad/s"}},
+                                                                {"state/body/linear_acceleration", {"m/s2"}},
+                                                                {"state/body/angular_acceleration", {"rad/s2"}},
+                                                                {"state/wrench", {"N, Nm"}}};
+  Names orders = quaternion.empty() ? Names{"xyzw", "wxyz"} : Names{quaternion};
+  if (kind == "state/body/rotation") return orders;
+  if (kind == "state/body/pose") {
+    Names units;
+    for (const std::string& order : orders) units.push_back("m, " + order);
+    return units;
+  }
+  const auto found = kUnits.find(kind);
+  return found == kUnits.end() ? Names{} : found->second;
+}
+
+// Isaac Lab's names end in the frame; that of another body than the root has no name of its own.
+std::string frame_of(const LeappTensor& tensor) {
+  const std::string quantity = quantity_of(tensor.connection);
+  if (!tensor.kind.starts_with("state/") || tensor.kind.starts_with("state/joint/")) return {};
+  if (quantity.ends_with("_w")) return "world";
+  if (!quantity.ends_with("_b")) return {};
+  return quantity.starts_with("root_") || quantity == "projected_gravity_b" ? "base" : "body";
+}
+
 Meaning meaning_of_body(const LeappTensor& tensor, const Names& names) {
   const std::string quantity = quantity_of(tensor.connection);
   if (tensor.connection.empty()) return Meaning::unsaid;
@@ -68,6 +99,9 @@ Meaning meaning_of(const LeappTensor& tensor, const Names& names) {
   if (tensor.kind == "state/joint/effort") return Meaning::joint_torque;
   if (tensor.kind.starts_with("command/")) return Meaning::command;
   if (tensor.kind.starts_with("state/body/")) return meaning_of_body(tensor, names);
+  if (tensor.kind == "state/vector3d" && quantity_of(tensor.connection) == "projected_gravity_b" &&
+      (names.empty() || is_xyz(names)))
+    return Meaning::projected_gravity;
   if (tensor.kind == "state/wrench" || tensor.kind == "state/vector3d") return Meaning::sensor;
   return Meaning::unsaid;
 }
@@ -90,9 +124,15 @@ DescribedInput describe_input(const LeappBundle& bundle, const LeappPort& port) 
   input.meaning = tensor.temporal ? Meaning::unsaid : meaning_of(tensor, names);
   input.word = tensor.kind.empty() ? "no kind" : tensor.kind;
   if (tensor.kind.starts_with("state/joint/")) input.joints = names;
-  if (input.meaning == Meaning::base_orientation) input.quaternion = quaternion_order(names);
+  if (tensor.kind == "state/body/rotation") input.quaternion = quaternion_order(names);
+  if (!tensor.temporal) input.units = units_of(tensor.kind, input.quaternion);
+  input.frame = frame_of(tensor);
   if (input.meaning == Meaning::command) input.elements = names;
   return input;
+}
+
+std::string nameless(const std::string& tensor, std::size_t width) {
+  return fmt::format("{}: no names for {} values; which is which the file does not say", tensor, width);
 }
 
 DescribedOutput describe_output(const LeappBundle& bundle, const LeappPort& port, DescribedPolicy& policy) {
@@ -113,6 +153,8 @@ DescribedOutput describe_output(const LeappBundle& bundle, const LeappPort& port
   if (tensor.temporal_period_ms) output.step_period = {std::llround(*tensor.temporal_period_ms * 1e6)};
   output.width = elements(tensor) / std::max<std::size_t>(output.steps, 1);
   output.joints = names_of_values(tensor, output.width);
+  if (output.field && output.width > 1 && tensor.element_names.empty())
+    policy.notes.push_back(nameless(tensor.name, output.width));
   return output;
 }
 
@@ -125,9 +167,10 @@ DescribedPolicy describe_leapp(const LeappBundle& bundle) {
   if (bundle.frequency_hz && *bundle.frequency_hz > 0) policy.period = {std::llround(1e9 / *bundle.frequency_hz)};
   for (const LeappPort& port : bundle.inputs) {
     const DescribedInput& input = policy.inputs.emplace_back(describe_input(bundle, port));
-    if (input.meaning == Meaning::command && input.width > 1 && tensor_at(bundle, port, true).element_names.empty())
-      policy.notes.push_back(
-          fmt::format("{}: no names for {} values; which is which the file does not say", input.name, input.width));
+    const LeappTensor& tensor = tensor_at(bundle, port, true);
+    const bool needs_names = input.meaning == Meaning::command || tensor.kind.starts_with("state/joint/");
+    if (needs_names && input.width > 1 && tensor.element_names.empty())
+      policy.notes.push_back(nameless(input.name, input.width));
   }
   for (const LeappPort& port : bundle.outputs) policy.outputs.push_back(describe_output(bundle, port, policy));
   if (bundle.articulation)

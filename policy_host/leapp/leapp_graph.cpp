@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -191,7 +192,7 @@ std::expected<std::string, std::string> checked_model_file(const std::string& bu
     return std::unexpected(fmt::format(
         "{}: has no sha256sum of {}, so nobody knows which network that is; export it again", bundle, node.model_path));
   const std::string sha256 = config::sha256_hex(std::string(std::istreambuf_iterator<char>(stream), {}));
-  if (sha256 != node.sha256)
+  if (!std::ranges::equal(sha256, node.sha256, {}, {}, [](unsigned char c) { return std::tolower(c); }))
     return std::unexpected(
         fmt::format("{}: sha256 {} is not the bundle's {}; export it again", path.string(), sha256, node.sha256));
   return path.string();

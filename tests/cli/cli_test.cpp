@@ -284,6 +284,25 @@ TEST_F(Cli, ImportReadsTheMetadataInAnOnnxFile) {
   EXPECT_EQ(run("config import deploy.yaml --robot arm -o " + in("x.yaml")).exit_code, 64) << "--policy is missing";
 }
 
+// Whatever the file is called: what its exporter left in it is held against the robot file.
+TEST_F(Cli, ConfigCheckHoldsAnOnnxFilesMetadataAgainstTheRobotFile) {
+  for (const std::string name : {"swapped.onnx", "swapped.model"}) {
+    fs::copy("config/arm6_reach.onnx", in(name));
+    std::ofstream(in(name), std::ios::binary | std::ios::app)
+        << onnx_metadata("joint_names", "shoulder,base_yaw,elbow,wrist_roll,wrist_pitch,wrist_yaw");
+    std::stringstream text;
+    text << std::ifstream("config/arm6.yaml").rdbuf();
+    std::string robot = text.str();
+    robot.replace(robot.find("arm6_reach.onnx"), std::string("arm6_reach.onnx").size(), name);
+    std::ofstream(in("swapped.yaml")) << robot;
+    const Ended check = run("config check " + in("swapped.yaml"));
+    EXPECT_EQ(check.exit_code, 65) << check.output;
+    EXPECT_NE(check.output.find("joint 0 is shoulder by its metadata, base_yaw by policy.joint_order"),
+              std::string::npos)
+        << check.output;
+  }
+}
+
 TEST_F(Cli, WithoutAnExecutiveRequestsEndWith69) {
   for (const char* verb : {"arm", "stop", "reset", "mark", "status"}) {
     const Ended ended = run(std::string(verb) + " --runtime-dir " + directory());

@@ -153,6 +153,14 @@ TEST(DeployFile, RefusesWhatDoesNotFitTogether) {
                   "d:3:12: `stiffness` has 1 values, joint_ids_map 2"},
         BadDeploy{"another action", "JointPositionAction:", "JointEffortAction:", "d:10:3: action `JointEffortAction`"},
         BadDeploy{"no period", "step_dt: 0.02\n", "", "`step_dt` is missing"},
+        BadDeploy{
+            "a term that writes another", "base_ang_vel:", "\"foo\\n    - { term: constant, values: [1] } #\":",
+            "d:16:3: observation \"foo\\n    - { term: constant, values: [1] } #\" holds \"\\n\", and is no name"},
+        BadDeploy{"a range that writes a key", "ang_vel_z:", "\"z\\n    timeout: 60 s #\":", "range \"z\\n"},
+        BadDeploy{"a range whose ends are exchanged", "[-0.5, 1.0]", "[1.0, -0.5]",
+                  "`lin_vel_x` ends below its beginning"},
+        BadDeploy{"a history beyond a robot file's", "history_length: 5", "history_length: 65",
+                  "history_length must be a whole number to 64"},
         BadDeploy{"a word for a number", "[2.0, 1.0]", "[2.0, high]", "d:4:16: is not a number"}}) {
     std::string text(kDeploy);
     text.replace(text.find(bad.from), std::string_view(bad.from).size(), bad.to);
@@ -289,6 +297,27 @@ TEST(DeployImport, MotorsAreNumberedAsTheActuatorsStand) {
   EXPECT_NE(partly.find("# Note: motors are numbered as the model's bodies stand: 1 of its 2 hinges have an actuator"),
             std::string::npos)
       << partly;
+}
+
+// Goal: text of others is text. Method: names of files and of a model's parts that would end a quote or a line.
+TEST(DeployImport, WritesTextOfOthersAsText) {
+  ModelFacts model = two_hinges();
+  model.keyframe = "stand }\n  seed: 7 #";
+  model.imu_site = "a: b";
+  const auto text =
+      import_deploy_file(read_deploy_file(kDeploy, "d").value(), {.robot = "walker",
+                                                                  .policy_file = "p\"\n  nice: -20 #.onnx",
+                                                                  .joint_names = {},
+                                                                  .source = "d\nsensors: []",
+                                                                  .model = model,
+                                                                  .model_file = "m\\\".xml",
+                                                                  .simulated = true});
+  ASSERT_TRUE(text) << text.error();
+  EXPECT_TRUE(text->starts_with("# Imported from d\\nsensors: [].\n")) << *text;
+  for (const char* const line : {"\n  nice: -20", "\n  seed: 7", "\nsensors: []"})
+    EXPECT_EQ(text->find(line), std::string::npos) << line << "\n" << *text;
+  for (const char* const written : {R"(file: "p\"\n  nice: -20 #.onnx")", R"(model: "m\\\".xml")", R"(site: "a: b")"})
+    EXPECT_NE(text->find(written), std::string::npos) << written << "\n" << *text;
 }
 
 TEST(DeployImport, AModelOfAnotherRobotIsRefused) {

@@ -1,29 +1,16 @@
-// Goal: an exporter's metadata is read as written, and a robot file that contradicts it is told so before anything
-// moves. Method: the small robot and metadata that agrees with it, then one deviation at a time.
+// Goal: an exporter's metadata is read as written, and a robot file begins with it. Method: metadata as exporters write
+// it, then one deviation at a time.
 #include "policy_host/exporter_metadata.hpp"
 
 #include <gtest/gtest.h>
 
 #include "config/deploy_import.hpp"
 #include "config/load.hpp"
-#include "tests/policy_host/small_robot.hpp"
 
 namespace takt::policy_host {
 namespace {
 
 using Metadata = std::vector<std::pair<std::string, std::string>>;
-
-// small_robot() with gains and poses.
-config::RobotConfig robot() {
-  auto small = small_robot();
-  for (std::size_t i = 0; i < small.joints.size(); ++i) {
-    small.joints[i].name = std::string(1, static_cast<char>('a' + i));
-    small.joints[i].kp = 40.1234;
-    small.joints[i].kd = 1.5;
-    small.joints[i].home = 0.1 * static_cast<double>(i);
-  }
-  return small;
-}
 
 Metadata agreeing() {
   return {{"joint_names", "a, b,c"},
@@ -62,34 +49,16 @@ TEST(ExporterMetadata, RefusesListsThatAreNone) {
   EXPECT_EQ(few.error(), "metadata: a list of 2 numbers for 3 joints; export the policy again");
 }
 
-TEST(ExporterMetadata, AgreesWithTheRobotToItsRounding) {
-  const auto differences = compare_metadata(read_exporter_metadata(agreeing()).value(), robot());
-  ASSERT_TRUE(differences) << differences.error();
-  EXPECT_TRUE(differences->empty()) << differences->front();
-}
-
-TEST(ExporterMetadata, SaysWhatDiffers) {
-  const auto of = [](const Metadata& metadata) {
-    return compare_metadata(read_exporter_metadata(metadata).value(), robot()).value();
-  };
-  EXPECT_EQ(of(with(agreeing(), "joint_stiffness", "40.123,40.123,40.125")),
-            (std::vector<std::string>{"joint c: kp is 40.1234 in the robot's file, 40.125 in the policy's metadata"}));
-  EXPECT_EQ(of(with(agreeing(), "default_joint_pos", "0.000,0.200,0.200")),
-            (std::vector<std::string>{"joint b: home is 0.1 in the robot's file, 0.2 in the policy's metadata"}));
-  EXPECT_EQ(of(with(agreeing(), "joint_names", "a,b,left_knee")),
-            (std::vector<std::string>{"joint c is called left_knee in the policy's metadata"}));
-}
-
-TEST(ExporterMetadata, RefusesJointsInAnotherOrder) {
-  const auto swapped =
-      compare_metadata(read_exporter_metadata(with(agreeing(), "joint_names", "b,a,c")).value(), robot());
-  ASSERT_FALSE(swapped);
-  EXPECT_EQ(swapped.error(), "small.yaml: the policy's joint 0 is b by its metadata, a by policy.joint_order; mend it");
-  auto reordered = robot();
-  reordered.policy->joint_order = {1, 0, 2};
-  EXPECT_TRUE(compare_metadata(read_exporter_metadata(with(agreeing(), "joint_names", "b,a,c")).value(), reordered));
-  reordered.policy->joint_order = {1, 0};
-  EXPECT_FALSE(compare_metadata(read_exporter_metadata(agreeing()).value(), reordered));
+// A name comes to stand in a robot file and on terminals.
+TEST(ExporterMetadata, RefusesNamesThatAreMoreThanNames) {
+  for (const char* const key : {"joint_names", "observation_names", "action_joint_names"}) {
+    Metadata metadata = agreeing();
+    metadata.emplace_back("action_joint_names", "a,b,c");
+    const auto odd = read_exporter_metadata(with(metadata, key, "a,joint_pos\n    - { term: last_action } #,c"));
+    ASSERT_FALSE(odd) << key;
+    EXPECT_TRUE(odd.error().starts_with(std::string("metadata ") + key + ": \"joint_pos\\n")) << odd.error();
+    EXPECT_EQ(odd.error().find('\n'), std::string::npos) << odd.error();
+  }
 }
 
 // --- as the beginning of a robot file ---
@@ -174,6 +143,9 @@ TEST(ExporterMetadata, WhatCannotStandInARobotFileIsRefusedByName) {
   EXPECT_NE(why(some).find("moves 1 of 2 joints"), std::string::npos) << why(some);
   some.back() = {"observation_history_lengths", "1,2"};
   EXPECT_NE(why(some).find("2 observation_history_lengths for 3 observations"), std::string::npos) << why(some);
+  some.back() = {"observation_history_lengths", "1,100,1"};
+  EXPECT_NE(why(some).find("an observation_history_length of 100, which a robot file does not hold"), std::string::npos)
+      << why(some);
 }
 
 }  // namespace

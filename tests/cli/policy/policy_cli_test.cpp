@@ -42,6 +42,17 @@ TEST_F(PolicyCli, CheckRefusesThePolicyOfAnotherRobotWithBothSizes) {
   EXPECT_NE(ended.output.find("values"), std::string::npos) << ended.output;
 }
 
+TEST_F(PolicyCli, CheckSaysWhichValuesComeFromWhichTerm) {
+  const Ended ended = takt("policy check config/arm6_reach.onnx --robot config/arm6.yaml");
+  EXPECT_EQ(ended.exit_code, 0) << ended.output;
+  for (const char* const line :
+       {"bound          obs 0..5: joint_position_relative of 6 joints, rad from home\n",
+        "bound          obs 6..11: joint_velocity of 6 joints, rad/s, times 0.1\n",
+        "bound          obs 12..17: sensor target, 3 values, unit unstated, 2 instants, oldest first\n",
+        "bound          obs 18..23: last_action of 6 joints, as the network gave it\n"})
+    EXPECT_NE(ended.output.find(line), std::string::npos) << line << "\n" << ended.output;
+}
+
 TEST_F(PolicyCli, CheckRefusesWhatIsNoPolicy) {
   const Ended ended = takt("policy check README.md");
   EXPECT_EQ(ended.exit_code, 65);
@@ -59,7 +70,7 @@ TEST_F(PolicyCli, CheckReadsALeappBundleAndItsModelsHash) {
            "  reach:\n"
            "    inputs: [{name: obs, dtype: float32, shape: [1, 3], kind: state/vector3d}]\n"
            "    outputs: [{name: q, dtype: float32, shape: [1, 6]}]\n"
-           "    parameters: {model_path: reach.onnx, backend: onnx, sha256sum: '"
+           "    parameters: {model_path: reach.onnx, backend: onnx, opset_version: 9, sha256sum: '"
         << sha256
         << "'}\n"
            "pipeline: {inputs: {reach: [obs]}, outputs: {reach: [q]}}\n";
@@ -70,6 +81,8 @@ TEST_F(PolicyCli, CheckReadsALeappBundleAndItsModelsHash) {
   EXPECT_EQ(fine.exit_code, 0) << fine.output;
   EXPECT_NE(fine.output.find("obs [1,3], state/vector3d"), std::string::npos) << fine.output;
   EXPECT_NE(fine.output.find("sha256 as in the bundle"), std::string::npos) << fine.output;
+  EXPECT_NE(fine.output.find("differs        reach.onnx: opset 13, the bundle says 9\n"), std::string::npos)
+      << fine.output;
   EXPECT_EQ(fine.output.find("left open "), std::string::npos) << fine.output;
   // What the file leaves open is said: which of a command's values is which.
   const Ended open = shell("sed -i s,state/vector3d,command/body/velocity, " + in("reach.yaml") +

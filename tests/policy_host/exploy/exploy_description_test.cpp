@@ -56,9 +56,13 @@ TEST(ExployDescription, IsReadAsItStands) {
   for (const DescribedInput& input : said.inputs) meanings.push_back(input.meaning);
   EXPECT_EQ(meanings, (std::vector{Meaning::joint_position, Meaning::joint_velocity, Meaning::base_orientation,
                                    Meaning::base_angular_velocity, Meaning::base_linear_velocity, Meaning::sensor,
-                                   Meaning::unsaid, Meaning::sensor, Meaning::command}));
+                                   Meaning::base_orientation, Meaning::sensor, Meaning::command}))
+      << "its only IMU is the robot's";
   EXPECT_EQ(said.inputs[0].joints, (std::vector<std::string>{"hip", "knee"}));
   EXPECT_EQ(said.inputs[2].quaternion, "wxyz");
+  EXPECT_EQ(sensor_for(said.inputs[5]), "a sensor whose unit is wxyz and whose frame is world") << "of another body";
+  EXPECT_EQ(said.inputs[6].quaternion, "wxyz");
+  EXPECT_EQ(sensor_for(said.inputs[7]), "a sensor whose unit is m");
   EXPECT_EQ(said.inputs[8].ranges[1], std::pair(0.25, 0.75));
   ASSERT_EQ(said.outputs.size(), 3U);
   EXPECT_EQ(said.outputs[1].field, CommandField::dq);
@@ -77,9 +81,10 @@ TEST(ExployDescription, IsImportedWithoutAGuess) {
   ASSERT_TRUE(text) << text.error();
   for (const char* const line : {
            "    - { term: base_orientation, order: wxyz }   # obj.robot.pelvis.w_Q_b\n",
-           "    - { term: FILL_IN }   # sensor.imu.torso.w_Q_b, 4 values: sensor.imu.torso.w_Q_b; what it is the "
-           "export "
-           "does not say\n",
+           "    - { term: base_orientation, order: wxyz }   # sensor.imu.torso.w_Q_b\n",
+           "    - { term: sensor, sensor: FILL_IN }   # obj.box.lid.w_Q_b, 4 values: obj.box.lid.w_Q_b; no robot says "
+           "it "
+           "of itself: name a sensor whose unit is wxyz and whose frame is world\n",
            "    - { term: command, sensor: cmd_se2_velocity_vel }",
            "command: { minimum: [-1.5, 0.25, -2.5], maximum: [1.5, 0.75, 2.5], when_absent: [0, 0.25, 0] }",
            "  joint_order: [hip, knee]\n",
@@ -90,6 +95,37 @@ TEST(ExployDescription, IsImportedWithoutAGuess) {
            "gains: { kp: FILL_IN, kd: FILL_IN, damping: FILL_IN }",
        })
     EXPECT_NE(text->find(line), std::string::npos) << line << "\n" << *text;
+}
+
+// Of several IMUs one may be called as the base is; the others are not the robot's.
+TEST(ExployDescription, AnImuHasAMeaning) {
+  const std::vector<TensorInfo> both{{"sensor.imu.pelvis.w_Q_b", {1, 4}},
+                                     {"sensor.imu.pelvis.ang_vel_b_rt_w_in_b", {1, 3}},
+                                     {"sensor.imu.pelvis.lin_vel_b_rt_w_in_b", {1, 3}},
+                                     {"sensor.imu.head.w_Q_b", {1, 4}},
+                                     {"sensor.imu.head.ang_vel_b_rt_w_in_b", {1, 3}},
+                                     {"sensor.imu.head.temperature", {1, 1}}};
+  const auto said = describe_exploy(metadata(), both, outputs()).value();
+  std::vector<Meaning> meanings;
+  for (const DescribedInput& input : said->inputs) meanings.push_back(input.meaning);
+  EXPECT_EQ(meanings, (std::vector{Meaning::base_orientation, Meaning::base_angular_velocity,
+                                   Meaning::base_linear_velocity, Meaning::sensor, Meaning::sensor, Meaning::sensor}));
+  EXPECT_EQ(sensor_for(said->inputs[3]), "a sensor whose unit is wxyz and whose frame is world");
+  EXPECT_EQ(sensor_for(said->inputs[4]), "a sensor whose unit is rad/s and whose frame is head");
+  EXPECT_EQ(sensor_for(said->inputs[5]), "a sensor");
+}
+
+TEST(ExployDescription, NamesThatAreMoreThanNamesAreRefused) {
+  Metadata joints = metadata();
+  joints[3].second = R"({"joint_names": ["hip", "knee]\n  nice: -20 #"]})";
+  const auto by_joint = describe_exploy(joints, inputs(), outputs());
+  ASSERT_FALSE(by_joint);
+  EXPECT_NE(by_joint.error().find("\"knee]\\n  nice: -20 #\" holds \"]\""), std::string::npos) << by_joint.error();
+  std::vector<TensorInfo> tensors = inputs();
+  tensors[7].name = "sensor.ray_caster.scan\"\n  nice: -20 #.height";
+  const auto by_tensor = describe_exploy(metadata(), tensors, outputs());
+  ASSERT_FALSE(by_tensor);
+  EXPECT_EQ(by_tensor.error().find('\n'), std::string::npos) << by_tensor.error();
 }
 
 TEST(ExployDescription, WhatIsNoneOfItsOwnOrContradictsItselfIsSaid) {
@@ -104,6 +140,14 @@ TEST(ExployDescription, WhatIsNoneOfItsOwnOrContradictsItselfIsSaid) {
   const auto uneven = describe_exploy(broken, inputs(), outputs());
   ASSERT_FALSE(uneven);
   EXPECT_NE(uneven.error().find("obj.robot.joints.pos"), std::string::npos) << uneven.error();
+  broken = metadata();
+  broken[4].second = R"({"ranges": {"lin_vel_x": [1.5, -1.5], "lin_vel_y": [0, 0], "ang_vel_z": [0, 0]}})";
+  const auto exchanged = describe_exploy(broken, inputs(), outputs());
+  ASSERT_FALSE(exchanged);
+  EXPECT_NE(
+      exchanged.error().find("cmd.se2_velocity.vel: another number of entries than values, or a range whose ends"),
+      std::string::npos)
+      << exchanged.error();
 }
 
 }  // namespace

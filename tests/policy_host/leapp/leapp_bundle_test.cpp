@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <span>
 
 #include "config/document.hpp"
 
@@ -80,10 +81,22 @@ TEST(LeappBundle, WhatIsLeftOpenIsSaidAndNotGuessed) {
   EXPECT_EQ(key->notes, (std::vector<std::string>{"quat: `unit` is not read"}));
 }
 
+struct Deviation {
+  const char *when, *from, *to, *says;
+};
+
+void expect_refused(std::span<const Deviation> deviations) {
+  for (const Deviation& deviation : deviations) {
+    SCOPED_TRACE(deviation.when);
+    const auto bundle = read_leapp_bundle(with(kSmall, deviation.from, deviation.to), "walk.yaml");
+    ASSERT_FALSE(bundle);
+    EXPECT_NE(bundle.error().find(deviation.says), std::string::npos) << bundle.error();
+    EXPECT_TRUE(bundle.error().starts_with("walk.yaml:")) << bundle.error();
+  }
+}
+
 TEST(LeappBundle, RefusesWhatWouldHaveToBeGuessed) {
-  const struct {
-    const char *when, *from, *to, *says;
-  } deviations[] = {
+  const Deviation deviations[] = {
       {"an input nobody feeds", "inputs: {walk: [quat]}", "inputs: {walk: []}",
        "input 'quat' of model 'walk' is fed by nothing"},
       {"an input fed twice", "inputs: {walk: [quat]}", "inputs: {walk: [quat, past_in]}",
@@ -92,16 +105,29 @@ TEST(LeappBundle, RefusesWhatWouldHaveToBeGuessed) {
       {"a flow to another shape", "name: past_out, dtype: float32, shape: [5, 1, 2]",
        "name: past_out, dtype: float32, shape: [4, 1, 2]", "differ in shape"},
       {"no model", "model_path: walk.onnx, ", "", "`model_path` is missing"},
+      {"a negative shape", "shape: [1, 4]", "shape: [1, -4]", "a shape that cannot be: -4 here"},
+      {"a shape beyond memory", "shape: [1, 4]", "shape: [1099511627776, 1099511627776]", "a shape that cannot be"},
+      {"a negative frequency", "frequency: 50.0", "frequency: -50.0", "frequency is -50.0, and must be above 0"},
+      {"a frequency that is none", "frequency: 50.0", "frequency: nan", "'nan' is not a number"},
+      {"steps at once", "temporal_period_ms: 20.0", "temporal_period_ms: 0",
+       "temporal_period_ms is 0, and must be above"},
       {"a shape of words", "shape: [1, 4]", "shape: [1, four]", "'four' is not a number"},
   };
-  for (const auto& deviation : deviations) {
-    SCOPED_TRACE(deviation.when);
-    const auto bundle = read_leapp_bundle(with(kSmall, deviation.from, deviation.to), "walk.yaml");
-    ASSERT_FALSE(bundle);
-    EXPECT_NE(bundle.error().find(deviation.says), std::string::npos) << bundle.error();
-    EXPECT_TRUE(bundle.error().starts_with("walk.yaml:")) << bundle.error();
-  }
+  expect_refused(deviations);
   EXPECT_FALSE(read_leapp_bundle("- a\n", "list.yaml"));
+}
+
+TEST(LeappBundle, RefusesNamesThatAreMoreThanNames) {
+  const Deviation deviations[] = {
+      {"an element", "[qx,", "[\"x\\n    command: { when_absent: [9] } #\",", "element_names \"x\\n    command"},
+      {"a tensor", "name: quat", "name: \"q\\\"\\n  nice: -20 #\"", "name \"q\\\"\\n  nice: -20 #\" holds \"\\\"\""},
+      {"a kind", "kind: state/body/rotation", "kind: \"x\\n    - { term: last_action } #\"", "kind \"x\\n"},
+      {"a port", "inputs: {walk: [quat]}", "inputs: {walk: [\"a\\nb\"]}", "inputs \"a\\nb\""},
+      {"a key nobody reads", "type: tensor, kind", "\"a\\nb: c\": 1, kind", "quat \"a\\nb: c\""},
+      {"a network", "model_path: walk.onnx", "model_path: \"walk'.onnx\"", "model_path \"walk'.onnx\" holds \"'\""},
+      {"nothing", "[qx, qy", "['', qy", "element_names \"\" is empty"},
+  };
+  expect_refused(deviations);
 }
 
 TEST(LeappBundle, APublishedOneIsReadWithoutAGuess) {

@@ -1,0 +1,48 @@
+// Goal: of every network it is said which values of its inputs come from which term, with unit. Method: the small
+// robot's terms, in one input and in several, by term and by time.
+#include "policy_host/bound_terms.hpp"
+
+#include <gtest/gtest.h>
+
+#include "tests/policy_host/small_robot.hpp"
+
+namespace takt::policy_host {
+namespace {
+
+using Lines = std::vector<std::string>;
+
+TEST(BoundTerms, HavePlacesUnitsAndWhatBecomesOfThem) {
+  auto robot = small_robot();
+  robot.policy->observation[0].scale = {0.5};
+  robot.policy->observation[0].clip = {-1, 1};
+  const FilledTensor obs{"obs", 10};
+  EXPECT_EQ(bound_lines({&obs, 1}, robot),
+            (Lines{"obs 0..2: joint_position_relative of 3 joints, rad from home, clipped to [-1, 1], times 0.5",
+                   "obs 3..6: sensor eye, 2 values, unit unstated, 2 instants, oldest first",
+                   "obs 7..9: last_action of 3 joints, as the network gave it"}));
+}
+
+TEST(BoundTerms, OfSeveralInputsEachHasItsOwn) {
+  auto robot = small_robot();
+  robot.sensors[0].unit = "m/s";
+  robot.sensors[0].frame = "base";
+  const FilledTensor inputs[] = {{"q", 3}, {"rest", 7}};
+  EXPECT_EQ(bound_lines(inputs, robot), (Lines{"q: joint_position_relative of 3 joints, rad from home",
+                                               "rest 0..3: sensor eye, 2 values, m/s, frame base, 2 instants, oldest "
+                                               "first",
+                                               "rest 4..6: last_action of 3 joints, as the network gave it"}));
+}
+
+TEST(BoundTerms, ByTimeAnInstantStandsAsOne) {
+  auto robot = small_robot();
+  robot.policy->history_layout = "by_time";
+  robot.policy->history_order = "newest_first";
+  robot.policy->observation = {term(config::TermKind::joint_velocity, 1, 2), term(config::TermKind::sensor, 1, 2)};
+  const FilledTensor obs{"obs", 10};
+  EXPECT_EQ(bound_lines({&obs, 1}, robot),
+            (Lines{"obs 0..2: joint_velocity of 3 joints, rad/s, 2 instants, newest first, one every 5 values",
+                   "obs 3..4: sensor eye, 2 values, unit unstated, 2 instants, newest first, one every 5 values"}));
+}
+
+}  // namespace
+}  // namespace takt::policy_host
