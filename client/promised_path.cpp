@@ -49,8 +49,8 @@ void PromisedPath::remember(const Answer& answer, const takt_chunk& chunk) {
 const PromisedPath::Published* PromisedPath::played_after(const Observation& observation) const {
   const auto newest = std::ranges::find(published_, newest_, &Published::sequence);
   if (newest != published_.end() && newest_ > observation.command_sequence && !newest->is_speculative) {
-    const bool is_late = newest->published_at.is_set() ? newest->published_at >= observation.published_at
-                                                       : observation.overtaken != 0;
+    const bool is_late =
+        newest->published_at.is_set() ? newest->published_at >= observation.published_at : observation.overtaken != 0;
     if (is_late) return &*newest;
   }
   const auto named = std::ranges::find(published_, observation.command_sequence, &Published::sequence);

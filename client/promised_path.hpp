@@ -33,8 +33,8 @@ class PromisedPath {
 
   struct Answer {
     std::uint64_t sequence = 0;  // 0: none
-    MonoTime published_at;  // unset: in lockstep, where the next observation says whether it knew
-    MonoTime begins;  // the instant of its first step
+    MonoTime published_at;       // unset: in lockstep, where the next observation says whether it knew
+    MonoTime begins;             // the instant of its first step
     bool is_speculative = false;
   };
 

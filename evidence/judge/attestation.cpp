@@ -359,8 +359,9 @@ Standing standing_of(const config::RobotConfig& robot) {
       continue;
     }
     std::error_code missing;
-    const auto text = std::filesystem::is_regular_file(offer.shown_by, missing) ? monitor::read_file(offer.shown_by)
-                                                                                : std::expected<std::string, std::string>(std::unexpected("is no file"));
+    const auto text = std::filesystem::is_regular_file(offer.shown_by, missing)
+                          ? monitor::read_file(offer.shown_by)
+                          : std::expected<std::string, std::string>(std::unexpected("is no file"));
     const auto attestation =
         text ? attestation_of(*text) : std::expected<Attestation, std::string>(std::unexpected("cannot be read"));
     const std::string why =

@@ -39,16 +39,15 @@ struct Observation {
   ImuSample imu;           // newest usable one; sequence 0: the robot has none
 };
 
-#define TAKT_OBSERVATION_FIELDS                                                                                       \
-  {                                                                                                                   \
-    TAKT_FIELD(Observation, id), TAKT_FIELD(Observation, tick), TAKT_FIELD(Observation, oldest_sensed_at),            \
-        TAKT_FIELD(Observation, published_at), TAKT_FIELD(Observation, period), TAKT_FIELD(Observation, joint_count), \
-        TAKT_FIELD(Observation, mode), TAKT_FIELD(Observation, of_candidate), TAKT_FIELD(Observation, overtaken),     \
-        TAKT_FIELD(Observation, reserved),                                                                            \
-        TAKT_FIELD(Observation, command_sequence), TAKT_FIELD(Observation, committed_from),                           \
-        TAKT_FIELD(Observation, committed_count), TAKT_FIELD(Observation, q), TAKT_FIELD(Observation, dq),            \
-        TAKT_FIELD(Observation, tau), TAKT_FIELD(Observation, q_setpoint), TAKT_FIELD(Observation, dq_of_drive),      \
-        TAKT_FIELD(Observation, imu)                                                                                  \
+#define TAKT_OBSERVATION_FIELDS                                                                                        \
+  {                                                                                                                    \
+    TAKT_FIELD(Observation, id), TAKT_FIELD(Observation, tick), TAKT_FIELD(Observation, oldest_sensed_at),             \
+        TAKT_FIELD(Observation, published_at), TAKT_FIELD(Observation, period), TAKT_FIELD(Observation, joint_count),  \
+        TAKT_FIELD(Observation, mode), TAKT_FIELD(Observation, of_candidate), TAKT_FIELD(Observation, overtaken),      \
+        TAKT_FIELD(Observation, reserved), TAKT_FIELD(Observation, command_sequence),                                  \
+        TAKT_FIELD(Observation, committed_from), TAKT_FIELD(Observation, committed_count), TAKT_FIELD(Observation, q), \
+        TAKT_FIELD(Observation, dq), TAKT_FIELD(Observation, tau), TAKT_FIELD(Observation, q_setpoint),                \
+        TAKT_FIELD(Observation, dq_of_drive), TAKT_FIELD(Observation, imu)                                             \
   }
 
 static_assert(std::is_standard_layout_v<Observation> && std::is_trivially_copyable_v<Observation>);

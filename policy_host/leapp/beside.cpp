@@ -11,9 +11,8 @@ namespace fs = std::filesystem;
 std::expected<fs::path, std::string> path_beside(const std::string& bundle, const std::string& key,
                                                  const std::string& name) {
   const auto refuse = [&](const char* what) {
-    return std::unexpected(
-        fmt::format("{}: {} {} {}; put the file beside the bundle, and export it with its name alone", bundle, key,
-                    name, what));
+    return std::unexpected(fmt::format(
+        "{}: {} {} {}; put the file beside the bundle, and export it with its name alone", bundle, key, name, what));
   };
   const bool plain = !name.empty() && name.find('\0') == std::string::npos && name != "." && name != ".." &&
                      fs::path(name).filename() == name;

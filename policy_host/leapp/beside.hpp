@@ -8,7 +8,8 @@
 
 namespace takt::policy_host {
 
-// Path of `name` in the folder of `bundle`, where `key` of it names it; it need not be there. Refused, one line: a path,
+// Path of `name` in the folder of `bundle`, where `key` of it names it; it need not be there. Refused, one line: a
+// path,
 // "..", what is there and is no regular file, a link that leaves the folder. Reads nothing.
 std::expected<std::filesystem::path, std::string> path_beside(const std::string& bundle, const std::string& key,
                                                               const std::string& name);
