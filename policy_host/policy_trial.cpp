@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "config/bundle_name.hpp"
 #include "config/document.hpp"
 #include "policy_host/assemble_policy.hpp"
 #include "policy_host/engines/load_policy.hpp"
@@ -212,7 +213,7 @@ Trial try_policy(const fs::path& file, const TrialSetup& setup) {
   Trial trial;
   if (file.extension() == ".pt")
     try_torchscript(trial, file, setup);
-  else if (file.extension() == ".yaml")
+  else if (config::names_bundle(file.string()))
     try_bundle(trial, file, setup);
   else
     try_onnx(trial, file, setup);

@@ -14,6 +14,7 @@
 
 #include "cli/command.hpp"
 #include "cli/policy/tried_page.hpp"
+#include "config/bundle_name.hpp"
 #include "config/document.hpp"
 #include "policy_host/leapp/leapp_bundle.hpp"
 
@@ -61,7 +62,7 @@ std::vector<fs::path> policies_below(const fs::path& folder) {
     if (!entry.is_regular_file()) continue;
     const fs::path& file = entry.path();
     if (file.extension() == ".onnx" || file.extension() == ".pt") files.push_back(file);
-    if (file.extension() != ".yaml") continue;
+    if (!config::names_bundle(file.string())) continue;
     const auto networks = networks_of_bundle(file);
     if (!networks) continue;
     files.push_back(file);
