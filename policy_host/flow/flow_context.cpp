@@ -81,7 +81,10 @@ void FlowMemory::show(const Observation& observation, std::span<float> values) c
   if (answer == nullptr) return;
   const Duration since = observation.published_at - answer->begins;
   const auto steps = static_cast<std::int64_t>(answer->steps);
-  const std::int64_t first = std::clamp<std::int64_t>(since.ns / step_period_.ns, 0, steps);
+  // Of held steps the one that is played for most of the new chunk's first: clocks jitter, and a step that ends 30 us
+  // from now is not what the new chunk begins with.
+  const std::int64_t at_ns = since.ns + (held_ ? step_period_.ns / 2 : 0);
+  const std::int64_t first = std::clamp<std::int64_t>(at_ns / step_period_.ns, 0, steps);
   const auto known = static_cast<std::size_t>(steps - first);
   if (known == 0) return;
   values[3] = static_cast<float>(std::min<std::size_t>(observation.committed_count, known));

@@ -58,7 +58,13 @@ TEST_F(FlowMemoryTest, BetweenTwoStepsThePathIsWhereItIsPlayed) {
   robot_.policy->action.interpolation = config::Interpolation::hold;
   FlowMemory held(robot_, PathOwner::policy);
   held.remember(1, observe(1, 0), answer_);
+  between.published_at = between.published_at - milliseconds(1);
   EXPECT_EQ(path(held, between), (std::vector<float>{95, 103, 95, 95}));
+  for (const Duration jitter : {Duration{} - microseconds(30), Duration{}, microseconds(30)}) {
+    Observation jittered = observe(2, 1);
+    jittered.published_at = jittered.published_at + jitter;
+    EXPECT_EQ(path(held, jittered), (std::vector<float>{103, 95, 95, 95})) << "a step's jump for " << jitter.ns << " ns";
+  }
 }
 
 TEST_F(FlowMemoryTest, MoreCannotBePromisedThanIsKnown) {
