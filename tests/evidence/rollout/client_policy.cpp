@@ -61,7 +61,11 @@ class Sway {
 int main(int argc, char** argv) {
   const std::vector<std::string> arguments(argv + 1, argv + argc);
   if (arguments.size() != 6) return 64;
-  const takt_term terms[] = {{TAKT_TERM_Q, 0, nullptr}, {TAKT_TERM_STREAM, 3, "target"}};
+  takt_term terms[2]{};
+  terms[0].kind = TAKT_TERM_Q;
+  terms[1].kind = TAKT_TERM_STREAM;
+  terms[1].values = 3;
+  terms[1].stream = "target";
   takt_policy_spec spec{};
   spec.size = sizeof spec;
   spec.term_count = 2;
