@@ -63,7 +63,8 @@ TEST_F(FlowMemoryTest, BetweenTwoStepsThePathIsWhereItIsPlayed) {
   for (const Duration jitter : {Duration{} - microseconds(30), Duration{}, microseconds(30)}) {
     Observation jittered = observe(2, 1);
     jittered.published_at = jittered.published_at + jitter;
-    EXPECT_EQ(path(held, jittered), (std::vector<float>{103, 95, 95, 95})) << "a step's jump for " << jitter.ns << " ns";
+    EXPECT_EQ(path(held, jittered), (std::vector<float>{103, 95, 95, 95}))
+        << "a step's jump for " << jitter.ns << " ns";
   }
 }
 
