@@ -42,7 +42,8 @@ inline std::string looking_arm(const std::string& directory) {
   std::ifstream file("config/arm6.yaml");
   std::string text{std::istreambuf_iterator<char>(file), {}};
   detail::put(text, "file: arm6_reach.onnx",
-              "file: " + std::filesystem::absolute("docs/examples/python-sensor/look.onnx").string());
+              "file: " + std::filesystem::absolute("docs/examples/python-sensor/look.onnx").string() +
+                  "\n  engine: { name: builtin }");
   detail::put(text, "input: obs", "input: \"obs,image\"");
   detail::drop_line(text, "term: joint_velocity");
   detail::drop_line(text, "term: last_action");
