@@ -82,7 +82,7 @@ TEST(FallbackPolicyProcess, EitherHostMayGoAndComeBackAndBothGoneStops) {
   ASSERT_TRUE(wait_for_player(robot, Player::fallback)) << robot.logs();
   fallback.signal(SIGKILL);
   ASSERT_TRUE(robot.wait_for_mode(Mode::damped_stop)) << robot.logs();
-  EXPECT_NE(std::string(robot.status()->incident.sentence).find("neither the policy nor the fallback policy second"),
+  EXPECT_NE(std::string(robot.status()->incident.sentence).find("of the fallback policy second neither"),
             std::string::npos)
       << robot.status()->incident.sentence;
 
