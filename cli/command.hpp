@@ -1,4 +1,4 @@
-// The subcommands of `takt`: one file each, listed in one table (commands.cpp).
+// The subcommands of `takt`: one file each, listed in one table (commands.cpp; operator_commands.cpp).
 //
 // An AddCommand adds its subcommand to the application; when the user picked it, the subcommand's callback runs the
 // command and stores the exit code. To add a command: write its file, declare it here, add one line to the table.
@@ -57,9 +57,12 @@ void add_bus_up(CLI::App& bus, int& exit_code);        // below add_bus's
 void add_bus_disable(CLI::App& bus, int& exit_code);   // below add_bus's
 void add_joint(CLI::App& app, int& exit_code);
 void add_audit(CLI::App& app, int& exit_code);
+void add_seal(CLI::App& app, int& exit_code);
 void add_compare(CLI::App& app, int& exit_code);
 void add_budget(CLI::App& app, int& exit_code);
 void add_margin(CLI::App& app, int& exit_code);
+void add_ablate(CLI::App& app, int& exit_code);
+void add_ages(CLI::App& app, int& exit_code);
 void add_export(CLI::App& app, int& exit_code);
 void add_policy(CLI::App& app, int& exit_code);
 void add_policy_check(CLI::App& policy, int& exit_code);      // below add_policy's
@@ -77,9 +80,13 @@ void add_panel_merge(CLI::App& panel, int& exit_code);     // below add_panel's
 void add_panel_attest(CLI::App& panel, int& exit_code);    // below add_panel's
 void add_config_import(CLI::App& config, int& exit_code);  // below add_config's
 
+// Those that stop a robot or tell of it, which program `takt` carries itself: it links no library but libstdc++ and
+// libc, so that half an upgrade leaves them working.
+std::span<const AddCommand> operator_commands();
+// All of them, those included: program `takt-operate`, to which `takt` hands every other command.
 std::span<const AddCommand> commands();
 
 // Parses, runs, returns the exit code.
-int run_command_line(int argc, const char* const* argv);
+int run_command_line(std::span<const AddCommand> commands, int argc, const char* const* argv);
 
 }  // namespace takt::cli

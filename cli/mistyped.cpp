@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
+#include "config/nearest.hpp"
 #include "config/printable.hpp"
-#include "config/reader.hpp"
 
 namespace takt::cli {
 namespace {

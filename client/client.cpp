@@ -210,6 +210,10 @@ const takt_observation* takt_policy_observation(const takt_policy* policy) {
   return &policy->session->observation();
 }
 
+const takt_alternatives* takt_policy_alternatives(const takt_policy* policy) {
+  return &policy->session->alternatives();
+}
+
 const takt_stream* takt_policy_stream(const takt_policy* policy, const char* name) {
   return name == nullptr ? nullptr : policy->session->stream(name);
 }

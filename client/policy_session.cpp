@@ -103,7 +103,9 @@ PolicySession::PolicySession(config::RobotConfig robot, const PolicySpec& spec, 
       samples_(robot_.sensors.size()),
       used_(robot_.sensors.size()),
       largest_input_(config::largest_policy_input(robot_)),
-      promised_(robot_) {
+      promised_(robot_),
+      alternatives_(robot_),
+      mixer_(robot_, spec.candidate_file.empty() ? policy_host::PathOwner::policy : policy_host::PathOwner::candidate) {
   if (largest_input_ != 0) evidence_.emplace(robot_, policy_hash);
   for (const std::size_t sensor : sensors_in_use_) {
     sensors_.emplace_back(config::sensor_socket(runtime_directory, robot_.sensors[sensor].name),
@@ -187,6 +189,8 @@ int PolicySession::try_to_attach(MonoTime now) {
   dequeued_at_ = {};
   for (SampleQueue& queue : queues_) queue.forget();
   promised_.start_session();
+  alternatives_.drop_all();
+  mixer_.forget();
   view_.id = 0;
   sentence_.clear();
   return TAKT_OK;
@@ -224,6 +228,8 @@ MonoTime PolicySession::next_look() const {
 
 void PolicySession::pass(std::uint64_t observation_id) {
   if (observation_id <= answered_id_) return;
+  if (observation_id == view_.id) send_alternative();
+  if (observation_id <= answered_id_) return;
   answered_id_ = observation_id;
   const CommandHeader kept = std::exchange(chunk_.header, {});
   chunk_.header.observation_id = observation_id;
@@ -249,6 +255,11 @@ int PolicySession::look(MonoTime now) {
   }
   observation_ = newest;
   show(now);
+  if (view_.reset != 0) {
+    alternatives_.drop_all();
+    mixer_.forget();
+  }
+  if (!executive_->is_lockstep()) send_alternative();
   sentence_.clear();
   return TAKT_OK;
 }
@@ -358,7 +369,7 @@ int PolicySession::infer_end() {
   return TAKT_OK;
 }
 
-void PolicySession::fill_chunk(const takt_chunk& given) {
+bool PolicySession::fill_chunk(const takt_chunk& given) {
   CommandHeader& header = chunk_.header;
   const std::array<std::pair<const float*, CommandField>, kCommandFieldCount> fields{
       {{given.q, CommandField::q},
@@ -369,27 +380,42 @@ void PolicySession::fill_chunk(const takt_chunk& given) {
   unsigned mask = 0;
   for (const auto& [values, field] : fields) mask |= values != nullptr ? static_cast<unsigned>(field) : 0U;
   header.fields = static_cast<std::uint8_t>(mask);
+  if (chunk_.value_count() > kMaxChunkValues) return false;
   for (const auto& [values, field] : fields) {
     if (values == nullptr) continue;
     for (std::size_t step = 0; step < header.step_count; ++step)
       std::copy_n(values + step * header.joint_count, header.joint_count,
                   &chunk_.values[value_index(header, field, step, 0)]);
   }
+  return true;
 }
 
-void PolicySession::assume(const takt_assumption* assumption) {
+MonoTime PolicySession::oldest_sensed_at() const {
+  const MonoTime outside{view_.outside_sensed_ns};
+  return outside.is_set() ? std::min(outside, observation_.oldest_sensed_at) : observation_.oldest_sensed_at;
+}
+
+void PolicySession::send(MonoTime outside_sensed_at, MonoTime infer_started_at, MonoTime infer_ended_at) {
   CommandHeader& header = chunk_.header;
-  header.assumes = 0;
-  header.assumed_at = {};
-  if (assumption == nullptr) return;
-  header.assumed_at = {assumption->at_ns};
-  float* out = chunk_.values + chunk_.value_count();
-  for (const auto& [values, what] :
-       {std::pair{assumption->q, Assumption::q}, std::pair{assumption->dq, Assumption::dq}}) {
-    if (values == nullptr) continue;
-    header.assumes = static_cast<std::uint8_t>(header.assumes | static_cast<unsigned>(what));
-    out = std::copy_n(values, header.joint_count, out);
-  }
+  header.observation_id = answered_id_ = view_.id;
+  header.sequence = ++sequence_;
+  header.outside_sensed_at = outside_sensed_at;
+  header.dequeued_at = dequeued_at_;
+  header.published_at = monotonic_now();
+  header.infer_started_at = infer_started_at.is_set() ? infer_started_at : dequeued_at_;
+  header.infer_ended_at = infer_ended_at.is_set() ? infer_ended_at : header.published_at;
+  header.dropped_observations = static_cast<std::uint32_t>(std::min<std::uint64_t>(view_.dropped, UINT32_MAX));
+  const bool is_lockstep = executive_->is_lockstep();
+  mixer_.mix(observation_, is_lockstep ? observation_.published_at : header.published_at, chunk_);
+  executive_->publish(chunk_);
+  // Behind the command: what the robot waits for goes first.
+  promised_.remember({header.sequence, is_lockstep ? MonoTime{} : header.published_at, {view_.published_ns}}, chunk_);
+}
+
+void PolicySession::send_alternative() {
+  MonoTime sensed_at;
+  if (!alternatives_.match(observation_, answered_id_, chunk_, sensed_at)) return;
+  send(std::min(sensed_at, oldest_sensed_at()), {}, {});
 }
 
 int PolicySession::publish(const takt_chunk& given) {
@@ -404,28 +430,21 @@ int PolicySession::publish(const takt_chunk& given) {
   const takt_assumption* const assumption = assumption_of(given);
   if (const char* const wrong = fault_in(assumption, *robot_.policy, view_.published_ns); wrong != nullptr)
     return misused(wrong);
-  fill_chunk(given);
-  assume(assumption);
+  if (!fill_chunk(given))
+    return misused(
+        "a chunk of too many values: steps, joints and fields multiplied are more than 20480; leave out what "
+        "the robot file's gains say, or lower policy.steps");
   // The executive refuses and names such a chunk; what must not happen is that it stays in the policy's memory.
   const std::span<const float> values(chunk_.values, chunk_.value_count());
-  const bool is_finite = std::ranges::all_of(values, [](float value) { return std::isfinite(value); });
-  forget_ = forget_ || !is_finite;
-  CommandHeader& header = chunk_.header;
-  header.observation_id = answered_id_ = view_.id;
-  header.sequence = ++sequence_;
-  header.outside_sensed_at = {view_.outside_sensed_ns};
-  header.dequeued_at = dequeued_at_;
-  header.published_at = monotonic_now();
-  header.infer_started_at = infer_started_at_.is_set() ? infer_started_at_ : dequeued_at_;
-  header.infer_ended_at = infer_ended_at_.is_set() ? infer_ended_at_ : header.published_at;
-  header.dropped_observations = static_cast<std::uint32_t>(std::min<std::uint64_t>(view_.dropped, UINT32_MAX));
-  executive_->publish(chunk_);
-  // Behind the command: what the robot waits for goes first.
-  const MonoTime begins{assumption != nullptr ? assumption->at_ns : view_.published_ns};
-  const MonoTime at = executive_->is_lockstep() ? MonoTime{} : header.published_at;
-  if (is_finite) promised_.remember({header.sequence, at, begins, assumption != nullptr}, given);
-  if (evidence_) executive_->publish_input(evidence_->answer(header.sequence));
+  forget_ = forget_ || !std::ranges::all_of(values, [](float value) { return std::isfinite(value); });
   sentence_.clear();
+  if (assumption != nullptr) {
+    chunk_.header.observation_id = view_.id;
+    alternatives_.keep(chunk_, oldest_sensed_at(), *assumption);
+    return TAKT_OK;
+  }
+  send({view_.outside_sensed_ns}, infer_started_at_, infer_ended_at_);
+  if (evidence_) executive_->publish_input(evidence_->answer(chunk_.header.sequence));
   return TAKT_OK;
 }
 

@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "client/alternatives.hpp"
 #include "client/policy_spec.hpp"
 #include "client/promised_path.hpp"
 #include "client/sample_queue.hpp"
@@ -24,6 +25,7 @@
 #include "executive/contract/observation.hpp"
 #include "executive/contract/sensor_sample.hpp"
 #include "executive/contract/session.hpp"
+#include "policy_host/chunk_mixer.hpp"
 #include "policy_host/continuity.hpp"
 #include "policy_host/executive_link.hpp"
 #include "policy_host/sensor_link.hpp"
@@ -47,6 +49,7 @@ class PolicySession {
 
   [[nodiscard]] const takt_robot& robot() const { return robot_view_; }
   [[nodiscard]] const takt_observation& observation() const { return view_; }
+  [[nodiscard]] const takt_alternatives& alternatives() const { return alternatives_.counts(); }
   [[nodiscard]] const takt_stream* stream(const char* name) const;
   [[nodiscard]] const std::string& sentence() const { return sentence_; }
 
@@ -72,8 +75,10 @@ class PolicySession {
   void show_promise();
   [[nodiscard]] const float* values_of(const Block& block) const;
   void fill_values();
-  void fill_chunk(const takt_chunk& given);
-  void assume(const takt_assumption* assumption);
+  bool fill_chunk(const takt_chunk& given);  // false: it is too large
+  void send(MonoTime outside_sensed_at, MonoTime infer_started_at, MonoTime infer_ended_at);
+  void send_alternative();  // in place of an answer to the observation that is shown, until there is one
+  [[nodiscard]] MonoTime oldest_sensed_at() const;  // of what the observation shown rests on
   int misused(const char* sentence);
 
   config::RobotConfig robot_;
@@ -92,6 +97,8 @@ class PolicySession {
   std::size_t largest_input_;                     // bytes; 0: what the policy is shown is not recorded
   std::optional<ShownEvidence> evidence_;         // where it is
   PromisedPath promised_;
+  Alternatives alternatives_;
+  policy_host::ChunkMixer mixer_;
   std::optional<policy_host::ExecutiveLink> executive_;
   MonoTime next_attempt_;
   MonoTime seen_published_at_;  // of the newest observation read; unset: none in this session

@@ -1,6 +1,8 @@
 #include "client/promised_path.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <span>
 
 namespace takt::client {
 namespace {
@@ -33,22 +35,27 @@ void PromisedPath::start_session() {
   followed_ = newest_ = 0;
 }
 
-void PromisedPath::remember(const Answer& answer, const takt_chunk& chunk) {
-  if (published_.empty()) return;
+void PromisedPath::remember(const Answer& answer, const CommandChunk& chunk) {
+  const std::span<const float> values(chunk.values, chunk.value_count());
+  if (published_.empty() || !std::ranges::all_of(values, [](float value) { return std::isfinite(value); })) return;
   const auto needed = [this](const Published& one) {
     return one.sequence == followed_ && followed_ != 0 ? UINT64_MAX : one.sequence;
   };
   Published& place = *std::ranges::min_element(published_, {}, needed);
   static_cast<Answer&>(place) = answer;
   newest_ = answer.sequence;
-  std::copy_n(chunk.q, place.q.size(), place.q.begin());
-  if (chunk.dq != nullptr) std::copy_n(chunk.dq, place.dq.size(), place.dq.begin());
+  const auto copy = [&](CommandField field, std::vector<float>& to) {
+    for (std::size_t step = 0; step < to.size() / joints_; ++step)
+      std::copy_n(&chunk.values[value_index(chunk.header, field, step, 0)], joints_, &to[step * joints_]);
+  };
+  copy(CommandField::q, place.q);
+  copy(CommandField::dq, place.dq);
 }
 
 // Null: it is not remembered.
 const PromisedPath::Published* PromisedPath::played_after(const Observation& observation) const {
   const auto newest = std::ranges::find(published_, newest_, &Published::sequence);
-  if (newest != published_.end() && newest_ > observation.command_sequence && !newest->is_speculative) {
+  if (newest != published_.end() && newest_ > observation.command_sequence) {
     const bool is_late =
         newest->published_at.is_set() ? newest->published_at >= observation.published_at : observation.overtaken != 0;
     if (is_late) return &*newest;

@@ -12,17 +12,16 @@
 // at once: then its path is shown, and not that of the chunk that the observation names.
 //
 // Remembered are the newest kRemembered chunks of the session, and beyond them the one that is being followed: a
-// refused answer leaves an older chunk in use, and of speculative ones up to a dozen wait for their instants. Nothing
-// is remembered under another join, which promises nothing. Pure. Thread rule: one thread; no allocation after
-// construction.
+// refused answer leaves an older chunk in use. Nothing is remembered under another join, which promises nothing. Pure.
+// Thread rule: one thread; no allocation after construction.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <vector>
 
-#include "client/takt/client.h"
 #include "config/robot_config.hpp"
+#include "executive/contract/command_chunk.hpp"
 #include "executive/contract/observation.hpp"
 
 namespace takt::client {
@@ -35,7 +34,6 @@ class PromisedPath {
     std::uint64_t sequence = 0;  // 0: none
     MonoTime published_at;       // unset: in lockstep, where the next observation says whether it knew
     MonoTime begins;             // the instant of its first step
-    bool is_speculative = false;
   };
 
   // Precondition: robot.policy.
@@ -44,7 +42,7 @@ class PromisedPath {
   // Whatever was published before is no chunk of this session.
   void start_session();
   // A chunk that the executive does not refuse at first sight. answer.sequence: 1, 2, 3, ... of a session.
-  void remember(const Answer& answer, const takt_chunk& chunk);
+  void remember(const Answer& answer, const CommandChunk& chunk);
   // `observation` speaks of this policy's chunk. As many rows as it promises, of one value per joint, valid until the
   // next call; null: none, or the chunk is not remembered.
   const float* show(const Observation& observation);

@@ -34,6 +34,10 @@ get_property(installed GLOBAL PROPERTY TAKT_INSTALLED)
 add_dependencies(takt-manual ${installed})
 install(DIRECTORY ${share}/man ${share}/bash-completion ${share}/zsh ${share}/fish DESTINATION ${CMAKE_INSTALL_DATADIR} OPTIONAL)
 
+# By commit, so that two builds of one release are two packages and dpkg knows the newer one. `./dev package` configures anew.
+takt_identify(${CMAKE_SOURCE_DIR} ${PROJECT_VERSION})
+set(CPACK_PACKAGE_VERSION ${takt_version})
+
 # Debian wants its own changelog, dated: by the newest commit, so that the same sources give the same package.
 execute_process(COMMAND git log -1 --format=%cD WORKING_DIRECTORY ${CMAKE_SOURCE_DIR} OUTPUT_VARIABLE takt_date
                 OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
@@ -103,10 +107,10 @@ This package holds the executive, the policy host for ONNX policies, the
 monitor, a simulated robot, the takt command and systemd units. Nothing is
 started when it is installed.")
 
-# What is built with it needs nothing of this package; what it talks to has to be of the same version.
+# What is built with it needs nothing of this package; what it talks to has to be of the same build.
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "gcc, libc6-dev")
-set(CPACK_DEBIAN_DEV_PACKAGE_RECOMMENDS "takt (= ${PROJECT_VERSION}-1)")
+set(CPACK_DEBIAN_DEV_PACKAGE_RECOMMENDS "takt (= ${takt_version}-1)")
 set(CPACK_DEBIAN_DEV_DESCRIPTION
 "policies, simulators and inference engines of your own for Takt
 Takt runs learned policies on robots in real time. This package holds the
@@ -118,7 +122,7 @@ Examples are in /usr/share/doc/takt-dev/examples.")
 # The same files as in the wheel, with the library of `takt`.
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_ARCHITECTURE all)
-set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3 (>= 3.11), python3-numpy, takt (= ${PROJECT_VERSION}-1)")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3 (>= 3.11), python3-numpy, takt (= ${takt_version}-1)")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS "python3-msgpack, python3-pandas, python3-websockets, python3-zmq, python3-zstandard")
 set(CPACK_DEBIAN_PYTHON_DESCRIPTION
 "policies in Python for Takt
@@ -134,7 +138,7 @@ if(TARGET takt-engine-torchscript)
   set(CPACK_DEBIAN_TORCHSCRIPT_PACKAGE_NAME takt-engine-torchscript)
   set(CPACK_DEBIAN_TORCHSCRIPT_PACKAGE_SECTION misc)
   set(CPACK_DEBIAN_TORCHSCRIPT_PACKAGE_SHLIBDEPS ON)
-  set(CPACK_DEBIAN_TORCHSCRIPT_PACKAGE_DEPENDS "takt (= ${PROJECT_VERSION}-1)")
+  set(CPACK_DEBIAN_TORCHSCRIPT_PACKAGE_DEPENDS "takt (= ${takt_version}-1)")
   # libtorch takes whichever BLAS is there; the reference one, which most machines have, is ten times slower.
   set(CPACK_DEBIAN_TORCHSCRIPT_PACKAGE_RECOMMENDS "libopenblas0-pthread | libopenblas0 | libblis4-pthread")
   set(CPACK_DEBIAN_TORCHSCRIPT_DESCRIPTION

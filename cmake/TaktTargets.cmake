@@ -56,7 +56,7 @@ endfunction()
 
 function(takt_program name)
   cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
-  add_executable(${name} ${ARG_SOURCES})
+  add_executable(${name} ${ARG_SOURCES} $<TARGET_OBJECTS:takt_program_version>)
   target_link_libraries(${name} PRIVATE takt_options ${ARG_DEPENDS})
   # No symbol is looked up while it runs: inside the loop that is time nobody planned.
   target_link_options(${name} PRIVATE LINKER:-z,now)
@@ -95,6 +95,9 @@ function(takt_test name)
   target_link_libraries(${name} PRIVATE takt_options ${ARG_DEPENDS} GTest::gtest GTest::gtest_main)
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
+    if(TAKT_SANITIZE)
+      set(ARG_TIMEOUT 600) # a sanitizer multiplies what a test takes, and fresh memory most
+    endif()
   endif()
   if(ARG_LABELS STREQUAL "process" AND NOT TAKT_SANITIZE)
     gtest_discover_tests(${name} TEST_PREFIX "${name}." WORKING_DIRECTORY ${CMAKE_SOURCE_DIR} DISCOVERY_MODE PRE_TEST

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "config/turns.hpp"
 #include "config/units.hpp"
@@ -80,8 +81,6 @@ std::string what_is(StopHow how) {
       return {};
     case StopHow::hold:
       return "hold";
-    case StopHow::posture:
-      return "a posture";
     case StopHow::policy:
       return "the fallback policy";
   }
@@ -95,7 +94,23 @@ std::vector<std::string> cautions_about(const RobotConfig& robot) {
   of_turns(robot, lines);
   of_temperatures(robot, lines);
   of_falls(robot, lines);
+  add_cautions_of_values(robot, lines);
+  if (std::string stops = stops_without_model(robot); !stops.empty()) lines.push_back(std::move(stops));
   return lines;
+}
+
+bool holds_at_once(const RobotConfig& robot) {
+  return !robot.model && !may_fall(robot);
+}
+
+std::string stops_without_model(const RobotConfig& robot) {
+  if (robot.model) return {};
+  if (holds_at_once(robot))
+    return "no `model`: a stop carries no gravity; each joint that is heard brakes and holds by its stiffness, and "
+           "sags "
+           "by its load / gains.kp; a stop by damping (stops.CAUSE.how) lets it fall";
+  if (fallback_policy_of(robot) != nullptr) return {};  // of_falls says what its stops do
+  return "no `model`, and the base is free: a damped stop carries no gravity, and lets the robot fall";
 }
 
 std::vector<Offer> offered_as_safe(const RobotConfig& robot) {

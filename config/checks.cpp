@@ -183,17 +183,11 @@ void check_stop_by_policy(const RobotConfig& robot, const StopConfig& stop, cons
 }
 
 void check_stops(const RobotConfig& robot, Checker& checker) {
-  std::string_view posture;
   for (const StopConfig& stop : robot.stops) {
     const std::string path = fmt::format("stops.{}", stop.name);
     checker.require(stop_cause_named(stop.name) != Cause::none, path,
                     "is no cause of a damped stop; docs/hazards.md names them: operator_stop, command_lost, tilt, ...");
     if (stop.how == StopHow::policy) check_stop_by_policy(robot, stop, path, checker);
-    if (stop.how != StopHow::posture) continue;
-    if (posture.empty()) posture = stop.fallback;
-    checker.require(
-        stop.fallback == posture, path + ".fallback",
-        fmt::format("another stop leads to {}, and a robot has one posture to stop in; name the same", posture));
   }
 }
 

@@ -293,6 +293,14 @@ void check_ros(const RobotConfig& robot, const Sensor& sensor, const std::string
   checker.require(wrong.empty(), path + ".type", wrong);
 }
 
+void check_size(const RobotConfig& robot, const Policy& policy, Checker& checker) {
+  const std::size_t values = policy.steps * robot.joints.size() * field_count(chunk_fields(policy));
+  checker.require(values <= kMaxChunkValues, "policy.steps",
+                  fmt::format("makes chunks of {} values (steps, joints and fields multiplied), and one holds {}; "
+                              "lower it",
+                              values, kMaxChunkValues));
+}
+
 }  // namespace
 
 void check_sensors(const RobotConfig& robot, Checker& checker) {
@@ -330,6 +338,7 @@ void check_policy(const RobotConfig& robot, Checker& checker) {
   const Policy& policy = *robot.policy;
   if (policy.engine) check_engine(*policy.engine, checker);
   check_periods(robot, policy, checker);
+  check_size(robot, policy, checker);
   check_terms(robot, policy, checker);
   check_meaning(robot, policy, checker);
   check_join(robot, policy, checker);

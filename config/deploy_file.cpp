@@ -125,6 +125,39 @@ class DeployReader {
           fmt::format("{}: clip is not carried over; set the joints' limits so that they cover it", of));
   }
 
+  // Of the policy's joints; those of the robot, in its order. Empty: all, which null, a whole slice or nothing says.
+  std::vector<std::size_t> chosen_joints(const Node* list, const DeployFile& file) {
+    if (list == nullptr || list->kind == Node::Kind::null) return {};
+    if (list->kind != Node::Kind::sequence) {
+      problems_.add(list->place, "joint_ids is no list; write numbers of joints, or null for all");
+      return {};
+    }
+    const auto is_null = [](const Node& item) { return item.kind == Node::Kind::null; };
+    if (std::ranges::all_of(list->items, is_null)) return {};
+    std::vector<std::size_t> joints;
+    for (const Node& item : list->items) {
+      const double value = value_of(item).value_or(-1);
+      const bool is_joint =
+          value >= 0 && value < static_cast<double>(file.robot_joint.size()) && value == std::floor(value);
+      const std::size_t joint = is_joint ? file.robot_joint[static_cast<std::size_t>(value)] : 0;
+      if (!is_joint || std::ranges::find(joints, joint) != joints.end()) {
+        problems_.add(item.place, fmt::format("joint_ids must name joints of 0..{}, none twice; export it again",
+                                              file.robot_joint.size() - 1));
+        return {};
+      }
+      joints.push_back(joint);
+    }
+    return joints == file.robot_joint ? std::vector<std::size_t>{} : joints;
+  }
+
+  // `null` says that nothing is scaled, or moved.
+  std::vector<double> numbers_or(const Node& map, std::string_view key, std::size_t count,
+                                 std::vector<double> by_null) {
+    const Node* node = map.find(key);
+    if (node && node->kind == Node::Kind::null) return by_null;
+    return numbers(map, key, count);
+  }
+
   void read_action(const Node& root, DeployFile& file, std::size_t joints) {
     const Node* actions = need(root, "actions", Node::Kind::map);
     if (!actions) return;
@@ -136,8 +169,10 @@ class DeployReader {
     }
     const Node* action = need(*actions, "JointPositionAction", Node::Kind::map);
     if (!action) return;
-    file.action_scale = numbers(*action, "scale", joints);
-    file.action_offset = numbers(*action, "offset", joints);
+    file.action_joints = chosen_joints(action->find("joint_ids"), file);
+    const std::size_t outputs = file.action_joints.empty() ? joints : file.action_joints.size();
+    file.action_scale = numbers_or(*action, "scale", outputs, {1});
+    file.action_offset = numbers_or(*action, "offset", outputs, std::vector<double>(outputs, 0));
     note_clip(*action, "JointPositionAction", file);
   }
 
@@ -160,25 +195,76 @@ class DeployReader {
   void read_terms(const Node& root, DeployFile& file) {
     const Node* observations = need(root, "observations", Node::Kind::map);
     if (!observations) return;
+    if (const Node* group = only_group(*observations)) observations = group;
     for (const auto& [key, value] : observations->entries) {
-      DeployTerm term;
-      term.name = key.text;
-      refuse_unfit(key, "observation");
-      if (value.kind != Node::Kind::map) {
-        problems_.add(value.place, fmt::format("observation `{}` is no section; export it again", key.text));
-        continue;
-      }
-      term.scale = numbers(value, "scale", 0);
-      if (const Node* history = value.find("history_length"); history && history->kind == Node::Kind::scalar)
-        term.history = history_of(*history);
-      // unitree_rl_lab clips before it scales, unless told otherwise.
-      if (const Node* first = value.find("scale_first"); first && first->text == "true") {
-        note_clip(value, key.text, file);
-      } else if (const Node* clip = value.find("clip"); clip && clip->kind != Node::Kind::null) {
-        term.clip = numbers(value, "clip", 2);
-      }
-      file.terms.push_back(std::move(term));
+      if (key.text == "use_gym_history" && value.kind == Node::Kind::scalar)
+        file.history_by_time = value.text == "true";
+      else if (is_group(value))
+        problems_.add(key.place, fmt::format("observations has several groups, `{}` among them, and Takt feeds one "
+                                             "input; export the actor's group alone",
+                                             key.text));
+      else
+        read_term(key, value, file);
     }
+  }
+
+  // Named sections of terms, one for each input of the network.
+  static bool is_group(const Node& value) {
+    if (value.kind != Node::Kind::map || value.entries.empty() || value.find("scale") || value.find("params"))
+      return false;
+    return std::ranges::all_of(value.entries, [](const auto& entry) {
+      return entry.value.kind == Node::Kind::map || entry.key.text == "use_gym_history";
+    });
+  }
+  static const Node* only_group(const Node& observations) {
+    return observations.entries.size() == 1 && is_group(observations.entries.front().value)
+               ? &observations.entries.front().value
+               : nullptr;
+  }
+
+  void read_term(const Node& key, const Node& value, DeployFile& file) {
+    DeployTerm term;
+    term.name = key.text;
+    refuse_unfit(key, "observation");
+    if (value.kind != Node::Kind::map) {
+      problems_.add(value.place, fmt::format("observation `{}` is no section; export it again", key.text));
+      return;
+    }
+    const Node* scale = value.find("scale");
+    term.is_unscaled = scale && scale->kind == Node::Kind::null;
+    if (!term.is_unscaled) term.scale = numbers(value, "scale", 0);
+    if (const Node* history = value.find("history_length"); history && history->kind == Node::Kind::scalar)
+      term.history = history_of(*history);
+    read_params(value.find("params"), term, file);
+    read_clip(key, value, term, file);
+    file.terms.push_back(std::move(term));
+  }
+
+  void read_params(const Node* params, DeployTerm& term, const DeployFile& file) {
+    if (params == nullptr || params->kind != Node::Kind::map) return;
+    if (const Node* asset = params->find("asset_cfg"); asset && asset->kind == Node::Kind::map)
+      term.joints = chosen_joints(asset->find("joint_ids"), file);
+    const Node* period = params->find("period");
+    if (term.name != "gait_phase" || period == nullptr) return;
+    const double seconds = value_of(*period).value_or(1);
+    if (seconds > 0)
+      term.gait_period = {std::llround(seconds * 1e9)};
+    else
+      problems_.add(period->place, "period is not positive; write seconds");
+  }
+
+  // unitree_rl_lab clips before it scales, unless told otherwise; a bound behind one scale is one before it, divided.
+  void read_clip(const Node& key, const Node& value, DeployTerm& term, DeployFile& file) {
+    const Node* clip = value.find("clip");
+    if (clip == nullptr || clip->kind == Node::Kind::null) return;
+    const Node* first = value.find("scale_first");
+    const bool scales_first = first && first->text == "true" && !term.is_unscaled;
+    const auto differs = [&](double one) { return one != term.scale.front(); };
+    if (scales_first && (term.scale.empty() || term.scale.front() <= 0 || std::ranges::any_of(term.scale, differs)))
+      return note_clip(value, key.text, file);
+    term.clip = numbers(value, "clip", 2);
+    if (scales_first)
+      for (double& bound : term.clip) bound /= term.scale.front();
   }
 
   Problems& problems_;

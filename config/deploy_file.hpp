@@ -21,13 +21,16 @@
 namespace takt::config {
 
 struct DeployTerm {
-  std::string name;            // "joint_pos_rel"
-  std::vector<double> scale;   // one per value; empty: not said
-  std::uint32_t history = 1;   // 0: not said
-  bool is_only_named = false;  // the name is its author's choice, and does not say what is observed
-  std::vector<double> clip{};  // lowest and highest value, before the scale; empty: none
-  std::string text{};          // what stands behind `term:`, where the export says more than a name; empty: by the name
-  std::string comment{};       // beside it
+  std::string name;                   // "joint_pos_rel"
+  std::vector<double> scale;          // one per value; empty: not said, or 1 (is_unscaled)
+  std::uint32_t history = 1;          // 0: not said
+  bool is_only_named = false;         // the name is its author's choice, and does not say what is observed
+  bool is_unscaled = false;           // `scale: null`: each value as it is
+  std::vector<std::size_t> joints{};  // of each value, robot's order; empty: as the policy's
+  Duration gait_period{};             // 0: not said
+  std::vector<double> clip{};         // lowest and highest value, before the scale; empty: none
+  std::string text{};     // what stands behind `term:`, where the export says more than a name; empty: by the name
+  std::string comment{};  // beside it
 };
 
 // An export that speaks of its tensors: they are named, and gives targets as they are.
@@ -49,6 +52,8 @@ struct DeployFile {
   std::vector<double> stiffness, damping;           // robot's order
   std::vector<double> default_position;             // policy's order
   std::vector<double> action_scale, action_offset;  // likewise, or one for all; empty: not said
+  std::vector<std::size_t> action_joints;           // of each output, robot's order; empty: as the policy's
+  bool history_by_time = false;                     // all terms of an instant together, else each term's history
   std::vector<DeployTerm> terms;
   std::vector<std::pair<std::string, std::pair<double, double>>> command_ranges;  // "lin_vel_x", [min, max]
   std::vector<std::string> notes;    // what the file asks for and an import does not carry over

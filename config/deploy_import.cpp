@@ -46,7 +46,8 @@ std::string_view takt_term(std::string_view name) {
 }
 
 bool is_command(const DeployFile& deploy, const DeployTerm& term) {
-  return term.name == "velocity_commands" && !term.is_only_named && deploy.command_ranges.size() == term.scale.size();
+  const bool fits = term.is_unscaled || deploy.command_ranges.size() == term.scale.size();
+  return term.name == "velocity_commands" && !term.is_only_named && !deploy.command_ranges.empty() && fits;
 }
 
 std::string duration_or_unfilled(Duration duration) {
@@ -294,7 +295,7 @@ std::string sensors_text(const DeployFile& deploy, bool simulated) {
   for (const DeployTerm& term : deploy.terms)
     if (!term.is_only_named && term.text.empty() && takt_term(term.name).empty() && !is_command(deploy, term))
       text += fmt::format("  - {{ name: {}, values: {}, timeout: FILL_IN }}\n", plain_or_quoted(term.name),
-                          term.scale.size());
+                          term.is_unscaled ? kUnfilled : fmt::format("{}", term.scale.size()));
   for (const DeployTerm& term : deploy.terms)
     if (is_command(deploy, term)) text += command_sensor_text(deploy, held);
   if (deploy.tensors)
@@ -312,10 +313,17 @@ std::string source_of(const DeployFile& deploy, const DeployTerm& term) {
   if (is_command(deploy, term)) return "command, sensor: velocity_command";
   const std::string_view known = takt_term(term.name);
   if (known.empty()) return fmt::format("sensor, sensor: {}", plain_or_quoted(term.name));
-  return known == "gait_phase" ? "gait_phase, gait_period: FILL_IN" : std::string(known);
+  return known == "gait_phase" ? "gait_phase, gait_period: " + duration_or_unfilled(term.gait_period)
+                               : std::string(known);
 }
 
-std::string terms_text(const DeployFile& deploy) {
+std::string names_of(const std::vector<std::size_t>& joints, const ImportOptions& options) {
+  std::vector<std::string> names;
+  for (const std::size_t joint : joints) names.push_back(joint_name(options, joint));
+  return fmt::format("[{}]", fmt::join(names, ", "));
+}
+
+std::string terms_text(const DeployFile& deploy, const ImportOptions& options) {
   std::string text;
   for (const DeployTerm& term : deploy.terms) {
     if (!term.text.empty()) {
@@ -324,8 +332,12 @@ std::string terms_text(const DeployFile& deploy) {
       continue;
     }
     const std::string clip = term.clip.empty() ? "" : fmt::format(", clip: [{}]", fmt::join(term.clip, ", "));
-    text += fmt::format("    - {{ term: {}{}, scale: {}, history: {} }}{}\n", source_of(deploy, term), clip,
-                        one_or_list(term.scale), term.history == 0 ? kUnfilled : fmt::format("{}", term.history),
+    const bool is_of_joints = source_of(deploy, term).starts_with("joint_");
+    const std::string joints =
+        term.joints.empty() || !is_of_joints ? "" : ", joints: " + names_of(term.joints, options);
+    text += fmt::format("    - {{ term: {}{}{}, scale: {}, history: {} }}{}\n", source_of(deploy, term), joints, clip,
+                        term.is_unscaled ? "1" : one_or_list(term.scale),
+                        term.history == 0 ? kUnfilled : fmt::format("{}", term.history),
                         term.is_only_named ? "   # called " + on_one_line(term.name) : "");
   }
   return text;
@@ -342,14 +354,15 @@ std::string action_text(const DeployFile& deploy, const ImportOptions& options) 
                        joints.empty() ? "" : fmt::format("    joints: [{}]\n", fmt::join(joints, ", ")),
                        outputs.empty() ? "" : fmt::format("    outputs: {{ {} }}\n", fmt::join(outputs, ", ")));
   }
-  const bool offset_is_home = deploy.action_offset == deploy.default_position;
+  const bool offset_is_home = deploy.action_joints.empty() && deploy.action_offset == deploy.default_position;
   std::vector<std::string> offsets;
   for (const double offset : deploy.action_offset) offsets.push_back(fmt::format("{} rad", offset));
   const std::string offset = offsets.empty() ? kUnfilled : fmt::format("[{}]", fmt::join(offsets, ", "));
   return fmt::format(
-      "  action: {{ kind: joint_position, interpolation: hold, scale: {}, offset: {} }}   # as trained: no velocity "
+      "  action: {{ kind: joint_position, interpolation: hold, scale: {}, offset: {}{} }}   # as trained: no velocity "
       "target\n",
-      one_or_list(deploy.action_scale), offset_is_home ? "home" : offset);
+      one_or_list(deploy.action_scale), offset_is_home ? "home" : offset,
+      deploy.action_joints.empty() ? "" : ", joints: " + names_of(deploy.action_joints, options));
 }
 
 std::string steps_text(const DeployFile& deploy) {
@@ -374,10 +387,11 @@ std::string policy_text(const DeployFile& deploy, const ImportOptions& options) 
       "  period: {}\n"
       "{}{}"
       "  joint_order: [{}]\n"
-      "  history_layout: by_term\n"
+      "  history_layout: {}\n"
       "  observation:\n{}{}",
       in_quotes(options.policy_file), duration_or_unfilled(deploy.step_dt), steps_text(deploy), names,
-      fmt::join(order, ", "), terms_text(deploy), action_text(deploy, options));
+      fmt::join(order, ", "), deploy.history_by_time ? "by_time" : "by_term", terms_text(deploy, options),
+      action_text(deploy, options));
 }
 
 std::string count_problem(std::size_t in_model, std::size_t moved) {

@@ -1,64 +1,22 @@
 #include "config/hash.hpp"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <openssl/evp.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
-#include <array>
-#include <cerrno>
+#include <algorithm>
 #include <charconv>
-#include <cstring>
-#include <memory>
+#include <span>
 
 #include "config/bundle_name.hpp"
 #include "config/document.hpp"
 #include "config/load.hpp"
+#include "config/sha256.hpp"
 
 namespace takt::config {
-namespace {
-
-class Sha256 {
- public:
-  Sha256() : context_(EVP_MD_CTX_new(), EVP_MD_CTX_free) { EVP_DigestInit_ex(context_.get(), EVP_sha256(), nullptr); }
-  void add(const void* data, std::size_t size) { EVP_DigestUpdate(context_.get(), data, size); }
-  std::string hex() {
-    std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
-    unsigned int size = 0;
-    EVP_DigestFinal_ex(context_.get(), digest.data(), &size);
-    std::string text;
-    for (unsigned int i = 0; i < size; ++i) text += fmt::format("{:02x}", digest[i]);
-    return text;
-  }
-
- private:
-  std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context_;
-};
-
-// Empty: added. Else why it cannot be read.
-std::string add_file(Sha256& sha, const std::string& path) {
-  // Without waiting for whoever writes a FIFO.
-  const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-  struct stat status {};
-  if (fd < 0 || fstat(fd, &status) != 0) return std::strerror(errno);
-  if (!S_ISREG(status.st_mode)) {
-    close(fd);
-    return "is not a regular file";
-  }
-  std::array<char, 65536> buffer{};
-  ssize_t got = 0;
-  while ((got = read(fd, buffer.data(), buffer.size())) > 0) sha.add(buffer.data(), static_cast<std::size_t>(got));
-  std::string why = got == 0 ? "" : std::strerror(errno);
-  close(fd);
-  return why;
-}
-
-}  // namespace
 
 std::string sha256_hex(std::string_view bytes) {
   Sha256 sha;
-  sha.add(bytes.data(), bytes.size());
+  sha.add(std::as_bytes(std::span(bytes)));
   return sha.hex();
 }
 
@@ -119,8 +77,8 @@ std::vector<std::string> policy_files(const std::string& path) {
 std::expected<std::uint64_t, std::string> policy_hash(const std::string& path) {
   Sha256 sha;
   for (const std::string& file : policy_files(path)) {
-    if (const std::string why = add_file(sha, file); !why.empty())
-      return std::unexpected(fmt::format("policy file {}: {}; check `policy.file`", file, why));
+    if (const auto added = add_file(sha, file); !added)
+      return std::unexpected(fmt::format("policy file {}: {}; check `policy.file`", file, added.error()));
   }
   return leading_64_bits(sha.hex());
 }

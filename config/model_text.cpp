@@ -3,11 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <filesystem>
-#include <regex>
 #include <utility>
 
 #include "config/document.hpp"
+#include "config/xml_tags.hpp"
 
 namespace takt::config {
 namespace {
@@ -21,6 +22,34 @@ std::string without_comments(std::string text) {
       if (text[at] != '\n') text[at] = ' ';
   }
   return text;
+}
+
+// <include file="..."/>, or with a closing tag right behind it. `end`: behind the whole.
+struct Include {
+  std::string_view file;
+  std::size_t begin = 0, end = 0;
+};
+
+std::optional<Include> next_include(std::string_view text, std::size_t from) {
+  while (const auto tag = next_tag(text, from)) {
+    from = tag->end;
+    const bool is_one = tag->name == "include" && !tag->closes && tag->attributes.size() == 1 && tag->find("file");
+    if (!is_one) continue;
+    const std::string_view file = tag->find("file")->value;
+    if (tag->is_empty) return Include{file, tag->begin, tag->end};
+    const auto closing = next_tag(text, tag->end);
+    const bool is_whole =
+        closing && closing->closes && closing->name == "include" &&
+        text.substr(tag->end, closing->begin - tag->end).find_first_not_of(" \t\r\n") == std::string_view::npos;
+    if (is_whole) return Include{file, tag->begin, closing->end};
+  }
+  return std::nullopt;
+}
+
+std::optional<XmlTag> root_of(std::string_view text) {
+  for (auto tag = next_tag(text, 0); tag; tag = next_tag(text, tag->end))
+    if (!tag->closes && (tag->name == "mujoco" || tag->name == "mujocoinclude")) return tag;
+  return std::nullopt;
 }
 
 class ModelReader {
@@ -44,24 +73,16 @@ class ModelReader {
   }
 
   std::expected<void, std::string> append(const std::string& text, std::size_t file, std::size_t line) {
-    static const std::regex kInclude(R"re(<include\s+file\s*=\s*(?:"([^"]*)"|'([^']*)')\s*(?:/>|>\s*</include\s*>))re");
     open_.push_back(model_.files[file]);
     std::size_t from = 0;
-    for (std::size_t at = 0; (at = text.find("<include", from)) != std::string::npos;) {
-      std::smatch match;
-      if (!std::regex_search(text.cbegin() + static_cast<std::ptrdiff_t>(at), text.cend(), match, kInclude,
-                             std::regex_constants::match_continuous)) {
-        line = copy(text.substr(from, at + 1 - from), file, line);
-        from = at + 1;
-        continue;
-      }
-      line = copy(text.substr(from, at - from), file, line);
-      const std::string named = match[1].matched ? match.str(1) : match.str(2);
+    while (const auto one = next_include(text, from)) {
+      line = copy(text.substr(from, one->begin - from), file, line);
+      const std::string named(one->file);
       if (auto done = include(named, fmt::format("{}:{}: includes {}", model_.files[file], line, named)); !done)
         return done;
-      const std::string element = match.str();
+      const std::string_view element(text.data() + one->begin, one->end - one->begin);
       line += static_cast<std::size_t>(std::ranges::count(element, '\n'));
-      from = at + element.size();
+      from = one->end;
     }
     copy(text.substr(from), file, line);
     open_.pop_back();
@@ -75,13 +96,13 @@ class ModelReader {
     const auto text = open(path);
     if (!text) return std::unexpected(where + ", which cannot be read; files are named from the model's folder");
     const std::size_t file = model_.files.size() - 1;
-    static const std::regex kRoot(R"(<(mujoco|mujocoinclude)\b[^>]*>)");
-    std::smatch root;
-    if (!std::regex_search(*text, root, kRoot) || root.str().ends_with("/>")) return {};
-    const auto begins = static_cast<std::size_t>(root.position() + root.length());
-    const std::size_t ends = text->rfind("</" + root.str(1));
+    const auto root = root_of(*text);
+    if (!root || root->is_empty) return {};
+    const std::string name(root->name);
+    const std::size_t begins = root->end;
+    const std::size_t ends = text->rfind("</" + name);
     if (ends == std::string::npos || ends < begins)
-      return std::unexpected(where + ", which does not end its <" + root.str(1) + ">");
+      return std::unexpected(where + ", which does not end its <" + name + ">");
     const auto line = 1 + std::ranges::count(text->substr(0, begins), '\n');
     return append(text->substr(begins, ends - begins), file, static_cast<std::size_t>(line));
   }
@@ -118,18 +139,24 @@ std::expected<std::string, std::string> model_bytes(const std::string& path) {
 }
 
 std::string in_lines_of_files(const ModelText& model, const std::string& sentence) {
-  static const std::regex kLine(R"(([Ll]ine (?:number=)?)(\d+))");
   std::string told;
-  auto from = sentence.cbegin();
-  for (std::sregex_iterator one(sentence.begin(), sentence.end(), kLine), end; one != end; ++one) {
-    const std::size_t line = std::min<std::size_t>(std::stoul(one->str(2).substr(0, 9)), model.lines.size());
+  std::size_t from = 0;
+  for (std::size_t at = 0; (at = sentence.find("ine ", at)) != std::string::npos;) {
+    const bool is_word = at > 0 && (sentence[at - 1] == 'l' || sentence[at - 1] == 'L');
+    at += 4;
+    constexpr std::string_view kNumber = "number=";
+    if (sentence.compare(at, kNumber.size(), kNumber) == 0) at += kNumber.size();
+    std::size_t line = 0;
+    const char* const digits = sentence.data() + at;
+    const auto read = std::from_chars(digits, sentence.data() + sentence.size(), line);
+    if (!is_word || read.ptr == digits) continue;
+    line = std::min(read.ec == std::errc{} ? line : model.lines.size(), model.lines.size());
     const ModelText::Line& stands = model.lines[line == 0 ? 0 : line - 1];
-    told.append(from, (*one)[0].first);
-    told += fmt::format("{}{}", one->str(1), stands.line);
+    told += fmt::format("{}{}", std::string_view(sentence).substr(from, at - from), stands.line);
     if (stands.file != 0) told += " of " + model.files[stands.file];
-    from = (*one)[0].second;
+    from = at = static_cast<std::size_t>(read.ptr - sentence.data());
   }
-  return told.append(from, sentence.cend());
+  return told + sentence.substr(from);
 }
 
 }  // namespace takt::config

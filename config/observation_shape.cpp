@@ -1,6 +1,7 @@
 #include "config/observation_shape.hpp"
 
 #include <algorithm>
+#include <span>
 #include <utility>
 
 #include "executive/contract/policy_input.hpp"
@@ -158,6 +159,25 @@ std::vector<NamedOutput> named_outputs(const Policy& policy) {
         std::pair{CommandField::kd, &action.kd}, std::pair{CommandField::tau_ff, &action.torque}})
     if (*name != "none") outputs.push_back({field, *name});
   return outputs;
+}
+
+std::uint8_t chunk_fields(const Policy& policy) {
+  const auto bit = [](CommandField field) { return static_cast<unsigned>(field); };
+  unsigned fields = bit(CommandField::q);
+  switch (policy.action.kind) {
+    case ActionKind::joint_position:
+      if (policy.action.interpolation == Interpolation::cubic) fields |= bit(CommandField::dq);
+      break;
+    case ActionKind::joint_velocity:
+      fields |= bit(CommandField::kp) | bit(CommandField::kd) | bit(CommandField::dq);
+      break;
+    case ActionKind::joint_torque:
+      fields |= bit(CommandField::kp) | bit(CommandField::kd) | bit(CommandField::tau_ff);
+      break;
+  }
+  const std::vector<NamedOutput> outputs = named_outputs(policy);
+  for (const NamedOutput& further : std::span(outputs).subspan(1)) fields |= bit(further.field);
+  return static_cast<std::uint8_t>(fields);
 }
 
 std::size_t output_width(const RobotConfig& robot) {

@@ -53,6 +53,9 @@ struct NamedOutput {
 };
 // The action itself, and action.outputs as far as they are named. The first one's field is that of the action's kind.
 std::vector<NamedOutput> named_outputs(const Policy& policy);
+// Fields of a chunk of such a policy, a mask of CommandField: the action's, what its kind needs with it, and what
+// further outputs say.
+std::uint8_t chunk_fields(const Policy& policy);
 // Numbers of one answer: steps * outputs_per_step of each.
 std::size_t output_width(const RobotConfig& robot);
 

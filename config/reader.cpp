@@ -7,6 +7,10 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <iterator>
+#include <span>
+
+#include "config/migrations.hpp"
 
 namespace takt::config {
 namespace {
@@ -26,6 +30,19 @@ bool is_unfilled(const Node& node) {
          std::ranges::any_of(node.items, [](const Node& item) { return item.text == kUnfilled; });
 }
 
+std::string digits_of(std::string_view text) {
+  std::string digits;
+  std::ranges::copy_if(text, std::back_inserter(digits), [](char c) { return c >= '0' && c <= '9'; });
+  return digits;
+}
+
+// The word that was meant, or none. Names that differ in a digit are different things (AK80-8 and AK80-9, can0 and
+// can1): one is never offered for the other.
+std::string_view mistyped(std::string_view text, std::span<const std::string_view> known) {
+  const std::string_view meant = nearest(text, known);
+  return digits_of(meant) == digits_of(text) ? meant : std::string_view{};
+}
+
 std::string range_text(Range range, Dimension dimension) {
   const bool low = std::isfinite(range.low);
   const bool high = std::isfinite(range.high);
@@ -38,35 +55,7 @@ std::string range_text(Range range, Dimension dimension) {
   return fmt::format("{} {}", range.high_open ? "below" : "at most", highest);
 }
 
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t above_it = row[j];
-      row[j] = std::min({row[j] + 1, row[j - 1] + 1, diagonal + (a[i - 1] == b[j - 1] ? 0U : 1U)});
-      diagonal = above_it;
-    }
-  }
-  return row[b.size()];
-}
-
 }  // namespace
-
-std::string_view nearest(std::string_view typed, Words words) {
-  std::string_view best;
-  std::size_t least = std::max<std::size_t>(2, typed.size() / 3) + 1;
-  for (const std::string_view word : words) {
-    const std::size_t distance = edit_distance(typed.substr(0, 64), word);
-    if (distance < least && distance < word.size()) {
-      least = distance;
-      best = word;
-    }
-  }
-  return best;
-}
 
 bool is_identifier(std::string_view text) {
   const auto letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
@@ -84,6 +73,11 @@ void Reader::finish() {
   const std::vector<std::string_view> known(declared_.begin(), declared_.end());
   for (const auto& [key, value] : node_.entries) {
     if (std::ranges::find(known, key.text) != known.end()) continue;
+    if (const Migration* const gone = migration_of(path_of(key.text))) {
+      problems_.add(key.place,
+                    fmt::format("{}: gone since version {}: {}", path_of(key.text), gone->since, gone->cure));
+      continue;
+    }
     const std::string where = path_.empty() ? "at the top" : fmt::format("in `{}`", path_);
     const std::string_view meant = nearest(key.text, known);
     problems_.add(key.place,
@@ -244,9 +238,13 @@ bool Reader::check_word(const Node& node, const Key& key, Words words, std::stri
     return false;
   }
   if ((!none_word.empty() && node.text == none_word) || std::ranges::find(words, node.text) != words.end()) return true;
+  if (const Migration* const gone = migration_of(path_of(key.name), node.text)) {
+    complain(node, key, fmt::format("`{}` is gone since version {}: {}", node.text, gone->since, gone->cure));
+    return false;
+  }
   std::vector<std::string_view> allowed(words.begin(), words.end());
   if (!none_word.empty()) allowed.push_back(none_word);
-  const std::string_view meant = nearest(node.text, allowed);
+  const std::string_view meant = mistyped(node.text, allowed);
   complain(node, key,
            allowed.empty() ? fmt::format("{} `{}` is not known: none is declared; add it", what, node.text)
            : meant.empty()

@@ -8,6 +8,7 @@
 
 #include "config/document.hpp"
 #include "config/fields.hpp"
+#include "config/nearest.hpp"
 
 namespace takt::config {
 
@@ -68,9 +69,6 @@ class Reader final : public Fields {
   std::vector<std::string> declared_;
   std::map<std::string, Node, std::less<>> defaults_;  // parsed defaults, kept alive
 };
-
-// The word of `words` a typist most likely meant; empty when none is near.
-std::string_view nearest(std::string_view typed, Words words);
 
 // Letters, digits, _ and -, begins with a letter, at most 63 of them.
 bool is_identifier(std::string_view text);

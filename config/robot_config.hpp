@@ -26,7 +26,7 @@ enum class WakeMode : std::uint8_t { sleep, hybrid };
 enum class WhenBusMissing : std::uint8_t { refuse, loopback };
 enum class Degraded : std::uint8_t { hold, slow, fallback };
 enum class FallbackKind : std::uint8_t { pose, state_feedback, policy };
-enum class StopHow : std::uint8_t { rest, damping, hold, posture, policy };
+enum class StopHow : std::uint8_t { rest, damping, hold, policy };
 enum class TargetKind : std::uint8_t { lissajous, steps };
 enum class TermKind : std::uint8_t {
   joint_position_relative,
@@ -100,9 +100,8 @@ struct Fallback {
 struct StopConfig {
   std::string name;  // of the cause
   StopHow how = StopHow::rest;
-  std::string fallback;  // posture: a fallback of kind pose
-  Duration longest;      // hold, posture, policy: then as `rest`; 0: without end
-  std::string shown_by;  // hold, posture, policy: as of a fallback; absolute once loaded
+  Duration longest;      // hold, policy: then as `rest`; 0: without end
+  std::string shown_by;  // hold, policy: as of a fallback; absolute once loaded
 };
 
 inline bool is_shown(const std::string& by) {
@@ -123,6 +122,9 @@ struct FeedbackConfig {
   Duration timeout;
   Duration enable_timeout;
   double rest_velocity = 0;  // rad/s
+  double jump = 0;           // rad; 0: not looked for
+  double contradiction = 0;  // rad; 0: not looked for
+  Duration frozen_after;     // 0: not looked for
 };
 
 // Shares (0, 1] of the ticks in about the last window; 1 switches the fault off.

@@ -13,7 +13,7 @@ constexpr std::array<std::string_view, 2> kQuaternionOrders{"wxyz", "xyzw"};
 constexpr std::array<std::string_view, 2> kImageLayouts{"chw", "hwc"};
 constexpr std::array<std::string_view, 2> kHistoryOrders{"oldest_first", "newest_first"};
 constexpr std::array<std::string_view, 3> kDegraded{"hold", "slow", "fallback"};
-constexpr std::array<std::string_view, 5> kStopHow{"rest", "damping", "hold", "posture", "policy"};
+constexpr std::array<std::string_view, 4> kStopHow{"rest", "damping", "hold", "policy"};
 constexpr std::array<std::string_view, 2> kLayouts{"by_term", "by_time"};
 constexpr std::array<std::string_view, 3> kFallbackKinds{"pose", "state_feedback", "policy"};
 constexpr std::array<std::string_view, 3> kActionKinds{"joint_position", "joint_velocity", "joint_torque"};
@@ -401,25 +401,19 @@ void describe_degraded(Fields& fields, DegradedConfig& degraded, const std::vect
       degraded.by_temperature);
 }
 
-void describe_stop(Fields& fields, StopConfig& stop, const std::vector<Fallback>& fallbacks) {
+void describe_stop(Fields& fields, StopConfig& stop) {
   fields.choice({"how",
-                 "rest: damped to rest, then held; damping: damped and never held; hold: braked and held at once; "
-                 "posture: led to a fallback's pose, and held there; policy: moved by the fallback policy of "
+                 "rest: damped to rest, then held; without model and imu braked and held at once; damping: damped and "
+                 "never held; hold: braked and held at once; "
+                 "policy: moved by the fallback policy of "
                  "degraded.fallback while it has something to say"},
                 stop.how, kStopHow);
-  std::vector<std::string_view> poses;
-  for (const Fallback& fallback : fallbacks)
-    if (fallback.kind == FallbackKind::pose) poses.emplace_back(fallback.name);
-  if (stop.how == StopHow::posture || fields.shows_all())
-    fields.one_of({"fallback", "posture: name of an entry in fallbacks, of kind pose; the same in every posture"},
-                  stop.fallback, poses, "fallback of kind pose");
   if ((stop.how != StopHow::rest && stop.how != StopHow::damping) || fields.shows_all()) {
-    fields.duration({"for", "hold, posture, policy: for so long, then as rest; 0 s: without end"}, stop.longest, {},
+    fields.duration({"for", "hold, policy: for so long, then as rest; 0 s: without end"}, stop.longest, {},
                     seconds(3600));
     fields.text(
         {"shown_by",
-         "hold, posture, policy: of a robot that can fall, the file of `takt panel attest` that shows that it does not",
-         "none"},
+         "hold, policy: of a robot that can fall, the file of `takt panel attest` that shows that it does not", "none"},
         stop.shown_by);
   }
 }
@@ -432,7 +426,7 @@ void describe_policy(Fields& fields, RobotConfig& robot) {
   fields.section({"degraded", "what happens when the freshness contract is violated"},
                  [&](Fields& f) { describe_degraded(f, robot.degraded, robot.fallbacks); });
   fields.each_named({"stops", "how a damped stop comes to rest, by the name of its cause; others: rest", "{}"},
-                    robot.stops, [&](Fields& f, StopConfig& stop) { describe_stop(f, stop, robot.fallbacks); });
+                    robot.stops, [&](Fields& f, StopConfig& stop) { describe_stop(f, stop); });
   fields.each({"sensors", "outside sensors the policy reads", "[]"}, robot.sensors, kMaxSensors, describe_sensor);
   bool has_imu = robot.imu.has_value();
   fields.optional_section({"imu", "the base's inertial measurement unit"}, has_imu, [&](Fields& f) {

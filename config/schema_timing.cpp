@@ -58,6 +58,21 @@ void describe_feedback(Fields& fields, FeedbackConfig& feedback) {
                   feedback.enable_timeout, milliseconds(1), seconds(60));
   fields.quantity({"rest_velocity", "below it a joint counts as resting; a damped stop then holds", "0.02 rad/s"},
                   feedback.rest_velocity, Dimension::angular_velocity, above(0, 10));
+  fields.quantity({"jump",
+                   "ignore a position this much further from the one before than velocity_hard allows, and stop after "
+                   "three in a row; 0 rad: not looked for",
+                   "0.05 rad"},
+                  feedback.jump, Dimension::angle, between(0, 10));
+  fields.quantity({"contradiction",
+                   "stop when positions and the drive's own velocities differ by this and a quarter of the way within "
+                   "about 0.5 s; 0 rad: not looked for",
+                   "0.03 rad"},
+                  feedback.contradiction, Dimension::angle, between(0, 10));
+  fields.duration({"frozen_after",
+                   "stop when a position stands still for longer, bit by bit, while velocity or torque says that the "
+                   "joint moves; 0 ms: not looked for",
+                   "20 ms"},
+                  feedback.frozen_after, {}, seconds(10));
 }
 
 void describe_bus_faults(Fields& fields, BusFaults& faults) {

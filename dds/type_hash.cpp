@@ -53,6 +53,7 @@ constexpr RosField kDiagnosticArray[] = {{"header", nested, false, kHeaderName},
                                          {"status", nested, true, "diagnostic_msgs/msg/DiagnosticStatus"}};
 constexpr RosField kStatus[] = {{"stamp", nested, false, kTimeName},
                                 {"robot", string},
+                                {"machine", string},
                                 {"running", boolean},
                                 {"tick", uint64},
                                 {"mode", string},
@@ -89,7 +90,7 @@ constexpr RosField kCommandAge[] = {{"stamp", nested, false, kTimeName},
                                     {"publish_ns", int64},
                                     {"hold_ns", int64},
                                     {"total_ns", int64}};
-constexpr RosField kRequest[] = {{"robot", string}, {"id", uint64}, {"verb", string}};
+constexpr RosField kRequest[] = {{"robot", string}, {"machine", string}, {"id", uint64}, {"verb", string}};
 
 constexpr RosMessage kMessages[] = {{kTimeName, kTime},
                                     {kHeaderName, kHeader},

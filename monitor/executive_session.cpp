@@ -6,6 +6,7 @@
 #include <cstring>
 #include <utility>
 
+#include "config/cautions.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "executive/contract/contract_layout.hpp"
@@ -88,6 +89,7 @@ RunManifest describe(const ExecutiveSession& session, const config::RobotConfig&
   manifest.robot = robot.robot;
   for (const config::Joint& joint : robot.joints) manifest.joints.push_back(joint.name);
   for (const config::Bus& bus : robot.buses) manifest.buses.push_back(bus.interface);
+  manifest.cautions = config::cautions_about(robot);
   manifest.watchdog_waivers = config::watchdog_waivers(robot);
   manifest.config_sha256 = robot.sha256;
   if (robot.policy) {

@@ -4,8 +4,8 @@
 
 #include <utility>
 
+#include "executive/contract/version.hpp"
 #include "executive/trace/trace.hpp"
-#include "takt_version.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -13,7 +13,8 @@ namespace {
 constexpr Duration kPublishPeriod = milliseconds(200);
 
 OtlpSource source_of(const RunManifest& manifest) {
-  return {manifest.robot, manifest.run_id, manifest.config_sha256, TAKT_VERSION, manifest.clock.monotonic_to_unix_ns};
+  return {manifest.robot, manifest.run_id, manifest.config_sha256, std::string(version()),
+          manifest.clock.monotonic_to_unix_ns};
 }
 
 }  // namespace

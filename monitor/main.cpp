@@ -21,6 +21,7 @@
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "executive/contract/monotonic_clock.hpp"
+#include "executive/contract/version.hpp"
 #include "executive/log/program_log.hpp"
 #include "executive/trace/trace.hpp"
 #include "monitor/closing_reviews.hpp"
@@ -213,6 +214,7 @@ int main(int argc, char** argv) {
   log::log_to_stderr("takt-monitor");
   Options options;
   CLI::App app("Records a running executive into run folders.", "takt-monitor");
+  app.set_version_flag("--version", std::string(takt::version()));
   auto* const what = app.add_option_group("what to do");
   what->add_option("--robot", options.robot_file, "robot file: record its executive");
   what->add_option("--review", options.review, "run folder that was closed: write its metrics.json, and end");

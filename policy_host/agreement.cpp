@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <utility>
 
@@ -29,15 +30,11 @@ class TrialNumbers {
   std::uint32_t state_ = 1;
 };
 
-double distance(std::span<const float> own, std::span<const float> judge) {
-  double largest = 0;
+void note_differences(std::span<const float> own, std::span<const float> judge, Agreement& agreement) {
   for (std::size_t i = 0; i < own.size(); ++i) {
-    const double b = static_cast<double>(judge[i]);
-    const double apart =
-        own[i] == judge[i] ? 0 : std::abs(static_cast<double>(own[i]) - b) / std::max(1.0, std::abs(b));
-    if (!(apart <= largest)) largest = apart;  // not a number counts as apart
+    agreement.error = std::max(agreement.error, distance_of(own[i], judge[i]));
+    agreement.both_nan += std::isnan(own[i]) && std::isnan(judge[i]) ? 1U : 0U;
   }
-  return largest;
 }
 
 template <class Work>
@@ -68,6 +65,13 @@ void take_times(Policy& own, Policy& judge, std::span<const float> observation, 
 
 }  // namespace
 
+double distance_of(float own, float judge) {
+  if (own == judge || (std::isnan(own) && std::isnan(judge))) return 0;
+  const double b = static_cast<double>(judge);
+  const double apart = std::abs(static_cast<double>(own) - b) / std::max(1.0, std::abs(b));
+  return std::isnan(apart) ? std::numeric_limits<double>::infinity() : apart;
+}
+
 std::vector<float> last_outputs(Policy& policy) {
   TrialNumbers numbers;
   std::vector<float> observation(policy.input_size()), outputs(policy.output_size());
@@ -89,8 +93,7 @@ Agreement compare(Policy& own, Policy& judge, std::size_t most_inferences) {
     numbers.fill(observation);
     own.infer(observation, own_outputs);
     judge.infer(observation, judge_outputs);
-    const double apart = distance(own_outputs, judge_outputs);
-    if (!(apart <= agreement.error)) agreement.error = apart;
+    note_differences(own_outputs, judge_outputs, agreement);
   }
   if (most_inferences > 0) take_times(own, judge, observation, most_inferences, agreement);
   return agreement;

@@ -14,12 +14,17 @@ namespace takt::policy_host {
 inline constexpr int kTrialObservations = 16;
 
 struct Agreement {
-  // Largest |a - b| / max(1, |b|) over all outputs and observations, b the judge's; not a number: one of them said so.
+  // Largest |a - b| / max(1, |b|) over all outputs and observations, b the judge's; infinite: one of them said NaN, or
+  // infinity, where the other did not. Never NaN.
   double error = 0;
+  std::size_t both_nan = 0;  // outputs for which both said NaN: no difference, and no agreement on a value either
   // One inference, the median of what the two took in turns, us.
   double own_us = 0;
   double judge_us = 0;
 };
+
+// Difference of one output, as in Agreement::error. NaN against a number is infinitely far; both NaN: 0.
+double distance_of(float own, float judge);
 
 // All outputs after the last of the observations.
 std::vector<float> last_outputs(Policy& policy);

@@ -26,24 +26,6 @@ constexpr unsigned bit(CommandField field) {
   return static_cast<unsigned>(field);
 }
 
-// The action, what its kind needs with it, and what further outputs say.
-std::uint8_t fields_of(const config::Action& action, std::span<const CommandField> further) {
-  unsigned fields = bit(CommandField::q);
-  switch (action.kind) {
-    case config::ActionKind::joint_position:
-      if (action.interpolation == config::Interpolation::cubic) fields |= bit(CommandField::dq);
-      break;
-    case config::ActionKind::joint_velocity:
-      fields |= bit(CommandField::kp) | bit(CommandField::kd) | bit(CommandField::dq);
-      break;
-    case config::ActionKind::joint_torque:
-      fields |= bit(CommandField::kp) | bit(CommandField::kd) | bit(CommandField::tau_ff);
-      break;
-  }
-  for (const CommandField field : further) fields |= bit(field);
-  return static_cast<std::uint8_t>(fields);
-}
-
 float& value(CommandChunk& chunk, CommandField field, std::size_t step, std::size_t joint) {
   return chunk.values[value_index(chunk.header, field, step, joint)];
 }
@@ -70,7 +52,7 @@ ChunkBuilder::ChunkBuilder(const config::RobotConfig& robot, std::uint64_t polic
   header_.step_period = policy.step_period;
   header_.step_count = static_cast<std::uint16_t>(policy.steps);
   header_.joint_count = static_cast<std::uint16_t>(robot.joints.size());
-  header_.fields = fields_of(policy.action, further_);
+  header_.fields = config::chunk_fields(policy);
 }
 
 void ChunkBuilder::fill_step(CommandChunk& chunk, const Observation& answered, std::size_t step,

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "config/load.hpp"
+#include "executive/contract/contract_layout.hpp"
 #include "executive/ipc/executive_segments.hpp"
 
 namespace takt::policy_host {

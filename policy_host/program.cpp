@@ -20,6 +20,7 @@
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
+#include "executive/contract/version.hpp"
 #include "executive/log/program_log.hpp"
 #include "policy_host/fenced_load.hpp"
 #include "policy_host/host.hpp"
@@ -131,6 +132,7 @@ int serve(const Options& options, std::vector<HostFaultWindow> faults, const Loa
 
 int run_policy_host(int argc, char** argv, const LoadPolicy& load) {
   CLI::App app{"Runs a robot's learned policy: waits for observations, infers, publishes action chunks."};
+  app.set_version_flag("--version", std::string(takt::version()));
   Options options;
   app.add_option("--robot", options.robot, "robot file")->required();
   app.add_option("--runtime-dir", options.runtime_directory,

@@ -14,6 +14,7 @@ Responder::Responder(const config::RobotConfig& robot, std::uint64_t policy_hash
     : policy_(policy),
       input_(robot),
       chunk_builder_(robot, policy_hash),
+      mixer_(robot, owner),
       last_action_(*robot.policy, config::outputs_per_step(robot)),
       step_period_(robot.policy->step_period),
       steps_(robot.policy->steps),
@@ -38,6 +39,7 @@ void Responder::start_session() {
 void Responder::forget() {
   input_.reset();
   last_action_.forget();
+  mixer_.forget();
   ++times_forgotten_;
   forgot_ = true;
 }
@@ -119,6 +121,7 @@ const CommandChunk* Responder::take(const Request& request, Clock clock) {
   header.infer_started_at = request.infer_started_at;
   header.infer_ended_at = request.infer_ended_at;
   header.published_at = clock();
+  mixer_.mix(request.observation, header.published_at, chunk_);
   return &chunk_;
 }
 

@@ -1,4 +1,5 @@
-// One observation in, one command chunk out: input vector, inference, joint targets, stamps. Everything a policy host
+// One observation in, one command chunk out: input vector, inference, joint targets, what the answers before leave of
+// them (chunk_mixer.hpp), stamps. Everything a policy host
 // does between reading and publishing, without the reading and publishing.
 //
 // Forgets the past (histories, last action, hidden state) where an observation does not go on from the last
@@ -16,6 +17,7 @@
 #include "executive/contract/observation.hpp"
 #include "executive/contract/sensor_sample.hpp"
 #include "policy_host/chunk_builder.hpp"
+#include "policy_host/chunk_mixer.hpp"
 #include "policy_host/continuity.hpp"
 #include "policy_host/flow/flow_context.hpp"
 #include "policy_host/observation_builder.hpp"
@@ -82,6 +84,7 @@ class Responder {
   Policy& policy_;
   ObservationBuilder input_;
   ChunkBuilder chunk_builder_;
+  ChunkMixer mixer_;
   LastAction last_action_;
   std::optional<FlowMemory> flow_;  // of a sampler
   config::PrefixUse prefix_ = config::PrefixUse::none;

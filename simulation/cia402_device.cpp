@@ -319,9 +319,10 @@ void Cia402Device::refresh_objects() {
   constexpr std::uint32_t kLimited = 0x0800, kFollows = 0x1000;
   const std::uint32_t word = power_.statusword() | (limited_ ? kLimited : 0U);
   objects_.set(0x6041, profile_.follows ? word : word & ~kFollows);
-  objects_.set(0x6064, whole(reading_.position * counts_per_rad));
-  objects_.set(0x606C, whole(reading_.velocity * counts_per_rad));
-  objects_.set(0x6077, whole(torque_ / drive_.rated_torque * 1000) & 0xFFFFU);
+  const Telling said = tell(reading_, torque_);
+  objects_.set(0x6064, whole(said.position * counts_per_rad));
+  objects_.set(0x606C, whole(said.velocity * counts_per_rad));
+  objects_.set(0x6077, whole(said.torque / drive_.rated_torque * 1000) & 0xFFFFU);
 }
 
 double Cia402Device::wanted_torque(Duration step) {

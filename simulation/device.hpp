@@ -13,6 +13,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "config/robot_config.hpp"
@@ -40,11 +41,31 @@ struct MotorReading {
   double position = 0, velocity = 0;
 };
 
+// What a drive says of its motion: motor side, rad, rad/s, Nm.
+struct Telling {
+  double position = 0, velocity = 0, torque = 0;
+};
+
+// What is wrong with what a drive says, while it obeys by what is true. Positions, motor side, count from where the
+// joint stood when it began.
+struct FeedbackFaults {
+  bool freeze = false;           // position, velocity and torque stay as they were
+  bool frozen_position = false;  // the position stays; the rest is true
+  bool reversed = false;         // the position goes the other way; the velocity is true
+  double offset = 0;             // rad: the position is off by this much
+  double scale = 1;              // the position goes this much further; the velocity is true
+  bool operator==(const FeedbackFaults&) const = default;
+};
+
 using Frames = std::vector<drivers::CanFrame>;
 
 class Device {
  public:
   virtual ~Device() = default;
+  void set(const FeedbackFaults& faults) {
+    if (faults != feedback_) since_.reset();
+    feedback_ = faults;
+  }
   // A frame that crossed the drive's bus, whoever it was for; answers are appended to `out`.
   virtual void receive(const drivers::CanFrame& frame, MonoTime now, Frames& out) = 0;
   // Torque for the next step, from the encoder as read now. Runs watchdog, boot and temperature; what the drive says by
@@ -56,6 +77,22 @@ class Device {
   // Supply off and on: everything that is not stored is forgotten.
   virtual void power_cycle(MonoTime now) = 0;
   [[nodiscard]] bool brake_engaged() const { return state() != DeviceState::enabled && state() != DeviceState::lost; }
+
+ protected:
+  // What the drive says while this is true.
+  [[nodiscard]] Telling tell(const MotorReading& reading, double torque) const {
+    const Telling truth{reading.position, reading.velocity, torque};
+    if (feedback_ == FeedbackFaults{}) return truth;
+    if (!since_) since_ = truth;
+    if (feedback_.freeze) return *since_;
+    const double scale = feedback_.frozen_position ? 0 : feedback_.reversed ? -feedback_.scale : feedback_.scale;
+    const double moved = truth.position - since_->position;
+    return {since_->position + scale * moved + feedback_.offset, truth.velocity, truth.torque};
+  }
+
+ private:
+  FeedbackFaults feedback_;
+  mutable std::optional<Telling> since_;  // what was true when the fault began
 };
 
 // What a motor's torque does to its winding's temperature.

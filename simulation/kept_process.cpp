@@ -31,6 +31,7 @@ int code_of(int status) {
   ::sigaddset(&signals, SIGCHLD);
   ::sigprocmask(SIG_BLOCK, &signals, nullptr);
   ::prctl(PR_SET_PDEATHSIG, SIGTERM);
+  ::prctl(PR_SET_CHILD_SUBREAPER, 1);  // the group's orphans are waited for here
   if (::getppid() != parent) ::_exit(1);
   ::setpgid(0, 0);  // Ctrl-C is for the one that we belong to
   const pid_t shell = ::fork();
@@ -41,6 +42,10 @@ int code_of(int status) {
   int status = 0, signal = 0;
   while (signal != SIGTERM && ::waitpid(shell, &status, WNOHANG) == 0) signal = ::sigwaitinfo(&signals, nullptr);
   ::kill(-shell, SIGKILL);
+  // All of the group is gone when this process is: what it held, the next command may take.
+  int of_group = 0;
+  while (::waitpid(-shell, &of_group, 0) > 0) {
+  }
   ::_exit(code_of(status));
 }
 

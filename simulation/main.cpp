@@ -18,6 +18,7 @@
 #include "config/load.hpp"
 #include "config/paths.hpp"
 #include "executive/contract/monotonic_clock.hpp"
+#include "executive/contract/version.hpp"
 #include "executive/ipc/unix_socket.hpp"
 #include "executive/log/program_log.hpp"
 #include "simulation/devices_file.hpp"
@@ -288,7 +289,7 @@ int main(int argc, char** argv) {
   app.add_flag("--on-hardware", options.on_hardware,
                "speak on real CAN interfaces too, in place of the drives; default: only on virtual and loopback ones");
   app.add_flag("--debug", options.debug, "log the distance to the target once per second");
-  app.set_version_flag("--version", TAKT_VERSION);
+  app.set_version_flag("--version", std::string(takt::version()));
   app.footer(
       "Exit codes: 0 ended by a signal, 64 command line, 65 robot, devices or scenario file refused, 69 a bus or\n"
       "socket is not to be had, or the world of --world ended, 70 bug.");

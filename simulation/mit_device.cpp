@@ -214,9 +214,10 @@ std::uint8_t MitDevice::status() const {
 
 void MitDevice::report(Frames& out) const {
   const MitSpans& spans = registers_.spans();
-  const std::uint64_t fields = squeeze(reading_.position, 16, spans.position) << 24U |
-                               squeeze(reading_.velocity, 12, spans.velocity) << 12U |
-                               squeeze(torque_, 12, spans.torque);
+  const Telling said = tell(reading_, torque_);
+  const std::uint64_t fields = squeeze(said.position, 16, spans.position) << 24U |
+                               squeeze(said.velocity, 12, spans.velocity) << 12U |
+                               squeeze(said.torque, 12, spans.torque);
   drivers::CanFrame& frame = reply(out, damiao_ ? 8 : 6);
   const std::uint32_t first = damiao_ ? (id_ & 0xFU) | std::uint32_t{status()} << 4U : id_;
   frame.data[0] = static_cast<std::uint8_t>(first);

@@ -16,9 +16,9 @@ std::expected<config::ModelFacts, std::string> survey_model(const std::string& p
 
 #include <algorithm>
 #include <cmath>
-#include <regex>
 
 #include "config/units.hpp"
+#include "config/xml_tags.hpp"
 #include "simulation/mujoco_model.hpp"
 
 namespace takt::plant {
@@ -33,7 +33,15 @@ std::string name_of(const mjModel& model, int type, int id) {
 
 // What MuJoCo 2.2.2 does not know of a joint it keeps as the joint's user data, defaults of classes and all.
 std::string with_forces_as_user_data(const std::string& text) {
-  return std::regex_replace(text, std::regex(R"(\bactuatorfrcrange(\s*=))"), "user$1");
+  std::string renamed;
+  std::size_t from = 0;
+  for (auto tag = config::next_tag(text, 0); tag; tag = config::next_tag(text, tag->end))
+    for (const config::XmlAttribute& attribute : tag->attributes) {
+      if (attribute.name != "actuatorfrcrange") continue;
+      renamed += text.substr(from, attribute.begin - from) + "user";
+      from = attribute.begin + attribute.name.size();
+    }
+  return renamed + text.substr(from);
 }
 
 std::optional<double> smaller_end(const mjtNum* range) {
@@ -75,23 +83,24 @@ double effective_inertia(const mjModel& model, mjData& data, int joint) {
   return 1 / answer[static_cast<std::size_t>(dof)];
 }
 
-// URDF's <limit effort velocity>, which MuJoCo 2.2.2 passes over.
+std::optional<double> positive(const config::XmlTag& tag, std::string_view attribute) {
+  const config::XmlAttribute* const written = tag.find(attribute);
+  if (written == nullptr) return std::nullopt;
+  const auto number = config::parse_number(written->value);
+  return number && *number > 0 ? std::optional(*number) : std::nullopt;
+}
+
+// URDF's <limit effort velocity>, which MuJoCo 2.2.2 passes over. An empty <joint name="..."/> is a transmission's.
 void read_urdf_limits(const std::string& text, std::vector<ModelJoint>& joints) {
-  const std::regex joint_element(R"re(<joint\b[^>]*\bname\s*=\s*["']([^"']+)["'][^>]*>([\s\S]*?)</joint>)re");
-  for (std::sregex_iterator at(text.begin(), text.end(), joint_element), end; at != end; ++at) {
-    const std::string body = at->str(2);
-    const auto joint = std::ranges::find(joints, at->str(1), &ModelJoint::name);
-    std::smatch limit, value;
-    if (joint == joints.end() || !std::regex_search(body, limit, std::regex(R"(<limit\b[^>]*>)"))) continue;
-    const std::string limits = limit.str();
-    const auto attribute = [&](const char* name) -> std::optional<double> {
-      if (!std::regex_search(limits, value, std::regex(fmt::format(R"re(\b{}\s*=\s*["']([^"']+)["'])re", name))))
-        return std::nullopt;
-      const auto number = config::parse_number(value.str(1));
-      return number && *number > 0 ? std::optional(*number) : std::nullopt;
-    };
-    joint->torque = attribute("effort");
-    joint->velocity = attribute("velocity");
+  auto joint = joints.end();
+  for (auto tag = config::next_tag(text, 0); tag; tag = config::next_tag(text, tag->end)) {
+    if (tag->name == "joint") {
+      const config::XmlAttribute* const name = tag->closes || tag->is_empty ? nullptr : tag->find("name");
+      joint = name == nullptr ? joints.end() : std::ranges::find(joints, name->value, &ModelJoint::name);
+    } else if (tag->name == "limit" && joint != joints.end()) {
+      joint->torque = positive(*tag, "effort");
+      joint->velocity = positive(*tag, "velocity");
+    }
   }
 }
 

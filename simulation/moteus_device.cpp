@@ -195,11 +195,11 @@ double MoteusDevice::read(unsigned reg) const {
     case 0x000:
       return mode();
     case 0x001:
-      return position() / kRev;
+      return said().position / kRev;
     case 0x002:
-      return reading_.velocity / kRev;
+      return said().velocity / kRev;
     case 0x003:
-      return torque_;
+      return said().torque;
     case 0x00A:
       return winding_.winding_C();
     case 0x00C:

@@ -46,6 +46,7 @@ class MoteusDevice final : public Device {
   void answer(unsigned type, unsigned first, unsigned count, drivers::CanFrame& reply) const;
   [[nodiscard]] double law() const;
   [[nodiscard]] double position() const { return reading_.position - zero_; }
+  [[nodiscard]] Telling said() const { return tell({position(), reading_.velocity}, torque_); }
   [[nodiscard]] int mode() const;
 
   config::Drive drive_;

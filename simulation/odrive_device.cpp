@@ -136,12 +136,13 @@ double OdriveDevice::update(MotorReading reading, MonoTime now, Duration step, F
 }
 
 void OdriveDevice::broadcast(MonoTime now, Frames& out) {
+  const Telling said = tell(reading_, torque_);
   if (often_.strikes(now)) {
     const std::uint32_t axis_state = state_ == DeviceState::enabled ? 8 : 1;
     say(0x01, two(active_errors_, axis_state), out);
-    say(0x1C, two_floats(static_cast<double>(input_torque_), torque_), out);
+    say(0x1C, two_floats(static_cast<double>(input_torque_), said.torque), out);
   }
-  if (estimates_.strikes(now)) say(0x09, two_floats(reading_.position / kTurn, reading_.velocity / kTurn), out);
+  if (estimates_.strikes(now)) say(0x09, two_floats(said.position / kTurn, said.velocity / kTurn), out);
   if (seldom_.strikes(now)) {
     say(0x15, two_floats(winding_.stage_C(), winding_.winding_C()), out);
     say(0x03, two(active_errors_, disarm_reason_), out);

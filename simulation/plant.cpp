@@ -88,6 +88,13 @@ void Plant::collect(std::size_t bus, Frames& said) {
     if (!joints_[joint].replies.is_empty()) joints_[joint].replies.deliver(now_, said);
 }
 
+void Plant::set_line(std::size_t joint, const LineFaults& faults) {
+  joints_[joint].replies.set(faults);
+  FeedbackFaults feedback = faults.feedback;
+  feedback.offset *= gearing_[joint].ratio;
+  joints_[joint].device->set(feedback);
+}
+
 MotorReading Plant::read_encoder(std::size_t joint) const {
   const Gearing& gearing = gearing_[joint];
   const double grid = simulation_.encoder_step;

@@ -41,7 +41,7 @@ class Plant {
   bool receive(std::size_t bus, const drivers::CanFrame& frame, Frames& answers);
   // What else drives of that bus said: by themselves, or late.
   void collect(std::size_t bus, Frames& said);
-  void set_line(std::size_t joint, const LineFaults& faults) { joints_[joint].replies.set(faults); }
+  void set_line(std::size_t joint, const LineFaults& faults);
 
   [[nodiscard]] MonoTime now() const { return now_; }  // virtual: 1 ns at start, so that it is set
   [[nodiscard]] Duration step_length() const { return simulation_.step; }

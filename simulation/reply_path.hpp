@@ -13,11 +13,12 @@ namespace takt::plant {
 
 // What is wrong with one drive's connection; each lasts until it is taken back.
 struct LineFaults {
-  bool deaf = false;    // hears nothing, so that a watchdog of its own trips
-  bool silent = false;  // obeys; nothing it says arrives
-  bool repeat = false;  // everything it says arrives twice
-  Duration delay{};     // everything it says arrives this much later, in order
-  double drop = 0;      // share of what it says that is lost, 0..1
+  bool deaf = false;          // hears nothing, so that a watchdog of its own trips
+  bool silent = false;        // obeys; nothing it says arrives
+  bool repeat = false;        // everything it says arrives twice
+  Duration delay{};           // everything it says arrives this much later, in order
+  double drop = 0;            // share of what it says that is lost, 0..1
+  FeedbackFaults feedback{};  // what it says is wrong; joint side
   bool operator==(const LineFaults&) const = default;
 };
 

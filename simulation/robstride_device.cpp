@@ -17,7 +17,8 @@ enum Type : unsigned {
   kSetZero = 6,
   kRead = 17,
   kWrite = 18,
-  kFaultReport = 21
+  kFaultReport = 21,
+  kSave = 22
 };
 
 enum Parameter : std::uint16_t {
@@ -93,7 +94,7 @@ void RobstrideDevice::start_up() {
     written_[kStoredTimeout] = static_cast<std::uint32_t>(watchdog_.ns / kTimeoutUnit_ns);
   else
     written_[kCanTimeout] = 0;
-  zero_ = 0;
+  zero_ = saved_zero_;
   faults_ = 0;
   report_due_ = false;
   command_ = {};
@@ -129,6 +130,9 @@ void RobstrideDevice::receive(const drivers::CanFrame& frame, MonoTime now, Fram
       break;
     case kWrite:
       write(frame);
+      break;
+    case kSave:
+      save(frame);
       break;
     default:
       return;
@@ -170,10 +174,16 @@ void RobstrideDevice::write(const drivers::CanFrame& frame) {
   found->second = found->first == kRunMode ? value % 256 : value;
 }
 
+void RobstrideDevice::save(const drivers::CanFrame& frame) {
+  for (std::uint8_t i = 0; i < 8; ++i)
+    if (frame.data[i] != i + 1) return;
+  if (!is_cybergear()) saved_zero_ = zero_;
+}
+
 std::optional<std::uint32_t> RobstrideDevice::parameter(std::uint16_t index) const {
   if (const auto found = written_.find(index); found != written_.end()) return found->second;
-  if (index == kMechanicalPosition) return bits_of(reading_.position);
-  if (index == kMechanicalVelocity) return bits_of(reading_.velocity);
+  if (index == kMechanicalPosition) return bits_of(tell(reading_, torque_).position);
+  if (index == kMechanicalVelocity) return bits_of(tell(reading_, torque_).velocity);
   if (index == kBusVoltage) return bits_of(kBusVoltage_V);
   return std::nullopt;
 }
@@ -244,9 +254,10 @@ void RobstrideDevice::power_cycle(MonoTime now) {
 drivers::CanFrame RobstrideDevice::feedback() const {
   const unsigned mode = state_ == DeviceState::enabled ? 2 : 0;
   drivers::CanFrame frame = make_frame(kFeedback, mode * 0x4000 + faults_ * 0x100U + drive_.id, host_);
-  put_pair(frame.data, squeeze(reading_.position, drive_.position_range));
-  put_pair(frame.data + 2, squeeze(reading_.velocity, drive_.velocity_range));
-  put_pair(frame.data + 4, squeeze(torque_, drive_.torque_range));
+  const Telling said = tell(reading_, torque_);
+  put_pair(frame.data, squeeze(said.position, drive_.position_range));
+  put_pair(frame.data + 2, squeeze(said.velocity, drive_.velocity_range));
+  put_pair(frame.data + 4, squeeze(said.torque, drive_.torque_range));
   put_pair(frame.data + 6, static_cast<unsigned>(std::clamp(winding_.winding_C() * 10, 0.0, 32767.0)));
   return frame;
 }

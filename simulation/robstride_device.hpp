@@ -6,7 +6,8 @@
 // after every power-on; a CyberGear (by the drive's model) has 200C instead, which keeps what the constructor was
 // given. Asked for a parameter that it does not have, a CyberGear says nothing, another answers that the reading
 // failed. Motion commands and enabling feed it, telemetry does not. An error is reported once by itself (21) as well.
-// Everything written is lost at power-off, the zero included. Only run mode 0 moves. Source: belovictor/cybergear-docs
+// Everything written is lost at power-off, the zero included unless a save (22) followed it, which a CyberGear does not
+// know. Only run mode 0 moves. Source: belovictor/cybergear-docs
 // instructionmanual/instructionmanual.md, section 4; for 7028 and failed readings the makers' manuals of RS00 to RS06.
 #pragma once
 
@@ -37,6 +38,7 @@ class RobstrideDevice final : public Device {
   void stop(bool clear_faults);
   void set_zero();
   void write(const drivers::CanFrame& frame);
+  void save(const drivers::CanFrame& frame);
   [[nodiscard]] double wanted_torque() const;
   [[nodiscard]] std::optional<std::uint32_t> parameter(std::uint16_t index) const;
   [[nodiscard]] bool is_silent_for_too_long(MonoTime now) const;
@@ -58,6 +60,7 @@ class RobstrideDevice final : public Device {
   MonoTime commanded_at_, booted_at_;
   MotorReading reading_;  // as reported: relative to the zero that was set
   double zero_ = 0;
+  double saved_zero_ = 0;  // what it begins with after power-on
   double torque_ = 0;
   Winding winding_;
 };

@@ -58,7 +58,12 @@ constexpr std::array kWords{
     Word{FaultKind::bus_off, "bus_off", kBus, false, true},
     Word{FaultKind::down, "down", kBus, false, false},
     Word{FaultKind::babble, "babble", kBus, false, true},
-    Word{FaultKind::freeze, "freeze", kSensor, false, true},
+    Word{FaultKind::frozen_position, "frozen_position", kJoint, false, true},
+    Word{FaultKind::reversed, "reversed", kJoint, false, true},
+    Word{FaultKind::wrap, "wrap", kJoint, false, true},
+    Word{FaultKind::jump, "jump", kJoint, true, true},
+    Word{FaultKind::scale, "scale", kJoint, true, true},
+    Word{FaultKind::freeze, "freeze", kJoint | kSensor, false, true},
     Word{FaultKind::burst, "burst", kSensor, true, true},
     Word{FaultKind::lies, "lies", kSensor, true, true},
     Word{FaultKind::push, "push", kBody, true, true},
@@ -94,7 +99,7 @@ std::vector<std::string_view> plain_words() {
 struct Written {
   Duration at, lasts, delay, burst;
   std::string after, joint, bus, sensor, body, fault, error;
-  double drop = 0, lies = 0, push = 0, payload = 0, friction = 0;
+  double drop = 0, lies = 0, jump = 0, scale = 0, push = 0, payload = 0, friction = 0;
   config::Vector3 along{};
 };
 
@@ -132,6 +137,10 @@ void describe_event(config::Fields& fields, Written& event, const Names& names) 
                   milliseconds(1), seconds(10));
   fields.quantity({"lies", "share of samples that say the opposite", "none", true}, event.lies, config::Dimension::none,
                   config::above(0, 1));
+  fields.quantity({"jump", "the position that the drive says is off by this", "none", true}, event.jump,
+                  config::Dimension::angle, config::between(-100, 100));
+  fields.quantity({"scale", "the position that the drive says goes this many times as far", "none", true}, event.scale,
+                  config::Dimension::none, config::above(0, 100));
   describe_body(fields, event);
 }
 
@@ -148,8 +157,8 @@ class Translator {
     if (written.lasts.ns > 0) event.lasts = written.lasts;
     if (!find_kind(written, event) || !find_target(written, event)) return event;
     event.delay = event.kind == FaultKind::burst ? written.burst : written.delay;
-    event.share = written.drop + written.lies;                         // one of them
-    event.amount = written.push + written.payload + written.friction;  // one of them
+    event.share = written.drop + written.lies;                                                        // one of them
+    event.amount = written.jump + written.scale + written.push + written.payload + written.friction;  // one of them
     check_length(event);
     check_drive(event);
     check_body(written, event);
@@ -169,11 +178,14 @@ class Translator {
     if (written.drop > 0) kinds.push_back(FaultKind::drop);
     if (written.burst.ns > 0) kinds.push_back(FaultKind::burst);
     if (written.lies > 0) kinds.push_back(FaultKind::lies);
+    if (written.jump != 0) kinds.push_back(FaultKind::jump);
+    if (written.scale > 0) kinds.push_back(FaultKind::scale);
     if (written.push > 0) kinds.push_back(FaultKind::push);
     if (written.payload > 0) kinds.push_back(FaultKind::payload);
     if (written.friction > 0) kinds.push_back(FaultKind::friction);
-    if (!require(!kinds.empty(), "",
-                 "has no fault; write one of: fault, error, delay, drop, burst, lies, push, payload, friction"))
+    if (!require(
+            !kinds.empty(), "",
+            "has no fault; write one of: fault, error, delay, drop, burst, lies, jump, scale, push, payload, friction"))
       return false;
     event.kind = kinds.front();
     if (event.kind == FaultKind::error) {
@@ -297,6 +309,8 @@ std::string text_of(const FaultEvent& event) {
   if (event.kind == FaultKind::error) text = kErrors[static_cast<std::size_t>(event.error)];
   if (event.kind == FaultKind::delay) text += " of " + config::format_duration(event.delay);
   if (event.kind == FaultKind::burst) text += " of " + config::format_duration(event.delay);
+  if (event.kind == FaultKind::jump) text += fmt::format(" of {:g} rad", event.amount);
+  if (event.kind == FaultKind::scale) text += fmt::format(" times {:g}", event.amount);
   if (event.kind == FaultKind::push) text += fmt::format(" of {:g} N", event.amount);
   if (event.kind == FaultKind::payload) text += fmt::format(" of {:g} kg", event.amount);
   if (event.kind == FaultKind::friction) text += fmt::format(" times {:g}", event.amount);

@@ -34,12 +34,15 @@ namespace takt::plant {
 // bus_off           bus     every controller is off the bus
 // down              bus     the bus is gone, for good
 // babble            bus     a stranger fills the bus with frames nobody listens to
-// freeze            sensor  samples repeat an old value under fresh stamps
-// burst             sensor  samples are held back and delivered together
-// lies              sensor  a share of the samples says the opposite
-// push              body    a force at the tool, or at a body of the model
-// payload           body    a point mass at the tool, or at a body of the model
-// friction          body    that many times the joints' friction
+// frozen_position   joint   the position it says stays; the rest is true
+// reversed          joint   the position it says goes the other way; the rest is true
+// wrap              joint   the position it says is a turn off
+// jump              joint   the position it says is off by an angle
+// scale             joint   the position it says goes that much further
+// freeze            joint, sensor  all that it says of its motion stays; samples repeat an old value: under fresh
+// stamps burst             sensor  samples are held back and delivered together lies              sensor  a share of
+// the samples says the opposite push              body    a force at the tool, or at a body of the model payload body
+// a point mass at the tool, or at a body of the model friction          body    that many times the joints' friction
 enum class FaultKind : std::uint8_t {
   error,
   power_cycle,
@@ -53,6 +56,11 @@ enum class FaultKind : std::uint8_t {
   bus_off,
   down,
   babble,
+  frozen_position,
+  reversed,
+  wrap,
+  jump,
+  scale,
   freeze,
   burst,
   lies,
@@ -75,7 +83,7 @@ struct FaultEvent {
   DeviceFault error = DeviceFault::over_temperature;  // error
   Duration delay;                                     // delay; burst: its length
   double share = 0;                                   // drop, lies
-  double amount = 0;                                  // push: N; payload: kg; friction: factor
+  double amount = 0;                                  // push: N; payload: kg; friction, scale: factor; jump: rad
   config::Vector3 along{};                            // push: where to, base frame, length 1
   std::string body{};                                 // push, payload: which; empty: the tool, or the root
 };

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <numbers>
 #include <utility>
 
 namespace takt::plant {
@@ -14,6 +15,13 @@ void add_to_line(const FaultEvent& event, LineFaults& line) {
   line.repeat |= event.kind == FaultKind::repeat;
   if (event.kind == FaultKind::delay) line.delay = std::max(line.delay, event.delay);
   if (event.kind == FaultKind::drop) line.drop = std::max(line.drop, event.share);
+  FeedbackFaults& feedback = line.feedback;
+  feedback.freeze |= event.kind == FaultKind::freeze;
+  feedback.frozen_position |= event.kind == FaultKind::frozen_position;
+  feedback.reversed |= event.kind == FaultKind::reversed;
+  if (event.kind == FaultKind::wrap) feedback.offset += 2 * std::numbers::pi;
+  if (event.kind == FaultKind::jump) feedback.offset += event.amount;
+  if (event.kind == FaultKind::scale) feedback.scale *= event.amount;
 }
 
 void add_to_bus(const FaultEvent& event, BusFaults& bus) {

@@ -3,7 +3,10 @@
 
 What was clean stays clean: a source is checked again only when it, one of the project's headers that its last build
 read, the settings or clang-tidy itself have changed. That is remembered per user, so that a fresh clone starts warm.
-Usage: lint.py BUILD_FOLDER, from the project's top folder, after a build. Exit code 1 when something was found.
+On a machine that remembers nothing all of them take an hour of its processors. --for SECONDS begins with what changed
+last and leaves what it did not come to for the next time; it says how many.
+Usage: lint.py BUILD_FOLDER [--for SECONDS], from the project's top folder, after a build. Exit code 1 when something
+was found.
 """
 import concurrent.futures
 import functools
@@ -58,10 +61,22 @@ def stamp_of(source, headers, settings):
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
-def check(build, source, stamp):
+def newest_first(sources):
+    """By the commit that changed each last; what no commit has comes first of all."""
+    order = {}
+    for line in output_of("git", "log", "--format=", "--name-only", "--no-renames", "-n", "400").splitlines():
+        order.setdefault(line, len(order))
+    changed = set(output_of("git", "diff", "--name-only", "HEAD").splitlines())
+    return sorted(sources, key=lambda source: (source not in changed, order.get(source, len(order))))
+
+
+def check(build, source, stamp, until):
+    """True: clean; False: something was found; None: there was no time left to look."""
     if stamp.exists():
         stamp.touch()
         return True
+    if time.monotonic() > until:
+        return None
     found = subprocess.run([CLANG_TIDY, *OPTIONS, "-p", build, source], stdout=subprocess.PIPE,
                            stderr=subprocess.DEVNULL, text=True)
     if found.returncode == 0:
@@ -73,6 +88,7 @@ def check(build, source, stamp):
 
 def main():
     build = os.path.abspath(sys.argv[1])
+    until = time.monotonic() + float(sys.argv[3]) if sys.argv[2:3] == ["--for"] else float("inf")
     cache = pathlib.Path(os.environ.get("XDG_CACHE_HOME", pathlib.Path.home() / ".cache"), "takt", "lint")
     cache.mkdir(parents=True, exist_ok=True)
     for old in cache.iterdir():
@@ -87,9 +103,11 @@ def main():
         sys.exit(f"lint: {build} was not built with {', '.join(missing)}; build everything first")
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
         clean = list(pool.map(
-            lambda source: check(build, source, cache / stamp_of(source, headers[source], settings)), sources))
-    print(f"{clean.count(True)} of {len(clean)} sources are clean")
-    sys.exit(0 if all(clean) else 1)
+            lambda source: check(build, source, cache / stamp_of(source, headers[source], settings), until),
+            newest_first(sources)))
+    left = f", {clean.count(None)} are left for the next time" if None in clean else ""
+    print(f"{clean.count(True)} of {len(clean)} sources are clean{left}")
+    sys.exit(1 if False in clean else 0)
 
 
 if __name__ == "__main__":

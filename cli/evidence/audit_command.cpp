@@ -1,49 +1,140 @@
-// takt audit: is a panel's artifact ready to be audited, and what is missing.
+// takt audit: is a panel's artifact, or a run folder, ready to be audited, what is missing, and what the verdict rests
+// on.
 #include <fmt/format.h>
 
+#include <charconv>
+#include <cmath>
+#include <expected>
+#include <filesystem>
 #include <memory>
+#include <optional>
+#include <random>
 
 #include "cli/command.hpp"
+#include "cli/world_option.hpp"
+#include "evidence/artifact/signature.hpp"
 #include "evidence/judge/audit.hpp"
 #include "evidence/judge/post_mortem.hpp"
+#include "evidence/judge/run_audit.hpp"
 #include "evidence/panel/panel_promise.hpp"
+#include "evidence/panel/recompute.hpp"
+#include "monitor/record/bounded_file.hpp"
 
 namespace takt::cli {
 namespace {
 
+constexpr const char* kCommand = "takt audit";
+
 struct AuditOptions {
-  std::string directory;
+  std::string directory, recompute, panel, robot, world, signed_by;
+  std::size_t workers = 1;
   bool json = false, draft = false;
 };
 
+// "25%" or "6" of that many rows; at least one.
+std::optional<std::size_t> rows_of(std::string_view text, std::size_t rows) {
+  const bool is_share = text.ends_with('%');
+  if (is_share) text.remove_suffix(1);
+  double number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error != std::errc{} || end != text.data() + text.size() || !(number > 0) || (is_share && number > 100))
+    return std::nullopt;
+  if (!is_share && number != std::floor(number)) return std::nullopt;
+  const double wanted = is_share ? std::ceil(number / 100 * static_cast<double>(rows)) : number;
+  return static_cast<std::size_t>(std::min(wanted, static_cast<double>(rows)));
+}
+
+std::expected<panel::Recomputed, std::string> recomputed(const panel::Artifact& artifact, const AuditOptions& options,
+                                                         std::size_t rows) {
+  auto panel = panel::load_panel(options.panel);
+  if (!panel) return std::unexpected(panel.error());
+  panel->robot = options.robot;
+  // A run with other seeds than the file names (--seeds): those of the artifact.
+  const auto& seeds = artifact.manifest.seed_plan.seeds;
+  if (!seeds.empty()) {
+    panel->first_seed = seeds.front();
+    panel->seed_count = seeds.size();
+  }
+  auto contest = panel::Contest::prepare(std::move(*panel), {options.world, ""});
+  if (!contest) return std::unexpected(contest.error());
+  std::random_device device;
+  const std::uint64_t nonce = (std::uint64_t{device()} << 32U) | device();
+  return panel::recompute(artifact, *contest, panel::drawn_rows(rows, artifact.rows.size(), nonce), options.workers);
+}
+
+// Id of the key that the reader named, or why it did not sign; none: none was named.
+std::optional<std::expected<std::string, std::string>> signer(const AuditOptions& options) {
+  if (options.signed_by.empty()) return std::nullopt;
+  const auto key = monitor::read_file(options.signed_by);
+  if (!key) return std::unexpected(key.error());
+  return panel::check_signature(options.directory, *key);
+}
+
+int audit_run(const AuditOptions& options) {
+  if (!options.recompute.empty() || options.draft)
+    return refuse(kExitUsage, fmt::format("{}: {} is a run folder: --recompute and --draft are for a panel's artifact",
+                                          kCommand, options.directory));
+  const auto run = monitor::open_run(options.directory);
+  if (!run) return fail(kCommand, run.error());
+  panel::RunAudit result = panel::audit_run(*run);
+  result.signed_by = signer(options);
+  fmt::print("{}", options.json ? panel::to_json(result).dump() + "\n" : panel::audit_text(result));
+  return result.is_consistent() ? kExitOk : kExitFailed;
+}
+
 int audit(const AuditOptions& options) {
+  if (std::filesystem::exists(monitor::RunFolder(options.directory).ticks())) return audit_run(options);
   const auto artifact = panel::open_artifact(options.directory);
-  if (!artifact) return fail("takt audit", artifact.error());
+  if (!artifact) return fail(kCommand, artifact.error());
   if (options.draft) {
     const auto drafted = panel::draft_post_mortems(*artifact);
-    if (!drafted) return fail("takt audit", drafted.error());
+    if (!drafted) return fail(kCommand, drafted.error());
     fmt::print(stderr, "{} post-mortems drafted in {}\n", *drafted, artifact->folder.post_mortems());
   }
-  const panel::Audit result = panel::audit(*artifact, panel::panel_promise(artifact->folder.panel()));
+  panel::Audit result = panel::audit(*artifact, panel::panel_promise(artifact->folder.panel()));
+  if (!options.recompute.empty()) {
+    const auto rows = rows_of(options.recompute, artifact->rows.size());
+    if (!rows)
+      return refuse(kExitUsage, fmt::format("{}: --recompute {}: write a number of rows or a share, such as 6 or 25%",
+                                            kCommand, options.recompute));
+    auto again = recomputed(*artifact, options, *rows);
+    if (!again) return fail(kCommand, "--recompute: " + again.error());
+    result.recomputed = std::move(*again);
+  }
+  result.signed_by = signer(options);
   if (options.json) {
     fmt::print("{}\n", panel::to_json(result).dump());
   } else {
     fmt::print("{}", panel::audit_text(result));
   }
-  return result.is_ready() ? kExitOk : kExitFailed;
+  return result.is_consistent() ? kExitOk : kExitFailed;
 }
 
 }  // namespace
 
 void add_audit(CLI::App& app, int& exit_code) {
-  CLI::App* command = app.add_subcommand("audit", "Say whether a panel's artifact is ready to be audited.");
+  CLI::App* command = app.add_subcommand("audit", "Say whether a panel's artifact or a run is ready to be audited.");
   auto options = std::make_shared<AuditOptions>();
-  command->add_option("DIR", options->directory, "artifact folder")->required();
+  command->add_option("DIR", options->directory, "artifact or run folder")->required();
   command->add_flag("--json", options->json, "print the audit as one line of JSON (docs/evidence.md)");
   command->add_flag("--draft", options->draft, "first draft a post-mortem for every failed rollout that has none");
+  auto* const recompute = command->add_option("--recompute", options->recompute,
+                                              "N or P%: compute so many rows anew, drawn at random, and compare");
+  auto* const panel = command->add_option("--panel", options->panel,
+                                          "with --recompute: the panel file that the artifact was made from");
+  recompute->needs(panel);
+  panel->needs(recompute);
+  command->add_option("--robot", options->robot, "with --recompute: the robot file that the panel was run with")
+      ->needs(recompute);
+  add_world(*command, options->world)->needs(recompute);
+  command->add_option("--workers", options->workers, "with --recompute: processes that share the work")
+      ->check(CLI::Range(1, 1024))
+      ->needs(recompute);
+  command->add_option("--signed-by", options->signed_by, "public key, PEM: it has to be signed by it (takt seal)");
   command->footer(
-      "Example: takt audit artifacts/smoke\n"
-      "Exit codes: 0 audit-ready; 1 not, with what is missing, or not an artifact.");
+      "Example: takt audit artifacts/smoke --recompute 25% --panel config/panels/smoke.yaml\n"
+      "Exit codes: 0 nothing is missing and nothing contradicts itself; 1 something is or does, rows came\n"
+      "out otherwise, or it is no artifact; 64 command line.");
   command->callback([options, &exit_code] { exit_code = audit(*options); });
 }
 

@@ -16,9 +16,9 @@ struct CompareOptions {
 };
 
 int compare(const CompareOptions& options) {
-  const auto a = panel::open_artifact(options.a);
+  const auto a = panel::open_finished_artifact(options.a);
   if (!a) return fail("takt compare", a.error());
-  const auto b = panel::open_artifact(options.b.empty() ? options.a : options.b);
+  const auto b = panel::open_finished_artifact(options.b.empty() ? options.a : options.b);
   if (!b) return fail("takt compare", b.error());
   const auto comparison = panel::compare(*a, *b, options.method_a, options.method_b);
   if (!comparison) return fail("takt compare", comparison.error());

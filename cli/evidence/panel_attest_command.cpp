@@ -38,7 +38,7 @@ std::expected<config::RobotConfig, std::string> robot_of(const AttestOptions& op
 
 int attest(const AttestOptions& options) {
   constexpr const char* kCommand = "takt panel attest";
-  const auto artifact = panel::open_artifact(options.directory);
+  const auto artifact = panel::open_finished_artifact(options.directory);
   if (!artifact) return fail(kCommand, artifact.error());
   const auto panel = panel::load_panel(artifact->folder.panel());
   if (!panel) return fail(kCommand, panel.error());

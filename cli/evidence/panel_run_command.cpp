@@ -16,6 +16,7 @@
 #include "config/load.hpp"
 #include "evidence/artifact/artifact.hpp"
 #include "evidence/artifact/confusion.hpp"
+#include "evidence/panel/harm_table.hpp"
 #include "evidence/panel/panel_plan.hpp"
 #include "evidence/panel/panel_table.hpp"
 #include "evidence/panel/worker_pool.hpp"
@@ -29,6 +30,18 @@ struct PanelRunOptions {
   std::uint64_t seeds = 0;  // 0: as many as the panel says
   bool resume = false, json = false, real_time = false, allow_non_realtime = false;
 };
+
+// One robot has one task: of a panel of several, --robot runs its own alone. Empty: fine.
+std::string keep_task_of(const PanelRunOptions& options, panel::Panel& panel) {
+  if (options.robot.empty() || panel.tasks.size() < 2) return {};
+  const auto robot = config::load(options.robot);
+  if (!robot) return robot.error();
+  const panel::Task task = panel::task_of(*robot);
+  std::erase_if(panel.tasks, [&](const panel::PanelTask& one) { return one.task != task; });
+  if (!panel.tasks.empty()) return {};
+  return fmt::format("{}: the panel has no task {}, which this robot is for; name another robot by --robot", panel.file,
+                     panel::kTaskNames[static_cast<std::size_t>(task)]);
+}
 
 std::optional<panel::Shard> shard_of(const std::string& text) {
   panel::Shard shard;
@@ -84,9 +97,10 @@ void print_summary(const PanelRunOptions& options, const std::string& id, const 
     fmt::print("{}\n", summary.dump());
     return;
   }
-  fmt::print("{}\n{}\n{}{}\n{} rollouts, {} of them now, {} succeeded: {} in {}\n", panel::panel_table(rows),
+  const std::string harm = panel::harm_table(rows);
+  fmt::print("{}\n{}\n{}{}\n{}{}{} rollouts, {} of them now, {} succeeded: {} in {}\n", panel::panel_table(rows),
              panel::latency_table(rows), panel::motion_table(rows), panel::confusion_text(panel::confusions_of(rows)),
-             rows.size(), ran, succeeded, id, options.out);
+             harm, harm.empty() ? "" : "\n", rows.size(), ran, succeeded, id, options.out);
 }
 
 panel::Timing timing_of(const PanelRunOptions& options) {
@@ -123,10 +137,17 @@ int run(const PanelRunOptions& options) {
   }
   if (options.seeds != 0) panel->seed_count = options.seeds;
   panel->robot = options.robot;
+  if (const std::string why = keep_task_of(options, *panel); !why.empty())
+    return refuse(config::kExitBadConfiguration, why);
   if (const std::string why = crowded_world(options.world, options.workers); !why.empty())
     return refuse(kExitUsage, "takt panel run: " + why);
   if (const auto seed = seed_of(options.only)) plan_for(*seed, *panel);
   auto plan = panel::plan_of(*panel, *shard);
+  if (plan.empty())
+    return refuse(kExitUsage,
+                  fmt::format("takt panel run: --shard {}: the panel has {} rollouts, and this part has none; "
+                              "write fewer parts",
+                              options.shard, panel::plan_of(*panel, {}).size()));
   auto contest = panel::Contest::prepare(std::move(*panel), {options.world, options.policy_host});
   if (!contest) return refuse(config::kExitBadConfiguration, contest.error());
   if (!options.only.empty()) {
@@ -142,6 +163,7 @@ int run(const PanelRunOptions& options) {
   }
   panel::ArtifactManifest manifest = contest->manifest(plan.size());
   manifest.timing = timing_of(options);
+  manifest.shard = {shard->index, shard->count};
   auto rows = open_writer(options, manifest, contest->panel().text);
   if (!rows) return refuse(kExitFailed, "takt panel run: " + rows.error());
 
@@ -166,7 +188,8 @@ void add_panel_run(CLI::App& panel, int& exit_code) {
   command->add_option("--workers", options->workers, "processes that share the work; rows do not depend on it")
       ->check(CLI::Range(1, 1024));
   command->add_option("--shard", options->shard, "I/N: run only the I-th of N parts of the plan");
-  command->add_option("--robot", options->robot, "robot file instead of those that the panel names");
+  command->add_option("--robot", options->robot,
+                      "robot file instead of those that the panel names; of several tasks, only its own runs");
   command->add_option("--method", options->method, "run this one of the panel's methods");
   command->add_option("--seeds", options->seeds, "this many seeds from the first on, instead of the panel's count")
       ->check(CLI::Range(1, 1'000'000));

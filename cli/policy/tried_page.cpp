@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <set>
 #include <utility>
 #include <vector>
@@ -28,13 +29,19 @@ double ratio_of(const policy_host::Agreement& agreement) {
   return agreement.own_us / agreement.judge_us;
 }
 
+// "1.2e-07". Infinite: one of the two says NaN or infinity where the other says a number.
+std::string error_text(double error) {
+  return std::isinf(error) ? "NaN or infinity against a number" : fmt::format("{:.1e}", error);
+}
+
 std::string row_of(const TriedPolicy& row, const std::string& name) {
   const policy_host::Trial& trial = row.trial;
   std::string engine = trial.engine.empty() ? "none" : trial.engine;
   if (!trial.why.empty()) engine += ": " + trial.why;
   std::string error, time;
   if (row.agreement) {
-    error = fmt::format("{:.1e}", row.agreement->error);
+    error = error_text(row.agreement->error);
+    if (row.agreement->both_nan > 0) error += fmt::format(", both NaN {} times", row.agreement->both_nan);
     time = fmt::format("{:.1f} / {:.1f} us = {:.2f}", row.agreement->own_us, row.agreement->judge_us,
                        ratio_of(*row.agreement));
   } else if (!trial.unjudged.empty()) {
@@ -69,12 +76,12 @@ std::string summary_of(Rows rows) {
     engines.insert(row.trial.engine);
     if (!row.agreement) continue;
     ++judged;
-    if (!(row.agreement->error <= error)) error = row.agreement->error;
+    error = std::max(error, row.agreement->error);
   }
   std::string text = fmt::format("{} file{}, {} load", rows.size(), rows.size() == 1 ? "" : "s", loaded);
   const char* between = ": ";
   for (const std::string& engine : engines) text += std::exchange(between, ", ") + engine_text(rows, engine);
-  if (judged > 0) text += fmt::format("; {} judged, error at most {:.1e}", judged, error);
+  if (judged > 0) text += fmt::format("; {} judged, error at most {}", judged, error_text(error));
   return text + ".\n";
 }
 

@@ -1,19 +1,18 @@
 // takt bus up: the kernel's CAN interfaces get the bit timing of the robot file, so that it stands in one place only.
 #include <fmt/format.h>
-#include <net/if.h>
 
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <vector>
 
 #include "cli/command.hpp"
+#include "cli/robot/bus_up_steps.hpp"
 #include "cli/robot/direct_bus.hpp"
 #include "cli/robot/executive_guard.hpp"
 #include "cli/run/external_tool.hpp"
 #include "config/load.hpp"
-#include "drivers/bus/socketcan_bus.hpp"
+#include "drivers/bus/can_link.hpp"
 
 namespace takt::cli {
 namespace {
@@ -23,47 +22,24 @@ struct BusUpOptions {
   bool dry_run = false;
 };
 
-// A bus of 1 kHz that is down should not hide behind a long queue: frames older than a few periods are worthless. The
-// kernel's default of 10 is less than what twelve drives get in one period.
-constexpr std::size_t kFewestQueued = 32, kQueuedPerDrive = 8;
-// After bus-off the controller rejoins by itself; the executive latches the fault and disables the drives meanwhile.
-constexpr int kRestart_ms = 100;
-
-using Words = std::vector<std::string>;
-
-std::string line_of(const Words& words) {
-  std::string line;
-  for (const std::string& word : words) line += (line.empty() ? "" : " ") + word;
-  return line;
+LinkKind kind_of(const std::string& interface) {
+  const drivers::CanLink link = drivers::read_can_link(interface);
+  if (!link.exists || link.kind == "can") return LinkKind::controller;
+  return link.kind == "vcan" || link.kind == "vxcan" ? LinkKind::vcan : LinkKind::serial;
 }
 
-// What the robot file leaves to the kernel is not mentioned. `phase`: "d" for the data phase.
-void add_timing(const std::string& phase, double sample_point, std::uint32_t sjw, Words& words) {
-  if (sample_point > 0) words.insert(words.end(), {phase + "sample-point", fmt::format("{:.3f}", sample_point)});
-  if (sjw > 0) words.insert(words.end(), {phase + "sjw", std::to_string(sjw)});
-}
-
-std::vector<Words> commands_for(const config::RobotConfig& robot, std::size_t index) {
-  const config::Bus& bus = robot.buses[index];
-  std::size_t drives = 0;
-  for (const config::Joint& joint : robot.joints) drives += joint.bus == index ? 1 : 0;
-  const std::string queue = std::to_string(std::max(kFewestQueued, kQueuedPerDrive * drives));
-  std::vector<Words> all{{"ip", "link", "set", bus.interface, "down"}};
-  if (!drivers::SocketCanBus::is_virtual(bus.interface)) {  // a virtual one has no bit rate
-    Words type{"ip", "link", "set", bus.interface, "type", "can", "bitrate", std::to_string(bus.bitrate)};
-    add_timing("", bus.sample_point, bus.sjw, type);
-    if (bus.fd) {
-      type.insert(type.end(), {"dbitrate", std::to_string(bus.data_bitrate)});
-      add_timing("d", bus.data_sample_point, bus.data_sjw, type);
-      type.insert(type.end(), {"fd", "on"});
-    }
-    type.insert(type.end(), {"restart-ms", std::to_string(kRestart_ms)});
-    all.push_back(std::move(type));
-  } else if (bus.fd) {
-    all.push_back({"ip", "link", "set", bus.interface, "mtu", "72"});
-  }
-  all.push_back({"ip", "link", "set", bus.interface, "txqueuelen", queue, "up"});
-  return all;
+// What the controller took, held against the robot file: a kernel that takes a command need not do as it says.
+std::expected<void, Refusal> read_back(const config::Bus& bus, LinkKind kind) {
+  const drivers::CanLink link = drivers::read_can_link(bus.interface);
+  const std::string wrong = drivers::wrong_timing(bus, link);
+  if (!link.up || !wrong.empty())
+    return std::unexpected(Refusal{
+        kExitFailed, fmt::format("{} {}", bus.interface, link.up ? "has " + wrong : "did not stay up: see `dmesg`")});
+  fmt::print("{} is up for bus {}\n", bus.interface, bus.name);
+  if (kind == LinkKind::serial)
+    fmt::print("{}: the kernel knows no bit rate of it. Was slcand started with the option for {} bit/s?\n",
+               bus.interface, bus.bitrate);
+  return {};
 }
 
 std::expected<void, Refusal> bring_up(const config::RobotConfig& robot, std::size_t index, bool dry_run) {
@@ -72,27 +48,27 @@ std::expected<void, Refusal> bring_up(const config::RobotConfig& robot, std::siz
     return std::unexpected(Refusal{
         kExitUnavailable,
         fmt::format("this machine has no interface {}: plug the adapter in, or load its driver", bus.interface)});
-  for (const Words& words : commands_for(robot, index)) {
+  const LinkKind kind = kind_of(bus.interface);
+  for (const UpStep& step : up_steps(robot, index, kind)) {
     if (dry_run) {
-      fmt::print("{}\n", line_of(words));
+      fmt::print("{}\n", line_of(step.command));
       continue;
     }
-    const ToolResult result = run_tool(words);
+    const ToolResult result = run_tool(step.command);
     if (result.exit_code == kToolMissing)
       return std::unexpected(Refusal{kExitUnavailable, "`ip` is not installed: apt-get install iproute2"});
-    if (result.exit_code != 0)
-      return std::unexpected(
-          Refusal{kExitFailed, fmt::format("`{}` failed: {}; it needs root or CAP_NET_ADMIN", line_of(words),
-                                           result.output.substr(0, result.output.find('\n')))});
+    if (result.exit_code == 0) continue;
+    if (!step.is_restart) return std::unexpected(Refusal{kExitFailed, why_refused(step.command, result.output)});
+    fmt::print("{}: its driver does not restart the controller after bus-off; then `takt bus up` does\n",
+               bus.interface);
   }
-  if (!dry_run) fmt::print("{} is up for bus {}\n", bus.interface, bus.name);
-  return {};
+  return dry_run ? std::expected<void, Refusal>{} : read_back(bus, kind);
 }
 
-bool is_up(const std::string& interface) {
-  std::ifstream file("/sys/class/net/" + interface + "/flags");
-  unsigned flags = 0;
-  return (file >> std::hex >> flags) && (flags & IFF_UP) != 0;
+// A controller that is bus-off carries nothing that could be taken from under a robot.
+bool carries_frames(const std::string& interface) {
+  const drivers::CanLink link = drivers::read_can_link(interface);
+  return link.exists && link.up && link.controller_state != "BUS-OFF";
 }
 
 std::expected<int, Refusal> up(const BusUpOptions& options) {
@@ -104,7 +80,7 @@ std::expected<int, Refusal> up(const BusUpOptions& options) {
     const std::string& interface = robot->config.buses[index].interface;
     if (!options.interface.empty() && interface != options.interface) continue;
     chosen.push_back(index);
-    carries = carries || is_up(interface);
+    carries = carries || carries_frames(interface);
   }
   if (chosen.empty())
     return std::unexpected(
@@ -129,7 +105,9 @@ void add_bus_up(CLI::App& bus, int& exit_code) {
   command->footer(
       "Example: sudo takt bus up --robot robot.yaml\n"
       "takt-can@IFACE.service does this for one interface when its adapter appears.\n"
-      "Refused of interfaces that are up while the robot is armed: they go down before their bit rates change.\n"
+      "Refused of interfaces that are up while the robot is armed: they go down before their bit rates change. One "
+      "that is\n"
+      "bus-off is brought up anew at any time.\n"
       "Exit codes: 0 up, 1 armed, or the kernel refused, 64 command line, 65 configuration, 69 no such interface.");
   command->callback([options, &exit_code] {
     const auto done = up(*options);

@@ -46,8 +46,8 @@ std::expected<int, Refusal> set_zero(const BusZeroOptions& options) {
     return std::unexpected(
         Refusal{kExitFailed, fmt::format("joint {}: its drive does not answer, or is not disabled", joint.name)});
   const double before = listener.q();
-  const auto frame = drivers::zero_frame(joint.drive);
-  if (!frame) {
+  const auto frames = drivers::zero_frames(joint.drive);
+  if (frames.empty()) {
     fmt::print("joint {} reads {:.4f} rad; {} has no frame for that: write `offset: {:.4f} rad` into its drive\n",
                joint.name, before, config::name(joint.drive.protocol), joint.drive.offset - before);
     return kExitOk;
@@ -58,13 +58,15 @@ std::expected<int, Refusal> set_zero(const BusZeroOptions& options) {
         joint.name, before, joint.drive.offset);
     return kExitOk;
   }
-  (*bus)->send(*frame);
+  for (const drivers::CanFrame& frame : frames) (*bus)->send(frame);
   listener.settle();
   if (std::abs(listener.q() - joint.drive.offset) > kAtZero)
     return std::unexpected(
         Refusal{kExitFailed,
                 fmt::format("joint {} still reads {:.4f} rad: its drive did not take it", joint.name, listener.q())});
   fmt::print("joint {} read {:.4f} rad and reads {:.4f} rad now\n", joint.name, before, listener.q());
+  if (!drivers::keeps_zero(joint.drive))
+    fmt::print("its drive forgets this with its supply: after every power-up, set it again before you arm\n");
   return kExitOk;
 }
 

@@ -12,6 +12,7 @@
 #include "config/json_schema.hpp"
 #include "config/key_table.hpp"
 #include "config/load.hpp"
+#include "config/units.hpp"
 #include "evidence/judge/attestation.hpp"
 
 namespace takt::cli {
@@ -20,6 +21,7 @@ namespace {
 struct ConfigOptions {
   std::string file;
   bool json = false;
+  bool strict = false;        // check: cautions refuse
   std::string policy_host{};  // check: not ours
   std::string world{};        // check: plays the mechanics
 };
@@ -39,6 +41,25 @@ int refuse_file(const std::string& problems, bool json) {
   return config::kExitBadConfiguration;
 }
 
+std::string lines_of(const std::vector<std::string>& cautions) {
+  std::string lines;
+  for (const std::string& caution : cautions) lines += (lines.empty() ? "" : "\n") + caution;
+  return lines;
+}
+
+// Which silence breaks the contract by itself, next to how often the policy speaks.
+std::string contract_sentence(const config::RobotConfig& robot) {
+  const config::Freshness& contract = robot.freshness;
+  const Duration allowed{static_cast<std::int64_t>(contract.epsilon * static_cast<double>(contract.window.ns))};
+  std::string sentence =
+      fmt::format("a silence of {} beyond max_age {} violates it at once (epsilon x window)",
+                  config::format_duration(allowed + robot.control.period), config::format_duration(contract.max_age));
+  if (robot.policy && allowed < robot.policy->period)
+    sentence += fmt::format("; the policy answers every {}: one late answer may be enough",
+                            config::format_duration(robot.policy->period));
+  return sentence;
+}
+
 int check(const ConfigOptions& options) {
   const auto checked = check_robot_file(options.file);
   if (!checked) return refuse_file(checked.error(), options.json);
@@ -47,13 +68,15 @@ int check(const ConfigOptions& options) {
   if (const std::string plant = refused_by_plant(robot, options.world); !plant.empty())
     refused += (refused.empty() ? "" : "\n") + plant;
   if (!refused.empty()) return refuse_file(refused, options.json);
+  const std::vector<std::string> cautions = cautions_of(robot);
+  if (options.strict && !cautions.empty()) return refuse_file(lines_of(cautions), options.json);
   if (options.json) {
     nlohmann::json buses = nlohmann::json::array();
     for (const drivers::BusLoad& load : checked->loads)
       buses.push_back({{"bus", load.bus}, {"drives", load.drives}, {"load", load.load}, {"undivided", load.undivided}});
     const nlohmann::json json{
-        {"valid", true},         {"robot", robot.robot},           {"joints", robot.joints.size()},
-        {"buses", buses},        {"cautions", cautions_of(robot)}, {"shown", panel::standing_of(robot).shown},
+        {"valid", true},         {"robot", robot.robot}, {"joints", robot.joints.size()},
+        {"buses", buses},        {"cautions", cautions}, {"shown", panel::standing_of(robot).shown},
         {"sha256", robot.sha256}};
     fmt::print("{}\n", json.dump());
     return kExitOk;
@@ -65,7 +88,8 @@ int check(const ConfigOptions& options) {
                    ? fmt::format("; every drive in every tick would take {:.0f} %", 100 * load.undivided)
                    : "");
   for (const std::string& shown : panel::standing_of(robot).shown) fmt::print("shown: {}\n", shown);
-  for (const std::string& caution : cautions_of(robot)) fmt::print("note: {}\n", caution);
+  fmt::print("contract: {}\n", contract_sentence(robot));
+  for (const std::string& caution : cautions) fmt::print("note: {}\n", caution);
   return kExitOk;
 }
 
@@ -101,6 +125,7 @@ void add_config(CLI::App& app, int& exit_code) {
                        "Also what takt-policy-host would refuse of an ONNX policy, and takt-plant of `simulation`.\n"
                        "Exit codes: 0 valid, 65 not (one line per problem: file:line:column: what; how to mend).",
                        check);
+  parent->get_subcommand("check")->add_flag("--strict", checked->strict, "refuse a file with notes, too");
   parent->get_subcommand("check")->add_option(
       "--policy-host", checked->policy_host,
       "program that `takt run` will start instead of takt-policy-host: the policy is its own affair");

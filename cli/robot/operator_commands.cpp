@@ -1,7 +1,10 @@
 // takt arm, stop, reset, mark, status: one request to the executive each.
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <cstdio>
+#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -10,6 +13,7 @@
 #include "cli/running_robots.hpp"
 #include "config/load.hpp"
 #include "config/paths.hpp"
+#include "config/printable.hpp"
 #include "executive/ipc/rendezvous.hpp"
 
 namespace takt::cli {
@@ -24,13 +28,33 @@ struct OperatorOptions {
   bool now = false;
 };
 
+// The value of `robot: NAME`, at the beginning of a line. Nothing else in the file is looked at: a robot can be stopped
+// while its file is being edited, and without what reads all of it.
+std::expected<std::string, Refusal> robot_named_in(const std::string& path) {
+  constexpr std::string_view kKey = "robot:", kSpace = " \t\r";
+  std::ifstream file(path);
+  for (std::string line; std::getline(file, line);) {
+    std::string_view value = line;
+    if (!value.starts_with(kKey)) continue;
+    value = value.substr(0, value.find('#')).substr(kKey.size());
+    value.remove_prefix(std::min(value.find_first_not_of(kSpace), value.size()));
+    value = value.substr(0, value.find_last_not_of(kSpace) + 1);
+    if (value.size() >= 2 && (value.front() == '"' || value.front() == '\'') && value.back() == value.front())
+      value = value.substr(1, value.size() - 2);
+    if (!value.empty()) return std::string(value);
+  }
+  return std::unexpected(Refusal{config::kExitBadConfiguration,
+                                 fmt::format("{}: {}; name the robot's --runtime-dir", config::printable(path),
+                                             file.eof() ? "no line begins with `robot: NAME`" : "cannot be read")});
+}
+
 std::expected<std::string, Refusal> runtime_dir_of(const OperatorOptions& options) {
   if (!options.runtime_dir.empty()) return options.runtime_dir;
   std::string name;
   if (!options.robot_file.empty()) {
-    const auto robot = config::load(options.robot_file);
-    if (!robot) return std::unexpected(Refusal{config::kExitBadConfiguration, robot.error()});
-    name = robot->robot;
+    auto named = robot_named_in(options.robot_file);
+    if (!named) return std::unexpected(named.error());
+    name = std::move(*named);
   }
   auto running = the_running_robot(places_of_this_user(), name);
   if (!running) return std::unexpected(running.error());
@@ -119,6 +143,11 @@ void add_status(CLI::App& app, int& exit_code) {
   add(app, exit_code, OperatorVerb::status, "status", "Mode, age of the command, misses, overruns.",
       "Example: takt status --json\n"
       "Exit codes: 0 running, 64 several run, 65 configuration, 69 none runs.");
+}
+
+std::span<const AddCommand> operator_commands() {
+  static constexpr std::array kCommands{add_arm, add_stop, add_reset, add_mark, add_status};
+  return kCommands;
 }
 
 }  // namespace takt::cli

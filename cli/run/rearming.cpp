@@ -1,5 +1,7 @@
 #include "cli/run/rearming.hpp"
 
+#include <utility>
+
 namespace takt::cli {
 
 OperatorStep Rearming::next(Mode mode, Duration now) {
@@ -9,9 +11,11 @@ OperatorStep Rearming::next(Mode mode, Duration now) {
     case Mode::tracking:
     case Mode::degraded:
       stopped_at_.reset();
+      looked_ = false;
       return OperatorStep::none;
     case Mode::standby:
-      return stopped_at_ ? OperatorStep::arm : OperatorStep::none;
+      if (!stopped_at_) return OperatorStep::none;
+      return std::exchange(looked_, true) ? OperatorStep::arm : OperatorStep::reset;
     case Mode::damped_stop:
     case Mode::fault_latched:
       if (!stopped_at_) stopped_at_ = now;

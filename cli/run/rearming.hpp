@@ -1,6 +1,6 @@
 // The person who ends stops, in real time, by the rule of the simulated one (evidence/rollout/operator.hpp): `after` a
-// stop or fault began, reset, and arm again once nothing blocks it. Knows what a person could see: the executive's
-// status. Pure. Thread rule: one thread at a time.
+// stop or fault began, reset, reset in standby (joints stand where they read), and arm again once nothing blocks it.
+// Knows what a person could see: the executive's status. Pure. Thread rule: one thread at a time.
 #pragma once
 
 #include <cstdint>
@@ -29,6 +29,7 @@ class Rearming {
  private:
   std::optional<Duration> after_;
   std::optional<Duration> stopped_at_;  // none: no stop since the robot was last armed
+  bool looked_ = false;                 // in standby, since then
 };
 
 }  // namespace takt::cli

@@ -113,9 +113,6 @@ std::string status_text(const StatusSnapshot& status, const IncidentNote& incide
   for (std::size_t arrival = 2; arrival < kArrivalCount; ++arrival)
     if (status.arrivals[arrival] != 0)
       text += fmt::format("           {} {}\n", status.arrivals[arrival], name(static_cast<Arrival>(arrival)));
-  if (const SpeculationRecord& s = tick.speculation; s.taken + s.outdone + s.unmatched + s.dropped + s.waiting != 0)
-    text += fmt::format("speculated {} taken, {} outdone, {} unmatched, {} dropped, {} waiting\n", s.taken, s.outdone,
-                        s.unmatched, s.dropped, s.waiting);
   const bool hot = (tick.causes_active >> static_cast<unsigned>(Cause::temperature_high) & 1U) != 0;
   text += fmt::format("drives     {}{}\n", tick.drives_enabled != 0 ? "enabled" : "disabled",
                       hot ? "; hotter than a warning of limits.temperature (takt top says which)" : "");
@@ -172,13 +169,6 @@ nlohmann::json status_json(const StatusSnapshot& status, const IncidentNote& inc
           {"fallback_age_ns", tick.fallback.age.ns},
           {"candidate_pid", status.candidate_pid},
           {"candidate", candidate_json(tick.candidate)},
-          {"speculation",
-           {{"taken", tick.speculation.taken},
-            {"outdone", tick.speculation.outdone},
-            {"unmatched", tick.speculation.unmatched},
-            {"dropped", tick.speculation.dropped},
-            {"waiting", tick.speculation.waiting}}},
-          {"is_speculative", tick.is_speculative != 0},
           {"command_policy", fmt::format("{:016x}", tick.command_policy)},
           {"monitor_pid", status.monitor_pid},
           {"recorded_through", tick.recorded_through},

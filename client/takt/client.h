@@ -157,8 +157,9 @@ typedef struct takt_observation {
 } takt_observation;
 
 /* What a speculative chunk assumes: where the joints are, joint_count values each, at an instant after the observation
- * that it answers. Its step 0 is meant for that instant. Several for one instant are alternatives: the executive plays
- * the nearest to what it then senses, within the robot file's policy.speculation, or none. */
+ * that it answers. Its step 0 is meant for that instant. It waits in this library, up to 8 of them: the first
+ * observation published at or after the instant is compared, and answered by the nearest one that matches within the
+ * robot file's policy.speculation, or by none. That answer's age counts from the samples that the chunk rests on. */
 typedef struct takt_assumption {
   uint32_t size;     /* sizeof(takt_assumption) */
   uint32_t reserved; /* 0 */
@@ -179,6 +180,16 @@ typedef struct takt_chunk {
   const float* tau_ff;            /* Nm, or NULL */
   const takt_assumption* assumes; /* NULL: it is meant for the observation that it answers */
 } takt_chunk;
+
+/* What became of the chunks with an assumption, since takt_policy_open. Those that are in none of the last four wait.
+ */
+typedef struct takt_alternatives {
+  uint64_t kept;
+  uint64_t taken;     /* matched, were the nearest, and were published */
+  uint64_t outdone;   /* matched too, and another was nearer */
+  uint64_t unmatched; /* the state was another */
+  uint64_t dropped;   /* never compared: too old, too many, their observation was missed, or what was remembered went */
+} takt_alternatives;
 
 typedef struct takt_policy takt_policy;
 
@@ -205,10 +216,10 @@ int takt_policy_infer_end(takt_policy* policy);
 
 /* Answers the observation returned last; the values are copied before it returns. Values travel as they are: the
  * executive refuses a chunk that is not finite, and clamps and counts what is out of a joint's range. Never waits. May
- * be called several times for one observation: where the robot file has policy.speculation the executive reads them in
- * order, one per control period, and up to 8 wait for it; else only the newest counts. Returns OK, USAGE (also for dq
- * where the robot file's interpolation has none, or lacks one, and for an assumption where it has no
- * policy.speculation), BUG.
+ * be called several times for one observation: only the newest counts, and of chunks with an assumption each waits for
+ * its instant. What the robot is sent has the earlier answers mixed in where the robot file's policy.action.join is
+ * blend, ensemble, align or quintic. Returns OK, USAGE (also for dq where the robot file's interpolation has none, or
+ * lacks one, and for an assumption where it has no policy.speculation), BUG.
  * Behind the chunk the recorder is told what the observation showed, images by name, unless the robot file says
  * record.policy_inputs: false (docs/policies.md). */
 int takt_policy_publish(takt_policy* policy, const takt_chunk* chunk);
@@ -216,6 +227,7 @@ int takt_policy_publish(takt_policy* policy, const takt_chunk* chunk);
 /* Valid until takt_policy_close; never NULL. */
 const takt_robot* takt_policy_robot(const takt_policy* policy);
 const takt_observation* takt_policy_observation(const takt_policy* policy);
+const takt_alternatives* takt_policy_alternatives(const takt_policy* policy);
 /* The sensor of this name; NULL: the robot file lists none. */
 const takt_stream* takt_policy_stream(const takt_policy* policy, const char* name);
 /* Why the last call did not return OK; empty where there is nothing to say. Valid until the next call. */

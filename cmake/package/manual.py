@@ -260,6 +260,8 @@ def main():
     for help_ in pages:
         path = out / "man/man1" / ("-".join(help_.words) + ".1.gz")
         path.write_bytes(gzip.compress(page(help_, version, pages).encode(), 9, mtime=0))
+    # Runs every command that `takt` hands on: same pages.
+    (out / "man/man1/takt-operate.1.gz").write_bytes(gzip.compress(b".so man1/takt.1\n", 9, mtime=0))
     folder = out / "bash-completion/completions"
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "takt").write_text(completion(programs))

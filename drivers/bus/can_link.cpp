@@ -150,7 +150,8 @@ CanLink can_link_of(std::span<const std::byte> answer) {
   link.up = (body->ifi_flags & IFF_UP) != 0;
   link.queue_length = first<std::uint32_t>(attribute(attributes, IFLA_TXQLEN)).value_or(0);
   const Bytes info = attribute(attributes, IFLA_LINKINFO);
-  link.is_virtual = text(attribute(info, IFLA_INFO_KIND)) != "can";
+  link.kind = text(attribute(info, IFLA_INFO_KIND));
+  link.is_virtual = link.kind != "can";
   const Bytes data = attribute(info, IFLA_INFO_DATA);
   read_timing(data, link);
   read_controller(data, attribute(info, IFLA_INFO_XSTATS), link);

@@ -15,7 +15,8 @@ namespace takt::drivers {
 
 struct CanLink {
   bool exists = false;
-  bool is_virtual = false;  // vcan: no bit timing, no counters
+  std::string kind;         // the kernel's word: "can", "vcan"; empty: none, as of slcan before Linux 6.0
+  bool is_virtual = false;  // not "can": no bit timing, no counters
   bool up = false;
   std::string controller_state;  // "ERROR-ACTIVE", "ERROR-PASSIVE", "BUS-OFF", ... as ip-link(8) prints it
   // Of the arbitration phase and, for FD, of the data phase; 0: the kernel does not know (slcan, set over its line).

@@ -79,12 +79,26 @@ void set_limits(const config::Joint& joint, Duration period, JointFacts& facts) 
   facts.q_low = narrow(limits.q_min - limits.position_margin);
   facts.q_high = narrow(limits.q_max + limits.position_margin);
   facts.velocity = narrow(limits.velocity);
+  facts.position_step = narrow(limits.velocity * period.seconds());
+  facts.velocity_hard = narrow(limits.velocity_hard);
   facts.damping = narrow(joint.damping);
   if (joint.passive) return;  // no gains, no torque
   facts.torque = narrow(limits.torque);
   facts.torque_step = narrow(limits.torque_rate * period.seconds());
   facts.kp = narrow(limits.kp);
   facts.kd = narrow(limits.kd);
+}
+
+// The largest power of ten, down to whole microseconds, of which the period is 1 to 255.
+void set_interpolation(Duration period, JointFacts& facts) {
+  std::int64_t unit = 1'000'000'000;
+  for (int exponent = 0; exponent >= -6; --exponent, unit /= 10) {
+    const std::int64_t value = period.ns / unit;
+    if (value < 1 || value > 255 || value * unit != period.ns) continue;
+    facts.interpolation_value = static_cast<std::uint8_t>(value);
+    facts.interpolation_exponent = static_cast<std::uint8_t>(exponent);
+    return;
+  }
 }
 
 // One count of object 60FF, rad/s.
@@ -133,6 +147,7 @@ JointFacts facts_of(const config::RobotConfig& robot, std::size_t index) {
   facts.bus = joint.bus;
   set_drive(joint.drive, facts);
   set_limits(joint, config::turn_of(robot, joint), facts);
+  set_interpolation(robot.control.period, facts);
   // docs/drives.md: a moteus stops by itself after the rest of the command's life, but no sooner than this.
   facts.shortest_watchdog = std::clamp(robot.feedback.timeout, milliseconds(20), milliseconds(100));
   facts.rounding = wire_rounding(facts);

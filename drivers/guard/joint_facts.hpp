@@ -33,6 +33,8 @@ struct JointFacts {
   // limits
   float q_low = 0, q_high = 0;  // margins included
   float velocity = 0, torque = 0, torque_step = 0, kp = 0, kd = 0;
+  float position_step = 0;  // rad, at the velocity limit in one period
+  float velocity_hard = 0;  // rad/s, faster than that no joint is left alone
   float damping = 0;
   // drive side, as the protocol needs them
   float ratio = 1, offset = 0;  // q_joint = q_motor / ratio + offset; ratio has the direction's sign
@@ -41,6 +43,8 @@ struct JointFacts {
   float torque_range = 0, torque_per_mille = 0;
   double rad_per_count = 0, rad_s_per_count = 0;
   Duration shortest_watchdog;
+  // Object 60C2: value * 10^exponent seconds, as its bytes; 0: the period has no such form.
+  std::uint8_t interpolation_value = 0, interpolation_exponent = 0;
   // How far apart what was decided and what the wire says may lie.
   Motion rounding;
 };
@@ -62,11 +66,13 @@ struct Demand {
   Duration valid_for{};   // how long the drive will obey; 0: the frame does not say
 };
 
-// The torque of the last frame that drove the joint.
-struct LastTorque {
+// What the last frame that drove the joint told its drive.
+struct LastTold {
   float torque = 0;
-  float doubt = 0;         // of it
-  bool is_passive = true;  // it asked for nothing
+  float doubt = 0;            // of it
+  bool is_passive = true;     // it asked for nothing
+  float q = 0;                // of a drive with a position loop of its own
+  bool has_position = false;  // such a drive was told one since it was off
 };
 
 }  // namespace takt::drivers::guard

@@ -39,24 +39,31 @@ bool is_near(float a, float b, float tolerance) noexcept {
   return std::abs(a - b) <= tolerance;  // false for NaN
 }
 
-// No torque, or one that only brakes what the estimate says is moving.
-bool is_damping(float tau, const JointFacts& facts, const Moment& moment, const JointRecord& record) noexcept {
-  if (std::abs(tau) <= facts.rounding.tau) return true;
-  const float speed = record.dq_estimate;
-  return moment.heard && tau * speed <= 0 && std::abs(tau) <= facts.kd * std::abs(speed) + facts.rounding.tau;
-}
-
-bool asks_for_nothing(const JointFacts& facts, const Motion& asked, const Moment& moment,
-                      const JointRecord& record) noexcept {
+// No stiffness, no torque, and no motion but what the drive damps by its own measurement.
+bool asks_for_nothing(const JointFacts& facts, const Motion& asked, const JointRecord& record) noexcept {
   switch (facts.law) {
     case Law::fields:
     case Law::torque:
       return asked.kp == 0 && (asked.kd == 0 || std::abs(asked.dq) <= facts.rounding.dq) &&
-             is_damping(asked.tau, facts, moment, record);
+             std::abs(asked.tau) <= facts.rounding.tau;
     case Law::velocity:
       return std::abs(asked.dq) <= facts.rounding.dq;
     case Law::position:
-      return is_near(asked.q, record.feedback.q, facts.rounding.q);
+      return record.feedback.received_at.is_set() && is_near(asked.q, record.feedback.q, facts.rounding.q);
+  }
+  return false;
+}
+
+// What a drive that is to be off may be told: neither damping nor anything that switches it on.
+bool leaves_it_off(const JointFacts& facts, const Motion& asked) noexcept {
+  switch (facts.protocol) {
+    case config::DriveProtocol::mit:
+    case config::DriveProtocol::robstride:
+    case config::DriveProtocol::odrive:
+      return asked.kd <= facts.rounding.kd;
+    case config::DriveProtocol::moteus:  // position mode, operation enabled: the frame is what switches it on
+    case config::DriveProtocol::cia402:
+      return false;
   }
   return false;
 }
@@ -72,18 +79,33 @@ bool outlives_the_command(const JointFacts& facts, const Demand& demand, const M
   return demand.valid_for > std::max(left, facts.shortest_watchdog) + kFloatOfSeconds;
 }
 
-bool exceeds_slew(const JointFacts& facts, Torque torque, const LastTorque& last) noexcept {
-  const float low = last.is_passive ? std::min(last.torque, 0.0F) : last.torque;
-  const float high = last.is_passive ? std::max(last.torque, 0.0F) : last.torque;
-  const float step = facts.torque_step + torque.doubt + last.doubt;
-  return torque.value < low - step || torque.value > high + step;
+bool exceeds_slew(const JointFacts& facts, Torque torque, const LastTold& last) noexcept {
+  const Range allowed = torques_within_slew(facts, last);
+  const float doubt = torque.doubt + last.doubt;
+  return !(torque.value >= allowed.low - doubt && torque.value <= allowed.high + doubt);
 }
 
-WireVerdict judge_limits(const JointFacts& facts, const Motion& asked, Torque torque, const LastTorque& last) noexcept {
+// Of a drive with a position loop of its own: one period at the velocity limit, from where it was told to be. Nearer to
+// where the joint is pushes nowhere. A drive that was told no position of ours starts where the joint was heard, and
+// that is as far from where it is by now as the joint may have moved.
+bool jumps(const JointFacts& facts, float q, const Moment& moment, const JointRecord& record,
+           const LastTold& last) noexcept {
+  const float at = record.feedback.q;
+  const bool is_led = last.has_position && !last.is_passive;
+  const Duration age = std::max(moment.decided_at - record.feedback.received_at, Duration{});
+  const float moved = is_led ? 0.0F : facts.velocity_hard * static_cast<float>(age.seconds()) + facts.position_step;
+  const float from = last.has_position ? last.q : at;
+  const float step = facts.position_step + 2 * facts.rounding.q;
+  return !(q >= std::min(from, at - moved) - step && q <= std::max(from, at + moved) + step);
+}
+
+WireVerdict judge_limits(const JointFacts& facts, const Motion& asked, Torque torque, const Moment& moment,
+                         const JointRecord& record, const LastTold& last) noexcept {
   const Motion& r = facts.rounding;
   const bool moves_to = asked.kp > 0 || facts.law == Law::position;
   if (moves_to && (asked.q < facts.q_low - r.q || asked.q > facts.q_high + r.q)) return WireVerdict::position;
   if (std::abs(asked.dq) > facts.velocity + r.dq) return WireVerdict::velocity;
+  if (facts.law == Law::position && jumps(facts, asked.q, moment, record, last)) return WireVerdict::velocity;
   if (!has_torque(facts.law)) return WireVerdict::allowed;
   const bool of_its_own = std::abs(asked.tau) > facts.torque + r.tau;
   const bool too_much = of_its_own || std::abs(torque.value) > facts.torque + torque.doubt;
@@ -109,11 +131,10 @@ bool is_as_decided(const JointFacts& facts, const Motion& asked, const JointReco
 }
 
 WireVerdict judge_push(const JointFacts& facts, const Motion& asked, Torque torque, const Moment& moment,
-                       const JointRecord& record, const LastTorque& last) noexcept {
-  if (!moment.enabled) return WireVerdict::misplaced;
+                       const JointRecord& record, const LastTold& last) noexcept {
   if (moment.valid_until.is_set() && moment.now > moment.valid_until) return WireVerdict::expired;
   if (!moment.heard) return WireVerdict::feedback_lost;
-  const WireVerdict verdict = judge_limits(facts, asked, torque, last);
+  const WireVerdict verdict = judge_limits(facts, asked, torque, moment, record, last);
   if (verdict != WireVerdict::allowed) return verdict;
   return is_as_decided(facts, asked, record) ? WireVerdict::allowed : WireVerdict::differs;
 }
@@ -126,25 +147,41 @@ Torque within(Torque torque, float most, float ratio) noexcept {
 }
 
 WireVerdict judge_drive(const JointFacts& facts, const Demand& demand, const Moment& moment, const JointRecord& record,
-                        LastTorque& last) noexcept {
+                        LastTold& last) noexcept {
   const Motion& asked = demand.motion;
   const Torque torque = within(torque_of(facts, asked, record), demand.torque_most, facts.ratio);
-  const bool passive = asks_for_nothing(facts, asked, moment, record);
+  const bool passive = asks_for_nothing(facts, asked, record);
   // Damping needs no estimate: whatever the record says, the drive brakes what it measures itself.
   if (!is_finite(asked) || (!passive && !std::isfinite(torque.value))) return WireVerdict::not_finite;
   if (exceeds_gains(facts, asked)) return WireVerdict::gain;
+  if (!moment.enabled) {
+    if (!passive || !leaves_it_off(facts, asked)) return WireVerdict::misplaced;
+    last = {};
+    return WireVerdict::allowed;
+  }
   if (outlives_the_command(facts, demand, moment)) return WireVerdict::expired;
   const bool own_limit_holds = demand.torque_most == 0 || demand.torque_most <= facts.torque_range;  // false for NaN
   if (!own_limit_holds) return WireVerdict::torque;
   const WireVerdict verdict = passive ? WireVerdict::allowed : judge_push(facts, asked, torque, moment, record, last);
-  if (verdict == WireVerdict::allowed) last = {torque.value, torque.doubt, passive};
+  if (verdict == WireVerdict::allowed)
+    last = {.torque = std::isfinite(torque.value) ? torque.value : 0.0F,
+            .doubt = std::isfinite(torque.doubt) ? torque.doubt : 0.0F,
+            .is_passive = passive,
+            .q = asked.q,
+            .has_position = facts.law == Law::position};
   return verdict;
 }
 
 }  // namespace
 
+Range torques_within_slew(const JointFacts& facts, const LastTold& last) noexcept {
+  const float step = facts.torque_step;
+  return {(last.is_passive ? std::min(last.torque, 0.0F) : last.torque) - step,
+          (last.is_passive ? std::max(last.torque, 0.0F) : last.torque) + step};
+}
+
 WireVerdict judge(const JointFacts& facts, const Demand& demand, const Moment& moment, const JointRecord& record,
-                  LastTorque& last) noexcept {
+                  LastTold& last) noexcept {
   switch (demand.kind) {
     case Demand::Kind::unknown:
       return WireVerdict::unknown_frame;

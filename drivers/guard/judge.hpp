@@ -1,4 +1,6 @@
 // Whether a demand keeps the contract. Pure; `last` is updated by what may leave.
+//
+// No torque is excused for braking: one that brakes by a wrong estimate pushes.
 #pragma once
 
 #include "drivers/guard/joint_facts.hpp"
@@ -14,6 +16,12 @@ struct Moment {
 };
 
 WireVerdict judge(const JointFacts& facts, const Demand& demand, const Moment& moment, const JointRecord& record,
-                  LastTorque& last) noexcept;
+                  LastTold& last) noexcept;
+
+// As far from the last torque as one period allows. After frames that asked for nothing, from theirs or from none.
+struct Range {
+  float low = 0, high = 0;
+};
+Range torques_within_slew(const JointFacts& facts, const LastTold& last) noexcept;
 
 }  // namespace takt::drivers::guard

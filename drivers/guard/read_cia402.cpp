@@ -62,11 +62,6 @@ Demand read_rpdo(const JointFacts& facts, const CanFrame& frame) noexcept {
   }
 }
 
-// A time of at most a second, after which the drive gives up by itself.
-bool is_deadline(std::uint32_t ms) noexcept {
-  return ms >= 1 && ms <= 1000;
-}
-
 // Motor side. Where the drive closes its own loop, this is the joint's limit; elsewhere frames keep that.
 float most_torque(const JointFacts& facts) noexcept {
   const float joint_limit = facts.torque / std::abs(facts.ratio);
@@ -74,19 +69,79 @@ float most_torque(const JointFacts& facts) noexcept {
   return own_loop ? std::min(facts.torque_range, joint_limit) : facts.torque_range;
 }
 
-// Process data, heartbeat, mode, period and watchdog; no torque beyond the drive's range; nothing that scales or
-// stores.
-bool is_known_setting(const JointFacts& facts, std::uint32_t index, std::uint32_t sub, std::uint32_t value) noexcept {
-  constexpr std::array<std::uint32_t, 9> kProcessData{0x1400, 0x1800, 0x1801, 0x1802, 0x1803,
-                                                      0x1A00, 0x1017, 0x60C2, 0x1600};
-  const ModeOnTheWire expected = on_the_wire(facts.mode);
-  if (index == 0x6060) return value == expected.mode;
-  if (index == 0x6007) return value == 1;
-  if (index == 0x1016) return value >> 16 == kHost && is_deadline(value & 0xFFFF);
-  if (index == 0x6072) return static_cast<float>(value) * facts.torque_per_mille <= most_torque(facts) * 1.0001F;
-  const std::array<std::uint32_t, 3> map{0x6040'0010, 0x6060'0008, expected.target_map};
-  if (index == 0x1600 && sub != 0) return sub <= map.size() && value == map[sub - 1];
-  return std::ranges::find(kProcessData, index) != kProcessData.end();
+// What a row's value depends on.
+enum class Of : std::uint8_t { fixed, node, mode, target_map, period, period_exponent, largest_torque };
+
+// One object that set-up writes: where it is, how many bytes it has, and the only value that it may get; `of` other
+// than fixed adds what the joint says, or is it.
+struct Setting {
+  std::uint16_t index;
+  std::uint8_t sub, bytes;
+  std::uint32_t value;
+  Of of = Of::fixed;
+};
+
+constexpr std::uint32_t kOff = 0x8000'0000, kNoRemote = 0x4000'0000;  // of a PDO's COB-ID
+constexpr std::uint32_t kDeadline_ms = 50;                            // after which the drive gives up by itself
+constexpr std::uint32_t kItsHeartbeat_ms = 100;
+
+// Nothing that scales, stores, or listens to another node. All of it is for a joint that is to be off.
+constexpr Setting kSettings[] = {
+    {0x1400, 1, 4, kOff + 0x200, Of::node},  // what commands the drive: off, ...
+    {0x1400, 1, 4, 0x200, Of::node},         // ... and ours
+    {0x1400, 2, 1, 1},                       // at every SYNC
+    {0x1400, 5, 2, kDeadline_ms},
+    {0x1600, 0, 1, 0},
+    {0x1600, 0, 1, 3},
+    {0x1600, 1, 4, 0x6040'0010},
+    {0x1600, 2, 4, 0x6060'0008},
+    {0x1600, 3, 4, 0, Of::target_map},
+    {0x1800, 1, 4, kOff + kNoRemote + 0x180, Of::node},  // what it reports
+    {0x1800, 1, 4, kNoRemote + 0x180, Of::node},
+    {0x1800, 2, 1, 1},
+    {0x1A00, 0, 1, 0},
+    {0x1A00, 0, 1, 3},
+    {0x1A00, 1, 4, 0x6041'0010},
+    {0x1A00, 2, 4, 0x6064'0020},
+    {0x1A00, 3, 4, 0x6077'0010},
+    {0x1801, 1, 4, kOff + kNoRemote + 0x280, Of::node},
+    {0x1802, 1, 4, kOff + kNoRemote + 0x380, Of::node},
+    {0x1803, 1, 4, kOff + kNoRemote + 0x480, Of::node},
+    {0x1016, 1, 4, kHost << 16U | kDeadline_ms},  // our heartbeat
+    {0x1017, 0, 2, kItsHeartbeat_ms},
+    {0x6007, 0, 2, 1},  // the loss of ours is a fault
+    {0x6060, 0, 1, 0, Of::mode},
+    {0x60C2, 1, 1, 0, Of::period},
+    {0x60C2, 2, 1, 0, Of::period_exponent},
+    {0x6072, 0, 2, 0, Of::largest_torque},
+};
+
+bool may_be(const Setting& row, const JointFacts& facts, std::uint32_t value) noexcept {
+  switch (row.of) {
+    case Of::fixed:
+      return value == row.value;
+    case Of::node:
+      return value == row.value + facts.id;
+    case Of::mode:
+      return value == on_the_wire(facts.mode).mode;
+    case Of::target_map:
+      return value == on_the_wire(facts.mode).target_map;
+    case Of::period:
+      return facts.interpolation_value != 0 && value == facts.interpolation_value;
+    case Of::period_exponent:
+      return facts.interpolation_value != 0 && value == facts.interpolation_exponent;
+    case Of::largest_torque:  // no more than it; 0 is none
+      return value > 0 && static_cast<float>(value) * facts.torque_per_mille <= most_torque(facts) * 1.0001F;
+  }
+  return false;
+}
+
+bool is_known_setting(const JointFacts& facts, const std::uint8_t* sdo) noexcept {
+  constexpr std::array<std::uint8_t, 5> kCommands{0, 0x2F, 0x2B, 0x27, 0x23};  // by the number of bytes
+  const std::uint32_t index = little16(sdo + 1), value = little32(sdo + 4);
+  return std::ranges::any_of(kSettings, [&](const Setting& row) {
+    return row.index == index && row.sub == sdo[3] && kCommands[row.bytes] == sdo[0] && may_be(row, facts, value);
+  });
 }
 
 Demand read_sdo(const JointFacts& facts, const CanFrame& frame) noexcept {
@@ -94,10 +149,7 @@ Demand read_sdo(const JointFacts& facts, const CanFrame& frame) noexcept {
   if (frame.length != 8) return {};
   // Reading: an object, its next segment, and the end of that.
   if (command == 0x40 || command == 0x60 || command == 0x70 || command == 0x80) return of_kind(Demand::Kind::aside);
-  const bool writes = command == 0x23 || command == 0x27 || command == 0x2B || command == 0x2F;
-  const bool known =
-      writes && is_known_setting(facts, little16(frame.data + 1), frame.data[3], little32(frame.data + 4));
-  return of_kind(known ? Demand::Kind::configure : Demand::Kind::unknown);
+  return of_kind(is_known_setting(facts, frame.data) ? Demand::Kind::configure : Demand::Kind::unknown);
 }
 
 Demand read_nmt(const JointFacts& facts, const CanFrame& frame) noexcept {

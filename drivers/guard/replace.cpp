@@ -7,6 +7,7 @@
 #include <initializer_list>
 #include <numbers>
 
+#include "drivers/guard/judge.hpp"
 #include "drivers/guard/wire_bytes.hpp"
 
 namespace takt::drivers::guard {
@@ -130,6 +131,37 @@ std::int32_t cia402_target(const JointFacts& facts, float motor_torque, double m
   return 0;
 }
 
+// Of the slower of the two that measure it; 0: they do not agree on a direction. NaN agrees with nothing.
+float agreed_speed(const JointRecord& record) noexcept {
+  const float estimate = record.dq_estimate, own = record.feedback.dq;
+  if (!(std::isfinite(estimate) && std::isfinite(own) && estimate * own > 0)) return 0;
+  return std::abs(estimate) < std::abs(own) ? estimate : own;
+}
+
+float braking_torque(const JointFacts& facts, const JointRecord& record, const LastTold& last) noexcept {
+  const float speed = agreed_speed(record);
+  const float wanted = std::clamp(-facts.damping * speed, -facts.torque, facts.torque);
+  const Range slew = torques_within_slew(facts, last);
+  return std::clamp(wanted, std::min(slew.low, 0.0F), std::max(slew.high, 0.0F));
+}
+
+// At the estimate, where the drive damps by its own measurement: what the tick's next torque starts from.
+float torque_of_damping(const JointFacts& facts, const JointRecord& record, bool heard, const LastTold& last) noexcept {
+  if (!heard) return 0;
+  switch (facts.protocol) {
+    case DriveProtocol::mit:
+    case DriveProtocol::robstride: {
+      const float torque = -facts.damping * record.dq_estimate;
+      return std::isfinite(torque) ? std::clamp(torque, -facts.torque, facts.torque) : 0.0F;
+    }
+    case DriveProtocol::odrive:
+    case DriveProtocol::moteus:
+    case DriveProtocol::cia402:
+      return braking_torque(facts, record, last);
+  }
+  return 0;
+}
+
 }  // namespace
 
 CanFrame disable_frame(const JointFacts& facts) noexcept {
@@ -148,14 +180,17 @@ CanFrame disable_frame(const JointFacts& facts) noexcept {
   return {};
 }
 
-float damping_torque(const JointFacts& facts, const JointRecord& record, bool heard) noexcept {
-  const float torque = -facts.damping * record.dq_estimate;
-  return heard && std::isfinite(torque) ? std::clamp(torque, -facts.torque, facts.torque) : 0.0F;
-}
-
-CanFrame damping_frame(const JointFacts& facts, const JointRecord& record, bool heard) noexcept {
-  const float torque = damping_torque(facts, record, heard) / facts.ratio;
-  const float position = std::isfinite(record.feedback.q) ? (record.feedback.q - facts.offset) * facts.ratio : 0.0F;
+CanFrame damping_frame(const JointFacts& facts, const JointRecord& record, bool heard, LastTold& last) noexcept {
+  const float joint_torque = torque_of_damping(facts, record, heard, last);
+  const bool is_heard_of = record.feedback.received_at.is_set() && std::isfinite(record.feedback.q);
+  if (facts.law == Law::position && !last.has_position && !is_heard_of) {
+    last = {};
+    return disable_frame(facts);
+  }
+  const float q = last.has_position ? last.q : (is_heard_of ? record.feedback.q : 0.0F);
+  last = {.torque = joint_torque, .q = q, .has_position = facts.law == Law::position};
+  const float torque = joint_torque / facts.ratio;
+  const float position = (q - facts.offset) * facts.ratio;
   switch (facts.protocol) {
     case DriveProtocol::mit:
       return damping_mit(facts);

@@ -39,8 +39,12 @@ WireVerdict WireGuard::pass(std::size_t joint, std::size_t bus, const GuardedMom
   const WireVerdict verdict = guard::judge(
       facts, demand, {moment.decided_at, moment.now, moment.valid_until, moment.enabled, heard}, record, last);
   if (verdict == WireVerdict::allowed) return verdict;
-  frame = moment.enabled ? guard::damping_frame(facts, record, heard) : guard::disable_frame(facts);
-  last = {.torque = moment.enabled ? guard::damping_torque(facts, record, heard) : 0.0F};
+  if (moment.enabled) {
+    frame = guard::damping_frame(facts, record, heard, last);
+  } else {
+    frame = guard::disable_frame(facts);
+    last = {};
+  }
   return verdict;
 }
 

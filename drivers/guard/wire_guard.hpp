@@ -6,10 +6,12 @@
 // frame                                           passes if
 // switches off, clears errors, asks, synchronises always
 // switches on                                     the joint is to be enabled
-// changes a drive's settings                      the joint is to be disabled, and the setting is one we know; a
-//                                                 drive's own time-out and its motion mode: always
-// asks for nothing: no stiffness, no motion, and  its gains are within their limits
-//   no torque but damping
+// changes a drive's settings                      the joint is to be disabled, and the setting is one we know, with the
+//                                                 value that we give it; a drive's own time-out and its motion mode:
+//                                                 always
+// asks for nothing: no stiffness, no torque, no   the joint is to be enabled, and its gains are within their limits; to
+//   motion but what the drive damps by its own      be disabled: without damping, where the frame switches nothing on
+//   measurement
 // pushes                                          the joint is to be enabled, now <= valid_until, the newest feedback
 //                                                 was no older than feedback.timeout when the tick decided, every
 //                                                 limit holds, and it is what the tick's record says was decided
@@ -17,17 +19,19 @@
 //
 // Limits, joint side: position within [q_min, q_max] and its margin, |velocity|, gains, |torque| at the tick's estimate
 // (kp (q - estimate) + kd (dq - estimate) + tau), and |torque - last frame's torque| <= torque_rate * period. After
-// frames that asked for nothing, a torque may start from theirs or from none.
-// Damping: a torque against the estimated motion, at most kd_max times its speed; a joint whose feedback is lost has no
-// estimate worth damping, so only what the drive damps by its own measurement is damping then.
+// frames that asked for nothing, a torque may start from theirs or from none. A torque that brakes is one that pushes:
+// it would push, were the estimate wrong.
+// A position told to a drive with a position loop of its own goes no further in a period than the velocity limit says,
+// from the one told before, or from where the joint was heard; nearer to where the joint is it may come. A drive with a
+// velocity loop of its own moves no further than that by the limit on the speed it is told.
 // What a protocol cannot say is not judged: torque of drives in CSP and CSV, gains of those that get a torque.
 //
 // Tolerances are what the wire rounds away, derived in joint_facts.cpp, and a thousandth of the torque limit for the
 // arithmetic of two float32 programs.
 //
 // A frame that does not pass is replaced in place: damping for a joint that is to be enabled, else disable, written
-// here too. Pure, no allocation after construction, 9 to 23 ns a frame (`./dev bench codec`). Thread rule: one thread
-// at a time.
+// here too, inside the same torque and slew limits (replace.hpp). Pure, no allocation after construction, 9 to 23 ns a
+// frame (`./dev bench codec`). Thread rule: one thread at a time.
 #pragma once
 
 #include <cstddef>
@@ -67,7 +71,7 @@ class WireGuard final : public FrameGuard {
  private:
   struct Guarded {
     guard::JointFacts facts;
-    guard::LastTorque last;
+    guard::LastTold last;
   };
   std::vector<Guarded> joints_;
   Duration feedback_timeout_;

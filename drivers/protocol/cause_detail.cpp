@@ -71,10 +71,26 @@ std::string hot(const JointFeedback& feedback, double limit, double casing_limit
   return {};
 }
 
-std::string silence(const JointFeedback& feedback, MonoTime now, Duration timeout) {
+bool has(const JointRecord& joint, ReplyFault fault) {
+  return (joint.reply_faults & bit(fault)) != 0;
+}
+
+std::string silence(const JointRecord& joint, MonoTime now, Duration timeout) {
+  const JointFeedback& feedback = joint.feedback;
   if (!feedback.received_at.is_set()) return "never answered";
+  if (has(joint, ReplyFault::from_future)) return "its newest reply is stamped in the future";
   const Duration silent = now - feedback.received_at;
   return silent > timeout ? "silent for " + digits(silent.milliseconds(), 1) + " ms" : "";
+}
+
+std::string implausible(const JointRecord& joint, const config::Joint& /*known*/) {
+  if (has(joint, ReplyFault::jumped))
+    return "its position jumped further than the joint can move: check its encoder, and home it before the reset";
+  if (has(joint, ReplyFault::frozen))
+    return "its position stands still while the joint moves: check its encoder before the reset";
+  if (has(joint, ReplyFault::contradicts))
+    return "its positions contradict the drive's own velocity: check encoder, sign and scale before the reset";
+  return {};
 }
 
 // "12 frames foreign since start"; nothing when there were none.
@@ -83,9 +99,7 @@ std::string counted(std::uint32_t frames, const std::string& what) {
 }
 
 OfJoint replies_with(ReplyFault fault, const std::string& what) {
-  return [fault, what](const JointRecord& joint, const config::Joint&) {
-    return (joint.reply_faults & bit(fault)) != 0 ? what : "";
-  };
+  return [fault, what](const JointRecord& joint, const config::Joint&) { return has(joint, fault) ? what : ""; };
 }
 
 }  // namespace
@@ -105,8 +119,10 @@ CauseFindings cause_findings(Cause cause, const TickRecord& record, const config
     case Cause::feedback_lost:
       if (record.header.slept_ms != 0) return {};  // nobody's fault alone: every joint is unheard
       return joints_where(record, robot, [&](const JointRecord& joint, const config::Joint&) {
-        return silence(joint.feedback, record.header.now, robot.feedback.timeout);
+        return silence(joint, record.header.now, robot.feedback.timeout);
       });
+    case Cause::feedback_implausible:
+      return joints_where(record, robot, implausible);
     case Cause::envelope_exceeded:
       return joints_where(record, robot, outside);
     case Cause::bus_off:

@@ -5,6 +5,7 @@
 #include <bit>
 #include <cstdio>
 #include <cstring>
+#include <numeric>
 
 #include "drivers/protocol/cia402/cia402_codec.hpp"
 #include "drivers/protocol/little_endian.hpp"
@@ -199,27 +200,49 @@ std::optional<Found> read_answer(config::DriveProtocol protocol, const CanFrame&
   return std::nullopt;
 }
 
-std::optional<CanFrame> zero_frame(const config::Drive& drive) {
+namespace {
+
+CanFrame robstride_frame(const config::Drive& drive, std::uint32_t type) {
+  CanFrame frame;
+  frame.id = type << 24U | drive.host_id << 8U | drive.id;
+  frame.extended = true;
+  frame.length = 8;
+  return frame;
+}
+
+std::vector<CanFrame> robstride_zero_frames(const config::Drive& drive) {
+  constexpr std::uint32_t kSetZero = 6, kSave = 22;
+  CanFrame zero = robstride_frame(drive, kSetZero);
+  zero.data[0] = 1;
+  if (!keeps_zero(drive)) return {zero};
+  CanFrame save = robstride_frame(drive, kSave);
+  std::iota(save.data, save.data + save.length, std::uint8_t{1});
+  return {zero, save};
+}
+
+}  // namespace
+
+bool keeps_zero(const config::Drive& drive) {
+  return drive.protocol == config::DriveProtocol::mit ||
+         (drive.protocol == config::DriveProtocol::robstride && drive.model != "CyberGear");
+}
+
+std::vector<CanFrame> zero_frames(const config::Drive& drive) {
   CanFrame frame;
   frame.length = 8;
   switch (drive.protocol) {
     case config::DriveProtocol::mit:
       frame.id = drive.id;
       std::ranges::copy(encode_mit_special(MitSpecial::set_zero), frame.data);
-      return frame;
-    case config::DriveProtocol::robstride: {
-      constexpr std::uint32_t kSetZero = 6;
-      frame.id = kSetZero << 24U | drive.host_id << 8U | drive.id;
-      frame.extended = true;
-      frame.data[0] = 1;
-      return frame;
-    }
+      return {frame};
+    case config::DriveProtocol::robstride:
+      return robstride_zero_frames(drive);
     case config::DriveProtocol::odrive:
     case config::DriveProtocol::moteus:
     case config::DriveProtocol::cia402:
-      return std::nullopt;
+      return {};
   }
-  return std::nullopt;
+  return {};
 }
 
 BusScan::BusScan(const std::set<config::DriveProtocol>& protocols, std::uint32_t first, std::uint32_t last)

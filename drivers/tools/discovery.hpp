@@ -27,9 +27,12 @@ std::optional<CanFrame> disabling_question(const config::Drive& drive);
 // What a drive of that protocol said; nothing: the frame is not one it would send.
 std::optional<Found> read_answer(config::DriveProtocol protocol, const CanFrame& frame);
 
-// Makes the drive's present position its zero; nothing: the protocol has no such frame, or none that outlives power-on
-// (home_place.hpp). The drive must be disabled.
-std::optional<CanFrame> zero_frame(const config::Drive& drive);
+// Make the drive's present position its zero, sent in this order; none: the protocol has no such frame, or none that
+// outlives power-on (home_place.hpp). The drive must be disabled. A RobStride forgets its zero with its supply unless
+// it is told to save (type 22, data 01 to 08; source: motorbridge.seeedstudio.com, RobStride parameter tables).
+std::vector<CanFrame> zero_frames(const config::Drive& drive);
+// Whether the zero of zero_frames() outlives power-off. A CyberGear has no frame that saves.
+bool keeps_zero(const config::Drive& drive);
 
 // A scan of one bus: hands out questions one by one and collects answers. For drives that speak by themselves it only
 // listens, so let it listen for kListen after the last question.

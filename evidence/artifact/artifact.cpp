@@ -3,11 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <string_view>
 
 #include "config/load.hpp"
 #include "evidence/artifact/confusion.hpp"
 #include "evidence/artifact/rollout_json.hpp"
+#include "evidence/artifact/seal.hpp"
 #include "monitor/record/bounded_file.hpp"
 
 namespace takt::panel {
@@ -22,7 +24,9 @@ std::expected<std::vector<RolloutRow>, std::string> rows_of(std::string_view tex
     const std::size_t end = text.find('\n');
     const std::size_t number = rows.size() + 1;
     if (end == std::string_view::npos) {
-      return std::unexpected(fmt::format("row {} is cut off; run the panel with --resume to mend it", number));
+      return std::unexpected(fmt::format(
+          "row {} is cut off; go on with an unfinished panel by --resume, take a whole copy of a finished one",
+          number));
     }
     auto row = row_of(text.substr(0, end));
     if (!row) return std::unexpected(fmt::format("row {}: {}", number, row.error()));
@@ -33,7 +37,7 @@ std::expected<std::vector<RolloutRow>, std::string> rows_of(std::string_view tex
 }
 
 std::string first_misfit(std::span<const RolloutRow> rows, const ArtifactManifest& manifest) {
-  std::map<std::string, std::size_t> seen;
+  std::map<std::string, std::size_t> seen, hashes;
   for (std::size_t index = 0; index < rows.size(); ++index) {
     if (std::string reason = misfit(rows[index], manifest); !reason.empty()) {
       return fmt::format("row {} {}", index + 1, reason);
@@ -41,7 +45,30 @@ std::string first_misfit(std::span<const RolloutRow> rows, const ArtifactManifes
     const auto [first, is_new] = seen.emplace(rollout_id(rows[index]), index + 1);
     if (!is_new)
       return fmt::format("row {} is rollout {}, which row {} is already", index + 1, first->first, first->second);
+    if (rows[index].replay_hash.empty()) continue;
+    // A perturbation may do nothing to a rollout; another seed always does.
+    const auto [same, is_other] = hashes.emplace(rows[index].method + " " + rows[index].replay_hash, index + 1);
+    if (!is_other && rows[same->second - 1].seed != rows[index].seed)
+      return fmt::format("row {} has the ticks of row {} (replay_hash): one rollout is no two", index + 1,
+                         same->second);
   }
+  return {};
+}
+
+// Of the whole; empty: it is what it says.
+std::string unfinished_or_changed(const ArtifactFolder& folder, const ArtifactManifest& manifest,
+                                  std::span<const RolloutRow> rows) {
+  std::error_code error;
+  if (!manifest.complete) {
+    if (std::filesystem::exists(folder.seal(), error))
+      return "manifest.json says that it is unfinished, and seal.json that it was finished";
+    return {};
+  }
+  if (artifact_id_of(manifest, rows) != manifest.artifact_id)
+    return fmt::format("not the rows, contracts and seed plan that {} was named after", manifest.artifact_id);
+  if (rows.size() != manifest.planned_rollouts)
+    return fmt::format("says that it is complete, and holds {} of {} planned rollouts", rows.size(),
+                       manifest.planned_rollouts);
   return {};
 }
 
@@ -78,15 +105,23 @@ std::expected<Artifact, std::string> open_artifact(const std::string& path) {
   if (const std::string reason = first_misfit(*rows, *manifest); !reason.empty()) {
     return std::unexpected(fmt::format("{}: {}", folder.rows(), reason));
   }
-  if (manifest->complete && artifact_id_of(*manifest, *rows) != manifest->artifact_id) {
-    return std::unexpected(
-        fmt::format("{}: not the rows, contracts and seed plan that {} was named after", path, manifest->artifact_id));
-  }
-  if (manifest->complete && rows->size() != manifest->planned_rollouts) {
-    return std::unexpected(fmt::format("{}: says that it is complete, and holds {} of {} planned rollouts", path,
-                                       rows->size(), manifest->planned_rollouts));
-  }
+  const auto seals = monitor::read_file(folder.row_seals());
+  if (!seals) return std::unexpected(seals.error());
+  std::string reason = unfinished_or_changed(folder, *manifest, *rows);
+  if (reason.empty()) reason = broken_row_seal(*text, *seals, !manifest->complete);
+  if (reason.empty() && manifest->complete) reason = broken_seal(folder, manifest->artifact_id);
+  if (!reason.empty()) return std::unexpected(fmt::format("{}: {}", path, reason));
   return Artifact{folder, std::move(*manifest), std::move(*rows)};
+}
+
+std::expected<Artifact, std::string> open_finished_artifact(const std::string& path) {
+  auto artifact = open_artifact(path);
+  if (artifact && !artifact->manifest.complete)
+    return std::unexpected(
+        fmt::format("{} is unfinished: {} of {} planned rollouts; go on with it by takt panel run "
+                    "--resume",
+                    path, artifact->rows.size(), artifact->manifest.planned_rollouts));
+  return artifact;
 }
 
 std::string confusion_file_text(const std::string& artifact_id, std::span<const RolloutRow> rows) {

@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <initializer_list>
 #include <string_view>
 
+#include "monitor/judge/freshness_statistics.hpp"
 #include "monitor/record/json_error.hpp"
 #include "monitor/record/run_manifest.hpp"
 
@@ -81,7 +83,7 @@ Timing timing_of(const Json& json) {
 ArtifactManifest read(const Json& json) {
   check_object(json, "manifest",
                {"schema", "artifact_id", "complete", "timing", "panel", "seed_plan", "script", "row_schema_sha256",
-                "plants", "methods", "claims", "planned_rollouts", "merged_from", "host", "started", "ended"});
+                "plants", "methods", "claims", "planned_rollouts", "shard", "merged_from", "host", "started", "ended"});
   ArtifactManifest manifest;
   manifest.artifact_id = json.at("artifact_id");
   manifest.complete = json.at("complete");
@@ -105,6 +107,9 @@ ArtifactManifest read(const Json& json) {
   check_object(claims, "claims", {"conceptual", "systems", "evidence"});
   manifest.claims = {claims.at("conceptual"), claims.at("systems"), claims.at("evidence")};
   manifest.planned_rollouts = json.at("planned_rollouts");
+  const Json& shard = json.at("shard");
+  check_object(shard, "shard", {"index", "count"});
+  manifest.shard = {shard.at("index"), shard.at("count")};
   json.at("merged_from").get_to(manifest.merged_from);
   manifest.host = json.at("host");
   manifest.started_unix_ns = moment_of(json.at("started"), "started");
@@ -156,6 +161,7 @@ Json to_json(const ArtifactManifest& manifest) {
                     {"systems", manifest.claims.systems},
                     {"evidence", manifest.claims.evidence}};
   json["planned_rollouts"] = manifest.planned_rollouts;
+  json["shard"] = {{"index", manifest.shard.index}, {"count", manifest.shard.count}};
   json["merged_from"] = manifest.merged_from;
   json["host"] = manifest.host;
   json["started"] = moment(manifest.started_unix_ns);
@@ -219,6 +225,13 @@ std::string misfit(const RolloutRow& row, const ArtifactManifest& manifest) {
     return fmt::format("has task {}, which the manifest does not know of method {}", row.task, row.method);
   if (facts->second.config_sha256 != row.config_sha256) return "comes from another configuration of its method";
   if (facts->second.policy_sha256 != row.policy_sha256) return "comes from another policy file of its method";
+  for (const auto& [name, misses] :
+       {std::pair{"misses_per_command", &row.misses_per_command}, std::pair{"misses_per_tick", &row.misses_per_tick}}) {
+    const double bound = monitor::clopper_pearson_upper(misses->misses, misses->count, facts->second.confidence);
+    if (std::abs(misses->upper_bound - bound) > 1e-9)
+      return fmt::format("has {}.upper_bound {}, and {} of {} have {}", name, misses->upper_bound, misses->misses,
+                         misses->count, bound);
+  }
   return {};
 }
 

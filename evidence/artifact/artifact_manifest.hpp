@@ -20,7 +20,7 @@ namespace takt::panel {
 enum class Timing : std::uint8_t { virtual_time, real, real_without_guarantees };
 inline constexpr std::array<std::string_view, 3> kTimingNames{"virtual", "real", "real_without_guarantees"};
 
-inline constexpr const char* kArtifactSchema = "takt.artifact/3";
+inline constexpr const char* kArtifactSchema = "takt.artifact/4";
 
 // Every rollout's seed comes from here, whatever the method: that is what makes rows pairs.
 struct SeedPlan {
@@ -55,6 +55,12 @@ struct Claims {
   friend bool operator==(const Claims&, const Claims&) = default;
 };
 
+// Which part of the panel's plan an artifact holds: every count-th rollout, from the index-th (from 1).
+struct ShardFacts {
+  std::uint64_t index = 1, count = 1;
+  friend bool operator==(const ShardFacts&, const ShardFacts&) = default;
+};
+
 struct ArtifactManifest {
   std::string artifact_id;  // artifact_id_of() all rows; empty until complete
   Timing timing = Timing::virtual_time;
@@ -65,7 +71,8 @@ struct ArtifactManifest {
   std::map<std::string, std::string> plants;   // task -> SHA-256 of the plant's text
   std::map<std::string, MethodFacts> methods;  // by name
   Claims claims;
-  std::uint64_t planned_rollouts = 0;
+  std::uint64_t planned_rollouts = 0;  // of its shard
+  ShardFacts shard;
   bool complete = false;                                // every planned rollout has its row
   std::vector<std::string> merged_from;                 // artifact ids
   nlohmann::ordered_json host = nullptr;                // monitor::host_facts() of the machine that computed it

@@ -5,12 +5,34 @@
 #include <algorithm>
 #include <filesystem>
 #include <map>
+#include <set>
 
 #include "monitor/record/bounded_file.hpp"
 #include "monitor/record/run_manifest.hpp"
 
 namespace takt::panel {
 namespace {
+
+// Why parts of the plan are missing; empty: each method has them all.
+std::string missing_shard(std::span<const Artifact> artifacts) {
+  std::map<std::string, std::set<std::uint64_t>> indices;
+  std::map<std::string, std::uint64_t> counts;
+  for (const Artifact& artifact : artifacts) {
+    const ShardFacts& shard = artifact.manifest.shard;
+    for (const auto& [name, facts] : artifact.manifest.methods) {
+      const auto [known, is_new] = counts.emplace(name, shard.count);
+      if (!is_new && known->second != shard.count)
+        return fmt::format("{} is one of {} shards of method {}, others of {}", artifact.folder.path(), shard.count,
+                           name, known->second);
+      indices[name].insert(shard.index);
+    }
+  }
+  for (const auto& [name, count] : counts)
+    for (std::uint64_t index = 1; index <= count; ++index)
+      if (!indices[name].contains(index))
+        return fmt::format("shard {}/{} of method {} is missing; name its folder too", index, count, name);
+  return {};
+}
 
 // Why the artifacts must not become one; empty: they may.
 std::string mixture(std::span<const Artifact> artifacts) {
@@ -40,7 +62,7 @@ std::string mixture(std::span<const Artifact> artifacts) {
       if (!is_new) return fmt::format("rollout {} is in {} and in {}", owner->first, owner->second, folder);
     }
   }
-  return {};
+  return missing_shard(artifacts);
 }
 
 ArtifactManifest merged_manifest(std::span<const Artifact> artifacts) {
@@ -50,6 +72,7 @@ ArtifactManifest merged_manifest(std::span<const Artifact> artifacts) {
   merged.merged_from.clear();
   merged.methods.clear();
   merged.planned_rollouts = 0;
+  merged.shard = {};
   merged.host = nlohmann::ordered_json::array();
   for (const Artifact& artifact : artifacts) {
     merged.merged_from.push_back(artifact.manifest.artifact_id);
@@ -68,7 +91,8 @@ std::expected<void, std::string> copy_post_mortems(std::span<const Artifact> fro
     if (!std::filesystem::exists(artifact.folder.post_mortems(), error)) continue;
     std::filesystem::create_directories(to.post_mortems(), error);
     std::filesystem::copy(artifact.folder.post_mortems(), to.post_mortems(),
-                          std::filesystem::copy_options::skip_existing, error);
+                          std::filesystem::copy_options::recursive | std::filesystem::copy_options::skip_existing,
+                          error);
     if (error) return std::unexpected(fmt::format("cannot copy post-mortems: {}", error.message()));
   }
   return {};

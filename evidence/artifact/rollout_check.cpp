@@ -74,18 +74,77 @@ struct Checker {
   }
 };
 
+constexpr double kRounding = 1e-9;
+
+struct NamedAge {
+  std::string name;
+  const AgeQuantiles* age;
+};
+
+std::string disorder(const NamedAge& one) {
+  const auto& [p50, p95, p99] = *one.age;
+  if (p50.has_value() != p95.has_value() || p50.has_value() != p99.has_value())
+    return fmt::format("{} has some of its quantiles", one.name);
+  if (p50 && (*p50 > *p95 || *p95 > *p99))
+    return fmt::format("{} has p50 {}, p95 {}, p99 {} ms, which do not rise", one.name, *p50, *p95, *p99);
+  return {};
+}
+
+// A part is no larger than its whole in any sample, so in no quantile either.
+std::string beyond_total(const NamedAge& part, const AgeQuantiles& total) {
+  for (const auto& [name, of] : {std::pair{"p50", &AgeQuantiles::p50_ms}, std::pair{"p95", &AgeQuantiles::p95_ms},
+                                 std::pair{"p99", &AgeQuantiles::p99_ms}}) {
+    const auto &value = (*part.age).*of, &whole = total.*of;
+    if (value.has_value() != whole.has_value()) return fmt::format("{} has samples that its total has not", part.name);
+    if (value && *value > *whole + 1e-6)
+      return fmt::format("{}.{} is {} ms, more than the total's {}", part.name, name, *value, *whole);
+  }
+  return {};
+}
+
+std::string inconsistency(const std::string& name, const AgeRow& age) {
+  const NamedAge total{name + ".total", &age.total};
+  if (std::string reason = disorder(total); !reason.empty()) return reason;
+  for (const NamedAge& part : {NamedAge{name + ".sense", &age.sense}, NamedAge{name + ".queue", &age.queue},
+                               NamedAge{name + ".infer", &age.infer}, NamedAge{name + ".publish", &age.publish},
+                               NamedAge{name + ".hold", &age.hold}}) {
+    if (std::string reason = disorder(part); !reason.empty()) return reason;
+    if (std::string reason = beyond_total(part, age.total); !reason.empty()) return reason;
+  }
+  return {};
+}
+
+std::string inconsistency(const char* name, const MissRow& misses) {
+  if (misses.misses > misses.count) return fmt::format("{}.misses is {} of only {}", name, misses.misses, misses.count);
+  const double rate = misses.count == 0 ? 0 : static_cast<double>(misses.misses) / static_cast<double>(misses.count);
+  if (std::abs(misses.rate - rate) > kRounding)
+    return fmt::format("{}.rate is {}, and {} of {} are {}", name, misses.rate, misses.misses, misses.count, rate);
+  if (misses.upper_bound + kRounding < rate)
+    return fmt::format("{}.upper_bound is {}, below the rate {}", name, misses.upper_bound, rate);
+  return {};
+}
+
 std::string inconsistency(const RolloutRow& row) {
   if (row.success && !row.failure_label.empty()) return "failure_label is set on a success";
   if (!row.success && row.failure_label.empty()) return "failure_label is empty on a failure";
+  if (row.success && row.final_mode == Mode::fault_latched) return "is a success that ended in fault_latched";
+  if (row.success && row.fell) return "is a success that fell";
   if (row.leading_fault.empty() != (row.fault_verdicts == 0)) {
     return fmt::format("faults.leading is \"{}\" with {} verdicts", row.leading_fault, row.fault_verdicts);
   }
   for (const auto& [name, misses] :
-       {std::pair{"misses_per_command", row.misses_per_command}, std::pair{"misses_per_tick", row.misses_per_tick}}) {
-    if (misses.misses > misses.count) {
-      return fmt::format("{}.misses is {} of only {}", name, misses.misses, misses.count);
-    }
-  }
+       {std::pair{"misses_per_command", row.misses_per_command}, std::pair{"misses_per_tick", row.misses_per_tick}})
+    if (std::string reason = inconsistency(name, misses); !reason.empty()) return reason;
+  for (const auto& [name, age] :
+       {std::pair{"age_per_command", &row.age_per_command}, std::pair{"age_per_tick", &row.age_per_tick}})
+    if (std::string reason = inconsistency(std::string(name), *age); !reason.empty()) return reason;
+  double shares = 0;
+  for (const double share : row.mode_share) shares += share;
+  if (row.ticks > 0 && std::abs(shares - 1) > 1e-6) return fmt::format("mode_share adds up to {}, not to 1", shares);
+  if (row.ticks > 0 && row.mode_share[static_cast<std::size_t>(row.final_mode)] == 0)
+    return fmt::format("ended in {}, where it spent none of its ticks", name(row.final_mode));
+  if (row.misses_per_tick.count > row.ticks)
+    return fmt::format("misses_per_tick.count is {} of only {} ticks", row.misses_per_tick.count, row.ticks);
   return {};
 }
 

@@ -163,6 +163,12 @@ void add_safety(Fields& fields) {
                     kNotNegative});
   fields.push_back(
       {"peak_torque_Nm", "Nm", "largest |torque| of any joint", at(&RolloutRow::peak_torque_Nm), {}, kNotNegative});
+  fields.push_back({"torque_rate_Nm_s",
+                    "Nm/s",
+                    "mean |change of torque| per time, summed over all joints",
+                    at(&RolloutRow::torque_rate_Nm_s),
+                    {},
+                    kNotNegative});
   fields.push_back({"peak_reference_jerk",
                     "rad/s^3",
                     "largest |jerk| of any joint's reference while the policy was played",

@@ -163,6 +163,8 @@ std::expected<Json, std::string> parse_strict(std::string_view text) {
     }
     return true;
   };
+  // The parser takes the first NUL for the end, and other readers do not.
+  if (text.find('\0') != std::string_view::npos) return std::unexpected("not JSON: it has a NUL byte");
   try {
     Json json = Json::parse(text, watch);
     if (!repeated.empty()) return std::unexpected(fmt::format("{} is there twice", repeated));

@@ -108,6 +108,7 @@ struct RolloutRow {
   std::array<double, kModeCount> mode_share{};                    // share of ticks, 0..1
   double energy_J = 0;                                            // integral of |torque * velocity|
   double peak_torque_Nm = 0;
+  double torque_rate_Nm_s = 0;         // mean |change of torque| per time, of all joints together
   double peak_reference_jerk = 0;      // rad/s^3, of any joint's reference while the policy was played
   double peak_join_velocity_step = 0;  // rad/s, of any joint's reference in a tick in which a new command took over
 

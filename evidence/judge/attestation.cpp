@@ -13,9 +13,9 @@
 #include "config/load.hpp"
 #include "config/model_text.hpp"
 #include "evidence/artifact/rollout_json.hpp"
+#include "executive/contract/version.hpp"
 #include "monitor/judge/freshness_statistics.hpp"
 #include "monitor/record/bounded_file.hpp"
-#include "takt_version.hpp"
 
 namespace takt::panel {
 namespace {
@@ -196,9 +196,8 @@ bool repeats_a_seed(const AttestedCondition& condition) {
 
 // What does not hang on the robot.
 std::string weakness(const Attestation& a) {
-  if (a.script_version != TAKT_VERSION)
-    return fmt::format("takt {} computed it, and this is {}; run panel {} again", a.script_version, TAKT_VERSION,
-                       a.panel);
+  if (a.script_version != release())
+    return fmt::format("takt {} computed it, and this is {}; run panel {} again", a.script_version, release(), a.panel);
   if (a.fall.least_height < kLaxest.least_height || a.fall.most_tilt > kLaxest.most_tilt)
     return fmt::format(
         "its panel called a robot fallen below {:g} of its height or beyond {:g} rad only; at the "
@@ -213,6 +212,16 @@ std::string weakness(const Attestation& a) {
                            trial.seconds, needed);
   if (weakest(a) < kLeastShown) return fmt::format("{}; {:g} is asked", what_it_shows(a), kLeastShown);
   return {};
+}
+
+// Of the same release, and yet of other sources: what they changed, the trials did not see.
+std::string other_sources(const Attestation& a) {
+  constexpr std::size_t kShort = 12;
+  if (a.script_source_sha256 == source_sha256()) return {};
+  const std::string_view its = a.script_source_sha256;
+  return fmt::format("; takt of {} sources ({}) computed it, this one is of {}: run panel {} again",
+                     its.empty() ? "unknown" : "other", its.empty() ? "no hash" : its.substr(0, kShort),
+                     source_sha256().substr(0, kShort), a.panel);
 }
 
 // What came after the stop's own time, nobody saw.
@@ -369,8 +378,9 @@ Standing standing_of(const config::RobotConfig& robot) {
     if (!why.empty())
       standing.not_shown.push_back(fmt::format("{}not shown by {}: {}", what, offer.shown_by, why));
     else
-      standing.shown.push_back(fmt::format("{}: {}{} ({})", offer.of, what_it_shows(*attestation),
-                                           end_not_seen(*attestation, robot), offer.shown_by));
+      standing.shown.push_back(fmt::format("{}: {}{} ({}){}", offer.of, what_it_shows(*attestation),
+                                           end_not_seen(*attestation, robot), offer.shown_by,
+                                           other_sources(*attestation)));
   }
   return standing;
 }

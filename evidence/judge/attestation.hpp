@@ -1,11 +1,12 @@
-// What a panel showed of one way in which a robot that can fall is to stay on its feet: a stop by a posture, by holding
-// or by the fallback policy, or what degraded mode falls back to. A small file that a robot file names in `shown_by`.
+// What a panel showed of one way in which a robot that can fall is to stay on its feet: a stop by holding, or
+// by the fallback policy, or what degraded mode falls back to. A small file that a robot file names in `shown_by`.
 //
 // It is made of an artifact's rows (attest), and says of which robot, panel, method, perturbations and seeds; of every
 // trial how it ended, and the hash over all of its ticks, so that whoever runs the panel again can compare. It is
-// believed (standing_of) only where it is intact, written by this version of Takt, of this robot as its file says it
+// believed (standing_of) only where it is intact, written by this release of Takt, of this robot as its file says it
 // today, and where in every condition the one-sided Clopper-Pearson bound of the share that stood is at least
-// kLeastShown. Bounds are counted anew from the trials, never read.
+// kLeastShown. Bounds are counted anew from the trials, never read. Where other sources of the same release computed
+// it, its line says so.
 //
 // A trial is a rollout that came to the stop in question (was degraded for a second at least, of a fallback), or that
 // fell or latched without. It stood where the robot did not fall, and was in the stop for five seconds at least, or by

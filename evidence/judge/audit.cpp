@@ -10,6 +10,7 @@
 #include "config/load.hpp"
 #include "evidence/artifact/confusion.hpp"
 #include "evidence/artifact/rollout_parquet.hpp"
+#include "evidence/artifact/seal.hpp"
 #include "evidence/judge/post_mortem.hpp"
 #include "monitor/record/bounded_file.hpp"
 
@@ -146,6 +147,20 @@ AuditItem artifact_id(const Artifact& artifact) {
   return item;
 }
 
+AuditItem run_folders(const Artifact& artifact) {
+  AuditItem item{.name = "run folders", .answer = {}, .missing = {}};
+  if (!artifact.manifest.complete) {
+    item.answer = "not sealed before the panel is complete";
+    return item;
+  }
+  SealedRuns runs = look_at_runs(artifact.folder);
+  const auto kept = std::ranges::count_if(artifact.rows, [](const RolloutRow& row) { return !row.run_folder.empty(); });
+  item.answer =
+      kept == 0 ? "none was kept" : fmt::format("{} of {} rollouts, {} files", kept, artifact.rows.size(), runs.files);
+  item.missing = std::move(runs.altered);
+  return item;
+}
+
 AuditItem fault_verdicts(const Artifact& artifact) {
   AuditItem item{.name = "fault verdicts", .answer = {}, .missing = {}};
   for (const auto& [method, confusion] : confusions_of(artifact.rows)) {
@@ -200,17 +215,24 @@ AuditItem post_mortems(const Artifact& artifact) {
 
 }  // namespace
 
+bool Audit::is_consistent() const {
+  return std::ranges::all_of(items, [](const AuditItem& item) { return item.missing.empty(); }) &&
+         (!recomputed || recomputed->differences.empty()) && (!signed_by || signed_by->has_value());
+}
+
 bool Audit::is_ready() const {
-  return std::ranges::all_of(items, [](const AuditItem& item) { return item.missing.empty(); });
+  return is_consistent() && ((recomputed && recomputed->rows > 0) || signed_by);
 }
 
 Audit audit(const Artifact& artifact, const Promise& promise) {
   return {.artifact_id = artifact.manifest.artifact_id,
           .items = {metric_contract(artifact, promise), perturbation_panel(artifact, promise), monitor_state(artifact),
-                    artifact_id(artifact), fault_verdicts(artifact),
+                    artifact_id(artifact), run_folders(artifact), fault_verdicts(artifact),
                     claim("conceptual", artifact, promise, &Claims::conceptual),
                     claim("systems", artifact, promise, &Claims::systems),
-                    claim("evidence", artifact, promise, &Claims::evidence), post_mortems(artifact)}};
+                    claim("evidence", artifact, promise, &Claims::evidence), post_mortems(artifact)},
+          .recomputed = {},
+          .signed_by = {}};
 }
 
 std::string audit_text(const Audit& audit) {
@@ -225,15 +247,42 @@ std::string audit_text(const Audit& audit) {
     if (item.missing.size() > kListed) text += fmt::format("{:<20}and {} more\n", "", item.missing.size() - kListed);
     missing += item.missing.size();
   }
-  return text +
-         (audit.is_ready() ? std::string("audit-ready\n") : fmt::format("not audit-ready: {} missing\n", missing));
+  std::string rests = missing == 0 ? "consistent" : fmt::format("{} missing", missing);
+  if (audit.recomputed) {
+    rests += fmt::format("; {} of {} rows computed anew", audit.recomputed->rows, audit.recomputed->of);
+    for (const std::string& difference : audit.recomputed->differences)
+      text += fmt::format("{:<20}differs: {}\n", "recomputed", difference);
+    if (!audit.recomputed->differences.empty())
+      rests += fmt::format(", {} came out otherwise", audit.recomputed->differences.size());
+  } else {
+    rests += "; no row computed anew";
+  }
+  if (audit.signed_by && *audit.signed_by) rests += "; signed by " + **audit.signed_by;
+  if (audit.signed_by && !*audit.signed_by) {
+    rests += "; not signed by that key";
+    text += fmt::format("{:<20}differs: {}\n", "signature", audit.signed_by->error());
+  }
+  text += fmt::format("{:<20}{}\n", "rests on", rests);
+  if (audit.is_ready()) return text + "audit-ready\n";
+  if (audit.is_consistent())
+    return text + "consistent: nothing is missing; --recompute or --signed-by makes it audit-ready\n";
+  return text + "not audit-ready\n";
 }
 
 nlohmann::ordered_json to_json(const Audit& audit) {
   nlohmann::ordered_json json{{"schema", kAuditSchema},
                               {"artifact_id", audit.artifact_id},
+                              {"consistent", audit.is_consistent()},
                               {"audit_ready", audit.is_ready()},
+                              {"recomputed", nullptr},
+                              {"signed_by", nullptr},
                               {"items", nlohmann::ordered_json::array()}};
+  if (audit.recomputed)
+    json["recomputed"] = {
+        {"rows", audit.recomputed->rows}, {"of", audit.recomputed->of}, {"differences", audit.recomputed->differences}};
+  if (audit.signed_by)
+    json["signed_by"] = *audit.signed_by ? nlohmann::ordered_json{{"key", **audit.signed_by}}
+                                         : nlohmann::ordered_json{{"refusal", audit.signed_by->error()}};
   for (const AuditItem& item : audit.items) {
     json["items"].push_back({{"name", item.name}, {"answer", item.answer}, {"missing", item.missing}});
   }

@@ -1,7 +1,8 @@
 // Is an artifact's claim ready to be audited? What the panel is meant to show, and under which conditions, the panel
 // file says, whose hash the rows carry; the manifest is held against it. Names the metric contract, the perturbation
 // panel, the monitor state, the artifact id, the fault verdicts and the three claims, and lists what is missing; a
-// failed rollout without a completed post-mortem is.
+// failed rollout without a completed post-mortem is. Consistent is what the artifact can show by itself; audit-ready is
+// one of which rows were computed anew, or that is signed by a key that the reader names.
 #pragma once
 
 #include <compare>
@@ -25,9 +26,21 @@ struct AuditItem {
   std::vector<std::string> missing;  // sentences; empty: the item is ready
 };
 
+// Rows that were computed anew, of those drawn; the first that came out otherwise, in a sentence, or none.
+struct Recomputed {
+  std::size_t rows = 0, of = 0;
+  std::vector<std::string> differences;
+};
+
 struct Audit {
   std::string artifact_id;  // empty: unfinished
   std::vector<AuditItem> items;
+  std::optional<Recomputed> recomputed;  // none: nothing was computed anew
+  // Id of the key that the reader named, where it signed this; else why not. None: no key was named.
+  std::optional<std::expected<std::string, std::string>> signed_by;
+  // Nothing is missing and nothing contradicts itself. A forger who recomputes every hash gets here.
+  [[nodiscard]] bool is_consistent() const;
+  // And rows drawn at random came out the same, or the named key signed it.
   [[nodiscard]] bool is_ready() const;
 };
 
@@ -49,6 +62,7 @@ struct PanelPromise {
 
 // `promise`: of the artifact's panel.yaml, or why it has none (evidence/panel/panel_promise.hpp).
 Audit audit(const Artifact& artifact, const std::expected<PanelPromise, std::string>& promise);
+// Ends with what the verdict rests on.
 std::string audit_text(const Audit& audit);
 nlohmann::ordered_json to_json(const Audit& audit);
 

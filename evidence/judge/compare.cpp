@@ -14,7 +14,7 @@ namespace takt::panel {
 namespace {
 
 // The numbers a comparison shows, by their names in the row. Success, as 0 or 1, has its own table too.
-constexpr std::array<std::string_view, 20> kComparedMetrics{"success",
+constexpr std::array<std::string_view, 21> kComparedMetrics{"success",
                                                             "rearms",
                                                             "age_per_command.total.p50_ms",
                                                             "age_per_command.total.p95_ms",
@@ -33,7 +33,8 @@ constexpr std::array<std::string_view, 20> kComparedMetrics{"success",
                                                             "interventions.envelope_clamp",
                                                             "mode_share.tracking",
                                                             "energy_J",
-                                                            "peak_torque_Nm"};
+                                                            "peak_torque_Nm",
+                                                            "torque_rate_Nm_s"};
 
 std::optional<double> number_at(const RolloutField& field, const RolloutRow& row) {
   const FieldPlace place = place_in(field, row);

@@ -1,6 +1,7 @@
 #include "evidence/judge/paired_statistics.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <vector>
 
@@ -57,6 +58,15 @@ MeanDifference mean_difference(std::span<const double> differences, std::uint64_
   std::ranges::sort(means);
   result.interval = Interval{quantile(means, (1 - confidence) / 2), quantile(means, (1 + confidence) / 2)};
   return result;
+}
+
+Interval paired_rate_interval(std::uint64_t only_a, std::uint64_t only_b, std::uint64_t pairs) {
+  constexpr double kNormal = 1.959964;  // 97.5 % of it lies below
+  const double a = static_cast<double>(only_a) + 0.5, b = static_cast<double>(only_b) + 0.5;
+  const double n = static_cast<double>(pairs) + 2;
+  const double middle = (a - b) / n;
+  const double half = kNormal * std::sqrt((a + b) - (a - b) * (a - b) / n) / n;
+  return {std::max(middle - half, -1.0), std::min(middle + half, 1.0)};
 }
 
 double mcnemar_exact_p(std::uint64_t only_a, std::uint64_t only_b) {

@@ -34,4 +34,9 @@ MeanDifference mean_difference(std::span<const double> differences, std::uint64_
 // is as likely to be the one that succeeds. 1 without discordant pairs. Source: McNemar 1947, exact binomial form.
 double mcnemar_exact_p(std::uint64_t only_a, std::uint64_t only_b);
 
+// 95 % interval of how much more often a succeeds than b, -1..1, from the discordant pairs of `pairs` > 0: Wald's, with
+// half a pair added to each of the four cells, so that no discordant pair is no certainty. Source: Agresti & Min 2005,
+// Simple improved confidence intervals for comparing matched proportions.
+Interval paired_rate_interval(std::uint64_t only_a, std::uint64_t only_b, std::uint64_t pairs);
+
 }  // namespace takt::panel

@@ -68,7 +68,12 @@ void describe_task(Fields& fields, PanelTask& task) {
 
 void describe_method(Fields& fields, PanelMethod& method) {
   fields.identifier({"name", "of the method in rows and tables"}, method.name);
-  fields.text({"description", "in a sentence", "\"-\""}, method.description);
+  const BuiltInMethod* const built_in = find_built_in(method.name);
+  if (built_in != nullptr) {
+    method.description = built_in->description;
+    method.method.built_in = built_in->which;
+  }
+  fields.text({"description", "in a sentence", "\"-\", or the built-in method's", true}, method.description);
   std::string link(kLinks[method.repeat_last ? 1 : 0]);
   fields.one_of({"link", "what stands between policy and executive", "newest"}, link, kLinks, "link");
   method.repeat_last = link == kLinks[1];
@@ -151,9 +156,13 @@ void check_tasks_and_methods(const Panel& panel, config::Checker& checker) {
     checker.require(panel.tasks[i].scored <= panel.duration, path + ".scored",
                     "is longer than the rollout's `duration`; shorten it");
   }
-  for (std::size_t i = 0; i < panel.methods.size(); ++i)
-    checker.require(is_lower_case(panel.methods[i].name), fmt::format("methods[{}].name", i),
-                    "has capital letters; rows hold small ones only");
+  for (std::size_t i = 0; i < panel.methods.size(); ++i) {
+    const PanelMethod& method = panel.methods[i];
+    const std::string name = fmt::format("methods[{}].name", i);
+    checker.require(is_lower_case(method.name), name, "has capital letters; rows hold small ones only");
+    checker.require(find_built_in(method.name) == nullptr || (method.overrides.empty() && !method.repeat_last), name,
+                    "is a built-in method's name, which takes no `override` and no `link`; choose another name");
+  }
 }
 
 void check_perturbations(const Panel& panel, config::Checker& checker) {

@@ -12,6 +12,7 @@
 
 #include "config/load.hpp"
 #include "evidence/artifact/artifact_manifest.hpp"
+#include "evidence/rollout/method.hpp"
 #include "evidence/rollout/perturbation.hpp"
 #include "evidence/rollout/rollout.hpp"
 
@@ -34,6 +35,7 @@ struct PanelMethod {
   std::string name, description;
   bool repeat_last = false;
   std::vector<config::Override> overrides;
+  Method method{};  // by its name, where that is a built-in method's
 };
 
 struct PanelPerturbation {

@@ -14,11 +14,10 @@
 #include "config/model_text.hpp"
 #include "evidence/artifact/confusion.hpp"
 #include "evidence/judge/post_mortem.hpp"
+#include "executive/contract/version.hpp"
 #include "monitor/judge/fault_classifier.hpp"
 #include "policy_host/engines/load_policy.hpp"
 #include "policy_host/policy_fit.hpp"
-#include "takt_source_hash.hpp"
-#include "takt_version.hpp"
 
 namespace takt::panel {
 namespace {
@@ -207,8 +206,8 @@ RolloutRow Contest::identity(const PlannedRollout& planned) const {
   row.config_sha256 = who.robot.sha256;
   row.policy_sha256 = who.policy_sha256;
   row.plant_sha256 = who.plant_sha256;
-  row.script_version = TAKT_VERSION;
-  row.script_source_sha256 = TAKT_SOURCE_SHA256;
+  row.script_version = release();
+  row.script_source_sha256 = source_sha256();
   return row;
 }
 
@@ -216,8 +215,8 @@ ArtifactManifest Contest::manifest(std::size_t planned) const {
   ArtifactManifest made;
   made.panel = panel_.name;
   made.panel_sha256 = panel_.sha256;
-  made.script_version = TAKT_VERSION;
-  made.script_source_sha256 = TAKT_SOURCE_SHA256;
+  made.script_version = release();
+  made.script_source_sha256 = source_sha256();
   made.claims = panel_.claims;
   made.planned_rollouts = planned;
   const std::uint64_t last = panel_.first_seed + panel_.seed_count - 1;
@@ -231,8 +230,9 @@ ArtifactManifest Contest::manifest(std::size_t planned) const {
       made.plants[name] = who.plant_sha256;
       MethodFacts& facts = made.methods[panel_.methods[method].name];
       facts.description = panel_.methods[method].description;
-      facts.tasks[name] = {who.robot.sha256, who.policy_sha256, freshness.max_age.milliseconds(), freshness.epsilon,
-                           freshness.confidence};
+      facts.tasks[name] = {who.robot.sha256, who.policy_sha256,
+                           own_max_age(panel_.methods[method].method).value_or(freshness.max_age).milliseconds(),
+                           freshness.epsilon, freshness.confidence};
     }
   }
   return made;
@@ -250,6 +250,7 @@ RolloutSetup Contest::setup_of(const PlannedRollout& planned) const {
           .fallback = who.fallback.get(),
           .task = task.task,
           .timing = timing,
+          .method = panel_.methods[planned.method].method,
           .repeat_last = panel_.methods[planned.method].repeat_last,
           .perturbation = panel_.perturbations[planned.perturbation].resolved(),
           .seed = planned.seed,

@@ -37,6 +37,7 @@ std::expected<PanelPromise, std::string> panel_promise(const std::string& path) 
       PanelPromise::Contract& contract = promise.contracts[{method.name, name}];
       take(task.overrides, contract);
       take(method.overrides, contract);
+      if (const auto own = own_max_age(method.method)) contract.max_age_ms = own->milliseconds();
     }
   }
   return promise;

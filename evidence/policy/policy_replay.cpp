@@ -19,6 +19,7 @@
 #include "executive/ipc/crc32c.hpp"
 #include "monitor/record/image_file.hpp"
 #include "policy_host/chunk_builder.hpp"
+#include "policy_host/chunk_mixer.hpp"
 #include "policy_host/observation_builder.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "policy_host/policy_fit.hpp"
@@ -182,6 +183,7 @@ std::expected<std::unique_ptr<Replayer>, PolicyReplayRefusal> Replayer::make(con
   made->tolerance_ = options.tolerance;
   made->output_.resize(made->policy_->output_size());
   made->result_.sender = sender;
+  made->result_.is_mixed = policy_host::mixes_answers(made->robot_.policy->action.join.kind);
   made->result_.file = made->robot_.policy->file;
   made->result_.hash = *hash;
   made->result_.unit = config::target_of(made->robot_.policy->action.kind).unit;
@@ -266,7 +268,7 @@ std::string Replayer::answer(RecordedPolicyInput recorded) {
     judge(recorded.input);
   else
     ++result_.not_judged;
-  if (is_sound) expect_command(recorded.input);
+  if (is_sound && !result_.is_mixed) expect_command(recorded.input);
   return {};
 }
 
@@ -331,7 +333,7 @@ void Replayer::expect_command(const PolicyInput& input) {
 
 void Replayer::command(const RecordedCommand& recorded) {
   const auto header = header_of(recorded);
-  if (!header || recorded.cut_from != 0) return;
+  if (!header || recorded.cut_from != 0 || result_.is_mixed) return;
   const std::uint32_t content = content_of(*header, std::span(recorded.payload).subspan(sizeof(CommandHeader)));
   const Key key{header->observation_id, header->sequence};
   if (const auto found = answered_.find(key); found != answered_.end()) {

@@ -61,6 +61,7 @@ struct PolicyReplay {
   std::string first_altered;        // "observation 12: input[3]"
   std::uint64_t commands = 0;       // answers whose command the executive read and recorded whole
   std::uint64_t as_answered = 0;    // of these, what the answer says
+  bool is_mixed = false;            // the host mixed earlier answers into its commands: none is compared
   std::vector<JointDistance> joints;
   std::optional<PolicyDifference> first_beyond;
 };

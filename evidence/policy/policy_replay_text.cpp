@@ -43,6 +43,8 @@ std::string policy_text(const PolicyReplay& policy, double tolerance) {
   if (policy.commands != 0)
     text += fmt::format("  {} of {} commands that the executive read are what these answers said\n", policy.as_answered,
                         policy.commands);
+  if (policy.is_mixed)
+    text += "  commands are not compared: the host mixed earlier answers into them (policy.action.join)\n";
   if (policy.identical != judged) text += joints_text(policy, tolerance);
   return text;
 }
@@ -65,6 +67,7 @@ nlohmann::ordered_json policy_json(const PolicyReplay& policy) {
                               {"altered", policy.altered},
                               {"commands", policy.commands},
                               {"commands_as_answered", policy.as_answered},
+                              {"commands_are_mixed", policy.is_mixed},
                               {"unit", policy.unit},
                               {"joints", nlohmann::ordered_json::array()},
                               {"first_beyond", nullptr}};

@@ -7,7 +7,9 @@
 #include <memory>
 #include <utility>
 
+#include "config/printable.hpp"
 #include "evidence/review/recorded_input.hpp"
+#include "executive/contract/version.hpp"
 #include "executive/ipc/executive_segments.hpp"
 #include "executive/pipeline/control_tick.hpp"
 
@@ -171,6 +173,20 @@ std::expected<std::uint64_t, std::string> start_behind(const RecordedRun& run, s
 
 }  // namespace
 
+namespace {
+
+std::string made_by_other_sources(const nlohmann::ordered_json& executive) {
+  const auto text = [&](const char* key) {
+    const auto found = executive.find(key);
+    return found != executive.end() && found->is_string() ? found->get<std::string>() : std::string();
+  };
+  if (!executive.is_object()) return {};
+  const std::string sources = text("source_sha256");
+  return sources.empty() || sources == source_sha256() ? "" : config::printable(text("version"));
+}
+
+}  // namespace
+
 std::expected<ReplayReport, std::string> replay(const RecordedRun& run, std::uint64_t from) {
   std::uint64_t behind = 0;
   if (from > 1) {
@@ -191,6 +207,7 @@ std::expected<ReplayReport, std::string> replay(const RecordedRun& run, std::uin
   if (!scanned) return std::unexpected(scanned.error());
   ReplayReport report = replayer.take_report();
   report.file = scanned->file;
+  report.made_by = made_by_other_sources(run.manifest.executive);
   if (report.identical + report.mismatches == 0 && !refusal.empty()) return std::unexpected(refusal);
   return report;
 }

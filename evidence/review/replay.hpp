@@ -37,6 +37,7 @@ struct ReplayReport {
   std::uint64_t gaps = 0;        // breaks in the recorded ticks or their commands
   std::uint64_t keyframes = 0;   // compared with the recomputed state, equal
   std::uint64_t started_at = 0;  // first tick judged; 0 none
+  std::string made_by;  // version of the executive, where it was built of other sources; empty: not so, or unknown
   std::optional<Mismatch> first;
   McapReport file;
   [[nodiscard]] bool reproduces() const { return mismatches == 0 && identical > 0 && file.damaged_chunks == 0; }

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include "evidence/review/replay.hpp"
+#include "executive/contract/version.hpp"
 
 namespace takt::monitor {
 namespace {
@@ -41,6 +42,8 @@ std::string replay_text(const ReplayReport& report) {
   }
   if (report.mismatches != 0) text += fmt::format("{} do not reproduce; the first:\n", report.mismatches);
   if (report.first) text += "  " + mismatch_text(*report.first) + "\n";
+  if (!report.made_by.empty())
+    text += fmt::format("takt {} made it, of other sources than {} has\n", report.made_by, version());
   return text;
 }
 
@@ -56,9 +59,11 @@ nlohmann::ordered_json to_json(const ReplayReport& report) {
                               {"gaps", report.gaps},
                               {"keyframes_equal", report.keyframes},
                               {"started_at", report.started_at},
+                              {"made_by_other_sources", nullptr},
                               {"file_finished", report.file.finished},
                               {"damaged_chunks", report.file.damaged_chunks},
                               {"first_mismatch", nullptr}};
+  if (!report.made_by.empty()) json["made_by_other_sources"] = report.made_by;
   if (report.first) {
     json["first_mismatch"] = {{"tick", report.first->tick},
                               {"field", report.first->field},

@@ -1,5 +1,6 @@
 #include "evidence/rollout/operator.hpp"
 
+#include <algorithm>
 #include <array>
 
 #include "executive/pipeline/control_tick.hpp"
@@ -18,6 +19,12 @@ bool nothing_blocks(const TickRecord& latest, const pipeline::TickConfig& config
   return pipeline::arming_blockers(latest, config, blockers) == 0;
 }
 
+bool any_reads_elsewhere(const TickRecord& latest) {
+  return std::any_of(latest.joints, latest.joints + latest.header.joint_count, [](const JointRecord& joint) {
+    return (joint.reply_faults & bit(ReplyFault::moved_unheard)) != 0;
+  });
+}
+
 }  // namespace
 
 bool Operator::may_end_stop(MonoTime now) const {
@@ -29,6 +36,7 @@ OperatorRequest Operator::next(const TickRecord& latest, const pipeline::TickCon
   const Mode mode = latest.header.mode;
   switch (mode) {
     case Mode::standby:
+      if (rearm_after_ && any_reads_elsewhere(latest)) return OperatorRequest::reset;
       return nothing_blocks(latest, config) ? OperatorRequest::arm : OperatorRequest::none;
     case Mode::arming:
     case Mode::tracking:

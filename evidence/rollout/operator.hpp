@@ -5,7 +5,8 @@
 //   damped_stop    reset once nothing but the stop blocks arming: until then the robot holds itself, disabled it would
 //                  fall
 //   fault_latched  reset; the executive grants it when the fault is gone
-//   standby        arm once nothing blocks it
+//   standby        reset where a joint reads elsewhere than before its drive fell silent: the person looked; arm once
+//                  nothing blocks it
 // Knows what a person could see: the newest record. Thread rule: one thread at a time.
 #pragma once
 

@@ -35,12 +35,17 @@ enum class Trouble : std::uint8_t {
   can_loss,
   can_delay,
   bus_off,
+  feedback_frozen,
+  feedback_repeated,
+  feedback_reversed,
+  feedback_jump,
+  feedback_scale,
   push,
   payload,
   friction,
   operator_stop,
 };
-inline constexpr std::size_t kTroubleCount = 26;
+inline constexpr std::size_t kTroubleCount = 31;
 
 struct PerturbationKind {
   Trouble trouble = Trouble::none;

@@ -5,10 +5,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "evidence/rollout/random.hpp"
 #include "evidence/rollout/troubled_dynamics.hpp"
 
 namespace takt::panel {
 namespace {
+
+constexpr std::uint64_t kLyingJointStream = 801;
 
 std::string event(Duration at, const std::string& what, Duration length) {
   return fmt::format("  - {{ after: enabled, at: {} us, {}, for: {} us }}\n", at.ns / 1000, what, length.ns / 1000);
@@ -71,6 +74,25 @@ std::string bus_scenario(const Perturbation& perturbation, const config::RobotCo
     for (const config::Bus& bus : robot.buses)
       events += whole_window(perturbation, fmt::format("bus: {}, drop: {}", bus.name, perturbation.dose));
   return with_head(events);
+}
+
+std::size_t lying_joint(const config::RobotConfig& robot, std::uint64_t seed) {
+  std::vector<std::size_t> driven;
+  for (std::size_t j = 0; j < robot.joints.size(); ++j)
+    if (!robot.joints[j].passive) driven.push_back(j);
+  Random draw(plant::seed_for(seed, kLyingJointStream), 0);
+  return driven[draw.below(driven.size())];
+}
+
+std::string feedback_scenario(const Perturbation& perturbation, const config::RobotConfig& robot, std::uint64_t seed) {
+  std::string lie;
+  if (perturbation.trouble == Trouble::feedback_frozen) lie = "fault: frozen_position";
+  if (perturbation.trouble == Trouble::feedback_repeated) lie = "fault: freeze";
+  if (perturbation.trouble == Trouble::feedback_reversed) lie = "fault: reversed";
+  if (perturbation.trouble == Trouble::feedback_jump) lie = fmt::format("jump: {} rad", perturbation.dose);
+  if (perturbation.trouble == Trouble::feedback_scale) lie = fmt::format("scale: {}", perturbation.dose);
+  const std::string& joint = robot.joints[lying_joint(robot, seed)].name;
+  return with_head(whole_window(perturbation, fmt::format("joint: {}, {}", joint, lie)));
 }
 
 std::string sensor_scenario(const Perturbation& perturbation, const config::RobotConfig& robot) {

@@ -172,6 +172,12 @@ std::expected<RealTrouble, std::string> real_trouble_of(const Perturbation& pert
     case Trouble::can_delay:
     case Trouble::bus_off:
       return played(perturbation, bus_scenario(perturbation, robot), robot);
+    case Trouble::feedback_frozen:
+    case Trouble::feedback_repeated:
+    case Trouble::feedback_reversed:
+    case Trouble::feedback_jump:
+    case Trouble::feedback_scale:
+      return played(perturbation, feedback_scenario(perturbation, robot, seed), robot);
     case Trouble::sensor_burst:
     case Trouble::sensor_dropout:
     case Trouble::camera_freeze:

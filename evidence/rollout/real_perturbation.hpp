@@ -10,8 +10,9 @@
 // gpu_contention                a command of the panel's, where there is a GPU
 // operator_stop                 the stop of `takt stop`
 // publish_delay, queue_growth, bad_actions_nan, bad_actions_range, wrong_joint_order: the policy host, told by --fault
-// can_loss, can_delay, bus_off, sensor_burst, sensor_dropout, camera_freeze, sensor_lies, push, payload, friction: the
-// simulator, by a scenario (docs/plant-scenarios.md)
+// can_loss, can_delay, bus_off, feedback_frozen, feedback_repeated, feedback_reversed, feedback_jump, feedback_scale,
+// sensor_burst, sensor_dropout, camera_freeze, sensor_lies, push, payload, friction: the simulator, by a scenario
+// (docs/plant-scenarios.md)
 #pragma once
 
 #include <cstdint>

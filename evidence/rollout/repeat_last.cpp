@@ -4,24 +4,17 @@
 #include <cmath>
 #include <span>
 
+#include "evidence/rollout/chunk_value.hpp"
+
 namespace takt::panel {
 namespace {
 
 // One value of a joint's target `since` the source's observation: held or linear between steps, the last one for ever,
 // at rest there.
 float value_at(const CommandChunk& chunk, CommandField field, Duration since, std::size_t joint, bool held) {
-  const CommandHeader& header = chunk.header;
-  const std::int64_t last = header.step_count - 1;
-  const std::int64_t ns = std::max<std::int64_t>(since.ns, 0);
-  const std::int64_t step = std::min(ns / header.step_period.ns, last);
-  const std::int64_t next = std::min(step + 1, last);
-  const auto at = [&](std::int64_t k) {
-    return chunk.values[value_index(header, field, static_cast<std::size_t>(k), joint)];
-  };
-  if (held) return at(step);
-  if (step == next) return field == CommandField::dq ? 0.0F : at(last);
-  const auto share = static_cast<float>(ns - step * header.step_period.ns) / static_cast<float>(header.step_period.ns);
-  return at(step) + (at(next) - at(step)) * share;
+  const ChunkPlace place = chunk_place(chunk.header, since, held);
+  const bool rests = !held && place.step == place.next;
+  return rests && field == CommandField::dq ? 0.0F : chunk_value(chunk, field, place, joint);
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include "evidence/rollout/rollout.hpp"
 
 #include <algorithm>
+#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -9,6 +10,8 @@
 #include "evidence/rollout/cart_pole_world.hpp"
 #include "evidence/rollout/operator.hpp"
 #include "evidence/rollout/outside_world.hpp"
+#include "evidence/rollout/plain_loop.hpp"
+#include "evidence/rollout/plant_scenario.hpp"
 #include "evidence/rollout/repeat_last.hpp"
 #include "evidence/rollout/rollout_measures.hpp"
 #include "evidence/rollout/sensor_feed.hpp"
@@ -71,24 +74,33 @@ Score score_of(const RolloutSetup& setup, const World& world) {
           .has_to_be_done = outside != nullptr && outside->link().gives(TAKT_WORLD_DONE)};
 }
 
+pipeline::TickConfig config_of(const RolloutSetup& setup) {
+  pipeline::TickConfig config = config::tick_config_of(setup.robot, setup.policy_hash,
+                                                       setup.fallback != nullptr ? setup.fallback->policy_hash : 0);
+  apply(setup.method, config);
+  return config;
+}
+
 class Rollout {
  public:
   Rollout(const RolloutSetup& setup, const Disturbance& disturbance, World& world, VirtualBus bus)
       : setup_(setup),
-        config_(config::tick_config_of(setup.robot, setup.policy_hash,
-                                       setup.fallback != nullptr ? setup.fallback->policy_hash : 0)),
+        config_(config_of(setup)),
         state_(pipeline::make_tick_state(config_)),
         world_(world),
         sensor_(index_of(setup.robot, world.sensor())),
         disturbance_(disturbance),
         bus_(std::move(bus)),
+        liar_(lying_joint(setup.robot, setup.seed)),
         imu_(disturbance, setup.seed, kImuLossStream),
         policy_(setup.robot, setup.policy_hash, setup.policy, setup.timing, disturbance, disturbance, setup.seed),
+        repeats_(setup.repeat_last || repeats_last(setup.method)),
         repeater_(config_.interpolation == pipeline::Interpolation::hold),
         operator_(setup.rearm_after),
         wakes_(disturbance, config_.period, setup.seed),
         measures_(score_of(setup, world), disturbance) {
     input_.last_duration = kTickWork;
+    if (setup.method.built_in == BuiltIn::plain) plain_ = std::make_unique<PlainLoop>(config_);
     if (setup.fallback != nullptr)
       fallback_.emplace(setup.fallback->robot, setup.fallback->policy_hash, *setup.fallback->policy, setup.timing,
                         untroubled_, disturbance, setup.seed);
@@ -114,6 +126,16 @@ class Rollout {
   }
 
  private:
+  static plant::FeedbackFaults feedback_faults(const Disturbance& disturbance, MonoTime at) {
+    plant::FeedbackFaults lies;
+    lies.frozen_position = disturbance.dose(Trouble::feedback_frozen, at) > 0;
+    lies.freeze = disturbance.dose(Trouble::feedback_repeated, at) > 0;
+    lies.reversed = disturbance.dose(Trouble::feedback_reversed, at) > 0;
+    lies.offset = disturbance.dose(Trouble::feedback_jump, at);
+    if (const double scale = disturbance.dose(Trouble::feedback_scale, at); scale > 0) lies.scale = scale;
+    return lies;
+  }
+
   // As runtime/pace: instants of the grid that have passed are skipped.
   MonoTime next_due(MonoTime due, MonoTime ended) {
     const MonoTime next = due + config_.period;
@@ -127,7 +149,13 @@ class Rollout {
 
   void step_plant(MonoTime until) {
     const Duration step = world_.plant().step_length();
-    for (; plant_at_ + step <= until && world_.ended() == nullptr; plant_at_ = plant_at_ + step) world_.plant().step();
+    for (; plant_at_ + step <= until && world_.ended() == nullptr; plant_at_ = plant_at_ + step) {
+      if (const plant::FeedbackFaults lies = feedback_faults(disturbance_, plant_at_); lies != lies_) {
+        lies_ = lies;
+        world_.plant().set_line(liar_, {.feedback = lies});
+      }
+      world_.plant().step();
+    }
   }
 
   void tick(MonoTime now, Duration late) {
@@ -146,7 +174,10 @@ class Rollout {
     bus_.receive(world_.plant(), now, input_);
     read_commands(now);
     input_.operator_request = asked(now);
-    pipeline::control_tick(*state_, input_, config_, *output_);
+    if (plain_)
+      plain_->tick(input_, *output_);
+    else
+      pipeline::control_tick(*state_, input_, config_, *output_);
     bus_.send(world_.plant(), now, *output_);
     if (output_->observation_due) publish(output_->observation);
     TruthOfTick truth{.error_m = world_.error_m(now)};
@@ -174,7 +205,7 @@ class Rollout {
   void publish(const Observation& observation) {
     policy_.observe(observation);
     if (fallback_) fallback_->observe(observation);
-    if (setup_.repeat_last) repeater_.observe(observation);
+    if (repeats_) repeater_.observe(observation);
   }
 
   static pipeline::PolicyMessage message_of(const CommandChunk* chunk, std::uint8_t session) {
@@ -184,11 +215,10 @@ class Rollout {
 
   void read_commands(MonoTime now) {
     const ArrivedCommand* const arrived = policy_.read(now);
-    if (setup_.repeat_last && arrived != nullptr) repeater_.pass(*arrived);
+    if (repeats_ && arrived != nullptr) repeater_.pass(*arrived);
     const CommandChunk* const chunk = arrived != nullptr ? arrived->chunk.get() : nullptr;
-    input_.policy = setup_.repeat_last && chunk == nullptr
-                        ? message_of(repeater_.read(), 1)
-                        : message_of(chunk, setup_.repeat_last ? 1 : policy_.session());
+    input_.policy = repeats_ && chunk == nullptr ? message_of(repeater_.read(), 1)
+                                                 : message_of(chunk, repeats_ ? 1 : policy_.session());
     if (input_.policy.command != nullptr && setup_.on_command) setup_.on_command(*input_.policy.command);
     if (!fallback_) return;
     const ArrivedCommand* const of_fallback = fallback_->read(now);
@@ -198,14 +228,18 @@ class Rollout {
   const RolloutSetup& setup_;
   pipeline::TickConfig config_;
   pipeline::TickStatePtr state_;
+  std::unique_ptr<PlainLoop> plain_;  // decides instead of control_tick; null: control_tick does
   World& world_;
   std::size_t sensor_;  // that world_.sample() is of; none: as many as there are
   const Disturbance& disturbance_;
   VirtualBus bus_;
+  std::size_t liar_;            // the joint whose drive may say what is not so
+  plant::FeedbackFaults lies_;  // that it says now
   SensorFeed imu_;
   Disturbance untroubled_{{}, kStart};
   VirtualPolicy policy_;
   std::optional<VirtualPolicy> fallback_;
+  bool repeats_;
   RepeatLast repeater_;
   Operator operator_;
   WakeUps wakes_;
@@ -275,7 +309,8 @@ std::expected<void, std::string> run_rollout(const RolloutSetup& setup, RolloutR
   if (const std::string why = blindness(setup.robot, outside.get()); !why.empty()) return std::unexpected(why);
   auto world = make_world(setup, disturbance, std::move(outside));
   if (!world) return std::unexpected(world.error());
-  auto bus = VirtualBus::make(setup.robot, disturbance, setup.seed);
+  const bool guarded = setup.method.built_in != BuiltIn::plain;
+  auto bus = VirtualBus::make(setup.robot, disturbance, setup.seed, guarded);
   if (!bus) return std::unexpected(bus.error());
   if (setup.policy.network != nullptr) setup.policy.network->reset();
   if (setup.policy.program != nullptr)

@@ -1,11 +1,11 @@
 // One rollout in virtual time: the real decision, the real drivers, the real network, against a simulated plant, in one
 // thread and from one seed. The same setup gives the same bytes: of every tick record, and of the row.
 //
-// What is real: pipeline::control_tick with the robot file's configuration, the host side of every drive's protocol,
-// observation, inference and chunk building. What is modelled: when things happen (virtual_policy.hpp, virtual_bus.hpp,
-// the wake-up's lateness), the drives' other side, the mechanics. What is absent: shared memory, sockets, the kernel.
-// A rollout starts disabled at home and arms as soon as nothing blocks it; whether anybody ends a stop, the setup says
-// (operator.hpp). Thread rule: one thread.
+// What is real: pipeline::control_tick with the robot file's configuration (of method plain: plain_loop.hpp instead),
+// the host side of every drive's protocol, observation, inference and chunk building. What is modelled: when things
+// happen (virtual_policy.hpp, virtual_bus.hpp, the wake-up's lateness), the drives' other side, the mechanics. What is
+// absent: shared memory, sockets, the kernel. A rollout starts disabled at home and arms as soon as nothing blocks it;
+// whether anybody ends a stop, the setup says (operator.hpp). Thread rule: one thread.
 #pragma once
 
 #include <array>
@@ -20,6 +20,7 @@
 #include "evidence/artifact/rollout_row.hpp"
 #include "evidence/rollout/base_velocity_world.hpp"
 #include "evidence/rollout/fallback_host.hpp"
+#include "evidence/rollout/method.hpp"
 #include "evidence/rollout/perturbation.hpp"
 #include "evidence/rollout/virtual_policy.hpp"
 #include "executive/contract/command_chunk.hpp"
@@ -46,7 +47,8 @@ struct RolloutSetup {
   FallbackHost* fallback = nullptr;  // of a robot that has a fallback policy; its timing is the policy's
   Task task = Task::arm_tracking;
   PolicyTiming timing;
-  bool repeat_last = false;  // repeat_last.hpp stands between policy and executive
+  Method method{};
+  bool repeat_last = false;  // repeat_last.hpp stands between policy and executive, whatever the method
   Perturbation perturbation;
   std::uint64_t seed = 1;
   Duration duration;

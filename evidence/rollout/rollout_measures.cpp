@@ -123,6 +123,9 @@ void RolloutMeasures::add_joints(const TickRecord& record) {
   for (std::size_t joint = 0; joint < record.header.joint_count; ++joint) {
     const JointFeedback& feedback = record.joints[joint].feedback;
     energy_J_ += std::abs(static_cast<double>(feedback.tau) * static_cast<double>(feedback.dq)) * dt;
+    const double torque = static_cast<double>(feedback.tau);
+    if (last_.is_set()) torque_travel_Nm_ += std::abs(torque - torque_[joint]);
+    torque_[joint] = torque;
     peak_torque_Nm_ = std::max(peak_torque_Nm_, std::abs(static_cast<double>(feedback.tau)));
   }
 }
@@ -199,6 +202,8 @@ void RolloutMeasures::finish(double epsilon, double confidence, RolloutRow& row)
     row.mode_share[mode] = static_cast<double>(metrics_.ticks_in_mode[mode]) / static_cast<double>(metrics_.ticks);
   row.energy_J = energy_J_;
   row.peak_torque_Nm = peak_torque_Nm_;
+  const double span_s = metrics_.span.seconds();
+  row.torque_rate_Nm_s = span_s > 0 ? torque_travel_Nm_ / span_s : 0;
   row.peak_reference_jerk = peak_jerk_;
   row.peak_join_velocity_step = peak_join_step_;
   row.replay_hash = fmt::format("{:016x}", hash_);

@@ -66,6 +66,8 @@ class RolloutMeasures {
   double inference_ms_ = 0;  // summed over accepted commands
   std::uint64_t accepted_ = 0;
   double energy_J_ = 0, peak_torque_Nm_ = 0;
+  double torque_travel_Nm_ = 0;              // |change| from tick to tick, summed over joints and ticks
+  std::array<double, kMaxJoints> torque_{};  // of the tick before
   std::array<double, kMaxJoints> velocity_{}, acceleration_{};  // of the references, of the tick before
   int played_ = 0;  // ticks in a row in which the policy was played, as far as it matters
   double peak_jerk_ = 0, peak_join_step_ = 0;

@@ -26,24 +26,26 @@ Duration wire_time(const drivers::CanFrame& frame, const config::Bus& bus) {
 }  // namespace
 
 std::expected<VirtualBus, std::string> VirtualBus::make(const config::RobotConfig& robot,
-                                                        const Disturbance& disturbance, std::uint64_t seed) {
+                                                        const Disturbance& disturbance, std::uint64_t seed,
+                                                        bool guarded) {
   std::vector<std::unique_ptr<drivers::JointDriver>> drivers;
   for (std::size_t joint = 0; joint < robot.joints.size(); ++joint) {
     auto driver = drivers::make_joint_driver(robot, joint);
     if (!driver) return std::unexpected(robot.file + ": " + driver.error());
     drivers.push_back(std::move(*driver));
   }
-  return VirtualBus(robot, disturbance, seed, std::move(drivers));
+  return VirtualBus(robot, disturbance, seed, std::move(drivers), guarded);
 }
 
 VirtualBus::VirtualBus(const config::RobotConfig& robot, const Disturbance& disturbance, std::uint64_t seed,
-                       std::vector<std::unique_ptr<drivers::JointDriver>> drivers)
+                       std::vector<std::unique_ptr<drivers::JointDriver>> drivers, bool guarded)
     : robot_(robot),
       disturbance_(disturbance),
       losses_(seed, kLossStream),
       drivers_(std::move(drivers)),
       buses_(robot.buses.size()),
       guard_(robot),
+      guarded_(guarded),
       refused_(robot.joints.size()),
       turns_(config::turns_of(robot)),
       encoded_(drivers::kMaxFramesPerDrive) {
@@ -97,6 +99,13 @@ void VirtualBus::receive(plant::Plant& plant, MonoTime now, pipeline::TickInput&
   }
 }
 
+WireVerdict VirtualBus::guard(std::size_t joint, std::size_t bus, MonoTime now, const pipeline::TickOutput& output,
+                              drivers::CanFrame& frame) {
+  if (!guarded_) return WireVerdict::allowed;
+  return guard_.pass(joint, bus, {output.record.header.now, now, output.valid_until, output.drive_enabled[joint]},
+                     output.record.joints[joint], frame);
+}
+
 void VirtualBus::send(plant::Plant& plant, MonoTime now, const pipeline::TickOutput& output) {
   for (std::size_t index = 0; index < buses_.size(); ++index) {
     for (const std::size_t joint : buses_[index].joints) {
@@ -106,9 +115,7 @@ void VirtualBus::send(plant::Plant& plant, MonoTime now, const pipeline::TickOut
           drivers_[joint]->encode(output.drive_enabled[joint], {wanted.q, wanted.dq, wanted.kp, wanted.kd, wanted.tau},
                                   now, output.valid_until, encoded_);
       for (std::size_t i = 0; i < count; ++i) {
-        const WireVerdict verdict =
-            guard_.pass(joint, index, {output.record.header.now, now, output.valid_until, output.drive_enabled[joint]},
-                        output.record.joints[joint], encoded_[i]);
+        const WireVerdict verdict = guard(joint, index, now, output, encoded_[i]);
         if (refused_[joint] == WireVerdict::allowed) refused_[joint] = verdict;
         if (is_off(index, now)) ++buses_[index].health.tx_dropped;
         if (!carry(index, encoded_[i], now)) continue;

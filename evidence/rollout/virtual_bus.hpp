@@ -2,7 +2,7 @@
 // when the command has crossed, and replies reach the host at an instant of their own.
 //
 // Wire time is the worst case of each frame (drivers/protocol/bus_load.hpp). A drive obeys a command within the tick it
-// was sent in. Every frame passes the last guard, as in the executive. No arbitration, no error frames: a perturbed bus
+// was sent in. Frames pass the last guard, as in the executive. No arbitration, no error frames: a perturbed bus
 // loses frames, delays replies, or carries nothing. Thread rule: one thread at a time.
 #pragma once
 
@@ -24,8 +24,9 @@ namespace takt::panel {
 class VirtualBus {
  public:
   // The error is one sentence: a protocol this build does not speak. `robot` and `disturbance` outlive this.
+  // `guarded`: frames pass the last guard; else they leave as they are.
   static std::expected<VirtualBus, std::string> make(const config::RobotConfig& robot, const Disturbance& disturbance,
-                                                     std::uint64_t seed);
+                                                     std::uint64_t seed, bool guarded = true);
 
   // Everything that has arrived by `now`, decoded into joints and buses.
   void receive(plant::Plant& plant, MonoTime now, pipeline::TickInput& input);
@@ -44,7 +45,10 @@ class VirtualBus {
     BusHealth health;
   };
   VirtualBus(const config::RobotConfig& robot, const Disturbance& disturbance, std::uint64_t seed,
-             std::vector<std::unique_ptr<drivers::JointDriver>> drivers);
+             std::vector<std::unique_ptr<drivers::JointDriver>> drivers, bool guarded);
+  // Afterwards the frame may leave, whatever it was before.
+  WireVerdict guard(std::size_t joint, std::size_t bus, MonoTime now, const pipeline::TickOutput& output,
+                    drivers::CanFrame& frame);
   // False: the frame is lost. Otherwise the wire is taken for the frame's time.
   bool carry(std::size_t bus, const drivers::CanFrame& frame, MonoTime now);
   void expect_replies(std::size_t bus, MonoTime now);
@@ -57,6 +61,7 @@ class VirtualBus {
   std::vector<std::unique_ptr<drivers::JointDriver>> drivers_;
   std::vector<Bus> buses_;
   drivers::WireGuard guard_;
+  bool guarded_;
   std::vector<WireVerdict> refused_;  // per joint, the first since the last receive()
   std::vector<Turns> turns_;          // per joint
   std::vector<drivers::CanFrame> encoded_;

@@ -225,7 +225,7 @@ const CommandChunk* VirtualPolicy::taken(InFlight& one) {
 std::unique_ptr<CommandChunk> VirtualPolicy::copy_of(const CommandChunk& chunk) {
   std::unique_ptr<CommandChunk> copy = spare_ ? std::move(spare_) : std::make_unique<CommandChunk>();
   copy->header = chunk.header;
-  std::copy_n(chunk.values, chunk.value_count() + chunk.assumed_count(), copy->values);
+  std::copy_n(chunk.values, chunk.value_count(), copy->values);
   return copy;
 }
 

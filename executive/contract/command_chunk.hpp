@@ -8,15 +8,13 @@
 // for k * step_period later; between steps the executive plays what the robot's file declares (hold, linear, cubic);
 // after the last step the chunk is spent.
 //
-// A speculative chunk (`assumes` not 0) answers an observation of its own like any other, and says on top in which
-// state it assumes the joints at a later instant, `assumed_at`: `joint_count` positions, and as many velocities where
-// it says so, behind the steps. Its step 0 is meant for that instant. The executive compares when it comes
-// (pipeline/speculation.hpp); several of them are alternatives.
-//
 // Everything in it is a claim by an untrusted process. Stamps may only make the command older.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <bit>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <type_traits>
@@ -32,11 +30,6 @@ enum class CommandField : std::uint8_t { q = 1, dq = 2, kp = 4, kd = 8, tau_ff =
 inline constexpr std::uint8_t kAllCommandFields = 31;
 inline constexpr std::size_t kCommandFieldCount = 5;
 
-// Bits of CommandHeader::assumes, in packing order; without q there is no assumption.
-enum class Assumption : std::uint8_t { q = 1, dq = 2 };
-inline constexpr std::uint8_t kAllAssumptions = 3;
-inline constexpr std::size_t kAssumptionCount = 2;
-
 struct CommandHeader {
   std::uint64_t observation_id = 0;  // the observation answered
   std::uint64_t sequence = 0;        // strictly increasing within a session, from 1
@@ -46,65 +39,58 @@ struct CommandHeader {
   MonoTime infer_started_at;
   MonoTime infer_ended_at;
   MonoTime published_at;
-  MonoTime assumed_at;                     // when the assumed state is to be; unset unless speculative
   Duration step_period;                    // > 0
   std::uint32_t dropped_observations = 0;  // queued-up observations skipped since the previous command
   std::uint16_t step_count = 0;            // 1..kMaxChunkSteps
   std::uint16_t joint_count = 0;           // must equal the robot's
   std::uint8_t fields = 0;                 // mask of CommandField; q is mandatory
-  std::uint8_t assumes = 0;                // mask of Assumption; 0: the chunk is not speculative
-  std::uint8_t reserved[6] = {};
+  std::uint8_t reserved[7] = {};
 };
-
-#define TAKT_COMMAND_FIELDS                                                                                            \
-  {                                                                                                                    \
-    TAKT_FIELD(CommandHeader, observation_id), TAKT_FIELD(CommandHeader, sequence),                                    \
-        TAKT_FIELD(CommandHeader, policy_hash), TAKT_FIELD(CommandHeader, outside_sensed_at),                          \
-        TAKT_FIELD(CommandHeader, dequeued_at), TAKT_FIELD(CommandHeader, infer_started_at),                           \
-        TAKT_FIELD(CommandHeader, infer_ended_at), TAKT_FIELD(CommandHeader, published_at),                            \
-        TAKT_FIELD(CommandHeader, assumed_at), TAKT_FIELD(CommandHeader, step_period),                                 \
-        TAKT_FIELD(CommandHeader, dropped_observations), TAKT_FIELD(CommandHeader, step_count),                        \
-        TAKT_FIELD(CommandHeader, joint_count), TAKT_FIELD(CommandHeader, fields), TAKT_FIELD(CommandHeader, assumes), \
-        TAKT_FIELD(CommandHeader, reserved)                                                                            \
-  }
+template <std::same_as<CommandHeader> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(observation_id),          TAKT_FIELD(sequence),     TAKT_FIELD(policy_hash),
+      TAKT_FIELD(outside_sensed_at),       TAKT_FIELD(dequeued_at),  TAKT_FIELD(infer_started_at),
+      TAKT_FIELD(infer_ended_at),          TAKT_FIELD(published_at), TAKT_FIELD(step_period),
+      TAKT_FIELD(dropped_observations),    TAKT_FIELD(step_count),   TAKT_FIELD(joint_count),
+      TAKT_FIELD_OF(CommandField, fields), TAKT_FIELD(reserved),
+  };
+}
 
 static_assert(std::is_standard_layout_v<CommandHeader> && std::is_trivially_copyable_v<CommandHeader>);
-static_assert(sizeof(CommandHeader) == 96);
-static_assert(is_gapless(TAKT_COMMAND_FIELDS, sizeof(CommandHeader)));
-inline constexpr std::uint64_t kCommandLayout = layout_hash(TAKT_COMMAND_FIELDS);
-#undef TAKT_COMMAND_FIELDS
+static_assert(sizeof(CommandHeader) == 88);
 
 constexpr std::size_t field_count(std::uint8_t fields) {
   return static_cast<std::size_t>(std::popcount(static_cast<unsigned>(fields & kAllCommandFields)));
 }
 
-// Of the steps, and of the whole message.
-inline constexpr std::size_t kMaxChunkValues = kMaxChunkSteps * kMaxJoints * kCommandFieldCount;
-inline constexpr std::size_t kMaxCommandValues = kMaxChunkValues + kAssumptionCount * kMaxJoints;
+// Positions of 128 steps for every joint, or all five fields of 64 steps.
+inline constexpr std::size_t kMaxChunkValues = 20'480;
 
 // Bytes of the largest chunk that is legal for a robot whose policies send `step_count` steps; 0: any number of them.
 constexpr std::size_t largest_command_bytes(std::size_t joint_count, std::size_t step_count) {
   const std::size_t steps = step_count == 0 ? kMaxChunkSteps : step_count;
-  return sizeof(CommandHeader) + 4 * joint_count * (steps * kCommandFieldCount + kAssumptionCount);
+  return sizeof(CommandHeader) + 4 * std::min(joint_count * steps * kCommandFieldCount, kMaxChunkValues);
 }
 
 struct CommandChunk {
   CommandHeader header;
-  float values[kMaxCommandValues] = {};
+  float values[kMaxChunkValues] = {};
 
-  // Of the steps.
   [[nodiscard]] constexpr std::size_t value_count() const {
     return std::size_t{header.step_count} * header.joint_count * field_count(header.fields);
   }
-  [[nodiscard]] constexpr std::size_t assumed_count() const {
-    return std::size_t{header.joint_count} * field_count(static_cast<std::uint8_t>(header.assumes & kAllAssumptions));
-  }
   // Bytes of the used part: header and values. Meaningful once the header's counts were checked against capacity.
-  [[nodiscard]] constexpr std::size_t used_bytes() const {
-    return sizeof(CommandHeader) + 4 * (value_count() + assumed_count());
-  }
+  [[nodiscard]] constexpr std::size_t used_bytes() const { return sizeof(CommandHeader) + 4 * value_count(); }
 };
-static_assert(std::is_standard_layout_v<CommandChunk> && sizeof(CommandChunk) == 96 + 4 * kMaxCommandValues);
+template <std::same_as<CommandChunk> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(header),
+      TAKT_FIELD(values),
+  };
+}
+static_assert(std::is_standard_layout_v<CommandChunk> && sizeof(CommandChunk) == 88 + 4 * kMaxChunkValues);
 
 // Index into CommandChunk::values. Precondition: `field` is in the mask, step and joint are below their counts.
 constexpr std::size_t value_index(const CommandHeader& header, CommandField field, std::size_t step,

@@ -1,7 +1,9 @@
-// One number for the whole contract: differs whenever any shared structure's layout differs.
+// One number for the whole contract: differs whenever a field of any shared structure, or a word of any enum in one, is
+// another, elsewhere, or of another type.
 #pragma once
 
 #include "executive/contract/command_chunk.hpp"
+#include "executive/contract/image_sample.hpp"
 #include "executive/contract/layout.hpp"
 #include "executive/contract/observation.hpp"
 #include "executive/contract/policy_input.hpp"
@@ -11,13 +13,24 @@
 
 namespace takt {
 
-constexpr std::uint64_t contract_layout() {
-  return layout_hash({{kObservationLayout, sizeof(Observation)},
-                      {kSensorSampleLayout, sizeof(SensorSample)},
-                      {kCommandLayout, sizeof(CommandChunk)},
-                      {kTickRecordLayout, sizeof(TickRecord)},
-                      {kPolicyInputLayout, sizeof(PolicyInputHeader)},
-                      {sizeof(Hello), sizeof(OperatorReply)}});
+consteval std::uint64_t contract_layout() {
+  return LayoutHash()
+      .mix(layout_of<Observation>())
+      .mix(layout_of<SensorSample>())
+      .mix(layout_of<ImageHeader>())
+      .mix(layout_of<CommandChunk>())
+      .mix(layout_of<PolicyInputHeader>())
+      .mix(layout_of<PolicyInputSample>())
+      .mix(layout_of<TickRecord>())
+      .mix(layout_of<FrameRecord>())
+      .mix(layout_of<TickTag>())
+      .mix(layout_of<CommandTag>())
+      .mix(layout_of<Hello>())
+      .mix(layout_of<Welcome>())
+      .mix(layout_of<OperatorMessage>())
+      .mix(layout_of<RecorderWord>())
+      .mix(layout_of<OperatorReply>())
+      .value();
 }
 
 }  // namespace takt

@@ -1,9 +1,12 @@
 // What the drives and the buses report, decoded at the edge and handed to the tick as values.
 #pragma once
 
+#include <array>
+#include <concepts>
 #include <cstdint>
 #include <type_traits>
 
+#include "executive/contract/layout.hpp"
 #include "executive/contract/mono_time.hpp"
 #include "executive/contract/wire_verdict.hpp"
 
@@ -26,6 +29,14 @@ struct JointFeedback {
   // 1..255; 0: it does not.
   std::uint8_t casing_C = 0;
 };
+template <std::same_as<JointFeedback> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(received_at),   TAKT_FIELD(q),          TAKT_FIELD(dq),          TAKT_FIELD(tau),
+      TAKT_FIELD(temperature_C), TAKT_FIELD(error_code), TAKT_FIELD(drive_state), TAKT_FIELD(replies),
+      TAKT_FIELD(refused),       TAKT_FIELD(casing_C),
+  };
+}
 static_assert(std::is_standard_layout_v<JointFeedback> && sizeof(JointFeedback) == 32);
 
 // A reading as casing_C has it.
@@ -36,9 +47,20 @@ constexpr std::uint8_t whole_degrees(float celsius) {
   return static_cast<float>(down) < celsius ? static_cast<std::uint8_t>(down + 1) : down;
 }
 
-// What is wrong with a joint's replies over about the last window: bits, one mask per joint.
-enum class ReplyFault : std::uint8_t { lost = 1U << 0U, repeated = 1U << 1U, delayed = 1U << 2U };
-using ReplyFaultMask = std::uint8_t;
+// What is wrong with a joint's replies: bits, one mask per joint. The first three: over about the last window
+// (pipeline/bus_watch.hpp); the others: pipeline/joint_watch.hpp.
+enum class ReplyFault : std::uint16_t {
+  lost = 1U << 0U,
+  repeated = 1U << 1U,
+  delayed = 1U << 2U,
+  outlier = 1U << 3U,       // the newest position is out of reach of the one before, and is not believed
+  jumped = 1U << 4U,        // such positions one after the other
+  contradicts = 1U << 5U,   // positions move otherwise than the drive's own velocity says
+  frozen = 1U << 6U,        // the position stands still while the joint moves
+  from_future = 1U << 7U,   // the newest stamp lies ahead of the tick; it is not believed
+  moved_unheard = 1U << 8U  // after a silence it reads elsewhere than before; until a reset in standby
+};
+using ReplyFaultMask = std::uint16_t;
 constexpr ReplyFaultMask bit(ReplyFault fault) {
   return static_cast<ReplyFaultMask>(fault);
 }
@@ -56,6 +78,13 @@ struct BusHealth {
   MonoTime left_at;        // when the newest one left
   MonoTime waiting_since;  // when the oldest one that has not left was handed over; unset: all have left
 };
+template <std::same_as<BusHealth> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(tx_dropped), TAKT_FIELD(rx_dropped), TAKT_FIELD(foreign_frames), TAKT_FIELD(state),
+      TAKT_FIELD(flooded),    TAKT_FIELD(reserved),   TAKT_FIELD(left_at),        TAKT_FIELD(waiting_since),
+  };
+}
 static_assert(std::is_standard_layout_v<BusHealth> && sizeof(BusHealth) == 32);
 
 }  // namespace takt

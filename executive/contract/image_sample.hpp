@@ -2,6 +2,8 @@
 // row, the channels of a pixel together. The shape is the robot file's and part of the mailbox's layout.
 #pragma once
 
+#include <array>
+#include <concepts>
 #include <cstdint>
 #include <type_traits>
 
@@ -17,6 +19,12 @@ struct ImageHeader {
   std::uint32_t bytes = 0;  // that follow
   std::uint32_t reserved = 0;
 };
+template <std::same_as<ImageHeader> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(sequence), TAKT_FIELD(sensed_at), TAKT_FIELD(published_at), TAKT_FIELD(bytes), TAKT_FIELD(reserved),
+  };
+}
 static_assert(std::is_standard_layout_v<ImageHeader> && std::is_trivially_copyable_v<ImageHeader>);
 static_assert(sizeof(ImageHeader) == 32);
 

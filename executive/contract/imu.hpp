@@ -6,11 +6,13 @@
 
 #include <array>
 #include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <string_view>
 #include <type_traits>
 
+#include "executive/contract/layout.hpp"
 #include "executive/contract/mono_time.hpp"
 
 namespace takt {
@@ -24,6 +26,13 @@ struct ImuSample {
   float angular_velocity[3] = {};    // rad/s, base frame
   float acceleration[3] = {};        // m/s^2, base frame; specific force: +g upwards at rest
 };
+template <std::same_as<ImuSample> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(sequence),         TAKT_FIELD(sensed_at),    TAKT_FIELD(rotation),
+      TAKT_FIELD(angular_velocity), TAKT_FIELD(acceleration),
+  };
+}
 static_assert(std::is_standard_layout_v<ImuSample> && std::is_trivially_copyable_v<ImuSample>);
 static_assert(sizeof(ImuSample) == 16 + 4 * kImuValues);
 

@@ -9,6 +9,8 @@
 #include <cstdint>
 #include <type_traits>
 
+#include "executive/contract/layout.hpp"
+
 namespace takt {
 
 inline constexpr std::size_t kMaxJoints = 64;
@@ -48,6 +50,13 @@ struct JointVector {
   constexpr float& operator[](std::size_t joint) { return at[joint]; }
   constexpr float operator[](std::size_t joint) const { return at[joint]; }
 };
+template <class Unit>
+constexpr auto fields_of(Shared<JointVector<Unit>>) {
+  using Of = JointVector<Unit>;
+  return std::array{
+      TAKT_FIELD(at),
+  };
+}
 
 using Positions = JointVector<unit::Radian>;
 using Velocities = JointVector<unit::RadianPerSecond>;

@@ -6,7 +6,7 @@
 // tracking       every drive enabled, fresh command  impedance law on the played chunk
 // degraded       contract violated repeatedly        as configured: hold, slow down, or a named fallback
 // damped_stop    stop request, command lost, ...     damping and gravity compensation until the robot rests, then hold
-// fault_latched  drive, bus or feedback fault        no power where the fault is, damping in the rest of that limb, the
+// fault_latched  drive, bus or feedback fault        no power where the fault is, damping in what hangs there, the
 //                                                    rest as in damped_stop; operator reset needed
 #pragma once
 
@@ -57,8 +57,10 @@ enum class Cause : std::uint8_t {
   temperature_high,     // a drive is hotter than its joint's warning: told, or degraded by configuration
   overtemperature,      // a drive is hotter than its joint's limit
   degraded_spent,       // degraded for as long as the robot may be
+  // What a drive tells of its joint's motion cannot be true.
+  feedback_implausible,
 };
-inline constexpr std::size_t kCauseCount = 36;
+inline constexpr std::size_t kCauseCount = 37;
 
 constexpr std::string_view name(Mode mode) {
   constexpr std::array<std::string_view, kModeCount> names{"standby",  "arming",      "tracking",
@@ -103,7 +105,8 @@ constexpr std::string_view name(Cause cause) {
                                                             "fallback_spent",
                                                             "temperature_high",
                                                             "overtemperature",
-                                                            "degraded_spent"};
+                                                            "degraded_spent",
+                                                            "feedback_implausible"};
   const auto index = static_cast<std::size_t>(cause);
   return index < names.size() ? names[index] : "invalid";
 }

@@ -4,8 +4,12 @@
 // MonoTime{0} means "no such instant" wherever a stamp is optional. Range: +-292 years; sums are not checked.
 #pragma once
 
+#include <array>
 #include <compare>
+#include <concepts>
 #include <cstdint>
+
+#include "executive/contract/layout.hpp"
 
 namespace takt {
 
@@ -18,6 +22,12 @@ struct Duration {
   [[nodiscard]] constexpr double seconds() const { return static_cast<double>(ns) * 1e-9; }
   [[nodiscard]] constexpr double milliseconds() const { return static_cast<double>(ns) * 1e-6; }
 };
+template <std::same_as<Duration> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(ns),
+  };
+}
 
 constexpr Duration nanoseconds(std::int64_t n) {
   return {n};
@@ -40,6 +50,12 @@ struct MonoTime {
   friend constexpr MonoTime operator-(MonoTime t, Duration d) { return {t.ns - d.ns}; }
   [[nodiscard]] constexpr bool is_set() const { return ns != 0; }
 };
+template <std::same_as<MonoTime> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(ns),
+  };
+}
 
 static_assert(sizeof(Duration) == 8 && sizeof(MonoTime) == 8);
 

@@ -5,12 +5,15 @@
 // says later about an observation is never believed in its place.
 #pragma once
 
+#include <array>
+#include <concepts>
 #include <cstdint>
 #include <type_traits>
 
 #include "executive/contract/imu.hpp"
 #include "executive/contract/joints.hpp"
 #include "executive/contract/layout.hpp"
+#include "executive/contract/mode.hpp"
 #include "executive/contract/mono_time.hpp"
 
 namespace takt {
@@ -38,23 +41,33 @@ struct Observation {
   Velocities dq_of_drive;  // as the drives report it; dq is the executive's own estimate
   ImuSample imu;           // newest usable one; sequence 0: the robot has none
 };
-
-#define TAKT_OBSERVATION_FIELDS                                                                                        \
-  {                                                                                                                    \
-    TAKT_FIELD(Observation, id), TAKT_FIELD(Observation, tick), TAKT_FIELD(Observation, oldest_sensed_at),             \
-        TAKT_FIELD(Observation, published_at), TAKT_FIELD(Observation, period), TAKT_FIELD(Observation, joint_count),  \
-        TAKT_FIELD(Observation, mode), TAKT_FIELD(Observation, of_candidate), TAKT_FIELD(Observation, overtaken),      \
-        TAKT_FIELD(Observation, reserved), TAKT_FIELD(Observation, command_sequence),                                  \
-        TAKT_FIELD(Observation, committed_from), TAKT_FIELD(Observation, committed_count), TAKT_FIELD(Observation, q), \
-        TAKT_FIELD(Observation, dq), TAKT_FIELD(Observation, tau), TAKT_FIELD(Observation, q_setpoint),                \
-        TAKT_FIELD(Observation, dq_of_drive), TAKT_FIELD(Observation, imu)                                             \
-  }
+template <std::same_as<Observation> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(id),
+      TAKT_FIELD(tick),
+      TAKT_FIELD(oldest_sensed_at),
+      TAKT_FIELD(published_at),
+      TAKT_FIELD(period),
+      TAKT_FIELD(joint_count),
+      TAKT_FIELD_OF(Mode, mode),
+      TAKT_FIELD(of_candidate),
+      TAKT_FIELD(overtaken),
+      TAKT_FIELD(reserved),
+      TAKT_FIELD(command_sequence),
+      TAKT_FIELD(committed_from),
+      TAKT_FIELD(committed_count),
+      TAKT_FIELD(q),
+      TAKT_FIELD(dq),
+      TAKT_FIELD(tau),
+      TAKT_FIELD(q_setpoint),
+      TAKT_FIELD(dq_of_drive),
+      TAKT_FIELD(imu),
+  };
+}
 
 static_assert(std::is_standard_layout_v<Observation> && std::is_trivially_copyable_v<Observation>);
 static_assert(sizeof(Observation) == 64 + 5 * sizeof(Positions) + sizeof(ImuSample));
-static_assert(is_gapless(TAKT_OBSERVATION_FIELDS, sizeof(Observation)));
-inline constexpr std::uint64_t kObservationLayout = layout_hash(TAKT_OBSERVATION_FIELDS);
-#undef TAKT_OBSERVATION_FIELDS
 
 // How many observations must be remembered so that none is forgotten before it is max_age old: all that are published
 // within max_age, one for the present, and one because a late wake-up brings two of them closer together by less than a

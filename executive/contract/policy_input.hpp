@@ -20,7 +20,9 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <bit>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -55,6 +57,17 @@ struct PolicyInputHeader {
   std::uint8_t quantities = 0;   // of ShownQuantity
   std::uint8_t reserved[4] = {};
 };
+template <std::same_as<PolicyInputHeader> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(observation_id),  TAKT_FIELD(sequence),     TAKT_FIELD(inference),
+      TAKT_FIELD(policy_hash),     TAKT_FIELD(following),    TAKT_FIELD(committed_from),
+      TAKT_FIELD(committed_count), TAKT_FIELD(joint_count),  TAKT_FIELD(sample_count),
+      TAKT_FIELD(input_count),     TAKT_FIELD(output_count), TAKT_FIELD(after_reset),
+      TAKT_FIELD(built_in),        TAKT_FIELD(by_client),    TAKT_FIELD_OF(ShownQuantity, quantities),
+      TAKT_FIELD(reserved),
+  };
+}
 
 struct PolicyInputSample {
   std::uint64_t sequence = 0;  // UINT64_MAX: nobody spoke, and a command's when_absent stood in
@@ -63,34 +76,17 @@ struct PolicyInputSample {
   std::uint32_t sensor = 0;       // index into the robot file's sensors
   std::uint32_t value_count = 0;  // 0: an image
 };
-
-#define TAKT_POLICY_INPUT_FIELDS                                                                    \
-  {                                                                                                 \
-    TAKT_FIELD(PolicyInputHeader, observation_id), TAKT_FIELD(PolicyInputHeader, sequence),         \
-        TAKT_FIELD(PolicyInputHeader, inference), TAKT_FIELD(PolicyInputHeader, policy_hash),       \
-        TAKT_FIELD(PolicyInputHeader, following), TAKT_FIELD(PolicyInputHeader, committed_from),    \
-        TAKT_FIELD(PolicyInputHeader, committed_count), TAKT_FIELD(PolicyInputHeader, joint_count), \
-        TAKT_FIELD(PolicyInputHeader, sample_count), TAKT_FIELD(PolicyInputHeader, input_count),    \
-        TAKT_FIELD(PolicyInputHeader, output_count), TAKT_FIELD(PolicyInputHeader, after_reset),    \
-        TAKT_FIELD(PolicyInputHeader, built_in), TAKT_FIELD(PolicyInputHeader, by_client),          \
-        TAKT_FIELD(PolicyInputHeader, quantities), TAKT_FIELD(PolicyInputHeader, reserved)          \
-  }
-#define TAKT_POLICY_INPUT_SAMPLE_FIELDS                                                     \
-  {                                                                                         \
-    TAKT_FIELD(PolicyInputSample, sequence), TAKT_FIELD(PolicyInputSample, sensed_at),      \
-        TAKT_FIELD(PolicyInputSample, published_at), TAKT_FIELD(PolicyInputSample, sensor), \
-        TAKT_FIELD(PolicyInputSample, value_count)                                          \
-  }
+template <std::same_as<PolicyInputSample> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(sequence), TAKT_FIELD(sensed_at),   TAKT_FIELD(published_at),
+      TAKT_FIELD(sensor),   TAKT_FIELD(value_count),
+  };
+}
 
 static_assert(std::is_standard_layout_v<PolicyInputHeader> && std::is_trivially_copyable_v<PolicyInputHeader>);
 static_assert(std::is_standard_layout_v<PolicyInputSample> && std::is_trivially_copyable_v<PolicyInputSample>);
 static_assert(sizeof(PolicyInputHeader) == 72 && sizeof(PolicyInputSample) == 32);
-static_assert(is_gapless(TAKT_POLICY_INPUT_FIELDS, sizeof(PolicyInputHeader)));
-static_assert(is_gapless(TAKT_POLICY_INPUT_SAMPLE_FIELDS, sizeof(PolicyInputSample)));
-inline constexpr std::uint64_t kPolicyInputLayout =
-    layout_hash({{layout_hash(TAKT_POLICY_INPUT_FIELDS), layout_hash(TAKT_POLICY_INPUT_SAMPLE_FIELDS)}});
-#undef TAKT_POLICY_INPUT_FIELDS
-#undef TAKT_POLICY_INPUT_SAMPLE_FIELDS
 
 // Values of all joints that a payload begins with. Precondition: no other bits than ShownQuantity's.
 constexpr std::size_t shown_joint_values(const PolicyInputHeader& header) {

@@ -3,6 +3,8 @@
 // CommandHeader::outside_sensed_at, which can only make a command older.
 #pragma once
 
+#include <array>
+#include <concepts>
 #include <cstdint>
 #include <type_traits>
 
@@ -20,17 +22,15 @@ struct SensorSample {
   std::uint32_t reserved = 0;
   float values[kMaxSensorValues] = {};  // SI units, meaning fixed by the robot's configuration
 };
-
-#define TAKT_SENSOR_FIELDS                                                                                           \
-  {                                                                                                                  \
-    TAKT_FIELD(SensorSample, sequence), TAKT_FIELD(SensorSample, sensed_at), TAKT_FIELD(SensorSample, published_at), \
-        TAKT_FIELD(SensorSample, value_count), TAKT_FIELD(SensorSample, reserved), TAKT_FIELD(SensorSample, values)  \
-  }
+template <std::same_as<SensorSample> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(sequence),    TAKT_FIELD(sensed_at), TAKT_FIELD(published_at),
+      TAKT_FIELD(value_count), TAKT_FIELD(reserved),  TAKT_FIELD(values),
+  };
+}
 
 static_assert(std::is_standard_layout_v<SensorSample> && std::is_trivially_copyable_v<SensorSample>);
 static_assert(sizeof(SensorSample) == 32 + 4 * kMaxSensorValues);
-static_assert(is_gapless(TAKT_SENSOR_FIELDS, sizeof(SensorSample)));
-inline constexpr std::uint64_t kSensorSampleLayout = layout_hash(TAKT_SENSOR_FIELDS);
-#undef TAKT_SENSOR_FIELDS
 
 }  // namespace takt

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <concepts>
 #include <cstdint>
 #include <string_view>
 #include <type_traits>
@@ -60,6 +61,14 @@ struct Hello {
   std::uint32_t step_count = 0;        // policy roles
   char program[40] = {};
 };
+template <std::same_as<Hello> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(magic),       TAKT_FIELD(abi_version), TAKT_FIELD(role),        TAKT_FIELD(reserved),
+      TAKT_FIELD(layout),      TAKT_FIELD(config_hash), TAKT_FIELD(policy_hash), TAKT_FIELD(joint_names_hash),
+      TAKT_FIELD(joint_count), TAKT_FIELD(step_count),  TAKT_FIELD(program),
+  };
+}
 static_assert(std::is_standard_layout_v<Hello> && sizeof(Hello) == 96);
 
 enum class WelcomeStatus : std::uint8_t { accepted, refused };
@@ -73,6 +82,13 @@ struct Welcome {
   std::uint8_t reserved[5] = {};
   char sentence[496] = {};  // why refused, or empty
 };
+template <std::same_as<Welcome> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(magic),    TAKT_FIELD(status),   TAKT_FIELD(descriptor_count),
+      TAKT_FIELD(lockstep), TAKT_FIELD(reserved), TAKT_FIELD(sentence),
+  };
+}
 static_assert(std::is_standard_layout_v<Welcome> && sizeof(Welcome) == 512);
 
 // stop, press_stop, deenergise, swap and back mean what they mean as an OperatorRequest.
@@ -84,6 +100,15 @@ struct OperatorMessage {
   std::uint8_t reserved[7] = {};
   std::uint64_t policy_hash = 0;  // swap: of the policy that is to play
 };
+template <std::same_as<OperatorMessage> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(magic),
+      TAKT_FIELD(verb),
+      TAKT_FIELD(reserved),
+      TAKT_FIELD(policy_hash),
+  };
+}
 static_assert(std::is_standard_layout_v<OperatorMessage> && sizeof(OperatorMessage) == 24);
 
 // What the monitor says after its hello, whenever more of the run has reached its medium. Tick 0: it records nothing.
@@ -91,6 +116,13 @@ struct RecorderWord {
   std::uint64_t magic = kMagic;
   std::uint64_t through_tick = 0;
 };
+template <std::same_as<RecorderWord> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(magic),
+      TAKT_FIELD(through_tick),
+  };
+}
 static_assert(std::is_standard_layout_v<RecorderWord> && sizeof(RecorderWord) == 16);
 
 // The loop's state as the control thread last published it, plus what the service thread knows.
@@ -107,6 +139,17 @@ struct StatusSnapshot {
   std::uint8_t recorder_required = 0;
   std::uint8_t reserved[6] = {};
 };
+template <std::same_as<StatusSnapshot> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(tick),          TAKT_FIELD(ticks),
+      TAKT_FIELD(overruns),      TAKT_FIELD(arrivals),
+      TAKT_FIELD(policy_pid),    TAKT_FIELD(fallback_pid),
+      TAKT_FIELD(candidate_pid), TAKT_FIELD(monitor_pid),
+      TAKT_FIELD(realtime),      TAKT_FIELD(recorder_required),
+      TAKT_FIELD(reserved),
+  };
+}
 
 // The newest stop or fault since the executive started (incident/incident.hpp), for who has no tick records.
 struct IncidentNote {
@@ -121,6 +164,13 @@ struct IncidentNote {
   char where[96] = {};       // "joint elbow"; empty: the robot as a whole
   char sentence[1024] = {};  // cut off where it does not fit
 };
+template <std::same_as<IncidentNote> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(tick),  TAKT_FIELD(at),    TAKT_FIELD(first_tick), TAKT_FIELD(error_code), TAKT_FIELD(mode),
+      TAKT_FIELD(cause), TAKT_FIELD(asked), TAKT_FIELD(stands),     TAKT_FIELD(where),      TAKT_FIELD(sentence),
+  };
+}
 
 struct OperatorReply {
   std::uint64_t magic = kMagic;
@@ -130,6 +180,13 @@ struct OperatorReply {
   IncidentNote incident;
   char sentences[2048] = {};  // one per line: why not, or what is missing
 };
+template <std::same_as<OperatorReply> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(magic),  TAKT_FIELD(done),     TAKT_FIELD(reserved),
+      TAKT_FIELD(status), TAKT_FIELD(incident), TAKT_FIELD(sentences),
+  };
+}
 static_assert(std::is_standard_layout_v<OperatorReply> && std::is_trivially_copyable_v<OperatorReply>);
 
 }  // namespace takt

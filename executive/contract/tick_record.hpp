@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <string_view>
@@ -50,6 +51,12 @@ struct AgeParts {
   Duration hold;     // first use -> now
   [[nodiscard]] constexpr Duration total() const { return sense + queue + infer + publish + hold; }
 };
+template <std::same_as<AgeParts> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(sense), TAKT_FIELD(queue), TAKT_FIELD(infer), TAKT_FIELD(publish), TAKT_FIELD(hold),
+  };
+}
 
 // Whose chunk the robot follows in a tick, or whose message is told of: the candidate never moves the robot, it becomes
 // the policy.
@@ -76,6 +83,21 @@ struct FallbackRecord {
   Freshness freshness = Freshness::missing;
   std::uint8_t reserved[3] = {};
 };
+template <std::same_as<FallbackRecord> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(command_sequence_seen),
+      TAKT_FIELD(age),
+      TAKT_FIELD(command_sequence),
+      TAKT_FIELD(observation_answered),
+      TAKT_FIELD(mailbox),
+      TAKT_FIELD(session),
+      TAKT_FIELD(arrival),
+      TAKT_FIELD(last_refusal),
+      TAKT_FIELD(freshness),
+      TAKT_FIELD(reserved),
+  };
+}
 
 // What became of a change of policy in a tick.
 enum class PolicyChange : std::uint8_t {
@@ -128,20 +150,30 @@ struct CandidateRecord {
   std::uint8_t is_asked = 0;      // 1: after this tick a change is asked for and has not come yet
   std::uint8_t reserved[3] = {};
 };
-
-// Speculative chunks of the policy in charge. Of those accepted since start each is, after every tick, in one of the
-// four counts or waiting. All zero where the robot file takes none.
-struct SpeculationRecord {
-  std::uint64_t taken_sequence = 0;  // of the one that was taken up in this tick; 0 none
-  float distance = 0;  // of the nearest compared in this tick from the state sensed, in tolerances: at most 1 matches
-  std::uint32_t taken = 0;      // since start: matched, and were the nearest
-  std::uint32_t outdone = 0;    // since start: matched too, and another was nearer
-  std::uint32_t unmatched = 0;  // since start: the state was another
-  std::uint32_t dropped = 0;    // since start: never compared: too old, overtaken, too many, a reset, arming or gap
-  std::uint8_t waiting = 0;     // after this tick
-  std::uint8_t compared = 0;    // in this tick
-  std::uint8_t reserved[2] = {};
-};
+template <std::same_as<CandidateRecord> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(command_sequence_seen),
+      TAKT_FIELD(policy_hash),
+      TAKT_FIELD(asked_policy),
+      TAKT_FIELD(age),
+      TAKT_FIELD(command_sequence),
+      TAKT_FIELD(observation_answered),
+      TAKT_FIELD(beyond_range),
+      TAKT_FIELD(beyond_limits),
+      TAKT_FIELD(distance),
+      TAKT_FIELD(mailbox),
+      TAKT_FIELD(session),
+      TAKT_FIELD(arrival),
+      TAKT_FIELD(last_refusal),
+      TAKT_FIELD(freshness),
+      TAKT_FIELD(change),
+      TAKT_FIELD(in_charge),
+      TAKT_FIELD(on_probation),
+      TAKT_FIELD(is_asked),
+      TAKT_FIELD(reserved),
+  };
+}
 
 struct TickRecordHeader {
   // inputs
@@ -189,10 +221,57 @@ struct TickRecordHeader {
   CandidateRecord candidate;
   std::uint64_t command_policy = 0;  // hash of the policy whose command is in use
   Player player = Player::none;      // whose chunk the robot follows
-  std::uint8_t is_speculative = 0;   // 1: the command in use came as an alternative, and its assumption matched
-  std::uint8_t reserved[6] = {};
-  SpeculationRecord speculation;
+  std::uint8_t reserved[7] = {};
 };
+template <std::same_as<TickRecordHeader> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(tick),
+      TAKT_FIELD(now),
+      TAKT_FIELD(lateness),
+      TAKT_FIELD(last_duration),
+      TAKT_FIELD(skipped_periods),
+      TAKT_FIELD(last_sent_at),
+      TAKT_FIELD(last_damped),
+      TAKT_FIELD(asked_at),
+      TAKT_FIELD(buses),
+      TAKT_FIELD(imu),
+      TAKT_FIELD(command_sequence_seen),
+      TAKT_FIELD(recorded_through),
+      TAKT_FIELD(operator_request),
+      TAKT_FIELD(overrun_cause),
+      TAKT_FIELD(mailbox),
+      TAKT_FIELD(bus_count),
+      TAKT_FIELD(joint_count),
+      TAKT_FIELD(age),
+      TAKT_FIELD(command_sequence),
+      TAKT_FIELD(observation_answered),
+      TAKT_FIELD(observation_published),
+      TAKT_FIELD(window_misses),
+      TAKT_FIELD(window_ticks),
+      TAKT_FIELD(integration_errors),
+      TAKT_FIELD(refused_commands),
+      TAKT_FIELD(mode),
+      TAKT_FIELD(previous_mode),
+      TAKT_FIELD(cause),
+      TAKT_FIELD(arrival),
+      TAKT_FIELD(freshness),
+      TAKT_FIELD(chunk_step),
+      TAKT_FIELD(drives_enabled),
+      TAKT_FIELD(policy_session),
+      TAKT_FIELD_OF(Cause, causes_active),
+      TAKT_FIELD(slept_ms),
+      TAKT_FIELD(last_refusal),
+      TAKT_FIELD(torque_output),
+      TAKT_FIELD(torque_permitted),
+      TAKT_FIELD(imu_verdict),
+      TAKT_FIELD(fallback),
+      TAKT_FIELD(candidate),
+      TAKT_FIELD(command_policy),
+      TAKT_FIELD(player),
+      TAKT_FIELD(reserved),
+  };
+}
 
 struct JointRecord {
   JointFeedback feedback;     // input
@@ -210,7 +289,29 @@ struct JointRecord {
   InterventionMask interventions = 0;
   ReplyFaultMask reply_faults = 0;
   std::uint8_t drive_enabled = 0;  // 1 when this drive is told to be enabled; 0: to de-energise
+  std::uint8_t reserved[7] = {};
 };
+template <std::same_as<JointRecord> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(feedback),
+      TAKT_FIELD(q_estimate),
+      TAKT_FIELD(dq_estimate),
+      TAKT_FIELD(q_reference),
+      TAKT_FIELD(dq_reference),
+      TAKT_FIELD(tau_gravity),
+      TAKT_FIELD(tau_total),
+      TAKT_FIELD(q_command),
+      TAKT_FIELD(dq_command),
+      TAKT_FIELD(kp_command),
+      TAKT_FIELD(kd_command),
+      TAKT_FIELD(tau_command),
+      TAKT_FIELD_OF(Intervention, interventions),
+      TAKT_FIELD_OF(ReplyFault, reply_faults),
+      TAKT_FIELD(drive_enabled),
+      TAKT_FIELD(reserved),
+  };
+}
 
 // Whether the joint's drive is written to in this tick: in its turns, and in every change of mode, for a stop waits for
 // nobody's turn.
@@ -227,11 +328,9 @@ static_assert(std::is_standard_layout_v<AgeParts> && sizeof(AgeParts) == 40);
 static_assert(std::is_standard_layout_v<TickRecordHeader> && std::is_trivially_copyable_v<TickRecordHeader>);
 static_assert(std::is_standard_layout_v<FallbackRecord> && sizeof(FallbackRecord) == 40);
 static_assert(std::is_standard_layout_v<CandidateRecord> && sizeof(CandidateRecord) == 80);
-static_assert(std::is_standard_layout_v<SpeculationRecord> && sizeof(SpeculationRecord) == 32);
 static_assert(sizeof(TickRecordHeader) == 72 + sizeof(BusHealth) * kMaxBuses + sizeof(ImuSample) + 16 + 40 + 24 + 16 +
-                                              16 + 8 + sizeof(FallbackRecord) + sizeof(CandidateRecord) + 8 + 8 +
-                                              sizeof(SpeculationRecord));
-static_assert(std::is_standard_layout_v<JointRecord> && sizeof(JointRecord) == 80);
+                                              16 + 8 + sizeof(FallbackRecord) + sizeof(CandidateRecord) + 8 + 8);
+static_assert(std::is_standard_layout_v<JointRecord> && sizeof(JointRecord) == 88);
 
 // Room for the largest record; only used_bytes() of it travel.
 struct TickRecord {
@@ -242,40 +341,13 @@ struct TickRecord {
     return sizeof(TickRecordHeader) + joint_count * sizeof(JointRecord);
   }
 };
-
-inline constexpr std::uint64_t kTickRecordLayout = layout_hash({TAKT_FIELD(TickRecordHeader, last_damped),
-                                                                TAKT_FIELD(TickRecordHeader, asked_at),
-                                                                TAKT_FIELD(TickRecordHeader, buses),
-                                                                TAKT_FIELD(TickRecordHeader, imu),
-                                                                TAKT_FIELD(TickRecordHeader, recorded_through),
-                                                                TAKT_FIELD(TickRecordHeader, operator_request),
-                                                                TAKT_FIELD(TickRecordHeader, joint_count),
-                                                                TAKT_FIELD(TickRecordHeader, age),
-                                                                TAKT_FIELD(TickRecordHeader, window_misses),
-                                                                TAKT_FIELD(TickRecordHeader, mode),
-                                                                TAKT_FIELD(TickRecordHeader, causes_active),
-                                                                TAKT_FIELD(TickRecordHeader, slept_ms),
-                                                                TAKT_FIELD(TickRecordHeader, last_refusal),
-                                                                TAKT_FIELD(TickRecordHeader, torque_output),
-                                                                TAKT_FIELD(TickRecordHeader, torque_permitted),
-                                                                TAKT_FIELD(TickRecordHeader, imu_verdict),
-                                                                TAKT_FIELD(TickRecordHeader, fallback),
-                                                                TAKT_FIELD(TickRecordHeader, candidate),
-                                                                TAKT_FIELD(TickRecordHeader, command_policy),
-                                                                TAKT_FIELD(TickRecordHeader, player),
-                                                                TAKT_FIELD(TickRecordHeader, is_speculative),
-                                                                TAKT_FIELD(TickRecordHeader, speculation),
-                                                                TAKT_FIELD(JointRecord, feedback),
-                                                                TAKT_FIELD(JointRecord, q_estimate),
-                                                                TAKT_FIELD(JointRecord, tau_command),
-                                                                TAKT_FIELD(JointRecord, interventions),
-                                                                TAKT_FIELD(JointRecord, reply_faults),
-                                                                TAKT_FIELD(JointRecord, drive_enabled),
-                                                                TAKT_FIELD(JointFeedback, replies),
-                                                                TAKT_FIELD(JointFeedback, refused),
-                                                                TAKT_FIELD(BusHealth, flooded),
-                                                                TAKT_FIELD(BusHealth, left_at),
-                                                                TAKT_FIELD(BusHealth, waiting_since)});
+template <std::same_as<TickRecord> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(header),
+      TAKT_FIELD(joints),
+  };
+}
 
 // One CAN frame as it crossed the edge, for the run's candump log. Mirrors struct canfd_frame's content.
 // `refused`: the last guard kept it from the bus; what left instead follows it.
@@ -290,12 +362,25 @@ struct FrameRecord {
   std::uint8_t fd_flags = 0;  // CANFD_* flags; 0x80 marks an FD frame
   std::uint8_t data[64] = {};
 };
+template <std::same_as<FrameRecord> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(stamp),     TAKT_FIELD(tick),   TAKT_FIELD(can_id),   TAKT_FIELD(bus),
+      TAKT_FIELD(direction), TAKT_FIELD(length), TAKT_FIELD(fd_flags), TAKT_FIELD(data),
+  };
+}
 static_assert(std::is_standard_layout_v<FrameRecord> && sizeof(FrameRecord) == 88);
 
 // Prefix of the keyframe ring's payloads; the state's used bytes follow.
 struct TickTag {
   std::uint64_t tick = 0;
 };
+template <std::same_as<TickTag> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(tick),
+  };
+}
 static_assert(sizeof(TickTag) == 8);
 
 // Prefix of the command ring's payloads. The message follows: whole, or, of a refused one, only its header.
@@ -306,6 +391,12 @@ struct CommandTag {
   Player sender = Player::policy;  // whose mailbox it was read from
   std::uint8_t reserved[7] = {};
 };
+template <std::same_as<CommandTag> Of>
+constexpr auto fields_of(Shared<Of>) {
+  return std::array{
+      TAKT_FIELD(tick), TAKT_FIELD(bytes), TAKT_FIELD(crc), TAKT_FIELD(sender), TAKT_FIELD(reserved),
+  };
+}
 static_assert(sizeof(CommandTag) == 24);
 
 }  // namespace takt

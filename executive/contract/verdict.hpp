@@ -12,7 +12,7 @@ namespace takt {
 // Outcome of looking into the command mailbox this tick. Anything but `none` and `accepted` is a refusal, counted.
 enum class Arrival : std::uint8_t {
   none,                 // nothing new
-  accepted,             // became the command in use, or waits for its turn or for what it assumes
+  accepted,             // became the command in use, or waits for its turn
   contended,            // the writer overtook every bounded try; counts as nothing new
   corrupt,              // CRC or size wrong
   wrong_shape,          // joint count, step count, field mask, period or reserved bytes off
@@ -25,9 +25,8 @@ enum class Arrival : std::uint8_t {
   out_of_range,         // a value too large to be any joint's target (what exceeds a joint's range is clamped)
   missing_stamp,        // does not say when its outside sensors sensed, although the robot's policy uses some
   overtaken,            // answers an older observation than the command in use does
-  expired_assumption,   // speculative: the instant it assumes is past, or it would be older than max_age there
 };
-inline constexpr std::size_t kArrivalCount = 15;
+inline constexpr std::size_t kArrivalCount = 14;
 
 constexpr bool is_refusal(Arrival arrival) {
   return arrival != Arrival::none && arrival != Arrival::accepted;
@@ -35,8 +34,7 @@ constexpr bool is_refusal(Arrival arrival) {
 // Refused because it came too late. Lateness is the freshness contract's business (degraded, command_lost), never an
 // integration error (bad_commands).
 constexpr bool is_refused_for_age(Arrival arrival) {
-  return arrival == Arrival::expired_observation || arrival == Arrival::overtaken ||
-         arrival == Arrival::expired_assumption;
+  return arrival == Arrival::expired_observation || arrival == Arrival::overtaken;
 }
 
 // State of the command in use at this tick.
@@ -66,8 +64,7 @@ constexpr std::string_view name(Arrival arrival) {
                                                               "not_finite",
                                                               "out_of_range",
                                                               "missing_stamp",
-                                                              "overtaken",
-                                                              "expired_assumption"};
+                                                              "overtaken"};
   const auto index = static_cast<std::size_t>(arrival);
   return index < names.size() ? names[index] : "invalid";
 }

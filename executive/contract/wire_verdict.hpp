@@ -12,13 +12,13 @@ namespace takt {
 enum class WireVerdict : std::uint8_t {
   allowed,
   unknown_frame,  // not the joint's drive's, or nothing that we ever say
-  misplaced,      // would switch on a drive that is to be off, or change the settings of one that is to be on
+  misplaced,      // would drive one that is to be off, or change the settings of one that is to be on
   not_finite,
   gain,           // stiffness or damping outside its limit
   expired,        // would push after the instant until which the tick's decision may be obeyed
   feedback_lost,  // would push a joint that has been silent for too long
   position,       // outside the limits and their margin
-  velocity,       // beyond the limit
+  velocity,       // beyond the limit, or a position further from the last than a period at the limit
   torque,         // beyond the limit at the tick's estimate
   slew,           // further from the last torque than one period allows
   differs,        // inside every limit, and not what the tick decided

@@ -33,6 +33,7 @@ struct Row {
   std::array<Proof, 2> proofs;
   std::string_view residual;
   SetOf<Device> devices;
+  Mutant mutant{};  // that one of the proofs notices
 };
 
 // By cause, without Cause::none, which is no reaction.
@@ -53,7 +54,8 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
      {"pipeline_test OperatorStop.TheSecondPressTakesThePowerAway",
       "runtime_test CyclicLoop.StopsAreReadInTheOrderOfTheirWeight"},
      "a terminal, a network and a kernel lie between the person and the flag: this stop is no emergency stop",
-     {Device::emergency_stop, Device::gantry}},
+     {Device::emergency_stop, Device::gantry},
+     "a second stop takes no power away"},
     {Cause::operator_reset,
      {Hazard::falls, Hazard::uncommanded},
      {Unsafe::S5, Unsafe::S6, Unsafe::D6},
@@ -63,7 +65,8 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
      "reset takes the drives' power: what hangs on a joint without a brake falls, and of a silent joint nobody knows "
      "its "
      "speed",
-     {Device::brakes, Device::gantry}},
+     {Device::brakes, Device::gantry},
+     "a reset is granted while the fault lasts"},
     {Cause::shutdown,
      {Hazard::falls, Hazard::uncommanded},
      {Unsafe::D5},
@@ -118,7 +121,8 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
      {"pipeline_test Recovery.ACommandIsLostExactlyAfterStopAfter",
       "pipeline_test Freshness.PolicyDeathDegradesThenStopsWithinItsBound"},
      "a robot that has to be balanced falls unless its fallback balances it: a stop is no safe state for it",
-     {Device::gantry, Device::emergency_stop}},
+     {Device::gantry, Device::emergency_stop},
+     "a policy that died degrades the robot and never stops it"},
     {Cause::bad_commands,
      {Hazard::outdated, Hazard::beyond},
      {Unsafe::T3, Unsafe::T5},
@@ -135,7 +139,8 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
      {"pipeline_test Faults.EachLeadsToItsMode", "simulated_drives_test LostDrive.IsNeverDrivenByItsLastReading"},
      "the joint coasts or falls, unless it has a brake; a drive that cannot hear us either goes on until its own "
      "time-out",
-     {Device::brakes, Device::drive_timeout, Device::emergency_stop, Device::gantry}},
+     {Device::brakes, Device::drive_timeout, Device::emergency_stop, Device::gantry},
+     "torque goes on by the last reading of a joint that fell silent"},
     {Cause::drive_fault,
      {Hazard::falls, Hazard::unfelt},
      {Unsafe::D2, Unsafe::D3},
@@ -259,7 +264,8 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
       "runtime_test CyclicLoop.AnOverrunSkipsPeriodsKeepsPhaseAndIsCountedOnce"},
      "while the computer stands still nothing here reacts: drives go on with their last frame until their own "
      "time-outs",
-     {Device::drive_timeout, Device::emergency_stop}},
+     {Device::drive_timeout, Device::emergency_stop},
+     "the loop's work is not counted as late"},
     {Cause::recording_lost,
      {Hazard::unrecorded},
      {Unsafe::A2},
@@ -268,7 +274,8 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
      {"pipeline_test Recording.ARobotThatMovesStopsWhenItsRecorderEnds",
       "pipeline_test Recording.ARecorderMayBeBehindByTheLimitAndNoMore"},
      "a power cut loses the last second; with record.recorder: optional this cause never holds",
-     {Device::emergency_stop}},
+     {Device::emergency_stop},
+     "a robot moves on while its recorder is behind"},
     {Cause::internal_error,
      {Hazard::beyond, Hazard::outdated},
      {Unsafe::T2, Unsafe::T3, Unsafe::G2},
@@ -286,7 +293,8 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
      {"pipeline_test OperatorStop.DeenergisesInTheVeryTickFromEveryMode",
       "pipeline_test OperatorStop.WinsOverOurOwnBug"},
      "what hangs falls; drives whose bus is dead do not hear it; it is software, and no emergency stop",
-     {Device::emergency_stop, Device::brakes, Device::gantry}},
+     {Device::emergency_stop, Device::brakes, Device::gantry},
+     "a person's wish for no power is not granted"},
     {Cause::torque_output_lost,
      {Hazard::powered},
      {Unsafe::D7},
@@ -327,7 +335,8 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
       "pipeline_test StopByPolicy.ItsOwnNonsenseEndsItHoweverItWasStopped"},
      "a robot that stands by its policies alone falls when it stops; with `for: 0 s` a robot plays on without "
      "anybody's word",
-     {Device::gantry, Device::fence}},
+     {Device::gantry, Device::fence},
+     "the fallback policy may answer out of range without end"},
     {Cause::temperature_high,
      {Hazard::falls},
      {Unsafe::T2},
@@ -336,7 +345,8 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
      {"pipeline_test Temperatures.AWarningIsToldAndDegradesWhereTheRobotFileSaysSo",
       "pipeline_test Temperatures.DegradedByHeatItStaysSoUntilItIsCooler"},
      "a robot that is only told works on; the drive measures where its sensor sits",
-     {Device::gantry}},
+     {Device::gantry},
+     "a robot that heat degraded is restored while it is hot"},
     {Cause::overtemperature,
      {Hazard::falls, Hazard::beyond},
      {Unsafe::T2},
@@ -345,7 +355,8 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
      {"pipeline_test Temperatures.BeyondTheLimitTheRobotStopsAndArmsNoMoreUntilItIsCooler",
       "pipeline_test Temperatures.ADriveThatTellsNoneIsNotArmedUnderALimit"},
      "holding still takes torque and heats on; the drive measures where its sensor sits",
-     {Device::gantry, Device::brakes}},
+     {Device::gantry, Device::brakes},
+     "a hot casing stops nothing"},
     {Cause::degraded_spent,
      {Hazard::falls, Hazard::outdated},
      {Unsafe::S2},
@@ -355,6 +366,18 @@ inline constexpr std::array<Row, kCauseCount - 1> kRows{{
       "incident_test DegradedIncident.SaysThatItsTimeIsOver"},
      "a robot that stands by its policies alone falls when it stops; with `for: 0 s` it stays degraded without end",
      {Device::gantry, Device::fence}},
+    {Cause::feedback_implausible,
+     {Hazard::unfelt, Hazard::falls, Hazard::beyond},
+     {Unsafe::T7, Unsafe::D2, Unsafe::D3, Unsafe::G3},
+     "an encoder slips, freezes or wraps, a drive repeats an old reply, or sign and scale of a joint are wrong",
+     "positions out of reach (feedback.jump), against the drive's own velocity (feedback.contradiction), or still "
+     "while "
+     "velocity or torque says that the joint moves (feedback.frozen_after)",
+     {"simulated_drives_test WrongFeedback.FrozenIsFoundBeforeTheJointGetsFar",
+      "simulated_drives_test WrongFeedback.AJumpMovesNothing"},
+     "a jump within feedback.jump is followed; an encoder that stands still with its velocity, on a drive that closes "
+     "its own loop, looks like a joint that is held; a scale that is wrong by less than a quarter is not found",
+     {Device::brakes, Device::emergency_stop, Device::gantry}},
 }};
 
 namespace hazards_detail {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "config/cautions.hpp"
 #include "config/units.hpp"
 #include "drivers/protocol/cause_detail.hpp"
 #include "drivers/protocol/protocol_table.hpp"
@@ -35,10 +36,17 @@ std::string_view clears_when(Cause cause) {
   return "unknown: the record names a cause that does not exist";
 }
 
+// What brings to rest a robot, or what a fault leaves of it, where its file says no more.
+std::string_view rest_text(const config::RobotConfig& robot) {
+  if (robot.model) return "damped to rest and held";
+  if (config::holds_at_once(robot)) return "braked joint by joint and held by stiffness alone, as it has no `model`";
+  return "damped until it rests and then held; it has no `model`, so what its joints carry falls";
+}
+
 // ", after 5 s damped to rest and held"; empty: it does not end.
-std::string until_text(const config::StopConfig& stop) {
+std::string until_text(const config::StopConfig& stop, const config::RobotConfig& robot) {
   return stop.longest > Duration{}
-             ? fmt::format(", after {} damped to rest and held", config::format_duration(stop.longest))
+             ? fmt::format(", after {} {}", config::format_duration(stop.longest), rest_text(robot))
              : "";
 }
 
@@ -51,26 +59,26 @@ std::string damped_text(const TickRecordHeader& header, const config::RobotConfi
     case StopHow::damping:
       return "the robot is damped, and never held";
     case StopHow::hold:
-      return "the robot is braked and held" + until_text(*stop);
-    case StopHow::posture:
-      if (header.previous_mode == Mode::arming) break;
-      return fmt::format("the robot is led to the pose of {} and held there{}", stop->fallback, until_text(*stop));
+      return "the robot is braked and held" + until_text(*stop, robot);
     case StopHow::policy:
       if (header.player != Player::fallback) break;
-      return fmt::format("the fallback policy moves the robot as long as it has something to say{}", until_text(*stop));
+      return fmt::format("the fallback policy moves the robot as long as it has something to say{}",
+                         until_text(*stop, robot));
   }
-  return "the robot is damped to rest and held";
+  return fmt::format("the robot is {}", rest_text(robot));
 }
 
 std::string done_text(const TickRecordHeader& header, const config::RobotConfig& robot) {
   const Cause cause = header.cause;
   if (cause == Cause::operator_deenergise) return "every drive lost its power; what hung fell";
   if (cause == Cause::internal_error) return "every joint only damps; the fault stays latched";
-  if (cause == Cause::shutdown) return "the robot is damped to rest, then loses its power";
-  return header.mode == Mode::fault_latched
-             ? "the failed drives get no power, the rest of their limbs damps, the rest of the "
-               "robot comes to rest and holds; the fault stays latched"
-             : damped_text(header, robot);
+  if (cause == Cause::shutdown)
+    return fmt::format("the robot is {}, then loses its power", robot.model ? "damped to rest" : rest_text(robot));
+  if (header.mode != Mode::fault_latched) return damped_text(header, robot);
+  return fmt::format(
+      "the failed drives get no power, what hangs on them damps, the other joints of their limbs hold, the rest of the "
+      "robot is {}; the fault stays latched",
+      rest_text(robot));
 }
 
 std::string tilt_words(const TickRecordHeader& header, const config::Imu& limits) {
@@ -319,6 +327,7 @@ std::string IncidentWatch::words(const TickRecord& record) const {
     case Cause::contract_violated:
     case Cause::contract_restored:
     case Cause::feedback_lost:
+    case Cause::feedback_implausible:
     case Cause::drive_fault:
     case Cause::drive_disabled:
     case Cause::bus_off:

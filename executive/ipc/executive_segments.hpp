@@ -12,9 +12,11 @@
 #include <cstdint>
 
 #include "executive/contract/command_chunk.hpp"
-#include "executive/contract/contract_layout.hpp"
 #include "executive/contract/image_sample.hpp"
+#include "executive/contract/observation.hpp"
 #include "executive/contract/policy_input.hpp"
+#include "executive/contract/sensor_sample.hpp"
+#include "executive/contract/tick_record.hpp"
 #include "executive/ipc/slot_ring.hpp"
 
 namespace takt::ipc {
@@ -28,54 +30,25 @@ inline constexpr std::size_t kCommandRingDescriptor = 1;
 inline constexpr std::size_t kKeyframeRingDescriptor = 2;
 inline constexpr std::size_t kFrameRingDescriptor = 3;
 
-inline constexpr std::uint32_t kMaxKeyframeBytes = 1000 * 1024;
+inline constexpr std::uint32_t kTickRingSlots = 8192;
+inline constexpr std::uint32_t kMaxKeyframeBytes = 500 * 1024;
 
-constexpr RingShape observation_mailbox() {
-  return {kMailboxSlots, sizeof(Observation), kObservationLayout};
-}
-constexpr RingShape command_mailbox() {
-  return {kMailboxSlots, sizeof(CommandChunk), kCommandLayout};
-}
+RingShape observation_mailbox();
+RingShape command_mailbox();
 // Twice the longest queue: who reads every sample (`sensors[].queue`) may come late by as many.
-constexpr RingShape sensor_mailbox() {
-  return {2 * kMaxSensorQueue, sizeof(SensorSample), kSensorSampleLayout};
-}
-
+RingShape sensor_mailbox();
 // Half as many slots: an image is large, and cameras are slow.
-constexpr RingShape image_mailbox(std::uint32_t height, std::uint32_t width, std::uint32_t channels) {
-  return {kMailboxSlots / 2, static_cast<std::uint32_t>(sizeof(ImageHeader)) + height * width * channels,
-          image_layout(height, width, channels)};
-}
-
-// Of what the largest chunk leaves room for in about 16 MiB: 128 to 8192 messages.
-constexpr std::uint32_t command_slots(std::size_t slot_bytes) {
-  std::uint32_t slots = 8192;
-  while (slots > 128 && slots * slot_bytes > (std::size_t{16} << 20U)) slots /= 2;
-  return slots;
-}
+RingShape image_mailbox(std::uint32_t height, std::uint32_t width, std::uint32_t channels);
 
 // At 1 kHz: 8 s of ticks, 128 or more commands (8 s of one per tick where they are small), 8 keyframes, 2.7 s of frames
 // at 24 per tick.
-constexpr RingShape tick_ring(std::size_t joint_count) {
-  return {8192, static_cast<std::uint32_t>(TickRecord::used_bytes(joint_count)), kTickRecordLayout};
-}
+RingShape tick_ring(std::size_t joint_count);
 // `largest_command`: bytes, largest_command_bytes() of the robot.
-constexpr RingShape command_ring(std::size_t largest_command = sizeof(CommandChunk)) {
-  const std::size_t bytes = sizeof(CommandTag) + largest_command;
-  return {command_slots(bytes), static_cast<std::uint32_t>(bytes), kCommandLayout};
-}
+RingShape command_ring(std::size_t largest_command = sizeof(CommandChunk));
 // `largest_input`: bytes, config::largest_policy_input() of the robot. Of what fits into about 2 MiB, 4 to 2048: at 50
 // Hz and 100 values more than half a minute, and never less than several of a reader's rounds.
-constexpr RingShape policy_input_ring(std::size_t largest_input) {
-  std::uint32_t slots = 2048;
-  while (slots > 4 && slots * largest_input > (std::size_t{2} << 20U)) slots /= 2;
-  return {slots, static_cast<std::uint32_t>(largest_input), kPolicyInputLayout};
-}
-constexpr RingShape keyframe_ring() {
-  return {8, kMaxKeyframeBytes, kTickRecordLayout};
-}
-constexpr RingShape frame_ring() {
-  return {65536, sizeof(FrameRecord), kTickRecordLayout};
-}
+RingShape policy_input_ring(std::size_t largest_input);
+RingShape keyframe_ring();
+RingShape frame_ring();
 
 }  // namespace takt::ipc

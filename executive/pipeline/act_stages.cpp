@@ -1,6 +1,7 @@
 // constrain, stabilise, clamp_output, publish, record: from what is asked to what leaves.
 #include <algorithm>
 #include <array>
+#include <limits>
 
 #include "executive/pipeline/brake.hpp"
 #include "executive/pipeline/candidate.hpp"
@@ -14,26 +15,73 @@
 namespace takt::pipeline {
 namespace {
 
+bool plays_held(const Choice& choice, const JointConfig& joint, const TickConfig& config) {
+  return plays_held_targets(config, joint) && choice.player != Player::none;
+}
+
+// Every reference that pulls begins near its joint.
+ReferenceState near_joint(const JointState& joint, const JointTarget& target, const JointRecord& measured,
+                          const Choice& choice, const JointConfig& config, const TickConfig& robot) {
+  const float kp = std::min(target.kp, config.limits.kp_max);
+  const double dt = robot.period.seconds();
+  ReferenceState from =
+      kept_near(joint.reference, measured.q_estimate, measured.dq_estimate, kp, joint.kp_before, config.limits, dt);
+  const bool begins = choice.reference == Reference::brake && joint.braked_before == 0;
+  // A target that is held may be far from its joint on purpose: the distance is the torque that carries the robot.
+  if (begins && !plays_held_targets(robot, config))
+    return begin_of_braking(from, measured.q_estimate, measured.dq_estimate, kp, config.inertia, config.limits, dt);
+  return from;
+}
+
 ReferenceStep next_reference(const JointState& joint, const JointTarget& target, const JointRecord& measured,
-                             Reference how, const JointLimits& limits, double dt) {
-  const ReferenceState& from = joint.reference;
+                             const Choice& choice, Reference how, const JointConfig& config, const TickConfig& robot) {
+  const JointLimits& limits = config.limits;
+  const double dt = robot.period.seconds();
+  const bool pulls = target.kp > 0.0F && !choice.limp;
   switch (how) {
     case Reference::follow_measured:
       return {standing_at(measured.q_estimate, limits), 0};
     case Reference::move_with_measured:
       return {moving_with(measured.q_estimate, measured.dq_estimate, limits, dt), 0};
     case Reference::brake:
-      return step_braking(from, limits, dt, joint.brake);
-    case Reference::follow_target:  // without stiffness no torque of ours is spent on following it
-      return step_towards(from, target.q, target.dq, target.speed, limits, dt,
-                          target.kp > 0.0F ? joint.rates : Rates{});
+      if (!pulls) return step_with_measured(joint.reference, measured.q_estimate, 0.0F, target.speed, limits, dt);
+      return step_braking(near_joint(joint, target, measured, choice, config, robot), limits, dt, joint.brake);
+    case Reference::follow_target:
+      if (!pulls) return step_with_measured(joint.reference, measured.q_estimate, target.dq, target.speed, limits, dt);
+      const ReferenceState from = near_joint(joint, target, measured, choice, config, robot);
+      if (plays_held(choice, config, robot)) return step_to_held(from, target.q, target.speed, limits, dt);
+      return step_towards(from, target.q, target.dq, target.speed, limits, dt, joint.rates, !robot.without.jerk);
   }
-  return {from, 0};
+  return {joint.reference, 0};
 }
 
 Reference reference_of(const Choice& choice, const JointTarget& target, const JointConfig& joint) {
+  if (target.part == Part::holds && !joint.passive) return Reference::brake;
   const bool follows = joint.passive || target.part != Part::as_chosen;
   return follows ? Reference::follow_measured : choice.reference;
+}
+
+// rad/s^2, what torque leaves to slow down a joint that moves with dq; never next to nothing, for it has to end.
+double rate_against(double dq, const Rates& rates, const JointLimits& limits) {
+  constexpr double kLeast = 0.1;  // of limits.acceleration
+  return std::max(dq > 0.0 ? rates.down : rates.up, kLeast * static_cast<double>(limits.acceleration));
+}
+
+// A joint that begins to hold does so from its measured motion.
+void begin_to_hold(TickState& state, std::span<const JointTarget> targets, const TickConfig& config,
+                   const TickRecord& record) {
+  JointMask holding = 0;
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    if (targets[j].part != Part::holds) continue;
+    holding |= bit_of_joint(j);
+    if ((state.mode.holding & bit_of_joint(j)) != 0) continue;
+    const JointRecord& measured = record.joints[j];
+    JointState& joint = state.joints[j];
+    joint.reference =
+        moving_with(measured.q_estimate, measured.dq_estimate, config.joints[j].limits, config.period.seconds());
+    joint.brake = std::numeric_limits<double>::infinity();
+  }
+  state.mode.holding = holding;
 }
 
 // No step is committed from which the robot could not be stopped: then all that follow a reference brake as they were
@@ -46,8 +94,7 @@ void keep_brake(TickState& state, const Choice& choice, std::span<JointTarget> t
     const Reference how = reference_of(choice, targets[j], config.joints[j]);
     const bool follows = how == Reference::follow_target || how == Reference::brake;
     ReferenceState at{static_cast<double>(measured.q_estimate), static_cast<double>(measured.dq_estimate)};
-    if (follows) at.dq = steps[j].next.dq;
-    if (follows && targets[j].kp > 0.0F) at.q = steps[j].next.q;  // without stiffness it stays where it is
+    if (follows && targets[j].kp > 0.0F) at = {steps[j].next.q, steps[j].next.dq};  // without stiffness: the joint
     stops[j] = {at, 0.0, follows};
   }
   const bool stoppable = can_stop(stops, record, state.scarce, state.gravity, config);
@@ -58,7 +105,12 @@ void keep_brake(TickState& state, const Choice& choice, std::span<JointTarget> t
       joint.brake = stops[j].deceleration;
       continue;
     }
-    const ReferenceStep braked = step_braking(joint.reference, limits.limits, config.period.seconds(), joint.brake);
+    // A reference that was brought near its joint has no stop that was known before: what torque leaves now is its.
+    const bool pulls = targets[j].kp > 0.0F;
+    if (pulls && near_joint(joint, targets[j], record.joints[j], choice, limits, config).dq != joint.reference.dq)
+      joint.brake = std::min(joint.brake, rate_against(stops[j].from.dq, joint.rates, limits.limits));
+    const ReferenceStep braked =
+        next_reference(joint, targets[j], record.joints[j], choice, Reference::brake, limits, config);
     const bool differs = braked.next.dq != steps[j].next.dq;
     steps[j] = braked;
     if (differs) steps[j].interventions |= bit(Intervention::brake_reserve);
@@ -70,8 +122,13 @@ void keep_brake(TickState& state, const Choice& choice, std::span<JointTarget> t
 // How far out the barriers leave a joint alone: where it is while nobody asks it to be elsewhere, else its reference,
 // which comes back at the pace of the limits.
 float may_stay_at(const Choice& choice, Part part, const JointRecord& joint) {
-  const bool follows = choice.reference == Reference::follow_measured || part != Part::as_chosen;
+  const bool follows = part == Part::as_chosen ? choice.reference == Reference::follow_measured : part != Part::holds;
   return follows ? joint.q_estimate : joint.q_reference;
+}
+
+// Without a player a motion only slows down, or goes to a pose at less than the limit.
+float speed_barrier(const Choice& choice, const JointLimits& limits) {
+  return choice.player == Player::none ? limits.velocity : speed_barrier_of_play(limits);
 }
 
 // Our own arithmetic failed: nothing leaves, and references restart from what is measured. Afterwards the whole robot
@@ -96,10 +153,14 @@ void stop_for_internal_error(TickState& state, const TickConfig& config, TickOut
 }
 
 // As in fault_latched: no stiffness, no gravity model, and no torque but what the slew limit asks for. A drive that
-// follows positions with gains of its own stays where it was told to be last: everything else would be a jump.
+// follows positions with gains of its own stays where it was told to be last: everything else would be a jump. Since a
+// sleep it was told nothing until its joint is heard: no stiffness, so that it stays where the drive knows it.
 JointSetpoint damping_of(const JointRecord& joint, const JointState& state, const JointConfig& config, float dt) {
-  if (config.loop == LoopAt::drive_position)
-    return {static_cast<float>(state.reference_before.q), 0.0F, config.kp, config.kd, 0.0F};
+  if (config.loop == LoopAt::drive_position) {
+    const bool is_known = state.observer.sampled_at.is_set();
+    return {static_cast<float>(state.reference_before.q), 0.0F, is_known ? config.kp : 0.0F,
+            is_known ? config.kd : 0.0F, 0.0F};
+  }
   const float tau_last = state.tau_last;
   const float q = std::clamp(joint.q_estimate, config.limits.q_min, config.limits.q_max);
   return stabilise_joint(
@@ -112,13 +173,13 @@ JointSetpoint damping_of(const JointRecord& joint, const JointState& state, cons
 
 void constrain(TickState& state, const Choice& choice, std::span<JointTarget> targets, const TickConfig& config,
                TickRecord& record) {
-  const double dt = config.period.seconds();
   bool clamped = false;
   std::array<ReferenceStep, kMaxJoints> steps;  // joint_count entries are used
+  begin_to_hold(state, targets, config, record);
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     const JointRecord& measured = record.joints[j];
     const Reference how = reference_of(choice, targets[j], config.joints[j]);
-    steps[j] = next_reference(state.joints[j], targets[j], measured, how, config.joints[j].limits, dt);
+    steps[j] = next_reference(state.joints[j], targets[j], measured, choice, how, config.joints[j], config);
   }
   if (state.scarce != 0) keep_brake(state, choice, targets, steps, config, record);
   for (std::size_t j = 0; j < config.joint_count; ++j) {
@@ -127,6 +188,8 @@ void constrain(TickState& state, const Choice& choice, std::span<JointTarget> ta
     const ReferenceStep& step = steps[j];
     joint.reference_before = joint.reference;
     joint.reference = step.next;
+    joint.kp_before = choice.limp ? 0.0F : std::min(targets[j].kp, config.joints[j].limits.kp_max);
+    joint.braked_before = reference_of(choice, targets[j], config.joints[j]) == Reference::brake ? 1 : 0;
     out.q_reference = static_cast<float>(step.next.q);
     out.dq_reference = static_cast<float>(step.next.dq);
     out.interventions = step.interventions;
@@ -152,6 +215,18 @@ void stabilise(const TickState& state, const Choice& choice, std::span<const Joi
       continue;
     }
     output.damping[j] = damping_of(joint, state.joints[j], config.joints[j], dt);
+    if (makes_torque_by_position(config.joints[j].loop)) {
+      // Not heard, be it by a stall of ours: the drive damps by its own velocity, and is pushed by nothing.
+      if (!is_heard(state.joints[j].observer, output.record.header.now, config.feedback_timeout)) {
+        output.setpoints[j] = {output.damping[j].q, 0.0F, 0.0F, output.damping[j].kd, 0.0F};
+        continue;
+      }
+      // In doubt where it is: no torque that rests on a position.
+      if (state.feedback[j].in_doubt != 0) {
+        output.setpoints[j] = output.damping[j];
+        continue;
+      }
+    }
     const float dq = choice.moving_setpoint ? joint.dq_reference : targets[j].dq_held;
     const StabiliserOutput stable = stabilise_joint({{joint.q_reference, dq},
                                                      {joint.q_estimate, joint.dq_estimate},
@@ -162,7 +237,8 @@ void stabilise(const TickState& state, const Choice& choice, std::span<const Joi
                                                      state.joints[j].tau_last,
                                                      choice.barriers && part != Part::damped,
                                                      may_stay_at(choice, part, joint),
-                                                     state.joints[j].rates},
+                                                     state.joints[j].rates,
+                                                     speed_barrier(choice, config.joints[j].limits)},
                                                     config.joints[j], dt);
     output.setpoints[j] = stable.setpoint;
     joint.interventions = static_cast<InterventionMask>(joint.interventions | stable.interventions);
@@ -290,7 +366,6 @@ void record(TickState& state, const Choice& choice, const TickConfig& config, Ti
   if (header.freshness != Freshness::missing) header.age = state.command.age_parts(header.now);
   header.command_sequence = state.command.sequence;
   header.command_policy = state.command.policy_hash;
-  header.is_speculative = state.command.assumed_at.is_set() ? 1 : 0;
   header.observation_answered = state.command.observation_id;
   header.window_misses = state.misses.count();
   header.window_ticks = state.misses.seen();
@@ -320,6 +395,10 @@ void record(TickState& state, const Choice& choice, const TickConfig& config, Ti
     const bool makes_torque = joint.feedback.drive_state == DriveState::enabled;
     state.joints[j].tau_last = makes_torque ? joint.tau_total : 0.0F;
     if (!makes_torque) state.joints[j].tau_damping = 0.0F;
+    if (makes_torque)
+      note_told(state.feedback[j], setpoint, joint.tau_gravity, joint.q_reference, config.joints[j]);
+    else
+      note_untold(state.feedback[j]);
   }
 }
 

@@ -63,8 +63,6 @@ std::string_view command_blocker(Arrival last_refusal) {
     case Arrival::expired_observation:
     case Arrival::overtaken:
       return "no fresh command: the newest one came too late (older than freshness.max_age)";
-    case Arrival::expired_assumption:
-      return "no fresh command: the newest one assumes a state at an instant that is past, or that it is too old for";
     case Arrival::wrong_policy:
       return "no fresh command: the newest one is another policy's than the robot file's";
     case Arrival::contended:
@@ -99,16 +97,26 @@ std::string_view fallback_blocker(Arrival last_refusal) {
 void list_joint(const JointRecord& joint, std::int32_t index, const TickRecordHeader& header, const TickConfig& config,
                 BlockerList& list) {
   const JointFeedback& feedback = joint.feedback;
+  const auto replies = [&joint](ReplyFault fault) { return (joint.reply_faults & bit(fault)) != 0; };
   const bool missing = !feedback.received_at.is_set() || header.now - feedback.received_at > config.feedback_timeout ||
-                       !is_plausible(feedback);
+                       !is_plausible(feedback) || replies(ReplyFault::from_future);
   list.add_if(missing, "no recent feedback from the drive", index);
   // A drive that speaks another protocol reports nothing, and yet is known to be wrong.
   list.add_if(missing && feedback.error_code != 0, kDriveFaultBlocker, index);
   if (missing) return;
-  const auto replies = [&joint](ReplyFault fault) { return (joint.reply_faults & bit(fault)) != 0; };
   list.add_if(replies(ReplyFault::lost), "the drive leaves commands unanswered", index);
   list.add_if(replies(ReplyFault::repeated), "more replies than commands: do two drives share the id?", index);
   list.add_if(replies(ReplyFault::delayed), "the drive's replies come late and in bunches", index);
+  list.add_if(replies(ReplyFault::jumped), "its position jumped further than the joint can move: check its encoder",
+              index);
+  list.add_if(replies(ReplyFault::contradicts),
+              "its positions contradict the drive's own velocity: check sign and scale", index);
+  list.add_if(
+      replies(ReplyFault::moved_unheard),
+      "it reads elsewhere than before its drive fell silent: see where it stands; if that is right, takt reset; "
+      "if its drive lost its zero, takt joint home or takt bus zero",
+      index);
+  list.add_if(replies(ReplyFault::frozen), "its position stands still while the joint moves: check its encoder", index);
   const JointLimits& limits = config.joints[static_cast<std::size_t>(index)].limits;
   list.add_if(feedback.drive_state == DriveState::unknown, "the drive is not set up yet", index);
   list.add_if(header.mode == Mode::standby && feedback.drive_state == DriveState::enabled,

@@ -4,12 +4,10 @@
 #include <cmath>
 #include <span>
 
-#include "executive/pipeline/speculation.hpp"
-
 namespace takt::pipeline {
 namespace {
 
-bool is_well_shaped(const CommandChunk& chunk, std::size_t bytes, bool may_speculate, const TickConfig& config) {
+bool is_well_shaped(const CommandChunk& chunk, std::size_t bytes, const TickConfig& config) {
   if (bytes < sizeof(CommandHeader) || bytes > config.largest_command) return false;
   const CommandHeader& header = chunk.header;
   if (header.step_count < 1 || header.step_count > kMaxChunkSteps) return false;
@@ -22,7 +20,7 @@ bool is_well_shaped(const CommandChunk& chunk, std::size_t bytes, bool may_specu
   if (!std::all_of(std::begin(header.reserved), std::end(header.reserved), [](std::uint8_t b) { return b == 0; }))
     return false;
   if (header.step_period <= Duration{0} || header.step_period > kLongestStepPeriod) return false;
-  return is_sound_assumption(chunk, may_speculate, config) && bytes == chunk.used_bytes();
+  return bytes == chunk.used_bytes();
 }
 
 Arrival judge_observation(ObservationMemory::Recall recall) {
@@ -52,7 +50,7 @@ bool runs_backwards(const CommandHeader& header, MonoTime observed_at) {
 }
 
 Arrival judge_values(const CommandChunk& chunk) {
-  const std::span values(chunk.values, chunk.value_count() + chunk.assumed_count());
+  const std::span values(chunk.values, chunk.value_count());
   if (!std::ranges::all_of(values, [](float value) { return std::isfinite(value); })) return Arrival::not_finite;
   const bool sensible = std::ranges::all_of(values, [](float value) { return std::abs(value) <= kLargestTarget; });
   return sensible ? Arrival::accepted : Arrival::out_of_range;
@@ -69,18 +67,10 @@ CommandInUse believed(const CommandHeader& header, const Sender& sender, const R
   command.infer_started_at = std::clamp(header.infer_started_at, command.observed_at, now);
   command.infer_ended_at = std::clamp(header.infer_ended_at, command.infer_started_at, now);
   command.first_used_at = now;
-  command.assumed_at = header.assumed_at;
   command.policy_hash = header.policy_hash;
   command.session = sender.session;
   command.of_candidate = sender.of_candidate;
   return command;
-}
-
-// When the instant comes that it assumes, nobody can play it any more. Compared as instants, as ages are.
-bool has_expired(const CommandInUse& command, MonoTime now, const TickConfig& config) {
-  const MonoTime at = command.assumed_at;
-  if (!at.is_set()) return false;
-  return at <= now - config.period || at <= command.observed_at || command.sensed_at < at - config.freshness.max_age;
 }
 
 }  // namespace
@@ -88,7 +78,7 @@ bool has_expired(const CommandInUse& command, MonoTime now, const TickConfig& co
 ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoTime now, const Sender& sender,
                              const ObservationMemory& memory, const TickConfig& config, Arrival values) {
   const auto refused = [](Arrival why, bool backwards = false) { return ArrivalVerdict{why, backwards, {}, {}}; };
-  if (!is_well_shaped(chunk, bytes, sender.may_speculate, config)) return refused(Arrival::wrong_shape);
+  if (!is_well_shaped(chunk, bytes, config)) return refused(Arrival::wrong_shape);
   const CommandHeader& header = chunk.header;
   const ExpectedPolicy& expected = sender.expected;
   if (expected.hash != 0 && header.policy_hash != expected.hash) return refused(Arrival::wrong_policy);
@@ -107,7 +97,6 @@ ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoT
   // Compared as instants: a claimed stamp may be so far back that its age would overflow.
   if (command.sensed_at < now - config.freshness.max_age) return refused(Arrival::expired_observation, backwards);
   if (command.observation_id < sender.newest.observation_id) return refused(Arrival::overtaken, backwards);
-  if (has_expired(command, now, config)) return refused(Arrival::expired_assumption, backwards);
   return {Arrival::accepted, backwards, command, observation.committed_until};
 }
 

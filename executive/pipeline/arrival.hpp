@@ -1,8 +1,7 @@
 // Judges one message from a policy, in a fixed order; the first failing check names the refusal:
 //
 //  1 wrong_shape          byte count, at most the robot's largest legal chunk; counts, mask, reserved, step period; dq
-//                         missing where steps are joined by cubics, or there where they are joined by lines; an
-//                         assumption (speculation.hpp) that is none, is too large, or that this robot does not take
+//                         missing where steps are joined by cubics, or there where they are joined by lines
 //  2 wrong_policy         hash differs from the configured one (0 accepts any)
 //  3 repeated_sequence    not greater than the last accepted one of this policy session
 //  4 unknown_observation  id 0
@@ -15,8 +14,6 @@
 //                         is clamped where it is played, chunk_player.hpp, and counted)
 //  8 expired_observation  older than max_age on arrival
 //  9 overtaken            answers an older observation than the newest command does: it would make the robot older
-// 10 expired_assumption   the instant that it assumes is more than a period ago, or not after its observation, or it
-//                         would be older than max_age there
 //
 // Stamps that run backwards are clamped and counted, not refused: they spoil the decomposition, never the total.
 // An outside sensor's stamp can only make the command older. Pure; reads values only after the shape was found sound,
@@ -52,7 +49,6 @@ struct Sender {
   const CommandInUse& newest;
   std::uint8_t session = 0;       // of its mailbox
   std::uint8_t of_candidate = 0;  // 1: that mailbox is the candidate's
-  bool may_speculate = true;
 };
 ArrivalVerdict judge_arrival(const CommandChunk& chunk, std::size_t bytes, MonoTime now, const Sender& sender,
                              const ObservationMemory& memory, const TickConfig& config, Arrival values = Arrival::none);

@@ -45,10 +45,12 @@ bool stands_inside(const Stopping& joint, double distance, const JointLimits& li
 }  // namespace
 
 JointMask scarce_joints(const TickConfig& config, const GravityModel& gravity) {
+  if (config.without.brake_reserve) return 0;
   JointMask scarce = 0;
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     const JointConfig& joint = config.joints[j];
-    const bool ours = joint.loop == LoopAt::drive || joint.loop == LoopAt::host_torque;
+    const bool by_gains = joint.loop == LoopAt::drive || joint.loop == LoopAt::host_torque;
+    const bool ours = by_gains && !plays_held_targets(config, joint);
     const double load = config.gravity_compensation ? static_cast<double>(gravity.most(j)) : 0.0;
     const bool ample = braking_inertia(joint) * acceleration_of(joint) + load <= braking_torque(joint);
     if (ours && !joint.passive && !ample) scarce |= bit_of_joint(j);

@@ -43,19 +43,25 @@ void change_places(TickState& state, std::uint64_t policy_hash, const TickConfig
   candidate.command = {};
   candidate.asked_at = {};
   state.waiting.command = {};
-  drop_alternatives(state.speculation);
   state.join.delays.forget();
   end_probation(state);
   if (candidate.in_charge != 0) candidate.probation_left = config.probation;
 }
 
-// The robot's own policy takes its place back in this very tick, and moves the robot if it has a fresh command.
+// The robot's own policy takes its place back in this very tick, and moves the robot if it has a fresh command; else
+// nothing does.
 void go_back(TickState& state, PolicyChange why, MonoTime now, const TickConfig& config, TickRecordHeader& header) {
   const CommandInUse own = state.candidate.command;
   const bool is_fresh = is_usable(freshness_beside(state, now, config));
   change_places(state, 0, config);
+  state.misses.restart();  // they were the candidate's
   header.candidate.change = why;
-  if (!is_fresh) return;
+  if (!is_fresh) {  // the candidate's last command leaves with it: nothing moves the robot meanwhile
+    state.command = {};
+    header.freshness = Freshness::missing;
+    note_freshness(state.recovery, header.freshness, now);
+    return;
+  }
   const bool was_played = is_usable(header.freshness);
   take_over(state, state.candidate_chunk, own, now, config);
   if (!was_played) hand_over(state, Player::policy, now, config);
@@ -111,7 +117,6 @@ Arrival take_candidate_message(TickState& state, const TickInput& input, const T
   state.counters.integration_errors += verdict.stamps_ran_backwards ? 1U : 0U;
   if (verdict.arrival != Arrival::accepted) return verdict.arrival;
   candidate.last_sequence = verdict.command.sequence;
-  if (verdict.command.assumed_at.is_set()) return verdict.arrival;  // an alternative, and nobody compares it
   const bool takes_over =
       candidate.asked_at.is_set() && verdict.command.observation_id >= newest_command(state).observation_id;
   if (takes_over) {
@@ -181,10 +186,14 @@ void watch_probation(TickState& state, const TickConfig& config, TickRecordHeade
   header.candidate.change = PolicyChange::confirmed;
 }
 
+bool roll_back(TickState& state, const TickConfig& config, TickRecordHeader& header) {
+  if (header.previous_mode != Mode::tracking || !is_on_probation(state)) return false;
+  go_back(state, PolicyChange::back_for_stop, header.now, config, header);
+  return true;
+}
+
 void settle_candidate(TickState& state, const TickConfig& config, TickRecordHeader& header) {
   CandidateState& candidate = state.candidate;
-  const bool left_tracking = header.previous_mode == Mode::tracking && header.mode != Mode::tracking;
-  if (left_tracking && is_on_probation(state)) go_back(state, PolicyChange::back_for_stop, header.now, config, header);
   if (is_latched(header.mode) && candidate.asked_at.is_set()) {
     candidate.asked_at = {};
     header.candidate.change = PolicyChange::expired;

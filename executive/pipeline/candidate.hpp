@@ -36,7 +36,10 @@ void judge_candidate(TickState& state, const TickInput& input, const TickConfig&
 // much.
 // Not in the tick of the swap, which was still the other one's.
 void watch_probation(TickState& state, const TickConfig& config, TickRecordHeader& header);
-// After the mode of this tick is known: back when a stop or degraded mode ended the probation. Completes the record.
+// The robot is about to leave the mode it is in: ends a probation in tracking, and the robot's own policy is in charge.
+// Whether it did.
+bool roll_back(TickState& state, const TickConfig& config, TickRecordHeader& header);
+// After the mode of this tick is known. Completes the record.
 void settle_candidate(TickState& state, const TickConfig& config, TickRecordHeader& header);
 // After the references of this tick: what the candidate would ask for now. `targets`: those in use.
 void compare_candidate(TickState& state, const Choice& choice, std::span<const JointTarget> targets,

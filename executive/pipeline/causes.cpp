@@ -6,6 +6,7 @@
 
 #include "executive/pipeline/bus_watch.hpp"
 #include "executive/pipeline/imu_watch.hpp"
+#include "executive/pipeline/joint_watch.hpp"
 
 namespace takt::pipeline {
 namespace {
@@ -15,18 +16,23 @@ constexpr CauseMask when(bool holds, Cause cause) {
 }
 
 bool is_outside_hard_envelope(const JointRecord& joint, const JointLimits& limits) {
-  const float q = joint.feedback.q;
+  const bool is_outlier = (joint.reply_faults & bit(ReplyFault::outlier)) != 0;
+  const float q = is_outlier ? joint.q_estimate : joint.feedback.q;
   return q < limits.q_min - limits.q_hard_margin || q > limits.q_max + limits.q_hard_margin ||
          std::abs(joint.dq_estimate) > limits.velocity_hard;
 }
 
 bool is_lost(const TickState& state, std::size_t j, const TickRecord& record, const TickConfig& config) {
-  const MonoTime sampled_at = state.joints[j].observer.sampled_at;
-  return !sampled_at.is_set() || record.header.now - sampled_at > config.feedback_timeout;
+  const JointState& joint = state.joints[j];
+  return !is_heard(joint.observer, record.header.now, config.feedback_timeout + joint.stood_still);
 }
 
 bool is_faulty(const JointRecord& joint) {
   return joint.feedback.drive_state == DriveState::fault || joint.feedback.error_code != 0;
+}
+
+bool is_implausible(const JointRecord& joint) {
+  return (joint.reply_faults & kImplausible) != 0;
 }
 
 // Not because we took its power away.
@@ -39,7 +45,8 @@ bool is_cut_off(const BusHealth& bus) {
 }
 
 struct DriveSummary {
-  bool any_lost = false, any_fault = false, any_disabled = false, any_outside = false, all_enabled = true;
+  bool any_lost = false, any_implausible = false, any_fault = false, any_disabled = false, any_outside = false,
+       all_enabled = true;
 };
 
 DriveSummary summarise(const TickState& state, const TickRecord& record, const TickConfig& config) {
@@ -48,10 +55,11 @@ DriveSummary summarise(const TickState& state, const TickRecord& record, const T
     const JointRecord& joint = record.joints[j];
     const bool seen = state.joints[j].observer.sampled_at.is_set();
     sum.any_lost |= is_lost(state, j, record, config);
+    sum.any_implausible |= is_implausible(joint);
     sum.any_fault |= is_faulty(joint);
     sum.any_disabled |= disabled_itself(state, j, joint);
     sum.all_enabled &= joint.feedback.drive_state == DriveState::enabled;
-    sum.any_outside |= seen && is_outside_hard_envelope(joint, config.joints[j].limits);
+    sum.any_outside |= seen && !config.without.envelope && is_outside_hard_envelope(joint, config.joints[j].limits);
   }
   return sum;
 }
@@ -78,7 +86,8 @@ CauseMask of_drives(const TickState& state, const TickRecord& record, const Tick
   const bool arming = state.mode.mode == Mode::arming;
   // Tracking begins with a usable command only; until then arming waits, within enable_timeout.
   const bool ready = sum.all_enabled && is_usable(record.header.freshness);
-  return when(sum.any_lost, Cause::feedback_lost) | when(sum.any_fault, Cause::drive_fault) |
+  return when(sum.any_lost, Cause::feedback_lost) | when(sum.any_implausible, Cause::feedback_implausible) |
+         when(sum.any_fault, Cause::drive_fault) |
          when(sum.any_disabled && (state.mode.drives_enabled != 0 || is_latched(state.mode.mode)),
               Cause::drive_disabled) |
          when(sum.any_outside, Cause::envelope_exceeded) | when(arming && ready, Cause::drives_enabled) |
@@ -154,8 +163,9 @@ CauseMask of_commands(const TickState& state, MonoTime now, const TickConfig& co
 
 // Silent for long enough to be given up. After a suspend every joint is lost at once, and has to be asked first.
 bool is_silent(const TickState& state, std::size_t j, const TickRecord& record, const TickConfig& config) {
-  const MonoTime heard_at = std::max(state.joints[j].observer.sampled_at, state.mode.awake_since);
-  return !heard_at.is_set() || record.header.now - heard_at > config.feedback_timeout;
+  const JointState& joint = state.joints[j];
+  const MonoTime heard_at = std::max(joint.observer.sampled_at, state.mode.awake_since);
+  return !heard_at.is_set() || record.header.now - heard_at > config.feedback_timeout + joint.stood_still;
 }
 
 // Before it was told anything, nothing is known of it: nobody arms on doubt.
@@ -192,7 +202,7 @@ JointMask affected_joints(const TickState& state, const TickRecord& record, cons
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     const JointRecord& joint = record.joints[j];
     const bool not_yet = mode == Mode::arming && joint.feedback.drive_state != DriveState::enabled;
-    if (is_silent(state, j, record, config) || is_faulty(joint) || not_yet ||
+    if (is_silent(state, j, record, config) || is_implausible(joint) || is_faulty(joint) || not_yet ||
         (was_enabled && disabled_itself(state, j, joint)) || is_cut_off(record.header.buses[config.joints[j].bus]))
       affected |= bit_of_joint(j);
   }
@@ -214,8 +224,8 @@ CauseMask granted_request(const TickState& state, const TickRecord& record, Caus
     case OperatorRequest::stop:
       return bit(Cause::operator_stop);
     case OperatorRequest::press_stop: {
-      const MonoTime asked = state.mode.stop_asked_at;
-      const bool again = asked.is_set() && record.header.now - asked >= kStopAgainAfter;
+      const MonoTime pressed = state.mode.stop_pressed_at;
+      const bool again = pressed.is_set() && record.header.now - pressed >= kStopAgainAfter;
       return bit(again ? Cause::operator_deenergise : Cause::operator_stop);
     }
     case OperatorRequest::deenergise:
@@ -223,7 +233,7 @@ CauseMask granted_request(const TickState& state, const TickRecord& record, Caus
     case OperatorRequest::reset: {
       const bool fault_holds = state.mode.mode == Mode::fault_latched && (active & kLastingFaults) != 0;
       const bool is_let_go = state.mode.player != Player::fallback;  // standing still is no rest
-      return when(is_let_go && state.mode.rest.rests(record.header.now) && !fault_holds, Cause::operator_reset);
+      return when(is_let_go && state.mode.rest_of_all.rests(record.header.now) && !fault_holds, Cause::operator_reset);
     }
     case OperatorRequest::shutdown:
       return bit(Cause::shutdown);

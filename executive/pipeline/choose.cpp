@@ -16,7 +16,6 @@ bool holds(const TickState& state, MonoTime now, const TickConfig& config) {
     case StopManner::damping:
       return false;
     case StopManner::hold:
-    case StopManner::posture:
       return true;
     case StopManner::policy:
       return state.mode.player == Player::fallback || rests;
@@ -24,7 +23,9 @@ bool holds(const TickState& state, MonoTime now, const TickConfig& config) {
   return false;
 }
 
-Part part_of(const TickState& state, const JointRecord& measured, std::size_t joint, const TickConfig& config) {
+// `held`: what of mode.held may be stiff.
+Part part_of(const TickState& state, const JointRecord& measured, std::size_t joint, JointMask held,
+             const TickConfig& config) {
   const JointMask bit = bit_of_joint(joint);
   if ((state.mode.deenergised & bit) != 0) return Part::deenergised;
   // Right after a suspend nobody knows where a joint is: no gravity by a pose of before.
@@ -32,18 +33,21 @@ Part part_of(const TickState& state, const JointRecord& measured, std::size_t jo
   const JointLimits& limits = config.joints[joint].limits;
   const bool beyond = measured.q_estimate < limits.q_min - limits.q_hard_margin ||
                       measured.q_estimate > limits.q_max + limits.q_hard_margin;
-  return is_latched(state.mode.mode) && beyond ? Part::released : Part::as_chosen;
+  if (is_latched(state.mode.mode) && beyond) return Part::released;
+  return (held & bit) != 0 ? Part::holds : Part::as_chosen;
 }
 
 // Gains and speed that apply unless the chunk says otherwise. q stays at the reference: no motion asked for.
 void default_targets(const TickState& state, const TickRecord& record, const TickConfig& config,
                      std::span<JointTarget> targets) {
   const Mode mode = state.mode.mode;
-  const bool none_holds = mode == Mode::arming || (is_latched(mode) && !holds(state, record.header.now, config));
+  const MonoTime now = record.header.now;
+  const bool none_holds = mode == Mode::arming || (is_latched(mode) && !holds(state, now, config));
+  const JointMask held = manner_of(state, now, config) == StopManner::damping ? 0 : state.mode.held;
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     const JointConfig& joint = config.joints[j];
-    const Part part = part_of(state, record.joints[j], j, config);
-    const bool damping_only = none_holds || part != Part::as_chosen;
+    const Part part = part_of(state, record.joints[j], j, held, config);
+    const bool damping_only = part == Part::as_chosen ? none_holds : part != Part::holds;
     targets[j] = {static_cast<float>(state.joints[j].reference.q),
                   0.0F,
                   damping_only ? 0.0F : joint.kp,
@@ -83,14 +87,6 @@ Choice go_to_pose(const TickConfig& config) {
   return {Reference::follow_target, false, true, true, Player::none, has_moving_setpoint(config), 0};
 }
 
-Choice go_to_stop_pose(const TickConfig& config, std::span<JointTarget> targets) {
-  for (std::size_t j = 0; j < config.joint_count; ++j) {
-    targets[j].q = config.joints[j].stop_pose;
-    targets[j].speed = config.joints[j].stop_speed;
-  }
-  return go_to_pose(config);
-}
-
 Choice play_or_brake(const TickState& state, const TickRecord& record, const TickConfig& config,
                      std::span<JointTarget> targets) {
   Choice choice = brake(config);
@@ -116,7 +112,6 @@ Choice stop(const TickState& state, const TickRecord& record, const TickConfig& 
             std::span<JointTarget> targets) {
   const MonoTime now = record.header.now;
   if (record.header.player == Player::fallback) return play_or_brake(state, record, config, targets);
-  if (manner_of(state, now, config) == StopManner::posture) return go_to_stop_pose(config, targets);
   if (holds(state, now, config)) return brake(config);
   return {Reference::follow_measured, false, true, true, Player::none, true, 0};
 }

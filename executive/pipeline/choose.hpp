@@ -15,12 +15,15 @@
 // damped_stop    follows until at rest, then stays       damping; at rest default  yes  yes
 //   or, by its   damping: follows for good               damping              yes      yes
 //   cause's      hold: brakes to rest and stays          default              yes      yes
-//   StopRule     posture: to its pose at its speed       default              yes      yes
-//                policy: the fallback policy's path;     the chunk's          yes      yes
+//   StopRule     policy: the fallback policy's path;     the chunk's          yes      yes
 //                without a usable one as any other stop
+//   of a robot that holds at once (TickConfig): each     default              -        yes
+//                joint brakes from its measured motion
 // fault_latched  as damped_stop, but for
 //   the joints it is about: no power                     none (limp)          no       no
-//   the rest of their limbs: follow the measured pos.    damping              no       no
+//   what hangs on them: follows the measured position    damping              no       no
+//   the rest of their limbs: brake from their measured   default              yes      yes
+//                motion and stay where that ends
 //   every joint, after an error of our own               damping              no       no
 //   a joint not heard since a suspend                    damping              no       no
 //

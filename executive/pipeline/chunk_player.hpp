@@ -14,11 +14,13 @@
 
 namespace takt::pipeline {
 
-// What a latched fault leaves of the choice for one joint.
+// What a stop leaves of the choice for one joint.
 enum class Part : std::uint8_t {
   as_chosen,
+  holds,        // brakes from its measured motion and holds where that ends: what it carries lost a drive, or no model
+                // says what it carries
   released,     // follows the measured position with damping and gravity: at rest beyond the hard margin
-  damped,       // damping only: its limb lost a drive, or our own arithmetic failed
+  damped,       // damping only: it hangs on a lost drive, is not heard, or our own arithmetic failed
   deenergised,  // nothing, its drive disabled
 };
 

@@ -17,14 +17,13 @@ struct CommandInUse {
   MonoTime infer_started_at;  // t2, claimed
   MonoTime infer_ended_at;    // t3, claimed
   MonoTime first_used_at;     // t4; while it waits for its turn: when it arrived
-  MonoTime assumed_at;        // of a speculative one; unset: it was none
   std::uint64_t policy_hash = 0;
   std::uint8_t session = 0;       // of its mailbox
   std::uint8_t of_candidate = 0;  // 1: that mailbox is the candidate's
   std::uint8_t reserved[6] = {};
 
   // Step 0's instant.
-  [[nodiscard]] MonoTime begins() const { return assumed_at.is_set() ? assumed_at : observed_at; }
+  [[nodiscard]] MonoTime begins() const { return observed_at; }
   [[nodiscard]] Duration age(MonoTime now) const { return now - sensed_at; }
   // Telescoping: the parts add up to age(now) exactly.
   [[nodiscard]] AgeParts age_parts(MonoTime now) const {

@@ -8,13 +8,28 @@
 #include "executive/pipeline/tick_state.hpp"
 
 namespace takt::pipeline {
+namespace {
+
+// References stand so that one step at the target's own pace ends on it: nothing is left to pursue.
+void jump_to_targets(TickState& state, const Choice& choice, std::span<const JointTarget> targets,
+                     const TickConfig& config) {
+  if (choice.reference != Reference::follow_target) return;
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    const auto q = static_cast<double>(targets[j].q), dq = static_cast<double>(targets[j].dq);
+    if (targets[j].part == Part::as_chosen) state.joints[j].reference = {q - dq * config.period.seconds(), dq, 0.0};
+  }
+}
+
+}  // namespace
 
 void control_tick(TickState& state, const TickInput& input, const TickConfig& config, TickOutput& output) noexcept {
   std::array<JointTarget, kMaxJoints> targets;  // uninitialised: choose fills joint_count entries
   observe(state, input, config, output.record);
   estimate(state, config, output.record);
   judge(state, input, config, output.record);
-  const Choice choice = choose(state, output.record, config, targets);
+  Choice choice = choose(state, output.record, config, targets);
+  if (config.without.barriers) choice.barriers = false;
+  if (config.without.pursuit) jump_to_targets(state, choice, targets, config);
   constrain(state, choice, targets, config, output.record);
   stabilise(state, choice, targets, config, output);
   clamp_output(state, config, output);

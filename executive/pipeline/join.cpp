@@ -10,14 +10,6 @@ void copy_used(CommandChunk& to, const CommandChunk& from) {
   std::copy_n(from.values, from.value_count(), to.values);
 }
 
-bool leaves_remainder(JoinKind kind) {
-  return kind == JoinKind::cross_fade || kind == JoinKind::align || kind == JoinKind::quintic;
-}
-
-bool mixes(JoinKind kind) {
-  return kind == JoinKind::cross_fade || kind == JoinKind::blend || kind == JoinKind::ensemble;
-}
-
 float share(Duration part, Duration whole) {
   return std::clamp(static_cast<float>(part.ns) / static_cast<float>(whole.ns), 0.0F, 1.0F);
 }
@@ -31,9 +23,8 @@ struct Mixture {
 // Mixes a new chunk into the path, in place: a step of it stands never after the path's step for the same instant.
 class Mixer {
  public:
-  Mixer(JoinState& state, CommandChunk& path, MonoTime path_begins, const Timed& next, MonoTime now,
-        const TickConfig& config)
-      : state_(state), path_(path), next_(next), now_(now), config_(config), old_(path.header) {
+  Mixer(CommandChunk& path, MonoTime path_begins, const Timed& next, MonoTime now, const TickConfig& config)
+      : path_(path), next_(next), now_(now), config_(config), old_(path.header) {
     ahead_ = next.begins - path_begins;
     path_ends_ = path_begins + old_.step_period * old_.step_count;
   }
@@ -42,45 +33,18 @@ class Mixer {
     const CommandHeader& header = next_.chunk.header;
     for (std::size_t step = 0; step < header.step_count; ++step) {
       const MonoTime due = next_.begins + header.step_period * static_cast<std::int64_t>(step);
-      const bool over = due >= path_ends_;
       place_ = place_of(old_, due - next_.begins + ahead_, config_.interpolation);
-      const Mixture mixture = over ? alone(step) : mixture_at(step, due);
+      const Mixture mixture = due >= path_ends_ ? Mixture{1.0F, 0.0F} : mixture_at(due);
       for (std::size_t joint = 0; joint < config_.joint_count; ++joint) mix(step, joint, mixture);
     }
     path_.header = header;
   }
 
  private:
-  Mixture alone(std::size_t step) {
-    state_.weights[step] = {1.0F, 1.0F};
-    return {1.0F, 0.0F};
-  }
-
-  Mixture mixture_at(std::size_t step, MonoTime due) {
-    const JoinRule& rule = config_.join;
-    switch (rule.kind) {
-      case JoinKind::blend:
-        return {rule.new_share, 0.0F};
-      case JoinKind::cross_fade: {
-        const Duration since = due - now_;
-        const bool rising = since > Duration{} && since < rule.over;
-        return {share(since, rule.over), rising ? 1.0e9F / static_cast<float>(rule.over.ns) : 0.0F};
-      }
-      case JoinKind::ensemble: {
-        const StepWeight before = state_.weights[place_.step];
-        const float left = rule.over > Duration{} ? share(path_ends_ - due, rule.over) : 1.0F;
-        const float newest = before.newest * rule.decay;
-        const float total = before.total * left + newest;
-        state_.weights[step] = {total, newest};
-        return {total > 0.0F ? newest / total : 1.0F, 0.0F};
-      }
-      case JoinKind::replace:
-      case JoinKind::align:
-      case JoinKind::quintic:
-      case JoinKind::prefix:
-        return {1.0F, 0.0F};
-    }
-    return {1.0F, 0.0F};
+  [[nodiscard]] Mixture mixture_at(MonoTime due) const {
+    const Duration over = config_.join.over, since = due - now_;
+    const bool rising = since > Duration{} && since < over;
+    return {share(since, over), rising ? 1.0e9F / static_cast<float>(over.ns) : 0.0F};
   }
 
   // In its joint's range: what one answer asked for beyond it would pull at the answers after it.
@@ -122,7 +86,6 @@ class Mixer {
     }
   }
 
-  JoinState& state_;
   CommandChunk& path_;
   const Timed& next_;
   MonoTime now_;
@@ -146,15 +109,7 @@ Duration DelayMemory::longest(MonoTime now) const {
 PathPoint remainder_after(const PathPoint& at_join, Duration since, const JoinRule& rule) {
   if (since >= rule.over) return {};
   const float span = static_cast<float>(rule.over.ns) * 1.0e-9F;
-  const float s = share(since, rule.over);
-  if (rule.kind != JoinKind::quintic) return {at_join.q * (1.0F - s), -at_join.q / span, 0.0F};
-  const float c0 = at_join.q, c1 = at_join.dq * span, c2 = 0.5F * at_join.ddq * span * span;
-  const float c3 = -10.0F * c0 - 6.0F * c1 - 3.0F * c2;
-  const float c4 = 15.0F * c0 + 8.0F * c1 + 3.0F * c2;
-  const float c5 = -6.0F * c0 - 3.0F * c1 - c2;
-  return {c0 + s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5)))),
-          (c1 + s * (2.0F * c2 + s * (3.0F * c3 + s * (4.0F * c4 + s * 5.0F * c5)))) / span,
-          (2.0F * c2 + s * (6.0F * c3 + s * (12.0F * c4 + s * 20.0F * c5))) / (span * span)};
+  return {at_join.q * (1.0F - share(since, rule.over)), -at_join.q / span, 0.0F};
 }
 
 PathPoint path_at(const JoinState& state, const Timed& path, MonoTime now, std::size_t joint,
@@ -169,13 +124,12 @@ PathPoint path_at(const JoinState& state, const Timed& path, MonoTime now, std::
 void begin_path(JoinState& state, CommandChunk& path, const CommandChunk& next) {
   copy_used(path, next);
   state.joined_at = {};
-  std::fill_n(state.weights.begin(), next.header.step_count, StepWeight{1.0F, 1.0F});
 }
 
 void join_references(JoinState& state, const Timed& path, std::span<const PathPoint> references, MonoTime now,
                      const TickConfig& config) {
   state.joined_at = {};
-  if (!leaves_remainder(config.join.kind)) return;
+  if (config.join.kind != JoinKind::cross_fade) return;
   for (std::size_t j = 0; j < references.size(); ++j)
     state.remainder[j] = references[j] - path_at(state, path, now, j, config);
   state.joined_at = now;
@@ -185,12 +139,12 @@ void join_path(JoinState& state, CommandChunk& path, MonoTime path_begins, const
                const TickConfig& config) {
   const CommandHeader &from = path.header, &to = next.chunk.header;
   const bool alike = from.fields == to.fields && from.step_period == to.step_period && path_begins <= next.begins;
-  const bool remains = leaves_remainder(config.join.kind);
+  const bool remains = config.join.kind == JoinKind::cross_fade;
   std::array<PathPoint, kMaxJoints> before;
   for (std::size_t j = 0; remains && j < config.joint_count; ++j)
     before[j] = path_at(state, {path, path_begins}, now, j, config);
-  if (mixes(config.join.kind) && alike)
-    Mixer(state, path, path_begins, next, now, config).run();
+  if (remains && alike)
+    Mixer(path, path_begins, next, now, config).run();
   else
     begin_path(state, path, next.chunk);
   state.joined_at = remains ? now : MonoTime{};

@@ -6,20 +6,13 @@
 //
 //   replace     new(t)
 //   cross_fade  old + a (new - old), a = (t - join) / over, within 0..1
-//   blend       (1 - s) old + s new, s = new_share (as LeRobot's aggregation of overlapping chunks)
-//   ensemble    weighted mean of all predictions, weight decay^i, i = 0 the oldest (ACT, decay = exp(-m)); the weight
-//   of
-//               what was there falls to zero over the last `over` of it
-//   align       new + (old - new at the join) (1 - (t - join) / over)
-//   quintic     new + the polynomial of degree 5 that takes the differences in position, velocity and acceleration at
-//               the join to zero within `over`: twice continuously differentiable wherever old and new are
 //   prefix      old until the instant that the answered observation promised (`committed_until`), then new: see below
 //
-// The first three mix whole steps; what such a mixture misses of the path being played, because the two chunks' steps
-// do not fall on the same instants, fades like an alignment with cross_fade and stays with the others, as published.
-// Steps mix only where both chunks have the same fields and step period; else the new one is taken alone. Nothing is
-// joined when the path of before is not being played (not armed, or no usable command): the new chunk is taken as it
-// is.
+// cross_fade mixes whole steps; what such a mixture misses of the path being played, because the two chunks' steps do
+// not fall on the same instants, fades with it. Steps mix only where both chunks have the same fields and step period;
+// else the new one is taken alone, and the whole difference fades. Nothing is joined when the path of before is not
+// being played (not armed, or no usable command): the new chunk is taken as it is. Joins that need older chunks are
+// the policy's host's (policy_host/chunk_mixer.hpp).
 //
 // prefix: every observation says which steps will be played whatever answers it (Observation::committed_count). As many
 // as the delay is expected to be: the longest of the newest ten answers, none older than kDelayMemory, the first of a
@@ -68,16 +61,9 @@ class DelayMemory {
   std::uint32_t first_is_over_ = 0;
 };
 
-// What stands behind one step of an ensemble.
-struct StepWeight {
-  float total = 0;   // of all predictions
-  float newest = 0;  // of the newest one
-};
-
 struct JoinState {
   MonoTime joined_at;                             // start of the remainder; unset: there is none
   std::array<PathPoint, kMaxJoints> remainder{};  // at joined_at
-  std::array<StepWeight, kMaxChunkSteps> weights{};
   DelayMemory delays;
 };
 
@@ -94,8 +80,8 @@ PathPoint path_at(const JoinState& state, const Timed& path, MonoTime now, std::
 
 // The chunk becomes the path, whatever was before.
 void begin_path(JoinState& state, CommandChunk& path, const CommandChunk& next);
-// Another policy's path takes over: the difference to where the references are fades by the rule (cross_fade, align,
-// quintic), or is left to the limits. `references`: one per joint.
+// Another policy's path takes over: the difference to where the references are fades (cross_fade), or is left to the
+// limits. `references`: one per joint.
 void join_references(JoinState& state, const Timed& path, std::span<const PathPoint> references, MonoTime now,
                      const TickConfig& config);
 // The chunk takes over from the path in use, `path`, which is being played at `now`. path_begins <= next.begins.

@@ -1,15 +1,12 @@
 // save and load of TickState's used part.
 //
 // A keyframe is a KeyframeHeader, the fixed pieces, as much of memory and windows as the configuration uses, the link
-// watch and joint_count ReplyWatches, joint_count JointStates, the join, what waits, and the used bytes of the chunks
-// in use, waiting, the fallback's and the candidate's, and of the alternatives (none while there is no such command).
-// The checksum covers everything after the header. Little-endian, this ABI only: the magic and the layout refuse
-// another.
+// watch and joint_count ReplyWatches, joint_count JointStates and JointWatches, the join, what waits, and the used
+// bytes of the chunks in use, waiting, the fallback's and the candidate's (none while there is no such command). The
+// checksum covers everything after the header. Little-endian, this ABI only: the magic and the layout refuse another.
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cstring>
-#include <numeric>
 #include <string>
 
 #include "executive/contract/layout.hpp"
@@ -26,13 +23,12 @@ struct KeyframeHeader {
   std::uint32_t joint_count = 0;
   std::uint32_t window_ticks = 0;
   std::uint32_t remembered = 0;
-  std::uint32_t in_use_bytes = 0;                                    // of the chunk in use
-  std::uint32_t waiting_bytes = 0;                                   // of the one that waits
-  std::uint32_t fallback_bytes = 0;                                  // of the fallback's
-  std::uint32_t candidate_bytes = 0;                                 // of the candidate's
-  std::array<std::uint32_t, kMostAlternatives> alternative_bytes{};  // of the values of each
+  std::uint32_t in_use_bytes = 0;     // of the chunk in use
+  std::uint32_t waiting_bytes = 0;    // of the one that waits
+  std::uint32_t fallback_bytes = 0;   // of the fallback's
+  std::uint32_t candidate_bytes = 0;  // of the candidate's
 };
-static_assert(sizeof(KeyframeHeader) == 56 + 4 * kMostAlternatives);
+static_assert(sizeof(KeyframeHeader) == 56);
 
 constexpr std::uint64_t kStateLayout = layout_hash({{kAbiVersion, sizeof(TickState)},
                                                     {offsetof(TickState, mode), sizeof(ModeState)},
@@ -47,26 +43,22 @@ constexpr std::uint64_t kStateLayout = layout_hash({{kAbiVersion, sizeof(TickSta
                                                     {offsetof(TickState, links), sizeof(LinkWatch)},
                                                     {offsetof(TickState, imu), sizeof(ImuWatch)},
                                                     {offsetof(TickState, joints), sizeof(JointState)},
+                                                    {offsetof(TickState, feedback), sizeof(JointWatch)},
                                                     {offsetof(TickState, join), sizeof(JoinState)},
                                                     {offsetof(TickState, waiting), sizeof(WaitingCommand)},
-                                                    {offsetof(TickState, speculation), sizeof(SpeculationState)},
                                                     {offsetof(TickState, fallback), sizeof(FallbackState)},
                                                     {offsetof(TickState, candidate), sizeof(CandidateState)},
                                                     {offsetof(TickState, chunk), sizeof(CommandChunk)}});
 
 // Of the links: everything but the joints, which are as many as the robot has.
 constexpr std::size_t kLinkBytes = offsetof(LinkWatch, joints);
-// Of the alternatives: their counts, and of each all but its values.
-constexpr std::size_t kSpeculationBytes = offsetof(SpeculationState, waiting);
-constexpr std::size_t kAlternativeBytes = offsetof(Alternative, values);
 
 // All but the chunks.
 std::size_t fixed_bytes(const StateShape& shape) {
   return sizeof(KeyframeHeader) + sizeof(ModeState) + sizeof(Counters) + sizeof(Recovery) + sizeof(CommandInUse) +
          ObservationMemory::saved_bytes(shape.remembered) + 8 * TickWindow::saved_bytes(shape.window_ticks) +
-         3 * sizeof(JoinState) + sizeof(WaitingCommand) + kSpeculationBytes + kMostAlternatives * kAlternativeBytes +
-         sizeof(FallbackState) + sizeof(CandidateState) + kLinkBytes + sizeof(ImuWatch) +
-         shape.joint_count * (sizeof(ReplyWatch) + sizeof(JointState));
+         3 * sizeof(JoinState) + sizeof(WaitingCommand) + sizeof(FallbackState) + sizeof(CandidateState) + kLinkBytes +
+         sizeof(ImuWatch) + shape.joint_count * (sizeof(ReplyWatch) + sizeof(JointState) + sizeof(JointWatch));
 }
 
 StateShape shape_of(const KeyframeHeader& header) {
@@ -75,35 +67,21 @@ StateShape shape_of(const KeyframeHeader& header) {
 
 struct ChunkBytes {
   std::size_t in_use, waiting, fallback, candidate;
-  std::array<std::uint32_t, kMostAlternatives> alternatives;
-  [[nodiscard]] std::size_t all() const {
-    return in_use + waiting + fallback + candidate +
-           std::accumulate(alternatives.begin(), alternatives.end(), std::size_t{0});
-  }
+  [[nodiscard]] std::size_t all() const { return in_use + waiting + fallback + candidate; }
 };
 
 ChunkBytes chunks_of(const KeyframeHeader& header) {
-  return {header.in_use_bytes, header.waiting_bytes, header.fallback_bytes, header.candidate_bytes,
-          header.alternative_bytes};
+  return {header.in_use_bytes, header.waiting_bytes, header.fallback_bytes, header.candidate_bytes};
 }
 
 std::size_t bytes_of(const CommandInUse& command, const CommandChunk& chunk) {
   return command.sequence == 0 ? 0 : chunk.used_bytes();
 }
 
-std::array<std::uint32_t, kMostAlternatives> alternative_bytes(const SpeculationState& state) {
-  std::array<std::uint32_t, kMostAlternatives> bytes{};
-  for (std::size_t i = 0; i < kMostAlternatives; ++i) {
-    const Alternative& one = state.waiting[i];
-    if (one.command.sequence != 0) bytes[i] = static_cast<std::uint32_t>(4 * alternative_values(one.header));
-  }
-  return bytes;
-}
-
 ChunkBytes chunk_bytes(const TickState& state) {
   return {bytes_of(state.command, state.chunk), bytes_of(state.waiting.command, state.waiting_chunk),
           bytes_of(state.fallback.command, state.fallback_chunk),
-          bytes_of(state.candidate.command, state.candidate_chunk), alternative_bytes(state.speculation)};
+          bytes_of(state.candidate.command, state.candidate_chunk)};
 }
 
 // Word-wise multiply and rotate: catches damage, not malice; cheap enough for the control thread.
@@ -137,13 +115,9 @@ void walk(State& state, const StateShape& shape, const ChunkBytes& chunks, Piece
   piece(&state.links.joints[0], shape.joint_count * sizeof(ReplyWatch));
   piece(&state.imu, sizeof(state.imu));
   piece(&state.joints[0], shape.joint_count * sizeof(JointState));
+  piece(&state.feedback[0], shape.joint_count * sizeof(JointWatch));
   piece(&state.join, sizeof(state.join));
   piece(&state.waiting, sizeof(state.waiting));
-  piece(&state.speculation, kSpeculationBytes);
-  for (std::size_t i = 0; i < kMostAlternatives; ++i) {
-    piece(&state.speculation.waiting[i], kAlternativeBytes);
-    piece(state.speculation.waiting[i].values.data(), chunks.alternatives[i]);
-  }
   piece(&state.fallback, sizeof(state.fallback));
   piece(&state.fallback_join, sizeof(state.fallback_join));
   piece(&state.candidate, sizeof(state.candidate));
@@ -169,7 +143,6 @@ const char* damage_in(const KeyframeHeader& header, const TickConfig& config, st
   if (header.remembered != remembered_observations(config)) return "max_age differs from the configuration's";
   const ChunkBytes chunks = chunks_of(header);
   if (std::max({chunks.in_use, chunks.waiting, chunks.fallback, chunks.candidate}) > sizeof(CommandChunk) ||
-      *std::ranges::max_element(chunks.alternatives) > 4 * kMaxAlternativeValues ||
       header.bytes != fixed_bytes(shape_of(header)) + chunks.all())
     return "sizes do not add up";
   if (bytes.size() < header.bytes) return "cut short";
@@ -186,29 +159,14 @@ bool is_consistent(const CommandInUse& command, const CommandChunk& chunk, std::
          header.joint_count == config.joint_count && header.step_period > Duration{0} && chunk.used_bytes() == bytes;
 }
 
-bool is_consistent(const SpeculationState& state, const ChunkBytes& chunks, const TickConfig& config) {
-  for (std::size_t i = 0; i < kMostAlternatives; ++i) {
-    const Alternative& one = state.waiting[i];
-    const CommandHeader& header = one.header;
-    if (one.command.sequence == 0 && chunks.alternatives[i] == 0) continue;
-    const bool fits = header.step_count >= 1 && header.step_count <= kMaxChunkSteps &&
-                      header.joint_count == config.joint_count && header.step_period > Duration{0} &&
-                      (header.assumes & static_cast<unsigned>(Assumption::q)) != 0 &&
-                      chunks.alternatives[i] == 4 * alternative_values(header);
-    if (one.command.sequence == 0 || !fits) return false;
-  }
-  return true;
-}
-
 bool is_consistent(const TickState& state, const TickConfig& config, const ChunkBytes& chunks) {
   const bool chunk_fits = is_consistent(state.command, state.chunk, chunks.in_use, config) &&
                           is_consistent(state.waiting.command, state.waiting_chunk, chunks.waiting, config) &&
                           is_consistent(state.fallback.command, state.fallback_chunk, chunks.fallback, config) &&
-                          is_consistent(state.candidate.command, state.candidate_chunk, chunks.candidate, config) &&
-                          is_consistent(state.speculation, chunks, config);
+                          is_consistent(state.candidate.command, state.candidate_chunk, chunks.candidate, config);
   const bool delays_fit = state.join.delays.is_consistent() && state.fallback_join.delays.is_consistent() &&
                           state.candidate_join.delays.is_consistent();
-  const JointMask given_up = state.mode.deenergised | state.mode.damped;
+  const JointMask given_up = state.mode.deenergised | state.mode.damped | state.mode.held | state.mode.holding;
   return chunk_fits && delays_fit && static_cast<std::size_t>(state.mode.mode) < kModeCount &&
          static_cast<std::size_t>(state.mode.stop_cause) < kCauseCount &&
          static_cast<std::size_t>(state.mode.player) < kMoverCount &&
@@ -244,7 +202,6 @@ std::size_t save(const TickState& state, std::span<std::byte> out) noexcept {
   header.waiting_bytes = static_cast<std::uint32_t>(chunks.waiting);
   header.fallback_bytes = static_cast<std::uint32_t>(chunks.fallback);
   header.candidate_bytes = static_cast<std::uint32_t>(chunks.candidate);
-  header.alternative_bytes = chunks.alternatives;
   header.checksum = checksum(out.subspan(sizeof(header), total - sizeof(header)));
   std::memcpy(out.data(), &header, sizeof(header));
   return total;

@@ -28,19 +28,29 @@ std::size_t begin_of_limb(const TickConfig& config, std::size_t joint) {
   return joint;
 }
 
+JointMask union_of(const std::array<JointMask, kMaxJoints>& masks, JointMask joints) {
+  JointMask all = 0;
+  for (JointMask left = joints; left != 0; left &= left - 1)
+    all |= masks[static_cast<std::size_t>(std::countr_zero(left))];
+  return all;
+}
+
 }  // namespace
 
 Limbs::Limbs(const TickConfig& config) {
-  for (std::size_t j = 0; j < config.joint_count; ++j)
-    limb_[j] =
-        config.gravity_compensation ? hangs_on(config, begin_of_limb(config, j)) : every_joint(config.joint_count);
+  const bool has_tree = config.gravity_compensation, is_free = config.imu.present;
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    limb_[j] = has_tree ? hangs_on(config, begin_of_limb(config, j)) : every_joint(config.joint_count);
+    beyond_[j] = has_tree ? hangs_on(config, j) : is_free ? every_joint(config.joint_count) : bit_of_joint(j);
+  }
 }
 
 JointMask Limbs::of(JointMask joints) const {
-  JointMask all = 0;
-  for (JointMask left = joints; left != 0; left &= left - 1)
-    all |= limb_[static_cast<std::size_t>(std::countr_zero(left))];
-  return all;
+  return union_of(limb_, joints);
+}
+
+JointMask Limbs::beyond(JointMask joints) const {
+  return union_of(beyond_, joints);
 }
 
 }  // namespace takt::pipeline

@@ -48,7 +48,6 @@ void take_over(TickState& state, const CommandChunk& chunk, const CommandInUse& 
 void accept(TickState& state, const CommandChunk& chunk, const ArrivalVerdict& verdict, MonoTime now,
             const TickConfig& config) {
   state.counters.last_sequence = verdict.command.sequence;
-  if (verdict.command.assumed_at.is_set()) return keep_alternative(state.speculation, chunk, verdict.command);
   const bool played = plays(state, now, config);
   if (played) state.join.delays.note(now, now - std::max(verdict.command.observed_at, state.mode.resumed_at));
   if (config.join.kind != JoinKind::prefix || !played || now >= verdict.committed_until)
@@ -74,7 +73,6 @@ Arrival take_message(TickState& state, const PolicyMessage& message, MonoTime no
     state.counters.last_sequence = 0;
     state.mode.last_refusal = Arrival::none;
     state.join.delays.forget();
-    drop_alternatives(state.speculation);
   }
   Arrival mailbox = Arrival::none;
   if (!is_there(message, mailbox)) return mailbox;
@@ -102,7 +100,7 @@ Arrival take_fallback_message(TickState& state, const PolicyMessage& message, Mo
   if (!is_there(message, mailbox)) return mailbox;
   const ArrivalVerdict verdict =
       judge_arrival(*message.command, message.bytes, now,
-                    {config.fallback_policy, fallback.last_sequence, fallback.command, message.session, 0, false},
+                    {config.fallback_policy, fallback.last_sequence, fallback.command, message.session, 0},
                     state.memory, config, message.values);
   state.counters.integration_errors += verdict.stamps_ran_backwards ? 1U : 0U;
   if (verdict.arrival != Arrival::accepted) return verdict.arrival;

@@ -15,8 +15,7 @@ bool is_there(const PolicyMessage& message, Arrival& verdict);
 const CommandInUse& newest_command(const TickState& state);
 // The message of the policy in charge of this tick.
 Arrival take_message(TickState& state, const PolicyMessage& message, MonoTime now, const TickConfig& config);
-// An accepted message into the path: at once, or once what was promised is played; an alternative, to those that wait
-// for what they assume.
+// An accepted message into the path: at once, or once what was promised is played.
 void accept(TickState& state, const CommandChunk& chunk, const ArrivalVerdict& verdict, MonoTime now,
             const TickConfig& config);
 // The chunk becomes, or joins, the path.

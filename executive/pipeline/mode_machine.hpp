@@ -2,12 +2,13 @@
 // (the mode itself: no reaction there), how far and how hard it stops, within which bound, and what clears it. Of all
 // causes that hold in a tick, the most severe one that reacts in the present mode decides.
 //
-// Stops have a scope: the joints that the cause is about, the rest of their limbs (limbs.hpp), the rest of the robot;
-// and a category, as IEC 60204-1 names them:
+// Stops have a scope: the joints that the cause is about, what hangs on them (limbs.hpp), the rest of the robot; and a
+// category, as IEC 60204-1 names them:
 //   0  power is taken away at once
 //   1  brought to rest, then power is taken away
-//   2  brought to rest, power stays: a limb that lost a joint damps, without the gravity model, whose pose it is no
-//      longer sure of; the rest of the robot damps with gravity carried until it rests, then holds its position
+//   2  brought to rest, power stays: what hangs on a lost joint damps, without the gravity model, whose pose is no
+//      longer sure; a joint between the base and a lost one brakes and holds its own position; the rest of the robot
+//      damps with gravity carried until it rests, then holds its position
 // Bounds count from the tick that finds the condition to the frames that react; what finding takes is named in front.
 //
 // Requests and faults enter as causes; whether a request is granted (arming blockers, rest before a reset) is judged
@@ -39,9 +40,9 @@ enum class Stop : std::uint8_t {
 };
 
 struct Scope {
-  Stop joints = Stop::none;  // that the cause is about
-  Stop limbs = Stop::none;   // the rest of theirs
-  Stop robot = Stop::none;   // the rest of it
+  Stop joints = Stop::none;   // that the cause is about
+  Stop hanging = Stop::none;  // what hangs on those
+  Stop robot = Stop::none;    // the rest of it
 };
 
 struct Reaction {
@@ -97,7 +98,7 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
     {Cause::drive_disabled,       75,  {S, A, F, F, F, F}, kLoss, "one tick",
       "operator reset"},
     {Cause::bus_off,              90,  {S, F, F, F, F, F}, kLoss, "one tick",
-      "the controller left bus-off; mode: operator reset"},
+      "the controller left bus-off, by itself or by takt bus up; mode: operator reset"},
     {Cause::bus_down,             91,  {S, F, F, F, F, F}, kLoss, "one tick",
       "the interface is up; mode: operator reset"},
     // Bus faults that still let us steer: a damped stop, while that is true. Severity: the nearer to the root, the higher.
@@ -145,6 +146,9 @@ inline constexpr std::array<Reaction, kCauseCount> kReactions = [] {
       "every drive is 5 degrees cooler than its limit; mode: operator reset"},
     {Cause::degraded_spent,       49,  {S, A, T, P, P, F}, kRest, "degraded.for, one tick",
       "the mode is left; mode: operator reset"},
+    // Nobody knows where such a joint is: as if it were silent.
+    {Cause::feedback_implausible, 82,  {S, F, F, F, F, F}, kLoss, "feedback.frozen_after or three replies, one tick",
+      "every joint's feedback was plausible for 0.5 s; mode: operator reset"},
   }};
 }();
 // clang-format on
@@ -202,7 +206,8 @@ constexpr Cause stopped_by(Cause present, CauseMask active, CauseMask by_policy 
 
 // Conditions that must be gone before a latched fault may be reset. A drive's own fault is not among them: disabling
 // the drive, which is what standby does, clears it; until it is clear it blocks arming.
-inline constexpr CauseMask kLastingFaults = bit(Cause::feedback_lost) | bit(Cause::bus_off) | bit(Cause::bus_down);
+inline constexpr CauseMask kLastingFaults =
+    bit(Cause::feedback_lost) | bit(Cause::feedback_implausible) | bit(Cause::bus_off) | bit(Cause::bus_down);
 
 namespace reaction_detail {
 constexpr bool rows_are_in_order() {
@@ -265,9 +270,9 @@ constexpr bool latched_modes_are_stops() {
 // The nearer to the cause, the harder; power is taken from joints by a latched fault only, which keeps it away.
 constexpr bool scopes_are_nested() {
   for (const Reaction& row : kReactions) {
-    const auto [joints, limbs, robot] = row.stops;
-    if (joints != Stop::none && (limbs < joints || robot < limbs || !leads_to(row, F))) return false;
-    if ((joints == Stop::none) != (limbs == Stop::none)) return false;
+    const auto [joints, hanging, robot] = row.stops;
+    if (joints != Stop::none && (hanging < joints || robot < hanging || !leads_to(row, F))) return false;
+    if ((joints == Stop::none) != (hanging == Stop::none)) return false;
   }
   return true;
 }

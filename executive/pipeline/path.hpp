@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cstddef>
 
+#include "executive/contract/chunk_path.hpp"
 #include "executive/contract/command_chunk.hpp"
 #include "executive/contract/mono_time.hpp"
 #include "executive/pipeline/tick_config.hpp"
@@ -16,27 +17,6 @@
 namespace takt::pipeline {
 
 inline constexpr float kGainTolerance = 2.0F;  // up to it a gain is limited (gain_limit) and not out of range
-
-struct PathPoint {
-  float q = 0;    // rad
-  float dq = 0;   // rad/s
-  float ddq = 0;  // rad/s^2
-};
-
-constexpr PathPoint operator+(const PathPoint& a, const PathPoint& b) {
-  return {a.q + b.q, a.dq + b.dq, a.ddq + b.ddq};
-}
-constexpr PathPoint operator-(const PathPoint& a, const PathPoint& b) {
-  return {a.q - b.q, a.dq - b.dq, a.ddq - b.ddq};
-}
-
-// Between which two steps, and how far.
-struct Place {
-  std::size_t step = 0;
-  std::size_t next = 0;  // == step during the last step's period, and where steps are held
-  float fraction = 0;    // 0..1
-  float span = 0;        // s, one step period
-};
 
 // `since`: the first step's instant; before it the first step counts, after the end the last.
 Place place_of(const CommandHeader& header, Duration since, Interpolation interpolation);
@@ -71,9 +51,5 @@ class PathReader {
   const JointLimits& limits_;
   bool out_of_range_ = false;
 };
-
-// Straight line and cubic Hermite segment from `here` (velocity v0) to `next` (v1).
-PathPoint line(float q0, float q1, const Place& place);
-PathPoint cubic(float q0, float v0, float q1, float v1, const Place& place);
 
 }  // namespace takt::pipeline

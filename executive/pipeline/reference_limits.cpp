@@ -102,7 +102,7 @@ double stopping_distance(double speed, double acceleration, double dt) {
 }
 
 ReferenceStep step_towards(const ReferenceState& from, float q_target, float dq_target, float speed,
-                           const JointLimits& limits, double dt, const Rates& rates) {
+                           const JointLimits& limits, double dt, const Rates& rates, bool limits_jerk) {
   const Wide wide(limits);
   const Pursuit pursuit(wide.acceleration, dt);
   const double asked = static_cast<double>(q_target);
@@ -119,7 +119,7 @@ ReferenceStep step_towards(const ReferenceState& from, float q_target, float dq_
   const double acceleration =
       clamp_marked(pursuit.velocity * (velocity - from.dq), wide.acceleration, Intervention::acceleration_limit, marks);
   const double jerk = pursuit.velocity * wide.acceleration * dt;
-  const double smooth = std::clamp(acceleration, from.ddq - jerk, from.ddq + jerk);
+  const double smooth = limits_jerk ? std::clamp(acceleration, from.ddq - jerk, from.ddq + jerk) : acceleration;
   ReferenceStep result = step(from, from.dq + smooth * dt, wide, rates, dt);
   result.interventions |= marks;
   return result;
@@ -136,6 +136,63 @@ ReferenceState moving_with(float q, float dq, const JointLimits& limits, double 
   const double room = std::max(dq > 0.0F ? wide.q_max - at : at - wide.q_min, 0.0);
   const double speed = std::min(std::abs(static_cast<double>(dq)), wide.velocity);
   return {at, std::copysign(std::min(speed, stopping_speed(room, wide.acceleration, dt)), static_cast<double>(dq))};
+}
+
+namespace {
+
+// Nearest to `wanted` that does not lead the reference further out of its limits than it is.
+double not_further_out(double wanted, const ReferenceState& from, const JointLimits& limits) {
+  const Wide wide(limits);
+  return std::clamp(wanted, std::min(wide.q_min, from.q), std::max(wide.q_max, from.q));
+}
+
+// Moves a reference that is further than `window` (rad) from the joint to that distance: from then on it goes away from
+// the joint no faster than the joint follows.
+ReferenceState within_window(const ReferenceState& from, double window, const ReferenceState& joint,
+                             const JointLimits& limits) {
+  const double off = from.q - joint.q;
+  if (std::abs(off) <= window) return from;
+  const double dq = off > 0.0 ? std::min(from.dq, joint.dq) : std::max(from.dq, joint.dq);
+  return {not_further_out(joint.q + std::copysign(window, off), from, limits), dq, 0.0};
+}
+
+}  // namespace
+
+ReferenceState kept_near(const ReferenceState& from, float q, float dq, float kp, float kp_before,
+                         const JointLimits& limits, double dt) {
+  const ReferenceState joint = moving_with(q, dq, limits, dt);
+  const double share = kp > kp_before ? static_cast<double>(kp_before / kp) : 1.0;
+  const ReferenceState ahead{
+      not_further_out(joint.q + share * (from.q - joint.q), from, limits),
+      joint.dq + share * (from.dq - joint.dq),
+      share * from.ddq,
+  };
+  return within_window(share < 1.0 ? ahead : from, static_cast<double>(limits.torque / kp), joint, limits);
+}
+
+ReferenceState begin_of_braking(const ReferenceState& from, float q, float dq, float kp, float inertia,
+                                const JointLimits& limits, double dt) {
+  const double window = static_cast<double>(limits.velocity * std::sqrt(inertia / kp));
+  return within_window(from, window, moving_with(q, dq, limits, dt), limits);
+}
+
+ReferenceStep step_with_measured(const ReferenceState& from, float q, float dq_target, float speed,
+                                 const JointLimits& limits, double dt) {
+  const double at = not_further_out(standing_at(q, limits).q, from, limits);
+  const double wanted =
+      std::clamp(static_cast<double>(dq_target), -static_cast<double>(speed), static_cast<double>(speed));
+  return step({at, from.dq, from.ddq}, wanted, Wide(limits), {}, dt);
+}
+
+ReferenceStep step_to_held(const ReferenceState& from, float q_target, float speed, const JointLimits& limits,
+                           double dt) {
+  const double target = not_further_out(static_cast<double>(q_target), from, limits);
+  const bool cut = target != static_cast<double>(q_target);
+  const InterventionMask marks = cut ? bit(Intervention::position_limit) : InterventionMask{0};
+  const double reach = static_cast<double>(speed) * dt;
+  if (speed >= limits.velocity || std::abs(target - from.q) <= reach) return {{target, 0.0, 0.0}, marks};
+  return {{from.q + std::copysign(reach, target - from.q), 0.0, 0.0},
+          static_cast<InterventionMask>(marks | bit(Intervention::velocity_limit))};
 }
 
 ReferenceStep step_braking(const ReferenceState& from, const JointLimits& limits, double dt, double deceleration) {

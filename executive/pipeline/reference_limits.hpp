@@ -58,12 +58,29 @@ double stopping_distance(double speed, double acceleration, double dt);
 
 // One step towards q_target that moves with dq_target, at no more than `speed` (<= limits.velocity).
 ReferenceStep step_towards(const ReferenceState& from, float q_target, float dq_target, float speed,
-                           const JointLimits& limits, double dt, const Rates& rates = {});
+                           const JointLimits& limits, double dt, const Rates& rates = {}, bool limits_jerk = true);
 // The state within the hard margin nearest to a measured motion that the limits allow: where following the measurement
 // leaves the reference. Outside q_min..q_max it does not move further out.
 ReferenceState moving_with(float q, float dq, const JointLimits& limits, double dt);
 // The measured position, at rest, within the hard margin.
 ReferenceState standing_at(float q, const JointLimits& limits);
+// How far a reference may be from its joint: no further than the whole torque can pull it (limits.torque / kp). Where
+// the stiffness rises from `kp_before`, it is ahead of the joint by so much less that it pulls no harder: from 0 it
+// begins at the joint's motion. It does not move further out of q_min..q_max. Precondition: kp > 0, kp_before >= 0.
+ReferenceState kept_near(const ReferenceState& from, float q, float dq, float kp, float kp_before,
+                         const JointLimits& limits, double dt);
+// Where braking begins: no further from the joint than a spring of `kp` may be let go without throwing `inertia`
+// (kg m^2, lower bound) faster than limits.velocity. Precondition: kp > 0.
+ReferenceState begin_of_braking(const ReferenceState& from, float q, float dq, float kp, float inertia,
+                                const JointLimits& limits, double dt);
+// One step of a joint without stiffness: the reference is where the joint is, and its velocity goes on towards
+// dq_target inside the limits. It does not follow the joint further out than q_min..q_max.
+ReferenceStep step_with_measured(const ReferenceState& from, float q, float dq_target, float speed,
+                                 const JointLimits& limits, double dt);
+// One step of a target that is held for its period by a drive that is moved by gains: the target itself, inside
+// q_min..q_max, at rest. While `speed` is below limits.velocity (resume ramp, slow) no further than that in one step.
+ReferenceStep step_to_held(const ReferenceState& from, float q_target, float speed, const JointLimits& limits,
+                           double dt);
 // One step of braking to rest, at no more than `deceleration`, nor than the limit.
 ReferenceStep step_braking(const ReferenceState& from, const JointLimits& limits, double dt,
                            double deceleration = std::numeric_limits<double>::infinity());

@@ -46,6 +46,12 @@ Player player_of(const TickState& state, const TickRecordHeader& header, const T
   return config.degraded == DegradedBehaviour::slow ? policy : Player::none;
 }
 
+void forget_rest(ModeState& mode) {
+  mode.rest.forget();
+  mode.rest_of_all.forget();
+  mode.resting = 0;
+}
+
 void choose_player(TickState& state, TickRecordHeader& header, const TickConfig& config) {
   const Player player = player_of(state, header, config);
   ModeState& mode = state.mode;
@@ -53,8 +59,7 @@ void choose_player(TickState& state, TickRecordHeader& header, const TickConfig&
   if (player != Player::fallback) state.fallback.plays_since = {};
   // Let go in a stop: what it stood still before is no rest.
   if (header.mode == Mode::damped_stop && mode.player == Player::fallback && player != Player::fallback) {
-    mode.rest.forget();
-    mode.resting = 0;
+    forget_rest(mode);
   }
   if (player != Player::none) {
     if (mode.last_player != Player::none && mode.last_player != player) hand_over(state, player, header.now, config);
@@ -70,27 +75,56 @@ void note_arrival(TickState& state, Arrival arrival, const FreshnessContract& co
   if (arrival != Arrival::none) state.mode.last_refusal = refused ? arrival : Arrival::none;
 }
 
-// A joint without power, or that never has any, is not asked whether it rests: its last velocity may be all that it
-// left behind. Nor is a limb that sags, while there is a rest of the robot that can hold. Of a joint that is not heard
-// nobody knows where it is; the others still tell whether the robot rests.
+// Who is asked whether it rests: the joints that are heard and have power. The last velocity of the others may be all
+// that they left behind.
 JointMask asked_for_rest(const TickState& state, MonoTime now, const TickConfig& config) {
   const JointMask powered = every_joint(config.joint_count) & ~state.mode.deenergised & ~passive_joints(config);
-  const JointMask holding = powered & ~state.mode.damped;
   JointMask heard = 0;
   for (std::size_t j = 0; j < config.joint_count; ++j) {
-    const MonoTime at = state.joints[j].observer.sampled_at;
-    if (at.is_set() && now - at <= config.feedback_timeout) heard |= bit_of_joint(j);
+    if (is_heard(state.joints[j].observer, now, config.feedback_timeout)) heard |= bit_of_joint(j);
   }
-  return (holding != 0 ? holding : powered) & heard;
+  return powered & heard;
 }
 
+// What sags keeps the others neither from resting nor from holding; their reset waits for it too.
 void watch_for_rest(TickState& state, const TickRecord& record, const TickConfig& config) {
-  if (!is_latched(state.mode.mode)) return;
+  ModeState& mode = state.mode;
+  if (!is_latched(mode.mode)) return;
   const MonoTime now = record.header.now;
-  state.mode.rest.follow(now, std::span(record.joints, config.joint_count), asked_for_rest(state, now, config),
-                         config.rest_velocity);
+  const std::span joints(record.joints, config.joint_count);
+  const JointMask asked = asked_for_rest(state, now, config);
+  const JointMask can_hold = asked & ~mode.damped;
+  mode.rest.follow(now, joints, can_hold != 0 ? can_hold : asked, config.rest_velocity);
+  mode.rest_of_all.follow(now, joints, asked, config.rest_velocity);
   // Whom the fallback policy moves may stand still now and then.
-  if (state.mode.rest.rests(now) && state.mode.player != Player::fallback) state.mode.resting = 1;
+  if (mode.rest.rests(now) && mode.player != Player::fallback) mode.resting = 1;
+}
+
+// Only what is believed reaches the estimate.
+void hear(TickState& state, std::size_t j, const TickInput& input, const TickConfig& config) {
+  const JointConfig& joint = config.joints[j];
+  ObserverState& observer = state.joints[j].observer;
+  if (input.joints[j].refused != WireVerdict::allowed) note_untold(state.feedback[j]);
+  const Belief belief = take_feedback(state.feedback[j], input.joints[j], input.now, joint, config);
+  if (belief == Belief::begins) observer = {};
+  const float bandwidth = config.without.observer ? kNoFilter : joint.observer_bandwidth;
+  if (belief == Belief::none) return;
+  take_reply(observer, input.joints[j], bandwidth);
+  state.joints[j].stood_still = {};
+}
+
+// A drive that is asked nothing says nothing: while the loop itself stood still, that is no silence of the drive. One
+// that follows positions or velocities by itself is not excused: it goes on by what it was told last.
+void excuse_own_stall(TickState& state, MonoTime now, const TickConfig& config) {
+  const MonoTime before = state.mode.ticked_at;
+  state.mode.ticked_at = now;
+  if (!before.is_set() || now - before < config.period * 2) return;
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    JointState& joint = state.joints[j];
+    if (!joint.observer.sampled_at.is_set() || !makes_torque_by_position(config.joints[j].loop)) continue;
+    const Duration stood_still = now - std::max(before, joint.observer.sampled_at) - config.period;
+    joint.stood_still = std::clamp(joint.stood_still + stood_still, joint.stood_still, kLongestExcuse);
+  }
 }
 
 // Every period of the grid is a tick in time, a late one, or one that was skipped.
@@ -105,17 +139,25 @@ void forget_what_was_before_sleep(TickState& state, MonoTime now, const TickConf
   state.mode.awake_since = now;
   state.command = state.waiting.command = state.fallback.command = state.candidate.command = {};
   state.memory.forget();
-  drop_alternatives(state.speculation);
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     state.joints[j].observer = {};
+    forget_replies(state.feedback[j]);
     state.joints[j].tau_last = state.joints[j].tau_damping = 0.0F;
   }
 }
 
-// A drive that is given up gets no power until standby, whatever it says later; its limb damps.
+// A drive that is given up gets no power until standby, whatever it says later. What hangs on it damps; the rest of its
+// limb holds, each joint where it hears itself.
 void take_out(TickState& state, JointMask joints) {
   state.mode.deenergised |= joints;
-  state.mode.damped |= state.limbs.of(joints);
+  state.mode.damped |= state.limbs.beyond(joints);
+  state.mode.held |= state.limbs.of(joints);
+}
+
+// Of a robot without a model: nothing that a stop or a fault would damp to rest is known to get there.
+void hold_at_once(TickState& state, const TickConfig& config) {
+  if (!config.holds_at_once || !is_latched(state.mode.mode) || state.mode.player == Player::fallback) return;
+  state.mode.held = every_joint(config.joint_count);
 }
 
 JointMask not_enabled(const TickRecord& record, const TickConfig& config) {
@@ -136,6 +178,16 @@ void follow_what_was_sent(TickState& state, const TickInput& input, const TickCo
   }
 }
 
+// A joint that is heard for the first time, or again after a sleep: a drive that follows positions would be led on from
+// an estimate of 0.
+void begin_where_heard(TickState& state, JointMask unknown, const TickConfig& config) {
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    JointState& joint = state.joints[j];
+    if ((unknown & bit_of_joint(j)) != 0 && joint.observer.sampled_at.is_set())
+      joint.reference = standing_at(joint.observer.q, config.joints[j].limits);
+  }
+}
+
 // In the tick of a change of mode every drive is written to, and answers, in turn or not.
 void excuse_out_of_turn(LinkWatch& links, const TickRecordHeader& header, const TickConfig& config) {
   for (std::size_t j = 0; j < config.joint_count; ++j) {
@@ -151,24 +203,13 @@ CauseMask causes_stopped_by(StopManner manner, const TickConfig& config) {
   return causes;
 }
 
-// To a posture goes who was moving: by a policy, or in this stop already. Who was let go, or never moved, stays:
-// somebody may stand beside the robot by now.
-bool may_be_led(const TickState& state, const TickRecordHeader& header, const TickConfig& config) {
-  if (header.previous_mode != Mode::damped_stop)
-    return header.previous_mode == Mode::tracking || header.previous_mode == Mode::degraded;
-  return state.mode.player == Player::fallback || manner_of(state, header.now, config) == StopManner::posture;
-}
-
 // In whose manner the damped stop goes on; Cause::none: damped to rest and held.
 void follow_stop(TickState& state, const TickRecordHeader& header, const TickConfig& config) {
   ModeState& mode = state.mode;
   if (mode.mode != Mode::damped_stop) return;
   const bool begins = header.previous_mode != Mode::damped_stop;
   const CauseMask by_policy = causes_stopped_by(StopManner::policy, config);
-  const CauseMask postures = may_be_led(state, header, config) ? 0 : causes_stopped_by(StopManner::posture, config);
-  Cause present = begins ? header.cause : mode.stop_cause;
-  if (begins && (postures & bit(present)) != 0) present = Cause::none;
-  const Cause cause = stopped_by(present, header.causes_active & ~postures, by_policy);
+  const Cause cause = stopped_by(begins ? header.cause : mode.stop_cause, header.causes_active, by_policy);
   if (!begins && cause == mode.stop_cause) return;
   // One by policy after the other is one stop, and its time is one.
   const bool goes_on = !begins && (by_policy & bit(mode.stop_cause)) != 0 && (by_policy & bit(cause)) != 0;
@@ -176,10 +217,18 @@ void follow_stop(TickState& state, const TickRecordHeader& header, const TickCon
   if (!goes_on) mode.stopped_since = header.now;
 }
 
-void remember_stop(ModeState& mode, const TickRecordHeader& header) {
-  const bool asked =
-      header.operator_request == OperatorRequest::stop || header.operator_request == OperatorRequest::press_stop;
-  if (asked && mode.mode != Mode::standby && !mode.stop_asked_at.is_set()) mode.stop_asked_at = header.now;
+// Fills causes_active.
+Transition decide_now(const TickState& state, const TickConfig& config, TickRecord& record) {
+  TickRecordHeader& header = record.header;
+  header.causes_active = conditions(state, record, config);
+  header.causes_active |= granted_request(state, record, header.causes_active, config);
+  const CauseMask warnings = config.temperature_degrades ? 0 : bit(Cause::temperature_high);
+  return decide(state.mode.mode, header.causes_active, warnings);
+}
+
+void remember_press(ModeState& mode, const TickRecordHeader& header) {
+  const bool pressed = header.operator_request == OperatorRequest::press_stop;
+  if (pressed && mode.mode != Mode::standby && !mode.stop_pressed_at.is_set()) mode.stop_pressed_at = header.now;
 }
 
 }  // namespace
@@ -217,15 +266,23 @@ void observe(TickState& state, const TickInput& input, const TickConfig& config,
   header.joint_count = config.joint_count;
   std::copy_n(input.buses, config.bus_count, header.buses);
   if (input.slept_ms != 0) forget_what_was_before_sleep(state, input.now, config);
+  JointMask unknown = 0;
   for (std::size_t j = 0; j < config.joint_count; ++j) {
     record.joints[j] = JointRecord{};
     record.joints[j].feedback = input.joints[j];
-    if (input.joints[j].received_at > state.mode.awake_since)
-      take_reply(state.joints[j].observer, input.joints[j], config.joints[j].observer_bandwidth);
+    if (!state.joints[j].observer.sampled_at.is_set()) unknown |= bit_of_joint(j);
+    if (input.joints[j].received_at > state.mode.awake_since) hear(state, j, input, config);
   }
+  excuse_own_stall(state, input.now, config);
   follow_what_was_sent(state, input, config);
+  begin_where_heard(state, unknown, config);
   count_periods(state, input, config);
   watch_links(state.links, config, record);
+  if (input.operator_request == OperatorRequest::reset && state.mode.mode == Mode::standby)
+    for (std::size_t j = 0; j < config.joint_count; ++j) accept_place(state.feedback[j]);
+  for (std::size_t j = 0; j < config.joint_count; ++j)
+    record.joints[j].reply_faults = static_cast<ReplyFaultMask>(
+        record.joints[j].reply_faults | feedback_faults(state.feedback[j], input.joints[j], input.now, config));
 }
 
 namespace {
@@ -257,7 +314,6 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
   header.arrival = take_message(state, input.policy, input.now, config);
   note_arrival(state, header.arrival, contract);
   judge_candidate(state, input, config, header);
-  compare_alternatives(state, input.now, config, record);
   relieve(state, input.now, config);
   header.freshness = freshness_of(state.command, state.chunk.header, input.now, contract);
   note_freshness(state.recovery, header.freshness, input.now);
@@ -268,16 +324,17 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
   watch_for_rest(state, record, config);
 
   header.mode = header.previous_mode = state.mode.mode;
-  header.causes_active = conditions(state, record, config);
-  header.causes_active |= granted_request(state, record, header.causes_active, config);
-  const CauseMask warnings = config.temperature_degrades ? 0 : bit(Cause::temperature_high);
-  const Transition transition = decide(state.mode.mode, header.causes_active, warnings);
+  Transition transition = decide_now(state, config, record);
+  // The robot's own policy is back in charge before the mode is decided: what the candidate lacks is no reason then.
+  if (transition.to != header.previous_mode && roll_back(state, config, header))
+    transition = decide_now(state, config, record);
   header.cause = transition.cause;
   header.mode = transition.to;
   const JointMask affected = affected_joints(state, record, config);  // by the mode that is left
   const bool stops_arming = header.previous_mode == Mode::arming && header.mode == Mode::damped_stop;
   if (transition.cause != Cause::none) {
     enter(state, transition.to, input.now, contract);
+    if (transition.to == Mode::standby) header.freshness = header.fallback.freshness = Freshness::missing;
     excuse_out_of_turn(state.links, header, config);
   }
   follow_stop(state, header, config);
@@ -288,18 +345,18 @@ void judge(TickState& state, const TickInput& input, const TickConfig& config, T
     // A fault of ours: no model is trusted any more.
     if ((header.causes_active & bit(Cause::internal_error)) != 0) state.mode.damped = every_joint(config.joint_count);
   }
-  remember_stop(state.mode, header);
+  remember_press(state.mode, header);
   settle_candidate(state, config, header);
   choose_player(state, header, config);
+  hold_at_once(state, config);
 }
 
 namespace {
 
-// Whoever answers an observation of before a reset or an arming knows nothing of what the robot is there for now.
+// Whatever answers an observation of before a reset or an arming knows nothing of what the robot is there for now.
 void begin_epoch(TickState& state) {
   state.memory.forget();
   state.waiting.command = {};
-  drop_alternatives(state.speculation);
 }
 
 }  // namespace
@@ -311,10 +368,11 @@ void enter(TickState& state, Mode mode, MonoTime now, const FreshnessContract& c
   switch (mode) {
     case Mode::standby:
       state.mode.drives_enabled = 0;
-      state.mode.deenergised = state.mode.damped = 0;
-      state.mode.stop_asked_at = {};
+      state.mode.deenergised = state.mode.damped = state.mode.held = 0;
+      state.mode.stop_pressed_at = {};
       state.mode.last_player = Player::none;
       begin_epoch(state);
+      state.command = state.fallback.command = state.candidate.command = {};
       return;
     case Mode::arming:
       begin_epoch(state);
@@ -325,8 +383,7 @@ void enter(TickState& state, Mode mode, MonoTime now, const FreshnessContract& c
       return;
     case Mode::tracking:
       state.mode.drives_enabled = 1;
-      // Handed back by a policy that moved the robot, nothing has to be approached.
-      if (state.mode.player != Player::fallback) state.mode.resumed_at = now;
+      state.mode.resumed_at = now;
       state.misses.restart();
       if (left == Mode::degraded) note_restored(state.recovery, now);
       return;
@@ -335,8 +392,7 @@ void enter(TickState& state, Mode mode, MonoTime now, const FreshnessContract& c
       return;
     case Mode::damped_stop:
     case Mode::fault_latched:
-      state.mode.resting = 0;
-      state.mode.rest.forget();
+      forget_rest(state.mode);
       return;
   }
 }

@@ -27,13 +27,12 @@ float clamp_marked(float value, float low, float high, Intervention why, Interve
 
 // Which barrier binds decides the name of the intervention.
 float apply_barriers(float torque, const StabiliserInput& in, const JointConfig& joint, InterventionMask& marks) {
-  const TorqueRange range = barrier_range(in.measured, in.may_stay_at, joint, in.rates);
+  const TorqueRange range = barrier_range(in.measured, in.may_stay_at, in.speed_barrier, joint, in.rates);
   const float beyond = torque - in.gravity;
   const float allowed = std::clamp(beyond, range.low, range.high);
   if (allowed == beyond) return torque;
-  const float speed_barrier = 0.5F * (joint.limits.velocity + joint.limits.velocity_hard);
   const float per_speed = joint.inertia * joint.observer_bandwidth / kBarrierTimeConstants;
-  const float by_speed = per_speed * (speed_barrier - std::copysign(1.0F, beyond) * in.measured.dq);
+  const float by_speed = per_speed * (in.speed_barrier - std::copysign(1.0F, beyond) * in.measured.dq);
   const bool speed_binds = std::abs(allowed) >= by_speed;
   marks |= bit(speed_binds ? Intervention::velocity_barrier : Intervention::position_barrier);
   return in.gravity + allowed;
@@ -68,7 +67,7 @@ StabiliserOutput finished_velocity(const StabiliserInput& in, const JointLimits&
   float velocity = kd > 0.0F ? in.reference.dq + kp * (in.reference.q - in.measured.q) / kd : 0.0F;
   velocity = clamp_marked(velocity, -limits.velocity, limits.velocity, Intervention::velocity_limit, out.interventions);
   if (in.barriers) {
-    const SpeedRange speeds = barrier_speeds(in.measured.q, in.may_stay_at, limits, in.rates);
+    const SpeedRange speeds = barrier_speeds(in.measured.q, in.may_stay_at, in.speed_barrier, limits, in.rates);
     velocity = clamp_marked(velocity, std::clamp(speeds.low, -limits.velocity, limits.velocity),
                             std::clamp(speeds.high, -limits.velocity, limits.velocity), Intervention::position_barrier,
                             out.interventions);
@@ -79,11 +78,11 @@ StabiliserOutput finished_velocity(const StabiliserInput& in, const JointLimits&
 
 }  // namespace
 
-SpeedRange barrier_speeds(float q, float may_stay_at, const JointLimits& limits, const Rates& rates) {
+SpeedRange barrier_speeds(float q, float may_stay_at, float speed_barrier, const JointLimits& limits,
+                          const Rates& rates) {
   const float brakes_up = std::min(limits.acceleration, static_cast<float>(rates.down));
   const float brakes_down = std::min(limits.acceleration, static_cast<float>(rates.up));
   const float outside = 0.5F * limits.q_hard_margin;
-  const float speed_barrier = 0.5F * (limits.velocity + limits.velocity_hard);
   const float above = std::max(limits.q_max + outside, may_stay_at) - q;
   const float below = q - std::min(limits.q_min - outside, may_stay_at);
   float up = allowed_speed(above, speed_barrier, brakes_up);
@@ -92,9 +91,9 @@ SpeedRange barrier_speeds(float q, float may_stay_at, const JointLimits& limits,
   return {down, up};
 }
 
-TorqueRange barrier_range(const JointMotion& measured, float may_stay_at, const JointConfig& joint,
+TorqueRange barrier_range(const JointMotion& measured, float may_stay_at, float speed_barrier, const JointConfig& joint,
                           const Rates& rates) {
-  const SpeedRange speeds = barrier_speeds(measured.q, may_stay_at, joint.limits, rates);
+  const SpeedRange speeds = barrier_speeds(measured.q, may_stay_at, speed_barrier, joint.limits, rates);
   const float per_speed = joint.inertia * joint.observer_bandwidth / kBarrierTimeConstants;
   return {per_speed * (speeds.low - measured.dq), per_speed * (speeds.high - measured.dq)};
 }

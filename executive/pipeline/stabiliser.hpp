@@ -8,7 +8,7 @@
 //            side. Inertia is the joint's lower bound, so a heavier joint only reacts more slowly. Position barrier:
 //            halfway into the hard margin, so that a reference resting on its limit is left alone; further out where
 //            the joint may stay (`may_stay_at`), so that a joint found outside is not thrown back; speed barrier:
-//            halfway between velocity and velocity_hard.
+//            halfway between velocity and velocity_hard while a policy plays, velocity while none does.
 //   torque limit, then slew limit from the previous tick's torque.
 //
 // Loop at the drive, and nothing intervened: the drive gets (q_ref, dq_ref, kp, kd, tau_ff + gravity) and closes the
@@ -30,6 +30,11 @@ namespace takt::pipeline {
 
 inline constexpr float kBarrierTimeConstants = 2.0F;
 
+// rad/s. A policy's motion reaches limits.velocity, with estimates that are noisy there.
+constexpr float speed_barrier_of_play(const JointLimits& limits) {
+  return 0.5F * (limits.velocity + limits.velocity_hard);
+}
+
 struct StabiliserInput {
   JointMotion reference{};  // rad, rad/s
   JointMotion measured{};
@@ -37,8 +42,9 @@ struct StabiliserInput {
   float gravity = 0;
   float tau_last = 0;  // Nm, previous tick's torque
   bool barriers = false;
-  float may_stay_at = 0;  // rad, in use with barriers: outside, they pull back no further than this
-  Rates rates{};          // what torque leaves of the acceleration by which the barriers brake (brake.hpp)
+  float may_stay_at = 0;    // rad, in use with barriers: outside, they pull back no further than this
+  Rates rates{};            // what torque leaves of the acceleration by which the barriers brake (brake.hpp)
+  float speed_barrier = 0;  // rad/s, in use with barriers: no torque of ours makes the joint faster
 };
 
 struct StabiliserOutput {
@@ -55,10 +61,11 @@ struct TorqueRange {
 struct SpeedRange {
   float low = 0, high = 0;
 };
-SpeedRange barrier_speeds(float q, float may_stay_at, const JointLimits& limits, const Rates& rates = {});
+SpeedRange barrier_speeds(float q, float may_stay_at, float speed_barrier, const JointLimits& limits,
+                          const Rates& rates = {});
 
 // Torques beyond gravity that the barriers allow. low <= high.
-TorqueRange barrier_range(const JointMotion& measured, float may_stay_at, const JointConfig& joint,
+TorqueRange barrier_range(const JointMotion& measured, float may_stay_at, float speed_barrier, const JointConfig& joint,
                           const Rates& rates = {});
 
 StabiliserOutput stabilise_joint(const StabiliserInput& in, const JointConfig& joint, float dt);

@@ -35,6 +35,11 @@ enum class LoopAt : std::uint8_t {
   host_velocity,   // here: a finished velocity in dq; kp, kd and tau are 0. The drive decides the torque
 };
 
+// The other two are told where to be, or how fast, and know the rest by themselves.
+constexpr bool makes_torque_by_position(LoopAt loop) {
+  return loop == LoopAt::drive || loop == LoopAt::host_torque;
+}
+
 // Of a drive whose gains are shares 0..1 of its own, and whose damping's share never exceeds the stiffness's. What they
 // cannot say goes into the feed-forward torque.
 struct DriveGains {
@@ -63,11 +68,10 @@ struct JointConfig {
   float observer_bandwidth = 0;  // rad/s of the velocity observer
   std::uint8_t bus = 0;
   LoopAt loop = LoopAt::drive;
-  bool passive = false;  // measured, never driven: its setpoint has no gains and no torque, whatever is asked
+  bool passive = false;        // measured, never driven: its setpoint has no gains and no torque, whatever is asked
+  bool tells_velocity = true;  // the drive's own; else its driver makes one of the positions
   DriveGains drive_gains{};
   Turns turns{};
-  float stop_pose = 0;   // rad, where StopManner::posture goes
-  float stop_speed = 0;  // rad/s
 };
 
 // One link of the kinematic tree for gravity compensation. Joint j moves link j.
@@ -92,6 +96,13 @@ struct FreshnessContract {
   std::uint32_t bad_command_limit = 0;  // messages within the window refused for what they say: integration error
 };
 inline constexpr std::uint32_t kMaxWindowTicks = 8192;
+
+// How far a joint's feedback may be from what can be true (joint_watch.hpp).
+struct FeedbackLimits {
+  float jump = 0.05F;                        // rad beyond what velocity_hard allows; 0: not looked for
+  float contradiction = 0.03F;               // rad between positions and velocities; 0: not looked for
+  Duration frozen_after = milliseconds(20);  // no sooner is a position that stands still frozen; 0: not looked for
+};
 
 // Shares of the ticks in about the last window, in 1/65536, above which a bus fault holds; kWholeShare: never.
 inline constexpr std::uint32_t kWholeShare = 65536;
@@ -129,32 +140,23 @@ struct ImuConfig {
 };
 
 // How a new chunk takes over from the path that is being played (join.hpp).
-enum class JoinKind : std::uint8_t { replace, cross_fade, blend, ensemble, align, quintic, prefix };
+enum class JoinKind : std::uint8_t { replace, cross_fade, prefix };
 struct JoinRule {
   JoinKind kind = JoinKind::replace;
-  Duration over{};           // cross_fade, align, quintic: how long it takes, > 0; ensemble: taper, 0: none
-  float new_share = 0.7F;    // blend: 0 < .. <= 1
-  float decay = 1.0F;        // ensemble: weight of a prediction over that of the one before it, > 0
+  Duration over{};           // cross_fade: how long it takes, > 0
   Duration longest_delay{};  // prefix: no more than this is promised to be played
-};
-
-// Speculative chunks (speculation.hpp): how far the state sensed may be from the one assumed, of each joint.
-struct SpeculationTolerance {
-  float q = 0;   // rad; 0: none are taken
-  float dq = 0;  // rad/s, > 0 where q is
 };
 
 // How a damped stop brings the robot to rest.
 enum class StopManner : std::uint8_t {
-  rest,     // damped until at rest, then held
+  rest,     // damped until at rest, then held; TickConfig::holds_at_once: as `hold`
   damping,  // damped, and never held
   hold,     // braked along the limits and held at once
-  posture,  // led to stop_pose at stop_speed, and held there
   policy,   // moved by the fallback policy while its command is usable, else as `rest`
 };
 struct StopRule {
   StopManner manner = StopManner::rest;
-  Duration longest;  // hold, posture, policy: then as `rest`; 0: without end
+  Duration longest;  // hold, policy: then as `rest`; 0: without end
 };
 
 enum class DegradedBehaviour : std::uint8_t { hold, slow, fallback };
@@ -177,7 +179,18 @@ struct FeedbackGain {
 // no command. CAN frames it may lose before: 65,536 of them wait, which is 2.7 s at 24 per tick; can.log says how many.
 inline constexpr std::uint32_t kLongestUnrecorded = 4096;
 
+// Protections that a measurement of what each costs switches off (evidence/rollout/method.hpp). No robot file says any
+// of them, and executive/setup leaves them as they are here.
+struct Without {
+  bool pursuit = false, jerk = false;  // of reference_limits.hpp
+  bool brake_reserve = false;          // brake.hpp
+  bool barriers = false;               // stabiliser.hpp
+  bool envelope = false;               // envelope_exceeded
+  bool observer = false;               // velocity_observer.hpp: difference quotients instead
+};
+
 struct TickConfig {
+  Without without{};
   Duration period;  // of the control loop
   std::uint32_t joint_count = 0;
   std::uint32_t bus_count = 0;
@@ -187,7 +200,6 @@ struct TickConfig {
   std::uint32_t largest_command = sizeof(CommandChunk);  // bytes of the largest legal message
   Interpolation interpolation = Interpolation::linear;
   JoinRule join;
-  SpeculationTolerance speculation;
   double clamped_share = 0.25;  // of the freshness window: more ticks with a target out of range are bad commands
   FreshnessContract freshness;
   DegradedBehaviour degraded = DegradedBehaviour::hold;
@@ -201,6 +213,7 @@ struct TickConfig {
   Duration resume_over;       // >= 0: after tracking begins, speed limits rise from the scale to the full ones
   Duration feedback_timeout;  // a joint silent for longer: feedback_lost
   Duration enable_timeout;    // arming must succeed within it
+  FeedbackLimits feedback;
   BusFaultLimits bus_faults;
   double late_share = 0.25;            // of the freshness window: more periods late or skipped are an overrun; 1: never
   std::uint32_t unrecorded_limit = 0;  // ticks the recorder may be behind; 0: none is required
@@ -210,6 +223,8 @@ struct TickConfig {
   float rest_velocity = 0.02F;                 // rad/s: below it the damped stop holds position
   std::array<float, 3> gravity{0, 0, -9.81F};  // m/s^2 in the base frame
   bool gravity_compensation = false;
+  // No model says what a joint carries, and damping would let it fall: where a stop damps, each joint brakes and holds.
+  bool holds_at_once = false;
   std::array<JointConfig, kMaxJoints> joints{};
   std::array<LinkModel, kMaxJoints> links{};
   // Fallback state_feedback: feedback_gains[j][k] of joint k on the torque of joint j.
@@ -219,6 +234,13 @@ struct TickConfig {
 // A second policy is judged in every tick, and moves the robot while degraded.
 constexpr bool has_fallback_policy(const TickConfig& config) {
   return config.degraded == DegradedBehaviour::fallback && config.fallback == FallbackKind::policy;
+}
+
+// A policy's held targets go out as they are to a drive that is moved by gains: a path towards one is lag, and the
+// distance to it is the torque that the policy means.
+constexpr bool plays_held_targets(const TickConfig& config, const JointConfig& joint) {
+  const bool by_gains = joint.loop == LoopAt::drive || joint.loop == LoopAt::host_torque;
+  return config.interpolation == Interpolation::hold && by_gains;
 }
 
 // Those that never have power from us.

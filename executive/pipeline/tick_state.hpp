@@ -17,11 +17,11 @@
 #include "executive/pipeline/gravity_model.hpp"
 #include "executive/pipeline/imu_watch.hpp"
 #include "executive/pipeline/join.hpp"
+#include "executive/pipeline/joint_watch.hpp"
 #include "executive/pipeline/limbs.hpp"
 #include "executive/pipeline/observation_memory.hpp"
 #include "executive/pipeline/reference_limits.hpp"
 #include "executive/pipeline/rest_watch.hpp"
-#include "executive/pipeline/speculation.hpp"
 #include "executive/pipeline/tick_window.hpp"
 #include "executive/pipeline/velocity_observer.hpp"
 
@@ -37,20 +37,31 @@ struct JointState {
   double brake = std::numeric_limits<double>::infinity();
   float tau_last = 0;     // Nm, torque of the previous tick's setpoint: start of this tick's slew
   float tau_damping = 0;  // Nm, torque of the previous tick's damping
+  float kp_before = 0;    // Nm/rad, stiffness by which the drive was pulled to the reference in the previous tick
+  std::uint8_t braked_before = 0;  // 1: in the previous tick the reference braked, or stood
+  std::uint8_t reserved[3] = {};
+  Duration stood_still;  // how long the loop itself stood still since the joint was heard: no silence of its drive
 };
 
+// A loop that stood still for longer knows nothing of its joints any more, whoever is to blame.
+inline constexpr Duration kLongestExcuse{500'000'000};
+
 struct ModeState {
-  MonoTime armed_at;       // start of the present arming
-  RestWatch rest;          // latched modes, of the joints that we hold
-  MonoTime stop_asked_at;  // the first stop asked for since standby; unset: none
-  MonoTime resumed_at;     // tracking began, after arming or after degraded: start of the resume ramp; unset before
-  // Since a fault was latched, or an arming stopped, until standby: drives that get no power from us, and joints that
-  // only damp.
+  MonoTime armed_at;         // start of the present arming
+  RestWatch rest;            // latched modes, of the joints that can hold: from then on they do
+  RestWatch rest_of_all;     // latched modes, of every joint that has power: until then no reset takes it
+  MonoTime stop_pressed_at;  // a person's first press of the stop since standby; unset: none
+  MonoTime resumed_at;       // tracking began, after arming or after degraded: start of the resume ramp; unset before
+  // Since a fault was latched, or a stop began, until standby: drives that get no power from us, joints that only damp,
+  // and those of the others that hold by their stiffness.
   JointMask deenergised = 0;
   JointMask damped = 0;
-  MonoTime awake_since;  // the tick that noticed the newest suspend: feedback from before is not believed; unset: none
+  JointMask held = 0;
+  JointMask holding = 0;  // in the newest tick: Part::holds
+  MonoTime awake_since;   // the tick that noticed the newest suspend: feedback from before is not believed; unset: none
   MonoTime degraded_since;  // unset: it is not
   MonoTime stopped_since;   // the damped stop goes on in the manner of stop_cause since then
+  MonoTime ticked_at;       // the tick before; unset: there was none
   Mode mode = Mode::standby;
   std::uint8_t resting = 0;         // latched modes: 1 once at rest; from then on what may hold its position does
   std::uint8_t drives_enabled = 0;  // 1 once every drive reported enabled in this arming
@@ -123,9 +134,9 @@ struct TickState {
   LinkWatch links;
   ImuWatch imu;
   JointState joints[kMaxJoints];
+  JointWatch feedback[kMaxJoints];
   JoinState join;
   WaitingCommand waiting;
-  SpeculationState speculation;
   FallbackState fallback;
   JoinState fallback_join;
   CandidateState candidate;
@@ -141,15 +152,15 @@ struct TickState {
 
 static_assert(std::is_trivially_copyable_v<TickState>);
 // No hidden padding: keyframes of equal states are equal bytes.
-static_assert(sizeof(JointState) == sizeof(ObserverState) + 3 * sizeof(ReferenceState) + 32 &&
+static_assert(sizeof(JointState) == sizeof(ObserverState) + 3 * sizeof(ReferenceState) + 48 &&
               sizeof(ObserverState) == 16);
-static_assert(sizeof(RestWatch) == 16 + 4 * kMaxJoints && sizeof(ModeState) == 72 + sizeof(RestWatch) &&
+static_assert(sizeof(RestWatch) == 16 + 4 * kMaxJoints && sizeof(ModeState) == 96 + 2 * sizeof(RestWatch) &&
               sizeof(Counters) == 24 && sizeof(Recovery) == 32);
-static_assert(sizeof(CommandInUse) == 80 && sizeof(WaitingCommand) == 88 && sizeof(FallbackState) == 112 &&
-              sizeof(CandidateState) == 120);
-static_assert(sizeof(Alternative) == sizeof(CommandInUse) + sizeof(CommandHeader) + 4 * kMaxAlternativeValues &&
-              sizeof(SpeculationState) == 16 + kMostAlternatives * sizeof(Alternative));
-static_assert(sizeof(JoinState) == 8 + 12 * kMaxJoints + 8 * kMaxChunkSteps + 168);
+static_assert(sizeof(CommandInUse) == 72 && sizeof(WaitingCommand) == 80 && sizeof(FallbackState) == 104 &&
+              sizeof(CandidateState) == 112);
+static_assert(sizeof(JoinState) == 8 + 12 * kMaxJoints + 168);
+// What a cache has to hold: four chunks are nine tenths of it.
+static_assert(sizeof(TickState) <= 500'000);
 static_assert(sizeof(ImuWatch) == 2 * sizeof(ImuSample) + 8 + 16);
 
 }  // namespace takt::pipeline

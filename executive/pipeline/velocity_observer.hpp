@@ -23,6 +23,14 @@ struct JointMotion {
   float dq = 0;  // rad/s
 };
 
+// Whether the newest reply is at most `longest` old.
+inline bool is_heard(const ObserverState& observer, MonoTime now, Duration longest) {
+  return observer.sampled_at.is_set() && now - observer.sampled_at <= longest;
+}
+
+// A bandwidth beyond every reply's spacing: position as replied, velocity by difference quotient.
+inline constexpr float kNoFilter = 1.0e7F;
+
 // A reply that can be an encoder's: finite and not absurd. Anything else counts as no reply.
 bool is_plausible(const JointFeedback& feedback);
 

@@ -122,9 +122,7 @@ pipeline::PolicyMessage CyclicLoop::read_command(CommandMailbox* mailbox, std::u
                                                  CommandChunk& copy) noexcept {
   if (mailbox == nullptr) return {.session = session_before};
   const auto largest = std::as_writable_bytes(std::span(&copy, 1)).first(parts_.config.largest_command);
-  // Alternatives come at once, and each is wanted: one per tick, in order. Else the newest is all that counts.
-  const bool in_order = parts_.config.speculation.q > 0.0F;
-  const ipc::ReadResult result = in_order ? mailbox->reader.read_next(largest) : mailbox->reader.read_latest(largest);
+  const ipc::ReadResult result = mailbox->reader.read_latest(largest);
   const Arrival arrival = arrival_of(result.status);
   if (arrival != Arrival::accepted) return {.mailbox = arrival, .session = mailbox->session};
   return {.mailbox = arrival, .session = mailbox->session, .command = &copy, .bytes = result.size};

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "config/load.hpp"
+#include "executive/contract/version.hpp"
 
 namespace takt::runtime {
 namespace {
@@ -58,7 +59,8 @@ nlohmann::ordered_json json_of(const ExecutiveFacts& facts) {
   }
   return {{"schema", "takt.executive/1"},
           {"pid", getpid()},
-          {"version", TAKT_VERSION},
+          {"version", version()},
+          {"source_sha256", source_sha256()},
           {"binary_sha256", binary_sha256()},
           {"robot", facts.robot.robot},
           {"config_sha256", facts.robot.sha256},

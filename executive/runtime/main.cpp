@@ -13,6 +13,7 @@
 #include "config/observation_shape.hpp"
 #include "config/paths.hpp"
 #include "drivers/protocol/bus_load.hpp"
+#include "executive/contract/version.hpp"
 #include "executive/ipc/unix_socket.hpp"
 #include "executive/log/program_log.hpp"
 #include "executive/runtime/control_thread.hpp"
@@ -183,7 +184,7 @@ int main(int argc, char** argv) {
   app.add_option("--policy-user", options.policy_user, "a user who may lend a policy, but not arm; default: ours only");
   app.add_flag("--allow-non-realtime", options.allow_non_realtime,
                "run although real-time set-up failed; every artifact says so");
-  app.set_version_flag("--version", TAKT_VERSION);
+  app.set_version_flag("--version", std::string(takt::version()));
   app.footer(
       "Exit codes: 0 ended as asked, 64 command line, 65 configuration, 69 a bus is missing, 70 bug, 71 set-up "
       "refused\n"

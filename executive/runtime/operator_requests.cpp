@@ -8,6 +8,7 @@
 #include <string_view>
 #include <thread>
 
+#include "config/cautions.hpp"
 #include "executive/pipeline/mode_machine.hpp"
 #include "executive/runtime/arming.hpp"
 #include "executive/runtime/clock.hpp"
@@ -27,6 +28,10 @@ void say(OperatorReply& reply, std::string_view sentence) {
 }
 
 constexpr std::string_view kNotNoticed = "the control thread did not answer in time: is it running? see takt status";
+constexpr std::string_view kStillMoves =
+    "the robot still moves: wait until every joint with power rests, then reset; where one never does, hold it and "
+    "take "
+    "the power (takt stop --now): what hangs falls";
 constexpr std::string_view kFaultDampsOnly =
     "mode fault_latched: what failed has no power, and nothing moves on purpose; again, or with --now, takes their "
     "power away: what hangs falls";
@@ -96,9 +101,9 @@ void Reception::arm(OperatorReply& reply) {
   if (!wait_for(OperatorRequest::arm, tick)) return say(reply, kNotNoticed);
   const Mode mode = parts_.follower.latest().header.mode;
   reply.done = mode == Mode::arming || mode == Mode::tracking || mode == Mode::degraded ? 1 : 0;
-  if (reply.done == 0) {
-    say(reply, "something came between: " + active_causes(parts_.follower.latest().header) + ": try again");
-  }
+  if (reply.done == 0)
+    return say(reply, "something came between: " + active_causes(parts_.follower.latest().header) + ": try again");
+  if (const std::string stops = config::stops_without_model(parts_.robot); !stops.empty()) say(reply, stops);
 }
 
 void Reception::stop(OperatorVerb verb, OperatorReply& reply) {
@@ -126,10 +131,9 @@ void Reception::reset(OperatorReply& reply) {
     case Mode::damped_stop:
       if (now.player == Player::fallback)
         return say(reply, "the fallback policy moves the robot: hold it, then take its power (takt stop --now)");
-      return say(reply, "the robot still moves: wait until it rests, then reset");
+      return say(reply, kStillMoves);
     case Mode::fault_latched:
-      if ((now.causes_active & pipeline::kLastingFaults) == 0)
-        return say(reply, "the robot still moves: wait until it rests, then reset");
+      if ((now.causes_active & pipeline::kLastingFaults) == 0) return say(reply, kStillMoves);
       return say(reply, "the fault still holds: " + active_causes(now) + ": mend it, then reset");
     case Mode::arming:
     case Mode::tracking:

@@ -16,7 +16,7 @@ std::span<const std::byte> bytes_of(const Value& value) noexcept {
 }  // namespace
 
 // The tick lets a recorder be behind by what the ring holds twice.
-static_assert(ipc::tick_ring(1).slot_count >= 2 * pipeline::kLongestUnrecorded);
+static_assert(ipc::kTickRingSlots >= 2 * pipeline::kLongestUnrecorded);
 
 std::expected<PublishedSegments::Ring, std::string> PublishedSegments::make(const char* name,
                                                                             const ipc::RingShape& shape) {

@@ -10,7 +10,7 @@ namespace {
 constexpr std::align_val_t kAlignment{64};
 
 constexpr ipc::RingShape shape() {
-  return {ipc::kMailboxSlots, sizeof(StatusSnapshot), kTickRecordLayout};
+  return {ipc::kMailboxSlots, sizeof(StatusSnapshot), layout_of<StatusSnapshot>()};
 }
 
 std::byte* zeroed_ring() {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "config/cautions.hpp"
 #include "config/drive_loop.hpp"
 #include "config/observation_shape.hpp"
 #include "config/stop_causes.hpp"
@@ -143,18 +144,14 @@ pipeline::Interpolation interpolation_of(Interpolation interpolation) {
 
 pipeline::JoinKind kind_of(JoinKind kind) {
   switch (kind) {
-    case JoinKind::replace:
-      return pipeline::JoinKind::replace;
     case JoinKind::cross_fade:
       return pipeline::JoinKind::cross_fade;
-    case JoinKind::blend:
-      return pipeline::JoinKind::blend;
+    case JoinKind::replace:
+    case JoinKind::blend:  // what comes was mixed by its host (policy_host/chunk_mixer.hpp)
     case JoinKind::ensemble:
-      return pipeline::JoinKind::ensemble;
     case JoinKind::align:
-      return pipeline::JoinKind::align;
     case JoinKind::quintic:
-      return pipeline::JoinKind::quintic;
+      return pipeline::JoinKind::replace;
     case JoinKind::prefix:
       return pipeline::JoinKind::prefix;
   }
@@ -162,11 +159,7 @@ pipeline::JoinKind kind_of(JoinKind kind) {
 }
 
 pipeline::JoinRule join_of(const Join& from) {
-  return {.kind = kind_of(from.kind),
-          .over = from.kind == JoinKind::ensemble ? from.taper : from.over,
-          .new_share = narrow(from.new_share),
-          .decay = narrow(std::exp(-from.decay)),
-          .longest_delay = from.longest};
+  return {.kind = kind_of(from.kind), .over = from.over, .longest_delay = from.longest};
 }
 
 pipeline::FallbackKind kind_of(FallbackKind kind) {
@@ -199,8 +192,6 @@ pipeline::StopManner manner_of(StopHow how) {
       return pipeline::StopManner::damping;
     case StopHow::hold:
       return pipeline::StopManner::hold;
-    case StopHow::posture:
-      return pipeline::StopManner::posture;
     case StopHow::policy:
       return pipeline::StopManner::policy;
   }
@@ -218,15 +209,8 @@ static_assert(std::ranges::all_of(kPolicyStopCauses, [](Cause cause) {
 }));
 
 void set_stops(const RobotConfig& robot, pipeline::TickConfig& tick) {
-  for (const StopConfig& stop : robot.stops) {
+  for (const StopConfig& stop : robot.stops)
     tick.stops[static_cast<std::size_t>(stop_cause_named(stop.name))] = {manner_of(stop.how), stop.longest};
-    const auto pose = std::ranges::find(robot.fallbacks, stop.fallback, &Fallback::name);
-    if (stop.how != StopHow::posture || pose == robot.fallbacks.end()) continue;
-    for (std::size_t j = 0; j < robot.joints.size(); ++j) {
-      tick.joints[j].stop_pose = narrow(pose->pose[j]);
-      tick.joints[j].stop_speed = narrow(pose->speed);
-    }
-  }
 }
 
 void set_fallback(const RobotConfig& robot, std::uint64_t fallback_hash, pipeline::TickConfig& tick) {
@@ -252,6 +236,7 @@ void set_fallback(const RobotConfig& robot, std::uint64_t fallback_hash, pipelin
 
 void set_loop(const Drive& drive, pipeline::JointConfig& joint) {
   joint.loop = loop_of(drive);
+  joint.tells_velocity = drive.protocol != DriveProtocol::cia402;
   if (drive.protocol != DriveProtocol::moteus) return;
   const double square = drive.gear_ratio * drive.gear_ratio;
   joint.drive_gains = {.kp = narrow(drive.servo_kp * square), .kd = narrow(drive.servo_kd * square)};
@@ -267,8 +252,6 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
     tick.interpolation = interpolation_of(robot.policy->action.interpolation);
     tick.join = join_of(robot.policy->action.join);
     tick.probation = robot.policy->probation;
-    if (const auto& tolerance = robot.policy->speculation)
-      tick.speculation = {narrow(tolerance->position), narrow(tolerance->velocity)};
     tick.policy.needs_outside_stamp = reads_sensors(*robot.policy);
   }
   tick.policy.hash = policy_hash;
@@ -282,6 +265,7 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
   tick.temperature_degrades = robot.degraded.by_temperature;
   tick.feedback_timeout = robot.feedback.timeout;
   tick.enable_timeout = robot.feedback.enable_timeout;
+  tick.feedback = {narrow(robot.feedback.jump), narrow(robot.feedback.contradiction), robot.feedback.frozen_after};
   tick.bus_faults = bus_faults_of(robot.bus_faults, robot.control.period);
   tick.late_share = robot.control.late_share;
   tick.unrecorded_limit = robot.record.recorder == Recorder::required ? pipeline::kLongestUnrecorded : 0;
@@ -299,6 +283,7 @@ pipeline::TickConfig tick_config_of(const RobotConfig& robot, std::uint64_t poli
     tick.gravity_compensation = true;
     for (std::size_t j = 0; j < robot.model->links.size(); ++j) tick.links[j] = link_of(robot.model->links[j]);
   }
+  tick.holds_at_once = config::holds_at_once(robot);
   return tick;
 }
 

@@ -24,8 +24,8 @@ std::int64_t unix_now_ns() {
   return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
 }
 
-RequestAnswer answer(const Request& request, const std::string& socket) {
-  const auto verb = judge(request, unix_now_ns());
+RequestAnswer answer(const Request& request, const Address& address, const std::string& socket) {
+  const auto verb = judge(request, address, unix_now_ns());
   if (!verb) return {request.id, request.verb, false, verb.error()};
   const auto reply = ipc::ask(socket, *verb, kAnswerWithin);
   if (!reply) return {request.id, request.verb, false, "no executive answers: " + reply.error()};
@@ -54,10 +54,11 @@ Exporter::~Exporter() {
 
 void Exporter::write_until_closed() {
   std::string said;
+  const std::string machine = machine_name();
   while (!outbox_.is_closed()) {
-    const auto participant = Participant::open(robot_);
+    const auto participant = Participant::open(robot_, machine);
     if (participant) {
-      spdlog::info("DDS: domain {} on {}{}", robot_.dds->domain, robot_.dds->interface,
+      spdlog::info("DDS: domain {} on {}, machine {}{}", robot_.dds->domain, robot_.dds->interface, machine,
                    robot_.dds->allow_requests ? ", requests allowed" : "");
       return write_to(**participant);
     }
@@ -111,7 +112,7 @@ void Exporter::answer_requests(Participant& participant) {
   std::string refused;
   while (!outbox_.is_closed()) {
     for (const Request& request : participant.take_requests(kPatience)) {
-      RequestAnswer answered = answer(request, socket);
+      RequestAnswer answered = answer(request, participant.address(), socket);
       if (answered.done)
         spdlog::warn("DDS: {} (request {})", answered.verb, answered.id);
       else if (answered.sentences != refused)

@@ -40,6 +40,7 @@ struct CommandAge {
 // What somebody in the domain asks for.
 struct Request {
   std::string robot{};
+  std::string machine{};  // empty: any that runs a robot of this name
   std::uint64_t id = 0;
   std::string verb{};
   std::int64_t sent_unix_ns = 0;  // the sender's clock

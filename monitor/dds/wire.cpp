@@ -59,7 +59,7 @@ void lend(const Diagnostics& message, const config::RobotConfig& robot, LentDiag
 }
 
 void lend(const Status& message, const Losses& losses, const RequestAnswer& answer, const config::RobotConfig& robot,
-          LentStatus& out) {
+          const std::string& machine, LentStatus& out) {
   const TickRecordHeader& tick = message.tick;
   for (std::size_t cause = 1; cause < kCauseCount; ++cause)
     if ((tick.causes_active >> cause & 1U) != 0) out.causes.push_back(borrowed(name(static_cast<Cause>(cause))));
@@ -67,6 +67,7 @@ void lend(const Status& message, const Losses& losses, const RequestAnswer& answ
   auto& wire = out.wire;
   wire.stamp = time_of(message.unix_ns);
   wire.robot = borrowed(robot.robot);
+  wire.machine = borrowed(machine);
   wire.running = message.running;
   wire.tick = tick.tick;
   wire.mode = borrowed(name(tick.mode));

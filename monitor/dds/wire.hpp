@@ -31,7 +31,7 @@ struct LentStatus {
 void lend(const JointStates& message, const config::RobotConfig& robot, LentJointStates& out);
 void lend(const Diagnostics& message, const config::RobotConfig& robot, LentDiagnostics& out);
 void lend(const Status& message, const Losses& losses, const RequestAnswer& answer, const config::RobotConfig& robot,
-          LentStatus& out);
+          const std::string& machine, LentStatus& out);
 takt_msgs_msg_dds__CommandAge_ lend(const CommandAge& message, const config::RobotConfig& robot);
 
 }  // namespace takt::monitor::dds

@@ -59,8 +59,7 @@ void ChunkMonitors::tick(const TickRecordHeader& header) {
   session_ = header.policy_session;
   if (has_read && header.arrival == Arrival::accepted && is_followed(header.mode)) {
     const auto answered = std::ranges::find(published_, read_->header.observation_id, &Published::observation);
-    const MonoTime assumed = read_->header.assumed_at;
-    if (answered != published_.end()) watch(header, scorer_->score(*read_, assumed.is_set() ? assumed : answered->at));
+    if (answered != published_.end()) watch(header, scorer_->score(*read_, answered->at));
   }
   if (header.observation_published == 0) return;
   published_.push_back({header.observation_published, header.now});

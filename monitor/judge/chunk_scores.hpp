@@ -39,7 +39,7 @@ class ChunkScorer {
 
   explicit ChunkScorer(const config::RobotConfig& robot);  // precondition: it has a policy
 
-  // `observed_at`: of the observation that the chunk answers, or the instant that it assumes: its first step's.
+  // `observed_at`: of the observation that the chunk answers: its first step's instant.
   // Precondition: its counts are a chunk's for this robot. Values that it lacks count as 0.
   ChunkScores score(const CommandChunk& chunk, MonoTime observed_at);
   void forget() {

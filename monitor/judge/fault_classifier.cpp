@@ -20,6 +20,7 @@ bool is_drive_or_bus(Cause cause) {
   switch (cause) {
     case Cause::enable_timeout:
     case Cause::feedback_lost:
+    case Cause::feedback_implausible:
     case Cause::drive_fault:
     case Cause::drive_disabled:
     case Cause::bus_off:
@@ -83,7 +84,6 @@ bool is_refused_for_content(Arrival arrival) {
     case Arrival::contended:
     case Arrival::expired_observation:
     case Arrival::overtaken:
-    case Arrival::expired_assumption:
       return false;
   }
   return false;

@@ -77,10 +77,14 @@ double clopper_pearson_upper(std::uint64_t misses, std::uint64_t count, double c
   return high;
 }
 
+double clopper_pearson_lower(std::uint64_t misses, std::uint64_t count, double confidence) {
+  return misses == 0 ? 0 : 1 - clopper_pearson_upper(count - misses, count, confidence);
+}
+
 MissRate miss_rate(std::uint64_t misses, std::uint64_t count, double epsilon, double confidence) {
   MissRate result{misses, count, 0, clopper_pearson_upper(misses, count, confidence), Verdict::undecided};
   if (count != 0) result.rate = static_cast<double>(misses) / static_cast<double>(count);
-  if (count != 0 && result.rate > epsilon) result.verdict = Verdict::violated;
+  if (clopper_pearson_lower(misses, count, confidence) > epsilon) result.verdict = Verdict::violated;
   if (result.upper_bound <= epsilon) result.verdict = Verdict::held;
   return result;
 }

@@ -5,7 +5,8 @@
 // Python's statistics.quantiles(method='exclusive') computes. With few samples p95 may thus exceed the maximum.
 // Miss rates carry the one-sided upper Clopper-Pearson bound: the largest rate that would still produce at most this
 // many misses with probability 1 - confidence. It presumes independent samples; consecutive ticks share a command and
-// are not, so a per-tick bound is optimistic and a per-command one is the one to quote.
+// are not, so a per-tick bound is optimistic and a per-command one is the one to quote. A contract is held, or
+// violated, where the bound on that side says so at the contract's confidence; else the samples do not decide.
 // Sources: Hyndman & Fan 1996, definition 6; Clopper & Pearson 1934.
 #pragma once
 
@@ -29,13 +30,15 @@ Quantiles quantiles_of(std::vector<std::int64_t>& samples);
 
 // Upper end of the one-sided Clopper-Pearson interval; 1 when misses == count, also without samples.
 double clopper_pearson_upper(std::uint64_t misses, std::uint64_t count, double confidence);
+// The lower end; 0 without misses, also without samples.
+double clopper_pearson_lower(std::uint64_t misses, std::uint64_t count, double confidence);
 // Regularised incomplete beta function I_x(a, b), a, b > 0, 0 <= x <= 1.
 double incomplete_beta(double a, double b, double x);
 
 enum class Verdict : std::uint8_t {
-  held,       // the bound is within epsilon
-  undecided,  // the rate is, its bound is not: too few samples to claim it
-  violated,   // the rate itself exceeds epsilon
+  held,       // the upper bound is within epsilon
+  undecided,  // epsilon lies between the bounds: too few samples to claim either
+  violated,   // the lower bound exceeds epsilon
 };
 
 struct MissRate {

@@ -37,7 +37,6 @@ void MetricsCollector::tick(const TickRecord& record) {
   count(metrics_.ticks_of_player, header.player);
   if (header.player == Player::policy) ++metrics_.ticks_of_policy[header.command_policy];
   if (header.candidate.policy_hash != 0) candidate(header);
-  if (header.player == Player::policy && header.is_speculative != 0) ++metrics_.speculation.ticks;
   count(metrics_.arrivals, header.arrival);
   count(metrics_.overruns, header.overrun_cause);
   for (std::size_t joint = 0; joint < header.joint_count; ++joint) interventions(record.joints[joint].interventions);
@@ -62,11 +61,6 @@ void MetricsCollector::finish(double epsilon, double confidence) {
   metrics_.last_mode = last_.mode;
   metrics_.skipped_periods = last_.skipped_periods - first_.skipped_periods;
   metrics_.integration_errors = last_.integration_errors - first_.integration_errors;
-  const SpeculationRecord &from = first_.speculation, &to = last_.speculation;
-  metrics_.speculation.taken = to.taken - from.taken;
-  metrics_.speculation.outdone = to.outdone - from.outdone;
-  metrics_.speculation.unmatched = to.unmatched - from.unmatched;
-  metrics_.speculation.dropped = to.dropped - from.dropped;
   for (std::size_t part = 0; part < kAgePartCount; ++part) {
     metrics_.age_per_tick[part] = quantiles_of(per_tick_[part]);
     metrics_.age_per_command[part] = quantiles_of(per_command_[part]);

@@ -48,12 +48,6 @@ struct CandidateMetrics {
   Quantiles distance;  // nanoradians, of the targets of the farthest joint from those played
 };
 
-// What became of the policy's alternatives within the recorded part (contract: SpeculationRecord).
-struct SpeculationMetrics {
-  std::uint64_t taken = 0, outdone = 0, unmatched = 0, dropped = 0;
-  std::uint64_t ticks = 0;  // that played one
-};
-
 // An instant somebody pointed at while the robot ran.
 struct Mark {
   std::uint64_t tick = 0;
@@ -78,8 +72,7 @@ struct RunMetrics {
   std::array<std::uint64_t, kMoverCount> ticks_of_player{};  // whose chunk the robot followed
   std::map<std::uint64_t, std::uint64_t> ticks_of_policy;    // hash -> ticks in which the robot followed its chunk
   std::optional<CandidateMetrics> candidate;                 // none: no candidate ever ran
-  SpeculationMetrics speculation;
-  std::vector<NotedPolicyChange> policy_changes;  // the first kListedPolicyChanges
+  std::vector<NotedPolicyChange> policy_changes;             // the first kListedPolicyChanges
   std::uint64_t policy_change_count = 0;
   std::uint64_t ticks_without_fallback = 0;  // that relied on a policy while the fallback policy was not fresh
   std::array<std::uint64_t, kArrivalCount> arrivals{};

@@ -121,11 +121,6 @@ Json to_json(const RunMetrics& metrics, const RecordedRun& run) {
   for (const auto& [hash, ticks] : metrics.ticks_of_policy)
     json["ticks_of_policy"][fmt::format("{:016x}", hash)] = ticks;
   json["candidate"] = metrics.candidate ? candidate_json(*metrics.candidate) : Json(nullptr);
-  json["speculation"] = {{"taken", metrics.speculation.taken},
-                         {"outdone", metrics.speculation.outdone},
-                         {"unmatched", metrics.speculation.unmatched},
-                         {"dropped", metrics.speculation.dropped},
-                         {"ticks", metrics.speculation.ticks}};
   json["policy_change_count"] = metrics.policy_change_count;
   json["policy_changes"] = Json::array();
   for (const NotedPolicyChange& each : metrics.policy_changes)

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <stdlib.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -39,6 +40,7 @@ BoundedFile::BoundedFile(BoundedFile&& other) noexcept
       max_bytes_(other.max_bytes_),
       size_(other.size_),
       synced_(other.synced_),
+      seal_(std::move(other.seal_)),
       failure_(std::move(other.failure_)) {}
 
 BoundedFile::~BoundedFile() {
@@ -57,6 +59,7 @@ bool BoundedFile::append(std::span<const std::byte> piece) {
     return false;
   }
   size_ += piece.size();
+  seal_.add(piece);
   return true;
 }
 
@@ -81,14 +84,41 @@ bool BoundedFile::sync() {
 void BoundedFile::cut_back_to(std::uint64_t size) {
   size_ = size;
   if (::ftruncate(fd_, static_cast<off_t>(size)) == 0) ::lseek(fd_, static_cast<off_t>(size), SEEK_SET);
+  seal_.cut_back(path_, size);
 }
 
+namespace {
+
+// A device, a pipe or a socket, or a link of the system's to one (/dev/stdout): written to, never replaced. A link
+// elsewhere may be a stranger's, and is replaced like a file.
+bool is_stream(const std::string& path) {
+  struct stat entry {};
+  if (::lstat(path.c_str(), &entry) != 0) return false;
+  if (S_ISLNK(entry.st_mode) && (!path.starts_with("/dev/") || ::stat(path.c_str(), &entry) != 0)) return false;
+  return !S_ISREG(entry.st_mode) && !S_ISDIR(entry.st_mode) && !S_ISLNK(entry.st_mode);
+}
+
+std::expected<void, std::string> write_to_stream(const std::string& path, std::string_view text) {
+  // Without a reader a pipe would block for ever.
+  const int fd = ::open(path.c_str(), O_WRONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+  if (fd < 0) return std::unexpected(fmt::format("cannot write {}: {}", path, std::strerror(errno)));
+  ::fcntl(fd, F_SETFL, ::fcntl(fd, F_GETFL) & ~O_NONBLOCK);
+  const int error = write_all(fd, std::as_bytes(std::span(text)));
+  ::close(fd);
+  if (error != 0) return std::unexpected(fmt::format("cannot write {}: {}", path, std::strerror(error)));
+  return {};
+}
+
+}  // namespace
+
 std::expected<void, std::string> replace_file(const std::string& path, std::string_view text) {
-  const std::string next = path + ".next";
-  const int fd = ::open(next.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-  if (fd < 0) return std::unexpected(fmt::format("cannot create {}: {}", next, std::strerror(errno)));
+  if (is_stream(path)) return write_to_stream(path, text);
+  // A name at which no other process can have laid a link.
+  std::string next = path + ".XXXXXX";
+  const int fd = ::mkostemp(next.data(), O_CLOEXEC);
+  if (fd < 0) return std::unexpected(fmt::format("cannot create {}: {}", path, std::strerror(errno)));
   int error = write_all(fd, std::as_bytes(std::span(text)));
-  if (error == 0 && ::fsync(fd) != 0) error = errno;
+  if (error == 0 && (::fchmod(fd, 0644) != 0 || ::fsync(fd) != 0)) error = errno;
   ::close(fd);
   if (error == 0 && ::rename(next.c_str(), path.c_str()) != 0) error = errno;
   if (error != 0) {
@@ -99,6 +129,9 @@ std::expected<void, std::string> replace_file(const std::string& path, std::stri
 }
 
 std::expected<std::string, std::string> read_file(const std::string& path) {
+  struct stat entry {};
+  if (!path.starts_with("/dev/") && ::stat(path.c_str(), &entry) == 0 && !S_ISREG(entry.st_mode))
+    return std::unexpected(fmt::format("cannot read {}: it is not a regular file", path));
   std::ifstream in(path, std::ios::binary);
   if (!in) return std::unexpected(fmt::format("cannot read {}: {}", path, std::strerror(errno)));
   return std::string(std::istreambuf_iterator<char>(in), {});

@@ -12,6 +12,9 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
+
+#include "monitor/record/segment_seal.hpp"
 
 namespace takt::monitor {
 
@@ -31,6 +34,9 @@ class BoundedFile {
   void reopen(std::uint64_t max_bytes);
   // To the medium. False once: what was appended since the last sync() is gone.
   bool sync();
+  // Precondition: what was appended was synced. Ends a segment of the file's seal.
+  void close_segment(std::int64_t until_unix_ns) { seal_.close(until_unix_ns); }
+  [[nodiscard]] const std::vector<SealedSegment>& sealed() const { return seal_.closed(); }
   [[nodiscard]] std::uint64_t size() const { return size_; }
   [[nodiscard]] const std::string& failure() const { return failure_; }
   [[nodiscard]] const std::string& path() const { return path_; }
@@ -43,11 +49,14 @@ class BoundedFile {
   int fd_;
   std::uint64_t max_bytes_;
   std::uint64_t size_ = 0, synced_ = 0;
+  SegmentSeal seal_;
   std::string failure_;
 };
 
-// Replaces `path` by `text` so that a reader sees the old or the new content, never a part; synced.
+// Replaces `path` by `text` so that a reader sees the old or the new content, never a part; synced. A link at `path`
+// is replaced, not followed. A device, a pipe or a socket is written to and stays what it is.
 std::expected<void, std::string> replace_file(const std::string& path, std::string_view text);
+// The whole of a regular file, or of what /dev/ names. A pipe or a device elsewhere is refused: it may never end.
 std::expected<std::string, std::string> read_file(const std::string& path);
 
 }  // namespace takt::monitor

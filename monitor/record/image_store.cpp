@@ -17,7 +17,8 @@ constexpr double kMib = 1U << 20U;
 constexpr std::uint64_t kLeftForTicks = std::uint64_t{512} << 20U;
 
 bool write_whole(const std::string& path, const std::string& content) {
-  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  ::unlink(path.c_str());  // what a crash left, or a link to another file
+  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0644);
   if (fd < 0) return false;
   std::size_t done = 0;
   while (done < content.size()) {

@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include "drivers/bus/candump.hpp"
+#include "monitor/record/run_seal.hpp"
 #include "monitor/record/standard_messages.hpp"
 #include "monitor/record/tick_schema.hpp"
 
@@ -15,6 +16,8 @@ namespace takt::monitor {
 namespace {
 
 constexpr Duration kFlushPeriod = milliseconds(500);
+constexpr Duration kSegment = seconds(10);
+constexpr Duration kSealPeriod = seconds(60);
 constexpr Duration kJointStatePeriod = milliseconds(10);
 constexpr std::uint64_t kReserveBytes = 1U << 20U;
 constexpr std::size_t kChunkBytes = 1U << 20U;  // uncompressed, unless half a second passes first
@@ -64,6 +67,8 @@ Recorder::Recorder(const RunFolder& folder, RunManifest manifest, const config::
       transitions_(std::move(transitions)),
       diagnoser_(robot_),
       flushed_at_(manifest_.started_at),
+      segment_began_(manifest_.started_at),
+      sealed_at_(manifest_.started_at),
       joint_state_every_(static_cast<std::uint64_t>(
           std::max<std::int64_t>(kJointStatePeriod.ns / std::max<std::int64_t>(robot.control.period.ns, 1), 1))) {
   now_ = manifest_.started_at;
@@ -195,6 +200,25 @@ void Recorder::flush_if_due(MonoTime now) {
   if (!is_first && now - flushed_at_ < kFlushPeriod) return;
   flushed_at_ = now;
   flush();
+  if (now - segment_began_ < kSegment || !stop_reason().empty()) return;
+  segment_began_ = now;
+  close_segments();
+  if (now - sealed_at_ < kSealPeriod) return;
+  sealed_at_ = now;
+  (void)write_seal(false);  // a disk that has no room for it has none for ticks either, which says so
+}
+
+// Precondition: flushed.
+void Recorder::close_segments() {
+  for (BoundedFile* const file : {&ticks_.file(), &frames_, &transitions_}) file->close_segment(unix_ns(now_));
+}
+
+std::expected<void, std::string> Recorder::write_seal(bool closed) {
+  const auto text = run_seal_text(folder_, manifest_.run_id, closed,
+                                  {{"ticks.mcap", ticks_.file().sealed()},
+                                   {"can.log", frames_.sealed()},
+                                   {"transitions.jsonl", transitions_.sealed()}});
+  return text ? replace_file(folder_.seal(), *text) : std::unexpected(text.error());
 }
 
 void Recorder::drive_cards(std::string_view text) {
@@ -237,7 +261,9 @@ std::expected<void, std::string> Recorder::finish(MonoTime now, const std::strin
   manifest_.ended_because = because;
   std::error_code ignored;
   std::filesystem::remove(folder_.reserve(), ignored);
-  return folder_.write_manifest(manifest_);
+  if (auto written = folder_.write_manifest(manifest_); !written) return written;
+  close_segments();
+  return write_seal(true);
 }
 
 }  // namespace takt::monitor

@@ -1,4 +1,5 @@
-// Writes one run folder: ticks.mcap, transitions.jsonl, can.log, config.yaml, drives.json and manifest.json.
+// Writes one run folder: ticks.mcap, transitions.jsonl, can.log, config.yaml, drives.json, manifest.json and the seal
+// of them all (run_seal.hpp).
 //
 // flush_if_due() hands the first ticks at once, then everything older than half a second to the medium, so that a power
 // cut loses at most the last second. When a file takes no more data (disk full, size limit) or its medium refuses what
@@ -57,6 +58,8 @@ class Recorder {
   void write_frames();
   void flush_ticks();
   void flush();
+  void close_segments();
+  std::expected<void, std::string> write_seal(bool closed);
   void stop(std::string because);  // by value: it may be the text of the failure that gets cleared
 
   RunFolder folder_;
@@ -71,6 +74,7 @@ class Recorder {
   std::string frame_text_;  // lines not yet in can.log
   MonoTime now_;            // of the newest tick: log time of what has none of its own
   MonoTime flushed_at_;
+  MonoTime segment_began_, sealed_at_;
   std::uint64_t joint_state_every_;                     // ticks
   std::uint64_t flushed_ticks_ = 0, flushed_tick_ = 0;  // what is on the medium
 };

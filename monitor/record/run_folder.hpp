@@ -25,6 +25,7 @@ class RunFolder {
   [[nodiscard]] std::string transitions() const { return path_ + "/transitions.jsonl"; }
   [[nodiscard]] std::string metrics() const { return path_ + "/metrics.json"; }
   [[nodiscard]] std::string report() const { return path_ + "/report.html"; }
+  [[nodiscard]] std::string seal() const { return path_ + "/seal.json"; }
   [[nodiscard]] std::string reserve() const { return path_ + "/.reserve"; }
 
   [[nodiscard]] std::expected<RunManifest, std::string> read_manifest() const;

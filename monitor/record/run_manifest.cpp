@@ -100,6 +100,7 @@ Json to_json(const RunManifest& manifest) {
   json["robot"] = manifest.robot;
   json["joints"] = manifest.joints;
   json["buses"] = manifest.buses;
+  json["cautions"] = manifest.cautions;
   json["watchdog_waivers"] = waivers_json(manifest);
   json["config"] = {{"file", "config.yaml"}, {"sha256", manifest.config_sha256}};
   json["policy"] = manifest.policy_file.empty()
@@ -139,6 +140,7 @@ std::expected<RunManifest, std::string> manifest_of(const Json& json) {
     json.at("robot").get_to(manifest.robot);
     json.at("joints").get_to(manifest.joints);
     json.at("buses").get_to(manifest.buses);
+    manifest.cautions = json.value("cautions", std::vector<std::string>());
     for (const Json& waiver : json.value("watchdog_waivers", Json::array()))
       manifest.watchdog_waivers.push_back({waiver.at("joint"), waiver.at("reason")});
     json.at("config").at("sha256").get_to(manifest.config_sha256);

@@ -29,6 +29,7 @@ struct RunManifest {
   std::string robot;
   std::vector<std::string> joints;
   std::vector<std::string> buses;                        // interface names, as in can.log
+  std::vector<std::string> cautions;                     // what config check notes of the robot file
   std::vector<config::WatchdogWaiver> watchdog_waivers;  // drives that nothing is known to stop when commands cease
   std::string config_sha256;
   std::string policy_file;    // empty: the robot has no policy

@@ -27,13 +27,11 @@ constexpr TickField kCommandFields[] = {
     {"infer_started_at", i64, HEADER(infer_started_at), in, ""},
     {"infer_ended_at", i64, HEADER(infer_ended_at), in, ""},
     {"published_at", i64, HEADER(published_at), in, ""},
-    {"assumed_at", i64, HEADER(assumed_at), in, ""},
     {"step_period", i64, HEADER(step_period), in, ""},
     {"dropped_observations", u32, HEADER(dropped_observations), in, ""},
     {"step_count", u16, HEADER(step_count), in, ""},
     {"joint_count", u16, HEADER(joint_count), in, ""},
     {"fields", u8, HEADER(fields), in, ""},
-    {"assumes", u8, HEADER(assumes), in, ""},
 };
 #undef HEADER
 constexpr std::size_t kReservedAt = offsetof(CommandHeader, reserved);
@@ -51,15 +49,13 @@ int64 dequeued_at
 int64 infer_started_at
 int64 infer_ended_at
 int64 published_at
-int64 assumed_at              # speculative: when the assumed state is to be, and step 0; 0: not speculative
 int64 step_period             # ns
 uint32 dropped_observations
 uint16 step_count
 uint16 joint_count
 uint8 fields                  # 1 q, 2 dq, 4 kp, 8 kd, 16 tau_ff
-uint8 assumes                 # speculative: 1 q, 2 dq; 0: not speculative
-uint8[6] reserved
-float32[] values              # step by step, within a step field by field; then what is assumed, q and dq
+uint8[7] reserved
+float32[] values              # step by step, within a step field by field
 uint8[] rest                  # bytes that make no whole float
 uint32 crc                    # CRC-32C of the message; with byte_count and whole_crc where only its header was kept
 uint32 whole_crc              # CRC-32C of the whole message where only its header was kept; 0: never read whole
@@ -182,7 +178,7 @@ bool decode_command(std::span<const std::byte> message, RecordedCommand& out) {
   out.payload.assign(sizeof(CommandHeader), std::byte{0});
   for (const TickField& field : kCommandFields) reader.get_raw(&out.payload[field.offset], size_of(field.type));
   for (std::size_t at = kReservedAt; at < sizeof(CommandHeader); ++at) reader.get_raw(&out.payload[at], 1);
-  const std::size_t values = reader.get_count(kMaxCommandValues);
+  const std::size_t values = reader.get_count(kMaxChunkValues);
   out.payload.resize(sizeof(CommandHeader) + 4 * values);
   for (std::size_t value = 0; value < values; ++value) {
     reader.get_raw(&out.payload[sizeof(CommandHeader) + 4 * value], 4);

@@ -33,7 +33,6 @@ constexpr std::array<std::string_view, kOperatorRequestCount> kRequests{
 #define HEADER(member) offsetof(TickRecordHeader, member)
 #define FALLBACK(member) HEADER(fallback) + offsetof(FallbackRecord, member)
 #define CANDIDATE(member) HEADER(candidate) + offsetof(CandidateRecord, member)
-#define SPECULATION(member) HEADER(speculation) + offsetof(SpeculationRecord, member)
 #define IMU(member, axis) HEADER(imu) + offsetof(ImuSample, member) + sizeof(float) * (axis)
 constexpr TickField kHeaderFields[] = {
     {"tick", u64, HEADER(tick), in, "control period counter"},
@@ -124,20 +123,9 @@ constexpr TickField kHeaderFields[] = {
      "1: after this tick the candidate's mailbox is the policy's, and the other way round"},
     {"candidate_on_probation", u8, CANDIDATE(on_probation), out, "1: after this tick"},
     {"candidate_is_asked", u8, CANDIDATE(is_asked), out, "1: a change is asked for and has not come yet"},
-    {"is_speculative", u8, HEADER(is_speculative), out, "1: the command in use came as an alternative that matched"},
-    {"speculation_taken_sequence", u64, SPECULATION(taken_sequence), out, "of the alternative taken up in this tick"},
-    {"speculation_distance", f32, SPECULATION(distance), out,
-     "of the nearest compared in this tick from the state sensed, in tolerances: at most 1 matches"},
-    {"speculation_taken", u32, SPECULATION(taken), out, "alternatives taken up, since start"},
-    {"speculation_outdone", u32, SPECULATION(outdone), out, "that matched while another was nearer, since start"},
-    {"speculation_unmatched", u32, SPECULATION(unmatched), out, "that assumed another state, since start"},
-    {"speculation_dropped", u32, SPECULATION(dropped), out, "never compared, since start"},
-    {"speculation_waiting", u8, SPECULATION(waiting), out, "after this tick"},
-    {"speculation_compared", u8, SPECULATION(compared), out, "in this tick"},
 };
 #undef FALLBACK
 #undef CANDIDATE
-#undef SPECULATION
 #undef IMU
 #undef HEADER
 
@@ -181,7 +169,9 @@ constexpr TickField kJointFields[] = {
     {"kd_command", f32, JOINT(kd_command), out, "Nm s/rad"},
     {"tau_command", f32, JOINT(tau_command), out, "Nm"},
     {"interventions", u16, JOINT(interventions), out, "bit mask, see INTERVENTION constants"},
-    {"reply_faults", u8, JOINT(reply_faults), out, "bit mask: 1 lost, 2 repeated, 4 delayed"},
+    {"reply_faults", u16, JOINT(reply_faults), out,
+     "bit mask: 1 lost, 2 repeated, 4 delayed, 8 outlier, 16 jumped, 32 contradicts, 64 frozen, 128 from the future, "
+     "256 moved unheard"},
     {"drive_enabled", u8, JOINT(drive_enabled), out, "1: this drive is told to be enabled; 0: to de-energise"},
 };
 #undef FEEDBACK

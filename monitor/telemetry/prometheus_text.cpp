@@ -120,12 +120,6 @@ void modes(Exposition& out, const LiveMetrics& metrics) {
   out.family("takt_policy_changes_total", "counter", "What became of changes of policy on the live robot.");
   for (std::size_t i = 1; i < kPolicyChangeCount; ++i)
     out.sample(metrics.policy_changes[i], {{"change", name(static_cast<PolicyChange>(i))}});
-  out.family("takt_alternatives_total", "counter", "Speculative chunks of the policy, by what became of them.");
-  const SpeculationRecord& speculation = metrics.newest.speculation;
-  out.sample(speculation.taken, {{"outcome", "taken"}});
-  out.sample(speculation.outdone, {{"outcome", "outdone"}});
-  out.sample(speculation.unmatched, {{"outcome", "unmatched"}});
-  out.sample(speculation.dropped, {{"outcome", "dropped"}});
   out.family("takt_mode_transitions_total", "counter", "Changes of mode, by the mode entered and the cause.");
   for (const auto& [change, times] : metrics.transitions)
     out.sample(times, {{"mode", name(change.first)}, {"cause", name(change.second)}});

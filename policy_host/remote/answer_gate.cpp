@@ -52,6 +52,11 @@ CommandHeader AnswerGate::play(const Answer& answer, MonoTime now) {
   header.sequence = ++sequence_;
   header.policy_hash = facts_.policy_hash;
   header.outside_sensed_at = shown.outside_sensed_at;
+  if (answer.older > Duration{}) {
+    MonoTime oldest = shown.oldest_sensed_at;
+    if (shown.outside_sensed_at.is_set()) oldest = std::min(oldest, shown.outside_sensed_at);
+    header.outside_sensed_at = oldest - std::min(answer.older, oldest - MonoTime{1});
+  }
   header.dequeued_at = shown.dequeued_at;
   const auto later = [now](MonoTime from, Duration claimed) {
     return from + std::clamp(claimed, Duration{}, std::max(now - from, Duration{}));

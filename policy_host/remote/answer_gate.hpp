@@ -22,12 +22,14 @@ struct Shown {
   MonoTime published_at;       // by the executive
   MonoTime dequeued_at;        // by the bridge
   MonoTime outside_sensed_at;  // oldest of the samples shown with it; unset: none
+  MonoTime oldest_sensed_at;   // of the joints' samples inside
 };
 
 // An answer as it came.
 struct Answer {
   std::uint64_t server = 0, epoch = 0, config_hash = 0, policy_hash = 0, observation_id = 0, sequence = 0;
   Duration queued, inferred;  // claims
+  Duration older;             // claim: it rests on samples that much older than the oldest shown; 0: on none
   std::uint32_t dropped = 0;
   Duration step_period;
   std::uint32_t step_count = 0, joint_count = 0;

@@ -43,6 +43,7 @@ Answer answer_of(const takt_remote_Command& message) {
           .sequence = message.number,
           .queued = {message.queued_ns},
           .inferred = {message.inferred_ns},
+          .older = {message.older_ns},
           .dropped = message.dropped,
           .step_period = {message.step_period_ns},
           .step_count = message.step_count,
@@ -170,7 +171,7 @@ void Bridge::show(const Observation& observation, MonoTime dequeued_at) {
     return;
   }
   no_sensor_.clear();
-  Shown shown{observation.id, observation.published_at, dequeued_at, {}};
+  Shown shown{observation.id, observation.published_at, dequeued_at, {}, observation.oldest_sensed_at};
   for (Source& source : sources_) {
     const MonoTime sensed = used_[source.sensor].sensed_at;
     if (!shown.outside_sensed_at.is_set() || sensed < shown.outside_sensed_at) shown.outside_sensed_at = sensed;

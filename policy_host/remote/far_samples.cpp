@@ -47,7 +47,15 @@ void FarSamples::take(const takt_remote_Sample& message) {
   source->sequence = message.number;
 }
 
+MonoTime FarSamples::oldest_sensed_at() const {
+  MonoTime oldest;
+  for (const Source& source : sources_)
+    if (source.sensed_at.is_set() && (!oldest.is_set() || source.sensed_at < oldest)) oldest = source.sensed_at;
+  return oldest;
+}
+
 void FarSamples::publish(Source& source, MonoTime sensed_at) {
+  source.sensed_at = sensed_at;
   const MonoTime now = monotonic_now();
   const std::uint64_t sequence = ++source.published;
   if (source.sensor->image) {

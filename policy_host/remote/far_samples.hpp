@@ -30,6 +30,8 @@ class FarSamples {
   void take(const takt_remote_Sample& message);
   // Passes on what the observation names. False: not all of it has come, so the observation is not to be shown.
   bool pass_on(const takt_remote_Observation& message, MonoTime arrived_at);
+  // Of the samples that were passed on last, one per sensor; unset: none.
+  [[nodiscard]] MonoTime oldest_sensed_at() const;
 
  private:
   struct Source {
@@ -39,6 +41,7 @@ class FarSamples {
     std::uint64_t epoch = 0, sequence = 0;  // of the sample kept
     std::uint64_t passed_epoch = 0, passed_sequence = 0;
     std::uint64_t published = 0;
+    MonoTime sensed_at;  // of the sample passed on last; unset: none
     std::vector<std::byte> kept;
   };
   Source* find(std::uint32_t index);

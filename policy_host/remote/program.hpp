@@ -13,6 +13,7 @@
 
 #include "config/load.hpp"
 #include "config/paths.hpp"
+#include "executive/contract/version.hpp"
 #include "executive/log/program_log.hpp"
 #include "policy_host/policy_fit.hpp"
 
@@ -29,7 +30,7 @@ inline void add_common(CLI::App& app, CommonOptions& options) {
   app.add_option("--runtime-dir", options.runtime_directory,
                  "where the robot's sockets are (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
   app.add_option("--interface", options.interface, "this machine's network interface, where it is not dds.interface");
-  app.set_version_flag("--version", TAKT_VERSION);
+  app.set_version_flag("--version", std::string(takt::version()));
 }
 
 struct Prepared {

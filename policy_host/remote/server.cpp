@@ -14,6 +14,10 @@
 namespace takt::policy_host::remote {
 namespace {
 
+MonoTime oldest(MonoTime joints, MonoTime outside) {
+  return outside.is_set() ? std::min(joints, outside) : joints;
+}
+
 constexpr Duration kLook = microseconds(200);  // for an answer that is due
 constexpr Duration kIdle = milliseconds(5);    // while none is
 constexpr Duration kReportPeriod = seconds(10);
@@ -161,7 +165,8 @@ void Server::show(const takt_remote_Observation& message, MonoTime arrived_at) {
     std::copy_n(message.imu._buffer + 4, 3, observation.imu.angular_velocity);
     std::copy_n(message.imu._buffer + 7, 3, observation.imu.acceleration);
   }
-  arrived_[observation.id % arrived_.size()] = {observation.id, message.epoch, message.id, arrived_at};
+  arrived_[observation.id % arrived_.size()] = {observation.id, message.epoch, message.id, arrived_at,
+                                                oldest(observation.oldest_sensed_at, samples_.oldest_sensed_at())};
   seat_->publish(observation);
   unanswered_since_ = arrived_at;
   ++shown_;
@@ -172,12 +177,6 @@ void Server::answer() {
   const Arrived& answered = arrived_[header.observation_id % arrived_.size()];
   if (header.observation_id == 0 || answered.id != header.observation_id) return;
   if (answered.id == newest_id_) unanswered_since_ = {};
-  if (header.assumes != 0) {
-    speculates_.say(monotonic_now(),
-                    "the policy speculates (policy.speculation): such answers stay here, for their "
-                    "instants mean nothing to the robot; publish without an assumption");
-    return;
-  }
   const std::uint64_t sequence = ++sequence_;
   sent_[sequence % sent_.size()] = {sequence, seat_->session(), header.sequence};
   takt_remote_Command message{};
@@ -190,6 +189,8 @@ void Server::answer() {
   message.number = sequence;
   message.queued_ns = (header.infer_started_at - answered.at).ns;
   message.inferred_ns = (header.infer_ended_at - header.infer_started_at).ns;
+  if (header.outside_sensed_at.is_set())
+    message.older_ns = std::max<std::int64_t>((answered.oldest_shown_at - header.outside_sensed_at).ns, 0);
   message.dropped = header.dropped_observations;
   message.step_period_ns = header.step_period.ns;
   message.step_count = header.step_count;

@@ -45,6 +45,7 @@ class Server {
   struct Arrived {
     std::uint64_t id = 0, epoch = 0, robot_id = 0;
     MonoTime at;
+    MonoTime oldest_shown_at;  // when the oldest sample that came with it was sensed
   };
   struct Sent {
     std::uint64_t sequence = 0, session = 0, policy_sequence = 0;
@@ -72,7 +73,7 @@ class Server {
   CommandChunk chunk_;
   MonoTime unanswered_since_, reported_;
   std::uint64_t shown_ = 0, incomplete_ = 0, answered_ = 0;
-  Notice other_robot_, speculates_;
+  Notice other_robot_;
 };
 
 }  // namespace takt::policy_host::remote

@@ -15,11 +15,11 @@ constexpr Duration kReportPeriod = seconds(1);
 ImuFeed::ImuFeed(ImuSeat& seat)
     : seat_(seat), reading_(seat.mounting), heard_at_(monotonic_now()), reported_at_(heard_at_) {}
 
-void ImuFeed::publish(const MtSample& sample, MonoTime arrived_at) {
+void ImuFeed::publish(const MtSample& sample, Heard heard) {
   heard_at_ = monotonic_now();
   seat_.complaint.forget();
   if (reading_.counts().samples == 0) spdlog::info("an MTi is heard at {}", seat_.place);
-  auto made = reading_.take(sample, arrived_at);
+  auto made = reading_.take(sample, heard);
   if (!made) return;
   made->sequence = ++seat_.sequence;
   made->published_at = monotonic_now();

@@ -25,7 +25,7 @@ class ImuFeed {
  public:
   explicit ImuFeed(ImuSeat& seat);
 
-  void publish(const MtSample& sample, MonoTime arrived_at);
+  void publish(const MtSample& sample, Heard heard);
   // The part speaks, but what it says is no sample.
   void refuse(const std::string& why);
   // At most once a second, and where there is news: what was lost so far. `damaged`: what came and was no sample.

@@ -37,14 +37,15 @@ Quaternion rotation_of(const config::Vector3& rpy) {
   return product(about(2, rpy[2]), product(about(1, rpy[1]), about(0, rpy[0])));
 }
 
-MonoTime ImuReading::stamp(const MtSample& sample, MonoTime arrived_at) const {
-  if (!before_ || !before_->ticks || !sample.ticks) return arrived_at;
+MonoTime ImuReading::stamp(const MtSample& sample, Heard heard) const {
+  if (!before_ || !before_->ticks || !sample.ticks) return heard.since;
   const Duration elapsed = kTick * static_cast<std::uint32_t>(*sample.ticks - *before_->ticks);
   const Duration granted{elapsed.ns / kCrystal};
-  return std::min(arrived_at, before_->sensed_at + elapsed + granted);
+  const MonoTime by_its_clock = before_->sensed_at + elapsed + granted;
+  return by_its_clock <= heard.at ? by_its_clock : heard.since;
 }
 
-std::optional<SensorSample> ImuReading::take(const MtSample& sample, MonoTime arrived_at) {
+std::optional<SensorSample> ImuReading::take(const MtSample& sample, Heard heard) {
   if (before_ && sample.counter == before_->counter) {
     ++counts_.repeated;
     return std::nullopt;
@@ -54,7 +55,7 @@ std::optional<SensorSample> ImuReading::take(const MtSample& sample, MonoTime ar
   ++counts_.samples;
 
   SensorSample made;
-  made.sensed_at = stamp(sample, arrived_at);
+  made.sensed_at = stamp(sample, heard);
   before_ = Before{sample.counter, sample.ticks, made.sensed_at};
   made.value_count = kImuValues;
   const auto narrow = [](double value) { return static_cast<float>(value); };

@@ -1,10 +1,12 @@
 // From the part's samples to the executive's: in the base frame, each once, stamped.
 //
 // Stamp: when the first byte or frame of the sample was received, or earlier: one that waited in a buffer is as old as
-// the part's own clock, where it tells that, says since the one before (0.2 per mille are granted to its crystal). So a
-// stamp is never after the arrival. What the part itself needs from sensing to sending is not in it.
-// A packet counter that stands still is a repeat, which is dropped; one that jumped tells how many were lost.
-// After the part restarted or the port was opened anew, begin with a new one. Pure. Thread rule: one thread at a time.
+// the part's own clock, where it tells that, says since the one before (0.2 per mille are granted to its crystal).
+// Where that says nothing (the first sample, a part that booted anew) it is as old as the wait in which it was read:
+// how long it lay there is not known. So a stamp is never after the arrival. What the part itself needs from sensing to
+// sending is not in it. A packet counter that stands still is a repeat, which is dropped; one that jumped tells how
+// many were lost. After the part restarted or the port was opened anew, begin with a new one. Pure. Thread rule: one
+// thread at a time.
 #pragma once
 
 #include <array>
@@ -15,6 +17,7 @@
 #include "executive/contract/mono_time.hpp"
 #include "executive/contract/sensor_sample.hpp"
 #include "sensors/imu/mt_sample.hpp"
+#include "sensors/wait_start.hpp"
 
 namespace takt::sensors {
 
@@ -33,7 +36,7 @@ class ImuReading {
   explicit ImuReading(const Quaternion& mounting) : mounting_(mounting) {}
 
   // Nothing: a repeat. Sequence and publication are the caller's to fill in.
-  std::optional<SensorSample> take(const MtSample& sample, MonoTime arrived_at);
+  std::optional<SensorSample> take(const MtSample& sample, Heard heard);
   [[nodiscard]] const ImuCounts& counts() const { return counts_; }
 
  private:
@@ -42,7 +45,7 @@ class ImuReading {
     std::optional<std::uint32_t> ticks;
     MonoTime sensed_at;
   };
-  [[nodiscard]] MonoTime stamp(const MtSample& sample, MonoTime arrived_at) const;
+  [[nodiscard]] MonoTime stamp(const MtSample& sample, Heard heard) const;
 
   Quaternion mounting_;
   std::optional<Before> before_;

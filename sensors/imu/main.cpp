@@ -19,6 +19,7 @@
 #include "config/units.hpp"
 #include "drivers/bus/open_bus.hpp"
 #include "executive/contract/monotonic_clock.hpp"
+#include "executive/contract/version.hpp"
 #include "executive/ipc/sensor_server.hpp"
 #include "executive/log/program_log.hpp"
 #include "sensors/imu/listen.hpp"
@@ -156,7 +157,7 @@ int main(int argc, char** argv) {
       ->expected(3);
   app.add_option("--runtime-dir", options.runtime_directory,
                  "where sockets live (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
-  app.set_version_flag("--version", TAKT_VERSION);
+  app.set_version_flag("--version", std::string(takt::version()));
   app.footer(
       "Exit codes: 0 ended by a signal, 64 command line, 65 robot file refused, 69 another process serves the\n"
       "sensor, 70 bug.");

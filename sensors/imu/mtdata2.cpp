@@ -78,7 +78,7 @@ struct Extent {
 
 }  // namespace
 
-std::vector<MtMessage> MtStream::take(std::span<const std::uint8_t> bytes, MonoTime received) {
+std::vector<MtMessage> MtStream::take(std::span<const std::uint8_t> bytes, Heard received) {
   for (const std::uint8_t byte : bytes) waiting_.push_back({byte, received});
   const auto at = [this](std::size_t i) { return waiting_[i].value; };
   const auto extent = [&]() -> std::optional<Extent> {

@@ -12,8 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "executive/contract/mono_time.hpp"
 #include "sensors/imu/mt_sample.hpp"
+#include "sensors/wait_start.hpp"
 
 namespace takt::sensors {
 
@@ -22,7 +22,7 @@ inline constexpr std::uint8_t kMtData2 = 0x36;
 struct MtMessage {
   std::uint8_t id = 0;
   std::vector<std::uint8_t> data;
-  MonoTime first_byte_at;  // when its first byte was received
+  Heard first_byte;
 };
 
 struct MtStreamCounts {
@@ -34,13 +34,13 @@ struct MtStreamCounts {
 // next byte. At most 2055 bytes, the longest message, are kept between two calls.
 class MtStream {
  public:
-  std::vector<MtMessage> take(std::span<const std::uint8_t> bytes, MonoTime received);
+  std::vector<MtMessage> take(std::span<const std::uint8_t> bytes, Heard received);
   [[nodiscard]] const MtStreamCounts& counts() const { return counts_; }
 
  private:
   struct Byte {
     std::uint8_t value;
-    MonoTime received;
+    Heard received;
   };
   void drop(std::size_t bytes);
   std::vector<Byte> waiting_;

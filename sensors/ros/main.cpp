@@ -17,6 +17,7 @@
 #include "config/paths.hpp"
 #include "dds/domain.hpp"
 #include "executive/contract/monotonic_clock.hpp"
+#include "executive/contract/version.hpp"
 #include "executive/ipc/sensor_server.hpp"
 #include "executive/ipc/unix_socket.hpp"
 #include "executive/log/program_log.hpp"
@@ -26,7 +27,9 @@ namespace takt::sensors {
 namespace {
 
 constexpr int kExitUsage = 64, kExitUnavailable = 69, kExitInternal = 70;
-constexpr std::int64_t kPatience = 100'000'000;  // ns; a signal is heeded within this
+// A signal is heeded within this. No sample is younger than the wait in which it was taken: a short one makes few of
+// them older than they are.
+constexpr Duration kPatience = milliseconds(5);
 constexpr Duration kReportPeriod = seconds(10);
 
 struct Options {
@@ -57,9 +60,11 @@ void serve(const dds::Domain& domain, std::vector<Served>& sensors) {
   for (const Served& sensor : sensors)
     dds_waitset_attach(wait_set, dds_create_readcondition(sensor.reader->reader(), DDS_ANY_STATE), 0);
   MonoTime reported = monotonic_now();
+  WaitStart waits(kPatience);
   while (!g_stop) {
-    dds_waitset_wait(wait_set, nullptr, 0, kPatience);
-    for (const Served& sensor : sensors) sensor.reader->take_all();
+    waits.begin(monotonic_now());
+    dds_waitset_wait(wait_set, nullptr, 0, kPatience.ns);
+    for (const Served& sensor : sensors) sensor.reader->take_all(waits);
     if (const MonoTime now = monotonic_now(); now - reported >= kReportPeriod) {
       for (const Served& sensor : sensors) sensor.reader->report();
       reported = now;
@@ -116,7 +121,7 @@ int main(int argc, char** argv) {
   app.add_option("--runtime-dir", options.runtime_directory,
                  "where sockets live (default ROBOT in $XDG_RUNTIME_DIR/takt, as root /run/takt)");
   app.add_option("--policy-user", options.policy_user, "a user who may read the sensors, too; default: ours only");
-  app.set_version_flag("--version", TAKT_VERSION);
+  app.set_version_flag("--version", std::string(takt::version()));
   app.footer(
       "Exit codes: 0 ended by a signal, 64 command line, 65 robot file refused, 69 no DDS domain, or another process\n"
       "serves a sensor, 70 bug.");

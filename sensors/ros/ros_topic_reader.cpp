@@ -36,11 +36,11 @@ TypeFacts facts_of(config::RosType type) {
   return {"geometry_msgs/msg/Twist", &geometry_msgs_msg_dds__Twist__desc};
 }
 
-Arrival now_by_both_clocks() {
+Arrival now_by_both_clocks(const WaitStart& waits) {
   const MonoTime at = monotonic_now();
   timespec time{};
   clock_gettime(CLOCK_REALTIME, &time);
-  return {at, std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec};
+  return {waits.taken(at), std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec};
 }
 
 // Unix ns; 0: there is none.
@@ -88,24 +88,25 @@ std::expected<std::unique_ptr<RosTopicReader>, std::string> RosTopicReader::open
   return made;
 }
 
-void RosTopicReader::take_all() {
+void RosTopicReader::take_all(const WaitStart& waits) {
   void* loan[1] = {nullptr};
   dds_sample_info_t info;
   while (dds_take(reader_, loan, &info, 1, 1) > 0) {
-    if (info.valid_data) take_one(loan[0], info.source_timestamp);
+    if (info.valid_data) take_one(loan[0], info.source_timestamp, waits);
     dds_return_loan(reader_, loan, 1);
     loan[0] = nullptr;
   }
 }
 
-void RosTopicReader::take_one(const void* message, std::int64_t source_unix_ns) {
-  const Arrival arrival = now_by_both_clocks();
-  const SensedAt sensed = sensed_at({stamp_in(sensor_.ros->type, message), source_unix_ns}, arrival);
+void RosTopicReader::take_one(const void* message, std::int64_t source_unix_ns, const WaitStart& waits) {
+  const Arrival arrival = now_by_both_clocks(waits);
+  const MonoTime now = arrival.heard.at;
+  const SensedAt sensed = clock_.take({stamp_in(sensor_.ros->type, message), source_unix_ns}, arrival);
   if (sensed.ahead > Duration{}) ++counts_.ahead;
-  if (heard_.is_set() && arrival.at - heard_ > sensor_.timeout) ++counts_.pauses;
-  heard_ = arrival.at;
-  if (arrival.at - sensed.at > sensor_.timeout)
-    old_.say(arrival.at,
+  if (heard_.is_set() && now - heard_ > sensor_.timeout) ++counts_.pauses;
+  heard_ = now;
+  if (arrival.heard.since - sensed.at > sensor_.timeout)
+    old_.say(now,
              fmt::format("{}: stamped more than the sensor's timeout before they arrive; is it this machine's clock, "
                          "and not that of a simulation (use_sim_time)?",
                          sensor_.ros->topic));
@@ -116,8 +117,8 @@ void RosTopicReader::take_one(const void* message, std::int64_t source_unix_ns) 
     return;
   }
   ++counts_.refused;
-  complaint_.say(arrival.at, fmt::format("{}: {}: not passed on to sensor {}", sensor_.ros->topic, published.error(),
-                                         sensor_.name));
+  complaint_.say(
+      now, fmt::format("{}: {}: not passed on to sensor {}", sensor_.ros->topic, published.error(), sensor_.name));
 }
 
 std::expected<void, std::string> RosTopicReader::publish(const void* message, MonoTime sensed) {

@@ -37,19 +37,20 @@ class RosTopicReader {
   ~RosTopicReader() = default;  // the domain ends the reader
 
   [[nodiscard]] dds_entity_t reader() const { return reader_; }
-  // Publishes all that came.
-  void take_all();
+  // Publishes all that came. `waits`: the loop's that waits for it.
+  void take_all(const WaitStart& waits);
   // Logs what changed since the last time.
   void report();
 
  private:
   RosTopicReader(const config::Sensor& sensor, ipc::SensorServer& server) : sensor_(sensor), server_(server) {}
-  void take_one(const void* message, std::int64_t source_unix_ns);
+  void take_one(const void* message, std::int64_t source_unix_ns, const WaitStart& waits);
   std::expected<void, std::string> publish(const void* message, MonoTime sensed);
   const config::Sensor& sensor_;
   ipc::SensorServer& server_;
   dds_entity_t reader_ = 0;
   std::uint64_t sequence_ = 0;
+  SenderClock clock_;
   MonoTime heard_;
   RosCounts counts_, reported_;
   Complaint complaint_, old_;

@@ -18,9 +18,9 @@
 #include <fstream>
 #include <sstream>
 
+#include "executive/contract/version.hpp"
 #include "systemd/doctor/kernel_files.hpp"
 #include "systemd/doctor/neighbourhood.hpp"
-#include "takt_version.hpp"
 
 namespace takt::doctor {
 namespace {
@@ -209,7 +209,7 @@ std::vector<int> cpu_list(const std::string& text) {
 Snapshot collect(const Sources& sources, const config::RobotConfig* robot) {
   Snapshot snapshot;
   snapshot.examined_at = fmt::format("{:%FT%TZ}", fmt::gmtime(std::time(nullptr)));
-  snapshot.takt_version = TAKT_VERSION;
+  snapshot.takt_version = version();
   const int control_cpu = robot == nullptr ? 0 : robot->control.cpu.value_or(0);
   read_kernel(sources.root, snapshot);
   read_processors(sources.root, control_cpu, snapshot);

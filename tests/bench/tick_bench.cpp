@@ -6,8 +6,9 @@
 // read, control_tick, and the pushes of tick record, command and observation. Ticks alternate between gravity model off
 // and on: the share of the model is on minus off within one run. After each tick the look at whether the robot could be
 // stopped (executive/pipeline/brake.hpp) is measured by itself, with torque so scarce and joints so fast that all of
-// its rounds are needed; a robot whose torque suffices never takes it. Sizes are interleaved over the repetitions;
-// figures are medians over repetitions of each repetition's p50 and p99.
+// its rounds are needed; a robot whose torque suffices never takes it. Beside both, the least that a tick must do
+// (tick_floor.hpp), in the same process and on the same mailbox: ratios to it hold on any machine. Sizes are
+// interleaved over the repetitions; figures are medians over repetitions of each repetition's p50 and p99.
 #include <fmt/format.h>
 #include <sys/mman.h>
 
@@ -27,6 +28,7 @@
 #include "executive/pipeline/control_tick.hpp"
 #include "executive/pipeline/gravity_model.hpp"
 #include "tests/bench/bench.hpp"
+#include "tests/bench/tick_floor.hpp"
 #include "tests/executive/pipeline/rig.hpp"
 
 namespace takt::bench {
@@ -60,8 +62,9 @@ struct Rings {
       : observations(ipc::observation_mailbox()),
         commands(ipc::command_mailbox()),
         ticks(ipc::tick_ring(joints)),
-        messages(ipc::command_ring()) {}
-  RingMemory observations, commands, ticks, messages;
+        messages(ipc::command_ring()),
+        floor(kFloorRing) {}
+  RingMemory observations, commands, ticks, messages, floor;
 };
 
 struct Samples {
@@ -71,7 +74,7 @@ struct Samples {
   std::array<std::uint32_t, 2> count{};
   std::array<std::array<std::int64_t, kMaxSamples>, 2> ticks{};  // gravity off, on
   std::uint32_t brake_count = 0;
-  std::array<std::int64_t, 2 * kMaxSamples> brakes{};
+  std::array<std::int64_t, 2 * kMaxSamples> brakes{}, floors{};
 };
 
 template <class Value>
@@ -109,9 +112,13 @@ class Loop {
         state_(pipeline::make_tick_state(config_[0])),
         observations_(rings.observations.bytes(), ipc::observation_mailbox()),
         ticks_(rings.ticks.bytes(), ipc::tick_ring(joints)),
-        messages_(rings.messages.bytes(), ipc::command_ring()) {
+        messages_(rings.messages.bytes(), ipc::command_ring()),
+        floor_(joints, rings.commands.bytes(), rings.floor.bytes()) {
     config_[1].gravity_compensation = true;
-    for (pipeline::TickConfig& config : config_) config.observation_every_ticks = 20;
+    for (pipeline::TickConfig& config : config_) {
+      config.observation_every_ticks = 20;
+      config.feedback.contradiction = 0;  // these drives are where they are told to be at once, and tell no velocity
+    }
     scarce_ = config_[1];
     gravity_ = pipeline::GravityModel(scarce_);
     for (std::uint32_t j = 0; j < joints; ++j) {
@@ -130,8 +137,12 @@ class Loop {
       tick(config_[gravity]);
       const std::int64_t spent = ticks() - begin;
       const std::int64_t braked = look_for_a_stop();
+      const std::int64_t floor_begin = ticks();
+      floor_.tick();
+      const std::int64_t floor = ticks() - floor_begin;
       if (i < kWarmUpTicks) continue;
       samples.ticks[gravity][samples.count[gravity]++] = spent;
+      samples.floors[samples.brake_count] = floor;
       samples.brakes[samples.brake_count++] = braked;
       samples.tracking += output_->record.header.mode == Mode::tracking ? 1U : 0U;
     }
@@ -199,6 +210,7 @@ class Loop {
   volatile bool stoppable_ = false;
   pipeline::TickStatePtr state_;
   ipc::SlotWriter observations_, ticks_, messages_;
+  TickFloor floor_;
   std::optional<ipc::SlotReader> commands_;
   pipeline::TickInput input_;
   std::unique_ptr<pipeline::TickOutput> output_ = std::make_unique<pipeline::TickOutput>();
@@ -208,7 +220,7 @@ class Loop {
 // p50 and p99 of one repetition, or medians of them, gravity model off and on.
 struct Figures {
   std::array<std::vector<double>, 2> p50, p99;
-  std::vector<double> brake_p50, brake_p99;
+  std::vector<double> brake_p50, brake_p99, floor_p50, floor_p99;
 };
 
 // False: the robot was not tracking, so the figures would be of another robot.
@@ -238,11 +250,15 @@ bool measure(std::uint32_t joints, int measured_ticks, Figures& figures, bool& i
     figures.p50[gravity].push_back(percentile(ns, 0.50));
     figures.p99[gravity].push_back(percentile(ns, 0.99));
   }
-  std::vector<double> brake_ns;
-  for (std::uint32_t i = 0; i < samples->brake_count; ++i)
-    brake_ns.push_back(static_cast<double>(samples->brakes[i]) * ns_per_tick());
-  figures.brake_p50.push_back(percentile(brake_ns, 0.50));
-  figures.brake_p99.push_back(percentile(brake_ns, 0.99));
+  const auto add = [&](const auto& measured, std::vector<double>& p50, std::vector<double>& p99) {
+    std::vector<double> ns;
+    for (std::uint32_t i = 0; i < samples->brake_count; ++i)
+      ns.push_back(static_cast<double>(measured[i]) * ns_per_tick());
+    p50.push_back(percentile(ns, 0.50));
+    p99.push_back(percentile(ns, 0.99));
+  };
+  add(samples->brakes, figures.brake_p50, figures.brake_p99);
+  add(samples->floors, figures.floor_p50, figures.floor_p99);
   return samples->tracking * 10 >= static_cast<std::uint32_t>(measured_ticks) * 9;
 }
 
@@ -269,6 +285,13 @@ int run(bool as_json, int repetitions, int measured_ticks) {
   for (const std::uint32_t joints : kSizes) {
     const Figures& f = figures[joints];
     print(report, "gravity_model", joints, median(f.p50[1]) - median(f.p50[0]), median(f.p99[1]) - median(f.p99[0]));
+  }
+  for (const std::uint32_t joints : kSizes) {
+    const Figures& f = figures[joints];
+    const double p50 = median(f.floor_p50), p99 = median(f.floor_p99);
+    print(report, "floor", joints, p50, p99);
+    report.remark(fmt::format("tick of {} joints: {:.1f} times the floor at p50, {:.1f} at p99", joints,
+                              median(f.p50[0]) / p50, median(f.p99[0]) / p99));
   }
   for (const std::uint32_t joints : kSizes) {
     const double p50 = median(figures[joints].brake_p50), p99 = median(figures[joints].brake_p99);

@@ -17,6 +17,7 @@
 
 #include "tests/cli/shell.hpp"
 #include "tests/process/patient_copy.hpp"
+#include "tests/shared_files.hpp"
 
 namespace takt::cli {
 namespace {
@@ -75,9 +76,9 @@ class Cli : public test::Shell {
 
 TEST_F(Cli, HelpOfEveryCommandHasAnExampleAndItsExitCodes) {
   for (const char* command :
-       {"run",           "arm",    "stop",   "reset",    "mark",   "command",      "gamepad",     "status",
-        "top",           "report", "replay", "budget",   "margin", "config check", "config show", "config keys",
-        "config import", "doctor", "deploy", "rollback", "bus up", "bus disable"}) {
+       {"run",         "arm",         "stop",          "reset",  "mark",   "command",  "gamepad", "status",
+        "top",         "report",      "replay",        "budget", "margin", "ablate",   "ages",    "config check",
+        "config show", "config keys", "config import", "doctor", "deploy", "rollback", "bus up",  "bus disable"}) {
     const Ended help = run(std::string(command) + " --help");
     EXPECT_EQ(help.exit_code, 0) << command;
     const bool has_example = help.output.find("Example: takt ") != std::string::npos ||
@@ -240,7 +241,7 @@ TEST_F(Cli, ConfigShowPrintsWhatReadsBackToTheSameHash) {
 
 TEST_F(Cli, ImportRefusesToOverwrite) {
   const std::string deploy = "../shared/policies/g1_velocity/deploy.yaml";
-  if (!fs::exists(deploy)) GTEST_SKIP() << "NOT TESTED: " << deploy << " is absent";
+  TAKT_NEEDS_SHARED(deploy, "../shared/policies/g1_velocity/policy.onnx");
   const std::string command =
       "config import " + deploy + " --policy ../shared/policies/g1_velocity/policy.onnx --robot g1 -o " + in("g1.yaml");
   EXPECT_EQ(run(command).exit_code, 0);
@@ -310,6 +311,28 @@ TEST_F(Cli, WithoutAnExecutiveRequestsEndWith69) {
     EXPECT_NE(ended.output.find("no executive answers in"), std::string::npos);
   }
   EXPECT_FALSE(nlohmann::json::parse(run("status --json --runtime-dir " + directory()).output)["done"].get<bool>());
+}
+
+// A robot can be stopped while its file is being edited: of the file its name is read, and nothing else.
+TEST_F(Cli, OfARobotFileAnOperatorsRequestReadsTheName) {
+  const auto told_of = [&](const std::string& text) {
+    std::ofstream(in("edited.yaml")) << text;
+    return shell("XDG_RUNTIME_DIR=" + directory() + " " + takt() + "stop --robot " + in("edited.yaml"));
+  };
+  for (const char* text : {"robot: press_7\njoints: [", "# robot: no\nrobot: \"press_7\"  # robot: x\n\t!",
+                           "a: [\nrobot: 'press_7'\r\n"}) {
+    const Ended ended = told_of(text);
+    EXPECT_EQ(ended.exit_code, 69) << text;
+    EXPECT_NE(ended.output.find("no robot `press_7` runs"), std::string::npos) << ended.output;
+  }
+  for (const char* text : {"", "  robot: press_7\n", "robot:\n"}) {
+    const Ended ended = told_of(text);
+    EXPECT_EQ(ended.exit_code, 65) << text;
+    EXPECT_NE(ended.output.find("edited.yaml: no line begins with `robot: NAME`; name the robot's --runtime-dir"),
+              std::string::npos)
+        << ended.output;
+  }
+  EXPECT_EQ(run("stop --robot " + in("none.yaml")).exit_code, 65);
 }
 
 // `takt run` puts its robot where the others look, as somebody would who never heard of runtime directories.
@@ -412,7 +435,8 @@ TEST_F(Cli, RunTellsWhoDiedFirst) {
     fs::permissions(in("bin/" + name), fs::perms::owner_all);
   };
   fs::create_directory(in("bin"));
-  fs::copy(std::string(TAKT_BIN_DIR) + "/takt", in("bin/takt"));
+  for (const char* ours : {"takt", "takt-operate"})
+    fs::copy(std::string(TAKT_BIN_DIR) + "/" + ours, in(std::string("bin/") + ours));
   program("takt-plant", "echo $$ >" + in("plant.pid") + "\n" + std::string(TAKT_BIN_DIR) +
                             "/takt-plant \"$@\" &\nwhile [ ! -e " + in("begun") +
                             " ]; do sleep 0.02; done\nkill -9 $!\necho the cause >&2\nexit 65\n");
@@ -442,7 +466,7 @@ TEST_F(Cli, RunFollowsItsScriptAndLeavesOnlyTheRunFolder) {
 TEST_F(Cli, ARunThatWasNotRecordedToItsEndFails) {
   for (const char* program : {"takt-executive", "takt-policy-host", "takt-plant"})
     fs::create_symlink(std::string(TAKT_BIN_DIR) + "/" + program, in(program));
-  fs::copy(std::string(TAKT_BIN_DIR) + "/takt", in("takt"));
+  for (const char* ours : {"takt", "takt-operate"}) fs::copy(std::string(TAKT_BIN_DIR) + "/" + ours, in(ours));
   std::ofstream(in("takt-monitor")) << "#!/bin/sh\ntrap '' XFSZ\nulimit -f 200\nexec " << TAKT_BIN_DIR
                                     << "/takt-monitor \"$@\"\n";
   fs::permissions(in("takt-monitor"), fs::perms::owner_all);

@@ -15,6 +15,7 @@
 
 #include "config/load.hpp"
 #include "config/observation_shape.hpp"
+#include "tests/shared_files.hpp"
 
 namespace takt::config {
 namespace {
@@ -131,6 +132,84 @@ TEST(DeployImport, WhatTheExportCannotKnowIsNamedNotInvented) {
                                                                                               << robot.error();
 }
 
+std::string with(std::string_view from, std::string_view to) {
+  std::string text(kDeploy);
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return text.replace(at, from.size(), to);
+}
+
+// Joint ids count the policy's joints; its joint 0 is the robot's 1 here.
+TEST(DeployImport, ATermOfChosenJointsObservesThoseInThatOrder) {
+  const auto order_of = [](const std::string& text) {
+    const auto robot = parse(filled_in(import(text)), "r");
+    EXPECT_TRUE(robot.has_value()) << robot.error();
+    return robot ? robot->policy->observation[2].joints : std::vector<std::size_t>{9};
+  };
+  EXPECT_EQ(
+      order_of(with("joint_pos_rel: { params: {}", "joint_pos_rel: { params: { asset_cfg: { joint_ids: [1, 0] } }")),
+      (std::vector<std::size_t>{0, 1}));
+  for (const char* all : {"[0, 1]", "null", "!!python/object/apply:builtins.slice [null, null, null]"})
+    EXPECT_TRUE(order_of(with("joint_pos_rel: { params: {}",
+                              std::string("joint_pos_rel: { params: { asset_cfg: { joint_ids: ") + all + " } }"))
+                    .empty())
+        << all;
+}
+
+TEST(DeployImport, OutputsOfChosenJointsDriveThoseInThatOrder) {
+  const auto robot = parse(filled_in(import(with("joint_ids: !!python/object/apply:builtins.slice [null, null, null]",
+                                                 "joint_ids: [1, 0]"))),
+                           "r");
+  ASSERT_TRUE(robot.has_value()) << robot.error();
+  EXPECT_EQ(robot->policy->action.joint_of_output, (std::vector<std::size_t>{0, 1}));
+  EXPECT_EQ(robot->policy->action.offset, OffsetKind::values) << "in the outputs' order, so not the policy's home";
+}
+
+TEST(DeployImport, NullMeansThatNothingIsScaledOrMoved) {
+  std::string text = with("scale: [0.25, 0.5]\n    offset: [-0.5, 0.3]", "scale: null\n    offset: null");
+  text.replace(text.find("scale: [0.2, 0.2, 0.2]"), 22, "scale: null");
+  text.replace(text.find("scale: [1.0, 2.0]"), 17, "scale: null");
+  const auto robot = parse(filled_in(import(text)), "r");
+  ASSERT_TRUE(robot.has_value()) << robot.error();
+  EXPECT_EQ(robot->policy->action.scale, std::vector<double>{1});
+  EXPECT_EQ(robot->policy->action.offset_values, (std::vector<double>{0, 0}));
+  EXPECT_EQ(robot->policy->observation[0].scale, std::vector<double>{1});
+  EXPECT_EQ(robot->policy->observation[1].kind, TermKind::command);
+}
+
+TEST(DeployImport, OneGroupIsTakenAndSeveralAreRefusedByWhatTheyMean) {
+  const std::string text(kDeploy);
+  const std::size_t at = text.find("observations:\n") + 14;
+  std::string grouped = text.substr(0, at) + "  obs:\n    use_gym_history: true\n";
+  std::string terms = text.substr(at);
+  terms.replace(terms.find("history_length: 1"), 17, "history_length: 5");  // one instant needs equal histories
+  for (std::size_t line = 0; line < terms.size(); line = terms.find('\n', line) + 1) {
+    terms.insert(line, "  ");
+    if (terms.find('\n', line) == std::string::npos) break;
+  }
+  const auto robot = parse(filled_in(import(grouped + terms)), "r");
+  ASSERT_TRUE(robot.has_value()) << robot.error();
+  EXPECT_EQ(robot->policy->observation.size(), 4U);
+  EXPECT_EQ(robot->policy->history_layout, "by_time");
+  const auto several =
+      read_deploy_file(grouped + terms + "  critic:\n    base_lin_vel: { params: {}, scale: [1] }\n", "d");
+  ASSERT_FALSE(several.has_value());
+  EXPECT_NE(several.error().find("observations has several groups"), std::string::npos) << several.error();
+}
+
+TEST(DeployImport, AGaitsPeriodIsCarriedOver) {
+  const std::string text =
+      with("  last_action:",
+           "  gait_phase: { params: { period: 0.8 }, clip: null, scale: [1, 1], history_length: 1 }\n  last_action:");
+  EXPECT_NE(import(text).find("term: gait_phase, gait_period: 800 ms"), std::string::npos) << import(text);
+}
+
+TEST(DeployImport, AClipBehindOneScaleIsOneBeforeIt) {
+  const std::string text =
+      with("clip: null, scale: [0.2, 0.2, 0.2]", "clip: [-1, 1], scale_first: true, scale: [0.2, 0.2, 0.2]");
+  EXPECT_NE(import(text).find("clip: [-5, 5], scale: 0.2"), std::string::npos) << import(text);
+}
+
 TEST(DeployImport, AClipBeforeTheScaleIsCarriedOverAndAnotherOneSaid) {
   EXPECT_NE(import(kDeploy).find("sensor: velocity_command, clip: [-1, 1], scale: [1, 2]"), std::string::npos);
   std::string other(kDeploy);
@@ -161,6 +240,9 @@ TEST(DeployFile, RefusesWhatDoesNotFitTogether) {
                   "`lin_vel_x` ends below its beginning"},
         BadDeploy{"a history beyond a robot file's", "history_length: 5", "history_length: 65",
                   "history_length must be a whole number to 64"},
+        BadDeploy{"a joint that is none", "joint_pos_rel: { params: {}",
+                  "joint_pos_rel: { params: { asset_cfg: { joint_ids: [0, 2] } }",
+                  "joint_ids must name joints of 0..1"},
         BadDeploy{"a word for a number", "[2.0, 1.0]", "[2.0, high]", "d:4:16: is not a number"}}) {
     std::string text(kDeploy);
     text.replace(text.find(bad.from), std::string_view(bad.from).size(), bad.to);
@@ -338,7 +420,7 @@ TEST(DeployImport, RefusesNamesThatDoNotFit) {
 // Unitree's G1: 480 inputs, 29 outputs, as the published model has.
 TEST(DeployImport, UnitreeG1GivesTheModelsShape) {
   const char* path = "../shared/policies/g1_velocity/deploy.yaml";
-  if (!std::filesystem::exists(path)) GTEST_SKIP() << "NOT TESTED: " << path << " is absent";
+  TAKT_NEEDS_SHARED(path);
   std::ifstream file(path);
   const auto robot = parse(filled_in(import(std::string{std::istreambuf_iterator<char>(file), {}})), "g1.yaml");
   ASSERT_TRUE(robot.has_value()) << robot.error();

@@ -53,6 +53,16 @@ TEST_F(ModelTextTest, WhatIsIncludedStandsWhereItIsIncluded) {
   EXPECT_NE(model_bytes(scene).value(), before);
 }
 
+TEST_F(ModelTextTest, WhatOnlyBeginsLikeAnIncludeStays) {
+  const std::string text =
+      "<mujoco>\n<include <b/>\n<include/><include file='a.xml'>x</include><includes file='b'/></mujoco>";
+  const auto model = read_model_text(put("odd.xml", text));
+  ASSERT_TRUE(model) << model.error();
+  EXPECT_EQ(model->text, text);
+  EXPECT_EQ(in_lines_of_files(*model, "Line 99999999999999999999, spline 2, line x, Line"),
+            "Line 3, spline 2, line x, Line");
+}
+
 TEST_F(ModelTextTest, WhatCannotBeIncludedIsNamedWithItsLine) {
   const std::string lacks = put("lacks.xml", "<mujoco>\n\n<include file='none.xml'/></mujoco>");
   EXPECT_THAT(read_model_text(lacks).error(), HasSubstr("lacks.xml:3: includes none.xml, which cannot be read"));

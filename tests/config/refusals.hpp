@@ -22,6 +22,11 @@ inline constexpr Refusal kRefusals[] = {
     Refusal{"an unknown key, near none", "epsilon: 0.01", "epsilon: 0.01\n  colour: red",
             "7:3: unknown key `colour` in `freshness`; known here: max_age, aging_fraction, epsilon, confidence, "
             "window, recover_after, flap_memory, stop_after, bad_command_limit, clamped_share"},
+    Refusal{
+        "a key of an earlier version", "spin: 100 us }", "spin: 100 us, overrun_limit: 50 }",
+        "3:78: control.overrun_limit: gone since version 0.2: write control.late_share: the share of "
+        "freshness.window's "
+        "periods that may be late, 0.25 where it is left out; consecutive late ticks alone are not counted any more"},
     Refusal{"an unknown key at the top", "robot: small", "robot: small\nrobots: 2",
             "3:1: unknown key `robots` at the top; did you mean `robot`?"},
     Refusal{"a duplicate key", "epsilon: 0.01", "epsilon: 0.01\n  epsilon: 0.02",
@@ -146,7 +151,8 @@ inline constexpr Refusal kRefusals[] = {
     Refusal{"an unknown fallback", "fallback: tuck }", "fallback: stand }",
             "11:44: degraded.fallback: fallback `stand` is not known; write one of: tuck, none"},
     Refusal{"an unknown drive model", "AK80-9", "AK80-99",
-            "19:53: joints[0].drive.model: drive model `AK80-99` is not known; did you mean `AK80-9`?"},
+            "19:53: joints[0].drive.model: drive model `AK80-99` is not known; write one of: AK80-9, "
+            "AK10-9, AK60-6, AK70-10, AK80-6, AK80-64, DM4310, DM4340, DM6006, DM8009, none"},
     Refusal{"a drive that may forget where it is", "reply_id: 0, position_after_power_up: absolute }", "reply_id: 0 }",
             "19:12: key `position_after_power_up` is missing in `joints[0].drive`; add it: mit (tmotor), odrive: "
             "absolute, the drive knows where the joint is; unknown (odrive, incremental encoder) or one_of_several "
@@ -233,7 +239,7 @@ inline constexpr Refusal kRefusals[] = {
         "41:16: model.links[0].joint: joint `hip` is not known; write one of: left hip, knee\n"
         "51:23: policy.joint_order: joint `hip` is not known; write one of: left hip, knee"},
     Refusal{"a wrong schema", "takt.robot/1", "takt.robot/2",
-            "1:9: schema: schema `takt.robot/2` is not known; did you mean `takt.robot/1`?"},
+            "1:9: schema: schema `takt.robot/2` is not known; write one of: takt.robot/1"},
     Refusal{"stop_after not above max_age", "stop_after: 600 ms", "stop_after: 120 ms",
             "9:15: freshness.stop_after: 120 ms must exceed max_age 120 ms; raise it"},
     Refusal{"a window that is no multiple", "window: 1 s", "window: 1500 us",

@@ -164,16 +164,17 @@ std::string stopping(std::string_view stops) {
   return with("degraded: {", "stops: " + std::string(stops) + "\ndegraded: {");
 }
 
-TEST(Stops, AreNamedByTheirCauseAndLeadToAPose) {
-  const auto robot =
-      parse(stopping("{ operator_stop: { how: posture, fallback: tuck, for: 3 s }, tilt: { how: damping } }"), "r");
+TEST(Stops, AreNamedByTheirCause) {
+  const auto robot = parse(stopping("{ operator_stop: { how: hold, for: 3 s }, tilt: { how: damping } }"), "r");
   ASSERT_TRUE(robot) << robot.error();
   ASSERT_EQ(robot->stops.size(), 2U);
-  EXPECT_EQ(robot->stops[0].how, StopHow::posture);
+  EXPECT_EQ(robot->stops[0].how, StopHow::hold);
   EXPECT_EQ(robot->stops[0].longest, seconds(3));
   EXPECT_TRUE(complains(stopping("{ drive_fault: { how: hold, for: 1 s } }"),
                         "stops.drive_fault: is no cause of a damped stop"));
-  EXPECT_TRUE(complains(stopping("{ tilt: { how: posture, fallback: crouch, for: 1 s } }"), "crouch"));
+  EXPECT_TRUE(complains(stopping("{ tilt: { how: posture, fallback: tuck, for: 1 s } }"),
+                        "stops.tilt.how: `posture` is gone since version 0.2: write hold"))
+      << "a stop leads the robot nowhere; degraded.fallback does";
   EXPECT_TRUE(complains(stopping("{ tilt: { how: hold } }"), "key `for` is missing")) << "a time bound is no default";
 }
 
@@ -203,12 +204,31 @@ TEST(Stops, WhereNoneIsByTheFallbackPolicyARobotThatBalancesIsSaidToFall) {
   EXPECT_TRUE(lines[0].starts_with("stops: none is by the fallback policy, and the base is free"));
 }
 
+// Goal: what a stop does without a model is said of every robot without one. Method: the robots that come with Takt.
+TEST(Stops, WithoutAModelWhatTheyDoIsTold) {
+  const auto cart = load("config/cart_pole.yaml"), arm = load("config/arm6.yaml"),
+             balancer = load("config/balancer.yaml");
+  ASSERT_TRUE(cart && arm && balancer);
+  EXPECT_TRUE(holds_at_once(*cart));
+  ASSERT_EQ(cautions_about(*cart).size(), 1U);
+  EXPECT_EQ(cautions_about(*cart)[0], stops_without_model(*cart));
+  EXPECT_TRUE(
+      stops_without_model(*cart).starts_with("no `model`: a stop carries no gravity; each joint that is heard brakes"));
+  EXPECT_FALSE(holds_at_once(*arm));
+  EXPECT_TRUE(stops_without_model(*arm).empty());
+  EXPECT_FALSE(holds_at_once(*balancer)) << "stiff joints do not keep it on its feet";
+  RobotConfig walker = *balancer;
+  walker.degraded.behaviour = Degraded::hold;
+  walker.stops.clear();
+  EXPECT_TRUE(stops_without_model(walker).starts_with("no `model`, and the base is free"));
+}
+
 // Only a robot that can fall is to stay on its feet by something; whether it does, an attestation says, wherever the
 // robot file lies.
 TEST(Stops, WhatARobotThatCanFallIsToStandByIsNamed) {
   const std::string free_base = replaced(
-      stopping("{ operator_stop: { how: posture, fallback: tuck, for: 3 s, shown_by: seen/stop.json }, tilt: { how: "
-               "damping }, overrun: { how: hold, for: 0 s } }"),
+      stopping("{ operator_stop: { how: hold, for: 3 s, shown_by: seen/stop.json }, tilt: { how: damping }, "
+               "overrun: { how: hold, for: 0 s } }"),
       "  - { name: target, values: 3, timeout: 100 ms }\n",
       "  - { name: target, values: 3, timeout: 100 ms }\n  - { name: base, values: 10, timeout: 20 ms }\nimu: { "
       "sensor: base, tilt: 1 rad }\n");
@@ -219,10 +239,10 @@ TEST(Stops, WhatARobotThatCanFallIsToStandByIsNamed) {
   EXPECT_EQ(offers[0].of, "fallbacks.tuck");
   EXPECT_EQ(offers[0].shown_by, "none");
   EXPECT_EQ(offers[1].of, "stops.operator_stop");
-  EXPECT_EQ(offers[1].what, "a posture");
+  EXPECT_EQ(offers[1].what, "hold");
   EXPECT_EQ(offers[1].shown_by, "/robots/seen/stop.json");
   EXPECT_EQ(offers[2].what, "hold");
-  const auto fixed = parse(stopping("{ operator_stop: { how: posture, fallback: tuck, for: 3 s } }"), "r");
+  const auto fixed = parse(stopping("{ operator_stop: { how: hold, for: 3 s } }"), "r");
   ASSERT_TRUE(fixed);
   EXPECT_TRUE(offered_as_safe(*fixed).empty()) << "an arm on its table does not fall";
 }

@@ -16,7 +16,7 @@ pace shows is not how fast the machine is.
 
 NAME=FILE: a file that the page's reader brings along, under that name.
 
-Exit codes: 0 the page is true; 1 it is not, with page, line, command and what came out instead; 64 command line; 77 a file to bring along is absent.
+Exit codes: 0 the page is true; 1 it is not, with page, line, command and what came out instead; 64 command line; 77 a file to bring along is absent (1 with TAKT_REQUIRE_SHARED=1).
 """
 import os
 import pathlib
@@ -133,7 +133,7 @@ def main():
     absent = [file for file in brought.values() if not pathlib.Path(file).exists()]
     if absent:
         print(f"SKIPPED: {', '.join(absent)} IS ABSENT: THE COMMANDS OF {page.name} WERE NOT RUN")
-        return 77
+        return 1 if os.environ.get("TAKT_REQUIRE_SHARED") == "1" else 77
     folder = pathlib.Path(tempfile.mkdtemp(prefix="takt-docs."))
     try:
         (folder / "docs").symlink_to(page.parent)

@@ -1,6 +1,8 @@
 // Prints docs/hazards.md: the table of executive/hazards, the reaction table, and reaction times as they are measured
 // now, in virtual time. `hazard_page --proofs`: the tests that the table names, one a line, and nothing measured.
-// Exit codes: 0 fine; 1 a cause was not met, or not within its bound; 64 command line.
+// `hazard_page --mutants`: the faults that it names beside them (tests/mutants), each with the proofs of its row, one
+// of which notices it: "fault\tproof", or "fault\tproof\tproof". Exit codes: 0 fine; 1 a cause was not met, or not
+// within its bound; 64 command line.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -71,12 +73,13 @@ const ReactionTime* time_of(Cause cause, const ReactionTimes& times) {
   return found == times.end() ? nullptr : &*found;
 }
 
-// Scope by scope: the joints, the rest of their limbs, the rest of the robot.
+// Scope by scope: the joints, what hangs on them, the rest of the robot.
 std::string stop_text(const Reaction& reaction) {
   const pipeline::Scope& stops = reaction.stops;
   if (stops.robot == Stop::none) return "none";
   if (stops.joints == Stop::none) return std::string(category(stops.robot));
-  return fmt::format("{}; limb: {}; rest: {}", category(stops.joints), category(stops.limbs), category(stops.robot));
+  return fmt::format("{}; what hangs on it: {}; rest: {}", category(stops.joints), category(stops.hanging),
+                     category(stops.robot));
 }
 
 std::string modes_text(const Reaction& reaction) {
@@ -125,13 +128,16 @@ void print_losses_and_hazards() {
 void print_unsafe_actions() {
   fmt::print("\n## Unsafe control actions\n");
   for (const ActionRow& action : kActions) {
-    fmt::print("\n### {}\n\nFrom {}.\n\n| | when | unsafe because | hazards | what the executive does | proof |\n",
-               action.name, action.from);
-    fmt::print("|---|---|---|---|---|---|\n");
+    fmt::print(
+        "\n### {}\n\nFrom {}.\n\n| | when | unsafe because | hazards | what the executive does | proof | fault that it "
+        "notices |\n",
+        action.name, action.from);
+    fmt::print("|---|---|---|---|---|---|---|\n");
     for (const UnsafeRow& row : kUnsafe)
       if (row.action == action.action)
-        fmt::print("| {} | {} | {} | {} | {} | `{}` |\n", id(row.id), kGuides.at(static_cast<std::size_t>(row.guide)),
-                   row.text, ids(row.hazards), row.constraint, row.proof);
+        fmt::print("| {} | {} | {} | {} | {} | `{}` | {} |\n", id(row.id),
+                   kGuides.at(static_cast<std::size_t>(row.guide)), row.text, ids(row.hazards), row.constraint,
+                   row.proof, row.mutant.empty() ? "-" : row.mutant);
   }
 }
 
@@ -164,6 +170,7 @@ void print_cause(const Row& row, const ReactionTimes& times) {
   if (!reaction.bound.empty()) fmt::print("- Within: {}\n", reaction.bound);
   if (time != nullptr) fmt::print("- Measured: {} after {}, at worst\n", milliseconds_text(time->worst), time->from);
   fmt::print("- Clears when: {}\n- Proofs: `{}`, `{}`\n", reaction.clears_when, row.proofs[0], row.proofs[1]);
+  if (!row.mutant.empty()) fmt::print("- Fault that a proof notices: {}\n", row.mutant);
   fmt::print("- Residual risk: {}\n- Covered by: {}\n", row.residual, ids(row.devices, 'X', kDevices.size()));
 }
 
@@ -189,7 +196,7 @@ int print_page() {
   print_unsafe_actions();
   print_times(*times);
   fmt::print(
-      "\n## Causes\n\nStop categories: of the joints that the cause is about, the rest of their limbs, the rest of the "
+      "\n## Causes\n\nStop categories: of the joints that the cause is about, what hangs on them, the rest of the "
       "robot; one figure: of the\nwhole robot. 0: power off at once; 1: to rest, then power off; 2: to rest, power "
       "stays.\n");
   for (const Row& row : kRows) print_cause(row, *times);
@@ -205,12 +212,21 @@ int print_proofs() {
   return 0;
 }
 
+int print_mutants() {
+  for (const UnsafeRow& row : kUnsafe)
+    if (!row.mutant.empty()) fmt::print("{}\t{}\n", row.mutant, row.proof);
+  for (const Row& row : kRows)
+    if (!row.mutant.empty()) fmt::print("{}\t{}\t{}\n", row.mutant, row.proofs[0], row.proofs[1]);
+  return 0;
+}
+
 }  // namespace
 }  // namespace takt::exploration
 
 int main(int argc, char** argv) {
   if (argc == 2 && std::string_view(argv[1]) == "--proofs") return takt::exploration::print_proofs();
+  if (argc == 2 && std::string_view(argv[1]) == "--mutants") return takt::exploration::print_mutants();
   if (argc == 1) return takt::exploration::print_page();
-  std::fputs("usage: hazard_page [--proofs], in the repository\n", stderr);
+  std::fputs("usage: hazard_page [--proofs | --mutants], in the repository\n", stderr);
   return 64;
 }

@@ -2,7 +2,8 @@
 """Goal: docs/hazards.md is what the hazard table and the measured reaction times say, and every test that the table calls
 a proof is there, runs and passes. Method: the page is made again and compared; each proof's program is run with a
 filter, and its report must have the case, completed, without a failure; a proof that is skipped, disabled or missing
-is none. A proof that is planted must be found missing. Usage: hazards_test.py REPOSITORY BIN_FOLDER.
+is none. A proof that is planted must be found missing. A mutant that a row names beside its proof is a fault of
+tests/mutants/faults.toml; that the proof notices it, `./dev mutants` shows. Usage: hazards_test.py REPOSITORY BIN_FOLDER.
 Exit codes: 0 fine, 1 not.
 """
 import collections
@@ -12,6 +13,7 @@ import pathlib
 import subprocess
 import sys
 import tempfile
+import tomllib
 
 
 def wanted(case):
@@ -53,6 +55,12 @@ def problems_with(proofs, root, programs):
                 yield f"{program} {case}: {', '.join(sorted(outcome))}"
 
 
+def unknown_mutants(lines, root):
+    faults = {fault["name"] for fault in tomllib.loads((root / "tests/mutants/faults.toml").read_text())["fault"]}
+    named = {line.split("\t")[0] for line in lines}
+    return [f"executive/hazards names a mutant that tests/mutants/faults.toml does not have: {name}" for name in sorted(named - faults)]
+
+
 def stale(root, page):
     kept = root / "docs/hazards.md"
     difference = difflib.unified_diff(kept.read_text().splitlines(), page.splitlines(), "docs/hazards.md", "as it is now", lineterm="")
@@ -66,9 +74,12 @@ def main(root, programs):
     problems = list(problems_with(proofs, root, programs))
     planted = [proofs[0] + "ThatIsNotThere", "no_such_test Suite.Case"]
     assert len(list(problems_with(planted, root, programs))) == 2, "a planted proof was taken for one"
+    mutants = subprocess.run([maker, "--mutants"], capture_output=True, text=True, check=True).stdout.splitlines()
+    problems += unknown_mutants(mutants, root)
+    assert len(unknown_mutants(["no such fault\tno_such_test Suite.Case"], root)) == 1, "a planted mutant was taken for one"
     made = subprocess.run([maker], cwd=root, capture_output=True, text=True, check=False)
     problems += [made.stderr.strip()] if made.returncode else stale(root, made.stdout) or []
-    print("\n".join(problems) or f"{len(proofs)} proofs hold, and the page is up to date")
+    print("\n".join(problems) or f"{len(proofs)} proofs hold, {len(mutants)} rows name a mutant, and the page is up to date")
     return 1 if problems else 0
 
 

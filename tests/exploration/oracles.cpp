@@ -12,6 +12,12 @@
 namespace takt::exploration {
 namespace {
 
+constexpr Duration kSettles = seconds(1);  // after something was wrong, or moved the joint
+constexpr double kRestSpeed = 0.1;         // rad/s: a joint that is slower rests
+constexpr double kOvershoot = 0.6;         // rad/s: of a joint that is braked stiffly
+// Of its speed when it was let go: damping that is made at the host follows a velocity that is some 10 ms old, and
+// swings a light joint back by so much.
+constexpr double kSwingsBack = 0.45;
 constexpr double kQuantum = 0.01;  // share of a range: more than any field's last bit
 
 double unpacked(unsigned raw, unsigned bits, double low, double high) {
@@ -75,15 +81,20 @@ void Oracles::mit_frame(std::size_t j, const World::Sent& sent) {
     const double ratio = kPolicyKp * joint.kp / (kd * joint.kd);
     return asked.kp > 10 && asked.kd > 0.1 && std::abs(asked.kp / asked.kd / ratio - 1) < 0.08;
   };
-  const Player player =
-      has_gains(kPolicyKd) ? Player::policy : (has_gains(kFallbackKd) ? Player::fallback : Player::none);
-  if (player == Player::none) return;
-  seen_player_ = player;
-  const MonoTime answered = world_.newest_answered(player);
+  // A join may mix the gains of two chunks, and these may be anybody's then.
+  const MonoTime unusual = joints_[j].unusual_gains_at;
+  if (unusual.is_set() && sent.at - unusual < kSettles) return;
+  const Player sender = has_gains(kPolicyKd)      ? Player::policy
+                        : has_gains(kFallbackKd)  ? Player::fallback
+                        : has_gains(kCandidateKd) ? Player::candidate
+                                                  : Player::none;
+  if (sender == Player::none) return;
+  seen_player_ = sender == Player::candidate ? Player::policy : sender;  // a candidate that plays is the policy
+  const MonoTime answered = world_.newest_answered(sender);
   const Duration age = sent.at - answered;
   if (!answered.is_set() || age > world_.robot().freshness.max_age + microseconds(5))
     breaks("command_age", j,
-           fmt::format("{}'s, written {:.1f} ms after the oldest sample", name(player), age.milliseconds()));
+           fmt::format("{}'s, written {:.1f} ms after the oldest sample", name(sender), age.milliseconds()));
 }
 
 // message 0x0E: torque, float32 little endian, Nm at the motor
@@ -149,14 +160,77 @@ void Oracles::watch_stop(const TickRecordHeader& header) {
   if (header.mode == Mode::damped_stop && header.player == Player::fallback) damped_since_ = header.now;
 }
 
+void Oracles::watch_motion(std::size_t j, double velocity) {
+  const config::Limits& limits = world_.robot().joints[j].limits;
+  const MonoTime now = world_.now();
+  Watched& watched = joints_[j];
+  const double speed = std::abs(velocity);
+  const bool lies = !kLiesAreFound && lies_now();  // of any: its drive may lose its power, and what hangs on it sags
+  const bool is_shoved = world_.shoved_at(j) >= now - milliseconds(2);
+  if (!world_.is_well(j) || !world_.is_prompt() || lies || is_shoved) watched.ill_at = now;
+  if (world_.handled_at(j) >= now - milliseconds(2)) watched.touched_at = now;
+  if (!world_.is_damped(j)) watched.undamped_at = now;
+  if (!world_.has_usual_gains(j)) watched.unusual_gains_at = now;
+  if (world_.plant().drive(j).state() == plant::DeviceState::enabled) watched.powered_at = now;
+  if (speed <= kRestSpeed) watched.moving_since = {};
+  if (speed > kRestSpeed && !watched.moving_since.is_set()) watched.moving_since = now;
+  double& then_slot = watched.speeds.at(steps_ % watched.speeds.size());
+  const double then = std::exchange(then_slot, velocity);
+
+  const bool is_ill = watched.ill_at.is_set() && now - watched.ill_at < kSettles;
+  const bool is_touched = watched.touched_at == now;
+  const bool was_touched = watched.touched_at.is_set() && now - watched.touched_at < kSettles;
+  // A policy may leave damping out: then it swings as that policy wants.
+  const bool swings = player_ != Player::none && watched.undamped_at.is_set() && now - watched.undamped_at < kSettles;
+  const bool is_let_go = !kPlayedJointsYieldToHands && was_touched && player_ != Player::none;
+  watched.carried = is_ill || is_touched || is_let_go || swings ? speed : std::min(watched.carried, speed);
+  // A joint on a policy's half damping overshoots the speed of its reference, and a hand's spring adds to it.
+  if (player_ != Player::none) watched.played_at = now;
+  const bool is_played = watched.played_at.is_set() && now - watched.played_at < milliseconds(200);
+  if (speed > std::max((is_played ? 1.3 : 1.1) * limits.velocity, watched.carried + 0.2))
+    breaks("too_fast", j, fmt::format("{:.2f} rad/s", speed));
+  const double gained = speed - (velocity * then > 0 ? std::abs(then) : 0.0);
+  const double over_s = world_.plant().step_length().seconds() * static_cast<double>(watched.speeds.size());
+  if (!is_ill && !was_touched && !swings && gained > 2 * limits.acceleration * over_s + 0.25)
+    breaks("too_sudden", j, fmt::format("{:.2f} rad/s after {:.2f}, {:.0f} ms before", velocity, then, 1000 * over_s));
+  const bool is_led = player_ != Player::none ||
+                      (mode_ == Mode::degraded && world_.robot().degraded.behaviour == config::Degraded::fallback);
+  if (is_led || is_ill || was_touched || mode_ == Mode::tracking) {
+    watched.led = -1;
+  } else if (watched.led < 0) {
+    watched.let_go = speed;
+    watched.led = speed + kOvershoot;
+  } else if (speed > watched.led) {
+    breaks("thrown", j, fmt::format("{:.2f} rad/s, {:.2f} when nobody played any more", speed, watched.let_go));
+  } else {
+    watched.led = std::min(watched.led, speed + std::max(kOvershoot, kSwingsBack * watched.let_go));
+  }
+}
+
+void Oracles::watch_reset(const TickRecordHeader& header) {
+  if (header.cause != Cause::operator_reset) return;
+  const MonoTime now = world_.now();
+  for (std::size_t j = 0; j < joints_.size(); ++j) {
+    const Watched& watched = joints_[j];
+    const bool is_ill = watched.ill_at.is_set() && now - watched.ill_at < milliseconds(100);
+    const bool was_powered = watched.powered_at.is_set() && now - watched.powered_at < milliseconds(5);
+    const bool moves = watched.moving_since.is_set() && now - watched.moving_since > milliseconds(20);
+    if (!is_ill && was_powered && moves) breaks("reset_rests", j, "it moves, and its power is taken");
+  }
+}
+
 void Oracles::step() {
   const plant::ArmState& state = world_.plant().state();
+  ++steps_;
   for (std::size_t j = 0; j < joints_.size(); ++j) {
     const double speed = std::abs(state.dq[static_cast<Eigen::Index>(j)]);
+    watch_motion(j, state.dq[static_cast<Eigen::Index>(j)]);
     watch_unheard(j, speed);
     watch_rest(j, speed);
     if (!world_.obeys(j) || !world_.is_prompt() || world_.unheard_since(j).is_set() ||
-        world_.shoved_at(j) >= world_.now() - milliseconds(2))
+        world_.shoved_at(j) >= world_.now() - milliseconds(2) ||
+        (!kLiesAreFound && world_.lied_at(j) >= world_.now() - milliseconds(2)) ||
+        joints_[j].touched_at == world_.now())
       joints_[j].disturbed_at = world_.now();
     const Duration undisturbed = world_.now() - joints_[j].disturbed_at;
     if (undisturbed > seconds(2) && speed > world_.robot().joints[j].limits.velocity_hard)
@@ -164,12 +238,13 @@ void Oracles::step() {
     const bool should_rest =
         damped_since_.is_set() && world_.now() - damped_since_ > seconds(2) && undisturbed > seconds(2);
     if (should_rest && speed > 0.1) breaks("comes_to_rest", j, fmt::format("{:.2f} rad/s", speed));
-    const MonoTime led = book_.posture_since();
-    const double away = std::abs(state.q[static_cast<Eigen::Index>(j)] - world_.robot().joints[j].home);
-    if (led.is_set() && mode_ == Mode::damped_stop && world_.now() - led > seconds(3) && undisturbed > seconds(3) &&
-        away > 0.15)
-      breaks("posture", j, fmt::format("it is {:.2f} rad away", away));
   }
+}
+
+bool Oracles::lies_now() const {
+  for (std::size_t j = 0; j < joints_.size(); ++j)
+    if (world_.lied_at(j).is_set() && world_.now() - world_.lied_at(j) < kSettles) return true;
+  return false;
 }
 
 void Oracles::tick(const TickRecord& record) {
@@ -178,6 +253,8 @@ void Oracles::tick(const TickRecord& record) {
   if (header.cause != Cause::none) seen_.insert({header.previous_mode, header.cause});
   if (header.mode != mode_) damped_since_ = header.mode == Mode::damped_stop ? header.now : MonoTime{};
   mode_ = header.mode;
+  player_ = header.player;
+  watch_reset(header);
   watch_stop(header);
   if (seen_player_ != Player::none && seen_player_ != header.player)
     breaks("player", 0,
@@ -185,8 +262,9 @@ void Oracles::tick(const TickRecord& record) {
   seen_player_ = Player::none;
   const bool refuses_our_own =
       std::ranges::any_of(record.joints, [](const JointRecord& joint) { return is_bug(joint.feedback.refused); });
-  if ((header.causes_active & pipeline::bit(Cause::internal_error)) != 0 || refuses_our_own)
-    breaks("no_bug", 0, "the executive found an error of its own");
+  const bool is_bug_of_ours = (header.causes_active & pipeline::bit(Cause::internal_error)) != 0 || refuses_our_own;
+  has_lied_ |= !kLiesAreFound && is_bug_of_ours && lies_now();
+  if (is_bug_of_ours && !has_lied_) breaks("no_bug", 0, "the executive found an error of its own");
   const bool moves = mode_ == Mode::tracking || mode_ == Mode::degraded || mode_ == Mode::arming;
   unrecorded_ticks_ = moves && !world_.is_recorded() ? unrecorded_ticks_ + 1 : 0;
   if (unrecorded_ticks_ > 2) breaks("recorded", 0, "nothing records");

@@ -17,11 +17,19 @@
 // stop_ends      a joint is stiff in a damped stop only while its way says so, or once the joint has rested in it
 // reset_waits    nobody takes the power of a robot that the fallback policy moves
 // degraded_ends  the robot is not degraded for longer than degraded.for
-// posture        three seconds after a stop by posture began, undisturbed joints are there
 // no_bug         the executive never finds an error of its own, and its guard refuses nothing that it decided
 // speed          without a shove no joint is faster than velocity_hard
+//
+// On true motion, of joints with which nothing is wrong; what a hand or a shove gives a joint is not our doing:
+//
+// thrown         where nobody plays (degraded and held, stopped, arming, standby) no joint gets faster than it was
+// too_fast       no joint gets faster than 1.1 times limits.velocity, when a hand lets go neither; 1.3 times while a
+//                policy plays, whose damping here is half of the robot's (and see kPlayedJointsYieldToHands)
+// too_sudden     no joint gets faster by more than twice limits.acceleration, taken over 40 ms
+// reset_rests    a reset takes the power of no joint that is heard and moves
 #pragma once
 
+#include <array>
 #include <map>
 #include <set>
 #include <string>
@@ -32,6 +40,14 @@
 #include "tests/exploration/world.hpp"
 
 namespace takt::exploration {
+
+// Whether motion, and an error of our own, is judged while, and shortly after, a joint's feedback lies. The tick
+// believes every lie as yet: true here asks of it that it finds them.
+inline constexpr bool kLiesAreFound = false;
+
+// Whether a joint that a hand lets go of while a policy plays may be no faster than too_fast says. As yet the policy's
+// stiffness throws it with up to the torque limit, as it would push anything: true here asks for more.
+inline constexpr bool kPlayedJointsYieldToHands = false;
 
 class Oracles {
  public:
@@ -54,8 +70,14 @@ class Oracles {
     bool torque_known = false;
     MonoTime disturbed_at;
     int standby_ticks = 0;
-    bool stiff = false;              // in a frame since the last tick was recorded
-    MonoTime calm_since, rested_at;  // by its true motion; unset: it moves, it never rested
+    bool stiff = false;               // in a frame since the last tick was recorded
+    MonoTime calm_since, rested_at;   // by its true motion; unset: it moves, it never rested
+    MonoTime ill_at, touched_at;      // something was wrong with it; a hand or a shove moved it
+    double carried = 0;               // rad/s, what is left of a speed that was not our doing
+    double let_go = 0;                // rad/s, its speed when nobody played any more
+    double led = -1;                  // rad/s, how fast it may be where nobody plays; < 0: not known
+    std::array<double, 40> speeds{};  // rad/s, of the last steps, signed
+    MonoTime unusual_gains_at, undamped_at, played_at, powered_at, moving_since;
   };
   void frame(const World::Sent& sent);
   void mit_frame(std::size_t joint, const World::Sent& sent);
@@ -65,6 +87,9 @@ class Oracles {
   void watch_unheard(std::size_t joint, double speed);
   void watch_rest(std::size_t joint, double speed);
   void watch_stop(const TickRecordHeader& header);
+  void watch_motion(std::size_t joint, double velocity);
+  void watch_reset(const TickRecordHeader& header);
+  [[nodiscard]] bool lies_now() const;  // or did within the last second
   void breaks(const char* oracle, std::size_t joint, const std::string& how);
 
   World& world_;
@@ -73,6 +98,9 @@ class Oracles {
   std::uint64_t ticks_ = 0;
   int unrecorded_ticks_ = 0, permitted_ticks_ = 0;
   Mode mode_ = Mode::standby;
+  Player player_ = Player::none;
+  std::size_t steps_ = 0;
+  bool has_lied_ = false;              // a lie has led to an error of our own, which stays until it is reset
   Player seen_player_ = Player::none;  // by the gains of the frames since the last tick was recorded
   StopBook book_;
   std::string broken_;

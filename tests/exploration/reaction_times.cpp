@@ -137,6 +137,8 @@ std::optional<Duration> finding(const Strike& strike, const config::RobotConfig&
       return robot.policy.value().period * (robot.freshness.bad_command_limit + 1);
     case Cause::feedback_lost:
       return robot.feedback.timeout;
+    case Cause::feedback_implausible:
+      return std::nullopt;
     case Cause::bus_error_passive:
       return shared(robot.bus_faults.error_passive);
     case Cause::transmit_queue_full:

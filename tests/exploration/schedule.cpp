@@ -27,6 +27,46 @@ std::vector<Event> draw(std::uint64_t seed, std::size_t joints, std::size_t buse
   return events;
 }
 
+std::vector<Event> draw_motion(std::uint64_t seed, std::size_t joints, std::size_t buses, Duration lasting,
+                               Motions with) {
+  constexpr std::array kGains{Happening::no_stiffness, Happening::no_stiffness, Happening::little_stiffness,
+                              Happening::no_damping, Happening::little_damping};
+  constexpr std::array kHands{Happening::hand_holds, Happening::hand_holds, Happening::hand_pulls, Happening::asks_far,
+                              Happening::asks_far};
+  constexpr std::array kOfCandidate{Happening::candidate_swap, Happening::candidate_back, Happening::candidate_silent,
+                                    Happening::candidate_nonsense};
+  constexpr auto kFirstLie = static_cast<unsigned>(Happening::says_frozen);
+  constexpr auto kLies = static_cast<unsigned>(Happening::says_future) - kFirstLie + 1;
+  std::mt19937_64 random(seed * 0xD134'2543'DE82'EF95ULL);
+  const auto below = [&random](std::uint64_t most) { return random() % most; };
+  const auto at_ms = [&below](std::uint64_t from, std::uint64_t until) {
+    return milliseconds(static_cast<std::int64_t>(from + below(until - from)));
+  };
+  const auto last_ms = static_cast<std::uint64_t>(lasting.ns / milliseconds(1).ns) - 1000;
+  std::vector<Event> events;
+  for (std::uint64_t i = 1 + below(3); i != 0; --i) {
+    const Happening what = kGains.at(below(kGains.size()));
+    const Duration from = below(2) == 0 ? Duration{} : at_ms(500, last_ms);
+    events.push_back({what, from, below(2) == 0 ? lasting : at_ms(200, 4000), below(joints)});
+  }
+  for (std::uint64_t i = below(3); i != 0; --i)
+    events.push_back({kHands.at(below(kHands.size())), at_ms(1000, last_ms), at_ms(50, 3000), below(joints)});
+  if (with.lies)
+    events.push_back(
+        {static_cast<Happening>(kFirstLie + below(kLies)), at_ms(1000, last_ms), at_ms(1, 2000), below(joints)});
+  if (with.candidate) {
+    const Duration swapped = at_ms(1000, last_ms / 2);
+    events.push_back({Happening::candidate_swap, swapped, {}, 0});
+    for (std::uint64_t i = below(3); i != 0; --i)
+      events.push_back({kOfCandidate.at(below(kOfCandidate.size())), swapped + at_ms(1, 2500), at_ms(5, 1500), 0});
+  }
+  // What ends it: the general schedule, shortened to a few.
+  std::vector<Event> others = draw(seed, joints, buses, lasting);
+  others.resize(1 + (others.size() - 1) % 4);
+  events.insert(events.end(), others.begin(), others.end());
+  return events;
+}
+
 std::string text(const Event& event) {
   constexpr std::array<std::string_view, kHappenings> kNames{"clock stalls",
                                                              "send stalls",
@@ -66,7 +106,25 @@ std::string text(const Event& event) {
                                                              "base leans",
                                                              "fallback silent",
                                                              "IMU frozen",
-                                                             "IMU late"};
+                                                             "IMU late",
+                                                             "no stiffness",
+                                                             "little stiffness",
+                                                             "no damping",
+                                                             "little damping",
+                                                             "far target",
+                                                             "held by hand",
+                                                             "pulled by hand",
+                                                             "feedback frozen",
+                                                             "feedback jumps",
+                                                             "feedback wraps",
+                                                             "feedback's sign",
+                                                             "feedback's scale",
+                                                             "feedback repeated",
+                                                             "feedback from the future",
+                                                             "swap asked",
+                                                             "back asked",
+                                                             "candidate silent",
+                                                             "candidate nonsense"};
   return fmt::format("{:.3f} s: {} of {}, for {:.1f} ms", event.at.seconds(),
                      kNames.at(static_cast<std::size_t>(event.what)), event.index, event.length.milliseconds());
 }

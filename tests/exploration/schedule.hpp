@@ -51,12 +51,40 @@ enum class Happening : std::uint8_t {
   fallback_silent,          // the fallback policy, where the robot has one
   imu_frozen,               // says old values under fresh stamps
   imu_late,                 // what it says is 30 ms old
+  // Of a joint, and drawn by draw_motion:
+  no_stiffness,      // policies ask for kp 0
+  little_stiffness,  // a tenth of the default
+  no_damping,        // policies ask for kd 0
+  little_damping,    //
+  asks_far,          // policies ask for a position 0.8 rad further
+  hand_holds,        // a hand holds the joint where it is, then lets go
+  hand_pulls,        // a hand pulls with a third of the joint's torque
+  says_frozen,       // its feedback lies under fresh stamps: the reading stays, of every other event the position only
+  says_jump,         // position 0.3 rad further
+  says_wrap,         // position a turn less
+  says_sign,         // motion the other way
+  says_scale,        // half as much motion again
+  says_repeated,     // every other reading is the one before
+  says_future,       // stamped `length` ahead, at most 1 s
+  // Of the candidate, which runs where one of them is drawn:
+  candidate_swap,      // a person asks for it
+  candidate_back,      //
+  candidate_silent,    // lasts
+  candidate_nonsense,  // lasts: what it says is not finite
 };
-inline constexpr unsigned kHappenings = 39;
+inline constexpr unsigned kHappenings = 57;
+static_assert(kHappenings <= 64);  // World keeps sets of them
 
 // What Event::index counts; of what is neither, nothing.
 constexpr bool is_of_joint(Happening what) {
-  return what >= Happening::drive_silent && what <= Happening::hurl;
+  return (what >= Happening::drive_silent && what <= Happening::hurl) ||
+         (what >= Happening::no_stiffness && what <= Happening::says_future);
+}
+constexpr bool is_lie(Happening what) {
+  return what >= Happening::says_frozen && what <= Happening::says_future;
+}
+constexpr bool is_of_candidate(Happening what) {
+  return what >= Happening::candidate_swap && what <= Happening::candidate_nonsense;
 }
 constexpr bool is_of_bus(Happening what) {
   return what >= Happening::bus_off && what <= Happening::frames_lost;
@@ -72,6 +100,14 @@ struct Event {
 
 // Between the second and the last second of `lasting`; between 1 and 8 events.
 std::vector<Event> draw(std::uint64_t seed, std::size_t joints, std::size_t buses, Duration lasting);
+// The same, and in front of it what makes a stop dangerous: gains that a policy leaves out for most of the time,
+// targets that are far, hands; `lies`: in feedback, too; `candidate`: a candidate that is swapped in, dies, is taken
+// back.
+struct Motions {
+  bool lies = false, candidate = false;
+};
+std::vector<Event> draw_motion(std::uint64_t seed, std::size_t joints, std::size_t buses, Duration lasting,
+                               Motions with);
 std::string text(const Event& event);
 
 }  // namespace takt::exploration

@@ -41,12 +41,9 @@ void StopBook::follow(const TickRecordHeader& header) {
     since_ = rest_counts_from_ = header.now;
     moves_ = header.previous_mode == Mode::tracking || header.previous_mode == Mode::degraded;
   }
-  // Nobody who was let go is moved again, and nobody who never was.
-  const auto is_refused = [this](Cause cause) { return !moves_ && how_of(cause) == StopHow::posture; };
-  if (begins && is_refused(cause_)) cause_ = Cause::none;
   Cause by_policy = Cause::none, other = Cause::none;
   for (const Cause cause : config::kStopCauses) {
-    if (!is_active(header, cause) || is_refused(cause)) continue;
+    if (!is_active(header, cause)) continue;
     Cause& worst = how_of(cause) == StopHow::policy ? by_policy : other;
     worst = worse(worst, cause);
   }
@@ -64,10 +61,8 @@ void StopBook::follow(const TickRecordHeader& header) {
   const bool is_over = ends && header.now - since_ >= rule->longest;
   way_ = is_over ? StopHow::rest : how_of(cause_);
   met_.insert({how_of(cause_), is_over});
-  moves_ = moves_ && (way_ == StopHow::posture || (way_ == StopHow::policy && header.player == Player::fallback));
+  moves_ = moves_ && way_ == StopHow::policy && header.player == Player::fallback;
   if (way_ == StopHow::policy && !moves_) way_ = StopHow::rest;
-  if (way_ != StopHow::posture) posture_since_ = {};
-  if (way_ == StopHow::posture && !posture_since_.is_set()) posture_since_ = header.now;
 }
 
 void StopBook::judge(const TickRecordHeader& header) {
@@ -98,7 +93,7 @@ void StopBook::tick(const TickRecordHeader& header) {
     follow(header);
     if (player_ == Player::fallback && header.player != Player::fallback) rest_counts_from_ = header.now;
   } else {
-    rest_counts_from_ = posture_since_ = {};
+    rest_counts_from_ = {};
   }
   judge(header);
   if (header.mode == Mode::degraded && !degraded_since_.is_set()) degraded_since_ = header.now;

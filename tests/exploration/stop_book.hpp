@@ -25,12 +25,9 @@ class StopBook {
   // Of the newest tick. In a damped stop:
   [[nodiscard]] config::StopHow way() const { return way_; }  // of a manner whose time is over: rest
   // The way itself has stiffness, whether the robot rests or not.
-  [[nodiscard]] bool may_be_stiff() const {
-    return way_ == config::StopHow::hold || way_ == config::StopHow::posture || way_ == config::StopHow::policy;
-  }
+  [[nodiscard]] bool may_be_stiff() const { return way_ == config::StopHow::hold || way_ == config::StopHow::policy; }
   // Rest that was before says nothing: the stop began, or the fallback policy let the robot go. Unset: no stop.
   [[nodiscard]] MonoTime rest_counts_from() const { return rest_counts_from_; }
-  [[nodiscard]] MonoTime posture_since() const { return posture_since_; }  // unset: it is not led to one
 
   // Ways in which a stop went on, and whether the way's own time ended it.
   using Met = std::set<std::pair<config::StopHow, bool>>;
@@ -51,9 +48,9 @@ class StopBook {
   MonoTime degraded_since_, fallback_since_;  // unset: it is not, it does not play
   Cause cause_ = Cause::none;                 // whose way
   MonoTime since_;
-  bool moves_ = false;  // a policy moved the robot, or the stop does: it may go on being moved
+  bool moves_ = false;  // a policy moved the robot, or the fallback policy does: it may go on being moved
   config::StopHow way_ = config::StopHow::rest;
-  MonoTime rest_counts_from_, posture_since_;
+  MonoTime rest_counts_from_;
   std::string broken_;
   Met met_;
 };

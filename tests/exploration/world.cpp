@@ -1,5 +1,6 @@
 #include "tests/exploration/world.hpp"
 
+#include <malloc.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -25,7 +26,7 @@ namespace {
 constexpr Duration kInference = milliseconds(12);
 constexpr std::uint16_t kSteps = 16;  // as the robot file says
 constexpr Duration kStepPeriod = milliseconds(20);
-constexpr std::uint64_t kPolicyHash = 5, kFallbackHash = 6;
+constexpr std::uint64_t kPolicyHash = 5, kFallbackHash = 6, kCandidateHash = 7;
 constexpr Duration kAsksEvery = milliseconds(400);  // the operator: to arm, or to reset
 
 }  // namespace
@@ -83,14 +84,13 @@ namespace {
 
 config::StopConfig drawn_stop(Cause cause, bool is_backed, std::mt19937_64& random) {
   using config::StopHow;
-  constexpr std::array kWays{StopHow::rest, StopHow::damping, StopHow::hold, StopHow::posture, StopHow::policy};
+  constexpr std::array kWays{StopHow::rest, StopHow::damping, StopHow::hold, StopHow::policy};
   constexpr std::array kLongest{Duration{}, milliseconds(150), milliseconds(600), seconds(2)};
   const bool may_be_policys =
       is_backed && std::ranges::find(config::kPolicyStopCauses, cause) != config::kPolicyStopCauses.end();
-  config::StopConfig stop{.name = std::string(name(cause)), .how = {}, .fallback = {}, .longest = {}, .shown_by = {}};
+  config::StopConfig stop{.name = std::string(name(cause)), .how = {}, .longest = {}, .shown_by = {}};
   // Where it may be the policy's, it is more often than not.
   stop.how = may_be_policys && random() % 2 == 0 ? StopHow::policy : kWays.at(random() % (kWays.size() - 1));
-  if (stop.how == StopHow::posture) stop.fallback = "tuck";
   if (stop.how != StopHow::rest && stop.how != StopHow::damping) stop.longest = kLongest.at(random() % kLongest.size());
   return stop;
 }
@@ -121,6 +121,32 @@ config::RobotConfig robot_that_stops(std::uint64_t seed) {
   return robot;
 }
 
+config::RobotConfig robot_at_random(std::uint64_t seed) {
+  using config::JoinKind;
+  constexpr std::array kJoins{JoinKind::replace, JoinKind::cross_fade, JoinKind::blend, JoinKind::ensemble,
+                              JoinKind::align,   JoinKind::quintic,    JoinKind::prefix};
+  std::mt19937_64 random(seed * 0xBF58'476D'1CE4'E5B9ULL);
+  config::RobotConfig robot = robot_that_stops(seed);
+  robot.policy->action.join = {.kind = kJoins.at(random() % kJoins.size()),
+                               .over = milliseconds(60),
+                               .new_share = 0.7,
+                               .decay = 0.1,
+                               .taper = {},
+                               .longest = milliseconds(60)};
+  for (config::Joint& joint : robot.joints)
+    if (joint.drive.protocol == config::DriveProtocol::cia402 && random() % 2 == 0)
+      joint.drive.mode = config::Cia402Mode::csp;
+  if (random() % 2 == 0) return robot;
+  config::Model& model = robot.model.emplace();
+  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+    config::Link& link = model.links.emplace_back();
+    link.joint = robot.joints[j].name;
+    link.parent = j % 2 == 1 ? static_cast<int>(j) - 1 : -1;
+    link.axis = {0, 0, 1};
+  }
+  return robot;
+}
+
 namespace {
 
 pipeline::TickConfig planted_config(const config::RobotConfig& robot, Planted planted) {
@@ -132,6 +158,20 @@ pipeline::TickConfig planted_config(const config::RobotConfig& robot, Planted pl
     if (planted == Planted::policy_in_any_stop) rule.manner = StopManner::policy;
   }
   if (planted == Planted::degraded_without_end) config.degraded_longest = {};
+  if (planted == Planted::early_rest) config.rest_velocity = 5;
+  for (std::size_t j = 0; j < config.joint_count; ++j) {
+    pipeline::JointConfig& joint = config.joints[j];
+    if (planted == Planted::fast_limits) joint.limits.velocity *= 3;
+    if (planted == Planted::fast_limits) joint.limits.acceleration *= 1.8F;
+    if (planted == Planted::sudden_limits) joint.limits.acceleration *= 10;
+    if (planted != Planted::led_when_lost) continue;
+    joint.fallback_pose = joint.home + 0.5F;
+    joint.fallback_speed = 1;
+  }
+  if (planted == Planted::led_when_lost) {
+    config.degraded = pipeline::DegradedBehaviour::fallback;
+    config.fallback = pipeline::FallbackKind::pose;
+  }
   return config;
 }
 
@@ -252,20 +292,146 @@ class World::PlantedGuard final : public drivers::FrameGuard {
   drivers::WireGuard guard_;
 };
 
+// Between a driver and the tick: what the joint said becomes a lie, whatever its protocol.
+class World::LyingDriver final : public drivers::JointDriver {
+ public:
+  LyingDriver(World& world, std::size_t joint, std::unique_ptr<drivers::JointDriver> driver)
+      : world_(world), joint_(joint), driver_(std::move(driver)), said_(driver_->feedback()) {}
+  std::size_t encode(bool enable, const drivers::DriveSetpoint& setpoint, MonoTime now, MonoTime valid_until,
+                     std::span<drivers::CanFrame> out) noexcept override {
+    const std::size_t count = driver_->encode(enable, setpoint, now, valid_until, out);
+    JointFeedback state = driver_->feedback();  // which a driver may change by itself; motion is what was said
+    state.received_at = said_.received_at;
+    state.q = said_.q;
+    state.dq = said_.dq;
+    state.tau = said_.tau;
+    said_ = state;
+    return count;
+  }
+  void assume_set_up() noexcept override { driver_->assume_set_up(); }
+  void assume_home(float q, float tolerance) noexcept override { driver_->assume_home(q, tolerance); }
+  bool decode(const drivers::ReceivedFrame& received) noexcept override {
+    if (!driver_->decode(received)) return false;
+    const JointFeedback& truth = driver_->feedback();
+    const Event* const lie = world_.lie_of(joint_);
+    if (lie == nullptr) {
+      said_ = before_ = truth;
+      return true;
+    }
+    if (lie != lie_) first_ = said_;
+    lie_ = lie;
+    const JointFeedback said_before = said_;
+    said_ = truth;
+    tell(*lie, said_before);
+    if (truth.replies != before_.replies) before_ = truth;
+    return true;
+  }
+  [[nodiscard]] const JointFeedback& feedback() const noexcept override { return said_; }
+
+ private:
+  void tell(const Event& lie, const JointFeedback& said_before) {
+    const bool again = said_.replies == said_before.replies;  // the same reading, with more to it
+    if (lie.what == Happening::says_frozen) said_.q = first_.q;
+    if (lie.what == Happening::says_frozen && lie.length.ns / milliseconds(1).ns % 2 == 0) {
+      said_.dq = first_.dq;
+      said_.tau = first_.tau;
+    }
+    if (lie.what == Happening::says_jump) said_.q += 0.3F;
+    if (lie.what == Happening::says_wrap) said_.q -= 6.2831853F;
+    if (lie.what == Happening::says_sign) said_.q = 2 * first_.q - said_.q;
+    if (lie.what == Happening::says_sign) said_.dq = -said_.dq;
+    if (lie.what == Happening::says_scale) said_.q += 0.5F * (said_.q - first_.q);
+    if (lie.what == Happening::says_scale) said_.dq *= 1.5F;
+    if (lie.what == Happening::says_repeated && said_.replies % 2 != 0) {
+      said_.q = again ? said_before.q : before_.q;
+      said_.dq = again ? said_before.dq : before_.dq;
+    }
+    if (lie.what == Happening::says_future) said_.received_at = said_.received_at + std::min(lie.length, seconds(1));
+  }
+
+  World& world_;
+  std::size_t joint_;
+  std::unique_ptr<drivers::JointDriver> driver_;
+  JointFeedback said_{}, before_{}, first_{};  // told last, true of the reply before, told when the lie began
+  const Event* lie_ = nullptr;
+};
+
 // --- construction ---
 
-ipc::Segment World::Policy::new_mailbox() {
-  return ipc::Segment::create("explored", ipc::ring_bytes(ipc::command_mailbox()), false).value();
-}
+// Shared memory of one writer, and who reads it.
+struct World::Mailbox {
+  explicit Mailbox(const ipc::RingShape& ring)
+      : shape(ring),
+        segment(ipc::Segment::create("explored", ipc::ring_bytes(ring), true).value()),
+        writer(segment.writable(), ring) {}
+  [[nodiscard]] ipc::Segment seen() const {
+    return ipc::Segment::adopt_read_only(dup(segment.fd()), segment.size()).value();
+  }
+  // Of what is written from now on.
+  [[nodiscard]] ipc::SlotReader reader(const ipc::Segment& of) const {
+    ipc::SlotReader made = ipc::SlotReader::attach(of.readable(), shape).value();
+    made.skip_to_newest();
+    return made;
+  }
+  ipc::RingShape shape;
+  ipc::Segment segment;
+  ipc::SlotWriter writer;
+};
 
-World::Policy::Policy(runtime::MailboxHandover& mailboxes, std::uint64_t policy_hash, Happening what_silences,
-                      float kd_share, ipc::Segment mailbox)
-    : hash(policy_hash),
-      silence(what_silences),
-      kd(kd_share),
-      command_segment(ipc::Segment::adopt_writable(dup(mailbox.fd()), mailbox.size()).value()),
-      commands(std::make_unique<ipc::SlotWriter>(command_segment.writable(), ipc::command_mailbox())) {
-  mailboxes.want(runtime::CommandMailbox::seal(std::move(mailbox), 1).value());
+// All of a world's shared memory. Sealing and faulting it would take a quarter of a schedule's time: one world lends it
+// to the next of the same shape.
+struct World::Rings {
+  Rings(std::size_t joints, std::uint32_t largest)
+      : joint_count(joints),
+        largest_command(largest),
+        published(runtime::PublishedSegments::create(joints, largest).value()),
+        observation_segment(ipc::Segment::adopt_read_only(dup(published.observation_descriptor()),
+                                                          ipc::ring_bytes(ipc::observation_mailbox()))
+                                .value()) {
+    // What a world allocates and frees stays with the process: the next one needs it, and would fault it in again.
+    mallopt(M_MMAP_THRESHOLD, 32 << 20);
+    mallopt(M_TRIM_THRESHOLD, 256 << 20);
+  }
+  static std::unique_ptr<Rings> take(std::size_t joints, std::uint32_t largest) {
+    const auto fits = [&](const auto& one) { return one->joint_count == joints && one->largest_command == largest; };
+    const auto found = std::ranges::find_if(spare(), fits);
+    if (found == spare().end()) return std::make_unique<Rings>(joints, largest);
+    std::unique_ptr<Rings> rings = std::move(*found);
+    spare().erase(found);
+    return rings;
+  }
+  static void give_back(std::unique_ptr<Rings> rings) { spare().push_back(std::move(rings)); }
+  [[nodiscard]] ipc::SlotReader ticks() const {
+    ipc::SlotReader reader = published.tick_reader();
+    reader.skip_to_newest();
+    return reader;
+  }
+  [[nodiscard]] ipc::SlotReader observations() const {
+    auto reader = ipc::SlotReader::attach(observation_segment.readable(), ipc::observation_mailbox()).value();
+    reader.skip_to_newest();
+    return reader;
+  }
+
+  std::size_t joint_count;
+  std::uint32_t largest_command;
+  runtime::PublishedSegments published;
+  ipc::Segment observation_segment;
+  Mailbox policy{ipc::command_mailbox()}, fallback{ipc::command_mailbox()}, candidate{ipc::command_mailbox()};
+  Mailbox imu{ipc::sensor_mailbox()};
+
+ private:
+  static std::vector<std::unique_ptr<Rings>>& spare() {
+    static std::vector<std::unique_ptr<Rings>> rings;
+    return rings;
+  }
+};
+
+World::Policy::Policy(Mailbox& mailbox, runtime::MailboxHandover& handover, std::uint64_t policy_hash,
+                      Happening what_silences, float kd_share)
+    : hash(policy_hash), silence(what_silences), kd(kd_share), commands(mailbox.writer) {
+  ipc::Segment seen = mailbox.seen();
+  const ipc::SlotReader reader = mailbox.reader(seen);
+  handover.want(std::make_unique<runtime::CommandMailbox>(std::move(seen), reader, std::uint8_t{1}, policy_hash));
 }
 
 World::World(const config::RobotConfig& robot, std::vector<Event> events, std::uint64_t seed, Planted planted)
@@ -278,37 +444,47 @@ World::World(const config::RobotConfig& robot, std::vector<Event> events, std::u
       arriving_(robot.buses.size()),
       unheard_since_(robot.joints.size()),
       shoved_at_(robot.joints.size()),
+      handled_at_(robot.joints.size()),
+      lied_at_(robot.joints.size()),
+      held_at_(robot.joints.size(), std::numeric_limits<double>::quiet_NaN()),
       config_(planted_config(robot, planted)),
       clock_(std::make_unique<VirtualClock>(*this)),
       edge_(make_edge()),
-      published_(runtime::PublishedSegments::create(robot.joints.size(), config_.largest_command).value()),
-      observation_segment_(ipc::Segment::adopt_read_only(dup(published_.observation_descriptor()),
-                                                         ipc::ring_bytes(ipc::observation_mailbox()))
-                               .value()),
-      ticks_(published_.tick_reader()),
-      observations_(ipc::SlotReader::attach(observation_segment_.readable(), ipc::observation_mailbox()).value()),
-      imu_segment_(ipc::Segment::create("explored", ipc::ring_bytes(ipc::sensor_mailbox()), true).value()),
-      policy_(mailboxes_, kPolicyHash, Happening::policy_silent, kPolicyKd),
-      fallback_(fallback_mailboxes_, kFallbackHash, Happening::fallback_silent, kFallbackKd),
-      imu_(imu_segment_.writable(), ipc::sensor_mailbox()) {
-  auto seen = ipc::Segment::adopt_read_only(dup(imu_segment_.fd()), imu_segment_.size()).value();
-  const auto reader = ipc::SlotReader::attach(seen.readable(), ipc::sensor_mailbox()).value();
+      rings_(Rings::take(robot.joints.size(), config_.largest_command)),
+      ticks_(rings_->ticks()),
+      observations_(rings_->observations()),
+      policy_(rings_->policy, mailboxes_, kPolicyHash, Happening::policy_silent, kPolicyKd),
+      fallback_(rings_->fallback, fallback_mailboxes_, kFallbackHash, Happening::fallback_silent, kFallbackKd) {
+  for (const Event& event : events_) drawn_ |= std::uint64_t{1} << static_cast<unsigned>(event.what);
+  advance_to(kStart);
+  lies_ = std::ranges::any_of(events_, is_lie, &Event::what);
+  if (std::ranges::any_of(events_, is_of_candidate, &Event::what))
+    candidate_ = std::make_unique<Policy>(rings_->candidate, candidate_mailboxes_, kCandidateHash,
+                                          Happening::candidate_silent, kCandidateKd);
+  ipc::Segment seen = rings_->imu.seen();
+  const ipc::SlotReader reader = rings_->imu.reader(seen);
   imu_mailboxes_.want(std::make_unique<runtime::ImuMailbox>(std::move(seen), reader));
   loop_ = std::make_unique<runtime::CyclicLoop>(
       runtime::LoopParts{config_, *clock_, edge_, mailboxes_, fallback_mailboxes_, candidate_mailboxes_, requests_,
-                         recorded_, published_, board_, &imu_mailboxes_},
+                         recorded_, rings_->published, board_, &imu_mailboxes_},
       runtime::LoopTiming{{}, {}, 1'000'000});
 }
 
-World::~World() = default;
+World::~World() {
+  Rings::give_back(std::move(rings_));
+}
 
 runtime::DriveEdge World::make_edge() {
   std::vector<std::unique_ptr<drivers::CanBus>> buses;
   for (std::size_t bus = 0; bus < robot_.buses.size(); ++bus) buses.push_back(std::make_unique<VirtualBus>(*this, bus));
   const std::vector<Turns> turns = config::turns_of(robot_);
   std::vector<runtime::JointOnBus> joints;
-  for (std::size_t j = 0; j < robot_.joints.size(); ++j)
-    joints.push_back({drivers::make_joint_driver(robot_, j).value(), robot_.joints[j].bus, turns[j]});
+  for (std::size_t j = 0; j < robot_.joints.size(); ++j) {
+    std::unique_ptr<drivers::JointDriver> driver = drivers::make_joint_driver(robot_, j).value();
+    const auto lies = [j](const Event& event) { return is_lie(event.what) && event.index == j; };
+    if (std::ranges::any_of(events_, lies)) driver = std::make_unique<LyingDriver>(*this, j, std::move(driver));
+    joints.push_back({std::move(driver), robot_.joints[j].bus, turns[j]});
+  }
   return {std::move(buses), std::move(joints), std::make_unique<PlantedGuard>(*this),
           std::make_unique<VirtualTorque>(*this)};
 }
@@ -322,13 +498,31 @@ void World::run(Duration lasting) {
 void World::go_to(MonoTime until) {
   now_ = until;
   const Duration step = plant_.step_length();
-  for (; plant_at_ + step <= now_; plant_at_ = plant_at_ + step) {
+  for (; plant_at_ + step <= now_; advance_to(plant_at_ + step)) {
     begin_and_end_events();
     plant_.step();
+    lend_a_hand();
+    if (lies_) note_lies();
     sense_base();
     for (std::size_t bus = 0; bus < arriving_.size(); ++bus) collect(bus);
     if (on_step) on_step();
   }
+}
+
+// A stamp from the future is believed until that is there.
+void World::note_lies() {
+  for (const Event& event : events_) {
+    if (!is_lie(event.what) || plant_at_ < kStart + event.at) continue;
+    const Duration after = event.what == Happening::says_future ? std::min(event.length, seconds(1)) : Duration{};
+    if (plant_at_ < kStart + event.end() + after) lied_at_[event.index] = plant_at_;
+  }
+}
+
+void World::advance_to(MonoTime at) {
+  plant_at_ = at;
+  active_ = 0;
+  for (const Event& event : events_)
+    if (is_active(event)) active_ |= std::uint64_t{1} << static_cast<unsigned>(event.what);
 }
 
 // Once a millisecond, with a little noise: no IMU says the same twice.
@@ -344,10 +538,11 @@ void World::sense_base() {
   sample.values[1] = std::sin(lean / 2);
   const bool frozen = active(Happening::imu_frozen) != nullptr;
   sample.values[9] = 9.81F + (frozen ? 0.0F : 1e-3F * static_cast<float>(imu_sequence_ % 7));
-  imu_.publish(std::as_bytes(std::span(&sample, 1)));
+  rings_->imu.writer.publish(std::as_bytes(std::span(&sample, 1)));
 }
 
 void World::stall_in(Happening port) {
+  if ((drawn_ >> static_cast<unsigned>(port) & 1U) == 0) return;
   for (std::size_t i = 0; i < events_.size(); ++i) {
     if (done_[i] || events_[i].what != port || now_ < kStart + events_[i].at) continue;
     done_[i] = true;
@@ -357,6 +552,7 @@ void World::stall_in(Happening port) {
 
 // Drives live on, by their own watchdogs; CLOCK_MONOTONIC stands still, and nothing that was said meanwhile is heard.
 void World::fall_asleep(Happening when) {
+  if ((drawn_ >> static_cast<unsigned>(when) & 1U) == 0) return;
   for (std::size_t i = 0; i < events_.size(); ++i) {
     if (done_[i] || events_[i].what != when || now_ < kStart + events_[i].at) continue;
     done_[i] = true;
@@ -367,7 +563,8 @@ void World::fall_asleep(Happening when) {
       for (std::size_t bus = 0; bus < arriving_.size(); ++bus) plant_.collect(bus, said_);
     }
     std::ranges::fill(shoved_at_, plant_at_);
-    for (Policy* const policy : {&policy_, &fallback_}) {
+    for (Policy* const policy : {&policy_, &fallback_, candidate_.get()}) {
+      if (policy == nullptr) continue;
       policy->newest_answered = policy->newest_answered - length;
       for (Answer& answer : policy->answers) answer.sensed = answer.sensed - length;
     }
@@ -379,14 +576,22 @@ bool World::is_active(const Event& event) const {
 }
 
 const Event* World::active(Happening what) const {
+  if (!may_be_on(what)) return nullptr;
   const auto found =
       std::find_if(events_.begin(), events_.end(), [&](const Event& e) { return e.what == what && is_active(e); });
   return found == events_.end() ? nullptr : &*found;
 }
 
 bool World::is_on(Happening what, std::size_t index) const {
-  return std::any_of(events_.begin(), events_.end(),
-                     [&](const Event& e) { return e.what == what && e.index == index && is_active(e); });
+  return may_be_on(what) && std::any_of(events_.begin(), events_.end(), [&](const Event& e) {
+           return e.what == what && e.index == index && is_active(e);
+         });
+}
+
+const Event* World::lie_of(std::size_t joint) const {
+  const auto found = std::ranges::find_if(
+      events_, [&](const Event& event) { return is_lie(event.what) && event.index == joint && is_active(event); });
+  return found == events_.end() ? nullptr : &*found;
 }
 
 // What a second host sends to take the power away.
@@ -445,6 +650,12 @@ void World::begin_and_end_events() {
         requests_.shut_down(now_);
         stop_asked_at_ = plant_at_;
         break;
+      case Happening::candidate_swap:
+        requests_.swap(kCandidateHash);
+        break;
+      case Happening::candidate_back:
+        requests_.back();
+        break;
       case Happening::stall_in_clock:
       case Happening::stall_in_send:
       case Happening::stall_in_receive:
@@ -476,6 +687,22 @@ void World::begin_and_end_events() {
       case Happening::fallback_silent:
       case Happening::imu_frozen:
       case Happening::imu_late:
+      case Happening::no_stiffness:
+      case Happening::little_stiffness:
+      case Happening::no_damping:
+      case Happening::little_damping:
+      case Happening::asks_far:
+      case Happening::hand_holds:
+      case Happening::hand_pulls:
+      case Happening::says_frozen:
+      case Happening::says_jump:
+      case Happening::says_wrap:
+      case Happening::says_sign:
+      case Happening::says_scale:
+      case Happening::says_repeated:
+      case Happening::says_future:
+      case Happening::candidate_silent:
+      case Happening::candidate_nonsense:
         done_[i] = false;  // lasts, or strikes at a port
     }
   }
@@ -488,7 +715,44 @@ void World::push(std::size_t joint, double speed) {
   shoved_at_[joint] = plant_at_;
 }
 
+// A hand that holds is a spring and a damper as stiff as a millisecond's step allows. Between plant and drives, after
+// each step: what a hand adds to a speed is not the executive's doing.
+void World::lend_a_hand() {
+  constexpr double kStiffness = 200;  // rad/s, of a joint's inertia on it, critically damped
+  constexpr double kPull = 1.0 / 3;   // of the joint's torque
+  const bool may_touch = may_be_on(Happening::hand_holds) || may_be_on(Happening::hand_pulls);
+  const double dt = plant_.step_length().seconds();
+  for (std::size_t joint = 0; joint < held_at_.size(); ++joint) {
+    const bool holds = may_touch && is_on(Happening::hand_holds, joint);
+    const bool pulls = may_touch && is_on(Happening::hand_pulls, joint);
+    if (!holds) held_at_[joint] = std::numeric_limits<double>::quiet_NaN();
+    if (!holds && !pulls) continue;
+    plant::ArmState state = plant_.state();
+    double& q = state.q[static_cast<Eigen::Index>(joint)];
+    double& dq = state.dq[static_cast<Eigen::Index>(joint)];
+    if (holds && std::isnan(held_at_[joint])) held_at_[joint] = q;
+    if (pulls) dq += dt * kPull * robot_.joints[joint].limits.torque / robot_.joints[joint].inertia;
+    if (holds) {
+      const double before = dq;
+      dq = (dq + dt * kStiffness * kStiffness * (held_at_[joint] - q)) /
+           (1 + dt * 2 * kStiffness + dt * dt * kStiffness * kStiffness);
+      q += dt * (dq - before);  // as if it had been there in the plant's step
+    }
+    plant_.set_state(std::move(state));
+    handled_at_[joint] = plant_at_;
+  }
+}
+
 void World::set_lines() {
+  constexpr std::uint64_t kOfLines = [] {
+    std::uint64_t set = 0;
+    for (const Happening what : {Happening::drive_silent, Happening::drive_restarts, Happening::drive_deaf,
+                                 Happening::drive_repeats, Happening::drive_late})
+      set |= std::uint64_t{1} << static_cast<unsigned>(what);
+    return set;
+  }();
+  const bool had = std::exchange(has_lines_, (active_ & kOfLines) != 0);
+  if (!had && !has_lines_) return;
   for (std::size_t joint = 0; joint < plant_.joint_count(); ++joint) {
     plant::LineFaults line;
     for (const Event& event : events_) {
@@ -576,6 +840,10 @@ bool World::plant_fault_in(drivers::CanFrame& frame) {
     case Planted::degraded_without_end:
     case Planted::stiff_damping:
     case Planted::policy_in_any_stop:
+    case Planted::led_when_lost:
+    case Planted::fast_limits:
+    case Planted::sudden_limits:
+    case Planted::early_rest:
       return true;
     case Planted::old_frames:
       if (active(Happening::policy_silent) != nullptr && last_frames_.contains(frame.id))
@@ -614,6 +882,7 @@ bool World::plant_fault_in(drivers::CanFrame& frame) {
 // --- policy and operator ---
 
 bool World::obeys(std::size_t joint) const {
+  if (active_ == 0) return true;
   return std::none_of(events_.begin(), events_.end(), [&](const Event& event) {
     if (!is_active(event)) return false;
     const bool of_bus = event.what == Happening::bus_off || event.what == Happening::bus_down ||
@@ -621,6 +890,23 @@ bool World::obeys(std::size_t joint) const {
     const bool of_joint = event.what == Happening::drive_deaf || event.what == Happening::drive_restarts;
     return (of_bus && event.index == robot_.joints[joint].bus) || (of_joint && event.index == joint);
   });
+}
+
+bool World::is_well(std::size_t joint) const {
+  if (active_ == 0) return true;
+  return std::none_of(events_.begin(), events_.end(), [&](const Event& event) {
+    const bool of_bus = is_of_bus(event.what) && event.index == robot_.joints[joint].bus;
+    const bool of_drive = event.what >= Happening::drive_silent && event.what <= Happening::drive_hot;
+    return is_active(event) && (of_bus || (of_drive && event.index == joint));
+  });
+}
+
+bool World::has_usual_gains(std::size_t joint) const {
+  return is_damped(joint) && !is_on(Happening::no_stiffness, joint) && !is_on(Happening::little_stiffness, joint);
+}
+
+bool World::is_damped(std::size_t joint) const {
+  return !is_on(Happening::no_damping, joint) && !is_on(Happening::little_damping, joint);
 }
 
 void World::before_tick() {
@@ -644,16 +930,23 @@ void World::let_policies_work() {
       observations_.read_latest(std::as_writable_bytes(std::span(&observation_, 1))).status == ipc::ReadStatus::fresh;
   let_work(policy_, observes);
   if (pipeline::has_fallback_policy(config_)) let_work(fallback_, observes);
+  if (candidate_) let_work(*candidate_, observes);
 }
 
 void World::let_work(Policy& policy, bool observes) {
   if (observes && active(policy.silence) == nullptr) answer(policy, observation_);
   for (; !policy.answers.empty() && policy.answers.front().due <= now_; policy.answers.pop_front()) {
-    const Answer& ready = policy.answers.front();
+    Answer& ready = policy.answers.front();
     ready.chunk->header.published_at = now_;
-    policy.commands->publish(std::as_bytes(std::span(ready.chunk.get(), 1)).first(ready.bytes));
+    policy.commands.publish(std::as_bytes(std::span(ready.chunk.get(), 1)).first(ready.bytes));
     policy.newest_answered = std::max(policy.newest_answered, ready.sensed);
+    spare_chunks_.push_back(std::move(ready.chunk));
   }
+}
+
+float World::share(float usual, Happening none, Happening little, std::size_t joint) const {
+  if (is_on(none, joint)) return 0;
+  return is_on(little, joint) ? kLittle : usual;
 }
 
 void World::answer(Policy& policy, const Observation& observation) {
@@ -661,8 +954,10 @@ void World::answer(Policy& policy, const Observation& observation) {
   const Event* const slow = is_main ? active(Happening::policy_slow) : nullptr;
   const Duration takes =
       kInference + (slow != nullptr ? std::min(Duration{slow->length.ns / 4}, milliseconds(200)) : Duration{});
-  auto chunk = std::make_unique<CommandChunk>();
-  CommandHeader& header = chunk->header;
+  if (spare_chunks_.empty()) spare_chunks_.push_back(std::make_unique<CommandChunk>());
+  std::unique_ptr<CommandChunk> chunk = std::move(spare_chunks_.back());
+  spare_chunks_.pop_back();
+  CommandHeader& header = chunk->header = {};
   header.observation_id = observation.id;
   header.sequence = ++policy.sequence;
   header.policy_hash = policy.hash;
@@ -674,16 +969,20 @@ void World::answer(Policy& policy, const Observation& observation) {
   header.joint_count = static_cast<std::uint16_t>(observation.joint_count);
   header.fields = static_cast<std::uint8_t>(CommandField::q) | static_cast<std::uint8_t>(CommandField::kp) |
                   static_cast<std::uint8_t>(CommandField::kd);
-  const bool nonsense = is_main && active(Happening::policy_nonsense) != nullptr;
+  const bool nonsense =
+      active(is_main ? Happening::policy_nonsense : Happening::candidate_nonsense) != nullptr && &policy != &fallback_;
   for (std::size_t step = 0; step < kSteps; ++step) {
     const double at = (observation.published_at - kStart + kStepPeriod * static_cast<std::int64_t>(step)).seconds();
     for (std::size_t j = 0; j < header.joint_count; ++j) {
       const config::Joint& joint = robot_.joints[j];
-      const double q = joint.home + 0.4 * std::sin(3.0 * at + static_cast<double>(j));
+      const double far = is_on(Happening::asks_far, j) ? 0.8 : 0.0;
+      const double q = joint.home + far + 0.4 * std::sin(3.0 * at + static_cast<double>(j));
       chunk->values[value_index(header, CommandField::q, step, j)] =
           nonsense ? std::numeric_limits<float>::quiet_NaN() : static_cast<float>(q);
-      chunk->values[value_index(header, CommandField::kp, step, j)] = kPolicyKp * config_.joints[j].kp;
-      chunk->values[value_index(header, CommandField::kd, step, j)] = policy.kd * config_.joints[j].kd;
+      chunk->values[value_index(header, CommandField::kp, step, j)] =
+          share(kPolicyKp, Happening::no_stiffness, Happening::little_stiffness, j) * config_.joints[j].kp;
+      chunk->values[value_index(header, CommandField::kd, step, j)] =
+          share(policy.kd, Happening::no_damping, Happening::little_damping, j) * config_.joints[j].kd;
     }
   }
   policy.answers.push_back({now_ + takes, chunk->used_bytes(), std::move(chunk), observation.oldest_sensed_at});

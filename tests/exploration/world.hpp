@@ -24,7 +24,8 @@ namespace takt::exploration {
 inline constexpr MonoTime kStart{1'000'000'000'000};
 inline constexpr Duration kOnTheWire = microseconds(130);  // of a frame, each way
 // Share of the robot's default gains that the policy asks for: by its ratio kp / kd a frame says whose it is.
-inline constexpr float kPolicyKp = 0.8F, kPolicyKd = 0.5F, kFallbackKd = 0.3F;
+inline constexpr float kPolicyKp = 0.8F, kPolicyKd = 0.5F, kFallbackKd = 0.3F, kCandidateKd = 0.4F;
+inline constexpr float kLittle = 0.1F;  // share of the default gains, where an event leaves only little of them
 
 // A fault of the executive's own, put between its drivers and the bus, so that oracles can be seen to bite.
 enum class Planted : std::uint8_t {
@@ -45,6 +46,11 @@ enum class Planted : std::uint8_t {
   degraded_without_end,  //
   stiff_damping,         // a stop that damps for good holds
   policy_in_any_stop,    // whatever stops the robot, the fallback policy goes on
+  // Of what the tick is told of limits and rest:
+  led_when_lost,  // degraded mode leads the robot to a pose half a radian away
+  fast_limits,    // velocity is three times as large, acceleration 1.8 times
+  sudden_limits,  // acceleration is ten times as large
+  early_rest,     // a joint rests at 5 rad/s
 };
 
 // One drive of each protocol, on flywheels; no gravity; an output that permits torque; an IMU in the base.
@@ -56,8 +62,12 @@ config::RobotConfig robot_with_turns();
 // The same with a fallback policy, which may move it for a second at one go.
 config::RobotConfig robot_with_fallback();
 // The same, whose stops and degraded mode are drawn from a seed: for every cause of a stop one of the ways to stop that
-// it may have, for so long; what degraded mode does, and for how long. Its one posture is home.
+// it may have, for so long; what degraded mode does, and for how long. Its one pose is home.
 config::RobotConfig robot_that_stops(std::uint64_t seed);
+// One of those, on top with a join, a mode of its CiA 402 drive, and for every other seed limbs, drawn from the seed:
+// links without mass, the second joint on the first, the fourth on the third, so that what is lost is not the whole
+// robot.
+config::RobotConfig robot_at_random(std::uint64_t seed);
 
 class World {
  public:
@@ -85,6 +95,16 @@ class World {
   // Since when nothing this joint says arrives; unset: it is heard.
   [[nodiscard]] MonoTime unheard_since(std::size_t joint) const { return unheard_since_[joint]; }
   [[nodiscard]] MonoTime shoved_at(std::size_t joint) const { return shoved_at_[joint]; }
+  // When a hand held or pulled it last; unset: never.
+  [[nodiscard]] MonoTime handled_at(std::size_t joint) const { return handled_at_[joint]; }
+  // When its feedback lied last; unset: never.
+  [[nodiscard]] MonoTime lied_at(std::size_t joint) const { return lied_at_[joint]; }
+  // Nothing is wrong with what it hears and does, nor with its bus; hands, shoves and lies are another matter.
+  [[nodiscard]] bool is_well(std::size_t joint) const;
+  // Policies ask for their usual gains.
+  [[nodiscard]] bool has_usual_gains(std::size_t joint) const;
+  // No policy leaves its damping out.
+  [[nodiscard]] bool is_damped(std::size_t joint) const;
   // It hears us: nothing is wrong with the way from the executive to this drive.
   [[nodiscard]] bool obeys(std::size_t joint) const;
   // The executive wakes and works in time.
@@ -100,6 +120,7 @@ class World {
   // When the oldest sample was taken of the newest observation that any command published by this one of the policies
   // answers; unset before.
   [[nodiscard]] MonoTime newest_answered(Player player) const {
+    if (player == Player::candidate) return candidate_ ? candidate_->newest_answered : MonoTime{};
     return player == Player::fallback ? fallback_.newest_answered : policy_.newest_answered;
   }
 
@@ -108,6 +129,9 @@ class World {
   class VirtualBus;
   class PlantedGuard;
   class VirtualTorque;
+  class LyingDriver;
+  struct Mailbox;
+  struct Rings;
   struct Arriving {
     drivers::ReceivedFrame frame;
     MonoTime readable_at;
@@ -118,27 +142,27 @@ class World {
     std::unique_ptr<CommandChunk> chunk;
     MonoTime sensed;
   };
-  // One of the two, behind its mailbox.
+  // One of the three, behind its mailbox.
   struct Policy {
-    // `mailbox` is the executive's from then on.
-    Policy(runtime::MailboxHandover& mailboxes, std::uint64_t policy_hash, Happening what_silences, float kd_share,
-           ipc::Segment mailbox = new_mailbox());
-    static ipc::Segment new_mailbox();
+    Policy(Mailbox& mailbox, runtime::MailboxHandover& handover, std::uint64_t policy_hash, Happening what_silences,
+           float kd_share);
     std::uint64_t hash;
     Happening silence;
     float kd;  // share of the robot's default gains that it asks for
-    ipc::Segment command_segment;
-    std::unique_ptr<ipc::SlotWriter> commands;
+    ipc::SlotWriter& commands;
     std::deque<Answer> answers{};
     std::uint64_t sequence = 0;
     MonoTime newest_answered{};
   };
   void pass(Duration time) { go_to(now_ + time); }
   void go_to(MonoTime until);
+  void advance_to(MonoTime at);  // of the plant
   void stall_in(Happening port);
   void fall_asleep(Happening when);
   void begin_and_end_events();
   void push(std::size_t joint, double speed);
+  void lend_a_hand();
+  void note_lies();
   void disable_from_outside(std::size_t joint);
   void set_lines();
   void sense_base();
@@ -148,9 +172,15 @@ class World {
   void let_policies_work();
   void let_work(Policy& policy, bool observes);
   void answer(Policy& policy, const Observation& observation);
+  // Of the default gains, or rad for asks_far: what events leave of the policies' wishes.
+  [[nodiscard]] float share(float usual, Happening none, Happening little, std::size_t joint) const;
   void before_tick();
   [[nodiscard]] bool is_active(const Event& event) const;
+  [[nodiscard]] bool may_be_on(Happening what) const {  // cheap, and seldom true
+    return (active_ >> static_cast<unsigned>(what) & 1U) != 0;
+  }
   [[nodiscard]] const Event* active(Happening what) const;
+  [[nodiscard]] const Event* lie_of(std::size_t joint) const;
   [[nodiscard]] bool is_on(Happening what, std::size_t index) const;
   [[nodiscard]] bool loses_frame(std::size_t bus);
   drivers::SendResult send(std::size_t bus, drivers::CanFrame frame);
@@ -161,7 +191,11 @@ class World {
 
   const config::RobotConfig& robot_;
   std::vector<Event> events_;
-  std::vector<bool> done_;  // by event: what strikes once has struck
+  std::vector<bool> done_;    // by event: what strikes once has struck
+  std::uint64_t drawn_ = 0;   // Happenings of the schedule, one bit each
+  std::uint64_t active_ = 0;  // of them, those that last at plant_at_
+  bool lies_ = false;         // the schedule has a lie
+  bool has_lines_ = false;    // one of the drives' connections is not well, or was not a step ago
   std::mt19937_64 random_;
   Planted planted_;
   bool torque_permitted_ = false;
@@ -170,7 +204,8 @@ class World {
   MonoTime plant_at_ = kStart;
   Duration slept_;
   std::vector<std::deque<Arriving>> arriving_;  // by bus
-  std::vector<MonoTime> unheard_since_, shoved_at_;
+  std::vector<MonoTime> unheard_since_, shoved_at_, handled_at_, lied_at_;
+  std::vector<double> held_at_;                             // rad, where a hand holds the joint; NaN: none does
   std::map<std::uint32_t, drivers::CanFrame> last_frames_;  // by id; for planted faults
   plant::Frames said_;
 
@@ -180,13 +215,12 @@ class World {
   runtime::MailboxHandover mailboxes_, fallback_mailboxes_, candidate_mailboxes_;
   runtime::OperatorInbox requests_;
   runtime::RecordedThrough recorded_;
-  runtime::PublishedSegments published_;
   runtime::StatusBoard board_;
-  ipc::Segment observation_segment_;
+  std::unique_ptr<Rings> rings_;
   ipc::SlotReader ticks_, observations_;
-  ipc::Segment imu_segment_;
+  std::vector<std::unique_ptr<CommandChunk>> spare_chunks_;  // large: used again and again
   Policy policy_, fallback_;
-  ipc::SlotWriter imu_;
+  std::unique_ptr<Policy> candidate_;  // where the schedule has one
   runtime::Handover<runtime::ImuMailbox> imu_mailboxes_;
   std::uint64_t imu_sequence_ = 0;
   std::unique_ptr<runtime::CyclicLoop> loop_;

@@ -44,12 +44,12 @@ MAY_USE = {
     "evidence/rollout": f"{SHARED} executive/pipeline executive/setup drivers/bus drivers/protocol drivers/guard policy_host "
                         "monitor/judge simulation evidence/artifact",
     "evidence/panel": f"{SHARED} executive/incident policy_host simulation monitor/record monitor/judge evidence/artifact evidence/judge evidence/rollout",
-    "evidence/study": f"{SHARED} executive/pipeline executive/setup drivers/protocol simulation monitor/record monitor/judge evidence/review "
+    "evidence/study": f"{SHARED} executive/pipeline executive/setup drivers/protocol simulation monitor/record monitor/judge evidence/review evidence/judge "
                       "evidence/rollout evidence/panel",
     "systemd/doctor": f"{SHARED} drivers/bus",
     "systemd/deploy": f"{SHARED} policy_host evidence/rollout",
     "cli/run": f"{SHARED} executive/incident cli drivers/protocol policy_host monitor/record evidence/judge",
-    "cli/evidence": f"{SHARED} cli cli/run monitor/record evidence/artifact evidence/data_set evidence/judge evidence/panel "
+    "cli/evidence": f"{SHARED} cli cli/run monitor/record monitor/judge evidence/artifact evidence/data_set evidence/judge evidence/panel "
                     "evidence/review evidence/rollout evidence/study",
     "cli/policy": f"{SHARED} cli policy_host monitor/record evidence/policy",
     "cli/top": f"{SHARED} executive/incident cli cli/run cli/evidence drivers/protocol monitor monitor/record monitor/judge monitor/telemetry",

@@ -89,7 +89,7 @@ for await (const message of reader.readMessages({ validateCrcs: true })) {
     assert.equal(nanoseconds(value.stamp), message.logTime);
     log.push([Number(newest.tick), value.level, value.name, value.msg]);
   } else if (topic === '/takt/command') {
-    assert.equal(value.byte_count, 96 + 4 * value.values.length + value.rest.length);
+    assert.equal(value.byte_count, 88 + 4 * value.values.length + value.rest.length);
   }
 }
 assert.equal(counts['/takt/tick'], metrics.ticks.recorded);

@@ -20,6 +20,7 @@
 #include "config/robot_config.hpp"
 #include "policy_host/observation_builder.hpp"
 #include "policy_host/onnx_policy.hpp"
+#include "tests/shared_files.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -77,7 +78,7 @@ struct Instant {
 class G1Observation : public testing::Test {
  protected:
   void SetUp() override {
-    if (!std::filesystem::exists(kFolder + "reference.json")) GTEST_SKIP() << "NOT TESTED: " << kFolder << " is absent";
+    TAKT_NEEDS_SHARED(kFolder + "reference.json", kFolder + "deploy.yaml");
     deploy = config::read_deploy_file(text_of(kFolder + "deploy.yaml"), "deploy.yaml").value();
     cases = nlohmann::json::parse(text_of(kFolder + "reference.json")).at("cases");
   }

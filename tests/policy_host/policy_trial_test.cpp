@@ -7,15 +7,20 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <utility>
+#include <vector>
 
 #include "policy_host/agreement.hpp"
 #include "policy_host/judging_network.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "tests/policy_host/installed_onnx_runtime.hpp"
+#include "tests/shared_files.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -104,7 +109,7 @@ TEST_F(TrialTest, EveryOperatorAgreesWithOnnxRuntime) {
 }
 
 TEST_F(TrialTest, PublishedPoliciesAgreeWithOnnxRuntime) {
-  if (!fs::exists(kShared)) GTEST_SKIP() << "NOT TESTED: " << kShared << " is not there";
+  TAKT_NEEDS_SHARED(kShared);
   const auto runtime = peer();
   for (const char* name :
        {"g1_velocity/policy.onnx", "mujoco_playground/go1_policy.onnx", "mujoco_playground/apollo_policy.onnx"}) {
@@ -124,6 +129,22 @@ TEST_F(TrialTest, PublishedPoliciesAgreeWithOnnxRuntime) {
     std::puts("NOT TESTED: the TorchScript policies, /usr/bin/python3 has no PyTorch");
   }
   report(runtime);
+}
+
+// A NaN that is followed by good values is not forgotten.
+TEST(Agreement, NaNAgainstANumberIsApartForGood) {
+  const float nan = std::numeric_limits<float>::quiet_NaN(), infinity = std::numeric_limits<float>::infinity();
+  EXPECT_EQ(distance_of(1.0F, 1.0F), 0.0);
+  EXPECT_NEAR(distance_of(1.5F, 1.0F), 0.5, 1e-12);
+  const std::vector<std::pair<float, float>> pairs{{nan, 1.0F},      {1.0F, nan},      {nan, infinity},
+                                                   {infinity, 1.0F}, {1.0F, infinity}, {infinity, -infinity}};
+  for (const auto& [own, judge] : pairs) {
+    const double apart = distance_of(own, judge);
+    EXPECT_TRUE(std::isinf(apart)) << own << " against " << judge;
+    EXPECT_TRUE(std::isinf(std::max(apart, distance_of(1.0F, 1.0F)))) << "and stays so";
+  }
+  EXPECT_EQ(distance_of(nan, nan), 0.0) << "counted apart (Agreement::both_nan)";
+  EXPECT_EQ(distance_of(infinity, infinity), 0.0);
 }
 
 }  // namespace

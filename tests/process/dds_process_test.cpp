@@ -277,6 +277,39 @@ TEST_F(DdsTest, RequestsArmAndStopWhereTheFileAllowsThem) {
   EXPECT_EQ(socket->status.tick.mode, Mode::damped_stop);
 }
 
+// The namesake is another vendor's participant that tells the same robot's name and another machine's.
+TEST_F(DdsTest, ARequestWithoutAMachineArmsNoneOfTwoNamesakes) {
+  start(true);
+  FastDdsPeer namesake(domain_of_this_test());
+  namesake.offer(kStatus, "takt_msgs::msg::dds_::Status_");
+  peer_->offer(kRequest, "takt_msgs::msg::dds_::Request_");
+  ASSERT_TRUE(until([&] { return peer_->is_matched(kRequest) && namesake.is_matched(kStatus); })) << robot_->logs();
+  // Nothing can be armed before the namesake was seen.
+  policy_.reset();
+  std::uint64_t id = 0;
+  const auto ask = [&](const std::string& machine) {
+    FastStatus status;
+    status.robot = name_;
+    status.machine = "bb22";
+    namesake.send(kStatus, encode_status(status));
+    peer_->send(kRequest, encode_request(name_, ++id, "arm", machine));
+    return until_status([&](const FastStatus& told) { return told.request_id == id && told.machine != "bb22"; });
+  };
+  std::optional<FastStatus> told;
+  ASSERT_TRUE(until([&] {
+    told = ask("");
+    return told && told->request_answer.find("more than one robot is named") == 0;
+  })) << (told ? told->request_answer : "no answer");
+  EXPECT_FALSE(told->request_done);
+  EXPECT_NE(told->request_answer.find("bb22"), std::string::npos) << told->request_answer;
+  const std::string here = told->machine;
+  policy_.emplace(robot_->start_policy_host());
+  ASSERT_TRUE(until([&] {
+    told = ask(here);
+    return told && told->request_done;
+  })) << (told ? told->request_answer : "no answer");
+}
+
 TEST_F(DdsTest, RequestsFindNobodyWhereTheFileDoesNotAllowThem) {
   start(false);
   peer_->offer(kRequest, "takt_msgs::msg::dds_::Request_");

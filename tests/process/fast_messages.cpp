@@ -77,11 +77,11 @@ FastStatus decode_status(const Payload& payload) {
   Reading in(payload);
   FastStatus out;
   out.unix_ns = in.time();
-  in >> out.robot >> out.running >> out.tick >> out.mode >> out.cause >> out.detail >> out.freshness >> out.age_ns >>
-      out.window_misses >> out.window_ticks >> out.skipped_periods >> out.overruns >> out.refused_commands >>
-      out.integration_errors >> out.command_sequence >> out.observation_answered >> out.drives_enabled >>
-      out.causes_active >> out.lost_joint_states >> out.lost_diagnostics >> out.lost_status >> out.lost_command_ages >>
-      out.request_id >> out.request_verb >> out.request_done >> out.request_answer;
+  in >> out.robot >> out.machine >> out.running >> out.tick >> out.mode >> out.cause >> out.detail >> out.freshness >>
+      out.age_ns >> out.window_misses >> out.window_ticks >> out.skipped_periods >> out.overruns >>
+      out.refused_commands >> out.integration_errors >> out.command_sequence >> out.observation_answered >>
+      out.drives_enabled >> out.causes_active >> out.lost_joint_states >> out.lost_diagnostics >> out.lost_status >>
+      out.lost_command_ages >> out.request_id >> out.request_verb >> out.request_done >> out.request_answer;
   in.end();
   return out;
 }
@@ -121,9 +121,23 @@ class Writing {
 
 }  // namespace
 
-Payload encode_request(const std::string& robot, std::uint64_t id, const std::string& verb) {
+Payload encode_request(const std::string& robot, std::uint64_t id, const std::string& verb,
+                       const std::string& machine) {
   Writing out;
-  out << robot << id << verb;
+  out << robot << machine << id << verb;
+  return out.bytes();
+}
+
+Payload encode_status(const FastStatus& status) {
+  Writing out;
+  out << static_cast<std::int32_t>(status.unix_ns / 1'000'000'000)
+      << static_cast<std::uint32_t>(status.unix_ns % 1'000'000'000) << status.robot << status.machine << status.running
+      << status.tick << status.mode << status.cause << status.detail << status.freshness << status.age_ns
+      << status.window_misses << status.window_ticks << status.skipped_periods << status.overruns
+      << status.refused_commands << status.integration_errors << status.command_sequence << status.observation_answered
+      << status.drives_enabled << status.causes_active << status.lost_joint_states << status.lost_diagnostics
+      << status.lost_status << status.lost_command_ages << status.request_id << status.request_verb
+      << status.request_done << status.request_answer;
   return out.bytes();
 }
 

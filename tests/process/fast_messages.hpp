@@ -25,7 +25,7 @@ struct FastDiagnostic {
 
 struct FastStatus {
   std::int64_t unix_ns = 0;
-  std::string robot;
+  std::string robot, machine;
   bool running = false;
   std::uint64_t tick = 0;
   std::string mode, cause, detail, freshness;
@@ -55,7 +55,9 @@ FastJointState decode_joint_state(const Payload& payload);
 std::vector<FastDiagnostic> decode_diagnostics(const Payload& payload);
 FastStatus decode_status(const Payload& payload);
 FastCommandAge decode_command_age(const Payload& payload);
-Payload encode_request(const std::string& robot, std::uint64_t id, const std::string& verb);
+Payload encode_request(const std::string& robot, std::uint64_t id, const std::string& verb,
+                       const std::string& machine = "");
+Payload encode_status(const FastStatus& status);
 
 // sensor_msgs and geometry_msgs, as a camera's or a driver's node sends them. Stamps: Unix ns.
 struct FastImage {

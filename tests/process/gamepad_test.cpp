@@ -51,7 +51,7 @@ class GamepadProcess : public testing::Test {
                                            robot_.robot_file().c_str(),
                                            "--runtime-dir",
                                            robot_.directory().c_str()};
-      exit_code_ = cli::run_command_line(static_cast<int>(words.size()), words.data());
+      exit_code_ = cli::run_command_line(cli::commands(), static_cast<int>(words.size()), words.data());
     });
   }
   ~GamepadProcess() override {

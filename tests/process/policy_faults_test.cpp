@@ -1,10 +1,13 @@
 // Goal: whatever the policy's process does, the executive keeps its period, names the cause, and no frame leaves the
 // envelope. Method: real processes on the loopback bus; the policy is killed, frozen, or replaced by one that lies in a
 // named way; afterwards the run folder is judged: causes, frames (independent decoder), losses, and replay.
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
+#include <array>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -22,6 +25,17 @@ namespace {
 std::string text_of(const std::string& path) {
   std::ifstream file(path);
   return {std::istreambuf_iterator<char>(file), {}};
+}
+
+// Blocks until the last writer of the pipe is gone.
+std::string read_to_end(int pipe) {
+  ::fcntl(pipe, F_SETFL, ::fcntl(pipe, F_GETFL) & ~O_NONBLOCK);
+  std::string text;
+  std::array<char, 4096> part{};
+  for (ssize_t got = 0; (got = ::read(pipe, part.data(), part.size())) > 0;)
+    text.append(part.data(), static_cast<std::size_t>(got));
+  ::close(pipe);
+  return text;
 }
 
 // What must be true of every run, however the policy behaved.
@@ -127,22 +141,27 @@ TEST(MonitorFaults, WhereTheRobotFileSaysSoTheRobotMovesUnrecorded) {
   EXPECT_EQ(status->status.recorder_required, 0);
 }
 
-// The review's file is a pipe, which lets nobody write before somebody reads: the review waits for the test.
+// The review's file is a pipe that holds one page: the review waits until the test reads.
 TEST(MonitorFaults, TheNextSessionIsRecordedWhileTheClosedOneIsReviewed) {
   RunningRobot robot;
   const auto recorded = [&] { return robot.wait_until([](const StatusSnapshot& s) { return s.monitor_pid != 0; }); };
   const auto first = recorded();
   ASSERT_TRUE(first && first->status.monitor_pid != 0) << robot.logs();
   robot.let_run(100);
-  const std::string written = robot.run_directory() + "/metrics.json.next";
+  const std::string written = robot.run_directory() + "/metrics.json";
   ASSERT_EQ(mkfifo(written.c_str(), 0600), 0);
+  const int held = ::open(written.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+  ASSERT_GE(held, 0);
+  ASSERT_EQ(::fcntl(held, F_SETPIPE_SZ, 4096), 4096);
   robot.executive().signal(SIGTERM);
   EXPECT_EQ(robot.executive().wait(std::chrono::seconds(20)), 0);
   robot.executive() = robot.start_executive();
   const auto second = recorded();
   ASSERT_TRUE(second.has_value()) << robot.logs();
   EXPECT_EQ(second->status.monitor_pid, first->status.monitor_pid) << "the same monitor, not waiting for the review";
-  EXPECT_NE(text_of(written).find("\"schema\""), std::string::npos) << robot.logs();
+  const std::string review = read_to_end(held);
+  EXPECT_GT(review.size(), 4096U) << "a review that fits the pipe waits for nothing";
+  EXPECT_NE(review.find("\"schema\""), std::string::npos) << robot.logs();
   ASSERT_TRUE(robot.finish()) << robot.logs();
   EXPECT_FALSE(text_of(robot.run_directory() + ".2/metrics.json").empty()) << "it waits for its last review";
 }

@@ -125,7 +125,10 @@ bool RunningRobot::reset() const {
   for (int poll = 0; poll < kPolls; ++poll) {
     const auto reply =
         ipc::ask(config::executive_socket(directory_), OperatorVerb::reset, std::chrono::milliseconds(2000));
-    if (reply && reply->done != 0) return true;
+    // In standby the second one accepts where the joints read: what fell while its drive was silent.
+    if (reply && reply->done != 0)
+      return ipc::ask(config::executive_socket(directory_), OperatorVerb::reset, std::chrono::milliseconds(2000))
+          .has_value();
     std::this_thread::sleep_for(kPollEvery);
   }
   return false;

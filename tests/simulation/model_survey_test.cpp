@@ -70,6 +70,77 @@ TEST_F(ModelSurveyTest, ReadsWhatAnUrdfSays) {
   EXPECT_NEAR(facts->joints[0].inertia, 2.01, 1e-6);
 }
 
+// A tetrahedron, as STL in binary.
+void write_mesh(const std::filesystem::path& path) {
+  std::filesystem::create_directories(path.parent_path());
+  std::ofstream file(path, std::ios::binary);
+  const float corners[4][3] = {{0, 0, 0}, {0.1F, 0, 0}, {0, 0.1F, 0}, {0, 0, 0.1F}};
+  const int faces[4][3] = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
+  const std::string header(80, ' ');
+  const std::uint32_t count = 4;
+  const float normal[3] = {0, 0, 1};
+  const std::uint16_t none = 0;
+  const auto put = [&](const auto& value) { file.write(reinterpret_cast<const char*>(&value), sizeof value); };
+  file << header;
+  put(count);
+  for (const auto& face : faces) {
+    put(normal);
+    for (const int corner : face) put(corners[corner]);
+    put(none);
+  }
+}
+
+TEST_F(ModelSurveyTest, FindsAUrdfsMeshesBesideItAndInItsPackage) {
+  const std::filesystem::path package =
+      testing::TempDir() + fmt::format("takt-package-{}", getpid()) + "/arm_description";
+  write_mesh(package / "meshes/upper.stl");
+  path_ = package / "urdf/arm.urdf";
+  std::filesystem::create_directories(package / "urdf");
+  for (const char* named : {"package://arm_description/meshes/upper.stl", "../meshes/upper.stl"}) {
+    const auto facts = survey(fmt::format(
+        R"(<robot name="arm"><link name="base"/><link name="upper"><inertial><origin xyz="0 0 -1"/><mass value="2"/>
+        <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+        <collision><geometry><mesh filename="{}"/></geometry></collision></link>
+        <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+        <limit lower="-1" upper="2" effort="40" velocity="3"/></joint></robot>)",
+        named));
+    ASSERT_TRUE(facts) << named << ": " << facts.error();
+    EXPECT_EQ(facts->joints.size(), 1U);
+  }
+  std::filesystem::remove_all(package.parent_path());
+}
+
+TEST_F(ModelSurveyTest, ATransmissionsJointHasNoLimits) {
+  const auto facts = survey(R"(<robot name="arm"><link name="base"/>
+    <link name="upper"><inertial><origin xyz="0 0 -1"/><mass value="2"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+      <limit lower="-1" upper="2" effort="40" velocity="3"/></joint>
+    <transmission name="t"><joint name="shoulder"/><limit effort="1" velocity="1"/></transmission></robot>)");
+  ASSERT_TRUE(facts) << facts.error();
+  EXPECT_EQ(facts->joints[0].torque, 40);
+}
+
+// Goal: no text of a model ends the program or takes long. Method: the kinds that once did, a megabyte each.
+TEST_F(ModelSurveyTest, AHostileTextIsRefusedAndNothingEnds) {
+  const std::string megabyte(1'000'000, 'a'), blanks(1'000'000, ' ');
+  std::string tags, quotes;
+  for (int i = 0; i < 100'000; ++i) {
+    tags += "<joint name='";
+    quotes += "<a b=\"";
+  }
+  const std::string texts[] = {
+      "<mujoco><joint actuatorfrcrange=\"" + megabyte + "\"/></mujoco>",
+      "<mujoco><include" + blanks + "file='a.xml'",
+      "<mujoco><compiler meshdir='" + megabyte + "</mujoco>",
+      "<robot name='r'><joint name='j1'/>" + blanks + "</robot>",
+      "<robot name='r'><joint" + blanks + "name='j1'><limit effort='" + megabyte + "'/></joint></robot>",
+      "<mujoco>" + tags + "</mujoco>",
+      "<robot>" + quotes + "</robot>",
+      "<mujoco" + blanks,
+  };
+  for (const std::string& text : texts) EXPECT_FALSE(survey(text)) << text.substr(0, 40);
+}
+
 TEST_F(ModelSurveyTest, WhatCannotBeReadIsOneSentence) {
   EXPECT_NE(survey_model("/nowhere/r.xml").error().find("/nowhere/r.xml: cannot be read"), std::string::npos);
   EXPECT_NE(survey("<mujoco>\n<nonsense/></mujoco>").error().find("nonsense"), std::string::npos);

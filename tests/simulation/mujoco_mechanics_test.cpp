@@ -18,6 +18,7 @@
 #include "simulation/arm_dynamics.hpp"
 #include "simulation/mjcf_file.hpp"
 #include "simulation/robot_plant.hpp"
+#include "tests/shared_files.hpp"
 #include "tests/simulation/arm_as_mjcf.hpp"
 #include "tests/simulation/plant_robots.hpp"
 
@@ -483,15 +484,11 @@ class G1 {
   std::vector<double> home_ = std::vector<double>(29);
 };
 
-bool has_g1() {
-  return std::filesystem::exists(kG1) && std::filesystem::exists(std::string(kPolicy) + "policy.onnx");
-}
-
 // Goal: somebody else's robot walks in our simulator by somebody else's policy. Method: both files as they were
 // published (the model with what MuJoCo 2.2.2 does not know); 0.5 m/s commanded for ten seconds; the same again gives
 // the same bits.
 TEST(G1InMujoco, WalksByItsPublishedPolicyAndFallsWithoutIt) {
-  if (!has_g1()) GTEST_SKIP() << "NOT TESTED: " << kG1 << " or its policy is absent";
+  TAKT_NEEDS_SHARED(kG1, std::string(kPolicy) + "policy.onnx");
   const Walk walk = G1().walk(seconds(10), seconds(100));
   EXPECT_GT(walk.ahead, 4.0) << "m in ten seconds";
   EXPECT_GT(walk.height, 0.7) << "m: it stands";

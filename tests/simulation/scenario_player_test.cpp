@@ -7,6 +7,8 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
+#include <numbers>
 #include <string>
 #include <utility>
 #include <vector>
@@ -54,6 +56,7 @@ class Bench {
     tick();
     return (replies(joint) - before) & 0xFF;
   }
+  [[nodiscard]] const JointFeedback& told(std::size_t joint) const { return hosts[joint]->feedback(); }
   [[nodiscard]] DriveState seen(std::size_t joint) const { return hosts[joint]->feedback().drive_state; }
 
  private:
@@ -118,6 +121,36 @@ TEST(ScenarioPlayer, SilentObeysAndIsNotHeardThenIsHeardAgain) {
   EXPECT_EQ(bench.replies_in_a_tick(kKnee), 1);
   EXPECT_EQ(bench.log, (std::vector<std::string>{"at 0.100 s: hip: silent for 50 ms",
                                                  "at 0.150 s: hip: end of silent for 50 ms"}));
+}
+
+// What it says of its position, by where it stood when the fault began and where it is.
+TEST(ScenarioPlayer, ADriveThatLiesObeysAndSaysWhatIsNotTrue) {
+  struct Lie {
+    const char* fault;
+    double (*said)(double stood, double is);
+    bool tells_velocity = true;  // that is true
+  };
+  const Lie lies[] = {
+      {"fault: freeze", [](double stood, double) { return stood; }, false},
+      {"fault: frozen_position", [](double stood, double) { return stood; }},
+      {"fault: reversed", [](double stood, double is) { return 2 * stood - is; }},
+      {"fault: wrap", [](double, double is) { return is + 2 * std::numbers::pi; }},
+      {"jump: -0.3 rad", [](double, double is) { return is - 0.3; }},
+      {"scale: 2", [](double stood, double is) { return 2 * is - stood; }},
+  };
+  for (const Lie& lie : lies) {
+    Bench bench("  - { at: 100 ms, joint: hip, " + std::string(lie.fault) + ", for: 200 ms }\n");
+    bench.run(100);
+    const double stood = bench.plant.state().q[kHip];
+    bench.torque = 0.2F;
+    bench.run(150);
+    const double is = bench.plant.state().q[kHip], speed = bench.plant.state().dq[kHip];
+    EXPECT_GT(is - stood, 0.02) << lie.fault << ": it obeys";
+    EXPECT_NEAR(bench.told(kHip).q, lie.said(stood, is), 0.01) << lie.fault;
+    EXPECT_EQ(std::abs(bench.told(kHip).dq - speed) < 0.1, lie.tells_velocity) << lie.fault;
+    bench.run(100);
+    EXPECT_NEAR(bench.told(kHip).q, bench.plant.state().q[kHip], 0.01) << lie.fault << ": it is over";
+  }
 }
 
 TEST(ScenarioPlayer, DeafTripsTheDrivesOwnWatchdog) {

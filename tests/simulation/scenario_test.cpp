@@ -34,10 +34,25 @@ TEST(Scenario, EveryKeyIsRead) {
       "  - { at: 1 s, payload: 1.5 kg }\n"
       "  - { at: 1 s, friction: 4 }\n"
       "  - { at: 1 s, payload: 1 kg, body: forearm }\n"
-      "  - { at: 1 s, sensor: target, lies: 0.5 }\n",
+      "  - { at: 1 s, sensor: target, lies: 0.5 }\n"
+      "  - { at: 1 s, joint: elbow, fault: freeze }\n"
+      "  - { at: 1 s, joint: elbow, fault: frozen_position }\n"
+      "  - { at: 1 s, joint: elbow, fault: reversed }\n"
+      "  - { at: 1 s, joint: elbow, fault: wrap }\n"
+      "  - { at: 1 s, joint: elbow, jump: -0.3 rad, for: 2 ms }\n"
+      "  - { at: 1 s, joint: elbow, scale: 2 }\n",
       "s", test::demo_arm());
   ASSERT_TRUE(scenario.has_value()) << scenario.error();
-  ASSERT_EQ(scenario->events.size(), 11U);
+  ASSERT_EQ(scenario->events.size(), 17U);
+  EXPECT_EQ(scenario->events[11].kind, FaultKind::freeze);
+  EXPECT_EQ(scenario->events[11].strikes, Target::joint);
+  EXPECT_EQ(scenario->events[12].kind, FaultKind::frozen_position);
+  EXPECT_EQ(scenario->events[13].kind, FaultKind::reversed);
+  EXPECT_EQ(scenario->events[14].kind, FaultKind::wrap);
+  EXPECT_EQ(scenario->events[15].kind, FaultKind::jump);
+  EXPECT_EQ(scenario->events[15].amount, -0.3);
+  EXPECT_EQ(scenario->events[16].kind, FaultKind::scale);
+  EXPECT_EQ(scenario->events[16].amount, 2);
   EXPECT_EQ(scenario->events[10].kind, FaultKind::lies);
   EXPECT_EQ(scenario->events[10].share, 0.5);
   EXPECT_EQ(scenario->events[9].body, "forearm");
@@ -87,6 +102,8 @@ TEST(Scenario, TextSaysWhatHappens) {
   EXPECT_EQ(text("{ at: 0 ms, push: 30 N, along: [1, 0, 0], for: 100 ms }"), "push of 30 N for 100 ms");
   EXPECT_EQ(text("{ at: 0 ms, payload: 1.5 kg }"), "payload of 1.5 kg");
   EXPECT_EQ(text("{ at: 0 ms, friction: 4 }"), "friction times 4");
+  EXPECT_EQ(text("{ at: 0 ms, joint: elbow, jump: 0.3 rad, for: 2 ms }"), "jump of 0.3 rad for 2 ms");
+  EXPECT_EQ(text("{ at: 0 ms, joint: elbow, scale: 2 }"), "scale times 2");
 }
 
 struct Refusal {
@@ -115,7 +132,7 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"an unknown joint", "{ at: 2 s, joint: elbov, fault: silent }",
                 "s:3:23: events[0].joint: joint `elbov` is not known; did you mean `elbow`?"},
         Refusal{"an unknown bus", "{ at: 2 s, bus: can7, fault: down }",
-                "s:3:21: events[0].bus: bus `can7` is not known; did you mean `can0`?"},
+                "s:3:21: events[0].bus: bus `can7` is not known; write one of: can0, can1"},
         Refusal{"an unknown fault", "{ at: 2 s, joint: elbow, fault: silence }",
                 "s:3:37: events[0].fault: fault `silence` is not known; did you mean `silent`?"},
         Refusal{"an unknown error", "{ at: 2 s, joint: elbow, error: over_heat }",
@@ -128,8 +145,8 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"two targets", "{ at: 2 s, joint: elbow, bus: can0, drop: 0.1 }",
                 "s:3:35: events[0].bus: the event names a joint already; keep one of the two"},
         Refusal{"no fault", "{ at: 2 s, joint: elbow }",
-                "s:3:5: events[0]: has no fault; write one of: fault, error, delay, drop, burst, lies, push, payload, "
-                "friction"},
+                "s:3:5: events[0]: has no fault; write one of: fault, error, delay, drop, burst, lies, jump, scale, "
+                "push, payload, friction"},
         Refusal{"two faults", "{ at: 2 s, joint: elbow, fault: repeat, drop: 0.1 }",
                 "s:3:5: events[0]: has 2 faults at once; write an event for each"},
         Refusal{"a drive's fault on a bus", "{ at: 2 s, bus: can0, fault: deaf }",
@@ -148,8 +165,8 @@ INSTANTIATE_TEST_SUITE_P(
                 "s:3:36: events[0].drop: 1.5 is out of range; write above 0 and at most 1"},
         Refusal{"a loss of nothing", "{ at: 2 s, joint: elbow, drop: 0 }",
                 "s:3:36: events[0].drop: 0 is out of range; write above 0 and at most 1"},
-        Refusal{"a sensor's fault on a drive", "{ at: 2 s, joint: elbow, fault: freeze }",
-                "s:3:37: events[0].fault: `freeze` strikes a sensor, not a drive; write `sensor: NAME`"},
+        Refusal{"a sensor's fault on a drive", "{ at: 2 s, joint: elbow, lies: 0.5 }",
+                "s:3:36: events[0].lies: `lies` strikes a sensor, not a drive; write `sensor: NAME`"},
         Refusal{"a bus's fault on a sensor", "{ at: 2 s, sensor: target, fault: down }",
                 "s:3:39: events[0].fault: `down` strikes a bus, not a sensor; write `bus: NAME`"},
         Refusal{"an unknown sensor", "{ at: 2 s, sensor: targe, drop: 0.5 }",

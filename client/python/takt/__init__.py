@@ -24,9 +24,9 @@ A policy that infers on another machine is a client of its server: see takt.serv
 Joints are those of the robot file, in its order (`robot.joints`). Units: q rad, dq rad/s, tau Nm, kp Nm/rad, kd Nms/rad;
 stamps in ns of the clock of time.monotonic_ns(). Arrays are float32. Everything belongs to the thread that connected.
 """
-from takt._policy import Assumption, Chunk, Image, Joints, Observation, Policy, Queue, Robot, Stream, chunk, connect, image, joints, queue, stream
+from takt._policy import Alternatives, Assumption, Chunk, Image, Joints, Observation, Policy, Queue, Robot, Stream, chunk, connect, image, joints, queue, stream
 from takt._refused import Refused
 from takt._run import Artifact, Run, open
 from takt._sensor import Sensor
 
-__all__ = ["Artifact", "Assumption", "Chunk", "Image", "Joints", "Observation", "Policy", "Queue", "Refused", "Robot", "Run", "Sensor", "Stream", "chunk", "connect", "image", "joints", "open", "queue", "stream"]
+__all__ = ["Alternatives", "Artifact", "Assumption", "Chunk", "Image", "Joints", "Observation", "Policy", "Queue", "Refused", "Robot", "Run", "Sensor", "Stream", "chunk", "connect", "image", "joints", "open", "queue", "stream"]

@@ -52,6 +52,10 @@ class SensorSpecStruct(ctypes.Structure):
                 ("channels", c_uint32)]
 
 
+class AlternativesStruct(ctypes.Structure):
+    _fields_ = [("kept", c_uint64), ("taken", c_uint64), ("outdone", c_uint64), ("unmatched", c_uint64), ("dropped", c_uint64)]
+
+
 class AssumptionStruct(ctypes.Structure):
     _fields_ = [("size", c_uint32), ("reserved", c_uint32), ("at_ns", c_int64), ("q", c_char_p), ("dq", c_char_p)]
 
@@ -93,6 +97,7 @@ def load() -> ctypes.CDLL:
             function.argtypes, function.restype = arguments, ctypes.c_int
             setattr(library, name, function)
     for name, result in {"takt_policy_robot": POINTER(RobotStruct), "takt_policy_observation": POINTER(ObservationStruct),
+                         "takt_policy_alternatives": POINTER(AlternativesStruct),
                          "takt_policy_sentence": c_char_p, "takt_policy_detach": None,
                          "takt_policy_close": None, "takt_sensor_values": c_void_p, "takt_sensor_stream": POINTER(StreamStruct),
                          "takt_sensor_sentence": c_char_p, "takt_sensor_close": None}.items():

@@ -84,6 +84,17 @@ class Assumption:
     dq: Optional[ArrayLike] = None
 
 
+@dataclass(frozen=True)
+class Alternatives:
+    """Counts of answers with an assumption: robot.alternatives."""
+
+    kept: int
+    taken: int  # matched, were the nearest, and were published
+    outdone: int  # matched too, and another was nearer
+    unmatched: int  # the state was another
+    dropped: int  # never compared: too old, too many, their observation was missed, or what was remembered went
+
+
 def joints(*quantities: str) -> Joints:
     """Of every joint: "q" (position, rad), "dq" (velocity, rad/s), "tau" (torque, Nm), "q_setpoint" (what the drives were last
     told, rad), "dq_of_drive" (velocity as the drive reports it, rad/s). The term has the shape (quantities, joints), float32,
@@ -314,8 +325,8 @@ class Observation:
         are: the executive refuses a command that is not finite, and clamps and counts what is out of a joint's range. Raises Refused, 64,
         for another shape, and where dq or an assumption is not what the robot file takes. Never waits.
 
-        `assumes` makes it speculative: the executive plays it if the joints are there when the instant comes, within
-        `policy.speculation`. Publish several with assumptions of their own for the same instant: they are alternatives.
+        `assumes` makes it speculative: it waits here, and answers the first observation of that instant if the joints are there then,
+        within `policy.speculation`. Publish several with assumptions of their own for the same instant: they are alternatives.
         """
         chunk = self._chunk
         chunk.q = self._bytes("q", q)
@@ -379,6 +390,12 @@ class Robot:
 
     def __exit__(self, *error: object) -> None:
         self.close()
+
+    @property
+    def alternatives(self) -> Alternatives:
+        """What became of the answers with an assumption, since connect(). Those that are in none of the last four counts wait."""
+        counts = self._library.takt_policy_alternatives(self._handle.pointer).contents
+        return Alternatives(*(getattr(counts, field) for field, _ in _library.AlternativesStruct._fields_))
 
     def close(self) -> None:
         """Gives the lease back, and signals their handlers. What was observed last may still be read."""

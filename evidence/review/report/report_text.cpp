@@ -113,16 +113,6 @@ std::string marks(const RunMetrics& metrics, std::size_t most) {
   return text;
 }
 
-// Nothing where the policy never speculated.
-std::string speculation(const RunMetrics& metrics) {
-  const SpeculationMetrics& s = metrics.speculation;
-  if (s.taken + s.outdone + s.unmatched + s.dropped == 0) return "";
-  return fmt::format(
-      "speculation   {} alternatives taken, which moved the robot in {} ticks; {} outdone, {} unmatched, {} "
-      "dropped\n",
-      s.taken, s.ticks, s.outdone, s.unmatched, s.dropped);
-}
-
 // Nothing where no candidate ever ran.
 std::string candidate(const RunMetrics& metrics, std::size_t most) {
   if (!metrics.candidate) return "";
@@ -298,7 +288,7 @@ std::string report_text(const RunMetrics& metrics, const RecordedRun& run, std::
     text += fmt::format("  {:<12} {}\n", "together", together);
   text += "  consecutive ticks share a command: the per-tick bound is optimistic, quote the one per command\n\n";
   text += fmt::format("modes         {}\n", modes_line(metrics)) + transitions(metrics, most) +
-          candidate(metrics, most) + speculation(metrics) + catches(metrics, run, most) + marks(metrics, most);
+          candidate(metrics, most) + catches(metrics, run, most) + marks(metrics, most);
   const auto arrival = [](std::size_t index) { return takt::name(static_cast<Arrival>(index)); };
   text += fmt::format("commands      accepted {}; refused: {}\n",
                       metrics.arrivals[static_cast<std::size_t>(Arrival::accepted)],

@@ -57,7 +57,7 @@ class GamepadCommand : public testing::Test {
     all.insert(all.end(), words.begin(), words.end());
     std::vector<const char*> argv;
     for (const std::string& word : all) argv.push_back(word.c_str());
-    return run_command_line(static_cast<int>(argv.size()), argv.data());
+    return run_command_line(commands(), static_cast<int>(argv.size()), argv.data());
   }
   void plug_in() {
     person_ = std::thread([this] { exit_code_ = say({"--device", device_}); });

@@ -41,7 +41,7 @@ class PersonCommand : public testing::Test {
       all.push_back(word);
     std::vector<const char*> argv;
     for (const std::string& word : all) argv.push_back(word.c_str());
-    return run_command_line(static_cast<int>(argv.size()), argv.data());
+    return run_command_line(commands(), static_cast<int>(argv.size()), argv.data());
   }
   std::string directory_ = (std::filesystem::path(testing::TempDir()) / "takt_person").string();
   std::string robot_file_ = directory_ + "/robot.yaml";

@@ -14,7 +14,8 @@ TEST(Rearming, EndsAStopAfterItsTimeAndArmsAgain) {
   EXPECT_EQ(person.next(Mode::damped_stop, seconds(2)), OperatorStep::none);
   EXPECT_EQ(person.next(Mode::damped_stop, milliseconds(2999)), OperatorStep::none);
   EXPECT_EQ(person.next(Mode::damped_stop, seconds(3)), OperatorStep::reset_if_only_the_stop_blocks);
-  EXPECT_EQ(person.next(Mode::standby, milliseconds(3100)), OperatorStep::arm);
+  EXPECT_EQ(person.next(Mode::standby, milliseconds(3100)), OperatorStep::reset) << "looks where the joints stand";
+  EXPECT_EQ(person.next(Mode::standby, milliseconds(3200)), OperatorStep::arm);
   EXPECT_EQ(person.next(Mode::tracking, seconds(4)), OperatorStep::none);
   EXPECT_EQ(person.next(Mode::fault_latched, seconds(5)), OperatorStep::none) << "the time counts anew";
   EXPECT_EQ(person.next(Mode::fault_latched, seconds(6)), OperatorStep::reset);

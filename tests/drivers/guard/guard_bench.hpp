@@ -1,6 +1,7 @@
 // One joint before the guard: a robot of every protocol, and a record that says what the tick decided.
 #pragma once
 
+#include <optional>
 #include <string_view>
 
 #include "config/load.hpp"
@@ -24,7 +25,8 @@ inline constexpr MonoTime kDecided{1'000'000'000};
 // What one joint's tick decided, and when; everything young and enabled unless a test says otherwise.
 struct Decision {
   float q = 0, dq = 0, kp = 0, kd = 0, tau = 0;
-  float at_q = 0, at_dq = 0;  // the estimate, and the feedback
+  float at_q = 0, at_dq = 0;      // the estimate, and the feedback
+  std::optional<float> own_dq{};  // what the drive says of its speed, where that is not the estimate
   Duration feedback_age = milliseconds(1);
   GuardedMoment moment{kDecided, kDecided + microseconds(50), kDecided + milliseconds(100), true};
 
@@ -32,7 +34,8 @@ struct Decision {
     JointRecord record;
     record.feedback.received_at = moment.decided_at - feedback_age;
     record.feedback.q = record.q_estimate = at_q;
-    record.feedback.dq = record.dq_estimate = at_dq;
+    record.dq_estimate = at_dq;
+    record.feedback.dq = own_dq.value_or(at_dq);
     record.q_command = q;
     record.dq_command = dq;
     record.kp_command = kp;

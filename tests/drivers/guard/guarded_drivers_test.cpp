@@ -106,6 +106,7 @@ class Rehearsal {
   // One tick of random motion, a wish and its setpoint. Returns the verdict of the frame that drives.
   WireVerdict tick(const Mutant* mutant) {
     move();
+    const float reference_before = reference_;
     decided_ = decide();
     Told told{.setpoint = decided_};
     history_[static_cast<std::size_t>(ticks_++) % history_.size()] = decided_;
@@ -113,6 +114,9 @@ class Rehearsal {
     told_ = told.setpoint;
     measured_ = {driver_->feedback().q, driver_->feedback().dq};
     const WireVerdict verdict = exchange(told, true);
+    // What never left is undone; without stiffness the drive stayed where it is.
+    if (verdict != WireVerdict::allowed) reference_ = reference_before;
+    if (verdict == WireVerdict::allowed && told_.kp == 0) reference_ = measured_.q;
     // The next tick starts from the torque that went out.
     if (mutant != nullptr && verdict == WireVerdict::allowed)
       tau_last_ = std::clamp(torque_of(told_), -limits_.limits.torque, limits_.limits.torque);
@@ -159,9 +163,10 @@ class Rehearsal {
                uniform(-1, 1) * limits_.limits.torque};
       if (ticks_ % 200 == 0) wish_.kp = 0;
     }
-    // A reference moves no faster than the limit: the drives' own position loops are told where to be.
+    // A reference moves no faster than the limit: the drives' own position loops are told where to be. Without
+    // stiffness it moves with the joint.
     const float step = limits_.limits.velocity * 0.001F;
-    reference_ = std::clamp(wish_.q, reference_ - step, reference_ + step);
+    reference_ = wish_.kp > 0 ? std::clamp(wish_.q, reference_ - step, reference_ + step) : measured.q;
     auto out = pipeline::stabilise_joint(
         {{reference_, wish_.dq}, measured, wish_.kp, wish_.kd, wish_.tau, 0, tau_last_, false}, limits_, 0.001F);
     EXPECT_EQ(pipeline::clamp_to_envelope(out.setpoint, tau_last_, measured.q, measured.dq, limits_.limits),

@@ -46,6 +46,22 @@ TEST_F(CauseDetail, TellsHowLongAJointWasSilent) {
   EXPECT_EQ(detail(Cause::feedback_lost), "joint base_yaw: silent for 21.0 ms; joint shoulder: never answered");
 }
 
+TEST_F(CauseDetail, TellsWhatCannotBeTrueOfAJoint) {
+  record->joints[0].reply_faults = bit(ReplyFault::from_future);
+  EXPECT_EQ(detail(Cause::feedback_lost), "joint base_yaw: its newest reply is stamped in the future");
+  record->joints[0].reply_faults = bit(ReplyFault::outlier);
+  EXPECT_EQ(detail(Cause::feedback_implausible), "") << "one outlier is no cause";
+  record->joints[1].reply_faults = bit(ReplyFault::jumped);
+  record->joints[2].reply_faults = bit(ReplyFault::contradicts);
+  record->joints[3].reply_faults = bit(ReplyFault::frozen);
+  EXPECT_EQ(
+      detail(Cause::feedback_implausible),
+      "joint shoulder: its position jumped further than the joint can move: check its encoder, and home it before "
+      "the reset; joint elbow: its positions contradict the drive's own velocity: check encoder, sign and scale "
+      "before the reset; joint wrist_roll: its position stands still while the joint moves: check its encoder "
+      "before the reset");
+}
+
 TEST_F(CauseDetail, TellsThatTheComputerSlept) {
   record->header.slept_ms = 3'249;
   EXPECT_EQ(detail(Cause::feedback_lost), "the computer was suspended for 3.2 s");

@@ -81,23 +81,26 @@ TEST_F(DiscoveryTest, NumbersBeyondTheLastAreNotReported) {
   EXPECT_EQ(scan(1, 5), (std::set<Key>{{config::DriveProtocol::robstride, 4}, {config::DriveProtocol::odrive, 5}}));
 }
 
-TEST_F(DiscoveryTest, TheZeroFrameMovesTheDrivesZero) {
+TEST_F(DiscoveryTest, TheZeroThatADriveIsToldOutlivesItsSupply) {
   for (const std::size_t joint : {std::size_t{0}, std::size_t{3}}) {
     const config::Drive& drive = robot_.joints[joint].drive;
     const auto device = plant::make_device(drive, milliseconds(100));
-    const auto frame = zero_frame(drive);
-    ASSERT_TRUE(frame);
+    const auto frames = zero_frames(drive);
+    ASSERT_FALSE(frames.empty());
+    EXPECT_TRUE(keeps_zero(drive));
     plant::Frames said;
     device->update({0.7, 0}, MonoTime{1}, milliseconds(1), said);
-    device->receive(*frame, MonoTime{2}, said);
+    for (const CanFrame& frame : frames) device->receive(frame, MonoTime{2}, said);
+    device->power_cycle(MonoTime{2});
     auto driver = make_joint_driver(robot_, joint).value();
     std::array<CanFrame, kMaxFramesPerDrive> out;
-    for (int i = 3; i < 20; ++i) {
-      device->update({0.7, 0}, MonoTime{i}, milliseconds(1), said);
+    for (int i = 3; i < 400; ++i) {
+      const MonoTime now = MonoTime{} + milliseconds(i);
+      device->update({0.7, 0}, now, milliseconds(1), said);
       said.clear();
-      const std::size_t sent = driver->encode(false, {}, MonoTime{i}, {}, out);
-      for (std::size_t k = 0; k < sent; ++k) device->receive(out[k], MonoTime{i}, said);
-      for (const CanFrame& answer : said) driver->decode({answer, MonoTime{i}});
+      const std::size_t sent = driver->encode(false, {}, now, {}, out);
+      for (std::size_t k = 0; k < sent; ++k) device->receive(out[k], now, said);
+      for (const CanFrame& answer : said) driver->decode({answer, now});
     }
     EXPECT_NEAR(driver->feedback().q, 0, 1e-3) << joint;
   }

@@ -3,11 +3,13 @@
 #include "evidence/artifact/artifact.hpp"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <functional>
 
 #include "config/load.hpp"
+#include "evidence/artifact/rollout_fields.hpp"
 #include "evidence/artifact/rollout_json.hpp"
 #include "monitor/record/bounded_file.hpp"
 #include "tests/evidence/artifact/sample_artifact.hpp"
@@ -94,7 +96,9 @@ TEST_F(ArtifactTest, ResumesBehindATornRow) {
   for (std::size_t cut = second; cut <= third; cut += 97) {
     ASSERT_TRUE(monitor::replace_file(file, whole.substr(0, cut)));
     if (cut > second) {
-      ASSERT_EQ(refusal(), file + ": row 3 is cut off; run the panel with --resume to mend it");
+      ASSERT_EQ(
+          refusal(),
+          file + ": row 3 is cut off; go on with an unfinished panel by --resume, take a whole copy of a finished one");
     }
     const auto writer = ArtifactWriter::resume(folder, manifest);
     ASSERT_TRUE(writer) << writer.error();
@@ -110,6 +114,97 @@ TEST_F(ArtifactTest, ResumesBehindATornRow) {
   ASSERT_TRUE(writer->finish());
   EXPECT_EQ(monitor::read_file(file).value(), whole);
   EXPECT_EQ(resume_refusal(manifest), "cannot go on with " + folder + ": it is complete");
+}
+
+// A writer killed between a row and its seal: the row is written again.
+TEST_F(ArtifactTest, ResumesBehindARowWithoutItsSeal) {
+  write_artifact(folder, manifest, {rows[0], rows[1]});
+  const std::string seals = monitor::read_file(folder + "/rollouts.sha256").value();
+  for (const std::string& left : {seals.substr(0, 65), seals.substr(0, 100)}) {
+    ASSERT_TRUE(monitor::replace_file(folder + "/rollouts.sha256", left));
+    auto writer = ArtifactWriter::resume(folder, manifest);
+    ASSERT_TRUE(writer) << writer.error();
+    EXPECT_EQ(writer->rows().size(), 1U);
+    ASSERT_TRUE(writer->append(rows[1]));
+    EXPECT_EQ(monitor::read_file(folder + "/rollouts.sha256").value(), seals);
+  }
+}
+
+// Goal: the tool that finishes an artifact takes no row that it did not write. Method: a finished artifact is made
+// unfinished by hand, as somebody who wants other rows does it, and gone on with.
+TEST_F(ArtifactTest, EditedRowsAreNotSealedByGoingOn) {
+  write_artifact(folder, manifest, rows);
+  const std::string file = folder + "/rollouts.jsonl", id = artifact_id_of(manifest, rows);
+  replace(folder + "/manifest.json", "\"complete\": true", "\"complete\": false");
+  replace(folder + "/manifest.json", id, "");
+  EXPECT_EQ(resume_refusal(manifest),
+            folder + ": manifest.json says that it is unfinished, and seal.json that it was finished");
+  ASSERT_TRUE(std::filesystem::remove(folder + "/seal.json"));
+  replace(file, "\"energy_J\":12.5", "\"energy_J\":12.25");
+  EXPECT_EQ(resume_refusal(manifest),
+            folder + ": row 1 is not the one that was written: its seal in rollouts.sha256 is another's");
+  const std::string text = monitor::read_file(file).value();
+  ASSERT_TRUE(monitor::replace_file(file, text + text.substr(0, text.find('\n') + 1)));
+  EXPECT_NE(resume_refusal(manifest), "resumed") << "a row twice";
+}
+
+TEST_F(ArtifactTest, EveryFileOfAFinishedArtifactIsSealed) {
+  write_artifact(folder, manifest, rows);
+  for (const char* const name : {"manifest.json", "panel.yaml", "rollout.schema.json", "rollouts.sha256",
+                                 "rollouts.parquet", "confusion.json"}) {
+    const std::string file = folder + "/" + name, text = monitor::read_file(file).value();
+    ASSERT_TRUE(monitor::replace_file(file, text + "\n"));
+    EXPECT_NE(refusal(), "opened") << name;
+    ASSERT_TRUE(monitor::replace_file(file, text));
+    ASSERT_EQ(refusal(), "opened") << name;
+  }
+  ASSERT_TRUE(monitor::replace_file(folder + "/manifest.json",
+                                    monitor::read_file(folder + "/manifest.json").value() + std::string("\0{}", 3)));
+  EXPECT_EQ(refusal(), folder + "/manifest.json is not JSON: it has a NUL byte");
+}
+
+TEST_F(ArtifactTest, TwoWritersAreOneTooMany) {
+  const auto first = ArtifactWriter::create(folder, manifest, kPanelText);
+  ASSERT_TRUE(first) << first.error();
+  EXPECT_EQ(resume_refusal(manifest),
+            folder + " is being written by process " + std::to_string(::getpid()) + "; wait for it, or end it");
+}
+
+// Goal: a row that cannot be is refused, by its own sentence. Method: one field of a sound row at a time.
+TEST_F(ArtifactTest, ARowThatContradictsItselfIsRefused) {
+  const auto refused = [&](void (*spoil)(RolloutRow&)) {
+    RolloutRow row = rows[0];
+    spoil(row);
+    const auto fine = check(row);
+    return fine ? "taken" : fine.error();
+  };
+  EXPECT_EQ(refused([](RolloutRow&) {}), "taken");
+  EXPECT_EQ(refused([](RolloutRow& row) { row.final_mode = Mode::fault_latched; }),
+            "is a success that ended in fault_latched");
+  EXPECT_EQ(refused([](RolloutRow& row) { row.fell = true; }), "is a success that fell");
+  EXPECT_EQ(refused([](RolloutRow& row) { row.age_per_tick.total.p99_ms = 10; }),
+            "age_per_tick.total has p50 30, p95 30.1, p99 10 ms, which do not rise");
+  EXPECT_EQ(refused([](RolloutRow& row) { row.age_per_tick.infer.p95_ms.reset(); }),
+            "age_per_tick.infer has some of its quantiles");
+  EXPECT_EQ(refused([](RolloutRow& row) { row.age_per_command.queue = {.p50_ms = 30, .p95_ms = 31, .p99_ms = 32}; }),
+            "age_per_command.queue.p50 is 30 ms, more than the total's 20");
+  EXPECT_EQ(refused([](RolloutRow& row) { row.misses_per_tick.misses = 500; }),
+            "misses_per_tick.rate is 0.003, and 500 of 1000 are 0.5");
+  EXPECT_EQ(refused([](RolloutRow& row) { row.mode_share[0] = 0.9; }), "mode_share adds up to 1.8, not to 1");
+  EXPECT_EQ(refused([](RolloutRow& row) { row.ticks = 1; }), "misses_per_tick.count is 1000 of only 1 ticks");
+  EXPECT_EQ(refused([](RolloutRow& row) { row.mode_share = {0.2, 0, 0, 0, 0.8, 0}; }),
+            "ended in tracking, where it spent none of its ticks");
+}
+
+TEST_F(ArtifactTest, OneRolloutUnderTwoSeedsIsRefused) {
+  std::vector<RolloutRow> twice = rows;
+  twice[1] = rows[0];
+  twice[1].seed = 2;
+  auto writer = ArtifactWriter::create(folder, manifest, kPanelText);
+  ASSERT_TRUE(writer);
+  for (const RolloutRow& row : twice) ASSERT_TRUE(writer->append(row));
+  ASSERT_TRUE(writer->finish());
+  EXPECT_EQ(refusal(), folder + "/rollouts.jsonl: row 2 has the ticks of row 1 (replay_hash): one rollout is no two");
 }
 
 TEST_F(ArtifactTest, RefusesToGoOnWithSomethingElse) {

@@ -16,7 +16,7 @@ int main(int argc, char** argv) {
       rows.back().energy_J = static_cast<double>(seed) / 3;
     }
     rows.push_back(sample_row("method-b", 1));
-    rows.back().age_per_tick.total = {};
+    rows.back().age_per_tick = {};
     write_artifact(argv[1], sample_manifest({"method-a", "method-b"}, rows.size()), rows);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "make_sample_artifact: %s\n", error.what());

@@ -10,8 +10,8 @@
 #include <nlohmann/json.hpp>
 
 #include "config/load.hpp"
+#include "executive/contract/version.hpp"
 #include "monitor/record/bounded_file.hpp"
-#include "takt_version.hpp"
 #include "tests/evidence/artifact/sample_artifact.hpp"
 #include "tests/evidence/artifact/sample_rows.hpp"
 #include "tests/monitor/record/temporary_folder.hpp"
@@ -36,8 +36,8 @@ class AttestationTest : public monitor::TemporaryFolder {
              .task = "base_velocity",
              .method = "file",
              .timing = "virtual",
-             .script_version = TAKT_VERSION,
-             .script_source_sha256 = config::sha256_hex("sources"),
+             .script_version = std::string(release()),
+             .script_source_sha256 = std::string(source_sha256()),
              .fall = {.least_height = 0.6, .most_tilt = 1},
              .conditions = {{"operator_stop", 1, {}}, {"push", 20, {}}}};
     for (AttestedCondition& condition : whole.conditions)
@@ -68,6 +68,19 @@ TEST_F(AttestationTest, OneThatIsWholeIsBelievedAndReadBack) {
             "stops.operator_stop: 30 of 30 stood under operator_stop 1, 30 of 30 stood under push 20: at least "
             "0.90 at 95 % confidence (" +
                 path("shown.json") + ")");
+}
+
+// Still shown: what moves the robot is as it was. Its line says that other sources computed it.
+TEST_F(AttestationTest, OneOfOtherSourcesIsNamedAsSuch) {
+  whole.script_source_sha256 = config::sha256_hex("sources");
+  const auto [shown, line] = told_of(attestation_text(whole));
+  EXPECT_TRUE(shown);
+  const std::string its = whole.script_source_sha256.substr(0, 12), own(source_sha256().substr(0, 12));
+  EXPECT_TRUE(line.ends_with("; takt of other sources (" + its + ") computed it, this one is of " + own +
+                             ": run panel stops again"))
+      << line;
+  whole.script_source_sha256 = "";
+  EXPECT_NE(told_of(attestation_text(whole)).second.find("takt of unknown sources"), std::string::npos);
 }
 
 TEST_F(AttestationTest, NoneOrOneThatIsGoneShowsNothing) {

@@ -3,8 +3,11 @@
 #include "evidence/judge/audit.hpp"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <algorithm>
+#include <array>
+#include <expected>
 #include <filesystem>
 
 #include "evidence/judge/post_mortem.hpp"
@@ -63,8 +66,13 @@ class AuditTest : public monitor::TemporaryFolder {
 
 TEST_F(AuditTest, AWholeArtifactIsReadyAndAnswersByName) {
   const Artifact artifact = whole();
-  const Audit result = judged(artifact);
-  EXPECT_TRUE(result.is_ready());
+  Audit result = judged(artifact);
+  EXPECT_TRUE(result.is_consistent());
+  EXPECT_FALSE(result.is_ready()) << "a forger who recomputes every hash gets here";
+  EXPECT_TRUE(audit_text(result).ends_with(
+      "rests on            consistent; no row computed anew\n"
+      "consistent: nothing is missing; --recompute or --signed-by makes it audit-ready\n"));
+  result.recomputed = Recomputed{.rows = 1, .of = 2, .differences = {}};
   const std::string id = artifact.manifest.artifact_id;
   EXPECT_EQ(audit_text(result),
             "metric contract     fast on reach: Pr(age > 40 ms) <= 5 % at 95 % confidence\n"
@@ -73,13 +81,63 @@ TEST_F(AuditTest, AWholeArtifactIsReadyAndAnswersByName) {
             "artifact id         " +
                 id +
                 "\n"
+                "run folders         none was kept\n"
                 "fault verdicts      the panel plants no cause that the classifier names\n"
                 "conceptual claim    late actions destabilise\n"
                 "systems claim       how stale chunks are refused\n"
                 "evidence claim      p95 age and success under stalls\n"
                 "post-mortems        1 of 1 failed rollouts\n"
+                "rests on            consistent; 1 of 2 rows computed anew\n"
                 "audit-ready\n");
   EXPECT_EQ(to_json(result)["audit_ready"], true);
+  result.recomputed->differences = {"row 2 says 1 where 2 comes out"};
+  EXPECT_FALSE(result.is_ready());
+  EXPECT_TRUE(
+      audit_text(result).ends_with("recomputed          differs: row 2 says 1 where 2 comes out\n"
+                                   "rests on            consistent; 1 of 2 rows computed anew, 1 came out otherwise\n"
+                                   "not audit-ready\n"));
+}
+
+TEST_F(AuditTest, AKeyThatTheReaderNamesMakesItReady) {
+  Audit result = judged(whole());
+  result.signed_by = "3f9a2c";
+  EXPECT_TRUE(result.is_ready());
+  EXPECT_TRUE(audit_text(result).ends_with("consistent; no row computed anew; signed by 3f9a2c\naudit-ready\n"));
+  EXPECT_EQ(to_json(result)["signed_by"]["key"], "3f9a2c");
+  result.signed_by = std::unexpected("it is not signed by that key");
+  EXPECT_FALSE(result.is_consistent());
+  EXPECT_TRUE(
+      audit_text(result).ends_with("signature           differs: it is not signed by that key\n"
+                                   "rests on            consistent; no row computed anew; not signed by that key\n"
+                                   "not audit-ready\n"));
+}
+
+// Goal: whatever is done to a kept recording of a sealed artifact is missing by name. Method: each of its files
+// altered, cut, taken away, made a pipe, in turn; what came to lie beside them later is nobody's business.
+TEST_F(AuditTest, EveryFileOfAKeptRunFolderIsSealed) {
+  const std::string place = "runs/reach.none@0.fast.s1/run";
+  rows[0].run_folder = place;
+  std::filesystem::create_directories(folder + "/" + place + "/images");
+  const std::array files{place + "/ticks.mcap", place + "/can.log", place + "/images/1.pgm",
+                         std::string("runs/truth.jsonl")};
+  for (const std::string& file : files) ASSERT_TRUE(monitor::replace_file(folder + "/" + file, "of " + file));
+  const Artifact artifact = whole();
+  EXPECT_EQ(missing(judged(artifact), "run folders"), Missing{});
+  ASSERT_TRUE(monitor::replace_file(folder + "/" + place + "/report.html", "written later"));
+  EXPECT_EQ(missing(judged(artifact), "run folders"), Missing{});
+  for (const std::string& file : files) {
+    const std::string path = folder + "/" + file;
+    for (const char* const forged : {"of something else", "of ", ""}) {
+      ASSERT_TRUE(monitor::replace_file(path, forged));
+      EXPECT_EQ(missing(judged(artifact), "run folders"), Missing{file + " is not the file that was sealed"});
+    }
+    std::filesystem::remove(path);
+    EXPECT_EQ(missing(judged(artifact), "run folders"), Missing{file + ": No such file or directory"});
+    ASSERT_EQ(mkfifo(path.c_str(), 0600), 0);
+    EXPECT_EQ(missing(judged(artifact), "run folders"), Missing{file + ": is not a regular file"});
+    std::filesystem::remove(path);
+    ASSERT_TRUE(monitor::replace_file(path, "of " + file));
+  }
 }
 
 TEST_F(AuditTest, AFailureWithoutACompletedPostMortemIsNotReady) {
@@ -90,13 +148,13 @@ TEST_F(AuditTest, AFailureWithoutACompletedPostMortemIsNotReady) {
   const Audit drafted = judged(artifact);
   EXPECT_EQ(missing(drafted, "post-mortems"),
             Missing{"row 2 failed (command_lost) and nobody completed postmortems/reach.stall@400.fast.s1.md"});
-  EXPECT_FALSE(drafted.is_ready());
-  EXPECT_TRUE(audit_text(drafted).ends_with("not audit-ready: 1 missing\n"));
+  EXPECT_FALSE(drafted.is_consistent());
+  EXPECT_TRUE(audit_text(drafted).ends_with("1 missing; no row computed anew\nnot audit-ready\n"));
   EXPECT_EQ(to_json(drafted)["audit_ready"], false);
   sign("  ");
-  EXPECT_FALSE(judged(artifact).is_ready());
+  EXPECT_FALSE(judged(artifact).is_consistent());
   sign(" A. Tester");
-  EXPECT_TRUE(judged(artifact).is_ready());
+  EXPECT_TRUE(judged(artifact).is_consistent());
   // What a person wrote stays.
   EXPECT_EQ(draft_post_mortems(artifact), 0U);
   EXPECT_EQ(completed_by(monitor::read_file(post_mortem()).value()), "A. Tester");
@@ -142,7 +200,7 @@ TEST_F(AuditTest, APanelThatCannotBeReadIsNamed) {
   const Audit result = audit(whole(), std::unexpected("panel.yaml:1:1: holds no panel"));
   EXPECT_EQ(missing(result, "perturbation panel"),
             Missing{"panel.yaml is no panel of this version: panel.yaml:1:1: holds no panel"});
-  EXPECT_FALSE(result.is_ready());
+  EXPECT_FALSE(result.is_consistent());
 }
 
 // What a panel file in an artifact's folder says, its robot files being elsewhere.
@@ -180,12 +238,13 @@ TEST_F(AuditTest, NamesWhatThePanelLacks) {
   rows.erase(rows.begin());
   manifest.planned_rollouts = 1;
   promise.conditions.erase(promise.conditions.begin());
-  EXPECT_EQ(missing(judged(whole()), "perturbation panel"), Missing{"no rollout was nominal"});
+  const Artifact artifact = whole();
+  EXPECT_EQ(missing(judged(artifact), "perturbation panel"), Missing{"no rollout was nominal"});
   ASSERT_TRUE(monitor::replace_file(folder + "/panel.yaml", "another"));
-  EXPECT_EQ(missing(judged(*open_artifact(folder)), "perturbation panel"),
+  EXPECT_EQ(missing(judged(artifact), "perturbation panel"),
             (Missing{"no rollout was nominal", "panel.yaml is not the panel that the manifest names"}));
   std::filesystem::remove(folder + "/panel.yaml");
-  EXPECT_EQ(missing(judged(*open_artifact(folder)), "perturbation panel").back(), "panel.yaml is not in the folder");
+  EXPECT_EQ(missing(judged(artifact), "perturbation panel").back(), "panel.yaml is not in the folder");
 }
 
 TEST_F(AuditTest, NamesHolesUnfinishedPanelsAndForeignColumns) {

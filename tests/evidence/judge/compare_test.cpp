@@ -28,6 +28,7 @@ class CompareTest : public monitor::TemporaryFolder {
         row.perturbation = stalled ? "stall" : "none";
         row.dose = stalled ? 400 : 0;
         row.age_per_command.total.p95_ms = 20 + shift_ms;
+        row.age_per_command.total.p99_ms = 21 + shift_ms;
         if (change != nullptr) change(manifest, row);
         rows.push_back(std::move(row));
       }
@@ -171,7 +172,7 @@ TEST_F(CompareTest, NotesWhatAReaderMustKnow) {
                               "Pr(age > 60 ms) <= 5 %",
                               "B is unfinished: 1 of 2 planned rollouts", "19 rows of A have no partner"}));
   for (const MetricDifference& each : result.pooled.metrics) EXPECT_FALSE(each.metric.starts_with("misses"));
-  EXPECT_EQ(result.pooled.metrics.size(), 18U);
+  EXPECT_EQ(result.pooled.metrics.size(), 19U);
   const Artifact c = write_artifact(path("c"), sample_manifest({"slow"}, 1), {sample_row("slow", 20)});
   EXPECT_EQ(refusal(compare(a, c)), "not comparable: no row of A has a partner in B");
 }

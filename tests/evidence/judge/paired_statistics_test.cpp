@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <random>
 #include <vector>
 
@@ -26,6 +27,17 @@ TEST(McNemar, DoesNotCareWhichSideIsWhich) {
   for (std::uint64_t a = 0; a < 30; ++a) {
     for (std::uint64_t b = 0; b < 30; ++b) EXPECT_DOUBLE_EQ(mcnemar_exact_p(a, b), mcnemar_exact_p(b, a));
   }
+}
+
+// By hand from the definition: half a pair in each cell, Wald's interval on n + 2.
+TEST(PairedRate, IntervalIsThatOfTheAdjustedPairs) {
+  const Interval none = paired_rate_interval(0, 0, 50);
+  EXPECT_NEAR(none.high, 1.959964 / 52, 1e-9);
+  EXPECT_DOUBLE_EQ(none.low, -none.high);
+  const Interval some = paired_rate_interval(0, 6, 50);
+  EXPECT_NEAR((some.low + some.high) / 2, -6.0 / 52, 1e-12);
+  EXPECT_NEAR(some.high - some.low, 2 * 1.959964 * std::sqrt(7.0 - 36.0 / 52) / 52, 1e-9);
+  EXPECT_EQ(paired_rate_interval(0, 1, 1).low, -1.0);
 }
 
 TEST(Bootstrap, KnownCases) {

@@ -64,6 +64,24 @@ TEST_F(PanelFile, SaysWhatIsRun) {
   EXPECT_EQ(contest->manifest(8).methods.at("takt").tasks.at("arm_tracking").max_age_ms, 150);
 }
 
+// Goal: built-in methods are named, and the artifact says how they judge age. Method: the small panel with all of them.
+TEST_F(PanelFile, KnowsBuiltInMethodsByTheirNames) {
+  const auto panel =
+      load_panel(written(with("name: takt }",
+                              "name: takt }\n  - { name: plain, description: mine }\n  - { name: timeout }\n"
+                              "  - { name: timeout_1s }\n  - { name: hold_last }")));
+  ASSERT_TRUE(panel.has_value()) << panel.error();
+  EXPECT_EQ(panel->methods[1].method.built_in, BuiltIn::plain);
+  EXPECT_EQ(panel->methods[1].description, "mine");
+  EXPECT_EQ(panel->methods[2].description, find_built_in("timeout")->description);
+  EXPECT_EQ(panel->methods[5].method.built_in, BuiltIn::takt) << "lax";
+  const auto contest = Contest::prepare(*panel);
+  ASSERT_TRUE(contest.has_value()) << contest.error();
+  const auto methods = contest->manifest(1).methods;
+  EXPECT_EQ(methods.at("plain").tasks.at("arm_tracking").max_age_ms, 150);
+  EXPECT_EQ(methods.at("timeout_1s").tasks.at("arm_tracking").max_age_ms, 1000);
+}
+
 // Both tasks, one perturbation for each alone.
 std::string two_task_panel() {
   std::string text = small_panel();
@@ -116,6 +134,10 @@ const Refusal kRefusals[] = {
     {"bound without unit", "bound: 20 mm", "bound: 20", "6:"},
     {"twice the same", "kind: none }", "kind: push, dose: 12.5, from: 1 s, for: 1 s }", "is in the list twice"},
     {"scored too long", "scored: 1 s", "scored: 9 s", "is longer than the rollout's `duration`"},
+    {"a built-in method with keys of its own", "name: lax", "name: plain",
+     "9:13: methods[1].name: is a built-in method's name, which takes no `override` and no `link`"},
+    {"a built-in method with a link", "{ name: takt }", "{ name: timeout, link: repeat_last }",
+     "methods[0].name: is a built-in method's name"},
     {"capital letters", "name: lax", "name: Lax", "has capital letters"},
 };
 

@@ -137,8 +137,15 @@ TEST_F(CounterfactualTest, OfARecordingThatDoesNotReproduceItSaysNothing) {
 // The stop itself changes how far the robot swings: no replay knows what a wider envelope would have led to.
 TEST_F(CounterfactualTest, OfCausesThatTheStopItselfChangesItSaysNothing) {
   VirtualRobot robot;
-  robot.spoil_input = [](pipeline::TickInput& input) {
-    if (strikes(input.tick, 30)) input.joints[1].q = 4.0F;
+  float stood = 0;
+  robot.spoil_input = [stood](pipeline::TickInput& input) mutable {
+    if (input.tick < kStrikesAt) {
+      stood = input.joints[1].q;
+      return;  // then it is too fast, and plausibly so
+    }
+    const std::uint64_t ticks = std::min<std::uint64_t>(input.tick - kStrikesAt + 1, 30);
+    input.joints[1].q = stood + 0.01F * static_cast<float>(ticks);
+    input.joints[1].dq = strikes(input.tick, 30) ? 10.0F : 0.0F;
   };
   const RecordedRun run = record(robot, path("run"), kTicks, [](std::uint64_t) {});
   const auto review = review_of(run);

@@ -8,6 +8,7 @@
 #include <bit>
 #include <limits>
 
+#include "executive/contract/version.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
 #include "tests/monitor/record/temporary_folder.hpp"
 
@@ -43,6 +44,23 @@ TEST_F(ReplayTest, EveryTickReproducesBitForBit) {
   EXPECT_TRUE(report->is_whole());
   EXPECT_EQ(report->keyframes, kDemoTicks / VirtualRobot::kKeyframeEvery);
   EXPECT_EQ(replay_text(*report).substr(0, 45), "4000 of 4000 ticks reproduce bit for bit; 20 ");
+}
+
+// What an older build recorded may come out otherwise for its sake: who reads the report knows.
+TEST_F(ReplayTest, ARunOfOtherSourcesIsNamedAsSuch) {
+  RecordedRun run = run_;
+  run.manifest.executive = {{"version", "0.1.0+git7.0123456789ab"}, {"source_sha256", std::string(64, 'a')}};
+  const auto other = replay(run, 1);
+  ASSERT_TRUE(other) << other.error();
+  EXPECT_TRUE(other->reproduces());
+  EXPECT_NE(replay_text(*other).find("\ntakt 0.1.0+git7.0123456789ab made it, of other sources than "),
+            std::string::npos);
+  EXPECT_EQ(to_json(*other)["made_by_other_sources"], "0.1.0+git7.0123456789ab");
+  run.manifest.executive["source_sha256"] = source_sha256();
+  const auto same = replay(run, 1);
+  ASSERT_TRUE(same) << same.error();
+  EXPECT_EQ(same->made_by, "");
+  EXPECT_TRUE(to_json(*same)["made_by_other_sources"].is_null());
 }
 
 TEST_F(ReplayTest, StartsAtTheLastKeyframeBeforeATick) {

@@ -15,6 +15,7 @@
 #include "evidence/rollout/rollout.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "tests/evidence/rollout/published_g1.hpp"
+#include "tests/shared_files.hpp"
 
 namespace takt::panel {
 namespace {
@@ -199,8 +200,8 @@ class WalkerRollout : public testing::TestWithParam<const char*> {
  protected:
   void SetUp() override {
     const bool published = std::string_view(GetParam()) == "g1";
-    if (published && !test::has_g1()) GTEST_SKIP() << "NOT TESTED: ../shared has no published G1 model and policy";
     if (published) {
+      TAKT_NEEDS_SHARED(test::kG1Model, test::kG1Policy + "policy.onnx", test::kG1Policy + "deploy.yaml");
       test::import_g1(path_);
     }
     auto robot = config::load(published ? path_ : "config/balancer.yaml");

@@ -6,12 +6,14 @@
 #include <gtest/gtest.h>
 
 #include <map>
+#include <memory>
 #include <stdexcept>
 #include <string>
 
 #include "config/load.hpp"
 #include "evidence/rollout/fallback_host.hpp"
 #include "evidence/rollout/rollout.hpp"
+#include "evidence/rollout/virtual_bus.hpp"
 #include "policy_host/onnx_policy.hpp"
 
 namespace takt::panel {
@@ -54,6 +56,43 @@ Guarded run(const config::RobotConfig& robot, Task task, const Perturbation& per
                                 row);
   if (!done) throw std::runtime_error(done.error());
   return guarded;
+}
+
+// What a rollout's guard refuses reaches the tick after, once, and never the drives: else a test that sees no refusal
+// sees nothing. A joint is told a torque that its record does not say was decided.
+TEST(GuardedBus, ARefusalReachesTheNextTickOnce) {
+  const config::RobotConfig robot = config::load("config/arm6.yaml").value();
+  auto plant = plant::Plant::on_free_inertias(robot).value();
+  const MonoTime start = plant.now();
+  const Disturbance calm({}, start);
+  VirtualBus bus = VirtualBus::make(robot, calm, 1).value();
+  const auto output = std::make_unique<pipeline::TickOutput>();
+  output->record.header.joint_count = static_cast<std::uint32_t>(robot.joints.size());
+  std::uint64_t refusals = 0, enabled = 0;
+  for (int tick = 1; tick <= 400; ++tick) {
+    const MonoTime now = start + milliseconds(tick);
+    while (plant.now() < now) plant.step();
+    pipeline::TickInput input;
+    bus.receive(plant, now, input);
+    const bool is_lied_to = tick > 300 && tick % 10 == 1;
+    output->record.header.now = now;
+    output->record.header.tick = static_cast<std::uint64_t>(tick);
+    for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+      EXPECT_EQ(input.joints[j].refused,
+                tick > 300 && tick % 10 == 2 && j == 2 ? WireVerdict::differs : WireVerdict::allowed)
+          << "joint " << j << ", tick " << tick;
+      refusals += input.joints[j].refused != WireVerdict::allowed ? 1 : 0;
+      enabled += input.joints[j].drive_state == DriveState::enabled ? 1 : 0;
+      output->record.joints[j].feedback = input.joints[j];
+      output->record.joints[j].q_estimate = input.joints[j].q;
+      output->record.joints[j].dq_estimate = input.joints[j].dq;
+      output->drive_enabled[j] = tick > 150;
+      output->setpoints[j] = {.tau = j == 2 && is_lied_to ? 0.1F : 0.0F};
+    }
+    bus.send(plant, now, *output);
+  }
+  EXPECT_EQ(refusals, 10U);
+  EXPECT_GT(enabled, 100 * robot.joints.size()) << "nothing was driven";
 }
 
 class GuardedRollout : public testing::TestWithParam<const char*> {};

@@ -18,6 +18,7 @@
 #include "policy_host/onnx_policy.hpp"
 #include "simulation/mechanics.hpp"
 #include "tests/evidence/rollout/published_g1.hpp"
+#include "tests/shared_files.hpp"
 #include "tests/simulation/arm_as_mjcf.hpp"
 
 namespace takt::panel {
@@ -124,7 +125,7 @@ TEST_F(MujocoVersions, TheBalancerDriftsLittle) {
 }
 
 TEST_F(MujocoVersions, ThePublishedHumanoidDriftsLittle) {
-  if (!test::has_g1()) GTEST_SKIP() << "NOT TESTED: ../shared has no published G1 model and policy";
+  TAKT_NEEDS_SHARED(test::kG1Model, test::kG1Policy + "policy.onnx", test::kG1Policy + "deploy.yaml");
   const config::RobotConfig robot = g1();
   const Drift drift = drift_of(robot, milliseconds(500), command_of(robot));
   report("g1", milliseconds(500), drift);
@@ -170,7 +171,7 @@ TEST_F(MujocoVersions, TheBalancersPolicyNoticesNothing) {
 }
 
 TEST_F(MujocoVersions, ThePublishedHumanoidWalksInBoth) {
-  if (!test::has_g1()) GTEST_SKIP() << "NOT TESTED: ../shared has no published G1 model and policy";
+  TAKT_NEEDS_SHARED(test::kG1Model, test::kG1Policy + "policy.onnx", test::kG1Policy + "deploy.yaml");
   const config::RobotConfig robot = g1();
   expect_task_done_in_both(robot, command_of(robot));
 }

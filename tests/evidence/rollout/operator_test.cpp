@@ -17,6 +17,7 @@ namespace {
 struct Story {
   RolloutRow row;
   std::vector<TickRecordHeader> requests;  // ticks with one
+  std::vector<Freshness> before;           // of the tick before each
   std::optional<MonoTime> stopped_at;      // the first stop
 };
 
@@ -27,9 +28,14 @@ Story story_of(std::optional<Duration> rearm_after, std::string_view perturbatio
   wanted.perturbation.dose *= dose_factor;
   wanted.rearm_after = rearm_after;
   Story story;
+  Freshness before = Freshness::missing;
   wanted.on_tick = [&](const TickRecord& record) {
     const TickRecordHeader& header = record.header;
-    if (header.operator_request != OperatorRequest::none) story.requests.push_back(header);
+    if (header.operator_request != OperatorRequest::none) {
+      story.requests.push_back(header);
+      story.before.push_back(before);
+    }
+    before = header.freshness;
     const bool stops = header.mode != header.previous_mode && header.mode >= Mode::damped_stop;
     if (stops && !story.stopped_at) story.stopped_at = header.now;
   };
@@ -51,7 +57,7 @@ TEST(Operator, EndsAStopOnceNothingElseBlocksAndTheRolloutMaySucceed) {
   ASSERT_GE(story.requests.size(), 3U);
   const TickRecordHeader& reset = story.requests[1];
   EXPECT_EQ(reset.operator_request, OperatorRequest::reset);
-  EXPECT_TRUE(is_usable(reset.freshness)) << "disabled, the arm would fall while the policy is still dead";
+  EXPECT_TRUE(is_usable(story.before[1])) << "disabled, the arm would fall while the policy is still dead";
   EXPECT_GE(reset.now - *story.stopped_at, milliseconds(500));
   EXPECT_EQ(story.row.rearms, 1U);
   EXPECT_EQ(story.row.safety.entered_damped_stop, 1U) << "an ended stop stays an event";

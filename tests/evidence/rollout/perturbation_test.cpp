@@ -66,6 +66,11 @@ double p99(const AgeQuantiles& age) {
   return age.p99_ms.value_or(0);
 }
 
+bool found_implausible(const Seen& with, const Seen& without) {
+  return with.row.failure_label == "feedback_implausible" && with.row.final_mode == Mode::fault_latched &&
+         without.row.success;
+}
+
 const Claim kClaims[] = {
     {"sensor_burst", "samples arrive up to a burst late",
      [](const Seen& with, const Seen& without) {
@@ -155,6 +160,11 @@ const Claim kClaims[] = {
      [](const Seen& with, const Seen&) {
        return with.row.failure_label == "bus_off" && with.row.final_mode == Mode::fault_latched;
      }},
+    {"feedback_frozen", "a fault that stays", found_implausible},
+    {"feedback_repeated", "a fault that stays", found_implausible},
+    {"feedback_reversed", "a fault that stays", found_implausible},
+    {"feedback_jump", "a fault that stays", found_implausible},
+    {"feedback_scale", "a fault that stays", found_implausible},
     {"push", "the tool is pushed away",
      [](const Seen& with, const Seen& without) {
        return with.row.tracking_error_p95_m > 5 * without.row.tracking_error_p95_m && with.row.success;

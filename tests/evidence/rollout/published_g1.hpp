@@ -14,10 +14,6 @@ namespace takt::panel::test {
 
 inline const std::string kG1Model = "../shared/robots/g1/g1_29dof.xml", kG1Policy = "../shared/policies/g1_velocity/";
 
-inline bool has_g1() {
-  return std::filesystem::exists(kG1Model) && std::filesystem::exists(kG1Policy + "policy.onnx");
-}
-
 inline void import_g1(const std::string& robot_file) {
   const auto deploy = config::read_deploy_file(config::read_file(kG1Policy + "deploy.yaml").value(), "deploy.yaml");
   if (!deploy) throw std::runtime_error(deploy.error());

@@ -15,6 +15,7 @@
 #include "evidence/rollout/rollout.hpp"
 #include "policy_host/onnx_policy.hpp"
 #include "tests/evidence/rollout/published_g1.hpp"
+#include "tests/shared_files.hpp"
 
 namespace takt::panel {
 namespace {
@@ -116,7 +117,7 @@ Rates walk(const config::RobotConfig& robot) {
 }
 
 TEST(TorqueRate, APublishedWalkerIsPlayedAsSoftlyAsItsPlainLoop) {
-  if (!test::has_g1()) GTEST_SKIP() << "NOT TESTED: ../shared has no published G1 model and policy";
+  TAKT_NEEDS_SHARED(test::kG1Model, test::kG1Policy + "policy.onnx", test::kG1Policy + "deploy.yaml");
   const std::string path = testing::TempDir() + "takt-g1-torque-" + std::to_string(getpid()) + ".yaml";
   test::import_g1(path);
   const config::RobotConfig robot = config::load(path).value();

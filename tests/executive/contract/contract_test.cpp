@@ -52,17 +52,51 @@ TEST(CommandChunk, UsedBytesGrowWithWhatIsUsedOnly) {
   EXPECT_EQ(chunk.used_bytes(), sizeof(CommandHeader) + 4U * 16U * 6U);
 }
 
-TEST(LayoutHash, MovesWhenAFieldMovesOrGrows) {
-  constexpr auto base = layout_hash({{0, 8}, {8, 4}});
-  EXPECT_NE(base, layout_hash({{0, 8}, {12, 4}}));
-  EXPECT_NE(base, layout_hash({{0, 8}, {8, 8}}));
-  EXPECT_NE(contract_layout(), 0U);
+enum class Colour : std::uint8_t { red, green };
+enum class OtherColour : std::uint8_t { red, blue };
+
+constexpr Field a_field(std::string_view name, std::size_t offset, std::size_t size) {
+  return {name, offset, size, 0, 0};
 }
 
 TEST(LayoutHash, SeesAHole) {
-  EXPECT_TRUE(is_gapless({{0, 8}, {8, 4}}, 12));
-  EXPECT_FALSE(is_gapless({{0, 8}, {12, 4}}, 16));
-  EXPECT_FALSE(is_gapless({{0, 8}, {8, 4}}, 16));
+  EXPECT_TRUE(is_gapless(std::array{a_field("a", 0, 8), a_field("b", 8, 4)}, 12));
+  EXPECT_FALSE(is_gapless(std::array{a_field("a", 0, 8), a_field("b", 12, 4)}, 16));
+  EXPECT_FALSE(is_gapless(std::array{a_field("a", 0, 8), a_field("b", 8, 4)}, 16));
+}
+
+// Words that name() says are those of the enum: what a build writes into files is what its layout vouches for.
+template <class Enum>
+void expect_words(std::size_t count) {
+  const std::string_view words = spelled::words<Enum>(std::make_index_sequence<66>{});
+  std::size_t begin = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t end = words.find(',', begin);
+    const std::string_view word = words.substr(begin, end - begin);
+    EXPECT_EQ(word.substr(word.rfind(':') + 1), name(static_cast<Enum>(i)));
+    begin = end + 2;
+  }
+  EXPECT_EQ(words[begin], '(') << "a value beyond the count has a word";
+}
+
+TEST(LayoutHash, WordsAreThoseThatFilesSpell) {
+  expect_words<Mode>(kModeCount);
+  expect_words<Cause>(kCauseCount);
+  expect_words<Arrival>(kArrivalCount);
+  expect_words<Freshness>(kFreshnessCount);
+  expect_words<OverrunCause>(kOverrunCauseCount);
+  expect_words<Player>(kPlayerCount);
+  expect_words<PolicyChange>(kPolicyChangeCount);
+  expect_words<ImuVerdict>(kImuVerdictCount);
+}
+
+TEST(LayoutHash, TellsEnumsTypesAndLengthsApart) {
+  const std::set<std::uint64_t> layouts{
+      layout_of<Colour>(),        layout_of<OtherColour>(), layout_of<std::uint8_t>(),  layout_of<std::int8_t>(),
+      layout_of<std::uint16_t>(), layout_of<float>(),       layout_of<std::uint32_t>(), layout_of<float[2]>(),
+      layout_of<float[3]>(),      layout_of<Positions>(),   layout_of<Velocities>()};
+  EXPECT_EQ(layouts.size(), 11U);
+  EXPECT_NE(contract_layout(), 0U);
 }
 
 TEST(AgeParts, AddUpExactly) {

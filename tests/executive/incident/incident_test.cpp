@@ -251,7 +251,7 @@ TEST_F(IncidentTest, EveryCauseThatStopsHasWordsOrAPlace) {
       each.feedback.drive_state = cause == Cause::drive_disabled ? DriveState::disabled : DriveState::fault;
       each.dq_estimate = 99;
       each.feedback.temperature_C = 90;
-      each.reply_faults = 7;
+      each.reply_faults = 0xFF;
     }
     for (BusHealth& bus : record.header.buses)
       bus.flooded = 1, bus.tx_dropped = bus.rx_dropped = bus.foreign_frames = 3;
@@ -325,11 +325,36 @@ TEST_F(FallbackIncident, BothLostAreNamedAndTheChainSaysWhoTookOver) {
   EXPECT_TRUE(std::ranges::any_of(incident->chain, took_over));
 }
 
+// Goal: of a robot without a model nobody is told that it was damped to rest. Method: the demo arm with and without its
+// model, and as a robot with a free base.
+TEST_F(IncidentTest, WithoutAModelItSaysWhatAStopDoes) {
+  const auto done = [this](Mode mode, Cause cause) {
+    watch = IncidentWatch(robot);
+    enter(Mode::tracking, Cause::drives_enabled);
+    const auto incident = enter(mode, cause);
+    EXPECT_TRUE(incident);
+    return incident ? incident->done : "";
+  };
+  const std::string held = "braked joint by joint and held by stiffness alone, as it has no `model`";
+  EXPECT_EQ(done(Mode::damped_stop, Cause::operator_stop), "the robot is damped to rest and held");
+  EXPECT_EQ(done(Mode::damped_stop, Cause::shutdown), "the robot is damped to rest, then loses its power");
+  robot.model.reset();
+  EXPECT_EQ(done(Mode::damped_stop, Cause::operator_stop), "the robot is " + held);
+  EXPECT_EQ(done(Mode::damped_stop, Cause::shutdown), "the robot is " + held + ", then loses its power");
+  EXPECT_NE(done(Mode::fault_latched, Cause::drive_fault).find("the rest of the robot is " + held), std::string::npos);
+  robot.stops = {{"operator_stop", config::StopHow::hold, seconds(2), "none"}};
+  EXPECT_EQ(done(Mode::damped_stop, Cause::operator_stop), "the robot is braked and held, after 2 s " + held);
+  robot.stops.clear();
+  robot.imu.emplace();
+  EXPECT_EQ(done(Mode::damped_stop, Cause::operator_stop),
+            "the robot is damped until it rests and then held; it has no `model`, so what its joints carry falls");
+}
+
 // Goal: the incident says what is done about the stop, as the robot file has it, and not what others do.
 TEST_F(FallbackIncident, SaysHowTheRobotIsStopped) {
   using config::StopHow;
   const auto done = [&](const char* cause, StopHow how, Duration longest = {}) {
-    robot.stops = {{cause, how, "crouch", longest, "none"}};
+    robot.stops = {{cause, how, longest, "none"}};
     watch = IncidentWatch(robot);
     enter(Mode::tracking, Cause::drives_enabled);
     const auto incident = enter(Mode::damped_stop, Cause::bad_commands);
@@ -339,8 +364,8 @@ TEST_F(FallbackIncident, SaysHowTheRobotIsStopped) {
   EXPECT_EQ(done("tilt", StopHow::damping), "the robot is damped to rest and held");
   EXPECT_EQ(done("bad_commands", StopHow::damping), "the robot is damped, and never held");
   EXPECT_EQ(done("bad_commands", StopHow::hold), "the robot is braked and held");
-  EXPECT_EQ(done("bad_commands", StopHow::posture, seconds(2)),
-            "the robot is led to the pose of crouch and held there, after 2 s damped to rest and held");
+  EXPECT_EQ(done("bad_commands", StopHow::hold, seconds(2)),
+            "the robot is braked and held, after 2 s damped to rest and held");
   EXPECT_EQ(
       done("bad_commands", StopHow::policy, seconds(5)),
       "the fallback policy moves the robot as long as it has something to say, after 5 s damped to rest and held");

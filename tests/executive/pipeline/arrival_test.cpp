@@ -105,13 +105,6 @@ const std::vector<Spoilt>& spoilt_messages() {
          c.in_use.observation_id = 100;
          c.chunk.header.observation_id = 99;
        }},
-      {"an assumption that is past", Arrival::expired_assumption,
-       [](Case& c) {
-         c.config.speculation = {0.1F, 1.0F};
-         c.chunk.header.assumes = 1;
-         c.chunk.header.assumed_at = kNow - c.config.period;
-         c.bytes = c.chunk.used_bytes();
-       }},
   };
   return rows;
 }
@@ -144,8 +137,7 @@ TEST(Arrival, ChecksRunInTheDocumentedOrder) {
       {"sensor ahead of now", "infinite"},
       {"not a number", "no joint's target"},
       {"no joint's target", "sensor older than max_age"},
-      {"sensor older than max_age", "older than the one in use"},
-      {"older than the one in use", "an assumption that is past"}};
+      {"sensor older than max_age", "older than the one in use"}};
   const auto row = [](std::string_view when) -> const Spoilt& {
     for (const Spoilt& candidate : spoilt_messages())
       if (candidate.when == when) return candidate;

@@ -224,7 +224,12 @@ void look(const Rig& rig, const HostilePolicy& policy, Breaches& breaches) {
     breaches.velocity +=
         std::abs(drive.dq) > limits.velocity_hard || std::abs(record.dq_reference) > limits.velocity ? 1 : 0;
     const double asked = static_cast<double>(joint.inertia_max) * rig.state->joints[j].reference.ddq;
-    const double torque = follows && policy.gives_stiffness(j) ? asked + static_cast<double>(record.tau_gravity) : 0.0;
+    // Where the joint runs away from it, the reference is carried along by the joint: no torque of ours moves it.
+    const JointState& state = rig.state->joints[j];
+    const double off = std::abs(state.reference_before.q - static_cast<double>(record.q_estimate));
+    const bool is_carried = off * static_cast<double>(state.kp_before) >= 0.95 * static_cast<double>(limits.torque);
+    const bool pulls = follows && policy.gives_stiffness(j) && !is_carried;
+    const double torque = pulls ? asked + static_cast<double>(record.tau_gravity) : 0.0;
     breaches.torque += std::abs(torque) > static_cast<double>(limits.torque) ? 1 : 0;
     breaches.torque += std::abs(record.tau_total) > limits.torque * 1.001F ? 1 : 0;
   }

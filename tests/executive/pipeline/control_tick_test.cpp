@@ -221,6 +221,7 @@ TEST(Age, DrivesAreToldWhenTheChunkEndsIfThatIsSooner) {
 TEST(Tracking, TorqueRisesFromWhatTheTickBeforeAskedFor) {
   TickConfig config = robot(1);
   config.joints[0].limits.torque_rate = 500.0F;
+  config.feedback = {0, 0, {}};  // nothing gets there in a tick, and tells no torque of it
   Rig rig(config);
   rig.arm(0.0F);
   rig.run_with_policy(100, 0.0F);
@@ -371,7 +372,12 @@ TEST(Faults, EachLeadsToItsMode) {
       {"drive disabled", [](Rig& r) { r.drives[0].drops_out = true; }, Cause::drive_disabled, Mode::fault_latched, 1},
       {"bus off", [](Rig& r) { r.input.buses[0].state = BusState::bus_off; }, Cause::bus_off, Mode::fault_latched, 7},
       {"bus down", [](Rig& r) { r.input.buses[0].state = BusState::down; }, Cause::bus_down, Mode::fault_latched, 7},
-      {"thrown out", [](Rig& r) { r.drives[0].q = 1.7F; }, Cause::envelope_exceeded, Mode::damped_stop},
+      {"thrown out",
+       [](Rig& r) {
+         r.config.feedback = {0, 0, {}}, r.drives[0].q = 1.7F;
+       },
+       Cause::envelope_exceeded, Mode::damped_stop},
+      {"out of reach", [](Rig& r) { r.drives[0].q = 1.7F; }, Cause::feedback_implausible, Mode::fault_latched, 1},
       {"late ticks", [](Rig& r) { r.input.lateness = milliseconds(3); }, Cause::overrun, Mode::damped_stop},
       {"skipped periods", [](Rig& r) { r.input.skipped_periods += 21; }, Cause::overrun, Mode::damped_stop},
   };
@@ -389,11 +395,56 @@ TEST(Faults, EachLeadsToItsMode) {
       for (std::size_t j = 0; j < 3; ++j) {
         const bool energised = rig.out->drive_enabled[j];
         EXPECT_EQ(energised, (fault.about >> j & 1U) == 0) << fault.when << ", joint " << j;
-        EXPECT_EQ(rig.out->setpoints[j].kp, 0.0F) << fault.when;
-        EXPECT_EQ(rig.out->setpoints[j].kd, energised ? rig.config.joints[j].damping : 0.0F) << fault.when;
+        const JointConfig& joint = rig.config.joints[j];  // without a tree nothing is known to hang on what was lost
+        EXPECT_EQ(rig.out->setpoints[j].kp, energised ? joint.kp : 0.0F) << fault.when;
+        EXPECT_EQ(rig.out->setpoints[j].kd, energised ? joint.kd : 0.0F) << fault.when;
       }
     }
   }
+}
+
+// Goal: a stall of the loop itself is no silence of its drives; a drive that then stays silent is lost all the same.
+// Method: the clock jumps between two ticks, and the first tick behind it finds no reply: none was asked for.
+TickOutput first_tick_behind_a_stall(Rig& rig, Duration stall) {
+  rig.arm(0.3F);
+  rig.run_with_policy(500, 0.3F);
+  EXPECT_EQ(rig.mode(), Mode::tracking);
+  rig.now = rig.now + stall;
+  for (Rig::Drive& drive : rig.drives) drive.silent = true;
+  return rig.tick_with_policy(0.3F);
+}
+
+TEST(Faults, OwnStallIsNoSilenceOfADrive) {
+  for (const Duration stall : {milliseconds(60), milliseconds(100), milliseconds(450)}) {
+    Rig rig(robot(3));
+    const TickOutput behind = first_tick_behind_a_stall(rig, stall);
+    for (std::size_t j = 0; j < 3; ++j) {
+      EXPECT_EQ(behind.setpoints[j].kp, 0.0F) << "what is not heard is not pushed";
+      EXPECT_EQ(behind.setpoints[j].tau, 0.0F);
+    }
+    for (Rig::Drive& drive : rig.drives) drive.silent = false;
+    for (int i = 0; i < 100; ++i) {
+      rig.tick_with_policy(0.3F);
+      ASSERT_NE(rig.mode(), Mode::fault_latched) << stall.milliseconds() << " ms, tick " << i;
+      ASSERT_EQ(rig.header().causes_active & bit(Cause::feedback_lost), 0U) << stall.milliseconds() << " ms";
+    }
+  }
+}
+
+TEST(Faults, ADriveThatIsSilentBehindAStallIsLost) {
+  Rig rig(robot(3));
+  first_tick_behind_a_stall(rig, milliseconds(100));
+  for (const std::size_t j : {0U, 2U}) rig.drives[j].silent = false;
+  const MonoTime began = rig.now;
+  while (rig.mode() != Mode::fault_latched && rig.now - began < seconds(1)) rig.tick_with_policy(0.3F);
+  EXPECT_EQ(name(rig.header().cause), name(Cause::feedback_lost));
+  EXPECT_LE(rig.now - began, rig.config.feedback_timeout);
+}
+
+TEST(Faults, AStallIsExcusedForHalfASecondAtMost) {
+  Rig rig(robot(3));
+  first_tick_behind_a_stall(rig, milliseconds(700));
+  EXPECT_EQ(name(rig.header().cause), name(Cause::feedback_lost));
 }
 
 TEST(Faults, ErrorPassiveAndUnknownDrivesAreNoFaults) {

@@ -266,7 +266,7 @@ class Judge {
     return nullptr;
   }
 
-  // Unless usable, the reference may only brake (hold), go to the fallback, or follow the measured position.
+  // Unless usable, the reference may only brake (hold), go to the fallback, or follow the measured motion.
   const char* stale_is_never_followed() {
     if (usable() || !is_armed(header().mode)) return nullptr;
     if (rig_.out->valid_until.is_set() || header().chunk_step != 0) return "an unusable command is being played";
@@ -275,7 +275,9 @@ class Judge {
     for (std::size_t j = 0; j < config_.joint_count; ++j) {
       const float before = std::abs(last_.joints[j].dq_reference);
       const float change = config_.joints[j].limits.acceleration * 0.001F;
-      if (std::abs(record().joints[j].dq_reference) > std::max(before - change, 0.0F) + 1e-5F)
+      // A joint that runs away from its reference carries it along, no faster than it moves itself.
+      const float carried = std::abs(record().joints[j].dq_estimate);
+      if (std::abs(record().joints[j].dq_reference) > std::max({before - change, carried, 0.0F}) + 1e-5F)
         return "the reference does not brake while the command is unusable";
     }
     return nullptr;
@@ -307,7 +309,15 @@ class Judge {
     for (std::size_t j = 0; j < config_.joint_count; ++j) {
       const JointLimits& limits = config_.joints[j].limits;
       const float change = record().joints[j].dq_reference - last_.joints[j].dq_reference;
-      if (std::abs(change) > limits.acceleration * 0.001F * 1.001F) return "a reference accelerates too hard";
+      // Towards the joint's own motion it may jump: that asks less of the joint, not more.
+      const float measured = record().joints[j].dq_estimate;
+      const float step = limits.acceleration * 0.001F * 1.001F;
+      const bool nears = std::abs(record().joints[j].dq_reference - measured) <=
+                         std::abs(last_.joints[j].dq_reference - measured) + step;
+      // A held target has no velocity, and no path leads to it; without stiffness a reference pulls nothing.
+      const bool is_held = plays_held_targets(config_, config_.joints[j]) && record().joints[j].dq_reference == 0.0F;
+      const bool pulls = record().joints[j].kp_command > 0.0F && !is_held;
+      if (pulls && std::abs(change) > step && !nears) return "a reference accelerates too hard";
       if (std::abs(record().joints[j].dq_reference) > limits.velocity) return "a reference is too fast";
     }
     return nullptr;

@@ -52,9 +52,8 @@ class RandomRun {
     config.degraded = static_cast<DegradedBehaviour>(seed % 3);
     config.interpolation = static_cast<Interpolation>(seed / 3 % 3);
     config.observation_every_ticks = 1 + seed % 20;
-    config.join = {.kind = static_cast<JoinKind>(seed / 9 % 7),
+    config.join = {.kind = static_cast<JoinKind>(seed / 9 % 3),
                    .over = milliseconds(1 + seed % 60),
-                   .decay = 0.9F,
                    .longest_delay = config.period * (seed % 20)};
     config.freshness.window_ticks = 100 + seed % 900;
     config.resume_over = milliseconds(seed % 5 * 100);
@@ -235,7 +234,7 @@ TEST(Keyframe, TheLargestFitsAndASmallBufferIsRefused) {
   Rig rig(config);
   rig.run(25);
   CommandChunk chunk = chunk_for(config, rig.newest_observation, rig.published_at[rig.newest_observation], rig.now, 1,
-                                 0.0F, kMaxChunkSteps);
+                                 0.0F, kMaxChunkValues / (kMaxJoints * kCommandFieldCount));
   chunk.header.fields = kAllCommandFields;
   rig.tick(&chunk);
   ASSERT_EQ(rig.header().arrival, Arrival::accepted);

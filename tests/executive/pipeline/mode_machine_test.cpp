@@ -48,7 +48,8 @@ const std::map<Cause, std::string>& expected() {
                                                  {Cause::fallback_spent, "...p.."},
                                                  {Cause::temperature_high, "..d..."},
                                                  {Cause::overtemperature, ".ppp.."},
-                                                 {Cause::degraded_spent, "...p.."}};
+                                                 {Cause::degraded_spent, "...p.."},
+                                                 {Cause::feedback_implausible, ".ffff."}};
   return rows;
 }
 

@@ -10,6 +10,7 @@
 
 #include "executive/pipeline/mode_machine.hpp"
 #include "executive/pipeline/rest_watch.hpp"
+#include "executive/pipeline/tick_state.hpp"
 #include "tests/executive/pipeline/rig.hpp"
 
 namespace takt::pipeline {
@@ -20,8 +21,16 @@ using testing::robot;
 
 constexpr Duration kDwell = milliseconds(100);
 
-Rig moving() {
-  Rig rig(robot(2));
+// A tree says what hangs on what; nothing weighs anything.
+TickConfig weightless_chain(std::uint32_t joints) {
+  TickConfig config = robot(joints);
+  config.gravity_compensation = true;
+  config.gravity = {};
+  return config;
+}
+
+Rig moving(const TickConfig& config = robot(2)) {
+  Rig rig(config);
   rig.arm(0.0F);
   rig.run_with_policy(300, 1.2F);
   return rig;
@@ -82,14 +91,45 @@ TEST(Rest, AJointWithoutPowerDelaysNoReset) {
 
 // A limb that sags is all there is: then it is asked.
 TEST(Rest, ALimbThatOnlyDampsIsWaitedForWhereNothingElseHolds) {
-  Rig rig = moving();
-  rig.drives[1].fault = true;
+  Rig rig = moving(weightless_chain(2));
+  rig.drives[0].fault = true;
   rig.tick();
   ASSERT_EQ(rig.mode(), Mode::fault_latched);
-  rig.drives[1].fault = false;
-  ASSERT_EQ(rig.out->setpoints[0].kp, 0.0F) << "damps";
+  rig.drives[0].fault = false;
+  ASSERT_EQ(rig.out->setpoints[1].kp, 0.0F) << "damps";
   ASSERT_TRUE(is_fast(rig));
   expect_reset_only_after_rest(rig);
+}
+
+// Goal: a reset takes the power of every joint, so it waits for those that sag as well, however still the others hold.
+// Method: what hangs on a faulty joint is kept moving; the rest of the robot rests and holds meanwhile.
+TEST(Rest, AResetWaitsForWhatHangsOnALostJointToo) {
+  Rig rig = moving(weightless_chain(3));
+  rig.drives[1].fault = true;
+  rig.tick();
+  rig.drives[1].fault = false;
+  for (int i = 0; i < 1'000; ++i) {
+    rig.drives[2].dq = 0.5F;
+    rig.tick(nullptr, OperatorRequest::reset);
+    ASSERT_EQ(rig.mode(), Mode::fault_latched) << "reset after " << i << " ms";
+  }
+  EXPECT_EQ(rig.state->mode.resting, 1) << "what can hold rests, and holds";
+  expect_reset_only_after_rest(rig);
+}
+
+// Where it never rests, a person takes the power.
+TEST(Rest, WhatNeverRestsIsLeftByAPersonsPresses) {
+  for (const bool at_once : {false, true}) {
+    Rig rig = moving(weightless_chain(3));
+    rig.drives[1].fault = true;
+    for (int i = 0; i < 500; ++i) {
+      rig.drives[2].dq = 0.5F;
+      const bool presses = i == 100 || i == 350;
+      rig.tick(nullptr, at_once ? (i == 100 ? OperatorRequest::deenergise : OperatorRequest::none)
+                                : (presses ? OperatorRequest::press_stop : OperatorRequest::reset));
+    }
+    EXPECT_EQ(rig.mode(), Mode::standby) << at_once;
+  }
 }
 
 TEST(Rest, AStoppedRobotThatIsPushedIsNotResetMeanwhile) {

@@ -8,6 +8,8 @@ namespace {
 constexpr int kEnableDelayTicks = 3;
 constexpr float kTrueInertiaFactor = 1.5F;  // the configured inertia is a lower bound
 constexpr float kFriction = 0.1F;           // Nm s/rad
+constexpr float kHandStiffness = 1500.0F;   // Nm/rad
+constexpr float kHandDamping = 20.0F;       // Nm s/rad
 
 }  // namespace
 
@@ -121,8 +123,10 @@ void Rig::move() {
       drive.dq = 0.0F;
       continue;
     }
+    if (!drive.gripped) drive.gripped_at = drive.q;
+    const float hand = drive.gripped ? kHandStiffness * (drive.gripped_at - drive.q) - kHandDamping * drive.dq : 0.0F;
     const float inertia = kTrueInertiaFactor * config.joints[j].inertia;
-    drive.dq += dt * (drive.tau - gravity[j] - kFriction * drive.dq) / inertia;
+    drive.dq += dt * (drive.tau + hand - gravity[j] - kFriction * drive.dq) / inertia;
     drive.q += dt * drive.dq;
   }
 }

@@ -43,7 +43,9 @@ class Rig {
   struct Drive {
     float q = 0, dq = 0, tau = 0;
     int enabling_ticks = 0;
-    bool silent = false;  // no replies
+    bool silent = false;   // no replies
+    bool gripped = false;  // by a hand, which keeps the joint where it is, as well as it can
+    float gripped_at = 0;  // rad
     bool fault = false;
     bool drops_out = false;  // disables itself
     bool never_enables = false;

@@ -17,6 +17,7 @@ namespace {
 
 constexpr float kDt = 0.001F;
 const JointConfig kJoint = testing::robot(1).joints[0];
+const float kBarrier = speed_barrier_of_play(kJoint.limits);
 
 float drive_torque(const JointSetpoint& s, const JointMotion& at) {
   return s.kp * (s.q - at.q) + s.kd * (s.dq - at.dq) + s.tau;
@@ -30,7 +31,8 @@ TEST(Stabiliser, WithoutNeedItPassesTheImpedanceToTheDrive) {
                                                 .tau_ff = 1,
                                                 .gravity = 2,
                                                 .tau_last = 4,
-                                                .barriers = true},
+                                                .barriers = true,
+                                                .speed_barrier = kBarrier},
                                                kJoint, kDt);
   EXPECT_EQ(out.interventions, 0);
   EXPECT_EQ(out.setpoint.q, 0.5F);
@@ -71,6 +73,7 @@ RC_GTEST_PROP(Stabiliser, TheDriveProducesTheLimitedTorqueFromFieldsInsideTheirL
   in.gravity = uniform(-60, 60);
   in.tau_last = uniform(-30, 30);
   in.barriers = random() % 2 == 0;
+  in.speed_barrier = kBarrier;
   const StabiliserOutput out = stabilise_joint(in, kJoint, kDt);
   const float produced = drive_torque(out.setpoint, in.measured);
   const float rounding = 1e-3F * limits.torque;
@@ -83,30 +86,35 @@ RC_GTEST_PROP(Stabiliser, TheDriveProducesTheLimitedTorqueFromFieldsInsideTheirL
 }
 
 TEST(Barriers, LeaveAReferenceAtItsLimitAlone) {
-  const TorqueRange range = barrier_range({kJoint.limits.q_max, 0.0F}, 0.0F, kJoint);
+  const TorqueRange range = barrier_range({kJoint.limits.q_max, 0.0F}, 0.0F, kBarrier, kJoint);
   EXPECT_LT(range.low, 0.0F);
   EXPECT_GT(range.high, 5.0F);
 }
 
 TEST(Barriers, PushBackFromBeyondTheLimit) {
-  EXPECT_LT(barrier_range({kJoint.limits.q_max + 0.1F, 0.0F}, 0.0F, kJoint).high, 0.0F);
-  EXPECT_GT(barrier_range({kJoint.limits.q_min - 0.1F, 0.0F}, 0.0F, kJoint).low, 0.0F);
+  EXPECT_LT(barrier_range({kJoint.limits.q_max + 0.1F, 0.0F}, 0.0F, kBarrier, kJoint).high, 0.0F);
+  EXPECT_GT(barrier_range({kJoint.limits.q_min - 0.1F, 0.0F}, 0.0F, kBarrier, kJoint).low, 0.0F);
 }
 
 TEST(Barriers, LetAJointStayWhereItMayAndGoNoFurther) {
   for (const float q : {kJoint.limits.q_max + 0.1F, kJoint.limits.q_min - 0.1F}) {
-    const TorqueRange still = barrier_range({q, 0.0F}, q, kJoint);
+    const TorqueRange still = barrier_range({q, 0.0F}, q, kBarrier, kJoint);
     EXPECT_LE(still.low, 0.0F);
     EXPECT_GE(still.high, 0.0F);
     const float outwards = q > 0 ? 1.0F : -1.0F;
-    const TorqueRange moving = barrier_range({q, outwards}, q, kJoint);
+    const TorqueRange moving = barrier_range({q, outwards}, q, kBarrier, kJoint);
     EXPECT_LT(outwards > 0 ? moving.high : -moving.low, 0.0F) << "outwards it is braked";
   }
 }
 
 TEST(Barriers, NameWhatBinds) {
   const auto marks = [](JointMotion measured, float torque) {
-    return stabilise_joint({.measured = measured, .tau_ff = torque, .tau_last = torque, .barriers = true}, kJoint, kDt)
+    return stabilise_joint({.measured = measured,
+                            .tau_ff = torque,
+                            .tau_last = torque,
+                            .barriers = true,
+                            .speed_barrier = kBarrier},
+                           kJoint, kDt)
         .interventions;
   };
   EXPECT_TRUE(marks({0.0F, 5.4F}, 20.0F) & bit(Intervention::velocity_barrier));
@@ -123,7 +131,8 @@ RC_GTEST_PROP(Barriers, ARangeIsNeverEmpty, (std::uint32_t seed)) {
   JointConfig joint = kJoint;
   joint.limits.q_min = uniform(-1, 0);
   joint.limits.q_max = joint.limits.q_min + uniform(1e-3F, 1);
-  const TorqueRange range = barrier_range({uniform(-50, 50), uniform(-50, 50)}, uniform(-50, 50), joint);
+  const TorqueRange range =
+      barrier_range({uniform(-50, 50), uniform(-50, 50)}, uniform(-50, 50), speed_barrier_of_play(joint.limits), joint);
   RC_ASSERT(range.low <= range.high);
 }
 
@@ -133,8 +142,12 @@ TEST(Barriers, AHostileTorqueCannotDriveTheJointOutOfTheHardEnvelope) {
     for (const float factor : {1.0F, 2.0F}) {  // true inertia over its lower bound
       float q = 0, dq = 0, tau_last = 0, farthest = 0, fastest = 0;
       for (int i = 0; i < 4000; ++i) {
-        const StabiliserOutput out = stabilise_joint(
-            {.measured = {q, dq}, .tau_ff = 30.0F * direction, .tau_last = tau_last, .barriers = true}, kJoint, kDt);
+        const StabiliserOutput out = stabilise_joint({.measured = {q, dq},
+                                                      .tau_ff = 30.0F * direction,
+                                                      .tau_last = tau_last,
+                                                      .barriers = true,
+                                                      .speed_barrier = kBarrier},
+                                                     kJoint, kDt);
         tau_last = out.tau_total;
         dq += kDt * drive_torque(out.setpoint, {q, dq}) / (factor * kJoint.inertia);
         q += kDt * dq;
@@ -164,7 +177,8 @@ RC_GTEST_PROP(Stabiliser, AHostTorqueIsFinishedAndLimited, (std::uint32_t seed))
                            .tau_ff = uniform(-30, 30),
                            .gravity = uniform(-60, 60),
                            .tau_last = uniform(-30, 30),
-                           .barriers = random() % 2 == 0};
+                           .barriers = random() % 2 == 0,
+                           .speed_barrier = speed_barrier_of_play(joint.limits)};
   const float by_the_drive = drive_torque(stabilise_joint(in, joint, kDt).setpoint, in.measured);
   joint.loop = LoopAt::host_torque;
   const StabiliserOutput out = stabilise_joint(in, joint, kDt);
@@ -194,8 +208,13 @@ TEST(Stabiliser, AHostVelocityClosesErrorsAtTheRatioOfTheGains) {
   EXPECT_EQ(velocity({.reference = {1, 0}, .measured = {0.2F, 1}, .kd = 3}), 0.0F) << "a damped stop";
   EXPECT_EQ(velocity({.reference = {0, 0}, .measured = {0, 0}, .kp = 10, .kd = 1e-38F}), 0.0F);
   EXPECT_EQ(velocity({.reference = {1, 0}, .measured = {0, 0}, .kp = 10, .kd = 1e-38F}), 3.0F) << "not a NaN";
-  const StabiliserInput beyond{
-      .reference = {1.4F, 2}, .measured = {1.475F, 0}, .kp = 0, .kd = 2, .barriers = true, .may_stay_at = 1.4F};
+  const StabiliserInput beyond{.reference = {1.4F, 2},
+                               .measured = {1.475F, 0},
+                               .kp = 0,
+                               .kd = 2,
+                               .barriers = true,
+                               .may_stay_at = 1.4F,
+                               .speed_barrier = kBarrier};
   EXPECT_EQ(velocity(beyond), 0.0F) << "at its position barrier";
 }
 

@@ -171,7 +171,7 @@ TEST(PassiveJoint, GetsNothingInAnyMode) {
   rig.tick_with_policy(0.3F, OperatorRequest::arm);
   for (int i = 0; i < 200; ++i, look()) rig.tick_with_policy(0.3F);
   for (int i = 0; i < 1000; ++i, look()) {
-    rig.drives[1].q += 0.0005F;  // somebody moves it
+    rig.drives[1].dq = 0.5F;  // a hand moves it
     rig.tick();
   }
   ASSERT_EQ(rig.mode(), Mode::damped_stop);

@@ -71,6 +71,40 @@ TEST(Suspend, FeedbackIsLostUntilEachJointRepliesAgain) {
   EXPECT_EQ(rig.mode(), Mode::standby);
 }
 
+// A drive that follows positions with gains of its own is told none that it did not have since the sleep: neither the
+// one of before, nor the estimate of a joint that was not heard yet, which is 0.
+TEST(Suspend, ALatePositionDriveIsToldWhereItsJointIs) {
+  for (const int silent_ticks : {1, 2, 10}) {
+    TickConfig config = robot(2);
+    config.joints[1].loop = LoopAt::drive_position;
+    config.joints[1].limits.torque = 400;  // nothing cuts its stiffness
+    Rig rig(config);
+    rig.arm(1.2F);
+    rig.run_with_policy(1'500, 1.2F);
+    ASSERT_EQ(rig.mode(), Mode::tracking);
+    ASSERT_NEAR(rig.drives[1].q, 1.2F, 0.05F);
+    rig.drives[1].q -= 0.3F;  // it sank meanwhile
+    rig.drives[1].dq = 0;
+    wake_up(rig);
+    const auto expect_no_throw = [&](const char* when, int tick) {
+      const JointSetpoint& damping = rig.out->damping[1];
+      if (!rig.out->drive_enabled[1] || damping.kp == 0) return;
+      EXPECT_NEAR(damping.q, rig.drives[1].q, 0.02F) << when << ' ' << tick << " of " << silent_ticks;
+    };
+    expect_no_throw("waking", 0);
+    for (int i = 0; i < silent_ticks; ++i) {
+      rig.tick();
+      expect_no_throw("silent tick", i);
+    }
+    for (auto& drive : rig.drives) drive.silent = false;
+    for (int i = 0; i < 5; ++i) {
+      rig.tick();
+      expect_no_throw("heard again, tick", i);
+      ASSERT_TRUE(rig.out->drive_enabled[1]);
+    }
+  }
+}
+
 TEST(Suspend, TheRobotArmsAgainOnceEverythingIsNew) {
   Rig rig(robot(2));
   rig.arm(0.1F);

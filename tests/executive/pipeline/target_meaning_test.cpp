@@ -130,29 +130,26 @@ Played play_plain_pd(const std::vector<float>& targets) {
   return measure.result();
 }
 
-TEST(TargetMeaning, HeldStepsSendNoVelocityWhileTheReferenceMoves) {
+TEST(TargetMeaning, HeldStepsSendNoVelocityAndHaveNone) {
   const Played held = play(Interpolation::hold, actions(200));
   EXPECT_EQ(held.fastest_setpoint, 0.0F);
-  EXPECT_GT(held.fastest_reference, 1.0F);
+  EXPECT_EQ(held.fastest_reference, 0.0F) << "a step goes out as it is: nothing chases it";
   const Played linear = play(Interpolation::linear, actions(200));
   EXPECT_EQ(linear.fastest_setpoint, linear.fastest_reference) << "a path's velocity is meant";
 }
 
 TEST(TargetMeaning, HeldStepsCostNoMoreTorqueRateThanThePlainPdLoop) {
   const std::vector<float> targets = actions(500);
-  const Played plain = play_plain_pd(targets), held = play(Interpolation::hold, targets),
-               chased = play(Interpolation::linear, targets);
+  const Played plain = play_plain_pd(targets), held = play(Interpolation::hold, targets);
   const auto print = [](const char* what, const Played& played) {
     std::printf("%-28s torque rate %7.0f Nm/s rms, kick %5.1f Nm, distance %.4f rad rms\n", what, played.torque_rate,
                 played.kick, played.error);
   };
   print("plain PD", plain);
   print("hold", held);
-  print("hold, with the chase's dq", chased);
   EXPECT_LT(held.torque_rate, 1.2 * plain.torque_rate);
   EXPECT_LT(held.kick, 1.2 * plain.kick);
   EXPECT_LT(held.error, 1.2 * plain.error) << "as near to its action as in training";
-  EXPECT_GT(chased.torque_rate, 2.0 * held.torque_rate) << "what the velocity setpoint of the chase would cost";
 }
 
 TEST(TargetMeaning, ALostPolicyIsBrakedWithoutAVelocitySetpoint) {
@@ -163,16 +160,14 @@ TEST(TargetMeaning, ALostPolicyIsBrakedWithoutAVelocitySetpoint) {
   rig.run_with_policy(200, 0.0F);
   while (!rig.out->observation_due) rig.tick();
   tick_with_action(rig, 1.2F);
-  float fastest = 0;
   for (int i = 0; i < 200; ++i) {
     rig.tick();
     EXPECT_EQ(rig.out->setpoints[0].dq, 0.0F);
-    fastest = std::max(fastest, std::abs(rig.out->record.joints[0].dq_reference));
+    EXPECT_EQ(rig.out->record.joints[0].q_reference, i < 4 ? rig.out->record.joints[0].q_reference : 1.2F);
   }
-  EXPECT_GT(fastest, 1.0F);
 }
 
-// In the way that `config` says; the fastest reference afterwards. At least one tick has been left behind in motion.
+// In the way that `config` says; the fastest reference afterwards. The joint is in motion meanwhile.
 float leave_a_fast_path(TickConfig config, OperatorRequest request) {
   config.freshness.epsilon = 0.001;
   config.freshness.max_age = milliseconds(60);
@@ -182,7 +177,7 @@ float leave_a_fast_path(TickConfig config, OperatorRequest request) {
   while (!rig.out->observation_due) rig.tick();
   tick_with_action(rig, 1.2F);
   rig.run(25);
-  EXPECT_GT(rig.out->record.joints[0].dq_reference, 10.0F);
+  EXPECT_GT(rig.drives[0].dq, 5.0F);
   rig.tick(nullptr, request);
   float fastest = 0;
   for (int i = 0; i < 300; ++i) {
@@ -195,14 +190,12 @@ float leave_a_fast_path(TickConfig config, OperatorRequest request) {
 }
 
 // Goal: what was trained without a velocity setpoint meets none when it is stopped or led to a pose either: it would
-// come as a kick of kd times the reference's velocity. Method: each such mode is entered at 10 rad/s and more.
+// come as a kick of kd times the reference's velocity. Method: each such mode is entered while the joint moves.
 TEST(TargetMeaning, NoModeBringsAVelocitySetpointToHeldSteps) {
   TickConfig config = walker(Interpolation::hold);
-  config.joints[0].stop_speed = config.joints[0].fallback_speed = 20.0F;
-  for (const StopManner manner : {StopManner::hold, StopManner::posture}) {
-    config.stops[static_cast<std::size_t>(Cause::operator_stop)] = {manner, seconds(5)};
-    EXPECT_GT(leave_a_fast_path(config, OperatorRequest::stop), 5.0F) << "manner " << static_cast<int>(manner);
-  }
+  config.joints[0].fallback_speed = 20.0F;
+  config.stops[static_cast<std::size_t>(Cause::operator_stop)] = {StopManner::hold, seconds(5)};
+  EXPECT_LE(leave_a_fast_path(config, OperatorRequest::stop), 5.0F) << "held";
   config.degraded = DegradedBehaviour::fallback;
   config.fallback = FallbackKind::pose;
   EXPECT_GT(leave_a_fast_path(config, OperatorRequest::none), 5.0F) << "degraded";

@@ -78,6 +78,7 @@ TEST(TorqueOutput, OneThatFailsStopsTheRobotAndNobodyArms) {
     rig.run_with_policy(500, 0.0F);
     rig.tick_with_policy(0.0F, OperatorRequest::reset);
     ASSERT_EQ(rig.mode(), Mode::standby);
+    rig.run_with_policy(40, 0.0F);
     rig.tick_with_policy(0.0F, OperatorRequest::arm);
     EXPECT_EQ(rig.mode(), Mode::standby);
     std::array<ArmingBlocker, 1> blocker;

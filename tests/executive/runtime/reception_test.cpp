@@ -353,7 +353,13 @@ TEST_F(ReceptionTest, APolicyIsPlayedThenStoppedAndReset) {
 
   EXPECT_EQ(ask(OperatorVerb::stop).done, 1);
   EXPECT_EQ(ask(OperatorVerb::status).status.tick.mode, Mode::damped_stop);
-  ASSERT_TRUE(until([this](const StatusSnapshot&) { return ask(OperatorVerb::reset).done == 1; }));
+  ASSERT_TRUE(until([this](const StatusSnapshot&) {
+    const OperatorReply reply = ask(OperatorVerb::reset);
+    if (reply.done == 0) {
+      EXPECT_THAT(reply.sentences, HasSubstr("takt stop --now")) << "the way for what never rests";
+    }
+    return reply.done == 1;
+  }));
   EXPECT_EQ(ask(OperatorVerb::status).status.tick.mode, Mode::standby);
   EXPECT_TRUE(until([this](const StatusSnapshot&) { return drives_->all_disabled(); }));
 }

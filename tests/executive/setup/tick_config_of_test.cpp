@@ -130,15 +130,6 @@ TEST(TickConfigOf, TheDemoArmsAndTheCartHaveTorqueForTheirWholeAccelerationInEve
   }
 }
 
-TEST(TickConfigOf, SpeculationIsTakenWhereItsToleranceIsSaid) {
-  EXPECT_EQ(tick_of(test::kSmallRobot).speculation.q, 0.0F);
-  const auto tolerance =
-      tick_of(test::with("offset: home }", "offset: home }\n  speculation: { position: 2 deg, velocity: 0.3 rad/s }"))
-          .speculation;
-  EXPECT_FLOAT_EQ(tolerance.q, 0.034906585F);
-  EXPECT_FLOAT_EQ(tolerance.dq, 0.3F);
-}
-
 // Roll by 90 deg takes y to z and z to -y.
 TEST(TickConfigOf, RotationIsFixedAxisRollPitchYawAndAxesAreUnit) {
   const auto tick = tick_of(test::kSmallRobot);

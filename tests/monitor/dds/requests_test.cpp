@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "dds/domain_xml.hpp"
 
@@ -12,6 +14,7 @@ namespace takt::monitor::dds {
 namespace {
 
 constexpr std::int64_t kNow = 1'700'000'000'000'000'000;
+const Address kHere{.robot = "arm6", .machine = "aa11"};
 
 struct Case {
   const char* when;
@@ -26,7 +29,7 @@ class EveryRequest : public testing::TestWithParam<Case> {};
 
 TEST_P(EveryRequest, IsHandedOnOrAnsweredWithASentence) {
   const Case& one = GetParam();
-  const auto verdict = judge({"arm6", 1, one.verb, kNow - one.sent_ago.ns}, kNow);
+  const auto verdict = judge({"arm6", "", 1, one.verb, kNow - one.sent_ago.ns}, kHere, kNow);
   ASSERT_EQ(verdict.has_value(), one.handed_on.has_value());
   if (verdict)
     EXPECT_EQ(*verdict, *one.handed_on);
@@ -52,12 +55,49 @@ INSTANTIATE_TEST_SUITE_P(
                     Case{"nothing", "", {}, std::nullopt, "`` is no request; write arm or stop"},
                     Case{"another spelling", "Arm", {}, std::nullopt, "`Arm` is no request; write arm or stop"}));
 
+// Thirty computers with one robot file: each judges the same request by itself.
+TEST(Requests, OneRequestArmsOneOfThirtyNamesakes) {
+  std::vector<std::string> machines;
+  for (int i = 0; i < 30; ++i) machines.push_back("machine" + std::to_string(i));
+  const auto armed_by = [&](const std::string& named) {
+    int armed = 0;
+    for (const std::string& machine : machines) {
+      Address address{.robot = "arm6", .machine = machine};
+      for (const std::string& other : machines)
+        if (other != machine) address.namesakes.push_back(other);
+      const Request request{"arm6", named, 1, "arm", kNow};
+      if (is_for(request, address) && judge(request, address, kNow).has_value()) ++armed;
+    }
+    return armed;
+  };
+  EXPECT_EQ(armed_by("machine7"), 1);
+  EXPECT_EQ(armed_by(""), 0);
+  EXPECT_EQ(armed_by("another"), 0);
+}
+
+TEST(Requests, TheRefusalNamesTheMachines) {
+  const Address address{.robot = "arm6", .machine = "aa11", .namesakes = {"bb22", "cc33"}};
+  EXPECT_EQ(judge({"arm6", "", 1, "arm", kNow}, address, kNow).error(),
+            "more than one robot is named arm6: write the machine into the request; this one is aa11, others are bb22, "
+            "cc33");
+  EXPECT_TRUE(judge({"arm6", "", 1, "stop", kNow}, address, kNow).has_value()) << "a stop is for every one of them";
+  const Address twins{.robot = "arm6", .machine = "aa11", .namesakes = {"aa11"}};
+  EXPECT_EQ(judge({"arm6", "aa11", 1, "arm", kNow}, twins, kNow).error(),
+            "two robots named arm6 run on this machine (aa11): give each a name of its own");
+}
+
+TEST(Requests, AMachineHasOneNameAndDoesNotTellItsId) {
+  const std::string name = machine_name();
+  EXPECT_EQ(name.size(), 12U);
+  EXPECT_EQ(name, machine_name());
+}
+
 TEST(Requests, AStrangersWordCannotForgeALine) {
   EXPECT_EQ(printable("arm"), "arm");
   EXPECT_EQ(printable("arm\n\x1b[2J\xc3\xa4"), "arm??[2J??");
   const std::string long_word = printable("stop" + std::string(1000, 'p'));
   EXPECT_EQ(long_word, "stoppppppppppppp");
-  EXPECT_FALSE(judge({"arm6", 1, long_word, kNow}, kNow).has_value());
+  EXPECT_FALSE(judge({"arm6", "", 1, long_word, kNow}, kHere, kNow).has_value());
 }
 
 TEST(DomainXml, LoopbackNeedsNoMulticastAndFindsThisMachine) {

@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdio>
+#include <random>
 
 namespace takt::monitor {
 namespace {
@@ -19,8 +21,28 @@ TEST(FreshnessStatistics, WorkedExampleDegradesOnItsTail) {
   EXPECT_NEAR(quantiles.p95, 57.4, 1e-12);
   EXPECT_DOUBLE_EQ(misses.rate, 0.1);
   EXPECT_TRUE(should_degrade(quantiles, 40));
-  EXPECT_EQ(misses.verdict, Verdict::violated);
+  EXPECT_EQ(misses.verdict, Verdict::undecided) << "one late command of ten is no proof of more than 1 %";
   EXPECT_DOUBLE_EQ(quantiles.max, 52);
+}
+
+// At a true rate of just epsilon either claim is false, and may be made in one run of twenty.
+TEST(FreshnessStatistics, AClaimAtTheEdgeIsWrongInOneRunOfTwentyAtMost) {
+  constexpr double kEpsilon = 0.01;
+  constexpr int kRuns = 2000;
+  std::mt19937_64 random(33);
+  for (const std::uint64_t commands : {50U, 120U, 300U, 1000U}) {
+    std::binomial_distribution<std::uint64_t> misses(commands, kEpsilon);
+    int held = 0, violated = 0;
+    for (int run = 0; run < kRuns; ++run) {
+      const Verdict verdict = miss_rate(misses(random), commands, kEpsilon, 0.95).verdict;
+      held += verdict == Verdict::held ? 1 : 0;
+      violated += verdict == Verdict::violated ? 1 : 0;
+    }
+    std::printf("%llu commands: held %.1f %%, violated %.1f %%\n", static_cast<unsigned long long>(commands),
+                100.0 * held / kRuns, 100.0 * violated / kRuns);
+    EXPECT_LE(held, kRuns * 6 / 100) << commands;
+    EXPECT_LE(violated, kRuns * 6 / 100) << commands;
+  }
 }
 
 // Python: statistics.quantiles(range(1, 101), n=100, method='exclusive')[k - 1] == 1.01 k.

@@ -74,27 +74,6 @@ TEST(MetricsCollector, CountsTicksThatReliedOnAPolicyWithoutAFreshFallback) {
   EXPECT_EQ(metrics.ticks_without_fallback, 2U);
 }
 
-// Goal: the evidence says what became of the alternatives within the recorded part, and for how long one moved the
-// robot.
-TEST(MetricsCollector, TellsWhatBecameOfAlternatives) {
-  RunMetrics metrics;
-  MetricsCollector collector(metrics);
-  TickRecord record;
-  record.header.speculation = {.taken = 5, .outdone = 4, .unmatched = 3, .dropped = 2};
-  collector.tick(record);
-  record.header.tick = 1;
-  record.header.player = Player::policy;
-  record.header.is_speculative = 1;
-  record.header.speculation = {.taken = 6, .outdone = 6, .unmatched = 6, .dropped = 6};
-  collector.tick(record);
-  collector.finish(0.01, 0.95);
-  EXPECT_EQ(metrics.speculation.taken, 1U);
-  EXPECT_EQ(metrics.speculation.outdone, 2U);
-  EXPECT_EQ(metrics.speculation.unmatched, 3U);
-  EXPECT_EQ(metrics.speculation.dropped, 4U);
-  EXPECT_EQ(metrics.speculation.ticks, 1U);
-}
-
 // The policy stalls twice: hundreds of ticks miss, but they are the fault of two commands.
 TEST_F(RunMetricsTest, AStallIsOneMissedCommand) {
   const auto metrics = metrics_of(run_);

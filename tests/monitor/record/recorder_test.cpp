@@ -19,6 +19,7 @@
 #include "drivers/bus/candump.hpp"
 #include "evidence/review/replay.hpp"
 #include "evidence/review/report/report_text.hpp"
+#include "monitor/record/run_seal.hpp"
 #include "tests/monitor/record/recorded_demo.hpp"
 #include "tests/monitor/record/temporary_folder.hpp"
 
@@ -71,6 +72,12 @@ class RecorderTest : public TemporaryFolder {
   static RecordedRun opened(const std::string& directory) {
     auto run = open_run(directory);
     if (!run) throw std::runtime_error(run.error());
+    // However recording ended: a full disk and a medium that refuses cut files back under the seal.
+    const auto seal = check_run_seal(run->folder);
+    EXPECT_TRUE(seal || !run->manifest.ended_at.is_set()) << seal.error();
+    if (seal) {
+      EXPECT_EQ(seal->altered, std::vector<std::string>{});
+    }
     return *run;
   }
   static std::vector<std::uint64_t> ticks_in(const RecordedRun& run) {

@@ -8,6 +8,7 @@
 #include <span>
 
 #include "config/document.hpp"
+#include "tests/shared_files.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -132,7 +133,7 @@ TEST(LeappBundle, RefusesNamesThatAreMoreThanNames) {
 
 TEST(LeappBundle, APublishedOneIsReadWithoutAGuess) {
   const std::string file = "../shared/policies/agile_leapp/Velocity-G1-v0.yaml";
-  if (!std::filesystem::exists(file)) GTEST_SKIP() << "NOT TESTED: " << file << " is not there";
+  TAKT_NEEDS_SHARED(file);
   const auto text = config::read_file(file);
   ASSERT_TRUE(text) << text.error();
   const auto bundle = read_leapp_bundle(*text, file);

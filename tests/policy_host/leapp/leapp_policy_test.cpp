@@ -26,6 +26,7 @@
 #include "tests/policy_host/fake_server.hpp"
 #include "tests/policy_host/installed_onnx_runtime.hpp"
 #include "tests/policy_host/leapp/walker.hpp"
+#include "tests/shared_files.hpp"
 
 namespace takt::policy_host {
 namespace {
@@ -475,7 +476,7 @@ TEST_F(LeappPolicy, ItsHashCoversNetworksAndStartValues) {
 
 TEST_F(LeappPolicy, APublishedOneIsImportedLikeIt) {
   const std::string published = "../shared/policies/agile_leapp/Velocity-G1-v0.yaml";
-  if (!std::filesystem::exists(published)) GTEST_SKIP() << "NOT TESTED: " << published << " is not there";
+  TAKT_NEEDS_SHARED(published);
   TemporaryDirectory other;
   const std::string yaml = make_bundle(other.path(), published);
   // But for names, the same text: shapes, kinds, joints and what is left open.

@@ -31,6 +31,7 @@ Answer good(std::uint64_t observation, std::uint64_t sequence) {
           .sequence = sequence,
           .queued = milliseconds(1),
           .inferred = milliseconds(20),
+          .older = {},
           .dropped = 0,
           .step_period = milliseconds(10),
           .step_count = 4,
@@ -45,7 +46,7 @@ AnswerGate begun() {
   gate.begin(5);
   for (std::uint64_t id = 1; id <= 10; ++id) {
     const MonoTime at = kNow - milliseconds(10 * static_cast<std::int64_t>(10 - id));
-    gate.show({id, at, at + milliseconds(1), at - milliseconds(4)});
+    gate.show({id, at, at + milliseconds(1), at - milliseconds(4), at - milliseconds(2)});
   }
   return gate;
 }
@@ -197,6 +198,25 @@ TEST(ServerChoice, ASlowLeaderIsGivenItsUsualPauseTwiceAndNoMoreThanTheLongest) 
   for (int i = 0; i < 20; ++i) very_slow.take(1, at(400 * i));
   EXPECT_EQ(very_slow.patience(), milliseconds(500));
   EXPECT_TRUE(very_slow.take(2, at(7600 + 501)));
+}
+
+// An answer may rest on samples from before those that came with its observation; it becomes older by that, and by no
+// claim younger.
+TEST(AnswerGate, AnAnswerThatRestsOnOlderSamplesIsAsOldAsThose) {
+  for (const auto& [claimed, expected] :
+       {std::pair{Duration{}, milliseconds(4)}, std::pair{milliseconds(30), milliseconds(34)},
+        std::pair{milliseconds(-30), milliseconds(4)}}) {
+    AnswerGate gate = begun();
+    Answer answer = good(10, 1);
+    answer.older = claimed;
+    ASSERT_EQ(gate.judge(answer, true, kNow), AnswerVerdict::usable);
+    EXPECT_EQ((kNow - gate.play(answer, kNow).outside_sensed_at).ns, expected.ns);
+  }
+  AnswerGate gate = begun();
+  Answer absurd = good(10, 1);
+  absurd.older = {INT64_MAX};
+  ASSERT_EQ(gate.judge(absurd, true, kNow), AnswerVerdict::usable);
+  EXPECT_EQ(gate.play(absurd, kNow).outside_sensed_at.ns, 1) << "as old as a stamp can be, and set";
 }
 
 }  // namespace

@@ -108,7 +108,7 @@ TEST(MtStream, AMessageIsAsOldAsItsFirstByte) {
   EXPECT_TRUE(stream.take(std::span(whole).first(1), kNow).empty());
   const auto found = stream.take(std::span(whole).subspan(1), kNow + milliseconds(3));
   ASSERT_EQ(found.size(), 1U);
-  EXPECT_EQ(found[0].first_byte_at, kNow);
+  EXPECT_EQ(found[0].first_byte.at, kNow);
 }
 
 TEST(MtData2, IsReadAsItsMakerMeansIt) {

@@ -13,37 +13,58 @@ namespace takt::sensors {
 namespace {
 
 constexpr std::int64_t kUnix = 1'700'000'000'000'000'000;
-constexpr Arrival kArrival{MonoTime{5'000'000'000}, kUnix};
+constexpr MonoTime kArrived{5'000'000'000};
+constexpr Arrival kArrival{kArrived, kUnix};
 
 // Both stamps of a message.
 SensedAt of(std::int64_t header_unix_ns, std::int64_t source_unix_ns = kUnix) {
-  return sensed_at({header_unix_ns, source_unix_ns}, kArrival);
+  return SenderClock().take({header_unix_ns, source_unix_ns}, kArrival);
 }
 
 TEST(RosStamp, IsNeverYoungerThanTheArrival) {
-  EXPECT_EQ(of(kUnix - 3'000'000).at, kArrival.at - milliseconds(3)) << "this machine's clock";
-  EXPECT_EQ(of(kUnix).at, kArrival.at);
+  EXPECT_EQ(of(kUnix - 3'000'000).at, kArrived - milliseconds(3)) << "this machine's clock";
+  EXPECT_EQ(of(kUnix).at, kArrived);
   const SensedAt ahead = of(kUnix + 40'000'000);
-  EXPECT_EQ(ahead.at, kArrival.at) << "a clock that is ahead";
+  EXPECT_EQ(ahead.at, kArrived) << "a clock that is ahead";
   EXPECT_EQ(ahead.ahead, milliseconds(40));
-  EXPECT_EQ(of(kUnix - 1'000'000'000).at, kArrival.at - seconds(1)) << "a clock that is behind";
+  EXPECT_EQ(of(kUnix - 1'000'000'000).at, kArrived - seconds(1)) << "a clock that is behind";
 }
 
 TEST(RosStamp, WithoutOneTheWritersOwnStandsIn) {
   for (const std::int64_t none : {0, -5}) {
-    EXPECT_EQ(of(none, kUnix - 3'000'000'000).at, kArrival.at - seconds(3));
+    EXPECT_EQ(of(none, kUnix - 3'000'000'000).at, kArrived - seconds(3));
     const SensedAt ahead = of(none, kUnix + 40'000'000);
-    EXPECT_EQ(ahead.at, kArrival.at);
+    EXPECT_EQ(ahead.at, kArrived);
     EXPECT_EQ(ahead.ahead, milliseconds(40));
-    EXPECT_EQ(of(none, 0).at, kArrival.at) << "nor has DDS one";
+    EXPECT_EQ(of(none, 0).at, kArrived) << "nor has DDS one";
   }
-  EXPECT_EQ(of(kUnix - 3'000'000, kUnix - 3'000'000'000).at, kArrival.at - milliseconds(3)) << "the header has one";
+  EXPECT_EQ(of(kUnix - 3'000'000, kUnix - 3'000'000'000).at, kArrived - milliseconds(3)) << "the header has one";
+}
+
+// Taken 300 ms after the wait began, 280 ms late, by clocks of which one is ahead by 10 s.
+TEST(RosStamp, OneThatWaitedIsAsOldAsItsSendersClockSaysSinceTheOneBefore) {
+  constexpr std::int64_t kAhead = kUnix + 10'000'000'000;
+  constexpr std::int64_t kTenMs = 10'000'000;
+  const auto late = [](std::int64_t stamp, SenderClock& sender) {
+    return kArrived + milliseconds(300) - sender.take({0, stamp}, {{kArrived + milliseconds(300), kArrived}, kUnix}).at;
+  };
+  SenderClock sender;
+  (void)sender.take({0, kAhead}, kArrival);
+  EXPECT_EQ(late(kAhead + 2 * kTenMs, sender), milliseconds(280) - microseconds(10));
+  SenderClock fresh;
+  EXPECT_EQ(late(kAhead, fresh), milliseconds(300)) << "the first";
+  SenderClock set_back;
+  (void)set_back.take({0, kAhead}, kArrival);
+  EXPECT_EQ(late(kUnix, set_back), milliseconds(300)) << "a clock that was set back";
+  SenderClock set_on;
+  (void)set_on.take({0, kUnix}, kArrival);
+  EXPECT_EQ(late(kAhead, set_on), milliseconds(300)) << "and one that was set on";
 }
 
 TEST(RosStamp, AnAncientOneIsAsOldAsCanBe) {
   const MonoTime ancient = of(12'000'000'000).at;
   EXPECT_TRUE(ancient.is_set());
-  EXPECT_LT(ancient, kArrival.at - seconds(4)) << "the clock of a simulation";
+  EXPECT_LT(ancient, kArrived - seconds(4)) << "the clock of a simulation";
 }
 
 config::Sensor camera() {

@@ -1,0 +1,91 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <exception>
+#include <string>
+#include <vector>
+
+#include "cli/command.hpp"
+#include "cli/mistyped.hpp"
+#include "executive/contract/version.hpp"
+
+namespace takt::cli {
+namespace {
+
+// Listed like a command; `takt help X` is read as `takt X --help`.
+void add_help(CLI::App& app) {
+  CLI::App* command = app.add_subcommand("help", "Say what a command does and which options it has.");
+  command->footer(
+      "Examples: takt help; takt help run; takt help config check\n"
+      "Exit codes: 0 said, 64 there is no such command.");
+}
+
+std::vector<std::string> without_help_verb(std::vector<std::string> words) {
+  const bool is_about_help_itself = words.size() > 1 && words[1] == "--help";
+  if (words.empty() || words.front() != "help" || is_about_help_itself) return words;
+  words.erase(words.begin());
+  words.emplace_back("--help");
+  return words;
+}
+
+int parse(CLI::App& app, std::vector<std::string> words) {
+  const bool asks_for_help = !words.empty() && words.front() == "help";
+  words = without_help_verb(std::move(words));
+  const auto wrong = mistyped(app, words);
+  if (wrong && asks_for_help) {
+    std::fprintf(stderr, "takt: %s\n", wrong->c_str());
+    return kExitUsage;
+  }
+  try {
+    std::ranges::reverse(words);  // CLI11 takes them from the back
+    app.parse(std::move(words));
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) return app.exit(error);
+    if (!wrong) return app.exit(error) == 0 ? kExitOk : kExitUsage;
+    std::fprintf(stderr, "takt: %s\n", wrong->c_str());
+    return kExitUsage;
+  }
+  return kExitOk;
+}
+
+// What a command printed may still lie in a buffer, and a disk may be full.
+int after_printing(int exit_code) {
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return exit_code;
+  std::fprintf(stderr, "takt: its output could not be written; is the disk full?\n");
+  return exit_code == kExitOk ? kExitFailed : exit_code;
+}
+
+}  // namespace
+
+int refuse(int exit_code, const std::string& sentences) {
+  std::fprintf(stderr, "%s\n", sentences.c_str());
+  return exit_code;
+}
+
+int fail(std::string_view command, const std::string& sentence) {
+  fmt::print(stderr, "{}: {}\n", command, sentence);
+  return kExitFailed;
+}
+
+int run_command_line(std::span<const AddCommand> commands, int argc, const char* const* argv) {
+  CLI::App app("Runs learned policies on robots in real time, and keeps the evidence.", "takt");
+  app.set_version_flag("--version", fmt::format("takt {}", version()));
+  app.require_subcommand(1);
+  app.footer(
+      "Exit codes: 0 done, 1 refused or failed, 2 not all is well (run, replay), 64 command line, 65 configuration, 69 "
+      "not running, 70 bug, 71 set-up.");
+  int exit_code = kExitOk;
+  for (const AddCommand add : commands) add(app, exit_code);
+  add_help(app);
+  try {
+    const int parsed = parse(app, std::vector<std::string>(argv + std::min(argc, 1), argv + argc));
+    return after_printing(parsed == kExitOk ? exit_code : parsed);
+  } catch (const std::exception& error) {
+    if (std::ferror(stdout) != 0) return after_printing(kExitOk);
+    std::fprintf(stderr, "takt: %s\n", error.what());
+    return kExitInternal;
+  }
+}
+
+}  // namespace takt::cli

@@ -1,0 +1,141 @@
+// takt ages: the freshness contract over a list of ages, from wherever they come.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <expected>
+#include <fstream>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "cli/command.hpp"
+#include "cli/quantity_option.hpp"
+#include "monitor/judge/freshness_statistics.hpp"
+
+namespace takt::cli {
+namespace {
+
+constexpr std::size_t kMostAges = 10'000'000;
+constexpr double kNsPerMs = 1e6;
+
+struct AgesOptions {
+  std::string file;
+  double max_age_ms = 0, period_ms = 0, epsilon = 0.01, confidence = 0.95;
+  bool json = false;
+};
+
+bool separates(char letter) {
+  return letter == ' ' || letter == '\t' || letter == ',' || letter == ';' || letter == '\r';
+}
+
+// Nanoseconds. The error names the line.
+std::expected<std::vector<std::int64_t>, std::string> read_ages(std::istream& in) {
+  std::vector<std::int64_t> ages;
+  std::string line;
+  for (std::size_t number = 1; std::getline(in, line); ++number) {
+    const char* at = line.data();
+    const char* const end = at + line.size();
+    while (true) {
+      while (at != end && separates(*at)) ++at;
+      if (at == end) break;
+      double age_ms = 0;
+      const auto read = std::from_chars(at, end, age_ms);
+      const bool is_age = read.ec == std::errc{} && age_ms >= 0 && age_ms < 1e9;  // false for NaN, too
+      if (!is_age || (read.ptr != end && !separates(*read.ptr)))
+        return std::unexpected(fmt::format("line {}: `{}` is no age; write milliseconds, one or more a line", number,
+                                           std::string_view(at, end).substr(0, 20)));
+      if (ages.size() == kMostAges) return std::unexpected(fmt::format("holds more than {} ages", kMostAges));
+      ages.push_back(std::llround(age_ms * kNsPerMs));
+      at = read.ptr;
+    }
+  }
+  if (ages.empty()) return std::unexpected("holds no age; write milliseconds, one or more a line");
+  return ages;
+}
+
+std::string_view word(monitor::Verdict verdict) {
+  switch (verdict) {
+    case monitor::Verdict::held:
+      return "held";
+    case monitor::Verdict::undecided:
+      return "undecided";
+    case monitor::Verdict::violated:
+      return "violated";
+  }
+  return "invalid";
+}
+
+int tell(const AgesOptions& options, std::vector<std::int64_t>& ages) {
+  const auto max_age_ns = std::llround(options.max_age_ms * kNsPerMs);
+  const auto misses = static_cast<std::uint64_t>(
+      std::count_if(ages.begin(), ages.end(), [&](std::int64_t age) { return age > max_age_ns; }));
+  const monitor::MissRate rate = monitor::miss_rate(misses, ages.size(), options.epsilon, options.confidence);
+  const double lower = monitor::clopper_pearson_lower(misses, ages.size(), options.confidence);
+  const monitor::Quantiles ages_ns = monitor::quantiles_of(ages);
+  const bool degraded = monitor::should_degrade(ages_ns, static_cast<double>(max_age_ns));
+  if (options.json) {
+    const nlohmann::ordered_json told{{"ages", ages_ns.count},
+                                      {"control_period_ms", options.period_ms},
+                                      {"policy_age_p50_ms", ages_ns.p50 / kNsPerMs},
+                                      {"policy_age_p95_ms", ages_ns.p95 / kNsPerMs},
+                                      {"policy_age_p99_ms", ages_ns.p99 / kNsPerMs},
+                                      {"policy_age_max_ms", ages_ns.max / kNsPerMs},
+                                      {"max_age_ms", options.max_age_ms},
+                                      {"deadline_miss_rate", rate.rate},
+                                      {"deadline_miss_rate_lower", lower},
+                                      {"deadline_miss_rate_upper", rate.upper_bound},
+                                      {"epsilon", options.epsilon},
+                                      {"confidence", options.confidence},
+                                      {"contract", word(rate.verdict)},
+                                      {"degraded_mode", degraded}};
+    fmt::print("{}\n", told.dump());
+    return kExitOk;
+  }
+  fmt::print("{} ages: p50 {:.1f} ms, p95 {:.1f} ms, p99 {:.1f} ms, longest {:.1f} ms{}\n", ages_ns.count,
+             ages_ns.p50 / kNsPerMs, ages_ns.p95 / kNsPerMs, ages_ns.p99 / kNsPerMs, ages_ns.max / kNsPerMs,
+             options.period_ms > 0 ? fmt::format("; control period {:g} ms", options.period_ms) : "");
+  fmt::print("deadline miss rate {:.3g}: {} of {} older than {:g} ms; {:.3g} to {:.3g}, each at {:g} % confidence\n",
+             rate.rate, misses, ages_ns.count, options.max_age_ms, lower, rate.upper_bound, 100 * options.confidence);
+  fmt::print("contract Pr(age > {:g} ms) <= {:g}: {}\n", options.max_age_ms, options.epsilon, word(rate.verdict));
+  fmt::print("degraded: {}, p95 is {} {:g} ms\n", degraded ? "true" : "false", degraded ? "beyond" : "within",
+             options.max_age_ms);
+  return kExitOk;
+}
+
+int run(const AgesOptions& options) {
+  std::ifstream file;
+  if (options.file != "-") {
+    file.open(options.file);
+    if (!file) return fail("takt ages", fmt::format("{}: cannot be read", options.file));
+  }
+  auto ages = read_ages(options.file == "-" ? std::cin : file);
+  if (!ages) return fail("takt ages", fmt::format("{}: {}", options.file, ages.error()));
+  return tell(options, *ages);
+}
+
+}  // namespace
+
+void add_ages(CLI::App& app, int& exit_code) {
+  CLI::App* command = app.add_subcommand("ages", "Judge a list of command ages by the freshness contract.");
+  auto options = std::make_shared<AgesOptions>();
+  command->add_option("FILE", options->file, "ages in ms, one or more a line, also by commas; -: standard input")
+      ->required();
+  add_quantity(*command, "--max-age", options->max_age_ms, "ms", "oldest age that is fresh")
+      ->required()
+      ->check(CLI::PositiveNumber);
+  add_quantity(*command, "--period", options->period_ms, "ms", "control period, told beside the ages")
+      ->check(CLI::NonNegativeNumber);
+  command->add_option("--epsilon", options->epsilon, "share of ages that may be older")->check(CLI::Range(1e-9, 1.0));
+  command->add_option("--confidence", options->confidence, "of either claim, held or violated")
+      ->check(CLI::Range(0.5, 0.999999));
+  command->add_flag("--json", options->json, "one line of JSON");
+  command->footer(
+      "Example: takt ages ages.txt --max-age 40ms --period 5ms\n"
+      "Quantiles are Python's statistics.quantiles; bounds presume that ages do not depend on each other.\n"
+      "Exit codes: 0 told; 1 the list cannot be read; 64 command line.");
+  command->callback([options, &exit_code] { exit_code = run(*options); });
+}
+
+}  // namespace takt::cli

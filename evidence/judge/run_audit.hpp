@@ -1,0 +1,35 @@
+// What a run folder shows by itself, and to whom has the signer's key: its files are those that were recorded, and the
+// recorded decisions are those that come out of the recorded inputs again. Thread rule: any thread.
+#pragma once
+
+#include <expected>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "evidence/review/replay.hpp"
+#include "monitor/record/recorded_run.hpp"
+#include "monitor/record/run_seal.hpp"
+
+namespace takt::panel {
+
+inline constexpr const char* kRunAuditSchema = "takt.run_audit/1";
+
+struct RunAudit {
+  std::string run_id;
+  std::expected<monitor::CheckedSeal, std::string> seal;
+  std::expected<monitor::ReplayReport, std::string> replay;
+  // Id of the key that the reader named, where it signed this; else why not. None: no key was named.
+  std::optional<std::expected<std::string, std::string>> signed_by;
+  // Sealed to its end, no file altered, and every judged tick reproduces. A forger who edits every file gets here.
+  [[nodiscard]] bool is_consistent() const;
+  // And the named key signed it.
+  [[nodiscard]] bool is_ready() const;
+};
+
+RunAudit audit_run(const monitor::RecordedRun& run);
+// Ends with what the verdict rests on.
+std::string audit_text(const RunAudit& audit);
+nlohmann::ordered_json to_json(const RunAudit& audit);
+
+}  // namespace takt::panel

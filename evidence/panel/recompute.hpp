@@ -1,0 +1,27 @@
+// Rows of an artifact, computed anew from its panel file: who edited a row, or what computed it, does not get the same
+// bytes. Which rows, the caller draws, so that nobody knew them when the artifact was made.
+//
+// Real-time rows cannot be: their processes ran once. Errors are one sentence. Thread rule: call from a process of one
+// thread.
+#pragma once
+
+#include <cstdint>
+#include <expected>
+#include <string>
+#include <vector>
+
+#include "evidence/artifact/artifact.hpp"
+#include "evidence/judge/audit.hpp"
+#include "evidence/panel/panel_plan.hpp"
+
+namespace takt::panel {
+
+// Indices of `count` different rows of `rows`, by the nonce.
+std::vector<std::size_t> drawn_rows(std::size_t count, std::size_t rows, std::uint64_t nonce);
+
+// `contest`: of the panel file that the artifact was made from; refused where it is another. Host fields are not
+// compared.
+std::expected<Recomputed, std::string> recompute(const Artifact& artifact, Contest& contest,
+                                                 const std::vector<std::size_t>& rows, std::size_t workers);
+
+}  // namespace takt::panel
