@@ -30,8 +30,8 @@ bool is_judged(ReplyWatch& watch, bool new_reply, std::uint32_t silence) {
 
 // A window is as long as any other's, of as many turns as fit.
 BusFaultLimits limits_of(const Turns& turns, BusFaultLimits limits) {
-  if (turns.every > 1) limits.window_ticks /= turns.every;
-  limits.window_ticks = std::max(limits.window_ticks, 1U);
+  const std::uint32_t every = std::max<std::uint32_t>(turns.every, 1);
+  limits.window_ticks = std::max(limits.window_ticks / every, 1U);
   return limits;
 }
 

@@ -86,6 +86,30 @@ TEST(Turns, HalfOfItsRepliesLostIsAFaultByTheShareOfItsTurns) {
   EXPECT_EQ(rig.header().cause, Cause::replies_lost);
 }
 
+// Goal: the window in which a drive's faults are counted is as long in time, however rarely it is written to. Method:
+// a drive that answers each frame twice; the ticks until that is a fault, by its turns.
+TEST(Turns, AFaultsWindowIsAsLongForEverybody) {
+  const auto ticks_until_fault = [](std::uint8_t every) {
+    TickConfig config = divided_robot(every);
+    config.bus_faults.window_ticks = 800;
+    config.bus_faults.replies_repeated = share_of_ticks(0.5);
+    Rig rig(config);
+    rig.arm(0.2F);
+    int ticks = 0;
+    for (; ticks < 8000 && (rig.header().causes_active & bit(Cause::replies_repeated)) == 0; ++ticks) {
+      std::uint8_t& replies = rig.input.joints[0].replies;
+      const std::uint8_t before = replies;
+      rig.tick_with_policy(0.2F);
+      replies = static_cast<std::uint8_t>(replies + (replies - before));
+    }
+    return ticks;
+  };
+  const int undivided = ticks_until_fault(1);
+  EXPECT_GT(undivided, 200);
+  for (const std::uint8_t every : std::array<std::uint8_t, 3>{2, 4, 8})
+    EXPECT_NEAR(ticks_until_fault(every), undivided, undivided / 4) << int{every};
+}
+
 // The frame of a stop is told apart from its turn.
 TEST(Turns, AStopIsWrittenAtOnce) {
   for (int phase = 0; phase < 5; ++phase) {
