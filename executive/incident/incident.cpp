@@ -10,6 +10,7 @@
 #include "drivers/protocol/cause_detail.hpp"
 #include "drivers/protocol/protocol_table.hpp"
 #include "executive/contract/feedback_names.hpp"
+#include "executive/incident/log_hint.hpp"
 #include "executive/pipeline/mode_machine.hpp"
 
 namespace takt {
@@ -288,11 +289,9 @@ std::string IncidentWatch::words(const TickRecord& record) const {
     case Cause::shutdown:
       return "the executive was told to end";
     case Cause::command_lost:
-      return fmt::format(
-          "no usable command came for {:g} ms (stop_after), {}{}; the policy host's log says whether a sensor, the "
-          "policy or the way between failed",
-          limits.stop_after.milliseconds(),
-          may_have_fallen_back ? "of the fallback policy " + fallback->name + " neither, " : "", newest);
+      return fmt::format("no usable command came for {:g} ms (stop_after), {}{}; {}", limits.stop_after.milliseconds(),
+                         may_have_fallen_back ? "of the fallback policy " + fallback->name + " neither, " : "", newest,
+                         kPolicyLogHint);
     case Cause::fallback_spent:
       if (const std::string clamped = just_clamped(header); !clamped.empty())
         return fmt::format("the fallback policy {}'s {}", robot_.degraded.fallback, clamped);
