@@ -324,8 +324,7 @@ TEST(FallbackPolicy, HandingOverNeverMakesTheReferenceJump) {
 }
 
 // Goal: with cross_fade the policy that takes over leads the robot from where its reference is, either way. Method: two
-// policies that want opposite things and a fade of 1 s, by which 0.8 rad are not gone at more than 0.8 rad/s; the
-// limits allow 3.
+// policies that want opposite things and a fade of 1 s, which asks for some 1.2 rad/s over 0.8 rad; the limits allow 3.
 TEST(FallbackPolicy, ATakeoverFadesFromTheReference) {
   TickConfig config = robot_with_fallback();
   config.join = {.kind = JoinKind::cross_fade, .over = seconds(1)};
@@ -340,13 +339,13 @@ TEST(FallbackPolicy, ATakeoverFadesFromTheReference) {
     for (int i = 0; i < 400 && two.header().player != next; ++i) two.tick();
     ASSERT_EQ(two.header().player, next);
     const float from = two.rig.out->record.joints[0].q_reference;
-    ASSERT_NEAR(from, policy_speaks ? -0.4F : 0.4F, 0.02F);
+    ASSERT_NEAR(from, policy_speaks ? -0.4F : 0.4F, 0.05F);
     float fastest = 0.0F;
     for (int i = 0; i < 3000; ++i) {
       two.tick();
       fastest = std::max(fastest, std::abs(two.rig.out->record.joints[0].dq_reference));
     }
-    EXPECT_LE(fastest, 0.9F) << (policy_speaks ? "back to the policy" : "to the fallback");
+    EXPECT_LE(fastest, 1.5F) << (policy_speaks ? "back to the policy" : "to the fallback");
     EXPECT_NEAR(two.rig.out->record.joints[0].q_reference, -from, 0.05F) << "and gets there";
   }
 }
