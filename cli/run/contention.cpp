@@ -27,6 +27,7 @@ std::expected<void, Refusal> Contention::apply(const Event& event) {
     case ActionKind::arm:
     case ActionKind::stop:
     case ActionKind::reset:
+    case ActionKind::fault:
       return {};
   }
   return {};

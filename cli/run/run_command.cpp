@@ -30,8 +30,9 @@ constexpr const char* kFooter =
     "fallback, plant, executive.\n"
     "The run ends after --duration, on SIGINT or SIGTERM, or once the robot rests after a scripted stop or kill of the "
     "policy.\n"
-    "Exit codes: 0 ended as asked, 1 arming refused or a process failed, 2 ended in a stop or fault that nobody asked\n"
-    "for: the last line says which; 64 command line, 65 configuration,\n"
+    "Exit codes: 0 ended as asked, 1 arming refused, a process failed, or what was scripted never happened, 2 ended "
+    "in\n"
+    "a stop or fault that nobody asked for: the last line says which; 64 command line, 65 configuration,\n"
     "69 a process or bus is missing or the executive answers nothing, 70 bug, 71 set-up refused (real time, "
     "permissions).";
 
@@ -52,6 +53,27 @@ bool only_simulated(const config::RobotConfig& robot) {
            return bus.when_missing != config::WhenBusMissing::loopback ||
                   std::filesystem::exists("/sys/class/net/" + bus.interface);
          });
+}
+
+// What an event acts on, as the robot file names it; empty: every robot has it.
+std::string missing_for(const Event& event, const config::RobotConfig& robot) {
+  const bool is_own = event.action == ActionKind::freeze || event.action == ActionKind::kill ||
+                      event.action == ActionKind::start || event.action == ActionKind::fault;
+  if (!is_own) return {};
+  if (event.process == ProcessName::plant && !robot.simulation) return "`simulation`";
+  if (event.process == ProcessName::policy && !robot.policy) return "`policy`";
+  if (event.process == ProcessName::fallback && config::fallback_policy_of(robot) == nullptr) return "fallback policy";
+  return {};
+}
+
+// Does the robot have the processes that the script is about?
+std::expected<void, Refusal> check_processes(const Given& given, const config::RobotConfig& robot,
+                                             const std::vector<Event>& events) {
+  for (const Event& event : events)
+    if (const std::string missing = missing_for(event, robot); !missing.empty())
+      return std::unexpected(Refusal{
+          kExitUsage, fmt::format("{} would never happen: {} has no {}", as_given(event), given.robot_file, missing)});
+  return {};
 }
 
 // Can the program that was named instead of takt-policy-host be started?
@@ -90,13 +112,15 @@ int run(const Given& given) {
   options.arm = given.arm;
   options.restart = given.restart;
   options.to_the_end = given.to_the_end;
-  auto events = parse_scenario(given.at);
+  // What another program than takt-policy-host takes for options is its own affair.
+  auto events = parse_scenario(given.at, given.policy_host.empty() ? given.policy : std::vector<std::string>());
   if (!events) return refuse(kExitUsage, events.error());
   options.events = std::move(*events);
   if (!given.duration.empty()) {
     const auto duration = parse_duration(given.duration);
     if (!duration) return refuse(kExitUsage, "--duration " + duration.error());
     options.duration = *duration;
+    if (const auto fit = check_instants(options.events, *duration); !fit) return refuse(kExitUsage, fit.error());
   }
   if (!given.rearm_after.empty()) {
     const auto after = parse_duration(given.rearm_after);
@@ -113,6 +137,8 @@ int run(const Given& given) {
                    .plant_arguments = given.plant,
                    .policy_host = given.policy_host,
                    .policy_arguments = given.policy};
+  if (const auto fine = check_processes(given, robot, options.events); !fine)
+    return refuse(fine.error().exit_code, fine.error().sentence);
   if (const auto fine = check_policy_host(given, robot); !fine)
     return refuse(fine.error().exit_code, fine.error().sentence);
   if (std::filesystem::exists(options.place.run_directory))

@@ -10,11 +10,14 @@
 
 #include "cli/run/cpu_hog.hpp"
 #include "config/units.hpp"
+#include "policy_host/host_faults.hpp"
 
 namespace takt::cli {
 namespace {
 
 constexpr std::array<std::string_view, kProcessCount> kProcesses{"plant", "executive", "monitor", "policy", "fallback"};
+constexpr std::array<std::string_view, 13> kActions{"freeze", "thaw",   "kill", "start", "hog",   "throttle", "crowd",
+                                                    "load",   "unload", "arm",  "stop",  "reset", "fault"};
 constexpr std::string_view kGrammar =
     "write 'T: ACTION', ACTION one of `freeze PROCESS DURATION`, `kill PROCESS`, `start PROCESS`, `hog control|policy "
     "DURATION`, `throttle control DURATION`, `crowd policy N DURATION`, `load N DURATION COMMAND`, `arm`, `stop`, "
@@ -122,13 +125,28 @@ std::expected<void, std::string> add_event(const std::string& line, std::vector<
   if (verb != "freeze") return refuse(kGrammar);
   const auto span = parse_duration(rest);
   if (!span) return refuse(span.error());
-  events.push_back(
-      {*at, ActionKind::freeze, *process, fmt::format("freeze {} for {}", target, config::format_duration(*span))});
+  events.push_back({*at, ActionKind::freeze, *process,
+                    fmt::format("freeze {} for {}", target, config::format_duration(*span)), *span});
   events.push_back({*at + *span, ActionKind::thaw, *process, fmt::format("thaw {}", target)});
   return {};
 }
 
+// The values of --fault among further options of takt-policy-host.
+std::vector<std::string> faults_in(const std::vector<std::string>& arguments) {
+  constexpr std::string_view kOption = "--fault", kWithValue = "--fault=";
+  std::vector<std::string> faults;
+  for (std::size_t at = 0; at < arguments.size(); ++at) {
+    if (arguments[at].starts_with(kWithValue)) faults.push_back(arguments[at].substr(kWithValue.size()));
+    if (arguments[at] == kOption && at + 1 < arguments.size()) faults.push_back(arguments[++at]);
+  }
+  return faults;
+}
+
 }  // namespace
+
+std::string_view name(ActionKind action) {
+  return kActions[static_cast<std::size_t>(action)];
+}
 
 std::string_view name(ProcessName process) {
   return kProcesses[static_cast<std::size_t>(process)];
@@ -146,12 +164,37 @@ std::expected<Duration, std::string> parse_duration(std::string_view text) {
   return Duration{std::llround(*quantity)};
 }
 
-std::expected<std::vector<Event>, std::string> parse_scenario(const std::vector<std::string>& lines) {
+std::expected<std::vector<Event>, std::string> parse_scenario(const std::vector<std::string>& lines,
+                                                              const std::vector<std::string>& policy_arguments) {
   std::vector<Event> events;
   for (const std::string& line : lines)
     if (auto added = add_event(line, events); !added) return std::unexpected(added.error());
+  const std::vector<std::string> faults = faults_in(policy_arguments);
+  const auto windows = policy_host::parse_host_faults(faults);
+  if (!windows) return std::unexpected("--policy=" + windows.error());
+  for (std::size_t i = 0; i < faults.size(); ++i)
+    events.push_back({(*windows)[i].from, ActionKind::fault, ProcessName::policy, faults[i], (*windows)[i].length});
   std::ranges::stable_sort(events, {}, &Event::at);
   return events;
+}
+
+std::string as_given(const Event& event) {
+  if (event.action == ActionKind::fault) return fmt::format("--policy=--fault='{}'", event.text);
+  return fmt::format("--at '{}: {}'", config::format_duration(event.at), event.text);
+}
+
+bool is_end(const Event& event) {
+  return event.action == ActionKind::thaw || event.action == ActionKind::unload;
+}
+
+std::expected<void, std::string> check_instants(const std::vector<Event>& events, Duration duration) {
+  const auto late =
+      std::ranges::find_if(events, [&](const Event& event) { return !is_end(event) && event.at >= duration; });
+  if (late == events.end()) return {};
+  return std::unexpected(
+      fmt::format("{} would never happen: the run ends after {}; choose an earlier instant or a "
+                  "longer --duration",
+                  as_given(*late), config::format_duration(duration)));
 }
 
 }  // namespace takt::cli

@@ -88,6 +88,7 @@ int Supervisor::run() {
   End end = outcome.error();  // follow() always ends with one
   if (!end.sentence.empty()) std::fprintf(end.exit_code == 0 ? stdout : stderr, "%s\n", end.sentence.c_str());
   if (const auto last = processes_.ask(OperatorVerb::status)) incident_ = last->incident;
+  miss_the_rest();
   processes_.end_all();
   for (const ProcessName process : {ProcessName::executive, ProcessName::monitor}) {
     const ChildProcess* child = processes_.find(process);
@@ -96,12 +97,28 @@ int Supervisor::run() {
     fmt::print(stderr, "{} {} while ending\n{}", program(process), child->how_it_ended(), child->last_words());
     end.exit_code = exit_code_for(*child);
   }
+  const bool is_missed = end.exit_code == kExitOk && !never_happened_.empty();
+  if (is_missed)
+    for (const std::string& sentence : never_happened_) fmt::print(stderr, "never happened: {}\n", sentence);
   const std::string logs = processes_.settle_logs();
   const bool recorded = access(options_.place.run_directory.c_str(), F_OK) == 0;
   std::printf("%s %s\n", recorded ? "run folder:" : "no run folder was written; logs:",
               recorded ? options_.place.run_directory.c_str() : logs.c_str());
   tell_incident(end);
+  if (end.exit_code == kExitOk && is_missed) return kExitFailed;
   return end.exit_code == kExitOk ? exit_code_of_the_dead() : end.exit_code;
+}
+
+void Supervisor::miss(const Event& event, const std::string& why) {
+  never_happened_.push_back(fmt::format("{}: {}", as_given(event), why));
+}
+
+void Supervisor::miss_the_rest() {
+  const std::string why =
+      tracking_since_ ? fmt::format("the run ended {:.1f} s after tracking began", (now() - *tracking_since_).seconds())
+                      : std::string("tracking never began") + (options_.arm ? "" : "; takt run arms with --arm");
+  for (; next_event_ < options_.events.size(); ++next_event_)
+    if (!is_end(options_.events[next_event_])) miss(options_.events[next_event_], why);
 }
 
 // Of a process that failed meanwhile, of itself, and that the run went on without.
@@ -129,6 +146,8 @@ Supervisor::Outcome Supervisor::start_all() {
     if (auto ready = wait_ready(process); !ready) return ready;
   }
   ready_at_ = now();
+  if (!options_.events.empty() && !options_.arm)
+    display_.note("note: what is scripted counts from tracking, and waits until something arms the robot (--arm)");
   if (const auto status = processes_.ask_status(); status && status->realtime == 0)
     display_.note(
         "warning: without real-time guarantees on this machine: fine for a look, not for a robot, and every artifact "
@@ -247,21 +266,21 @@ Supervisor::Outcome Supervisor::look_after_children() {
       return std::unexpected(
           End{std::max(exit_code_for(*child), kExitFailed),
               fmt::format("{} {}: the run ends\n{}", program(process), child->how_it_ended(), child->last_words())});
-    if (options_.restart) restart(process);
+    if (options_.restart) (void)restart(process);
   }
   contention_.reap();
   return {};
 }
 
-void Supervisor::restart(ProcessName process) {
+std::string Supervisor::restart(ProcessName process) {
+  std::string why;
   if (ChildProcess* child = processes_.find(process); child && child->alive())
-    return display_.note(fmt::format("{} still runs", label(process)));
-  if (auto started = processes_.start(process); started) {
-    reported_dead_.erase(process);
-    display_.note(fmt::format("{} restarted", label(process)));
-  } else {
-    display_.note(started.error());
-  }
+    why = fmt::format("{} still runs", label(process));
+  else if (auto started = processes_.start(process); !started)
+    why = started.error();
+  if (why.empty()) reported_dead_.erase(process);
+  display_.note(why.empty() ? fmt::format("{} restarted", label(process)) : why);
+  return why;
 }
 
 Supervisor::Outcome Supervisor::fire_due_events() {
@@ -275,23 +294,22 @@ Supervisor::Outcome Supervisor::fire_due_events() {
 }
 
 Supervisor::Outcome Supervisor::fire(const Event& event) {
-  ChildProcess* child = processes_.find(event.process);
   switch (event.action) {
     case ActionKind::freeze:
-      if (child) child->signal(SIGSTOP);
+      send(event, SIGSTOP);
       return {};
     case ActionKind::thaw:
-      if (child) child->signal(SIGCONT);
+      send(event, SIGCONT);
       return {};
     case ActionKind::kill:
-      if (child) child->signal(SIGKILL);
+      send(event, SIGKILL);
       killed_by_script_.insert(event.process);
       // With a fallback policy the robot goes on.
       script_ends_run_ |=
           event.process == ProcessName::policy && !options_.restart && config::fallback_policy_of(robot_) == nullptr;
       return {};
     case ActionKind::start:
-      restart(event.process);
+      if (const std::string why = restart(event.process); !why.empty()) miss(event, why);
       return {};
     case ActionKind::hog:
     case ActionKind::throttle:
@@ -302,23 +320,36 @@ Supervisor::Outcome Supervisor::fire(const Event& event) {
         return std::unexpected(End{applied.error().exit_code, applied.error().sentence});
       return {};
     case ActionKind::arm:
-      request(OperatorVerb::arm);
+      request(event, OperatorVerb::arm);
       return {};
     case ActionKind::reset:
-      request(OperatorVerb::reset);
+      request(event, OperatorVerb::reset);
       return {};
     case ActionKind::stop:
       script_ends_run_ = true;
-      request(OperatorVerb::stop);
+      request(event, OperatorVerb::stop);
+      return {};
+    case ActionKind::fault:  // it looks after itself
       return {};
   }
   return {};
 }
 
-void Supervisor::request(OperatorVerb verb) {
+void Supervisor::send(const Event& event, int signal) {
+  ChildProcess* const child = processes_.find(event.process);
+  if (child != nullptr && child->alive()) return child->signal(signal);
+  if (!is_end(event)) miss(event, fmt::format("{} did not run then", label(event.process)));
+}
+
+void Supervisor::request(const Event& event, OperatorVerb verb) {
   const auto reply = processes_.ask(verb);
-  if (!reply) return display_.note(reply.error());
-  for (const std::string& sentence : sentences_of(*reply)) display_.note(sentence);
+  if (!reply) {
+    display_.note(reply.error());
+    return miss(event, reply.error());
+  }
+  const std::vector<std::string> sentences = sentences_of(*reply);
+  for (const std::string& sentence : sentences) display_.note(sentence);
+  if (reply->done == 0) miss(event, sentences.empty() ? "it was refused" : sentences.front());
 }
 
 void Supervisor::rearm(Mode mode) {

@@ -56,8 +56,13 @@ class Supervisor {
   Outcome look_after_children();
   Outcome fire_due_events();
   Outcome fire(const Event& event);
-  void restart(ProcessName process);
-  void request(OperatorVerb verb);
+  void send(const Event& event, int signal);
+  // Why it could not; empty: it runs.
+  std::string restart(ProcessName process);
+  void request(const Event& event, OperatorVerb verb);
+  // What was asked for and did not happen, because of `why`.
+  void miss(const Event& event, const std::string& why);
+  void miss_the_rest();
   void rearm(Mode mode);
   void see(const OperatorReply& reply);
   // The last word about a robot that stands: in which stop or fault, and the exit code that it calls for.
@@ -83,7 +88,8 @@ class Supervisor {
   Duration answered_at_;   // the newest status
   IncidentNote incident_;  // as of then
   std::set<ProcessName> reported_dead_, killed_by_script_;
-  bool script_ends_run_ = false;  // it killed the policy or asked for a stop
+  std::vector<std::string> never_happened_;  // sentences
+  bool script_ends_run_ = false;             // it killed the policy or asked for a stop
 };
 
 }  // namespace takt::cli

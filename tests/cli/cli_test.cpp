@@ -462,6 +462,45 @@ TEST_F(Cli, RunFollowsItsScriptAndLeavesOnlyTheRunFolder) {
   EXPECT_EQ(run("replay " + in("run")).exit_code, 0);
 }
 
+// Goal: what a script asks for and what cannot happen is refused before anything starts. Method: instants beyond the
+// end, processes that the robot has not; neither a run folder nor logs may be there afterwards.
+TEST_F(Cli, RunRefusesAScriptThatCannotHappen) {
+  const auto refused = [this](const std::string& script) {
+    const Ended ended = run(run_arguments("--arm --duration 4s " + script));
+    EXPECT_EQ(ended.exit_code, 64) << script;
+    EXPECT_EQ(std::ranges::count(ended.output, '\n'), 1) << ended.output;
+    EXPECT_FALSE(fs::exists(in("run")) || fs::exists(in("logs"))) << script;
+    return ended.output;
+  };
+  EXPECT_EQ(refused("--at '5s: kill policy'"),
+            "--at '5 s: kill policy' would never happen: the run ends after 4 s; choose an earlier instant or a longer "
+            "--duration\n");
+  EXPECT_EQ(refused("--policy=--fault='30 s for 1 s: publish_delay 100 ms'"),
+            "--policy=--fault='30 s for 1 s: publish_delay 100 ms' would never happen: the run ends after 4 s; choose "
+            "an earlier instant or a longer --duration\n");
+  EXPECT_EQ(refused("--at '2s: kill fallback'"),
+            "--at '2 s: kill fallback' would never happen: " + robot_ + " has no fallback policy\n");
+}
+
+// Goal: what was asked for and did not happen is said, and the run fails. Method: a robot that nothing arms; a second
+// kill of a process that is dead.
+TEST_F(Cli, RunSaysWhatNeverHappened) {
+  const Ended idle = run(run_arguments("--duration 1s --at '0.5s: kill policy'"));
+  EXPECT_EQ(idle.exit_code, 1) << idle.output;
+  EXPECT_NE(
+      idle.output.find("never happened: --at '500 ms: kill policy': tracking never began; takt run arms with --arm\n"),
+      std::string::npos)
+      << idle.output;
+  fs::remove_all(in("run"));
+  const Ended twice =
+      run(run_arguments("--arm --duration 60s --at '0.5s: kill policy' --at '1s: kill policy' --at '1.1s: stop'"));
+  EXPECT_EQ(twice.exit_code, 1) << twice.output;
+  EXPECT_NE(twice.output.find("never happened: --at '1 s: kill policy': takt-policy-host did not run then\n"),
+            std::string::npos)
+      << twice.output;
+  EXPECT_EQ(left_running(), 0);
+}
+
 // The monitor's files may grow to 100 KiB only (`ulimit -f` counts 512 bytes in sh), as on a disk that is full.
 TEST_F(Cli, ARunThatWasNotRecordedToItsEndFails) {
   for (const char* program : {"takt-executive", "takt-policy-host", "takt-plant"})

@@ -57,6 +57,39 @@ TEST(Scenario, ALoadIsTheUsersOwnCommandAndEnds) {
     EXPECT_FALSE(parse_scenario({line}).has_value()) << line;
 }
 
+TEST(Scenario, WhatThePolicyHostDoesToItselfIsAnEventLikeAnother) {
+  const auto events = parse_scenario(
+      {"4s: kill policy"},
+      {"--fault-seed=3", "--fault=3 s for 1 s: publish_delay 100 ms", "--fault", "5 s for 1 s: queue_growth 150"});
+  ASSERT_TRUE(events.has_value()) << events.error();
+  ASSERT_EQ(events->size(), 3U);
+  EXPECT_EQ((*events)[0].action, ActionKind::fault);
+  EXPECT_EQ((*events)[0].at, seconds(3));
+  EXPECT_EQ((*events)[0].length, seconds(1));
+  EXPECT_EQ(as_given((*events)[0]), "--policy=--fault='3 s for 1 s: publish_delay 100 ms'");
+  EXPECT_EQ(as_given((*events)[1]), "--at '4 s: kill policy'");
+  EXPECT_EQ((*events)[2].action, ActionKind::fault);
+  const auto refused = parse_scenario({}, {"--fault=soon"});
+  ASSERT_FALSE(refused.has_value());
+  EXPECT_EQ(refused.error().find("--policy=--fault 'soon': write "), 0U) << refused.error();
+}
+
+// What ends an earlier event may lie beyond the run's end, which ends it as well.
+TEST(Scenario, AnInstantBeyondTheDurationIsNamed) {
+  const auto checked = [](const char* line, Duration duration) {
+    const auto fits = check_instants(parse_scenario({line}).value(), duration);
+    return fits ? std::string() : fits.error();
+  };
+  EXPECT_EQ(checked("3s: kill policy", seconds(4)), "");
+  EXPECT_EQ(checked("3s: freeze policy 600s", seconds(4)), "");
+  EXPECT_EQ(checked("3s: load 1 600s ./burn", seconds(4)), "");
+  for (const char* line : {"4s: kill policy", "9s: freeze policy 1s", "4s: load 1 1s ./burn", "4s: stop", "4s: arm"})
+    EXPECT_NE(checked(line, seconds(4)).find(" would never happen: the run ends after 4 s; choose"), std::string::npos)
+        << line;
+  const auto fault = parse_scenario({}, {"--fault=30 s for 1 s: publish_delay 100 ms"});
+  EXPECT_FALSE(check_instants(*fault, seconds(20)).has_value());
+}
+
 TEST(Scenario, DurationsMayOmitTheSpace) {
   EXPECT_EQ(parse_duration("20s"), seconds(20));
   EXPECT_EQ(parse_duration(" 300 ms "), milliseconds(300));
