@@ -282,6 +282,15 @@ TEST_F(ArtifactTest, FewerRowsThanPlannedAreRefused) {
   EXPECT_EQ(refusal(), folder + ": says that it is complete, and holds 3 of 4 planned rollouts");
 }
 
+// Goal: a run in the place of an artifact is named as one, with the command that compares runs. Method: the manifest of
+// a run folder.
+TEST_F(ArtifactTest, ARunIsNamedWithTheCommandThatComparesRuns) {
+  std::filesystem::create_directories(folder);
+  ASSERT_TRUE(monitor::replace_file(ArtifactFolder(folder).manifest(), R"({"schema": "takt.run/1", "robot": "arm6"})"));
+  EXPECT_EQ(refusal(), folder + " is a run, not the artifact of a panel; compare two runs by takt report " + folder +
+                           " --against RUN");
+}
+
 TEST(ArtifactManifest, NamesTheFirstDifference) {
   const ArtifactManifest a = sample_manifest({"m"}, 1);
   const auto difference = [&](void (*change)(ArtifactManifest&)) {
