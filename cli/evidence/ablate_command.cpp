@@ -1,13 +1,14 @@
 // takt ablate: which protection costs what on this robot.
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <vector>
 
 #include "cli/command.hpp"
+#include "cli/evidence/progress.hpp"
 #include "cli/quantity_option.hpp"
 #include "cli/run/checked_robot.hpp"
 #include "config/load.hpp"
@@ -40,25 +41,21 @@ double bound_of(panel::Task task) {
 }
 constexpr Duration kWalksUntil = seconds(8);
 
-// On a terminal only: one line that is overwritten.
-void show_lines_done(std::size_t done, std::size_t of) {
-  if (::isatty(STDERR_FILENO) == 1)
-    fmt::print(stderr, "\r\x1b[K{}", done < of ? fmt::format("{} of {}", done, of) : "");
-}
-
 int run(const AblateOptions& options) {
   const auto checked = check_robot_file(options.robot);
   if (!checked) return refuse(config::kExitBadConfiguration, checked.error());
   const panel::Task task = panel::task_of(checked->robot);
+  std::optional<Progress> progress("rollouts");
   margin::AblationSetup setup{.robot_file = options.robot,
                               .task = task,
                               .seeds = options.seeds,
                               .workers = options.workers,
                               .bound_m = options.bound_mm > 0 ? options.bound_mm / 1e3 : bound_of(task),
-                              .on_progress = show_lines_done};
+                              .on_progress = [&](std::size_t done, std::size_t of) { progress->show(done, of); }};
   std::ranges::copy(options.command, setup.base_velocity.command.begin());
   setup.base_velocity.until = kWalksUntil;
   const auto found = margin::ablate(setup);
+  progress.reset();
   if (!found) return fail("takt ablate", found.error());
   fmt::print("{}", options.json ? margin::to_json(*found).dump() + "\n" : margin::ablation_text(*found));
   return kExitOk;

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "cli/command.hpp"
-#include "cli/evidence/panel_progress.hpp"
+#include "cli/evidence/progress.hpp"
 #include "cli/evidence/real_rollouts.hpp"
 #include "cli/policy_host_option.hpp"
 #include "cli/world_option.hpp"
@@ -111,9 +111,10 @@ panel::Timing timing_of(const PanelRunOptions& options) {
 std::expected<void, std::string> run_all(const PanelRunOptions& options, panel::Contest& contest,
                                          const std::vector<panel::PlannedRollout>& rollouts,
                                          const std::optional<RealRollouts>& real, panel::ArtifactWriter& rows) {
-  PanelProgress progress(rollouts.size());
+  Progress progress("rollouts");
+  std::size_t arrived = 0;
   const auto deliver = [&](const panel::RanRollout& ran) {
-    progress.one_more();
+    progress.show(++arrived, rollouts.size());
     return keep(rows, ran);
   };
   if (!real) return panel::run_in_workers(contest, rollouts, options.workers, deliver);

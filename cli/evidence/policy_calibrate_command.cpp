@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "cli/command.hpp"
+#include "cli/evidence/progress.hpp"
 #include "cli/quantity_option.hpp"
 #include "config/load.hpp"
 #include "evidence/artifact/artifact.hpp"
@@ -81,6 +82,8 @@ int from_runs(const CalibrateArguments& arguments) {
   constexpr std::string_view command = "takt policy calibrate";
   std::vector<monitor::ChunkScores> usual;
   std::optional<monitor::RecordedRun> first;
+  std::optional<Progress> progress("runs");
+  std::size_t read = 0;
   for (const std::string& directory : arguments.directories) {
     auto run = monitor::open_run(directory);
     if (!run) return fail(command, run.error());
@@ -93,7 +96,9 @@ int from_runs(const CalibrateArguments& arguments) {
     if (!levels) return fail(command, levels.error());
     usual.insert(usual.end(), levels->begin(), levels->end());
     if (!first) first = std::move(*run);
+    progress->show(++read, arguments.directories.size());
   }
+  progress.reset();
   auto thresholds = panel::calibrate(usual, scores_of(arguments), arguments.alarms);
   if (!thresholds) return fail(command, thresholds.error());
   config::ChunkMonitors rule = rule_of(*first);
