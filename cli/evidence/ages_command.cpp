@@ -18,6 +18,7 @@ namespace takt::cli {
 namespace {
 
 constexpr std::size_t kMostAges = 10'000'000;
+constexpr std::size_t kLongestWord = 40;  // of a number
 constexpr double kNsPerMs = 1e6;
 
 struct AgesOptions {
@@ -30,26 +31,35 @@ bool separates(char letter) {
   return letter == ' ' || letter == '\t' || letter == ',' || letter == ';' || letter == '\r';
 }
 
-// Nanoseconds. The error names the line.
+std::expected<std::int64_t, std::string> age_of(const std::string& word, std::size_t line) {
+  double age_ms = 0;
+  const char* const end = word.data() + word.size();
+  const auto read = std::from_chars(word.data(), end, age_ms);
+  const bool is_whole = read.ec == std::errc{} && read.ptr == end && word.size() <= kLongestWord;
+  const bool is_age = is_whole && age_ms >= 0 && age_ms < 1e9;  // false for NaN, too
+  if (is_age) return std::llround(age_ms * kNsPerMs);
+  return std::unexpected(
+      fmt::format("line {}: `{}` is no age; write milliseconds, one or more a line", line, word.substr(0, 20)));
+}
+
+// Nanoseconds. The error names the line. A line may have any length: no more of it than a word is held.
 std::expected<std::vector<std::int64_t>, std::string> read_ages(std::istream& in) {
   std::vector<std::int64_t> ages;
-  std::string line;
-  for (std::size_t number = 1; std::getline(in, line); ++number) {
-    const char* at = line.data();
-    const char* const end = at + line.size();
-    while (true) {
-      while (at != end && separates(*at)) ++at;
-      if (at == end) break;
-      double age_ms = 0;
-      const auto read = std::from_chars(at, end, age_ms);
-      const bool is_age = read.ec == std::errc{} && age_ms >= 0 && age_ms < 1e9;  // false for NaN, too
-      if (!is_age || (read.ptr != end && !separates(*read.ptr)))
-        return std::unexpected(fmt::format("line {}: `{}` is no age; write milliseconds, one or more a line", number,
-                                           std::string_view(at, end).substr(0, 20)));
+  std::string word;
+  std::size_t line = 1;
+  for (bool ends = false; !ends;) {
+    char letter = '\n';
+    ends = !in.get(letter);
+    const bool between = ends || letter == '\n' || separates(letter);
+    if (!between) word += letter;
+    if (!word.empty() && (between || word.size() > kLongestWord)) {
+      const auto age = age_of(word, line);
+      if (!age) return std::unexpected(age.error());
       if (ages.size() == kMostAges) return std::unexpected(fmt::format("holds more than {} ages", kMostAges));
-      ages.push_back(std::llround(age_ms * kNsPerMs));
-      at = read.ptr;
+      ages.push_back(*age);
+      word.clear();
     }
+    line += letter == '\n' ? 1 : 0;
   }
   if (ages.empty()) return std::unexpected("holds no age; write milliseconds, one or more a line");
   return ages;
@@ -71,8 +81,8 @@ int tell(const AgesOptions& options, std::vector<std::int64_t>& ages) {
   const auto max_age_ns = std::llround(options.max_age_ms * kNsPerMs);
   const auto misses = static_cast<std::uint64_t>(
       std::count_if(ages.begin(), ages.end(), [&](std::int64_t age) { return age > max_age_ns; }));
-  const monitor::MissRate rate = monitor::miss_rate(misses, ages.size(), options.epsilon, options.confidence);
-  const double lower = monitor::clopper_pearson_lower(misses, ages.size(), options.confidence);
+  const monitor::MissRate rate = monitor::miss_rate(misses, ages.size(), monitor::effective_count(ages, max_age_ns),
+                                                    options.epsilon, options.confidence);
   const monitor::Quantiles ages_ns = monitor::quantiles_of(ages);
   const bool degraded = monitor::should_degrade(ages_ns, static_cast<double>(max_age_ns));
   if (options.json) {
@@ -84,7 +94,8 @@ int tell(const AgesOptions& options, std::vector<std::int64_t>& ages) {
                                       {"policy_age_max_ms", ages_ns.max / kNsPerMs},
                                       {"max_age_ms", options.max_age_ms},
                                       {"deadline_miss_rate", rate.rate},
-                                      {"deadline_miss_rate_lower", lower},
+                                      {"effective_ages", rate.effective_count},
+                                      {"deadline_miss_rate_lower", rate.lower_bound},
                                       {"deadline_miss_rate_upper", rate.upper_bound},
                                       {"epsilon", options.epsilon},
                                       {"confidence", options.confidence},
@@ -97,7 +108,11 @@ int tell(const AgesOptions& options, std::vector<std::int64_t>& ages) {
              ages_ns.p50 / kNsPerMs, ages_ns.p95 / kNsPerMs, ages_ns.p99 / kNsPerMs, ages_ns.max / kNsPerMs,
              options.period_ms > 0 ? fmt::format("; control period {:g} ms", options.period_ms) : "");
   fmt::print("deadline miss rate {:.3g}: {} of {} older than {:g} ms; {:.3g} to {:.3g}, each at {:g} % confidence\n",
-             rate.rate, misses, ages_ns.count, options.max_age_ms, lower, rate.upper_bound, 100 * options.confidence);
+             rate.rate, misses, ages_ns.count, options.max_age_ms, rate.lower_bound, rate.upper_bound,
+             100 * options.confidence);
+  if (rate.effective_count < static_cast<double>(rate.count))
+    fmt::print("each age depends on the one before: {} say as much as {:.0f} independent ones\n", rate.count,
+               rate.effective_count);
   fmt::print("contract Pr(age > {:g} ms) <= {:g}: {}\n", options.max_age_ms, options.epsilon, word(rate.verdict));
   fmt::print("degraded: {}, p95 is {} {:g} ms\n", degraded ? "true" : "false", degraded ? "beyond" : "within",
              options.max_age_ms);
@@ -133,7 +148,8 @@ void add_ages(CLI::App& app, int& exit_code) {
   command->add_flag("--json", options->json, "one line of JSON");
   command->footer(
       "Example: takt ages ages.txt --max-age 40ms --period 5ms\n"
-      "Quantiles are Python's statistics.quantiles; bounds presume that ages do not depend on each other.\n"
+      "Quantiles are Python's statistics.quantiles. Ages stand in the order they came: where each depends on the one "
+      "before, bounds are those of fewer, independent ones.\n"
       "Exit codes: 0 told; 1 the list cannot be read; 64 command line.");
   command->callback([options, &exit_code] { exit_code = run(*options); });
 }

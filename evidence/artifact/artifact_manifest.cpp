@@ -227,10 +227,11 @@ std::string misfit(const RolloutRow& row, const ArtifactManifest& manifest) {
   if (facts->second.policy_sha256 != row.policy_sha256) return "comes from another policy file of its method";
   for (const auto& [name, misses] :
        {std::pair{"misses_per_command", &row.misses_per_command}, std::pair{"misses_per_tick", &row.misses_per_tick}}) {
-    const double bound = monitor::clopper_pearson_upper(misses->misses, misses->count, facts->second.confidence);
-    if (std::abs(misses->upper_bound - bound) > 1e-9)
+    const monitor::MissRate of_parts = monitor::miss_rate(misses->misses, misses->count, misses->effective_count,
+                                                          facts->second.epsilon, facts->second.confidence);
+    if (std::abs(misses->upper_bound - of_parts.upper_bound) > 1e-9)
       return fmt::format("has {}.upper_bound {}, and {} of {} have {}", name, misses->upper_bound, misses->misses,
-                         misses->count, bound);
+                         misses->count, of_parts.upper_bound);
   }
   return {};
 }

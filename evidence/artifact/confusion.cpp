@@ -52,7 +52,17 @@ std::string matrix_text(const Confusion& confusion) {
     for (const std::uint64_t count : counts) text += fmt::format(" {:>9}", count);
     text += fmt::format(" {:>7.3f}\n", confusion.recall(fault));
   }
+  text += fmt::format("  {:<30}", "precision");
+  for (std::size_t index = 0; index < monitor::kFaultCount; ++index) {
+    const auto precision = confusion.precision(static_cast<Fault>(index));
+    text += fmt::format(" {:>9}", precision ? fmt::format("{:.3f}", *precision) : "-");
+  }
+  text += '\n';
   return text;
+}
+
+Json or_null(std::optional<double> number) {
+  return number ? Json(*number) : Json();
 }
 
 Json method_json(const Confusion& confusion) {
@@ -61,12 +71,15 @@ Json method_json(const Confusion& confusion) {
     Json verdicts = Json::object();
     for (std::size_t index = 0; index <= kNoVerdict; ++index)
       verdicts[std::string(verdict_name(index))] = counts[index];
-    planted[std::string(name(fault))] = {{"recall", confusion.recall(fault)}, {"verdicts", std::move(verdicts)}};
+    planted[std::string(name(fault))] = {{"recall", confusion.recall(fault)},
+                                         {"precision", or_null(confusion.precision(fault))},
+                                         {"verdicts", std::move(verdicts)}};
   }
-  const auto macro = confusion.macro_recall();
   return {{"planted", std::move(planted)},
-          {"macro_recall", macro ? Json(*macro) : Json()},
-          {"nominal", {{"rollouts", confusion.nominal}, {"labelled", confusion.nominal_labelled}}}};
+          {"macro_recall", or_null(confusion.macro_recall())},
+          {"macro_precision", or_null(confusion.macro_precision())},
+          {"abstained", confusion.abstained()},
+          {"nominal", {{"rollouts", confusion.nominal_rollouts()}, {"labelled", confusion.nominal_labelled()}}}};
 }
 
 }  // namespace
@@ -82,9 +95,9 @@ std::optional<Fault> planted_fault(std::string_view perturbation) {
 }
 
 std::string_view leading_fault(const monitor::FaultSummary& summary) {
-  const auto most = std::ranges::max_element(summary.counts);
-  return *most == 0 ? std::string_view()
-                    : monitor::kFaultNames[static_cast<std::size_t>(most - summary.counts.begin())];
+  const auto worst = std::ranges::max_element(summary.costs);
+  return worst->stretches == 0 ? std::string_view()
+                               : monitor::kFaultNames[static_cast<std::size_t>(worst - summary.costs.begin())];
 }
 
 double Confusion::recall(Fault fault) const {
@@ -92,6 +105,39 @@ double Confusion::recall(Fault fault) const {
   if (found == planted.end()) return 0;
   return static_cast<double>(found->second[static_cast<std::size_t>(fault)]) /
          static_cast<double>(total(found->second));
+}
+
+std::optional<double> Confusion::precision(Fault fault) const {
+  const auto index = static_cast<std::size_t>(fault);
+  std::uint64_t said = nominal[index], right = 0;
+  for (const auto& [cause, counts] : planted) {
+    said += counts[index];
+    if (cause == fault) right = counts[index];
+  }
+  if (said == 0) return std::nullopt;
+  return static_cast<double>(right) / static_cast<double>(said);
+}
+
+std::optional<double> Confusion::macro_precision() const {
+  if (planted.empty()) return std::nullopt;
+  double sum = 0;
+  for (const auto& [fault, counts] : planted) sum += precision(fault).value_or(0);
+  return sum / static_cast<double>(planted.size());
+}
+
+std::uint64_t Confusion::abstained() const {
+  std::uint64_t rollouts = 0;
+  for (const auto& [fault, counts] : planted)
+    rollouts += counts[kNoVerdict] + counts[static_cast<std::size_t>(Fault::unknown)];
+  return rollouts;
+}
+
+std::uint64_t Confusion::nominal_rollouts() const {
+  return total(nominal);
+}
+
+std::uint64_t Confusion::nominal_labelled() const {
+  return total(nominal) - nominal[kNoVerdict];
 }
 
 std::optional<double> Confusion::macro_recall() const {
@@ -105,11 +151,11 @@ std::map<std::string, Confusion> confusions_of(std::span<const RolloutRow> rows)
   std::map<std::string, Confusion> by_method;
   for (const RolloutRow& row : rows) {
     Confusion& confusion = by_method[row.method];
+    const std::size_t verdict = row.leading_fault.empty() ? kNoVerdict : verdict_index(row.leading_fault);
     if (row.perturbation == "none") {
-      ++confusion.nominal;
-      if (!row.leading_fault.empty()) ++confusion.nominal_labelled;
+      ++confusion.nominal[verdict];
     } else if (const auto fault = planted_fault(row.perturbation)) {
-      ++confusion.planted[*fault][row.leading_fault.empty() ? kNoVerdict : verdict_index(row.leading_fault)];
+      ++confusion.planted[*fault][verdict];
     }
   }
   return by_method;
@@ -120,9 +166,12 @@ std::string confusion_text(const std::map<std::string, Confusion>& confusions) {
   for (const auto& [method, confusion] : confusions) {
     const auto macro = confusion.macro_recall();
     if (!macro) continue;
-    text +=
-        fmt::format("\nfault classifier on method {}: macro recall {:.3f}, nominal rollouts with a verdict {} of {}\n",
-                    method, *macro, confusion.nominal_labelled, confusion.nominal);
+    text += fmt::format(
+        "\nfault classifier on method {}: macro recall {:.3f}, macro precision {:.3f}, nominal rollouts with a verdict "
+        "{} "
+        "of {}\n",
+        method, *macro, confusion.macro_precision().value_or(0), confusion.nominal_labelled(),
+        confusion.nominal_rollouts());
     text += matrix_text(confusion);
   }
   return text;

@@ -3,8 +3,8 @@
 //
 // A perturbation plants one cause, or none of those that the classifier names (a push is physics, not timing); rollouts
 // of the latter kind are left out. A rollout's verdict is its leading one (rollout_row.hpp). A rollout without any
-// trouble has none, and counts as not recognised where a cause was planted. Nominal rollouts stand apart: each verdict
-// there is a false alarm.
+// trouble has none, and counts as not recognised where a cause was planted. Each verdict of a nominal rollout is a
+// false alarm, which counts against that verdict's precision.
 #pragma once
 
 #include <array>
@@ -26,7 +26,8 @@ inline constexpr const char* kConfusionSchema = "takt.confusion/1";
 // The cause that a perturbation of this name plants; empty: none, or no such perturbation.
 std::optional<monitor::Fault> planted_fault(std::string_view perturbation);
 
-// The most frequent verdict, the first in the order of Fault among equals; empty text: there is none.
+// The costliest verdict: stops first, then missed ticks, then stretches; the first in the order of Fault among equals.
+// Empty text: there is none.
 std::string_view leading_fault(const monitor::FaultSummary& summary);
 
 // Rollouts by verdict, in the order of Fault; the last: none.
@@ -37,10 +38,17 @@ std::string_view verdict_name(std::size_t index);
 
 struct Confusion {
   std::map<monitor::Fault, VerdictCounts> planted;          // by the planted cause
-  std::uint64_t nominal = 0, nominal_labelled = 0;          // rollouts
+  VerdictCounts nominal{};                                  // by verdict
   [[nodiscard]] double recall(monitor::Fault fault) const;  // 0..1; 0 for a cause that was not planted
-  // Mean of the planted causes' recalls; empty: none was planted.
+  // Of the rollouts with this verdict, the share in which it was planted; empty: none has it.
+  [[nodiscard]] std::optional<double> precision(monitor::Fault fault) const;
+  // Means over the planted causes; a precision that is empty counts as 0. Empty: none was planted.
   [[nodiscard]] std::optional<double> macro_recall() const;
+  [[nodiscard]] std::optional<double> macro_precision() const;
+  // Rollouts with a planted cause whose verdict is unknown, or that have none.
+  [[nodiscard]] std::uint64_t abstained() const;
+  [[nodiscard]] std::uint64_t nominal_rollouts() const;
+  [[nodiscard]] std::uint64_t nominal_labelled() const;
 };
 
 // By method.

@@ -119,6 +119,9 @@ std::string inconsistency(const char* name, const MissRow& misses) {
   const double rate = misses.count == 0 ? 0 : static_cast<double>(misses.misses) / static_cast<double>(misses.count);
   if (std::abs(misses.rate - rate) > kRounding)
     return fmt::format("{}.rate is {}, and {} of {} are {}", name, misses.rate, misses.misses, misses.count, rate);
+  const auto count = static_cast<double>(misses.count);
+  if (!(misses.effective_count >= std::min(count, 1.0) && misses.effective_count <= count))
+    return fmt::format("{}.effective_count is {}, of {}", name, misses.effective_count, misses.count);
   if (misses.upper_bound + kRounding < rate)
     return fmt::format("{}.upper_bound is {}, below the rate {}", name, misses.upper_bound, rate);
   return {};

@@ -48,7 +48,7 @@ void add_outcome(Fields& fields) {
   fields.push_back({"monitor_state.mode", "", "mode after the last tick", at(&RolloutRow::final_mode)});
   fields.push_back({"monitor_state.cause", "", "cause of the last transition", at(&RolloutRow::final_cause)});
   add_text(fields, "faults.leading", &RolloutRow::leading_fault, TextFormat::fault,
-           "most frequent verdict of the fault classifier; empty exactly without any trouble");
+           "costliest verdict of the fault classifier, stops first; empty exactly without any trouble");
   fields.push_back({"faults.verdicts", "1", "stretches of trouble, one verdict each", at(&RolloutRow::fault_verdicts)});
   for (std::size_t score = 0; score < kChunkScoreCount; ++score) {
     fields.push_back({"chunk_levels." + std::string(kChunkScoreNames[score]),
@@ -117,9 +117,15 @@ void add_misses(Fields& fields, const std::string& name, MissRow RolloutRow::*mi
   fields.push_back({name + ".misses", "1", what + " that missed the deadline", at(misses, &MissRow::misses)});
   fields.push_back({name + ".count", "1", what + " judged", at(misses, &MissRow::count)});
   fields.push_back({name + ".rate", "1", "misses / count; 0 without any", at(misses, &MissRow::rate), {}, kShare});
+  fields.push_back({name + ".effective_count",
+                    "1",
+                    "independent " + what + " that say as much, at most count",
+                    at(misses, &MissRow::effective_count),
+                    {},
+                    {}});
   fields.push_back({name + ".upper_bound",
                     "1",
-                    "one-sided Clopper-Pearson bound of the rate",
+                    "one-sided Clopper-Pearson bound of the rate, of effective_count samples",
                     at(misses, &MissRow::upper_bound),
                     {},
                     kShare});

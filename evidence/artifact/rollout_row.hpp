@@ -38,9 +38,10 @@ struct AgeRow {
 // As MissRate: without samples the rate is 0 and its bound 1.
 struct MissRow {
   std::uint64_t misses = 0;
-  std::uint64_t count = 0;   // commands, or ticks that relied on the policy
-  double rate = 0;           // 0..1
-  double upper_bound = 1.0;  // one-sided Clopper-Pearson, at the robot's freshness confidence
+  std::uint64_t count = 0;     // commands, or ticks that relied on the policy
+  double rate = 0;             // 0..1
+  double effective_count = 0;  // independent ones that say as much, at most count
+  double upper_bound = 1.0;    // one-sided Clopper-Pearson of those, at the robot's freshness confidence
   friend bool operator==(const MissRow&, const MissRow&) = default;
 };
 
@@ -84,7 +85,7 @@ struct RolloutRow {
   Cause final_cause = Cause::none;  // of the last transition
   std::optional<double>
       recovery_s;             // end of perturbation -> back in tracking; empty: nothing to recover from, or never
-  std::string leading_fault;  // the classifier's most frequent verdict; empty: it had no reason for one
+  std::string leading_fault;  // the classifier's costliest verdict; empty: it had no reason for one
   std::uint64_t fault_verdicts = 0;                     // stretches of trouble
   std::array<double, kChunkScoreCount> chunk_levels{};  // monitor/judge/chunk_monitors.hpp; 0: no answer was watched
   std::uint64_t catch_votes = 0, catch_of = 0;          // answers: the rule behind levels and catches

@@ -167,7 +167,7 @@ AuditItem fault_verdicts(const Artifact& artifact) {
     const auto recall = confusion.macro_recall();
     if (!recall) continue;
     item.answer += fmt::format("{}{}: macro recall {:.3f}, {} of {} nominal labelled", item.answer.empty() ? "" : "; ",
-                               method, *recall, confusion.nominal_labelled, confusion.nominal);
+                               method, *recall, confusion.nominal_labelled(), confusion.nominal_rollouts());
   }
   if (item.answer.empty()) item.answer = "the panel plants no cause that the classifier names";
   const ArtifactManifest& manifest = artifact.manifest;

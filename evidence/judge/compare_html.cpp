@@ -122,7 +122,8 @@ std::string confusion_html(std::string_view side, const std::string& method, con
   std::string html = fmt::format(
       "<h3>{}: {}</h3>\n<p>Macro recall {:.3f}; nominal rollouts with a verdict: {} of {}.</p>\n<table><tr>"
       "<th>planted</th>",
-      side, escaped(method), confusion.macro_recall().value_or(0), confusion.nominal_labelled, confusion.nominal);
+      side, escaped(method), confusion.macro_recall().value_or(0), confusion.nominal_labelled(),
+      confusion.nominal_rollouts());
   for (const std::size_t verdict : columns) html += fmt::format("<th>{}</th>", verdict_name(verdict));
   html += "<th>recall</th></tr>\n";
   for (const auto& [fault, counts] : confusion.planted) {

@@ -26,7 +26,7 @@ AgeRow row_of(const std::array<monitor::Quantiles, monitor::kAgePartCount>& part
 }
 
 MissRow row_of(const monitor::MissRate& misses) {
-  return {misses.misses, misses.count, misses.rate, misses.upper_bound};
+  return {misses.misses, misses.count, misses.rate, misses.effective_count, misses.upper_bound};
 }
 
 std::uint64_t entered(const monitor::RunMetrics& metrics, Mode mode) {

@@ -123,6 +123,7 @@ void FaultEvidence::take(const FaultClue& clue) {
     last_trouble = clue.now;
     gravity = std::max(gravity, clue.gravity);
   }
+  missed_ticks += clue.is_miss ? 1 : 0;
   has_miss = has_miss || clue.is_miss || clue.arrival == Arrival::expired_observation;
   worst_lateness = std::max(worst_lateness, clue.lateness);
   skipped += clue.skipped;
@@ -145,6 +146,8 @@ void FaultEvidence::take(const FaultClue& clue) {
   replies_due += clue.replies_due;
   bus_was_bad = bus_was_bad || clue.bus_is_bad;
   bad_commands = bad_commands || clue.cause == Cause::bad_commands;
+  imu_lost = imu_lost || clue.cause == Cause::imu_lost;
+  other_session = other_session || clue.is_other_session;
   if (is_drive_or_bus(clue.cause) && fault_cause == Cause::none) fault_cause = clue.cause;
 }
 
@@ -197,6 +200,7 @@ FaultClue FaultClassifier::clue_of(const TickRecord& record) {
   if (before_) {
     clue.skipped = header.skipped_periods - before_->skipped_periods;
     clue.ran_backwards = header.integration_errors - before_->integration_errors;
+    clue.is_other_session = header.policy_session != before_->policy_session && before_->policy_session != 0;
   } else {
     clue.replies = clue.replies_due;  // counters run since start, not since this tick
   }
@@ -282,6 +286,10 @@ FaultSummary FaultClassifier::finish() {
   for (const FaultEvidence& evidence : closed_) {
     FaultVerdict verdict = judge(evidence, usual, rules_);
     ++summary.counts[static_cast<std::size_t>(verdict.fault)];
+    FaultCost& cost = summary.costs[static_cast<std::size_t>(verdict.fault)];
+    ++cost.stretches;
+    cost.missed_ticks += verdict.missed_ticks;
+    cost.stops += verdict.gravity == Gravity::stopped ? 1 : 0;
     summary.verdicts.push_back(std::move(verdict));
   }
   if (summary.verdicts.size() > kListedVerdicts) {

@@ -9,20 +9,22 @@
 // The rules, in order; the first that holds gives the verdict. "Stands out" means: more above its median over the run's
 // untroubled commands than a fifth of max_age, and more than any other part.
 //   0 the computer was suspended                                           platform_stall
-//   1 feedback_lost while the loop itself stood still                      as 4
+//   1 feedback_lost while the loop itself stood still                      as 5
 //     feedback_lost while at least half of the replies came                 estimator_lag
 //     a drive or bus cause; a bus not up                                    actuator_or_bus_fault
 //   2 a command refused for its content or order, bad_commands, stamps that ran backwards controller_integration_error
-//   3 tau_infer stands out                                                  inference_stall
+//   3 imu_lost                                                             sensor_backlog
+//   4 tau_infer stands out                                                  inference_stall
 //     tau_queue stands out                                                  middleware_queue_growth
-//     tau_publish stands out: if the control thread itself woke late by half of it, as 4; else middleware_queue_growth
+//     tau_publish stands out: if the control thread itself woke late by half of it, as 5; else middleware_queue_growth
 //     tau_sense stands out: if joint feedback was late by half of it        estimator_lag; else sensor_backlog
-//   4 a period was lost: preempted or blocked                               scheduler_preemption
+//   5 a period was lost: preempted or blocked                               scheduler_preemption
 //     own_overrun                                                           controller_integration_error
 //     page_fault, platform_stall, not known                                 platform_stall
-//   5 no command came for more than max_age                                 inference_stall
-//   6 more than a tenth of the drives' replies did not come                 actuator_or_bus_fault
-//   7 otherwise                                                             unknown
+//   6 no command came for more than max_age, or commands come from another
+//     session of the policy than before                                    inference_stall
+//   7 more than a tenth of the drives' replies did not come                 actuator_or_bus_fault
+//   8 otherwise                                                             unknown
 // What it cannot see: a frozen camera under fresh stamps, replies late on the wire but stamped when they came.
 #pragma once
 
@@ -78,13 +80,21 @@ struct FaultVerdict {
   std::string sentence;  // begins with the fault's name
   // late: nothing but late wake-ups; missed: commands missed or refused, or degraded; stopped: nobody wished it to.
   Gravity gravity = Gravity::missed;
-  Duration lateness{};  // the latest wake-up
+  Duration lateness{};             // the latest wake-up
+  std::uint64_t missed_ticks = 0;  // that relied on the policy and had no usable command
 };
 // The gravest comes first; among equals the oldest.
 std::vector<FaultVerdict> by_gravity(std::vector<FaultVerdict> verdicts);
 
+// What stretches with one verdict came to. Ordered by what hurts: a stop before any number of missed ticks.
+struct FaultCost {
+  std::uint64_t stops = 0, missed_ticks = 0, stretches = 0;
+  friend auto operator<=>(const FaultCost&, const FaultCost&) = default;
+};
+
 struct FaultSummary {
   std::array<std::uint64_t, kFaultCount> counts{};
+  std::array<FaultCost, kFaultCount> costs{};
   std::vector<FaultVerdict> verdicts;  // the gravest kListedVerdicts, oldest first
   [[nodiscard]] std::uint64_t total() const;
 };
@@ -114,8 +124,9 @@ struct FaultClue {
   std::size_t feedback_joint = 0;
   std::uint64_t replies = 0, replies_due = 0;
   bool bus_is_bad = false;
-  Cause cause = Cause::none;  // of a transition
-  MonoTime command_before;    // when the newest command before this tick came; unset: none did
+  Cause cause = Cause::none;      // of a transition
+  bool is_other_session = false;  // of the policy, than at the tick before
+  MonoTime command_before;        // when the newest command before this tick came; unset: none did
 };
 
 // What a stretch of trouble holds, gathered from its clues.
@@ -136,7 +147,8 @@ struct FaultEvidence {
   std::uint64_t replies = 0, replies_due = 0;
   bool bus_was_bad = false;
   Cause fault_cause = Cause::none;  // drive or bus cause of a transition
-  bool bad_commands = false;
+  bool bad_commands = false, imu_lost = false, other_session = false;
+  std::uint64_t missed_ticks = 0;
   Duration silence;  // longest time without a command
   void take(const FaultClue& clue);
 };

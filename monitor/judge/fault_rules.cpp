@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <string_view>
 
+#include "executive/incident/log_hint.hpp"
 #include "monitor/judge/fault_classifier.hpp"
 
 namespace takt::monitor {
@@ -30,7 +31,8 @@ struct Case {
             .at = evidence.at,
             .sentence = fmt::format("{}: {}", name(fault), why),
             .gravity = evidence.gravity,
-            .lateness = evidence.worst_lateness};
+            .lateness = evidence.worst_lateness,
+            .missed_ticks = evidence.missed_ticks};
   }
   [[nodiscard]] Duration excess(Part part) const { return evidence.worst_parts[part] - baseline.parts[part]; }
   [[nodiscard]] std::string part_text(Part part) const {
@@ -128,6 +130,11 @@ Judged integration(const Case& c) {
   return {};
 }
 
+Judged base_sensor(const Case& c) {
+  if (!c.evidence.imu_lost) return {};
+  return c.verdict(Fault::sensor_backlog, "the base's IMU gave no usable sample");
+}
+
 Judged age_part(const Case& c) {
   if (!c.evidence.has_miss) return {};
   Part worst = sense;
@@ -154,12 +161,16 @@ Judged age_part(const Case& c) {
 }
 
 Judged silence(const Case& c) {
-  if (!c.evidence.has_miss || c.evidence.silence <= c.rules.max_age) return {};
-  return c.verdict(
-      Fault::inference_stall,
-      fmt::format("no command came for {:.4g} ms, max_age is {:.3g} ms; the policy host's log says whether "
-                  "a sensor, the policy or the way between failed",
-                  c.evidence.silence.milliseconds(), c.rules.max_age.milliseconds()));
+  if (!c.evidence.has_miss) return {};
+  if (c.evidence.silence <= c.rules.max_age) {
+    if (!c.evidence.other_session) return {};
+    return c.verdict(Fault::inference_stall,
+                     fmt::format("no command came for {:.3g} ms, and the next were another policy process's",
+                                 c.evidence.silence.milliseconds()));
+  }
+  return c.verdict(Fault::inference_stall,
+                   fmt::format("no command came for {:.4g} ms, max_age is {:.3g} ms; {}",
+                               c.evidence.silence.milliseconds(), c.rules.max_age.milliseconds(), kPolicyLogHint));
 }
 
 Judged lost_replies(const Case& c) {
@@ -179,7 +190,8 @@ FaultVerdict unknown(const Case& c) {
 
 FaultVerdict judge(const FaultEvidence& evidence, const FaultBaseline& baseline, const FaultRules& rules) {
   const Case judged{evidence, baseline, rules};
-  for (const auto rule : {suspended, drives_and_buses, integration, age_part, lost_period, silence, lost_replies}) {
+  for (const auto rule :
+       {suspended, drives_and_buses, integration, base_sensor, age_part, lost_period, silence, lost_replies}) {
     if (auto verdict = rule(judged)) return std::move(*verdict);
   }
   return unknown(judged);
@@ -246,6 +258,7 @@ nlohmann::ordered_json to_json(const FaultSummary& summary) {
                                 {"first_tick", verdict.first_tick},
                                 {"last_tick", verdict.last_tick},
                                 {"gravity", name(verdict.gravity)},
+                                {"missed_ticks", verdict.missed_ticks},
                                 {"sentence", verdict.sentence}});
   }
   return json;

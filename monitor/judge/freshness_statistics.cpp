@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 namespace takt::monitor {
 namespace {
@@ -31,6 +32,47 @@ double beta_fraction(double a, double b, double x) {
   return fraction;
 }
 
+// Samples may be parts of one: an effective number is no whole one.
+double upper_bound(double misses, double count, double confidence) {
+  if (misses >= count) return 1;
+  const double a = misses + 1;
+  const double b = count - misses;
+  double low = 0, high = 1;
+  while (high - low > 1e-15 * high) {  // I_x(a, b) grows with x; halving ends within some 100 steps
+    const double middle = low + (high - low) / 2;
+    if (middle <= low || middle >= high) break;
+    (incomplete_beta(a, b, middle) < confidence ? low : high) = middle;
+  }
+  return high;
+}
+
+double lower_bound(double misses, double count, double confidence) {
+  return misses <= 0 ? 0 : 1 - upper_bound(count - misses, count, confidence);
+}
+
+// Equal values share the mean of their ranks.
+std::vector<double> ranks_of(std::span<const std::int64_t> values) {
+  std::vector<std::size_t> order(values.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::ranges::sort(order, {}, [&](std::size_t at) { return values[at]; });
+  std::vector<double> ranks(values.size());
+  for (std::size_t first = 0, last = 0; first < order.size(); first = last) {
+    while (last < order.size() && values[order[last]] == values[order[first]]) ++last;
+    for (std::size_t at = first; at < last; ++at) ranks[order[at]] = 0.5 * static_cast<double>(first + last - 1);
+  }
+  return ranks;
+}
+
+double lag_one_correlation(std::span<const double> values) {
+  const double mean = std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+  double product = 0, square = 0;
+  for (std::size_t at = 0; at < values.size(); ++at) {
+    square += (values[at] - mean) * (values[at] - mean);
+    if (at != 0) product += (values[at] - mean) * (values[at - 1] - mean);
+  }
+  return square > 0 ? product / square : 0;
+}
+
 }  // namespace
 
 double exclusive_quantile(std::span<const std::int64_t> sorted, double p) {
@@ -47,12 +89,13 @@ double exclusive_quantile(std::span<const std::int64_t> sorted, double p) {
 Quantiles quantiles_of(std::vector<std::int64_t>& samples) {
   if (samples.empty()) return {};
   std::sort(samples.begin(), samples.end());
-  return {samples.size(),
-          exclusive_quantile(samples, 0.5),
-          exclusive_quantile(samples, 0.95),
-          exclusive_quantile(samples, 0.99),
-          exclusive_quantile(samples, 0.999),
-          static_cast<double>(samples.back())};
+  Quantiles quantiles{.count = samples.size(),
+                      .p50 = exclusive_quantile(samples, 0.5),
+                      .p95 = exclusive_quantile(samples, 0.95),
+                      .p99 = exclusive_quantile(samples, 0.99),
+                      .max = static_cast<double>(samples.back())};
+  if (samples.size() >= kFewestForP999) quantiles.p999 = exclusive_quantile(samples, 0.999);
+  return quantiles;
 }
 
 double incomplete_beta(double a, double b, double x) {
@@ -65,28 +108,41 @@ double incomplete_beta(double a, double b, double x) {
 }
 
 double clopper_pearson_upper(std::uint64_t misses, std::uint64_t count, double confidence) {
-  if (misses >= count) return 1;
-  const double a = static_cast<double>(misses) + 1;
-  const double b = static_cast<double>(count - misses);
-  double low = 0, high = 1;
-  while (high - low > 1e-15 * high) {  // I_x(a, b) grows with x; halving ends within some 100 steps
-    const double middle = low + (high - low) / 2;
-    if (middle <= low || middle >= high) break;
-    (incomplete_beta(a, b, middle) < confidence ? low : high) = middle;
-  }
-  return high;
+  return upper_bound(static_cast<double>(misses), static_cast<double>(count), confidence);
 }
 
 double clopper_pearson_lower(std::uint64_t misses, std::uint64_t count, double confidence) {
-  return misses == 0 ? 0 : 1 - clopper_pearson_upper(count - misses, count, confidence);
+  return lower_bound(static_cast<double>(misses), static_cast<double>(count), confidence);
+}
+
+MissRate miss_rate(std::uint64_t misses, std::uint64_t count, double effective_count, double epsilon,
+                   double confidence) {
+  MissRate result{.misses = misses, .count = count, .effective_count = effective_count};
+  if (count != 0) result.rate = static_cast<double>(misses) / static_cast<double>(count);
+  const double worth = count == 0 ? 1 : effective_count / static_cast<double>(count);
+  const double missed = static_cast<double>(misses) * worth;
+  result.lower_bound = lower_bound(missed, effective_count, confidence);
+  result.upper_bound = misses >= count ? 1 : upper_bound(missed, effective_count, confidence);
+  if (result.lower_bound > epsilon) result.verdict = Verdict::violated;
+  if (result.upper_bound <= epsilon) result.verdict = Verdict::held;
+  return result;
 }
 
 MissRate miss_rate(std::uint64_t misses, std::uint64_t count, double epsilon, double confidence) {
-  MissRate result{misses, count, 0, clopper_pearson_upper(misses, count, confidence), Verdict::undecided};
-  if (count != 0) result.rate = static_cast<double>(misses) / static_cast<double>(count);
-  if (clopper_pearson_lower(misses, count, confidence) > epsilon) result.verdict = Verdict::violated;
-  if (result.upper_bound <= epsilon) result.verdict = Verdict::held;
-  return result;
+  return miss_rate(misses, count, static_cast<double>(count), epsilon, confidence);
+}
+
+double effective_count(std::span<const std::int64_t> ages, std::int64_t max_age) {
+  const auto n = static_cast<double>(ages.size());
+  if (ages.size() < 3) return n;
+  std::vector<double> missed(ages.size());
+  std::ranges::transform(ages, missed.begin(), [&](std::int64_t age) { return age > max_age ? 1.0 : 0.0; });
+  double correlation = 0;
+  for (const double seen : {lag_one_correlation(ranks_of(ages)), lag_one_correlation(missed)}) {
+    const double unbiased = std::min(seen + (1 + 3 * seen) / n, 0.999);
+    if (unbiased * std::sqrt(n) > 1.645) correlation = std::max(correlation, unbiased);
+  }
+  return std::max(n * (1 - correlation) / (1 + correlation), 1.0);
 }
 
 }  // namespace takt::monitor

@@ -1,7 +1,13 @@
 #include "monitor/judge/metrics_collector.hpp"
 
+#include <algorithm>
+#include <limits>
+
 namespace takt::monitor {
 namespace {
+
+// Older than any contract allows.
+constexpr std::int64_t kMissed = std::numeric_limits<std::int64_t>::max();
 
 using Samples = std::array<std::vector<std::int64_t>, kAgePartCount>;
 
@@ -74,7 +80,9 @@ void MetricsCollector::finish(double epsilon, double confidence) {
     metrics_.candidate->distance = quantiles_of(candidate_distance_);
   }
   metrics_.misses_per_tick = miss_rate(tick_misses_, metrics_.relied_ticks, epsilon, confidence);
-  metrics_.misses_per_command = miss_rate(command_misses_, commands_, epsilon, confidence);
+  const auto missed = static_cast<std::uint64_t>(std::ranges::count(commands_, kMissed));
+  metrics_.misses_per_command =
+      miss_rate(missed, commands_.size(), effective_count(commands_, kMissed - 1), epsilon, confidence);
 }
 
 void MetricsCollector::on_wire(const TickRecordHeader& header) {
@@ -136,19 +144,15 @@ void MetricsCollector::relied(const TickRecordHeader& header) {
 
 void MetricsCollector::command(const TickRecordHeader& header) {
   const std::pair in_use{header.policy_session, header.command_sequence};
-  if (header.command_sequence != 0 && in_use != in_use_) {
-    in_use_ = in_use;
-    in_use_missed_ = false;
-    ++commands_;
+  if (header.command_sequence != 0) {
+    if (in_use != in_use_) {
+      in_use_ = in_use;
+      in_use_at_ = commands_.size();
+      commands_.push_back(header.age.total().ns);
+    }
+    if (!is_usable(header.freshness)) commands_[in_use_at_] = kMissed;
   }
-  if (header.command_sequence != 0 && !is_usable(header.freshness) && !in_use_missed_) {
-    in_use_missed_ = true;
-    ++command_misses_;
-  }
-  if (header.arrival == Arrival::expired_observation) {
-    ++commands_;
-    ++command_misses_;
-  }
+  if (header.arrival == Arrival::expired_observation) commands_.push_back(kMissed);
 }
 
 }  // namespace takt::monitor

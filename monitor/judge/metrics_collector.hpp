@@ -42,9 +42,10 @@ class MetricsCollector {
   std::array<std::vector<std::int64_t>, kMaxBuses> tick_to_wire_;
   std::vector<std::int64_t> age_on_wire_;
   std::vector<std::int64_t> candidate_age_, candidate_distance_;
-  std::uint64_t tick_misses_ = 0, command_misses_ = 0, commands_ = 0;
+  std::vector<std::int64_t> commands_;  // in the order they were judged: age at first use, kMissed if one missed
+  std::uint64_t tick_misses_ = 0;
   std::pair<std::uint8_t, std::uint64_t> in_use_{};  // session and sequence
-  bool in_use_missed_ = false;
+  std::size_t in_use_at_ = 0;                        // of commands_
 };
 
 }  // namespace takt::monitor

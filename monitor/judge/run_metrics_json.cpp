@@ -13,7 +13,7 @@ using Json = nlohmann::ordered_json;
 
 Json quantiles_json(const Quantiles& quantiles) {
   return {{"count", quantiles.count}, {"p50", quantiles.p50},    {"p95", quantiles.p95},
-          {"p99", quantiles.p99},     {"p99.9", quantiles.p999}, {"max", quantiles.max}};
+          {"p99", quantiles.p99},     {"p99.9", quantiles.p999 ? Json(*quantiles.p999) : Json(nullptr)}, {"max", quantiles.max}};
 }
 
 Json age_json(const std::array<Quantiles, kAgePartCount>& parts) {
@@ -26,6 +26,8 @@ Json misses_json(const MissRate& misses) {
   return {{"misses", misses.misses},
           {"count", misses.count},
           {"rate", misses.rate},
+          {"effective_count", misses.effective_count},
+          {"lower_bound", misses.lower_bound},
           {"upper_bound", misses.upper_bound},
           {"verdict", name(misses.verdict)}};
 }
@@ -61,8 +63,8 @@ Json incident_json(const Incident& incident) {
 
 Json candidate_json(const CandidateMetrics& candidate) {
   Quantiles distance = candidate.distance;
-  for (double* const value : {&distance.p50, &distance.p95, &distance.p99, &distance.p999, &distance.max})
-    *value *= 1e-9;
+  for (double* const value : {&distance.p50, &distance.p95, &distance.p99, &distance.max}) *value *= 1e-9;
+  if (distance.p999) *distance.p999 *= 1e-9;
   return {{"ticks", candidate.ticks},
           {"fresh_ticks", candidate.fresh_ticks},
           {"age_ns", quantiles_json(candidate.age)},

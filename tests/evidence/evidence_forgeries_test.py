@@ -64,6 +64,7 @@ def edits_of_rows():
         yield number((kind, "misses"), lambda value: value + 7)
         yield number((kind, "rate"), lambda value: value + 0.01)
         yield number((kind, "upper_bound"), lambda value: value / 2)
+        yield number((kind, "effective_count"), lambda value: value * 2)
         yield number((kind, "count"), lambda value: value + 1000)
     for mode in ("tracking", "degraded"):
         yield number(("mode_share", mode), lambda value: value + 0.5 if value < 0.5 else value - 0.4)

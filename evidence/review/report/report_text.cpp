@@ -19,8 +19,8 @@ double percent(std::uint64_t part, std::uint64_t whole) {
 }
 
 std::string age_row(std::string_view label, const Quantiles& q) {
-  return fmt::format("  {:<8}{:>10.3f}{:>10.3f}{:>10.3f}{:>10.3f}{:>10.3f}\n", label, ms(q.p50), ms(q.p95), ms(q.p99),
-                     ms(q.p999), ms(q.max));
+  return fmt::format("  {:<8}{:>10.3f}{:>10.3f}{:>10.3f}{:>10}{:>10.3f}\n", label, ms(q.p50), ms(q.p95), ms(q.p99),
+                     q.p999 ? fmt::format("{:.3f}", ms(*q.p999)) : "-", ms(q.max));
 }
 
 std::string age_table(std::string_view title, const std::array<Quantiles, kAgePartCount>& parts, std::size_t rows) {
@@ -42,11 +42,17 @@ std::string sensor_lines(const RunMetrics& metrics) {
   return text;
 }
 
+// Of samples that depend on each other.
+std::string worth(const MissRate& misses) {
+  if (misses.effective_count >= static_cast<double>(misses.count)) return {};
+  return fmt::format(" (they say as much as {:.0f} independent ones)", misses.effective_count);
+}
+
 std::string miss_row(std::string_view label, const MissRate& misses, double confidence) {
   if (misses.count == 0) return fmt::format("  {:<12} nothing to judge\n", label);
-  return fmt::format("  {:<12} {} of {} missed = {:.3f} %, at most {:.3f} % with {:.0f} % confidence: {}\n", label,
+  return fmt::format("  {:<12} {} of {} missed = {:.3f} %, at most {:.3f} % with {:.0f} % confidence{}: {}\n", label,
                      misses.misses, misses.count, 100 * misses.rate, 100 * misses.upper_bound, 100 * confidence,
-                     name(misses.verdict));
+                     worth(misses), name(misses.verdict));
 }
 
 // "a 3, b 1" of the non-zero counts from `first` on; "none" without any.

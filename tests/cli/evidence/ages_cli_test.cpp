@@ -31,6 +31,18 @@ TEST_F(AgesCli, JudgesTheWorkedExample) {
   EXPECT_EQ(json["degraded_mode"], true);
 }
 
+// A stall of five commands among two hundred: one event, and less evidence than five.
+TEST_F(AgesCli, CountsWhatDependsOnEachOtherForLess) {
+  std::string ages;
+  for (int i = 0; i < 200; ++i) ages += std::to_string(i >= 100 && i < 105 ? 90 : 20 + i * 7 % 11) + "\\n";
+  const test::Ended told = judge(ages, "ages --max-age 40ms");
+  EXPECT_NE(told.output.find("each age depends on the one before: 200 say as much as"), std::string::npos)
+      << told.output;
+  const auto json = nlohmann::json::parse(judge(ages, "ages --json --max-age 40ms").output);
+  EXPECT_LT(json["effective_ages"].get<double>(), 100);
+  EXPECT_GT(json["deadline_miss_rate_upper"].get<double>(), 0.06) << "0.052 of independent ones";
+}
+
 TEST_F(AgesCli, RefusesWhatIsNoAge) {
   const auto refusal = [](const std::string& ages) {
     const test::Ended ended = judge(ages, "ages --max-age 40ms");
@@ -41,6 +53,7 @@ TEST_F(AgesCli, RefusesWhatIsNoAge) {
   EXPECT_NE(refusal("28\\n-3\\n").find("line 2: `-3` is no age"), std::string::npos);
   EXPECT_NE(refusal("nan\\n").find("line 1: `nan` is no age"), std::string::npos);
   EXPECT_NE(refusal("12ms\\n").find("line 1: `12ms` is no age"), std::string::npos);
+  EXPECT_NE(refusal(std::string(50, '0') + "1 2").find("line 1: `00000000000000000000` is no age"), std::string::npos);
   EXPECT_NE(refusal("").find("holds no age"), std::string::npos);
   EXPECT_EQ(takt("ages --max-age 40ms no-such-file").exit_code, 1);
   EXPECT_EQ(takt("ages -").exit_code, 64);

@@ -10,7 +10,6 @@ Quantiles spread(double middle_ms) {
           .p50 = middle_ms * 1e6,
           .p95 = middle_ms * 1.4e6,
           .p99 = middle_ms * 1.6e6,
-          .p999 = 0,
           .max = middle_ms * 3.9e6};
 }
 

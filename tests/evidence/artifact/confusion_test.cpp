@@ -38,8 +38,14 @@ TEST(Confusion, CountsPlantedCausesByVerdict) {
   EXPECT_DOUBLE_EQ(takt.recall(Fault::inference_stall), 2.0 / 3);
   EXPECT_DOUBLE_EQ(takt.recall(Fault::estimator_lag), 0) << "no verdict is not recognised";
   EXPECT_DOUBLE_EQ(takt.macro_recall().value(), 1.0 / 3);
-  EXPECT_EQ(takt.nominal, 2U);
-  EXPECT_EQ(takt.nominal_labelled, 1U);
+  EXPECT_EQ(takt.nominal_rollouts(), 2U);
+  EXPECT_EQ(takt.nominal_labelled(), 1U);
+  EXPECT_EQ(takt.abstained(), 1U) << "of those with a planted cause";
+  EXPECT_DOUBLE_EQ(takt.precision(Fault::inference_stall).value(), 1.0);
+  EXPECT_DOUBLE_EQ(takt.precision(Fault::middleware_queue_growth).value(), 0.0);
+  EXPECT_DOUBLE_EQ(takt.precision(Fault::platform_stall).value(), 0.0) << "a false alarm";
+  EXPECT_FALSE(takt.precision(Fault::estimator_lag)) << "never said";
+  EXPECT_DOUBLE_EQ(takt.macro_precision().value(), 0.5);
   EXPECT_DOUBLE_EQ(confusions.at("other").macro_recall().value(), 1.0);
 }
 
@@ -59,14 +65,18 @@ TEST(Confusion, EveryPlantingPerturbationExists) {
   EXPECT_FALSE(planted_fault("none"));
 }
 
-TEST(Confusion, TheLeadingVerdictIsTheMostFrequentOne) {
+TEST(Confusion, TheLeadingVerdictIsTheCostliest) {
   monitor::FaultSummary summary;
   EXPECT_EQ(leading_fault(summary), "");
-  summary.counts[static_cast<std::size_t>(Fault::unknown)] = 2;
-  summary.counts[static_cast<std::size_t>(Fault::estimator_lag)] = 1;
+  const auto cost = [&](Fault fault) -> monitor::FaultCost& { return summary.costs[static_cast<std::size_t>(fault)]; };
+  cost(Fault::unknown) = {.stops = 0, .missed_ticks = 0, .stretches = 2};
   EXPECT_EQ(leading_fault(summary), "unknown");
-  summary.counts[static_cast<std::size_t>(Fault::estimator_lag)] = 2;
+  cost(Fault::estimator_lag) = {.stops = 0, .missed_ticks = 0, .stretches = 2};
   EXPECT_EQ(leading_fault(summary), "estimator_lag") << "the more specific one among equals";
+  cost(Fault::controller_integration_error) = {.stops = 0, .missed_ticks = 9, .stretches = 1};
+  EXPECT_EQ(leading_fault(summary), "controller_integration_error") << "what cost commands";
+  cost(Fault::actuator_or_bus_fault) = {.stops = 1, .missed_ticks = 0, .stretches = 1};
+  EXPECT_EQ(leading_fault(summary), "actuator_or_bus_fault") << "one stop outweighs them";
 }
 
 }  // namespace

@@ -62,7 +62,7 @@ TEST(RolloutRow, EveryFieldHasItsOwnNameAndPlace) {
     EXPECT_TRUE(places.insert(place).second) << field.name;
     EXPECT_FALSE(field.meaning.empty()) << field.name;
   }
-  EXPECT_EQ(names.size(), 113U);  // 13 + 12 + 9 + 2 + 2 * 18 + 2 * 4 + 4 + 12 + 6 + 5 + 2 + 4
+  EXPECT_EQ(names.size(), 115U);  // 13 + 12 + 9 + 2 + 2 * 18 + 2 * 5 + 4 + 12 + 6 + 5 + 2 + 4
 }
 
 TEST(RolloutRow, HostMeasurementsStayOutOfTheComparedBytes) {

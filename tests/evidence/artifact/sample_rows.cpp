@@ -23,6 +23,7 @@ MissRow missed(std::uint64_t misses, std::uint64_t count) {
   return {.misses = misses,
           .count = count,
           .rate = static_cast<double>(misses) / static_cast<double>(count),
+          .effective_count = static_cast<double>(count),
           .upper_bound = monitor::clopper_pearson_upper(misses, count, 0.95)};
 }
 

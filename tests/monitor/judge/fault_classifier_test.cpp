@@ -301,6 +301,47 @@ TEST(FaultClassifier, AWishIsNoFaultAndTheUnexplainedIsUnknown) {
             Sentences{"unknown: nothing stands out; the nearest is tau_sense 5 ms against a median of 5 ms"});
 }
 
+TEST(FaultClassifier, AnImuThatFallsSilentIsASensors) {
+  Robot robot;
+  robot.run(500);
+  robot.enter(Mode::damped_stop, Cause::imu_lost);
+  robot.run(300);
+  EXPECT_EQ(robot.sentences(), Sentences{"sensor_backlog: the base's IMU gave no usable sample"});
+}
+
+// A process that ends and is started anew stays away for less than max_age beyond its last command: its age misses all
+// the same, since that command was 21 ms old when it came.
+TEST(FaultClassifier, APolicyThatComesBackAsAnotherSessionWasAStall) {
+  Robot robot;
+  robot.record.header.policy_session = 1;
+  robot.run(501);
+  robot.policy_answers = false;
+  robot.run(34);
+  robot.policy_answers = true;
+  robot.record.header.policy_session = 2;
+  robot.run(300);
+  EXPECT_EQ(robot.sentences(),
+            Sentences{"inference_stall: no command came for 40 ms, and the next were another policy process's"});
+}
+
+TEST(FaultClassifier, AStretchCostsWhatItMissed) {
+  Robot robot;
+  robot.run(501);
+  robot.policy_answers = false;
+  robot.run(200);
+  robot.policy_answers = true;
+  robot.run(300);
+  robot.enter(Mode::damped_stop, Cause::drive_fault);
+  robot.run(300);
+  const FaultSummary summary = robot.classifier.finish();
+  const FaultCost stall = summary.costs[static_cast<std::size_t>(Fault::inference_stall)];
+  EXPECT_EQ(stall.stretches, 1U);
+  EXPECT_EQ(stall.stops, 0U);
+  EXPECT_NEAR(static_cast<double>(stall.missed_ticks), 200 - 20, 20) << "without a usable command";
+  EXPECT_EQ(summary.costs[static_cast<std::size_t>(Fault::actuator_or_bus_fault)],
+            (FaultCost{.stops = 1, .missed_ticks = 0, .stretches = 1}));
+}
+
 TEST(FaultClassifier, TroublesFarApartAreTwoAndNearOnesAreOne) {
   Robot robot;
   robot.run(500);
